@@ -1,0 +1,174 @@
+"""Fixed-point core: formats [s, i, f], their growth, and every rounding and overflow rule by one neutral name.
+
+    value = raw * 2**-f,   -s * 2**(i+f) <= raw < 2**(i+f),   width = s + i + f
+
+Raw values are int64. Formats are data: `mul_fmt` and `add_fmt` hold every result exactly, and a block asserts at
+import that its widest intermediate stays within 63 bits, so that no kernel can overflow silently.
+
+Rounding  `n` LSBs are dropped, 0 <= n <= 62; the names say what happens to ties (`half_*`) or to everything else
+Overflow  `clamp` saturates, `wrap` keeps the low bits (two's complement), `wrap_unsigned` for phase-like words
+Source    docs/blocks/fixed.md (truth table, and what each tool calls each rule)
+"""
+
+from fractions import Fraction
+from typing import NamedTuple
+
+from fpga_model.jit import inlined
+
+MAX_WIDTH = 63
+
+
+class Fmt(NamedTuple):
+    """Number format [s, i, f]: sign, integer and fraction bits; `i` or `f` may be negative, the width may not."""
+
+    s: int
+    i: int
+    f: int
+
+    @property
+    def width(self):
+        return self.s + self.i + self.f
+
+    @property
+    def lo(self):
+        return -(1 << (self.i + self.f)) if self.s else 0
+
+    @property
+    def hi(self):
+        return (1 << (self.i + self.f)) - 1
+
+    def __str__(self):
+        return f"[{self.s},{self.i},{self.f}]"
+
+    def holds(self, raw):
+        return self.lo <= raw <= self.hi
+
+
+def bits(n):
+    """Format of an unsigned integer of `n` bits: counters, flags, packed pins."""
+    return Fmt(0, n, 0)
+
+
+def signed(n):
+    """Format of a signed integer of `n` bits in all."""
+    return Fmt(1, n - 1, 0)
+
+
+def mul_fmt(a, b):
+    """Format that holds every product exactly (min times min is the one that needs the extra bit)."""
+    return Fmt(max(a.s, b.s), a.i + b.i + (a.s & b.s), a.f + b.f)
+
+
+def add_fmt(a, b):
+    """Format that holds every sum exactly."""
+    return Fmt(max(a.s, b.s), max(a.i, b.i) + 1, max(a.f, b.f))
+
+
+def sub_fmt(a, b):
+    """Format that holds every difference exactly; always signed."""
+    return Fmt(1, max(a.i, b.i) + (1 if a.s or b.s else 0), max(a.f, b.f))
+
+
+def quantize(value, fmt, name="value"):
+    """Raw integer nearest to `value` (ties to even) in `fmt`; raises instead of saturating.
+
+    value  int, float or Fraction, in the unit of the format
+    Raises ValueError naming the quantity, the value and the limits.
+    """
+    if value != value or value in (float("inf"), float("-inf")):
+        raise ValueError(f"{name}: {value} is not a finite number")
+    raw = round(Fraction(value) * Fraction(2) ** fmt.f)
+    if not fmt.holds(raw):
+        scale = Fraction(2) ** fmt.f
+        limits = f"{float(fmt.lo / scale):g} .. {float(fmt.hi / scale):g}"
+        raise ValueError(f"{name}: {float(value):g} does not fit format {fmt}, which holds {limits}")
+    return raw
+
+
+def to_real(raw, fmt):
+    """Exact value of a raw integer as a Fraction."""
+    return Fraction(int(raw)) / Fraction(2) ** fmt.f
+
+
+# Rounding: drop n LSBs ----------------------------------------------------------------------------------------------
+
+
+@inlined
+def floor(x, n):
+    """Toward minus infinity: drop the bits."""
+    return x >> n
+
+
+@inlined
+def ceil(x, n):
+    """Toward plus infinity."""
+    return (x + ((1 << n) - 1)) >> n
+
+
+@inlined
+def toward_zero(x, n):
+    """Toward zero: magnitude truncation."""
+    return (x + (((1 << n) - 1) if x < 0 else 0)) >> n
+
+
+@inlined
+def half_up(x, n):
+    """Nearest, ties toward plus infinity: add half, drop."""
+    return (x + ((1 << n) >> 1)) >> n
+
+
+@inlined
+def half_down(x, n):
+    """Nearest, ties toward minus infinity."""
+    return (x + (((1 << n) - 1) >> 1)) >> n
+
+
+@inlined
+def half_even(x, n):
+    """Nearest, ties to even (convergent)."""
+    return (x + (((1 << n) - 1) >> 1) + ((x >> n) & 1 if n > 0 else 0)) >> n
+
+
+@inlined
+def half_away(x, n):
+    """Nearest, ties away from zero."""
+    return (x + (((1 << n) - 1) >> 1 if x < 0 else (1 << n) >> 1)) >> n
+
+
+@inlined
+def half_zero(x, n):
+    """Nearest, ties toward zero."""
+    return (x + ((1 << n) >> 1 if x < 0 else ((1 << n) - 1) >> 1)) >> n
+
+
+ROUNDINGS = {
+    "floor": floor,
+    "ceil": ceil,
+    "toward_zero": toward_zero,
+    "half_up": half_up,
+    "half_down": half_down,
+    "half_even": half_even,
+    "half_away": half_away,
+    "half_zero": half_zero,
+}
+
+
+# Overflow -----------------------------------------------------------------------------------------------------------
+
+
+@inlined
+def clamp(x, lo, hi):
+    """Saturate to lo .. hi."""
+    return lo if x < lo else (hi if x > hi else x)
+
+
+@inlined
+def wrap(x, width):
+    """Keep the low `width` bits, read as two's complement; 1 <= width <= 62."""
+    return ((x + (1 << (width - 1))) & ((1 << width) - 1)) - (1 << (width - 1))
+
+
+@inlined
+def wrap_unsigned(x, width):
+    """Keep the low `width` bits, read as unsigned; 0 <= width <= 62."""
+    return x & ((1 << width) - 1)

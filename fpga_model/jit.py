@@ -1,0 +1,58 @@
+"""The one place that configures Numba: `kernel` for every compiled function, `inlined` for those on the 26 MHz path.
+
+Numba's disk cache stamps a function by its own file only, so an edited callee is not seen. The cache folder is
+therefore named by a hash of every source file of the three packages: an edit anywhere means a new folder.
+`GYRO_CACHE=0` switches it off; `GYRO_CACHE=DIR` moves it.
+"""
+
+import hashlib
+import os
+import shutil
+from pathlib import Path
+
+import numba
+from numba import njit
+
+PACKAGES = ("fpga_model", "analog_frontend", "testbench")
+KEPT_CACHES = 4
+
+
+def source_digest(root):
+    """SHA-256 over the path and bytes of every Python source of the three packages under `root`."""
+    digest = hashlib.sha256(f"{numba.__version__} {numba.config.SLP_VECTORIZE}".encode())
+    for package in PACKAGES:
+        for path in sorted((root / package).rglob("*.py")):
+            digest.update(str(path.relative_to(root)).encode())
+            digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def _enable_cache():
+    """Point Numba at a folder that only these very sources use; False when caching is off or not possible."""
+    where = os.environ.get("GYRO_CACHE", "")
+    if where == "0" or numba.config.DISABLE_JIT or numba.config.BOUNDSCHECK:
+        return False
+    home = Path(where or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "ftr-gyro"
+    folder = home / source_digest(Path(__file__).resolve().parent.parent)[:16]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        os.utime(folder)
+        for old in sorted(home.iterdir(), key=lambda p: p.stat().st_mtime)[:-KEPT_CACHES]:
+            shutil.rmtree(old, ignore_errors=True)
+    except OSError:
+        return False
+    numba.config.CACHE_DIR = str(folder)
+    return True
+
+
+CACHE = _enable_cache()
+
+
+def kernel(func):
+    """Compile in nopython mode: no fastmath, no threads, IEEE doubles and int64 only."""
+    return njit(cache=CACHE, error_model="numpy")(func)
+
+
+def inlined(func):
+    """As `kernel`, and always inlined by LLVM: for what runs at every edge of the 26 MHz clock."""
+    return njit(cache=CACHE, error_model="numpy", forceinline=True)(func)
