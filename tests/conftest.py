@@ -1,0 +1,16 @@
+"""Settings of the whole suite: Hypothesis profiles, and a home for what a run leaves behind.
+
+Hypothesis has no deadline, because the first call of a kernel compiles it. CI draws the same examples every time
+(`CI` is set there), so that a red run can be repeated; at a desk each run draws new ones.
+"""
+
+import os
+
+from hypothesis import HealthCheck, settings
+
+os.environ.setdefault("MPLBACKEND", "Agg")
+
+COMMON = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow, HealthCheck.data_too_large]}
+settings.register_profile("desk", **COMMON)
+settings.register_profile("ci", derandomize=True, print_blob=True, **COMMON)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE") or ("ci" if os.environ.get("CI") else "desk"))
