@@ -15,6 +15,7 @@ from numba import njit
 
 PACKAGES = ("fpga_model", "analog_frontend", "testbench")
 KEPT_CACHES = 4
+DISABLED = bool(numba.config.DISABLE_JIT)
 
 
 def source_digest(root):
@@ -30,7 +31,7 @@ def source_digest(root):
 def _enable_cache():
     """Point Numba at a folder that only these very sources use; False when caching is off or not possible."""
     where = os.environ.get("GYRO_CACHE", "")
-    if where == "0" or numba.config.DISABLE_JIT or numba.config.BOUNDSCHECK:
+    if where == "0" or DISABLED or numba.config.BOUNDSCHECK:
         return False
     home = Path(where or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "ftr-gyro"
     folder = home / source_digest(Path(__file__).resolve().parent.parent)[:16]

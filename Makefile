@@ -1,0 +1,54 @@
+# Every target does its own set-up. `make run` and `make test` work alone on a fresh machine with Python 3.11 or newer.
+.DEFAULT_GOAL := help
+SHELL := /bin/bash
+VENV := .venv
+PYTHON ?= python3
+BIN := $(VENV)/bin
+OUT ?= out
+PYTEST := $(BIN)/python -m pytest
+
+.PHONY: help run budget test test-slow test-nojit test-bounds bench lint docs clean
+
+help: ## list the targets
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
+
+# The stamp depends on pyproject.toml alone: the package itself is installed editable.
+$(VENV)/.run: pyproject.toml
+	@.ci/venv "$(PYTHON)" "$(VENV)" .
+	@touch $@
+
+$(VENV)/.test: pyproject.toml
+	@.ci/venv "$(PYTHON)" "$(VENV)" ".[test]"
+	@.ci/tools
+	@touch $@ $(VENV)/.run
+
+run: $(VENV)/.run ## the main job: power-on to lock at 100 deg/s, phase errors beside the budget and the paper
+	$(BIN)/gyro run --seconds 1 --rate-dps 100 --seed 1 --out $(OUT)
+
+budget: $(VENV)/.run ## where the four phase errors come from, in clocks, ns and degrees
+	$(BIN)/gyro budget
+
+test: $(VENV)/.test ## the suite, without the long studies
+	$(PYTEST) -n 2 --dist worksteal --benchmark-disable
+
+test-slow: $(VENV)/.test ## the long studies: 50 plants, 20 s of lock, 100000 periods
+	$(PYTEST) -n 2 --dist worksteal --benchmark-disable -m slow
+
+test-nojit: $(VENV)/.test ## the firmware's tests with every kernel interpreted
+	NUMBA_DISABLE_JIT=1 $(PYTEST) -n 2 --benchmark-disable tests/fpga_model
+
+test-bounds: $(VENV)/.test ## the suite with Numba checking every index
+	NUMBA_BOUNDSCHECK=1 $(PYTEST) -n 2 --benchmark-disable
+
+bench: $(VENV)/.test ## speed, as a table in docs/speed.md and build/bench.json
+	$(BIN)/python -m testbench.bench
+
+lint: $(VENV)/.test ## ruff
+	$(BIN)/ruff check fpga_model analog_frontend testbench tests
+	$(BIN)/ruff format --check fpga_model analog_frontend testbench tests
+
+docs: $(VENV)/.run ## write the generated pages again (register map, configuration, budget)
+	$(BIN)/python -m testbench.docs
+
+clean: ## remove what the targets made
+	rm -rf $(VENV) build out .pytest_cache .hypothesis .ruff_cache .benchmarks *.egg-info

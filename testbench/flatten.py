@@ -1,0 +1,93 @@
+"""Nested state records as rows of int64: what traces, saved states and golden vectors are made of.
+
+A row is the record depth first, tuples of registers in place. `store` runs inside kernels at the speed of the stores;
+`names`, `widths` and `rebuild` walk the same order in Python, from the record and its formats alone.
+"""
+
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic, register_jitable
+
+from fpga_model.jit import DISABLED
+
+
+def leaves(record, path=""):
+    """Yield (dotted name, leaf) depth first; a plain tuple of registers is numbered."""
+    if hasattr(record, "_fields"):
+        pairs = zip(record._fields, record)
+    elif isinstance(record, tuple):
+        pairs = ((str(k), item) for k, item in enumerate(record))
+    else:
+        yield path, record
+        return
+    for name, item in pairs:
+        yield from leaves(item, f"{path}.{name}" if path else name)
+
+
+def format_leaves(fmt, path=""):
+    """As `leaves` for a tree of formats: a `Fmt` is a leaf although it is a tuple."""
+    if hasattr(fmt, "width"):
+        yield path, fmt
+        return
+    pairs = zip(fmt._fields, fmt) if hasattr(fmt, "_fields") else ((str(k), item) for k, item in enumerate(fmt))
+    for name, item in pairs:
+        yield from format_leaves(item, f"{path}.{name}" if path else name)
+
+
+def names(record):
+    """Dotted register names in row order."""
+    return [name for name, _ in leaves(record)]
+
+
+def rebuild(like, row):
+    """Record of the same shape as `like` from a row of integers; the inverse of `store`."""
+    values = iter(row)
+
+    def build(node):
+        if hasattr(node, "_fields"):
+            return type(node)(*[build(item) for item in node])
+        if isinstance(node, tuple):
+            return tuple(build(item) for item in node)
+        return int(next(values))
+
+    return build(like)
+
+
+def _store_python(row, record):
+    for k, (_, value) in enumerate(leaves(record)):
+        row[k] = value
+
+
+@intrinsic
+def _store_native(typingctx, row, record):
+    def codegen(context, builder, signature, args):
+        array = context.make_array(signature.args[0])(context, builder, args[0])
+        position = 0
+
+        def put(kind, value):
+            nonlocal position
+            if isinstance(kind, types.BaseTuple):
+                for k, item in enumerate(kind.types):
+                    put(item, builder.extract_value(value, k))
+                return
+            pointer = cgutils.get_item_pointer(
+                context, builder, signature.args[0], array, [context.get_constant(types.intp, position)]
+            )
+            wide = context.cast(builder, value, kind, types.int64)
+            context.pack_value(builder, types.int64, wide, pointer)
+            position += 1
+
+        put(signature.args[1], args[1])
+        return context.get_dummy_value()
+
+    return types.void(row, record), codegen
+
+
+if DISABLED:
+    store = _store_python
+else:
+
+    @register_jitable
+    def store(row, record):
+        """Write every register of `record` into `row` (int64, at least as long), depth first."""
+        _store_native(row, record)
