@@ -1,0 +1,499 @@
+"""Configuration: TOML in, checked values out, one clear line for everything that is wrong.
+
+    [firmware]  what the FPGA is built with           [noise]     sources, one switch each, and the seed
+    [plant]     any plant parameter by its name       [scenario]  what happens, in seconds from lock
+    [effects]   imperfections, off by default         [output]    what is written where
+
+Every key carries its unit in its name, its limits and a sentence; `docs/configuration.md` and the error lines are made
+from these. Nothing is guessed: a text "5 um" is refused with the number to write instead.
+Source  docs/configuration.md
+"""
+
+import difflib
+import functools
+import math
+import re
+import tomllib
+from fractions import Fraction
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple, get_args, get_origin
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, create_model, model_validator
+
+from analog_frontend import device
+from testbench import scenario
+from testbench.toml_text import shown, toml_value
+
+PHASE_WORD_BITS = 48
+
+
+class ConfigError(ValueError):
+    """One line for a person: what, where, value, limit, unit."""
+
+    def __init__(self, text):
+        super().__init__(" ".join(str(text).split()))
+
+
+class Section(BaseModel):
+    """A TOML table: unknown keys are errors, nothing is converted silently, values cannot be changed afterwards."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False, validate_default=True)
+
+
+def number(default, unit, lo, hi, doc):
+    """A key that holds a number of `unit` within lo..hi."""
+    return Field(default, ge=lo, le=hi, description=doc, json_schema_extra={"unit": unit})
+
+
+def other(default, doc, unit=""):
+    """A key that holds a switch, a choice, a text or a profile."""
+    return Field(default, description=doc, json_schema_extra={"unit": unit})
+
+
+def _profile(lo, hi, unit):
+    def check(value):
+        scenario.profile_points(value, lo, hi, unit)
+        return value
+
+    return AfterValidator(check)
+
+
+def _checked(function):
+    def check(value):
+        function(value)
+        return value
+
+    return AfterValidator(check)
+
+
+class Firmware(Section):
+    """What the FPGA is built with: structure, loop settings, compensation words."""
+
+    board: Literal["analog_sid", "digital_sid"] = other(
+        "analog_sid", "demodulation: by the board's analog SID, or in the FPGA behind 1 MS/s converters"
+    )
+    pipeline_registers: int = number(0, "registers", 0, 8, "extra 26 MHz registers between sine and modulator")
+    reference_registers: int = number(1, "registers", 0, 3, "26 MHz registers before the reference pins")
+    reference_retimed: bool = other(True, "references leave on the 1 MHz grid (an assumption about the paper)")
+    frame_latency_drive: int = number(0, "frames", 0, 2, "1 us frames that a drive code waits before it is sent")
+    frame_latency_sense: int = number(1, "frames", 0, 2, "likewise for the sense code (1 is an assumption)")
+    quadrature_update_khz: Literal[500, 1000] = other(
+        500, "frames of the quadrature DAC; 1000 violates its SYNC high time", "kHz"
+    )
+    agc_crossover_hz: float = number(3.0, "Hz", 0.1, 20.0, "drive amplitude loop: crossover")
+    agc_zero_hz: float = number(0.6, "Hz", 0.01, 20.0, "drive amplitude loop: zero of the PI")
+    pll_crossover_hz: float = number(3.0, "Hz", 0.1, 20.0, "drive frequency loop: crossover")
+    pll_zero_hz: float = number(0.6, "Hz", 0.01, 20.0, "drive frequency loop: zero of the PI")
+    ftr_crossover_hz: float = number(15.0, "Hz", 0.1, 60.0, "force-to-rebalance loop: crossover of the integrator")
+    ftr_zero_hz: float = number(100.0, "Hz", 1.0, 1000.0, "force-to-rebalance loop: zero of the PI")
+    qsc_crossover_hz: float = number(1.0, "Hz", 0.01, 10.0, "quadrature loop: crossover of the integrator")
+    amplitude_um: float = number(5.0, "um", 0.1, 10.0, "drive amplitude set-point")
+    nominal_frequency_hz: float = number(11002.3, "Hz", 5000.0, 20000.0, "frequency word at power-on")
+    phase_drive_sine_deg: float = number(0.0, "deg", -180.0, 180.0, "added to the DDS phase of the drive sine")
+    phase_sense_sine_deg: float = number(0.0, "deg", -180.0, 180.0, "added to the DDS phase of the sense sine")
+    phase_drive_ref_deg: float = number(0.0, "deg", -180.0, 180.0, "added to the DDS phase of the drive references")
+    phase_sense_ref_deg: float = number(0.0, "deg", -180.0, 180.0, "added to the DDS phase of the sense references")
+    adc_clock: Literal["synchronous", "free_running"] = other(
+        "synchronous", "converter clock: 26 MHz / 3250, or its own oscillator (plant.adc_clock_ppm)"
+    )
+
+    def phase_words(self):
+        """The four 48-bit compensation words: drive sine, sense sine, drive references, sense references."""
+        degrees = (
+            self.phase_drive_sine_deg,
+            self.phase_sense_sine_deg,
+            self.phase_drive_ref_deg,
+            self.phase_sense_ref_deg,
+        )
+        return tuple(phase_word(angle_deg) for angle_deg in degrees)
+
+
+class Effects(Section):
+    """Imperfections on the plant's ports; 0 is bit for bit nothing."""
+
+    duffing_k3_per_um2: float = number(0.0, "1/um^2", -1e-2, 1e-2, "cubic stiffness of the drive mode, k3/k")
+    drive_cubic_per_v2: float = number(0.0, "1/V^2", -1e-2, 1e-2, "drive force = k_vf v (1 + c v^2)")
+    feedthrough_y: float = number(0.0, "V/V", -1e-2, 1e-2, "drive electrode voltage that reaches the sense C/V output")
+
+
+class Noise(Section):
+    """Noise sources; each has its own counter-based stream, so switching one leaves the others as they were."""
+
+    thermomechanical: bool = other(True, "force noise of both modes' damping")
+    cv: bool = other(True, "voltage noise at the C/V outputs")
+    adc: bool = other(True, "converter noise")
+    flicker: bool = other(True, "1/f noise behind the SID")
+    jitter: bool = other(True, "jitter of the master clock at DAC and reference edges")
+    seed: int = number(1, "", 0, 2**63 - 1, "seed of all streams")
+
+
+class Scenario(Section):
+    """What happens. Times count from lock unless `origin` says otherwise, in seconds of the 26 MHz clock."""
+
+    engine: Literal["clocked"] = other("clocked", "engine that runs it")
+    origin: Literal["lock", "power_on"] = other("lock", "what `seconds` and all times of this section count from")
+    seconds: float = number(2.0, "s", 0.001, 36000.0, "length")
+    temperature_degc: Annotated[Any, _profile(-55.0, 125.0, "degC")] = other(
+        25.0, "a number, or points [t_s, degC] joined by straight lines", "degC"
+    )
+    rate_dps: Annotated[Any, _profile(-1000.0, 1000.0, "deg/s")] = other(
+        0.0, "a number, or points [t_s, deg/s]", "deg/s"
+    )
+    rate_shape: Literal["linear", "steps"] = other(
+        "linear", "points of rate_dps: joined by straight lines (equal times jump), or held until the next"
+    )
+    register_writes: Annotated[Any, _checked(scenario.check_register_writes)] = other(
+        [], "[[t_s, register, raw value], ...]"
+    )
+    faults: Annotated[Any, _checked(scenario.check_faults)] = other(
+        [], "[[t_s, kind, channel, value, duration_s], ...]; kinds below"
+    )
+    resume: str = other("", "state file to start from instead of power-on")
+
+    @model_validator(mode="after")
+    def _consistent(self):
+        scenario.check_times(self)
+        return self
+
+
+class Output(Section):
+    """What is written where."""
+
+    directory: str = other("out", "folder for all files of a run")
+    record: bool = other(True, "HDF5 record, run.h5")
+    pictures: bool = other(True, "PNG pictures")
+    html: bool = other(True, "report in one HTML file, run.html")
+    state: bool = other(True, "final state, state.h5, for `resume`")
+    vcd_start_us: float = number(0.0, "us", 0.0, 3.6e10, "start of the waveform window, from power-on")
+    vcd_length_us: float = number(0.0, "us", 0.0, 10000.0, "length of the waveform window; 0 writes none")
+
+
+class _PlantBase(Section):
+    """Plant parameters, SI units; what each is, with its source: docs/parts/device.md."""
+
+    @model_validator(mode="after")
+    def _consistent(self):
+        try:
+            device.validate(device.Device(**self.model_dump()))
+        except ValueError as problem:
+            name, _, text = str(problem).partition(" ")
+            raise scenario.Problem(f".{name}", text) from None
+        return self
+
+
+def _plant_key(field):
+    default = device.Device._field_defaults[field.name]
+    unit = "" if field.unit == "1" else field.unit
+    return type(default), number(default, unit, field.lo, field.hi, "")
+
+
+Plant = create_model(
+    "Plant", __base__=_PlantBase, __doc__=_PlantBase.__doc__, **{f.name: _plant_key(f) for f in device.FIELDS}
+)
+
+
+class Config(Section):
+    """Everything a run depends on."""
+
+    firmware: Firmware = Firmware()
+    plant: Plant = Plant()
+    effects: Effects = Effects()
+    noise: Noise = Noise()
+    scenario: Scenario = Scenario()
+    output: Output = Output()
+
+    @model_validator(mode="after")
+    def _consistent(self):
+        if self.firmware.adc_clock == "synchronous" and self.plant.adc_clock_ppm:
+            raise scenario.Problem(
+                "plant.adc_clock_ppm",
+                f'= {self.plant.adc_clock_ppm:g} needs firmware.adc_clock = "free_running"; it is "synchronous"',
+            )
+        return self
+
+    def device(self):
+        """The plant's parameters as the record that the plant is built from."""
+        return device.Device(**self.plant.model_dump())
+
+
+def phase_word(angle_deg):
+    """Angle as an unsigned 48-bit word, to the nearest LSB; exact, so that 90 deg is 2**46."""
+    return round(Fraction(angle_deg) * (1 << PHASE_WORD_BITS) / 360) % (1 << PHASE_WORD_BITS)
+
+
+# ---- reading ---------------------------------------------------------------------------------------------------------
+
+
+class Override(NamedTuple):
+    """A value given outside the file: dotted path, TOML text or value, and the name of the option that gave it."""
+
+    path: str
+    value: Any
+    source: str = "--set"
+
+
+def parse_set(text):
+    """Override from the text of `--set`: dotted path, =, TOML value; a bare word counts as text."""
+    path, equals, value = text.partition("=")
+    path = path.strip()
+    if not equals or not re.fullmatch(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)+", path):
+        raise ConfigError(f"--set: {text!r} is not of the form section.key=value, such as plant.fx_hz=11010")
+    try:
+        return Override(path, tomllib.loads(f"value = {value.strip()}")["value"])
+    except tomllib.TOMLDecodeError:
+        return Override(path, value.strip())
+
+
+def read_toml(path):
+    """TOML file as a dict; unreadable, undecodable or malformed files are a `ConfigError`."""
+    path = Path(path)
+    try:
+        return tomllib.loads(path.read_bytes().decode())
+    except OSError as problem:
+        raise ConfigError(f"{path}: cannot be read: {problem.strerror or problem}") from None
+    except UnicodeDecodeError as problem:
+        raise ConfigError(f"{path}: is not UTF-8 text (byte {problem.start})") from None
+    except (tomllib.TOMLDecodeError, RecursionError) as problem:
+        raise ConfigError(f"{path}: is not TOML: {problem}") from None
+
+
+def load(path=None, overrides=()):
+    """Checked `Config` from a TOML file (or none) and overrides, which win.
+
+    path       file name, or None for the defaults
+    overrides  `Override`s or texts as of `--set`
+    Raises ConfigError with one line.
+    """
+    tree = read_toml(path) if path is not None else {}
+    origin = {}
+    for item in overrides:
+        item = parse_set(item) if isinstance(item, str) else item
+        *sections, key = item.path.split(".")
+        node = tree
+        for section in sections:
+            node = node.setdefault(section, {})
+            if not isinstance(node, dict):
+                raise ConfigError(f"{item.source}: {item.path}: {section} is a value, not a section")
+        node[key] = item.value
+        origin[item.path] = item.source
+    return from_dict(tree, Path(path).name if path is not None else "defaults", origin)
+
+
+def from_dict(tree, source="config", origin=None):
+    """Checked `Config` from nested dicts; `origin` names the option that gave a dotted path, if not `source`."""
+    try:
+        return Config.model_validate(tree)
+    except ValidationError as problem:
+        errors = problem.errors(include_url=False)
+        lines = [_explain(error, tree, source, origin or {}) for error in errors]
+        more = f" (and {len(lines) - 1} more)" if len(lines) > 1 else ""
+        raise ConfigError(lines[0] + more) from None
+
+
+def changed(config, values):
+    """The same configuration with {"section.key": value, ...} in place, checked as a file would be."""
+    tree = config.model_dump()
+    for path, value in values.items():
+        section, key = path.split(".")
+        tree.setdefault(section, {})[key] = value
+    return from_dict(tree, "changed")
+
+
+# ---- explaining ------------------------------------------------------------------------------------------------------
+
+# Unit suffix of a key -> quantity and factor to its SI unit; what a mistaken unit can be converted with.
+SUFFIXES = {
+    **{f"{p}m": ("length", f) for p, f in (("", 1.0), ("m", 1e-3), ("u", 1e-6), ("n", 1e-9), ("p", 1e-12))},
+    **{f"{p}s": ("time", f) for p, f in (("", 1.0), ("m", 1e-3), ("u", 1e-6), ("n", 1e-9), ("p", 1e-12))},
+    **{f"{p}hz": ("frequency", f) for p, f in (("", 1.0), ("m", 1e-3), ("k", 1e3), ("meg", 1e6))},
+    **{f"{p}v": ("voltage", f) for p, f in (("", 1.0), ("m", 1e-3), ("u", 1e-6), ("n", 1e-9))},
+    **{f"{p}f": ("capacitance", f) for p, f in (("", 1.0), ("n", 1e-9), ("p", 1e-12), ("f", 1e-15))},
+    **{f"{p}ohm": ("resistance", f) for p, f in (("", 1.0), ("k", 1e3), ("meg", 1e6))},
+    **{f"{p}g": ("mass", f) for p, f in (("k", 1.0), ("", 1e-3), ("m", 1e-6), ("u", 1e-9))},
+    **dict.fromkeys(("deg", "degree", "degrees"), ("angle", 1.0)),
+    **dict.fromkeys(("rad",), ("angle", 180 / math.pi)),
+    **dict.fromkeys(("dps", "deg_per_s"), ("rate", 1.0)),
+    **dict.fromkeys(("rps", "rad_per_s", "rad_s"), ("rate", 180 / math.pi)),
+    **dict.fromkeys(("degc", "celsius", "c"), ("temperature", 1.0)),
+    **{name: ("ratio", f) for name, f in (("ppm", 1e-6), ("percent", 1e-2), ("ppb", 1e-9))},
+}
+WRITTEN = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s].*?)?\s*")
+
+
+def _suffix(key):
+    """(stem, suffix) of a key whose name ends in a known unit, the longest suffix first; else (key, None)."""
+    parts = key.split("_")
+    for first in range(1, len(parts)):
+        suffix = "_".join(parts[first:]).lower()
+        if suffix in SUFFIXES and parts[first - 1] != "per":
+            return "_".join(parts[:first]), suffix
+    return key, None
+
+
+def convert(value, have, want):
+    """Number in unit suffix `want` from one in `have`, rounded to 12 digits; None if they measure different things."""
+    if have not in SUFFIXES or want not in SUFFIXES or SUFFIXES[have][0] != SUFFIXES[want][0]:
+        return None
+    return float(f"{value * SUFFIXES[have][1] / SUFFIXES[want][1]:.12g}")
+
+
+@functools.cache
+def sections():
+    """Section name -> its model."""
+    return {name: info.annotation for name, info in Config.model_fields.items()}
+
+
+def _unit(info):
+    unit = (info.json_schema_extra or {}).get("unit", "") if info else ""
+    return f" {unit}" if unit else ""
+
+
+def _limits(info):
+    """(lo, hi) of a number's field; None where there is none."""
+    lo = next((m.ge for m in info.metadata if hasattr(m, "ge")), None)
+    hi = next((m.le for m in info.metadata if hasattr(m, "le")), None)
+    return lo, hi
+
+
+def _choices(info):
+    return get_args(info.annotation) if get_origin(info.annotation) is Literal else ()
+
+
+def _plain(value):
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _unknown(section, key, value, path):
+    """Line for a key that does not exist: same quantity in another unit, nearest name, or another section's key."""
+    fields = sections()[section].model_fields
+    stem, suffix = _suffix(key)
+    for known in fields:
+        known_stem, known_suffix = _suffix(known)
+        if known_suffix and known_stem == stem:
+            line = f"{path} is not a known key; this quantity is in{_unit(fields[known])}: {section}.{known}"
+            fits = suffix and isinstance(value, (int, float)) and not isinstance(value, bool)
+            converted = convert(value, suffix, known_suffix) if fits else None
+            return line if converted is None else f"{line} = {_plain(converted)}"
+    for name, model in sections().items():
+        if key in model.model_fields and name != section:
+            return f"{path} is not a known key; {key} belongs in [{name}]"
+    near = difflib.get_close_matches(key, fields, n=1, cutoff=0.5)
+    hint = f"; did you mean {section}.{near[0]}?" if near else f"; [{section}] knows {_some(fields)}"
+    return f"{path} is not a known key{hint}"
+
+
+def _some(names):
+    names = list(names)
+    return ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
+
+
+def _not_a_number(path, value, info, key):
+    """Line for a value that is no number: a text with a unit gets the number to write."""
+    lo, hi = _limits(info)
+    integer = info.annotation is int
+    kind = "an integer" if integer else "a number"
+    span = (
+        f" ({lo if integer else _plain(lo)} to {hi if integer else _plain(hi)}{_unit(info)})" if hi is not None else ""
+    )
+    found = WRITTEN.fullmatch(value) if isinstance(value, str) else None
+    if not found:
+        return f"{path} = {shown(value)} is not {kind}{span}"
+    magnitude, unit = float(found[1]), found[2] or ""
+    have = unit.lower().replace("/", "_per_").replace("^", "").replace("°", "deg").replace("µ", "u")
+    same = not unit or unit == _unit(info).strip()
+    converted = magnitude if same else convert(magnitude, have, _suffix(key)[1])
+    if converted is None:
+        write = f"{unit} cannot be converted to that"
+    else:
+        write = f"write {key} = {_plain(int(converted) if integer else converted)}"
+    return (
+        f"{path} = {shown(value)} is text; the key wants the bare number{_unit(info) and ' in' + _unit(info)}: {write}"
+    )
+
+
+def _explain(error, tree, source, origin):
+    """One line for one pydantic error."""
+    loc = [part for part in error["loc"] if isinstance(part, str)]
+    path = ".".join(loc[:2])
+    label = origin.get(path, source)
+    kind, value = error["type"], error["input"]
+    section = loc[0] if loc else ""
+    info = sections()[section].model_fields.get(loc[1]) if section in sections() and len(loc) > 1 else None
+    if kind == "value_error":
+        problem = error["ctx"]["error"]
+        path += problem.where
+        return f"{origin.get(path.split('[')[0], label)}: {path} {problem.text}"
+    if kind == "extra_forbidden" and len(loc) == 1:
+        near = difflib.get_close_matches(section, sections(), n=1, cutoff=0.5)
+        homes = [name for name, model in sections().items() if section in model.model_fields]
+        if homes:
+            hint = f"{section} belongs in [{homes[0]}]"
+        else:
+            hint = f"did you mean [{near[0]}]?" if near else f"known: {', '.join(sections())}"
+        what = f"[{section}] is not a known section" if isinstance(value, dict) else f"{section} is not in a section"
+        return f"{label}: {what}; {hint}"
+    if kind == "extra_forbidden":
+        return f"{label}: {_unknown(section, loc[1], value, path)}"
+    if kind in ("model_type", "model_attributes_type") or info is None:
+        return f"{label}: {path} = {shown(value)} is not a section; write [{path}] and its keys below"
+    if kind == "greater_than_equal":
+        return f"{label}: {path} = {shown(value)} is below the limit {_plain(error['ctx']['ge'])}{_unit(info)}"
+    if kind == "less_than_equal":
+        return f"{label}: {path} = {shown(value)} is above the limit {_plain(error['ctx']['le'])}{_unit(info)}"
+    if kind == "finite_number":
+        return f"{label}: {path} = {shown(value)} is not finite{_span(info)}"
+    if kind == "literal_error":
+        choices = _choices(info)
+        near = difflib.get_close_matches(str(value), [str(c) for c in choices], n=1, cutoff=0.5)
+        hint = f"; did you mean {near[0]}?" if near else ""
+        return f"{label}: {path} = {shown(value)} is none of {' | '.join(map(toml_value, choices))}{_unit(info)}{hint}"
+    if kind == "bool_type":
+        return f"{label}: {path} = {shown(value)} is not true or false"
+    if kind == "string_type":
+        return f"{label}: {path} = {shown(value)} is not a text in quotes"
+    return f"{label}: {_not_a_number(path, value, info, loc[1])}"
+
+
+def _span(info):
+    lo, hi = _limits(info)
+    return f" ({_plain(lo)} to {_plain(hi)}{_unit(info)})" if hi is not None else ""
+
+
+# ---- writing ---------------------------------------------------------------------------------------------------------
+
+
+def to_toml(config):
+    """The whole configuration as TOML, defaults included; `load` gives the same back."""
+    lines = []
+    for section, model in sections().items():
+        lines.append(f"[{section}]")
+        values = getattr(config, section)
+        for key in model.model_fields:
+            value = getattr(values, key)
+            lines.append(f"{key} = {toml_value(value)}")
+        lines.append("")
+    return "\n".join(lines)
+
+
+def markdown_table():
+    """The tables of keys for docs/configuration.md."""
+    lines = []
+    for section, model in sections().items():
+        lines += [f"### [{section}]", "", " ".join(model.__doc__.split()), ""]
+        described = any(info.description for info in model.model_fields.values())
+        lines += [
+            "| key | default | limits | unit |" + " meaning |" * described,
+            "|---|---|---|---|" + "---|" * described,
+        ]
+        for key, info in model.model_fields.items():
+            lo, hi = _limits(info)
+            limits = f"{_plain(lo)} .. {_plain(hi)}" if hi is not None else ""
+            limits = " or ".join(toml_value(choice) for choice in _choices(info)) or limits
+            row = f"| `{key}` | `{toml_value(info.default)}` | {limits} |{_unit(info)} |"
+            lines.append(row + f" {info.description} |" * described)
+        lines.append("")
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    print(markdown_table())
