@@ -1,0 +1,124 @@
+"""Output files that are whole or absent: written as PATH.part, renamed when complete, removed when anything fails.
+
+`GuardedFile` is for HDF5, whose library leaves a file open for good when a write fails during close: it remembers the
+first failure, swallows what the library still writes, and lets the owner raise one clear line afterwards.
+"""
+
+import contextlib
+import io
+import os
+from pathlib import Path
+
+
+class FileError(Exception):
+    """One line for a person: which file, and what is wrong with it."""
+
+
+def explain(path, problem):
+    """`FileError` for an operating-system error on `path`."""
+    return FileError(f"{path}: cannot be written: {problem.strerror or problem}")
+
+
+def part_of(path):
+    """Name under which `path` is written."""
+    path = Path(path)
+    return path.with_name(path.name + ".part")
+
+
+def publish(path):
+    """Give the finished PATH.part its name."""
+    part = part_of(path)
+    with open(part, "rb") as file:
+        os.fsync(file.fileno())
+    os.replace(part, path)
+
+
+def discard(path):
+    """Remove PATH.part if there is one."""
+    with contextlib.suppress(OSError):
+        part_of(path).unlink()
+
+
+@contextlib.contextmanager
+def replacing(path):
+    """Yield the name to write to; the file takes its place when the block ends well, and vanishes when it does not."""
+    path = Path(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield part_of(path)
+        publish(path)
+    except OSError as problem:
+        raise explain(path, problem) from None
+    finally:
+        discard(path)
+
+
+def write_bytes(path, data):
+    """Write a whole file, or nothing."""
+    with replacing(path) as part:
+        part.write_bytes(data)
+
+
+def write_text(path, text):
+    """Write a whole UTF-8 file, or nothing."""
+    write_bytes(path, text.encode())
+
+
+class GuardedFile(io.RawIOBase):
+    """Unbuffered read-write file for h5py; after the first failed write it only pretends, and keeps `problem`."""
+
+    def __init__(self, path):
+        super().__init__()
+        self._file = open(path, "w+b", buffering=0)
+        self.problem = None
+
+    def readable(self):
+        return True
+
+    def writable(self):
+        return True
+
+    def seekable(self):
+        return True
+
+    def readinto(self, buffer):
+        return self._attempt(lambda: self._file.readinto(buffer), 0)
+
+    def write(self, data):
+        view = memoryview(data).cast("B")
+
+        def all_of_it():
+            done = 0
+            while done < len(view):
+                done += self._file.write(view[done:])
+
+        self._attempt(all_of_it, None)
+        return len(view)
+
+    def seek(self, offset, whence=io.SEEK_SET):
+        return self._file.seek(offset, whence)
+
+    def tell(self):
+        return self._file.tell()
+
+    def truncate(self, size=None):
+        self._attempt(lambda: self._file.truncate(size), None)
+        return size if size is not None else self._file.tell()
+
+    def flush(self):
+        if not self.closed:
+            self._attempt(self._file.flush, None)
+
+    def close(self):
+        if not self.closed:
+            super().close()
+            self._attempt(self._file.close, None)
+
+    def _attempt(self, action, otherwise):
+        if self.problem is not None:
+            return otherwise
+        try:
+            return action()
+        except OSError as problem:
+            self.problem = problem
+            return otherwise
