@@ -1,0 +1,126 @@
+"""Vectoring CORDIC: amplitude and angle of (x_in, y_in), one micro-rotation per clock, no multiplier.
+
+    load      x[0] = abs(x_in),  y[0] = y_in or -y_in,  angle[0] = 0 or half a turn      (half a turn when x_in < 0)
+    rotate    d = 1 if y[i] >= 0 else -1,   i = 0 .. 23
+              x[i+1]     = x[i] + d*round(y[i] * 2**-i)
+              y[i+1]     = y[i] - d*round(x[i] * 2**-i)
+              angle[i+1] = angle[i] + d*ATAN[i]  mod 1 turn
+    finish    magnitude = round(x[24]) = K*sqrt(x_in**2 + y_in**2),  K = 1.646760258
+              phase     = round(angle[24]) = atan2(y_in, x_in) in turns;  0 when x_in = y_in = 0
+
+    x_in --(abs)--[x]<-->(shift, +-)                (round)--[magnitude]-->     [..] register
+    y_in --(+-)---[y]<-->(shift, +-) sign of y = d
+                  [angle]<--(+- ATAN[i])            (round)--[phase]-->
+
+Formats   x_in, y_in [1,23,0]   x [0,25,8]   y [1,24,8]   angle [1,-1,32] turn   magnitude [0,25,0]
+          phase [1,-1,24] turn   i [0,5,0]   busy, done [0,1,0]
+Latency   26 clocks from start to done (load, 24 rotations, finish); done lasts one clock, the results stay
+Rounding  ties toward +inf at every shift and at both results; 8 guard bits; the bounds follow in the page below
+Overflow  x, y and magnitude cannot overflow; angle and phase wrap at one turn (plus half a turn reads as minus half)
+Source    docs/blocks/cordic.md (error bounds)
+
+A start while busy abandons the running vector and loads the new one.
+"""
+
+from fractions import Fraction
+from math import isqrt, prod
+from typing import NamedTuple
+
+from fpga_model.fixed import Fmt, bits, half_up, signed, wrap
+from fpga_model.jit import inlined
+
+INPUT = signed(24)
+GUARD = 8  # fraction bits of x and y, and bits of angle below the LSB of phase
+ITERATIONS = 24
+LATENCY = ITERATIONS + 2
+PHASE = Fmt(1, -1, 24)
+ANGLE = Fmt(1, -1, 24 + GUARD)
+X = Fmt(0, 25, GUARD)
+Y = Fmt(1, 24, GUARD)
+MAGNITUDE = Fmt(0, 25, 0)
+# numba knows no properties of a format: widths used in kernels are module constants
+ANGLE_BITS, PHASE_BITS = ANGLE.width, PHASE.width
+HALF_TURN = ANGLE.lo
+assert max(X.width, Y.width, ANGLE.width) + 2 <= 63, "a sum and its rounding constant must fit int64"
+
+
+def _atan_of_inverse(n, one):
+    """atan(1/n) * one by its series in integers, n >= 2; each term is cut, so the error stays below the term count."""
+    total, power, k = 0, one // n, 0
+    while power:
+        total += (-power if k % 2 else power) // (2 * k + 1)
+        power //= n * n
+        k += 1
+    return total
+
+
+def _atan_table():
+    """atan(2**-i) in turns, rounded to the LSB of `angle`; 96 bits inside, and pi by Machin's formula."""
+    one = 1 << 96
+    two_pi = 8 * (4 * _atan_of_inverse(5, one) - _atan_of_inverse(239, one))
+    turns = [(_atan_of_inverse(1 << i, one) << ANGLE.f, two_pi) for i in range(1, ITERATIONS)]
+    return ((1 << ANGLE.f) // 8, *((2 * up + down) // (2 * down) for up, down in turns))
+
+
+ATAN = _atan_table()
+# K**2 is a rational number; its root is cut at 80 bits.
+_SQUARE = prod((Fraction(4**i + 1, 4**i) for i in range(ITERATIONS)), start=Fraction(1))
+GAIN = Fraction(isqrt((_SQUARE.numerator << 160) // _SQUARE.denominator), 1 << 80)
+
+
+class State(NamedTuple):
+    """The registers; the defaults are the reset values."""
+
+    x: int = 0
+    y: int = 0
+    angle: int = 0
+    i: int = 0
+    busy: int = 0
+    done: int = 0
+    magnitude: int = 0
+    phase: int = 0
+
+
+STATE_FMT = State(x=X, y=Y, angle=ANGLE, i=bits(5), busy=bits(1), done=bits(1), magnitude=MAGNITUDE, phase=PHASE)
+
+
+@inlined
+def step(s, start, x_in, y_in):
+    """One clock edge: every right-hand side reads the old registers."""
+    if start:
+        return State(
+            x=(-x_in if x_in < 0 else x_in) << GUARD,
+            y=(-y_in if x_in < 0 else y_in) << GUARD,
+            angle=HALF_TURN if x_in < 0 else 0,
+            i=0,
+            busy=1,
+            done=0,
+            magnitude=s.magnitude,
+            phase=s.phase,
+        )
+    if s.busy == 0:
+        return State(s.x, s.y, s.angle, s.i, 0, 0, s.magnitude, s.phase)
+    if s.i < ITERATIONS:
+        across = half_up(s.y, s.i)
+        down = half_up(s.x, s.i)
+        return State(
+            x=s.x + across if s.y >= 0 else s.x - across,
+            y=s.y - down if s.y >= 0 else s.y + down,
+            angle=wrap(s.angle + ATAN[s.i] if s.y >= 0 else s.angle - ATAN[s.i], ANGLE_BITS),
+            i=s.i + 1,
+            busy=1,
+            done=0,
+            magnitude=s.magnitude,
+            phase=s.phase,
+        )
+    return State(
+        x=s.x,
+        y=s.y,
+        angle=s.angle,
+        i=s.i,
+        busy=0,
+        done=1,
+        magnitude=half_up(s.x, GUARD),
+        # only the zero vector leaves x at 0, and then the angle register holds the sum of the table
+        phase=0 if s.x == 0 else wrap(half_up(s.angle, GUARD), PHASE_BITS),
+    )

@@ -1,0 +1,77 @@
+"""Integer square root, one result bit per clock: root = floor(sqrt(u)), remainder = u - root**2.
+
+    load      radicand = u,  root = remainder = 0
+    iterate   pair  = 4*remainder + (two top bits of radicand)
+              trial = 4*root + 1
+              fits  = pair >= trial                           16 times
+              remainder = pair - trial if fits else pair
+              root      = 2*root + fits
+              radicand  = 4*radicand mod 2**32
+    finish    the 16th iteration also loads y = root and raises done for one clock
+
+    u --[radicand]--(top 2)--(- trial)--[remainder]        [..] register
+                               sign --> [root] --> [y]
+
+Formats   u, radicand [0,32,0]   root, y [0,16,0]   remainder [0,17,0]   i [0,4,0]   busy, done [0,1,0]
+Latency   17 clocks from start to done; y stays until the next result
+Rounding  toward zero (the floor of the root), exact: root**2 <= u < (root + 1)**2
+Overflow  none possible: remainder never exceeds 2*root; radicand drops the bits already used
+Source    docs/blocks/isqrt.md
+
+A start while busy abandons the running value and loads the new one.
+"""
+
+from typing import NamedTuple
+
+from fpga_model.fixed import bits, wrap_unsigned
+from fpga_model.jit import inlined
+
+RADICAND = bits(32)
+ROOT = bits(16)
+REMAINDER = bits(17)
+ITERATIONS = ROOT.width
+LATENCY = ITERATIONS + 1
+# numba knows no properties of a format: widths used in kernels are module constants
+RADICAND_BITS, COUNT_BITS = RADICAND.width, 4
+TOP = RADICAND_BITS - 2
+assert max(REMAINDER.width, RADICAND.width) + 2 <= 63, "four times a register must fit int64"
+
+
+class State(NamedTuple):
+    """The registers; the defaults are the reset values."""
+
+    radicand: int = 0
+    root: int = 0
+    remainder: int = 0
+    i: int = 0
+    busy: int = 0
+    done: int = 0
+    y: int = 0
+
+
+STATE_FMT = State(
+    radicand=RADICAND, root=ROOT, remainder=REMAINDER, i=bits(COUNT_BITS), busy=bits(1), done=bits(1), y=ROOT
+)
+
+
+@inlined
+def step(s, start, u):
+    """One clock edge: every right-hand side reads the old registers."""
+    if start:
+        return State(radicand=u, root=0, remainder=0, i=0, busy=1, done=0, y=s.y)
+    if s.busy == 0:
+        return State(s.radicand, s.root, s.remainder, s.i, 0, 0, s.y)
+    pair = (s.remainder << 2) + (s.radicand >> TOP)
+    trial = (s.root << 2) + 1
+    fits = 1 if pair >= trial else 0
+    root = (s.root << 1) + fits
+    last = 1 if s.i == ITERATIONS - 1 else 0
+    return State(
+        radicand=wrap_unsigned(s.radicand << 2, RADICAND_BITS),
+        root=root,
+        remainder=pair - trial if fits else pair,
+        i=wrap_unsigned(s.i + 1, COUNT_BITS),
+        busy=1 - last,
+        done=last,
+        y=root if last else s.y,
+    )

@@ -1,0 +1,99 @@
+"""PI controller with a clamped integrator, shared by the four loops; raw LSB in, raw LSB out.
+
+    en = 1, by mode   OFF     prop = 0,      acc = clamp(preset)
+                      P_ONLY  prop = kp*e,   acc held
+                      RUN     prop = kp*e,   acc = clamp(acc + ki*e)
+                      HOLD    prop and acc held (so does any other mode, and en = 0)
+    every edge        y = clamp(round(prop + acc))
+
+    e --+--(x kp)----------[prop]--(+)--(round, clamp)--[y]-->     [..] register
+        |                           |
+        +--(x ki)--(+)--(clamp)---[acc]
+                    ^---------------'
+
+Formats   e [1,25,0]   kp, ki [1,9,24]   prop, acc [1,35,24]   lo, hi, preset, y [1,35,0]
+Latency   2 clocks from an enabled e to y, one result per enable
+Rounding  ties toward +inf at y only; prop and acc are exact
+Overflow  acc and y saturate at lo and hi; prop cannot overflow
+Source    docs/blocks/pi.md
+
+No mode change makes acc jump but OFF, whose preset is the hand-over value. There is no dead zone: an error of one LSB
+moves acc by ki at every enable, and y by one LSB within 2**24 / abs(ki) enables (ki raw).
+"""
+
+from typing import NamedTuple
+
+from fpga_model.fixed import Fmt, add_fmt, clamp, half_up, mul_fmt, quantize
+from fpga_model.jit import inlined
+
+ERR = Fmt(1, 25, 0)
+COEF = Fmt(1, 9, 24)
+ACC = mul_fmt(ERR, COEF)
+OUT = Fmt(1, ACC.i, 0)
+SHIFT = ACC.f - OUT.f
+LATENCY = 2
+OFF, P_ONLY, RUN, HOLD = 0, 1, 2, 3
+assert add_fmt(ACC, ACC).width + 1 <= 63, "prop + acc and its rounding constant must fit int64"
+
+
+class Params(NamedTuple):
+    """Machine units; build with `design`."""
+
+    kp: int
+    ki: int
+    lo: int
+    hi: int
+
+
+class State(NamedTuple):
+    """The registers; the defaults are the reset values."""
+
+    prop: int = 0
+    acc: int = 0
+    y: int = 0
+
+
+PARAMS_FMT = Params(kp=COEF, ki=COEF, lo=OUT, hi=OUT)
+STATE_FMT = State(prop=ACC, acc=ACC, y=OUT)
+
+
+def design(kp, ki_per_s, frame_hz, lo, hi):
+    """Quantise physical gains; raises ValueError if one does not fit, or is so small that it would become zero.
+
+    kp        proportional gain (output LSB per error LSB)
+    ki_per_s  integral gain (output LSB per error LSB and second)
+    frame_hz  rate of the enables (Hz)
+    lo, hi    output limits (output LSB)
+    """
+    if not frame_hz > 0:
+        raise ValueError(f"frame_hz: {frame_hz} Hz is not a positive rate")
+    p = Params(
+        kp=quantize(kp, COEF, "kp (LSB per LSB)"),
+        ki=quantize(ki_per_s / frame_hz, COEF, "ki_per_s / frame_hz (LSB per LSB and frame)"),
+        lo=quantize(lo, OUT, "lo (LSB)"),
+        hi=quantize(hi, OUT, "hi (LSB)"),
+    )
+    if p.lo > p.hi:
+        raise ValueError(f"lo: {lo} LSB is above hi, {hi} LSB")
+    if kp and not p.kp:
+        raise ValueError(f"kp: {kp:g} LSB per LSB rounds to zero; the smallest gain is {2.0**-COEF.f:g}")
+    if ki_per_s and not p.ki:
+        smallest = frame_hz * 2.0**-COEF.f
+        raise ValueError(f"ki_per_s: {ki_per_s:g} LSB per LSB and second rounds to zero; the smallest is {smallest:g}")
+    return p
+
+
+@inlined
+def step(p, s, en, mode, e, preset):
+    """One clock edge: every right-hand side reads the old registers."""
+    prop, acc = s.prop, s.acc
+    if en:
+        if mode == OFF:
+            prop = 0
+            acc = clamp(preset, p.lo, p.hi) << SHIFT
+        elif mode == P_ONLY:
+            prop = p.kp * e
+        elif mode == RUN:
+            prop = p.kp * e
+            acc = clamp(s.acc + p.ki * e, p.lo << SHIFT, p.hi << SHIFT)
+    return State(prop=prop, acc=acc, y=clamp(half_up(s.prop + s.acc, SHIFT), p.lo, p.hi))

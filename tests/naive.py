@@ -1,0 +1,538 @@
+"""Slow oracles in exact integers and Fractions, written from the documented equations; imports nothing of ours.
+
+Each is meant to be read and believed. It goes about its job in another way than the kernel it judges.
+"""
+
+import math
+from fractions import Fraction
+
+# fixed: rounding, overflow, formats ---------------------------------------------------------------------------------
+
+
+def rounded(rule, value):
+    """Integer that `rule` makes of an exact value: the nearest integer, or a named choice between two neighbours."""
+    below = math.floor(value)
+    above = below if value == below else below + 1
+    inner, outer = sorted((below, above), key=abs)
+    directed = {"floor": below, "ceil": above, "toward_zero": inner}
+    if rule in directed:
+        return directed[rule]
+    if value - below != Fraction(1, 2):
+        return min((below, above), key=lambda n: abs(value - n))
+    even = below if below % 2 == 0 else above
+    return {"half_up": above, "half_down": below, "half_even": even, "half_away": outer, "half_zero": inner}[rule]
+
+
+def in_format(value, s, i, f):
+    """Whether a number format [s,i,f] has exactly this value."""
+    unit = Fraction(2) ** -f
+    top = Fraction(2) ** i
+    return (value / unit).denominator == 1 and (-top if s else 0) <= value < top
+
+
+def format_values(s, i, f):
+    """Every value of a format, smallest first."""
+    unit = Fraction(2) ** -f
+    top = Fraction(2) ** i
+    count = (top * (2 if s else 1)) / unit
+    return [(-top if s else 0) + k * unit for k in range(int(count))]
+
+
+def congruent_within(value, modulus, lowest):
+    """The one number of lowest .. lowest + modulus - 1 that differs from `value` by a multiple of `modulus`."""
+    turns = Fraction(value - lowest, modulus)
+    return value - math.floor(turns) * modulus
+
+
+# cordic -------------------------------------------------------------------------------------------------------------
+
+
+def arctan_bounds(x, terms):
+    """Two rationals that enclose atan(x), 0 < x < 1: neighbouring partial sums of the alternating series."""
+    partial = [Fraction(0)]
+    for k in range(terms):
+        partial.append(partial[-1] + Fraction((-1) ** k, 2 * k + 1) * Fraction(x) ** (2 * k + 1))
+    return min(partial[-2:]), max(partial[-2:])
+
+
+def pi_bounds():
+    """Two rationals that enclose pi, by Euler's formula pi/4 = 5 atan(1/7) + 2 atan(3/79)."""
+    a, b = arctan_bounds(Fraction(1, 7), 24), arctan_bounds(Fraction(3, 79), 16)
+    return tuple(20 * a[k] + 8 * b[k] for k in (0, 1))
+
+
+def arctan_turns_bounds(i):
+    """Two rationals that enclose atan(2**-i) in turns; the first is one eighth exactly."""
+    if i == 0:
+        return Fraction(1, 8), Fraction(1, 8)
+    angle, pi = arctan_bounds(Fraction(1, 2**i), 60 if i == 1 else 40), pi_bounds()
+    return angle[0] / (2 * pi[1]), angle[1] / (2 * pi[0])
+
+
+def cordic(table_turns, inputs):
+    """Register rows of the vectoring CORDIC before each edge, and after the last one.
+
+    table_turns  the 24 angles in turns
+    inputs       (start, x_in, y_in) at each edge
+    x and y are kept in input LSB, angles in turns, all as Fractions; a vector is a point that gets turned.
+    """
+    grid = Fraction(1, 256)
+
+    def snap(value):
+        return rounded("half_up", value / grid) * grid
+
+    def one_turn(value):
+        return value - math.floor(value + Fraction(1, 2))
+
+    x = y = angle = phase = Fraction(0)
+    i = busy = done = magnitude = 0
+    rows = []
+    for start, x_in, y_in in [*inputs, (0, 0, 0)]:
+        rows.append((x / grid, y / grid, angle * 2**32, i, busy, done, magnitude, phase * 2**24))
+        done = 0
+        if start:
+            side = -1 if x_in < 0 else 1
+            x, y, angle, i, busy = Fraction(side * x_in), Fraction(side * y_in), Fraction(side - 1, 4), 0, 1
+        elif busy and i == 24:
+            phase = one_turn(Fraction(rounded("half_up", angle * 2**24), 2**24)) if x else Fraction(0)
+            magnitude, busy, done = rounded("half_up", x), 0, 1
+        elif busy:
+            turn = -1 if y < 0 else 1
+            x, y = x + turn * snap(y / 2**i), y - turn * snap(x / 2**i)
+            angle = one_turn(angle + turn * table_turns[i])
+            i += 1
+    return [tuple(int(v) for v in row) for row in rows]
+
+
+# isqrt --------------------------------------------------------------------------------------------------------------
+
+
+def isqrt(inputs):
+    """Register rows of the square root before each edge, and after the last one; inputs: (start, u) at each edge.
+
+    After k iterations the registers are what the root of the top 2k bits of u makes them.
+    """
+    u = k = y = busy = done = 0
+    rows = []
+    for start, value in [*inputs, (0, 0)]:
+        top = u // 4 ** (16 - k)
+        root = math.isqrt(top)
+        rows.append(((u * 4**k) % 2**32, root, top - root**2, k % 16, busy, done, y))
+        done = 0
+        if start:
+            u, k, busy = value, 0, 1
+        elif busy:
+            k += 1
+            if k == 16:
+                y, busy, done = math.isqrt(u), 0, 1
+    return rows
+
+
+# pi -----------------------------------------------------------------------------------------------------------------
+
+
+def pi(kp, ki, lo, hi, inputs):
+    """Register rows of the PI controller before each edge, and after the last one.
+
+    kp, ki   gains in LSB per LSB (Fractions);  lo, hi  limits in LSB
+    inputs   (en, mode, e, preset) at each edge; mode 0 off, 1 proportional only, 2 run, else hold
+    """
+
+    def limited(value):
+        return sorted((Fraction(lo), value, Fraction(hi)))[1]
+
+    prop = acc = y = Fraction(0)
+    rows = []
+    for en, mode, e, preset in [*inputs, (0, 0, 0, 0)]:
+        rows.append((int(prop * 2**24), int(acc * 2**24), int(y)))
+        y = limited(Fraction(rounded("half_up", prop + acc)))
+        if en and mode in (0, 1, 2):
+            acc = {0: limited(Fraction(preset)), 1: acc, 2: limited(acc + ki * e)}[mode]
+            prop = 0 if mode == 0 else kp * e
+    return rows
+
+
+# rates --------------------------------------------------------------------------------------------------------------
+
+
+def rates(goes):
+    """Register rows (tick, frame, slot) before each edge, and after the last: positions in time, not counters."""
+    rows = []
+    for n in range(len(goes) + 1):
+        since = next((n - k for k in range(n - 1, max(n - 61, -1), -1) if goes[k]), 0)
+        rows.append((n % 26, n // 26 % 125, since))
+    return rows
+
+
+# dds ----------------------------------------------------------------------------------------------------------------
+
+
+def dds(words, offsets):
+    """Register rows (phase and four outputs, raw) before each edge, and after the last; offsets: four per edge.
+
+    Angles are Fractions of a turn; only the row is raw.
+    """
+
+    def raw(turns):
+        return int((turns - math.floor(turns)) * 2**48)
+
+    rows = [(0, 0, 0, 0, 0)]
+    travelled = Fraction(0)
+    for word, four in zip(words, offsets, strict=True):
+        outputs = [raw(travelled + Fraction(offset, 2**48)) for offset in four]
+        travelled += Fraction(word, 2**48)
+        rows.append((raw(travelled), *outputs))
+    return rows
+
+
+# sine ---------------------------------------------------------------------------------------------------------------
+
+
+def quarter_sine(halvings, unit_bits=200):
+    """sin(k/n quarter turns), k = 0 .. n = 2**halvings, as Fractions good to about 2**(2*halvings - unit_bits).
+
+    Half-angle formulas down from 90 degrees, then sin(k+1) = 2 cos(1) sin(k) - sin(k-1): neither pi nor a series.
+    """
+    one = 1 << unit_bits
+    sin, cos = one, 0
+    for _ in range(halvings):
+        cos = math.isqrt((one + cos) * one // 2)
+        sin = sin * one // (2 * cos)
+    wave = [0, sin]
+    while len(wave) <= 1 << halvings:
+        wave.append(2 * cos * wave[-1] // one - wave[-2])
+    return [Fraction(value, one) for value in wave]
+
+
+def sine_rows(phases, wave, full_scale):
+    """Register rows (sign, base, slope, fraction, sign2, base2, product, y) before each edge, and after the last.
+
+    wave  1025 values of the quarter wave; each row is worked out from the phases 1, 2 and 3 edges before it
+    """
+    steps = len(wave) - 1
+
+    def snap(value, unit):
+        return rounded("half_up", value / unit) * unit
+
+    def stages(phase):
+        middle = (math.floor(Fraction(phase, 2**26)) + Fraction(1, 2)) / 2**22
+        half_turn = middle % Fraction(1, 2)
+        place = min(half_turn, Fraction(1, 2) - half_turn) * 4 * steps
+        a = math.floor(place)
+        base = snap(full_scale * wave[a], Fraction(1, 64))
+        slope = snap(full_scale * (wave[a + 1] - wave[a]), Fraction(1, 32))
+        rise = slope * (place - a)
+        magnitude = rounded("half_up", base + rise)
+        negative = 1 if middle > Fraction(1, 2) else 0
+        first = (negative, base * 64, slope * 32, (place - a) * 1024 - Fraction(1, 2))
+        return first, (negative, base * 64, rise * 2**16), (-magnitude if negative else magnitude,)
+
+    reset = ((0, 0, 0, 0), (0, 0, 0), (0,))
+    past = [reset, reset, reset, *map(stages, phases)]
+    rows = [past[n + 2][0] + past[n + 1][1] + past[n][2] for n in range(len(phases) + 1)]
+    return [tuple(int(v) for v in row) for row in rows]
+
+
+# delay, references, modulator ---------------------------------------------------------------------------------------
+
+
+def delay(depth, xs):
+    """Register rows (eight taps) before each edge, and after the last: the last eight inputs, newest first."""
+    seen = [0] * 8 + (list(xs) if depth else [0] * len(xs))
+    return [tuple(reversed(seen[n : n + 8])) for n in range(len(xs) + 1)]
+
+
+def references(align, phases, enables):
+    """Register rows (signs, aligned 0 .. 2, retimed) before each edge, and after the last.
+
+    phases  (drive, sense) as Fractions of a turn at each edge; enables: the 1 MHz enable at each edge
+    """
+
+    def word(n):
+        """Signs of the phases n edges into the run; nothing before the first."""
+        if n < 0:
+            return 0
+        drive, sense = phases[n]
+        pins = [drive < Fraction(1, 2), abs(drive - Fraction(1, 2)) > Fraction(1, 4) or drive == Fraction(3, 4)]
+        pins += [sense < Fraction(1, 2), abs(sense - Fraction(1, 2)) > Fraction(1, 4) or sense == Fraction(3, 4)]
+        return sum(2**k for k, pin in enumerate(pins) if pin)
+
+    rows = []
+    for n in range(len(phases) + 1):
+        loads = [k for k in range(n) if enables[k]]
+        retimed = word(loads[-1] - 1 - align) if loads else 0
+        rows.append((word(n - 1), word(n - 2), word(n - 3), word(n - 4), retimed))
+    return rows
+
+
+def modulator(shift, lo, hi, inputs):
+    """Register rows (product, code, held1, held2) before each edge, and after the last.
+
+    inputs  (en_product, en_code, amplitude, sine) at each edge
+    """
+    rows = []
+    products, codes = [0], [0, 0, 0]
+    for en_product, en_code, amplitude, sine in [*inputs, (0, 0, 0, 0)]:
+        rows.append((products[-1], codes[-1], codes[-2], codes[-3]))
+        if en_code:
+            codes.append(min(max(rounded("half_up", Fraction(products[-1], 2**shift)), lo), hi))
+        if en_product:
+            products.append(amplitude * sine)
+    return rows
+
+
+# spi_dac, dac_serial ------------------------------------------------------------------------------------------------
+
+
+def spi_dac(bits, lead, ldac, inputs):
+    """Register rows (shift, left, lead, sync_n, sclk_en, ldac_n, ldac_wait) before each edge, and after the last.
+
+    inputs  (load, word) at each edge; each row follows from the time since the last load alone
+    """
+    rows = []
+    for n in range(len(inputs) + 1):
+        loads = [k for k in range(n) if inputs[k][0]]
+        if not loads:
+            rows.append((0, 0, 0, 1, 0, 1, 0))
+            continue
+        word = inputs[loads[-1]][1]
+        clock = n - 1 - loads[-1]
+        sent = min(max(clock - lead, 0), bits)
+        after = clock - lead - bits
+        text = f"{word:0{bits}b}"[sent:].ljust(bits, "0")
+        running = clock >= lead and after < 0
+        pulse = ldac and after == 1
+        waiting = ldac and after == 0
+        pins = (int(after >= 0), int(running), int(not pulse))
+        rows.append((int(text, 2), bits - sent, max(lead - clock, 0), *pins, int(waiting)))
+    return rows
+
+
+def dac_chip(part, pins):
+    """Rows of what the chip holds after each clock: a walk over whole frames written as text.
+
+    part  dict: bits, exact, ldac (bools), data (data bits), offset (value of data 0), signed, header, control (text or
+          None: the leading bits of a data and of a control word), on (text of the 3 bits DACTRI, OPGND and RBUF below
+          which the output is on: the first two), start (code behind the output at power-on)
+    pins  (sync_n, sclk_en, sdin, ldac_n) of each clock
+    Row: (last 24 bits seen, bits in this frame, sync_n, ldac_n, staged, latch, code, enabled, updated)
+    """
+    ever, frame = "0" * 24, ""
+    sync_before, ldac_before = 1, 1
+    staged = latch = part["start"]
+    enabled = part["control"] is None
+    rows = []
+    for sync_n, sclk_en, sdin, ldac_n in pins:
+        events = []
+        if (sync_before, sync_n) == (1, 0):
+            frame = ""
+        if (sync_before, sync_n) == (0, 1):
+            word = ever[-part["bits"] :]
+            complete = len(frame) == part["bits"] or not part["exact"]
+            if complete and word.startswith(part["header"]):
+                data = int(word[-part["data"] :], 2)
+                if part["signed"] and word[-part["data"]] == "1":
+                    data -= 2 ** part["data"]
+                staged = data + part["offset"]
+                if not part["ldac"] or ldac_n == 0:
+                    events.append("latch")
+            elif complete and part["control"] and word.startswith(part["control"]):
+                enabled = word[-4:-2] == "00"
+                events.append("control")
+        if part["ldac"] and (ldac_before, ldac_n) == (1, 0):
+            events.append("latch")
+        if "latch" in events:
+            latch = staged
+        if sclk_en and not sync_n:
+            ever, frame = (ever + str(sdin))[-24:], frame + str(sdin)
+        sync_before, ldac_before = sync_n, ldac_n
+        code = latch if enabled else 0
+        rows.append((int(ever, 2), len(frame), sync_n, ldac_n, staged, latch, code, int(enabled), int(bool(events))))
+    return rows
+
+
+# spi_adc, adc_serial ------------------------------------------------------------------------------------------------
+
+
+def spi_adc(drdy, dout):
+    """Register rows of the ADC master before each edge, and after the last, from the levels on its two inputs.
+
+    Row: (meta, sync, seen, busy, count, cs_n, sclk, shift, word, status, eight channels, valid, ok)
+    """
+
+    def before(n):
+        return drdy[n] if n >= 0 else 0
+
+    def signed(text):
+        return int(text, 2) - (2**24 if text[0] == "1" else 0)
+
+    rows = []
+    start = None
+    taken = ""
+    status, channels, ok = 0, [0] * 8, 0
+    for n in range(len(drdy) + 1):
+        age = None if start is None else n - start
+        if age is not None and age == 432 + 54:
+            start = age = None
+        synchronised = (before(n - 1), before(n - 2), before(n - 3))
+        history = "0" * 24 + taken
+        if age is None:
+            state = (0, 0, 1, 0, int(history[-24:], 2), 0)
+            valid = 0
+        else:
+            bits = min(age // 2, 216)
+            words, rest = bits // 24, bits % 24
+            if bits < 216:
+                state = (1, rest, 0, age % 2, int(history[-24:], 2), words)
+            else:
+                state = (1, age - 432, 0, 0, int(history[-24:], 2), 9)
+            if age % 2 == 0 and age <= 432 and bits and not rest:
+                if words == 1:
+                    status = int(history[-24:], 2)
+                else:
+                    channels[words - 2] = signed(history[-24:])
+            valid = int(age == 432)
+            if valid:
+                ok = int(f"{status:024b}".startswith("1100"))
+        busy, count, cs_n, sclk, shift, word = state
+        rows.append((*synchronised, busy, count, cs_n, sclk, shift, word, status, *channels, valid, ok))
+        if n < len(drdy):
+            if age is None and synchronised[1:] == (0, 1):
+                start = n + 1
+            elif age is not None and age < 432 and age % 2 == 1:
+                taken += str(dout[n])
+    return rows
+
+
+def adc_chip(inputs):
+    """Rows of what the ADC's digital side shows after each clock: frames as text, a place in them as a count of edges.
+
+    inputs  (cs_n, sclk, loaded, status, eight codes) of each clock
+    Row: (cs_n, sclk, drdy_n, pulse, out, shift, left, word, nine result words, nine frame words)
+    """
+
+    def text(words):
+        return "".join(f"{word:024b}" for word in words)
+
+    result = frame = (0,) * 9
+    cs_before, sclk_before, drdy_n = 1, 0, 1
+    rises = 0
+    falls_at = None
+    level = 0
+    rows = []
+    for n, (cs_n, sclk, loaded, status, codes) in enumerate(inputs):
+        unread = drdy_n == 0
+        pulsing = falls_at is not None
+        if n == falls_at:
+            drdy_n, falls_at = 0, None
+        if loaded:
+            result = (status % 2**24, *[code % 2**24 for code in codes])
+            if unread:
+                drdy_n, falls_at = 1, n + 4
+            elif not pulsing:
+                drdy_n = 0
+        if cs_n != cs_before:
+            level = rises = 0
+            frame = frame if cs_n else result
+        elif not cs_n and sclk > sclk_before:
+            rises += 1
+            level = int((text(frame) + "0" * rises)[rises - 1])
+        elif not cs_n and sclk < sclk_before and not loaded and not pulsing:
+            drdy_n = 1
+        done = min(rises, 216)
+        word = -(-done // 24)
+        left = word * 24 - done
+        shift = int(text(frame)[done : done + left].ljust(24, "0"), 2)
+        waiting = 0 if falls_at is None else falls_at - n
+        rows.append((cs_n, sclk, drdy_n, waiting, level, shift, left, word, *result, *frame))
+        cs_before, sclk_before = cs_n, sclk
+    return rows
+
+
+# plant: the equations of the analog side in physical units, and a matrix exponential in big integers -----------------
+
+
+def matrix_exponential(matrix, time, bits=640):
+    """exp(matrix * time) of a square list of rows of mpf: Taylor and squaring of integers with `bits` fraction bits."""
+    import mpmath
+    import numpy as np
+
+    n = len(matrix)
+    norm = max(sum(abs(x) for x in row) for row in matrix) * time
+    halvings = max(0, int(mpmath.ceil(mpmath.log(norm + 1, 2)))) + 4
+    a = np.array([[int(mpmath.nint(mpmath.ldexp(x * time, bits - halvings))) for x in row] for row in matrix], object)
+    term = np.array([[int(i == j) << bits for j in range(n)] for i in range(n)], object)
+    total = term
+    for k in range(1, bits):
+        # the norm is below 1/16, so that each term has at least four bits less than the one before
+        term = (term.dot(a) >> bits) // k
+        total = total + term
+        if k * 4 > bits:
+            break
+    for _ in range(halvings):
+        total = total.dot(total) >> bits
+    return [[mpmath.ldexp(mpmath.mpf(int(x)), -bits) for x in row] for row in total]
+
+
+def gyro_numbers(device, gains, rings):
+    """What the equations of the plant need, as exact mpf, from a record with the device's field names."""
+    import mpmath
+
+    def get(name):
+        return mpmath.mpf(getattr(device, name))
+
+    amplifier = 1 / (2 * mpmath.pi * get("opamp_gbw_hz"))
+    same = "mass_kg coriolis_mass_kg fx_hz fy_hz qx qy dxy_ratio signal_gain k_vf_drive_n_per_v k_vf_sense_n_per_v"
+    return {name: get(name) for name in same.split()} | {
+        "drive_poles": [get(f"drive_pole_{n}_s") for n in (1, 2, 3)],
+        "sense_poles": [get(f"sense_pole_{n}_s") for n in (1, 2, 3)],
+        "gains": [mpmath.mpf(g) for g in gains],
+        "rings": [mpmath.mpf(r) for r in rings],
+        "ina": get("ina_noise_gain") * amplifier,
+        "driver": get("driver_noise_gain") * amplifier,
+        "rc": get("sid_r_ohm") * get("sid_c_f"),
+        "tick": mpmath.mpf(1) / 10**6 / (1 + get("clock_ppm") / 10**6),
+    }
+
+
+GYRO_STATES = "v1 v2 v3 s1 s2 s3 x dx y dy c1 c2 c3 e1 e2 e3 p1 p2 p3 q1 q2 q3 ud us fx fy".split()
+
+
+def gyro_generator(d, omega, kappa):
+    """Rows of the generator of the whole plant, states GYRO_STATES in SI units, from `gyro_numbers`.
+
+    v, s output chains   x dx y dy modes (m, m/s)   c, e drive and sense C/V   p, q closed SID paths   ud us fx fy constant
+    """
+    import mpmath
+
+    row = {name: dict.fromkeys(GYRO_STATES, mpmath.mpf(0)) for name in GYRO_STATES}
+
+    def lag(name, tau, source, gain=1):
+        # tau * name' = gain * source - name
+        row[name][name] = -1 / tau
+        row[name][source] = gain / tau
+
+    for names, source, taus in (("v1 v2 v3", "ud", d["drive_poles"]), ("s1 s2 s3", "us", d["sense_poles"])):
+        for name, tau in zip(names.split(), taus):
+            lag(name, tau, source)
+            source = name
+    for chain, paths, mode, gain, ring in zip(("c", "e"), ("p", "q"), ("x", "y"), d["gains"], d["rings"]):
+        lag(chain + "1", ring, mode, gain)
+        lag(chain + "2", d["ina"], chain + "1")
+        lag(chain + "3", d["driver"], chain + "2", d["signal_gain"])
+        lag(paths + "1", d["rc"], chain + "3")
+        lag(paths + "2", d["rc"], paths + "1")
+        lag(paths + "3", d["rc"], paths + "2")
+
+    m = d["mass_kg"]
+    coriolis = 2 * d["coriolis_mass_kg"] * omega
+    wx, wy = 2 * mpmath.pi * d["fx_hz"], 2 * mpmath.pi * d["fy_hz"]
+    d_x, d_y = m * wx / d["qx"], m * wy / d["qy"]
+    d_xy = d["dxy_ratio"] * d_x
+    row["x"]["dx"] = row["y"]["dy"] = mpmath.mpf(1)
+    force_x = {"x": -m * wx**2, "dx": -d_x, "y": -kappa, "dy": coriolis - d_xy, "v3": d["k_vf_drive_n_per_v"], "fx": 1}
+    force_y = {"y": -m * wy**2, "dy": -d_y, "x": -kappa, "dx": -coriolis - d_xy, "s3": d["k_vf_sense_n_per_v"], "fy": 1}
+    for name, force in (("dx", force_x), ("dy", force_y)):
+        for source, newton in force.items():
+            row[name][source] = newton / m
+    return [[row[a][b] for b in GYRO_STATES] for a in GYRO_STATES]
