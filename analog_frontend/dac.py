@@ -1,0 +1,55 @@
+"""Static side of a DAC: code to volts, and the glitch that a step of the code throws.
+
+    volts(code)  = offset + lsb * code + bow * (1 - (code / full)^2) * full_volts      full = 2^(bits-1)
+    glitch(a, b) = area * (number of segment borders between a and b, signed)          borders every 2^segment_bits codes
+
+The hold, the instant and the settling are not here: the hold is the constant input of a plant tick, the instant comes
+from the chip's serial side (`dac_serial`), the settling poles are the output chain of the propagator.
+Ideal by default: `bow` and `area` are zero, and bit for bit nothing.
+Source  docs/parts/dac.md
+"""
+
+from typing import NamedTuple
+
+from fpga_model.jit import inlined
+
+
+class Params(NamedTuple):
+    """Volts per code, offset (V), bow (fraction of full scale), glitch area per segment border (V s)."""
+
+    lsb_v: float
+    offset_v: float
+    bow: float
+    full_code: float
+    glitch_v_s: float
+    segment_bits: int
+
+
+def design(bits, span_v, offset_v=0.0, bow=0.0, glitch_v_s=0.0, segment_bits=14):
+    """Transfer of a bipolar DAC of `bits` bits and -span_v .. +span_v (V); raises ValueError out of range."""
+    if not 8 <= bits <= 24:
+        raise ValueError(f"dac bits: {bits} is outside 8 .. 24 bit")
+    if not 0.0 < span_v <= 20.0:
+        raise ValueError(f"dac span_v: {span_v} is outside 0 .. 20 V")
+    if not abs(bow) <= 0.01:
+        raise ValueError(f"dac bow: {bow} is outside -0.01 .. 0.01 of full scale")
+    full = float(1 << (bits - 1))
+    return Params(span_v / full, offset_v, bow, full, glitch_v_s, segment_bits)
+
+
+@inlined
+def volts(p, code):
+    """Output voltage (V) at rest."""
+    linear = p.offset_v + p.lsb_v * code
+    if p.bow == 0.0:
+        return linear
+    ratio = code / p.full_code
+    return linear + p.bow * (1.0 - ratio * ratio) * p.lsb_v * p.full_code
+
+
+@inlined
+def glitch(p, old, new):
+    """Area (V s) of the glitch of a step from code `old` to `new`."""
+    if p.glitch_v_s == 0.0:
+        return 0.0
+    return p.glitch_v_s * ((new >> p.segment_bits) - (old >> p.segment_bits))

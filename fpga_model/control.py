@@ -1,0 +1,178 @@
+"""Wiring of the 8 kHz work: codes to loops to words, in slots of one clock each after a valid frame.
+
+    slot                    block
+    SLOT_CORDIC             magnitude and phase of (-drive_cos, drive_sin)
+    SLOT_LOOPS, next        errors, then the four PIs
+    SLOT_ROOT               V_q = sqrt(u); output word of the rate
+    SLOT_OUTPUT             sequencer: modes for the next frame
+
+    codes --[cordic]--+--[agc]---------------> amplitude        [..] block
+                      +--[frequency_tracker]-> DDS word
+          ------------+--[rate_loop]---------> force word --[rate_output]--> rate
+                      +--[quadrature_loop]---> V_q code
+                      '--[sequencer]--> modes of all
+
+Outside the slots nothing here is stepped, so that one clock enable holds every register.
+Source    docs/blocks/control.md
+"""
+
+from __future__ import annotations  # a field may bear the name of its module
+
+from typing import NamedTuple
+
+from fpga_model import agc, cordic, frequency_tracker, pi, quadrature_loop, rate_loop, rate_output, rates, sequencer
+from fpga_model.jit import inlined, kernel
+
+
+class Params(NamedTuple):
+    """Parameters of the blocks, by the role of each."""
+
+    agc: agc.Params
+    frequency_tracker: frequency_tracker.Params
+    rate_loop: rate_loop.Params
+    quadrature_loop: quadrature_loop.Params
+    sequencer: sequencer.Params
+
+
+class State(NamedTuple):
+    """Registers of the blocks."""
+
+    cordic: cordic.State = cordic.State()
+    agc: agc.State = agc.State()
+    frequency_tracker: frequency_tracker.State = frequency_tracker.State()
+    rate_loop: rate_loop.State = rate_loop.State()
+    quadrature_loop: quadrature_loop.State = quadrature_loop.State()
+    rate_output: rate_output.State = rate_output.State()
+    sequencer: sequencer.State = sequencer.State()
+
+
+class Inputs(NamedTuple):
+    """A frame of codes and what is known of it."""
+
+    drive_sin: int
+    drive_cos: int
+    sense_sin: int
+    sense_cos: int
+    temperature: int
+    adc_ok: int
+    stale: int
+
+
+PARAMS_FMT = Params(
+    agc=agc.PARAMS_FMT,
+    frequency_tracker=frequency_tracker.PARAMS_FMT,
+    rate_loop=rate_loop.PARAMS_FMT,
+    quadrature_loop=quadrature_loop.PARAMS_FMT,
+    sequencer=sequencer.PARAMS_FMT,
+)
+STATE_FMT = State(
+    cordic=cordic.STATE_FMT,
+    agc=agc.STATE_FMT,
+    frequency_tracker=frequency_tracker.STATE_FMT,
+    rate_loop=rate_loop.STATE_FMT,
+    quadrature_loop=quadrature_loop.STATE_FMT,
+    rate_output=rate_output.STATE_FMT,
+    sequencer=sequencer.STATE_FMT,
+)
+SLOT_PI = rates.SLOT_LOOPS + 1
+
+
+@inlined
+def amplitude(p, s):
+    """Amplitude word of the drive modulator."""
+    return agc.amplitude(p.agc, s.agc, sequencer.outputs(s.sequencer).agc_mode)
+
+
+@kernel
+def step(p, s, slot, i, bank):
+    """One clock edge within the slots; `bank` is the register bank."""
+    at_loops = 1 if slot == rates.SLOT_LOOPS else 0
+    at_pi = 1 if slot == SLOT_PI else 0
+    at_root = 1 if slot == rates.SLOT_ROOT else 0
+    at_output = 1 if slot == rates.SLOT_OUTPUT else 0
+    at_cordic = 1 if slot == rates.SLOT_CORDIC else 0
+    o = sequencer.outputs(s.sequencer)
+    agc_mode = pi.OFF if o.fix_drive else o.agc_mode
+    amplitude_preset = bank.amplitude_fixed if o.fix_drive else 0
+    rate_preset = bank.rate_fixed if o.fix_ftr else 0
+    quadrature_preset = bank.quadrature_fixed if o.fix_qsc else 0
+    return State(
+        cordic=cordic.step(s.cordic, at_cordic, -i.drive_cos, i.drive_sin),
+        agc=agc.step(
+            p.agc,
+            s.agc,
+            at_loops,
+            at_pi,
+            agc_mode,
+            s.cordic.magnitude,
+            bank.amplitude_setpoint,
+            amplitude_preset,
+        ),
+        frequency_tracker=frequency_tracker.step(
+            p.frequency_tracker,
+            s.frequency_tracker,
+            at_loops,
+            at_pi,
+            o.pll_mode,
+            s.cordic.phase,
+            o.load,
+            o.adjust,
+            s.sequencer.correction,
+            bank.frequency_fixed,
+        ),
+        rate_loop=rate_loop.step(
+            p.rate_loop,
+            s.rate_loop,
+            at_loops,
+            at_pi,
+            o.ftr_mode,
+            i.sense_sin,
+            rate_preset,
+        ),
+        quadrature_loop=quadrature_loop.step(
+            p.quadrature_loop,
+            s.quadrature_loop,
+            at_loops,
+            at_pi,
+            at_root,
+            o.qsc_mode,
+            i.sense_cos,
+            quadrature_preset,
+        ),
+        rate_output=rate_output.step(
+            rate_output.Params(
+                bank.rate_bias,
+                bank.rate_bias_t1,
+                bank.rate_bias_t2,
+                bank.rate_scale,
+                bank.rate_scale_t1,
+                bank.rate_scale_t2,
+                bank.decimation,
+            ),
+            s.rate_output,
+            at_root,
+            s.rate_loop.loop.y,
+            i.temperature,
+        ),
+        sequencer=sequencer.step(
+            p.sequencer,
+            s.sequencer,
+            at_output,
+            sequencer.Inputs(
+                control=bank.control,
+                clear=bank.fault_clear,
+                adc_ok=i.adc_ok,
+                stale=i.stale,
+                drive_sin=i.drive_sin,
+                drive_cos=i.drive_cos,
+                sense_sin=i.sense_sin,
+                sense_cos=i.sense_cos,
+                magnitude=s.cordic.magnitude,
+                phase=s.cordic.phase,
+                setpoint=bank.amplitude_setpoint,
+                drive_saturated=agc.saturated(p.agc, s.agc),
+                rate_saturated=rate_loop.saturated(p.rate_loop, s.rate_loop),
+                qsc_rail=quadrature_loop.railed(p.quadrature_loop, s.quadrature_loop),
+            ),
+        ),
+    )

@@ -1,0 +1,214 @@
+"""The whole firmware: wiring only. Every block reads the registers its neighbours held before the edge.
+
+    [dds]--+--[drive_sine]--[drive_pipe]--[drive_modulator]--[drive_dac]--> DAC8811 pins
+           +--[sense_sine]--[sense_pipe]--[sense_modulator]--[sense_dac]--> AD5791 pins
+           +--[references]--> four pins                 [quadrature_dac]--> DAC82002 pins
+    ADS1298 pins --[adc]--+                                  ^
+    SAR samples ---[sid]--+--[control] (8 kHz)---------------'      [rates] [watchdog] [registers]
+
+One record of parameters, one of registers, one step per clock edge at 26 MHz. With `digital` = 1 the codes come from the
+demodulator in the FPGA (`sid`), else from the ADC behind the analog one.
+Source    docs/blocks/top.md
+"""
+
+from __future__ import annotations  # a field may bear the name of its module
+
+from typing import NamedTuple
+
+from fpga_model import (
+    control,
+    dds,
+    delay,
+    digital_sid,
+    modulator,
+    rates,
+    references,
+    registers,
+    sine,
+    spi_adc,
+    spi_dac,
+    watchdog,
+)
+from fpga_model.fixed import bits, signed
+from fpga_model.jit import inlined
+
+CODE = signed(24)
+TEMPERATURE_CHANNEL = 4
+
+
+class Params(NamedTuple):
+    """Parameters of the blocks, by the role of each; `quadrature_fast` = 1 sends V_q at every tick."""
+
+    digital: int
+    quadrature_fast: int
+    pipe: delay.Params
+    references: references.Params
+    drive_modulator: modulator.Params
+    sense_modulator: modulator.Params
+    drive_dac: spi_dac.Params
+    sense_dac: spi_dac.Params
+    quadrature_dac: spi_dac.Params
+    sid: digital_sid.Params
+    watchdog: watchdog.Params
+    control: control.Params
+
+
+class State(NamedTuple):
+    """Every register of the design."""
+
+    rates: rates.State = rates.State()
+    dds: dds.State = dds.State()
+    drive_sine: sine.State = sine.State()
+    sense_sine: sine.State = sine.State()
+    drive_pipe: delay.State = delay.State()
+    sense_pipe: delay.State = delay.State()
+    references: references.State = references.State()
+    drive_modulator: modulator.State = modulator.State()
+    sense_modulator: modulator.State = modulator.State()
+    drive_dac: spi_dac.State = spi_dac.State()
+    sense_dac: spi_dac.State = spi_dac.State()
+    quadrature_dac: spi_dac.State = spi_dac.State()
+    adc: spi_adc.State = spi_adc.State()
+    sid: digital_sid.State = digital_sid.State()
+    watchdog: watchdog.State = watchdog.State()
+    registers: registers.State = registers.State()
+    control: control.State = control.State()
+
+
+class Inputs(NamedTuple):
+    """Pins of the ADC, samples of the two SAR converters, and the host's bus."""
+
+    drdy_n: int
+    dout: int
+    sample_x: int
+    sample_y: int
+    write: int
+    address: int
+    data: int
+
+
+INPUTS_FMT = Inputs(
+    drdy_n=bits(1),
+    dout=bits(1),
+    sample_x=digital_sid.SAMPLE,
+    sample_y=digital_sid.SAMPLE,
+    write=bits(1),
+    address=registers.ADDRESS,
+    data=registers.DATA,
+)
+PARAMS_FMT = Params(
+    digital=bits(1),
+    quadrature_fast=bits(1),
+    pipe=delay.PARAMS_FMT,
+    references=references.PARAMS_FMT,
+    drive_modulator=modulator.PARAMS_FMT,
+    sense_modulator=modulator.PARAMS_FMT,
+    drive_dac=spi_dac.PARAMS_FMT,
+    sense_dac=spi_dac.PARAMS_FMT,
+    quadrature_dac=spi_dac.PARAMS_FMT,
+    sid=digital_sid.PARAMS_FMT,
+    watchdog=watchdog.PARAMS_FMT,
+    control=control.PARAMS_FMT,
+)
+STATE_FMT = State(
+    rates=rates.STATE_FMT,
+    dds=dds.STATE_FMT,
+    drive_sine=sine.STATE_FMT,
+    sense_sine=sine.STATE_FMT,
+    drive_pipe=delay.STATE_FMT,
+    sense_pipe=delay.STATE_FMT,
+    references=references.STATE_FMT,
+    drive_modulator=modulator.STATE_FMT,
+    sense_modulator=modulator.STATE_FMT,
+    drive_dac=spi_dac.STATE_FMT,
+    sense_dac=spi_dac.STATE_FMT,
+    quadrature_dac=spi_dac.STATE_FMT,
+    adc=spi_adc.STATE_FMT,
+    sid=digital_sid.STATE_FMT,
+    watchdog=watchdog.STATE_FMT,
+    registers=registers.STATE_FMT,
+    control=control.STATE_FMT,
+)
+
+
+@inlined
+def codes(p, s):
+    """The frame of codes that the 8 kHz work reads."""
+    if p.digital:
+        c = s.sid.codes
+        return control.Inputs(c[0], c[1], c[2], c[3], 0, 1, s.watchdog.stale)
+    c = s.adc.channels
+    return control.Inputs(c[0], c[1], c[2], c[3], c[TEMPERATURE_CHANNEL], s.adc.ok, s.watchdog.stale)
+
+
+@inlined
+def step(p, s, i):
+    """One clock edge: every right-hand side reads the old registers."""
+    r, bank, d = s.rates, s.registers, s.dds
+    ce_1m = rates.ce_1m(r)
+    ce_8k = rates.ce_8k(r)
+    frame = s.sid.valid if p.digital else s.adc.valid
+    go = frame | (s.watchdog.stale & ce_8k)
+
+    at_code = rates.at(r, spi_dac.CODE_TICK)
+    at_load = rates.at(r, spi_dac.LOAD_TICK)
+    quadrature_load = at_load & (p.quadrature_fast | r.frame & 1)
+    c = s.control
+    init, amplitude, drive_word, sense_word, quadrature_word = 0, 0, 0, 0, 0
+    if ce_1m:
+        amplitude = control.amplitude(p.control, c)
+    if at_load:
+        init = 1 if c.sequencer.state <= control.sequencer.INIT else 0
+        drive_word = spi_dac.frame(p.drive_dac, modulator.out(p.drive_modulator, s.drive_modulator), init)
+        sense_word = spi_dac.frame(p.sense_dac, modulator.out(p.sense_modulator, s.sense_modulator), init)
+        quadrature_word = spi_dac.frame(p.quadrature_dac, c.quadrature_loop.root.y, init)
+
+    taken = 1 if r.slot == rates.SLOT_OUTPUT else 0
+    work = c
+    if r.slot:
+        work = control.step(p.control, c, r.slot, codes(p, s), bank)
+    sid = s.sid
+    if p.digital:
+        sid = digital_sid.step(
+            p.sid, s.sid, ce_1m, ce_8k, references.pins(p.references, s.references), i.sample_x, i.sample_y
+        )
+    return State(  # by position: Numba 0.68 refuses so many keywords
+        rates.step(r, go),
+        dds.step(
+            d,
+            c.frequency_tracker.word,
+            bank.phase_drive_sine,
+            bank.phase_sense_sine,
+            bank.phase_drive_ref,
+            bank.phase_sense_ref,
+        ),
+        sine.step(s.drive_sine, d.drive_sine),
+        sine.step(s.sense_sine, d.sense_sine),
+        delay.step(p.pipe, s.drive_pipe, s.drive_sine.y),
+        delay.step(p.pipe, s.sense_pipe, s.sense_sine.y),
+        references.step(p.references, s.references, d.drive_ref, d.sense_ref, ce_1m),
+        modulator.step(
+            p.drive_modulator,
+            s.drive_modulator,
+            ce_1m,
+            at_code,
+            amplitude,
+            delay.out(p.pipe, s.drive_pipe, s.drive_sine.y),
+        ),
+        modulator.step(
+            p.sense_modulator,
+            s.sense_modulator,
+            ce_1m,
+            at_code,
+            c.rate_loop.loop.y,
+            delay.out(p.pipe, s.sense_pipe, s.sense_sine.y),
+        ),
+        spi_dac.step(p.drive_dac, s.drive_dac, at_load, drive_word),
+        spi_dac.step(p.sense_dac, s.sense_dac, at_load, sense_word),
+        spi_dac.step(p.quadrature_dac, s.quadrature_dac, quadrature_load, quadrature_word),
+        spi_adc.step(s.adc, i.drdy_n, i.dout),
+        sid,
+        watchdog.step(p.watchdog, s.watchdog, ce_1m, frame),
+        registers.step(bank, i.write, i.address, i.data, taken),
+        work,
+    )
