@@ -22,16 +22,10 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 
 from analog_frontend import device
 from testbench import scenario
+from testbench.errors import ConfigError
 from testbench.toml_text import shown, toml_value
 
 PHASE_WORD_BITS = 48
-
-
-class ConfigError(ValueError):
-    """One line for a person: what, where, value, limit, unit."""
-
-    def __init__(self, text):
-        super().__init__(" ".join(str(text).split()))
 
 
 class Section(BaseModel):

@@ -9,9 +9,7 @@ import io
 import os
 from pathlib import Path
 
-
-class FileError(Exception):
-    """One line for a person: which file, and what is wrong with it."""
+from testbench.errors import FileError
 
 
 def explain(path, problem):

@@ -26,7 +26,8 @@ from typing import NamedTuple
 import h5py
 import numpy as np
 
-from testbench.files import FileError, GuardedFile, discard, explain, part_of, publish
+from testbench.errors import FileError
+from testbench.files import GuardedFile, discard, explain, part_of, publish
 from testbench.version import VERSION
 
 SCHEMA = "gyrorec/1.0"

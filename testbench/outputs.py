@@ -1,0 +1,110 @@
+"""What a run leaves in its folder: record, pictures, report, waveforms, state; each whole or absent.
+
+`Result` is what an engine hands over; nothing here computes, it only writes.
+Source  docs/record.md
+"""
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from testbench.errors import FileError
+from testbench.files import explain
+
+
+class Result(NamedTuple):
+    """A finished run.
+
+    summary  the object that `--json` prints
+    notes    sentences for a person: what is assumed, what remains unexplained
+    record   `record.Record`, or None
+    plots    name -> keyword arguments of the function of that name in `report`
+    window   (rows, signals, first edge) of the waveform window, or None
+    state    (values, source format, meta) of `record.save_state`, or None
+    """
+
+    summary: dict
+    notes: tuple = ()
+    record: Any = None
+    plots: dict = {}  # noqa: RUF012  (nobody writes to it)
+    window: Any = None
+    state: Any = None
+
+
+CAPTIONS = {
+    "startup": "Start-up to lock",
+    "spectra": "Spectra of both DAC outputs",
+    "jitter": "Jitter of the reference edges",
+    "rate_step": "Step of the rate channel",
+}
+
+
+def check_folder(directory):
+    """Make the folder and try to write in it, before hours are spent on what cannot be kept."""
+    folder = Path(directory)
+    probe = folder / ".gyro-probe"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe.write_bytes(b"")
+        probe.unlink()
+    except OSError as problem:
+        raise FileError(f"{folder}: cannot be written: {problem.strerror or problem}") from None
+    return folder
+
+
+def write(result, config, tables=(), progress=None):
+    """Write what [output] asks for; returns the paths. `tables` go into the report."""
+    wanted, files = config.output, []
+    folder = check_folder(wanted.directory)
+
+    def step(text):
+        if progress:
+            progress(text, len(files), 8)
+
+    if wanted.record and result.record is not None:
+        step("record")
+        from testbench.record import write_record
+
+        write_record(folder / "run.h5", result.record)
+        files.append(folder / "run.h5")
+    if result.window is not None:
+        step("waveforms")
+        from testbench.vcd import write_window
+
+        rows, signals, first_edge = result.window
+        files += write_window(folder / "run.vcd", rows, signals, first_edge)
+    pictures = []
+    if wanted.pictures or wanted.html:
+        step("pictures")
+        pictures = _pictures(result, folder)
+        files += [path for _, path in pictures]
+    if wanted.html:
+        step("report")
+        from testbench import report
+        from testbench.config import to_toml
+
+        title = f"gyro run: {config.scenario.seconds:g} s, seed {config.noise.seed}"
+        details = [("Configuration", to_toml(config))]
+        report.write_html(folder / "run.html", title, tables, pictures, result.notes, details)
+        files.append(folder / "run.html")
+    if wanted.state and result.state is not None:
+        step("state")
+        from testbench.record import save_state
+
+        values, source_format, meta = result.state
+        save_state(folder / "state.h5", values, source_format, meta)
+        files.append(folder / "state.h5")
+    return files
+
+
+def _pictures(result, folder):
+    from testbench import report
+
+    pictures = []
+    for name, caption in CAPTIONS.items():
+        if name in result.plots:
+            figure = getattr(report, name)(**result.plots[name])
+            pictures.append((caption, report.save(figure, folder / f"{name}.png")))
+    return pictures
+
+
+__all__ = ["CAPTIONS", "Result", "check_folder", "explain", "write"]
