@@ -81,7 +81,7 @@ def run(
         ("noise.seed", seed, "--seed"),
         ("output.directory", out, "--out"),
         *_window(vcd),
-        *((f"noise.{key}", False, "--no-noise") for key in NOISE_KEYS if no_noise),
+        *(_silence() if no_noise else ()),
     )
     checked = _load(config, overrides)
     from testbench import outputs
@@ -117,7 +117,11 @@ def budget(config: ConfigFile = None, sets: Sets = None, temperature_degc: Tempe
         _print_tables(tables.budget_tables(*budgets))
 
 
-NOISE_KEYS = ("thermomechanical", "cv", "adc", "flicker", "jitter")
+def _silence():
+    """Overrides of `--no-noise`: every switch of [noise] off."""
+    from testbench.config import Noise
+
+    return [(f"noise.{key}", False, "--no-noise") for key in Noise.model_fields if key != "seed"]
 
 
 def _overrides(sets, *named):

@@ -115,6 +115,7 @@ class Noise(Section):
 
     thermomechanical: bool = other(True, "force noise of both modes' damping")
     cv: bool = other(True, "voltage noise at the C/V outputs")
+    dac: bool = other(True, "voltage noise of the drive and sense DACs")
     adc: bool = other(True, "converter noise")
     flicker: bool = other(True, "1/f noise behind the SID")
     jitter: bool = other(True, "jitter of the master clock at DAC and reference edges")
@@ -270,7 +271,7 @@ def load(path=None, overrides=()):
                 raise ConfigError(f"{item.source}: {item.path}: {section} is a value, not a section")
         node[key] = item.value
         origin[item.path] = item.source
-    return from_dict(tree, Path(path).name if path is not None else "defaults", origin)
+    return from_dict(tree, str(path) if path is not None else "defaults", origin)
 
 
 def from_dict(tree, source="config", origin=None):
@@ -489,5 +490,26 @@ def markdown_table():
     return "\n".join(lines)
 
 
+def faults_table():
+    """The table of faults for docs/configuration.md."""
+    lines = ["| kind | channels | value | effect |", "|---|---|---|---|"]
+    for kind, fault in scenario.FAULTS.items():
+        if kind == "dac_stuck":
+            value = ", ".join(f"{name} {lo} .. {hi}" for name, (lo, hi) in scenario.DAC_CODES.items())
+        else:
+            value = f"{fault.lo} .. {fault.hi} {fault.unit}" if fault.hi else "0"
+        lines.append(f"| `{kind}` | {', '.join(fault.channels)} | {value} | {fault.doc} |")
+    return "\n".join(lines)
+
+
+def documented(page):
+    """The text of docs/configuration.md with its generated tables renewed."""
+    for name, table in (("faults", faults_table()), ("keys", markdown_table())):
+        head = re.search(rf"<!-- {name}: .*? -->\n", page).end()
+        page = page[:head] + "\n" + table.strip() + "\n\n" + page[page.index("<!-- end -->", head) :]
+    return page
+
+
 if __name__ == "__main__":
-    print(markdown_table())
+    PAGE = Path(__file__).resolve().parent.parent / "docs" / "configuration.md"
+    PAGE.write_text(documented(PAGE.read_text()))

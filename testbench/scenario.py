@@ -138,7 +138,7 @@ def writable_registers():
     """Name -> number format of every register that a scenario may write."""
     from fpga_model import registers
 
-    return {entry.name: entry.fmt for entry in registers.MAP if "w" in entry.access}
+    return {entry.name: entry.fmt for entry in registers.WRITABLE}
 
 
 def check_register_writes(value):
@@ -151,7 +151,7 @@ def check_register_writes(value):
         where = f"[{k}]"
         t_s, name, raw = _row(item, where, 3, "[t_s, register, raw value]")
         t_s = _finite(t_s, where, "the time")
-        if name not in known:
+        if not isinstance(name, str) or name not in known:
             raise Problem(where, f"= {shown(name)} is not a writable register; {_nearest(name, known)}")
         if isinstance(raw, bool) or not isinstance(raw, int):
             raise Problem(where, f"= {shown(raw)}: the value of {name} is not an integer; registers take raw words")
@@ -172,7 +172,7 @@ def check_faults(value):
         where = f"[{k}]"
         t_s, kind, channel, level, duration_s = _row(item, where, 5, "[t_s, kind, channel, value, duration_s]")
         t_s = _finite(t_s, where, "the time")
-        if kind not in FAULTS:
+        if not isinstance(kind, str) or kind not in FAULTS:
             raise Problem(where, f"= {shown(kind)} is not a kind of fault; {_nearest(kind, FAULTS)}")
         fault = FAULTS[kind]
         if channel not in fault.channels:

@@ -536,3 +536,367 @@ def gyro_generator(d, omega, kappa):
         for source, newton in force.items():
             row[name][source] = newton / m
     return [[row[a][b] for b in GYRO_STATES] for a in GYRO_STATES]
+
+
+# watchdog -----------------------------------------------------------------------------------------------------------
+
+
+def watchdog(limit, inputs):
+    """Rows (age, stale): the 1 MHz ticks since the last frame are counted anew in the whole past of each row."""
+    rows = []
+    for n in range(len(inputs) + 1):
+        since = inputs[:n]
+        frames = [k for k, (_, frame) in enumerate(since) if frame]
+        if frames:
+            since = since[frames[-1] + 1 :]
+        ticks = sum(1 for ce_1m, _ in since if ce_1m)
+        rows.append((min(ticks, 1023), int(ticks > limit)))
+    return rows
+
+
+# the four loops: what their PI is given -----------------------------------------------------------------------------
+
+
+def held(values, enables, reset=0):
+    """Rows of a register that takes values[n] where enables[n], one row more than inputs."""
+    rows = [reset]
+    for value, enable in zip(values, enables, strict=True):
+        rows.append(value if enable else rows[-1])
+    return rows
+
+
+def loop(gains, errors, inputs):
+    """Rows (error, (prop, acc, y)) of a loop; gains as for `pi`, inputs (en, en_pi, mode, preset) per clock."""
+    error = held(errors, [en for en, *_ in inputs])
+    given = [(en, mode, e, preset) for (_, en, mode, preset), e in zip(inputs, error[:-1], strict=True)]
+    controller = pi(*gains, given)
+    return list(zip(error, controller, strict=True))
+
+
+def centre(reset, inputs):
+    """Rows of the tracker's centre from (en, load, adjust, correction, preset): the last load and all that follow."""
+    rows = []
+    for n in range(len(inputs) + 1):
+        past = inputs[:n]
+        loads = [k for k, (en, load, *_) in enumerate(past) if en and load]
+        base = past[loads[-1]][4] if loads else reset
+        after = past[loads[-1] + 1 :] if loads else past
+        rows.append((base + sum(c for en, load, adjust, c, _ in after if en and adjust and not load)) % 2**48)
+    return rows
+
+
+# digital_sid --------------------------------------------------------------------------------------------------------
+
+
+def nearest(value, unit):
+    """Multiple of `unit` nearest to an exact value, ties upwards."""
+    return math.floor(Fraction(value) / unit + Fraction(1, 2)) * unit
+
+
+def digital_sid(alpha, gains, ref_delay, inputs):
+    """Rows (refs, acc, pole1, pole2, pole3, stage, codes, valid), each lane in plain values; alpha and gains Fractions.
+
+    A dump leaves a list of errands, and every clock does the first of them.
+    """
+    lsb = Fraction(1, 2**16)
+    seen, acc = [0, 0, 0, 0], [0] * 4
+    poles, codes = [[Fraction(0)] * 4 for _ in range(3)], [0] * 4
+    errands, rows = [], []
+
+    def row(valid):
+        raw = [tuple(int(v / lsb) for v in pole) for pole in poles]
+        # the number of errands left tells the stage: three after a dump
+        stage = (4 - len(errands)) % 4 if errands else 0
+        return (tuple(seen[:4]), tuple(acc), *raw, stage, tuple(codes), valid)
+
+    rows.append(row(0))
+    for ce_1m, dump, refs, sample_x, sample_y in inputs:
+        valid = 0
+        errand = errands.pop(0) if errands else None
+        if errand in (1, 2):
+            pairs = zip(poles[errand - 1], poles[errand], strict=True)
+            poles[errand] = [y + nearest(alpha * (x - y), lsb) for x, y in pairs]
+        elif errand == 3:
+            codes = [max(-(2**23), min(2**23 - 1, nearest(g * y, 1))) for g, y in zip(gains, poles[2], strict=True)]
+            valid = 1
+        if ce_1m:
+            aperture = ([refs] + seen)[ref_delay]
+            lanes = [sample_x, sample_x, sample_y, sample_y]
+            lanes = [v if (aperture >> k) % 2 else -v for k, v in enumerate(lanes)]
+            if dump:
+                poles[0] = [y + nearest(alpha * (x - y), lsb) for x, y in zip(acc, poles[0], strict=True)]
+                acc, errands = lanes, [1, 2, 3]
+            else:
+                acc = [max(-(2**24), min(2**24 - 1, a + v)) for a, v in zip(acc, lanes, strict=True)]
+            seen = [refs, *seen[:3]]
+        rows.append(row(valid))
+    return rows
+
+
+# rate_output --------------------------------------------------------------------------------------------------------
+
+
+def rate_output(c, samples):
+    """(intermediates of each sample, means): the documented equations in Fractions; c has the coefficients by name.
+
+    samples  (word, temperature code, decimation in force)
+    Returns  per sample t, t2, bias, scale, corrected, scaled; and (index of the last sample, y) of each mean
+    """
+    steps, means, group = [], [], []
+    for n, (word, temperature, decimation) in enumerate(samples):
+        t = math.floor(Fraction(temperature, 256))
+        t2 = nearest(Fraction(t * t, 2**15), 1)
+        bias = c["bias"] + c["bias_t1"] * t + c["bias_t2"] * t2
+        unit = Fraction(1, 2**28)
+        scale = min(max(nearest(c["scale"] + c["scale_t1"] * t + c["scale_t2"] * t2, unit), Fraction(-2)), 2 - unit)
+        unit = Fraction(1, 2**8)
+        corrected = min(max(nearest(word - bias, unit), Fraction(-(2**23))), 2**23 - unit)
+        unit = Fraction(1, 2**20)
+        scaled = min(max(nearest(corrected * scale / 2**12, unit), Fraction(-(2**11))), 2**11 - unit)
+        steps.append((t, t2, bias, scale, corrected, scaled))
+        if not group:
+            size = 2 ** min(decimation, 6)
+        group.append(scaled)
+        if len(group) == size:
+            means.append((n, nearest(sum(group) / size, unit)))
+            group = []
+    return steps, means
+
+
+# lock_monitor, fault_monitor, sequencer -----------------------------------------------------------------------------
+
+
+def run_length(history):
+    """How many of the last entries are true."""
+    return next((k for k, entry in enumerate(reversed(history)) if not entry), len(history))
+
+
+class Locks:
+    """Four loops, each with the history of what spoke against its present state."""
+
+    def __init__(self, p):
+        self.p = p
+        self.locked = [False] * 4
+        self.against = [[] for _ in range(4)]
+
+    def row(self):
+        return sum(1 << k for k in range(4) if self.locked[k]), tuple(run_length(h) for h in self.against)
+
+    def frame(self, enable, judged, agc_error, setpoint, phase, sense_sin, sense_cos, rail):
+        errors = [abs(agc_error), abs(phase), abs(sense_sin), abs(sense_cos)]
+        for k in range(4):
+            if k not in enable:
+                self.locked[k], self.against[k] = False, []
+                continue
+            if k not in judged:
+                continue
+            limit_in, limit_out = self.p.limit_in[k], self.p.limit_out[k]
+            if k == 0:
+                limit_in, limit_out = (math.floor(Fraction(v * setpoint, 2**16)) for v in (limit_in, limit_out))
+            railed = k == 3 and rail
+            against = errors[k] > limit_out and not railed if self.locked[k] else errors[k] <= limit_in or railed
+            self.against[k].append(against)
+            patience = (self.p.frames_out if self.locked[k] else self.p.frames_in)[k]
+            if against and run_length(self.against[k]) >= patience:
+                self.locked[k], self.against[k] = not self.locked[k], []
+
+
+class Faults:
+    """Histories of each symptom; flags are a set of names."""
+
+    NAMES = "over_range lost_lock stale stuck drive rate rail search_failed".split()
+    COUNTED = "over_range stuck drive rate rail".split()
+
+    def __init__(self, p):
+        self.p = p
+        self.codes = (0, 0, 0, 0)
+        self.clear_histories()
+
+    def clear_histories(self):
+        self.history = {name: [] for name in self.COUNTED}
+        self.good, self.flags, self.latch = [], set(), set()
+
+    def word(self, names):
+        return sum(1 << k for k, name in enumerate(self.NAMES) if name in names)
+
+    def row(self):
+        counts = [min(run_length(self.history[name]), getattr(self.p, name)) for name in self.COUNTED]
+        good = min(run_length(self.good), 65535)
+        bad = min(run_length([not g for g in self.good]), 65535)
+        return (self.codes, *counts, bad, good, self.word(self.flags), self.word(self.latch))
+
+    def frame(self, armed, fresh, codes, drive, rate, rail, watch_stuck, levels, clear):
+        if not armed:
+            self.clear_histories()
+            self.codes = codes
+            return
+        symptoms = {
+            "over_range": fresh and max(map(abs, codes)) >= 8388608 - 256,
+            "stuck": fresh and watch_stuck and codes == self.codes,
+            "drive": drive,
+            "rate": rate,
+            "rail": rail,
+        }
+        for name, symptom in symptoms.items():
+            self.history[name].append(bool(symptom))
+        self.flags = {n for n in self.COUNTED if 0 < getattr(self.p, n) <= run_length(self.history[n])} | set(levels)
+        if fresh:
+            self.codes = codes
+        else:
+            self.flags.add("stale")
+        self.good.append(not self.flags & {"stale", "stuck"})
+        self.latch = {n for n in self.latch if not (clear >> self.NAMES.index(n)) & 1} | self.flags
+
+
+def drive_story(p):
+    """The way from STANDBY to LOCKED, told in order: yields a state, is sent what the frame was like.
+
+    what  a dict: usable, recovered, turn (phase since the last frame, raw), magnitude, reached, drive, sense (locked)
+    """
+    what = yield "STANDBY"
+    while not what["recovered"]:
+        what = yield "STANDBY"
+    while True:
+        for _ in range(p.kick):
+            yield "KICK"
+        turns = None
+        while turns is None:
+            quiet = 0
+            while quiet < p.decay:
+                what = yield "DECAY"
+                quiet = quiet + 1 if what["usable"] else 0
+            turns = 0
+            for _ in range(p.search):
+                what = yield "SEARCH"
+                if not what["usable"]:
+                    turns = None
+                    break
+                turns += what["turn"]
+        if abs(nearest(Fraction(turns * p.gain, 2**16), 1)) > p.search_limit or what["magnitude"] < p.min_magnitude:
+            continue
+        for _ in range(p.retune):
+            yield "RETUNE"
+        for _ in range(p.timeout):
+            what = yield "ACQUIRE"
+            if what["reached"]:
+                break
+        if not what["reached"]:
+            continue
+        for _ in range(p.timeout):
+            what = yield "SETTLE"
+            if what["drive"]:
+                break
+        state = "BALANCE"
+        while what["drive"]:
+            what = yield state
+            state = "LOCKED" if what["sense"] else "BALANCE"
+
+
+SEQUENCER_STATES = "POWER_UP INIT IDLE STANDBY OPEN KICK DECAY SEARCH RETUNE ACQUIRE SETTLE BALANCE LOCKED".split()
+
+
+def sequencer(p, inputs):
+    """Rows of all registers of the sequencer, in their order; inputs have the fields of its Inputs."""
+    locks, faults = Locks(p.lock), Faults(p.faults)
+    rank = SEQUENCER_STATES.index
+    beginning = ["POWER_UP"] * p.power_up + ["INIT"] * p.init
+    state, story = beginning.pop(0), None
+    control = last_phase = rotation = correction = attempts = age = 0
+    lost = failed = False
+    rows = []
+
+    def row():
+        timer = min(age, 65535)
+        return (rank(state), timer, control, last_phase, rotation, correction, attempts, int(lost), int(failed)) + (
+            locks.row(),
+            faults.row(),
+        )
+
+    rows.append(row())
+    for i in inputs:
+        fresh = bool(i.adc_ok and not i.stale)
+        usable = fresh and "stuck" not in faults.flags
+        bit = {name: bool((i.control >> k) & 1) for k, name in enumerate("run a p f q ff fq open clear".split())}
+        idle = (bit["a"], bit["p"], bit["f"] or bit["ff"], bit["q"] or bit["fq"])
+        judged = {k for k in range(4) if not idle[k]}
+        fine = [locks.locked[k] or k not in judged for k in range(4)]
+        turn = congruent_within(i.phase - last_phase, 2**24, -(2**23))
+        what = {
+            "usable": usable,
+            "recovered": run_length(faults.good) >= p.recover,
+            "turn": turn,
+            "magnitude": i.magnitude,
+            "reached": usable and Fraction(i.magnitude) >= Fraction(i.setpoint * p.reached, 2**16),
+            "drive": fine[0] and fine[1],
+            "sense": fine[2] and fine[3],
+        }
+        rotation = rotation + turn if state == "SEARCH" and usable else 0
+        if state == "SEARCH":
+            correction = nearest(Fraction(rotation * p.gain, 2**16), 1)
+
+        before = state
+        if state in ("POWER_UP", "INIT"):
+            state = beginning.pop(0) if beginning else "IDLE"
+        elif not bit["run"]:
+            state, story = "IDLE", None
+        elif bit["open"]:
+            state, story = "OPEN", None
+        elif story is None or (state != "STANDBY" and run_length([not g for g in faults.good]) >= p.offline):
+            story = drive_story(p)
+            state = next(story)
+        else:
+            state = story.send(what)
+
+        age = 0 if state != before or (state == "DECAY" and not usable) else age + 1
+        flags_before = set(faults.flags)
+        levels = {name for name, level in (("lost_lock", lost), ("search_failed", failed)) if level}
+        if state == "KICK" and before in ("SEARCH", "ACQUIRE", "SETTLE"):
+            failed, attempts = True, min(attempts + 1, 255)
+        if state == "KICK" and before in ("BALANCE", "LOCKED"):
+            lost = True
+        if state in ("IDLE", "BALANCE", "LOCKED"):
+            lost = failed = False
+        control = i.control
+        if fresh:
+            last_phase = i.phase
+        if usable or rank(before) < rank("SETTLE"):
+            enable = [0, 1] * (rank(before) >= rank("SETTLE")) + [2, 3] * (rank(before) >= rank("BALANCE"))
+            error = i.setpoint - i.magnitude
+            locks.frame(enable, judged, error, i.setpoint, i.phase, i.sense_sin, i.sense_cos, i.qsc_rail)
+        faults.frame(
+            before not in ("POWER_UP", "INIT"),
+            fresh,
+            (i.drive_sin, i.drive_cos, i.sense_sin, i.sense_cos),
+            i.drive_saturated and rank(before) >= rank("SETTLE"),
+            i.rate_saturated,
+            i.qsc_rail and before in ("BALANCE", "LOCKED") and not bit["fq"],
+            rank(before) >= rank("SEARCH") or (before == "STANDBY" and "stuck" in flags_before),
+            levels,
+            255 if bit["clear"] else i.clear,
+        )
+        rows.append(row())
+    return rows
+
+
+# ---- testbench: scenario, waveforms ------------------------------------------------------------------------------------
+
+
+def profile_at(points, t, steps):
+    """Value at time t of a profile of points (time, value), exact; a later point at one time wins."""
+    before = [p for p in points if Fraction(p[0]) <= t]
+    after = [p for p in points if Fraction(p[0]) > t]
+    if not before:
+        return Fraction(points[0][1])
+    (t0, v0) = before[-1]
+    if steps or not after:
+        return Fraction(v0)
+    (t1, v1) = after[0]
+    share = (t - Fraction(t0)) / (Fraction(t1) - Fraction(t0))
+    return Fraction(v0) + share * (Fraction(v1) - Fraction(v0))
+
+
+def edge_picoseconds(edge):
+    """Time of an edge of the 26 MHz clock in whole picoseconds, nearest."""
+    exact = Fraction(edge) * Fraction(10**12, 26_000_000)
+    whole = exact.numerator // exact.denominator
+    return whole + (1 if exact - whole >= Fraction(1, 2) else 0)
