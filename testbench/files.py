@@ -110,7 +110,10 @@ class GuardedFile(io.RawIOBase):
     def close(self):
         if not self.closed:
             super().close()
-            self._attempt(self._file.close, None)
+            try:
+                self._file.close()
+            except OSError as problem:
+                self.problem = self.problem or problem
 
     def _attempt(self, action, otherwise):
         if self.problem is not None:

@@ -895,8 +895,8 @@ def profile_at(points, t, steps):
     return Fraction(v0) + share * (Fraction(v1) - Fraction(v0))
 
 
-def edge_picoseconds(edge):
-    """Time of an edge of the 26 MHz clock in whole picoseconds, nearest."""
-    exact = Fraction(edge) * Fraction(10**12, 26_000_000)
+def edge_picoseconds(edge, clock_mhz=26):
+    """Time of an edge of the clock in whole picoseconds, nearest."""
+    exact = Fraction(edge * 10**6, clock_mhz)
     whole = exact.numerator // exact.denominator
     return whole + (1 if exact - whole >= Fraction(1, 2) else 0)
