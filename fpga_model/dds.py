@@ -1,0 +1,74 @@
+"""Direct digital synthesis: one 48-bit phase accumulator and four outputs with a phase offset each.
+
+    phase[n+1]  = phase[n] + word     mod 1 turn
+    output[n+1] = phase[n] + offset   mod 1 turn      for drive_sine, sense_sine, drive_ref, sense_ref
+
+    word --(+)--[phase]--+--(+ offset)--[drive_sine]
+            ^-----------'+--(+ offset)--[sense_sine]
+                         +--(+ offset)--[drive_ref]
+                         '--(+ offset)--[sense_ref]          [..] register
+
+Formats   word, offsets, phase and outputs [0,0,48], unsigned turns
+Latency   1 clock from phase to an output, from an offset to its output, and from word to phase
+Rounding  none
+Overflow  every sum wraps at one turn: phase arithmetic is modular
+Source    docs/blocks/dds.md
+
+A positive offset advances its output. Frequency = word * 26 MHz / 2**48, so the LSB of word is 92.4 nHz.
+"""
+
+from fractions import Fraction
+from typing import NamedTuple
+
+from fpga_model.fixed import Fmt, add_fmt, quantize, wrap_unsigned
+from fpga_model.jit import inlined
+from fpga_model.rates import MASTER_HZ
+
+PHASE = Fmt(0, 0, 48)
+WIDTH = PHASE.width
+LATENCY = 1
+assert add_fmt(PHASE, PHASE).width <= 63, "the sum must fit int64 before it wraps"
+
+
+class State(NamedTuple):
+    """The registers; the defaults are the reset values."""
+
+    phase: int = 0
+    drive_sine: int = 0
+    sense_sine: int = 0
+    drive_ref: int = 0
+    sense_ref: int = 0
+
+
+STATE_FMT = State(*[PHASE] * 5)
+
+
+def word_of_hz(frequency_hz):
+    """Frequency word nearest to `frequency_hz`; raises ValueError outside 0 .. 26 MHz."""
+    if not 0 <= frequency_hz < MASTER_HZ:
+        raise ValueError(f"frequency_hz: {frequency_hz} Hz is not from 0 to below {MASTER_HZ} Hz")
+    return quantize(Fraction(frequency_hz) / MASTER_HZ, PHASE, "frequency_hz / 26 MHz (turns per clock)")
+
+
+def hz_of_word(word):
+    """Exact frequency of a word, as a Fraction (Hz)."""
+    return Fraction(word * MASTER_HZ, 1 << PHASE.f)
+
+
+def offset_of_deg(offset_deg):
+    """Offset word nearest to `offset_deg`, taken modulo one turn; a positive offset advances the output."""
+    if not abs(offset_deg) < float("inf"):
+        raise ValueError(f"offset_deg: {offset_deg} deg is not a finite number")
+    return round(Fraction(offset_deg) / 360 * (1 << PHASE.f)) % (1 << PHASE.f)
+
+
+@inlined
+def step(s, word, off_drive_sine, off_sense_sine, off_drive_ref, off_sense_ref):
+    """One clock edge: every right-hand side reads the old registers."""
+    return State(
+        phase=wrap_unsigned(s.phase + word, WIDTH),
+        drive_sine=wrap_unsigned(s.phase + off_drive_sine, WIDTH),
+        sense_sine=wrap_unsigned(s.phase + off_sense_sine, WIDTH),
+        drive_ref=wrap_unsigned(s.phase + off_drive_ref, WIDTH),
+        sense_ref=wrap_unsigned(s.phase + off_sense_ref, WIDTH),
+    )

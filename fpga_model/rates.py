@@ -1,0 +1,84 @@
+"""Clock enables of the one clock domain: 26 MHz, 1 MHz ticks, 8 kHz frames, and the slots of the 8 kHz work.
+
+    tick[n+1]  = tick[n] + 1 mod 26
+    frame[n+1] = frame[n] + 1 mod 125 when tick wraps, else held
+    slot[n+1]  = 1 if go, else slot[n] + 1 while 1 <= slot[n] < SLOTS, else 0
+
+    [tick] --(== 25)--> en [frame]        go --> [slot]        ce_1m = (tick == 0), ce_8k = ce_1m and (frame == 0)
+
+Formats   tick [0,5,0]   frame [0,7,0]   slot [0,6,0]
+Latency   1 clock from go to slot = 1; the enables are decoded from the registers
+Rounding  none
+Overflow  tick wraps at 26, frame at 125; slot returns to 0 after SLOTS, a new go restarts it
+Source    docs/blocks/rates.md
+"""
+
+from typing import NamedTuple
+
+from fpga_model.fixed import bits
+from fpga_model.jit import inlined
+
+MASTER_HZ = 26_000_000
+TICK_CYCLES = 26
+TICK_HZ = MASTER_HZ // TICK_CYCLES
+FRAME_TICKS = 125
+FRAME_CYCLES = FRAME_TICKS * TICK_CYCLES
+FRAME_HZ = MASTER_HZ // FRAME_CYCLES
+LATENCY = 1
+
+# The 8 kHz work in clocks after a valid ADC frame: each slot is the first clock at which its block is enabled.
+SLOT_CORDIC = 1
+SLOT_LOOPS = 32
+SLOT_ROOT = 36
+SLOT_OUTPUT = 56
+SLOTS = 60
+
+
+class State(NamedTuple):
+    """The registers; the defaults are the reset values."""
+
+    tick: int = 0
+    frame: int = 0
+    slot: int = 0
+
+
+STATE_FMT = State(tick=bits(5), frame=bits(7), slot=bits(6))
+assert TICK_HZ * TICK_CYCLES == FRAME_HZ * FRAME_CYCLES == MASTER_HZ, "the rates must divide exactly"
+assert STATE_FMT.tick.holds(TICK_CYCLES - 1)
+assert STATE_FMT.frame.holds(FRAME_TICKS - 1)
+assert STATE_FMT.slot.holds(SLOTS)
+assert SLOT_CORDIC < SLOT_LOOPS < SLOT_ROOT < SLOT_OUTPUT < SLOTS < FRAME_CYCLES
+
+
+@inlined
+def step(s, go):
+    """One clock edge: every right-hand side reads the old registers."""
+    tick = s.tick + 1
+    frame = s.frame
+    if tick == TICK_CYCLES:
+        tick = 0
+        frame = s.frame + 1 if s.frame != FRAME_TICKS - 1 else 0
+    slot = 0
+    if go == 1:
+        slot = 1
+    elif s.slot != 0 and s.slot != SLOTS:
+        slot = s.slot + 1
+    return State(tick=tick, frame=frame, slot=slot)
+
+
+@inlined
+def at(s, tick):
+    """1 in the clock whose edge is number `tick` of the 1 us tick."""
+    return 1 if s.tick == tick else 0
+
+
+@inlined
+def ce_1m(s):
+    """1 MHz enable: the first edge of a tick."""
+    return 1 if s.tick == 0 else 0
+
+
+@inlined
+def ce_8k(s):
+    """8 kHz enable: the first edge of a frame."""
+    return 1 if s.tick == 0 and s.frame == 0 else 0

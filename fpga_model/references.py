@@ -1,0 +1,92 @@
+"""The four reference pins sgn(sin), sgn(cos) of drive and sense, optionally held on the 1 MHz grid.
+
+    sgn(sin) = 1 in [0, 1/2) turn     sgn(cos) = 1 in [0, 1/4) and [3/4, 1) turn
+    signs[n+1] = packed signs     aligned[n+1] = (signs[n], aligned0[n], aligned1[n])
+    retimed[n+1] = picked[n] at ce_1m, else held     picked = signs if align == 0 else aligned(align-1)
+
+    drive_ref, sense_ref --(signs)--[signs]--[aligned0]--[aligned1]--[aligned2]
+                                       '---------'-----------'-----------'--(align)--+--[retimed]--(retimed)-- pins
+                                                                                     '------------------'
+
+Formats   drive_ref, sense_ref [0,0,48]   signs, aligned, retimed, pins [0,4,0]   align [0,2,0]   retimed [0,1,0]
+Latency   1 + align clocks from a phase to its pin; with retimed, 1 more clock and up to 25 of waiting for ce_1m
+Rounding  none
+Overflow  none
+Source    docs/blocks/references.md
+
+Packed words: bit 0 drive sgn(sin), bit 1 drive sgn(cos), bit 2 sense sgn(sin), bit 3 sense sgn(cos).
+"""
+
+from typing import NamedTuple
+
+from fpga_model.fixed import Fmt, bits, quantize
+from fpga_model.jit import inlined
+
+PHASE = Fmt(0, 0, 48)
+TURN_BIT = PHASE.width - 1
+MAX_ALIGN = 3
+LATENCY = 1
+DRIVE_SIN, DRIVE_COS, SENSE_SIN, SENSE_COS = 0, 1, 2, 3
+
+
+class Params(NamedTuple):
+    """Machine units; build with `design`."""
+
+    align: int
+    retimed: int
+
+
+class State(NamedTuple):
+    """The registers; the defaults are the reset values."""
+
+    signs: int = 0
+    aligned: tuple = (0,) * MAX_ALIGN
+    retimed: int = 0
+
+
+PARAMS_FMT = Params(align=bits(2), retimed=bits(1))
+STATE_FMT = State(signs=bits(4), aligned=(bits(4),) * MAX_ALIGN, retimed=bits(4))
+
+
+def design(align_clocks=0, retimed=True):
+    """Alignment of `align_clocks` (26 MHz clocks, 0 .. 3), and whether the pins leave on the 1 MHz grid."""
+    align = quantize(align_clocks, PARAMS_FMT.align, "align_clocks (26 MHz clocks)")
+    if align != align_clocks:
+        raise ValueError(f"align_clocks: {align_clocks} is not a whole number of 26 MHz clocks")
+    return Params(align=align, retimed=quantize(retimed, PARAMS_FMT.retimed, "retimed (0 or 1)"))
+
+
+@inlined
+def signs_of(phase):
+    """Bit 0 sgn(sin), bit 1 sgn(cos) of a phase."""
+    half = (phase >> TURN_BIT) & 1
+    quarter = (phase >> (TURN_BIT - 1)) & 1
+    return (half ^ 1) | ((half ^ quarter ^ 1) << 1)
+
+
+@inlined
+def picked(p, s):
+    """The sign word after `align` further registers."""
+    word = s.signs
+    if p.align != 0:
+        word = s.aligned[p.align - 1]
+    return word
+
+
+@inlined
+def step(p, s, drive_ref, sense_ref, ce_1m):
+    """One clock edge: every right-hand side reads the old registers."""
+    retimed = s.retimed
+    if ce_1m == 1:
+        retimed = picked(p, s)
+    return State(
+        signs=signs_of(drive_ref) | (signs_of(sense_ref) << 2),
+        aligned=(s.signs,) + s.aligned[:-1],
+        retimed=retimed,
+    )
+
+
+@inlined
+def pins(p, s):
+    """The packed word on the four pins."""
+    return s.retimed if p.retimed == 1 else picked(p, s)

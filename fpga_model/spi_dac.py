@@ -1,0 +1,214 @@
+"""SPI master for the three DACs: one bit per 26 MHz clock, and the pin edge at which the code takes effect.
+
+    load:      shift = word, left = bits, SYNC low; SCLK runs after `lead` clocks
+    SCLK on:   shift <<= 1, left -= 1 each clock; after the last bit SYNC rises and SCLK stops
+    ldac = 1:  LDAC is low for one clock, one clock after SYNC has risen
+
+    clock     0     1     2    ...  bits-1  bits  bits+1  bits+2     (lead 0, ldac 1; clock 0 follows the load edge)
+    SYNC_N  __low_____________________________|-high--------------
+    SDIN     MSB   ...               LSB
+    LDAC_N  ----------------------------------------|_low__|------
+
+Formats   word, shift, header, control [0,24,0]   flip, data_mask [0,20,0]   left [0,5,0]   lead [0,2,0]   pins [0,1,0]
+Latency   `latch_cycles`: lead + bits + ldac clocks from the load edge to the edge that changes the output
+Rounding  none
+Overflow  none: the period between loads must be at least `period_cycles`; a load restarts a frame in progress
+Source    docs/blocks/spi_dac.md, docs/parts/dac_serial.md
+
+SCLK is the 26 MHz clock gated by sclk_en, so the DAC samples SDIN in the middle of the clock; SDIN is the MSB of shift.
+The code is signed for the drive and sense DACs and unsigned for the quadrature DAC.
+"""
+
+from fractions import Fraction
+from typing import NamedTuple
+
+from fpga_model.fixed import bits
+from fpga_model.jit import inlined
+from fpga_model.rates import MASTER_HZ, TICK_CYCLES
+
+PRODUCT_TICK, CODE_TICK, LOAD_TICK = 0, 1, 2
+WORD = bits(24)
+
+
+class Params(NamedTuple):
+    """One DAC's frame; use DAC8811, AD5791 or DAC82002."""
+
+    bits: int
+    lead: int
+    ldac: int
+    flip: int
+    header: int
+    control: int
+    data_mask: int
+
+
+class State(NamedTuple):
+    """The registers; the defaults are the reset values."""
+
+    shift: int = 0
+    left: int = 0
+    lead: int = 0
+    sync_n: int = 1
+    sclk_en: int = 0
+    ldac_n: int = 1
+    ldac_wait: int = 0
+
+
+PARAMS_FMT = Params(
+    bits=bits(5), lead=bits(2), ldac=bits(1), flip=bits(20), header=WORD, control=WORD, data_mask=bits(20)
+)
+STATE_FMT = State(
+    shift=WORD, left=bits(5), lead=bits(2), sync_n=bits(1), sclk_en=bits(1), ldac_n=bits(1), ldac_wait=bits(1)
+)
+
+# AD5791 control register; OPGND (bit 2), DACTRI (bit 3) and BIN/2sC (bit 4) are 0: output on, two's complement
+AD5791_RBUF = 1 << 1
+AD5791_LINCOMP_20V = 0b1100 << 6
+# DAC82002: write bit 0, then register 08h = DAC-A
+DAC82002_DAC_A = 0x08
+
+DAC8811 = Params(bits=16, lead=1, ldac=0, flip=0x8000, header=0, control=0, data_mask=0xFFFF)
+AD5791 = Params(
+    bits=24,
+    lead=0,
+    ldac=1,
+    flip=0,
+    header=0b0001 << 20,
+    control=0b0010 << 20 | AD5791_LINCOMP_20V | AD5791_RBUF,
+    data_mask=0xFFFFF,
+)
+DAC82002 = Params(bits=24, lead=0, ldac=0, flip=0, header=DAC82002_DAC_A << 16, control=0, data_mask=0xFFFF)
+
+DRIVE_PERIOD_CYCLES = TICK_CYCLES
+SENSE_PERIOD_CYCLES = TICK_CYCLES
+QUADRATURE_PERIOD_CYCLES = 2 * TICK_CYCLES
+
+
+@inlined
+def frame(p, code, init):
+    """The word of a frame: the control word if `init` (and the part has one), else header and code."""
+    word = p.header | ((code ^ p.flip) & p.data_mask)
+    if init == 1 and p.control != 0:
+        word = p.control
+    return word
+
+
+@inlined
+def step(p, s, load, word):
+    """One clock edge: every right-hand side reads the old registers."""
+    if load == 1:
+        return State(
+            shift=word,
+            left=p.bits,
+            lead=p.lead,
+            sync_n=0,
+            sclk_en=1 if p.lead == 0 else 0,
+            ldac_n=1,
+            ldac_wait=0,
+        )
+    shift, left, lead, sync_n, sclk_en = s.shift, s.left, s.lead, s.sync_n, s.sclk_en
+    ldac_wait = 0
+    if s.sclk_en == 1:
+        shift = (s.shift << 1) & ((1 << p.bits) - 1)
+        left = s.left - 1
+        if s.left == 1:
+            sync_n = 1
+            sclk_en = 0
+            ldac_wait = p.ldac
+    elif s.lead != 0:
+        lead = s.lead - 1
+        sclk_en = 1 if s.lead == 1 else 0
+    return State(
+        shift=shift,
+        left=left,
+        lead=lead,
+        sync_n=sync_n,
+        sclk_en=sclk_en,
+        ldac_n=s.ldac_wait ^ 1,
+        ldac_wait=ldac_wait,
+    )
+
+
+@inlined
+def sdin(p, s):
+    """Serial data pin: the MSB of the shift register."""
+    return (s.shift >> (p.bits - 1)) & 1
+
+
+def latch_cycles(p):
+    """Clocks from the load edge to the edge after which the DAC is told to change its output."""
+    return p.lead + p.bits + p.ldac
+
+
+def period_cycles(p):
+    """Least clocks between loads: SYNC and LDAC must be high for one clock or more."""
+    return latch_cycles(p) + 1
+
+
+# name: ns, least, from the data sheets (docs/parts/dac_serial.md says which are confirmed)
+DAC8811_LIMITS_NS = {
+    "SCLK period": 20,
+    "SCLK high": 10,
+    "SCLK low": 10,
+    "CS fall to first SCLK edge": 5,
+    "SDIN setup": 5,
+    "SDIN hold": 10,
+    "last SCLK edge to CS rise": 10,
+}
+AD5791_LIMITS_NS = {
+    "SCLK period": 28,
+    "SYNC fall to first SCLK edge": 5,
+    "last SCLK edge to SYNC rise": 2,
+    "SYNC high": 48,
+    "SYNC rise to LDAC fall": 20,
+    "LDAC low": 14,
+}
+DAC82002_LIMITS_NS = {
+    "SCLK period": 20,
+    "SCLK high": 9,
+    "SCLK low": 9,
+    "SYNC fall to first SCLK edge": 13,
+    "SDIN setup": 5,
+    "SDIN hold": 10,
+    "last SCLK edge to SYNC rise": 10,
+    "SYNC high": 160,
+    "update to update": 1000,
+}
+
+
+def limits_ns(p):
+    """Data sheet minima of the part that speaks this frame, {name: ns}."""
+    if p.ldac:
+        return AD5791_LIMITS_NS
+    return DAC8811_LIMITS_NS if p.bits == DAC8811.bits else DAC82002_LIMITS_NS
+
+
+def timing_report(p, period_clocks):
+    """Pin timing of the master against the part: list of (name, actual_ns, limit_ns, ok).
+
+    period_clocks  26 MHz clocks between loads
+    SCLK has 50 % duty; pin-to-pin skew and rise times are not counted. Raises ValueError if frames would overlap.
+    """
+    if period_clocks < period_cycles(p):
+        raise ValueError(f"period_clocks: {period_clocks} is below {period_cycles(p)} clocks, the length of a frame")
+    half = Fraction(1, 2)
+    clocks = {
+        "SCLK period": 1,
+        "SCLK high": half,
+        "SCLK low": half,
+        "CS fall to first SCLK edge": p.lead + half,
+        "SYNC fall to first SCLK edge": p.lead + half,
+        "SDIN setup": half,
+        "SDIN hold": half,
+        "last SCLK edge to CS rise": half,
+        "last SCLK edge to SYNC rise": half,
+        "SYNC high": period_clocks - p.lead - p.bits,
+        "SYNC rise to LDAC fall": 1,
+        "LDAC low": 1,
+        "update to update": period_clocks,
+    }
+    report = []
+    for name, limit_ns in limits_ns(p).items():
+        actual_ns = Fraction(clocks[name]) * 1_000_000_000 / MASTER_HZ
+        report.append((name, float(actual_ns), float(limit_ns), actual_ns >= limit_ns))
+    return report
