@@ -1,6 +1,6 @@
 """Every number of the plant in one record: `Device`, and `FIELDS`, the limits it is checked against.
 
-The defaults are the base plant at `temp_ref_degc`; `thermal.at_temperature` gives the same record at another temperature.
+The defaults are the base plant at `temp_ref_degc`; `thermal.at_temperature` gives the record at another temperature.
 `drive` is the x mode and its electronics, `sense` the y mode. All values are SI with the unit in the name; a number
 without a unit suffix is dimensionless.
 
