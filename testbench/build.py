@@ -1,0 +1,217 @@
+"""From a checked configuration to the parameters of the engine: the one place where firmware and plant are designed
+together, each by its own `design` functions.
+
+What the firmware's designers know of the gyroscope (`nominal`): the default device at 25 degC. The plant that is simulated
+may differ; its tolerances are what the loops must stand.
+Source    docs/architecture.md
+"""
+
+import math
+from fractions import Fraction
+
+import numpy as np
+
+from analog_frontend import adc, dac, effects, noise, propagator, sid, thermal
+from analog_frontend import top as plant
+from analog_frontend.device import Device
+from analog_frontend.propagator import CYCLES
+from fpga_model import (
+    agc,
+    control,
+    dds,
+    delay,
+    digital_sid,
+    fault_monitor,
+    frequency_tracker,
+    lock_monitor,
+    modulator,
+    quadrature_loop,
+    rate_loop,
+    references,
+    sequencer,
+    spi_dac,
+    watchdog,
+)
+from fpga_model import top as fpga
+from fpga_model.rates import MASTER_HZ, TICK_HZ
+from testbench import engine
+
+RAD_PER_DEG = math.pi / 180
+KNOT_K = 0.5
+CONVERSION_DELAY_S = 1.5e-6  # A  the decimator's last steps; DRDY must not fall before the plant tick is known
+
+
+def nominal(config):
+    """Scale factors that the loops are designed with, from the nominal device (SI units, per deg/s where it applies)."""
+    d = Device()
+    w = 2 * math.pi * d.fx_hz
+    amplitude_m = config.firmware.amplitude_um * 1e-6
+    gain, _ = propagator.cv_chain(d, "drive", d.temp_ref_degc)
+    sense_gain, _ = propagator.cv_chain(d, "sense", d.temp_ref_degc)
+    sid_gain = 4 / math.pi
+    coriolis_n = 2 * d.coriolis_mass_kg * w * amplitude_m * RAD_PER_DEG
+    stiffness = d.mass_kg * abs((2 * math.pi * d.fy_hz) ** 2 - w**2)
+    return {
+        "v_per_um": gain * d.signal_gain * sid_gain * 1e-6,
+        "code_v_per_deg_s": coriolis_n / stiffness * sense_gain * d.signal_gain * sid_gain,
+        "word_v_per_deg_s": coriolis_n / d.k_vf_sense_n_per_v,
+        "plant_fs_per_s": d.k_vf_drive_n_per_v
+        * d.drive_dac_span_v
+        / (2 * d.mass_kg * w)
+        * gain
+        * d.signal_gain
+        * sid_gain
+        * d.adc_pga_drive
+        / d.adc_vref_v,
+        "null_deg_per_s": d.kxy_n_per_m * amplitude_m / coriolis_n,
+        "null_v": math.sqrt(d.kxy_n_per_m / d.kq_n_per_m_per_v2),
+        "adc_drive_v": d.adc_vref_v / d.adc_pga_drive,
+        "adc_sense_v": d.adc_vref_v / d.adc_pga_sense,
+    }
+
+
+def firmware(config):
+    """Parameters of the FPGA."""
+    f, n = config.firmware, nominal(config)
+    noisy = any(getattr(config.noise, name) for name in ("adc", "cv"))
+    code_per_deg_s = n["code_v_per_deg_s"] / n["adc_sense_v"] * 2**23
+    return fpga.Params(
+        digital=1 if f.board == "digital_sid" else 0,
+        quadrature_fast=1 if f.quadrature_update_khz == 1000 else 0,
+        pipe=delay.design(f.pipeline_registers),
+        references=references.design(f.reference_registers, f.reference_retimed),
+        drive_modulator=modulator.design(16, f.frame_latency_drive),
+        sense_modulator=modulator.design(20, f.frame_latency_sense),
+        drive_dac=spi_dac.DAC8811,
+        sense_dac=spi_dac.AD5791,
+        quadrature_dac=spi_dac.DAC82002,
+        sid=digital_sid.design(),
+        watchdog=watchdog.design(),
+        control=control.Params(
+            agc=agc.design(f.agc_crossover_hz, f.agc_zero_hz, plant_fs_per_s=n["plant_fs_per_s"]),
+            frequency_tracker=frequency_tracker.design(f.pll_crossover_hz, f.pll_zero_hz),
+            rate_loop=rate_loop.design(
+                f.ftr_crossover_hz,
+                f.ftr_zero_hz,
+                code_v_per_deg_s=n["code_v_per_deg_s"],
+                adc_full_scale_v=n["adc_sense_v"],
+                word_v_per_deg_s=n["word_v_per_deg_s"],
+            ),
+            quadrature_loop=quadrature_loop.design(
+                f.qsc_crossover_hz,
+                code_v_per_deg_s=n["code_v_per_deg_s"],
+                adc_full_scale_v=n["adc_sense_v"],
+                null_deg_per_s=n["null_deg_per_s"],
+                null_v=n["null_v"],
+            ),
+            sequencer=sequencer.design(
+                lock=lock_monitor.design(code_per_deg_s=code_per_deg_s),
+                # without any noise four codes may rest for good: nothing is stuck then
+                faults=fault_monitor.design() if noisy else fault_monitor.design(stuck_s=0),
+            ),
+        ),
+    )
+
+
+def register_writes(config):
+    """Host writes of the first microseconds: (name, raw) of what the configuration sets in the register map."""
+    f, n = config.firmware, nominal(config)
+    names = ("phase_drive_sine", "phase_sense_sine", "phase_drive_ref", "phase_sense_ref")
+    return (
+        ("frequency_fixed", dds.word_of_hz(f.nominal_frequency_hz)),
+        ("amplitude_setpoint", agc.setpoint(f.amplitude_um, n["v_per_um"], n["adc_drive_v"])),
+        *((name, word) for name, word in zip(names, f.phase_words()) if word),
+    )
+
+
+def _stacked(device, temp_lo_degc, temp_hi_degc):
+    """Tables over the range of temperatures, with one knot if there is only one: (tables, first degC, step K, count)."""
+    if temp_lo_degc == temp_hi_degc:
+        single = propagator.build(device, temp_lo_degc)
+        return propagator.Plant(*(np.stack([item]) for item in single)), temp_lo_degc, KNOT_K, 1
+    table = propagator.knots(device, temp_lo_degc, temp_hi_degc, KNOT_K)
+    stacks = propagator.Plant(*(np.ascontiguousarray(item) for item in table.stacks))
+    return stacks, table.temp_lo_degc, table.step_k, table.count
+
+
+def _switch_instants(delay_s, tick_s):
+    """Instant within its tick, and 1 for the next tick, of an analog switch `delay_s` after an edge at clock 0 .. 25."""
+    if not delay_s < tick_s:
+        raise ValueError(f"plant.sid_switch_s = {delay_s:g} is above the limit {tick_s:g} s, one plant tick")
+    instants = [Fraction(delay_s) + Fraction(tick_s) * c / CYCLES for c in range(CYCLES)]
+    carry = [int(t >= Fraction(tick_s)) for t in instants]
+    return np.array([float(t - c * Fraction(tick_s)) for t, c in zip(instants, carry)]), np.array(carry)
+
+
+def analog(config, temp_lo_degc, temp_hi_degc):
+    """Parameters of the plant for a range of temperatures."""
+    d = config.device()
+    warm = thermal.at_temperature(d, temp_lo_degc)
+    tables, first, step_k, count = _stacked(d, temp_lo_degc, temp_hi_degc)
+    tick_s = float(tables.tick_s[0])
+    on, seed = config.noise, config.noise.seed
+    w = 2 * math.pi
+
+    def white(name, density, switch):
+        return noise.source(seed, name, noise.sigma_from_density(density, TICK_HZ), switch)
+
+    damping_x = warm.mass_kg * w * warm.fx_hz / warm.qx
+    damping_y = warm.mass_kg * w * warm.fy_hz / warm.qy
+    cv_density = d.cv_noise_v_per_rthz * abs(d.signal_gain)
+    switch_tau_s, switch_carry = _switch_instants(d.sid_switch_s, tick_s)
+    return plant.Params(
+        drive_dac=dac.design(16, d.drive_dac_span_v, bow=d.drive_dac_bow, glitch_v_s=d.drive_dac_glitch_v_s),
+        sense_dac=dac.design(20, d.sense_dac_span_v, bow=d.sense_dac_bow, glitch_v_s=d.sense_dac_glitch_v_s),
+        quad_lsb_v=d.quad_dac_span_v / 2**16,
+        tables=tables,
+        temp_lo_degc=float(first),
+        temp_step_k=float(step_k),
+        temp_count=count,
+        switch_tau_s=switch_tau_s,
+        switch_carry=switch_carry,
+        sid=sid.design(
+            float(tables.sid_rc_s[0]), tick_s, sid.injection_volts(d.sid_charge_c, d.sid_charge_mismatch, d.sid_c_f)
+        ),
+        adc=_adc(config, d, tick_s),
+        noise=plant.Noise(
+            force_x=white("force_x", noise.thermomechanical_density(damping_x, temp_lo_degc), on.thermomechanical),
+            force_y=white("force_y", noise.thermomechanical_density(damping_y, temp_lo_degc), on.thermomechanical),
+            cv_x=white("cv_x", cv_density, on.cv),
+            cv_y=white("cv_y", cv_density, on.cv),
+            drive_dac=white("dac_drive", d.drive_dac_noise_v_per_rthz, on.cv),
+            sense_dac=white("dac_sense", d.sense_dac_noise_v_per_rthz, on.cv),
+            edge_jitter=noise.source(seed, "edge_jitter", d.clock_jitter_s, on.jitter),
+        ),
+        effects=effects.design(config),
+        sar_lsb_v=d.sar_span_v / 2**17,
+        slope_gain=float(d.signal_gain),
+    )
+
+
+def _adc(config, d, tick_s):
+    """The converter: PGA 1 for the two drive channels and the sensor, the sense gain for the others."""
+    on = config.noise
+    drive, sense = d.adc_noise_drive_v, d.adc_noise_sense_v
+    flicker = d.sid_flicker_v_per_rthz if on.flicker else 0.0
+    free_ppm = d.adc_clock_ppm if config.firmware.adc_clock == "free_running" else 0.0
+    return adc.design(
+        seed=on.seed,
+        pga=(d.adc_pga_drive, d.adc_pga_drive, d.adc_pga_sense, d.adc_pga_sense, d.adc_pga_drive),
+        vref_v=d.adc_vref_v,
+        step_code=d.adc_step_code,
+        decimation=d.adc_decimation,
+        period=adc.modulator_period(free_ppm, d.adc_modulator_hz),
+        conversion_delay_s=CONVERSION_DELAY_S + d.adc_delay_s,
+        noise_v=(drive, drive, sense, sense, drive) if on.adc else (0.0,) * adc.CHANNELS,
+        flicker_v_per_rthz=(flicker,) * 4 + (0.0,),
+    )
+
+
+def params(config, temp_lo_degc, temp_hi_degc):
+    """Parameters of the engine."""
+    return engine.Params(firmware(config), analog(config, temp_lo_degc, temp_hi_degc))
+
+
+def clock_hz(config):
+    """True frequency of the master clock."""
+    return MASTER_HZ * (1 + 1e-6 * config.plant.clock_ppm)
