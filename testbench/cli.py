@@ -20,11 +20,13 @@ from testbench.version import VERSION
 
 EXIT_MENDABLE, EXIT_INTERRUPTED = 2, 130
 SHOW_PROGRESS_AFTER_S = 1.0
+PLAIN_WIDTH = 120  # columns where standard output is no terminal
 
 app = typer.Typer(
     name="gyro",
     no_args_is_help=True,
     add_completion=False,
+    pretty_exceptions_enable=False,
     rich_markup_mode="rich",
     help="Golden reference for the firmware of a MEMS gyroscope, closed around its plant.",
 )
@@ -176,7 +178,7 @@ def _print_json(data):
 def _console():
     from rich.console import Console
 
-    return Console(soft_wrap=False, highlight=False)
+    return Console(highlight=False, width=None if sys.stdout.isatty() else PLAIN_WIDTH)
 
 
 def _print_tables(shown):
@@ -247,7 +249,6 @@ def main(argv=None):
         _say(problem)
         code = EXIT_MENDABLE
     except KeyboardInterrupt:
-        _say("interrupted")
         code = EXIT_INTERRUPTED
     except BrokenPipeError:
         sys.stderr.close()
@@ -255,14 +256,16 @@ def main(argv=None):
     except Exception as problem:
         # usage errors of the argument parser, whose class typer keeps private, know their exit code and their line
         if type(problem).__name__ == "Abort":
-            _say("interrupted")
             code = EXIT_INTERRUPTED
         elif hasattr(problem, "format_message"):
             _say(problem.format_message() or "no command; try gyro --help")
             code = EXIT_MENDABLE
         else:
             raise
-    sys.exit(code if isinstance(code, int) else 0)
+    code = code if isinstance(code, int) else 0
+    if code == EXIT_INTERRUPTED:
+        _say("interrupted")
+    sys.exit(code)
 
 
 if __name__ == "__main__":

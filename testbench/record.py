@@ -15,6 +15,7 @@ Source  docs/record.md
 import hashlib
 import json
 import platform
+import re
 import uuid
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -37,6 +38,7 @@ UNITS = frozenset(
     "1 code word edge tick s ms us ns Hz kHz turn deg rad deg/s rad/s degC K V A F N m um pm N/m ppm "
     "LSB LSB/(deg/s)".split()
 )
+SCALED_UNIT = re.compile(r"(?:\d+(?:\.\d+)? )?(\S+)/2\^\d+")
 KINDS = "iuf"  # NumPy kinds that a column may hold
 NO_ATTRS = MappingProxyType({})
 CHUNK_BYTES = 1 << 18
@@ -92,6 +94,12 @@ class Record:
     attrs: dict = field(default_factory=dict)
     versions: dict = field(default_factory=dict)
     content_sha256: str = ""
+
+
+def known_unit(unit):
+    """True for a unit of the table, or a power-of-two share of one, such as "10 V/2^23"."""
+    scaled = SCALED_UNIT.fullmatch(unit) if isinstance(unit, str) else None
+    return unit in UNITS or (scaled is not None and scaled[1] in UNITS)
 
 
 def versions():
@@ -220,7 +228,7 @@ class RecordWriter:
 
     def stream(self, name, unit, dtype, num=1, den=1, edge0=0, **attrs):
         """Declare a stream: numbers of `unit`, num / den rows per clock edge, row 0 at edge `edge0`."""
-        if unit not in UNITS:
+        if not known_unit(unit):
             raise ValueError(f"stream {name}: unit {unit!r} is not in the table of units")
         if name in self._streams or num < 1 or den < 1:
             raise ValueError(f"stream {name}: declared twice, or rate {num}/{den} is not a ratio of positive integers")
@@ -247,7 +255,7 @@ class RecordWriter:
         """Write a small table: column -> (unit, values); text columns have unit ""."""
         columns = {key: TableColumn(_table_array(values), unit) for key, (unit, values) in columns.items()}
         for key, column in columns.items():
-            if column.unit not in UNITS and column.unit != "":
+            if column.unit != "" and not known_unit(column.unit):
                 raise ValueError(f"table {name}: unit {column.unit!r} of {key} is not in the table of units")
         self._rows(name, columns)
         self._tables[name] = columns
@@ -457,7 +465,7 @@ def _read_column(file, place, record, listed, findings):
         findings.append(f"R20 {place} expected little-endian numbers, found {dataset.dtype}")
         return
     unit = dataset.attrs.get("unit")
-    if unit not in UNITS and not (unit == "" and group != "streams"):
+    if not known_unit(unit) and not (unit == "" and group != "streams"):
         findings.append(f"R03 {place} expected a unit, found {unit!r}")
         return
     data = np.array(dataset.asstr()[:].tolist(), str) if text else dataset[:]
