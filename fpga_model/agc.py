@@ -1,0 +1,113 @@
+"""Drive amplitude loop: a PI on the CORDIC magnitude, and the fixed kick of the start-up.
+
+    en      error' = setpoint - magnitude
+    en_pi   the PI of pi.py acts on error, in its mode; KICK counts as OFF with preset 0
+    amplitude = kick in mode KICK, else loop.y
+
+    magnitude --(-)--[error]--(pi)--[loop.y]--(mode KICK ? kick : y)-->     [..] register
+    setpoint ---^
+
+Formats   magnitude [0,25,0]   setpoint [0,24,0]   error [1,25,0]   amplitude, kick, preset [1,0,23] of 10 V, >= 0
+Latency   3 clocks from en to loop.y when en_pi follows en by one clock
+Rounding  as pi.py
+Overflow  error cannot overflow; loop.y saturates at 0 and the ceiling
+Source    docs/blocks/agc.md
+"""
+
+from math import pi as PI
+from typing import NamedTuple
+
+from fpga_model import cordic, pi
+from fpga_model.fixed import Fmt, bits, quantize, sub_fmt
+from fpga_model.jit import inlined
+from fpga_model.rates import FRAME_HZ
+
+AMPLITUDE = Fmt(1, 0, 23)
+SETPOINT = bits(24)
+ERROR = sub_fmt(SETPOINT, cordic.MAGNITUDE)
+LATENCY = 3
+KICK = 4  # one more mode, beside those of pi.py
+assert ERROR.width <= pi.ERR.width, "the error must fit the input of the PI"
+
+
+class Params(NamedTuple):
+    """Machine units; build with `design`."""
+
+    loop: pi.Params
+    kick: int
+
+
+class State(NamedTuple):
+    """The registers; the defaults are the reset values."""
+
+    error: int = 0
+    loop: pi.State = pi.State()
+
+
+PARAMS_FMT = Params(loop=pi.PARAMS_FMT, kick=AMPLITUDE)
+STATE_FMT = State(error=ERROR, loop=pi.STATE_FMT)
+
+
+def setpoint(amplitude_um=5.0, v_per_um=0.576, adc_full_scale_v=4.0):
+    """Amplitude setpoint in magnitude LSB; 5 um gives 2.88 V at the SID output, 0.72 of the ADC's full scale.
+
+    amplitude_um      wanted drive amplitude (um)
+    v_per_um          SID output per amplitude (V/um)
+    adc_full_scale_v  ADC full scale at the PGA gain of this channel (V)
+    """
+    return quantize(amplitude_um * v_per_um / adc_full_scale_v * 2**23 * float(cordic.GAIN), SETPOINT, "setpoint (LSB)")
+
+
+def design(
+    crossover_hz=3.0,
+    zero_hz=0.6,
+    plant_fs_per_s=12.18,
+    ceiling_v=10.0,
+    kick_v=10.0,
+    full_scale_v=10.0,
+    frame_hz=FRAME_HZ,
+):
+    """Gains from the plant d(code)/dt = plant * amplitude, seen through the CORDIC gain.
+
+    crossover_hz    frequency of unit gain of the proportional part (Hz)
+    zero_hz         PI zero (Hz)
+    plant_fs_per_s  growth of the ADC code per amplitude word, both in full scales (1/s)
+    ceiling_v       largest amplitude the loop may ask for (V)
+    kick_v          amplitude of the start-up kick (V)
+    full_scale_v    amplitude that full scale of the word stands for (V)
+    frame_hz        rate of the enables (Hz)
+    """
+    kp = 2 * PI * crossover_hz / (plant_fs_per_s * float(cordic.GAIN))
+
+    def word(volts, name):
+        raw = volts / full_scale_v * 2**23
+        if not 0 <= raw <= 2**23:
+            raise ValueError(f"{name}: {volts} V is outside 0 .. {full_scale_v} V")
+        return min(round(raw), AMPLITUDE.hi)
+
+    return Params(
+        loop=pi.design(kp, kp * 2 * PI * zero_hz, frame_hz, 0, word(ceiling_v, "ceiling_v")),
+        kick=word(kick_v, "kick_v"),
+    )
+
+
+@inlined
+def step(p, s, en, en_pi, mode, magnitude, setpoint, preset):
+    """One clock edge: every right-hand side reads the old registers."""
+    kicked = mode == KICK
+    return State(
+        error=setpoint - magnitude if en else s.error,
+        loop=pi.step(p.loop, s.loop, en_pi, pi.OFF if kicked else mode, s.error, 0 if kicked else preset),
+    )
+
+
+@inlined
+def amplitude(p, s, mode):
+    """Amplitude word of the drive modulator."""
+    return p.kick if mode == KICK else s.loop.y
+
+
+@inlined
+def saturated(p, s):
+    """1 when the loop asks for all it may have."""
+    return 1 if s.loop.y >= p.loop.hi else 0

@@ -1,0 +1,178 @@
+"""Synchronous integral demodulator in firmware: sign x sample, integrate and dump, then three one-pole low-passes.
+
+    every ce_1m   acc'   = acc + x if the reference bit is 1 else acc - x        (refs as they were at the aperture)
+    at dump       acc'   = +-x,  pole1' = pole1 + round(alpha*(acc - pole1))
+    1 clock on    pole2' = pole2 + round(alpha*(pole1 - pole2))
+    2 clocks on   pole3' = pole3 + round(alpha*(pole2 - pole3))
+    3 clocks on   code'  = clamp(round(gain*pole3)),  valid' = 1
+
+    sample --(+-)--(+)--[acc]--[pole1]--[pole2]--[pole3]--(x gain)--[code]-->     [..] register, four of each
+    refs --[refs]---^
+
+Formats   samples [1,17,0] of 5 V   refs 4 bits   acc [1,24,0]   pole1..3 [1,24,16]   alpha [0,0,20]
+          gain [0,4,17]   codes [1,23,0]   valid [0,1,0]
+Latency   4 clocks from dump to valid; valid lasts one clock, the codes stay
+Rounding  ties toward +inf in each pole and in the code; 16 fraction bits keep the dead zone below 0.01 code
+Overflow  acc saturates (never with 125 samples); the poles cannot overflow; the codes saturate
+Source    docs/blocks/digital_sid.md
+
+Order of the four: drive sin, drive cos, sense sin, sense cos, as in the reference word. `dump` acts with ce_1m only.
+The gain makes a code mean what it means on the board with the analogue demodulator: volts * 4/pi * PGA / 4 V * 2**23.
+"""
+
+from decimal import Decimal
+from typing import NamedTuple
+
+from fpga_model.fixed import Fmt, add_fmt, bits, clamp, half_up, mul_fmt, quantize, signed, sub_fmt
+from fpga_model.jit import inlined
+from fpga_model.rates import FRAME_HZ, FRAME_TICKS
+
+SAMPLE = signed(18)
+ACC = signed(25)
+POLE = Fmt(1, 24, 16)
+ALPHA = Fmt(0, 0, 20)
+GAIN = Fmt(0, 4, 17)
+CODE = signed(24)
+MAX_DELAY = 4
+LATENCY = 4
+PI = Decimal("3.14159265358979323846264338327950288")
+SHIFT = POLE.f + GAIN.f
+ACC_LO, ACC_HI = ACC.lo, ACC.hi
+CODE_LO, CODE_HI = CODE.lo, CODE.hi
+assert add_fmt(mul_fmt(sub_fmt(POLE, POLE), ALPHA), bits(1)).width <= 63, "a pole's product and rounding must fit"
+assert add_fmt(mul_fmt(POLE, GAIN), bits(1)).width <= 63, "the scaled output and its rounding must fit"
+
+
+class Params(NamedTuple):
+    """Machine units; build with `design`."""
+
+    alpha: int
+    gain_x: int
+    gain_y: int
+    ref_delay: int
+
+
+class State(NamedTuple):
+    """The registers; the defaults are the reset values."""
+
+    refs: tuple = (0, 0, 0, 0)
+    acc: tuple = (0, 0, 0, 0)
+    pole1: tuple = (0, 0, 0, 0)
+    pole2: tuple = (0, 0, 0, 0)
+    pole3: tuple = (0, 0, 0, 0)
+    stage: int = 0
+    codes: tuple = (0, 0, 0, 0)
+    valid: int = 0
+
+
+PARAMS_FMT = Params(alpha=ALPHA, gain_x=GAIN, gain_y=GAIN, ref_delay=bits(3))
+STATE_FMT = State(
+    refs=(bits(4),) * 4,
+    acc=(ACC,) * 4,
+    pole1=(POLE,) * 4,
+    pole2=(POLE,) * 4,
+    pole3=(POLE,) * 4,
+    stage=bits(2),
+    codes=(CODE,) * 4,
+    valid=bits(1),
+)
+
+
+def alpha_of_hz(pole_hz, frame_hz):
+    """1 - exp(-2 pi pole / frame), the exact image of a pole at `pole_hz`, in decimal arithmetic."""
+    return 1 - (-2 * PI * Decimal(pole_hz) / Decimal(frame_hz)).exp()
+
+
+def design(
+    pole_hz=50.0,
+    pga_x=1,
+    pga_y=12,
+    adc_full_scale_v=4.0,
+    sample_full_scale_v=5.0,
+    ref_delay_ticks=1,
+    samples_per_dump=FRAME_TICKS,
+    frame_hz=FRAME_HZ,
+):
+    """Pole and gains; the mean of sign x sine is 2/pi, so a factor 2 gives the 4/pi of the analogue board.
+
+    pole_hz              each of the three poles (Hz)
+    pga_x, pga_y         PGA gains of the board whose codes these shall equal
+    adc_full_scale_v     its ADC full scale at PGA 1 (V)
+    sample_full_scale_v  full scale of the 18-bit samples (V)
+    ref_delay_ticks      ticks of 1 us from the aperture to the arrival of a sample
+    samples_per_dump     samples per frame
+    frame_hz             rate of the dumps (Hz)
+    """
+    if not 0 < pole_hz < frame_hz / 4:
+        raise ValueError(f"pole_hz: {pole_hz} Hz is outside 0 .. {frame_hz / 4} Hz")
+    if not 1 <= samples_per_dump <= ACC.hi // -SAMPLE.lo:
+        raise ValueError(f"samples_per_dump: {samples_per_dump} is outside 1 .. {ACC.hi // -SAMPLE.lo}")
+    if ref_delay_ticks not in range(MAX_DELAY + 1):
+        raise ValueError(f"ref_delay_ticks: {ref_delay_ticks} is outside 0 .. {MAX_DELAY} ticks")
+    per_sum = 2 * (sample_full_scale_v / 2**17) / samples_per_dump * 2**23 / adc_full_scale_v
+    return Params(
+        alpha=quantize(alpha_of_hz(pole_hz, frame_hz), ALPHA, "alpha"),
+        gain_x=quantize(per_sum * pga_x, GAIN, "gain_x (code per summed sample)"),
+        gain_y=quantize(per_sum * pga_y, GAIN, "gain_y (code per summed sample)"),
+        ref_delay=ref_delay_ticks,
+    )
+
+
+@inlined
+def _signed(refs, k, x):
+    return x if (refs >> k) & 1 else -x
+
+
+@inlined
+def _sum(acc, x):
+    return clamp(acc + x, ACC_LO, ACC_HI)
+
+
+@inlined
+def _pole(alpha, y, x):
+    return y + half_up(alpha * (x - y), ALPHA.f)
+
+
+@inlined
+def _poles(alpha, y, x):
+    return (
+        _pole(alpha, y[0], x[0]),
+        _pole(alpha, y[1], x[1]),
+        _pole(alpha, y[2], x[2]),
+        _pole(alpha, y[3], x[3]),
+    )
+
+
+@inlined
+def _code(gain, y):
+    return clamp(half_up(gain * y, SHIFT), CODE_LO, CODE_HI)
+
+
+@inlined
+def step(p, s, ce_1m, dump, refs, sample_x, sample_y):
+    """One clock edge: every right-hand side reads the old registers."""
+    line, acc, pole1, pole2, pole3, codes = s.refs, s.acc, s.pole1, s.pole2, s.pole3, s.codes
+    stage, valid = 0, 0
+    if s.stage == 1:
+        pole2 = _poles(p.alpha, s.pole2, s.pole1)
+        stage = 2
+    elif s.stage == 2:
+        pole3 = _poles(p.alpha, s.pole3, s.pole2)
+        stage = 3
+    elif s.stage == 3:
+        y = s.pole3
+        codes = (_code(p.gain_x, y[0]), _code(p.gain_x, y[1]), _code(p.gain_y, y[2]), _code(p.gain_y, y[3]))
+        valid = 1
+    if ce_1m:
+        now = refs if p.ref_delay == 0 else s.refs[p.ref_delay - 1]
+        line = (refs, s.refs[0], s.refs[1], s.refs[2])
+        x = (_signed(now, 0, sample_x), _signed(now, 1, sample_x), _signed(now, 2, sample_y), _signed(now, 3, sample_y))
+        if dump:
+            a = s.acc
+            total = (a[0] << POLE.f, a[1] << POLE.f, a[2] << POLE.f, a[3] << POLE.f)
+            acc = x
+            pole1 = _poles(p.alpha, s.pole1, total)
+            stage = 1
+        else:
+            acc = (_sum(s.acc[0], x[0]), _sum(s.acc[1], x[1]), _sum(s.acc[2], x[2]), _sum(s.acc[3], x[3]))
+    return State(line, acc, pole1, pole2, pole3, stage, codes, valid)

@@ -1,0 +1,153 @@
+"""Faults of the 8 kHz frames: one counter each, live flags, and a sticky latch.
+
+    count_k' = min(count_k + 1, frames_k) while the symptom of fault k lasts, 0 otherwise
+    flag_k'  = 1 when count_k' has reached frames_k (never when frames_k = 0)
+    latch'   = (latch and not clear) or flags'
+
+    symptom_k --[count_k]--(= frames_k)--[flags]--(or)--[latch]-->     [..] register
+
+    OVER_RANGE       a code at or beyond +-0x7FFF00           LOST_LOCK, SEARCH_FAILED   levels from the sequencer
+    STALE            no valid frame; no debounce              DRIVE_SATURATED            amplitude at its ceiling
+    STUCK            no code moved since the last frame       RATE_SATURATED             rate word at a limit
+                                                              QSC_RAIL                   u at 0 or at the rail
+    bad   = STALE or STUCK;   bad_frames, good_frames count the frames in a row, and saturate
+
+Formats   codes [1,23,0]   counts [0,12,0]   bad_frames, good_frames [0,16,0]   flags, latch, clear [0,8,0]
+Latency   1 clock from en to flags; frames_k frames from the symptom
+Rounding  none
+Overflow  the counts saturate
+Source    docs/blocks/fault_monitor.md
+
+Without `armed` everything stays at its reset value, but the codes. A frame that is not valid tells nothing about
+its codes: OVER_RANGE and STUCK start again.
+"""
+
+from typing import NamedTuple
+
+from fpga_model.fixed import bits, clamp, quantize, signed
+from fpga_model.jit import inlined
+from fpga_model.rates import FRAME_HZ
+
+CODE = signed(24)
+COUNT = bits(12)
+LONG = bits(16)
+LONG_TOP = LONG.hi
+RANGE_LIMIT = 0x7FFF00
+LATENCY = 1
+NAMES = (
+    "OVER_RANGE",
+    "LOST_LOCK",
+    "STALE",
+    "STUCK",
+    "DRIVE_SATURATED",
+    "RATE_SATURATED",
+    "QSC_RAIL",
+    "SEARCH_FAILED",
+)
+OVER_RANGE, LOST_LOCK, STALE, STUCK, DRIVE_SATURATED, RATE_SATURATED, QSC_RAIL, SEARCH_FAILED = (
+    1 << k for k in range(len(NAMES))
+)
+BAD = STALE | STUCK
+FLAGS = bits(len(NAMES))
+ALL = FLAGS.hi
+
+
+class Params(NamedTuple):
+    """Debounce in frames; 0 switches a fault off. Build with `design`."""
+
+    over_range: int
+    stuck: int
+    drive: int
+    rate: int
+    rail: int
+
+
+class State(NamedTuple):
+    """The registers; the defaults are the reset values."""
+
+    codes: tuple = (0, 0, 0, 0)
+    over_range: int = 0
+    stuck: int = 0
+    drive: int = 0
+    rate: int = 0
+    rail: int = 0
+    bad_frames: int = 0
+    good_frames: int = 0
+    flags: int = 0
+    latch: int = 0
+
+
+PARAMS_FMT = Params(COUNT, COUNT, COUNT, COUNT, COUNT)
+STATE_FMT = State(
+    codes=(CODE,) * 4,
+    over_range=COUNT,
+    stuck=COUNT,
+    drive=COUNT,
+    rate=COUNT,
+    rail=COUNT,
+    bad_frames=LONG,
+    good_frames=LONG,
+    flags=FLAGS,
+    latch=FLAGS,
+)
+
+
+def design(over_range_s=0.001, stuck_s=0.004, drive_s=0.001, rate_s=0.001, rail_s=0.01, frame_hz=FRAME_HZ):
+    """Debounce times (s); 0 switches a fault off (STUCK in a model without noise, whose codes may really rest).
+
+    frame_hz  rate of the frames (Hz)
+    """
+    values = Params(over_range_s, stuck_s, drive_s, rate_s, rail_s)
+    return Params(*(quantize(v * frame_hz, COUNT, f"{k}_s (frames)") for k, v in values._asdict().items()))
+
+
+@inlined
+def _count(count, symptom, limit):
+    return clamp(count + 1, 0, limit) if symptom else 0
+
+
+@inlined
+def _flag(count, limit, flag):
+    return flag if limit > 0 and count == limit else 0
+
+
+@inlined
+def _at_range(code):
+    return 1 if code >= RANGE_LIMIT or code <= -RANGE_LIMIT else 0
+
+
+@inlined
+def step(p, s, en, armed, fresh, codes, drive, rate, rail, watch_stuck, levels, clear):
+    """One clock edge: every right-hand side reads the old registers; `levels` is LOST_LOCK and SEARCH_FAILED."""
+    if not en:
+        return s
+    if not armed:
+        return State(codes, 0, 0, 0, 0, 0, 0, 0, 0, 0)
+    extreme = _at_range(codes[0]) | _at_range(codes[1]) | _at_range(codes[2]) | _at_range(codes[3])
+    over = _count(s.over_range, fresh and extreme, p.over_range)
+    stuck = _count(s.stuck, fresh and watch_stuck and codes == s.codes, p.stuck)
+    drive_count = _count(s.drive, drive, p.drive)
+    rate_count = _count(s.rate, rate, p.rate)
+    rail_count = _count(s.rail, rail, p.rail)
+    flags = (
+        _flag(over, p.over_range, OVER_RANGE)
+        | _flag(stuck, p.stuck, STUCK)
+        | _flag(drive_count, p.drive, DRIVE_SATURATED)
+        | _flag(rate_count, p.rate, RATE_SATURATED)
+        | _flag(rail_count, p.rail, QSC_RAIL)
+        | (0 if fresh else STALE)
+        | levels
+    )
+    bad = flags & BAD
+    return State(
+        codes=codes if fresh else s.codes,
+        over_range=over,
+        stuck=stuck,
+        drive=drive_count,
+        rate=rate_count,
+        rail=rail_count,
+        bad_frames=clamp(s.bad_frames + 1, 0, LONG_TOP) if bad else 0,
+        good_frames=0 if bad else clamp(s.good_frames + 1, 0, LONG_TOP),
+        flags=flags,
+        latch=(s.latch & ~clear) | flags,
+    )

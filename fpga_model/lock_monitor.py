@@ -1,0 +1,132 @@
+"""Lock of the four loops: each error compared with two limits, debounced by one counter.
+
+    good_k = abs(error_k) <= limit_in_k      lost_k = abs(error_k) > limit_out_k      (quadrature at its rail: good)
+    pending_k = lost_k if locked_k else good_k
+    count_k'  = count_k + 1 while pending, 0 otherwise; when it reaches frames_in_k (not locked) or frames_out_k
+                (locked), locked_k toggles and count_k' = 0
+
+    error_k --(abs, <=, >)--[count_k]--(reached)--[bit k of locked]-->     [..] register, k = agc, pll, ftr, qsc
+
+Formats   locked, enable, judged [0,4,0]   count [0,12,0]   limits [0,24,0]: of agc 2**-16 of the setpoint, of pll
+          2**-24 turn, of ftr and qsc code LSB   errors as their blocks give them
+Latency   1 clock from en to locked; frames_in or frames_out frames from a step of the error
+Rounding  the products with the setpoint are cut to one magnitude LSB
+Overflow  none possible: a count never passes its limit
+Source    docs/blocks/lock_monitor.md (the limits)
+
+A loop that is not enabled is not locked. A loop that is enabled but not judged (held or fixed by the user) keeps its
+bit and its count.
+"""
+
+from typing import NamedTuple
+
+from fpga_model.fixed import bits, mul_fmt, quantize
+from fpga_model.jit import inlined
+from fpga_model.rates import FRAME_HZ
+
+AGC, PLL, FTR, QSC = 1, 2, 4, 8
+DRIVE, SENSE, ALL = AGC | PLL, FTR | QSC, 15
+LIMIT = bits(24)
+COUNT = bits(12)
+FRACTION = 16
+LATENCY = 1
+assert mul_fmt(LIMIT, bits(24)).width <= 63, "limit times setpoint must fit int64"
+
+
+class Params(NamedTuple):
+    """Machine units, in the order agc, pll, ftr, qsc; build with `design`."""
+
+    limit_in: tuple
+    limit_out: tuple
+    frames_in: tuple
+    frames_out: tuple
+
+
+class State(NamedTuple):
+    """The registers; the defaults are the reset values."""
+
+    locked: int = 0
+    count: tuple = (0, 0, 0, 0)
+
+
+PARAMS_FMT = Params((LIMIT,) * 4, (LIMIT,) * 4, (COUNT,) * 4, (COUNT,) * 4)
+STATE_FMT = State(locked=bits(4), count=(COUNT,) * 4)
+
+
+def design(
+    agc_in=0.02,
+    agc_out=0.20,
+    agc_in_s=0.02,
+    agc_out_s=0.05,
+    pll_in_deg=2.0,
+    pll_out_deg=30.0,
+    pll_in_s=0.02,
+    pll_out_s=0.05,
+    ftr_in_deg_s=5.0,
+    ftr_out_deg_s=100.0,
+    ftr_in_s=0.05,
+    ftr_out_s=0.05,
+    qsc_in_deg_s=5.0,
+    qsc_out_deg_s=100.0,
+    qsc_in_s=0.05,
+    qsc_out_s=0.05,
+    code_per_deg_s=57.9e-6 * 12 / 4.0 * 2**23,
+    frame_hz=FRAME_HZ,
+):
+    """Limits and debounce times of the four loops, _in to lock and _out to lose it.
+
+    agc_*           amplitude error (part of the setpoint)
+    pll_*_deg       drive phase (deg)
+    ftr_*, qsc_*    residual rate and residual quadrature (deg/s)
+    *_s             how long the error must stay there (s)
+    code_per_deg_s  sense code per residual (LSB/(deg/s))
+    frame_hz        rate of the frames (Hz)
+    """
+    scale = (2.0**FRACTION, 2.0**24 / 360, code_per_deg_s, code_per_deg_s)
+    limit_in = (agc_in, pll_in_deg, ftr_in_deg_s, qsc_in_deg_s)
+    limit_out = (agc_out, pll_out_deg, ftr_out_deg_s, qsc_out_deg_s)
+    time_in, time_out = (agc_in_s, pll_in_s, ftr_in_s, qsc_in_s), (agc_out_s, pll_out_s, ftr_out_s, qsc_out_s)
+    for name, low, high in zip(("agc", "pll", "ftr", "qsc"), limit_in, limit_out, strict=True):
+        if not 0 < low <= high:
+            raise ValueError(f"{name}: the limit to lock, {low}, is not between 0 and that to lose it, {high}")
+    for name, time_s in zip(("agc", "pll", "ftr", "qsc") * 2, time_in + time_out, strict=True):
+        if not round(time_s * frame_hz) >= 1:
+            raise ValueError(f"{name}: a debounce of {time_s} s is shorter than one frame, {1 / frame_hz} s")
+    return Params(
+        tuple(quantize(v * k, LIMIT, "limit_in (LSB)") for v, k in zip(limit_in, scale, strict=True)),
+        tuple(quantize(v * k, LIMIT, "limit_out (LSB)") for v, k in zip(limit_out, scale, strict=True)),
+        tuple(quantize(t * frame_hz, COUNT, "time to lock (frames)") for t in time_in),
+        tuple(quantize(t * frame_hz, COUNT, "time to lose lock (frames)") for t in time_out),
+    )
+
+
+@inlined
+def _judge(p, s, k, enable, judged, good, lost):
+    """New lock bit (at its place in the word) and new count of loop k."""
+    locked = (s.locked >> k) & 1
+    count = s.count[k]
+    if not (enable >> k) & 1:
+        locked, count = 0, 0
+    elif (judged >> k) & 1:
+        pending = lost if locked else good
+        count = count + 1 if pending else 0
+        if count >= (p.frames_out[k] if locked else p.frames_in[k]) and pending:
+            locked, count = 1 - locked, 0
+    return locked << k, count
+
+
+@inlined
+def step(p, s, en, enable, judged, agc_error, setpoint, phase, sense_sin, sense_cos, rail):
+    """One clock edge: every right-hand side reads the old registers."""
+    if not en:
+        return s
+    agc, pll, ftr, qsc = abs(agc_error), abs(phase), abs(sense_sin), abs(sense_cos)
+    a_good = 1 if agc <= (setpoint * p.limit_in[0]) >> FRACTION else 0
+    a_lost = 1 if agc > (setpoint * p.limit_out[0]) >> FRACTION else 0
+    q_good = 1 if rail or qsc <= p.limit_in[3] else 0
+    q_lost = 1 if qsc > p.limit_out[3] and not rail else 0
+    b0, c0 = _judge(p, s, 0, enable, judged, a_good, a_lost)
+    b1, c1 = _judge(p, s, 1, enable, judged, 1 if pll <= p.limit_in[1] else 0, 1 if pll > p.limit_out[1] else 0)
+    b2, c2 = _judge(p, s, 2, enable, judged, 1 if ftr <= p.limit_in[2] else 0, 1 if ftr > p.limit_out[2] else 0)
+    b3, c3 = _judge(p, s, 3, enable, judged, q_good, q_lost)
+    return State(b0 | b1 | b2 | b3, (c0, c1, c2, c3))

@@ -1,0 +1,203 @@
+"""Register bank of the host, at most 48 bits each; MAP is the single source for the RTL and the documentation.
+
+    write = 1 and address = that of a register    register' = the low bits of data, in its format
+    fault_clear also returns to 0 at `taken` (the sequencer has read it), unless it is written in that clock
+
+    address, data, write --(decode)--[registers] --> blocks     [..] register
+
+Formats   address [0,8,0]   data [0,48,0]   each register in its own format, two's complement in the low bits of data
+Latency   1 clock from write to the register
+Rounding  none
+Overflow  bits above a register's width are dropped
+Source    docs/blocks/registers.md (the table is written by `table_markdown`)
+
+A write to an address that is not in the map, or to one that can only be read, changes nothing. A register that can be
+read only is the state of another block: `path` says where it is in the state of the whole design.
+"""
+
+from typing import NamedTuple
+
+from fpga_model import agc, cordic, dds, fault_monitor, frequency_tracker, isqrt, rate_loop, rate_output, sequencer
+from fpga_model.fixed import Fmt, bits, wrap, wrap_unsigned
+from fpga_model.jit import inlined
+
+ADDRESS = bits(8)
+DATA = bits(48)
+LATENCY = 1
+FIRST_READ_ONLY = 0x40
+VERSION = 1
+IDENTITY = (int.from_bytes(b"GYRO", "big") << 16) | VERSION
+
+
+class Register(NamedTuple):
+    """One row of the map; access is rw, ro, or w1c: reads `path`, and ones written to it clear the bits there."""
+
+    address: int
+    name: str
+    fmt: Fmt
+    reset: int
+    access: str
+    unit: str
+    path: str
+    doc: str
+
+
+def _writable():
+    phase, coef = dds.PHASE, rate_output.PARAMS_FMT
+    nominal = rate_output.design()
+    control = ", ".join(f"{k} {name}" for k, name in enumerate(sequencer.CONTROL_BITS))
+    turn, per_clock, full_scale = "turn", "turn per clock", "10 V"
+    rows = (
+        ("control", sequencer.CONTROL, sequencer.RUN, "bits", control),
+        ("fault_clear", fault_monitor.FLAGS, 0, "bits", "fault latch; a one clears the bit unless the fault is live"),
+        ("phase_drive_sine", phase, 0, turn, "added to the phase of the drive sine; positive advances it"),
+        ("phase_sense_sine", phase, 0, turn, "added to the phase of the sense sine"),
+        ("phase_drive_ref", phase, 0, turn, "added to the phase of the drive references"),
+        ("phase_sense_ref", phase, 0, turn, "added to the phase of the sense references"),
+        ("amplitude_setpoint", agc.SETPOINT, agc.setpoint(), "magnitude LSB", "drive amplitude; reset is 5 um"),
+        ("frequency_fixed", phase, frequency_tracker.NOMINAL_WORD, per_clock, "start-up and open-loop frequency"),
+        ("amplitude_fixed", agc.AMPLITUDE, 0, full_scale, "drive amplitude while OPEN_DRIVE"),
+        ("rate_fixed", rate_loop.WORD, 0, full_scale, "rate word while FIX_FTR"),
+        ("quadrature_fixed", isqrt.RADICAND, 0, "(5.5 V)^2 / 2^32", "u = V_q^2 while FIX_QSC"),
+        ("rate_bias", coef.bias, nominal.bias, "word LSB", "bias b0"),
+        ("rate_bias_t1", coef.bias_t1, 0, "word LSB per t", "bias b1"),
+        ("rate_bias_t2", coef.bias_t2, 0, "word LSB per t2", "bias b2"),
+        ("rate_scale", coef.scale, nominal.scale, "1", "scale s0; reset gives 2^-20 deg/s at 8651 LSB per deg/s"),
+        ("rate_scale_t1", coef.scale_t1, 0, "1 per t", "scale s1"),
+        ("rate_scale_t2", coef.scale_t2, 0, "1 per t2", "scale s2"),
+        ("decimation", coef.decimation, nominal.decimation, "log2", "k, mean of 2^k frames; 7 counts as 6"),
+    )
+    for address, (name, fmt, reset, unit, doc) in enumerate(rows):
+        if name == "fault_clear":
+            yield Register(address, name, fmt, reset, "w1c", unit, "control.sequencer.faults.latch", doc)
+        else:
+            yield Register(address, name, fmt, reset, "rw", unit, f"registers.{name}", doc)
+
+
+def _read_only():
+    states = ", ".join(f"{k} {name}" for k, name in enumerate(sequencer.STATES))
+    flags = ", ".join(f"{k} {name}" for k, name in enumerate(fault_monitor.NAMES))
+    seq, out = sequencer.STATE_FMT, rate_output.STATE_FMT
+    rows = (
+        ("identity", bits(48), IDENTITY, "", "", "'GYRO' and the version of this map"),
+        ("state", seq.state, sequencer.POWER_UP, "", "control.sequencer.state", states),
+        ("lock", seq.lock.locked, 0, "bits", "control.sequencer.lock.locked", "0 AGC, 1 PLL, 2 FTR, 3 QSC"),
+        ("flags", seq.faults.flags, 0, "bits", "control.sequencer.faults.flags", f"live faults: {flags}"),
+        ("attempts", seq.attempts, 0, "", "control.sequencer.attempts", "failed searches since power-up"),
+        ("frequency", dds.PHASE, 0, "turn per clock", "control.frequency_tracker.word", "DDS word"),
+        ("amplitude", agc.AMPLITUDE, 0, "10 V", "control.agc.loop.y", "drive amplitude (not during the kick)"),
+        ("magnitude", cordic.MAGNITUDE, 0, "magnitude LSB", "control.cordic.magnitude", "measured drive amplitude"),
+        ("phase", cordic.PHASE, 0, "turn", "control.cordic.phase", "measured drive phase, lead of x"),
+        ("rate_word", rate_loop.WORD, 0, "10 V", "control.rate_loop.loop.y", "force-to-rebalance word"),
+        ("quadrature_code", isqrt.ROOT, 0, "5.5 V / 2^16", "control.quadrature_loop.root.y", "V_q"),
+        ("rate", out.y, 0, "deg/s", "control.rate_output.y", "compensated and decimated rate"),
+        ("temperature", out.t, 0, "2^-8 code", "control.rate_output.t", "t of the temperature polynomials"),
+    )
+    for address, (name, fmt, reset, unit, path, doc) in enumerate(rows, FIRST_READ_ONLY):
+        yield Register(address, name, fmt, reset, "ro", unit, path, doc)
+
+
+MAP = (*_writable(), *_read_only())
+BY_NAME = {r.name: r for r in MAP}
+BY_ADDRESS = {r.address: r for r in MAP}
+WRITABLE = tuple(r for r in MAP if r.access != "ro")
+WIDTHS = tuple(r.fmt.width for r in WRITABLE)
+SIGNED = tuple(r.fmt.s for r in WRITABLE)
+assert len(BY_NAME) == len(BY_ADDRESS) == len(MAP), "names and addresses must be unique"
+assert all(r.fmt.width <= DATA.width and ADDRESS.holds(r.address) and r.fmt.holds(r.reset) for r in MAP)
+
+
+class State(NamedTuple):
+    """The registers; the defaults are the reset values. The field number is the address."""
+
+    control: int = BY_NAME["control"].reset
+    fault_clear: int = 0
+    phase_drive_sine: int = 0
+    phase_sense_sine: int = 0
+    phase_drive_ref: int = 0
+    phase_sense_ref: int = 0
+    amplitude_setpoint: int = BY_NAME["amplitude_setpoint"].reset
+    frequency_fixed: int = BY_NAME["frequency_fixed"].reset
+    amplitude_fixed: int = 0
+    rate_fixed: int = 0
+    quadrature_fixed: int = 0
+    rate_bias: int = BY_NAME["rate_bias"].reset
+    rate_bias_t1: int = 0
+    rate_bias_t2: int = 0
+    rate_scale: int = BY_NAME["rate_scale"].reset
+    rate_scale_t1: int = 0
+    rate_scale_t2: int = 0
+    decimation: int = BY_NAME["decimation"].reset
+
+
+STATE_FMT = State(*(r.fmt for r in WRITABLE))
+assert State._fields == tuple(r.name for r in WRITABLE), "fields and map must have one order"
+assert tuple(State()) == tuple(r.reset for r in WRITABLE), "defaults and map must agree"
+
+
+@inlined
+def _load(k, old, write, address, data):
+    if write and address == k:
+        return wrap(data, WIDTHS[k]) if SIGNED[k] else wrap_unsigned(data, WIDTHS[k])
+    return old
+
+
+@inlined
+def step(s, write, address, data, taken):
+    """One clock edge: every right-hand side reads the old registers."""
+    if not write and not taken:
+        return s
+    pending = 0 if taken else s.fault_clear
+    return State(
+        control=_load(0, s.control, write, address, data),
+        fault_clear=_load(1, pending, write, address, data),
+        phase_drive_sine=_load(2, s.phase_drive_sine, write, address, data),
+        phase_sense_sine=_load(3, s.phase_sense_sine, write, address, data),
+        phase_drive_ref=_load(4, s.phase_drive_ref, write, address, data),
+        phase_sense_ref=_load(5, s.phase_sense_ref, write, address, data),
+        amplitude_setpoint=_load(6, s.amplitude_setpoint, write, address, data),
+        frequency_fixed=_load(7, s.frequency_fixed, write, address, data),
+        amplitude_fixed=_load(8, s.amplitude_fixed, write, address, data),
+        rate_fixed=_load(9, s.rate_fixed, write, address, data),
+        quadrature_fixed=_load(10, s.quadrature_fixed, write, address, data),
+        rate_bias=_load(11, s.rate_bias, write, address, data),
+        rate_bias_t1=_load(12, s.rate_bias_t1, write, address, data),
+        rate_bias_t2=_load(13, s.rate_bias_t2, write, address, data),
+        rate_scale=_load(14, s.rate_scale, write, address, data),
+        rate_scale_t1=_load(15, s.rate_scale_t1, write, address, data),
+        rate_scale_t2=_load(16, s.rate_scale_t2, write, address, data),
+        decimation=_load(17, s.decimation, write, address, data),
+    )
+
+
+def to_bus(raw, fmt):
+    """The 48-bit word that carries a raw value: its low bits."""
+    return raw & ((1 << fmt.width) - 1)
+
+
+def from_bus(data, fmt):
+    """Raw value of the low bits of a word."""
+    return wrap(data, fmt.width) if fmt.s else wrap_unsigned(data, fmt.width)
+
+
+def read(state, address):
+    """Word that a read of `address` returns, from the state of the whole design; 0 outside the map."""
+    register = BY_ADDRESS.get(address)
+    if register is None:
+        return 0
+    value = register.reset
+    if register.path:
+        value = state
+        for name in register.path.split("."):
+            value = getattr(value, name)
+    return to_bus(int(value), register.fmt)
+
+
+def table_markdown():
+    """The map as a Markdown table."""
+    lines = ["| address | name | format | reset | access | unit | meaning |", "|---|---|---|---|---|---|---|"]
+    for r in MAP:
+        reset = "-" if r.access == "ro" and r.path else f"0x{to_bus(r.reset, r.fmt):X}"
+        unit = r.unit or "-"
+        lines.append(f"| 0x{r.address:02X} | {r.name.upper()} | {r.fmt} | {reset} | {r.access} | {unit} | {r.doc} |")
+    return "\n".join(lines)

@@ -1,0 +1,382 @@
+"""Start-up, lock and faults: a state machine at 8 kHz that gives each loop its mode.
+
+    POWER_UP -> INIT -> IDLE -> STANDBY -> KICK -> DECAY -> SEARCH -> RETUNE -> ACQUIRE -> SETTLE -> BALANCE <-> LOCKED
+    (0.3 s)     (2 ms)  (RUN=0) (ADC good) (6 ms)  (35 ms)  (60 ms)   (30 ms)   (95 %)     (drive)   (all four)
+
+    search      rotation' = rotation + wrap(phase - last_phase);  correction = round(rotation*gain) at its end
+    lost drive lock -> KICK    nothing found, or too slow -> KICK    ADC bad for 100 ms -> STANDBY    OPEN_DRIVE -> OPEN
+
+    codes, magnitude, phase --> [faults] [lock] --> next state --> [state] [timer] --> outputs     [..] register
+
+Formats   state [0,4,0]   timer [0,16,0] frames   control [0,9,0]   last_phase [1,-1,24] turn   rotation [1,11,24] turn
+          correction [1,-1,48]   gain [0,8,16]   attempts [0,8,0]   lost, failed [0,1,0]   magnitude [0,25,0]
+Latency   1 clock from en to the outputs; decisions read flags and lock bits of the frame before
+Rounding  ties toward +inf in correction; the 95 % product is exact
+Overflow  timer and attempts saturate; rotation and correction cannot overflow
+Source    docs/blocks/sequencer.md (states, modes, what each fault does)
+
+A frame is usable when it is valid and the codes are not STUCK. An unusable one holds the loops; in ACQUIRE it switches
+the drive off, where holding would keep the full force on; in DECAY and SEARCH it starts DECAY again.
+"""
+
+from typing import NamedTuple
+
+from fpga_model import agc, cordic, fault_monitor, frequency_tracker, lock_monitor, pi
+from fpga_model.fixed import Fmt, add_fmt, bits, clamp, half_up, mul_fmt, quantize, wrap
+from fpga_model.jit import inlined, kernel
+from fpga_model.rates import FRAME_HZ
+
+STATES = (
+    "POWER_UP",
+    "INIT",
+    "IDLE",
+    "STANDBY",
+    "OPEN",
+    "KICK",
+    "DECAY",
+    "SEARCH",
+    "RETUNE",
+    "ACQUIRE",
+    "SETTLE",
+    "BALANCE",
+    "LOCKED",
+)
+POWER_UP, INIT, IDLE, STANDBY, OPEN, KICK, DECAY, SEARCH, RETUNE, ACQUIRE, SETTLE, BALANCE, LOCKED = range(len(STATES))
+CONTROL_BITS = (
+    "RUN",
+    "HOLD_AGC",
+    "HOLD_PLL",
+    "HOLD_FTR",
+    "HOLD_QSC",
+    "FIX_FTR",
+    "FIX_QSC",
+    "OPEN_DRIVE",
+    "CLEAR_FAULTS",
+)
+RUN, HOLD_AGC, HOLD_PLL, HOLD_FTR, HOLD_QSC, FIX_FTR, FIX_QSC, OPEN_DRIVE, CLEAR_FAULTS = (
+    1 << k for k in range(len(CONTROL_BITS))
+)
+CONTROL = bits(len(CONTROL_BITS))
+TIMER = bits(16)
+TIMER_TOP = TIMER.hi
+ATTEMPTS = bits(8)
+ATTEMPTS_TOP = ATTEMPTS.hi
+MAX_SEARCH_FRAMES = 4095
+PHASE = cordic.PHASE
+PHASE_BITS = PHASE.width
+ROTATION = Fmt(1, 11, PHASE.f)
+GAIN = Fmt(0, 8, 16)
+CORRECTION = frequency_tracker.CORRECTION
+FRACTION = bits(17)  # of 2**16: 1.0 itself included
+LATENCY = 1
+assert MAX_SEARCH_FRAMES * -PHASE.lo <= ROTATION.hi, "the rotation must fit its register"
+assert add_fmt(mul_fmt(ROTATION, GAIN), bits(1)).width <= 63, "the product and its rounding must fit int64"
+assert (ROTATION.hi * GAIN.hi) >> GAIN.f <= CORRECTION.hi, "the correction must fit its register"
+
+
+class Params(NamedTuple):
+    """Machine units; build with `design`. The times are in frames."""
+
+    power_up: int
+    init: int
+    kick: int
+    decay: int
+    search: int
+    retune: int
+    timeout: int
+    offline: int
+    recover: int
+    reached: int
+    min_magnitude: int
+    gain: int
+    search_limit: int
+    lock: lock_monitor.Params
+    faults: fault_monitor.Params
+
+
+class State(NamedTuple):
+    """The registers; the defaults are the reset values."""
+
+    state: int = POWER_UP
+    timer: int = 0
+    control: int = 0
+    last_phase: int = 0
+    rotation: int = 0
+    correction: int = 0
+    attempts: int = 0
+    lost: int = 0
+    failed: int = 0
+    lock: lock_monitor.State = lock_monitor.State()
+    faults: fault_monitor.State = fault_monitor.State()
+
+
+class Inputs(NamedTuple):
+    """What the sequencer sees in a frame: registers, and this frame's codes with their magnitude and phase."""
+
+    control: int = 0
+    clear: int = 0
+    adc_ok: int = 0
+    stale: int = 0
+    drive_sin: int = 0
+    drive_cos: int = 0
+    sense_sin: int = 0
+    sense_cos: int = 0
+    magnitude: int = 0
+    phase: int = 0
+    setpoint: int = 0
+    drive_saturated: int = 0
+    rate_saturated: int = 0
+    qsc_rail: int = 0
+
+
+class Outputs(NamedTuple):
+    """Modes of the loops (`agc.KICK` included), and flags; valid from one frame to the next."""
+
+    agc_mode: int
+    pll_mode: int
+    ftr_mode: int
+    qsc_mode: int
+    fix_drive: int
+    fix_ftr: int
+    fix_qsc: int
+    dac_init: int
+    load: int
+    adjust: int
+    drive_locked: int
+    locked: int
+    rate_good: int
+
+
+PARAMS_FMT = Params(
+    *[TIMER] * 9, FRACTION, cordic.MAGNITUDE, GAIN, CORRECTION, lock_monitor.PARAMS_FMT, fault_monitor.PARAMS_FMT
+)
+STATE_FMT = State(
+    state=bits(4),
+    timer=TIMER,
+    control=CONTROL,
+    last_phase=PHASE,
+    rotation=ROTATION,
+    correction=CORRECTION,
+    attempts=ATTEMPTS,
+    lost=bits(1),
+    failed=bits(1),
+    lock=lock_monitor.STATE_FMT,
+    faults=fault_monitor.STATE_FMT,
+)
+
+
+def design(
+    power_up_s=0.3,
+    init_s=0.002,
+    kick_s=0.006,
+    decay_s=0.035,
+    search_s=0.060,
+    retune_s=0.030,
+    timeout_s=2.0,
+    offline_s=0.1,
+    recover_s=0.01,
+    reached=0.95,
+    min_amplitude_um=0.01,
+    search_limit_hz=80.0,
+    frame_hz=FRAME_HZ,
+    lock=None,
+    faults=None,
+):
+    """Times, limits and the constant that turns the rotation of the search into a frequency word.
+
+    *_s               how long each state lasts (s); timeout_s ends ACQUIRE and SETTLE, offline_s is how long the ADC
+                      may be bad before the drive stops, recover_s how long it must be good before the drive starts
+    reached           part of the setpoint at which ACQUIRE ends
+    min_amplitude_um  less than this after the kick counts as nothing found (um)
+    search_limit_hz   largest correction that is believed (Hz)
+    frame_hz          rate of the frames (Hz)
+    lock, faults      Params of lock_monitor and fault_monitor; their defaults if None
+    """
+    times = Params(power_up_s, init_s, kick_s, decay_s, search_s, retune_s, timeout_s, offline_s, recover_s, *[0] * 6)
+    frames = [quantize(v * frame_hz, TIMER, f"{k}_s (frames)") for k, v in zip(Params._fields[:9], times, strict=False)]
+    for name, n in zip(Params._fields[:9], frames, strict=False):
+        if n < 1:
+            raise ValueError(f"{name}_s: {getattr(times, name)} s is shorter than one frame, {1 / frame_hz} s")
+    search = frames[Params._fields.index("search")]
+    if search > MAX_SEARCH_FRAMES:
+        raise ValueError(f"search_s: {search_s} s is longer than {MAX_SEARCH_FRAMES / frame_hz} s")
+    if not 0 < reached <= 1:
+        raise ValueError(f"reached: {reached} is outside 0 .. 1 of the setpoint")
+    hz_per_turn = frame_hz / search
+    gain = hz_per_turn * frequency_tracker.WORD_PER_HZ * 2.0**-PHASE.f
+    limit = search_limit_hz * frequency_tracker.WORD_PER_HZ * 2.0**-CORRECTION.f
+    return Params(
+        *frames,
+        reached=quantize(reached * 2**16, FRACTION, "reached"),
+        min_magnitude=agc.setpoint(min_amplitude_um),
+        gain=quantize(gain, GAIN, "gain (word LSB per phase LSB)"),
+        search_limit=quantize(limit, CORRECTION, "search_limit_hz (turn per clock)"),
+        lock=lock_monitor.design() if lock is None else lock,
+        faults=fault_monitor.design() if faults is None else faults,
+    )
+
+
+@inlined
+def _judged(control):
+    """Loops whose lock counts: those that the user neither holds nor fixes."""
+    judged = lock_monitor.ALL
+    if control & HOLD_AGC:
+        judged &= ~lock_monitor.AGC
+    if control & HOLD_PLL:
+        judged &= ~lock_monitor.PLL
+    if control & (HOLD_FTR | FIX_FTR):
+        judged &= ~lock_monitor.FTR
+    if control & (HOLD_QSC | FIX_QSC):
+        judged &= ~lock_monitor.QSC
+    return judged
+
+
+@inlined
+def _following(p, s, i, usable, found, locked):
+    """The next state; `locked` has the bits of the loops that are locked or not judged."""
+    state = s.state
+    frames = s.timer + 1
+    drive_locked = locked & lock_monitor.DRIVE == lock_monitor.DRIVE
+    if state == POWER_UP:
+        return INIT if frames >= p.power_up else POWER_UP
+    if state == INIT:
+        return IDLE if frames >= p.init else INIT
+    if not i.control & RUN:
+        return IDLE
+    if i.control & OPEN_DRIVE:
+        return OPEN
+    if state == IDLE or state == OPEN:
+        return STANDBY
+    if state == STANDBY:
+        return KICK if s.faults.good_frames >= p.recover else STANDBY
+    if s.faults.bad_frames >= p.offline:
+        return STANDBY
+    if state == KICK:
+        return DECAY if frames >= p.kick else KICK
+    if state == DECAY:
+        return SEARCH if usable and frames >= p.decay else DECAY
+    if state == SEARCH:
+        if not usable:
+            return DECAY
+        if frames < p.search:
+            return SEARCH
+        return RETUNE if found else KICK
+    if state == RETUNE:
+        return ACQUIRE if frames >= p.retune else RETUNE
+    if state == ACQUIRE:
+        if usable and i.magnitude << 16 >= i.setpoint * p.reached:
+            return SETTLE
+        return KICK if frames >= p.timeout else ACQUIRE
+    if state == SETTLE:
+        if drive_locked:
+            return BALANCE
+        return KICK if frames >= p.timeout else SETTLE
+    if not drive_locked:
+        return KICK
+    return LOCKED if locked & lock_monitor.SENSE == lock_monitor.SENSE else BALANCE
+
+
+@kernel
+def step(p, s, en, i):
+    """One clock edge: every right-hand side reads the old registers."""
+    if not en:
+        return s
+    state = s.state
+    fresh = 1 if i.adc_ok and not i.stale else 0
+    usable = 1 if fresh and not s.faults.flags & fault_monitor.STUCK else 0
+    judged = _judged(i.control)
+
+    rotation = s.rotation + wrap(i.phase - s.last_phase, PHASE_BITS) if state == SEARCH and usable else 0
+    correction = half_up(rotation * p.gain, GAIN.f)
+    found = 1 if abs(correction) <= p.search_limit and i.magnitude >= p.min_magnitude else 0
+    following = _following(p, s, i, usable, found, s.lock.locked | (lock_monitor.ALL & ~judged))
+
+    restart = following == KICK and state != KICK and state != STANDBY
+    failed = 1 if restart and state < BALANCE else 0
+    lost = 1 if restart and state >= BALANCE else 0
+    forget = following == IDLE or following >= BALANCE
+    timer = clamp(s.timer + 1, 0, TIMER_TOP)
+    if following != state or (state == DECAY and not usable):
+        timer = 0
+
+    watch_stuck = state >= SEARCH or (state == STANDBY and s.faults.flags & fault_monitor.STUCK)
+    levels = (fault_monitor.LOST_LOCK if s.lost else 0) | (fault_monitor.SEARCH_FAILED if s.failed else 0)
+    return State(
+        state=following,
+        timer=timer,
+        control=i.control,
+        last_phase=i.phase if fresh else s.last_phase,
+        rotation=rotation,
+        correction=correction if state == SEARCH else s.correction,
+        attempts=clamp(s.attempts + failed, 0, ATTEMPTS_TOP),
+        lost=0 if forget else (s.lost | lost),
+        failed=0 if forget else (s.failed | failed),
+        lock=lock_monitor.step(
+            p.lock,
+            s.lock,
+            1 if usable or state < SETTLE else 0,
+            (lock_monitor.DRIVE if state >= SETTLE else 0) | (lock_monitor.SENSE if state >= BALANCE else 0),
+            judged,
+            i.setpoint - i.magnitude,
+            i.setpoint,
+            i.phase,
+            i.sense_sin,
+            i.sense_cos,
+            i.qsc_rail,
+        ),
+        faults=fault_monitor.step(
+            p.faults,
+            s.faults,
+            1,
+            1 if state > INIT else 0,
+            fresh,
+            (i.drive_sin, i.drive_cos, i.sense_sin, i.sense_cos),
+            1 if i.drive_saturated and state >= SETTLE else 0,
+            i.rate_saturated,
+            1 if i.qsc_rail and state >= BALANCE and not i.control & FIX_QSC else 0,
+            1 if watch_stuck else 0,
+            levels,
+            fault_monitor.ALL if i.control & CLEAR_FAULTS else i.clear,
+        ),
+    )
+
+
+@inlined
+def _mode(bad, held, mode):
+    return pi.HOLD if bad or held else mode
+
+
+@inlined
+def outputs(s):
+    """Modes and flags, decoded from the registers alone."""
+    state, control = s.state, s.control
+    bad = s.faults.flags & fault_monitor.BAD
+    agc_mode, pll_mode, ftr_mode, qsc_mode = pi.OFF, pi.OFF, pi.OFF, pi.OFF
+    if state == KICK:
+        agc_mode = agc.KICK
+    elif state == ACQUIRE:
+        agc_mode = pi.OFF if bad else _mode(0, control & HOLD_AGC, pi.P_ONLY)
+    elif state > ACQUIRE:
+        agc_mode = _mode(bad, control & HOLD_AGC, pi.RUN)
+    if state >= ACQUIRE:
+        pll_mode = _mode(bad, control & HOLD_PLL, pi.RUN)
+    if state >= BALANCE:
+        ftr_mode = pi.OFF if control & FIX_FTR else _mode(bad, control & HOLD_FTR, pi.RUN)
+        qsc_mode = pi.OFF if control & FIX_QSC else _mode(bad, control & HOLD_QSC, pi.RUN)
+    fixable = state == OPEN or state >= BALANCE
+    doubtful = fault_monitor.OVER_RANGE | fault_monitor.BAD | fault_monitor.RATE_SATURATED
+    return Outputs(
+        agc_mode=agc_mode,
+        pll_mode=pll_mode,
+        ftr_mode=ftr_mode,
+        qsc_mode=qsc_mode,
+        fix_drive=1 if state == OPEN else 0,
+        fix_ftr=1 if fixable and control & FIX_FTR else 0,
+        fix_qsc=1 if fixable and control & FIX_QSC else 0,
+        dac_init=1 if state <= INIT else 0,
+        load=1 if state <= KICK else 0,
+        adjust=1 if state == RETUNE and s.timer == 0 else 0,
+        drive_locked=1 if state >= BALANCE else 0,
+        locked=1 if state == LOCKED else 0,
+        rate_good=1 if state == LOCKED and not s.faults.flags & doubtful else 0,
+    )

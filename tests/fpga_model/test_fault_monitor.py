@@ -1,0 +1,135 @@
+"""The fault monitor: every register at every clock, each symptom to the frame, and the sticky latch."""
+
+import inspect
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fpga_model import fault_monitor as fm
+from tests import naive
+from tests.fpga_model.records import assert_rows, rows
+
+PAGE = Path(__file__).parents[2] / "docs" / "blocks" / "fault_monitor.md"
+SMALL = fm.Params(over_range=3, stuck=4, drive=2, rate=1, rail=5)
+flag = st.sampled_from([0, 0, 1])
+code = st.sampled_from([0, 1, -1, 0x7FFEFF, 0x7FFF00, -0x7FFEFF, -0x7FFF00, -(2**23), 2**23 - 1])
+calm = st.sampled_from([(1, 2, 3, 4), (1, 2, 3, 5)])
+edge = st.tuples(
+    st.sampled_from([1, 1, 1, 0]),
+    st.sampled_from([1] * 8 + [0]),
+    st.sampled_from([1, 1, 1, 0]),
+    st.one_of(calm, st.tuples(code, code, code, code)),
+    flag,
+    flag,
+    flag,
+    st.sampled_from([1, 1, 0]),
+    st.sampled_from([0, 0, fm.LOST_LOCK, fm.SEARCH_FAILED, fm.LOST_LOCK | fm.SEARCH_FAILED]),
+    st.one_of(st.just(0), st.integers(0, 255)),
+    st.integers(1, 5),
+)
+
+
+def run(p, inputs):
+    return rows(lambda s, *i: fm.step(p, s, *i), fm.State(), inputs)
+
+
+def expected_rows(p, inputs):
+    faults = naive.Faults(p)
+    expected = [faults.row()]
+    for en, *values in inputs:
+        if en:
+            levels = [
+                n for bit, n in ((fm.LOST_LOCK, "lost_lock"), (fm.SEARCH_FAILED, "search_failed")) if values[7] & bit
+            ]
+            faults.frame(*values[:7], levels, values[8])
+        expected.append(faults.row())
+    return expected
+
+
+def frame(fresh=1, codes=(1, 2, 3, 4), drive=0, rate=0, rail=0, watch=1, levels=0, clear=0, armed=1, en=1):
+    return (en, armed, fresh, codes, drive, rate, rail, watch, levels, clear)
+
+
+def moving(n, **what):
+    """Frames whose codes change."""
+    return [frame(codes=(k, 2, 3, 4), **what) for k in range(n)]
+
+
+@given(st.sampled_from([SMALL, fm.Params(0, 0, 0, 0, 0), fm.design()]), st.lists(edge, max_size=25))
+def test_step_is_the_documented_equation(p, edges):
+    inputs = [tuple(e[:-1]) for e in edges for _ in range(e[-1])]
+    assert_rows(run(p, inputs), expected_rows(p, inputs), fm.STATE_FMT)
+
+
+@pytest.mark.parametrize("what", ["drive", "rate", "rail"])
+@pytest.mark.parametrize("p", [SMALL, fm.design()])
+def test_flags_rise_with_the_last_frame_of_the_debounce(what, p):
+    n = getattr(p, what)
+    bit = {"drive": fm.DRIVE_SATURATED, "rate": fm.RATE_SATURATED, "rail": fm.QSC_RAIL}[what]
+    flags = [s.flags for s in run(p, moving(n + 2, **{what: 1}) + moving(1))]
+    assert flags == [0] * n + [bit] * 3 + [0]
+
+
+@pytest.mark.parametrize("code", [0x7FFF00, -0x7FFF00, 2**23 - 1, -(2**23)])
+@pytest.mark.parametrize("lane", range(4))
+def test_over_range_of_every_channel(code, lane):
+    codes = tuple(code if k == lane else k for k in range(4))
+    p = SMALL._replace(stuck=0)
+    assert [s.flags for s in run(p, [frame(codes=codes)] * 4)] == [0, 0, 0, fm.OVER_RANGE, fm.OVER_RANGE]
+    below = tuple((code - 1 if code > 0 else code + 1) if k == lane and abs(code) == 0x7FFF00 else k for k in range(4))
+    assert not any(s.flags for s in run(p, [frame(codes=below)] * 9))
+
+
+def test_stuck_needs_all_four_codes():
+    # the first frame moves the codes from their reset values
+    still = [s.flags for s in run(SMALL, [frame()] * 6)]
+    assert still == [0] * 5 + [fm.STUCK] * 2
+    for lane in range(4):
+        wobble = [frame(codes=tuple(c + (n if k == lane else 0) for k, c in enumerate((1, 2, 3, 4)))) for n in range(9)]
+        assert not any(s.flags for s in run(SMALL, wobble))
+
+
+def test_stale_counts_and_recovery():
+    found = run(SMALL, moving(3) + [frame(fresh=0)] * 4 + moving(2))
+    assert [s.flags for s in found] == [0] * 4 + [fm.STALE] * 4 + [0] * 2
+    assert [s.bad_frames for s in found] == [0] * 4 + [1, 2, 3, 4] + [0] * 2
+    assert [s.good_frames for s in found] == [0, 1, 2, 3] + [0] * 4 + [1, 2]
+
+
+def test_long_counts_saturate():
+    s = fm.State(good_frames=2**16 - 1)
+    assert fm.step(SMALL, s, *frame()).good_frames == 2**16 - 1
+    s = fm.State(bad_frames=2**16 - 1)
+    assert fm.step(SMALL, s, *frame(fresh=0)).bad_frames == 2**16 - 1
+
+
+def test_latch_is_sticky_and_a_live_fault_cannot_be_cleared():
+    found = run(SMALL, [frame(fresh=0), *moving(2), frame(clear=fm.RATE_SATURATED), frame(clear=fm.STALE)])
+    assert [s.latch for s in found] == [0, fm.STALE, fm.STALE, fm.STALE, fm.STALE, 0]
+    assert run(SMALL, [frame(fresh=0, clear=fm.STALE)])[-1].latch == fm.STALE
+
+
+def test_table_of_the_page():
+    d = {k: v.default for k, v in inspect.signature(fm.design).parameters.items()}
+    names = {
+        "OVER_RANGE": "over_range_s",
+        "STUCK": "stuck_s",
+        "DRIVE_SATURATED": "drive_s",
+        "RATE_SATURATED": "rate_s",
+        "QSC_RAIL": "rail_s",
+    }
+    p = fm.design()
+    page = PAGE.read_text()
+    for name, parameter in names.items():
+        frames = getattr(p, parameter.removesuffix("_s"))
+        assert any(
+            line.startswith(f"| {name} |") and f"| {1e3 * d[parameter]:g} ms, {frames} frames |" in line
+            for line in page.splitlines()
+        ), name
+
+
+def test_design_refuses_a_debounce_too_long():
+    with pytest.raises(ValueError, match="rail_s"):
+        fm.design(rail_s=1.0)
