@@ -138,6 +138,47 @@ def test_a_column_hash_is_sha256_of_little_endian_bytes(path):
     assert listed["/streams/dac_drv"] == hashlib.sha256(plain).hexdigest()
 
 
+def test_texts_cannot_move_between_rows_unseen(tmp_path):
+    hashes = set()
+    for texts in (["ab", "c"], ["a", "bc"], ["", "abc"]):
+        tables = {"t": {"a": TableColumn(np.array(texts), "")}}
+        hashes.add(record.write_record(tmp_path / "a.h5", Record(tables=tables)))
+    assert len(hashes) == 3
+
+
+@pytest.mark.parametrize("unit", ["V", "10 V/2^23", "turn/2^48", "5.5 V/2^16"])
+def test_shares_of_a_unit_are_units(tmp_path, unit):
+    record.write_record(tmp_path / "a.h5", Record({"a": Column(np.zeros(3), unit)}))
+    assert record.read_record(tmp_path / "a.h5").streams["a"].unit == unit
+
+
+@pytest.mark.parametrize("unit", ["", "furlong", "furlong/2^3", "V/2^", "ten V/2^3", "V/3^2", None])
+def test_other_units_are_not(unit):
+    assert not record.known_unit(unit)
+
+
+def test_a_file_that_takes_a_few_bytes_at_a_time_is_written_whole(tmp_path, monkeypatch):
+    plain = files.GuardedFile.__init__
+
+    class Slow:
+        def __init__(self, file):
+            self.file = file
+
+        def write(self, data):
+            return self.file.write(data[:1000])
+
+        def __getattr__(self, name):
+            return getattr(self.file, name)
+
+    def slowed(self, where):
+        plain(self, where)
+        self._file = Slow(self._file)
+
+    monkeypatch.setattr(files.GuardedFile, "__init__", slowed)
+    digest = record.write_record(tmp_path / "a.h5", sample())
+    assert record.read_record(tmp_path / "a.h5").content_sha256 == digest
+
+
 def test_rates_and_times_are_exact():
     column = Column(np.zeros(4), "V", 2, 3250, 26)
     assert column.rate_hz == 16000

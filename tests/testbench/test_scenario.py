@@ -1,5 +1,6 @@
 """Scenario: profiles against exact interpolation, events in order, every mistake refused with its place."""
 
+import itertools
 import math
 from fractions import Fraction
 from types import SimpleNamespace
@@ -35,6 +36,16 @@ def test_a_profile_is_the_exact_interpolation_at_the_middle_of_each_frame(points
     assert timeline.rate_before_rad_s == math.radians(points[0][1])
 
 
+@given(profiles, st.lists(times, min_size=1), st.booleans())
+def test_a_profile_at_its_own_points(points, when, steps):
+    values_at = scenario.sample(points, np.array(when), steps)
+    # at the very instant of a jump a line has two values
+    jumps = {a[0] for a, b in itertools.pairwise(points) if a[0] == b[0]}
+    for t_s, value in zip(when, values_at):
+        if steps or t_s not in jumps:
+            assert value == pytest.approx(float(naive.profile_at(points, Fraction(t_s), steps)), abs=1e-12)
+
+
 def test_a_jump_falls_between_two_frames():
     timeline = scenario.expand(made(rate_dps=[[0, 0], [0.1, 0], [0.1, 100]], seconds=0.2))
     assert np.all(timeline.rate_rad_s[:800] == 0)
@@ -55,9 +66,9 @@ def test_a_broken_frame_counts_as_one():
 
 def test_events_are_sorted_by_tick_and_ends_come_before_beginnings():
     faults = [
-        [0.3, "adc_stuck", "sense_sin", 7, 0.1],
-        [0.1, "dac_stuck", "drive", -3, math.inf],
         [0.4, "adc_over_range", "sense_sin", 1, 5.0],
+        [0.1, "dac_stuck", "drive", -3, math.inf],
+        [0.3, "adc_stuck", "sense_sin", 7, 0.1],
     ]
     writes = [[0.1, "control", 1], [0.05, "phase_drive_sine", 123]]
     events = scenario.expand(made(seconds=0.5, faults=faults, register_writes=writes)).events
