@@ -23,7 +23,7 @@ import numpy as np
 from analog_frontend import adc, dac, effects, noise, propagator, sid
 from analog_frontend.propagator import CYCLES, INPUTS, OUTPUTS, PX1, PY1
 from analog_frontend.propagator import DU_DRIVE, DU_SENSE, F_X, F_Y, JIT_DRIVE, JIT_SENSE, U_DRIVE, U_SENSE
-from fpga_model.jit import inlined, kernel
+from fpga_model.jit import hot, inlined
 
 STATES = 16
 V_DRIVE, V_SENSE, X, VX, Y, VY, CV_X, CV_Y = 2, 5, 6, 7, 8, 9, 12, 15
@@ -84,6 +84,9 @@ class State(NamedTuple):
     late_tau_s: np.ndarray  # (4, MAX_EDGES) edges whose switch acts in the next tick
     late_count: np.ndarray  # (4,)
     adc: adc.State
+    inputs: np.ndarray  # (24,) scratch of a tick
+    out: np.ndarray  # (24,)
+    taus_s: np.ndarray  # (MAX_EDGES,)
 
 
 class Pins(NamedTuple):
@@ -114,6 +117,9 @@ def reset(p, drive_code, sense_code, temp_degc):
         late_tau_s=np.zeros((DEMODULATORS, MAX_EDGES)),
         late_count=np.zeros(DEMODULATORS, np.int64),
         adc=adc.reset(p.adc),
+        inputs=np.zeros(INPUTS),
+        out=np.zeros(OUTPUTS),
+        taus_s=np.zeros(MAX_EDGES),
     )
     s.z[0:3] = s.volts[DRIVE]
     s.z[3:6] = s.volts[SENSE]
@@ -125,7 +131,7 @@ def copy(s):
     return State(*(adc.State(*map(np.copy, a)) if isinstance(a, adc.State) else np.copy(a) for a in s))
 
 
-@kernel
+@hot
 def _blend(p, s, temp_degc):
     """Jets at a temperature and at the present clocks of the DACs."""
     index, weight = 0, 0.0
@@ -153,7 +159,7 @@ def _blend(p, s, temp_degc):
     s.now[NOW_CYCLE_SENSE] = e
 
 
-@kernel
+@hot
 def _columns(s):
     """Rows of G for steps and jitter at the present clocks of the DACs."""
     for k in range(4):
@@ -172,7 +178,7 @@ def blended(p, values, temp_degc):
     return values[index] + weight * (values[index + 1] - values[index])
 
 
-@kernel
+@hot
 def retune(p, s, rate_rad_s, quad_code, temp_degc):
     """Make G for a rate (rad/s), a V_q code and a temperature (degC); does nothing if nothing changed."""
     volts = quad_code * p.quad_lsb_v
@@ -210,7 +216,18 @@ def _dac_step(p, s, which, part, carry, code, cycle, jitter_s):
     return step, area
 
 
-@kernel
+@hot
+def _multiply(g, v, out):
+    """out[o] = sum over j, ascending, of g[j, o] v[j]; the loop over o vectorises and does not change a bit."""
+    for o in range(OUTPUTS):
+        out[o] = 0.0
+    for j in range(INPUTS):
+        a = v[j]
+        for o in range(OUTPUTS):
+            out[o] += g[j, o] * a
+
+
+@inlined
 def step(p, s, tick, pins, edges):
     """One tick. `edges` (n, 2): clock and reference number of each edge of the four reference pins, in time order.
 
@@ -226,7 +243,7 @@ def step(p, s, tick, pins, edges):
         _columns(s)
     effects.apply_forces(p.effects, z)
 
-    v = np.empty(INPUTS)
+    v, out = s.inputs, s.out
     for i in range(STATES):
         v[i] = z[i]
     jitter = noise.white(p.noise.edge_jitter, 6 * tick)
@@ -248,14 +265,11 @@ def step(p, s, tick, pins, edges):
     v[F_X] = noise.white(p.noise.force_x, tick)
     v[F_Y] = noise.white(p.noise.force_y, tick)
 
-    out = np.zeros(OUTPUTS)
-    for j in range(INPUTS):
-        a = v[j]
-        for o in range(OUTPUTS):
-            out[o] += s.g[j, o] * a
+    _multiply(s.g, v, out)
 
-    noise_x = noise.white(p.noise.cv_x, tick) + effects.cv_volts_x(p.effects, z, out)
-    noise_y = noise.white(p.noise.cv_y, tick) + effects.cv_volts_y(p.effects, z, out)
+    noise_x, noise_y = effects.cv_volts(
+        p.effects, noise.white(p.noise.cv_x, tick), noise.white(p.noise.cv_y, tick), z[V_DRIVE], out[V_DRIVE]
+    )
     sensor = adc.temperature_volts(s.now[NOW_TEMP])
     before = (sid.output(s.caps, 0), sid.output(s.caps, 1), sid.output(s.caps, 2), sid.output(s.caps, 3), sensor)
     busy = pins.edge_count + s.late_count[0] + s.late_count[1] + s.late_count[2] + s.late_count[3]
@@ -270,14 +284,14 @@ def step(p, s, tick, pins, edges):
     for i in range(STATES):
         z[i] = out[i]
     after = (sid.output(s.caps, 0), sid.output(s.caps, 1), sid.output(s.caps, 2), sid.output(s.caps, 3), sensor)
-    return adc.step(p.adc, s.adc, before, after)
+    return adc.step(p.adc, s.adc.clock, s.adc.sums, before, after)
 
 
-@kernel
+@hot
 def _switch(p, s, tick, edge_count, edges, noise_x, noise_y, z, out):
     """The demodulators of a tick in which a reference changes, now or by an edge of the tick before."""
     gain, driver_s = p.slope_gain, s.now[NOW_DRIVER]
-    taus = np.empty(MAX_EDGES)
+    taus = s.taus_s
     for d in range(DEMODULATORS):
         count = s.late_count[d]
         for k in range(count):

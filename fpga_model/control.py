@@ -2,9 +2,9 @@
 
     slot                    block
     SLOT_CORDIC             magnitude and phase of (-drive_cos, drive_sin)
+    SLOT_SEQUENCER          sequencer: what each loop does with this very frame
     SLOT_LOOPS, next        errors, then the four PIs
     SLOT_ROOT               V_q = sqrt(u); output word of the rate
-    SLOT_OUTPUT             sequencer: modes for the next frame
 
     codes --[cordic]--+--[agc]---------------> amplitude        [..] block
                       +--[frequency_tracker]-> DDS word
@@ -20,7 +20,8 @@ from __future__ import annotations  # a field may bear the name of its module
 
 from typing import NamedTuple
 
-from fpga_model import agc, cordic, frequency_tracker, pi, quadrature_loop, rate_loop, rate_output, rates, sequencer
+from fpga_model import agc, cordic, frequency_tracker, quadrature_loop, rate_loop, rate_output, rates, sequencer
+from fpga_model.fixed import clamp
 from fpga_model.jit import inlined, kernel
 
 
@@ -75,6 +76,7 @@ STATE_FMT = State(
     sequencer=sequencer.STATE_FMT,
 )
 SLOT_PI = rates.SLOT_LOOPS + 1
+CODE_LO, CODE_HI = cordic.INPUT.lo, cordic.INPUT.hi
 
 
 @inlined
@@ -89,21 +91,20 @@ def step(p, s, slot, i, bank):
     at_loops = 1 if slot == rates.SLOT_LOOPS else 0
     at_pi = 1 if slot == SLOT_PI else 0
     at_root = 1 if slot == rates.SLOT_ROOT else 0
-    at_output = 1 if slot == rates.SLOT_OUTPUT else 0
+    at_sequencer = 1 if slot == rates.SLOT_SEQUENCER else 0
     at_cordic = 1 if slot == rates.SLOT_CORDIC else 0
     o = sequencer.outputs(s.sequencer)
-    agc_mode = pi.OFF if o.fix_drive else o.agc_mode
     amplitude_preset = bank.amplitude_fixed if o.fix_drive else 0
     rate_preset = bank.rate_fixed if o.fix_ftr else 0
     quadrature_preset = bank.quadrature_fixed if o.fix_qsc else 0
     return State(
-        cordic=cordic.step(s.cordic, at_cordic, -i.drive_cos, i.drive_sin),
+        cordic=cordic.step(s.cordic, at_cordic, clamp(-i.drive_cos, CODE_LO, CODE_HI), i.drive_sin),
         agc=agc.step(
             p.agc,
             s.agc,
             at_loops,
             at_pi,
-            agc_mode,
+            o.agc_mode,
             s.cordic.magnitude,
             bank.amplitude_setpoint,
             amplitude_preset,
@@ -157,7 +158,7 @@ def step(p, s, slot, i, bank):
         sequencer=sequencer.step(
             p.sequencer,
             s.sequencer,
-            at_output,
+            at_sequencer,
             sequencer.Inputs(
                 control=bank.control,
                 clear=bank.fault_clear,

@@ -1,4 +1,4 @@
-"""The one place that configures Numba: `kernel` for every compiled function, `inlined` for those on the 26 MHz path.
+"""The one place that configures Numba: `kernel` for compiled functions, `hot` for time loops, `inlined` for what they call.
 
 Numba's disk cache stamps a function by its own file only, so an edited callee is not seen. The cache folder is
 therefore named by a hash of every source file of the three packages: an edit anywhere means a new folder.
@@ -54,9 +54,17 @@ def kernel(func):
     return njit(cache=CACHE, error_model="numpy")(func)
 
 
+def hot(func):
+    """As `kernel`, for time loops: no reference counting, so that arrays in records cost nothing.
+
+    Such a function cannot allocate and must not return an array; it works in what it is given.
+    """
+    return njit(cache=CACHE, error_model="numpy", _nrt=False)(func)
+
+
 def inlined(func):
     """Inlined by LLVM into its caller: for what runs at every edge of the 26 MHz clock.
 
     Never cached alone: a callee that comes from the cache is object code, and LLVM cannot inline that (3 times slower).
     """
-    return njit(error_model="numpy", forceinline=True)(func)
+    return njit(error_model="numpy", forceinline=True, _nrt=False)(func)

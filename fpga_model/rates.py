@@ -28,9 +28,9 @@ LATENCY = 1
 
 # The 8 kHz work in clocks after a valid ADC frame: each slot is the first clock at which its block is enabled.
 SLOT_CORDIC = 1
+SLOT_SEQUENCER = 31
 SLOT_LOOPS = 32
 SLOT_ROOT = 36
-SLOT_OUTPUT = 56
 SLOTS = 60
 
 
@@ -47,7 +47,7 @@ assert TICK_HZ * TICK_CYCLES == FRAME_HZ * FRAME_CYCLES == MASTER_HZ, "the rates
 assert STATE_FMT.tick.holds(TICK_CYCLES - 1)
 assert STATE_FMT.frame.holds(FRAME_TICKS - 1)
 assert STATE_FMT.slot.holds(SLOTS)
-assert SLOT_CORDIC < SLOT_LOOPS < SLOT_ROOT < SLOT_OUTPUT < SLOTS < FRAME_CYCLES
+assert SLOT_CORDIC < SLOT_SEQUENCER < SLOT_LOOPS < SLOT_ROOT < SLOTS < FRAME_CYCLES
 
 
 @inlined

@@ -373,7 +373,7 @@ def outputs(s):
         fix_drive=1 if state == OPEN else 0,
         fix_ftr=1 if fixable and control & FIX_FTR else 0,
         fix_qsc=1 if fixable and control & FIX_QSC else 0,
-        dac_init=1 if state <= INIT else 0,
+        dac_init=1 if state == INIT else 0,
         load=1 if state <= KICK else 0,
         adjust=1 if state == RETUNE and s.timer == 0 else 0,
         drive_locked=1 if state >= BALANCE else 0,

@@ -158,12 +158,12 @@ def step(p, s, i):
     if ce_1m:
         amplitude = control.amplitude(p.control, c)
     if at_load:
-        init = 1 if c.sequencer.state <= control.sequencer.INIT else 0
+        init = control.sequencer.outputs(c.sequencer).dac_init
         drive_word = spi_dac.frame(p.drive_dac, modulator.out(p.drive_modulator, s.drive_modulator), init)
         sense_word = spi_dac.frame(p.sense_dac, modulator.out(p.sense_modulator, s.sense_modulator), init)
         quadrature_word = spi_dac.frame(p.quadrature_dac, c.quadrature_loop.root.y, init)
 
-    taken = 1 if r.slot == rates.SLOT_OUTPUT else 0
+    taken = 1 if r.slot == rates.SLOT_SEQUENCER else 0
     work = c
     if r.slot:
         work = control.step(p.control, c, r.slot, codes(p, s), bank)

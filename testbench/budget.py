@@ -13,7 +13,7 @@ Source  docs/phases.md
 import math
 from typing import NamedTuple
 
-from analog_frontend import ring_diode, thermal
+from analog_frontend import propagator, thermal
 from fpga_model import dds, references, sine, spi_dac
 from fpga_model.rates import MASTER_HZ, TICK_CYCLES
 
@@ -109,7 +109,7 @@ def budget(config, temp_degc=None):
         return rows
 
     def forward(channel):
-        _, tau_s = ring_diode.chain(device, channel, temp_degc)
+        _, tau_s = propagator.cv_chain(base, channel, temp_degc)
         return [
             pole("ring diode, Cref / (4 fc (C0 + Cp))", tau_s, "capacitors chosen to fit"),
             pole("instrumentation amplifier", device.ina_noise_gain / (2 * math.pi * device.opamp_gbw_hz), "gain split"),

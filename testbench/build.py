@@ -11,9 +11,10 @@ from fractions import Fraction
 
 import numpy as np
 
-from analog_frontend import adc, dac, effects, noise, propagator, sid, thermal
+from analog_frontend import adc, dac, effects, noise, propagator, resonator, sid, thermal
 from analog_frontend import top as plant
 from analog_frontend.device import Device
+from analog_frontend.effects import drive_cubic, duffing, feedthrough_y
 from analog_frontend.propagator import CYCLES
 from fpga_model import (
     agc,
@@ -182,9 +183,22 @@ def analog(config, temp_lo_degc, temp_hi_degc):
             sense_dac=white("dac_sense", d.sense_dac_noise_v_per_rthz, on.cv),
             edge_jitter=noise.source(seed, "edge_jitter", d.clock_jitter_s, on.jitter),
         ),
-        effects=effects.design(config),
+        effects=_effects(config, warm, tick_s),
         sar_lsb_v=d.sar_span_v / 2**17,
         slope_gain=float(d.signal_gain),
+    )
+
+
+def _effects(config, device, tick_s):
+    """The effects that the configuration switches on; all others are off, bit for bit."""
+    e = config.effects
+    k_n_per_m = device.mass_kg * (2 * math.pi * device.fx_hz) ** 2
+    k3 = duffing.k3_from_ratio(e.duffing_k3_per_um2, k_n_per_m)
+    w = resonator.W_RAD_PER_S
+    return effects.collect(
+        duffing=duffing.design(k3, device.mass_kg, tick_s, w),
+        drive_cubic=drive_cubic.design(e.drive_cubic_per_v2, device.k_vf_drive_n_per_v, device.mass_kg, tick_s, w),
+        feedthrough_y=feedthrough_y.design(e.feedthrough_y),
     )
 
 

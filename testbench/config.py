@@ -143,6 +143,7 @@ class Scenario(Section):
     faults: Annotated[Any, _checked(scenario.check_faults)] = other(
         [], "[[t_s, kind, channel, value, duration_s], ...]; kinds below"
     )
+    diagnose: bool = other(True, "end with a rate step and an open sense loop, which show scale factor and all phases")
     resume: str = other("", "state file to start from instead of power-on")
 
     @model_validator(mode="after")

@@ -21,12 +21,13 @@ from analog_frontend import top as plant
 from fpga_model import references, registers, spi_dac
 from fpga_model import top as fpga
 from fpga_model.fixed import Fmt, bits, signed
-from fpga_model.jit import inlined, kernel
+from fpga_model.jit import hot, inlined
 from fpga_model.rates import FRAME_TICKS, TICK_CYCLES
 from testbench.flatten import store
 
 PHASE = Fmt(0, 0, 48)
 MAX_EDGES = plant.MAX_EDGES
+CODES = adc.CODES
 
 
 class Chips(NamedTuple):
@@ -186,7 +187,7 @@ def _chips(p, s, chips, loaded, status, codes):
     )
 
 
-@kernel
+@hot
 def _record_pins(row, p, s, chips):
     row[0] = chips.adc.drdy_n
     row[1] = adc_serial.dout(chips.adc)
@@ -208,7 +209,7 @@ def _record_pins(row, p, s, chips):
     row[17] = chips.quadrature.code
 
 
-@kernel
+@hot
 def _record_frame(row, truth, s, chips, z, temp_degc, rate_rad_s):
     c = s.control
     codes = s.adc.channels
@@ -238,22 +239,28 @@ def _record_frame(row, truth, s, chips, z, temp_degc, rate_rad_s):
     truth[5] = rate_rad_s
 
 
-@kernel
 def run(p, s, ticks, rate_rad_s, temp_degc, write, address, data, faults, o):
-    """Advance by `ticks`; returns the new State.
+    """Advance by `ticks`; returns the new State, whose arrays are those of `s`, moved on.
 
     rate_rad_s, temp_degc  per frame begun in this chunk, the first for the frame in progress
     write, address, data   one host write at the first edge of the chunk (write = 0: none)
     faults                 in force during the whole chunk
     o                      Streams
     """
-    f, chips, a, drdy_cycle = s.fpga, s.chips, s.plant, s.drdy_cycle
-    edges = np.empty((MAX_EDGES, 2), np.int64)
+    edges = np.zeros((MAX_EDGES, 2), np.int64)
+    f, chips, drdy_cycle = _run(
+        p, s.fpga, s.chips, s.plant, s.tick, s.drdy_cycle, ticks, rate_rad_s, temp_degc, write, address, data, faults, o, edges
+    )
+    return State(f, chips, s.plant, s.tick + ticks, drdy_cycle)
+
+
+@hot
+def _run(p, f, chips, a, tick0, drdy_cycle, ticks, rate_rad_s, temp_degc, write, address, data, faults, o, edges):
     refs = references.pins(p.fpga.references, f.references)
-    first_frame = s.tick // FRAME_TICKS
+    first_frame = tick0 // FRAME_TICKS
     frame_row = 0
     for k in range(ticks):
-        tick = s.tick + k
+        tick = tick0 + k
         if k == 0 or tick % FRAME_TICKS == 0:
             n = tick // FRAME_TICKS - first_frame
             plant.retune(p.plant, a, rate_rad_s[n], chips.quadrature.code, temp_degc[n])
@@ -282,11 +289,11 @@ def run(p, s, ticks, rate_rad_s, temp_degc, write, address, data, faults, o):
             values[12] = a.volts[1]
             values[13] = a.late_step[1]
         codes = (
-            faults.code[0] if faults.stuck[0] else a.adc.codes[0],
-            faults.code[1] if faults.stuck[1] else a.adc.codes[1],
-            faults.code[2] if faults.stuck[2] else a.adc.codes[2],
-            faults.code[3] if faults.stuck[3] else a.adc.codes[3],
-            a.adc.codes[4],
+            faults.code[0] if faults.stuck[0] else a.adc.clock[CODES],
+            faults.code[1] if faults.stuck[1] else a.adc.clock[CODES + 1],
+            faults.code[2] if faults.stuck[2] else a.adc.clock[CODES + 2],
+            faults.code[3] if faults.stuck[3] else a.adc.clock[CODES + 3],
+            a.adc.clock[CODES + 4],
             0,
             0,
             0,
@@ -350,4 +357,4 @@ def run(p, s, ticks, rate_rad_s, temp_degc, write, address, data, faults, o):
         x = abs(a.z[plant.X])
         if x > o.peak_x[0]:
             o.peak_x[0] = x
-    return State(f, chips, a, s.tick + ticks, drdy_cycle)
+    return f, chips, drdy_cycle

@@ -318,7 +318,7 @@ def test_table_of_states_of_the_page():
         time = d.get(f"{name.lower()}_s")
         shown = f"{1e3 * time:g} ms" if time else "-"
         assert f"| {k} {name} | {shown} | {' | '.join(modes(k))} |" in page, name
-    assert [sequencer.outputs(sequencer.State(state=k)).dac_init for k in range(13)] == [1, 1] + [0] * 11
+    assert [sequencer.outputs(sequencer.State(state=k)).dac_init for k in range(13)] == [0, 1] + [0] * 11
     assert [sequencer.outputs(sequencer.State(state=k)).load for k in range(13)] == [1] * 6 + [0] * 7
 
 
