@@ -1,10 +1,13 @@
 """Output files that are whole or absent: written as PATH.part, renamed when complete, removed when anything fails.
 
-`GuardedFile` is for HDF5, whose library leaves a file open for good when a write fails during close: it remembers the
-first failure, swallows what the library still writes, and lets the owner raise one clear line afterwards.
+A seal is the file's own SHA-256 behind its end: damage is found before a library reads it, which with HDF5 may take
+for ever on a damaged heap. `GuardedFile` is for HDF5 too, which leaves a file open for good when a write fails during
+close: it remembers the first failure, swallows what the library still writes, and lets the owner raise afterwards.
 """
 
 import contextlib
+import errno
+import hashlib
 import io
 import os
 from pathlib import Path
@@ -29,6 +32,40 @@ def publish(path):
     with open(part, "rb") as file:
         os.fsync(file.fileno())
     os.replace(part, path)
+
+
+SEAL = b"\nftr-gyro sha256 %s\n"
+SEAL_BYTES = len(SEAL % bytes(64))
+
+
+def seal(path):
+    """Append the SHA-256 of a finished file; HDF5 ignores what follows its end."""
+    with open(path, "rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    with open(path, "ab", buffering=0) as file:
+        if file.write(SEAL % digest.encode()) != SEAL_BYTES:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def seal_holds(path):
+    """True if the file is as it was sealed, False if it was damaged since, None if there is no seal."""
+    digest = hashlib.sha256()
+    with open(path, "rb") as file:
+        left = os.fstat(file.fileno()).st_size - SEAL_BYTES
+        if left < 0:
+            return None
+        file.seek(left)
+        found = file.read()
+        if not found.startswith(SEAL[:-3]) or not found.endswith(b"\n"):
+            return None
+        file.seek(0)
+        while left:
+            block = file.read(min(left, 1 << 20))
+            if not block:
+                return False
+            digest.update(block)
+            left -= len(block)
+    return found == SEAL % digest.hexdigest().encode()
 
 
 def discard(path):

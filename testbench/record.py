@@ -28,7 +28,7 @@ import h5py
 import numpy as np
 
 from testbench.errors import FileError
-from testbench.files import GuardedFile, discard, explain, part_of, publish
+from testbench.files import GuardedFile, discard, explain, part_of, publish, seal, seal_holds
 from testbench.version import VERSION
 
 SCHEMA = "gyrorec/1.0"
@@ -217,6 +217,7 @@ class RecordWriter:
             self._guard.close()
             self._check()
             if kind is None:
+                seal(part_of(self.path))
                 publish(self.path)
         except OSError as problem:
             raise explain(self.path, self._guard.problem or problem) from None
@@ -376,10 +377,11 @@ DAMAGED = (OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeErro
 def _open(path):
     path = Path(path)
     try:
-        with open(path, "rb"):
-            pass
+        whole = seal_holds(path)
     except OSError as problem:
         raise FileError(f"{path}: cannot be read: {problem.strerror or problem}") from None
+    if whole is False:
+        raise RecordError(path, ["R15 / expected the file that was written, found damage"])
     try:
         return h5py.File(path, "r")
     except OSError:
@@ -477,7 +479,7 @@ def _read_column(file, place, record, listed, findings):
     elif group != "streams":
         record.tables.setdefault(group, {})[name] = TableColumn(data, unit)
     else:
-        attrs = {key: _plain(value) for key, value in dataset.attrs.items() if key not in HIDDEN}
+        attrs = {key: _plain(dataset.attrs[key]) for key in dataset.attrs if key not in HIDDEN}
         missing = [key for key in STREAM_KEYS if key not in attrs]
         num, den, edge0 = (attrs.get(key) for key in STREAM_KEYS[1:])
         if missing or not all(isinstance(value, int) for value in (num, den, edge0)) or num < 1 or den < 1:
@@ -531,6 +533,7 @@ def save_state(path, values, source_format, meta=None):
                     group[name].attrs["scalar"] = int(not isinstance(values[name], np.ndarray))
         if guard.problem is not None:
             raise explain(path, guard.problem)
+        seal(part_of(path))
         publish(path)
     except OSError as problem:
         raise explain(path, problem) from None
