@@ -900,3 +900,31 @@ def edge_picoseconds(edge, clock_mhz=26):
     exact = Fraction(edge * 10**6, clock_mhz)
     whole = exact.numerator // exact.denominator
     return whole + (1 if exact - whole >= Fraction(1, 2) else 0)
+
+
+# noise --------------------------------------------------------------------------------------------------------------
+
+
+def noise_words(key0, key1, counter):
+    """The counter hash, round by round: both halves of a 63-bit product, the key stepping by the golden ratio."""
+    left, right = counter % 2**32, (counter // 2**32) ^ key1
+    for turn in range(7):
+        product = left * 1327217885
+        left, right = (product // 2**31) ^ right ^ ((key0 + turn * 2654435769) % 2**32), product % 2**32
+    return left, right
+
+
+def noise_counter(key0, key1, words):
+    """Undo the hash: which counter gave these words."""
+    left, right = words
+    inverse = pow(1327217885, -1, 2**32)
+    for turn in reversed(range(7)):
+        before = right * inverse % 2**32
+        left, right = before, left ^ (before * 1327217885 // 2**31) ^ ((key0 + turn * 2654435769) % 2**32)
+    return left + (right ^ key1) * 2**32
+
+
+def noise_sum(key0, key1, counters):
+    """Sum over counters of the four 16-bit halves of the hash, less its mean."""
+    halves = [h for c in counters for w in noise_words(key0, key1, c) for h in divmod(w, 2**16)]
+    return Fraction(sum(halves)) - Fraction(65535 * len(halves), 2)

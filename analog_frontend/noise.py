@@ -1,0 +1,240 @@
+"""Noise as a function of (seed, source, counter): no generator state, no libm, the same bits on every machine.
+
+    words   7 Feistel rounds of x, y = (M x >> 31) ^ y ^ (k0 + round W),  M x mod 2^32     two 32-bit words per counter
+    ih4     (sum of 4 uniform 16-bit numbers - mean) / sigma      1 MHz sources and edges     |ih4| < sqrt 12
+    ih12    the same of 12                                        8 kHz sources              |ih12| < 6
+    flicker y = sum of 16 states, x[k]' = a[k] x[k] + b[k] u      u: one uniform 16-bit number, unit variance
+
+    counter --[permutation keyed by (seed, source)]--> 4 x 16 bits --> sum --> x sigma --> volts, newtons, seconds
+
+Moments  mean 0, variance 1, kurtosis 2.7 (ih4) and 2.9 (ih12) to 1e-9: the law of the sum is known exactly
+Numbers  every product of the hash is below 2^63 (the multiplier has 31 bits), so Python ints give the same words
+Flicker  poles half a decade apart over 7.5 decades; one-sided density level / sqrt(f) (docs for the bounds)
+Source   docs/parts/noise.md
+"""
+
+import math
+from typing import NamedTuple
+
+import mpmath
+import numpy as np
+
+from fpga_model.jit import inlined, kernel
+
+MASK = 0xFFFFFFFF
+LOW = 0xFFFF
+MULTIPLIER = 0x4F1BBCDD  # 2^31 (sqrt 5 - 1) / 2, odd
+WEYL = 0x9E3779B9  # 2^32 (sqrt 5 - 1) / 2, odd
+ROUNDS = 7
+assert MULTIPLIER * MASK < 1 << 63, "a product must stay positive in int64"
+assert ROUNDS == 7, "words() is written out for seven rounds"
+
+WORD_MEAN = 65535  # twice the mean of a uniform 16-bit number
+HALF = 32767.5  # the mean itself, exact in a double
+WORD_VARIANCE_12 = 65536 * 65536 - 1  # twelve times its variance
+IH4_SCALE = 1.0 / math.sqrt(4 * WORD_VARIANCE_12 / 12)
+IH12_SCALE = 1.0 / math.sqrt(12 * WORD_VARIANCE_12 / 12)
+UNIFORM_SCALE = 1.0 / math.sqrt(WORD_VARIANCE_12 / 12)
+FIRST_DRAW = 1 << 60  # counters from here on are for values drawn once, at reset
+
+POLES = 16
+POLES_PER_DECADE = 2
+BOLTZMANN_J_PER_K = 1.380649e-23
+ZERO_DEGC_K = 273.15
+
+# A source's number is its place in this list: append, never reorder, or every seeded run changes
+SOURCES = (
+    "force_x",
+    "force_y",
+    "cv_x",
+    "cv_y",
+    "edge_jitter",
+    "dac_drive",
+    "dac_sense",
+    "dac_quad",
+    "adc_0",
+    "adc_1",
+    "adc_2",
+    "adc_3",
+    "adc_temp",
+    "flicker_0",
+    "flicker_1",
+    "flicker_2",
+    "flicker_3",
+    "flicker_temp",
+    "rate_walk",
+    "effect",
+)
+
+
+class Source(NamedTuple):
+    """One white source: its two 32-bit keys, the standard deviation of a sample in its own unit, and the switch."""
+
+    key0: int
+    key1: int
+    sigma: float
+    on: int
+
+
+class Flicker(NamedTuple):
+    """One 1/f source: its keys, the one-sided density at 1 Hz in its own unit per rtHz, and the switch."""
+
+    key0: int
+    key1: int
+    level: float
+    on: int
+
+
+def _poles():
+    """Decay over a sample, gain of the 16-bit number, and stationary deviation of each pole, for level 1.
+
+    The poles sit at rate 10^-(0.4 + k/2), each with the variance level^2 ln(10)/2: their Lorentzians add to level^2/f.
+    None of it depends on the rate.
+    """
+    with mpmath.workprec(120):
+        sigma = mpmath.sqrt(mpmath.log(10) / POLES_PER_DECADE)
+        turns = [mpmath.mpf(10) ** -(mpmath.mpf(2) / 5 + mpmath.mpf(k) / POLES_PER_DECADE) for k in range(POLES)]
+        decay = [mpmath.exp(-2 * mpmath.pi * t) for t in turns]
+        gain = [sigma * mpmath.sqrt(1 - a * a) / mpmath.sqrt(mpmath.mpf(WORD_VARIANCE_12) / 12) for a in decay]
+        return np.array([float(a) for a in decay]), np.array([float(g) for g in gain]), float(sigma)
+
+
+DECAY, GAIN, DEVIATION = _poles()
+
+
+@inlined
+def words(key0, key1, counter):
+    """Two 32-bit words; for fixed keys a permutation of the 63-bit counter's two halves."""
+    x = counter & MASK
+    y = (counter >> 32) ^ key1
+    p = x * MULTIPLIER
+    x, y = (p >> 31) ^ y ^ key0, p & MASK
+    p = x * MULTIPLIER
+    x, y = (p >> 31) ^ y ^ ((key0 + WEYL) & MASK), p & MASK
+    p = x * MULTIPLIER
+    x, y = (p >> 31) ^ y ^ ((key0 + 2 * WEYL) & MASK), p & MASK
+    p = x * MULTIPLIER
+    x, y = (p >> 31) ^ y ^ ((key0 + 3 * WEYL) & MASK), p & MASK
+    p = x * MULTIPLIER
+    x, y = (p >> 31) ^ y ^ ((key0 + 4 * WEYL) & MASK), p & MASK
+    p = x * MULTIPLIER
+    x, y = (p >> 31) ^ y ^ ((key0 + 5 * WEYL) & MASK), p & MASK
+    p = x * MULTIPLIER
+    x, y = (p >> 31) ^ y ^ ((key0 + 6 * WEYL) & MASK), p & MASK
+    return x, y
+
+
+@inlined
+def sum4(key0, key1, counter):
+    """Sum of the four 16-bit halves, minus its mean: an integer of -131070 .. 131070."""
+    x, y = words(key0, key1, counter)
+    return (x & LOW) + (x >> 16) + (y & LOW) + (y >> 16) - 2 * WORD_MEAN
+
+
+@inlined
+def ih4(key0, key1, counter):
+    """Unit-variance number from one hash (Irwin-Hall of order 4)."""
+    return sum4(key0, key1, counter) * IH4_SCALE
+
+
+@inlined
+def ih12(key0, key1, counter):
+    """Unit-variance number from three hashes (Irwin-Hall of order 12); counters below 2^61."""
+    first = 3 * counter
+    return (sum4(key0, key1, first) + sum4(key0, key1, first + 1) + sum4(key0, key1, first + 2)) * IH12_SCALE
+
+
+def number(name):
+    """A source's number; ValueError for an unknown name."""
+    if name not in SOURCES:
+        raise ValueError(f"noise source {name!r} is none of {', '.join(SOURCES)}")
+    return SOURCES.index(name)
+
+
+def keys(seed, name):
+    """The two keys of a source under a seed of 0 .. 2^62 - 1: the hash of the source's number under the seed."""
+    if not 0 <= seed < 1 << 62:
+        raise ValueError(f"noise seed: {seed} is outside 0 .. 2^62 - 1")
+    x, y = words(seed & MASK, seed >> 32, number(name))
+    return int(x), int(y)
+
+
+def source(seed, name, sigma, on=1):
+    """White source of `sigma` (rms of one sample, in the unit of the source)."""
+    if not (math.isfinite(sigma) and sigma >= 0.0):
+        raise ValueError(f"noise sigma of {name}: {sigma} is not a finite number >= 0")
+    return Source(*keys(seed, name), float(sigma), 1 if on and sigma > 0.0 else 0)
+
+
+@inlined
+def white(p, counter):
+    """One sample of a 1 MHz source or of an edge; exactly 0.0 when off."""
+    if p.on:
+        return p.sigma * ih4(p.key0, p.key1, counter)
+    return 0.0
+
+
+@inlined
+def white_fine(p, counter):
+    """One sample of an 8 kHz source; exactly 0.0 when off."""
+    if p.on:
+        return p.sigma * ih12(p.key0, p.key1, counter)
+    return 0.0
+
+
+@kernel
+def fill(p, counter, out):
+    """out[i] = white(p, counter + i), five times faster than one by one: the loop vectorises. Mutates `out`."""
+    if p.on:
+        for i in range(out.size):
+            out[i] = p.sigma * ih4(p.key0, p.key1, counter + i)
+    else:
+        for i in range(out.size):
+            out[i] = 0.0
+
+
+def sigma_from_density(density_per_rthz, rate_hz):
+    """Rms of a white sample at `rate_hz` with this one-sided density: density sqrt(rate / 2)."""
+    return density_per_rthz * math.sqrt(rate_hz / 2.0)
+
+
+def density_from_sigma(sigma, rate_hz):
+    """One-sided density of white samples of this rms."""
+    return sigma / math.sqrt(rate_hz / 2.0)
+
+
+def thermomechanical_density(damping_n_s_per_m, temp_degc):
+    """One-sided density (N/rtHz) of the force noise of a damper: sqrt(4 k T d)."""
+    return math.sqrt(4.0 * BOLTZMANN_J_PER_K * (temp_degc + ZERO_DEGC_K) * damping_n_s_per_m)
+
+
+def flicker(seed, name, level_at_1hz, on=1):
+    """1/f source with the one-sided density level_at_1hz / sqrt(f) at whatever rate it is stepped."""
+    if not (math.isfinite(level_at_1hz) and level_at_1hz >= 0.0):
+        raise ValueError(f"flicker level of {name}: {level_at_1hz} is not a finite number >= 0 (unit per rtHz at 1 Hz)")
+    return Flicker(*keys(seed, name), float(level_at_1hz), 1 if on and level_at_1hz > 0.0 else 0)
+
+
+def flicker_reset(p):
+    """The 16 states, drawn from their stationary distribution: the noise is as old as the world at t = 0."""
+    return np.array([DEVIATION * ih12(p.key0, p.key1, FIRST_DRAW + k) if p.on else 0.0 for k in range(POLES)])
+
+
+@kernel
+def flicker_step(p, state, counter):
+    """Advance the 16 poles (of level 1) by one sample and return their sum times the level; mutates `state`.
+
+    Exactly 0.0 when off.
+    """
+    if not p.on:
+        return 0.0
+    total = 0.0
+    for block in range(POLES // 4):
+        x, y = words(p.key0, p.key1, (POLES // 4) * counter + block)
+        k = 4 * block
+        state[k] = DECAY[k] * state[k] + GAIN[k] * ((x & LOW) - HALF)
+        state[k + 1] = DECAY[k + 1] * state[k + 1] + GAIN[k + 1] * ((x >> 16) - HALF)
+        state[k + 2] = DECAY[k + 2] * state[k + 2] + GAIN[k + 2] * ((y & LOW) - HALF)
+        state[k + 3] = DECAY[k + 3] * state[k + 3] + GAIN[k + 3] * ((y >> 16) - HALF)
+        total = total + ((state[k] + state[k + 1]) + (state[k + 2] + state[k + 3]))
+    return p.level * total

@@ -1,0 +1,215 @@
+"""Capacitance to voltage: ring of four diodes under a square carrier, instrumentation amplifier, inverting driver.
+
+    V/dC  = (E - 2 Vf - 2 n VT (g - ln cosh u) - bounce) / (Ct g)      Ct = C0 + Cp, mean over a carrier period T = 1/fc
+    tau   = Cref/(4 fc Ct g) (1 + 2 Cj/Cref) + T a/(8 (1 + a + 2 Cj/Cref))          a = Ct/Cref; the delay of the mean
+    Vf    = -n VT ln tanh u        a diode's drop at the end of half a period; u = Is(T) T/(2 n VT Ctail), g = u coth u
+    op amp poles  NG / (2 pi GBW(T))
+
+    carrier E,fc --C0+dC--A--|>|--C--+--|>|--B--C0-dC-- carrier      C, D: Cref to ground, difference to the amplifier
+                          '--|<|--D--'--|<|--'                       A, B: stray to ground
+
+(E - 2 Vf)/Ct and Cref/(4 fc Ct) are the textbook; the rest is derived (docs), nothing is fitted:
+  2 n VT   a branch with more capacitance has the larger tail current, and the mean of a half period is below its end
+  bounce   C and D move together by the charge of a half period: (C0 E - 2 Vf X)/(Cref + X), X = C0 + stray
+  Cj       reverse capacitance of a junction: it bridges A to C and D, so it loads v but not the bounce
+  g        the diodes that block, C to B and D to A, conduct a little: g - 1 is 3e-5 at 27 degC, 2 % at 70 degC
+  Is(T)    Is (T/Tn)^(XTI/n) exp((T/Tn - 1) EG/(n VT)): the gain's temperature coefficient comes out
+Range     **small signal**: two diodes in series join C and D, so the circuit clips near 2 Vf. At 27 degC the gain has
+          lost 0.2 % at 0.18 V, 2 % at 0.27 V and 21 % at 0.36 V out (the plant stays linear; docs)
+Check     a transient ngspice run of the circuit: gain, step time constant and delay within 1 %
+Source    docs/parts/ring_diode.md
+"""
+
+from typing import NamedTuple
+
+import mpmath
+
+from fpga_model.jit import inlined
+
+BOLTZMANN_V_PER_K = mpmath.mpf("1.380649e-23") / mpmath.mpf("1.602176634e-19")
+ZERO_DEGC_K = mpmath.mpf("273.15")
+SPICE_NOMINAL_DEGC = 27  # where a SPICE diode's parameters hold
+PRECISION = 100
+
+
+class Diode(NamedTuple):
+    """SPICE parameters of one diode at 27 degC (the series resistance does not matter here)."""
+
+    is_a: float
+    n: float
+    cj0_f: float
+    vj_v: float
+    m: float
+    eg_ev: float
+    xti: float
+
+
+HSMS_282X = Diode(is_a=2.2e-8, n=1.08, cj0_f=0.7e-12, vj_v=0.65, m=0.5, eg_ev=0.69, xti=2.0)
+
+
+class Ring(NamedTuple):
+    """What a ring does at one temperature."""
+
+    gain_v_per_f: float  # V per farad of dC, dC being half the difference of the two capacitances
+    tau_s: float  # delay of the mean output: the plant's pole
+    settle_s: float  # time constant of its step response
+    vf_v: float
+    bounce_v: float
+    g: float  # 1 if blocking diodes did not conduct
+    stray_f: float
+    textbook_gain_v_per_f: float  # (E - 2 Vf) / Ct
+    textbook_tau_s: float  # Cref / (4 fc Ct)
+
+
+class Chain(NamedTuple):
+    """One C/V channel at one temperature: three poles from displacement (m) to the SID input (V)."""
+
+    gain_v_per_m: float  # at the input of the first pole
+    tau_ring_s: float
+    tau_ina_s: float
+    tau_driver_s: float
+    signal_gain: float  # at the input of the last pole
+    driver_per_s: float  # 1 / tau_driver_s
+
+
+def _kelvin(temp_degc):
+    return mpmath.mpf(temp_degc) + ZERO_DEGC_K
+
+
+def saturation_current_a(diode, temp_degc):
+    """Is at a temperature (A), the law of SPICE."""
+    with mpmath.workprec(PRECISION):
+        return float(_is(diode, temp_degc))
+
+
+def _is(diode, temp_degc):
+    t, tn = _kelvin(temp_degc), _kelvin(SPICE_NOMINAL_DEGC)
+    n = mpmath.mpf(diode.n)
+    exponent = (t / tn - 1) * mpmath.mpf(diode.eg_ev) / (n * BOLTZMANN_V_PER_K * t)
+    return mpmath.mpf(diode.is_a) * (t / tn) ** (mpmath.mpf(diode.xti) / n) * mpmath.exp(exponent)
+
+
+def built_in_v(diode, temp_degc):
+    """Built-in voltage of the Schottky junction (V): barrier minus the Fermi level's distance, which goes as T."""
+    with mpmath.workprec(PRECISION):
+        return float(_vj(diode, temp_degc))
+
+
+def _vj(diode, temp_degc):
+    t, tn = _kelvin(temp_degc), _kelvin(SPICE_NOMINAL_DEGC)
+    eg = mpmath.mpf(diode.eg_ev)
+    return eg - (eg - mpmath.mpf(diode.vj_v)) * t / tn - mpmath.mpf(3) / 2 * BOLTZMANN_V_PER_K * t * mpmath.log(t / tn)
+
+
+def _junction(diode, vj, v):
+    """Capacitance of a junction at voltage `v`, and its derivative."""
+    c = mpmath.mpf(diode.cj0_f) * (1 - v / vj) ** -mpmath.mpf(diode.m)
+    return c, c * mpmath.mpf(diode.m) / (vj - v)
+
+
+def _solve(diode, temp_degc, c0, cref, period, stray=None, cp=None):
+    """Vf and the capacitances at one temperature, from the stray capacitance or from Cp = stray + junctions."""
+    is_a, vj = _is(diode, temp_degc), _vj(diode, temp_degc)
+    nvt = mpmath.mpf(diode.n) * BOLTZMANN_V_PER_K * _kelvin(temp_degc)
+    vf = mpmath.mpf("0.1")
+    # the tail depends on Vf through two junctions only: each pass gains more than a decimal digit
+    for _ in range(60):
+        reverse, slope = _junction(diode, vj, -vf)
+        forward, _ = _junction(diode, vj, vf)
+        loading = 2 * reverse - nvt * slope
+        own = stray if cp is None else cp - loading
+        x = c0 + own
+        tail = x / (1 + x / cref) + forward + reverse
+        u = is_a * period / (2 * nvt * tail)
+        vf = -nvt * mpmath.log(mpmath.tanh(u))
+        if not vf < vj:
+            raise ValueError(f"ring_diode: a drop of {float(vf):g} V exceeds the junction's {float(vj):g} V")
+    return vf, nvt, own, x, x + loading, reverse, u
+
+
+def ring(carrier_v, carrier_hz, c0_f, cp_f, cref_f, diode, temp_degc, temp_ref_degc=25.0):
+    """A ring at `temp_degc`; `cp_f` is stray plus junctions at `temp_ref_degc`, and the stray part does not change."""
+    for name, value, unit in (
+        ("carrier_v", carrier_v, "V"),
+        ("carrier_hz", carrier_hz, "Hz"),
+        ("c0_f", c0_f, "F"),
+        ("cref_f", cref_f, "F"),
+    ):
+        if not value > 0.0:
+            raise ValueError(f"ring_diode {name}: {value} {unit} is not positive")
+    with mpmath.workprec(PRECISION):
+        e, c0, cp, cref = (mpmath.mpf(v) for v in (carrier_v, c0_f, cp_f, cref_f))
+        period = 1 / mpmath.mpf(carrier_hz)
+        stray = _solve(diode, temp_ref_degc, c0, cref, period, cp=cp)[2]
+        if stray < 0:
+            raise ValueError(f"ring_diode cp_f: {cp_f} F is less than the two junctions, {float(cp - stray):g} F")
+        vf, nvt, _, x, ct, reverse, u = _solve(diode, temp_degc, c0, cref, period, stray=stray)
+        bounce = (c0 * e - 2 * vf * x) / (cref + x)
+        g = u * mpmath.coth(u)
+        drive = e - 2 * vf - 2 * nvt * (g - mpmath.log(mpmath.cosh(u))) - bounce
+        if not drive > 0:
+            raise ValueError(
+                f"ring_diode carrier_v: {carrier_v} V does not open the diodes, which take {float(e - drive):g} V"
+            )
+        a, bridge = ct / cref, 2 * reverse / cref
+        loss = a * (g - 1)  # of v in half a period, as a is by the ring itself
+        textbook_tau = cref * period / (4 * ct)
+        return Ring(
+            gain_v_per_f=float(drive / (ct * g)),
+            tau_s=float(textbook_tau * (1 + bridge) / g + period * a / (8 * (1 + a + bridge))),
+            settle_s=float(-period / 2 / mpmath.log((1 - a + bridge - loss) / (1 + a + bridge + loss))),
+            vf_v=float(vf),
+            bounce_v=float(bounce),
+            g=float(g),
+            stray_f=float(stray),
+            textbook_gain_v_per_f=float((e - 2 * vf) / ct),
+            textbook_tau_s=float(textbook_tau),
+        )
+
+
+def opamp_tau_s(noise_gain, gbw_hz, gbw_tc_per_k, temp_degc, temp_ref_degc=25.0):
+    """Pole of an op-amp stage: NG / (2 pi GBW(T)), GBW linear in temperature about its value at `temp_ref_degc`."""
+    with mpmath.workprec(PRECISION):
+        change = 1 + mpmath.mpf(gbw_tc_per_k) * (mpmath.mpf(temp_degc) - mpmath.mpf(temp_ref_degc))
+        if not (change > 0 and gbw_hz > 0.0 and noise_gain >= 1.0):
+            raise ValueError(
+                f"opamp: gain-bandwidth {gbw_hz} Hz times {float(change):g} at noise gain {noise_gain} is no pole"
+            )
+        return float(mpmath.mpf(noise_gain) / (2 * mpmath.pi * mpmath.mpf(gbw_hz) * change))
+
+
+def chain(
+    dc_dx_f_per_m,
+    temp_degc,
+    carrier_v=5.0,
+    carrier_hz=8e6,
+    c0_f=2e-12,
+    cp_f=3e-12,
+    cref_f=32e-12,
+    diode=HSMS_282X,
+    gbw_hz=10.3e6,
+    gbw_tc_per_k=-0.002,
+    ina_noise_gain=5.0,
+    driver_noise_gain=2.0,
+    signal_gain=5.0,
+    temp_ref_degc=25.0,
+    diode_tc_on=1,
+):
+    """One C/V channel at `temp_degc`; `diode_tc_on` = 0 leaves the ring at `temp_ref_degc` (a compensated carrier)."""
+    at = temp_degc if diode_tc_on else temp_ref_degc
+    r = ring(carrier_v, carrier_hz, c0_f, cp_f, cref_f, diode, at, temp_ref_degc)
+    driver = opamp_tau_s(driver_noise_gain, gbw_hz, gbw_tc_per_k, temp_degc, temp_ref_degc)
+    return Chain(
+        gain_v_per_m=r.gain_v_per_f * dc_dx_f_per_m,
+        tau_ring_s=r.tau_s,
+        tau_ina_s=opamp_tau_s(ina_noise_gain, gbw_hz, gbw_tc_per_k, temp_degc, temp_ref_degc),
+        tau_driver_s=driver,
+        signal_gain=float(signal_gain),
+        driver_per_s=1.0 / driver,
+    )
+
+
+@inlined
+def slope(c, v_ina, v_out):
+    """dv/dt of the channel's output (V/s) from its last two states: what the SID's edge split needs."""
+    return (c.signal_gain * v_ina - v_out) * c.driver_per_s

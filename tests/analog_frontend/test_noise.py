@@ -1,0 +1,296 @@
+"""The noise sources: exact words, exact moments, and statistics that a weak hash would fail.
+
+Seeds are fixed, so nothing here is random: a limit of z sigma is passed or not, for good.
+"""
+
+import math
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numba import config
+from scipy import stats
+
+from analog_frontend import noise
+from fpga_model.jit import kernel
+from tests import naive
+
+N = 1 << 14 if config.DISABLE_JIT else 1 << 20
+Z = 4.5  # 7e-6 two-sided: a few hundred looks are taken
+
+keys = st.integers(0, 2**32 - 1)
+corners = st.sampled_from([0, 1, 2**32 - 1, 2**32, 2**48, 2**61, 2**62 - 1])
+counters = st.one_of(corners, st.integers(0, 2**62 - 1))
+
+
+@kernel
+def sums(key0, key1, first, out):
+    for k in range(out.size):
+        out[k] = noise.sum4(key0, key1, first + k)
+
+
+@kernel
+def all_words(key0, key1, first, a, b):
+    for k in range(a.size):
+        a[k], b[k] = noise.words(key0, key1, first + k)
+
+
+@kernel
+def fine(p, first, out):
+    for k in range(out.size):
+        out[k] = noise.white_fine(p, first + k)
+
+
+def stream(seed, name, first=0, n=N):
+    out = np.zeros(n)
+    noise.fill(noise.source(seed, name, 1.0), first, out)
+    return out
+
+
+# exact --------------------------------------------------------------------------------------------------------------
+
+
+@given(keys, keys, counters)
+def test_words_are_the_documented_rounds_and_a_permutation(key0, key1, counter):
+    got = tuple(int(w) for w in noise.words(key0, key1, counter))
+    assert got == naive.noise_words(key0, key1, counter)
+    assert naive.noise_counter(key0, key1, got) == counter
+
+
+@given(keys, keys, st.integers(0, 2**60))
+def test_numbers_are_scaled_sums(key0, key1, counter):
+    s4 = naive.noise_sum(key0, key1, [counter])
+    assert noise.ih4(key0, key1, counter) == float(s4) * noise.IH4_SCALE
+    s12 = naive.noise_sum(key0, key1, [3 * counter + k for k in range(3)])
+    assert noise.ih12(key0, key1, counter) == float(s12) * noise.IH12_SCALE
+
+
+def test_scales_give_variance_one():
+    variance = Fraction(sum((2 * k - 65535) ** 2 for k in range(65536)), 4 * 65536)
+    assert variance == Fraction(noise.WORD_VARIANCE_12, 12)
+    for scale, n in ((noise.IH4_SCALE, 4), (noise.IH12_SCALE, 12), (noise.UNIFORM_SCALE, 1)):
+        assert abs(float(Fraction(scale) ** 2 * n * variance) - 1) < 4e-16
+
+
+def test_a_filled_buffer_has_the_bits_of_single_samples():
+    p = noise.source(9, "cv_x", 18.2e-9)
+    out = np.zeros(125)
+    noise.fill(p, 2**33 - 60, out)
+    assert out.tolist() == [noise.white(p, 2**33 - 60 + k) for k in range(125)]
+
+
+def test_off_is_exactly_zero():
+    for p in (noise.source(1, "cv_x", 1.0, on=0), noise.source(1, "cv_x", 0.0)):
+        assert p.on == 0
+        assert (noise.white(p, 3), noise.white_fine(p, 3)) == (0.0, 0.0)
+        out = np.ones(5)
+        noise.fill(p, 0, out)
+        assert (out == 0.0).all()
+    f = noise.flicker(1, "flicker_0", 37e-9, on=0)
+    state = noise.flicker_reset(f)
+    assert noise.flicker_step(f, state, 0) == 0.0
+    assert (state == 0.0).all()
+
+
+def test_every_source_has_keys_of_its_own():
+    pairs = {noise.keys(seed, name) for seed in range(50) for name in noise.SOURCES}
+    assert len(pairs) == 50 * len(noise.SOURCES)
+    assert len({k for pair in pairs for k in pair}) == 100 * len(noise.SOURCES)
+
+
+def test_numbers_of_sources_are_frozen():
+    assert noise.SOURCES[:5] == ("force_x", "force_y", "cv_x", "cv_y", "edge_jitter")
+    assert noise.SOURCES.index("flicker_temp") == 17
+    assert noise.keys(1, "cv_y") == tuple(naive.noise_words(1, 0, 3))
+
+
+def test_impossible_sources_are_refused():
+    with pytest.raises(ValueError, match="cv_z"):
+        noise.source(1, "cv_z", 1.0)
+    with pytest.raises(ValueError, match="seed"):
+        noise.source(-1, "cv_x", 1.0)
+    with pytest.raises(ValueError, match="sigma"):
+        noise.source(1, "cv_x", math.nan)
+    with pytest.raises(ValueError, match="flicker"):
+        noise.flicker(1, "flicker_0", -1.0)
+
+
+# statistics ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("first", [0, 2**32 - 1000, 2**40])
+def test_every_bit_is_a_fair_coin_and_halves_are_uniform(first):
+    a, b = np.zeros(N, np.int64), np.zeros(N, np.int64)
+    all_words(*noise.keys(7, "cv_x"), first, a, b)
+    for word in (a, b):
+        bits = (word[:, None] >> np.arange(32)) & 1
+        assert np.abs(bits.mean(axis=0) - 0.5).max() < Z / 2 / math.sqrt(N)
+        for half in (word & 0xFFFF, word >> 16):
+            # 4096 cells of 256 counts (16 without the compiler)
+            counts = np.bincount(half >> (16 - 12), minlength=4096)
+            chi2 = ((counts - N / 4096) ** 2).sum() / (N / 4096)
+            assert abs(chi2 - 4095) < Z * math.sqrt(2 * 4095)
+
+
+@kernel
+def neighbours(base, a, b):
+    """Words of (key0, key1, counter), then of the 96 triples that differ from it in one bit."""
+    for t in range(base.shape[0]):
+        a[t, 96], b[t, 96] = noise.words(base[t, 0], base[t, 1], base[t, 2])
+        for bit in range(96):
+            one = 1 << (bit & 31)
+            which = bit >> 5
+            key0 = base[t, 0] ^ (one if which == 0 else 0)
+            key1 = base[t, 1] ^ (one if which == 1 else 0)
+            a[t, bit], b[t, bit] = noise.words(key0, key1, base[t, 2] ^ (one if which == 2 else 0))
+
+
+def test_one_flipped_bit_flips_half_of_the_words():
+    """All 64 key bits and counter bits 0..31, each against each of the 64 output bits."""
+    trials = 100 if config.DISABLE_JIT else 4000
+    base = np.random.default_rng(11).integers(0, 2**32, (trials, 3))
+    a, b = np.zeros((trials, 97), np.int64), np.zeros((trials, 97), np.int64)
+    neighbours(base, a, b)
+    for word in (a, b):
+        changed = word[:, :96] ^ word[:, 96:]
+        flips = np.stack([((changed >> k) & 1).sum(axis=0) for k in range(32)])
+        z = (flips - trials / 2) / math.sqrt(trials / 4)
+        assert np.abs(z).max() < 5.5  # of 3072 looks
+
+
+@pytest.mark.parametrize(("name", "sampler", "kurtosis"), [("cv_x", "white", 2.7), ("adc_2", "fine", 2.9)])
+def test_moments(name, sampler, kurtosis):
+    n = N if sampler == "white" else N // 4
+    x = np.zeros(n)
+    (noise.fill if sampler == "white" else fine)(noise.source(21, name, 1.0), 0, x)
+    assert abs(x.mean()) < Z / math.sqrt(n)
+    assert abs(x.var() - 1) < Z * math.sqrt((kurtosis - 1) / n)
+    assert abs((x**3).mean()) < Z * math.sqrt(10 / n)
+    assert abs((x**4).mean() - kurtosis) < Z * math.sqrt(60 / n)
+    assert np.abs(x).max() <= math.sqrt(12 if sampler == "white" else 36) + 1e-4
+
+
+def test_no_correlation_between_sources_seeds_and_neighbours():
+    limit = Z / math.sqrt(N)
+    rows = [stream(1, name) for name in noise.SOURCES[:8]] + [stream(seed, "cv_x") for seed in (0, 2, 3, 2**40 + 1)]
+    rows += [stream(1, "cv_x", first=2**32), stream(1, "cv_x", first=N)]
+    assert np.abs(np.corrcoef(rows) - np.eye(len(rows))).max() < limit
+    x = rows[2]
+    for lag in (*range(1, 33), 125, 256, 1000, 4096):
+        assert abs((x[lag:] * x[:-lag]).mean()) < Z / math.sqrt(N - lag), lag
+    # squares too: a hash may correlate in magnitude only
+    square = [r * r - 1 for r in rows]
+    assert np.abs(np.corrcoef(square) - np.eye(len(rows))).max() < limit
+
+
+def test_white_density_is_flat_at_the_level_asked_for():
+    density, rate = 18.2e-9, 1e6
+    x = np.zeros(N)
+    noise.fill(noise.source(4, "cv_y", noise.sigma_from_density(density, rate)), 0, x)
+    length = 1024
+    blocks = x[: N // length * length].reshape(-1, length)
+    psd = (np.abs(np.fft.rfft(blocks, axis=1)) ** 2).mean(axis=0)[1:-1] * 2 / (rate * length)
+    # a periodogram bin has relative deviation 1; 511 bins are looked at
+    assert np.abs(psd / density**2 - 1).max() < Z / math.sqrt(len(blocks))
+    assert abs(psd.mean() / density**2 - 1) < Z / math.sqrt(len(blocks) * 511)
+    assert noise.density_from_sigma(noise.sigma_from_density(density, rate), rate) == pytest.approx(density, rel=1e-15)
+
+
+# flicker ------------------------------------------------------------------------------------------------------------
+
+
+def flicker_density(f, rate=8000.0):
+    """Closed form: one-sided density of the sum of sampled first-order processes, for level 1."""
+    drive = (noise.GAIN / noise.UNIFORM_SCALE) ** 2
+    return math.sqrt(
+        sum(2 / rate * g / (1 - 2 * a * math.cos(2 * math.pi * f / rate) + a * a) for a, g in zip(noise.DECAY, drive))
+    )
+
+
+def test_flicker_law_holds_over_six_decades():
+    for f in np.logspace(-3, 3, 61):
+        error = flicker_density(f) * math.sqrt(f) - 1
+        assert abs(error) < (0.006 if 3e-3 <= f <= 200 else 0.035), f
+
+
+def test_poles_are_spread_over_seven_and_a_half_decades():
+    corners_hz = -np.log(noise.DECAY) / (2 * math.pi) * 8000.0
+    assert np.diff(np.log10(corners_hz)) == pytest.approx(np.full(15, -0.5), abs=1e-9)
+    assert corners_hz[0] == pytest.approx(3185, rel=1e-3)
+    assert corners_hz[-1] == pytest.approx(1.007e-4, rel=1e-3)
+
+
+@kernel
+def flicker_run(p, state, out):
+    for k in range(out.size):
+        out[k] = noise.flicker_step(p, state, k)
+
+
+def test_flicker_slope_and_level_in_a_run():
+    level, rate = 37e-9, 8000.0
+    n = 1 << 14 if config.DISABLE_JIT else 1 << 21  # 262 s
+    p = noise.flicker(2, "flicker_2", level)
+    x = np.zeros(n)
+    flicker_run(p, noise.flicker_reset(p), x)
+    length = n // 64
+    window = np.hanning(length)
+    blocks = x.reshape(64, length)
+    psd = (np.abs(np.fft.rfft((blocks - blocks.mean(axis=1, keepdims=True)) * window, axis=1)) ** 2).mean(axis=0)
+    psd *= 2 / (rate * (window**2).sum())
+    f = np.fft.rfftfreq(length, 1 / rate)
+    slopes, levels, weights = [], [], []
+    for lo in 3 * np.logspace(0, 1.75, 8) if n > 1 << 20 else [30.0, 100.0, 300.0]:
+        band = (f >= lo) & (f < lo * 10**0.25)
+        ratio = (psd[band] * f[band]).mean() / level**2
+        spread = math.sqrt(1.6 / (64 * band.sum()))  # neighbouring bins share the window
+        assert abs(ratio - flicker_density(lo * 10**0.125) ** 2 * lo * 10**0.125) < Z * spread + 0.02
+        slopes.append(math.log10(lo))
+        levels.append(math.log10(ratio))
+        weights.append(1 / spread)
+    if n > 1 << 20:
+        slope = np.polyfit(slopes, levels, 1, w=weights)[0] - 1
+        assert slope == pytest.approx(-1.0, abs=0.02)
+
+
+def test_flicker_starts_old():
+    """The first state is drawn from the stationary law: the same spread at once and after 1e5 samples."""
+    states = np.array([noise.flicker_reset(noise.flicker(seed, "flicker_0", 1.0)) for seed in range(400)])
+    assert states.std(axis=0) == pytest.approx(np.full(16, noise.DEVIATION), rel=Z / math.sqrt(800))
+    assert np.abs(np.corrcoef(states.T) - np.eye(16)).max() < Z / math.sqrt(400)
+    # the recurrence keeps that variance: a^2 s^2 + g^2 u^2 = s^2
+    kept = noise.DECAY**2 * noise.DEVIATION**2 + (noise.GAIN / noise.UNIFORM_SCALE) ** 2
+    assert kept == pytest.approx(np.full(16, noise.DEVIATION**2), rel=1e-9)
+
+
+def test_channels_of_flicker_are_independent():
+    runs = []
+    for name in ("flicker_0", "flicker_1", "flicker_2"):
+        p = noise.flicker(6, name, 1.0)
+        x = np.zeros(N // 4)
+        flicker_run(p, noise.flicker_reset(p), x)
+        runs.append(np.diff(x))
+    assert np.abs(np.corrcoef(runs) - np.eye(3)).max() < 1.5 * Z / math.sqrt(N // 4)
+
+
+# physics ------------------------------------------------------------------------------------------------------------
+
+
+def test_thermomechanical_force_gives_the_known_angle_random_walk():
+    damping = 2.325e-7 * 2 * math.pi * 10863.3 / 2e5
+    density = noise.thermomechanical_density(damping, 25.0)
+    assert density == pytest.approx(math.sqrt(4 * 1.380649e-23 * 298.15 * damping), rel=1e-14)
+    rate = density / (2 * 2.325e-7 * 2 * math.pi * 11002.3 * 5e-6)  # rad/s/rtHz at Ax = 5 um
+    assert math.degrees(rate) * 60 / math.sqrt(2) == pytest.approx(5.5e-4, rel=0.02)
+
+
+def test_sigma_of_a_one_megahertz_source():
+    assert noise.sigma_from_density(20e-9, 1e6) == pytest.approx(20e-9 * math.sqrt(5e5), rel=1e-15)
+
+
+def test_quantile_of_ih12_is_close_to_normal():
+    x = np.zeros(N // 4)
+    fine(noise.source(8, "adc_1", 1.0), 0, x)
+    # order 12 differs from the normal law by 0.0023 at most in its distribution function
+    assert stats.kstest(x, "norm").statistic < 0.0023 + 1.95 / math.sqrt(len(x))
