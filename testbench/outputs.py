@@ -38,6 +38,9 @@ CAPTIONS = {
 }
 
 
+CURVES = ("pins.drive_code", "pins.sense_code")  # drawn as curves in GTKWave
+
+
 def check_folder(directory):
     """Make the folder and try to write in it, before hours are spent on what cannot be kept."""
     folder = Path(directory)
@@ -71,7 +74,7 @@ def write(result, config, tables=(), progress=None):
         from testbench.vcd import write_window
 
         rows, signals, first_edge = result.window
-        files += write_window(folder / "run.vcd", rows, signals, first_edge)
+        files += write_window(folder / "run.vcd", rows, signals, first_edge, analog=CURVES)
     pictures = []
     if wanted.pictures or wanted.html:
         step("pictures")

@@ -69,7 +69,7 @@ def startup(
     frequency_error_hz  DDS frequency less the plant's lock frequency
     state, state_names  sequencer state and the texts of its values
     """
-    figure, axes = _figure(9.5, 4, "Start-up to lock", sharex=True, height_ratios=(3, 2, 2, 2))
+    figure, axes = _figure(10.0, 4, "Start-up to lock", sharex=True, height_ratios=(3, 2, 2, 3))
     time_s, state = np.asarray(time_s), np.asarray(state)
     axes[0].plot(time_s, amplitude_um, color=BLUE, linewidth=1.6, label="amplitude")
     if setpoint_um is not None:
@@ -215,12 +215,12 @@ def jitter(edges_ns, grid_ns=None):
             bins,
             weights=np.full(len(errors), 100 / len(errors)),
             histtype="step",
-            linewidth=1.8,
+            linewidth=3.4 - 0.7 * min(k, 3),  # equal histograms stay visible below each other
             color=CYCLE[k % 4],
             linestyle=STYLES[k % 4],
             label=text,
         )
-    axis.set_ylim(top=axis.get_ylim()[1] * 1.25)
+    axis.set_ylim(top=axis.get_ylim()[1] * (1.1 + 0.08 * len(edges_ns)))
     axis.legend(loc="upper left", fontsize=FONT["small"], frameon=False)
     _label(axis, x="edge less ideal zero crossing (ns)", y="share of edges (%)")
     return figure

@@ -277,3 +277,22 @@ def test_the_budget_for_a_person(capsys, fakes):
     assert re.search(r"loop phase xe2' +26\.52 +1020\.00 +4\.0400", out)
     assert re.search(r"without re-timed references and extra frames +0\.4000", out)
     assert re.search(r"the paper measured +3\.7647", out)
+
+
+def test_the_real_budget_adds_up_and_names_its_assumptions(capsys):
+    code, out, err = gyro(capsys, "budget", "--json")
+    assert (code, err) == (0, "")
+    data = json.loads(out)
+    for node, rows in data["rows"].items():
+        assert sum(row["deg"] for row in rows) == pytest.approx(data["phase_deg"][node], abs=1e-9)
+        for row in rows:
+            assert row["clocks"] == pytest.approx(row["ns"] * 0.026, abs=1e-9)
+    for node, rows in data["loop_rows"].items():
+        total = data["phase_deg"][node] + sum(row["deg"] for row in rows)
+        assert total == pytest.approx(data["loop_phase_deg"][node], abs=1e-9)
+    frame_deg = 360 * data["frequency_hz"] * 1e-6
+    grid_deg = frame_deg * 13.5 / 26
+    without = data["without_assumptions_deg"]
+    assert without["xe1"] - data["phase_deg"]["xe1"] == pytest.approx(grid_deg, abs=1e-6)
+    assert without["ye1"] - data["phase_deg"]["ye1"] == pytest.approx(grid_deg - frame_deg, abs=1e-6)
+    assert (without["xe2"], without["ye2"]) == (data["phase_deg"]["xe2"], data["phase_deg"]["ye2"])

@@ -3,6 +3,8 @@
 import base64
 import io
 import re
+import shutil
+import subprocess
 from html.parser import HTMLParser
 
 import numpy as np
@@ -156,6 +158,30 @@ def test_the_report_is_one_file_that_loads_nothing(tmp_path):
         assert Image.open(io.BytesIO(base64.b64decode(data))).size[0] == 1200
     assert "prefers-color-scheme: dark" in source
     assert "viewport" in source
+
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+
+
+@pytest.mark.skipif(not CHROMIUM, reason="no Chromium: the report was not looked at in a browser")
+@pytest.mark.parametrize("dark", [False, True])
+def test_a_real_browser_shows_the_report(tmp_path, dark):
+    tables = [Table("Numbers", ("name", "value"), [("a", "1.5")])]
+    path = report.write_html(tmp_path / "run.html", "A run", tables, [("a step", figures()["rate_step"])])
+    shot = tmp_path / "shot.png"
+    command = [CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--window-size=1200,1000"]
+    command += [f"--user-data-dir={tmp_path / 'profile'}", f"--screenshot={shot}", path.as_uri()]
+    command += ["--force-dark-mode", "--blink-settings=preferredColorScheme=0"] if dark else []
+    subprocess.run(command, check=True, capture_output=True, timeout=120)
+    with Image.open(shot) as image:
+        pixels = np.asarray(image.convert("RGB")).astype(int)
+    assert pixels.shape == (1000, 1200, 3)
+    paper = pixels[5, 5]
+    assert (paper.mean() < 60) if dark else (paper.mean() > 240)
+    # ink of the title at the top, the picture on its white card below, nothing beyond the right edge
+    assert np.abs(pixels[20:80, 20:200] - paper).max() > 150
+    assert (pixels[400:900, 100:1100].min(axis=2) > 250).mean() > 0.5
+    assert np.abs(pixels[:, -8:] - paper).max() == 0
 
 
 def test_an_unwritable_picture_is_one_line(tmp_path):
