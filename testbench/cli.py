@@ -191,8 +191,8 @@ def _print_tables(shown):
         grid.caption_justify = "left"
         for k, head in enumerate(table.heads):
             grid.add_column(head, justify="right" if k in table.numeric else "left", no_wrap=k in table.numeric)
-        for row in table.rows:
-            grid.add_row(*row)
+        for k, row in enumerate(table.rows):
+            grid.add_row(*row, style="bold" if k in table.sums else None)
         console.print(grid, markup=False)
 
 

@@ -259,6 +259,7 @@ table { border-collapse: collapse; margin: .4rem 0; display: block; overflow-x: 
 th, td { padding: .3rem .8rem; border-bottom: 1px solid var(--line); text-align: left; }
 th { background: var(--soft); font-weight: 600; }
 td.number, th.number { text-align: right; font-variant-numeric: tabular-nums; }
+tr.sum td { font-weight: 600; background: var(--soft); }
 figure { margin: 1rem 0; } img { max-width: 100%; height: auto; background: #fff; border-radius: 6px; }
 figcaption, p.note { font-size: .9rem; opacity: .85; margin: .2rem 0; }
 pre { background: var(--soft); padding: 1rem; overflow-x: auto; border-radius: 6px; font-size: .85rem; }
@@ -267,11 +268,11 @@ summary { cursor: pointer; color: var(--accent); }
 
 
 def _table_html(table):
-    def cells(tag, row):
+    def cells(tag, row, kind=""):
         marks = [' class="number"' if k in table.numeric else "" for k in range(len(row))]
-        return "<tr>" + "".join(f"<{tag}{m}>{html.escape(str(c))}</{tag}>" for m, c in zip(marks, row)) + "</tr>"
+        return f"<tr{kind}>" + "".join(f"<{tag}{m}>{html.escape(str(c))}</{tag}>" for m, c in zip(marks, row)) + "</tr>"
 
-    rows = "\n".join(cells("td", row) for row in table.rows)
+    rows = "\n".join(cells("td", row, ' class="sum"' * (k in table.sums)) for k, row in enumerate(table.rows))
     note = f'<p class="note">{html.escape(table.note)}</p>' if table.note else ""
     return f"<table><thead>{cells('th', table.heads)}</thead><tbody>\n{rows}\n</tbody></table>{note}"
 

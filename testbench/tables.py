@@ -17,13 +17,14 @@ NODE_TEXT = {
 
 
 class Table(NamedTuple):
-    """A table: title, column heads, rows of texts, a sentence below it, and which columns are numbers."""
+    """A table: title, column heads, rows of texts, a sentence below it, which columns are numbers, which rows sums."""
 
     title: str
     heads: tuple
     rows: list
     note: str = ""
     numeric: tuple = (1,)
+    sums: tuple = ()
 
 
 def fixed(value, digits):
@@ -93,9 +94,10 @@ def budget_node(budget, node, plain_deg=None):
     if plain_deg is not None:
         rows.append(("without re-timed references and extra frames", "", "", fixed(plain_deg, 4), ""))
     rows.append(("the paper measured", "", "", fixed(PAPER_DEG[node], 4), ""))
+    sums = tuple(k for k, (row, _) in enumerate(listed) if row is None)
     title = f"{node}  {NODE_TEXT[node]}, at {budget.frequency_hz:.1f} Hz"
     note = "Entries with a text on the right are assumptions, not facts about the paper's board."
-    return Table(title, ("contribution", "clocks", "ns", "deg", "assumed"), rows, note, numeric=(1, 2, 3))
+    return Table(title, ("contribution", "clocks", "ns", "deg", "assumed"), rows, note, (1, 2, 3), sums)
 
 
 def budget_tables(budget, plain=None):
