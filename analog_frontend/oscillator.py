@@ -4,7 +4,7 @@
     edge n happens at n Tc + error(n),  error(n) = jitter x unit noise: white, no memory
 
 The error of edge n is one number: whatever leaves the chip on that edge (a code, a reference) is late by the same time.
-Rounded  Tc, h and the carrier are exact rationals of the decimal parameters, rounded once
+Rounded  Tc, h and the carrier are exact rationals of the parameters, rounded once
 Not here phase noise close to the carrier (random walk of the edge) and the temperature curve: slow against a tick
 Source   docs/parts/oscillator.md
 """
@@ -39,15 +39,10 @@ def design(seed=0, ppm=0.0, jitter_rms_s=0.0, carrier_ppm=20.0, master_hz=26e6, 
         raise ValueError(f"oscillator jitter_rms_s: {jitter_rms_s} s is outside 0 .. {JITTER_LIMIT_S:g} s")
     if not (master_hz > 0.0 and carrier_hz > 0.0):
         raise ValueError(f"oscillator master_hz, carrier_hz: {master_hz}, {carrier_hz} Hz are not both positive")
-    period = 1 / (_exact(master_hz) * (1 + _exact(ppm) / 1_000_000))
-    carrier = _exact(carrier_hz) * (1 + _exact(carrier_ppm) / 1_000_000)
+    period = 1 / (Fraction(master_hz) * (1 + Fraction(ppm) / 1_000_000))
+    carrier = Fraction(carrier_hz) * (1 + Fraction(carrier_ppm) / 1_000_000)
     jitter = noise.source(seed, "edge_jitter", jitter_rms_s)
     return Params(float(period), float(TICK_CYCLES * period), float(carrier), jitter)
-
-
-def _exact(value):
-    """The decimal number a float was written as: 0.1 is a tenth."""
-    return Fraction(repr(float(value)))
 
 
 @inlined

@@ -140,16 +140,17 @@ def test_split_is_exact_for_a_cubic_input(v, s, rc):
     with mpmath.workdps(30):
         a, b, rise = mpmath.mpf(dv0) * H, mpmath.mpf(dv1) * H, mpmath.mpf(v1) - v0
         c3, c2 = a + b - 2 * rise, 3 * rise - 2 * a - b
+        size = mpmath.fsum(map(abs, v)) or 1  # quadrature stops at an absolute error
         r = mpmath.mpf(H) / mpmath.mpf(rc)
         for j, got in enumerate(sid.response(p, v0, dv0, v1, dv1, s), start=1):
 
             def integrand(y, j=j):
-                x = s * y
-                return (((c3 * x + c2) * x + a) * x + v0) * (1 - y) ** (j - 1) * mpmath.exp(-r * s * (1 - y))
+                x = mpmath.mpf(s) * y
+                return (((c3 * x + c2) * x + a) * x + v0) * (1 - y) ** (j - 1) * mpmath.exp(-r * s * (1 - y)) / size
 
-            want = mpmath.quad(integrand, [0, 1]) * (r * s) ** j / mpmath.factorial(j - 1)
+            want = mpmath.quad(integrand, [0, 1]) * size * (r * s) ** j / mpmath.factorial(j - 1)
             # rounding of the four inputs' combination and the fifth term, scaled by the largest possible response
-            scale = float((r * s) ** j / math.factorial(j)) * (abs(v[0]) + abs(v[1]) + abs(v[2]) + abs(v[3]))
+            scale = float((r * s) ** j / math.factorial(j)) * float(size)
             assert abs(got - want) <= (30 * 2.0**-53 + float(r * s) ** 4 / 56) * scale + 1e-300
 
 
