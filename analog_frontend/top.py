@@ -21,8 +21,20 @@ from typing import NamedTuple
 import numpy as np
 
 from analog_frontend import adc, dac, effects, noise, propagator, sid
-from analog_frontend.propagator import CYCLES, INPUTS, OUTPUTS, PX1, PY1
-from analog_frontend.propagator import DU_DRIVE, DU_SENSE, F_X, F_Y, JIT_DRIVE, JIT_SENSE, U_DRIVE, U_SENSE
+from analog_frontend.propagator import (
+    DU_DRIVE,
+    DU_SENSE,
+    F_X,
+    F_Y,
+    INPUTS,
+    JIT_DRIVE,
+    JIT_SENSE,
+    OUTPUTS,
+    PX1,
+    PY1,
+    U_DRIVE,
+    U_SENSE,
+)
 from fpga_model.jit import hot, inlined
 
 STATES = 16

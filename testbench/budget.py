@@ -59,15 +59,15 @@ def lock_frequency_hz(fx_hz, qx, xe1_deg, xe2_loop_deg):
     return fx_hz - fx_hz / (2 * qx) * math.tan(math.radians(xe1_deg + xe2_loop_deg))
 
 
-def budget(config, temp_degc=None):
-    """Budget of a configuration at `temp_degc` (default: where the scenario starts)."""
+def budget(config, temp_degc=None, frequency_hz=None):
+    """Budget of a configuration at `temp_degc` (default: where the scenario starts) and at a frequency (default: f_x)."""
     start = config.scenario.temperature_degc
     if temp_degc is None:
         temp_degc = start if isinstance(start, (int, float)) else start[0][1]
     firmware, base = config.firmware, config.device()
     device = thermal.at_temperature(base, temp_degc)
     clock_hz = MASTER_HZ * (1 + 1e-6 * device.clock_ppm)
-    f = device.fx_hz
+    f = frequency_hz or device.fx_hz
 
     def delay(what, seconds, assumed=""):
         return Row(what, seconds, 360.0 * f * seconds, assumed)
@@ -103,7 +103,9 @@ def budget(config, temp_degc=None):
             clocks("reference: edge quantisation, mean", -0.5),
         ]
         if firmware.reference_retimed:
-            rows.append(clocks("reference: wait for the 1 MHz grid, mean", -(TICK_CYCLES + 1) / 2, "re-timed references"))
+            rows.append(
+                clocks("reference: wait for the 1 MHz grid, mean", -(TICK_CYCLES + 1) / 2, "re-timed references")
+            )
         if sine_deg or ref_deg:
             rows.append(word("compensation words (sine, reference)", ref_deg - sine_deg))
         return rows
@@ -112,7 +114,9 @@ def budget(config, temp_degc=None):
         _, tau_s = propagator.cv_chain(base, channel, temp_degc)
         return [
             pole("ring diode, Cref / (4 fc (C0 + Cp))", tau_s, "capacitors chosen to fit"),
-            pole("instrumentation amplifier", device.ina_noise_gain / (2 * math.pi * device.opamp_gbw_hz), "gain split"),
+            pole(
+                "instrumentation amplifier", device.ina_noise_gain / (2 * math.pi * device.opamp_gbw_hz), "gain split"
+            ),
             pole("unity driver", device.driver_noise_gain / (2 * math.pi * device.opamp_gbw_hz), "gain split"),
         ]
 
@@ -127,7 +131,9 @@ def budget(config, temp_degc=None):
     return Budget(
         f,
         {
-            "xe1": signal("drive", spi_dac.DAC8811, firmware.frame_latency_drive, device.drive_dac_delay_s, drive_words),
+            "xe1": signal(
+                "drive", spi_dac.DAC8811, firmware.frame_latency_drive, device.drive_dac_delay_s, drive_words
+            ),
             "xe2": forward("drive"),
             "ye1": signal("sense", spi_dac.AD5791, firmware.frame_latency_sense, device.sense_dac_delay_s, sense_words),
             "ye2": forward("sense"),

@@ -18,7 +18,7 @@ import numpy as np
 
 from analog_frontend import adc, adc_serial, dac_serial
 from analog_frontend import top as plant
-from fpga_model import references, registers, spi_dac
+from fpga_model import references, spi_dac
 from fpga_model import top as fpga
 from fpga_model.fixed import Fmt, bits, signed
 from fpga_model.jit import hot, inlined
@@ -93,7 +93,22 @@ FRAME_COLUMNS = (
 TRUTH_COLUMNS = (("x", "m"), ("vx", "m"), ("y", "m"), ("vy", "m"), ("temperature", "degC"), ("rate", "rad/s"))
 # What a phase meter needs of a tick: reference phase, and nodes at its first instant.
 PROBE_INTS = ("theta", "word", "drive_code", "sense_code")
-PROBE_FLOATS = ("d1", "d2", "d3", "s1", "s2", "s3", "x", "y", "cv_x", "cv_y", "u_drive", "du_drive", "u_sense", "du_sense")
+PROBE_FLOATS = (
+    "d1",
+    "d2",
+    "d3",
+    "s1",
+    "s2",
+    "s3",
+    "x",
+    "y",
+    "cv_x",
+    "cv_y",
+    "u_drive",
+    "du_drive",
+    "u_sense",
+    "du_sense",
+)
 
 
 class Streams(NamedTuple):
@@ -159,9 +174,7 @@ def reset(params, temp_degc):
         dac_serial.reset(dac_serial.DAC82002),
         adc_serial.State(),
     )
-    return State(
-        fpga.State(), chips, plant.reset(params.plant, chips.drive.code, chips.sense.code, temp_degc), 0, -1
-    )
+    return State(fpga.State(), chips, plant.reset(params.plant, chips.drive.code, chips.sense.code, temp_degc), 0, -1)
 
 
 @inlined
@@ -169,12 +182,8 @@ def _chips(p, s, chips, loaded, status, codes):
     """The converters' digital sides after an edge of the firmware, with its pins."""
     d, e, q = s.drive_dac, s.sense_dac, s.quadrature_dac
     return Chips(
-        dac_serial.step(
-            dac_serial.DAC8811, chips.drive, d.sync_n, d.sclk_en, spi_dac.sdin(p.drive_dac, d), d.ldac_n
-        ),
-        dac_serial.step(
-            dac_serial.AD5791, chips.sense, e.sync_n, e.sclk_en, spi_dac.sdin(p.sense_dac, e), e.ldac_n
-        ),
+        dac_serial.step(dac_serial.DAC8811, chips.drive, d.sync_n, d.sclk_en, spi_dac.sdin(p.drive_dac, d), d.ldac_n),
+        dac_serial.step(dac_serial.AD5791, chips.sense, e.sync_n, e.sclk_en, spi_dac.sdin(p.sense_dac, e), e.ldac_n),
         dac_serial.step(
             dac_serial.DAC82002,
             chips.quadrature,
@@ -249,7 +258,21 @@ def run(p, s, ticks, rate_rad_s, temp_degc, write, address, data, faults, o):
     """
     edges = np.zeros((MAX_EDGES, 2), np.int64)
     f, chips, drdy_cycle = _run(
-        p, s.fpga, s.chips, s.plant, s.tick, s.drdy_cycle, ticks, rate_rad_s, temp_degc, write, address, data, faults, o, edges
+        p,
+        s.fpga,
+        s.chips,
+        s.plant,
+        s.tick,
+        s.drdy_cycle,
+        ticks,
+        rate_rad_s,
+        temp_degc,
+        write,
+        address,
+        data,
+        faults,
+        o,
+        edges,
     )
     return State(f, chips, s.plant, s.tick + ticks, drdy_cycle)
 
@@ -261,10 +284,11 @@ def _run(p, f, chips, a, tick0, drdy_cycle, ticks, rate_rad_s, temp_degc, write,
     frame_row = 0
     for k in range(ticks):
         tick = tick0 + k
-        if k == 0 or tick % FRAME_TICKS == 0:
+        if tick % FRAME_TICKS == 0:
             n = tick // FRAME_TICKS - first_frame
-            plant.retune(p.plant, a, rate_rad_s[n], chips.quadrature.code, temp_degc[n])
-            if tick % FRAME_TICKS == 0 and frame_row < o.frames.shape[0]:
+            v_q = faults.dac_code[2] if faults.dac[2] else chips.quadrature.code
+            plant.retune(p.plant, a, rate_rad_s[n], v_q, temp_degc[n])
+            if frame_row < o.frames.shape[0]:
                 _record_frame(o.frames[frame_row], o.truth[frame_row], f, chips, a.z, temp_degc[n], rate_rad_s[n])
                 if p.fpga.digital:
                     for c in range(4):

@@ -5,7 +5,7 @@ Every phase is a lag against the DDS phase theta, in degrees, positive when late
     node(t) = B sin(theta(t) - lag) + offset [+ free line of the sense mode]        (least squares)
     lag     = mean of theta at the rising zero crossings, modulo one turn            (counter)
 
-The counter sees instants only, as the instrument does; its `resolution_deg` is the standard error of the mean that the
+The counter sees instants only, as the instrument does; its `resolution_deg` is two standard errors of the mean that the
 spread of its instants allows. The fit uses every sample; its `sigma_deg` follows from the residual.
 Source  docs/phases.md; plain correlation over a broken number of periods would err by up to 2.5 mdeg
 """
@@ -84,7 +84,7 @@ def count(theta_turns_at_crossings):
     deviation = (theta - centre + 0.5) % 1.0 - 0.5
     spread = float(np.std(deviation) * 360.0)
     return Crossings(
-        float(wrap_deg((centre + np.mean(deviation)) * 360.0)), spread, spread / np.sqrt(theta.size), theta.size
+        float(wrap_deg((centre + np.mean(deviation)) * 360.0)), spread, 2.0 * spread / np.sqrt(theta.size), theta.size
     )
 
 

@@ -16,21 +16,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analog_frontend import propagator, thermal
-from fpga_model import registers, sequencer
+from analog_frontend import thermal
+from fpga_model import quadrature_loop, registers, sequencer
 from fpga_model import top as fpga
 from fpga_model.rates import FRAME_TICKS, TICK_HZ
-from testbench import budget, build, engine, flatten, nodes, phase_meter, record, scenario
-from testbench.errors import ConfigError
+from testbench import budget, build, engine, flatten, nodes, record, scenario
+from testbench.config import to_toml
 from testbench.outputs import Result
 from testbench.vcd import Signal, signals
-from testbench.config import to_toml
 
 DEG = math.pi / 180
 LOCK_LIMIT_S = 5.0
 CHUNK_TICKS = 25_000
 STEP_DPS, STEP_S, STEP_TAIL_S = 100.0, 0.6, 0.25
-OPEN_DPS, OPEN_S, PROBE_S = 60.0, 0.1, 0.2
+OPEN_DPS, OPEN_S, PROBE_S = 60.0, 0.1, 0.3
 SPECTRUM_TICKS = 1 << 17
 STATE_FORMAT = "engine-1"
 
@@ -183,7 +182,6 @@ class Simulation:
                 plant[name] = type(item)(**{k: np.array(values[f"plant.{name}.{k}"]) for k in item._fields})
             else:
                 plant[name] = np.array(values[f"plant.{name}"])
-        plant["now"][:] = np.inf  # the matrix is made again from rate, V_q and temperature: the same bits
         self.state = engine.State(
             flatten.rebuild(self.state.fpga, values["fpga"].tolist()),
             flatten.rebuild(self.state.chips, values["chips"].tolist()),
@@ -242,7 +240,7 @@ def start(config, sim, rate_rad_s, temp_degc, progress=None, limit_s=LOCK_LIMIT_
 def play(sim, timeline, progress=None):
     """Run a timeline: profiles per frame, events at their ticks."""
     rate, temp = timeline.rate_rad_s, timeline.temp_degc
-    active, events, done = [], list(timeline.events), 0
+    active, events, done, begin = [], list(timeline.events), 0, sim.tick
     while done < timeline.ticks:
         while events and events[0].tick <= done:
             event = events.pop(0)
@@ -258,21 +256,18 @@ def play(sim, timeline, progress=None):
             sim.faults = _faults(active)
         until = min(events[0].tick if events else timeline.ticks, timeline.ticks)
         if until > done:
-            frame = done // FRAME_TICKS
             step = min(until - done, CHUNK_TICKS)
-            sim.advance(step, _frames(rate, frame, sim.tick, done), _frames(temp, frame, sim.tick, done))
+            sim.advance(step, _frames(rate, begin, sim.tick, step), _frames(temp, begin, sim.tick, step))
             done += step
         if progress:
             progress("scenario", done, timeline.ticks)
     sim.faults = _faults([])
 
 
-def _frames(values, frame, tick, done):
-    """Values from scenario frame `frame` on, as the engine counts frames (its own grid, from power-on)."""
-    shift = (tick - done) % FRAME_TICKS
-    begun = (done + shift) // FRAME_TICKS
-    tail = values[min(frame, len(values) - 1) :]
-    return np.concatenate([tail[: 1 if begun > frame else 0], tail, tail[-1:], tail[-1:]])
+def _frames(values, start_tick, tick, ticks):
+    """Values of a profile for the engine's frames (its own grid, from power-on) of a chunk; the scenario began at `start_tick`."""
+    frame = tick // FRAME_TICKS - start_tick // FRAME_TICKS
+    return values[np.clip(frame + np.arange(ticks // FRAME_TICKS + 2), 0, len(values) - 1)]
 
 
 def diagnose(sim, rate_rad_s, temp_degc, progress=None):
@@ -304,7 +299,8 @@ def diagnose(sim, rate_rad_s, temp_degc, progress=None):
     say(1)
     bank = sim.state.fpga.registers
     u = sim.state.fpga.control.quadrature_loop.loop.y
-    per_dps = 2.0**32 * (Device_NULL_V / 5.5) ** 2 / 100.0
+    known = build.nominal(sim.config)
+    per_dps = quadrature_loop.u_of_volts(known["null_v"]) / known["null_deg_per_s"]
     open_u = u - OPEN_DPS * per_dps if u > OPEN_DPS * per_dps else u + OPEN_DPS * per_dps
     sim.write("quadrature_fixed", int(min(open_u, 2**32 - 1)))
     sim.write("control", bank.control | sequencer.HOLD_FTR | sequencer.FIX_QSC)
@@ -318,9 +314,6 @@ def diagnose(sim, rate_rad_s, temp_degc, progress=None):
     sim.write("control", bank.control)
     say(4)
     return Reading(readings, scale, step, probe.edges)
-
-
-Device_NULL_V = 4.52  # the firmware's own nominal: 100 deg/s of quadrature
 
 
 def _digital_loop(readings, planned):
@@ -371,7 +364,9 @@ def _result(config, sim, main, first_frame, lock_s, locked, real_time_factor, co
     if lock_s is None and np.any(main["state"] == sequencer.LOCKED):
         lock_s = float(np.argmax(main["state"] == sequencer.LOCKED) * FRAME_TICKS / TICK_HZ)
     device = config.device()
-    amplitude = np.sqrt(part["truth_x"] ** 2 + (part["truth_vx"] * 11000.0 / (part["frequency_word"] * clock_hz / 2**48)) ** 2)
+    amplitude = np.sqrt(
+        part["truth_x"] ** 2 + (part["truth_vx"] * 11000.0 / (part["frequency_word"] * clock_hz / 2**48)) ** 2
+    )
     summary = {
         "locked": locked,
         "lock_time_s": lock_s,
@@ -478,7 +473,10 @@ def _plots(sim, summary, lock_s, reading, clock_hz, config):
         names = ("drive sgn(sin)", "drive sgn(cos)", "sense sgn(sin)", "sense sgn(cos)")
         f = summary["drive_frequency_hz"]
         errors = {n: nodes.edge_errors_turns(reading.edges, k) / f * 1e9 for k, n in enumerate(names)}
-        plots["jitter"] = {"edges_ns": errors, "grid_ns": 1000.0 if config.firmware.reference_retimed else 1e9 / clock_hz}
+        plots["jitter"] = {
+            "edges_ns": errors,
+            "grid_ns": 1000.0 if config.firmware.reference_retimed else 1e9 / clock_hz,
+        }
         plots["rate_step"] = reading.step
     return plots
 
@@ -487,6 +485,9 @@ def _window(sim):
     """Register window for the waveform writer."""
     if sim.rows is None:
         return None
-    pins = [Signal(f"pins.{name}", 24 if name.endswith("code") else (4 if name == "refs" else 1), name.endswith("code")) for name in engine.PIN_COLUMNS]
+    pins = [
+        Signal(f"pins.{name}", 24 if name.endswith("code") else (4 if name == "refs" else 1), name.endswith("code"))
+        for name in engine.PIN_COLUMNS
+    ]
     formats = [fmt for _, fmt in flatten.format_leaves(fpga.STATE_FMT)]
     return sim.rows, pins + signals(flatten.names(sim.state.fpga), formats), sim.window[0] * 26

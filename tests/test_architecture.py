@@ -10,7 +10,11 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("fpga_model", "analog_frontend", "testbench")
-ALLOWED = {"fpga_model": {"fpga_model"}, "analog_frontend": {"analog_frontend", "fpga_model.jit"}, "testbench": set(PACKAGES)}
+ALLOWED = {
+    "fpga_model": {"fpga_model"},
+    "analog_frontend": {"analog_frontend", "fpga_model.jit"},
+    "testbench": set(PACKAGES),
+}
 # Words of the register map, reset value 0: the firmware's own means against phase errors
 COMPENSATION = {"phase_drive_sine", "phase_sense_sine", "phase_drive_ref", "phase_sense_ref"}
 
@@ -37,7 +41,11 @@ def imports(module):
 def wrong_imports(package, module):
     own = [(name, line) for name, line in imports(module) if name.split(".")[0] in PACKAGES]
     allowed = ALLOWED[package]
-    return [(n, at) for n, at in own if not any(n == a or n.startswith(a + ".") or (n == "fpga_model" and a == "x") for a in allowed)]
+    return [
+        (n, at)
+        for n, at in own
+        if not any(n == a or n.startswith(a + ".") or (n == "fpga_model" and a == "x") for a in allowed)
+    ]
 
 
 @pytest.mark.parametrize("package", PACKAGES)
@@ -69,9 +77,15 @@ def float_or_division(function):
     for node in ast.walk(function):
         if isinstance(node, ast.Constant) and isinstance(node.value, (float, complex)):
             yield node.lineno, "float literal"
-        if isinstance(node, (ast.BinOp, ast.AugAssign)) and isinstance(node.op, (ast.Div, ast.FloorDiv, ast.Mod, ast.Pow)):
+        if isinstance(node, (ast.BinOp, ast.AugAssign)) and isinstance(
+            node.op, (ast.Div, ast.FloorDiv, ast.Mod, ast.Pow)
+        ):
             yield node.lineno, type(node.op).__name__
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in ("float", "divmod", "pow", "round"):
+        if (
+            isinstance(node, ast.Call)
+            and isinstance(node.func, ast.Name)
+            and node.func.id in ("float", "divmod", "pow", "round")
+        ):
             yield node.lineno, node.func.id
 
 
@@ -107,7 +121,12 @@ def fields(package):
     for info in pkgutil.walk_packages(root.__path__, package + "."):
         module = importlib.import_module(info.name)
         for item in vars(module).values():
-            if isinstance(item, type) and issubclass(item, tuple) and item.__module__ == info.name and hasattr(item, "_fields"):
+            if (
+                isinstance(item, type)
+                and issubclass(item, tuple)
+                and item.__module__ == info.name
+                and hasattr(item, "_fields")
+            ):
                 for field in item._fields:
                     yield f"{info.name}.{item.__name__}", field
 

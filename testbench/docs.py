@@ -1,0 +1,148 @@
+"""Generated parts of the pages: what the code knows is written by the code.
+
+    docs/blocks/registers.md    the register map                   fpga_model.registers.table_markdown
+    docs/configuration.md       keys, limits, faults               testbench.config.documented
+    docs/phases.md              phase budget of the defaults       testbench.budget, testbench.tables
+    docs/README.md              index of the pages                 their titles
+
+    python -m testbench.docs            write what is stale
+    python -m testbench.docs --check    name what is stale, exit code 1
+
+A part stands between `<!-- NAME: written by ... -->` and `<!-- end -->`; the register map is known by its head.
+Source  docs/README.md
+"""
+
+import ast
+import re
+import sys
+from pathlib import Path
+
+from fpga_model import registers
+from testbench import cli, config, tables
+from testbench.budget import NODES, PAPER_DEG
+from testbench.config import Config
+from testbench.files import write_text
+
+ROOT = Path(__file__).resolve().parent.parent
+FOLDERS = (
+    ("Firmware, a page per block", "blocks", "fpga_model"),
+    ("Plant, a page per part", "parts", "analog_frontend"),
+    ("Effects", "effects", "analog_frontend/effects"),
+    ("Decisions", "decisions", ""),
+)
+
+
+def replaced(page, name, text):
+    """The page with the part `name` renewed; ValueError if the page has no such part."""
+    found = re.search(rf"<!-- {name}: .*? -->\n", page)
+    if not found:
+        raise ValueError(f"no part {name!r} in the page")
+    end = page.index("<!-- end -->", found.end())
+    return f"{page[: found.end()]}\n{text.strip()}\n\n{page[end:]}"
+
+
+def register_map(page):
+    """docs/blocks/registers.md with its table renewed."""
+    head = registers.table_markdown().split("\n", 1)[0]
+    begin = page.index(head)
+    return page[:begin] + registers.table_markdown() + page[page.index("\n\n", begin) :]
+
+
+# ---- phase budget ----------------------------------------------------------------------------------------------------
+
+
+def markdown(table):
+    """A `tables.Table` as Markdown; sums are bold, empty cells stay empty."""
+    align = ["---:" if k in table.numeric else "---" for k in range(len(table.heads))]
+    lines = [f"| {' | '.join(table.heads)} |", f"|{'|'.join(align)}|"]
+    for k, row in enumerate(table.rows):
+        cells = (f"**{cell}**" if cell and k in table.sums else cell for cell in row)
+        lines.append(re.sub(r" +\|", " |", f"| {' | '.join(cells)} |"))
+    return "\n".join(lines)
+
+
+def budget_summary(planned, plain):
+    """One row per phase: node phase, loop phase, without the assumptions, and the paper."""
+    node, loop, without = planned.node_deg(), planned.loop_deg(), plain.node_deg()
+    rows = []
+    for name in NODES:
+        ns = sum(row.ns for row in planned.rows[name])
+        gap_deg = node[name] - PAPER_DEG[name]
+        gap_ns = gap_deg / 360 / planned.frequency_hz * 1e9
+        values = (node[name], ns, loop.get(name), without[name], PAPER_DEG[name])
+        rows.append((name, *(tables.fixed(v, n) for v, n in zip(values, (4, 1, 4, 4, 4))), f"{gap_deg:+.4f} ({gap_ns:+.0f} ns)"))
+    heads = ("phase", "node deg", "ns", "loop deg", "without the assumptions deg", "paper deg", "node less paper")
+    return tables.Table("", heads, rows, numeric=(1, 2, 3, 4, 5, 6))
+
+
+def budget_part():
+    """Summary and four tables of the default configuration."""
+    planned, plain = cli._budgets(Config())
+    parts = [f"At {planned.frequency_hz:.1f} Hz and 25 degC.", markdown(budget_summary(planned, plain))]
+    for table in tables.budget_tables(planned, plain):
+        parts += [f"### {table.title.split(', at ')[0].replace('  ', ': ', 1)}", markdown(table)]
+    return "\n\n".join(parts)
+
+
+# ---- index -----------------------------------------------------------------------------------------------------------
+
+
+def title(path, package):
+    """(link text, what it is about) of a page: its heading, or the first line of the module with its name."""
+    heading = path.read_text().split("\n", 1)[0].removeprefix("# ").strip()
+    name, colon, about = heading.partition(": ")
+    if colon:
+        return name, about
+    module = ROOT / package / f"{path.stem}.py"
+    if package and module.exists():
+        return path.stem, ast.get_docstring(ast.parse(module.read_text())).split("\n", 1)[0].rstrip(".")
+    return heading, ""
+
+
+def index_part():
+    """Lists of the pages of each folder."""
+    parts = []
+    for text, folder, package in FOLDERS:
+        lines = [f"### {text}", ""]
+        for path in sorted((ROOT / "docs" / folder).glob("*.md")):
+            name, about = title(path, package)
+            lines.append(f"- [{name}]({folder}/{path.name})" + (f": {about}" if about else ""))
+        parts.append("\n".join(lines))
+    return "\n\n".join(parts)
+
+
+# ---- pages -----------------------------------------------------------------------------------------------------------
+
+PAGES = {
+    "docs/blocks/registers.md": register_map,
+    "docs/configuration.md": config.documented,
+    "docs/phases.md": lambda page: replaced(page, "budget", budget_part()),
+    "docs/README.md": lambda page: replaced(page, "index", index_part()),
+}
+
+
+def stale():
+    """{path: renewed text} of the pages whose generated parts are not what the code says."""
+    now = {name: (ROOT / name).read_text() for name in PAGES}
+    renewed = {name: PAGES[name](page) for name, page in now.items()}
+    return {name: text for name, text in renewed.items() if text != now[name]}
+
+
+def main(arguments=None):
+    """Write stale pages, or with --check only name them; returns the exit code."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    if arguments not in ([], ["--check"]):
+        print("usage: python -m testbench.docs [--check]", file=sys.stderr)
+        return 2
+    changed = stale()
+    for name, text in changed.items():
+        if arguments:
+            print(f"{name} is stale; run: python -m testbench.docs", file=sys.stderr)
+        else:
+            write_text(ROOT / name, text)
+            print(f"written: {name}")
+    return 1 if changed and arguments else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
