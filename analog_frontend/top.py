@@ -96,6 +96,7 @@ class State(NamedTuple):
     late_tau_s: np.ndarray  # (4, MAX_EDGES) edges whose switch acts in the next tick
     late_count: np.ndarray  # (4,)
     adc: adc.State
+    sar: np.ndarray  # (2,) samples taken one tick ago, which the converters hand over now
     inputs: np.ndarray  # (24,) scratch of a tick
     out: np.ndarray  # (24,)
     taus_s: np.ndarray  # (MAX_EDGES,)
@@ -129,6 +130,7 @@ def reset(p, drive_code, sense_code, temp_degc):
         late_tau_s=np.zeros((DEMODULATORS, MAX_EDGES)),
         late_count=np.zeros(DEMODULATORS, np.int64),
         adc=adc.reset(p.adc),
+        sar=np.zeros(2, np.int64),
         inputs=np.zeros(INPUTS),
         out=np.zeros(OUTPUTS),
         taus_s=np.zeros(MAX_EDGES),
@@ -346,7 +348,7 @@ def _switch(p, s, tick, edge_count, edges, noise_x, noise_y, z, out):
 
 @inlined
 def sar_code(p, s, tick, channel):
-    """18-bit sample of a C/V output at the tick's first instant, for the board without the analog SID."""
+    """Sample of a C/V output at the tick's first instant, 18 bit; for the board without the analog SID."""
     if channel == 0:
         volts = s.z[CV_X] + noise.white(p.noise.cv_x, tick)
     else:

@@ -294,8 +294,11 @@ def _run(p, f, chips, a, tick0, drdy_cycle, ticks, rate_rad_s, temp_degc, write,
                     for c in range(4):
                         o.frames[frame_row, c] = f.sid.codes[c]
                 frame_row += 1
-        sample_x = plant.sar_code(p.plant, a, tick, 0) if p.fpga.digital else 0
-        sample_y = plant.sar_code(p.plant, a, tick, 1) if p.fpga.digital else 0
+        # the aperture is the tick's first instant; the codes arrive a tick later
+        sample_x, sample_y = a.sar[0], a.sar[1]
+        if p.fpga.digital:
+            a.sar[0] = plant.sar_code(p.plant, a, tick, 0)
+            a.sar[1] = plant.sar_code(p.plant, a, tick, 1)
         if k < o.probe_ints.shape[0]:
             row = o.probe_ints[k]
             row[0] = f.dds.phase

@@ -32,6 +32,7 @@ class Probe(NamedTuple):
     instants_s: tuple  # take-effect instant within the tick of each DAC
     tick_s: float
     fy_hz: float
+    sense_sign: int = 1  # of the rate word: a negative word turns the force over, which is no phase
     fx_hz: float = 0.0  # free line of the drive mode, 0 when the loop holds it on theta
 
     def column(self, name):
@@ -120,13 +121,14 @@ def read(probe):
         ).ravel()
         force = phase_meter.fit(fine, wave)
         pin_lag_deg = 360.0 * pin_lag_turns(pins[reference])
-        phase[node] = wrap_deg(force.lag_deg - pin_lag_deg)
+        turned_deg = 180.0 if which == 1 and probe.sense_sign < 0 else 0.0
+        phase[node] = wrap_deg(force.lag_deg - pin_lag_deg - turned_deg)
         sigma[node] = force.sigma_deg
         amplitude[node] = force.amplitude
         crossings = phase_meter.count(phase_meter.rising_crossings(fine, wave))
         rising = probe.edges[(probe.edges[:, 1] == reference) & (probe.edges[:, 2] == 1), 0] / PHASE_TURN
         edges = phase_meter.count(rising)
-        counter[node] = wrap_deg(crossings.lag_deg - edges.lag_deg)
+        counter[node] = wrap_deg(crossings.lag_deg - edges.lag_deg - turned_deg)
         resolution[node] = float(np.hypot(crossings.resolution_deg, edges.resolution_deg))
     ticks = np.arange(len(theta))
     free_x = (probe.fx_hz * probe.tick_s * ticks) % 1.0 if probe.fx_hz else None

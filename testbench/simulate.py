@@ -22,6 +22,7 @@ from fpga_model import top as fpga
 from fpga_model.rates import FRAME_TICKS, TICK_HZ
 from testbench import budget, build, engine, flatten, nodes, record, scenario
 from testbench.config import to_toml
+from testbench.errors import ConfigError
 from testbench.outputs import Result
 from testbench.vcd import Signal, signals
 
@@ -39,7 +40,10 @@ class Simulation:
 
     def __init__(self, config, temp_lo_degc, temp_hi_degc, window=None):
         self.config = config
-        self.params = build.params(config, temp_lo_degc, temp_hi_degc)
+        try:
+            self.params = build.params(config, temp_lo_degc, temp_hi_degc)
+        except ValueError as problem:
+            raise ConfigError(problem) from None
         self.state = engine.reset(self.params, temp_lo_degc)
         self.window = window  # (first tick, ticks) of the register window
         self.rows = None
@@ -152,6 +156,7 @@ class Simulation:
             tuple(instants),
             tick_s,
             warm.fy_hz,
+            -1 if self.state.fpga.control.rate_loop.loop.y < 0 else 1,
         )
 
     # ---- state files -------------------------------------------------------------------------------------------------

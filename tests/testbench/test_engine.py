@@ -196,12 +196,14 @@ def test_a_dead_drive_loses_lock_and_restarts(locked_file):
     assert not sim.locked
 
 
-def test_a_drive_at_its_rail_is_flagged():
-    """Q = 2000 wants 10.2 V for 5 um, of 10 V."""
-    checked = configured(plant__qx=2000.0)
-    sim = simulate.Simulation(checked, 25.0, 25.0)
-    simulate.start(checked, sim, 0.0, 25.0, limit_s=1.5)
-    assert sim.state.fpga.control.sequencer.faults.latch & fault_monitor.DRIVE_SATURATED
+def test_a_force_dac_at_its_rail_is_flagged_and_the_drive_holds(locked_file):
+    """1000 deg/s want 10.4 V of 10 V."""
+    sim = resumed(locked_file)
+    sim.advance(round(0.3 * TICK_HZ), np.radians(1000.0), 25.0)
+    s = sim.state.fpga.control.sequencer
+    assert s.faults.latch & fault_monitor.RATE_SATURATED
+    assert abs(sim.state.fpga.control.rate_loop.loop.y) == 2**23 - 1
+    assert s.lock.locked & 0b0011 == 0b0011
 
 
 def test_a_free_running_converter_locks_the_loops_too():
