@@ -1,13 +1,13 @@
 """Speed: how many simulated seconds a second of one core gives, and how long the first call takes.
 
-    clocked     `gyro run`'s engine as it is: every register at every edge, full plant, all noise on, locked at 100 deg/s
+    clocked     the engine of `gyro run`: every register at every edge, full plant, all noise on, locked at 100 deg/s
     firmware    the FPGA and the ADC's digital side alone, fed with fixed codes
     plant       the plant alone, fed with recorded DAC codes and with references at the drive frequency
     python      the clocked engine's own source run by CPython, without compiler: what a plain Python model would be
     first call  a fresh process from start to the first simulated frame: compiled from nothing, then from the cache
 
-All but the first call is process CPU time, after warm-up; the median of repeats that take turns, so that a slow moment of
-the machine meets all of them. Nothing runs on more than one core.
+All but the first call is process CPU time, after warm-up: the median of rounds in which the kernels take turns, so that
+a slow moment of the machine meets all of them. Nothing runs on more than one core.
 
     python -m testbench.bench       prints a table, writes build/bench.json and the table in docs/speed.md
 """
@@ -48,7 +48,7 @@ PHASE_MASK = (1 << 48) - 1
 
 @hot
 def firmware_alone(p, f, chip, ticks, codes):
-    """`ticks` of the firmware with an ADC that repeats `codes`, one step up in every other frame (equal codes are a fault)."""
+    """`ticks` of the firmware; the ADC repeats `codes`, a step up in every other frame (equal ones are a fault)."""
     for k in range(ticks):
         up = 10 * ((k // FRAME_TICKS) & 1)
         sent = (codes[0] + up, codes[1] + up, codes[2] + up, codes[3] + up, codes[4], 0, 0, 0)
@@ -62,7 +62,7 @@ def firmware_alone(p, f, chip, ticks, codes):
 
 @hot
 def plant_alone(p, a, tick0, drive, sense, cycles, word, quad_code, rate_rad_s, temp_degc, edges):
-    """One tick per entry of `drive` and `sense` (DAC codes); references at `word` turns/2^48 per clock, V_q new in each frame."""
+    """One tick per DAC code of `drive` and `sense`; references turn by `word` a clock, V_q moves every frame."""
     quadrant = 0
     for k in range(drive.shape[0]):
         tick = tick0 + k
@@ -73,7 +73,7 @@ def plant_alone(p, a, tick0, drive, sense, cycles, word, quad_code, rate_rad_s, 
         if now != quadrant:
             which = 0 if now == 0 or now == 2 else 1
             for d in (which, which + 2):
-                edges[count, 0] = 1
+                edges[count, 0] = 0
                 edges[count, 1] = d
                 count += 1
         quadrant = now
@@ -81,7 +81,7 @@ def plant_alone(p, a, tick0, drive, sense, cycles, word, quad_code, rate_rad_s, 
 
 
 class Bench:
-    """A locked gyroscope, and the three kernels on it; each call moves its own copy on by `ticks` and returns nothing."""
+    """A locked gyroscope, and three kernels on it; each call moves its own copy on by `ticks` and returns nothing."""
 
     def __init__(self, ticks=BLOCK_TICKS, locked=True):
         self.ticks = ticks
@@ -178,7 +178,7 @@ print(cpu_s(bench.clocked))
 
 
 def first_calls(folder):
-    """Wall time (s) of a process from its start to the first frame: with an empty cache in `folder`, then with a full one."""
+    """Wall time (s) of a process from its start to the first frame: empty cache in `folder`, then a full one."""
     return {
         "first_call_cold_s": _child(FIRST_FRAME, GYRO_CACHE=str(folder))[1],
         "first_call_warm_s": _child(FIRST_FRAME, GYRO_CACHE=str(folder))[1],
@@ -234,9 +234,12 @@ def table(result):
     rows = []
     for key, text in speeds:
         rt = result[key]
-        ratio = rt / result["python_rt"]
-        rows.append((text, key, f"{rt:.3g}", fixed(1e3 / rt, 0) + " ns", f"{ratio:.0f}" if key != "python_rt" else "1"))
-    for key, text in (("first_call_cold_s", "first call, nothing compiled"), ("first_call_warm_s", "first call, from the cache")):
+        ratio = fixed(rt / result["python_rt"], 0) if key in ("clocked_rt", "python_rt") else ""
+        rows.append((text, key, f"{rt:.3g}", fixed(1e3 / rt, 0) + " ns", ratio))
+    for key, text in (
+        ("first_call_cold_s", "first call, nothing compiled"),
+        ("first_call_warm_s", "first call, from the cache"),
+    ):
         rows.append((text, key, fixed(result[key], 1) + " s", "", ""))
     heads = ("what", "key", "simulated s per CPU s", "CPU time per tick", "times plain Python")
     named = ", ".join(f"{name} {version}" for name, version in result["versions"].items())

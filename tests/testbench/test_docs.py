@@ -1,6 +1,5 @@
 """Documents: generated parts are current, links lead somewhere, examples run, and every number is that of the code."""
 
-import importlib
 import math
 import re
 import shutil
@@ -12,7 +11,7 @@ import pytest
 
 from analog_frontend import adc, device, sid
 from analog_frontend import top as plant
-from fpga_model import control, dds, modulator, rates, references, registers, sequencer, sine, spi_adc, spi_dac
+from fpga_model import control, dds, lock_monitor, rates, references, registers, sequencer, sine, spi_adc, spi_dac
 from fpga_model import top as fpga
 from testbench import budget, build, config, docs, engine, flatten, simulate
 from testbench.config import Config
@@ -25,6 +24,11 @@ needs_compiler = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="clos
 def page(name):
     """Text of a page with its line breaks as blanks, so that a number may be followed over a line."""
     return " ".join((ROOT / name).read_text().split())
+
+
+def short(value):
+    """1.2e-7, as the pages write it."""
+    return re.sub(r"e([-+])0", r"e\1", f"{value:.1e}")
 
 
 def says(name, *texts):
@@ -46,7 +50,7 @@ def test_a_stale_part_is_named_and_mended(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(docs, "ROOT", tmp_path)
     assert docs.main(["--check"]) == 0
     spoilt = {
-        "docs/phases.md": ("| 24.68 |", "| 24.69 |") if False else ("949.23", "949.24"),
+        "docs/phases.md": ("949.23", "949.24"),
         "docs/blocks/registers.md": ("0x97C3F3", "0x97C3F4"),
         "docs/configuration.md": ("`amplitude_um` | `5.0`", "`amplitude_um` | `5.1`"),
         "docs/README.md": ("- [dds](blocks/dds.md)", "- [dss](blocks/dds.md)"),
@@ -123,7 +127,9 @@ def test_the_page_that_a_module_names_as_its_source_exists():
 
 
 def test_the_first_pages_speak_of_the_product_alone():
-    words = re.compile(r"/work/|/tmp/|\bissue #?\d|\bsession\b|helper", re.I)
+    words = re.compile(r"(?<![\w.])/[a-z]+/|\bissue #?\d|\bsession\b|helper", re.I)
+    assert words.search("see /home/me")
+    assert not words.search("deg/s, docs/speed.md")
     for path in (ROOT / "README.md", ROOT / "CHANGELOG.md"):
         assert not words.search(path.read_text()), path
 
@@ -170,7 +176,8 @@ def test_the_counts_of_sources_are_those_of_the_device():
     assert sum(count.values()) == len(device.Device._fields)
     says(
         "README.md",
-        f"Of the {len(marks)} numbers of the device {count['S']} were read in a source, {count['D']} are derived from others, "
+        f"Of the {len(marks)} numbers of the device {count['S']} were read in a source, "
+        f"{count['D']} are derived from others, "
         f"{count['M']} are remembered from a data sheet and {count['A']} are assumed",
     )
 
@@ -178,7 +185,8 @@ def test_the_counts_of_sources_are_those_of_the_device():
 def test_the_gaps_to_the_paper_are_those_of_the_budget():
     planned = budget.budget(Config())
     gap_ns = {
-        node: (deg - budget.PAPER_DEG[node]) / 360 / planned.frequency_hz * 1e9 for node, deg in planned.node_deg().items()
+        node: (deg - budget.PAPER_DEG[node]) / 360 / planned.frequency_hz * 1e9
+        for node, deg in planned.node_deg().items()
     }
     assert max(abs(gap_ns[node]) for node in ("xe1", "xe2", "ye2")) < 6.05
     says("README.md", "Three are met within 6 ns", f"ye1 is {gap_ns['ye1']:.0f} ns longer")
@@ -195,7 +203,8 @@ def test_conversions_on_the_page_of_phases():
     clock_deg, us_deg, deg_ns = 360 * F_HZ / 26e6, 360 * F_HZ * 1e-6, 1e9 / 360 / F_HZ
     says(
         "docs/phases.md",
-        f"At {F_HZ} Hz one clock of 26 MHz is {clock_deg:.4f} deg, one microsecond is {us_deg:.4f} deg, one degree is {deg_ns:.1f} ns",
+        f"At {F_HZ} Hz one clock of 26 MHz is {clock_deg:.4f} deg, one microsecond is {us_deg:.4f} deg, "
+        f"one degree is {deg_ns:.1f} ns",
         f"a register is {clock_deg:.4f} deg within 0.001, a frame {us_deg:.3f} deg within 0.003",
     )
 
@@ -214,15 +223,15 @@ def test_lags_of_the_budget_rows_follow_from_the_blocks():
 
 
 def test_resolution_of_the_counter_on_the_page():
-    for grid_s, spread, resolution in ((1e-6, "1.143", "0.049"), (1 / 26e6, "0.044", "0.0019")):
-        deg = 360 * F_HZ * grid_s / math.sqrt(12)
-        assert f"{deg:.3f}" == spread
-        assert f"{2 * deg / math.sqrt(F_HZ * 0.2):.{len(resolution) - 2}f}" == resolution
-        says("docs/phases.md", f"spread {'is ' if spread == '0.044' else ''}{spread} deg", f"{resolution} deg")
-    assert simulate.PROBE_S == 0.2
+    seconds = simulate.PROBE_S
+    slow, fast = (360 * F_HZ * grid_s / math.sqrt(12) for grid_s in (1e-6, 1 / 26e6))
+    resolved = [2 * deg / math.sqrt(F_HZ * seconds) for deg in (slow, fast)]
     says(
         "docs/phases.md",
-        f"open by {simulate.OPEN_DPS:g} deg/s for {simulate.OPEN_S + simulate.PROBE_S:g} s, of which the last {simulate.PROBE_S:g} s",
+        f"spread {slow:.3f} deg, {resolved[0]:.3f} deg after {seconds:g} s of one pin",
+        f"the spread is {fast:.3f} deg and the resolution {resolved[1]:.4f} deg",
+        f"open by {simulate.OPEN_DPS:g} deg/s for {simulate.OPEN_S + seconds:g} s, "
+        f"of which the last {seconds:g} s are read",
     )
 
 
@@ -232,7 +241,11 @@ def test_a_round_frequency_takes_eleven_positions():
         positions = {(k * step) % 11_000 for k in range(22)}  # of edges, in 1/11000 of the grid
         assert len(positions) == 11
         assert 360 * 11_000 * clocks / 26e6 / 22 == pytest.approx(deg, rel=0.01)
-    says("docs/phases.md", "11000 Hz repeats on both grids after 11 periods", "7 mdeg at 26 MHz, 0.18 deg on the 1 MHz grid")
+    says(
+        "docs/phases.md",
+        "11000 Hz repeats on both grids after 11 periods",
+        "7 mdeg at 26 MHz, 0.18 deg on the 1 MHz grid",
+    )
 
 
 def test_the_switch_is_a_third_of_a_degree():
@@ -312,17 +325,16 @@ def test_register_bits_of_the_wiring():
 
 
 def test_latencies_from_the_phase_register_to_the_pins():
+    to_pin = dds.LATENCY + references.LATENCY + Config().firmware.reference_registers
     before = dds.LATENCY + sine.LATENCY + budget.PRODUCT_AND_CODE_CLOCKS + 1
-    assert spi_dac.CODE_TICK == 1
-    assert modulator.LATENCY == 2 if hasattr(modulator, "LATENCY") else True
-    assert spi_dac.LOAD_TICK == 2
+    assert (spi_dac.CODE_TICK, spi_dac.LOAD_TICK) == (1, 2)
     drive, sense, quadrature = (spi_dac.latch_cycles(p) for p in (spi_dac.DAC8811, spi_dac.AD5791, spi_dac.DAC82002))
     says(
         "docs/blocks/top.md",
         f"From the phase register to the drive DAC's output are {before + drive} clocks: DDS output {dds.LATENCY}, "
         f"sine {sine.LATENCY}, product and code 2, load 1, frame {drive}.",
         f"To the sense DAC's output {before + sense}, its frame being {sense}.",
-        f"To a reference pin {dds.LATENCY + references.LATENCY + Config().firmware.reference_registers} with the default alignment",
+        f"To a reference pin {to_pin} with the default alignment",
         f"| drive code at the DAC's output | tick count {spi_dac.LOAD_TICK + drive} of the same tick |",
         f"| quadrature, sense code at the DAC's output | tick counts {spi_dac.LOAD_TICK + quadrature - 26}, "
         f"{spi_dac.LOAD_TICK + sense - 26} of the next |",
@@ -352,8 +364,9 @@ def test_instants_of_a_frame_on_the_page_of_the_architecture():
     assert build.CONVERSION_DELAY_S == 1.5e-6
     says(
         "docs/architecture.md",
-        "the last modulator sample of a conversion falls in tick 123; DRDY falls in tick 124, 1.5 us after it; reading 216 "
-        f"bits takes {spi_adc.READ_CYCLES / 26:.1f} us; the slots begin in tick 16 of the next frame and end {rates.SLOTS} clocks later",
+        "the last modulator sample of a conversion falls in tick 123; DRDY falls in tick 124, 1.5 us after it; "
+        f"reading 216 bits takes {spi_adc.READ_CYCLES / 26:.1f} us; "
+        f"the slots begin in tick 16 of the next frame and end {rates.SLOTS} clocks later",
     )
 
 
@@ -361,8 +374,9 @@ def test_slots_of_the_8_khz_work_and_when_words_stand():
     """The last slot at which each word changes, from a locked state with new codes."""
     p = build.firmware(Config()).control
     bank = registers.State()._replace(decimation=0)
-    s = control.State(sequencer=sequencer.State(state=sequencer.LOCKED))
-    inputs = control.Inputs(3_000_000, -5_000_000, 40_000, -2_000_000, 300_000, 1, 0)
+    locked = sequencer.State(state=sequencer.LOCKED, lock=lock_monitor.State(locked=15))
+    s = control.State(sequencer=locked)
+    inputs = control.Inputs(1_000_000, -5_000_000, 40_000, -2_000_000, 300_000, 1, 0)
     words = {
         "agc.loop.y": 0,
         "frequency_tracker.word": 0,
@@ -370,17 +384,17 @@ def test_slots_of_the_8_khz_work_and_when_words_stand():
         "quadrature_loop.root.y": 0,
         "rate_output.y": 0,
         "cordic.magnitude": 0,
-        "sequencer.timer": 0,
+        "sequencer.": 0,
     }
-    names = flatten.names(s)
     for slot in range(1, rates.SLOTS + 1):
         after = control.step(p, s, slot, inputs, bank)
-        for name, old, new in zip(names, flatten.leaves(s), flatten.leaves(after)):
-            if name in words and old != new:
-                words[name] = slot
+        for old, new in zip(flatten.leaves(s), flatten.leaves(after)):
+            word = next((name for name in words if new[0].startswith(name)), None)
+            if word and old != new:
+                words[word] = slot
         s = after
     assert words.pop("cordic.magnitude") == rates.SLOT_CORDIC + 25 < rates.SLOT_SEQUENCER
-    assert words.pop("sequencer.timer") == rates.SLOT_SEQUENCER
+    assert words.pop("sequencer.") == rates.SLOT_SEQUENCER
     agc, dds_word, force, v_q, rate = words.values()
     says(
         "docs/blocks/control.md",
@@ -427,16 +441,17 @@ def test_error_of_the_cubic_edges_in_the_decision():
     output = 8 * h_s * f_hz * cubic
     says(
         "docs/decisions/0004-six-capacitor-sid.md",
-        f"at most {h_s / rc_s * cubic:.1e} per volt and edge".replace("e-", "e-"),
-        f"{output:.1e} per volt of quadrature",
-        f"{chord / cubic / 100:.0f}".rjust(3)[:2] + f" {round(chord / cubic, -2) % 1000:03.0f} times as large",
+        f"at most {short(h_s / rc_s * cubic)} per volt and edge",
+        f"{short(output)} per volt of quadrature and nothing in phase: {short(math.degrees(output))} deg",
+        f"{round(chord / cubic, -2):.0f} times as large: {short(math.degrees(output * chord / cubic))} deg",
     )
-    assert math.degrees(output) == pytest.approx(1e-7, rel=0.7)
-    assert math.degrees(output) * chord / cubic == pytest.approx(1e-3, rel=1.1)
 
 
 def test_turn_of_a_tick_in_the_decision():
     assert f"{2 * math.pi * 11e3 * 1e-6:.3f}" == "0.069"
     assert (50 - -20) / build.KNOT_K + 1 == 141
-    says("docs/decisions/0003-double-double-propagators.md", "turns the modes by 0.069 rad", "a table of 141 temperatures")
-    assert importlib.util.find_spec("analog_frontend.exact")
+    says(
+        "docs/decisions/0003-double-double-propagators.md",
+        "turns the modes by 0.069 rad",
+        "a table of 141 temperatures",
+    )
