@@ -35,7 +35,7 @@ from analog_frontend.propagator import (
     U_DRIVE,
     U_SENSE,
 )
-from fpga_model.jit import hot, inlined
+from fpga_model.jit import inner, outlined
 
 STATES = 16
 V_DRIVE, V_SENSE, X, VX, Y, VY, CV_X, CV_Y = 2, 5, 6, 7, 8, 9, 12, 15
@@ -145,7 +145,7 @@ def copy(s):
     return State(*(adc.State(*map(np.copy, a)) if isinstance(a, adc.State) else np.copy(a) for a in s))
 
 
-@hot
+@outlined
 def _blend(p, s, temp_degc):
     """Jets at a temperature and at the present clocks of the DACs."""
     index, weight = 0, 0.0
@@ -173,7 +173,7 @@ def _blend(p, s, temp_degc):
     s.now[NOW_CYCLE_SENSE] = e
 
 
-@hot
+@outlined
 def _columns(s):
     """Rows of G for steps and jitter at the present clocks of the DACs."""
     for k in range(4):
@@ -183,7 +183,7 @@ def _columns(s):
         )
 
 
-@inlined
+@inner
 def blended(p, values, temp_degc):
     """A scalar of the tables at a temperature."""
     if p.temp_count == 1:
@@ -192,7 +192,7 @@ def blended(p, values, temp_degc):
     return values[index] + weight * (values[index + 1] - values[index])
 
 
-@hot
+@outlined
 def retune(p, s, rate_rad_s, quad_code, temp_degc):
     """Make G for a rate (rad/s), a V_q code and a temperature (degC); does nothing if nothing changed."""
     volts = quad_code * p.quad_lsb_v
@@ -211,7 +211,7 @@ def retune(p, s, rate_rad_s, quad_code, temp_degc):
     _columns(s)
 
 
-@inlined
+@inner
 def _dac_step(p, s, which, part, carry, code, cycle, jitter_s):
     """Step (V) and impulse area (V s) of one DAC that act in this tick; later ones are kept for the next."""
     step, area = s.late_step[which], s.late_area[which]
@@ -230,7 +230,7 @@ def _dac_step(p, s, which, part, carry, code, cycle, jitter_s):
     return step, area
 
 
-@hot
+@outlined
 def _multiply(g, v, out):
     """out[o] = sum over j, ascending, of g[j, o] v[j]; the loop over o vectorises and does not change a bit."""
     for o in range(OUTPUTS):
@@ -241,7 +241,7 @@ def _multiply(g, v, out):
             out[o] += g[j, o] * a
 
 
-@inlined
+@inner
 def step(p, s, tick, pins, edges):
     """One tick. `edges` (n, 2): clock and reference number of each edge of the four reference pins, in time order.
 
@@ -301,7 +301,7 @@ def step(p, s, tick, pins, edges):
     return adc.step(p.adc, s.adc.clock, s.adc.sums, before, after)
 
 
-@hot
+@outlined
 def _switch(p, s, tick, edge_count, edges, noise_x, noise_y, z, out):
     """The demodulators of a tick in which a reference changes, now or by an edge of the tick before."""
     gain, driver_s = p.slope_gain, s.now[NOW_DRIVER]
@@ -346,7 +346,7 @@ def _switch(p, s, tick, edge_count, edges, noise_x, noise_y, z, out):
             )
 
 
-@inlined
+@inner
 def sar_code(p, s, tick, channel):
     """Sample of a C/V output at the tick's first instant, 18 bit; for the board without the analog SID."""
     if channel == 0:

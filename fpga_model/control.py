@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 from fpga_model import agc, cordic, frequency_tracker, quadrature_loop, rate_loop, rate_output, rates, sequencer
 from fpga_model.fixed import clamp
-from fpga_model.jit import inlined, kernel
+from fpga_model.jit import inner, outlined
 
 
 class Params(NamedTuple):
@@ -79,13 +79,13 @@ SLOT_PI = rates.SLOT_LOOPS + 1
 CODE_LO, CODE_HI = cordic.INPUT.lo, cordic.INPUT.hi
 
 
-@inlined
+@inner
 def amplitude(p, s):
     """Amplitude word of the drive modulator."""
     return agc.amplitude(p.agc, s.agc, sequencer.outputs(s.sequencer).agc_mode)
 
 
-@kernel
+@outlined
 def step(p, s, slot, i, bank):
     """One clock edge within the slots; `bank` is the register bank."""
     at_loops = 1 if slot == rates.SLOT_LOOPS else 0

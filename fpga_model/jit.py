@@ -51,7 +51,7 @@ CACHE = _enable_cache()
 
 def kernel(func):
     """Compile in nopython mode: no fastmath, no threads, IEEE doubles and int64 only."""
-    return njit(cache=CACHE, error_model="numpy")(func)
+    return njit(cache=CACHE, error_model="numpy", no_cfunc_wrapper=True)(func)
 
 
 def hot(func):
@@ -59,7 +59,20 @@ def hot(func):
 
     Such a function cannot allocate and must not return an array; it works in what it is given.
     """
-    return njit(cache=CACHE, error_model="numpy", _nrt=False)(func)
+    return njit(cache=CACHE, error_model="numpy", no_cfunc_wrapper=True, _nrt=False)(func)
+
+
+def outlined(func):
+    """A part of a time loop that stays a function of its own. Only compiled code can call it.
+
+    Without the wrapper that Python would call: for records of hundreds of fields that takes longer to compile than the body.
+    """
+    return njit(error_model="numpy", _nrt=False, no_cpython_wrapper=True, no_cfunc_wrapper=True)(func)
+
+
+def inner(func):
+    """As `inlined`, but only compiled code can call it; for what takes whole designs as records (see `outlined`)."""
+    return njit(error_model="numpy", forceinline=True, _nrt=False, no_cpython_wrapper=True, no_cfunc_wrapper=True)(func)
 
 
 def inlined(func):
@@ -67,4 +80,4 @@ def inlined(func):
 
     Never cached alone: a callee that comes from the cache is object code, and LLVM cannot inline that (3 times slower).
     """
-    return njit(error_model="numpy", forceinline=True, _nrt=False)(func)
+    return njit(error_model="numpy", no_cfunc_wrapper=True, forceinline=True, _nrt=False)(func)

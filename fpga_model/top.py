@@ -30,7 +30,7 @@ from fpga_model import (
     watchdog,
 )
 from fpga_model.fixed import bits, signed
-from fpga_model.jit import inlined
+from fpga_model.jit import inner
 
 CODE = signed(24)
 TEMPERATURE_CHANNEL = 4
@@ -131,7 +131,7 @@ STATE_FMT = State(
 )
 
 
-@inlined
+@inner
 def codes(p, s):
     """The frame of codes that the 8 kHz work reads."""
     if p.digital:
@@ -141,7 +141,7 @@ def codes(p, s):
     return control.Inputs(c[0], c[1], c[2], c[3], c[TEMPERATURE_CHANNEL], s.adc.ok, s.watchdog.stale)
 
 
-@inlined
+@inner
 def step(p, s, i):
     """One clock edge: every right-hand side reads the old registers."""
     r, bank, d = s.rates, s.registers, s.dds

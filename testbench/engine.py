@@ -21,7 +21,7 @@ from analog_frontend import top as plant
 from fpga_model import references, spi_dac
 from fpga_model import top as fpga
 from fpga_model.fixed import Fmt, bits, signed
-from fpga_model.jit import hot, inlined
+from fpga_model.jit import hot, inner, outlined
 from fpga_model.rates import FRAME_TICKS, TICK_CYCLES
 from testbench.flatten import store
 
@@ -177,7 +177,7 @@ def reset(params, temp_degc):
     return State(fpga.State(), chips, plant.reset(params.plant, chips.drive.code, chips.sense.code, temp_degc), 0, -1)
 
 
-@inlined
+@inner
 def _chips(p, s, chips, loaded, status, codes):
     """The converters' digital sides after an edge of the firmware, with its pins."""
     d, e, q = s.drive_dac, s.sense_dac, s.quadrature_dac
@@ -196,7 +196,7 @@ def _chips(p, s, chips, loaded, status, codes):
     )
 
 
-@hot
+@outlined
 def _record_pins(row, p, s, chips):
     row[0] = chips.adc.drdy_n
     row[1] = adc_serial.dout(chips.adc)
@@ -218,7 +218,7 @@ def _record_pins(row, p, s, chips):
     row[17] = chips.quadrature.code
 
 
-@hot
+@outlined
 def _record_frame(row, truth, s, chips, z, temp_degc, rate_rad_s):
     c = s.control
     codes = s.adc.channels

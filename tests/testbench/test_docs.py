@@ -13,6 +13,7 @@ from analog_frontend import adc, device, sid
 from analog_frontend import top as plant
 from fpga_model import control, dds, lock_monitor, rates, references, registers, sequencer, sine, spi_adc, spi_dac
 from fpga_model import top as fpga
+from fpga_model.jit import kernel
 from testbench import budget, build, config, docs, engine, flatten, simulate
 from testbench.config import Config
 
@@ -370,6 +371,14 @@ def test_instants_of_a_frame_on_the_page_of_the_architecture():
     )
 
 
+@kernel
+def step_through_slots(p, s, inputs, bank, rows):
+    """Row n of `rows` becomes the registers after slot n."""
+    for slot in range(1, rows.shape[0]):
+        s = control.step(p, s, slot, inputs, bank)
+        flatten.store(rows[slot], s)
+
+
 def test_slots_of_the_8_khz_work_and_when_words_stand():
     """The last slot at which each word changes, from a locked state with new codes."""
     p = build.firmware(Config()).control
@@ -386,13 +395,14 @@ def test_slots_of_the_8_khz_work_and_when_words_stand():
         "cordic.magnitude": 0,
         "sequencer.": 0,
     }
-    for slot in range(1, rates.SLOTS + 1):
-        after = control.step(p, s, slot, inputs, bank)
-        for old, new in zip(flatten.leaves(s), flatten.leaves(after)):
-            word = next((name for name in words if new[0].startswith(name)), None)
-            if word and old != new:
-                words[word] = slot
-        s = after
+    names = flatten.names(s)
+    rows = np.zeros((rates.SLOTS + 1, len(names)), np.int64)
+    rows[0] = [value for _, value in flatten.leaves(s)]
+    step_through_slots(p, s, inputs, bank, rows)
+    for slot, column in zip(*np.nonzero(np.diff(rows, axis=0))):
+        for word in words:
+            if names[column].startswith(word):
+                words[word] = int(slot) + 1
     assert words.pop("cordic.magnitude") == rates.SLOT_CORDIC + 25 < rates.SLOT_SEQUENCER
     assert words.pop("sequencer.") == rates.SLOT_SEQUENCER
     agc, dds_word, force, v_q, rate = words.values()
