@@ -1,7 +1,7 @@
 """Static side of a DAC: code to volts, and the glitch that a step of the code throws.
 
     volts(code)  = offset + lsb * code + bow * (1 - (code / full)^2) * full_volts      full = 2^(bits-1)
-    glitch(a, b) = area * (number of segment borders between a and b, signed)          borders every 2^segment_bits codes
+    glitch(a, b) = area * (number of segment borders between a and b, signed)         borders every 2^segment_bits codes
 
 The hold, the instant and the settling are not here: the hold is the constant input of a plant tick, the instant comes
 from the chip's serial side (`dac_serial`), the settling poles are the output chain of the propagator.

@@ -10,8 +10,8 @@ Order of a tick (frozen: another order would flip LSBs within seconds)
     2 inputs: held and new DAC voltages, jitter, noise forces         5 ADC: modulator samples that fall in the tick
     3 out = sum_j G[j] in[j], j ascending from 0.0                     6 what falls later is carried to the next tick
 
-State is arrays, mutated in place; `reset` makes them, `copy` keeps them. Everything that crosses is a pin: DAC codes with
-the clock at which each took effect, reference edges with theirs, ADC codes with the clock of DRDY.
+State is arrays, mutated in place; `reset` makes them, `copy` keeps them. Everything that crosses is a pin: DAC codes
+with the clock at which each took effect, reference edges with theirs, ADC codes with the clock of DRDY.
 V_q takes effect at the frame's `retune`: it is DC, its settling within a microsecond changes no phase.
 Source    docs/architecture.md, docs/parts/
 """

@@ -1,4 +1,4 @@
-"""The one place that configures Numba: `kernel` for compiled functions, `hot` for time loops, `inlined` for what they call.
+"""The one place that configures Numba: `kernel` in general, `hot` for time loops, `inlined` inside them.
 
 Numba's disk cache stamps a function by its own file only, so an edited callee is not seen. The cache folder is
 therefore named by a hash of every source file of the three packages: an edit anywhere means a new folder.
@@ -65,7 +65,7 @@ def hot(func):
 def outlined(func):
     """A part of a time loop that stays a function of its own. Only compiled code can call it.
 
-    Without the wrapper that Python would call: for records of hundreds of fields that takes longer to compile than the body.
+    It has no wrapper for Python: for records of hundreds of fields that takes longer to compile than the body.
     """
     return njit(error_model="numpy", _nrt=False, no_cpython_wrapper=True, no_cfunc_wrapper=True)(func)
 

@@ -6,8 +6,8 @@
     ADS1298 pins --[adc]--+                                  ^
     SAR samples ---[sid]--+--[control] (8 kHz)---------------'      [rates] [watchdog] [registers]
 
-One record of parameters, one of registers, one step per clock edge at 26 MHz. With `digital` = 1 the codes come from the
-demodulator in the FPGA (`sid`), else from the ADC behind the analog one.
+One record of parameters, one of registers, one step per clock edge at 26 MHz. With `digital` = 1 the codes come from
+the demodulator in the FPGA (`sid`), else from the ADC behind the analog one.
 Source    docs/blocks/top.md
 """
 

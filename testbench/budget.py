@@ -60,7 +60,7 @@ def lock_frequency_hz(fx_hz, qx, xe1_deg, xe2_loop_deg):
 
 
 def budget(config, temp_degc=None, frequency_hz=None):
-    """Budget of a configuration at `temp_degc` (default: where the scenario starts) and at a frequency (default: f_x)."""
+    """Budget of a configuration at `temp_degc` (default: the scenario's first) and at a frequency (default: f_x)."""
     start = config.scenario.temperature_degc
     if temp_degc is None:
         temp_degc = start if isinstance(start, (int, float)) else start[0][1]

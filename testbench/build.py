@@ -1,7 +1,7 @@
 """From a checked configuration to the parameters of the engine: the one place where firmware and plant are designed
 together, each by its own `design` functions.
 
-What the firmware's designers know of the gyroscope (`nominal`): the default device at 25 degC. The plant that is simulated
+What the firmware's designers know of the gyroscope (`nominal`): the default device at 25 degC. The simulated plant
 may differ; its tolerances are what the loops must stand.
 Source    docs/architecture.md
 """
@@ -43,7 +43,7 @@ CONVERSION_DELAY_S = 1.5e-6  # A  the decimator's last steps; DRDY must not fall
 
 
 def nominal(config):
-    """Scale factors that the loops are designed with, from the nominal device (SI units, per deg/s where it applies)."""
+    """Scale factors that the loops are designed with, from the nominal device (SI units, some per deg/s)."""
     d = Device()
     w = 2 * math.pi * d.fx_hz
     amplitude_m = config.firmware.amplitude_um * 1e-6
@@ -126,7 +126,7 @@ def register_writes(config):
 
 
 def _stacked(device, temp_lo_degc, temp_hi_degc):
-    """Tables over the range of temperatures, with one knot if there is only one: (tables, first degC, step K, count)."""
+    """Tables over the range of temperatures, one knot if it is constant: (tables, first degC, step K, count)."""
     if temp_lo_degc == temp_hi_degc:
         single = propagator.build(device, temp_lo_degc)
         return propagator.Plant(*(np.stack([item]) for item in single)), temp_lo_degc, KNOT_K, 1
@@ -136,7 +136,7 @@ def _stacked(device, temp_lo_degc, temp_hi_degc):
 
 
 def _switch_instants(delay_s, tick_s):
-    """Instant within its tick, and 1 for the next tick, of an analog switch `delay_s` after an edge at clock 0 .. 25."""
+    """Instant within its tick, and 1 for the next tick, of a switch `delay_s` after an edge at clock 0 .. 25."""
     if not delay_s < tick_s:
         raise ValueError(f"plant.sid_switch_s = {delay_s:g} is above the limit {tick_s:g} s, one plant tick")
     instants = [Fraction(delay_s) + Fraction(tick_s) * c / CYCLES for c in range(CYCLES)]

@@ -5,7 +5,7 @@
     rate step    100 deg/s toward zero rate or away from it: scale factor and step response
     ye2          FTR word held, quadrature left open by 60 deg/s: a tone at y, and all four node phases are read
 
-The two segments are the diagnosis that a bench would make after its measurement; `[scenario] diagnose = false` omits them.
+The two segments are the diagnosis that a bench makes after its measurement; `[scenario] diagnose = false` omits them.
 Source    docs/architecture.md, docs/phases.md
 """
 
@@ -270,7 +270,7 @@ def play(sim, timeline, progress=None):
 
 
 def _frames(values, start_tick, tick, ticks):
-    """Values of a profile for the engine's frames (its own grid, from power-on) of a chunk; the scenario began at `start_tick`."""
+    """Values of a profile for the engine's own frames of a chunk; the scenario began at `start_tick`."""
     frame = tick // FRAME_TICKS - start_tick // FRAME_TICKS
     return values[np.clip(frame + np.arange(ticks // FRAME_TICKS + 2), 0, len(values) - 1)]
 
@@ -429,11 +429,11 @@ def _notes(config, summary, planned):
         notes.append(
             "Unexplained beside the paper: "
             + ", ".join(f"{k} {measured[k] - budget.PAPER_DEG[k]:+.4f} deg ({ns:+.0f} ns)" for k, ns in gap.items())
-            + ". No latency was tuned. ye1 holds the largest part: a part response that the output poles count twice, or a "
-            "pole at 180 kHz in place of the frame, would both close it; its drift with temperature would tell them apart."
+            + ". No latency was tuned. ye1 holds most of it: a DAC response that the output poles count twice, "
+            "or a pole near 180 kHz in place of the frame, would both close it; temperature would tell them apart."
         )
         notes.append(
-            "xe2 and ye2 split between ring diode, noise gains and switch delay is not determined by the paper's two numbers; "
+            "How xe2 and ye2 split into ring diode, noise gains and switch delay, two numbers cannot say; "
             "loop phases are less the 80 ns of the analog switch."
         )
     return tuple(notes)

@@ -501,7 +501,7 @@ GYRO_STATES = "v1 v2 v3 s1 s2 s3 x dx y dy c1 c2 c3 e1 e2 e3 p1 p2 p3 q1 q2 q3 u
 def gyro_generator(d, omega, kappa):
     """Rows of the generator of the whole plant, states GYRO_STATES in SI units, from `gyro_numbers`.
 
-    v, s output chains   x dx y dy modes (m, m/s)   c, e drive and sense C/V   p, q closed SID paths   ud us fx fy constant
+    v, s output chains  x dx y dy modes (m, m/s)  c, e drive and sense C/V  p, q closed SID paths   ud us fx fy constant
     """
     import mpmath
 
@@ -878,7 +878,7 @@ def sequencer(p, inputs):
     return rows
 
 
-# ---- testbench: scenario, waveforms ------------------------------------------------------------------------------------
+# ---- testbench: scenario, waveforms ----------------------------------------------------------------------------
 
 
 def profile_at(points, t, steps):

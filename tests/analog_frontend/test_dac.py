@@ -30,7 +30,8 @@ def test_glitches_count_the_segments_crossed(a, b):
 
 
 @pytest.mark.parametrize(
-    "bits, span, bow, text", [(7, 10.0, 0.0, "bits"), (16, 0.0, 0.0, "span_v"), (16, 30.0, 0.0, "span_v"), (16, 10.0, 0.1, "bow")]
+    ("bits", "span", "bow", "text"),
+    [(7, 10.0, 0.0, "bits"), (16, 0.0, 0.0, "span_v"), (16, 30.0, 0.0, "span_v"), (16, 10.0, 0.1, "bow")],
 )
 def test_what_cannot_be_is_refused(bits, span, bow, text):
     with pytest.raises(ValueError, match=text):

@@ -43,7 +43,7 @@ def test_a_step_of_the_drive_code_is_a_force_at_the_right_instant():
     assert np.all(s.z[3:6] == 0.0)
 
 
-@pytest.mark.parametrize("cycle, carried", [(1, False), (22, False), (23, True), (25, True)])
+@pytest.mark.parametrize(("cycle", "carried"), [(1, False), (22, False), (23, True), (25, True)])
 def test_a_latch_whose_delay_leaves_the_tick_is_carried(cycle, carried):
     """130 ns are 3.38 clocks: from clock 23 on the sense output starts in the next tick."""
     p, s = bench()
@@ -87,7 +87,7 @@ def test_many_ticks_equal_one_long_exponential():
 
 
 def test_the_demodulators_see_the_pickoff_between_edges():
-    """A quarter period of motion with references held: the closed capacitors follow the C/V output, the open ones hold."""
+    """Motion with references held: the closed capacitors follow the C/V output, the open ones hold."""
     p, s = bench()
     s.z[plant.X] = 4e-6
     gain = p.tables.drive_gain_v_per_m[0] * 4e-6
@@ -134,5 +134,3 @@ def test_copy_shares_nothing():
     tick(p, s, 0, plant.Pins(1000, 19, 0, -1, 0), np.zeros((8, 2), np.int64))
     assert np.all(other.z == 0.0)
     assert other.adc.clock[0] != s.adc.clock[0]
-
-

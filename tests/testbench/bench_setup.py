@@ -1,10 +1,10 @@
-"""Short cuts that several tests of the closed loop share: an open-loop bench without start-up, and quiet configurations."""
+"""Short cuts that tests of the closed loop share: an open-loop bench without start-up, quiet configurations."""
 
 import numpy as np
 
 from fpga_model import dds, frequency_tracker, rate_loop, sequencer
-from testbench import config, nodes, simulate
 from fpga_model.rates import TICK_HZ
+from testbench import config, nodes, simulate
 
 QUIET = {f"noise.{name}": False for name in ("thermomechanical", "cv", "dac", "adc", "flicker", "jitter")}
 

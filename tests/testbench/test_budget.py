@@ -37,8 +37,11 @@ def test_without_the_assumptions():
 
 @given(st.integers(0, 8), st.integers(0, 3), st.integers(0, 2))
 def test_registers_and_frames_count(pipe, align, frames):
-    base, got = node(), node(
-        firmware__pipeline_registers=pipe, firmware__reference_registers=align, firmware__frame_latency_sense=frames
+    base, got = (
+        node(),
+        node(
+            firmware__pipeline_registers=pipe, firmware__reference_registers=align, firmware__frame_latency_sense=frames
+        ),
     )
     assert got["xe1"] - base["xe1"] == pytest.approx((pipe - align + 1) * CLOCK_DEG, abs=1e-9)
     assert got["ye1"] - base["ye1"] == pytest.approx((pipe - align + 1 + 26 * (frames - 1)) * CLOCK_DEG, abs=1e-9)

@@ -1,4 +1,4 @@
-"""Clocked engine: same bits in any chunks, after a restart, interpreted; registers within their formats; faults flagged."""
+"""Clocked engine: same bits in any chunks, after a restart, interpreted; registers in format; faults flagged."""
 
 import hashlib
 import os
@@ -137,7 +137,7 @@ def test_effects_that_are_off_are_bit_for_bit_nothing(locked_file):
 
 
 @pytest.mark.parametrize(
-    "key, value", [("duffing_k3_per_um2", 1e-7), ("drive_cubic_per_v2", 1e-3), ("feedthrough_y", 1e-5)]
+    ("key", "value"), [("duffing_k3_per_um2", 1e-7), ("drive_cubic_per_v2", 1e-3), ("feedthrough_y", 1e-5)]
 )
 def test_effects_that_are_on_are_something(locked_file, key, value):
     plain, on = resumed(locked_file), resumed(locked_file, **{f"effects__{key}": value})
@@ -174,7 +174,7 @@ FAULTS = [
 ]
 
 
-@pytest.mark.parametrize("fault, flag, debounce_s", FAULTS)
+@pytest.mark.parametrize(("fault", "flag", "debounce_s"), FAULTS)
 def test_faults_set_their_flag_after_the_debounce(locked_file, fault, flag, debounce_s):
     begin_s = 0.01
     _, latch, c = play(locked_file, [[begin_s, *fault, 0.05]], seconds=0.08)

@@ -39,4 +39,7 @@ def test_rebuild_is_the_inverse():
 
 def test_formats_have_the_names_of_the_registers():
     assert [name for name, _ in flatten.format_leaves(fpga.STATE_FMT)] == flatten.names(fpga.State())
-    assert all(fmt.holds(value) for (_, fmt), (_, value) in zip(flatten.format_leaves(fpga.STATE_FMT), flatten.leaves(fpga.State())))
+    assert all(
+        fmt.holds(value)
+        for (_, fmt), (_, value) in zip(flatten.format_leaves(fpga.STATE_FMT), flatten.leaves(fpga.State()))
+    )

@@ -1,4 +1,4 @@
-"""From power-on to lock and on: temperatures, random plants, rates, the other board. The long versions are marked slow."""
+"""From power-on to lock and on: temperatures, random plants, rates, the other board. Long versions are slow."""
 
 import math
 
@@ -62,7 +62,8 @@ def locked_run(checked, temp_degc, rate_dps=0.0, stay_s=1.5, limit_s=LOCK_LIMIT_
 
 def simulate_state(sim):
     s = sim.state.fpga.control.sequencer
-    return f"state {sequencer.STATES[s.state]}, lock {s.lock.locked:04b}, flags {s.faults.flags:#x} at {sim.tick / TICK_HZ} s"
+    where = f"state {sequencer.STATES[s.state]}, lock {s.lock.locked:04b}, flags {s.faults.flags:#x}"
+    return f"{where} at {sim.tick / TICK_HZ} s"
 
 
 @pytest.mark.parametrize("temp_degc", [-20.0, 50.0])

@@ -1,4 +1,4 @@
-"""Node phases of the simulated plant against the budget of the configuration: nobody typed a phase in, yet they agree."""
+"""Node phases of the simulated plant against the budget: nobody typed a phase in, yet they agree."""
 
 import numpy as np
 import pytest

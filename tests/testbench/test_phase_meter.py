@@ -46,7 +46,9 @@ def test_the_counter_agrees_within_its_resolution(lag_deg):
     reading = phase_meter.count(phase_meter.rising_crossings(theta, values))
     # chord of the sine between samples: (2 pi f h)^2 / 8 of a sample's phase at most
     chord_deg = 360 * HZ / RATE * (2 * np.pi * HZ / RATE) ** 2 / 8
-    assert abs(phase_meter.wrap_deg(reading.lag_deg - lag_deg)) < 2 * reading.resolution_deg + chord_deg  # four standard errors
+    assert (
+        abs(phase_meter.wrap_deg(reading.lag_deg - lag_deg)) < 2 * reading.resolution_deg + chord_deg
+    )  # four standard errors
     assert reading.count == pytest.approx(20000 * HZ / RATE, abs=1)
 
 

@@ -33,7 +33,11 @@ def run_json(tmp_path_factory):
     out = tmp_path_factory.mktemp("run")
     command = "run --seconds 0.6 --rate-dps 100 --seed 1 --json --vcd 1200000:20 --out".split()
     done = subprocess.run(
-        [sys.executable, "-m", "testbench.cli", *command, str(out)], capture_output=True, text=True, check=True, timeout=300
+        [sys.executable, "-m", "testbench.cli", *command, str(out)],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=300,
     )
     return json.loads(done.stdout), out
 
@@ -67,7 +71,9 @@ def test_everything_is_left_behind(run_json):
 def test_measured_phases_with_noise_are_within_their_spread(run_json):
     got, _ = run_json
     for node in NODES:
-        assert got["phase_deg"][node] == pytest.approx(got["budget_deg"][node], abs=0.003 + 4 * got["phase_sigma_deg"][node])
+        assert got["phase_deg"][node] == pytest.approx(
+            got["budget_deg"][node], abs=0.003 + 4 * got["phase_sigma_deg"][node]
+        )
 
 
 def test_measured_phases_without_noise_equal_the_budget(silent):
@@ -98,7 +104,7 @@ def test_quadrature_voltage_nulls_the_coupling():
 
 
 def test_the_loop_phase_is_what_the_demodulator_sees():
-    """At lock the SID's own phase is zero on average: so the C/V output lags its reference by the switch delay and no more."""
+    """At lock the SID's phase is zero on average: the C/V output lags its reference by the switch delay."""
     for board in ("analog_sid", "digital_sid"):
         checked = quiet(firmware__board=board)
         sim = simulate.Simulation(checked, 25.0, 25.0)
@@ -112,7 +118,7 @@ def test_the_loop_phase_is_what_the_demodulator_sees():
         planned = budget.budget(checked)
         switch_deg = sum(row.degrees for row in planned.loop_rows["xe2"])
         left_deg = np.mean(sim.columns()["phase"][head:]) / 2**24 * 360
-        # the codes are 9.5 ms late behind the SID; the residual of the loop moves by less than the tolerance meanwhile
+        # the codes are 9.5 ms late behind the SID; the residual moves by less than the tolerance in that
         assert (seen_deg + switch_deg + left_deg) % 360 == pytest.approx(0.0, abs=0.003) or (
             seen_deg + switch_deg + left_deg
         ) % 360 == pytest.approx(360.0, abs=0.003), (board, seen_deg, switch_deg, left_deg)
