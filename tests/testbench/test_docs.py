@@ -262,6 +262,8 @@ def test_differences_of_the_paper_as_times():
         f"ye2 less xe2 is {PAPER_NS['ye2'] - PAPER_NS['xe2']:.0f} ns in the paper",
         f"a bit-serial multiplier of 20 clocks ({20 / 26e6 * 1e9:.0f} ns)",
     )
+    deg = budget.budget(config.changed(Config(), {"firmware.frame_latency_sense": 0})).node_deg()
+    says("docs/phases.md", f"make {(deg['ye1'] - deg['xe1']) / 360 / F_HZ * 1e9:.0f} ns here, and 280 to 570 ns")
     missing_us = [(PAPER_NS["ye1"] - PAPER_NS["xe1"] - ns) / 1e3 for ns in (570, 280)]
     assert [f"{us:.2f}" for us in missing_us] == ["0.72", "1.01"]
     # serial clock from a PLL: frame, overhead, hold, poles; and what that leaves of the paper's sense path
