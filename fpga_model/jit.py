@@ -62,17 +62,36 @@ def hot(func):
     return njit(cache=CACHE, error_model="numpy", no_cfunc_wrapper=True, _nrt=False)(func)
 
 
+def _buried(func, **options):
+    """A function for compiled callers only: no wrapper for Python, and a Python caller gets an error, not a crash."""
+    options = {"error_model": "numpy", "_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True, **options}
+    dispatcher = njit(**options)(func)
+    if DISABLED:
+        return dispatcher
+
+    def refuse(*_, **__):
+        raise TypeError(f"{func.__module__}.{func.__name__} can only be called by compiled code: wrap it in a kernel")
+
+    def add_overload(result):
+        dispatcher.overloads[tuple(result.signature.args)] = result
+
+    # an overload that Python's own dispatch does not know of leads to `_compile_for_args`, which refuses
+    dispatcher.add_overload = add_overload
+    dispatcher._compile_for_args = refuse
+    return dispatcher
+
+
 def outlined(func):
     """A part of a time loop that stays a function of its own. Only compiled code can call it.
 
     It has no wrapper for Python: for records of hundreds of fields that takes longer to compile than the body.
     """
-    return njit(error_model="numpy", _nrt=False, no_cpython_wrapper=True, no_cfunc_wrapper=True)(func)
+    return _buried(func)
 
 
 def inner(func):
     """As `inlined`, but only compiled code can call it; for what takes whole designs as records (see `outlined`)."""
-    return njit(error_model="numpy", forceinline=True, _nrt=False, no_cpython_wrapper=True, no_cfunc_wrapper=True)(func)
+    return _buried(func, forceinline=True)
 
 
 def inlined(func):

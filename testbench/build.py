@@ -147,6 +147,9 @@ def _switch_instants(delay_s, tick_s):
 def analog(config, temp_lo_degc, temp_hi_degc):
     """Parameters of the plant for a range of temperatures."""
     d = config.device()
+    for name in ("drive_dac_delay_s", "sense_dac_delay_s"):
+        if getattr(d, name) >= 1e-6:
+            raise ValueError(f"plant.{name} = {getattr(d, name):g} is above the limit 1e-06 s, one plant tick")
     warm = thermal.at_temperature(d, temp_lo_degc)
     tables, first, step_k, count = _stacked(d, temp_lo_degc, temp_hi_degc)
     tick_s = float(tables.tick_s[0])

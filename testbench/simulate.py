@@ -42,6 +42,7 @@ class Simulation:
         self.config = config
         try:
             self.params = build.params(config, temp_lo_degc, temp_hi_degc)
+            self.first_writes = build.register_writes(config)
         except ValueError as problem:
             raise ConfigError(problem) from None
         self.state = engine.reset(self.params, temp_lo_degc)
@@ -229,7 +230,7 @@ def _faults(active):
 def start(config, sim, rate_rad_s, temp_degc, progress=None, limit_s=LOCK_LIMIT_S):
     """From power-on to lock: writes what the configuration sets, then waits. Returns the time of lock (s) or None."""
     sim.now = (np.array([rate_rad_s]), np.array([temp_degc]))
-    for name, raw in build.register_writes(config):
+    for name, raw in sim.first_writes:
         sim.write(name, raw)
     limit = round(limit_s * TICK_HZ)
     while not sim.locked and sim.tick < limit:
@@ -346,7 +347,7 @@ def run(config, progress=None):
         lock_s = start(config, sim, timeline.rate_before_rad_s, timeline.temp_before_degc, progress)
     else:
         sim.now = (np.array([timeline.rate_before_rad_s]), np.array([timeline.temp_before_degc]))
-        for name, raw in build.register_writes(config):
+        for name, raw in sim.first_writes:
             sim.write(name, raw)
     first_frame = len(np.concatenate(sim.frames)) if sim.frames else 0
     spent, ticks = sim.seconds_spent, sim.tick
