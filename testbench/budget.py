@@ -113,7 +113,7 @@ def budget(config, temp_degc=None, frequency_hz=None):
     def forward(channel):
         _, tau_s = propagator.cv_chain(base, channel, temp_degc)
         return [
-            pole("ring diode, Cref / (4 fc (C0 + Cp))", tau_s, "capacitors chosen to fit"),
+            pole("ring diode with its capacitors", tau_s, "capacitors chosen to fit"),
             pole(
                 "instrumentation amplifier", device.ina_noise_gain / (2 * math.pi * device.opamp_gbw_hz), "gain split"
             ),

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from analog_frontend import thermal
-from fpga_model import quadrature_loop, registers, sequencer
+from fpga_model import fault_monitor, quadrature_loop, registers, sequencer
 from fpga_model import top as fpga
 from fpga_model.rates import FRAME_TICKS, TICK_HZ
 from testbench import budget, build, engine, flatten, nodes, record, scenario
@@ -395,7 +395,7 @@ def _result(config, sim, main, first_frame, lock_s, locked, real_time_factor, co
         "rate_lsb_per_dps": None if reading is None else reading.lsb_per_dps,
         "rate_word_mean_lsb": float(np.mean(part["rate_word"])),
         "quadrature_v": float(np.mean(part["quadrature_code"]) * device.quad_dac_span_v / 2**16),
-        "flags": int(np.bitwise_or.reduce(part["flags"])),
+        "flags": [name for k, name in enumerate(fault_monitor.NAMES) if np.bitwise_or.reduce(part["flags"]) >> k & 1],
         "real_time_factor": real_time_factor,
         "simulated_s": sim.tick / TICK_HZ,
         "wall_s": time.perf_counter() - began,
@@ -416,7 +416,9 @@ def _notes(config, summary, planned):
     """Sentences: what is assumed, and what remains unexplained."""
     notes = []
     if not summary["locked"]:
-        notes.append(f"NOT LOCKED: sequencer flags {summary['flags']:#x}; see docs/blocks/sequencer.md")
+        notes.append("NOT LOCKED at the end of the scenario; see docs/blocks/sequencer.md")
+    if summary.get("flags"):
+        notes.append(f"Fault flags raised: {', '.join(summary['flags'])}; see docs/blocks/fault_monitor.md")
     if config.firmware.reference_retimed:
         notes.append(
             "Assumed, not known: the references leave on the 1 MHz grid (firmware.reference_retimed), which takes "
@@ -431,7 +433,7 @@ def _notes(config, summary, planned):
             "Unexplained beside the paper: "
             + ", ".join(f"{k} {measured[k] - budget.PAPER_DEG[k]:+.4f} deg ({ns:+.0f} ns)" for k, ns in gap.items())
             + ". No latency was tuned. ye1 holds most of it: a DAC response that the output poles count twice, "
-            "or a pole near 180 kHz in place of the frame, would both close it; temperature would tell them apart."
+            "or a pole near 170 kHz in place of the frame, would both close it; temperature would tell them apart."
         )
         notes.append(
             "How xe2 and ye2 split into ring diode, noise gains and switch delay, two numbers cannot say; "

@@ -10,9 +10,9 @@ from testbench.budget import NODES, PAPER_DEG
 
 NODE_TEXT = {
     "xe1": "drive: reference pin to force",
-    "xe2": "drive: displacement to C/V output",
+    "xe2": "drive: x to C/V output",
     "ye1": "sense: reference pin to force",
-    "ye2": "sense: displacement to C/V output",
+    "ye2": "sense: y to C/V output",
 }
 
 
@@ -34,7 +34,8 @@ def fixed(value, digits):
 
 def phases(summary):
     """Measured phases beside the budget and the paper."""
-    measured, budget = summary.get("phase_deg", {}), summary.get("budget_deg", {})
+    measured, budget = summary.get("phase_deg") or {}, summary.get("budget_deg", {})
+    spread = summary.get("phase_sigma_deg") or {}
     rows = []
     for node in NODES:
         have, want, paper = measured.get(node), budget.get(node), PAPER_DEG[node]
@@ -43,14 +44,15 @@ def phases(summary):
                 node,
                 NODE_TEXT[node],
                 fixed(have, 4),
+                fixed(spread.get(node), 4),
                 fixed(want, 4),
                 fixed(None if have is None or want is None else have - want, 4),
                 fixed(paper, 4),
                 fixed(None if have is None else have - paper, 4),
             )
         )
-    heads = ("phase", "from .. to", "measured deg", "budget deg", "difference", "paper deg", "difference")
-    return Table("Phase errors (lags, positive)", heads, rows, numeric=(2, 3, 4, 5, 6))
+    heads = ("phase", "from .. to", "measured deg", "1 sigma", "budget deg", "difference", "paper deg", "difference")
+    return Table("Phase errors (lags, positive)", heads, rows, numeric=(2, 3, 4, 5, 6, 7))
 
 
 # Key of the summary -> (text, unit, digits, factor).
@@ -70,7 +72,7 @@ def numbers(summary):
     for key, (text, unit, digits, factor) in NUMBERS.items():
         value = summary.get(key)
         rows.append((text, fixed(None if value is None else value * factor, digits), unit))
-    for node, value in summary.get("loop_phase_deg", {}).items():
+    for node, value in (summary.get("loop_phase_deg") or {}).items():
         rows.append((f"loop phase {node}' (node phase less the switch delay)", fixed(value, 4), "deg"))
     if summary.get("codes_sha256"):
         rows.append(("hash of all DAC and ADC codes", summary["codes_sha256"][:16], "sha-256, first 16"))
