@@ -98,7 +98,7 @@ def test_scale_factor_follows_one_over_cos(silent):
 
 
 def test_quadrature_voltage_nulls_the_coupling():
-    """At rate 0 the loop finds V_q = sqrt(k_xy / kq) within what 0.3 deg/s of damping coupling leaks through the phases."""
+    """At rate 0 the loop finds V_q = sqrt(k_xy / kq), but for the 0.3 deg/s of damping coupling that leaks in."""
     got = simulate.run(quiet(scenario__seconds=2.0, scenario__diagnose=False)).summary
     assert got["quadrature_v"] == pytest.approx(4.52, abs=0.04)
 
