@@ -153,6 +153,8 @@ def ring(carrier_v, carrier_hz, c0_f, cp_f, cref_f, diode, temp_degc, temp_ref_d
             )
         a, bridge = ct / cref, 2 * reverse / cref
         loss = a * (g - 1)  # of v in half a period, as a is by the ring itself
+        if not 1 - a + bridge - loss > 0:
+            raise ValueError(f"ring_diode cref_f: {cref_f} F is too small to average: a half period empties it")
         textbook_tau = cref * period / (4 * ct)
         return Ring(
             gain_v_per_f=float(drive / (ct * g)),

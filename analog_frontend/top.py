@@ -22,6 +22,7 @@ import numpy as np
 
 from analog_frontend import adc, dac, effects, noise, propagator, sid
 from analog_frontend.propagator import (
+    CYCLES,
     DU_DRIVE,
     DU_SENSE,
     F_X,
@@ -260,7 +261,8 @@ def step(p, s, tick, pins, edges):
     v, out = s.inputs, s.out
     for i in range(STATES):
         v[i] = z[i]
-    jitter = noise.white(p.noise.edge_jitter, 6 * tick)
+    # an edge of the clock is early or late for all that leaves on it
+    jitter = noise.white(p.noise.edge_jitter, CYCLES * tick + s.cycles[DRIVE])
     step_v, area = _dac_step(
         p, s, DRIVE, p.drive_dac, t.drive_carry[0, s.cycles[DRIVE]], pins.drive_code, pins.drive_cycle, jitter
     )
@@ -268,7 +270,7 @@ def step(p, s, tick, pins, edges):
     v[DU_DRIVE] = step_v
     v[JIT_DRIVE] = area
     s.volts[DRIVE] += step_v
-    jitter = noise.white(p.noise.edge_jitter, 6 * tick + 1)
+    jitter = noise.white(p.noise.edge_jitter, CYCLES * tick + s.cycles[SENSE])
     step_v, area = _dac_step(
         p, s, SENSE, p.sense_dac, t.sense_carry[0, s.cycles[SENSE]], pins.sense_code, pins.sense_cycle, jitter
     )
@@ -314,7 +316,7 @@ def _switch(p, s, tick, edge_count, edges, noise_x, noise_y, z, out):
         for k in range(edge_count):
             if edges[k, 1] == d:
                 cycle = edges[k, 0]
-                tau = p.switch_tau_s[cycle] + noise.white(p.noise.edge_jitter, 6 * tick + 2 + d)
+                tau = p.switch_tau_s[cycle] + noise.white(p.noise.edge_jitter, CYCLES * tick + cycle)
                 if p.switch_carry[cycle] != 0:
                     s.late_tau_s[d, late] = max(tau, 0.0)
                     late += 1
@@ -349,10 +351,10 @@ def _switch(p, s, tick, edge_count, edges, noise_x, noise_y, z, out):
 @inner
 def sar_code(p, s, tick, channel):
     """Sample of a C/V output at the tick's first instant, 18 bit; for the board without the analog SID."""
-    if channel == 0:
-        volts = s.z[CV_X] + noise.white(p.noise.cv_x, tick)
-    else:
-        volts = s.z[CV_Y] + noise.white(p.noise.cv_y, tick)
+    noise_x, noise_y = effects.cv_volts(
+        p.effects, noise.white(p.noise.cv_x, tick), noise.white(p.noise.cv_y, tick), s.z[V_DRIVE], s.z[V_DRIVE]
+    )
+    volts = s.z[CV_X] + noise_x if channel == 0 else s.z[CV_Y] + noise_y
     ratio = volts / p.sar_lsb_v
     if not ratio < 131071.0:
         return 131071

@@ -21,7 +21,6 @@ from __future__ import annotations  # a field may bear the name of its module
 from typing import NamedTuple
 
 from fpga_model import agc, cordic, frequency_tracker, quadrature_loop, rate_loop, rate_output, rates, sequencer
-from fpga_model.fixed import clamp
 from fpga_model.jit import inner, outlined
 
 
@@ -76,7 +75,6 @@ STATE_FMT = State(
     sequencer=sequencer.STATE_FMT,
 )
 SLOT_PI = rates.SLOT_LOOPS + 1
-CODE_LO, CODE_HI = cordic.INPUT.lo, cordic.INPUT.hi
 
 
 @inner
@@ -98,7 +96,7 @@ def step(p, s, slot, i, bank):
     rate_preset = bank.rate_fixed if o.fix_ftr else 0
     quadrature_preset = bank.quadrature_fixed if o.fix_qsc else 0
     return State(
-        cordic=cordic.step(s.cordic, at_cordic, clamp(-i.drive_cos, CODE_LO, CODE_HI), i.drive_sin),
+        cordic=cordic.step(s.cordic, at_cordic, cordic.negated(i.drive_cos), i.drive_sin),
         agc=agc.step(
             p.agc,
             s.agc,

@@ -26,10 +26,11 @@ from fractions import Fraction
 from math import isqrt, prod
 from typing import NamedTuple
 
-from fpga_model.fixed import Fmt, bits, half_up, signed, wrap
+from fpga_model.fixed import Fmt, bits, clamp, half_up, signed, wrap
 from fpga_model.jit import inlined
 
 INPUT = signed(24)
+INPUT_LO, INPUT_HI = INPUT.lo, INPUT.hi
 GUARD = 8  # fraction bits of x and y, and bits of angle below the LSB of phase
 ITERATIONS = 24
 LATENCY = ITERATIONS + 2
@@ -82,6 +83,12 @@ class State(NamedTuple):
 
 
 STATE_FMT = State(x=X, y=Y, angle=ANGLE, i=bits(5), busy=bits(1), done=bits(1), magnitude=MAGNITUDE, phase=PHASE)
+
+
+@inlined
+def negated(x):
+    """-x, saturating: the code of minus full scale has no opposite."""
+    return clamp(-x, INPUT_LO, INPUT_HI)
 
 
 @inlined

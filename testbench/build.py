@@ -39,6 +39,15 @@ from testbench import engine
 
 RAD_PER_DEG = math.pi / 180
 KNOT_K = 0.5
+# Keys that describe a part whose behaviour is fixed elsewhere; another value is refused, not ignored
+NOT_READ = {
+    "drive_dac_power_on_v": "the chip powers on at code -32768",
+    "sense_dac_power_on_v": "the chip's output is clamped to 0 V until its control word",
+    "quad_dac_power_on_v": "the chip powers on at code 0",
+    "quad_dac_delay_s": "V_q acts at the next 8 kHz frame",
+    "diode_rs_ohm": "it does not matter to the averaged ring",
+    "bias_v": "k_vf_drive_n_per_v and k_vf_sense_n_per_v hold it",
+}
 CONVERSION_DELAY_S = 1.5e-6  # A  the decimator's last steps; DRDY must not fall before the plant tick is known
 
 
@@ -145,8 +154,16 @@ def _switch_instants(delay_s, tick_s):
 
 
 def analog(config, temp_lo_degc, temp_hi_degc):
-    """Parameters of the plant for a range of temperatures."""
+    """Parameters of the plant for a range of temperatures.
+
+    Densities of the mechanical noise and the impulses of the effects are those of the lowest temperature.
+    """
     d = config.device()
+    for name, reason in NOT_READ.items():
+        if getattr(d, name) != Device._field_defaults[name]:
+            raise ValueError(f"plant.{name} = {getattr(d, name):g} would change nothing: {reason}")
+    if d.sid_rc_tc_per_k and temp_lo_degc != temp_hi_degc:
+        raise ValueError(f"plant.sid_rc_tc_per_k = {d.sid_rc_tc_per_k:g} needs a constant temperature, not a profile")
     for name in ("drive_dac_delay_s", "sense_dac_delay_s"):
         if getattr(d, name) >= 1e-6:
             raise ValueError(f"plant.{name} = {getattr(d, name):g} is above the limit 1e-06 s, one plant tick")

@@ -156,7 +156,10 @@ def _budgets(config):
     from testbench.config import changed
 
     plain = {"reference_retimed": False, "frame_latency_drive": 0, "frame_latency_sense": 0}
-    return budget(config), budget(changed(config, {f"firmware.{key}": value for key, value in plain.items()}))
+    try:
+        return budget(config), budget(changed(config, {f"firmware.{key}": value for key, value in plain.items()}))
+    except ValueError as problem:
+        raise ConfigError(problem) from None
 
 
 # ---- output ----------------------------------------------------------------------------------------------------------

@@ -119,7 +119,7 @@ class Noise(Section):
     adc: bool = other(True, "converter noise")
     flicker: bool = other(True, "1/f noise behind the SID")
     jitter: bool = other(True, "jitter of the master clock at DAC and reference edges")
-    seed: int = number(1, "", 0, 2**63 - 1, "seed of all streams")
+    seed: int = number(1, "", 0, 2**62 - 1, "seed of all streams")
 
 
 class Scenario(Section):

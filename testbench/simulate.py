@@ -2,7 +2,7 @@
 
     start-up     until all four loops are locked (or `LOCK_LIMIT_S`), at the scenario's first rate and temperature
     scenario     its profiles, register writes and faults; time counts from lock
-    rate step    100 deg/s toward zero rate or away from it: scale factor and step response
+    rate step    150 deg/s, through zero if it can: scale factor and step response; 50 deg/s of force are left for ye1
     ye2          FTR word held, quadrature left open by 60 deg/s: a tone at y, and all four node phases are read
 
 The two segments are the diagnosis that a bench makes after its measurement; `[scenario] diagnose = false` omits them.
@@ -12,6 +12,7 @@ Source    docs/architecture.md, docs/phases.md
 import hashlib
 import math
 import time
+import tomllib
 from typing import NamedTuple
 
 import numpy as np
@@ -29,7 +30,8 @@ from testbench.vcd import Signal, signals
 DEG = math.pi / 180
 LOCK_LIMIT_S = 5.0
 CHUNK_TICKS = 25_000
-STEP_DPS, STEP_S, STEP_TAIL_S = 100.0, 0.6, 0.25
+STEP_DPS, STEP_S, STEP_TAIL_S = 150.0, 0.6, 0.25
+LEAST_DPS = 50.0  # of force, for ye1 to be read from
 OPEN_DPS, OPEN_S, PROBE_S = 60.0, 0.1, 0.3
 SPECTRUM_TICKS = 1 << 17
 STATE_FORMAT = "engine-1"
@@ -40,6 +42,13 @@ class Simulation:
 
     def __init__(self, config, temp_lo_degc, temp_hi_degc, window=None):
         self.config = config
+        if config.firmware.board == "digital_sid" and any(f[1].startswith("adc_") for f in config.scenario.faults):
+            raise ConfigError(
+                'scenario.faults: adc_* faults need firmware.board = "analog_sid"; the other has no such ADC'
+            )
+        self.heating = thermal.design(config.device(), FRAME_TICKS / TICK_HZ)
+        self.rise_k = 0.0
+        temp_hi_degc += config.plant.self_heating_k
         try:
             self.params = build.params(config, temp_lo_degc, temp_hi_degc)
             self.first_writes = build.register_writes(config)
@@ -72,8 +81,7 @@ class Simulation:
         temp = np.broadcast_to(np.asarray(temp_degc, float), frames) if np.ndim(temp_degc) == 0 else temp_degc
         done, streams = 0, None
         while done < ticks:
-            step = ticks if probe_ticks else min(CHUNK_TICKS, ticks - done)
-            step = self._to_window(step)
+            step = ticks if probe_ticks else self._to_window(min(CHUNK_TICKS, ticks - done))
             first = (self.tick // FRAME_TICKS) - (self.tick - done) // FRAME_TICKS
             streams = self._advance(
                 step, np.ascontiguousarray(rate[first:]), np.ascontiguousarray(temp[first:]), (0, 0, 0), probe_ticks
@@ -98,7 +106,8 @@ class Simulation:
             rate = np.concatenate([rate, np.full(need - len(rate), rate[-1])])
             temp = np.concatenate([temp, np.full(need - len(temp), temp[-1])])
         self.now = (rate[-1:], temp[-1:])
-        inside = self.window and self.window[0] <= self.tick < self.window[0] + self.window[1]
+        inside = self.window and not probe_ticks and self.window[0] <= self.tick < self.window[0] + self.window[1]
+        temp = self._warmed(temp, ticks)
         begun = (self.tick + ticks - 1) // FRAME_TICKS - (self.tick - 1) // FRAME_TICKS
         streams = engine.streams(
             ticks, begun, 26 * ticks if inside else 0, probe_ticks, self.register_count if inside else 0
@@ -117,6 +126,18 @@ class Simulation:
             rows = np.concatenate([streams.pins, streams.registers], axis=1)
             self.rows = rows if self.rows is None else np.concatenate([self.rows, rows])
         return streams
+
+    def _warmed(self, temp_degc, ticks):
+        """Ambient temperatures plus the rise by self-heating, one step for each frame begun in the chunk."""
+        if not self.heating.final_k:
+            return temp_degc
+        warmed = np.array(temp_degc, float)
+        for n in range(len(warmed)):
+            frame_tick = (self.tick // FRAME_TICKS + n) * FRAME_TICKS
+            if self.tick <= frame_tick < self.tick + ticks:
+                self.rise_k = thermal.step(self.heating, self.rise_k)
+            warmed[n] += self.rise_k
+        return warmed
 
     def codes_sha256(self):
         """Hash of every DAC code of every tick and every ADC code and word of every frame; chunks do not matter."""
@@ -168,26 +189,40 @@ class Simulation:
         values["chips"] = np.array([v for _, v in flatten.leaves(self.state.chips)], np.int64)
         values["tick"] = self.state.tick
         values["drdy_cycle"] = self.state.drdy_cycle
+        values["rise_k"] = self.rise_k
         for name, item in self.state.plant._asdict().items():
+            # copies: the arrays of a state move on in place
             if hasattr(item, "_fields"):
-                values |= {f"plant.{name}.{k}": v for k, v in item._asdict().items()}
+                values |= {f"plant.{name}.{k}": np.copy(v) for k, v in item._asdict().items()}
             else:
-                values[f"plant.{name}"] = item
+                values[f"plant.{name}"] = np.copy(item)
         return values, self._format(), {"config_toml": to_toml(self.config)}
 
     def _format(self):
-        text = " ".join(flatten.names(self.state.fpga) + flatten.names(self.state.chips))
+        arrays = [f"{name}{np.shape(item)}" for name, item in flatten.leaves(self.state.plant)]
+        text = " ".join(flatten.names(self.state.fpga) + flatten.names(self.state.chips) + arrays)
         return f"{STATE_FORMAT} {hashlib.sha256(text.encode()).hexdigest()[:12]}"
+
+    def _check_same_gyroscope(self, path, meta):
+        """A state continues the firmware and the plant that made it; only noise, effects and scenario may differ."""
+        saved, mine = tomllib.loads(meta["config_toml"]), tomllib.loads(to_toml(self.config))
+        for section in ("firmware", "plant"):
+            for key in sorted(mine[section] | saved.get(section, {})):
+                was, now = saved.get(section, {}).get(key), mine[section].get(key)
+                if was != now:
+                    raise ConfigError(f"{path}: was saved with {section}.{key} = {was}; it cannot continue with {now}")
 
     def restore(self, path):
         """Continue from a state file; RecordError if it is damaged or of another layout."""
-        values, _ = record.load_state(path, self._format())
+        values, meta = record.load_state(path, self._format())
+        self._check_same_gyroscope(path, meta)
         plant = {}
         for name, item in self.state.plant._asdict().items():
             if hasattr(item, "_fields"):
                 plant[name] = type(item)(**{k: np.array(values[f"plant.{name}.{k}"]) for k in item._fields})
             else:
                 plant[name] = np.array(values[f"plant.{name}"])
+        self.rise_k = float(values["rise_k"])
         self.state = engine.State(
             flatten.rebuild(self.state.fpga, values["fpga"].tolist()),
             flatten.rebuild(self.state.chips, values["chips"].tolist()),
@@ -252,9 +287,9 @@ def play(sim, timeline, progress=None):
             event = events.pop(0)
             key = (event.name[:3], event.channel)
             if event.action == scenario.WRITE:
-                if done < timeline.ticks:
-                    sim.write(event.name, event.value)
-                    done += 1
+                # a write takes its own tick; those at the very end lengthen the scenario by theirs
+                sim.write(event.name, event.value)
+                done += 1
             elif event.action == scenario.FAULT_ON:
                 active.append((event.name, event.channel, event.value))
             else:
@@ -286,6 +321,8 @@ def diagnose(sim, rate_rad_s, temp_degc, progress=None):
     say(0)
     before_rate = rate_rad_s / DEG
     after_rate = before_rate - math.copysign(STEP_DPS, before_rate)
+    if abs(after_rate) < LEAST_DPS:
+        after_rate -= math.copysign(LEAST_DPS, before_rate)
     tail = round(STEP_TAIL_S * TICK_HZ)
     sim.advance(tail, rate_rad_s, temp_degc)
     head = len(np.concatenate(sim.frames))
@@ -357,17 +394,17 @@ def run(config, progress=None):
     codes = sim.codes_sha256()
     state = sim.dump() if config.output.state else None
     rate_rad_s, temp_degc = float(timeline.rate_rad_s[-1]), float(timeline.temp_degc[-1])
-    main = sim.columns()
+    main, tail = sim.columns(), sim.tail
     reading = diagnose(sim, rate_rad_s, temp_degc, progress) if locked and wanted.diagnose else None
-    return _result(config, sim, main, first_frame, lock_s, locked, real_time_factor, codes, state, reading, began)
+    return _result(config, sim, main, tail, first_frame, lock_s, locked, real_time_factor, codes, state, reading, began)
 
 
-def _result(config, sim, main, first_frame, lock_s, locked, real_time_factor, codes, state, reading, began):
+def _result(config, sim, main, tail, first_frame, lock_s, locked, real_time_factor, codes, state, reading, began):
     planned = budget.budget(config)
     clock_hz = build.clock_hz(config)
     part = {name: column[first_frame:] for name, column in main.items()}
     part = part if len(part["state"]) else main
-    if lock_s is None and np.any(main["state"] == sequencer.LOCKED):
+    if lock_s is None and not config.scenario.resume and np.any(main["state"] == sequencer.LOCKED):
         lock_s = float(np.argmax(main["state"] == sequencer.LOCKED) * FRAME_TICKS / TICK_HZ)
     device = config.device()
     amplitude = np.sqrt(
@@ -396,6 +433,7 @@ def _result(config, sim, main, first_frame, lock_s, locked, real_time_factor, co
         "rate_word_mean_lsb": float(np.mean(part["rate_word"])),
         "quadrature_v": float(np.mean(part["quadrature_code"]) * device.quad_dac_span_v / 2**16),
         "flags": [name for k, name in enumerate(fault_monitor.NAMES) if np.bitwise_or.reduce(part["flags"]) >> k & 1],
+        "window_missing": 0 if not sim.window else 26 * sim.window[1] - (0 if sim.rows is None else len(sim.rows)),
         "real_time_factor": real_time_factor,
         "simulated_s": sim.tick / TICK_HZ,
         "wall_s": time.perf_counter() - began,
@@ -406,7 +444,7 @@ def _result(config, sim, main, first_frame, lock_s, locked, real_time_factor, co
         summary,
         _notes(config, summary, planned),
         _record(config, sim),
-        _plots(sim, summary, lock_s, reading, clock_hz, config),
+        _plots(sim, tail, summary, lock_s, reading, clock_hz, config),
         _window(sim),
         state,
     )
@@ -417,6 +455,8 @@ def _notes(config, summary, planned):
     notes = []
     if not summary["locked"]:
         notes.append("NOT LOCKED at the end of the scenario; see docs/blocks/sequencer.md")
+    if summary.get("window_missing"):
+        notes.append(f"The waveform window lacks {summary['window_missing']} clocks: run or phase reading cut it.")
     if summary.get("flags"):
         notes.append(f"Fault flags raised: {', '.join(summary['flags'])}; see docs/blocks/fault_monitor.md")
     if config.firmware.reference_retimed:
@@ -432,12 +472,16 @@ def _notes(config, summary, planned):
         notes.append(
             "Unexplained beside the paper: "
             + ", ".join(f"{k} {measured[k] - budget.PAPER_DEG[k]:+.4f} deg ({ns:+.0f} ns)" for k, ns in gap.items())
-            + ". No latency was tuned. ye1 holds most of it: a DAC response that the output poles count twice, "
-            "or a pole near 170 kHz in place of the frame, would both close it; temperature would tell them apart."
+            + ". No latency was tuned."
+        )
+    if measured and config.firmware == type(config.firmware)() and config.plant == type(config.plant)():
+        notes.append(
+            "ye1 holds most of it. Two rivals: the DAC's 130 ns are partly inside its output poles, or a pole near "
+            "170 kHz stands where the frame is assumed. Their drift with temperature differs; docs/phases.md has the table."
         )
         notes.append(
-            "How xe2 and ye2 split into ring diode, noise gains and switch delay, two numbers cannot say; "
-            "loop phases are less the 80 ns of the analog switch."
+            "How xe2 and ye2 split into ring diode, noise gains and switch delay, two numbers cannot say; the loop "
+            "phases printed above are less the assumed 80 ns of the analog switch."
         )
     return tuple(notes)
 
@@ -459,7 +503,7 @@ def _record(config, sim):
     return record.Record(streams, {}, to_toml(config), "simulated", config.plant.clock_ppm)
 
 
-def _plots(sim, summary, lock_s, reading, clock_hz, config):
+def _plots(sim, tail, summary, lock_s, reading, clock_hz, config):
     """Arguments of the pictures."""
     c = sim.columns()
     count = len(c["state"]) if lock_s is None else int(min(len(c["state"]), (lock_s + 0.5) * 8000))
@@ -475,7 +519,7 @@ def _plots(sim, summary, lock_s, reading, clock_hz, config):
             "lock_time_s": lock_s,
             "setpoint_um": config.firmware.amplitude_um,
         },
-        "spectra": {"outputs": {"drive (16 bit)": (sim.tail[0], 16), "sense (20 bit)": (sim.tail[1], 20)}},
+        "spectra": {"outputs": {"drive (16 bit)": (tail[0], 16), "sense (20 bit)": (tail[1], 20)}},
     }
     if reading is not None:
         names = ("drive sgn(sin)", "drive sgn(cos)", "sense sgn(sin)", "sense sgn(cos)")

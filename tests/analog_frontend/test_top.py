@@ -1,4 +1,4 @@
-"""The plant's tick against an independent solution: chains, modes, pickoff and demodulator in one ODE with events."""
+"""The plant's tick against solutions of its own: chains, coupled modes, pickoff, switches, carries."""
 
 import numpy as np
 import pytest

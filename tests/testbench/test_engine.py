@@ -12,7 +12,7 @@ from fpga_model import fault_monitor, rates, sequencer
 from fpga_model import top as fpga
 from fpga_model.jit import kernel
 from fpga_model.rates import TICK_HZ
-from testbench import config, engine, flatten, record, simulate
+from testbench import engine, flatten, record, simulate
 from tests.testbench.bench_setup import configured, quiet
 
 
@@ -129,9 +129,11 @@ def test_top_record_holds_the_blocks_its_names_say():
 
 
 def test_effects_that_are_off_are_bit_for_bit_nothing(locked_file):
-    plain = resumed(locked_file)
+    plain, off = resumed(locked_file), resumed(locked_file)
     plain.advance(5000, 0.1, 25.0)
-    off = resumed(locked_file, effects__duffing_k3_per_um2=0.0, effects__feedthrough_y=0.0)
+    # the flags of both stages on, so that every effect is asked and says no
+    asked = off.params.plant.effects._replace(any_force=1, any_cv=1)
+    off.params = off.params._replace(plant=off.params.plant._replace(effects=asked))
     off.advance(5000, 0.1, 25.0)
     assert fingerprint(plain.state) == fingerprint(off.state)
 
@@ -219,9 +221,17 @@ def test_a_free_running_converter_locks_the_loops_too():
     assert sim.state.fpga.rates.slot <= rates.SLOTS
 
 
-def test_the_hash_of_all_codes_is_pinned():
-    """Bit exactness across machines, versions and CPU targets: 0.35 s from power-on, all noise on."""
-    sim = simulate.Simulation(config.Config(), 25.0, 25.0)
-    sim.now = (np.zeros(1), np.full(1, 25.0))
-    sim.advance(round(0.35 * TICK_HZ), 0.3, 25.0)
-    assert sim.codes_sha256() == "381de6482f63d175605e68d41ebe3d4174bf54fc25449dc4ac9c75f0f72c206c"
+PINNED = {
+    "analog_sid": "6426ea6a5b5732f26e47fa73f0c6e19b3666d8061e89fd15c2d6c6d22c4316d9",
+    "digital_sid": "b6c4009cd521a76985efcdbaab3bff8e55eaa27cd1e2e632ff37e002c9b42d0e",
+}
+
+
+@pytest.mark.parametrize("board", PINNED)
+def test_the_hash_of_all_codes_is_pinned(board):
+    """Bit exactness across machines, versions and CPU targets: 1.5 s from power-on through lock, noise on."""
+    checked = configured(firmware__board=board)
+    sim = simulate.Simulation(checked, 25.0, 25.0)
+    assert simulate.start(checked, sim, 0.3, 25.0) is not None
+    sim.advance(1_500_000 - sim.tick, 0.3, 25.0)
+    assert sim.codes_sha256() == PINNED[board]

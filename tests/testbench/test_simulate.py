@@ -87,6 +87,11 @@ def test_the_frequency_lies_where_the_phases_put_it(silent):
     assert silent["drive_frequency_hz"] - 11002.3 == pytest.approx(-0.00226, abs=0.0008)
 
 
+def test_the_counter_agrees_on_the_pickoff(silent):
+    # noise off, smooth signal: what is left is the chord between samples, (2 pi f h)^2/8 of 3.96 deg
+    assert silent["counter_deg"]["xe2"] == pytest.approx(silent["budget_deg"]["xe2"], abs=0.0024 + 0.003)
+
+
 def test_scale_factor_follows_one_over_cos(silent):
     """k_vf alone gives 8651 LSB per deg/s; ye1 + xe2' turns x and the force apart, FACTS: SF ~ 1/cos(ye1 + xe2')."""
     d = configured().device()
@@ -105,8 +110,8 @@ def test_quadrature_voltage_nulls_the_coupling():
 
 def test_the_loop_phase_is_what_the_demodulator_sees():
     """At lock the SID's phase is zero on average: the C/V output lags its reference by the switch delay."""
-    for board in ("analog_sid", "digital_sid"):
-        checked = quiet(firmware__board=board)
+    for board, switch_s in (("analog_sid", 80e-9), ("analog_sid", 333e-9), ("digital_sid", 80e-9)):
+        checked = quiet(firmware__board=board, plant__sid_switch_s=switch_s)
         sim = simulate.Simulation(checked, 25.0, 25.0)
         assert simulate.start(checked, sim, 0.0, 25.0) is not None
         sim.advance(1_500_000, 0.0, 25.0)
@@ -126,7 +131,7 @@ def test_the_loop_phase_is_what_the_demodulator_sees():
 
 def test_a_run_resumes_to_the_same_codes(tmp_path):
     """State at the end of a run, continued, against one long run."""
-    short = simulate.run(configured(scenario__seconds=0.2, scenario__diagnose=False))
+    short = simulate.run(configured(scenario__seconds=0.2))
     record.save_state(tmp_path / "state.h5", *short.state)
     rest = simulate.run(
         configured(scenario__seconds=0.1, scenario__diagnose=False, scenario__resume=str(tmp_path / "state.h5"))
