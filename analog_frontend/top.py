@@ -22,7 +22,6 @@ import numpy as np
 
 from analog_frontend import adc, dac, effects, noise, propagator, sid
 from analog_frontend.propagator import (
-    CYCLES,
     DU_DRIVE,
     DU_SENSE,
     F_X,
@@ -261,8 +260,7 @@ def step(p, s, tick, pins, edges):
     v, out = s.inputs, s.out
     for i in range(STATES):
         v[i] = z[i]
-    # an edge of the clock is early or late for all that leaves on it
-    jitter = noise.white(p.noise.edge_jitter, CYCLES * tick + s.cycles[DRIVE])
+    jitter = noise.white(p.noise.edge_jitter, 6 * tick)
     step_v, area = _dac_step(
         p, s, DRIVE, p.drive_dac, t.drive_carry[0, s.cycles[DRIVE]], pins.drive_code, pins.drive_cycle, jitter
     )
@@ -270,7 +268,7 @@ def step(p, s, tick, pins, edges):
     v[DU_DRIVE] = step_v
     v[JIT_DRIVE] = area
     s.volts[DRIVE] += step_v
-    jitter = noise.white(p.noise.edge_jitter, CYCLES * tick + s.cycles[SENSE])
+    jitter = noise.white(p.noise.edge_jitter, 6 * tick + 1)
     step_v, area = _dac_step(
         p, s, SENSE, p.sense_dac, t.sense_carry[0, s.cycles[SENSE]], pins.sense_code, pins.sense_cycle, jitter
     )
@@ -316,7 +314,7 @@ def _switch(p, s, tick, edge_count, edges, noise_x, noise_y, z, out):
         for k in range(edge_count):
             if edges[k, 1] == d:
                 cycle = edges[k, 0]
-                tau = p.switch_tau_s[cycle] + noise.white(p.noise.edge_jitter, CYCLES * tick + cycle)
+                tau = p.switch_tau_s[cycle] + noise.white(p.noise.edge_jitter, 6 * tick + 2 + d)
                 if p.switch_carry[cycle] != 0:
                     s.late_tau_s[d, late] = max(tau, 0.0)
                     late += 1
@@ -348,7 +346,7 @@ def _switch(p, s, tick, edge_count, edges, noise_x, noise_y, z, out):
             )
 
 
-@inner
+@outlined
 def sar_code(p, s, tick, channel):
     """Sample of a C/V output at the tick's first instant, 18 bit; for the board without the analog SID."""
     noise_x, noise_y = effects.cv_volts(

@@ -1,7 +1,7 @@
 """Register bank of the host, at most 48 bits each; MAP is the single source for the RTL and the documentation.
 
     write = 1 and address = that of a register    register' = the low bits of data, in its format
-    fault_clear gathers the ones written to it and returns to 0 at `taken` (the sequencer has read it)
+    fault_clear also returns to 0 at `taken` (the sequencer has read it), unless it is written in that clock
 
     address, data, write --(decode)--[registers] --> blocks     [..] register
 
@@ -150,7 +150,7 @@ def step(s, write, address, data, taken):
     pending = 0 if taken else s.fault_clear
     return State(
         control=_load(0, s.control, write, address, data),
-        fault_clear=pending | _load(1, 0, write, address, data),
+        fault_clear=_load(1, pending, write, address, data),
         phase_drive_sine=_load(2, s.phase_drive_sine, write, address, data),
         phase_sense_sine=_load(3, s.phase_sense_sine, write, address, data),
         phase_drive_ref=_load(4, s.phase_drive_ref, write, address, data),

@@ -477,11 +477,11 @@ def _notes(config, summary, planned):
     if measured and config.firmware == type(config.firmware)() and config.plant == type(config.plant)():
         notes.append(
             "ye1 holds most of it. Two rivals: the DAC's 130 ns are partly inside its output poles, or a pole near "
-            "170 kHz stands where the frame is assumed. Their drift with temperature differs; docs/phases.md has the table."
+            "170 kHz stands where the frame is assumed. Their drift with temperature differs (docs/phases.md)."
         )
         notes.append(
-            "How xe2 and ye2 split into ring diode, noise gains and switch delay, two numbers cannot say; the loop "
-            "phases printed above are less the assumed 80 ns of the analog switch."
+            "How xe2 and ye2 split into ring diode, noise gains and switch delay, two numbers cannot say; the "
+            "loop phases printed above are less the assumed 80 ns of the analog switch."
         )
     return tuple(notes)
 

@@ -19,7 +19,7 @@ write = st.tuples(
 
 
 def expected_rows(inputs):
-    """A dictionary by address: writes replace, ones for the clear register gather until `taken`."""
+    """A dictionary by address: what is written replaces, `taken` empties the clear register, the rest is deaf."""
     bank = {r.address: r.reset for r in registers.MAP if r.access != "ro"}
     expected = [tuple(bank.values())]
     for on, address, data, taken in inputs:
@@ -28,10 +28,6 @@ def expected_rows(inputs):
         if on and address in bank:
             fmt = registers.BY_ADDRESS[address].fmt
             low = data % 2**fmt.width
-            if registers.BY_ADDRESS[address].access == "w1c":
-                bank[address] |= low
-                expected.append(tuple(bank.values()))
-                continue
             bank[address] = low - 2**fmt.width if fmt.s and low >= 2 ** (fmt.width - 1) else low
         expected.append(tuple(bank.values()))
     return expected

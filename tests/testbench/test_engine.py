@@ -222,8 +222,8 @@ def test_a_free_running_converter_locks_the_loops_too():
 
 
 PINNED = {
-    "analog_sid": "6426ea6a5b5732f26e47fa73f0c6e19b3666d8061e89fd15c2d6c6d22c4316d9",
-    "digital_sid": "b6c4009cd521a76985efcdbaab3bff8e55eaa27cd1e2e632ff37e002c9b42d0e",
+    "analog_sid": "02e122d250105a4c3785085df8849e3cad68417b8f0ef2851e41473a13d8e20d",
+    "digital_sid": "c3d7e25a320cfa75e1227e62dcf5e4ec35a0e8e06d1720549c2921c5294857b9",
 }
 
 
