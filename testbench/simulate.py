@@ -359,7 +359,7 @@ def diagnose(sim, rate_rad_s, temp_degc, progress=None):
     return Reading(readings, scale, step, probe.edges)
 
 
-def _digital_loop(readings, planned):
+def _loop_phases(readings, planned):
     """Loop phases from node phases: less what the demodulator's switching delays the reference."""
     return {node: readings[node] + sum(row.degrees for row in planned.loop_rows[node]) for node in ("xe2", "ye2")}
 
@@ -426,7 +426,7 @@ def _result(config, sim, main, tail, first_frame, lock_s, locked, real_time_fact
         "counter_deg": None if reading is None else reading.nodes.counter_deg,
         "counter_resolution_deg": None if reading is None else reading.nodes.counter_resolution_deg,
         "budget_deg": planned.node_deg(),
-        "loop_phase_deg": None if reading is None else _digital_loop(reading.nodes.phase_deg, planned),
+        "loop_phase_deg": None if reading is None else _loop_phases(reading.nodes.phase_deg, planned),
         "budget_loop_deg": planned.loop_deg(),
         "paper_deg": dict(budget.PAPER_DEG),
         "rate_lsb_per_dps": None if reading is None else reading.lsb_per_dps,

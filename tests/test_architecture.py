@@ -41,11 +41,7 @@ def imports(module):
 def wrong_imports(package, module):
     own = [(name, line) for name, line in imports(module) if name.split(".")[0] in PACKAGES]
     allowed = ALLOWED[package]
-    return [
-        (n, at)
-        for n, at in own
-        if not any(n == a or n.startswith(a + ".") or (n == "fpga_model" and a == "x") for a in allowed)
-    ]
+    return [(name, line) for name, line in own if not any(name == a or name.startswith(a + ".") for a in allowed)]
 
 
 @pytest.mark.parametrize("package", PACKAGES)
@@ -135,13 +131,6 @@ def fields(package):
             ):
                 for field in item._fields:
                     yield f"{info.name}.{item.__name__}", field
-
-
-# What may carry the word: accumulated or measured phase (registers), never a parameter
-MEASURED = {
-    ("fpga_model.dds.State", "phase"),
-    ("fpga_model.cordic.State", "phase"),
-}
 
 
 def test_nothing_in_the_plant_is_a_phase_error():

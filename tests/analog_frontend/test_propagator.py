@@ -417,7 +417,8 @@ def test_one_temperature_is_one_knot():
 @pytest.mark.parametrize("on", [0, 1])
 def test_the_ring_diode_is_asked_with_the_device(on):
     """Gain and pole of each channel reach the tables; the carrier's error and the switch of its law count."""
-    ring_diode = pytest.importorskip("analog_frontend.ring_diode")
+    from analog_frontend import ring_diode
+
     dev = device.make(diode_tc_on=on, dcdy_f_per_m=2e-7, carrier_ppm=500.0, carrier_v=6.0, cref_sense_f=50e-12)
     plant = propagator.build(dev, 40.0)
     at = 40.0 if on else 25.0
