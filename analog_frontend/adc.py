@@ -8,10 +8,10 @@
     v --(+offset +white +flicker)--(x PGA/VREF)--(INL)--[w0|w1|w2 accumulators]--(round to 10 codes, clamp)--> code
 
 Time      integers of 1/2^32 master cycle: 64 modulator periods of 1625/32 cycles are 125 ticks exactly; a free-running
-          clock has another integer. Every instant is kept relative to the tick, so nothing grows and nothing drifts
+          clock has another integer. Every instant is kept relative to the block, so nothing grows and nothing drifts
 Delay     from a tone to its code: 3 (N - 1)/2 modulator periods before the last sample, 184.57 us at N = 64
-Ready     DRDY falls `delay` after the last sample, at least one tick: `step` returns the clock 0 .. 25 of the next
-          tick from which a register sees it low, else -1. The codes stay until the next conversion
+Ready     DRDY falls `delay` after the last sample, at least one tick: `block` returns the clock from which a register
+          sees it low, in a later tick than the sample's, else -1. The codes stay until the next conversion
 Between   the chord errs by h^2/8 |v''| <= h^2 A/(8 w (RC)^3) = 1.3e-9 V behind a settled 50 Hz SID at A = 2.88 V
 Rounding  nearest multiple of `step`, ties toward plus infinity
 Overflow  clamps to -0x800000 .. 0x7FFFFF in float before it becomes an int; NaN reads as plus full scale
@@ -26,6 +26,7 @@ from typing import NamedTuple
 import numpy as np
 
 from analog_frontend import noise
+from analog_frontend.vector import four, lane, load4, splat4
 from fpga_model.jit import inlined, kernel
 
 CHANNELS = 5  # drive sin, drive cos, sense sin, sense cos, temperature
@@ -208,36 +209,79 @@ def _convert(p, clock, sums):
 
 
 @inlined
-def step(p, clock, sums, start, end):
-    """One plant tick, from the five voltages at its start to those at its end; mutates the two arrays of `State`.
+def block(p, clock, sums, out, ticks, sensor_v):
+    """`ticks` plant ticks; mutates the two arrays of `State`.
 
-    Returns the clock (0 .. 25) of the next tick that first sees DRDY low, or -1.
+    out       voltage of channel c < 4 at the start of tick t at 4 t + c, one row more than ticks
+    sensor_v  voltage of the temperature sensor, constant
+    Returns the clock, counted from the block's first, at whose edge DRDY is first seen low, or -1: 26 .. 26 ticks + 25,
+    one tick and more after the block's beginning. At most one conversion may become ready in a block.
     """
     due = clock[DUE]
-    if due < TICK_UNITS:
-        frac = due * FRAC
+    end = ticks * TICK_UNITS
+    if due < end:
+        a0, a1, a2 = _column(sums, 0), _column(sums, 1), _column(sums, 2)
+        t0, t1, t2 = sums[TEMPERATURE, 0], sums[TEMPERATURE, 1], sums[TEMPERATURE, 2]
         n = p.decimation
         m = clock[SAMPLE]
-        rise = (m * (m - 1)) >> 1
-        w0 = rise
-        w1 = (((n + m - 1) * (n + m)) >> 1) - 3 * rise
-        w2 = ((n - m) * (n - m + 1)) >> 1
-        for c in range(CHANNELS):
-            v = start[c] + frac * (end[c] - start[c])
-            sums[c, 0] = sums[c, 0] + w0 * v
-            sums[c, 1] = sums[c, 1] + w1 * v
-            sums[c, 2] = sums[c, 2] + w2 * v
-        clock[SAMPLE] = m + 1
-        if m + 1 == n:
-            clock[SAMPLE] = 0
-            clock[PENDING] = due + p.delay
-            _convert(p, clock, sums)
-        due = due + p.period
-    clock[DUE] = due - TICK_UNITS
+        while due < end:
+            tick = due // TICK_UNITS
+            frac = (due - tick * TICK_UNITS) * FRAC
+            rise = (m * (m - 1)) >> 1
+            w0 = float(rise)
+            w1 = float((((n + m - 1) * (n + m)) >> 1) - 3 * rise)
+            w2 = float(((n - m) * (n - m + 1)) >> 1)
+            start = load4(out, 4 * tick)
+            v = start + splat4(frac) * (load4(out, 4 * tick + 4) - start)
+            a0 = a0 + splat4(w0) * v
+            a1 = a1 + splat4(w1) * v
+            a2 = a2 + splat4(w2) * v
+            t0 = t0 + w0 * sensor_v
+            t1 = t1 + w1 * sensor_v
+            t2 = t2 + w2 * sensor_v
+            m += 1
+            if m == n:
+                m = 0
+                clock[PENDING] = due + p.delay
+                _put(sums, 0, a0, t0)
+                _put(sums, 1, a1, t1)
+                _put(sums, 2, a2, t2)
+                _convert(p, clock, sums)
+                a0, a1, a2 = _column(sums, 0), _column(sums, 1), _column(sums, 2)
+                t0, t1, t2 = sums[TEMPERATURE, 0], sums[TEMPERATURE, 1], sums[TEMPERATURE, 2]
+            due = due + p.period
+        clock[SAMPLE] = m
+        _put(sums, 0, a0, t0)
+        _put(sums, 1, a1, t1)
+        _put(sums, 2, a2, t2)
+    clock[DUE] = due - end
     if clock[PENDING] == NOT_PENDING:
         return -1
-    pending = clock[PENDING] - TICK_UNITS
-    cycle = (pending + (UNITS_PER_CYCLE - 1)) >> UNIT_BITS
-    seen = cycle < TICK_CYCLES
-    clock[PENDING] = NOT_PENDING if seen else pending
+    cycle = (clock[PENDING] + (UNITS_PER_CYCLE - 1)) >> UNIT_BITS
+    seen = cycle < (ticks + 1) * TICK_CYCLES
+    clock[PENDING] = NOT_PENDING if seen else clock[PENDING] - end
     return cycle if seen else -1
+
+
+@inlined
+def _column(sums, j):
+    return four(sums[0, j], sums[1, j], sums[2, j], sums[3, j])
+
+
+@inlined
+def _put(sums, j, quad, temperature):
+    sums[0, j] = lane(quad, 0)
+    sums[1, j] = lane(quad, 1)
+    sums[2, j] = lane(quad, 2)
+    sums[3, j] = lane(quad, 3)
+    sums[TEMPERATURE, j] = temperature
+
+
+@inlined
+def clocks_to_ready(p, clock, later):
+    """Clocks from the present tick's first to the edge that first sees DRDY low; `later` conversions after the next."""
+    pending = clock[PENDING]
+    if pending == NOT_PENDING or later > 0:
+        frames = later if pending == NOT_PENDING else later - 1
+        pending = clock[DUE] + (p.decimation * (frames + 1) - 1 - clock[SAMPLE]) * p.period + p.delay
+    return (pending + (UNITS_PER_CYCLE - 1)) >> UNIT_BITS

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import mpmath
 import numpy as np
 
-from fpga_model.jit import inlined, kernel
+from fpga_model.jit import inlined, kernel, outlined
 
 MASK = 0xFFFFFFFF
 LOW = 0xFFFF
@@ -191,6 +191,17 @@ def fill(p, counter, out):
     else:
         for i in range(out.size):
             out[i] = 0.0
+
+
+@outlined
+def fill_row(p, counter, stride, w, first, n):
+    """w[first + i] = white(p, counter + i stride) for i below n; the loop vectorises. Mutates `w`."""
+    if p.on:
+        for i in range(n):
+            w[first + i] = p.sigma * ih4(p.key0, p.key1, counter + i * stride)
+    else:
+        for i in range(n):
+            w[first + i] = 0.0
 
 
 def sigma_from_density(density_per_rthz, rate_hz):

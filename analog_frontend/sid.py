@@ -24,6 +24,7 @@ from typing import NamedTuple
 import mpmath
 import numpy as np
 
+from analog_frontend.vector import four, lane, pair, splat4, store4
 from fpga_model.jit import inlined, kernel
 
 DEMODULATORS = 4  # drive sin, drive cos, sense sin, sense cos: the order of the packed references
@@ -116,6 +117,36 @@ def full(p, caps, d, ref, n, p1, p2, p3):
     caps[d, g] = p.e1 * w1 + (p1 + n * p.s1)
     caps[d, g + 1] = p.e1 * w2 + (p.e2 * w1 + (p2 + n * p.s2))
     caps[d, g + 2] = p.e1 * w3 + (p.e2 * w2 + (p.e3 * w1 + (p3 + n * p.s3)))
+
+
+@inlined
+def between(p, caps, refs, w, feed, stride, t0, t1, out):
+    """Ticks t0 .. t1 - 1 of all four without an edge: bit for bit `full` at each of them. Mutates `caps` and `out`.
+
+    refs  (4,) references      w, feed, stride  row feed + k holds p_k + n s_k of the drive channel, feed + 3 + k of the sense
+    out   output of demodulator d after tick t at 4 (t + 1) + d
+    """
+    g0, g1 = 0 if refs[0] else STAGES, 0 if refs[1] else STAGES
+    g2, g3 = 0 if refs[2] else STAGES, 0 if refs[3] else STAGES
+    w1 = four(caps[0, g0], caps[1, g1], caps[2, g2], caps[3, g3])
+    w2 = four(caps[0, g0 + 1], caps[1, g1 + 1], caps[2, g2 + 1], caps[3, g3 + 1])
+    w3 = four(caps[0, g0 + 2], caps[1, g1 + 2], caps[2, g2 + 2], caps[3, g3 + 2])
+    held = four(caps[0, 5 - g0], caps[1, 5 - g1], caps[2, 5 - g2], caps[3, 5 - g3])
+    sign = four(1.0 if refs[0] else -1.0, 1.0 if refs[1] else -1.0, 1.0 if refs[2] else -1.0, 1.0 if refs[3] else -1.0)
+    e1, e2, e3 = splat4(p.e1), splat4(p.e2), splat4(p.e3)
+    for t in range(t0, t1):
+        f1 = pair(w[feed * stride + t], w[(feed + 3) * stride + t])
+        f2 = pair(w[(feed + 1) * stride + t], w[(feed + 4) * stride + t])
+        f3 = pair(w[(feed + 2) * stride + t], w[(feed + 5) * stride + t])
+        w3 = e1 * w3 + (e2 * w2 + (e3 * w1 + f3))
+        w2 = e1 * w2 + (e2 * w1 + f2)
+        w1 = e1 * w1 + f1
+        store4(out, 4 * (t + 1), sign * (w3 - held))
+    for k in range(DEMODULATORS):
+        g = 0 if refs[k] else STAGES
+        caps[k, g] = lane(w1, k)
+        caps[k, g + 1] = lane(w2, k)
+        caps[k, g + 2] = lane(w3, k)
 
 
 @inlined

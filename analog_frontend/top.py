@@ -1,15 +1,16 @@
-"""The plant: one tick of 1 us, the step that every engine calls.
+"""The plant: ticks of 1 us, one at a time or up to 125 in a block; the one step that every engine calls.
 
-    pins --> [dac: volts] --> in ==(G)==> out --> [sid x 4] --> [adc] --> codes, DRDY
-             take-effect instants     ^         reference edges
-    effects: force impulses -> z      |         volts at the C/V outputs
+    pins --> [dac: volts] --> [linear: chains, modes, C/V, path] --> [sid x 4] --> [adc] --> codes, DRDY
+             take-effect instants     ^                              reference edges
+    effects: force impulses -> x      |         volts at the C/V outputs
     noise:   forces, DAC, C/V, edges, ADC       rate, V_q and temperature make G (`retune`, once a frame)
 
 Order of a tick (frozen: another order would flip LSBs within seconds)
-    1 force impulses of the effects at the tick's first instant       4 SID: full ticks, or pieces at reference edges
-    2 inputs: held and new DAC voltages, jitter, noise forces         5 ADC: modulator samples that fall in the tick
-    3 out = sum_j G[j] in[j], j ascending from 0.0                     6 what falls later is carried to the next tick
+    1 inputs: held and new DAC voltages, jitter, noise forces         4 SID: full ticks, or pieces at reference edges
+    2 force impulses of the effects at the tick's first instant       5 ADC: modulator samples that fall in the tick
+    3 the linear step, as frozen in linear.py                         6 what falls later is carried to the next tick
 
+A block runs each stage over all of its ticks before the next stage; no bit depends on where blocks end.
 State is arrays, mutated in place; `reset` makes them, `copy` keeps them. Everything that crosses is a pin: DAC codes
 with the clock at which each took effect, reference edges with theirs, ADC codes with the clock of DRDY.
 V_q takes effect at the frame's `retune`: it is DC, its settling within a microsecond changes no phase.
@@ -20,25 +21,42 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analog_frontend import adc, dac, effects, noise, propagator, sid
-from analog_frontend.propagator import (
-    DU_DRIVE,
-    DU_SENSE,
-    F_X,
-    F_Y,
-    INPUTS,
-    JIT_DRIVE,
-    JIT_SENSE,
-    OUTPUTS,
-    PX1,
-    PY1,
-    U_DRIVE,
-    U_SENSE,
+from analog_frontend import adc, dac, effects, linear, noise, propagator, sid
+from analog_frontend.linear import (
+    CV_ADDED_X,
+    CV_ADDED_Y,
+    CV_NOISE_X,
+    CV_NOISE_Y,
+    CX2,
+    CX3,
+    CY2,
+    CY3,
+    D3,
+    FEED,
+    IN_DU_DRIVE,
+    IN_DU_SENSE,
+    IN_FX,
+    IN_FY,
+    IN_JIT_DRIVE,
+    IN_JIT_SENSE,
+    IN_U_DRIVE,
+    IN_U_SENSE,
+    JITTER_DRIVE,
+    JITTER_SENSE,
+    LEVEL_DRIVE,
+    LEVEL_SENSE,
+    PATH,
+    STATE_ROWS,
+    STRIDE,
 )
+from analog_frontend.propagator import DU_DRIVE, DU_SENSE, INPUTS, JIT_DRIVE, JIT_SENSE, OUTPUTS
+from analog_frontend.vector import LANES, aligned, load, splat, store
 from fpga_model.jit import inner, outlined
 
 STATES = 16
 V_DRIVE, V_SENSE, X, VX, Y, VY, CV_X, CV_Y = 2, 5, 6, 7, 8, 9, 12, 15
+TICK_CYCLES = adc.TICK_CYCLES
+ONE = np.int64(1)  # typed: Numba compiles a function anew for every constant that it is called with
 DEMODULATORS = sid.DEMODULATORS
 MAX_EDGES = sid.MAX_EDGES
 DRIVE, SENSE = 0, 1
@@ -78,6 +96,16 @@ class Params(NamedTuple):
     slope_gain: float  # last op-amp of the C/V chains
 
 
+class Work(NamedTuple):
+    """What a block is told and what it computes with; nothing in it outlives the block."""
+
+    drive_codes: np.ndarray  # DAC codes at the end of each tick
+    sense_codes: np.ndarray
+    w: np.ndarray  # rows of linear.py
+    demodulated: np.ndarray  # output of demodulator d at the start of tick t at 4 t + d
+    taus_s: np.ndarray  # (MAX_EDGES,)
+
+
 class State(NamedTuple):
     """Arrays, mutated in place."""
 
@@ -87,8 +115,8 @@ class State(NamedTuple):
     column_jet: np.ndarray  # (4, 6, 24) step and jitter columns of both DACs at their clocks
     now: np.ndarray  # (6,) rate, k_xy, temperature, driver pole, clocks that g was made for
     volts: np.ndarray  # (2,) DAC outputs now
-    late_step: np.ndarray  # (2,) steps that act in the next tick
-    late_area: np.ndarray  # (2,) their impulse (jitter, glitch), V s
+    coming_v: np.ndarray  # (2,) DAC outputs that act in the next tick: those of a late step, or the same
+    late_area: np.ndarray  # (2,) impulse (jitter, glitch) of a late step, V s
     codes: np.ndarray  # (2,) DAC codes now
     cycles: np.ndarray  # (2,) clock of each DAC's last step
     caps: np.ndarray  # (4, 6) capacitors of the SID
@@ -97,9 +125,7 @@ class State(NamedTuple):
     late_count: np.ndarray  # (4,)
     adc: adc.State
     sar: np.ndarray  # (2,) samples taken one tick ago, which the converters hand over now
-    inputs: np.ndarray  # (24,) scratch of a tick
-    out: np.ndarray  # (24,)
-    taus_s: np.ndarray  # (MAX_EDGES,)
+    work: Work
 
 
 class Pins(NamedTuple):
@@ -112,16 +138,27 @@ class Pins(NamedTuple):
     edge_count: int
 
 
+def workspace():
+    """Room for a block."""
+    return Work(
+        drive_codes=np.zeros(linear.BLOCK, np.int64),
+        sense_codes=np.zeros(linear.BLOCK, np.int64),
+        w=aligned(linear.ROWS * STRIDE),
+        demodulated=aligned(4 * STRIDE),
+        taus_s=np.zeros(MAX_EDGES),
+    )
+
+
 def reset(p, drive_code, sense_code, temp_degc):
     """Everything at rest: DAC outputs at their power-on codes, settled; capacitors empty."""
     s = State(
         z=np.zeros(STATES),
-        g=np.zeros((INPUTS, OUTPUTS)),
+        g=aligned(INPUTS * OUTPUTS).reshape(INPUTS, OUTPUTS),
         jet=np.zeros((propagator.JETS, INPUTS, OUTPUTS)),
         column_jet=np.zeros((4, propagator.JETS, OUTPUTS)),
         now=np.full(6, np.inf),
         volts=np.array([dac.volts(p.drive_dac, drive_code), dac.volts(p.sense_dac, sense_code)]),
-        late_step=np.zeros(2),
+        coming_v=np.zeros(2),
         late_area=np.zeros(2),
         codes=np.array([drive_code, sense_code]),
         cycles=np.zeros(2, np.int64),
@@ -131,10 +168,9 @@ def reset(p, drive_code, sense_code, temp_degc):
         late_count=np.zeros(DEMODULATORS, np.int64),
         adc=adc.reset(p.adc),
         sar=np.zeros(2, np.int64),
-        inputs=np.zeros(INPUTS),
-        out=np.zeros(OUTPUTS),
-        taus_s=np.zeros(MAX_EDGES),
+        work=workspace(),
     )
+    s.coming_v[:] = s.volts
     s.z[0:3] = s.volts[DRIVE]
     s.z[3:6] = s.volts[SENSE]
     return s
@@ -142,7 +178,13 @@ def reset(p, drive_code, sense_code, temp_degc):
 
 def copy(s):
     """A state that shares nothing with `s`."""
-    return State(*(adc.State(*map(np.copy, a)) if isinstance(a, adc.State) else np.copy(a) for a in s))
+
+    def own(item):
+        if isinstance(item, Work):
+            return workspace()
+        return adc.State(*map(np.copy, item)) if isinstance(item, adc.State) else np.copy(item)
+
+    return State(*map(own, s))
 
 
 @outlined
@@ -212,108 +254,163 @@ def retune(p, s, rate_rad_s, quad_code, temp_degc):
 
 
 @inner
-def _dac_step(p, s, which, part, carry, code, cycle, jitter_s):
-    """Step (V) and impulse area (V s) of one DAC that act in this tick; later ones are kept for the next."""
-    step, area = s.late_step[which], s.late_area[which]
-    s.late_step[which] = 0.0
+def _dac(p, s, w, which, part, carry, codes, n, noisy, du, area, level, jitter):
+    """Rows of one DAC: its output at each tick, step and impulse area that act in it. Mutates.
+
+    A code acts in its own tick or, with `carry`, in the next one. `noisy` holds the noise and becomes output and noise.
+    """
+    first = level * STRIDE
+    w[first] = s.volts[which]
+    if carry:
+        w[first + 1] = s.coming_v[which]
+    new = first + 2 if carry else first + 1
+    for t in range(n):
+        w[new + t] = dac.volts(part, codes[t])
+    s.volts[which] = w[first + n]
+    s.coming_v[which] = w[new + n - 1]
+    for t in range(0, n, LANES):
+        before = load(w, first + t)
+        rise = load(w, first + t + 1) - before
+        store(w, du * STRIDE + t, rise)
+        store(w, noisy * STRIDE + t, before + load(w, noisy * STRIDE + t))
+        store(w, area * STRIDE + t, rise * load(w, jitter * STRIDE + t))
+    late = s.late_area[which]
     s.late_area[which] = 0.0
-    if cycle >= 0 and code != s.codes[which]:
-        rise = dac.volts(part, code) - dac.volts(part, s.codes[which])
-        throw = rise * jitter_s - dac.glitch(part, s.codes[which], code)
-        s.codes[which] = code
-        if carry:
-            s.late_step[which] = rise
-            s.late_area[which] = throw
-        else:
-            step += rise
-            area += throw
-    return step, area
-
-
-@outlined
-def _multiply(g, v, out):
-    """out[o] = sum over j, ascending, of g[j, o] v[j]; the loop over o vectorises and does not change a bit."""
-    for o in range(OUTPUTS):
-        out[o] = 0.0
-    for j in range(INPUTS):
-        a = v[j]
-        for o in range(OUTPUTS):
-            out[o] += g[j, o] * a
+    if carry:
+        # each impulse is drawn with its code and acts a tick later
+        for t in range(n):
+            throw = (w[new + t] - w[new + t - 1]) * w[jitter * STRIDE + t]
+            w[area * STRIDE + t] = late
+            late = throw
+        s.late_area[which] = late
+    else:
+        w[area * STRIDE] = w[area * STRIDE] + late
+    if part.glitch_v_s != 0.0:
+        old = s.codes[which]
+        for t in range(n):
+            throw = dac.glitch(part, old, codes[t])
+            old = codes[t]
+            at = t + 1 if carry else t
+            if at < n:
+                w[area * STRIDE + at] = w[area * STRIDE + at] - throw
+            else:
+                s.late_area[which] = s.late_area[which] - throw
+    s.codes[which] = codes[n - 1]
 
 
 @inner
 def step(p, s, tick, pins, edges):
-    """One tick. `edges` (n, 2): clock and reference number of each edge of the four reference pins, in time order.
+    """One tick: a block of one. `edges` (n, 2): clock and reference number of each edge, in time order. Mutates `s`.
 
     Returns the clock of the next tick at which DRDY_N falls, or -1; the codes are in s.adc.
     """
-    t, z = p.tables, s.z
-    if pins.drive_cycle >= 0:
-        s.cycles[DRIVE] = pins.drive_cycle
-    if pins.sense_cycle >= 0:
-        s.cycles[SENSE] = pins.sense_cycle
-    if s.now[NOW_CYCLE_DRIVE] != s.cycles[DRIVE] or s.now[NOW_CYCLE_SENSE] != s.cycles[SENSE]:
-        _blend(p, s, s.now[NOW_TEMP])
-        _columns(s)
-    effects.apply_forces(p.effects, z)
-
-    v, out = s.inputs, s.out
-    for i in range(STATES):
-        v[i] = z[i]
-    jitter = noise.white(p.noise.edge_jitter, 6 * tick)
-    step_v, area = _dac_step(
-        p, s, DRIVE, p.drive_dac, t.drive_carry[0, s.cycles[DRIVE]], pins.drive_code, pins.drive_cycle, jitter
-    )
-    v[U_DRIVE] = s.volts[DRIVE] + noise.white(p.noise.drive_dac, tick)
-    v[DU_DRIVE] = step_v
-    v[JIT_DRIVE] = area
-    s.volts[DRIVE] += step_v
-    jitter = noise.white(p.noise.edge_jitter, 6 * tick + 1)
-    step_v, area = _dac_step(
-        p, s, SENSE, p.sense_dac, t.sense_carry[0, s.cycles[SENSE]], pins.sense_code, pins.sense_cycle, jitter
-    )
-    v[U_SENSE] = s.volts[SENSE] + noise.white(p.noise.sense_dac, tick)
-    v[DU_SENSE] = step_v
-    v[JIT_SENSE] = area
-    s.volts[SENSE] += step_v
-    v[F_X] = noise.white(p.noise.force_x, tick)
-    v[F_Y] = noise.white(p.noise.force_y, tick)
-
-    _multiply(s.g, v, out)
-
-    noise_x, noise_y = effects.cv_volts(
-        p.effects, noise.white(p.noise.cv_x, tick), noise.white(p.noise.cv_y, tick), z[V_DRIVE], out[V_DRIVE]
-    )
-    sensor = adc.temperature_volts(s.now[NOW_TEMP])
-    before = (sid.output(s.caps, 0), sid.output(s.caps, 1), sid.output(s.caps, 2), sid.output(s.caps, 3), sensor)
-    busy = pins.edge_count + s.late_count[0] + s.late_count[1] + s.late_count[2] + s.late_count[3]
-    if busy == 0:
-        for d in range(DEMODULATORS):
-            first = PX1 if d < 2 else PY1
-            sid.full(
-                p.sid, s.caps, d, s.switch[d], noise_x if d < 2 else noise_y, out[first], out[first + 1], out[first + 2]
-            )
-    else:
-        _switch(p, s, tick, pins.edge_count, edges, noise_x, noise_y, z, out)
-    for i in range(STATES):
-        z[i] = out[i]
-    after = (sid.output(s.caps, 0), sid.output(s.caps, 1), sid.output(s.caps, 2), sid.output(s.caps, 3), sensor)
-    return adc.step(p.adc, s.adc.clock, s.adc.sums, before, after)
+    s.work.drive_codes[0] = pins.drive_code
+    s.work.sense_codes[0] = pins.sense_code
+    ready = block(p, s, tick, ONE, pins.drive_cycle, pins.sense_cycle, pins.edge_count, edges)
+    return ready - TICK_CYCLES if ready >= 0 else -1
 
 
 @outlined
-def _switch(p, s, tick, edge_count, edges, noise_x, noise_y, z, out):
-    """The demodulators of a tick in which a reference changes, now or by an edge of the tick before."""
+def block(p, s, tick, n, drive_cycle, sense_cycle, edge_count, edges):
+    """`n` ticks from `tick` on, all of one frame; the DAC codes stand in s.work. Mutates `s`.
+
+    drive_cycle, sense_cycle  clock within each tick at which a DAC's output is told to change; -1 for never
+    edges (edge_count, 2)     clock from the block's first, and reference number, of each edge of the four reference
+                              pins, in time order
+    Returns the clock from the block's first at which DRDY_N falls, 26 .. 26 n + 25, or -1; the codes are in s.adc.
+    """
+    t, w = p.tables, s.work.w
+    if drive_cycle >= 0:
+        s.cycles[DRIVE] = drive_cycle
+    if sense_cycle >= 0:
+        s.cycles[SENSE] = sense_cycle
+    if s.now[NOW_CYCLE_DRIVE] != s.cycles[DRIVE] or s.now[NOW_CYCLE_SENSE] != s.cycles[SENSE]:
+        _blend(p, s, s.now[NOW_TEMP])
+        _columns(s)
+    for k in range(STATES):
+        w[STATE_ROWS[k] * STRIDE] = s.z[k]
+    on = p.noise
+    noise.fill_row(on.drive_dac, tick, 1, w, IN_U_DRIVE * STRIDE, n)
+    noise.fill_row(on.sense_dac, tick, 1, w, IN_U_SENSE * STRIDE, n)
+    noise.fill_row(on.edge_jitter, 6 * tick, 6, w, JITTER_DRIVE * STRIDE, n)
+    noise.fill_row(on.edge_jitter, 6 * tick + 1, 6, w, JITTER_SENSE * STRIDE, n)
+    noise.fill_row(on.force_x, tick, 1, w, IN_FX * STRIDE, n)
+    noise.fill_row(on.force_y, tick, 1, w, IN_FY * STRIDE, n)
+    noise.fill_row(on.cv_x, tick, 1, w, CV_NOISE_X * STRIDE, n)
+    noise.fill_row(on.cv_y, tick, 1, w, CV_NOISE_Y * STRIDE, n)
+    carry = t.drive_carry[0, s.cycles[DRIVE]]
+    codes = s.work.drive_codes
+    _dac(p, s, w, DRIVE, p.drive_dac, carry, codes, n, IN_U_DRIVE, IN_DU_DRIVE, IN_JIT_DRIVE, LEVEL_DRIVE, JITTER_DRIVE)
+    carry = t.sense_carry[0, s.cycles[SENSE]]
+    codes = s.work.sense_codes
+    _dac(p, s, w, SENSE, p.sense_dac, carry, codes, n, IN_U_SENSE, IN_DU_SENSE, IN_JIT_SENSE, LEVEL_SENSE, JITTER_SENSE)
+    linear.chains(s.g, w, n)
+    linear.modes(s.g, w, n, p.effects)
+    linear.pickoffs(s.g, w, n)
+    for k in range(STATES):
+        s.z[k] = w[STATE_ROWS[k] * STRIDE + n]
+    _demodulate(p, s, tick, n, edge_count, edges)
+    sensor_v = adc.temperature_volts(s.now[NOW_TEMP])
+    return adc.block(p.adc, s.adc.clock, s.adc.sums, s.work.demodulated, n, sensor_v)
+
+
+@outlined
+def _demodulate(p, s, tick, n, edge_count, edges):
+    """The four demodulators: stretches without an edge, and the ticks in which a switch moves."""
+    w, out = s.work.w, s.work.demodulated
+    added = CV_NOISE_X
+    if p.effects.any_cv:
+        x, y, drive = CV_NOISE_X * STRIDE, CV_NOISE_Y * STRIDE, D3 * STRIDE
+        added = CV_ADDED_X
+        for t in range(n):
+            x_volts, y_volts = effects.cv_volts(p.effects, w[x + t], w[y + t], w[drive + t], w[drive + t + 1])
+            w[CV_ADDED_X * STRIDE + t] = x_volts
+            w[CV_ADDED_Y * STRIDE + t] = y_volts
+    for c in range(2):
+        noisy, path, feed = (added + c) * STRIDE, (PATH + 3 * c) * STRIDE, (FEED + 3 * c) * STRIDE
+        s1, s2, s3 = splat(p.sid.s1), splat(p.sid.s2), splat(p.sid.s3)
+        for t in range(0, n, LANES):
+            v = load(w, noisy + t)
+            store(w, feed + t, load(w, path + t) + v * s1)
+            store(w, feed + STRIDE + t, load(w, path + STRIDE + t) + v * s2)
+            store(w, feed + 2 * STRIDE + t, load(w, path + 2 * STRIDE + t) + v * s3)
+    for d in range(DEMODULATORS):
+        out[d] = sid.output(s.caps, d)
+    t, k = 0, 0
+    late = s.late_count[0] + s.late_count[1] + s.late_count[2] + s.late_count[3]
+    while t < n:
+        until = t
+        if late == 0:
+            until = min(edges[k, 0] // TICK_CYCLES, n) if k < edge_count else n
+        if until > t:
+            sid.between(p.sid, s.caps, s.switch, w, FEED, STRIDE, t, until, out)
+            t = until
+        else:
+            last = k
+            while last < edge_count and edges[last, 0] < (t + 1) * TICK_CYCLES:
+                last += 1
+            late = _switch(p, s, tick + t, t, k, last, edges, added)
+            k = last
+            t += 1
+
+
+@outlined
+def _switch(p, s, tick, t, first_edge, last_edge, edges, added):
+    """Tick `t` of a block, in which a reference changes, now or by an edge of the tick before.
+
+    Returns how many edges act in the next tick.
+    """
     gain, driver_s = p.slope_gain, s.now[NOW_DRIVER]
-    taus = s.taus_s
+    taus, w = s.work.taus_s, s.work.w
+    kept = 0
     for d in range(DEMODULATORS):
         count = s.late_count[d]
         for k in range(count):
             taus[k] = s.late_tau_s[d, k]
         late = 0
-        for k in range(edge_count):
+        for k in range(first_edge, last_edge):
             if edges[k, 1] == d:
-                cycle = edges[k, 0]
+                cycle = edges[k, 0] - TICK_CYCLES * t
                 tau = p.switch_tau_s[cycle] + noise.white(p.noise.edge_jitter, 6 * tick + 2 + d)
                 if p.switch_carry[cycle] != 0:
                     s.late_tau_s[d, late] = max(tau, 0.0)
@@ -322,12 +419,15 @@ def _switch(p, s, tick, edge_count, edges, noise_x, noise_y, z, out):
                     taus[count] = min(max(tau, 0.0), p.sid.h_s)
                     count += 1
         s.late_count[d] = late
-        first = PX1 if d < 2 else PY1
-        cv = CV_X if d < 2 else CV_Y
-        n = noise_x if d < 2 else noise_y
+        kept += late
+        path = (PATH if d < 2 else PATH + 3) * STRIDE + t
+        n = w[(added if d < 2 else added + 1) * STRIDE + t]
+        p1, p2, p3 = w[path], w[path + STRIDE], w[path + 2 * STRIDE]
         if count == 0:
-            sid.full(p.sid, s.caps, d, s.switch[d], n, out[first], out[first + 1], out[first + 2])
+            sid.full(p.sid, s.caps, d, s.switch[d], n, p1, p2, p3)
         else:
+            cv = (CX3 if d < 2 else CY3) * STRIDE + t
+            before = (CX2 if d < 2 else CY2) * STRIDE + t
             s.switch[d] = sid.edges(
                 p.sid,
                 s.caps,
@@ -336,14 +436,16 @@ def _switch(p, s, tick, edge_count, edges, noise_x, noise_y, z, out):
                 taus,
                 count,
                 n,
-                out[first],
-                out[first + 1],
-                out[first + 2],
-                z[cv],
-                (gain * z[cv - 1] - z[cv]) / driver_s,
-                out[cv],
-                (gain * out[cv - 1] - out[cv]) / driver_s,
+                p1,
+                p2,
+                p3,
+                w[cv],
+                (gain * w[before] - w[cv]) / driver_s,
+                w[cv + 1],
+                (gain * w[before + 1] - w[cv + 1]) / driver_s,
             )
+        s.work.demodulated[4 * (t + 1) + d] = sid.output(s.caps, d)
+    return kept
 
 
 @outlined
@@ -352,7 +454,20 @@ def sar_code(p, s, tick, channel):
     noise_x, noise_y = effects.cv_volts(
         p.effects, noise.white(p.noise.cv_x, tick), noise.white(p.noise.cv_y, tick), s.z[V_DRIVE], s.z[V_DRIVE]
     )
-    volts = s.z[CV_X] + noise_x if channel == 0 else s.z[CV_Y] + noise_y
+    return sampled(p, s.z[CV_X] + noise_x if channel == 0 else s.z[CV_Y] + noise_y)
+
+
+@inner
+def aperture_noise(p, work, t, drive_v):
+    """As `sar_code` draws it, for tick `t` of the last block: noise and effects at both C/V outputs (V)."""
+    return effects.cv_volts(
+        p.effects, work.w[CV_NOISE_X * STRIDE + t], work.w[CV_NOISE_Y * STRIDE + t], drive_v, drive_v
+    )
+
+
+@inner
+def sampled(p, volts):
+    """Code of an 18-bit sample; not a number reads as plus full scale."""
     ratio = volts / p.sar_lsb_v
     if not ratio < 131071.0:
         return 131071

@@ -20,7 +20,17 @@ from __future__ import annotations  # a field may bear the name of its module
 
 from typing import NamedTuple
 
-from fpga_model import agc, cordic, frequency_tracker, quadrature_loop, rate_loop, rate_output, rates, sequencer
+from fpga_model import (
+    agc,
+    cordic,
+    frequency_tracker,
+    isqrt,
+    quadrature_loop,
+    rate_loop,
+    rate_output,
+    rates,
+    sequencer,
+)
 from fpga_model.jit import inner, outlined
 
 
@@ -83,13 +93,25 @@ def amplitude(p, s):
     return agc.amplitude(p.agc, s.agc, sequencer.outputs(s.sequencer).agc_mode)
 
 
+@inner
+def _output_params(bank):
+    return rate_output.Params(
+        bank.rate_bias,
+        bank.rate_bias_t1,
+        bank.rate_bias_t2,
+        bank.rate_scale,
+        bank.rate_scale_t1,
+        bank.rate_scale_t2,
+        bank.decimation,
+    )
+
+
 @outlined
-def step(p, s, slot, i, bank):
-    """One clock edge within the slots; `bank` is the register bank."""
+def loops(p, s, slot, i, bank):
+    """One clock edge within the slots for all but the sequencer."""
     at_loops = 1 if slot == rates.SLOT_LOOPS else 0
     at_pi = 1 if slot == SLOT_PI else 0
     at_root = 1 if slot == rates.SLOT_ROOT else 0
-    at_sequencer = 1 if slot == rates.SLOT_SEQUENCER else 0
     at_cordic = 1 if slot == rates.SLOT_CORDIC else 0
     o = sequencer.outputs(s.sequencer)
     amplitude_preset = bank.amplitude_fixed if o.fix_drive else 0
@@ -139,24 +161,33 @@ def step(p, s, slot, i, bank):
             quadrature_preset,
         ),
         rate_output=rate_output.step(
-            rate_output.Params(
-                bank.rate_bias,
-                bank.rate_bias_t1,
-                bank.rate_bias_t2,
-                bank.rate_scale,
-                bank.rate_scale_t1,
-                bank.rate_scale_t2,
-                bank.decimation,
-            ),
+            _output_params(bank),
             s.rate_output,
             at_root,
             s.rate_loop.loop.y,
             i.temperature,
         ),
+        sequencer=s.sequencer,
+    )
+
+
+@outlined
+def step(p, s, slot, i, bank):
+    """One clock edge within the slots; `bank` is the register bank."""
+    after = loops(p, s, slot, i, bank)
+    if slot != rates.SLOT_SEQUENCER:
+        return after
+    return State(
+        cordic=after.cordic,
+        agc=after.agc,
+        frequency_tracker=after.frequency_tracker,
+        rate_loop=after.rate_loop,
+        quadrature_loop=after.quadrature_loop,
+        rate_output=after.rate_output,
         sequencer=sequencer.step(
             p.sequencer,
             s.sequencer,
-            at_sequencer,
+            1,
             sequencer.Inputs(
                 control=bank.control,
                 clear=bank.fault_clear,
@@ -175,3 +206,32 @@ def step(p, s, slot, i, bank):
             ),
         ),
     )
+
+
+@outlined
+def settle(s, bank, clocks):
+    """`clocks` edges after SLOT_ROOT: only the square root and the rate output still move."""
+    root, out = s.quadrature_loop.root, s.rate_output
+    r = _output_params(bank)
+    for _ in range(clocks):
+        root = isqrt.step(root, 0, 0)
+        out = rate_output.step(r, out, 0, 0, 0)
+    loop = s.quadrature_loop
+    return State(
+        s.cordic,
+        s.agc,
+        s.frequency_tracker,
+        s.rate_loop,
+        quadrature_loop.State(loop.error, loop.loop, root),
+        out,
+        s.sequencer,
+    )
+
+
+@outlined
+def rotate(s, clocks):
+    """`clocks` edges between SLOT_CORDIC and SLOT_SEQUENCER, after a window that has ended: only the CORDIC moves."""
+    c = s.cordic
+    for _ in range(clocks):
+        c = cordic.step(c, 0, 0, 0)
+    return State(c, s.agc, s.frequency_tracker, s.rate_loop, s.quadrature_loop, s.rate_output, s.sequencer)

@@ -90,3 +90,9 @@ def out(p, s):
     elif p.frames == 2:
         code = s.held2
     return code
+
+
+@inlined
+def at(p, amplitude, sine):
+    """Code of an amplitude and a sine: what the two enables of one conversion period make of them."""
+    return clamp(half_up(amplitude * sine, p.shift), p.lo, p.hi)

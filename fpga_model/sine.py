@@ -36,6 +36,7 @@ PRODUCT = mul_fmt(SLOPE, MIDDLE)
 ALIGN = PRODUCT.f - BASE.f
 SIGN_BIT = PHASE.width - 1
 SLOPE_BITS, SLOPE_MASK = SLOPE.width, SLOPE.hi
+PRODUCT_BITS = PRODUCT.f
 OUT = Fmt(1, 0, 17)
 FULL_SCALE = OUT.hi
 LATENCY = 3
@@ -140,3 +141,16 @@ def step(s, phase):
         product=s.slope * (2 * s.fraction + 1),
         y=-magnitude if s.sign2 == 1 else magnitude,
     )
+
+
+@inlined
+def at(phase):
+    """y of a phase: what `step` gives LATENCY clocks later."""
+    place = phase >> CUT
+    if place & (1 << (ADDRESS_BITS + FRACTION_BITS)):
+        place = ~place
+    row = ROM[(place >> FRACTION_BITS) & (ROWS - 1)]
+    fraction = place & ((1 << FRACTION_BITS) - 1)
+    product = (row & SLOPE_MASK) * (2 * fraction + 1)
+    magnitude = half_up(((row >> SLOPE_BITS) << ALIGN) + product, PRODUCT_BITS)
+    return -magnitude if (phase >> SIGN_BIT) & 1 else magnitude

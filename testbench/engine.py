@@ -127,6 +127,20 @@ class Streams(NamedTuple):
     peak_x: np.ndarray  # float64 (1,) largest |x| seen
 
 
+class Chunk(NamedTuple):
+    """What a chunk of ticks is told: stimulus per frame begun, one host write at its first edge, faults, streams."""
+
+    begin: int  # its first tick
+    rate_rad_s: np.ndarray  # the first value is for the frame in progress
+    temp_degc: np.ndarray
+    write: int
+    address: int
+    data: int
+    faults: Faults
+    o: Streams
+    edges: np.ndarray  # scratch
+
+
 PIN_COLUMNS = (
     "drdy_n",
     "dout",
@@ -196,6 +210,21 @@ def _chips(p, s, chips, loaded, status, codes):
     )
 
 
+@inner
+def sent_codes(faults, clock):
+    """What the ADC sends on its eight channels: its last conversion, or what a fault puts in its place."""
+    return (
+        faults.code[0] if faults.stuck[0] else clock[CODES],
+        faults.code[1] if faults.stuck[1] else clock[CODES + 1],
+        faults.code[2] if faults.stuck[2] else clock[CODES + 2],
+        faults.code[3] if faults.stuck[3] else clock[CODES + 3],
+        clock[CODES + 4],
+        0,
+        0,
+        0,
+    )
+
+
 @outlined
 def _record_pins(row, p, s, chips):
     row[0] = chips.adc.drdy_n
@@ -218,10 +247,17 @@ def _record_pins(row, p, s, chips):
     row[17] = chips.quadrature.code
 
 
+@inner
+def frame_codes(p, sid_codes, channels):
+    """The five codes of a frame: of the demodulator in the FPGA, or of the converter."""
+    if p.digital:
+        return sid_codes[0], sid_codes[1], sid_codes[2], sid_codes[3], channels[4]
+    return channels[0], channels[1], channels[2], channels[3], channels[4]
+
+
 @outlined
-def _record_frame(row, truth, s, chips, z, temp_degc, rate_rad_s):
-    c = s.control
-    codes = s.adc.channels
+def record_frame(row, truth, c, codes, drive_code, sense_code, quadrature_code, z, temp_degc, rate_rad_s):
+    """One row of both streams: control `c`, five `codes`, the chips' output codes, the plant's state `z`."""
     row[0] = codes[0]
     row[1] = codes[1]
     row[2] = codes[2]
@@ -237,9 +273,9 @@ def _record_frame(row, truth, s, chips, z, temp_degc, rate_rad_s):
     row[12] = c.sequencer.lock.locked
     row[13] = c.sequencer.faults.flags
     row[14] = c.rate_output.y
-    row[15] = chips.drive.code
-    row[16] = chips.sense.code
-    row[17] = chips.quadrature.code
+    row[15] = drive_code
+    row[16] = sense_code
+    row[17] = quadrature_code
     truth[0] = z[plant.X]
     truth[1] = z[plant.VX]
     truth[2] = z[plant.Y]
@@ -257,52 +293,59 @@ def run(p, s, ticks, rate_rad_s, temp_degc, write, address, data, faults, o):
     o                      Streams
     """
     edges = np.zeros((MAX_EDGES, 2), np.int64)
-    f, chips, drdy_cycle = _run(
-        p,
-        s.fpga,
-        s.chips,
-        s.plant,
-        s.tick,
-        s.drdy_cycle,
-        ticks,
-        rate_rad_s,
-        temp_degc,
-        write,
-        address,
-        data,
-        faults,
-        o,
-        edges,
-    )
-    return State(f, chips, s.plant, s.tick + ticks, drdy_cycle)
+    chunk = Chunk(s.tick, rate_rad_s, temp_degc, write, address, data, faults, o, edges)
+    end = s.tick + ticks
+    f, chips, drdy_cycle = run_ticks(p, s.fpga, s.chips, s.plant, chunk, s.tick, end, s.drdy_cycle, 1)
+    return State(f, chips, s.plant, end, drdy_cycle)
 
 
 @hot
-def _run(p, f, chips, a, tick0, drdy_cycle, ticks, rate_rad_s, temp_degc, write, address, data, faults, o, edges):
+def run_ticks(p, f, chips, a, chunk, first, end, drdy_cycle, closed):
+    """Ticks `first` .. `end` - 1 of a chunk; returns firmware, chips, clock of DRDY.
+
+    closed  0: firmware and chips alone, nothing recorded, no plant
+    """
+    begin, rate_rad_s, temp_degc, faults, o, edges = (
+        chunk.begin,
+        chunk.rate_rad_s,
+        chunk.temp_degc,
+        chunk.faults,
+        chunk.o,
+        chunk.edges,
+    )
     refs = references.pins(p.fpga.references, f.references)
-    first_frame = tick0 // FRAME_TICKS
-    frame_row = 0
-    for k in range(ticks):
-        tick = tick0 + k
-        if tick % FRAME_TICKS == 0:
-            n = tick // FRAME_TICKS - first_frame
+    begin_frame = begin // FRAME_TICKS
+    for tick in range(first, end):
+        k = tick - begin
+        if tick % FRAME_TICKS == 0 and closed:
+            n = tick // FRAME_TICKS - begin_frame
+            row = n if begin % FRAME_TICKS == 0 else n - 1
             v_q = faults.dac_code[2] if faults.dac[2] else chips.quadrature.code
             plant.retune(p.plant, a, rate_rad_s[n], v_q, temp_degc[n])
-            if frame_row < o.frames.shape[0]:
-                _record_frame(o.frames[frame_row], o.truth[frame_row], f, chips, a.z, temp_degc[n], rate_rad_s[n])
-                if p.fpga.digital:
-                    for c in range(4):
-                        o.frames[frame_row, c] = f.sid.codes[c]
-                frame_row += 1
+            if row < o.frames.shape[0]:
+                codes = frame_codes(p.fpga, f.sid.codes, f.adc.channels)
+                record_frame(
+                    o.frames[row],
+                    o.truth[row],
+                    f.control,
+                    codes,
+                    chips.drive.code,
+                    chips.sense.code,
+                    chips.quadrature.code,
+                    a.z,
+                    temp_degc[n],
+                    rate_rad_s[n],
+                )
         # the aperture is the tick's first instant; the codes arrive a tick later
         sample_x, sample_y = a.sar[0], a.sar[1]
-        if p.fpga.digital:
+        if p.fpga.digital and closed:
             a.sar[0] = plant.sar_code(p.plant, a, tick, 0)
             a.sar[1] = plant.sar_code(p.plant, a, tick, 1)
-        if k < o.probe_ints.shape[0]:
-            row = o.probe_ints[k]
-            row[0] = f.dds.phase
-            row[1] = f.control.frequency_tracker.word
+        probed = closed and k < o.probe_ints.shape[0]
+        if probed:
+            ints = o.probe_ints[k]
+            ints[0] = f.dds.phase
+            ints[1] = f.control.frequency_tracker.word
             z = a.z
             values = o.probe_floats[k]
             for i in range(6):
@@ -312,31 +355,22 @@ def _run(p, f, chips, a, tick0, drdy_cycle, ticks, rate_rad_s, temp_degc, write,
             values[8] = z[plant.CV_X]
             values[9] = z[plant.CV_Y]
             values[10] = a.volts[0]
-            values[11] = a.late_step[0]
             values[12] = a.volts[1]
-            values[13] = a.late_step[1]
-        codes = (
-            faults.code[0] if faults.stuck[0] else a.adc.clock[CODES],
-            faults.code[1] if faults.stuck[1] else a.adc.clock[CODES + 1],
-            faults.code[2] if faults.stuck[2] else a.adc.clock[CODES + 2],
-            faults.code[3] if faults.stuck[3] else a.adc.clock[CODES + 3],
-            a.adc.clock[CODES + 4],
-            0,
-            0,
-            0,
-        )
+        codes = sent_codes(faults, a.adc.clock)
         drive_cycle, sense_cycle, edge_count = -1, -1, 0
         for c in range(TICK_CYCLES):
             at = k * TICK_CYCLES + c
-            if at < o.registers.shape[0]:
+            if at < o.registers.shape[0] and closed:
                 store(o.registers[at], f)
                 _record_pins(o.pins[at], p.fpga, f, chips)
-            host = write if at == 0 else 0
+            host = chunk.write if at == 0 else 0
             theta = f.dds.phase
             f = fpga.step(
                 p.fpga,
                 f,
-                fpga.Inputs(chips.adc.drdy_n, adc_serial.dout(chips.adc), sample_x, sample_y, host, address, data),
+                fpga.Inputs(
+                    chips.adc.drdy_n, adc_serial.dout(chips.adc), sample_x, sample_y, host, chunk.address, chunk.data
+                ),
             )
             loaded = 1 if c == drdy_cycle and faults.silent == 0 else 0
             chips = _chips(p.fpga, f, chips, loaded, faults.status, codes)
@@ -352,13 +386,15 @@ def _run(p, f, chips, a, tick0, drdy_cycle, ticks, rate_rad_s, temp_degc, write,
                         edges[edge_count, 0] = c
                         edges[edge_count, 1] = d
                         edge_count += 1
-                        if k < o.probe_ints.shape[0] and o.edge_count[0] < o.edges.shape[0]:
+                        if probed and o.edge_count[0] < o.edges.shape[0]:
                             e = o.edges[o.edge_count[0]]
                             e[0] = theta
                             e[1] = d
                             e[2] = (now >> d) & 1
                             o.edge_count[0] += 1
                 refs = now
+        if not closed:
+            continue
         drive_code = faults.dac_code[0] if faults.dac[0] else chips.drive.code
         sense_code = faults.dac_code[1] if faults.dac[1] else chips.sense.code
         if faults.dac[0] and drive_code != a.codes[0]:
@@ -373,7 +409,7 @@ def _run(p, f, chips, a, tick0, drdy_cycle, ticks, rate_rad_s, temp_degc, write,
         drdy_cycle = plant.step(
             p.plant, a, tick, plant.Pins(drive_code, drive_cycle, sense_code, sense_cycle, edge_count), edges
         )
-        if k < o.probe_ints.shape[0]:
+        if probed:
             o.probe_ints[k, 2] = drive_code
             o.probe_ints[k, 3] = sense_code
             o.probe_floats[k, 11] = a.volts[0] - before_drive

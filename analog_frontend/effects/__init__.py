@@ -1,7 +1,7 @@
 """All effects of a plant in one record, and the two kernels by which an engine applies them.
 
-    apply_forces   before the linear step of each tick: impulses on the velocities z[7], z[9]
-    cv_volts       after it: voltages at the SID inputs for that tick
+    force_impulse   before the linear step of each tick: impulse on the velocity of x
+    cv_volts        after it: voltages at the SID inputs for that tick
 
 Order     as in `EFFECTS`; impulses of one port add, so the order only matters to the last bit
 Splitting impulse, step, impulse, step: the Strang step of the same pair seen half a tick later; error O(h^2), on
@@ -49,16 +49,14 @@ def collect(**effects):
 
 
 @inlined
-def apply_forces(p, z):
-    """Impulses of all force effects at a tick, from the state at its start; mutates z[7]."""
-    if not p.any_force:
-        return
+def force_impulse(p, x, drive_v):
+    """Sum of the impulses of all force effects on vx/W (m) at a tick, from x (m) and the drive electrode (V)."""
     impulse = 0.0
     if p.duffing.on:
-        impulse = impulse + duffing.kick(p.duffing, z[6])
+        impulse = impulse + duffing.kick(p.duffing, x)
     if p.drive_cubic.on:
-        impulse = impulse + drive_cubic.kick(p.drive_cubic, z[2])
-    z[7] = z[7] + impulse
+        impulse = impulse + drive_cubic.kick(p.drive_cubic, drive_v)
+    return impulse
 
 
 @inlined

@@ -28,7 +28,8 @@ def run(p, z, a, b, c, d, drive, x, v):
     """Free mode, rotated exactly over each tick, with the effects' impulses; records both ends of the state."""
     for k in range(drive.size):
         z[2] = drive[k]
-        effects.apply_forces(p, z)
+        if p.any_force:
+            z[7] += effects.force_impulse(p, z[6], z[2])
         z[6], z[7] = a * z[6] + b * z[7], c * z[6] + d * z[7]
         x[k], v[k] = z[6], z[7]
 
@@ -63,7 +64,8 @@ raw = st.lists(st.integers(-(2**63), 2**63 - 1), min_size=24, max_size=24)
 
 @kernel
 def off(p, z, volts):
-    effects.apply_forces(p, z)
+    if p.any_force:
+        z[7] += effects.force_impulse(p, z[6], z[2])
     volts[0], volts[1] = effects.cv_volts(p, volts[0], volts[1], z[2], z[2])
 
 

@@ -20,13 +20,14 @@ PINNED = "296a815817461e74a700cfebc7a3b82a6f950bc159a96d130b831401fa4f004a"
 
 
 @kernel
-def play(fx, osc, cv, demods, conv, z, caps, clock, sums, start, end, ticks, log):
+def play(fx, osc, cv, demods, conv, z, caps, clock, sums, out, sensor, ticks, log):
     """A made-up closed chain: a rotating state, effects, noise, jittered edges, demodulators, converter."""
     value, slope, refs = 0.0, 0.0, 1
     rows = 0
     for k in range(ticks):
         before = z[2]
-        effects.apply_forces(fx, z)
+        if fx.any_force:
+            z[7] += effects.force_impulse(fx, z[6], z[2])
         x = z[6]
         z[6] = 0.9976 * x + 0.0691 * z[7]
         z[7] = 0.9976 * z[7] - 0.0691 * x
@@ -42,11 +43,11 @@ def play(fx, osc, cv, demods, conv, z, caps, clock, sums, start, end, ticks, log
                 sid.edge(demods, caps, d, (refs >> d) & 1, tau, n, p1, p2, p3, value, slope, v1, d1)
             else:
                 sid.full(demods, caps, d, (refs >> d) & 1, n, p1, p2, p3)
-            start[d] = end[d]
-            end[d] = sid.output(caps, d)
-        ready = adc.step(conv, clock, sums, start, end)
+            out[d] = out[4 + d]
+            out[4 + d] = sid.output(caps, d)
+        ready = adc.block(conv, clock, sums, out, 1, sensor)
         if ready >= 0:
-            log[rows, 0] = 26 * (k + 1) + ready
+            log[rows, 0] = 26 * k + ready
             for c in range(5):
                 log[rows, 1 + c] = clock[adc.CODES + c]
             rows += 1
@@ -68,10 +69,9 @@ def digest():
     s = adc.reset(conv)
     z, caps, log = np.zeros(24), sid.reset(), np.zeros((TICKS // 100, 6), np.int64)
     z[6] = 5e-6
-    start, end = np.zeros(5), np.zeros(5)
-    end[4] = adc.temperature_volts(31.0)
-    start[4] = end[4]
-    rows = play(fx, osc, cv, demods, conv, z, caps, s.clock, s.sums, start, end, TICKS, log)
+    rows = play(
+        fx, osc, cv, demods, conv, z, caps, s.clock, s.sums, np.zeros(8), adc.temperature_volts(31.0), TICKS, log
+    )
     assert rows == 24
     chains = [ring_diode.chain(1e-7, t, cref_f=c) for t in (-20.0, 25.0, 70.0) for c in (32e-12, 45e-12)]
     numbers = [x for chain in chains for x in chain]

@@ -102,6 +102,17 @@ def test_latency_and_frames():
         assert np.flatnonzero(pins)[0] == 26 + modulator.LATENCY + 26 * frames
 
 
+@kernel
+def closed(p, amplitude, y):
+    return modulator.at(p, amplitude, y)
+
+
+@given(designs, raws(A), raws(S))
+def test_closed_form_is_the_pipeline(p, amplitude, y):
+    rows, _ = run(p, [(1, 0, amplitude, y), (0, 1, 0, 0)])
+    assert rows[-1, list(modulator.State._fields).index("code")] == closed(p, amplitude, y)
+
+
 def test_codes_are_held_between_enables():
     p = modulator.design(20, 1)
     rows, _ = run(p, [(1, 0, A.hi, S.hi), (0, 1, 0, 0)] + [(0, 0, A.lo, S.hi)] * 20)

@@ -68,6 +68,21 @@ def test_step_is_the_documented_equation(inputs):
     assert_in_formats(sine.STATE_FMT, rows)
 
 
+@kernel
+def closed(phases):
+    y = np.empty(len(phases), np.int64)
+    for n in range(len(phases)):
+        y[n] = sine.at(int(phases[n]))
+    return y
+
+
+@given(st.lists(phases, min_size=4, max_size=20))
+def test_closed_form_is_the_pipeline(inputs):
+    rows = trace(sine.State(), np.array(inputs, np.int64))
+    y = list(sine.State._fields).index("y")
+    assert rows[sine.LATENCY :, y].tolist() == closed(np.array(inputs, np.int64))[: len(rows) - sine.LATENCY].tolist()
+
+
 def test_every_table_row():
     """Both ends of each of the 1024 steps, in all four quadrants."""
     step = TURN // 4096

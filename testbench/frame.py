@@ -1,0 +1,659 @@
+"""Frame engine: from event to event; every register and code to the last bit that of the clocked engine, but faster.
+
+    quiet tick     no ADC read, no 8 kHz window and no late register in flight: the firmware is its phase, its words and
+                   a few codes, and everything until the next event is a closed form of them
+    events         8 kHz window (a valid ADC frame, or stale at ce_8k), frame boundary, DRDY; blocks of ticks in between
+
+    for each block:  words of its ticks        the window's slots one by one, or constant
+                     DAC codes                 sine.at and modulator.at of phase(26 k - pipeline), one per tick
+                     reference edges           one division per quarter turn
+                     plant.block               the same step that the clocked engine calls with one tick
+    chunk          clocked ticks to a quiet one | blocks | FLUSH clocked ticks without plant | clocked ticks to the end
+
+What the blocks do not carry along (shift registers, counters, pipelines) has a memory of less than FLUSH ticks: running
+the clocked firmware that long from the words alone restores every register, and the phase, codes and pins that it
+arrives at must be those of the blocks, or the run stops with an error.
+Source    docs/architecture.md, docs/decisions/0007-frame-engine.md
+"""
+
+from __future__ import annotations  # a field may bear the name of its module
+
+from typing import NamedTuple
+
+import numpy as np
+
+from analog_frontend import adc, adc_serial, dac_serial, linear
+from analog_frontend import top as plant
+from fpga_model import (
+    control,
+    dds,
+    digital_sid,
+    modulator,
+    rates,
+    references,
+    registers,
+    sequencer,
+    sine,
+    spi_adc,
+    spi_dac,
+    watchdog,
+)
+from fpga_model import top as fpga
+from fpga_model.jit import hot, inner, outlined
+from fpga_model.rates import FRAME_TICKS, SLOT_CORDIC, SLOT_ROOT, SLOT_SEQUENCER, SLOTS, TICK_CYCLES
+from testbench import engine
+
+FLUSH = 8
+SETTLED_TICKS = 8  # before this tick after power-on the DACs have not had two frames
+READ_TICKS = 30  # from DRDY to a quiet tick: read, window, flush
+WINDOW_TICKS = 12  # from a window at a frame boundary to a quiet tick
+SHORTEST = 3 * FLUSH
+# typed: Numba compiles a function anew for every constant that it is called with
+FAR, ZERO, ONE = np.int64(1 << 62), np.int64(0), np.int64(1)
+TURN_MASK = (1 << dds.WIDTH) - 1
+QUARTER_BITS = dds.WIDTH - 2
+QUARTER_MASK = (1 << QUARTER_BITS) - 1
+WORD_LIMIT = 1 << (QUARTER_BITS - 6)  # at most one quarter turn in 64 clocks
+SINE_CLOCKS = 1 + sine.LATENCY  # from the phase to the sine
+REFERENCE_CLOCKS = 2  # from the phase to the pins
+DRIVE_CLOCK = np.int64(spi_dac.LOAD_TICK + spi_dac.latch_cycles(spi_dac.DAC8811))
+SENSE_CLOCK = np.int64(spi_dac.LOAD_TICK + spi_dac.latch_cycles(spi_dac.AD5791) - TICK_CYCLES)
+VALID_CLOCKS = 1 + spi_adc.READ_CYCLES  # from the clock in which DRDY falls to the one that sees the frame
+WORD_CLOCKS = 2 * spi_adc.WORD_BITS
+FIRST_CHANNEL_CLOCKS = VALID_CLOCKS - spi_adc.CHANNELS * WORD_CLOCKS + WORD_CLOCKS
+DUMP_CLOCKS = digital_sid.LATENCY
+LAST_ODD_TICK = FRAME_TICKS - 2  # the last load of V_q that is out when the frame ends
+CHANNEL_MASK = spi_adc.WORD_MASK
+HISTORY = 3
+assert 0 < DRIVE_CLOCK < TICK_CYCLES, "the drive DAC follows in the tick of its load"
+assert 0 <= SENSE_CLOCK < TICK_CYCLES, "the sense DAC follows in the tick after its load"
+
+
+class Buffers(NamedTuple):
+    """Scratch of a block: one place per tick, codes and loads with HISTORY places before it."""
+
+    amplitude: np.ndarray
+    rate: np.ndarray
+    control_load: np.ndarray
+    drive: np.ndarray
+    sense: np.ndarray
+    refs: np.ndarray  # the four pins before each tick's first edge
+    sar: np.ndarray  # (2, ticks)
+    edges: np.ndarray
+
+
+def _buffers():
+    n = linear.BLOCK + HISTORY
+    return Buffers(
+        *(np.zeros(n, np.int64) for _ in range(6)),
+        np.zeros((2, n), np.int64),
+        np.zeros((plant.MAX_EDGES * n, 2), np.int64),
+    )
+
+
+class Turn(NamedTuple):
+    """The phase: `phase` before clock `clock`, turning by `old` a clock until then and by `word` from then on."""
+
+    clock: int
+    phase: int
+    old: int
+    word: int
+
+
+@inner
+def _phase(turn, clock):
+    ahead = clock - turn.clock
+    return (turn.phase + ahead * (turn.word if ahead > 0 else turn.old)) & TURN_MASK
+
+
+@inner
+def _next_quarter(turn, offset, clock):
+    """First clock after `clock` before which the phase plus `offset` has entered another quarter turn."""
+    at = clock
+    if at < turn.clock:
+        left = QUARTER_MASK + 1 - ((_phase(turn, at) + offset) & QUARTER_MASK)
+        found = at + (left + turn.old - 1) // turn.old
+        if found <= turn.clock:
+            return found
+        at = turn.clock
+    left = QUARTER_MASK + 1 - ((_phase(turn, at) + offset) & QUARTER_MASK)
+    return at + (left + turn.word - 1) // turn.word
+
+
+@inner
+def _edges(p, turn, bank, first, end, refs, b):
+    """Reference edges of the pins in ticks `first` .. `end` - 1 (clocks from the first), and the pins after them."""
+    delay = REFERENCE_CLOCKS + p.align
+    retimed = p.retimed
+    # what the pins show before the first edge is the phase `delay` clocks before, or before the tick's first edge
+    seen = TICK_CYCLES * (first - 1 if retimed else first) - delay
+    at_drive = _next_quarter(turn, bank.phase_drive_ref, seen)
+    at_sense = _next_quarter(turn, bank.phase_sense_ref, seen)
+    count = 0
+    base, limit = TICK_CYCLES * first, TICK_CYCLES * end
+    while True:
+        sense = 1 if at_sense < at_drive else 0
+        at = at_sense if sense else at_drive
+        offset = bank.phase_sense_ref if sense else bank.phase_drive_ref
+        if retimed:
+            edge = (at + delay + TICK_CYCLES - 1) // TICK_CYCLES * TICK_CYCLES
+        else:
+            edge = at + delay - 1
+        if edge >= limit:
+            return count, refs
+        quarter = ((_phase(turn, at) + offset) & TURN_MASK) >> QUARTER_BITS
+        which = 2 * sense + (quarter & 1)
+        place = count
+        if count > 0 and b.edges[count - 1, 0] == edge - base and b.edges[count - 1, 1] > which:
+            # on one clock, in the order of the pins
+            b.edges[count, 0], b.edges[count, 1] = b.edges[count - 1, 0], b.edges[count - 1, 1]
+            place = count - 1
+        b.edges[place, 0] = edge - base
+        b.edges[place, 1] = which
+        count += 1
+        refs = refs ^ (1 << which)
+        following = _next_quarter(turn, offset, at)
+        if sense:
+            at_sense = following
+        else:
+            at_drive = following
+
+
+@inner
+def _quiet(f, chips, tick):
+    """1 when nothing is in flight that the blocks do not know."""
+    word = f.control.frequency_tracker.word
+    calm = f.rates.slot == 0 and f.adc.busy == 0 and f.adc.valid == 0 and f.adc.meta == 1 and f.adc.sync == 1
+    calm = calm and f.adc.seen == 1 and chips.adc.drdy_n == 1 and chips.adc.pulse == 0
+    # V_q's last load of a frame may have gone out before the root was done, if a window has just ended
+    calm = calm and f.sid.stage == 0 and f.sid.valid == 0 and tick % FRAME_TICKS != LAST_ODD_TICK + 1
+    return calm and tick >= SETTLED_TICKS and 0 < word < WORD_LIMIT
+
+
+@outlined
+def _codes(p, bank, turn, first, n, b):
+    """Modulator codes of `n` ticks into b.drive and b.sense, after their history. Mutates `b`."""
+    lag = SINE_CLOCKS + p.pipe.depth
+    begin = TICK_CYCLES * first - lag - turn.clock
+    for k in range(n):
+        ahead = begin + TICK_CYCLES * k
+        phase = turn.phase + ahead * (turn.word if ahead > 0 else turn.old)
+        y = sine.at((phase + bank.phase_drive_sine) & TURN_MASK)
+        b.drive[HISTORY + k] = modulator.at(p.drive_modulator, b.amplitude[k], y)
+        y = sine.at((phase + bank.phase_sense_sine) & TURN_MASK)
+        b.sense[HISTORY + k] = modulator.at(p.sense_modulator, b.rate[k], y)
+
+
+@inner
+def _stop(end, ready):
+    """The last tick before `end` at which the firmware is quiet and has been for FLUSH ticks; DRDY falls at `ready`."""
+    for _ in range(2):
+        if ready // TICK_CYCLES < end < ready // TICK_CYCLES + READ_TICKS:
+            end = ready // TICK_CYCLES
+        if 0 < end % FRAME_TICKS < WINDOW_TICKS:
+            end = end - end % FRAME_TICKS
+    return end
+
+
+@inner
+def _loaded(p, s, tick, known, n):
+    """Code of V_q's DAC at the frame's end, after ticks `known` .. `n` - 1 of a block outside of a window."""
+    for k in range(known, n):
+        frame_tick = (tick + k) % FRAME_TICKS
+        if frame_tick <= LAST_ODD_TICK and (p.quadrature_fast == 1 or frame_tick & 1 == 1):
+            return s.control.quadrature_loop.root.y
+    return s.quadrature
+
+
+@inner
+def _received(old, new, ready, clock):
+    """The eight channel registers before `clock`, while a frame whose DRDY fell at `ready` is read word by word."""
+    if clock > ready + VALID_CLOCKS:
+        return new
+    first = ready + FIRST_CHANNEL_CLOCKS
+    if clock < first:
+        return old
+    return (
+        new[0],
+        new[1] if clock >= first + WORD_CLOCKS else old[1],
+        new[2] if clock >= first + 2 * WORD_CLOCKS else old[2],
+        new[3] if clock >= first + 3 * WORD_CLOCKS else old[3],
+        new[4] if clock >= first + 4 * WORD_CLOCKS else old[4],
+        new[5] if clock >= first + 5 * WORD_CLOCKS else old[5],
+        new[6] if clock >= first + 6 * WORD_CLOCKS else old[6],
+        new[7] if clock >= first + 7 * WORD_CLOCKS else old[7],
+    )
+
+
+class Window(NamedTuple):
+    """The 8 kHz side: its registers, the phase that its word turns, and what the DACs were last told."""
+
+    control: control.State
+    bank: registers.State
+    dog: watchdog.State
+    turn: Turn
+    slot: int
+    restarted: int  # a new window began before the last one had ended: nothing in it is at rest
+    quadrature: int  # code that V_q's DAC will hold when the frame ends
+
+
+@outlined
+def _window(p, s, sid_codes, old, new, ready, ok, new_ok, valid, tick, n, b):
+    """At most `n` ticks from `tick` on, until the window has ended, clock by clock; returns the state and the ticks."""
+    c, bank, dog, turn, slot, restarted, quadrature = s
+    behind = 0  # clocks that c lags: in them only the CORDIC, or the root and the rate output, move
+    for k in range(n):
+        if slot == 0 and k > 0 and valid // TICK_CYCLES != tick + k:
+            return Window(c, bank, dog, turn, slot, restarted, quadrature), k
+        frame_tick = (tick + k) % FRAME_TICKS
+        for e in range(TICK_CYCLES):
+            clock = TICK_CYCLES * (tick + k) + e
+            go = clock == valid or (e == 0 and frame_tick == 0 and dog.stale == 1)
+            if e == 0:
+                b.amplitude[k] = control.amplitude(p.control, c)
+                b.rate[k] = c.rate_loop.loop.y
+            elif e == spi_dac.LOAD_TICK:
+                b.control_load[HISTORY + k] = sequencer.outputs(c.sequencer).dac_init
+                if p.quadrature_fast == 1 or frame_tick & 1 == 1:
+                    if behind > 0 and slot > SLOT_ROOT:
+                        c = control.settle(c, bank, behind)
+                        behind = 0
+                    if frame_tick <= LAST_ODD_TICK:
+                        quadrature = c.quadrature_loop.root.y
+            if slot != 0:
+                rest = restarted == 0 and slot != SLOT_CORDIC and (slot < SLOT_SEQUENCER or slot > SLOT_ROOT)
+                if rest:
+                    behind += 1
+                if behind > 0 and (not rest or go or slot == SLOTS or (k == n - 1 and e == TICK_CYCLES - 1)):
+                    if slot > SLOT_ROOT:
+                        c = control.settle(c, bank, behind)
+                    else:
+                        c = control.rotate(c, behind)
+                    behind = 0
+                if not rest:
+                    channels = _received(old, new, ready, clock)
+                    good = new_ok if clock >= valid and p.digital == 0 else ok
+                    codes = engine.frame_codes(p, sid_codes, channels)
+                    i = control.Inputs(
+                        codes[0],
+                        codes[1],
+                        codes[2],
+                        codes[3],
+                        0 if p.digital else codes[4],
+                        1 if p.digital else good,
+                        dog.stale,
+                    )
+                    c = control.step(p.control, c, slot, i, bank)
+                    word = c.frequency_tracker.word
+                    if word != turn.word:
+                        turn = Turn(clock + 1, _phase(turn, clock + 1), turn.word, word)
+                if slot == SLOT_SEQUENCER:
+                    bank = registers.step(bank, 0, 0, 0, 1)
+            dog = watchdog.step(p.watchdog, dog, 1 if e == 0 else 0, 1 if clock == valid else 0)
+            if go:
+                restarted = 1 if slot != 0 and slot != SLOTS else 0
+                slot = 1
+            elif slot != 0:
+                slot = slot + 1 if slot != SLOTS else 0
+    return Window(c, bank, dog, turn, slot, restarted, quadrature), n
+
+
+@outlined
+def _demodulated(p, sid, tick, first, end, b):
+    """The FPGA's own demodulator over ticks `first` .. `end` - 1 of a block that begins at `tick`.
+
+    One edge a tick, and at a dump those until its codes are out.
+    """
+    for k in range(first, end):
+        dump = 1 if (tick + k) % FRAME_TICKS == 0 else 0
+        sid = digital_sid.step(p.sid, sid, 1, dump, b.refs[k], b.sar[0, k], b.sar[1, k])
+        if dump:
+            for _ in range(DUMP_CLOCKS):
+                sid = digital_sid.step(p.sid, sid, 0, 0, 0, 0, 0)
+    return sid
+
+
+@outlined
+def _sampled(p, a, count, n, refs, b):
+    """Samples and reference pins of the block's ticks, for the FPGA's own demodulator. Mutates `a` and `b`."""
+    w = a.work.w
+    x, y, drive = linear.CX3 * linear.STRIDE, linear.CY3 * linear.STRIDE, linear.D3 * linear.STRIDE
+    b.sar[0, 0], b.sar[1, 0] = a.sar[0], a.sar[1]
+    k = 0
+    for t in range(n):
+        while k < count and b.edges[k, 0] < TICK_CYCLES * t:
+            refs = refs ^ (1 << b.edges[k, 1])
+            k += 1
+        b.refs[t] = refs
+        v = w[drive + t]
+        # the noise rows already hold the effects of the tick, which a sample at its first instant does not see
+        noise_x, noise_y = plant.aperture_noise(p, a.work, t, v)
+        b.sar[0, t + 1] = plant.sampled(p, w[x + t] + noise_x)
+        b.sar[1, t + 1] = plant.sampled(p, w[y + t] + noise_y)
+    a.sar[0], a.sar[1] = b.sar[0, n], b.sar[1, n]
+
+
+@outlined
+def _rebuilt(f, chips, s, sid, enabled, staged, tick, read, codes, status):
+    """Firmware and chips of a quiet `tick` from what the blocks carry; registers of a short memory are those of `f`."""
+    ok = 1 if status >> spi_adc.HEAD_SHIFT == spi_adc.HEAD else 0
+    master, chip = f.adc, chips.adc
+    if read:
+        word = codes[spi_adc.CHANNELS - 1] & CHANNEL_MASK
+        master = spi_adc.State(1, 1, 1, 0, 0, 1, 0, word, 0, status, codes, 0, ok)
+        sent = adc_serial.packed(status, codes)
+        chip = adc_serial.State(1, 0, 1, 0, 0, 0, 0, 0, sent, sent)
+    d, e = f.dds, chips.sense
+    phase = _phase(s.turn, TICK_CYCLES * tick)
+    sense = dac_serial.State(e.shift, e.count, e.sync_n, e.ldac_n, staged, staged, e.code, enabled, e.updated)
+    rebuilt = fpga.State(
+        rates.State(0, tick % FRAME_TICKS, 0),
+        dds.State(phase, d.drive_sine, d.sense_sine, d.drive_ref, d.sense_ref),
+        f.drive_sine,
+        f.sense_sine,
+        f.drive_pipe,
+        f.sense_pipe,
+        f.references,
+        f.drive_modulator,
+        f.sense_modulator,
+        f.drive_dac,
+        f.sense_dac,
+        f.quadrature_dac,
+        master,
+        sid,
+        s.dog,
+        s.bank,
+        s.control,
+    )
+    return rebuilt, engine.Chips(chips.drive, sense, chips.quadrature, chip)
+
+
+@outlined
+def _completed(f, sid, dog):
+    """After the flush: what has a long memory and moved during it, from the blocks."""
+    line = digital_sid.State(f.sid.refs, sid.acc, sid.pole1, sid.pole2, sid.pole3, sid.stage, sid.codes, sid.valid)
+    return fpga.State(
+        f.rates,
+        f.dds,
+        f.drive_sine,
+        f.sense_sine,
+        f.drive_pipe,
+        f.sense_pipe,
+        f.references,
+        f.drive_modulator,
+        f.sense_modulator,
+        f.drive_dac,
+        f.sense_dac,
+        f.quadrature_dac,
+        f.adc,
+        line,
+        dog,
+        f.registers,
+        f.control,
+    )
+
+
+@inner
+def _aged(p, dog, ticks):
+    """The watchdog after `ticks` without a frame."""
+    age = min(dog.age + ticks, watchdog.AGE_TOP)
+    return watchdog.State(age, 1 if ticks > 0 and age > p.limit else dog.stale)
+
+
+@outlined
+def _probe(o, first, n, turn, a, tick, b, count, refs):
+    """Rows of the phase meter for a block whose first tick is row `first`."""
+    w, stride = a.work.w, linear.STRIDE
+    for t in range(n):
+        if first + t >= o.probe_ints.shape[0]:
+            break
+        ints, values = o.probe_ints[first + t], o.probe_floats[first + t]
+        ints[0] = _phase(turn, TICK_CYCLES * (tick + t))
+        ints[1] = turn.word if TICK_CYCLES * (tick + t) >= turn.clock else turn.old
+        ints[2] = a.work.drive_codes[t]
+        ints[3] = a.work.sense_codes[t]
+        for k in range(6):
+            values[k] = w[k * stride + t]
+        values[6] = w[linear.X * stride + t]
+        values[7] = w[linear.Y * stride + t]
+        values[8] = w[linear.CX3 * stride + t]
+        values[9] = w[linear.CY3 * stride + t]
+        values[10] = w[linear.LEVEL_DRIVE * stride + t]
+        values[11] = w[linear.LEVEL_DRIVE * stride + t + 1] - values[10]
+        values[12] = w[linear.LEVEL_SENSE * stride + t]
+        values[13] = w[linear.LEVEL_SENSE * stride + t + 1] - values[12]
+    for k in range(count):
+        clock, which = b.edges[k, 0], b.edges[k, 1]
+        refs = refs ^ (1 << which)
+        inside = first + clock // TICK_CYCLES < o.probe_ints.shape[0]
+        if inside and o.edge_count[0] < o.edges.shape[0]:
+            row = o.edges[o.edge_count[0]]
+            row[0] = _phase(turn, TICK_CYCLES * tick + clock)
+            row[1] = which
+            row[2] = (refs >> which) & 1
+            o.edge_count[0] += 1
+
+
+class Arrived(NamedTuple):
+    """Where the blocks have come to: the tick, the firmware and chips FLUSH ticks before it, and what must be then."""
+
+    tick: int
+    drdy_cycle: int
+    fpga: fpga.State
+    chips: engine.Chips
+    sid: digital_sid.State
+    dog: watchdog.State
+    phase: int
+    refs: int
+    drive_code: int
+    sense_code: int
+
+
+@outlined
+def _blocks(p, f, chips, a, chunk, tick, end, drdy_cycle, b):
+    """From a quiet `tick` to the last quiet one before `end`. Mutates `a` and the streams."""
+    g, faults, o, begin = p.fpga, chunk.faults, chunk.o, chunk.begin
+    word = f.control.frequency_tracker.word
+    quadrature = chips.quadrature.code if tick % FRAME_TICKS == 0 else f.control.quadrature_loop.root.y
+    s = Window(
+        f.control,
+        f.registers,
+        f.watchdog,
+        Turn(TICK_CYCLES * tick, f.dds.phase, word, word),
+        ZERO,
+        ZERO,
+        quadrature,
+    )
+    sid = f.sid
+    refs = references.pins(g.references, f.references)
+    enabled, staged = chips.sense.enabled, chips.sense.staged
+    drive_code, sense_code = chips.drive.code, chips.sense.code
+    frames_drive, frames_sense = g.drive_modulator.frames, g.sense_modulator.frames
+    b.drive[0], b.drive[1], b.drive[2] = f.drive_modulator.held2, f.drive_modulator.held1, f.drive_modulator.code
+    b.sense[0], b.sense[1], b.sense[2] = f.sense_modulator.held2, f.sense_modulator.held1, f.sense_modulator.code
+    b.control_load[HISTORY - 1] = sequencer.outputs(s.control.sequencer).dac_init
+    read, ok = ZERO, f.adc.ok
+    channels, coming = f.adc.channels, f.adc.channels
+    falls, valid, new_ok = FAR, FAR, ZERO  # of the frame being read
+    status = faults.status & CHANNEL_MASK
+    if faults.nan[0]:
+        a.z[plant.X] = np.nan
+    if faults.nan[1]:
+        a.z[plant.Y] = np.nan
+    while True:
+        at = TICK_CYCLES * tick
+        ready = FAR
+        if not faults.silent:
+            ready = at + (drdy_cycle if drdy_cycle >= 0 else adc.clocks_to_ready(p.plant.adc, a.adc.clock, 0))
+        stop = _stop(end, ready)
+        if tick >= stop:
+            break
+        if tick % FRAME_TICKS == 0:
+            n = tick // FRAME_TICKS - begin // FRAME_TICKS
+            row = n if begin % FRAME_TICKS == 0 else n - 1
+            v_q = faults.dac_code[2] if faults.dac[2] else s.quadrature
+            plant.retune(p.plant, a, chunk.rate_rad_s[n], v_q, chunk.temp_degc[n])
+            if row < o.frames.shape[0]:
+                codes = engine.frame_codes(g, sid.codes, _received(channels, coming, falls, at))
+                engine.record_frame(
+                    o.frames[row],
+                    o.truth[row],
+                    s.control,
+                    codes,
+                    drive_code,
+                    sense_code,
+                    s.quadrature,
+                    a.z,
+                    chunk.temp_degc[n],
+                    chunk.rate_rad_s[n],
+                )
+        # how far nothing new can happen
+        until = min(stop, (tick // FRAME_TICKS + 1) * FRAME_TICKS)
+        if valid // TICK_CYCLES > tick:
+            until = min(until, valid // TICK_CYCLES)
+        if not faults.silent:
+            until = min(until, (ready + VALID_CLOCKS) // TICK_CYCLES)
+        until = min(until, tick + adc.clocks_to_ready(p.plant.adc, a.adc.clock, 1) // TICK_CYCLES)
+        n = until - tick
+        # words
+        window_at = FAR
+        if g.digital:
+            if tick % FRAME_TICKS == 0:
+                b.sar[0, 0], b.sar[1, 0] = a.sar[0], a.sar[1]
+                b.refs[0] = refs
+                sid = _demodulated(g, sid, tick, 0, 1, b)
+                window_at = at + DUMP_CLOCKS
+        elif valid < at + TICK_CYCLES:
+            window_at = valid
+        known = 0
+        if s.slot != 0 or window_at != FAR or (tick % FRAME_TICKS == 0 and s.dog.stale):
+            s, known = _window(g, s, sid.codes, channels, coming, falls, ok, new_ok, window_at, tick, n, b)
+        amplitude, rate = control.amplitude(g.control, s.control), s.control.rate_loop.loop.y
+        init = sequencer.outputs(s.control.sequencer).dac_init
+        for k in range(known, n):
+            b.amplitude[k] = amplitude
+            b.rate[k] = rate
+            b.control_load[HISTORY + k] = init
+        s = Window(
+            s.control,
+            s.bank,
+            _aged(g.watchdog, s.dog, n - known),
+            s.turn,
+            s.slot,
+            s.restarted,
+            _loaded(g, s, tick, known, n),
+        )
+        # codes and edges
+        _codes(g, s.bank, s.turn, tick, n, b)
+        for k in range(n):
+            drive_code = b.drive[HISTORY + k - frames_drive]
+            if b.control_load[HISTORY + k - 1] == 1:
+                enabled = 1
+            else:
+                staged = b.sense[HISTORY + k - 1 - frames_sense]
+            sense_code = staged if enabled == 1 else 0
+            a.work.drive_codes[k] = faults.dac_code[0] if faults.dac[0] else drive_code
+            a.work.sense_codes[k] = faults.dac_code[1] if faults.dac[1] else sense_code
+        for k in range(HISTORY):
+            b.drive[k], b.sense[k] = b.drive[n + k], b.sense[n + k]
+            b.control_load[k] = b.control_load[n + k]
+        count, refs_after = _edges(g.references, s.turn, s.bank, tick, until, refs, b)
+        fell = plant.block(p.plant, a, tick, n, DRIVE_CLOCK, SENSE_CLOCK, count, b.edges)
+        # streams
+        row = tick - begin
+        if row < o.probe_ints.shape[0]:
+            _probe(o, row, n, s.turn, a, tick, b, count, refs)
+        for k in range(n):
+            if row + k < o.drive_code.shape[0]:
+                o.drive_code[row + k] = a.work.drive_codes[k]
+                o.sense_code[row + k] = a.work.sense_codes[k]
+        o.peak_x[0] = max(o.peak_x[0], linear.largest(a.work.w, n, linear.X))
+        if g.digital:
+            _sampled(p.plant, a, count, n, refs, b)
+            sid = _demodulated(g, sid, tick, 1 if tick % FRAME_TICKS == 0 else 0, n, b)
+        # the frame that was read, DRDY of this block, and of the tick after it
+        if valid < TICK_CYCLES * until:
+            channels, ok, read, falls, valid = coming, new_ok, ONE, FAR, FAR
+        fallen = drdy_cycle >= 0
+        fell_at = at + drdy_cycle
+        drdy_cycle = -1
+        if fell >= TICK_CYCLES * n:
+            drdy_cycle = fell - TICK_CYCLES * n
+        elif fell >= 0:
+            fallen = True
+            fell_at = at + fell
+        if fallen and not faults.silent:
+            falls = fell_at
+            valid = falls + VALID_CLOCKS
+            coming = engine.sent_codes(faults, a.adc.clock)
+            new_ok = 1 if status >> spi_adc.HEAD_SHIFT == spi_adc.HEAD else 0
+        refs = refs_after
+        tick = until
+        turn = s.turn
+        if TICK_CYCLES * tick - turn.clock > 64:
+            turn = Turn(TICK_CYCLES * tick, _phase(turn, TICK_CYCLES * tick), turn.word, turn.word)
+        s = Window(s.control, s.bank, s.dog, turn, s.slot, s.restarted, s.quadrature)
+    phase = _phase(s.turn, TICK_CYCLES * tick)
+    f, chips = _rebuilt(f, chips, s, sid, enabled, staged, tick - FLUSH, read, channels, status)
+    return Arrived(tick, drdy_cycle, f, chips, sid, s.dog, phase, refs, drive_code, sense_code)
+
+
+@inner
+def _arrived(p, f, chips, x):
+    """1 when the flushed firmware is where the blocks are."""
+    same = f.dds.phase == x.phase and references.pins(p.references, f.references) == x.refs
+    return same and chips.drive.code == x.drive_code and chips.sense.code == x.sense_code
+
+
+@hot
+def _run(p, f, chips, a, chunk, end, drdy_cycle, b):
+    """A chunk; returns firmware, chips, clock of DRDY, and 0, or the tick at which the flush met other registers."""
+    first, until, closed = chunk.begin, chunk.begin, ONE
+    if chunk.o.registers.shape[0] > 0:
+        until = end
+    x = Arrived(
+        ZERO,
+        drdy_cycle,
+        f,
+        chips,
+        f.sid,
+        f.watchdog,
+        f.dds.phase,
+        f.references.signs,
+        chips.drive.code,
+        chips.sense.code,
+    )
+    while True:
+        f, chips, drdy_cycle = engine.run_ticks(p, f, chips, a, chunk, first, until, drdy_cycle, closed)
+        if not closed:
+            f = _completed(f, x.sid, x.dog)
+            if not _arrived(p.fpga, f, chips, x):
+                return f, chips, x.drdy_cycle, x.tick
+            first, until, closed, drdy_cycle = x.tick, end, ONE, x.drdy_cycle
+        elif until == end:
+            return f, chips, drdy_cycle, ZERO
+        elif until < chunk.begin + 2 or not _quiet(f, chips, until):
+            # two ticks at least: what a window did in the tick before the chunk has then been seen by the DACs
+            first, until = until, until + 1
+        else:
+            ready = adc.clocks_to_ready(p.plant.adc, a.adc.clock, ZERO) if drdy_cycle < 0 else drdy_cycle
+            ready = FAR if chunk.faults.silent else TICK_CYCLES * until + ready
+            if _stop(end, ready) - until < SHORTEST:
+                first, until = until, end
+            else:
+                x = _blocks(p, f, chips, a, chunk, until, end, drdy_cycle, b)
+                f, chips, first, until, closed, drdy_cycle = x.fpga, x.chips, x.tick - FLUSH, x.tick, ZERO, -ONE
+
+
+def run(p, s, ticks, rate_rad_s, temp_degc, write, address, data, faults, o):
+    """As `engine.run`, with the same result to the last bit.
+
+    Raises RuntimeError if a register is not what it must be.
+    """
+    end = s.tick + ticks
+    edges = np.zeros((engine.MAX_EDGES, 2), np.int64)
+    chunk = engine.Chunk(s.tick, rate_rad_s, temp_degc, write, address, data, faults, o, edges)
+    f, chips, drdy_cycle, failed = _run(p, s.fpga, s.chips, s.plant, chunk, end, s.drdy_cycle, _buffers())
+    if failed:
+        raise RuntimeError(f"frame engine: the registers of tick {failed} are not those of the clocked engine")
+    return engine.State(f, chips, s.plant, end, drdy_cycle)
