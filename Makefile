@@ -7,7 +7,7 @@ BIN := $(VENV)/bin
 OUT ?= out
 PYTEST := $(BIN)/python -m pytest
 
-.PHONY: help run budget test test-slow test-nojit test-bounds bench lint docs clean
+.PHONY: help run budget test test-slow test-nojit test-bounds bench portability lint docs clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -42,6 +42,9 @@ test-bounds: $(VENV)/.test ## the suite with Numba checking every index
 
 bench: $(VENV)/.test ## speed, as a table in docs/speed.md and build/bench.json
 	$(BIN)/python -m testbench.bench
+
+portability: $(VENV)/.run ## one hash of all codes: three kinds of processor, no compiler, lowest versions
+	$(BIN)/python -m testbench.portability --make-old build/oldest --page
 
 lint: $(VENV)/.test ## ruff
 	$(BIN)/ruff check fpga_model analog_frontend testbench tests

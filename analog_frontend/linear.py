@@ -24,7 +24,9 @@ from analog_frontend.vector import LANES, load, splat, store
 from fpga_model.jit import inlined, outlined
 
 BLOCK = 128
-STRIDE = BLOCK + LANES  # one value more than ticks: the states after the last tick stand behind it
+# At least one value more than ticks: the states after the last tick stand behind it. 21 cache lines, because rows
+# whose distance is near a multiple of 4096 bytes slow each other down.
+STRIDE = 168
 
 # Rows. The first eighteen stand in the order of SOURCES; states are those at a tick's first instant.
 D1, D2, D3, S1, S2, S3 = range(6)
@@ -49,57 +51,99 @@ FORCED_COUNT, SOURCE_COUNT = len(INPUTS), len(SOURCES)
 
 
 @inlined
-def _chain(g, w, n, first, u, du, jit, in_u, in_du, in_jit):
-    f1, f2, f3 = (
-        (FORCED_CHAIN + first) * STRIDE,
-        (FORCED_CHAIN + first + 1) * STRIDE,
-        (FORCED_CHAIN + first + 2) * STRIDE,
-    )
+def _forced(g, w, n, first, u, du, jit, in_u, in_du, in_jit):
+    """What its DAC gives to the three states of a chain."""
     for t in range(0, n, LANES):
         for k in range(3):
-            f = splat(g[in_u, first + k]) * load(w, u * STRIDE + t) + splat(g[in_du, first + k]) * load(
-                w, du * STRIDE + t
-            )
-            store(w, f1 + k * STRIDE + t, f + splat(g[in_jit, first + k]) * load(w, jit * STRIDE + t))
-    g11, g22, g33 = g[first, first], g[first + 1, first + 1], g[first + 2, first + 2]
-    g12, g13, g23 = g[first, first + 1], g[first, first + 2], g[first + 1, first + 2]
-    r1, r2, r3 = first * STRIDE, (first + 1) * STRIDE, (first + 2) * STRIDE
-    d1, d2, d3 = w[r1], w[r2], w[r3]
+            f = splat(g[in_u, first + k]) * load(w, u * STRIDE + t)
+            f = f + splat(g[in_du, first + k]) * load(w, du * STRIDE + t)
+            f = f + splat(g[in_jit, first + k]) * load(w, jit * STRIDE + t)
+            store(w, (FORCED_CHAIN + first + k) * STRIDE + t, f)
+
+
+@inlined
+def _pairs_of_three(g, w, n, a, row_a, from_a, b, row_b, from_b):
+    """Two chains of three poles, states from `a` and `b` of z in rows from `row_*`, driven by rows from `from_*`.
+
+    Both in one loop: each waits for its own last tick, and the other fills the time.
+    """
+    a11, a22, a33, a12, a13, a23 = g[a, a], g[a + 1, a + 1], g[a + 2, a + 2], g[a, a + 1], g[a, a + 2], g[a + 1, a + 2]
+    b11, b22, b33, b12, b13, b23 = g[b, b], g[b + 1, b + 1], g[b + 2, b + 2], g[b, b + 1], g[b, b + 2], g[b + 1, b + 2]
+    i, j, fi, fj = row_a * STRIDE, row_b * STRIDE, from_a * STRIDE, from_b * STRIDE
+    p1, p2, p3 = w[i], w[i + STRIDE], w[i + 2 * STRIDE]
+    q1, q2, q3 = w[j], w[j + STRIDE], w[j + 2 * STRIDE]
     for t in range(n):
-        d3 = g33 * d3 + ((g13 * d1 + g23 * d2) + w[f3 + t])
-        d2 = g22 * d2 + (g12 * d1 + w[f2 + t])
-        d1 = g11 * d1 + w[f1 + t]
-        w[r1 + t + 1] = d1
-        w[r2 + t + 1] = d2
-        w[r3 + t + 1] = d3
+        p3 = a33 * p3 + ((a13 * p1 + a23 * p2) + w[fi + 2 * STRIDE + t])
+        q3 = b33 * q3 + ((b13 * q1 + b23 * q2) + w[fj + 2 * STRIDE + t])
+        p2 = a22 * p2 + (a12 * p1 + w[fi + STRIDE + t])
+        q2 = b22 * q2 + (b12 * q1 + w[fj + STRIDE + t])
+        p1 = a11 * p1 + w[fi + t]
+        q1 = b11 * q1 + w[fj + t]
+        w[i + t + 1] = p1
+        w[i + STRIDE + t + 1] = p2
+        w[i + 2 * STRIDE + t + 1] = p3
+        w[j + t + 1] = q1
+        w[j + STRIDE + t + 1] = q2
+        w[j + 2 * STRIDE + t + 1] = q3
 
 
 @outlined
 def chains(g, w, n):
     """The two output chains: rows D1 .. S3 from their inputs. Mutates `w`."""
-    _chain(g, w, n, D1, IN_U_DRIVE, IN_DU_DRIVE, IN_JIT_DRIVE, U_DRIVE, DU_DRIVE, JIT_DRIVE)
-    _chain(g, w, n, S1, IN_U_SENSE, IN_DU_SENSE, IN_JIT_SENSE, U_SENSE, DU_SENSE, JIT_SENSE)
+    _forced(g, w, n, D1, IN_U_DRIVE, IN_DU_DRIVE, IN_JIT_DRIVE, U_DRIVE, DU_DRIVE, JIT_DRIVE)
+    _forced(g, w, n, S1, IN_U_SENSE, IN_DU_SENSE, IN_JIT_SENSE, U_SENSE, DU_SENSE, JIT_SENSE)
+    _pairs_of_three(g, w, n, D1, D1, FORCED_CHAIN, S1, S1, FORCED_CHAIN + 3)
 
 
 @inlined
-def _sums(g, w, t, column, count, row):
-    """Sum over the first `count` of SOURCES into `column` for sixteen ticks: two registers hide each other's latency."""
-    c = splat(g[0, column])
-    a, b = c * load(w, t), c * load(w, t + LANES)
-    for k in range(1, count):
-        c = splat(g[SOURCES[k], column])
-        a = a + c * load(w, k * STRIDE + t)
-        b = b + c * load(w, k * STRIDE + t + LANES)
-    store(w, row * STRIDE + t, a)
-    store(w, row * STRIDE + t + LANES, b)
+def _sums(g, w, n, column, count, row):
+    """Sums over the first `count` of SOURCES into four outputs from `column` on, in rows from `row` on.
+
+    Sixteen ticks at a time, eight at the end: eight sums wait for each other's latency and share what they load.
+    """
+    o0, o1, o2, o3 = row * STRIDE, (row + 1) * STRIDE, (row + 2) * STRIDE, (row + 3) * STRIDE
+    t = 0
+    while t + LANES < n:
+        x, y = load(w, t), load(w, t + LANES)
+        c0, c1 = splat(g[0, column]), splat(g[0, column + 1])
+        c2, c3 = splat(g[0, column + 2]), splat(g[0, column + 3])
+        a0, a1, a2, a3 = c0 * x, c1 * x, c2 * x, c3 * x
+        b0, b1, b2, b3 = c0 * y, c1 * y, c2 * y, c3 * y
+        for k in range(1, count):
+            j = SOURCES[k]
+            x, y = load(w, k * STRIDE + t), load(w, k * STRIDE + t + LANES)
+            c0, c1 = splat(g[j, column]), splat(g[j, column + 1])
+            c2, c3 = splat(g[j, column + 2]), splat(g[j, column + 3])
+            a0, a1, a2, a3 = a0 + c0 * x, a1 + c1 * x, a2 + c2 * x, a3 + c3 * x
+            b0, b1, b2, b3 = b0 + c0 * y, b1 + c1 * y, b2 + c2 * y, b3 + c3 * y
+        store(w, o0 + t, a0)
+        store(w, o1 + t, a1)
+        store(w, o2 + t, a2)
+        store(w, o3 + t, a3)
+        store(w, o0 + t + LANES, b0)
+        store(w, o1 + t + LANES, b1)
+        store(w, o2 + t + LANES, b2)
+        store(w, o3 + t + LANES, b3)
+        t += 2 * LANES
+    if t < n:
+        x = load(w, t)
+        a0, a1 = splat(g[0, column]) * x, splat(g[0, column + 1]) * x
+        a2, a3 = splat(g[0, column + 2]) * x, splat(g[0, column + 3]) * x
+        for k in range(1, count):
+            j = SOURCES[k]
+            x = load(w, k * STRIDE + t)
+            a0, a1 = a0 + splat(g[j, column]) * x, a1 + splat(g[j, column + 1]) * x
+            a2, a3 = a2 + splat(g[j, column + 2]) * x, a3 + splat(g[j, column + 3]) * x
+        store(w, o0 + t, a0)
+        store(w, o1 + t, a1)
+        store(w, o2 + t, a2)
+        store(w, o3 + t, a3)
 
 
 @outlined
 def modes(g, w, n, e):
     """The two modes: rows X .. VY; effects push the velocity before each tick. Mutates `w`."""
-    for t in range(0, n, 2 * LANES):
-        for o in range(4):
-            _sums(g, w, t, 6 + o, FORCED_COUNT, FORCED_MODES + o)
+    _sums(g, w, n, 6, FORCED_COUNT, FORCED_MODES)
     f = FORCED_MODES * STRIDE
     x, vx, y, vy = w[X * STRIDE], w[VX * STRIDE], w[Y * STRIDE], w[VY * STRIDE]
     for t in range(n):
@@ -118,23 +162,6 @@ def modes(g, w, n, e):
 
 
 @inlined
-def _pickoff(g, w, n, first, row, b):
-    """C/V chain whose first state is number `first` of z, in rows from `row`."""
-    g11, g22, g33 = g[first, first], g[first + 1, first + 1], g[first + 2, first + 2]
-    g12, g13, g23 = g[first, first + 1], g[first, first + 2], g[first + 1, first + 2]
-    r1, r2, r3 = row * STRIDE, (row + 1) * STRIDE, (row + 2) * STRIDE
-    b1, b2, b3 = b * STRIDE, (b + 1) * STRIDE, (b + 2) * STRIDE
-    c1, c2, c3 = w[r1], w[r2], w[r3]
-    for t in range(n):
-        c3 = g33 * c3 + ((g13 * c1 + g23 * c2) + w[b3 + t])
-        c2 = g22 * c2 + (g12 * c1 + w[b2 + t])
-        c1 = g11 * c1 + w[b1 + t]
-        w[r1 + t + 1] = c1
-        w[r2 + t + 1] = c2
-        w[r3 + t + 1] = c3
-
-
-@inlined
 def _path(g, w, n, first, row, column, out):
     """The SID's path of one channel: what stands there is b; the C/V states are added."""
     for t in range(0, n, LANES):
@@ -148,12 +175,10 @@ def _path(g, w, n, first, row, column, out):
 @outlined
 def pickoffs(g, w, n):
     """C/V states and the SID's paths: rows CX1 .. CY3 and PATH. Mutates `w`."""
-    for t in range(0, n, 2 * LANES):
-        for o in range(6):
-            _sums(g, w, t, 10 + o, SOURCE_COUNT, B_CV + o)
-            _sums(g, w, t, PX1 + o, SOURCE_COUNT, PATH + o)
-    _pickoff(g, w, n, 10, CX1, B_CV)
-    _pickoff(g, w, n, 13, CY1, B_CV + 3)
+    # columns 10 .. 15 are the C/V states, 16 .. 21 the paths; their rows follow each other in the same way
+    for o in range(0, 12, 4):
+        _sums(g, w, n, 10 + o, SOURCE_COUNT, B_CV + o)
+    _pairs_of_three(g, w, n, 10, CX1, B_CV, 13, CY1, B_CV + 3)
     _path(g, w, n, 10, CX1, PX1, PATH)
     _path(g, w, n, 13, CY1, PY1, PATH + 3)
 

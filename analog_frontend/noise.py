@@ -105,8 +105,10 @@ DECAY, GAIN, DEVIATION = _poles()
 @inlined
 def words(key0, key1, counter):
     """Two 32-bit words; for fixed keys a permutation of the 63-bit counter's two halves."""
+    # keys have 32 bits; said again here, so that LLVM knows each product to be one of 32 by 32 bits
+    key0 = key0 & MASK
     x = counter & MASK
-    y = (counter >> 32) ^ key1
+    y = ((counter >> 32) ^ key1) & MASK
     p = x * MULTIPLIER
     x, y = (p >> 31) ^ y ^ key0, p & MASK
     p = x * MULTIPLIER

@@ -41,6 +41,7 @@ import numpy as np
 
 from analog_frontend import resonator, thermal
 from analog_frontend.exact import MP, split
+from analog_frontend.vector import load, splat, store
 from fpga_model.jit import inlined, kernel
 
 MASTER_HZ = 26_000_000
@@ -206,15 +207,13 @@ def combine(jet, omega, kappa, out):
             out[j, i] = jet[0, j, i] + (omega * jet[1, j, i] + (kappa * jet[2, j, i] + small))
 
 
-@kernel
-def column(jet, cycle, omega, kappa, out):
-    """Row `cycle` of a column table at a rate and coupling, in the order of `combine`; jet (6, 26, n), out (n,)."""
-    oo = omega * omega
-    ok = omega * kappa
-    kk = kappa * kappa
-    for i in range(out.shape[0]):
-        small = (kk * jet[5, cycle, i] + ok * jet[4, cycle, i]) + oo * jet[3, cycle, i]
-        out[i] = jet[0, cycle, i] + (omega * jet[1, cycle, i] + (kappa * jet[2, cycle, i] + small))
+@inlined
+def combine_lanes(jet, at, size, omega, kappa, out, to):
+    """As `combine` for the eight entries from `at` on of a flat jet of matrices of `size`, into out[to ..]."""
+    o, k = splat(omega), splat(kappa)
+    small = splat(kappa * kappa) * load(jet, at + 5 * size) + splat(omega * kappa) * load(jet, at + 4 * size)
+    small = small + splat(omega * omega) * load(jet, at + 3 * size)
+    store(out, to, load(jet, at) + (o * load(jet, at + size) + (k * load(jet, at + 2 * size) + small)))
 
 
 @inlined

@@ -24,7 +24,7 @@ from typing import NamedTuple
 import mpmath
 import numpy as np
 
-from analog_frontend.vector import four, lane, pair, splat4, store4
+from analog_frontend.vector import four, lane, load4, pair, splat4, store4
 from fpga_model.jit import inlined, kernel
 
 DEMODULATORS = 4  # drive sin, drive cos, sense sin, sense cos: the order of the packed references
@@ -48,6 +48,7 @@ class Params(NamedTuple):
     s3: float
     inject: np.ndarray  # (6,) volts left on each capacitor when its switch opens
     taylor: np.ndarray  # (3, 4, TERMS) coefficient of s^(k+j+i) in q_j for the input (t/h)^k, j = 1..3
+    lanes: np.ndarray  # the same, j in the lanes of one register: that of q_j at 4 (k TERMS + i) + j - 1
 
 
 def design(rc_s, h_s, inject_v=(0.0,) * CAPACITORS):
@@ -62,7 +63,8 @@ def design(rc_s, h_s, inject_v=(0.0,) * CAPACITORS):
     with mpmath.workprec(120):
         r = mpmath.mpf(h_s) / mpmath.mpf(rc_s)
         e = mpmath.exp(-r)
-        taylor = [[[_coefficient(r, j, k, i) for i in range(TERMS)] for k in range(4)] for j in (1, 2, 3)]
+        exact = [[[_coefficient(r, j, k, i) for i in range(TERMS)] for k in range(4)] for j in (1, 2, 3)]
+        taylor = np.array([[[float(c) for c in row] for row in plane] for plane in exact])
         return Params(
             h_s=float(h_s),
             r=float(r),
@@ -73,7 +75,8 @@ def design(rc_s, h_s, inject_v=(0.0,) * CAPACITORS):
             s2=float(1 - e * (1 + r)),
             s3=float(1 - e * (1 + r + r * r / 2)),
             inject=np.array(inject_v, dtype=np.float64),
-            taylor=np.array([[[float(c) for c in row] for row in plane] for plane in taylor]),
+            taylor=taylor,
+            lanes=np.moveaxis(np.concatenate([taylor, np.zeros((1, 4, TERMS))]), 0, -1).ravel(),
         )
 
 
@@ -123,7 +126,8 @@ def full(p, caps, d, ref, n, p1, p2, p3):
 def between(p, caps, refs, w, feed, stride, t0, t1, out):
     """Ticks t0 .. t1 - 1 of all four without an edge: bit for bit `full` at each of them. Mutates `caps` and `out`.
 
-    refs  (4,) references      w, feed, stride  row feed + k holds p_k + n s_k of the drive channel, feed + 3 + k of the sense
+    refs  (4,) references
+    w     row feed + k holds p_k + n s_k of the drive channel, feed + 3 + k that of the sense channel
     out   output of demodulator d after tick t at 4 (t + 1) + d
     """
     g0, g1 = 0 if refs[0] else STAGES, 0 if refs[1] else STAGES
@@ -167,36 +171,36 @@ def _steps(u, e):
 
 
 @inlined
-def _series(p, j, c0, c1, c2, c3, s):
-    """q_(j+1)(s) of the input c0 + c1 x + c2 x^2 + c3 x^3, x = t/h."""
-    total = 0.0
-    for i in range(TERMS - 1, -1, -1):
-        a = p.taylor
-        total = total * s + (a[j, 0, i] * c0 + s * (a[j, 1, i] * c1 + s * (a[j, 2, i] * c2 + s * (a[j, 3, i] * c3))))
-    power = s
-    for _ in range(j):
-        power = power * s
-    return total * power
-
-
-@inlined
 def response(p, v0, dv0, v1, dv1, s):
-    """q(s): the three stages from zero, driven over 0 .. s ticks by the cubic through v (V), v' (V/s) at both ends."""
+    """q(s): the three stages from zero, driven over 0 .. s ticks by the cubic through v (V), v' (V/s) at both ends.
+
+    The three sums stand side by side in the lanes of one register.
+    """
     a = dv0 * p.h_s
     b = dv1 * p.h_s
     rise = v1 - v0
     c2 = 3.0 * rise - 2.0 * a - b
     c3 = a + b - 2.0 * rise
-    return _series(p, 0, v0, a, c2, c3, s), _series(p, 1, v0, a, c2, c3, s), _series(p, 2, v0, a, c2, c3, s)
+    total = splat4(0.0)
+    for i in range(TERMS - 1, -1, -1):
+        inner = load4(p.lanes, 4 * (2 * TERMS + i)) * c2 + s * (load4(p.lanes, 4 * (3 * TERMS + i)) * c3)
+        inner = load4(p.lanes, 4 * (TERMS + i)) * a + s * inner
+        total = total * s + (load4(p.lanes, 4 * i) * v0 + s * inner)
+    q = total * four(s, s * s, s * s * s, 0.0)
+    return lane(q, 0), lane(q, 1), lane(q, 2)
 
 
 @inlined
-def _segment(p, caps, d, ref, n, u, q1, q2, q3, f1, f2, f3):
-    """The group of `ref` over a piece of u = dt/RC at whose ends the response is f and q; mutates `caps`."""
+def _factors(u):
+    """Of a piece of u = dt/RC: the three decays, and the three responses to a constant. u may have several lanes."""
     e = _decay(u)
-    e2 = e * u
-    e3 = e * u * u * 0.5
     s1, s2, s3 = _steps(u, e)
+    return e, e * u, e * u * u * 0.5, s1, s2, s3
+
+
+@inlined
+def _segment(caps, d, ref, n, e, e2, e3, s1, s2, s3, q1, q2, q3, f1, f2, f3):
+    """The group of `ref` over a piece with these factors, at whose ends the response is f and q; mutates `caps`."""
     g = 0 if ref else STAGES
     w1 = caps[d, g] - f1
     w2 = caps[d, g + 1] - f2
@@ -219,10 +223,46 @@ def edge(p, caps, d, ref, tau_s, n, p1, p2, p3, v0, dv0, v1, dv1):
     """One tick of demodulator `d` whose reference changes to `ref` at `tau_s` (0 <= tau_s < h). Mutates `caps`."""
     s = tau_s / p.h_s
     q1, q2, q3 = response(p, v0, dv0, v1, dv1, s)
+    # both pieces at once, in the first two lanes
+    e, e2, e3, s1, s2, s3 = _factors(four(p.r * s, p.r * (1.0 - s), 0.0, 0.0))
     old = 0 if ref else 1
-    _segment(p, caps, d, old, n, p.r * s, q1, q2, q3, 0.0, 0.0, 0.0)
+    _segment(
+        caps,
+        d,
+        old,
+        n,
+        lane(e, 0),
+        lane(e2, 0),
+        lane(e3, 0),
+        lane(s1, 0),
+        lane(s2, 0),
+        lane(s3, 0),
+        q1,
+        q2,
+        q3,
+        0,
+        0,
+        0,
+    )
     _open(p, caps, d, old)
-    _segment(p, caps, d, ref, n, p.r * (1.0 - s), p1, p2, p3, q1, q2, q3)
+    _segment(
+        caps,
+        d,
+        ref,
+        n,
+        lane(e, 1),
+        lane(e2, 1),
+        lane(e3, 1),
+        lane(s1, 1),
+        lane(s2, 1),
+        lane(s3, 1),
+        p1,
+        p2,
+        p3,
+        q1,
+        q2,
+        q3,
+    )
 
 
 @kernel
@@ -237,9 +277,11 @@ def edges(p, caps, d, ref, taus_s, count, n, p1, p2, p3, v0, dv0, v1, dv1):
         t = taus_s[i] / p.h_s
         f1, f2, f3 = q1, q2, q3
         q1, q2, q3 = response(p, v0, dv0, v1, dv1, t)
-        _segment(p, caps, d, ref, n, p.r * (t - s), q1, q2, q3, f1, f2, f3)
+        e, e2, e3, s1, s2, s3 = _factors(p.r * (t - s))
+        _segment(caps, d, ref, n, e, e2, e3, s1, s2, s3, q1, q2, q3, f1, f2, f3)
         _open(p, caps, d, ref)
         ref = 0 if ref else 1
         s = t
-    _segment(p, caps, d, ref, n, p.r * (1.0 - s), p1, p2, p3, q1, q2, q3)
+    e, e2, e3, s1, s2, s3 = _factors(p.r * (1.0 - s))
+    _segment(caps, d, ref, n, e, e2, e3, s1, s2, s3, p1, p2, p3, q1, q2, q3)
     return ref

@@ -49,7 +49,18 @@ from analog_frontend.linear import (
     STATE_ROWS,
     STRIDE,
 )
-from analog_frontend.propagator import DU_DRIVE, DU_SENSE, INPUTS, JIT_DRIVE, JIT_SENSE, OUTPUTS
+from analog_frontend.propagator import (
+    DU_DRIVE,
+    DU_SENSE,
+    F_X,
+    F_Y,
+    INPUTS,
+    JIT_DRIVE,
+    JIT_SENSE,
+    OUTPUTS,
+    U_DRIVE,
+    U_SENSE,
+)
 from analog_frontend.vector import LANES, aligned, load, splat, store
 from fpga_model.jit import inner, outlined
 
@@ -60,6 +71,9 @@ ONE = np.int64(1)  # typed: Numba compiles a function anew for every constant th
 DEMODULATORS = sid.DEMODULATORS
 MAX_EDGES = sid.MAX_EDGES
 DRIVE, SENSE = 0, 1
+# Inputs that act through the modes: only these, and only for the outputs from X on, change with rate and coupling
+MOVING_ROWS = (*range(10), U_DRIVE, U_SENSE, F_X, F_Y)
+COLUMN_ROWS = (DU_DRIVE, DU_SENSE, JIT_DRIVE, JIT_SENSE)
 # what `retune` last used
 NOW_RATE, NOW_STIFFNESS, NOW_TEMP, NOW_DRIVER, NOW_CYCLE_DRIVE, NOW_CYCLE_SENSE = range(6)
 
@@ -154,8 +168,8 @@ def reset(p, drive_code, sense_code, temp_degc):
     s = State(
         z=np.zeros(STATES),
         g=aligned(INPUTS * OUTPUTS).reshape(INPUTS, OUTPUTS),
-        jet=np.zeros((propagator.JETS, INPUTS, OUTPUTS)),
-        column_jet=np.zeros((4, propagator.JETS, OUTPUTS)),
+        jet=aligned(propagator.JETS * INPUTS * OUTPUTS).reshape(propagator.JETS, INPUTS, OUTPUTS),
+        column_jet=aligned(4 * propagator.JETS * OUTPUTS).reshape(4, propagator.JETS, OUTPUTS),
         now=np.full(6, np.inf),
         volts=np.array([dac.volts(p.drive_dac, drive_code), dac.volts(p.sense_dac, sense_code)]),
         coming_v=np.zeros(2),
@@ -215,14 +229,15 @@ def _blend(p, s, temp_degc):
     s.now[NOW_CYCLE_SENSE] = e
 
 
-@outlined
+@inner
 def _columns(s):
     """Rows of G for steps and jitter at the present clocks of the DACs."""
+    jet, g = s.column_jet.reshape(-1), s.g.reshape(-1)
+    rate, stiffness = s.now[NOW_RATE], s.now[NOW_STIFFNESS]
     for k in range(4):
-        row = DU_DRIVE if k == 0 else (DU_SENSE if k == 1 else (JIT_DRIVE if k == 2 else JIT_SENSE))
-        propagator.column(
-            s.column_jet[k].reshape(propagator.JETS, 1, OUTPUTS), 0, s.now[NOW_RATE], s.now[NOW_STIFFNESS], s.g[row]
-        )
+        for first in range(0, OUTPUTS, LANES):
+            at = k * propagator.JETS * OUTPUTS + first
+            propagator.combine_lanes(jet, at, OUTPUTS, rate, stiffness, g, COLUMN_ROWS[k] * OUTPUTS + first)
 
 
 @inner
@@ -234,7 +249,7 @@ def blended(p, values, temp_degc):
     return values[index] + weight * (values[index + 1] - values[index])
 
 
-@outlined
+@inner
 def retune(p, s, rate_rad_s, quad_code, temp_degc):
     """Make G for a rate (rad/s), a V_q code and a temperature (degC); does nothing if nothing changed."""
     volts = quad_code * p.quad_lsb_v
@@ -249,7 +264,15 @@ def retune(p, s, rate_rad_s, quad_code, temp_degc):
     s.now[NOW_TEMP] = temp_degc
     if moved:
         _blend(p, s, temp_degc)
-    propagator.combine(s.jet, rate_rad_s, stiffness, s.g)
+        propagator.combine(s.jet, rate_rad_s, stiffness, s.g)
+    else:
+        # the chains and the C/V feel neither rate nor coupling: their entries stay
+        jet, g = s.jet.reshape(-1), s.g.reshape(-1)
+        for k in range(len(MOVING_ROWS)):
+            at = MOVING_ROWS[k] * OUTPUTS + X
+            propagator.combine_lanes(jet, at, INPUTS * OUTPUTS, rate_rad_s, stiffness, g, at)
+            at += LANES
+            propagator.combine_lanes(jet, at, INPUTS * OUTPUTS, rate_rad_s, stiffness, g, at)
     _columns(s)
 
 
@@ -310,7 +333,7 @@ def step(p, s, tick, pins, edges):
     return ready - TICK_CYCLES if ready >= 0 else -1
 
 
-@outlined
+@inner
 def block(p, s, tick, n, drive_cycle, sense_cycle, edge_count, edges):
     """`n` ticks from `tick` on, all of one frame; the DAC codes stand in s.work. Mutates `s`.
 
@@ -329,15 +352,16 @@ def block(p, s, tick, n, drive_cycle, sense_cycle, edge_count, edges):
         _columns(s)
     for k in range(STATES):
         w[STATE_ROWS[k] * STRIDE] = s.z[k]
-    on = p.noise
-    noise.fill_row(on.drive_dac, tick, 1, w, IN_U_DRIVE * STRIDE, n)
-    noise.fill_row(on.sense_dac, tick, 1, w, IN_U_SENSE * STRIDE, n)
-    noise.fill_row(on.edge_jitter, 6 * tick, 6, w, JITTER_DRIVE * STRIDE, n)
-    noise.fill_row(on.edge_jitter, 6 * tick + 1, 6, w, JITTER_SENSE * STRIDE, n)
-    noise.fill_row(on.force_x, tick, 1, w, IN_FX * STRIDE, n)
-    noise.fill_row(on.force_y, tick, 1, w, IN_FY * STRIDE, n)
-    noise.fill_row(on.cv_x, tick, 1, w, CV_NOISE_X * STRIDE, n)
-    noise.fill_row(on.cv_y, tick, 1, w, CV_NOISE_Y * STRIDE, n)
+    # whole registers: what stands behind the last tick is not read, and a loop without a rest is faster
+    on, whole = p.noise, (n + LANES - 1) // LANES * LANES
+    noise.fill_row(on.drive_dac, tick, 1, w, IN_U_DRIVE * STRIDE, whole)
+    noise.fill_row(on.sense_dac, tick, 1, w, IN_U_SENSE * STRIDE, whole)
+    noise.fill_row(on.edge_jitter, 6 * tick, 6, w, JITTER_DRIVE * STRIDE, whole)
+    noise.fill_row(on.edge_jitter, 6 * tick + 1, 6, w, JITTER_SENSE * STRIDE, whole)
+    noise.fill_row(on.force_x, tick, 1, w, IN_FX * STRIDE, whole)
+    noise.fill_row(on.force_y, tick, 1, w, IN_FY * STRIDE, whole)
+    noise.fill_row(on.cv_x, tick, 1, w, CV_NOISE_X * STRIDE, whole)
+    noise.fill_row(on.cv_y, tick, 1, w, CV_NOISE_Y * STRIDE, whole)
     carry = t.drive_carry[0, s.cycles[DRIVE]]
     codes = s.work.drive_codes
     _dac(p, s, w, DRIVE, p.drive_dac, carry, codes, n, IN_U_DRIVE, IN_DU_DRIVE, IN_JIT_DRIVE, LEVEL_DRIVE, JITTER_DRIVE)
@@ -354,7 +378,7 @@ def block(p, s, tick, n, drive_cycle, sense_cycle, edge_count, edges):
     return adc.block(p.adc, s.adc.clock, s.adc.sums, s.work.demodulated, n, sensor_v)
 
 
-@outlined
+@inner
 def _demodulate(p, s, tick, n, edge_count, edges):
     """The four demodulators: stretches without an edge, and the ticks in which a switch moves."""
     w, out = s.work.w, s.work.demodulated
@@ -394,7 +418,7 @@ def _demodulate(p, s, tick, n, edge_count, edges):
             t += 1
 
 
-@outlined
+@inner
 def _switch(p, s, tick, t, first_edge, last_edge, edges, added):
     """Tick `t` of a block, in which a reference changes, now or by an edge of the tick before.
 
@@ -428,22 +452,15 @@ def _switch(p, s, tick, t, first_edge, last_edge, edges, added):
         else:
             cv = (CX3 if d < 2 else CY3) * STRIDE + t
             before = (CX2 if d < 2 else CY2) * STRIDE + t
-            s.switch[d] = sid.edges(
-                p.sid,
-                s.caps,
-                d,
-                s.switch[d],
-                taus,
-                count,
-                n,
-                p1,
-                p2,
-                p3,
-                w[cv],
-                (gain * w[before] - w[cv]) / driver_s,
-                w[cv + 1],
-                (gain * w[before + 1] - w[cv + 1]) / driver_s,
-            )
+            v0, v1 = w[cv], w[cv + 1]
+            dv0, dv1 = (gain * w[before] - v0) / driver_s, (gain * w[before + 1] - v1) / driver_s
+            ref = s.switch[d]
+            if count == 1:
+                ref = 0 if ref else 1
+                sid.edge(p.sid, s.caps, d, ref, taus[0], n, p1, p2, p3, v0, dv0, v1, dv1)
+            else:
+                ref = sid.edges(p.sid, s.caps, d, ref, taus, count, n, p1, p2, p3, v0, dv0, v1, dv1)
+            s.switch[d] = ref
         s.work.demodulated[4 * (t + 1) + d] = sid.output(s.caps, d)
     return kept
 

@@ -1,6 +1,7 @@
 """Eight (or four) doubles side by side, for loops over the ticks of a block: one IEEE operation per lane, nothing else.
 
-    load(a, i) = a[i : i + 8]     store(a, i, v)     splat(x) = x in every lane     a + b   a - b   a * b   lane by lane
+    load(a, i) = a[i : i + 8]     store(a, i, v)     splat(x) = x in every lane
+    a + b   a - b   a * b   lane by lane; a number stands for itself in every lane
     four(a, b, c, d)   pair(a, b) = a, a, b, b   splat4, load4, store4   lane(v, k) = v[k], k a constant    four lanes
 
 LLVM maps a vector to whatever the CPU has (512, 256 or 128 bit) and never fuses, reorders or rounds differently: a lane
@@ -130,9 +131,16 @@ def _overloaded(symbol, name):
     def _typed(a, b):
         if isinstance(a, Vector) and a == b:
             return lambda a, b: apply(a, b)
+        if isinstance(a, Vector) and isinstance(b, types.Float):
+            spread = _SPLATS[a.lanes]
+            return lambda a, b: apply(a, spread(b))
+        if isinstance(b, Vector) and isinstance(a, types.Float):
+            spread = _SPLATS[b.lanes]
+            return lambda a, b: apply(spread(a), b)
         return None
 
 
+_SPLATS = {kind.lanes: _splatter(kind) for kind in (VECTOR, QUAD)}
 for _symbol, _name in ((operator.add, "fadd"), (operator.sub, "fsub"), (operator.mul, "fmul")):
     _overloaded(_symbol, _name)
 
@@ -175,8 +183,8 @@ if DISABLED:
         return float(v[k])
 
 else:
-    load, store, splat = _loader(VECTOR), _storer(VECTOR), _splatter(VECTOR)
-    load4, store4, splat4 = _loader(QUAD), _storer(QUAD), _splatter(QUAD)
+    load, store, splat = _loader(VECTOR), _storer(VECTOR), _SPLATS[LANES]
+    load4, store4, splat4 = _loader(QUAD), _storer(QUAD), _SPLATS[4]
     four, pair, lane = _four_native, _pair_native, _lane_native
 
 

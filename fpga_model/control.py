@@ -20,17 +20,7 @@ from __future__ import annotations  # a field may bear the name of its module
 
 from typing import NamedTuple
 
-from fpga_model import (
-    agc,
-    cordic,
-    frequency_tracker,
-    isqrt,
-    quadrature_loop,
-    rate_loop,
-    rate_output,
-    rates,
-    sequencer,
-)
+from fpga_model import agc, cordic, frequency_tracker, quadrature_loop, rate_loop, rate_output, rates, sequencer
 from fpga_model.jit import inner, outlined
 
 
@@ -94,7 +84,8 @@ def amplitude(p, s):
 
 
 @inner
-def _output_params(bank):
+def output_params(bank):
+    """Parameters of the rate output, which are registers of the host."""
     return rate_output.Params(
         bank.rate_bias,
         bank.rate_bias_t1,
@@ -106,7 +97,7 @@ def _output_params(bank):
     )
 
 
-@outlined
+@inner
 def loops(p, s, slot, i, bank):
     """One clock edge within the slots for all but the sequencer."""
     at_loops = 1 if slot == rates.SLOT_LOOPS else 0
@@ -161,7 +152,7 @@ def loops(p, s, slot, i, bank):
             quadrature_preset,
         ),
         rate_output=rate_output.step(
-            _output_params(bank),
+            output_params(bank),
             s.rate_output,
             at_root,
             s.rate_loop.loop.y,
@@ -178,13 +169,13 @@ def step(p, s, slot, i, bank):
     if slot != rates.SLOT_SEQUENCER:
         return after
     return State(
-        cordic=after.cordic,
-        agc=after.agc,
-        frequency_tracker=after.frequency_tracker,
-        rate_loop=after.rate_loop,
-        quadrature_loop=after.quadrature_loop,
-        rate_output=after.rate_output,
-        sequencer=sequencer.step(
+        after.cordic,
+        after.agc,
+        after.frequency_tracker,
+        after.rate_loop,
+        after.quadrature_loop,
+        after.rate_output,
+        sequencer.step(
             p.sequencer,
             s.sequencer,
             1,
@@ -206,32 +197,3 @@ def step(p, s, slot, i, bank):
             ),
         ),
     )
-
-
-@outlined
-def settle(s, bank, clocks):
-    """`clocks` edges after SLOT_ROOT: only the square root and the rate output still move."""
-    root, out = s.quadrature_loop.root, s.rate_output
-    r = _output_params(bank)
-    for _ in range(clocks):
-        root = isqrt.step(root, 0, 0)
-        out = rate_output.step(r, out, 0, 0, 0)
-    loop = s.quadrature_loop
-    return State(
-        s.cordic,
-        s.agc,
-        s.frequency_tracker,
-        s.rate_loop,
-        quadrature_loop.State(loop.error, loop.loop, root),
-        out,
-        s.sequencer,
-    )
-
-
-@outlined
-def rotate(s, clocks):
-    """`clocks` edges between SLOT_CORDIC and SLOT_SEQUENCER, after a window that has ended: only the CORDIC moves."""
-    c = s.cordic
-    for _ in range(clocks):
-        c = cordic.step(c, 0, 0, 0)
-    return State(c, s.agc, s.frequency_tracker, s.rate_loop, s.quadrature_loop, s.rate_output, s.sequencer)

@@ -20,6 +20,7 @@ from testbench.version import VERSION
 
 EXIT_MENDABLE, EXIT_INTERRUPTED = 2, 130
 SHOW_PROGRESS_AFTER_S = 1.0
+SHOW_PROGRESS_EVERY_S = 0.1
 PLAIN_WIDTH = 120  # columns where standard output is no terminal
 
 app = typer.Typer(
@@ -64,15 +65,27 @@ def run(
     temperature_degc: Temperature = None,
     seed: Annotated[int | None, typer.Option(help="Seed of all noise.")] = None,
     no_noise: Annotated[bool, typer.Option("--no-noise", help="Switch every noise source off.")] = False,
-    engine: Annotated[str | None, typer.Option(help="Engine: clocked.")] = None,
+    engine: Annotated[str | None, typer.Option(help="Engine: frame or clocked; the same bits.")] = None,
     out: Annotated[str | None, typer.Option(metavar="DIR", help="Folder for record, pictures and report.")] = None,
     resume: Annotated[str | None, typer.Option(metavar="STATE", help="State file to start from.")] = None,
     vcd: Annotated[
         str | None, typer.Option(metavar="START_US:LENGTH_US", help="Waveforms of a window, from power-on.")
     ] = None,
+    resume_run: Annotated[
+        str | None,
+        typer.Option(metavar="DIR", help="Continue the interrupted run in DIR; its configuration is kept there."),
+    ] = None,
     as_json: Json = False,
 ):
     """Close the loop from power-on, lock, run the scenario, and say what was measured."""
+    given = (config, sets, seconds, rate_dps, temperature_degc, seed, engine, out, resume, vcd)
+    if resume_run is not None:
+        if no_noise or any(given):
+            raise ConfigError("--resume-run: the interrupted run keeps its configuration; no other option but --json")
+        from testbench.checkpoint import stored_config
+
+        _run(_load(stored_config(resume_run), ()), resume_run, True, as_json)
+        return
     overrides = _overrides(
         sets,
         ("scenario.seconds", seconds, "--seconds"),
@@ -86,17 +99,32 @@ def run(
         *(_silence() if no_noise else ()),
     )
     checked = _load(config, overrides)
+    _run(checked, checked.output.directory, False, as_json)
+
+
+def _run(config, directory, resume, as_json):
+    """Do a run, or the rest of one, and show it; what is left of an interrupted one can be continued."""
     from testbench import outputs
+    from testbench.checkpoint import Partial
 
-    outputs.check_folder(checked.output.directory)
-    with Progress(quiet=as_json) as progress:
-        progress("loading the engine", 0, 1)
-        from testbench import simulate, tables
+    outputs.check_folder(directory)
+    partial = Partial(directory)
+    try:
+        with Progress(quiet=as_json) as progress:
+            progress("loading the engine", 0, 1)
+            from testbench import simulate, tables
 
-        result = simulate.run(checked, progress=progress)
-        shown = [tables.phases(result.summary), tables.numbers(result.summary)]
-        budgets = _budgets(checked)
-        paths = [str(path) for path in outputs.write(result, checked, shown + tables.budget_tables(*budgets), progress)]
+            result = simulate.run(config, progress=progress, directory=directory, resume=resume)
+            shown = [tables.phases(result.summary), tables.numbers(result.summary)]
+            report = shown + tables.budget_tables(*_budgets(config))
+            paths = [str(path) for path in outputs.write(result, config, report, progress, directory)]
+    except BaseException as problem:
+        if not partial.resumable():
+            partial.clear()
+        elif isinstance(problem, KeyboardInterrupt):
+            _say(f"to continue: gyro run --resume-run {directory}")
+        raise
+    partial.clear()
     if as_json:
         _print_json({**result.summary, "files": paths})
         return
@@ -210,7 +238,8 @@ def _print_list(head, items):
 class Progress:
     """Progress bar on standard error, when that is a terminal and the work takes more than a second.
 
-    Called as progress(text, done, total); calls are cheap, so an engine may report every block.
+    Called as progress(text, done, total); calls are cheap, so an engine may report every block. The time that is left
+    follows from the work that was seen: a run that is continued in its middle has not done its first half in no time.
     """
 
     def __init__(self, quiet=False):
@@ -218,6 +247,8 @@ class Progress:
         self._begin = time.monotonic()
         self._bar = None
         self._task = None
+        self._text = None
+        self._next = 0.0
 
     def __enter__(self):
         return self
@@ -227,17 +258,28 @@ class Progress:
             self._bar.stop()
 
     def __call__(self, text, done, total):
-        if self._quiet or (self._bar is None and time.monotonic() - self._begin < SHOW_PROGRESS_AFTER_S):
+        now = time.monotonic()
+        if self._quiet or (self._bar is None and now - self._begin < SHOW_PROGRESS_AFTER_S):
             return
+        if text == self._text and now < self._next and done < total:
+            return
+        self._next = now + SHOW_PROGRESS_EVERY_S
         if self._bar is None:
-            from rich.console import Console
-            from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+            self._open()
+        if text != self._text:
+            self._text = text
+            self._bar.reset(self._task, description=text, completed=done, total=total)
+        else:
+            self._bar.update(self._task, completed=done, total=total)
 
-            columns = TextColumn("{task.description:24}"), BarColumn(40), TaskProgressColumn(), TimeRemainingColumn()
-            self._bar = Progress(*columns, console=Console(stderr=True), transient=True)
-            self._bar.start()
-            self._task = self._bar.add_task(text, total=total)
-        self._bar.update(self._task, description=text, completed=done, total=total)
+    def _open(self):
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+        columns = TextColumn("{task.description:24}"), BarColumn(40), TaskProgressColumn(), TimeRemainingColumn()
+        self._bar = Progress(*columns, console=Console(stderr=True), transient=True)
+        self._bar.start()
+        self._task = self._bar.add_task("", total=1)
 
 
 def _say(text):

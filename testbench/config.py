@@ -125,7 +125,7 @@ class Noise(Section):
 class Scenario(Section):
     """What happens. Times count from lock unless `origin` says otherwise, in seconds of the 26 MHz clock."""
 
-    engine: Literal["clocked"] = other("clocked", "engine that runs it")
+    engine: Literal["frame", "clocked"] = other("frame", "engine that runs it: the same bits, another speed")
     origin: Literal["lock", "power_on"] = other("lock", "what `seconds` and all times of this section count from")
     seconds: float = number(2.0, "s", 0.001, 36000.0, "length")
     temperature_degc: Annotated[Any, _profile(-55.0, 125.0, "degC")] = other(
@@ -157,6 +157,9 @@ class Output(Section):
 
     directory: str = other("out", "folder for all files of a run")
     record: bool = other(True, "HDF5 record, run.h5")
+    columns: Annotated[Any, _checked(scenario.check_columns)] = other([], "columns of the record; none named: all")
+    decimate: int = number(1, "frames", 1, 8000, "frames to a row of the record; codes and words are then sums")
+    checkpoint_s: float = number(60.0, "s", 0.0, 36000.0, "simulated time between checkpoints; 0 writes none")
     pictures: bool = other(True, "PNG pictures")
     html: bool = other(True, "report in one HTML file, run.html")
     state: bool = other(True, "final state, state.h5, for `resume`")

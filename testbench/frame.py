@@ -31,7 +31,6 @@ from fpga_model import (
     modulator,
     rates,
     references,
-    registers,
     sequencer,
     sine,
     spi_adc,
@@ -40,8 +39,10 @@ from fpga_model import (
 )
 from fpga_model import top as fpga
 from fpga_model.jit import hot, inner, outlined
-from fpga_model.rates import FRAME_TICKS, SLOT_CORDIC, SLOT_ROOT, SLOT_SEQUENCER, SLOTS, TICK_CYCLES
-from testbench import engine
+from fpga_model.rates import FRAME_TICKS, TICK_CYCLES
+from testbench import engine, window
+from testbench.turn import QUARTER_BITS, TURN_MASK, WORD_LIMIT, Turn, next_quarter, phase_at, steady, word_at
+from testbench.window import HISTORY, LAST_ODD_TICK, VALID_CLOCKS, Window
 
 FLUSH = 8
 SETTLED_TICKS = 8  # before this tick after power-on the DACs have not had two frames
@@ -50,21 +51,12 @@ WINDOW_TICKS = 12  # from a window at a frame boundary to a quiet tick
 SHORTEST = 3 * FLUSH
 # typed: Numba compiles a function anew for every constant that it is called with
 FAR, ZERO, ONE = np.int64(1 << 62), np.int64(0), np.int64(1)
-TURN_MASK = (1 << dds.WIDTH) - 1
-QUARTER_BITS = dds.WIDTH - 2
-QUARTER_MASK = (1 << QUARTER_BITS) - 1
-WORD_LIMIT = 1 << (QUARTER_BITS - 6)  # at most one quarter turn in 64 clocks
 SINE_CLOCKS = 1 + sine.LATENCY  # from the phase to the sine
 REFERENCE_CLOCKS = 2  # from the phase to the pins
 DRIVE_CLOCK = np.int64(spi_dac.LOAD_TICK + spi_dac.latch_cycles(spi_dac.DAC8811))
 SENSE_CLOCK = np.int64(spi_dac.LOAD_TICK + spi_dac.latch_cycles(spi_dac.AD5791) - TICK_CYCLES)
-VALID_CLOCKS = 1 + spi_adc.READ_CYCLES  # from the clock in which DRDY falls to the one that sees the frame
-WORD_CLOCKS = 2 * spi_adc.WORD_BITS
-FIRST_CHANNEL_CLOCKS = VALID_CLOCKS - spi_adc.CHANNELS * WORD_CLOCKS + WORD_CLOCKS
 DUMP_CLOCKS = digital_sid.LATENCY
-LAST_ODD_TICK = FRAME_TICKS - 2  # the last load of V_q that is out when the frame ends
 CHANNEL_MASK = spi_adc.WORD_MASK
-HISTORY = 3
 assert 0 < DRIVE_CLOCK < TICK_CYCLES, "the drive DAC follows in the tick of its load"
 assert 0 <= SENSE_CLOCK < TICK_CYCLES, "the sense DAC follows in the tick after its load"
 
@@ -91,35 +83,6 @@ def _buffers():
     )
 
 
-class Turn(NamedTuple):
-    """The phase: `phase` before clock `clock`, turning by `old` a clock until then and by `word` from then on."""
-
-    clock: int
-    phase: int
-    old: int
-    word: int
-
-
-@inner
-def _phase(turn, clock):
-    ahead = clock - turn.clock
-    return (turn.phase + ahead * (turn.word if ahead > 0 else turn.old)) & TURN_MASK
-
-
-@inner
-def _next_quarter(turn, offset, clock):
-    """First clock after `clock` before which the phase plus `offset` has entered another quarter turn."""
-    at = clock
-    if at < turn.clock:
-        left = QUARTER_MASK + 1 - ((_phase(turn, at) + offset) & QUARTER_MASK)
-        found = at + (left + turn.old - 1) // turn.old
-        if found <= turn.clock:
-            return found
-        at = turn.clock
-    left = QUARTER_MASK + 1 - ((_phase(turn, at) + offset) & QUARTER_MASK)
-    return at + (left + turn.word - 1) // turn.word
-
-
 @inner
 def _edges(p, turn, bank, first, end, refs, b):
     """Reference edges of the pins in ticks `first` .. `end` - 1 (clocks from the first), and the pins after them."""
@@ -127,8 +90,8 @@ def _edges(p, turn, bank, first, end, refs, b):
     retimed = p.retimed
     # what the pins show before the first edge is the phase `delay` clocks before, or before the tick's first edge
     seen = TICK_CYCLES * (first - 1 if retimed else first) - delay
-    at_drive = _next_quarter(turn, bank.phase_drive_ref, seen)
-    at_sense = _next_quarter(turn, bank.phase_sense_ref, seen)
+    at_drive = next_quarter(turn, bank.phase_drive_ref, seen)
+    at_sense = next_quarter(turn, bank.phase_sense_ref, seen)
     count = 0
     base, limit = TICK_CYCLES * first, TICK_CYCLES * end
     while True:
@@ -141,7 +104,7 @@ def _edges(p, turn, bank, first, end, refs, b):
             edge = at + delay - 1
         if edge >= limit:
             return count, refs
-        quarter = ((_phase(turn, at) + offset) & TURN_MASK) >> QUARTER_BITS
+        quarter = ((phase_at(turn, at) + offset) & TURN_MASK) >> QUARTER_BITS
         which = 2 * sense + (quarter & 1)
         place = count
         if count > 0 and b.edges[count - 1, 0] == edge - base and b.edges[count - 1, 1] > which:
@@ -152,7 +115,7 @@ def _edges(p, turn, bank, first, end, refs, b):
         b.edges[place, 1] = which
         count += 1
         refs = refs ^ (1 << which)
-        following = _next_quarter(turn, offset, at)
+        following = next_quarter(turn, offset, at)
         if sense:
             at_sense = following
         else:
@@ -170,14 +133,12 @@ def _quiet(f, chips, tick):
     return calm and tick >= SETTLED_TICKS and 0 < word < WORD_LIMIT
 
 
-@outlined
+@inner
 def _codes(p, bank, turn, first, n, b):
     """Modulator codes of `n` ticks into b.drive and b.sense, after their history. Mutates `b`."""
     lag = SINE_CLOCKS + p.pipe.depth
-    begin = TICK_CYCLES * first - lag - turn.clock
     for k in range(n):
-        ahead = begin + TICK_CYCLES * k
-        phase = turn.phase + ahead * (turn.word if ahead > 0 else turn.old)
+        phase = phase_at(turn, TICK_CYCLES * (first + k) - lag)
         y = sine.at((phase + bank.phase_drive_sine) & TURN_MASK)
         b.drive[HISTORY + k] = modulator.at(p.drive_modulator, b.amplitude[k], y)
         y = sine.at((phase + bank.phase_sense_sine) & TURN_MASK)
@@ -203,99 +164,6 @@ def _loaded(p, s, tick, known, n):
         if frame_tick <= LAST_ODD_TICK and (p.quadrature_fast == 1 or frame_tick & 1 == 1):
             return s.control.quadrature_loop.root.y
     return s.quadrature
-
-
-@inner
-def _received(old, new, ready, clock):
-    """The eight channel registers before `clock`, while a frame whose DRDY fell at `ready` is read word by word."""
-    if clock > ready + VALID_CLOCKS:
-        return new
-    first = ready + FIRST_CHANNEL_CLOCKS
-    if clock < first:
-        return old
-    return (
-        new[0],
-        new[1] if clock >= first + WORD_CLOCKS else old[1],
-        new[2] if clock >= first + 2 * WORD_CLOCKS else old[2],
-        new[3] if clock >= first + 3 * WORD_CLOCKS else old[3],
-        new[4] if clock >= first + 4 * WORD_CLOCKS else old[4],
-        new[5] if clock >= first + 5 * WORD_CLOCKS else old[5],
-        new[6] if clock >= first + 6 * WORD_CLOCKS else old[6],
-        new[7] if clock >= first + 7 * WORD_CLOCKS else old[7],
-    )
-
-
-class Window(NamedTuple):
-    """The 8 kHz side: its registers, the phase that its word turns, and what the DACs were last told."""
-
-    control: control.State
-    bank: registers.State
-    dog: watchdog.State
-    turn: Turn
-    slot: int
-    restarted: int  # a new window began before the last one had ended: nothing in it is at rest
-    quadrature: int  # code that V_q's DAC will hold when the frame ends
-
-
-@outlined
-def _window(p, s, sid_codes, old, new, ready, ok, new_ok, valid, tick, n, b):
-    """At most `n` ticks from `tick` on, until the window has ended, clock by clock; returns the state and the ticks."""
-    c, bank, dog, turn, slot, restarted, quadrature = s
-    behind = 0  # clocks that c lags: in them only the CORDIC, or the root and the rate output, move
-    for k in range(n):
-        if slot == 0 and k > 0 and valid // TICK_CYCLES != tick + k:
-            return Window(c, bank, dog, turn, slot, restarted, quadrature), k
-        frame_tick = (tick + k) % FRAME_TICKS
-        for e in range(TICK_CYCLES):
-            clock = TICK_CYCLES * (tick + k) + e
-            go = clock == valid or (e == 0 and frame_tick == 0 and dog.stale == 1)
-            if e == 0:
-                b.amplitude[k] = control.amplitude(p.control, c)
-                b.rate[k] = c.rate_loop.loop.y
-            elif e == spi_dac.LOAD_TICK:
-                b.control_load[HISTORY + k] = sequencer.outputs(c.sequencer).dac_init
-                if p.quadrature_fast == 1 or frame_tick & 1 == 1:
-                    if behind > 0 and slot > SLOT_ROOT:
-                        c = control.settle(c, bank, behind)
-                        behind = 0
-                    if frame_tick <= LAST_ODD_TICK:
-                        quadrature = c.quadrature_loop.root.y
-            if slot != 0:
-                rest = restarted == 0 and slot != SLOT_CORDIC and (slot < SLOT_SEQUENCER or slot > SLOT_ROOT)
-                if rest:
-                    behind += 1
-                if behind > 0 and (not rest or go or slot == SLOTS or (k == n - 1 and e == TICK_CYCLES - 1)):
-                    if slot > SLOT_ROOT:
-                        c = control.settle(c, bank, behind)
-                    else:
-                        c = control.rotate(c, behind)
-                    behind = 0
-                if not rest:
-                    channels = _received(old, new, ready, clock)
-                    good = new_ok if clock >= valid and p.digital == 0 else ok
-                    codes = engine.frame_codes(p, sid_codes, channels)
-                    i = control.Inputs(
-                        codes[0],
-                        codes[1],
-                        codes[2],
-                        codes[3],
-                        0 if p.digital else codes[4],
-                        1 if p.digital else good,
-                        dog.stale,
-                    )
-                    c = control.step(p.control, c, slot, i, bank)
-                    word = c.frequency_tracker.word
-                    if word != turn.word:
-                        turn = Turn(clock + 1, _phase(turn, clock + 1), turn.word, word)
-                if slot == SLOT_SEQUENCER:
-                    bank = registers.step(bank, 0, 0, 0, 1)
-            dog = watchdog.step(p.watchdog, dog, 1 if e == 0 else 0, 1 if clock == valid else 0)
-            if go:
-                restarted = 1 if slot != 0 and slot != SLOTS else 0
-                slot = 1
-            elif slot != 0:
-                slot = slot + 1 if slot != SLOTS else 0
-    return Window(c, bank, dog, turn, slot, restarted, quadrature), n
 
 
 @outlined
@@ -344,7 +212,7 @@ def _rebuilt(f, chips, s, sid, enabled, staged, tick, read, codes, status):
         sent = adc_serial.packed(status, codes)
         chip = adc_serial.State(1, 0, 1, 0, 0, 0, 0, 0, sent, sent)
     d, e = f.dds, chips.sense
-    phase = _phase(s.turn, TICK_CYCLES * tick)
+    phase = phase_at(s.turn, TICK_CYCLES * tick)
     sense = dac_serial.State(e.shift, e.count, e.sync_n, e.ldac_n, staged, staged, e.code, enabled, e.updated)
     rebuilt = fpga.State(
         rates.State(0, tick % FRAME_TICKS, 0),
@@ -408,8 +276,8 @@ def _probe(o, first, n, turn, a, tick, b, count, refs):
         if first + t >= o.probe_ints.shape[0]:
             break
         ints, values = o.probe_ints[first + t], o.probe_floats[first + t]
-        ints[0] = _phase(turn, TICK_CYCLES * (tick + t))
-        ints[1] = turn.word if TICK_CYCLES * (tick + t) >= turn.clock else turn.old
+        ints[0] = phase_at(turn, TICK_CYCLES * (tick + t))
+        ints[1] = word_at(turn, TICK_CYCLES * (tick + t))
         ints[2] = a.work.drive_codes[t]
         ints[3] = a.work.sense_codes[t]
         for k in range(6):
@@ -428,7 +296,7 @@ def _probe(o, first, n, turn, a, tick, b, count, refs):
         inside = first + clock // TICK_CYCLES < o.probe_ints.shape[0]
         if inside and o.edge_count[0] < o.edges.shape[0]:
             row = o.edges[o.edge_count[0]]
-            row[0] = _phase(turn, TICK_CYCLES * tick + clock)
+            row[0] = phase_at(turn, TICK_CYCLES * tick + clock)
             row[1] = which
             row[2] = (refs >> which) & 1
             o.edge_count[0] += 1
@@ -459,7 +327,7 @@ def _blocks(p, f, chips, a, chunk, tick, end, drdy_cycle, b):
         f.control,
         f.registers,
         f.watchdog,
-        Turn(TICK_CYCLES * tick, f.dds.phase, word, word),
+        Turn(TICK_CYCLES * tick, f.dds.phase, word, word, TICK_CYCLES * tick, word),
         ZERO,
         ZERO,
         quadrature,
@@ -494,7 +362,7 @@ def _blocks(p, f, chips, a, chunk, tick, end, drdy_cycle, b):
             v_q = faults.dac_code[2] if faults.dac[2] else s.quadrature
             plant.retune(p.plant, a, chunk.rate_rad_s[n], v_q, chunk.temp_degc[n])
             if row < o.frames.shape[0]:
-                codes = engine.frame_codes(g, sid.codes, _received(channels, coming, falls, at))
+                codes = engine.frame_codes(g, sid.codes, window.received(channels, coming, falls, at))
                 engine.record_frame(
                     o.frames[row],
                     o.truth[row],
@@ -508,7 +376,7 @@ def _blocks(p, f, chips, a, chunk, tick, end, drdy_cycle, b):
                     chunk.rate_rad_s[n],
                 )
         # how far nothing new can happen
-        until = min(stop, (tick // FRAME_TICKS + 1) * FRAME_TICKS)
+        until = min(stop, (tick // FRAME_TICKS + 1) * FRAME_TICKS, tick + linear.BLOCK)
         if valid // TICK_CYCLES > tick:
             until = min(until, valid // TICK_CYCLES)
         if not faults.silent:
@@ -527,13 +395,15 @@ def _blocks(p, f, chips, a, chunk, tick, end, drdy_cycle, b):
             window_at = valid
         known = 0
         if s.slot != 0 or window_at != FAR or (tick % FRAME_TICKS == 0 and s.dog.stale):
-            s, known = _window(g, s, sid.codes, channels, coming, falls, ok, new_ok, window_at, tick, n, b)
+            s, known = window.play(g, s, sid.codes, channels, coming, falls, ok, new_ok, window_at, tick, n, b)
         amplitude, rate = control.amplitude(g.control, s.control), s.control.rate_loop.loop.y
         init = sequencer.outputs(s.control.sequencer).dac_init
-        for k in range(known, n):
-            b.amplitude[k] = amplitude
-            b.rate[k] = rate
-            b.control_load[HISTORY + k] = init
+        for k in range(n):
+            # a test instead of a shorter range, which would keep LLVM from writing eight at a time
+            if k >= known:
+                b.amplitude[k] = amplitude
+                b.rate[k] = rate
+                b.control_load[HISTORY + k] = init
         s = Window(
             s.control,
             s.bank,
@@ -545,15 +415,24 @@ def _blocks(p, f, chips, a, chunk, tick, end, drdy_cycle, b):
         )
         # codes and edges
         _codes(g, s.bank, s.turn, tick, n, b)
+        drive_told, sense_told = b.drive[HISTORY - frames_drive :], b.sense[HISTORY - 1 - frames_sense :]
         for k in range(n):
-            drive_code = b.drive[HISTORY + k - frames_drive]
-            if b.control_load[HISTORY + k - 1] == 1:
-                enabled = 1
-            else:
-                staged = b.sense[HISTORY + k - 1 - frames_sense]
-            sense_code = staged if enabled == 1 else 0
-            a.work.drive_codes[k] = faults.dac_code[0] if faults.dac[0] else drive_code
-            a.work.sense_codes[k] = faults.dac_code[1] if faults.dac[1] else sense_code
+            a.work.drive_codes[k] = drive_told[k]
+            a.work.sense_codes[k] = sense_told[k]
+        if init == 1 or enabled == 0 or known > 0 or b.control_load[HISTORY - 1] == 1:
+            for k in range(n):
+                if b.control_load[HISTORY + k - 1] == 1:
+                    enabled = 1
+                else:
+                    staged = sense_told[k]
+                a.work.sense_codes[k] = staged if enabled == 1 else 0
+        else:
+            staged = sense_told[n - 1]
+        drive_code, sense_code = a.work.drive_codes[n - 1], a.work.sense_codes[n - 1]
+        if faults.dac[0] or faults.dac[1]:
+            for k in range(n):
+                a.work.drive_codes[k] = faults.dac_code[0] if faults.dac[0] else a.work.drive_codes[k]
+                a.work.sense_codes[k] = faults.dac_code[1] if faults.dac[1] else a.work.sense_codes[k]
         for k in range(HISTORY):
             b.drive[k], b.sense[k] = b.drive[n + k], b.sense[n + k]
             b.control_load[k] = b.control_load[n + k]
@@ -591,9 +470,9 @@ def _blocks(p, f, chips, a, chunk, tick, end, drdy_cycle, b):
         tick = until
         turn = s.turn
         if TICK_CYCLES * tick - turn.clock > 64:
-            turn = Turn(TICK_CYCLES * tick, _phase(turn, TICK_CYCLES * tick), turn.word, turn.word)
+            turn = steady(turn, TICK_CYCLES * tick)
         s = Window(s.control, s.bank, s.dog, turn, s.slot, s.restarted, s.quadrature)
-    phase = _phase(s.turn, TICK_CYCLES * tick)
+    phase = phase_at(s.turn, TICK_CYCLES * tick)
     f, chips = _rebuilt(f, chips, s, sid, enabled, staged, tick - FLUSH, read, channels, status)
     return Arrived(tick, drdy_cycle, f, chips, sid, s.dog, phase, refs, drive_code, sense_code)
 

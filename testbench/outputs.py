@@ -16,7 +16,7 @@ class Result(NamedTuple):
 
     summary  the object that `--json` prints
     notes    sentences for a person: what is assumed, what remains unexplained
-    record   `record.Record`, or None
+    record   what `write(path, progress)` makes a record of: `record.Record`, `spool.Recording`, or None
     plots    name -> keyword arguments of the function of that name in `report`
     window   (rows, signals, first edge) of the waveform window, or None
     state    (values, source format, meta) of `record.save_state`, or None
@@ -54,10 +54,14 @@ def check_folder(directory):
     return folder
 
 
-def write(result, config, tables=(), progress=None):
-    """Write what [output] asks for; returns the paths. `tables` go into the report."""
+def write(result, config, tables=(), progress=None, directory=None):
+    """Write what [output] asks for; returns the paths.
+
+    tables     go into the report
+    directory  instead of that of [output]
+    """
     wanted, files = config.output, []
-    folder = check_folder(wanted.directory)
+    folder = check_folder(directory or wanted.directory)
 
     def step(text):
         if progress:
@@ -65,9 +69,7 @@ def write(result, config, tables=(), progress=None):
 
     if wanted.record and result.record is not None:
         step("record")
-        from testbench.record import write_record
-
-        write_record(folder / "run.h5", result.record)
+        result.record.write(folder / "run.h5", progress)
         files.append(folder / "run.h5")
     if result.window is not None:
         step("waveforms")

@@ -29,6 +29,7 @@ import numpy as np
 
 from testbench.errors import FileError
 from testbench.files import GuardedFile, discard, explain, part_of, publish, seal, seal_holds
+from testbench.interrupts import held
 from testbench.version import VERSION
 
 SCHEMA = "gyrorec/1.0"
@@ -94,6 +95,10 @@ class Record:
     attrs: dict = field(default_factory=dict)
     versions: dict = field(default_factory=dict)
     content_sha256: str = ""
+
+    def write(self, path, progress=None):
+        """Write it; returns its content hash."""
+        return write_record(path, self)
 
 
 def known_unit(unit):
@@ -191,8 +196,18 @@ class RecordWriter:
         writer.table("segments", {"id": ("1", ids), "kind": ("", kinds)})
     """
 
-    def __init__(self, path, config_toml="", provenance="simulated", clock_ppm=0.0, attrs=None):
+    def __init__(
+        self,
+        path,
+        config_toml="",
+        provenance="simulated",
+        clock_ppm=0.0,
+        attrs=None,
+        record_id=None,
+        created_utc=None,
+    ):
         self.path = Path(path)
+        self._record_id, self._created_utc = record_id, created_utc
         self._head = (config_toml, provenance, float(clock_ppm), {k: _plain(v) for k, v in (attrs or {}).items()})
         self._streams = {}
         self._digests = {}
@@ -209,6 +224,7 @@ class RecordWriter:
     def __enter__(self):
         return self
 
+    @held()  # the HDF5 library calls Python to write, and knows no exceptions
     def __exit__(self, kind, value, traceback):
         try:
             if kind is None:
@@ -227,7 +243,7 @@ class RecordWriter:
             self._guard.close()
             discard(self.path)
 
-    def stream(self, name, unit, dtype, num=1, den=1, edge0=0, **attrs):
+    def stream(self, name, unit, dtype, num=1, den=1, edge0=0, *, compress=True, **attrs):
         """Declare a stream: numbers of `unit`, num / den rows per clock edge, row 0 at edge `edge0`."""
         if not known_unit(unit):
             raise ValueError(f"stream {name}: unit {unit!r} is not in the table of units")
@@ -240,13 +256,14 @@ class RecordWriter:
         if empty.dtype.kind not in KINDS:
             raise ValueError(f"stream {name}: {empty.dtype} is not a number type")
         column = Column(empty, unit, num, den, edge0, {key: _plain(value) for key, value in attrs.items()})
-        dataset = self._growing(f"streams/{name}", empty.dtype)
+        dataset = self._growing(f"streams/{name}", empty.dtype, compress)
         for key, value in {**column.attrs, "unit": unit, "units": unit}.items():
             dataset.attrs[key] = value
         dataset.attrs["fs_num"], dataset.attrs["fs_den"], dataset.attrs["edge0"] = num, den, edge0
         self._streams[name] = column
         self._digests[name] = hashlib.sha256()
 
+    @held()
     def append(self, **blocks):
         """Add rows to declared streams."""
         for name, block in blocks.items():
@@ -276,10 +293,11 @@ class RecordWriter:
             dataset.attrs["unit"] = dataset.attrs["units"] = column.unit
             dataset.dims[0].attach_scale(row)
 
-    def _growing(self, path, dtype):
+    def _growing(self, path, dtype, compress=True):
         rows = max(1024, CHUNK_BYTES // dtype.itemsize)
+        packed = {"compression": 1, "shuffle": True} if compress else {}
         return self._file.create_dataset(
-            path, (0,), dtype.newbyteorder("<"), maxshape=(None,), chunks=(rows,), compression=1, shuffle=True
+            path, (0,), dtype.newbyteorder("<"), maxshape=(None,), chunks=(rows,), **packed
         )
 
     def _extend(self, path, block, digest):
@@ -329,8 +347,8 @@ class RecordWriter:
         self.content_sha256 = _content(streams, _described_tables(self._tables), *self._head)
         root = self._file.attrs
         root["schema"] = SCHEMA
-        root["record_id"] = str(uuid.uuid4())
-        root["created_utc"] = datetime.now(UTC).isoformat(timespec="seconds")
+        root["record_id"] = self._record_id or str(uuid.uuid4())
+        root["created_utc"] = self._created_utc or datetime.now(UTC).isoformat(timespec="seconds")
         root["provenance"] = provenance
         root["config_toml"] = config_toml
         root["versions"] = json.dumps(versions())
@@ -501,6 +519,7 @@ HIDDEN = {"units", "DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME", "_Netcdf
 # ---- state files -----------------------------------------------------------------------------------------------------
 
 
+@held()
 def save_state(path, values, source_format, meta=None):
     """Save a simulation's state, whole or not at all.
 

@@ -1,7 +1,7 @@
-"""Scenario: what happens during a run, as arrays and a sorted list of events.
+"""Scenario: what happens during a run, as profiles and a sorted list of events.
 
-    rate_rad_s[k], temp_degc[k]   in force during frame k (125 us); the profile's value at the middle of the frame
-    events                        register writes and faults, each at a 1 us tick, sorted
+    rate_rad_s.at(k), temp_degc.at(k)   in force during frame k (125 us): the profile's value at the middle of the frame
+    events                              register writes and faults, each at a 1 us tick, sorted
 
 A profile is a number or points [t_s, value]: joined by straight lines, where two points at one time are a jump, or held
 until the next point (`steps`). Before its first point and after its last one a profile keeps their values.
@@ -70,13 +70,38 @@ class Event(NamedTuple):
     value: int
 
 
+class Profile(NamedTuple):
+    """Values of a profile frame by frame, computed where they are needed: an hour has 28.8 million frames."""
+
+    points: tuple  # ((t_s, value), ...)
+    steps: bool
+    factor: float  # to the unit wanted
+    frames: int
+
+    def at(self, first, count=1):
+        """Values of frames first .. first + count - 1; before and after the profile its first and last one."""
+        if len(self.points) == 1:
+            return np.full(count, self.points[0][1] * self.factor)
+        frame = np.clip(np.arange(first, first + count), 0, self.frames - 1)
+        return sample(self.points, (frame + 0.5) * (FRAME_TICKS / TICK_HZ), self.steps) * self.factor
+
+    def limits(self):
+        """(least, greatest) value of all frames: between its points a profile is monotone."""
+        near = {0, self.frames - 1}
+        for t_s, _ in self.points:
+            frame = min(int(t_s * TICK_HZ / FRAME_TICKS), self.frames)
+            near |= {k for k in range(frame - 2, frame + 3) if 0 <= k < self.frames}
+        values = [float(self.at(k)[0]) for k in near]
+        return min(values), max(values)
+
+
 class Timeline(NamedTuple):
-    """A scenario ready to run; `ticks` long, one array element per frame begun."""
+    """A scenario ready to run, `ticks` long."""
 
     ticks: int
     frames: int
-    rate_rad_s: np.ndarray
-    temp_degc: np.ndarray
+    rate_rad_s: Profile
+    temp_degc: Profile
     rate_before_rad_s: float
     temp_before_degc: float
     events: tuple
@@ -191,6 +216,19 @@ def check_faults(value):
     return tuple(faults)
 
 
+def check_columns(value):
+    """The list of columns of the record as a tuple of names."""
+    if not isinstance(value, (list, tuple)):
+        raise Problem("", f"= {shown(value)} is not a list of names")
+    if value:
+        from testbench.spool import FIELDS
+
+        for k, name in enumerate(value):
+            if not isinstance(name, str) or name not in FIELDS:
+                raise Problem(f"[{k}]", f"= {shown(name)} is not a column of the record; {_nearest(name, FIELDS)}")
+    return tuple(value)
+
+
 def check_times(scenario):
     """Every event lies within the scenario, and no channel has two faults at once."""
     for key in ("register_writes", "faults"):
@@ -235,14 +273,13 @@ def expand(scenario):
     """`Timeline` of a checked [scenario] section."""
     ticks = round(scenario.seconds * TICK_HZ)
     frames = -(-ticks // FRAME_TICKS)
-    middle_s = (np.arange(frames) + 0.5) * (FRAME_TICKS / TICK_HZ)
     rate = profile_points(scenario.rate_dps, -math.inf, math.inf, "deg/s")
     temp = profile_points(scenario.temperature_degc, -math.inf, math.inf, "degC")
     return Timeline(
         ticks,
         frames,
-        sample(rate, middle_s, scenario.rate_shape == "steps") * DEG,
-        sample(temp, middle_s),
+        Profile(rate, scenario.rate_shape == "steps", DEG, frames),
+        Profile(temp, False, 1.0, frames),
         rate[0][1] * DEG,
         temp[0][1],
         events_of(scenario, ticks),

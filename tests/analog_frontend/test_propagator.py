@@ -193,7 +193,7 @@ def test_combined_tables_against_the_exponential(case, omega, kappa):
     column = np.zeros(24)
     for held, step, _, _, delay_s in channels(case):
         for c in (3,):
-            propagator.column(step, c, omega, kappa, column)
+            propagator.combine(np.ascontiguousarray(step[:, c : c + 1]), omega, kappa, column.reshape(1, -1))
             _, late = case.instant(delay_s, c)
             e = case.propagation(mpmath.mpf(omega), mpmath.mpf(kappa), case.numbers["tick"] - late)
             for i in range(STATES):
@@ -214,7 +214,7 @@ def test_a_step_within_the_tick_is_two_pieces_of_propagation(case, c):
         g = np.zeros((24, 24))
         propagator.combine(case.plant.g_jet, omega, kappa, g)
         u, du = ((16, 17), (18, 19))[channel]
-        propagator.column(step, c, omega, kappa, g[du])
+        propagator.combine(np.ascontiguousarray(step[:, c : c + 1]), omega, kappa, g[du : du + 1])
         vector = given_.copy()
         vector[u], vector[du] = u_old, u_new - u_old
         table = g.T @ vector
@@ -269,7 +269,7 @@ def test_combine_is_the_stated_order_in_doubles():
     out, column = np.zeros((26, 24)), np.zeros(24)
     propagator.combine(jet, omega, kappa, out)
     for j in range(26):
-        propagator.column(jet, j, omega, kappa, column)
+        propagator.combine(np.ascontiguousarray(jet[:, j : j + 1]), omega, kappa, column.reshape(1, -1))
         for i in range(24):
             quadratic = (kappa * kappa) * a[5][j][i] + (omega * kappa) * a[4][j][i] + (omega * omega) * a[3][j][i]
             assert out[j, i] == a[0][j][i] + (omega * a[1][j][i] + (kappa * a[2][j][i] + quadratic))

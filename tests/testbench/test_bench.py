@@ -1,5 +1,6 @@
-"""The kernels that `make bench` times: each runs here once and does what it says; it is timed only when asked for."""
+"""What `make bench` times: each kernel runs here once and does what it says; it is timed only when asked for."""
 
+import contextlib
 import itertools
 import json
 
@@ -7,16 +8,21 @@ import numba
 import numpy as np
 import pytest
 
+from analog_frontend import linear
 from fpga_model import sequencer
-from testbench import bench, docs
+from testbench import docs
+from testbench.bench import kernels, measure, peers
 
 pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="closed loop: too slow interpreted")
 TICKS = 25_000
 
 
+# ---- kernels ---------------------------------------------------------------------------------------------------------
+
+
 @pytest.fixture(scope="module")
 def locked():
-    return bench.Bench(TICKS)
+    return kernels.Bench(TICKS)
 
 
 def test_clocked_engine(benchmark, locked):
@@ -27,13 +33,22 @@ def test_clocked_engine(benchmark, locked):
     assert locked.sim.locked
 
 
+def test_frame_engine(benchmark):
+    sim = kernels.gyroscope("frame")
+    assert sim.engine == "frame"
+    before = sim.tick
+    benchmark(kernels.advance, sim, TICKS)
+    assert sim.tick > before
+    assert sim.locked
+
+
 def test_firmware_alone(benchmark, locked):
     before = locked.digital[0]
     benchmark(locked.firmware)
     after = locked.digital[0]
     assert after.control.sequencer.state == sequencer.LOCKED, "fixed codes near the set-points are no fault"
     assert after.control.sequencer.faults.flags == 0
-    turned = (after.dds.phase - before.dds.phase) & bench.PHASE_MASK
+    turned = (after.dds.phase - before.dds.phase) & kernels.PHASE_MASK
     assert turned, "the DDS runs"
     assert after.adc.channels != before.adc.channels or after.control != before.control, "frames arrive"
 
@@ -50,29 +65,78 @@ def test_plant_alone(benchmark, locked):
 def test_references_of_the_plant_bench_toggle_twice_a_period(locked):
     """As many edges as the drive frequency says: the work of a tick is that of the real loop."""
     word, ticks = locked.word, 4000
-    quadrants = [((tick * 26 * word) & bench.PHASE_MASK) >> 46 for tick in range(ticks)]
+    quadrants = [((tick * 26 * word) & kernels.PHASE_MASK) >> 46 for tick in range(ticks)]
     edges = 2 * sum(a != b for a, b in itertools.pairwise(quadrants))
     assert edges == pytest.approx(4 * 2 * word * 26e6 / 2**48 * ticks * 1e-6, abs=3)
 
 
+def test_a_process_answers_with_the_cpu_time_of_either_engine():
+    with contextlib.closing(kernels.Served()) as served:
+        frame, clocked = (served.cpu_s(name, 2_000) for name in ("frame", "clocked"))
+        assert 0.0 < frame
+        assert 1e-4 < clocked
+    assert served.process.returncode == 0
+
+
+def test_the_source_without_compiler_answers_with_its_cpu_time():
+    with contextlib.closing(kernels.Served(locked=False, NUMBA_DISABLE_JIT="1")) as interpreted:
+        assert interpreted.cpu_s("clocked", 2) > 1e-5
+    assert interpreted.process.returncode == 0
+
+
+# ---- roof ------------------------------------------------------------------------------------------------------------
+
+
+def test_multiplications_of_a_tick():
+    """The sum of the docstring, and its part that linear.py lists."""
+    assert measure.pairs_per_tick() == pytest.approx(466.24)
+    assert linear.FORCED_COUNT == 14
+    assert linear.SOURCE_COUNT == 14 + 4
+    table = [float(line.split()[-1]) for line in measure.pairs_per_tick.__doc__.splitlines() if "  " in line.strip()]
+    assert sum(table) == pytest.approx(466.24)
+
+
+# ---- tables ----------------------------------------------------------------------------------------------------------
+
 RESULT = {
+    "frame_rt": 30.0,
     "clocked_rt": 0.75,
+    "c_loop_rt": 1.5,
+    "verilator_closed_rt": None,
+    "icarus_rt": 0.003,
+    "python_rt": 0.001,
+    "roof_single_rt": 120.0,
     "firmware_rt": 1.5,
     "plant_rt": 7.5,
-    "python_rt": 0.001,
+    "peak_pairs_per_s": 55.9e9,
+    "pairs_per_tick": 466.24,
+    "spread": {
+        "frame_rt": [29.0, 31.0],
+        "clocked_rt": [0.4, 0.8],
+        **{f"{name}_rt": [1.0, 2.0] for name in ("c_loop", "icarus", "python", "roof_single", "firmware", "plant")},
+    },
+    "missing": {"verilator_closed_rt": "verilator is not installed"},
     "first_call_cold_s": 25.04,
     "first_call_warm_s": 1.26,
-    "versions": {"python": "3.13.0", "numba": "0.68.1"},
+    "growth": {"seconds": {"1": 0.03, "4": 0.0303}, "noise": {"none": 0.02, "all": 0.03}, "effects": {"none": 0.03}},
+    "versions": {"python": "3.13.0", "numba": "0.68.1", "verilator": None},
     "cpu": "A processor",
 }
 
 
-def test_the_table_is_the_measurement():
-    part = bench.speed_part(RESULT)
-    assert "`python -m testbench.bench` on A processor; python 3.13.0, numba 0.68.1" in part
-    assert "| clocked_rt | 0.75 | 1333 ns | 750 |" in part
-    assert "| python_rt | 0.001 | 1000000 ns | 1 |" in part
-    assert "| first_call_cold_s | 25.0 s |" in part
+def test_the_tables_are_the_measurement():
+    part = measure.speed_part(RESULT)
+    assert "`python -m testbench.bench` on A processor; python 3.13.0, numba 0.68.1." in part
+    assert "| frame_rt | 30 | 29 .. 31 | 0.0333 s | 1 | 0.025 |" in part
+    assert "| clocked_rt | 0.75 | 0.4 .. 0.8 | 1.33 s | 40 | 1 |" in part
+    assert "| icarus_rt | 0.003 | 1 .. 2 | 333 s | 1e+04 | 250 |" in part
+    assert "(verilator is not installed) | verilator_closed_rt | - | - | - | - | - |" in part
+    assert "| firmware_rt | 1.5 | 1 .. 2 | 0.667 s | | |" in part
+    assert "| first_call_cold_s | | | 25.0 s | | |" in part
+    assert "Roof: 466 multiplications with an addition each per tick, and 55.9e9 such pairs" in part
+    assert "| seconds | 4 | 30.3 ms | 1.01 |" in part
+    assert "| noise | all | 30 ms | 1.50 |" in part
+    assert "not measured" in measure.speed_part(RESULT | {"peak_pairs_per_s": None})
     page = "before\n<!-- speed: written by testbench.bench -->\nold\n<!-- end -->\nafter"
     once = docs.replaced(page, "speed", part)
     assert docs.replaced(once, "speed", part) == once
@@ -83,32 +147,90 @@ def test_the_table_is_the_measurement():
 def test_a_measurement_is_written_whole(tmp_path, monkeypatch, capsys):
     (tmp_path / "docs").mkdir()
     (tmp_path / "docs" / "speed.md").write_text("<!-- speed: written by testbench.bench -->\n<!-- end -->\n")
-    monkeypatch.setattr(bench, "ROOT", tmp_path)
-    monkeypatch.setattr(bench, "measure", lambda: RESULT)
-    assert bench.main() == 0
+    monkeypatch.setattr(measure, "ROOT", tmp_path)
+    monkeypatch.setattr(measure, "measure", lambda: RESULT)
+    assert measure.main() == 0
     assert json.loads((tmp_path / "build" / "bench.json").read_text()) == RESULT
     assert "0.75" in (tmp_path / "docs" / "speed.md").read_text()
-    assert "clocked engine" in capsys.readouterr().out
+    assert "Speed, one core" in capsys.readouterr().out
 
 
-def test_the_median_ignores_a_slow_round(monkeypatch):
+def test_all_take_turns():
+    times, order = iter([1e-3, 2e-3, 1e-3, 2e-3, 9.0, 9.0]), []
+
+    def work(name):
+        order.append(name)
+        return next(times)
+
+    spent = measure.rounds({"a": lambda: work("a"), "b": lambda: work("b")}, 3)
+    assert spent == {"a": [1e-3, 1e-3, 9.0], "b": [2e-3, 2e-3, 9.0]}
+    assert order == ["a", "b"] * 3
+
+
+def test_a_measurement_is_the_median_and_closes_its_processes(tmp_path, monkeypatch):
+    """Three processes that take 1, 2 and 9 s for the same work; no comparator, no compiler."""
+    closed = []
+
     class Fake:
-        ticks = 1000
+        ticks = 1_000_000
 
-        def clocked(self):
+        def __init__(self, locked=True, **environment):
+            self.locked = locked
+            self.spent = 4.0 if not locked else next(spent)
+
+        def cpu_s(self, engine_name, ticks):
+            return self.spent
+
+        def close(self):
+            closed.append(self)
+
+        def firmware(self):
             pass
 
-        firmware = plant_only = clocked
+        plant_only = firmware
 
-    times = iter([1e-3, 2e-3, 4e-3, 1e-3, 2e-3, 4e-3, 9.0, 9.0, 9.0])
-    monkeypatch.setattr(bench, "Bench", Fake)
-    monkeypatch.setattr(bench, "cpu_s", lambda work: next(times))
-    assert bench.kernels(repeats=3) == {"clocked_rt": 1.0, "firmware_rt": 0.5, "plant_rt": 0.25}
+    spent = itertools.chain([0.0], iter([1.0, 2.0, 9.0]))  # the first is taken by the bench itself
+    absent = peers.Missing("no compiler")
+    monkeypatch.setattr(kernels, "Served", Fake)
+    monkeypatch.setattr(kernels, "Bench", Fake)
+    monkeypatch.setattr(kernels, "gyroscope", lambda name: None)
+    monkeypatch.setattr(kernels, "cpu_s", lambda work: 0.5)
+    missing = dict.fromkeys(measure.PEER_KEYS.values(), str(absent))
+    monkeypatch.setattr(measure, "comparators", lambda sim, folder: ({}, dict(missing)))
+    monkeypatch.setattr(peers, "build_peak", lambda folder: (_ for _ in ()).throw(absent))
+    result = measure.speeds(tmp_path, repeats=3, processes=3)
+    assert result["frame_rt"] == measure.FRAME_TICKS_TIMED / 1e6 / 2.0
+    assert result["clocked_rt"] == 0.5
+    assert result["spread"]["clocked_rt"] == pytest.approx([1 / 9, 1.0])
+    assert result["firmware_rt"] == result["plant_rt"] == 2.0
+    assert result["python_rt"] == measure.PYTHON_TICKS / 1e6 / 4.0
+    assert result["roof_single_rt"] is result["c_loop_rt"] is result["peak_pairs_per_s"] is None
+    assert result["missing"] == missing | {"roof_single_rt": "no compiler"}
+    assert len(closed) == 4
+
+
+def test_a_missing_tool_leaves_a_null_and_its_reason(tmp_path, monkeypatch):
+    def absent(folder):
+        raise peers.Missing("no compiler")
+
+    monkeypatch.setattr(measure.peers, "BUILDERS", dict.fromkeys(peers.BUILDERS, absent))
+    works, missing = measure.comparators(kernels.gyroscope("frame"), tmp_path)
+    assert works == {}
+    assert missing == dict.fromkeys(measure.PEER_KEYS.values(), "no compiler")
+
+
+def test_growth_covers_every_source_and_effect():
+    from testbench import config
+
+    assert set(measure.SOURCES) == set(config.Noise.model_fields) - {"seed"}
+    assert set(measure.EFFECTS) == set(config.Effects.model_fields)
 
 
 def test_the_documented_numbers_come_from_a_measurement():
     """docs/speed.md holds a table with every key, written by the command that it names."""
     page = (docs.ROOT / "docs" / "speed.md").read_text()
-    assert f"Measured with `{bench.COMMAND}`" in page
-    for key in ("clocked_rt", "firmware_rt", "plant_rt", "python_rt", "first_call_cold_s", "first_call_warm_s"):
+    assert f"Measured with `{measure.COMMAND}`" in page
+    for key, _ in (*measure.SPEEDS, *measure.FIRST_CALLS):
         assert f"| {key} |" in page
+    assert f"{measure.pairs_per_tick():.0f} multiplications" in page
+    assert f"over {measure.PEER_TICKS['c_loop'] / 1e6:g} s (Icarus: {measure.PEER_TICKS['icarus'] / 1e3:g} ms)" in page

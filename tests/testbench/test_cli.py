@@ -61,7 +61,7 @@ def fakes(monkeypatch):
     """A simulation that takes no time; `calls` keeps the configurations it was given."""
     calls = []
 
-    def run(config, progress=None):
+    def run(config, progress=None, directory=None, resume=False):
         calls.append(config)
         progress("run", 1, 2)
         time_s = np.arange(100) / 8000
@@ -132,9 +132,16 @@ MISTAKES = [
     (["run", "--rate-dps", "nan"], "--rate-dps: scenario.rate_dps = nan: the value is not finite"),
     (["run", "--seconds", "0"], "--seconds: scenario.seconds = 0.0 is below the limit 0.001 s"),
     (["run", "--seed", "-1"], "--seed: noise.seed = -1 is below the limit 0"),
-    (["run", "--engine", "warp"], '--engine: scenario.engine = "warp" is none of "clocked"'),
+    (["run", "--engine", "warp"], '--engine: scenario.engine = "warp" is none of "frame" | "clocked"'),
     (["run", "--vcd", "3"], "--vcd: '3' is not of the form START_US:LENGTH_US"),
     (["run", "--vcd", "0:1e9"], "--vcd: output.vcd_length_us = 1000000000.0 is above the limit 10000 us"),
+    (
+        ["run", "--set", "output.columns=['rate_wrod']"],
+        '--set: output.columns[0] = "rate_wrod" is not a column of the record; did you mean rate_word?',
+    ),
+    (["run", "--set", "output.columns=rate_word"], '--set: output.columns = "rate_word" is not a list of names'),
+    (["run", "--set", "output.decimate=8001"], "--set: output.decimate = 8001 is above the limit 8000 frames"),
+    (["run", "--resume-run", "none"], "none: holds no interrupted run with a checkpoint; start it again"),
     (["budget", "--temperature-degc", "300"], "--temperature-degc: scenario.temperature_degc = 300 is above"),
 ]
 
@@ -173,7 +180,7 @@ def test_a_mistake_shows_no_traceback_from_a_shell(tmp_path):
 
 
 def test_an_interrupt_is_one_line(capsys, tmp_path, fakes, monkeypatch):
-    def interrupted(config, progress=None):
+    def interrupted(config, **_):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(sys.modules["testbench.simulate"], "run", interrupted)
@@ -181,12 +188,51 @@ def test_an_interrupt_is_one_line(capsys, tmp_path, fakes, monkeypatch):
 
 
 def test_a_bug_keeps_its_traceback(capsys, tmp_path, fakes, monkeypatch):
-    def broken(config, progress=None):
+    def broken(config, **_):
         raise ZeroDivisionError
 
     monkeypatch.setattr(sys.modules["testbench.simulate"], "run", broken)
     with pytest.raises(ZeroDivisionError):
         cli.main(["run", "--out", str(tmp_path)])
+
+
+# ---- progress --------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def bar(monkeypatch):
+    """(progress, its task, a clock to turn): as on a terminal, from the first call on."""
+    clock = types.SimpleNamespace(now=100.0)
+    monkeypatch.setattr(cli, "SHOW_PROGRESS_AFTER_S", 0.0)
+    monkeypatch.setattr(cli.time, "monotonic", lambda: clock.now)
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    with cli.Progress() as progress:
+        progress("compiling", 0, 1)
+        progress._bar.get_time = lambda: clock.now
+        yield progress, lambda: progress._bar.tasks[0], clock
+
+
+def test_time_left_follows_from_the_work_that_was_seen(bar):
+    """A run that is continued in its middle: 500 of 1000 are done when it starts, then 10 a second."""
+    progress, task, clock = bar
+    progress("scenario", 500, 1000)
+    assert (task().completed, task().speed) == (500, None)
+    for done in range(510, 601, 10):
+        clock.now += 1.0
+        progress("scenario", done, 1000)
+    assert task().time_remaining == pytest.approx(400 / 10, rel=0.2)
+
+
+def test_many_reports_cost_little(bar, monkeypatch):
+    progress, task, clock = bar
+    drawn = []
+    plain = progress._bar.update
+    monkeypatch.setattr(progress._bar, "update", lambda *a, **k: (drawn.append(k), plain(*a, **k)))
+    for done in range(1001):
+        clock.now += 0.001
+        progress("scenario", done, 1000)
+    assert len(drawn) <= 12
+    assert task().completed == 1000
 
 
 # ---- run -------------------------------------------------------------------------------------------------------------

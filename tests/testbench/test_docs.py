@@ -14,7 +14,7 @@ from analog_frontend import top as plant
 from fpga_model import control, dds, lock_monitor, rates, references, registers, sequencer, sine, spi_adc, spi_dac
 from fpga_model import top as fpga
 from fpga_model.jit import kernel
-from testbench import budget, build, config, docs, engine, flatten, simulate, tables
+from testbench import budget, build, config, docs, engine, flatten, simulate, summary, tables
 from testbench.config import Config
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -166,7 +166,7 @@ def test_the_output_of_the_readme_is_of_this_version():
         assert measured == pytest.approx(planned[node], abs=0.003 + 4 * sigma)
     for text, _, _, _ in tables.NUMBERS.values():
         assert text in shown, text
-    notes = simulate._notes(Config(), {"locked": True, "phase_deg": planned}, budget.budget(Config()))
+    notes = summary.notes(Config(), {"locked": True, "phase_deg": planned}, budget.budget(Config()))
     bare = [re.sub(r"[-+]?[\d.]+ (deg|ns)", "#", line) for line in (*notes, *re.findall(r"^  - (.*)$", shown, re.M))]
     assert bare[: len(notes)] == bare[len(notes) :]
 

@@ -180,6 +180,19 @@ def test_saturated_force_and_lost_lock(locked):
     pair.advance(60_000, host=write("control", sequencer.RUN))
 
 
+@pytest.mark.parametrize("delay_us", range(8))
+def test_a_word_that_changes_twice_in_one_window(locked, delay_us):
+    """Lost lock puts the centre back and clears the loop, two clocks apart, while the start-up kick begins."""
+    params = build.params(configured(plant__adc_delay_s=delay_us * 1.13e-7, firmware__pipeline_registers=8), 25.0, 25.0)
+    pair = Pair(params, locked[1])
+    pair.advance(200, host=write("frequency_fixed", dds.word_of_hz(10_940.0)))
+    pair.advance(200, host=write("amplitude_setpoint", 1 << 20))
+    while pair.frame.fpga.control.sequencer.state != sequencer.KICK:
+        pair.advance(5000)
+        assert pair.frame.tick < 3_000_000
+    pair.advance(500)
+
+
 @pytest.mark.parametrize("frequency_hz", [0.0, 1.0, 12_345.678, 100_000.0, 3e6])
 def test_any_frequency_word(locked, frequency_hz):
     """Open loop at frequencies that no gyroscope has; where quarter turns come too fast, clocked ticks take over."""

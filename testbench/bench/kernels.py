@@ -1,0 +1,189 @@
+"""What is timed of this repository: kernels on a locked gyroscope, each moves its own copy of it on.
+
+    frame, clocked   the engines of `gyro run`: full plant, all noise, locked at 100 deg/s, hash of all codes included
+firmware         the FPGA and the ADC's digital side alone, fed with fixed codes
+plant            the plant alone, tick by tick, fed with recorded DAC codes and references at the drive frequency
+python           the clocked engine's own source run by CPython, without compiler, from power-on
+"""
+
+import os
+import subprocess
+import sys
+import time
+
+import numpy as np
+
+from analog_frontend import adc_serial
+from analog_frontend import top as plant
+from fpga_model import top as fpga
+from fpga_model.jit import hot
+from fpga_model.rates import FRAME_TICKS, TICK_CYCLES
+from testbench import config, engine, simulate
+from testbench.docs import ROOT
+from testbench.simulation import DEG, Simulation
+
+RATE_RAD_S, TEMP_DEGC = 100 * DEG, 25.0
+BLOCK_TICKS = 100_000
+DRDY_CYCLE = 5
+PHASE_MASK = (1 << 48) - 1
+
+
+def cpu_s(work, *arguments):
+    """Process CPU time (s) of a call."""
+    began = time.process_time()
+    work(*arguments)
+    return time.process_time() - began
+
+
+def gyroscope(engine_name, locked=True, changes=None):
+    """`Simulation` of the default configuration, `changes` apart, on an engine: locked, at the beginning of a frame."""
+    sim = Simulation(config.changed(config.Config(), changes or {}), TEMP_DEGC, TEMP_DEGC, engine=engine_name)
+    sim.keep_rows = False
+    sim.now = (np.array([RATE_RAD_S]), np.array([TEMP_DEGC]))
+    if locked:
+        if simulate.start(sim.config, sim, RATE_RAD_S, TEMP_DEGC) is None:
+            raise RuntimeError(f"not locked with {changes}: nothing to time")
+        advance(sim, -sim.tick % FRAME_TICKS)
+    return sim
+
+
+def advance(sim, ticks):
+    """Move a simulation on at the rate and temperature of all measurements."""
+    return sim.advance(ticks, RATE_RAD_S, TEMP_DEGC)
+
+
+@hot
+def firmware_alone(p, f, chip, ticks, codes):
+    """`ticks` of the firmware; the ADC repeats `codes`, a step up in every other frame (equal ones are a fault)."""
+    for k in range(ticks):
+        up = 10 * ((k // FRAME_TICKS) & 1)
+        sent = (codes[0] + up, codes[1] + up, codes[2] + up, codes[3] + up, codes[4], 0, 0, 0)
+        ready = 1 if k % FRAME_TICKS == 0 else 0
+        for c in range(TICK_CYCLES):
+            f = fpga.step(p, f, fpga.Inputs(chip.drdy_n, adc_serial.dout(chip), 0, 0, 0, 0, 0))
+            loaded = ready if c == DRDY_CYCLE else 0
+            chip = adc_serial.step(chip, f.adc.cs_n, f.adc.sclk, loaded, adc_serial.packed(0xC00000, sent)[0], sent)
+    return f, chip
+
+
+@hot
+def plant_alone(p, a, tick0, drive, sense, cycles, word, quad_code, rate_rad_s, temp_degc, edges):
+    """One tick per DAC code of `drive` and `sense`; references turn by `word` a clock, V_q moves every frame."""
+    quadrant = 0
+    for k in range(drive.shape[0]):
+        tick = tick0 + k
+        if tick % FRAME_TICKS == 0:
+            plant.retune(p, a, rate_rad_s, quad_code + (tick // FRAME_TICKS & 1), temp_degc)
+        now = (((tick * TICK_CYCLES * word) & PHASE_MASK) >> 46) & 3
+        count = 0
+        if now != quadrant:
+            which = 0 if now == 0 or now == 2 else 1
+            for d in (which, which + 2):
+                edges[count, 0] = 0
+                edges[count, 1] = d
+                count += 1
+        quadrant = now
+        plant.step(p, a, tick, plant.Pins(drive[k], cycles[0], sense[k], cycles[1], count), edges)
+
+
+class Bench:
+    """A locked gyroscope on the clocked engine, and the kernels of its parts on copies of it."""
+
+    def __init__(self, ticks=BLOCK_TICKS):
+        self.ticks = ticks
+        self.sim = gyroscope("clocked")
+        streams = advance(self.sim, min(ticks, BLOCK_TICKS))
+        f = self.sim.state.fpga
+        repeat = -(-ticks // len(streams.drive_code))
+        self.drive = np.tile(streams.drive_code.astype(np.int64), repeat)[:ticks]
+        self.sense = np.tile(streams.sense_code.astype(np.int64), repeat)[:ticks]
+        self.word, self.quad_code = f.control.frequency_tracker.word, f.control.quadrature_loop.root.y
+        self.codes = tuple(f.adc.channels[:5])
+        self.digital = f, self.sim.state.chips.adc
+        self.plant = plant.copy(self.sim.state.plant)
+        self.cycles = tuple(int(c) for c in self.plant.cycles)
+        self.tick = self.sim.tick
+        self.edges = np.zeros((engine.MAX_EDGES, 2), np.int64)
+
+    def clocked(self):
+        """The clocked engine as `gyro run` drives it."""
+        advance(self.sim, self.ticks)
+
+    def firmware(self):
+        """The firmware alone."""
+        self.digital = firmware_alone(self.sim.params.fpga, *self.digital, self.ticks, self.codes)
+
+    def plant_only(self):
+        """The plant alone."""
+        plant_alone(
+            self.sim.params.plant,
+            self.plant,
+            self.tick,
+            self.drive,
+            self.sense,
+            self.cycles,
+            self.word,
+            self.quad_code,
+            RATE_RAD_S,
+            TEMP_DEGC,
+            self.edges,
+        )
+        self.tick += self.ticks
+
+
+# ---- processes of their own ------------------------------------------------------------------------------------------
+
+
+def serve(locked):
+    """Each line of standard input names an engine and a number of ticks; the answer is their CPU time (s)."""
+    sim = gyroscope("frame" if locked else "clocked", locked)
+    for line in sys.stdin:
+        engine_name, ticks = line.split()
+        if sim.engine != engine_name:
+            sim.engine = engine_name
+        print(cpu_s(advance, sim, int(ticks)), flush=True)
+
+
+class Served:
+    """A gyroscope in a process of its own."""
+
+    def __init__(self, locked=True, **environment):
+        self.process = _python(f"from testbench.bench import kernels; kernels.serve({locked})", **environment)
+
+    def cpu_s(self, engine_name, ticks):
+        """CPU time (s) of `ticks` more on an engine."""
+        self.process.stdin.write(f"{engine_name} {ticks}\n")
+        self.process.stdin.flush()
+        answer = self.process.stdout.readline()
+        if not answer:
+            raise RuntimeError(f"the process that times the {engine_name} engine has ended")
+        return float(answer)
+
+    def close(self):
+        """End the process."""
+        self.process.stdin.close()
+        self.process.stdout.close()
+        self.process.wait()
+
+
+FIRST_FRAME = "from testbench.bench import kernels; kernels.advance(kernels.gyroscope(None, locked=False), 125)"
+
+
+def first_call_s(cache):
+    """Wall time (s) of a process up to the first frame of the engine of `gyro run`, with this cache folder."""
+    began = time.perf_counter()
+    process = _python(FIRST_FRAME, GYRO_CACHE=str(cache))
+    process.communicate()
+    if process.returncode:
+        raise RuntimeError("the process of the first call failed")
+    return time.perf_counter() - began
+
+
+def _python(code, **environment):
+    return subprocess.Popen(
+        [sys.executable, "-c", code],
+        env={**os.environ, "PYTHONPATH": str(ROOT), **environment},
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )

@@ -1,0 +1,284 @@
+"""Speed: simulated seconds per CPU second of both engines, of what they are made of, and of comparators.
+
+All but the first call is process CPU time on one core, after warm-up: the median of rounds in which all take turns, so
+that a slow moment of the machine meets all of them. The engines run in several processes, because the clocked
+engine's speed differs from process to process. Before a comparator is timed, its codes, registers and plant must be
+those of the clocked engine. A tool that is not there leaves its key null and its reason in the table.
+
+    python -m testbench.bench       prints the tables, writes build/bench.json and the tables in docs/speed.md
+"""
+
+import contextlib
+import itertools
+import json
+import platform
+import statistics
+import tempfile
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from fpga_model.rates import FRAME_TICKS, TICK_HZ
+from testbench.bench import kernels, peers
+from testbench.docs import ROOT, markdown, replaced
+from testbench.files import write_text
+from testbench.tables import Table, fixed
+
+COMMAND = "python -m testbench.bench"
+REPEATS = 10
+PROCESSES = 5
+FRAME_TICKS_TIMED = 1_000_000
+PEER_TICKS = {"c_loop": 100_000, "verilator": 100_000, "icarus": 1_250}
+PEER_KEYS = {"c_loop": "c_loop_rt", "verilator": "verilator_closed_rt", "icarus": "icarus_rt"}
+PYTHON_TICKS = 2 * FRAME_TICKS
+
+SPEEDS = (
+    ("frame_rt", "frame engine"),
+    ("clocked_rt", "clocked engine"),
+    ("c_loop_rt", "C loop"),
+    ("verilator_closed_rt", "Verilator"),
+    ("icarus_rt", "Icarus Verilog"),
+    ("python_rt", "plain Python"),
+    ("roof_single_rt", "roof"),
+    ("firmware_rt", "firmware alone"),
+    ("plant_rt", "plant alone"),
+)
+PARTS = ("firmware_rt", "plant_rt")
+FIRST_CALLS = (
+    ("first_call_cold_s", "first call, nothing compiled"),
+    ("first_call_warm_s", "first call, from the cache"),
+)
+
+GROWTH_REPEATS = 3
+GROWTH_SECONDS = (1, 4, 16)
+GROWTH_TICKS = 500_000
+SOURCES = ("thermomechanical", "cv", "dac", "adc", "flicker", "jitter")
+EFFECTS = {"duffing_k3_per_um2": 1e-7, "drive_cubic_per_v2": 1e-3, "feedthrough_y": 1e-5}
+
+
+# ---- roof ------------------------------------------------------------------------------------------------------------
+
+
+def pairs_per_tick():
+    """Multiplications of one plant tick, each with an addition, as frozen in analog_frontend/linear.py.
+
+    chains   2 of three states: 3 inputs each, and the triangle of 1 + 2 + 3              30
+    forced   14 inputs onto 4 modes, 6 C/V states and 6 places of the path               224
+    modes    4 x 4, and onto the 12 others 4 x 12                                         64
+    C/V      2 triangles; path 2 x 3 x 3                                                  30
+    SID      4 demodulators: noise on 3 stages, a triangle                                36
+    ADC      64 samples in 125 ticks, 5 channels: chord, three weights                    10.24
+    noise    8 hashes of 7 rounds, each scaled twice                                      72
+
+    Left out: firmware and chips, reference edges, the shifts and masks of the hashes, 8 kHz work, all loads and stores,
+    and that a tick must wait for the one before it. No engine can be faster than this roof on one core.
+    """
+    triangle = 1 + 2 + 3
+    chains = 2 * (3 * 3 + triangle)
+    forced = 14 * (4 + 6 + 6)
+    modes = 4 * 4 + 4 * 12
+    pickoffs = 2 * triangle + 2 * 3 * 3
+    sid = 4 * (3 + triangle)
+    adc = 64 / 125 * 5 * 4
+    noise = 8 * (7 + 2)
+    return chains + forced + modes + pickoffs + sid + adc + noise
+
+
+# ---- measuring -------------------------------------------------------------------------------------------------------
+
+
+def rounds(works, repeats):
+    """CPU times (s) of each of `works` ({name: function that returns its own CPU time}), which take turns."""
+    spent = {name: [] for name in works}
+    for _ in range(repeats):
+        for name, work in works.items():
+            spent[name].append(work())
+    return spent
+
+
+def _in_turn(processes, engine_name, ticks):
+    """CPU time (s) of `ticks` on an engine, in the next process."""
+    return next(processes).cpu_s(engine_name, ticks)
+
+
+def comparators(sim, folder):
+    """({key: function that returns the CPU time of a run}, {key: why there is none}); equality is checked here."""
+    names = peers.export(sim, kernels.RATE_RAD_S, folder)
+    engine = peers.reference(sim, kernels.RATE_RAD_S, max(PEER_TICKS.values()))
+    works, missing = {}, {}
+    for name, ticks in PEER_TICKS.items():
+        try:
+            command = peers.BUILDERS[name](folder)
+            codes = peers.run(name, command, folder, names, ticks)
+        except peers.Missing as reason:
+            missing[PEER_KEYS[name]] = str(reason)
+            continue
+        for line in peers.differences(engine, codes):
+            raise RuntimeError(f"{name} differs from the clocked engine: {line}")
+        works[PEER_KEYS[name]] = partial(_peer_cpu_s, name, command, folder, names, ticks)
+    return works, missing
+
+
+def _peer_cpu_s(*arguments):
+    return peers.run(*arguments).cpu_s
+
+
+def speeds(folder, repeats=REPEATS, processes=PROCESSES):
+    """Real-time factors of everything that simulates, their spread, the peak of the CPU, and what is missing."""
+    bench = kernels.Bench()
+    works, missing = comparators(kernels.gyroscope("clocked"), folder)
+    ticks = {key: PEER_TICKS[name] for name, key in PEER_KEYS.items()}
+    ticks |= dict.fromkeys(("clocked_rt", *PARTS), bench.ticks)
+    ticks |= {"frame_rt": FRAME_TICKS_TIMED, "python_rt": PYTHON_TICKS}
+    try:
+        command = peers.build_peak(folder)
+        # as the time of what a tick has to multiply and add
+        works["roof_single_rt"] = lambda: pairs_per_tick() / peers.peak_pairs_per_s(command)
+        ticks["roof_single_rt"] = 1
+    except peers.Missing as reason:
+        missing["roof_single_rt"] = str(reason)
+    with contextlib.ExitStack() as stack:
+
+        def served(**options):
+            return stack.enter_context(contextlib.closing(kernels.Served(**options)))
+
+        engines = [served() for _ in range(processes)]
+        interpreted = served(locked=False, NUMBA_DISABLE_JIT="1")
+        for name in ("frame", "clocked"):
+            works[f"{name}_rt"] = partial(_in_turn, itertools.cycle(engines), name, ticks[f"{name}_rt"])
+        works |= {
+            "firmware_rt": partial(kernels.cpu_s, bench.firmware),
+            "plant_rt": partial(kernels.cpu_s, bench.plant_only),
+            "python_rt": partial(interpreted.cpu_s, "clocked", PYTHON_TICKS),
+        }
+        rounds(works, processes)
+        spent = rounds(works, repeats)
+    factors = {key: sorted(ticks[key] / TICK_HZ / time_s for time_s in spent[key]) for key in works}
+    result = {key: statistics.median(factors[key]) if key in factors else None for key, _ in SPEEDS}
+    roof = result["roof_single_rt"]
+    return result | {
+        "spread": {key: [values[0], values[-1]] for key, values in factors.items()},
+        "peak_pairs_per_s": None if roof is None else roof * pairs_per_tick() * TICK_HZ,
+        "pairs_per_tick": pairs_per_tick(),
+        "missing": missing,
+    }
+
+
+def growth(repeats=GROWTH_REPEATS):
+    """CPU seconds per simulated second of the frame engine: over seconds, noise sources and effects."""
+    quiet = {f"noise.{name}": False for name in SOURCES}
+    cases = {("seconds", str(n)): ({}, n * TICK_HZ) for n in GROWTH_SECONDS}
+    cases |= {("noise", "none"): (quiet, GROWTH_TICKS)}
+    cases |= {("noise", name): (quiet | {f"noise.{name}": True}, GROWTH_TICKS) for name in SOURCES}
+    cases |= {("noise", "all"): ({}, GROWTH_TICKS), ("effects", "none"): ({}, GROWTH_TICKS)}
+    cases |= {("effects", name): ({f"effects.{name}": size}, GROWTH_TICKS) for name, size in EFFECTS.items()}
+    cases |= {("effects", "all"): ({f"effects.{name}": size for name, size in EFFECTS.items()}, GROWTH_TICKS)}
+    made, works = {}, {}
+    for case, (changes, ticks) in cases.items():
+        key = json.dumps(changes)
+        if key not in made:
+            made[key] = kernels.gyroscope("frame", changes=changes)
+        works[case] = partial(kernels.cpu_s, kernels.advance, made[key], ticks)
+    result = {}
+    for (kind, name), spent in rounds(works, repeats).items():
+        result.setdefault(kind, {})[name] = statistics.median(spent) / (cases[kind, name][1] / TICK_HZ)
+    return result
+
+
+def cpu():
+    """Name of the processor."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        return next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
+    except (OSError, StopIteration):
+        return platform.processor() or platform.machine()
+
+
+def versions():
+    """What the numbers depend on."""
+    import llvmlite
+    import numba
+
+    own = {
+        "python": platform.python_version(),
+        "numba": numba.__version__,
+        "llvmlite": llvmlite.__version__,
+        "numpy": np.__version__,
+    }
+    return own | peers.versions()
+
+
+def measure():
+    """The whole measurement."""
+    with tempfile.TemporaryDirectory() as folder:
+        first = {key: kernels.first_call_s(folder) for key, _ in FIRST_CALLS}
+    result = speeds(ROOT / "build" / "bench")
+    return result | first | {"growth": growth(), "versions": versions(), "cpu": cpu()}
+
+
+# ---- showing ---------------------------------------------------------------------------------------------------------
+
+
+def table(result):
+    """Speeds as a table; how often the engines go into each of the others."""
+    rows = []
+    for key, text in SPEEDS:
+        rt = result[key]
+        if rt is None:
+            rows.append((f"{text} ({result['missing'][key]})", key, *["-"] * 5))
+            continue
+        ratios = ["" if key in PARTS else f"{result[name] / rt:.3g}" for name in ("frame_rt", "clocked_rt")]
+        spread = " .. ".join(f"{value:.3g}" for value in result["spread"][key])
+        rows.append((text, key, f"{rt:.3g}", spread, f"{1 / rt:.3g} s", *ratios))
+    rows += [(text, key, "", "", fixed(result[key], 1) + " s", "", "") for key, text in FIRST_CALLS]
+    heads = (
+        "what",
+        "key",
+        "simulated s / CPU s",
+        "least .. most",
+        "CPU s / simulated s",
+        "frame / this",
+        "clocked / this",
+    )
+    named = ", ".join(f"{name} {version}" for name, version in result["versions"].items() if version)
+    return Table("Speed, one core", heads, rows, f"{result['cpu']}; {named}", (2, 3, 4, 5, 6))
+
+
+def growth_table(result):
+    """Cost of the frame engine over what is simulated."""
+    rows = []
+    for kind, cases in result["growth"].items():
+        base = next(iter(cases.values()))
+        rows += [(kind, name, f"{1e3 * value:.3g} ms", f"{value / base:.2f}") for name, value in cases.items()]
+    heads = ("what varies", "case", "CPU time per simulated second", "relative to the first")
+    return Table("Growth, frame engine", heads, rows, "", (2, 3))
+
+
+def speed_part(result):
+    """The generated part of docs/speed.md."""
+    shown = table(result)
+    roof = "The roof was not measured."
+    if result["peak_pairs_per_s"] is not None:
+        roof = (
+            f"Roof: {result['pairs_per_tick']:.0f} multiplications with an addition each per tick, and "
+            f"{result['peak_pairs_per_s'] / 1e9:.1f}e9 such pairs per second measured."
+        )
+    return (
+        f"Measured with `{COMMAND}` on {shown.note}.\n\n{markdown(shown)}\n\n{roof}\n\n"
+        f"How the cost of the frame engine grows:\n\n{markdown(growth_table(result))}"
+    )
+
+
+def main():
+    """Measure, print, write."""
+    from testbench import cli
+
+    result = measure()
+    cli._print_tables([table(result), growth_table(result)])
+    (ROOT / "build").mkdir(exist_ok=True)
+    write_text(ROOT / "build" / "bench.json", json.dumps(result, indent=1) + "\n")
+    page = ROOT / "docs" / "speed.md"
+    write_text(page, replaced(page.read_text(), "speed", speed_part(result)))
+    print("written: build/bench.json, docs/speed.md")
+    return 0

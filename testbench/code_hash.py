@@ -1,0 +1,74 @@
+"""Hash of all codes of a run: the same however the run is cut into chunks, interrupted or continued.
+
+    h(0) = 32 zero bytes
+    h(n+1) = sha256(h(n) | sha256(drive codes) | sha256(sense codes) | sha256(ADC codes and words))   of block n
+    result = the same formula on the block that has begun
+
+A block is the ticks between two multiples of `BLOCK_TICKS` from power-on. Codes of the DACs are little-endian int16 and
+int32 of every tick, the others int64 of every frame begun in the block, row by row. Blocks, because a SHA-256 in
+progress cannot be saved: a checkpoint keeps h(n) and the codes of the block that has begun.
+Source  docs/record.md
+"""
+
+import hashlib
+
+import numpy as np
+
+from fpga_model.rates import FRAME_TICKS
+
+BLOCK_TICKS = 125_000
+KINDS = ("<i2", "<i4", "<i8")  # drive, sense, frames
+
+
+def frames_begun(tick, ticks):
+    """Number of frames whose first tick lies in `ticks` ticks from `tick` on."""
+    return (tick + ticks - 1) // FRAME_TICKS - (tick - 1) // FRAME_TICKS
+
+
+class CodeHash:
+    """The chain, and the codes of the block that has begun."""
+
+    def __init__(self):
+        self._chain = bytes(32)
+        self._begin_block()
+
+    def _begin_block(self):
+        self._digests = [hashlib.sha256() for _ in KINDS]
+        self._open = []  # the codes themselves, for a checkpoint; arrays of the engine, not copies
+
+    def add(self, tick, drive, sense, words):
+        """Codes of the ticks from `tick` on, and one row of `words` for each frame begun in them."""
+        while len(drive):
+            take = min(len(drive), BLOCK_TICKS - tick % BLOCK_TICKS)
+            rows = frames_begun(tick, take)
+            self._feed(drive[:take], sense[:take], words[:rows])
+            drive, sense, words, tick = drive[take:], sense[take:], words[rows:], tick + take
+            if tick % BLOCK_TICKS == 0:
+                self._chain = self._digest()
+                self._begin_block()
+
+    def _feed(self, *columns):
+        pieces = [np.ascontiguousarray(column, kind) for column, kind in zip(columns, KINDS)]
+        for digest, piece in zip(self._digests, pieces):
+            digest.update(piece.data)
+        self._open.append(pieces)
+
+    def _digest(self):
+        return hashlib.sha256(self._chain + b"".join(d.digest() for d in self._digests)).digest()
+
+    def hexdigest(self):
+        """Hash of everything so far."""
+        return self._digest().hex()
+
+    def dump(self):
+        """What a checkpoint keeps."""
+        columns = [np.concatenate(pieces) for pieces in zip(*self._open)] if self._open else [np.zeros(0)] * 3
+        names = ("drive", "sense", "words")
+        return {"chain": np.frombuffer(self._chain, np.uint8), **dict(zip(names, columns))}
+
+    def restore(self, values):
+        """Continue where `dump` was."""
+        self._chain = values["chain"].tobytes()
+        self._begin_block()
+        if len(values["drive"]):
+            self._feed(values["drive"], values["sense"], values["words"])
