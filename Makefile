@@ -29,6 +29,7 @@ budget: $(VENV)/.run ## where the four phase errors come from, in clocks, ns and
 	$(BIN)/gyro budget
 
 test: $(VENV)/.test ## the suite, without the long studies
+	@$(BIN)/python -m testbench.warmup
 	$(PYTEST) -n 2 --dist worksteal --benchmark-disable
 
 test-slow: $(VENV)/.test ## the long studies: 50 plants, 20 s of lock, 100000 periods

@@ -140,14 +140,12 @@ def _sums(g, w, n, column, count, row):
         store(w, o3 + t, a3)
 
 
-@outlined
-def modes(g, w, n, e):
-    """The two modes: rows X .. VY; effects push the velocity before each tick. Mutates `w`."""
-    _sums(g, w, n, 6, FORCED_COUNT, FORCED_MODES)
+@inlined
+def _modes(g, w, n, e, pushed):
     f = FORCED_MODES * STRIDE
     x, vx, y, vy = w[X * STRIDE], w[VX * STRIDE], w[Y * STRIDE], w[VY * STRIDE]
     for t in range(n):
-        if e.any_force:
+        if pushed:
             vx = vx + effects.force_impulse(e, x, w[D3 * STRIDE + t])
             w[VX * STRIDE + t] = vx
         nx = ((g[6, 6] * x + g[7, 6] * vx) + (g[8, 6] * y + g[9, 6] * vy)) + w[f + t]
@@ -159,6 +157,17 @@ def modes(g, w, n, e):
         w[VX * STRIDE + t + 1] = vx
         w[Y * STRIDE + t + 1] = y
         w[VY * STRIDE + t + 1] = vy
+
+
+@outlined
+def modes(g, w, n, e):
+    """The two modes: rows X .. VY; effects push the velocity before each tick. Mutates `w`."""
+    _sums(g, w, n, 6, FORCED_COUNT, FORCED_MODES)
+    # two loops, so that effects that are off cost one branch a block
+    if e.any_force:
+        _modes(g, w, n, e, True)
+    else:
+        _modes(g, w, n, e, False)
 
 
 @inlined

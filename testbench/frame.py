@@ -74,7 +74,8 @@ class Buffers(NamedTuple):
     edges: np.ndarray
 
 
-def _buffers():
+def buffers():
+    """Scratch of a run."""
     n = linear.BLOCK + HISTORY
     return Buffers(
         *(np.zeros(n, np.int64) for _ in range(6)),
@@ -317,8 +318,8 @@ class Arrived(NamedTuple):
     sense_code: int
 
 
-@outlined
-def _blocks(p, f, chips, a, chunk, tick, end, drdy_cycle, b):
+@hot
+def blocks(p, f, chips, a, chunk, tick, end, drdy_cycle, b):
     """From a quiet `tick` to the last quiet one before `end`. Mutates `a` and the streams."""
     g, faults, o, begin = p.fpga, chunk.faults, chunk.o, chunk.begin
     word = f.control.frequency_tracker.word
@@ -520,7 +521,7 @@ def _run(p, f, chips, a, chunk, end, drdy_cycle, b):
             if _stop(end, ready) - until < SHORTEST:
                 first, until = until, end
             else:
-                x = _blocks(p, f, chips, a, chunk, until, end, drdy_cycle, b)
+                x = blocks(p, f, chips, a, chunk, until, end, drdy_cycle, b)
                 f, chips, first, until, closed, drdy_cycle = x.fpga, x.chips, x.tick - FLUSH, x.tick, ZERO, -ONE
 
 
@@ -532,7 +533,7 @@ def run(p, s, ticks, rate_rad_s, temp_degc, write, address, data, faults, o):
     end = s.tick + ticks
     edges = np.zeros((engine.MAX_EDGES, 2), np.int64)
     chunk = engine.Chunk(s.tick, rate_rad_s, temp_degc, write, address, data, faults, o, edges)
-    f, chips, drdy_cycle, failed = _run(p, s.fpga, s.chips, s.plant, chunk, end, s.drdy_cycle, _buffers())
+    f, chips, drdy_cycle, failed = _run(p, s.fpga, s.chips, s.plant, chunk, end, s.drdy_cycle, buffers())
     if failed:
         raise RuntimeError(f"frame engine: the registers of tick {failed} are not those of the clocked engine")
     return engine.State(f, chips, s.plant, end, drdy_cycle)

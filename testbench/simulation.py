@@ -67,6 +67,10 @@ class Simulation:
             self.first_writes = build.register_writes(config)
         except ValueError as problem:
             raise ConfigError(problem) from None
+        if self.engine == "frame":
+            from testbench import warmup
+
+            warmup.warm_up()
         self.state = clocked.reset(self.params, temp_lo_degc)
         self.window = window
         self.rows = None
