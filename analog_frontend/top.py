@@ -373,13 +373,13 @@ def block(p, s, tick, n, drive_cycle, sense_cycle, edge_count, edges):
     linear.pickoffs(s.g, w, n)
     for k in range(STATES):
         s.z[k] = w[STATE_ROWS[k] * STRIDE + n]
-    _demodulate(p, s, tick, n, edge_count, edges)
+    demodulate(p, s, tick, n, edge_count, edges)
     sensor_v = adc.temperature_volts(s.now[NOW_TEMP])
     return adc.block(p.adc, s.adc.clock, s.adc.sums, s.work.demodulated, n, sensor_v)
 
 
 @inner
-def _demodulate(p, s, tick, n, edge_count, edges):
+def demodulate(p, s, tick, n, edge_count, edges):
     """The four demodulators: stretches without an edge, and the ticks in which a switch moves."""
     w, out = s.work.w, s.work.demodulated
     added = CV_NOISE_X

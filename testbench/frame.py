@@ -85,7 +85,7 @@ def buffers():
 
 
 @inner
-def _edges(p, turn, bank, first, end, refs, b):
+def reference_edges(p, turn, bank, first, end, refs, b):
     """Reference edges of the pins in ticks `first` .. `end` - 1 (clocks from the first), and the pins after them."""
     delay = REFERENCE_CLOCKS + p.align
     retimed = p.retimed
@@ -135,7 +135,7 @@ def _quiet(f, chips, tick):
 
 
 @inner
-def _codes(p, bank, turn, first, n, b):
+def dac_codes(p, bank, turn, first, n, b):
     """Modulator codes of `n` ticks into b.drive and b.sense, after their history. Mutates `b`."""
     lag = SINE_CLOCKS + p.pipe.depth
     for k in range(n):
@@ -167,6 +167,47 @@ def _loaded(p, s, tick, known, n):
     return s.quadrature
 
 
+@inner
+def _told(p, work, n, enabled, staged, mixed, b):
+    """What the DACs put out at the end of each tick; returns the sense DAC's output switch and its data register.
+
+    A code is loaded in its own tick, or `frames` later; the sense DAC follows one tick after its load, and a control word
+    in place of a code only opens it. mixed: there are control words among the loads. Mutates `work` and `b`.
+    """
+    drive, sense = b.drive[HISTORY - p.drive_modulator.frames :], b.sense[HISTORY - 1 - p.sense_modulator.frames :]
+    for k in range(n):
+        work.drive_codes[k] = drive[k]
+        work.sense_codes[k] = sense[k]
+    if mixed or enabled == 0 or b.control_load[HISTORY - 1] == 1:
+        for k in range(n):
+            if b.control_load[HISTORY + k - 1] == 1:
+                enabled = 1
+            else:
+                staged = sense[k]
+            work.sense_codes[k] = staged if enabled == 1 else 0
+    else:
+        staged = sense[n - 1]
+    for k in range(HISTORY):
+        b.drive[k], b.sense[k] = b.drive[n + k], b.sense[n + k]
+        b.control_load[k] = b.control_load[n + k]
+    return enabled, staged
+
+
+@inner
+def _frame(p, a, chunk, tick, c, codes, drive_code, sense_code, quadrature):
+    """A frame begins: the plant's matrix for it, and a row of both streams. Mutates `a` and the streams."""
+    n = tick // FRAME_TICKS - chunk.begin // FRAME_TICKS
+    row = n if chunk.begin % FRAME_TICKS == 0 else n - 1
+    rate_rad_s, temp_degc = chunk.rate_rad_s[n], chunk.temp_degc[n]
+    v_q = chunk.faults.dac_code[2] if chunk.faults.dac[2] else quadrature
+    plant.retune(p.plant, a, rate_rad_s, v_q, temp_degc)
+    frames, truth = chunk.o.frames, chunk.o.truth
+    if row < frames.shape[0]:
+        engine.record_frame(
+            frames[row], truth[row], c, codes, drive_code, sense_code, quadrature, a.z, temp_degc, rate_rad_s
+        )
+
+
 @outlined
 def _demodulated(p, sid, tick, first, end, b):
     """The FPGA's own demodulator over ticks `first` .. `end` - 1 of a block that begins at `tick`.
@@ -195,7 +236,6 @@ def _sampled(p, a, count, n, refs, b):
             k += 1
         b.refs[t] = refs
         v = w[drive + t]
-        # the noise rows already hold the effects of the tick, which a sample at its first instant does not see
         noise_x, noise_y = plant.aperture_noise(p, a.work, t, v)
         b.sar[0, t + 1] = plant.sampled(p, w[x + t] + noise_x)
         b.sar[1, t + 1] = plant.sampled(p, w[y + t] + noise_y)
@@ -321,7 +361,7 @@ class Arrived(NamedTuple):
 @hot
 def blocks(p, f, chips, a, chunk, tick, end, drdy_cycle, b):
     """From a quiet `tick` to the last quiet one before `end`. Mutates `a` and the streams."""
-    g, faults, o, begin = p.fpga, chunk.faults, chunk.o, chunk.begin
+    g, faults, o = p.fpga, chunk.faults, chunk.o
     word = f.control.frequency_tracker.word
     quadrature = chips.quadrature.code if tick % FRAME_TICKS == 0 else f.control.quadrature_loop.root.y
     s = Window(
@@ -337,7 +377,6 @@ def blocks(p, f, chips, a, chunk, tick, end, drdy_cycle, b):
     refs = references.pins(g.references, f.references)
     enabled, staged = chips.sense.enabled, chips.sense.staged
     drive_code, sense_code = chips.drive.code, chips.sense.code
-    frames_drive, frames_sense = g.drive_modulator.frames, g.sense_modulator.frames
     b.drive[0], b.drive[1], b.drive[2] = f.drive_modulator.held2, f.drive_modulator.held1, f.drive_modulator.code
     b.sense[0], b.sense[1], b.sense[2] = f.sense_modulator.held2, f.sense_modulator.held1, f.sense_modulator.code
     b.control_load[HISTORY - 1] = sequencer.outputs(s.control.sequencer).dac_init
@@ -358,24 +397,8 @@ def blocks(p, f, chips, a, chunk, tick, end, drdy_cycle, b):
         if tick >= stop:
             break
         if tick % FRAME_TICKS == 0:
-            n = tick // FRAME_TICKS - begin // FRAME_TICKS
-            row = n if begin % FRAME_TICKS == 0 else n - 1
-            v_q = faults.dac_code[2] if faults.dac[2] else s.quadrature
-            plant.retune(p.plant, a, chunk.rate_rad_s[n], v_q, chunk.temp_degc[n])
-            if row < o.frames.shape[0]:
-                codes = engine.frame_codes(g, sid.codes, window.received(channels, coming, falls, at))
-                engine.record_frame(
-                    o.frames[row],
-                    o.truth[row],
-                    s.control,
-                    codes,
-                    drive_code,
-                    sense_code,
-                    s.quadrature,
-                    a.z,
-                    chunk.temp_degc[n],
-                    chunk.rate_rad_s[n],
-                )
+            codes = engine.frame_codes(g, sid.codes, window.received(channels, coming, falls, at))
+            _frame(p, a, chunk, tick, s.control, codes, drive_code, sense_code, s.quadrature)
         # how far nothing new can happen
         until = min(stop, (tick // FRAME_TICKS + 1) * FRAME_TICKS, tick + linear.BLOCK)
         if valid // TICK_CYCLES > tick:
@@ -415,32 +438,17 @@ def blocks(p, f, chips, a, chunk, tick, end, drdy_cycle, b):
             _loaded(g, s, tick, known, n),
         )
         # codes and edges
-        _codes(g, s.bank, s.turn, tick, n, b)
-        drive_told, sense_told = b.drive[HISTORY - frames_drive :], b.sense[HISTORY - 1 - frames_sense :]
-        for k in range(n):
-            a.work.drive_codes[k] = drive_told[k]
-            a.work.sense_codes[k] = sense_told[k]
-        if init == 1 or enabled == 0 or known > 0 or b.control_load[HISTORY - 1] == 1:
-            for k in range(n):
-                if b.control_load[HISTORY + k - 1] == 1:
-                    enabled = 1
-                else:
-                    staged = sense_told[k]
-                a.work.sense_codes[k] = staged if enabled == 1 else 0
-        else:
-            staged = sense_told[n - 1]
+        dac_codes(g, s.bank, s.turn, tick, n, b)
+        enabled, staged = _told(g, a.work, n, enabled, staged, known > 0 or init == 1, b)
         drive_code, sense_code = a.work.drive_codes[n - 1], a.work.sense_codes[n - 1]
         if faults.dac[0] or faults.dac[1]:
             for k in range(n):
                 a.work.drive_codes[k] = faults.dac_code[0] if faults.dac[0] else a.work.drive_codes[k]
                 a.work.sense_codes[k] = faults.dac_code[1] if faults.dac[1] else a.work.sense_codes[k]
-        for k in range(HISTORY):
-            b.drive[k], b.sense[k] = b.drive[n + k], b.sense[n + k]
-            b.control_load[k] = b.control_load[n + k]
-        count, refs_after = _edges(g.references, s.turn, s.bank, tick, until, refs, b)
+        count, refs_after = reference_edges(g.references, s.turn, s.bank, tick, until, refs, b)
         fell = plant.block(p.plant, a, tick, n, DRIVE_CLOCK, SENSE_CLOCK, count, b.edges)
         # streams
-        row = tick - begin
+        row = tick - chunk.begin
         if row < o.probe_ints.shape[0]:
             _probe(o, row, n, s.turn, a, tick, b, count, refs)
         for k in range(n):

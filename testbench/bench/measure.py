@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from fpga_model.rates import FRAME_TICKS, TICK_HZ
-from testbench.bench import kernels, peers
+from testbench.bench import kernels, peers, stages
 from testbench.docs import ROOT, markdown, replaced
 from testbench.files import write_text
 from testbench.tables import Table, fixed
@@ -214,7 +214,7 @@ def measure():
     with tempfile.TemporaryDirectory() as folder:
         first = {key: kernels.first_call_s(folder) for key, _ in FIRST_CALLS}
     result = speeds(ROOT / "build" / "bench")
-    return result | first | {"growth": growth(), "versions": versions(), "cpu": cpu()}
+    return result | first | {"growth": growth(), "stages_ns": stages.measure(), "versions": versions(), "cpu": cpu()}
 
 
 # ---- showing ---------------------------------------------------------------------------------------------------------
@@ -255,6 +255,14 @@ def growth_table(result):
     return Table("Growth, frame engine", heads, rows, "", (2, 3))
 
 
+def stage_table(result):
+    """Where the frame engine's time goes."""
+    spent = result["stages_ns"]
+    texts = (*stages.STAGES, ("the engine: all of it, records and hash", "engine"))
+    rows = [(text, f"{spent[name]:.1f} ns", f"{100 * spent[name] / spent['engine']:.0f} %") for text, name in texts]
+    return Table("Stages of the frame engine", ("stage", "CPU time per tick", "of the engine"), rows, "", (1, 2))
+
+
 def speed_part(result):
     """The generated part of docs/speed.md."""
     shown = table(result)
@@ -266,6 +274,7 @@ def speed_part(result):
         )
     return (
         f"Measured with `{COMMAND}` on {shown.note}.\n\n{markdown(shown)}\n\n{roof}\n\n"
+        f"Where the frame engine's time goes, each stage alone:\n\n{markdown(stage_table(result))}\n\n"
         f"How the cost of the frame engine grows:\n\n{markdown(growth_table(result))}"
     )
 
@@ -275,7 +284,7 @@ def main():
     from testbench import cli
 
     result = measure()
-    cli._print_tables([table(result), growth_table(result)])
+    cli._print_tables([table(result), stage_table(result), growth_table(result)])
     (ROOT / "build").mkdir(exist_ok=True)
     write_text(ROOT / "build" / "bench.json", json.dumps(result, indent=1) + "\n")
     page = ROOT / "docs" / "speed.md"

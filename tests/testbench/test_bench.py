@@ -11,7 +11,7 @@ import pytest
 from analog_frontend import linear
 from fpga_model import sequencer
 from testbench import docs
-from testbench.bench import kernels, measure, peers
+from testbench.bench import kernels, measure, peers, stages
 
 pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="closed loop: too slow interpreted")
 TICKS = 25_000
@@ -119,6 +119,7 @@ RESULT = {
     "first_call_cold_s": 25.04,
     "first_call_warm_s": 1.26,
     "growth": {"seconds": {"1": 0.03, "4": 0.0303}, "noise": {"none": 0.02, "all": 0.03}, "effects": {"none": 0.03}},
+    "stages_ns": {**{name: 2.0 for _, name in stages.STAGES}, "engine": 40.0},
     "versions": {"python": "3.13.0", "numba": "0.68.1", "verilator": None},
     "cpu": "A processor",
 }
@@ -133,6 +134,7 @@ def test_the_tables_are_the_measurement():
     assert "(verilator is not installed) | verilator_closed_rt | - | - | - | - | - |" in part
     assert "| firmware_rt | 1.5 | 1 .. 2 | 0.667 s | | |" in part
     assert "| first_call_cold_s | | | 25.0 s | | |" in part
+    assert "| 8 kHz window | 2.0 ns | 5 % |" in part
     assert "Roof: 466 multiplications with an addition each per tick, and 55.9e9 such pairs" in part
     assert "| seconds | 4 | 30.3 ms | 1.01 |" in part
     assert "| noise | all | 30 ms | 1.50 |" in part
@@ -217,6 +219,13 @@ def test_a_missing_tool_leaves_a_null_and_its_reason(tmp_path, monkeypatch):
     works, missing = measure.comparators(kernels.gyroscope("frame"), tmp_path)
     assert works == {}
     assert missing == dict.fromkeys(measure.PEER_KEYS.values(), "no compiler")
+
+
+def test_every_stage_takes_time():
+    """Rough on purpose: stages are timed in a few frames here, so only a stage that does nothing would be seen."""
+    result = stages.measure(repeats=1, frames=40)
+    assert set(result) == {"engine", *(name for _, name in stages.STAGES)}
+    assert all(value > 0.05 for value in result.values())
 
 
 def test_growth_covers_every_source_and_effect():
