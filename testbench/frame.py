@@ -171,7 +171,7 @@ def _loaded(p, s, tick, known, n):
 def _told(p, work, n, enabled, staged, mixed, b):
     """What the DACs put out at the end of each tick; returns the sense DAC's output switch and its data register.
 
-    A code is loaded in its own tick, or `frames` later; the sense DAC follows one tick after its load, and a control word
+    A code is loaded in its own tick, or `frames` later; the sense DAC follows a tick after its load, and a control word
     in place of a code only opens it. mixed: there are control words among the loads. Mutates `work` and `b`.
     """
     drive, sense = b.drive[HISTORY - p.drive_modulator.frames :], b.sense[HISTORY - 1 - p.sense_modulator.frames :]
