@@ -16,6 +16,7 @@ from typing import Annotated
 import typer
 
 from testbench.errors import ConfigError, FileError
+from testbench.golden import cli as golden_cli
 from testbench.version import VERSION
 
 EXIT_MENDABLE, EXIT_INTERRUPTED = 2, 130
@@ -31,6 +32,7 @@ app = typer.Typer(
     rich_markup_mode="rich",
     help="Golden reference for the firmware of a MEMS gyroscope, closed around its plant.",
 )
+app.add_typer(golden_cli.app)
 
 ConfigFile = Annotated[Path | None, typer.Option("--config", "-c", metavar="FILE", help="TOML configuration.")]
 Sets = Annotated[

@@ -1,0 +1,218 @@
+"""A golden bundle on disk: one folder per block and case, whole or absent, and refused when it was touched.
+
+    manifest.json        schema, ports, reset, latency, families, SHA-256 of every other file and of itself
+    stim.hex             inputs of each row, first port in the most significant bits
+    exp.hex, mask.hex    registers, then outputs, and which of their bits are compared
+    ports/NAME.hex       the same, one port per file;   vec.csv  the same in decimal
+
+Words are lower-case two's complement hexadecimal of ceil(width / 4) digits, one per line, with a final newline:
+what $readmemh, hread and Python read alike. The hash of the manifest leaves `provenance` out.
+Source  docs/conventions.md (rows)
+"""
+
+import hashlib
+import json
+import os
+import shutil
+from pathlib import Path, PurePosixPath
+from typing import NamedTuple
+
+import numpy as np
+
+from testbench.errors import FileError
+
+SCHEMA = "gyro-golden/1.0"
+MANIFEST = "manifest.json"
+WORDS = ("stim", "exp", "mask")
+
+
+class Bundle(NamedTuple):
+    """A bundle that was read: the manifest, and int64 rows of inputs, of registers and outputs, and their mask."""
+
+    manifest: dict
+    stim: np.ndarray
+    exp: np.ndarray
+    mask: np.ndarray
+
+
+def digits(width):
+    """Hexadecimal digits of a word."""
+    return -(-width // 4)
+
+
+def total(ports):
+    """Width of ports packed side by side; `ports` as in the manifest."""
+    return sum(port["width"] for port in ports)
+
+
+def pack(rows, widths):
+    """One Python integer per row: the columns side by side, the first in the most significant bits."""
+    masks = [(1 << width) - 1 for width in widths]
+    words = []
+    for row in rows.tolist():
+        word = 0
+        for value, width, mask in zip(row, widths, masks, strict=True):
+            word = word << width | (value & mask)
+        words.append(word)
+    return words
+
+
+def unpack(words, ports):
+    """int64 rows from packed words; the inverse of `pack`."""
+    rows = np.zeros((len(words), len(ports)), np.int64)
+    for n, word in enumerate(words):
+        for k in range(len(ports) - 1, -1, -1):
+            width, signed = ports[k]["width"], ports[k]["signed"]
+            value = word & ((1 << width) - 1)
+            rows[n, k] = value - (1 << width) if signed and value >> (width - 1) else value
+            word >>= width
+    return rows
+
+
+def hex_text(words, width):
+    """Lines of a hex file."""
+    count = digits(width)
+    return "".join([f"{word:0{count}x}\n" for word in words])
+
+
+def canonical(data):
+    """JSON with one spelling only, for hashing."""
+    return json.dumps(data, sort_keys=True, separators=(",", ":"), ensure_ascii=True)
+
+
+def seal(manifest):
+    """SHA-256 of a manifest without its provenance and without this very entry."""
+    kept = {k: v for k, v in manifest.items() if k not in ("provenance", "manifest_sha256")}
+    return hashlib.sha256(canonical(kept).encode()).hexdigest()
+
+
+def write(folder, manifest, files, trees=()):
+    """Write a bundle beside `folder` and rename it; a bundle that was there is replaced.
+
+    manifest  without hashes
+    files     {relative path: text}
+    trees     functions of the new folder that write further files into it
+    """
+    folder = Path(folder)
+    part, old = folder.with_name(folder.name + ".part"), folder.with_name(folder.name + ".old")
+    try:
+        shutil.rmtree(part, ignore_errors=True)
+        part.mkdir(parents=True)
+        for name, text in files.items():
+            path = part / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(text.encode())
+        for more in trees:
+            more(part)
+        hashes = {}
+        for path in sorted(part.rglob("*")):
+            if path.is_file():
+                hashes[path.relative_to(part).as_posix()] = hashlib.sha256(path.read_bytes()).hexdigest()
+        full = {**manifest, "sha256": hashes}
+        full["manifest_sha256"] = seal(full)
+        (part / MANIFEST).write_bytes((json.dumps(full, indent=1, ensure_ascii=True) + "\n").encode())
+        shutil.rmtree(old, ignore_errors=True)
+        if folder.exists():
+            os.replace(folder, old)
+        os.replace(part, folder)
+        shutil.rmtree(old, ignore_errors=True)
+    except OSError as problem:
+        raise FileError(f"{folder}: cannot be written: {problem.strerror or problem}") from None
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+    return full
+
+
+def _inside(folder, name):
+    """Path of a bundle's file; raises FileError if the name leaves the folder."""
+    pure = PurePosixPath(name)
+    if not name or pure.is_absolute() or ".." in pure.parts or "\\" in name or ":" in name:
+        raise FileError(f"{folder}: file name {name!r} in {MANIFEST} leaves the bundle")
+    path = folder / name
+    if not path.resolve().is_relative_to(folder.resolve()):
+        raise FileError(f"{folder}: {name} is a link that leaves the bundle")
+    return path
+
+
+REQUIRED = {"schema": str, "block": str, "case": str, "n": int, "inputs": list, "registers": list, "outputs": list,
+            "reset": dict, "clock": dict, "sha256": dict, "manifest_sha256": str}  # fmt: skip
+PORT_KEYS = {"name": str, "width": int, "signed": bool}
+
+
+def _manifest(folder):
+    path = folder / MANIFEST
+    try:
+        manifest = json.loads(path.read_text("utf-8"))
+    except OSError as problem:
+        raise FileError(f"{path}: cannot be read: {problem.strerror or problem}") from None
+    except (ValueError, RecursionError) as problem:
+        raise FileError(f"{path}: is not JSON: {problem}") from None
+    if not isinstance(manifest, dict) or manifest.get("schema") != SCHEMA:
+        found = manifest.get("schema") if isinstance(manifest, dict) else None
+        raise FileError(f"{path}: schema is {found!r}, not {SCHEMA!r}")
+    for key, kind in REQUIRED.items():
+        if not isinstance(manifest.get(key), kind) or isinstance(manifest.get(key), bool):
+            raise FileError(f"{path}: {key} is missing or not of type {kind.__name__}")
+    for port in manifest["inputs"] + manifest["registers"] + manifest["outputs"]:
+        if not isinstance(port, dict) or any(not isinstance(port.get(k), kind) for k, kind in PORT_KEYS.items()):
+            raise FileError(f"{path}: a port lacks name, width or sign: {port!r}")
+        if not 1 <= port["width"] <= 63:
+            raise FileError(f"{path}: port {port['name']}: width {port['width']} is outside 1 .. 63 bits")
+    if manifest["n"] < 0:
+        raise FileError(f"{path}: n is {manifest['n']}, below 0 rows")
+    return manifest
+
+
+def _words(path, width, count):
+    """Words of a hex file; raises FileError at the first line that is not one."""
+    try:
+        text = path.read_text("ascii")
+    except (OSError, UnicodeDecodeError) as problem:
+        raise FileError(f"{path}: cannot be read: {problem}") from None
+    if not text.endswith("\n") and count:
+        raise FileError(f"{path}: truncated: no newline at its end")
+    lines = text.split("\n")[:-1]
+    if len(lines) != count:
+        raise FileError(f"{path}: {len(lines)} rows, expected {count}")
+    expected = digits(width)
+    words = []
+    for n, line in enumerate(lines):
+        if len(line) != expected or not set(line) <= set("0123456789abcdef"):
+            raise FileError(f"{path}: line {n + 1}: {line[:80]!r} is not {expected} lower-case hexadecimal digits")
+        word = int(line, 16)
+        if word >> width:
+            raise FileError(f"{path}: line {n + 1}: more than {width} bits")
+        words.append(word)
+    return words
+
+
+def verify(folder):
+    """Manifest of a bundle after every hash and every name has been checked; raises FileError with one clear line."""
+    folder = Path(folder)
+    manifest = _manifest(folder)
+    if manifest["manifest_sha256"] != seal(manifest):
+        raise FileError(f"{folder / MANIFEST}: SHA-256 does not match: the manifest was changed")
+    for name in (f"{word}.hex" for word in WORDS):
+        if name not in manifest["sha256"]:
+            raise FileError(f"{folder / MANIFEST}: {name} is not listed")
+    for name, expected in manifest["sha256"].items():
+        path = _inside(folder, name)
+        if not path.is_file():
+            raise FileError(f"{path}: missing")
+        if hashlib.sha256(path.read_bytes()).hexdigest() != expected:
+            raise FileError(f"{path}: SHA-256 does not match the manifest: the file was changed")
+    return manifest
+
+
+def read(folder):
+    """Verify a bundle and read its rows."""
+    folder = Path(folder)
+    manifest = verify(folder)
+    results = manifest["registers"] + manifest["outputs"]
+    bare = [{**port, "signed": False} for port in results]
+    count = manifest["n"]
+    stim, exp, mask = (
+        unpack(_words(folder / f"{name}.hex", total(ports), count), ports)
+        for name, ports in zip(WORDS, (manifest["inputs"], results, bare), strict=True)
+    )
+    return Bundle(manifest, stim, exp, mask)

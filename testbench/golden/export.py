@@ -1,0 +1,150 @@
+"""Golden bundles of blocks: stimulus through the model, and everything an HDL bench needs, as one folder per case.
+
+Blocks only so far; vectors of the whole design, which replay recorded ADC codes, are still to come.
+Source  docs/golden.md
+"""
+
+import hashlib
+import platform
+from pathlib import Path
+
+import numpy as np
+
+from fpga_model.rates import MASTER_HZ
+from testbench import vcd
+from testbench.errors import ConfigError
+from testbench.golden import benches, blocks, bundle, stimulus
+from testbench.version import VERSION
+
+
+def _port(port):
+    return {
+        "name": port.name,
+        "width": port.width,
+        "signed": port.signed,
+        "fmt": list(port.fmt),
+        "reset": port.reset,
+        "rounding": port.rounding,
+        "overflow": port.overflow,
+    }
+
+
+def _manifest(block, case, count, families, seed):
+    params = [{"name": name, "raw": raw, "fmt": list(fmt)} for name, raw, fmt in blocks.params_of(block, case)]
+    ports = {
+        "inputs": [_port(p) for p in block.columns],
+        "registers": [_port(p) for p in block.registers],
+        "outputs": [_port(p) for p in block.pins],
+    }
+    identity = bundle.canonical({"block": block.stem, "case": case, "params": params, **ports})
+    return {
+        "schema": bundle.SCHEMA,
+        "block": block.stem,
+        "case": case,
+        "clock": {"name": "clk", "hz": MASTER_HZ},
+        "reset": {"name": blocks.RESET_INPUT, "active": 1, "cycles": benches.RESET_CYCLES},
+        "sample": "before rising edge",
+        "n": count,
+        **ports,
+        "params": params,
+        "rules": block.rules,
+        "latency": block.latency,
+        "seed": seed,
+        "families": [list(found) for found in families],
+        "config_sha256": hashlib.sha256(identity.encode()).hexdigest(),
+        "provenance": {
+            "version": VERSION,
+            "python": platform.python_version(),
+            "numpy": np.__version__,
+        },
+    }
+
+
+def _column_hex(values, width):
+    """Text of one port: a word per line."""
+    count, mask = bundle.digits(width), (1 << width) - 1
+    return "".join([f"{value & mask:0{count}x}\n" for value in values])
+
+
+def _tables(block, stim, exp):
+    """{path: text}: packed words, one file per port, and decimal."""
+    inputs, found = [(p.name, p) for p in block.columns], benches.results(block)
+    in_widths, out_widths = [p.width for _, p in inputs], [p.width for _, p in found]
+    out_width = sum(out_widths)
+    files = {
+        "stim.hex": bundle.hex_text(bundle.pack(stim, in_widths), sum(in_widths)),
+        "exp.hex": bundle.hex_text(bundle.pack(exp, out_widths), out_width),
+        "mask.hex": bundle.hex_text([(1 << out_width) - 1] * len(exp), out_width),
+    }
+    for named, rows in ((inputs, stim), (found, exp)):
+        for k, (name, port) in enumerate(named):
+            files[f"ports/{name}.hex"] = _column_hex(rows[:, k].tolist(), port.width)
+    lines = [",".join(["row", *(name for name, _ in inputs + found)])]
+    both = np.column_stack([np.arange(len(stim)), stim, exp]).tolist()
+    lines += [",".join(map(str, row)) for row in both]
+    files["vec.csv"] = "\n".join(lines) + "\n"
+    return files
+
+
+def _waves(block, stim, exp):
+    """Function that writes golden.vcd and golden.gtkw into a folder."""
+    listed = [vcd.Signal(f"in.{p.name}", p.width, p.signed) for p in block.columns]
+    listed += [vcd.Signal(f"reg.{p.name}", p.width, p.signed) for p in block.registers]
+    listed += [vcd.Signal(f"out.{p.name}", p.width, p.signed) for p in block.pins]
+    rows = np.column_stack([stim, exp])
+
+    def write(folder):
+        waves, setup = folder / "golden.vcd", folder / "golden.gtkw"
+        vcd.write_vcd(waves, rows, listed, top=block.stem)
+        vcd.write_gtkw(setup, waves, listed, top=block.stem, expanded=("in", "reg", "out"))
+        # the version belongs to the provenance: a release must not change the hash of a vector
+        for path in (waves, setup):
+            path.write_bytes(path.read_bytes().replace(f"ftr-gyro {VERSION}".encode(), b"ftr-gyro", 1))
+
+    return write
+
+
+def export_case(block, case, out, seed=stimulus.SEED):
+    """Write the bundle of one case to OUT/<block>/<case>; returns its manifest."""
+    stim, families = stimulus.make(block, case, seed)
+    regs, pins = blocks.run(block, case, stim)
+    exp = np.column_stack([regs, pins])
+    files = {**_tables(block, stim, exp), **benches.texts(block, case, len(stim))}
+    manifest = _manifest(block, case, len(stim), families, seed)
+    return bundle.write(Path(out) / block.stem / case, manifest, files, [_waves(block, stim, exp)])
+
+
+def chosen(name):
+    """Blocks of a name or `all`; raises ConfigError otherwise."""
+    if name == "all":
+        return list(blocks.BLOCKS.values())
+    if name not in blocks.BLOCKS:
+        raise ConfigError(f"block: {name!r} is not one of all, {', '.join(blocks.BLOCKS)}")
+    return [blocks.BLOCKS[name]]
+
+
+def folder_makefile(block):
+    """Makefile of a block's folder: the same goals in every case."""
+    return f"""# Every case of {block.stem}: make check SIM=... RTL=folder (absolute)
+CASES = {" ".join(block.cases)}
+
+check clean:
+	@for case in $(CASES); do $(MAKE) --no-print-directory -C $$case $@ || exit 1; done
+
+.PHONY: check clean
+"""
+
+
+def export(name, out, progress=None):
+    """Write the bundles of a block, or of all; returns [(folder, manifest)]."""
+    from testbench.files import write_text
+
+    done = []
+    todo = [(block, case) for block in chosen(name) for case in block.cases]
+    for n, (block, case) in enumerate(todo):
+        if progress is not None:
+            progress(f"{block.stem}/{case}", n, len(todo))
+        done.append((Path(out) / block.stem / case, export_case(block, case, out)))
+        if case == list(block.cases)[-1]:
+            write_text(Path(out) / block.stem / "Makefile", folder_makefile(block))
+    return done

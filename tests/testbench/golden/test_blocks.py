@@ -1,0 +1,109 @@
+"""The registry of golden blocks against the firmware: nothing missing, every port in its format, the runners right."""
+
+import importlib
+import inspect
+import pkgutil
+
+import numpy as np
+import pytest
+
+import fpga_model
+from testbench import flatten
+from testbench.golden import blocks, stimulus
+
+NOT_BLOCKS = {"fixed", "jit", "rounding_aliases", "top", "control"}
+CASES = [(stem, case) for stem, block in blocks.BLOCKS.items() for case in block.cases]
+
+
+def module_of(stem):
+    return importlib.import_module(f"fpga_model.{stem}")
+
+
+def arguments(stem):
+    step = module_of(stem).step
+    return list(inspect.signature(getattr(step, "py_func", step)).parameters)
+
+
+def slow_step(stem, params, state, values):
+    """One edge by the step function itself, called from Python, its inputs put together by hand."""
+    module, values = module_of(stem), list(values)
+    if blocks.BLOCKS[stem].runtime_params:
+        count = len(module.Params._fields)
+        params, values = module.Params(*values[:count]), values[count:]
+    if stem == "sequencer":
+        values = [values[0], module.Inputs(*values[1:])]
+    if stem == "fault_monitor":
+        values = [*values[:3], tuple(values[3:7]), *values[7:]]
+    given = [state, *values] if params is None else [params, state, *values]
+    return module.step(*given)
+
+
+def test_every_block_of_the_firmware_is_there():
+    stems = {info.name for info in pkgutil.iter_modules(fpga_model.__path__)} - NOT_BLOCKS
+    assert stems == set(blocks.BLOCKS)
+
+
+@pytest.mark.parametrize("stem", blocks.BLOCKS)
+def test_inputs_are_the_arguments_of_step(stem):
+    block = blocks.BLOCKS[stem]
+    names = [name for name in arguments(stem) if name not in ("p", "s")]
+    found = [port.name for port in block.inputs]
+    if block.runtime_params:
+        names = list(module_of(stem).Params._fields) + names
+    expected = []
+    for name in names:
+        if name == "i":
+            expected += [f"i_{field}" for field in module_of(stem).Inputs._fields]
+        elif name == "codes":
+            expected += [f"codes_{k}" for k in range(4)]
+        else:
+            expected.append(name)
+    assert found == expected
+
+
+@pytest.mark.parametrize("stem", blocks.BLOCKS)
+def test_every_register_has_its_format_and_reset(stem):
+    block, module = blocks.BLOCKS[stem], module_of(stem)
+    assert [p.name for p in block.registers] == [n.replace(".", "_") for n in flatten.names(module.State())]
+    assert [p.fmt for p in block.registers] == [fmt for _, fmt in flatten.format_leaves(module.STATE_FMT)]
+    assert [p.reset for p in block.registers] == [value for _, value in flatten.leaves(module.State())]
+    names = [p.name for p in (*block.columns,)] + [f"r_{p.name}" for p in block.registers]
+    names += [f"o_{p.name}" for p in block.pins]
+    assert len(set(names)) == len(names)
+    assert set(block.strobes) <= {p.name for p in block.inputs if p.width == 1}
+    assert set(block.rules) == {"rounding", "overflow"}
+
+
+@pytest.mark.parametrize("stem", [s for s, b in blocks.BLOCKS.items() if hasattr(module_of(s), "LATENCY")])
+def test_the_longest_latency_is_that_of_the_block(stem):
+    whole = [k for k in blocks.BLOCKS[stem].latency.values() if isinstance(k, int)]
+    if whole and stem != "quadrature_loop":
+        assert max(whole) == module_of(stem).LATENCY
+
+
+@pytest.mark.parametrize(("stem", "case"), CASES)
+def test_runner_equals_the_step_function(stem, case):
+    block = blocks.BLOCKS[stem]
+    rows, _ = stimulus.make(block, case)
+    random = stimulus.Random(7)
+    begin = random.below(len(rows) - 100)
+    rows = np.vstack([rows[:60], rows[begin : begin + 60], rows[-60:]])
+    regs, _ = blocks.run(block, case, rows)
+    state = block.state
+    for n, row in enumerate(rows.tolist()):
+        assert [int(v) for _, v in flatten.leaves(state)] == regs[n].tolist(), f"row {n}"
+        state = block.state if row[0] else slow_step(stem, block.cases[case], state, row[1:])
+
+
+@pytest.mark.parametrize(("stem", "case"), CASES)
+def test_parameters_hold_their_formats(stem, case):
+    for name, raw, fmt in blocks.params_of(blocks.BLOCKS[stem], case):
+        assert fmt.holds(raw), name
+
+
+def test_a_value_outside_its_format_is_refused():
+    block = blocks.BLOCKS["sine"]
+    with pytest.raises(ValueError, match=r"stimulus phase: 0 \.\. 281474976710656 leaves format"):
+        blocks.run(block, "default", np.array([[0, 0], [0, 1 << 48]]))
+    with pytest.raises(ValueError, match="expected 2 columns"):
+        blocks.run(block, "default", np.zeros((3, 3), np.int64))

@@ -1,0 +1,124 @@
+"""The first divergence and what is said about it, against differences put in by hand."""
+
+import json
+
+import numpy as np
+import pytest
+
+from testbench.errors import FileError
+from testbench.golden.compare import SCHEMA, Column, compare, formats
+from tests.testbench.golden import planted
+
+
+def port(name, fmt, reset=None):
+    return {"name": name, "fmt": list(fmt), "width": fmt.width, "signed": bool(fmt.s), "reset": reset}
+
+
+def golden(block="modulator", fault=planted.NONE, seed=1):
+    """(manifest, inputs, expected, got) of a planted design."""
+    a = planted.case(block, seed, fault)
+    registers = [port(name, *p) for name, p in a["ports"].items()]
+    word = a["ports"]["product"].fmt if block == "modulator" else a["ports"]["phase"].fmt
+    manifest = {
+        "schema": SCHEMA,
+        "block": block,
+        "case": "try",
+        "clock": {"name": "clk", "hz": 26_000_000},
+        "n": len(a["expected"]["product" if block == "modulator" else "phase"]),
+        "inputs": [port(name, word) for name in a["inputs"]],
+        "registers": registers,
+        "outputs": [],
+        "params": [{"name": name, "raw": raw} for name, raw in a["params"].items()],
+    }
+    return manifest, a["inputs"], a["expected"], a["got"]
+
+
+def test_equal_rows_pass_and_say_what_was_compared():
+    manifest, inputs, expected, got = golden()
+    report = compare(manifest, inputs, expected, {"code": got["code"], "amplitude": inputs["amplitude"]})
+    assert report.passed
+    assert report.ports == ("amplitude", "code")
+    assert report.missing == ("product", "held1", "held2")
+    assert report.text().endswith("PASS\n")
+    assert json.loads(report.to_json())["passed"] is True
+
+
+def test_the_first_divergence_is_exact():
+    manifest, inputs, expected, got = golden()
+    got["held1"][300:] += 1
+    got["code"][41] += 3
+    report = compare(manifest, inputs, expected, got, before=4)
+    d = report.divergence
+    assert (d.cycle, d.port, d.error_lsb, d.is_input) == (41, "code", 3, False)
+    assert d.expected == expected["code"][41]
+    assert d.got == expected["code"][41] + 3
+    assert d.time_ns == pytest.approx(41 / 26e6 * 1e9)
+    assert [cycle for cycle, _, _ in d.before] == [37, 38, 39, 40, 41]
+    assert report.differing == {"code": 1, "held1": manifest["n"] - 300}
+    assert report.diagnosis.cause == "unknown"
+
+
+def test_values_are_decoded_by_their_format():
+    manifest, inputs, expected, got = golden()
+    got["product"][7] = 1 << 39
+    d = compare(manifest, inputs, expected, got).divergence
+    assert d.got_value == 0.5
+    assert d.expected_value == expected["product"][7] / 2**40
+
+
+def test_a_report_carries_the_diagnosis_in_text_and_json():
+    report = compare(*golden(fault=("rounding", "code", "half_even")))
+    assert "rounding: another rounding rule (code: half_even" in report.text()
+    tree = json.loads(report.to_json())
+    assert tree["diagnosis"]["cause"] == "rounding"
+    assert tree["divergence"]["before"][-1]["cycle"] == tree["divergence"]["cycle"]
+
+
+def test_a_wrong_stimulus_is_said_before_any_register_is_blamed():
+    manifest, inputs, expected, got = golden()
+    wrong = inputs["sine"].copy()
+    wrong[5] += 1
+    report = compare(manifest, inputs, expected, {"sine": wrong, **got})
+    assert report.divergence.is_input
+    assert report.diagnosis is None
+    assert "not given the golden stimulus" in report.text()
+
+
+def test_an_unknown_value_is_a_divergence_unless_masked():
+    manifest, inputs, expected, got = golden()
+    known = np.ones(manifest["n"], bool)
+    known[:3] = False
+    column = {"code": Column(got["code"], known)}
+    d = compare(manifest, inputs, expected, column).divergence
+    assert (d.cycle, d.got, d.error_lsb) == (0, None, None)
+    care = np.ones(manifest["n"], bool)
+    care[:3] = False
+    assert compare(manifest, inputs, expected, column, {"code": care}).passed
+
+
+def test_a_short_log_is_compared_as_far_as_it_goes():
+    manifest, inputs, expected, got = golden()
+    report = compare(manifest, inputs, expected, {"code": got["code"][:100]})
+    assert (report.rows, report.golden_rows, report.passed) == (100, manifest["n"], True)
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"schema": "other/2"}, "schema 'other/2'"),
+        ({"registers": [{"name": "code"}]}, "is not a port"),
+        ({"registers": [{"name": "code", "fmt": [1, 19, 0], "width": 7}]}, "width 7"),
+        ({"registers": [{"name": "code", "fmt": [1, 80, 0]}]}, "81 bits, the limit is 63"),
+    ],
+)
+def test_a_broken_manifest_is_one_clear_line(change, text):
+    with pytest.raises(FileError, match="manifest: ") as problem:
+        formats(golden()[0] | change)
+    assert text in str(problem.value)
+
+
+@pytest.mark.parametrize("got", [{"nonsense": [1]}, {}, {"code": []}, {"sine": [0, 0]}])
+def test_a_log_without_anything_to_compare_is_refused(got):
+    manifest, inputs, expected, _ = golden()
+    with pytest.raises(FileError, match="log: "):
+        compare(manifest, inputs, expected, got)

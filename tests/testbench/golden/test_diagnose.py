@@ -1,0 +1,136 @@
+"""Planted faults are called by their name, and nothing else is: the diagnosis against designs that it did not build."""
+
+import collections
+
+import numpy as np
+import pytest
+
+from fpga_model import fixed
+from testbench.golden import blocks, stimulus
+from testbench.golden.diagnose import CAUSES, UNKNOWN, Model, _rounded, diagnose
+from tests.testbench.golden import planted
+
+SEEDS = (1, 2)
+
+
+@pytest.fixture(scope="module")
+def golden():
+    """{(block, seed): (names, rows)} of the right designs."""
+    out = {}
+    for block in planted.STEPS:
+        for seed in SEEDS:
+            p, rows = planted.stimulus(block, seed)
+            out[block, seed] = planted.simulate(block, p, rows, planted.NONE)
+    return out
+
+
+@pytest.mark.parametrize("block", planted.STEPS)
+def test_the_planted_designs_without_a_fault_are_the_models(golden, block):
+    """The oracle of this file is right: its rows are those of the golden step, register by register."""
+    a = planted.case(block, 1, planted.NONE, golden[block, 1])
+    assert diagnose(**a) is None
+    model = planted.model_rows(block, 1)
+    np.testing.assert_array_equal(golden[block, 1][1], model)
+
+
+# Faults that change a row, over both seeds: a stimulus that no longer shows a fault changes the number
+PLANTED = {
+    "modulator": 66,
+    "pi": 78,
+    "sine": 58,
+    "dds": 76,
+    "references": 36,
+    "delay": 34,
+    "spi_dac": 28,
+    "spi_adc": 30,
+}
+
+
+def test_enough_faults_are_planted():
+    assert set(PLANTED) == set(planted.STEPS)
+    assert sum(PLANTED.values()) >= 400
+
+
+@pytest.mark.parametrize("block", PLANTED)
+def test_planted_faults_are_named(golden, block):
+    """At least 95 % right, and never a wrong name."""
+    count = collections.Counter()
+    for seed in SEEDS:
+        for fault in planted.faults(block, seed):
+            found = diagnose(**planted.case(block, seed, fault, golden[block, seed]))
+            if found is None:
+                continue
+            count[found.cause == fault[0]] += 1
+            if found.cause == UNKNOWN:
+                continue
+            assert found.cause == fault[0], (seed, fault, found)
+            if fault[0] == "rounding":
+                assert fault[2] in found.what, (seed, fault, found)
+            if fault[0] in ("late", "early"):
+                assert found.what.startswith(f"{fault[2]} clock"), (seed, fault, found)
+    total = count[True] + count[False]
+    assert total == PLANTED[block]
+    assert count[True] >= 0.95 * total, count
+
+
+@pytest.mark.parametrize("stem", ["dds", "pi", "modulator"])
+def test_the_golden_step_on_exported_rows_is_golden(stem):
+    """Also across the resets in the middle of a bundle, and for pins."""
+    block = blocks.BLOCKS[stem]
+    case = next(iter(block.cases))
+    stim, _ = stimulus.make(block, case)
+    inputs = {p.name: column for p, column in zip(block.columns, stim.T)}
+    assert inputs["rst"].any()
+    rows, pins = blocks.run(block, case, stim)
+    expected = {p.name: column for p, column in zip(block.registers, rows.T)}
+    params = {name: raw for name, raw, _ in blocks.params_of(block, case)}
+    found, found_pins = Model.of(stem, params, inputs, expected).run({**inputs, **expected})
+    for name, column in expected.items():
+        np.testing.assert_array_equal(found[name], column, name)
+    for p, column in zip(block.pins, pins.T):
+        np.testing.assert_array_equal(found_pins[p.name], column, p.name)
+
+
+def test_every_kind_of_fault_is_planted():
+    kinds = {fault[0] for block in planted.STEPS for seed in SEEDS for fault in planted.faults(block, seed)}
+    assert kinds == set(CAUSES) - {UNKNOWN}
+
+
+@pytest.mark.parametrize("block", planted.STEPS)
+def test_faults_without_a_name_are_unknown(golden, block):
+    """Glitches, stuck bits, a gain of 3/4, and a shift that begins half-way."""
+    for seed in SEEDS:
+        for what, got in planted.strangers(block, seed, golden[block, seed]):
+            a = planted.case(block, seed, planted.NONE, golden[block, seed])
+            a["got"] = dict(zip(golden[block, seed][0], got.T.copy()))
+            found = diagnose(**a)
+            assert found is None or found.cause == UNKNOWN, (seed, what, found)
+
+
+@pytest.mark.parametrize("block", planted.STEPS)
+def test_a_log_of_one_register_gives_no_wrong_name(golden, block):
+    for fault in planted.faults(block, 1):
+        a = planted.case(block, 1, fault, golden[block, 1])
+        last = list(a["got"])[-1]
+        a["got"] = {last: a["got"][last]}
+        found = diagnose(**a)
+        assert found is None or found.cause in (fault[0], UNKNOWN), (fault, found)
+
+
+def test_rounding_of_columns_is_that_of_the_model():
+    x = np.arange(-600, 600)
+    for rule, function in fixed.ROUNDINGS.items():
+        for n in (0, 1, 2, 5):
+            assert _rounded(rule, x, n).tolist() == [function(int(v), n) for v in x], (rule, n)
+
+
+def test_a_block_without_a_model_is_diagnosed_from_its_rows(golden):
+    a = planted.case("dds", 1, ("late", "sense_ref", 2), golden["dds", 1]) | {"block": "somebody_else"}
+    found = diagnose(**a)
+    assert (found.cause, found.port, found.what) == ("late", "sense_ref", "2 clocks")
+
+
+def test_an_aliased_rounding_rule_is_named_with_its_names_elsewhere(golden):
+    found = diagnose(**planted.case("modulator", 1, ("rounding", "code", "half_even"), golden["modulator", 1]))
+    assert found.what.startswith("half_even (")
+    assert "fixed_pkg:fixed_round" in found.what
