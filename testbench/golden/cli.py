@@ -1,4 +1,4 @@
-"""`gyro golden`: arguments and one line per bundle; no computing. The lead program adds this app to its own.
+"""`gyro golden`: arguments and one line per bundle; no computing. `testbench.cli` adds this app to its own.
 
 Source  docs/golden.md
 """
