@@ -184,20 +184,9 @@ def white_fine(p, counter):
     return 0.0
 
 
-@kernel
-def fill(p, counter, out):
-    """out[i] = white(p, counter + i), five times faster than one by one: the loop vectorises. Mutates `out`."""
-    if p.on:
-        for i in range(out.size):
-            out[i] = p.sigma * ih4(p.key0, p.key1, counter + i)
-    else:
-        for i in range(out.size):
-            out[i] = 0.0
-
-
 @outlined
 def fill_row(p, counter, stride, w, first, n):
-    """w[first + i] = white(p, counter + i stride) for i below n; the loop vectorises. Mutates `w`."""
+    """w[first + i] = white(p, counter + i stride) for i below n: in one loop, which vectorises. Mutates `w`."""
     if p.on:
         for i in range(n):
             w[first + i] = p.sigma * ih4(p.key0, p.key1, counter + i * stride)

@@ -47,8 +47,7 @@ class Params(NamedTuple):
     s2: float
     s3: float
     inject: np.ndarray  # (6,) volts left on each capacitor when its switch opens
-    taylor: np.ndarray  # (3, 4, TERMS) coefficient of s^(k+j+i) in q_j for the input (t/h)^k, j = 1..3
-    lanes: np.ndarray  # the same, j in the lanes of one register: that of q_j at 4 (k TERMS + i) + j - 1
+    taylor: np.ndarray  # coefficient of s^(k+j+i) in q_j for the input (t/h)^k, j = 1..3: at 4 (k TERMS + i) + j - 1
 
 
 def design(rc_s, h_s, inject_v=(0.0,) * CAPACITORS):
@@ -63,8 +62,13 @@ def design(rc_s, h_s, inject_v=(0.0,) * CAPACITORS):
     with mpmath.workprec(120):
         r = mpmath.mpf(h_s) / mpmath.mpf(rc_s)
         e = mpmath.exp(-r)
-        exact = [[[_coefficient(r, j, k, i) for i in range(TERMS)] for k in range(4)] for j in (1, 2, 3)]
-        taylor = np.array([[[float(c) for c in row] for row in plane] for plane in exact])
+        # j goes along the lanes of one register, of which the fourth is empty
+        taylor = [
+            float(_coefficient(r, j, k, i)) if j <= STAGES else 0.0
+            for k in range(4)
+            for i in range(TERMS)
+            for j in range(1, 5)
+        ]
         return Params(
             h_s=float(h_s),
             r=float(r),
@@ -75,8 +79,7 @@ def design(rc_s, h_s, inject_v=(0.0,) * CAPACITORS):
             s2=float(1 - e * (1 + r)),
             s3=float(1 - e * (1 + r + r * r / 2)),
             inject=np.array(inject_v, dtype=np.float64),
-            taylor=taylor,
-            lanes=np.moveaxis(np.concatenate([taylor, np.zeros((1, 4, TERMS))]), 0, -1).ravel(),
+            taylor=np.array(taylor),
         )
 
 
@@ -183,9 +186,9 @@ def response(p, v0, dv0, v1, dv1, s):
     c3 = a + b - 2.0 * rise
     total = splat4(0.0)
     for i in range(TERMS - 1, -1, -1):
-        inner = load4(p.lanes, 4 * (2 * TERMS + i)) * c2 + s * (load4(p.lanes, 4 * (3 * TERMS + i)) * c3)
-        inner = load4(p.lanes, 4 * (TERMS + i)) * a + s * inner
-        total = total * s + (load4(p.lanes, 4 * i) * v0 + s * inner)
+        inner = load4(p.taylor, 4 * (2 * TERMS + i)) * c2 + s * (load4(p.taylor, 4 * (3 * TERMS + i)) * c3)
+        inner = load4(p.taylor, 4 * (TERMS + i)) * a + s * inner
+        total = total * s + (load4(p.taylor, 4 * i) * v0 + s * inner)
     q = total * four(s, s * s, s * s * s, 0.0)
     return lane(q, 0), lane(q, 1), lane(q, 2)
 

@@ -18,109 +18,38 @@ Source    docs/architecture.md, docs/decisions/0007-frame-engine.md
 
 from __future__ import annotations  # a field may bear the name of its module
 
-from typing import NamedTuple
-
 import numpy as np
 
-from analog_frontend import adc, adc_serial, dac_serial, linear
+from analog_frontend import adc, linear
 from analog_frontend import top as plant
 from fpga_model import (
     control,
-    dds,
     digital_sid,
-    modulator,
-    rates,
     references,
     sequencer,
-    sine,
     spi_adc,
     spi_dac,
     watchdog,
 )
-from fpga_model import top as fpga
 from fpga_model.jit import hot, inner, outlined
 from fpga_model.rates import FRAME_TICKS, TICK_CYCLES
-from testbench import engine, window
-from testbench.turn import QUARTER_BITS, TURN_MASK, WORD_LIMIT, Turn, next_quarter, phase_at, steady, word_at
+from testbench import engine, pins, window
+from testbench.flush import CHANNEL_MASK, FLUSH, Arrived, arrived, completed, rebuilt
+from testbench.pins import buffers
+from testbench.turn import WORD_LIMIT, Turn, phase_at, steady, word_at
 from testbench.window import HISTORY, LAST_ODD_TICK, VALID_CLOCKS, Window
 
-FLUSH = 8
 SETTLED_TICKS = 8  # before this tick after power-on the DACs have not had two frames
 READ_TICKS = 30  # from DRDY to a quiet tick: read, window, flush
 WINDOW_TICKS = 12  # from a window at a frame boundary to a quiet tick
 SHORTEST = 3 * FLUSH
 # typed: Numba compiles a function anew for every constant that it is called with
 FAR, ZERO, ONE = np.int64(1 << 62), np.int64(0), np.int64(1)
-SINE_CLOCKS = 1 + sine.LATENCY  # from the phase to the sine
-REFERENCE_CLOCKS = 2  # from the phase to the pins
 DRIVE_CLOCK = np.int64(spi_dac.LOAD_TICK + spi_dac.latch_cycles(spi_dac.DAC8811))
 SENSE_CLOCK = np.int64(spi_dac.LOAD_TICK + spi_dac.latch_cycles(spi_dac.AD5791) - TICK_CYCLES)
 DUMP_CLOCKS = digital_sid.LATENCY
-CHANNEL_MASK = spi_adc.WORD_MASK
 assert 0 < DRIVE_CLOCK < TICK_CYCLES, "the drive DAC follows in the tick of its load"
 assert 0 <= SENSE_CLOCK < TICK_CYCLES, "the sense DAC follows in the tick after its load"
-
-
-class Buffers(NamedTuple):
-    """Scratch of a block: one place per tick, codes and loads with HISTORY places before it."""
-
-    amplitude: np.ndarray
-    rate: np.ndarray
-    control_load: np.ndarray
-    drive: np.ndarray
-    sense: np.ndarray
-    refs: np.ndarray  # the four pins before each tick's first edge
-    sar: np.ndarray  # (2, ticks)
-    edges: np.ndarray
-
-
-def buffers():
-    """Scratch of a run."""
-    n = linear.BLOCK + HISTORY
-    return Buffers(
-        *(np.zeros(n, np.int64) for _ in range(6)),
-        np.zeros((2, n), np.int64),
-        np.zeros((plant.MAX_EDGES * n, 2), np.int64),
-    )
-
-
-@inner
-def reference_edges(p, turn, bank, first, end, refs, b):
-    """Reference edges of the pins in ticks `first` .. `end` - 1 (clocks from the first), and the pins after them."""
-    delay = REFERENCE_CLOCKS + p.align
-    retimed = p.retimed
-    # what the pins show before the first edge is the phase `delay` clocks before, or before the tick's first edge
-    seen = TICK_CYCLES * (first - 1 if retimed else first) - delay
-    at_drive = next_quarter(turn, bank.phase_drive_ref, seen)
-    at_sense = next_quarter(turn, bank.phase_sense_ref, seen)
-    count = 0
-    base, limit = TICK_CYCLES * first, TICK_CYCLES * end
-    while True:
-        sense = 1 if at_sense < at_drive else 0
-        at = at_sense if sense else at_drive
-        offset = bank.phase_sense_ref if sense else bank.phase_drive_ref
-        if retimed:
-            edge = (at + delay + TICK_CYCLES - 1) // TICK_CYCLES * TICK_CYCLES
-        else:
-            edge = at + delay - 1
-        if edge >= limit:
-            return count, refs
-        quarter = ((phase_at(turn, at) + offset) & TURN_MASK) >> QUARTER_BITS
-        which = 2 * sense + (quarter & 1)
-        place = count
-        if count > 0 and b.edges[count - 1, 0] == edge - base and b.edges[count - 1, 1] > which:
-            # on one clock, in the order of the pins
-            b.edges[count, 0], b.edges[count, 1] = b.edges[count - 1, 0], b.edges[count - 1, 1]
-            place = count - 1
-        b.edges[place, 0] = edge - base
-        b.edges[place, 1] = which
-        count += 1
-        refs = refs ^ (1 << which)
-        following = next_quarter(turn, offset, at)
-        if sense:
-            at_sense = following
-        else:
-            at_drive = following
 
 
 @inner
@@ -132,18 +61,6 @@ def _quiet(f, chips, tick):
     # V_q's last load of a frame may have gone out before the root was done, if a window has just ended
     calm = calm and f.sid.stage == 0 and f.sid.valid == 0 and tick % FRAME_TICKS != LAST_ODD_TICK + 1
     return calm and tick >= SETTLED_TICKS and 0 < word < WORD_LIMIT
-
-
-@inner
-def dac_codes(p, bank, turn, first, n, b):
-    """Modulator codes of `n` ticks into b.drive and b.sense, after their history. Mutates `b`."""
-    lag = SINE_CLOCKS + p.pipe.depth
-    for k in range(n):
-        phase = phase_at(turn, TICK_CYCLES * (first + k) - lag)
-        y = sine.at((phase + bank.phase_drive_sine) & TURN_MASK)
-        b.drive[HISTORY + k] = modulator.at(p.drive_modulator, b.amplitude[k], y)
-        y = sine.at((phase + bank.phase_sense_sine) & TURN_MASK)
-        b.sense[HISTORY + k] = modulator.at(p.sense_modulator, b.rate[k], y)
 
 
 @inner
@@ -165,32 +82,6 @@ def _loaded(p, s, tick, known, n):
         if frame_tick <= LAST_ODD_TICK and (p.quadrature_fast == 1 or frame_tick & 1 == 1):
             return s.control.quadrature_loop.root.y
     return s.quadrature
-
-
-@inner
-def _told(p, work, n, enabled, staged, mixed, b):
-    """What the DACs put out at the end of each tick; returns the sense DAC's output switch and its data register.
-
-    A code is loaded in its own tick, or `frames` later; the sense DAC follows a tick after its load, and a control word
-    in place of a code only opens it. mixed: there are control words among the loads. Mutates `work` and `b`.
-    """
-    drive, sense = b.drive[HISTORY - p.drive_modulator.frames :], b.sense[HISTORY - 1 - p.sense_modulator.frames :]
-    for k in range(n):
-        work.drive_codes[k] = drive[k]
-        work.sense_codes[k] = sense[k]
-    if mixed or enabled == 0 or b.control_load[HISTORY - 1] == 1:
-        for k in range(n):
-            if b.control_load[HISTORY + k - 1] == 1:
-                enabled = 1
-            else:
-                staged = sense[k]
-            work.sense_codes[k] = staged if enabled == 1 else 0
-    else:
-        staged = sense[n - 1]
-    for k in range(HISTORY):
-        b.drive[k], b.sense[k] = b.drive[n + k], b.sense[n + k]
-        b.control_load[k] = b.control_load[n + k]
-    return enabled, staged
 
 
 @inner
@@ -242,66 +133,6 @@ def _sampled(p, a, count, n, refs, b):
     a.sar[0], a.sar[1] = b.sar[0, n], b.sar[1, n]
 
 
-@outlined
-def _rebuilt(f, chips, s, sid, enabled, staged, tick, read, codes, status):
-    """Firmware and chips of a quiet `tick` from what the blocks carry; registers of a short memory are those of `f`."""
-    ok = 1 if status >> spi_adc.HEAD_SHIFT == spi_adc.HEAD else 0
-    master, chip = f.adc, chips.adc
-    if read:
-        word = codes[spi_adc.CHANNELS - 1] & CHANNEL_MASK
-        master = spi_adc.State(1, 1, 1, 0, 0, 1, 0, word, 0, status, codes, 0, ok)
-        sent = adc_serial.packed(status, codes)
-        chip = adc_serial.State(1, 0, 1, 0, 0, 0, 0, 0, sent, sent)
-    d, e = f.dds, chips.sense
-    phase = phase_at(s.turn, TICK_CYCLES * tick)
-    sense = dac_serial.State(e.shift, e.count, e.sync_n, e.ldac_n, staged, staged, e.code, enabled, e.updated)
-    rebuilt = fpga.State(
-        rates.State(0, tick % FRAME_TICKS, 0),
-        dds.State(phase, d.drive_sine, d.sense_sine, d.drive_ref, d.sense_ref),
-        f.drive_sine,
-        f.sense_sine,
-        f.drive_pipe,
-        f.sense_pipe,
-        f.references,
-        f.drive_modulator,
-        f.sense_modulator,
-        f.drive_dac,
-        f.sense_dac,
-        f.quadrature_dac,
-        master,
-        sid,
-        s.dog,
-        s.bank,
-        s.control,
-    )
-    return rebuilt, engine.Chips(chips.drive, sense, chips.quadrature, chip)
-
-
-@outlined
-def _completed(f, sid, dog):
-    """After the flush: what has a long memory and moved during it, from the blocks."""
-    line = digital_sid.State(f.sid.refs, sid.acc, sid.pole1, sid.pole2, sid.pole3, sid.stage, sid.codes, sid.valid)
-    return fpga.State(
-        f.rates,
-        f.dds,
-        f.drive_sine,
-        f.sense_sine,
-        f.drive_pipe,
-        f.sense_pipe,
-        f.references,
-        f.drive_modulator,
-        f.sense_modulator,
-        f.drive_dac,
-        f.sense_dac,
-        f.quadrature_dac,
-        f.adc,
-        line,
-        dog,
-        f.registers,
-        f.control,
-    )
-
-
 @inner
 def _aged(p, dog, ticks):
     """The watchdog after `ticks` without a frame."""
@@ -341,21 +172,6 @@ def _probe(o, first, n, turn, a, tick, b, count, refs):
             row[1] = which
             row[2] = (refs >> which) & 1
             o.edge_count[0] += 1
-
-
-class Arrived(NamedTuple):
-    """Where the blocks have come to: the tick, the firmware and chips FLUSH ticks before it, and what must be then."""
-
-    tick: int
-    drdy_cycle: int
-    fpga: fpga.State
-    chips: engine.Chips
-    sid: digital_sid.State
-    dog: watchdog.State
-    phase: int
-    refs: int
-    drive_code: int
-    sense_code: int
 
 
 @hot
@@ -438,14 +254,14 @@ def blocks(p, f, chips, a, chunk, tick, end, drdy_cycle, b):
             _loaded(g, s, tick, known, n),
         )
         # codes and edges
-        dac_codes(g, s.bank, s.turn, tick, n, b)
-        enabled, staged = _told(g, a.work, n, enabled, staged, known > 0 or init == 1, b)
+        pins.dac_codes(g, s.bank, s.turn, tick, n, b)
+        enabled, staged = pins.told(g, a.work, n, enabled, staged, known > 0 or init == 1, b)
         drive_code, sense_code = a.work.drive_codes[n - 1], a.work.sense_codes[n - 1]
         if faults.dac[0] or faults.dac[1]:
             for k in range(n):
                 a.work.drive_codes[k] = faults.dac_code[0] if faults.dac[0] else a.work.drive_codes[k]
                 a.work.sense_codes[k] = faults.dac_code[1] if faults.dac[1] else a.work.sense_codes[k]
-        count, refs_after = reference_edges(g.references, s.turn, s.bank, tick, until, refs, b)
+        count, refs_after = pins.reference_edges(g.references, s.turn, s.bank, tick, until, refs, b)
         fell = plant.block(p.plant, a, tick, n, DRIVE_CLOCK, SENSE_CLOCK, count, b.edges)
         # streams
         row = tick - chunk.begin
@@ -482,15 +298,8 @@ def blocks(p, f, chips, a, chunk, tick, end, drdy_cycle, b):
             turn = steady(turn, TICK_CYCLES * tick)
         s = Window(s.control, s.bank, s.dog, turn, s.slot, s.restarted, s.quadrature)
     phase = phase_at(s.turn, TICK_CYCLES * tick)
-    f, chips = _rebuilt(f, chips, s, sid, enabled, staged, tick - FLUSH, read, channels, status)
+    f, chips = rebuilt(f, chips, s, sid, enabled, staged, tick - FLUSH, read, channels, status)
     return Arrived(tick, drdy_cycle, f, chips, sid, s.dog, phase, refs, drive_code, sense_code)
-
-
-@inner
-def _arrived(p, f, chips, x):
-    """1 when the flushed firmware is where the blocks are."""
-    same = f.dds.phase == x.phase and references.pins(p.references, f.references) == x.refs
-    return same and chips.drive.code == x.drive_code and chips.sense.code == x.sense_code
 
 
 @hot
@@ -514,8 +323,8 @@ def _run(p, f, chips, a, chunk, end, drdy_cycle, b):
     while True:
         f, chips, drdy_cycle = engine.run_ticks(p, f, chips, a, chunk, first, until, drdy_cycle, closed)
         if not closed:
-            f = _completed(f, x.sid, x.dog)
-            if not _arrived(p.fpga, f, chips, x):
+            f = completed(f, x.sid, x.dog)
+            if not arrived(p.fpga, f, chips, x):
                 return f, chips, x.drdy_cycle, x.tick
             first, until, closed, drdy_cycle = x.tick, end, ONE, x.drdy_cycle
         elif until == end:

@@ -13,7 +13,7 @@ import numba
 import numpy as np
 
 from fpga_model.jit import CACHE
-from testbench import engine, frame
+from testbench import engine, frame, pins
 
 CHILD = "from testbench import warmup; warmup.compile_{}()"
 TIMEOUT_S = 600
@@ -56,7 +56,7 @@ def compile_ticks():
 def compile_blocks():
     """No block of the frame engine, likewise."""
     params, s = _fresh()
-    frame.blocks(params, s.fpga, s.chips, s.plant, _chunk(), 0, 0, -1, frame.buffers())
+    frame.blocks(params, s.fpga, s.chips, s.plant, _chunk(), 0, 0, -1, pins.buffers())
 
 
 def warm_up():

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analog_frontend import adc, noise
+from analog_frontend import adc, noise, sid
 from fpga_model import cordic, references, sequencer, sine
 from fpga_model import top as fpga
 from fpga_model.rates import FRAME_TICKS
@@ -119,7 +119,8 @@ def _words(sim, rate_rad_s):
     for key0, key1, level, on in (*sources, *p.adc.white, *p.adc.flicker):
         yield from (key0, key1, on, level)
     d = p.sid
-    yield from (d.h_s, d.r, d.e1, d.e2, d.e3, d.s1, d.s2, d.s3, *d.inject.tolist(), *d.taylor.ravel().tolist())
+    taylor = np.moveaxis(d.taylor.reshape(4, sid.TERMS, 4), -1, 0)[: sid.STAGES]
+    yield from (d.h_s, d.r, d.e1, d.e2, d.e3, d.s1, d.s2, d.s3, *d.inject.tolist(), *taylor.ravel().tolist())
     yield from (noise.IH4_SCALE, noise.IH12_SCALE)
 
 

@@ -10,7 +10,7 @@ from analog_frontend import adc, linear, noise
 from analog_frontend import top as plant
 from fpga_model.jit import hot
 from fpga_model.rates import FRAME_TICKS
-from testbench import frame, window
+from testbench import pins, window
 from testbench.bench import kernels
 from testbench.turn import Turn
 
@@ -56,9 +56,9 @@ def repeat(p, a, control, bank, dog, turn, b, stage, frames, rate_rad_s, quad_co
         elif stage == MATRIX:
             plant.retune(p.plant, a, rate_rad_s, quad_code + (k & 1), temp_degc)
         elif stage == CODES:
-            frame.dac_codes(p.fpga, bank, turn, 0, n, b)
+            pins.dac_codes(p.fpga, bank, turn, 0, n, b)
         elif stage == TURNS:
-            total += frame.reference_edges(p.fpga.references, turn, bank, 0, n, 0, b)[0]
+            total += pins.reference_edges(p.fpga.references, turn, bank, 0, n, 0, b)[0]
         else:
             s = window.Window(control, bank, dog, turn, 0, 0, quad_code)
             zeros = (0, 0, 0, 0, 0, 0, 0, 0)
@@ -75,7 +75,7 @@ def measure(repeats=7, frames=400):
     kernels.advance(sim, kernels.BLOCK_TICKS)
     f = sim.state.fpga
     a = plant.copy(sim.state.plant)
-    b = frame.buffers()
+    b = pins.buffers()
     b.amplitude[:], b.rate[:] = f.control.agc.loop.y, f.control.rate_loop.loop.y
     word = f.control.frequency_tracker.word
     turn = Turn(0, f.dds.phase, word, word, 0, word)
@@ -115,4 +115,4 @@ def measure(repeats=7, frames=400):
 
 @hot
 def _edges(p, turn, bank, b):
-    return frame.reference_edges(p.fpga.references, turn, bank, 0, FRAME_TICKS, 0, b)
+    return pins.reference_edges(p.fpga.references, turn, bank, 0, FRAME_TICKS, 0, b)

@@ -1,4 +1,4 @@
-"""Every block of the firmware as a golden reference: ports with formats, parameter cases, and a compiled runner.
+"""Every block of the firmware as a golden reference: ports with formats, parameter cases, latencies, rules.
 
 A runner takes stimulus rows (column 0 is `rst`, then the inputs of `step` in order) and writes, for each row, all
 registers before that edge and the output pins that the row's inputs give. Registers and pins are flattened depth first,
@@ -38,8 +38,8 @@ from fpga_model import (
     watchdog,
 )
 from fpga_model.fixed import Fmt, bits
-from fpga_model.jit import kernel
-from testbench.flatten import format_leaves, leaves, store
+from testbench.flatten import format_leaves, leaves
+from testbench.golden import runners
 
 BIT = bits(1)
 RESET_INPUT = "rst"
@@ -123,235 +123,6 @@ def flat(name):
     return name.replace(".", "_")
 
 
-# ---- runners -----------------------------------------------------------------------------------------------------
-
-
-@kernel
-def _run_dds(p, s, stim, regs, pins):
-    reset = s
-    for n in range(stim.shape[0]):
-        r = stim[n]
-        store(regs[n], s)
-        s = reset if r[0] == 1 else dds.step(s, r[1], r[2], r[3], r[4], r[5])
-
-
-@kernel
-def _run_sine(p, s, stim, regs, pins):
-    reset = s
-    for n in range(stim.shape[0]):
-        r = stim[n]
-        store(regs[n], s)
-        s = reset if r[0] == 1 else sine.step(s, r[1])
-
-
-@kernel
-def _run_delay(p, s, stim, regs, pins):
-    reset = s
-    for n in range(stim.shape[0]):
-        r = stim[n]
-        store(regs[n], s)
-        pins[n, 0] = delay.out(p, s, r[1])
-        s = reset if r[0] == 1 else delay.step(p, s, r[1])
-
-
-@kernel
-def _run_references(p, s, stim, regs, pins):
-    reset = s
-    for n in range(stim.shape[0]):
-        r = stim[n]
-        store(regs[n], s)
-        pins[n, 0] = references.pins(p, s)
-        s = reset if r[0] == 1 else references.step(p, s, r[1], r[2], r[3])
-
-
-@kernel
-def _run_modulator(p, s, stim, regs, pins):
-    reset = s
-    for n in range(stim.shape[0]):
-        r = stim[n]
-        store(regs[n], s)
-        pins[n, 0] = modulator.out(p, s)
-        s = reset if r[0] == 1 else modulator.step(p, s, r[1], r[2], r[3], r[4])
-
-
-@kernel
-def _run_pi(p, s, stim, regs, pins):
-    reset = s
-    for n in range(stim.shape[0]):
-        r = stim[n]
-        store(regs[n], s)
-        s = reset if r[0] == 1 else pi.step(p, s, r[1], r[2], r[3], r[4])
-
-
-@kernel
-def _run_spi_dac(p, s, stim, regs, pins):
-    reset = s
-    for n in range(stim.shape[0]):
-        r = stim[n]
-        store(regs[n], s)
-        pins[n, 0] = spi_dac.sdin(p, s)
-        s = reset if r[0] == 1 else spi_dac.step(p, s, r[1], r[2])
-
-
-@kernel
-def _run_spi_adc(p, s, stim, regs, pins):
-    reset = s
-    for n in range(stim.shape[0]):
-        r = stim[n]
-        store(regs[n], s)
-        s = reset if r[0] == 1 else spi_adc.step(s, r[1], r[2])
-
-
-@kernel
-def _run_digital_sid(p, s, stim, regs, pins):
-    reset = s
-    for n in range(stim.shape[0]):
-        r = stim[n]
-        store(regs[n], s)
-        s = reset if r[0] == 1 else digital_sid.step(p, s, r[1], r[2], r[3], r[4], r[5])
-
-
-@kernel
-def _run_cordic(p, s, stim, regs, pins):
-    reset = s
-    for n in range(stim.shape[0]):
-        r = stim[n]
-        store(regs[n], s)
-        s = reset if r[0] == 1 else cordic.step(s, r[1], r[2], r[3])
-
-
-@kernel
-def _run_isqrt(p, s, stim, regs, pins):
-    reset = s
-    for n in range(stim.shape[0]):
-        r = stim[n]
-        store(regs[n], s)
-        s = reset if r[0] == 1 else isqrt.step(s, r[1], r[2])
-
-
-@kernel
-def _run_agc(p, s, stim, regs, pins):
-    reset = s
-    for n in range(stim.shape[0]):
-        r = stim[n]
-        store(regs[n], s)
-        pins[n, 0] = agc.amplitude(p, s, r[3])
-        pins[n, 1] = agc.saturated(p, s)
-        s = reset if r[0] == 1 else agc.step(p, s, r[1], r[2], r[3], r[4], r[5], r[6])
-
-
-@kernel
-def _run_frequency_tracker(p, s, stim, regs, pins):
-    reset = s
-    for n in range(stim.shape[0]):
-        r = stim[n]
-        store(regs[n], s)
-        s = reset if r[0] == 1 else frequency_tracker.step(p, s, r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8])
-
-
-@kernel
-def _run_rate_loop(p, s, stim, regs, pins):
-    reset = s
-    for n in range(stim.shape[0]):
-        r = stim[n]
-        store(regs[n], s)
-        pins[n, 0] = rate_loop.saturated(p, s)
-        s = reset if r[0] == 1 else rate_loop.step(p, s, r[1], r[2], r[3], r[4], r[5])
-
-
-@kernel
-def _run_quadrature_loop(p, s, stim, regs, pins):
-    reset = s
-    for n in range(stim.shape[0]):
-        r = stim[n]
-        store(regs[n], s)
-        pins[n, 0] = quadrature_loop.railed(p, s)
-        s = reset if r[0] == 1 else quadrature_loop.step(p, s, r[1], r[2], r[3], r[4], r[5], r[6])
-
-
-@kernel
-def _run_lock_monitor(p, s, stim, regs, pins):
-    reset = s
-    for n in range(stim.shape[0]):
-        r = stim[n]
-        store(regs[n], s)
-        if r[0] == 1:
-            s = reset
-        else:
-            s = lock_monitor.step(p, s, r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8], r[9])
-
-
-@kernel
-def _run_fault_monitor(p, s, stim, regs, pins):
-    reset = s
-    for n in range(stim.shape[0]):
-        r = stim[n]
-        store(regs[n], s)
-        if r[0] == 1:
-            s = reset
-        else:
-            codes = (r[4], r[5], r[6], r[7])
-            s = fault_monitor.step(p, s, r[1], r[2], r[3], codes, r[8], r[9], r[10], r[11], r[12], r[13])
-
-
-@kernel
-def _run_sequencer(p, s, stim, regs, pins):
-    reset = s
-    for n in range(stim.shape[0]):
-        r = stim[n]
-        store(regs[n], s)
-        store(pins[n], sequencer.outputs(s))
-        if r[0] == 1:
-            s = reset
-        else:
-            i = sequencer.Inputs(
-                r[2], r[3], r[4], r[5], r[6], r[7], r[8], r[9], r[10], r[11], r[12], r[13], r[14], r[15]
-            )
-            s = sequencer.step(p, s, r[1], i)
-
-
-@kernel
-def _run_rate_output(p, s, stim, regs, pins):
-    reset = s
-    for n in range(stim.shape[0]):
-        r = stim[n]
-        store(regs[n], s)
-        if r[0] == 1:
-            s = reset
-        else:
-            held = rate_output.Params(r[1], r[2], r[3], r[4], r[5], r[6], r[7])
-            s = rate_output.step(held, s, r[8], r[9], r[10])
-
-
-@kernel
-def _run_registers(p, s, stim, regs, pins):
-    reset = s
-    for n in range(stim.shape[0]):
-        r = stim[n]
-        store(regs[n], s)
-        s = reset if r[0] == 1 else registers.step(s, r[1], r[2], r[3], r[4])
-
-
-@kernel
-def _run_watchdog(p, s, stim, regs, pins):
-    reset = s
-    for n in range(stim.shape[0]):
-        r = stim[n]
-        store(regs[n], s)
-        s = reset if r[0] == 1 else watchdog.step(p, s, r[1], r[2])
-
-
-@kernel
-def _run_rates(p, s, stim, regs, pins):
-    reset = s
-    for n in range(stim.shape[0]):
-        r = stim[n]
-        store(regs[n], s)
-        pins[n, 0] = rates.ce_1m(s)
-        pins[n, 1] = rates.ce_8k(s)
-        s = reset if r[0] == 1 else rates.step(s, r[1])
-
-
 # ---- the registry ------------------------------------------------------------------------------------------------
 
 PI_RULES = {"acc": (None, "saturate"), "y": ("half_up", "saturate")}
@@ -413,14 +184,14 @@ def _registry():
             dds,
             [("word", dds.PHASE)]
             + [(f"off_{k}", dds.PHASE) for k in ("drive_sine", "sense_sine", "drive_ref", "sense_ref")],
-            _run_dds,
+            runners.run_dds,
             dict.fromkeys(dds.State._fields, 1),
             rules=dict.fromkeys(dds.State._fields, (None, "wrap")),
         ),
         _block(
             sine,
             [("phase", sine.PHASE)],
-            _run_sine,
+            runners.run_sine,
             {"y": sine.LATENCY},
             rules={"y": ("half_away", None), "fraction": ("floor", None)},
             roms=(Rom("sine", sine.BASE.width + sine.SLOPE.width, tuple(int(x) for x in sine.ROM)),),
@@ -428,7 +199,7 @@ def _registry():
         _block(
             delay,
             [("x", delay.X)],
-            _run_delay,
+            runners.run_delay,
             {"out": "depth"},
             {f"depth{k}": delay.design(k) for k in (0, 1, 3, 8)},
             [("out", delay.X)],
@@ -436,7 +207,7 @@ def _registry():
         _block(
             references,
             [("drive_ref", references.PHASE), ("sense_ref", references.PHASE), ("ce_1m", BIT)],
-            _run_references,
+            runners.run_references,
             {"signs": 1, "pins": "1 + align, and 1 .. 26 more when retimed"},
             {
                 f"align{k}_{'retimed' if retimed else 'direct'}": references.design(k, retimed)
@@ -448,7 +219,7 @@ def _registry():
         _block(
             modulator,
             [("en_product", BIT), ("en_code", BIT), ("amplitude", modulator.AMPLITUDE), ("sine", modulator.SINE)],
-            _run_modulator,
+            runners.run_modulator,
             {"product": 1, "code": modulator.LATENCY},
             {
                 "dac16": modulator.design(16),
@@ -466,7 +237,7 @@ def _registry():
         _block(
             pi,
             [("en", BIT), ("mode", PI_MODE), ("e", pi.ERR), ("preset", pi.OUT)],
-            _run_pi,
+            runners.run_pi,
             {"prop": 1, "acc": 1, "y": pi.LATENCY},
             {
                 "rate": rate_loop.design().loop,
@@ -480,7 +251,7 @@ def _registry():
         _block(
             spi_dac,
             [("load", BIT), ("word", spi_dac.WORD)],
-            _run_spi_dac,
+            runners.run_spi_dac,
             {"sdin": "lead + 1 .. lead + bits", "ldac_n": "lead + bits + ldac"},
             {"dac8811": spi_dac.DAC8811, "ad5791": spi_dac.AD5791, "dac82002": spi_dac.DAC82002},
             [("sdin", BIT)],
@@ -491,7 +262,7 @@ def _registry():
         _block(
             spi_adc,
             [("drdy_n", BIT), ("dout", BIT)],
-            _run_spi_adc,
+            runners.run_spi_adc,
             {"valid": spi_adc.READ_CYCLES},
             rules={"shift": (None, "wrap")},
             idle={"drdy_n": 1},
@@ -506,7 +277,7 @@ def _registry():
                 ("sample_x", digital_sid.SAMPLE),
                 ("sample_y", digital_sid.SAMPLE),
             ],
-            _run_digital_sid,
+            runners.run_digital_sid,
             {"codes": digital_sid.LATENCY, "valid": digital_sid.LATENCY},
             {"default": digital_sid.design(), "delay0": digital_sid.design(ref_delay_ticks=0, pole_hz=1900.0)},
             rules={
@@ -522,7 +293,7 @@ def _registry():
         _block(
             cordic,
             [("start", BIT), ("x_in", cordic.INPUT), ("y_in", cordic.INPUT)],
-            _run_cordic,
+            runners.run_cordic,
             {"magnitude": cordic.LATENCY, "phase": cordic.LATENCY, "done": cordic.LATENCY},
             rules={
                 "x": ("half_up", None),
@@ -538,7 +309,7 @@ def _registry():
         _block(
             isqrt,
             [("start", BIT), ("u", isqrt.RADICAND)],
-            _run_isqrt,
+            runners.run_isqrt,
             {"y": isqrt.LATENCY, "done": isqrt.LATENCY},
             rules={"y": ("floor", None), "radicand": (None, "wrap")},
             strobes=("start",),
@@ -554,7 +325,7 @@ def _registry():
                 ("setpoint", agc.SETPOINT),
                 ("preset", agc.AMPLITUDE),
             ],
-            _run_agc,
+            runners.run_agc,
             {"error": 1, "loop_y": agc.LATENCY},
             {"default": agc.design()},
             [("amplitude", agc.AMPLITUDE), ("saturated", BIT)],
@@ -573,7 +344,7 @@ def _registry():
                 ("correction", frequency_tracker.CORRECTION),
                 ("preset", frequency_tracker.WORD),
             ],
-            _run_frequency_tracker,
+            runners.run_frequency_tracker,
             {"error": 1, "word": frequency_tracker.LATENCY},
             {"default": frequency_tracker.design()},
             rules={**LOOP_RULES, "centre": (None, "wrap"), "word": (None, "wrap")},
@@ -582,7 +353,7 @@ def _registry():
         _block(
             rate_loop,
             [("en", BIT), ("en_pi", BIT), ("mode", PI_MODE), ("sense_sin", code24), ("preset", word23)],
-            _run_rate_loop,
+            runners.run_rate_loop,
             {"error": 1, "loop_y": rate_loop.LATENCY},
             {"default": rate_loop.design()},
             [("saturated", BIT)],
@@ -599,7 +370,7 @@ def _registry():
                 ("sense_cos", code24),
                 ("preset", isqrt.RADICAND),
             ],
-            _run_quadrature_loop,
+            runners.run_quadrature_loop,
             {"error": 1, "loop_y": quadrature_loop.LATENCY, "root_y": isqrt.LATENCY},
             {"default": quadrature_loop.design()},
             [("railed", BIT)],
@@ -620,7 +391,7 @@ def _registry():
                 ("sense_cos", code24),
                 ("rail", BIT),
             ],
-            _run_lock_monitor,
+            runners.run_lock_monitor,
             {"locked": 1},
             {"default": lock_monitor.design(), "quick": _quick_sequencer().lock},
             strobes=("en",),
@@ -639,7 +410,7 @@ def _registry():
                 ("levels", fault_monitor.FLAGS),
                 ("clear", fault_monitor.FLAGS),
             ],
-            _run_fault_monitor,
+            runners.run_fault_monitor,
             {"flags": 1, "latch": 1},
             {"default": fault_monitor.design(), "quick": _quick_sequencer().faults},
             rules=FAULT_RULES,
@@ -661,7 +432,7 @@ def _registry():
                 ("i_rate_saturated", BIT),
                 ("i_qsc_rail", BIT),
             ],
-            _run_sequencer,
+            runners.run_sequencer,
             {"state": 1},
             {"quick": _quick_sequencer()},
             [
@@ -684,7 +455,7 @@ def _registry():
                 ("word", rate_output.CODE),
                 ("temperature", rate_output.CODE),
             ],
-            _run_rate_output,
+            runners.run_rate_output,
             {"y": rate_output.LATENCY, "valid": rate_output.LATENCY},
             rules={
                 "t": ("floor", None),
@@ -702,7 +473,7 @@ def _registry():
         _block(
             registers,
             [("write", BIT), ("address", registers.ADDRESS), ("data", registers.DATA), ("taken", BIT)],
-            _run_registers,
+            runners.run_registers,
             dict.fromkeys(registers.State._fields, registers.LATENCY),
             rules=dict.fromkeys(registers.State._fields, (None, "wrap")),
             strobes=("write",),
@@ -710,7 +481,7 @@ def _registry():
         _block(
             watchdog,
             [("ce_1m", BIT), ("frame", BIT)],
-            _run_watchdog,
+            runners.run_watchdog,
             {"stale": "1 after frame; limit + 1 ticks without one"},
             {"default": watchdog.design(), "limit250": watchdog.design(250)},
             rules={"age": (None, "saturate")},
@@ -718,7 +489,7 @@ def _registry():
         _block(
             rates,
             [("go", BIT)],
-            _run_rates,
+            runners.run_rates,
             {"slot": rates.LATENCY},
             pins=[("ce_1m", BIT), ("ce_8k", BIT)],
             rules={"tick": (None, "wrap"), "frame": (None, "wrap")},

@@ -43,9 +43,19 @@ def fine(p, first, out):
         out[k] = noise.white_fine(p, first + k)
 
 
+@kernel
+def fill(p, first, out):
+    noise.fill_row(p, first, 1, out, 0, out.size)
+
+
+@kernel
+def fill_part(p, counter, stride, out, first, n):
+    noise.fill_row(p, counter, stride, out, first, n)
+
+
 def stream(seed, name, first=0, n=N):
     out = np.zeros(n)
-    noise.fill(noise.source(seed, name, 1.0), first, out)
+    fill(noise.source(seed, name, 1.0), first, out)
     return out
 
 
@@ -77,8 +87,11 @@ def test_scales_give_variance_one():
 def test_a_filled_buffer_has_the_bits_of_single_samples():
     p = noise.source(9, "cv_x", 18.2e-9)
     out = np.zeros(125)
-    noise.fill(p, 2**33 - 60, out)
+    fill(p, 2**33 - 60, out)
     assert out.tolist() == [noise.white(p, 2**33 - 60 + k) for k in range(125)]
+    part = np.zeros(40)
+    fill_part(p, 2**33 - 60, 6, part, 7, 21)
+    assert part.tolist() == [0.0] * 7 + [noise.white(p, 2**33 - 60 + 6 * k) for k in range(21)] + [0.0] * 12
 
 
 def test_off_is_exactly_zero():
@@ -86,7 +99,7 @@ def test_off_is_exactly_zero():
         assert p.on == 0
         assert (noise.white(p, 3), noise.white_fine(p, 3)) == (0.0, 0.0)
         out = np.ones(5)
-        noise.fill(p, 0, out)
+        fill(p, 0, out)
         assert (out == 0.0).all()
     f = noise.flicker(1, "flicker_0", 37e-9, on=0)
     state = noise.flicker_reset(f)
@@ -164,7 +177,7 @@ def test_one_flipped_bit_flips_half_of_the_words():
 def test_moments(name, sampler, kurtosis):
     n = N if sampler == "white" else N // 4
     x = np.zeros(n)
-    (noise.fill if sampler == "white" else fine)(noise.source(21, name, 1.0), 0, x)
+    (fill if sampler == "white" else fine)(noise.source(21, name, 1.0), 0, x)
     assert abs(x.mean()) < Z / math.sqrt(n)
     assert abs(x.var() - 1) < Z * math.sqrt((kurtosis - 1) / n)
     assert abs((x**3).mean()) < Z * math.sqrt(10 / n)
@@ -188,7 +201,7 @@ def test_no_correlation_between_sources_seeds_and_neighbours():
 def test_white_density_is_flat_at_the_level_asked_for():
     density, rate = 18.2e-9, 1e6
     x = np.zeros(N)
-    noise.fill(noise.source(4, "cv_y", noise.sigma_from_density(density, rate)), 0, x)
+    fill(noise.source(4, "cv_y", noise.sigma_from_density(density, rate)), 0, x)
     length = 1024
     blocks = x[: N // length * length].reshape(-1, length)
     psd = (np.abs(np.fft.rfft(blocks, axis=1)) ** 2).mean(axis=0)[1:-1] * 2 / (rate * length)

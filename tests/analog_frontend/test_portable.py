@@ -76,7 +76,7 @@ def digest():
     chains = [ring_diode.chain(1e-7, t, cref_f=c) for t in (-20.0, 25.0, 70.0) for c in (32e-12, 45e-12)]
     numbers = [x for chain in chains for x in chain]
     numbers += [
-        *demods.taylor.ravel(),
+        *np.moveaxis(demods.taylor.reshape(4, sid.TERMS, 4), -1, 0)[:3].ravel(),
         *demods[:8],
         *noise.DECAY,
         *noise.GAIN,
