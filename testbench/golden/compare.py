@@ -187,7 +187,7 @@ def compare(manifest, inputs, expected, got, care=None, before=BEFORE):
         cycle=cycle,
         time_ns=cycle * 1e9 / manifest["clock"]["hz"],
         port=port,
-        is_input=port in inputs,
+        is_input=port in inputs and port not in expected,
         expected=want,
         got=have,
         expected_value=want * scale,
