@@ -216,6 +216,23 @@ class _Search:
                 early[max(0, row - k) : row + 1] = False
             yield "late", clocks, np.concatenate((want[:1].repeat(k), want[:-k])), late
             yield "early", clocks, np.concatenate((want[k:], want[-1:].repeat(k))), early
+        yield from self._enabled_late(name)
+
+    def _enabled_late(self, name):
+        """A register too many under the same enable: late by a number of enables, where only they move the port."""
+        want = self.case.expected[name]
+        moves = np.flatnonzero(np.diff(want))
+        for strobe in self.model.block.strobes if self.model else ():
+            enable = (self.case.inputs[strobe] == 1) & ~np.append(self.resets[1:], False)
+            if not np.all(enable[moves] | self.resets[moves + 1]) or enable.all():
+                continue
+            after = np.append(want[1:], want[-1:])[enable]
+            count = np.concatenate(([0], np.cumsum(enable)[:-1]))
+            since = count - count[np.maximum.accumulate(np.where(self.resets, np.arange(self.n), 0))]
+            for k in range(1, MAX_INPUT_SHIFT + 1):
+                column = after[np.clip(count - 1 - k, 0, None)] if len(after) else want
+                what = f"{k} enable" + ("s" if k > 1 else "") + f" ({strobe})"
+                yield "late", what, column, self.case.care[name] & (since > k)
 
     def _arithmetic(self, name, care):
         case, plain = self.case, _plain(name, self.case.expected)
@@ -230,16 +247,42 @@ class _Search:
             return
         first = case.expected[name][0]
         if plain in found:
-            node = found[plain]
-            for cause, what, column in nodes.variants(node):
-                value = column if node.enable is None else np.where(node.enable, column, self.state[name])
-                yield cause, what, _after(nodes.wrapped(value, node.fmt), first), care
+            yield from self._varied(name, nodes.parts(found[plain]), care)
         for target, cause, what, column in special:
             if target == plain:
                 yield cause, what, _after(column, first), care
         for target, what, column in compared:
             if target == plain:
                 yield "limit", what, column, care
+
+    def _varied(self, name, parts, care):
+        """Other arithmetic of one part of a register, or, for overflow, of several parts at once."""
+        got, local, first = self.case.got[name], self.local[name], self.case.expected[name][0]
+        both = {"limit": [], "wrap": []}
+        for node in parts:
+            enable = np.ones(self.n, bool) if node.enable is None else node.enable
+            # rows that show a load of this part
+            shown = np.concatenate(([False], enable[:-1]))
+            golden = _same(got, local, care & shown)
+            fitting = {}
+            for cause, what, column in nodes.variants(node):
+                column = np.where(shown, _after(nodes.wrapped(column, node.fmt), first), local)
+                yield cause, what, column, care
+                if cause in both and cause not in fitting and _same(got, column, care & shown):
+                    fitting[cause] = (what, column)
+            for cause in list(both):
+                if golden:
+                    continue
+                if cause in fitting:
+                    both[cause].append((*fitting[cause], shown))
+                else:
+                    del both[cause]
+        for cause, found in both.items():
+            if len(found) > 1:
+                column = local.copy()
+                for _, other, shown in found:
+                    column = np.where(shown, other, column)
+                yield cause, ", ".join(dict.fromkeys(what for what, _, _ in found)), column, care
 
     def fits(self, name):
         """Hypotheses on one port that give the design's value in every row, in order, without doubles."""

@@ -1,10 +1,11 @@
 """Registers as sum, rounding and overflow, block by block: what the hypotheses on arithmetic vary.
 
-    value = limit(offset + flip(round(sum of terms, shift)))   where enabled; elsewhere the register holds
+    value = limit(offset + flip(round(sum of terms, shift)))   where enabled; elsewhere it is not varied
 
-`NODES[block](c, p, fmt)` gives {register: Node}: c holds the columns of inputs and registers (an input that shares its
-name with a register is `in_NAME`), p the parameters, fmt the formats. `SPECIAL`, `COMPARED` and `TUNED` hold what is no
-sum: bit orders, comparisons in pins, and parameters.
+`NODES[block](c, p, fmt)` gives {register: Node}, or a list of nodes for a register that is loaded in several ways: c
+holds the columns of inputs and registers (an input that shares its name with a register is `in_NAME`), p the
+parameters, fmt the formats. `SPECIAL`, `COMPARED` and `TUNED` hold what is no sum: bit orders, comparisons in pins, and
+parameters.
 Source  docs/blocks/ (the equations)
 """
 
@@ -67,7 +68,7 @@ class Node(NamedTuple):
     lo, hi    saturation, or None where the sum wraps in `fmt` (or cannot leave it)
     steps     sizes of "one LSB" of a limit
     flip      1 where the rounded sum is negated, or None
-    enable    where the register takes the value; elsewhere it holds
+    enable    where the register takes the value; elsewhere it is golden
     wraps     whether overflow happens and is meant to wrap
     """
 
@@ -116,10 +117,13 @@ def variants(node):
             for low, high in ((-1, 0), (1, 0), (0, -1), (0, 1), (-1, 1), (1, -1), (1, 1), (-1, -1)):
                 lo, hi = node.lo + low * step, node.hi + high * step
                 what = ", ".join(f"{name} {sign * step:+d} LSB" for name, sign in (("lo", low), ("hi", high)) if sign)
-                yield "limit", what, node.limited(whole, lo, hi)
+                # a limit beyond the format is no limit
+                if node.fmt.holds(lo) and node.fmt.holds(hi):
+                    yield "limit", what, node.limited(whole, lo, hi)
             for low, high in ((-step, 0), (step, 0), (0, -step), (0, step)):
-                stuck = np.where(whole < node.lo, node.lo + low, np.where(whole > node.hi, node.hi + high, whole))
-                yield "limit", f"saturates to {'lo' if low else 'hi'} {low or high:+d} LSB", stuck
+                if node.fmt.holds(node.lo + low) and node.fmt.holds(node.hi + high):
+                    stuck = np.where(whole < node.lo, node.lo + low, np.where(whole > node.hi, node.hi + high, whole))
+                    yield "limit", f"saturates to {'lo' if low else 'hi'} {low or high:+d} LSB", stuck
     elif node.wraps:
         yield "saturate", f"at {node.fmt.lo} and {node.fmt.hi}", np.clip(whole, node.fmt.lo, node.fmt.hi)
     yield "sign", "result", -node.of(value)
@@ -164,19 +168,17 @@ def _modulator(c, p, fmt):
 def _pi_of(c, p, fmt, en, mode, e, preset, at=""):
     """The PI under a prefix, with its inputs as columns."""
     enabled, run, off = en != 0, mode == pi.RUN, mode == pi.OFF
-    acc = {
-        "acc": np.where(run, c[f"{at}acc"], 0),
-        "ki * e": np.where(run, p[f"{at}ki"] * e, 0),
-        "preset": np.where(off, preset << pi.SHIFT, 0),
-    }
     low, high = p[f"{at}lo"], p[f"{at}hi"]
+    bounds = {"lo": low << pi.SHIFT, "hi": high << pi.SHIFT, "steps": (1, 1 << pi.SHIFT)}
+    acc = fmt[f"{at}acc"]
     prop = {"kp * e": np.where(off, 0, p[f"{at}kp"] * e)}
-    sums = {"prop": c[f"{at}prop"], "acc": c[f"{at}acc"]}
-    lo, hi = low << pi.SHIFT, high << pi.SHIFT
     return {
         f"{at}prop": Node(fmt[f"{at}prop"], prop, enable=enabled & (mode <= pi.RUN)),
-        f"{at}acc": Node(fmt[f"{at}acc"], acc, lo=lo, hi=hi, steps=(1, 1 << pi.SHIFT), enable=enabled & (run | off)),
-        f"{at}y": Node(fmt[f"{at}y"], sums, pi.SHIFT, "half_up", low, high),
+        f"{at}acc": [
+            Node(acc, {"acc": c[f"{at}acc"], "ki * e": p[f"{at}ki"] * e}, **bounds, enable=enabled & run),
+            Node(acc, {"preset": preset << pi.SHIFT}, **bounds, enable=enabled & off),
+        ],
+        f"{at}y": Node(fmt[f"{at}y"], {"prop": c[f"{at}prop"], "acc": c[f"{at}acc"]}, pi.SHIFT, "half_up", low, high),
     }
 
 
@@ -195,16 +197,15 @@ def _agc(c, p, fmt):
 
 
 def _frequency_tracker(c, p, fmt):
-    load, adjust = c["load"] == 1, c["adjust"] == 1
-    centre = {
-        "centre": np.where(load, 0, c["centre"]),
-        "correction": np.where(load, 0, c["correction"]),
-        "preset": np.where(load, c["preset"], 0),
-    }
-    enable = (c["en"] == 1) & (load | adjust)
+    load = c["load"] == 1
+    adjust, en = (c["adjust"] == 1) & ~load, c["en"] == 1
+    adjusted = {"centre": c["centre"], "correction": c["correction"]}
     return {
-        "error": Node(fmt["error"], {"phase": c["phase"]}, enable=c["en"] == 1),
-        "centre": Node(fmt["centre"], centre, enable=enable, wraps=True),
+        "error": Node(fmt["error"], {"phase": c["phase"]}, enable=en),
+        "centre": [
+            Node(fmt["centre"], adjusted, enable=en & adjust, wraps=True),
+            Node(fmt["centre"], {"preset": c["preset"]}, enable=en & load),
+        ],
         "word": Node(fmt["word"], {"centre": c["centre"], "loop_y": c["loop_y"]}, wraps=True),
         **_pi_of(c, p, fmt, c["en_pi"], c["mode"], c["error"], 0 * c["mode"], "loop_"),
     }
@@ -244,36 +245,34 @@ def _cordic(c, p, fmt):
     start, busy = c["start"] == 1, (c["start"] == 0) & (c["busy"] == 1)
     rotate = busy & (c["i"] < cordic.ITERATIONS)
     finish = busy & ~rotate
-    shift, below = np.where(rotate, c["i"], 0), (c["y"] < 0).astype(np.int64)
-    left = c["x_in"] < 0
+    shift, below, left = np.where(rotate, c["i"], 0), (c["y"] < 0).astype(np.int64), c["x_in"] < 0
     atan = np.array([*cordic.ATAN, *[0] * (32 - cordic.ITERATIONS)], np.int64)[c["i"]]
-
-    def turned(held, term, loaded, flip):
-        terms = {"y or x shifted": np.where(start, loaded, np.where(rotate, term, 0))}
-        return {"terms": terms, "offset": np.where(rotate, held, 0), "flip": np.where(rotate, flip, 0)}
-
-    loaded_x = np.abs(c["x_in"]) << cordic.GUARD
-    loaded_y = np.where(left, -c["y_in"], c["y_in"]) << cordic.GUARD
-    turn = {"shift": shift, "rounding": "half_up", "enable": start | rotate}
-    loaded_angle = np.where(left, cordic.HALF_TURN, 0)
-    angle = turned(c["angle"], atan, loaded_angle, below)
+    minus = left.astype(np.int64)
+    turned = {"shift": shift, "rounding": "half_up", "enable": rotate}
+    half_turn = {"half a turn": np.where(left, cordic.HALF_TURN, 0)}
+    angle = {"angle": np.where(c["x"] == 0, 0, c["angle"])}
     return {
-        "x": Node(fmt["x"], **turned(c["x"], c["y"], loaded_x, below), **turn),
-        "y": Node(fmt["y"], **turned(c["y"], c["x"], loaded_y, 1 - below), **turn),
-        "angle": Node(fmt["angle"], **angle, enable=start | rotate, wraps=True),
+        "x": [
+            Node(fmt["x"], {"y shifted": c["y"]}, offset=c["x"], flip=below, **turned),
+            Node(fmt["x"], {"x_in": c["x_in"] << cordic.GUARD}, flip=minus, enable=start),
+        ],
+        "y": [
+            Node(fmt["y"], {"x shifted": c["x"]}, offset=c["y"], flip=1 - below, **turned),
+            Node(fmt["y"], {"y_in": c["y_in"] << cordic.GUARD}, flip=minus, enable=start),
+        ],
+        "angle": [
+            Node(fmt["angle"], {"atan": atan}, offset=c["angle"], flip=below, enable=rotate, wraps=True),
+            Node(fmt["angle"], half_turn, enable=start),
+        ],
         "magnitude": Node(fmt["magnitude"], {"x": c["x"]}, cordic.GUARD, "half_up", enable=finish),
-        "phase": Node(
-            fmt["phase"], {"angle": np.where(c["x"] == 0, 0, c["angle"])}, cordic.GUARD, "half_up", enable=finish,
-            wraps=True,
-        ),
-    }  # fmt: skip
+        "phase": Node(fmt["phase"], angle, cordic.GUARD, "half_up", enable=finish, wraps=True),
+    }
 
 
 def _radicand(c, fmt, u, at="", start="start"):
-    load = c[start] == 1
+    load, rest, of = c[start] == 1, c[f"{at}radicand"], fmt[f"{at}radicand"]
     busy = ~load & (c[f"{at}busy"] == 1)
-    terms = {"u": np.where(load, u, 0), "rest": np.where(busy, c[f"{at}radicand"] << 2, 0)}
-    return Node(fmt[f"{at}radicand"], terms, enable=load | busy, wraps=True)
+    return [Node(of, {"u": u}, enable=load), Node(of, {"radicand": rest << 2}, enable=busy, wraps=True)]
 
 
 def _isqrt(c, p, fmt):
@@ -289,8 +288,11 @@ def _digital_sid(c, p, fmt):
     for k in range(4):
         sample = c["sample_x" if k < 2 else "sample_y"]
         acc, x = c[f"acc_{k}"], np.where((now >> k) & 1 == 1, sample, -sample)
-        sums = {"acc": np.where(dump, 0, acc), "sample": x}
-        nodes[f"acc_{k}"] = Node(fmt[f"acc_{k}"], sums, lo=digital_sid.ACC_LO, hi=digital_sid.ACC_HI, enable=ce)
+        bounds = {"lo": digital_sid.ACC_LO, "hi": digital_sid.ACC_HI}
+        nodes[f"acc_{k}"] = [
+            Node(fmt[f"acc_{k}"], {"acc": acc, "sample": x}, **bounds, enable=ce & ~dump),
+            Node(fmt[f"acc_{k}"], {"sample": x}, enable=ce & dump),
+        ]
         before = acc << digital_sid.POLE.f
         for name, enable in stages:
             held = c[f"{name}_{k}"]
@@ -369,6 +371,11 @@ def _watchdog(c, p, fmt):
     counts = (c["frame"] == 1) | (c["ce_1m"] == 1)
     age = {"age": np.where(c["frame"] == 1, 0, c["age"]), "one": 1 - c["frame"]}
     return {"age": Node(fmt["age"], age, lo=0, hi=fmt["age"].hi, enable=counts)}
+
+
+def parts(found):
+    """The nodes of a register as a list."""
+    return found if isinstance(found, list) else [found]
 
 
 NODES = {
