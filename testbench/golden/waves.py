@@ -1,4 +1,4 @@
-"""Logs of other people's simulations as columns: VCD and FST dumps and CSV, through a map from port to signal.
+"""Logs of other people's simulations as columns: VCD, FST and GHW dumps and CSV, through a map from port to signal.
 
     schema = "gyro-map/1.0"                 row 0 is the first active edge that sees reset released;
     [clock]                                 without [reset] it is active edge `first_edge` (default 0)
@@ -13,9 +13,8 @@
 
 A row is what the dump shows just before the active edge: a change at the instant of the edge comes after it.
 A bit that is not 0 or 1 makes the value of that row unknown. Values are two's complement of the port's own width.
-FST is read with pywellen, which is optional; VCD and CSV need nothing; GHW is refused (decision 0009). A CSV has a
-header of signal names and one row per clock, decimal or 0x hex; it needs neither [clock] nor [reset], and `first_edge`
-is the line of row 0.
+FST is read with pywellen, which is optional; the others need nothing (decision 0009). A CSV has a header of names and
+one row per clock, decimal or 0x hex; it needs neither [clock] nor [reset], and `first_edge` is the line of row 0.
 Source    docs/golden.md
 """
 
@@ -29,7 +28,7 @@ import numpy as np
 
 from fpga_model.fixed import bits
 from testbench.errors import FileError
-from testbench.golden import bundle
+from testbench.golden import bundle, ghw
 from testbench.golden.compare import BEFORE, Column, compare, formats
 
 SCHEMA = "gyro-map/1.0"
@@ -145,7 +144,8 @@ def _vcd(path, paths):
             scopes.pop()
         elif token == "$var" and len(words) >= 4 and words[1].isdigit():
             # an escaped name of one bit of an array is its own signal; a range is only how it was declared
-            name = _bare(" ".join(words[3:])) if int(words[1]) > 1 else " ".join(words[3:]).replace(" ", "")
+            name = re.sub(r" (\[[^ ]*\])$", r"\1", " ".join(words[3:]))
+            name = _bare(name) if int(words[1]) > 1 else name
             known[".".join([*scopes, name])] = (words[2], int(words[1]), words[0])
         elif token in ("$scope", "$upscope", "$var"):
             raise FileError(f"{path}: header: broken {token} {' '.join(words)[:40]}")
@@ -209,6 +209,21 @@ def _wellen(path, paths):
             texts.append(f"{value:0{var.bitwidth}b}" if isinstance(value, int) else str(value))
         out[wanted] = (times, texts, int(var.bitwidth), hi, lo)
     return out
+
+
+def _ghw(path, paths):
+    """As `_vcd`, for GHW."""
+    found = {}
+
+    def choose(known):
+        found.update((wanted, _wanted(wanted, known, path)) for wanted in paths)
+        for signal, _, _ in found.values():
+            if known[signal] is None:
+                raise FileError(f"{path}: signal {signal} is not bits")
+        return {signal: None for signal, _, _ in found.values()}
+
+    columns = ghw.read(path, choose)
+    return {wanted: (*columns[signal], hi, lo) for wanted, (signal, hi, lo) in found.items()}
 
 
 def _extended(text, width):
@@ -331,7 +346,7 @@ def _from_csv(path, signals, fmts):
 
 
 def read_log(path, signals, fmts):
-    """Columns of the mapped ports of a .vcd, .fst or .csv file.
+    """Columns of the mapped ports of a .vcd, .fst, .ghw or .csv file.
 
     signals  a `Map`
     fmts     {port: Fmt} of the manifest (`compare.formats`)
@@ -345,11 +360,10 @@ def read_log(path, signals, fmts):
     if kind == ".vcd":
         return _from_dump(path, _vcd, signals, fmts)
     if kind == ".ghw":
-        # A port on a slice of a vector comes out as another slice of it: worse than no answer
-        raise FileError(f"{path}: GHW is not read (ports on slices come out wrong); use ghdl --vcd or --fst")
+        return _from_dump(path, _ghw, signals, fmts)
     if kind == ".fst":
         return _from_dump(path, _wellen, signals, fmts)
-    raise FileError(f"{path}: the file type {kind or '(none)'} is not .vcd, .fst or .csv")
+    raise FileError(f"{path}: the file type {kind or '(none)'} is not .vcd, .fst, .ghw or .csv")
 
 
 def check(folder, log, map_path, before=BEFORE):

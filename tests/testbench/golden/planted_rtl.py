@@ -194,7 +194,7 @@ for k in (1, 2):
 early(REF, "align0_retimed", "output reg   [3:0] r_signs", "r_signs     <= 4'd0;", "r_signs     <= signs;")
 early(REF, "align3_direct", "output reg   [3:0] r_aligned_2", "r_aligned_2 <= 4'd0;", "r_aligned_2 <= r_aligned_1;")
 stranger(REF, "align0_retimed", ("if (ce_1m)", "if (!ce_1m)"))
-stranger(REF, "align2_retimed", ("{~(sense_ref[47] ^ sense_ref[46]), ~sense_ref[47],", "{~(sense_ref[47] & sense_ref[46]), ~sense_ref[47],"))  # fmt: skip
+stranger(REF, "align2_retimed", ("{~(sense_ref[47] ^ sense_ref[46])", "{~(sense_ref[47] & sense_ref[46])"))
 stranger(REF, "align0_retimed", ("r_retimed <= picked", "r_retimed <= picked | 4'd1"))
 stranger(REF, "align0_retimed", ("r_signs     <= signs", "r_signs     <= {signs[1:0], signs[3:2]}"))
 stranger(REF, "align0_retimed", ("r_aligned_1 <= r_aligned_0", "r_aligned_1 <= r_retimed"))
@@ -398,7 +398,7 @@ fault("dds.vhd", "default", "sign", ("turns(r_phase, word)", "std_logic_vector(u
 fault("dds.vhd", "default", "gain", ("turns(r_phase, word)", "turns(r_phase, '0' & word(47 downto 1))"))
 stranger("dds.vhd", "default", ("turns(r_phase, word)", "turns(r_drive_sine, word)"))
 stranger("dds.vhd", "default", ("turns(r_phase, off_sense_ref)", 'turns(r_phase, off_sense_ref) or x"000000000100"'))
-for name, mask in (("(not sense_ref(47))", 4), ("(not drive_ref(47))", 1)):
+for name in ("(not sense_ref(47))", "(not drive_ref(47))"):
     fault("references.vhd", "align2_retimed", "sign", (name, name.replace("not ", "")))
 fault(
     "references.vhd",
