@@ -100,18 +100,45 @@ def _bare(name):
     return found[1] if found else name
 
 
+def _spelled(name):
+    """A path without what only some tools write: the backslash of an escaped name, a dot before an index."""
+    return re.sub(r"(^|\.)\\", r"\1", name).replace(".[", "[")
+
+
+def _listed(pairs):
+    """{path: signal} of (path, signal); None where two signals have one path."""
+    known = {}
+    for name, signal in pairs:
+        name = _spelled(name)
+        known[name] = signal if known.get(name, signal) == signal else None
+    return known
+
+
 def _wanted(path, known, where):
-    """(signal, hi, lo) of a path of the map: the whole signal, or a slice of it."""
-    if path in known:
-        return path, None, None
-    found = SLICE.match(path)
-    if found and found[1] in known:
-        hi = int(found[2])
-        lo = hi if found[3] is None else int(found[3])
-        if hi < lo:
-            raise FileError(f"{where}: slice {path}: {hi} is below {lo}")
-        return found[1], hi, lo
-    tail = path.rsplit(".", 1)[-1].split("[")[0]
+    """(signal, hi, lo) of a path of the map: the whole signal, or a slice of it.
+
+    Verilator puts everything below TOP, and GHDL leaves the top out of an FST: both may be missing in the map.
+    """
+    spelled = _spelled(path)
+    head, _, rest = spelled.partition(".")
+    ways = [spelled, f"TOP.{spelled}"]
+    if rest and not any(name.startswith(f"{head}.") for name in known):
+        ways.append(rest)
+    for way in ways:
+        found = SLICE.match(way)
+        if way in known:
+            name, hi, lo = way, None, None
+        elif found and found[1] in known:
+            name, hi = found[1], int(found[2])
+            lo = hi if found[3] is None else int(found[3])
+            if hi < lo:
+                raise FileError(f"{where}: slice {path}: {hi} is below {lo}")
+        else:
+            continue
+        if known[name] is None:
+            raise FileError(f"{where}: signal {path} is there more than once")
+        return name, hi, lo
+    tail = spelled.rsplit(".", 1)[-1].split("[")[0]
     near = sorted(name for name in known if name.rsplit(".", 1)[-1] == tail)[:4]
     hint = f"; there is {', '.join(near)}" if near else ""
     raise FileError(f"{where}: no signal {path}{hint}")
@@ -126,7 +153,7 @@ def _vcd(path, paths):
     head, mark, body = text.partition("$enddefinitions")
     if not mark:
         raise FileError(f"{path}: not a VCD file: no $enddefinitions")
-    scopes, known = [], {}
+    scopes, known = [], []
     tokens = iter(head.split())
     for token in tokens:
         if not token.startswith("$"):
@@ -143,12 +170,14 @@ def _vcd(path, paths):
         elif token == "$upscope" and scopes:
             scopes.pop()
         elif token == "$var" and len(words) >= 4 and words[1].isdigit():
-            # an escaped name of one bit of an array is its own signal; a range is only how it was declared
+            # one bit of an array is a signal of its own; a range is only how the signal was declared
             name = re.sub(r" (\[[^ ]*\])$", r"\1", " ".join(words[3:]))
-            name = _bare(name) if int(words[1]) > 1 else name
-            known[".".join([*scopes, name])] = (words[2], int(words[1]), words[0])
+            if int(words[1]) > 1 or ":" in name.rpartition("[")[2]:
+                name = _bare(name)
+            known.append((".".join([*scopes, name]), (words[2], int(words[1]), words[0])))
         elif token in ("$scope", "$upscope", "$var"):
             raise FileError(f"{path}: header: broken {token} {' '.join(words)[:40]}")
+    known = _listed(known)
     found = {wanted: _wanted(wanted, known, path) for wanted in paths}
     for signal, _, _ in found.values():
         if known[signal][2] in ("real", "realtime", "string", "event"):
@@ -194,13 +223,15 @@ def _wellen(path, paths):
         raise FileError(f"{path}: cannot be read: no such file")
     try:
         wave = pywellen.Waveform(str(path))
-        known = {_bare(var.full_name): var for var in wave.all_vars()}
+        variables = list(wave.all_vars())
+        known = _listed((var.full_name, str(var.signal_ref)) for var in variables)
     except (RuntimeError, ValueError, OSError) as problem:
         raise FileError(f"{path}: cannot be read: {problem}") from None
+    by_signal = {str(var.signal_ref): var for var in variables}
     out = {}
     for wanted in paths:
         signal, hi, lo = _wanted(wanted, known, path)
-        var = known[signal]
+        var = by_signal[known[signal]]
         if var.bitwidth is None:
             raise FileError(f"{path}: signal {signal} is not bits")
         times, texts = [], []
@@ -216,11 +247,13 @@ def _ghw(path, paths):
     found = {}
 
     def choose(known):
-        found.update((wanted, _wanted(wanted, known, path)) for wanted in paths)
-        for signal, _, _ in found.values():
-            if known[signal] is None:
+        listed = _listed((name, name) for name in known)
+        for wanted in paths:
+            signal, hi, lo = _wanted(wanted, listed, path)
+            found[wanted] = listed[signal], hi, lo
+            if known[listed[signal]] is None:
                 raise FileError(f"{path}: signal {signal} is not bits")
-        return {signal: None for signal, _, _ in found.values()}
+        return list(dict.fromkeys(signal for signal, _, _ in found.values()))
 
     columns = ghw.read(path, choose)
     return {wanted: (*columns[signal], hi, lo) for wanted, (signal, hi, lo) in found.items()}
