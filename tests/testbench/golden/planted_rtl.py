@@ -19,10 +19,12 @@ class Fault(NamedTuple):
     cause: str
     what: str
     edits: tuple
+    inside: str = ""
 
     @property
     def block(self):
-        return self.file.split(".")[0]
+        """The block whose bundle tells; the file may be a part of it."""
+        return self.inside or self.file.split(".")[0]
 
     def text(self):
         """The file with the fault; raises AssertionError if an edit does not fit exactly once."""
@@ -43,12 +45,12 @@ ALWAYS = "    always @(posedge clk) begin\n"
 PROCESS = "        if rising_edge(clk) then\n"
 
 
-def fault(file, case, cause, *edits, what=""):
-    FAULTS.append(Fault(file, case, cause, what, edits))
+def fault(file, case, cause, *edits, what="", inside=""):
+    FAULTS.append(Fault(file, case, cause, what, edits, inside))
 
 
-def stranger(file, case, *edits):
-    STRANGERS.append(Fault(file, case, "unknown", "", edits))
+def stranger(file, case, *edits, inside=""):
+    STRANGERS.append(Fault(file, case, "unknown", "", edits, inside))
 
 
 def late(file, case, reset, assign, k, kind, what="clock"):
@@ -445,17 +447,174 @@ fault("spi_dac.vhd", "ad5791", "sign", ("o_sdin <= r_shift(LENGTH - 1)", "o_sdin
 fault("spi_dac.vhd", "ad5791", "reset", ("r_left      <= (others => '0')", 'r_left      <= "00001"'))
 stranger("spi_dac.vhd", "dac8811", ("unsigned(r_left) = 1", "unsigned(r_left) = 2"))
 
-# Equivalent: the magnitude is never negative, so that these rules are one ---------------------------------------------
+# The loops: a fault in a part shows under the part's name in the loop ---------------------------------------------------
 
-EQUIVALENT.append(
-    Fault(
-        "sine.v",
-        "default",
-        "rounding",
-        "half_away",
-        (
-            (HALF, "+ (sum_is_negative ? 34'd32767 : 34'd32768);"),
-            (ALWAYS, f"    wire sum_is_negative = 1'b0 & r_sign2;\n{ALWAYS}"),
-        ),
-    )
+ERROR = "{2'b00, setpoint} - {1'b0, magnitude}"
+fault("agc.v", "default", "sign", (ERROR, "{1'b0, magnitude} - {2'b00, setpoint}"))
+fault("agc.v", "default", "sign", (ERROR, "{2'b00, setpoint} + {1'b0, magnitude}"))
+fault("agc.v", "default", "gain", (ERROR, "{2'b00, setpoint} - {magnitude, 1'b0}"))
+fault("agc.v", "default", "reset", ("r_error <= 26'sd0", "r_error <= 26'sd1"))
+fault("agc.v", "default", "limit", ("r_loop_y >= loop_hi", "r_loop_y > loop_hi"))
+stranger("agc.v", "default", ("r_error <= {", "r_error <= 26'sd4 | {"))
+stranger("agc.v", "default", ("wire kicked = (mode == KICK)", "wire kicked = (mode >= KICK)"))
+stranger("agc.v", "default", ("kicked ? kick : r_loop_y[23:0]", "kicked ? r_loop_y[23:0] : kick"))
+fault("rate_loop.v", "default", "sign", ("r_error <= sense_sin", "r_error <= -sense_sin"))
+fault("rate_loop.v", "default", "gain", ("r_error <= sense_sin", "r_error <= sense_sin >>> 1"))
+fault("rate_loop.v", "default", "limit", ("r_loop_y >= loop_hi", "r_loop_y >= loop_hi - 36'sd1"))
+fault("rate_loop.v", "default", "limit", ("r_loop_y <= loop_lo", "r_loop_y < loop_lo"))
+fault("quadrature_loop.v", "default", "sign", ("r_error <= -wide_cos", "r_error <= wide_cos"))
+fault("quadrature_loop.v", "default", "reset", ("r_error <= 25'sd0", "r_error <= 25'sd5"))
+fault("quadrature_loop.v", "default", "limit", ("r_loop_y <= loop_lo", "r_loop_y < loop_lo"))
+stranger("quadrature_loop.v", "default", (".u(r_loop_y[31:0])", ".u({r_loop_y[31:1], 1'b0})"))
+TRACKER = "frequency_tracker.v"
+fault(TRACKER, "default", "sign", ("r_centre + correction", "r_centre - correction"))
+fault(
+    TRACKER,
+    "default",
+    "sign",
+    ("r_centre + {{12{r_loop_y[35]}}, r_loop_y}", "r_centre - {{12{r_loop_y[35]}}, r_loop_y}"),
 )
+fault(TRACKER, "default", "gain", ("r_centre + correction", "r_centre + (correction <<< 1)"))
+fault(TRACKER, "default", "reset", ("r_word <= NOMINAL_WORD;\n end", "r_word <= 48'd0;\n end"))
+fault(TRACKER, "default", "reset", ("48'd119085567070", "48'd119085567071"))
+fault(TRACKER, "default", "sign", ("r_error <= phase", "r_error <= -phase"))
+stranger(TRACKER, "default", ("r_centre + {{12{r_loop_y[35]}}, r_loop_y}", "r_centre + {12'd0, r_loop_y}"))
+stranger(TRACKER, "default", ("if (load)", "if (load & ~adjust)"))
+for loop, case in (
+    ("agc", "default"),
+    ("rate_loop", "default"),
+    ("quadrature_loop", "default"),
+    ("frequency_tracker", "default"),
+):
+    fault("pi.v", case, "rounding", ("+ 62'sd8388608", "+ 62'sd0"), what="floor", inside=loop)
+    fault("pi.v", case, "sign", ("+ {ki_e[59], ki_e}", "- {ki_e[59], ki_e}"), inside=loop)
+    fault("pi.v", case, "limit", ("(rounded > Y_HI) ? hi", "(rounded > Y_HI) ? hi - 36'sd1"), inside=loop)
+    fault("pi.v", case, "reset", ("r_y <= 36'sd0;", "r_y <= 36'sd1;"), inside=loop)
+    stranger("pi.v", case, ("mode == P_ONLY || mode == RUN", "mode == RUN"), inside=loop)
+
+# isqrt.v, cordic.v ---------------------------------------------------------------------------------------------------
+
+fault("isqrt.v", "default", "limit", ("fits = ~less[19]", "fits = ~less[19] & (less != 20'd0)"))
+fault(
+    "isqrt.v",
+    "default",
+    "rounding",
+    ("r_y <= next_root", "r_y <= next_root + ((fits ? less[16:0] : pair[16:0]) > {1'b0, next_root})"),
+    what="half_up",
+)
+fault("isqrt.v", "default", "gain", ("r_radicand <= u;", "r_radicand <= u << 1;"))
+fault("isqrt.v", "default", "reset", ("r_y <= 16'd0;", "r_y <= 16'd9;"))
+fault("isqrt.v", "default", "reset", ("if (rst) begin\n r_radicand <= 32'd0;", "if (rst) begin\n r_radicand <= 32'd1;"))
+stranger("isqrt.v", "default", ("LAST = 4'd15", "LAST = 4'd14"))
+stranger("isqrt.v", "default", ("{r_radicand[29:0], 2'b00}", "{r_radicand[29:0], 2'b01}"))
+stranger("isqrt.v", "default", ("{1'b0, r_root, 2'b01}", "{1'b0, r_root, 2'b00}"))
+for name, width, guard in (("magnitude", "33'd128", "r_x"), ("phase", "32'sd128", "r_angle")):
+    kind = width[:-3]
+    for rule, value in (("floor", "0"), ("ceil", "255"), ("half_down", "127")):
+        fault("cordic.v", "default", "rounding", (f"{guard} + {width}", f"{guard} + {kind}{value}"), what=rule)
+for rule, value in (
+    ("floor", "35'sd0"),
+    ("ceil", "(35'sd1 <<< r_i) - 35'sd1"),
+    ("half_down", "((35'sd1 <<< r_i) - 35'sd1) >>> 1"),
+):
+    fault("cordic.v", "default", "rounding", ("down = (x + half)", f"down = (x + ({value}))"), what=rule)
+    fault("cordic.v", "default", "rounding", ("across = (y + half)", f"across = (y + ({value}))"), what=rule)
+fault(
+    "cordic.v",
+    "default",
+    "sign",
+    ("r_y[32] ? r_angle - atan : r_angle + atan", "r_y[32] ? r_angle + atan : r_angle - atan"),
+)
+fault("cordic.v", "default", "sign", ("r_y[32] ? x - across : x + across", "r_y[32] ? x + across : x - across"))
+fault("cordic.v", "default", "sign", ("turned_y = x_in[23] ? -wide_y : wide_y", "turned_y = wide_y"))
+fault("cordic.v", "default", "gain", ("magnitude[32:8]", "magnitude[32:9]"))
+fault(
+    "cordic.v",
+    "default",
+    "gain",
+    ("r_angle - atan : r_angle + atan", "r_angle - (atan >>> 1) : r_angle + (atan >>> 1)"),
+)
+fault("cordic.v", "default", "reset", ("r_phase <= 24'sd0;\n end", "r_phase <= 24'sd1;\n end"))
+stranger("cordic.v", "default", ("ITERATIONS = 5'd24", "ITERATIONS = 5'd23"))
+stranger("cordic.v", "default", ("(r_x == 33'd0) ? 24'sd0 : phase[31:8]", "phase[31:8]"))
+stranger("cordic.v", "default", ("across = (y + half) >>> r_i", "across = (y + half) >> r_i"))
+stranger("cordic.v", "default", ("x_in[23] ? HALF_TURN : 32'sd0", "x_in[23] ? 32'sd1 : 32'sd0"))
+
+# rate_output.v, digital_sid.v ----------------------------------------------------------------------------------------
+
+OUT = "rate_output.v"
+fault(OUT, "default", "rounding", ("square_t * square_t + 32'sd16384", "square_t * square_t"), what="floor")
+fault(
+    OUT,
+    "default",
+    "rounding",
+    ("square_t * square_t + 32'sd16384", "square_t * square_t + 32'sd16383"),
+    what="half_down",
+)
+fault(
+    OUT,
+    "default",
+    "rounding",
+    ("r_t <= temperature[23:8]", "r_t <= temperature[23:8] + {15'd0, temperature[7]}"),
+    what="half_up",
+)
+fault(OUT, "default", "sign", ("wide_bias + wide_bias_t1 * bias_t", "wide_bias - wide_bias_t1 * bias_t"))
+fault(OUT, "default", "sign", ("r_word <= word", "r_word <= -word"))
+fault(OUT, "default", "gain", ("r_bias <= bias_sum", "r_bias <= bias_sum <<< 1"))
+fault(OUT, "default", "gain", ("wide_bias_t2 * bias_square;", "wide_bias_t2 * (bias_square <<< 1);"))
+fault(OUT, "default", "wrap", ("r_scaled <= clamped_product[31:0]", "r_scaled <= scaled_product_wraps[31:0]"))
+fault(OUT, "default", "reset", ("r_acc <= 38'sd0;", "r_acc <= -38'sd1;"))
+fault(OUT, "default", "reset", ("r_count <= 6'd0;", "r_count <= 6'd1;"))
+stranger(OUT, "default", ("MAX_K = 3'd6", "MAX_K = 3'd5"))
+stranger(OUT, "default", ("r_stage[2])", "r_stage[1])"))
+SID = "digital_sid.v"
+for rule, value in (("floor", "63'sd0"), ("ceil", "63'sd1048575"), ("half_down", "63'sd524287")):
+    fault(SID, "default", "rounding", ("ALPHA * difference + 63'sd524288", f"ALPHA * difference + {value}"), what=rule)
+for rule, value in (("floor", "63'sd0"), ("half_down", "63'sd4294967295")):
+    fault(
+        SID,
+        "delay0",
+        "rounding",
+        ("{{22{y[40]}}, y} + 63'sd4294967296", f"{{{{22{{y[40]}}}}, y}} + {value}"),
+        what=rule,
+    )
+fault(SID, "default", "sign", ("with_sign = positive ? wide : -wide", "with_sign = positive ? -wide : wide"))
+fault(SID, "default", "sign", ("filtered = y + product[60:20]", "filtered = y - product[60:20]"))
+fault(SID, "default", "gain", ("filtered = y + product[60:20]", "filtered = y + product[61:21]"))
+fault(SID, "default", "gain", ("code_of(GAIN_X, r_pole3_0)", "code_of(GAIN_X <<< 1, r_pole3_0)"))
+fault(SID, "default", "limit", ("(sum > ACC_HI) ? ACC_HI[24:0]", "(sum > ACC_HI) ? ACC_HI[24:0] - 25'sd1"))
+fault(
+    SID, "default", "wrap", ("(sum < ACC_LO) ? ACC_LO[24:0] : (sum > ACC_HI) ? ACC_HI[24:0] : sum[24:0]", "sum[24:0]")
+)
+fault(
+    SID,
+    "default",
+    "wrap",
+    ("(rounded < CODE_LO) ? CODE_LO[23:0] : (rounded > CODE_HI) ? CODE_HI[23:0] : rounded[23:0]", "rounded[23:0]"),
+)
+fault(SID, "default", "reset", ("r_pole2_1 <= 41'sd0", "r_pole2_1 <= 41'sd77"))
+stranger(SID, "default", ("summed(r_acc_2, x_2)", "summed(r_acc_2, x_3)"))
+stranger(SID, "default", ("filtered(r_pole2_0, r_pole1_0)", "filtered(r_pole2_0, r_pole1_1)"))
+stranger(SID, "default", ("r_stage <= 2'd3;", "r_stage <= 2'd3; r_valid <= 1'b1;"))
+
+# Monitors and the sequencer: limits that are parameters -----------------------------------------------------------------
+
+fault("watchdog.v", "default", "limit", ("next_age > limit", "next_age >= limit"))
+fault("watchdog.v", "default", "limit", ("next_age > limit", "next_age > limit + 10'd1"))
+fault("watchdog.v", "default", "wrap", ("(r_age == AGE_TOP) ? AGE_TOP : r_age + 10'd1", "r_age + 10'd1"))
+fault("watchdog.v", "default", "limit", ("AGE_TOP = 10'd1023", "AGE_TOP = 10'd1022"))
+fault("watchdog.v", "default", "reset", ("r_age <= 10'd0;", "r_age <= rst ? 10'd3 : 10'd0;"))
+stranger(
+    "watchdog.v",
+    "default",
+    ("(next_age > limit) || r_stale", "(next_age > limit)"),
+    ("end else if (ce_1m)", "end else"),
+)
+SEQ = "sequencer.v"
+fault(SEQ, "quick", "rounding", ("rotation} + 60'sd32768", "rotation} + 60'sd0"), what="floor")
+fault(SEQ, "quick", "sign", ("r_rotation + {{12{turned[23]}}, turned}", "r_rotation - {{12{turned[23]}}, turned}"))
+fault(SEQ, "quick", "limit", ("frames >= {1'b0, retune}", "frames > {1'b0, retune}"))
+fault(SEQ, "quick", "limit", ("frames >= {1'b0, init}", "frames > {1'b0, init}"))
+fault(SEQ, "quick", "limit", ("shift <= search_limit", "shift < search_limit"))
+stranger(SEQ, "quick", ("following = found ? RETUNE : KICK", "following = RETUNE"))
+stranger(SEQ, "quick", ("judged = {!(i_control[HOLD_QSC]", "judged = {!(i_control[HOLD_FTR]"))

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from testbench.golden import rtl_run
+from testbench.golden.benches import PARTS
 from testbench.golden.diagnose import CAUSES, UNKNOWN
 from testbench.golden.export import export
 from tests.testbench.golden.planted_rtl import FAULTS, RTL, STRANGERS
@@ -31,6 +32,8 @@ def diagnosed(out, fault):
     if shutil.which(tool) is None:
         pytest.skip(f"{tool} is not installed: the planted faults of {fault.file} were NOT tried")
     with tempfile.TemporaryDirectory() as folder:
+        for part in (fault.block, *PARTS.get(fault.block, ())):
+            shutil.copy(RTL / f"{part}.{fault.file.split('.')[1]}", folder)
         Path(folder, fault.file).write_text(fault.text())
         return rtl_run.check(out / fault.block / fault.case, folder, sim, before=0)
 
