@@ -206,7 +206,7 @@ def _diagnosis(manifest, inputs, golden, logged, counts, n, divergence):
     return why.diagnose(
         block=manifest["block"],
         params={p["name"]: p["raw"] for p in manifest.get("params", [])},
-        inputs={name: golden[name][:n] for name in inputs},
+        inputs={name: column[:n] for name, column in inputs.items()},
         ports=ports,
         expected={name: golden[name][:n] for name in ports},
         got={name: logged[name].values[:n] for name in logged if name in ports},

@@ -250,39 +250,37 @@ class _Search:
             yield from self._varied(name, nodes.parts(found[plain]), care)
         for target, cause, what, column in special:
             if target == plain:
-                yield cause, what, _after(column, first), care
+                yield cause, what, _after(nodes.wrapped(column, fmt[name]), first), care
         for target, what, column in compared:
             if target == plain:
                 yield "limit", what, column, care
 
     def _varied(self, name, parts, care):
-        """Other arithmetic of one part of a register, or, for overflow, of several parts at once."""
+        """Other arithmetic of one part of a register, or the same fault in all of its parts that differ."""
         got, local, first = self.case.got[name], self.local[name], self.case.expected[name][0]
-        both = {"limit": [], "wrap": []}
+        wrong = []
         for node in parts:
             enable = np.ones(self.n, bool) if node.enable is None else node.enable
             # rows that show a load of this part
             shown = np.concatenate(([False], enable[:-1]))
-            golden = _same(got, local, care & shown)
             fitting = {}
             for cause, what, column in nodes.variants(node):
                 column = np.where(shown, _after(nodes.wrapped(column, node.fmt), first), local)
                 yield cause, what, column, care
-                if cause in both and cause not in fitting and _same(got, column, care & shown):
-                    fitting[cause] = (what, column)
-            for cause in list(both):
-                if golden:
-                    continue
-                if cause in fitting:
-                    both[cause].append((*fitting[cause], shown))
-                else:
-                    del both[cause]
-        for cause, found in both.items():
-            if len(found) > 1:
-                column = local.copy()
-                for _, other, shown in found:
-                    column = np.where(shown, other, column)
-                yield cause, ", ".join(dict.fromkeys(what for what, _, _ in found)), column, care
+                # a limit is one constant that each part may use in its own way; else the words are the same
+                key = (cause, "" if cause in ("limit", "wrap") else what)
+                if key not in fitting and _same(got, column, care & shown):
+                    fitting[key] = (what, column)
+            if not _same(got, local, care & shown):
+                wrong.append((shown, fitting))
+        if len(wrong) < 2:
+            return
+        for key in set.intersection(*[set(fitting) for _, fitting in wrong]):
+            column = local
+            for shown, fitting in wrong:
+                column = np.where(shown, fitting[key][1], column)
+            words = dict.fromkeys(fitting[key][0] for _, fitting in wrong)
+            yield key[0], ", ".join(words), column, care
 
     def fits(self, name):
         """Hypotheses on one port that give the design's value in every row, in order, without doubles."""

@@ -447,7 +447,7 @@ fault("spi_dac.vhd", "ad5791", "sign", ("o_sdin <= r_shift(LENGTH - 1)", "o_sdin
 fault("spi_dac.vhd", "ad5791", "reset", ("r_left      <= (others => '0')", 'r_left      <= "00001"'))
 stranger("spi_dac.vhd", "dac8811", ("unsigned(r_left) = 1", "unsigned(r_left) = 2"))
 
-# The loops: a fault in a part shows under the part's name in the loop ---------------------------------------------------
+# The loops: a fault in a part shows under the part's name in the loop -------------------------------------------------
 
 ERROR = "{2'b00, setpoint} - {1'b0, magnitude}"
 fault("agc.v", "default", "sign", (ERROR, "{1'b0, magnitude} - {2'b00, setpoint}"))
@@ -480,17 +480,14 @@ fault(TRACKER, "default", "reset", ("48'd119085567070", "48'd119085567071"))
 fault(TRACKER, "default", "sign", ("r_error <= phase", "r_error <= -phase"))
 stranger(TRACKER, "default", ("r_centre + {{12{r_loop_y[35]}}, r_loop_y}", "r_centre + {12'd0, r_loop_y}"))
 stranger(TRACKER, "default", ("if (load)", "if (load & ~adjust)"))
-for loop, case in (
-    ("agc", "default"),
-    ("rate_loop", "default"),
-    ("quadrature_loop", "default"),
-    ("frequency_tracker", "default"),
-):
-    fault("pi.v", case, "rounding", ("+ 62'sd8388608", "+ 62'sd0"), what="floor", inside=loop)
-    fault("pi.v", case, "sign", ("+ {ki_e[59], ki_e}", "- {ki_e[59], ki_e}"), inside=loop)
-    fault("pi.v", case, "limit", ("(rounded > Y_HI) ? hi", "(rounded > Y_HI) ? hi - 36'sd1"), inside=loop)
-    fault("pi.v", case, "reset", ("r_y <= 36'sd0;", "r_y <= 36'sd1;"), inside=loop)
-    stranger("pi.v", case, ("mode == P_ONLY || mode == RUN", "mode == RUN"), inside=loop)
+for loop in ("agc", "rate_loop", "quadrature_loop", "frequency_tracker"):
+    fault("pi.v", "default", "rounding", ("+ 62'sd8388608", "+ 62'sd0"), what="floor", inside=loop)
+    fault("pi.v", "default", "sign", ("+ {ki_e[59], ki_e}", "- {ki_e[59], ki_e}"), inside=loop)
+    fault("pi.v", "default", "reset", ("r_y <= 36'sd0;", "r_y <= 36'sd1;"), inside=loop)
+    if loop != "quadrature_loop":
+        stranger("pi.v", "default", ("mode == P_ONLY || mode == RUN", "mode == RUN"), inside=loop)
+    if loop in ("agc", "rate_loop"):
+        fault("pi.v", "default", "limit", ("(rounded > Y_HI) ? hi", "(rounded > Y_HI) ? hi - 36'sd1"), inside=loop)
 
 # isqrt.v, cordic.v ---------------------------------------------------------------------------------------------------
 
@@ -508,9 +505,9 @@ fault("isqrt.v", "default", "reset", ("if (rst) begin\n r_radicand <= 32'd0;", "
 stranger("isqrt.v", "default", ("LAST = 4'd15", "LAST = 4'd14"))
 stranger("isqrt.v", "default", ("{r_radicand[29:0], 2'b00}", "{r_radicand[29:0], 2'b01}"))
 stranger("isqrt.v", "default", ("{1'b0, r_root, 2'b01}", "{1'b0, r_root, 2'b00}"))
-for name, width, guard in (("magnitude", "33'd128", "r_x"), ("phase", "32'sd128", "r_angle")):
+for width, guard in (("33'd128", "r_x"), ("32'sd128", "r_angle")):
     kind = width[:-3]
-    for rule, value in (("floor", "0"), ("ceil", "255"), ("half_down", "127")):
+    for rule, value in (("floor", "0"), ("ceil", "255")):
         fault("cordic.v", "default", "rounding", (f"{guard} + {width}", f"{guard} + {kind}{value}"), what=rule)
 for rule, value in (
     ("floor", "35'sd0"),
@@ -562,15 +559,37 @@ fault(OUT, "default", "sign", ("wide_bias + wide_bias_t1 * bias_t", "wide_bias -
 fault(OUT, "default", "sign", ("r_word <= word", "r_word <= -word"))
 fault(OUT, "default", "gain", ("r_bias <= bias_sum", "r_bias <= bias_sum <<< 1"))
 fault(OUT, "default", "gain", ("wide_bias_t2 * bias_square;", "wide_bias_t2 * (bias_square <<< 1);"))
-fault(OUT, "default", "wrap", ("r_scaled <= clamped_product[31:0]", "r_scaled <= scaled_product_wraps[31:0]"))
+fault(OUT, "default", "wrap", ("r_scaled <= clamped_product[31:0]", "r_scaled <= rounded_product[31:0]"))
 fault(OUT, "default", "reset", ("r_acc <= 38'sd0;", "r_acc <= -38'sd1;"))
 fault(OUT, "default", "reset", ("r_count <= 6'd0;", "r_count <= 6'd1;"))
+for rule, value in (("floor", "0"), ("ceil", "65535"), ("half_down", "32767")):
+    fault(OUT, "default", "rounding", ("r_bias} + 52'sd32768", f"r_bias}} + 52'sd{value}"), what=rule)
+for rule, value in (("floor", "0"), ("ceil", "268435455")):
+    fault(OUT, "default", "rounding", ("product_scale + 63'sd134217728", f"product_scale + 63'sd{value}"), what=rule)
+for rule, value in (("floor", "39'sd0"), ("ceil", "((39'sd1 <<< k) - 39'sd1)"), ("half_down", "(half - (k != 3'd0))")):
+    fault(OUT, "default", "rounding", ("(wide_acc + half) >>> k", f"(wide_acc + {value}) >>> k"), what=rule)
+fault(OUT, "default", "limit", ("? OUT_HI : rounded_product", "? OUT_HI - 35'sd1 : rounded_product"))
+fault(
+    OUT,
+    "default",
+    "limit",
+    ("(rounded_scale > SCALE_HI) ? SCALE_HI", "(rounded_scale >= SCALE_HI) ? SCALE_HI - 32'sd1"),
+)
+fault(
+    OUT,
+    "default",
+    "limit",
+    (
+        "(rounded_difference < CORRECTED_LO) ? CORRECTED_LO",
+        "(rounded_difference < CORRECTED_LO) ? CORRECTED_LO + 36'sd1",
+    ),
+)
 stranger(OUT, "default", ("MAX_K = 3'd6", "MAX_K = 3'd5"))
 stranger(OUT, "default", ("r_stage[2])", "r_stage[1])"))
 SID = "digital_sid.v"
-for rule, value in (("floor", "63'sd0"), ("ceil", "63'sd1048575"), ("half_down", "63'sd524287")):
+for rule, value in (("floor", "63'sd0"), ("ceil", "63'sd1048575")):
     fault(SID, "default", "rounding", ("ALPHA * difference + 63'sd524288", f"ALPHA * difference + {value}"), what=rule)
-for rule, value in (("floor", "63'sd0"), ("half_down", "63'sd4294967295")):
+for rule, value in (("floor", "63'sd0"), ("ceil", "63'sd8589934591")):
     fault(
         SID,
         "delay0",
@@ -586,18 +605,12 @@ fault(SID, "default", "limit", ("(sum > ACC_HI) ? ACC_HI[24:0]", "(sum > ACC_HI)
 fault(
     SID, "default", "wrap", ("(sum < ACC_LO) ? ACC_LO[24:0] : (sum > ACC_HI) ? ACC_HI[24:0] : sum[24:0]", "sum[24:0]")
 )
-fault(
-    SID,
-    "default",
-    "wrap",
-    ("(rounded < CODE_LO) ? CODE_LO[23:0] : (rounded > CODE_HI) ? CODE_HI[23:0] : rounded[23:0]", "rounded[23:0]"),
-)
 fault(SID, "default", "reset", ("r_pole2_1 <= 41'sd0", "r_pole2_1 <= 41'sd77"))
 stranger(SID, "default", ("summed(r_acc_2, x_2)", "summed(r_acc_2, x_3)"))
 stranger(SID, "default", ("filtered(r_pole2_0, r_pole1_0)", "filtered(r_pole2_0, r_pole1_1)"))
 stranger(SID, "default", ("r_stage <= 2'd3;", "r_stage <= 2'd3; r_valid <= 1'b1;"))
 
-# Monitors and the sequencer: limits that are parameters -----------------------------------------------------------------
+# Monitors and the sequencer: limits that are parameters ---------------------------------------------------------------
 
 fault("watchdog.v", "default", "limit", ("next_age > limit", "next_age >= limit"))
 fault("watchdog.v", "default", "limit", ("next_age > limit", "next_age > limit + 10'd1"))
@@ -615,6 +628,15 @@ fault(SEQ, "quick", "rounding", ("rotation} + 60'sd32768", "rotation} + 60'sd0")
 fault(SEQ, "quick", "sign", ("r_rotation + {{12{turned[23]}}, turned}", "r_rotation - {{12{turned[23]}}, turned}"))
 fault(SEQ, "quick", "limit", ("frames >= {1'b0, retune}", "frames > {1'b0, retune}"))
 fault(SEQ, "quick", "limit", ("frames >= {1'b0, init}", "frames > {1'b0, init}"))
-fault(SEQ, "quick", "limit", ("shift <= search_limit", "shift < search_limit"))
 stranger(SEQ, "quick", ("following = found ? RETUNE : KICK", "following = RETUNE"))
-stranger(SEQ, "quick", ("judged = {!(i_control[HOLD_QSC]", "judged = {!(i_control[HOLD_FTR]"))
+stranger(SEQ, "quick", ("!i_control[HOLD_PLL], !i_control[HOLD_AGC]}", "!i_control[HOLD_AGC], !i_control[HOLD_PLL]}"))
+
+# Equivalent: 24 bits of 24 are kept; with kp = 0 prop stays 0, and acc alone never leaves the limits of y ------------
+
+EQUIVALENT.append(Fault(DAC, "ad5791", "wrap", "", (("{r_shift[22:0], 1'b0} & MASK", "{r_shift[22:0], 1'b0}"),)))
+NO_PROP = (
+    ("(rounded > Y_HI) ? hi", "(rounded > Y_HI) ? hi - 36'sd1"),
+    ("(mode == P_ONLY || mode == RUN)", "(mode == RUN)"),
+)
+for edit in NO_PROP:
+    EQUIVALENT.append(Fault("pi.v", "default", "limit", "", (edit,), "quadrature_loop"))

@@ -1,26 +1,32 @@
 """Faults planted in real RTL are called by their name: the acceptance of `gyro golden check --rtl`."""
 
 import collections
+import re
 import shutil
+import subprocess
 import tempfile
 from pathlib import Path
 
 import pytest
 
-from testbench.golden import rtl_run
+from fpga_model import fixed, pi
+from testbench.golden import bundle, rtl_run
 from testbench.golden.benches import PARTS
 from testbench.golden.diagnose import CAUSES, UNKNOWN
 from testbench.golden.export import export
-from tests.testbench.golden.planted_rtl import FAULTS, RTL, STRANGERS
+from tests.testbench.golden.planted_rtl import EQUIVALENT, FAULTS, RTL, STRANGERS, plain
 
 TOOL = {"v": ("icarus", "iverilog"), "vhd": ("ghdl", "ghdl")}
-QUICK = FAULTS[::13]
-QUICK_STRANGERS = STRANGERS[::9]
+QUICK = FAULTS[::19]
+QUICK_STRANGERS = STRANGERS[::14]
 
 
 @pytest.fixture(scope="module")
 def out(tmp_path_factory):
     folder = tmp_path_factory.mktemp("golden")
+    absent = sorted({fault.file for fault in FAULTS if not (RTL / fault.file).is_file()})
+    if absent:
+        pytest.skip(f"no RTL yet for {', '.join(absent)}: the planted faults were NOT tried")
     for block in sorted({fault.block for fault in FAULTS}):
         export(block, folder)
     return folder
@@ -55,13 +61,13 @@ def score(out, faults):
     return right, unknown
 
 
-def test_the_table_has_every_kind_and_every_edit_fits_once():
+def test_the_table_has_every_kind_and_every_edit_fits_once(out):
     assert len(FAULTS) >= 200
     assert {fault.cause for fault in FAULTS} == set(CAUSES) - {UNKNOWN}
-    texts = [(fault.file, fault.case, fault.text()) for fault in FAULTS + STRANGERS]
+    texts = [(fault.block, fault.file, fault.case, fault.text()) for fault in FAULTS + STRANGERS]
     assert len(set(texts)) == len(texts)
-    for file, _, text in texts:
-        assert text != (RTL / file).read_text()
+    for _, file, _, text in texts:
+        assert text != plain((RTL / file).read_text())
 
 
 def test_some_planted_faults_are_named(out):
@@ -90,3 +96,35 @@ def test_strangers_are_unknown(out):
         report = diagnosed(out, fault)
         assert not report.passed, fault
         assert report.diagnosis.cause == UNKNOWN, (fault, report.diagnosis)
+
+
+def test_what_no_vector_can_show_is_shown_equivalent(out, tmp_path):
+    """The mask of 24 bits by yosys; the loop without a proportional gain by its numbers."""
+    mask, *loop = EQUIVALENT
+    for fault in EQUIVALENT:
+        assert diagnosed(out, fault).passed, fault
+    params = {p["name"]: p["raw"] for p in bundle.read(out / "quadrature_loop" / "default").manifest["params"]}
+    assert len(loop) == 2
+    assert params["loop_kp"] == 0
+    for limit in (params["loop_lo"], params["loop_hi"]):
+        assert fixed.half_up(limit << pi.SHIFT, pi.SHIFT) == limit
+    if shutil.which("yosys") is None:
+        pytest.skip("yosys is not installed: the equivalence was NOT proven")
+    given = bundle.read(out / mask.block / mask.case).manifest["params"]
+    for name, text in (("gold", (RTL / mask.file).read_text()), ("gate", mask.text())):
+        for p in given:
+            text, found = re.subn(
+                rf"(parameter .*\b{p['name']} *= )[^,\s]+", rf"\g<1>{sum(p['fmt'])}'d{p['raw']}", text
+            )
+            assert found == 1, p
+        (tmp_path / f"{name}.v").write_text(text.replace("module gyro_spi_dac", f"module {name}"))
+    script = """read_verilog gold.v gate.v
+proc
+opt
+miter -equiv -flatten -make_outputs gold gate miter
+hierarchy -top miter
+sat -verify -prove trigger 0 -tempinduct -set-init-undef -set-at 1 in_rst 1 -seq 1 -maxsteps 10 miter
+"""
+    (tmp_path / "prove.ys").write_text(script)
+    done = subprocess.run(["yosys", "-q", "prove.ys"], cwd=tmp_path, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stdout + done.stderr
