@@ -199,6 +199,28 @@ def compare(manifest, inputs, expected, got, care=None, before=BEFORE):
     return Report(*head, divergence, _diagnosis(manifest, inputs, golden, logged, counts, n, divergence))
 
 
+def against(golden, got, before=BEFORE):
+    """Compare columns of a design with a bundle that was read; returns a `Report`.
+
+    golden  `bundle.Bundle`
+    got     {name: column or Column} of the design
+    Raises FileError for the bundle of the whole firmware: its rows are apart, and only its own bench can use them.
+    """
+    manifest = golden.manifest
+    if manifest["block"] == "top":
+        raise FileError("top: its rows are apart; compare the whole design with its own bench: make -C FOLDER check")
+    names = [port["name"] for port in manifest["inputs"]]
+    results = [port["name"] for port in manifest["registers"] + manifest["outputs"]]
+    return compare(
+        manifest,
+        dict(zip(names, golden.stim.T.copy())),
+        dict(zip(results, golden.exp.T.copy())),
+        got,
+        {name: column != 0 for name, column in zip(results, golden.mask.T)},
+        before,
+    )
+
+
 def _diagnosis(manifest, inputs, golden, logged, counts, n, divergence):
     if divergence.is_input:
         return None

@@ -29,7 +29,7 @@ import numpy as np
 from fpga_model.fixed import bits
 from testbench.errors import FileError
 from testbench.golden import bundle, ghw
-from testbench.golden.compare import BEFORE, Column, compare, formats
+from testbench.golden.compare import BEFORE, Column, against, formats
 
 SCHEMA = "gyro-map/1.0"
 SLICE = re.compile(r"^(.*?)\s*\[(\d+)(?::(\d+))?\]$")
@@ -402,14 +402,4 @@ def read_log(path, signals, fmts):
 def check(folder, log, map_path, before=BEFORE):
     """Compare a log with the bundle in `folder`, which is verified first; returns a `compare.Report`."""
     golden = bundle.read(folder)
-    manifest = golden.manifest
-    names = [port["name"] for port in manifest["inputs"]]
-    results = [port["name"] for port in manifest["registers"] + manifest["outputs"]]
-    return compare(
-        manifest,
-        dict(zip(names, golden.stim.T.copy())),
-        dict(zip(results, golden.exp.T.copy())),
-        read_log(log, read_map(map_path), formats(manifest)),
-        {name: column != 0 for name, column in zip(results, golden.mask.T)},
-        before,
-    )
+    return against(golden, read_log(log, read_map(map_path), formats(golden.manifest)), before)

@@ -2,7 +2,10 @@
 
 import hashlib
 import json
+import re
 import shutil
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -10,7 +13,8 @@ import pytest
 from typer.testing import CliRunner
 
 from testbench.errors import ConfigError, FileError
-from testbench.golden import bundle, cli, loggers, rtl_run
+from testbench.golden import bundle, cli, compare, loggers, rtl_run
+from testbench.golden.diagnose import CAUSES
 from testbench.golden.export import export
 
 RTL = Path(__file__).resolve().parents[3] / "testbench" / "rtl"
@@ -202,3 +206,37 @@ def test_a_line_of_a_bench_tells_its_port(out):
     assert [name for name in found if name] == ["kp", "ki", "lo", "hi", "clk", "rst", "en", "mode", "e", "preset",
                                                 "r_prop", "r_acc", "r_y"]  # fmt: skip
     assert loggers.port_of_line(text, len(lines) + 9) is None
+
+
+def test_the_whole_design_is_sent_to_its_own_bench(out, monkeypatch):
+    golden = bundle.read(out / "dds" / "default")
+    top = golden._replace(manifest={**golden.manifest, "block": "top"})
+    monkeypatch.setattr(bundle, "read", lambda folder: top)
+    with pytest.raises(FileError, match="top is compared by its own bench for now: make -C golden/top/story check"):
+        rtl_run.check("golden/top/story", RTL)
+    with pytest.raises(FileError, match="its own bench"):
+        compare.against(top, {"phase": [0]})
+
+
+def test_the_example_of_the_page_is_the_output(out, tmp_path):
+    """docs/golden.md shows the report on a PI without its rounding constant, character by character."""
+    installed("icarus")
+    page = (RTL.parents[1] / "docs" / "golden.md").read_text()
+    shown = page.partition("```text\n")[2].partition("```")[0]
+    folder = design(tmp_path, "pi", "v", ("+ 62'sd8388608", "+ 62'sd0"))
+    assert shown == rtl_run.check(out / "pi" / "rate", folder, "icarus").text()
+
+
+def test_the_page_explains_every_cause():
+    page = (RTL.parents[1] / "docs" / "golden.md").read_text()
+    rows = re.findall(r"^\| (\w+) \|", page.partition("| cause |")[2], re.M)
+    assert rows == list(CAUSES)
+
+
+def test_exit_code_2_means_that_nothing_was_compared(out, tmp_path):
+    """Through the program itself, because the frame of the command line turns errors into codes."""
+    done = subprocess.run([sys.executable, "-m", "testbench.cli", "golden", "check", str(out / "pi" / "rate"), "--rtl",
+                           str(tmp_path)], capture_output=True, text=True, timeout=120)  # fmt: skip
+    assert done.returncode == 2
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert "no design" in done.stderr
