@@ -73,12 +73,13 @@ class Interpreter:
     hooks     {function: replacement(path, arguments)}
     stored    stored(name, index, value, path) sees every store into an array
     apart     functions whose ways stay apart where they fill a field of a record
+    tied      local names of relations: ways that give them different forms stay apart
     notes     {Place: [lowest, highest]} of every arithmetic result
     problems  {Place: text} of what int64 or the HDL could see otherwise: shift counts, table indices
     """
 
-    def __init__(self, hooks=None, stored=None, apart=()):
-        self.hooks, self.stored, self.apart = hooks or {}, stored, apart
+    def __init__(self, hooks=None, stored=None, apart=(), tied=()):
+        self.hooks, self.stored, self.apart, self.tied = hooks or {}, stored, apart, tied
         self.notes, self.problems = {}, {}
         self.where = []
 
@@ -93,7 +94,7 @@ class Interpreter:
                 on, back = self.statement(statement, path)
                 live += on
                 returned += back
-            paths = merged(live) if len(self.where) > 1 else live
+            paths = merged(live, self.tied) if len(self.where) > 1 else live
             if not paths:
                 break
         return paths, returned
@@ -374,15 +375,15 @@ class Interpreter:
 PLACES = {}  # (function, node) -> Place, found once: the text of a node takes long to cut out
 
 
-def merged(paths):
-    """Paths with the same constants under the same names become one."""
+def merged(paths, tied=()):
+    """Paths with the same constants under the same names become one; `tied` names count with any value."""
     if len(paths) < 2:
         return paths
     groups = {}
     for path in paths:
         known = []
         for name, value in path.env.items():
-            if is_number(value) and not isinstance(value := path.value(value), Lin):
+            if is_number(value) and (not isinstance(value := path.value(value), Lin) or name in tied):
                 known.append((name, value))
         groups.setdefault(tuple(known), []).append((path, None))
     if len(groups) > MOST_PATHS:

@@ -129,6 +129,7 @@ class Edge:
         self.relations = [
             [(place[name], coef) for name, coef in sums.items()] for sums in RELATIONS.get(block.stem, ())
         ]
+        self.tied = {name for sums in RELATIONS.get(block.stem, ()) for name in sums}
         self.reset = [int(value) for _, value in leaves(block.state)]
         self.pins, self.interpreter = {}, None
 
@@ -174,7 +175,7 @@ class Edge:
     def __call__(self, box):
         """[(control state, box)] after one edge from a box."""
         if self.interpreter is None:
-            self.interpreter = Interpreter({store: self._store}, self._stored, APART)
+            self.interpreter = Interpreter({store: self._store}, self._stored, APART, self.tied)
         path = Path(Run())
         state = self._record(path, box)
         if state is None:
@@ -215,8 +216,8 @@ def _total(path, values, sums):
 
 
 def _numbers(module, params):
-    """Numbers that a bound may stop at: constants of the block's module and of the case."""
-    found = {0}
+    """Numbers that a bound may stop at: powers of two, constants of the block's module and of the case."""
+    found = {0, *(1 << n for n in (*range(17), 24, 32, 48))}
     for value in (*vars(module).values(), *(value for _, value in leaves(params or ()))):
         if isinstance(value, (int, np.integer)):
             found.add(int(value))
