@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from testbench.golden.intervals import Lin, join
+from testbench.golden.intervals import Lin, Path, join
 
 MOST_PATHS = 64
 MOST_SHIFT = 62
@@ -37,13 +37,14 @@ class Place(NamedTuple):
 
 
 class Source(NamedTuple):
-    """A function as a tree."""
+    """A function as a tree; `tested` are the local names that its conditions use."""
 
     name: str
     tree: ast.FunctionDef
     names: dict
     text: str
     first: int
+    tested: frozenset
 
 
 @cache
@@ -53,7 +54,10 @@ def source(func):
     text = textwrap.dedent(inspect.getsource(plain))
     tree = ast.parse(text).body[0]
     name = f"{plain.__module__.rpartition('.')[2]}.{plain.__name__}"
-    return Source(name, tree, plain.__globals__, text, plain.__code__.co_firstlineno - 1)
+    tests = [part.test for part in ast.walk(tree) if isinstance(part, (ast.If, ast.IfExp))]
+    tests += [part for part in ast.walk(tree) if isinstance(part, (ast.BoolOp, ast.Compare))]
+    tested = frozenset(part.id for test in tests for part in ast.walk(test) if isinstance(part, ast.Name))
+    return Source(name, tree, plain.__globals__, text, plain.__code__.co_firstlineno - 1, tested)
 
 
 @cache
@@ -73,15 +77,17 @@ class Interpreter:
     hooks     {function: replacement(path, arguments)}
     stored    stored(name, index, value, path) sees every store into an array
     apart     functions whose ways stay apart where they fill a field of a record
+    kept      local names whose constants keep ways apart, beside those that conditions use
     tied      local names of relations: ways that give them different forms stay apart
     notes     {Place: [lowest, highest]} of every arithmetic result
     problems  {Place: text} of what int64 or the HDL could see otherwise: shift counts, table indices
     """
 
-    def __init__(self, hooks=None, stored=None, apart=(), tied=()):
-        self.hooks, self.stored, self.apart, self.tied = hooks or {}, stored, apart, tied
+    def __init__(self, hooks=None, stored=None, apart=(), kept=frozenset(), tied=frozenset()):
+        self.hooks, self.stored, self.apart = hooks or {}, stored, apart
+        self.kept, self.tied = kept, tied
         self.notes, self.problems = {}, {}
-        self.where = []
+        self.where, self.seen = [], {}
 
     # ---- statements --------------------------------------------------------------------------------------------------
 
@@ -94,7 +100,9 @@ class Interpreter:
                 on, back = self.statement(statement, path)
                 live += on
                 returned += back
-            paths = merged(live, self.tied) if len(self.where) > 1 else live
+            paths = live
+            if len(self.where) > 1:
+                paths = merged(live, self.where[-1].tested | self.kept, self.tied)
             if not paths:
                 break
         return paths, returned
@@ -173,6 +181,10 @@ class Interpreter:
         """One value; `path` takes on what the ways to it have in common."""
         if not isinstance(node, FORKING):
             return self.plain(node, path)
+        if isinstance(node, ast.Call):
+            func = self.single(node.func, path)
+            if (hasattr(func, "py_func") or inspect.isfunction(func)) and func not in self.hooks:
+                return self.closed(func, *self.arguments(node, path), path)
         env = path.env
         after, value = join(self.forked(node, path.copy(env)), env)
         path.bounds, path.relations = after.bounds, after.relations
@@ -297,8 +309,7 @@ class Interpreter:
         func = self.single(node.func, path)
         if isinstance(func, type) and hasattr(func, "_fields"):
             return self.record(func, node, path)
-        given = [self.single(item, path) for item in node.args]
-        named = {item.arg: self.single(item.value, path) for item in node.keywords}
+        given, named = self.arguments(node, path)
         if func in self.hooks:
             return [(path, self.hooks[func](path, *given, **named))]
         if func is int:
@@ -306,6 +317,27 @@ class Interpreter:
         if func is abs:
             return [(path, self.note(node, path, path.magnitude(given[0])))]
         return self.function(func, given, named, path)
+
+    def arguments(self, node, path):
+        given = [self.single(item, path) for item in node.args]
+        return given, {item.arg: self.single(item.value, path) for item in node.keywords}
+
+    def closed(self, func, given, named, path):
+        """One value of a call, from its arguments alone: the same arguments in the same intervals give the same value."""
+        values = (*given, *named.values())
+        atoms = sorted(set(atoms_of(values)))
+        own = set(atoms)
+        relations = tuple(r for r in path.relations if all(atom in own for atom, _ in r[0]))
+        key = (func, values, tuple(named), tuple(path.bounds[atom] for atom in atoms), relations)
+        if key not in self.seen:
+            inside = Path(path.run, {}, {atom: path.bounds[atom] for atom in atoms}, relations)
+            after, value = join(self.function(func, given, named, inside), {})
+            self.seen[key] = value, {atom: after.bounds[atom] for atom in set(atoms_of((value,)))}
+        value, bounds = self.seen[key]
+        for atom, (lo, hi) in bounds.items():
+            least, most = path.bounds.get(atom, (lo, hi))
+            path.bounds[atom] = max(lo, least), min(hi, most)
+        return value
 
     def record(self, func, node, path):
         """A record; ways through the functions that are kept apart stay apart."""
@@ -375,16 +407,28 @@ class Interpreter:
 PLACES = {}  # (function, node) -> Place, found once: the text of a node takes long to cut out
 
 
-def merged(paths, tied=()):
-    """Paths with the same constants under the same names become one; `tied` names count with any value."""
+def atoms_of(values):
+    """Atoms of values and records of values."""
+    for value in values:
+        if isinstance(value, Lin):
+            for atom, _ in value.terms:
+                yield atom
+        elif isinstance(value, tuple):
+            yield from atoms_of(value)
+
+
+def merged(paths, kept, tied):
+    """Paths with the same constants under the `kept` names become one; `tied` names count with any value."""
     if len(paths) < 2:
         return paths
     groups = {}
     for path in paths:
         known = []
         for name, value in path.env.items():
-            if is_number(value) and (not isinstance(value := path.value(value), Lin) or name in tied):
-                known.append((name, value))
+            if (name in kept or name in tied) and is_number(value):
+                value = path.value(value)
+                if name in tied or not isinstance(value, Lin):
+                    known.append((name, value))
         groups.setdefault(tuple(known), []).append((path, None))
     if len(groups) > MOST_PATHS:
         groups = {None: [(path, None) for path in paths]}

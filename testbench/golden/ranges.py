@@ -129,9 +129,11 @@ class Edge:
         self.relations = [
             [(place[name], coef) for name, coef in sums.items()] for sums in RELATIONS.get(block.stem, ())
         ]
-        self.tied = {name for sums in RELATIONS.get(block.stem, ()) for name in sums}
+        self.kept = frozenset(name.rstrip("?").rpartition("_")[2] for name in SPLIT.get(block.stem, ()))
+        self.kept |= {name.rstrip("?") for name in SPLIT.get(block.stem, ())}
+        self.tied = frozenset(name for sums in RELATIONS.get(block.stem, ()) for name in sums)
         self.reset = [int(value) for _, value in leaves(block.state)]
-        self.pins, self.interpreter = {}, None
+        self.run, self.pins, self.interpreter = Run(), {}, None
 
     def key(self, row):
         """Control state of a row of numbers."""
@@ -175,8 +177,8 @@ class Edge:
     def __call__(self, box):
         """[(control state, box)] after one edge from a box."""
         if self.interpreter is None:
-            self.interpreter = Interpreter({store: self._store}, self._stored, APART, self.tied)
-        path = Path(Run())
+            self.interpreter = Interpreter({store: self._store}, self._stored, APART, self.kept, self.tied)
+        path = Path(self.run)
         state = self._record(path, box)
         if state is None:
             return []
