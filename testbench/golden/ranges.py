@@ -7,7 +7,7 @@ with every input anywhere in its format and reset at any edge. Widening makes th
 what it gave away, and a last pass checks the induction: reset in X, F(X) in X, X in the formats. A register whose step
 leaves its format is reported as not proven, and every other result is then conditional on its width.
 
-SPLIT and RELATIONS are hints: they change how tight a proof is, never whether it holds.
+SPLIT, RELATIONS, APART and STOPS are hints: they change how tight a proof is, never whether it holds.
 Source  docs/ranges.md
 """
 
@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fpga_model import isqrt, rate_output, sine
+from fpga_model import isqrt, rate_output, rates, sine, spi_adc
 from fpga_model.fixed import MAX_WIDTH
 from testbench.flatten import leaves
 from testbench.golden import blocks
@@ -52,6 +52,15 @@ RELATIONS = {
 }
 # Parts of a block whose control state the block's own boxes know
 APART = (isqrt.step,)
+# Where a widened bound may stop before the end of its format: counters that are compared with == or held
+STOPS = {
+    "rates": (rates.TICK_CYCLES, rates.FRAME_TICKS, rates.SLOTS),
+    "spi_adc": (spi_adc.WORD_BITS, spi_adc.TAIL_CYCLES),
+    "rate_output": tuple(1 << k for k in range(rate_output.MAX_K + 1)),
+    "spi_dac": (1,),
+    "lock_monitor": lambda p: (*p.frames_in, *p.frames_out),
+    "sequencer": lambda p: (*p.lock.frames_in, *p.lock.frames_out),
+}
 PLAIN_JOINS = 3  # joins of a box before it is widened
 NARROWINGS = 3
 FAR = 1 << 62
@@ -175,7 +184,7 @@ class Edge:
         return 0
 
     def __call__(self, box):
-        """[(control state, box)] after one edge from a box."""
+        """[(control state, box)] after one edge from a box; an edge that holds everything adds no state, so it is left out."""
         if self.interpreter is None:
             self.interpreter = Interpreter({store: self._store}, self._stored, APART, self.kept, self.tied)
         path = Path(self.run)
@@ -189,7 +198,9 @@ class Edge:
         }
         self.interpreter.where = [source(self.block.run)]
         ends, _ = self.interpreter.run(_edge(self.block.run), [path])
-        return [found for end in ends for found in self._boxes(end)]
+        before = [value for _, value in leaves(state)]
+        held = [end for end in ends if [value for _, value in leaves(end.env["s"])] == before]
+        return [found for end in ends if end not in held for found in self._boxes(end)]
 
     def _boxes(self, path):
         values = [value for _, value in leaves(path.env["s"])]
@@ -215,16 +226,6 @@ def _total(path, values, sums):
 
 
 # ---- induction ---------------------------------------------------------------------------------------------------------
-
-
-def _numbers(module, params):
-    """Numbers that a bound may stop at: powers of two, constants of the block's module and of the case."""
-    found = {0, *(1 << n for n in (*range(17), 24, 32, 48))}
-    for value in (*vars(module).values(), *(value for _, value in leaves(params or ()))):
-        if isinstance(value, (int, np.integer)):
-            found.add(int(value))
-    near = {value + k for value in found for k in (-1, 0, 1)}
-    return sorted(near | {-value for value in near} | {-FAR, FAR})
 
 
 def _hull(a, b):
@@ -259,10 +260,12 @@ def _image(edge, boxes):
     return found
 
 
-def _invariant(edge, stops):
+def _invariant(edge):
     """Boxes that hold the reset and, inside the formats, whatever one edge makes of them."""
     boxes, visits = edge.first(), {}
-    sides = [sorted({*stops, fmt.lo, fmt.hi}) for fmt in edge.fmts] + [stops] * len(edge.relations)
+    stops = STOPS.get(edge.block.stem, ())
+    stops = {value + k for value in (stops(edge.params) if callable(stops) else stops) for k in (-1, 0, 1)} | {0}
+    sides = [sorted({*stops, fmt.lo, fmt.hi}) for fmt in edge.fmts] + [[-FAR, 0, FAR]] * len(edge.relations)
     todo = list(boxes)
     while todo:
         for key, after in edge(boxes[todo.pop(0)]):
@@ -290,9 +293,8 @@ def _invariant(edge, stops):
 
 def analyse(block, params):
     """`Analysis` of a block with the given parameters (None where it has none)."""
-    module = __import__(f"fpga_model.{block.stem}", fromlist=["step"])
     edge = Edge(block, 0 if params is None else params)
-    boxes = _invariant(edge, _numbers(module, params))
+    boxes = _invariant(edge)
     edge.pins, edge.interpreter = {}, None
     after = _image(edge, boxes)  # the proof: everything below is judged on this pass alone
     problems = [
