@@ -63,6 +63,7 @@ class Run:
         self.count = 0
         self.known = {}
         self.images = {}  # atom -> (root atom, what it is for each word of the root's table)
+        self.choices = {}  # atom -> [(value, its interval)], where it is one of several values
         self.powers = {}  # atom -> (a, n), where it is a << n
 
     def fresh(self):
@@ -344,7 +345,10 @@ def _together(path, found):
     if all(value == first for _, value in found):
         return first
     spans = [p.span(value) for p, value in found]
-    return path.new(min(lo for lo, _ in spans), max(hi for _, hi in spans))
+    joined = path.new(min(lo for lo, _ in spans), max(hi for _, hi in spans))
+    if isinstance(joined, Lin):
+        path.run.choices[joined.terms[0][0]] = [(value, span) for (_, value), span in zip(found, spans)]
+    return joined
 
 
 def join(found, env=None):

@@ -52,17 +52,15 @@ RELATIONS = {
 }
 # Parts of a block whose control state the block's own boxes know
 APART = (isqrt.step,)
-# Where a widened bound may stop before the end of its format: counters that are compared with == or held
+# Where a widened bound may stop before the end of its format: counters that are compared with == need it
 STOPS = {
     "rates": (rates.TICK_CYCLES, rates.FRAME_TICKS, rates.SLOTS),
     "spi_adc": (spi_adc.WORD_BITS, spi_adc.TAIL_CYCLES),
     "rate_output": tuple(1 << k for k in range(rate_output.MAX_K + 1)),
     "spi_dac": (1,),
-    "lock_monitor": lambda p: (*p.frames_in, *p.frames_out),
-    "sequencer": lambda p: (*p.lock.frames_in, *p.lock.frames_out),
 }
 PLAIN_JOINS = 3  # joins of a box before it is widened
-NARROWINGS = 3
+NARROWINGS = 5
 FAR = 1 << 62
 
 
@@ -142,7 +140,13 @@ class Edge:
         self.kept |= {name.rstrip("?") for name in SPLIT.get(block.stem, ())}
         self.tied = frozenset(name for sums in RELATIONS.get(block.stem, ()) for name in sums)
         self.reset = [int(value) for _, value in leaves(block.state)]
-        self.run, self.pins, self.interpreter = Run(), {}, None
+        self.run = Run()
+        self.begin()
+
+    def begin(self):
+        """Forget what was noted: pins, writes, arithmetic."""
+        self.pins, self.interpreter = {}, Interpreter({store: self._store}, self._stored, APART, self.kept, self.tied)
+        self.written = [(x, x) for x in self.reset]
 
     def key(self, row):
         """Control state of a row of numbers."""
@@ -185,8 +189,6 @@ class Edge:
 
     def __call__(self, box):
         """[(control state, box)] after one edge from a box; an edge that holds everything adds no state, so it is left out."""
-        if self.interpreter is None:
-            self.interpreter = Interpreter({store: self._store}, self._stored, APART, self.kept, self.tied)
         path = Path(self.run)
         state = self._record(path, box)
         if state is None:
@@ -199,11 +201,27 @@ class Edge:
         self.interpreter.where = [source(self.block.run)]
         ends, _ = self.interpreter.run(_edge(self.block.run), [path])
         before = [value for _, value in leaves(state)]
-        held = [end for end in ends if [value for _, value in leaves(end.env["s"])] == before]
-        return [found for end in ends if end not in held for found in self._boxes(end)]
+        found = []
+        for end in ends:
+            after = [value for _, value in leaves(end.env["s"])]
+            if after != before:
+                for k, (old, new) in enumerate(zip(before, after)):
+                    self._write(k, end, old, new)
+                found += self._boxes(end, after)
+        return found
 
-    def _boxes(self, path):
-        values = [value for _, value in leaves(path.env["s"])]
+    def _write(self, k, path, old, new, span=None):
+        """Add what an edge writes into register k; its own old value is no write."""
+        if new == old:
+            return
+        atom = new.terms[0][0] if isinstance(new, Lin) and new.terms[0][1] == 1 and not new.const else None
+        if atom in self.run.choices:
+            for value, ends in self.run.choices[atom]:
+                self._write(k, path, old, value, ends)
+            return
+        self.written[k] = _hull(self.written[k], span or path.span(new))
+
+    def _boxes(self, path, values):
         choices = []
         for k, coarse in self.split:
             lo, hi = path.span(values[k])
@@ -263,8 +281,7 @@ def _image(edge, boxes):
 def _invariant(edge):
     """Boxes that hold the reset and, inside the formats, whatever one edge makes of them."""
     boxes, visits = edge.first(), {}
-    stops = STOPS.get(edge.block.stem, ())
-    stops = {value + k for value in (stops(edge.params) if callable(stops) else stops) for k in (-1, 0, 1)} | {0}
+    stops = {value + k for value in STOPS.get(edge.block.stem, ()) for k in (-1, 0, 1)} | {0}
     sides = [sorted({*stops, fmt.lo, fmt.hi}) for fmt in edge.fmts] + [[-FAR, 0, FAR]] * len(edge.relations)
     todo = list(boxes)
     while todo:
@@ -283,8 +300,14 @@ def _invariant(edge):
             if key not in todo:
                 todo.append(key)
     for _ in range(NARROWINGS):
+        edge.begin()
         after = {key: _clipped(edge, box) for key, box in _image(edge, boxes).items()}
-        tighter = {key: [(max(a[0], b[0]), min(a[1], b[1])) for a, b in zip(boxes[key], after[key])] for key in after}
+        # a register holds what was last written to it, in whatever control state that was
+        written = edge.written + [(-FAR, FAR)] * len(edge.relations)
+        tighter = {
+            key: [(max(a[0], b[0], w[0]), min(a[1], b[1], w[1])) for a, b, w in zip(boxes[key], after[key], written)]
+            for key in after
+        }
         if tighter == boxes:
             break
         boxes = {key: box for key, box in tighter.items() if not _empty(box)}
@@ -295,7 +318,7 @@ def analyse(block, params):
     """`Analysis` of a block with the given parameters (None where it has none)."""
     edge = Edge(block, 0 if params is None else params)
     boxes = _invariant(edge)
-    edge.pins, edge.interpreter = {}, None
+    edge.begin()
     after = _image(edge, boxes)  # the proof: everything below is judged on this pass alone
     problems = [
         f"{place.function}, line {place.line}: {place.text}: {text}"
