@@ -114,6 +114,11 @@ def width(lo, hi, signed):
     return hi.bit_length()
 
 
+def relations_text(stem):
+    """The sums of registers that are proven along, as texts."""
+    return [" + ".join(f"{coef}*{name}" for name, coef in sums.items()) for sums in RELATIONS.get(stem, ())]
+
+
 # ---- one edge ----------------------------------------------------------------------------------------------------------
 
 
@@ -363,7 +368,11 @@ def _inside(after, boxes):
 
 
 @lru_cache(maxsize=256)
+def analyse_once(stem, params):
+    """`analyse` of a block of the registry, remembered."""
+    return analyse(blocks.BLOCKS[stem], params)
+
+
 def of_case(stem, case):
     """`Analysis` of a case of the registry."""
-    block = blocks.BLOCKS[stem]
-    return analyse(block, block.cases[case])
+    return analyse_once(stem, blocks.BLOCKS[stem].cases[case])
