@@ -1,8 +1,8 @@
 """Abstract interpreter of kernels: runs their source over `intervals` instead of numbers, along every way at once.
 
-What the firmware's kernels use is understood: records, tuples, tables, if, conditional expressions, comparisons, and, or,
-not, + - * << >> & | ^ ~, abs, calls. Anything else is refused by name and line. A condition narrows both ways; ways that
-agree in every constant name are joined after each statement, so that flags stay tied to what they were decided by.
+What the firmware's kernels use is understood: records, tuples, tables, if, conditional expressions, comparisons, and,
+or, not, + - * << >> & | ^ ~, abs, calls. Anything else is refused by name and line. A condition narrows both ways; ways
+that agree in the names that conditions use are joined after each statement: a flag stays tied to what set it.
 Source  docs/ranges.md
 """
 
@@ -323,7 +323,7 @@ class Interpreter:
         return given, {item.arg: self.single(item.value, path) for item in node.keywords}
 
     def closed(self, func, given, named, path):
-        """One value of a call, from its arguments alone: the same arguments in the same intervals give the same value."""
+        """One value of a call, from its arguments alone: the same arguments and intervals give the same value."""
         values = (*given, *named.values())
         atoms = sorted(set(atoms_of(values)))
         own = set(atoms)
@@ -433,4 +433,3 @@ def merged(paths, kept, tied):
     if len(groups) > MOST_PATHS:
         groups = {None: [(path, None) for path in paths]}
     return [join(group)[0] for group in groups.values()]
-

@@ -8,7 +8,7 @@ Source  docs/ranges.md
 import numpy as np
 
 from fpga_model.fixed import MAX_WIDTH
-from testbench.golden import blocks, ranges, stimulus, wiring
+from testbench.golden import blocks, ranges, stimulus
 
 
 def _ends(pair):
@@ -98,7 +98,7 @@ def text(title, data):
     return "\n".join(lines) + "\n"
 
 
-# ---- page ----------------------------------------------------------------------------------------------------------------
+# ---- page ---------------------------------------------------------------------------------------------------------
 
 
 def _bits(found):
@@ -149,6 +149,8 @@ def registers_part():
 
 def wiring_part():
     """Table of the instances in control and top for docs/ranges.md."""
+    from testbench.golden import wiring  # it needs the designers of the whole instrument, an export does not
+
     rows = []
     for name, one in wiring.instances().items():
         tight = min(one.links, key=lambda link: link.spare)
@@ -159,4 +161,3 @@ def wiring_part():
                      _bits(one.analysis)))  # fmt: skip
     heads = ("instance", "block", "registers proven", "inputs inside", "tightest input", "widest bits")
     return _markdown(heads, rows, (5,))
-

@@ -17,8 +17,6 @@ from bisect import bisect_left, bisect_right
 from functools import cache, lru_cache
 from typing import NamedTuple
 
-import numpy as np
-
 from fpga_model import isqrt, rate_output, rates, sine, spi_adc
 from fpga_model.fixed import MAX_WIDTH
 from testbench.flatten import leaves
@@ -65,7 +63,7 @@ FAR = 1 << 62
 
 
 class Range(NamedTuple):
-    """What one register may hold: proven, or None where the proof fails; `step` is what one edge makes of the proven X."""
+    """What one register may hold: proven, or None where the proof fails; `step` is what one edge makes of X."""
 
     name: str
     fmt: tuple
@@ -99,7 +97,8 @@ class Analysis(NamedTuple):
 
     @property
     def widest(self):
-        return self.results[0] if self.results else None
+        """The widest result that is not a constant, or None."""
+        return next((found for found in self.results if found.lo != found.hi), None)
 
     @property
     def sound(self):
@@ -119,7 +118,7 @@ def relations_text(stem):
     return [" + ".join(f"{coef}*{name}" for name, coef in sums.items()) for sums in RELATIONS.get(stem, ())]
 
 
-# ---- one edge ----------------------------------------------------------------------------------------------------------
+# ---- one edge -----------------------------------------------------------------------------------------------------
 
 
 @cache
@@ -193,15 +192,20 @@ class Edge:
         return 0
 
     def __call__(self, box):
-        """[(control state, box)] after one edge from a box; an edge that holds everything adds no state, so it is left out."""
+        """[(control state, box)] after one edge from a box; an edge that holds everything adds nothing."""
         path = Path(self.run)
         state = self._record(path, box)
         if state is None:
             return []
         inputs = tuple(path.new(p.fmt.lo, p.fmt.hi, key=("input", p.name)) for p in self.block.columns)
         path.env = {
-            **{"p": self.params, "s": state, "reset": self.block.state},
-            **{"stim": (inputs,), "regs": ("regs",), "pins": ("pins",), "n": 0},
+            "p": self.params,
+            "s": state,
+            "reset": self.block.state,
+            "stim": (inputs,),
+            "regs": ("regs",),
+            "pins": ("pins",),
+            "n": 0,
         }
         self.interpreter.where = [source(self.block.run)]
         ends, _ = self.interpreter.run(_edge(self.block.run), [path])
@@ -248,7 +252,7 @@ def _total(path, values, sums):
     return total
 
 
-# ---- induction ---------------------------------------------------------------------------------------------------------
+# ---- induction ----------------------------------------------------------------------------------------------------
 
 
 def _hull(a, b):

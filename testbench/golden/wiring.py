@@ -11,6 +11,7 @@ from functools import cache
 from typing import NamedTuple
 
 from fpga_model import control, top
+from fpga_model.fixed import MAX_WIDTH
 from testbench import build
 from testbench.config import Config
 from testbench.flatten import format_leaves, leaves
@@ -100,8 +101,7 @@ class _Check:
         bound = {**dict(zip([item.arg for item in found.tree.args.args], given)), **named}
         record = bound.pop("s")
         name = self.names[id(record)]
-        block = blocks.BLOCKS[self.analyses[name] and STEPS[func]]
-        if not block.runtime_params:
+        if not blocks.BLOCKS[STEPS[func]].runtime_params:
             bound.pop("p", None)
         for key, value in bound.items():
             # a record of inputs stands for its fields: `i` with its name, runtime parameters without
@@ -128,15 +128,19 @@ class _Check:
 
 @cache
 def instances():
-    """{instance: Instance} of the default configuration, both demodulators, V_q at either rate."""
+    """{instance: Instance} of the default configuration with either demodulator.
+
+    Raises ArithmeticError if the wiring itself computes beyond 63 bits or indexes beyond a table.
+    """
     spans, check = {}, None
     given = build.firmware(Config())
     for digital in (0, 1):
         p = given._replace(digital=digital)
         check = _Check(p)
         interpreter = check.run(p)
-        if interpreter.problems:
-            raise AssertionError(f"wiring: {interpreter.problems}")
+        wide = [ends for ends in interpreter.notes.values() if ranges.width(*ends, False) > MAX_WIDTH]
+        if interpreter.problems or wide:
+            raise ArithmeticError(f"wiring: {[*interpreter.problems.values(), *wide]}")
         for name, ports in check.spans.items():
             for port, (lo, hi) in ports.items():
                 old = spans.setdefault(name, {}).get(port, (lo, hi))
