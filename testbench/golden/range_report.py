@@ -5,6 +5,8 @@
 Source  docs/ranges.md
 """
 
+import re
+
 import numpy as np
 
 from fpga_model.fixed import MAX_WIDTH
@@ -133,7 +135,7 @@ def registers_part():
         case = next(iter(block.cases))
         rows = {}
         for one in ranges.of_case(block.stem, case).registers:
-            key = (one.name.rstrip("0123456789").rstrip("_"), one.fmt, one.proven)
+            key = (re.sub(r"_\d+$", "", one.name), one.fmt, one.proven)
             rows.setdefault(key, []).append(one)
         cells = []
         for (base, fmt, proven), found in rows.items():

@@ -17,7 +17,7 @@ from bisect import bisect_left, bisect_right
 from functools import cache, lru_cache
 from typing import NamedTuple
 
-from fpga_model import isqrt, rate_output, rates, sine, spi_adc
+from fpga_model import digital_sid, isqrt, rate_output, rates, sine, spi_adc
 from fpga_model.fixed import MAX_WIDTH
 from testbench.flatten import leaves
 from testbench.golden import blocks
@@ -50,12 +50,13 @@ RELATIONS = {
 }
 # Parts of a block whose control state the block's own boxes know
 APART = (isqrt.step,)
-# Where a widened bound may stop before the end of its format: counters that are compared with == need it
+# Where a widened bound may stop before the end of its format: counters that are compared with ==, filters
 STOPS = {
     "rates": (rates.TICK_CYCLES, rates.FRAME_TICKS, rates.SLOTS),
     "spi_adc": (spi_adc.WORD_BITS, spi_adc.TAIL_CYCLES),
     "rate_output": tuple(1 << k for k in range(rate_output.MAX_K + 1)),
     "spi_dac": (1,),
+    "digital_sid": (digital_sid.ACC_HI << digital_sid.POLE.f,),
 }
 PLAIN_JOINS = 3  # joins of a box before it is widened
 NARROWINGS = 5
@@ -316,6 +317,7 @@ def _invariant(edge):
         tighter = {
             key: [(max(a[0], b[0], w[0]), min(a[1], b[1], w[1])) for a, b, w in zip(boxes[key], after[key], written)]
             for key in after
+            if key in boxes
         }
         if tighter == boxes:
             break
