@@ -58,3 +58,20 @@ def check(
     report = compared(folder, log, map_path)
     typer.echo(report.to_json() if as_json else report.text())
     raise typer.Exit(0 if report.passed else 1)
+
+
+@app.command()
+def ranges(
+    block: Annotated[str, typer.Argument(help="Block, such as dds, or all.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")] = False,
+):
+    """Proven and seen range of every register, headroom, and the widest intermediate result."""
+    from testbench.golden import range_report
+    from testbench.golden.export import chosen
+
+    found = {f"{b.stem}/{case}": range_report.of_vectors(b, case) for b in chosen(block) for case in b.cases}
+    if as_json:
+        typer.echo(json.dumps({"ranges": found}))
+    else:
+        typer.echo("\n".join(range_report.text(title, data) for title, data in found.items()), nl=False)
+    raise typer.Exit(0 if all(data["proven"] for data in found.values()) else 1)
