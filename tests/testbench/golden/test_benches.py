@@ -1,0 +1,256 @@
+"""Every bench on every reference design, and the words and exit codes of `make check`."""
+
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+
+from testbench.golden import benches, blocks
+from tests.testbench.golden.benching import NEEDS, RTL, VERILOG, VHDL, check, keep_objects, make, need
+
+SLOW = pytest.mark.slow
+
+
+def matrix(stems, every_case=()):
+    """(block, case) with all cases but one of a block marked slow, unless `every_case` names it."""
+    listed = []
+    for stem in stems:
+        for k, case in enumerate(blocks.BLOCKS[stem].cases):
+            listed.append(pytest.param(stem, case, marks=SLOW if k and stem not in every_case else ()))
+    return listed
+
+
+@pytest.fixture(scope="module")
+def objects(tmp_path_factory):
+    return tmp_path_factory.mktemp("verilator") / "kept"
+
+
+def passes(bundles, stem, case, sim, rtl=RTL):
+    done = check(bundles(stem) / case, sim, rtl)
+    assert done.returncode == 0, done.stdout
+    assert f"PASS {stem}/{case}: " in done.stdout
+    assert done.stdout.rstrip().endswith(f"[{sim}]")
+
+
+@pytest.mark.parametrize(("stem", "case"), matrix(VERILOG, every_case=VERILOG))
+def test_icarus(bundles, stem, case):
+    passes(bundles, stem, case, "icarus")
+
+
+@pytest.mark.parametrize(("stem", "case"), matrix(VHDL, every_case=VHDL))
+def test_ghdl(bundles, stem, case):
+    passes(bundles, stem, case, "ghdl")
+
+
+@pytest.mark.parametrize(("stem", "case"), matrix(VERILOG))
+def test_verilator(bundles, objects, stem, case):
+    keep_objects(bundles(stem) / case, objects)
+    passes(bundles, stem, case, "verilator")
+    keep_objects(bundles(stem) / case, objects)
+
+
+@pytest.mark.parametrize(("stem", "case"), matrix(VERILOG))
+def test_cocotb(bundles, stem, case):
+    passes(bundles, stem, case, "cocotb")
+
+
+@pytest.mark.parametrize("stem", [pytest.param(stem, marks=() if stem == "dds" else SLOW) for stem in VERILOG])
+def test_cocotb_on_verilator(bundles, stem):
+    passes(bundles, stem, next(iter(blocks.BLOCKS[stem].cases)), "cocotb-verilator")
+
+
+@pytest.mark.parametrize(("stem", "case"), matrix(VHDL))
+def test_vunit(bundles, stem, case):
+    passes(bundles, stem, case, "vunit")
+
+
+# No design ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("sim", ["icarus", "ghdl"])
+@pytest.mark.parametrize("stem", list(blocks.BLOCKS))
+def test_every_bench_elaborates_without_a_design(bundles, stem, sim):
+    case = next(iter(blocks.BLOCKS[stem].cases))
+    done = check(bundles(stem) / case, sim)
+    assert (done.returncode, done.stdout) == (
+        0,
+        f"NO DESIGN {stem}/{case}: the bench elaborates, no design was given [{sim}]\n",
+    )
+
+
+@pytest.mark.parametrize("sim", ["verilator", "cocotb", "vunit"])
+@pytest.mark.parametrize(
+    "stem", [pytest.param(stem, marks=() if stem == "sequencer" else SLOW) for stem in blocks.BLOCKS]
+)
+def test_slower_benches_without_a_design(bundles, stem, sim):
+    case = next(iter(blocks.BLOCKS[stem].cases))
+    done = check(bundles(stem) / case, sim)
+    assert done.returncode == 0, done.stdout
+    assert done.stdout.startswith(f"NO DESIGN {stem}/{case}: ")
+
+
+def test_a_design_that_is_not_there_is_an_error(bundles, tmp_path):
+    done = check(bundles("agc") / "default", "icarus", tmp_path)
+    assert done.returncode != 0
+    assert f"FAIL agc/default: no design {tmp_path}/agc.v or agc.vhd" in done.stdout
+    done = check(bundles("agc") / "default", "icarus", "nowhere")
+    assert done.returncode != 0
+    assert "FAIL agc/default: no folder nowhere here, in " in done.stdout
+
+
+# Every simulator at once ------------------------------------------------------------------------------------------------
+
+
+def test_plain_check_runs_every_simulator_that_has_a_design(bundles):
+    need("iverilog", "verilator", "g++", "ghdl")
+    done = make(bundles("dds"), f"RTL={RTL}")
+    assert done.returncode == 0, done.stdout
+    said = [line.rpartition(" ")[2] for line in done.stdout.splitlines() if line.startswith("PASS dds/default: ")]
+    assert said == ["[icarus]", "[verilator]", "[ghdl]", "[cocotb]", "[vunit]"]
+
+
+def test_plain_check_names_what_it_skips_and_why(bundles, tmp_path):
+    need("iverilog", "ghdl")
+    shutil.copy(RTL / "dds.vhd", tmp_path)
+    done = make(bundles("dds"), f"RTL={tmp_path}")
+    assert done.returncode == 0, done.stdout
+    for sim in ("icarus", "verilator", "cocotb"):
+        assert f"SKIPPED dds/default: no dds.v in {tmp_path} [{sim}]\n" in done.stdout
+    assert done.stdout.count("PASS ") == 2
+
+
+def test_one_simulator_that_fails_fails_the_check_and_the_others_still_run(bundles, tmp_path):
+    need("iverilog", "verilator", "g++", "ghdl")
+    (tmp_path / "dds.v").write_text((RTL / "dds.v").read_text())
+    (tmp_path / "dds.vhd").write_text((RTL / "dds.vhd").read_text().replace("rising_edge", "falling_edge"))
+    done = make(bundles("dds"), f"RTL={tmp_path}")
+    assert done.returncode != 0
+    for sim in ("icarus", "verilator", "cocotb"):
+        assert f"5 ports [{sim}]" in done.stdout
+    for sim in ("ghdl", "vunit"):
+        assert f"rows differ, the first is row 10 [{sim}]" in done.stdout
+
+
+def test_every_case_of_a_block_is_run_although_one_fails(bundles, tmp_path):
+    need("iverilog")
+    text = (RTL / "delay.v").read_text()
+    assert "r_taps_7 <= r_taps_6" in text
+    (tmp_path / "delay.v").write_text(text.replace("r_taps_7 <= r_taps_6", "r_taps_7 <= r_taps_5"))
+    done = check(bundles("delay"), "icarus", tmp_path)
+    assert done.returncode != 0
+    verdicts = [line for line in done.stdout.splitlines() if line.startswith(("PASS", "FAIL"))]
+    assert len(verdicts) == len(blocks.BLOCKS["delay"].cases)
+    assert any(line.startswith("FAIL delay/depth8: ") for line in verdicts)
+
+
+# Wrong designs --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("sim", "name", "old", "new"),
+    [
+        ("icarus", "dds.v", "phase + off_sense_ref", "phase + off_sense_ref + 48'd1"),
+        ("icarus", "sine.v", "r_sign2 ? -magnitude", "r_sign2 ? magnitude"),
+        ("verilator", "dds.v", "phase + off_sense_ref", "phase + off_sense_ref + 48'd1"),
+        ("cocotb", "dds.v", "phase + off_sense_ref", "phase + off_sense_ref + 48'd1"),
+        ("ghdl", "dds.vhd", "rising_edge", "falling_edge"),
+        ("vunit", "dds.vhd", "rising_edge", "falling_edge"),
+    ],
+)
+def test_a_wrong_design_fails(bundles, tmp_path, sim, name, old, new):
+    stem, text = Path(name).stem, (RTL / name).read_text()
+    assert old in text
+    (tmp_path / name).write_text(text.replace(old, new))
+    done = check(bundles(stem) / "default", sim, tmp_path)
+    assert done.returncode != 0
+    lines = done.stdout.splitlines()
+    rows = [line for line in lines if line.startswith("row ")]
+    assert {int(line.split()[1].rstrip(":")) for line in rows}.__len__() == benches.SHOWN
+    assert all(": expected " in line and line.endswith(f"(hex) [{sim}]") for line in rows)
+    assert [line for line in lines if line.startswith(f"FAIL {stem}/default: ") and "rows differ" in line]
+
+
+@pytest.mark.parametrize("sim", ["icarus", "verilator", "cocotb", "ghdl", "vunit"])
+def test_a_design_that_does_not_compile_fails_with_the_tools_own_words(bundles, tmp_path, sim):
+    (tmp_path / "dds.v").write_text("module gyro_dds (input wire clk;\nendmodule\n")
+    (tmp_path / "dds.vhd").write_text("entity gyro_dds is port (clk : in bit\nend entity;\n")
+    done = check(bundles("dds") / "default", sim, tmp_path)
+    assert done.returncode != 0
+    assert f"FAIL dds/default: the bench did not get to its end [{sim}]" in done.stdout
+    assert "dds.v" in done.stdout
+
+
+@pytest.mark.parametrize(("sim", "unknown"), [("icarus", "x"), ("cocotb", "x"), ("ghdl", "U")])
+def test_registers_that_are_never_driven_fail(bundles, tmp_path, sim, unknown):
+    name = "dds.vhd" if sim == "ghdl" else "dds.v"
+    text = (RTL / name).read_text()
+    kept = [line for line in text.splitlines() if not line.strip().startswith("r_phase ")]
+    assert len(kept) < len(text.splitlines())
+    (tmp_path / name).write_text("\n".join(kept) + "\n")
+    done = check(bundles("dds") / "default", sim, tmp_path)
+    assert done.returncode != 0, done.stdout
+    assert f"row 0: r_phase: expected {'0' * (12 if sim == 'ghdl' else 1)}, got {unknown}" in done.stdout.replace(
+        "X", "x"
+    ), done.stdout
+
+
+# Machines that lack something -------------------------------------------------------------------------------------------
+
+
+def machine(folder, lacks):
+    """PATH of a machine that has every tool of this one but those for which `lacks` holds."""
+    folder.mkdir()
+    for place in os.environ["PATH"].split(os.pathsep):
+        for path in Path(place).glob("*"):
+            if not lacks(path.name) and not (folder / path.name).exists() and os.access(path, os.X_OK):
+                (folder / path.name).symlink_to(path)
+    return str(folder)
+
+
+def no_python(name):
+    return "python" in name or name.startswith("py")
+
+
+def test_a_bundle_needs_no_python(bundles, tmp_path):
+    need("iverilog", "verilator", "g++", "ghdl")
+    path = machine(tmp_path / "bin", no_python)
+    done = make(bundles("dds"), f"RTL={RTL}", "PYTHON=python3", PATH=path)
+    assert done.returncode == 0, done.stdout
+    assert [f"[{sim}]" in done.stdout for sim in ("icarus", "verilator", "ghdl")] == [True] * 3
+    assert done.stdout.count("PASS ") == 3
+    for sim, module in (("cocotb", "cocotb"), ("vunit", "vunit")):
+        assert f"SKIPPED dds/default: python3 has no module {module} [{sim}]\n" in done.stdout
+
+
+def test_a_simulator_that_is_not_installed(bundles, tmp_path):
+    need("iverilog")
+    path = machine(tmp_path / "bin", lambda name: no_python(name) or name.startswith(("ghdl", "verilator")))
+    done = make(bundles("dds"), f"RTL={RTL}", "PYTHON=python3", PATH=path)
+    assert done.returncode == 0, done.stdout
+    assert "5 ports [icarus]\n" in done.stdout
+    for sim in ("ghdl", "verilator"):
+        assert f"SKIPPED dds/default: {sim} is not installed [{sim}]\n" in done.stdout
+    done = make(bundles("dds"), f"RTL={RTL}", "SIM=ghdl", PATH=path)
+    assert done.returncode != 0
+    assert "FAIL dds/default: ghdl: ghdl is not installed\n" in done.stdout
+    path = machine(tmp_path / "bare", lambda name: no_python(name) or name.startswith(("ghdl", "verilator", "iveri")))
+    done = make(bundles("dds"), f"RTL={RTL}", "PYTHON=python3", PATH=path)
+    assert done.returncode != 0
+    assert "FAIL dds/default: no simulator could be run\n" in done.stdout
+
+
+def test_an_unknown_simulator_is_an_error(bundles):
+    done = make(bundles("dds") / "default", "SIM=modelsim")
+    assert done.returncode != 0
+    assert "FAIL dds/default: modelsim: there is no simulator of this name\n" in done.stdout
+
+
+def test_every_bench_writes_into_build_alone(bundles, tmp_path):
+    need(*{tool for tools in NEEDS.values() for tool in tools})
+    folder = tmp_path / "bundle"
+    shutil.copytree(bundles("dds") / "default", folder, ignore=shutil.ignore_patterns("build"))
+    before = {path.name for path in folder.iterdir()}
+    done = make(folder, f"RTL={RTL}")
+    assert done.returncode == 0, done.stdout
+    assert {path.name for path in folder.iterdir()} == before | {"build"}
