@@ -26,7 +26,7 @@ endmodule
 def cocotb_test(block, case):
     """cocotb test (1.9 and 2) that is its own runner: RTL=folder SIM=icarus|verilator python3 test_<block>.py."""
     title, found = f"{block.stem}/{case}", results(block)
-    return f'''"""cocotb test of {title}: RTL=folder SIM=icarus|verilator python3 test_{block.stem}.py (icarus if no SIM)."""
+    return f'''"""cocotb test of {title}: RTL=folder SIM=icarus|verilator python3 test_{block.stem}.py."""
 
 import json
 import os

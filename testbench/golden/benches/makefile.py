@@ -51,7 +51,8 @@ die() {{
 
 # a link, so that no simulator meets a blank in the path of the design
 if [ -n "$RTL" ]; then
-    RTL=$(cd "$RTL" 2>/dev/null && pwd) || die "no folder $RTL here, in $PWD"
+    [ -d "$RTL" ] || die "no folder $RTL, seen from $PWD"
+    RTL=$(cd "$RTL" && pwd) || exit 2
 fi
 cd "$(dirname "$0")" || exit 2
 mkdir -p build && rm -f build/rtl || exit 2
@@ -114,14 +115,14 @@ run() {{
         [ "$(cat $work/version 2>&1)" = "$version" ] || rm -rf $work
         mkdir -p $work || return
         kept=$(cd $work && for file in verilated*.o; do [ ! -f $file ] || printf ' -o %s' $file; done)
-        verilator --binary --timing -j 0 -MAKEFLAGS "OPT_FAST=-O0 OPT_GLOBAL=-O0$kept" -Wno-fatal -Wno-lint -Wno-style \\
-            -I. --top-module tb_$BLOCK $NONE --Mdir $work -o sim tb_$BLOCK.v $(design v) >build/verilator.log 2>&1 ||
+        verilator --binary --timing -j 0 -MAKEFLAGS "OPT_FAST=-O0 OPT_GLOBAL=-O0$kept" \\
+            -Wno-fatal -Wno-lint -Wno-style -I. --top-module tb_$BLOCK $NONE --Mdir $work -o sim tb_$BLOCK.v $(design v) >build/verilator.log 2>&1 ||
             {{ cat build/verilator.log && return 1; }}
         echo "$version" >$work/version
         $work/sim
         ;;
-    ghdl) # from its own folder: some back ends leave an executable behind
-        mkdir -p build/ghdl && cd build/ghdl || return
+    ghdl) # from a folder of its own, and new: some back ends leave an executable, and a library remembers old designs
+        rm -rf build/ghdl && mkdir -p build/ghdl && cd build/ghdl || return
         ghdl -a --std=08 ../../params_pkg.vhd $(cd ../.. && design vhd ../../) ../../tb_$BLOCK.vhd &&
             ghdl -e --std=08 tb_$BLOCK &&
             ghdl -r --std=08 tb_$BLOCK -gDIR=../../ ${{NONE:+-gNO_DESIGN=true}}

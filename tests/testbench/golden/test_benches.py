@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from testbench.golden import benches, blocks
-from tests.testbench.golden.benching import NEEDS, RTL, VERILOG, VHDL, check, keep_objects, make, need
+from testbench.golden import benches, blocks, bundle
+from tests.testbench.golden.benching import RTL, VERILOG, VHDL, check, keep_objects, make, need
 
 SLOW = pytest.mark.slow
 
@@ -65,7 +65,7 @@ def test_vunit(bundles, stem, case):
     passes(bundles, stem, case, "vunit")
 
 
-# No design ------------------------------------------------------------------------------------------------------------
+# No design -----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("sim", ["icarus", "ghdl"])
@@ -96,16 +96,19 @@ def test_a_design_that_is_not_there_is_an_error(bundles, tmp_path):
     assert f"FAIL agc/default: no design {tmp_path}/agc.v or agc.vhd" in done.stdout
     done = check(bundles("agc") / "default", "icarus", "nowhere")
     assert done.returncode != 0
-    assert "FAIL agc/default: no folder nowhere here, in " in done.stdout
+    assert f"FAIL agc/default: no folder nowhere, seen from {bundles('agc')}/default\n" in done.stdout
 
 
-# Every simulator at once ------------------------------------------------------------------------------------------------
+# Every simulator at once ---------------------------------------------------------------------------------------------
 
 
-def test_plain_check_runs_every_simulator_that_has_a_design(bundles):
+def test_plain_check_runs_every_simulator_that_has_a_design_and_writes_into_build_alone(bundles):
     need("iverilog", "verilator", "g++", "ghdl")
+    folder = bundles("dds") / "default"
+    shipped = {name.partition("/")[0] for name in bundle.read(folder).manifest["sha256"]}
     done = make(bundles("dds"), f"RTL={RTL}")
     assert done.returncode == 0, done.stdout
+    assert {path.name for path in folder.iterdir()} == shipped | {bundle.MANIFEST, "build"}
     said = [line.rpartition(" ")[2] for line in done.stdout.splitlines() if line.startswith("PASS dds/default: ")]
     assert said == ["[icarus]", "[verilator]", "[ghdl]", "[cocotb]", "[vunit]"]
 
@@ -144,7 +147,7 @@ def test_every_case_of_a_block_is_run_although_one_fails(bundles, tmp_path):
     assert any(line.startswith("FAIL delay/depth8: ") for line in verdicts)
 
 
-# Wrong designs --------------------------------------------------------------------------------------------------------
+# Wrong designs -------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -166,7 +169,7 @@ def test_a_wrong_design_fails(bundles, tmp_path, sim, name, old, new):
     assert done.returncode != 0
     lines = done.stdout.splitlines()
     rows = [line for line in lines if line.startswith("row ")]
-    assert {int(line.split()[1].rstrip(":")) for line in rows}.__len__() == benches.SHOWN
+    assert len({line.split(":")[0] for line in rows}) == benches.SHOWN
     assert all(": expected " in line and line.endswith(f"(hex) [{sim}]") for line in rows)
     assert [line for line in lines if line.startswith(f"FAIL {stem}/default: ") and "rows differ" in line]
 
@@ -181,21 +184,24 @@ def test_a_design_that_does_not_compile_fails_with_the_tools_own_words(bundles, 
     assert "dds.v" in done.stdout
 
 
-@pytest.mark.parametrize(("sim", "unknown"), [("icarus", "x"), ("cocotb", "x"), ("ghdl", "U")])
-def test_registers_that_are_never_driven_fail(bundles, tmp_path, sim, unknown):
+@pytest.mark.parametrize(
+    ("sim", "got"),
+    [("icarus", "got x"), ("cocotb", "(binary)"), ("ghdl", "got XXXXXXXXXXXX")],
+)
+def test_a_register_that_is_never_driven_fails(bundles, tmp_path, sim, got):
     name = "dds.vhd" if sim == "ghdl" else "dds.v"
-    text = (RTL / name).read_text()
-    kept = [line for line in text.splitlines() if not line.strip().startswith("r_phase ")]
-    assert len(kept) < len(text.splitlines())
+    lines = (RTL / name).read_text().splitlines()
+    kept = [line for line in lines if not line.strip().replace(" ", "").startswith("r_phase<=")]
+    assert len(kept) < len(lines)
     (tmp_path / name).write_text("\n".join(kept) + "\n")
     done = check(bundles("dds") / "default", sim, tmp_path)
     assert done.returncode != 0, done.stdout
-    assert f"row 0: r_phase: expected {'0' * (12 if sim == 'ghdl' else 1)}, got {unknown}" in done.stdout.replace(
-        "X", "x"
-    ), done.stdout
+    first = next(line for line in done.stdout.splitlines() if line.startswith("row "))
+    assert first.startswith("row 0: r_phase: expected 0"), done.stdout
+    assert got in first
 
 
-# Machines that lack something -------------------------------------------------------------------------------------------
+# Machines that lack something ----------------------------------------------------------------------------------------
 
 
 def machine(folder, lacks):
@@ -244,13 +250,3 @@ def test_an_unknown_simulator_is_an_error(bundles):
     done = make(bundles("dds") / "default", "SIM=modelsim")
     assert done.returncode != 0
     assert "FAIL dds/default: modelsim: there is no simulator of this name\n" in done.stdout
-
-
-def test_every_bench_writes_into_build_alone(bundles, tmp_path):
-    need(*{tool for tools in NEEDS.values() for tool in tools})
-    folder = tmp_path / "bundle"
-    shutil.copytree(bundles("dds") / "default", folder, ignore=shutil.ignore_patterns("build"))
-    before = {path.name for path in folder.iterdir()}
-    done = make(folder, f"RTL={RTL}")
-    assert done.returncode == 0, done.stdout
-    assert {path.name for path in folder.iterdir()} == before | {"build"}

@@ -41,7 +41,17 @@ def test_bundle_is_complete_and_reads_back(bundles, stem):
     assert np.array_equal(found.exp, np.column_stack([regs, pins]))
     listed = set(found.manifest["sha256"])
     assert {
-        *("stim.hex", "exp.hex", "mask.hex", "vec.csv", "params.vh", "params.svh", "params_pkg.vhd", "Makefile", "check.sh"),
+        *(
+            "stim.hex",
+            "exp.hex",
+            "mask.hex",
+            "vec.csv",
+            "params.vh",
+            "params.svh",
+            "params_pkg.vhd",
+            "Makefile",
+            "check.sh",
+        ),
         *(f"tb_{stem}.v", f"tb_{stem}.vhd", f"test_{stem}.py", "run_vunit.py", "golden.vcd", "golden.gtkw"),
         *(f"ports/{p.name}.hex" for p in block.columns),
         *(f"ports/{name}.hex" for name, _ in benches.results(block)),
