@@ -116,8 +116,8 @@ run() {{
         mkdir -p $work || return
         kept=$(cd $work && for file in verilated*.o; do [ ! -f $file ] || printf ' -o %s' $file; done)
         verilator --binary --timing -j 0 -MAKEFLAGS "OPT_FAST=-O0 OPT_GLOBAL=-O0$kept" \\
-            -Wno-fatal -Wno-lint -Wno-style -I. --top-module tb_$BLOCK $NONE --Mdir $work -o sim tb_$BLOCK.v $(design v) >build/verilator.log 2>&1 ||
-            {{ cat build/verilator.log && return 1; }}
+            -Wno-fatal -Wno-lint -Wno-style -I. --top-module tb_$BLOCK $NONE --Mdir $work -o sim \\
+            tb_$BLOCK.v $(design v) >build/verilator.log 2>&1 || {{ cat build/verilator.log && return 1; }}
         echo "$version" >$work/version
         $work/sim
         ;;
