@@ -49,12 +49,8 @@ def check(folder, sim="", rtl=None):
     return make(folder, f"SIM={sim}", *([f"RTL={rtl}"] if rtl else []))
 
 
-def keep_objects(folder, store):
-    """Put Verilator's compiled library of an earlier bench where the next one looks for its own, or store it."""
-    build = folder / "build" / "verilator"
-    if not build.exists() and store.exists():
-        shutil.copytree(store, build)
-    elif build.exists() and not store.exists():
-        store.mkdir()
-        for path in (*build.glob("verilated*.o"), build / "version"):
-            shutil.copy2(path, store)
+def seed(build, verilated):
+    """Put Verilator's compiled library where a bench looks for the one it kept; returns options that leave it as it is."""
+    if verilated is not None and not build.exists():
+        shutil.copytree(verilated, build)
+    return "".join(f" -o {path.name}" for path in sorted(build.glob("verilated*.o")))

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from testbench.golden import benches, blocks, bundle
-from tests.testbench.golden.benching import RTL, VERILOG, VHDL, check, keep_objects, make, need
+from tests.testbench.golden.benching import RTL, VERILOG, VHDL, check, make, need, seed
 
 SLOW = pytest.mark.slow
 
@@ -19,11 +19,6 @@ def matrix(stems, every_case=()):
         for k, case in enumerate(blocks.BLOCKS[stem].cases):
             listed.append(pytest.param(stem, case, marks=SLOW if k and stem not in every_case else ()))
     return listed
-
-
-@pytest.fixture(scope="module")
-def objects(tmp_path_factory):
-    return tmp_path_factory.mktemp("verilator") / "kept"
 
 
 def passes(bundles, stem, case, sim, rtl=RTL):
@@ -44,10 +39,9 @@ def test_ghdl(bundles, stem, case):
 
 
 @pytest.mark.parametrize(("stem", "case"), matrix(VERILOG))
-def test_verilator(bundles, objects, stem, case):
-    keep_objects(bundles(stem) / case, objects)
+def test_verilator(bundles, verilated, stem, case):
+    seed(bundles(stem) / case / "build" / "verilator", verilated)
     passes(bundles, stem, case, "verilator")
-    keep_objects(bundles(stem) / case, objects)
 
 
 @pytest.mark.parametrize(("stem", "case"), matrix(VERILOG))
@@ -83,8 +77,9 @@ def test_every_bench_elaborates_without_a_design(bundles, stem, sim):
 @pytest.mark.parametrize(
     "stem", [pytest.param(stem, marks=() if stem == "sequencer" else SLOW) for stem in blocks.BLOCKS]
 )
-def test_slower_benches_without_a_design(bundles, stem, sim):
+def test_slower_benches_without_a_design(bundles, verilated, stem, sim):
     case = next(iter(blocks.BLOCKS[stem].cases))
+    seed(bundles(stem) / case / "build" / "verilator", verilated)
     done = check(bundles(stem) / case, sim)
     assert done.returncode == 0, done.stdout
     assert done.stdout.startswith(f"NO DESIGN {stem}/{case}: ")
@@ -102,9 +97,10 @@ def test_a_design_that_is_not_there_is_an_error(bundles, tmp_path):
 # Every simulator at once ---------------------------------------------------------------------------------------------
 
 
-def test_plain_check_runs_every_simulator_that_has_a_design_and_writes_into_build_alone(bundles):
+def test_plain_check_runs_every_simulator_that_has_a_design_and_writes_into_build_alone(bundles, verilated):
     need("iverilog", "verilator", "g++", "ghdl")
     folder = bundles("dds") / "default"
+    seed(folder / "build" / "verilator", verilated)
     shipped = {name.partition("/")[0] for name in bundle.read(folder).manifest["sha256"]}
     done = make(bundles("dds"), f"RTL={RTL}")
     assert done.returncode == 0, done.stdout
