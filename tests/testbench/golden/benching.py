@@ -50,7 +50,7 @@ def check(folder, sim="", rtl=None):
 
 
 def seed(build, verilated):
-    """Put Verilator's compiled library where a bench looks for the one it kept; returns options that leave it as it is."""
+    """Put Verilator's compiled library where a bench looks for the one it kept; returns options that leave it so."""
     if verilated is not None and not build.exists():
         shutil.copytree(verilated, build)
     return "".join(f" -o {path.name}" for path in sorted(build.glob("verilated*.o")))

@@ -213,12 +213,12 @@ def test_registers_may_power_up_at_random(bundles, verilated, tmp_path):
         "sine.v",
     )
     assert "PASS sine/default: " in found
-    for seed in (1, 2, 3):
-        found = ran(folder, "obj_dir/sim", "+verilator+rand+reset+2", f"+verilator+seed+{seed}")
-        assert "PASS sine/default: " in found, seed
+    for start in (1, 2, 3):
+        found = ran(folder, "obj_dir/sim", "+verilator+rand+reset+2", f"+verilator+seed+{start}")
+        assert "PASS sine/default: " in found, start
 
 
-@pytest.mark.parametrize("stem", CHOSEN)
+@pytest.mark.parametrize("stem", ["dds", "sine", "references", "pi"])
 def test_every_register_is_reset_while_it_holds_something_else(bundles, stem):
     """A value at power-up hides a missing reset; a reset in the middle of the vectors does not."""
     untouched = {port.name for port in BLOCKS[stem].registers}
