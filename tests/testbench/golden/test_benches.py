@@ -1,7 +1,10 @@
 """Every bench on every reference design, and the words and exit codes of `make check`."""
 
 import os
+import re
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -9,6 +12,7 @@ import pytest
 from testbench.golden import benches, blocks, bundle
 from tests.testbench.golden.benching import RTL, VERILOG, VHDL, check, make, need, seed
 
+PAGE = Path(__file__).resolve().parents[3] / "docs" / "golden.md"
 SLOW = pytest.mark.slow
 
 
@@ -246,3 +250,42 @@ def test_an_unknown_simulator_is_an_error(bundles):
     done = make(bundles("dds") / "default", "SIM=modelsim")
     assert done.returncode != 0
     assert "FAIL dds/default: modelsim: there is no simulator of this name\n" in done.stdout
+
+
+# docs/golden.md -------------------------------------------------------------------------------------------------------
+
+
+def without_counts(text):
+    return re.sub(r"\d+ (of \d+ )?rows", "N rows", text)
+
+
+def test_the_page_shows_what_a_bench_says(bundles, tmp_path):
+    need("iverilog", "ghdl")
+    page = {without_counts(line.strip()) for line in PAGE.read_text().splitlines()}
+    path = machine(tmp_path / "bin", lambda name: no_python(name) or name.startswith("verilator"))
+    said = make(bundles("dds"), f"RTL={RTL}", "PYTHON=python3", PATH=path).stdout
+    shown = [without_counts(line) for line in said.splitlines() if "verilator" not in line]
+    assert len(shown) == 4
+    assert set(shown) <= page
+    text = (RTL / "dds.v").read_text()
+    (tmp_path / "dds.v").write_text(text.replace("phase + off_sense_ref", "phase + off_sense_ref + 48'd1"))
+    said = check(bundles("dds") / "default", "icarus", tmp_path).stdout.splitlines()
+    assert {without_counts(said[0]), without_counts(next(x for x in said if x.startswith("FAIL")))} <= page
+
+
+def test_the_commands_of_the_page_work(bundles, tmp_path):
+    need("iverilog", "ghdl")
+    (block,) = re.findall(r"```sh\n(.*?)```", PAGE.read_text(), re.S)
+    folder = tmp_path / "default"
+    shutil.copytree(bundles("dds") / "default", folder, ignore=shutil.ignore_patterns("build"))
+    (tmp_path / "bin").mkdir()
+    python = tmp_path / "bin" / "python3"
+    python.write_text(f'#!/bin/sh\nexec {sys.executable} "$@"\n')
+    python.chmod(0o755)
+    environment = {k: v for k, v in os.environ.items() if k != "PYTEST_CURRENT_TEST"}
+    environment |= {"RTL": str(RTL), "PATH": f"{tmp_path / 'bin'}{os.pathsep}{os.environ['PATH']}"}
+    done = subprocess.run(["sh", "-e"], input=block, cwd=folder, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert len(re.findall(r"^PASS dds/default: ", done.stdout, re.M)) == 3
+    assert "pass 1 of 1" in re.sub(r"\x1b\[[\d;]*m", "", done.stdout)
+    assert "$enddefinitions" in (folder / "build" / "dds.vcd").read_text()

@@ -1,7 +1,9 @@
 """Export: byte-identical twice, complete, and the benches pass on right designs and fail on wrong ones."""
 
+import fnmatch
 import hashlib
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -15,6 +17,7 @@ from testbench.errors import ConfigError
 from testbench.golden import benches, blocks, bundle, cli, export
 
 PINNED = Path(__file__).with_name("golden_sha256.json")
+PAGE = Path(__file__).resolve().parents[3] / "docs" / "golden.md"
 CHOSEN = ("dds", "sine", "agc")
 
 
@@ -63,6 +66,18 @@ def test_bundle_is_complete_and_reads_back(bundles, stem):
     for path in ("test_{}.py", "run_vunit.py"):
         source = (folder / path.format(stem)).read_text()
         compile(source, path, "exec")
+
+
+def test_the_page_says_what_each_file_of_a_bundle_is_for(bundles):
+    table = PAGE.read_text().partition("## What is in a bundle")[2].partition("\n\nWords are")[0]
+    cells = [row.split("|")[1] for row in table.splitlines() if row.startswith("| `")]
+    patterns = {name for cell in cells for name in re.findall(r"`([^`]+)`", cell)} - {"build/"}
+    for stem in CHOSEN:
+        listed = {*bundle.verify(bundles(stem) / "default", strict=False)["sha256"], bundle.MANIFEST}
+        wanted = {pattern.replace("<block>", stem) for pattern in patterns}
+        assert [name for name in listed if not any(fnmatch.fnmatch(name, pattern) for pattern in wanted)] == []
+        unused = {pattern for pattern in wanted if not fnmatch.filter(listed, pattern)}
+        assert unused == (set() if blocks.BLOCKS[stem].roms else {"rom/*.hex", "rom/*.mif"})
 
 
 def digests(folder):
