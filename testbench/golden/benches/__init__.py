@@ -7,11 +7,11 @@ Source  docs/golden.md, docs/conventions.md (rows)
 """
 
 from testbench.golden.benches.cocotb import cocotb_test, cocotb_top
-from testbench.golden.benches.layout import HALF_PS, PARTS, PERIOD_PS, RESET_CYCLES, SHOWN, results, rom_name
+from testbench.golden.benches.layout import HALF_PS, PARTS, PERIOD_PS, RESET_CYCLES, SHOWN, results, rom_name, slices
 from testbench.golden.benches.makefile import check_script, makefile
-from testbench.golden.benches.params import params_pkg, params_svh, params_vh, rom_files
-from testbench.golden.benches.verilog import verilog_bench
-from testbench.golden.benches.vhdl import vhdl_bench
+from testbench.golden.benches.params import params_pkg, params_svh, params_vh, rom_files, vhdl_type
+from testbench.golden.benches.verilog import span, verilog_bench
+from testbench.golden.benches.vhdl import vhdl_bench, vhdl_slice
 from testbench.golden.benches.vunit import vunit_bench, vunit_run
 
 __all__ = [
@@ -30,9 +30,13 @@ __all__ = [
     "results",
     "rom_files",
     "rom_name",
+    "slices",
+    "span",
     "texts",
     "verilog_bench",
     "vhdl_bench",
+    "vhdl_slice",
+    "vhdl_type",
     "vunit_bench",
     "vunit_run",
 ]

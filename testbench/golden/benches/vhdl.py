@@ -8,7 +8,7 @@ from testbench.golden.benches.params import vhdl_type
 from testbench.golden.blocks import params_of
 
 
-def _vhdl_slice(width, hi, lo):
+def vhdl_slice(width, hi, lo):
     return f"({hi})" if width == 1 else f"({hi} downto {lo})"
 
 
@@ -26,8 +26,8 @@ def vhdl_bench(block, case):
     ports = ["            clk : in std_logic", *(f"            {n} : in {vhdl_type(p.width)}" for n, p in inputs)]
     ports += [f"            {n} : out {vhdl_type(p.width)}" for n, p in found]
     port_maps = ["                clk => clk"]
-    port_maps += [f"                {n} => now{_vhdl_slice(p.width, hi, lo)}" for n, p, hi, lo in slices(inputs)]
-    port_maps += [f"                {n} => got{_vhdl_slice(p.width, hi, lo)}" for n, p, hi, lo in slices(found)]
+    port_maps += [f"                {n} => now{vhdl_slice(p.width, hi, lo)}" for n, p, hi, lo in slices(inputs)]
+    port_maps += [f"                {n} => got{vhdl_slice(p.width, hi, lo)}" for n, p, hi, lo in slices(found)]
     joined_maps = ",\n    ".join(maps)
     mapped = f"            generic map (\n    {joined_maps}\n            )\n" if maps else ""
     shows = [
