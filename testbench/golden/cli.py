@@ -38,10 +38,11 @@ def export(
 @app.command()
 def verify(folders: Annotated[list[Path], typer.Argument(help="Folders of bundles.")]):
     """Check every hash and every name of bundles."""
-    from testbench.golden.bundle import read
+    from testbench.golden import bundle
 
     for folder in folders:
-        manifest = read(folder).manifest
+        manifest = bundle.verify(folder)
+        bundle.read(folder)
         typer.echo(f"{folder}  ok  {manifest['n']} rows")
 
 

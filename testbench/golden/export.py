@@ -127,11 +127,11 @@ def chosen(name):
 
 def folder_makefile(block):
     """Makefile of a block's folder: the same goals in every case."""
-    return f"""# Every case of {block.stem}: make check SIM=... RTL=folder (absolute)
+    return f"""# Every case of {block.stem}: make check RTL=folder (absolute), SIM=... for one simulator
 CASES = {" ".join(block.cases)}
 
 check clean:
-	@for case in $(CASES); do $(MAKE) --no-print-directory -C $$case $@ || exit 1; done
+	@status=0; for case in $(CASES); do $(MAKE) --no-print-directory -C $$case $@ || status=1; done; exit $$status
 
 .PHONY: check clean
 """
