@@ -4,7 +4,8 @@
                same state and has the same inputs: the first difference of the two begins in a common state
     1. once    `differs` is impossible in every state, reachable or not: equivalent, without any bound
     2. search  else from reset, 1, 2, .. clocks: the shortest trace that ends in `differs`: alive
-    3. proof   else property-directed reachability finds an invariant without `differs`: equivalent
+    3. proof   else property-directed reachability finds an invariant without `differs`, equivalent, or a trace, alive
+    4. search  else as 2., further
     otherwise  undecided, with the number of clocks that were searched
 
 Inputs that the contract of a block forbids, such as a start within the wait of the last one, are left out.
@@ -19,8 +20,8 @@ from typing import NamedTuple
 
 from testbench.errors import FileError
 
-ONCE_S, SEARCH_S, PROOF_S = 30, 30, 60
-SEARCH_CLOCKS = 600
+ONCE_S, NEAR_S, PROOF_S, FAR_S = 60, 10, 60, 60
+NEAR_CLOCKS, FAR_CLOCKS = 16, 600
 HANGS_S = 1200
 CLOCK, RESET = "clk", "rst"
 TOOLS = ("yosys", "yosys-abc")
@@ -47,8 +48,8 @@ def _run(command, folder, what, limit_s=HANGS_S):
 # ---- netlists ------------------------------------------------------------------------------------------------------
 
 
-def _opened(path, name):
-    """(JSON netlist, registers) of a flat design with its flip-flops cut out: `q_k` are inputs, `d_k` outputs.
+def _opened(path):
+    """(module, registers) of a flat JSON netlist with its flip-flops cut out: `q_k` are inputs, `d_k` outputs.
 
     registers  [(name of the cell, width)] in the order of k
     """
@@ -63,111 +64,92 @@ def _opened(path, name):
         ports[f"q_{k}"] = {"direction": "input", "bits": pins["Q"]}
         ports[f"d_{k}"] = {"direction": "output", "bits": pins["D"]}
         registers.append((cell_name, len(pins["Q"])))
-    opened = {"attributes": {}, "ports": ports, "cells": kept, "netnames": {}}
-    return {"modules": {name: opened}}, registers
+    return {"attributes": {}, "ports": ports, "cells": kept, "netnames": {}}, registers
 
 
-def _reset_values(path, manifest):
-    """{bit: 0 or 1} of every register port, from the manifest."""
-    (module,) = json.loads(path.read_text())["modules"].values()
+def _initial(manifest, sound, registers):
+    """Reset value of each register as binary text; one that is no port has none that the bundle knows: 0."""
     values = {}
     for port in manifest["registers"]:
-        for k, bit in enumerate(module["ports"][f"r_{port['name']}"]["bits"]):
+        for k, bit in enumerate(sound["ports"][f"r_{port['name']}"]["bits"]):
             values[bit] = port["reset"] >> k & 1
-    return values
+    columns = (reversed(sound["ports"][f"q_{k}"]["bits"]) for k in range(len(registers)))
+    return ["".join(str(values.get(bit, 0)) for bit in column) for column in columns]
 
 
-def _top(manifest, registers, initial):
-    """Verilog: `once`, one clock from any state, and `ever`, from reset; `bad` is the difference."""
-    inputs = manifest["inputs"]
+def _top(manifest, registers, initial, count):
+    """Verilog: `once`, one clock from any state, and `ever`, from reset; `bad[k]` is the difference of fault k."""
     outs = [(f"r_{p['name']}", p["width"]) for p in manifest["registers"]]
     outs += [(f"o_{p['name']}", p["width"]) for p in manifest["outputs"]]
     state = [(f"q_{k}", width) for k, (_, width) in enumerate(registers)]
     following = [(f"d_{k}", width) for k, (_, width) in enumerate(registers)]
-    wires = [f"    wire [{width - 1}:0] {kind}_{name};" for name, width in outs + following for kind in ("g", "f")]
-    given = [f".{p['name']}({p['name']})" for p in inputs] + [f".{name}({name})" for name, _ in state]
-
-    def instance(kind, module):
+    inputs = [(port["name"], port["width"]) for port in manifest["inputs"]]
+    given = [f".{name}({name})" for name, _ in inputs + state]
+    lines = []
+    for kind, module in (("g", "sound"), *((f"f{k}", f"faulted_{k}") for k in range(count))):
+        lines += [f"    wire [{width - 1}:0] {kind}_{name};" for name, width in outs + following]
         pins = [*given, *(f".{name}({kind}_{name})" for name, _ in outs + following)]
-        return f"    {module} {kind} ({', '.join(pins)});"
-
-    every = {kind: ", ".join(f"{kind}_{name}" for name, _ in outs + following) for kind in ("g", "f")}
+        lines.append(f"    {module} {kind} ({', '.join(pins)});")
+    right = ", ".join(f"g_{name}" for name, _ in outs + following)
+    for k in range(count):
+        wrong = ", ".join(f"f{k}_{name}" for name, _ in outs + following)
+        lines.append(f"    assign bad[{k}] = kept && {{{right}}} != {{{wrong}}};")
     contract = re.sub(r"\b([ro]_\w+)", r"g_\1", CONTRACTS.get(manifest["block"], "1'b1"))
-    ports = [f"    input wire [{p['width'] - 1}:0] {p['name']}" for p in inputs]
-    ports_state = [f"    input wire [{width - 1}:0] {name}" for name, width in state]
-    results = [f"    output wire [{width - 1}:0] n_{name}" for name, width in following]
-    once = ",\n".join([*ports, *ports_state, *results, "    output wire bad", "    output wire kept"])
-    nexts = "\n".join(f"    assign n_{name} = g_{name};" for name, _ in following)
-    regs = "\n".join(
-        f"    reg [{width - 1}:0] {name} = {width}'b{value};\n    wire [{width - 1}:0] n_d_{name[2:]};"
-        for (name, width), value in zip(state, initial, strict=True)
-    )
-    moves = "\n".join(f"        {name} <= n_d_{name[2:]};" for name, _ in state)
+    ports = [f"    input wire [{width - 1}:0] {name}," for name, width in inputs]
+    held = [f"    input wire [{width - 1}:0] {name}," for name, width in state]
+    moved = [f"    output wire [{width - 1}:0] n_{name}," for name, width in following]
+    regs = [f"    reg [{w - 1}:0] {name} = {w}'b{bits};" for (name, w), bits in zip(state, initial, strict=True)]
+    nets = [f"    wire [{width - 1}:0] n_{name};" for name, width in following]
+    steps = [f"        {q} <= n_{d};" for (q, _), (d, _) in zip(state, following, strict=True)]
     pins = [*given, *(f".n_{name}(n_{name})" for name, _ in following), ".bad(differs)", ".kept(kept)"]
-    return f"""module once (
-{once}
-);
-{chr(10).join(wires)}
-{instance("g", "sound")}
-{instance("f", "faulted")}
-{nexts}
-    assign kept = {contract};
-    assign bad = kept && {{{every["g"]}}} != {{{every["f"]}}};
-endmodule
-module single (
-{",".join(chr(10) + line for line in [*ports, *ports_state])},
-    output wire bad
-);
-    once both ({", ".join([*given, ".bad(bad)"])});
-endmodule
-module ever (
-    input wire {CLOCK},
-{",".join(chr(10) + line for line in ports)},
-    output wire bad
-);
-{regs}
-    reg broken = 1'b0;
-    wire differs, kept;
-    once both ({", ".join(pins)});
-    assign bad = differs && !broken;
-    always @(posedge {CLOCK}) begin
-        broken <= broken || !kept;
-{moves}
-    end
-endmodule
-"""
+    text = [
+        "module once (",
+        *ports,
+        *held,
+        *moved,
+        f"    output wire [{count - 1}:0] bad,",
+        "    output wire kept",
+        ");",
+    ]
+    text += lines + [f"    assign n_{name} = g_{name};" for name, _ in following]
+    text += [f"    assign kept = {contract};", "endmodule"]
+    text += ["module single (", *ports, *held, f"    output wire [{count - 1}:0] bad", ");"]
+    text += [f"    once both ({', '.join([*given, '.bad(bad)'])});", "endmodule"]
+    text += ["module ever (", f"    input wire {CLOCK},", *ports, f"    output wire [{count - 1}:0] bad", ");"]
+    text += [*regs, *nets, "    reg broken = 1'b0;", f"    wire [{count - 1}:0] differs;", "    wire kept;"]
+    text += [f"    once both ({', '.join(pins)});", f"    assign bad = broken ? {count}'d0 : differs;"]
+    text += [
+        f"    always @(posedge {CLOCK}) begin",
+        "        broken <= broken || !kept;",
+        *steps,
+        "    end",
+        "endmodule",
+    ]
+    return "\n".join(text) + "\n"
 
 
-def _open(manifest, faults, work, what):
-    """Write sound_open.json, faulted_k.json and top.v."""
+def _netlists(manifest, faults, work, what):
+    """Write single.aig and ever.aig, with one output per fault; what the designs share is there once."""
     steps = ["read_ilang base.il", "memory_map", "opt_clean", "write_json sound.json"]
     for k, fault in enumerate(faults):
         steps += ["design -reset", "read_ilang base.il", f"mutate {fault.options}", "memory_map", "opt_clean"]
         steps += [f"write_json faulted_{k}.json"]
     (work / "netlists.ys").write_text("\n".join(steps) + "\n")
     _run(["yosys", "-q", "netlists.ys"], work, what)
-    reset = _reset_values(work / "sound.json", manifest)
-    sound, registers = _opened(work / "sound.json", "sound")
-    ports = sound["modules"]["sound"]["ports"]
-    initial = []
-    for k in range(len(registers)):
-        # a register that is no port has no reset value that the bundle knows: it starts at 0
-        initial.append("".join(str(reset.get(bit, 0)) for bit in reversed(ports[f"q_{k}"]["bits"])))
-    (work / "sound_open.json").write_text(json.dumps(sound))
-    (work / "top.v").write_text(_top(manifest, registers, initial))
+    sound, registers = _opened(work / "sound.json")
+    modules = {"sound": sound}
     for k, fault in enumerate(faults):
-        faulted, found = _opened(work / f"faulted_{k}.json", "faulted")
+        modules[f"faulted_{k}"], found = _opened(work / f"faulted_{k}.json")
         if found != registers:
             raise FileError(f"{what}: mutant {fault.number} has other registers than the design")
-        (work / f"faulted_{k}.json").write_text(json.dumps(faulted))
-
-
-def _aiger(top, k, work, what):
-    """Write TOP_k.aig of fault k: what both designs share is merged before it is mapped to gates."""
-    steps = ["read_json sound_open.json", f"read_json faulted_{k}.json", "read_verilog top.v", f"hierarchy -top {top}"]
-    steps += ["proc", "flatten", "opt -full", "setundef -undriven -zero", "opt -full", "techmap", "opt -full"]
-    steps += ["dffunmap", "setundef -zero", "aigmap", "opt_clean", f"write_aiger -zinit -symbols {top}_{k}.aig"]
-    _run(["yosys", "-q", "-p", "; ".join(steps)], work, what)
+    (work / "opened.json").write_text(json.dumps({"modules": modules}))
+    initial = _initial(manifest, sound, registers)
+    (work / "top.v").write_text(_top(manifest, registers, initial, len(faults)))
+    for top in ("single", "ever"):
+        steps = ["read_json opened.json", "read_verilog top.v", f"hierarchy -top {top}", "proc", "flatten", "opt -full"]
+        steps += ["setundef -undriven -zero", "opt -full", "techmap", "opt -full", "dffunmap", "setundef -zero"]
+        steps += ["aigmap", "opt_clean", f"write_aiger -zinit -symbols {top}.aig"]
+        _run(["yosys", "-q", "-p", "; ".join(steps)], work, what)
 
 
 # ---- solvers -------------------------------------------------------------------------------------------------------
@@ -192,22 +174,20 @@ def _trace(path, inputs):
 
 def _verdict(k, inputs, work, what):
     """Verdict on fault k."""
-    _aiger("single", k, work, what)
-    said = _abc([f"read_aiger single_{k}.aig", "strash", "iprove"], work, what, ONCE_S)
+    said = _abc(["read_aiger single.aig", f"cone -O {k}", "strash", "iprove"], work, what, ONCE_S)
     if re.search(r"\bUNSATISFIABLE", said):
         return Verdict("equivalent", "in every state", [])
-    _aiger("ever", k, work, what)
-    ready, found = [f"read_aiger ever_{k}.aig", "strash"], work / f"trace_{k}.txt"
-    said = _abc([*ready, f"bmc3 -F {SEARCH_CLOCKS} -T {SEARCH_S}", f"write_cex -n {found.name}"], work, what)
-    if "was asserted in frame" in said:
-        trace = _trace(found, inputs)
-        return Verdict("alive", f"differs {len(trace)} clocks after reset", trace)
-    clear = re.search(r"No output asserted in (\d+) frames", said)
-    said = _abc([*ready, "scorr", f"pdr -T {PROOF_S}"], work, what)
-    if "Property proved" in said:
-        return Verdict("equivalent", "in every state that can be reached", [])
-    searched = clear.group(1) if clear else 0
-    return Verdict("undecided", f"no difference within {searched} clocks from reset, and no proof", [])
+    ready, found = ["read_aiger ever.aig", f"cone -s -O {k}", "strash"], work / f"trace_{k}.txt"
+    clear = 0
+    for way in (f"bmc3 -F {NEAR_CLOCKS} -T {NEAR_S}", f"scorr; pdr -T {PROOF_S}", f"bmc3 -F {FAR_CLOCKS} -T {FAR_S}"):
+        said = _abc([*ready, way, f"write_cex -n {found.name}"], work, what)
+        if "was asserted in frame" in said:
+            trace = _trace(found, inputs)
+            return Verdict("alive", f"differs {len(trace)} clocks after reset", trace)
+        if "Property proved" in said or "all reachable states" in said:
+            return Verdict("equivalent", "in every state that can be reached", [])
+        clear = max([clear, *map(int, re.findall(r"No output asserted in (\d+) frames", said))])
+    return Verdict("undecided", f"no difference within {clear} clocks from reset, and no proof", [])
 
 
 def judge(manifest, faults, work, jobs=1):
@@ -215,7 +195,7 @@ def judge(manifest, faults, work, jobs=1):
     if not faults:
         return []
     what = f"{manifest['block']}/{manifest['case']}"
-    _open(manifest, faults, work, what)
+    _netlists(manifest, faults, work, what)
     inputs = {port["name"] for port in manifest["inputs"]}
     with ThreadPoolExecutor(jobs) as pool:
         return list(pool.map(lambda k: _verdict(k, inputs, work, what), range(len(faults))))
