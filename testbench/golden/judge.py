@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 from testbench.errors import FileError
 
-ONCE_S, NEAR_S, PROOF_S, FAR_S = 60, 10, 60, 60
+ONCE_S, NEAR_S, PROOF_S, FAR_S = 60, 5, 20, 20
 NEAR_CLOCKS, FAR_CLOCKS = 16, 600
 HANGS_S = 1200
 CLOCK, RESET = "clk", "rst"

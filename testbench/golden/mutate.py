@@ -227,7 +227,17 @@ def simulate(folder, manifest, mutants, work):
     for name in bundle.WORDS:
         shutil.copyfile(folder / f"{name}.hex", work / f"{name}.hex")
     build = ["verilator", "--cc", "--exe", "--build", "-Wno-fatal", "-Wno-lint", "-Wno-style", "--x-initial", "0"]
-    build += ["--top-module", "bench", "-CFLAGS", "-O1", "--Mdir", "sim", "bench.v", "design.v", "main.cpp"]
+    build += [
+        "--top-module",
+        "bench",
+        "-MAKEFLAGS",
+        "OPT_FAST=-O1 OPT_SLOW=-O0 OPT_GLOBAL=-O0",
+        "--Mdir",
+        "sim",
+        "bench.v",
+        "design.v",
+        "main.cpp",
+    ]
     run_tool(build, work, what)
     said = run_tool([work / "sim" / "Vbench"], work, what)
     first = {int(m): int(row) for m, row in (line.split() for line in said.splitlines())}
