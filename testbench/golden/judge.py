@@ -30,7 +30,10 @@ CONTRACTS = {"rate_output": "!(en && r_stage != 5'd0)"}
 
 
 class Verdict(NamedTuple):
-    """equivalent, alive or undecided; why; and for a living fault the inputs (hex) of each clock from reset."""
+    """equivalent, alive or undecided; why; and for a living fault the inputs (hex) of each clock from reset.
+
+    An output differs in the last clock of the trace, or a register after it.
+    """
 
     verdict: str
     why: str
