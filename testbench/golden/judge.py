@@ -3,7 +3,7 @@
     differs    an output or a next register of the faulted design is not that of the sound one, which stands in the
                same state and has the same inputs: the first difference of the two begins in a common state
     1. once    `differs` is impossible in every state, reachable or not: equivalent, without any bound
-    2. search  else from reset, 1, 2, .. clocks: the shortest trace that ends in `differs`: alive
+    2. search  else from reset, 1, 2, .. clocks: a trace that ends in `differs`: alive
     3. proof   else property-directed reachability finds an invariant without `differs`, equivalent, or a trace, alive
     4. search  else as 2., further
     otherwise  undecided, with the number of clocks that were searched
