@@ -49,14 +49,28 @@ def verify(folders: Annotated[list[Path], typer.Argument(help="Folders of bundle
 @app.command()
 def check(
     folder: Annotated[Path, typer.Argument(help="Folder of a bundle: DIR/BLOCK/CASE.")],
-    log: Annotated[Path, typer.Option("--log", help="VCD or FST dump, or CSV, of your design.")],
-    map_path: Annotated[Path, typer.Option("--map", metavar="TOML", help="Which signal is which port.")],
+    rtl: Annotated[Path | None, typer.Option("--rtl", metavar="DIR", help="Folder of your design; it is run.")] = None,
+    sim: Annotated[str | None, typer.Option("--sim", help="With --rtl: icarus, verilator or ghdl.")] = None,
+    timeout_s: Annotated[
+        float, typer.Option("--timeout", metavar="SECONDS", help="With --rtl: when to stop a design that hangs.")
+    ] = 120.0,
+    log: Annotated[Path | None, typer.Option("--log", help="VCD, FST or GHW dump, or CSV, of your design.")] = None,
+    map_path: Annotated[
+        Path | None, typer.Option("--map", metavar="TOML", help="With --log: which signal is which port.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")] = False,
 ):
-    """Compare a log of your design with a bundle: the first divergence, and what it looks like."""
-    from testbench.golden.waves import check as compared
+    """Run your design, or read its log, and compare it with a bundle: the first divergence, and what it looks like."""
+    from testbench.errors import ConfigError
+    from testbench.golden import rtl_run, waves
 
-    report = compared(folder, log, map_path)
+    if (rtl is None) == (log is None):
+        raise ConfigError("check: one of --rtl DIR and --log FILE is needed")
+    if log is not None and map_path is None:
+        raise ConfigError("check: --log needs --map TOML")
+    if (map_path is not None and log is None) or (sim is not None and rtl is None):
+        raise ConfigError("check: --map belongs to --log, --sim to --rtl")
+    report = rtl_run.check(folder, rtl, sim, timeout_s) if rtl else waves.check(folder, log, map_path)
     typer.echo(report.to_json() if as_json else report.text())
     raise typer.Exit(0 if report.passed else 1)
 
