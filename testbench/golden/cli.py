@@ -38,10 +38,11 @@ def export(
 @app.command()
 def verify(folders: Annotated[list[Path], typer.Argument(help="Folders of bundles.")]):
     """Check every hash and every name of bundles."""
-    from testbench.golden.bundle import read
+    from testbench.golden import bundle
 
     for folder in folders:
-        manifest = read(folder).manifest
+        manifest = bundle.verify(folder)
+        bundle.read(folder)
         typer.echo(f"{folder}  ok  {manifest['n']} rows")
 
 
@@ -72,3 +73,40 @@ def check(
     report = rtl_run.check(folder, rtl, sim, timeout_s) if rtl else waves.check(folder, log, map_path)
     typer.echo(report.to_json() if as_json else report.text())
     raise typer.Exit(0 if report.passed else 1)
+
+
+@app.command()
+def ranges(
+    block: Annotated[str, typer.Argument(help="Block, such as dds, or all.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")] = False,
+):
+    """Proven and seen range of every register, headroom, and the widest intermediate result."""
+    from testbench.golden import range_report
+    from testbench.golden.export import chosen
+
+    found = {f"{b.stem}/{case}": range_report.of_vectors(b, case) for b in chosen(block) for case in b.cases}
+    if as_json:
+        typer.echo(json.dumps({"ranges": found}))
+    else:
+        typer.echo("\n".join(range_report.text(title, data) for title, data in found.items()), nl=False)
+    raise typer.Exit(0 if all(data["proven"] for data in found.values()) else 1)
+
+
+@app.command()
+def mutate(
+    folder: Annotated[Path, typer.Argument(help="Folder of a bundle: DIR/BLOCK/CASE.")],
+    rtl: Annotated[Path, typer.Option("--rtl", metavar="DIR", help="Folder of a Verilog design that passes it.")],
+    count: Annotated[int, typer.Option("--count", help="Faults to try.")] = 150,
+    seed: Annotated[int, typer.Option("--seed", help="Of the choice of faults.")] = 1,
+    jobs: Annotated[int, typer.Option("--jobs", help="Survivors judged at a time.")] = 1,
+    write: Annotated[bool, typer.Option("--write", help="Note the outcome in the bundle's manifest.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")] = False,
+):
+    """Mutation score: what share of small faults in a design the vectors see; needs yosys and verilator."""
+    from testbench.golden.mutate import record, score
+
+    outcome = score(folder, rtl, count, seed, jobs)
+    if write:
+        record(folder, outcome)
+    typer.echo(json.dumps(outcome.to_dict()) if as_json else outcome.text())
+    raise typer.Exit(0 if outcome.score == 1 else 1)

@@ -13,7 +13,7 @@ import numpy as np
 from fpga_model.rates import MASTER_HZ
 from testbench import vcd
 from testbench.errors import ConfigError
-from testbench.golden import benches, blocks, bundle, stimulus
+from testbench.golden import benches, blocks, bundle, range_report, stimulus
 from testbench.version import VERSION
 
 
@@ -111,6 +111,8 @@ def export_case(block, case, out, seed=stimulus.SEED):
     exp = np.column_stack([regs, pins])
     files = {**_tables(block, stim, exp), **benches.texts(block, case, len(stim))}
     manifest = _manifest(block, case, len(stim), families, seed)
+    manifest["ranges"] = range_report.entry(block, case, regs, pins)
+    files["RANGES.md"] = range_report.text(f"{block.stem}/{case}", manifest["ranges"])
     return bundle.write(Path(out) / block.stem / case, manifest, files, [_waves(block, stim, exp)])
 
 
@@ -125,11 +127,11 @@ def chosen(name):
 
 def folder_makefile(block):
     """Makefile of a block's folder: the same goals in every case."""
-    return f"""# Every case of {block.stem}: make check SIM=... RTL=folder (absolute)
+    return f"""# Every case of {block.stem}: make check RTL=folder (absolute), SIM=... for one simulator
 CASES = {" ".join(block.cases)}
 
 check clean:
-	@for case in $(CASES); do $(MAKE) --no-print-directory -C $$case $@ || exit 1; done
+	@status=0; for case in $(CASES); do $(MAKE) --no-print-directory -C $$case $@ || status=1; done; exit $$status
 
 .PHONY: check clean
 """
