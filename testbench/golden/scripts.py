@@ -1,0 +1,144 @@
+"""Scripts: long inputs that walk a block through its states: debouncing, frames, start-up, loss and recovery.
+
+Source  docs/blocks/
+"""
+
+import itertools
+
+from fpga_model import fault_monitor, lock_monitor, rates, sequencer, spi_adc
+from testbench.golden.writer import frame
+
+
+def _edges_lock_monitor(w):
+    """Each error at both of its limits +-1 LSB, long enough to lock and to lose lock."""
+    p = w.block.cases[w.case]
+    common = {"en": 1, "enable": 15, "judged": 15, "setpoint": 1 << 22}
+    errors = ("agc_error", "phase", "sense_sin", "sense_cos")
+
+    def limit(k, table):
+        return (common["setpoint"] * table[k]) >> lock_monitor.FRACTION if k == 0 else table[k]
+
+    for k, name in enumerate(errors):
+        for table, frames in ((p.limit_in, p.frames_in), (p.limit_out, p.frames_out)):
+            for near in (-1, 0, 1):
+                for sign in (1, -1):
+                    w.row({**common, name: sign * (limit(k, table) + near)}, times=min(frames[k], 420) + 2)
+    w.row({**common, "sense_cos": 1 << 22, "rail": 1}, times=min(p.frames_in[3], 420) + 2)
+    for word in range(16):
+        w.row({**common, "enable": word, "judged": 15 ^ word}, times=2)
+
+
+def _edges_fault_monitor(w):
+    p = w.block.cases[w.case]
+    common = {"en": 1, "armed": 1, "fresh": 1, "watch_stuck": 1}
+    for k in range(4):
+        for value in (fault_monitor.RANGE_LIMIT - 1, fault_monitor.RANGE_LIMIT, fault_monitor.RANGE_LIMIT + 1):
+            for sign in (1, -1):
+                for row in range(p.over_range + 2):
+                    w.row({**common, f"codes_{k}": sign * value, f"codes_{k ^ 1}": row})
+    for name, frames in (("drive", p.drive), ("rate", p.rate), ("rail", p.rail)):
+        for times in (frames - 1, frames, frames + 1):
+            for row in range(times):
+                w.row({**common, "codes_0": row, name: 1})
+            w.row({**common, "codes_0": -1})
+    for times in (p.stuck, p.stuck + 1, p.stuck + 2):
+        w.row({**common, "codes_2": times}, times=times)
+    w.row({**common, "fresh": 0}, times=5)
+    for word in range(8):
+        w.row({**common, "codes_1": word, "clear": 1 << word})
+        w.row({**common, "codes_1": ~word, "levels": 1 << word, "clear": 1 << word})
+
+
+def _edges_spi_adc(w):
+    for status in (0xC00000, 0xCFFFFF, 0x800000, 0x400000, 0xD00000, 0xFFFFFF, 0):
+        frame(w, w.random, status)
+    for word in (0, 1, 0x800000, 0x7FFFFF, 0xFFFFFF, 0x555555, 0xAAAAAA):
+        frame(w, w.random, rows=[word] * spi_adc.CHANNELS)
+    for rows in (1, 2, 3, 4, 5, 6, 50, 51, 100, 430, 434, 435, 436, 470, 487, 488, 489, 490):
+        begun = len(w.rows)
+        frame(w, w.random)
+        w.rows[begun + rows :] = []
+        w.row({"drdy_n": 0, "dout": 1}, rst=1)
+        w.row({"drdy_n": 1}, times=5)
+    for cut in (1, 25, 100):
+        frame(w, w.random, cut=cut)
+        w.row(times=500)
+
+
+def _edges_watchdog(w):
+    p = w.block.cases[w.case]
+    for ticks in (p.limit - 1, p.limit, p.limit + 1):
+        w.row({"ce_1m": 1}, times=ticks)
+        w.row(times=2)
+        w.row({"frame": 1})
+    w.row({"ce_1m": 1}, times=1030)
+    w.row({"ce_1m": 1, "frame": 1})
+    w.row({"ce_1m": 1}, times=3)
+
+
+def _edges_rates(w):
+    w.row(times=rates.FRAME_CYCLES + 30)
+    w.row({"go": 1}, times=3)
+    w.row(times=rates.SLOTS + 3)
+
+
+def _edges_sequencer(w):
+    """Start-up to LOCKED in few frames, loss and recovery, each control bit, a stale and a stuck ADC."""
+    w.row(rst=1)
+    setpoint = 1 << 23
+    frames = itertools.count(1)
+
+    def run(times, control=sequencer.RUN, magnitude=setpoint, phase=0, alive=True, **more):
+        for _ in range(times):
+            moving = next(frames) if alive else 7
+            w.row(
+                {
+                    "en": 1,
+                    "i_adc_ok": 1,
+                    "i_control": control,
+                    "i_drive_sin": moving,
+                    "i_magnitude": magnitude,
+                    "i_setpoint": setpoint,
+                    "i_phase": phase,
+                    **{f"i_{k}": v for k, v in more.items()},
+                }
+            )
+
+    run(10, control=0)
+    for magnitude in (setpoint, 0):
+        run(90, magnitude=magnitude)
+    run(90)
+    for k in range(1, len(sequencer.CONTROL_BITS)):
+        run(4, control=sequencer.RUN | 1 << k)
+        run(70)
+    run(20, sense_sin=1 << 22)
+    run(10)
+    run(20, sense_cos=-(1 << 22), qsc_rail=1)
+    run(10, drive_saturated=1, rate_saturated=1)
+    run(10, drive_cos=0x7FFFFF)
+    run(20, alive=False)
+    run(80)
+    run(3, adc_ok=0)
+    run(5)
+    run(3, stale=1)
+    run(30, stale=1)
+    run(80)
+    run(30, phase=1 << 22)
+    for step in (1 << 18, -(1 << 18), 1 << 22):
+        run(1, control=0)
+        for k in range(80):
+            run(1, phase=((k * step + (1 << 23)) % (1 << 24)) - (1 << 23))
+    reached = setpoint * w.block.cases[w.case].reached >> 16
+    for magnitude in (reached - 1, reached, reached + 1):
+        run(1, control=0)
+        run(60, magnitude=magnitude)
+
+
+SCRIPTS = {
+    "lock_monitor": _edges_lock_monitor,
+    "fault_monitor": _edges_fault_monitor,
+    "spi_adc": _edges_spi_adc,
+    "watchdog": _edges_watchdog,
+    "rates": _edges_rates,
+    "sequencer": _edges_sequencer,
+}
