@@ -51,6 +51,11 @@ def toggles_seen(ports, rows):
     return seen
 
 
+def side_by_side(regs, pins):
+    """Registers and pins in one array, in the order of `named`."""
+    return np.column_stack([regs, pins])
+
+
 def named(block):
     """Registers and pins, the pins with the prefix of their port."""
     return (*block.registers, *(port._replace(name=f"o_{port.name}") for port in block.pins))
@@ -64,7 +69,7 @@ def goals(block, case):
 def seen(block, case, rows, results=None):
     """Goals that a stimulus meets; `results` are the registers and pins of the model if they are known."""
     if results is None:
-        results = np.column_stack(blocks.run(block, case, rows))
+        results = side_by_side(*blocks.run(block, case, rows))
     probed = probes.probed(block, case)
     probes.follow(block, case, probed, np.asarray(rows).tolist())
     return toggles_seen(named(block), results) | probed.seen()

@@ -11,7 +11,6 @@ from fpga_model import dds, digital_sid, modulator, registers, sine, spi_dac
 from testbench.golden.edges_pi import edges_loop, edges_pi, even_part
 from testbench.golden.edges_rate_output import edges_rate_output
 
-
 ALTERNATE = int("01" * 24, 2)
 
 

@@ -211,8 +211,19 @@ def edges_loop(w):
         w.row({"en": 1, "mode": pi.HOLD, **_errors_of(stem, e)})
         w.row({"en_pi": 1, "mode": mode, **({} if fixed else {"preset": value})})
 
-    everything(Loop(w.block.cases[w.case].loop, ERRORS[stem], None if fixed else preset, operate))
+    p = w.block.cases[w.case].loop
+    everything(Loop(p, ERRORS[stem], None if fixed else preset, operate))
     w.row(times=3)
+    if fixed:
+        # the word at all ones, at 0, and one LSB beyond each end
+        for e in (1, -1):
+            for word in (-2, -1, 0, 1):
+                w.row(
+                    {"en": 1, "load": 1, "preset": (word - half_up(p.kp * e, pi.SHIFT)) % (preset.hi + 1), "phase": e}
+                )
+                w.row({"en_pi": 1, "mode": pi.OFF})
+                w.row({"en_pi": 1, "mode": pi.P_ONLY})
+                w.row(times=3)
     modes = next(port for port in w.wide if port.name == "mode")
     for mode in (0, 2, 1, 2, 3, modes.fmt.hi, 2):
         for port in w.wide:

@@ -53,7 +53,7 @@ def _scaled(w):
     for low, kept in dropped(rate_output.SCALED_CUT):
         w.operation({"scale": 1, **_word((kept << rate_output.SCALED_CUT) + low)})
     for wanted in (lo - 1, lo, lo + 1, hi - 1, hi, hi + 1):
-        for scale in (ONE, *range(rate_output.SCALE.hi, rate_output.SCALE.hi - 64, -1)):
+        for scale in (ONE, 3 * ONE // 2, rate_output.SCALE.hi):
             near = (wanted << rate_output.SCALED_CUT) // scale
             exact = [c for c in (near, near + 1) if half_up(c * scale, rate_output.SCALED_CUT) == wanted]
             if exact and rate_output.CORRECTED.holds(exact[0]):

@@ -107,8 +107,11 @@ def _clamp(seen):
 
 
 def _wrap(seen, signed):
+    def lowest(width):
+        return -(1 << (width - 1)) if signed else 0
+
     def note(x, width):
-        lo = -(1 << (width - 1)) if signed else 0
+        lo = lowest(width)
         hi = lo + (1 << width) - 1
         if x == lo or x == hi:
             seen.add("lo" if x == lo else "hi")
@@ -116,7 +119,30 @@ def _wrap(seen, signed):
             seen.add("under" if x < lo else "over")
         return ((x - lo) & ((1 << width) - 1)) + lo
 
+    note.lowest = lowest
     return note
+
+
+def _distance(kind, outcome, args):
+    """How far the operands of a place are from an outcome; None where there is no measure."""
+    if any(not isinstance(x, int) for x in args):
+        return None
+    if kind == "compare":
+        a, b = args
+        return abs(a - b - int(outcome)) if outcome in ("-1", "0", "+1") else abs(a - b)
+    if kind == "clamp":
+        x, lo, hi = args
+        return abs(x - (lo if outcome[:2] == "lo" else hi) - int(outcome[2:] or 0))
+    if kind == "wrap":
+        x, lo, hi = args
+        return abs(x - {"lo": lo, "hi": hi, "under": lo - 1, "over": hi + 1}[outcome])
+    if kind in ("round", "cut"):
+        x, n = args
+        size, half = 1 << n, (1 << n) >> 1
+        wanted = {"zero": 0, "one": 1, "half-1": half - 1, "half+1": half + 1, "ones": size - 1}.get(outcome, half)
+        away = abs((x & (size - 1)) - wanted)
+        return min(away, size - away) if n else None
+    return None
 
 
 PLACES = {
@@ -226,7 +252,8 @@ class Probed:
     fixed  {argument of step: value} of what does not change while a case runs
     """
 
-    def __init__(self, module, fixed):
+    def __init__(self, module, fixed, watched=None):
+        self.watched, self.nearest = watched, None
         self.numbers, self.sites, self.shared, self.calls = itertools.count(), {}, {}, {}
         self.step = self.shared[self.copy(_python(module.step), module.__name__.rpartition(".")[2], fixed)]
 
@@ -238,8 +265,26 @@ class Probed:
             label = f"{name} #{again}"
         site = Site(kind, label, possible, set())
         self.sites[label] = site
-        self.shared[key] = factory(site.seen)
+        self.shared[key] = note = factory(site.seen)
+        if self.watched and self.watched[:2] == (kind, label):
+            self.shared[key] = self.measured(kind, note, self.watched[2])
         return key
+
+    def measured(self, kind, note, outcome):
+        """A note that keeps the least distance of its operands from the watched outcome as well."""
+
+        def with_distance(*args):
+            found = note(*args)
+            values = args
+            if kind == "wrap":
+                lo = note.lowest(args[1])
+                values = (args[0], lo, lo + (1 << args[1]) - 1)
+            away = _distance(kind, outcome, values)
+            if away is not None and (self.nearest is None or away < self.nearest):
+                self.nearest = away
+            return found
+
+        return with_distance
 
     def copy(self, function, path, fixed):
         """Name of a probed copy of a function; `fixed` are the values of arguments that do not change in a case."""
@@ -261,6 +306,7 @@ class Probed:
         return key
 
     def clear(self):
+        self.nearest = None
         for site in self.sites.values():
             site.seen.clear()
 
@@ -272,10 +318,10 @@ class Probed:
         return {(s.kind, s.name, outcome) for s in self.sites.values() for outcome in s.seen}
 
 
-def probed(block, case):
-    """Probed step of a golden block for one case."""
+def probed(block, case, watched=None):
+    """Probed step of a golden block for one case; `watched` is a goal whose nearest miss is kept in `nearest`."""
     fixed = {} if block.runtime_params or block.cases[case] is None else {"p": block.cases[case]}
-    return Probed(importlib.import_module(f"fpga_model.{block.stem}"), fixed)
+    return Probed(importlib.import_module(f"fpga_model.{block.stem}"), fixed, watched)
 
 
 def edge(block, case, step):

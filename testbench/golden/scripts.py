@@ -8,34 +8,57 @@ import itertools
 from fpga_model import fault_monitor, lock_monitor, rates, sequencer, spi_adc
 from testbench.golden.writer import frame
 
+LONG = 1000  # debounce in frames above which a script takes each way once
 
-def _edges_lock_monitor(w):
-    """Each error at both of its limits +-1 LSB, long enough to lock and to lose lock."""
+
+def _lock_errors(p, setpoint, table, near, sign):
+    """Inputs whose four errors are `near` LSB beside the limits of `table`."""
+    names = ("agc_error", "phase", "sense_sin", "sense_cos")
+    limits = ((setpoint * table[0]) >> lock_monitor.FRACTION, *table[1:])
+    return {"setpoint": setpoint} | {name: sign * (limit + near) for name, limit in zip(names, limits, strict=True)}
+
+
+def _script_lock_monitor(w):
+    """The errors at both of their limits +-1 LSB, long enough to lock and to lose lock; then each bit alone."""
     p = w.block.cases[w.case]
-    common = {"en": 1, "enable": 15, "judged": 15, "setpoint": 1 << 22}
-    errors = ("agc_error", "phase", "sense_sin", "sense_cos")
-
-    def limit(k, table):
-        return (common["setpoint"] * table[k]) >> lock_monitor.FRACTION if k == 0 else table[k]
-
-    for k, name in enumerate(errors):
-        for table, frames in ((p.limit_in, p.frames_in), (p.limit_out, p.frames_out)):
-            for near in (-1, 0, 1):
-                for sign in (1, -1):
-                    w.row({**common, name: sign * (limit(k, table) + near)}, times=min(frames[k], 420) + 2)
-    w.row({**common, "sense_cos": 1 << 22, "rail": 1}, times=min(p.frames_in[3], 420) + 2)
+    common = {"en": 1, "enable": 15, "judged": 15}
+    longest_in, longest_out = max(p.frames_in) + 2, max(p.frames_out) + 2
+    if max(longest_in, longest_out) > LONG:
+        w.row({**common, **_lock_errors(p, 1 << 22, p.limit_in, 0, 1)}, times=longest_in)
+        w.row({**common, **_lock_errors(p, 1 << 22, p.limit_out, 1, -1)}, times=longest_out)
+        return
+    for sign in (1, -1):
+        for near in (1, 0, -1):
+            w.row({**common, **_lock_errors(p, 1 << 22, p.limit_in, near, sign)}, times=longest_in)
+            w.row({**common, **_lock_errors(p, 1 << 22, p.limit_out, near, -sign)}, times=longest_out)
+        w.row({**common, "sense_cos": 1 << 22, "rail": 1}, times=longest_in)
+    # setpoints whose product with a limit has all ones in the bits that are cut
+    for table in (p.limit_in, p.limit_out):
+        setpoint = (1 << 20) | (-pow(table[0], -1, 1 << lock_monitor.FRACTION) % (1 << lock_monitor.FRACTION))
+        for near in (0, 1):
+            w.row({**common, **_lock_errors(p, setpoint, table, near, 1)}, times=3)
+    for k in range(4):
+        w.row({**common, "enable": 1 << k}, times=p.frames_in[k] + 1)
+        w.row({**common, "judged": 15 ^ (1 << k)}, times=4)
     for word in range(16):
         w.row({**common, "enable": word, "judged": 15 ^ word}, times=2)
 
 
-def _edges_fault_monitor(w):
+def _script_fault_monitor(w):
+    """Every code around its limit, every symptom one frame short of its debounce, just as long, and longer."""
     p = w.block.cases[w.case]
     common = {"en": 1, "armed": 1, "fresh": 1, "watch_stuck": 1}
+    if max(p) > LONG:
+        top = fault_monitor.CODE.hi
+        w.row({**common, "codes_0": top, "drive": 1, "rate": 1, "rail": 1}, times=max(p) + 3)
+        w.row({**common, "fresh": 0}, times=2)
+        return
     for k in range(4):
-        for value in (fault_monitor.RANGE_LIMIT - 1, fault_monitor.RANGE_LIMIT, fault_monitor.RANGE_LIMIT + 1):
+        for near in (-1, 0, 1):
             for sign in (1, -1):
+                code = sign * (fault_monitor.RANGE_LIMIT + near)
                 for row in range(p.over_range + 2):
-                    w.row({**common, f"codes_{k}": sign * value, f"codes_{k ^ 1}": row})
+                    w.row({**common, f"codes_{k}": code, f"codes_{k ^ 1}": row})
     for name, frames in (("drive", p.drive), ("rate", p.rate), ("rail", p.rail)):
         for times in (frames - 1, frames, frames + 1):
             for row in range(times):
@@ -49,7 +72,7 @@ def _edges_fault_monitor(w):
         w.row({**common, "codes_1": ~word, "levels": 1 << word, "clear": 1 << word})
 
 
-def _edges_spi_adc(w):
+def _script_spi_adc(w):
     for status in (0xC00000, 0xCFFFFF, 0x800000, 0x400000, 0xD00000, 0xFFFFFF, 0):
         frame(w, w.random, status)
     for word in (0, 1, 0x800000, 0x7FFFFF, 0xFFFFFF, 0x555555, 0xAAAAAA):
@@ -65,7 +88,7 @@ def _edges_spi_adc(w):
         w.row(times=500)
 
 
-def _edges_watchdog(w):
+def _script_watchdog(w):
     p = w.block.cases[w.case]
     for ticks in (p.limit - 1, p.limit, p.limit + 1):
         w.row({"ce_1m": 1}, times=ticks)
@@ -76,13 +99,13 @@ def _edges_watchdog(w):
     w.row({"ce_1m": 1}, times=3)
 
 
-def _edges_rates(w):
+def _script_rates(w):
     w.row(times=rates.FRAME_CYCLES + 30)
     w.row({"go": 1}, times=3)
     w.row(times=rates.SLOTS + 3)
 
 
-def _edges_sequencer(w):
+def _script_sequencer(w):
     """Start-up to LOCKED in few frames, loss and recovery, each control bit, a stale and a stuck ADC."""
     w.row(rst=1)
     setpoint = 1 << 23
@@ -128,6 +151,9 @@ def _edges_sequencer(w):
         run(1, control=0)
         for k in range(80):
             run(1, phase=((k * step + (1 << 23)) % (1 << 24)) - (1 << 23))
+    # nothing found: failed attempts until their counter is at its top and beyond
+    if w.block.cases[w.case].search == 1:
+        run(3 * (sequencer.ATTEMPTS_TOP + 4), magnitude=0)
     reached = setpoint * w.block.cases[w.case].reached >> 16
     for magnitude in (reached - 1, reached, reached + 1):
         run(1, control=0)
@@ -135,10 +161,10 @@ def _edges_sequencer(w):
 
 
 SCRIPTS = {
-    "lock_monitor": _edges_lock_monitor,
-    "fault_monitor": _edges_fault_monitor,
-    "spi_adc": _edges_spi_adc,
-    "watchdog": _edges_watchdog,
-    "rates": _edges_rates,
-    "sequencer": _edges_sequencer,
+    "lock_monitor": _script_lock_monitor,
+    "fault_monitor": _script_fault_monitor,
+    "spi_adc": _script_spi_adc,
+    "watchdog": _script_watchdog,
+    "rates": _script_rates,
+    "sequencer": _script_sequencer,
 }

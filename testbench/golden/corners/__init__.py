@@ -1,6 +1,7 @@
 """Corners that a search has found: short rows from reset that reach what no directed family of a block reaches.
 
-    BLOCK.json    {"schema", "found": {case: [{"goal": ..., "rows": [[times, {input: value}], ...]}]}, "missing": ...}
+    BLOCK.json    {"schema", "block", "found": {case: [{"goal", "rows"}]}, "missing": {case: {goal: reason}}}
+    rows          [times, {input: value}, [inputs that count up by 1 from row to row]]; others are idle
 
 An export only replays them, so it needs no search and is the same everywhere. `python -m testbench.golden.corners`
 searches again.
@@ -11,15 +12,21 @@ import functools
 import json
 from pathlib import Path
 
+import numpy as np
+
 FOLDER = Path(__file__).parent
 SCHEMA = "gyro-corners/1.0"
 FAMILY = "corners_found"
 
 
+def path_of(stem):
+    return FOLDER / f"{stem}.json"
+
+
 @functools.cache
 def stored(stem):
-    """What is stored of a block: {"found": {case: [...]}, "missing": {case: {goal: reason}}}; empty if nothing is."""
-    path = FOLDER / f"{stem}.json"
+    """What is stored of a block; empty if nothing is. Raises ValueError if the file is another's."""
+    path = path_of(stem)
     if not path.is_file():
         return {"found": {}, "missing": {}}
     data = json.loads(path.read_text("ascii"))
@@ -28,13 +35,51 @@ def stored(stem):
     return data
 
 
-def replay(w):
-    """Append the found rows to a stimulus, each after a reset of its own; an input that is not named is idle."""
-    entries = stored(w.block.stem)["found"].get(w.case, ())
-    if not entries:
+def store(stem, found, missing):
+    """Write what a search has found; a block with nothing to say has no file."""
+    from testbench.files import write_text
+
+    if not found and not missing:
+        path_of(stem).unlink(missing_ok=True)
         return
-    w.family(FAMILY)
+    data = {"schema": SCHEMA, "block": stem, "found": found, "missing": missing}
+    write_text(path_of(stem), json.dumps(data, indent=1) + "\n")
+    stored.cache_clear()
+
+
+def spelled(goal):
+    """A goal as it is stored: kind, place and outcome."""
+    return " | ".join(goal)
+
+
+def play(w, rows):
+    """A reset and the rows of one entry."""
+    w.row(rst=1)
+    for times, values, counting in rows:
+        for n in range(times if counting else 1):
+            w.row({**values, **{name: values.get(name, 0) + n for name in counting}}, times=1 if counting else times)
+
+
+def replay(w):
+    """Append the family of found corners to a stimulus."""
+    entries = stored(w.block.stem)["found"].get(w.case, ())
+    if entries:
+        w.family(FAMILY)
     for entry in entries:
-        w.row(rst=1)
-        for times, values in entry["rows"]:
-            w.row(values, times=times)
+        play(w, entry["rows"])
+
+
+def expanded(block, case, rows):
+    """int64 rows of one entry, a reset first."""
+    from testbench.golden.writer import Writer
+
+    w = Writer(block, case)
+    w.family(FAMILY)
+    play(w, rows)
+    return np.array(w.rows, np.int64)
+
+
+def tidy(block, rows):
+    """Rows without values that are idle anyway."""
+    idle = {port.name: block.idle.get(port.name, 0) for port in block.inputs}
+    return [[times, {k: v for k, v in values.items() if v != idle[k]}, counting] for times, values, counting in rows]
