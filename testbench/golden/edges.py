@@ -90,7 +90,9 @@ def _edges_cordic(w):
     lo, hi = -(1 << 23), (1 << 23) - 1
     for x, y in itertools.product((lo, lo + 1, -1, 0, 1, hi), repeat=2):
         w.operation({"x_in": x, "y_in": y})
-    for x, y in ((1000, 1000), (-1000, 1000), (3, 4), (hi, 1), (lo, 1), (lo, -1)):
+    # an LSB of phase at half a turn is y = 2.7 at x = lo
+    half_turn = [(lo, y) for y in (1, -1, 2, -2, 3, -3, 4, -4)]
+    for x, y in ((1000, 1000), (-1000, 1000), (3, 4), (hi, 1), *half_turn):
         w.operation({"x_in": x, "y_in": y})
 
 
@@ -157,18 +159,27 @@ def _sid_pairs(alpha):
         product = alpha * (x - y)
         return product, y + ((product + half) >> cut)
 
-    second, first = np.meshgrid(np.arange(-48, 49), np.arange(1, 1 << 17), indexing="ij")
-    zero = np.zeros_like(first)
-    inputs, pairs = (first << digital_sid.POLE.f, second << digital_sid.POLE.f), []
-    for _ in range(3):
-        _, once = moved(zero, inputs[0])
-        product, twice = moved(once, inputs[1])
-        low, odd, negative = product & (size - 1), (product >> cut) & 1, product < 0
-        found = [low == wanted for wanted in (0, step, half - step, half + step, size - step)]
-        found += [(low == half) & (odd == k) & (negative == n) for k in (0, 1) for n in (False, True)]
-        for places in map(np.flatnonzero, found):
-            pairs += [(int(first.flat[n]), int(second.flat[n])) for n in places[:1]]
-        inputs = (once, twice)
+    first = np.arange(1, 1 << 17) << digital_sid.POLE.f
+    kinds = [(low, None, None) for low in (0, step, half - step, half + step, size - step)]
+    kinds += [(half, odd, negative) for odd in (0, 1) for negative in (False, True)]
+    wanted, pairs = {(pole, *kind) for pole in range(3) for kind in kinds}, []
+    for second in itertools.chain.from_iterable((k, -k) for k in range(1, 17)):
+        zero, inputs = np.zeros_like(first), (first, np.full_like(first, second << digital_sid.POLE.f))
+        for pole in range(3):
+            _, once = moved(zero, inputs[0])
+            product, twice = moved(once, inputs[1])
+            low, parity = product & (size - 1), (product >> cut) & 1
+            for kind in sorted((k for k in wanted if k[0] == pole), key=str):
+                _, value, odd, negative = kind
+                places = low == value
+                if odd is not None:
+                    places &= (parity == odd) & ((product < 0) == negative)
+                if places.any():
+                    wanted.discard(kind)
+                    pairs.append((int(first[places.argmax()]) >> digital_sid.POLE.f, second))
+            inputs = (once, twice)
+        if not wanted:
+            break
     return pairs
 
 

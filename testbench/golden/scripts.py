@@ -3,9 +3,8 @@
 Source  docs/blocks/
 """
 
-import itertools
-
-from fpga_model import fault_monitor, lock_monitor, rates, sequencer, spi_adc
+from fpga_model import fault_monitor, lock_monitor, rates, spi_adc
+from testbench.golden.script_sequencer import script_sequencer
 from testbench.golden.writer import frame
 
 LONG = 1000  # debounce in frames above which a script takes each way once
@@ -105,66 +104,11 @@ def _script_rates(w):
     w.row(times=rates.SLOTS + 3)
 
 
-def _script_sequencer(w):
-    """Start-up to LOCKED in few frames, loss and recovery, each control bit, a stale and a stuck ADC."""
-    w.row(rst=1)
-    setpoint = 1 << 23
-    frames = itertools.count(1)
-
-    def run(times, control=sequencer.RUN, magnitude=setpoint, phase=0, alive=True, **more):
-        for _ in range(times):
-            moving = next(frames) if alive else 7
-            w.row(
-                {
-                    "en": 1,
-                    "i_adc_ok": 1,
-                    "i_control": control,
-                    "i_drive_sin": moving,
-                    "i_magnitude": magnitude,
-                    "i_setpoint": setpoint,
-                    "i_phase": phase,
-                    **{f"i_{k}": v for k, v in more.items()},
-                }
-            )
-
-    run(10, control=0)
-    for magnitude in (setpoint, 0):
-        run(90, magnitude=magnitude)
-    run(90)
-    for k in range(1, len(sequencer.CONTROL_BITS)):
-        run(4, control=sequencer.RUN | 1 << k)
-        run(70)
-    run(20, sense_sin=1 << 22)
-    run(10)
-    run(20, sense_cos=-(1 << 22), qsc_rail=1)
-    run(10, drive_saturated=1, rate_saturated=1)
-    run(10, drive_cos=0x7FFFFF)
-    run(20, alive=False)
-    run(80)
-    run(3, adc_ok=0)
-    run(5)
-    run(3, stale=1)
-    run(30, stale=1)
-    run(80)
-    run(30, phase=1 << 22)
-    for step in (1 << 18, -(1 << 18), 1 << 22):
-        run(1, control=0)
-        for k in range(80):
-            run(1, phase=((k * step + (1 << 23)) % (1 << 24)) - (1 << 23))
-    # nothing found: failed attempts until their counter is at its top and beyond
-    if w.block.cases[w.case].search == 1:
-        run(3 * (sequencer.ATTEMPTS_TOP + 4), magnitude=0)
-    reached = setpoint * w.block.cases[w.case].reached >> 16
-    for magnitude in (reached - 1, reached, reached + 1):
-        run(1, control=0)
-        run(60, magnitude=magnitude)
-
-
 SCRIPTS = {
     "lock_monitor": _script_lock_monitor,
     "fault_monitor": _script_fault_monitor,
     "spi_adc": _script_spi_adc,
     "watchdog": _script_watchdog,
     "rates": _script_rates,
-    "sequencer": _script_sequencer,
+    "sequencer": script_sequencer,
 }

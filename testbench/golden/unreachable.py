@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fpga_model import cordic, modulator, pi, rate_output, registers, sine
+from fpga_model import cordic, modulator, pi, rate_output, registers, sequencer, sine
 from testbench.golden import blocks, coverage
 from testbench.golden.edges_pi import ERRORS, ONE, Loop, even_part, half_up
 
@@ -45,6 +45,7 @@ CLAIMS = (
     Claim("rate_output", r"clamp\(p\.decimation", ("lo-1",), UNSIGNED),
     Claim("cordic", r"s\.i < ITERATIONS", ("+1",), "i stops at ITERATIONS"),
     Claim("cordic", r"half_up\(s\.x, ", ("tie-even", "tie-odd"), "x is never negative"),
+    Claim("cordic", r"wrap\(half_up\(s\.angle", ("under",), "the angle is wrapped already, and rounds up"),
     Claim("sine", r"half_up", ("tie-even", "tie-odd"), "the magnitude is never negative"),
     Claim("lock_monitor|sequencer", r"_judge(#\d)?: count >= ", ("+1",), "a count starts again at its limit"),
     Claim("lock_monitor|sequencer", r"_judge(#\d)?: pending #2", ("no",), "without pending the count is 0"),
@@ -52,6 +53,12 @@ CLAIMS = (
     Claim("sequencer", r"clamp\(s\.timer \+ 1", ("lo-1", "lo"), COUNTS),
     Claim("sequencer", r"clamp\(s\.attempts \+ failed", ("lo-1",), UNSIGNED),
     Claim("sequencer", r"_following: frames (<|>=) p\.", ("+1",), "the timer starts again at the limit of its state"),
+    Claim(
+        "sequencer",
+        r"bad_frames >= p\.offline",
+        ("+1",),
+        "the drive starts with 0 bad frames, they rise by one, and at offline it stops",
+    ),
     Claim("sequencer", r"_following: usable #3", ("no",), "the line is in a branch that only usable frames reach"),
     Claim("sequencer", r"fault_monitor\.step: en$", ("no",), "the sequencer passes 1"),
 )
@@ -207,6 +214,19 @@ def _spi_dac_places(block, case, goals):
             yield goal, f"lead = {p.lead}"
 
 
+def _sequencer_places(block, case, goals):
+    p = block.cases[case]
+    at_most = (p.search_limit << sequencer.GAIN.f) // p.gain
+    totals = [sign * total for total in range(at_most - 2, at_most + 4) for sign in (1, -1)]
+    near = {abs(half_up(total * p.gain, sequencer.GAIN.f)) for total in totals}
+    for goal in goals:
+        if "abs(correction) <= p.search_limit" in goal[1] and goal[2] in ("-1", "0", "+1"):
+            value = p.search_limit + int(goal[2])
+            if value not in near:
+                yield goal, f"a correction is a whole rotation times gain = {p.gain}, rounded: never {value}"
+    yield from _fault_places(block, case, goals)
+
+
 def _fault_places(block, case, goals):
     p = block.cases[case]
     for goal in goals:
@@ -262,9 +282,30 @@ def _sid_places(block, case, goals):
             yield goal, f"the product is a multiple of {gain & -gain}: {name} = {gain}"
 
 
+def _near_zero():
+    """Whether some sum of the first k entries of the table, with any signs, is -1, 0 or 1."""
+
+    def signed_sums(entries):
+        found = np.zeros(1, np.int64)
+        for x in entries:
+            found = np.concatenate([found + x, found - x])
+        return np.sort(found)
+
+    for k in range(1, cordic.ITERATIONS + 1):
+        left, right = signed_sums(cordic.ATAN[: k // 2]), signed_sums(cordic.ATAN[k // 2 : k])
+        places = np.searchsorted(right, -1 - left)
+        nearest = right[np.minimum(places, len(right) - 1)] + left
+        if ((nearest >= -1) & (nearest <= 1)).any():
+            return True
+    return False
+
+
 def _cordic_places(block, case, goals):
     sums = sum(1 for x in cordic.ATAN if x % 2)
+    turn = not _near_zero()
     for goal in goals:
+        if "wrap(s.angle + ATAN" in goal[1] and turn and sum(cordic.ATAN) < -cordic.HALF_TURN - 1:
+            yield goal, "no sum of the first entries of the table, with any signs, is -1, 0 or 1: all were tried"
         # the last angle is the start, a multiple of the cut, plus or minus every entry of the table
         if "half_up(s.angle" in goal[1]:
             even = goal[2] in ("zero", *TIES)
@@ -278,7 +319,7 @@ COMPUTED = {
     "modulator": _modulator_places,
     "spi_dac": _spi_dac_places,
     "fault_monitor": _fault_places,
-    "sequencer": _fault_places,
+    "sequencer": _sequencer_places,
     "registers": _register_places,
     "sine": _sine_places,
     "rate_output": _rate_output_places,

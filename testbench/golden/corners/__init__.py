@@ -1,6 +1,6 @@
 """Corners that a search has found: short rows from reset that reach what no directed family of a block reaches.
 
-    BLOCK.json    {"schema", "block", "found": {case: [{"goal", "rows"}]}, "missing": {case: {goal: reason}}}
+    BLOCK.json    {"schema", "block", "found": {case: [{"goal", "rows"}]}, "missing": {goal: reason}}
     rows          [times, {input: value}, [inputs that count up by 1 from row to row]]; others are idle
 
 An export only replays them, so it needs no search and is the same everywhere. `python -m testbench.golden.corners`

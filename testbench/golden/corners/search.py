@@ -132,7 +132,7 @@ def search(block, case, goal, examples=EXAMPLES):
 
 
 def missing(block):
-    """{goal: first case in which it is not proved unreachable} for the goals that no directed family meets."""
+    """{goal: cases in which it is not proved unreachable} for the goals that no directed family meets."""
     met, wanted = set(), {}
     for case in block.cases:
         rows, _ = stimulus.directed(block, case)
@@ -140,28 +140,26 @@ def missing(block):
         dead = unreachable.reasons(block, case)
         for goal in coverage.goals(block, case):
             if goal not in dead:
-                wanted.setdefault(goal, case)
-    return {goal: case for goal, case in wanted.items() if goal not in met and not unreachable.left_out(block, goal)}
+                wanted.setdefault(goal, []).append(case)
+    return {goal: cases for goal, cases in wanted.items() if goal not in met and not unreachable.left_out(block, goal)}
 
 
 def explore(block, examples=EXAMPLES, say=print):
     """What `corners.store` takes: found rows by case, and the goals that were not found."""
     found, not_found, met = {}, {}, set()
-    todo = missing(block)
-    for goal, case in todo.items():
-        if goal in met:
-            continue
-        rows, tried = search(block, case, goal, examples)
-        name = corners.spelled(goal)
-        if rows is None:
-            not_found.setdefault(case, {})[name] = f"not found in {tried} examples"
-            say(f"{block.stem}/{case}: not found in {tried}: {name}")
-            continue
-        met |= coverage.seen(block, case, corners.expanded(block, case, rows))
-        found.setdefault(case, []).append({"goal": name, "rows": rows})
-        say(f"{block.stem}/{case}: found in {tried}: {name}")
-    not_found = {
-        case: {name: why for name, why in listed.items() if name not in {corners.spelled(goal) for goal in met}}
-        for case, listed in not_found.items()
-    }
-    return found, not_found
+    for goal, cases in missing(block).items():
+        name, tried = corners.spelled(goal), 0
+        # the last case has the shorter times or the faster poles
+        for case in reversed(cases):
+            if goal in met:
+                break
+            rows, count = search(block, case, goal, examples)
+            tried += count
+            if rows is not None:
+                met |= coverage.seen(block, case, corners.expanded(block, case, rows))
+                found.setdefault(case, []).append({"goal": name, "rows": rows})
+                say(f"{block.stem}/{case}: found in {tried}: {name}", flush=True)
+        if goal not in met:
+            not_found[goal] = f"not found in {tried} examples"
+            say(f"{block.stem}: not found in {tried}: {name}", flush=True)
+    return found, {corners.spelled(goal): why for goal, why in not_found.items() if goal not in met}
