@@ -7,8 +7,9 @@ import itertools
 
 import numpy as np
 
-from fpga_model import dds, digital_sid, modulator, registers, sine, spi_dac
-from testbench.golden.edges_pi import edges_loop, edges_pi, even_part
+from fpga_model import dds, modulator, registers, sine, spi_dac
+from testbench.golden.edges_digital_sid import edges_digital_sid
+from testbench.golden.edges_pi import edges_loop, edges_pi
 from testbench.golden.edges_rate_output import edges_rate_output
 
 ALTERNATE = int("01" * 24, 2)
@@ -115,74 +116,6 @@ def _edges_registers(w):
         w.row(times=1)
 
 
-def _sid_samples(w, rows):
-    """Samples into the integrators of all four channels, their signs by the references."""
-    for refs, x, times in rows:
-        w.row({"ce_1m": 1, "refs": refs, "sample_x": x, "sample_y": x}, times=times)
-
-
-def _sid_start(w):
-    """After a reset the references that a design delays are all ones too."""
-    w.row(rst=1)
-    w.row({"ce_1m": 1, "refs": 15}, times=digital_sid.MAX_DELAY)
-
-
-def _edges_digital_sid(w):
-    """acc at both limits +-1 LSB, poles whose 20 dropped bits are at their edges, dumps at every distance."""
-    lo, hi = digital_sid.SAMPLE.lo, digital_sid.SAMPLE.hi
-    for x, y in ((hi, lo), (lo, hi), (lo, lo)):
-        for refs in (0, 15, 5, 10):
-            w.row({"ce_1m": 1, "refs": refs, "sample_x": x, "sample_y": y}, times=30)
-            w.operation({"refs": refs, "sample_x": x, "sample_y": y})
-    for limit, end in ((digital_sid.ACC.lo, lo), (digital_sid.ACC.hi, hi)):
-        whole = limit // end - 1
-        for near in (-1, 0, 1):
-            _sid_start(w)
-            rest = limit - whole * end + near
-            _sid_samples(w, [(15, end, whole), (15, rest - rest // 2, 1), (15, rest // 2, 1), (15, 0, 1)])
-    for first, second in _sid_pairs(w.block.cases[w.case].alpha):
-        _sid_start(w)
-        w.row({"ce_1m": 1, "refs": 15, "sample_x": first, "sample_y": first})
-        w.operation({"refs": 15, "sample_x": second, "sample_y": second})
-        w.operation({"refs": 15})
-    for gap in range(1, 8):
-        w.row({"ce_1m": 1, "dump": 1, **w.some()})
-        w.row({"refs": 3}, times=gap)
-
-
-def _sid_pairs(alpha):
-    """Pairs of dumped sums that bring each of three poles to every edge of its rounding."""
-    cut = digital_sid.ALPHA.f
-    half, size, step = 1 << (cut - 1), 1 << cut, even_part(alpha)
-
-    def moved(y, x):
-        product = alpha * (x - y)
-        return product, y + ((product + half) >> cut)
-
-    first = np.arange(1, 1 << 17) << digital_sid.POLE.f
-    kinds = [(low, None, None) for low in (0, step, half - step, half + step, size - step)]
-    kinds += [(half, odd, negative) for odd in (0, 1) for negative in (False, True)]
-    wanted, pairs = {(pole, *kind) for pole in range(3) for kind in kinds}, []
-    for second in itertools.chain.from_iterable((k, -k) for k in range(1, 17)):
-        zero, inputs = np.zeros_like(first), (first, np.full_like(first, second << digital_sid.POLE.f))
-        for pole in range(3):
-            _, once = moved(zero, inputs[0])
-            product, twice = moved(once, inputs[1])
-            low, parity = product & (size - 1), (product >> cut) & 1
-            for kind in sorted((k for k in wanted if k[0] == pole), key=str):
-                _, value, odd, negative = kind
-                places = low == value
-                if odd is not None:
-                    places &= (parity == odd) & ((product < 0) == negative)
-                if places.any():
-                    wanted.discard(kind)
-                    pairs.append((int(first[places.argmax()]) >> digital_sid.POLE.f, second))
-            inputs = (once, twice)
-        if not wanted:
-            break
-    return pairs
-
-
 def _edges_spi_dac(w):
     """Frames as the modulator makes them: header and code in both formats, and the control word."""
     p = w.block.cases[w.case]
@@ -205,7 +138,7 @@ EDGES = {
     "cordic": _edges_cordic,
     "isqrt": _edges_isqrt,
     "registers": _edges_registers,
-    "digital_sid": _edges_digital_sid,
+    "digital_sid": edges_digital_sid,
     "rate_output": edges_rate_output,
     "spi_dac": _edges_spi_dac,
 }
