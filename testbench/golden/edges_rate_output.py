@@ -89,6 +89,17 @@ def _decimations(w):
             w.operation({"decimation": k, "scale": ONE, "word": w.random.raw(rate_output.CODE)})
 
 
+def _resets(w):
+    """Resets within a mean: of 64 at its last sample, and while a sample is on its way."""
+    for k, samples in ((6, 63), (3, 2)):
+        w.row(rst=1)
+        for _ in range(samples):
+            w.operation({"decimation": k, "scale": ONE, "word": w.random.raw(rate_output.CODE)})
+        w.row({"decimation": k, "scale": ONE, "en": 1}, times=1)
+        w.row({"decimation": k, "scale": ONE}, times=2)
+        w.row(rst=1)
+
+
 def edges_rate_output(w):
-    for part in (_scale, _corrected, _scaled, _means, _squares, _decimations):
+    for part in (_scale, _corrected, _scaled, _means, _squares, _decimations, _resets):
         part(w)

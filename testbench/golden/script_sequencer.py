@@ -19,8 +19,12 @@ class Walk:
 
     def __init__(self, w):
         self.w, self.p = w, w.block.cases[w.case]
-        self.frames, self.state = itertools.count(1), sequencer.State()
-        w.row(rst=1)
+        self.frames = itertools.count(1)
+        self.reset()
+
+    def reset(self):
+        self.w.row({"en": 1, "i_control": sequencer.RUN}, rst=1)
+        self.state = sequencer.State()
 
     def run(self, times=1, control=sequencer.RUN, alive=True, **more):
         for _ in range(times):
@@ -150,10 +154,11 @@ def _limits(walk):
 
 
 def _at_each_state(walk):
-    """Lost lock, unusable frames, saturations and the user's bits in SETTLE, BALANCE and LOCKED."""
+    """Lost lock, unusable frames, saturations and the user's bits in ACQUIRE, SETTLE, BALANCE and LOCKED."""
     apart = {"sense_sin": 1 << 22, "sense_cos": 1 << 22}  # keeps the sense loops from locking
-    for state in (sequencer.SETTLE, sequencer.BALANCE, sequencer.LOCKED):
-        held = apart if state != sequencer.LOCKED else {}
+    small = {"magnitude": SETPOINT >> 1}  # keeps ACQUIRE from ending
+    states = {sequencer.ACQUIRE: small, sequencer.SETTLE: apart, sequencer.BALANCE: apart, sequencer.LOCKED: {}}
+    for state, held in states.items():
         for more in (
             {"stale": 1},
             {"adc_ok": 0},
@@ -170,7 +175,16 @@ def _at_each_state(walk):
             walk.run(8, phase=1 << 22)
 
 
+def _resets(walk):
+    """A reset in every state."""
+    for state in range(sequencer.POWER_UP, sequencer.LOCKED + 1):
+        opened = {"control": sequencer.RUN | sequencer.OPEN_DRIVE} if state == sequencer.OPEN else {}
+        stopped = {"control": 0} if state <= sequencer.IDLE else {}
+        if walk.until(state, **opened, **stopped):
+            walk.reset()
+
+
 def script_sequencer(w):
     walk = Walk(w)
-    for part in (_walks, _attempts, _reached, _rotations, _limits, _at_each_state):
+    for part in (_walks, _attempts, _reached, _rotations, _limits, _at_each_state, _resets):
         part(walk)

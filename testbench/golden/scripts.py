@@ -41,6 +41,10 @@ def _script_lock_monitor(w):
         w.row({**common, "judged": 15 ^ (1 << k)}, times=4)
     for word in range(16):
         w.row({**common, "enable": word, "judged": 15 ^ word}, times=2)
+    # resets while counting and while locked
+    for times in (2, longest_in):
+        w.row({**common, **_lock_errors(p, 1 << 22, p.limit_in, 0, 1)}, times=times)
+        w.row(common, rst=1)
 
 
 def _script_fault_monitor(w):
@@ -69,6 +73,12 @@ def _script_fault_monitor(w):
     for word in range(8):
         w.row({**common, "codes_1": word, "clear": 1 << word})
         w.row({**common, "codes_1": ~word, "levels": 1 << word, "clear": 1 << word})
+    # a reset while every flag, the latch and the counters are up
+    every = {**common, "codes_0": fault_monitor.CODE.hi, "drive": 1, "rate": 1, "rail": 1, "levels": fault_monitor.ALL}
+    w.row(every, times=max(p) + 2)
+    w.row({**every, "fresh": 0})
+    w.row(every, rst=1)
+    w.row(common, times=2)
 
 
 def _script_spi_adc(w):
@@ -76,13 +86,15 @@ def _script_spi_adc(w):
         frame(w, w.random, status)
     for word in (0, 1, 0x800000, 0x7FFFFF, 0xFFFFFF, 0x555555, 0xAAAAAA):
         frame(w, w.random, rows=[word] * spi_adc.CHANNELS)
-    for rows in (1, 2, 3, 4, 5, 6, 50, 51, 100, 430, 434, 435, 436, 470, 487, 488, 489, 490):
+    # a reset at every bit of the first word, within every other, at the end and in the tail
+    words = [spi_adc.WORD_BITS * 2 * k + 17 for k in range(1, spi_adc.WORDS)]
+    for rows in (*range(1, 2 * spi_adc.WORD_BITS + 8, 2), *words, 434, 435, 436, 437, 438, 470, 487, 488, 489, 490):
         begun = len(w.rows)
         frame(w, w.random)
         w.rows[begun + rows :] = []
         w.row({"drdy_n": 0, "dout": 1}, rst=1)
         w.row({"drdy_n": 1}, times=5)
-    for cut in (1, 25, 100):
+    for cut in (1, 100):
         frame(w, w.random, cut=cut)
         w.row(times=500)
 
@@ -95,6 +107,8 @@ def _script_watchdog(w):
         w.row({"frame": 1})
     w.row({"ce_1m": 1}, times=1030)
     w.row({"ce_1m": 1, "frame": 1})
+    w.row({"ce_1m": 1}, times=p.limit + 2)
+    w.row({"ce_1m": 1}, rst=1)
     w.row({"ce_1m": 1}, times=3)
 
 
@@ -102,6 +116,11 @@ def _script_rates(w):
     w.row(times=rates.FRAME_CYCLES + 30)
     w.row({"go": 1}, times=3)
     w.row(times=rates.SLOTS + 3)
+    # a reset in the last clock of a frame, where everything is about to wrap
+    w.row(rst=1)
+    w.row(times=rates.FRAME_CYCLES - 1)
+    w.row({"go": 1}, rst=1)
+    w.row(times=3)
 
 
 SCRIPTS = {

@@ -59,7 +59,6 @@ CLAIMS = (
         ("+1",),
         "the drive starts with 0 bad frames, they rise by one, and at offline it stops",
     ),
-    Claim("sequencer", r"_following: usable #3", ("no",), "the line is in a branch that only usable frames reach"),
     Claim("sequencer", r"fault_monitor\.step: en$", ("no",), "the sequencer passes 1"),
 )
 
