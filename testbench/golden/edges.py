@@ -11,6 +11,7 @@ from fpga_model import dds, modulator, registers, sine, spi_dac
 from testbench.golden.edges_digital_sid import edges_digital_sid
 from testbench.golden.edges_pi import edges_loop, edges_pi
 from testbench.golden.edges_rate_output import edges_rate_output
+from testbench.golden.writer import around
 
 ALTERNATE = int("01" * 24, 2)
 
@@ -84,6 +85,11 @@ def _edges_modulator(w):
                     for step in (0, 1):
                         if modulator.AMPLITUDE.holds(amplitude + step):
                             w.row({**both, "amplitude": amplitude + step, "sine": factor})
+    for limit in (p.lo, p.hi):
+        for target in around(limit, modulator.CODE._replace(i=modulator.CODE.i + 1)):
+            amplitude = (target << p.shift) // full
+            if modulator.AMPLITUDE.holds(amplitude):
+                w.row({**both, "amplitude": amplitude, "sine": full})
     w.row(times=3)
 
 

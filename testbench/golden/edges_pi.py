@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from fpga_model import pi
 from fpga_model.fixed import Fmt, half_up, signed
-from testbench.golden.writer import corners
+from testbench.golden.writer import around, corners
 
 ONE = 1 << pi.SHIFT
 half_up = getattr(half_up, "py_func", half_up)
@@ -165,8 +165,40 @@ def _nearest(loop, value):
     return None
 
 
+def comparators(loop):
+    """Each bit of the three comparisons with a limit alone: preset, then acc and y one bit beside it.
+
+    acc with all bits of the limit and one more of the 24 below it is beyond hi by that bit alone.
+    """
+    p = loop.p
+    if loop.preset is None:
+        return
+    for limit in (p.lo, p.hi):
+        for target in around(limit, pi.OUT):
+            if loop.preset.holds(target):
+                loop.operate(pi.OFF, 0, target)
+                loop.operate(pi.RUN, 0, 0)
+            if not p.lo <= target <= p.hi:
+                _beyond(loop, target)
+    for k in range(pi.SHIFT):
+        for op in loop.place(p.hi * ONE + (1 << k)) or ():
+            loop.operate(*op)
+
+
+def _beyond(loop, target):
+    """The sum behind y at a target beyond a limit by prop, then acc there by one error, if they get so far."""
+    for gain, mode in ((loop.p.kp, pi.P_ONLY), (loop.p.ki, pi.RUN)):
+        limit = loop.p.hi if target > loop.p.hi else loop.p.lo
+        e = -((limit - target) * ONE // gain) if gain else 0
+        start = target - half_up(gain * e, pi.SHIFT)
+        if gain and loop.error.holds(e) and loop.presets([start]):
+            loop.operate(pi.OFF, 0, start)
+            loop.operate(mode, e, 0)
+            loop.operate(pi.HOLD, 0, 0)
+
+
 def everything(loop):
-    for part in (presets_at_the_limits, acc_at_the_limits, rounding, y_at_the_limits):
+    for part in (presets_at_the_limits, acc_at_the_limits, rounding, y_at_the_limits, comparators):
         part(loop)
 
 

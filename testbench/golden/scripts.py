@@ -4,8 +4,9 @@ Source  docs/blocks/
 """
 
 from fpga_model import fault_monitor, lock_monitor, rates, spi_adc
+from fpga_model.fixed import signed
 from testbench.golden.script_sequencer import script_sequencer
-from testbench.golden.writer import frame
+from testbench.golden.writer import around, frame
 
 LONG = 1000  # debounce in frames above which a script takes each way once
 
@@ -15,6 +16,12 @@ def _lock_errors(p, setpoint, table, near, sign):
     names = ("agc_error", "phase", "sense_sin", "sense_cos")
     limits = ((setpoint * table[0]) >> lock_monitor.FRACTION, *table[1:])
     return {"setpoint": setpoint} | {name: sign * (limit + near) for name, limit in zip(names, limits, strict=True)}
+
+
+def _one_bit_beside(limit):
+    """72 magnitudes around a limit; a zero where there is none."""
+    found = around(limit, signed(24))
+    return [abs(v) for v in found] + [0] * (72 - len(found))
 
 
 def _script_lock_monitor(w):
@@ -36,6 +43,18 @@ def _script_lock_monitor(w):
         setpoint = (1 << 20) | (-pow(table[0], -1, 1 << lock_monitor.FRACTION) % (1 << lock_monitor.FRACTION))
         for near in (0, 1):
             w.row({**common, **_lock_errors(p, setpoint, table, near, 1)}, times=3)
+    # each bit of each comparison alone; between them the counts start again, not locked, then locked
+    good, lost = {**common, "setpoint": 1 << 22}, {**common, **_lock_errors(p, 1 << 22, p.limit_out, 1, 1)}
+    for table, between, times in ((p.limit_in, lost, longest_out), (p.limit_out, good, longest_in)):
+        w.row(between, times=times)
+        for beside in zip(*(_one_bit_beside(limit) for limit in table), strict=True):
+            for sign in (1, -1):
+                w.row({**common, **_lock_errors(p, 1 << 22, (table[0], *beside[1:]), 0, sign)})
+                w.row(between)
+        base = ((1 << 22) * table[0]) >> lock_monitor.FRACTION
+        for error in _one_bit_beside(base):
+            w.row({**common, "setpoint": 1 << 22, "agc_error": error})
+            w.row(between)
     for k in range(4):
         w.row({**common, "enable": 1 << k}, times=p.frames_in[k] + 1)
         w.row({**common, "judged": 15 ^ (1 << k)}, times=4)
@@ -62,6 +81,11 @@ def _script_fault_monitor(w):
                 code = sign * (fault_monitor.RANGE_LIMIT + near)
                 for row in range(p.over_range + 2):
                     w.row({**common, f"codes_{k}": code, f"codes_{k ^ 1}": row})
+    for k in range(4):
+        for sign in (1, -1):
+            for code in around(sign * fault_monitor.RANGE_LIMIT, fault_monitor.CODE):
+                w.row({**common, f"codes_{k}": code})
+                w.row(common)
     for name, frames in (("drive", p.drive), ("rate", p.rate), ("rail", p.rail)):
         for times in (frames - 1, frames, frames + 1):
             for row in range(times):

@@ -44,6 +44,12 @@ def corners(fmt):
     return sorted(v for v in near if fmt.holds(v))
 
 
+def around(limit, fmt):
+    """Values that differ from a limit in one bit, and their neighbours: what each bit of a comparator decides alone."""
+    near = {(limit ^ (1 << k)) + step for k in range(fmt.width) for step in (-1, 0, 1)}
+    return sorted(v for v in near if fmt.holds(v))
+
+
 class Writer:
     """Rows in the making, and the families they belong to."""
 

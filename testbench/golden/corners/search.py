@@ -47,8 +47,13 @@ def value_of(port):
     """Values of an input: its corners, anything, or near 0."""
     if port.width == 1:
         return st.integers(0, 1)
+    # the search moves in steps of at most 2**20: wide values are drawn in two parts
+    low = 18 if port.width > 24 else 0
+    parts = st.tuples(st.integers(port.fmt.lo >> low, port.fmt.hi >> low), st.integers(0, (1 << low) - 1))
     small = st.integers(max(port.fmt.lo, -300), min(port.fmt.hi, 300))
-    return st.one_of(small, st.sampled_from(stimulus.corners(port.fmt)), st.integers(port.fmt.lo, port.fmt.hi))
+    return st.one_of(
+        small, st.sampled_from(stimulus.corners(port.fmt)), parts.map(lambda pair: (pair[0] << low) + pair[1])
+    )
 
 
 def operations(block, usual, longest):
@@ -98,7 +103,7 @@ class Judge:
         self.examples += 1
         expanded = corners.expanded(self.block, self.case, rows)
         if self.probed is None:
-            results = blocks_run(self.block, self.case, expanded)
+            results = results_of(self.block, self.case, expanded)
             return self.goal in coverage.toggles_seen(coverage.named(self.block), results)
         self.probed.clear()
         probes.follow(self.block, self.case, self.probed, expanded.tolist())
@@ -109,7 +114,7 @@ class Judge:
         return False
 
 
-def blocks_run(block, case, rows):
+def results_of(block, case, rows):
     regs, pins = blocks.run(block, case, rows)
     return coverage.side_by_side(regs, pins)
 
