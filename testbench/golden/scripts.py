@@ -19,9 +19,9 @@ def _lock_errors(p, setpoint, table, near, sign):
 
 
 def _one_bit_beside(limit):
-    """72 magnitudes around a limit; a zero where there is none."""
-    found = around(limit, signed(24))
-    return [abs(v) for v in found] + [0] * (72 - len(found))
+    """168 magnitudes around a limit; a zero where there are fewer."""
+    found = sorted({abs(v) for v in around(limit, signed(24))} & set(range(1 << 23)))
+    return found + [0] * (168 - len(found))
 
 
 def _script_lock_monitor(w):
@@ -55,6 +55,13 @@ def _script_lock_monitor(w):
         for error in _one_bit_beside(base):
             w.row({**common, "setpoint": 1 << 22, "agc_error": error})
             w.row(between)
+        # the limit of the amplitude is a product: each of its bits, and the error at it +-1
+        setpoints = [1 << k for k in range(8, 24)] + [w.random.below(1 << 24) for _ in range(24)]
+        for setpoint in setpoints:
+            for near, sign in ((0, 1), (1, 1), (0, -1), (1, -1)):
+                errors = _lock_errors(p, setpoint, table, near, sign)
+                w.row({**common, "setpoint": setpoint, "agc_error": errors["agc_error"]})
+                w.row(between)
     for k in range(4):
         w.row({**common, "enable": 1 << k}, times=p.frames_in[k] + 1)
         w.row({**common, "judged": 15 ^ (1 << k)}, times=4)

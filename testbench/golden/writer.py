@@ -8,6 +8,7 @@ from fpga_model import spi_adc
 from testbench.golden import blocks
 
 MASK64 = (1 << 64) - 1
+ALTERNATE = int("01" * 32, 2)
 SEED = 20260131
 
 
@@ -39,14 +40,20 @@ def corners(fmt):
     """Raw values at the ends of a format, around zero and around its middle bits; ascending, without repetition."""
     half = 1 << max(fmt.width - 1 - fmt.s, 0)
     near = {fmt.lo, fmt.lo + 1, -1, 0, 1, fmt.hi - 1, fmt.hi, half - 1, half, half + 1, -half, half >> 1}
-    alternate = int("01" * 32, 2)
-    near |= {alternate & fmt.hi, (alternate << 1) & fmt.hi}
+    near |= {ALTERNATE & fmt.hi, (ALTERNATE << 1) & fmt.hi}
     return sorted(v for v in near if fmt.holds(v))
 
 
 def around(limit, fmt):
-    """Values that differ from a limit in one bit, and their neighbours: what each bit of a comparator decides alone."""
-    near = {(limit ^ (1 << k)) + step for k in range(fmt.width) for step in (-1, 0, 1)}
+    """Values whose highest bit that differs from a limit is k, for every k: what each bit of a comparator decides.
+
+    Below it the bits of the limit, +-1; then all zeros, all ones and both alternations, for faults of two bits.
+    """
+    near = set()
+    for k in range(fmt.width):
+        flipped = limit ^ (1 << k)
+        near |= {flipped - 1, flipped, flipped + 1}
+        near |= {(flipped >> k << k) | (pattern & ((1 << k) - 1)) for pattern in (0, -1, ALTERNATE, ALTERNATE << 1)}
     return sorted(v for v in near if fmt.holds(v))
 
 
