@@ -1,6 +1,6 @@
 """Golden bundles of blocks: stimulus through the model, and everything an HDL bench needs, as one folder per case.
 
-Blocks only so far; vectors of the whole design, which replay recorded ADC codes, are still to come.
+The whole design, `top`, is exported by `testbench.golden.top` from recordings.
 Source  docs/golden.md
 """
 
@@ -13,28 +13,16 @@ import numpy as np
 from fpga_model.rates import MASTER_HZ
 from testbench import vcd
 from testbench.errors import ConfigError
-from testbench.golden import benches, blocks, bundle, stimulus
+from testbench.golden import benches, blocks, bundle, stimulus, top
 from testbench.version import VERSION
-
-
-def _port(port):
-    return {
-        "name": port.name,
-        "width": port.width,
-        "signed": port.signed,
-        "fmt": list(port.fmt),
-        "reset": port.reset,
-        "rounding": port.rounding,
-        "overflow": port.overflow,
-    }
 
 
 def _manifest(block, case, count, families, seed):
     params = [{"name": name, "raw": raw, "fmt": list(fmt)} for name, raw, fmt in blocks.params_of(block, case)]
     ports = {
-        "inputs": [_port(p) for p in block.columns],
-        "registers": [_port(p) for p in block.registers],
-        "outputs": [_port(p) for p in block.pins],
+        "inputs": [bundle.port(p) for p in block.columns],
+        "registers": [bundle.port(p) for p in block.registers],
+        "outputs": [bundle.port(p) for p in block.pins],
     }
     identity = bundle.canonical({"block": block.stem, "case": case, "params": params, **ports})
     return {
@@ -60,12 +48,6 @@ def _manifest(block, case, count, families, seed):
     }
 
 
-def _column_hex(values, width):
-    """Text of one port: a word per line."""
-    count, mask = bundle.digits(width), (1 << width) - 1
-    return "".join([f"{value & mask:0{count}x}\n" for value in values])
-
-
 def _tables(block, stim, exp):
     """{path: text}: packed words, one file per port, and decimal."""
     inputs, found = [(p.name, p) for p in block.columns], benches.results(block)
@@ -76,13 +58,9 @@ def _tables(block, stim, exp):
         "exp.hex": bundle.hex_text(bundle.pack(exp, out_widths), out_width),
         "mask.hex": bundle.hex_text([(1 << out_width) - 1] * len(exp), out_width),
     }
-    for named, rows in ((inputs, stim), (found, exp)):
-        for k, (name, port) in enumerate(named):
-            files[f"ports/{name}.hex"] = _column_hex(rows[:, k].tolist(), port.width)
-    lines = [",".join(["row", *(name for name, _ in inputs + found)])]
-    both = np.column_stack([np.arange(len(stim)), stim, exp]).tolist()
-    lines += [",".join(map(str, row)) for row in both]
-    files["vec.csv"] = "\n".join(lines) + "\n"
+    both = np.column_stack([stim, exp])
+    files |= bundle.port_files(inputs + found, both)
+    files["vec.csv"] = bundle.csv_text("row", np.arange(len(stim)), [name for name, _ in inputs + found], both)
     return files
 
 
@@ -115,12 +93,13 @@ def export_case(block, case, out, seed=stimulus.SEED):
 
 
 def chosen(name):
-    """Blocks of a name or `all`; raises ConfigError otherwise."""
+    """Stems of a name or `all`; raises ConfigError otherwise."""
+    stems = [*blocks.BLOCKS, top.STEM]
     if name == "all":
-        return list(blocks.BLOCKS.values())
-    if name not in blocks.BLOCKS:
-        raise ConfigError(f"block: {name!r} is not one of all, {', '.join(blocks.BLOCKS)}")
-    return [blocks.BLOCKS[name]]
+        return stems
+    if name not in stems:
+        raise ConfigError(f"block: {name!r} is not one of all, {', '.join(stems)}")
+    return [name]
 
 
 def folder_makefile(block):
@@ -136,15 +115,18 @@ check clean:
 
 
 def export(name, out, progress=None):
-    """Write the bundles of a block, or of all; returns [(folder, manifest)]."""
+    """Write the bundles of a block, of `top`, or of all; returns [(folder, manifest)]."""
     from testbench.files import write_text
 
     done = []
-    todo = [(block, case) for block in chosen(name) for case in block.cases]
-    for n, (block, case) in enumerate(todo):
+    cases = {stem: tuple(blocks.BLOCKS[stem].cases) if stem in blocks.BLOCKS else top.CASES for stem in chosen(name)}
+    todo = [(stem, case) for stem, listed in cases.items() for case in listed]
+    for n, (stem, case) in enumerate(todo):
         if progress is not None:
-            progress(f"{block.stem}/{case}", n, len(todo))
-        done.append((Path(out) / block.stem / case, export_case(block, case, out)))
-        if case == list(block.cases)[-1]:
-            write_text(Path(out) / block.stem / "Makefile", folder_makefile(block))
+            progress(f"{stem}/{case}", n, len(todo))
+        block = blocks.BLOCKS.get(stem)
+        manifest = export_case(block, case, out) if block else top.export_case(case, out)
+        done.append((Path(out) / stem / case, manifest))
+        if case == cases[stem][-1]:
+            write_text(Path(out) / stem / "Makefile", folder_makefile(block) if block else top.folder_makefile())
     return done
