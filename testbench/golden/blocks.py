@@ -403,9 +403,8 @@ def _registry():
                 ("armed", BIT),
                 ("fresh", BIT),
                 *((f"codes_{k}", fault_monitor.CODE) for k in range(4)),
-                ("drive", BIT),
-                ("rate", BIT),
-                ("rail", BIT),
+                # its limits are parameters of the same names, and a module has one name space
+                *((f"i_{k}", BIT) for k in ("drive", "rate", "rail")),
                 ("watch_stuck", BIT),
                 ("levels", fault_monitor.FLAGS),
                 ("clear", fault_monitor.FLAGS),

@@ -338,7 +338,7 @@ def _edges_fault_monitor(w):
     for name, frames in (("drive", p.drive), ("rate", p.rate), ("rail", p.rail)):
         for times in (frames - 1, frames, frames + 1):
             for row in range(times):
-                w.row({**common, "codes_0": row, name: 1})
+                w.row({**common, "codes_0": row, f"i_{name}": 1})
             w.row({**common, "codes_0": -1})
     for times in (p.stuck, p.stuck + 1, p.stuck + 2):
         w.row({**common, "codes_2": times}, times=times)

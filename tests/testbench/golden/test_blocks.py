@@ -43,6 +43,20 @@ def test_every_block_of_the_firmware_is_there():
     assert stems == set(blocks.BLOCKS)
 
 
+def parameter_names(stem):
+    block = blocks.BLOCKS[stem]
+    return {name for name, _, _ in blocks.params_of(block, next(iter(block.cases)))}
+
+
+@pytest.mark.parametrize("stem", blocks.BLOCKS)
+def test_parameters_and_ports_have_names_of_their_own(stem):
+    """A module has one name space for both, and VHDL knows no case."""
+    block = blocks.BLOCKS[stem]
+    ports = ["clk", *(port.name for port in block.columns), *(f"r_{port.name}" for port in block.registers)]
+    names = [*ports, *(f"o_{port.name}" for port in block.pins), *parameter_names(stem)]
+    assert len({name.lower() for name in names}) == len(names)
+
+
 @pytest.mark.parametrize("stem", blocks.BLOCKS)
 def test_inputs_are_the_arguments_of_step(stem):
     block = blocks.BLOCKS[stem]
@@ -50,6 +64,7 @@ def test_inputs_are_the_arguments_of_step(stem):
     found = [port.name for port in block.inputs]
     if block.runtime_params:
         names = list(module_of(stem).Params._fields) + names
+    given = parameter_names(stem)
     expected = []
     for name in names:
         if name == "i":
@@ -57,7 +72,7 @@ def test_inputs_are_the_arguments_of_step(stem):
         elif name == "codes":
             expected += [f"codes_{k}" for k in range(4)]
         else:
-            expected.append(name)
+            expected.append(f"i_{name}" if name in given else name)
     assert found == expected
 
 
