@@ -33,7 +33,7 @@ def results(block):
     return [(f"r_{p.name}", p) for p in block.registers] + [(f"o_{p.name}", p) for p in block.pins]
 
 
-def _slices(named):
+def slices(named):
     """(name, port, msb, lsb) of ports packed side by side, the first in the most significant bits."""
     left = sum(port.width for _, port in named)
     for name, port in named:
@@ -91,7 +91,7 @@ def params_svh(block, case, count):
     return "\n".join([*head, *body, "endpackage"]) + "\n"
 
 
-def _vhdl_type(width):
+def vhdl_type(width):
     return "std_logic" if width == 1 else f"std_logic_vector({width - 1} downto 0)"
 
 
@@ -109,7 +109,7 @@ def params_pkg(block, case, count):
     lines += [f"    constant {key} : natural := {value};" for key, value in _constants(block, count)]
     for key, raw, fmt in params_of(block, case):
         lines.append(
-            f"    constant P_{key} : {_vhdl_type(fmt.width)} := {_vhdl_literal(raw, fmt.width)};  -- {fmt}, raw {raw}"
+            f"    constant P_{key} : {vhdl_type(fmt.width)} := {_vhdl_literal(raw, fmt.width)};  -- {fmt}, raw {raw}"
         )
     return "\n".join([*lines, "end package;"]) + "\n"
 
@@ -129,7 +129,7 @@ def rom_files(block):
 # ---- Verilog -------------------------------------------------------------------------------------------------------
 
 
-def _span(width):
+def span(width):
     return f"[{width - 1}:0] " if width > 1 else ""
 
 
@@ -149,13 +149,13 @@ def verilog_bench(block, case):
     """Self-checking Verilog bench; needs a simulator with delays, nothing else."""
     inputs, found = _inputs(block), results(block)
     title = f"{block.stem}/{case}"
-    nets = [f"    wire {_span(p.width)}s_{n} = now[{hi}:{lo}];" for n, p, hi, lo in _slices(inputs)]
-    nets += [f"    wire {_span(p.width)}{n};" for n, p in found]
+    nets = [f"    wire {span(p.width)}s_{n} = now[{hi}:{lo}];" for n, p, hi, lo in slices(inputs)]
+    nets += [f"    wire {span(p.width)}{n};" for n, p in found]
     packed = ", ".join(n for n, _ in found)
     shows = [
         f"            if ((({n} ^ want[{hi}:{lo}]) & care[{hi}:{lo}]) !== {p.width}'d0)\n"
         f'                $display("row %0d: {n}: expected %0h, got %0h (hex)", n, want[{hi}:{lo}], {n});'
-        for n, p, hi, lo in _slices(found)
+        for n, p, hi, lo in slices(found)
     ]
     return f"""// Self-checking bench of {title}: drives while clk is low, compares just before the rising edge.
 `timescale 1ps/1ps
@@ -227,8 +227,8 @@ endmodule
 
 def cocotb_top(block, case):
     """The design with the case's parameters, as the top level of cocotb."""
-    ports = ["    input wire clk", *(f"    input wire {_span(p.width)}{n}" for n, p in _inputs(block))]
-    ports += [f"    output wire {_span(p.width)}{n}" for n, p in results(block)]
+    ports = ["    input wire clk", *(f"    input wire {span(p.width)}{n}" for n, p in _inputs(block))]
+    ports += [f"    output wire {span(p.width)}{n}" for n, p in results(block)]
     return f"""// {block.stem}/{case} with its parameters set
 `timescale 1ps/1ps
 module cocotb_{block.stem} (
@@ -244,7 +244,7 @@ endmodule
 # ---- VHDL ----------------------------------------------------------------------------------------------------------
 
 
-def _vhdl_slice(width, hi, lo):
+def vhdl_slice(width, hi, lo):
     return f"({hi})" if width == 1 else f"({hi} downto {lo})"
 
 
@@ -252,23 +252,23 @@ def vhdl_bench(block, case):
     """Self-checking VHDL-2008 bench; `finished` and `errors` are for a surrounding bench."""
     inputs, found, given = _inputs(block), results(block), params_of(block, case)
     title, name = f"{block.stem}/{case}", f"tb_{block.stem}"
-    generics = [f"            {key} : {_vhdl_type(fmt.width)}" for key, _, fmt in given]
+    generics = [f"            {key} : {vhdl_type(fmt.width)}" for key, _, fmt in given]
     maps = [f"            {key} => P_{key}" for key, _, _ in given]
     if block.roms:
         generics.append("            ROM_FILE : string")
         maps.append(f'            ROM_FILE => DIR & "{rom_name(block)}"')
     joined = ";\n".join(generics)
     declared = f"        generic (\n{joined}\n        );\n" if generics else ""
-    ports = ["            clk : in std_logic", *(f"            {n} : in {_vhdl_type(p.width)}" for n, p in inputs)]
-    ports += [f"            {n} : out {_vhdl_type(p.width)}" for n, p in found]
+    ports = ["            clk : in std_logic", *(f"            {n} : in {vhdl_type(p.width)}" for n, p in inputs)]
+    ports += [f"            {n} : out {vhdl_type(p.width)}" for n, p in found]
     port_maps = ["                clk => clk"]
-    port_maps += [f"                {n} => now{_vhdl_slice(p.width, hi, lo)}" for n, p, hi, lo in _slices(inputs)]
-    port_maps += [f"                {n} => got{_vhdl_slice(p.width, hi, lo)}" for n, p, hi, lo in _slices(found)]
+    port_maps += [f"                {n} => now{vhdl_slice(p.width, hi, lo)}" for n, p, hi, lo in slices(inputs)]
+    port_maps += [f"                {n} => got{vhdl_slice(p.width, hi, lo)}" for n, p, hi, lo in slices(found)]
     joined_maps = ",\n    ".join(maps)
     mapped = f"            generic map (\n    {joined_maps}\n            )\n" if maps else ""
     shows = [
         f'                    tell("{n}", n, got({hi} downto {lo}), want({hi} downto {lo}), care({hi} downto {lo}));'
-        for n, p, hi, lo in _slices(found)
+        for n, p, hi, lo in slices(found)
     ]
     return f"""-- Self-checking bench of {title}: drives while clk is low, compares just before the rising edge.
 library ieee;

@@ -270,9 +270,7 @@ def read(folder):
 
 
 def _read_replay(folder, manifest, results):
-    words = {
-        name: _words(folder / f"{name}.hex", width, manifest[key]) for name, (width, key) in REPLAYED.items()
-    }
+    words = {name: _words(folder / f"{name}.hex", width, manifest[key]) for name, (width, key) in REPLAYED.items()}
     at, end = np.array(words["at"], np.int64), manifest["frames"] * manifest["frame_cycles"]
     if len(at) and (at[-1] >= end or (np.diff(at) <= 0).any()):
         raise FileError(f"{folder / 'at.hex'}: the clocks do not rise within 0 .. {end - 1}")

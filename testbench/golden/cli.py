@@ -51,7 +51,9 @@ def window(
     clock: Annotated[int | None, typer.Option("--clock", help="First clock, counted from row 0.")] = None,
     count: Annotated[int | None, typer.Option("--count", help="Clocks; 3250 if not given.")] = None,
     frame: Annotated[int | None, typer.Option("--frame", help="The whole frame of this number instead.")] = None,
-    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder to write; FOLDER_CLOCK if none.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Folder to write; FOLDER_CLOCK if none.")
+    ] = None,
 ):
     """Write every clock of one place as a bundle of its own: where a signature differs, it finds the register."""
     from fpga_model.rates import FRAME_CYCLES

@@ -21,12 +21,15 @@ import numpy as np
 
 from fpga_model import (
     agc,
+    delay,
     digital_sid,
     fault_monitor,
     frequency_tracker,
     lock_monitor,
+    modulator,
     quadrature_loop,
     rate_loop,
+    references,
     registers,
     sequencer,
     top,
@@ -195,15 +198,16 @@ def closed_loop(name, case, progress=None):
 
 # ---- the case `reset` ------------------------------------------------------------------------------------------------
 
-RESET_FRAMES, RESET_FROM, RESET_SEED = 24, 620, 2026
-# Where a reset may hit: clock within a frame, and what it interrupts
+RESET_FRAMES, RESET_FROM, RESET_SEED = 34, 620, 2026
+WILD = (14, 17)  # frames with random codes: the drive lock is lost, then a search fails
+# Where a reset hits: clock within a frame, and what it interrupts
 RESETS = (
-    (16, 1, "reset in the frame of the DACs"),
-    (17, 33, "reset two clocks long"),
-    (17, 34, ""),
-    (18, 3300, "reset while the ADC is read"),
-    (20, 700, "reset in the 8 kHz work"),
-    (21, 2000, "reset between"),
+    (27, 1, "reset in the frames of the DACs"),
+    (28, 33, "reset two clocks long"),
+    (28, 34, ""),
+    (29, 3300, "reset while the ADC is read"),
+    (31, 700, "reset in the 8 kHz work"),
+    (32, 2000, "reset between"),
 )
 
 
@@ -214,17 +218,26 @@ def reset_case(story):
     lock = p.control.sequencer.lock._replace(
         **{name: tuple(1 for _ in getattr(p.control.sequencer.lock, name)) for name in ("frames_in", "frames_out")}
     )
-    quick = p.control.sequencer._replace(**one, search_limit=top.PARAMS_FMT.control.sequencer.search_limit.hi, lock=lock)
-    params = p._replace(quadrature_fast=1, control=p.control._replace(sequencer=quick))
+    quick = p.control.sequencer._replace(**one, search_limit=p.control.sequencer.search_limit // 16, lock=lock)
+    params = p._replace(
+        quadrature_fast=1,
+        pipe=delay.design(3),
+        references=references.design(2, False),
+        sense_modulator=modulator.design(20, 2),
+        control=p.control._replace(sequencer=quick),
+    )
     end = RESET_FRAMES * FRAME_CYCLES
     adc = story.stimulus.adc.copy()
     adc[:, 0] -= RESET_FROM * FRAME_CYCLES
     adc = adc[(adc[:, 0] >= 0) & (adc[:, 0] < end)]
     random = np.random.default_rng(RESET_SEED)
+    for frame in WILD:
+        adc[frame, 2:6] = random.integers(-(1 << 22), 1 << 22, 4)
+    adc[:, 7:] = random.integers(-(1 << 23), 1 << 23, adc[:, 7:].shape)  # channels that the board does not use
     host = {}
-    for place in range(0, 256):
+    for place in range(256):
         # every address that exists, several times, with bits above its register; the clocks fall everywhere
-        clock = int(random.integers(200, 15 * FRAME_CYCLES))
+        clock = int(random.integers(200, 26 * FRAME_CYCLES))
         address = place % 24 if place < 240 else int(random.integers(24, 256))
         if address != 0 and address not in (6, 7):  # RUN, set-point and frequency stay: the walk goes on
             host[clock] = (clock, 0, address, int(random.integers(0, 1 << 48)))
@@ -249,7 +262,7 @@ def merged(windows, end):
             first, last = before.first, max(last, before.first + before.count)
         else:
             shows = w.shows
-        out.append(Window(first, last - first, shows[:64]))
+        out.append(Window(first, last - first, shows[:128]))
     return tuple(out)
 
 
@@ -288,7 +301,7 @@ def windows_of(r, dense=200, limit=16):
         if reset:
             shows = [what for frame, at, what in RESETS if frame * FRAME_CYCLES + at == clock and what]
             found.append(Window(clock - BEFORE, SHOWN, shows[0] if shows else ""))
-        elif registers.BY_ADDRESS[address].name == "control" if address in registers.BY_ADDRESS else False:
+        elif address == registers.BY_NAME["control"].address:
             found.append(Window(clock - 4, 16, "host write"))
     return merged(found, r.frames * FRAME_CYCLES)
 

@@ -115,7 +115,7 @@ def save(recording, folder=FOLDER):
         host=r.stimulus.host,
         sar=np.ascontiguousarray(packed_samples(r.stimulus.sar).T.astype(np.int32)),
         windows=np.array([w[:2] for w in r.windows], np.int64).reshape(-1, 2),
-        shows=np.array([w.shows for w in r.windows], "U64"),
+        shows=np.array([w.shows for w in r.windows], "U128"),
         closed=np.array(r.closed),
     )
     write_bytes(Path(folder) / f"{r.name}.npz", text.getvalue())
@@ -196,4 +196,3 @@ def sha256(recording):
         found.update(f"{rows.shape}".encode())
         found.update(rows.tobytes())
     return found.hexdigest()
-

@@ -1,6 +1,6 @@
 """The whole firmware on recorded inputs, clock by clock, in integers only: what its golden vectors are made of.
 
-    before edge n   a listed host event drives rst or write, address, data for one clock; address and data stay afterwards
+    before edge n   a listed host event drives rst, or write, for one clock; address and data stay afterwards
                     the samples of the SAR converters are those of tick n // 26
                     registers and pins make row n, and every row goes into the signature of its frame of 3250 clocks
     edge n          the firmware, or its reset
@@ -97,7 +97,7 @@ def pins(p, s):
 
 
 class Place(NamedTuple):
-    """Where a replay is: the next clock, rows of the lists that are done, what the bus holds, and where the remainder is."""
+    """Where a replay is: the next clock, how much of each list is done, what the bus holds, where the remainder is."""
 
     clock: int = 0
     conversion: int = 0

@@ -1,4 +1,4 @@
-"""Signature of many rows in 64 bits: the remainder of all their bits, as one polynomial over GF(2), modulo a primitive one.
+"""Signature of many rows in 64 bits: the remainder of all their bits, as a polynomial over GF(2).
 
     row        its ports side by side as in exp.hex, the first in the most significant bits; zeros in front of it make
                its length a multiple of 64

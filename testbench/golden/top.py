@@ -1,4 +1,4 @@
-"""Golden bundles of the whole firmware: a recording replayed, listed rows of every register, and a signature of every frame.
+"""Golden bundles of the whole firmware: recordings replayed, rows at listed clocks, a signature of every frame.
 
     at.hex                 clocks of the rows: dense windows, and first clocks of frames
     stim.hex, exp.hex      inputs, and registers with pins, at these clocks; ports/ and vec.csv hold the same
@@ -23,8 +23,9 @@ from fpga_model.rates import FRAME_CYCLES, MASTER_HZ, TICK_CYCLES
 from testbench import vcd
 from testbench.errors import ConfigError, FileError
 from testbench.flatten import format_leaves, leaves
-from testbench.golden import benches, benches_top, blocks, bundle, recording, replay, signature
+from testbench.golden import benches, blocks, bundle, recording, replay, signature, top_benches
 from testbench.golden.blocks import Port, flat
+from testbench.golden.top_benches.layout import CLOCK_BITS
 from testbench.version import VERSION
 
 STEM = "top"
@@ -84,10 +85,10 @@ def _hex(rows, widths):
 
 def _inputs_hex(stimulus):
     """{path: text} of what the bench replays."""
-    adc = [benches_top.CLOCK_BITS] + [24] * (recording.ADC_COLUMNS - 1)
+    adc = [CLOCK_BITS] + [24] * (recording.ADC_COLUMNS - 1)
     return {
         "adc.hex": _hex(stimulus.adc, adc),
-        "host.hex": _hex(stimulus.host, [benches_top.CLOCK_BITS, 4, 8, 48]),
+        "host.hex": _hex(stimulus.host, [CLOCK_BITS, 4, 8, 48]),
         "sar.hex": _hex(stimulus.sar, [18, 18]),
     }
 
@@ -168,14 +169,14 @@ def write(r, folder):
         "out_width": sum(p.width for _, p in found),
     }
     files = {
-        "at.hex": _hex(at[:, None], [benches_top.CLOCK_BITS]),
+        "at.hex": _hex(at[:, None], [CLOCK_BITS]),
         "stim.hex": _hex(stim, [p.width for _, p in inputs]),
         "exp.hex": _hex(exp, [p.width for _, p in found]),
         "sig.hex": bundle.hex_text([signature.of_remainder(words) for words in rows.remainders], signature.DEGREE),
         **_inputs_hex(r.stimulus),
         **bundle.port_files([*inputs, *found], np.column_stack([stim, exp])),
         "vec.csv": bundle.csv_text("clock", at, [name for name, _ in inputs + found], np.column_stack([stim, exp])),
-        **benches_top.texts(design, r.name, len(at), counts),
+        **top_benches.texts(design, r.name, len(at), counts),
     }
     waves = _waves(design, r.windows, at, np.column_stack([stim, exp]))
     return bundle.write(Path(folder), _manifest(design, r, at, counts), files, [waves])

@@ -1,0 +1,205 @@
+"""The cocotb test: replay, rows and signature in Python, clock by clock.
+
+Source  docs/golden.md (the whole design), testbench/golden/signature.py
+"""
+
+from analog_frontend import adc_serial
+from testbench.golden import benches, signature
+from testbench.golden.benches import HALF_PS, SHOWN
+from testbench.golden.top_benches.layout import DEFAULT_FRAMES, PARTS
+
+
+def cocotb_test(block, case):
+    """cocotb test (1.9 and 2) that is its own runner: RTL=folder python3 test_top.py."""
+    stem = block.stem
+    return f'''"""cocotb test of {stem}/{case}: RTL=folder FRAMES=n python3 test_{stem}.py (Icarus; 0: all)."""
+
+import json
+import os
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+SOURCES = {("top", *(part for part in PARTS))!r}
+FRAMES = int(os.environ.get("FRAMES") or {DEFAULT_FRAMES["cocotb"]})
+HALF_PS = {HALF_PS}
+WORD_BITS, PULSE = {adc_serial.WORD_BITS * adc_serial.WORDS}, {adc_serial.PULSE}
+ROW_BITS = {signature.padded(sum(p.width for _, p in benches.results(block)))}
+POLYNOMIAL = {signature.POLYNOMIAL:#x}
+POWER = {signature.POWER}
+
+try:
+    import cocotb
+    from cocotb.triggers import Timer
+except ImportError:
+    sys.exit("cocotb is not installed: pip install cocotb")
+
+
+def words(name):
+    return [int(line, 16) for line in (HERE / name).read_text().split()]
+
+
+def remainder(value):
+    """Of a polynomial over GF(2) modulo the signature's, folded at powers of it first."""
+    power = POWER
+    while power:
+        low = 64 * power
+        while value >> low:
+            high, value = value >> low, value & ((1 << low) - 1)
+            for tap in {signature.TAPS!r}:
+                value ^= high << tap * power
+        power //= 2
+    return value
+
+
+class Converter:
+    """The ADS1298 after each edge, with the pins as they are then."""
+
+    def __init__(self):
+        self.conversions = [(word >> WORD_BITS, word & ((1 << WORD_BITS) - 1)) for word in words("adc.hex")][::-1]
+        self.cs_n, self.sclk, self.drdy_n, self.dout = 1, 0, 1, 0
+        self.pulse = self.result = self.shift = 0
+
+    def step(self, edge, cs_n, sclk):
+        loaded = bool(self.conversions) and self.conversions[-1][0] == edge
+        drdy_n, pulse = self.drdy_n, self.pulse
+        if pulse:
+            self.pulse -= 1
+            if pulse == 1:
+                self.drdy_n = 0
+        if loaded:
+            self.result = self.conversions.pop()[1]
+            if drdy_n == 0:
+                self.drdy_n, self.pulse = 1, PULSE
+            elif pulse == 0:
+                self.drdy_n = 0
+        if cs_n != self.cs_n:
+            self.dout, self.shift = 0, 0 if cs_n else self.result
+        elif not cs_n and sclk != self.sclk:
+            if sclk:
+                self.dout = self.shift >> (WORD_BITS - 1)
+                self.shift = self.shift << 1 & ((1 << WORD_BITS) - 1)
+            elif not loaded and pulse == 0:
+                self.drdy_n = 1
+        self.cs_n, self.sclk = cs_n, sclk
+
+
+def fields(word, ports):
+    """Unsigned values of ports packed side by side."""
+    values = []
+    for port in reversed(ports):
+        values.append(word & ((1 << port["width"]) - 1))
+        word >>= port["width"]
+    return values[::-1]
+
+
+@cocotb.test()
+async def golden(dut):
+    manifest = json.loads((HERE / "manifest.json").read_text())
+    ports = manifest["registers"] + manifest["outputs"]
+    frame_cycles, tick = manifest["frame_cycles"], manifest["tick_cycles"]
+    frames = min(FRAMES or manifest["frames"], manifest["frames"])
+    at, stim, exp, sig = words("at.hex"), words("stim.hex"), words("exp.hex"), words("sig.hex")
+    host, sar, adc = words("host.hex")[::-1], words("sar.hex"), Converter()
+    dut.clk.value = 0
+    for port in manifest["inputs"]:
+        getattr(dut, port["name"]).value = 1 if port["name"] in ("rst", "drdy_n") else 0
+    for _ in range(manifest["reset"]["cycles"]):
+        await Timer(HALF_PS, "ps")
+        dut.clk.value = 1
+        await Timer(HALF_PS, "ps")
+        dut.clk.value = 0
+    wrong, row, stream, busy = 0, 0, 0, True
+    fed = dict.fromkeys([port["name"] for port in manifest["inputs"]], 0)
+    for n in range(frames * frame_cycles):
+        if n:
+            adc.step(n - 1, int(dut.adc_cs_n.value), int(dut.adc_sclk.value))
+        now = {{**fed, "rst": 0, "write": 0, "drdy_n": adc.drdy_n, "dout": adc.dout}}
+        if host and host[-1] >> 60 == n:
+            event = host.pop()
+            if event >> 56 & 1:
+                now["rst"] = 1
+            else:
+                now.update(write=1, address=event >> 48 & 0xFF, data=event & ((1 << 48) - 1))
+        if n % tick == 0 and n // tick < len(sar):
+            now.update(sample_x=sar[n // tick] >> 18, sample_y=sar[n // tick] & ((1 << 18) - 1))
+        for name, value in now.items():
+            if busy or value != fed[name]:
+                getattr(dut, name).value = value
+        fed, busy = now, False
+        await Timer(HALF_PS - 1, "ps")
+        text = str(dut.got.value)
+        got = int(text, 2) if set(text) <= set("01") else None
+        stream = stream << ROW_BITS | (got or 0)
+        if stream.bit_length() > 64 * POWER:
+            stream = remainder_of_rows(stream)
+        if row < len(at) and at[row] == n:
+            given = 0
+            for port in manifest["inputs"]:
+                given = given << port["width"] | fed[port["name"]]
+            if got != exp[row] or given != stim[row]:
+                wrong += 1
+                if wrong <= {SHOWN}:
+                    report(dut, n, ports, exp[row], got, text)
+                    report(dut, n, manifest["inputs"], stim[row], given, "")
+            row += 1
+        if n % frame_cycles == frame_cycles - 1:
+            frame = n // frame_cycles
+            if remainder(stream) != sig[frame]:
+                wrong += 1
+                dut._log.error("frame %d: signature: expected %016x, got %016x", frame, sig[frame], remainder(stream))
+            stream = 0
+        await Timer(1, "ps")
+        dut.clk.value = 1
+        await Timer(HALF_PS, "ps")
+        dut.clk.value = 0
+    assert wrong == 0, f"FAIL {stem}/{case}: {{wrong}} rows or signatures differ"
+
+
+def remainder_of_rows(value):
+    """One fold at the largest power: the stream stays short."""
+    low = 64 * POWER
+    high, value = value >> low, value & ((1 << low) - 1)
+    for tap in {signature.TAPS!r}:
+        value ^= high << tap * POWER
+    return value
+
+
+def report(dut, n, ports, expected, got, text):
+    """One line for each port that differs."""
+    if got is None:
+        dut._log.error("clock %d: unknown bits among the results: %s ...", n, text[:40])
+        return
+    for port, want, have in zip(ports, fields(expected, ports), fields(got, ports)):
+        if want != have:
+            dut._log.error("clock %d: %s: expected %x, got %x (hex)", n, port["name"], want, have)
+
+
+def main():
+    try:
+        from cocotb_tools.runner import get_runner
+    except ImportError:
+        from cocotb.runner import get_runner
+    rtl = os.environ.get("RTL", "")
+    sources = [Path(rtl).resolve() / f"{{stem}}.v" for stem in SOURCES] if rtl else []
+    if not sources or not sources[0].is_file():
+        if rtl:
+            sys.exit(f"FAIL {stem}/{case}: no design {{sources[0]}}")
+        print("NO DESIGN {stem}/{case}: no design was given")
+        return
+    build = HERE / "build" / "cocotb"
+    runner = get_runner(os.environ.get("SIM", "icarus"))
+    files = [HERE / "cocotb_{stem}.v", *(path for path in sources if path.is_file())]
+    runner.build(sources=files, includes=[HERE], hdl_toplevel="cocotb_{stem}", build_dir=build, always=True)
+    (build / "results.xml").unlink(missing_ok=True)
+    done = runner.test(hdl_toplevel="cocotb_{stem}", test_module=Path(__file__).stem, build_dir=build, test_dir=HERE,
+                       results_xml=str(build / "results.xml"))
+    text = Path(done).read_text()
+    if "<failure" in text or "<error" in text or "<testcase" not in text:
+        sys.exit("FAIL {stem}/{case}")
+    print(f"PASS {stem}/{case}: {{FRAMES or 'all'}} frames")
+
+
+if __name__ == "__main__":
+    main()
+'''
