@@ -224,7 +224,7 @@ def reset_case(story):
         pipe=delay.design(3),
         references=references.design(2, False),
         sense_modulator=modulator.design(20, 2),
-        control=p.control._replace(sequencer=quick),
+        control=p.control._replace(sequencer=quick._replace(faults=quick.faults._replace(rail=1))),
     )
     end = RESET_FRAMES * FRAME_CYCLES
     adc = story.stimulus.adc.copy()
@@ -266,8 +266,9 @@ def merged(windows, end):
     return tuple(out)
 
 
-def windows_of(r, dense=200, limit=16):
+def windows_of(r):
     """What is worth every clock of a recording, found by replaying it."""
+    dense = FRAME_CYCLES if r.name == "reset" else SHOWN
     starts = np.arange(r.frames) * FRAME_CYCLES
     rows = replay.run(r.params, r.stimulus, r.frames, starts)
     column = {name: rows.registers[:, k] for k, name in enumerate(names(top.State()))}
@@ -279,11 +280,11 @@ def windows_of(r, dense=200, limit=16):
         opens = int(rows.window_at[frame])
         found.append(Window((opens if opens >= 0 else int(starts[frame])) - BEFORE, SHOWN, shows))
 
-    def changes(values, text):
-        for frame in np.flatnonzero(np.diff(values))[:limit].tolist():
+    def changes(values, text, most=16):
+        for frame in np.flatnonzero(np.diff(values))[:most].tolist():
             work(frame, text(int(values[frame]), int(values[frame + 1])))
 
-    changes(state, lambda a, b: f"{sequencer.STATES[a]} to {sequencer.STATES[b]}")
+    changes(state, lambda a, b: f"{sequencer.STATES[a]} to {sequencer.STATES[b]}", most=64)
     changes(lock, lambda a, b: f"lock {a:04b} to {b:04b}")
     changes(flags, lambda a, b: f"flags {a:02x} to {b:02x}")
     init = np.flatnonzero(state == sequencer.INIT)
@@ -308,22 +309,24 @@ def windows_of(r, dense=200, limit=16):
 
 def make(name, progress=None):
     """`Recording` of a case, with its windows."""
-    if name == "reset":
-        r = reset_case(recording.load("story"))
-        return r._replace(windows=windows_of(r, dense=FRAME_CYCLES, limit=64))
-    r = closed_loop(name, CASES[name], progress)
+    r = reset_case(recording.load("story")) if name == "reset" else closed_loop(name, CASES[name], progress)
     return r._replace(windows=windows_of(r))
 
 
 def main(chosen):
-    """Record the named cases, or all of them, into the package."""
+    """Record the named cases, or all of them, into the package; with --windows only find their windows again."""
 
     def progress(name, done, total):
         if done % 100 == 0:
             print(f"{name}: frame {done} of {total}", flush=True)
 
-    for name in chosen or [*CASES, "reset"]:
-        r = make(name, progress)
+    again = "--windows" in chosen
+    for name in [name for name in chosen if name != "--windows"] or [*CASES, "reset"]:
+        if again:
+            r = recording.load(name)
+            r = r._replace(windows=windows_of(r))
+        else:
+            r = make(name, progress)
         recording.save(r)
         rows = sum(w.count for w in r.windows)
         print(f"{name}: {r.frames} frames, {len(r.windows)} windows of {rows} clocks, {recording.sha256(r)[:16]}")

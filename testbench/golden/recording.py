@@ -16,6 +16,7 @@ Source  docs/golden.md (recordings)
 import hashlib
 import io
 import zipfile
+import zlib
 from pathlib import Path
 from typing import NamedTuple
 
@@ -125,12 +126,13 @@ def load(name, folder=FOLDER):
     """Read a recording; raises FileError if it is damaged or of another design."""
     path = Path(folder) / f"{name}.npz"
     try:
-        with np.load(path, allow_pickle=False) as file:
+        # from memory: NumPy leaves a file open that it cannot read
+        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
             missing = [key for key in KEYS if key not in file.files]
             if missing:
                 raise FileError(f"{path}: {missing[0]} is missing")
             data = {key: file[key] for key in KEYS}
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as problem:
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as problem:
         raise FileError(f"{path}: cannot be read as a recording: {problem}") from None
     if str(data["schema"]) != SCHEMA:
         raise FileError(f"{path}: schema is {str(data['schema'])!r}, not {SCHEMA!r}")

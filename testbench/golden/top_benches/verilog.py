@@ -311,7 +311,7 @@ module tb_{block.stem};
             $display("PASS {title}: %0d clocks, %0d rows of {len(found)} ports, %0d of %0d frames",
                 last, k, frames, N_FRAMES);
         else if (bad_rows == 0)
-            $display("FAIL {title}: %0d of %0d frames differ, all %0d rows agree; gyro golden window: frame %0d",
+            $display("FAIL {title}: %0d of %0d frames differ, all %0d rows agree; gyro golden window --frame %0d",
                 bad_frames, frames, k, bad_frame);
         else
             $display("FAIL {title}: %0d of %0d rows differ, the first is at clock %0d; %0d of %0d frames differ",

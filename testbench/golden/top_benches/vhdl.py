@@ -322,7 +322,7 @@ begin
         elsif bad_rows = 0 then
             write(text_line, string'("FAIL {title}: ") & integer'image(bad_frames) & " of " & integer'image(last_frame)
                 & " frames differ, all " & integer'image(rows)
-                & " rows agree; gyro golden window: frame " & integer'image(bad_frame));
+                & " rows agree; gyro golden window --frame " & integer'image(bad_frame));
         else
             write(text_line, string'("FAIL {title}: ") & integer'image(bad_rows) & " of " & integer'image(rows)
                 & " rows differ, the first is at clock " & integer'image(bad_clock) & "; "
