@@ -7,7 +7,7 @@ BIN := $(VENV)/bin
 OUT ?= out
 PYTEST := $(BIN)/python -m pytest
 
-.PHONY: help run budget test test-slow test-nojit test-bounds bench portability lint docs clean
+.PHONY: help run golden budget test test-slow test-nojit test-bounds bench portability lint docs clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -24,6 +24,9 @@ $(VENV)/.test: pyproject.toml
 
 run: $(VENV)/.run ## the main job: power-on to lock at 100 deg/s, phase errors beside the budget and the paper
 	$(BIN)/gyro run --seconds 1 --rate-dps 100 --seed 1 --out $(OUT)
+
+golden: $(VENV)/.run ## golden vectors and benches of every block, for the HDL engineer: one folder per block in out/golden
+	$(BIN)/gyro golden export all --out $(OUT)/golden
 
 budget: $(VENV)/.run ## where the four phase errors come from, in clocks, ns and degrees
 	$(BIN)/gyro budget

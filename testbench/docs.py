@@ -3,6 +3,7 @@
     docs/blocks/registers.md    the register map                   fpga_model.registers.table_markdown
     docs/configuration.md       keys, limits, faults               testbench.config.documented
     docs/phases.md              phase budget of the defaults       testbench.budget, testbench.tables
+    docs/ranges.md              proven ranges                      testbench.golden.range_report
     docs/README.md              index of the pages                 their titles
 
     python -m testbench.docs            write what is stale
@@ -23,6 +24,7 @@ from testbench import budget, cli, config, tables
 from testbench.budget import NODES, PAPER_DEG
 from testbench.config import Config
 from testbench.files import write_text
+from testbench.golden import range_report
 from testbench.tables import fixed
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -138,6 +140,17 @@ def phases(page):
     return page
 
 
+def proven_ranges(page):
+    """docs/ranges.md with its generated parts renewed."""
+    for name, part in (
+        ("cases", range_report.summary_part),
+        ("instances", range_report.wiring_part),
+        ("registers", range_report.registers_part),
+    ):
+        page = replaced(page, name, part())
+    return page
+
+
 # ---- index -----------------------------------------------------------------------------------------------------------
 
 
@@ -171,6 +184,7 @@ PAGES = {
     "docs/blocks/registers.md": register_map,
     "docs/configuration.md": config.documented,
     "docs/phases.md": phases,
+    "docs/ranges.md": proven_ranges,
     "docs/README.md": lambda page: replaced(page, "index", index_part()),
 }
 

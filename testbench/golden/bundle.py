@@ -27,6 +27,7 @@ from testbench.errors import FileError
 SCHEMA = "gyro-golden/1.0"
 REPLAY_SCHEMA = "gyro-golden-replay/1.0"
 MANIFEST = "manifest.json"
+BUILD = "build"
 WORDS = ("stim", "exp", "mask")
 # Files of a replay: bits of a word, and the key of the manifest that counts them
 REPLAYED = {"at": (32, "n"), "sig": (64, "frames"), "adc": (248, "conversions"), "host": (92, "host_events"),
@@ -170,9 +171,25 @@ def _inside(folder, name):
     if not name or pure.is_absolute() or ".." in pure.parts or "\\" in name or ":" in name:
         raise FileError(f"{folder}: file name {name!r} in {MANIFEST} leaves the bundle")
     path = folder / name
-    if not path.resolve().is_relative_to(folder.resolve()):
+    try:
+        inside = path.resolve().is_relative_to(folder.resolve())
+        present = path.is_file()
+    except (OSError, RuntimeError, ValueError) as problem:
+        raise FileError(f"{folder}: file name {name[:80]!r} in {MANIFEST} is none: {problem}") from None
+    if not inside:
         raise FileError(f"{folder}: {name} is a link that leaves the bundle")
+    if not present:
+        raise FileError(f"{path}: missing")
     return path
+
+
+def _strangers(folder, manifest):
+    """Paths in the folder that the manifest does not list; what benches leave is in build/."""
+    known = {MANIFEST, *manifest["sha256"]}
+    for path in sorted(folder.rglob("*")):
+        name = path.relative_to(folder)
+        if name.parts[0] != BUILD and name.as_posix() not in known and (path.is_symlink() or not path.is_dir()):
+            yield path
 
 
 REQUIRED = {"schema": str, "block": str, "case": str, "n": int, "inputs": list, "registers": list, "outputs": list,
@@ -202,7 +219,7 @@ def _manifest(folder):
         if not isinstance(manifest.get(key), kind) or isinstance(manifest.get(key), bool):
             raise FileError(f"{path}: {key} is missing or not of type {kind.__name__}")
     for port in manifest["inputs"] + manifest["registers"] + manifest["outputs"]:
-        if not isinstance(port, dict) or any(not isinstance(port.get(k), kind) for k, kind in PORT_KEYS.items()):
+        if not isinstance(port, dict) or any(type(port.get(k)) is not kind for k, kind in PORT_KEYS.items()):
             raise FileError(f"{path}: a port lacks name, width or sign: {port!r}")
         if not 1 <= port["width"] <= 63:
             raise FileError(f"{path}: port {port['name']}: width {port['width']} is outside 1 .. 63 bits")
@@ -215,7 +232,7 @@ def _manifest(folder):
 def _words(path, width, count):
     """Words of a hex file; raises FileError at the first line that is not one."""
     try:
-        text = path.read_text("ascii")
+        text = path.read_bytes().decode("ascii")
     except (OSError, UnicodeDecodeError) as problem:
         raise FileError(f"{path}: cannot be read: {problem}") from None
     if not text.endswith("\n") and count:
@@ -235,8 +252,11 @@ def _words(path, width, count):
     return words
 
 
-def verify(folder):
-    """Manifest of a bundle after every hash and every name has been checked; raises FileError with one clear line."""
+def verify(folder, strict=True):
+    """Manifest of a bundle after every hash and every name has been checked; raises FileError with one clear line.
+
+    strict  also refuse files that are not of the bundle, outside of build/: a tool may read them instead of its own
+    """
     folder = Path(folder)
     manifest = _manifest(folder)
     if manifest["manifest_sha256"] != seal(manifest):
@@ -246,17 +266,17 @@ def verify(folder):
             raise FileError(f"{folder / MANIFEST}: {name} is not listed")
     for name, expected in manifest["sha256"].items():
         path = _inside(folder, name)
-        if not path.is_file():
-            raise FileError(f"{path}: missing")
         if hashlib.sha256(path.read_bytes()).hexdigest() != expected:
             raise FileError(f"{path}: SHA-256 does not match the manifest: the file was changed")
+    for path in _strangers(folder, manifest) if strict else ():
+        raise FileError(f"{path}: is not of this bundle: move it, or keep it in {BUILD}/")
     return manifest
 
 
 def read(folder):
-    """Verify a bundle and read its rows."""
+    """Verify a bundle and read its rows; logs and notes beside them are left alone."""
     folder = Path(folder)
-    manifest = verify(folder)
+    manifest = verify(folder, strict=False)
     results = manifest["registers"] + manifest["outputs"]
     bare = [{**port, "signed": False} for port in results]
     count = manifest["n"]

@@ -38,10 +38,11 @@ def export(
 @app.command()
 def verify(folders: Annotated[list[Path], typer.Argument(help="Folders of bundles.")]):
     """Check every hash and every name of bundles."""
-    from testbench.golden.bundle import read
+    from testbench.golden import bundle
 
     for folder in folders:
-        manifest = read(folder).manifest
+        manifest = bundle.verify(folder)
+        bundle.read(folder)
         typer.echo(f"{folder}  ok  {manifest['n']} rows")
 
 
@@ -70,13 +71,64 @@ def window(
 @app.command()
 def check(
     folder: Annotated[Path, typer.Argument(help="Folder of a bundle: DIR/BLOCK/CASE.")],
-    log: Annotated[Path, typer.Option("--log", help="VCD or FST dump, or CSV, of your design.")],
-    map_path: Annotated[Path, typer.Option("--map", metavar="TOML", help="Which signal is which port.")],
+    rtl: Annotated[Path | None, typer.Option("--rtl", metavar="DIR", help="Folder of your design; it is run.")] = None,
+    sim: Annotated[str | None, typer.Option("--sim", help="With --rtl: icarus, verilator or ghdl.")] = None,
+    timeout_s: Annotated[
+        float, typer.Option("--timeout", metavar="SECONDS", help="With --rtl: when to stop a design that hangs.")
+    ] = 120.0,
+    log: Annotated[Path | None, typer.Option("--log", help="VCD, FST or GHW dump, or CSV, of your design.")] = None,
+    map_path: Annotated[
+        Path | None, typer.Option("--map", metavar="TOML", help="With --log: which signal is which port.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")] = False,
 ):
-    """Compare a log of your design with a bundle: the first divergence, and what it looks like."""
-    from testbench.golden.waves import check as compared
+    """Run your design, or read its log, and compare it with a bundle: the first divergence, and what it looks like."""
+    from testbench.errors import ConfigError
+    from testbench.golden import rtl_run, waves
 
-    report = compared(folder, log, map_path)
+    if (rtl is None) == (log is None):
+        raise ConfigError("check: one of --rtl DIR and --log FILE is needed")
+    if log is not None and map_path is None:
+        raise ConfigError("check: --log needs --map TOML")
+    if (map_path is not None and log is None) or (sim is not None and rtl is None):
+        raise ConfigError("check: --map belongs to --log, --sim to --rtl")
+    report = rtl_run.check(folder, rtl, sim, timeout_s) if rtl else waves.check(folder, log, map_path)
     typer.echo(report.to_json() if as_json else report.text())
     raise typer.Exit(0 if report.passed else 1)
+
+
+@app.command()
+def ranges(
+    block: Annotated[str, typer.Argument(help="Block, such as dds, or all.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")] = False,
+):
+    """Proven and seen range of every register, headroom, and the widest intermediate result."""
+    from testbench.golden import range_report
+    from testbench.golden.export import chosen
+
+    found = {f"{b.stem}/{case}": range_report.of_vectors(b, case) for b in chosen(block) for case in b.cases}
+    if as_json:
+        typer.echo(json.dumps({"ranges": found}))
+    else:
+        typer.echo("\n".join(range_report.text(title, data) for title, data in found.items()), nl=False)
+    raise typer.Exit(0 if all(data["proven"] for data in found.values()) else 1)
+
+
+@app.command()
+def mutate(
+    folder: Annotated[Path, typer.Argument(help="Folder of a bundle: DIR/BLOCK/CASE.")],
+    rtl: Annotated[Path, typer.Option("--rtl", metavar="DIR", help="Folder of a Verilog design that passes it.")],
+    count: Annotated[int, typer.Option("--count", help="Faults to try.")] = 150,
+    seed: Annotated[int, typer.Option("--seed", help="Of the choice of faults.")] = 1,
+    jobs: Annotated[int, typer.Option("--jobs", help="Survivors judged at a time.")] = 1,
+    write: Annotated[bool, typer.Option("--write", help="Note the outcome in the bundle's manifest.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")] = False,
+):
+    """Mutation score: what share of small faults in a design the vectors see; needs yosys and verilator."""
+    from testbench.golden.mutate import record, score
+
+    outcome = score(folder, rtl, count, seed, jobs)
+    if write:
+        record(folder, outcome)
+    typer.echo(json.dumps(outcome.to_dict()) if as_json else outcome.text())
+    raise typer.Exit(0 if outcome.score == 1 else 1)

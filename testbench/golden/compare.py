@@ -187,7 +187,7 @@ def compare(manifest, inputs, expected, got, care=None, before=BEFORE):
         cycle=cycle,
         time_ns=cycle * 1e9 / manifest["clock"]["hz"],
         port=port,
-        is_input=port in inputs,
+        is_input=port in inputs and port not in expected,
         expected=want,
         got=have,
         expected_value=want * scale,
@@ -199,6 +199,28 @@ def compare(manifest, inputs, expected, got, care=None, before=BEFORE):
     return Report(*head, divergence, _diagnosis(manifest, inputs, golden, logged, counts, n, divergence))
 
 
+def against(golden, got, before=BEFORE):
+    """Compare columns of a design with a bundle that was read; returns a `Report`.
+
+    golden  `bundle.Bundle`
+    got     {name: column or Column} of the design
+    Raises FileError for the bundle of the whole firmware: its rows are apart, and only its own bench can use them.
+    """
+    manifest = golden.manifest
+    if manifest["block"] == "top":
+        raise FileError("top: its rows are apart; compare the whole design with its own bench: make -C FOLDER check")
+    names = [port["name"] for port in manifest["inputs"]]
+    results = [port["name"] for port in manifest["registers"] + manifest["outputs"]]
+    return compare(
+        manifest,
+        dict(zip(names, golden.stim.T.copy())),
+        dict(zip(results, golden.exp.T.copy())),
+        got,
+        {name: column != 0 for name, column in zip(results, golden.mask.T)},
+        before,
+    )
+
+
 def _diagnosis(manifest, inputs, golden, logged, counts, n, divergence):
     if divergence.is_input:
         return None
@@ -206,7 +228,7 @@ def _diagnosis(manifest, inputs, golden, logged, counts, n, divergence):
     return why.diagnose(
         block=manifest["block"],
         params={p["name"]: p["raw"] for p in manifest.get("params", [])},
-        inputs={name: golden[name][:n] for name in inputs},
+        inputs={name: column[:n] for name, column in inputs.items()},
         ports=ports,
         expected={name: golden[name][:n] for name in ports},
         got={name: logged[name].values[:n] for name in logged if name in ports},

@@ -10,16 +10,14 @@ Source    docs/golden.md
 A register that the log lacks is taken from the golden rows. If two causes fit, both are listed and none is named.
 """
 
-import importlib
-import inspect
-import re
 from typing import NamedTuple
 
 import numpy as np
 
-from fpga_model import fixed, pi, sine, spi_adc
+from fpga_model import fixed
 from fpga_model.rounding_aliases import ALIASES
-from testbench import flatten
+from testbench.golden import diagnose_nodes as nodes
+from testbench.golden.diagnose_model import Model
 
 UNKNOWN = "unknown"
 CAUSES = ("late", "early", "rounding", "wrap", "saturate", "limit", "sign", "gain", "reset", "bit_order", UNKNOWN)
@@ -66,264 +64,6 @@ class Port(NamedTuple):
     reset: int | None = None
 
 
-# Arithmetic on whole columns ------------------------------------------------------------------------------------------
-
-
-def _python(function):
-    """The interpreted twin of a kernel, whose values are Python integers."""
-    return getattr(function, "py_func", function)
-
-
-# The rules of `fixed` branch on the sign of one number; a column needs the sign as a column
-def _rounded(rule, x, n):
-    """Column `x` with `n` LSBs dropped by `rule`."""
-    low = (1 << n) - 1
-    negative = (x < 0).astype(np.int64)
-    added = {
-        "floor": 0,
-        "ceil": low,
-        "toward_zero": low * negative,
-        "half_up": (1 << n) >> 1,
-        "half_down": low >> 1,
-        "half_even": (low >> 1) + (((x >> n) & 1) if n else 0),
-        "half_away": np.where(negative, low >> 1, (1 << n) >> 1),
-        "half_zero": np.where(negative, (1 << n) >> 1, low >> 1),
-    }[rule]
-    return (x + added) >> n
-
-
-def _wrapped(x, fmt):
-    mask = np.int64((1 << fmt.width) - 1)
-    low = x & mask
-    return np.where(low > fmt.hi, low - (mask + 1), low) if fmt.s else low
-
-
-def _reversed(x, width):
-    """The low `width` bits in the opposite order, unsigned."""
-    out = np.zeros_like(x)
-    for k in range(width):
-        out |= ((x >> k) & 1) << (width - 1 - k)
-    return out
-
-
-def _signed_bits(lo, hi):
-    """Least signed width that holds lo .. hi."""
-    return max(int(hi).bit_length(), int(-lo - 1).bit_length() if lo < 0 else 0) + 1
-
-
-class Node(NamedTuple):
-    """A register as sum, rounding and overflow: what the hypotheses on arithmetic vary.
-
-    terms     {name: column}, whose sum is the exact value
-    shift     LSBs dropped by `rounding`
-    lo, hi    saturation, or None where the sum wraps in `fmt` (or cannot leave it)
-    steps     sizes of "one LSB" of a limit
-    flip      1 where the result is negated, or None
-    enable    where the register takes the value; elsewhere it holds
-    wraps     whether overflow happens and is meant to wrap
-    """
-
-    fmt: fixed.Fmt
-    terms: dict
-    shift: int = 0
-    rounding: str = "floor"
-    lo: int | None = None
-    hi: int | None = None
-    steps: tuple = (1,)
-    flip: np.ndarray | None = None
-    enable: np.ndarray | None = None
-    wraps: bool = False
-
-
-def _limited(node, x, lo, hi):
-    if lo is None:
-        return _wrapped(x, node.fmt)
-    return np.clip(x, lo, hi)
-
-
-def _variants(node):
-    """Yield (cause, what, column) for every other arithmetic that the node may have been built with."""
-
-    def done(x, flip=node.flip):
-        return x if flip is None else np.where(flip == 1, -x, x)
-
-    exact = sum(node.terms.values())
-    if node.shift > 0:
-        for rule in fixed.ROUNDINGS:
-            if rule != node.rounding:
-                yield "rounding", rule, done(_limited(node, _rounded(rule, exact, node.shift), node.lo, node.hi))
-            if node.flip is not None:
-                value = _rounded(rule, done(exact), node.shift)
-                yield "rounding", f"{rule} of the signed value", _limited(node, value, node.lo, node.hi)
-    value = _rounded(node.rounding, exact, node.shift)
-    if node.lo is not None:
-        for width in sorted({node.fmt.width, _signed_bits(node.lo, node.hi)}):
-            yield "wrap", f"at {width} bits", done(_wrapped(value, fixed.signed(width)))
-        for step in node.steps:
-            for low, high in ((-1, 0), (1, 0), (0, -1), (0, 1), (-1, 1), (1, -1), (1, 1), (-1, -1)):
-                lo, hi = node.lo + low * step, node.hi + high * step
-                what = ", ".join(f"{name} {sign * step:+d} LSB" for name, sign in (("lo", low), ("hi", high)) if sign)
-                yield "limit", what, done(_limited(node, value, lo, hi))
-            for low, high in ((-step, 0), (step, 0), (0, -step), (0, step)):
-                stuck = np.where(value < node.lo, node.lo + low, np.where(value > node.hi, node.hi + high, value))
-                what = f"saturates to {'lo' if low else 'hi'} {low or high:+d} LSB"
-                yield "limit", what, done(stuck)
-    elif node.wraps:
-        yield "saturate", f"at {node.fmt.lo} and {node.fmt.hi}", done(np.clip(value, node.fmt.lo, node.fmt.hi))
-    yield "sign", "result", -done(_limited(node, value, node.lo, node.hi))
-    yield "sign", "result", _limited(node, -done(value), node.lo, node.hi)
-    if node.flip is not None:
-        for flip, what in ((1 - node.flip, "result"), (0 * node.flip, "never negative"), (0 * node.flip + 1, "always")):
-            yield "sign", what, done(_limited(node, value, node.lo, node.hi), flip)
-    for name, term in node.terms.items():
-        rest = exact - term
-        changes = (
-            ("sign", f"of {name}", -term),
-            ("gain", f"{name} x 2", term << 1),
-            ("gain", f"{name} / 2", term >> 1),
-        )
-        for cause, what, other in changes:
-            yield cause, what, done(_limited(node, _rounded(node.rounding, rest + other, node.shift), node.lo, node.hi))
-    if node.shift > 0:
-        for shift, what in ((node.shift - 1, "result x 2"), (node.shift + 1, "result / 2")):
-            yield "gain", what, done(_limited(node, _rounded(node.rounding, exact, shift), node.lo, node.hi))
-        yield "gain", "result x 2", done(_limited(node, value << 1, node.lo, node.hi))
-        yield "gain", "result / 2", done(_limited(node, value >> 1, node.lo, node.hi))
-    else:
-        yield "gain", "result x 2", done(_limited(node, exact << 1, node.lo, node.hi))
-        yield "gain", "result / 2", done(_limited(node, exact, node.lo, node.hi) >> 1)
-
-
-# The arithmetic registers of the blocks: c holds the columns of inputs and registers, p the parameters ----------------
-
-
-def _modulator(c, p, fmt):
-    return {
-        "product": Node(fmt["product"], {"amplitude * sine": c["amplitude"] * c["sine"]}, enable=c["en_product"] == 1),
-        "code": Node(
-            fmt["code"], {"product": c["product"]}, p["shift"], "half_up", p["lo"], p["hi"], enable=c["en_code"] == 1
-        ),
-    }
-
-
-def _pi(c, p, fmt):
-    en, mode = c["en"] != 0, c["mode"]
-    run, off = mode == pi.RUN, mode == pi.OFF
-    acc = {
-        "acc": np.where(run, c["acc"], 0),
-        "ki * e": np.where(run, p["ki"] * c["e"], 0),
-        "preset": np.where(off, c["preset"] << pi.SHIFT, 0),
-    }
-    lo, hi = p["lo"] << pi.SHIFT, p["hi"] << pi.SHIFT
-    prop = {"kp * e": np.where(off, 0, p["kp"] * c["e"])}
-    return {
-        "prop": Node(fmt["prop"], prop, enable=en & (mode <= pi.RUN)),
-        "acc": Node(fmt["acc"], acc, lo=lo, hi=hi, steps=(1, 1 << pi.SHIFT), enable=en & (run | off)),
-        "y": Node(fmt["y"], {"prop": c["prop"], "acc": c["acc"]}, pi.SHIFT, "half_up", p["lo"], p["hi"]),
-    }
-
-
-def _sine(c, p, fmt):
-    base, product = c["base2"] << sine.ALIGN, c["product"]
-    return {
-        "product": Node(fmt["product"], {"slope * fraction": c["slope"] * (2 * c["fraction"] + 1)}),
-        "y": Node(fmt["y"], {"base": base, "product": product}, sine.PRODUCT.f, "half_up", flip=c["sign2"]),
-    }
-
-
-def _dds(c, p, fmt):
-    nodes = {"phase": Node(fmt["phase"], {"phase": c["phase"], "word": c["word"]}, wraps=True)}
-    for name in ("drive_sine", "sense_sine", "drive_ref", "sense_ref"):
-        nodes[name] = Node(fmt[name], {"phase": c["phase"], "offset": c[f"off_{name}"]}, wraps=True)
-    return nodes
-
-
-NODES = {"modulator": _modulator, "pi": _pi, "sine": _sine, "dds": _dds}
-
-
-def _spi_dac_order(c, p, fmt, following):
-    """The shift register of a master that sends the LSB first, in its two usual forms, and its pin."""
-    load, run, mask = c["load"] == 1, c["sclk_en"] == 1, (1 << p["bits"]) - 1
-    right = np.where(run, c["shift"] >> 1, c["shift"])
-    left = np.where(run, (c["shift"] << 1) & mask, c["shift"])
-    yield "shift", "LSB first, shifts right", np.where(load, c["word"], right)
-    yield "shift", "LSB first, word reversed at load", np.where(load, _reversed(c["word"], p["bits"]), left)
-
-
-def _spi_adc_order(c, p, fmt, following):
-    """The words of a master that takes the LSB first."""
-    take = (c["busy"] == 1) & (c["word"] != spi_adc.WORDS) & (c["sclk"] == 1)
-    word = (c["shift"] >> 1) | (c["dout"] << (spi_adc.WORD_BITS - 1))
-    last = take & (c["count"] == spi_adc.WORD_BITS - 1)
-    yield "shift", "LSB first", np.where(take, word, c["shift"])
-    yield "status", "LSB first", np.where(last & (c["word"] == 0), word, c["status"])
-    for k in range(spi_adc.CHANNELS):
-        name = f"channels_{k}"
-        taken = last & (c["word"] == k + 1)
-        yield name, "LSB first", np.where(taken, _wrapped(word, fmt[name]), c[name])
-
-
-ORDERS = {"spi_dac": _spi_dac_order, "spi_adc": _spi_adc_order}
-# Packed words of signs: a constant pattern of inverted bits is a wrong sign
-PACKED_SIGNS = {"references"}
-
-
-# The golden step of a block on any rows -------------------------------------------------------------------------------
-
-
-class Model:
-    """A block's own step on the rows of somebody else; `None` from `of` where the block is not of the plain form."""
-
-    def __init__(self, module, params):
-        self.step = _python(module.step)
-        self.like = module.State()
-        self.names = [name.replace(".", "_") for name in flatten.names(self.like)]
-        self.reset = dict(zip(self.names, (value for _, value in flatten.leaves(self.like))))
-        self.p = (
-            module.Params(**{name: params[name] for name in module.Params._fields}) if "p" in self._args() else None
-        )
-        self.inputs = [name for name in self._args() if name not in ("p", "s")]
-        self.pins = {name: _python(getattr(module, name)) for name in ("out", "pins", "sdin") if hasattr(module, name)}
-
-    def _args(self):
-        return list(inspect.signature(self.step).parameters)
-
-    @classmethod
-    def of(cls, block, params, inputs, registers):
-        """The model, or None when the block, its parameters or its ports are not of the form step(p, s, inputs)."""
-        if not re.fullmatch(r"[a-z][a-z0-9_]*", block):
-            return None
-        try:
-            model = cls(importlib.import_module(f"fpga_model.{block}"), params)
-        except (ImportError, AttributeError, KeyError, TypeError):
-            return None
-        known = set(model.inputs) <= set(inputs) and set(model.names) <= set(registers)
-        return model if known else None
-
-    def _call(self, function, state, inputs):
-        given = {"p": self.p, "s": state, **inputs}
-        return function(*[given[name] for name in inspect.signature(function).parameters])
-
-    def run(self, columns):
-        """Golden rows one edge after each row of `columns`, and golden pins of each row."""
-        rows = list(zip(*[columns[name].tolist() for name in self.names]))
-        inputs = list(zip(*[columns[name].tolist() for name in self.inputs])) or [()] * len(rows)
-        step, p, head = self.step, self.p, () if self.p is None else (self.p,)
-        after = np.empty((len(rows) + 1, len(self.names)), np.int64)
-        after[0] = list(self.reset.values())
-        pins = {name: np.empty(len(rows), np.int64) for name in self.pins}
-        wanted = {name: list(inspect.signature(function).parameters) for name, function in self.pins.items()}
-        for n, (row, given) in enumerate(zip(rows, inputs)):
-            state = flatten.rebuild(self.like, row)
-            flatten._store_python(after[n + 1], step(*head, state, *given))
-            for name, function in self.pins.items():
-                known = {"p": p, "s": state, **dict(zip(self.inputs, given))}
-                pins[name][n] = function(*[known[argument] for argument in wanted[name]])
-        if "rst" in columns:
-            after[1:][columns["rst"] == 1] = list(self.reset.values())
-        return {name: after[:-1, k].copy() for k, name in enumerate(self.names)}, pins
-
-
 # The search -----------------------------------------------------------------------------------------------------------
 
 
@@ -362,29 +102,49 @@ class _Search:
             name: np.where(case.care[name], case.got[name], want) if name in case.got else want
             for name, want in case.expected.items()
         }
-        self.columns = {**case.inputs, **self.state}
-        self.local = self._golden(self.columns)
+        shared = {f"in_{name}": case.inputs[name] for name in set(case.inputs) & set(self.state)}
+        self.columns = {**case.inputs, **shared, **self.state}
+        self.local = self._golden(case.inputs, self.state)
         # Rows that show a reset: the first, and those after an edge with reset
         self.resets = np.zeros(self.n, bool)
         self.resets[0] = True
         if "rst" in case.inputs:
             self.resets[1:] = case.inputs["rst"][:-1] == 1
 
-    def _golden(self, columns):
+    def _golden(self, inputs, state, **changed):
         """What every observed port should be, row by row, after the design's own previous row."""
         local = dict(self.case.expected)
         if self.model:
-            rows, pins = self.model.run(columns)
+            rows, pins = self.model.run(inputs, state, **changed)
             # a register of the design has its width whatever the fault puts in
             ports = self.case.ports
-            local.update({w: _wrapped(rows[w], ports[w].fmt) if w in ports else rows[w] for w in rows})
-            for name in local:
-                if name not in rows and name in pins:
-                    local[name] = pins[name]
-            for name in rows:
+            for name, after in rows.items():
+                after = nodes.wrapped(after, ports[name].fmt) if name in ports else after
                 # row 0 has no row before it
-                local[name][0] = self.case.expected[name][0]
+                local[name] = _after(after, self.case.expected[name][0])
+            local.update({name: pins[name] for name in pins if name in local and name not in rows})
         return local
+
+    def _explains(self, inputs, first=0, **changed):
+        """Whether other inputs or parameters give the design's value in every row from `first` on.
+
+        The rows that are wrong are tried first: most hypotheses fail there, and there are few of them.
+        """
+        wrong = np.zeros(self.n, bool)
+        for name, got, care in self._observed():
+            wrong |= care & (got != self.local[name])
+        wrong[:first] = False
+        if not wrong.any():
+            return False
+        for rows in (np.flatnonzero(wrong)[:50], np.arange(first, self.n)):
+            after, _ = self.model.run(inputs, self.state, rows[rows > 0] - 1, **changed)
+            _, pins = self.model.run(inputs, self.state, rows, **changed)
+            for name, got, care in self._observed():
+                at = rows[rows > 0] if name in after else rows
+                value = after.get(name, pins.get(name, self.local[name][at]))
+                if not _same(got[at], nodes.wrapped(value, self.case.ports[name].fmt), care[at]):
+                    return False
+        return True
 
     def faulty(self, local):
         return [
@@ -412,13 +172,18 @@ class _Search:
                 continue
             if fmt.s or fmt.f > 0:
                 ends = care & (basis != fmt.lo) if fmt.s else care
-                yield "sign", "result", driven_to(_wrapped(-basis, fmt)), ends
-                yield "gain", "result x 2", driven_to(_wrapped(basis << 1, fmt)), care
+                yield "sign", "result", driven_to(nodes.wrapped(-basis, fmt)), ends
+                yield "gain", "result x 2", driven_to(nodes.wrapped(basis << 1, fmt)), care
                 yield "gain", "result x 2", driven_to(np.clip(basis << 1, fmt.lo, fmt.hi)), care
                 yield "gain", "result / 2", driven_to(basis >> 1), care
             if self.case.block.startswith("spi_"):
-                yield "bit_order", "reversed", driven_to(_wrapped(_reversed(basis, fmt.width), fmt)), care
-            if self.case.block in PACKED_SIGNS:
+                yield (
+                    "bit_order",
+                    "reversed",
+                    driven_to(nodes.wrapped(nodes.reversed_bits(basis, fmt.width), fmt)),
+                    care,
+                )
+            if self.case.block in nodes.PACKED_SIGNS:
                 pattern = np.unique((self.case.got[name] ^ basis)[care & driven])
                 if len(pattern) == 1 and pattern[0]:
                     yield "sign", f"bits {int(pattern[0]):#x} inverted", driven_to(basis ^ pattern[0]), care
@@ -426,7 +191,7 @@ class _Search:
 
     def _driven(self, name):
         """Rows whose golden value does not depend on the register itself: elsewhere it holds."""
-        other = self._golden({**self.columns, name: self.columns[name] ^ 1})
+        other = self._golden(self.case.inputs, {**self.state, name: self.state[name] ^ 1})
         return other[name] == self.local[name]
 
     def _reset(self, name):
@@ -451,25 +216,71 @@ class _Search:
                 early[max(0, row - k) : row + 1] = False
             yield "late", clocks, np.concatenate((want[:1].repeat(k), want[:-k])), late
             yield "early", clocks, np.concatenate((want[k:], want[-1:].repeat(k))), early
+        yield from self._enabled_late(name)
+
+    def _enabled_late(self, name):
+        """A register too many under the same enable: late by a number of enables, where only they move the port."""
+        want = self.case.expected[name]
+        moves = np.flatnonzero(np.diff(want))
+        for strobe in self.model.block.strobes if self.model else ():
+            enable = (self.case.inputs[strobe] == 1) & ~np.append(self.resets[1:], False)
+            if not np.all(enable[moves] | self.resets[moves + 1]) or enable.all():
+                continue
+            after = np.append(want[1:], want[-1:])[enable]
+            count = np.concatenate(([0], np.cumsum(enable)[:-1]))
+            since = count - count[np.maximum.accumulate(np.where(self.resets, np.arange(self.n), 0))]
+            for k in range(1, MAX_INPUT_SHIFT + 1):
+                column = after[np.clip(count - 1 - k, 0, None)] if len(after) else want
+                what = f"{k} enable" + ("s" if k > 1 else "") + f" ({strobe})"
+                yield "late", what, column, self.case.care[name] & (since > k)
 
     def _arithmetic(self, name, care):
-        plain = _plain(name, self.case.expected)
-        fmt = {key: port.fmt for key, port in self.case.ports.items()}
+        case, plain = self.case, _plain(name, self.case.expected)
+        fmt = {key: port.fmt for key, port in case.ports.items()}
         try:
-            nodes = NODES[self.case.block](self.columns, self.case.params, fmt) if self.case.block in NODES else {}
-            orders = ORDERS.get(self.case.block)
-            orders = list(orders(self.columns, self.case.params, fmt, self.n)) if orders else []
+            found = nodes.NODES[case.block](self.columns, case.params, fmt) if case.block in nodes.NODES else {}
+            special = nodes.SPECIAL.get(case.block)
+            special = list(special(self.columns, case.params, fmt)) if special else []
+            compared = nodes.COMPARED.get(case.block)
+            compared = list(compared(self.columns, case.params)) if compared else []
         except KeyError:
             return
-        first = self.case.expected[name][0]
-        if plain in nodes:
-            node = nodes[plain]
-            for cause, what, column in _variants(node):
-                value = column if node.enable is None else np.where(node.enable, column, self.state[name])
-                yield cause, what, _after(_wrapped(value, node.fmt), first), care
-        for target, what, column in orders:
+        first = case.expected[name][0]
+        if plain in found:
+            yield from self._varied(name, nodes.parts(found[plain]), care)
+        for target, cause, what, column in special:
             if target == plain:
-                yield "bit_order", what, _after(column, first), care
+                yield cause, what, _after(nodes.wrapped(column, fmt[name]), first), care
+        for target, what, column in compared:
+            if target == plain:
+                yield "limit", what, column, care
+
+    def _varied(self, name, parts, care):
+        """Other arithmetic of one part of a register, or the same fault in all of its parts that differ."""
+        got, local, first = self.case.got[name], self.local[name], self.case.expected[name][0]
+        wrong = []
+        for node in parts:
+            enable = np.ones(self.n, bool) if node.enable is None else node.enable
+            # rows that show a load of this part
+            shown = np.concatenate(([False], enable[:-1]))
+            fitting = {}
+            for cause, what, column in nodes.variants(node):
+                column = np.where(shown, _after(nodes.wrapped(column, node.fmt), first), local)
+                yield cause, what, column, care
+                # a limit is one constant that each part may use in its own way; else the words are the same
+                key = (cause, "" if cause in ("limit", "wrap") else what)
+                if key not in fitting and _same(got, column, care & shown):
+                    fitting[key] = (what, column)
+            if not _same(got, local, care & shown):
+                wrong.append((shown, fitting))
+        if len(wrong) < 2:
+            return
+        for key in set.intersection(*[set(fitting) for _, fitting in wrong]):
+            column = local
+            for shown, fitting in wrong:
+                column = np.where(shown, fitting[key][1], column)
+            words = dict.fromkeys(fitting[key][0] for _, fitting in wrong)
+            yield key[0], ", ".join(words), column, care
 
     def fits(self, name):
         """Hypotheses on one port that give the design's value in every row, in order, without doubles."""
@@ -492,13 +303,17 @@ class _Search:
                 continue
             for k in range(1, MAX_INPUT_SHIFT + 1):
                 late = np.concatenate((column[:1].repeat(k), column[:-k]))
-                local = self._golden({**self.columns, name: late})
                 # the first rows hold what the design had before row 0, and prove nothing
-                after = slice(k + 1, None)
-                pairs = [(g[after], local[w][after], self.local[w][after], c[after]) for w, g, c in self._observed()]
-                proven = any(np.any(c & (g != golden)) for g, _, golden, c in pairs)
-                if proven and all(_same(g, late_by_k, c) for g, late_by_k, _, c in pairs):
+                if self._explains({**self.case.inputs, name: late}, k + 1):
                     yield name, ("late", f"{k} clock" + ("s" if k > 1 else ""))
+
+    def tuned(self):
+        """Parameters whose other value explains every row of every port."""
+        if not self.model:
+            return
+        for cause, what, changed in nodes.tuned(self.case.block, self.case.params, self.model.parameters()):
+            if self._explains(self.case.inputs, **changed):
+                yield cause, what
 
     def _observed(self):
         return [(name, got, self.case.care[name]) for name, got in self.case.got.items()]
@@ -563,6 +378,7 @@ def diagnose(block, params, inputs, ports, expected, got, care=None):
     if not faulty:
         return Diagnosis(UNKNOWN, "", "")
     fits = _agreed([search.fits(name) for name in faulty])
+    fits += [fit for fit in search.tuned() if fit not in fits]
     if not fits:
         fits = search.whole()
         if not fits:

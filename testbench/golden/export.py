@@ -13,7 +13,7 @@ import numpy as np
 from fpga_model.rates import MASTER_HZ
 from testbench import vcd
 from testbench.errors import ConfigError
-from testbench.golden import benches, blocks, bundle, stimulus, top
+from testbench.golden import benches, blocks, bundle, range_report, stimulus, top
 from testbench.version import VERSION
 
 
@@ -89,26 +89,27 @@ def export_case(block, case, out, seed=stimulus.SEED):
     exp = np.column_stack([regs, pins])
     files = {**_tables(block, stim, exp), **benches.texts(block, case, len(stim))}
     manifest = _manifest(block, case, len(stim), families, seed)
+    manifest["ranges"] = range_report.entry(block, case, regs, pins)
+    files["RANGES.md"] = range_report.text(f"{block.stem}/{case}", manifest["ranges"])
     return bundle.write(Path(out) / block.stem / case, manifest, files, [_waves(block, stim, exp)])
 
 
-def chosen(name):
-    """Stems of a name or `all`; raises ConfigError otherwise."""
-    stems = [*blocks.BLOCKS, top.STEM]
+def chosen(name, others=()):
+    """Blocks of a name or `all`; raises ConfigError otherwise. `others` are names that the caller knows besides."""
     if name == "all":
-        return stems
-    if name not in stems:
-        raise ConfigError(f"block: {name!r} is not one of all, {', '.join(stems)}")
-    return [name]
+        return list(blocks.BLOCKS.values())
+    if name not in blocks.BLOCKS:
+        raise ConfigError(f"block: {name!r} is not one of all, {', '.join([*blocks.BLOCKS, *others])}")
+    return [blocks.BLOCKS[name]]
 
 
 def folder_makefile(block):
     """Makefile of a block's folder: the same goals in every case."""
-    return f"""# Every case of {block.stem}: make check SIM=... RTL=folder (absolute)
+    return f"""# Every case of {block.stem}: make check RTL=folder (absolute), SIM=... for one simulator
 CASES = {" ".join(block.cases)}
 
 check clean:
-	@for case in $(CASES); do $(MAKE) --no-print-directory -C $$case $@ || exit 1; done
+	@status=0; for case in $(CASES); do $(MAKE) --no-print-directory -C $$case $@ || status=1; done; exit $$status
 
 .PHONY: check clean
 """
@@ -119,14 +120,15 @@ def export(name, out, progress=None):
     from testbench.files import write_text
 
     done = []
-    cases = {stem: tuple(blocks.BLOCKS[stem].cases) if stem in blocks.BLOCKS else top.CASES for stem in chosen(name)}
-    todo = [(stem, case) for stem, listed in cases.items() for case in listed]
-    for n, (stem, case) in enumerate(todo):
+    listed = [] if name == top.STEM else chosen(name, [top.STEM])
+    if name in ("all", top.STEM):
+        listed.append(top.block(dict.fromkeys(top.CASES)))
+    todo = [(block, case) for block in listed for case in block.cases]
+    for n, (block, case) in enumerate(todo):
         if progress is not None:
-            progress(f"{stem}/{case}", n, len(todo))
-        block = blocks.BLOCKS.get(stem)
-        manifest = export_case(block, case, out) if block else top.export_case(case, out)
-        done.append((Path(out) / stem / case, manifest))
-        if case == cases[stem][-1]:
-            write_text(Path(out) / stem / "Makefile", folder_makefile(block) if block else top.folder_makefile())
+            progress(f"{block.stem}/{case}", n, len(todo))
+        manifest = top.export_case(case, out) if block.stem == top.STEM else export_case(block, case, out)
+        done.append((Path(out) / block.stem / case, manifest))
+        if case == list(block.cases)[-1]:
+            write_text(Path(out) / block.stem / "Makefile", folder_makefile(block))
     return done

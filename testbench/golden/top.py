@@ -51,7 +51,7 @@ def _rules():
 
 
 def block(params):
-    """The whole design as a `blocks.Block` whose only case has these parameters."""
+    """The whole design as a `blocks.Block`; `params` are {case: Params or None}."""
     rules = _rules()
     registers = [
         Port(flat(path), fmt, int(reset), *rules.get(flat(path), (None, None)))
@@ -223,15 +223,3 @@ def window(folder, clock, count, out=None):
     )
     out = folder.with_name(f"{folder.name}_{clock}") if out is None else Path(out)
     return out, write(cut, out)
-
-
-def folder_makefile():
-    """Makefile of the folder of all cases."""
-    return f"""# Every case of {STEM}: make check SIM=... RTL=folder (absolute)
-CASES = {" ".join(CASES)}
-
-check clean:
-	@for case in $(CASES); do $(MAKE) --no-print-directory -C $$case $@ || exit 1; done
-
-.PHONY: check clean
-"""

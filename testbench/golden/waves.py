@@ -1,4 +1,4 @@
-"""Logs of other people's simulations as columns: VCD and FST dumps and CSV, through a map from port to signal.
+"""Logs of other people's simulations as columns: VCD, FST and GHW dumps and CSV, through a map from port to signal.
 
     schema = "gyro-map/1.0"                 row 0 is the first active edge that sees reset released;
     [clock]                                 without [reset] it is active edge `first_edge` (default 0)
@@ -13,9 +13,8 @@
 
 A row is what the dump shows just before the active edge: a change at the instant of the edge comes after it.
 A bit that is not 0 or 1 makes the value of that row unknown. Values are two's complement of the port's own width.
-FST is read with pywellen, which is optional; VCD and CSV need nothing; GHW is refused (decision 0009). A CSV has a
-header of signal names and one row per clock, decimal or 0x hex; it needs neither [clock] nor [reset], and `first_edge`
-is the line of row 0.
+FST is read with pywellen, which is optional; the others need nothing (decision 0009). A CSV has a header of names and
+one row per clock, decimal or 0x hex; it needs neither [clock] nor [reset], and `first_edge` is the line of row 0.
 Source    docs/golden.md
 """
 
@@ -29,8 +28,8 @@ import numpy as np
 
 from fpga_model.fixed import bits
 from testbench.errors import FileError
-from testbench.golden import bundle
-from testbench.golden.compare import BEFORE, Column, compare, formats
+from testbench.golden import bundle, ghw
+from testbench.golden.compare import BEFORE, Column, against, formats
 
 SCHEMA = "gyro-map/1.0"
 SLICE = re.compile(r"^(.*?)\s*\[(\d+)(?::(\d+))?\]$")
@@ -101,18 +100,45 @@ def _bare(name):
     return found[1] if found else name
 
 
+def _spelled(name):
+    """A path without what only some tools write: the backslash of an escaped name, a dot before an index."""
+    return re.sub(r"(^|\.)\\", r"\1", name).replace(".[", "[")
+
+
+def _listed(pairs):
+    """{path: signal} of (path, signal); None where two signals have one path."""
+    known = {}
+    for name, signal in pairs:
+        name = _spelled(name)
+        known[name] = signal if known.get(name, signal) == signal else None
+    return known
+
+
 def _wanted(path, known, where):
-    """(signal, hi, lo) of a path of the map: the whole signal, or a slice of it."""
-    if path in known:
-        return path, None, None
-    found = SLICE.match(path)
-    if found and found[1] in known:
-        hi = int(found[2])
-        lo = hi if found[3] is None else int(found[3])
-        if hi < lo:
-            raise FileError(f"{where}: slice {path}: {hi} is below {lo}")
-        return found[1], hi, lo
-    tail = path.rsplit(".", 1)[-1].split("[")[0]
+    """(signal, hi, lo) of a path of the map: the whole signal, or a slice of it.
+
+    Verilator puts everything below TOP, and GHDL leaves the top out of an FST: both may be missing in the map.
+    """
+    spelled = _spelled(path)
+    head, _, rest = spelled.partition(".")
+    ways = [spelled, f"TOP.{spelled}"]
+    if rest and not any(name.startswith(f"{head}.") for name in known):
+        ways.append(rest)
+    for way in ways:
+        found = SLICE.match(way)
+        if way in known:
+            name, hi, lo = way, None, None
+        elif found and found[1] in known:
+            name, hi = found[1], int(found[2])
+            lo = hi if found[3] is None else int(found[3])
+            if hi < lo:
+                raise FileError(f"{where}: slice {path}: {hi} is below {lo}")
+        else:
+            continue
+        if known[name] is None:
+            raise FileError(f"{where}: signal {path} is there more than once")
+        return name, hi, lo
+    tail = spelled.rsplit(".", 1)[-1].split("[")[0]
     near = sorted(name for name in known if name.rsplit(".", 1)[-1] == tail)[:4]
     hint = f"; there is {', '.join(near)}" if near else ""
     raise FileError(f"{where}: no signal {path}{hint}")
@@ -127,7 +153,7 @@ def _vcd(path, paths):
     head, mark, body = text.partition("$enddefinitions")
     if not mark:
         raise FileError(f"{path}: not a VCD file: no $enddefinitions")
-    scopes, known = [], {}
+    scopes, known = [], []
     tokens = iter(head.split())
     for token in tokens:
         if not token.startswith("$"):
@@ -144,11 +170,14 @@ def _vcd(path, paths):
         elif token == "$upscope" and scopes:
             scopes.pop()
         elif token == "$var" and len(words) >= 4 and words[1].isdigit():
-            # an escaped name of one bit of an array is its own signal; a range is only how it was declared
-            name = _bare(" ".join(words[3:])) if int(words[1]) > 1 else " ".join(words[3:]).replace(" ", "")
-            known[".".join([*scopes, name])] = (words[2], int(words[1]), words[0])
+            # one bit of an array is a signal of its own; a range is only how the signal was declared
+            name = re.sub(r" (\[[^ ]*\])$", r"\1", " ".join(words[3:]))
+            if int(words[1]) > 1 or ":" in name.rpartition("[")[2]:
+                name = _bare(name)
+            known.append((".".join([*scopes, name]), (words[2], int(words[1]), words[0])))
         elif token in ("$scope", "$upscope", "$var"):
             raise FileError(f"{path}: header: broken {token} {' '.join(words)[:40]}")
+    known = _listed(known)
     found = {wanted: _wanted(wanted, known, path) for wanted in paths}
     for signal, _, _ in found.values():
         if known[signal][2] in ("real", "realtime", "string", "event"):
@@ -194,13 +223,15 @@ def _wellen(path, paths):
         raise FileError(f"{path}: cannot be read: no such file")
     try:
         wave = pywellen.Waveform(str(path))
-        known = {_bare(var.full_name): var for var in wave.all_vars()}
+        variables = list(wave.all_vars())
+        known = _listed((var.full_name, str(var.signal_ref)) for var in variables)
     except (RuntimeError, ValueError, OSError) as problem:
         raise FileError(f"{path}: cannot be read: {problem}") from None
+    by_signal = {str(var.signal_ref): var for var in variables}
     out = {}
     for wanted in paths:
         signal, hi, lo = _wanted(wanted, known, path)
-        var = known[signal]
+        var = by_signal[known[signal]]
         if var.bitwidth is None:
             raise FileError(f"{path}: signal {signal} is not bits")
         times, texts = [], []
@@ -209,6 +240,23 @@ def _wellen(path, paths):
             texts.append(f"{value:0{var.bitwidth}b}" if isinstance(value, int) else str(value))
         out[wanted] = (times, texts, int(var.bitwidth), hi, lo)
     return out
+
+
+def _ghw(path, paths):
+    """As `_vcd`, for GHW."""
+    found = {}
+
+    def choose(known):
+        listed = _listed((name, name) for name in known)
+        for wanted in paths:
+            signal, hi, lo = _wanted(wanted, listed, path)
+            found[wanted] = listed[signal], hi, lo
+            if known[listed[signal]] is None:
+                raise FileError(f"{path}: signal {signal} is not bits")
+        return list(dict.fromkeys(signal for signal, _, _ in found.values()))
+
+    columns = ghw.read(path, choose)
+    return {wanted: (*columns[signal], hi, lo) for wanted, (signal, hi, lo) in found.items()}
 
 
 def _extended(text, width):
@@ -331,7 +379,7 @@ def _from_csv(path, signals, fmts):
 
 
 def read_log(path, signals, fmts):
-    """Columns of the mapped ports of a .vcd, .fst or .csv file.
+    """Columns of the mapped ports of a .vcd, .fst, .ghw or .csv file.
 
     signals  a `Map`
     fmts     {port: Fmt} of the manifest (`compare.formats`)
@@ -345,24 +393,13 @@ def read_log(path, signals, fmts):
     if kind == ".vcd":
         return _from_dump(path, _vcd, signals, fmts)
     if kind == ".ghw":
-        # A port on a slice of a vector comes out as another slice of it: worse than no answer
-        raise FileError(f"{path}: GHW is not read (ports on slices come out wrong); use ghdl --vcd or --fst")
+        return _from_dump(path, _ghw, signals, fmts)
     if kind == ".fst":
         return _from_dump(path, _wellen, signals, fmts)
-    raise FileError(f"{path}: the file type {kind or '(none)'} is not .vcd, .fst or .csv")
+    raise FileError(f"{path}: the file type {kind or '(none)'} is not .vcd, .fst, .ghw or .csv")
 
 
 def check(folder, log, map_path, before=BEFORE):
     """Compare a log with the bundle in `folder`, which is verified first; returns a `compare.Report`."""
     golden = bundle.read(folder)
-    manifest = golden.manifest
-    names = [port["name"] for port in manifest["inputs"]]
-    results = [port["name"] for port in manifest["registers"] + manifest["outputs"]]
-    return compare(
-        manifest,
-        dict(zip(names, golden.stim.T.copy())),
-        dict(zip(results, golden.exp.T.copy())),
-        read_log(log, read_map(map_path), formats(manifest)),
-        {name: column != 0 for name, column in zip(results, golden.mask.T)},
-        before,
-    )
+    return against(golden, read_log(log, read_map(map_path), formats(golden.manifest)), before)

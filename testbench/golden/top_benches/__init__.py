@@ -11,10 +11,9 @@ Source  docs/golden.md (the whole design), docs/parts/adc_serial.md
 
 from testbench.golden import benches
 from testbench.golden.top_benches.cocotb import cocotb_test
-from testbench.golden.top_benches.layout import parameters
-from testbench.golden.top_benches.makefile import makefile
+from testbench.golden.top_benches.layout import DEFAULT_FRAMES, parameters
 from testbench.golden.top_benches.verilog import cocotb_top, verilog_bench
-from testbench.golden.top_benches.vhdl import vhdl_bench, vunit_bench, vunit_run
+from testbench.golden.top_benches.vhdl import vhdl_bench
 
 
 def texts(block, case, rows, counts):
@@ -26,8 +25,9 @@ def texts(block, case, rows, counts):
         f"tb_{stem}.v": verilog_bench(block, case, counts),
         f"cocotb_{stem}.v": cocotb_top(block, case),
         f"tb_{stem}.vhd": vhdl_bench(block, case, counts),
-        f"tb_{stem}_vunit.vhd": vunit_bench(block, case),
+        f"tb_{stem}_vunit.vhd": benches.vunit_bench(block, case, frames=True),
         f"test_{stem}.py": cocotb_test(block, case),
-        "run_vunit.py": vunit_run(block, case),
-        "Makefile": makefile(block, case),
+        "run_vunit.py": benches.vunit_run(block, case, DEFAULT_FRAMES["vunit"]),
+        "Makefile": benches.makefile(block, case),
+        "check.sh": benches.check_script(block, case, DEFAULT_FRAMES),
     }

@@ -6,17 +6,15 @@ Source  docs/golden.md (the whole design)
 from analog_frontend import adc_serial
 from fpga_model.rates import FRAME_CYCLES, TICK_CYCLES
 from testbench.golden import benches, signature
-from testbench.golden.blocks import BLOCKS
 
 ROM_PARAMETERS = {"SINE_ROM_FILE": "rom/sine.hex", "CORDIC_ROM_FILE": "rom/cordic_atan.hex"}
-PARTS = ("control", *BLOCKS)
 CLOCK_BITS = 32
 ADC_BITS = CLOCK_BITS + adc_serial.WORDS * adc_serial.WORD_BITS
 HOST_BITS = CLOCK_BITS + 4 + 8 + 48
 SAR_BITS = 36
 GROUP = 15  # ports, about the root of their number
 # Frames that a simulator runs unless FRAMES is given: half a minute or so of each
-DEFAULT_FRAMES = {"icarus": 300, "verilator": 0, "ghdl": 2, "cocotb": 3, "vunit": 2}
+DEFAULT_FRAMES = {"icarus": 300, "verilator": 0, "ghdl": 20, "cocotb": 20, "cocotb-verilator": 60, "vunit": 20}
 
 
 def constants(counts):

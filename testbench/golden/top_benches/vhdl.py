@@ -1,4 +1,4 @@
-"""The VHDL-2008 bench, and the same as a test of VUnit.
+"""The VHDL-2008 bench.
 
 Source  docs/golden.md (the whole design), testbench/golden/signature.py
 """
@@ -6,7 +6,7 @@ Source  docs/golden.md (the whole design), testbench/golden/signature.py
 from testbench.golden import benches, signature
 from testbench.golden.benches import SHOWN
 from testbench.golden.blocks import params_of
-from testbench.golden.top_benches.layout import CLOCK_BITS, DEFAULT_FRAMES, PARTS, ROM_PARAMETERS, chunks
+from testbench.golden.top_benches.layout import CLOCK_BITS, ROM_PARAMETERS, chunks
 
 
 def vhdl_bench(block, case, counts):
@@ -335,42 +335,3 @@ begin
     end process;
 end architecture;
 """
-
-
-def vunit_run(block, case):
-    """Run script of VUnit: RTL=folder FRAMES=n python3 run_vunit.py."""
-    return f'''"""{block.stem}/{case} under VUnit: RTL=folder python3 run_vunit.py; without RTL it only elaborates."""
-
-import os
-from pathlib import Path
-
-from vunit import VUnit
-
-HERE = Path(__file__).resolve().parent
-SOURCES = {("top", *PARTS)!r}
-
-vu = VUnit.from_argv()
-vu.add_vhdl_builtins()
-lib = vu.add_library("golden")
-for name in ("params_pkg.vhd", "tb_{block.stem}.vhd", "tb_{block.stem}_vunit.vhd"):
-    lib.add_source_files(HERE / name)
-rtl = os.environ.get("RTL", "")
-if rtl:
-    for stem in SOURCES:
-        path = Path(rtl).resolve() / f"{{stem}}.vhd"
-        if path.is_file() or stem == SOURCES[0]:
-            lib.add_source_files(path)
-bench = lib.test_bench("tb_{block.stem}_vunit")
-bench.set_generic("no_design", not rtl)
-bench.set_generic("frames", int(os.environ.get("FRAMES") or {DEFAULT_FRAMES["vunit"]}))
-vu.main()
-'''
-
-
-def vunit_bench(block, case):
-    """The VHDL bench as a test of VUnit."""
-    text = benches.vunit_bench(block, case)
-    text = text.replace(
-        "no_design : boolean := false\n", "no_design : boolean := false;\n        frames : natural := 0\n"
-    )
-    return text.replace("NO_DESIGN => no_design, ", "NO_DESIGN => no_design, FRAMES => frames, ")

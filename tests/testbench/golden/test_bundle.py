@@ -1,5 +1,6 @@
 """Bundles: packing is reversible, writing is whole or nothing, and a touched bundle is refused with one clear line."""
 
+import hashlib
 import json
 
 import numpy as np
@@ -170,6 +171,64 @@ def test_a_link_that_leaves_the_folder_is_refused(folder):
 
 
 @pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("a\0b", "embedded null"),
+        ("x" * 5000, "name too long"),
+        ("é.hex", "é.hex: missing"),
+        ("ports", "ports: missing"),
+    ],
+)
+def test_a_name_that_no_file_has_is_refused(folder, name, message):
+    forge(folder, lambda data: data["sha256"].update({name: "0" * 64}))
+    refused(folder, message)
+
+
+def test_links_in_a_circle_are_refused(folder):
+    (folder / "a").symlink_to("b")
+    (folder / "b").symlink_to("a")
+    forge(folder, lambda data: data["sha256"].update({"a": "0" * 64}))
+    refused(folder, "'a' in manifest.json is none: Symlink loop")
+
+
+def test_a_file_that_is_not_of_the_bundle_is_refused_by_verify_and_left_alone_by_read(folder):
+    (folder / "build").mkdir()
+    (folder / "build" / "dump.vcd").write_text("x")
+    bundle.verify(folder)
+    for name in ("json.py", "ports/y.hex", ".hidden"):
+        (folder / name).write_text("x")
+        bundle.read(folder)
+        with pytest.raises(FileError, match=f"{name}: is not of this bundle: move it, or keep it in build/"):
+            bundle.verify(folder)
+        (folder / name).unlink()
+    (folder / "link").symlink_to(folder.parent)
+    with pytest.raises(FileError, match="link: is not of this bundle"):
+        bundle.verify(folder)
+
+
+@pytest.mark.parametrize(
+    ("raw", "message"),
+    [
+        (b"10\n2\xff\n1f\n", "stim.hex: cannot be read: 'ascii' codec"),
+        ("10\n2\uff11\n1f\n".encode(), "stim.hex: cannot be read: 'ascii' codec"),
+        (b"10\n2f\n1\0\n", "line 3: '1.x00' is not 2 lower-case"),
+        (b"10\r\n2f\r\n1f\r\n", "line 1: '10.r' is not 2 lower-case"),
+        (b"", "truncated"),
+    ],
+)
+def test_hex_in_another_alphabet_is_refused_even_with_a_right_hash(folder, raw, message):
+    (folder / "stim.hex").write_bytes(raw)
+    forge(folder, lambda data: data["sha256"].update({"stim.hex": hashlib.sha256(raw).hexdigest()}))
+    refused(folder, message)
+
+
+def test_a_manifest_in_another_alphabet_is_refused(folder):
+    path = folder / bundle.MANIFEST
+    path.write_bytes(path.read_bytes().replace(b"toy", b"t\xff\xfe"))
+    refused(folder, "is not JSON: 'utf-8' codec")
+
+
+@pytest.mark.parametrize(
     ("text", "message"),
     [
         ("10\n2f\n", "2 rows, expected 3"),
@@ -182,8 +241,6 @@ def test_a_link_that_leaves_the_folder_is_refused(folder):
     ],
 )
 def test_truncated_or_foreign_hex_is_refused_even_with_a_right_hash(folder, text, message):
-    import hashlib
-
     (folder / "stim.hex").write_text(text)
     forge(folder, lambda data: data["sha256"].update({"stim.hex": hashlib.sha256(text.encode()).hexdigest()}))
     refused(folder, message)
@@ -196,7 +253,12 @@ def test_truncated_or_foreign_hex_is_refused_even_with_a_right_hash(folder, text
         (lambda data: data.update(n="3"), "n is missing or not of type int"),
         (lambda data: data.update(n=-1), "n is -1"),
         (lambda data: data["inputs"].append({"name": "a"}), "a port lacks"),
+        (lambda data: data.update(n=10**15), "3 rows, expected 1000000000000000"),
         (lambda data: data["inputs"].append(port("a", 64)), "width 64 is outside"),
+        (lambda data: data["registers"].append(port("a", 10**18)), "width 1000000000000000000 is outside"),
+        (lambda data: data["outputs"].append(port("a", 0)), "width 0 is outside"),
+        (lambda data: data["outputs"].append(port("a", True)), "a port lacks"),
+        (lambda data: data.update(inputs=[port(str(k), 63) for k in range(10**4)]), "is not 157500 lower-case"),
         (lambda data: data["sha256"].pop("mask.hex"), "mask.hex is not listed"),
     ],
 )

@@ -17,12 +17,9 @@ from testbench import engine
 from testbench.errors import ConfigError, FileError
 from testbench.flatten import leaves
 from testbench.golden import benches, blocks, bundle, cli, recording, replay, signature, top
-from testbench.golden.top_benches.layout import PARTS
 from tests.testbench.golden import standin
+from tests.testbench.golden.benching import NEEDS, RTL, make, need
 
-RTL = Path(__file__).resolve().parents[3] / "testbench" / "rtl"
-WHOLE = all((RTL / f"{part}.v").is_file() for part in ("top", *PARTS))
-TOOLS = {"icarus": "iverilog", "verilator": "verilator", "ghdl": "ghdl", "cocotb": "iverilog", "vunit": "ghdl"}
 PLAYED = 3  # frames that the stand-in plays
 QUIET = 5000  # clock of `reset` without a row: only the signature sees it
 CASE = "reset"
@@ -54,13 +51,10 @@ def good(out, played, design):
 
 
 def check(folder, sim, rtl=None, frames=PLAYED):
-    for tool in ("make", TOOLS[sim]):
-        if shutil.which(tool) is None:
-            pytest.skip(f"{tool} is not installed: the {sim} bench was NOT run")
+    need(*NEEDS[sim])
     if sim in ("cocotb", "vunit"):
         pytest.importorskip(sim, reason=f"{sim} is not installed: its bench was NOT run")
-    command = ["make", "-s", "-C", str(folder), "check", f"SIM={sim}", f"FRAMES={frames}", f"PYTHON={sys.executable}"]
-    return subprocess.run(command + ([f"RTL={rtl}"] if rtl else []), capture_output=True, text=True, timeout=600)
+    return make(folder, f"SIM={sim}", f"FRAMES={frames}", *([f"RTL={rtl}"] if rtl else []))
 
 
 def hashes(folder):
@@ -279,7 +273,7 @@ def test_command_line(out, tmp_path):
     run = CliRunner().invoke
     done = run(cli.app, ["verify", str(out / CASE)])
     assert done.exit_code == 0, done.output
-    assert "8552 rows" in done.output
+    assert f"{len(bundle.read(out / CASE).at)} rows" in done.output
     done = run(cli.app, ["window", str(out / CASE), "--frame", "1", "--out", str(tmp_path / "w")])
     assert done.exit_code == 0, done.output
     assert bundle.read(tmp_path / "w").at[-FRAME_CYCLES] == FRAME_CYCLES
@@ -289,14 +283,14 @@ def test_command_line(out, tmp_path):
 
 # ---- benches ---------------------------------------------------------------------------------------------------------
 
-SIMS = list(TOOLS)
+SIMS = list(NEEDS)
 
 
 @pytest.mark.parametrize("sim", SIMS)
 def test_bench_elaborates_without_a_design(out, sim):
     done = check(out / CASE, sim)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert "NO DESIGN top/reset" in done.stdout or sim == "vunit"
+    assert done.returncode == 0, done.stdout
+    assert "NO DESIGN top/reset: " in done.stdout
 
 
 def test_a_folder_without_the_design_is_an_error(out, tmp_path):
@@ -307,28 +301,29 @@ def test_a_folder_without_the_design_is_an_error(out, tmp_path):
 
 @pytest.mark.parametrize("sim", SIMS)
 def test_bench_passes_on_a_design_that_plays_the_rows(out, good, sim):
-    frames = 1 if sim in ("ghdl", "vunit") else PLAYED
+    frames = 1 if sim in ("ghdl", "vunit") else PLAYED  # GHDL takes a second for a frame
     done = check(out / CASE, sim, good, frames)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert "PASS top/reset" in done.stdout or sim == "vunit"
+    assert done.returncode == 0, done.stdout
+    assert "PASS top/reset: " in done.stdout
 
 
-@pytest.mark.parametrize("sim", ["icarus", "verilator", "ghdl", "cocotb"])
+@pytest.mark.parametrize("sim", ["icarus", "ghdl", "cocotb"])
 def test_bench_names_clock_register_and_both_values(out, played, design, tmp_path, sim):
     bad = standin.write(tmp_path / "bad", design, CASE, played, (40, "r_dds_phase", 1 << 20))
     done = check(out / CASE, sim, bad, 1)
     assert done.returncode != 0
     lo = next(lo for name, _, _, lo in benches.slices(benches.results(design)) if name == "r_dds_phase")
     want = played[40] >> lo & ((1 << 48) - 1)
-    name = "dds_phase" if sim == "cocotb" else "r_dds_phase"
     values = f"expected {want:x}, got {want ^ 1 << 20:x}"
     text = done.stdout.lower().replace(f"expected {want:012x}", f"expected {want:x}")
-    assert f"clock 40: {name}: {values}" in text.replace(f"got {want ^ 1 << 20:012x}", f"got {want ^ 1 << 20:x}"), text
+    assert f"clock 40: r_dds_phase: {values}" in text.replace(
+        f"got {want ^ 1 << 20:012x}", f"got {want ^ 1 << 20:x}"
+    ), text
     assert "clock 41:" not in text
     assert "frame 0" in text
 
 
-@pytest.mark.parametrize("sim", ["icarus", "verilator"])
+@pytest.mark.parametrize("sim", ["icarus", pytest.param("verilator", marks=pytest.mark.slow)])
 def test_signature_finds_the_frame_and_its_window_the_register(out, played, design, tmp_path, sim):
     at = bundle.read(out / CASE).at
     assert QUIET not in at
@@ -356,19 +351,17 @@ def test_a_stuck_chip_select_shows_as_a_wrong_input(out, played, design, tmp_pat
     assert "drdy_n: expected 1, got 0" in done.stdout
 
 
-@pytest.mark.skipif(not WHOLE, reason="testbench/rtl has no whole design")
-@pytest.mark.parametrize(("sim", "frames"), [("icarus", 20), ("verilator", 0), ("cocotb", 2)])
+@pytest.mark.parametrize(("sim", "frames"), [("icarus", 20), ("verilator", 0), ("cocotb", 2), ("cocotb-verilator", 2)])
 def test_reference_rtl_passes(out, sim, frames):
     done = check(out / CASE, sim, RTL, frames)
-    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.returncode == 0, done.stdout
     assert "PASS top/reset" in done.stdout
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not WHOLE, reason="testbench/rtl has no whole design")
 @pytest.mark.parametrize("case", [case for case in top.CASES if case != CASE])
 def test_reference_rtl_passes_every_closed_loop(tmp_path, case):
     top.export_case(case, tmp_path)
     done = check(tmp_path / "top" / case, "verilator", RTL, 0)
-    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.returncode == 0, done.stdout
     assert f"PASS top/{case}" in done.stdout

@@ -1,0 +1,409 @@
+"""Dumps in GHDL's own format, GHW: signals of bits, vectors of bits, integers and enumerations, by their paths.
+
+    header | STR strings | TYP types | WKT | HIE hierarchy | EOH | (SNP snapshot | CYC cycles)... | DIR | TAI
+
+Every element of a signal has a number; a port on a slice lists the numbers of that slice, so elements are looked up one
+by one and never taken as neighbours. Paths are those of GHDL's VCD; parts of a record follow a dot, elements of an
+array of vectors stand in parentheses: tb.dut.pair.code, tb.dut.words(2). What is not foreseen is an error.
+Source  GHDL 2.0, src/grt/grt-waves.adb (what is written); checked against the VCD of the same runs
+"""
+
+import struct
+from pathlib import Path
+from typing import NamedTuple
+
+from testbench.errors import FileError
+
+MAGIC = b"GHDLwave\n"
+B2, E8, I32, I64, F64, P32, P64 = 22, 23, 25, 26, 27, 28, 29
+ARRAY, RECORD, OPEN_RECORD = 31, 32, 33
+SUB_SCALAR, SUB_ARRAY, SUB_OPEN_ARRAY, SUB_RECORD, SUB_OPEN_RECORD = 34, 35, 37, 38, 39
+BLOCK, IF, FOR, INSTANCE, PACKAGE, PROCESS, END, SIGNAL, LAST_PORT = 3, 4, 5, 6, 7, 13, 15, 16, 21
+LOGIC = "UX01ZWLH-"
+
+
+class Scalar(NamedTuple):
+    """How a value is stored (kind), and the literals of an enumeration."""
+
+    kind: int
+    literals: tuple = ()
+
+    @property
+    def width(self):
+        """Bits of a value, or None where it has none."""
+        if self.kind in (I32, I64):
+            return 32 if self.kind == I32 else 64
+        if self.kind not in (B2, E8):
+            return None
+        return 1 if self.is_bit else max(1, (len(self.literals) - 1).bit_length())
+
+    @property
+    def is_bit(self):
+        return self.literals in (("false", "true"), ("'0'", "'1'"), tuple(f"'{level}'" for level in LOGIC))
+
+    def text(self, value):
+        """Bits of a value, the highest first; levels of std_ulogic are themselves."""
+        if self.is_bit:
+            return LOGIC[value] if len(self.literals) > 2 else str(value)
+        return f"{value & ((1 << self.width) - 1):0{self.width}b}"
+
+
+class Array(NamedTuple):
+    """`ranges` is None while a dimension is open; `element` too may be open then."""
+
+    element: object
+    dimensions: int
+    ranges: tuple | None = None
+
+
+class Record(NamedTuple):
+    fields: tuple
+
+
+class _Reader:
+    """Bytes of a file and a place in them; running over the end is an IndexError or a struct.error."""
+
+    def __init__(self, data):
+        self.data, self.at, self.order = data, 0, "<"
+
+    def byte(self):
+        value = self.data[self.at]
+        self.at += 1
+        return value
+
+    def take(self, count):
+        part = self.data[self.at : self.at + count]
+        if len(part) != count:
+            raise IndexError
+        self.at += count
+        return part
+
+    def word(self, form="i"):
+        return struct.unpack(self.order + form, self.take(struct.calcsize(self.order + form)))[0]
+
+    def unsigned(self):
+        value = shift = 0
+        while True:
+            byte = self.byte()
+            value |= (byte & 127) << shift
+            shift += 7
+            if byte < 128:
+                return value
+            self.need(shift < 70, "a number is too long")
+
+    def signed(self):
+        start = self.at
+        value = self.unsigned()
+        bits = 7 * (self.at - start)
+        return value - (1 << bits) if value >> (bits - 1) else value
+
+    def need(self, ok, what):
+        if not ok:
+            raise ValueError(what)
+
+    def section(self, tag, zeros=4):
+        self.need(self.take(4) == tag.encode() + b"\0", f"section {tag} is not where it should be")
+        self.need(not any(self.take(zeros)), f"the head of section {tag} is not zero")
+
+
+def _strings(r):
+    """Strings, number 0 being none: each begins with so many characters of the one before it."""
+    r.section("STR")
+    count, _ = r.word(), r.word()
+    out, kept = [None], ""
+    for _ in range(count):
+        text = bytearray()
+        while not (r.data[r.at] < 32 or 128 <= r.data[r.at] < 160):
+            text.append(r.byte())
+        out.append(kept + text.decode("latin-1"))
+        length = shift = 0
+        while True:
+            byte = r.byte()
+            length |= (byte & 31) << shift
+            shift += 5
+            if byte < 128:
+                break
+        r.need(length <= len(out[-1]), "a string is longer than its source")
+        kept = out[-1][:length]
+    r.need(r.take(4) == b"EOS\0", "section STR has no end")
+    return out
+
+
+def _range(r):
+    """Number of values of a range."""
+    head = r.byte()
+    kind, down = head & 127, head >> 7
+    if kind in (B2, E8):
+        left, right = r.byte(), r.byte()
+    elif kind in (I32, P32, I64, P64):
+        left, right = r.signed(), r.signed()
+    elif kind == F64:
+        r.take(16)
+        return 0
+    else:
+        raise ValueError(f"a range of kind {kind}")
+    return max(0, (left - right if down else right - left) + 1)
+
+
+def _open(kind):
+    return (isinstance(kind, Array) and kind.ranges is None) or (
+        isinstance(kind, Record) and any(_open(part) for _, part in kind.fields)
+    )
+
+
+def _bounded(r, kind):
+    """The type with the bounds that follow in the file: its own ranges, then those of open elements."""
+    if isinstance(kind, Array):
+        ranges = tuple(_range(r) for _ in range(kind.dimensions))
+        return kind._replace(ranges=ranges, element=_bounded(r, kind.element) if _open(kind.element) else kind.element)
+    return Record(tuple((name, _bounded(r, part) if _open(part) else part) for name, part in kind.fields))
+
+
+def _known(r, types):
+    number = r.unsigned()
+    r.need(0 < number < len(types), f"type {number} is not known")
+    return types[number]
+
+
+def _types(r, strings):
+    """Types, number 0 being none; each is made of earlier ones."""
+    r.section("TYP")
+    out = [None]
+
+    def earlier():
+        return _known(r, out)
+
+    for _ in range(r.word()):
+        kind = r.byte()
+        name = strings[r.unsigned()]
+        if kind in (B2, E8):
+            out.append(Scalar(kind, tuple(strings[r.unsigned()] for _ in range(r.unsigned()))))
+        elif kind in (I32, I64, F64):
+            out.append(Scalar(kind))
+        elif kind in (P32, P64):
+            for _ in range(r.unsigned()):
+                r.unsigned(), r.signed()
+            out.append(Scalar(kind))
+        elif kind == SUB_SCALAR:
+            out.append(earlier())
+            _range(r)
+        elif kind == ARRAY:
+            element, dimensions = earlier(), r.unsigned()
+            for _ in range(dimensions):
+                earlier()
+            out.append(Array(element, dimensions))
+        elif kind in (RECORD, OPEN_RECORD):
+            out.append(Record(tuple((strings[r.unsigned()], earlier()) for _ in range(r.unsigned()))))
+        elif kind in (SUB_ARRAY, SUB_RECORD):
+            base = earlier()
+            r.need(not isinstance(base, Scalar), f"type {name} has no elements")
+            out.append(_bounded(r, base) if _open(base) else base)
+        elif kind in (SUB_OPEN_ARRAY, SUB_OPEN_RECORD):
+            out.append(earlier())
+        else:
+            raise ValueError(f"type {name} is of kind {kind}")
+    r.need(r.byte() == 0, "section TYP has no end")
+    return out
+
+
+def _count(kind):
+    if isinstance(kind, Scalar):
+        return 1
+    if isinstance(kind, Record):
+        return sum(_count(part) for _, part in kind.fields)
+    if kind.ranges is None:
+        raise ValueError("a signal without bounds")
+    total = _count(kind.element)
+    for length in kind.ranges:
+        total *= length
+    return total
+
+
+def _leaves(path, kind, numbers):
+    """Yield (path, scalar, numbers) of what has a value: scalars and vectors of bits."""
+    if isinstance(kind, Scalar):
+        yield path, kind, numbers
+    elif isinstance(kind, Record):
+        for name, part in kind.fields:
+            count = _count(part)
+            yield from _leaves(f"{path}.{name}", part, numbers[:count])
+            numbers = numbers[count:]
+    elif isinstance(kind.element, Scalar) and kind.element.is_bit and len(kind.ranges) == 1:
+        yield path, kind.element, numbers
+    elif len(kind.ranges) == 1 and kind.ranges[0]:
+        count = len(numbers) // kind.ranges[0]
+        for k in range(kind.ranges[0]):
+            yield from _leaves(f"{path}({k})", kind.element, numbers[k * count : (k + 1) * count])
+
+
+def _scalars(kind):
+    """The scalar of every element, in the order of their numbers."""
+    if isinstance(kind, Scalar):
+        return [kind]
+    if isinstance(kind, Record):
+        return [scalar for _, part in kind.fields for scalar in _scalars(part)]
+    each = _scalars(kind.element)
+    return each * (_count(kind) // len(each)) if each else []
+
+
+def _hierarchy(r, strings, types):
+    """({path: (scalar, numbers)}, {number: scalar})."""
+    r.section("HIE")
+    r.take(12)
+    scopes, found, stored = [], {}, {}
+    while True:
+        kind = r.byte()
+        if kind == 0:
+            break
+        if kind == END:
+            r.need(scopes, "a scope ends that did not begin")
+            scopes.pop()
+            continue
+        name = strings[r.unsigned()]
+        if kind == PROCESS:
+            continue
+        if kind in (BLOCK, IF, INSTANCE, PACKAGE):
+            scopes.append(name)
+        elif kind == FOR:
+            scalar = _known(r, types)
+            r.need(isinstance(scalar, Scalar), "a loop over what is no scalar")
+            scopes.append(f"{name}({_value(r, scalar.kind)})")
+        elif SIGNAL <= kind <= LAST_PORT:
+            of = _known(r, types)
+            count = _count(of)
+            r.need(count <= len(r.data) - r.at, f"signal {name} has {count} elements")
+            numbers = tuple(r.unsigned() for _ in range(count))
+            stored.update(zip(numbers, _scalars(of)))
+            path = ".".join([*scopes, name])
+            found.update((leaf, (scalar, part)) for leaf, scalar, part in _leaves(path, of, numbers))
+        else:
+            raise ValueError(f"{name} is of kind {kind} in the hierarchy")
+    r.need(not scopes, "a scope does not end")
+    r.need(sorted(stored) == list(range(1, len(stored) + 1)), "the numbers of the signals have gaps")
+    r.section("EOH", 0)
+    return found, stored
+
+
+def _value(r, kind):
+    if kind in (B2, E8):
+        return r.byte()
+    if kind in (I32, I64, P32, P64):
+        return r.signed()
+    r.take(8)
+    return 0
+
+
+def _changes(r, stored, watched):
+    """Yield (time, group, place, value) of the watched numbers {number: [(group, place)]}, in order of time."""
+    kinds = {number: scalar.kind for number, scalar in stored.items()}
+    sections = []
+    while True:
+        sections.append(r.at)
+        tag = r.take(4)
+        if tag == b"SNP\0":
+            r.need(not any(r.take(4)), "the head of section SNP is not zero")
+            time = r.word("q")
+            for number in range(1, len(stored) + 1):
+                value = _value(r, kinds[number])
+                for group, place in watched.get(number, ()):
+                    yield time, group, place, value
+            r.need(r.take(4) == b"ESN\0", "section SNP has no end")
+        elif tag == b"CYC\0":
+            time = r.word("q")
+            while True:
+                number = 0
+                while step := r.unsigned():
+                    number += step
+                    r.need(number in kinds, f"signal {number} is not in the hierarchy")
+                    value = _value(r, kinds[number])
+                    for group, place in watched.get(number, ()):
+                        yield time, group, place, value
+                step = r.signed()
+                if step < 0:
+                    break
+                time += step
+            r.need(r.take(4) == b"ECY\0", "section CYC has no end")
+        elif tag == b"DIR\0":
+            break
+        else:
+            raise ValueError("neither a snapshot nor cycles")
+    _directory(r, sections)
+
+
+def _directory(r, sections):
+    """Check the list of sections at the end: it tells whether the file is whole."""
+    place = sections[-1]
+    r.take(4)
+    listed = {}
+    for _ in range(r.word()):
+        tag = r.take(4)
+        listed[r.word()] = tag
+    r.need(r.take(4) == b"EOD\0" and r.take(4) == b"TAI\0", "section DIR has no end")
+    r.take(4)
+    r.need(r.word() == place and r.at == len(r.data), "the tail does not point at the list of sections")
+    r.need(set(sections) <= set(listed), "a section is not in the list of sections")
+
+
+def _columns(r, known, stored, wanted):
+    """{path: (times, texts)}: one text per cycle in which the signal changes."""
+    watched, out = {}, {path: ([], []) for path in wanted}
+    for path in wanted:
+        for place, number in enumerate(known[path][1]):
+            watched.setdefault(number, []).append((path, place))
+    before = None
+    for time, path, place, value in _changes(r, stored, watched):
+        r.need(before is None or time >= before, "time runs backwards")
+        before = time
+        scalar = known[path][0]
+        r.need(not scalar.literals or value < len(scalar.literals), f"{path} has a value that its type lacks")
+        times, texts = out[path]
+        if not times or times[-1] != time:
+            # what was before stays as it is; this time begins with a copy of it
+            times.append(time)
+            texts.append(list(texts[-1]) if texts else [""] * len(known[path][1]))
+            if len(texts) > 1:
+                texts[-2] = "".join(texts[-2])
+        texts[-1][place] = scalar.text(value)
+    return {path: (times, ["".join(text) for text in texts]) for path, (times, texts) in out.items()}
+
+
+def read(path, choose):
+    """{path: (times, texts, width)} of some signals of a GHW file; times in fs, texts of bits.
+
+    choose  function of {path: width, None where a signal has no bits} that gives the paths that are wanted
+    Raises FileError with one line if the file cannot be read, is damaged, or is not of this format.
+    """
+    try:
+        data = Path(path).read_bytes()
+    except OSError as problem:
+        raise FileError(f"{path}: cannot be read: {problem.strerror or problem}") from None
+    if not data.startswith(MAGIC):
+        raise FileError(f"{path}: not a GHW file")
+    r = _Reader(data)
+    try:
+        r.at = len(MAGIC)
+        r.need(r.byte() == 16 and r.byte() == 0, "the version is not 0.x")
+        r.byte()
+        order = r.byte()
+        r.need(order in (1, 2) and r.byte() == 4 and r.byte() == 1 and r.byte() == 0, "the header is not GHDL's")
+        r.order = "<" if order == 1 else ">"
+        strings = _strings(r)
+        types = _types(r, strings)
+        r.section("WKT")
+        while r.byte():
+            r.unsigned()
+        known, stored = _hierarchy(r, strings, types)
+    except (IndexError, struct.error, ValueError, RecursionError, TypeError) as problem:
+        raise _damaged(path, r, problem) from None
+    widths = {name: scalar.width if scalar.width != 1 else len(of) for name, (scalar, of) in known.items()}
+    wanted = choose(widths)
+    try:
+        columns = _columns(r, known, stored, wanted)
+    except (IndexError, struct.error, ValueError) as problem:
+        raise _damaged(path, r, problem) from None
+    return {name: (*columns[name], widths[name]) for name in wanted}
+
+
+def _damaged(path, r, problem):
+    why = "the file ends early" if isinstance(problem, IndexError | struct.error) else str(problem)
+    return FileError(f"{path}: damaged or not of GHDL 2: {why} (byte {r.at})")

@@ -1,0 +1,167 @@
+"""Benches that write down what a design does: no comparison, one line of hexadecimal words per clock.
+
+    reset for `reset.cycles` edges; row n of stim.hex is driven while the clock is low; just before edge n all registers
+    and pins go to rows.txt, one word each, in the order of the manifest
+
+Everything comes from the manifest, so that any bundle will do. Each association of the design's ports and parameters
+has a line of its own: tools name lines, and `port_of_line` turns those into ports.
+Source  docs/golden.md (what a design must look like)
+"""
+
+import re
+
+from testbench.errors import FileError
+
+TOP = "gyro_log"
+ROWS = "rows.txt"
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+
+
+def results(manifest):
+    """(RTL port, entry of the manifest) of everything that is logged."""
+    return [(f"r_{p['name']}", p) for p in manifest["registers"]] + [(f"o_{p['name']}", p) for p in manifest["outputs"]]
+
+
+def _checked(manifest):
+    names = [manifest["block"]] + [p["name"] for kind in ("inputs", "registers", "outputs") for p in manifest[kind]]
+    names += [p["name"] for p in manifest.get("params", [])]
+    for name in names:
+        if not NAME.fullmatch(str(name)):
+            raise FileError(f"manifest: {name!r} is no name of a port, a parameter or a block")
+    if [p["name"] for p in manifest["inputs"]][:1] != ["rst"]:
+        raise FileError("manifest: the first input is not rst")
+
+
+def _slices(ports):
+    """(port, msb, lsb) of ports packed side by side, the first in the most significant bits."""
+    left = sum(p["width"] for p in ports)
+    for port in ports:
+        yield port, left - 1, left - port["width"]
+        left -= port["width"]
+
+
+def _half_ps(manifest):
+    return round(1e12 / manifest["clock"]["hz"]) // 2
+
+
+def _params(manifest):
+    """(name, width, signed, raw bits) of the parameters."""
+    for p in manifest.get("params", []):
+        width = sum(p["fmt"])
+        yield p["name"], width, bool(p["fmt"][0]), int(p["raw"]) & ((1 << width) - 1)
+
+
+def verilog(manifest, rom=None):
+    """The bench in Verilog-2005; `rom` is the path of the block's table, if it has one."""
+    _checked(manifest)
+    inputs, found = manifest["inputs"], results(manifest)
+    width, half = sum(p["width"] for p in inputs), _half_ps(manifest)
+    given = [f".{name}({bits}'{'s' * signed}h{raw:x})" for name, bits, signed, raw in _params(manifest)]
+    given += [f'.ROM_FILE("{rom}")'] if rom else []
+    ports = [".clk(clk)", *(f".{p['name']}(now[{hi}:{lo}])" for p, hi, lo in _slices(inputs))]
+    ports += [f".{name}({name})" for name, _ in found]
+    generics = " #(\n" + ",\n".join(given) + "\n)" if given else ""
+    wires = "\n".join(f"    wire [{p['width'] - 1}:0] {name};" for name, p in found)
+    words = ", ".join(name for name, _ in found)
+    return f"""`timescale 1ps/1ps
+module {TOP};
+    reg [{width - 1}:0] stim [0:{manifest["n"] - 1}];
+    reg [{width - 1}:0] now;
+    reg clk;
+    integer n, file;
+{wires}
+    gyro_{manifest["block"]}{generics} dut (
+{("," + chr(10)).join(ports)}
+    );
+    initial begin
+        $readmemh("stim.hex", stim);
+        file = $fopen("{ROWS}", "w");
+        clk = 1'b0;
+        now = stim[0];
+        now[{width - 1}] = 1'b1;
+        for (n = 0; n < {int(manifest["reset"]["cycles"])}; n = n + 1) begin
+            #{half} clk = 1'b1;
+            #{half} clk = 1'b0;
+        end
+        for (n = 0; n < {manifest["n"]}; n = n + 1) begin
+            now = stim[n];
+            #{half - 1} $fwrite(file, "{" ".join(["%h"] * len(found))}\\n", {words});
+            #1 clk = 1'b1;
+            #{half} clk = 1'b0;
+        end
+        $fclose(file);
+        $finish;
+    end
+endmodule
+"""
+
+
+def vhdl(manifest, rom=None):
+    """The bench in VHDL-2008."""
+    _checked(manifest)
+    inputs, found = manifest["inputs"], results(manifest)
+    wide, half = sum(p["width"] for p in inputs), _half_ps(manifest)
+    outs = list(_slices([p | {"name": name} for name, p in found]))
+
+    def literal(raw, bits):
+        return f"'{raw}'" if bits == 1 else f'"{raw:0{bits}b}"'
+
+    def part(hi, lo):
+        return f"({hi})" if hi == lo else f"({hi} downto {lo})"
+
+    given = [f"{name} => {literal(raw, bits)}" for name, bits, _, raw in _params(manifest)]
+    given += [f'ROM_FILE => "{rom}"'] if rom else []
+    ports = ["clk => clk", *(f"{p['name']} => now{part(hi, lo)}" for p, hi, lo in _slices(inputs))]
+    ports += [f"{p['name']} => got{part(hi, lo)}" for p, hi, lo in outs]
+    generics = "generic map (\n" + ",\n".join(given) + "\n)\n" if given else ""
+    writes = "\n".join(f"            write(row, to_hstring(got({hi} downto {lo})) & ' ');" for _, hi, lo in outs)
+    return f"""library ieee;
+use ieee.std_logic_1164.all;
+use std.textio.all;
+entity {TOP} is end entity;
+architecture bench of {TOP} is
+    signal clk : std_logic := '0';
+    signal now : std_logic_vector({wide - 1} downto 0) := (others => '0');
+    signal got : std_logic_vector({outs[0][1]} downto 0);
+begin
+    dut : entity work.gyro_{manifest["block"]}
+{generics}port map (
+{("," + chr(10)).join(ports)}
+);
+    process
+        file stim : text open read_mode is "stim.hex";
+        file rows : text open write_mode is "{ROWS}";
+        variable given, row : line;
+        variable word : std_logic_vector({-(-wide // 4) * 4 - 1} downto 0);
+    begin
+        now <= ({wide - 1} => '1', others => '0');
+        for n in 1 to {int(manifest["reset"]["cycles"])} loop
+            wait for {half} ps;
+            clk <= '1';
+            wait for {half} ps;
+            clk <= '0';
+        end loop;
+        for n in 1 to {manifest["n"]} loop
+            readline(stim, given);
+            hread(given, word);
+            now <= word({wide - 1} downto 0);
+            wait for {half - 1} ps;
+{writes}
+            writeline(rows, row);
+            wait for 1 ps;
+            clk <= '1';
+            wait for {half} ps;
+            clk <= '0';
+        end loop;
+        wait;
+    end process;
+end architecture;
+"""
+
+
+def port_of_line(text, number):
+    """Port or parameter of the design that a line of a bench connects, or None."""
+    lines = text.splitlines()
+    line = lines[number - 1] if 0 < number <= len(lines) else ""
+    found = re.fullmatch(r"\.(\w+)\(.*\),?|(\w+) => .*", line.strip())
+    return (found[1] or found[2]) if found else None

@@ -1,0 +1,56 @@
+"""Running the benches of a bundle as their user does: make, a simulator's name, a folder of RTL."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from testbench.golden.blocks import BLOCKS
+
+RTL = Path(__file__).resolve().parents[3] / "testbench" / "rtl"
+VERILOG = [stem for stem in BLOCKS if (RTL / f"{stem}.v").is_file()]
+VHDL = [stem for stem in BLOCKS if (RTL / f"{stem}.vhd").is_file()]
+NEEDS = {
+    "icarus": ("iverilog",),
+    "verilator": ("verilator", "g++"),
+    "ghdl": ("ghdl",),
+    "cocotb": ("iverilog",),
+    "cocotb-verilator": ("verilator", "g++"),
+    "vunit": ("ghdl",),
+}
+
+
+def need(*tools):
+    absent = [tool for tool in ("make", *tools) if shutil.which(tool) is None]
+    if absent:
+        pytest.skip(f"not installed, so these benches were NOT run: {', '.join(absent)}")
+
+
+def make(folder, *goals, **environment):
+    """Finished `make check` in a folder; its output is one text."""
+    command = ["make", "-s", "-C", str(folder), "check", f"PYTHON={sys.executable}", *goals]
+    return subprocess.run(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        timeout=300,
+        env=environment or os.environ,
+        cwd="/",
+    )
+
+
+def check(folder, sim="", rtl=None):
+    """`make check` with one simulator (skipped if it is not installed), or with every one."""
+    need(*NEEDS.get(sim, ()))
+    return make(folder, f"SIM={sim}", *([f"RTL={rtl}"] if rtl else []))
+
+
+def seed(build, verilated):
+    """Put Verilator's compiled library where a bench looks for the one it kept; returns options that leave it so."""
+    if verilated is not None and not build.exists():
+        shutil.copytree(verilated, build)
+    return "".join(f" -o {path.name}" for path in sorted(build.glob("verilated*.o")))

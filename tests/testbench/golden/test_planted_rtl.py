@@ -1,0 +1,130 @@
+"""Faults planted in real RTL are called by their name: the acceptance of `gyro golden check --rtl`."""
+
+import collections
+import re
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+
+import pytest
+
+from fpga_model import fixed, pi
+from testbench.golden import bundle, rtl_run
+from testbench.golden.benches import PARTS
+from testbench.golden.diagnose import CAUSES, UNKNOWN
+from testbench.golden.export import export
+from tests.testbench.golden.planted_rtl import EQUIVALENT, FAULTS, RTL, STRANGERS, plain
+
+TOOL = {"v": ("icarus", "iverilog"), "vhd": ("ghdl", "ghdl")}
+QUICK = FAULTS[::19]
+QUICK_STRANGERS = STRANGERS[::14]
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("golden")
+    absent = sorted({fault.file for fault in FAULTS if not (RTL / fault.file).is_file()})
+    if absent:
+        pytest.skip(f"no RTL yet for {', '.join(absent)}: the planted faults were NOT tried")
+    for block in sorted({fault.block for fault in FAULTS}):
+        export(block, folder)
+    return folder
+
+
+def diagnosed(out, fault):
+    """The report on the design with the fault; a skip is loud, never a pass."""
+    sim, tool = TOOL[fault.file.split(".")[1]]
+    if shutil.which(tool) is None:
+        pytest.skip(f"{tool} is not installed: the planted faults of {fault.file} were NOT tried")
+    with tempfile.TemporaryDirectory() as folder:
+        for part in (fault.block, *PARTS.get(fault.block, ())):
+            shutil.copy(RTL / f"{part}.{fault.file.split('.')[1]}", folder)
+        Path(folder, fault.file).write_text(fault.text())
+        return rtl_run.check(out / fault.block / fault.case, folder, sim, before=0)
+
+
+def score(out, faults):
+    """(right, unknown) of planted faults; a wrong name or a fault that no row shows is an assertion."""
+    right, unknown = [], []
+    for fault in faults:
+        report = diagnosed(out, fault)
+        where = (fault.file, fault.case, fault.cause, fault.what, fault.edits[-1])
+        assert not report.passed, f"no vector shows {where}"
+        found = report.diagnosis
+        assert found.cause in (fault.cause, UNKNOWN), (where, found)
+        if found.cause == UNKNOWN:
+            unknown.append((where, found))
+            continue
+        assert fault.what in found.what, (where, found)
+        right.append(fault)
+    return right, unknown
+
+
+def test_the_table_has_every_kind_and_every_edit_fits_once(out):
+    assert len(FAULTS) >= 200
+    assert {fault.cause for fault in FAULTS} == set(CAUSES) - {UNKNOWN}
+    texts = [(fault.block, fault.file, fault.case, fault.text()) for fault in FAULTS + STRANGERS]
+    assert len(set(texts)) == len(texts)
+    for _, file, _, text in texts:
+        assert text != plain((RTL / file).read_text())
+
+
+def test_some_planted_faults_are_named(out):
+    right, unknown = score(out, QUICK)
+    assert len(right) >= 0.95 * len(QUICK), unknown
+
+
+def test_some_strangers_are_unknown(out):
+    for fault in QUICK_STRANGERS:
+        report = diagnosed(out, fault)
+        assert (report.passed, report.diagnosis.cause) == (False, UNKNOWN), (fault, report.diagnosis)
+
+
+@pytest.mark.slow
+def test_planted_faults_are_named(out):
+    """At least 95 % of at least 200, and never a wrong name."""
+    right, unknown = score(out, FAULTS)
+    print(collections.Counter(fault.cause for fault in right), len(unknown), "unknown of", len(FAULTS))
+    assert len(right) + len(unknown) == len(FAULTS) >= 200
+    assert len(right) >= 0.95 * len(FAULTS), unknown
+
+
+@pytest.mark.slow
+def test_strangers_are_unknown(out):
+    for fault in STRANGERS:
+        report = diagnosed(out, fault)
+        assert not report.passed, fault
+        assert report.diagnosis.cause == UNKNOWN, (fault, report.diagnosis)
+
+
+def test_what_no_vector_can_show_is_shown_equivalent(out, tmp_path):
+    """The mask of 24 bits by yosys; the loop without a proportional gain by its numbers."""
+    mask, *loop = EQUIVALENT
+    for fault in EQUIVALENT:
+        assert diagnosed(out, fault).passed, fault
+    params = {p["name"]: p["raw"] for p in bundle.read(out / "quadrature_loop" / "default").manifest["params"]}
+    assert len(loop) == 2
+    assert params["loop_kp"] == 0
+    for limit in (params["loop_lo"], params["loop_hi"]):
+        assert fixed.half_up(limit << pi.SHIFT, pi.SHIFT) == limit
+    if shutil.which("yosys") is None:
+        pytest.skip("yosys is not installed: the equivalence was NOT proven")
+    given = bundle.read(out / mask.block / mask.case).manifest["params"]
+    for name, text in (("gold", (RTL / mask.file).read_text()), ("gate", mask.text())):
+        for p in given:
+            text, found = re.subn(
+                rf"(parameter .*\b{p['name']} *= )[^,\s]+", rf"\g<1>{sum(p['fmt'])}'d{p['raw']}", text
+            )
+            assert found == 1, p
+        (tmp_path / f"{name}.v").write_text(text.replace("module gyro_spi_dac", f"module {name}"))
+    script = """read_verilog gold.v gate.v
+proc
+opt
+miter -equiv -flatten -make_outputs gold gate miter
+hierarchy -top miter
+sat -verify -prove trigger 0 -tempinduct -set-init-undef -set-at 1 in_rst 1 -seq 1 -maxsteps 10 miter
+"""
+    (tmp_path / "prove.ys").write_text(script)
+    done = subprocess.run(["yosys", "-q", "prove.ys"], cwd=tmp_path, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stdout + done.stderr

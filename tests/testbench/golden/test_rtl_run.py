@@ -1,0 +1,242 @@
+"""`gyro golden check --rtl`: right designs pass under every simulator, wrong ones report, bad ones give one line."""
+
+import hashlib
+import json
+import re
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from testbench.errors import ConfigError, FileError
+from testbench.golden import bundle, cli, compare, loggers, rtl_run
+from testbench.golden.diagnose import CAUSES
+from testbench.golden.export import export
+
+RTL = Path(__file__).resolve().parents[3] / "testbench" / "rtl"
+SUFFIX = {"icarus": "v", "verilator": "v", "ghdl": "vhd"}
+TOOLS = {"icarus": "iverilog", "verilator": "verilator", "ghdl": "ghdl"}
+
+
+def installed(sim):
+    if shutil.which(TOOLS[sim]) is None:
+        pytest.skip(f"{TOOLS[sim]} is not installed: {sim} was NOT tried")
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("golden")
+    for block in ("pi", "sine", "dds"):
+        export(block, folder)
+    return folder
+
+
+def design(folder, block, suffix, *changes):
+    """A copy of the reference design with texts changed, each of which must be there."""
+    text = (RTL / f"{block}.{suffix}").read_text()
+    for old, new in changes:
+        assert old in text, old
+        text = text.replace(old, new)
+    (folder / f"{block}.{suffix}").write_text(text)
+    return folder
+
+
+def all_hashes(folder):
+    return {p: hashlib.sha256(p.read_bytes()).hexdigest() for p in sorted(folder.rglob("*")) if p.is_file()}
+
+
+@pytest.mark.parametrize(
+    ("sim", "name"),
+    [("icarus", "pi/extreme"), ("icarus", "sine/default"), ("ghdl", "pi/rate"), ("ghdl", "dds/default"),
+     pytest.param("verilator", "sine/default", marks=pytest.mark.slow)],
+)  # fmt: skip
+def test_the_reference_designs_pass_and_the_bundle_stays_as_it_was(out, sim, name):
+    installed(sim)
+    before = all_hashes(out)
+    report = rtl_run.check(out / name, RTL, sim)
+    assert report.passed, report.text()
+    assert report.rows == report.golden_rows
+    assert report.missing == ()
+    assert all_hashes(out) == before
+
+
+@pytest.mark.parametrize("sim", ["icarus", "ghdl", pytest.param("verilator", marks=pytest.mark.slow)])
+def test_every_simulator_gives_the_same_report(out, tmp_path, sim):
+    installed(sim)
+    old = {"v": "62'sd8388608", "vhd": "to_signed(2**23, 62)"}[SUFFIX[sim]]
+    new = {"v": "62'sd0", "vhd": "to_signed(0, 62)"}[SUFFIX[sim]]
+    report = rtl_run.check(out / "pi" / "rate", design(tmp_path, "pi", SUFFIX[sim], (old, new)), sim)
+    d = report.divergence
+    assert (d.cycle, d.port, d.error_lsb, d.is_input) == (14, "y", -1, False)
+    assert list(report.differing) == ["y"]
+    assert (report.diagnosis.cause, report.diagnosis.port) == ("rounding", "y")
+    assert report.diagnosis.what.startswith("floor (")
+
+
+def test_the_command_prints_the_report_of_logs_and_its_exit_code_tells(out, tmp_path):
+    installed("icarus")
+    run = CliRunner()
+    good = run.invoke(cli.app, ["check", str(out / "dds" / "default"), "--rtl", str(RTL)])
+    assert good.exit_code == 0
+    assert good.stdout.startswith("dds/default: 3320 of 3320 rows, 5 ports: PASS")
+    design(tmp_path, "dds", "v", ("r_phase + off_sense_ref", "r_phase - off_sense_ref"))
+    bad = run.invoke(cli.app, ["check", str(out / "dds" / "default"), "--rtl", str(tmp_path), "--json"])
+    assert bad.exit_code == 1
+    tree = json.loads(bad.stdout)
+    assert (tree["passed"], tree["diagnosis"]["cause"], tree["diagnosis"]["port"]) == (False, "sign", "sense_ref")
+    assert tree["divergence"]["before"][-1]["cycle"] == tree["divergence"]["cycle"]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ([], "one of --rtl DIR and --log FILE"),
+        (["--rtl", "x", "--log", "y"], "one of --rtl DIR and --log FILE"),
+        (["--log", "y"], "--log needs --map"),
+        (["--log", "y", "--map", "z", "--sim", "icarus"], "--sim to --rtl"),
+        (["--rtl", "x", "--map", "z"], "--map belongs to --log"),
+    ],
+)
+def test_a_wrong_choice_of_options_is_one_line(out, words, said):
+    found = CliRunner().invoke(cli.app, ["check", str(out / "dds" / "default"), *words])
+    assert isinstance(found.exception, ConfigError)
+    assert said in str(found.exception)
+
+
+HANG = "initial forever begin end\nendmodule"
+BROKEN = {
+    "syntax": ("icarus", "v", ("end else begin", "end else begun"), "does not build under icarus"),
+    "syntax in VHDL": ("ghdl", "vhd", ("end if;", "end iff;"), "does not build under ghdl"),
+    "port missing": ("icarus", "v", ("r_y", "r_z"), "port r_y is missing"),
+    "port missing in VHDL": ("ghdl", "vhd", ("r_y", "r_z"), "port r_y is missing"),
+    "width": ("icarus", "v", ("signed [35:0] r_y ", "signed [34:0] r_y "), "port r_y has 35 bits, the bundle has 36"),
+    "width of an input": ("icarus", "v", ("signed [25:0] e,", "signed [27:0] e,"), "port e has 28 bits"),
+    "width in VHDL": (
+        "ghdl", "vhd",
+        ("r_y    : out std_logic_vector(35 downto 0)", "r_y    : out std_logic_vector(36 downto 0)"),
+        "port r_y is not of the 36 bits of the bundle",
+    ),
+    "input left open": ("icarus", "v", ("input  wire               en,", "input wire more, en,"), "input more"),
+    "parameter missing": ("icarus", "v", ("34'sd0,  // [1,9,24]\n    parameter signed [33:0] ki",
+                                          "34'sd0,\n    parameter signed [33:0] kj"), "parameter ki is missing"),
+    "ends early": ("icarus", "v", ("endmodule", "initial #1000000 $finish;\nendmodule"), "ended after 24 of 3554 rows"),
+    "prints without end": ("icarus", "v", ("endmodule", 'initial while (1) $display("%0100d", 0);\nendmodule'),
+                           "prints more than 4 MiB"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_a_design_that_cannot_be_run_is_one_clear_error(out, tmp_path, name):
+    sim, suffix, change, said = BROKEN[name]
+    installed(sim)
+    folder = design(tmp_path, "pi", suffix, change)
+    with pytest.raises(FileError) as problem:
+        rtl_run.check(out / "pi" / "rate", folder, sim)
+    assert said in str(problem.value)
+    assert str(folder / f"pi.{suffix}") in str(problem.value) or "vvp" in str(problem.value)
+    assert len(str(problem.value).splitlines()) <= 1 + rtl_run.LINES
+
+
+@pytest.mark.parametrize(
+    ("change", "sim", "said"),
+    [
+        (("input  wire               en,", "input wire more, en,"), "verilator", "input more is not in the bundle"),
+        (("signed [35:0] r_y ", "signed [34:0] r_y "), "verilator", "port r_y has 35 bits, the bundle has 36"),
+        (("r_y", "r_z"), "verilator", "port r_y is missing"),
+    ],
+)
+def test_verilator_says_it_in_the_same_words(out, tmp_path, change, sim, said):
+    installed(sim)
+    with pytest.raises(FileError, match=said):
+        rtl_run.check(out / "pi" / "rate", design(tmp_path, "pi", "v", change), sim)
+
+
+def test_a_design_that_hangs_is_killed(out, tmp_path):
+    installed("icarus")
+    begun = time.monotonic()
+    with pytest.raises(FileError, match=r"vvp: stopped after 2 s: the design hangs or is slow"):
+        rtl_run.check(out / "pi" / "rate", design(tmp_path, "pi", "v", ("endmodule", HANG)), "icarus", timeout_s=2.0)
+    assert time.monotonic() - begun < 20
+
+
+def test_what_is_not_there_is_said(out, tmp_path, monkeypatch):
+    folder = out / "pi" / "rate"
+    with pytest.raises(FileError, match=r"no design, nor pi\.vhd"):
+        rtl_run.check(folder, tmp_path)
+    with pytest.raises(FileError, match=r"pi\.vhd: no design"):
+        rtl_run.check(folder, tmp_path, "ghdl")
+    with pytest.raises(FileError, match="not a folder"):
+        rtl_run.check(folder, tmp_path / "no", "icarus")
+    with pytest.raises(ConfigError, match="'vcs' is not one of icarus, verilator, ghdl"):
+        rtl_run.check(folder, RTL, "vcs")
+    with pytest.raises(ConfigError, match="outside 0"):
+        rtl_run.check(folder, RTL, "icarus", timeout_s=0.0)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    for sim in (None, "icarus", "ghdl"):
+        with pytest.raises(FileError, match="not installed"):
+            rtl_run.check(folder, RTL, sim)
+
+
+def test_an_unknown_bit_makes_the_value_unknown(out, tmp_path):
+    """A register that is never reset holds x until it is loaded, which no two-state log could show."""
+    installed("icarus")
+    report = rtl_run.check(out / "dds" / "default", design(tmp_path, "dds", "v",
+                           ("r_phase      <= 48'd0;", "")), "icarus")  # fmt: skip
+    assert (report.divergence.cycle, report.divergence.port, report.divergence.got) == (0, "phase", None)
+    assert report.diagnosis.cause == "unknown"
+
+
+def test_a_manifest_whose_names_are_no_names_makes_no_bench(out):
+    manifest = bundle.read(out / "dds" / "default").manifest
+    for change in ({"block": "dds dut(); initial $system"}, {"inputs": [{**manifest["inputs"][0], "name": "a;b"}]},
+                   {"inputs": manifest["inputs"][1:]}):  # fmt: skip
+        for language in (loggers.verilog, loggers.vhdl):
+            with pytest.raises(FileError, match="manifest"):
+                language({**manifest, **change})
+
+
+def test_a_line_of_a_bench_tells_its_port(out):
+    text = loggers.vhdl(bundle.read(out / "pi" / "rate").manifest)
+    lines = text.splitlines()
+    found = [loggers.port_of_line(text, n + 1) for n in range(len(lines))]
+    assert [name for name in found if name] == ["kp", "ki", "lo", "hi", "clk", "rst", "en", "mode", "e", "preset",
+                                                "r_prop", "r_acc", "r_y"]  # fmt: skip
+    assert loggers.port_of_line(text, len(lines) + 9) is None
+
+
+def test_the_whole_design_is_sent_to_its_own_bench(out, monkeypatch):
+    golden = bundle.read(out / "dds" / "default")
+    top = golden._replace(manifest={**golden.manifest, "block": "top"})
+    monkeypatch.setattr(bundle, "read", lambda folder: top)
+    with pytest.raises(FileError, match="top is compared by its own bench for now: make -C golden/top/story check"):
+        rtl_run.check("golden/top/story", RTL)
+    with pytest.raises(FileError, match="its own bench"):
+        compare.against(top, {"phase": [0]})
+
+
+def test_the_example_of_the_page_is_the_output(out, tmp_path):
+    """docs/golden.md shows the report on a PI without its rounding constant, character by character."""
+    installed("icarus")
+    page = (RTL.parents[1] / "docs" / "golden.md").read_text()
+    shown = page.partition("```text\n")[2].partition("```")[0]
+    folder = design(tmp_path, "pi", "v", ("+ 62'sd8388608", "+ 62'sd0"))
+    assert shown == rtl_run.check(out / "pi" / "rate", folder, "icarus").text()
+
+
+def test_the_page_explains_every_cause():
+    page = (RTL.parents[1] / "docs" / "golden.md").read_text()
+    rows = re.findall(r"^\| (\w+) \|", page.partition("| cause |")[2], re.M)
+    assert rows == list(CAUSES)
+
+
+def test_exit_code_2_means_that_nothing_was_compared(out, tmp_path):
+    """Through the program itself, because the frame of the command line turns errors into codes."""
+    done = subprocess.run([sys.executable, "-m", "testbench.cli", "golden", "check", str(out / "pi" / "rate"), "--rtl",
+                           str(tmp_path)], capture_output=True, text=True, timeout=120)  # fmt: skip
+    assert done.returncode == 2
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert "no design" in done.stderr
