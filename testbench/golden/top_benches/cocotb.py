@@ -5,13 +5,15 @@ Source  docs/golden.md (the whole design), testbench/golden/signature.py
 
 from analog_frontend import adc_serial
 from testbench.golden import benches, signature
-from testbench.golden.benches import HALF_PS, PARTS, SHOWN
-from testbench.golden.top_benches.layout import DEFAULT_FRAMES
+from testbench.golden.benches import HALF_PS, PARTS
+from testbench.golden.top_benches.layout import DEFAULT_FRAMES, PART_BITS, SHOWN_ROWS
 
 
 def cocotb_test(block, case):
     """cocotb test (1.9 and 2) that is its own runner: RTL=folder python3 test_top.py."""
     stem = block.stem
+    width = sum(p.width for _, p in benches.results(block))
+    parts = -(-width // PART_BITS)
     return f'''"""cocotb test of {stem}/{case}: RTL=folder FRAMES=n python3 test_{stem}.py (Icarus; 0: all)."""
 
 import json
@@ -25,7 +27,7 @@ SOURCES = {(*PARTS[stem], stem)!r}
 FRAMES = int(os.environ.get("FRAMES") or {DEFAULT_FRAMES["cocotb"]})
 HALF_PS = {HALF_PS}
 WORD_BITS, PULSE = {adc_serial.WORD_BITS * adc_serial.WORDS}, {adc_serial.PULSE}
-ROW_BITS = {signature.padded(sum(p.width for _, p in benches.results(block)))}
+ROW_BITS = {signature.padded(width)}
 POLYNOMIAL = {signature.POLYNOMIAL:#x}
 POWER = {signature.POWER}
 
@@ -104,6 +106,7 @@ async def golden(dut):
     frames = min(FRAMES or manifest["frames"], manifest["frames"])
     at, stim, exp, sig = words("at.hex"), words("stim.hex"), words("exp.hex"), words("sig.hex")
     host, sar, adc = words("host.hex")[::-1], words("sar.hex"), Converter()
+    parts = [getattr(dut, f"got_{{k}}") for k in reversed(range({parts}))]
     dut.clk.value = 0
     for port in inputs:
         getattr(dut, port["name"]).value = 1 if port["name"] in ("rst", "drdy_n") else 0
@@ -131,7 +134,7 @@ async def golden(dut):
                 getattr(dut, name).value = value
         fed, busy = now, False
         await Timer(HALF_PS - 1, "ps")
-        text = str(dut.got.value)
+        text = "".join([str(part.value) for part in parts])
         got = int(text, 2) if set(text) <= set("01") else None
         stream = stream << ROW_BITS | (got or 0)
         if stream.bit_length() > 64 * POWER:
@@ -142,7 +145,7 @@ async def golden(dut):
                 given = given << port["width"] | fed[port["name"]]
             if got != exp[row] or given != stim[row]:
                 wrong += 1
-                if wrong <= {SHOWN}:
+                if wrong <= {SHOWN_ROWS}:
                     report(n, names, exp[row], got, text)
                     report(n, inputs, stim[row], given, "")
             row += 1

@@ -8,7 +8,7 @@ Source  docs/golden.md (the whole design), testbench/golden/signature.py
 from testbench.golden import benches, signature
 from testbench.golden.benches import SHOWN
 from testbench.golden.blocks import params_of
-from testbench.golden.top_benches.layout import CLOCK_BITS, GROUP, ROM_PARAMETERS
+from testbench.golden.top_benches.layout import CLOCK_BITS, GROUP, PART_BITS, ROM_PARAMETERS, SHOWN_ROWS
 from testbench.golden.top_benches.layout import chunks as chunks_of
 
 
@@ -254,7 +254,7 @@ module tb_{block.stem};
             want = exp[k];
             if (got !== want || given !== fed) begin
                 if (bad_rows == 0) bad_clock = n;
-                if (bad_rows < {SHOWN}) show;
+                if (bad_rows < {SHOWN_ROWS}) show;
                 bad_rows = bad_rows + 1;
             end
             k = k + 1;
@@ -324,22 +324,28 @@ endmodule
 
 
 def cocotb_top(block, case):
-    """The design with the case's parameters as the top level of cocotb; all results in one wide port."""
+    """The design with the case's parameters as the top level of cocotb; all results side by side, in parts."""
     found = benches.results(block)
+    width = sum(p.width for _, p in found)
+    parts = range(-(-width // PART_BITS))
+    assigns = [f"    assign got_{k} = got[{PART_BITS * (k + 1) - 1}:{PART_BITS * k}];" for k in parts]
     ports = ["    input wire clk", *(f"    input wire {benches.span(p.width)}{p.name}" for p in block.columns)]
-    ports += ["    output wire adc_cs_n", "    output wire adc_sclk", "    output wire [OUT_BITS-1:0] got"]
+    ports += [
+        "    output wire adc_cs_n",
+        "    output wire adc_sclk",
+        *(f"    output wire [{PART_BITS - 1}:0] got_{k}" for k in parts),
+    ]
     nets = [f"    wire {benches.span(p.width)}{n};" for n, p in found]
     return f"""// {block.stem}/{case} with its parameters set
 `timescale 1ps/1ps
-module cocotb_{block.stem} #(
-    parameter OUT_BITS = {sum(p.width for _, p in found)}
-) (
+module cocotb_{block.stem} (
 {("," + chr(10)).join(ports)}
 );
     `include "params.vh"
 
 {chr(10).join(nets)}
-    assign got = {_nested([n for n, _ in found])};
+    wire [{PART_BITS * len(parts) - 1}:0] got = {_nested([n for n, _ in found])};
+{chr(10).join(assigns)}
     assign adc_cs_n = o_adc_cs_n;
     assign adc_sclk = o_adc_sclk;
 

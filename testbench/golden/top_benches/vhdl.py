@@ -6,7 +6,7 @@ Source  docs/golden.md (the whole design), testbench/golden/signature.py
 from testbench.golden import benches, signature
 from testbench.golden.benches import SHOWN
 from testbench.golden.blocks import params_of
-from testbench.golden.top_benches.layout import CLOCK_BITS, ROM_PARAMETERS, chunks
+from testbench.golden.top_benches.layout import CLOCK_BITS, ROM_PARAMETERS, SHOWN_ROWS, chunks
 
 
 def vhdl_bench(block, case, counts):
@@ -281,7 +281,7 @@ begin
                     if bad_rows = 0 then
                         bad_clock := n;
                     end if;
-                    if bad_rows < {SHOWN} then
+                    if bad_rows < {SHOWN_ROWS} then
 {chr(10).join(shows)}
                     end if;
                     bad_rows := bad_rows + 1;
