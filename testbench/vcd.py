@@ -151,15 +151,18 @@ def _check(rows, listed):
                 )
 
 
-def write_vcd(path, rows, listed, first_edge=0, top="gyro"):
+def write_vcd(path, rows, listed, first_edge=0, top="gyro", edges=None):
     """Write a window as VCD.
 
     rows        int64, one row per clock edge, one column per signal
     listed      `Signal`s
     first_edge  number of the edge that samples the first row, counted from power-on
     top         outermost scope
+    edges       edges that sample the rows, counted from `first_edge` and rising; None: one row after the other.
+                Between them nothing is known: the clock rests, and values stay as they were
     """
     rows = np.asarray(rows)
+    edges = np.arange(len(rows)) if edges is None else np.asarray(edges, np.int64)
     listed = list(listed)
     _check(rows, listed)
     clock = Signal(CLOCK_NAME, 1)
@@ -172,7 +175,7 @@ def write_vcd(path, rows, listed, first_edge=0, top="gyro"):
         for begin in range(0, len(rows), BLOCK_ROWS):
             block = rows[begin : begin + BLOCK_ROWS]
             count = len(block)
-            index = np.arange(begin, begin + count)
+            index = edges[begin : begin + count]
             every = np.arange(count)
             changed = np.ones(block.shape, bool)
             changed[1:] = block[1:] != block[:-1]
@@ -186,7 +189,7 @@ def write_vcd(path, rows, listed, first_edge=0, top="gyro"):
                 groups.append((at, _lines_of(block[at, k], signal.width, ids[signal.name])))
             groups += [*_stamps(_half_after(index)), (every, fall)]
             file.write(_layout(groups, count))
-        file.write(f"#{int(picoseconds(len(rows)))}\n1{ids[CLOCK_NAME]}\n".encode())
+        file.write(f"#{int(picoseconds(edges[-1] + 1))}\n1{ids[CLOCK_NAME]}\n".encode())
 
 
 # ---- set-ups of viewers ----------------------------------------------------------------------------------------------

@@ -5,6 +5,9 @@
     exp.hex, mask.hex    registers, then outputs, and which of their bits are compared
     ports/NAME.hex       the same, one port per file;   vec.csv  the same in decimal
 
+A bundle of the whole design (`gyro-golden-replay/1.0`) has rows at the clocks of at.hex only and compares all bits of
+them: no mask.hex. It has sig.hex, a signature per frame, and what its bench replays: adc.hex, host.hex, sar.hex.
+
 Words are lower-case two's complement hexadecimal of ceil(width / 4) digits, one per line, with a final newline:
 what $readmemh, hread and Python read alike. The hash of the manifest leaves `provenance` out.
 Source  docs/conventions.md (rows)
@@ -22,18 +25,28 @@ import numpy as np
 from testbench.errors import FileError
 
 SCHEMA = "gyro-golden/1.0"
+REPLAY_SCHEMA = "gyro-golden-replay/1.0"
 MANIFEST = "manifest.json"
 BUILD = "build"
 WORDS = ("stim", "exp", "mask")
+# Files of a replay: bits of a word, and the key of the manifest that counts them
+REPLAYED = {"at": (32, "n"), "sig": (64, "frames"), "adc": (248, "conversions"), "host": (92, "host_events"),
+            "sar": (36, "samples")}  # fmt: skip
 
 
 class Bundle(NamedTuple):
-    """A bundle that was read: the manifest, and int64 rows of inputs, of registers and outputs, and their mask."""
+    """A bundle that was read: the manifest, and int64 rows of inputs, of registers and outputs, and their mask.
+
+    at          clocks of the rows
+    signatures  of the frames, of the whole design; empty for a block
+    """
 
     manifest: dict
     stim: np.ndarray
     exp: np.ndarray
     mask: np.ndarray
+    at: np.ndarray
+    signatures: tuple = ()
 
 
 def digits(width):
@@ -74,6 +87,34 @@ def hex_text(words, width):
     """Lines of a hex file."""
     count = digits(width)
     return "".join([f"{word:0{count}x}\n" for word in words])
+
+
+def port(found):
+    """Entry of a `blocks.Port` in the manifest."""
+    return {
+        "name": found.name,
+        "width": found.width,
+        "signed": found.signed,
+        "fmt": list(found.fmt),
+        "reset": found.reset,
+        "rounding": found.rounding,
+        "overflow": found.overflow,
+    }
+
+
+def port_files(named, rows):
+    """{path: text} of one hex file per port; `named` is (name, Port) for each column of `rows`."""
+    files = {}
+    for k, (name, found) in enumerate(named):
+        count, mask = digits(found.width), (1 << found.width) - 1
+        files[f"ports/{name}.hex"] = "".join([f"{value & mask:0{count}x}\n" for value in rows[:, k].tolist()])
+    return files
+
+
+def csv_text(first, numbers, names, rows):
+    """Text of vec.csv: a header, and one line per row with its number in front."""
+    both = np.column_stack([numbers, rows]).tolist()
+    return "\n".join([",".join([first, *names]), *(",".join(map(str, row)) for row in both)]) + "\n"
 
 
 def canonical(data):
@@ -153,7 +194,14 @@ def _strangers(folder, manifest):
 
 REQUIRED = {"schema": str, "block": str, "case": str, "n": int, "inputs": list, "registers": list, "outputs": list,
             "reset": dict, "clock": dict, "sha256": dict, "manifest_sha256": str}  # fmt: skip
+REPLAY_REQUIRED = {"frames": int, "frame_cycles": int, "conversions": int, "host_events": int, "samples": int,
+                   "recording_sha256": str, "windows": list}  # fmt: skip
 PORT_KEYS = {"name": str, "width": int, "signed": bool}
+
+
+def words_of(manifest):
+    """Names of the hex files that a bundle must have."""
+    return (*WORDS[:2], *REPLAYED) if manifest["schema"] == REPLAY_SCHEMA else WORDS
 
 
 def _manifest(folder):
@@ -164,10 +212,10 @@ def _manifest(folder):
         raise FileError(f"{path}: cannot be read: {problem.strerror or problem}") from None
     except (ValueError, RecursionError) as problem:
         raise FileError(f"{path}: is not JSON: {problem}") from None
-    if not isinstance(manifest, dict) or manifest.get("schema") != SCHEMA:
-        found = manifest.get("schema") if isinstance(manifest, dict) else None
+    found = manifest.get("schema") if isinstance(manifest, dict) else None
+    if found not in (SCHEMA, REPLAY_SCHEMA):
         raise FileError(f"{path}: schema is {found!r}, not {SCHEMA!r}")
-    for key, kind in REQUIRED.items():
+    for key, kind in (REQUIRED | (REPLAY_REQUIRED if found == REPLAY_SCHEMA else {})).items():
         if not isinstance(manifest.get(key), kind) or isinstance(manifest.get(key), bool):
             raise FileError(f"{path}: {key} is missing or not of type {kind.__name__}")
     for port in manifest["inputs"] + manifest["registers"] + manifest["outputs"]:
@@ -175,8 +223,9 @@ def _manifest(folder):
             raise FileError(f"{path}: a port lacks name, width or sign: {port!r}")
         if not 1 <= port["width"] <= 63:
             raise FileError(f"{path}: port {port['name']}: width {port['width']} is outside 1 .. 63 bits")
-    if manifest["n"] < 0:
-        raise FileError(f"{path}: n is {manifest['n']}, below 0 rows")
+    for key in ("n", *(key for _, key in REPLAYED.values() if found == REPLAY_SCHEMA)):
+        if manifest[key] < 0:
+            raise FileError(f"{path}: {key} is {manifest[key]}, below 0 rows")
     return manifest
 
 
@@ -212,7 +261,7 @@ def verify(folder, strict=True):
     manifest = _manifest(folder)
     if manifest["manifest_sha256"] != seal(manifest):
         raise FileError(f"{folder / MANIFEST}: SHA-256 does not match: the manifest was changed")
-    for name in (f"{word}.hex" for word in WORDS):
+    for name in (f"{word}.hex" for word in words_of(manifest)):
         if name not in manifest["sha256"]:
             raise FileError(f"{folder / MANIFEST}: {name} is not listed")
     for name, expected in manifest["sha256"].items():
@@ -231,8 +280,27 @@ def read(folder):
     results = manifest["registers"] + manifest["outputs"]
     bare = [{**port, "signed": False} for port in results]
     count = manifest["n"]
+    if manifest["schema"] == REPLAY_SCHEMA:
+        return _read_replay(folder, manifest, results)
     stim, exp, mask = (
         unpack(_words(folder / f"{name}.hex", total(ports), count), ports)
         for name, ports in zip(WORDS, (manifest["inputs"], results, bare), strict=True)
     )
-    return Bundle(manifest, stim, exp, mask)
+    return Bundle(manifest, stim, exp, mask, np.arange(count))
+
+
+def _read_replay(folder, manifest, results):
+    words = {name: _words(folder / f"{name}.hex", width, manifest[key]) for name, (width, key) in REPLAYED.items()}
+    at, end = np.array(words["at"], np.int64), manifest["frames"] * manifest["frame_cycles"]
+    if len(at) and (at[-1] >= end or (np.diff(at) <= 0).any()):
+        raise FileError(f"{folder / 'at.hex'}: the clocks do not rise within 0 .. {end - 1}")
+    for name in ("adc", "host"):
+        clocks = np.array([word >> (REPLAYED[name][0] - 32) for word in words[name]], np.int64)
+        if len(clocks) and (clocks[-1] >= end or (np.diff(clocks) <= 0).any()):
+            raise FileError(f"{folder / name}.hex: the clocks do not rise within 0 .. {end - 1}")
+    stim, exp = (
+        unpack(_words(folder / f"{name}.hex", total(ports), manifest["n"]), ports)
+        for name, ports in (("stim", manifest["inputs"]), ("exp", results))
+    )
+    mask = np.tile(np.array([(1 << port["width"]) - 1 for port in results], np.int64), (len(at), 1))
+    return Bundle(manifest, stim, exp, mask, at, tuple(words["sig"]))

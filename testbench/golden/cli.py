@@ -19,7 +19,7 @@ app = typer.Typer(
 
 @app.command()
 def export(
-    block: Annotated[str, typer.Argument(help="Block, such as dds, or all.")],
+    block: Annotated[str, typer.Argument(help="Block, such as dds, or top, or all.")],
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the bundles.")],
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of lines.")] = False,
 ):
@@ -44,6 +44,28 @@ def verify(folders: Annotated[list[Path], typer.Argument(help="Folders of bundle
         manifest = bundle.verify(folder)
         bundle.read(folder)
         typer.echo(f"{folder}  ok  {manifest['n']} rows")
+
+
+@app.command()
+def window(
+    folder: Annotated[Path, typer.Argument(help="Folder of a bundle of the whole design: DIR/top/CASE.")],
+    clock: Annotated[int | None, typer.Option("--clock", help="First clock, counted from row 0.")] = None,
+    count: Annotated[int | None, typer.Option("--count", help="Clocks; 3250 if not given.")] = None,
+    frame: Annotated[int | None, typer.Option("--frame", help="The whole frame of this number instead.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Folder to write; FOLDER_CLOCK if none.")
+    ] = None,
+):
+    """Write every clock of one place as a bundle of its own: where a signature differs, it finds the register."""
+    from fpga_model.rates import FRAME_CYCLES
+    from testbench.errors import ConfigError
+    from testbench.golden.top import window as write
+
+    if (clock is None) == (frame is None):
+        raise ConfigError("give either --clock or --frame")
+    first = frame * FRAME_CYCLES if clock is None else clock
+    written, manifest = write(folder, first, FRAME_CYCLES if count is None else count, out)
+    typer.echo(f"{written}  {manifest['n']} rows  {manifest['manifest_sha256'][:16]}")
 
 
 @app.command()

@@ -1,6 +1,6 @@
 """Golden bundles of blocks: stimulus through the model, and everything an HDL bench needs, as one folder per case.
 
-Blocks only so far; vectors of the whole design, which replay recorded ADC codes, are still to come.
+The whole design, `top`, is exported by `testbench.golden.top` from recordings.
 Source  docs/golden.md
 """
 
@@ -14,20 +14,8 @@ import numpy as np
 from fpga_model.rates import MASTER_HZ
 from testbench import vcd
 from testbench.errors import ConfigError
-from testbench.golden import benches, blocks, bundle, evidence, range_report, stimulus
+from testbench.golden import benches, blocks, bundle, evidence, range_report, stimulus, top
 from testbench.version import VERSION
-
-
-def _port(port):
-    return {
-        "name": port.name,
-        "width": port.width,
-        "signed": port.signed,
-        "fmt": list(port.fmt),
-        "reset": port.reset,
-        "rounding": port.rounding,
-        "overflow": port.overflow,
-    }
 
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -47,9 +35,9 @@ def git_head(root=ROOT):
 def _manifest(block, case, stim, exp, families, seed):
     params = [{"name": name, "raw": raw, "fmt": list(fmt)} for name, raw, fmt in blocks.params_of(block, case)]
     ports = {
-        "inputs": [_port(p) for p in block.columns],
-        "registers": [_port(p) for p in block.registers],
-        "outputs": [_port(p) for p in block.pins],
+        "inputs": [bundle.port(p) for p in block.columns],
+        "registers": [bundle.port(p) for p in block.registers],
+        "outputs": [bundle.port(p) for p in block.pins],
     }
     identity = bundle.canonical({"block": block.stem, "case": case, "params": params, **ports})
     return {
@@ -77,12 +65,6 @@ def _manifest(block, case, stim, exp, families, seed):
     }
 
 
-def _column_hex(values, width):
-    """Text of one port: a word per line."""
-    count, mask = bundle.digits(width), (1 << width) - 1
-    return "".join([f"{value & mask:0{count}x}\n" for value in values])
-
-
 def _tables(block, stim, exp):
     """{path: text}: packed words, one file per port, and decimal."""
     inputs, found = [(p.name, p) for p in block.columns], benches.results(block)
@@ -93,13 +75,9 @@ def _tables(block, stim, exp):
         "exp.hex": bundle.hex_text(bundle.pack(exp, out_widths), out_width),
         "mask.hex": bundle.hex_text([(1 << out_width) - 1] * len(exp), out_width),
     }
-    for named, rows in ((inputs, stim), (found, exp)):
-        for k, (name, port) in enumerate(named):
-            files[f"ports/{name}.hex"] = _column_hex(rows[:, k].tolist(), port.width)
-    lines = [",".join(["row", *(name for name, _ in inputs + found)])]
-    both = np.column_stack([np.arange(len(stim)), stim, exp]).tolist()
-    lines += [",".join(map(str, row)) for row in both]
-    files["vec.csv"] = "\n".join(lines) + "\n"
+    both = np.column_stack([stim, exp])
+    files |= bundle.port_files(inputs + found, both)
+    files["vec.csv"] = bundle.csv_text("row", np.arange(len(stim)), [name for name, _ in inputs + found], both)
     return files
 
 
@@ -133,12 +111,12 @@ def export_case(block, case, out, seed=stimulus.SEED):
     return bundle.write(Path(out) / block.stem / case, manifest, files, [_waves(block, stim, exp)])
 
 
-def chosen(name):
-    """Blocks of a name or `all`; raises ConfigError otherwise."""
+def chosen(name, others=()):
+    """Blocks of a name or `all`; raises ConfigError otherwise. `others` are names that the caller knows besides."""
     if name == "all":
         return list(blocks.BLOCKS.values())
     if name not in blocks.BLOCKS:
-        raise ConfigError(f"block: {name!r} is not one of all, {', '.join(blocks.BLOCKS)}")
+        raise ConfigError(f"block: {name!r} is not one of all, {', '.join([*blocks.BLOCKS, *others])}")
     return [blocks.BLOCKS[name]]
 
 
@@ -155,15 +133,19 @@ check clean:
 
 
 def export(name, out, progress=None):
-    """Write the bundles of a block, or of all; returns [(folder, manifest)]."""
+    """Write the bundles of a block, of `top`, or of all; returns [(folder, manifest)]."""
     from testbench.files import write_text
 
     done = []
-    todo = [(block, case) for block in chosen(name) for case in block.cases]
+    listed = [] if name == top.STEM else chosen(name, [top.STEM])
+    if name in ("all", top.STEM):
+        listed.append(top.block(dict.fromkeys(top.CASES)))
+    todo = [(block, case) for block in listed for case in block.cases]
     for n, (block, case) in enumerate(todo):
         if progress is not None:
             progress(f"{block.stem}/{case}", n, len(todo))
-        done.append((Path(out) / block.stem / case, export_case(block, case, out)))
+        manifest = top.export_case(case, out) if block.stem == top.STEM else export_case(block, case, out)
+        done.append((Path(out) / block.stem / case, manifest))
         if case == list(block.cases)[-1]:
             write_text(Path(out) / block.stem / "Makefile", folder_makefile(block))
     return done

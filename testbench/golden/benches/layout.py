@@ -4,7 +4,7 @@ Source  docs/golden.md (what a design must look like)
 """
 
 from fpga_model.rates import MASTER_HZ
-from testbench.golden.blocks import RESET_INPUT
+from testbench.golden.blocks import BLOCKS, RESET_INPUT
 
 PERIOD_PS = (1_000_000_000_000 + MASTER_HZ // 2) // MASTER_HZ
 HALF_PS = PERIOD_PS // 2
@@ -17,6 +17,7 @@ PARTS = {
     "rate_loop": ("pi",),
     "quadrature_loop": ("pi", "isqrt"),
     "sequencer": ("lock_monitor", "fault_monitor"),
+    "top": (*BLOCKS, "control"),
 }
 
 assert RESET_INPUT == "rst", "the benches name the reset"

@@ -28,9 +28,35 @@ clean:
 """
 
 
-def check_script(block, case):
-    """`RTL=folder sh check.sh [SIM ...]`; exit code 0: nothing failed, 1: a bench failed, 2: nothing could be run."""
+def _frames(defaults):
+    """Shell text of benches that may stop early; `defaults` are {simulator: frames, 0 for all}."""
+    lines = "\n".join(f"    {sim}) echo ${{FRAMES:-{count}}} ;;" for sim, count in defaults.items())
+    return f"""
+# A bench stops after so many frames, 0 is all of them; FRAMES=n in the environment is for every simulator
+frames() {{
+    case $1 in
+{lines}
+    esac
+}}
+"""
+
+
+def check_script(block, case, frames=None):
+    """`RTL=folder sh check.sh [SIM ...]`; exit code 0: nothing failed, 1: a bench failed, 2: nothing could be run.
+
+    frames  {simulator: frames} after which the benches of the whole design stop unless told otherwise; None for blocks
+    """
     stem, title = block.stem, f"{block.stem}/{case}"
+    level, why = (
+        ("2", "optimised: running takes longer than compiling")
+        if frames
+        else (
+            "0",
+            "not optimised: compiling takes longer than running",
+        )
+    )
+    plus, generic = (" +FRAMES=$(frames $1)", " -gFRAMES=$(frames $1)") if frames else ("", "")
+    exported = 'FRAMES=$(frames "$1") ' if frames else ""
     return f"""#!/bin/sh
 # {title}: RTL=folder sh check.sh [icarus|verilator|ghdl|cocotb|cocotb-verilator|vunit ...]
 # The folder (absolute, or seen from where you are) holds {stem}.v or {stem}.vhd with gyro_{stem}. Without names every
@@ -44,7 +70,7 @@ export PYTHONDONTWRITEBYTECODE=1
 # what a calling make or pytest leaves behind stops Verilator's make and cocotb's runner
 unset MAKEFLAGS MFLAGS MAKELEVEL PYTEST_CURRENT_TEST
 
-die() {{
+{_frames(frames) if frames else ""}die() {{
     echo "FAIL $TITLE: $*"
     exit 2
 }}
@@ -105,9 +131,9 @@ reason() {{
 run() {{
     case $1 in
     icarus)
-        iverilog -g2005 -I. -s tb_$BLOCK $NONE -o build/tb.vvp tb_$BLOCK.v $(design v) && vvp -n build/tb.vvp
+        iverilog -g2005 -I. -s tb_$BLOCK $NONE -o build/tb.vvp tb_$BLOCK.v $(design v) && vvp -n build/tb.vvp{plus}
         ;;
-    verilator) # not optimised: compiling takes longer than running; its make works in no path with a blank
+    verilator) # {why}; its make works in no path with a blank
         work=build/verilator
         case $PWD in *" "*) work=$(mktemp -d) && trap 'rm -rf "$work"' EXIT ;; esac
         # its library is compiled once per version, which is most of the time
@@ -115,21 +141,21 @@ run() {{
         [ "$(cat $work/version 2>&1)" = "$version" ] || rm -rf $work
         mkdir -p $work || return
         kept=$(cd $work && for file in verilated*.o; do [ ! -f $file ] || printf ' -o %s' $file; done)
-        verilator --binary --timing -j 0 -MAKEFLAGS "OPT_FAST=-O0 OPT_GLOBAL=-O0$kept" \\
+        verilator --binary --timing -j 0 -MAKEFLAGS "OPT_FAST=-O{level} OPT_GLOBAL=-O0$kept" \\
             -Wno-fatal -Wno-lint -Wno-style -I. --top-module tb_$BLOCK $NONE --Mdir $work -o sim \\
             tb_$BLOCK.v $(design v) >build/verilator.log 2>&1 || {{ cat build/verilator.log && return 1; }}
         echo "$version" >$work/version
-        $work/sim
+        $work/sim{plus}
         ;;
     ghdl) # from a folder of its own, and new: some back ends leave an executable, and a library remembers old designs
         rm -rf build/ghdl && mkdir -p build/ghdl && cd build/ghdl || return
         ghdl -a --std=08 ../../params_pkg.vhd $(cd ../.. && design vhd ../../) ../../tb_$BLOCK.vhd &&
             ghdl -e --std=08 tb_$BLOCK &&
-            ghdl -r --std=08 tb_$BLOCK -gDIR=../../ ${{NONE:+-gNO_DESIGN=true}}
+            ghdl -r --std=08 tb_$BLOCK -gDIR=../../{generic} ${{NONE:+-gNO_DESIGN=true}}
         ;;
-    cocotb) SIM=icarus "$PYTHON" test_$BLOCK.py ;;
-    cocotb-verilator) SIM=verilator "$PYTHON" test_$BLOCK.py ;;
-    vunit) "$PYTHON" run_vunit.py -v --no-color -o build/vunit ;;
+    cocotb) {exported}SIM=icarus "$PYTHON" test_$BLOCK.py ;;
+    cocotb-verilator) {exported}SIM=verilator "$PYTHON" test_$BLOCK.py ;;
+    vunit) {exported}"$PYTHON" run_vunit.py -v --no-color -o build/vunit ;;
     esac
 }}
 
@@ -141,7 +167,7 @@ judge() {{
         return 0
     fi
     if grep -q "^FAIL " $result; then
-        grep -E "^(row|FAIL) " $result | sed "s/\\$/ [$1]/"
+        grep -E "^(row|clock|frame|FAIL) " $result | sed "s/\\$/ [$1]/"
     else
         cat $result
         echo "FAIL $TITLE: the bench did not get to its end [$1]"

@@ -6,9 +6,10 @@ Source  docs/golden.md (using a bench in your own flow)
 from testbench.golden.benches.layout import PARTS
 
 
-def vunit_bench(block, case):
-    """The VHDL bench as a test of VUnit."""
+def vunit_bench(block, case, frames=False):
+    """The VHDL bench as a test of VUnit; `frames`: it has a generic that stops it early."""
     name = f"tb_{block.stem}"
+    generic, mapped = (";\n        frames : natural := 0", "FRAMES => frames, ") if frames else ("", "")
     return f"""-- {block.stem}/{case} as a test of VUnit
 library vunit_lib;
 context vunit_lib.vunit_context;
@@ -17,7 +18,7 @@ entity {name}_vunit is
     generic (
         runner_cfg : string;
         tb_path : string;
-        no_design : boolean := false
+        no_design : boolean := false{generic}
     );
 end entity;
 
@@ -26,7 +27,7 @@ architecture bench of {name}_vunit is
     signal errors : natural;
 begin
     inner: entity work.{name}
-        generic map (NO_DESIGN => no_design, DIR => tb_path)
+        generic map (NO_DESIGN => no_design, {mapped}DIR => tb_path)
         port map (finished => finished, errors => errors);
 
     main: process
@@ -42,8 +43,9 @@ end architecture;
 """
 
 
-def vunit_run(block, case):
-    """Run script of VUnit: RTL=folder python3 run_vunit.py."""
+def vunit_run(block, case, frames=None):
+    """Run script of VUnit: RTL=folder python3 run_vunit.py; `frames`: after how many the bench stops, if it can."""
+    stop = "" if frames is None else f'bench.set_generic("frames", int(os.environ.get("FRAMES") or {frames}))\n'
     return f'''"""{block.stem}/{case} under VUnit: RTL=folder python3 run_vunit.py; without RTL it only elaborates."""
 
 import os
@@ -65,6 +67,7 @@ if rtl:
         path = Path(rtl).resolve() / f"{{stem}}.vhd"
         if path.is_file() or stem == SOURCES[-1]:
             lib.add_source_files(path)
-lib.test_bench("tb_{block.stem}_vunit").set_generic("no_design", not rtl)
-vu.main()
+bench = lib.test_bench("tb_{block.stem}_vunit")
+bench.set_generic("no_design", not rtl)
+{stop}vu.main()
 '''
