@@ -17,7 +17,6 @@ from testbench.errors import ConfigError
 from testbench.golden import benches, blocks, bundle, evidence, range_report, stimulus, top
 from testbench.version import VERSION
 
-
 ROOT = Path(__file__).resolve().parents[2]
 
 
