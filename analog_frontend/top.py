@@ -58,6 +58,7 @@ from analog_frontend.propagator import (
     JIT_DRIVE,
     JIT_SENSE,
     OUTPUTS,
+    PX1,
     U_DRIVE,
     U_SENSE,
 )
@@ -71,7 +72,8 @@ ONE = np.int64(1)  # typed: Numba compiles a function anew for every constant th
 DEMODULATORS = sid.DEMODULATORS
 MAX_EDGES = sid.MAX_EDGES
 DRIVE, SENSE = 0, 1
-# Inputs that act through the modes: only these, and only for the outputs from X on, change with rate and coupling
+JITTERED = 1 + DEMODULATORS  # hashes of edge jitter per tick: one for both DACs, one for an edge of each demodulator
+# Inputs that act through the modes: only these, and only for the four outputs from X on, change with rate and coupling
 MOVING_ROWS = (*range(10), U_DRIVE, U_SENSE, F_X, F_Y)
 COLUMN_ROWS = (DU_DRIVE, DU_SENSE, JIT_DRIVE, JIT_SENSE)
 # what `retune` last used
@@ -127,6 +129,7 @@ class State(NamedTuple):
     g: np.ndarray  # (24, 24) the matrix of this frame
     jet: np.ndarray  # (6, 24, 24) its jet at this temperature
     column_jet: np.ndarray  # (4, 6, 24) step and jitter columns of both DACs at their clocks
+    pickoff: np.ndarray  # (2, 4, 6) from both ends of a tick to C/V and SID path, at this temperature
     now: np.ndarray  # (6,) rate, k_xy, temperature, driver pole, clocks that g was made for
     volts: np.ndarray  # (2,) DAC outputs now
     coming_v: np.ndarray  # (2,) DAC outputs that act in the next tick: those of a late step, or the same
@@ -170,6 +173,7 @@ def reset(p, drive_code, sense_code, temp_degc):
         g=aligned(INPUTS * OUTPUTS).reshape(INPUTS, OUTPUTS),
         jet=aligned(propagator.JETS * INPUTS * OUTPUTS).reshape(propagator.JETS, INPUTS, OUTPUTS),
         column_jet=aligned(4 * propagator.JETS * OUTPUTS).reshape(4, propagator.JETS, OUTPUTS),
+        pickoff=np.zeros((2, 4, 6)),
         now=np.full(6, np.inf),
         volts=np.array([dac.volts(p.drive_dac, drive_code), dac.volts(p.sense_dac, sense_code)]),
         coming_v=np.zeros(2),
@@ -224,6 +228,11 @@ def _blend(p, s, temp_degc):
             s.column_jet[2, j, o] = a + weight * (t.drive_jitter[after, j, d, o] - a)
             a = t.sense_jitter[index, j, e, o]
             s.column_jet[3, j, o] = a + weight * (t.sense_jitter[after, j, e, o] - a)
+    for c in range(2):
+        for i in range(4):
+            for o in range(6):
+                a = t.pickoff[index, c, i, o]
+                s.pickoff[c, i, o] = a + weight * (t.pickoff[after, c, i, o] - a)
     s.now[NOW_DRIVER] = t.driver_s[index] + weight * (t.driver_s[after] - t.driver_s[index])
     s.now[NOW_CYCLE_DRIVE] = d
     s.now[NOW_CYCLE_SENSE] = e
@@ -235,7 +244,7 @@ def _columns(s):
     jet, g = s.column_jet.reshape(-1), s.g.reshape(-1)
     rate, stiffness = s.now[NOW_RATE], s.now[NOW_STIFFNESS]
     for k in range(4):
-        for first in range(0, OUTPUTS, LANES):
+        for first in range(0, PX1, LANES):
             at = k * propagator.JETS * OUTPUTS + first
             propagator.combine_lanes(jet, at, OUTPUTS, rate, stiffness, g, COLUMN_ROWS[k] * OUTPUTS + first)
 
@@ -270,8 +279,6 @@ def retune(p, s, rate_rad_s, quad_code, temp_degc):
         jet, g = s.jet.reshape(-1), s.g.reshape(-1)
         for k in range(len(MOVING_ROWS)):
             at = MOVING_ROWS[k] * OUTPUTS + X
-            propagator.combine_lanes(jet, at, INPUTS * OUTPUTS, rate_rad_s, stiffness, g, at)
-            at += LANES
             propagator.combine_lanes(jet, at, INPUTS * OUTPUTS, rate_rad_s, stiffness, g, at)
     _columns(s)
 
@@ -354,14 +361,11 @@ def block(p, s, tick, n, drive_cycle, sense_cycle, edge_count, edges):
         w[STATE_ROWS[k] * STRIDE] = s.z[k]
     # whole registers: what stands behind the last tick is not read, and a loop without a rest is faster
     on, whole = p.noise, (n + LANES - 1) // LANES * LANES
-    noise.fill_row(on.drive_dac, tick, 1, w, IN_U_DRIVE * STRIDE, whole)
-    noise.fill_row(on.sense_dac, tick, 1, w, IN_U_SENSE * STRIDE, whole)
-    noise.fill_row(on.edge_jitter, 6 * tick, 6, w, JITTER_DRIVE * STRIDE, whole)
-    noise.fill_row(on.edge_jitter, 6 * tick + 1, 6, w, JITTER_SENSE * STRIDE, whole)
-    noise.fill_row(on.force_x, tick, 1, w, IN_FX * STRIDE, whole)
-    noise.fill_row(on.force_y, tick, 1, w, IN_FY * STRIDE, whole)
-    noise.fill_row(on.cv_x, tick, 1, w, CV_NOISE_X * STRIDE, whole)
-    noise.fill_row(on.cv_y, tick, 1, w, CV_NOISE_Y * STRIDE, whole)
+    noise.fill_rows(on.drive_dac, on.sense_dac, tick, 1, w, IN_U_DRIVE * STRIDE, IN_U_SENSE * STRIDE, whole)
+    jitter, rows = on.edge_jitter, (JITTER_DRIVE * STRIDE, JITTER_SENSE * STRIDE)
+    noise.fill_rows(jitter, jitter, JITTERED * tick, JITTERED, w, rows[DRIVE], rows[SENSE], whole)
+    noise.fill_rows(on.force_x, on.force_y, tick, 1, w, IN_FX * STRIDE, IN_FY * STRIDE, whole)
+    noise.fill_rows(on.cv_x, on.cv_y, tick, 1, w, CV_NOISE_X * STRIDE, CV_NOISE_Y * STRIDE, whole)
     carry = t.drive_carry[0, s.cycles[DRIVE]]
     codes = s.work.drive_codes
     _dac(p, s, w, DRIVE, p.drive_dac, carry, codes, n, IN_U_DRIVE, IN_DU_DRIVE, IN_JIT_DRIVE, LEVEL_DRIVE, JITTER_DRIVE)
@@ -370,7 +374,7 @@ def block(p, s, tick, n, drive_cycle, sense_cycle, edge_count, edges):
     _dac(p, s, w, SENSE, p.sense_dac, carry, codes, n, IN_U_SENSE, IN_DU_SENSE, IN_JIT_SENSE, LEVEL_SENSE, JITTER_SENSE)
     linear.chains(s.g, w, n)
     linear.modes(s.g, w, n, p.effects)
-    linear.pickoffs(s.g, w, n)
+    linear.pickoffs(s.g, s.pickoff, w, n, p.effects.any_force)
     for k in range(STATES):
         s.z[k] = w[STATE_ROWS[k] * STRIDE + n]
     demodulate(p, s, tick, n, edge_count, edges)
@@ -435,7 +439,7 @@ def _switch(p, s, tick, t, first_edge, last_edge, edges, added):
         for k in range(first_edge, last_edge):
             if edges[k, 1] == d:
                 cycle = edges[k, 0] - TICK_CYCLES * t
-                tau = p.switch_tau_s[cycle] + noise.white(p.noise.edge_jitter, 6 * tick + 2 + d)
+                tau = p.switch_tau_s[cycle] + noise.white(p.noise.edge_jitter, JITTERED * tick + 1 + d)
                 if p.switch_carry[cycle] != 0:
                     s.late_tau_s[d, late] = max(tau, 0.0)
                     late += 1
