@@ -63,7 +63,7 @@ from analog_frontend.propagator import (
     U_SENSE,
 )
 from analog_frontend.vector import LANES, aligned, load, splat, store
-from fpga_model.jit import inner, outlined
+from fpga_model.jit import inlined, inner, outlined
 
 STATES = 16
 V_DRIVE, V_SENSE, X, VX, Y, VY, CV_X, CV_Y = 2, 5, 6, 7, 8, 9, 12, 15
@@ -263,7 +263,12 @@ def retune(p, s, rate_rad_s, quad_code, temp_degc):
     """Make G for a rate (rad/s), a V_q code and a temperature (degC); does nothing if nothing changed."""
     volts = quad_code * p.quad_lsb_v
     kq = blended(p, p.tables.kq_n_per_m_per_v2, temp_degc)
-    stiffness = blended(p, p.tables.kxy_n_per_m, temp_degc) - kq * (volts * volts)
+    tune(p, s, rate_rad_s, blended(p, p.tables.kxy_n_per_m, temp_degc) - kq * (volts * volts), temp_degc)
+
+
+@inner
+def tune(p, s, rate_rad_s, stiffness, temp_degc):
+    """As `retune`, for a coupling stiffness (N/m)."""
     moved = s.now[NOW_TEMP] != temp_degc
     moved = moved or s.now[NOW_CYCLE_DRIVE] != s.cycles[DRIVE] or s.now[NOW_CYCLE_SENSE] != s.cycles[SENSE]
     if not moved and s.now[NOW_RATE] == rate_rad_s and s.now[NOW_STIFFNESS] == stiffness:
@@ -422,6 +427,39 @@ def demodulate(p, s, tick, n, edge_count, edges):
             t += 1
 
 
+@inlined
+def acting(switch_tau_s, switch_carry, jitter, h_s, tick, t, d, first, last, edges, late_tau_s, late_count, taus):
+    """Instants within `tick`, tick `t` of a block, at which the switches of demodulator `d` move: how many, in `taus`.
+
+    first, last  the tick's reference edges in `edges`. An edge whose switch acts in the next tick is kept in
+    `late_tau_s`; those kept before act now. Returns also how many are kept. Mutates `taus` and `late_tau_s`
+    """
+    count, late = late_count, 0
+    for k in range(count):
+        taus[k] = late_tau_s[k]
+    for k in range(first, last):
+        if edges[k, 1] == d:
+            cycle = edges[k, 0] - TICK_CYCLES * t
+            tau = switch_tau_s[cycle] + noise.white(jitter, JITTERED * tick + 1 + d)
+            if switch_carry[cycle] != 0:
+                late_tau_s[late] = max(tau, 0.0)
+                late += 1
+            else:
+                taus[count] = min(max(tau, 0.0), h_s)
+                count += 1
+    return count, late
+
+
+@inlined
+def switched(p, caps, d, ref, taus, count, n, p1, p2, p3, v0, dv0, v1, dv1):
+    """A tick of demodulator `d` in which its switches move `count` times; returns the reference. Mutates `caps`."""
+    if count == 1:
+        ref = 0 if ref else 1
+        sid.edge(p, caps, d, ref, taus[0], n, p1, p2, p3, v0, dv0, v1, dv1)
+        return ref
+    return sid.edges(p, caps, d, ref, taus, count, n, p1, p2, p3, v0, dv0, v1, dv1)
+
+
 @inner
 def _switch(p, s, tick, t, first_edge, last_edge, edges, added):
     """Tick `t` of a block, in which a reference changes, now or by an edge of the tick before.
@@ -432,20 +470,21 @@ def _switch(p, s, tick, t, first_edge, last_edge, edges, added):
     taus, w = s.work.taus_s, s.work.w
     kept = 0
     for d in range(DEMODULATORS):
-        count = s.late_count[d]
-        for k in range(count):
-            taus[k] = s.late_tau_s[d, k]
-        late = 0
-        for k in range(first_edge, last_edge):
-            if edges[k, 1] == d:
-                cycle = edges[k, 0] - TICK_CYCLES * t
-                tau = p.switch_tau_s[cycle] + noise.white(p.noise.edge_jitter, JITTERED * tick + 1 + d)
-                if p.switch_carry[cycle] != 0:
-                    s.late_tau_s[d, late] = max(tau, 0.0)
-                    late += 1
-                else:
-                    taus[count] = min(max(tau, 0.0), p.sid.h_s)
-                    count += 1
+        count, late = acting(
+            p.switch_tau_s,
+            p.switch_carry,
+            p.noise.edge_jitter,
+            p.sid.h_s,
+            tick,
+            t,
+            d,
+            first_edge,
+            last_edge,
+            edges,
+            s.late_tau_s[d],
+            s.late_count[d],
+            taus,
+        )
         s.late_count[d] = late
         kept += late
         path = (PATH if d < 2 else PATH + 3) * STRIDE + t
@@ -458,13 +497,7 @@ def _switch(p, s, tick, t, first_edge, last_edge, edges, added):
             before = (CX2 if d < 2 else CY2) * STRIDE + t
             v0, v1 = w[cv], w[cv + 1]
             dv0, dv1 = (gain * w[before] - v0) / driver_s, (gain * w[before + 1] - v1) / driver_s
-            ref = s.switch[d]
-            if count == 1:
-                ref = 0 if ref else 1
-                sid.edge(p.sid, s.caps, d, ref, taus[0], n, p1, p2, p3, v0, dv0, v1, dv1)
-            else:
-                ref = sid.edges(p.sid, s.caps, d, ref, taus, count, n, p1, p2, p3, v0, dv0, v1, dv1)
-            s.switch[d] = ref
+            s.switch[d] = switched(p.sid, s.caps, d, s.switch[d], taus, count, n, p1, p2, p3, v0, dv0, v1, dv1)
         s.work.demodulated[4 * (t + 1) + d] = sid.output(s.caps, d)
     return kept
 

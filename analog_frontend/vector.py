@@ -140,6 +140,8 @@ def _overloaded(symbol, name):
         if isinstance(b, Vector) and isinstance(a, types.Float):
             spread = _SPLATS[b.lanes]
             return lambda a, b: apply(spread(a), b)
+        if a == VECTOR and b == INTEGERS:
+            return lambda a, b: apply(a, _as_doubles(b))
         return None
 
 
@@ -164,7 +166,7 @@ INTEGERS = Integers()
 @intrinsic
 def _integers_native(typingctx, a, i):
     def codegen(context, builder, signature, args):
-        return builder.load(_pointer(context, builder, signature, args, INTEGERS), align=8)
+        return builder.load(_pointer(context, builder, signature, args, INTEGERS.native), align=8)
 
     return INTEGERS(a, i), codegen
 
@@ -187,9 +189,10 @@ def _as_doubles(typingctx, v):
 @intrinsic
 def _larger_native(typingctx, a, b):
     def codegen(context, builder, signature, args):
-        double = VECTOR.native
-        magnitude = builder.call(builder.module.declare_intrinsic("llvm.fabs", [double]), [args[1]])
-        return builder.call(builder.module.declare_intrinsic("llvm.maxnum", [double]), [args[0], magnitude])
+        top, b = args
+        zero = ir.Constant(VECTOR.native, [0.0] * LANES)
+        magnitude = builder.select(builder.fcmp_ordered("<", b, zero), builder.fsub(zero, b), b)
+        return builder.select(builder.fcmp_ordered(">", magnitude, top), magnitude, top)
 
     return VECTOR(VECTOR, VECTOR), codegen
 

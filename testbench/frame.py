@@ -165,49 +165,62 @@ def blocks(p, f, chips, a, chunk, tick, end, drdy_cycle, b):
             sid = demodulated(p.fpga, sid, tick, 1 if tick % FRAME_TICKS == 0 else 0, n, b)
         g = behind(g, faults, a.adc.clock, tick, until, fell, sid)
         tick = until
+    return put_down(f, chips, g, tick, faults.status)
+
+
+@inner
+def put_down(f, chips, g, tick, status):
+    """Where blocks end: firmware and chips FLUSH ticks before `tick`, and what they must have come to by then."""
+    status = status & CHANNEL_MASK
     phase = phase_at(g.s.turn, TICK_CYCLES * tick)
-    status = faults.status & CHANNEL_MASK
     f, chips = rebuilt(f, chips, g.s, g.sid, g.enabled, g.staged, tick - FLUSH, g.read, g.channels, status)
     return Arrived(tick, g.drdy_cycle, f, chips, g.sid, g.s.dog, phase, g.refs, g.drive_code, g.sense_code)
+
+
+@outlined
+def enter(p, f, chips, a, chunk, end, drdy_cycle):
+    """Clocked ticks of a chunk up to the first quiet one with room for blocks behind it, or to `end`.
+
+    Returns firmware, chips, clock of DRDY, and that tick.
+    """
+    first, until = chunk.begin, chunk.begin
+    if chunk.o.registers.shape[0] > 0:
+        until = end
+    while True:
+        f, chips, drdy_cycle = engine.run_ticks(p, f, chips, a, chunk, first, until, drdy_cycle, ONE)
+        if until == end:
+            return f, chips, drdy_cycle, until
+        # two ticks at least: what a window did in the tick before the chunk has then been seen by the DACs
+        if until >= chunk.begin + 2 and _quiet(f, chips, until):
+            ready = ready_clock(p.plant.adc, a.adc.clock, chunk.faults.silent, drdy_cycle, until)
+            if last_quiet(end, ready) - until >= SHORTEST:
+                return f, chips, drdy_cycle, until
+            first, until = until, end
+        else:
+            first, until = until, until + 1
+
+
+@outlined
+def leave(p, x, a, chunk, end):
+    """From the end of the blocks to that of the chunk: the flush of the registers, then clocked ticks.
+
+    Returns firmware, chips, clock of DRDY, and 0, or the tick at which the flush met other registers.
+    """
+    f, chips, _ = engine.run_ticks(p, x.fpga, x.chips, a, chunk, x.tick - FLUSH, x.tick, -ONE, ZERO)
+    f = completed(f, x.sid, x.dog)
+    if not arrived(p.fpga, f, chips, x):
+        return f, chips, x.drdy_cycle, x.tick
+    f, chips, drdy_cycle = engine.run_ticks(p, f, chips, a, chunk, x.tick, end, x.drdy_cycle, ONE)
+    return f, chips, drdy_cycle, ZERO
 
 
 @hot
 def _run(p, f, chips, a, chunk, end, drdy_cycle, b):
     """A chunk; returns firmware, chips, clock of DRDY, and 0, or the tick at which the flush met other registers."""
-    first, until, closed = chunk.begin, chunk.begin, ONE
-    if chunk.o.registers.shape[0] > 0:
-        until = end
-    x = Arrived(
-        ZERO,
-        drdy_cycle,
-        f,
-        chips,
-        f.sid,
-        f.watchdog,
-        f.dds.phase,
-        f.references.signs,
-        chips.drive.code,
-        chips.sense.code,
-    )
-    while True:
-        f, chips, drdy_cycle = engine.run_ticks(p, f, chips, a, chunk, first, until, drdy_cycle, closed)
-        if not closed:
-            f = completed(f, x.sid, x.dog)
-            if not arrived(p.fpga, f, chips, x):
-                return f, chips, x.drdy_cycle, x.tick
-            first, until, closed, drdy_cycle = x.tick, end, ONE, x.drdy_cycle
-        elif until == end:
-            return f, chips, drdy_cycle, ZERO
-        elif until < chunk.begin + 2 or not _quiet(f, chips, until):
-            # two ticks at least: what a window did in the tick before the chunk has then been seen by the DACs
-            first, until = until, until + 1
-        else:
-            ready = ready_clock(p.plant.adc, a.adc.clock, chunk.faults.silent, drdy_cycle, until)
-            if last_quiet(end, ready) - until < SHORTEST:
-                first, until = until, end
-            else:
-                x = blocks(p, f, chips, a, chunk, until, end, drdy_cycle, b)
-                f, chips, first, until, closed, drdy_cycle = x.fpga, x.chips, x.tick - FLUSH, x.tick, ZERO, -ONE
+    f, chips, drdy_cycle, tick = enter(p, f, chips, a, chunk, end, drdy_cycle)
+    if tick == end:
+        return f, chips, drdy_cycle, ZERO
+    return leave(p, blocks(p, f, chips, a, chunk, tick, end, drdy_cycle, b), a, chunk, end)
 
 
 def run(p, s, ticks, rate_rad_s, temp_degc, write, address, data, faults, o):
