@@ -36,8 +36,8 @@ FAR, ZERO, ONE = np.int64(1 << 62), np.int64(0), np.int64(1)
 class Carried(NamedTuple):
     """Integers only, so that a row of int64 holds it. Clocks count from power-on; FAR where nothing comes."""
 
-    s: Window
     sid: digital_sid.State
+    s: Window
     refs: int  # reference pins
     enabled: int  # the sense DAC's output switch, and its data register
     staged: int
@@ -68,8 +68,8 @@ def taken_up(p, f, chips, tick, drdy_cycle):
         quadrature,
     )
     return Carried(
-        s,
         f.sid,
+        s,
         references.pins(p.references, f.references),
         chips.sense.enabled,
         chips.sense.staged,
@@ -171,7 +171,7 @@ def _aged(p, dog, ticks):
 
 @inner
 def ahead(p, g, faults, tick, n, sar, drive_codes, sense_codes, b):
-    """Ticks `tick` .. `tick` + `n` - 1 up to the plant: returns what is carried, and the number of reference edges.
+    """`n` ticks from `tick` on, up to the plant: what is carried, the number of reference edges, the window's ticks.
 
     sar  the two samples of the FPGA's own demodulator. Mutates both codes (those at the end of each tick) and `b`
     """
@@ -216,8 +216,8 @@ def ahead(p, g, faults, tick, n, sar, drive_codes, sense_codes, b):
             sense_codes[k] = faults.dac_code[1] if faults.dac[1] else sense_codes[k]
     count, refs = pins.reference_edges(p.references, s.turn, s.bank, tick, tick + n, g.refs, b)
     g = Carried(
-        s,
         sid,
+        s,
         refs,
         enabled,
         staged,
@@ -232,7 +232,7 @@ def ahead(p, g, faults, tick, n, sar, drive_codes, sense_codes, b):
         g.new_ok,
         g.drdy_cycle,
     )
-    return g, count
+    return g, count, known
 
 
 @inner
@@ -265,8 +265,8 @@ def behind(g, faults, clock, tick, until, fell, sid):
         turn = steady(turn, TICK_CYCLES * until)
     s = Window(s.control, s.bank, s.dog, turn, s.slot, s.restarted, s.quadrature)
     return Carried(
-        s,
         sid,
+        s,
         g.refs,
         g.enabled,
         g.staged,

@@ -148,7 +148,7 @@ def blocks(p, f, chips, a, chunk, tick, end, drdy_cycle, b):
         if tick % FRAME_TICKS == 0:
             _frame(p, a, chunk, tick, g)
         refs = g.refs
-        g, count = ahead(p.fpga, g, faults, tick, n, a.sar, a.work.drive_codes, a.work.sense_codes, b)
+        g, count, _ = ahead(p.fpga, g, faults, tick, n, a.sar, a.work.drive_codes, a.work.sense_codes, b)
         fell = plant.block(p.plant, a, tick, n, DRIVE_CLOCK, SENSE_CLOCK, count, b.edges)
         # streams
         row = tick - chunk.begin

@@ -110,11 +110,13 @@ class Together(NamedTuple):
 def _carried():
     s = Window(control.State(), registers.State(), watchdog.State(), Turn(0, 0, 0, 0, 0, 0), 0, 0, 0)
     eight_zeros = (0,) * 8
-    return Carried(s, digital_sid.State(), 0, 0, 0, 0, 0, 0, 0, eight_zeros, eight_zeros, 0, 0, 0, 0)
+    return Carried(digital_sid.State(), s, 0, 0, 0, 0, 0, 0, 0, eight_zeros, eight_zeros, 0, 0, 0, 0)
 
 
 CARRIED = _carried()
 CARRIED_COUNT = sum(1 for _ in leaves(CARRIED))
+# a row begins with what only a window changes
+HEAD = sum(1 for part in (CARRIED.sid, CARRIED.s.control, CARRIED.s.bank) for _ in leaves(part))
 FAULTS = engine.Faults()
 
 
@@ -315,8 +317,11 @@ def _tell(part, q, c, k, tick, n):
         changed = _tuned(q, p, k, c.rate_rad_s[k, frame_], v_q, c.temp_degc[k, frame_])
         _recorded(q, c, p, g, k, tick)
     drive_codes, sense_codes = q.drive_codes[k], q.sense_codes[k]
-    g, count = ahead(p.fpga, g, faults, tick, n, q.sar[k, :, 0], drive_codes, sense_codes, _buffers(q, k))
-    store_row(q.carried[k], g)
+    g, count, known = ahead(p.fpga, g, faults, tick, n, q.sar[k, :, 0], drive_codes, sense_codes, _buffers(q, k))
+    if known:
+        store_row(q.carried[k], g)
+    else:
+        store_row(q.carried[k, HEAD:], (g.s[2:], g[2:]))
     q.edge_counts[k] = count
     _put(q, k, DRIVE, p.drive_dac, q.v.carry[k] == 1.0, drive_codes, n)
     _put(q, k, SENSE, p.sense_dac, q.v.carry[2 * LANES + k] == 1.0, sense_codes, n)
@@ -338,7 +343,8 @@ def _hear(part, q, c, k, tick, until):
     out = v.out[OUT * k : OUT * (k + 1)]
     sensor_v = adc.temperature_volts(q.now[TEMP * LANES + k])
     fell = adc.block(p.adc, q.adc_clock[k], q.adc_sums[k], out, n, sensor_v)
-    store_row(q.carried[k], behind(g, faults, q.adc_clock[k], tick, until, fell, g.sid))
+    g = behind(g, faults, q.adc_clock[k], tick, until, fell, g.sid)
+    store_row(q.carried[k, HEAD:], (g.s[2:], g[2:]))
     if v.flags[eight.GLITCHES]:
         for which in range(2):
             v.late_area[which * LANES + k] = v.late_area[which * LANES + k] - q.late_area[k, which]
