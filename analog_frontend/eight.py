@@ -10,7 +10,7 @@
 
 What is not linear or happens to one plant alone (reference edges, effects) is done plant by plant with the functions
 that `top` calls too.
-Source    docs/architecture.md, docs/decisions/0010-lanes.md
+Source    docs/architecture.md, docs/decisions/0012-lanes.md
 """
 
 from typing import NamedTuple
@@ -29,10 +29,10 @@ from analog_frontend.propagator import (
     U_DRIVE,
     U_SENSE,
 )
+from analog_frontend.records import taken
 from analog_frontend.top import DEMODULATORS, JITTERED, MAX_EDGES, STATES, TICK_CYCLES, acting, switched
 from analog_frontend.vector import LANES, aligned, integers, larger, load, splat, store, store_quads
 from fpga_model.jit import inlined, outlined
-from fpga_model.records import taken
 
 TICKS = BLOCK + 1
 STAGES = sid.STAGES

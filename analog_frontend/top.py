@@ -58,7 +58,6 @@ from analog_frontend.propagator import (
     JIT_DRIVE,
     JIT_SENSE,
     OUTPUTS,
-    PX1,
     U_DRIVE,
     U_SENSE,
 )
@@ -66,7 +65,7 @@ from analog_frontend.vector import LANES, aligned, load, splat, store
 from fpga_model.jit import inlined, inner, outlined
 
 STATES = 16
-V_DRIVE, V_SENSE, X, VX, Y, VY, CV_X, CV_Y = 2, 5, 6, 7, 8, 9, 12, 15
+V_DRIVE, V_SENSE, X, VX, Y, VY, FIRST_CV, CV_X, CV_Y = 2, 5, 6, 7, 8, 9, 10, 12, 15
 TICK_CYCLES = adc.TICK_CYCLES
 ONE = np.int64(1)  # typed: Numba compiles a function anew for every constant that it is called with
 DEMODULATORS = sid.DEMODULATORS
@@ -216,10 +215,11 @@ def _blend(p, s, temp_degc):
     d, e = s.cycles[DRIVE], s.cycles[SENSE]
     for j in range(propagator.JETS):
         for i in range(INPUTS):
-            for o in range(OUTPUTS):
+            # what the pickoff's cubic stands for is left zero: no engine reads it
+            for o in range(OUTPUTS if FIRST_CV <= i < STATES else FIRST_CV):
                 a = t.g_jet[index, j, i, o]
                 s.jet[j, i, o] = a + weight * (t.g_jet[after, j, i, o] - a)
-        for o in range(OUTPUTS):
+        for o in range(FIRST_CV):
             a = t.drive_step[index, j, d, o]
             s.column_jet[0, j, o] = a + weight * (t.drive_step[after, j, d, o] - a)
             a = t.sense_step[index, j, e, o]
@@ -244,7 +244,7 @@ def _columns(s):
     jet, g = s.column_jet.reshape(-1), s.g.reshape(-1)
     rate, stiffness = s.now[NOW_RATE], s.now[NOW_STIFFNESS]
     for k in range(4):
-        for first in range(0, PX1, LANES):
+        for first in range(0, STATES, LANES):
             at = k * propagator.JETS * OUTPUTS + first
             propagator.combine_lanes(jet, at, OUTPUTS, rate, stiffness, g, COLUMN_ROWS[k] * OUTPUTS + first)
 

@@ -9,11 +9,12 @@
 
 Nothing of a gyroscope depends on which others stand beside it. Each has its own parameters, registers, profiles, noise
 and effects; each enters and leaves by itself, so that their converters need not run in step.
-Source    docs/architecture.md, docs/decisions/0010-lanes.md
+Source    docs/architecture.md, docs/decisions/0012-lanes.md
 """
 
 from __future__ import annotations  # a field may bear the name of its module
 
+import time
 from typing import NamedTuple
 
 import numpy as np
@@ -22,14 +23,15 @@ from analog_frontend import adc, dac, eight, propagator, sid
 from analog_frontend import top as plant
 from analog_frontend.eight import ENTRIES, MOVING, OUT, STILL
 from analog_frontend.linear import BLOCK
+from analog_frontend.records import split, taken
 from analog_frontend.vector import LANES, aligned, load, store
 from fpga_model import control, digital_sid, registers, watchdog
 from fpga_model import top as fpga
 from fpga_model.jit import hot, inlined, outlined
 from fpga_model.rates import FRAME_TICKS
-from fpga_model.records import split, taken
-from testbench import engine, pins
+from testbench import engine, interrupts, pins
 from testbench.carried import Carried, ahead, behind, codes_at, history, horizon, taken_up
+from testbench.errors import ConfigError
 from testbench.flatten import leaves
 from testbench.flatten import store as store_row
 from testbench.frame import DRIVE_CLOCK, SENSE_CLOCK, enter, leave, put_down
@@ -41,6 +43,7 @@ ROOM = BLOCK + HISTORY
 DRIVE, SENSE = plant.DRIVE, plant.SENSE
 RATE, STIFFNESS, TEMP = range(3)
 MOVED = len(MOVING)
+CHUNK_TICKS = 400_000
 STREAMS = ("drive_code", "sense_code", "frames", "truth")
 
 
@@ -297,6 +300,7 @@ def _nearest(part, q, c, tick):
             if found == tick:
                 q.left[k] = tick
                 _parted(q, k)
+                c.peak_x[k] = q.v.peak[k]
             else:
                 until = min(until, found)
     if joined:
@@ -378,8 +382,6 @@ def blocks(part, effect, q, c):
             if q.entered[k] <= tick and q.left[k] < 0:
                 _hear(part, q, c, k, tick, until)
         tick = until
-    for k in range(LANES):
-        c.peak_x[k] = q.v.peak[k]
 
 
 @hot
@@ -465,7 +467,7 @@ class Engine:
         if not 1 <= len(params) <= LANES:
             raise ValueError(f"lanes: {len(params)} gyroscopes, a group has 1 to {LANES}")
         if any(p.fpga.digital for p in params):
-            raise ValueError('lanes: firmware.board = "digital_sid" is run by the frame engine only')
+            raise ConfigError('lanes: firmware.board = "digital_sid" is run by the frame engine only')
         self.params = params
         self.part, self.effect = _part(params[0]), params[0].plant.effects
         parts_i, parts_f = _rows([_part(p) for p in params])
@@ -628,6 +630,44 @@ class Engine:
         ticks = slice(first - begin, last - begin)
         o.drive_code[ticks], o.sense_code[ticks] = told.drive_code[k, ticks], told.sense_code[k, ticks]
         o.peak_x[0] = max(o.peak_x[0], told.peak_x[k])
+
+
+class Lanes:
+    """Simulations at the same tick, side by side: `Simulation.advance` for each, with the same results and streams."""
+
+    def __init__(self, sims):
+        self.groups = [sims[k : k + LANES] for k in range(0, len(sims), LANES)]
+        self.engines = [Engine([sim.params for sim in group]) for group in self.groups]
+
+    def advance(self, ticks, rate_rad_s, temp_degc, progress=None):
+        """Run all by `ticks`. Rates (rad/s), temperatures (degC): a value or an array of frames for each simulation."""
+        for number, (engine_, sims) in enumerate(zip(self.engines, self.groups)):
+            first = number * LANES
+            told = [
+                (np.atleast_1d(rate_rad_s[first + k]), np.atleast_1d(temp_degc[first + k])) for k in range(len(sims))
+            ]
+            done = 0
+            while done < ticks:
+                step = min(CHUNK_TICKS, ticks - done)
+                begun = sims[0].tick // FRAME_TICKS - (sims[0].tick - done) // FRAME_TICKS
+                rates, temps, streams = zip(
+                    *(
+                        sim.chunk(step, rate[min(begun, len(rate) - 1) :], temp[min(begun, len(temp) - 1) :])
+                        for sim, (rate, temp) in zip(sims, told)
+                    )
+                )
+                started = time.perf_counter()
+                with interrupts.held():
+                    states = engine_.run(
+                        [sim.state for sim in sims], step, rates, temps, [sim.faults for sim in sims], streams
+                    )
+                spent = (time.perf_counter() - started) / len(sims)
+                for sim, state, stream in zip(sims, states, streams):
+                    sim.seconds_spent += spent
+                    sim.moved(state, stream)
+                done += step
+                if progress:
+                    progress(first, done)
 
 
 def _stacked(items):
