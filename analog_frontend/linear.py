@@ -1,16 +1,17 @@
 """The linear part of a block of plant ticks: output chains, modes, C/V chains, the SID's path; frozen to the last bit.
 
     g[j, o]   the matrix of the frame (propagator.py: row = input, column = output)       t   tick of the block
+    q         its `pickoff`: what the cubic through both ends of a tick gives
     chains    f_k = (g u + g du) + g jit           d1' = g d1 + f_1      d2' = g d2 + (g d1 + f_2)
                                                    d3' = g d3 + ((g d1 + g d2) + f_3)
     forced    sum over INPUTS in their order, from the first product
     modes     o' = ((g x + g vx) + (g y + g vy)) + forced
-    b         forced, then + g x, + g vx, + g y, + g vy one after the other
+    b_k       ((q x + q vx) + q x') + q vx'        the ends of the mode's tick, before any impulse of the next one
     C/V       c1' = g c1 + b_1     c2' = g c2 + (g c1 + b_2)     c3' = g c3 + ((g c1 + g c2) + b_3)
     path      p_k = ((b_k + g c1) + g c2) + g c3
 
-    u du jit --[chains]-- d, s --+--[modes]-- x vx y vy --+--[C/V]-- c --[path]-- p
-    forces, noise ---------------'        forced ---------'
+    u du jit --[chains]-- d, s --+--[modes]-- x vx y vy --[C/V]-- c --[path]-- p
+    forces, noise ---------------'
 
 Entries of g that are zero by structure (a chain does not feel the mode) are not multiplied.
 Blocks     of 1 .. 128 ticks in an arena of rows, row R of tick t at R * STRIDE + t. How ticks are cut into blocks
@@ -28,7 +29,7 @@ BLOCK = 128
 # whose distance is near a multiple of 4096 bytes slow each other down.
 STRIDE = 168
 
-# Rows. The first eighteen stand in the order of SOURCES; states are those at a tick's first instant.
+# Rows. The first fourteen stand in the order of INPUTS; states are those at a tick's first instant.
 D1, D2, D3, S1, S2, S3 = range(6)
 IN_U_DRIVE, IN_DU_DRIVE, IN_U_SENSE, IN_DU_SENSE, IN_JIT_DRIVE, IN_JIT_SENSE, IN_FX, IN_FY = range(6, 14)
 X, VX, Y, VY = range(14, 18)
@@ -42,12 +43,12 @@ CV_NOISE_X, CV_NOISE_Y = 48, 49
 FEED = 50  # 6 rows: what a tick gives to the closed capacitors, drive then sense
 JITTER_DRIVE, JITTER_SENSE = 56, 57
 CV_ADDED_X, CV_ADDED_Y = 58, 59  # noise and effects
-ROWS = 60
+END_VX, END_VY = 60, 61  # velocities at the end of a tick, where an impulse changes them before the next
+ROWS = 62
 
 INPUTS = (0, 1, 2, 3, 4, 5, U_DRIVE, DU_DRIVE, U_SENSE, DU_SENSE, JIT_DRIVE, JIT_SENSE, F_X, F_Y)
-SOURCES = (*INPUTS, 6, 7, 8, 9)
 STATE_ROWS = (D1, D2, D3, S1, S2, S3, X, VX, Y, VY, CX1, CX2, CX3, CY1, CY2, CY3)
-FORCED_COUNT, SOURCE_COUNT = len(INPUTS), len(SOURCES)
+FORCED_COUNT = len(INPUTS)
 
 
 @inlined
@@ -96,8 +97,8 @@ def chains(g, w, n):
 
 
 @inlined
-def _sums(g, w, n, column, count, row):
-    """Sums over the first `count` of SOURCES into four outputs from `column` on, in rows from `row` on.
+def _sums(g, w, n, column, row):
+    """Sums over INPUTS into four outputs from `column` on, in rows from `row` on.
 
     Sixteen ticks at a time, eight at the end: eight sums wait for each other's latency and share what they load.
     """
@@ -109,8 +110,8 @@ def _sums(g, w, n, column, count, row):
         c2, c3 = splat(g[0, column + 2]), splat(g[0, column + 3])
         a0, a1, a2, a3 = c0 * x, c1 * x, c2 * x, c3 * x
         b0, b1, b2, b3 = c0 * y, c1 * y, c2 * y, c3 * y
-        for k in range(1, count):
-            j = SOURCES[k]
+        for k in range(1, FORCED_COUNT):
+            j = INPUTS[k]
             x, y = load(w, k * STRIDE + t), load(w, k * STRIDE + t + LANES)
             c0, c1 = splat(g[j, column]), splat(g[j, column + 1])
             c2, c3 = splat(g[j, column + 2]), splat(g[j, column + 3])
@@ -129,8 +130,8 @@ def _sums(g, w, n, column, count, row):
         x = load(w, t)
         a0, a1 = splat(g[0, column]) * x, splat(g[0, column + 1]) * x
         a2, a3 = splat(g[0, column + 2]) * x, splat(g[0, column + 3]) * x
-        for k in range(1, count):
-            j = SOURCES[k]
+        for k in range(1, FORCED_COUNT):
+            j = INPUTS[k]
             x = load(w, k * STRIDE + t)
             a0, a1 = a0 + splat(g[j, column]) * x, a1 + splat(g[j, column + 1]) * x
             a2, a3 = a2 + splat(g[j, column + 2]) * x, a3 + splat(g[j, column + 3]) * x
@@ -152,6 +153,9 @@ def _modes(g, w, n, e, pushed):
         nvx = ((g[6, 7] * x + g[7, 7] * vx) + (g[8, 7] * y + g[9, 7] * vy)) + w[f + STRIDE + t]
         ny = ((g[6, 8] * x + g[7, 8] * vx) + (g[8, 8] * y + g[9, 8] * vy)) + w[f + 2 * STRIDE + t]
         nvy = ((g[6, 9] * x + g[7, 9] * vx) + (g[8, 9] * y + g[9, 9] * vy)) + w[f + 3 * STRIDE + t]
+        if pushed:
+            w[END_VX * STRIDE + t] = nvx
+            w[END_VY * STRIDE + t] = nvy
         x, vx, y, vy = nx, nvx, ny, nvy
         w[X * STRIDE + t + 1] = x
         w[VX * STRIDE + t + 1] = vx
@@ -162,12 +166,27 @@ def _modes(g, w, n, e, pushed):
 @outlined
 def modes(g, w, n, e):
     """The two modes: rows X .. VY; effects push the velocity before each tick. Mutates `w`."""
-    _sums(g, w, n, 6, FORCED_COUNT, FORCED_MODES)
+    _sums(g, w, n, 6, FORCED_MODES)
     # two loops, so that effects that are off cost one branch a block
     if e.any_force:
         _modes(g, w, n, e, True)
     else:
         _modes(g, w, n, e, False)
+
+
+@inlined
+def _driven(q, w, n, x, vx, end_vx, out):
+    """What a mode gives to its C/V states and SID path: three rows from `out`, three from that of its path.
+
+    q       (4, 6)
+    x, vx   first places of the mode's rows; end_vx  of the velocity at the end of tick 0
+    """
+    for t in range(0, n, LANES):
+        x0, v0, x1, v1 = load(w, x + t), load(w, vx + t), load(w, x + t + 1), load(w, end_vx + t)
+        for k in range(6):
+            b = ((splat(q[0, k]) * x0 + splat(q[1, k]) * v0) + splat(q[2, k]) * x1) + splat(q[3, k]) * v1
+            row = k if k < 3 else PATH - B_CV + k - 3
+            store(w, out + row * STRIDE + t, b)
 
 
 @inlined
@@ -182,11 +201,15 @@ def _path(g, w, n, first, row, column, out):
 
 
 @outlined
-def pickoffs(g, w, n):
-    """C/V states and the SID's paths: rows CX1 .. CY3 and PATH. Mutates `w`."""
-    # columns 10 .. 15 are the C/V states, 16 .. 21 the paths; their rows follow each other in the same way
-    for o in range(0, 12, 4):
-        _sums(g, w, n, 10 + o, SOURCE_COUNT, B_CV + o)
+def pickoffs(g, q, w, n, pushed):
+    """C/V states and the SID's paths: rows CX1 .. CY3 and PATH. Mutates `w`.
+
+    q       (2, 4, 6) of both channels
+    pushed  whether effects push the velocities between ticks
+    """
+    x_end, y_end = (END_VX * STRIDE, END_VY * STRIDE) if pushed else (VX * STRIDE + 1, VY * STRIDE + 1)
+    _driven(q[0], w, n, X * STRIDE, VX * STRIDE, x_end, B_CV * STRIDE)
+    _driven(q[1], w, n, Y * STRIDE, VY * STRIDE, y_end, (B_CV + 3) * STRIDE)
     _pairs_of_three(g, w, n, 10, CX1, B_CV, 13, CY1, B_CV + 3)
     _path(g, w, n, 10, CX1, PX1, PATH)
     _path(g, w, n, 13, CY1, PY1, PATH + 3)

@@ -1,11 +1,13 @@
 """Noise as a function of (seed, source, counter): no generator state, no libm, the same bits on every machine.
 
     words   7 Feistel rounds of x, y = (M x >> 31) ^ y ^ (k0 + round W),  M x mod 2^32     two 32-bit words per counter
-    ih4     (sum of 4 uniform 16-bit numbers - mean) / sigma      1 MHz sources and edges     |ih4| < sqrt 12
-    ih12    the same of 12                                        8 kHz sources              |ih12| < 6
+    ih4     (sum of the 4 bytes of one word - mean) / sigma       1 MHz sources and edges     |ih4| < sqrt 12
+    ih12    (sum of 12 uniform 16-bit numbers - mean) / sigma     8 kHz sources              |ih12| < 6
     flicker y = sum of 16 states, x[k]' = a[k] x[k] + b[k] u      u: one uniform 16-bit number, unit variance
 
-    counter --[permutation keyed by (seed, source)]--> 4 x 16 bits --> sum --> x sigma --> volts, newtons, seconds
+    counter --[permutation keyed by (seed, source)]--> two words --> sums --> x sigma --> volts, newtons, seconds
+
+Two 1 MHz sources of one kind (drive and sense) share a hash: each takes one of its words.
 
 Moments  mean 0, variance 1, kurtosis 2.7 (ih4) and 2.9 (ih12) to 1e-9: the law of the sum is known exactly
 Numbers  every product of the hash is below 2^63 (the multiplier has 31 bits), so Python ints give the same words
@@ -32,7 +34,8 @@ assert ROUNDS == 7, "words() is written out for seven rounds"
 WORD_MEAN = 65535  # twice the mean of a uniform 16-bit number
 HALF = 32767.5  # the mean itself, exact in a double
 WORD_VARIANCE_12 = 65536 * 65536 - 1  # twelve times its variance
-IH4_SCALE = 1.0 / math.sqrt(4 * WORD_VARIANCE_12 / 12)
+BYTES, BYTES_MEAN, BYTES_VARIANCE_12 = 0x00FF00FF, 4 * 255 // 2, 4 * (256 * 256 - 1)
+IH4_SCALE = 1.0 / math.sqrt(BYTES_VARIANCE_12 / 12)
 IH12_SCALE = 1.0 / math.sqrt(12 * WORD_VARIANCE_12 / 12)
 UNIFORM_SCALE = 1.0 / math.sqrt(WORD_VARIANCE_12 / 12)
 FIRST_DRAW = 1 << 60  # counters from here on are for values drawn once, at reset
@@ -65,15 +68,21 @@ SOURCES = (
     "rate_walk",
     "effect",
 )
+# Sources that take the second word of another's hash
+SECOND = {"force_y": "force_x", "cv_y": "cv_x", "dac_sense": "dac_drive"}
 
 
 class Source(NamedTuple):
-    """One white source: its two 32-bit keys, the standard deviation of a sample in its own unit, and the switch."""
+    """One white source: its two 32-bit keys, the standard deviation of a sample in its own unit, and the switch.
+
+    half  which word of the hash a 1 MHz source takes
+    """
 
     key0: int
     key1: int
     sigma: float
     on: int
+    half: int
 
 
 class Flicker(NamedTuple):
@@ -134,9 +143,10 @@ def sum4(key0, key1, counter):
 
 
 @inlined
-def ih4(key0, key1, counter):
-    """Unit-variance number from one hash (Irwin-Hall of order 4)."""
-    return sum4(key0, key1, counter) * IH4_SCALE
+def ih4(word):
+    """Unit-variance number from the four bytes of a 32-bit word (Irwin-Hall of order 4)."""
+    pairs = (word & BYTES) + ((word >> 8) & BYTES)
+    return ((pairs & LOW) + (pairs >> 16) - BYTES_MEAN) * IH4_SCALE
 
 
 @inlined
@@ -165,14 +175,16 @@ def source(seed, name, sigma, on=1):
     """White source of `sigma` (rms of one sample, in the unit of the source)."""
     if not (math.isfinite(sigma) and sigma >= 0.0):
         raise ValueError(f"noise sigma of {name}: {sigma} is not a finite number >= 0")
-    return Source(*keys(seed, name), float(sigma), 1 if on and sigma > 0.0 else 0)
+    key0, key1 = keys(seed, SECOND.get(name, name))
+    return Source(key0, key1, float(sigma), 1 if on and sigma > 0.0 else 0, 1 if name in SECOND else 0)
 
 
 @inlined
 def white(p, counter):
     """One sample of a 1 MHz source or of an edge; exactly 0.0 when off."""
     if p.on:
-        return p.sigma * ih4(p.key0, p.key1, counter)
+        x, y = words(p.key0, p.key1, counter)
+        return p.sigma * ih4(y if p.half else x)
     return 0.0
 
 
@@ -185,14 +197,20 @@ def white_fine(p, counter):
 
 
 @outlined
-def fill_row(p, counter, stride, w, first, n):
-    """w[first + i] = white(p, counter + i stride) for i below n: in one loop, which vectorises. Mutates `w`."""
-    if p.on:
+def fill_rows(p, q, counter, stride, w, first, second, n):
+    """w[first + i] = sample of p, w[second + i] = of q at counter + i stride for i below n. Mutates `w`.
+
+    p takes the first word of each hash and q the second: they have the same keys (edge jitter is both).
+    """
+    if p.on and q.on:
         for i in range(n):
-            w[first + i] = p.sigma * ih4(p.key0, p.key1, counter + i * stride)
+            x, y = words(p.key0, p.key1, counter + i * stride)
+            w[first + i] = p.sigma * ih4(x)
+            w[second + i] = q.sigma * ih4(y)
     else:
         for i in range(n):
-            w[first + i] = 0.0
+            w[first + i] = white(p, counter + i * stride)
+            w[second + i] = white(q, counter + i * stride)
 
 
 def sigma_from_density(density_per_rthz, rate_hz):

@@ -62,16 +62,17 @@ from analog_frontend.propagator import (
     U_SENSE,
 )
 from analog_frontend.vector import LANES, aligned, load, splat, store
-from fpga_model.jit import inner, outlined
+from fpga_model.jit import inlined, inner, outlined
 
 STATES = 16
-V_DRIVE, V_SENSE, X, VX, Y, VY, CV_X, CV_Y = 2, 5, 6, 7, 8, 9, 12, 15
+V_DRIVE, V_SENSE, X, VX, Y, VY, FIRST_CV, CV_X, CV_Y = 2, 5, 6, 7, 8, 9, 10, 12, 15
 TICK_CYCLES = adc.TICK_CYCLES
 ONE = np.int64(1)  # typed: Numba compiles a function anew for every constant that it is called with
 DEMODULATORS = sid.DEMODULATORS
 MAX_EDGES = sid.MAX_EDGES
 DRIVE, SENSE = 0, 1
-# Inputs that act through the modes: only these, and only for the outputs from X on, change with rate and coupling
+JITTERED = 1 + DEMODULATORS  # hashes of edge jitter per tick: one for both DACs, one for an edge of each demodulator
+# Inputs that act through the modes: only these, and only for the four outputs from X on, change with rate and coupling
 MOVING_ROWS = (*range(10), U_DRIVE, U_SENSE, F_X, F_Y)
 COLUMN_ROWS = (DU_DRIVE, DU_SENSE, JIT_DRIVE, JIT_SENSE)
 # what `retune` last used
@@ -127,6 +128,7 @@ class State(NamedTuple):
     g: np.ndarray  # (24, 24) the matrix of this frame
     jet: np.ndarray  # (6, 24, 24) its jet at this temperature
     column_jet: np.ndarray  # (4, 6, 24) step and jitter columns of both DACs at their clocks
+    pickoff: np.ndarray  # (2, 4, 6) from both ends of a tick to C/V and SID path, at this temperature
     now: np.ndarray  # (6,) rate, k_xy, temperature, driver pole, clocks that g was made for
     volts: np.ndarray  # (2,) DAC outputs now
     coming_v: np.ndarray  # (2,) DAC outputs that act in the next tick: those of a late step, or the same
@@ -170,6 +172,7 @@ def reset(p, drive_code, sense_code, temp_degc):
         g=aligned(INPUTS * OUTPUTS).reshape(INPUTS, OUTPUTS),
         jet=aligned(propagator.JETS * INPUTS * OUTPUTS).reshape(propagator.JETS, INPUTS, OUTPUTS),
         column_jet=aligned(4 * propagator.JETS * OUTPUTS).reshape(4, propagator.JETS, OUTPUTS),
+        pickoff=np.zeros((2, 4, 6)),
         now=np.full(6, np.inf),
         volts=np.array([dac.volts(p.drive_dac, drive_code), dac.volts(p.sense_dac, sense_code)]),
         coming_v=np.zeros(2),
@@ -212,10 +215,11 @@ def _blend(p, s, temp_degc):
     d, e = s.cycles[DRIVE], s.cycles[SENSE]
     for j in range(propagator.JETS):
         for i in range(INPUTS):
-            for o in range(OUTPUTS):
+            # what the pickoff's cubic stands for is left zero: no engine reads it
+            for o in range(OUTPUTS if FIRST_CV <= i < STATES else FIRST_CV):
                 a = t.g_jet[index, j, i, o]
                 s.jet[j, i, o] = a + weight * (t.g_jet[after, j, i, o] - a)
-        for o in range(OUTPUTS):
+        for o in range(FIRST_CV):
             a = t.drive_step[index, j, d, o]
             s.column_jet[0, j, o] = a + weight * (t.drive_step[after, j, d, o] - a)
             a = t.sense_step[index, j, e, o]
@@ -224,6 +228,11 @@ def _blend(p, s, temp_degc):
             s.column_jet[2, j, o] = a + weight * (t.drive_jitter[after, j, d, o] - a)
             a = t.sense_jitter[index, j, e, o]
             s.column_jet[3, j, o] = a + weight * (t.sense_jitter[after, j, e, o] - a)
+    for c in range(2):
+        for i in range(4):
+            for o in range(6):
+                a = t.pickoff[index, c, i, o]
+                s.pickoff[c, i, o] = a + weight * (t.pickoff[after, c, i, o] - a)
     s.now[NOW_DRIVER] = t.driver_s[index] + weight * (t.driver_s[after] - t.driver_s[index])
     s.now[NOW_CYCLE_DRIVE] = d
     s.now[NOW_CYCLE_SENSE] = e
@@ -235,7 +244,7 @@ def _columns(s):
     jet, g = s.column_jet.reshape(-1), s.g.reshape(-1)
     rate, stiffness = s.now[NOW_RATE], s.now[NOW_STIFFNESS]
     for k in range(4):
-        for first in range(0, OUTPUTS, LANES):
+        for first in range(0, STATES, LANES):
             at = k * propagator.JETS * OUTPUTS + first
             propagator.combine_lanes(jet, at, OUTPUTS, rate, stiffness, g, COLUMN_ROWS[k] * OUTPUTS + first)
 
@@ -254,7 +263,12 @@ def retune(p, s, rate_rad_s, quad_code, temp_degc):
     """Make G for a rate (rad/s), a V_q code and a temperature (degC); does nothing if nothing changed."""
     volts = quad_code * p.quad_lsb_v
     kq = blended(p, p.tables.kq_n_per_m_per_v2, temp_degc)
-    stiffness = blended(p, p.tables.kxy_n_per_m, temp_degc) - kq * (volts * volts)
+    tune(p, s, rate_rad_s, blended(p, p.tables.kxy_n_per_m, temp_degc) - kq * (volts * volts), temp_degc)
+
+
+@inner
+def tune(p, s, rate_rad_s, stiffness, temp_degc):
+    """As `retune`, for a coupling stiffness (N/m)."""
     moved = s.now[NOW_TEMP] != temp_degc
     moved = moved or s.now[NOW_CYCLE_DRIVE] != s.cycles[DRIVE] or s.now[NOW_CYCLE_SENSE] != s.cycles[SENSE]
     if not moved and s.now[NOW_RATE] == rate_rad_s and s.now[NOW_STIFFNESS] == stiffness:
@@ -270,8 +284,6 @@ def retune(p, s, rate_rad_s, quad_code, temp_degc):
         jet, g = s.jet.reshape(-1), s.g.reshape(-1)
         for k in range(len(MOVING_ROWS)):
             at = MOVING_ROWS[k] * OUTPUTS + X
-            propagator.combine_lanes(jet, at, INPUTS * OUTPUTS, rate_rad_s, stiffness, g, at)
-            at += LANES
             propagator.combine_lanes(jet, at, INPUTS * OUTPUTS, rate_rad_s, stiffness, g, at)
     _columns(s)
 
@@ -354,14 +366,11 @@ def block(p, s, tick, n, drive_cycle, sense_cycle, edge_count, edges):
         w[STATE_ROWS[k] * STRIDE] = s.z[k]
     # whole registers: what stands behind the last tick is not read, and a loop without a rest is faster
     on, whole = p.noise, (n + LANES - 1) // LANES * LANES
-    noise.fill_row(on.drive_dac, tick, 1, w, IN_U_DRIVE * STRIDE, whole)
-    noise.fill_row(on.sense_dac, tick, 1, w, IN_U_SENSE * STRIDE, whole)
-    noise.fill_row(on.edge_jitter, 6 * tick, 6, w, JITTER_DRIVE * STRIDE, whole)
-    noise.fill_row(on.edge_jitter, 6 * tick + 1, 6, w, JITTER_SENSE * STRIDE, whole)
-    noise.fill_row(on.force_x, tick, 1, w, IN_FX * STRIDE, whole)
-    noise.fill_row(on.force_y, tick, 1, w, IN_FY * STRIDE, whole)
-    noise.fill_row(on.cv_x, tick, 1, w, CV_NOISE_X * STRIDE, whole)
-    noise.fill_row(on.cv_y, tick, 1, w, CV_NOISE_Y * STRIDE, whole)
+    noise.fill_rows(on.drive_dac, on.sense_dac, tick, 1, w, IN_U_DRIVE * STRIDE, IN_U_SENSE * STRIDE, whole)
+    jitter, rows = on.edge_jitter, (JITTER_DRIVE * STRIDE, JITTER_SENSE * STRIDE)
+    noise.fill_rows(jitter, jitter, JITTERED * tick, JITTERED, w, rows[DRIVE], rows[SENSE], whole)
+    noise.fill_rows(on.force_x, on.force_y, tick, 1, w, IN_FX * STRIDE, IN_FY * STRIDE, whole)
+    noise.fill_rows(on.cv_x, on.cv_y, tick, 1, w, CV_NOISE_X * STRIDE, CV_NOISE_Y * STRIDE, whole)
     carry = t.drive_carry[0, s.cycles[DRIVE]]
     codes = s.work.drive_codes
     _dac(p, s, w, DRIVE, p.drive_dac, carry, codes, n, IN_U_DRIVE, IN_DU_DRIVE, IN_JIT_DRIVE, LEVEL_DRIVE, JITTER_DRIVE)
@@ -370,7 +379,7 @@ def block(p, s, tick, n, drive_cycle, sense_cycle, edge_count, edges):
     _dac(p, s, w, SENSE, p.sense_dac, carry, codes, n, IN_U_SENSE, IN_DU_SENSE, IN_JIT_SENSE, LEVEL_SENSE, JITTER_SENSE)
     linear.chains(s.g, w, n)
     linear.modes(s.g, w, n, p.effects)
-    linear.pickoffs(s.g, w, n)
+    linear.pickoffs(s.g, s.pickoff, w, n, p.effects.any_force)
     for k in range(STATES):
         s.z[k] = w[STATE_ROWS[k] * STRIDE + n]
     demodulate(p, s, tick, n, edge_count, edges)
@@ -418,6 +427,39 @@ def demodulate(p, s, tick, n, edge_count, edges):
             t += 1
 
 
+@inlined
+def acting(switch_tau_s, switch_carry, jitter, h_s, tick, t, d, first, last, edges, late_tau_s, late_count, taus):
+    """Instants within `tick`, tick `t` of a block, at which the switches of demodulator `d` move: how many, in `taus`.
+
+    first, last  the tick's reference edges in `edges`. An edge whose switch acts in the next tick is kept in
+    `late_tau_s`; those kept before act now. Returns also how many are kept. Mutates `taus` and `late_tau_s`
+    """
+    count, late = late_count, 0
+    for k in range(count):
+        taus[k] = late_tau_s[k]
+    for k in range(first, last):
+        if edges[k, 1] == d:
+            cycle = edges[k, 0] - TICK_CYCLES * t
+            tau = switch_tau_s[cycle] + noise.white(jitter, JITTERED * tick + 1 + d)
+            if switch_carry[cycle] != 0:
+                late_tau_s[late] = max(tau, 0.0)
+                late += 1
+            else:
+                taus[count] = min(max(tau, 0.0), h_s)
+                count += 1
+    return count, late
+
+
+@inlined
+def switched(p, caps, d, ref, taus, count, n, p1, p2, p3, v0, dv0, v1, dv1):
+    """A tick of demodulator `d` in which its switches move `count` times; returns the reference. Mutates `caps`."""
+    if count == 1:
+        ref = 0 if ref else 1
+        sid.edge(p, caps, d, ref, taus[0], n, p1, p2, p3, v0, dv0, v1, dv1)
+        return ref
+    return sid.edges(p, caps, d, ref, taus, count, n, p1, p2, p3, v0, dv0, v1, dv1)
+
+
 @inner
 def _switch(p, s, tick, t, first_edge, last_edge, edges, added):
     """Tick `t` of a block, in which a reference changes, now or by an edge of the tick before.
@@ -428,20 +470,21 @@ def _switch(p, s, tick, t, first_edge, last_edge, edges, added):
     taus, w = s.work.taus_s, s.work.w
     kept = 0
     for d in range(DEMODULATORS):
-        count = s.late_count[d]
-        for k in range(count):
-            taus[k] = s.late_tau_s[d, k]
-        late = 0
-        for k in range(first_edge, last_edge):
-            if edges[k, 1] == d:
-                cycle = edges[k, 0] - TICK_CYCLES * t
-                tau = p.switch_tau_s[cycle] + noise.white(p.noise.edge_jitter, 6 * tick + 2 + d)
-                if p.switch_carry[cycle] != 0:
-                    s.late_tau_s[d, late] = max(tau, 0.0)
-                    late += 1
-                else:
-                    taus[count] = min(max(tau, 0.0), p.sid.h_s)
-                    count += 1
+        count, late = acting(
+            p.switch_tau_s,
+            p.switch_carry,
+            p.noise.edge_jitter,
+            p.sid.h_s,
+            tick,
+            t,
+            d,
+            first_edge,
+            last_edge,
+            edges,
+            s.late_tau_s[d],
+            s.late_count[d],
+            taus,
+        )
         s.late_count[d] = late
         kept += late
         path = (PATH if d < 2 else PATH + 3) * STRIDE + t
@@ -454,13 +497,7 @@ def _switch(p, s, tick, t, first_edge, last_edge, edges, added):
             before = (CX2 if d < 2 else CY2) * STRIDE + t
             v0, v1 = w[cv], w[cv + 1]
             dv0, dv1 = (gain * w[before] - v0) / driver_s, (gain * w[before + 1] - v1) / driver_s
-            ref = s.switch[d]
-            if count == 1:
-                ref = 0 if ref else 1
-                sid.edge(p.sid, s.caps, d, ref, taus[0], n, p1, p2, p3, v0, dv0, v1, dv1)
-            else:
-                ref = sid.edges(p.sid, s.caps, d, ref, taus, count, n, p1, p2, p3, v0, dv0, v1, dv1)
-            s.switch[d] = ref
+            s.switch[d] = switched(p.sid, s.caps, d, s.switch[d], taus, count, n, p1, p2, p3, v0, dv0, v1, dv1)
         s.work.demodulated[4 * (t + 1) + d] = sid.output(s.caps, d)
     return kept
 

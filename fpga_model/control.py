@@ -162,6 +162,32 @@ def loops(p, s, slot, i, bank):
     )
 
 
+@inner
+def sequenced(p, s, i, bank):
+    """The sequencer after SLOT_SEQUENCER."""
+    return sequencer.step(
+        p.sequencer,
+        s.sequencer,
+        1,
+        sequencer.Inputs(
+            control=bank.control,
+            clear=bank.fault_clear,
+            adc_ok=i.adc_ok,
+            stale=i.stale,
+            drive_sin=i.drive_sin,
+            drive_cos=i.drive_cos,
+            sense_sin=i.sense_sin,
+            sense_cos=i.sense_cos,
+            magnitude=s.cordic.magnitude,
+            phase=s.cordic.phase,
+            setpoint=bank.amplitude_setpoint,
+            drive_saturated=agc.saturated(p.agc, s.agc),
+            rate_saturated=rate_loop.saturated(p.rate_loop, s.rate_loop),
+            qsc_rail=quadrature_loop.railed(p.quadrature_loop, s.quadrature_loop),
+        ),
+    )
+
+
 @outlined
 def step(p, s, slot, i, bank):
     """One clock edge within the slots; `bank` is the register bank."""
@@ -175,25 +201,5 @@ def step(p, s, slot, i, bank):
         after.rate_loop,
         after.quadrature_loop,
         after.rate_output,
-        sequencer.step(
-            p.sequencer,
-            s.sequencer,
-            1,
-            sequencer.Inputs(
-                control=bank.control,
-                clear=bank.fault_clear,
-                adc_ok=i.adc_ok,
-                stale=i.stale,
-                drive_sin=i.drive_sin,
-                drive_cos=i.drive_cos,
-                sense_sin=i.sense_sin,
-                sense_cos=i.sense_cos,
-                magnitude=s.cordic.magnitude,
-                phase=s.cordic.phase,
-                setpoint=bank.amplitude_setpoint,
-                drive_saturated=agc.saturated(p.agc, s.agc),
-                rate_saturated=rate_loop.saturated(p.rate_loop, s.rate_loop),
-                qsc_rail=quadrature_loop.railed(p.quadrature_loop, s.quadrature_loop),
-            ),
-        ),
+        sequenced(p, s, i, bank),
     )

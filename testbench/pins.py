@@ -97,23 +97,23 @@ def dac_codes(p, bank, turn, first, n, b):
 
 
 @inner
-def told(p, work, n, enabled, staged, mixed, b):
+def told(p, drive_codes, sense_codes, n, enabled, staged, mixed, b):
     """What the DACs put out at the end of each tick; returns the sense DAC's output switch and its data register.
 
     A code is loaded in its own tick, or `frames` later; the sense DAC follows a tick after its load, and a control word
-    in place of a code only opens it. mixed: there are control words among the loads. Mutates `work` and `b`.
+    in place of a code only opens it. mixed: there are control words among the loads. Mutates both codes and `b`.
     """
     drive, sense = b.drive[HISTORY - p.drive_modulator.frames :], b.sense[HISTORY - 1 - p.sense_modulator.frames :]
     for k in range(n):
-        work.drive_codes[k] = drive[k]
-        work.sense_codes[k] = sense[k]
+        drive_codes[k] = drive[k]
+        sense_codes[k] = sense[k]
     if mixed or enabled == 0 or b.control_load[HISTORY - 1] == 1:
         for k in range(n):
             if b.control_load[HISTORY + k - 1] == 1:
                 enabled = 1
             else:
                 staged = sense[k]
-            work.sense_codes[k] = staged if enabled == 1 else 0
+            sense_codes[k] = staged if enabled == 1 else 0
     else:
         staged = sense[n - 1]
     for k in range(HISTORY):

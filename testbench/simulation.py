@@ -136,22 +136,32 @@ class Simulation:
         return bool(self.window) and self.window[0] <= self.tick < self.window[0] + self.window[1]
 
     def _advance(self, ticks, rate, temp, host=(0, 0, 0), probe_ticks=0):
-        tick, need = self.tick, ticks // FRAME_TICKS + 2
+        rate, temp, streams = self.chunk(ticks, rate, temp, probe_ticks)
+        started = time.perf_counter()
+        with interrupts.held():
+            state = self._run(self.params, self.state, ticks, rate, temp, *host, self.faults, streams)
+        self.seconds_spent += time.perf_counter() - started
+        self.moved(state, streams, self.in_window and not probe_ticks)
+        return streams
+
+    def chunk(self, ticks, rate, temp, probe_ticks=0):
+        """What an engine is told for the next `ticks`: rates (rad/s) and temperatures (degC) per frame, and Streams."""
+        need = ticks // FRAME_TICKS + 2
         rate, temp = _lengthened(rate, need), _lengthened(temp, need)
         self.now = (rate[-1:], temp[-1:])
         inside = self.in_window and not probe_ticks
-        temp = self._warmed(temp, ticks)
         streams = clocked.streams(
             ticks,
-            frames_begun(tick, ticks),
+            frames_begun(self.tick, ticks),
             26 * ticks if inside else 0,
             probe_ticks,
             self.register_count if inside else 0,
         )
-        started = time.perf_counter()
-        with interrupts.held():
-            self.state = self._run(self.params, self.state, ticks, rate, temp, *host, self.faults, streams)
-        self.seconds_spent += time.perf_counter() - started
+        return rate, self._warmed(temp, ticks), streams
+
+    def moved(self, state, streams, inside=False):
+        """An engine has come to `state` and filled `streams`; `inside` the register window."""
+        tick, self.state = self.tick, state
         self.hash.add(tick, streams.drive_code, streams.sense_code, streams.frames[:, :HASHED_COLUMNS])
         self._keep_tail(streams.drive_code, streams.sense_code)
         if len(streams.frames):
@@ -164,7 +174,6 @@ class Simulation:
         if inside:
             rows = np.concatenate([streams.pins, streams.registers], axis=1)
             self.rows = rows if self.rows is None else np.concatenate([self.rows, rows])
-        return streams
 
     def _keep_tail(self, drive, sense):
         """Keep the arrays that hold the last codes; nothing is copied while a run advances."""

@@ -11,7 +11,10 @@ from __future__ import annotations  # a field may bear the name of its module
 
 from typing import NamedTuple
 
+import numpy as np
+
 from fpga_model import (
+    agc,
     control,
     cordic,
     isqrt,
@@ -25,7 +28,7 @@ from fpga_model import (
 )
 from fpga_model.control import SLOT_PI
 from fpga_model.jit import inner, outlined
-from fpga_model.rates import FRAME_TICKS, SLOT_CORDIC, SLOT_ROOT, SLOT_SEQUENCER, SLOTS, TICK_CYCLES
+from fpga_model.rates import FRAME_TICKS, SLOT_CORDIC, SLOT_LOOPS, SLOT_ROOT, SLOT_SEQUENCER, SLOTS, TICK_CYCLES
 from testbench import engine
 from testbench.turn import Turn, turned
 
@@ -34,6 +37,7 @@ VALID_CLOCKS = 1 + spi_adc.READ_CYCLES  # from the clock in which DRDY falls to 
 WORD_CLOCKS = 2 * spi_adc.WORD_BITS
 FIRST_CHANNEL_CLOCKS = VALID_CLOCKS - spi_adc.CHANNELS * WORD_CLOCKS + WORD_CLOCKS
 LAST_ODD_TICK = FRAME_TICKS - 2  # the last load of V_q that is out when the frame ends
+ZERO = np.int64(0)  # typed: Numba compiles a function anew for every constant that it is called with
 HISTORY = 3  # places before a block's first tick in the buffers of codes and loads
 
 
@@ -135,8 +139,77 @@ def _caught_up(p, c, bank, turn, first, count, clock, restarted, i):
 
 
 @inner
+def _whole(p, s, i, bank):
+    """Control after all slots of a window that began with everything at rest, and the frequency word after SLOT_PI.
+
+    What has nothing to do in a slot is at rest there: CORDIC first, then the sequencer, the loops, root and output.
+    """
+    c = s.cordic
+    for k in range(SLOT_CORDIC, SLOT_SEQUENCER):
+        c = cordic.step(c, 1 if k == SLOT_CORDIC else 0, cordic.negated(i.drive_cos), i.drive_sin)
+    s = control.State(c, s.agc, s.frequency_tracker, s.rate_loop, s.quadrature_loop, s.rate_output, s.sequencer)
+    after = control.sequenced(p, s, i, bank)
+    s = control.State(c, s.agc, s.frequency_tracker, s.rate_loop, s.quadrature_loop, s.rate_output, after)
+    word = s.frequency_tracker.word
+    for k in range(SLOT_LOOPS, SLOT_ROOT + 1):
+        s = control.loops(p, s, k, i, bank)
+        if k == SLOT_PI:
+            word = s.frequency_tracker.word
+    loop, root, out = s.quadrature_loop, s.quadrature_loop.root, s.rate_output
+    r = control.output_params(bank)
+    for _ in range(SLOT_ROOT + 1, SLOTS + 1):
+        root = isqrt.step(root, 0, 0)
+        out = rate_output.step(r, out, 0, 0, 0)
+    loop = quadrature_loop.State(loop.error, loop.loop, root)
+    return control.State(c, s.agc, s.frequency_tracker, s.rate_loop, loop, out, s.sequencer), word
+
+
+@inner
 def play(p, s, sid_codes, old, new, ready, ok, new_ok, valid, tick, n, b):
     """At most `n` ticks from `tick` on, until the window has ended; returns the state and the number of ticks.
+
+    A window that nothing disturbs, in ticks that hold it whole, is computed at once; what the DACs take from it changes
+    after certain slots.
+    """
+    begin = TICK_CYCLES * tick
+    count = (valid + SLOTS + 1 - begin + TICK_CYCLES - 1) // TICK_CYCLES
+    disturbed = s.slot != 0 or s.dog.stale == 1 or count > n
+    if disturbed or valid < begin or valid >= begin + TICK_CYCLES:
+        return _played(p, s, sid_codes, old, new, ready, ok, new_ok, valid, tick, n, b)
+    i = _inputs(p, sid_codes, old, new, ready, ok, new_ok, valid, valid + 1, ZERO)
+    c, bank, dog = s.control, s.bank, s.dog
+    after, word = _whole(p.control, c, i, bank)
+    was, now = sequencer.outputs(c.sequencer), sequencer.outputs(after.sequencer)
+    amplitudes = (
+        agc.amplitude(p.control.agc, c.agc, was.agc_mode),
+        agc.amplitude(p.control.agc, c.agc, now.agc_mode),
+        agc.amplitude(p.control.agc, after.agc, now.agc_mode),
+    )
+    quadrature = s.quadrature
+    dog = watchdog.step(p.watchdog, dog, 1, 1 if valid == begin else 0)
+    if valid > begin:
+        dog = watchdog.step(p.watchdog, dog, 0, 1)
+    for k in range(count):
+        # the last slot whose edge comes before the tick's first, and before that of its load
+        slot = begin + TICK_CYCLES * k - 1 - valid
+        b.amplitude[k] = amplitudes[0 if slot < SLOT_SEQUENCER else (1 if slot <= SLOT_PI else 2)]
+        b.rate[k] = c.rate_loop.loop.y if slot <= SLOT_PI else after.rate_loop.loop.y
+        slot += spi_dac.LOAD_TICK
+        b.control_load[HISTORY + k] = was.dac_init if slot < SLOT_SEQUENCER else now.dac_init
+        frame_tick = (tick + k) % FRAME_TICKS
+        if frame_tick <= LAST_ODD_TICK and (p.quadrature_fast == 1 or frame_tick & 1 == 1):
+            done = slot >= SLOT_ROOT + isqrt.LATENCY - 1
+            quadrature = after.quadrature_loop.root.y if done else c.quadrature_loop.root.y
+        if k > 0:
+            dog = watchdog.step(p.watchdog, dog, 1, 0)
+    turn = turned(s.turn, valid + SLOT_PI + 1, word)
+    turn = turned(turn, valid + SLOT_WORD + 1, after.frequency_tracker.word)
+    return Window(after, registers.step(bank, 0, 0, 0, 1), dog, turn, ZERO, ZERO, quadrature), count
+
+
+@outlined
+def _played(p, s, sid_codes, old, new, ready, ok, new_ok, valid, tick, n, b):
+    """As `play`, for any window.
 
     Goes from one edge at which a register of the window is taken, or a window starts, to the next. The slots in between
     wait, `behind` of them from `since` on, until a taken register depends on them.

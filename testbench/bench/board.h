@@ -27,7 +27,7 @@ static void fail(const char *what) {
 
 // ---- noise.py ------------------------------------------------------------------------------------------------------
 
-struct Source { i64 key0, key1, on; double sigma; };
+struct Source { i64 key0, key1, on, half; double sigma; };
 
 static inline void words(i64 key0, i64 key1, i64 counter, i64 &x, i64 &y) {
     const i64 MASK = 0xFFFFFFFF, MULTIPLIER = 0x4F1BBCDD, WEYL = 0x9E3779B9;
@@ -49,7 +49,11 @@ static inline i64 sum4(i64 key0, i64 key1, i64 counter) {
 static double IH4_SCALE, IH12_SCALE;
 
 static inline double white(const Source &p, i64 counter) {
-    return p.on ? p.sigma * (sum4(p.key0, p.key1, counter) * IH4_SCALE) : 0.0;
+    if (!p.on) return 0.0;
+    i64 x, y, sum = -510;
+    words(p.key0, p.key1, counter, x, y);
+    for (i64 word = p.half ? y : x; word; word >>= 8) sum += word & 0xFF;
+    return p.sigma * (sum * IH4_SCALE);
 }
 
 static double white_fine(const Source &p, i64 counter) {
@@ -210,7 +214,7 @@ struct Board {
     AdcChip adc;
     // plant, state
     alignas(64) double g[ROWS][ROWS];
-    double z[16], jet[JETS][ROWS][ROWS], column_jet[4][JETS][ROWS], rate_now, stiffness_now;
+    double z[16], jet[JETS][ROWS][ROWS], column_jet[4][JETS][ROWS], pickoff[2][4][6], rate_now, stiffness_now;
     double volts[2], coming[2], late_area[2], caps[4][6], late_tau[4][EDGES], sums[CHANNELS][3 + POLES];
     i64 cycles[2], at_switch[4], late_count[4], due, sample, pending, conversions, adc_codes[CHANNELS];
     // plant, constants
@@ -312,24 +316,24 @@ inline void Board::dac_step(int which, i64 code, double jitter_s, double &step, 
 inline void Board::plant() {
     if ((drive_cycle >= 0 && drive_cycle != cycles[0]) || (sense_cycle >= 0 && sense_cycle != cycles[1]))
         fail("a DAC changed at another clock of the tick than when the state was exported");
-    double in[ROWS], out[16], b[16], p[6];
+    double in[ROWS], out[16], b[4], p[6];
     std::memcpy(in, z, sizeof z);
     in[16] = volts[0] + white(drive_noise, tick);
     in[18] = volts[1] + white(sense_noise, tick);
-    dac_step(0, drive.code, white(jitter, 6 * tick), in[17], in[20]);
-    dac_step(1, sense.code, white(jitter, 6 * tick + 1), in[19], in[21]);
+    Source second = jitter;
+    second.half = 1;
+    dac_step(0, drive.code, white(jitter, 5 * tick), in[17], in[20]);
+    dac_step(1, sense.code, white(second, 5 * tick), in[19], in[21]);
     in[22] = white(force_x, tick);
     in[23] = white(force_y, tick);
 
-    // forced part of outputs 6 .. 21, and what the modes add to those from 10 on
+    // forced part of the modes
     static const int FORCED[] = {1, 2, 3, 4, 5, 16, 17, 18, 19, 20, 21, 22, 23};
-    for (int o = 0; o < 16; o++) b[o] = g[0][6 + o] * in[0];
+    for (int o = 0; o < 4; o++) b[o] = g[0][6 + o] * in[0];
     for (int j : FORCED)
-        for (int o = 0; o < 16; o++) b[o] = b[o] + g[j][6 + o] * in[j];
+        for (int o = 0; o < 4; o++) b[o] = b[o] + g[j][6 + o] * in[j];
     for (int o = 6; o < 10; o++)
         out[o] = ((g[6][o] * z[6] + g[7][o] * z[7]) + (g[8][o] * z[8] + g[9][o] * z[9])) + b[o - 6];
-    for (int j = 6; j < 10; j++)
-        for (int o = 4; o < 16; o++) b[o] = b[o] + g[j][6 + o] * z[j];
     for (int c = 0; c < 2; c++) {
         int a = 3 * c, u = 16 + 2 * c, jit = 20 + c;
         double f[3];
@@ -338,8 +342,14 @@ inline void Board::plant() {
         out[a] = g[a][a] * z[a] + f[0];
         out[a + 1] = g[a + 1][a + 1] * z[a + 1] + (g[a][a + 1] * z[a] + f[1]);
         out[a + 2] = g[a + 2][a + 2] * z[a + 2] + ((g[a][a + 2] * z[a] + g[a + 1][a + 2] * z[a + 1]) + f[2]);
+        // the cubic through both ends of the mode's tick, into the C/V states and the path
+        double d[6];
+        int x = 6 + 2 * c;
+        const double (*q)[6] = pickoff[c];
+        for (int o = 0; o < 6; o++)
+            d[o] = ((q[0][o] * z[x] + q[1][o] * z[x + 1]) + q[2][o] * out[x]) + q[3][o] * out[x + 1];
         a = 10 + 3 * c;
-        const double *d = b + a - 6, *e = b + 10 + 3 * c;
+        const double *e = d + 3;
         out[a] = g[a][a] * z[a] + d[0];
         out[a + 1] = g[a + 1][a + 1] * z[a + 1] + (g[a][a + 1] * z[a] + d[1]);
         out[a + 2] = g[a + 2][a + 2] * z[a + 2] + ((g[a][a + 2] * z[a] + g[a + 1][a + 2] * z[a + 1]) + d[2]);
@@ -370,7 +380,7 @@ inline void Board::switches(double noise_x, double noise_y, const double *after,
         for (int k = 0; k < count; k++) taus[k] = late_tau[d][k];
         for (int k = 0; k < edge_count; k++) {
             if (edge[k][1] != d) continue;
-            double tau = switch_tau[edge[k][0]] + white(jitter, 6 * tick + 2 + d);
+            double tau = switch_tau[edge[k][0]] + white(jitter, 5 * tick + 1 + d);
             tau = tau < 0.0 ? 0.0 : tau;
             if (switch_carry[edge[k][0]]) late_tau[d][late++] = tau;
             else taus[count++] = tau > sid.h_s ? sid.h_s : tau;
@@ -452,7 +462,7 @@ struct Reader {
         i64 word = next();
         std::memcpy(&to, &word, sizeof word);
     }
-    void read(Source &s) { read(s.key0, s.key1, s.on, s.sigma); }
+    void read(Source &s) { read(s.key0, s.key1, s.on, s.half, s.sigma); }
     void read(DacChip &c) {
         read(c.shift, c.count, c.sync_n, c.ldac_n, c.staged, c.latch, c.code, c.enabled, c.updated);
     }
@@ -472,7 +482,7 @@ inline void Board::load(const char *path, std::vector<i64> &core) {
     core.resize(r.next());
     for (i64 &value : core) r.read(value);
     r.read(tick, drdy_cycle, refs, drive, sense, quadrature, adc);
-    r.read(z, jet, column_jet, volts, coming, late_area, caps, late_tau, sums);
+    r.read(z, jet, column_jet, pickoff, volts, coming, late_area, caps, late_tau, sums);
     r.read(cycles, at_switch, late_count, due, sample, pending, conversions, adc_codes);
     r.read(rate, kq, kxy, quad_lsb, lsb, offset, switch_tau, slope_gain, driver_s, sensor_v);
     r.read(normal, full_steps, adc_offset, steps_per_v, decay, gain);

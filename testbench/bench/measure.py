@@ -64,24 +64,24 @@ def pairs_per_tick():
     """Multiplications of one plant tick, each with an addition, as frozen in analog_frontend/linear.py.
 
     chains   2 of three states: 3 inputs each, and the triangle of 1 + 2 + 3              30
-    forced   14 inputs onto 4 modes, 6 C/V states and 6 places of the path               224
-    modes    4 x 4, and onto the 12 others 4 x 12                                         64
-    C/V      2 triangles; path 2 x 3 x 3                                                  30
+    forced   14 inputs onto 4 modes                                                       56
+    modes    4 x 4                                                                        16
+    C/V      2 channels: 4 numbers onto 3 states and 3 places of the path, a triangle, 9  78
     SID      4 demodulators: noise on 3 stages, a triangle                                36
     ADC      64 samples in 125 ticks, 5 channels: chord, three weights                    10.24
-    noise    8 hashes of 7 rounds, each scaled twice                                      72
+    noise    4 hashes of 7 rounds, two numbers of each scaled twice                       44
 
     Left out: firmware and chips, reference edges, the shifts and masks of the hashes, 8 kHz work, all loads and stores,
     and that a tick must wait for the one before it. No engine can be faster than this roof on one core.
     """
     triangle = 1 + 2 + 3
     chains = 2 * (3 * 3 + triangle)
-    forced = 14 * (4 + 6 + 6)
-    modes = 4 * 4 + 4 * 12
-    pickoffs = 2 * triangle + 2 * 3 * 3
+    forced = 14 * 4
+    modes = 4 * 4
+    pickoffs = 2 * (4 * 6 + triangle + 3 * 3)
     sid = 4 * (3 + triangle)
     adc = 64 / 125 * 5 * 4
-    noise = 8 * (7 + 2)
+    noise = 4 * (7 + 2 * 2)
     return chains + forced + modes + pickoffs + sid + adc + noise
 
 

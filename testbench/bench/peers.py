@@ -100,7 +100,18 @@ def _words(sim, rate_rad_s):
     yield from core
     yield from (sim.tick, sim.state.drdy_cycle, references.pins(sim.params.fpga.references, f.references))
     yield from (value for _, value in flatten.leaves(chips))
-    for array in (s.z, s.jet, s.column_jet, s.volts, s.coming_v, s.late_area, s.caps, s.late_tau_s, s.adc.sums):
+    for array in (
+        s.z,
+        s.jet,
+        s.column_jet,
+        s.pickoff,
+        s.volts,
+        s.coming_v,
+        s.late_area,
+        s.caps,
+        s.late_tau_s,
+        s.adc.sums,
+    ):
         yield from np.asarray(array, float).ravel().tolist()
     for array in (s.cycles, s.switch, s.late_count, s.adc.clock):
         yield from array.tolist()
@@ -116,8 +127,8 @@ def _words(sim, rate_rad_s):
     yield from (p.adc.period, p.adc.delay, p.adc.decimation, p.adc.step_code)
     n = p.noise
     sources = (n.force_x, n.force_y, n.cv_x, n.cv_y, n.drive_dac, n.sense_dac, n.edge_jitter)
-    for key0, key1, level, on in (*sources, *p.adc.white, *p.adc.flicker):
-        yield from (key0, key1, on, level)
+    for source in (*sources, *p.adc.white, *p.adc.flicker):
+        yield from (source.key0, source.key1, source.on, getattr(source, "half", 0), source[2])
     d = p.sid
     taylor = np.moveaxis(d.taylor.reshape(4, sid.TERMS, 4), -1, 0)[: sid.STAGES]
     yield from (d.h_s, d.r, d.e1, d.e2, d.e3, d.s1, d.s2, d.s3, *d.inject.tolist(), *taylor.ravel().tolist())

@@ -39,14 +39,15 @@ def repeat(p, a, control, bank, dog, turn, b, stage, frames, rate_rad_s, quad_co
     for k in range(frames):
         tick = k * n
         if stage == NOISE:
-            for row in range(8):
-                noise.fill_row(p.plant.noise.force_x, tick, 1, w, (linear.FEED + row % 4) * linear.STRIDE, linear.BLOCK)
+            for row in range(4):
+                x, y = (linear.FEED + row) * linear.STRIDE, (linear.CV_ADDED_X + row % 2) * linear.STRIDE
+                noise.fill_rows(p.plant.noise.force_x, p.plant.noise.force_y, tick, 1, w, x, y, linear.BLOCK)
         elif stage == CHAINS:
             linear.chains(a.g, w, n)
         elif stage == MODES:
             linear.modes(a.g, w, n, p.plant.effects)
         elif stage == PICKOFFS:
-            linear.pickoffs(a.g, w, n)
+            linear.pickoffs(a.g, a.pickoff, w, n, 0)
         elif stage == NO_EDGE:
             plant.demodulate(p.plant, a, tick, n, 0, edges)
         elif stage == EDGES:

@@ -45,12 +45,13 @@ def fine(p, first, out):
 
 @kernel
 def fill(p, first, out):
-    noise.fill_row(p, first, 1, out, 0, out.size)
+    for k in range(out.size):
+        out[k] = noise.white(p, first + k)
 
 
 @kernel
-def fill_part(p, counter, stride, out, first, n):
-    noise.fill_row(p, counter, stride, out, first, n)
+def fill_rows(p, q, counter, stride, out, first, second, n):
+    noise.fill_rows(p, q, counter, stride, out, first, second, n)
 
 
 def stream(seed, name, first=0, n=N):
@@ -71,8 +72,9 @@ def test_words_are_the_documented_rounds_and_a_permutation(key0, key1, counter):
 
 @given(keys, keys, st.integers(0, 2**60))
 def test_numbers_are_scaled_sums(key0, key1, counter):
-    s4 = naive.noise_sum(key0, key1, [counter])
-    assert noise.ih4(key0, key1, counter) == float(s4) * noise.IH4_SCALE
+    for half, word in enumerate(naive.noise_words(key0, key1, counter)):
+        total = sum(word.to_bytes(4, "big")) - 510
+        assert noise.white(noise.Source(key0, key1, 1.0, 1, half), counter) == float(total) * noise.IH4_SCALE
     s12 = naive.noise_sum(key0, key1, [3 * counter + k for k in range(3)])
     assert noise.ih12(key0, key1, counter) == float(s12) * noise.IH12_SCALE
 
@@ -80,31 +82,37 @@ def test_numbers_are_scaled_sums(key0, key1, counter):
 def test_scales_give_variance_one():
     variance = Fraction(sum((2 * k - 65535) ** 2 for k in range(65536)), 4 * 65536)
     assert variance == Fraction(noise.WORD_VARIANCE_12, 12)
-    for scale, n in ((noise.IH4_SCALE, 4), (noise.IH12_SCALE, 12), (noise.UNIFORM_SCALE, 1)):
+    of_byte = Fraction(sum((2 * k - 255) ** 2 for k in range(256)), 4 * 256)
+    assert abs(float(Fraction(noise.IH4_SCALE) ** 2 * 4 * of_byte) - 1) < 4e-16
+    for scale, n in ((noise.IH12_SCALE, 12), (noise.UNIFORM_SCALE, 1)):
         assert abs(float(Fraction(scale) ** 2 * n * variance) - 1) < 4e-16
 
 
-def test_a_filled_buffer_has_the_bits_of_single_samples():
-    p = noise.source(9, "cv_x", 18.2e-9)
-    out = np.zeros(125)
-    fill(p, 2**33 - 60, out)
-    assert out.tolist() == [noise.white(p, 2**33 - 60 + k) for k in range(125)]
-    part = np.zeros(40)
-    fill_part(p, 2**33 - 60, 6, part, 7, 21)
-    assert part.tolist() == [0.0] * 7 + [noise.white(p, 2**33 - 60 + 6 * k) for k in range(21)] + [0.0] * 12
+def test_filled_rows_have_the_bits_of_single_samples():
+    p, q = noise.source(9, "cv_x", 18.2e-9), noise.source(9, "cv_y", 20e-9)
+    first = 2**33 - 60
+    for p_now, q_now in ((p, q), (p._replace(on=0), q), (p, q._replace(on=0)), (p._replace(on=0), q._replace(on=0))):
+        out = np.full(64, 7.0)
+        fill_rows(p_now, q_now, first, 6, out, 5, 35, 21)
+        assert out[5:26].tolist() == [noise.white(p_now, first + 6 * k) for k in range(21)]
+        assert out[35:56].tolist() == [noise.white(q_now, first + 6 * k) for k in range(21)]
+        assert set(out[:5]) | set(out[26:35]) | set(out[56:]) == {7.0}
 
 
 def test_off_is_exactly_zero():
     for p in (noise.source(1, "cv_x", 1.0, on=0), noise.source(1, "cv_x", 0.0)):
         assert p.on == 0
         assert (noise.white(p, 3), noise.white_fine(p, 3)) == (0.0, 0.0)
-        out = np.ones(5)
-        fill(p, 0, out)
-        assert (out == 0.0).all()
     f = noise.flicker(1, "flicker_0", 37e-9, on=0)
     state = noise.flicker_reset(f)
     assert noise.flicker_step(f, state, 0) == 0.0
     assert (state == 0.0).all()
+
+
+def test_the_second_of_a_pair_takes_the_other_word_of_the_same_hash():
+    for name, other in noise.SECOND.items():
+        p, q = noise.source(5, name, 1.0), noise.source(5, other, 1.0)
+        assert (p.key0, p.key1, p.half, q.half) == (q.key0, q.key1, 1, 0)
 
 
 def test_every_source_has_keys_of_its_own():

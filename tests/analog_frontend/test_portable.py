@@ -16,7 +16,7 @@ from fpga_model.jit import kernel
 
 ROOT = Path(__file__).resolve().parents[2]
 TICKS = 3000
-PINNED = "296a815817461e74a700cfebc7a3b82a6f950bc159a96d130b831401fa4f004a"
+PINNED = "5ab3f38ab68df53cee60bbeab18a0d72be1788c5a1af71ce57e6ad87f9820ded"
 
 
 @kernel

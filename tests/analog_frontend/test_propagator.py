@@ -299,12 +299,53 @@ def test_constants_of_the_default_device():
     assert lag == pytest.approx(1.220, abs=1e-3)
 
 
+def test_pickoff_is_the_response_to_the_cubic_to_the_last_bit(case):
+    """Generator of the chains with the four polynomials of Hermite as further states, by the oracle's exponential."""
+    generator = naive.gyro_generator(case.numbers, mpmath.mpf(0), mpmath.mpf(0))
+    tick, w = case.numbers["tick"], case.size[7]
+    nearest = 0
+    for channel, states, mode in ((0, (10, 11, 12, 16, 17, 18), 6), (1, (13, 14, 15, 19, 20, 21), 8)):
+        n = len(states)
+        a = [[generator[i][j] for j in states] + [generator[i][mode], 0, 0, 0] for i in states]
+        a += [[0] * (n + k + 1) + [1 / tick] + [0] * (2 - k) for k in range(3)] + [[0] * (n + 4)]
+        e = naive.matrix_exponential(a, tick)
+        # 1 - 3 s^2 + 2 s^3 and so on, as values and derivatives at s = 0
+        starts = ((1, 0, -6, 12), (0, w * tick, -4 * w * tick, 6 * w * tick), (0, 0, 6, -12))
+        for source, start in enumerate((*starts, (0, 0, -2 * w * tick, 6 * w * tick))):
+            for out in range(n):
+                exact = sum(e[out][n + k] * start[k] for k in range(4))
+                nearest += assert_last_bit(case.plant.pickoff[channel, source, out], exact, (channel, source, out))
+    assert nearest >= 47
+
+
+def test_pickoff_of_a_vibration_differs_from_the_exact_tick_in_gain_alone():
+    """Against G, which knows the whole plant: 3.2e-8 of gain, (w h)^4/720, and less than 1e-9 rad of phase."""
+    plant = propagator.build(device.make(), 25.0, chain)
+    g = np.zeros((propagator.INPUTS, propagator.OUTPUTS))
+    propagator.combine(plant.g_jet, 0.0, 0.0, g)
+    state, cubic, exact, found = np.zeros(24), np.zeros(3), [], []
+    state[6] = 5e-6
+    for _ in range(4000):
+        after = state @ g
+        driven = np.array([state[6], state[7], after[6], after[7]]) @ plant.pickoff[0]
+        cubic = cubic @ g[10:13, 10:13] + driven[:3]
+        exact.append(after[12])
+        found.append(cubic[2])
+        state[:16] = after[:16]
+    exact, found = np.array(exact[300:]), np.array(found[300:])
+    radians = 2 * math.pi * device.make().fx_hz * plant.tick_s
+    quadrature = np.gradient(exact) / math.sin(radians)
+    error = np.linalg.lstsq(np.stack([exact, quadrature], axis=1), found - exact, rcond=None)[0]
+    assert error[0] == pytest.approx(-(radians**4) / 720, rel=0.01)
+    assert abs(error[1]) < 1e-9
+
+
 def test_every_machine_builds_the_same_tables():
     plant = propagator.build(device.make(), 31.5, chain)
     digest = hashlib.sha256()
     for values in plant:
         digest.update(np.asarray(values).astype("<f8").tobytes())
-    assert digest.hexdigest()[:32] == "d0f4a3fce7d27468d093f0b59724526c"
+    assert digest.hexdigest()[:32] == "9829f44a71c2796bd14ec5d08f865f57"
 
 
 def test_temperature_moves_the_tables():

@@ -223,8 +223,8 @@ def test_a_free_running_converter_locks_the_loops_too():
 
 
 PINNED = {
-    "analog_sid": "92c55e917b7d6351283fa16e03558be10b50039b0b2fbfe675e292e83c66dbde",
-    "digital_sid": "5cea55e6964b1a79881f6e5a277467a3eccf08bbfea75d5273b77073925069cb",
+    "analog_sid": "4c96a737221b9d2bfd6bab8758f317734dc80bc4e1eabb65103dcb5ad6d5867b",
+    "digital_sid": "5f12aea21f77a79927e6743ebab94461c4db9919a604354541d15004cbdaa38e",
 }
 
 

@@ -1,0 +1,72 @@
+"""A nested record of numbers from two rows: the integers from one, the floats from the other, depth first.
+
+    taken(like, ints, floats)   a record of the type of `like`; only what is used of it is read
+
+For kernels that hold many records of one kind in arrays; `split` makes the rows. `like` gives the type alone.
+"""
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+from fpga_model.jit import DISABLED
+
+
+def split(record):
+    """(integers, floats) of a record, depth first."""
+    ints, floats = [], []
+
+    def walk(node):
+        if isinstance(node, tuple):
+            for item in node:
+                walk(item)
+        elif isinstance(node, float):
+            floats.append(node)
+        else:
+            ints.append(int(node))
+
+    walk(record)
+    return ints, floats
+
+
+def _taken_python(like, ints, floats):
+    ints, floats = iter(ints), iter(floats)
+
+    def build(node):
+        if isinstance(node, tuple):
+            items = [build(item) for item in node]
+            return type(node)(*items) if hasattr(node, "_fields") else tuple(items)
+        return float(next(floats)) if isinstance(node, float) else int(next(ints))
+
+    return build(like)
+
+
+@intrinsic
+def _taken_native(typingctx, like, ints, floats):
+    def codegen(context, builder, signature, args):
+        arrays = [context.make_array(signature.args[k])(context, builder, args[k]) for k in (1, 2)]
+        places = [0, 0]
+
+        def get(which, kind):
+            array_type = signature.args[1 + which]
+            place = context.get_constant(types.intp, places[which])
+            pointer = cgutils.get_item_pointer(context, builder, array_type, arrays[which], [place])
+            places[which] += 1
+            value = context.unpack_value(builder, array_type.dtype, pointer)
+            return context.cast(builder, value, array_type.dtype, kind)
+
+        def build(kind):
+            if isinstance(kind, types.BaseTuple):
+                whole = ir.Constant(context.get_value_type(kind), ir.Undefined)
+                for k, item in enumerate(kind.types):
+                    whole = builder.insert_value(whole, build(item), k)
+                return whole
+            return get(1 if isinstance(kind, types.Float) else 0, kind)
+
+        return build(signature.args[0])
+
+    return like(like, ints, floats), codegen
+
+
+taken = _taken_python if DISABLED else _taken_native
