@@ -58,12 +58,9 @@ def run(
     from testbench.campaign import execute
     from testbench.campaign.plan import read
     from testbench.campaign.progress import Progress
-    from testbench.campaign.store import Store
 
     wanted = read(plan, sets or ())
-    report = execute.run(
-        wanted, Store.at(out, create=True), _executor(workers, scheduler, cluster), Progress(quiet=as_json)
-    )
+    report = execute.run(wanted, out, _executor(workers, scheduler, cluster), Progress(quiet=as_json))
     _tell(report, as_json)
     if report.failures:
         raise typer.Exit(EXIT_FAILED)

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from testbench.campaign import collect, engines, plan, work
 from testbench.campaign.points import canonical, task_of
+from testbench.campaign.store import Store
 from testbench.errors import FileError
 from testbench.files import replacing, write_text
 
@@ -42,19 +43,21 @@ def batches_of(points, states):
     return out
 
 
-def run(wanted, store, executor, progress):
+def run(wanted, path, executor, progress):
     """Run what is missing of a plan; returns `Report`.
 
+    path      folder of the store, which is made if it is not there
     executor  `pool.Pool` or `cluster.Cluster`, not yet entered
     progress  `progress.Progress`
     Raises ConfigError before anything runs, FileError when nothing more can be kept, ClusterError when it is lost.
     """
     began = time.monotonic()
     points, states = plan.points(wanted)
+    store = Store.at(path, create=True)
     with store.locked():
-        for digest, path in states.items():
+        for digest, state in states.items():
             with replacing(store.path / "states" / f"{digest}.h5") as part:
-                shutil.copyfile(path, part)
+                shutil.copyfile(state, part)
         addresses = [point.address for point in points]
         write_text(collect.plan_path(store, wanted.name), canonical(plan.as_data(wanted) | {"points": addresses}))
         missing = {p.address: p for p in points if not store.has(p.address)}

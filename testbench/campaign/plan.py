@@ -32,6 +32,7 @@ KEYS = ("name", "engine", "base", "set", "axes", "keep")
 AXIS_KEYS = ("count", "seed", "cases")
 KEEP_KEYS = ("frames", "tau_s", "streams", "statistics")
 MOST_FRAMES = 8000
+SET = "[set]"
 ENGINE = "engine"  # the one parameter that is no key of the configuration
 TAKEN = re.compile(r"tau_s|time_\d+|point|address|status|identity")
 
@@ -126,7 +127,8 @@ def read(path, sets=()):
         raise ConfigError(f"{path}: [set] engine: it is a key of the plan itself; write it above [set]")
     for dotted, value in given.items():
         _put(base, dotted, value, origin[dotted])
-    axes = _axes(_table(tree.get("axes", {}), f"{path}: axes"), path, given)
+    owner = {dotted: "--set" if origin[dotted] == "--set" else SET for dotted in given}
+    axes = _axes(_table(tree.get("axes", {}), f"{path}: axes"), path, owner)
     for axis in axes:
         origin |= dict.fromkeys(axis.values, f"{path}: [axes.{axis.name}]")
     keep = _keep(_table(tree.get("keep", {}), f"{path}: keep"), path)
@@ -145,14 +147,15 @@ def _put(tree, dotted, value, where):
 
 
 def _axes(tree, path, given):
-    axes, owner = [], dict.fromkeys(given, "[set]")
+    axes, owner = [], dict(given)
     for name, table in tree.items():
         where = f"{path}: [axes.{name}]"
         if not NAME.fullmatch(name) or TAKEN.fullmatch(name) or name in FIELDS or "." in name:
             raise ConfigError(f"{where} cannot be the name of a dimension")
         axis = _axis(name, _table(table, f"{path}: axes.{name}"), where)
         for dotted in axis.values:
-            if dotted in owner:
+            # a case may depart from what [set] says; a list that hides it is a mistake
+            if dotted in owner and not (axis.cases and owner[dotted] == SET):
                 raise ConfigError(f"{where} {dotted} is given in {owner[dotted]} already")
             owner[dotted] = f"[axes.{name}]"
         axes.append(axis)
