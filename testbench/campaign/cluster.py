@@ -28,8 +28,6 @@ class ClusterError(ConfigError):
 class Cluster:
     """Dask workers: those of the scheduler at `address`, or `workers` processes of a cluster of our own."""
 
-    kind = "dask"
-
     def __init__(self, address=None, workers=0):
         self.address, self.workers = address, workers
         self._stack = contextlib.ExitStack()

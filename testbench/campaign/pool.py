@@ -20,6 +20,7 @@ from testbench.campaign import work
 from testbench.campaign.points import address_of
 from testbench.errors import FileError
 
+PRELOADED = ["testbench.campaign.work", "testbench.cli"]
 TRIES = 3
 LOST_AT_ONCE = 8  # workers lost in a row, nothing finished between: something is wrong with all of them
 
@@ -40,14 +41,31 @@ def serve(connection):
             connection.send(work.run_batch(*connection.recv()))
 
 
+class Here:
+    """No worker: batches run in this process, one after the other, where a debugger sees them."""
+
+    workers = 1
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        pass
+
+    def run(self, store, batches):
+        """As `Pool.run`."""
+        for batch in batches:
+            yield work.run_batch(str(store.path), store.name, batch)
+
+
 class Pool:
     """`workers` processes for the batches of a store."""
 
-    kind = "local"
-
     def __init__(self, workers):
         self.workers = workers
-        self._context = multiprocessing.get_context("spawn")
+        # a server that has imported everything forks a worker in a moment; it has no threads when it does
+        self._context = multiprocessing.get_context("forkserver")
+        self._context.set_forkserver_preload(PRELOADED)
         self._busy = {}  # connection -> (process, batch, tries)
         self._idle = []
 

@@ -1,10 +1,16 @@
 """Plans, command lines and comparisons that the tests of campaigns share."""
 
+import contextlib
+import io
 import json
 import os
 import subprocess
 import sys
 from pathlib import Path
+
+import pytest
+
+from testbench import cli
 
 ROOT = Path(__file__).resolve().parents[3]
 INSTANT = "tests.testbench.campaign.instant:ENGINE"
@@ -63,16 +69,24 @@ def start(*argv, preexec_fn=None, **env):
     )
 
 
-def campaign(*argv, **more):
-    """(exit code, standard output, standard error) of `gyro campaign ARGV`."""
-    child = start(*argv, **more)
-    out, err = child.communicate(timeout=300)
-    return child.returncode, out, err
+def child(*argv, **more):
+    """(exit code, standard output, standard error) of `gyro campaign ARGV` in a process of its own."""
+    started = start(*argv, **more)
+    out, err = started.communicate(timeout=300)
+    return started.returncode, out, err
 
 
-def run_json(*argv, **more):
+def campaign(*argv):
+    """The same in this process."""
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), pytest.raises(SystemExit) as caught:
+        cli.main(["campaign", *map(str, argv)])
+    return caught.value.code, out.getvalue(), err.getvalue()
+
+
+def run_json(*argv, workers=0):
     """The JSON object of a run that must end well."""
-    code, out, err = campaign("run", *argv, "--json", **more)
+    code, out, err = campaign("run", *argv, "--workers", workers, "--json")
     assert code == 0, err
     return json.loads(out)
 

@@ -13,7 +13,7 @@ import xarray
 
 from testbench.campaign import collect
 from testbench.campaign.store import Store
-from tests.testbench.campaign.helpers import INSTANT, LANES, campaign, finished, plan_file, run_json, start
+from tests.testbench.campaign.helpers import INSTANT, LANES, campaign, child, finished, plan_file, run_json, start
 
 
 def starts(store):
@@ -24,7 +24,7 @@ def starts(store):
 def tiny(tmp_path_factory):
     """A finished campaign of 2 temperatures x 3 boards x 2 seeds."""
     folder = tmp_path_factory.mktemp("tiny")
-    report = run_json(plan_file(folder), "--out", folder / "store", "--workers", 2)
+    report = run_json(plan_file(folder), "--out", folder / "store")
     assert (report["points"], report["done"], report["reused"], report["failures"]) == (12, 12, 0, [])
     return folder
 
@@ -93,12 +93,12 @@ def test_finished_points_are_not_run_again_also_by_other_plans(tiny, tmp_path):
 def test_workers_batches_and_stores_do_not_matter(tiny, tmp_path):
     expected = finished(tiny / "store")
     plan = plan_file(tiny)
-    run_json(plan, "--out", tmp_path / "one", "--workers", 1)
-    got = finished(tmp_path / "one")
+    run_json(plan, "--out", tmp_path / "two", workers=2)
+    got = finished(tmp_path / "two")
     assert got == {name: expected[name] for name in got}
     assert len([name for name in got if name.startswith("points")]) == 12
     lanes = plan_file(tmp_path, engine=LANES)
-    run_json(lanes, "--out", tmp_path / "lanes", "--workers", 2)
+    run_json(lanes, "--out", tmp_path / "lanes")
     with xarray.open_dataset(tiny / "store" / "results" / "tiny.nc") as a:
         with xarray.open_dataset(tmp_path / "lanes" / "results" / "tiny.nc") as b:
             assert a.drop_vars("point").identical(b.drop_vars("point")), "only the engine's name is another"
@@ -122,7 +122,7 @@ def test_a_point_alone_has_the_same_bytes(tiny, tmp_path):
 
 
 def test_a_point_that_is_not_what_it_was_is_seen(tiny, tmp_path):
-    run_json(plan_file(tiny), "--out", tmp_path / "s", "--workers", 1)
+    run_json(plan_file(tiny), "--out", tmp_path / "s")
     store = Store.at(tmp_path / "s")
     a, b = store.addresses()[:2]
     identity, variables = collect.read_point(store, a)
@@ -137,7 +137,7 @@ def test_a_point_that_is_not_what_it_was_is_seen(tiny, tmp_path):
     data = bytearray(store.point(b).read_bytes())
     data[len(data) // 2] ^= 1
     store.point(b).write_bytes(data)
-    code, _, err = campaign("run", plan_file(tiny), "--out", tmp_path / "s")
+    code, _, err = campaign("run", plan_file(tiny), "--out", tmp_path / "s", "--workers", 0)
     assert (code, err.count("damaged")) == (2, 1)
     store.point(b).unlink()
     run_json(plan_file(tiny), "--out", tmp_path / "s")
@@ -213,7 +213,7 @@ def test_failed_points_leave_the_others_and_are_tried_again(tmp_path):
     code, out, _ = campaign("status", tmp_path / "s")
     assert "2/4 points finished, 1 failed" in out, "a killed worker cannot say so"
     assert "cannot be simulated" in out
-    again = json.loads(campaign("run", path, "--out", tmp_path / "s", "--json")[1])
+    again = json.loads(campaign("run", path, "--out", tmp_path / "s", "--workers", 2, "--json")[1])
     assert (again["reused"], again["done"], len(again["failures"])) == (2, 0, 2)
 
 
@@ -227,7 +227,7 @@ def test_a_full_disk_is_one_line_and_loses_nothing(tmp_path):
     def small_disk():
         resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
 
-    code, out, err = campaign("run", path, "--out", tmp_path / "s", "--workers", 1, preexec_fn=small_disk)
+    code, _, err = child("run", path, "--out", tmp_path / "s", "--workers", 1, preexec_fn=small_disk)
     assert code == 2
     errors = [line for line in err.splitlines() if line.startswith("gyro: ")]
     assert len(errors) == 1
@@ -238,7 +238,7 @@ def test_a_full_disk_is_one_line_and_loses_nothing(tmp_path):
     assert len(store.addresses()) == 3
     assert list((store.path / "tmp").iterdir()) == []
     before = finished(store.path)
-    report = run_json(path, "--out", tmp_path / "s", "--workers", 1)
+    report = run_json(path, "--out", tmp_path / "s")
     assert (report["reused"], report["done"]) == (3, 3)
     now = finished(store.path)
     assert {name: now[name] for name in before} == before
@@ -246,7 +246,7 @@ def test_a_full_disk_is_one_line_and_loses_nothing(tmp_path):
 
 def test_results_on_a_full_disk_leave_the_points(tmp_path):
     plan = plan_file(tmp_path)
-    run_json(plan, "--out", tmp_path / "s", "--workers", 1)
+    run_json(plan, "--out", tmp_path / "s")
     for path in (tmp_path / "s" / "results").iterdir():
         path.unlink()
     limit = 16_000
@@ -254,7 +254,7 @@ def test_results_on_a_full_disk_leave_the_points(tmp_path):
     def small_disk():
         resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
 
-    code, _, err = campaign("collect", tmp_path / "s", preexec_fn=small_disk)
+    code, _, err = child("collect", tmp_path / "s", preexec_fn=small_disk)
     assert (code, err.count("\n")) == (2, 1)
     assert "results/tiny.nc: cannot be written: File too large" in err
     assert list((tmp_path / "s" / "results").iterdir()) == []
