@@ -41,7 +41,9 @@ def run(
     plan: Annotated[Path, typer.Argument(metavar="PLAN.toml", help="The plan.")],
     out: Annotated[Path, typer.Option("--out", metavar="STORE", help="Folder of the results; may hold other plans.")],
     sets: Sets = None,
-    workers: Annotated[int | None, typer.Option(min=0, help="Processes here, 0: this one; all cores if left out.")] = None,
+    workers: Annotated[
+        int | None, typer.Option(min=0, help="Processes here, 0: this one; all cores if left out.")
+    ] = None,
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler, such as tcp://10.0.0.1:8786.")
     ] = None,

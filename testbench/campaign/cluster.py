@@ -5,15 +5,19 @@ scheduler. A worker that dies is Dask's to replace: it runs the batch again else
 Source  docs/campaigns.md, docs/decisions/0011-workers-of-a-campaign.md
 """
 
+import asyncio
+import concurrent.futures
 import contextlib
 import logging
 import queue
+import re
 import time
 
 from testbench.campaign import work
 from testbench.campaign.points import address_of
 from testbench.errors import ConfigError
 
+ADDRESS = re.compile(r"((tcp|tls|ws|wss)://)?([\w.-]+|\[[0-9a-fA-F:]+\]):\d{1,5}")
 CONNECT_S = 5.0
 NO_WORKER_S = 30.0
 POLL_S = 0.5
@@ -29,6 +33,8 @@ class Cluster:
     """Dask workers: those of the scheduler at `address`, or `workers` processes of a cluster of our own."""
 
     def __init__(self, address=None, workers=0):
+        if address is not None and not ADDRESS.fullmatch(address):
+            raise ClusterError(f"--scheduler {address}: is not of the form tcp://HOST:PORT")
         self.address, self.workers = address, workers
         self._stack = contextlib.ExitStack()
 
@@ -38,8 +44,9 @@ class Cluster:
         except ImportError:
             raise ClusterError(INSTALL) from None
         # what Dask says about lost connections is said here, in one line
-        for name in ("distributed", "tornado.application", "asyncio"):
-            logging.getLogger(name).setLevel(logging.CRITICAL)
+        for name in [*logging.root.manager.loggerDict, "tornado.application", "asyncio"]:
+            if name.split(".")[0] in ("distributed", "tornado", "asyncio"):
+                logging.getLogger(name).setLevel(logging.CRITICAL + 1)
         try:
             if self.address is None:
                 self.address = self._own(distributed)
@@ -47,7 +54,7 @@ class Cluster:
                 distributed.Client(self.address, timeout=CONNECT_S, set_as_default=False)
             )
             self._wait_for_workers()
-        except (OSError, ValueError, TimeoutError) as problem:
+        except (OSError, TimeoutError) as problem:
             self._close()
             raise ClusterError(
                 f"--scheduler {self.address}: no Dask scheduler answers there within {CONNECT_S:g} s "
@@ -108,13 +115,20 @@ class Cluster:
                 continue
             future, batch, tries = futures.pop(key)
             if future.status == "finished":
-                yield future.result()
+                yield self._result(future)
             elif future.status == "error":
                 yield [self._failure(address_of(identity), future) for identity in batch]
             elif tries < TRIES and self._client.status == "running":
                 submit(batch, tries + 1)
             else:
                 raise self._lost()
+
+    def _result(self, future):
+        """What a future holds; its way here is the scheduler's, so no answer means that this is lost."""
+        try:
+            return future.result(timeout=NO_WORKER_S)
+        except (OSError, TimeoutError, asyncio.CancelledError, concurrent.futures.CancelledError):
+            raise self._lost() from None
 
     def _check(self, since):
         """ClusterError if the connection is gone for `CONNECT_S`; else since when it is, or None."""

@@ -33,8 +33,12 @@ def _one(config, sink):
         n = min(40, rows - first)
         frames = rng.integers(-(1 << 20), 1 << 20, (n, len(engine.FRAME_COLUMNS)))
         sink.add(100 + first, frames, rng.standard_normal((n, len(engine.TRUTH_COLUMNS))))
-    return {"drive_frequency_hz": config.plant.fx_hz + seed % 1000 / 1e6, "locked": True, "phase_deg.xe1": None,
-            "codes_sha256": hashlib.sha256(text.encode()).hexdigest()}
+    return {
+        "drive_frequency_hz": config.plant.fx_hz + seed % 1000 / 1e6,
+        "locked": True,
+        "phase_deg.xe1": None,
+        "codes_sha256": hashlib.sha256(text.encode()).hexdigest(),
+    }
 
 
 def play(configs, sinks):

@@ -9,9 +9,9 @@ from testbench.campaign import plan as plans
 from testbench.campaign import points as point
 from testbench.campaign.points import address_of, task_of
 from testbench.config import load
-from testbench.errors import ConfigError, FileError
+from testbench.errors import FileError
 
-HEAD = '[set]\nscenario.seconds = 0.5\n'
+HEAD = "[set]\nscenario.seconds = 0.5\n"
 
 
 def written(tmp_path, text, name="plan.toml"):
@@ -52,7 +52,9 @@ def test_a_point_without_axes_is_the_configuration(tmp_path):
 
 
 def test_base_set_and_option_in_this_order(tmp_path):
-    written(tmp_path, "[plant]\nfx_hz = 11001.0\nqx = 90000.0\n[output]\ndirectory = 'x'\n[noise]\nseed = 9\n", "b.toml")
+    written(
+        tmp_path, "[plant]\nfx_hz = 11001.0\nqx = 90000.0\n[output]\ndirectory = 'x'\n[noise]\nseed = 9\n", "b.toml"
+    )
     text = 'base = "b.toml"\n[set]\nplant.fx_hz = 11002.0\nnoise.seed = 8\n'
     (one,) = points_of(tmp_path, text, ["noise.seed=7"])
     config = config_of(one)
@@ -163,7 +165,7 @@ MISTAKES = [
     ("[axes.a]\nengine = ['frame', 'fast']", "'fast' is not an engine"),
     ("[axes.a]\ncases = []", "is not a list of tables"),
     ("[[axes.a.cases]]\nnoise.seed = 1", "cases[0].name"),
-    ("[[axes.a.cases]]\nname = 'x'\n[[axes.a.cases]]\nname = 'x'", "cases[1].name = \"x\" is not a text of its own"),
+    ("[[axes.a.cases]]\nname = 'x'\n[[axes.a.cases]]\nname = 'x'", 'cases[1].name = "x" is not a text of its own'),
     ("[keep]\nstream = 1", "stream is not a key; did you mean streams?"),
     ("[keep.streams]\nrate_wrd = 1", "rate_wrd is not a stream; did you mean rate_word?"),
     ("[keep.streams]\nrate_word = 0", "rate_word = 0 is not an integer from 1 on"),
@@ -203,6 +205,4 @@ def test_a_point_of_another_version_is_refused():
     with pytest.raises(FileError, match="schema 'gyropoint/9'"):
         task_of('{"schema": "gyropoint/9"}', "/states")
     with pytest.raises(FileError, match="cannot read"):
-        task_of(
-            '{"schema":"gyropoint/1","config":{"scenario":{"resume":""},"plant":{"gone":1}},"keep":{}}', "/states"
-        )
+        task_of('{"schema":"gyropoint/1","config":{"scenario":{"resume":""},"plant":{"gone":1}},"keep":{}}', "/states")
