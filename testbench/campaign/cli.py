@@ -165,7 +165,7 @@ def show(store: StorePath, name: Name = None, as_json: Json = False):
     found = Store.at(store)
     name = _only(found, name)
     wanted = collect.stored(found, name)
-    heads, table = collect.rows(found, wanted)
+    heads, table = collect.rows(wanted, collect.load(found, wanted.addresses))
     first = 3 + sum(len(a.values) + bool(a.cases) for a in wanted.plan.axes)
     numbers = {}
     for k, head in enumerate(heads[first:], first):

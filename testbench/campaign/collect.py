@@ -113,6 +113,32 @@ def coordinates(plan):
     return scales, other
 
 
+# ---- points ----------------------------------------------------------------------------------------------------------
+
+
+class Stub(NamedTuple):
+    """A stream that was left on the disk."""
+
+    shape: tuple
+    dtype: np.dtype
+
+
+def load(store, addresses):
+    """{address: {name: Variable}} of the finished points; streams are `Stub`s, so that an hour of each fits."""
+    out = {}
+    for address in dict.fromkeys(addresses):
+        if store.has(address):
+            _, variables = read_point(store, address)
+            out[address] = {name: _light(variable) for name, variable in variables.items()}
+    return out
+
+
+def _light(variable):
+    if not any(dim.startswith("time_") for dim in variable.dims):
+        return variable
+    return variable._replace(data=Stub(variable.data.shape, variable.data.dtype))
+
+
 # ---- netCDF ----------------------------------------------------------------------------------------------------------
 
 
@@ -121,78 +147,94 @@ class _Layout(NamedTuple):
 
     dims: tuple
     shape: tuple
-    kind: str  # text, int or float
-    dtype: np.dtype
+    dtype: np.dtype  # object for texts
     attrs: dict
-    count: int
 
 
-def _layouts(store, addresses):
-    """{name: _Layout} over all finished points, in the order of their first appearance."""
+def _layouts(found):
+    """{name: _Layout} over all finished points."""
     out = {}
-    for address in addresses:
-        _, variables = read_point(store, address)
+    for address, variables in found.items():
         for name, (dims, data, attrs) in variables.items():
-            array = np.asarray(data)
-            kind = "text" if isinstance(data, str) else "int" if array.dtype.kind in "iu" else "float"
-            was = out.get(name)
-            if was is None:
-                out[name] = _Layout(dims, array.shape, kind, array.dtype, attrs, 1)
-                continue
-            if was.dims != dims or ("text" in (was.kind, kind) and was.kind != kind):
-                raise FileError(f"{name} differs in kind between points; give them plans of their own")
-            shape = tuple(max(a, b) for a, b in zip(was.shape, array.shape))
-            even = shape == was.shape == array.shape
-            kind = kind if kind == was.kind and even else ("text" if kind == "text" else "float")
-            out[name] = was._replace(shape=shape, kind=kind, count=was.count + 1)
+            text = isinstance(data, str)
+            known = data if isinstance(data, Stub) else np.asarray(data)
+            shape, dtype = known.shape, np.dtype(object) if text else known.dtype
+            was = out.setdefault(name, _Layout(dims, shape, dtype, attrs))
+            if was.dims != dims or (was.dtype == object) != text:
+                raise FileError(f"{store_name(address)}: {name} is of another kind than in other points")
+            longest = tuple(max(a, b) for a, b in zip(was.shape, shape))
+            # integers stay integers only if every point has as many
+            even = was.dtype == dtype and was.shape == shape
+            out[name] = was._replace(shape=longest, dtype=was.dtype if even else np.dtype(float))
     return out
 
 
-def _write_netcdf(store, wanted, path):
+def store_name(address):
+    """Address as in the file names of a store."""
+    return f"{address[:2]}/{address[2:]}"
+
+
+def _write_netcdf(store, wanted, found, path):
     """Write results/NAME.nc; streams go through the memory one point at a time."""
     plan, addresses = wanted
-    present = [store.has(address) for address in addresses]
-    finished = list(dict.fromkeys(a for a, here in zip(addresses, present) if here))
-    layouts = _layouts(store, finished)
-    whole = all(present)
-    scales, other = coordinates(plan)
     dims = tuple(axis.name for axis in plan.axes)
-    needed = {name: Variable(layout.dims, np.broadcast_to(0, layout.shape), {}) for name, layout in layouts.items()}
-    scales |= shard.scales_of(needed, plan.keep.tau_s)
-    status = np.array([1 if here else 0 for here in present], np.int8).reshape(plan.shape)
-    results = {}
-    results["finished"] = Variable(dims, status, {"long_name": "1: the point is finished, 0: it is not"})
-    results["point"] = Variable(dims, np.array(addresses, object).reshape(plan.shape), {"long_name": "address"})
-    other_names = " ".join(other)
+    layouts = _layouts(found)
+    whole = all(address in found and layouts.keys() == found[address].keys() for address in addresses)
+    scales, parameters = coordinates(plan)
+    empty = {name: Variable(layout.dims, np.broadcast_to(0, layout.shape), {}) for name, layout in layouts.items()}
+    scales |= shard.scales_of(empty, plan.keep.tau_s)
+    # a convention by which xarray knows parameters from results
+    said = {"coordinates": " ".join(parameters)} if parameters else {}
+    here = np.array([address in found for address in addresses], np.int8).reshape(plan.shape)
+    names = np.array(addresses, object).reshape(plan.shape)
+    results = {
+        "finished": Variable(dims, here, {"long_name": "1: the point is finished, 0: it is not", **said}),
+        "point": Variable(dims, names, {"long_name": "address", **said}),
+    }
+    streams = {}
+    for name, layout in layouts.items():
+        attrs = layout.attrs | said
+        if any(dim.startswith("time_") for dim in layout.dims):
+            streams[name] = layout, attrs
+        else:
+            data = _gathered(name, layout, plan, [found.get(address, {}) for address in addresses])
+            results[name] = Variable(dims + layout.dims, data, attrs)
     with _hdf5(path) as file:
         file.attrs["schema"] = SCHEMA
         file.attrs["plan"] = plan.name
-        shard.write_variables(file, other | results, scales)
-        datasets = {name: _create(file, name, layout, dims, plan.shape, whole) for name, layout in layouts.items()}
-        for name, layout in layouts.items():
-            for key, value in layout.attrs.items():
-                datasets[name].attrs[key] = value
-            if other_names:  # a convention by which xarray knows parameters from results
-                datasets[name].attrs["coordinates"] = other_names
-            for k, dim in enumerate(dims + layout.dims):
-                datasets[name].dims[k].attach_scale(file[dim])
-        for place, address in zip(np.ndindex(*plan.shape), addresses):
-            if not store.has(address):
-                continue
-            for name, variable in read_point(store, address)[1].items():
-                size = np.shape(variable.data)
-                datasets[name][place + tuple(slice(n) for n in size)] = variable.data
+        shard.write_variables(file, parameters | results, scales)
+        if streams:
+            _write_streams(file, store, wanted, found, streams, whole)
 
 
-def _create(file, name, layout, dims, shape, whole):
-    full = shape + layout.shape
-    if layout.kind == "text":
-        return file.create_dataset(name, data=np.full(full, "", object), dtype=shard.TEXT)
-    # integers stay integers only where every place has one
-    every = whole and layout.count and layout.kind == "int"
-    dtype = layout.dtype if every else np.dtype("<f8")
-    chunks = (1,) * len(shape) + layout.shape if layout.shape and all(layout.shape) else None
-    return file.create_dataset(name, full, dtype, chunks=chunks, fillvalue=0 if every else math.nan)
+def _gathered(name, layout, plan, points):
+    """A variable of all points in memory."""
+    text = layout.dtype == object
+    data = np.full((len(points), *layout.shape), "" if text else math.nan, object if text else float)
+    for k, variables in enumerate(points):
+        if name in variables:
+            data[k] = variables[name].data
+    return data.reshape(plan.shape + layout.shape)
+
+
+def _write_streams(file, store, wanted, found, streams, whole):
+    plan, addresses = wanted
+    dims = tuple(axis.name for axis in plan.axes)
+    datasets = {}
+    for name, (layout, attrs) in streams.items():
+        dtype = layout.dtype if whole else np.dtype(float)
+        chunks = (1,) * len(dims) + layout.shape if all(layout.shape) else None
+        fill = math.nan if dtype.kind == "f" else 0
+        datasets[name] = file.create_dataset(name, plan.shape + layout.shape, dtype, chunks=chunks, fillvalue=fill)
+        datasets[name].attrs.update(attrs)
+        for k, dim in enumerate(dims + layout.dims):
+            datasets[name].dims[k].attach_scale(file[dim])
+    for place, address in zip(np.ndindex(*plan.shape), addresses):
+        if address in found:
+            variables = read_point(store, address)[1]
+            for name in streams.keys() & variables.keys():
+                data = variables[name].data
+                datasets[name][place + tuple(slice(n) for n in data.shape)] = data
 
 
 @contextlib.contextmanager
@@ -227,27 +269,26 @@ def _cell(value):
     return str(value)
 
 
-def rows(store, wanted):
+def rows(wanted, found):
     """(heads, rows) of the table: one row per point, scalars only, an adev per tau_s; None where there is nothing."""
     plan, addresses = wanted
     parameters = [(axis, dotted) for axis in plan.axes for dotted in axis.values]
-    numbers, found = {}, []
-    for address in addresses:
-        one = {}
-        if store.has(address):
-            for name, (dims, data, _) in read_point(store, address)[1].items():
-                if not dims:
-                    one[name] = data if isinstance(data, str) else float(data)
-                elif dims == ("tau_s",):
-                    one |= {f"{name}[{tau:g} s]": float(v) for tau, v in zip(plan.keep.tau_s, data)}
+    numbers, cells_of = {}, {}
+    for address, variables in found.items():
+        one = cells_of[address] = {}
+        for name, (dims, data, _) in variables.items():
+            if not dims:
+                one[name] = data if isinstance(data, str) else float(data)
+            elif dims == ("tau_s",):
+                one |= {f"{name}[{tau:g} s]": float(v) for tau, v in zip(plan.keep.tau_s, data)}
         numbers |= dict.fromkeys(one)
-        found.append(one)
     names = [axis.name for axis in plan.axes if axis.cases]
     heads = ["number", "point", "finished", *names, *(dotted for _, dotted in parameters), *numbers]
     table = []
-    for k, (place, address, one) in enumerate(zip(np.ndindex(*plan.shape), addresses, found)):
+    for k, (place, address) in enumerate(zip(np.ndindex(*plan.shape), addresses)):
+        one = cells_of.get(address, {})
         at = {axis.name: n for axis, n in zip(plan.axes, place)}
-        cells = [k, address, int(bool(one))]
+        cells = [k, address, int(address in found)]
         cells += [axis.cases[at[axis.name]] for axis in plan.axes if axis.cases]
         cells += [_scalar(plans.value_at(plan, axis, dotted, at[axis.name])) for axis, dotted in parameters]
         table.append(cells + [one.get(name) for name in numbers])
@@ -258,10 +299,10 @@ def _scalar(value):
     return value if isinstance(value, (int, float, str)) else json.dumps(value)
 
 
-def _write_table(store, wanted, path):
+def _write_table(wanted, found, path):
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
-    heads, table = rows(store, wanted)
+    heads, table = rows(wanted, found)
     writer.writerow(heads)
     writer.writerows([["" if cell is None else _cell(cell) for cell in row] for row in table])
     write_text(path, text.getvalue())
@@ -271,8 +312,9 @@ def write(store, name):
     """Make the results of a plan anew; returns the paths."""
     wanted = stored(store, name)
     netcdf, table = results(store, name)
-    _write_netcdf(store, wanted, netcdf)
-    _write_table(store, wanted, table)
+    found = load(store, wanted.addresses)
+    _write_netcdf(store, wanted, found, netcdf)
+    _write_table(wanted, found, table)
     return [netcdf, table]
 
 
@@ -283,7 +325,8 @@ def write_parquet(store, name, path):
         from pyarrow import parquet
     except ImportError:
         raise FileError(f"{path}: pyarrow is not installed; pip install 'ftr-gyro[campaign]'") from None
-    heads, table = rows(store, stored(store, name))
+    wanted = stored(store, name)
+    heads, table = rows(wanted, load(store, wanted.addresses))
     columns = {head: [row[k] for row in table] for k, head in enumerate(heads)}
     sink = io.BytesIO()
     parquet.write_table(pyarrow.table(columns), sink)

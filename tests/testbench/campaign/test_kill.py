@@ -57,6 +57,14 @@ class Watched:
         self.workers |= found
         return sorted(pid for pid in found if alive(pid))
 
+    def worker(self, rng):
+        """A worker that is alive, once there is one."""
+        until = time.monotonic() + PATIENCE_S
+        while not (pids := self.pids()):
+            assert time.monotonic() < until
+            time.sleep(0.01)
+        return rng.choice(pids)
+
     def wait_for(self, count, process):
         """Until so many points are finished; False if the process ended first."""
         until = time.monotonic() + PATIENCE_S
@@ -101,12 +109,10 @@ def local(folder, boards, seeds, kills, seed):
     main = start(*arguments, GYRO_INSTANT_S=POINT_S)
     try:
         for k, moment in enumerate(moments(rng, kills, points)):
-            if not watched.wait_for(moment, main):
-                main = start(*arguments, GYRO_INSTANT_S=POINT_S)
             assert watched.wait_for(moment, main), main.communicate()
             time.sleep(rng.uniform(0, 0.03))
             if k % 3 == 1:
-                os.kill(rng.choice(watched.pids()) if watched.pids() else main.pid, signal.SIGKILL)
+                os.kill(watched.worker(rng), signal.SIGKILL)
                 done["worker"] += 1
                 continue
             watched.pids()
@@ -223,14 +229,12 @@ def test_a_thousand_points_and_twenty_kills_on_a_cluster(tmp_path):
         cluster.begin()
         main = again()
         for k, moment in enumerate(moments(rng, 20, 1000)):
-            if not watched.wait_for(moment, main):
-                main = again()
             assert watched.wait_for(moment, main), main.communicate()
             time.sleep(rng.uniform(0, 0.03))
             what = ("worker", "main", "scheduler")[k % 3]
             done[what] += 1
             if what == "worker":
-                os.kill(rng.choice(watched.pids()) if watched.pids() else main.pid, signal.SIGKILL)
+                os.kill(watched.worker(rng), signal.SIGKILL)
             elif what == "main":
                 main.send_signal(signal.SIGKILL)
                 main.communicate()
@@ -264,7 +268,7 @@ def test_real_points_killed_and_resumed(tmp_path):
         for k, moment in enumerate(moments(rng, 4, 40)):
             assert watched.wait_for(moment, main), main.communicate()
             if k % 2:
-                os.kill(rng.choice(watched.pids()), signal.SIGKILL)
+                os.kill(watched.worker(rng), signal.SIGKILL)
                 continue
             main.kill()
             main.communicate()
