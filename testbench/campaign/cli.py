@@ -62,7 +62,11 @@ def run(
     from testbench.campaign.progress import Progress
 
     wanted = read(plan, sets or ())
-    report = execute.run(wanted, out, _executor(workers, scheduler, cluster), Progress(quiet=as_json))
+    try:
+        report = execute.run(wanted, out, _executor(workers, scheduler, cluster), Progress(quiet=as_json))
+    except KeyboardInterrupt:
+        typer.echo("gyro: what is finished is kept: the same command continues", err=True)
+        raise
     _tell(report, as_json)
     if report.failures:
         raise typer.Exit(EXIT_FAILED)

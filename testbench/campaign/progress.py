@@ -129,5 +129,7 @@ class Progress:
         ended = self.reused + self.done + self.failed
         table = Table.grid(padding=(0, 2))
         for name, mean, std in self.shown():
-            table.add_row(name, f"{mean:.8g}", f"+- {std:.3g}")
-        return Group(ProgressBar(self.total, ended, width=60), self.line(), table)
+            table.add_row(name, f"{mean:.10g}", f"+- {std:.3g}")
+        bar = Table.grid()  # a bar alone does not end its line
+        bar.add_row(ProgressBar(self.total, ended, width=60))
+        return Group(bar, self.line(), table)

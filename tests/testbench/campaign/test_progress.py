@@ -57,7 +57,9 @@ def test_the_picture_has_bar_line_and_means():
     progress, _ = told(terminal=False)
     text = io.StringIO()
     Console(file=text, width=100).print(progress._picture())
-    assert "15/15 points" in text.getvalue()
+    lines = text.getvalue().splitlines()
+    assert lines[0].strip("━ ") == "", "the bar has a line of its own"
+    assert lines[1].startswith("15/15 points")
     assert "drive_frequency_hz" in text.getvalue()
     values = [11000.0 + k for k in range(10) if k != 3]
     assert progress.shown()[0] == (

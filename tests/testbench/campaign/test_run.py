@@ -279,6 +279,7 @@ def test_two_campaigns_do_not_share_a_store_at_once(tmp_path):
         _, err = first.communicate(timeout=60)
         assert first.returncode == 130
         assert "interrupted" in err
+        assert "the same command continues" in err
         assert "Traceback" not in err
     finally:
         first.kill()
