@@ -15,6 +15,7 @@ from typing import Annotated
 
 import typer
 
+from testbench.campaign import cli as campaign_cli
 from testbench.errors import ConfigError, FileError
 from testbench.golden import cli as golden_cli
 from testbench.version import VERSION
@@ -33,6 +34,7 @@ app = typer.Typer(
     help="Golden reference for the firmware of a MEMS gyroscope, closed around its plant.",
 )
 app.add_typer(golden_cli.app)
+app.add_typer(campaign_cli.app)
 
 ConfigFile = Annotated[Path | None, typer.Option("--config", "-c", metavar="FILE", help="TOML configuration.")]
 Sets = Annotated[

@@ -329,11 +329,12 @@ class Run:
         )
 
 
-def run(config, progress=None, directory=None, resume=False):
+def run(config, progress=None, directory=None, resume=False, sinks=()):
     """Do a whole run; returns `Result`.
 
     directory  where rows and checkpoints are kept meanwhile; None: rows stay in memory, for runs of seconds
     resume     continue the interrupted run in `directory`, of the same configuration
+    sinks      objects that get the rows of the scenario, and of nothing else (`simulation`)
     """
     if progress:
         progress("compiling", 0, 1)
@@ -341,7 +342,9 @@ def run(config, progress=None, directory=None, resume=False):
     job = Run(config, directory, resume)
     if not resume:
         job.start(progress)
+    job.sim.sinks.extend(sinks)
     job.play(progress)
+    job.sim.sinks = [sink for sink in job.sim.sinks if sink not in sinks]
     end, reading = job.end(), None
     if end.locked and config.scenario.diagnose:
         job.begin("diagnosis")

@@ -1,0 +1,255 @@
+"""`gyro campaign`: arguments and what is printed; no computing. `testbench.cli` adds this app to its own.
+
+Standard output holds the result, standard error the progress. Exit codes: 0 every point is finished, 2 something the
+user can mend (points that failed among it), 130 interrupted.
+Source  docs/campaigns.md
+"""
+
+import math
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(
+    name="campaign",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    help="Many runs from one plan: sweeps and Monte Carlo, resumable, on this machine or a Dask cluster.",
+)
+
+StorePath = Annotated[Path, typer.Argument(metavar="STORE", help="Folder of a campaign's results.")]
+Name = Annotated[str | None, typer.Argument(metavar="[PLAN]", help="Name of a plan; the only one if left out.")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")]
+Sets = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="One value over the plan's [set]; may be repeated."),
+]
+EXIT_FAILED = 2
+SHOWN_FAILURES = 5
+
+
+def _print_json(data):
+    from testbench.cli import _print_json
+
+    _print_json(data)
+
+
+@app.command()
+def run(
+    plan: Annotated[Path, typer.Argument(metavar="PLAN.toml", help="The plan.")],
+    out: Annotated[Path, typer.Option("--out", metavar="STORE", help="Folder of the results; may hold other plans.")],
+    sets: Sets = None,
+    workers: Annotated[
+        int | None, typer.Option(min=0, help="Processes here, 0: this one; all cores if left out.")
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler, such as tcp://10.0.0.1:8786.")
+    ] = None,
+    cluster: Annotated[
+        int | None, typer.Option(metavar="N", min=1, help="A Dask cluster of N workers on this machine.")
+    ] = None,
+    as_json: Json = False,
+):
+    """Run what is missing of a plan, and make its results. The same command continues after any interruption."""
+    from testbench.errors import ConfigError
+
+    if sum(choice is not None for choice in (workers, scheduler, cluster)) > 1:
+        raise ConfigError("--workers, --scheduler and --cluster: give one of them")
+    from testbench.campaign import execute
+    from testbench.campaign.plan import read
+    from testbench.campaign.progress import Progress
+
+    wanted = read(plan, sets or ())
+    try:
+        report = execute.run(wanted, out, _executor(workers, scheduler, cluster), Progress(quiet=as_json))
+    except KeyboardInterrupt:
+        typer.echo("gyro: what is finished is kept: the same command continues", err=True)
+        raise
+    _tell(report, as_json)
+    if report.failures:
+        raise typer.Exit(EXIT_FAILED)
+
+
+def _executor(workers, scheduler, cluster):
+    if scheduler is not None or cluster is not None:
+        from testbench.campaign.cluster import Cluster
+
+        return Cluster(scheduler, cluster or 0)
+    from testbench.campaign.pool import Here, Pool
+
+    if workers == 0:
+        return Here()
+    return Pool(workers or os.cpu_count() or 1)
+
+
+def _tell(report, as_json):
+    if as_json:
+        failures = [{"point": address, "error": text} for address, text in report.failures]
+        data = {**report._asdict(), "failures": failures, "files": [str(path) for path in report.files]}
+        _print_json(data)
+        return
+    typer.echo(f"{report.name}: {report.points} points, {report.reused} finished before, {report.done} now")
+    if report.failures:
+        typer.echo(f"{len(report.failures)} failed; the same command tries them again:")
+    for address, text in report.failures[:SHOWN_FAILURES]:
+        typer.echo(f"  {address[:12]}  {text}")
+    if len(report.failures) > SHOWN_FAILURES:
+        typer.echo(f"  and {len(report.failures) - SHOWN_FAILURES} more")
+    for path in report.files:
+        typer.echo(f"  {path}")
+
+
+@app.command()
+def check(
+    plan: Annotated[Path, typer.Argument(metavar="PLAN.toml", help="The plan.")],
+    sets: Sets = None,
+    as_json: Json = False,
+):
+    """Check every point of a plan, and say what it would run."""
+    from testbench.campaign import plan as plans
+
+    wanted = plans.read(plan, sets or ())
+    points, _ = plans.points(wanted)
+    unique = len({point.address for point in points})
+    axes = [{"name": a.name, "length": a.length, "parameters": list(a.values)} for a in wanted.axes]
+    if as_json:
+        _print_json({"name": wanted.name, "points": len(points), "different": unique, "axes": axes})
+        return
+    for axis in axes:
+        typer.echo(f"{axis['name']:<16} {axis['length']:>6}  {', '.join(axis['parameters'])}")
+    typer.echo(f"{len(points)} points, {unique} of them different")
+
+
+@app.command()
+def status(store: StorePath, as_json: Json = False):
+    """Say what is finished of every plan in a store, what failed last, and whether a campaign is at work."""
+    from testbench.campaign import collect
+    from testbench.campaign.store import Store
+
+    found = Store.at(store)
+    events = found.events()
+    last = {event["point"]: event for event in events if "point" in event}
+    plans = []
+    for name in collect.plan_names(found):
+        addresses = set(collect.stored(found, name).addresses)
+        ended = {a for a in addresses if found.has(a)}
+        failed = [(a, last[a]["error"]) for a in sorted(addresses - ended) if last.get(a, {}).get("event") == "fail"]
+        plans.append({"name": name, "points": len(addresses), "finished": len(ended), "failed": failed})
+    busy = found.busy()
+    if as_json:
+        _print_json({"busy": busy, "owner": found.owner() if busy else "", "plans": plans})
+        return
+    for item in plans:
+        failed = f", {len(item['failed'])} failed" if item["failed"] else ""
+        typer.echo(f"{item['name']:<20} {item['finished']}/{item['points']} points finished{failed}")
+        for address, text in item["failed"][:SHOWN_FAILURES]:
+            typer.echo(f"  {address[:12]}  {text}")
+    typer.echo(f"at work: {found.owner()}" if busy else "nobody is at work here")
+
+
+def _only(store, name):
+    from testbench.campaign import collect
+    from testbench.errors import ConfigError
+
+    names = collect.plan_names(store)
+    if name is None and len(names) != 1:
+        raise ConfigError(f"{store.path}: holds {len(names)} plans; name one of: {', '.join(names) or 'none'}")
+    return name or names[0]
+
+
+@app.command()
+def show(store: StorePath, name: Name = None, as_json: Json = False):
+    """Show the axes of a plan and mean, spread and limits of its numbers over the points that are finished."""
+    from testbench.campaign import collect
+    from testbench.campaign.progress import Running
+    from testbench.campaign.store import Store
+
+    found = Store.at(store)
+    name = _only(found, name)
+    wanted = collect.stored(found, name)
+    heads, table = collect.rows(wanted, collect.load(found, wanted.addresses))
+    first = 3 + sum(len(a.values) + bool(a.cases) for a in wanted.plan.axes)
+    numbers = {}
+    for k, head in enumerate(heads[first:], first):
+        values = [row[k] for row in table if isinstance(row[k], float) and math.isfinite(row[k])]
+        running = Running()
+        for value in values:
+            running.add(value)
+        if values:
+            numbers[head] = {
+                "count": len(values),
+                "mean": running.mean,
+                "std": running.std,
+                "min": min(values),
+                "max": max(values),
+            }
+    axes = [{"name": a.name, "length": a.length, "parameters": list(a.values)} for a in wanted.plan.axes]
+    finished = sum(row[2] for row in table)
+    if as_json:
+        _print_json({"name": name, "points": len(table), "finished": finished, "axes": axes, "numbers": numbers})
+        return
+    from testbench.cli import _print_tables
+    from testbench.tables import Table
+
+    axis_rows = [(a["name"], str(a["length"]), ", ".join(a["parameters"])) for a in axes]
+    lines = [
+        (head, str(n["count"]), *(f"{n[key]:.8g}" for key in ("mean", "std", "min", "max")))
+        for head, n in numbers.items()
+    ]
+    title = f"{name}: {finished} of {len(table)} points finished"
+    _print_tables(
+        [
+            Table(title, ("axis", "length", "parameters"), axis_rows),
+            Table("Numbers", ("name", "points", "mean", "std", "min", "max"), lines, numeric=(1, 2, 3, 4, 5)),
+        ]
+    )
+
+
+@app.command(name="collect")
+def collect_command(store: StorePath, name: Name = None):
+    """Make the results of a plan from the points that are finished, whatever became of the campaign."""
+    from testbench.campaign import collect
+    from testbench.campaign.store import Store
+
+    found = Store.at(store)
+    with found.locked():
+        for path in collect.write(found, _only(found, name)):
+            typer.echo(path)
+
+
+@app.command()
+def table(
+    store: StorePath,
+    out: Annotated[Path, typer.Option("--out", metavar="FILE.parquet", help="Where to.")],
+    name: Name = None,
+):
+    """Write the table of a plan as Parquet (needs pyarrow)."""
+    from testbench.campaign import collect
+    from testbench.campaign.store import Store
+
+    found = Store.at(store)
+    collect.write_parquet(found, _only(found, name), out)
+    typer.echo(out)
+
+
+@app.command()
+def rerun(
+    store: StorePath,
+    point: Annotated[str, typer.Argument(metavar="POINT", help="Address, or its first digits.")],
+    out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Where the new file goes.")] = None,
+    as_json: Json = False,
+):
+    """Run one finished point alone, here, and compare it with its file byte for byte."""
+    from testbench.campaign.rerun import rerun as again
+
+    report = again(store, point, out)
+    if as_json:
+        _print_json(report._asdict())
+    else:
+        typer.echo(f"{report.address}  {'identical' if report.identical else 'DIFFERENT'}  {report.bytes} bytes")
+        for name in report.differ:
+            typer.echo(f"  {name} differs")
+    if not report.identical:
+        raise typer.Exit(EXIT_FAILED)

@@ -1,0 +1,154 @@
+"""Workers on a Dask cluster: the scheduler of `--scheduler`, or one of our own for `--cluster`. `run` is as in `pool`.
+
+Workers write into the store, a folder that all machines of the cluster share; results do not travel through the
+scheduler. A worker that dies is Dask's to replace: it runs the batch again elsewhere, up to its allowed-failures.
+Source  docs/campaigns.md, docs/decisions/0011-workers-of-a-campaign.md
+"""
+
+import asyncio
+import concurrent.futures
+import contextlib
+import logging
+import queue
+import re
+import time
+
+from testbench.campaign import work
+from testbench.campaign.points import address_of
+from testbench.errors import ConfigError
+
+ADDRESS = re.compile(r"((tcp|tls|ws|wss)://)?([\w.-]+|\[[0-9a-fA-F:]+\]):\d{1,5}")
+CONNECT_S = 5.0
+NO_WORKER_S = 30.0
+POLL_S = 0.5
+TRIES = 3
+INSTALL = "Dask is not installed; pip install 'ftr-gyro[campaign]'"
+
+
+class ClusterError(ConfigError):
+    """A cluster that does not answer, has no workers, or was lost."""
+
+
+class Cluster:
+    """Dask workers: those of the scheduler at `address`, or `workers` processes of a cluster of our own."""
+
+    def __init__(self, address=None, workers=0):
+        if address is not None and not ADDRESS.fullmatch(address):
+            raise ClusterError(f"--scheduler {address}: is not of the form tcp://HOST:PORT")
+        self.address, self.workers = address, workers
+        self._stack = contextlib.ExitStack()
+
+    def __enter__(self):
+        try:
+            import distributed
+        except ImportError:
+            raise ClusterError(INSTALL) from None
+        # what Dask says about lost connections is said here, in one line
+        for name in [*logging.root.manager.loggerDict, "tornado.application", "asyncio"]:
+            if name.split(".")[0] in ("distributed", "tornado", "asyncio"):
+                logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+        try:
+            if self.address is None:
+                self.address = self._own(distributed)
+            self._client = self._stack.enter_context(
+                distributed.Client(self.address, timeout=CONNECT_S, set_as_default=False)
+            )
+            self._wait_for_workers()
+        except (OSError, TimeoutError) as problem:
+            self._close()
+            raise ClusterError(
+                f"--scheduler {self.address}: no Dask scheduler answers there within {CONNECT_S:g} s "
+                f"({type(problem).__name__}: {problem})"
+            ) from None
+        except BaseException:
+            self._close()
+            raise
+        return self
+
+    def _own(self, distributed):
+        cluster = distributed.LocalCluster(
+            n_workers=self.workers, threads_per_worker=1, processes=True, dashboard_address=None
+        )
+        return self._stack.enter_context(cluster).scheduler_address
+
+    def _wait_for_workers(self):
+        until = time.monotonic() + NO_WORKER_S
+        while not self._client.scheduler_info()["workers"]:
+            if time.monotonic() > until:
+                raise ClusterError(f"{self.address}: the scheduler has no workers for {NO_WORKER_S:g} s")
+            time.sleep(POLL_S)
+        self.workers = sum(w["nthreads"] for w in self._client.scheduler_info()["workers"].values())
+
+    def __exit__(self, *_):
+        self._close()
+
+    def _close(self):
+        # a cluster that is gone cannot be told goodbye
+        with contextlib.suppress(Exception):
+            self._stack.close()
+
+    def run(self, store, batches):
+        """Yield lists of `work.Outcome` as batches end; ClusterError when the scheduler is lost."""
+        done = queue.SimpleQueue()
+        futures = {}
+
+        def submit(batch, tries):
+            future = self._client.submit(
+                work.run_batch,
+                str(store.path),
+                store.name,
+                batch,
+                key=f"gyro-{address_of(batch[0])}-{tries}",
+                pure=False,
+            )
+            futures[future.key] = future, batch, tries
+            future.add_done_callback(lambda f: done.put(f.key))
+
+        for batch in batches:
+            submit(batch, 1)
+        silent_since = None
+        while futures:
+            try:
+                key = done.get(timeout=POLL_S)
+            except queue.Empty:
+                silent_since = self._check(silent_since)
+                continue
+            future, batch, tries = futures.pop(key)
+            if future.status == "finished":
+                yield self._result(future)
+            elif future.status == "error":
+                yield [self._failure(address_of(identity), future) for identity in batch]
+            elif tries < TRIES and self._client.status == "running":
+                submit(batch, tries + 1)
+            else:
+                raise self._lost()
+
+    def _result(self, future):
+        """What a future holds; its way here is the scheduler's, so no answer means that this is lost."""
+        try:
+            return future.result(timeout=NO_WORKER_S)
+        except (OSError, TimeoutError, asyncio.CancelledError, concurrent.futures.CancelledError):
+            raise self._lost() from None
+
+    def _check(self, since):
+        """ClusterError if the connection is gone for `CONNECT_S`; else since when it is, or None."""
+        if self._client.status == "running":
+            return None
+        now = time.monotonic()
+        since = since or now
+        if self._client.status == "closed" or now - since > CONNECT_S:
+            raise self._lost()
+        return since
+
+    def _lost(self):
+        return ClusterError(f"{self.address}: the connection to the Dask scheduler was lost")
+
+    @staticmethod
+    def _failure(address, future):
+        problem = future.exception()
+        name = type(problem).__name__
+        if isinstance(problem, ImportError):
+            return work.Outcome(address, work.STOP, f"a Dask worker cannot import what it should run: {problem}")
+        if name == "KilledWorker":
+            return work.Outcome(address, work.FAILED, f"the workers that ran this point died ({problem.last_worker})")
+        return work.Outcome(address, work.FAILED, f"{name}: {problem}")

@@ -1,0 +1,335 @@
+"""Results of a plan, made from its finished points: one netCDF file over the axes, and one table with a row per point.
+
+    results/NAME.nc    dimensions: the axes, then tau_s and time_N of a variable; nan or "" where a point is missing
+                       coordinates: the lone number of an axis; else names of cases, or places counted from 0
+    results/NAME.csv   number, address, finished or not, parameters, numbers
+
+Both are functions of the plan and of which points are finished: no times, no versions, one order.
+Source  docs/campaigns.md
+"""
+
+import contextlib
+import csv
+import io
+import json
+import math
+from typing import NamedTuple
+
+import h5py
+import numpy as np
+
+from testbench import config as configuration
+from testbench.campaign import plan as plans
+from testbench.campaign import shard
+from testbench.campaign.measure import Variable
+from testbench.errors import FileError
+from testbench.files import GuardedFile, discard, explain, part_of, publish, write_text
+
+SCHEMA = "gyrocampaign/1"
+
+
+class Stored(NamedTuple):
+    """A plan as the store keeps it."""
+
+    plan: plans.Plan
+    addresses: tuple
+
+
+def plan_path(store, name):
+    """Where the store keeps a plan."""
+    return store.path / "plans" / f"{name}.json"
+
+
+def plan_names(store):
+    """Names of the plans that were run in a store."""
+    return sorted(path.stem for path in (store.path / "plans").glob("*.json"))
+
+
+def stored(store, name):
+    """`Stored` plan of a name."""
+    path = plan_path(store, name)
+    try:
+        data = json.loads(path.read_text())
+    except OSError:
+        known = ", ".join(plan_names(store)) or "none"
+        raise FileError(f"{store.path}: has no plan {name!r}; known: {known}") from None
+    except ValueError:
+        raise FileError(f"{path}: is damaged; run the campaign again") from None
+    addresses = data.pop("points")
+    return Stored(plans.from_data(data, str(path)), tuple(addresses))
+
+
+def results(store, name):
+    """(netCDF, table): where the results of a plan are."""
+    return store.path / "results" / f"{name}.nc", store.path / "results" / f"{name}.csv"
+
+
+def read_point(store, address):
+    """(identity, variables) of a finished point."""
+    path = store.point(address)
+    try:
+        return shard.decode(path.read_bytes(), path)
+    except OSError as problem:
+        raise FileError(f"{path}: cannot be read: {problem.strerror or problem}") from None
+
+
+# ---- coordinates -----------------------------------------------------------------------------------------------------
+
+
+def _unit(dotted):
+    if dotted == plans.ENGINE:
+        return ""
+    section, key = dotted.split(".")
+    info = configuration.sections()[section].model_fields[key]
+    return (info.json_schema_extra or {}).get("unit", "")
+
+
+def _values(items):
+    """Values of a parameter as an array: numbers, or texts (JSON where they are lists)."""
+    if all(isinstance(item, (int, float)) and not isinstance(item, bool) for item in items):
+        array = np.array(items)
+        return array if array.dtype.kind in "if" else array.astype(float)
+    return np.array([item if isinstance(item, str) else json.dumps(item) for item in items], object)
+
+
+def coordinates(plan):
+    """({dimension: Variable}, {name: Variable}): coordinates of the axes, and their other parameters."""
+    scales, other = {}, {}
+    for axis in plan.axes:
+        columns = {}
+        for dotted in axis.values:
+            values = _values([plans.value_at(plan, axis, dotted, k) for k in range(axis.length)])
+            unit = _unit(dotted)
+            attrs = {"parameter": dotted, **({"units": unit} if unit else {})}
+            columns[dotted] = Variable((axis.name,), values, attrs)
+        lone = next(iter(columns.values())) if len(columns) == 1 and not axis.cases else None
+        distinct = lone is not None and lone.data.dtype.kind in "if" and len(set(lone.data.tolist())) == axis.length
+        if distinct:
+            scales[axis.name] = lone
+            continue
+        place = np.array(axis.cases, object) if axis.cases else np.arange(axis.length)
+        scales[axis.name] = Variable((axis.name,), place, {})
+        other |= columns
+    return scales, other
+
+
+# ---- points ----------------------------------------------------------------------------------------------------------
+
+
+class Stub(NamedTuple):
+    """A stream that was left on the disk."""
+
+    shape: tuple
+    dtype: np.dtype
+
+
+def load(store, addresses):
+    """{address: {name: Variable}} of the finished points; streams are `Stub`s, so that an hour of each fits."""
+    out = {}
+    for address in dict.fromkeys(addresses):
+        if store.has(address):
+            _, variables = read_point(store, address)
+            out[address] = {name: _light(variable) for name, variable in variables.items()}
+    return out
+
+
+def _light(variable):
+    if not any(dim.startswith("time_") for dim in variable.dims):
+        return variable
+    return variable._replace(data=Stub(variable.data.shape, variable.data.dtype))
+
+
+# ---- netCDF ----------------------------------------------------------------------------------------------------------
+
+
+class _Layout(NamedTuple):
+    """A variable over all points: its own dimensions with their greatest lengths, its type, its attributes."""
+
+    dims: tuple
+    shape: tuple
+    dtype: np.dtype  # object for texts
+    attrs: dict
+
+
+def _layouts(found):
+    """{name: _Layout} over all finished points."""
+    out = {}
+    for address, variables in found.items():
+        for name, (dims, data, attrs) in variables.items():
+            text = isinstance(data, str)
+            known = data if isinstance(data, Stub) else np.asarray(data)
+            shape, dtype = known.shape, np.dtype(object) if text else known.dtype
+            was = out.setdefault(name, _Layout(dims, shape, dtype, attrs))
+            if was.dims != dims or (was.dtype == object) != text:
+                raise FileError(f"{store_name(address)}: {name} is of another kind than in other points")
+            longest = tuple(max(a, b) for a, b in zip(was.shape, shape))
+            # integers stay integers only if every point has as many
+            even = was.dtype == dtype and was.shape == shape
+            out[name] = was._replace(shape=longest, dtype=was.dtype if even else np.dtype(float))
+    return out
+
+
+def store_name(address):
+    """Address as in the file names of a store."""
+    return f"{address[:2]}/{address[2:]}"
+
+
+def _write_netcdf(store, wanted, found, path):
+    """Write results/NAME.nc; streams go through the memory one point at a time."""
+    plan, addresses = wanted
+    dims = tuple(axis.name for axis in plan.axes)
+    layouts = _layouts(found)
+    whole = all(address in found and layouts.keys() == found[address].keys() for address in addresses)
+    scales, parameters = coordinates(plan)
+    empty = {name: Variable(layout.dims, np.broadcast_to(0, layout.shape), {}) for name, layout in layouts.items()}
+    scales |= shard.scales_of(empty, plan.keep.tau_s)
+    # a convention by which xarray knows parameters from results
+    said = {"coordinates": " ".join(parameters)} if parameters else {}
+    here = np.array([address in found for address in addresses], np.int8).reshape(plan.shape)
+    names = np.array(addresses, object).reshape(plan.shape)
+    results = {
+        "finished": Variable(dims, here, {"long_name": "1: the point is finished, 0: it is not", **said}),
+        "point": Variable(dims, names, {"long_name": "address", **said}),
+    }
+    streams = {}
+    for name, layout in layouts.items():
+        attrs = layout.attrs | said
+        if any(dim.startswith("time_") for dim in layout.dims):
+            streams[name] = layout, attrs
+        else:
+            data = _gathered(name, layout, plan, [found.get(address, {}) for address in addresses])
+            results[name] = Variable(dims + layout.dims, data, attrs)
+    with _hdf5(path) as file:
+        file.attrs["schema"] = SCHEMA
+        file.attrs["plan"] = plan.name
+        shard.write_variables(file, parameters | results, scales)
+        if streams:
+            _write_streams(file, store, wanted, found, streams, whole)
+
+
+def _gathered(name, layout, plan, points):
+    """A variable of all points in memory."""
+    text = layout.dtype == object
+    data = np.full((len(points), *layout.shape), "" if text else math.nan, object if text else float)
+    for k, variables in enumerate(points):
+        if name in variables:
+            data[k] = variables[name].data
+    return data.reshape(plan.shape + layout.shape)
+
+
+def _write_streams(file, store, wanted, found, streams, whole):
+    plan, addresses = wanted
+    dims = tuple(axis.name for axis in plan.axes)
+    datasets = {}
+    for name, (layout, attrs) in streams.items():
+        dtype = layout.dtype if whole else np.dtype(float)
+        chunks = (1,) * len(dims) + layout.shape if all(layout.shape) else None
+        fill = math.nan if dtype.kind == "f" else 0
+        datasets[name] = file.create_dataset(name, plan.shape + layout.shape, dtype, chunks=chunks, fillvalue=fill)
+        datasets[name].attrs.update(attrs)
+        for k, dim in enumerate(dims + layout.dims):
+            datasets[name].dims[k].attach_scale(file[dim])
+    for place, address in zip(np.ndindex(*plan.shape), addresses):
+        if address in found:
+            variables = read_point(store, address)[1]
+            for name in streams.keys() & variables.keys():
+                data = variables[name].data
+                datasets[name][place + tuple(slice(n) for n in data.shape)] = data
+
+
+@contextlib.contextmanager
+def _hdf5(path):
+    """HDF5 file that is whole or absent, also when the disk is full."""
+    try:
+        guard = GuardedFile(part_of(path))
+    except OSError as problem:
+        raise explain(path, problem) from None
+    file = h5py.File(guard, "w")
+    try:
+        try:
+            yield file
+        finally:
+            file.close()
+            guard.close()
+        if guard.problem is not None:
+            raise guard.problem
+        publish(path)
+    except OSError as problem:
+        raise explain(path, guard.problem or problem) from None
+    finally:
+        discard(path)
+
+
+# ---- table -----------------------------------------------------------------------------------------------------------
+
+
+def _cell(value):
+    if isinstance(value, float):
+        return "" if math.isnan(value) else repr(value)
+    return str(value)
+
+
+def rows(wanted, found):
+    """(heads, rows) of the table: one row per point, scalars only, an adev per tau_s; None where there is nothing."""
+    plan, addresses = wanted
+    parameters = [(axis, dotted) for axis in plan.axes for dotted in axis.values]
+    numbers, cells_of = {}, {}
+    for address, variables in found.items():
+        one = cells_of[address] = {}
+        for name, (dims, data, _) in variables.items():
+            if not dims:
+                one[name] = data if isinstance(data, str) else float(data)
+            elif dims == ("tau_s",):
+                one |= {f"{name}[{tau:g} s]": float(v) for tau, v in zip(plan.keep.tau_s, data)}
+        numbers |= dict.fromkeys(one)
+    names = [axis.name for axis in plan.axes if axis.cases]
+    heads = ["number", "point", "finished", *names, *(dotted for _, dotted in parameters), *numbers]
+    table = []
+    for k, (place, address) in enumerate(zip(np.ndindex(*plan.shape), addresses)):
+        one = cells_of.get(address, {})
+        at = {axis.name: n for axis, n in zip(plan.axes, place)}
+        cells = [k, address, int(address in found)]
+        cells += [axis.cases[at[axis.name]] for axis in plan.axes if axis.cases]
+        cells += [_scalar(plans.value_at(plan, axis, dotted, at[axis.name])) for axis, dotted in parameters]
+        table.append(cells + [one.get(name) for name in numbers])
+    return heads, table
+
+
+def _scalar(value):
+    return value if isinstance(value, (int, float, str)) else json.dumps(value)
+
+
+def _write_table(wanted, found, path):
+    text = io.StringIO(newline="")
+    writer = csv.writer(text, lineterminator="\n")
+    heads, table = rows(wanted, found)
+    writer.writerow(heads)
+    writer.writerows([["" if cell is None else _cell(cell) for cell in row] for row in table])
+    write_text(path, text.getvalue())
+
+
+def write(store, name):
+    """Make the results of a plan anew; returns the paths."""
+    wanted = stored(store, name)
+    netcdf, table = results(store, name)
+    found = load(store, wanted.addresses)
+    _write_netcdf(store, wanted, found, netcdf)
+    _write_table(wanted, found, table)
+    return [netcdf, table]
+
+
+def write_parquet(store, name, path):
+    """The table as Parquet; needs pyarrow."""
+    try:
+        import pyarrow
+        from pyarrow import parquet
+    except ImportError:
+        raise FileError(f"{path}: pyarrow is not installed; pip install 'ftr-gyro[campaign]'") from None
+    wanted = stored(store, name)
+    heads, table = rows(wanted, load(store, wanted.addresses))
+    columns = {head: [row[k] for row in table] for k, head in enumerate(heads)}
+    sink = io.BytesIO()
+    parquet.write_table(pyarrow.table(columns), sink)
+    from testbench.files import write_bytes
+
+    write_bytes(path, sink.getvalue())

@@ -1,0 +1,84 @@
+"""A campaign from plan to results: what is missing is run, wherever; then the results are made from the points.
+
+Source  docs/campaigns.md
+"""
+
+import json
+import shutil
+import time
+from typing import NamedTuple
+
+from testbench.campaign import collect, engines, plan, work
+from testbench.campaign.points import canonical, task_of
+from testbench.campaign.store import Store
+from testbench.errors import FileError
+from testbench.files import replacing, write_text
+
+
+class Report(NamedTuple):
+    """What a run of a campaign came to."""
+
+    name: str
+    points: int
+    reused: int
+    done: int
+    failures: list  # (address, text)
+    files: list
+    wall_s: float
+
+
+def batches_of(points, states):
+    """Lists of identities that may share a call, in the order of the points."""
+    groups = {}
+    for point in points:
+        data = json.loads(point.identity)
+        engine = engines.load(data["engine"])
+        # the configuration is made again only where an engine wants to know
+        group = engine.group(task_of(point.identity, states).config) if engine.batch > 1 else ()
+        groups.setdefault((data["engine"], group), []).append(point.identity)
+    out = []
+    for (name, _), identities in groups.items():
+        size = engines.load(name).batch
+        out += [identities[k : k + size] for k in range(0, len(identities), size)]
+    return out
+
+
+def run(wanted, path, executor, progress):
+    """Run what is missing of a plan; returns `Report`.
+
+    path      folder of the store, which is made if it is not there
+    executor  `pool.Pool` or `cluster.Cluster`, not yet entered
+    progress  `progress.Progress`
+    Raises ConfigError before anything runs, FileError when nothing more can be kept, ClusterError when it is lost.
+    """
+    began = time.monotonic()
+    points, states = plan.points(wanted)
+    store = Store.at(path, create=True)
+    with store.locked():
+        for digest, state in states.items():
+            with replacing(store.path / "states" / f"{digest}.h5") as part:
+                shutil.copyfile(state, part)
+        addresses = [point.address for point in points]
+        write_text(collect.plan_path(store, wanted.name), canonical(plan.as_data(wanted) | {"points": addresses}))
+        missing = {p.address: p for p in points if not store.has(p.address)}
+        failures, done = {}, 0
+        unique = len(set(addresses))
+        progress.begin(unique, unique - len(missing), executor)
+        if missing:
+            with executor, progress:
+                for outcomes in executor.run(store, batches_of(missing.values(), store.path / "states")):
+                    for outcome in outcomes:
+                        if outcome.status == work.STOP:
+                            raise FileError(_kept(outcome.error, store, addresses))
+                        if outcome.status == work.FAILED:
+                            failures[outcome.address] = outcome.error
+                        done += outcome.status in (work.DONE, work.FOUND)
+                        progress.add(outcome)
+        files = collect.write(store, wanted.name)
+    listed = [(address, failures[address]) for address in dict.fromkeys(addresses) if address in failures]
+    return Report(wanted.name, len(points), unique - len(missing), done, listed, files, time.monotonic() - began)
+
+
+def _kept(text, store, addresses):
+    finished = sum(store.has(address) for address in set(addresses))
+    return f"{text}; {finished} of {len(set(addresses))} points are finished and kept: the same command continues"

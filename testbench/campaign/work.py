@@ -1,0 +1,127 @@
+"""What a worker does with a batch of points: claim, play, measure, write. The same function in every kind of worker.
+
+A point counts from the moment its file has its name. Whatever happens before leaves nothing; what happens after cannot
+take it back. `Outcome` is only news: the truth is in the store.
+Source  docs/campaigns.md
+"""
+
+import contextlib
+import functools
+import platform
+import socket
+import time
+from typing import NamedTuple
+
+from testbench.campaign import engines, shard
+from testbench.campaign.measure import Keeper
+from testbench.campaign.points import address_of, task_of
+from testbench.campaign.store import Store
+from testbench.errors import ConfigError, FileError
+
+DONE, FOUND, FAILED, STOP = "done", "found", "failed", "stop"
+
+
+class Outcome(NamedTuple):
+    """What became of a point.
+
+    status   done; found: another process had finished it; failed: the point's own error; stop: no point can be kept
+    numbers  {name: number or text} if done
+    wall_s   share of the batch's time
+    """
+
+    address: str
+    status: str
+    error: str = ""
+    numbers: dict = {}  # noqa: RUF012  (nobody writes to it)
+    wall_s: float = 0.0
+    simulated_s: float = 0.0
+
+
+@functools.cache
+def _prepared(name, store_path):
+    """The engine, ready to play; on each machine one process after the other compiles, and the later ones find it."""
+    engine = engines.load(name)
+    if engine.prepare is not None:
+        with Store(store_path, "").claim(f"prepare-{socket.gethostname()}"):
+            engine.prepare()
+    return engine
+
+
+def compute(identity, states):
+    """(bytes of the point's file, numbers) of one point, alone; the identity's code is not compared."""
+    task = task_of(identity, states)
+    engine = engines.load(task.engine)
+    keeper = Keeper(task.keep)
+    (numbers,) = engine.play([task.config], [keeper])
+    if isinstance(numbers, BaseException):
+        raise numbers
+    return _encoded(identity, task, keeper, numbers), numbers
+
+
+def _encoded(identity, task, keeper, numbers):
+    return shard.encode(identity, shard.variables_of(numbers) | keeper.variables(), task.keep.tau_s)
+
+
+def _reason(problem):
+    return " ".join(f"{type(problem).__name__}: {problem}".split())
+
+
+def _play(engine, tasks):
+    """[(keeper, numbers or exception), ...]; if a call of several fails as a whole, each is played alone."""
+    keepers = [Keeper(task.keep) for task in tasks]
+    try:
+        return list(zip(keepers, engine.play([task.config for task in tasks], keepers)))
+    except Exception as problem:
+        if len(tasks) == 1:
+            return [(keepers[0], problem)]
+        return [_play(engine, [task])[0] for task in tasks]
+
+
+def run_batch(store_path, store_name, identities):
+    """[Outcome, ...] of points that share one call of their engine."""
+    addresses = [address_of(identity) for identity in identities]
+    try:
+        store = Store.at(store_path)
+        if store.name != store_name:
+            raise FileError(f"{store_path}: is another store here than where the campaign runs")
+        return _run(store, identities, addresses)
+    except (FileError, ConfigError) as problem:
+        where = f"worker on {socket.gethostname()}: " if store_name else ""
+        return [Outcome(addresses[0], STOP, f"{where}{problem}")]
+
+
+def _run(store, identities, addresses):
+    out = []
+    with contextlib.ExitStack() as claims:
+        for address in sorted(addresses):  # one order for all, or two batches may wait for each other
+            claims.enter_context(store.claim(address))
+        ahead = []
+        for identity, address in zip(identities, addresses):
+            if store.has(address):
+                out.append(Outcome(address, FOUND))
+            else:
+                ahead.append((identity, address, task_of(identity, store.path / "states")))
+        if not ahead:
+            return out
+        tasks = [task for _, _, task in ahead]
+        engine = _prepared(tasks[0].engine, str(store.path))
+        for task in tasks:
+            if task.code != engines.code_of(engine):
+                raise FileError(f"its sources ({engines.code_of(engine)[:12]}) are not the campaign's {task.code[:12]}")
+        for _, address, _ in ahead:
+            store.journal("start", point=address)
+        began = time.perf_counter()
+        for (identity, address, task), (keeper, numbers) in zip(ahead, _play(engine, tasks)):
+            wall_s = (time.perf_counter() - began) / len(ahead)
+            try:
+                if isinstance(numbers, Exception):
+                    raise numbers
+                data = _encoded(identity, task, keeper, numbers)
+            except Exception as problem:
+                store.journal("fail", point=address, error=_reason(problem))
+                out.append(Outcome(address, FAILED, _reason(problem)))
+                continue
+            store.publish(address, data)
+            store.journal("finish", point=address, wall_s=round(wall_s, 6), python=platform.python_version())
+            out.append(Outcome(address, DONE, "", numbers, wall_s, task.config.scenario.seconds))
+    return out
