@@ -277,9 +277,9 @@ def lowest(text):
     project = tomllib.loads(text)["project"]
     pinned = []
     for requirement in project["dependencies"] + project["optional-dependencies"]["test"]:
-        found = re.fullmatch(r"([A-Za-z][\w.-]*)>=(\d+(?:\.\d+)*)", requirement)
+        found = re.fullmatch(r"([A-Za-z][\w.-]*)>=(\d+(?:\.\d+)*)(,<\d+)?", requirement)
         if not found:
-            raise ValueError(f"pyproject.toml: {requirement!r} is not of the form name>=version")
+            raise ValueError(f"pyproject.toml: {requirement!r} is not of the form name>=version[,<version]")
         pinned.append(f"{found[1]}=={found[2]}")
     return pinned
 

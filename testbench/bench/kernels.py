@@ -1,6 +1,7 @@
 """What is timed of this repository: kernels on a locked gyroscope, each moves its own copy of it on.
 
     frame, clocked   the engines of `gyro run`: full plant, all noise, locked at 100 deg/s, hash of all codes included
+    lanes            the same for eight gyroscopes side by side; their seconds are added
 firmware         the FPGA and the ADC's digital side alone, fed with fixed codes
 plant            the plant alone, tick by tick, fed with recorded DAC codes and references at the drive frequency
 python           the clocked engine's own source run by CPython, without compiler, from power-on
@@ -18,7 +19,7 @@ from analog_frontend import top as plant
 from fpga_model import top as fpga
 from fpga_model.jit import hot
 from fpga_model.rates import FRAME_TICKS, TICK_CYCLES
-from testbench import config, engine, simulate
+from testbench import config, engine, lanes, simulate
 from testbench.docs import ROOT
 from testbench.simulation import DEG, Simulation
 
@@ -50,6 +51,22 @@ def gyroscope(engine_name, locked=True, changes=None):
 def advance(sim, ticks):
     """Move a simulation on at the rate and temperature of all measurements."""
     return sim.advance(ticks, RATE_RAD_S, TEMP_DEGC)
+
+
+class SideBySide:
+    """Locked gyroscopes at one tick, each with a noise of its own, on the lanes engine."""
+
+    def __init__(self, count):
+        self.sims = [gyroscope("frame", changes={"noise.seed": 1 + k}) for k in range(count)]
+        last = max(sim.tick for sim in self.sims)
+        for sim in self.sims:
+            advance(sim, last - sim.tick)
+        self.lanes = lanes.Lanes(self.sims)
+
+    def advance(self, ticks):
+        """All of them by `ticks`, at the rate and temperature of all measurements."""
+        count = len(self.sims)
+        self.lanes.advance(ticks, [RATE_RAD_S] * count, [TEMP_DEGC] * count)
 
 
 @hot

@@ -35,6 +35,7 @@ PYTHON_TICKS = 2 * FRAME_TICKS
 
 SPEEDS = (
     ("frame_rt", "frame engine"),
+    ("lanes_rt_per_core", "lanes engine, eight gyroscopes"),
     ("clocked_rt", "clocked engine"),
     ("c_loop_rt", "C loop"),
     ("verilator_closed_rt", "Verilator"),
@@ -53,6 +54,9 @@ FIRST_CALLS = (
 GROWTH_REPEATS = 3
 GROWTH_SECONDS = (1, 4, 16)
 GROWTH_TICKS = 500_000
+GROWTH_LANES = (1, 4, 8, 16)
+LANES = 8
+LANES_TICKS = 400_000
 SOURCES = ("thermomechanical", "cv", "dac", "adc", "flicker", "jitter")
 EFFECTS = {"duffing_k3_per_um2": 1e-7, "drive_cubic_per_v2": 1e-3, "feedthrough_y": 1e-5}
 
@@ -126,11 +130,11 @@ def _peer_cpu_s(*arguments):
 
 def speeds(folder, repeats=REPEATS, processes=PROCESSES):
     """Real-time factors of everything that simulates, their spread, the peak of the CPU, and what is missing."""
-    bench = kernels.Bench()
+    bench, side = kernels.Bench(), kernels.SideBySide(LANES)
     works, missing = comparators(kernels.gyroscope("clocked"), folder)
     ticks = {key: PEER_TICKS[name] for name, key in PEER_KEYS.items()}
     ticks |= dict.fromkeys(("clocked_rt", *PARTS), bench.ticks)
-    ticks |= {"frame_rt": FRAME_TICKS_TIMED, "python_rt": PYTHON_TICKS}
+    ticks |= {"frame_rt": FRAME_TICKS_TIMED, "python_rt": PYTHON_TICKS, "lanes_rt_per_core": LANES * LANES_TICKS}
     try:
         command = peers.build_peak(folder)
         # as the time of what a tick has to multiply and add
@@ -148,6 +152,7 @@ def speeds(folder, repeats=REPEATS, processes=PROCESSES):
         for name in ("frame", "clocked"):
             works[f"{name}_rt"] = partial(_in_turn, itertools.cycle(engines), name, ticks[f"{name}_rt"])
         works |= {
+            "lanes_rt_per_core": partial(kernels.cpu_s, side.advance, LANES_TICKS),
             "firmware_rt": partial(kernels.cpu_s, bench.firmware),
             "plant_rt": partial(kernels.cpu_s, bench.plant_only),
             "python_rt": partial(interpreted.cpu_s, "clocked", PYTHON_TICKS),
@@ -166,7 +171,7 @@ def speeds(folder, repeats=REPEATS, processes=PROCESSES):
 
 
 def growth(repeats=GROWTH_REPEATS):
-    """CPU seconds per simulated second of the frame engine: over seconds, noise sources and effects."""
+    """CPU seconds per simulated second of a gyroscope: over seconds, noise sources, effects, and lanes beside it."""
     quiet = {f"noise.{name}": False for name in SOURCES}
     cases = {("seconds", str(n)): ({}, n * TICK_HZ) for n in GROWTH_SECONDS}
     cases |= {("noise", "none"): (quiet, GROWTH_TICKS)}
@@ -180,6 +185,9 @@ def growth(repeats=GROWTH_REPEATS):
         if key not in made:
             made[key] = kernels.gyroscope("frame", changes=changes)
         works[case] = partial(kernels.cpu_s, kernels.advance, made[key], ticks)
+    for count in GROWTH_LANES:
+        cases["lanes", str(count)] = ({}, count * LANES_TICKS)
+        works["lanes", str(count)] = partial(kernels.cpu_s, kernels.SideBySide(count).advance, LANES_TICKS)
     result = {}
     for (kind, name), spent in rounds(works, repeats).items():
         result.setdefault(kind, {})[name] = statistics.median(spent) / (cases[kind, name][1] / TICK_HZ)
@@ -246,7 +254,7 @@ def table(result):
 
 
 def growth_table(result):
-    """Cost of the frame engine over what is simulated."""
+    """Cost of the frame engine over what is simulated, and of the lanes engine over its lanes."""
     rows = []
     for kind, cases in result["growth"].items():
         base = next(iter(cases.values()))
@@ -275,7 +283,7 @@ def speed_part(result):
     return (
         f"Measured with `{COMMAND}` on {shown.note}.\n\n{markdown(shown)}\n\n{roof}\n\n"
         f"Where the frame engine's time goes, each stage alone:\n\n{markdown(stage_table(result))}\n\n"
-        f"How the cost of the frame engine grows:\n\n{markdown(growth_table(result))}"
+        f"How the cost of the frame engine grows, and that of one of several lanes:\n\n{markdown(growth_table(result))}"
     )
 
 

@@ -99,6 +99,7 @@ def test_multiplications_of_a_tick():
 
 RESULT = {
     "frame_rt": 30.0,
+    "lanes_rt_per_core": 60.0,
     "clocked_rt": 0.75,
     "c_loop_rt": 1.5,
     "verilator_closed_rt": None,
@@ -111,6 +112,7 @@ RESULT = {
     "pairs_per_tick": 270.24,
     "spread": {
         "frame_rt": [29.0, 31.0],
+        "lanes_rt_per_core": [59.0, 61.0],
         "clocked_rt": [0.4, 0.8],
         **{f"{name}_rt": [1.0, 2.0] for name in ("c_loop", "icarus", "python", "roof_single", "firmware", "plant")},
     },
@@ -134,7 +136,7 @@ def test_the_tables_are_the_measurement():
     assert "| firmware_rt | 1.5 | 1 .. 2 | 0.667 s | | |" in part
     assert "| first_call_cold_s | | | 25.0 s | | |" in part
     assert "| 8 kHz window | 2.0 ns | 5 % |" in part
-    assert "Roof: 466 multiplications with an addition each per tick, and 55.9e9 such pairs" in part
+    assert "Roof: 270 multiplications with an addition each per tick, and 55.9e9 such pairs" in part
     assert "| seconds | 4 | 30.3 ms | 1.01 |" in part
     assert "| noise | all | 30 ms | 1.50 |" in part
     assert "not measured" in measure.speed_part(RESULT | {"peak_pairs_per_s": None})
@@ -189,13 +191,16 @@ def test_a_measurement_is_the_median_and_closes_its_processes(tmp_path, monkeypa
             pass
 
         plant_only = firmware
+        advance = None
 
-    spent = itertools.chain([0.0], iter([1.0, 2.0, 9.0]))  # the first is taken by the bench itself
+    # the first two are taken by the bench itself and by the lanes
+    spent = itertools.chain([0.0, 0.0], iter([1.0, 2.0, 9.0]))
     absent = peers.Missing("no compiler")
     monkeypatch.setattr(kernels, "Served", Fake)
     monkeypatch.setattr(kernels, "Bench", Fake)
+    monkeypatch.setattr(kernels, "SideBySide", Fake)
     monkeypatch.setattr(kernels, "gyroscope", lambda name: None)
-    monkeypatch.setattr(kernels, "cpu_s", lambda work: 0.5)
+    monkeypatch.setattr(kernels, "cpu_s", lambda work, *ticks: 0.5)
     missing = dict.fromkeys(measure.PEER_KEYS.values(), str(absent))
     monkeypatch.setattr(measure, "comparators", lambda sim, folder: ({}, dict(missing)))
     monkeypatch.setattr(peers, "build_peak", lambda folder: (_ for _ in ()).throw(absent))
@@ -204,6 +209,7 @@ def test_a_measurement_is_the_median_and_closes_its_processes(tmp_path, monkeypa
     assert result["clocked_rt"] == 0.5
     assert result["spread"]["clocked_rt"] == pytest.approx([1 / 9, 1.0])
     assert result["firmware_rt"] == result["plant_rt"] == 2.0
+    assert result["lanes_rt_per_core"] == measure.LANES * measure.LANES_TICKS / 1e6 / 0.5
     assert result["python_rt"] == measure.PYTHON_TICKS / 1e6 / 4.0
     assert result["roof_single_rt"] is result["c_loop_rt"] is result["peak_pairs_per_s"] is None
     assert result["missing"] == missing | {"roof_single_rt": "no compiler"}

@@ -71,7 +71,7 @@ def test_every_simulator_gives_the_same_report(out, tmp_path, sim):
     new = {"v": "62'sd0", "vhd": "to_signed(0, 62)"}[SUFFIX[sim]]
     report = rtl_run.check(out / "pi" / "rate", design(tmp_path, "pi", SUFFIX[sim], (old, new)), sim)
     d = report.divergence
-    assert (d.cycle, d.port, d.error_lsb, d.is_input) == (14, "y", -1, False)
+    assert (d.cycle, d.port, d.error_lsb, d.is_input) == (37, "y", -1, False)
     assert list(report.differing) == ["y"]
     assert (report.diagnosis.cause, report.diagnosis.port) == ("rounding", "y")
     assert report.diagnosis.what.startswith("floor (")
@@ -82,7 +82,7 @@ def test_the_command_prints_the_report_of_logs_and_its_exit_code_tells(out, tmp_
     run = CliRunner()
     good = run.invoke(cli.app, ["check", str(out / "dds" / "default"), "--rtl", str(RTL)])
     assert good.exit_code == 0
-    assert good.stdout.startswith("dds/default: 3320 of 3320 rows, 5 ports: PASS")
+    assert good.stdout.startswith("dds/default: 3440 of 3440 rows, 5 ports: PASS")
     design(tmp_path, "dds", "v", ("r_phase + off_sense_ref", "r_phase - off_sense_ref"))
     bad = run.invoke(cli.app, ["check", str(out / "dds" / "default"), "--rtl", str(tmp_path), "--json"])
     assert bad.exit_code == 1
@@ -123,7 +123,7 @@ BROKEN = {
     "input left open": ("icarus", "v", ("input  wire               en,", "input wire more, en,"), "input more"),
     "parameter missing": ("icarus", "v", ("34'sd0,  // [1,9,24]\n    parameter signed [33:0] ki",
                                           "34'sd0,\n    parameter signed [33:0] kj"), "parameter ki is missing"),
-    "ends early": ("icarus", "v", ("endmodule", "initial #1000000 $finish;\nendmodule"), "ended after 24 of 3554 rows"),
+    "ends early": ("icarus", "v", ("endmodule", "initial #1000000 $finish;\nendmodule"), "ended after 24 of 4245 rows"),
     "prints without end": ("icarus", "v", ("endmodule", 'initial while (1) $display("%0100d", 0);\nendmodule'),
                            "prints more than 4 MiB"),
 }  # fmt: skip
