@@ -20,7 +20,7 @@ from testbench.campaign import work
 from testbench.campaign.points import address_of
 from testbench.errors import FileError
 
-PRELOADED = ["testbench.campaign.work", "testbench.cli"]
+PRELOADED = ["testbench.campaign.work", "typer"]
 TRIES = 3
 LOST_AT_ONCE = 8  # workers lost in a row, nothing finished between: something is wrong with all of them
 
