@@ -206,8 +206,8 @@ PROJECT = '[project]\ndependencies = ["numpy>={}"]\n[project.optional-dependenci
 
 def test_lower_bounds_become_versions():
     assert portability.lowest(PROJECT.format("2.0")) == ["numpy==2.0", "pytest-xdist==3.6.1"]
-    with pytest.raises(ValueError, match=r"'numpy>=2.0,<3' is not of the form name>=version"):
-        portability.lowest(PROJECT.format("2.0,<3"))
+    with pytest.raises(ValueError, match=r"'numpy>=2.0,!=2.1' is not of the form name>=version"):
+        portability.lowest(PROJECT.format("2.0,!=2.1"))
 
 
 def test_every_dependency_has_a_lower_bound_and_no_upper_one_without_a_reason():
