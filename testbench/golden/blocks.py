@@ -346,7 +346,8 @@ def _registry():
             ],
             runners.run_frequency_tracker,
             {"error": 1, "word": frequency_tracker.LATENCY},
-            {"default": frequency_tracker.design()},
+            # the limits of the design are 22,000 frames away: those of the second case are near
+            {"default": frequency_tracker.design(), "narrow": frequency_tracker.design(limit_hz=0.05)},
             rules={**LOOP_RULES, "centre": (None, "wrap"), "word": (None, "wrap")},
             strobes=("en", "en_pi"),
         ),
@@ -393,7 +394,11 @@ def _registry():
             ],
             runners.run_lock_monitor,
             {"locked": 1},
-            {"default": lock_monitor.design(), "quick": _quick_sequencer().lock},
+            {
+                "default": lock_monitor.design(),
+                "quick": _quick_sequencer().lock,
+                "longest": lock_monitor.design()._replace(frames_in=(4095,) * 4, frames_out=(4095,) * 4),
+            },
             strobes=("en",),
         ),
         _block(
@@ -411,7 +416,12 @@ def _registry():
             ],
             runners.run_fault_monitor,
             {"flags": 1, "latch": 1},
-            {"default": fault_monitor.design(), "quick": _quick_sequencer().faults},
+            {
+                "default": fault_monitor.design(),
+                "quick": _quick_sequencer().faults,
+                "longest": fault_monitor.Params(*[4095] * 5),
+                "off": fault_monitor.Params(over_range=1, stuck=0, drive=0, rate=1, rail=0),
+            },
             rules=FAULT_RULES,
             strobes=("en", "armed"),
         ),
@@ -433,7 +443,11 @@ def _registry():
             ],
             runners.run_sequencer,
             {"state": 1},
-            {"quick": _quick_sequencer()},
+            {
+                "quick": _quick_sequencer(),
+                # every time one frame: 255 failed attempts in a few hundred rows
+                "fastest": _quick_sequencer()._replace(**dict.fromkeys(sequencer.Params._fields[:9], 1)),
+            },
             [
                 (name, bits(3) if name == "agc_mode" else PI_MODE if name.endswith("_mode") else BIT)
                 for name in sequencer.Outputs._fields

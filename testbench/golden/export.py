@@ -6,6 +6,7 @@ Source  docs/golden.md
 
 import hashlib
 import platform
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -13,11 +14,24 @@ import numpy as np
 from fpga_model.rates import MASTER_HZ
 from testbench import vcd
 from testbench.errors import ConfigError
-from testbench.golden import benches, blocks, bundle, range_report, stimulus, top
+from testbench.golden import benches, blocks, bundle, evidence, range_report, stimulus, top
 from testbench.version import VERSION
 
+ROOT = Path(__file__).resolve().parents[2]
 
-def _manifest(block, case, count, families, seed):
+
+def git_head(root=ROOT):
+    """Commit of the working tree that this package lies in; "unknown" where there is no tree or no git."""
+    if not (root / ".git").exists():
+        return "unknown"
+    try:
+        done = subprocess.run(["git", "-C", str(root), "rev-parse", "HEAD"], capture_output=True, text=True, timeout=10)
+    except (OSError, subprocess.SubprocessError):
+        return "unknown"
+    return done.stdout.strip() if done.returncode == 0 else "unknown"
+
+
+def _manifest(block, case, stim, exp, families, seed):
     params = [{"name": name, "raw": raw, "fmt": list(fmt)} for name, raw, fmt in blocks.params_of(block, case)]
     ports = {
         "inputs": [bundle.port(p) for p in block.columns],
@@ -32,16 +46,18 @@ def _manifest(block, case, count, families, seed):
         "clock": {"name": "clk", "hz": MASTER_HZ},
         "reset": {"name": blocks.RESET_INPUT, "active": 1, "cycles": benches.RESET_CYCLES},
         "sample": "before rising edge",
-        "n": count,
+        "n": len(stim),
         **ports,
         "params": params,
         "rules": block.rules,
         "latency": block.latency,
         "seed": seed,
         "families": [list(found) for found in families],
+        "coverage": evidence.summary(block, case, stim, exp),
         "config_sha256": hashlib.sha256(identity.encode()).hexdigest(),
         "provenance": {
             "version": VERSION,
+            "git": git_head(),
             "python": platform.python_version(),
             "numpy": np.__version__,
         },
@@ -88,7 +104,7 @@ def export_case(block, case, out, seed=stimulus.SEED):
     regs, pins = blocks.run(block, case, stim)
     exp = np.column_stack([regs, pins])
     files = {**_tables(block, stim, exp), **benches.texts(block, case, len(stim))}
-    manifest = _manifest(block, case, len(stim), families, seed)
+    manifest = _manifest(block, case, stim, exp, families, seed)
     manifest["ranges"] = range_report.entry(block, case, regs, pins)
     files["RANGES.md"] = range_report.text(f"{block.stem}/{case}", manifest["ranges"])
     return bundle.write(Path(out) / block.stem / case, manifest, files, [_waves(block, stim, exp)])

@@ -629,7 +629,10 @@ fault(SEQ, "quick", "sign", ("r_rotation + {{12{turned[23]}}, turned}", "r_rotat
 fault(SEQ, "quick", "limit", ("frames >= {1'b0, retune}", "frames > {1'b0, retune}"))
 fault(SEQ, "quick", "limit", ("frames >= {1'b0, init}", "frames > {1'b0, init}"))
 stranger(SEQ, "quick", ("following = found ? RETUNE : KICK", "following = RETUNE"))
-stranger(SEQ, "quick", ("!i_control[HOLD_PLL], !i_control[HOLD_AGC]}", "!i_control[HOLD_AGC], !i_control[HOLD_PLL]}"))
+stranger(
+    SEQ, "quick", ("(following == IDLE) || (following >= BALANCE)", "(following == IDLE) || (following > BALANCE)")
+)
+stranger(SEQ, "quick", ("DECAY && !usable", "DECAY && usable"))
 
 # Equivalent: 24 bits of 24 are kept; with kp = 0 prop stays 0, and acc alone never leaves the limits of y ------------
 

@@ -1,13 +1,31 @@
-"""Stimulus: the generator's published numbers, families that reach what they are named for, the same every time."""
+"""Stimulus: the generator's published numbers, families that reach what they are named for, the same every time.
+
+What a family has to reach is computed from the rows and from the registers of the model, never from the generator.
+"""
+
+import itertools
 
 import numpy as np
 import pytest
 
-from fpga_model import fault_monitor, modulator, rates, sequencer, spi_adc
+from fpga_model import fault_monitor, modulator, rates, sequencer, sine, spi_adc, spi_dac
 from fpga_model.fixed import Fmt, bits
-from testbench.golden import blocks, stimulus
+from testbench.golden import blocks, stimulus, unreachable
 
 CASES = [(stem, case) for stem, block in blocks.BLOCKS.items() for case in block.cases]
+LONGEST = 22_000
+# what a reset or a new operation can interrupt: the registers that count through an operation, or name its state
+PHASES = {
+    "cordic": ("i", "busy", "done"),
+    "isqrt": ("i", "busy", "done"),
+    "quadrature_loop": ("root_i", "root_busy", "root_done"),
+    "spi_dac": ("left", "lead", "sync_n", "sclk_en", "ldac_wait"),
+    "spi_adc": ("word", "busy", "sclk", "valid", "meta", "sync", "seen"),
+    "digital_sid": ("stage",),
+    "rate_output": ("stage",),
+    "rates": ("slot", "tick"),
+    "watchdog": ("stale",),
+}
 
 
 def record(stem, case):
@@ -17,6 +35,16 @@ def record(stem, case):
     regs, pins = blocks.run(block, case, rows)
     named = [(block.columns, rows), (block.registers, regs), (block.pins, pins)]
     return [{port.name: array[:, k] for k, port in enumerate(ports)} for ports, array in named]
+
+
+def family(block, case, name):
+    """Rows of one family by input, or None where the block has none."""
+    rows, families = stimulus.make(block, case)
+    for found, first, count in families:
+        if found == name:
+            part = rows[first : first + count]
+            return {port.name: part[:, k] for k, port in enumerate(block.columns)}
+    return None
 
 
 def test_splitmix64_gives_the_published_numbers():
@@ -48,9 +76,177 @@ def test_families_follow_one_another_and_repeat_exactly(stem, case):
     for name, first, count in families:
         assert (first, count > 0) == (at, True), name
         at += count
-    assert at == len(rows) < 20_000
+    assert at == len(rows) < LONGEST
     assert rows[:, 0].sum() >= 3, "resets in the middle"
     blocks.check(block.columns, rows, stem)
+
+
+@pytest.mark.parametrize(("stem", "case"), CASES)
+def test_every_family_that_makes_sense_is_there(stem, case):
+    block = blocks.BLOCKS[stem]
+    names = [name for name, _, _ in stimulus.make(block, case)[1]]
+    assert len(set(names)) == len(names)
+    expected = {"idle", "reset_at", "random_sparse"}
+    if any(port.width > 1 for port in block.inputs):
+        expected |= {"corners", "signs", "walking_ones"}
+    if block.strobes:
+        expected.add("enable_at")
+    if block.dense:
+        expected |= {"controls", "held", "random_dense", "random_corners"}
+    if any(port.rounding or port.overflow for port in block.registers) and stem not in ("spi_adc", "watchdog", "rates"):
+        expected.add("script" if stem in ("fault_monitor", "sequencer") else "edges")
+    if stem in ("spi_adc", "watchdog", "rates", "lock_monitor"):
+        expected.add("script")
+    assert expected <= set(names)
+
+
+@pytest.mark.parametrize(("stem", "case"), CASES)
+def test_corners_put_every_input_at_0_1_its_msb_and_all_ones(stem, case):
+    block = blocks.BLOCKS[stem]
+    rows = family(block, case, "corners")
+    for port in block.inputs:
+        if port.width > 1:
+            msb = port.fmt.lo if port.signed else 1 << (port.width - 1)
+            ones = -1 if port.signed else port.fmt.hi
+            wanted = {0, 1, msb, ones, port.fmt.lo, port.fmt.lo + 1, port.fmt.hi - 1, port.fmt.hi}
+            assert wanted <= set(rows[port.name].tolist()), port.name
+
+
+@pytest.mark.parametrize(("stem", "case"), CASES)
+def test_signs_put_the_inputs_at_the_worst_ends_together(stem, case):
+    block = blocks.BLOCKS[stem]
+    wide = [port for port in block.inputs if port.width > 1]
+    rows = family(block, case, "signs")
+    for a, b in itertools.combinations(wide, 2):
+        pairs = set(zip(rows[a.name].tolist(), rows[b.name].tolist(), strict=True))
+        assert set(itertools.product((a.fmt.lo, a.fmt.hi), (b.fmt.lo, b.fmt.hi))) <= pairs, (a.name, b.name)
+    for port in wide:
+        assert {port.fmt.lo, port.fmt.hi} <= set(rows[port.name].tolist())
+
+
+@pytest.mark.parametrize(("stem", "case"), CASES)
+def test_walking_ones_walk_through_every_bit_or_every_few(stem, case):
+    block = blocks.BLOCKS[stem]
+    rows = family(block, case, "walking_ones")
+    alone = sum(
+        (1 << k) in set((rows[port.name] & ((1 << port.width) - 1)).tolist())
+        for port in block.inputs
+        if port.width > 1
+        for k in range(port.width)
+    ) if rows else 0  # fmt: skip
+    total = sum(port.width for port in block.inputs if port.width > 1)
+    assert alone >= total / max(1, -(-total * (1 + block.wait) // 2600))
+
+
+@pytest.mark.parametrize(("stem", "case"), [(s, c) for s, c in CASES if s in PHASES])
+def test_reset_and_enable_come_at_every_state_of_the_pipeline(stem, case):
+    block = blocks.BLOCKS[stem]
+    rows, regs, _ = record(stem, case)
+    reset = rows["rst"] == 1
+    for name in PHASES[stem]:
+        every = set(regs[name].tolist())
+        assert set(regs[name][reset].tolist()) == every, name
+        if block.dense:
+            for strobe in block.strobes:
+                assert set(regs[name][~reset & (rows[strobe] == 1)].tolist()) == every, (name, strobe)
+
+
+def test_reset_comes_at_every_count_of_a_word_and_in_the_tail():
+    _, regs, _ = record("spi_adc", "default")
+    reset = record("spi_adc", "default")[0]["rst"] == 1
+    first = set(regs["count"][reset & (regs["word"] == 0)].tolist())
+    assert first == set(range(spi_adc.WORD_BITS))
+    tail = set(regs["count"][reset & (regs["word"] == spi_adc.WORDS)].tolist())
+    assert {0, spi_adc.TAIL_CYCLES - 1} <= tail
+
+
+def test_sequencer_is_reset_in_every_state():
+    rows, regs, _ = record("sequencer", "quick")
+    assert set(regs["state"][rows["rst"] == 1].tolist()) == set(range(len(sequencer.STATES)))
+
+
+def test_monitors_are_reset_while_everything_is_up():
+    for stem, case, name, value in (
+        ("lock_monitor", "default", "locked", 15),
+        ("fault_monitor", "default", "latch", fault_monitor.ALL),
+    ):
+        rows, regs, _ = record(stem, case)
+        assert value in set(regs[name][rows["rst"] == 1].tolist()), stem
+    rows, regs, _ = record("rates", "default")
+    last = (regs["tick"] == rates.TICK_CYCLES - 1) & (regs["frame"] == rates.FRAME_TICKS - 1)
+    assert (last & (rows["rst"] == 1)).any()
+
+
+@pytest.mark.parametrize(("stem", "case"), [(s, c) for s, c in CASES if blocks.BLOCKS[s].dense])
+def test_held_rests_long_enough_for_a_limit_cycle(stem, case):
+    block = blocks.BLOCKS[stem]
+    rows = family(block, case, "held")
+    table = np.column_stack([rows[port.name] for port in block.columns])
+    same = np.r_[False, (table[1:] == table[:-1]).all(axis=1)]
+    longest = max(len(list(group)) for value, group in itertools.groupby(same.tolist()) if value)
+    assert longest >= 30
+    for strobe in block.strobes:
+        assert rows[strobe].all()
+
+
+# limits that another case of the block has in reach
+ELSEWHERE = {
+    ("frequency_tracker", "default"): ("loop_acc", "loop_y"),  # 22,000 frames away; narrow
+    ("digital_sid", "default"): tuple(f"codes_{k}" for k in range(4)),  # slow poles; delay0
+    ("sequencer", "quick"): ("attempts",),  # 255 attempts of 31 frames; fastest
+    ("sequencer", "fastest"): ("faults_drive", "faults_rail"),  # SETTLE and BALANCE do not last; quick
+}
+SATURATING = [
+    (stem, case, port.name)
+    for stem, case in CASES
+    for port in blocks.BLOCKS[stem].registers
+    if port.overflow == "saturate"
+    and not port.name.endswith(("_frames", "timer"))
+    and port.name not in ELSEWHERE.get((stem, case), ())
+]
+
+
+def limits_of(block, case, name):
+    """Limits of a saturating register and the least step it can have there, from parameters and formats alone."""
+    p, port = block.cases[case], next(port for port in block.registers if port.name == name)
+    if block.stem == "pi" or name.startswith("loop_"):
+        p = p if block.stem == "pi" else p.loop
+        shift = 24 if name.endswith("acc") else 0
+        return p.lo << shift, p.hi << shift, shift
+    if block.stem == "modulator":
+        return p.lo, p.hi, 0
+    if block.stem in ("fault_monitor", "sequencer"):
+        faults = p.faults if block.stem == "sequencer" else p
+        if name == "attempts":
+            return 0, sequencer.ATTEMPTS_TOP, 0
+        return 0, getattr(faults, name.removeprefix("faults_")), 0
+    return port.fmt.lo, port.fmt.hi, 0
+
+
+@pytest.mark.parametrize(("stem", "case", "name"), SATURATING)
+def test_a_saturating_register_stands_at_its_limits_and_one_lsb_inside(stem, case, name):
+    """Every one stands at lo and at hi; those that move by one LSB at lo + 1 and hi - 1 as well."""
+    block = blocks.BLOCKS[stem]
+    found = set(record(stem, case)[1][name].tolist())
+    lo, hi, shift = limits_of(block, case, name)
+    if stem == "modulator" and case != "narrow":
+        assert {hi, hi - 1, lo + 1, lo} <= found
+        return
+    assert {lo, hi} <= found
+    if shift == 0 and hi - lo > 1:
+        assert {lo + 1, hi - 1} <= found
+
+
+def test_ties_of_the_sine_come_in_all_quadrants():
+    """Every class of dropped bits, in either sign, of the value that y rounds."""
+    _, regs, _ = record("sine", "default")
+    total = (regs["base2"] << sine.ALIGN) + regs["product"]
+    low, half = total & ((1 << sine.PRODUCT.f) - 1), 1 << (sine.PRODUCT.f - 1)
+    for wanted in (0, 1, half - 1, half, half + 1, 2 * half - 1):
+        for sign in (0, 1):
+            assert ((low == wanted) & (regs["sign2"] == sign)).any(), (wanted, sign)
+    kept = total >> sine.PRODUCT.f
+    assert {0, 1} == set((kept[low == half] & 1).tolist())
 
 
 @pytest.mark.parametrize("case", blocks.BLOCKS["modulator"].cases)
@@ -70,18 +266,49 @@ def test_modulator_meets_both_limits_every_tie_and_one_beyond(case):
     assert product.max() == modulator.AMPLITUDE.lo * modulator.SINE.lo
 
 
-@pytest.mark.parametrize("case", blocks.BLOCKS["pi"].cases)
-def test_pi_meets_both_limits(case):
-    p = blocks.BLOCKS["pi"].cases[case]
-    _, regs, _ = record("pi", case)
-    assert (regs["y"].min(), regs["y"].max()) == (p.lo, p.hi)
-    assert (regs["acc"].min(), regs["acc"].max()) == (p.lo << 24, p.hi << 24)
+PI_LIKE = [("pi", case) for case in blocks.BLOCKS["pi"].cases]
+PI_LIKE += [
+    ("agc", "default"),
+    ("rate_loop", "default"),
+    ("quadrature_loop", "default"),
+    ("frequency_tracker", "narrow"),
+]
 
 
-def test_pi_meets_a_tie_and_its_neighbours():
-    _, regs, _ = record("pi", "odd")
-    low = set(((regs["prop"] + regs["acc"]) & ((1 << 24) - 1)).tolist())
-    assert {(1 << 23) - 1, 1 << 23, (1 << 23) + 1, 0, (1 << 24) - 1} <= low
+@pytest.mark.parametrize(("stem", "case"), PI_LIKE)
+def test_a_pi_is_asked_for_one_step_beyond_each_limit(stem, case):
+    """The sum behind y, from prop and acc: at both limits +-1 LSB, and beyond, unless the gains cannot."""
+    block = blocks.BLOCKS[stem]
+    p = block.cases[case] if stem == "pi" else block.cases[case].loop
+    prefix = "" if stem == "pi" else "loop_"
+    _, regs, _ = record(stem, case)
+    rounded = set(((regs[f"{prefix}prop"] + regs[f"{prefix}acc"] + (1 << 23)) >> 24).tolist())
+    assert {p.lo, p.lo + 1, p.hi - 1, p.hi} <= rounded
+    assert ({p.lo - 1, p.hi + 1} <= rounded) == (p.kp != 0)
+
+
+@pytest.mark.parametrize(("stem", "case"), PI_LIKE)
+def test_a_pi_meets_every_edge_of_its_rounding_that_its_gains_allow(stem, case):
+    block = blocks.BLOCKS[stem]
+    p = block.cases[case] if stem == "pi" else block.cases[case].loop
+    prefix = "" if stem == "pi" else "loop_"
+    _, regs, _ = record(stem, case)
+    total = regs[f"{prefix}prop"] + regs[f"{prefix}acc"]
+    low, half = total & ((1 << 24) - 1), 1 << 23
+    gains = abs(p.kp) | abs(p.ki) | 1 << 24
+    step = gains & -gains
+    assert {0, step, half - step, half, half + step, (1 << 24) - step} <= set(low.tolist())
+    ties = total[low == half]
+    signs = {(bool(t < 0), (t >> 24) & 1) for t in ties.tolist()}
+    assert len(signs) == (4 if p.kp else 2)
+
+
+def test_spi_dac_sends_frames_as_the_modulator_makes_them():
+    for case, p in blocks.BLOCKS["spi_dac"].cases.items():
+        rows, _, _ = record("spi_dac", case)
+        words = set(rows["word"][rows["load"] == 1].tolist())
+        make = getattr(spi_dac.frame, "py_func", spi_dac.frame)
+        assert {make(p, 0, 0), make(p, -1, 0), make(p, 0, 1)} <= words, case
 
 
 def test_sequencer_sees_every_state_and_every_fault():
@@ -91,6 +318,9 @@ def test_sequencer_sees_every_state_and_every_fault():
     assert int(np.bitwise_or.reduce(regs["lock_locked"])) == 15
     for name, column in pins.items():
         assert len(set(column.tolist())) > 1, name
+    _, regs, _ = record("sequencer", "fastest")
+    attempts = regs["attempts"]
+    assert (attempts == sequencer.ATTEMPTS_TOP).sum() > 4, "asked for one attempt more than the counter holds"
 
 
 def test_spi_adc_completes_good_and_bad_frames():
@@ -111,16 +341,21 @@ def test_counters_wrap_or_saturate():
     assert int(np.bitwise_or.reduce(regs["locked"])) == 15
 
 
-@pytest.mark.parametrize("stem", ["dds", "sine", "delay", "references", "modulator", "spi_adc", "cordic", "registers"])
-def test_every_bit_of_every_register_is_seen_high_and_low(stem):
-    block, ones, zeros = blocks.BLOCKS[stem], {}, {}
+@pytest.mark.parametrize("stem", blocks.BLOCKS)
+def test_every_bit_of_every_register_rises_and_falls_in_some_case(stem):
+    """But those that are proved not to, and the upper bits of the counters of 65535 frames."""
+    block, rose, fell = blocks.BLOCKS[stem], {}, {}
     for case in block.cases:
         _, regs, _ = record(stem, case)
         for port in block.registers:
-            mask = (1 << port.width) - 1
             column = regs[port.name]
-            ones[port.name] = ones.get(port.name, 0) | int(np.bitwise_or.reduce(column)) & mask
-            zeros[port.name] = zeros.get(port.name, 0) | ~int(np.bitwise_and.reduce(column)) & mask
-    for port in block.registers:
-        full = (1 << port.width) - 1
-        assert (ones[port.name], zeros[port.name]) == (full, full), port.name
+            rose[port.name] = rose.get(port.name, 0) | int(np.bitwise_or.reduce(column[1:] & ~column[:-1]))
+            fell[port.name] = fell.get(port.name, 0) | int(np.bitwise_or.reduce(column[:-1] & ~column[1:]))
+    dead = [unreachable.reasons(block, case) for case in block.cases]
+    places = [(port, k) for port in block.registers for k in range(port.width)]
+    for port, k in places:
+        if unreachable.left_out(block, ("toggle", port.name, f"rise {k}")):
+            continue
+        for way, seen in (("rise", rose), ("fall", fell)):
+            proved = all(("toggle", port.name, f"{way} {k}") in reasons for reasons in dead)
+            assert bool(seen[port.name] >> k & 1) != proved, f"{port.name} {way} {k}"

@@ -1,0 +1,105 @@
+"""Edges of the rate output, solved stage by stage: its coefficients are inputs, so every sum can be brought anywhere.
+
+    t = 1, t2 = 0      scale_sum = s0*2**12 + s1,   word*2**24 - bias = (word*2**8 - b0)*2**16 - b1
+    s0 = 2**28         scaled = corrected           s0 = 1    the dropped bits of the product are those of corrected
+
+Source  docs/blocks/rate_output.md
+"""
+
+import numpy as np
+
+from fpga_model import rate_output
+from fpga_model.fixed import half_up
+
+ONE = 1 << rate_output.SCALE.f
+SUM_CUT = rate_output.SCALE_SUM.f - rate_output.SCALE.f
+BIAS_CUT = rate_output.BIAS.f - rate_output.CORRECTED.f
+T_ONE = 1 << rate_output.CODE_CUT
+half_up = getattr(half_up, "py_func", half_up)
+
+
+def dropped(cut):
+    """(bits that are cut, what is kept) at the edges of a rounding; a tie with every sign and parity."""
+    half, size = 1 << (cut - 1), 1 << cut
+    ties = [(half, kept) for kept in (2, 3, -2, -3)]
+    return [(low, 2) for low in (0, 1, half - 1, half + 1, size - 1)] + ties
+
+
+def _word(corrected):
+    """(word, b0) with word*2**8 - b0 = corrected."""
+    word = min(max(corrected >> 8, rate_output.CODE.lo), rate_output.CODE.hi)
+    return {"word": word, "bias": (word << 8) - corrected}
+
+
+def _scale(w):
+    lo, hi = rate_output.SCALE.lo, rate_output.SCALE.hi
+    for low, kept in dropped(SUM_CUT):
+        w.operation({"scale": kept, "scale_t1": low, "temperature": T_ONE, "word": 1 << 20})
+    for scale, more in ((hi, 1), (hi, 0), (hi, -1), (lo, -1), (lo, 0), (lo, 1)):
+        w.operation({"scale": scale, "scale_t1": more << SUM_CUT, "temperature": T_ONE, "word": 1 << 10})
+
+
+def _corrected(w):
+    lo, hi = rate_output.CORRECTED.lo, rate_output.CORRECTED.hi
+    for low, kept in dropped(BIAS_CUT):
+        # word*2**24 - (b0*2**16 + b1): b1 takes the dropped bits away from one more than is kept
+        w.operation({"scale": ONE, **_word(kept + 1), "bias_t1": (1 << BIAS_CUT) - low, "temperature": T_ONE})
+    for wanted in (lo - 1, lo, lo + 1, hi - 1, hi, hi + 1):
+        w.operation({"scale": ONE, **_word(wanted)})
+
+
+def _scaled(w):
+    lo, hi = rate_output.OUT.lo, rate_output.OUT.hi
+    for low, kept in dropped(rate_output.SCALED_CUT):
+        w.operation({"scale": 1, **_word((kept << rate_output.SCALED_CUT) + low)})
+    for wanted in (lo - 1, lo, lo + 1, hi - 1, hi, hi + 1):
+        for scale in (ONE, 3 * ONE // 2, rate_output.SCALE.hi):
+            near = (wanted << rate_output.SCALED_CUT) // scale
+            exact = [c for c in (near, near + 1) if half_up(c * scale, rate_output.SCALED_CUT) == wanted]
+            if exact and rate_output.CORRECTED.holds(exact[0]):
+                w.operation({"scale": scale, **_word(exact[0])})
+                break
+
+
+def _means(w):
+    """Sums whose cut bits are at every edge, by one sample that is not 0; 2**k samples for each mean."""
+    w.row(rst=1)
+    for k in (1, 2, 3):
+        for low, kept in dropped(k):
+            w.operation({"decimation": k, "scale": ONE, **_word((kept << k) + low)})
+            for _ in range((1 << k) - 1):
+                w.operation({"decimation": k, "scale": ONE})
+
+
+def _squares(w):
+    """Temperatures whose squares are at the edges of what their rounding drops: of all of them, the least."""
+    t = np.arange(rate_output.T.lo, rate_output.T.hi + 1)
+    low, half = (t * t) & ((1 << rate_output.T2_CUT) - 1), 1 << (rate_output.T2_CUT - 1)
+    for wanted in (0, 1, half - 1, half, half + 1, 2 * half - 1):
+        found = t[low == wanted]
+        for value in (found[found < 0][-1:], found[found > 0][:1]):
+            if len(value):
+                w.operation({"scale": ONE, "word": 256, "temperature": int(value[0]) << rate_output.CODE_CUT})
+
+
+def _decimations(w):
+    """Every decimation, with a change in the middle of a mean."""
+    for k in range(8):
+        for _ in range((1 << min(k, 6)) + 3):
+            w.operation({"decimation": k, "scale": ONE, "word": w.random.raw(rate_output.CODE)})
+
+
+def _resets(w):
+    """Resets within a mean: of 64 at its last sample, and while a sample is on its way."""
+    for k, samples in ((6, 63), (3, 2)):
+        w.row(rst=1)
+        for _ in range(samples):
+            w.operation({"decimation": k, "scale": ONE, "word": w.random.raw(rate_output.CODE)})
+        w.row({"decimation": k, "scale": ONE, "en": 1}, times=1)
+        w.row({"decimation": k, "scale": ONE}, times=2)
+        w.row(rst=1)
+
+
+def edges_rate_output(w):
+    for part in (_scale, _corrected, _scaled, _means, _squares, _decimations, _resets):
+        part(w)

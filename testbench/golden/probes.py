@@ -1,0 +1,353 @@
+"""The step of a block with a probe at every decision: which outcomes, boundaries, ties and limits a stimulus has met.
+
+    branch    test of an if, of a conditional expression, of a part of `and`, `or`, `not`      yes, no
+    compare   a < b and its kin                       yes, no, and a - b = -1, 0, 1 (order only)
+    round     half_up(x, n)                           dropped bits 0, 1, half - 1, half + 1, all ones;
+                                                      ties by the sign of x and by the parity of what is kept
+    cut       x >> n, floor(x, n)                     dropped bits 0, all ones
+    clamp     clamp(x, lo, hi)                        lo - 1, lo, lo + 1, hi - 1, hi, hi + 1
+    wrap      wrap, wrap_unsigned(x, width)           the two ends, and one LSB beyond each
+
+The source of `step` is parsed, every such place is replaced by a call that notes what passes and returns what the place
+would have given, and the functions it calls are copied in turn, one copy per call: each instance has probes of its own.
+Source  docs/golden.md (coverage)
+"""
+
+import ast
+import importlib
+import inspect
+import itertools
+import textwrap
+from typing import NamedTuple
+
+from fpga_model import fixed
+from testbench import flatten
+
+ORDER = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">="}
+SAME = {ast.Eq: "==", ast.NotEq: "!="}
+ROUNDED = ("zero", "one", "half-1", "half+1", "ones", "tie+even", "tie+odd", "tie-even", "tie-odd")
+CLAMPED = ("lo-1", "lo", "lo+1", "hi-1", "hi", "hi+1")
+WRAPPED = ("under", "lo", "hi", "over")
+
+
+class Site(NamedTuple):
+    """One place in the source: kind, name (where: what), the outcomes it could have, and those seen."""
+
+    kind: str
+    name: str
+    possible: tuple
+    seen: set
+
+
+# Each factory returns the function that stands in the place, writing outcomes into `seen` -----------------------------
+
+
+def _branch(seen):
+    def note(value):
+        seen.add("yes" if value else "no")
+        return value
+
+    return note
+
+
+def _compare(symbol, seen):
+    test = eval(f"lambda a, b: a {symbol} b")
+    near = symbol in ORDER.values()
+
+    def note(a, b):
+        found = test(a, b)
+        seen.add("yes" if found else "no")
+        if near and -2 < a - b < 2:
+            seen.add(("-1", "0", "+1")[a - b + 1])
+        return found
+
+    return note
+
+
+def _round(seen):
+    def note(x, n):
+        if n > 0:
+            low, half = x & ((1 << n) - 1), 1 << (n - 1)
+            if low == half:
+                seen.add(f"tie{'-' if x < 0 else '+'}{'odd' if (x >> n) & 1 else 'even'}")
+            elif low < 2:
+                seen.add("one" if low else "zero")
+            if low == half - 1:
+                seen.add("half-1")
+            elif low == half + 1:
+                seen.add("half+1")
+            if low == (1 << n) - 1:
+                seen.add("ones")
+        return (x + ((1 << n) >> 1)) >> n
+
+    return note
+
+
+def _cut(seen):
+    def note(x, n):
+        low = x & ((1 << n) - 1)
+        if low == 0:
+            seen.add("zero")
+        if low == (1 << n) - 1:
+            seen.add("ones")
+        return x >> n
+
+    return note
+
+
+def _clamp(seen):
+    def note(x, lo, hi):
+        if -2 < x - lo < 2:
+            seen.add(("lo-1", "lo", "lo+1")[x - lo + 1])
+        if -2 < x - hi < 2:
+            seen.add(("hi-1", "hi", "hi+1")[x - hi + 1])
+        return lo if x < lo else (hi if x > hi else x)
+
+    return note
+
+
+def _wrap(seen, signed):
+    def lowest(width):
+        return -(1 << (width - 1)) if signed else 0
+
+    def note(x, width):
+        lo = lowest(width)
+        hi = lo + (1 << width) - 1
+        if x == lo or x == hi:
+            seen.add("lo" if x == lo else "hi")
+        elif x == lo - 1 or x == hi + 1:
+            seen.add("under" if x < lo else "over")
+        return ((x - lo) & ((1 << width) - 1)) + lo
+
+    note.lowest = lowest
+    return note
+
+
+def _distance(kind, outcome, args):
+    """How far the operands of a place are from an outcome; None where there is no measure."""
+    if any(not isinstance(x, int) for x in args):
+        return None
+    if kind == "compare":
+        a, b = args
+        return abs(a - b - int(outcome)) if outcome in ("-1", "0", "+1") else abs(a - b)
+    if kind == "clamp":
+        x, lo, hi = args
+        return abs(x - (lo if outcome[:2] == "lo" else hi) - int(outcome[2:] or 0))
+    if kind == "wrap":
+        x, lo, hi = args
+        return abs(x - {"lo": lo, "hi": hi, "under": lo - 1, "over": hi + 1}[outcome])
+    if kind in ("round", "cut"):
+        x, n = args
+        size, half = 1 << n, (1 << n) >> 1
+        wanted = {"zero": 0, "one": 1, "half-1": half - 1, "half+1": half + 1, "ones": size - 1}.get(outcome, half)
+        away = abs((x & (size - 1)) - wanted)
+        return min(away, size - away) if n else None
+    return None
+
+
+PLACES = {
+    "half_up": ("round", ROUNDED, _round),
+    "floor": ("cut", ("zero", "ones"), _cut),
+    "clamp": ("clamp", CLAMPED, _clamp),
+    "wrap": ("wrap", WRAPPED, lambda seen: _wrap(seen, True)),
+    "wrap_unsigned": ("wrap", WRAPPED, lambda seen: _wrap(seen, False)),
+}
+
+
+def _python(function):
+    return getattr(function, "py_func", function)
+
+
+class _Transformer(ast.NodeTransformer):
+    """Replaces the places of one function and copies the functions that it calls.
+
+    names     what the names of the function mean that do not change while a case runs
+    changing  the names that do; an expression without any has one value in a case and is no place
+    """
+
+    def __init__(self, owner, names, path, changing):
+        self.owner, self.names, self.path, self.changing = owner, names, path, changing
+
+    def fixed(self, node):
+        return not any(isinstance(n, ast.Name) and n.id in self.changing for n in ast.walk(node))
+
+    def value(self, node):
+        return eval(compile(ast.fix_missing_locations(ast.Expression(node)), "", "eval"), self.names)
+
+    def place(self, kind, node, possible, factory):
+        key = self.owner.add(kind, f"{self.path}: {ast.unparse(node)}", possible, factory)
+        return ast.Name(key, ast.Load())
+
+    def visit(self, node):
+        return node if isinstance(node, ast.expr) and self.fixed(node) else super().visit(node)
+
+    def test(self, node):
+        """The probed form of an expression whose truth is used."""
+        if self.fixed(node):
+            return node
+        if isinstance(node, (ast.BoolOp, ast.Compare)) or (
+            isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not)
+        ):
+            return self.visit(node)
+        note = self.place("branch", node, ("yes", "no"), _branch)
+        return ast.Call(note, [self.visit(node)], [])
+
+    def visit_If(self, node):
+        if self.fixed(node.test):
+            return self.listed(node.body if self.value(node.test) else node.orelse) or ast.Pass()
+        return ast.If(self.test(node.test), self.listed(node.body), self.listed(node.orelse))
+
+    def listed(self, nodes):
+        found = []
+        for node in nodes:
+            visited = self.visit(node)
+            found += visited if isinstance(visited, list) else [visited]
+        return found
+
+    def visit_IfExp(self, node):
+        if self.fixed(node.test):
+            return self.visit(node.body if self.value(node.test) else node.orelse)
+        return ast.IfExp(self.test(node.test), self.visit(node.body), self.visit(node.orelse))
+
+    def visit_BoolOp(self, node):
+        return ast.BoolOp(node.op, [self.test(value) for value in node.values])
+
+    def visit_UnaryOp(self, node):
+        operand = self.test(node.operand) if isinstance(node.op, ast.Not) else self.visit(node.operand)
+        return ast.UnaryOp(node.op, operand)
+
+    def visit_Compare(self, node):
+        kind = type(node.ops[0])
+        possible = ("yes", "no", "-1", "0", "+1") if kind in ORDER else ("yes", "no")
+        symbol = {**ORDER, **SAME}[kind]
+        note = self.place("compare", node, possible, lambda seen: _compare(symbol, seen))
+        (right,) = node.comparators
+        return ast.Call(note, [self.visit(node.left), self.visit(right)], [])
+
+    def visit_BinOp(self, node):
+        if not isinstance(node.op, ast.RShift):
+            return self.generic_visit(node)
+        note = self.place("cut", node, ("zero", "ones"), _cut)
+        return ast.Call(note, [self.visit(node.left), self.visit(node.right)], [])
+
+    def visit_Call(self, node):
+        target = self.value(node.func)
+        arguments = [self.visit(x) for x in node.args]
+        keywords = [ast.keyword(k.arg, self.visit(k.value)) for k in node.keywords]
+        plain = _python(target)
+        if plain.__module__ == fixed.__name__ and plain.__name__ in PLACES:
+            kind, possible, factory = PLACES[plain.__name__]
+            return ast.Call(self.place(kind, node, possible, factory), arguments, keywords)
+        if inspect.isfunction(plain) and plain.__module__.startswith("fpga_model."):
+            given = dict(zip(inspect.signature(plain).parameters, node.args)) | {k.arg: k.value for k in node.keywords}
+            steady = {name: self.value(value) for name, value in given.items() if self.fixed(value)}
+            inner = self.owner.copy(plain, f"{self.path} > {ast.unparse(node.func)}", steady)
+            return ast.Call(ast.Name(inner, ast.Load()), arguments, keywords)
+        return ast.Call(node.func, arguments, keywords)
+
+
+class Probed:
+    """`step` of a module, probed; `sites` in the order of the source, a second place of the same text numbered.
+
+    fixed  {argument of step: value} of what does not change while a case runs
+    """
+
+    def __init__(self, module, fixed, watched=None):
+        self.watched, self.nearest = watched, None
+        self.numbers, self.sites, self.shared, self.calls = itertools.count(), {}, {}, {}
+        self.step = self.shared[self.copy(_python(module.step), module.__name__.rpartition(".")[2], fixed)]
+
+    def add(self, kind, name, possible, factory):
+        key, label = f"_probe_{next(self.numbers)}", name
+        for again in itertools.count(2):
+            if label not in self.sites:
+                break
+            label = f"{name} #{again}"
+        site = Site(kind, label, possible, set())
+        self.sites[label] = site
+        self.shared[key] = note = factory(site.seen)
+        if self.watched and self.watched[:2] == (kind, label):
+            self.shared[key] = self.measured(kind, note, self.watched[2])
+        return key
+
+    def measured(self, kind, note, outcome):
+        """A note that keeps the least distance of its operands from the watched outcome as well."""
+
+        def with_distance(*args):
+            found = note(*args)
+            values = args
+            if kind == "wrap":
+                lo = note.lowest(args[1])
+                values = (args[0], lo, lo + (1 << args[1]) - 1)
+            away = _distance(kind, outcome, values)
+            if away is not None and (self.nearest is None or away < self.nearest):
+                self.nearest = away
+            return found
+
+        return with_distance
+
+    def copy(self, function, path, fixed):
+        """Name of a probed copy of a function; `fixed` are the values of arguments that do not change in a case."""
+        key = f"_copy_{next(self.numbers)}"
+        tree = ast.parse(textwrap.dedent(inspect.getsource(function))).body[0]
+        names = {**function.__globals__, **fixed}
+        tree.decorator_list, tree.name = [], key
+        # calls of one path are told apart by a number
+        self.calls[path] = self.calls.get(path, 0) + 1
+        stored = {n.id for n in ast.walk(tree) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
+        changing = (set(inspect.signature(function).parameters) - set(fixed)) | stored
+        changed = _Transformer(self, names, path if self.calls[path] == 1 else f"{path}#{self.calls[path]}", changing)
+        tree.body = changed.listed(tree.body)
+        names["__builtins__"] = __builtins__
+        code = compile(ast.fix_missing_locations(ast.Module([tree], [])), inspect.getfile(function), "exec")
+        names.update(self.shared)
+        exec(code, names)
+        self.shared[key] = names[key]
+        return key
+
+    def clear(self):
+        self.nearest = None
+        for site in self.sites.values():
+            site.seen.clear()
+
+    def goals(self):
+        """Every (kind, name, outcome) that the sites could give."""
+        return [(s.kind, s.name, outcome) for s in self.sites.values() for outcome in s.possible]
+
+    def seen(self):
+        return {(s.kind, s.name, outcome) for s in self.sites.values() for outcome in s.seen}
+
+
+def probed(block, case, watched=None):
+    """Probed step of a golden block for one case; `watched` is a goal whose nearest miss is kept in `nearest`."""
+    fixed = {} if block.runtime_params or block.cases[case] is None else {"p": block.cases[case]}
+    return Probed(importlib.import_module(f"fpga_model.{block.stem}"), fixed, watched)
+
+
+def edge(block, case, step):
+    """Function (state, row of inputs without rst) -> next state, by the given step."""
+    module, params = importlib.import_module(f"fpga_model.{block.stem}"), block.cases[case]
+    if block.runtime_params:
+        count = len(module.Params._fields)
+        return lambda s, row: step(module.Params(*row[:count]), s, *row[count:])
+    if block.stem == "sequencer":
+        return lambda s, row: step(params, s, row[0], module.Inputs(*row[1:]))
+    if block.stem == "fault_monitor":
+        return lambda s, row: step(params, s, *row[:3], tuple(row[3:7]), *row[7:])
+    if params is None:
+        return lambda s, row: step(s, *row)
+    return lambda s, row: step(params, s, *row)
+
+
+def follow(block, case, found, rows, state=None):
+    """Run rows (lists, rst first) through a probed step; returns the state after the last."""
+    one = edge(block, case, found.step)
+    state = block.state if state is None else state
+    for row in rows:
+        state = block.state if row[0] else one(state, row[1:])
+    return state
+
+
+def registers_of(state):
+    """Registers of a state in the order of the ports."""
+    return [int(value) for _, value in flatten.leaves(state)]

@@ -1,0 +1,190 @@
+"""Script of the sequencer: start-up to LOCKED in few frames, loss and recovery, and every comparison at its edge.
+
+The model itself runs along, so that the script can wait for a state.
+Source  docs/blocks/sequencer.md
+"""
+
+import itertools
+
+from fpga_model import fault_monitor, sequencer
+
+SETPOINT = 1 << 23
+PATIENCE = 120  # frames within which a state has to come
+HELD = sequencer.HOLD_AGC | sequencer.HOLD_PLL | sequencer.HOLD_FTR
+CUT = sequencer.GAIN.f
+
+
+class Walk:
+    """Frames into a writer, with codes that move so that the ADC does not look stuck."""
+
+    def __init__(self, w):
+        self.w, self.p = w, w.block.cases[w.case]
+        self.frames = itertools.count(1)
+        self.reset()
+
+    def reset(self):
+        self.w.row({"en": 1, "i_control": sequencer.RUN}, rst=1)
+        self.state = sequencer.State()
+
+    def run(self, times=1, control=sequencer.RUN, alive=True, **more):
+        for _ in range(times):
+            given = {"control": control, "adc_ok": 1, "drive_sin": next(self.frames) if alive else 7}
+            given |= {"magnitude": SETPOINT, "setpoint": SETPOINT, **more}
+            self.w.row({"en": 1, **{f"i_{name}": value for name, value in given.items()}})
+            self.state = sequencer.step(self.p, self.state, 1, sequencer.Inputs(**given))
+
+    def until(self, state, **more):
+        """Frames until the state comes; False if it does not."""
+        for _ in range(PATIENCE):
+            if self.state.state == state:
+                return True
+            self.run(**more)
+        return False
+
+    def again(self, state, **more):
+        """From IDLE to a state."""
+        self.run(1, control=0)
+        return self.until(state, **more)
+
+
+def _walks(walk):
+    """The user's bits, faults of every kind, lost lock, a bad ADC, searches that find and that do not."""
+    run = walk.run
+    run(10, control=0)
+    for magnitude in (SETPOINT, 0):
+        run(90, magnitude=magnitude)
+    run(90)
+    for k in range(1, len(sequencer.CONTROL_BITS)):
+        run(4, control=sequencer.RUN | 1 << k)
+        run(70)
+    run(20, sense_sin=1 << 22)
+    run(10)
+    run(20, sense_cos=-(1 << 22), qsc_rail=1)
+    run(10, drive_saturated=1, rate_saturated=1)
+    run(10, drive_cos=0x7FFFFF)
+    run(20, alive=False)
+    run(80)
+    run(3, adc_ok=0)
+    run(5)
+    run(33, stale=1)
+    run(80)
+    run(30, phase=1 << 22)
+    for step in (1 << 18, -(1 << 18), 1 << 22):
+        run(1, control=0)
+        for k in range(80):
+            run(1, phase=((k * step + SETPOINT) % (1 << 24)) - SETPOINT)
+
+
+def _attempts(walk):
+    """Failed attempts until their counter is at its top and beyond."""
+    if walk.p.search == 1:
+        walk.run(3 * (sequencer.ATTEMPTS_TOP + 4), magnitude=0)
+
+
+def _reached(walk):
+    """The magnitude at `reached` of the setpoint +-1 LSB of the magnitude, then of the product; and too slow."""
+    p = walk.p
+    walk.again(sequencer.ACQUIRE)
+    walk.run(p.timeout + 2, magnitude=SETPOINT >> 1)
+    for near in (-1, 0, 1):
+        walk.again(sequencer.ACQUIRE)
+        walk.run(2, magnitude=(SETPOINT * p.reached >> 16) + near)
+    for near in (-1, 1):
+        setpoint = -near * pow(p.reached, -1, 1 << 16) % (1 << 16)
+        walk.again(sequencer.ACQUIRE)
+        walk.run(1, setpoint=setpoint, magnitude=(setpoint * p.reached + near) >> 16)
+        walk.run(2)
+    for near in (-1, 0, 1):
+        walk.run(1, magnitude=p.min_magnitude + near)
+
+
+def _rotations(walk):
+    """Rotations whose product with the gain is at every edge of its rounding; phase steps at their ends."""
+    p, size, half = walk.p, 1 << CUT, 1 << (CUT - 1)
+    inverse = pow(p.gain, -1, size) if p.gain % 2 else 0
+    wanted = [(low, None, None) for low in (0, 1, half - 1, half + 1, size - 1)]
+    wanted += [(half, odd, negative) for odd in (0, 1) for negative in (False, True)]
+    sums = []
+    for low, odd, negative in wanted:
+        start = low * inverse % size
+        for turn in itertools.chain.from_iterable((k, -1 - k) for k in range(8)):
+            total = start + turn * size
+            product = total * p.gain
+            if odd is None or ((product >> CUT) & 1, product < 0) == (odd, negative):
+                sums.append(total)
+                break
+    limit = (p.search_limit << CUT) // p.gain
+    groups = [sums[k : k + max(1, p.search - 2)] for k in range(0, len(sums), max(1, p.search - 2))]
+    for group in groups:
+        if walk.again(sequencer.SEARCH):
+            phase = before = 0
+            for total in group:
+                phase, before = phase + total - before, total
+                walk.run(1, phase=_wrapped(phase))
+    for near in (-1, 0, 1, 2):
+        if walk.again(sequencer.SEARCH):
+            whole, frames = limit + near, p.search
+            for k in range(1, frames + 1):
+                walk.run(1, phase=_wrapped(whole * k // frames))
+    for first, second in ((2, -SETPOINT + 1), (1 - SETPOINT, 1), (0, -SETPOINT), (-SETPOINT, -1)):
+        if walk.again(sequencer.SEARCH, phase=first):
+            walk.run(1, phase=first)
+            walk.run(1, phase=second)
+
+
+def _wrapped(phase):
+    return (phase + SETPOINT) % (1 << 24) - SETPOINT
+
+
+def _limits(walk):
+    """Each error at both of its limits, each code at its range, +-1 LSB."""
+    p = walk.p.lock
+    for table in (p.limit_in, p.limit_out):
+        for near, sign in itertools.product((-1, 0, 1), (1, -1)):
+            walk.run(1, phase=sign * (table[1] + near))
+            walk.run(1, sense_sin=sign * (table[2] + near))
+            walk.run(1, sense_cos=sign * (table[3] + near))
+            walk.run(1, magnitude=SETPOINT - sign * ((SETPOINT * table[0] >> 16) + near))
+            walk.run(3)
+        # a setpoint whose product with the limit has all ones in the bits that are cut
+        walk.run(1, setpoint=(1 << 20) | (-pow(table[0], -1, 1 << 16) % (1 << 16)))
+    for near, sign in itertools.product((-1, 0, 1), (1, -1)):
+        for name in ("drive_sin", "drive_cos", "sense_sin", "sense_cos"):
+            walk.run(1, **{name: sign * (fault_monitor.RANGE_LIMIT + near)})
+
+
+def _at_each_state(walk):
+    """Lost lock, unusable frames, saturations and the user's bits in ACQUIRE, SETTLE, BALANCE and LOCKED."""
+    apart = {"sense_sin": 1 << 22, "sense_cos": 1 << 22}  # keeps the sense loops from locking
+    small = {"magnitude": SETPOINT >> 1}  # keeps ACQUIRE from ending
+    states = {sequencer.ACQUIRE: small, sequencer.SETTLE: apart, sequencer.BALANCE: apart, sequencer.LOCKED: {}}
+    for state, held in states.items():
+        for more in (
+            {"stale": 1},
+            {"adc_ok": 0},
+            {"drive_saturated": 1},
+            {"qsc_rail": 1},
+            {"qsc_rail": 1, "control": sequencer.RUN | sequencer.FIX_QSC},
+            {"control": sequencer.RUN | HELD},
+            {"control": sequencer.RUN | HELD & ~sequencer.HOLD_FTR},
+            {"rate_saturated": 1},
+        ):
+            if walk.again(state, **held):
+                walk.run(2, **{**held, **more})
+        if walk.again(state, **held):
+            walk.run(8, phase=1 << 22)
+
+
+def _resets(walk):
+    """A reset in every state."""
+    for state in range(sequencer.POWER_UP, sequencer.LOCKED + 1):
+        opened = {"control": sequencer.RUN | sequencer.OPEN_DRIVE} if state == sequencer.OPEN else {}
+        stopped = {"control": 0} if state <= sequencer.IDLE else {}
+        if walk.until(state, **opened, **stopped):
+            walk.reset()
+
+
+def script_sequencer(w):
+    walk = Walk(w)
+    for part in (_walks, _attempts, _reached, _rotations, _limits, _at_each_state, _resets):
+        part(walk)
