@@ -141,7 +141,7 @@ run() {{
         [ "$(cat $work/version 2>&1)" = "$version" ] || rm -rf $work
         mkdir -p $work || return
         kept=$(cd $work && for file in verilated*.o; do [ ! -f $file ] || printf ' -o %s' $file; done)
-        verilator --binary --timing -j 0 -MAKEFLAGS "OPT_FAST=-O{level} OPT_GLOBAL=-O0$kept" \\
+        verilator --binary --timing -j 0 -MAKEFLAGS "OPT_FAST=-O{level} OPT_GLOBAL=-O{level}$kept" \\
             -Wno-fatal -Wno-lint -Wno-style -I. --top-module tb_$BLOCK $NONE --Mdir $work -o sim \\
             tb_$BLOCK.v $(design v) >build/verilator.log 2>&1 || {{ cat build/verilator.log && return 1; }}
         echo "$version" >$work/version

@@ -102,7 +102,7 @@ def test_story_locks_saturates_fails_and_is_safe_again(seen):
     assert 0.2 * full < word[599] < 0.4 * full
     assert -0.4 * full < word[659] < -0.2 * full
     # 1500 deg/s is beyond full scale: the word sits at its limit, is flagged, and leaves it again
-    assert (word[725:745] == full).all()
+    assert (word[736:745] == full).all()
     assert flags[745] & fault_monitor.RATE_SATURATED
     assert (np.abs(word[800:815]) < full).all()
     for frame, flag in ((826, "OVER_RANGE"), (844, "STALE"), (872, "STUCK"), (900, "STALE")):

@@ -17,6 +17,7 @@ from testbench import engine
 from testbench.errors import ConfigError, FileError
 from testbench.flatten import leaves
 from testbench.golden import benches, blocks, bundle, cli, recording, replay, signature, top
+from testbench.golden.top_benches.layout import DEFAULT_FRAMES
 from tests.testbench.golden import standin
 from tests.testbench.golden.benching import NEEDS, RTL, make, need
 
@@ -160,6 +161,16 @@ def test_waves_show_the_windows_at_their_own_times(out):
     k = [port["name"] for port in found.manifest["registers"]].index("rates_slot")
     row = int(np.flatnonzero(found.exp[:, k] == 30)[0])
     assert ((2 * 500_000 * int(found.at[row]) + 13) // 26, 30) in changes
+
+
+def test_the_page_states_the_cases_and_the_frames_that_are_run():
+    page = (RTL.parents[1] / "docs" / "golden.md").read_text()
+    for case in top.CASES:
+        r = recording.load(case)
+        cells = f"| `{case}` | {r.frames} | {r.frames * FRAME_CYCLES} | {len(top.clocks_of(r))} |"
+        assert cells in page
+    for sim, frames in DEFAULT_FRAMES.items():
+        assert f"| {sim} | {frames or 'all'} |" in page
 
 
 # ---- damage ----------------------------------------------------------------------------------------------------------
@@ -341,14 +352,14 @@ def test_signature_finds_the_frame_and_its_window_the_register(out, played, desi
 
 @pytest.mark.parametrize("sim", ["icarus", "ghdl"])
 def test_a_stuck_chip_select_shows_as_a_wrong_input(out, played, design, tmp_path, sim):
-    # the converter answers the pins: without a falling CS_N it sends nothing, and DRDY_N never rises
+    # the converter answers the pins: without a falling CS_N it sends nothing
     rows = list(played)
     low = {name: lo for name, _, _, lo in benches.slices(benches.results(design))}["o_adc_cs_n"]
     rows = [word | 1 << low for word in rows]
     bad = standin.write(tmp_path / "bad", design, CASE, rows)
     done = check(out / CASE, sim, bad, 2)
     assert "o_adc_cs_n: expected 0, got 1" in done.stdout
-    assert "drdy_n: expected 1, got 0" in done.stdout
+    assert "clock 3244: dout: expected 1, got 0" in done.stdout
 
 
 @pytest.mark.parametrize(("sim", "frames"), [("icarus", 20), ("verilator", 0), ("cocotb", 2), ("cocotb-verilator", 2)])
