@@ -272,15 +272,23 @@ def problems(runs):
 # ---- the lowest versions ---------------------------------------------------------------------------------------------
 
 
+# Simulators' companions: they run bundles, not this project, and some are no wheels
+COMPANIONS = {"apytypes", "cocotb", "vunit-hdl"}
+
+
 def lowest(text):
-    """Requirements `name==version` of the lower bounds in a pyproject.toml, those for tests included."""
+    """Requirements `name==version` of the lower bounds in a pyproject.toml, those for tests included.
+
+    All but COMPANIONS, which have nothing to do with numbers.
+    """
     project = tomllib.loads(text)["project"]
     pinned = []
     for requirement in project["dependencies"] + project["optional-dependencies"]["test"]:
         found = re.fullmatch(r"([A-Za-z][\w.-]*)>=(\d+(?:\.\d+)*)(,<\d+)?", requirement)
         if not found:
             raise ValueError(f"pyproject.toml: {requirement!r} is not of the form name>=version[,<version]")
-        pinned.append(f"{found[1]}=={found[2]}")
+        if found[1] not in COMPANIONS:
+            pinned.append(f"{found[1]}=={found[2]}")
     return pinned
 
 
