@@ -21,8 +21,10 @@ from typing import NamedTuple
 import mpmath
 import numpy as np
 
+from analog_frontend.vector import LANES, integers, store
 from fpga_model.jit import inlined, kernel, outlined
 
+ORDER = np.arange(LANES, dtype=np.int64)
 MASK = 0xFFFFFFFF
 LOW = 0xFFFF
 MULTIPLIER = 0x4F1BBCDD  # 2^31 (sqrt 5 - 1) / 2, odd
@@ -198,15 +200,16 @@ def white_fine(p, counter):
 
 @outlined
 def fill_rows(p, q, counter, stride, w, first, second, n):
-    """w[first + i] = sample of p, w[second + i] = of q at counter + i stride for i below n. Mutates `w`.
+    """w[first + i] = sample of p, w[second + i] = of q at counter + i stride for i below n, a multiple of 8.
 
-    p takes the first word of each hash and q the second: they have the same keys (edge jitter is both).
+    p takes the first word of each hash and q the second: they have the same keys (edge jitter is both). Mutates `w`.
     """
     if p.on and q.on:
-        for i in range(n):
-            x, y = words(p.key0, p.key1, counter + i * stride)
-            w[first + i] = p.sigma * ih4(x)
-            w[second + i] = q.sigma * ih4(y)
+        steps = integers(ORDER, 0) * stride
+        for i in range(0, n, LANES):
+            x, y = words(p.key0, p.key1, steps + (counter + i * stride))
+            store(w, first + i, p.sigma * ih4(x))
+            store(w, second + i, q.sigma * ih4(y))
     else:
         for i in range(n):
             w[first + i] = white(p, counter + i * stride)

@@ -93,10 +93,10 @@ def test_filled_rows_have_the_bits_of_single_samples():
     first = 2**33 - 60
     for p_now, q_now in ((p, q), (p._replace(on=0), q), (p, q._replace(on=0)), (p._replace(on=0), q._replace(on=0))):
         out = np.full(64, 7.0)
-        fill_rows(p_now, q_now, first, 6, out, 5, 35, 21)
-        assert out[5:26].tolist() == [noise.white(p_now, first + 6 * k) for k in range(21)]
-        assert out[35:56].tolist() == [noise.white(q_now, first + 6 * k) for k in range(21)]
-        assert set(out[:5]) | set(out[26:35]) | set(out[56:]) == {7.0}
+        fill_rows(p_now, q_now, first, 6, out, 5, 35, 24)
+        assert out[5:29].tolist() == [noise.white(p_now, first + 6 * k) for k in range(24)]
+        assert out[35:59].tolist() == [noise.white(q_now, first + 6 * k) for k in range(24)]
+        assert set(out[:5]) | set(out[29:35]) | set(out[59:]) == {7.0}
 
 
 def test_off_is_exactly_zero():
