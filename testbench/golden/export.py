@@ -5,8 +5,6 @@ Source  docs/golden.md
 """
 
 import hashlib
-import platform
-import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -14,21 +12,8 @@ import numpy as np
 from fpga_model.rates import MASTER_HZ
 from testbench import vcd
 from testbench.errors import ConfigError
-from testbench.golden import benches, blocks, bundle, evidence, range_report, stimulus, top
+from testbench.golden import benches, blocks, bundle, evidence, provenance, range_report, stimulus, top
 from testbench.version import VERSION
-
-ROOT = Path(__file__).resolve().parents[2]
-
-
-def git_head(root=ROOT):
-    """Commit of the working tree that this package lies in; "unknown" where there is no tree or no git."""
-    if not (root / ".git").exists():
-        return "unknown"
-    try:
-        done = subprocess.run(["git", "-C", str(root), "rev-parse", "HEAD"], capture_output=True, text=True, timeout=10)
-    except (OSError, subprocess.SubprocessError):
-        return "unknown"
-    return done.stdout.strip() if done.returncode == 0 else "unknown"
 
 
 def _manifest(block, case, stim, exp, families, seed):
@@ -55,12 +40,7 @@ def _manifest(block, case, stim, exp, families, seed):
         "families": [list(found) for found in families],
         "coverage": evidence.summary(block, case, stim, exp),
         "config_sha256": hashlib.sha256(identity.encode()).hexdigest(),
-        "provenance": {
-            "version": VERSION,
-            "git": git_head(),
-            "python": platform.python_version(),
-            "numpy": np.__version__,
-        },
+        "provenance": provenance.provenance(),
     }
 
 

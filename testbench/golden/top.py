@@ -13,7 +13,6 @@ Source  docs/golden.md (the whole design)
 """
 
 import hashlib
-import platform
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +22,7 @@ from fpga_model.rates import FRAME_CYCLES, MASTER_HZ, TICK_CYCLES
 from testbench import vcd
 from testbench.errors import ConfigError, FileError
 from testbench.flatten import format_leaves, leaves
-from testbench.golden import benches, blocks, bundle, recording, replay, signature, top_benches
+from testbench.golden import benches, blocks, bundle, provenance, recording, replay, signature, top_benches
 from testbench.golden.blocks import Port, flat
 from testbench.golden.top_benches.layout import CLOCK_BITS
 from testbench.version import VERSION
@@ -147,7 +146,7 @@ def _manifest(design, r, at, counts):
         "recording_sha256": recorded,
         "seed": None,
         "config_sha256": hashlib.sha256(identity.encode()).hexdigest(),
-        "provenance": {"version": VERSION, "python": platform.python_version(), "numpy": np.__version__},
+        "provenance": provenance.provenance(),
     }
 
 

@@ -6,7 +6,7 @@ import subprocess
 import numpy as np
 import pytest
 
-from testbench.golden import blocks, corners, coverage, evidence, export, stimulus, unreachable
+from testbench.golden import blocks, corners, coverage, evidence, provenance, stimulus, unreachable
 
 STEMS = tuple(blocks.BLOCKS)
 CASES = [(stem, case) for stem, block in blocks.BLOCKS.items() for case in block.cases]
@@ -134,9 +134,9 @@ def test_a_vector_without_resets_has_less_to_show():
 
 
 def test_commit_of_the_tree_or_unknown(tmp_path):
-    assert export.git_head(tmp_path) == "unknown"
+    assert provenance.git_head(tmp_path) == "unknown"
     (tmp_path / ".git").mkdir()
-    assert export.git_head(tmp_path) == "unknown"
+    assert provenance.git_head(tmp_path) == "unknown"
     (tmp_path / ".git").rmdir()
     git = ["git", "-C", str(tmp_path), "-c", "user.name=x", "-c", "user.email=x@y.z"]
     try:
@@ -144,7 +144,7 @@ def test_commit_of_the_tree_or_unknown(tmp_path):
         subprocess.run([*git, "commit", "-q", "--allow-empty", "-m", "x"], check=True)
     except (OSError, subprocess.CalledProcessError):
         pytest.skip("no git: the commit of a tree was NOT read")
-    head = export.git_head(tmp_path)
+    head = provenance.git_head(tmp_path)
     assert len(head) == 40
     assert set(head) <= set("0123456789abcdef")
 
