@@ -44,6 +44,7 @@ CODE_HI = FULL_CODE - 1
 CODE_LO = -FULL_CODE
 NOT_PENDING = -(1 << 61)
 PGA_GAINS = (1, 2, 3, 4, 6, 8, 12)
+CURVE = 13  # Chebyshev polynomials T2 .. T14 of the transfer's curve
 
 # Rows of State.clock; the codes follow
 DUE, SAMPLE, PENDING, COUNT, CODES = range(5)
@@ -67,6 +68,11 @@ class Params(NamedTuple):
     offset_v: tuple
     steps_per_v: tuple  # PGA gain (1 + error) 2^23 / (VREF step)
     inl: tuple  # (u^3 - u) of full scale added at u of full scale
+    errors_on: tuple  # any of those that follow
+    turnover: tuple  # |v| added at v
+    gain_tc_per_k: tuple  # relative, from 25 degC of the sensor channel's voltage on
+    memory: tuple  # part of the conversion before that is added
+    curve: tuple  # parts of full scale by Chebyshev's T2 .. T14 of v / full scale, all channels but the sensor
     white: tuple
     flicker: tuple
 
@@ -103,6 +109,10 @@ def design(
     offset_v=(0.0,) * CHANNELS,
     gain_error=(0.0,) * CHANNELS,
     inl=(0.0,) * CHANNELS,
+    turnover=(0.0,) * CHANNELS,
+    gain_tc_per_k=(0.0,) * CHANNELS,
+    memory=(0.0,) * CHANNELS,
+    curve=(),
 ):
     """Machine units of a converter; all per-channel values are referred to its input (before the PGA).
 
@@ -110,6 +120,10 @@ def design(
     flicker_v_per_rthz  one-sided density at 1 Hz (V/rtHz)
     conversion_delay_s  last modulator sample to the fall of DRDY (s); must be at least one tick of 26 cycles
     inl                 peak of the cubic as a fraction of full scale, divided by 0.385
+    turnover            gain of positive less that of negative voltages, halved
+    gain_tc_per_k       relative change of the gain per kelvin of the sensor channel
+    memory              part of the voltage of the conversion before that is left over
+    curve               up to 13 parts of full scale, of T2, T3, .. T14 of v over full scale; not for the sensor
     """
     for gain in pga:
         if gain not in PGA_GAINS:
@@ -120,9 +134,14 @@ def design(
         ("offset_v", offset_v),
         ("gain_error", gain_error),
         ("inl", inl),
+        ("turnover", turnover),
+        ("gain_tc_per_k", gain_tc_per_k),
+        ("memory", memory),
     ):
         if len(values) != CHANNELS or not all(math.isfinite(v) for v in values):
             raise ValueError(f"adc {name}: {values} is not {CHANNELS} finite numbers")
+    if len(curve) > CURVE or not all(abs(v) <= 1e-2 for v in curve):
+        raise ValueError(f"adc curve: {curve} is not up to {CURVE} parts of full scale within -0.01 .. 0.01")
     if not (vref_v > 0.0 and 1 <= step_code <= 1024):
         raise ValueError(f"adc vref_v, step_code: {vref_v} V, {step_code} codes are outside 0 V .., 1 .. 1024 codes")
     if not 16 <= decimation <= 1024:
@@ -150,6 +169,13 @@ def design(
         offset_v=tuple(float(v) for v in offset_v),
         steps_per_v=tuple(float(v) for v in scale),
         inl=tuple(float(v) for v in inl),
+        errors_on=tuple(
+            int(any(v) or (c != TEMPERATURE and any(curve))) for c, v in enumerate(zip(turnover, gain_tc_per_k, memory))
+        ),
+        turnover=tuple(float(v) for v in turnover),
+        gain_tc_per_k=tuple(float(v) for v in gain_tc_per_k),
+        memory=tuple(float(v) for v in memory),
+        curve=tuple(float(v) for v in curve) + (0.0,) * (CURVE - len(curve)),
         white=tuple(noise.source(seed, f"adc_{_name(c)}", noise_v[c]) for c in range(CHANNELS)),
         flicker=tuple(noise.flicker(seed, f"flicker_{_name(c)}", flicker_v_per_rthz[c]) for c in range(CHANNELS)),
     )
@@ -191,21 +217,65 @@ def code(p, channel, volts):
     return CODE_HI if rounded > CODE_HI else (CODE_LO if rounded < CODE_LO else rounded)
 
 
+@inlined
+def _curve(p, u):
+    """Sum of the Chebyshev polynomials T2 .. T14 of u with the parts of `curve`, by their recurrence."""
+    last, now, total = 1.0, u, 0.0
+    for n in range(CURVE):
+        last, now = now, 2.0 * u * now - last
+        total = total + p.curve[n] * now
+    return total
+
+
+@inlined
+def erroneous(p, channel, volts, before_v, sensor_v):
+    """Input voltage with the errors that `errors_on` announces; `before_v` of the last conversion, sensor's voltage."""
+    warm_k = (sensor_v - SENSOR_V_AT_25_DEGC) / SENSOR_V_PER_K
+    gain = 1.0 + p.gain_tc_per_k[channel] * warm_k
+    bent = 0.0
+    if channel != TEMPERATURE:
+        full_v = p.full_steps / p.steps_per_v[channel]
+        bent = full_v * _curve(p, volts / full_v)
+    return gain * volts + bent + p.turnover[channel] * abs(volts) + p.memory[channel] * before_v
+
+
 @kernel
-def _convert(p, clock, sums):
+def convert(p, clock, sums):
     """End of a frame: the oldest sums become codes, the others move up. Mutates both arrays."""
     count = clock[COUNT]
+    sensor_v = sums[TEMPERATURE, 2] * p.normal
     for c in range(CHANNELS):
         volts = sums[c, 2] * p.normal
         if p.white[c].on:
             volts = volts + noise.white_fine(p.white[c], count)
         if p.flicker[c].on:
             volts = volts + noise.flicker_step(p.flicker[c], sums[c, FRAMES:], count)
+        if p.errors_on[c]:
+            before_v = clock[CODES + c] / (p.steps_per_v[c] * p.step_code)
+            volts = erroneous(p, c, volts, before_v, sensor_v)
         clock[CODES + c] = code(p, c, volts)
         sums[c, 2] = sums[c, 1]
         sums[c, 1] = sums[c, 0]
         sums[c, 0] = 0.0
     clock[COUNT] = count + 1
+
+
+@inlined
+def weights(n, m):
+    """Of sample `m` of `n` in the three frames that it belongs to."""
+    rise = (m * (m - 1)) >> 1
+    return float(rise), float((((n + m - 1) * (n + m)) >> 1) - 3 * rise), float(((n - m) * (n - m + 1)) >> 1)
+
+
+@inlined
+def ready(clock, ticks):
+    """Behind a block of `ticks`: what `block` returns. Mutates `clock`."""
+    if clock[PENDING] == NOT_PENDING:
+        return -1
+    cycle = (clock[PENDING] + (UNITS_PER_CYCLE - 1)) >> UNIT_BITS
+    seen = cycle < (ticks + 1) * TICK_CYCLES
+    clock[PENDING] = NOT_PENDING if seen else clock[PENDING] - ticks * TICK_UNITS
+    return cycle if seen else -1
 
 
 @inlined
@@ -227,10 +297,7 @@ def block(p, clock, sums, out, ticks, sensor_v):
         while due < end:
             tick = due // TICK_UNITS
             frac = (due - tick * TICK_UNITS) * FRAC
-            rise = (m * (m - 1)) >> 1
-            w0 = float(rise)
-            w1 = float((((n + m - 1) * (n + m)) >> 1) - 3 * rise)
-            w2 = float(((n - m) * (n - m + 1)) >> 1)
+            w0, w1, w2 = weights(n, m)
             start = load4(out, 4 * tick)
             v = start + splat4(frac) * (load4(out, 4 * tick + 4) - start)
             a0 = a0 + splat4(w0) * v
@@ -246,7 +313,7 @@ def block(p, clock, sums, out, ticks, sensor_v):
                 _put(sums, 0, a0, t0)
                 _put(sums, 1, a1, t1)
                 _put(sums, 2, a2, t2)
-                _convert(p, clock, sums)
+                convert(p, clock, sums)
                 a0, a1, a2 = _column(sums, 0), _column(sums, 1), _column(sums, 2)
                 t0, t1, t2 = sums[TEMPERATURE, 0], sums[TEMPERATURE, 1], sums[TEMPERATURE, 2]
             due = due + p.period
@@ -255,12 +322,7 @@ def block(p, clock, sums, out, ticks, sensor_v):
         _put(sums, 1, a1, t1)
         _put(sums, 2, a2, t2)
     clock[DUE] = due - end
-    if clock[PENDING] == NOT_PENDING:
-        return -1
-    cycle = (clock[PENDING] + (UNITS_PER_CYCLE - 1)) >> UNIT_BITS
-    seen = cycle < (ticks + 1) * TICK_CYCLES
-    clock[PENDING] = NOT_PENDING if seen else clock[PENDING] - end
-    return cycle if seen else -1
+    return ready(clock, ticks)
 
 
 @inlined

@@ -19,7 +19,10 @@ Blocks     of 1 .. 128 ticks in an arena of rows, row R of tick t at R * STRIDE 
 Source     docs/architecture.md, docs/decisions/0007-frame-engine.md
 """
 
+import numpy as np
+
 from analog_frontend import effects
+from analog_frontend.effects import law
 from analog_frontend.propagator import DU_DRIVE, DU_SENSE, F_X, F_Y, JIT_DRIVE, JIT_SENSE, PX1, PY1, U_DRIVE, U_SENSE
 from analog_frontend.vector import LANES, load, splat, store
 from fpga_model.jit import inlined, outlined
@@ -49,6 +52,7 @@ ROWS = 62
 INPUTS = (0, 1, 2, 3, 4, 5, U_DRIVE, DU_DRIVE, U_SENSE, DU_SENSE, JIT_DRIVE, JIT_SENSE, F_X, F_Y)
 STATE_ROWS = (D1, D2, D3, S1, S2, S3, X, VX, Y, VY, CX1, CX2, CX3, CY1, CY2, CY3)
 FORCED_COUNT = len(INPUTS)
+PLACES = np.array(STATE_ROWS) * STRIDE  # of each state, for laws
 
 
 @inlined
@@ -142,12 +146,17 @@ def _sums(g, w, n, column, row):
 
 
 @inlined
-def _modes(g, w, n, e, pushed):
+def _modes(g, w, n, e, laws, gains, pushed):
     f = FORCED_MODES * STRIDE
     x, vx, y, vy = w[X * STRIDE], w[VX * STRIDE], w[Y * STRIDE], w[VY * STRIDE]
     for t in range(n):
         if pushed:
-            vx = vx + effects.force_impulse(e, x, w[D3 * STRIDE + t])
+            add_x = effects.force_impulse(e, x, w[D3 * STRIDE + t])
+            if laws.force:
+                law_x, law_y = law.impulses(laws.force, laws.table, gains, w, PLACES, t)
+                add_x, vy = add_x + law_x, vy + law_y
+                w[VY * STRIDE + t] = vy
+            vx = vx + add_x
             w[VX * STRIDE + t] = vx
         nx = ((g[6, 6] * x + g[7, 6] * vx) + (g[8, 6] * y + g[9, 6] * vy)) + w[f + t]
         nvx = ((g[6, 7] * x + g[7, 7] * vx) + (g[8, 7] * y + g[9, 7] * vy)) + w[f + STRIDE + t]
@@ -164,14 +173,14 @@ def _modes(g, w, n, e, pushed):
 
 
 @outlined
-def modes(g, w, n, e):
-    """The two modes: rows X .. VY; effects push the velocity before each tick. Mutates `w`."""
+def modes(g, w, n, e, laws, gains):
+    """The two modes: rows X .. VY; effects and laws push the velocities before each tick. Mutates `w`."""
     _sums(g, w, n, 6, FORCED_MODES)
     # two loops, so that effects that are off cost one branch a block
-    if e.any_force:
-        _modes(g, w, n, e, True)
+    if e.any_force or laws.force:
+        _modes(g, w, n, e, laws, gains, True)
     else:
-        _modes(g, w, n, e, False)
+        _modes(g, w, n, e, laws, gains, False)
 
 
 @inlined

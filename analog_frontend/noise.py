@@ -1,16 +1,20 @@
 """Noise as a function of (seed, source, counter): no generator state, no libm, the same bits on every machine.
 
     words   7 Feistel rounds of x, y = (M x >> 31) ^ y ^ (k0 + round W),  M x mod 2^32     two 32-bit words per counter
-    ih4     (sum of the 4 bytes of one word - mean) / sigma       1 MHz sources and edges     |ih4| < sqrt 12
+    ih4     (sum of the 4 bytes of one word - mean) / sigma       200 kHz sources and edges   |ih4| < sqrt 12
     ih12    (sum of 12 uniform 16-bit numbers - mean) / sigma     8 kHz sources              |ih12| < 6
     flicker y = sum of 16 states, x[k]' = a[k] x[k] + b[k] u      u: one uniform 16-bit number, unit variance
 
+    held    forces, C/V and DAC outputs: sample number tick // HOLD stands for HOLD = 5 ticks, a grid of 200 kHz
+
     counter --[permutation keyed by (seed, source)]--> two words --> sums --> x sigma --> volts, newtons, seconds
 
-Two 1 MHz sources of one kind (drive and sense) share a hash: each takes one of its words.
+Two sources of one kind (drive and sense) share a hash: each takes one of its words.
 
 Moments  mean 0, variance 1, kurtosis 2.7 (ih4) and 2.9 (ih12) to 1e-9: the law of the sum is known exactly
 Numbers  every product of the hash is below 2^63 (the multiplier has 31 bits), so Python ints give the same words
+Held     one-sided density 2 T sigma^2 sinc^2(f T), T = 5 us; demodulated by a sign reference of frequency f, summed
+         over its odd harmonics: 2 T sigma^2 (1 - 4 f T/3). Sigmas are made from one of the two (docs: what is left out)
 Flicker  poles half a decade apart over 7.5 decades; one-sided density level / sqrt(f) (docs for the bounds)
 Source   docs/parts/noise.md
 """
@@ -21,7 +25,7 @@ from typing import NamedTuple
 import mpmath
 import numpy as np
 
-from analog_frontend.vector import LANES, integers, store
+from analog_frontend.vector import FIVE, LANES, integers, store, store_fives
 from fpga_model.jit import inlined, kernel, outlined
 
 ORDER = np.arange(LANES, dtype=np.int64)
@@ -40,6 +44,8 @@ BYTES, BYTES_MEAN, BYTES_VARIANCE_12 = 0x00FF00FF, 4 * 255 // 2, 4 * (256 * 256 
 IH4_SCALE = 1.0 / math.sqrt(BYTES_VARIANCE_12 / 12)
 IH12_SCALE = 1.0 / math.sqrt(12 * WORD_VARIANCE_12 / 12)
 UNIFORM_SCALE = 1.0 / math.sqrt(WORD_VARIANCE_12 / 12)
+HOLD = 5  # ticks; a frame is 25 samples
+assert HOLD == FIVE, "store_fives puts a sample down once for each tick"
 FIRST_DRAW = 1 << 60  # counters from here on are for values drawn once, at reset
 
 POLES = 16
@@ -77,7 +83,7 @@ SECOND = {"force_y": "force_x", "cv_y": "cv_x", "dac_sense": "dac_drive"}
 class Source(NamedTuple):
     """One white source: its two 32-bit keys, the standard deviation of a sample in its own unit, and the switch.
 
-    half  which word of the hash a 1 MHz source takes
+    half  which word of the hash a source of a pair takes
     """
 
     key0: int
@@ -114,34 +120,57 @@ DECAY, GAIN, DEVIATION = _poles()
 
 
 @inlined
+def _round(x, y, key):
+    # only low halves count: with a mask on the factor alone LLVM takes the product of 32 by 32 bits, and drops the mask
+    p = (x & MASK) * MULTIPLIER
+    return (p >> 31) ^ y ^ key, p
+
+
+@inlined
 def words(key0, key1, counter):
     """Two 32-bit words; for fixed keys a permutation of the 63-bit counter's two halves."""
-    # keys have 32 bits; said again here, so that LLVM knows each product to be one of 32 by 32 bits
-    key0 = key0 & MASK
-    x = counter & MASK
-    y = ((counter >> 32) ^ key1) & MASK
-    p = x * MULTIPLIER
-    x, y = (p >> 31) ^ y ^ key0, p & MASK
-    p = x * MULTIPLIER
-    x, y = (p >> 31) ^ y ^ ((key0 + WEYL) & MASK), p & MASK
-    p = x * MULTIPLIER
-    x, y = (p >> 31) ^ y ^ ((key0 + 2 * WEYL) & MASK), p & MASK
-    p = x * MULTIPLIER
-    x, y = (p >> 31) ^ y ^ ((key0 + 3 * WEYL) & MASK), p & MASK
-    p = x * MULTIPLIER
-    x, y = (p >> 31) ^ y ^ ((key0 + 4 * WEYL) & MASK), p & MASK
-    p = x * MULTIPLIER
-    x, y = (p >> 31) ^ y ^ ((key0 + 5 * WEYL) & MASK), p & MASK
-    p = x * MULTIPLIER
-    x, y = (p >> 31) ^ y ^ ((key0 + 6 * WEYL) & MASK), p & MASK
-    return x, y
+    x, y = counter & MASK, (counter >> 32) ^ key1
+    x, y = _round(x, y, key0)
+    x, y = _round(x, y, key0 + WEYL)
+    x, y = _round(x, y, key0 + 2 * WEYL)
+    x, y = _round(x, y, key0 + 3 * WEYL)
+    x, y = _round(x, y, key0 + 4 * WEYL)
+    x, y = _round(x, y, key0 + 5 * WEYL)
+    x, y = _round(x, y, key0 + 6 * WEYL)
+    return x & MASK, y & MASK
+
+
+@inlined
+def words4(keys0, keys1, counters):
+    """`words` four times, as (x, y) each: a round waits for the last one, so that four of them go side by side."""
+    a = counters[0] & MASK, (counters[0] >> 32) ^ keys1[0]
+    b = counters[1] & MASK, (counters[1] >> 32) ^ keys1[1]
+    c = counters[2] & MASK, (counters[2] >> 32) ^ keys1[2]
+    d = counters[3] & MASK, (counters[3] >> 32) ^ keys1[3]
+    for k in range(ROUNDS):
+        a = _round(a[0], a[1], keys0[0] + k * WEYL)
+        b = _round(b[0], b[1], keys0[1] + k * WEYL)
+        c = _round(c[0], c[1], keys0[2] + k * WEYL)
+        d = _round(d[0], d[1], keys0[3] + k * WEYL)
+    return (
+        (a[0] & MASK, a[1] & MASK),
+        (b[0] & MASK, b[1] & MASK),
+        (c[0] & MASK, c[1] & MASK),
+        (d[0] & MASK, d[1] & MASK),
+    )
+
+
+@inlined
+def halves(pair):
+    """Sum of the four 16-bit halves of two words, minus its mean."""
+    x, y = pair
+    return (x & LOW) + (x >> 16) + (y & LOW) + (y >> 16) - 2 * WORD_MEAN
 
 
 @inlined
 def sum4(key0, key1, counter):
     """Sum of the four 16-bit halves, minus its mean: an integer of -131070 .. 131070."""
-    x, y = words(key0, key1, counter)
-    return (x & LOW) + (x >> 16) + (y & LOW) + (y >> 16) - 2 * WORD_MEAN
+    return halves(words(key0, key1, counter))
 
 
 @inlined
@@ -183,11 +212,17 @@ def source(seed, name, sigma, on=1):
 
 @inlined
 def white(p, counter):
-    """One sample of a 1 MHz source or of an edge; exactly 0.0 when off."""
+    """Sample number `counter` of a source, or the error of an edge; exactly 0.0 when off."""
     if p.on:
         x, y = words(p.key0, p.key1, counter)
         return p.sigma * ih4(y if p.half else x)
     return 0.0
+
+
+@inlined
+def held(p, tick):
+    """What a held source gives in a tick: one sample for HOLD ticks, from a multiple of HOLD on."""
+    return white(p, tick // HOLD)
 
 
 @inlined
@@ -206,7 +241,29 @@ def fill_rows(p, q, counter, stride, w, first, second, n):
     """
     if p.on and q.on:
         steps = integers(ORDER, 0) * stride
-        for i in range(0, n, LANES):
+        four = n - n % (4 * LANES)
+        for i in range(0, four, 4 * LANES):
+            at = counter + i * stride
+            keys0, keys1 = (p.key0, p.key0, p.key0, p.key0), (p.key1, p.key1, p.key1, p.key1)
+            a, b, c, d = words4(
+                keys0,
+                keys1,
+                (
+                    steps + at,
+                    steps + (at + LANES * stride),
+                    steps + (at + 2 * LANES * stride),
+                    steps + (at + 3 * LANES * stride),
+                ),
+            )
+            store(w, first + i, p.sigma * ih4(a[0]))
+            store(w, second + i, q.sigma * ih4(a[1]))
+            store(w, first + i + LANES, p.sigma * ih4(b[0]))
+            store(w, second + i + LANES, q.sigma * ih4(b[1]))
+            store(w, first + i + 2 * LANES, p.sigma * ih4(c[0]))
+            store(w, second + i + 2 * LANES, q.sigma * ih4(c[1]))
+            store(w, first + i + 3 * LANES, p.sigma * ih4(d[0]))
+            store(w, second + i + 3 * LANES, q.sigma * ih4(d[1]))
+        for i in range(four, n, LANES):
             x, y = words(p.key0, p.key1, steps + (counter + i * stride))
             store(w, first + i, p.sigma * ih4(x))
             store(w, second + i, q.sigma * ih4(y))
@@ -216,14 +273,49 @@ def fill_rows(p, q, counter, stride, w, first, second, n):
             w[second + i] = white(q, counter + i * stride)
 
 
-def sigma_from_density(density_per_rthz, rate_hz):
-    """Rms of a white sample at `rate_hz` with this one-sided density: density sqrt(rate / 2)."""
-    return density_per_rthz * math.sqrt(rate_hz / 2.0)
+@outlined
+def fill_held(p, q, tick, w, first, second, n):
+    """w[first + i] = held(p, tick + i), w[second + i] = held(q, tick + i) for i below n. Mutates `w`.
+
+    p, q  as for `fill_rows`. Whole samples and whole registers of them are put down: up to HOLD - 1 places in front of
+    each row are lost, and HOLD LANES - 1 behind it.
+    """
+    if p.on and q.on:
+        into, number = tick % HOLD, tick // HOLD
+        for i in range(0, into + n, HOLD * LANES):
+            x, y = words(p.key0, p.key1, integers(ORDER, 0) + (number + i // HOLD))
+            store_fives(w, first - into + i, p.sigma * ih4(x))
+            store_fives(w, second - into + i, q.sigma * ih4(y))
+    else:
+        for i in range(n):
+            w[first + i] = held(p, tick + i)
+            w[second + i] = held(q, tick + i)
 
 
-def density_from_sigma(sigma, rate_hz):
-    """One-sided density of white samples of this rms."""
-    return sigma / math.sqrt(rate_hz / 2.0)
+def _hold_s(carrier_hz, tick_s):
+    """Length of a hold; ValueError where a half period of the carrier is shorter than it."""
+    hold_s = HOLD * tick_s
+    if not 0.0 < carrier_hz * hold_s <= 0.5:
+        raise ValueError(f"noise carrier_hz: {carrier_hz:g} is not above 0 and at most {0.5 / hold_s:g} Hz")
+    return hold_s
+
+
+def sigma_at_carrier(density_per_rthz, carrier_hz, tick_s):
+    """Rms of held samples whose one-sided density at the carrier is this one: density/(sqrt(2 T) sinc(f T))."""
+    hold_s = _hold_s(carrier_hz, tick_s)
+    with mpmath.workprec(120):
+        return float(density_per_rthz / (mpmath.sqrt(2 * hold_s) * mpmath.sincpi(mpmath.mpf(carrier_hz) * hold_s)))
+
+
+def sigma_demodulated(density_per_rthz, carrier_hz, tick_s):
+    """Rms of held samples that, demodulated by a sign reference, give what white noise of this one-sided density gives.
+
+    The reference weighs the density around its harmonic n = 1, 3, 5 ... by 8/(pi n)^2: 1 in all for white noise. The
+    sum of 8/(pi n)^2 sinc^2(n f T) is the mean of the square wave's autocorrelation 1 - 4 f |t| over the triangle of a
+    held sequence, 1 - 4 f T/3.
+    """
+    hold_s = _hold_s(carrier_hz, tick_s)
+    return density_per_rthz / math.sqrt(2.0 * hold_s * (1.0 - 4.0 * carrier_hz * hold_s / 3.0))
 
 
 def thermomechanical_density(damping_n_s_per_m, temp_degc):

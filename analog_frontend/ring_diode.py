@@ -20,6 +20,7 @@ Check     a transient ngspice run of the circuit: gain, step time constant and d
 Source    docs/parts/ring_diode.md
 """
 
+import functools
 from typing import NamedTuple
 
 import mpmath
@@ -127,6 +128,7 @@ def _solve(diode, temp_degc, c0, cref, period, stray=None, cp=None):
     return vf, nvt, own, x, x + loading, reverse, u
 
 
+@functools.lru_cache(maxsize=1024)  # some 250 knots a ring: one serves many gyroscopes
 def ring(carrier_v, carrier_hz, c0_f, cp_f, cref_f, diode, temp_degc, temp_ref_degc=25.0):
     """A ring at `temp_degc`; `cp_f` is stray plus junctions at `temp_ref_degc`, and the stray part does not change."""
     for name, value, unit in (

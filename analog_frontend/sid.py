@@ -194,7 +194,7 @@ def response(p, v0, dv0, v1, dv1, s):
 
 
 @inlined
-def _factors(u):
+def factors(u):
     """Of a piece of u = dt/RC: the three decays, and the three responses to a constant. u may have several lanes."""
     e = _decay(u)
     s1, s2, s3 = _steps(u, e)
@@ -227,7 +227,7 @@ def edge(p, caps, d, ref, tau_s, n, p1, p2, p3, v0, dv0, v1, dv1):
     s = tau_s / p.h_s
     q1, q2, q3 = response(p, v0, dv0, v1, dv1, s)
     # both pieces at once, in the first two lanes
-    e, e2, e3, s1, s2, s3 = _factors(four(p.r * s, p.r * (1.0 - s), 0.0, 0.0))
+    e, e2, e3, s1, s2, s3 = factors(four(p.r * s, p.r * (1.0 - s), 0.0, 0.0))
     old = 0 if ref else 1
     _segment(
         caps,
@@ -280,11 +280,11 @@ def edges(p, caps, d, ref, taus_s, count, n, p1, p2, p3, v0, dv0, v1, dv1):
         t = taus_s[i] / p.h_s
         f1, f2, f3 = q1, q2, q3
         q1, q2, q3 = response(p, v0, dv0, v1, dv1, t)
-        e, e2, e3, s1, s2, s3 = _factors(p.r * (t - s))
+        e, e2, e3, s1, s2, s3 = factors(p.r * (t - s))
         _segment(caps, d, ref, n, e, e2, e3, s1, s2, s3, q1, q2, q3, f1, f2, f3)
         _open(p, caps, d, ref)
         ref = 0 if ref else 1
         s = t
-    e, e2, e3, s1, s2, s3 = _factors(p.r * (1.0 - s))
+    e, e2, e3, s1, s2, s3 = factors(p.r * (1.0 - s))
     _segment(caps, d, ref, n, e, e2, e3, s1, s2, s3, p1, p2, p3, q1, q2, q3)
     return ref

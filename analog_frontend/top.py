@@ -21,7 +21,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analog_frontend import adc, dac, effects, linear, noise, propagator, sid
+from analog_frontend import adc, dac, dac_levels, effects, linear, noise, propagator, sid
+from analog_frontend.effects import law
 from analog_frontend.linear import (
     CV_ADDED_X,
     CV_ADDED_Y,
@@ -67,6 +68,7 @@ from fpga_model.jit import inlined, inner, outlined
 STATES = 16
 V_DRIVE, V_SENSE, X, VX, Y, VY, FIRST_CV, CV_X, CV_Y = 2, 5, 6, 7, 8, 9, 10, 12, 15
 TICK_CYCLES = adc.TICK_CYCLES
+FRAME_TICKS = 125  # the surroundings of a law are those of a frame's first instant
 ONE = np.int64(1)  # typed: Numba compiles a function anew for every constant that it is called with
 DEMODULATORS = sid.DEMODULATORS
 MAX_EDGES = sid.MAX_EDGES
@@ -96,6 +98,8 @@ class Params(NamedTuple):
 
     drive_dac: dac.Params
     sense_dac: dac.Params
+    drive_levels: dac_levels.Params
+    sense_levels: dac_levels.Params
     quad_lsb_v: float
     tables: propagator.Plant  # stacked over temperature knots, one or more
     temp_lo_degc: float
@@ -107,6 +111,7 @@ class Params(NamedTuple):
     adc: adc.Params
     noise: Noise
     effects: effects.Params
+    laws: law.Params
     sar_lsb_v: float
     slope_gain: float  # last op-amp of the C/V chains
 
@@ -119,6 +124,7 @@ class Work(NamedTuple):
     w: np.ndarray  # rows of linear.py
     demodulated: np.ndarray  # output of demodulator d at the start of tick t at 4 t + d
     taus_s: np.ndarray  # (MAX_EDGES,)
+    gains: np.ndarray  # (law.SLOTS,)
 
 
 class State(NamedTuple):
@@ -162,7 +168,13 @@ def workspace():
         w=aligned(linear.ROWS * STRIDE),
         demodulated=aligned(4 * STRIDE),
         taus_s=np.zeros(MAX_EDGES),
+        gains=np.zeros(law.SLOTS),
     )
+
+
+def _held(part, levels, code):
+    error = dac_levels.volts(levels, code) if levels.on else 0.0
+    return dac.volts(part, code) + error
 
 
 def reset(p, drive_code, sense_code, temp_degc):
@@ -174,7 +186,9 @@ def reset(p, drive_code, sense_code, temp_degc):
         column_jet=aligned(4 * propagator.JETS * OUTPUTS).reshape(4, propagator.JETS, OUTPUTS),
         pickoff=np.zeros((2, 4, 6)),
         now=np.full(6, np.inf),
-        volts=np.array([dac.volts(p.drive_dac, drive_code), dac.volts(p.sense_dac, sense_code)]),
+        volts=np.array(
+            [_held(p.drive_dac, p.drive_levels, drive_code), _held(p.sense_dac, p.sense_levels, sense_code)]
+        ),
         coming_v=np.zeros(2),
         late_area=np.zeros(2),
         codes=np.array([drive_code, sense_code]),
@@ -289,7 +303,7 @@ def tune(p, s, rate_rad_s, stiffness, temp_degc):
 
 
 @inner
-def _dac(p, s, w, which, part, carry, codes, n, noisy, du, area, level, jitter):
+def _dac(p, s, w, which, part, levels, carry, codes, n, noisy, du, area, level, jitter):
     """Rows of one DAC: its output at each tick, step and impulse area that act in it. Mutates.
 
     A code acts in its own tick or, with `carry`, in the next one. `noisy` holds the noise and becomes output and noise.
@@ -301,6 +315,9 @@ def _dac(p, s, w, which, part, carry, codes, n, noisy, du, area, level, jitter):
     new = first + 2 if carry else first + 1
     for t in range(n):
         w[new + t] = dac.volts(part, codes[t])
+    if levels.on:
+        for t in range(n):
+            w[new + t] = w[new + t] + dac_levels.volts(levels, codes[t])
     s.volts[which] = w[first + n]
     s.coming_v[which] = w[new + n - 1]
     for t in range(0, n, LANES):
@@ -366,20 +383,55 @@ def block(p, s, tick, n, drive_cycle, sense_cycle, edge_count, edges):
         w[STATE_ROWS[k] * STRIDE] = s.z[k]
     # whole registers: what stands behind the last tick is not read, and a loop without a rest is faster
     on, whole = p.noise, (n + LANES - 1) // LANES * LANES
-    noise.fill_rows(on.drive_dac, on.sense_dac, tick, 1, w, IN_U_DRIVE * STRIDE, IN_U_SENSE * STRIDE, whole)
+    noise.fill_held(on.drive_dac, on.sense_dac, tick, w, IN_U_DRIVE * STRIDE, IN_U_SENSE * STRIDE, n)
+    noise.fill_held(on.force_x, on.force_y, tick, w, IN_FX * STRIDE, IN_FY * STRIDE, n)
+    noise.fill_held(on.cv_x, on.cv_y, tick, w, CV_NOISE_X * STRIDE, CV_NOISE_Y * STRIDE, n)
     jitter, rows = on.edge_jitter, (JITTER_DRIVE * STRIDE, JITTER_SENSE * STRIDE)
     noise.fill_rows(jitter, jitter, JITTERED * tick, JITTERED, w, rows[DRIVE], rows[SENSE], whole)
-    noise.fill_rows(on.force_x, on.force_y, tick, 1, w, IN_FX * STRIDE, IN_FY * STRIDE, whole)
-    noise.fill_rows(on.cv_x, on.cv_y, tick, 1, w, CV_NOISE_X * STRIDE, CV_NOISE_Y * STRIDE, whole)
     carry = t.drive_carry[0, s.cycles[DRIVE]]
     codes = s.work.drive_codes
-    _dac(p, s, w, DRIVE, p.drive_dac, carry, codes, n, IN_U_DRIVE, IN_DU_DRIVE, IN_JIT_DRIVE, LEVEL_DRIVE, JITTER_DRIVE)
+    _dac(
+        p,
+        s,
+        w,
+        DRIVE,
+        p.drive_dac,
+        p.drive_levels,
+        carry,
+        codes,
+        n,
+        IN_U_DRIVE,
+        IN_DU_DRIVE,
+        IN_JIT_DRIVE,
+        LEVEL_DRIVE,
+        JITTER_DRIVE,
+    )
     carry = t.sense_carry[0, s.cycles[SENSE]]
     codes = s.work.sense_codes
-    _dac(p, s, w, SENSE, p.sense_dac, carry, codes, n, IN_U_SENSE, IN_DU_SENSE, IN_JIT_SENSE, LEVEL_SENSE, JITTER_SENSE)
+    _dac(
+        p,
+        s,
+        w,
+        SENSE,
+        p.sense_dac,
+        p.sense_levels,
+        carry,
+        codes,
+        n,
+        IN_U_SENSE,
+        IN_DU_SENSE,
+        IN_JIT_SENSE,
+        LEVEL_SENSE,
+        JITTER_SENSE,
+    )
     linear.chains(s.g, w, n)
-    linear.modes(s.g, w, n, p.effects)
-    linear.pickoffs(s.g, s.pickoff, w, n, p.effects.any_force)
+    laws = p.laws
+    if laws.force or laws.cv:
+        rate, temp = s.now[NOW_RATE], s.now[NOW_TEMP]
+        t_s = (tick // FRAME_TICKS) * FRAME_TICKS * p.sid.h_s
+        law.gains(laws.force, laws.cv, laws.temp_ref_degc, laws.table, laws.numbers, rate, temp, t_s, s.work.gains)
+    linear.modes(s.g, w, n, p.effects, laws, s.work.gains)
+    linear.pickoffs(s.g, s.pickoff, w, n, p.effects.any_force or laws.force)
     for k in range(STATES):
         s.z[k] = w[STATE_ROWS[k] * STRIDE + n]
     demodulate(p, s, tick, n, edge_count, edges)
@@ -392,11 +444,16 @@ def demodulate(p, s, tick, n, edge_count, edges):
     """The four demodulators: stretches without an edge, and the ticks in which a switch moves."""
     w, out = s.work.w, s.work.demodulated
     added = CV_NOISE_X
-    if p.effects.any_cv:
+    if p.effects.any_cv or p.laws.cv:
+        laws = p.laws
         x, y, drive = CV_NOISE_X * STRIDE, CV_NOISE_Y * STRIDE, D3 * STRIDE
         added = CV_ADDED_X
         for t in range(n):
             x_volts, y_volts = effects.cv_volts(p.effects, w[x + t], w[y + t], w[drive + t], w[drive + t + 1])
+            if laws.cv:
+                gain = s.work.gains
+                law_x, law_y = law.volts(laws.force, laws.cv, laws.table, gain, w, linear.PLACES, t, t + 1)
+                x_volts, y_volts = x_volts + law_x, y_volts + law_y
             w[CV_ADDED_X * STRIDE + t] = x_volts
             w[CV_ADDED_Y * STRIDE + t] = y_volts
     for c in range(2):
@@ -506,7 +563,7 @@ def _switch(p, s, tick, t, first_edge, last_edge, edges, added):
 def sar_code(p, s, tick, channel):
     """Sample of a C/V output at the tick's first instant, 18 bit; for the board without the analog SID."""
     noise_x, noise_y = effects.cv_volts(
-        p.effects, noise.white(p.noise.cv_x, tick), noise.white(p.noise.cv_y, tick), s.z[V_DRIVE], s.z[V_DRIVE]
+        p.effects, noise.held(p.noise.cv_x, tick), noise.held(p.noise.cv_y, tick), s.z[V_DRIVE], s.z[V_DRIVE]
     )
     return sampled(p, s.z[CV_X] + noise_x if channel == 0 else s.z[CV_Y] + noise_y)
 

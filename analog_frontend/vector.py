@@ -1,11 +1,14 @@
 """Eight (or four) doubles side by side, for ticks of a block or for gyroscopes: one operation per lane, nothing else.
 
     load(a, i) = a[i : i + 8]     store(a, i, v)     splat(x) = x in every lane
-    a + b   a - b   a * b   lane by lane; a number stands for itself in every lane
+    a + b   a - b   a * b   a / b   lane by lane; a number stands for itself in every lane
     integers(a, i)   eight int64 of an array, with + - * & ^ >>; times a double they become doubles
-    larger(a, b)     the larger of a and the magnitude of b
-    store_quads(a, i, step, v0, v1, v2, v3)   lane k of all four at a[i + k step : i + k step + 4]
+    larger(a, b)     the larger of a and the magnitude of b     clamped(v, lo, hi) = min(max(v, lo), hi)
+    ceiling(v)   chosen(a, b, x, y) = x where a <= b, else y   turned4(v) = i v, for two complex numbers re, im, re, im
+    joined(a, b)   eight lanes from four and four   low(v)   high(v)   the first and the last four of eight
+    store_fives(a, i, v)   lane k five times, a[i + 5 k : i + 5 k + 5]
     four(a, b, c, d)   pair(a, b) = a, a, b, b   splat4, load4, store4   lane(v, k) = v[k], k a constant    four lanes
+totals4(a, b, c, d)   four lanes: the sum over all eight of each
 
 LLVM maps a vector to whatever the CPU has (512, 256 or 128 bit) and never fuses, reorders or rounds differently: a lane
 is bit for bit the scalar operation. Writing the lanes out keeps the speed of a loop from hanging on its vectoriser.
@@ -18,12 +21,13 @@ import operator
 import numpy as np
 from llvmlite import ir
 from numba import types
+from numba.core import cgutils
 from numba.core.datamodel import models, register_default
 from numba.extending import intrinsic, overload
 
 from fpga_model.jit import DISABLED
 
-LANES = 8
+LANES, FIVE = 8, 5
 
 
 class Vector(types.Type):
@@ -116,7 +120,56 @@ def _lane_native(typingctx, v, k):
     def codegen(context, builder, signature, args):
         return builder.extract_element(args[0], builder.trunc(args[1], _INT32))
 
-    return types.float64(QUAD, types.int64), codegen
+    return types.float64(v, types.int64), codegen
+
+
+@intrinsic
+def _ceiling_native(typingctx, v):
+    def codegen(context, builder, signature, args):
+        kind = ir.FunctionType(v.native, [v.native])
+        return builder.call(cgutils.get_or_insert_function(builder.module, kind, f"llvm.ceil.v{v.lanes}f64"), args)
+
+    return v(v), codegen
+
+
+def _shuffler(kind, source, places):
+    def codegen(context, builder, signature, args):
+        return builder.shuffle_vector(args[0], args[-1], ir.Constant(ir.VectorType(_INT32, len(places)), places))
+
+    return lambda count: (kind(*[source] * count), codegen)
+
+
+@intrinsic
+def _joined_native(typingctx, a, b):
+    return _shuffler(VECTOR, QUAD, list(range(8)))(2)
+
+
+@intrinsic
+def _low_native(typingctx, v):
+    return _shuffler(QUAD, VECTOR, [0, 1, 2, 3])(1)
+
+
+@intrinsic
+def _high_native(typingctx, v):
+    return _shuffler(QUAD, VECTOR, [4, 5, 6, 7])(1)
+
+
+@intrinsic
+def _turned_native(typingctx, v):
+    def codegen(context, builder, signature, args):
+        places = ir.Constant(ir.VectorType(_INT32, 4), [1, 0, 3, 2])
+        swapped = builder.shuffle_vector(args[0], args[0], places)
+        return builder.fmul(swapped, ir.Constant(QUAD.native, [-1.0, 1.0, -1.0, 1.0]))
+
+    return QUAD(QUAD), codegen
+
+
+@intrinsic
+def _chosen_native(typingctx, a, b, x, y):
+    def codegen(context, builder, signature, args):
+        return builder.select(builder.fcmp_ordered("<=", args[0], args[1]), args[2], args[3])
+
+    return x(a, a, x, x), codegen
 
 
 def _operation(name):
@@ -198,26 +251,43 @@ def _larger_native(typingctx, a, b):
 
 
 @intrinsic
-def _store_quads_native(typingctx, a, i, step, v0, v1, v2, v3):
+def _store_fives_native(typingctx, a, i, v):
     def codegen(context, builder, signature, args):
-        def mixed(x, y, places):
-            return builder.shuffle_vector(x, y, ir.Constant(ir.VectorType(_INT32, len(places)), places))
-
-        low = [0, 8, 1, 9, 2, 10, 3, 11]
-        high = [place + 4 for place in low]
-        halves = [(mixed(args[3], args[4], p), mixed(args[5], args[6], p)) for p in (low, high)]
         array = context.make_array(signature.args[0])(context, builder, args[0])
-        at = args[1]
-        for lane_ in range(LANES):
-            x, y = halves[lane_ // 4]
-            k = 2 * (lane_ % 4)
-            quad = mixed(x, y, [k, k + 1, k + 8, k + 9])
-            pointer = builder.bitcast(builder.gep(array.data, [at]), QUAD.native.as_pointer())
-            builder.store(quad, pointer, align=8)
-            at = builder.add(at, args[2])
+        for first in range(0, FIVE * LANES, LANES):
+            places = ir.Constant(ir.VectorType(_INT32, LANES), [(first + k) // FIVE for k in range(LANES)])
+            at = builder.add(args[1], ir.Constant(args[1].type, first))
+            pointer = builder.bitcast(builder.gep(array.data, [at]), VECTOR.native.as_pointer())
+            builder.store(builder.shuffle_vector(args[2], args[2], places), pointer, align=8)
         return context.get_dummy_value()
 
-    return types.void(a, types.int64, types.int64, v0, v1, v2, v3), codegen
+    return types.void(a, types.int64, v), codegen
+
+
+@intrinsic
+def _totals_native(typingctx, a, b, c, d):
+    def codegen(context, builder, signature, args):
+        def shuffled(x, y, *places):
+            return builder.shuffle_vector(x, y, ir.Constant(ir.VectorType(_INT32, 4), list(places)))
+
+        def added(x, y, low, high):
+            return builder.fadd(shuffled(x, y, *low), shuffled(x, y, *high))
+
+        a, b, c, d = (added(v, v, (0, 1, 2, 3), (4, 5, 6, 7)) for v in args)
+        a, c = added(a, b, (0, 4, 2, 6), (1, 5, 3, 7)), added(c, d, (0, 4, 2, 6), (1, 5, 3, 7))
+        return added(a, c, (0, 1, 4, 5), (2, 3, 6, 7))
+
+    return QUAD(VECTOR, VECTOR, VECTOR, VECTOR), codegen
+
+
+@intrinsic
+def _clamped_native(typingctx, v, lo, hi):
+    def codegen(context, builder, signature, args):
+        v, lo, hi = args
+        v = builder.select(builder.fcmp_ordered("<", v, lo), lo, v)
+        return builder.select(builder.fcmp_ordered(">", v, hi), hi, v)
+
+    return VECTOR(VECTOR, VECTOR, VECTOR), codegen
 
 
 def _overloaded_integers(symbol, name):
@@ -239,7 +309,12 @@ def _overloaded_integers(symbol, name):
 
 
 _SPLATS = {kind.lanes: _splatter(kind) for kind in (VECTOR, QUAD)}
-for _symbol, _name in ((operator.add, "fadd"), (operator.sub, "fsub"), (operator.mul, "fmul")):
+for _symbol, _name in (
+    (operator.add, "fadd"),
+    (operator.sub, "fsub"),
+    (operator.mul, "fmul"),
+    (operator.truediv, "fdiv"),
+):
     _overloaded(_symbol, _name)
 for _symbol, _name in (
     (operator.add, "add"),
@@ -285,9 +360,38 @@ if DISABLED:
         """a in the first two lanes, b in the others."""
         return np.array((a, a, b, b))
 
+    def joined(a, b):
+        """Eight lanes from four and four."""
+        return np.concatenate([a, b])
+
+    def low(v):
+        """The first four of eight lanes."""
+        return v[:4].copy()
+
+    def high(v):
+        """The last four of eight lanes."""
+        return v[4:].copy()
+
+    def ceiling(v):
+        """The next whole number, lane by lane."""
+        return np.ceil(v)
+
+    def turned4(v):
+        """i v: two complex numbers, re, im, re, im."""
+        return np.array((-v[1], v[0], -v[3], v[2]))
+
+    def chosen(a, b, x, y):
+        """x where a <= b, else y."""
+        return np.where(a <= b, x, y)
+
     def lane(v, k):
         """Lane k."""
         return float(v[k])
+
+    def totals4(a, b, c, d):
+        """Sum over eight lanes of each."""
+        halves = [v[:4] + v[4:] for v in (a, b, c, d)]
+        return np.array([(v[0] + v[1]) + (v[2] + v[3]) for v in halves])
 
     def integers(a, i):
         """a[i : i + 8] of an int64 array."""
@@ -297,16 +401,23 @@ if DISABLED:
         """The larger of `a` and the magnitude of `b`."""
         return np.fmax(a, np.abs(b))
 
-    def store_quads(a, i, step, v0, v1, v2, v3):
-        """Lane k of all four at a[i + k step : i + k step + 4]."""
-        for k in range(LANES):
-            a[i + k * step : i + k * step + 4] = (v0[k], v1[k], v2[k], v3[k])
+    def clamped(v, lo, hi):
+        """min(max(v, lo), hi)."""
+        return np.minimum(np.maximum(v, lo), hi)
+
+    def store_fives(a, i, v):
+        """Lane k five times, at a[i + 5 k : i + 5 k + 5]."""
+        a[i : i + FIVE * LANES] = np.repeat(v, FIVE)
 
 else:
     load, store, splat = _loader(VECTOR), _storer(VECTOR), _SPLATS[LANES]
     load4, store4, splat4 = _loader(QUAD), _storer(QUAD), _SPLATS[4]
     four, pair, lane = _four_native, _pair_native, _lane_native
-    integers, larger, store_quads = _integers_native, _larger_native, _store_quads_native
+    ceiling, chosen, turned4 = _ceiling_native, _chosen_native, _turned_native
+    joined, low, high = _joined_native, _low_native, _high_native
+    totals4 = _totals_native
+    integers, larger, clamped = _integers_native, _larger_native, _clamped_native
+    store_fives = _store_fives_native
 
 
 def aligned(size):

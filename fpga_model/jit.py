@@ -57,9 +57,10 @@ def kernel(func):
 def hot(func):
     """As `kernel`, for time loops: no reference counting, so that arrays in records cost nothing.
 
-    Such a function cannot allocate and must not return an array; it works in what it is given.
+    Such a function cannot allocate and must not return an array; it works in what it is given. It runs without the
+    interpreter's lock, so threads that work in arrays of their own run at once.
     """
-    return njit(cache=CACHE, error_model="numpy", no_cfunc_wrapper=True, _nrt=False)(func)
+    return njit(cache=CACHE, error_model="numpy", no_cfunc_wrapper=True, nogil=True, _nrt=False)(func)
 
 
 def _buried(func, **options):

@@ -6,15 +6,17 @@ may differ; its tolerances are what the loops must stand.
 Source    docs/architecture.md
 """
 
+import functools
 import math
 from fractions import Fraction
 
 import numpy as np
 
-from analog_frontend import adc, dac, effects, noise, propagator, resonator, sid, thermal
+from analog_frontend import adc, dac, dac_levels, effects, noise, propagator, resonator, sid, thermal
 from analog_frontend import top as plant
 from analog_frontend.device import Device
-from analog_frontend.effects import drive_cubic, duffing, feedthrough_y
+from analog_frontend.effects import catalogue, drive_cubic, duffing, feedthrough_y, law
+from analog_frontend.effects.ports import CV_PORTS
 from analog_frontend.propagator import CYCLES
 from fpga_model import (
     agc,
@@ -34,8 +36,9 @@ from fpga_model import (
     watchdog,
 )
 from fpga_model import top as fpga
-from fpga_model.rates import MASTER_HZ, TICK_HZ
+from fpga_model.rates import MASTER_HZ
 from testbench import engine
+from testbench.toml_text import shown
 
 RAD_PER_DEG = math.pi / 180
 KNOT_K = 0.5
@@ -134,6 +137,7 @@ def register_writes(config):
     )
 
 
+@functools.lru_cache(maxsize=256)
 def _stacked(device, temp_lo_degc, temp_hi_degc):
     """Tables over the range of temperatures, one knot if it is constant: (tables, first degC, step K, count)."""
     if temp_lo_degc == temp_hi_degc:
@@ -173,9 +177,10 @@ def analog(config, temp_lo_degc, temp_hi_degc):
     on, seed = config.noise, config.noise.seed
     w = 2 * math.pi
 
-    def white(name, density, switch):
-        return noise.source(seed, name, noise.sigma_from_density(density, TICK_HZ), switch)
+    def held(name, sigma, density, switch):
+        return noise.source(seed, name, sigma(density, warm.fx_hz, tick_s), switch)
 
+    at_carrier, force_density = noise.sigma_at_carrier, noise.thermomechanical_density
     damping_x = warm.mass_kg * w * warm.fx_hz / warm.qx
     damping_y = warm.mass_kg * w * warm.fy_hz / warm.qy
     cv_density = d.cv_noise_v_per_rthz * abs(d.signal_gain)
@@ -183,6 +188,8 @@ def analog(config, temp_lo_degc, temp_hi_degc):
     return plant.Params(
         drive_dac=dac.design(16, d.drive_dac_span_v, bow=d.drive_dac_bow, glitch_v_s=d.drive_dac_glitch_v_s),
         sense_dac=dac.design(20, d.sense_dac_span_v, bow=d.sense_dac_bow, glitch_v_s=d.sense_dac_glitch_v_s),
+        drive_levels=dac_levels.design(config.effects.drive_dac_levels, 16, d.drive_dac_span_v / 2**15),
+        sense_levels=dac_levels.design(config.effects.sense_dac_levels, 20, d.sense_dac_span_v / 2**19),
         quad_lsb_v=d.quad_dac_span_v / 2**16,
         tables=tables,
         temp_lo_degc=float(first),
@@ -195,15 +202,16 @@ def analog(config, temp_lo_degc, temp_hi_degc):
         ),
         adc=_adc(config, d, tick_s),
         noise=plant.Noise(
-            force_x=white("force_x", noise.thermomechanical_density(damping_x, temp_lo_degc), on.thermomechanical),
-            force_y=white("force_y", noise.thermomechanical_density(damping_y, temp_lo_degc), on.thermomechanical),
-            cv_x=white("cv_x", cv_density, on.cv),
-            cv_y=white("cv_y", cv_density, on.cv),
-            drive_dac=white("dac_drive", d.drive_dac_noise_v_per_rthz, on.dac),
-            sense_dac=white("dac_sense", d.sense_dac_noise_v_per_rthz, on.dac),
+            force_x=held("force_x", at_carrier, force_density(damping_x, temp_lo_degc), on.thermomechanical),
+            force_y=held("force_y", at_carrier, force_density(damping_y, temp_lo_degc), on.thermomechanical),
+            cv_x=held("cv_x", noise.sigma_demodulated, cv_density, on.cv),
+            cv_y=held("cv_y", noise.sigma_demodulated, cv_density, on.cv),
+            drive_dac=held("dac_drive", at_carrier, d.drive_dac_noise_v_per_rthz, on.dac),
+            sense_dac=held("dac_sense", at_carrier, d.sense_dac_noise_v_per_rthz, on.dac),
             edge_jitter=noise.source(seed, "edge_jitter", d.clock_jitter_s, on.jitter),
         ),
         effects=_effects(config, warm, tick_s),
+        laws=_laws(config, warm, tick_s),
         sar_lsb_v=d.sar_span_v / 2**17,
         slope_gain=float(d.signal_gain),
     )
@@ -222,9 +230,22 @@ def _effects(config, device, tick_s):
     )
 
 
+def _laws(config, device, tick_s):
+    """Laws of the catalogue that the configuration switches on, then those that it writes out."""
+    e = config.effects
+    laws = [item for c in catalogue.LAWS for item in catalogue.laws(c, getattr(e, c.INFO.name), device)]
+    laws += [law.parse(text) for text in e.laws]
+    if config.firmware.board == "digital_sid" and any(item.port in CV_PORTS for item in laws):
+        raise ValueError('effects: a law at cv_x or cv_y needs firmware.board = "analog_sid"')
+    return law.design(laws, device.mass_kg, tick_s, resonator.W_RAD_PER_S, device.temp_ref_degc, config.noise.seed)
+
+
 def _adc(config, d, tick_s):
     """The converter: PGA 1 for the two drive channels and the sensor, the sense gain for the others."""
-    on = config.noise
+    on, e = config.noise, config.effects
+    for name in ("adc_curve", "adc_turnover", "adc_gain_tc_per_k", "adc_memory"):
+        if getattr(e, name) and config.firmware.board == "digital_sid":
+            raise ValueError(f'effects.{name} = {shown(getattr(e, name))} needs firmware.board = "analog_sid"')
     drive, sense = d.adc_noise_drive_v, d.adc_noise_sense_v
     flicker = d.sid_flicker_v_per_rthz if on.flicker else 0.0
     free_ppm = d.adc_clock_ppm if config.firmware.adc_clock == "free_running" else 0.0
@@ -238,6 +259,10 @@ def _adc(config, d, tick_s):
         conversion_delay_s=CONVERSION_DELAY_S + d.adc_delay_s,
         noise_v=(drive, drive, sense, sense, drive) if on.adc else (0.0,) * adc.CHANNELS,
         flicker_v_per_rthz=(flicker,) * 4 + (0.0,),
+        turnover=(e.adc_turnover,) * 4 + (0.0,),
+        gain_tc_per_k=(e.adc_gain_tc_per_k,) * 4 + (0.0,),
+        curve=tuple(e.adc_curve),
+        memory=(e.adc_memory,) * 4 + (0.0,),
     )
 
 

@@ -1,7 +1,7 @@
 """What one gyroscope carries from event to event, and what happens in front of and behind the plant's ticks.
 
     horizon   how many ticks nothing new can happen that is not known already
-    ahead     words of those ticks, DAC codes, reference edges: what the plant is told
+    ahead     words of those ticks, DAC codes, reference edges: what the plant is told (`played`, then `told`)
     behind    the converter's frame that was read, and the one that begins to be
 
     8 kHz window (a valid ADC frame, or stale at ce_8k), frame boundary, DRDY: the events; ticks in between are blocks
@@ -170,10 +170,17 @@ def _aged(p, dog, ticks):
 
 
 @inner
-def ahead(p, g, faults, tick, n, sar, drive_codes, sense_codes, b):
-    """`n` ticks from `tick` on, up to the plant: what is carried, the number of reference edges, the window's ticks.
+def awaited(p, g, tick):
+    """Whether a window begins, or goes on, in the block that begins at `tick`."""
+    starts = tick % FRAME_TICKS == 0 and (p.digital or g.s.dog.stale)
+    return g.s.slot != 0 or starts or (not p.digital and g.valid < TICK_CYCLES * (tick + 1))
 
-    sar  the two samples of the FPGA's own demodulator. Mutates both codes (those at the end of each tick) and `b`
+
+@inner
+def played(p, g, tick, n, sar, b):
+    """The 8 kHz side over the window of a block, the FPGA's own demodulator, and the ticks in which words are known.
+
+    sar  the two samples of the demodulator. Mutates `b`
     """
     at = TICK_CYCLES * tick
     s, sid = g.s, g.sid
@@ -186,9 +193,25 @@ def ahead(p, g, faults, tick, n, sar, drive_codes, sense_codes, b):
             window_at = at + DUMP_CLOCKS
     elif g.valid < at + TICK_CYCLES:
         window_at = g.valid
-    known = 0
-    if s.slot != 0 or window_at != FAR or (tick % FRAME_TICKS == 0 and s.dog.stale):
-        s, known = window.play(p, s, sid.codes, g.channels, g.coming, g.falls, g.ok, g.new_ok, window_at, tick, n, b)
+    s, known = window.play(p, s, sid.codes, g.channels, g.coming, g.falls, g.ok, g.new_ok, window_at, tick, n, b)
+    return s, sid, known
+
+
+@inner
+def ahead(p, g, faults, tick, n, sar, drive_codes, sense_codes, b):
+    """`n` ticks from `tick` on, up to the plant: what is carried, and the number of reference edges.
+
+    sar  as for `played`. Mutates both codes (those at the end of each tick) and `b`
+    """
+    s, sid, known = g.s, g.sid, 0
+    if awaited(p, g, tick):
+        s, sid, known = played(p, g, tick, n, sar, b)
+    return told(p, g, s, sid, known, faults, tick, n, drive_codes, sense_codes, b)
+
+
+@inner
+def told(p, g, s, sid, known, faults, tick, n, drive_codes, sense_codes, b):
+    """The second half of `ahead`: what the pins show, of the 8 kHz side `s`, whose first `known` ticks are in `b`."""
     amplitude, rate = control.amplitude(p.control, s.control), s.control.rate_loop.loop.y
     init = sequencer.outputs(s.control.sequencer).dac_init
     for k in range(n):
@@ -232,7 +255,7 @@ def ahead(p, g, faults, tick, n, sar, drive_codes, sense_codes, b):
         g.new_ok,
         g.drdy_cycle,
     )
-    return g, count, known
+    return g, count
 
 
 @inner

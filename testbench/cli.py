@@ -18,6 +18,9 @@ import typer
 from testbench.campaign import cli as campaign_cli
 from testbench.errors import ConfigError, FileError
 from testbench.golden import cli as golden_cli
+from testbench.measured import cli as measured_cli
+from testbench.paper import cli as paper_cli
+from testbench.paper import loop_cli
 from testbench.version import VERSION
 
 EXIT_MENDABLE, EXIT_INTERRUPTED = 2, 130
@@ -35,6 +38,9 @@ app = typer.Typer(
 )
 app.add_typer(golden_cli.app)
 app.add_typer(campaign_cli.app)
+app.add_typer(measured_cli.app)
+paper_cli.add(app)
+app.command()(loop_cli.loop)
 
 ConfigFile = Annotated[Path | None, typer.Option("--config", "-c", metavar="FILE", help="TOML configuration.")]
 Sets = Annotated[
@@ -69,7 +75,7 @@ def run(
     temperature_degc: Temperature = None,
     seed: Annotated[int | None, typer.Option(help="Seed of all noise.")] = None,
     no_noise: Annotated[bool, typer.Option("--no-noise", help="Switch every noise source off.")] = False,
-    engine: Annotated[str | None, typer.Option(help="Engine: frame or clocked; the same bits.")] = None,
+    engine: Annotated[str | None, typer.Option(help="Engine: frame or clocked (the same bits), or baseband.")] = None,
     out: Annotated[str | None, typer.Option(metavar="DIR", help="Folder for record, pictures and report.")] = None,
     resume: Annotated[str | None, typer.Option(metavar="STATE", help="State file to start from.")] = None,
     vcd: Annotated[
@@ -79,10 +85,13 @@ def run(
         str | None,
         typer.Option(metavar="DIR", help="Continue the interrupted run in DIR; its configuration is kept there."),
     ] = None,
+    gyrorec: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write the run as a measurement record too, from power-on.")
+    ] = None,
     as_json: Json = False,
 ):
     """Close the loop from power-on, lock, run the scenario, and say what was measured."""
-    given = (config, sets, seconds, rate_dps, temperature_degc, seed, engine, out, resume, vcd)
+    given = (config, sets, seconds, rate_dps, temperature_degc, seed, engine, out, resume, vcd, gyrorec)
     if resume_run is not None:
         if no_noise or any(given):
             raise ConfigError("--resume-run: the interrupted run keeps its configuration; no other option but --json")
@@ -103,7 +112,16 @@ def run(
         *(_silence() if no_noise else ()),
     )
     checked = _load(config, overrides)
+    if gyrorec is not None:
+        from testbench.measured import from_run
+
+        from_run.plan_of(checked)  # refused before anything runs
     _run(checked, checked.output.directory, False, as_json)
+    if gyrorec is not None:
+        with Progress(quiet=as_json) as progress:
+            digest = from_run.write(checked, gyrorec, progress)
+        if not as_json:
+            typer.echo(f"{gyrorec}  {digest[:16]}")
 
 
 def _run(config, directory, resume, as_json):

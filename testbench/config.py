@@ -20,10 +20,11 @@ from typing import Annotated, Any, Literal, NamedTuple, get_args, get_origin
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, create_model, model_validator
 
-from analog_frontend import device
-from testbench import scenario
+from analog_frontend import adc, dac_levels, device
+from analog_frontend.effects import catalogue
+from testbench import law_file, scenario
 from testbench.errors import ConfigError
-from testbench.toml_text import shown, toml_value
+from testbench.toml_text import read_toml, shown, toml_value
 
 PHASE_WORD_BITS = 48
 
@@ -102,12 +103,61 @@ class Firmware(Section):
         return tuple(phase_word(angle_deg) for angle_deg in degrees)
 
 
-class Effects(Section):
+def _levels(bits):
+    def check(value):
+        if not isinstance(value, (list, tuple)):
+            raise scenario.Problem("", f"= {shown(value)} is not a list of texts")
+        for k, text in enumerate(value):
+            if not isinstance(text, str):
+                raise scenario.Problem(f"[{k}]", f"= {shown(text)} is not a text")
+            try:
+                dac_levels.table([text[:80]], bits)
+            except ValueError as problem:
+                raise scenario.Problem(f"[{k}]", f"= {problem}") from None
+
+    return _checked(check)
+
+
+def _curve(value):
+    numbers = isinstance(value, (list, tuple)) and all(isinstance(v, float) for v in value)
+    if not numbers or len(value) > adc.CURVE or not all(abs(v) <= 1e-2 for v in value):
+        limits = f"a list of up to {adc.CURVE} numbers within -0.01 .. 0.01"
+        raise scenario.Problem("", f"= {shown(value)} is not {limits}")
+
+
+class _EffectsBase(Section):
     """Imperfections on the plant's ports; 0 is bit for bit nothing."""
 
     duffing_k3_per_um2: float = number(0.0, "1/um^2", -1e-2, 1e-2, "cubic stiffness of the drive mode, k3/k")
     drive_cubic_per_v2: float = number(0.0, "1/V^2", -1e-2, 1e-2, "drive force = k_vf v (1 + c v^2)")
     feedthrough_y: float = number(0.0, "V/V", -1e-2, 1e-2, "drive electrode voltage that reaches the sense C/V output")
+    drive_dac_levels: Annotated[Any, _levels(16)] = other(
+        [], 'errors of its levels: texts such as "element 5/8 = -2.2", "step 2/8 = 0.2", "bit 11 = 0.09"', "LSB"
+    )
+    sense_dac_levels: Annotated[Any, _levels(20)] = other([], "likewise of the sense DAC", "LSB")
+    adc_curve: Annotated[Any, _checked(_curve)] = other(
+        [], "its transfer's curve: up to 13 parts of full scale, by Chebyshev's T2, T3, .. T14", "1"
+    )
+    adc_turnover: float = number(0.0, "V/V", -1e-3, 1e-3, "of the four demodulator channels: v + c |v|")
+    adc_gain_tc_per_k: float = number(
+        0.0, "1/K", -1e-3, 1e-3, "gain of the four channels with the sensor's temperature"
+    )
+    adc_memory: float = number(0.0, "V/V", -1e-3, 1e-3, "part of the conversion before that is left in the next")
+    laws: Annotated[Any, _checked(scenario.check_laws)] = other(
+        [], 'laws of one\'s own, texts such as "force_x = -2.5e9 x^3"; docs/parts/ports.md'
+    )
+
+
+def _effect_key(effect):
+    return float, number(0.0, effect.INFO.unit, -effect.LIMIT, effect.LIMIT, effect.DOC)
+
+
+Effects = create_model(
+    "Effects",
+    __base__=_EffectsBase,
+    __doc__=_EffectsBase.__doc__,
+    **{effect.INFO.name: _effect_key(effect) for effect in catalogue.LAWS},
+)
 
 
 class Noise(Section):
@@ -125,7 +175,9 @@ class Noise(Section):
 class Scenario(Section):
     """What happens. Times count from lock unless `origin` says otherwise, in seconds of the 26 MHz clock."""
 
-    engine: Literal["frame", "clocked"] = other("frame", "engine that runs it: the same bits, another speed")
+    engine: Literal["frame", "clocked", "baseband"] = other(
+        "frame", "engine that runs it: frame and clocked have the same bits; baseband, for hours, averages the plant"
+    )
     origin: Literal["lock", "power_on"] = other("lock", "what `seconds` and all times of this section count from")
     seconds: float = number(2.0, "s", 0.001, 36000.0, "length")
     temperature_degc: Annotated[Any, _profile(-55.0, 125.0, "degC")] = other(
@@ -243,28 +295,27 @@ def parse_set(text):
         return Override(path, value.strip())
 
 
-def read_toml(path):
-    """TOML file as a dict; unreadable, undecodable or malformed files are a `ConfigError`."""
-    path = Path(path)
-    try:
-        return tomllib.loads(path.read_bytes().decode())
-    except OSError as problem:
-        raise ConfigError(f"{path}: cannot be read: {problem.strerror or problem}") from None
-    except UnicodeDecodeError as problem:
-        raise ConfigError(f"{path}: is not UTF-8 text (byte {problem.start})") from None
-    except (tomllib.TOMLDecodeError, RecursionError) as problem:
-        raise ConfigError(f"{path}: is not TOML: {problem}") from None
+def _names(value, path):
+    if not isinstance(value, list) or not all(isinstance(name, str) for name in value):
+        raise ConfigError(f"{path}: effects.files = {shown(value)} is not a list of names of law files")
+    return value
 
 
 def load(path=None, overrides=()):
     """Checked `Config` from a TOML file (or none) and overrides, which win.
 
-    path       file name, or None for the defaults
+    path       file name, or None for the defaults; `effects.files` in it names law files beside it, whose laws are
+               taken into `effects.laws`, so that a record carries them
     overrides  `Override`s or texts as of `--set`
     Raises ConfigError with one line.
     """
     tree = read_toml(path) if path is not None else {}
     origin = {}
+    section = tree.get("effects", {})
+    if isinstance(section, dict) and "files" in section:
+        folder = Path(path).parent
+        found = [text for name in _names(section.pop("files"), path) for text in law_file.read(folder / name).laws]
+        section["laws"] = [*section.get("laws", []), *found]
     for item in overrides:
         item = parse_set(item) if isinstance(item, str) else item
         *sections, key = item.path.split(".")

@@ -130,25 +130,22 @@ def _probe(o, first, n, turn, a, tick, b, count, refs):
             o.edge_count[0] += 1
 
 
-@hot
-def blocks(p, f, chips, a, chunk, tick, end, drdy_cycle, b):
-    """From a quiet `tick` to the last quiet one before `end`. Mutates `a` and the streams."""
+@inner
+def onward(p, a, chunk, g, tick, end, limit, b):
+    """Blocks from `tick` on, to the last quiet tick before `end` or to `limit`: what is carried then, and the tick.
+
+    Mutates `a`, `b` and the streams.
+    """
     faults, o = chunk.faults, chunk.o
-    g = taken_up(p.fpga, f, chips, tick, drdy_cycle)
-    history(f, b)
-    if faults.nan[0]:
-        a.z[plant.X] = np.nan
-    if faults.nan[1]:
-        a.z[plant.Y] = np.nan
-    while True:
-        until = horizon(p.plant.adc, a.adc.clock, faults.silent, g, tick, end)
+    while tick < limit:
+        until = min(horizon(p.plant.adc, a.adc.clock, faults.silent, g, tick, end), limit)
         if until == tick:
             break
         n = until - tick
         if tick % FRAME_TICKS == 0:
             _frame(p, a, chunk, tick, g)
         refs = g.refs
-        g, count, _ = ahead(p.fpga, g, faults, tick, n, a.sar, a.work.drive_codes, a.work.sense_codes, b)
+        g, count = ahead(p.fpga, g, faults, tick, n, a.sar, a.work.drive_codes, a.work.sense_codes, b)
         fell = plant.block(p.plant, a, tick, n, DRIVE_CLOCK, SENSE_CLOCK, count, b.edges)
         # streams
         row = tick - chunk.begin
@@ -165,7 +162,26 @@ def blocks(p, f, chips, a, chunk, tick, end, drdy_cycle, b):
             sid = demodulated(p.fpga, sid, tick, 1 if tick % FRAME_TICKS == 0 else 0, n, b)
         g = behind(g, faults, a.adc.clock, tick, until, fell, sid)
         tick = until
-    return put_down(f, chips, g, tick, faults.status)
+    return g, tick
+
+
+@inner
+def begun(p, f, chips, a, faults, tick, drdy_cycle, b):
+    """What blocks from a quiet `tick` on carry. Mutates `a` and `b`."""
+    history(f, b)
+    if faults.nan[0]:
+        a.z[plant.X] = np.nan
+    if faults.nan[1]:
+        a.z[plant.Y] = np.nan
+    return taken_up(p.fpga, f, chips, tick, drdy_cycle)
+
+
+@hot
+def blocks(p, f, chips, a, chunk, tick, end, drdy_cycle, b):
+    """From a quiet `tick` to the last quiet one before `end`. Mutates `a` and the streams."""
+    g = begun(p, f, chips, a, chunk.faults, tick, drdy_cycle, b)
+    g, tick = onward(p, a, chunk, g, tick, end, end, b)
+    return put_down(f, chips, g, tick, chunk.faults.status)
 
 
 @inner

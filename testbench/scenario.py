@@ -11,6 +11,7 @@ Source  docs/configuration.md
 
 import difflib
 import math
+import textwrap
 from typing import NamedTuple
 
 import numpy as np
@@ -156,7 +157,9 @@ def profile_points(value, lo, hi, unit):
 
 def _nearest(name, known):
     near = difflib.get_close_matches(str(name), known, n=1, cutoff=0.5)
-    return f"did you mean {near[0]}?" if near else f"known: {', '.join(known)}"
+    return (
+        f"did you mean {near[0]}?" if near else f"known: {textwrap.shorten(', '.join(known), 280, placeholder=' ...')}"
+    )
 
 
 def writable_registers():
@@ -186,6 +189,20 @@ def check_register_writes(value):
             raise Problem(where, f"= {raw}: the value of {name} is {side} the limit {limit} of its format {fmt}")
         writes.append((t_s, name, raw))
     return tuple(writes)
+
+
+def check_laws(value):
+    """`law.Law`s of a list of texts."""
+    from analog_frontend.effects import law
+
+    if not isinstance(value, (list, tuple)) or not all(isinstance(text, str) for text in value):
+        raise Problem("", f'= {shown(value)} is not a list of texts such as "force_x = -2.5e9 x^3"')
+    if len(value) > law.SLOTS:
+        raise Problem("", f"has {len(value)} laws, above the limit {law.SLOTS}")
+    try:
+        return tuple(law.parse(text) for text in value)
+    except ValueError as problem:
+        raise Problem("", f": {problem}") from None
 
 
 def check_faults(value):

@@ -134,7 +134,7 @@ def play(sim, timeline, progress=None, position=None, after_chunk=None):
         ahead = timeline.events[position.fired :]
         until = min(ahead[0].tick if ahead else timeline.ticks, timeline.ticks)
         if until > position.done:
-            step = min(until - position.done, CHUNK_TICKS)
+            step = min(until - position.done, sim.chunk_ticks)
             sim.advance(step, *_profiles(timeline, position, sim.tick, step))
             position.done += step
         if progress:
@@ -219,9 +219,10 @@ class Run:
 
     directory  where rows and checkpoints are kept until the run is done; None keeps the rows in memory
     resume     continue the run that was interrupted there
+    engine_run  an engine's `run` to use instead of that of the configuration, with the same results
     """
 
-    def __init__(self, config, directory=None, resume=False):
+    def __init__(self, config, directory=None, resume=False, engine_run=None):
         self.config = config
         self.timeline = scenario.expand(config.scenario)
         self.temp_before_degc, self.rate_before_rad_s = self.timeline.temp_before_degc, self.timeline.rate_before_rad_s
@@ -229,7 +230,9 @@ class Run:
         window = None
         if config.output.vcd_length_us:
             window = (round(config.output.vcd_start_us), max(1, round(config.output.vcd_length_us)))
-        self.sim = Simulation(config, min(lo, self.temp_before_degc), max(hi, self.temp_before_degc), window)
+        self.sim = Simulation(
+            config, min(lo, self.temp_before_degc), max(hi, self.temp_before_degc), window, engine_run
+        )
         self.tally, self.start_up = Tally(build.clock_hz(config)), StartUp()
         self.position, self.segments = Position(), dict.fromkeys(SEGMENTS, -1)
         self.partial = None if directory is None else checkpoint.Partial(directory)
@@ -329,17 +332,18 @@ class Run:
         )
 
 
-def run(config, progress=None, directory=None, resume=False, sinks=()):
+def run(config, progress=None, directory=None, resume=False, sinks=(), engine_run=None):
     """Do a whole run; returns `Result`.
 
     directory  where rows and checkpoints are kept meanwhile; None: rows stay in memory, for runs of seconds
     resume     continue the interrupted run in `directory`, of the same configuration
     sinks      objects that get the rows of the scenario, and of nothing else (`simulation`)
+    engine_run  as of `Run`
     """
     if progress:
         progress("compiling", 0, 1)
     began = time.perf_counter()
-    job = Run(config, directory, resume)
+    job = Run(config, directory, resume, engine_run)
     if not resume:
         job.start(progress)
     job.sim.sinks.extend(sinks)

@@ -1,10 +1,12 @@
 """A gyroscope in time: its state, and the streams of everything that happens to it.
 
     engine     frame or clocked: the same bits, the same State; which one is only a matter of speed
+               baseband: the same State and rows, within stated tolerances; no codes of single ticks
     sinks      objects with `add(first_frame, frames, truth)`: what a long run does with its rows at once
     columns    all rows stay in memory besides (`keep_rows`), for runs of seconds from Python
+    codes      of every tick, for their hash and the spectra; without `keep_codes` there are rows of 8 kHz only
 
-Advances in chunks, which do not matter to any result; saves and restores exactly.
+Advances in chunks, which do not matter to any result (baseband: within its tolerances); saves and restores exactly.
 Source    docs/architecture.md
 """
 
@@ -27,6 +29,7 @@ from testbench.errors import ConfigError
 
 DEG = math.pi / 180
 CHUNK_TICKS = 100_000
+BASEBAND_CHUNK_TICKS = 2_000_000  # its ends cost what some hundred frames cost; its rows stay in the cache
 SPECTRUM_TICKS = 1 << 17
 STATE_FORMAT = "engine-1"
 SCRATCH = "work"  # field of the plant's state that holds nothing from one tick to the next
@@ -36,9 +39,15 @@ TRUTH = {name: k for k, (name, _) in enumerate(clocked.TRUTH_COLUMNS)}
 
 
 def runner(name):
-    """`run` of the engine called `name`; an engine that is not used is not loaded."""
+    """`run` of the engine called `name`, or `name` if it is one; an engine that is not used is not loaded."""
+    if callable(name):
+        return name
     if name == "clocked":
         return clocked.run
+    if name == "baseband":
+        from testbench import baseband
+
+        return baseband.run
     from testbench import frame
 
     return frame.run
@@ -49,7 +58,7 @@ class Simulation:
 
     temp_lo_degc, temp_hi_degc  range of ambient temperatures of the run
     window                      (first tick, ticks) whose registers are kept in `rows`
-    engine                      name of the engine, instead of that of the configuration
+    engine                      name of the engine, or its `run`, instead of that of the configuration
     """
 
     def __init__(self, config, temp_lo_degc, temp_hi_degc, window=None, engine=None):
@@ -67,6 +76,10 @@ class Simulation:
             self.first_writes = build.register_writes(config)
         except ValueError as problem:
             raise ConfigError(problem) from None
+        if self.engine == "baseband":
+            from testbench import baseband
+
+            baseband.prepared(self.params)
         if self.engine == "frame":
             from testbench import warmup
 
@@ -75,7 +88,7 @@ class Simulation:
         self.window = window
         self.rows = None
         self.sinks = []
-        self.keep_rows = True
+        self.keep_rows, self.keep_codes = True, True
         self.frames, self.truth = [], []
         self.hash = CodeHash()
         self._tail, self._tail_ticks = deque(), 0
@@ -95,6 +108,16 @@ class Simulation:
         self._engine = name
 
     @property
+    def averaged(self):
+        """True for the engine that knows no codes of single ticks."""
+        return self.engine == "baseband"
+
+    @property
+    def chunk_ticks(self):
+        """Longest chunk that is worth while for the engine."""
+        return BASEBAND_CHUNK_TICKS if self.averaged else CHUNK_TICKS
+
+    @property
     def tick(self):
         return self.state.tick
 
@@ -112,7 +135,7 @@ class Simulation:
         rate, temp = np.atleast_1d(rate_rad_s), np.atleast_1d(temp_degc)
         done, streams = 0, None
         while done < ticks:
-            step = ticks if probe_ticks else self._to_window(min(CHUNK_TICKS, ticks - done))
+            step = ticks if probe_ticks else self._to_window(min(self.chunk_ticks, ticks - done))
             first = self.tick // FRAME_TICKS - (self.tick - done) // FRAME_TICKS
             streams = self._advance(
                 step, rate[min(first, len(rate) - 1) :], temp[min(first, len(temp) - 1) :], probe_ticks=probe_ticks
@@ -151,7 +174,7 @@ class Simulation:
         self.now = (rate[-1:], temp[-1:])
         inside = self.in_window and not probe_ticks
         streams = clocked.streams(
-            ticks,
+            ticks if self.keep_codes and not self.averaged else 0,
             frames_begun(self.tick, ticks),
             26 * ticks if inside else 0,
             probe_ticks,
@@ -162,8 +185,13 @@ class Simulation:
     def moved(self, state, streams, inside=False):
         """An engine has come to `state` and filled `streams`; `inside` the register window."""
         tick, self.state = self.tick, state
-        self.hash.add(tick, streams.drive_code, streams.sense_code, streams.frames[:, :HASHED_COLUMNS])
-        self._keep_tail(streams.drive_code, streams.sense_code)
+        if self.keep_codes:
+            words = streams.frames[:, :HASHED_COLUMNS]
+            if self.averaged:
+                self.hash.add_words(tick, state.tick - tick, words)
+            else:
+                self.hash.add(tick, streams.drive_code, streams.sense_code, words)
+            self._keep_tail(streams.drive_code, streams.sense_code)
         if len(streams.frames):
             if self.keep_rows:
                 self.frames.append(streams.frames)
@@ -202,8 +230,14 @@ class Simulation:
         return warmed
 
     def codes_sha256(self):
-        """Hash of every DAC code of every tick and every ADC code and word of every frame; chunks do not matter."""
-        return self.hash.hexdigest()
+        """Hash of every DAC code of every tick and every ADC code and word of every frame; chunks do not matter.
+
+        Of the baseband engine "frames:" and the hash of codes and words of every frame.
+        Raises ValueError if the codes are not kept.
+        """
+        if not self.keep_codes:
+            raise ValueError("simulation: no hash of codes that are not kept")
+        return "frames:" * self.averaged + self.hash.hexdigest()
 
     def columns(self):
         """All frames so far as {name: array}, registers and truth together, if it keeps its rows."""

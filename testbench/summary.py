@@ -127,8 +127,10 @@ def _plots(job, tail, summary, reading, clock_hz):
             "lock_time_s": summary["lock_time_s"],
             "setpoint_um": config.firmware.amplitude_um,
         },
-        "spectra": {"outputs": {"drive (16 bit)": (tail[0], 16), "sense (20 bit)": (tail[1], 20)}},
     }
+    # the baseband engine knows no codes of single ticks
+    if tail.shape[1]:
+        plots["spectra"] = {"outputs": {"drive (16 bit)": (tail[0], 16), "sense (20 bit)": (tail[1], 20)}}
     if reading is not None:
         names = ("drive sgn(sin)", "drive sgn(cos)", "sense sgn(sin)", "sense sgn(cos)")
         f = summary["drive_frequency_hz"]

@@ -75,7 +75,9 @@ def numbers(summary):
     for node, value in (summary.get("loop_phase_deg") or {}).items():
         rows.append((f"loop phase {node}' (node phase less the switch delay)", fixed(value, 4), "deg"))
     if summary.get("codes_sha256"):
-        rows.append(("hash of all DAC and ADC codes", summary["codes_sha256"][:16], "sha-256, first 16"))
+        kind, _, digest = summary["codes_sha256"].rpartition(":")
+        what = "hash of all ADC codes and words" if kind else "hash of all DAC and ADC codes"
+        rows.append((what, digest[:16], "sha-256, first 16"))
     return Table("Results", ("quantity", "value", "unit"), rows)
 
 

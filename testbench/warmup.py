@@ -1,7 +1,7 @@
-"""The first compilation of the frame engine, on two cores instead of one.
+"""The first compilation of the frame engine, and of the lanes engine where it is wanted, on two cores instead of one.
 
-Its two large parts, the clocked ticks and the blocks, are compiled side by side in two child processes that leave them
-in the kernel cache. With a filled cache, without a cache or on one core nothing happens.
+The large parts, clocked ticks, blocks and lanes, are compiled side by side in child processes that leave them in the
+kernel cache. With a filled cache, without a cache or on one core nothing happens.
 """
 
 import os
@@ -13,6 +13,7 @@ import numba
 import numpy as np
 
 from fpga_model.jit import CACHE
+from fpga_model.rates import FRAME_TICKS
 from testbench import engine, frame, pins
 
 CHILD = "from testbench import warmup; warmup.compile_{}()"
@@ -59,14 +60,23 @@ def compile_blocks():
     frame.blocks(params, s.fpga, s.chips, s.plant, _chunk(), 0, 0, -1, pins.buffers())
 
 
-def warm_up():
+def compile_lanes():
+    """A few blocks of the lanes engine, likewise."""
+    from testbench import lanes
+
+    params, s = _fresh()
+    ticks = 4 * FRAME_TICKS
+    zeros, o = np.zeros(ticks // FRAME_TICKS + 2), engine.streams(ticks, ticks // FRAME_TICKS)
+    lanes.Engine([params]).run([s], ticks, [zeros], [zeros + 25.0], [engine.Faults()], [o])
+
+
+def warm_up(lanes=False):
     """Fill the kernel cache if it is empty. A child that fails leaves its part to be compiled on first use."""
     if not CACHE or (os.cpu_count() or 1) < 2 or cached(engine.run_ticks) or cached(frame.blocks):
         return
     quiet = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    children = [
-        subprocess.Popen([sys.executable, "-c", CHILD.format(part)], cwd=ROOT, **quiet) for part in ("ticks", "blocks")
-    ]
+    parts = ("ticks", "blocks", "lanes") if lanes else ("ticks", "blocks")
+    children = [subprocess.Popen([sys.executable, "-c", CHILD.format(part)], cwd=ROOT, **quiet) for part in parts]
     try:
         for child in children:
             child.wait(TIMEOUT_S)

@@ -28,8 +28,8 @@ from fpga_model import (
 )
 from fpga_model.control import SLOT_PI
 from fpga_model.jit import inner, outlined
-from fpga_model.rates import FRAME_TICKS, SLOT_CORDIC, SLOT_LOOPS, SLOT_ROOT, SLOT_SEQUENCER, SLOTS, TICK_CYCLES
-from testbench import engine
+from fpga_model.rates import FRAME_TICKS, SLOT_CORDIC, SLOT_ROOT, SLOT_SEQUENCER, SLOTS, TICK_CYCLES
+from testbench import at_once, engine
 from testbench.turn import Turn, turned
 
 SLOT_WORD = SLOT_PI + 2  # after it the frequency word holds what the loop has found
@@ -139,28 +139,19 @@ def _caught_up(p, c, bank, turn, first, count, clock, restarted, i):
 
 
 @inner
-def _whole(p, s, i, bank):
+def whole(p, s, i, bank):
     """Control after all slots of a window that began with everything at rest, and the frequency word after SLOT_PI.
 
     What has nothing to do in a slot is at rest there: CORDIC first, then the sequencer, the loops, root and output.
     """
-    c = s.cordic
-    for k in range(SLOT_CORDIC, SLOT_SEQUENCER):
-        c = cordic.step(c, 1 if k == SLOT_CORDIC else 0, cordic.negated(i.drive_cos), i.drive_sin)
+    c = at_once.rotated(s.cordic, cordic.negated(i.drive_cos), i.drive_sin)
     s = control.State(c, s.agc, s.frequency_tracker, s.rate_loop, s.quadrature_loop, s.rate_output, s.sequencer)
     after = control.sequenced(p, s, i, bank)
     s = control.State(c, s.agc, s.frequency_tracker, s.rate_loop, s.quadrature_loop, s.rate_output, after)
-    word = s.frequency_tracker.word
-    for k in range(SLOT_LOOPS, SLOT_ROOT + 1):
-        s = control.loops(p, s, k, i, bank)
-        if k == SLOT_PI:
-            word = s.frequency_tracker.word
-    loop, root, out = s.quadrature_loop, s.quadrature_loop.root, s.rate_output
-    r = control.output_params(bank)
-    for _ in range(SLOT_ROOT + 1, SLOTS + 1):
-        root = isqrt.step(root, 0, 0)
-        out = rate_output.step(r, out, 0, 0, 0)
-    loop = quadrature_loop.State(loop.error, loop.loop, root)
+    s, word = at_once.looped(p, s, i, bank)
+    out = at_once.scaled(control.output_params(bank), s.rate_output)
+    loop = s.quadrature_loop
+    loop = quadrature_loop.State(loop.error, loop.loop, at_once.rooted(loop.root))
     return control.State(c, s.agc, s.frequency_tracker, s.rate_loop, loop, out, s.sequencer), word
 
 
@@ -178,7 +169,7 @@ def play(p, s, sid_codes, old, new, ready, ok, new_ok, valid, tick, n, b):
         return _played(p, s, sid_codes, old, new, ready, ok, new_ok, valid, tick, n, b)
     i = _inputs(p, sid_codes, old, new, ready, ok, new_ok, valid, valid + 1, ZERO)
     c, bank, dog = s.control, s.bank, s.dog
-    after, word = _whole(p.control, c, i, bank)
+    after, word = whole(p.control, c, i, bank)
     was, now = sequencer.outputs(c.sequencer), sequencer.outputs(after.sequencer)
     amplitudes = (
         agc.amplitude(p.control.agc, c.agc, was.agc_mode),

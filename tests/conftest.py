@@ -5,6 +5,7 @@ Hypothesis has no deadline, because the first call of a kernel compiles it. CI d
 """
 
 import os
+import signal
 
 from hypothesis import HealthCheck, settings
 
@@ -14,3 +15,6 @@ COMMON = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow, Heal
 settings.register_profile("desk", **COMMON)
 settings.register_profile("ci", derandomize=True, print_blob=True, **COMMON)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE") or ("ci" if os.environ.get("CI") else "desk"))
+
+# a shell that starts a suite in the background has it ignore Ctrl-C, and the tests that send one would wait for ever
+signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -56,6 +56,10 @@ static inline double white(const Source &p, i64 counter) {
     return p.sigma * (sum * IH4_SCALE);
 }
 
+static const i64 HOLD = 5;
+
+static inline double held(const Source &p, i64 tick) { return white(p, tick / HOLD); }
+
 static double white_fine(const Source &p, i64 counter) {
     i64 first = 3 * counter;
     i64 sum = sum4(p.key0, p.key1, first) + sum4(p.key0, p.key1, first + 1) + sum4(p.key0, p.key1, first + 2);
@@ -318,14 +322,14 @@ inline void Board::plant() {
         fail("a DAC changed at another clock of the tick than when the state was exported");
     double in[ROWS], out[16], b[4], p[6];
     std::memcpy(in, z, sizeof z);
-    in[16] = volts[0] + white(drive_noise, tick);
-    in[18] = volts[1] + white(sense_noise, tick);
+    in[16] = volts[0] + held(drive_noise, tick);
+    in[18] = volts[1] + held(sense_noise, tick);
     Source second = jitter;
     second.half = 1;
     dac_step(0, drive.code, white(jitter, 5 * tick), in[17], in[20]);
     dac_step(1, sense.code, white(second, 5 * tick), in[19], in[21]);
-    in[22] = white(force_x, tick);
-    in[23] = white(force_y, tick);
+    in[22] = held(force_x, tick);
+    in[23] = held(force_y, tick);
 
     // forced part of the modes
     static const int FORCED[] = {1, 2, 3, 4, 5, 16, 17, 18, 19, 20, 21, 22, 23};
@@ -359,7 +363,7 @@ inline void Board::plant() {
         }
     }
 
-    double noise_x = white(cv_x, tick), noise_y = white(cv_y, tick), start[CHANNELS], stop[CHANNELS];
+    double noise_x = held(cv_x, tick), noise_y = held(cv_y, tick), start[CHANNELS], stop[CHANNELS];
     for (int d = 0; d < 4; d++) start[d] = caps[d][2] - caps[d][5];
     start[4] = stop[4] = sensor_v;
     if (edge_count + late_count[0] + late_count[1] + late_count[2] + late_count[3] == 0) {

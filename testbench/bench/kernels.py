@@ -1,7 +1,8 @@
 """What is timed of this repository: kernels on a locked gyroscope, each moves its own copy of it on.
 
     frame, clocked   the engines of `gyro run`: full plant, all noise, locked at 100 deg/s, hash of all codes included
-    lanes            the same for eight gyroscopes side by side; their seconds are added
+    baseband         the averaged plant, the same gyroscope and noise, with the rows of 8 kHz, or their hash besides
+    lanes            the same for eight gyroscopes side by side, with that hash or with the rows of 8 kHz alone
 firmware         the FPGA and the ADC's digital side alone, fed with fixed codes
 plant            the plant alone, tick by tick, fed with recorded DAC codes and references at the drive frequency
 python           the clocked engine's own source run by CPython, without compiler, from power-on
@@ -36,10 +37,13 @@ def cpu_s(work, *arguments):
     return time.process_time() - began
 
 
-def gyroscope(engine_name, locked=True, changes=None):
-    """`Simulation` of the default configuration, `changes` apart, on an engine: locked, at the beginning of a frame."""
+def gyroscope(engine_name, locked=True, changes=None, codes=True):
+    """`Simulation` of the default configuration, `changes` apart, on an engine: locked, at the beginning of a frame.
+
+    codes  whether the codes are kept and hashed
+    """
     sim = Simulation(config.changed(config.Config(), changes or {}), TEMP_DEGC, TEMP_DEGC, engine=engine_name)
-    sim.keep_rows = False
+    sim.keep_rows, sim.keep_codes = False, codes
     sim.now = (np.array([RATE_RAD_S]), np.array([TEMP_DEGC]))
     if locked:
         if simulate.start(sim.config, sim, RATE_RAD_S, TEMP_DEGC) is None:
@@ -53,15 +57,25 @@ def advance(sim, ticks):
     return sim.advance(ticks, RATE_RAD_S, TEMP_DEGC)
 
 
-class SideBySide:
-    """Locked gyroscopes at one tick, each with a noise of its own, on the lanes engine."""
+def different(k):
+    """What gyroscope `k` of many has of its own."""
+    return {"noise.seed": 1 + k, "plant.fx_hz": 11002.3 + 0.01 * k, "plant.qx": 210e3 + 500 * k}
 
-    def __init__(self, count):
-        self.sims = [gyroscope("frame", changes={"noise.seed": 1 + k}) for k in range(count)]
+
+class SideBySide:
+    """Locked gyroscopes at one tick, each with parts and noise of its own, on the lanes engine, groups in threads.
+
+    codes  whether the codes of every tick are kept and hashed
+    """
+
+    def __init__(self, count, threads=1, codes=True):
+        self.sims = [gyroscope("frame", changes=different(k)) for k in range(count)]
         last = max(sim.tick for sim in self.sims)
         for sim in self.sims:
             advance(sim, last - sim.tick)
-        self.lanes = lanes.Lanes(self.sims)
+        for sim in self.sims:
+            sim.keep_codes = codes
+        self.lanes = lanes.Lanes(self.sims, threads)
 
     def advance(self, ticks):
         """All of them by `ticks`, at the rate and temperature of all measurements."""
@@ -169,11 +183,19 @@ class Served:
 
     def cpu_s(self, engine_name, ticks):
         """CPU time (s) of `ticks` more on an engine."""
+        self.ask(engine_name, ticks)
+        return self.answer()
+
+    def ask(self, engine_name, ticks):
+        """Set it to work; `answer` waits for the end."""
         self.process.stdin.write(f"{engine_name} {ticks}\n")
         self.process.stdin.flush()
+
+    def answer(self):
+        """CPU time (s) of what was asked for."""
         answer = self.process.stdout.readline()
         if not answer:
-            raise RuntimeError(f"the process that times the {engine_name} engine has ended")
+            raise RuntimeError("the process that times an engine has ended")
         return float(answer)
 
     def close(self):
@@ -181,6 +203,15 @@ class Served:
         self.process.stdin.close()
         self.process.stdout.close()
         self.process.wait()
+
+
+def output(code):
+    """Last line of what a process of its own prints."""
+    process = _python(code)
+    said, _ = process.communicate()
+    if process.returncode:
+        raise RuntimeError(f"a process of the bench failed: {code}")
+    return said.splitlines()[-1]
 
 
 FIRST_FRAME = "from testbench.bench import kernels; kernels.advance(kernels.gyroscope(None, locked=False), 125)"

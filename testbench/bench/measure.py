@@ -19,8 +19,9 @@ from pathlib import Path
 
 import numpy as np
 
+from analog_frontend.noise import HOLD
 from fpga_model.rates import FRAME_TICKS, TICK_HZ
-from testbench.bench import kernels, peers, stages
+from testbench.bench import kernels, many, peers, stages
 from testbench.docs import ROOT, markdown, replaced
 from testbench.files import write_text
 from testbench.tables import Table, fixed
@@ -29,19 +30,24 @@ COMMAND = "python -m testbench.bench"
 REPEATS = 10
 PROCESSES = 5
 FRAME_TICKS_TIMED = 1_000_000
+BASEBAND_TICKS_TIMED = 10_000_000
 PEER_TICKS = {"c_loop": 100_000, "verilator": 100_000, "icarus": 1_250}
 PEER_KEYS = {"c_loop": "c_loop_rt", "verilator": "verilator_closed_rt", "icarus": "icarus_rt"}
 PYTHON_TICKS = 2 * FRAME_TICKS
 
 SPEEDS = (
     ("frame_rt", "frame engine"),
+    ("baseband_rt", "baseband engine, averaged plant"),
+    ("baseband_codes_rt", "the same with the codes of every frame, hashed"),
     ("lanes_rt_per_core", "lanes engine, eight gyroscopes"),
+    ("lanes_codes_rt", "the same with the codes of every tick, hashed"),
     ("clocked_rt", "clocked engine"),
     ("c_loop_rt", "C loop"),
     ("verilator_closed_rt", "Verilator"),
     ("icarus_rt", "Icarus Verilog"),
     ("python_rt", "plain Python"),
     ("roof_single_rt", "roof"),
+    ("roof_lanes_rt", "roof, eight gyroscopes"),
     ("firmware_rt", "firmware alone"),
     ("plant_rt", "plant alone"),
 )
@@ -56,9 +62,21 @@ GROWTH_SECONDS = (1, 4, 16)
 GROWTH_TICKS = 500_000
 GROWTH_LANES = (1, 4, 8, 16)
 LANES = 8
-LANES_TICKS = 400_000
+LANES_TICKS = 1_000_000
 SOURCES = ("thermomechanical", "cv", "dac", "adc", "flicker", "jitter")
-EFFECTS = {"duffing_k3_per_um2": 1e-7, "drive_cubic_per_v2": 1e-3, "feedthrough_y": 1e-5}
+# one per kernel: the catalogue's others are laws as well
+EFFECTS = {
+    "duffing_k3_per_um2": 1e-7,
+    "drive_cubic_per_v2": 1e-3,
+    "feedthrough_y": 1e-5,
+    "laws": ["force_x = -1e6 x^3"],
+    "drive_dac_levels": ["bit 7 = 0.1"],
+    "sense_dac_levels": ["bit 7 = 0.1"],
+    "adc_curve": [1e-6],
+    "adc_turnover": 1e-6,
+    "adc_gain_tc_per_k": 1e-6,
+    "adc_memory": 1e-6,
+}
 
 
 # ---- roof ------------------------------------------------------------------------------------------------------------
@@ -73,7 +91,7 @@ def pairs_per_tick():
     C/V      2 channels: 4 numbers onto 3 states and 3 places of the path, a triangle, 9  78
     SID      4 demodulators: noise on 3 stages, a triangle                                36
     ADC      64 samples in 125 ticks, 5 channels: chord, three weights                    10.24
-    noise    4 hashes of 7 rounds, two numbers of each scaled twice                       44
+    noise    1 hash of 7 rounds, 3 for 5 ticks, two numbers of each scaled twice          17.6
 
     Left out: firmware and chips, reference edges, the shifts and masks of the hashes, 8 kHz work, all loads and stores,
     and that a tick must wait for the one before it. No engine can be faster than this roof on one core.
@@ -85,8 +103,16 @@ def pairs_per_tick():
     pickoffs = 2 * (4 * 6 + triangle + 3 * 3)
     sid = 4 * (3 + triangle)
     adc = 64 / 125 * 5 * 4
-    noise = 4 * (7 + 2 * 2)
+    noise = (1 + 3 / HOLD) * (7 + 2 * 2)
     return chains + forced + modes + pickoffs + sid + adc + noise
+
+
+def lane_pairs_per_tick():
+    """The same of one of eight gyroscopes in lanes: the noise on 3 stages serves both demodulators of a channel.
+
+    The peak is the same: one gyroscope fills the registers with eight ticks, or with eight states, as eight fill them.
+    """
+    return pairs_per_tick() - 2 * 3
 
 
 # ---- measuring -------------------------------------------------------------------------------------------------------
@@ -124,24 +150,34 @@ def comparators(sim, folder):
     return works, missing
 
 
+ROOFS = {"roof_single_rt": pairs_per_tick, "roof_lanes_rt": lane_pairs_per_tick}
+
+
+def _roof_s(pairs, command):
+    return pairs / peers.peak_pairs_per_s(command)
+
+
 def _peer_cpu_s(*arguments):
     return peers.run(*arguments).cpu_s
 
 
 def speeds(folder, repeats=REPEATS, processes=PROCESSES):
     """Real-time factors of everything that simulates, their spread, the peak of the CPU, and what is missing."""
-    bench, side = kernels.Bench(), kernels.SideBySide(LANES)
+    bench, side, hashed = kernels.Bench(), kernels.SideBySide(LANES, codes=False), kernels.SideBySide(LANES)
+    averaged, kept = kernels.gyroscope("baseband", codes=False), kernels.gyroscope("baseband")
     works, missing = comparators(kernels.gyroscope("clocked"), folder)
     ticks = {key: PEER_TICKS[name] for name, key in PEER_KEYS.items()}
     ticks |= dict.fromkeys(("clocked_rt", *PARTS), bench.ticks)
     ticks |= {"frame_rt": FRAME_TICKS_TIMED, "python_rt": PYTHON_TICKS, "lanes_rt_per_core": LANES * LANES_TICKS}
+    ticks |= dict.fromkeys(("baseband_rt", "baseband_codes_rt"), BASEBAND_TICKS_TIMED)
+    ticks |= {"lanes_codes_rt": LANES * LANES_TICKS}
     try:
         command = peers.build_peak(folder)
-        # as the time of what a tick has to multiply and add
-        works["roof_single_rt"] = lambda: pairs_per_tick() / peers.peak_pairs_per_s(command)
-        ticks["roof_single_rt"] = 1
+        for key, pairs in ROOFS.items():  # as the time of what a tick has to multiply and add
+            works[key] = partial(_roof_s, pairs(), command)
+            ticks[key] = 1
     except peers.Missing as reason:
-        missing["roof_single_rt"] = str(reason)
+        missing |= dict.fromkeys(ROOFS, str(reason))
     with contextlib.ExitStack() as stack:
 
         def served(**options):
@@ -152,7 +188,10 @@ def speeds(folder, repeats=REPEATS, processes=PROCESSES):
         for name in ("frame", "clocked"):
             works[f"{name}_rt"] = partial(_in_turn, itertools.cycle(engines), name, ticks[f"{name}_rt"])
         works |= {
+            "baseband_rt": partial(kernels.cpu_s, kernels.advance, averaged, BASEBAND_TICKS_TIMED),
+            "baseband_codes_rt": partial(kernels.cpu_s, kernels.advance, kept, BASEBAND_TICKS_TIMED),
             "lanes_rt_per_core": partial(kernels.cpu_s, side.advance, LANES_TICKS),
+            "lanes_codes_rt": partial(kernels.cpu_s, hashed.advance, LANES_TICKS),
             "firmware_rt": partial(kernels.cpu_s, bench.firmware),
             "plant_rt": partial(kernels.cpu_s, bench.plant_only),
             "python_rt": partial(interpreted.cpu_s, "clocked", PYTHON_TICKS),
@@ -187,7 +226,7 @@ def growth(repeats=GROWTH_REPEATS):
         works[case] = partial(kernels.cpu_s, kernels.advance, made[key], ticks)
     for count in GROWTH_LANES:
         cases["lanes", str(count)] = ({}, count * LANES_TICKS)
-        works["lanes", str(count)] = partial(kernels.cpu_s, kernels.SideBySide(count).advance, LANES_TICKS)
+        works["lanes", str(count)] = partial(kernels.cpu_s, kernels.SideBySide(count, codes=False).advance, LANES_TICKS)
     result = {}
     for (kind, name), spent in rounds(works, repeats).items():
         result.setdefault(kind, {})[name] = statistics.median(spent) / (cases[kind, name][1] / TICK_HZ)
@@ -222,7 +261,8 @@ def measure():
     with tempfile.TemporaryDirectory() as folder:
         first = {key: kernels.first_call_s(folder) for key, _ in FIRST_CALLS}
     result = speeds(ROOT / "build" / "bench")
-    return result | first | {"growth": growth(), "stages_ns": stages.measure(), "versions": versions(), "cpu": cpu()}
+    result |= first | {"growth": growth(), "stages_ns": stages.measure(), "versions": versions(), "cpu": cpu()}
+    return result | {"cores": many.cores(), "memory_bytes_per_lane": many.memory(), "runs_cpu_s": many.runs()}
 
 
 # ---- showing ---------------------------------------------------------------------------------------------------------
@@ -283,7 +323,9 @@ def speed_part(result):
     return (
         f"Measured with `{COMMAND}` on {shown.note}.\n\n{markdown(shown)}\n\n{roof}\n\n"
         f"Where the frame engine's time goes, each stage alone:\n\n{markdown(stage_table(result))}\n\n"
-        f"How the cost of the frame engine grows, and that of one of several lanes:\n\n{markdown(growth_table(result))}"
+        "How the cost of the frame engine grows, and that of one of several lanes:\n\n"
+        f"{markdown(growth_table(result))}\n\n"
+        f"What more cores bring:\n\n{markdown(many.cores_table(result))}\n\n{many.sentences(result)}"
     )
 
 
@@ -292,7 +334,7 @@ def main():
     from testbench import cli
 
     result = measure()
-    cli._print_tables([table(result), stage_table(result), growth_table(result)])
+    cli._print_tables([table(result), stage_table(result), growth_table(result), many.cores_table(result)])
     (ROOT / "build").mkdir(exist_ok=True)
     write_text(ROOT / "build" / "bench.json", json.dumps(result, indent=1) + "\n")
     page = ROOT / "docs" / "speed.md"

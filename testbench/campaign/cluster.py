@@ -14,7 +14,6 @@ import re
 import time
 
 from testbench.campaign import work
-from testbench.campaign.points import address_of
 from testbench.errors import ConfigError
 
 ADDRESS = re.compile(r"((tcp|tls|ws|wss)://)?([\w.-]+|\[[0-9a-fA-F:]+\]):\d{1,5}")
@@ -98,7 +97,7 @@ class Cluster:
                 str(store.path),
                 store.name,
                 batch,
-                key=f"gyro-{address_of(batch[0])}-{tries}",
+                key=f"gyro-{batch.addresses[0]}-{len(batch.identities)}-{tries}",
                 pure=False,
             )
             futures[future.key] = future, batch, tries
@@ -117,7 +116,12 @@ class Cluster:
             if future.status == "finished":
                 yield self._result(future)
             elif future.status == "error":
-                yield [self._failure(address_of(identity), future) for identity in batch]
+                failures = [self._failure(address, future) for address in batch.addresses]
+                if len(failures) > 1 and all(failure.status == work.FAILED for failure in failures):
+                    for one in batch.alone():
+                        submit(one, 1)
+                else:
+                    yield failures
             elif tries < TRIES and self._client.status == "running":
                 submit(batch, tries + 1)
             else:

@@ -29,6 +29,8 @@ class Engine(NamedTuple):
     prepare  called once per process before the first point, one process of a machine at a time: compilation
     group    configuration -> key; points with equal keys may share a call
     modules  dotted names whose sources, with all they import, make the hash of the code
+    twin     name of the engine that gives the same points to the last bit, under whose name they are kept; the modules
+             must be the same
     """
 
     play: Callable
@@ -36,11 +38,14 @@ class Engine(NamedTuple):
     modules: tuple
     prepare: Callable | None = None
     group: Callable = _all_together
+    twin: str = ""
 
 
 ENGINES = {
     "frame": "testbench.campaign.played:FRAME",
     "clocked": "testbench.campaign.played:CLOCKED",
+    "baseband": "testbench.campaign.played:BASEBAND",
+    "lanes": "testbench.campaign.played:LANES",
 }
 MEASURES = "testbench.campaign.measure"
 

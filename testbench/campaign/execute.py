@@ -3,7 +3,7 @@
 Source  docs/campaigns.md
 """
 
-import json
+import math
 import shutil
 import time
 from typing import NamedTuple
@@ -27,19 +27,18 @@ class Report(NamedTuple):
     wall_s: float
 
 
-def batches_of(points, states):
-    """Lists of identities that may share a call, in the order of the points."""
+def batches_of(points, states, workers=1):
+    """`work.Batch`es of points that may share a call, in the order of the points; few are spread over all workers."""
     groups = {}
     for point in points:
-        data = json.loads(point.identity)
-        engine = engines.load(data["engine"])
+        engine = engines.load(point.engine)
         # the configuration is made again only where an engine wants to know
         group = engine.group(task_of(point.identity, states).config) if engine.batch > 1 else ()
-        groups.setdefault((data["engine"], group), []).append(point.identity)
+        groups.setdefault((point.engine, group), []).append(point.identity)
     out = []
     for (name, _), identities in groups.items():
-        size = engines.load(name).batch
-        out += [identities[k : k + size] for k in range(0, len(identities), size)]
+        size = min(engines.load(name).batch, math.ceil(len(identities) / workers))
+        out += [work.Batch(name, identities[k : k + size]) for k in range(0, len(identities), size)]
     return out
 
 
@@ -66,7 +65,9 @@ def run(wanted, path, executor, progress):
         progress.begin(unique, unique - len(missing), executor)
         if missing:
             with executor, progress:
-                for outcomes in executor.run(store, batches_of(missing.values(), store.path / "states")):
+                for outcomes in executor.run(
+                    store, batches_of(missing.values(), store.path / "states", executor.workers)
+                ):
                     for outcome in outcomes:
                         if outcome.status == work.STOP:
                             raise FileError(_kept(outcome.error, store, addresses))

@@ -297,7 +297,7 @@ def points(plan):
             known[config.scenario.resume] = digest
             states[digest] = plan.folder / config.scenario.resume
         identity = identity_of(config, engine, plan.keep, digest)
-        out.append(Point(number, index, identity, address_of(identity)))
+        out.append(Point(number, index, identity, address_of(identity), engine))
     return out, states
 
 

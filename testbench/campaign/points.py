@@ -26,12 +26,13 @@ PROFILES = ("rate_dps", "temperature_degc")  # may hold integers, which are no o
 
 
 class Point(NamedTuple):
-    """A point of a plan: its number, its place on each axis, what it is, and its address."""
+    """A point of a plan: its number, its place on each axis, what it is, its address, and the engine that plays it."""
 
     number: int
     index: tuple
     identity: str
     address: str
+    engine: str
 
 
 def canonical(data):
@@ -56,8 +57,9 @@ def identity_of(config, engine, keep, state_sha256=""):
     for name in PROFILES:
         tree["scenario"][name] = _floats(tree["scenario"][name])
     tree["scenario"]["resume"] = STATE + state_sha256 if state_sha256 else ""
-    code = engines.code_of(engines.load(engine))
-    return canonical({"schema": SCHEMA, "config": tree, "engine": engine, "keep": keep._asdict(), "code": code})
+    found = engines.load(engine)
+    kept_as, code = found.twin or engine, engines.code_of(found)
+    return canonical({"schema": SCHEMA, "config": tree, "engine": kept_as, "keep": keep._asdict(), "code": code})
 
 
 class Task(NamedTuple):

@@ -4,7 +4,7 @@
          -- pipe --> worker 2: run_batch     most `TRIES` times; then its points have failed. Workers end when main
                                              does, however that ends: a thread of theirs watches main.
 
-Processes and not threads: the kernels keep the interpreter's lock.
+Processes and not threads: a point that kills its worker must not kill the campaign.
 Source  docs/campaigns.md, docs/decisions/0011-workers-of-a-campaign.md
 """
 
@@ -17,7 +17,6 @@ import threading
 from multiprocessing.connection import wait
 
 from testbench.campaign import work
-from testbench.campaign.points import address_of
 from testbench.errors import FileError
 
 PRELOADED = ["testbench.campaign.work", "typer"]
@@ -104,8 +103,8 @@ class Pool:
                         raise FileError(
                             f"{lost} worker processes died before any point was finished (exit code {process.exitcode})"
                         ) from None
-                    if tries < TRIES:
-                        ahead.append((batch, tries + 1))
+                    if tries < TRIES:  # alone from now on: one of them may be the cause
+                        ahead += [(one, tries + 1) for one in batch.alone()]
                         continue
                     yield died(batch, tries, process.exitcode)
                     continue
@@ -124,4 +123,4 @@ class Pool:
 def died(batch, tries, code):
     """Outcomes of a batch whose workers died."""
     text = f"the worker process died {tries} times while it ran this point (exit code {code})"
-    return [work.Outcome(address_of(identity), work.FAILED, text) for identity in batch]
+    return [work.Outcome(address, work.FAILED, text) for address in batch.addresses]

@@ -9,6 +9,7 @@ import contextlib
 import functools
 import platform
 import socket
+import threading
 import time
 from typing import NamedTuple
 
@@ -18,7 +19,25 @@ from testbench.campaign.points import address_of, task_of
 from testbench.campaign.store import Store
 from testbench.errors import ConfigError, FileError
 
+# mpmath has one precision for a whole process: threads of a Dask worker take turns
+ALONE = threading.Lock()
 DONE, FOUND, FAILED, STOP = "done", "found", "failed", "stop"
+
+
+class Batch(NamedTuple):
+    """Points that share one call of an engine, by their identities."""
+
+    engine: str
+    identities: list
+
+    @property
+    def addresses(self):
+        """Their addresses."""
+        return [address_of(identity) for identity in self.identities]
+
+    def alone(self):
+        """One batch for each of them."""
+        return [Batch(self.engine, [identity]) for identity in self.identities]
 
 
 class Outcome(NamedTuple):
@@ -77,26 +96,26 @@ def _play(engine, tasks):
         return [_play(engine, [task])[0] for task in tasks]
 
 
-def run_batch(store_path, store_name, identities):
-    """[Outcome, ...] of points that share one call of their engine."""
-    addresses = [address_of(identity) for identity in identities]
+def run_batch(store_path, store_name, batch):
+    """[Outcome, ...] of a `Batch`."""
     try:
         store = Store.at(store_path)
         if store.name != store_name:
             raise FileError(f"{store_path}: is another store here than where the campaign runs")
-        return _run(store, identities, addresses)
+        with ALONE:
+            return _run(store, batch)
     except (FileError, ConfigError) as problem:
         where = f"worker on {socket.gethostname()}: " if store_name else ""
-        return [Outcome(addresses[0], STOP, f"{where}{problem}")]
+        return [Outcome(batch.addresses[0], STOP, f"{where}{problem}")]
 
 
-def _run(store, identities, addresses):
+def _run(store, batch):
     out = []
     with contextlib.ExitStack() as claims:
-        for address in sorted(addresses):  # one order for all, or two batches may wait for each other
+        for address in sorted(batch.addresses):  # one order for all, or two batches may wait for each other
             claims.enter_context(store.claim(address))
         ahead = []
-        for identity, address in zip(identities, addresses):
+        for identity, address in zip(batch.identities, batch.addresses):
             if store.has(address):
                 out.append(Outcome(address, FOUND))
             else:
@@ -104,7 +123,7 @@ def _run(store, identities, addresses):
         if not ahead:
             return out
         tasks = [task for _, _, task in ahead]
-        engine = _prepared(tasks[0].engine, str(store.path))
+        engine = _prepared(batch.engine, str(store.path))
         for task in tasks:
             if task.code != engines.code_of(engine):
                 raise FileError(f"its sources ({engines.code_of(engine)[:12]}) are not the campaign's {task.code[:12]}")

@@ -13,8 +13,11 @@ from hypothesis import strategies as st
 from numba import config
 from scipy import stats
 
-from analog_frontend import noise
+from analog_frontend import linear, noise
+from analog_frontend.vector import LANES
 from fpga_model.jit import kernel
+from fpga_model.rates import FRAME_TICKS
+from testbench.docs import ROOT
 from tests import naive
 
 N = 1 << 14 if config.DISABLE_JIT else 1 << 20
@@ -52,6 +55,27 @@ def fill(p, first, out):
 @kernel
 def fill_rows(p, q, counter, stride, out, first, second, n):
     noise.fill_rows(p, q, counter, stride, out, first, second, n)
+
+
+@kernel
+def fill_held(p, q, tick, out, first, second, n):
+    noise.fill_held(p, q, tick, out, first, second, n)
+
+
+@kernel
+def held_blocks(p, q, tick, out, others, n):
+    """Rows of any length, in the blocks of a run; returns what single ticks would give otherwise."""
+    w = np.zeros(4 * linear.STRIDE)
+    wrong = 0
+    for begin in range(0, out.size, n):
+        count = min(n, out.size - begin)
+        noise.fill_held(p, q, tick + begin, w, linear.STRIDE, 2 * linear.STRIDE, count)
+        for t in range(count):
+            out[begin + t] = w[linear.STRIDE + t]
+            others[begin + t] = w[2 * linear.STRIDE + t]
+            wrong += noise.held(p, tick + begin + t) != out[begin + t]
+            wrong += noise.held(q, tick + begin + t) != others[begin + t]
+    return wrong
 
 
 def stream(seed, name, first=0, n=N):
@@ -97,6 +121,43 @@ def test_filled_rows_have_the_bits_of_single_samples():
         assert out[5:29].tolist() == [noise.white(p_now, first + 6 * k) for k in range(24)]
         assert out[35:59].tolist() == [noise.white(q_now, first + 6 * k) for k in range(24)]
         assert set(out[:5]) | set(out[29:35]) | set(out[59:]) == {7.0}
+
+
+def sample_of_tick(p, tick):
+    word = naive.noise_words(p.key0, p.key1, tick // 5)[p.half]
+    return p.sigma * (float(sum(word.to_bytes(4, "big")) - 510) * noise.IH4_SCALE) if p.on else 0.0
+
+
+@pytest.mark.parametrize("which", range(4))
+@given(st.integers(0, 2**40), st.integers(1, linear.BLOCK))
+def test_a_held_row_is_one_sample_of_the_hash_for_five_ticks(which, tick, n):
+    p, q = noise.source(9, "force_x", 2e-11), noise.source(9, "force_y", 3e-11)
+    p, q = p._replace(on=which & 1), q._replace(on=which >> 1)
+    row = linear.STRIDE
+    out = np.full(4 * row, 7.0)
+    fill_held(p, q, tick, out, row, 3 * row, n)
+    for source, first in ((p, row), (q, 3 * row)):
+        assert out[first : first + n].tolist() == [sample_of_tick(source, tick + t) for t in range(n)]
+    lost = noise.HOLD - 1, noise.HOLD * LANES - 1
+    kept = [*out[: row - lost[0]], *out[row + n + lost[1] : 3 * row - lost[0]], *out[3 * row + n + lost[1] :]]
+    assert set(kept) == {7.0}
+
+
+def test_where_blocks_end_changes_no_held_sample():
+    p, q = noise.source(9, "dac_drive", 1.0), noise.source(9, "dac_sense", 1.0)
+    rows = []
+    for n in (1, 2, 7, 125, linear.BLOCK):
+        x, y = np.zeros(1000), np.zeros(1000)
+        assert held_blocks(p, q, 3, x, y, n) == 0
+        rows.append((x.tolist(), y.tolist()))
+    assert all(pair == rows[0] for pair in rows)
+
+
+def test_a_frame_is_a_whole_number_of_holds_and_a_row_has_room():
+    assert FRAME_TICKS % noise.HOLD == 0
+    whole = noise.HOLD * LANES
+    ends = [-(-(into + n) // whole) * whole - into for into in range(noise.HOLD) for n in range(1, linear.BLOCK + 1)]
+    assert max(ends) <= linear.STRIDE - (noise.HOLD - 1)
 
 
 def test_off_is_exactly_zero():
@@ -206,17 +267,106 @@ def test_no_correlation_between_sources_seeds_and_neighbours():
     assert np.abs(np.corrcoef(square) - np.eye(len(rows))).max() < limit
 
 
-def test_white_density_is_flat_at_the_level_asked_for():
-    density, rate = 18.2e-9, 1e6
-    x = np.zeros(N)
-    fill(noise.source(4, "cv_y", noise.sigma_from_density(density, rate)), 0, x)
-    length = 1024
-    blocks = x[: N // length * length].reshape(-1, length)
-    psd = (np.abs(np.fft.rfft(blocks, axis=1)) ** 2).mean(axis=0)[1:-1] * 2 / (rate * length)
-    # a periodogram bin has relative deviation 1; 511 bins are looked at
-    assert np.abs(psd / density**2 - 1).max() < Z / math.sqrt(len(blocks))
-    assert abs(psd.mean() / density**2 - 1) < Z / math.sqrt(len(blocks) * 511)
-    assert noise.density_from_sigma(noise.sigma_from_density(density, rate), rate) == pytest.approx(density, rel=1e-15)
+# held ---------------------------------------------------------------------------------------------------------------
+
+CARRIER_HZ, TICK_S = 11002.3, 1e-6
+HOLD_S = noise.HOLD * TICK_S
+
+
+def weighed(share, harmonics=200_001):
+    """Sum over the odd harmonics of a sign reference; what is behind the last is below 4/pi^2 divided by it."""
+    n = np.arange(1, harmonics, 2)
+    return (8 / (np.pi * n) ** 2 * share(n)).sum()
+
+
+def share_of_density(n, carrier_hz=CARRIER_HZ):
+    """Density of a held sequence at harmonic n over that of white noise which demodulates to the same."""
+    sigma = noise.sigma_demodulated(1.0, carrier_hz, TICK_S)
+    return 2 * HOLD_S * sigma**2 * np.sinc(n * carrier_hz * HOLD_S) ** 2
+
+
+def test_held_density_falls_as_sinc_and_is_the_stated_one_at_the_carrier():
+    density, ticks = 18.2e-9, 8 * N
+    x, y = np.zeros(ticks), np.zeros(ticks)
+    sigma = noise.sigma_at_carrier(density, CARRIER_HZ, TICK_S)
+    assert held_blocks(*(noise.source(4, name, sigma) for name in ("dac_drive", "dac_sense")), 0, x, y, 125) == 0
+    length = 2000  # bins of 500 Hz up to the grid's own Nyquist frequency, less the ends
+    f = np.fft.rfftfreq(length, TICK_S)[1:200]
+    seen = np.zeros(len(f))
+    for row in (x, y):
+        blocks = row[: ticks // length * length].reshape(-1, length)
+        seen += (np.abs(np.fft.rfft(blocks, axis=1)) ** 2).mean(axis=0)[1:200] * TICK_S / length
+    # the plant holds a tick: what is between the ticks has a sinc of its own
+    seen *= np.sinc(f * TICK_S) ** 2
+    ratio = seen / (density * np.sinc(f * HOLD_S) / np.sinc(CARRIER_HZ * HOLD_S)) ** 2
+    count = 2 * (ticks // length)
+    assert np.abs(ratio - 1).max() < Z / math.sqrt(count)
+    assert abs(ratio.mean() - 1) < Z / math.sqrt(count * len(f))
+
+
+@pytest.mark.parametrize("carrier_hz", [3000.0, CARRIER_HZ, 33333.0])
+def test_sigma_demodulated_is_the_sum_over_all_odd_harmonics(carrier_hz):
+    assert weighed(lambda n: n**0) == pytest.approx(1.0, abs=4.1e-6), "white noise: all weights"
+    assert weighed(lambda n: share_of_density(n, carrier_hz)) == pytest.approx(1.0, rel=1e-5)
+
+
+def test_a_carrier_that_the_grid_cannot_carry_is_refused():
+    for sigma in (noise.sigma_at_carrier, noise.sigma_demodulated):
+        assert sigma(1.0, 99999.0, TICK_S) > 0.0
+        for bad in (0.0, -11e3, 100001.0, math.nan):
+            with pytest.raises(ValueError, match=f"carrier_hz: {bad:g} is not above 0 and at most 100000 Hz"):
+                sigma(1.0, bad, TICK_S)
+
+
+def test_the_page_says_what_the_hold_leaves_out():
+    page = (ROOT / "docs" / "parts" / "noise.md").read_text()
+    at_carrier = np.sinc(CARRIER_HZ * HOLD_S) ** 2
+    for n in (1, 3, 5, 7, 9, 11, 17, 19):
+        row = (
+            f"| {n} | {n * CARRIER_HZ / 1e3:.0f} | {800 / (math.pi * n) ** 2:.2f} % "
+            f"| {100 * (share_of_density(n) - 1):+.1f} % "
+            f"| {100 * (np.sinc(n * CARRIER_HZ * HOLD_S) ** 2 / at_carrier - 1):+.1f} % |"
+        )
+        assert row in page, row
+    beyond = (
+        weighed(lambda n: (n * CARRIER_HZ > 1e5) * n**0),
+        weighed(lambda n: (n * CARRIER_HZ > 1e5) * share_of_density(n)),
+    )
+    assert f"{100 * beyond[0]:.1f} % of the demodulated power of white noise, {100 * beyond[1]:.1f} % of that" in page
+    assert f"sees {100 * (math.sqrt(share_of_density(1)) - 1):.1f} % more volts per rtHz at 11 kHz" in page
+    split = np.sinc(10863.3 * HOLD_S) ** 2 / at_carrier - 1
+    assert f"at f_y it is {split * 1e4:.1f}e-4 higher" in page
+    # demodulated by sums of samples, one a tick: the triangle in steps
+    lags = np.arange(-noise.HOLD, noise.HOLD + 1)
+    triangle = (1 - abs(lags) / noise.HOLD) / noise.HOLD
+    summed = (triangle * (1 - 4 * CARRIER_HZ * abs(lags) * TICK_S)).sum()
+    mean = 1 - 4 * CARRIER_HZ * HOLD_S / 3
+    assert f"{1e4 * (summed / mean - 1):.0f}e-4 more power on the board" in page
+
+
+def power(places, carrier_hz):
+    """Demodulated power, in units of 2 T sigma^2, if edges stand at these places of a hold (0 .. 1) equally often.
+
+    The sample under an edge counts for its first part less its second: 1 - 2 a.
+    """
+    return 1 - 2 * carrier_hz * HOLD_S * (1 - ((1 - 2 * np.asarray(places)) ** 2).mean())
+
+
+def test_the_page_says_what_a_commensurate_carrier_does():
+    page = (ROOT / "docs" / "parts" / "noise.md").read_text()
+    steps, holds = 1000, 20  # a period of 10 kHz
+    for place in (0.0, 0.25, 0.5):
+        at = np.arange(holds * steps) + round((1 - place) * steps)
+        square = np.where(at // (holds // 2 * steps) % 2, -1.0, 1.0)
+        assert (square.reshape(holds, steps).mean(axis=1) ** 2).mean() == pytest.approx(power(place, 1e4), abs=1e-12)
+    even = (np.arange(10**4) + 0.5) / 10**4
+    mean = 1 - 4 * 1e4 * HOLD_S / 3
+    assert power(even, 1e4) == pytest.approx(mean, rel=1e-8)
+    middle, border = (100 * (power(place, 1e4) / mean - 1) for place in (0.5, 0.0))
+    assert f"{middle:+.1f} % off where edges stand in the middle of a hold, {border:+.1f} % at its border" in page
+    mean = 1 - 4 * CARRIER_HZ * HOLD_S / 3
+    grids = [1e4 * (power((np.arange(5) + k / 100) / 5, CARRIER_HZ) / mean - 1) for k in range(100)]
+    assert f"{min(grids):+.0f}e-4 to {max(grids):+.0f}e-4" in page
 
 
 # flicker ------------------------------------------------------------------------------------------------------------
@@ -304,10 +454,6 @@ def test_thermomechanical_force_gives_the_known_angle_random_walk():
     assert density == pytest.approx(math.sqrt(4 * 1.380649e-23 * 298.15 * damping), rel=1e-14)
     rate = density / (2 * 2.325e-7 * 2 * math.pi * 11002.3 * 5e-6)  # rad/s/rtHz at Ax = 5 um
     assert math.degrees(rate) * 60 / math.sqrt(2) == pytest.approx(5.5e-4, rel=0.02)
-
-
-def test_sigma_of_a_one_megahertz_source():
-    assert noise.sigma_from_density(20e-9, 1e6) == pytest.approx(20e-9 * math.sqrt(5e5), rel=1e-15)
 
 
 def test_quantile_of_ih12_is_close_to_normal():

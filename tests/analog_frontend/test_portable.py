@@ -16,7 +16,7 @@ from fpga_model.jit import kernel
 
 ROOT = Path(__file__).resolve().parents[2]
 TICKS = 3000
-PINNED = "5ab3f38ab68df53cee60bbeab18a0d72be1788c5a1af71ce57e6ad87f9820ded"
+PINNED = "9962e9bcdc3f5c3c5f6413e152c1e07b85ea4dab3d88a80c48861611a8e36d76"
 
 
 @kernel
@@ -33,7 +33,7 @@ def play(fx, osc, cv, demods, conv, z, caps, clock, sums, out, sensor, ticks, lo
         z[7] = 0.9976 * z[7] - 0.0691 * x
         z[2] = 3e5 * z[7]
         v1, d1 = 5e5 * z[6], 3.5e10 * z[7]
-        _, n = effects.cv_volts(fx, 0.0, noise.white(cv, k), before, z[2])
+        _, n = effects.cv_volts(fx, 0.0, noise.held(cv, k), before, z[2])
         mean = 0.5 * (value + v1)
         p1, p2, p3 = 6.29e-4 * mean, 1.98e-7 * mean, 4.15e-11 * mean
         tau = 0.5e-6 + oscillator.edge_error_s(osc, 26 * k + 13)

@@ -2,14 +2,18 @@
 
 import numpy as np
 import pytest
+from numba import config
 from scipy.linalg import expm
 
+from analog_frontend import sid
 from analog_frontend import top as plant
-from fpga_model.jit import kernel
+from fpga_model.jit import hot, kernel
 from testbench import build
-from tests.testbench.bench_setup import quiet
+from testbench.config import changed
+from tests.testbench.bench_setup import configured, quiet
 
 H = 1e-6
+CLOCKS = 3250  # of a frame
 
 
 @kernel
@@ -126,6 +130,58 @@ def test_a_reference_edge_acts_after_the_switch_delay():
     tick(p, s, 1, plant.Pins(0, -1, 0, -1, 0), edges)
     assert list(s.switch) == [0, 0, 1, 0]
     assert list(s.late_count) == [0, 0, 0, 0]
+
+
+@hot
+def demodulated(p, s, frames, half_period_clocks, edges, out):
+    """A plant at rest whose references follow a square wave; outputs of the demodulators at the end of each frame."""
+    quarter, after = 0, 0  # even quarters are edges of the sine references, odd ones of the cosines
+    for n in range(frames):
+        count = 0
+        while after < CLOCKS * (n + 1):
+            for d in range(quarter % 2, 4, 2):
+                edges[count] = (after - CLOCKS * n, d)
+                count += 1
+            quarter += 1
+            after = int(np.ceil(0.5 * quarter * half_period_clocks))
+        plant.block(p, s, 125 * n, 125, -1, -1, count, edges)
+        for d in range(4):
+            out[d, n] = s.caps[d, 2] - s.caps[d, 5]
+
+
+@pytest.mark.skipif(bool(config.DISABLE_JIT), reason="40 million ticks")
+def test_the_demodulators_put_out_what_white_noise_of_the_density_would_give():
+    """C/V noise alone. Each group of capacitors is driven while it is closed, by noise that knows no past: its output
+    has the variance of three poles at 1/(2 pi RC) behind white noise, and the two of a demodulator are independent."""
+    checked = quiet(plant__sid_charge_c=0.0, plant__sid_c_f=26e-9, noise__seed=3)
+    d = checked.device()
+    p = build.analog(changed(checked, {"noise.cv": True}), 25.0, 25.0)
+    s = plant.reset(p, 0, 0, 25.0)
+    tune(p, s, 0.0, 0, 25.0)
+    frames = 40 * 8000
+    out = np.zeros((4, frames))
+    demodulated(p, s, frames, 13e6 / d.fx_hz, np.zeros((64, 2), np.int64), out)
+    corner_hz = sid.corner_hz(d.sid_r_ohm * d.sid_c_f)
+    density = d.cv_noise_v_per_rthz * d.signal_gain
+    want = 2 * density**2 * corner_hz * 3 * np.pi / 8
+    # of a variance estimated from noise behind three poles: 2 S4/(T S2^2), S2 and S4 the integrals of H^2 and H^4
+    deviation = np.sqrt(2 * (63 / 256) / (corner_hz * 40 * np.pi * (3 / 8) ** 2))
+    seen = out[:, 200:].var(axis=1)
+    assert np.abs(seen / want - 1).max() < 4.5 * deviation
+    assert abs(seen.mean() / want - 1) < 4.5 * deviation / 2
+    assert 4.5 * deviation / 2 < 0.025, "sharp enough to see the 7 % between the two laws of sigma"
+    assert np.abs(np.corrcoef(out[:, 200:]) - np.eye(4)).max() < 4.5 * deviation
+
+
+def test_forces_and_dacs_have_the_stated_density_at_the_carrier():
+    d = configured().device()
+    p = build.analog(configured(), 25.0, 25.0).noise
+    fall = np.sinc(d.fx_hz * 5 * H)
+    kt = 4 * 1.380649e-23 * 298.15
+    force = {m: np.sqrt(kt * d.mass_kg * 2 * np.pi * f / q) for m, f, q in (("x", d.fx_hz, d.qx), ("y", d.fy_hz, d.qy))}
+    want = (force["x"], force["y"], d.drive_dac_noise_v_per_rthz, d.sense_dac_noise_v_per_rthz)
+    seen = [source.sigma * np.sqrt(10 * H) * fall for source in (p.force_x, p.force_y, p.drive_dac, p.sense_dac)]
+    np.testing.assert_allclose(seen, want, rtol=1e-12)
 
 
 def test_copy_shares_nothing():

@@ -6,7 +6,7 @@ from fractions import Fraction
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from analog_frontend.device import Device
@@ -259,6 +259,7 @@ def one_line(text):
 
 
 @settings(max_examples=400)
+@example([("output.columns", [[False, 1e14, "a long text of no meaning", 1e14, 1e14]])])
 @given(st.lists(st.tuples(st.sampled_from(KEYS), nonsense), min_size=1, max_size=4))
 def test_nonsense_in_known_keys_is_refused_in_one_line(pairs):
     text = refusal(config.load, None, [config.Override(path, value) for path, value in pairs])

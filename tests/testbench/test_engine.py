@@ -223,8 +223,8 @@ def test_a_free_running_converter_locks_the_loops_too():
 
 
 PINNED = {
-    "analog_sid": "4c96a737221b9d2bfd6bab8758f317734dc80bc4e1eabb65103dcb5ad6d5867b",
-    "digital_sid": "5f12aea21f77a79927e6743ebab94461c4db9919a604354541d15004cbdaa38e",
+    "analog_sid": "9d33b28d265d1e07b356b8ca66f23972e442be60d67d85e62e9066f65d44f10a",
+    "digital_sid": "a85dc1ed2359bb2c955eba81361a3286c916cb8388d5bc2ffd96dac84a4d841c",
 }
 
 

@@ -100,6 +100,13 @@ def drawn(rng):
         values[f"noise__{source}"] = bool(rng.integers(0, 4))
     for effect, size in (("duffing_k3_per_um2", 1e-4), ("drive_cubic_per_v2", 1e-3), ("feedthrough_y", 1e-4)):
         values[f"effects__{effect}"] = float(rng.choice([0.0, size]))
+    more = rng.integers(0, 2, size=3)  # drawn last: the configurations of a seed stay what they were otherwise
+    values["effects__drive_dac_levels"] = ["element 5/8 = -20.0", "step 3/4 = 3.0", "bit 7 = 0.5"] if more[0] else []
+    values["effects__sense_dac_levels"] = ["element 17/32 = 50.0"] if more[1] else []
+    wrong_adc = bool(more[2]) and values["firmware__board"] == "analog_sid"
+    values["effects__adc_curve"] = [1e-4, 0.0, -2e-4] if wrong_adc else []
+    for effect, size in (("adc_turnover", 1e-4), ("adc_gain_tc_per_k", 1e-4), ("adc_memory", 1e-3)):
+        values[f"effects__{effect}"] = size * wrong_adc
     return {key: value.item() if hasattr(value, "item") else value for key, value in values.items()}
 
 

@@ -11,7 +11,10 @@ from testbench.errors import ConfigError
 from tests.testbench.bench_setup import configured
 from tests.testbench.test_frame import QUIET, advanced, different, drawn, own
 
+# what lanes run: no digital board, no errors of the converters' levels
 ANALOG = {"firmware__board": "analog_sid"}
+ANALOG |= {f"effects__{key}": [] for key in ("drive_dac_levels", "sense_dac_levels", "adc_curve")}
+ANALOG |= {f"effects__{key}": 0.0 for key in ("adc_turnover", "adc_gain_tc_per_k", "adc_memory")}
 
 
 @pytest.fixture(scope="module")
@@ -71,6 +74,15 @@ def test_random_gyroscopes(locked, seed):
         group.advance(ticks, rng.uniform(-5, 5, (LANES, 9)))
 
 
+def test_an_edge_waits_for_its_own_gyroscope(locked):
+    """Edges that act a tick later, in gyroscopes that come and go while others move: nobody else may take them."""
+    late = {"plant__sid_switch_s": 0.93e-6, "firmware__reference_retimed": False}
+    apart = {"firmware__adc_clock": "free_running", "plant__adc_clock_ppm": 3000.0}
+    group = Group([build.params(configured(**c), 25.0, 25.0) for c in (late, apart, late | apart)], [locked] * 3)
+    for ticks in np.random.default_rng(3).integers(200, 700, 60).tolist():
+        group.advance(ticks, [0.5] * 3)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(25))
 def test_two_hundred_gyroscopes_for_a_second(locked, seed):
@@ -109,6 +121,15 @@ def test_temperatures_of_their_own(locked):
     group.advance(5000, [0.3] * 5, [*ramps, 25.0, 25.0])
 
 
+def test_transfers_of_their_own(locked):
+    """DACs with a bow beside straight ones."""
+    bows = (0.0, 1e-4, -3e-4)
+    params = [build.params(configured(plant__drive_dac_bow=b, plant__sense_dac_bow=-b), 25.0, 25.0) for b in bows]
+    group = Group(params, [locked] * 3)
+    for _ in range(2):
+        group.advance(3000, [0.5] * 3)
+
+
 def test_faults_of_their_own(locked):
     faults = [
         QUIET,
@@ -123,19 +144,19 @@ def test_faults_of_their_own(locked):
         group.advance(4321, [0.5] * len(faults), faults=faults)
 
 
+def simulations(count):
+    """Simulations behind their first writes."""
+    sims = [simulate.Simulation(configured(noise__seed=k, plant__fx_hz=11000.0 + k), 25.0, 25.0) for k in range(count)]
+    for sim in sims:
+        sim.now = (np.array([0.0]), np.array([25.0]))
+        for name, raw in sim.first_writes:
+            sim.write(name, raw)
+    return sims
+
+
 def test_simulations_side_by_side():
     """Streams, hash and rows of `Simulation` are those of each alone."""
-    checked = [configured(noise__seed=seed, plant__fx_hz=11000.0 + seed) for seed in (1, 2, 3)]
-
-    def simulations():
-        sims = [simulate.Simulation(c, 25.0, 25.0) for c in checked]
-        for sim in sims:
-            sim.now = (np.array([0.0]), np.array([25.0]))
-            for name, raw in sim.first_writes:
-                sim.write(name, raw)
-        return sims
-
-    together, alone = simulations(), simulations()
+    together, alone = simulations(3), simulations(3)
     lanes.Lanes(together).advance(20_000, [0.1, 0.2, np.linspace(0, 1, 160)], [25.0] * 3)
     for sim, rate in zip(alone, (0.1, 0.2, np.linspace(0, 1, 160))):
         sim.advance(20_000, rate, 25.0)
@@ -144,6 +165,38 @@ def test_simulations_side_by_side():
         assert different(a.state, b.state) == []
         for name, column in a.columns().items():
             np.testing.assert_array_equal(column, b.columns()[name], err_msg=name)
+
+
+def test_the_number_of_cores_changes_nothing(monkeypatch):
+    """Groups in threads, more threads than groups, several chunks."""
+    monkeypatch.setattr(lanes, "CHUNK_TICKS", 4000)
+    found, said = [], []
+    for count, threads, groups in ((10, 1, [8, 2]), (10, 2, [5, 5]), (10, 3, [4, 4, 2]), (2, 5, [1, 1])):
+        sims = simulations(count)
+        side = lanes.Lanes(sims, threads)
+        assert [len(group) for group in side.groups] == groups
+        rates = [np.linspace(0, 0.1 * k, 80) for k in range(count)]
+        side.advance(10_000, rates, [25.0] * count, lambda first, done: said.append((first, done)))
+        found.append([sim.codes_sha256() for sim in sims])
+        assert {sim.tick for sim in sims} == {sims[0].tick}
+    assert found[0] == found[1] == found[2]
+    assert found[3] == found[0][:2]
+    assert sorted(said[:6]) == [(0, 4000), (0, 8000), (0, 10_000), (8, 4000), (8, 8000), (8, 10_000)]
+
+
+def test_an_error_in_one_core_stops_the_others(monkeypatch):
+    monkeypatch.setattr(lanes, "CHUNK_TICKS", 1000)
+    sims = simulations(4)
+    begun = sims[0].tick
+
+    def fail(first, done):
+        if first == 2:
+            raise RuntimeError("no more")
+
+    with pytest.raises(RuntimeError, match="no more"):
+        lanes.Lanes(sims, 2).advance(10**9, [0.0] * 4, [25.0] * 4, fail)
+    assert sims[2].tick == begun + 1000
+    assert sims[0].tick < begun + 10**9
 
 
 def test_what_lanes_cannot_do_is_refused():

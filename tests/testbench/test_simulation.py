@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from testbench import engine, simulation
+from testbench.errors import ConfigError
 from testbench.simulation import FRAME, SPECTRUM_TICKS, Simulation
 from tests.testbench.bench_setup import configured, quiet
 
@@ -22,6 +23,23 @@ def test_the_engine_is_that_of_the_configuration_unless_named():
     assert Simulation(configured(scenario__engine="clocked"), 25.0, 25.0, engine="frame").engine == "frame"
     assert configured().scenario.engine == "frame"
     assert simulation.runner("clocked") is engine.run
+
+
+@pytest.mark.parametrize(
+    ("effect", "value"),
+    [
+        ("laws", ["cv_y = 1e-6 u"]),
+        ("adc_curve", [1e-4]),
+        ("adc_turnover", 1e-5),
+        ("adc_gain_tc_per_k", 1e-5),
+        ("adc_memory", 1e-4),
+    ],
+)
+def test_effects_of_the_analog_board_are_refused_on_the_digital_one(effect, value):
+    values = {f"effects__{effect}": value}
+    with pytest.raises(ConfigError, match=r'needs firmware\.board = "analog_sid"$'):
+        Simulation(configured(**values, firmware__board="digital_sid"), 25.0, 25.0)
+    Simulation(configured(**values), 25.0, 25.0)
 
 
 def test_scratch_is_neither_saved_nor_restored(sim):
@@ -102,3 +120,15 @@ def test_rates_reach_the_frames_they_are_for(sim):
     rates = np.arange(2000.0)
     sim.advance(125 * 1900, rates, 25.0)
     assert [seen[k] for k in range(1, 1900)] == rates[1:1900].tolist()
+
+
+def test_without_codes_the_rows_are_the_same_and_there_is_no_hash(sim):
+    bare = Simulation(quiet(), 25.0, 25.0, engine="clocked")
+    bare.keep_codes = False
+    for one in (sim, bare):
+        one.advance(400, 0.1, 25.0)
+    assert bare.tail.shape == (2, 0)
+    for name, column in sim.columns().items():
+        assert np.array_equal(column, bare.columns()[name]), name
+    with pytest.raises(ValueError, match="no hash of codes"):
+        bare.codes_sha256()

@@ -50,6 +50,43 @@ def plan_file(folder, temperatures=2, boards=3, seeds=2, engine=INSTANT):
     return path
 
 
+WARM = """
+name = "warm"
+engine = "{engine}"
+
+[set]
+scenario.resume = "warm/state.h5"
+scenario.seconds = 0.04
+scenario.diagnose = false
+
+[axes.rate]
+scenario.rate_dps = {{ linspace = [-300, 300, {rates}] }}
+
+[axes.seed]
+noise.seed = {{ range = [1, {seeds}] }}
+
+[keep]
+streams.rate_word = 8
+statistics.rate_word = ["mean", "std"]
+"""
+
+
+def warm_plan_file(folder, rates, seeds, engine):
+    """A plan of rates x seeds points of 40 ms, all of which begin where one gyroscope has locked."""
+    if not (folder / "warm").exists():
+        argv = ("run", "--seconds", "0.01", "--set", "scenario.diagnose=false", "--out", folder / "warm")
+        subprocess.run(
+            [sys.executable, "-m", "testbench.cli", *map(str, argv)],
+            check=True,
+            cwd=ROOT,
+            env=environment(),
+            stdout=subprocess.DEVNULL,
+        )
+    path = folder / f"{engine}.toml"
+    path.write_text(WARM.format(engine=engine, rates=rates, seeds=seeds))
+    return path
+
+
 def environment(**more):
     """Environment in which a child finds this checkout and the engine of the tests."""
     places = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]

@@ -17,7 +17,7 @@ import time
 import pytest
 
 from testbench.campaign.store import Store
-from tests.testbench.campaign.helpers import child, environment, finished, plan_file, run_json, start
+from tests.testbench.campaign.helpers import child, environment, finished, plan_file, run_json, start, warm_plan_file
 
 PATIENCE_S = 120.0
 POINT_S = "0.01"
@@ -98,12 +98,10 @@ def moments(rng, kills, points):
     return sorted(rng.randrange(points - points // 10) for _ in range(kills))
 
 
-def local(folder, boards, seeds, kills, seed):
-    """Kill workers and mains of local campaigns; returns the store and the number of kills of each kind."""
+def local(folder, plan, reference, points, kills, seed):
+    """Kill workers and mains of local campaigns; returns the number of kills of each kind."""
     rng = random.Random(seed)
-    plan, points = plan_file(folder, 2, boards, seeds), 2 * boards * seeds
     watched = Watched(folder / "store")
-    run_json(plan, "--out", folder / "reference")
     done = {"main": 0, "worker": 0}
     arguments = ("run", plan, "--out", watched.path, "--workers", 2)
     main = start(*arguments, GYRO_INSTANT_S=POINT_S)
@@ -125,7 +123,7 @@ def local(folder, boards, seeds, kills, seed):
     finally:
         main.kill()
     watched.prove(points)
-    assert finished(watched.path) == finished(folder / "reference")
+    assert finished(watched.path) == finished(reference)
     until = time.monotonic() + 20
     while any(alive(pid) for pid in watched.workers - {os.getpid()}):
         assert time.monotonic() < until, "a worker outlived its campaign"
@@ -133,13 +131,33 @@ def local(folder, boards, seeds, kills, seed):
     return done
 
 
+def instant(folder, boards, seeds):
+    """A plan of points that take no time, and the store of its finished campaign."""
+    plan = plan_file(folder, 2, boards, seeds)
+    run_json(plan, "--out", folder / "reference")
+    return plan, folder / "reference"
+
+
 def test_a_hundred_points_and_three_kills(tmp_path):
-    assert local(tmp_path, 10, 5, 3, seed=5) == {"main": 2, "worker": 1}
+    assert local(tmp_path, *instant(tmp_path, 10, 5), 100, 3, seed=5) == {"main": 2, "worker": 1}
 
 
 @pytest.mark.slow
 def test_a_thousand_points_and_twenty_kills(tmp_path):
-    assert local(tmp_path, 50, 10, 20, seed=6) == {"main": 13, "worker": 7}
+    assert local(tmp_path, *instant(tmp_path, 50, 10), 1000, 20, seed=6) == {"main": 13, "worker": 7}
+
+
+@pytest.fixture(scope="module")
+def real(tmp_path_factory):
+    """A thousand points of 40 ms from lock on: (plan of the lanes engine, store that the frame engine has filled)."""
+    folder = tmp_path_factory.mktemp("real")
+    run_json(warm_plan_file(folder, 10, 100, "frame"), "--out", folder / "reference", workers=2)
+    return warm_plan_file(folder, 10, 100, "lanes"), folder / "reference"
+
+
+@pytest.mark.slow
+def test_a_thousand_real_points_in_lanes_and_twenty_kills(tmp_path, real):
+    assert local(tmp_path, *real, 1000, 20, seed=9) == {"main": 13, "worker": 7}
 
 
 # ---- on a cluster: the scheduler may die as well ---------------------------------------------------------------------
@@ -214,12 +232,10 @@ def test_a_lost_scheduler_is_one_line(tmp_path):
     assert finished(watched.path) == finished(tmp_path / "reference")
 
 
-@pytest.mark.slow
-def test_a_thousand_points_and_twenty_kills_on_a_cluster(tmp_path):
-    rng = random.Random(7)
-    plan = plan_file(tmp_path, 2, 50, 10)
-    run_json(plan, "--out", tmp_path / "reference")
-    watched, cluster = Watched(tmp_path / "store"), Dask(tmp_path)
+def on_a_cluster(folder, plan, reference, seed):
+    """Kill workers, mains and schedulers of campaigns of a thousand points; returns the number of kills of each."""
+    rng = random.Random(seed)
+    watched, cluster = Watched(folder / "store"), Dask(folder)
     done = {"main": 0, "worker": 0, "scheduler": 0}
 
     def again():
@@ -252,9 +268,20 @@ def test_a_thousand_points_and_twenty_kills_on_a_cluster(tmp_path):
     finally:
         main.kill()
         cluster.end()
-    assert done == {"worker": 7, "main": 7, "scheduler": 6}
     watched.prove(1000)
-    assert finished(watched.path) == finished(tmp_path / "reference")
+    assert finished(watched.path) == finished(reference)
+    return done
+
+
+@pytest.mark.slow
+def test_a_thousand_points_and_twenty_kills_on_a_cluster(tmp_path):
+    found = on_a_cluster(tmp_path, *instant(tmp_path, 50, 10), seed=7)
+    assert found == {"worker": 7, "main": 7, "scheduler": 6}
+
+
+@pytest.mark.slow
+def test_a_thousand_real_points_in_lanes_and_twenty_kills_on_a_cluster(tmp_path, real):
+    assert on_a_cluster(tmp_path, *real, seed=10) == {"worker": 7, "main": 7, "scheduler": 6}
 
 
 @pytest.mark.slow

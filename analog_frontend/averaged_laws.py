@@ -1,0 +1,164 @@
+"""Averaged plant: what laws and effects do in a frame, from their harmonics along the slow motion.
+
+    f(theta_n) from the states at POINTS phases of one turn; products of up to six factors have no harmonic beyond 6
+    force   F = 2/N sum f e^(-i theta);  a_j += S_j B_j F,   S_j = sum over 125 ticks of e^(k (eta_j - i delta))
+    C/V     as a square-wave demodulator sees it: C - i S, C = c1 - c3/3 + c5/5, S = s1 + s3/3 + s5/5, about the
+            phase of its references
+
+Left out   the change of the motion within a frame; harmonics beyond 15 of sgn and abs (0.3 % of their fundamental)
+Source     docs/parts/averaged.md, docs/parts/ports.md
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from analog_frontend.averaged import BACK, CHAIN, ETA, FRAME_TICKS
+from analog_frontend.averaged_modes import NOW_D, NOW_O, A, F, motion, on, small_turn, times, unit
+from analog_frontend.effects import law
+from analog_frontend.top import CV_X, CV_Y, STATES, V_DRIVE, V_SENSE, X
+from analog_frontend.vector import lane
+from fpga_model.jit import outlined
+
+POINTS = 32
+COS = np.cos(2 * np.pi * (np.arange(POINTS) + 0.5) / POINTS)
+SIN = np.sin(2 * np.pi * (np.arange(POINTS) + 0.5) / POINTS)
+SLOTS = law.SLOTS + 3
+IDENTITY = np.arange(STATES)
+TURN_MASK = (1 << 48) - 1
+
+
+class Params(NamedTuple):
+    """As law.Params, with the effects that have kernels of their own behind; arrays are read only."""
+
+    force: int
+    cv: int
+    temp_ref_degc: float
+    table: np.ndarray
+    numbers: np.ndarray
+    reference_turns: int  # of the demodulators' switches on the phase, 48 bit
+
+
+class Room(NamedTuple):
+    """Scratch."""
+
+    cosines: np.ndarray  # (STATES,) states where theta is 0
+    sines: np.ndarray  # a quarter turn later
+    z: np.ndarray
+    gains: np.ndarray  # (SLOTS,)
+    force: np.ndarray  # (4,) re, im of F at x and y
+    volts: np.ndarray  # (4,) re, im at the C/V outputs of x and y
+    harmonics: np.ndarray  # (6,)
+
+
+def room():
+    """Room for a run."""
+    sizes = (STATES, STATES, STATES, SLOTS, 4, 4, 6)
+    return Room(*(np.zeros(n) for n in sizes))
+
+
+def design(effects, laws, reference_turns):
+    """`Params` of a plant's effects.Params and law.Params."""
+    rows = [(laws.table[k], laws.numbers[k]) for k in range(laws.force + laws.cv)]
+    cubes = ((effects.duffing.on, "x", -effects.duffing.kick_per_m2),)
+    cubes += ((effects.drive_cubic.on, "u", effects.drive_cubic.kick_m_per_v3),)
+    for is_on, state, gain in cubes:
+        if is_on:
+            rows.append(_row(law.PORTS.index("force_x"), [law.STATES[state]] * 3, gain))
+    if effects.feedthrough_y.on:
+        rows.append(_row(law.PORTS.index("cv_y"), [law.STATES["u"]], effects.feedthrough_y.half_v_per_v))
+    rows.sort(key=lambda row: row[0][law.AT_PORT] >= 2)
+    table, numbers = np.zeros((SLOTS, law.COLUMNS), np.int64), np.zeros((SLOTS, 2))
+    for k, row in enumerate(rows):
+        table[k], numbers[k] = row
+    force = sum(int(row[0][law.AT_PORT] < 2) for row in rows)
+    return Params(force, len(rows) - force, laws.temp_ref_degc, table, numbers, reference_turns)
+
+
+def _row(port, states, gain):
+    row = np.zeros(law.COLUMNS, np.int64)
+    row[law.AT_PORT], row[law.COUNT] = port, len(states)
+    row[law.FIRST : law.FIRST + len(states)] = states
+    return row, np.array([gain, 0.0])
+
+
+@outlined
+def _seen(h, volts, at, offset):
+    """The sine that a demodulator sees in harmonics 1, 3, 5 about its reference; turned back to theta. Mutates."""
+    c = h[0] - h[2] * (1.0 / 3) + h[4] * 0.2
+    s = h[1] + h[3] * (1.0 / 3) + h[5] * 0.2
+    cos, sin = unit(offset & TURN_MASK)
+    re, im = times(c, -s, cos, sin)
+    volts[at] += re
+    volts[at + 1] += im
+
+
+@outlined
+def act(p, now, m, r, rate_rad_s, temp_degc, t_s, drive_ref, sense_ref):
+    """Forces and volts of a frame from the motion at its first instant: r.force, r.volts. Mutates `r`."""
+    law.gains(p.force, p.cv, p.temp_ref_degc, p.table, p.numbers, rate_rad_s, temp_degc, t_s, r.gains)
+    outputs = on(now, NOW_O, m, A) + on(now, NOW_D, m, F)
+    for quarter in range(2):
+        z = r.sines if quarter else r.cosines
+        cos, sin = (0.0, 1.0) if quarter else (1.0, 0.0)
+        motion(now, m, cos, sin, z, X)
+        for d in range(2):
+            at = CHAIN + 6 * d + 4
+            e, f = times(now[at], now[at + 1], m[F + 2 * d], m[F + 2 * d + 1])
+            z[V_SENSE if d else V_DRIVE] = -f if quarter else e
+        z[CV_X] = -lane(outputs, 1) if quarter else lane(outputs, 0)
+        z[CV_Y] = -lane(outputs, 3) if quarter else lane(outputs, 2)
+    for i in range(4):
+        r.force[i], r.volts[i] = 0.0, 0.0
+    for k in range(p.force + p.cv):
+        port = p.table[k, law.AT_PORT]
+        for i in range(6):
+            r.harmonics[i] = 0.0
+        offset = (sense_ref if port == 3 else drive_ref) - p.reference_turns
+        turn_c, turn_s = unit(offset & TURN_MASK)
+        for n in range(POINTS):
+            for i in range(STATES):
+                r.z[i] = COS[n] * r.cosines[i] + SIN[n] * r.sines[i]
+            v = law.value(p.table, r.gains, k, r.z, IDENTITY, 0) * (2.0 / POINTS)
+            if port < 2:
+                r.harmonics[0] += v * COS[n]
+                r.harmonics[1] += v * SIN[n]
+            else:
+                c, s = times(COS[n], SIN[n], turn_c, turn_s)
+                c2, s2 = times(c, s, c, s)
+                c3, s3 = times(c, s, c2, s2)
+                c5, s5 = times(c3, s3, c2, s2)
+                # each end of a tick counts half
+                r.harmonics[0] += 2.0 * v * c
+                r.harmonics[1] += 2.0 * v * s
+                r.harmonics[2] += 2.0 * v * c3
+                r.harmonics[3] += 2.0 * v * s3
+                r.harmonics[4] += 2.0 * v * c5
+                r.harmonics[5] += 2.0 * v * s5
+        if port < 2:
+            r.force[2 * port] += r.harmonics[0]
+            r.force[2 * port + 1] -= r.harmonics[1]
+        else:
+            _seen(r.harmonics, r.volts, 2 * (port - 2), offset)
+
+
+@outlined
+def grow(now, m, r, delta):
+    """Growth of both slow amplitudes by r.force over a frame whose phase per tick is phi0 + delta. Mutates `m`."""
+    for j in range(2):
+        re, im = now[ETA + 2 * j], now[ETA + 2 * j + 1] - delta
+        c, s = small_turn(0.5 * (FRAME_TICKS + 1) * im)
+        size = FRAME_TICKS * (1.0 + 0.5 * (FRAME_TICKS + 1) * re - (FRAME_TICKS * im) * (FRAME_TICKS * im) * (1.0 / 24))
+        gr, gi = size * c, size * s
+        at = BACK + 8 * j
+        kr, ki = times(now[at + 2], now[at + 3], r.force[0], r.force[1])
+        hr, hi = times(now[at + 6], now[at + 7], r.force[2], r.force[3])
+        kr, ki = times(kr + hr, ki + hi, gr, gi)
+        m[A + 2 * j] += kr
+        m[A + 2 * j + 1] += ki
+
+
+def reference_turns(clocks, word0):
+    """Phase (48 bit) by which switches that act `clocks` after their edge lag."""
+    return math.floor(clocks * word0 + 0.5) & TURN_MASK

@@ -1,0 +1,164 @@
+"""Campaigns in lanes: the files of the frame engine, byte for byte, whatever is played together."""
+
+import json
+import math
+
+import numba
+import pytest
+
+from testbench.campaign import engines, execute, plan, played, pool, work
+from testbench.campaign.store import Store
+from tests.testbench.campaign.helpers import INSTANT, LANES, campaign, child, finished, plan_file, run_json
+
+needs_compiler = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="closed loop: too slow interpreted")
+
+MIXED = """
+name = "mixed"
+engine = "{engine}"
+
+[set]
+scenario.seconds = 0.004
+scenario.origin = "power_on"
+scenario.diagnose = false
+
+[axes.board]
+count = 9
+plant.fx_hz = {{ normal = [11002.3, 5.0] }}
+noise.seed = {{ range = [1, 9] }}
+
+[[axes.case.cases]]
+name = "plain"
+
+[[axes.case.cases]]
+name = "longer"
+scenario.seconds = 0.0052
+scenario.register_writes = [[0.002, "amplitude_setpoint", 123456]]
+scenario.faults = [[0.003, "dac_stuck", "sense", 77, 0.0005]]
+
+[[axes.case.cases]]
+name = "digital"
+firmware.board = "digital_sid"
+scenario.seconds = 0.001
+
+[keep]
+streams.rate_word = 4
+statistics.rate_word = ["mean", "std"]
+statistics.truth_x = ["rms"]
+"""
+
+
+def mixed(folder, engine):
+    path = folder / f"{engine}.toml"
+    path.write_text(MIXED.format(engine=engine))
+    return path
+
+
+@pytest.fixture(scope="module")
+def frame(tmp_path_factory):
+    """A finished campaign of the frame engine."""
+    folder = tmp_path_factory.mktemp("frame")
+    run_json(mixed(folder, "frame"), "--out", folder / "s")
+    return folder / "s"
+
+
+@pytest.mark.slow
+@needs_compiler
+def test_files_are_those_of_the_frame_engine(frame, tmp_path, monkeypatch):
+    """27 points: boards, cases of two lengths, and a board that lanes cannot play."""
+    calls, play = [], played.LANES.play
+    monkeypatch.setattr(played, "LANES", played.LANES._replace(play=lambda c, s: calls.append(len(c)) or play(c, s)))
+    report = run_json(mixed(tmp_path, "lanes"), "--out", tmp_path / "s")
+    assert (report["done"], report["failures"]) == (27, [])
+    assert sorted(calls) == [1, 2, 8, 8, 8]
+    assert finished(tmp_path / "s") == finished(frame)
+
+
+@needs_compiler
+def test_either_engine_continues_what_the_other_began(frame, tmp_path):
+    report = run_json(mixed(tmp_path, "lanes"), "--out", frame)
+    assert (report["reused"], report["done"]) == (27, 0)
+    code, out, err = campaign("rerun", frame, Store.at(frame).addresses()[3])
+    assert (code, "identical" in out) == (0, True), err
+
+
+@needs_compiler
+@pytest.mark.parametrize("where", ["--workers", pytest.param("--cluster", marks=pytest.mark.slow)])
+def test_workers_and_a_cluster_change_nothing(frame, tmp_path, where):
+    code, out, err = child("run", mixed(tmp_path, "lanes"), "--out", tmp_path / "s", where, 2)
+    assert code == 0, err
+    assert "27 points, 0 finished before, 27 now" in out
+    assert finished(tmp_path / "s") == finished(frame)
+
+
+def test_engines_as_an_axis_are_one_point(tmp_path):
+    path = tmp_path / "p.toml"
+    path.write_text('[axes.by]\nengine = ["frame", "lanes", "clocked"]\n')
+    points, _ = plan.points(plan.read(path))
+    assert points[0].address == points[1].address != points[2].address
+    assert [point.engine for point in points] == ["frame", "lanes", "clocked"]
+    assert json.loads(points[1].identity)["engine"] == "frame"
+
+
+def test_twins_hang_on_the_same_sources():
+    """Or an edit of the lanes would leave the points that they made."""
+    lanes, frame = engines.load("lanes"), engines.load("frame")
+    assert lanes.twin == "frame"
+    assert engines.code_of(lanes) == engines.code_of(frame)
+
+
+# ---- batches ---------------------------------------------------------------------------------------------------------
+
+
+def batches(folder, workers, boards=10, engine=LANES):
+    points, _ = plan.points(plan.read(plan_file(folder, 1, boards, 1, engine=engine)))
+    return [len(batch.identities) for batch in execute.batches_of(points, folder, workers)]
+
+
+def test_few_points_are_spread_over_all_workers(tmp_path):
+    assert batches(tmp_path, 1) == [8, 2]
+    assert batches(tmp_path, 2) == [5, 5]
+    assert batches(tmp_path, 4) == [3, 3, 3, 1]
+    assert batches(tmp_path, 100) == [1] * 10
+    assert batches(tmp_path, 2, boards=100) == [8] * 12 + [4]
+    assert batches(tmp_path, 2, engine=INSTANT) == [1] * 10
+
+
+def test_points_share_a_call_if_they_are_about_as_long(tmp_path):
+    path = tmp_path / "p.toml"
+    path.write_text(
+        'engine = "lanes"\n[axes.length]\nscenario.seconds = [0.5, 0.6, 0.9, 1.0, 60.0]\n'
+        "[axes.seed]\nnoise.seed = [1, 2]\n"
+    )
+    points, states = plan.points(plan.read(path))
+    lengths = [
+        {json.loads(identity)["config"]["scenario"]["seconds"] for identity in batch.identities}
+        for batch in execute.batches_of(points, states)
+    ]
+    assert lengths == [{0.5, 0.6, 0.9}, {1.0}, {60.0}]
+    assert all(max(some) < 2 * min(some) for some in lengths)
+
+
+@pytest.mark.parametrize("where", ["--workers", pytest.param("--cluster", marks=pytest.mark.slow)])
+def test_the_mates_of_a_point_that_kills_its_worker_finish(tmp_path, where):
+    """A batch whose worker dies is played again point by point, so only the point at fault fails."""
+    path = tmp_path / "p.toml"
+    path.write_text(f'engine = "{LANES}"\n[axes.rate]\nscenario.rate_dps = [0, 2, 5, 6, 7, 8, 9, 10]\n')
+    code, out, err = child("run", path, "--out", tmp_path / "s", where, 1)
+    assert code == 2, err
+    assert "8 points, 0 finished before, 7 now" in out
+    assert "1 failed" in out
+
+
+def test_a_batch_alone():
+    batch = work.Batch("frame", ["a", "b"])
+    assert [one.identities for one in batch.alone()] == [["a"], ["b"]]
+    assert [one.engine for one in batch.alone()] == ["frame"] * 2
+    assert [outcome.address for outcome in pool.died(batch, 3, -9)] == batch.addresses
+
+
+def test_lengths_within_twofold():
+    from tests.testbench.bench_setup import configured
+
+    keys = {s: played.alike(configured(scenario__seconds=s)) for s in (0.5, 0.99, 1.0, 1.9)}
+    assert keys[0.5] == keys[0.99] != keys[1.0] == keys[1.9]
+    assert math.frexp(0.5)[1] == 0
