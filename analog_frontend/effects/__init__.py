@@ -13,6 +13,7 @@ Source    docs/parts/ports.md, docs/effects/
 from typing import NamedTuple
 
 from analog_frontend.effects import drive_cubic, duffing, feedthrough_y
+from analog_frontend.effects.ports import CV_PORTS, FORCE_PORTS
 from fpga_model.jit import inlined
 
 EFFECTS = (duffing, drive_cubic, feedthrough_y)
@@ -31,8 +32,6 @@ class Params(NamedTuple):
 
 
 OFF = Params()
-FORCE_PORTS = ("force_x", "force_y")
-CV_PORTS = ("cv_x", "cv_y")
 
 
 def collect(**effects):

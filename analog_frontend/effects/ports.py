@@ -30,6 +30,8 @@ PORTS = (
     ("ref_edge", "s", "added to the instant of a reference edge at the switch"),
     ("temperature", "degC", "thermal.py: every law of temperature reads this"),
 )
+FORCE_PORTS = ("force_x", "force_y")
+CV_PORTS = ("cv_x", "cv_y")
 NAMES = tuple(name for name, _, _ in PORTS)
 MECHANISMS = ("gain", "offset", "delay", "pole", "polynomial", "leak", "tone", "drift", "saturation", "noise")
 

@@ -1,0 +1,119 @@
+"""Errors of the levels of a segmented DAC: a string of unequal elements, thermometer steps, weights of the bits below.
+
+    e(code) = left_k + (right_k - left_k) u + sum of the errors of the bits that are set        in V, added to dac.volts
+    place   = code + 2^(bits-1);  k = its top five bits;  u = the other bits / 2^(bits-5)
+
+    place --+--[top 5 bits]--> left_k, right_k ----(+)--> e
+            '--[bits - 5]----> u, weights ----------'
+A string of 2, 4, 8 or 16 elements is a sum of elements of 32. Off: no error, and bit for bit nothing.
+Port      dac_drive, dac_sense   Mechanism polynomial (piecewise)   Unit LSB of the DAC
+Source    docs/parts/dac_levels.md
+"""
+
+import re
+from typing import NamedTuple
+
+import numpy as np
+
+from analog_frontend.effects.ports import Info
+from fpga_model.jit import inlined, kernel
+
+INFO = Info(
+    name="dac_levels",
+    port="dac_drive",
+    mechanism="polynomial",
+    unit="LSB",
+    source="all levels of a 16-bit DAC, measured twice (docs/measured_parts.md)",
+    fingerprint="force depends on the code: harmonics of the sine, amplitude word against force not straight",
+)
+STRING_BITS = 5
+ELEMENTS = 1 << STRING_BITS
+MAX_BITS = 24
+MAX_LSB = 64.0
+LEFT, RIGHT, WEIGHTS, SIZE = 0, ELEMENTS, 2 * ELEMENTS, 2 * ELEMENTS + MAX_BITS
+TEXT = re.compile(r"\s*(element|step)\s+(\d+)/(\d+)\s*=\s*(\S+)\s*|\s*(bit)\s+(\d+)\s*=\s*(\S+)\s*")
+
+
+class Params(NamedTuple):
+    """Switch, width of the code, and (SIZE,) V: both ends of each of 32 elements, then the weights by bit."""
+
+    on: int
+    bits: int
+    table_v: np.ndarray
+
+
+OFF = Params(0, 16, np.zeros(SIZE))
+
+
+def table(texts, bits):
+    """(SIZE,) in LSB from texts: "element 5/8 = -2.2" (a ramp over its codes, kept above), "step 2/8 = 0.2",
+    "bit 11 = 0.1".
+
+    Elements and steps count from 1, bits from 0. Raises ValueError: no such text, out of range.
+    """
+    out = np.zeros(SIZE)
+    place = np.arange(ELEMENTS)
+    for text in texts:
+        found = TEXT.fullmatch(text) if isinstance(text, str) else None
+        if not found:
+            raise ValueError(f'dac levels: {text!r}: expected "element K/N = LSB", "step K/N = LSB" or "bit B = LSB"')
+        kind, number, of = found[1] or found[5], int(found[2] or found[6]), int(found[3] or 0)
+        try:
+            error = float(found[4] or found[7])
+        except ValueError:
+            error = np.inf
+        if not abs(error) <= MAX_LSB:
+            raise ValueError(f"dac levels: {text!r}: the error is outside -{MAX_LSB:g} .. {MAX_LSB:g} LSB")
+        if kind == "bit":
+            if number >= bits:
+                raise ValueError(f"dac levels: {text!r}: bits are 0 .. {bits - 1}")
+            out[WEIGHTS + number] += error
+            continue
+        if of not in [1 << m for m in range(1, STRING_BITS + 1)] or not 1 <= number <= of:
+            raise ValueError(f"dac levels: {text!r}: K/N with N of 2, 4, 8, 16, 32 and K of 1 .. N wanted")
+        fine = ELEMENTS // of
+        first = (number - 1) * fine
+        if kind == "step":
+            out[LEFT : LEFT + ELEMENTS] += error * (place >= first)
+            out[RIGHT : RIGHT + ELEMENTS] += error * (place >= first)
+        else:
+            out[LEFT : LEFT + ELEMENTS] += error * np.clip((place - first) / fine, 0.0, 1.0)
+            out[RIGHT : RIGHT + ELEMENTS] += error * np.clip((place + 1 - first) / fine, 0.0, 1.0)
+    return out
+
+
+def design(texts, bits, lsb_v):
+    """Params of a DAC of `bits` bits whose LSB is `lsb_v`; no texts: OFF."""
+    if not STRING_BITS < bits <= MAX_BITS:
+        raise ValueError(f"dac levels: {bits} bits are outside {STRING_BITS + 1} .. {MAX_BITS}")
+    if not len(texts):
+        return OFF
+    return Params(1, bits, table(texts, bits) * lsb_v)
+
+
+@inlined
+def volts(p, code):
+    """What the level of `code` is too high by (V); `p` is on."""
+    place = code + (1 << (p.bits - 1))
+    below = p.bits - STRING_BITS
+    k = place >> below
+    rest = place - (k << below)
+    left = p.table_v[LEFT + k]
+    error = left + (p.table_v[RIGHT + k] - left) * (float(rest) / float(1 << below))
+    for b in range(p.bits):
+        if (place >> b) & 1:
+            error = error + p.table_v[WEIGHTS + b]
+    return error
+
+
+def errors(texts, bits):
+    """Errors (LSB) of all 2^bits levels, by the kernel: what a recording of the levels would show."""
+    return _all(Params(1, bits, table(texts, bits)), np.empty(1 << bits))
+
+
+@kernel
+def _all(p, out):
+    half = len(out) >> 1
+    for i in range(len(out)):
+        out[i] = volts(p, i - half)
+    return out

@@ -1,0 +1,25 @@
+"""Coupling damping beyond first order: F_y = -d x^2 vx.
+
+    fingerprint: bias by d A^2/(8 m) rad/s: with the square of the amplitude
+
+Port force_y   Mechanism polynomial   Unit N s/m^3   Catalogue E12
+Off: 0 is no law at all.   Source: squeeze film with tilt; value assumed; docs/effects/bias_cubic.md
+"""
+
+from analog_frontend.effects.ports import Info
+
+INFO = Info(
+    name="bias_cubic",
+    port="force_y",
+    mechanism="polynomial",
+    unit="N s/m^3",
+    source="squeeze film with tilt; value assumed",
+    fingerprint="bias by d A^2/(8 m) rad/s: with the square of the amplitude",
+)
+IDS, LIMIT, EXAMPLE, SIGN = "E12", 100000.0, 10.0, 0
+DOC = "bias that grows with the amplitude: F = -d x^2 vx on the sense mode"
+
+
+def terms(value, device):
+    """Laws of a size in N s/m^3."""
+    return (f"force_y = {-value!r} x^2 vx",)

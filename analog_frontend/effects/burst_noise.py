@@ -1,0 +1,25 @@
+"""Burst noise in phase with the drive: n_y = a B(t) u / 1 V, B = +1 or -1 at random, anew every 10 ms.
+
+    fingerprint: bias jumps between two levels: repeats differ, the distribution has two humps
+
+Port cv_y   Mechanism noise   Unit V   Catalogue N04
+Off: 0 is no law at all.   Source: contacts, popcorn noise of amplifiers; value assumed; docs/effects/burst_noise.md
+"""
+
+from analog_frontend.effects.ports import Info
+
+INFO = Info(
+    name="burst_noise",
+    port="cv_y",
+    mechanism="noise",
+    unit="V",
+    source="contacts, popcorn noise of amplifiers; value assumed",
+    fingerprint="bias jumps between two levels: repeats differ, the distribution has two humps",
+)
+IDS, LIMIT, EXAMPLE, SIGN = "N04", 0.01, 1e-07, 0
+DOC = "burst noise of the sense C/V chain: two levels, drawn anew every 10 ms"
+
+
+def terms(value, device):
+    """Laws of a size in V."""
+    return (f"cv_y = {value!r} flip(0.01) u",)

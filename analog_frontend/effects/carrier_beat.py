@@ -1,0 +1,27 @@
+"""Image of the rebalance DAC at eight times its rate, demodulated by the ring diode: n_y += c w cos(2 pi F t), F = 8
+Hz per ppm of carrier against master.
+
+    fingerprint: a tone in rate at the beat of the two clocks: with rate, since with the rebalance voltage
+
+Port cv_y   Mechanism tone   Unit V/V   Catalogue FACTS 2
+Off: 0 is no law at all.   Source: FACTS 0 row 10: the ring diode takes 8 MHz images 71 dB better than the baseband;
+value assumed; docs/effects/carrier_beat.md
+"""
+
+from analog_frontend.effects.ports import Info
+
+INFO = Info(
+    name="carrier_beat",
+    port="cv_y",
+    mechanism="tone",
+    unit="V/V",
+    source="FACTS 0 row 10: the ring diode takes 8 MHz images 71 dB better than the baseband; value assumed",
+    fingerprint="a tone in rate at the beat of the two clocks: with rate, since with the rebalance voltage",
+)
+IDS, LIMIT, EXAMPLE, SIGN = "FACTS 2", 0.01, 1e-06, 0
+DOC = "DAC image at 8 MHz against the carrier: rebalance voltage in the sense C/V output at their beat"
+
+
+def terms(value, device):
+    """Laws of a size in V/V."""
+    return (f"cv_y = {value!r} cos({min(8.0 * abs(device.carrier_ppm - device.clock_ppm), 1000.0)!r}) w",)

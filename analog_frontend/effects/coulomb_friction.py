@@ -1,0 +1,26 @@
+"""Dry friction of the drive mode: F = -Fc sgn(vx).
+
+    fingerprint: drive amplitude word rises by 4 Fc/pi over the drive force: largest at small amplitude
+
+Port force_x   Mechanism polynomial   Unit N   Catalogue E14
+Off: 0 is no law at all.   Source: slip at anchors and stoppers, getter dust; value assumed;
+docs/effects/coulomb_friction.md
+"""
+
+from analog_frontend.effects.ports import Info
+
+INFO = Info(
+    name="coulomb_friction",
+    port="force_x",
+    mechanism="polynomial",
+    unit="N",
+    source="slip at anchors and stoppers, getter dust; value assumed",
+    fingerprint="drive amplitude word rises by 4 Fc/pi over the drive force: largest at small amplitude",
+)
+IDS, LIMIT, EXAMPLE, SIGN = "E14", 1e-07, 2e-11, 1
+DOC = "dry friction of the drive mode: F = -Fc sgn(vx)"
+
+
+def terms(value, device):
+    """Laws of a size in N."""
+    return (f"force_x = {-value!r} sgn(vx)",)

@@ -1,0 +1,26 @@
+"""Damping of the drive mode that grows with the square of the amplitude: F = -d3 x^2 vx.
+
+    fingerprint: drive amplitude word rises by d3 A^2/(4 d): even, with the square of the amplitude, not with rate
+
+Port force_x   Mechanism polynomial   Unit N s/m^3   Catalogue E02
+Off: 0 is no law at all.   Source: squeeze film and anchor losses beyond first order; value assumed;
+docs/effects/damping_cubic.md
+"""
+
+from analog_frontend.effects.ports import Info
+
+INFO = Info(
+    name="damping_cubic",
+    port="force_x",
+    mechanism="polynomial",
+    unit="N s/m^3",
+    source="squeeze film and anchor losses beyond first order; value assumed",
+    fingerprint="drive amplitude word rises by d3 A^2/(4 d): even, with the square of the amplitude, not with rate",
+)
+IDS, LIMIT, EXAMPLE, SIGN = "E02", 100000.0, 10.0, 1
+DOC = "damping of the drive mode that grows with x squared: F = -d3 x^2 vx"
+
+
+def terms(value, device):
+    """Laws of a size in N s/m^3."""
+    return (f"force_x = {-value!r} x^2 vx",)

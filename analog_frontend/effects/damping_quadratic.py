@@ -1,0 +1,25 @@
+"""Damping that grows with speed: F = -d2 |vx| vx.
+
+    fingerprint: drive amplitude word rises by 8 d2 w A/(3 pi d): with the first power of the amplitude
+
+Port force_x   Mechanism polynomial   Unit N s^2/m^2   Catalogue E14
+Off: 0 is no law at all.   Source: gas flow beyond Stokes; value assumed; docs/effects/damping_quadratic.md
+"""
+
+from analog_frontend.effects.ports import Info
+
+INFO = Info(
+    name="damping_quadratic",
+    port="force_x",
+    mechanism="polynomial",
+    unit="N s^2/m^2",
+    source="gas flow beyond Stokes; value assumed",
+    fingerprint="drive amplitude word rises by 8 d2 w A/(3 pi d): with the first power of the amplitude",
+)
+IDS, LIMIT, EXAMPLE, SIGN = "E14", 1e-05, 3e-10, 1
+DOC = "turbulent damping of the drive mode: F = -d2 |vx| vx"
+
+
+def terms(value, device):
+    """Laws of a size in N s^2/m^2."""
+    return (f"force_x = {-value!r} abs(vx) vx",)

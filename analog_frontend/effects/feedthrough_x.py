@@ -1,0 +1,26 @@
+"""Electrical feedthrough of the drive voltage into its own C/V output: n_x += c u.
+
+    fingerprint: lock moves by c A_d in quadrature with x: a phase error that goes with 1/Q
+
+Port cv_x   Mechanism leak from force_x   Unit V/V   Catalogue FACTS 1
+Off: 0 is no law at all.   Source: stray capacitance beside the ring diode; value assumed;
+docs/effects/feedthrough_x.md
+"""
+
+from analog_frontend.effects.ports import Info
+
+INFO = Info(
+    name="feedthrough_x",
+    port="cv_x",
+    mechanism="leak from force_x",
+    unit="V/V",
+    source="stray capacitance beside the ring diode; value assumed",
+    fingerprint="lock moves by c A_d in quadrature with x: a phase error that goes with 1/Q",
+)
+IDS, LIMIT, EXAMPLE, SIGN = "FACTS 1", 0.01, 0.0001, 0
+DOC = "drive electrode voltage that reaches the drive C/V output"
+
+
+def terms(value, device):
+    """Laws of a size in V/V."""
+    return (f"cv_x = {value!r} u",)

@@ -1,0 +1,25 @@
+"""Random walk of the drive mode's stiffness: F = -k W(t) x, variance of W t/1 s.
+
+    fingerprint: drive frequency walks: variance grows with time, repeats differ
+
+Port force_x   Mechanism noise   Unit N/m   Catalogue N02
+Off: 0 is no law at all.   Source: stress relaxation, charge hopping; value assumed; docs/effects/frequency_walk.md
+"""
+
+from analog_frontend.effects.ports import Info
+
+INFO = Info(
+    name="frequency_walk",
+    port="force_x",
+    mechanism="noise",
+    unit="N/m",
+    source="stress relaxation, charge hopping; value assumed",
+    fingerprint="drive frequency walks: variance grows with time, repeats differ",
+)
+IDS, LIMIT, EXAMPLE, SIGN = "N02", 1.0, 1e-07, 0
+DOC = "random walk of the drive mode's stiffness, sd after one second"
+
+
+def terms(value, device):
+    """Laws of a size in N/m."""
+    return (f"force_x = {-value!r} walk(1.0) x",)

@@ -1,0 +1,26 @@
+"""Electrostatic softening of the drive mode by the drive voltage: F = e u^2 x.
+
+    fingerprint: drive frequency falls by e A_d^2/(8 k) f: with 1/Q squared at fixed amplitude
+
+Port force_x   Mechanism polynomial   Unit N/m/V^2   Catalogue E09
+Off: 0 is no law at all.   Source: second derivative of the electrode's capacitance; value assumed;
+docs/effects/softening_drive.md
+"""
+
+from analog_frontend.effects.ports import Info
+
+INFO = Info(
+    name="softening_drive",
+    port="force_x",
+    mechanism="polynomial",
+    unit="N/m/V^2",
+    source="second derivative of the electrode's capacitance; value assumed",
+    fingerprint="drive frequency falls by e A_d^2/(8 k) f: with 1/Q squared at fixed amplitude",
+)
+IDS, LIMIT, EXAMPLE, SIGN = "E09", 10.0, 0.001, 0
+DOC = "electrostatic softening of the drive mode by its own drive voltage: F = e u^2 x"
+
+
+def terms(value, device):
+    """Laws of a size in N/m/V^2."""
+    return (f"force_x = {value!r} u^2 x",)

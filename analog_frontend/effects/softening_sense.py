@@ -1,0 +1,26 @@
+"""Electrostatic softening of the sense mode by the force-to-rebalance voltage: F = e w^2 y.
+
+    fingerprint: sense mode softens with rate squared: seen while y moves, so in the step response, hardly at rest
+
+Port force_y   Mechanism polynomial   Unit N/m/V^2   Catalogue FACTS 33
+Off: 0 is no law at all.   Source: single-ended part of the rebalance electrodes; value assumed;
+docs/effects/softening_sense.md
+"""
+
+from analog_frontend.effects.ports import Info
+
+INFO = Info(
+    name="softening_sense",
+    port="force_y",
+    mechanism="polynomial",
+    unit="N/m/V^2",
+    source="single-ended part of the rebalance electrodes; value assumed",
+    fingerprint="sense mode softens with rate squared: seen while y moves, so in the step response, hardly at rest",
+)
+IDS, LIMIT, EXAMPLE, SIGN = "FACTS 33", 10.0, 0.01, 0
+DOC = "electrostatic softening of the sense mode by the rebalance voltage: F = e w^2 y"
+
+
+def terms(value, device):
+    """Laws of a size in N/m/V^2."""
+    return (f"force_y = {value!r} w^2 y",)

@@ -1,0 +1,27 @@
+"""Bias with the rate of change of temperature, for a package that warms up after power-on: F = -d e^(-t/tau) vx, tau
+= plant.warm_up_tau_s.
+
+    fingerprint: bias that fades with the warm-up: d e^(-t/tau)/(2 m) rad/s
+
+Port force_y   Mechanism drift   Unit N s/m   Catalogue E24
+Off: 0 is no law at all.   Source: temperature gradients while dT/dt is not 0; value assumed;
+docs/effects/thermoelastic_bias.md
+"""
+
+from analog_frontend.effects.ports import Info
+
+INFO = Info(
+    name="thermoelastic_bias",
+    port="force_y",
+    mechanism="drift",
+    unit="N s/m",
+    source="temperature gradients while dT/dt is not 0; value assumed",
+    fingerprint="bias that fades with the warm-up: d e^(-t/tau)/(2 m) rad/s",
+)
+IDS, LIMIT, EXAMPLE, SIGN = "E24", 1e-06, 8e-11, 0
+DOC = "damping coupling with dT/dt of the warm-up: fades with plant.warm_up_tau_s from power-on"
+
+
+def terms(value, device):
+    """Laws of a size in N s/m."""
+    return (f"force_y = {-value!r} vx", f"force_y = {value!r} lag({device.warm_up_tau_s!r}) vx")
