@@ -1,0 +1,78 @@
+"""Which condition, measured next, would separate the rivals: T-optimal design on what the lab can do.
+
+    D^2(c) = min over x of |[Delta; Delta_c] - [J; J_c] x|^2       Delta: rival A less rival B, whitened
+J holds the nuisances and the coefficients of B (and the priors): B may adapt itself to A's data as well as it can. D is
+how many sigmas apart the rivals are then; gain = D(c) / D(nothing). The worst pair of rivals counts (maximin).
+Source    Atkinson & Fedorov, Biometrika 62 (1975); docs/tracing.md
+"""
+
+import itertools
+
+import numpy as np
+
+from testbench.tracing.model import Model
+from testbench.tracing.predictor import Failed, Predictor
+from testbench.tracing.space import Space
+
+MOST_RIVALS = 4
+
+
+class _Pair:
+    """Two fits, and the data that exist."""
+
+    def __init__(self, a, b, space, predictor):
+        self.a, self.b = Model(space, predictor, a.model.names), Model(space, predictor, b.model.names)
+        self.points = (a.point, b.point)
+        (mine,) = b.model.ask([b.point])
+        (other,) = Model(b.model.space, b.model.predictor, a.model.names).ask([a.point])
+        delta = b.model.space.change(other, mine)
+        whole = np.concatenate([b.jacobian, b.model.prior_columns()])
+        rhs = np.concatenate([delta, np.zeros(len(whole) - len(delta))])
+        scale = np.linalg.norm(whole, axis=0)
+        self.scale = np.where(scale > 0, scale, 1.0)
+        q, self.r = np.linalg.qr(whole / self.scale)
+        self.rhs = q.T @ rhs
+        self.rest = max(0.0, float(rhs @ rhs - self.rhs @ self.rhs))
+
+    def distance(self, delta=None, jacobian=None):
+        """D with the rows of one more condition."""
+        r, rhs = self.r, self.rhs
+        if delta is not None:
+            r, rhs = np.concatenate([r, jacobian / self.scale]), np.concatenate([rhs, delta])
+        x = np.linalg.lstsq(r, rhs, rcond=1e-12)[0]
+        return float(np.sqrt(self.rest + np.sum((rhs - r @ x) ** 2)))
+
+
+def table(rivals, problem, options=None, count=MOST_RIVALS, store=None):
+    """Rows {condition, group, separation, gain, hours, gain_per_hour, pair}, best first.
+
+    rivals   fits, the most probable first; the first `count` (at most MOST_RIVALS) are told apart
+    options  a Problem whose segments are the conditions on offer; None: those of `problem`, measured once more
+    """
+    offered = options or problem
+    predictor = Predictor(offered, store)
+    space = Space(offered, None)
+    pairs = []
+    for a, b in itertools.permutations(rivals[:count], 2):
+        pair = _Pair(a, b, space, predictor)
+        first, second = pair.a.ask([pair.points[0]])[0], pair.b.ask([pair.points[1]])[0]
+        if isinstance(first, Failed) or isinstance(second, Failed):
+            continue
+        jacobian = pair.b.jacobian(pair.points[1], second)
+        if np.all(np.isfinite(jacobian)):
+            pairs.append((pair, space.change(first, second), jacobian))
+    rows = []
+    for group in space.groups if pairs else ():
+        separations = []
+        for pair, delta, jacobian in pairs:
+            now = pair.distance()
+            then = pair.distance(delta[group.rows], jacobian[group.rows])
+            separations.append((then, then / max(now, 1e-9), pair))
+        worst = min(separations, key=lambda item: item[0])
+        hours = float(group.condition.get("hours", 1.0))
+        rows.append(
+            {"group": group.name, "condition": dict(group.condition), "separation": worst[0], "gain": worst[1]}
+            | {"hours": hours, "gain_per_hour": (worst[1] - 1) / hours, "repeats": len(group.members)}
+            | {"pair": [" + ".join(worst[2].a.names), " + ".join(worst[2].b.names)]}
+        )
+    return sorted(rows, key=lambda row: (-row["gain_per_hour"], row["group"]))

@@ -1,0 +1,140 @@
+"""What the tracing core asks of a problem: measured features, a prediction of them, their noise, what may be wrong.
+
+    y_kr = predict_k(theta, c) + e_kr      segment k of group g, repeat r; e Gaussian with covariance N_g
+    whiten(e_kr)                           has covariance 1
+Segments of one group share prediction and covariance: the core asks for the first of them.
+Source    docs/tracing.md
+"""
+
+import math
+from typing import NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+
+from testbench.errors import ConfigError
+
+
+class PredictionFailed(Exception):
+    """A point that cannot be predicted: diverged, out of range. It is never ranked."""
+
+
+class Nuisance(NamedTuple):
+    """Something declared as not known exactly; it is fitted before anything is called missing."""
+
+    name: str
+    unit: str
+    value: float
+    prior_sd: float  # inf: free
+    step: float = 0.0  # of finite differences; 0: found by the core
+
+
+class Law(NamedTuple):
+    """An effect that the model may lack; coefficient 0 is bit-exactly nothing."""
+
+    name: str
+    port: str
+    text: str
+    unit: str
+    scale: float  # plausible sd of the coefficient: its prior
+    sign: int = 0  # +1: only >= 0, -1: only <= 0
+    step: float = 0.0  # of finite differences; 0: scale * 1e-3
+    kind: str = "plant"  # plant, instrument, preparation
+    page: str = ""
+    term: tuple = ()  # (("x", 3.0), ...): the monomial of a law of the grammar, as it is saved in a file
+
+
+class Observable(NamedTuple):
+    """Rows of a segment's features that belong together, in time order."""
+
+    name: str
+    unit: str
+    rows: slice
+
+
+class Segment(NamedTuple):
+    """One stretch of data; the role is fixed before anything is looked at."""
+
+    name: str
+    condition: dict
+    group: str  # repeats share it
+    repeat: int
+    role: str  # fit, validate
+    observables: tuple
+
+
+class PortForce(NamedTuple):
+    """Missing input at a port, estimated from the data without any law: for discovery.
+
+    values, columns, nuisance are whitened alike; block numbers stretches that are independent of each other.
+    """
+
+    port: str
+    unit: str
+    values: np.ndarray  # (n,)
+    columns: dict  # law of the library: (n,)
+    nuisance: np.ndarray  # (n, q)
+    block: np.ndarray  # int (n,)
+
+
+@runtime_checkable
+class Problem(Protocol):
+    """See the module; optional members, which the core asks for by getattr, are in docs/tracing.md."""
+
+    name: str
+    nuisances: tuple
+    laws: tuple
+    segments: tuple
+    hashes: dict
+    linear_in: frozenset
+    library: tuple
+
+    def measured(self, k): ...
+
+    def predict(self, points, which): ...
+
+    def whiten(self, k, v): ...
+
+    def noise_draw(self, k, rng): ...
+
+    def floor(self, k): ...
+
+
+def option(problem, name, default=None):
+    """An optional member of a problem."""
+    return getattr(problem, name, default)
+
+
+def all_laws(problem):
+    """{name: Law} of catalogue and library; a name is in one of them."""
+    return {law.name: law for law in (*problem.laws, *option(problem, "library", ()))}
+
+
+def _unique(what, names):
+    twice = sorted({n for n in names if list(names).count(n) > 1})
+    if twice:
+        raise ConfigError(f"{what} {twice[0]}: is there twice")
+
+
+def check(problem):
+    """Refuse a problem that cannot be traced; ConfigError says what, where, value, limit."""
+    laws = (*problem.laws, *option(problem, "library", ()))
+    _unique("nuisance", [n.name for n in problem.nuisances])
+    _unique("law", [law.name for law in laws])
+    _unique("segment", [s.name for s in problem.segments])
+    for n in problem.nuisances:
+        if not math.isfinite(n.value) or not n.prior_sd > 0:
+            raise ConfigError(f"nuisance {n.name}: value {n.value} sd {n.prior_sd} {n.unit}: finite, sd > 0 wanted")
+    for law in laws:
+        if not (math.isfinite(law.scale) and law.scale > 0) or law.sign not in (-1, 0, 1):
+            raise ConfigError(f"law {law.name}: scale {law.scale} {law.unit}, sign {law.sign}: scale > 0, sign -1..1")
+    if not any(s.role == "fit" for s in problem.segments):
+        raise ConfigError(f"{problem.name}: no segment with the role fit")
+    seen = {}
+    for k, s in enumerate(problem.segments):
+        if s.role not in ("fit", "validate"):
+            raise ConfigError(f"segment {s.name}: role {s.role}: fit or validate")
+        y = np.asarray(problem.measured(k))
+        if y.ndim != 1 or not len(y) or not np.all(np.isfinite(y)):
+            raise ConfigError(f"segment {s.name}: features must be finite and one-dimensional, shape {y.shape}")
+        if seen.setdefault(s.group, (len(y), s.role)) != (len(y), s.role):
+            raise ConfigError(f"segment {s.name}: repeats of group {s.group} differ in role or number of features")

@@ -1,0 +1,242 @@
+"""From a finished trace to the `Result`: every number with its unit, every claim with its certificate."""
+
+from dataclasses import asdict
+
+import numpy as np
+
+from testbench.tracing import verdict
+from testbench.tracing.discover import lift
+from testbench.tracing.evidence import log_prior
+from testbench.tracing.looks import SHORT
+from testbench.tracing.noise import bridge
+from testbench.tracing.power import limits
+from testbench.tracing.rank import one_sided
+from testbench.tracing.result import Result
+from testbench.tracing.rivals import CLEAR
+from testbench.tracing.search import CREDIBLE, credible, inclusion
+
+
+def effects(fit, laws, probability, status):
+    """Laws of a fit as they go into the JSON; d is the size in sigmas after the nuisances have taken their part."""
+    n, out = len(fit.point.theta), []
+    for i, law in enumerate(fit.model.laws):
+        sd, c = float(fit.sd[n + i]), float(fit.point.c[i])
+        out.append(
+            {"law": law.name, "port": law.port, "value": c, "sd": sd, "unit": law.unit, "d": abs(c) / sd}
+            | {"kind": law.kind, "text": law.text, "page": law.page, "p": probability.get(law.name), "status": status}
+        )
+    return out
+
+
+def nearly_all(rows):
+    """True if 99 % of the excess held-out power is gone for every observable that had some, and it fell for certain."""
+    excess = [row for row in rows.values() if row["floor"] and row["before"] > 1.06 * row["floor"]]
+    return bool(excess) and all((row["excess_removed"] or 0) >= 0.99 and row["gain_ci"][0] > 0 for row in excess)
+
+
+def ranking_rows(tracer):
+    """All laws at the base fit, biggest first."""
+    rows = []
+    for label, r in tracer.first.items():
+        scores = one_sided(r, tracer.laws)
+        for i, name in enumerate(r.names):
+            law, length = tracer.laws[name], float(r.length[i])
+            rows.append(
+                {"law": name, "port": law.port, "list": label, "d": float(scores[i]), "t": float(r.t[i])}
+                | {"value": float(r.t[i] / length) if length else None, "sd": 1 / length if length else None}
+                | {"unit": law.unit, "hidden": name in r.hidden}
+            )
+        rows += [{"law": name, "list": label, "failed": "cannot be predicted"} for name in r.failed]
+    return sorted(rows, key=lambda row: (-row.get("d", -1.0), row["law"]))
+
+
+def model_rows(tracer):
+    """Sets of laws by posterior, and the refits that failed."""
+    if tracer.found is None:
+        return []
+    names, p = tracer.posterior
+    rows = []
+    for n, x in list(zip(names, p))[:20]:
+        c = tracer.found.candidates[n]
+        rows.append(
+            {"laws": list(n), "p": x, "log_z": c.log_z, "bic": c.bic, "refitted": c.refitted}
+            | {"log_prior": log_prior(len(n), len(tracer.found.pool)), "cost": c.fit.cost if c.fit else None}
+        )
+    return rows + [{"laws": list(n), "failed": reason} for n, reason in sorted(tracer.found.failed.items())]
+
+
+def confounded(tracer):
+    """Models of the 95 % set with the angle between their laws and those of the best, and the d that 3 sigma need."""
+    if tracer.found is None or not tracer.found.best:
+        return []
+    best, rows = tracer.found.best, []
+    kept = [(n, x) for n, x in credible(*tracer.posterior) if not set(best) < set(n)]
+    for law, n, v in tracer.rivals:
+        rows.append({"laws": list(n), "instead_of": law, "vuong": v, "p": None})
+    for n, x in kept if len(kept) > 1 else ():
+        row = {"laws": list(n), "p": x}
+        other, own = [a for a in n if a not in best], [a for a in best if a not in n]
+        if len(other) == 1 and len(own) == 1:
+            c = abs(_cosine(tracer, own[0], other[0]))
+            sine = float(np.sqrt(max(1 - c * c, 0.0)))
+            row |= {"instead_of": own[0], "cosine": c, "sine": sine, "d_to_separate": 3 / sine if sine > 1e-6 else None}
+        rows.append(row)
+    return rows
+
+
+def _cosine(tracer, a, b):
+    return float(tracer.rank(tracer.base.fit, (a, b)).cosines[0, 1])
+
+
+def rivals_kept(tracer):
+    """How many of the most probable models must be told apart: the 95 % set, at least two, at most four."""
+    return int(np.clip(len(credible(*tracer.posterior)), 2, 4))
+
+
+def discovery(tracer, out):
+    """What was tried beyond the catalogue, and found laws as files."""
+    rows = [
+        {"port": s.port, "laws": list(s.laws), "coefficients": s.coefficients, "inclusion": s.inclusion}
+        | {"share": s.share, "energy": s.energy, "unit": s.unit, "bic": s.bic}
+        for s in tracer.selections
+    ]
+    lifted = {
+        e["law"]: lift(tracer.laws[e["law"]], e["value"], e["sd"], tracer.problem.hashes)
+        for e in out.effects
+        if e["law"] in tracer.library
+    }
+    return {"ports": rows, "files": lifted}
+
+
+def condition_table(space, z, parameters):
+    """[{group, observable, rows, chi2}]: chi2 / rows per cell of a whitened residual."""
+    rows = []
+    for b in space.blocks:
+        part, g = z[b.rows], space.groups[b.group]
+        rows.append({"group": g.name, "condition": dict(g.condition), "observable": b.observable})
+        rows[-1] |= {"rows": len(part), "chi2": float(np.mean(part**2))}
+    return {"cells": rows, "parameters_fitted": parameters}
+
+
+def unexplained(tracer, out):
+    """What is known about a misfit that no set of laws covers."""
+    last = tracer.fits["after"]
+    alarms = tracer.alarm(last, tracer.rankings(last))
+    test = alarms.refined or alarms.declared
+    cells = condition_table(tracer.space, last.z, len(last.model.columns))["cells"]
+    worst = max(cells, key=lambda c: (c["chi2"] - 1) * np.sqrt(c["rows"]))
+    steps = []
+    for b in tracer.space.blocks:
+        if b.rows.stop - b.rows.start >= SHORT:
+            size, where = bridge(last.z[b.rows], 0)
+            steps.append((float(size), tracer.space.groups[b.group].name, b.observable, int(where)))
+    jump = max(steps, default=None)
+    return {
+        "excess_chi2": float(last.z @ last.z - tracer.space.size + len(last.model.columns)),
+        "loudest_statistic": min(test.p, key=test.p.get),
+        "p": test.p,
+        "worst_cell": worst,
+        "largest_cusum": dict(zip(("size", "group", "observable", "row"), jump)) if jump else None,
+        "port": out.discovery["ports"][0]["port"] if out.discovery.get("ports") else None,
+        "best_partial": [e["law"] for e in out.effects],
+        "wording": f"not explained by the {out.looks['laws']} laws tried; one of them may mimic a law outside",
+    }
+
+
+def _test(test):
+    return (
+        None if test is None else {"p_global": test.p_global, "draws": test.draws, "p": test.p, "values": test.values}
+    )
+
+
+def certificates(tracer):
+    base, noise = tracer.base, tracer.noise
+    repeats = sorted({int(r) for r in tracer.space.repeats})
+    return {
+        "calibration": base.certificate,
+        "repeats": {
+            "per_group": repeats,
+            "R14": "no repeats: noise from the problem, alarms model-based, ranking only"
+            if tracer.alarms.model_based
+            else None,
+        },
+        "noise": {"p": noise.p, "worst": noise.worst, "jump": noise.jump, "squares": noise.dof},
+        "adequacy": tracer.found.checks if tracer.found else [],
+        "points_predicted": tracer.predictor.asked,
+        "rows": int(tracer.space.size),
+        "rows_heldout": int(tracer.held.size),
+        "heldout_failed": tracer.heldout.failed,
+        "firmware": getattr(tracer.problem, "firmware_certificate", None),
+        "numerical": getattr(tracer.problem, "numerical_certificate", None),
+    }
+
+
+def result(tracer, decision):
+    """`Result` of a `trace.Tracer` that has run."""
+    found, problem, probability, free = tracer.found, tracer.problem, {}, {}
+    if decision is None:
+        probability = inclusion(*tracer.posterior)
+        best = found.best
+        free = verdict.free_d(found.fit(best), tracer.identified) if best else {}
+        confirmed = tracer.heldout.score > CLEAR
+        certified = f"P = {', '.join(f'{probability[law]:.3f}' for law in best)}"
+        rejected = tracer.noise.p < tracer.options.alpha
+        doubtful = "no repeats" if tracer.alarms.model_based else "declared noise rejected" if rejected else ""
+        stopped = verdict.blocked(problem, tracer.base.converged)
+        decision = verdict.with_search(found, probability, free, confirmed, doubtful, stopped, certified)
+    out = Result(problem.name, decision.verdict, decision.sentence)
+    if found is not None and found.best and decision.verdict in ("named", "confounded", "unexplained"):
+        out.effects = effects(found.fit(found.best), tracer.laws, probability, "named")
+        for row in out.effects:
+            row["d_without_priors"] = free[row["law"]]
+            shared = decision.verdict == "unexplained" and any(row["law"] == law for law, _, _ in tracer.rivals)
+            if (row["p"] or 0) <= CREDIBLE or free[row["law"]] < verdict.LEAST_FREE_D or shared:
+                row["status"] = "confounded"
+            elif decision.verdict == "unexplained" and not nearly_all(tracer.heldout.rows):
+                row["status"] = "partial"
+    out.confounded = confounded(tracer)
+    out.heldout, out.heldout_chi2 = (
+        tracer.heldout.rows,
+        tracer.heldout.chi2 | {"limit": tracer.heldout.limit, "score": tracer.heldout.score},
+    )
+    out.p_global = tracer.p
+    k = sum(len(r.names) for r in tracer.first.values())
+    out.looks = {"laws": k, "statistics": len(tracer.alarms.declared.p), "declared_by_caller": tracer.options.looks}
+    out.looks["library_laws_that_are_catalogue_laws"] = tracer.dropped
+    out.certificates, out.hashes = certificates(tracer), dict(problem.hashes)
+    out.ranking, out.models = ranking_rows(tracer), model_rows(tracer)
+    a = tracer.alarms
+    out.alarms = {"rotation": _test(a.rotation), "refined": _test(a.refined), "declared": _test(a.declared)}
+    out.noise = {"octaves": [o._asdict() for o in tracer.noise.octaves], "p": tracer.noise.p}
+    out.identifiability = {
+        "directions": [
+            {"eigenvalue": d.eigenvalue, "fixed_by": d.fixed_by, "words": d.words} for d in tracer.identified.directions
+        ],
+        "at_prior_width": list(tracer.identified.at_prior),
+    }
+    last = tracer.fits["after"]
+    out.nuisances = [
+        {
+            "name": n.name,
+            "unit": n.unit,
+            "prior": n.value,
+            "prior_sd": n.prior_sd,
+            "before": float(b),
+            "after": float(x),
+        }
+        | {"sd": float(s)}
+        for n, b, x, s in zip(problem.nuisances, tracer.base.fit.point.theta, last.point.theta, last.sd)
+    ]
+    out.power_d90, out.null = (tracer.power["d90"], tracer.power) if tracer.power else ({}, {})
+    out.null = {k: v for k, v in out.null.items() if k != "d90"}
+    if decision.verdict in ("none", "noise-model"):
+        out.null["limits"] = {k: v for r in tracer.first.values() for k, v in limits(r, tracer.laws).items()}
+    out.next_experiment = tracer.experiments
+    out.discovery = discovery(tracer, out) if found is not None else {}
+    if decision.verdict == "unexplained":
+        out.unexplained = unexplained(tracer, out)
+    n = len(tracer.base.fit.model.columns)
+    out.tables = {"chi2_before": condition_table(tracer.space, tracer.base.fit.z, n)}
+    out.tables["chi2_after"] = condition_table(tracer.space, last.z, len(last.model.columns))
+    out.options, out.notes = asdict(tracer.options), tracer.notes
+    return out

@@ -1,0 +1,224 @@
+"""The whole trace: calibrate, alarm, rank, refit, judge on held-out groups, say what may be said.
+
+trace(problem) -> Result       steps and equations: docs/tracing.md
+"""
+
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from testbench.tracing import calibrate as calibration
+from testbench.tracing import discover, heldout, identify, next_experiment, noise, tell, verdict
+from testbench.tracing.alarms import remembered
+from testbench.tracing.checkpoint import Store
+from testbench.tracing.model import Model
+from testbench.tracing.power import Power
+from testbench.tracing.predictor import Predictor
+from testbench.tracing.problem import all_laws, check, option
+from testbench.tracing.rank import Signatures, rank
+from testbench.tracing.result import Result
+from testbench.tracing.rivals import open_rivals
+from testbench.tracing.search import Search
+from testbench.tracing.space import Space
+
+SAME = 0.9995  # cosine from which a law of the library is one of the catalogue
+ROWS_OF_DRAWS = 60_000_000  # numbers drawn for one alarm at most
+FEWEST_DRAWS = 199
+
+
+@dataclass(frozen=True)
+class Options:
+    """Thresholds and effort. looks: how often the caller looks at data like these; it widens every p."""
+
+    alpha: float = 0.01
+    looks: int = 1
+    n_null: int = 999
+    seed: int = 0
+    max_laws: int = 3
+    starts: int = 2
+    grammar: bool = True  # laws of the library count among the looks, and may explain what the catalogue cannot
+    power: bool = True
+    experiments: bool = True
+
+
+class Tracer:
+    """One run of `trace`, step by step; what is kept is what later steps and the report need."""
+
+    def __init__(self, problem, options, progress, checkpoint):
+        check(problem)
+        self.problem, self.options, self.progress = problem, options, progress
+        self.store = checkpoint if isinstance(checkpoint, Store) else Store(checkpoint)
+        self.predictor = Predictor(problem, self.store, progress)
+        self.laws = all_laws(problem)
+        self.space, self.held = Space(problem, "fit"), Space(problem, "validate")
+        self.catalogue = tuple(law.name for law in problem.laws)
+        self.library = tuple(law.name for law in option(problem, "library", ())) if options.grammar else ()
+        self.draws = max(FEWEST_DRAWS, min(options.n_null, ROWS_OF_DRAWS // max(self.space.size, 1)))
+        self.notes, self.selections, self.rivals = [], [], []
+
+    def say(self, text, done=0, total=1):
+        self.predictor.text = text
+        if self.progress:
+            self.progress(text, done, total)
+
+    def calibrate(self):
+        """Fit without laws; with the noise of the repeats if the declared one is not it."""
+        self.say("calibrating")
+        self.base = calibration.calibrate(
+            Model(self.space, self.predictor), self.options.starts, self.options.seed, progress=self.progress
+        )
+        if self.base.fit.failed:
+            return False
+        rng = np.random.default_rng([self.options.seed, 4])
+        own = option(self.problem, "noise_from_repeats", False)
+        self.noise = noise.study(self.space, rng, self.options.alpha, judge=not own)
+        if self.noise.p < self.options.alpha:
+            self.notes.append("declared noise contradicted by the repeats: variances refined by observable and octave")
+            self.space = Space(self.problem, "fit", self.noise)
+            self.held = Space(self.problem, "validate", self.noise)
+            again = Model(self.space, self.predictor)
+            self.base = calibration.calibrate(again, self.options.starts, self.options.seed, self.base.fit.point)
+        self.identified = identify.identify(self.base.fit)
+        self.table = Signatures(self.base.fit)
+        return not self.base.fit.failed
+
+    def rank(self, fit, names):
+        """`Ranking` of laws that are not in a fit."""
+        return rank(fit, names, self.table.at(fit, names))
+
+    def rankings(self, fit):
+        """{"catalogue": .., "library": ..} of the laws that are not in a fit."""
+        out = {}
+        for label, names in (("catalogue", self.catalogue), ("library", self.library)):
+            names = tuple(n for n in names if n not in fit.model.names and n not in self.dropped)
+            if names:
+                out[label] = self.rank(fit, names)
+        return out
+
+    def alarm(self, fit, rankings):
+        """Alarms at a fit. In a refined space the declared noise is the refined one, the octaves' uncertainty stays."""
+        return remembered(self.store, fit, rankings, self.known_noise(), self.draws, self.options.seed)
+
+    def known_noise(self):
+        """Octaves in units of the space in use."""
+        if self.noise.p < self.options.alpha:
+            return self.noise._replace(octaves=tuple(o._replace(f=1.0) for o in self.noise.octaves))
+        return self.noise
+
+    def drop_twins(self):
+        """Laws of the library that are laws of the catalogue on these data."""
+        self.dropped = {}
+        if not (self.library and self.catalogue):
+            return
+        whole = self.rank(self.base.fit, (*self.catalogue, *self.library))
+        c = np.abs(whole.cosines)
+        for name in self.library:
+            for twin in self.catalogue:
+                if name in whole.names and twin in whole.names and c[whole.index(name), whole.index(twin)] > SAME:
+                    self.dropped.setdefault(name, twin)
+
+    def adequate(self, fit):
+        """Alarms again with the effects added; held-out chi2 within its band, held-out rms at the floor."""
+        self.say(f"checking {' + '.join(fit.model.names)}")
+        found = self.alarm(fit, self.rankings(fit))
+        p = verdict.corrected(found.p_deterministic, self.options.looks)
+        why = {"p": p}
+        ok = p >= self.options.alpha
+        if self.held.size:
+            judged = heldout.judge(self.problem, self.held, self.predictor, {"after": fit})
+            why |= {"heldout_chi2": judged.chi2.get("after"), "heldout_limit": judged.limit}
+            ok = ok and not judged.failed and judged.chi2["after"] <= judged.limit
+            if not self.noise.p < self.options.alpha:
+                above = heldout.above_floor(judged.rows)
+                why["heldout_above_floor"], ok = above, ok and not above
+        return bool(ok), why
+
+    def search(self):
+        """Explain by the catalogue; where that is not adequate, by catalogue and grammar."""
+        pool = tuple(n for n in self.catalogue)
+        whole = tuple(n for n in (*self.catalogue, *self.library) if n not in self.dropped)
+        ranking = self.rank(self.base.fit, whole)
+        work = Search(self.base.fit, self.table, self.identified.scale, self.adequate, self.progress)
+        if not work.run(ranking, pool, 1).adequate and len(whole) > len(pool):
+            pool = whole
+            self.say("discovering")
+            self.selections = discover.discover(self.problem, self.base.fit, ranking, self.options.seed)
+            work.propose(discover.proposals(self.selections), pool, self.options.max_laws)
+        found = work.run(ranking, pool, self.options.max_laws)
+        self.posterior = work.posterior(len(found.pool))
+        self.rivals = [] if found.adequate else open_rivals(found)
+        return found
+
+    def run(self):
+        problem, options = self.problem, self.options
+        firmware = option(problem, "firmware")
+        if firmware:
+            return Result(problem.name, "firmware", str(firmware), hashes=dict(problem.hashes), options=asdict(options))
+        if not self.calibrate():
+            reason = self.base.fit.failed
+            result = Result(problem.name, "unexplained", f"the model cannot be calibrated: {reason}")
+            result.hashes, result.options = dict(problem.hashes), asdict(options)
+            result.certificates = {"calibration": self.base.certificate}
+            return result
+        self.say("ranking laws")
+        self.dropped = {}
+        self.drop_twins()
+        self.first = self.rankings(self.base.fit)
+        self.say("alarms")
+        self.alarms = self.alarm(self.base.fit, self.first)
+        alarm, self.p = verdict.detected(self.alarms, options.alpha, options.looks)
+        self.found, self.posterior = None, ([()], [1.0])
+        decision = verdict.without_tracing(alarm, self.alarms, self.noise, options.alpha, self.p)
+        if decision is None:
+            self.found = self.search()
+        self.judge()
+        self.plan()
+        return tell.result(self, decision)
+
+    def plan(self):
+        """Power of this record, and what to measure next."""
+        options, fit = self.options, self.base.fit
+        self.power, self.experiments = None, []
+        if options.power:
+            self.say("power")
+            level = 1 - (1 - options.alpha) ** (1 / options.looks)
+            power = Power(fit, self.alarms, self.known_noise(), self.first, self.laws, level, options.seed)
+            smallest = power.smallest()
+            self.power = {"d90": smallest, "null": power.null_rate(), "check": power.checked(smallest)}
+        if options.experiments and self.found is not None:
+            self.say("next experiment")
+            names, _ = self.posterior
+            known = [self.found.candidates[n] for n in names if n]
+            rivals = [
+                c.fit for c in known if c.refitted and not (self.found.best and set(self.found.best) < set(c.names))
+            ]
+            if len(rivals) > 1:
+                offered = option(self.problem, "experiments")
+                self.experiments = next_experiment.table(
+                    rivals, self.problem, offered, tell.rivals_kept(self), self.store
+                )
+
+    def judge(self):
+        """Held-out error of the calibrated model, of the best law alone, and of the best set."""
+        fits = {"before": self.base.fit}
+        best = self.found.best if self.found else ()
+        singles = [c for n, c in self.found.candidates.items() if len(n) == 1 and c.refitted] if self.found else []
+        one = max(singles, key=lambda c: c.log_z).fit if singles else self.base.fit
+        fits["after_one_law"] = self.found.fit(best) if len(best) == 1 else one if best else self.base.fit
+        fits["after"] = self.found.fit(best) if best else self.base.fit
+        self.fits = fits
+        by = option(self.problem, "heldout_by", "observable")
+        if self.held.size:
+            self.heldout = heldout.judge(self.problem, self.held, self.predictor, fits, by, self.options.seed)
+        else:
+            self.heldout = heldout.HeldOut({}, {}, float("inf"), 0.0, "no segment with the role validate")
+
+
+def trace(problem, options=None, progress=None, checkpoint=None):
+    """`Result` of a `Problem`.
+
+    progress    function(text, done, total), or None
+    checkpoint  folder in which finished work is kept, so that a killed trace goes on; or None
+    Raises ConfigError for a problem that contradicts itself, FileError if the folder cannot be written.
+    """
+    return Tracer(problem, options or Options(), progress, checkpoint).run()

@@ -1,0 +1,115 @@
+"""The verdict: what may be said, by alarms, search and held-out groups; nothing is named by one of them alone.
+
+firmware     the problem says that the firmware is not the model's: physics waits
+none         no alarm
+noise-model  only the declared noise is contradicted: no physical effect is named
+named        every law of the best set has P > 0.95, the model is adequate, the coefficients are not the prior's
+confounded   adequate, but other sets explain it too: they are listed with what would separate them
+unexplained  no set is adequate; what is known about the rest is reported, partial laws beside it
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from testbench.tracing.identify import unseen
+from testbench.tracing.problem import option
+from testbench.tracing.rank import Projection
+from testbench.tracing.search import CREDIBLE
+
+LEAST_FREE_D = 3.0
+MOST_NUMERICAL = 0.5  # sigmas, of the analysis engine against the exact one
+
+
+class Decision(NamedTuple):
+    """Verdict and the reason in one sentence."""
+
+    verdict: str
+    sentence: str
+
+
+def free_d(fit, identifiability):
+    """{law: d} of a fit's laws when directions that only priors hold are free: small means confounded with those."""
+    n, loose = len(fit.point.theta), unseen(identifiability)
+    out = {}
+    for i, law in enumerate(fit.model.laws):
+        others = np.delete(fit.jacobian, n + i, axis=1)
+        below = np.delete(fit.model.prior_columns(), n + i, axis=1)
+        if loose.shape[1]:
+            others = np.concatenate([others, fit.jacobian[:, :n] @ loose], axis=1)
+            below = np.concatenate([below, np.zeros((len(below), loose.shape[1]))], axis=1)
+        s = fit.jacobian[:, n + i : n + i + 1]
+        out[law.name] = float(np.linalg.norm(Projection(others, below).full(s)) * abs(fit.point.c[i]))
+    return out
+
+
+def detected(alarms, alpha, looks):
+    """(deterministic misfit?, p corrected for the looks that the caller declares)."""
+    p = corrected(alarms.p_deterministic, looks)
+    return p < alpha, p
+
+
+def blocked(problem, converged):
+    """Why nothing may be named: "before" is not certified, or the engine's own error is too large; "" if neither."""
+    if not converged:
+        return "the calibration has not converged"
+    numerical = (option(problem, "numerical_certificate") or {}).get("sigma")
+    if numerical is not None and not numerical < MOST_NUMERICAL:
+        return f"numerical error of the engine {numerical:.3g} sigma, {MOST_NUMERICAL} allowed"
+    return ""
+
+
+def corrected(p, looks):
+    """Sidak: p of the smallest of `looks` such p."""
+    return float(-np.expm1(looks * np.log1p(-min(p, 1 - 1e-15)))) if looks > 1 else float(p)
+
+
+def without_tracing(found, alarms, noise, alpha, p):
+    """`Decision` when nothing deterministic was found; None if tracing must go on."""
+    if found:
+        return None
+    declared = alarms.declared.p_global
+    if noise.octaves and (noise.p < alpha or declared < alpha):
+        if noise.p < alpha:
+            return Decision(
+                "noise-model",
+                f"nothing that repeats is missing (p = {p:.2g}); the declared noise is not that of the repeats "
+                f"(p = {noise.p:.2g}): {noise.worst}" + (f"; largest jump: {noise.jump}" if noise.jump else ""),
+            )
+        return Decision(
+            "noise-model",
+            f"the declared noise does not cover the misfit (p = {declared:.2g}), but the repeats do not show that it "
+            f"repeats (p = {p:.2g}): more repeats would tell",
+        )
+    return Decision("none", f"no misfit beyond the noise (p = {p:.2g})")
+
+
+def with_search(search_found, inclusion, free, confirmed, doubtful, blocked, certified):
+    """`Decision` after the search.
+
+    confirmed  held-out data show the change; needed without repeats, or if the declared noise is rejected
+    doubtful   why the noise is not to be trusted; "" if it is
+    blocked    why nothing may be named whatever is found; "" if nothing is in the way
+    """
+    best = search_found.best
+    if not best:
+        what = (
+            f"something is missing, or noise larger than declared ({doubtful})" if doubtful else "something is missing"
+        )
+        return Decision("unexplained", f"{what}, and no law that was tried explains it")
+    said = " + ".join(best)
+    if doubtful and not confirmed:
+        return Decision("noise-model", f"{doubtful}, and {said} is not confirmed by held-out data")
+    if blocked:
+        return Decision("unexplained", f"{blocked}: {said} explains a part, and is not named")
+    if not search_found.adequate:
+        return Decision(
+            "unexplained", f"{said} explains a part ({certified}); the rest is not explained by the laws tried"
+        )
+    unsure = [law for law in best if inclusion[law] <= CREDIBLE]
+    gauge = [law for law in best if free[law] < LEAST_FREE_D]
+    if unsure:
+        return Decision("confounded", f"explained by {said}, but not by it alone: other sets of laws do it too")
+    if gauge:
+        return Decision("confounded", f"{', '.join(gauge)}: confounded with nuisances that only their priors hold")
+    return Decision("named", f"explained by {said} among the {len(search_found.pool)} laws tried")

@@ -1,0 +1,133 @@
+"""Problems at the edge: nothing to calibrate, nothing to blame, one group, few rows, refusals."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from testbench.errors import ConfigError
+from testbench.tracing.problem import Law, Nuisance, Observable, Segment
+from testbench.tracing.report import figures, html
+from testbench.tracing.trace import Options, Tracer, trace
+from tests.testbench.tracing.toys import LAWS, Toy
+
+QUICK = Options(n_null=199)
+
+
+class Line:
+    """y = c x in groups of few rows; sd 1; the simplest problem there is."""
+
+    name, library, hashes = "line", (), {}
+    linear_in = frozenset({"slope", "level"})
+
+    def __init__(self, slope=0.0, rows=3, groups=6, repeats=3, nuisances=(), laws=(), roles=("fit",), seed=0):
+        rng = np.random.default_rng(seed)
+        self.nuisances, self.laws, self._y, self._x, self.segments = nuisances, laws, [], [], ()
+        for g in range(groups):
+            role = roles[g % len(roles)]
+            x = np.arange(rows) + g
+            for r in range(repeats):
+                whole = (Observable("y", "V", slice(0, rows)),)
+                self.segments += (Segment(f"s{g}.{r}", {"g": float(g)}, f"s{g}", r, role, whole),)
+                self._y.append(slope * x + rng.normal(size=rows))
+                self._x.append(x)
+
+    def measured(self, k):
+        return self._y[k]
+
+    def predict(self, points, which):
+        return [[c.get("slope", 0.0) * self._x[k] + np.sum(theta) for k in which] for theta, c in points]
+
+    def whiten(self, k, v):
+        return v
+
+    def noise_draw(self, k, rng):
+        return rng.normal(size=len(self._x[k]))
+
+    def floor(self, k):
+        return {"y": 1.0}
+
+
+SLOPE = (Law("slope", "out", "c x", "V", 1.0),)
+
+
+def whole(problem, page=False):
+    tracer = Tracer(problem, QUICK, None, None)
+    result = tracer.run()
+    json.dumps(result.to_json(), allow_nan=False)
+    assert not page or html(result, figures(tracer))
+    return result
+
+
+def test_nothing_to_calibrate():
+    result = whole(Line(0.5, laws=SLOPE))
+    assert result.verdict == "named"
+    assert result.effects[0]["value"] == pytest.approx(0.5, abs=4 * result.effects[0]["sd"])
+
+
+def test_nothing_to_blame():
+    result = whole(Line(0.5))
+    assert result.verdict == "unexplained"
+    assert result.effects == []
+
+
+@pytest.mark.parametrize(("rows", "groups", "repeats"), [(1, 5, 2), (2, 1, 4), (40, 1, 2), (1, 1, 1)])
+def test_few_of_everything_ends_in_a_verdict_without_nan(rows, groups, repeats):
+    level = (Nuisance("level", "V", 0.0, math.inf),)
+    result = whole(Line(0.0, rows, groups, repeats, level, SLOPE), page=rows == 1)
+    assert result.verdict in ("none", "noise-model")
+
+
+def test_a_validate_group_of_its_own_and_a_level():
+    level = (Nuisance("level", "V", 0.0, math.inf),)
+    result = whole(Line(0.5, 8, 9, 2, level, SLOPE, ("fit", "fit", "validate")))
+    assert result.verdict == "named"
+    assert result.heldout["y"]["after"] < result.heldout["y"]["before"]
+
+
+def test_coefficient_and_sd_of_a_linear_problem_are_those_of_least_squares():
+    problem = Line(0.5, laws=SLOPE)
+    x, y = np.concatenate(problem._x), np.concatenate(problem._y)
+    (effect,) = trace(problem, QUICK).effects
+    assert effect["value"] == pytest.approx(x @ y / (x @ x), rel=1e-6)
+    assert effect["sd"] == pytest.approx((x @ x) ** -0.5, rel=1e-6)
+
+
+def test_firmware_comes_first():
+    problem = Line(0.5, laws=SLOPE)
+    problem.firmware = "R0 differs: agc_acc at tick 26000"
+    result = trace(problem, QUICK)
+    assert (result.verdict, result.sentence) == ("firmware", "R0 differs: agc_acc at tick 26000")
+
+
+def test_a_model_that_cannot_be_predicted_is_a_verdict_not_a_crash():
+    problem = Line(0.5, laws=SLOPE)
+    problem.predict = lambda points, which: [[np.full(3, np.nan) for _ in which] for _ in points]
+    result = trace(problem, QUICK)
+    assert result.verdict == "unexplained"
+    assert "cannot be calibrated" in result.sentence
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"laws": (*LAWS, LAWS[0])}, "law duffing: is there twice"),
+        ({"laws": (LAWS[0]._replace(scale=0.0),)}, r"law duffing: scale 0\.0 Hz"),
+        ({"nuisances": (Nuisance("f0", "Hz", math.nan, 1.0),)}, "nuisance f0: value nan"),
+        ({"segments": ()}, "toy: no segment with the role fit"),
+    ],
+)
+def test_a_problem_that_contradicts_itself_is_refused(change, text):
+    problem = Toy(0)
+    for name, value in change.items():
+        setattr(problem, name, value)
+    with pytest.raises(ConfigError, match=text):
+        trace(problem, QUICK)
+
+
+def test_repeats_of_a_group_must_share_role_and_length():
+    problem = Toy(0)
+    problem.segments = (problem.segments[0]._replace(role="validate"), *problem.segments[1:])
+    with pytest.raises(ConfigError, match=r"segment fit0\.1: repeats of group fit0 differ"):
+        trace(problem, QUICK)

@@ -1,0 +1,79 @@
+"""Evidence, sets of laws, rivals: against integrals done by brute force."""
+
+import numpy as np
+import pytest
+from scipy import integrate
+
+from testbench.tracing import evidence
+from testbench.tracing.rivals import CLEAR, vuong
+
+
+def brute(c_hat, cov, scale, sign):
+    """Integral by quadrature over a grid, one or two coefficients."""
+    inverse = np.linalg.inv(cov)
+
+    def density(*c):
+        c = np.array(c)
+        prior = np.exp(-0.5 * np.sum((c / scale) ** 2)) / np.prod(scale * np.sqrt(2 * np.pi))
+        return np.exp(-0.5 * (c - c_hat) @ inverse @ (c - c_hat)) * prior * 2.0 ** np.count_nonzero(sign)
+
+    ranges = []
+    for i in range(len(c_hat)):
+        low, high = c_hat[i] - 9 * np.sqrt(cov[i, i]), c_hat[i] + 9 * np.sqrt(cov[i, i])
+        ranges.append((max(low, 0.0) if sign[i] > 0 else low, min(high, 0.0) if sign[i] < 0 else high))
+    return np.log(integrate.nquad(density, ranges)[0])
+
+
+@pytest.mark.parametrize("sign", [0, 1, -1])
+@pytest.mark.parametrize("c", [0.3, 2.0])
+def test_one_coefficient_is_exact(c, sign):
+    c = c if sign >= 0 else -c
+    given = (np.array([c]), np.array([[0.04]]), np.array([1.5]), np.array([sign]))
+    assert evidence.log_gaussian_evidence(*given) == pytest.approx(brute(*given), abs=1e-6)
+
+
+def test_two_coefficients_are_exact_without_signs():
+    cov = np.array([[0.05, 0.03], [0.03, 0.08]])
+    given = (np.array([0.4, -1.0]), cov, np.array([1.0, 2.0]), np.array([0, 0]))
+    assert evidence.log_gaussian_evidence(*given) == pytest.approx(brute(*given), abs=1e-5)
+
+
+def test_the_forbidden_side_costs_evidence():
+    cov, scale = np.array([[0.01]]), np.array([1.0])
+    right = evidence.log_gaussian_evidence(np.array([0.5]), cov, scale, np.array([1]))
+    wrong = evidence.log_gaussian_evidence(np.array([-0.5]), cov, scale, np.array([1]))
+    assert right - wrong > 10
+
+
+def test_more_laws_cost_more_by_themselves():
+    found = [evidence.Candidate((), 0.0, 0, True), evidence.Candidate(("a",), 5.0, 0, True)]
+    few, many = evidence.posterior(found, 5)[1], evidence.posterior(found, 500)[1]
+    assert few > 0.95 > many
+    assert few == pytest.approx(1 / (1 + 5 * np.exp(-5.0)))
+
+
+class _Space:
+    def __init__(self, blocks):
+        self.blocks = blocks
+
+
+class _Fit:
+    def __init__(self, z, space):
+        self.z = z
+        self.model = type("M", (), {"space": space})()
+
+
+def test_rivals_equally_near_to_the_truth_are_not_told_apart():
+    from testbench.tracing.space import Block
+
+    rng = np.random.default_rng(0)
+    space = _Space([Block(g, "a", slice(50 * g, 50 * g + 50)) for g in range(30)])
+    clear = []
+    for _ in range(300):
+        z, left = (
+            rng.normal(size=1500),
+            rng.normal(size=(2, 30)).repeat(50, axis=1),
+        )  # two different misfits, equally large
+        clear.append(vuong(_Fit(z + left[0], space), _Fit(z + left[1], space)) > CLEAR)
+    assert np.mean(clear) < 0.035  # 1 %, three sigma of 300
+    assert vuong(_Fit(z, space), _Fit(z + 1.0, space)) > CLEAR

@@ -1,0 +1,136 @@
+"""Held-out errors, power, discovery, next experiment, page: against direct calculations."""
+
+import re
+import tomllib
+
+import numpy as np
+import pytest
+
+from testbench.tracing import discover, report
+from testbench.tracing.heldout import bootstrap
+from testbench.tracing.power import clopper_pearson
+from testbench.tracing.problem import PortForce
+from testbench.tracing.result import plain
+from testbench.tracing.trace import Options, Tracer, trace
+from tests.testbench.tracing.toys import BINS, Toy
+
+QUICK = Options(n_null=299, power=False, experiments=False)
+
+
+def test_held_out_errors_are_the_rms_of_single_repeats():
+    problem = Toy(5, {"feed": 0.2})
+    tracer = Tracer(problem, QUICK, None, None)
+    result = tracer.run()
+    held = [k for k, s in enumerate(problem.segments) if s.role == "validate"]
+    for label, fit in (("before", tracer.fits["before"]), ("after", tracer.fits["after"])):
+        predicted = problem.predict([(fit.point.theta, fit.model.effects(fit.point))], held)[0]
+        errors = np.concatenate([problem.measured(k)[BINS:] - p[BINS:] for k, p in zip(held, predicted)])
+        assert result.heldout["a"][label] == pytest.approx(np.sqrt(np.mean(errors**2)))
+    row = result.heldout["a"]
+    assert row["before_ci"][0] < row["before"] < row["before_ci"][1]
+    assert row["gain_ci"][0] > 0
+    assert 0.7 < row["excess_removed"] < 1.3
+
+
+def test_bootstrap_intervals_cover():
+    rng, inside = np.random.default_rng(0), 0
+    for _ in range(150):
+        pieces = [((b, 0), np.array([np.sum(rng.normal(size=20) ** 2)]), 20) for b in range(24)]
+        _, draws = bootstrap(pieces, rng)
+        low, high = np.quantile(draws[:, 0], [0.025, 0.975])
+        inside += low <= 1.0 <= high
+    assert 0.85 <= inside / 150 <= 0.99  # percentile bootstrap of 24 blocks: somewhat below 95 %
+
+
+def test_held_out_groups_can_be_rows_of_the_table():
+    problem = Toy(5, {"feed": 0.2})
+    problem.heldout_by = "group"
+    assert "validate0 a" in trace(problem, QUICK).heldout
+
+
+def test_power_of_the_record_is_what_pseudo_experiments_say():
+    result = trace(Toy(7), Options(n_null=999, experiments=False))
+    check, null = result.null["check"], result.null["null"]
+    assert check["ci"][1] >= 0.9  # d_90 is an upper limit of the true one
+    assert null["ci"][0] <= null["alpha"]
+    sizes = [v["d"] for v in result.power_d90.values()]
+    assert 3.5 < min(sizes) < max(sizes) < 12
+    feed = result.power_d90["feed"]
+    found = [trace(Toy(s, {"feed": feed["value"]}), QUICK).verdict != "none" for s in range(20)]
+    assert sum(found) >= 14  # 90 % of 20 is 18; fewer than 14 has a chance of 0.2 %
+    low, high = (result.null["limits"]["feed"][k] for k in ("low", "high"))
+    assert low < 0 < high
+
+
+def test_exact_intervals_of_rates():
+    assert clopper_pearson(0, 160) == [0.0, pytest.approx(0.0228, abs=1e-4)]
+    assert clopper_pearson(118, 118)[0] == pytest.approx(0.969, abs=1e-3)
+
+
+def force(rng, law, size, colour=1.0):
+    """x^3 among look-alikes along a trajectory, in 40 blocks; noise of unit variance once whitened."""
+    x = np.cos(np.linspace(0, 60, 800)) * np.linspace(0.3, 1.5, 800)
+    v = np.gradient(x)
+    weight = np.where(np.arange(800) < 400, 1.0, 1.0 / colour)
+    columns = {"x^2": x**2, "x^3": x**3, "x^5": x**5, "x|x|": x * np.abs(x), "v|v|": v * np.abs(v) * 100}
+    whitened = {k: c * weight for k, c in columns.items()}
+    nuisance = np.stack([x, v, np.ones(800)], axis=1) * weight[:, None]
+    values = size * whitened[law] + nuisance @ np.array([3.0, -40.0, 5.0]) + rng.normal(size=800)
+    return PortForce("force_x", "m/s2", values, whitened, nuisance, np.arange(800) // 20)
+
+
+@pytest.mark.parametrize("law", ["x^2", "x^3", "v|v|", "x|x|"])
+def test_the_law_of_a_missing_force_is_selected(law):
+    found = discover.select(force(np.random.default_rng(3), law, 3.0), np.random.default_rng(0), 40)
+    assert found.laws == (law,)
+    assert found.coefficients[law] == pytest.approx(3.0, rel=0.15)
+    assert found.inclusion[law] > 0.8
+    assert (law,) in discover.proposals([found])
+
+
+def test_no_law_is_selected_from_noise():
+    chosen = [
+        discover.select(force(np.random.default_rng(s), "x^3", 0.0), np.random.default_rng(0), 2).laws
+        for s in range(60)
+    ]
+    assert sum(bool(c) for c in chosen) <= 3
+
+
+def test_a_lifted_law_is_a_file_that_says_what_and_where_from():
+    result = trace(Toy(3, {"friction": 0.15}), QUICK)
+    (effect,) = tomllib.loads(result.discovery["files"]["friction"])["effects"]
+    assert effect["law"] == "friction"
+    assert effect["port"] == "force_x"
+    assert effect["coefficient"] == result.effects[0]["value"]
+    assert effect["term"] == {"sgn v": 1.0}
+    assert effect["found_in"]["toy"] == result.hashes["toy"]
+
+
+def test_input_estimates_of_the_problem_are_used():
+    problem = Toy(3, {"friction": 0.15})
+    asked = []
+
+    def force_at(theta, effects):
+        asked.append(effects)
+        made = force(np.random.default_rng(0), "x^3", 0.0)
+        return [made._replace(columns={"friction": made.columns["x^2"]})]
+
+    problem.force_at = force_at
+    assert [p["unit"] for p in trace(problem, QUICK).discovery["ports"]] == ["m/s2"]
+    assert asked
+
+
+def test_the_page_is_whole_and_needs_nothing_else():
+    tracer = Tracer(Toy(5, {"feed": 0.2}), Options(n_null=299), None, None)
+    result = tracer.run()
+    page = report.html(result, report.figures(tracer))
+    assert page.count("data:image/png;base64,") == 7
+    assert not re.search(r"(src|href)=\"http", page)
+    assert "<script" not in page
+    for text in ("named", "feed", "Error before and after", "Smallest effect this record would have shown", "See:"):
+        assert text in page
+
+
+def test_plain_numbers_only():
+    data = plain({"a": np.float64("nan"), "b": [np.int64(3), np.bool_(True)], "c": np.array([1.0, np.inf]), 4: (1,)})
+    assert data == {"a": None, "b": [3, True], "c": [1.0, None], "4": [1]}

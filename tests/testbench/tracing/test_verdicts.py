@@ -1,0 +1,171 @@
+"""Verdicts of whole traces on data whose truth is known, over many seeds; the long ones are marked slow."""
+
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+from testbench.tracing.trace import Options, trace
+from tests.testbench.tracing.toys import LAWS, Toy
+
+QUICK = Options(n_null=299, power=False, experiments=False)
+CLEAR = tuple(law for law in LAWS if law.name != "quintic")  # x^2 and x^4 look alike here: cosine 0.96
+# coefficient of one sigma after projection, from the Gram matrix at the priors' middles
+SIGMA = {"duffing": 0.0047, "selfheat": 0.0148, "centrifugal": 0.0151, "pickoff": 0.0032}
+SIGMA |= {"damping": 0.0022, "latency": 0.010, "feed": 0.0089}
+
+
+def planted(seed, count, low, high):
+    """{law: coefficient} of `count` laws with sizes of low .. high sigmas."""
+    rng = np.random.default_rng([seed, 99])
+    chosen = rng.choice(sorted(SIGMA), count, replace=False)
+    return {
+        n: float(SIGMA[n] * rng.uniform(low, high) * (1 if n == "latency" else rng.choice([-1, 1]))) for n in chosen
+    }
+
+
+def run(seed, effects, **how):
+    return trace(Toy(seed, effects, laws=CLEAR, **how), QUICK)
+
+
+def singles(seeds, low, high):
+    """(detected, right first, wrongly named, named, held-out errors / floor) of traces with one effect."""
+    detected = right = wrong = named = 0
+    ratios = []
+    for seed in seeds:
+        effects = planted(seed, 1, low, high)
+        result = run(seed, effects)
+        found = {e["law"] for e in result.effects}
+        if result.verdict in ("named", "confounded", "unexplained"):
+            detected += 1
+            right += found == set(effects)
+        if result.verdict == "named":
+            named += 1
+            wrong += found != set(effects)
+            ratios += [h["after"] / h["floor"] for h in result.heldout.values()]
+    return detected, right, wrong, named, ratios
+
+
+def nulls(seeds, **how):
+    """How many traces without an effect name one, or see something that repeats."""
+    results = [run(seed, {}, **how) for seed in seeds]
+    return sum(bool(r.effects) for r in results), [r.verdict for r in results]
+
+
+def test_nothing_is_named_where_nothing_is_missing():
+    named, verdicts = nulls(range(12))
+    assert named == 0
+    assert verdicts.count("none") >= 10
+
+
+def test_undeclared_flicker_raises_no_effect_and_is_called_noise():
+    named, verdicts = nulls(range(8), flicker=3.0)
+    assert named == 0
+    assert verdicts.count("noise-model") >= 7
+
+
+def test_single_causes_come_first():
+    detected, right, wrong, named, _ = singles(range(12), 12, 40)
+    assert detected == 12
+    assert right >= 11
+    assert wrong == 0
+    assert named >= 6
+
+
+def test_pairs_are_found_whole():
+    exact = 0
+    for seed in range(4):
+        effects = planted(seed, 2, 20, 60)
+        exact += {e["law"] for e in run(seed, effects).effects} == set(effects)
+    assert exact >= 3
+
+
+def test_a_law_outside_the_catalogue_comes_from_the_library_with_a_file():
+    result = run(3, {"friction": 0.15})
+    assert [e["law"] for e in result.effects] == ["friction"]
+    assert result.verdict == "named"
+    assert 'law = "friction"' in result.discovery["files"]["friction"]
+
+
+def test_what_no_law_describes_is_unexplained():
+    result = run(4, {"step": 0.5})
+    assert result.verdict == "unexplained"
+    assert all(e["status"] != "named" for e in result.effects)
+    assert result.unexplained["worst_cell"]["observable"] == "f"
+
+
+def test_without_repeats_the_trace_says_so_and_needs_the_held_out_groups():
+    found = run(2, {"feed": 0.4}, repeats=1)
+    assert found.verdict == "named"
+    assert found.certificates["repeats"]["R14"]
+    noisy, verdicts = nulls(range(6), flicker=3.0, repeats=1)
+    assert "named" not in verdicts, verdicts
+    assert noisy == 0
+
+
+def test_confounded_laws_are_listed_with_what_would_separate_them():
+    effects = {"duffing": 0.0047 * 9}
+    result = trace(Toy(5, effects), Options(n_null=299, power=False))
+    assert result.verdict == "confounded"
+    sets = [c["laws"] for c in result.confounded]
+    assert ["duffing"] in sets
+    assert len(sets) > 1
+    best = result.next_experiment[0]
+    assert best["condition"]["A"] >= 1.5  # the powers of x part where the amplitude is large
+    assert best["gain"] > 1.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", [{}, {"noise": 1.2}, {"flicker": 1.5}, {"flicker": 3.0}, {"repeats": 4}])
+def test_rates_of_nulls(how):
+    count = 200 if how in ({}, {"flicker": 3.0}) else 100
+    found, verdicts = nulls(range(1000, 1000 + count), **how)
+    print("nulls", how, count, "effects", found, {v: verdicts.count(v) for v in sorted(set(verdicts))})
+    assert verdicts.count("named") == 0
+    assert binom.sf(found - 1, count, 0.01) > 0.01
+
+
+@pytest.mark.slow
+def test_rates_of_singles_and_their_errors():
+    detected, right, wrong, named, ratios = singles(range(3000, 3200), 8, 60)
+    print("singles", detected, right, wrong, named, np.quantile(ratios, [0.05, 0.5, 0.95]))
+    assert detected >= 0.95 * 200
+    assert right >= 0.95 * detected
+    assert wrong <= 0.05 * named
+    assert np.median(ratios) < 1.06  # 96 correlated rows: a single ratio scatters by some 10 %
+    covered = total = 0
+    for seed in range(5000, 5120):
+        effects = planted(seed, 1, 12, 60)
+        for e in run(seed, effects).effects:
+            if e["law"] in effects:
+                total += 1
+                covered += abs(e["value"] - effects[e["law"]]) < 1.96 * e["sd"]
+    print("intervals", covered, total)
+    assert total >= 114
+    assert 0.9 <= covered / total <= 0.99
+
+
+@pytest.mark.slow
+def test_rates_of_small_effects():
+    detected, right, wrong, named, _ = singles(range(6000, 6100), 4, 8)
+    print("small", detected, right, wrong, named)
+    assert wrong <= 0.05 * max(named, 1)
+    assert right >= 0.85 * detected
+
+
+@pytest.mark.slow
+def test_rates_of_pairs_and_of_laws_outside_the_catalogue():
+    exact = 0
+    for seed in range(4000, 4060):
+        effects = planted(seed, 2, 15, 60)
+        exact += {e["law"] for e in run(seed, effects).effects} == set(effects)
+    print("pairs", exact)
+    assert exact >= 0.95 * 60
+    exact = 0
+    for seed in range(60):
+        rng = np.random.default_rng([seed, 7])
+        name = ("friction", "hot", "centripetal")[seed % 3]
+        size = {"friction": 0.0061, "hot": 0.0134, "centripetal": 0.0054}[name]
+        effects = {name: float(size * rng.uniform(15, 60) * rng.choice([-1, 1]))}
+        exact += {e["law"] for e in run(seed, effects).effects} == set(effects)
+    print("outside the catalogue", exact)
+    assert exact >= 0.9 * 60
