@@ -1,0 +1,199 @@
+"""All measured sets, unattended: each through the openers, one page, build/measured.json.
+
+    jobs      a module of `parts` may say which files belong together (`jobs(paths)`); else every file by itself
+    files     folders of sets in GYRO_DATA_DIR, or those that the registry has downloaded
+    a job that fails is a row of the page with its reason, and the exit status is 1; the others go on
+JSON      {set: {verdict, sentence, effects, heldout, jobs: [...]}}; the first job of a set speaks for it, held-out
+          parts carry the label of their job in front where there are several
+Source    docs/measured_parts.md
+"""
+
+import argparse
+import html
+import json
+import os
+import sys
+import time
+from pathlib import Path
+
+from testbench.errors import ConfigError, FileError
+from testbench.files import write_text
+from testbench.measured import loop_trace, traced
+from testbench.measured.openers import open_problem
+from testbench.measured.parts import tell
+
+SKIPPED = ("README", "LICENSE")
+ABOVE = 1.5  # floors, from which a held-out error is listed as not explained
+
+
+def folders(root):
+    """{set: [paths]} of a data folder."""
+    root = Path(root)
+    if not root.is_dir():
+        raise FileError(f"{root}: no such folder; GYRO_DATA_DIR names the folder of the sets")
+    return {
+        d.name: sorted(p for p in d.iterdir() if p.is_file() and not p.name.startswith(SKIPPED))
+        for d in sorted(root.iterdir())
+        if d.is_dir()
+    }
+
+
+def jobs(paths):
+    """[(label, paths, options, module or None)] of a set's files: what the parts say, else one file each."""
+    out, taken = [], set()
+    for module in traced.modules():
+        own = getattr(module, "jobs", None)
+        for label, chosen, options in own(paths) if own else ():
+            out.append((label, chosen, options))
+            taken |= set(chosen)
+    return out + [(path.stem, [path], {}) for path in paths if path not in taken]
+
+
+def one(paths, options):
+    """(JSON, picture) of one job."""
+    found = traced.whole(paths, options)
+    if found is None:
+        problem = open_problem(paths, options)
+        found = traced.of_problem(problem) or (loop_trace.run(problem)[1].to_json(), "")
+    return found
+
+
+def run(sets, say=print):
+    """({set: JSON}, {set: [(label, JSON, picture)]}, [failures]) of {set: paths}."""
+    out, shown, failures = {}, {}, []
+    for name, paths in sets.items():
+        rows = []
+        for label, chosen, options in jobs(paths):
+            start = time.monotonic()
+            try:
+                data, image = one(chosen, options)
+            except Exception as problem:  # unattended: one job's defect is a row of the page, not the end of the others
+                text = str(problem) if isinstance(problem, (ConfigError, FileError)) else repr(problem)
+                failures.append((name, label, text))
+                say(f"{name}: {label}: {text}")
+                continue
+            seconds = time.monotonic() - start
+            rows.append((label, data, image))
+            say(f"{name}: {label}: {data['verdict']}, {len(data['effects'])} law(s), {seconds:.0f} s")
+        shown[name] = rows
+        if rows:
+            out[name] = joined(rows)
+    return out, shown, failures
+
+
+def joined(rows):
+    """JSON of a set from its jobs."""
+    first = rows[0][1]
+    heldout = {}
+    for other, data, _ in rows:
+        prefix = "" if len(rows) == 1 else f"{other}: "
+        heldout |= {prefix + key: value for key, value in data["heldout"].items()}
+    return {
+        "verdict": first["verdict"],
+        "sentence": first["sentence"],
+        "effects": first["effects"],
+        "heldout": heldout,
+        "jobs": [{"label": name} | data for name, data, _ in rows],
+    }
+
+
+def overview(out):
+    """The before/after table of all sets."""
+    rows = []
+    for name, data in out.items():
+        for part, h in data["heldout"].items():
+            ratio = None if not h.get("floor") else h["after"] / h["floor"]
+            rows.append(
+                (name, part, h["unit"], tell.number(h.get("floor")), tell.number(h["before"]))
+                + (tell.number(h.get("after_one_law")), tell.number(h["after"]), tell.number(ratio, 3))
+            )
+    head = ("set", "held out", "unit", "floor", "before", "after one law", "after", "after / floor")
+    return tell.table(head, rows, (3, 4, 5, 6, 7))
+
+
+def rest_words(data, part):
+    """One sentence on what is left of a held-out part, from the tests in `tell.left`."""
+    for r in data.get("left", []):
+        if part in (r["observable"], r["segment"], f"{r['segment']} {r['observable']}"):
+            if r.get("where"):
+                return r["where"]["words"]
+            curve = "a curve" if r["p"] < 0.01 else "no curve"
+            words = (
+                f"neighbours {r['neighbours']:.2f} (p {r['p']:.2g}): {curve}; {100 * r['tenth']:.0f} % of its power in "
+            )
+            words += f"{r['tenth_from']:.4g} .. {r['tenth_to']:.4g}"
+            if r["shared"] is not None:
+                words += f"; correlation with the rest where it was fitted {r['shared']:.2f}"
+            return words
+    return data["sentence"]
+
+
+def page(out, shown, failures, loop=""):
+    """The page of `make measured`."""
+    words = [
+        "<p>Recordings that others made of single parts, against the parts of this model. An effect is chosen on some "
+        "samples, sessions or files and judged on the others; the floor is the recording's own repeatability.</p>",
+        "<h2>Error before and after, on data that no fit has seen</h2>",
+        overview(out),
+    ]
+    if failures:
+        rows = [(s, label, text) for s, label, text in failures]
+        words += ["<h2>What could not be traced</h2>", tell.table(("set", "file", "why"), rows)]
+    above = [
+        (name, label, part, f"{h['after'] / h['floor']:.2f}", rest_words(data, part))
+        for name, rows in shown.items()
+        for label, data, _ in rows
+        for part, h in data["heldout"].items()
+        if h.get("floor") and h["after"] > ABOVE * h["floor"]
+    ]
+    if above:
+        words += [
+            "<h2>Not explained: held-out error above 1.5 floors</h2>",
+            tell.table(("set", "job", "held out", "after / floor", "what the rest is like"), above, (3,)),
+        ]
+    for name, rows in shown.items():
+        words.append(f"<h2>{html.escape(name)}</h2>")
+        for label, data, image in rows:
+            words.append(traced.section(label, data, image))
+    return tell.page("Measured parts", "".join(words) + loop)
+
+
+def main(arguments=None):
+    """Command line; 0 if all jobs ran."""
+    parser = argparse.ArgumentParser(prog="python -m testbench.measured.all_sets", description=__doc__.split("\n")[0])
+    parser.add_argument("--data", default=os.environ.get("GYRO_DATA_DIR", ""), help="folder of the sets")
+    parser.add_argument("--out", type=Path, default=Path("build"), help="where measured.html and measured.json go")
+    parser.add_argument("--only", nargs="*", help="names of sets")
+    parser.add_argument("--no-loop", action="store_true", help="without the runs of the closed loop")
+    given = parser.parse_args(arguments)
+    try:
+        if given.data:
+            sets = folders(given.data)
+        else:
+            from testbench.measured import registry
+
+            sets = registry.folders()
+        sets = {name: paths for name, paths in sets.items() if not given.only or name in given.only}
+        out, shown, failures = run(sets, lambda text: print(text, file=sys.stderr, flush=True))
+        loop = ""
+        if not given.no_loop:
+            from testbench.measured.parts import in_loop
+
+            loop = in_loop.section(out)
+    except (ConfigError, FileError) as problem:
+        print(problem, file=sys.stderr)
+        return 2
+    given.out.mkdir(parents=True, exist_ok=True)
+    clean = {name: {**data, "jobs": [_plain(job) for job in data["jobs"]]} for name, data in out.items()}
+    write_text(given.out / "measured.json", json.dumps(clean, indent=1, sort_keys=True, allow_nan=False) + "\n")
+    write_text(given.out / "measured.html", page(out, shown, failures, loop))
+    print(given.out / "measured.html")
+    return 1 if failures else 0
+
+
+def _plain(job):
+    return {key: value for key, value in job.items() if key != "html"}
+
+
+if __name__ == "__main__":
+    sys.exit(main())

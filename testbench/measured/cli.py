@@ -1,0 +1,309 @@
+"""`gyro measured`: arguments and what is printed; no computing. `testbench.cli` adds this app to its own.
+
+Standard output holds the result, standard error progress and one line per error. Exit codes: 0 done, 2 refused or
+something the user can mend, 3 a record that loads but whose firmware is not the model's, 130 interrupted.
+Source  docs/measured.md
+"""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(
+    name="measured",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    help="Measured data: check a record, replay its firmware, find what the model cannot explain.",
+)
+
+RecordPath = Annotated[Path, typer.Argument(metavar="FILE", help="Record: HDF5 file, or folder of a bundle.")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")]
+EXIT_REFUSED, EXIT_BLOCKED = 2, 3
+TOLD = ("verdict", "sentence", "effects", "heldout")  # of a report, on standard output
+
+
+def _print_json(data):
+    from testbench.cli import _print_json
+
+    _print_json(data)
+
+
+def _progress(as_json):
+    from testbench.cli import Progress
+
+    return Progress(quiet=as_json)
+
+
+def _first(first):
+    return None if first is None else first._asdict()
+
+
+def _residual_json(residual):
+    return {
+        "decidable": residual.decidable,
+        "why": residual.undecided,
+        "frames": residual.frames,
+        "compared": list(residual.compared),
+        "left_out": residual.left_out,
+        "differing": residual.differing,
+        "first": _first(residual.first),
+        "verdict": residual.verdict,
+        "seconds": residual.seconds,
+    }
+
+
+@app.command()
+def check(
+    file: RecordPath,
+    replay: Annotated[bool, typer.Option(help="Replay the firmware on the recorded codes, too (R16).")] = True,
+    as_json: Json = False,
+):
+    """Check a record by rules R01 to R20: one line per finding, exit code 2 if it is refused."""
+    from testbench.measured import load
+    from testbench.record import RecordError
+
+    findings, residual, refused = [], None, False
+    try:
+        with _progress(as_json) as progress:
+            loaded = load.load(file, replay, progress)
+        findings = [(str(f), f.level) for f in loaded.findings]
+        residual = loaded.residual
+    except RecordError as problem:
+        findings, refused = [(text, "refused") for text in problem.findings], True
+    blocked = any(level == "blocked" for _, level in findings)
+    if as_json:
+        listed = [{"finding": text, "level": level} for text, level in findings]
+        data = {"file": str(file), "accepted": not refused, "findings": listed}
+        _print_json(data | {"r0": None if residual is None else _residual_json(residual)})
+    else:
+        for text, level in findings:
+            typer.echo(f"{text} ({level})")
+        if residual is not None:
+            typer.echo(residual.verdict)
+        typer.echo(f"{file}: {'refused' if refused else 'accepted'}")
+    if refused or blocked:
+        raise typer.Exit(EXIT_REFUSED if refused else EXIT_BLOCKED)
+
+
+@app.command()
+def record(
+    plan: Annotated[Path, typer.Argument(metavar="PLAN.toml", help="Conditions, repeats, roles.")],
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="HDF5 file, or folder without ending.")],
+    envelope: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Where what the record hides is written, as JSON.")
+    ] = None,
+    as_json: Json = False,
+):
+    """Write a measurement record of the simulated board."""
+    import json
+
+    from testbench.files import write_text
+    from testbench.measured import load, produce
+    from testbench.measured import plan as plans
+
+    wanted = plans.read(plan)
+    with _progress(as_json) as progress:
+        made = produce.record(wanted, progress)
+    digest = load.write(out, made)
+    if envelope is not None:
+        write_text(envelope, json.dumps(produce.envelope(wanted), sort_keys=True, indent=1) + "\n")
+    frames = len(made.streams["nco_fword"].data)
+    segments = len(made.tables["segments"]["id"].data)
+    if as_json:
+        _print_json({"file": str(out), "frames": frames, "segments": segments, "content_sha256": digest})
+        return
+    typer.echo(f"{out}  {frames} frames  {segments} segments  {digest[:16]}")
+
+
+@app.command()
+def convert(file: RecordPath, out: Annotated[Path, typer.Argument(metavar="OUT", help="The other form.")]):
+    """Write a record in its other form: HDF5 (a name with an ending) or bundle (one without)."""
+    from testbench.measured import load
+
+    loaded = load.load(file, replay=False)
+    typer.echo(f"{out}  {load.write(out, loaded.record)[:16]}")
+
+
+@app.command()
+def residuals(
+    file: RecordPath,
+    kind: Annotated[str, typer.Option(help="R1: plant driven by the recorded words; R2: closed loop, free.")] = "R2",
+    sets: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="One value of the model, such as plant.qx=190000."),
+    ] = None,
+    as_json: Json = False,
+):
+    """Say what the model leaves unexplained, per condition and observable, in units of the repeats' noise."""
+    from testbench import config
+    from testbench.errors import ConfigError
+    from testbench.measured import check_tables, load
+    from testbench.measured import residuals as residual
+    from testbench.tables import Table
+
+    if kind not in ("R1", "R2"):
+        raise ConfigError(f"--kind {kind}: is neither R1 nor R2")
+    with _progress(as_json) as progress:
+        record = load.load(file, replay=False).record
+        model = check_tables.stated_config(record)
+        overrides = [config.parse_set(text) for text in sets or ()]
+        if overrides:
+            model = config.changed(model, {item.path: item.value for item in overrides})
+        try:
+            study = residual.study(record, kind, model, progress=progress)
+        except ValueError as problem:
+            raise ConfigError(problem) from None
+    if as_json:
+        rows = [row._asdict() for row in study.rows]
+        _print_json({"kind": kind, "engine": study.engine, "exact_words": study.exact_words, "rows": rows})
+        return
+    heads = ("condition", "role", "observable", "unit", "noise rms", "residual rms", "chi2 / bins")
+    rows = [
+        (r.group, r.role, r.observable, r.unit, f"{r.floor:.3g}", f"{r.rms:.3g}", f"{r.chi2_per_bin:.3g}")
+        for r in study.rows
+    ]
+    note = f"noise from {study.dof} deviations between repeats; {study.engine} engine"
+    from testbench.cli import _print_tables
+
+    _print_tables([Table(f"{kind}: recorded less predicted", heads, rows, numeric=(4, 5, 6), note=note)])
+
+
+@app.command()
+def calibrate(
+    file: RecordPath,
+    starts: Annotated[int, typer.Option(min=1, help="Starts; they must agree.")] = 2,
+    as_json: Json = False,
+):
+    """Fit what the record's priors name, by the plant's open-loop residual, and certify that it has converged."""
+    from testbench.cli import _print_tables
+    from testbench.errors import ConfigError
+    from testbench.measured import calibrate as calibration
+    from testbench.measured import load
+    from testbench.tables import Table
+
+    with _progress(as_json) as progress:
+        loaded = load.load(file, progress=progress)
+        if loaded.blocked:
+            raise ConfigError(f"{file}: {loaded.residual.verdict}; physics waits for an override (R16)")
+        try:
+            found = calibration.calibrate(loaded.record, starts, progress=progress)
+        except ValueError as problem:
+            raise ConfigError(problem) from None
+    held_out = [(a, b) for a, b in zip(found.before.rows, found.after.rows) if a.role == "validate"]
+    if as_json:
+        _print_json(
+            {
+                "values": found.values,
+                "sd": found.sd,
+                "converged": found.converged,
+                "decrement": found.decrement,
+                "costs": list(found.costs),
+                "at_bound": list(found.at_bound),
+                "directions": [d._asdict() for d in found.directions],
+                "evaluations": found.evaluations,
+                "heldout": [
+                    {"group": a.group, "observable": a.observable, "unit": a.unit, "floor": a.floor}
+                    | {"uncalibrated": a.rms, "calibrated": b.rms, "chi2_per_bin": b.chi2_per_bin}
+                    for a, b in held_out
+                ],
+            }
+        )
+        return
+    rows = [
+        (p.key, p.unit, f"{p.mean:.9g}", f"{found.values[p.key]:.9g}", f"{found.sd[p.key]:.2g}")
+        for p in found.parameters
+    ]
+    tables = [Table("Parameters", ("parameter", "unit", "prior", "fitted", "sd"), rows, numeric=(2, 3, 4))]
+    rows = [
+        (a.group, a.observable, a.unit, f"{b.floor:.3g}", f"{a.rms:.3g}", f"{b.rms:.3g}", f"{b.chi2_per_bin:.3g}")
+        for a, b in held_out
+    ]
+    heads = ("condition", "observable", "unit", "noise rms", "uncalibrated rms", "calibrated rms", "chi2 / bins")
+    if rows:
+        tables.append(Table("Held out", heads, rows, numeric=(3, 4, 5, 6)))
+    _print_tables(tables)
+    typer.echo(
+        ("converged" if found.converged else "NOT converged") + f": a further step promises {found.decrement:.2g}"
+    )
+    typer.echo(f"costs of the starts: {', '.join(f'{cost:.4g}' for cost in found.costs)}")
+    for direction in found.directions:
+        seen = "the prior alone" if direction.eigenvalue < calibration.UNSEEN else "the data"
+        typer.echo(f"{seen} fix {direction.words}  ({direction.eigenvalue:.2g} in units of the prior)")
+
+
+@app.command()
+def trace(
+    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="A record, or recordings of one part.")],
+    report: Annotated[Path | None, typer.Option(metavar="OUT.html", help="Page to write.")] = None,
+    json_file: Annotated[Path | None, typer.Option("--json", metavar="OUT.json", help="Result to write.")] = None,
+    checkpoint: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="Where finished work is kept; a killed trace goes on from it.")
+    ] = None,
+    alpha: Annotated[float, typer.Option(min=1e-4, max=0.2, help="Chance of a false alarm.")] = 0.01,
+    looks: Annotated[int, typer.Option(min=1, help="How many traces like this one are made; widens every p.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="Of null draws and bootstraps.")] = 0,
+    most: Annotated[int, typer.Option("--max-laws", min=1, max=6, help="Laws in one explanation.")] = 3,
+    option: Annotated[list[str] | None, typer.Option("--option", metavar="KEY=VALUE", help="For the opener.")] = None,
+):
+    """Trace what the model cannot explain to an effect, and say how the error on held-out data changes."""
+    from types import SimpleNamespace
+
+    from testbench.errors import ConfigError
+    from testbench.measured import loop_trace, traced
+    from testbench.measured.openers import open_problem
+    from testbench.measured.parts import tell
+    from testbench.tracing import report as page
+    from testbench.tracing.trace import Options
+
+    pairs = [text.partition("=") for text in option or ()]
+    for text, (key, equals, _) in zip(option or (), pairs):
+        if not key or not equals:
+            raise ConfigError(f"--option {text}: is not KEY=VALUE")
+    given = {key: value for key, _, value in pairs}
+    with _progress(False) as progress:
+        options = Options(alpha, looks, seed=seed, max_laws=most)
+        found = traced.whole(files, given)
+        problem = None if found else open_problem(files, given)
+        found = found or traced.of_problem(problem, options, progress)
+        if found:
+            name = getattr(problem, "name", "numbers")
+            _write(json_file, traced.text(found[0]))
+            _write(report, tell.page(name, traced.section("Verdict", *found)) if report else "")
+            _print_trace(SimpleNamespace(**{key: found[0][key] for key in TOLD}))
+            return
+        tracer, result = loop_trace.run(problem, options, progress, checkpoint)
+    _write(json_file, result.text())
+    _write(report, page.html(result, page.figures(tracer)) if report else "")
+    _print_trace(result)
+
+
+def _write(path, text):
+    """Write a text if a path was given."""
+    from testbench.files import write_text
+
+    if path is not None:
+        write_text(path, text)
+
+
+def _print_trace(result):
+    from testbench.cli import _print_tables
+    from testbench.tables import Table
+
+    typer.echo(f"{result.verdict}: {result.sentence}")
+    rows = [
+        (e["law"], e["port"], f"{e['value']:.6g}", f"{e['sd']:.2g}", e["unit"], f"{e['d']:.1f}", e["status"])
+        for e in result.effects
+    ]
+    heads = ("law", "port", "value", "sd", "unit", "d", "status")
+    tables = [Table("Effects", heads, rows, numeric=(2, 3, 5))] if rows else []
+    rows = [
+        (name, h["unit"], "" if h["floor"] is None else f"{h['floor']:.3g}", f"{h['before']:.4g}")
+        + (f"{h['after_one_law']:.4g}", f"{h['after']:.4g}")
+        for name, h in result.heldout.items()
+    ]
+    heads = ("held out", "unit", "noise rms", "before", "after one law", "after")
+    if rows:
+        tables.append(Table("Error on data that no fit has seen", heads, rows, numeric=(2, 3, 4, 5)))
+    if tables:
+        _print_tables(tables)

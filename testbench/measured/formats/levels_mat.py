@@ -1,0 +1,70 @@
+"""Levels of a DAC in a MATLAB file (version 5): every vector of 2^N voltages that rises is one channel.
+
+    read(path) -> Levels   voltages (V) at code 0 .. 2^N - 1, N = 8 .. 18, by the name of the variable
+
+Errors  FileError: not such a file, no vector of 2^N finite numbers
+"""
+
+import hashlib
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from scipy.io import loadmat
+
+from testbench.errors import FileError
+
+MAGIC = b"MATLAB 5.0 MAT-file"
+BITS = range(8, 19)
+MIN_RISE = 0.95  # rank correlation of a level with its code would be 1; a signal in time is far from it
+
+
+class Levels(NamedTuple):
+    """One session: channels are {name: (2^bits,) V}."""
+
+    path: Path
+    sha256: str
+    bits: int
+    channels: dict
+
+
+def looks_like(path):
+    """True if the file is of this format and holds at least one table of levels."""
+    try:
+        return bool(read(path).channels)
+    except FileError:
+        return False
+
+
+def _rises(v):
+    """True for a table of levels: a straight line over the code explains nearly all of its variance."""
+    code = np.arange(len(v), dtype=float)
+    return np.std(v) > 0 and abs(np.corrcoef(code, v)[0, 1]) > MIN_RISE
+
+
+def read(path):
+    """`Levels` of a file; see the module."""
+    path = Path(path)
+    try:
+        data = path.read_bytes()
+    except OSError as problem:
+        raise FileError(f"{path}: cannot be read: {problem.strerror}") from None
+    if not data.startswith(MAGIC):
+        raise FileError(f"{path}: expected a MATLAB 5 file, found other first bytes")
+    try:
+        held = loadmat(path, variable_names=None)
+    except Exception as problem:  # scipy raises what its parts raise: zlib, struct, ValueError, TypeError
+        raise FileError(f"{path}: damaged MATLAB file: {problem}") from None
+    channels = {}
+    for name, value in held.items():
+        if name.startswith("__") or not isinstance(value, np.ndarray) or value.dtype.kind not in "fiu":
+            continue
+        v = np.asarray(value, float).ravel()
+        if len(v) in [1 << b for b in BITS] and np.all(np.isfinite(v)) and _rises(v):
+            channels[name] = v
+    if not channels:
+        raise FileError(f"{path}: expected a vector of 2^8 .. 2^18 rising levels (V), found none")
+    lengths = {len(v) for v in channels.values()}
+    if len(lengths) != 1:
+        raise FileError(f"{path}: channels of {sorted(lengths)} levels, expected one length")
+    return Levels(path, hashlib.sha256(data).hexdigest(), lengths.pop().bit_length() - 1, channels)

@@ -1,0 +1,95 @@
+"""Readings of voltmeters beside a programmed source: `;` between the columns, first line the names, one row a point.
+
+    date (MMDDYYYY-hh:mm:ss); source (V); readings (V) ...; sdev ...; temp ... (degC); roomtemp; roomr (%); roomp (hPa)
+
+Readings are the columns that are no known name and follow the source; the k-th `sdev` belongs to the k-th reading.
+Errors  FileError: another header, a row of another length, what is no number, fewer than 20 points
+"""
+
+import hashlib
+import math
+import re
+from datetime import datetime
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from testbench.errors import FileError
+
+HEAD = "date;source;"
+DATE = "%m%d%Y-%H:%M:%S"
+ENVIRONMENT = re.compile(r"(temp|room|hum|pres)\w*$", re.I)
+SPREAD = re.compile(r"sdev\d*$", re.I)
+MIN_POINTS = 20
+MAX_POINTS = 1_000_000
+
+
+class Meters(NamedTuple):
+    """Points in the order of time; `readings` (points, meters), `spread` the same or None, in V."""
+
+    path: Path
+    sha256: str
+    seconds: np.ndarray
+    source_v: np.ndarray
+    names: tuple
+    readings_v: np.ndarray
+    spread_v: np.ndarray | None
+    environment: dict  # {column: (points,)}
+
+
+def looks_like(path):
+    """True if the first line is that of this format."""
+    try:
+        with open(path, "rb") as file:
+            return file.read(len(HEAD)).decode("ascii", "replace").lower() == HEAD
+    except OSError:
+        return False
+
+
+def read(path):
+    """`Meters` of a file; see the module."""
+    path = Path(path)
+    try:
+        data = path.read_bytes()
+    except OSError as problem:
+        raise FileError(f"{path}: cannot be read: {problem.strerror}") from None
+    lines = data.decode("ascii", "replace").splitlines()
+    if not lines or not lines[0].lower().startswith(HEAD):
+        raise FileError(f"{path}: line 1: expected {HEAD}..., found {lines[0][:40] if lines else 'nothing'}")
+    head = [h.strip() for h in lines[0].strip().rstrip(";").split(";")]
+    rows, when = [], []
+    for number, line in enumerate(lines[1:], 2):
+        if not line.strip():
+            continue
+        cells = line.strip().rstrip(";").split(";")
+        if len(cells) != len(head):
+            raise FileError(f"{path}: line {number}: {len(cells)} columns, expected {len(head)}")
+        try:
+            when.append(datetime.strptime(cells[0].strip(), DATE))
+            values = [float(c) for c in cells[1:]]
+        except ValueError as problem:
+            raise FileError(f"{path}: line {number}: {problem}") from None
+        if not all(math.isfinite(v) for v in values):
+            raise FileError(f"{path}: line {number}: a value is not finite")
+        rows.append(values)
+    if not MIN_POINTS <= len(rows) <= MAX_POINTS:
+        raise FileError(f"{path}: {len(rows)} points are outside {MIN_POINTS} .. {MAX_POINTS}")
+    table, columns = np.array(rows), head[1:]
+    meters = [i for i, c in enumerate(columns) if i and not ENVIRONMENT.match(c) and not SPREAD.match(c)]
+    spreads = [i for i, c in enumerate(columns) if SPREAD.match(c)]
+    if not meters:
+        raise FileError(f"{path}: line 1: no column of readings behind the source")
+    seconds = np.array([(t - when[0]).total_seconds() for t in when])
+    if np.any(np.diff(seconds) < 0):
+        raise FileError(f"{path}: line {2 + int(np.argmax(np.diff(seconds) < 0)) + 1}: the time falls")
+    return Meters(
+        path,
+        hashlib.sha256(data).hexdigest(),
+        seconds,
+        table[:, 0],
+        tuple(columns[i] for i in meters),
+        table[:, meters],
+        table[:, spreads] if len(spreads) == len(meters) else None,
+        {c: table[:, i] for i, c in enumerate(columns) if ENVIRONMENT.match(c)},
+    )

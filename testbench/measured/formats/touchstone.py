@@ -1,0 +1,110 @@
+"""S-parameters of one or two ports: Touchstone 1, any frequency unit, MA, DB or RI.
+
+    # Hz S dB R 50       frequency, then pairs in the order S11 S21 S12 S22
+A frequency column that is a regular grid rounded to the printed digits is put back on its grid: the rounding is
+the file's, not the analyser's.   Source    Touchstone File Format Specification 1.1 (EIA/IBIS)
+"""
+
+import math
+import re
+from typing import NamedTuple
+
+import numpy as np
+
+from testbench.errors import FileError
+
+UNITS = {"hz": 1.0, "khz": 1e3, "mhz": 1e6, "ghz": 1e9}
+ORDERS = {1: ("s11",), 2: ("s11", "s21", "s12", "s22")}
+
+
+class Sweep(NamedTuple):
+    """Complex parameters over frequency; `regular`: the grid was restored; `rounding_hz`: what the print took away."""
+
+    path: str
+    comments: tuple
+    frequency_hz: np.ndarray
+    s: dict
+    ohm: float
+    regular: bool
+    rounding_hz: float
+
+
+def is_one(head):
+    """True if an option line of Touchstone stands in the first bytes."""
+    return re.search(rb"^\s*#\s*[kMG]?Hz\s+S\s+(dB|MA|RI)\s+R", head, re.I | re.M) is not None
+
+
+def _pairs(kind, a, b):
+    if kind == "ri":
+        return a + 1j * b
+    size = 10.0 ** (a / 20.0) if kind == "db" else a
+    return size * np.exp(1j * np.deg2rad(b))
+
+
+def _digits(token):
+    """Decimal exponent of the last printed digit of a number."""
+    mantissa, _, exponent = token.lower().partition("e")
+    return int(exponent or 0) - len(mantissa.partition(".")[2])
+
+
+def load(path):
+    """`Sweep` of a file; FileError says line and reason."""
+    comments, options, rows, last = [], None, [], 0.0
+    try:
+        with open(path, encoding="latin-1") as file:
+            for number, line in enumerate(file, 1):
+                line, _, comment = line.partition("!")
+                if comment.strip():
+                    comments.append(comment.strip())
+                fields = line.split()
+                if not fields:
+                    continue
+                if fields[0].startswith("#"):
+                    options = options or _options(path, number, line)
+                    continue
+                try:
+                    rows.append([float(f) for f in fields])
+                except ValueError:
+                    raise FileError(f"{path} line {number}: {line.strip()!r} is not a row of numbers") from None
+                if len(rows[-1]) != len(rows[0]):
+                    raise FileError(f"{path} line {number}: {len(rows[-1])} numbers, the first row has {len(rows[0])}")
+                last = max(last, 10.0 ** _digits(fields[0]))
+    except OSError as problem:
+        raise FileError(f"{path}: cannot be read: {problem.strerror or problem}") from None
+    if options is None or len(rows) < 16:
+        raise FileError(f"{path}: {len(rows)} rows and {'no' if options is None else 'an'} option line; not a sweep")
+    unit, kind, ohm = options
+    data = np.array(rows)
+    ports = {3: 1, 9: 2}.get(data.shape[1])
+    if ports is None:
+        raise FileError(f"{path}: {data.shape[1]} columns; 3 (one port) or 9 (two ports) wanted")
+    if not np.all(np.isfinite(data)):
+        raise FileError(f"{path}: holds what is not finite")
+    frequency, rounding = data[:, 0] * unit, last * unit
+    frequency, regular = _grid(path, frequency, rounding)
+    s = {name: _pairs(kind, data[:, 1 + 2 * k], data[:, 2 + 2 * k]) for k, name in enumerate(ORDERS[ports])}
+    return Sweep(str(path), tuple(comments), frequency, s, ohm, regular, rounding)
+
+
+def _options(path, number, line):
+    found = re.fullmatch(r"\s*#\s*(\w+)\s+(\w)\s+(\w+)\s+R\s+(\S+)\s*", line, re.I)
+    unit, kind = (found[1].lower(), found[3].lower()) if found else ("", "")
+    if unit not in UNITS or found[2].lower() != "s" or kind not in ("db", "ma", "ri"):
+        raise FileError(f"{path} line {number}: {line.strip()!r}: expected '# Hz S dB R 50' or its kin")
+    try:
+        ohm = float(found[4])
+    except ValueError:
+        ohm = math.nan
+    if not 0 < ohm < 1e6:
+        raise FileError(f"{path} line {number}: reference {found[4]} ohm")
+    return UNITS[unit], kind, ohm
+
+
+def _grid(path, frequency, rounding):
+    if np.any(np.diff(frequency) < 0) or frequency[-1] == frequency[0]:
+        raise FileError(f"{path}: frequencies fall or stand still; a sweep upwards wanted")
+    grid = np.linspace(frequency[0], frequency[-1], len(frequency))
+    regular = bool(np.max(np.abs(grid - frequency)) <= 1.01 * rounding)
+    if not regular and np.any(np.diff(frequency) == 0):
+        raise FileError(f"{path}: a frequency stands twice and the grid is not regular")
+    return (grid, True) if regular else (frequency, False)

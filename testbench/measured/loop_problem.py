@@ -1,0 +1,382 @@
+"""The closed loop as a problem of the tracing core: a linear model about an anchor that the exact engine has computed.
+
+    y_k(theta, c) = A_k + T_k (theta - theta_a) + L_k (c - c_a)
+    A    mean over DRAWS of the exact engine (lanes: to the bit) at the anchor; its error has the noise's covariance
+    T L  differences of the averaged plant with the same noise on both sides, at steps of about AIM sigmas
+    N    covariance of the averaged plant's draws, pooled over conditions
+    jitter   re-timed reference edges beat slowly with the drive frequency: a change of 1e-6 Hz moves the instants at
+             which they slip, and nobody knows f_x so well. Every draw has its own f_x, JITTER_HZ wide, by a stiffness
+             at force_x, as every power-on of a board has
+
+The core sees a problem that is linear; what it finds becomes the next anchor (loop_trace.py), until the exact engine
+and the linear model agree there.
+Source    docs/measured.md, docs/tracing.md
+"""
+
+import hashlib
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from testbench import config as configuration
+from testbench.errors import ConfigError
+from testbench.measured import features, loop_runs
+from testbench.measured.loop_runs import EXACT, FAST, Model, Run
+from testbench.tracing.problem import Nuisance, Observable, PredictionFailed, Segment
+
+DRAWS = 32  # of the exact engine at an anchor: they add a thirty-second of the noise of a repeat
+JITTER_HZ = 1e-3
+FIRST_DRAW = 10**12  # seeds that no recording has
+NOISE_DRAWS = 64  # of the averaged plant, per condition
+AIM, NEAR = 1000.0, 5.0  # sigmas by which a step of a tangent moves all features together, and how far off it may be
+SETTLED = 200.0  # sigmas of all features together: so little needs no other anchor
+
+
+class Measured(NamedTuple):
+    """What has been recorded: conditions (plan.Condition), features {condition id: (repeats, n)}."""
+
+    name: str
+    conditions: tuple
+    values: dict
+    hashes: dict
+
+
+class Noise(NamedTuple):
+    """Covariance of a condition's features as sigma and the Cholesky factor of the correlations; mean of the draws."""
+
+    sigma: np.ndarray
+    chol: np.ndarray
+    scale: float  # that makes chi2 of fresh noise one per feature
+
+
+class Kept:
+    """Anchors, tangents and noise by what they depend on: trials under the same conditions share them."""
+
+    def __init__(self):
+        self.noise, self.columns, self.offsets, self.exact = {}, {}, {}, {}
+
+
+class LoopProblem:
+    """See `testbench.tracing.problem.Problem`.
+
+    model       configuration of the model; nuisances  measured.parameters.Parameter
+    candidates  loop_laws.Candidate of the catalogue;   library  those of the grammar
+    start       {nuisance: value} where the first anchor stands, if the data say it before any fit
+    """
+
+    def __init__(
+        self, measured, model, nuisances, candidates, library=(), bench=None, kept=None, progress=None, start=None
+    ):
+        self.name, self.measured_ = measured.name, measured
+        self.model = configuration.changed(model, start) if start else model
+        self.parameters, self.progress = tuple(nuisances), progress
+        self.bench, self.kept = bench or loop_runs.Bench(), kept or Kept()
+        self.candidates = {c.law.name: c for c in (*candidates, *library)}
+        self.nuisances = tuple(Nuisance(p.key, p.unit, p.mean, _sd(p)) for p in self.parameters)
+        self.laws, self.library = tuple(c.law for c in candidates), tuple(c.law for c in library)
+        self.linear_in = frozenset([n.name for n in self.nuisances] + list(self.candidates))
+        self.conditions = {c.id: c for c in measured.conditions}
+        self.segments = tuple(_segments(measured))
+        self.hashes = dict(measured.hashes)
+        self.firmware, self.numerical_certificate = None, None
+        device = self.model.plant
+        # stiffness that moves the drive mode by a hertz
+        self.per_hz = 8 * np.pi**2 * device.mass_kg * device.fx_hz
+        draws = self._draws(Model(self.model), "draws", NOISE_DRAWS)
+        self._noise = noise_of(draws)
+        self.noise_estimated_from = (len(draws) * (NOISE_DRAWS - 1), max(v.shape[1] for v in draws.values()))
+        self._rows = {s.group: k for k, s in enumerate(self.segments)}
+        self.anchors = 0
+        self.first = np.array([(start or {}).get(n.name, n.value) for n in self.nuisances])
+        self.anchor(self.first, {})
+        self._tangents()
+        if any(np.any(v) for v in measured.values.values()):
+            self.settle()
+
+    # ---- what the core asks ----
+
+    def measured(self, k):
+        s = self.segments[k]
+        return self.measured_.values[s.group][s.repeat]
+
+    def predict(self, points, which):
+        return [
+            [self._linear(np.asarray(theta, float), c, self.segments[k].group) for k in which] for theta, c in points
+        ]
+
+    def whiten(self, k, v):
+        n = self._noise[self.segments[k].group]
+        v = np.asarray(v, float)
+        scaled = v / (n.sigma if v.ndim == 1 else n.sigma[:, None])
+        return solve_triangular(n.chol, scaled, lower=True) * n.scale
+
+    def noise_draw(self, k, rng):
+        n = self._noise[self.segments[k].group]
+        return n.sigma * (n.chol @ rng.normal(size=len(n.sigma))) / n.scale
+
+    def floor(self, k):
+        n, s = self._noise[self.segments[k].group], self.segments[k]
+        return {o.name: float(np.sqrt(np.mean(n.sigma[o.rows] ** 2))) for o in s.observables}
+
+    def whitened_rows(self, k):
+        """Rows of observables behind `whiten`: a triangle keeps each row among those before it."""
+        return {o.name: o.rows for o in self.segments[k].observables}
+
+    # ---- models and runs ----
+
+    def told(self, theta, effects):
+        """`loop_runs.Model` of a point; PredictionFailed outside the limits of a key."""
+        values = {p.key: float(t) for p, t in zip(self.parameters, theta)}
+        laws = []
+        for name, value in effects.items():
+            c = self.candidates[name]
+            if c.key:
+                values[c.key] = float(value)
+            else:
+                laws += c.texts(float(value))
+        try:
+            return Model(configuration.changed(self.model, values), tuple(laws))
+        except ConfigError as problem:
+            raise PredictionFailed(str(problem)) from None
+
+    def _run(self, wanted, kind):
+        """Features of (model, condition, draw) triples."""
+        index = {name: k for k, name in enumerate(self.conditions)}
+        runs = []
+        for m, c, draw in wanted:
+            k_n_per_m = self.per_hz * jitter_hz(draw)
+            told = Model(m.config, (*m.laws, f"force_x = {-k_n_per_m!r} x"))
+            runs.append(Run(told, c, FIRST_DRAW + 10_000 * index[c.id] + draw))
+        try:
+            return self.bench.run(runs, self.model, kind, self.progress)
+        except (ConfigError, RuntimeError) as problem:
+            raise PredictionFailed(str(problem)) from None
+
+    def _key(self, *more):
+        text = repr((self.model.model_dump_json(), *more))
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    def _draws(self, model, what, count):
+        """{condition: (count, n)} of the averaged plant at a model, jitter and all."""
+        keys = {
+            c.id: self._key(what, count, model.config.model_dump_json(), model.laws, c._replace(role=""))
+            for c in self._all()
+        }
+        todo = [c for c in self._all() if keys[c.id] not in self.kept.noise]
+        found = self._run([(model, c, k) for c in todo for k in range(count)], FAST)
+        for i, c in enumerate(todo):
+            self.kept.noise[keys[c.id]] = np.array(found[count * i : count * (i + 1)])
+        return {name: self.kept.noise[key] for name, key in keys.items()}
+
+    def _all(self):
+        return self.measured_.conditions
+
+    def exact(self, theta, effects):
+        """{condition: features of the exact engine} at a point."""
+        model = self.told(theta, effects)
+        key = self._key("exact", model.config.model_dump_json(), model.laws)
+        todo = [c for c in self._all() if (key, c._replace(role="")) not in self.kept.exact]
+        found = self._run([(model, c, k) for c in todo for k in range(DRAWS)], EXACT)
+        for i, c in enumerate(todo):
+            rows = np.array(found[DRAWS * i : DRAWS * (i + 1)])
+            self.kept.exact[key, c._replace(role="")] = rows.mean(axis=0)
+        return {c.id: self.kept.exact[key, c._replace(role="")] for c in self._all()}
+
+    # ---- the linear model ----
+
+    def anchor(self, theta, effects):
+        """Put the linear model's anchor at a point."""
+        self.at = np.array(theta, float), {name: float(v) for name, v in effects.items() if v}
+        self.base = self.exact(*self.at)
+        self.anchors += 1
+        self.hashes["anchor"] = self._key(self.at[0].tolist(), sorted(self.at[1].items()))
+
+    def _linear(self, theta, effects, group):
+        out = self.base[group] + self.tangent[group] @ (theta - self.at[0])
+        for name in {*effects, *self.at[1]}:
+            change = effects.get(name, 0.0) - self.at[1].get(name, 0.0)
+            if change:
+                out = out + self.column[group][name] * change
+        return out
+
+    def _size(self, change):
+        """Sigmas of a change of all conditions."""
+        total = 0.0
+        for group, v in change.items():
+            total += float(np.sum(self.whiten(self._rows[group], v) ** 2))
+        return np.sqrt(total)
+
+    def _tangents(self):
+        """Columns of nuisances and laws, at steps that move the features by about AIM sigmas."""
+        where = self._key(self.first.tolist(), [c._replace(role="") for c in self.measured_.conditions])
+        theta0, base = self.first, {}
+        steps = {n.name: 0.1 * n.prior_sd for n in self.nuisances}
+        steps |= {name: c.law.scale * (c.law.sign or 1) for name, c in self.candidates.items()}
+        todo = [name for name in steps if (where, name) not in self.kept.columns]
+        for _ in range(4):
+            if not todo:
+                break
+            if not base:
+                base = self._many([(theta0, {})])[0]
+            found = self._many([self._stepped(theta0, name, steps[name]) for name in todo])
+            again = []
+            for name, moved in zip(todo, found):
+                if moved is None:
+                    steps[name] *= 0.03
+                    again.append(name)
+                    continue
+                change = {g: moved[g] - base[g] for g in base}
+                size = self._size(change)
+                column = {g: v / steps[name] for g, v in change.items()}
+                self.kept.columns[where, name] = column
+                if not AIM / NEAR <= size <= AIM * NEAR:
+                    factor = np.clip(AIM / max(size, 1e-3), 1e-3, 100.0)
+                    if factor * abs(steps[name]) <= self._largest(name):
+                        steps[name] *= factor
+                        again.append(name)
+            todo = again
+        self.failed = [name for name in steps if (where, name) not in self.kept.columns]
+        known = {name: self.kept.columns[where, name] for name in steps if (where, name) in self.kept.columns}
+        nan = {g: np.full(len(v), np.nan) for g, v in self.base.items()}
+        self.tangent = {g: np.stack([known.get(n.name, nan)[g] for n in self.nuisances], axis=1) for g in self.base}
+        self.column = {g: {name: known.get(name, nan)[g] for name in self.candidates} for g in self.base}
+
+    def _largest(self, name):
+        """How far a step may go."""
+        if name in self.candidates:
+            key = self.candidates[name].key
+            if key:
+                info = type(self.model.effects).model_fields[key.partition(".")[2]]
+                return 0.5 * next(m.le for m in info.metadata if hasattr(m, "le"))
+            return 1e4 * self.candidates[name].law.scale
+        p = next(p for p in self.parameters if p.key == name)
+        return 0.2 * max(abs(p.mean), _sd(p))
+
+    def _stepped(self, theta0, name, step):
+        theta, effects = theta0.copy(), {}
+        if name in self.candidates:
+            effects[name] = step
+        else:
+            theta[[n.name for n in self.nuisances].index(name)] += step
+        return theta, effects
+
+    def _many(self, points):
+        """Features {group: values} of points in the averaged plant, None where it fails."""
+        models = []
+        for theta, effects in points:
+            try:
+                models.append(self.told(theta, effects))
+            except PredictionFailed:
+                models.append(None)
+        wanted = [(m, c, 0) for m in models if m is not None for c in self.measured_.conditions]
+        try:
+            found = iter(self._run(wanted, FAST))
+        except PredictionFailed:
+            if len(points) == 1:
+                return [None]
+            return [self._many([point])[0] for point in points]
+        return [None if m is None else {c.id: next(found) for c in self.measured_.conditions} for m in models]
+
+    def settle(self):
+        """Anchor where the nuisances alone fit the data best: far from it no linear model holds."""
+        rows, sd = [c.id for c in self._all() if c.role == "fit"], np.array([n.prior_sd for n in self.nuisances])
+        for _ in range(2):
+            j, r = [], []
+            for g in rows:
+                values, k = self.measured_.values[g], self._rows[g]
+                root = np.sqrt(len(values))
+                j.append(root * self.whiten(k, self.tangent[g]) * sd)
+                r.append(root * self.whiten(k, values.mean(axis=0) - self.base[g]))
+            behind = (np.array([n.value for n in self.nuisances]) - self.at[0]) / sd
+            u = np.linalg.lstsq(np.concatenate([*j, np.eye(len(sd))]), np.concatenate([*r, behind]), rcond=None)[0]
+            if np.linalg.norm(np.concatenate(j) @ u) < SETTLED:
+                return
+            self.anchor(self.at[0] + sd * u, {})
+
+    def pseudo(self, change):
+        """Size, in sigmas, of the largest effect that a difference of features would be taken for."""
+        rows = [c.id for c in self._all() if c.role == "fit"]
+
+        def stacked(of):
+            roots = {g: np.sqrt(len(self.measured_.values[g])) for g in rows}
+            return np.concatenate([roots[g] * self.whiten(self._rows[g], of(g)) for g in rows])
+
+        j = stacked(lambda g: self.tangent[g])
+        sd = np.array([n.prior_sd for n in self.nuisances])
+        q, _ = np.linalg.qr(np.concatenate([j * sd, np.eye(len(sd))]) / np.linalg.norm(j * sd, axis=0))
+        tail = np.zeros(len(sd))
+
+        def left(v):
+            v = np.concatenate([v, tail])
+            return v - q @ (q.T @ v)
+
+        d, worst = left(stacked(lambda g: change[g])), 0.0
+        for law in self.laws:
+            s = left(stacked(lambda g, name=law.name: self.column[g][name]))
+            size = np.linalg.norm(s)
+            if size > 0:
+                worst = max(worst, abs(float(s @ d)) / float(size))
+        return worst
+
+    def check(self, theta, effects):
+        """Certificate at a point: exact engine less the linear model that was fitted, as a pseudo-effect."""
+        exact, theta = self.exact(theta, effects), np.asarray(theta, float)
+        off = {g: v - self._linear(theta, effects, g) for g, v in exact.items()}
+        scaled = np.concatenate([v / self._noise[g].sigma for g, v in off.items()])
+        return {
+            "engines": "exact engine (lanes) against the fitted model, same noise",
+            "sigma": self.pseudo(off),
+            "feature_rms_sigma": float(np.sqrt(np.mean(scaled**2))),
+            "anchors": self.anchors,
+        }
+
+
+JITTER = JITTER_HZ * np.random.default_rng(3).normal(size=NOISE_DRAWS)
+
+
+def jitter_hz(draw):
+    """Shift of the drive frequency that belongs to a draw."""
+    return float(JITTER[draw])
+
+
+def noise_of(draws):
+    """{condition: Noise} of {condition: (draws, n)}; correlations are pooled over conditions of one length."""
+    pools, sigma = {}, {}
+    for name, rows in draws.items():
+        rest = rows - rows.mean(axis=0)
+        sigma[name] = rows.std(axis=0, ddof=1)
+        least = 0.1 * np.median(sigma[name].reshape(len(loop_runs.NAMES), -1), axis=1)
+        sigma[name] = np.maximum(
+            sigma[name], np.repeat(np.maximum(least, 1e-300), len(sigma[name]) // len(loop_runs.NAMES))
+        )
+        pools.setdefault(rows.shape[1], []).append(rest / sigma[name])
+    out = {}
+    for name, rows in draws.items():
+        n = rows.shape[1]
+        z = np.concatenate(pools[n])
+        dof = len(z) - len(pools[n])
+        c = z.T @ z / dof
+        if dof < n + 10:
+            raise ConfigError(
+                f"noise of {name}: {dof} deviations for {n} features; more draws or fewer bins are needed"
+            )
+        # an inverse of an estimated covariance is too large in the mean
+        out[name] = Noise(sigma[name], np.linalg.cholesky(c), float(np.sqrt((dof - n - 1) / dof)))
+    return out
+
+
+def _sd(p):
+    return p.scale * p.mean if p.logarithmic else p.scale
+
+
+def _segments(measured):
+    for c in measured.conditions:
+        count = len(loop_runs.bins(c)) - 1
+        observables = tuple(
+            Observable(name, features.OBSERVABLES[name].unit, slice(i * count, (i + 1) * count))
+            for i, name in enumerate(loop_runs.NAMES)
+        )
+        what = {"a_um": c.a_um, "rate_dps": c.rate_dps, "degc": c.temperature_degc, "detune_deg": c.detune_deg}
+        for r in range(len(measured.values[c.id])):
+            yield Segment(f"{c.id}.{r}", what, c.id, r, c.role, observables)

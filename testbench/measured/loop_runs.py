@@ -1,0 +1,248 @@
+"""The closed loop under several conditions at once: from one locked state each, through settling into the dwell.
+
+    locked   frame engine from power-on, as `gyro measured record` does it, to START_TICKS; one state for a condition
+    runs     (model, condition, seed) -> features of the dwell
+             lanes      exact to the bit, eight at a time on all cores
+             baseband   averaged plant, three to six times as fast; its differences are what tangents are made of
+
+A model is a configuration and the laws that are added to it. Runs do not depend on what runs beside them.
+Source    docs/measured.md
+"""
+
+import math
+import os
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
+
+import numpy as np
+
+from analog_frontend import averaged_laws
+from analog_frontend import top as plant
+from analog_frontend.vector import LANES
+from fpga_model import agc
+from fpga_model.rates import FRAME_TICKS, TICK_HZ
+from testbench import baseband, baseband_setup, build, config, engine, frame, lanes, simulate
+from testbench.code_hash import frames_begun
+from testbench.config import phase_word
+from testbench.errors import ConfigError
+from testbench.measured import features
+from testbench.measured.simulator import streams
+from testbench.simulation import Simulation
+
+DEG = math.pi / 180
+START_TICKS = 14_000 * FRAME_TICKS  # 1.75 s: the slowest start-up has locked, and half a second has passed
+FIRST_BIN = 64  # frames
+TURN = 1 << 48
+NAMES = tuple(features.OBSERVABLES)
+THREADS = max(1, min(2, os.cpu_count() or 1))
+EXACT, FAST = "lanes", "baseband"
+LEAST_LANES = 3  # fewer gyroscopes side by side are no faster than one by one
+
+
+class Model(NamedTuple):
+    """What is run: a configuration and laws beside its own, as texts."""
+
+    config: config.Config
+    laws: tuple = ()
+
+
+class Run(NamedTuple):
+    """One run that is asked for."""
+
+    model: Model
+    condition: object  # plan.Condition
+    seed: int
+
+
+def frames_of(seconds):
+    """Whole frames."""
+    return max(0, round(seconds * TICK_HZ / FRAME_TICKS))
+
+
+def bins(condition):
+    """First frames of the bins of a dwell and its end: FIRST_BIN, then twice as many each."""
+    frames = frames_of(condition.seconds)
+    edges, width = [0], FIRST_BIN
+    while edges[-1] + width < frames:
+        edges.append(edges[-1] + width)
+        width *= 2
+    if len(edges) > 1 and frames - edges[-1] < edges[-1] - edges[-2]:
+        edges.pop()
+    return np.array([*edges, frames])
+
+
+def feature_vector(condition, columns, lsb_v):
+    """Means over the bins of each observable in turn, from streams of the dwell alone."""
+    edges = bins(condition)
+    widths = np.diff(edges)
+    out = []
+    for name in NAMES:
+        stream = features.OBSERVABLES[name].stream
+        values = features.physical(name, columns[stream][: edges[-1]], lsb_v.get(stream, 1.0))
+        out.append(np.add.reduceat(values - values[0], edges[:-1]) / widths + values[0])
+    return np.concatenate(out)
+
+
+def lsb_volts(model):
+    """Volts per code of the streams that are codes."""
+    d = model.device()
+    volts = dict.fromkeys(("adc_xI", "adc_xQ"), 2 * d.adc_vref_v / d.adc_pga_drive / 2**24)
+    volts |= dict.fromkeys(("adc_yI", "adc_yQ"), 2 * d.adc_vref_v / d.adc_pga_sense / 2**24)
+    return volts | {"dac_qsc": d.quad_dac_span_v / 2**16, "quadrature_code": d.quad_dac_span_v / 2**16}
+
+
+def configured(model, seed):
+    """The configuration of a model with the noise of a seed."""
+    cfg = model.config
+    noise = cfg.noise.model_copy(update={"seed": seed})
+    effects = cfg.effects.model_copy(update={"laws": [*cfg.effects.laws, *model.laws]})
+    return cfg.model_copy(update={"noise": noise, "effects": effects})
+
+
+def _profiles(condition):
+    """Rate (rad/s) and temperature of every frame from START_TICKS on, and one more."""
+    before = condition.rate_dps if condition.from_dps is None else condition.from_dps
+    settle, dwell = frames_of(condition.settle_s), frames_of(condition.seconds)
+    rate = np.concatenate([np.full(settle, before * DEG), np.full(dwell + 3, condition.rate_dps * DEG)])
+    return rate, np.full(len(rate), float(condition.temperature_degc))
+
+
+def ticks_of(condition):
+    """Length of a run, one tick into the frame behind its last: its row holds the last codes."""
+    return (frames_of(condition.settle_s) + frames_of(condition.seconds)) * FRAME_TICKS + 1
+
+
+class Bench:
+    """Locked states, parameters and set-ups, made once and kept."""
+
+    def __init__(self, threads=THREADS):
+        self.threads = threads
+        self._setups, self._locked = {}, {}
+        self.simulated_s = 0.0
+
+    def locked(self, cfg, condition):
+        """engine.State at START_TICKS of a board under a condition's first rate, from power-on.
+
+        Raises ConfigError if it has not locked.
+        """
+        before = condition.rate_dps if condition.from_dps is None else condition.from_dps
+        key = (cfg.model_dump_json(), condition.a_um, before, condition.temperature_degc, condition.detune_deg)
+        if key not in self._locked:
+            temp = condition.temperature_degc
+            sim = Simulation(cfg, temp, temp, engine="frame")
+            nominal = build.nominal(cfg)
+            wanted = dict(build.register_writes(cfg))
+            wanted["amplitude_setpoint"] = agc.setpoint(condition.a_um, nominal["v_per_um"], nominal["adc_drive_v"])
+            if condition.detune_deg:
+                own = cfg.firmware.phase_words()[0]
+                wanted["phase_drive_sine"] = (phase_word(condition.detune_deg) + own) % TURN
+            sim.first_writes = tuple(wanted.items())
+            if simulate.start(cfg, sim, before * DEG, temp, limit_s=START_TICKS / TICK_HZ) is None:
+                raise ConfigError(f"condition {condition.id}: no lock within {START_TICKS / TICK_HZ:g} s")
+            sim.advance(START_TICKS - sim.tick, before * DEG, temp)
+            self._locked[key] = sim.state
+        s = self._locked[key]
+        # the matrix of the next frame is made anew: it may be that of another plant
+        s.plant.now[:] = np.inf
+        return engine.State(s.fpga, s.chips, plant.copy(s.plant), s.tick, s.drdy_cycle)
+
+    def setup(self, model, temp_degc, p):
+        """baseband Setup of a model; that of its configuration is kept, its laws are put in."""
+        key = (model.config.model_dump_json(include={"firmware", "plant"}), temp_degc)
+        if key not in self._setups:
+            while len(self._setups) > 400:
+                self._setups.pop(next(iter(self._setups)))
+            self._setups[key] = baseband_setup.setup(p)
+        made = self._setups[key]
+        laws = averaged_laws.design(p.plant.effects, p.plant.laws, made.laws.reference_turns)
+        return made._replace(laws=laws)
+
+    def run(self, runs, start, kind, progress=None):
+        """Features of `Run`s; `start` is the configuration whose locked states they begin from.
+
+        kind    EXACT or FAST.  Raises ConfigError where a run leaves the engine's range
+        """
+        states = [self.locked(start, r.condition) for r in runs]
+        params = [
+            build.params(configured(r.model, r.seed), r.condition.temperature_degc, r.condition.temperature_degc)
+            for r in runs
+        ]
+        done = [0.0]
+
+        def ended(seconds):
+            done[0] += seconds
+            self.simulated_s += seconds
+            if progress:
+                progress(f"{kind} engine", done[0], sum(ticks_of(r.condition) for r in runs) / TICK_HZ)
+
+        if kind == EXACT:
+            jobs = _grouped(runs, params)
+        else:
+            jobs = [[k] for k in range(len(runs))]
+            setups = [self.setup(r.model, r.condition.temperature_degc, p) for r, p in zip(runs, params)]
+        out = [None] * len(runs)
+
+        def work(members):
+            if kind == EXACT and len(members) >= LEAST_LANES:
+                rows = _side_by_side([(runs[k], params[k], states[k]) for k in members])
+            elif kind == EXACT:
+                rows = [_alone(runs[k], params[k], states[k]) for k in members]
+            else:
+                k = members[0]
+                rows = [_averaged(runs[k], params[k], states[k], setups[k])]
+            for k, row in zip(members, rows):
+                out[k] = _features(runs[k], row)
+            ended(sum(ticks_of(runs[k].condition) for k in members) / TICK_HZ)
+
+        if self.threads == 1:
+            for members in jobs:
+                work(members)
+        else:
+            with ThreadPoolExecutor(self.threads) as pool:
+                list(pool.map(work, jobs))
+        return out
+
+
+def _grouped(runs, params):
+    """Indices of runs in groups of eight that may stand side by side: one length, one kind of parts."""
+    groups = {}
+    for k, (r, p) in enumerate(zip(runs, params)):
+        groups.setdefault((ticks_of(r.condition), lanes.kind(p)), []).append(k)
+    return [g[i : i + LANES] for g in groups.values() for i in range(0, len(g), LANES)]
+
+
+def _streams(ticks):
+    return engine.streams(0, frames_begun(START_TICKS, ticks), 0, 0, 0)
+
+
+def _side_by_side(members):
+    """Rows of up to eight runs in the lanes engine."""
+    ticks = ticks_of(members[0][0].condition)
+    profiles = [_profiles(r.condition) for r, _, _ in members]
+    outs = [_streams(ticks) for _ in members]
+    states = [s for _, _, s in members]
+    group = lanes.Engine([p for _, p, _ in members])
+    group.run(states, ticks, *zip(*profiles), [engine.Faults()] * len(members), outs)
+    return [o.frames for o in outs]
+
+
+def _alone(run, p, state):
+    """Rows of a run in the frame engine: the bits of the lanes, one at a time."""
+    ticks, out = ticks_of(run.condition), _streams(ticks_of(run.condition))
+    frame.run(p, state, ticks, *_profiles(run.condition), 0, 0, 0, engine.Faults(), out)
+    return out.frames
+
+
+def _averaged(run, p, state, setup):
+    """Rows of a run in the baseband engine."""
+    ticks, out = ticks_of(run.condition), _streams(ticks_of(run.condition))
+    baseband.run(p, state, ticks, *_profiles(run.condition), 0, 0, 0, engine.Faults(), out, made=setup)
+    return out.frames
+
+
+def _features(run, frames):
+    columns = {name: frames[:, k] for k, (name, _, _) in enumerate(engine.FRAME_COLUMNS)}
+    settle, dwell = frames_of(run.condition.settle_s), frames_of(run.condition.seconds)
+    table = streams(columns, settle + dwell)
+    own = {name: values[settle:] for name, values in table.items()}
+    return feature_vector(run.condition, own, lsb_volts(run.model.config))

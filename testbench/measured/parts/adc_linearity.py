@@ -1,0 +1,203 @@
+"""Voltmeters in parallel on one source, against the converter of the board: offset, gain, cubic, and what it lacks.
+
+    y_m(i) = reading - source (uV) = o_m + g_m u + k_m (u^3 - u) + sum_l c_l B_l(i) + e_m(i) + e_source(i)
+    u      source / 10 V.  Laws of a meter: |u|, Chebyshev polynomials, gain with temperature, humidity, time, memory
+           of the point before, offset with temperature, start of the run.  Of the source: the same in all meters
+Noise    of a point about everything smooth in source, environment and time: a + b u^2, at least the spread of the
+         readings behind a point; part of it is the source's, in all meters at once: what the quietest of them share
+Roles    stretches of eight points take turns: one chooses, the next judges
+Source   docs/measured_parts.md
+"""
+
+import numpy as np
+from scipy.optimize import nnls
+
+from analog_frontend import adc
+from testbench.measured.formats import meters_csv
+from testbench.measured.parts.linear import Common, LinearProblem
+from testbench.tracing.problem import Law, Nuisance, Observable, Segment
+
+FULL_V = 10.0
+RANGE_V = 12.0  # full scale of a 10 V range
+STRETCH = 8
+PAGE = "docs/parts/adc.md"
+WARM_S = (120.0, 600.0, 1800.0)
+SETTLE_S = (1200.0, 2400.0)  # a meter follows the room with a delay
+LAWS_PER_METER = 4  # at most, on average
+SHUFFLED = 0.5  # correlation of time and source below which the order is random
+READINGS = 3  # behind one point, where the file gives their spread
+
+
+def lagged(seconds, x, tau_s):
+    """`x` behind a first-order lag."""
+    y = np.array(x, float)
+    for i in range(1, len(y)):
+        a = np.exp(-(seconds[i] - seconds[i - 1]) / tau_s)
+        y[i] = a * y[i - 1] + (1 - a) * x[i]
+    return y
+
+
+def scaled(x):
+    """Zero mean, largest magnitude 1; None if it does not move."""
+    x = np.asarray(x, float) - np.mean(x)
+    top = np.max(np.abs(x))
+    return x / top if top > 0 else None
+
+
+def shapes(data):
+    """{law: (words, (points,))} of one instrument, for a coefficient of 1 uV at the largest."""
+    u = data.source_v / FULL_V
+    before = np.concatenate([[u[0]], u[:-1]])
+    out = {
+        "turnover": ("gain differs between the polarities", _turnover(u)),
+        "polarity offset": ("another offset behind the change of polarity", np.sign(u)),
+        "memory": ("part of the point before is left", before - u),
+    }
+    for n in (2, *range(4, 2 + adc.CURVE)):
+        out[f"curve T{n}"] = ("Chebyshev polynomial of the transfer's curve", _chebyshev(n, u))
+    hours = (data.seconds - data.seconds.mean()) / 3600.0
+    rows = {"time": hours}
+    for column, x in data.environment.items():
+        rows[column] = x
+        if "room" in column.lower() and "temp" in column.lower():
+            rows |= {f"{column} {tau:g} s late": lagged(data.seconds, x, tau) for tau in SETTLE_S}
+    for column, x in rows.items():
+        span, x = np.max(np.abs(x - np.mean(x))), scaled(x)
+        if x is not None:
+            out[f"gain with {column}"] = (f"gain follows it; 1 is {span:.4g} of it", x * u)
+            out[f"offset with {column}"] = (f"offset follows it; 1 is {span:.4g} of it", x)
+    for tau in WARM_S:
+        out[f"start {tau:g} s"] = ("transient behind the start", np.exp(-(data.seconds - data.seconds[0]) / tau))
+    return out
+
+
+def _turnover(u):
+    """The converter's own law, from its kernel: |v| added at v."""
+    part = adc.design(turnover=(1.0,) * adc.CHANNELS)
+    return np.array([adc.erroneous(part, 0, v, 0.0, adc.SENSOR_V_AT_25_DEGC) - v for v in u])
+
+
+def _chebyshev(n, u):
+    """The converter's own law, from its kernel, at a full scale of 12 V."""
+    curve = tuple(1e-2 if k == n else 0.0 for k in range(2, 2 + adc.CURVE))
+    part = adc.design(vref_v=RANGE_V, curve=curve)
+    volts = u * FULL_V
+    errors = np.array([adc.erroneous(part, 0, v, 0.0, adc.SENSOR_V_AT_25_DEGC) - v for v in volts])
+    return errors / (1e-2 * RANGE_V)
+
+
+def cubic(u):
+    """What the board's converter has: its cubic, from the kernel's own formula at full scale 1."""
+    return u**3 - u
+
+
+def saturated(data):
+    """Residuals (uV) of a regression on everything smooth: source, environment, time; what is left is noise."""
+    u = data.source_v / 11.0
+    knots = np.linspace(-1, 1, 24)
+    tents = np.clip(1 - np.abs(u[:, None] - knots) / (knots[1] - knots[0]), 0, None)
+    rows = [x for x in (scaled(v) for v in data.environment.values()) if x is not None]
+    t = scaled(data.seconds)
+    rows += [t, t * t, t**3]
+    a = np.column_stack([tents, np.sign(u), *rows, *[x * u for x in rows]])
+    error = (data.readings_v - data.source_v[:, None]) * 1e6
+    q, s, _ = np.linalg.svd(a, full_matrices=False)
+    q = q[:, s > 1e-9 * s[0]]
+    return (error - q @ (q.T @ error)) * np.sqrt(len(u) / (len(u) - q.shape[1]))
+
+
+def noise_sd(data):
+    """(own (meters, points), source): uV rms of a point. The source's from what the quietest meters share."""
+    left, u = saturated(data), data.source_v / FULL_V
+    points, meters = left.shape
+    source = 0.0
+    if meters > 1:
+        quiet = np.argsort(robust(left))[: max(2, min(3, meters))]
+        covariance = left.T @ left / points
+        shared = [covariance[a, b] for a in quiet for b in quiet if a < b]
+        source = float(np.sqrt(max(np.median(shared), 0.0)))
+    # a reference's noise grows with the voltage: variance a + b u^2, both >= 0
+    profile = np.column_stack([np.ones(points), u * u])
+    whole = np.stack([profile @ nnls(profile, left[:, m] ** 2)[0] for m in range(meters)])
+    least = (0.3 * robust(left)[:, None]) ** 2
+    if data.spread_v is not None:
+        # the sd of the mean of the readings behind a point
+        least = np.maximum(least, (np.mean(data.spread_v**2, axis=0) / (READINGS - 1) * 1e12)[:, None])
+    return np.sqrt(np.maximum(whole - source**2, least)), source
+
+
+def robust(left):
+    """Standard deviation of most, by the median of the magnitudes."""
+    return np.median(np.abs(left), axis=0) / 0.6745
+
+
+def problem(data, name="voltmeters on one source", roles=None):
+    """`LinearProblem` of one file. roles: (points,) True where a point chooses; default: stretches take turns."""
+    points, meters = data.readings_v.shape
+    u = data.source_v / FULL_V
+    choose = (np.arange(points) // STRETCH) % 2 == 0 if roles is None else np.asarray(roles, bool)
+    own_sd, source_sd = noise_sd(data)
+    floor = np.sqrt(np.mean(own_sd**2 + source_sd**2, axis=1))
+    nuisances, laws, columns = [], [], {}
+
+    def column(law, meter, shape):
+        table = np.zeros((meters, points))
+        table[slice(None) if meter is None else meter] = shape
+        columns[law] = [table[:, choose].ravel(), table[:, ~choose].ravel()]
+
+    base = {"offset": np.ones(points), "gain": u, "cubic": cubic(u)}
+    for m, meter in enumerate(data.names):
+        for label, shape in base.items():
+            nuisances.append(Nuisance(f"{meter} {label}", "uV", 0.0, np.inf, 1.0))
+            column(nuisances[-1].name, m, shape)
+    table = shapes(data)
+    port = "adc" if meters > 1 else "adc or source"  # one meter alone cannot say whose error it is
+    scale = float(np.median(floor)) * 10
+    for m, meter in enumerate(data.names):
+        for label, (words, shape) in table.items():
+            kind = "preparation" if label.startswith("start") else "plant"
+            laws.append(Law(f"{meter}: {label}", port, words, "uV", max(scale, 10 * floor[m]), kind=kind, page=PAGE))
+            column(laws[-1].name, m, shape)
+    if meters > 1:
+        for label, (words, shape) in table.items():
+            laws.append(Law(f"source: {label}", "source", words, "uV", scale, kind="instrument", page=PAGE))
+            column(laws[-1].name, None, shape)
+    error = ((data.readings_v - data.source_v[:, None]) * 1e6).T
+    segments, rows, noise = [], [], []
+    for role, mask in (("fit", choose), ("validate", ~choose)):
+        n = int(mask.sum())
+        seen = tuple(Observable(meter, "uV", slice(m * n, (m + 1) * n)) for m, meter in enumerate(data.names))
+        segments.append(Segment("chooses" if role == "fit" else "judges", {}, role, 0, role, seen))
+        rows.append(error[:, mask].ravel())
+        noise.append(Common(own_sd[:, mask], np.full(n, source_sd)))
+    made = LinearProblem(name, nuisances, laws, segments, rows, columns, noise, {"file": data.sha256})
+    made.most_laws = LAWS_PER_METER * meters
+    made.axis = lambda segment, observable: (data.source_v[choose if segment == "chooses" else ~choose], "source (V)")
+    return made
+
+
+def jobs(paths):
+    """[(label, paths, options)]: each file by itself; where time does not go with the source, halves in time, too."""
+    out = []
+    for path in paths:
+        if meters_csv.looks_like(path):
+            data = meters_csv.read(path)
+            shuffled = abs(np.corrcoef(data.seconds, data.source_v)[0, 1]) < SHUFFLED
+            label = f"{len(data.names)} meter(s), {'random order' if shuffled else 'sweep'}"
+            if label in [job[0] for job in out]:
+                label += f", {path.stem}"
+            out.append((label, [path], {}))
+            if shuffled:
+                out.append((f"{label}, first half chooses", [path], {"roles": "halves"}))
+    return sorted(out, key=lambda job: (bool(job[2]), -len(meters_csv.read(job[1][0]).names)))
+
+
+def opener(paths, options):
+    """`Problem` of a file of readings; --option roles=halves: the first half in time chooses. None if no such file."""
+    if len(paths) != 1 or not meters_csv.looks_like(paths[0]):
+        return None
+    data = meters_csv.read(paths[0])
+    roles = None
+    if options.get("roles") == "halves":
+        roles = np.arange(len(data.seconds)) < len(data.seconds) // 2
+    return problem(data, f"{len(data.names)} voltmeter(s) on one source", roles)

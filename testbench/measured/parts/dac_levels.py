@@ -1,0 +1,249 @@
+"""Levels of a DAC, measured in sessions, against the DAC of the board: straight line, bow, and what it lacks.
+
+    y_s(code) = (level - line of session s) / LSB        LSB: slope of that line; offset and gain belong to the session
+    features    means of 2^bits / 1024 neighbouring codes; what bits below that do averages out
+    prediction  b bow(code) + sum_l c_l e_l(code),       e_l: analog_frontend.dac_levels, the kernel of the plant
+
+Noise    of a session: white from its own scatter, slow from the differences between sessions (local size, exponential
+         correlation over the code). One session alone: its own white scatter, and no more is said
+Roles    the first sessions choose, the others judge
+Source   docs/measured_parts.md
+"""
+
+from functools import partial
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import solve_triangular
+from scipy.ndimage import gaussian_filter1d
+
+from analog_frontend import dac, dac_levels
+from testbench.errors import ConfigError
+from testbench.measured.formats import levels_mat
+from testbench.measured.parts.linear import Dense, Diagonal, LinearProblem
+from testbench.tracing.problem import Law, Nuisance, Observable, Segment
+
+BLOCKS = 1024
+STRINGS = (2, 4, 8, 16, 32)
+PAGE = "docs/parts/dac_levels.md"
+MOST_LAWS = 30
+LOCAL = 32  # blocks over which the slow noise is of one size
+ALTERNATE = 8  # blocks that change roles together where there is one session
+
+
+class Session(NamedTuple):
+    """Errors (LSB) of all levels about the session's own straight line."""
+
+    name: str
+    error_lsb: np.ndarray
+    lsb_v: float
+
+
+def straight(v):
+    """(residual, offset, slope) of a least-squares line over the code."""
+    code = np.arange(len(v)) - (len(v) - 1) / 2
+    slope, offset = float(code @ v) / float(code @ code), float(np.mean(v))
+    return v - offset - slope * code, offset, slope
+
+
+def block_codes(bits):
+    """Neighbouring codes that are averaged."""
+    return max(1, (1 << bits) // BLOCKS)
+
+
+def features(error):
+    """Block means."""
+    return error.reshape(-1, max(1, len(error) // BLOCKS)).mean(axis=1)
+
+
+def low_pattern(error):
+    """Mean pattern within a block (LSB): what the bits below the features do."""
+    table = error.reshape(-1, max(1, len(error) // BLOCKS))
+    return (table - table.mean(axis=1, keepdims=True)).mean(axis=0)
+
+
+def texts(bits):
+    """{law name: text for analog_frontend.dac_levels} with a unit coefficient."""
+    lowest = block_codes(bits).bit_length() - 1
+    out = {f"bit {b}": f"bit {b} = 1" for b in range(lowest, bits)}
+    for of in STRINGS:
+        out |= {f"element {k}/{of}": f"element {k}/{of} = 1" for k in range(1 if of > 2 else 2, of + 1)}
+        out |= {f"step {k}/{of}": f"step {k}/{of} = 1" for k in range(2, of + 1, 2) if of > 2}
+    return out
+
+
+def catalogue(bits):
+    """(laws, {name: (2^bits,) LSB}) of plant and instrument.
+
+    Drift within a session is noise: it is another one in each, and codes and time go together.
+    """
+    laws, shapes = [], {}
+    for name, text in texts(bits).items():
+        kind = name.split()[0]
+        words = {
+            "bit": "weight of a bit of the ladder",
+            "element": "too large element of the string: a ramp over its codes",
+            "step": "too large thermometer element: a step where it begins",
+        }[kind]
+        laws.append(Law(name, "dac", words, "LSB", 0.3 if kind == "bit" else 1.0, page=PAGE))
+        shapes[name] = dac_levels.errors([text], bits)
+    u = (np.arange(1 << bits) + 0.5) / (1 << (bits - 1)) - 1.0
+    more = (
+        ("cubic of the voltage", u**3 - u, "instrument", "reference loading, or the voltmeter's own curve"),
+        (
+            "turnover of the voltmeter",
+            np.abs(u) - 0.5,
+            "instrument",
+            "gain of the meter differs between the polarities",
+        ),
+    )
+    for name, shape, kind, words in more:
+        laws.append(Law(name, "dac" if kind == "plant" else "meter", words, "LSB", 1.0, kind=kind, page=PAGE))
+        shapes[name] = shape
+    return laws, shapes
+
+
+def bow(bits):
+    """What the board's DAC model has already: the parabola of dac.volts, for a bow of 1 LSB at mid-scale."""
+    full, bow_lsb = 1 << (bits - 1), 1.0
+    part, ideal = dac.design(bits, 1.0, bow=bow_lsb / full), dac.design(bits, 1.0)
+    return np.array([dac.volts(part, c) - dac.volts(ideal, c) for c in range(-full, full)]) / ideal.lsb_v
+
+
+def white_sd(error):
+    """Scatter of single levels from the differences of codes 2^k apart that share the ladder's low bits."""
+    size = max(2, len(error) // BLOCKS)
+    table = error.reshape(-1, size)
+    table = table - table.mean(axis=1, keepdims=True)
+    table = table - table.mean(axis=0, keepdims=True)
+    return float(np.sqrt(np.mean(table**2) * size / (size - 1)))
+
+
+def slow_covariance(differences):
+    """Covariance of the slow part of one session from differences of two (block means, LSB): local sd, one length.
+
+    sd     square root of the smoothed square, a Gaussian of LOCAL blocks, drawn halfway to the mean of all
+    length of exp(-|i - j| / length), and a white share: the most likely of a grid for the scaled differences
+    """
+    d = np.array(differences) / np.sqrt(2.0)
+    n = d.shape[1]
+    power = np.mean([gaussian_filter1d(x * x, LOCAL * n / BLOCKS, mode="reflect") for x in d], axis=0)
+    sd = np.sqrt((power + np.mean(power)) / 2)
+    apart = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
+    best = None
+    for length in n * np.array([0.003, 0.01, 0.03, 0.1]):
+        for white in (0.001, 0.01, 0.1, 0.5):
+            c = (1 - white) * np.exp(-apart / length) + white * np.eye(n)
+            root = np.linalg.cholesky(c)
+            z = solve_triangular(root, (d / sd).T, lower=True)
+            cost = float(np.sum(z * z)) + 2 * len(d) * float(np.sum(np.log(np.diag(root))))
+            if best is None or cost < best[0]:
+                best = (cost, c)
+    return best[1] * np.outer(sd, sd)
+
+
+def noises(sessions, bits):
+    """Noise object of each session."""
+    size = block_codes(bits)
+    means = [features(s.error_lsb) for s in sessions]
+    slow = slow_covariance([a - b for a, b in pairwise(means)])
+    return [Dense(slow + np.eye(len(slow)) * white_sd(s.error_lsb) ** 2 / size) for s in sessions]
+
+
+def problem(sessions, bits, name="levels of a DAC", hashes=None, fit=None):
+    """`LinearProblem` of sessions; `fit`: indices of those that choose (default: the first half)."""
+    if bits < 9:
+        raise ConfigError(f"{name}: {bits} bits, at least 9 wanted")
+    laws, shapes = catalogue(bits)
+    size, blocks = block_codes(bits), min(BLOCKS, 1 << bits)
+    nuisances = (Nuisance("bow", "LSB", 0.0, np.inf, 1.0),)
+    shapes = shapes | {"bow": bow(bits)}
+    table = {n: features(straight(v)[0]) for n, v in shapes.items()}
+    data = [features(s.error_lsb) for s in sessions]
+    seen = [Observable("level", "LSB", slice(0, blocks))]
+    if len(sessions) == 1:
+        return _alternating(name, nuisances, laws, sessions[0], data[0], table, size, hashes or {})
+    chosen = set(range((len(sessions) + 1) // 2)) if fit is None else set(fit)
+    segments = [
+        Segment(s.name, {}, "fit" if k in chosen else "held out", k, "fit" if k in chosen else "validate", tuple(seen))
+        for k, s in enumerate(sessions)
+    ]
+    columns = {n: [v] * len(sessions) for n, v in table.items()}
+    made = LinearProblem(name, nuisances, laws, segments, data, columns, noises(sessions, bits), hashes or {})
+    made.most_laws, made.same_rows = MOST_LAWS, True
+    made.axis = partial(_axis, bits)
+    return made
+
+
+def _axis(bits, segment, observable):
+    """Codes at the features, for pictures."""
+    size = block_codes(bits)
+    return np.arange(0, 1 << bits, size) + (size - 1) / 2, "code"
+
+
+def _alternating(name, nuisances, laws, session, means, table, size, hashes):
+    """One session: stretches of blocks take turns at choosing and judging; drift cannot be told from the levels."""
+    turn = (np.arange(len(means)) // ALTERNATE) % 2
+    sd = white_sd(session.error_lsb) / np.sqrt(size)
+    data, noise, segments = [], [], []
+    for role, k in (("fit", 0), ("validate", 1)):
+        rows = int(np.sum(turn == k))
+        segments.append(
+            Segment(f"{session.name} {role}", {}, role, 0, role, (Observable("level", "LSB", slice(0, rows)),))
+        )
+        data.append(means[turn == k])
+        noise.append(Diagonal(np.full(rows, sd)))
+    columns = {n: [v[turn == 0], v[turn == 1]] for n, v in table.items()}
+    made = LinearProblem(name, nuisances, laws, segments, data, columns, noise, hashes)
+    made.most_laws = MOST_LAWS
+    return made
+
+
+def sessions_of(files, channel=None):
+    """{channel: [Session]} of `Levels` of equal width; channels that all files have."""
+    if len({f.bits for f in files}) != 1:
+        raise ConfigError(f"levels: sessions of {sorted(f.bits for f in files)} bits, expected one width")
+    common = [c for c in files[0].channels if all(c in f.channels for f in files)]
+    if not common:
+        raise ConfigError(f"levels: no variable that all of {', '.join(str(f.path) for f in files)} have")
+    out = {}
+    for c in common:
+        found = []
+        for number, f in enumerate(files, 1):
+            rest, _, slope = straight(f.channels[c])
+            found.append(Session(f"session {number}", rest / slope, slope))
+        out[c] = found
+    # the channel of the largest swing first: a small one shows the voltmeter, not the DAC
+    return dict(sorted(out.items(), key=lambda item: -abs(item[1][0].lsb_v)))
+
+
+def jobs(paths):
+    """[(label, paths, options)]: each session chooses once, the others judge; other channels for what they show."""
+    if len(paths) < 2 or not all(levels_mat.looks_like(p) for p in paths):
+        return [(p.stem, [p], {}) for p in paths if levels_mat.looks_like(p)]
+    channels = sessions_of([levels_mat.read(p) for p in paths])
+    main = next(iter(channels))
+    out = [(f"{main}, session {k} chooses", paths, {"channel": main, "fit": str(k)}) for k in range(len(paths), 0, -1)]
+    return out + [(f"{c}, session 1 chooses", paths, {"channel": c, "fit": "1"}) for c in channels if c != main]
+
+
+def opener(paths, options):
+    """`Problem` of files with levels; None if they hold none. Options channel=NAME (largest swing), fit=SESSIONS."""
+    if not paths or not all(levels_mat.looks_like(p) for p in paths):
+        return None
+    files = [levels_mat.read(p) for p in paths]
+    channels = sessions_of(files)
+    name = options.get("channel", next(iter(channels)))
+    if name not in channels:
+        raise ConfigError(f"--option channel={name}: the files have {', '.join(channels)}")
+    fit = None
+    if "fit" in options:
+        try:
+            fit = [int(k) - 1 for k in options["fit"].split("+")]
+        except ValueError:
+            raise ConfigError(f"--option fit={options['fit']}: numbers of sessions joined by +, such as 2+3") from None
+        if not fit or not set(fit) < set(range(len(files))):
+            raise ConfigError(f"--option fit={options['fit']}: of 1 .. {len(files)}, at least one left to judge")
+    hashes = {f"session {k}": f.sha256 for k, f in enumerate(files, 1)}
+    return problem(channels[name], files[0].bits, f"levels of a DAC, {name}", hashes, fit)

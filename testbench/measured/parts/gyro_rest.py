@@ -1,0 +1,323 @@
+"""A gyroscope at rest against the noise of the board's rate output: white behind an averaging filter, flicker, steps.
+
+    S_a(f) = w_a (1 + 2 r_a cos(2 pi f / fs)) + k_a / f + q + sum of laws     one-sided, (deg/s)^2/Hz, axis a
+    r      overlap of the averaging windows of neighbouring samples;  q = LSB^2 / 12 / (fs / 2)
+    laws   p L(f; f0, Q)   a vibration of power p, f0 on a grid;  walk / f^2
+           once found, f0 and Q are fitted, and it may drift: f0 (1 + c exp(-t / tau))
+    bias   steps between means of successive stretches; laws: warm-up exp(-t / tau)
+Features  10 log10 of the periodogram, averaged over parts of a chunk and over bins 3 % wide (dB); the bias of the
+          logarithm of chi2 is taken off, its sd is the floor. Chunks in time: the first 60 % choose, the rest judges
+N-effects (colour of noise) and deterministic ones (bias) are told apart by their observable
+Source    docs/measured_parts.md
+"""
+
+import numpy as np
+from scipy.special import digamma, polygamma
+
+from testbench.measured.formats import gyro_npz
+from testbench.measured.parts.linear import Dense, Diagonal
+from testbench.tracing.problem import Law, Nuisance, Observable, PredictionFailed, Segment
+
+CHUNKS, CHOOSE = 10, 6
+PARTS = 10  # periodograms of a chunk
+WIDTH = 0.03  # of a bin, relative
+GRID = 1.07  # ratio of neighbouring frequencies of the vibrations that are looked for
+Q_LOOKED_FOR = 12.0
+LOWEST_HZ = 0.2
+DRIFT_S = (1000.0, 3000.0)
+WARM_S = (300.0, 1000.0, 3000.0)
+MEANS = 12  # stretches per chunk whose means make the bias
+DB = 10.0 / np.log(10.0)
+PAGE = "docs/effects/rate_vibration.md"
+
+
+class Bins:
+    """Averages of a chunk's periodograms; `hz` centres, `dof` of chi2."""
+
+    def __init__(self, samples, rate_hz):
+        self.length = samples // PARTS
+        f = np.fft.rfftfreq(self.length, 1 / rate_hz)[1:]
+        f = f[: len(f) - 1] if self.length % 2 == 0 else f
+        edges, at = [0], 0
+        while at < len(f):
+            at += max(1, round(f[at] * WIDTH / f[0]))
+            edges.append(min(at, len(f)))
+        self.starts, self.counts = np.array(edges[:-1]), np.diff(edges)
+        self.hz = np.add.reduceat(f, self.starts) / self.counts
+        self.dof = 2.0 * PARTS * self.counts
+        self.rate_hz, self.used = rate_hz, len(f)
+
+    def log_spectrum(self, x):
+        """dB of (deg/s)^2/Hz of one axis, free of the logarithm's bias."""
+        parts = x[: self.length * PARTS].reshape(PARTS, self.length)
+        parts = parts - parts.mean(axis=1, keepdims=True)
+        power = np.abs(np.fft.rfft(parts, axis=1)[:, 1 : self.used + 1]) ** 2 * 2 / (self.rate_hz * self.length)
+        mean = np.add.reduceat(power.mean(axis=0), self.starts) / self.counts
+        return DB * (np.log(mean) - digamma(self.dof / 2) + np.log(self.dof / 2))
+
+    @property
+    def sd(self):
+        return DB * np.sqrt(polygamma(1, self.dof / 2))
+
+
+class LogChi2(Diagonal):
+    """dB of averaged periodograms: the draw is that of chi2, not of Gauss."""
+
+    def __init__(self, dof):
+        super().__init__(DB * np.sqrt(polygamma(1, dof / 2)))
+        self.dof = dof
+
+    def draw(self, rng):
+        return DB * (np.log(rng.chisquare(self.dof) / self.dof) - digamma(self.dof / 2) + np.log(self.dof / 2))
+
+
+def line(hz, f0, q):
+    """One-sided density of unit power: a resonance of quality q driven by white noise."""
+    g = f0 / (2 * q)
+    shape = 1.0 / ((hz**2 - f0**2) ** 2 + (2 * g * hz) ** 2)
+    return shape * (8 * g * f0**2) / (2 * np.pi) * 1.0
+
+
+def bias_noise(steps, stretch_s):
+    """Dense covariance of steps between successive means: white of the means and a random walk, by moments."""
+    n = steps.shape[1]
+    out = []
+    for row in steps:
+        track = np.cumsum(row)
+        lag = min(8, max(2, n // 4))
+        near, far = np.mean(row**2), np.mean((track[lag:] - track[:-lag]) ** 2)
+        walk = max((far - near) / (lag - 1), 0.0)
+        white = max((near - walk) / 2, 0.05 * near)
+        walk = max(near - 2 * white, 0.0)
+        out.append((white, walk))
+    return out
+
+
+class RestProblem:
+    """Problem of the tracing core about one record."""
+
+    linear_in = frozenset()
+    library = ()
+    most_laws = 6
+
+    def __init__(self, rest, found=()):
+        """found: names of laws that are part of the model."""
+        self.rest, self.found = rest, tuple(found)
+        x = rest.counts * rest.lsb_deg_per_s
+        samples, self.axes = x.shape
+        self.names = "xyzuvw"[: self.axes]
+        size = samples // CHUNKS
+        self.bins = Bins(size, rest.rate_hz)
+        self.time_s = (np.arange(CHUNKS) + 0.5) * size / rest.rate_hz
+        self._chunks = [
+            np.concatenate([self.bins.log_spectrum(x[k * size : (k + 1) * size, a]) for a in range(self.axes)])
+            for k in range(CHUNKS)
+        ]
+        self.stretch_s = size / MEANS / rest.rate_hz
+        per = size // MEANS
+        means = x[: per * MEANS * CHUNKS].reshape(MEANS * CHUNKS, per, self.axes).mean(axis=1).T
+        steps = np.diff(means, axis=1)
+        cut = MEANS * CHOOSE
+        self._mean_s = (np.arange(MEANS * CHUNKS) + 0.5) * per / rest.rate_hz
+        self._cut = cut
+        self._steps = [steps[:, : cut - 1].ravel(), steps[:, cut:].ravel()]
+        self._walk = bias_noise(steps[:, : cut - 1], self.stretch_s)
+        self.name = f"gyroscope at rest, {self.axes} axes"
+        self.hashes = {"file": rest.sha256}
+        self._build()
+
+    def _build(self):
+        n = len(self.bins.hz)
+        level = [np.median([c[a * n : (a + 1) * n] for c in self._chunks]) for a in range(self.axes)]
+        self.nuisances, laws = [], []
+        for a, axis in enumerate(self.names):
+            density = 10 ** (level[a] / 10)
+            self.nuisances += [
+                Nuisance(f"{axis} white", "dB", float(level[a]), 10.0, 0.01),
+                Nuisance(f"{axis} overlap", "1", 0.0, 0.3, 0.001),
+                Nuisance(f"{axis} flicker", "(deg/s)^2", 1e-2 * density, 0.05 * density, 1e-4 * density),
+            ]
+            grid = np.geomspace(
+                LOWEST_HZ,
+                0.45 * self.bins.rate_hz,
+                1 + int(np.log(0.45 * self.bins.rate_hz / LOWEST_HZ) / np.log(GRID)),
+            )
+            for f0 in grid:
+                power = density * f0 * 0.5
+                laws.append(
+                    Law(
+                        f"{axis}: vibration {f0:.3g} Hz",
+                        "rate",
+                        "narrow-band motion or noise about the axis",
+                        "(deg/s)^2",
+                        power,
+                        1,
+                        power * 1e-4,
+                        "preparation",
+                        PAGE,
+                    )
+                )
+            laws.append(
+                Law(
+                    f"{axis}: walk",
+                    "rate",
+                    "random walk of the bias",
+                    "(deg/s)^2 Hz",
+                    density * 1e-3,
+                    1,
+                    density * 1e-7,
+                    "plant",
+                    PAGE,
+                )
+            )
+            for tau in WARM_S:
+                laws.append(
+                    Law(f"{axis}: warm-up {tau:g} s", "rate", "bias warms up", "deg/s", 0.1, 0, 1e-3, "plant", PAGE)
+                )
+        self._line_at = {}
+        for law in laws:
+            if ": vibration " in law.name:
+                self._line_at[law.name] = float(law.name.split()[-2])
+        for name in self.found:
+            law = next((item for item in laws if item.name == name), None)
+            if law is None or " settling in " in name:
+                continue
+            self.nuisances.append(Nuisance(name, law.unit, 0.1 * law.scale, 3 * law.scale, law.scale * 1e-4))
+            if name in self._line_at:
+                f0 = self._line_at[name]
+                self.nuisances.append(Nuisance(f"{name} frequency", "1", 0.0, 0.04, 1e-5))
+                self.nuisances.append(Nuisance(f"{name} log quality", "1", float(np.log(Q_LOOKED_FOR)), 0.7, 1e-4))
+                for tau in DRIFT_S:
+                    words = "its frequency settles behind the start"
+                    laws.append(
+                        Law(f"{name} settling in {tau:g} s", "rate", words, "1", 0.1, 0, 1e-5, "preparation", PAGE)
+                    )
+        known = {law.name: law for law in laws}
+        for name in self.found:
+            if " settling in " in name:
+                law = known[name]
+                self.nuisances.append(Nuisance(name, law.unit, 0.0, 3 * law.scale, 1e-5))
+        # neighbours of a vibration that is part of the model are the same one
+        near = [(name.split(":")[0], self._line_at[name]) for name in self.found if name in self._line_at]
+        self.laws = tuple(
+            law
+            for law in laws
+            if law.name not in self.found
+            and not any(
+                law.name in self._line_at
+                and law.name.startswith(axis + ":")
+                and abs(np.log(self._line_at[law.name] / f0)) < 0.2
+                for axis, f0 in near
+            )
+        )
+        self.nuisances = tuple(self.nuisances)
+        seen = tuple(
+            Observable(f"spectrum {axis}", "dB", slice(a * n, (a + 1) * n)) for a, axis in enumerate(self.names)
+        )
+        self.segments, self._noise = [], []
+        for k in range(CHUNKS):
+            role = "fit" if k < CHOOSE else "validate"
+            self.segments.append(
+                Segment(f"chunk {k + 1}", {"time_s": float(self.time_s[k])}, f"chunk {k + 1}", 0, role, seen)
+            )
+            self._noise.append(LogChi2(np.tile(self.bins.dof, self.axes)))
+        for k, role in enumerate(("fit", "validate")):
+            m = len(self._steps[k]) // self.axes
+            seen_bias = tuple(
+                Observable(f"bias step {axis}", "deg/s", slice(a * m, (a + 1) * m)) for a, axis in enumerate(self.names)
+            )
+            covariance = np.zeros((self.axes * m, self.axes * m))
+            for a, (white, walk) in enumerate(self._walk):
+                block = (2 * white + walk) * np.eye(m) - white * (np.eye(m, k=1) + np.eye(m, k=-1))
+                covariance[a * m : (a + 1) * m, a * m : (a + 1) * m] = block
+            self.segments.append(Segment(f"bias {role}", {}, f"bias {role}", 0, role, seen_bias))
+            self._noise.append(Dense(covariance))
+        self.segments = tuple(self.segments)
+        self._data = [*self._chunks, *self._steps]
+        self._index = {n.name: i for i, n in enumerate(self.nuisances)}
+
+    def absorbed(self, names):
+        """The problem in which these laws are part of the model."""
+        return RestProblem.rebuilt(self, names)
+
+    @classmethod
+    def rebuilt(cls, other, names, data=None):
+        made = cls.__new__(cls)
+        made.__dict__.update(other.__dict__)
+        made.found = tuple(names)
+        if data is not None:
+            made._chunks, made._steps = data[:CHUNKS], data[CHUNKS:]
+        made._build()
+        return made
+
+    def with_data(self, data):
+        """The same record's shape with other features: for simulated recordings."""
+        return RestProblem.rebuilt(self, self.found, list(data))
+
+    def axis(self, segment, observable):
+        """Abscissa of an observable's rows, for pictures."""
+        if observable.startswith("spectrum"):
+            return np.log10(self.bins.hz), "log10 of the frequency (Hz)"
+        return self._mean_s[self._cut + 1 :], "time (s)"
+
+    def measured(self, k):
+        return self._data[k]
+
+    def _density(self, axis, values, time_s):
+        hz, fs = self.bins.hz, self.bins.rate_hz
+        white = 10 ** (values[f"{axis} white"] / 10)
+        s = white * (1 + 2 * values[f"{axis} overlap"] * np.cos(2 * np.pi * hz / fs))
+        s = s + values[f"{axis} flicker"] / hz + self.rest.lsb_deg_per_s**2 / 12 / (fs / 2)
+        s = s + values.get(f"{axis}: walk", 0.0) / hz**2
+        for name, power in values.items():
+            f0 = self._line_at.get(name)
+            if f0 and power and name.startswith(axis + ":"):
+                quality = np.exp(values.get(f"{name} log quality", np.log(Q_LOOKED_FOR)))
+                f0 = f0 * (1 + values.get(f"{name} frequency", 0.0))
+                for tau in DRIFT_S:
+                    f0 = f0 * (1 + values.get(f"{name} settling in {tau:g} s", 0.0) * np.exp(-time_s / tau))
+                s = s + power * line(hz, f0, quality)
+        if not np.all(s > 0) or not np.all(np.isfinite(s)):
+            raise PredictionFailed(f"axis {axis}: density is not positive")
+        return s
+
+    def predict(self, points, which):
+        out = []
+        for theta, effects in points:
+            values = dict(zip(self._index, np.asarray(theta, float))) | dict(effects)
+            parts = []
+            for k in which:
+                if k < CHUNKS:
+                    spectra = [self._density(axis, values, self.time_s[k]) for axis in self.names]
+                    parts.append(DB * np.log(np.concatenate(spectra)))
+                else:
+                    t = self._mean_s[: self._cut] if k == CHUNKS else self._mean_s[self._cut :]
+                    rows = []
+                    for axis in self.names:
+                        bias = sum(values.get(f"{axis}: warm-up {tau:g} s", 0.0) * np.exp(-t / tau) for tau in WARM_S)
+                        rows.append(np.diff(bias * np.ones(len(t))))
+                    parts.append(np.concatenate(rows))
+            out.append(parts)
+        return out
+
+    def whiten(self, k, v):
+        return self._noise[k].whiten(v)
+
+    def noise_draw(self, k, rng):
+        return self._noise[k].draw(rng)
+
+    def floor(self, k):
+        sd = self._noise[k].sd
+        return {o.name: float(np.sqrt(np.mean(sd[o.rows] ** 2))) for o in self.segments[k].observables}
+
+
+def jobs(paths):
+    """[(label, paths, options)]: each record by itself."""
+    return [(path.stem, [path], {}) for path in paths if gyro_npz.looks_like(path)]
+
+
+def opener(paths, options):
+    """`Problem` of an archive of counts at rest; None if it is none."""
+    if len(paths) != 1 or not gyro_npz.looks_like(paths[0]):
+        return None
+    return RestProblem(gyro_npz.read(paths[0]))

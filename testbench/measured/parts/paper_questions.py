@@ -1,0 +1,193 @@
+"""The questions that the paper's numbers raise: what the model says, and the rivals with what each predicts.
+
+    phases       testbench.budget of the default board
+    scale        1/cos(phi_ye1) - 1, eq (12);   V_q, bias at rest: no change, eq (6) and two integrating loops
+    noise        square root of the absolute temperature
+Source    docs/measured_parts.md, docs/phases.md
+"""
+
+import math
+
+import numpy as np
+
+from testbench import budget, config
+from testbench.measured.parts.paper_numbers import ROOM, TEMPERATURES, Rival, Row
+
+RATES = (0.1, 0.5, 1, 5, 10, 50, 100, 200, 300, 400, 500)
+COUPLING_DPS = 100.0  # quadrature of the paper's k_xy, at V_q = 4.5247 V
+RAIL_V = 5.5  # of the quadrature DAC, docs/parts/dac.md
+HOT_K, COLD_K = 323.15, 253.15
+
+
+def quadrature_mean(phase_deg, rest_v):
+    """Mean V_q (V) over the paper's 22 rates with the sense phase uncompensated, as a share of V_q at rest.
+
+    V_q^2 = rest^2 (1 + rate tan(phase) / coupling), within 0 .. rail.
+    """
+    rates = np.array([s * r for r in RATES for s in (-1, 1)])
+    u = 1 + rates * math.tan(math.radians(phase_deg)) / COUPLING_DPS
+    return float(np.mean(np.clip(rest_v * np.sqrt(np.maximum(u, 0)), 0, RAIL_V)) / rest_v)
+
+
+def rows(numbers):
+    """All questions, as `Row`s."""
+    planned = budget.budget(config.Config())
+    out = [*_feedback(numbers, planned), *_forward(numbers, planned)]
+    for t in TEMPERATURES:
+        out.append(_scale(numbers, planned, t))
+    out += [_quadrature(numbers, t) for t in TEMPERATURES]
+    out += [_bias(numbers, t) for t in TEMPERATURES]
+    out += [_noise(numbers, symbol, unit) for symbol, unit in (("ARW", "deg/sqrt(h)"), ("BI", "deg/h"))]
+    return [*out, _nonlinearity(numbers)]
+
+
+def _part(planned, node, words):
+    return next(r.degrees for r in planned.rows[node] if words in r.what)
+
+
+def _feedback(numbers, planned):
+    node, us = planned.node_deg(), 360 * planned.frequency_hz * 1e-6
+    xe1, ye1 = numbers.get("phi_xe1", "case 1"), numbers.get("phi_ye1", "case 3")
+    plain = node["xe1"] - _part(planned, "xe1", "wait for the 1 MHz grid")
+    short = node["ye1"] - _part(planned, "ye1", "extra 1 us frames")
+    pole_deg = ye1 - short
+    tau_ns = math.tan(math.radians(pole_deg)) / (2 * math.pi * planned.frequency_hz) * 1e9
+    loss = 100 * (1 - math.cos(math.radians(pole_deg)))
+    retimed = Rival(
+        "references re-timed on the 1 MHz grid (in the model)",
+        f"{node['xe1']:.3f} deg",
+        "scope: instants of the reference edges lie on the grid, or do not",
+    )
+    faster = Rival(
+        "references not re-timed, SPI at a faster clock",
+        f"{plain:.3f} deg at 26 MHz SPI; the paper's needs {(plain - xe1) / us * 1e3:.0f} ns less",
+        "scope: length of an SPI frame",
+    )
+    frame = Rival(
+        "one extra 1 us frame in the sense path (in the model)",
+        f"{node['ye1']:.3f} deg, {(node['ye1'] - ye1) / us * 1e3:.0f} ns too much",
+        "phase at two frequencies 1 kHz apart: a delay of 1 us gives 0.360 deg",
+    )
+    pole = Rival(
+        "no extra frame, an analogue reconstruction pole",
+        f"{short:.3f} deg + arctan(2 pi f tau), tau = {tau_ns:.0f} ns",
+        f"gain: the pole attenuates by {loss:.2f} %, a delay by nothing; a force step on a scope",
+    )
+    return [
+        Row("phi_xe1", "deg", xe1, 0.0077, node["xe1"], "budget", (retimed, faster)),
+        Row("phi_ye1", "deg", ye1, 0.0089, node["ye1"], "budget", (frame, pole)),
+    ]
+
+
+def _forward(numbers, planned):
+    node = planned.node_deg()
+    capacitors = Rival(
+        "capacitors at the ring diode (chosen in the model to fit: no test)",
+        "tau = Cref / (4 fc (C0 + Cp)): 1 % of it is 0.008 deg",
+        "phase with another carrier frequency: tau goes as 1 / fc",
+    )
+    amplifiers = Rival(
+        "bandwidth of the op amps", "2 % of the gain-bandwidth is 0.009 deg", "phase against gain of the amplifier"
+    )
+    return [
+        Row(
+            "phi_xe2", "deg", numbers.get("phi_xe2", "case 3"), 0.0073, node["xe2"], "budget", (capacitors, amplifiers)
+        ),
+        Row(
+            "phi_ye2",
+            "deg",
+            numbers.get("phi_ye2", "case 4 (phi_ye2"),
+            0.0093,
+            node["ye2"],
+            "budget",
+            (capacitors, amplifiers),
+        ),
+    ]
+
+
+def _scale(numbers, planned, t):
+    ye1 = numbers.get("phi_ye1", "case 3")
+    spread = numbers.spread("SF", "mean of cases", t) / numbers.get("SF", "mean of cases", t)
+    both = 1 / math.cos(math.radians(ye1 + planned.loop_deg()["xe2"])) - 1
+    law = 1 / math.cos(math.radians(ye1)) - 1
+    rivals = (
+        Rival("eq (12)", f"{law:.4f}", "scale factor with phi_ye1 at 0, 4.4, 8.9 deg by its register: 1/cos or a line"),
+        Rival("repeatability of the scale factor", f"+- {spread:.4f} (cases 1 to 3)", "the same case ten times"),
+        Rival("phi_xe2' is not compensated", f"{both:.4f}", "case 1 against case 3"),
+    )
+    paper = numbers.get("SF", "case 3 vs case 4", t)
+    return Row(f"scale factor, case 3 to 4, {name(t)}", "1", paper, spread, law, "1/cos(phi_ye1) - 1", rivals)
+
+
+def _moved(numbers, t):
+    """Quadrature (deg/s) by which V_q has moved from case 3 to case 4, by its square."""
+    return COUPLING_DPS * (1 - (1 - numbers.get("Vq", "case 3 vs case 4", t)) ** 2)
+
+
+def _quadrature(numbers, t):
+    ye1, rest = numbers.get("phi_ye1", "case 3"), numbers.get("Vq", "mean of cases")
+    share = 1 - quadrature_mean(ye1, rest)
+    force = _moved(numbers, t) / math.tan(math.radians(ye1))
+    rivals = (
+        Rival(
+            "V_q is the mean over the 22 rates",
+            f"{share:.4f}, by V_q^2 = rest^2 (1 + rate tan(phi_ye1) / 100 deg/s) and the 5.5 V rail",
+            "V_q at rest alone, and against rate",
+        ),
+        Rival(
+            "an in-phase force, turned by phi_ye1",
+            f"{force:.0f} deg/s of it give the printed change; the bias is below 1 deg/s",
+            "bias against V_q with the quadrature loop open",
+        ),
+        Rival("charging or drift between the cases", "any, without a register write", "case 3, 4, 3, 4 in turn"),
+    )
+    paper = numbers.get("Vq", "case 3 vs case 4", t)
+    return Row(f"V_q, case 3 to 4, {name(t)}", "1", paper, None, 0.0, "eq (6) at rest", rivals)
+
+
+def _bias(numbers, t):
+    bias, ye1 = abs(numbers.get("bias", "mean of cases", t)), numbers.get("phi_ye1", "case 3")
+    step = numbers.get("bias", "case 3 vs case 4", t) * bias
+    leak = math.degrees(math.atan(step / _moved(numbers, t)))
+    turned = bias * (1 / math.cos(math.radians(ye1)) - 1)
+    rivals = (
+        Rival("shares its cause with V_q", f"a leak of {leak:.2f} deg of what V_q has moved by", "bias against V_q"),
+        Rival("damping coupling, divided by cos(phi_ye1)", f"{turned:.4f} deg/s", "bias against phi_ye1"),
+    )
+    return Row(f"bias, case 3 to 4, {name(t)}", "deg/s", step, None, 0.0, "both loops integrate", rivals)
+
+
+def _noise(numbers, symbol, unit):
+    cold, hot = (numbers.get(symbol, "mean of cases", t) for t in ("-20", "50"))
+    other = "BI" if symbol == "ARW" else "ARW"
+    ratio = numbers.get(other, "mean of cases", "50") / numbers.get(other, "mean of cases", "-20")
+    law = math.sqrt(HOT_K / COLD_K)
+    rivals = (
+        Rival("thermal noise of resistors or resonator", f"{law:.4f}", f"{symbol} at five temperatures"),
+        Rival(
+            "gain of the C/V falls, the noise behind it stays",
+            f"the same ratio in both: {other} has {ratio:.4f}",
+            "noise with the drive off against the same with the drive on",
+        ),
+        Rival("the motion becomes smaller", "as 1 / amplitude, and A_d with it", "A_d and C/V amplitude"),
+    )
+    title = f"{symbol} ({unit}), 50 over -20 degC"
+    return Row(title, "1", hot / cold, None, law, "square root of the temperature", rivals)
+
+
+def _nonlinearity(numbers):
+    rivals = (
+        Rival(
+            "rail of the quadrature loop at high rate",
+            "vanishes with phi_ye1 compensated (case 4), or with rates below 260 deg/s",
+            "residuals of the straight line against rate, cases 3 and 4",
+        ),
+        Rival("curve of the force DAC or of its electrodes", "stays with phi_ye1 compensated", "the same experiment"),
+    )
+    paper = numbers.get("SF nonlinearity", "mean")
+    return Row("scale factor nonlinearity, room", "not stated", paper, 7.64, None, "no definition is printed", rivals)
+
+
+def name(temperature):
+    """Short name of one of the paper's temperatures."""
+    return "room" if temperature == ROOM else f"{temperature} degC"

@@ -1,0 +1,322 @@
+"""Free decay of a mode, power over time in dBm: dP/dt = -g P - sum of laws, P in uW.
+
+    nuisances   level (dBm) and rate g (1/s) of each fitted run           local unknowns of a judged run: the same two
+    laws        -c P^2 (force x^2 vx), -c P^1.5 (|vx| vx), -c P^0.5 (sgn vx), -c P^3 (x^4 vx)         force_x, plant
+                power added by the receiver, its compression, bias of its logarithm                  instrument
+                second mode, rate that drifts with time                                              preparation
+The averages over a period of the plant's force laws: F = -d x^2 vx gives dA/dt = -(d/8m) A^3, and P goes with A^2.
+Stretch that decays: found in the data; what stands before it (drive on), behind it (floor) and at steps of the
+receiver is named in the notes and left out.   Source    docs/measured_resonators.md
+"""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from fpga_model.jit import kernel
+from testbench.errors import FileError
+from testbench.measured.formats import ringdown_text
+from testbench.measured.parts.noise import Noise
+from testbench.measured.parts.part import Part, Piece
+from testbench.measured.parts.working import Working
+from testbench.tracing.problem import Law, Nuisance
+
+UW_DBM = -30.0
+LEAST_LN = 60.0  # of ln P: what leaves it has gone wrong and stays there
+LAG_S = 2.0  # of the differences that measure the noise
+BLOCKS = 12  # of a judged run: even ones set up, odd ones are scored
+UP_COST, STEP_DB, JUMP_DB = 10.0, 0.5, 6.0
+CLEAR_DB = 10.0  # above the background: what is used
+DB = 10.0 / np.log(10.0)
+EXPONENTS = {"damping_cubic": 2.0, "damping_quadratic": 1.5, "coulomb_friction": 0.5, "damping_quintic": 3.0}
+NAMES = tuple(EXPONENTS)
+
+
+class Run(NamedTuple):
+    """Instants (s) from the first of the stretch."""
+
+    t_s: np.ndarray
+    sample: str
+    number: str
+
+
+@kernel
+def _decay(t, log_p, g, drift, c, exponents, out):
+    """ln P at instants t by Runge-Kutta 4 on d(ln P)/dt = -g (1 + drift (t/T - 1/2)) - sum c P^(n - 1)."""
+    y, span = log_p, t[-1] - t[0] if len(t) > 1 else 1.0
+    for i in range(len(t)):
+        out[i] = y
+        if i + 1 == len(t):
+            break
+        steps = 2
+        h = (t[i + 1] - t[i]) / steps
+        for j in range(steps):
+            at = t[i] + j * h - t[0]
+            k0 = 0.0
+            total = 0.0
+            for stage in range(4):
+                shift = 0.0 if stage == 0 else (h if stage == 3 else 0.5 * h)
+                v = min(max(y + shift * k0, -LEAST_LN), LEAST_LN)
+                r = -g * (1.0 + drift * ((at + shift) / span - 0.5))
+                for n in range(len(c)):
+                    if c[n] != 0.0:
+                        r -= c[n] * np.exp((exponents[n] - 1.0) * v)
+                k0 = r
+                total += r * (2.0 if stage == 1 or stage == 2 else 1.0)
+            y = min(max(y + h * total / 6.0, -LEAST_LN), LEAST_LN)
+
+
+def power_dbm(t_s, level_dbm, rate_per_s, effects):
+    """Power (dBm) at instants (s) of a mode that begins at a level and decays at a rate, with laws."""
+    out = np.empty(len(t_s))
+    c = np.array([effects.get(name, 0.0) for name in NAMES])
+    exponents = np.array([EXPONENTS[name] for name in NAMES])
+    start = (level_dbm - UW_DBM) / DB
+    _decay(np.ascontiguousarray(t_s), start, rate_per_s, effects.get("rate_drift", 0.0), c, exponents, out)
+    second, added = effects.get("second_mode", 0.0), effects.get("added_power", 0.0)
+    if second or added:
+        p = np.exp(out)
+        p = p + second * np.exp(start - 3.0 * rate_per_s * (t_s - t_s[0])) + added * 1e-3
+        out = np.log(np.maximum(p, 1e-12))
+    squeeze = effects.get("compression", 0.0)
+    if squeeze:
+        out = out - np.log1p(squeeze * np.exp(out))
+    y = UW_DBM + DB * out
+    bias = effects.get("log_bias", 0.0)
+    return y + bias * (y - level_dbm) ** 2 if bias else y
+
+
+def _laws(power_uw, rate):
+    def force(name, n, words, sign=0):
+        half = 2 * (n - 1)
+        unit = "1/(s uW)" if n == 2 else f"1/(s uW^{n - 1:g})" if n > 1 else "uW^0.5/s"
+        text = f"{words}: dP/dt = -c P^{n:g}; force with power {half + 1:g} of the amplitude"
+        page = "docs/measured_resonators.md" if name == "damping_quintic" else f"docs/effects/{name}.md"
+        return Law(name, "force_x", text, unit, float(rate * power_uw ** (1 - n)), sign, page=page)
+
+    return (
+        force("damping_cubic", 2.0, "damping that grows with the square of the amplitude, F = -d x^2 vx"),
+        force("damping_quadratic", 1.5, "damping that grows with the amplitude, F = -d |vx| vx"),
+        force("coulomb_friction", 0.5, "dry friction, F = -d sgn vx", 1),
+        force("damping_quintic", 3.0, "damping that grows with the fourth power of the amplitude, F = -d x^4 vx"),
+        Law("added_power", "detector", "power that the receiver adds", "nW", 1.0, sign=1, kind="instrument"),
+        Law("compression", "detector", "receiver that saturates", "1/uW", float(0.3 / power_uw), 1, kind="instrument"),
+        Law("log_bias", "detector", "logarithm that bends", "dB/dB^2", 1e-3, kind="instrument"),
+        Law(
+            "second_mode",
+            "preparation",
+            "second mode excited too, three times as fast",
+            "1",
+            0.3,
+            1,
+            kind="preparation",
+        ),
+        Law("rate_drift", "preparation", "rate that drifts over the record", "1", 0.1, kind="preparation"),
+    )
+
+
+class Ringdown(Part):
+    """The problem; `Piece.data` is a `Run`, rows in dBm."""
+
+    unit, observable = "dB", "power"
+
+    def model(self, piece, values, effects, local):
+        return power_dbm(piece.data.t_s, local[0], local[1], effects)
+
+    def abscissa(self, piece):
+        return piece.data.t_s, "time (s)"
+
+    def locate(self, piece, values, effects):
+        """Level and rate: nuisances of a fitted run, else least squares on the setup rows."""
+        if piece.role == "fit":
+            return values[f"level_{piece.data.number}"], float(np.exp(values[f"ln_rate_{piece.data.number}"]))
+        t, y, used = piece.data.t_s, piece.rows, piece.setup
+        slope = np.polyfit(t[used], y[used], 1)[0]
+        local = np.array([y[0], np.log(max(-slope / DB, 1e-9))])
+        for _ in range(25):
+            base = power_dbm(t, local[0], np.exp(local[1]), effects)
+            j = np.column_stack(
+                [(power_dbm(t, *_moved(local, e), effects) - base)[used] / 1e-5 for e in np.eye(2) * 1e-5]
+            )
+            if not np.all(np.isfinite(j)):
+                break
+            step = np.linalg.lstsq(j, (y - base)[used], rcond=None)[0]
+            step = np.clip(step, [-5.0, -1.0], [5.0, 1.0])
+            local = local + step
+            if np.max(np.abs(step)) < 1e-9:
+                break
+        return local[0], float(np.exp(local[1]))
+
+
+def _moved(local, e):
+    return local[0] + e[0], float(np.exp(local[1] + e[1]))
+
+
+def steady(p):
+    """Running median of nine samples: dips of a background that fades go, steps stay."""
+    return np.array([np.median(p[max(i - 4, 0) : i + 5]) for i in range(len(p))])
+
+
+def stretch(p):
+    """(first, end) of the decay: the stretch that loses most; what rises or jumps costs UP_COST times its size."""
+    smooth = steady(p)
+    change = np.diff(smooth)
+    usual = np.median(np.abs(change))
+    fall = np.where((change < 0) & (np.diff(p) > -max(STEP_DB, 12 * usual)), -change, -UP_COST * np.abs(change))
+    best, total, start, found = 0.0, 0.0, 0, (0, 0)
+    for i, v in enumerate(fall):
+        if total <= 0:
+            total, start = 0.0, i
+        total += v
+        if total > best:
+            best, found = total, (start, i + 2)
+    return found
+
+
+def background(trace):
+    """Power (dBm) that stands in a record beside its decay: behind it up to a jump, or before it; None if neither does.
+
+    What is short (30 samples behind, 60 before, where an earlier decay may still ring) or still falls by 6 dB is none.
+    """
+    p = trace.power_dbm
+    a, b = stretch(p)
+    ends = np.flatnonzero(np.abs(np.diff(steady(p))) > JUMP_DB)
+    last = next((int(e) + 1 for e in ends if e >= b + 5), len(p))
+    first = next((int(e) + 1 for e in ends if e < a), 0)
+    found = []
+    for piece, least in ((p[b + 5 : last], 30), (p[:first], 60)):
+        if len(piece) < least:
+            continue
+        half = len(piece) // 2
+        if abs(np.median(piece[:half]) - np.median(piece[half:])) < JUMP_DB:
+            found.append(10 * np.log10(np.mean(10 ** (piece / 10))))
+    return float(min(found)) if found else None
+
+
+def fluctuation(t, p, background_dbm):
+    """(noise sd (dB), correlation from sample to sample), one level for the whole run.
+
+    A background n beside the mode's signal A: P = |A + n|^2, sd 8.7 dB sqrt(N / 2 P). Without one in the record: what
+    second differences over LAG_S leave in the last third, where power is small. Both on top of the differences from
+    sample to sample of the first third. Correlation: ratio of the differences from sample to sample and over LAG_S.
+    """
+    lag = max(min(round(LAG_S * len(t) / (t[-1] - t[0])), len(t) // 20), 2)
+    inverse = 10 ** (-p / 10)
+    third = 2 * len(p) // 3
+
+    def typical(v):
+        return np.median(v**2) / 0.4549
+
+    far = typical(((p[2 * lag :] - 2 * p[lag:-lag] + p[: -2 * lag]) / np.sqrt(6 * inverse[lag:-lag]))[third:])
+    near = (p[2:] - 2 * p[1:-1] + p[:-2]) / np.sqrt(6)
+    ratio = typical((near / np.sqrt(inverse[1:-1]))[third:]) / max(far, 1e-30)
+    rho = float(np.clip(2.0 - np.sqrt(1.0 + 3.0 * min(ratio, 1.0)), 0.0, 0.98))  # 1 - (8 r - 2 r^2) / 6 = ratio
+    b = far if background_dbm is None else (2 * DB) ** 2 / 2 * 10 ** (background_dbm / 10)
+    return float(np.sqrt(typical(near[: len(p) // 3]) + b * np.mean(inverse))), rho
+
+
+def of_trace(trace, fitted, background_dbm=None):
+    """`Piece` of a run, and notes on what was left out."""
+    t, p = trace.x, trace.power_dbm
+    a, b = stretch(p)
+    if background_dbm is not None:  # nearer to it P is no longer signal with a small error
+        low = np.flatnonzero(steady(p)[a:b] < background_dbm + CLEAR_DB)
+        b = a + int(low[0]) if len(low) else b
+    if b - a < 100 or p[a] - p[b - 1] < JUMP_DB:
+        raise FileError(f"{trace.path}: no decay of 100 samples and 6 dB in it")
+    number = trace.header.get("measurement id", "") or "run"
+    notes = []
+    if a:
+        notes.append(f"{number}: first {t[a] - t[0]:.2f} s do not decay freely (drive on): left out")
+    if b < len(t):
+        jumps = np.flatnonzero(np.abs(np.diff(steady(p)[b:])) > JUMP_DB)
+        what = f", with a step of the receiver at {t[b + jumps[0]]:.2f} s" if len(jumps) else ""
+        notes.append(f"{number}: from {t[b - 1]:.2f} s on too near to its background{what}: left out")
+    t, p = t[a:b] - t[a], p[a:b]
+    sd, rho = fluctuation(t, p, background_dbm)
+    if fitted:
+        scored, setup = np.arange(len(t)), np.arange(0)
+    else:
+        block = np.minimum(np.arange(len(t)) * BLOCKS // len(t), BLOCKS - 1)
+        scored, setup = np.flatnonzero(block % 2 == 1), np.flatnonzero(block % 2 == 0)
+    starts = (0, *(np.flatnonzero(np.diff(scored) > 1) + 1).tolist())
+    noise = Noise.from_autocorrelation([1.0, rho], sd, starts)
+    name = f"run_{number}"
+    condition = {"level_dbm": float(p[0])}
+    role = "fit" if fitted else "validate"
+    return Piece(name, role, p, scored, setup, noise, sd, Run(t, trace.sample, number), condition), notes
+
+
+def problem(traces):
+    """`Ringdown` of the runs of one sample, in the order of their dates: first, third .. are fitted, the others judged.
+
+    A single run is split in time: its even blocks are fitted, its odd ones judged.
+    """
+    from testbench.measured.registry import sha256_of
+
+    traces = sorted(traces, key=lambda trace: (trace.header.get("date and time", ""), sha256_of(trace.path)))
+    pieces, notes = [], []
+    levels = [v for v in (background(trace) for trace in traces) if v is not None]
+    level = min(levels, default=None)
+    if level is not None:
+        notes.append(f"background beside the decay: {level:.1f} dBm")
+    if len(traces) == 1:
+        piece, said = of_trace(traces[0], False, level)
+        notes += said
+        starts = (0, *(np.flatnonzero(np.diff(piece.setup) > 1) + 1).tolist())
+        own = piece.noise._replace(starts=starts)
+        pieces = [
+            piece._replace(name=piece.name + "_even", role="fit", scored=piece.setup, noise=own),
+            piece._replace(name=piece.name + "_odd"),
+        ]
+    else:
+        for k, trace in enumerate(traces):
+            piece, said = of_trace(trace, k % 2 == 0, level)
+            pieces.append(piece)
+            notes += said
+    nuisances = []
+    for piece in (p for p in pieces if p.role == "fit"):
+        slope = np.polyfit(piece.data.t_s, piece.rows, 1)[0]
+        number = piece.data.number
+        nuisances.append(Nuisance(f"level_{number}", "dBm", float(piece.rows[0]), 3.0, 1e-4))
+        nuisances.append(Nuisance(f"ln_rate_{number}", "1", float(np.log(-slope / DB)), 1.0, 1e-5))
+    rate = np.exp(np.median([n.value for n in nuisances[1::2]]))
+    power = 10 ** ((np.median([p.rows[0] for p in pieces]) - UW_DBM) / 10)
+    hashes = {f"record_{i + 1}": sha256_of(trace.path) for i, trace in enumerate(traces)}
+    made = Ringdown(f"ring-down {traces[0].sample}", nuisances, _laws(power, rate), pieces, hashes, notes)
+    f = traces[0].frequency_hz if np.isfinite(traces[0].frequency_hz) else 1.0
+    largest = max(10 ** ((piece.rows[0] - UW_DBM) / 10) for piece in pieces)
+    made.working = Working("ringdown", float(np.sqrt(largest)), f, float(2 * np.pi * f / rate))
+    return made
+
+
+def load(paths):
+    """`ringdown_text.Trace`s of the files that are ring-downs."""
+    out = []
+    for path in paths:
+        with open(path, "rb") as file:
+            known = ringdown_text.is_one(file.read(4096))
+        trace = ringdown_text.load(path) if known else None
+        if trace is not None and trace.kind == "ringdown":
+            out.append(trace)
+    return out
+
+
+def jobs(paths):
+    """[(label, paths, options)]: the runs of each sample, as their headers say; samples with most runs first."""
+    groups = {}
+    for trace in load(paths):
+        groups.setdefault(trace.sample or trace.path, []).append(Path(trace.path))
+    return [(name, chosen, {}) for name, chosen in sorted(groups.items(), key=lambda item: (-len(item[1]), item[0]))]
+
+
+def opener(paths, options):
+    """`Problem` of ring-downs of one sample; None if the files are others."""
+    traces = load(paths)
+    if not traces or len(traces) != len(paths):
+        return None
+    samples = sorted({trace.sample for trace in traces})
+    if len(samples) > 1:
+        raise FileError(f"{paths[0]}: runs of {len(samples)} samples ({', '.join(samples)}); one at a time")
+    return problem(traces)

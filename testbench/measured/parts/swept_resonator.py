@@ -1,0 +1,387 @@
+"""A resonator under a frequency sweep: complex transmission S21 over frequency, one peak of it.
+
+    S21 = path + K a,  path = b0 + b1 x + b2 x^2         quasi-static: a = 1 / (g/2 + 2 pi j (f - f0))
+    swept: the source stays 1/r s on each frequency, a' = -(g/2 + 2 pi j (f - f0)) a + 1 from step to step exactly, the
+    receiver takes the mean over the step: what rang at the last frequencies is still there, and beats
+    nuisances   f0, ln g, K, b0 .. b2 of each fitted sweep       local unknowns of a judged sweep: the same
+    laws        r (instrument); f0 and g that change with |K a|^2 (force_x: x^3, x^2 vx); receiver that waits first,
+                source that kicks at each step (instrument); step of the path where S11 steps (instrument)
+Envelope of one mode of `analog_frontend.resonator`: a is its amplitude in the frame of the source.
+Frequencies are those of the grid (formats/touchstone.py).   Source    docs/measured_resonators.md
+"""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.signal import find_peaks
+
+from fpga_model.jit import kernel
+from testbench.errors import FileError
+from testbench.measured.formats import touchstone
+from testbench.measured.parts.noise import Noise
+from testbench.measured.parts.part import Part, Piece
+from testbench.measured.parts.working import Working
+from testbench.tracing.problem import Law, Nuisance
+
+WIDEST = 3000  # points used, two thirds of them behind the peak, where it still rings
+SUBSTEPS = 4  # of a step, if the mode is not linear
+SLOWEST = 1e-9  # points per s: below, the mode is always settled
+TWO_PI = 2 * np.pi
+PATH = ("b0", "b1", "b2")
+NEAR_HZ = 1000.0  # of a peak, in the test of where the rest is
+SPACINGS = 200
+
+
+class Sweep(NamedTuple):
+    """Grid (Hz), abscissa -1 .. 1, and 1 where a step of the analyser is behind."""
+
+    f_hz: np.ndarray
+    x: np.ndarray
+    behind: np.ndarray
+    number: str
+
+
+@kernel
+def _envelope(f, f0, g, dwell, wait, kick, stiff, damp, substeps, out):
+    """Mean of a over each step behind `wait` of it; stiff (Hz) and damp (1/s) per unit of |g a / 2|^2."""
+    rate = g / 2 + 1j * TWO_PI * (f[0] - f0)
+    a = 1.0 / rate
+    for n in range(len(f)):
+        a += kick
+        total, h = 0.0j, dwell / substeps
+        for k in range(substeps):
+            rate = g / 2 + 1j * TWO_PI * (f[n] - f0)
+            if stiff != 0.0 or damp != 0.0:  # amplitude in the middle of the substep: second order
+                middle = a
+                for _ in range(2):
+                    size = abs(middle) * g / 2
+                    rate = (g + damp * size * size) / 2 + 1j * TWO_PI * (f[n] - f0 - stiff * size * size)
+                    middle = 1.0 / rate + (a - 1.0 / rate) * np.exp(-rate * h / 2)
+                size = abs(middle) * g / 2
+                rate = (g + damp * size * size) / 2 + 1j * TWO_PI * (f[n] - f0 - stiff * size * size)
+            still = 1.0 / rate
+            first = max(wait * substeps - k, 0.0)
+            e = np.exp(-rate * h)
+            if first < 1.0:
+                total += still * (1.0 - first) + (a - still) * (np.exp(-rate * h * first) - e) / (rate * h)
+            a = still + (a - still) * e
+        out[n] = total / (substeps * (1.0 - wait))
+
+
+def _still(f_hz, f0_hz, g_per_s, stiff, damp):
+    """a of a mode that is always settled: the fixed point of its own amplitude."""
+    a = 1.0 / (g_per_s / 2 + 1j * TWO_PI * (f_hz - f0_hz))
+    for _ in range(60 if stiff or damp else 0):
+        square = (np.abs(a) * g_per_s / 2) ** 2
+        a = 0.5 * a + 0.5 / ((g_per_s + damp * square) / 2 + 1j * TWO_PI * (f_hz - f0_hz - stiff * square))
+    return a
+
+
+def envelope(f_hz, f0_hz, g_per_s, effects):
+    """a (n,) in s: quasi-static without the law `sweep_rate`."""
+    rate = effects.get("sweep_rate", 0.0)
+    stiff, damp = effects.get("duffing", 0.0), effects.get("damping_cubic", 0.0)
+    if rate < SLOWEST:
+        return _still(f_hz, f0_hz, g_per_s, stiff, damp)
+    out = np.empty(len(f_hz), complex)
+    dwell = 1.0 / rate
+    kick = complex(effects.get("kick_re", 0.0), effects.get("kick_im", 0.0)) * 1e-6
+    wait = float(np.clip(effects.get("receiver_wait", 0.0), 0.0, 0.95))
+    substeps = SUBSTEPS if stiff or damp else 1
+    _envelope(f_hz, f0_hz, g_per_s, dwell, wait, kick, stiff, damp, substeps, out)
+    return out
+
+
+def _laws(steps_seen, g, width_hz, level):
+    def plant(name, text, unit, scale):
+        return Law(name, "force_x", text, unit, scale, page=f"docs/effects/{name}.md")
+
+    def analyser(name, text, unit, scale, sign=0):
+        return Law(name, "instrument", text, unit, scale, sign, kind="instrument")
+
+    laws = [
+        analyser("sweep_rate", "sweep faster than the mode rings down", "points/s", 1000.0, 1),
+        plant("duffing", "f0 moves with the square of the amplitude", "Hz at full response", width_hz),
+        plant("damping_cubic", "damping that grows with the square of the amplitude", "1/s at full response", g),
+        analyser("receiver_wait", "share of a step that the receiver waits", "1", 0.1, 1),
+        analyser("kick_re", "source interrupted at each step", "us", 1.0),
+        analyser("kick_im", "phase of the source jumps at each step", "us", 1.0),
+    ]
+    if steps_seen:
+        laws += [
+            analyser("path_step_re", "path that steps where S11 does, real", "1", 0.01 * level),
+            analyser("path_step_im", "path that steps where S11 does, imaginary", "1", 0.01 * level),
+        ]
+    return laws
+
+
+class SweptResonator(Part):
+    """The problem; `Piece.data` is a `Sweep`, rows are real parts, then imaginary parts, in 1e-3."""
+
+    unit, observable = "1e-3", "s21"
+    laws_at_most = 3
+
+    def _columns(self, piece, f0, g, effects):
+        a = envelope(piece.data.f_hz, f0, g, effects) * g / 2
+        x = piece.data.x
+        step = complex(effects.get("path_step_re", 0.0), effects.get("path_step_im", 0.0)) * piece.data.behind
+        return np.column_stack([a, np.ones(len(x)), x, x * x]), step
+
+    def _of(self, piece, f0, ln_g, linear, effects):
+        columns, step = self._columns(piece, f0, float(np.exp(ln_g)), effects)
+        s = columns @ linear + step
+        return 1e3 * np.concatenate([s.real, s.imag])
+
+    def model(self, piece, values, effects, local):
+        return self._of(piece, *local, effects)
+
+    def abscissa(self, piece):
+        f = piece.data.f_hz - piece.data.f_hz[0]
+        step = f[1] - f[0]
+        return np.concatenate([f, f[-1] + step + f]), f"Hz above {piece.data.f_hz[0]:.0f}; imaginary part behind"
+
+    def where(self, piece, rest, values, laws):
+        """Shares of the rest's power near the peak, and `images` of it at the rate of the steps, if that is a law."""
+        n = len(rest) // 2
+        f = piece.data.f_hz[piece.scored[:n]] - piece.data.f_hz[0] - self.offset(piece, values, laws)
+        power = rest[:n] ** 2 + rest[n:] ** 2
+        near, rate = np.abs(f) < NEAR_HZ, float(laws.get("sweep_rate", 0.0))
+        found = {"near_hz": NEAR_HZ, "near_power": float(power[near].sum() / power.sum())}
+        found["near_rows"] = float(near.mean())
+        words = f"{100 * found['near_power']:.0f} % of its power within {NEAR_HZ / 1e3:g} kHz of the peak, in "
+        words += f"{100 * found['near_rows']:.0f} % of the rows"
+        if rate > 0 and np.ptp(f) > 5 * rate:
+            ratio, p = images(f, power, rate)
+            found |= {"images_ratio": ratio, "images_p": p, "images_hz": rate}
+            seen = "images of the peak there" if p < 0.05 else "no images of it there"
+            words += f"; every {rate:.0f} Hz from it {ratio:.2f} times the power beside (p {p:.2g}): {seen}"
+        return found | {"words": words}
+
+    def offset(self, piece, values, laws):
+        """Hz of the peak above the first row of a piece."""
+        return float(self.locate(piece, values, laws)[0] - piece.data.f_hz[0])
+
+    def working_at(self, values):
+        k, f0 = abs(complex(values["k_re_1"], values["k_im_1"])), self.pieces[0].data.f_hz[0] + values["f0_1"]
+        return Working("swept", self.working.amplitude / k, f0, TWO_PI * f0 / float(np.exp(values["ln_g_1"])))
+
+    def locate(self, piece, values, effects):
+        """Nuisances of a fitted sweep; else least squares on the setup rows, linear unknowns eliminated."""
+        n = piece.data.number
+        if piece.role == "fit":
+            linear = [complex(values[f"{c}_re_{n}"], values[f"{c}_im_{n}"]) for c in ("k", *PATH)]
+            return piece.data.f_hz[0] + values[f"f0_{n}"], values[f"ln_g_{n}"], np.array(linear)
+        half = len(piece.rows) // 2
+        used = piece.setup[piece.setup < half]
+        s = 1e-3 * (piece.rows[:half] + 1j * piece.rows[half:])
+        return located(self._columns, piece, s, used, effects)
+
+
+def images(f_hz, power, rate_hz):
+    """(power of a rest at multiples of `rate_hz` from 0 over that between them, p): is it at images of a peak at 0?
+
+    Power is divided by its mean within `rate_hz` around, as the rest falls with the distance from the peak; `at` is a
+    fifth of the spacing, the peak's own fifth is left out. p: share of other spacings, half to double, 5 % and more
+    away, whose ratio is as large.
+    """
+    level = np.array([power[np.abs(f_hz - f) < rate_hz].mean() for f in f_hz])
+    local = power / level
+
+    def ratio(spacing):
+        phase = (f_hz / spacing + 0.5) % 1.0 - 0.5
+        at, away = np.abs(phase) < 0.1, np.abs(f_hz) > spacing / 2
+        return local[at & away].mean() / local[~at & away].mean()
+
+    others = np.exp(np.linspace(np.log(0.5), np.log(2.0), SPACINGS))
+    others = rate_hz * others[np.abs(others - 1) > 0.05]
+    found = ratio(rate_hz)
+    above = sum(ratio(spacing) >= found for spacing in others)
+    return float(found), float((above + 1) / (len(others) + 1))
+
+
+def located(columns_of, piece, s, used, effects):
+    """(f0, ln g, linear unknowns) that fit s at `used`, from the quasi-static peak or from where `begin` says."""
+    f = piece.data.f_hz
+
+    def solve(q):
+        columns, step = columns_of(piece, q[0], float(np.exp(q[1])), effects)
+        c = np.linalg.lstsq(columns[used], (s - step)[used], rcond=None)[0]
+        left = (columns[used] @ c) - (s - step)[used]
+        return c, left
+
+    def residual(q):
+        _, left = solve(q)
+        if not np.all(np.isfinite(left)):
+            return np.full(2 * len(used), 1e3)
+        return 1e3 * np.concatenate([left.real, left.imag])
+
+    edge = np.linspace(s[0], s[-1], len(s))
+    peak = f[int(np.argmax(np.abs(s - edge)))]
+    step_hz = f[1] - f[0]
+    best = None
+    spread = np.sqrt(step_hz * effects["sweep_rate"]) if effects.get("sweep_rate", 0.0) > 0 else step_hz
+    for shift in (0.0, -0.6 * spread, -1.2 * spread):
+        for width in (2 * step_hz, 10 * step_hz, 40 * step_hz):
+            q = [peak + shift, np.log(TWO_PI * width)]
+            value = np.sum(residual(q) ** 2)
+            if best is None or value < best[0]:
+                best = (value, q)
+    found = least_squares(
+        residual,
+        best[1],
+        x_scale=[step_hz, 0.1],
+        diff_step=[1e-10, 1e-7],
+        xtol=1e-12,
+        ftol=1e-12,
+        gtol=1e-12,
+        max_nfev=60,
+    )
+    c, _ = solve(found.x)
+    return float(found.x[0]), float(found.x[1]), c
+
+
+def window(s, f):
+    """Points around the strongest peak, half way to the next one that stands out of the noise by 60 times."""
+    smooth = np.median(np.abs(np.diff(s, 2))) / 2.0
+    size = np.abs(np.gradient(s))
+    peaks, _ = find_peaks(size, height=max(60 * smooth, 0.03 * size.max()))
+    main = int(np.argmax(size))
+    near = 250  # points that one response may ring over before another peak is another mode
+    left = max([p for p in peaks if p < main - near], default=None)
+    right = None
+    level = size[main]
+    for p in peaks:
+        quiet = size[max(p - 30, 0) : p - 8] if p > 40 else size[:8]
+        if p > main + near and size[p] > max(2 * np.median(quiet), 0.05 * level):
+            right = int(p)
+            break
+    a = 0 if left is None else (main + int(left)) // 2
+    b = len(f) if right is None else (main + right) // 2
+    return max(a, main - WIDEST // 3), min(b, main + 2 * WIDEST // 3)
+
+
+def analyser_step(s11):
+    """Index at which S11 jumps by 50 times its usual change from point to point; None if it does not."""
+    change = np.abs(np.diff(s11))
+    at = int(np.argmax(change))
+    return at + 1 if change[at] > 50 * np.median(change) else None
+
+
+def noise_sd(s):
+    """Noise of real and imaginary part: second differences of the quieter half."""
+    change = np.abs(np.diff(s, 2)) / np.sqrt(6)
+    quiet = change[change <= np.median(change)]
+    return float(np.sqrt(np.mean(quiet**2) / 2) * np.sqrt(1.0 / 0.30685))  # mean of the lower half of an exponential
+
+
+def _piece(sweep, number, role):
+    if "s21" not in sweep.s:
+        raise FileError(f"{sweep.path}: one port; S21 wanted")
+    s, f = sweep.s["s21"], sweep.frequency_hz
+    a, b = window(s, f)
+    step = analyser_step(sweep.s["s11"])
+    behind = np.zeros(len(f))
+    if step is not None:
+        behind[step:] = 1.0
+    notes = []
+    if sweep.regular:
+        notes.append(f"{number}: printed to {sweep.rounding_hz:g} Hz, put back on a grid of {f[1] - f[0]:.4f} Hz")
+    if (a, b) != (0, len(f)):
+        notes.append(f"{number}: {f[a]:.0f} .. {f[b - 1]:.0f} Hz used")
+    if step is not None and a < step < b:
+        notes.append(f"{number}: the analyser steps at {f[step]:.0f} Hz (S11)")
+    s, f, behind = s[a:b], f[a:b], behind[a:b]
+    n = len(f)
+    rows = 1e3 * np.concatenate([s.real, s.imag])
+    odd = np.arange(n) % 2 == 1
+    both = np.concatenate([odd, odd])
+    scored = np.arange(2 * n) if role == "fit" else np.flatnonzero(both)
+    setup = np.arange(0) if role == "fit" else np.flatnonzero(~both)
+    sd = 1e3 * noise_sd(s)
+    data = Sweep(np.ascontiguousarray(f), np.linspace(-1, 1, n), behind, str(number))
+    condition = {"peak_hz": float(f[int(np.argmax(np.abs(s)))])}
+    return Piece(f"sweep_{number}", role, rows, scored, setup, Noise.white(sd), sd, data, condition), notes
+
+
+def problem(sweeps):
+    """`SweptResonator` of sweeps of one peak: the first is fitted, the others judged; in the order of their dates."""
+    from testbench.measured.registry import sha256_of
+
+    sweeps = sorted(sweeps, key=lambda s: (s.comments[-1:], sha256_of(s.path)))
+    pieces, notes = [], []
+    for k, sweep in enumerate(sweeps):
+        piece, said = _piece(sweep, k + 1, "fit" if k == 0 else "validate")
+        pieces.append(piece)
+        notes += said
+    first = pieces[0]
+    if len(sweeps) == 1:
+        n = len(first.data.f_hz)
+        half = np.arange(n) % 2 == 1
+        both = np.concatenate([half, half])
+        pieces = [
+            first._replace(name="sweep_even", scored=np.flatnonzero(~both)),
+            first._replace(name="sweep_odd", role="validate", scored=np.flatnonzero(both), setup=np.flatnonzero(~both)),
+        ]
+    n = len(first.data.f_hz)
+    s = 1e-3 * (first.rows[:n] + 1j * first.rows[n:])
+    made = SweptResonator("swept resonator", (), (), pieces, {}, notes)
+    f0, ln_g, linear = located(made._columns, first, s, np.arange(n), {})
+    spacing = first.data.f_hz[1] - first.data.f_hz[0]
+    level = float(np.max(np.abs(s)))
+    nuisances = [
+        Nuisance("f0_1", "Hz", float(f0 - first.data.f_hz[0]), 400 * spacing, 1e-3 * spacing),
+        Nuisance("ln_g_1", "1", float(ln_g), 3.0, 1e-5),
+    ]
+    for name, value in zip(("k", *PATH), linear):
+        for part, v in (("re", value.real), ("im", value.imag)):
+            nuisances.append(Nuisance(f"{name}_{part}_1", "1", float(v), 10 * level, 1e-6 * level))
+    seen = any(np.any(np.diff(p.data.behind)) for p in pieces)
+    laws = _laws(seen, float(np.exp(ln_g)), float(np.exp(ln_g)) / TWO_PI, level)
+    hashes = {f"record_{k + 1}": sha256_of(sweep.path) for k, sweep in enumerate(sweeps)}
+    made = SweptResonator("swept resonator", nuisances, laws, pieces, hashes, notes)
+    made.working = Working("swept", level, float(f0), TWO_PI * float(f0 / np.exp(ln_g)))
+    return made
+
+
+def load(paths):
+    """`touchstone.Sweep`s of the files that are such sweeps."""
+    out = []
+    for path in paths:
+        with open(path, "rb") as file:
+            known = touchstone.is_one(file.read(4096))
+        if known:
+            out.append(touchstone.load(path))
+    return out
+
+
+def _apart(a, b):
+    """True if two sweeps share less than half of the shorter one's span."""
+    (a0, a1), (b0, b1) = ((s.frequency_hz[0], s.frequency_hz[-1]) for s in (a, b))
+    return min(a1, b1) - max(a0, b0) < 0.5 * min(a1 - a0, b1 - b0)
+
+
+def jobs(paths):
+    """[(label, paths, options)]: sweeps over the same frequencies are of one peak."""
+    groups = []
+    for sweep in load(paths):
+        for group in groups:
+            if not _apart(group[0], sweep):
+                group.append(sweep)
+                break
+        else:
+            groups.append([sweep])
+    groups.sort(key=lambda g: -float(np.max(np.abs(g[0].s["s21" if "s21" in g[0].s else "s11"]))))
+    return [(f"{g[0].frequency_hz.mean() / 1e6:.2f} MHz", [Path(s.path) for s in g], {}) for g in groups]
+
+
+def opener(paths, options):
+    """`Problem` of sweeps of one peak; None if the files are others."""
+    sweeps = load(paths)
+    if not sweeps or len(sweeps) != len(paths):
+        return None
+    for sweep in sweeps[1:]:
+        if _apart(sweeps[0], sweep):
+            raise FileError(f"{sweep.path}: other frequencies than {sweeps[0].path}; sweeps of one peak wanted")
+    return problem(sweeps)

@@ -1,0 +1,121 @@
+"""Spectrum of a mode that only heat moves: power over frequency in dBm.
+
+    P = S / (1 + ((f - f0) / w)^2) + B        half width w = f0 / 2Q, as of the plant's mode driven by white force
+    nuisances   level of the peak (dBm), f0, ln w, background B (dBm), of blocks that are fitted and judged in turn
+    laws        background that slopes, peak beside it that leaks in with a phase (Fano), frequency that wanders
+                (Gaussian on top of the Lorentzian), logarithm that bends
+Noise: differences over more points than the analyser's filter joins; frequencies put back on their grid by the loader.
+"""
+
+import numpy as np
+from scipy.special import wofz
+
+from testbench.measured.formats import ringdown_text
+from testbench.measured.parts.noise import Noise
+from testbench.measured.parts.part import Part, Piece
+from testbench.measured.parts.working import Working
+from testbench.tracing.problem import Law, Nuisance
+
+BLOCKS = 24
+LAG = 8  # points, beyond the filter of the analyser
+DB = 10.0 / np.log(10.0)
+LAWS = (
+    Law("background_slope", "detector", "background that slopes over the span", "1", 1.0, kind="instrument"),
+    Law("fano", "detector", "direct path beside the mode: 1 + q x / (1 + x^2)", "1", 0.1, kind="instrument"),
+    Law("wander", "force_x", "frequency that wanders during the record, Gaussian, sd over w", "1", 0.5, 1),
+    Law("log_bias", "detector", "logarithm that bends", "dB/dB^2", 1e-3, kind="instrument"),
+)
+
+
+def power_dbm(f_hz, peak_dbm, f0_hz, half_width_hz, background_dbm, effects):
+    """Power (dBm) at frequencies (Hz)."""
+    x = (f_hz - f0_hz) / half_width_hz
+    sigma = abs(effects.get("wander", 0.0))
+    if sigma > 1e-3:
+        line = wofz((x + 1j) / (sigma * np.sqrt(2))).real / wofz(1j / (sigma * np.sqrt(2))).real
+    else:
+        line = 1.0 / (1.0 + x * x) + sigma * sigma * (3 * x * x - 1) / (1 + x * x) ** 3
+    peak = 10 ** (peak_dbm / 10)
+    span = (f_hz - f_hz.mean()) / np.ptp(f_hz)
+    p = peak * (line + effects.get("fano", 0.0) * x / (1.0 + x * x))
+    p = p + 10 ** (background_dbm / 10) * (1.0 + effects.get("background_slope", 0.0) * span)
+    y = 10 * np.log10(np.maximum(p, 1e-30))
+    return y + effects.get("log_bias", 0.0) * (y - peak_dbm) ** 2
+
+
+class ThermalSpectrum(Part):
+    """The problem; `Piece.data` are frequencies (Hz), rows in dBm."""
+
+    unit, observable = "dB", "power"
+
+    def locate(self, piece, values, effects):
+        return None
+
+    def model(self, piece, values, effects, local):
+        f0, w = self.f_ref_hz + values["f0"], float(np.exp(values["ln_w"]))
+        return power_dbm(piece.data, values["peak"], f0, w, values["background"], effects)
+
+
+def noise_of(p):
+    """(sd (dB), correlation from point to point) from differences over one and over LAG points."""
+
+    def typical(v):
+        return np.mean(v**2)
+
+    far = typical((p[2 * LAG :] - 2 * p[LAG:-LAG] + p[: -2 * LAG]) / np.sqrt(6))
+    near = typical((p[2:] - 2 * p[1:-1] + p[:-2]) / np.sqrt(6))
+    rho = float(np.clip(2.0 - np.sqrt(1.0 + 3.0 * min(near / far, 1.0)), 0.0, 0.98))
+    return float(np.sqrt(far)), rho
+
+
+def problem(trace):
+    """`ThermalSpectrum` of a trace: even blocks are fitted, odd ones judged."""
+    from testbench.measured.registry import sha256_of
+
+    f, p = trace.x, trace.power_dbm
+    sd, rho = noise_of(p)
+    block = np.minimum(np.arange(len(f)) * BLOCKS // len(f), BLOCKS - 1)
+    pieces = []
+    for name, role, parity in (("even", "fit", 0), ("odd", "validate", 1)):
+        scored = np.flatnonzero(block % 2 == parity)
+        starts = (0, *(np.flatnonzero(np.diff(scored) > 1) + 1).tolist())
+        noise = Noise.from_autocorrelation([1.0, rho], sd, starts)
+        pieces.append(Piece(f"{name}_blocks", role, p, scored, np.arange(0), noise, sd, f, {}))
+    smooth = np.convolve(p, np.ones(15) / 15, "same")[7:-7]
+    at = int(np.argmax(smooth)) + 7
+    high = f[np.flatnonzero(smooth > smooth.max() - 3.0) + 7]
+    width = max(float(np.ptp(high)) / 2, 2 * (f[1] - f[0]))
+    nuisances = (
+        Nuisance("peak", "dBm", float(smooth.max()), 3.0, 1e-4),
+        Nuisance("f0", "Hz", 0.0, 5 * width, 1e-4 * width),
+        Nuisance("ln_w", "1", float(np.log(width)), 1.0, 1e-5),
+        Nuisance("background", "dBm", float(np.min(smooth)) - 3.0, 6.0, 1e-3),
+    )
+    made = ThermalSpectrum(
+        f"thermal spectrum {trace.sample}", nuisances, LAWS, pieces, {"record": sha256_of(trace.path)}, ()
+    )
+    made.f_ref_hz = float(f[at])
+    made.working = Working("spectrum", 0.0, float(f[at]), float(f[at] / (2 * width)))
+    return made
+
+
+def _load(paths):
+    out = []
+    for path in paths:
+        with open(path, "rb") as file:
+            known = ringdown_text.is_one(file.read(4096))
+        trace = ringdown_text.load(path) if known else None
+        if trace is not None and trace.kind == "spectrum":
+            out.append((path, trace))
+    return out
+
+
+def jobs(paths):
+    """[(label, paths, options)]: each spectrum by itself."""
+    return [(f"spectrum {trace.sample}", [path], {}) for path, trace in _load(paths)]
+
+
+def opener(paths, options):
+    """`Problem` of one spectrum; None if the file is another."""
+    found = _load(paths)
+    return problem(found[0][1]) if len(paths) == 1 and found else None

@@ -1,0 +1,66 @@
+"""The published recordings, if GYRO_DATA_DIR names their folder: under other names, with the same verdicts."""
+
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+
+from testbench.measured.openers import open_problem
+from testbench.measured.parts import paper
+from testbench.measured.parts.staged import staged
+
+ROOT = Path(os.environ.get("GYRO_DATA_DIR", "/nonexistent"))
+pytestmark = pytest.mark.skipif(not ROOT.is_dir(), reason="GYRO_DATA_DIR names no folder")
+
+
+def renamed(folder, pattern, where):
+    """Copies of a set's files under names that say nothing."""
+    return [Path(shutil.copy(p, where / f"{k}.data")) for k, p in enumerate(sorted((ROOT / folder).glob(pattern)))]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("chooses", "limit"), [("1", 2.0), ("2", 1.5)])
+def test_the_dacs_sessions_name_the_same_elements(tmp_path, chooses, limit):
+    problem = open_problem(renamed("dac16_levels", "*.mat", tmp_path), {"fit": chooses})
+    found = staged(problem, most=30).json
+    row, effects = found["heldout"]["level"], {e["law"]: e["value"] for e in found["effects"]}
+    assert found["effects"][0]["law"] == "element 5/8"
+    assert effects["element 5/8"] == pytest.approx(-2.0, abs=0.2)
+    assert effects["step 2/8"] == pytest.approx(0.22, abs=0.05)
+    assert row["after_one_law"] < row["before"] / 3
+    assert row["after"] < limit * row["floor"]
+
+
+@pytest.mark.slow
+def test_the_meters_have_errors_of_their_own_and_one_is_broken(tmp_path):
+    (path,) = renamed("dmm_linearity", "*.dsv", tmp_path)
+    found = staged(open_problem([path], {}), most=36).json
+    ratio = {name: row["after"] / row["floor"] for name, row in found["heldout"].items()}
+    broken = [name for name, r in ratio.items() if r > 1.5]
+    before = {name: row["before"] for name, row in found["heldout"].items()}
+    assert broken == [max(before, key=before.get)], "the one that nobody explains is the one that was worst"
+    laws = {e["law"].split(": ")[1] for e in found["effects"]}
+    assert {"turnover", "memory", "gain with temp3"} <= laws
+
+
+@pytest.mark.slow
+def test_the_gyroscopes_third_axis_vibrates_and_settles(tmp_path):
+    (path,) = renamed("gyro_static", "*.npz", tmp_path)
+    found = staged(open_problem([path], {}), most=2).json
+    assert [e["law"].split(": ")[0] for e in found["effects"]] == ["z", "z"]
+    assert "settling" in found["effects"][1]["law"]
+    row = found["heldout"]["spectrum z"]
+    assert row["after"] < 1.5 * row["floor"] < row["before"]
+    for axis in "xy":
+        assert found["heldout"][f"spectrum {axis}"]["before"] < 1.1 * found["heldout"][f"spectrum {axis}"]["floor"]
+
+
+def test_no_rival_of_a_number_of_the_paper_is_a_winner(tmp_path):
+    (path,) = renamed("paper_numbers", "measured*.csv", tmp_path)
+    data, _ = paper.whole([path], {})
+    questions = {q["name"]: q for q in data["questions"]}
+    assert data["effects"] == []
+    assert {n: questions[n]["explained"] for n in ("phi_xe1", "phi_ye1")} == {"phi_xe1": True, "phi_ye1": False}
+    assert all(len(q["rivals"]) >= 2 for q in questions.values())
+    assert all(rival["predicts"] and rival["experiment"] for q in questions.values() for rival in q["rivals"])

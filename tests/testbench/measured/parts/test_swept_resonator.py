@@ -1,0 +1,90 @@
+"""Sweeps: the envelope against scipy's integrator; memory of a fast sweep and a spring that bends are told apart."""
+
+import numpy as np
+import pytest
+
+from testbench.errors import FileError
+from testbench.measured.parts import exam, swept_resonator
+from tests.testbench.measured.parts import recordings
+
+F = 1e6 + 20.0 * np.arange(120)
+F0, G = 1e6 + 900.0, 2 * np.pi * 60.0
+
+
+@pytest.mark.parametrize("more", [{}, {"stiff": 40.0}, {"damp": 300.0}])
+def test_the_envelope_is_the_integrated_one(more):
+    """Four substeps of second order: better than a thousandth of the response."""
+    expected = recordings.swept(F, F0, G, 1.0, 0.0, 1000.0, **more)
+    effects = {"sweep_rate": 1000.0, "duffing": more.get("stiff", 0.0), "damping_cubic": more.get("damp", 0.0)}
+    found = swept_resonator.envelope(F, F0, G, effects) * G / 2
+    assert np.max(np.abs(found - expected)) < 1e-3 * np.max(np.abs(expected))
+
+
+def test_a_slow_sweep_is_the_settled_response():
+    slow = swept_resonator.envelope(F, F0, G, {"sweep_rate": 0.5})
+    still = swept_resonator.envelope(F, F0, G, {})
+    assert np.max(np.abs(slow - still)) < 5e-3 * np.max(np.abs(still))
+    bent = swept_resonator.envelope(F, F0, G, {"duffing": 20.0}) * G / 2
+    np.testing.assert_allclose(bent, recordings.swept(F, F0, G, 1.0, 0.0, stiff=20.0), atol=1e-6)
+
+
+def sweeps(folder, names, seed, **law):
+    rng = np.random.default_rng(seed)
+    out = []
+    for k, name in enumerate(names):
+        s = recordings.swept(F, F0 + 137.0 * k, G * (1 + 0.1 * k), 0.3 * np.exp(1j), 0.02 - 0.01j, **law)
+        s = s + 2e-5 * (rng.normal(size=len(F)) + 1j * rng.normal(size=len(F)))
+        out.append(recordings.touchstone(folder / name, F, s, date=f"2025-01-0{k + 1} 10:00"))
+    return out
+
+
+@pytest.mark.parametrize(
+    ("law", "name", "value"),
+    [
+        ({"points_per_s": 800.0}, "sweep_rate", 800.0),
+        ({"stiff": 30.0}, "duffing", 30.0),
+        pytest.param({"damp": 200.0}, "damping_cubic", 200.0, marks=pytest.mark.slow),
+    ],
+)
+def test_a_planted_law_is_found_under_any_file_name(tmp_path, law, name, value):
+    found = exam.stage(swept_resonator.opener(sweeps(tmp_path, ("q.s2p", "no_name"), 3, **law), {}), 1)
+    (effect,) = found.json["effects"]
+    assert effect["law"] == name
+    assert abs(effect["value"] - value) < 0.01 * value
+    assert all(r["after"] < 3 * r["floor"] < r["before"] for r in found.json["heldout"].values())
+
+
+def test_nothing_is_found_where_nothing_is(tmp_path):
+    for seed in range(4):
+        folder = tmp_path / str(seed)
+        folder.mkdir()
+        found = exam.stage(swept_resonator.opener(sweeps(folder, ("a", "b"), seed), {}), 1)
+        assert found.json["effects"] == []
+
+
+def test_sweeps_of_other_frequencies_are_refused(tmp_path):
+    a = recordings.touchstone(tmp_path / "a", F, np.full(len(F), 0.1 + 0j))
+    b = recordings.touchstone(tmp_path / "b", F + 1e6, np.full(len(F), 0.1 + 0j))
+    with pytest.raises(FileError, match="other frequencies"):
+        swept_resonator.opener([a, b], {})
+
+
+def test_a_step_of_the_analyser_is_seen_in_s11():
+    s11 = np.full(120, 0.01 + 0j) + 1e-6 * np.random.default_rng(0).normal(size=120)
+    assert swept_resonator.analyser_step(s11) is None
+    s11[60:] += 1e-3
+    assert swept_resonator.analyser_step(s11) == 60
+
+
+def test_images_of_a_peak_are_told_from_a_rest_without():
+    rng = np.random.default_rng(5)
+    f = np.arange(-6000.0, 9000.0, 10.0)
+    slope = 1.0 / (1.0 + (f / 1000.0) ** 2)  # the rest falls with the distance from the peak
+    noise = rng.exponential(size=len(f))
+    comb = 1.0 + 3.0 * (np.abs((f / 1059.0 + 0.5) % 1.0 - 0.5) < 0.08)
+    ratio, p = swept_resonator.images(f, slope * noise * comb, 1059.0)
+    assert ratio > 2.0
+    assert p < 0.05
+    ratio, p = swept_resonator.images(f, slope * noise, 1059.0)
+    assert ratio < 1.3
+    assert p > 0.05

@@ -1,0 +1,399 @@
+"""Records: HDF5 and bundle hold the same, every rule refuses what it is for, damage never loads and never crashes."""
+
+import copy
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fpga_model.rates import FRAME_CYCLES
+from testbench import record as records
+from testbench.errors import FileError
+from testbench.measured import bundle, checks, firmware_residual, load, schema
+from testbench.record import Column, RecordError, TableColumn
+
+
+def same(a, b):
+    assert list(a.streams) == list(b.streams) or set(a.streams) == set(b.streams)
+    for name, column in a.streams.items():
+        other = b.streams[name]
+        assert column[1:5] == other[1:5]
+        assert dict(column.attrs) == dict(other.attrs)
+        assert np.array_equal(column.data, other.data)
+        assert column.data.dtype == other.data.dtype
+    assert set(a.tables) == set(b.tables)
+    for name, table in a.tables.items():
+        for key, column in table.items():
+            assert column.unit == b.tables[name][key].unit
+            assert column.data.tolist() == b.tables[name][key].data.tolist(), (name, key)
+    assert (a.attrs, a.provenance, a.config_toml) == (b.attrs, b.provenance, b.config_toml)
+
+
+@pytest.mark.parametrize("name", ["a.h5", "a"])
+def test_what_goes_in_comes_out(small, tmp_path, name):
+    digest = load.write(tmp_path / name, small)
+    loaded = load.load(tmp_path / name, replay=False)
+    same(small, loaded.record)
+    assert loaded.findings == []
+    assert loaded.record.content_sha256 == digest
+
+
+def test_both_forms_have_one_content_hash(small, tmp_path):
+    assert load.write(tmp_path / "a.h5", small) == load.write(tmp_path / "a", small)
+
+
+def test_a_clean_record_has_no_findings(small):
+    assert checks.check(small) == []
+
+
+def test_a_record_of_the_board_holds_nothing_of_its_truth(small):
+    assert not any("truth" in name for name in (*small.streams, *small.tables, *small.attrs))
+
+
+# ---- rules -----------------------------------------------------------------------------------------------------------
+
+
+def column(record, table, key, row, value):
+    """A table with one value changed."""
+    old = record.tables[table][key]
+    data = old.data.astype(object) if old.data.dtype.kind == "U" else old.data.copy()
+    data[row] = value
+    record.tables[table][key] = TableColumn(data.astype(str) if old.data.dtype.kind == "U" else data, old.unit)
+
+
+def roles(record):
+    record.attrs["roles_sha256"] = schema.roles_sha256(record.tables["segments"])
+
+
+def stream(record, name, **changes):
+    record.streams[name] = record.streams[name]._replace(**changes)
+
+
+def codes(record, name, rows, value):
+    data = record.streams[name].data.copy()
+    data[rows] = value
+    stream(record, name, data=data)
+
+
+def dropped(record, row):
+    """One row is missing in every stream, and nobody says so."""
+    for name, c in record.streams.items():
+        data = np.concatenate([np.delete(c.data, row), c.data[-1:]])
+        stream(record, name, data=data)
+
+
+def fit_rows(record):
+    table = record.tables["segments"]
+    k = table["role"].data.tolist().index("fit")
+    return slice(*(int(table[key].data[k]) // FRAME_CYCLES for key in ("edge_a", "edge_b")))
+
+
+def swapped_edges(record):
+    edges = record.tables["stimulus/rate"]["edge"].data[::-1].copy()
+    record.tables["stimulus/rate"]["edge"] = TableColumn(edges, "edge")
+
+
+def same_group(record):
+    table = record.tables["segments"]
+    k = table["role"].data.tolist().index("validate")
+    column(record, "segments", "repeat_group", k, "a")
+    roles(record)
+
+
+def alone(record):
+    groups = np.array([f"g{k}" for k in range(len(record.tables["segments"]["id"].data))])
+    record.tables["segments"]["repeat_group"] = TableColumn(groups, "")
+    roles(record)
+
+
+def overlap(record):
+    column(record, "segments", "edge_a", 1, 0)
+    roles(record)
+
+
+def dangling(record):
+    column(record, "segments", "edge_b", -1, 10**12)
+    roles(record)
+
+
+def second_column(record, table, key):
+    """A counter in seconds of its own clock."""
+    old = record.tables[table][key]
+    record.tables[table][key] = TableColumn(old.data / 26e6, "s")
+
+
+def nan_rate(record):
+    column(record, "stimulus/rate", "rate", 0, np.nan)
+
+
+COUNTER = "counter/Vxm_vs_sgnsin"
+SPOILT = {
+    "R02 stream": (lambda r: r.streams.pop("adc_xQ"), "R02 /streams/adc_xQ expected a stream"),
+    "R02 table": (lambda r: r.tables.pop("segments"), "R02 /segments expected a table"),
+    "R02 column": (lambda r: r.tables["segments"].pop("role"), "R02 /segments/role expected a column"),
+    "R02 attribute": (lambda r: r.attrs.pop("lab"), "R02 / expected lab"),
+    "R02 other name": (
+        lambda r: r.streams.__setitem__("adc_zI", r.streams["adc_xI"]),
+        "R02 /streams/adc_zI expected a stream of the schema",
+    ),
+    "R03": (lambda r: stream(r, "adc_xI", unit="V"), "R03 /streams/adc_xI expected unit code, found V"),
+    "R03 table": (
+        lambda r: r.tables["stimulus/rate"].__setitem__("rate", TableColumn(np.zeros(4), "rad/s")),
+        "R03 /stimulus/rate/rate expected unit deg/s, found rad/s",
+    ),
+    "R04 range": (lambda r: codes(r, "adc_yI", 7, 1 << 23), "R04 /streams/adc_yI expected codes within -8388608"),
+    "R04 bits": (
+        lambda r: stream(r, "dac_ftr", attrs={**r.streams["dac_ftr"].attrs, "bits": 16}),
+        "R04 /streams/dac_ftr expected bits = 20",
+    ),
+    "R05": (lambda r: stream(r, "adc_xI", data=r.streams["adc_xI"].data[:-1]), "R05 /streams/adc_xI expected"),
+    "R06": (swapped_edges, "R06 /stimulus/rate/edge expected rising edges"),
+    "R07": (lambda r: dropped(r, 5000), "R07 /streams/nco_pword expected the phase to follow the word"),
+    "R08": (lambda r: stream(r, "adc_xI", den=3251), "R08 /streams/adc_xI expected rate 1/3250"),
+    "R08 edge": (lambda r: stream(r, "adc_xQ", edge0=1), "R08 /streams/adc_xQ expected edge0"),
+    "R09": (nan_rate, "R09 /stimulus/rate/rate expected finite numbers"),
+    "R10 stuck": (lambda r: codes(r, "adc_yQ", fit_rows(r), 3), "R10 /streams/adc_yQ expected a living stream"),
+    "R10 saturated": (
+        lambda r: codes(r, "adc_yQ", slice(fit_rows(r).start, fit_rows(r).start + 9), (1 << 23) - 1),
+        "R10 /streams/adc_yQ expected at most 0.1 % at the rails",
+    ),
+    "R11 map": (lambda r: r.attrs.update(regmap_sha256="0" * 64), "R11 / expected regmap_sha256"),
+    "R11 bitstream": (lambda r: r.attrs.update(bitstream_sha256="0" * 64), "R11 / expected bitstream_sha256"),
+    "R11 register": (lambda r: column(r, "registers", "addr", 0, 0x3F), "R11 /registers expected a writable"),
+    "R11 configuration": (lambda r: setattr(r, "config_toml", "[firmware]\nagc = 1\n"), "R11 / expected a config"),
+    "R12 overlap": (overlap, "R12 /segments"),
+    "R12 dangling": (dangling, "R12 /segments/b.1 expected edges within"),
+    "R13": (same_group, "R13 /segments/a expected one role"),
+    "R15 roles": (lambda r: column(r, "segments", "role", 2, "validate"), "R15 /segments expected the roles"),
+    "R17": (lambda r: r.attrs.update(nuisances="plant.fx_hz,plant.qx"), "R17 /priors/plant.qx expected a prior"),
+    "R18": (lambda r: second_column(r, COUNTER, "edge"), f"R18 /{COUNTER}/edge expected unit edge, found s"),
+    "R18 outside": (lambda r: column(r, COUNTER, "edge", -1, 10**13), f"R18 /{COUNTER}/edge expected edges within"),
+    "R19 counter": (lambda r: column(r, COUNTER, "unc", 0, 0.0), f"R19 /{COUNTER}/unc expected uncertainties"),
+    "R19 prior": (lambda r: column(r, "priors", "sd", 0, 0.0), "R19 /priors/plant.fx_hz expected sd above 0"),
+    "R19 gain": (
+        lambda r: stream(r, "adc_xI", attrs={**r.streams["adc_xI"].attrs, "lsb_V_unc": 0.0}),
+        "R19 /streams/adc_xI expected lsb_V_unc above 0",
+    ),
+    "R20": (
+        lambda r: stream(r, "adc_xI", data=r.streams["adc_xI"].data.astype(float)),
+        "R20 /streams/adc_xI expected integer codes",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", SPOILT)
+def test_every_rule_refuses_what_it_is_for(own, tmp_path, case):
+    spoil, line = SPOILT[case]
+    spoil(own)
+    load.write(tmp_path / "a", own)
+    with pytest.raises(RecordError) as caught:
+        load.load(tmp_path / "a", replay=False)
+    assert any(text.startswith(line) for text in caught.value.findings), caught.value.findings
+    assert all("\n" not in text for text in caught.value.findings)
+
+
+def test_a_missing_repeat_is_a_downgrade(own):
+    alone(own)
+    (finding,) = checks.check(own)
+    assert (finding.rule, finding.level) == ("R14", schema.DOWNGRADED)
+    assert "ranking only" in finding.text
+
+
+def void(record, row):
+    """The recorder lost a row."""
+    for name, c in record.streams.items():
+        codes(record, name, slice(row, row + 1), 0)
+        assert c.data is not record.streams[name].data
+
+
+def declared(record, row):
+    """And says so."""
+    values = {"edge_a": row * FRAME_CYCLES, "edge_b": (row + 1) * FRAME_CYCLES, "streams": "all", "reason": "overrun"}
+    gaps = record.tables["gaps"]
+    for key, value in values.items():
+        old = gaps[key].data.tolist()
+        gaps[key] = TableColumn(np.array([*old[:1], value, *old[1:]]), gaps[key].unit)
+
+
+def test_a_declared_gap_is_none_of_rule_7(own):
+    void(own, 5000)
+    assert [f.rule for f in checks.check(own)] == ["R07"]
+    declared(own, 5000)
+    assert checks.check(own) == []
+
+
+def test_codes_that_nobody_recorded_leave_the_firmware_undecided(own):
+    void(own, 5000)
+    declared(own, 5000)
+    residual = firmware_residual.residual(own)
+    assert not residual.decidable
+    assert residual.verdict == "R0 not decidable: codes of frame 5000 are lost in a gap"
+
+
+def test_the_file_formats_refuse_by_themselves(small, tmp_path):
+    load.write(tmp_path / "a", small)
+    head = json.loads((tmp_path / "a" / "record.json").read_text())
+    cases = {
+        "R01": lambda h: h.update(schema="gyrorec/2.0"),
+        "R02": lambda h: h.pop("streams"),
+        "R03": lambda h: h["streams"]["adc_xI"].update(unit="furlong"),
+        "R05": lambda h: h["streams"]["adc_xI"].update(rows=3),
+        "R08": lambda h: h["streams"]["adc_xI"].update(fs_den=0),
+        "R15": lambda h: h["streams"]["adc_xI"].update(bits=25),
+        "R20": lambda h: h["tables"]["segments"]["columns"][1].update(dtype=">i8"),
+    }
+    for rule, edit in cases.items():
+        changed = copy.deepcopy(head)
+        edit(changed)
+        (tmp_path / "a" / "record.json").write_text(json.dumps(changed))
+        with pytest.raises(RecordError) as caught:
+            load.read(tmp_path / "a")
+        assert caught.value.findings[0].startswith(rule), caught.value.findings
+
+
+@pytest.mark.parametrize("name", ["../secret.csv", "/etc/passwd", "a/b.csv", ""])
+def test_a_bundle_does_not_lead_out_of_its_folder(small, tmp_path, name):
+    load.write(tmp_path / "a", small)
+    path = tmp_path / "a" / "record.json"
+    head = json.loads(path.read_text())
+    head["tables"]["segments"]["file"] = name
+    path.write_text(json.dumps(head))
+    with pytest.raises(RecordError, match=r"R01 /.* expected the name of a file in the folder"):
+        load.read(tmp_path / "a")
+
+
+def test_other_folders_are_not_replaced(small, tmp_path):
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.txt").write_text("years")
+    with pytest.raises(FileError, match="is no bundle"):
+        bundle.write(tmp_path / "mine", small)
+    assert (tmp_path / "mine" / "thesis.txt").read_text() == "years"
+
+
+# ---- damage ----------------------------------------------------------------------------------------------------------
+
+
+def cut(record, rows=120):
+    """A small record of the same shape: the first frames alone."""
+    for name, c in list(record.streams.items()):
+        stream(record, name, data=c.data[:rows])
+    edge = rows * FRAME_CYCLES
+    for table in record.tables.values():
+        key = "edge_b" if "edge_b" in table else "edge"
+        if key in table:
+            keep = table[key].data < edge if key == "edge" else table[key].data <= edge
+            for name, c in table.items():
+                table[name] = TableColumn(c.data[keep], c.unit)
+    roles(record)
+    return record
+
+
+def loaded_or_refused(path, want):
+    """1 if refused with clean lines; 0 if it loads and is what was written."""
+    try:
+        have, lines = load.load(path, replay=False).record, ()
+    except RecordError as problem:
+        have, lines = None, problem.findings
+    except FileError as problem:
+        have, lines = None, (str(problem),)
+    if have is not None:
+        same(want, have)
+        return 0
+    assert lines
+    assert all("\n" not in line for line in lines)
+    return 1
+
+
+def damaged(rng, k, clean):
+    data = bytearray(clean)
+    if k % 4 == 0:
+        return data[: rng.integers(len(data))]
+    for place in rng.integers(0, len(data), 1 + 40 * (k % 2)):
+        data[place] ^= int(rng.integers(1, 256))
+    return data
+
+
+def test_two_hundred_damaged_files_give_two_hundred_refusals(own, tmp_path):
+    small = cut(own)
+    rng = np.random.default_rng(11)
+    h5, folder = tmp_path / "a.h5", tmp_path / "a"
+    load.write(h5, small)
+    load.write(folder, small)
+    clean = h5.read_bytes()
+    files = {path.name: path.read_bytes() for path in folder.iterdir()}
+    refused = 0
+    for k in range(100):
+        h5.write_bytes(damaged(rng, k, clean))
+        refused += loaded_or_refused(h5, small)
+    for k in range(100):
+        name = sorted(files)[k % len(files)]
+        (folder / name).write_bytes(damaged(rng, k // len(files), files[name]))
+        refused += loaded_or_refused(folder, small)
+        (folder / name).write_bytes(files[name])
+    assert loaded_or_refused(folder, small) == 0, "and undamaged it loads"
+    # a byte of record.json may be white space, of its versions or its date; one of an HDF5 file may mark its seal
+    assert refused >= 196
+
+
+VALUES = (None, -1, 0, 1.5, 1e400, "x", [], {}, [1], {"a": 1}, 2**70, True)
+
+
+def places(node, path=()):
+    if isinstance(node, dict):
+        for key, item in node.items():
+            yield (*path, key)
+            yield from places(item, (*path, key))
+    elif isinstance(node, list):
+        for k, item in enumerate(node):
+            yield (*path, k)
+            yield from places(item, (*path, k))
+
+
+def test_a_hundred_forged_heads_are_refused_or_harmless(own, tmp_path):
+    """Valid JSON with anything in any place: what random bytes never make."""
+    small = cut(own)
+    load.write(tmp_path / "a", small)
+    path = tmp_path / "a" / "record.json"
+    head = json.loads(path.read_text())
+    rng = np.random.default_rng(3)
+    where = list(places(head))
+    refused = 0
+    for _ in range(100):
+        forged = copy.deepcopy(head)
+        place = where[rng.integers(len(where))]
+        node = forged
+        for key in place[:-1]:
+            node = node[key]
+        node[place[-1]] = VALUES[rng.integers(len(VALUES))]
+        path.write_text(json.dumps(forged))
+        refused += loaded_or_refused(tmp_path / "a", small)
+    assert refused >= 80
+    shutil.rmtree(tmp_path / "a")
+
+
+def test_nothing_here_can_execute_what_it_reads():
+    for module in (bundle, load, checks):
+        source = Path(module.__file__).read_text()
+        assert not any(word in source for word in ("import pickle", "allow_pickle", "eval(", "exec("))
+
+
+def test_a_float_table_survives_the_text_of_a_bundle(own, tmp_path):
+    values = np.array([0.1, 1 / 3, 5e-324, -0.0])
+    rows = len(own.tables["stimulus/rate"]["rate"].data)
+    own.tables["stimulus/rate"]["rate"] = TableColumn(np.resize(values, rows), "deg/s")
+    load.write(tmp_path / "a", own)
+    have = bundle.read(tmp_path / "a").tables["stimulus/rate"]["rate"].data
+    assert have.tobytes() == np.resize(values, rows).tobytes()
+
+
+def test_an_empty_stream_is_refused(own):
+    for name in list(own.streams):
+        stream(own, name, data=own.streams[name].data[:0])
+    assert any(f.rule in ("R05", "R12") for f in checks.check(own))
+
+
+def test_the_column_type_of_records_is_the_one_of_runs(small):
+    assert isinstance(small.streams["adc_xI"], Column)
+    assert isinstance(small, records.Record)
