@@ -1,0 +1,1 @@
+"""The paper's experiments and analysis: equations, loops, calibration, what is measured."""

@@ -1,0 +1,139 @@
+"""`gyro calibrate`, `gyro characterise`, `gyro report paper`: arguments and what is printed; no computing.
+
+Source  docs/paper.md
+"""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+ConfigFile = Annotated[Path | None, typer.Option("--config", "-c", metavar="FILE", help="TOML configuration.")]
+Sets = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="One value, such as plant.fx_hz=11010; may be repeated."),
+]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")]
+reports = typer.Typer(
+    name="report", no_args_is_help=True, pretty_exceptions_enable=False, help="Pages about many runs."
+)
+
+
+def _cli():
+    from testbench import cli
+
+    return cli
+
+
+def _load(config, sets):
+    from testbench.config import load, parse_set
+
+    return load(config, [parse_set(text) for text in sets or ()])
+
+
+def calibrate(
+    config: ConfigFile = None,
+    sets: Sets = None,
+    boards: Annotated[
+        int, typer.Option(min=1, max=1000, help="Random boards; 1 without --seed: the board itself.")
+    ] = 1,
+    seed: Annotated[int | None, typer.Option(min=0, help="Seed of the boards' parts and noise.")] = None,
+    temperature_degc: Annotated[float, typer.Option("--temperature-degc", help="Of the oven (degC).")] = 25.0,
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Write cases 1 to 5 there, as TOML.")] = None,
+    engine: Annotated[
+        str | None, typer.Option(help="frame, or baseband: quick, phases within 3 mdeg. Left out: exact, side by side.")
+    ] = None,
+    as_json: Json = False,
+):
+    """Calibrate the four phases as the paper does, from registers at reset, with what a laboratory can see."""
+    checked = _load(config, sets)
+    from testbench.errors import ConfigError
+
+    cli = _cli()
+    with cli.Progress(quiet=as_json) as progress:
+        from testbench.paper import calibrations
+
+        if engine not in (None, "frame", "baseband"):
+            raise ConfigError(f"--engine = {engine!r} is not an engine of the calibration: frame or baseband")
+        results = calibrations.many(checked, boards, seed, temperature_degc, boards == 1, progress, engine)
+        paths = calibrations.write_cases(results, checked, seed, out) if out else []
+    summary = calibrations.summary(results)
+    if as_json:
+        cli._print_json({"boards": results, "summary": summary, "seed": seed, "files": [str(p) for p in paths]})
+        return
+    from testbench.paper import page
+
+    tables = [page._calibration_table(results[0]), page._cases_table(results[0])] if boards == 1 else []
+    cli._print_tables([*tables, page._boards_table(results)])
+    cli._print_list("Written:", [str(p) for p in paths])
+
+
+def characterise(
+    config: ConfigFile = None,
+    sets: Sets = None,
+    temperature_degc: Annotated[float, typer.Option("--temperature-degc", help="Of the oven (degC).")] = 25.0,
+    seconds: Annotated[float, typer.Option(min=10.0, max=36000.0, help="Record at rest (s).")] = 120.0,
+    as_json: Json = False,
+):
+    """Scale factor on 22 rates, bias, V_q, Allan deviation, bandwidth, frequency and drive of one configuration."""
+    checked = _load(config, sets)
+    cli = _cli()
+    with cli.Progress(quiet=as_json) as progress:
+        from testbench.paper import characterise as measure
+
+        steps = iter(range(10))
+        found = measure.characterise(
+            checked, lambda text: progress(text, next(steps), 5), measure.engine_of(checked), seconds, temperature_degc
+        )
+    if as_json:
+        cli._print_json(found)
+        return
+    from testbench.paper import page
+    from testbench.tables import Table
+
+    rows = [(head, page._text(found.get(name), digits)) for name, head, digits in page.POINT_COLUMNS]
+    cli._print_tables([Table(f"At {temperature_degc:g} degC", ("quantity", "value"), rows)])
+
+
+@reports.command()
+def paper(
+    config: ConfigFile = None,
+    sets: Sets = None,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the study and its page.")] = Path(
+        "out/paper"
+    ),
+    small: Annotated[
+        bool, typer.Option("--small", help="Cases 1 and 5 at 25 degC, short records, no random boards.")
+    ] = False,
+    boards: Annotated[int | None, typer.Option(min=0, max=1000, help="Random boards to calibrate (20).")] = None,
+    rest_s: Annotated[float | None, typer.Option(min=10.0, help="Record at rest of each point (600 s).")] = None,
+    record_s: Annotated[float | None, typer.Option(min=0.0, help="Phase record (7200 s; 0: none).")] = None,
+    workers: Annotated[int | None, typer.Option(min=0, help="Processes of the campaign; 0: this one.")] = None,
+    as_json: Json = False,
+):
+    """The paper's experiments: calibration, five cases at three temperatures, and one page beside its printed numbers.
+
+    The same command continues after any interruption.
+    """
+    checked = _load(config, sets)
+    cli = _cli()
+    with cli.Progress(quiet=as_json) as progress:
+        from testbench.paper import page, study
+
+        size = study.SMALL if small else study.FULL
+        given = {"boards": boards, "rest_s": rest_s, "record_s": record_s}
+        size = size._replace(**{k: v for k, v in given.items() if v is not None})
+        job = study.Study(checked, out, size, workers=workers, progress=progress)
+        path, verdicts = page.write(job)
+    if as_json:
+        cli._print_json({"page": str(path), "verdicts": verdicts, "seconds": job.seconds})
+        return
+    cli._print_list("", [f"{k}: {v} numbers" for k, v in verdicts.items()])
+    cli._print_list("Written:", [str(path)])
+
+
+def add(app):
+    """Put the commands into the command line."""
+    app.command()(calibrate)
+    app.command()(characterise)
+    app.add_typer(reports)

@@ -1,0 +1,331 @@
+"""`gyro report paper`: one HTML page, every figure of the paper redrawn, every printed number beside the model's.
+
+Source    docs/paper.md
+"""
+
+import math
+import re
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+from testbench.paper import (
+    calibrations,
+    comparison,
+    equations,
+    figures,
+    loop_page,
+    loop_pictures,
+    record_phases,
+    temperature,
+)
+from testbench.paper import loop as loops
+from testbench.paper import parts as loop_parts
+from testbench.paper.calibrate import NODES
+from testbench.report import write_html
+from testbench.tables import Table
+
+PAPER_MEANS = {
+    "scale_lsb_per_dps": "SF",
+    "quadrature_v": "Vq",
+    "bias_dps": "bias",
+    "arw_deg_per_rt_h": "ARW",
+    "nonlinearity_ppm": "SF nonlinearity",
+}
+
+
+def _text(value, digits=5):
+    return "-" if value is None or (isinstance(value, float) and math.isnan(value)) else f"{value:.{digits}g}"
+
+
+def paper_means():
+    """{quantity: {temperature: value}} of the paper's cases 1 to 3."""
+    rows = [r for r in comparison.numbers() if r["case"] == "mean of cases 1,2,3"]
+    out = {}
+    for name, symbol in PAPER_MEANS.items():
+        mine = [r for r in rows if r["symbol"] == symbol]
+        out[name] = {
+            25.0 if r["temperature_C"].startswith("room") else float(r["temperature_C"]): float(r["value"])
+            for r in mine
+        }
+    return out
+
+
+def _short(text):
+    """A text without what stands in brackets."""
+    return re.sub(r"\s*\(.*?\)", "", text)
+
+
+def _comparison_table(rows):
+    heads = (
+        "quantity",
+        "case",
+        "degC",
+        "paper",
+        "its spread",
+        "unit",
+        "model",
+        "1 sigma",
+        "ratio",
+        "verdict",
+        "reason",
+    )
+    reasons = list(dict.fromkeys(r.why for r in rows))
+    cells = []
+    for r in rows:
+        name, temp = _short(r.quantity.replace(", mean over cases 1-3", "")), _short(r.temperature).split(" temp")[0]
+        spread = r.spread.replace("max fluctuation", "max").replace("not stated", "")
+        unit = _short(r.unit).replace("dimensionless", "1").replace("not stated", "")
+        numbers = _text(r.model), _text(r.sigma, 2), _text(r.ratio, 4)
+        cells.append(
+            (name, _short(r.case), temp, r.paper, spread, unit, *numbers, r.verdict, f"({reasons.index(r.why) + 1})")
+        )
+    said = [(f"({k})", text) for k, text in enumerate(reasons, 1)]
+    table = Table(
+        f"Each number that the paper prints ({len(rows)})",
+        heads,
+        cells,
+        note=f"reproduced: {' '.join(comparison.__doc__.split('reproduced')[1].split('not ')[0].split())}",
+        numeric=(3, 6, 7, 8),
+    )
+    return [table, Table("Reasons", ("reason", "text"), said, numeric=())]
+
+
+def _calibration_table(one):
+    rows = []
+    for node in NODES:
+        rows.append(
+            (
+                node,
+                f"{one['found_deg'][node]:.5f}",
+                f"{one['found_uncertainty_deg'][node]:.5f}",
+                f"{one['second_pass_deg'][node]:+.5f}",
+                f"{one['residual_deg'][node]:+.5f}",
+                f"{one['uncertainty_deg'][node]:.5f}",
+            )
+        )
+    minimum = one["seen"].get("xe2_minimum")
+    note = "Truth is never shown to the procedure. Residual: loop phase that is left, counted from the undisplaced pin."
+    if minimum:
+        note += (
+            f" xe1 + xe2' by the minimum of A_d over turned references: {minimum['deg']:.4f} +- "
+            f"{minimum['uncertainty_deg']:.4f} deg; by symmetric detuning {one['found_deg']['xe2']:.4f} +- "
+            f"{one['found_uncertainty_deg']['xe2']:.4f} deg."
+        )
+    return Table(
+        "Calibration of the base board (deg)",
+        ("phase", "found", "+- (95 %)", "second pass", "residual, truth", "+- stated"),
+        rows,
+        note,
+        (1, 2, 3, 4, 5),
+    )
+
+
+def _cases_table(one):
+    names = ("phase_drive_sine", "phase_drive_ref", "phase_sense_sine", "phase_sense_ref")
+    rows = [(f"case {k}", *(f"{v[n]:.5f}" for n in names)) for k, v in sorted(one["cases_deg"].items())]
+    return Table("Register sets (deg)", ("case", *names), rows, numeric=(1, 2, 3, 4))
+
+
+def _boards_table(boards):
+    s = calibrations.summary(boards)
+    rows = [
+        (node, f"{1e3 * v['largest_deg']:.2f}", f"{v['covered']}/{s['boards']}", f"{v['unchanged']}/{s['boards']}")
+        for node, v in s["phases"].items()
+    ]
+    return Table(
+        f"{s['boards']} random boards",
+        ("phase", "largest residual (mdeg)", "truth within the stated uncertainty", "second pass within it"),
+        rows,
+        f"All four within on {s['covered_all_four']} boards.",
+        (1, 2, 3),
+    )
+
+
+def _law_table(rows):
+    return Table(
+        "Scale factor against the two laws",
+        ("set", "ye1 left (deg)", "xe2' left (deg)", "K (LSB per deg/s)", "K / case 5", "less 1/cos(ye1 + xe2') (ppm)",
+         "less eq (12), 1/cos(ye1) (ppm)"),
+        [
+            (r["name"], f"{r['deg']['ye1']:.4f}", f"{r['deg']['xe2']:.4f}", f"{r['lsb_per_dps']:.3f}",
+             f"{r['ratio']:.6f}", f"{r['law_ppm']:+.0f}", f"{r['eq12_ppm']:+.0f}")
+            for r in rows
+        ],
+        numeric=(1, 2, 3, 4, 5, 6),
+    )  # fmt: skip
+
+
+POINT_COLUMNS = (
+    ("scale_lsb_per_dps", "K (LSB per deg/s)", 6),
+    ("nonlinearity_ppm", "nonlin. (ppm)", 4),
+    ("asymmetry_ppm", "asym. (ppm)", 4),
+    ("quadrature_v", "V_q (V)", 5),
+    ("bias_dps", "bias (deg/s)", 4),
+    ("bandwidth_hz", "BW (Hz)", 4),
+    ("bandwidth_swept_hz", "BW swept (Hz)", 4),
+    ("arw_deg_per_rt_h", "ARW (deg/sqrt(h))", 4),
+    ("instability_deg_per_h", "BI fit (deg/h)", 3),
+    ("floor_deg_per_h", "floor (deg/h)", 3),
+    ("floor_low_deg_per_h", "low", 3),
+    ("floor_high_deg_per_h", "high", 3),
+    ("frequency_hz", "f_d (Hz)", 9),
+    ("drive_v", "A_d (V)", 5),
+)
+
+
+def _points_table(points):
+    rows = [
+        (f"case {case}, {temp:g} degC", *(_text(p.get(name), digits) for name, _, digits in POINT_COLUMNS))
+        for (case, temp), p in points.items()
+    ]
+    return Table(
+        "Five cases at three temperatures",
+        ("point", *(head for _, head, _ in POINT_COLUMNS)),
+        rows,
+        "floor: least overlapping Allan deviation with its 68 % limits; BI fit: 0.664 B of the fitted flicker.",
+        tuple(range(1, len(POINT_COLUMNS) + 1)),
+    )
+
+
+STEPS = (("1", "2", "xe1"), ("2", "3", "xe2"), ("3", "4", "ye1"), ("4", "5", "ye2"))
+
+
+def sensitivity_rows(points):
+    """The paper's Table 5: |after - before| / |before| of each quantity at each compensation."""
+    names = ("scale_lsb_per_dps", "bias_dps", "quadrature_v", "arw_deg_per_rt_h", "bandwidth_hz")
+    rows = []
+    for before, after, node in STEPS:
+        for temp in sorted({t for _, t in points}):
+            if (before, temp) in points and (after, temp) in points:
+                changes = [comparison._change(points, name, before, after, temp) for name in names]
+                rows.append((f"{node}: case {before} to {after}", f"{temp:g}", *(_text(c, 3) for c in changes)))
+    return rows
+
+
+def response_difference(points, configs):
+    """{case: (dB, deg)}: largest difference of the measured response from the linear loop up to 60 Hz, at 25 degC."""
+    out = {}
+    for case, config in configs.items():
+        point = points.get((case, 25.0))
+        if not point:
+            continue
+        f = np.array(point["response_hz"])
+        closed = loops.close(loop_parts.parts(config))
+        h = loops.response(closed, f) / loops.response(closed, np.array([1e-3]))[0].real
+        use = f <= 60.0
+        gain = np.abs(np.array(point["response_db"]) - 20 * np.log10(np.abs(h)))[use]
+        turn = np.array(point["response_deg"]) - np.degrees(np.unwrap(np.angle(h)))
+        out[case] = float(gain.max()), float(np.abs((turn[use] + 180.0) % 360.0 - 180.0).max())
+    return out
+
+
+def _response_table(found):
+    return Table(
+        "Response of the simulated gyroscope less the linear loop, 0.5 to 60 Hz",
+        ("case", "largest (dB)", "largest (deg)"),
+        [(case, f"{db:.4f}", f"{deg:.3f}") for case, (db, deg) in found.items()],
+        numeric=(1, 2),
+    )
+
+
+def _temperature_table(config):
+    held = temperature.holds(config)
+    grid = temperature.phases(config, (-20.0, 25.0, 50.0))
+    rows = [
+        (node, *(f"{v:.4f}" for v in grid[node]), *("beyond 80" if math.isinf(k) else f"{k:g}" for k in held[node]))
+        for node in NODES
+    ]
+    band = min(k for limits in held.values() for k in limits)
+    after = temperature.rise_after_s(record_phases.SELF_HEATING_K, config.plant.warm_up_tau_s, band)
+    return Table(
+        "Phases over temperature, and how far a calibration holds",
+        ("phase", "-20 degC (deg)", "25 degC (deg)", "50 degC (deg)", "12 mdeg below 25 degC after (K)", "above (K)"),
+        rows,
+        f"The first phase leaves the paper's level after {band:g} K. With {record_phases.SELF_HEATING_K:g} K of "
+        f"self-heating (assumed) a calibration made warm holds from {after:.0f} s after power-on.",
+        (1, 2, 3, 4, 5),
+    )
+
+
+def _misprint_table(config):
+    device = config.device()
+    y = equations.Mode(device.mass_kg, 2 * math.pi * device.fy_hz, device.qy)
+    rows = [
+        (m.where, m.printed, m.right, m.shown[0], f"{m.shown[1]:.4g}", f"{m.shown[2]:.4g}")
+        for m in equations.misprints(y, 2 * math.pi * device.fx_hz, device.coriolis_mass_kg, math.radians(8.8814))
+    ]
+    heads = ("where", "printed", "right", "shown by", "printed gives", "right gives")
+    return Table("Misprints in the paper's equations", heads, rows, numeric=(4, 5))
+
+
+def write(study, path=None):
+    """Write the page of a `study.Study`; returns (path, verdicts)."""
+    one, boards, points, laws = study.calibration(), study.boards(), study.points(), study.laws()
+    records = study.record()
+    config = study.config
+    spread = {case: record_phases.spread(rows) for case, rows in records.items()}
+    compared = comparison.compare(points, one, spread)
+    verdicts = Counter(row.verdict for row in compared)
+    last = calibrations.case_config(config, one["cases_deg"]["5"])
+    tables = [*_comparison_table(compared), _calibration_table(one), _cases_table(one)]
+    if boards:
+        tables.append(_boards_table(boards))
+    tables += [_points_table(points), _law_table(laws["scale"])]
+    changes = sensitivity_rows(points)
+    if changes:
+        tables.append(
+            Table(
+                "The paper's Table 5 from the model: relative change at each compensation",
+                ("compensation", "degC", "scale factor", "bias", "V_q", "ARW", "bandwidth"),
+                changes,
+                "|after - before| / |before|. ARW and bandwidth differ within their own uncertainty.",
+                (1, 2, 3, 4, 5, 6),
+            )
+        )
+    configs = {case: calibrations.case_config(config, one["cases_deg"][case]) for case in {c for c, _ in points}}
+    tables += [_response_table(response_difference(points, dict(sorted(configs.items()))))]
+    influence = study.influence(last)
+    tables += [_temperature_table(config), *loop_page.sensitivity_tables(influence), _misprint_table(config)]
+    pictures = [figures.drive_errors(laws["drive"], config)]
+    if records:
+        pictures.append(figures.phase_record(records, ("xe1", "xe2"), 3))
+    pictures.append(
+        figures.cases_over_temperature(
+            points, [c for c in ("1", "2", "3") if any(k[0] == c for k in points)], 4, paper_means()
+        )
+    )
+    pictures += [figures.transfer_functions(last), figures.sense_errors(last, laws["scale"])]
+    if records:
+        pictures.append(figures.phase_record(records, ("ye1", "ye2"), 7))
+    pictures.append(
+        figures.cases_over_temperature(points, [c for c in ("3", "4", "5") if any(k[0] == c for k in points)], 8, {})
+    )
+    pictures += [figures.response(points, last), figures.scale_residuals(points)]
+    if any(p.get("tau_s") for p in points.values()):
+        pictures.append(figures.allan(points, 25.0))
+    if "noise" in laws:
+        pictures.append(figures.noise_shares(laws["noise"]))
+    if boards:
+        pictures.append(figures.residuals_of_boards(boards))
+    pictures.append(figures.over_temperature(config))
+    pictures.append(
+        (
+            "What to see: which latency, pole, word or gain moves which observable, by the linear loops; the "
+            "strongest are in the table above.",
+            loop_pictures.influence(influence),
+        )
+    )
+    notes = [
+        "The paper: Phase error analysis for MEMS gyroscopes operational modes based on force-to-rebalance rate "
+        "measurement mode, doi:10.1038/s41378-025-01144-6. Its tables, pictures and raw data are not available: "
+        "figures are redrawn from what its text says of them.",
+        f"Of {len(compared)} numbers: {verdicts[comparison.REPRODUCED]} reproduced, {verdicts[comparison.NOT]} not "
+        f"reproduced, {verdicts[comparison.NONE]} not comparable.",
+        "Assumed about the paper's firmware: references leave on the 1 MHz grid, one extra frame in the sense path.",
+        "Wall-clock (s): " + (", ".join(f"{k} {v:.0f}" for k, v in study.seconds.items()) or "not measured") + ".",
+    ]
+    path = Path(path or study.directory / "paper.html")
+    write_html(path, "The paper's experiments on the virtual gyroscope", tables, pictures, notes)
+    return path, dict(verdicts)

@@ -1,0 +1,47 @@
+"""Phases over temperature from the parts' own laws, and how far a calibration holds.
+
+    xe1, ye1    registers and frames turn with f_d; output poles with their RC (dac_rc_tc_per_k)
+    xe2, ye2    ring diode slightly down, op amps up (GBW falls), f_d
+
+A calibration holds as long as every residual stays within the paper's level; the limits are found on a grid of 1 K.
+Source    FACTS 1, 2, 5; docs/phases.md, docs/paper.md
+"""
+
+import math
+
+from analog_frontend import thermal
+from testbench.budget import budget
+from testbench.paper.calibrate import NODES
+
+LEVEL_DEG = 0.012
+GRID_DEGC = tuple(-40.0 + 5.0 * k for k in range(26))
+
+
+def phases(config, temps_degc=GRID_DEGC):
+    """{node: [deg, ...]}: node phases of xe1 and ye1, loop phases of xe2 and ye2, at each temperature."""
+    out = {node: [] for node in NODES}
+    for temp in temps_degc:
+        f = thermal.at_temperature(config.device(), temp).fx_hz
+        known = budget(config, temp, f)
+        node, loop = known.node_deg(), known.loop_deg()
+        for name in NODES:
+            out[name].append(loop.get(name, node[name]))
+    return out
+
+
+def holds(config, temp_degc=25.0, level_deg=LEVEL_DEG, reach_k=80.0):
+    """{node: (below, above)}: K by which the temperature may move until a phase has moved by `level_deg`, or inf."""
+    start = phases(config, (temp_degc,))
+    limits = {node: [] for node in NODES}
+    for sign in (-1, 1):
+        steps = [k for k in range(1, int(reach_k) + 1) if -55.0 <= temp_degc + sign * k <= 125.0]
+        moved = phases(config, [temp_degc + sign * k for k in steps])
+        for node in NODES:
+            beyond = [k for k, value in zip(steps, moved[node]) if abs(value - start[node][0]) > level_deg]
+            limits[node].append(float(beyond[0]) if beyond else math.inf)
+    return {node: tuple(found) for node, found in limits.items()}
+
+
+def rise_after_s(heating_k, tau_s, band_k):
+    """Time after power-on from which the package stays within `band_k` of where it ends (s)."""
+    return 0.0 if heating_k <= band_k else tau_s * math.log(heating_k / band_k)

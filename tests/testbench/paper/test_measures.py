@@ -1,0 +1,128 @@
+"""Estimators on data of known content: counter, detuning, ring, scale factor, Allan deviation, bandwidth."""
+
+import math
+
+import numpy as np
+import pytest
+
+from testbench.paper import boards, comparison, measure_allan, measure_bandwidth, measure_scale, temperature
+from testbench.paper.bench import FRAME_S, log_cosine_ratio
+from testbench.paper.calibrate import ring
+from tests.testbench.bench_setup import configured
+
+allantools = pytest.importorskip("allantools")
+
+
+@pytest.mark.parametrize("psi_deg", [-7.0, -0.001, 0.0, 0.94, 5.0])
+@pytest.mark.parametrize("theta_deg", [30.0, 45.0, 60.0])
+def test_detuning_gives_the_angle_back(psi_deg, theta_deg):
+    psi, theta = math.radians(psi_deg), math.radians(theta_deg)
+    ratio = math.log(math.cos(psi + theta) / math.cos(psi - theta))
+    assert log_cosine_ratio(theta_deg, ratio) == pytest.approx(psi_deg, abs=1e-9)
+
+
+def test_ring_gives_split_and_decay_back():
+    t = np.arange(40000) * FRAME_S
+    rng = np.random.default_rng(1)
+    x = 143000 + 3000 * np.exp(-t / 5.8) * np.cos(2 * np.pi * 139.0 * t + 0.3) + 100 * rng.normal(size=len(t))
+    split, decay_s = ring(x)
+    assert split / (2 * math.pi) == pytest.approx(139.0, abs=0.002)
+    assert decay_s == pytest.approx(5.8, rel=0.01)
+
+
+def test_scale_of_a_bent_line():
+    rates = np.array(measure_scale.RATES_DPS)
+    words = 8651.0 * rates + 120.0
+    straight = measure_scale.fit(rates, words)
+    assert straight.lsb_per_dps == pytest.approx(8651.0)
+    assert straight.offset_lsb == pytest.approx(120.0)
+    assert straight.nonlinearity_ppm < 1e-6 > straight.asymmetry_ppm
+    bent = measure_scale.fit(rates, np.where(rates > 0, 1.001, 1.0) * words)
+    assert bent.asymmetry_ppm == pytest.approx(1000.0, rel=0.01)
+    assert max(abs(r) for r in bent.residual_ppm) == pytest.approx(bent.nonlinearity_ppm)
+
+
+def test_allan_deviation_equals_allantools():
+    rng = np.random.default_rng(2)
+    rate = rng.normal(size=6000) + 0.05 * np.cumsum(rng.normal(size=6000)) / 10
+    for m in (1, 2, 7, 64, 500):
+        (_, want, _, _) = allantools.oadev(rate, rate=1.0, data_type="freq", taus=[m])
+        assert measure_allan.overlapping(rate, m) == pytest.approx(want[0], rel=1e-9)
+
+
+def test_allan_fit_finds_white_noise_and_flicker():
+    """White noise of one-sided density S gives N = sqrt(S/2); the answer in deg/sqrt(h)."""
+    rng = np.random.default_rng(3)
+    base_s, n_dps = 0.01, 0.1337 / 60
+    rate = n_dps / math.sqrt(base_s) * rng.normal(size=60000)
+    found = measure_allan.analyse(rate, base_s)
+    assert found.arw_deg_per_rt_h == pytest.approx(0.1337, rel=0.03)
+    assert found.instability_deg_per_h < 2.0
+    assert found.floor_low_deg_per_h < found.floor_deg_per_h < found.floor_high_deg_per_h
+
+
+def test_too_short_a_record_is_refused():
+    with pytest.raises(ValueError, match="below the limit 4 s"):
+        measure_allan.analyse(np.zeros(100), 0.01)
+
+
+def test_bandwidth_of_a_pole():
+    """A pole at 26 Hz behind the multisine: gain and phase, and where it crosses -3.01 dB."""
+
+    class Bench:
+        def record(self, seconds, rate_dps):
+            n = round(seconds / FRAME_S)
+            a = math.exp(-2 * math.pi * 26.0 * FRAME_S)
+            out, y = np.zeros(n), 0.0
+            for k in range(n):
+                out[k] = y
+                y = a * y + (1 - a) * rate_dps[k] * 8651.0
+            return {"rate_word": out}
+
+    for measure, accuracy in ((measure_bandwidth.multisine, 0.02), (measure_bandwidth.swept, 0.4)):
+        found = measure(Bench(), 8651.0)
+        assert found.bandwidth_hz == pytest.approx(26.0, abs=accuracy), measure.__name__
+    lines = measure_bandwidth.multisine(Bench(), 8651.0)
+    at = lines.frequency_hz.index(22.0)
+    assert lines.phase_deg[at] == pytest.approx(-math.degrees(math.atan(22.0 / 26.0)), abs=0.05)
+
+
+def test_boards_are_the_same_however_many_are_drawn():
+    base = configured()
+    many = boards.draws(base, 5, 3)
+    assert many[2] == boards.draw(base, 5, 2)
+    assert len({c.plant.fx_hz for c in many}) == 3
+    for config in many:
+        assert 120.0 <= config.plant.fx_hz - config.plant.fy_hz <= 160.0
+
+
+def test_phases_over_temperature_follow_the_parts():
+    """Op amps slow down: xe2 and ye2 rise. Registers turn with the frequency: xe1 falls by 27 ppm/K."""
+    found = temperature.phases(configured(), (0.0, 50.0))
+    assert found["xe2"][1] > found["xe2"][0]
+    assert found["ye2"][1] > found["ye2"][0]
+    assert found["xe1"][1] / found["xe1"][0] == pytest.approx(1 - 27e-6 * 50, abs=2e-5)
+    limits = temperature.holds(configured())
+    assert limits["ye2"][1] < limits["xe1"][1]
+
+
+def test_every_number_of_the_paper_has_a_verdict():
+    """Without any measurement nothing is reproduced but calibration; every row says why."""
+    one = {
+        "found_deg": dict.fromkeys(("xe1", "xe2", "ye1", "ye2"), 1.0),
+        "found_uncertainty_deg": dict.fromkeys(("xe1", "xe2", "ye1", "ye2"), 0.001),
+        "residual_deg": dict.fromkeys(("xe1", "xe2", "ye1", "ye2"), 0.5),
+        "uncertainty_deg": dict.fromkeys(("xe1", "xe2", "ye1", "ye2"), 0.001),
+    }
+    rows = comparison.compare({}, one)
+    assert len(rows) == len(comparison.numbers())
+    assert all(row.verdict in (comparison.REPRODUCED, comparison.NOT, comparison.NONE) and row.why for row in rows)
+    of_modes = ("drive-mode", "sense-mode")
+    residuals = [r for r in rows if r.quantity.startswith(of_modes) and float(r.paper) < 0.1]
+    assert residuals
+    assert all(row.verdict == comparison.NOT for row in residuals)
+    points = {(c, 25.0): {"scale_lsb_per_dps": 8651.0 + k, "bandwidth_hz": 25.0} for k, c in enumerate("123")}
+    rows = comparison.compare(points, one)
+    (scale,) = [r for r in rows if r.quantity.startswith("scale factor, mean") and r.temperature.startswith("room")]
+    assert scale.verdict == comparison.REPRODUCED
+    assert scale.ratio == pytest.approx(8652.0 / 8651.0)

@@ -1,0 +1,335 @@
+"""The procedures on simulated boards, and the page in a browser."""
+
+import html.parser
+import json
+import shutil
+import subprocess
+
+import numba
+import numpy as np
+import pytest
+
+from testbench import budget, simulate
+from testbench.paper import (
+    advisor,
+    calibrations,
+    cases,
+    comparison,
+    counter,
+    law,
+    loop,
+    measure_scale,
+    page,
+    parts,
+    sensitivity,
+    study,
+)
+from testbench.paper.bench import Bench
+from tests.testbench.bench_setup import configured, open_loop
+
+pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="closed loop: too slow interpreted")
+
+
+def test_the_counter_reads_the_budget():
+    """Open loop at an incommensurate frequency: few codes on the drive, many on the sense side."""
+    config = configured()
+    sim = open_loop(config, 11003.7, drive=0.0103, sense=0.4)
+    sim.keep_codes = sim.keep_rows = False
+    sim.advance(20_000, 0.0, 25.0)
+    known = budget.budget(config, frequency_hz=11003.7).node_deg()
+    gates = {"drive": [], "sense": []}
+    for _ in range(4):
+        streams = sim.advance(100_000, 0.0, 25.0, probe_ticks=100_000)
+        probe = sim.read_out(streams, 25.0)
+        for channel, list_ in gates.items():
+            list_.append(counter.gate(probe, channel))
+    for channel, node in (("drive", "xe1"), ("sense", "ye1")):
+        reading = counter.read(gates[channel])
+        assert reading.lag_deg == pytest.approx(known[node], abs=0.006), channel
+        assert reading.cos_lag_deg == pytest.approx(known[node], abs=0.006), channel
+
+
+def test_words_move_what_the_counter_reads():
+    """A phase word of 1 deg on the drive sine takes 1 deg off xe1, to the counter's resolution."""
+    bench = Bench(configured(noise__seed=3))
+    before = bench.counter("drive")
+    bench.advance_phase_deg("phase_drive_sine", 1.0)
+    bench.wait(1.0)
+    after = bench.counter("drive")
+    assert before.lag_deg - after.lag_deg == pytest.approx(1.0, abs=0.003)
+    assert bench.phases_deg()["phase_drive_sine"] == pytest.approx(1.0, abs=1e-12)
+
+
+def test_calibration_of_the_base_board():
+    """From words at zero to below the paper's level; both estimators of xe2 agree within what they state."""
+    (one,) = calibrations.many(configured(), 1, None, compare=True, engine="baseband")
+    for node in calibrations.NODES:
+        assert abs(one["residual_deg"][node]) < 0.004, node
+        assert abs(one["second_pass_deg"][node]) <= one["found_uncertainty_deg"][node] + one["uncertainty_deg"][node], (
+            node
+        )
+    minimum = one["seen"]["xe2_minimum"]
+    assert abs(minimum["deg"] - one["found_deg"]["xe2"]) < 3 * (
+        minimum["uncertainty_deg"] + one["found_uncertainty_deg"]["xe2"]
+    )
+    assert one["locked"]
+
+
+@pytest.mark.slow
+def test_calibration_of_twenty_random_boards():
+    results = calibrations.many(configured(), 20, 1)
+    said = calibrations.summary(results)
+    assert said["worst_deg"] < calibrations.PAPER_LEVEL_DEG
+    for node, row in said["phases"].items():
+        assert row["covered"] >= 19, node
+
+
+def test_a_small_campaign_is_done_once(tmp_path):
+    """Two cases at rest for 10 s: numbers near the paper's; the second time nothing runs."""
+    from testbench.campaign import collect, execute, plan
+    from testbench.campaign.pool import Here
+    from testbench.campaign.progress import Progress
+    from testbench.campaign.store import Store
+
+    words = {
+        "phase_drive_sine": 3.7609,
+        "phase_sense_sine": 9.2324,
+        "phase_drive_ref": -0.9433,
+        "phase_sense_ref": -1.263,
+    }
+    sets = {"1": dict.fromkeys(words, 0.0), "5": words}
+    told = plan.read(cases.write_plan(tmp_path / "p.toml", sets, 10.0, (25.0,)))
+    first = execute.run(told, tmp_path / "store", Here(), Progress(quiet=True))
+    again = execute.run(told, tmp_path / "store", Here(), Progress(quiet=True))
+    assert (first.done, again.done, again.reused) == (2, 0, 2)
+    points, _ = plan.points(told)
+    store = Store.at(tmp_path / "store")
+    k = [collect.read_point(store, p.address)[1]["scale_lsb_per_dps"].data for p in points]
+    width = [collect.read_point(store, p.address)[1]["bandwidth_hz"].data for p in points]
+    assert k[0] / k[1] == pytest.approx(1 / np.cos(np.radians(9.2324 + 0.9433)), abs=300e-6)
+    assert all(24.0 < w < 30.0 for w in width)
+    for measured, words_deg in zip(width, sets.values()):
+        p = parts.parts(calibrations.case_config(configured(), words_deg))
+        assert measured == pytest.approx(advisor.bandwidth(loop.close(p))[0], abs=0.05), "that of the linear loop"
+
+
+def test_the_plan_of_five_cases_is_a_valid_campaign(tmp_path):
+    from testbench.campaign import plan
+
+    words = {"phase_drive_sine": 3.7, "phase_sense_sine": 9.2, "phase_drive_ref": -0.9, "phase_sense_ref": -1.2}
+    sets = {str(k): {name: value * k for name, value in words.items()} for k in cases.CASES}
+    told = plan.read(cases.write_plan(tmp_path / "p.toml", sets, 30.0, settings=[("noise.seed", 7)]))
+    points, _ = plan.points(told)
+    assert len({p.address for p in points}) == 15
+
+
+@pytest.mark.slow
+def test_scale_factor_follows_the_law():
+    one = {
+        "5": {
+            "phase_drive_sine": 3.7609,
+            "phase_sense_sine": 9.2324,
+            "phase_drive_ref": -0.9433,
+            "phase_sense_ref": -1.263,
+        }
+    }
+    zero = dict.fromkeys(one["5"], 0.0)
+    sets = {
+        "1": zero,
+        "2": zero | {"phase_drive_sine": 3.7609},
+        "3": one["5"] | {"phase_sense_sine": 0.0, "phase_sense_ref": 0.0},
+        "4": one["5"] | {"phase_sense_ref": 0.0},
+        **one,
+    }
+    rows = law.scale_law(configured(), sets)
+    assert all(abs(row["law_ppm"]) < 200 for row in rows), [(r["name"], r["law_ppm"]) for r in rows]
+    assert max(abs(row["eq12_ppm"]) for row in rows) > 1000, "eq (12) alone must be told apart"
+
+
+# ---- the page --------------------------------------------------------------------------------------------------------
+
+
+class Text(html.parser.HTMLParser):
+    """Rows of all tables, and captions."""
+
+    def __init__(self):
+        super().__init__()
+        self.rows, self.cell, self.captions, self.pictures = [], None, [], 0
+        self.inside = ""
+
+    def handle_starttag(self, tag, attrs):
+        self.inside = tag
+        if tag == "tr":
+            self.rows.append([])
+        if tag in ("td", "th") and self.rows:
+            self.rows[-1].append("")
+        if tag == "figcaption":
+            self.captions.append("")
+        if tag == "img":
+            self.pictures += 1
+
+    def handle_data(self, data):
+        if self.inside in ("td", "th") and self.rows:
+            self.rows[-1][-1] += data
+        if self.inside == "figcaption":
+            self.captions[-1] += data
+
+    def handle_endtag(self, tag):
+        self.inside = ""
+
+
+def made_study(tmp_path):
+    """A study whose stages are made up, so that the page is quick; the figures and tables are the real ones."""
+
+    class Made(study.Study):
+        def calibration(self):
+            deg = {"xe1": 3.76, "xe2": 0.94, "ye1": 9.23, "ye2": 1.26}
+            small = dict.fromkeys(deg, 0.001)
+            names = ("phase_drive_sine", "phase_sense_sine", "phase_drive_ref", "phase_sense_ref")
+            sets = {str(k): dict.fromkeys(names, 0.0) for k in range(1, 6)}
+            return {
+                "found_deg": deg,
+                "found_uncertainty_deg": small,
+                "second_pass_deg": small,
+                "residual_deg": small,
+                "uncertainty_deg": small,
+                "cases_deg": sets,
+                "seen": {},
+            }
+
+        def boards(self):
+            one = self.calibration()
+            return [one | {"covered": dict.fromkeys(one["found_deg"], True)} for _ in range(3)]
+
+        def points(self, show=None):
+            rates = np.array(measure_scale.RATES_DPS)
+            tau = np.geomspace(0.01, 100, 20)
+            lines = np.array([1.0, 10.0, 20.0, 30.0, 60.0])
+            return {
+                (str(c), t): {
+                    "scale_lsb_per_dps": 8651.0 + c,
+                    "nonlinearity_ppm": 325.0,
+                    "asymmetry_ppm": 1000.0,
+                    "quadrature_v": 4.5,
+                    "bias_dps": -0.3,
+                    "bandwidth_hz": 25.6,
+                    "bandwidth_swept_hz": 25.5,
+                    "arw_deg_per_rt_h": 0.134,
+                    "instability_deg_per_h": 3.0,
+                    "floor_deg_per_h": 3.1,
+                    "floor_low_deg_per_h": 3.0,
+                    "floor_high_deg_per_h": 3.3,
+                    "frequency_hz": 11002.3,
+                    "drive_v": 0.1,
+                    "scale_residual_ppm": (rates * 0.1).tolist(),
+                    "quadrature_v_of_rate": (4.5 + rates * 1e-3).tolist(),
+                    "tau_s": tau.tolist(),
+                    "adev_dps": (0.0022 / np.sqrt(tau)).tolist(),
+                    "response_hz": lines.tolist(),
+                    "response_db": (-lines / 10).tolist(),
+                    "response_deg": (-5 * lines).tolist(),
+                    "swept_hz": lines.tolist(),
+                    "swept_db": (-lines / 10).tolist(),
+                    "swept_deg": (-5 * lines).tolist(),
+                }
+                for c in range(1, 6)
+                for t in cases.TEMPERATURES_DEGC
+            }
+
+        def laws(self):
+            deg = {"xe1": 0.0, "xe2": 0.0, "ye2": 0.0}
+            scale = [
+                {
+                    "name": f"ye1 {a}",
+                    "deg": deg | {"ye1": a},
+                    "lsb_per_dps": 8651.0,
+                    "ratio": 1.0,
+                    "law_ppm": 1.0,
+                    "eq12_ppm": 1.0,
+                }
+                for a in (0.0, 4.5, 9.0)
+            ]
+            drive = [
+                {
+                    "deg": deg | {"ye1": 9.0, "xe1": a},
+                    "frequency_hz": 11002.3,
+                    "drive_v": 0.1,
+                    "quadrature_v": 4.5,
+                    "rate_word": 2.6e5,
+                }
+                for a in (-9.0, 0.0, 9.0)
+            ]
+            noise = {n: {"arw_deg_per_rt_h": 0.1} for n in ("all", "only cv", "only adc", "without cv", "without adc")}
+            return {"scale": scale, "drive": drive, "noise": noise}
+
+        def influence(self, config):
+            return sensitivity.rows(config, sensitivity.PARAMETERS[:2])
+
+        def record(self):
+            row = {"xe1": 0.0, "xe2": 0.0, "ye1": 0.0, "ye2": 0.0}
+            return {c: [{"time_s": 60.0 * k, **row, "truth": row} for k in range(5)] for c in ("1", "5")}
+
+    return Made(configured(), tmp_path)
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """A page, and its verdicts."""
+    return page.write(made_study(tmp_path_factory.mktemp("page")))
+
+
+def test_the_page_holds_every_number_and_every_figure(written):
+    path, verdicts = written
+    text = Text()
+    text.feed(path.read_text())
+    listed = [
+        row for row in text.rows if len(row) > 9 and row[-2] in (comparison.REPRODUCED, comparison.NOT, comparison.NONE)
+    ]
+    assert len(listed) == len(comparison.numbers())
+    assert sum(verdicts.values()) == len(comparison.numbers())
+    assert text.pictures == len(text.captions) >= 12
+    assert all(caption.startswith("What to see") for caption in text.captions)
+
+
+@pytest.mark.skipif(not (shutil.which("chromium") or shutil.which("google-chrome")), reason="no browser")
+def test_a_browser_shows_the_page(written, tmp_path):
+    """Headless Chromium loads the page, gives its text back, and takes a picture of it."""
+    path, _ = written
+    browser = shutil.which("chromium") or shutil.which("google-chrome")
+    common = [browser, "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path}/profile"]
+    dom = subprocess.run([*common, "--dump-dom", path.as_uri()], capture_output=True, text=True, timeout=120).stdout
+    text = Text()
+    text.feed(dom)
+    (row,) = [r for r in text.rows if r and r[0] == "FTR rate-measurement bandwidth" and "1,2,3" in r[1]]
+    assert "25.6" in row, "the model's bandwidth is read off the page"
+    picture = tmp_path / "page.png"
+    subprocess.run(
+        [*common, f"--screenshot={picture}", "--window-size=1300,6000", path.as_uri()], capture_output=True, timeout=120
+    )
+    assert picture.stat().st_size > 100_000
+
+
+def test_a_stage_is_not_done_twice(tmp_path):
+    done = []
+
+    def work():
+        done.append(1)
+        return {"a": 1}
+
+    for _ in range(2):
+        job = study.Study(configured(), tmp_path)
+        assert job._stage("x", 1, work) == {"a": 1}
+    assert len(done) == 1
+    assert study.Study(configured(noise__seed=9), tmp_path)._stage("x", 1, work) == {"a": 1}
+    assert len(done) == 2, "another configuration is another stage"
+    json.loads((tmp_path / "x.json").read_text())
+
+
+def test_nothing_of_the_truth_is_on_the_bench():
+    """Rows of the bench have the registers' columns, not the plant's."""
+    bench = Bench(configured())
+    rows = bench.record(0.01)
+    assert len(rows) == 80
+    with pytest.raises(KeyError):
+        rows["x"]
+    assert simulate.DEG > 0
