@@ -36,6 +36,23 @@ def export(
 
 
 @app.command()
+def effect(
+    name: Annotated[str, typer.Argument(help="Name of the case.")],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the bundle: DIR/top/NAME.")],
+    laws: Annotated[list[Path] | None, typer.Option("--law", metavar="FILE", help="Law file.")] = None,
+    sets: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Key of a configuration.")
+    ] = None,
+    frames: Annotated[int, typer.Option("--frames", help="Frames of 125 us from power-on.")] = 9400,
+):
+    """Run the loop with an effect of the plant, and write the firmware's vectors of it."""
+    from testbench.golden.effect import case, export
+
+    folder, manifest = export(name, case(laws or (), sets or (), frames), out)
+    typer.echo(f"{folder}  {manifest['n']} rows  {manifest['manifest_sha256'][:16]}")
+
+
+@app.command()
 def verify(folders: Annotated[list[Path], typer.Argument(help="Folders of bundles.")]):
     """Check every hash and every name of bundles."""
     from testbench.golden import bundle
@@ -120,15 +137,79 @@ def mutate(
     rtl: Annotated[Path, typer.Option("--rtl", metavar="DIR", help="Folder of a Verilog design that passes it.")],
     count: Annotated[int, typer.Option("--count", help="Faults to try.")] = 150,
     seed: Annotated[int, typer.Option("--seed", help="Of the choice of faults.")] = 1,
-    jobs: Annotated[int, typer.Option("--jobs", help="Survivors judged at a time.")] = 1,
     write: Annotated[bool, typer.Option("--write", help="Note the outcome in the bundle's manifest.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")] = False,
 ):
-    """Mutation score: what share of small faults in a design the vectors see; needs yosys and verilator."""
+    """Mutation score: what share of small faults in a design the vectors see; needs yosys."""
     from testbench.golden.mutate import record, score
 
-    outcome = score(folder, rtl, count, seed, jobs)
+    outcome = score(folder, rtl, count, seed)
     if write:
         record(folder, outcome)
     typer.echo(json.dumps(outcome.to_dict()) if as_json else outcome.text())
     raise typer.Exit(0 if outcome.score == 1 else 1)
+
+
+@app.command()
+def loop(
+    rtl: Annotated[Path, typer.Option("--rtl", metavar="DIR", help="Folder of a Verilog design of the firmware.")],
+    config: Annotated[
+        Path | None,
+        typer.Option("--config", "-c", metavar="FILE", help="Scenario from power-on; else the story."),
+    ] = None,
+    seconds: Annotated[float | None, typer.Option(help="Simulated seconds from power-on.")] = None,
+    build: Annotated[Path | None, typer.Option("--build", metavar="DIR", help="Folder that keeps the library.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")] = False,
+):
+    """Close the loop of plant and RTL, and compare every register with the model at every edge of 26 MHz."""
+    from testbench.cli import Progress
+    from testbench.config import Override, load
+    from testbench.golden.loop import run
+
+    given = [] if seconds is None else [Override("scenario.seconds", seconds, "--seconds")]
+    if config is None:
+        chosen = run.story(run.SECONDS if seconds is None else load(None, given).scenario.seconds)
+    else:
+        chosen = load(config, given)
+    with Progress(quiet=as_json) as progress:
+        outcome = run.run(chosen, rtl, build, progress)
+    typer.echo(json.dumps(outcome.to_dict()) if as_json else outcome.text())
+    raise typer.Exit(1 if outcome.difference else 0)
+
+
+@app.command()
+def prove(
+    block: Annotated[str, typer.Argument(help="Block with properties, such as spi_dac, or all.")],
+    rtl: Annotated[Path, typer.Option("--rtl", metavar="DIR", help="Folder of a Verilog design, with its formal/.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of lines.")] = False,
+):
+    """Prove the properties of a block by induction: saturation, phase accumulator, SPI framing, sequencing."""
+    from testbench.errors import ConfigError
+    from testbench.golden import formal
+
+    if block != "all" and block not in formal.CASES:
+        raise ConfigError(f"block: {block!r} has no properties; known: all, {', '.join(formal.CASES)}")
+    found = []
+    for stem in formal.CASES if block == "all" else (block,):
+        for case in formal.CASES[stem]:
+            found.append(formal.prove(stem, case, rtl))
+            if not as_json:
+                typer.echo(found[-1].text())
+    if as_json:
+        typer.echo(json.dumps({"proofs": [proof._asdict() for proof in found]}))
+    raise typer.Exit(0 if all(proof.proven for proof in found) else 1)
+
+
+@app.command()
+def synth(
+    rtl: Annotated[Path, typer.Option("--rtl", metavar="DIR", help="Folder of a Verilog design of the firmware.")],
+    family: Annotated[str | None, typer.Option(help="ecp5 or ice40; none: latches and undriven nets only.")] = None,
+    board: Annotated[str, typer.Option(help="analog or digital demodulator.")] = "analog",
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for the board's files.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a line.")] = False,
+):
+    """Synthesise the whole design with yosys: refused with a latch or an undriven net; counts are a proxy."""
+    from testbench.golden.synthesis import synthesise
+
+    netlist = synthesise(rtl, family, board, out)
+    typer.echo(json.dumps(netlist._asdict()) if as_json else netlist.text())

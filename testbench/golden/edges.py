@@ -11,7 +11,7 @@ from fpga_model import dds, modulator, registers, sine, spi_dac
 from testbench.golden.edges_digital_sid import edges_digital_sid
 from testbench.golden.edges_pi import edges_loop, edges_pi
 from testbench.golden.edges_rate_output import edges_rate_output
-from testbench.golden.writer import around
+from testbench.golden.writer import around, wrapped
 
 ALTERNATE = int("01" * 24, 2)
 
@@ -60,12 +60,6 @@ def _edges_phase(w):
         w.operation({port.name: value for port in w.wide})
 
 
-def _signed_mod(value, fmt):
-    """The value that is `value` modulo the width of a signed format."""
-    width = fmt.width
-    return ((value - fmt.lo) % (1 << width)) + fmt.lo
-
-
 def _edges_modulator(w):
     """Products whose dropped bits are 0, 1, a half +-1, all ones; and codes at both limits +-1 LSB."""
     p = w.block.cases[w.case]
@@ -74,7 +68,7 @@ def _edges_modulator(w):
         for factor in (1, 3, 65535, 131071, -1, -65537, -131071):
             solved = low * _inverse(factor, p.shift) % (1 << min(p.shift, 24))
             for lift in (0, 1 << 23):
-                w.row({**both, "amplitude": _signed_mod(solved + lift, modulator.AMPLITUDE), "sine": factor})
+                w.row({**both, "amplitude": wrapped(solved + lift, modulator.AMPLITUDE), "sine": factor})
     full = modulator.SINE.hi
     for limit in (p.lo, p.hi):
         for near in range(-2, 3):

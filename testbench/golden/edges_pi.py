@@ -14,6 +14,7 @@ from fpga_model.fixed import Fmt, half_up, signed
 from testbench.golden.writer import around, corners
 
 ONE = 1 << pi.SHIFT
+CARRY_TRIES, CARRY_STRIDE = 256, 7919
 half_up = getattr(half_up, "py_func", half_up)
 
 
@@ -172,6 +173,7 @@ def comparators(loop):
     """
     p = loop.p
     if loop.preset is None:
+        _comparators_without_preset(loop)
         return
     for limit in (p.lo, p.hi):
         for target in around(limit, pi.OUT):
@@ -183,6 +185,33 @@ def comparators(loop):
     for k in range(pi.SHIFT):
         for op in loop.place(p.hi * ONE + (1 << k)) or ():
             loop.operate(*op)
+
+
+def _comparators_without_preset(loop):
+    """As `comparators`: acc from a limit that it is clamped to, in steps of ki; y from acc = 0, by acc and prop."""
+    p = loop.p
+    if not (p.kp and p.ki):
+        return
+    for base, ops in loop.bases():
+        if base == 0:
+            continue
+        for op in ops:
+            loop.operate(*op)
+        steps = {(target - base) // p.ki for target in around(base, signed(61))}
+        outwards = 1 if (base > 0) == (p.ki > 0) else -1
+        for e in sorted(e for e in steps if loop.error.holds(e)):
+            loop.operate(pi.RUN, e, 0)
+            if e * outwards < 0:
+                loop.operate(pi.RUN, max(loop.error.lo, min(-e, loop.error.hi)), 0)
+    for limit in (p.lo, p.hi):
+        for target in around(limit, pi.OUT):
+            e = target * ONE // p.kp
+            run = (target * ONE - p.kp * e) // p.ki
+            if loop.error.holds(e) and loop.error.holds(run) and limit:
+                loop.operate(pi.OFF, 0, 0)
+                loop.operate(pi.RUN, run, 0)
+                loop.operate(pi.P_ONLY, e, 0)
+                loop.operate(pi.HOLD, 0, 0)
 
 
 def _beyond(loop, target):
@@ -197,8 +226,37 @@ def _beyond(loop, target):
             loop.operate(pi.HOLD, 0, 0)
 
 
+def carries(loop):
+    """Sums whose 24 dropped bits are exactly half, or one step less: there each bit of prop and of acc counts alone.
+
+    At half every set bit decides whether y is rounded up; a step below it every clear one would, if it were set.
+    """
+    p, half = loop.p, ONE >> 1
+    step = min(even_part(p.kp), even_part(p.ki))
+    if not p.kp:
+        return
+    for low, level in ((half, 1), (half - step, 0)):
+        missing = {(name, k) for name in ("prop", "acc") for k in range(pi.SHIFT)}
+        for first in range(CARRY_TRIES):
+            run = first * CARRY_STRIDE % (1 << (1 + first % (loop.error.width - 2)))
+            for start in loop.presets((0, 1, p.lo, p.hi, (p.lo + p.hi) // 2)):
+                acc = start * ONE + p.ki * run
+                if not p.lo * ONE < acc < p.hi * ONE:
+                    continue
+                for e in loop.solved(p.kp, (low - acc) % ONE):
+                    total = (acc + p.kp * e) >> pi.SHIFT
+                    terms = {"prop": p.kp * e, "acc": acc}
+                    seen = {(name, k) for name, k in missing if terms[name] >> k & 1 == level}
+                    if seen and loop.error.holds(e) and p.lo < total < p.hi:
+                        missing -= seen
+                        loop.operate(pi.OFF, 0, start)
+                        loop.operate(pi.RUN, run, 0)
+                        loop.operate(pi.P_ONLY, e, 0)
+                        loop.operate(pi.HOLD, 0, 0)
+
+
 def everything(loop):
-    for part in (presets_at_the_limits, acc_at_the_limits, rounding, y_at_the_limits, comparators):
+    for part in (presets_at_the_limits, acc_at_the_limits, rounding, carries, y_at_the_limits, comparators):
         part(loop)
 
 

@@ -3,30 +3,35 @@
     differs    an output or a next register of the faulted design is not that of the sound one, which stands in the
                same state and has the same inputs: the first difference of the two begins in a common state
     1. once    `differs` is impossible in every state, reachable or not: equivalent, without any bound
-    2. search  else from reset, 1, 2, .. clocks: a trace that ends in `differs`: alive
-    3. proof   else property-directed reachability finds an invariant without `differs`, equivalent, or a trace, alive
-    4. search  else as 2., further
+    2. ranges  or in every state with registers within ranges that the design, by induction, never leaves: equivalent
+    3. search  else from reset, 1, 2, .. clocks: a trace that ends in `differs`: alive
+    4. proof   else property-directed reachability finds an invariant without `differs`, equivalent, or a trace, alive
+    5. search  else as 3., further
     otherwise  undecided, with the number of clocks that were searched
 
+Steps are bounded by work, in conflicts of the solver, in clocks and in flip-flops, not by time: a verdict is the same
+under any load. A step that takes CPU_S of a processor all the same is given up, and the verdict says so.
+Ranges are guesses (those that the model is proven to keep): the solver shows on the design itself which of them hold.
 Inputs that the contract of a block forbids, such as a start within the wait of the last one, are left out.
 Source  docs/golden.md; Een, Mishchenko, Brayton, FMCAD 2011 (PDR)
 """
 
-import json
 import re
+import signal
 import subprocess
-from concurrent.futures import ThreadPoolExecutor
+from functools import cached_property
 from typing import NamedTuple
 
 from testbench.errors import FileError
+from testbench.golden.miter import Net, binary
 
-ONCE_S, NEAR_S, PROOF_S, FAR_S = 60, 5, 20, 20
-NEAR_CLOCKS, FAR_CLOCKS = 16, 600
-HANGS_S = 1200
-CLOCK, RESET = "clk", "rst"
+# Bounds of the steps, in conflicts of one call of the solver and in clocks (frames of the proof)
+ONCE = "iprove -N 4 -M 50000"
+NEAR, PROOF, FAR = "bmc3 -F 16 -C 20000", "scorr; pdr -F 60 -C 20000", "bmc3 -F 600 -C 2000"
+CPU_S = 10
 TOOLS = ("yosys", "yosys-abc")
-# Inputs that a block need not stand: a condition on inputs and registers that holds at every edge, in Verilog
-CONTRACTS = {"rate_output": "!(en && r_stage != 5'd0)"}
+# Blocks that need not stand an input, but while a register is 0: {block: (input, register)}
+CONTRACTS = {"rate_output": ("en", "r_stage")}
 
 
 class Verdict(NamedTuple):
@@ -40,130 +45,16 @@ class Verdict(NamedTuple):
     trace: list
 
 
-def _run(command, folder, what, limit_s=HANGS_S):
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=limit_s)
+def _abc(commands, work, what):
+    """What ABC said, or None when it was given up."""
+    command = ["sh", "-c", f'ulimit -t {CPU_S}; exec yosys-abc -c "$0"', "; ".join(commands)]
+    done = subprocess.run(command, cwd=work, capture_output=True, text=True)
+    if done.returncode in (-signal.SIGXCPU, -signal.SIGKILL):
+        return None
     if done.returncode:
         said = "\n".join((done.stdout + done.stderr).strip().splitlines()[-6:])
-        raise FileError(f"{what}: {command[0]} failed with {done.returncode}:\n{said}")
+        raise FileError(f"{what}: yosys-abc failed with {done.returncode}:\n{said}")
     return done.stdout
-
-
-# ---- netlists ------------------------------------------------------------------------------------------------------
-
-
-def _opened(path):
-    """(module, registers) of a flat JSON netlist with its flip-flops cut out: `q_k` are inputs, `d_k` outputs.
-
-    registers  [(name of the cell, width)] in the order of k
-    """
-    (module,) = json.loads(path.read_text())["modules"].values()
-    kept, ports, registers = {}, dict(module["ports"]), []
-    ports.pop(CLOCK, None)
-    for cell_name, cell in sorted(module["cells"].items()):
-        if cell["type"] != "$dff":
-            kept[cell_name] = cell
-            continue
-        k, pins = len(registers), cell["connections"]
-        ports[f"q_{k}"] = {"direction": "input", "bits": pins["Q"]}
-        ports[f"d_{k}"] = {"direction": "output", "bits": pins["D"]}
-        registers.append((cell_name, len(pins["Q"])))
-    return {"attributes": {}, "ports": ports, "cells": kept, "netnames": {}}, registers
-
-
-def _initial(manifest, sound, registers):
-    """Reset value of each register as binary text; one that is no port has none that the bundle knows: 0."""
-    values = {}
-    for port in manifest["registers"]:
-        for k, bit in enumerate(sound["ports"][f"r_{port['name']}"]["bits"]):
-            values[bit] = port["reset"] >> k & 1
-    columns = (reversed(sound["ports"][f"q_{k}"]["bits"]) for k in range(len(registers)))
-    return ["".join(str(values.get(bit, 0)) for bit in column) for column in columns]
-
-
-def _top(manifest, registers, initial, count):
-    """Verilog: `once`, one clock from any state, and `ever`, from reset; `bad[k]` is the difference of fault k."""
-    outs = [(f"r_{p['name']}", p["width"]) for p in manifest["registers"]]
-    outs += [(f"o_{p['name']}", p["width"]) for p in manifest["outputs"]]
-    state = [(f"q_{k}", width) for k, (_, width) in enumerate(registers)]
-    following = [(f"d_{k}", width) for k, (_, width) in enumerate(registers)]
-    inputs = [(port["name"], port["width"]) for port in manifest["inputs"]]
-    given = [f".{name}({name})" for name, _ in inputs + state]
-    lines = []
-    for kind, module in (("g", "sound"), *((f"f{k}", f"faulted_{k}") for k in range(count))):
-        lines += [f"    wire [{width - 1}:0] {kind}_{name};" for name, width in outs + following]
-        pins = [*given, *(f".{name}({kind}_{name})" for name, _ in outs + following)]
-        lines.append(f"    {module} {kind} ({', '.join(pins)});")
-    right = ", ".join(f"g_{name}" for name, _ in outs + following)
-    for k in range(count):
-        wrong = ", ".join(f"f{k}_{name}" for name, _ in outs + following)
-        lines.append(f"    assign bad[{k}] = kept && {{{right}}} != {{{wrong}}};")
-    contract = re.sub(r"\b([ro]_\w+)", r"g_\1", CONTRACTS.get(manifest["block"], "1'b1"))
-    ports = [f"    input wire [{width - 1}:0] {name}," for name, width in inputs]
-    held = [f"    input wire [{width - 1}:0] {name}," for name, width in state]
-    moved = [f"    output wire [{width - 1}:0] n_{name}," for name, width in following]
-    regs = [f"    reg [{w - 1}:0] {name} = {w}'b{bits};" for (name, w), bits in zip(state, initial, strict=True)]
-    nets = [f"    wire [{width - 1}:0] n_{name};" for name, width in following]
-    steps = [f"        {q} <= n_{d};" for (q, _), (d, _) in zip(state, following, strict=True)]
-    pins = [*given, *(f".n_{name}(n_{name})" for name, _ in following), ".bad(differs)", ".kept(kept)"]
-    text = [
-        "module once (",
-        *ports,
-        *held,
-        *moved,
-        f"    output wire [{count - 1}:0] bad,",
-        "    output wire kept",
-        ");",
-    ]
-    text += lines + [f"    assign n_{name} = g_{name};" for name, _ in following]
-    text += [f"    assign kept = {contract};", "endmodule"]
-    text += ["module single (", *ports, *held, f"    output wire [{count - 1}:0] bad", ");"]
-    text += [f"    once both ({', '.join([*given, '.bad(bad)'])});", "endmodule"]
-    text += ["module ever (", f"    input wire {CLOCK},", *ports, f"    output wire [{count - 1}:0] bad", ");"]
-    text += [*regs, *nets, "    reg broken = 1'b0;", f"    wire [{count - 1}:0] differs;", "    wire kept;"]
-    text += [f"    once both ({', '.join(pins)});", f"    assign bad = broken ? {count}'d0 : differs;"]
-    text += [
-        f"    always @(posedge {CLOCK}) begin",
-        "        broken <= broken || !kept;",
-        *steps,
-        "    end",
-        "endmodule",
-    ]
-    return "\n".join(text) + "\n"
-
-
-def _netlists(manifest, faults, work, what):
-    """Write single.aig and ever.aig, with one output per fault; what the designs share is there once."""
-    steps = ["read_ilang base.il", "memory_map", "opt_clean", "write_json sound.json"]
-    for k, fault in enumerate(faults):
-        steps += ["design -reset", "read_ilang base.il", f"mutate {fault.options}", "memory_map", "opt_clean"]
-        steps += [f"write_json faulted_{k}.json"]
-    (work / "netlists.ys").write_text("\n".join(steps) + "\n")
-    _run(["yosys", "-q", "netlists.ys"], work, what)
-    sound, registers = _opened(work / "sound.json")
-    modules = {"sound": sound}
-    for k, fault in enumerate(faults):
-        modules[f"faulted_{k}"], found = _opened(work / f"faulted_{k}.json")
-        if found != registers:
-            raise FileError(f"{what}: mutant {fault.number} has other registers than the design")
-    (work / "opened.json").write_text(json.dumps({"modules": modules}))
-    initial = _initial(manifest, sound, registers)
-    (work / "top.v").write_text(_top(manifest, registers, initial, len(faults)))
-    for top in ("single", "ever"):
-        steps = ["read_json opened.json", "read_verilog top.v", f"hierarchy -top {top}", "proc", "flatten", "opt -full"]
-        steps += ["setundef -undriven -zero", "opt -full", "techmap", "opt -full", "dffunmap", "setundef -zero"]
-        steps += ["aigmap", "opt_clean", f"write_aiger -zinit -symbols {top}.aig"]
-        _run(["yosys", "-q", "-p", "; ".join(steps)], work, what)
-
-
-# ---- solvers -------------------------------------------------------------------------------------------------------
-
-
-def _abc(commands, work, what, limit_s=HANGS_S):
-    """What ABC said, or nothing when the time was up."""
-    try:
-        return _run(["yosys-abc", "-c", "; ".join(commands)], work, what, limit_s)
-    except subprocess.TimeoutExpired:
-        return ""
 
 
 def _trace(path, inputs):
@@ -175,30 +66,123 @@ def _trace(path, inputs):
     return [{name: f"{word:x}" for name, word in clocks[n].items() if name in inputs} for n in sorted(clocks)]
 
 
-def _verdict(k, inputs, work, what):
-    """Verdict on fault k."""
-    said = _abc(["read_aiger single.aig", f"cone -O {k}", "strash", "iprove"], work, what, ONCE_S)
-    if re.search(r"\bUNSATISFIABLE", said):
-        return Verdict("equivalent", "in every state", [])
-    ready, found = ["read_aiger ever.aig", f"cone -s -O {k}", "strash"], work / f"trace_{k}.txt"
-    clear = 0
-    for way in (f"bmc3 -F {NEAR_CLOCKS} -T {NEAR_S}", f"scorr; pdr -T {PROOF_S}", f"bmc3 -F {FAR_CLOCKS} -T {FAR_S}"):
-        said = _abc([*ready, way, f"write_cex -n {found.name}"], work, what)
-        if "was asserted in frame" in said:
-            trace = _trace(found, inputs)
-            return Verdict("alive", f"differs {len(trace)} clocks after reset", trace)
-        if "Property proved" in said or "all reachable states" in said:
-            return Verdict("equivalent", "in every state that can be reached", [])
-        clear = max([clear, *map(int, re.findall(r"No output asserted in (\d+) frames", said))])
-    return Verdict("undecided", f"no difference within {clear} clocks from reset, and no proof", [])
+def copied(graph, select, number, net=None):
+    """(outputs, next literals of the flip-flops) of the design with a number at the input `select`, in `net`."""
+    leaves = [2 * (k + 1) for k in range(graph.in_count + len(graph.latches))]
+    for k, place in enumerate(select):
+        leaves[place] = number >> k & 1
+    return (net or Net(len(leaves))).copy(graph, leaves)
 
 
-def judge(manifest, faults, work, jobs=1):
-    """Verdict of each fault, `jobs` at a time; base.il must stand in `work`."""
-    if not faults:
-        return []
-    what = f"{manifest['block']}/{manifest['case']}"
-    _netlists(manifest, faults, work, what)
-    inputs = {port["name"] for port in manifest["inputs"]}
-    with ThreadPoolExecutor(jobs) as pool:
-        return list(pool.map(lambda k: _verdict(k, inputs, work, what), range(len(faults))))
+class Judge:
+    """Verdicts on the faults of one design.
+
+    graph   `aig.Graph` with the faults, each switched on by its number at the input `select`
+    reset   value of each flip-flop in the reset state
+    ranges  function without arguments: {output: (signed, lo, hi)} of registers, to be tried; None: nothing is known
+    block   whose contract holds
+    work    folder for the solver's files
+    """
+
+    def __init__(self, graph, select, reset, block, work, ranges=None):
+        self._graph, self._select, self._work, self.what = graph, graph.inputs[select], work, block
+        leaves = graph.in_count + len(graph.latches)
+        # one leaf more: the contract was broken before
+        self.net = Net(leaves + 1)
+        self._ranges = ranges
+        self._leaves = [2 * (k + 1) for k in range(leaves)]
+        self._broken = leaves + 1
+        self._inputs = {name for name in graph.inputs if name != select}
+        self._names = {}
+        for name, places in graph.inputs.items():
+            one = len(places) == 1
+            self._names |= {1 + p: name if one else f"{name}[{k}]" for k, p in enumerate(places)}
+        self.sound = self._copy(0)
+        self.shared = len(self.net.ands)  # ANDs of the sound copy come first
+        outs, following = self.sound
+        kept = 1
+        if block in CONTRACTS:
+            strobe, register = CONTRACTS[block]
+            busy = self.net.any(outs[place] for place in graph.outputs[register])
+            kept = self.net.both(self._leaves[graph.inputs[strobe][0]], busy) ^ 1
+        self._kept = kept
+        held = 2 * self._broken
+        first = 1 + graph.in_count
+        self._following = {first + k: x for k, x in enumerate(following)}
+        self._following[self._broken] = self.net.either(held, kept ^ 1)
+        self._initial = {first + k: int(x) for k, x in enumerate(reset)} | {self._broken: 0}
+
+    def _copy(self, number):
+        return copied(self._graph, self._select, number, self.net)
+
+    def differs(self, number):
+        """Literal: the faulted copy differs from the sound one, and the contract holds now."""
+        outs, following = self._copy(number)
+        pairs = [*zip(self.sound[0], outs, strict=True), *zip(self.sound[1], following, strict=True)]
+        return self.net.both(self._kept, self.net.any(self.net.differ(a, b) for a, b in pairs if a != b))
+
+    def _never(self, literal, name):
+        """Whether a literal is 0 in every state, by one call of the solver."""
+        if literal < 2:
+            return literal == 0
+        names = self._names | {node: f"q{node}" for node in self._following}
+        (self._work / f"{name}.aig").write_bytes(binary(self.net, literal, names, {}, {}))
+        said = _abc([f"read_aiger {name}.aig", "strash", ONCE], self._work, self.what) or ""
+        return bool(re.search(r"\bUNSATISFIABLE", said))
+
+    def _guesses(self):
+        """[(bound now, bound after the next edge)] of the ranges that hold in the reset state."""
+        net, found = self.net, []
+        for name, (signed, lo, hi) in (self._ranges() if self._ranges else {}).items():
+            now = [self.sound[0][place] for place in self._graph.outputs[name]]
+            if not all(x >> 1 in self._following for x in now):
+                continue
+            after = [self._following[x >> 1] ^ (x & 1) for x in now]
+            word = sum((self._initial[x >> 1] ^ (x & 1)) << k for k, x in enumerate(now))
+            word -= 1 << len(now) if signed and word >> (len(now) - 1) else 0
+            if lo <= word <= hi:
+                found += zip(net.within(now, signed, lo, hi), net.within(after, signed, lo, hi), strict=True)
+        return found
+
+    @cached_property
+    def _inside(self):
+        """Literal of bounds that, together, no edge of the sound design leaves; those that fail are left out."""
+        net, held = self.net, self._guesses()
+        while held:
+            here = net.both(self._kept, net.any(now ^ 1 for now, _ in held) ^ 1)
+            if self._never(net.both(here, net.any(after ^ 1 for _, after in held)), "bounds"):
+                break
+            kept = [pair for pair in held if self._never(net.both(here, pair[1] ^ 1), "bound")]
+            held = kept if len(kept) < len(held) else []
+        return net.any(now ^ 1 for now, _ in held) ^ 1
+
+    def _search(self, number, differs):
+        """Verdict by traces from reset, and by an invariant."""
+        net, names = self.net, self._names
+        literal = net.both(differs, 2 * self._broken ^ 1)
+        path, found = self._work / f"ever_{number}.aig", self._work / f"trace_{number}.txt"
+        path.write_bytes(binary(net, literal, names, self._following, self._initial))
+        clear, given_up = 0, ""
+        for way in (NEAR, PROOF, FAR):
+            commands = [f"read_aiger {path.name}", "strash", way, f"write_cex -n {found.name}"]
+            said = _abc(commands, self._work, self.what)
+            if said is None:
+                given_up += f"; `{way}` was given up after {CPU_S} s of a processor"
+                continue
+            if "was asserted in frame" in said:
+                trace = _trace(found, self._inputs)
+                return Verdict("alive", f"differs {len(trace)} clocks after reset", trace)
+            if "Property proved" in said or "all reachable states" in said:
+                return Verdict("equivalent", "in every state that can be reached", [])
+            clear = max([clear, *map(int, re.findall(r"No output asserted in (\d+) frames", said))])
+        return Verdict("undecided", f"no difference within {clear} clocks from reset, and no proof{given_up}", [])
+
+    def verdict(self, number):
+        """Verdict on a fault."""
+        differs = self.differs(number)
+        if self._never(differs, "once"):
+            return Verdict("equivalent", "in every state", [])
+        within = self.net.both(differs, self._inside)
+        if within != differs and self._never(within, "within"):
+            return Verdict("equivalent", "in every state within ranges that are never left", [])
+        return self._search(number, differs)

@@ -2,7 +2,7 @@
 
     read, flatten        yosys, with the parameters of the case; registers as plain flip-flops, enables as multiplexers
     choose               `mutate -list`: evenly over the netlist, by seed; every fault switched on by one input
-    run                  one Verilator program: fault 0 (none) must pass, then each fault until the first row differs
+    run                  `aig`, 64 faults at a time: fault 0 (none) must pass, each fault to the first row that differs
     judge the survivors  `judge`: equivalent (proved), alive (a trace that shows it), or undecided
 
     score = killed / (mutants - equivalent)
@@ -21,14 +21,15 @@ from typing import NamedTuple
 
 from testbench.errors import ConfigError, FileError
 from testbench.files import write_text
-from testbench.golden import benches, bundle, judge
+from testbench.golden import aig, benches, blocks, bundle, judge, ranges
+from testbench.golden.miter import compact
 
 COUNT, SEED = 150, 1
-MAX_COUNT, MAX_JOBS = 10_000, 64
+MAX_COUNT = 10_000
 SURPLUS = 3  # faults asked for per fault wanted: those on clock pins are dropped
 TOOL_S = 1800  # a tool that runs longer than this has hung
 SELECT = "gyro_mutant"
-TOOLS = (*judge.TOOLS, "verilator", "make")
+TOOLS = judge.TOOLS
 
 
 class Mutant(NamedTuple):
@@ -148,113 +149,53 @@ def choose(work, count, seed, what):
 # ---- simulation ----------------------------------------------------------------------------------------------------
 
 
-def _wrapper(manifest, bits):
-    """Verilog: the faulted design with the vectors around it; C++ has only to count rows."""
-    inputs = manifest["inputs"]
-    found = [f"r_{p['name']}" for p in manifest["registers"]] + [f"o_{p['name']}" for p in manifest["outputs"]]
-    results = manifest["registers"] + manifest["outputs"]
-    wide, out, rows = bundle.total(inputs), bundle.total(results), manifest["n"]
-    nets = "\n".join(f"    wire [{p['width'] - 1}:0] {n};" for n, p in zip(found, results, strict=True))
-    left, ports = wide, [".clk(clk)", f".{SELECT}(chosen)"]
-    for port in inputs:
-        piece = f"now[{left - 1}:{left - port['width']}]"
-        ports.append(f".{port['name']}({piece + ' | clear' if port['name'] == 'rst' else piece})")
-        left -= port["width"]
-    ports += [f".{name}({name})" for name in found]
-    return f"""module bench (
-    input wire clk,
-    input wire clear,
-    input wire [{bits - 1}:0] chosen,
-    input wire [31:0] row,
-    output wire bad
-);
-    reg [{wide - 1}:0] stim [0:{rows - 1}];
-    reg [{out - 1}:0] exp [0:{rows - 1}];
-    reg [{out - 1}:0] mask [0:{rows - 1}];
-    initial begin
-        $readmemh("stim.hex", stim);
-        $readmemh("exp.hex", exp);
-        $readmemh("mask.hex", mask);
-    end
-    wire [{wide - 1}:0] now = stim[row];
-{nets}
-    mutable dut ({", ".join(ports)});
-    assign bad = |(({{{", ".join(found)}}} ^ exp[row]) & mask[row]);
-endmodule
-"""
-
-
-def _driver(count, rows, reset_cycles):
-    """C++: every fault from the reset state of the unfaulted design to the first row that differs."""
-    return f"""#include <cstdio>
-#include "Vbench.h"
-#include "verilated.h"
-int main() {{
-    VerilatedContext context;
-    Vbench top(&context);
-    for (unsigned m = 0; m <= {count}; m++) {{
-        top.chosen = 0; top.clear = 1; top.row = 0;
-        for (int k = 0; k < {reset_cycles}; k++) {{
-            top.clk = 0; top.eval(); top.clk = 1; top.eval();
-        }}
-        top.clk = 0; top.eval();
-        top.clear = 0; top.chosen = m;
-        long first = -1;
-        for (unsigned n = 0; n < {rows} && first < 0; n++) {{
-            top.row = n; top.clk = 0; top.eval();
-            if (top.bad) first = n;
-            top.clk = 1; top.eval();
-        }}
-        std::printf("%u %ld\\n", m, first);
-    }}
-    return 0;
-}}
-"""
-
-
-def simulate(folder, manifest, mutants, work):
-    """{number: first row that differs, or -1} of every fault; FileError if the design fails without one."""
-    what = f"{manifest['block']}/{manifest['case']}"
-    bits = max(1, len(mutants).bit_length())
+def ctrl_lines(mutants, bits):
+    """Commands of yosys that build the faults in, each switched on by its number at the input SELECT."""
     lines = [f"mutate -ctrl {SELECT} {bits} {m.number} {m.options}" for m in mutants]
-    if not lines:
-        lines = [f"mutate -mode none -ctrl {SELECT} {bits} 1"]
-    script = ["read_ilang base.il", *lines, "opt_clean", "write_verilog -noattr design.v"]
+    return lines or [f"mutate -mode none -ctrl {SELECT} {bits} 1"]
+
+
+def faulted(mutants, work, what, more=""):
+    """`aig.Graph` of base.il with all faults in it; `more` are further steps of yosys after they are built in."""
+    bits = max((m.number for m in mutants), default=1).bit_length()
+    script = ["read_ilang base.il", *ctrl_lines(mutants, bits), f"{more}{aig.STEPS} design.aag"]
     (work / "mutants.ys").write_text("\n".join(script) + "\n")
     run_tool(["yosys", "-q", "mutants.ys"], work, what)
-    (work / "bench.v").write_text(_wrapper(manifest, bits))
-    (work / "main.cpp").write_text(_driver(len(mutants), manifest["n"], manifest["reset"]["cycles"]))
-    for name in bundle.WORDS:
-        shutil.copyfile(folder / f"{name}.hex", work / f"{name}.hex")
-    build = ["verilator", "--cc", "--exe", "--build", "-Wno-fatal", "-Wno-lint", "-Wno-style", "--x-initial", "0"]
-    build += [
-        "--top-module",
-        "bench",
-        "-MAKEFLAGS",
-        "OPT_FAST=-O1 OPT_SLOW=-O0 OPT_GLOBAL=-O0",
-        "--Mdir",
-        "sim",
-        "bench.v",
-        "design.v",
-        "main.cpp",
-    ]
-    run_tool(build, work, what)
-    said = run_tool([work / "sim" / "Vbench"], work, what)
-    first = {int(m): int(row) for m, row in (line.split() for line in said.splitlines())}
+    return compact(aig.read(work / "design.aag"))
+
+
+def simulate(folder, manifest, graph, numbers):
+    """({number: first row that differs, or -1}, reset state); FileError if the design fails without a fault."""
+    vectors = bundle.read(folder)
+    given = [(port["name"], port["width"]) for port in manifest["inputs"]]
+    found = [(f"r_{port['name']}", port["width"]) for port in manifest["registers"]]
+    found += [(f"o_{port['name']}", port["width"]) for port in manifest["outputs"]]
+    stim = aig.bits_of(vectors.stim, given, graph.inputs, graph.in_count)
+    exp, mask = (aig.bits_of(rows, found, graph.outputs, len(graph.out_literals)) for rows in vectors[2:4])
+    reset = manifest["reset"]
+    first, held = aig.run(graph, stim, exp, mask, SELECT, [0, *numbers], reset["name"], reset["cycles"])
     if first[0] >= 0:
-        raise FileError(f"{what}: the design differs from the bundle at row {first[0]}: a failing design has no score")
-    return first
+        what = f"{manifest['block']}/{manifest['case']}: the design differs from the bundle at row {first[0]}"
+        raise FileError(f"{what}: a failing design has no score")
+    return first, held
+
+
+def ranges_of(manifest):
+    """{port: (signed, lo, hi)} of the registers as the model is proven to keep them; empty for a foreign block."""
+    stem, case = manifest["block"], manifest["case"]
+    if stem not in blocks.BLOCKS or case not in blocks.BLOCKS[stem].cases:
+        return {}
+    return {f"r_{r.name}": (r.fmt.s == 1, *r.proven) for r in ranges.of_case(stem, case).registers if r.proven}
 
 
 # ---- all together --------------------------------------------------------------------------------------------------
 
 
-def score(folder, rtl, count=COUNT, seed=SEED, jobs=1, keep=None):
+def score(folder, rtl, count=COUNT, seed=SEED, keep=None):
     """Outcome of a bundle for the design in the folder `rtl`.
 
     count  faults wanted; a small design may have fewer
     seed   of the choice, >= 0
-    jobs   survivors judged at a time
     keep   folder for the intermediate files, or None
     Raises ConfigError for a bad number or a missing tool, FileError for a bad bundle, a missing or a failing design.
     """
@@ -262,8 +203,6 @@ def score(folder, rtl, count=COUNT, seed=SEED, jobs=1, keep=None):
         raise ConfigError(f"count: {count} is outside 1 .. {MAX_COUNT} mutants")
     if not 0 <= seed < 1 << 31:
         raise ConfigError(f"seed: {seed} is outside 0 .. 2**31 - 1")
-    if not 1 <= jobs <= MAX_JOBS:
-        raise ConfigError(f"jobs: {jobs} is outside 1 .. {MAX_JOBS}")
     for name in TOOLS:
         if shutil.which(name) is None:
             raise ConfigError(f"{name}: not installed; a mutation score needs {', '.join(TOOLS)}")
@@ -276,9 +215,11 @@ def score(folder, rtl, count=COUNT, seed=SEED, jobs=1, keep=None):
         work.mkdir(parents=True, exist_ok=True)
         prepare(folder, manifest, files, work)
         mutants = choose(work, count, seed, what)
-        first = simulate(folder, manifest, mutants, work)
+        graph = faulted(mutants, work, what)
+        first, held = simulate(folder, manifest, graph, [m.number for m in mutants])
         alive = [m for m in mutants if first[m.number] < 0]
-        verdicts = judge.judge(manifest, alive, work, jobs)
+        judged = judge.Judge(graph, SELECT, held, manifest["block"], work, lambda: ranges_of(manifest))
+        verdicts = [judged.verdict(m.number) for m in alive]
     survivors = [
         {"mutant": m.number, "fault": m.options, "source": m.source, **verdict._asdict()}
         for m, verdict in zip(alive, verdicts, strict=True)

@@ -34,11 +34,15 @@ from fpga_model import (
     sequencer,
     top,
 )
+from fpga_model.fault_monitor import CODE
+from fpga_model.fixed import signed
 from fpga_model.rates import FRAME_CYCLES, FRAME_HZ, FRAME_TICKS, TICK_CYCLES
 from testbench import build, config, engine
+from testbench.errors import FileError
 from testbench.flatten import leaves, names
 from testbench.golden import recording, replay
 from testbench.golden.recording import Recording, Window
+from testbench.golden.writer import Random
 from testbench.simulate import _faults as faults_of
 
 DEG = math.pi / 180
@@ -198,7 +202,7 @@ def closed_loop(name, case, progress=None):
 
 # ---- the case `reset` ------------------------------------------------------------------------------------------------
 
-RESET_FRAMES, RESET_FROM, RESET_SEED = 34, 620, 2026
+RESET_FRAMES, RESET_FROM, RESET_SEED = 72, 620, 2026
 WILD = (14, 17)  # frames with random codes: the drive lock is lost, then a search fails
 # Where a reset hits: clock within a frame, and what it interrupts
 RESETS = (
@@ -209,6 +213,32 @@ RESETS = (
     (31, 700, "reset in the 8 kHz work"),
     (32, 2000, "reset between"),
 )
+
+# After the last reset: control words from a frame on, and frames in which the words that they fix change
+HOLDS = sequencer.HOLD_AGC | sequencer.HOLD_PLL | sequencer.HOLD_FTR | sequencer.HOLD_QSC
+FIXES = sequencer.FIX_FTR | sequencer.FIX_QSC
+CONTROLS = (
+    (36, sequencer.RUN | sequencer.OPEN_DRIVE),
+    (39, sequencer.RUN | sequencer.OPEN_DRIVE | FIXES),
+    (44, sequencer.RUN | FIXES),
+    (62, sequencer.RUN),
+    (66, sequencer.RUN | HOLDS),
+    (69, sequencer.RUN | sequencer.CLEAR_FAULTS),
+    (70, 0),
+)
+FIXED = range(37, 63)
+
+
+def _fixed_words(random):
+    """Host writes of CONTROLS, and of a random word to every register they put in force, in each frame of FIXED."""
+    found = [(frame * FRAME_CYCLES + 100, 0, 0, control) for frame, control in CONTROLS]
+    kept = {"control", "fault_clear", "amplitude_setpoint", "frequency_fixed"}
+    for frame in FIXED:
+        for k, register in enumerate(r for r in registers.WRITABLE if r.name not in kept):
+            clock = frame * FRAME_CYCLES + 400 + 150 * k + random.below(150)
+            word = random.raw(register.fmt)
+            found.append((clock, 0, register.address, registers.to_bus(word, register.fmt)))
+    return {row[0]: row for row in found}
 
 
 def reset_case(story):
@@ -230,19 +260,20 @@ def reset_case(story):
     adc = story.stimulus.adc.copy()
     adc[:, 0] -= RESET_FROM * FRAME_CYCLES
     adc = adc[(adc[:, 0] >= 0) & (adc[:, 0] < end)]
-    random = np.random.default_rng(RESET_SEED)
+    random = Random(RESET_SEED)
     for frame in WILD:
-        adc[frame, 2:6] = random.integers(-(1 << 22), 1 << 22, 4)
-    adc[:, 7:] = random.integers(-(1 << 23), 1 << 23, adc[:, 7:].shape)  # channels that the board does not use
+        adc[frame, 2:6] = [random.raw(signed(23)) for _ in range(4)]
+    adc[:, 7:] = [[random.raw(CODE) for _ in row] for row in adc[:, 7:]]  # channels that the board does not use
     host = {}
     for place in range(256):
         # every address that exists, several times, with bits above its register; the clocks fall everywhere
-        clock = int(random.integers(200, 26 * FRAME_CYCLES))
-        address = place % 24 if place < 240 else int(random.integers(24, 256))
+        clock = 200 + random.below(26 * FRAME_CYCLES - 200)
+        address = place % 24 if place < 240 else 24 + random.below(232)
         if address != 0 and address not in (6, 7):  # RUN, set-point and frequency stay: the walk goes on
-            host[clock] = (clock, 0, address, int(random.integers(0, 1 << 48)))
+            host[clock] = (clock, 0, address, random.below(1 << 48))
     for place, at, _ in RESETS:
         host[place * FRAME_CYCLES + at] = (place * FRAME_CYCLES + at, 1, 0, 0)
+    host |= _fixed_words(random)
     rows = np.array([host[clock] for clock in sorted(host)], np.int64)
     stimulus = replay.Stimulus(adc, rows, np.zeros((0, 2), np.int64))
     return Recording("reset", params, RESET_FRAMES, 1, stimulus, (), "")
@@ -307,9 +338,21 @@ def windows_of(r):
     return merged(found, r.frames * FRAME_CYCLES)
 
 
+def is_current(r):
+    """Whether today's firmware, given the recorded inputs, does what that of the closed loop did."""
+    rows = replay.run(r.params, r.stimulus, r.frames, np.arange(r.frames) * FRAME_CYCLES)
+    return hashlib.sha256(rows.registers.astype("<i8").tobytes()).hexdigest() == r.closed
+
+
 def make(name, progress=None):
-    """`Recording` of a case, with its windows."""
-    r = reset_case(recording.load("story")) if name == "reset" else closed_loop(name, CASES[name], progress)
+    """`Recording` of a case, with its windows; raises FileError if `reset` would be made of an old story."""
+    if name == "reset":
+        story = recording.load("story")
+        if not is_current(story):
+            raise FileError("reset: the story that it is made of is of another firmware: record story first")
+        r = reset_case(story)
+    else:
+        r = closed_loop(name, CASES[name], progress)
     return r._replace(windows=windows_of(r))
 
 
@@ -321,7 +364,8 @@ def main(chosen):
             print(f"{name}: frame {done} of {total}", flush=True)
 
     again = "--windows" in chosen
-    for name in [name for name in chosen if name != "--windows"] or [*CASES, "reset"]:
+    names_chosen = [name for name in chosen if name != "--windows"] or [*CASES, "reset"]
+    for name in sorted(names_chosen, key=lambda name: name == "reset"):  # reset is made of the story
         if again:
             r = recording.load(name)
             r = r._replace(windows=windows_of(r))

@@ -6,7 +6,9 @@ Source  docs/blocks/sequencer.md
 
 import itertools
 
-from fpga_model import fault_monitor, sequencer
+from fpga_model import fault_monitor, lock_monitor, sequencer
+from fpga_model.fixed import signed
+from testbench.golden.writer import ALL_ONES, LONG_ROWS, around
 
 SETPOINT = 1 << 23
 PATIENCE = 120  # frames within which a state has to come
@@ -153,6 +155,90 @@ def _limits(walk):
             walk.run(1, **{name: sign * (fault_monitor.RANGE_LIMIT + near)})
 
 
+def _bits_of_limits(walk):
+    """Each bit of each error beside its limit, alone: not locked, where one good frame counts, then locked."""
+    p = walk.p.lock
+    apart = {"sense_sin": 1 << 22, "sense_cos": 1 << 22}
+    slow = {"magnitude": SETPOINT >> 1, "phase": 1 << 22}
+    names = {"phase": 1, "sense_sin": 2, "sense_cos": 3}
+    for name, k in names.items():
+        held = slow if name == "phase" else apart
+        places = ((sequencer.ACQUIRE if held is slow else sequencer.BALANCE, held, p.limit_in[k]),)
+        for state, between, limit in (*places, (sequencer.LOCKED, {}, p.limit_out[k])):
+            if not walk.again(state, **between):
+                continue
+            for n, error in enumerate([*around(limit, signed(24)), -SETPOINT]):
+                walk.run(1, **{**between, name: error if n % 2 or error == -SETPOINT else -error})
+                walk.run(1, **between)
+
+
+def _amplitudes(walk):
+    """The amplitude error at its limit and one beyond, at set-points whose product with the limit has every bit.
+
+    Not locked it is in SETTLE, which the phase keeps from ending and a timeout ends.
+    """
+    lock, random = walk.p.lock, walk.w.random
+    if walk.p.timeout < 3:
+        return  # no frame of SETTLE is left to judge
+    for state, table, count, between in (
+        (sequencer.SETTLE, lock.limit_in, 16, {"phase": 1 << 22, "magnitude": 0}),
+        (sequencer.LOCKED, lock.limit_out, 32, {}),
+    ):
+        arrive = {**between, "magnitude": SETPOINT}
+        for setpoint in [(1 << 20) + random.below(3 << 20) for _ in range(count)]:
+            limit = setpoint * table[0] >> lock_monitor.FRACTION
+            for error in (limit, limit + 1, -limit, -limit - 1):
+                if walk.state.state == state or walk.again(state, **arrive):
+                    walk.run(1, **{**between, "setpoint": setpoint, "magnitude": setpoint - error})
+                    walk.run(1, **between)
+
+
+def _found(p, correction, flipped=0, limit=0):
+    """Whether a search finds, with bits of the correction and of the limit flipped."""
+    return abs(correction ^ flipped) <= p.search_limit ^ limit
+
+
+def _searches(walk):
+    """Rotations for which one bit of the correction, of its size or of the limit decides whether a search finds."""
+    p, wanted = walk.p, {}
+    if p.search < 3:
+        return  # three steps of a phase get as far as the limit
+    edge = (p.search_limit << CUT) // p.gain
+    near = {edge + k for k in range(-64, 65)} | {edge + sign * (1 << k) for k in range(6, 26) for sign in (1, -1)}
+    for total in sorted(near | {-k for k in near}):
+        correction = (total * p.gain + (1 << (CUT - 1))) >> CUT
+        sound = _found(p, correction)
+        for k in range(p.search_limit.bit_length() + 1):
+            bit, size = 1 << k, abs(correction)
+            value = correction & bit > 0
+            if _found(p, correction, flipped=bit) != sound:
+                wanted.setdefault(total, set()).add(("correction", total < 0, k, value))
+            if _found(p, size, flipped=bit) != sound:
+                wanted.setdefault(total, set()).add(("size", k, size & bit > 0))
+            if _found(p, correction, limit=bit) != sound:
+                wanted.setdefault(total, set()).add(("limit", k))
+    while wanted:
+        total = max(wanted, key=lambda n: (len(wanted[n]), n))
+        seen = wanted[total]
+        wanted = {n: kinds - seen for n, kinds in wanted.items() if kinds - seen}
+        if walk.until(sequencer.SEARCH) or walk.again(sequencer.SEARCH):
+            for k in range(1, p.search + 1):
+                walk.run(1, phase=_wrapped(total * k // p.search))
+
+
+def _long(walk):
+    """Frames without a drive, all good, then all bad: every carry of the counters of 16 bits below LONG_ROWS.
+
+    Rows without `en` where the count is all ones: every bit of it is held.
+    """
+    walk.run(1, control=0, stale=1)
+    for stale in (0, 1):
+        walk.run(ALL_ONES, control=0, stale=stale)
+        walk.w.row({"i_stale": 1 - stale}, times=2)
+        walk.run(LONG_ROWS - ALL_ONES, control=0, stale=stale)
+    walk.run(3, control=0)
+
+
 def _at_each_state(walk):
     """Lost lock, unusable frames, saturations and the user's bits in ACQUIRE, SETTLE, BALANCE and LOCKED."""
     apart = {"sense_sin": 1 << 22, "sense_cos": 1 << 22}  # keeps the sense loops from locking
@@ -186,5 +272,6 @@ def _resets(walk):
 
 def script_sequencer(w):
     walk = Walk(w)
-    for part in (_walks, _attempts, _reached, _rotations, _limits, _at_each_state, _resets):
+    before = (_walks, _attempts, _reached, _rotations, _limits, _bits_of_limits, _amplitudes, _searches)
+    for part in (*before, _long, _at_each_state, _resets):
         part(walk)

@@ -3,10 +3,12 @@
 Source  docs/blocks/
 """
 
+import itertools
+
 from fpga_model import fault_monitor, lock_monitor, rates, spi_adc
 from fpga_model.fixed import signed
 from testbench.golden.script_sequencer import script_sequencer
-from testbench.golden.writer import around, frame
+from testbench.golden.writer import ALL_ONES, LONG_ROWS, around, frame, wrapped
 
 LONG = 1000  # debounce in frames above which a script takes each way once
 
@@ -100,6 +102,12 @@ def _script_fault_monitor(w):
             w.row({**common, "codes_0": -1})
     for times in (p.stuck, p.stuck + 1, p.stuck + 2):
         w.row({**common, "codes_2": times}, times=times)
+    # one bit of one code after the other: each alone makes a frame another one, at both values of its neighbours
+    codes = dict.fromkeys((f"codes_{k}" for k in range(4)), 0)
+    for _ in range(2):
+        for name, bit in itertools.product(codes, range(fault_monitor.CODE.width)):
+            codes[name] = wrapped(codes[name] ^ (1 << bit), fault_monitor.CODE)
+            w.row({**common, **codes})
     w.row({**common, "fresh": 0}, times=5)
     for word in range(8):
         w.row({**common, "codes_1": word, "clear": 1 << word})
@@ -117,6 +125,13 @@ def _script_fault_monitor(w):
     w.row({**every, "fresh": 0})
     w.row(every, rst=1)
     w.row(common, times=2)
+    # the counters of good and bad frames, as far as rows allow: through every carry below LONG_ROWS
+    w.row({**common, "fresh": 0})
+    for fresh in (1, 0):
+        w.row({**common, "fresh": fresh, "watch_stuck": 0}, times=ALL_ONES)
+        w.row({"fresh": 1 - fresh}, times=2)
+        w.row({**common, "fresh": fresh, "watch_stuck": 0}, times=LONG_ROWS - ALL_ONES)
+    w.row({**common, "watch_stuck": 0}, times=2)
 
 
 def _script_spi_adc(w):

@@ -10,6 +10,7 @@ from testbench.golden import blocks
 MASK64 = (1 << 64) - 1
 ALTERNATE = int("01" * 32, 2)
 SEED = 20260131
+ALL_ONES, LONG_ROWS = 1023, 1030  # frames that are all good, then all bad: to a count of ten ones, and beyond
 
 
 class Random:
@@ -55,6 +56,11 @@ def around(limit, fmt):
         near |= {flipped - 1, flipped, flipped + 1}
         near |= {(flipped >> k << k) | (pattern & ((1 << k) - 1)) for pattern in (0, -1, ALTERNATE, ALTERNATE << 1)}
     return sorted(v for v in near if fmt.holds(v))
+
+
+def wrapped(value, fmt):
+    """The value that is `value` modulo the width of a format."""
+    return (value - fmt.lo) % (1 << fmt.width) + fmt.lo
 
 
 class Writer:

@@ -68,6 +68,30 @@ def test_firmware_still_does_what_it_did_in_the_closed_loop(seen, case):
     r, _, rows = seen(case)
     found = hashlib.sha256(rows.registers.astype("<i8").tobytes()).hexdigest()
     assert found == r.closed, f"{case}: the firmware has changed: python -m testbench.golden.record {case} reset"
+    assert record.is_current(r)
+
+
+def test_reset_is_made_of_the_story_that_is_stored():
+    kept, again = recording.load("reset"), record.reset_case(recording.load("story"))
+    text = "reset is of another story: python -m testbench.golden.record reset"
+    assert recording.sha256(again) == recording.sha256(kept), text
+    assert record.windows_of(again) == kept.windows, text
+
+
+def test_reset_is_not_made_of_an_old_story(monkeypatch):
+    old = recording.load("story")._replace(closed="0" * 64)
+    monkeypatch.setattr(record.recording, "load", lambda name: old)
+    with pytest.raises(FileError, match="record story first"):
+        record.make("reset")
+
+
+def test_the_story_is_recorded_before_reset_whatever_the_order(monkeypatch):
+    made = []
+    r = recording.load("reset")
+    monkeypatch.setattr(record, "make", lambda name, progress: made.append(name) or r)
+    monkeypatch.setattr(recording, "save", lambda r: None)
+    record.main(["reset", "story"])
+    assert made == ["story", "reset"]
 
 
 def test_closed_loop_gives_the_recorded_inputs_again():
@@ -134,6 +158,18 @@ def test_reset_case_loses_lock_and_fails_a_search_and_writes_everything(seen):
     written = set(host[host[:, 1] == 0, 2].tolist())
     assert set(range(1, 18)) - {6, 7} <= written
     assert any(address > 0x4C for address in written)
+
+
+def test_reset_case_locks_with_fixed_words_that_change_and_holds_every_loop(seen):
+    _, column, _ = seen("reset")
+    state, control = column["control.sequencer.state"], column["control.sequencer.control"]
+    fixed = control & record.FIXES == record.FIXES
+    for places in (state == sequencer.OPEN, state == sequencer.LOCKED):
+        for name in ("rate_fixed", "quadrature_fixed"):
+            assert len(set(column[f"registers.{name}"][fixed & places].tolist())) >= 4, name
+    assert len(set(column["registers.amplitude_fixed"][state == sequencer.OPEN].tolist())) >= 4
+    held = control & record.HOLDS == record.HOLDS
+    assert (held & (state >= sequencer.BALANCE)).sum() >= 2
 
 
 def test_windows_show_every_change_of_state(seen):

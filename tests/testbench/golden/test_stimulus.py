@@ -359,3 +359,27 @@ def test_every_bit_of_every_register_rises_and_falls_in_some_case(stem):
         for way, seen in (("rise", rose), ("fall", fell)):
             proved = all(("toggle", port.name, f"{way} {k}") in reasons for reasons in dead)
             assert bool(seen[port.name] >> k & 1) != proved, f"{port.name} {way} {k}"
+
+
+def test_searches_end_where_each_bit_of_the_correction_decides():
+    p = blocks.BLOCKS["sequencer"].cases["quick"]
+    _, regs, _ = record("sequencer", "quick")
+    ends = np.flatnonzero((regs["state"][:-1] == sequencer.SEARCH) & (regs["timer"][:-1] == p.search - 1))
+    found = regs["correction"][ends + 1].astype(object)
+    step = p.gain >> sequencer.GAIN.f  # a rotation more moves the correction by this much
+    for bit in (1 << k for k in range(step.bit_length() + 1, p.search_limit.bit_length())):
+        for set_ in (0, bit):
+            decided = [(abs(c) <= p.search_limit) != (abs(c ^ bit) <= p.search_limit) for c in found if c & bit == set_]
+            assert any(decided), (bit, set_)
+
+
+def test_the_amplitude_is_judged_at_the_limits_of_many_setpoints():
+    p = blocks.BLOCKS["sequencer"].cases["quick"].lock
+    rows, regs, _ = record("sequencer", "quick")
+    error, state = rows["i_setpoint"] - rows["i_magnitude"], regs["state"]
+    for table, where in ((p.limit_in, sequencer.SETTLE), (p.limit_out, sequencer.LOCKED)):
+        limit = rows["i_setpoint"] * table[0] >> 16
+        for beyond in (0, 1):
+            for sign in (1, -1):
+                hit = (state == where) & (error == sign * (limit + beyond))
+                assert len(set(rows["i_setpoint"][hit].tolist())) >= 12, (where, beyond, sign)

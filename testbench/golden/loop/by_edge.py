@@ -1,0 +1,154 @@
+"""Plant and model edge by edge, for a bench in Python that drives a design itself (cocotb, a board in the loop).
+
+    plant = Plant(config)           power-on
+    plant.inputs()                  inputs of the design at the next edge: {name: value}, unsigned
+    plant.edge(pins)                after the edge: output pins {name: value}, names of `replay.PINS`
+    model = Model(plant)            the firmware's model, given the same inputs
+    model.expected()                {port: unsigned value} of every register and pin before the next edge
+    model.edge(inputs)              one edge
+
+What a tick does, and in which order, is that of `lockstep.ticks`; a call per edge takes some 0.1 ms.
+Source  docs/rtl.md
+"""
+
+import math
+
+import numpy as np
+
+from analog_frontend import adc_serial
+from analog_frontend import top as plant
+from fpga_model import registers
+from fpga_model import top as fpga
+from fpga_model.jit import kernel
+from fpga_model.rates import FRAME_TICKS, TICK_CYCLES
+from testbench import build, engine
+from testbench.flatten import leaves
+from testbench.golden import replay
+from testbench.golden.loop import library, lockstep
+
+DEG = math.pi / 180
+STATUS = adc_serial.status_word()
+SENT = 5  # channels of the ADC that are connected
+_MASKS = tuple((1 << fmt.width) - 1 for fmt in library.FORMATS)
+
+
+@kernel
+def _chips(chips, pins, loaded, status, codes):
+    return lockstep.chips_after(chips, pins, loaded, status, codes)
+
+
+@kernel
+def _retune(p, a, rate_rad_s, quad_code, temp_degc):
+    plant.retune(p, a, rate_rad_s, quad_code, temp_degc)
+
+
+@kernel
+def _tick(p, a, tick, pins, edges):
+    return plant.step(p, a, tick, pins, edges)
+
+
+@kernel
+def _samples(p, a, tick):
+    return plant.sar_code(p, a, tick, 0), plant.sar_code(p, a, tick, 1)
+
+
+@kernel
+def _step(p, s, i):
+    return fpga.step(p, s, i)
+
+
+@kernel
+def _pins(p, s):
+    return replay.pins(p, s)
+
+
+class Plant:
+    """Gyroscope, converters and host of a `Config` at a constant rate and temperature, from power-on.
+
+    firmware  `fpga_model.top.Params` of the design, if not those of the configuration
+    """
+
+    def __init__(self, config, rate_dps=0.0, temp_degc=25.0, firmware=None):
+        self.params = build.params(config, temp_degc, temp_degc)
+        self.firmware = firmware or self.params.fpga
+        self._rate_rad_s, self._temp_degc = rate_dps * DEG, temp_degc
+        state = engine.reset(self.params, temp_degc)
+        self.chips, self._analog = state.chips, state.plant
+        self._writes = [(registers.BY_NAME[name], raw) for name, raw in build.register_writes(config)]
+        self._edges = np.zeros((engine.MAX_EDGES, 2), np.int64)
+        self.clock, self._drdy_cycle = 0, -1
+        self._refs = replay.pins(self.firmware, fpga.State())[replay.PINS.index("refs")]
+        self._begin_tick()
+
+    @property
+    def tick(self):
+        """Ticks since power-on."""
+        return self.clock // TICK_CYCLES
+
+    def _begin_tick(self):
+        a, p = self._analog, self.params.plant
+        if self.tick % FRAME_TICKS == 0:
+            _retune(p, a, self._rate_rad_s, self.chips.quadrature.code, self._temp_degc)
+        self._given = int(a.sar[0]), int(a.sar[1])
+        if self.firmware.digital:
+            a.sar[0], a.sar[1] = _samples(p, a, self.tick)
+        sent = a.adc.clock[engine.CODES : engine.CODES + SENT]
+        self._codes = (*map(int, sent), *[0] * (adc_serial.CHANNELS - SENT))
+        self._drive_cycle = self._sense_cycle = -1
+        self._edge_count = 0
+
+    def inputs(self):
+        """Inputs of the design at the next edge; the host writes one register of the configuration per tick."""
+        tick, c = divmod(self.clock, TICK_CYCLES)
+        write, address, data = 0, 0, 0
+        if tick < len(self._writes):
+            entry, raw = self._writes[tick]
+            write, address, data = int(c == 0), entry.address, registers.to_bus(int(raw), entry.fmt)
+        given = fpga.Inputs(
+            int(self.chips.adc.drdy_n), int(adc_serial.dout(self.chips.adc)), *self._given, write, address, data
+        )
+        masks = ((1 << fmt.width) - 1 for fmt in fpga.INPUTS_FMT)
+        return {name: value & mask for name, value, mask in zip(fpga.Inputs._fields, given, masks, strict=True)}
+
+    def edge(self, pins):
+        """The converters, and at the end of a tick the gyroscope, after an edge that left these output pins."""
+        c, word = self.clock % TICK_CYCLES, 0
+        for name, at in zip(replay.PINS, library.PIN_AT, strict=True):
+            word |= int(pins[name]) << at
+        loaded = int(c == self._drdy_cycle)
+        self.chips = _chips(self.chips, word, loaded, STATUS, self._codes)
+        self._drive_cycle = c if self.chips.drive.updated else self._drive_cycle
+        self._sense_cycle = c if self.chips.sense.updated else self._sense_cycle
+        changed, self._refs = int(pins["refs"]) ^ self._refs, int(pins["refs"])
+        for d in range(4):
+            if changed >> d & 1 and self._edge_count < engine.MAX_EDGES:
+                self._edges[self._edge_count] = c, d
+                self._edge_count += 1
+        if c == TICK_CYCLES - 1:
+            moved = plant.Pins(
+                self.chips.drive.code, self._drive_cycle, self.chips.sense.code, self._sense_cycle, self._edge_count
+            )
+            self._drdy_cycle = _tick(self.params.plant, self._analog, self.tick, moved, self._edges)
+        self.clock += 1
+        if self.clock % TICK_CYCLES == 0:
+            self._begin_tick()
+
+
+class Model:
+    """The firmware's own model beside a `Plant`, from reset."""
+
+    def __init__(self, plant):
+        self._params, self.state = plant.firmware, fpga.State()
+
+    def expected(self):
+        """{port of gyro_top: unsigned value} of every register and output pin before the next edge."""
+        values = [value for _, value in leaves(self.state)] + list(_pins(self._params, self.state))
+        return {port: int(v) & mask for port, v, mask in zip(library.PORTS, values, _MASKS, strict=True)}
+
+    def edge(self, inputs):
+        """One edge, with what `Plant.inputs` gave."""
+        signed = [
+            value - (1 << fmt.width) if fmt.s and value > fmt.hi else value
+            for value, fmt in zip(inputs.values(), fpga.INPUTS_FMT, strict=True)
+        ]
+        self.state = _step(self._params, self.state, fpga.Inputs(*signed))

@@ -1,0 +1,208 @@
+"""RTL and model clock by clock, the plant on the RTL's pins: no pin of the model reaches the plant.
+
+    before edge n   every register and output pin of the RTL is compared with the model's: 226 values
+    edge n          both get the same DRDY_N, DOUT, samples and host write
+    after edge n    the converters see the RTL's pins; DAC codes and reference edges act on the plant at their clocks
+
+Ticks and streams are those of the clocked engine (testbench.engine). The first difference ends the run, before the
+edge whose row it stands in.
+Source  docs/rtl.md
+"""
+
+import ctypes
+from typing import NamedTuple
+
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic, register_jitable
+
+from analog_frontend import adc_serial, dac_serial
+from analog_frontend import top as plant
+from fpga_model import top as fpga
+from fpga_model.jit import DISABLED, hot, inlined, outlined
+from fpga_model.rates import FRAME_TICKS, TICK_CYCLES
+from testbench import engine
+from testbench.flatten import store
+from testbench.golden import replay
+from testbench.golden.loop.library import INPUTS, NAMES, REFS_AT, REGISTERS
+from testbench.golden.replay import PINS
+
+KEPT = 8  # rows that stay, for a report: a power of two
+COUNT, PLACES = len(REGISTERS), len(NAMES)
+GIVEN = len(INPUTS)
+(CS_N, SCLK, DRIVE_SYNC, DRIVE_EN, DRIVE_SDIN, SENSE_SYNC, SENSE_EN, SENSE_SDIN, SENSE_LDAC, QUAD_SYNC, QUAD_EN,
+ QUAD_SDIN) = (PINS.index(name) for name in PINS if name != "refs")  # fmt: skip
+REFS_MASK = 15
+
+
+class Rtl(NamedTuple):
+    """What a kernel needs of a `library.Design`, and where it writes."""
+
+    handle: int
+    edge: int
+    differs: int
+    given: np.ndarray  # int64 (GIVEN,): inputs of an edge
+    rows: np.ndarray  # int64 (KEPT, PLACES): the model's last rows, row n at n % KEPT
+    found: np.ndarray  # int64 (4,): row and place of the first difference, the RTL's pins, rows compared
+
+
+def rtl_of(design):
+    """`Rtl` of a design that has just been reset."""
+    given, rows = np.zeros(GIVEN, np.int64), np.zeros((KEPT, PLACES), np.int64)
+    return Rtl(design.handle, design.edge, design.differs, given, rows, np.array([-1, -1, design.pins, 0], np.int64))
+
+
+def _call_python(address, handle, array):
+    return ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64, ctypes.c_void_p)(address)(handle, array.ctypes.data)
+
+
+@intrinsic
+def _call_native(typingctx, address, handle, array):
+    def codegen(context, builder, signature, args):
+        data = context.make_array(signature.args[2])(context, builder, args[2]).data
+        kind = ir.FunctionType(ir.IntType(64), [ir.IntType(64), data.type])
+        return builder.call(builder.inttoptr(args[0], kind.as_pointer()), [args[1], data])
+
+    return types.int64(types.int64, types.int64, array), codegen
+
+
+if DISABLED:
+    call = _call_python
+else:
+
+    @register_jitable
+    def call(address, handle, array):
+        """int64 of the C function at `address`, given `handle` and the data of an array of int64."""
+        return _call_native(address, handle, array)
+
+
+@inlined
+def _pin(pins, place):
+    return (pins >> place) & 1
+
+
+@inlined
+def chips_after(chips, pins, loaded, status, codes):
+    """The converters' digital sides after an edge, with the pins of the RTL."""
+    return engine.Chips(
+        dac_serial.step(
+            dac_serial.DAC8811, chips.drive, _pin(pins, DRIVE_SYNC), _pin(pins, DRIVE_EN), _pin(pins, DRIVE_SDIN), 1
+        ),
+        dac_serial.step(
+            dac_serial.AD5791,
+            chips.sense,
+            _pin(pins, SENSE_SYNC),
+            _pin(pins, SENSE_EN),
+            _pin(pins, SENSE_SDIN),
+            _pin(pins, SENSE_LDAC),
+        ),
+        dac_serial.step(
+            dac_serial.DAC82002, chips.quadrature, _pin(pins, QUAD_SYNC), _pin(pins, QUAD_EN), _pin(pins, QUAD_SDIN), 1
+        ),
+        adc_serial.step(chips.adc, _pin(pins, CS_N), _pin(pins, SCLK), loaded, status, codes),
+    )
+
+
+# The plant's parts stay functions of their own, as in the clocked engine
+@outlined
+def _retune(p, a, rate_rad_s, quad_code, temp_degc):
+    plant.retune(p, a, rate_rad_s, quad_code, temp_degc)
+
+
+@outlined
+def _plant_tick(p, a, tick, pins, edges):
+    return plant.step(p, a, tick, pins, edges)
+
+
+@hot
+def ticks(p, f, chips, a, chunk, end, drdy_cycle, rtl):
+    """Ticks chunk.begin .. end - 1; returns the model's registers, the chips, the clock of DRDY.
+
+    Ends early, with rtl.found, at the first row in which the RTL differs.
+    """
+    rate_rad_s, temp_degc, faults, o, edges = chunk.rate_rad_s, chunk.temp_degc, chunk.faults, chunk.o, chunk.edges
+    begin, pins = chunk.begin, rtl.found[2]
+    refs = (pins >> REFS_AT) & REFS_MASK
+    begin_frame = begin // FRAME_TICKS
+    for tick in range(begin, end):
+        k = tick - begin
+        if tick % FRAME_TICKS == 0:
+            n = tick // FRAME_TICKS - begin_frame
+            row = n if begin % FRAME_TICKS == 0 else n - 1
+            v_q = faults.dac_code[2] if faults.dac[2] else chips.quadrature.code
+            _retune(p.plant, a, rate_rad_s[n], v_q, temp_degc[n])
+            if row < o.frames.shape[0]:
+                engine.record_frame(
+                    o.frames[row],
+                    o.truth[row],
+                    f.control,
+                    engine.frame_codes(p.fpga, f.sid.codes, f.adc.channels),
+                    chips.drive.code,
+                    chips.sense.code,
+                    chips.quadrature.code,
+                    a.z,
+                    temp_degc[n],
+                    rate_rad_s[n],
+                )
+        # the aperture is the tick's first instant; the codes arrive a tick later
+        sample_x, sample_y = a.sar[0], a.sar[1]
+        if p.fpga.digital:
+            a.sar[0] = plant.sar_code(p.plant, a, tick, 0)
+            a.sar[1] = plant.sar_code(p.plant, a, tick, 1)
+        codes = engine.sent_codes(faults, a.adc.clock)
+        drive_cycle, sense_cycle, edge_count = -1, -1, 0
+        for c in range(TICK_CYCLES):
+            at = tick * TICK_CYCLES + c
+            row = rtl.rows[at & (KEPT - 1)]
+            store(row, f)
+            store(row[COUNT:], replay.pins(p.fpga, f))
+            place = call(rtl.differs, rtl.handle, row)
+            if place >= 0:
+                rtl.found[0], rtl.found[1] = at, place
+                return f, chips, drdy_cycle
+            write = chunk.write if at == begin * TICK_CYCLES else 0
+            i = fpga.Inputs(
+                chips.adc.drdy_n, adc_serial.dout(chips.adc), sample_x, sample_y, write, chunk.address, chunk.data
+            )
+            f = fpga.step(p.fpga, f, i)
+            store(rtl.given[1:], i)
+            rtl.given[0] = 0
+            pins = call(rtl.edge, rtl.handle, rtl.given)
+            loaded = 1 if c == drdy_cycle and faults.silent == 0 else 0
+            chips = chips_after(chips, pins, loaded, faults.status, codes)
+            if chips.drive.updated:
+                drive_cycle = c
+            if chips.sense.updated:
+                sense_cycle = c
+            now = (pins >> REFS_AT) & REFS_MASK
+            changed = now ^ refs
+            if changed:
+                for d in range(4):
+                    if (changed >> d) & 1 and edge_count < engine.MAX_EDGES:
+                        edges[edge_count, 0] = c
+                        edges[edge_count, 1] = d
+                        edge_count += 1
+                refs = now
+        drive_code = faults.dac_code[0] if faults.dac[0] else chips.drive.code
+        sense_code = faults.dac_code[1] if faults.dac[1] else chips.sense.code
+        if faults.dac[0] and drive_code != a.codes[0]:
+            drive_cycle = max(drive_cycle, 0)
+        if faults.dac[1] and sense_code != a.codes[1]:
+            sense_cycle = max(sense_cycle, 0)
+        if faults.nan[0]:
+            a.z[plant.X] = np.nan
+        if faults.nan[1]:
+            a.z[plant.Y] = np.nan
+        drdy_cycle = _plant_tick(
+            p.plant, a, tick, plant.Pins(drive_code, drive_cycle, sense_code, sense_cycle, edge_count), edges
+        )
+        if k < o.drive_code.shape[0]:
+            o.drive_code[k] = drive_code
+            o.sense_code[k] = sense_code
+        x = abs(a.z[plant.X])
+        if x > o.peak_x[0]:
+            o.peak_x[0] = x
+    rtl.found[2] = pins
+    rtl.found[3] += (end - begin) * TICK_CYCLES
+    return f, chips, drdy_cycle

@@ -1,0 +1,154 @@
+"""Everything that shows that a design is right, one part after the other, with the time that each took: `make rtl`.
+
+    bundles    every block and the whole design against their golden vectors, under Icarus and Verilator
+    loop       the analog plant on the design's pins, every register compared at every edge
+    proofs     the properties of blocks, by induction
+    synthesis  both boards: no latch, no undriven net; ECP5 and iCE40 of the default one
+    mutation   scores of the bundles, written into their manifests
+
+    python -m testbench.golden.whole_rtl [PART ...] [--rtl DIR] [--out DIR] [--seconds S] [--count N]
+
+Exit code 0 if every part passed. Source  docs/rtl.md
+"""
+
+import argparse
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from testbench.errors import ConfigError, FileError
+from testbench.files import write_text
+from testbench.golden import blocks, export, formal, mutate, mutate_top, synthesis
+from testbench.golden.loop import run as loop
+
+SIMULATORS = ("icarus", "verilator")
+COUNT, SEED = 150, 1
+# The case of each block whose vectors are scored: that with the widest parameters, or the quickest times
+SCORED = {
+    "delay": "depth3",
+    "references": "align2_retimed",
+    "modulator": "dac20",
+    "pi": "rate",
+    # the limits of the default one are 22,000 frames from reset
+    "frequency_tracker": "narrow",
+    "spi_dac": "ad5791",
+    # slow poles keep the codes of the default one far from their limits
+    "digital_sid": "delay0",
+    "lock_monitor": "quick",
+    "fault_monitor": "quick",
+    "sequencer": "quick",
+}
+
+
+def say(text):
+    print(text, flush=True)
+
+
+def bundles(rtl, out, options):
+    """Export all bundles, then `make check` of each block under each simulator; True if all passed."""
+    export.export("all", out)
+    passed = True
+    for stem in (*blocks.BLOCKS, "top"):
+        for sim in SIMULATORS:
+            began = time.perf_counter()
+            command = ["make", "-C", out / stem, "check", f"SIM={sim}", f"RTL={rtl}"]
+            done = subprocess.run(command, capture_output=True, text=True)
+            said = (done.stdout + done.stderr).splitlines()
+            count = sum(line.startswith("PASS ") for line in said)
+            good = done.returncode == 0 and count == len(list((out / stem).glob("*/manifest.json")))
+            say(f"  {'PASS' if good else 'FAIL'} {stem}: {count} cases, {sim}, {time.perf_counter() - began:.1f} s")
+            for line in () if good else said[-8:]:
+                say(f"    {line}")
+            passed &= good
+    return passed
+
+
+def closed_loop(rtl, out, options):
+    """The story around the design; True without a difference."""
+    outcome = loop.run(loop.story(options.seconds), rtl)
+    say("  " + outcome.text().replace("\n", "\n  "))
+    return outcome.difference is None
+
+
+def proofs(rtl, out, options):
+    """Every proof; True if all came off."""
+    passed = True
+    for stem, cases in formal.CASES.items():
+        for case in cases:
+            proof = formal.prove(stem, case, rtl)
+            say(f"  {proof.text()}")
+            passed &= proof.proven
+    return passed
+
+
+def netlists(rtl, out, options):
+    """Both boards, and both families; a refusal is raised."""
+    for name in synthesis.BOARDS:
+        say(f"  {synthesis.synthesise(rtl, None, name).text()}")
+    for family in synthesis.MAPPERS:
+        say(f"  {synthesis.synthesise(rtl, family).text()}")
+    return True
+
+
+def scores(rtl, out, options):
+    """Mutation score of a case of every block and of the wiring, noted in the manifests; True if all are 100 %."""
+    passed = True
+
+    def tell(outcome, began):
+        say("  " + outcome.text().replace("\n", "\n  ") + f"; {time.perf_counter() - began:.1f} s")
+        return outcome.score == 1
+
+    for stem, block in blocks.BLOCKS.items():
+        case = SCORED.get(stem, next(iter(block.cases)))
+        folder, began = out / stem / case, time.perf_counter()
+        if not folder.is_dir():
+            export.export(stem, out)
+        outcome = mutate.score(folder, rtl, options.count, SEED)
+        mutate.record(folder, outcome)
+        passed &= tell(outcome, began)
+    began, wiring = time.perf_counter(), mutate_top.score(rtl, count=options.count)
+    for case in mutate_top.CASES:
+        if (out / "top" / case).is_dir():
+            mutate.record(out / "top" / case, wiring)
+    return tell(wiring, began) and passed
+
+
+PARTS = {"bundles": bundles, "loop": closed_loop, "proofs": proofs, "synthesis": netlists, "mutation": scores}
+
+
+def main(arguments=None):
+    """Run the parts that are named, or all; returns the exit code."""
+    parser = argparse.ArgumentParser(prog="python -m testbench.golden.whole_rtl", description=__doc__.split("\n")[0])
+    parser.add_argument("parts", nargs="*", metavar="PART", help=f"{', '.join(PARTS)}; all if none")
+    parser.add_argument("--rtl", type=Path, default=synthesis.RTL, help="folder of the design")
+    parser.add_argument("--out", type=Path, default=Path("out/golden"), help="folder of the bundles")
+    parser.add_argument("--seconds", type=float, default=loop.SECONDS, help="length of the loop")
+    parser.add_argument("--count", type=int, default=COUNT, help="mutants of each block")
+    options = parser.parse_args(arguments)
+    rtl, out = options.rtl.resolve(), options.out.resolve()
+    try:
+        unknown = [name for name in options.parts if name not in PARTS]
+        if unknown:
+            raise ConfigError(f"part: {unknown[0]!r} is not one of {', '.join(PARTS)}")
+        took = {}
+        for name in options.parts or PARTS:
+            say(name)
+            began = time.perf_counter()
+            passed = PARTS[name](rtl, out, options)
+            took[name] = {"passed": bool(passed), "seconds": round(time.perf_counter() - began, 1)}
+            say(f"  {'PASS' if passed else 'FAIL'} {name}: {took[name]['seconds']:.1f} s")
+    except (ConfigError, FileError) as problem:
+        print(f"gyro: {problem}", file=sys.stderr)
+        return 2
+    write_text(out / "rtl.json", json.dumps(took, indent=1) + "\n")
+    say("")
+    for name, found in took.items():
+        say(f"{'PASS' if found['passed'] else 'FAIL'}  {name:10}{found['seconds']:9.1f} s")
+    say(f"      {'all':10}{sum(found['seconds'] for found in took.values()):9.1f} s")
+    return 0 if all(found["passed"] for found in took.values()) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

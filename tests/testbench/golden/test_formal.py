@@ -1,0 +1,232 @@
+"""Properties of the RTL: proven of the reference design, and each fails soon after reset where it is broken."""
+
+import json
+import re
+import shutil
+
+import pytest
+from typer.testing import CliRunner
+
+from testbench.cli import app
+from testbench.errors import ConfigError, FileError
+from testbench.golden import blocks, formal
+from tests.testbench.test_rtl import RTL, yosys
+
+pytestmark = yosys
+CHECKERS = RTL / formal.FOLDER
+KICK_TO = "if (frames >= {1'b0, kick}) following = DECAY;"
+STALE = "wire bad = r_faults_flags[STALE] || r_faults_flags[STUCK]"
+SOON = ("LAST_WORD = 4'd8", "LAST_WORD = 4'd0")  # a frame of the ADC that ends after its status word
+
+
+def kick_to(state):
+    return ((KICK_TO, KICK_TO.replace("DECAY", state)),)
+
+
+NO_RUN = "(!i_control[RUN])\n            following = "
+IDLE = "r_valid <= 1'b0;\n            if"
+
+
+def no_run(state):
+    return ((f"{NO_RUN}IDLE", f"{NO_RUN}{state}"),)
+
+
+# Block, case: {property: edits (right, wrong) of the block's file that break it}
+PLANTED = {
+    ("dds", "default"): {
+        "resets": (("r_phase      <= 48'd0", "r_phase      <= 48'd1"),),
+        "advances_by_word": (("r_phase + word", "r_phase - word"),),
+        "skips_no_quarter": (("r_phase + word", "r_phase + {word[46:0], 1'b0}"),),
+        "sines_apart": (("r_phase + off_sense_sine", "r_phase + off_drive_sine"),),
+        "references_apart": (("r_phase + off_sense_ref", "r_phase - off_sense_ref"),),
+        "sine_and_reference_apart": (("r_phase + off_drive_ref", "r_phase + word + off_drive_ref"),),
+    },
+    ("pi", "rate"): {
+        "y_within": (("(rounded > Y_HI) ? hi : rounded[35:0]", "rounded[35:0]"),),
+        "acc_within": (("(next_acc > SUM_HI) ? ACC_HI : next_acc[59:0]", "next_acc[59:0]"),),
+        "resets": (("r_y    <= 36'sd0", "r_y    <= 36'sd1"),),
+        "no_negative_from_positive": (("(rounded > Y_HI) ? hi", "(rounded > Y_HI) ? lo"),),
+        "no_positive_from_negative": (("(rounded < Y_LO) ? lo", "(rounded < Y_LO) ? hi"),),
+        "y_at_its_limit": (("(rounded > Y_HI) ? hi", "(rounded > Y_HI) ? hi - 36'sd1"),),
+        "preset_taken": (("(preset > hi) ? ACC_HI", "(preset > hi) ? ACC_LO"),),
+        "with_the_error": (("{r_acc[59], r_acc} + {ki_e", "{r_acc[59], r_acc} - {ki_e"),),
+        "holds": (("else if (mode == RUN)", "else if (mode == P_ONLY)"),),
+    },
+    ("modulator", "narrow"): {
+        "code_within": (("(rounded > HI) ? hi : rounded[19:0]", "rounded[19:0]"),),
+        "out_within": (("r_held2 : r_code;", "r_held2 : r_code + 20'sd1;"),),
+        "held_within": (("r_held1 <= r_code", "r_held1 <= r_code + 20'sd1"),),
+        "resets": (("r_code    <= 20'sd0", "r_code    <= 20'sd1"),),
+        "no_negative_from_positive": (("(rounded > HI) ? hi", "(rounded > HI) ? lo"),),
+        "no_positive_from_negative": (("(rounded < LO) ? lo", "(rounded < LO) ? hi"),),
+        "at_the_top": (("(rounded > HI) ? hi", "(rounded > HI) ? hi - 20'sd1"),),
+        "at_the_bottom": (("(rounded < LO) ? lo", "(rounded < LO) ? lo + 20'sd1"),),
+        "moves_on": (("r_held2 <= r_held1", "r_held2 <= r_code"),),
+        "holds": (("if (en_code) begin", "if (en_code || en_product) begin"),),
+    },
+    ("spi_dac", "dac8811"): {
+        "leads_then_clocks": (("r_sclk_en   <= (lead == 2'd0)", "r_sclk_en   <= 1'b1"),),
+        "no_bit_in_the_lead": (("r_sclk_en   <= (lead == 2'd0)", "r_sclk_en   <= 1'b1"),),
+    },
+    ("spi_dac", "ad5791"): {
+        "clock_only_in_frame": (("r_sclk_en   <= 1'b0;\n                    r_ldac", "r_sclk_en   <= 1'b1;\nr_ldac"),),
+        "loads_in_frame": (("r_sync_n    <= 1'b0", "r_sync_n    <= 1'b1"),),
+        "bits_add_up": (("r_left - 5'd1", "r_left - 5'd2"),),
+        "never_too_many": (("(r_left == 5'd1)", "(r_left == 5'd0)"),),
+        "rest_to_come": (("{r_shift[22:0], 1'b0}", "{r_shift[22:0], 1'b1}"),),
+        "gone_is_the_head": (("|(r_shift & MSB)", "|(r_shift & (MSB >> 1))"),),
+        "frame_is_the_word": (("(r_left == 5'd1)", "(r_left == 5'd2)"),),
+        "ldac_outside_frames": (
+            ("1'b1;\n            r_ldac_wait <= 1'b0;\n        end else begin",
+             "1'b0;\n            r_ldac_wait <= 1'b0;\n        end else begin"),
+        ),
+        "ldac_one_clock": (("~r_ldac_wait", "~r_ldac_wait & r_ldac_n"),),
+        "ldac_after_frame": (("r_ldac_wait <= ldac", "r_ldac_wait <= 1'b0"),),
+        "waits_one_clock": (("wait <= 1'b0;\n            if (", "wait <= r_ldac_wait;\n            if ("),),
+        "ldac_follows": (("~r_ldac_wait", "1'b1"),),
+    },
+    ("spi_adc", "default"): {
+        "busy_is_selected": (("r_cs_n <= 1'b0", "r_cs_n <= 1'b1"),),
+        "clock_only_selected": ((IDLE, IDLE.replace("if", "r_sclk <= dout; if")),),
+        "idle_is_clear": (("r_word       <= 4'd0", "r_word       <= 4'd1"),),
+        "words_are_nine": (("r_word + 4'd1", "r_word + 4'd11"),),
+        "word_of_24": (("LAST_BIT = 6'd23", "LAST_BIT = 6'd24"),),
+        "falls_add_up": (("r_count + 6'd1;\n                    if (r_count == LAST_BIT)",
+                          "r_count + 6'd2;\n                    if (r_count == LAST_BIT)"),),
+        "rises_add_up": (("r_sclk <= 1'b1", "r_sclk <= dout"),),
+        "begins_with_ready": (("r_seen && !r_sync", "r_seen || !r_sync"),),
+        "ends_complete": (("r_sclk <= 1'b1;", "r_sclk <= 1'b1; r_cs_n <= dout;"),),
+        "valid_is_complete": (SOON,),
+        "valid_one_clock": (SOON, (IDLE, IDLE.replace("1'b0", "r_valid"))),
+        "valid_comes": (("r_word + 4'd1", "TAIL"),),
+        "bits_of_the_falls": (("{r_shift[22:0], dout}", "{r_shift[22:0], drdy_n}"),),
+        "last_channel": (SOON,),
+        "judged_by_head": (SOON,),
+    },
+    ("sequencer", "quick"): {
+        "states_exist": (("POWER_UP = 4'd0", "POWER_UP = 4'd13"),),
+        "resets": (("r_timer      <= 16'd0", "r_timer      <= 16'd1"),),
+        "waits_for_enable": (("end else if (en) begin\n            r_state", "end else begin\n            r_state"),),
+        "init_after_power_up": no_run("INIT"),
+        "never_back_to_power_up": no_run("POWER_UP"),
+        "idle_before_drive": (("{1'b0, init}) following = IDLE", "{1'b0, init}) following = KICK"),),
+        "stop_is_obeyed": no_run("STANDBY"),
+        "open_on_request_only": (("(i_control[OPEN_DRIVE])", "(!i_control[OPEN_DRIVE])"),),
+        "bad_frames_switch_off": (("r_faults_bad_frames >= offline", "r_faults_bad_frames > offline"),),
+        "first_kick_after_good_frames": (("r_faults_good_frames >= recover", "r_faults_good_frames + 1 >= recover"),),
+        "acquire_after_retune": kick_to("ACQUIRE"),
+        "retune_after_search": kick_to("RETUNE"),
+        "settle_after_acquire": kick_to("SETTLE"),
+        "balance_needs_drive": kick_to("BALANCE"),
+        "locked_after_balance": kick_to("LOCKED"),
+        "locked_needs_sense": kick_to("LOCKED"),
+        "no_drive_before_kick": (("o_agc_mode = {1'b0, LOOP_OFF}", "o_agc_mode = {1'b0, LOOP_RUN}"),),
+        "no_tracking_before_acquire": (("(r_state >= ACQUIRE)", "(r_state >= KICK)"),),
+        "no_force_before_balance": (("balancing = (r_state >= BALANCE)", "balancing = (r_state >= KICK)"),),
+        "no_quadrature_before_balance": (("balancing = (r_state >= BALANCE)", "balancing = (r_state >= KICK)"),),
+        "stale_loops_hold": (*kick_to("ACQUIRE"), (STALE, "wire bad = r_faults_flags[STUCK]")),
+        "init_words_in_init": (("o_dac_init = (r_state == INIT)", "o_dac_init = (r_state <= INIT)"),),
+        "good_only_locked": (("o_rate_good = o_locked && !(bad", "o_rate_good = !(bad"),),
+    },
+}  # fmt: skip
+STEPS = {"spi_adc": 60, "spi_dac": 40, "sequencer": 24}  # clocks from reset; 8 for the others
+ALL = [(*where, name) for where, edits in PLANTED.items() for name in edits]
+QUICK = ("advances_by_word", "no_negative_from_positive", "frame_is_the_word", "falls_add_up", "idle_before_drive")
+
+
+def planted(where, name, folder):
+    """Folder of a design with the edits of a property."""
+    stem, _ = where
+    rtl = folder / "rtl"
+    shutil.copytree(RTL, rtl)
+    path = rtl / f"{stem}.v"
+    text = path.read_text()
+    for right, wrong in PLANTED[where][name]:
+        assert text.count(right) == 1, right
+        text = text.replace(right, wrong)
+    path.write_text(text)
+    return rtl
+
+
+ONCE = [(stem, cases[0]) for stem, cases in formal.CASES.items()]
+
+
+@pytest.mark.parametrize(
+    ("stem", "case"),
+    [
+        pytest.param(stem, case, marks=() if (stem, case) in ONCE else pytest.mark.slow)
+        for stem, cases in formal.CASES.items()
+        for case in cases
+    ],
+)
+def test_the_reference_design_has_the_properties(stem, case):
+    proof = formal.prove(stem, case, RTL)
+    assert proof.proven, proof.text()
+    assert proof.properties == formal.labels((CHECKERS / f"{stem}.v").read_text())
+    assert 1 <= proof.steps <= formal.MAX_STEPS
+    assert proof.text().startswith(f"PROVEN {stem}/{case}: {len(proof.properties)} properties, any number of clocks")
+
+
+@pytest.mark.parametrize(
+    ("stem", "case", "name"),
+    [pytest.param(*entry, marks=() if entry[2] in QUICK else pytest.mark.slow) for entry in ALL],
+)
+def test_each_property_fails_where_it_is_broken(stem, case, name, tmp_path):
+    """That property alone, in a run from reset: a counterexample, not a proof that did not come off."""
+    proof = formal.prove(stem, case, planted((stem, case), name, tmp_path), [name], STEPS.get(stem, 8), base_only=True)
+    assert not proof.proven
+    assert re.fullmatch(r"a property fails \d+ clocks after power-on", proof.why), proof.text()
+
+
+def test_every_property_is_broken_once():
+    for stem in formal.CASES:
+        names = formal.labels((CHECKERS / f"{stem}.v").read_text())
+        assert len(set(names)) == len(names) > 5
+        broken = [name for (block, _), edits in PLANTED.items() if block == stem for name in edits]
+        assert sorted(broken) == sorted(names), stem
+    assert {path.stem for path in CHECKERS.glob("*.v")} == set(formal.CASES)
+
+
+@pytest.mark.slow
+def test_without_a_fault_the_search_from_reset_finds_nothing():
+    """What the planted designs are searched with does not call a sound one broken."""
+    for stem, case in (("spi_adc", "default"), ("spi_dac", "ad5791")):
+        proof = formal.prove(stem, case, RTL, steps=STEPS[stem], base_only=True)
+        assert "no failure" in proof.why, proof.text()
+
+
+@pytest.mark.parametrize("stem", formal.CASES)
+def test_limits_are_those_of_the_proof(stem):
+    """What the properties take for granted of the parameters: lo <= 0 <= hi."""
+    for case in formal.CASES[stem]:
+        raw = {name: value for name, value, _ in blocks.params_of(blocks.BLOCKS[stem], case)}
+        assert raw.get("lo", 0) <= 0 <= raw.get("hi", 0)
+
+
+def test_bad_input_is_one_clear_error(tmp_path, monkeypatch):
+    with pytest.raises(ConfigError, match="sine/default: has no proof; known: dds, modulator"):
+        formal.prove("sine", "default", RTL)
+    with pytest.raises(ConfigError, match="dds: has no property flies; known: resets"):
+        formal.prove("dds", "default", RTL, ["flies"])
+    with pytest.raises(FileError, match=r"dds\.v: no such file; the proof of dds needs it"):
+        formal.prove("dds", "default", tmp_path)
+    rtl = tmp_path / "rtl"
+    shutil.copytree(RTL, rtl)
+    path = rtl / formal.FOLDER / "dds.v"
+    path.write_text(path.read_text().replace("[47:0] r_phase", "[46:0] r_phase"))
+    with pytest.raises(FileError, match="dds: the properties speak of a port r_phase of 47 bits; there is none"):
+        formal.prove("dds", "default", rtl)
+    monkeypatch.setattr(formal.shutil, "which", lambda name: None)
+    with pytest.raises(ConfigError, match="yosys: not installed"):
+        formal.prove("dds", "default", RTL)
+
+
+def test_the_command_says_what_is_proven(tmp_path):
+    done = CliRunner().invoke(app, ["golden", "prove", "dds", "--rtl", str(RTL), "--json"])
+    assert done.exit_code == 0, done.output
+    (found,) = json.loads(done.output)["proofs"]
+    assert (found["block"], found["proven"]) == ("dds", True)
+    rtl = planted(("dds", "default"), "advances_by_word", tmp_path)
+    done = CliRunner().invoke(app, ["golden", "prove", "dds", "--rtl", str(rtl)])
+    assert done.exit_code == 1
+    assert re.match(r"FAIL dds/default: 6 properties: a property fails \d+ clocks after power-on", done.output)

@@ -1,0 +1,270 @@
+"""The plant around the reference RTL: no difference, the same world as the model's own, planted slips caught."""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from fpga_model import fault_monitor, registers, sequencer, top
+from fpga_model.rates import FRAME_HZ, TICK_CYCLES
+from testbench import build, scenario, simulate
+from testbench.cli import app
+from testbench.config import Config, changed
+from testbench.engine import PIN_COLUMNS
+from testbench.errors import ConfigError, FileError
+from testbench.flatten import leaves
+from testbench.golden import record
+from testbench.golden.loop import library, lockstep, run
+from testbench.golden.loop.by_edge import Model, Plant
+from testbench.golden.replay import PINS
+from testbench.simulation import Simulation
+from tests.testbench.test_rtl import RTL, icarus
+from tests.testbench.test_rtl_top import INPUTS, OUTPUTS, Board, hexed, under_icarus
+
+pytestmark = pytest.mark.skipif(
+    any(shutil.which(name) is None for name in library.TOOLS), reason="no verilator or compiler: no loop around RTL"
+)
+QUICK_FRAMES = 620  # the quick gyroscope locks within 500
+SLIP_TICKS = 1000
+# File, right, wrong: slips on the way to every kind of pin, and one in a counter that nothing sees for long
+QUICK_SLIP = ("spi_dac.v", "(r_left == 5'd1)", "(r_left == 5'd2)")
+SLIPS = (
+    ("watchdog.v", ": r_age + 10'd1", ": r_age + (r_age == 10'd50 ? 10'd2 : 10'd1)"),
+    ("top.v", "off_sense_ref (r_registers_phase_sense_ref", "off_sense_ref (48'd1"),
+    ("dds.v", "r_phase + word", "r_phase + word + 48'd1"),
+    ("references.v", "r_signs     <= signs", "r_signs     <= ~signs"),
+    ("spi_dac.v", "assign o_sdin = |(", "assign o_sdin = ~|("),
+    ("spi_adc.v", "(r_count == LAST_BIT)", "(r_count == LAST_BIT - 6'd1)"),
+)
+
+
+def quick_story():
+    """(Config, firmware): the quick gyroscope of the recordings to lock, a rate, an ADC that is silent for frames."""
+    seconds = QUICK_FRAMES / FRAME_HZ
+    faults = [[(QUICK_FRAMES - 25) / FRAME_HZ, "adc_silent", "adc", 0, 10 / FRAME_HZ]]
+    rates = [[0.0, 0.0], [540 / FRAME_HZ, 300.0]]
+    given = {"seconds": seconds, "origin": "power_on", "rate_dps": rates, "rate_shape": "steps", "faults": faults}
+    config = changed(Config(), record.QUICK | {f"scenario.{key}": value for key, value in given.items()})
+    return config, record.quick_firmware(config)
+
+
+def alone(config, firmware, engine, window=None):
+    """The same scenario with the model's own firmware."""
+    timeline = scenario.expand(config.scenario)
+    sim = Simulation(config, *timeline.temp_degc.limits(), window, engine)
+    sim.params = sim.params._replace(fpga=firmware)
+    sim.now = (np.array([timeline.rate_before_rad_s]), np.array([timeline.temp_before_degc]))
+    for name, raw in sim.first_writes:
+        sim.write(name, raw)
+    simulate.play(sim, timeline)
+    return sim
+
+
+@pytest.fixture(scope="module")
+def quick(tmp_path_factory):
+    """(config, firmware, path of the library) of the quick gyroscope."""
+    config, firmware = quick_story()
+    return config, firmware, library.build(RTL, firmware, tmp_path_factory.mktemp("loop"))
+
+
+def test_no_register_differs_from_power_on_through_lock_rate_and_fault(quick):
+    """And what the plant went through is, to the last code, what it goes through with the model in its place."""
+    config, firmware, path = quick
+    with library.Design(path) as design:
+        outcome = run.closed(config, design, firmware)
+    assert outcome.difference is None, outcome.text()
+    ticks = round(outcome.seconds * 1e6)
+    assert outcome.rows == ticks * TICK_CYCLES + 1
+    assert {"KICK", "SEARCH", "ACQUIRE", "BALANCE", "LOCKED"} <= set(outcome.states)
+    assert "STALE" in outcome.flags
+    assert outcome.codes_sha256 == alone(config, firmware, "frame").codes_sha256()
+    assert outcome.text().startswith(f"PASS {outcome.rows} rows of 213 registers and 13 pins, no difference")
+
+
+@pytest.mark.parametrize("slip", [QUICK_SLIP, *(pytest.param(slip, marks=pytest.mark.slow) for slip in SLIPS)],
+                         ids=lambda slip: slip[0])  # fmt: skip
+@icarus
+def test_a_planted_slip_is_caught_at_its_first_effect(slip, tmp_path):
+    """The first row that differs is that which Icarus finds with the inputs of a run without RTL."""
+    name, right, wrong = slip
+    text = (RTL / name).read_text()
+    assert text.count(right) == 1
+    rtl = tmp_path / "rtl"
+    shutil.copytree(RTL, rtl)
+    (rtl / name).write_text(text.replace(right, wrong))
+    config, firmware = quick_story()
+    config = changed(config, {"scenario.seconds": SLIP_TICKS * 1e-6, "scenario.faults": [], "scenario.rate_dps": 0.0})
+    outcome = run.run(config, rtl, tmp_path / "built", firmware=firmware, level=0)
+    first, values = first_under_icarus(config, firmware, slip, tmp_path)
+    assert outcome.difference is not None
+    assert outcome.difference.row == first
+    assert outcome.difference.wrong == values
+    assert outcome.difference.row == outcome.difference.tick * TICK_CYCLES + outcome.difference.clock
+    (line, *_) = outcome.text().splitlines()
+    register, expected, got = values[0]
+    assert re.fullmatch(
+        rf"FAIL tick {first // 26}, clock {first % 26} \(\S+ us\): {register}: expected {expected}, got {got}", line
+    )
+
+
+def first_under_icarus(config, firmware, slip, folder):
+    """(row, [(name, expected, got)]) of the first row of the slipped design that is not the clocked engine's."""
+    ticks = SLIP_TICKS
+    sim = alone(config, firmware, "clocked", (0, ticks))
+    rows, writes = sim.rows, build.register_writes(config)
+    pins, regs = rows[:, : len(PIN_COLUMNS)], rows[:, len(PIN_COLUMNS) :]
+    stim = np.zeros((len(rows) + 2, len(INPUTS)), np.int64)
+    column = {name: k for k, (name, _) in enumerate(INPUTS)}
+    stim[:2, column["rst"]] = stim[:2, column["drdy_n"]] = 1
+    for name in ("drdy_n", "dout"):
+        stim[2:, column[name]] = pins[:, PIN_COLUMNS.index(name)]
+    for k, (name, raw) in enumerate(writes):
+        entry = registers.BY_NAME[name]
+        at = 2 + k * TICK_CYCLES
+        for key, value in (("write", 1), ("address", entry.address), ("data", registers.to_bus(int(raw), entry.fmt))):
+            stim[at, column[key]] = value
+    name, right, wrong = slip
+    text = (RTL / name).read_text().replace(right, wrong)
+    found = under_icarus(Board(firmware, len(stim), ()), stim, folder, {name: text})[2:]
+    kept = [PIN_COLUMNS.index(name.removeprefix("o_")) for name, _ in OUTPUTS[len(library.REGISTERS) :]]
+    wanted = hexed(np.column_stack([regs, pins[:, kept]]), [fmt for _, fmt in OUTPUTS])
+    first = next(n for n, (a, b) in enumerate(zip(found, wanted, strict=True)) if a != b)
+    values, a, b = [], int(found[first], 16), int(wanted[first], 16)
+    for (_, fmt), label in zip(reversed(OUTPUTS), reversed(library.NAMES), strict=True):
+        mask = (1 << fmt.width) - 1
+        if (a ^ b) & mask:
+            got, expected = (v - mask - 1 if fmt.s and v > mask >> 1 else v for v in (a & mask, b & mask))
+            values.insert(0, (label, expected, got))
+        a, b = a >> fmt.width, b >> fmt.width
+    return first, values
+
+
+def test_the_difference_says_what_stood_before():
+    before = np.zeros((3, len(library.NAMES)), np.int64)
+    before[:, 4] = 7, 8, 9
+    found = run.Difference(2 * TICK_CYCLES + 5, [(library.NAMES[4], 9, -9), *[("x", 1, 0)] * 9], before)
+    assert (found.tick, found.clock) == (2, 5)
+    lines = found.text().splitlines()
+    assert lines[0] == "tick 2, clock 5 (2.192 us): dds.drive_sine: expected 9, got -9"
+    assert lines[-2:] == ["  and 2 more", "  dds.drive_sine in the model, up to here: 7, 8, 9"]
+    assert found.to_dict()["differs"][0] == {"register": "dds.drive_sine", "expected": 9, "got": -9}
+
+
+def test_after_reset_the_design_holds_the_reset_values(quick):
+    with library.Design(quick[2]) as design:
+        values = design.read()
+    assert values[: len(library.REGISTERS)].tolist() == [int(value) for _, value in leaves(top.State())]
+    assert len(values) == lockstep.PLACES
+
+
+def test_bad_input_is_one_clear_error(tmp_path, monkeypatch):
+    with pytest.raises(FileError, match=r"top\.v: no design: gyro_top is looked for there"):
+        library.sources(tmp_path)
+    shutil.copytree(RTL, tmp_path / "rtl")
+    path = tmp_path / "rtl" / "top.v"
+    path.write_text(re.sub(r"\br_rates_slot\b", "r_rates_solt", path.read_text()))
+    with pytest.raises(FileError, match=r"top\.v: port r_rates_slot is missing"):
+        library.build(tmp_path / "rtl", build.firmware(Config()), tmp_path / "built")
+    with pytest.raises(ConfigError, match=r"scenario\.origin: the loop around RTL begins at power-on"):
+        run.closed(Config(), None, None)
+    monkeypatch.setattr(library.shutil, "which", lambda name: None if name == "verilator" else name)
+    with pytest.raises(ConfigError, match="verilator: not installed"):
+        library.build(RTL, build.firmware(Config()), tmp_path / "other")
+
+
+def test_the_story_is_what_it_says():
+    config = run.story()
+    timeline = scenario.expand(config.scenario)
+    seen = {round(float(rate) / simulate.DEG) for rate in timeline.rate_rad_s.at(0, timeline.frames)}
+    assert seen == {-300, 0, 300}
+    assert [event.name for event in timeline.events] == ["adc_silent", "adc_silent"]
+    assert timeline.ticks == 3_000_000
+    assert scenario.expand(run.story(0.01).scenario).events == ()
+
+
+def test_the_command_prints_json(tmp_path):
+    done = CliRunner().invoke(app, ["golden", "loop", "--rtl", str(RTL), "--seconds", "0.001", "--json"])
+    assert done.exit_code == 0, done.output
+    found = json.loads(done.output)
+    assert found["difference"] is None
+    assert found["rows"] == round(found["seconds"] * 26e6) + 1
+    assert (found["registers"], found["pins"]) == (213, 13)
+
+
+@pytest.mark.slow
+def test_three_seconds_without_a_difference(tmp_path):
+    """Power-on, lock, +300 and -300 deg/s, an ADC that is silent: the default firmware and gyroscope."""
+    outcome = run.run(run.story(), RTL)
+    assert outcome.difference is None, outcome.text()
+    assert outcome.seconds >= 3.0
+    assert outcome.rows == round(outcome.seconds * 26e6) + 1
+    assert outcome.locked
+    assert "STALE" in outcome.flags
+    assert set(outcome.states) >= {"POWER_UP", "KICK", "SEARCH", "LOCKED"}
+    assert set(outcome.states) <= set(sequencer.STATES)
+    assert set(outcome.flags) <= set(fault_monitor.NAMES)
+
+
+def example(rtl, ticks):
+    """Exit code and output of the cocotb example around the design in a folder."""
+    path = RTL / "example" / "test_closed_loop.py"
+    given = {**os.environ, "RTL": str(rtl), "TICKS": str(ticks), "PYTHONPATH": os.pathsep.join(sys.path)}
+    del given["PYTEST_CURRENT_TEST"]  # the runner of cocotb believes it is in pytest
+    done = subprocess.run([sys.executable, path], capture_output=True, text=True, env=given, timeout=600)
+    return done.returncode, done.stdout + done.stderr
+
+
+@pytest.mark.slow
+@icarus
+def test_the_example_closes_the_loop_from_cocotb():
+    pytest.importorskip("cocotb")
+    code, said = example(RTL, 4)
+    assert code == 0, said
+    assert "PASS 104 edges, 226 registers and pins at each" in said
+
+
+@icarus
+@pytest.mark.slow
+def test_the_example_names_tick_and_clock_of_a_slip(tmp_path):
+    pytest.importorskip("cocotb")
+    shutil.copytree(RTL, tmp_path / "rtl")
+    path = tmp_path / "rtl" / "rates.v"
+    text = path.read_text()
+    (right,) = re.findall(r"LAST_CYCLE = 5'd25", text)
+    path.write_text(text.replace(right, "LAST_CYCLE = 5'd24"))
+    code, said = example(tmp_path / "rtl", 4)
+    assert code == 1
+    assert re.search(
+        r"FAIL tick 0, clock 25: r_rates_tick: expected 11001, got 00000 \(binary\); \d+ more differ", said
+    )
+
+
+@pytest.mark.slow
+def test_plant_by_edge_is_the_plant_of_the_loop():
+    """Codes of 300 ticks, edge by edge with the model's own pins, against the clocked engine."""
+    ticks = 300
+    plant = Plant(Config())
+    model, codes = Model(plant), []
+    for _ in range(ticks):
+        for _ in range(TICK_CYCLES):
+            held, given = model.expected(), plant.inputs()
+            model.edge(given)
+            after = model.expected()
+            plant.edge({name: after[f"o_{name}"] for name in PINS})
+            assert len(held) == 226
+        codes.append((plant.chips.drive.code, plant.chips.sense.code))
+    config = changed(run.story(), {"scenario.seconds": 0.001})
+    sim = Simulation(config, 25.0, 25.0, engine="clocked")
+    sim.now = (np.zeros(1), np.full(1, 25.0))
+    for name, raw in sim.first_writes:
+        sim.write(name, raw)
+    done = sim.tick
+    streams = sim.advance(ticks - done, 0.0, 25.0)
+    assert codes[done:] == list(zip(streams.drive_code.tolist(), streams.sense_code.tolist()))
+    assert [int(v) for _, v in leaves(model.state)] == [int(v) for _, v in leaves(sim.state.fpga)]

@@ -1,0 +1,51 @@
+"""docs/rtl.md: its figures and lists are those of the code."""
+
+import re
+from pathlib import Path
+
+from fpga_model import registers
+from fpga_model.rates import MASTER_HZ
+from testbench.golden import formal
+from testbench.golden.loop import library, run
+from tests.testbench.test_rtl import RTL
+
+PAGE = " ".join((RTL.parents[1] / "docs" / "rtl.md").read_text().split())
+
+
+def says(*texts):
+    for text in texts:
+        assert text in PAGE, text
+
+
+def test_rows_and_clock():
+    says(f"A row is {len(library.REGISTERS)} registers and {len(library.PINS)} pins.")
+    says(f"{1e9 / MASTER_HZ:.2f} ns", f"({5e8 / MASTER_HZ:.2f} ns)")
+
+
+def test_the_story():
+    begin, turn, end = run.STEPS_S
+    step = f"{run.STEP_DPS:g} deg/s"
+    says(f"the run is {run.SECONDS:g} s long", f"+{step} from {begin:g} s, -{step} from {turn:g} s, 0 from {end:g} s")
+    says(f"silent for {run.FAULT_LENGTH_S * 1e3:g} ms at {run.FAULT_S:g} s")
+    # ticks of the story, one for each register that the configuration writes, and the row behind the last edge
+    assert run.SECONDS * MASTER_HZ <= int(re.search(r"([\d,]+) rows, no difference", PAGE)[1].replace(",", ""))
+
+
+def test_every_block_with_properties_is_listed():
+    for stem in formal.CASES:
+        says(f"| `{stem}` |")
+
+
+def test_files_that_the_page_names_exist():
+    for name in re.findall(r"testbench/[\w/]+\.\w+", PAGE):
+        assert (RTL.parents[1] / name).is_file(), name
+
+
+def test_the_register_map_of_the_rtl_is_that_of_the_model():
+    """Every register that a host writes, at its address, in the RTL's own decoder."""
+    text = (RTL / "registers.v").read_text()
+    found = dict(re.findall(r"8'h([0-9A-Fa-f]+): r_(\w+) ", text))
+    assert {int(address, 16): name for address, name in found.items()} == {
+        r.address: r.name for r in registers.WRITABLE
+    }
+    assert Path(registers.__file__).name in PAGE.replace("fpga_model/", "")

@@ -1,0 +1,69 @@
+"""`make rtl`: parts one after the other, their times, and an exit code that is 0 only if all of them passed."""
+
+import json
+import re
+from pathlib import Path
+
+from testbench.errors import FileError
+from testbench.golden import blocks, formal, mutate, whole_rtl
+from testbench.golden.mutate import Outcome
+from tests.testbench.test_rtl import RTL
+
+ROOT = Path(__file__).resolve().parents[3]
+
+
+def test_times_and_exit_code(tmp_path, monkeypatch, capsys):
+    seen = []
+    parts = {"good": lambda *_: seen.append("good") or True, "bad": lambda *_: False}
+    monkeypatch.setattr(whole_rtl, "PARTS", parts)
+    assert whole_rtl.main(["good", "--out", str(tmp_path)]) == 0
+    assert whole_rtl.main(["--out", str(tmp_path)]) == 1
+    assert seen == ["good", "good"]
+    said = capsys.readouterr().out.splitlines()
+    assert re.fullmatch(r"PASS  good +\d+\.\d s", said[-3])
+    assert re.fullmatch(r"FAIL  bad +\d+\.\d s", said[-2])
+    assert re.fullmatch(r"      all +\d+\.\d s", said[-1])
+    took = json.loads((tmp_path / "rtl.json").read_text())
+    assert {name: found["passed"] for name, found in took.items()} == {"good": True, "bad": False}
+
+
+def test_what_cannot_be_done_is_one_line(tmp_path, monkeypatch, capsys):
+    assert whole_rtl.main(["everything"]) == 2
+    assert capsys.readouterr().err == (
+        "gyro: part: 'everything' is not one of bundles, loop, proofs, synthesis, mutation\n"
+    )
+
+    def refuse(*_):
+        raise FileError("no such thing")
+
+    monkeypatch.setitem(whole_rtl.PARTS, "proofs", refuse)
+    assert whole_rtl.main(["proofs", "--out", str(tmp_path)]) == 2
+    assert capsys.readouterr().err == "gyro: no such thing\n"
+
+
+def test_make_rtl_does_all_of_it():
+    text = (ROOT / "Makefile").read_text()
+    assert re.search(r"^rtl: .*\n\t\$\(BIN\)/python -m testbench\.golden\.whole_rtl \$\(PARTS\)", text, re.M)
+    assert list(whole_rtl.PARTS) == ["bundles", "loop", "proofs", "synthesis", "mutation"]
+    assert whole_rtl.COUNT >= 150
+    assert all(case in blocks.BLOCKS[stem].cases for stem, case in whole_rtl.SCORED.items())
+
+
+def test_proofs_and_scores_must_all_hold(tmp_path, monkeypatch):
+    proof = formal.Proof("dds", "default", ("a",), True, 1, "", 0.0)
+    monkeypatch.setattr(whole_rtl.formal, "CASES", {"dds": ("default",), "pi": ("rate",)})
+    monkeypatch.setattr(whole_rtl.formal, "prove", lambda stem, case, rtl: proof._replace(proven=stem == "dds"))
+    assert not whole_rtl.proofs(RTL, tmp_path, None)
+    monkeypatch.setattr(whole_rtl.formal, "prove", lambda stem, case, rtl: proof)
+    assert whole_rtl.proofs(RTL, tmp_path, None)
+    noted = []
+    outcome = Outcome("x", "y", 1, 150, 150, 0, 0, [])
+    options = type("Options", (), {"count": 150})
+    monkeypatch.setattr(whole_rtl.export, "export", lambda stem, out: None)
+    monkeypatch.setattr(mutate, "score", lambda folder, *_: outcome)
+    monkeypatch.setattr(mutate, "record", lambda folder, outcome: noted.append(folder.name))
+    monkeypatch.setattr(whole_rtl.mutate_top, "score", lambda rtl, count: outcome)
+    assert whole_rtl.scores(RTL, tmp_path, options)
+    assert len(noted) == len(blocks.BLOCKS)
+    monkeypatch.setattr(whole_rtl.mutate_top, "score", lambda rtl, count: outcome._replace(killed=149))
+    assert not whole_rtl.scores(RTL, tmp_path, options)
