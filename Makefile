@@ -7,7 +7,7 @@ BIN := $(VENV)/bin
 OUT ?= out
 PYTEST := $(BIN)/python -m pytest
 
-.PHONY: help run golden budget test test-slow test-nojit test-bounds bench portability lint docs clean
+.PHONY: help run paper measured golden rtl budget test test-slow test-nojit test-bounds bench portability lint docs clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -27,6 +27,15 @@ run: $(VENV)/.run ## the main job: power-on to lock at 100 deg/s, phase errors b
 
 golden: $(VENV)/.run ## golden vectors and benches of every block, for the HDL engineer: one folder per block in out/golden
 	$(BIN)/gyro golden export all --out $(OUT)/golden
+
+rtl: $(VENV)/.test ## the RTL: bundles, plant around it for 3 s, proofs, synthesis, mutation scores; PARTS="loop proofs" for some
+	$(BIN)/python -m testbench.golden.whole_rtl $(PARTS) --out $(OUT)/golden
+
+measured: $(VENV)/.run ## real recordings of parts against the model: one page, build/measured.html and .json; SETS="..." for some
+	$(BIN)/python -m testbench.measured.all_sets --out build $(if $(SETS),--only $(SETS))
+
+paper: $(VENV)/.run ## the paper's experiments: calibration, five cases at three temperatures, one page; continues when started again
+	$(BIN)/gyro report paper --out $(OUT)/paper
 
 budget: $(VENV)/.run ## where the four phase errors come from, in clocks, ns and degrees
 	$(BIN)/gyro budget
