@@ -9,10 +9,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numba
 import numpy as np
 
-from fpga_model.jit import CACHE
+from fpga_model.jit import CACHE, SHARED, cache_folder
 from fpga_model.rates import FRAME_TICKS
 from testbench import engine, frame, pins
 
@@ -23,7 +22,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 def cached(function):
     """Whether the kernel cache has this function."""
-    return any(Path(numba.config.CACHE_DIR).rglob(f"{function.__module__.split('.')[-1]}.{function.__name__}-*.nbi"))
+    return any(cache_folder(SHARED).rglob(f"{function.__module__.split('.')[-1]}.{function.__name__}-*.nbi"))
 
 
 def _chunk():

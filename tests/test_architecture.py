@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from fpga_model import jit
+
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("fpga_model", "analog_frontend", "testbench")
 ALLOWED = {
@@ -69,6 +71,39 @@ def kernels(module):
         if isinstance(node, ast.FunctionDef):
             if any(isinstance(d, ast.Name) and d.id in COMPILED for d in node.decorator_list):
                 yield node
+
+
+def own_file(name):
+    """The source behind a module name or a name in a module; None for anybody else's."""
+    for path in ((ROOT / name.replace(".", "/")).with_suffix(".py"), ROOT / name.replace(".", "/") / "__init__.py"):
+        if name.split(".")[0] in PACKAGES and path.is_file():
+            return path
+    return None
+
+
+def test_a_kernel_is_compiled_only_from_what_its_cache_folder_is_named_by():
+    trees = {path: tree(path) for package in PACKAGES for path in sources(package)}
+    imported = {}
+    for path, module in trees.items():
+        names = {name for name, _ in imports(module)} | {
+            f"{node.module}.{alias.name}"
+            for node in ast.walk(module)
+            if isinstance(node, ast.ImportFrom)
+            for alias in node.names
+        }
+        imported[path] = {own_file(name) for name in names} - {None}
+    compiled = {path for path, module in trees.items() if any(kernels(module))}
+    assert len(compiled) > 70
+    wrong = []
+    for path in compiled:
+        named = {p for pattern in jit.sources_of(path) for p in ROOT.glob(pattern)}
+        seen, todo = {path}, [path]
+        while todo:
+            todo += (more := imported[todo.pop()] - seen)
+            seen |= more
+        wrong += [(path.name, other.name) for other in seen & compiled - named]
+    assert wrong == []
+    assert {path.parent.name for path in compiled if jit.sources_of(path) == jit.ALL} == {"bench"}
 
 
 def float_or_division(function):

@@ -25,7 +25,7 @@ def children(monkeypatch, tmp_path):
     monkeypatch.setattr(warmup.subprocess, "Popen", Child)
     monkeypatch.setattr(warmup, "CACHE", True)
     monkeypatch.setattr(warmup.os, "cpu_count", lambda: 2)
-    monkeypatch.setattr(warmup.numba.config, "CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(warmup, "cache_folder", lambda _: tmp_path)
     return started
 
 
