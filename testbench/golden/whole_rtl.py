@@ -4,7 +4,7 @@
     loop       the analog plant on the design's pins, every register compared at every edge
     proofs     the properties of blocks, by induction
     synthesis  both boards: no latch, no undriven net; ECP5 and iCE40 of the default one
-    mutation   scores of the bundles, written into their manifests
+    mutation   scores of the bundles, written into their manifests, and into OUT/mutation.json
 
     python -m testbench.golden.whole_rtl [PART ...] [--rtl DIR] [--out DIR] [--seconds S] [--count N]
 
@@ -13,6 +13,7 @@ Exit code 0 if every part passed. Source  docs/rtl.md
 
 import argparse
 import json
+import os
 import subprocess
 import sys
 import time
@@ -20,7 +21,9 @@ from pathlib import Path
 
 from testbench.errors import ConfigError, FileError
 from testbench.files import write_text
-from testbench.golden import blocks, export, formal, mutate, mutate_top, synthesis
+from testbench.golden import blocks, bundle, export, formal, mutate, mutate_top, recording, synthesis
+from testbench.golden import scores as measured
+from testbench.golden.loop import library
 from testbench.golden.loop import run as loop
 
 SIMULATORS = ("icarus", "verilator")
@@ -40,6 +43,11 @@ SCORED = {
     "fault_monitor": "quick",
     "sequencer": "quick",
 }
+
+
+def cpu_s():
+    """Time of processors so far (s), of this process and of those that it has waited for."""
+    return sum(os.times()[:4])
 
 
 def say(text):
@@ -94,25 +102,30 @@ def netlists(rtl, out, options):
 
 def scores(rtl, out, options):
     """Mutation score of a case of every block and of the wiring, noted in the manifests; True if all are 100 %."""
-    passed = True
+    entries = []
 
-    def tell(outcome, began):
-        say("  " + outcome.text().replace("\n", "\n  ") + f"; {time.perf_counter() - began:.1f} s")
-        return outcome.score == 1
+    def tell(outcome, began, vectors, design):
+        took = cpu_s() - began
+        say("  " + outcome.text().replace("\n", "\n  ") + f"; {took:.1f} s of a processor")
+        entries.append(measured.entry(outcome, vectors, measured.design(design), took))
+        write_text(out / measured.MUTATION, json.dumps(entries, indent=1) + "\n")
 
     for stem, block in blocks.BLOCKS.items():
-        case = SCORED.get(stem, next(iter(block.cases)))
-        folder, began = out / stem / case, time.perf_counter()
+        case, began = SCORED.get(stem, next(iter(block.cases))), cpu_s()
+        folder = out / stem / case
         if not folder.is_dir():
             export.export(stem, out)
         outcome = mutate.score(folder, rtl, options.count, SEED)
         mutate.record(folder, outcome)
-        passed &= tell(outcome, began)
-    began, wiring = time.perf_counter(), mutate_top.score(rtl, count=options.count)
+        manifest = bundle.verify(folder)
+        tell(outcome, began, {case: measured.vectors(manifest)}, mutate.sources(manifest, rtl))
+    began, wiring = cpu_s(), mutate_top.score(rtl, count=options.count)
     for case in mutate_top.CASES:
         if (out / "top" / case).is_dir():
             mutate.record(out / "top" / case, wiring)
-    return tell(wiring, began) and passed
+    recorded = {case: recording.sha256(recording.load(case)) for case in mutate_top.CASES}
+    tell(wiring, began, recorded, library.sources(rtl))
+    return all(entry["score"] == 1 for entry in entries)
 
 
 PARTS = {"bundles": bundles, "loop": closed_loop, "proofs": proofs, "synthesis": netlists, "mutation": scores}
@@ -135,14 +148,15 @@ def main(arguments=None):
         took = {}
         for name in options.parts or PARTS:
             say(name)
-            began = time.perf_counter()
-            passed = PARTS[name](rtl, out, options)
-            took[name] = {"passed": bool(passed), "seconds": round(time.perf_counter() - began, 1)}
+            began, before = time.perf_counter(), cpu_s()
+            passed = bool(PARTS[name](rtl, out, options))
+            seconds = round(time.perf_counter() - began, 1)
+            took[name] = {"passed": passed, "seconds": seconds, "cpu_s": round(cpu_s() - before, 1)}
             say(f"  {'PASS' if passed else 'FAIL'} {name}: {took[name]['seconds']:.1f} s")
     except (ConfigError, FileError) as problem:
         print(f"gyro: {problem}", file=sys.stderr)
         return 2
-    write_text(out / "rtl.json", json.dumps(took, indent=1) + "\n")
+    write_text(out / measured.TIMES, json.dumps(took, indent=1) + "\n")
     say("")
     for name, found in took.items():
         say(f"{'PASS' if found['passed'] else 'FAIL'}  {name:10}{found['seconds']:9.1f} s")
