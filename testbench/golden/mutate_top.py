@@ -252,18 +252,17 @@ def score(rtl, cases=CASES, count=COUNT, seed=SEED, keep=None):
         if shutil.which(name) is None:
             raise ConfigError(f"{name}: not installed; a mutation score needs {', '.join(TOOLS)}")
     with tempfile.TemporaryDirectory(prefix="gyro-wiring-") as temporary:
-        mutants, alive, verdicts = [], [], {}
+        mutants, alive, designs = [], [], []
         for case in cases:
             work = Path(keep or temporary).resolve() / case
-            design = _Design(recording.load(case), rtl, work)
+            designs.append(_Design(recording.load(case), rtl, work))
             if not mutants:
                 alive = mutants = choose(work, count, seed)
-            design.build(alive)
-            killed = _killed(design, alive)
+            designs[-1].build(alive)
+            killed = _killed(designs[-1], alive)
             alive = [m for m in alive if m.number not in killed]
-            for m in alive:
-                verdicts.setdefault(m.number, []).append(design.judge.verdict(m.number))
-    found = [_worst(verdicts[m.number]) for m in alive]
+        # a fault that any recording kills needs no verdict, which takes the longest
+        found = [_worst(design.judge.verdict(m.number) for design in designs) for m in alive]
     survivors = [
         {"mutant": m.number, "fault": m.options, "source": m.source, **v._asdict()}
         for m, v in zip(alive, found, strict=True)
@@ -276,5 +275,8 @@ def score(rtl, cases=CASES, count=COUNT, seed=SEED, keep=None):
 
 
 def _worst(verdicts):
-    """Equivalent only if so in every case."""
-    return next((v for v in verdicts if v.verdict != "equivalent"), verdicts[0])
+    """The first that is not equivalent, else the last: equivalent only if so in every case."""
+    for verdict in verdicts:
+        if verdict.verdict != "equivalent":
+            break
+    return verdict

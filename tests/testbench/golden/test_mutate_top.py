@@ -84,8 +84,11 @@ def test_ranges_of_numbers_are_compared_right():
 
 def test_equivalent_in_every_case_or_not_at_all():
     same, alive = judge.Verdict("equivalent", "in every state", []), judge.Verdict("alive", "x", [{}])
-    assert mutate_top._worst([same, same]) is same
-    assert mutate_top._worst([same, alive]) is alive
+    assert mutate_top._worst(iter([same, same])) is same
+    assert mutate_top._worst(iter([same, alive])) is alive
+    rest = iter([alive, same])
+    assert mutate_top._worst(rest) is alive
+    assert next(rest) is same  # nothing is judged once it is known
 
 
 def test_bad_numbers_are_named():
