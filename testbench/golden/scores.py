@@ -54,6 +54,12 @@ def known():
     return json.loads(FILE.read_text())
 
 
+def left(out):
+    """Entries that a measurement left in a folder, else those that are stored."""
+    path = out / MUTATION
+    return json.loads(path.read_text()) if path.is_file() else known()["mutation"]
+
+
 @functools.cache
 def _entries():
     return {(e["block"], case): e for e in known()["mutation"] for case in e["vectors"]}
@@ -87,7 +93,7 @@ def table(entries):
 
 
 def times(took):
-    """Markdown of the parts."""
+    """Markdown of the parts, each from the last run that had it."""
     lines = ["| part | outcome | time s | CPU s |", "|---|---|---:|---:|"]
     lines += [
         f"| {name} | {'passed' if t['passed'] else 'not all passed'} | {t['seconds']:.0f} | {t['cpu_s']:.0f} |"
@@ -113,7 +119,8 @@ def main(arguments):
     if not fresh:
         print(f"gyro: {out}: neither {MUTATION} nor {TIMES}: run make rtl first", file=sys.stderr)
         return 2
-    found |= {key: json.loads(path.read_text()) for key, path in fresh.items()}
+    fresh = {key: json.loads(path.read_text()) for key, path in fresh.items()}
+    found = {"mutation": fresh.get("mutation", found["mutation"]), "times": found["times"] | fresh.get("times", {})}
     write_text(FILE, json.dumps(found, indent=1) + "\n")
     write_page()
     print(f"written: {FILE.name}, {PAGE.name}")

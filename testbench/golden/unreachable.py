@@ -74,7 +74,7 @@ def _claimed(block, goals):
 # Registers --------------------------------------------------------------------------------------------------------
 
 
-def _pi_registers(p, prefix):
+def pi_registers(p, prefix):
     """Intervals of the registers of a PI that starts at 0, and powers of two that divide them."""
     lo, hi = min(p.lo, 0), max(p.hi, 0)
     why = f"lo = {p.lo}, hi = {p.hi}"
@@ -98,9 +98,9 @@ def bounds(block, case):
     """({register: (least, most, why)}, {register: (a power of two that divides it, why)})."""
     p, stem = block.cases[case], block.stem
     if stem == "pi":
-        return _pi_registers(p, "")
+        return pi_registers(p, "")
     if stem in ERRORS:
-        found, multiples = _pi_registers(p.loop, "loop_")
+        found, multiples = pi_registers(p.loop, "loop_")
         if stem == "agc":
             found["o_amplitude"] = (min(0, p.loop.lo), max(p.kick, p.loop.hi), "the kick and the limits")
         return found, multiples

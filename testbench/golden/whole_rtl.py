@@ -6,7 +6,7 @@
     synthesis  both boards: no latch, no undriven net; ECP5 and iCE40 of the default one
     mutation   scores of the bundles, written into their manifests, and into OUT/mutation.json
 
-    python -m testbench.golden.whole_rtl [PART ...] [--rtl DIR] [--out DIR] [--seconds S] [--count N]
+    python -m testbench.golden.whole_rtl [PART ...] [--rtl DIR] [--out DIR] [--seconds S] [--count N] [--only BLOCK ..]
 
 Exit code 0 if every part passed. Source  docs/rtl.md
 """
@@ -21,7 +21,7 @@ from pathlib import Path
 
 from testbench.errors import ConfigError, FileError
 from testbench.files import write_text
-from testbench.golden import blocks, bundle, export, formal, mutate, mutate_top, recording, synthesis
+from testbench.golden import blocks, bundle, export, formal, mutate, mutate_top, recording, synthesis, top
 from testbench.golden import scores as measured
 from testbench.golden.loop import library
 from testbench.golden.loop import run as loop
@@ -100,32 +100,46 @@ def netlists(rtl, out, options):
     return True
 
 
-def scores(rtl, out, options):
-    """Mutation score of a case of every block and of the wiring, noted in the manifests; True if all are 100 %."""
-    entries = []
+def _block(stem, rtl, out, count):
+    """(outcome, {case: hash of its vectors}, files of the design) of a block's bundle, noted in its manifest."""
+    case = SCORED.get(stem, next(iter(blocks.BLOCKS[stem].cases)))
+    folder = out / stem / case
+    if not folder.is_dir():
+        export.export(stem, out)
+    outcome = mutate.score(folder, rtl, count, SEED)
+    mutate.record(folder, outcome)
+    manifest = bundle.verify(folder)
+    return outcome, {case: measured.vectors(manifest)}, mutate.sources(manifest, rtl)
 
-    def tell(outcome, began, vectors, design):
+
+def _wiring(rtl, out, count):
+    """As `_block`, of the wiring, over its recordings."""
+    outcome = mutate_top.score(rtl, count=count)
+    for case in mutate_top.CASES:
+        if (out / top.STEM / case).is_dir():
+            mutate.record(out / top.STEM / case, outcome)
+    vectors = {case: recording.sha256(recording.load(case)) for case in mutate_top.CASES}
+    return outcome, vectors, library.sources(rtl)
+
+
+def scores(rtl, out, options):
+    """Mutation score of a case of every block and of the wiring; True if all that are measured are 100 %."""
+    stems, whole = [*blocks.BLOCKS, top.STEM], True
+    for stem in options.only:
+        if stem not in stems:
+            raise ConfigError(f"--only: {stem!r} is not one of {', '.join(stems)}")
+    known = {e["block"]: e for e in measured.left(out)} if options.only else {}
+    for stem in options.only or stems:
+        began = cpu_s()
+        outcome, vectors, files = (
+            _wiring(rtl, out, options.count) if stem == top.STEM else _block(stem, rtl, out, options.count)
+        )
         took = cpu_s() - began
         say("  " + outcome.text().replace("\n", "\n  ") + f"; {took:.1f} s of a processor")
-        entries.append(measured.entry(outcome, vectors, measured.design(design), took))
-        write_text(out / measured.MUTATION, json.dumps(entries, indent=1) + "\n")
-
-    for stem, block in blocks.BLOCKS.items():
-        case, began = SCORED.get(stem, next(iter(block.cases))), cpu_s()
-        folder = out / stem / case
-        if not folder.is_dir():
-            export.export(stem, out)
-        outcome = mutate.score(folder, rtl, options.count, SEED)
-        mutate.record(folder, outcome)
-        manifest = bundle.verify(folder)
-        tell(outcome, began, {case: measured.vectors(manifest)}, mutate.sources(manifest, rtl))
-    began, wiring = cpu_s(), mutate_top.score(rtl, count=options.count)
-    for case in mutate_top.CASES:
-        if (out / "top" / case).is_dir():
-            mutate.record(out / "top" / case, wiring)
-    recorded = {case: recording.sha256(recording.load(case)) for case in mutate_top.CASES}
-    tell(wiring, began, recorded, library.sources(rtl))
-    return all(entry["score"] == 1 for entry in entries)
+        known[stem] = measured.entry(outcome, vectors, measured.design(files), took)
+        write_text(out / measured.MUTATION, json.dumps([known[s] for s in stems if s in known], indent=1) + "\n")
+        whole &= outcome.score == 1
+    return whole
 
 
 PARTS = {"bundles": bundles, "loop": closed_loop, "proofs": proofs, "synthesis": netlists, "mutation": scores}
@@ -139,6 +153,9 @@ def main(arguments=None):
     parser.add_argument("--out", type=Path, default=Path("out/golden"), help="folder of the bundles")
     parser.add_argument("--seconds", type=float, default=loop.SECONDS, help="length of the loop")
     parser.add_argument("--count", type=int, default=COUNT, help="mutants of each block")
+    parser.add_argument(
+        "--only", nargs="+", default=[], metavar="BLOCK", help="mutation: these alone, the rest is kept"
+    )
     options = parser.parse_args(arguments)
     rtl, out = options.rtl.resolve(), options.out.resolve()
     try:
@@ -152,11 +169,11 @@ def main(arguments=None):
             passed = bool(PARTS[name](rtl, out, options))
             seconds = round(time.perf_counter() - began, 1)
             took[name] = {"passed": passed, "seconds": seconds, "cpu_s": round(cpu_s() - before, 1)}
+            write_text(out / measured.TIMES, json.dumps(took, indent=1) + "\n")
             say(f"  {'PASS' if passed else 'FAIL'} {name}: {took[name]['seconds']:.1f} s")
     except (ConfigError, FileError) as problem:
         print(f"gyro: {problem}", file=sys.stderr)
         return 2
-    write_text(out / measured.TIMES, json.dumps(took, indent=1) + "\n")
     say("")
     for name, found in took.items():
         say(f"{'PASS' if found['passed'] else 'FAIL'}  {name:10}{found['seconds']:9.1f} s")

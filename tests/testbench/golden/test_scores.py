@@ -10,7 +10,7 @@ from testbench.golden.loop import library
 from tests.testbench.golden.test_synthesis import part
 from tests.testbench.test_rtl import RTL
 
-MEASURE = "score it again: make rtl, then python -m testbench.golden.scores out"
+MEASURE = "python -m testbench.golden.whole_rtl mutation --only BLOCK; python -m testbench.golden.scores"
 ENTRIES = {e["block"]: e for e in scores.known()["mutation"]}
 
 
@@ -65,7 +65,7 @@ def test_the_page_holds_what_was_measured():
 
 
 def test_what_was_left_is_taken_over(tmp_path, monkeypatch, capsys):
-    kept, page = tmp_path / "scores.json", tmp_path / "rtl.md"
+    kept, page, before = tmp_path / "scores.json", tmp_path / "rtl.md", scores.known()["times"]
     shutil.copy(scores.FILE, kept)
     shutil.copy(scores.PAGE, page)
     monkeypatch.setattr(scores, "FILE", kept)
@@ -76,6 +76,7 @@ def test_what_was_left_is_taken_over(tmp_path, monkeypatch, capsys):
     times = {"loop": {"passed": True, "seconds": 1.0, "cpu_s": 2.0}}
     (tmp_path / "golden" / scores.TIMES).write_text(json.dumps(times))
     assert scores.main([str(tmp_path)]) == 0
-    assert json.loads(kept.read_text())["times"] == times
+    assert json.loads(kept.read_text())["times"] == before | times
     assert json.loads(kept.read_text())["mutation"] == list(ENTRIES.values())
-    assert scores.times(times) in page.read_text()
+    assert scores.times(scores.known()["times"]) in page.read_text()
+    assert "| loop | passed | 1 | 2 |" in page.read_text()

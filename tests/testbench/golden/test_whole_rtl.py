@@ -3,8 +3,11 @@
 import json
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
-from testbench.errors import FileError
+import pytest
+
+from testbench.errors import ConfigError, FileError
 from testbench.golden import blocks, formal, mutate, scores, whole_rtl
 from testbench.golden.mutate import Outcome
 from tests.testbench.test_rtl import RTL
@@ -60,7 +63,7 @@ def test_proofs_and_scores_must_all_hold(tmp_path, monkeypatch):
 
 
 def test_scores_are_noted_left_and_must_all_be_whole(tmp_path, monkeypatch):
-    noted, options = [], type("Options", (), {"count": 150})
+    noted, options = [], SimpleNamespace(count=150, only=[])
     outcome = Outcome("x", "y", 1, 150, 150, 0, 0, [])
     monkeypatch.setattr(whole_rtl.export, "export", lambda stem, out: None)
     monkeypatch.setattr(whole_rtl.bundle, "verify", lambda folder: {"block": folder.parent.name})
@@ -74,5 +77,15 @@ def test_scores_are_noted_left_and_must_all_be_whole(tmp_path, monkeypatch):
     assert [e["block"] for e in left] == [*blocks.BLOCKS, "top"]
     assert all(f"of {e['block']}" in e["vectors"].values() for e in left[:-1])
     assert set(left[-1]["vectors"]) == set(whole_rtl.mutate_top.CASES)
-    monkeypatch.setattr(whole_rtl.mutate_top, "score", lambda rtl, count: outcome._replace(killed=149))
+    monkeypatch.setattr(whole_rtl.mutate_top, "score", lambda rtl, count: outcome._replace(block="top", killed=149))
     assert not whole_rtl.scores(RTL, tmp_path, options)
+
+
+def test_one_score_alone_keeps_the_others(tmp_path, monkeypatch):
+    monkeypatch.setattr(whole_rtl.mutate_top, "score", lambda rtl, count: Outcome("top", "y", 1, count, 7, 0, 0, []))
+    whole_rtl.scores(RTL, tmp_path, SimpleNamespace(count=9, only=["top"]))
+    left = json.loads((tmp_path / scores.MUTATION).read_text())
+    assert left[:-1] == scores.known()["mutation"][:-1]
+    assert (left[-1]["mutants"], left[-1]["killed"]) == (9, 7)
+    with pytest.raises(ConfigError, match="--only: 'ddds' is not one of dds, sine"):
+        whole_rtl.scores(RTL, tmp_path, SimpleNamespace(count=9, only=["ddds"]))
