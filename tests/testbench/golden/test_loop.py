@@ -259,7 +259,7 @@ def test_plant_by_edge_is_the_plant_of_the_loop():
             plant.edge({name: after[f"o_{name}"] for name in PINS})
             assert len(held) == 226
         codes.append((plant.chips.drive.code, plant.chips.sense.code))
-    config = changed(run.story(), {"scenario.seconds": 0.001})
+    config = run.story(0.001)
     sim = Simulation(config, 25.0, 25.0, engine="clocked")
     sim.now = (np.zeros(1), np.full(1, 25.0))
     for name, raw in sim.first_writes:
