@@ -14,12 +14,14 @@ Source    docs/measured.md, docs/tracing.md
 """
 
 import hashlib
+import re
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solve_triangular
 
 from testbench import config as configuration
+from testbench import law_file
 from testbench.errors import ConfigError
 from testbench.measured import features, loop_runs
 from testbench.measured.loop_runs import EXACT, FAST, Model, Run
@@ -43,11 +45,10 @@ class Measured(NamedTuple):
 
 
 class Noise(NamedTuple):
-    """Covariance of a condition's features as sigma and the Cholesky factor of the correlations; mean of the draws."""
+    """Covariance of a condition's features as sigma and the Cholesky factor of the correlations."""
 
     sigma: np.ndarray
     chol: np.ndarray
-    scale: float  # that makes chi2 of fresh noise one per feature
 
 
 class Kept:
@@ -109,15 +110,21 @@ class LoopProblem:
         n = self._noise[self.segments[k].group]
         v = np.asarray(v, float)
         scaled = v / (n.sigma if v.ndim == 1 else n.sigma[:, None])
-        return solve_triangular(n.chol, scaled, lower=True) * n.scale
+        return solve_triangular(n.chol, scaled, lower=True)
 
     def noise_draw(self, k, rng):
         n = self._noise[self.segments[k].group]
-        return n.sigma * (n.chol @ rng.normal(size=len(n.sigma))) / n.scale
+        return n.sigma * (n.chol @ rng.normal(size=len(n.sigma)))
 
     def floor(self, k):
         n, s = self._noise[self.segments[k].group], self.segments[k]
         return {o.name: float(np.sqrt(np.mean(n.sigma[o.rows] ** 2))) for o in s.observables}
+
+    def law_file(self, law, value, sd, hashes):
+        """A law of the grammar as a file that `effects.files` and `gyro golden effect --law` take."""
+        name = re.sub(r"\W+", "_", law.name).strip("_")
+        made = law_file.LawFile(name, self.candidates[law.name].texts(float(value)), (float(sd),), tuple(hashes.items()))
+        return law_file.text(made)
 
     def whitened_rows(self, k):
         """Rows of observables behind `whiten`: a triangle keeps each row among those before it."""
@@ -361,8 +368,8 @@ def noise_of(draws):
             raise ConfigError(
                 f"noise of {name}: {dof} deviations for {n} features; more draws or fewer bins are needed"
             )
-        # an inverse of an estimated covariance is too large in the mean
-        out[name] = Noise(sigma[name], np.linalg.cholesky(c), float(np.sqrt((dof - n - 1) / dof)))
+        # its inverse is too large in the mean: the core takes that out (noise_estimated_from), so it is not done here
+        out[name] = Noise(sigma[name], np.linalg.cholesky(c))
     return out
 
 

@@ -1,7 +1,11 @@
 """Error before and after on groups that no fit has seen, in units of the observables, beside their own repeatability.
 
     rms      root mean square of measured - predicted over rows, repeats and groups, single repeats
-    CI       paired block bootstrap: the same blocks for all models; a block is a group, or a run of rows if few
+    expected rms that the last model would show if it were right: repeatability and what the fit does not know
+    p_floor  chance of an rms as large as the one seen, if the last model's were FLOOR_FACTOR times the expected one;
+             its law is a scaled chi2 with the mean and variance of simulated rms^2: correlated rows are few
+    CI       paired block bootstrap: the same blocks for all models; a block is a group, or a run of rows if few.
+             With fewer than BLOCKS blocks it is simulated from the declared noise, as for `expected`
     score    sigmas of the predicted change that the held-out means show (rivals.confirmation)
     chi2     of the groups' means, whitened; expected 1 + what the fit's uncertainty adds
 Source    Künsch (1989), moving blocks; docs/tracing.md
@@ -17,6 +21,8 @@ from testbench.tracing.predictor import Failed
 from testbench.tracing.rivals import confirmation
 
 BLOCKS, BOOTSTRAPS, LEVEL = 12, 2000, 0.95
+SIMULATED, NUMBERS = 1000, 20_000_000  # simulated held-out sets, and numbers drawn for them at most
+ABOVE = 0.01  # chance that a right model is found above FLOOR_FACTOR by any of its observables
 BAND = 0.99  # of the held-out chi2
 FLOOR_FACTOR = 1.06
 
@@ -72,19 +78,76 @@ def bootstrap(pieces, rng):
     return rms, np.sqrt((weights @ total) / (weights @ count)[:, None])
 
 
-def above_floor(rows, label="after"):
-    """Names of the rows whose error is for certain more than FLOOR_FACTOR times their repeatability."""
-    return [k for k, r in rows.items() if r["floor"] and r[label + "_ci"][0] > FLOOR_FACTOR * r["floor"]]
+def unknown(space, predictor, f):
+    """What one standard deviation of each principal direction of a fit moves: [(rows, directions) per group].
+
+    None if a step cannot be predicted.
+    """
+    model, sd = Model(space, predictor, f.model.names), np.sqrt(np.diag(f.covariance))
+    if not np.all(np.isfinite(f.covariance)) or not sd.all():
+        return None
+    n = len(f.point.theta)
+    # a law with a sign may only be moved away from zero
+    steps = sd * np.concatenate([np.ones(n), np.where(f.point.c < 0, -1.0, 1.0)])
+    (now, *moved) = model.ask([f.point, *(model.shifted(f.point, j, steps[j]) for j in range(len(sd)))])
+    if any(isinstance(m, Failed) for m in (now, *moved)):
+        return None
+    values, vectors = np.linalg.eigh(f.covariance / np.outer(steps, steps))
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    return [np.stack([m[g] - now[g] for m in moved], axis=1) @ root for g in range(len(space.groups))]
 
 
-def _interval(draws):
+def simulated(space, predictions, directions, by, rng):
+    """{key: (sets, models) mean squares of held-out sets of which the last prediction is the truth's best fit}."""
+    problem, out, rows = space.problem, {}, {}
+    total = sum(len(p) * len(g.members) for p, g in zip(predictions[-1], space.groups))
+    count = int(np.clip(NUMBERS // max(total * len(predictions), 1), 100, SIMULATED))
+    xi = rng.normal(size=(directions[0].shape[1], count))
+    for g, group in enumerate(space.groups):
+        for k in group.members:
+            noise = np.stack([problem.noise_draw(k, rng) for _ in range(count)], axis=1) + directions[g] @ xi
+            for o in problem.segments[k].observables:
+                key = _key(by, problem.segments[k], o)
+                e = [noise[o.rows] + (predictions[-1][g] - p[g])[o.rows, None] for p in predictions]
+                out[key] = out.get(key, 0.0) + np.stack([(x**2).sum(axis=0) for x in e], axis=1)
+                rows[key] = rows.get(key, 0) + len(noise[o.rows])
+    return {key: v / rows[key] for key, v in out.items()}
+
+
+def p_above(square, sets):
+    """Chance of a mean square as large, if the expected one were FLOOR_FACTOR^2 times that of the simulated sets."""
+    mean, variance = FLOOR_FACTOR**2 * sets.mean(), FLOOR_FACTOR**4 * sets.var()
+    dof = 2 * mean**2 / variance  # chi2 of the same mean and variance (Satterthwaite)
+    return float(chi2_law.sf(dof * square / mean, dof))
+
+
+def above_floor(rows):
+    """Names of the rows whose error cannot be FLOOR_FACTOR times the expected one, all looked at together."""
+    known = {k: r["p_floor"] for k, r in rows.items() if r["p_floor"] is not None}
+    return [k for k, p in known.items() if 1 - (1 - p) ** len(known) < ABOVE]
+
+
+def _quantiles(draws):
     lo, hi = np.quantile(draws, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
     return [float(lo), float(hi)]
 
 
-def judge(problem, space, predictor, fits, by="observable", seed=0):
-    """`HeldOut` of {label: Fit}, in the order before .. after; `space` is that of the validate groups."""
-    labels = list(fits)
+def _intervals(rms, draws, sets):
+    """(95 % interval of each model's rms, of the fall from the first to the last)."""
+    if sets is None:
+        return [_quantiles(d) for d in draws.T], _quantiles(draws[:, 0] - draws[:, -1])
+    made = np.sqrt(sets)
+    middle = np.median(made, axis=0)
+    fall = made[:, 0] - made[:, -1]
+    return [_quantiles(x) for x in (rms * middle / made).T], _quantiles(rms[0] - rms[-1] + np.median(fall) - fall)
+
+
+def judge(problem, space, predictor, fits, by="observable", seed=0, declared=True):
+    """`HeldOut` of {label: Fit}, in the order before .. after; `space` is that of the validate groups.
+
+    declared  False if the repeats have rejected the declared noise: nothing is simulated from it then
+    """
+    labels, last = list(fits), list(fits.values())[-1]
     models = [Model(space, predictor, f.model.names) for f in fits.values()]
     predictions = []
     for model, f in zip(models, fits.values()):
@@ -94,21 +157,26 @@ def judge(problem, space, predictor, fits, by="observable", seed=0):
         predictions.append(found)
     pieces, floors, units = squares(space, predictions, by)
     rng, rows = np.random.default_rng([seed, 2]), {}
+    directions = unknown(space, predictor, last) if declared and space.size else None
+    sets = simulated(space, predictions, directions, by, rng) if directions else {}
     for key in pieces:
         rms, draws = bootstrap(pieces[key], rng)
-        floor = floors.get(key)
+        floor, made = floors.get(key), sets.get(key)
         floor = float(np.sqrt(sum(a * n for a, n in floor) / sum(n for _, n in floor))) if floor else None
-        row = {"unit": units[key], "floor": floor}
-        for i, label in enumerate(labels):
-            row[label], row[label + "_ci"] = float(rms[i]), _interval(draws[:, i])
-        row["gain"], row["gain_ci"] = float(rms[0] - rms[-1]), _interval(draws[:, 0] - draws[:, -1])
-        row["blocks"] = len({b for b, _, _ in pieces[key]})
+        row = {"unit": units[key], "floor": floor, "blocks": len({b for b, _, _ in pieces[key]})}
+        few = made if row["blocks"] < BLOCKS else None
+        intervals, row["gain_ci"] = _intervals(rms, draws, few)
+        for label, value, interval in zip(labels, rms, intervals):
+            row[label], row[label + "_ci"] = float(value), interval
+        row["gain"] = float(rms[0] - rms[-1])
+        row["expected"] = None if made is None else float(np.sqrt(made[:, -1].mean()))
+        row["p_floor"] = None if made is None else p_above(rms[-1] ** 2, made[:, -1])
         excess = rms[0] ** 2 - (floor or 0.0) ** 2
         row["excess_removed"] = float((rms[0] ** 2 - rms[-1] ** 2) / excess) if floor and excess > 0 else None
         rows[key] = row
     z = [space.residual(p) for p in predictions]
     chi2 = {label: float(np.mean(v**2)) if space.size else None for label, v in zip(labels, z)}
-    limit = _limit(models[-1], fits[labels[-1]], predictions[-1])
+    limit = _limit(models[-1], last, predictions[-1])
     return HeldOut(rows, chi2, limit, confirmation(space, z[0], z[-1]))
 
 
