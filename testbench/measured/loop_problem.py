@@ -1,7 +1,9 @@
 """The closed loop as a problem of the tracing core: a linear model about an anchor that the exact engine has computed.
 
     y_k(theta, c) = A_k + T_k (theta - theta_a) + L_k (c - c_a)
-    A    mean over DRAWS of the exact engine (lanes: to the bit) at the anchor; its error has the noise's covariance
+    A    mean over DRAWS of the exact engine (lanes: to the bit) at the anchor, less that of the averaged plant with the
+         same noise where the model began, plus the mean of all draws there: most of the noise cancels. What is left is
+         `prediction_noise`, in units of a repeat's variance
     T L  differences of the averaged plant with the same noise on both sides, at steps of about AIM sigmas
     N    covariance of the averaged plant's draws, pooled over conditions
     jitter   re-timed reference edges beat slowly with the drive frequency: a change of 1e-6 Hz moves the instants at
@@ -27,7 +29,7 @@ from testbench.measured import features, loop_runs
 from testbench.measured.loop_runs import EXACT, FAST, Model, Run
 from testbench.tracing.problem import Nuisance, Observable, PredictionFailed, Segment
 
-DRAWS = 32  # of the exact engine at an anchor: they add a thirty-second of the noise of a repeat
+DRAWS = 8  # of the exact engine at an anchor
 JITTER_HZ = 1e-3
 FIRST_DRAW = 10**12  # seeds that no recording has
 NOISE_DRAWS = 64  # of the averaged plant, per condition
@@ -84,9 +86,12 @@ class LoopProblem:
         device = self.model.plant
         # stiffness that moves the drive mode by a hertz
         self.per_hz = 8 * np.pi**2 * device.mass_kg * device.fx_hz
+        self._sizes = {c.id: loop_runs.size(c) for c in measured.conditions}
         draws = self._draws(Model(self.model), "draws", NOISE_DRAWS)
-        self._noise = noise_of(draws)
-        self.noise_estimated_from = (len(draws) * (NOISE_DRAWS - 1), max(v.shape[1] for v in draws.values()))
+        self._noise = noise_of({g: v[:, : self._sizes[g]] for g, v in draws.items()})
+        self.noise_estimated_from = (len(draws) * (NOISE_DRAWS - 1), max(self._sizes.values()))
+        self._begun = draws
+        self.heldout_view = Fine(self, {g: v[:, self._sizes[g] :] for g, v in draws.items()})
         self._rows = {s.group: k for k, s in enumerate(self.segments)}
         self.anchors = 0
         self.first = np.array([(start or {}).get(n.name, n.value) for n in self.nuisances])
@@ -99,16 +104,16 @@ class LoopProblem:
 
     def measured(self, k):
         s = self.segments[k]
-        return self.measured_.values[s.group][s.repeat]
+        return self.measured_.values[s.group][s.repeat][: self._sizes[s.group]]
 
     def predict(self, points, which):
-        return [
-            [self._linear(np.asarray(theta, float), c, self.segments[k].group) for k in which] for theta, c in points
-        ]
+        groups = [self.segments[k].group for k in which]
+        return [[self.linear(theta, c, g)[: self._sizes[g]] for g in groups] for theta, c in points]
 
     def whiten(self, k, v):
+        """Whitened features; those of fine bins behind them are left out."""
         n = self._noise[self.segments[k].group]
-        v = np.asarray(v, float)
+        v = np.asarray(v, float)[: len(n.sigma)]
         scaled = v / (n.sigma if v.ndim == 1 else n.sigma[:, None])
         return solve_triangular(n.chol, scaled, lower=True)
 
@@ -123,7 +128,9 @@ class LoopProblem:
     def law_file(self, law, value, sd, hashes):
         """A law of the grammar as a file that `effects.files` and `gyro golden effect --law` take."""
         name = re.sub(r"\W+", "_", law.name).strip("_")
-        made = law_file.LawFile(name, self.candidates[law.name].texts(float(value)), (float(sd),), tuple(hashes.items()))
+        made = law_file.LawFile(
+            name, self.candidates[law.name].texts(float(value)), (float(sd),), tuple(hashes.items())
+        )
         return law_file.text(made)
 
     def whitened_rows(self, k):
@@ -156,7 +163,7 @@ class LoopProblem:
             told = Model(m.config, (*m.laws, f"force_x = {-k_n_per_m!r} x"))
             runs.append(Run(told, c, FIRST_DRAW + 10_000 * index[c.id] + draw))
         try:
-            return self.bench.run(runs, self.model, kind, self.progress)
+            return self.bench.run(runs, self.model, kind, self.progress, fine=True)
         except (ConfigError, RuntimeError) as problem:
             raise PredictionFailed(str(problem)) from None
 
@@ -180,14 +187,17 @@ class LoopProblem:
         return self.measured_.conditions
 
     def exact(self, theta, effects):
-        """{condition: features of the exact engine} at a point."""
+        """{condition: (features of the exact engine at a point, its noise beside the averaged plant's)}."""
         model = self.told(theta, effects)
         key = self._key("exact", model.config.model_dump_json(), model.laws)
         todo = [c for c in self._all() if (key, c._replace(role="")) not in self.kept.exact]
         found = self._run([(model, c, k) for c in todo for k in range(DRAWS)], EXACT)
         for i, c in enumerate(todo):
             rows = np.array(found[DRAWS * i : DRAWS * (i + 1)])
-            self.kept.exact[key, c._replace(role="")] = rows.mean(axis=0)
+            n, begun = self._sizes[c.id], self._begun[c.id]
+            apart = rows - begun[:DRAWS]
+            left = np.mean(apart[:, :n].var(axis=0, ddof=1) / self._noise[c.id].sigma ** 2)
+            self.kept.exact[key, c._replace(role="")] = apart.mean(axis=0) + begun.mean(axis=0), float(left)
         return {c.id: self.kept.exact[key, c._replace(role="")] for c in self._all()}
 
     # ---- the linear model ----
@@ -195,12 +205,15 @@ class LoopProblem:
     def anchor(self, theta, effects):
         """Put the linear model's anchor at a point."""
         self.at = np.array(theta, float), {name: float(v) for name, v in effects.items() if v}
-        self.base = self.exact(*self.at)
+        found = self.exact(*self.at)
+        self.base = {g: v for g, (v, _) in found.items()}
+        self.prediction_noise = float(np.mean([left for _, left in found.values()])) / DRAWS + 1 / NOISE_DRAWS
         self.anchors += 1
         self.hashes["anchor"] = self._key(self.at[0].tolist(), sorted(self.at[1].items()))
 
-    def _linear(self, theta, effects, group):
-        out = self.base[group] + self.tangent[group] @ (theta - self.at[0])
+    def linear(self, theta, effects, group):
+        """Features of a group at a point, fine ones behind the others."""
+        out = self.base[group] + self.tangent[group] @ (np.asarray(theta, float) - self.at[0])
         for name in {*effects, *self.at[1]}:
             change = effects.get(name, 0.0) - self.at[1].get(name, 0.0)
             if change:
@@ -329,13 +342,56 @@ class LoopProblem:
     def check(self, theta, effects):
         """Certificate at a point: exact engine less the linear model that was fitted, as a pseudo-effect."""
         exact, theta = self.exact(theta, effects), np.asarray(theta, float)
-        off = {g: v - self._linear(theta, effects, g) for g, v in exact.items()}
+        off = {g: (v - self.linear(theta, effects, g))[: self._sizes[g]] for g, (v, _) in exact.items()}
         scaled = np.concatenate([v / self._noise[g].sigma for g, v in off.items()])
         return {
             "engines": "exact engine (lanes) against the fitted model, same noise",
             "sigma": self.pseudo(off),
             "feature_rms_sigma": float(np.sqrt(np.mean(scaled**2))),
             "anchors": self.anchors,
+        }
+
+
+class Fine:
+    """The segments of a `LoopProblem` in bins of loop_runs.FINE frames: for held-out errors, nothing is fitted here."""
+
+    def __init__(self, problem, draws):
+        self._of, self._draws = problem, {g: v - v.mean(axis=0) for g, v in draws.items()}
+        self.segments = tuple(
+            s._replace(
+                observables=tuple(
+                    o._replace(rows=slice(i * count, (i + 1) * count)) for i, o in enumerate(s.observables)
+                )
+            )
+            for s in problem.segments
+            for count in [draws[s.group].shape[1] // len(s.observables)]
+        )
+
+    @property
+    def prediction_noise(self):
+        return self._of.prediction_noise
+
+    def measured(self, k):
+        s, whole = self.segments[k], self._of.measured_
+        return whole.values[s.group][s.repeat][loop_runs.size(self._of.conditions[s.group]) :]
+
+    def predict(self, points, which):
+        groups = [self.segments[k].group for k in which]
+        return [
+            [self._of.linear(theta, c, g)[loop_runs.size(self._of.conditions[g]) :] for g in groups]
+            for theta, c in points
+        ]
+
+    def noise_draw(self, k, rng):
+        """One of the draws of the averaged plant."""
+        rows = self._draws[self.segments[k].group]
+        return rows[rng.integers(len(rows))] * np.sqrt(len(rows) / (len(rows) - 1))
+
+    def floor(self, k):
+        rows, s = self._draws[self.segments[k].group], self.segments[k]
+        return {
+            o.name: float(np.sqrt(np.sum(rows[:, o.rows] ** 2) / (len(rows) - 1) / (o.rows.stop - o.rows.start)))
+            for o in s.observables
         }
 
 

@@ -4,8 +4,9 @@
     expected rms that the last model would show if it were right: repeatability and what the fit does not know
     p_floor  chance of an rms as large as the one seen, if the last model's were FLOOR_FACTOR times the expected one;
              its law is a scaled chi2 with the mean and variance of simulated rms^2: correlated rows are few
-    CI       paired block bootstrap: the same blocks for all models; a block is a group, or a run of rows if few.
-             With fewer than BLOCKS blocks it is simulated from the declared noise, as for `expected`
+    CI       with BLOCKS groups and more a paired block bootstrap: the same blocks for all models, a block is a group.
+             With fewer it is simulated from the declared noise, as `expected` is; if the repeats reject that noise, a
+             bootstrap over runs of rows is all there is
     score    sigmas of the predicted change that the held-out means show (rivals.confirmation)
     chi2     of the groups' means, whitened; expected 1 + what the fit's uncertainty adds
 Source    Künsch (1989), moving blocks; docs/tracing.md
@@ -18,6 +19,7 @@ from scipy.stats import chi2 as chi2_law
 
 from testbench.tracing.model import Model
 from testbench.tracing.predictor import Failed
+from testbench.tracing.problem import option
 from testbench.tracing.rivals import confirmation
 
 BLOCKS, BOOTSTRAPS, LEVEL = 12, 2000, 0.95
@@ -37,9 +39,9 @@ class HeldOut(NamedTuple):
     failed: str = ""
 
 
-def squares(space, predictions, by):
+def squares(problem, space, predictions, by):
     """{key: [(block id, sum of squares per model (M,), rows)]} of single repeats; floor per key beside it."""
-    problem, out, floors, units = space.problem, {}, {}, {}
+    out, floors, units = {}, {}, {}
     for g, group in enumerate(space.groups):
         for k in group.members:
             y, segment, floor = np.asarray(problem.measured(k), float), problem.segments[k], problem.floor(k)
@@ -78,18 +80,19 @@ def bootstrap(pieces, rng):
     return rms, np.sqrt((weights @ total) / (weights @ count)[:, None])
 
 
-def unknown(space, predictor, f):
+def unknown(space, ask, f):
     """What one standard deviation of each principal direction of a fit moves: [(rows, directions) per group].
 
     None if a step cannot be predicted.
     """
-    model, sd = Model(space, predictor, f.model.names), np.sqrt(np.diag(f.covariance))
+    sd = np.sqrt(np.diag(f.covariance))
     if not np.all(np.isfinite(f.covariance)) or not sd.all():
         return None
     n = len(f.point.theta)
     # a law with a sign may only be moved away from zero
     steps = sd * np.concatenate([np.ones(n), np.where(f.point.c < 0, -1.0, 1.0)])
-    (now, *moved) = model.ask([f.point, *(model.shifted(f.point, j, steps[j]) for j in range(len(sd)))])
+    points = [f.point, *(f.model.shifted(f.point, j, steps[j]) for j in range(len(sd)))]
+    (now, *moved) = ask([(p.theta, f.model.effects(p)) for p in points], space.which)
     if any(isinstance(m, Failed) for m in (now, *moved)):
         return None
     values, vectors = np.linalg.eigh(f.covariance / np.outer(steps, steps))
@@ -97,15 +100,20 @@ def unknown(space, predictor, f):
     return [np.stack([m[g] - now[g] for m in moved], axis=1) @ root for g in range(len(space.groups))]
 
 
-def simulated(space, predictions, directions, by, rng):
+def simulated(problem, space, predictions, directions, by, rng):
     """{key: (sets, models) mean squares of held-out sets of which the last prediction is the truth's best fit}."""
-    problem, out, rows = space.problem, {}, {}
+    out, rows, own = {}, {}, np.sqrt(option(problem, "prediction_noise", 0.0))
     total = sum(len(p) * len(g.members) for p, g in zip(predictions[-1], space.groups))
     count = int(np.clip(NUMBERS // max(total * len(predictions), 1), 100, SIMULATED))
     xi = rng.normal(size=(directions[0].shape[1], count))
+
+    def drawn(k):
+        return np.stack([problem.noise_draw(k, rng) for _ in range(count)], axis=1)
+
     for g, group in enumerate(space.groups):
+        common = directions[g] @ xi + (own * drawn(group.members[0]) if own else 0.0)
         for k in group.members:
-            noise = np.stack([problem.noise_draw(k, rng) for _ in range(count)], axis=1) + directions[g] @ xi
+            noise = drawn(k) + common
             for o in problem.segments[k].observables:
                 key = _key(by, problem.segments[k], o)
                 e = [noise[o.rows] + (predictions[-1][g] - p[g])[o.rows, None] for p in predictions]
@@ -146,25 +154,27 @@ def judge(problem, space, predictor, fits, by="observable", seed=0, declared=Tru
     """`HeldOut` of {label: Fit}, in the order before .. after; `space` is that of the validate groups.
 
     declared  False if the repeats have rejected the declared noise: nothing is simulated from it then
+    The problem's `heldout_view`, if it has one, gives the same segments in finer features: errors are told in those.
     """
     labels, last = list(fits), list(fits.values())[-1]
-    models = [Model(space, predictor, f.model.names) for f in fits.values()]
-    predictions = []
-    for model, f in zip(models, fits.values()):
-        (found,) = model.ask([f.point])
+    points = [(f.point.theta, f.model.effects(f.point)) for f in fits.values()]
+    predictions = predictor(points, space.which)
+    for found in predictions:
         if isinstance(found, Failed):
             return HeldOut({}, {}, float("nan"), 0.0, f"held-out groups: {found.reason}")
-        predictions.append(found)
-    pieces, floors, units = squares(space, predictions, by)
+    view = option(problem, "heldout_view")
+    ask = predictor if view is None else view.predict
+    view, seen = (problem, predictions) if view is None else (view, ask(points, space.which))
+    pieces, floors, units = squares(view, space, seen, by)
     rng, rows = np.random.default_rng([seed, 2]), {}
-    directions = unknown(space, predictor, last) if declared and space.size else None
-    sets = simulated(space, predictions, directions, by, rng) if directions else {}
+    directions = unknown(space, ask, last) if declared and space.size else None
+    sets = simulated(view, space, seen, directions, by, rng) if directions else {}
     for key in pieces:
         rms, draws = bootstrap(pieces[key], rng)
         floor, made = floors.get(key), sets.get(key)
         floor = float(np.sqrt(sum(a * n for a, n in floor) / sum(n for _, n in floor))) if floor else None
         row = {"unit": units[key], "floor": floor, "blocks": len({b for b, _, _ in pieces[key]})}
-        few = made if row["blocks"] < BLOCKS else None
+        few = made if len(space.groups) < BLOCKS else None
         intervals, row["gain_ci"] = _intervals(rms, draws, few)
         for label, value, interval in zip(labels, rms, intervals):
             row[label], row[label + "_ci"] = float(value), interval
@@ -176,7 +186,7 @@ def judge(problem, space, predictor, fits, by="observable", seed=0, declared=Tru
         rows[key] = row
     z = [space.residual(p) for p in predictions]
     chi2 = {label: float(np.mean(v**2)) if space.size else None for label, v in zip(labels, z)}
-    limit = _limit(models[-1], last, predictions[-1])
+    limit = _limit(Model(space, predictor, last.model.names), last, predictions[-1])
     return HeldOut(rows, chi2, limit, confirmation(space, z[0], z[-1]))
 
 

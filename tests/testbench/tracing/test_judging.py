@@ -78,7 +78,7 @@ def test_an_error_above_the_floor_is_seen_if_the_rows_suffice_and_not_called_so_
 
 
 def test_few_held_out_rows_have_wide_intervals():
-    """One condition is one or four blocks: the bootstrap of so few says nothing."""
+    """One condition in four stretches: a bootstrap of so few says nothing, simulated sets do."""
     problem = Toy(5, {"feed": 0.2})
     kept = [k for k, s in enumerate(problem.segments) if s.role == "fit" or s.group == "validate0"]
     problem._y, problem._conditions = [problem._y[k] for k in kept], [problem._conditions[k] for k in kept]
