@@ -29,7 +29,7 @@ from testbench.measured import features, loop_runs
 from testbench.measured.loop_runs import EXACT, FAST, Model, Run
 from testbench.tracing.problem import Nuisance, Observable, PredictionFailed, Segment
 
-DRAWS = 8  # of the exact engine at an anchor
+DRAWS = 4  # of the exact engine at an anchor
 JITTER_HZ = 1e-3
 FIRST_DRAW = 10**12  # seeds that no recording has
 NOISE_DRAWS = 64  # of the averaged plant, per condition
@@ -90,10 +90,12 @@ class LoopProblem:
         draws = self._draws(Model(self.model), "draws", NOISE_DRAWS)
         self._noise = noise_of({g: v[:, : self._sizes[g]] for g, v in draws.items()})
         self.noise_estimated_from = (len(draws) * (NOISE_DRAWS - 1), max(self._sizes.values()))
-        self._begun = draws
+        self._begun, self._middle = draws, {g: v.mean(axis=0) for g, v in draws.items()}
         self.heldout_view = Fine(self, {g: v[:, self._sizes[g] :] for g, v in draws.items()})
         self._rows = {s.group: k for k, s in enumerate(self.segments)}
-        self.anchors = 0
+        self.anchors, self.tangent = 0, None
+        names = [n.name for n in self.nuisances]
+        self._fx = names.index("plant.fx_hz") if "plant.fx_hz" in names else None
         self.first = np.array([(start or {}).get(n.name, n.value) for n in self.nuisances])
         self.anchor(self.first, {})
         self._tangents()
@@ -118,8 +120,11 @@ class LoopProblem:
         return solve_triangular(n.chol, scaled, lower=True)
 
     def noise_draw(self, k, rng):
-        n = self._noise[self.segments[k].group]
-        return n.sigma * (n.chol @ rng.normal(size=len(n.sigma)))
+        """One of the averaged plant's draws, either sign: slips make the noise of some power-ons larger."""
+        rows = self._begun[self.segments[k].group]
+        n = self._sizes[self.segments[k].group]
+        scale = np.sqrt(len(rows) / (len(rows) - 1)) * rng.choice((-1.0, 1.0))
+        return scale * (rows[rng.integers(len(rows)), :n] - self._middle[self.segments[k].group][:n])
 
     def floor(self, k):
         n, s = self._noise[self.segments[k].group], self.segments[k]
@@ -154,12 +159,12 @@ class LoopProblem:
         except ConfigError as problem:
             raise PredictionFailed(str(problem)) from None
 
-    def _run(self, wanted, kind):
-        """Features of (model, condition, draw) triples."""
+    def _run(self, wanted, kind, less_hz=None):
+        """Features of (model, condition, draw) triples; less_hz: {condition: how far the drive mode is moved down}."""
         index = {name: k for k, name in enumerate(self.conditions)}
         runs = []
         for m, c, draw in wanted:
-            k_n_per_m = self.per_hz * jitter_hz(draw)
+            k_n_per_m = self.per_hz * (jitter_hz(draw) - (less_hz or {}).get(c.id, 0.0))
             told = Model(m.config, (*m.laws, f"force_x = {-k_n_per_m!r} x"))
             runs.append(Run(told, c, FIRST_DRAW + 10_000 * index[c.id] + draw))
         try:
@@ -187,18 +192,39 @@ class LoopProblem:
         return self.measured_.conditions
 
     def exact(self, theta, effects):
-        """{condition: (features of the exact engine at a point, its noise beside the averaged plant's)}."""
-        model = self.told(theta, effects)
-        key = self._key("exact", model.config.model_dump_json(), model.laws)
-        todo = [c for c in self._all() if (key, c._replace(role="")) not in self.kept.exact]
-        found = self._run([(model, c, k) for c in todo for k in range(DRAWS)], EXACT)
+        """{condition: (features of the exact engine at a point, its noise beside the averaged plant's)}.
+
+        The drive frequency is held where the model began, so that edges slip at the same instants and the noise
+        cancels; what its change does to the features is put back by the tangent of f_x.
+        """
+        model, moved = self.told(theta, effects), self._moved_hz(theta, effects)
+        keys = {c.id: self._key("exact", model.config.model_dump_json(), model.laws, moved[c.id]) for c in self._all()}
+        todo = [c for c in self._all() if (keys[c.id], c._replace(role="")) not in self.kept.exact]
+        found = self._run([(model, c, k) for c in todo for k in range(DRAWS)], EXACT, moved)
+        out = {}
         for i, c in enumerate(todo):
             rows = np.array(found[DRAWS * i : DRAWS * (i + 1)])
             n, begun = self._sizes[c.id], self._begun[c.id]
             apart = rows - begun[:DRAWS]
             left = np.mean(apart[:, :n].var(axis=0, ddof=1) / self._noise[c.id].sigma ** 2)
-            self.kept.exact[key, c._replace(role="")] = apart.mean(axis=0) + begun.mean(axis=0), float(left)
-        return {c.id: self.kept.exact[key, c._replace(role="")] for c in self._all()}
+            self.kept.exact[keys[c.id], c._replace(role="")] = apart.mean(axis=0) + self._middle[c.id], float(left)
+        for c in self._all():
+            v, left = self.kept.exact[keys[c.id], c._replace(role="")]
+            back = self.tangent[c.id][:, self._fx] * moved[c.id] if moved[c.id] else 0.0
+            out[c.id] = v + back, left
+        return out
+
+    def _moved_hz(self, theta, effects):
+        """{condition: change of the drive frequency from where the model began}, by the linear model."""
+        if self._fx is None or self.tangent is None:
+            return {c.id: 0.0 for c in self._all()}
+        out = {}
+        for c in self._all():
+            count = self._sizes[c.id] // len(loop_runs.NAMES)
+            last = (loop_runs.NAMES.index("f_word") + 1) * count - 1
+            change = self._change(theta, effects, self.first, {}, c.id)
+            out[c.id] = float(change[last] / self.tangent[c.id][last, self._fx])
+        return out
 
     # ---- the linear model ----
 
@@ -213,9 +239,13 @@ class LoopProblem:
 
     def linear(self, theta, effects, group):
         """Features of a group at a point, fine ones behind the others."""
-        out = self.base[group] + self.tangent[group] @ (np.asarray(theta, float) - self.at[0])
-        for name in {*effects, *self.at[1]}:
-            change = effects.get(name, 0.0) - self.at[1].get(name, 0.0)
+        return self.base[group] + self._change(theta, effects, *self.at, group)
+
+    def _change(self, theta, effects, theta0, effects0, group):
+        """Change of a group's features from one point to another."""
+        out = self.tangent[group] @ (np.asarray(theta, float) - theta0)
+        for name in {*effects, *effects0}:
+            change = effects.get(name, 0.0) - effects0.get(name, 0.0)
             if change:
                 out = out + self.column[group][name] * change
         return out
@@ -252,7 +282,7 @@ class LoopProblem:
                 self.kept.columns[where, name] = column
                 if not AIM / NEAR <= size <= AIM * NEAR:
                     factor = np.clip(AIM / max(size, 1e-3), 1e-3, 100.0)
-                    if factor * abs(steps[name]) <= self._largest(name):
+                    if factor * abs(steps[name]) <= self.largest(name):
                         steps[name] *= factor
                         again.append(name)
             todo = again
@@ -262,8 +292,8 @@ class LoopProblem:
         self.tangent = {g: np.stack([known.get(n.name, nan)[g] for n in self.nuisances], axis=1) for g in self.base}
         self.column = {g: {name: known.get(name, nan)[g] for name in self.candidates} for g in self.base}
 
-    def _largest(self, name):
-        """How far a step may go."""
+    def largest(self, name):
+        """How far a step may go: half the limit of a key."""
         if name in self.candidates:
             key = self.candidates[name].key
             if key:

@@ -18,10 +18,11 @@ import numpy as np
 
 from testbench import config as configuration
 from testbench.measured import loop_laws, loop_problem, loop_runs, loop_trace
-from testbench.measured.loop_runs import EXACT, Model, Run
+from testbench.measured.loop_runs import EXACT, FAST, Model, Run
 from testbench.measured.parameters import Parameter
 from testbench.measured.plan import Condition
 from testbench.tracing.result import plain
+from testbench.tracing.space import Space
 from testbench.tracing.trace import Options
 
 KINDS = ("none", "flicker", "one", "two", "in", "out")
@@ -30,25 +31,17 @@ FLICKER = 3.0
 CLEAR_D = 8.0
 TRUE_SEED = 5 * 10**12
 
+# chosen of forty random ones so that laws of the catalogue are least alike (largest mean of sin, capped at 0.6): three
+# of them detuned and at three temperatures, since nothing else tells drive from damping laws
 QUICK = tuple(
-    Condition(name, a, rate, before, temp, settle_s=0.25, seconds=0.6, role=role)
-    for name, a, rate, before, temp, role in (
-        ("nominal", 5.0, 50.0, 0.0, 25.0, "fit"),
-        ("small", 3.0, -50.0, 50.0, 25.0, "fit"),
-        ("large", 6.5, 0.0, -100.0, 25.0, "fit"),
-        ("warm", 4.0, 90.0, -90.0, 45.0, "fit"),
-        ("held", 5.7, -80.0, 30.0, 45.0, "validate"),
-    )
-)
-FULL = tuple(
-    Condition(name, a, rate, before, temp, settle_s=0.5, seconds=4.0, role=role)
-    for name, a, rate, before, temp, role in (
-        ("nominal", 5.0, 50.0, 0.0, 25.0, "fit"),
-        ("small", 3.0, -50.0, 50.0, 25.0, "fit"),
-        ("large", 6.5, 0.0, -100.0, 25.0, "fit"),
-        ("warm", 4.0, 90.0, -90.0, 45.0, "fit"),
-        ("held", 5.7, -80.0, 30.0, 32.0, "validate"),
-        ("cold", 4.5, 20.0, 70.0, 5.0, "validate"),
+    Condition(name, a, rate, before, temp, detune, settle_s=0.25, seconds=0.6, role=role)
+    for name, a, rate, before, temp, detune, role in (
+        ("late", 4.0, -150.0, -150.0, 25.0, -15.0, "fit"),
+        ("large", 7.0, -300.0, -60.0, 50.0, 0.0, "fit"),
+        ("cold", 5.5, 0.0, 60.0, -20.0, 15.0, "fit"),
+        ("hot", 4.0, -60.0, 150.0, 70.0, -30.0, "fit"),
+        ("held", 5.0, 100.0, -100.0, 0.0, 10.0, "validate"),
+        ("other", 6.2, -80.0, 30.0, 45.0, -10.0, "validate"),
     )
 )
 # key, unit, mean, sd of the prior: a board that has been calibrated before
@@ -122,24 +115,39 @@ class Bank:
         return self.problem("blank", values)
 
 
+class Left:
+    """What the nuisances leave of a change of the fitted conditions' features, in sigmas, priors counted."""
+
+    def __init__(self, problem):
+        self.problem, self.space = problem, Space(problem, "fit")
+        sd = np.array([n.prior_sd for n in problem.nuisances])
+        j = np.concatenate([self._stacked(problem.tangent), np.diag(1.0 / sd)])
+        self.q, _ = np.linalg.qr(j / np.linalg.norm(j, axis=0))
+        self.tail = np.zeros(len(sd))
+
+    def _stacked(self, change):
+        groups = zip(self.space.groups, self.space.weights)
+        return np.concatenate([w * self.space.whitened(g.members[0], change[g.name]) for g, w in groups])
+
+    def __call__(self, change):
+        """d of {condition: change}."""
+        s = np.concatenate([self._stacked(change), self.tail])
+        return float(np.linalg.norm(s - self.q @ (self.q.T @ s)))
+
+
 def lengths(problem):
-    """{law: d of a coefficient of 1}: what the nuisances leave of each law on the fitted conditions, priors counted."""
-    z, laws = [], {name: [] for name in problem.candidates}
-    for c in problem.measured_.conditions:
-        if c.role == "fit":
-            k, root = problem._rows[c.id], np.sqrt(len(problem.measured_.values[c.id]))
-            z.append(root * problem.whiten(k, problem.tangent[c.id]))
-            for name in laws:
-                laws[name].append(root * problem.whiten(k, problem.column[c.id][name]))
-    j = np.concatenate(z)
-    sd = np.array([n.prior_sd for n in problem.nuisances])
-    j = np.concatenate([j, np.diag(1.0 / sd)])
-    q, _ = np.linalg.qr(j / np.linalg.norm(j, axis=0))
-    out = {}
-    for name, parts in laws.items():
-        s = np.concatenate([*parts, np.zeros(len(sd))])
-        out[name] = float(np.linalg.norm(s - q @ (q.T @ s)))
-    return out
+    """{law: d of a coefficient of 1}."""
+    left = Left(problem)
+    return {name: left({g: column[name] for g, column in problem.column.items()}) for name in problem.candidates}
+
+
+def jumped(bank, problem, text, scale):
+    """d of a coefficient of `scale` of a law outside every grammar, by the averaged plant."""
+    models = Model(bank.model), Model(bank.model, (text.format(scale),))
+    runs = [Run(m, c, 1) for m in models for c in bank.conditions]
+    found = np.array(bank.bench.run(runs, bank.model, FAST, fine=True), object)
+    before, after = found[: len(bank.conditions)], found[len(bank.conditions) :]
+    return Left(problem)({c.id: y - x for c, x, y in zip(bank.conditions, before, after)})
 
 
 def drawn(bank, problem, kind, seed, d_range=(8.0, 60.0)):
@@ -149,7 +157,7 @@ def drawn(bank, problem, kind, seed, d_range=(8.0, 60.0)):
     size = lengths(problem)
     effects, texts, truth = {}, (), []
     pool = [c for c in (bank.library if kind == "in" else bank.catalogue) if np.isfinite(size[c.law.name])]
-    pool = [c for c in pool if size[c.law.name] * c.law.scale > 1e-3]
+    pool = [c for c in pool if size[c.law.name] * problem.largest(c.law.name) > d_range[1]]
     if kind in ("one", "two", "in"):
         for k in rng.choice(len(pool), 2 if kind == "two" else 1, replace=False):
             law = pool[k].law
@@ -165,9 +173,10 @@ def drawn(bank, problem, kind, seed, d_range=(8.0, 60.0)):
             f"force_y = {{}} step({at:.3f}) vx",
         )
         which = int(rng.integers(3))
-        scale = (1e-7, 3e-11, 3e-10)[which] * float(np.exp(rng.uniform(0.0, 2.0)))
-        texts = (text[which].format(scale),)
-        truth.append((texts[0], scale, np.nan))
+        d, scale = float(np.exp(rng.uniform(*np.log(d_range)))), (1e-5, 3e-11, 3e-10)[which]
+        value = scale * d / jumped(bank, problem, text[which], scale)
+        texts = (text[which].format(value),)
+        truth.append((texts[0], value, d))
     return theta, effects, texts, tuple(truth)
 
 

@@ -24,6 +24,7 @@ from testbench.tracing.rivals import confirmation
 
 BLOCKS, BOOTSTRAPS, LEVEL = 12, 2000, 0.95
 SIMULATED, NUMBERS = 1000, 20_000_000  # simulated held-out sets, and numbers drawn for them at most
+CHI2_SETS = 400
 ABOVE = 0.01  # chance that a right model is found above FLOOR_FACTOR by any of its observables
 BAND = 0.99  # of the held-out chi2
 FLOOR_FACTOR = 1.06
@@ -122,11 +123,31 @@ def simulated(problem, space, predictions, directions, by, rng):
     return {key: v / rows[key] for key, v in out.items()}
 
 
+def scaled(sets):
+    """(factor, dof) of the scaled chi2 with the mean and variance of simulated mean squares (Satterthwaite)."""
+    dof = 2 * sets.mean() ** 2 / sets.var()
+    return sets.mean() / dof, dof
+
+
 def p_above(square, sets):
     """Chance of a mean square as large, if the expected one were FLOOR_FACTOR^2 times that of the simulated sets."""
-    mean, variance = FLOOR_FACTOR**2 * sets.mean(), FLOOR_FACTOR**4 * sets.var()
-    dof = 2 * mean**2 / variance  # chi2 of the same mean and variance (Satterthwaite)
-    return float(chi2_law.sf(dof * square / mean, dof))
+    factor, dof = scaled(sets)
+    return float(chi2_law.sf(square / FLOOR_FACTOR**2 / factor, dof))
+
+
+def chi2_sets(space, root, rng):
+    """chi2 / rows of simulated held-out sets: the problem's noise, Gaussian or not, and J C J' = root root'."""
+    problem, parts = space.problem, []
+    own = np.sqrt(option(problem, "prediction_noise", 0.0))
+
+    def drawn(k):
+        return np.stack([problem.noise_draw(k, rng) for _ in range(CHI2_SETS)], axis=1)
+
+    for g, w in zip(space.groups, space.weights):
+        mean = np.mean([drawn(k) for k in g.members], axis=0) + (own * drawn(g.members[0]) if own else 0.0)
+        parts.append(w * space.whitened(g.members[0], mean) / space.gain)
+    z = np.concatenate(parts) + root @ rng.normal(size=(root.shape[1], CHI2_SETS))
+    return (z**2).mean(axis=0)
 
 
 def above_floor(rows):
@@ -186,17 +207,24 @@ def judge(problem, space, predictor, fits, by="observable", seed=0, declared=Tru
         rows[key] = row
     z = [space.residual(p) for p in predictions]
     chi2 = {label: float(np.mean(v**2)) if space.size else None for label, v in zip(labels, z)}
-    limit = _limit(Model(space, predictor, last.model.names), last, predictions[-1])
+    limit = _limit(Model(space, predictor, last.model.names), last, predictions[-1], declared, rng)
     return HeldOut(rows, chi2, limit, confirmation(space, z[0], z[-1]))
 
 
-def _limit(model, f, prediction):
-    """99 % of chi2 / rows if the last model is right: mean tr(1 + JCJ'), variance 2 tr((1 + JCJ')^2)."""
+def _limit(model, f, prediction, declared, rng):
+    """99 % of chi2 / rows if the last model is right, with what the fit does not know.
+
+    From simulated sets; if the declared noise has been rejected, from that of a Gaussian of unit variance: mean
+    tr(1 + JCJ'), variance 2 tr((1 + JCJ')^2).
+    """
     j = model.jacobian(f.point, prediction)
     if not np.all(np.isfinite(j)) or not np.all(np.isfinite(f.covariance)):
         return float("inf")
-    gram = (j.T @ j) @ f.covariance
-    rows = model.space.size
+    if declared:
+        values, vectors = np.linalg.eigh(f.covariance)
+        factor, dof = scaled(chi2_sets(model.space, j @ vectors * np.sqrt(np.maximum(values, 0.0)), rng))
+        return float(chi2_law.ppf(BAND, dof) * factor)
+    gram, rows = (j.T @ j) @ f.covariance, model.space.size
     mean, variance = rows + np.trace(gram), 2 * (rows + 2 * np.trace(gram) + np.trace(gram @ gram))
-    dof = 2 * mean**2 / variance  # chi2 of the same mean and variance (Satterthwaite)
+    dof = 2 * mean**2 / variance
     return float(chi2_law.ppf(BAND, dof) * mean / dof / rows)

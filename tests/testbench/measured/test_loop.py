@@ -11,7 +11,7 @@ from numba import config as numba_config
 from analog_frontend.effects import law
 from testbench import law_file
 from testbench.golden import bundle, effect
-from testbench.measured import loop_laws, loop_problem, loop_rates, loop_runs, loop_trials
+from testbench.measured import loop_laws, loop_rates, loop_runs, loop_trials
 from testbench.measured.loop_runs import EXACT, FAST, Model, Run
 from testbench.tracing.space import Space
 
@@ -170,6 +170,3 @@ def test_a_hundred_trials(tmp_path):
     seen = [t for t in done if t["kind"] == "one" and t["detected"]]
     assert sum(t["first"] for t in seen) >= 0.95 * len(seen)
     assert all(t["numerical"] < 0.5 for t in done)
-
-
-assert loop_problem.DRAWS % loop_runs.LANES == 0, "a group of lanes would be half empty"
