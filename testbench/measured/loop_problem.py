@@ -29,7 +29,7 @@ from testbench.measured import features, loop_runs
 from testbench.measured.loop_runs import EXACT, FAST, Model, Run
 from testbench.tracing.problem import Nuisance, Observable, PredictionFailed, Segment
 
-DRAWS = 4  # of the exact engine at an anchor
+DRAWS = 16  # of the exact engine at an anchor
 JITTER_HZ = 1e-3
 FIRST_DRAW = 10**12  # seeds that no recording has
 NOISE_DRAWS = 64  # of the averaged plant, per condition
@@ -192,30 +192,29 @@ class LoopProblem:
         return self.measured_.conditions
 
     def exact(self, theta, effects):
-        """{condition: (features of the exact engine at a point, its noise beside the averaged plant's)}.
+        """{condition: (features of the exact engine at a point, what is left of the noise of a draw)}.
 
         The drive frequency is held where the model began, so that edges slip at the same instants and the noise
         cancels; what its change does to the features is put back by the tangent of f_x.
         """
-        model, moved = self.told(theta, effects), self._moved_hz(theta, effects)
-        keys = {c.id: self._key("exact", model.config.model_dump_json(), model.laws, moved[c.id]) for c in self._all()}
-        todo = [c for c in self._all() if (keys[c.id], c._replace(role="")) not in self.kept.exact]
+        model = self.told(theta, effects)
+        key = self._key("exact", model.config.model_dump_json(), model.laws)
+        todo = [c for c in self._all() if (key, c._replace(role="")) not in self.kept.exact]
+        moved = self._moved_hz(theta, effects)
         found = self._run([(model, c, k) for c in todo for k in range(DRAWS)], EXACT, moved)
-        out = {}
         for i, c in enumerate(todo):
-            rows = np.array(found[DRAWS * i : DRAWS * (i + 1)])
-            n, begun = self._sizes[c.id], self._begun[c.id]
-            apart = rows - begun[:DRAWS]
-            left = np.mean(apart[:, :n].var(axis=0, ddof=1) / self._noise[c.id].sigma ** 2)
-            self.kept.exact[keys[c.id], c._replace(role="")] = apart.mean(axis=0) + self._middle[c.id], float(left)
-        for c in self._all():
-            v, left = self.kept.exact[keys[c.id], c._replace(role="")]
+            # the averaged plant with the same noise, where the model began
+            rows = np.array(found[DRAWS * i : DRAWS * (i + 1)]) - self._begun[c.id][:DRAWS]
+            left = np.mean(rows[:, : self._sizes[c.id]].var(axis=0, ddof=1) / self._noise[c.id].sigma ** 2)
             back = self.tangent[c.id][:, self._fx] * moved[c.id] if moved[c.id] else 0.0
-            out[c.id] = v + back, left
-        return out
+            self.kept.exact[key, c._replace(role="")] = rows.mean(axis=0) + self._middle[c.id] + back, float(left)
+        return {c.id: self.kept.exact[key, c._replace(role="")] for c in self._all()}
 
     def _moved_hz(self, theta, effects):
-        """{condition: change of the drive frequency from where the model began}, by the linear model."""
+        """{condition: change of the drive frequency from where the model began}, by the linear model.
+
+        That by an engine is no better: the frequency word of a dwell has slips of its own, some 1e-5 Hz.
+        """
         if self._fx is None or self.tangent is None:
             return {c.id: 0.0 for c in self._all()}
         out = {}
