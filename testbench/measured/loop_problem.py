@@ -29,6 +29,7 @@ from testbench.measured import features, loop_runs
 from testbench.measured.loop_runs import EXACT, FAST, Model, Run
 from testbench.tracing.problem import Nuisance, Observable, PredictionFailed, Segment
 
+HELD_HZ = 1e-3  # of the drive frequency: half its resonance's width is 27 mHz, and tangents are of its middle
 DRAWS = 16  # of the exact engine at an anchor
 JITTER_HZ = 1e-3
 FIRST_DRAW = 10**12  # seeds that no recording has
@@ -94,8 +95,9 @@ class LoopProblem:
         self.heldout_view = Fine(self, {g: v[:, self._sizes[g] :] for g, v in draws.items()})
         self._rows = {s.group: k for k, s in enumerate(self.segments)}
         self.anchors, self.tangent = 0, None
-        names = [n.name for n in self.nuisances]
-        self._fx = names.index("plant.fx_hz") if "plant.fx_hz" in names else None
+        # change of the features per hertz of f_x, where it is known: within the draws
+        jitter = JITTER - JITTER.mean()
+        self.slope = {g: jitter @ (v - v.mean(axis=0)) / (jitter @ jitter) for g, v in draws.items()}
         self.first = np.array([(start or {}).get(n.name, n.value) for n in self.nuisances])
         self.anchor(self.first, {})
         self._tangents()
@@ -159,12 +161,12 @@ class LoopProblem:
         except ConfigError as problem:
             raise PredictionFailed(str(problem)) from None
 
-    def _run(self, wanted, kind, less_hz=None):
-        """Features of (model, condition, draw) triples; less_hz: {condition: how far the drive mode is moved down}."""
+    def _run(self, wanted, kind):
+        """Features of (model, condition, draw, Hz by which the drive mode is moved down)."""
         index = {name: k for k, name in enumerate(self.conditions)}
         runs = []
-        for m, c, draw in wanted:
-            k_n_per_m = self.per_hz * (jitter_hz(draw) - (less_hz or {}).get(c.id, 0.0))
+        for m, c, draw, less_hz in wanted:
+            k_n_per_m = self.per_hz * (jitter_hz(draw) - less_hz)
             told = Model(m.config, (*m.laws, f"force_x = {-k_n_per_m!r} x"))
             runs.append(Run(told, c, FIRST_DRAW + 10_000 * index[c.id] + draw))
         try:
@@ -183,7 +185,7 @@ class LoopProblem:
             for c in self._all()
         }
         todo = [c for c in self._all() if keys[c.id] not in self.kept.noise]
-        found = self._run([(model, c, k) for c in todo for k in range(count)], FAST)
+        found = self._run([(model, c, k, 0.0) for c in todo for k in range(count)], FAST)
         for i, c in enumerate(todo):
             self.kept.noise[keys[c.id]] = np.array(found[count * i : count * (i + 1)])
         return {name: self.kept.noise[key] for name, key in keys.items()}
@@ -201,13 +203,13 @@ class LoopProblem:
         key = self._key("exact", model.config.model_dump_json(), model.laws)
         todo = [c for c in self._all() if (key, c._replace(role="")) not in self.kept.exact]
         moved = self._moved_hz(theta, effects)
-        found = self._run([(model, c, k) for c in todo for k in range(DRAWS)], EXACT, moved)
+        found = self._run([(model, c, k, moved[c.id]) for c in todo for k in range(DRAWS)], EXACT)
         for i, c in enumerate(todo):
             # the averaged plant with the same noise, where the model began
             rows = np.array(found[DRAWS * i : DRAWS * (i + 1)]) - self._begun[c.id][:DRAWS]
             left = np.mean(rows[:, : self._sizes[c.id]].var(axis=0, ddof=1) / self._noise[c.id].sigma ** 2)
-            back = self.tangent[c.id][:, self._fx] * moved[c.id] if moved[c.id] else 0.0
-            self.kept.exact[key, c._replace(role="")] = rows.mean(axis=0) + self._middle[c.id] + back, float(left)
+            v = rows.mean(axis=0) + self._middle[c.id] + self.slope[c.id] * moved[c.id]
+            self.kept.exact[key, c._replace(role="")] = v, float(left)
         return {c.id: self.kept.exact[key, c._replace(role="")] for c in self._all()}
 
     def _moved_hz(self, theta, effects):
@@ -215,15 +217,15 @@ class LoopProblem:
 
         That by an engine is no better: the frequency word of a dwell has slips of its own, some 1e-5 Hz.
         """
-        if self._fx is None or self.tangent is None:
+        if self.tangent is None:
             return {c.id: 0.0 for c in self._all()}
-        out = {}
-        for c in self._all():
-            count = self._sizes[c.id] // len(loop_runs.NAMES)
-            last = (loop_runs.NAMES.index("f_word") + 1) * count - 1
-            change = self._change(theta, effects, self.first, {}, c.id)
-            out[c.id] = float(change[last] / self.tangent[c.id][last, self._fx])
-        return out
+        return {c.id: self.hertz(self._change(theta, effects, self.first, {}, c.id), c.id) for c in self._all()}
+
+    def hertz(self, change, group):
+        """Change of the drive frequency in a change of features, by the last bin of the frequency word."""
+        count = self._sizes[group] // len(loop_runs.NAMES)
+        last = (loop_runs.NAMES.index("f_word") + 1) * count - 1
+        return float(change[last] / self.slope[group][last])
 
     # ---- the linear model ----
 
@@ -262,22 +264,22 @@ class LoopProblem:
         theta0, base = self.first, {}
         steps = {n.name: 0.1 * n.prior_sd for n in self.nuisances}
         steps |= {name: c.law.scale * (c.law.sign or 1) for name, c in self.candidates.items()}
+        if "plant.fx_hz" in steps:
+            self.kept.columns[where, "plant.fx_hz"] = self.slope
         todo = [name for name in steps if (where, name) not in self.kept.columns]
         for _ in range(4):
             if not todo:
                 break
             if not base:
                 base = self._many([(theta0, {})])[0]
-            found = self._many([self._stepped(theta0, name, steps[name]) for name in todo])
             again = []
-            for name, moved in zip(todo, found):
+            for name, moved in zip(todo, self._held([self._stepped(theta0, name, steps[name]) for name in todo], base)):
                 if moved is None:
                     steps[name] *= 0.03
                     again.append(name)
                     continue
-                change = {g: moved[g] - base[g] for g in base}
-                size = self._size(change)
-                column = {g: v / steps[name] for g, v in change.items()}
+                size = self._size(moved)
+                column = {g: v / steps[name] for g, v in moved.items()}
                 self.kept.columns[where, name] = column
                 if not AIM / NEAR <= size <= AIM * NEAR:
                     factor = np.clip(AIM / max(size, 1e-3), 1e-3, 100.0)
@@ -310,21 +312,44 @@ class LoopProblem:
             theta[[n.name for n in self.nuisances].index(name)] += step
         return theta, effects
 
-    def _many(self, points):
-        """Features {group: values} of points in the averaged plant, None where it fails."""
-        models = []
+    def _held(self, points, base):
+        """Changes {group: values} from `base` to points, None where the averaged plant fails.
+
+        The drive frequency is held where the model began, in two steps; what its change does is put back by `slope`.
+        """
+        hertz, changes = [dict.fromkeys(base, 0.0) for _ in points], [None] * len(points)
+        todo = range(len(points))
+        for _ in range(3):
+            found = self._many([points[i] for i in todo], [hertz[i] for i in todo])
+            left = []
+            for i, moved in zip(todo, found):
+                if moved is None:
+                    changes[i] = None
+                    continue
+                rest = {g: moved[g] - base[g] for g in base}
+                changes[i] = {g: v + self.slope[g] * hertz[i][g] for g, v in rest.items()}
+                more = {g: self.hertz(v, g) for g, v in rest.items()}
+                if max(map(abs, more.values())) > HELD_HZ:
+                    hertz[i] = {g: hertz[i][g] + v for g, v in more.items()}
+                    left.append(i)
+            todo = left
+        return changes
+
+    def _many(self, points, hertz=None):
+        """Features {group: values} of points in the averaged plant, None where it fails; hertz: see `_run`."""
+        models, hertz = [], hertz or [dict.fromkeys(self.conditions, 0.0) for _ in points]
         for theta, effects in points:
             try:
                 models.append(self.told(theta, effects))
             except PredictionFailed:
                 models.append(None)
-        wanted = [(m, c, 0) for m in models if m is not None for c in self.measured_.conditions]
+        wanted = [(m, c, 0, h[c.id]) for m, h in zip(models, hertz) if m is not None for c in self.measured_.conditions]
         try:
             found = iter(self._run(wanted, FAST))
         except PredictionFailed:
             if len(points) == 1:
                 return [None]
-            return [self._many([point])[0] for point in points]
+            return [self._many([point], [h])[0] for point, h in zip(points, hertz)]
         return [None if m is None else {c.id: next(found) for c in self.measured_.conditions} for m in models]
 
     def settle(self):

@@ -28,6 +28,8 @@ from testbench.tracing.trace import Options
 KINDS = ("none", "flicker", "one", "two", "in", "out")
 SHARES = (0.2, 0.1, 0.35, 0.15, 0.1, 0.1)
 FLICKER = 3.0
+PLAUSIBLE = 5.0  # scales of a law, which is the sd of its prior
+MOST_HZ = 3e-3  # three times the scatter of power-ons
 CLEAR_D = 8.0
 TRUE_SEED = 5 * 10**12
 
@@ -150,19 +152,30 @@ def jumped(bank, problem, text, scale):
     return Left(problem)({c.id: y - x for c, x, y in zip(bank.conditions, before, after)})
 
 
+def largest(problem, law):
+    """Largest coefficient that a trial hides: within the key's limit, plausible by the law's scale, and no jump.
+
+    A run begins from the locked state of the model: a drive frequency that is far from it would be a jump that no bench
+    shows.
+    """
+    hertz = max(abs(problem.hertz(c[law.name], g)) for g, c in problem.column.items())
+    return min(problem.largest(law.name), PLAUSIBLE * law.scale, MOST_HZ / max(hertz, 1e-300))
+
+
 def drawn(bank, problem, kind, seed, d_range=(8.0, 60.0)):
     """(theta, laws, texts, truth) of a trial."""
     rng = np.random.default_rng([7, seed])
     theta = np.array([n.value + n.prior_sd * rng.normal() for n in problem.nuisances])
     size = lengths(problem)
     effects, texts, truth = {}, (), []
-    pool = [c for c in (bank.library if kind == "in" else bank.catalogue) if np.isfinite(size[c.law.name])]
-    pool = [c for c in pool if size[c.law.name] * problem.largest(c.law.name) > d_range[1]]
     if kind in ("one", "two", "in"):
+        pool = [c.law for c in (bank.library if kind == "in" else bank.catalogue)]
+        most = {law.name: size[law.name] * largest(problem, law) for law in pool}
+        pool = [law for law in pool if most[law.name] > d_range[0]]
         for k in rng.choice(len(pool), 2 if kind == "two" else 1, replace=False):
-            law = pool[k].law
-            d = float(np.exp(rng.uniform(*np.log(d_range))))
-            value = d / size[law.name] * (law.sign or rng.choice([-1, 1]))
+            law = pool[k]
+            d = float(np.exp(rng.uniform(np.log(d_range[0]), np.log(min(d_range[1], most[law.name])))))
+            value = float(d / size[law.name] * (law.sign or rng.choice([-1, 1])))
             effects[law.name] = value
             truth.append((law.name, value, d))
     if kind == "out":
