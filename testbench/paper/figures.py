@@ -198,11 +198,22 @@ def sense_errors(config, law_rows):
         fine, (1 / np.cos(np.radians(fine + left)) - 1) * 1e6, "--", color=VERMILION, label="1/cos(ye1 + xe2')"
     )
     _name(axes[0, 2], "ye1 (deg)", "scale factor over case 5 (ppm)")
+    alone = [r[2] for r in rows if r[1] == 0.0]
+    every = [r[2] for r in rows]
+    own = closed_bandwidth(turned(config))
+    gain = closed_bandwidth(advisor.varied(turned(config), crossover=math.cos(math.radians(9.0))))
     return (
-        "What to see: bandwidth and phase change by half a hertz and a degree at most; the scale factor "
-        "follows 1/cos(ye1 + xe2').",
+        f"What to see: ye1 alone moves the bandwidth by {max(alone) - min(alone):.2f} Hz, both phases by "
+        f"{max(every) - min(every):.2f} Hz; 0.4 Hz was asked for, the paper says 0.3 Hz: not met. The loop gain falls "
+        f"with cos(ye1 + ye2'), which at 9 deg alone makes {own - gain:.2f} Hz; the rest is the coupling to the "
+        "quadrature loop. The scale factor follows 1/cos(ye1 + xe2').",
         figure,
     )
+
+
+def closed_bandwidth(p):
+    """Bandwidth (Hz) of the linear loop of these parts."""
+    return advisor.bandwidth(loops.close(p))[0]
 
 
 def allan(points, temp):
@@ -289,7 +300,7 @@ def residuals_of_boards(boards):
         x = np.arange(len(boards))
         y = [1e3 * b["residual_deg"][node] for b in boards]
         u = [1e3 * b["uncertainty_deg"][node] for b in boards]
-        axis.errorbar(x, y, yerr=u, fmt="o", color=BLUE, ecolor=SKY, capsize=3, label="truth, uncertainty at 95 %")
+        axis.errorbar(x, y, yerr=u, fmt="o", color=BLUE, ecolor=SKY, capsize=3, label="truth, uncertainty at 99 %")
         axis.axhspan(-2, 2, color=GREEN, alpha=0.12, label="target, 2 mdeg")
         axis.axhline(0, color=GREY, linewidth=1)
         _name(axis, "board", f"residual {NODE_TEXT[node]} (mdeg)")

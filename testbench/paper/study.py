@@ -140,10 +140,15 @@ class Study:
             out = {"scale": law.scale_law(self.config, wanted), "drive": law.drive_law(self.config, wanted)}
             unit = next(row for row in out["scale"] if row["name"] == "case 5")["lsb_per_dps"]
             if self.size.noise_s:
-                out["noise"] = law.noise_law(self.config, wanted, self.size.noise_s, unit)
+                out["noise"] = law.noise_law(self.config, wanted, self._noise_lengths_s(), unit)
             return out
 
         return self._stage("law", self.size.noise_s, work)
+
+    def _noise_lengths_s(self):
+        """Flicker alone is five times as long: its floor shows only in averages of minutes."""
+        s = self.size.noise_s
+        return dict.fromkeys(law.NOISE_SETS, s) | {"only flicker": 5 * s}
 
     def influence(self, config):
         """Sensitivity of what is seen to what is built: `sensitivity.rows`."""
