@@ -77,7 +77,8 @@ class Readings(NamedTuple):
         least = 1e-18
         other = brentq(excess, least, float(self.deg.var()) * n + 2 * least) if excess(least) > 0 else least
         middle, w = mean(other)
-        factor = float(stats.t.ppf((1 + COVERAGE) / 2, n - 1))
+        worth = w.sum() ** 2 / np.square(w).sum()  # readings of equal weight that would say as much
+        factor = float(stats.t.ppf((1 + COVERAGE) / 2, max(worth - 1, 1.0)))
         return Estimate(middle, math.hypot(factor / math.sqrt(w.sum()), FACTOR * self.common_deg))
 
 
