@@ -35,13 +35,11 @@ class Size(NamedTuple):
     record_s: float = record_phases.RECORD_S
     warm_up_s: float = record_phases.WARM_UP_S
     readings: int = 12
-    engine: str | None = None  # of the calibration; None: exact, side by side
+    engine: str | None = "baseband"  # of the calibration; None: exact, side by side
 
 
 FULL = Size()
-SMALL = Size(
-    boards=0, rest_s=20.0, temperatures_degc=(25.0,), case_numbers=(1, 5), noise_s=0.0, record_s=0.0, engine="baseband"
-)
+SMALL = Size(boards=0, rest_s=20.0, temperatures_degc=(25.0,), case_numbers=(1, 5), noise_s=0.0, record_s=0.0)
 
 
 class Study:
@@ -93,7 +91,9 @@ class Study:
         if not n:
             return []
         return self._stage(
-            "boards", [n, self.seed], lambda: calibrations.many(self.config, n, self.seed, progress=self.progress)
+            "boards",
+            [n, self.seed, self.size.engine],
+            lambda: calibrations.many(self.config, n, self.seed, progress=self.progress, engine=self.size.engine),
         )
 
     def cases_deg(self):
