@@ -12,6 +12,7 @@ from testbench.config import Config, changed
 from testbench.paper import advisor, confirm, limit_cycles, loop_page, notch, sensitivity
 from testbench.paper import loop as lp
 from testbench.paper.parts import parts
+from tests.testbench.paper import browser
 
 CONFIG = Config()
 DEFAULT = parts(CONFIG)
@@ -211,3 +212,12 @@ def test_the_page_is_written_whole(tmp_path, stable):
     assert "Misprints of the paper" in text
     assert ("unstable" in text.split("<table>")[0]) is not stable
     assert [p.name for p in tmp_path.iterdir()] == ["loop.html"]
+    shown = browser.parsed(text)
+    assert shown.pictures == len(shown.captions)
+    assert all(len(caption) > 60 for caption in shown.captions)
+    if browser.BROWSER:
+        (tmp_path / "seen").mkdir()
+        shown, picture = browser.seen(path, tmp_path / "seen")
+        assert picture.stat().st_size > 50_000
+        values = {row[0]: row[1] for row in shown.rows if len(row) == 3}
+        assert values["FTR gain margin, upwards"] == ("12.6" if stable else "-")
