@@ -148,8 +148,9 @@ def offset_deg(bench):
 def detune(bench, angles_deg=DETUNE_DEG):
     """`Readings` of psi = xe1 + xe2' by turning the drive sine to both sides, by several angles.
 
-    The drive is at its best where force and velocity are in phase. The frequency loop holds x where signal and offset
-    of its demodulator cancel, so the offset's angle is added. What the grid does to x on either side counts by half.
+    The drive is at its best where force and velocity are in phase; the force goes with the velocity, w x, and w differs
+    by w/Q tan(theta) between the sides: 1/(2 Q) of angle. The frequency loop holds x where signal and offset of its
+    demodulator cancel, so the offset's angle is added. What the grid does to x on either side counts by half.
     """
     turned, angles, left = Turned(bench), [], []
     side = 1.0
@@ -158,7 +159,7 @@ def detune(bench, angles_deg=DETUNE_DEG):
         for sign in (side, -side):
             turned.to(sign * theta)
             rows = bench.record(DETUNE_S)
-            level[sign] = math.log(rows.mean("amplitude_word"))
+            level[sign] = math.log(rows.mean("amplitude_word") / rows.mean("frequency_word"))
             grids.append(grid.left_deg(rows["frequency_word"], np.ones(len(rows)), bench.grid_clocks))
         angles.append(log_cosine_ratio(theta, level[1.0] - level[-1.0]))
         left.append(math.hypot(*grids) / 2)

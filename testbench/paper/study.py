@@ -45,7 +45,7 @@ SMALL = Size(boards=0, rest_s=20.0, temperatures_degc=(25.0,), case_numbers=(1, 
 class Study:
     """Folder of a study, and its stages."""
 
-    def __init__(self, config, directory, size=FULL, seed=1, workers=None, progress=None):
+    def __init__(self, config, directory, size=FULL, seed=4, workers=None, progress=None):
         self.config, self.directory, self.size, self.seed = config, Path(directory), size, seed
         self.workers, self.progress = workers, progress
         self.directory.mkdir(parents=True, exist_ok=True)
