@@ -220,6 +220,7 @@ def made_study(tmp_path):
                 "found_deg": deg,
                 "found_uncertainty_deg": small,
                 "second_pass_deg": small,
+                "second_pass_uncertainty_deg": small,
                 "residual_deg": small,
                 "uncertainty_deg": small,
                 "cases_deg": sets,
@@ -288,7 +289,7 @@ def made_study(tmp_path):
                 }
                 for a in (-9.0, 0.0, 9.0)
             ]
-            noise = {n: {"arw_deg_per_rt_h": 0.1} for n in ("all", "only cv", "only adc", "without cv", "without adc")}
+            noise = {n: {"arw_deg_per_rt_h": 0.1, "instability_deg_per_h": 2.0} for n in law.NOISE_SETS}
             return {"scale": scale, "drive": drive, "noise": noise}
 
         def influence(self, config):
@@ -317,6 +318,9 @@ def test_the_page_holds_every_number_and_every_figure(written):
     assert sum(verdicts.values()) == len(comparison.numbers())
     assert text.pictures == len(text.captions) >= 12
     assert all(caption.startswith("What to see") for caption in text.captions)
+    shares = {row[0]: row for row in text.rows if len(row) == 7 and row[0] in ("all", *law.SOURCES)}
+    assert len(shares) == 1 + len(law.SOURCES)
+    assert float(shares["cv"][3]) == pytest.approx(0.134, abs=0.002)
 
 
 @browser.needed
