@@ -174,6 +174,11 @@ class Judge:
     def __init__(self, bench):
         self._bench, self._sim = bench, bench._sim
 
+    @property
+    def temp_degc(self):
+        """Temperature of the parts: the oven's and what the board has warmed by."""
+        return self._bench.temp_degc + self._sim.rise_k
+
     def residuals(self):
         """`Residuals` of the registers as they are."""
         config, bench = self._sim.config, self._bench
@@ -182,7 +187,7 @@ class Judge:
         bare = config.model_copy(
             update={"firmware": config.firmware.model_copy(update={f"{n}_deg": 0.0 for n in PHASE_REGISTERS})}
         )
-        known = budget.budget(bare, bench.temp_degc, frequency_hz)
+        known = budget.budget(bare, self.temp_degc, frequency_hz)
         node, loop = known.node_deg(), known.loop_deg()
         return Residuals(
             {
@@ -203,7 +208,7 @@ class Judge:
         edges = np.concatenate(edges)
         config, words = self._sim.config, self._bench.phases_deg()
         frequency_hz = self._bench.read("frequency") * build.clock_hz(config) / 2**48
-        known = budget.budget(config, self._bench.temp_degc, frequency_hz)
+        known = budget.budget(config, self.temp_degc, frequency_hz)
         out = []
         for k, (node, channel) in enumerate((("xe1", "drive"), ("xe1", "drive"), ("ye1", "sense"), ("ye1", "sense"))):
             rows = [row for row in known.rows[node] if row.what.startswith("reference")]

@@ -57,7 +57,12 @@ class Study:
             [
                 key,
                 self.config.model_dump(),
-                code_sha256("testbench.paper.calibrations", "testbench.paper.law", "testbench.simulate"),
+                code_sha256(
+                    "testbench.paper.calibrations",
+                    "testbench.paper.law",
+                    "testbench.paper.record_phases",
+                    "testbench.simulate",
+                ),
             ],
             sort_keys=True,
             default=str,
