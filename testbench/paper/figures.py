@@ -103,8 +103,8 @@ QUANTITIES = (
 
 
 CASES_SHOW = {
-    4: "compensating the drive phases (1 to 2, 2 to 3) moves the scale factor by a quarter percent at most. The model's "
-    "scale factor falls with temperature by the diodes' threshold, which the paper's board compensates.",
+    4: "compensating the drive phases (1 to 2, 2 to 3) moves the scale factor by a quarter percent at most. The "
+    "model's scale factor falls with temperature by the diodes' threshold, which the paper's board compensates.",
     8: "compensating ye1 (3 to 4) lowers the scale factor by 1/cos, raises the bandwidth by half a hertz and takes the "
     "nonlinearity away; ye2 (4 to 5) moves the zero-rate output a little and nothing else.",
 }
@@ -318,7 +318,7 @@ def residuals_of_boards(boards):
         _name(axis, "board", f"residual {NODE_TEXT[node]} (mdeg)")
     worst = max(abs(v) for b in boards for v in b["residual_deg"].values())
     return (
-        f"What to see: bars that reach zero; the largest residual is {1e3 * worst:.1f} mdeg, the paper's level 12 mdeg. "
+        f"What to see: bars reach zero; the largest residual is {1e3 * worst:.1f} mdeg, the paper's level 12 mdeg. "
         "A long bar is a board whose reference edges beat slowly with their grid.",
         figure,
     )
