@@ -121,13 +121,13 @@ def _of_meters(name, effects):
 
 
 def _of_lines(name, effects):
-    """Lines of vibration, at the frequency that their law names."""
+    """Lines of vibration, where they settle."""
     out = []
     for e in effects:
-        if "vibration" in e["law"] and "settling" not in e["law"]:
-            f_hz, rms = float(e["law"].split()[-2]), float(np.sqrt(e["value"]))
-            words = f"{f_hz:.3g} Hz, {rms:.3g} deg/s rms"
-            out.append(Case(f"{name}: vibration at {f_hz:.3g} Hz", words, {}, (f_hz, 12.0, rms)))
+        if "hz" in e:
+            f_hz, quality, rms = e["hz"], max(e["quality"], 1.0), float(np.sqrt(e["value"]))
+            words = f"{f_hz:.3g} Hz, {rms:.3g} deg/s rms, quality {quality:.2g}"
+            out.append(Case(f"{name}: vibration at {f_hz:.3g} Hz", words, {}, (f_hz, quality, rms)))
     return out
 
 

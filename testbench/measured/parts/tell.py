@@ -15,11 +15,13 @@ from testbench.measured.parts.staged import absorbed, staged
 from testbench.tracing.trace import Options, Tracer
 
 SHUFFLES = 199
+ABOVE = 1.5  # floors, from which a held-out error is not explained
 POINTS = 3000  # of one line of a picture; more are thinned
 STYLE = """body{font:15px/1.45 sans-serif;max-width:1050px;margin:2em auto;padding:0 1em;color:#222}
 table{border-collapse:collapse;margin:.6em 0}td,th{border-bottom:1px solid #ccc;padding:.2em .7em;text-align:left}
 td.n,th.n{text-align:right;font-variant-numeric:tabular-nums}img{max-width:100%}figcaption{color:#555;margin-bottom:1em}
-h2{margin-top:2em;border-top:2px solid #888;padding-top:.6em}.bad{color:#a00}.good{color:#060}code{background:#eee}"""
+h2{margin-top:2em;border-top:2px solid #888;padding-top:.6em}.bad{color:#a00}.good{color:#060}
+.part{color:#a60}code{background:#eee}"""
 
 
 class Left(NamedTuple):
@@ -38,7 +40,21 @@ def run(problem, options=None, progress=None):
     found = staged(problem, options, getattr(problem, "most_laws", 0) or 3, progress)
     rows = residuals(problem, found)
     judging = {key: row for key, row in rows.items() if row.role == "validate"}
-    return found.json | {"left": [left(problem, key, rows) for key in judging]}, judging
+    return in_part(found.json | {"left": [left(problem, key, rows) for key in judging]}), judging
+
+
+def above(row):
+    """True if a row of `heldout` is not explained: its error is above ABOVE floors in the end."""
+    return bool(row.get("floor")) and row["after"] > ABOVE * row["floor"]
+
+
+def in_part(data):
+    """A report whose laws leave a held-out error above ABOVE floors is "named in part", and says where."""
+    rest = [f"{name} {row['after'] / row['floor']:.2g}" for name, row in data["heldout"].items() if above(row)]
+    if data["verdict"] != "named" or not rest:
+        return data
+    words = f"{data['sentence']} Not explained, in floors: {', '.join(rest)}."
+    return data | {"verdict": "named in part", "sentence": words}
 
 
 def residuals(problem, found):
@@ -169,10 +185,10 @@ def effects_table(data):
     """Table of what was found."""
     rows = [
         (e["law"], e["port"], number(e["value"], 5), number(e.get("sd"), 2), e["unit"], number(e.get("d"), 3))
-        + (e.get("kind", ""), e.get("status", ""))
+        + (e.get("kind", ""), e.get("status", ""), e.get("text", ""))
         for e in data["effects"]
     ]
-    head = ("law", "port", "value", "sd", "unit", "d", "kind", "status")
+    head = ("law", "port", "value", "sd", "unit", "d", "kind", "status", "in words")
     return table(head, rows, (2, 3, 5)) if rows else "<p>No effect is named.</p>"
 
 
@@ -202,7 +218,7 @@ def rounds_table(data):
 
 def section(title, data, image=""):
     """One part of the page."""
-    mark = "good" if data["verdict"] in ("named", "none") else ""
+    mark = "good" if data["verdict"] in ("named", "none") else "part"
     words = [
         f"<h3>{html.escape(title)}</h3><p><b class='{mark}'>{html.escape(data['verdict'])}</b>: "
         f"{html.escape(data['sentence'])}</p>",
