@@ -5,7 +5,7 @@
     a job that fails is a row of the page with its reason, and the exit status is 1; the others go on
 JSON      {set: {verdict, sentence, effects, heldout, jobs: [...]}}; effects of all jobs, each with its `job`; held-out
           parts carry the label of their job in front where there are several; verdict and sentence are those of the
-          least settled job, in the order of UNSETTLED
+          least settled job, in the order of UNSETTLED; `closed_loop`: what the effects do there, and a control run
 Source    docs/measured_parts.md
 """
 
@@ -180,7 +180,10 @@ def main(arguments=None):
         if not given.no_loop:
             from testbench.measured.parts import in_loop
 
-            loop = in_loop.section(out)
+            loop, numbers = in_loop.section(out)
+            control = numbers.pop("", [])
+            for name, rows in numbers.items():
+                out[name]["closed_loop"] = control + rows
     except (ConfigError, FileError) as problem:
         print(problem, file=sys.stderr)
         return 2

@@ -76,7 +76,7 @@ def _envelope(f, f0, g, dwell, wait, kick, stiff, damp, substeps, out):
 
 @kernel
 def _waveforms(f, moved, f0, g, dwell, bins, out):
-    """Column j bins + k: source on in bin j of each step alone, receiver in bin k alone; moved: Hz by which f0 moves."""
+    """Column j bins + k: source on in bin j of each step alone, receiver in bin k alone; moved: Hz that f0 moves."""
     h = dwell / bins
     for j in range(bins):
         a = 0.0j
