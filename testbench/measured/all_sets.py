@@ -118,11 +118,13 @@ def rest_words(data, part):
         if part in (r["observable"], r["segment"], f"{r['segment']} {r['observable']}"):
             if r.get("where"):
                 return r["where"]["words"]
-            curve = "a curve" if r["p"] < 0.01 else "no curve"
-            words = (
-                f"neighbours {r['neighbours']:.2f} (p {r['p']:.2g}): {curve}; {100 * r['tenth']:.0f} % of its power in "
-            )
-            words += f"{r['tenth_from']:.4g} .. {r['tenth_to']:.4g}"
+            curve = "a curve over" if r["p"] < 0.01 else "no curve over"
+            words = f"correlation of neighbours {r['neighbours']:.2f} (p {r['p']:.2g}): {curve} {r['axis']}; "
+            words += f"{100 * r['tenth']:.0f} % of its power in a tenth of the rows, {r['tenth_from']:.4g} .. "
+            words += f"{r['tenth_to']:.4g}"
+            if r["drift"] is not None:
+                drifts = "drifts" if r["drift_p"] < 0.01 else "does not drift"
+                words += f"; in the order of recording {r['drift']:.2f} (p {r['drift_p']:.2g}): it {drifts}"
             if r["shared"] is not None:
                 words += f"; correlation with the rest where it was fitted {r['shared']:.2f}"
             return words

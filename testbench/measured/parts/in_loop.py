@@ -27,6 +27,8 @@ RATE_DPS, REST_S, STEP_S, MEAN_S = 100.0, 1.0, 0.8, 0.3
 WORD_PER_DPS = 8651.0
 SEED = 7
 CONTROL = 1e-9
+BEYOND = 3.0  # times what the control run differs by, from which a change is called one
+MEASURED = ("scale factor", "bias", "noise")
 WARM_DEGC = 35.0
 LOCKED, WEAKEST = 0.5, 4  # share of the scale factor that a locked loop has; tens by which a law is made weaker
 SHOWN = 8  # frames averaged for a point of the picture: 1 ms
@@ -226,7 +228,7 @@ def section(sets):
     found = cases(sets)
     if not found:
         return "", {}
-    bases, rows, words, data = {}, [], [], {}
+    bases, rows, words, data, itself = {}, [], [], {}, ()
     for case in (control(config.Config().device()), *found):
         degc = case.temperature_degc
         if degc not in bases:
@@ -244,10 +246,14 @@ def section(sets):
         panel.plot(t, change * 3600, lw=0.6, color="#205090")
         panel.set_xlabel("time from lock (s); rate 0, +100, -100 deg/s")
         panel.set_ylabel("change of rate (deg/h)")
+        measured = (scale_ppm, bias, 100 * noise)
+        itself = itself or measured
+        beyond = [n for n, x, c in zip(MEASURED, measured, itself) if abs(x) > BEYOND * abs(c)]
         sentence = (
             f"{case.words}. Scale factor {scale_ppm:+.3g} ppm, bias {bias:+.3g} deg/h, noise of the rate word at rest "
             f"{100 * noise:+.3g} %, against the same run without it (bias {base.bias_dps:.4g} deg/s, "
-            f"{base.rms_dps:.3g} deg/s rms)."
+            f"{base.rms_dps:.3g} deg/s rms). "
+            + (f"Above {BEYOND:g} times the control: {', '.join(beyond) or 'nothing'}.")
         )
         words.append(
             f"<h3>{html.escape(case.name)}</h3><p>{html.escape(sentence)}</p><figure>{tell.png(figure)}<figcaption>"

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from testbench.measured import all_sets, cli, registry, traced
+from testbench.measured import all_sets, cli, pages, registry, traced
 from testbench.measured.parts import in_loop
 from tests.testbench.measured.parts import made, recordings
 
@@ -82,5 +82,12 @@ def test_of_each_kind_of_law_the_worst_meter_runs_and_the_rest_is_listed():
 @pytest.mark.skipif(not os.environ.get(registry.FOLDER), reason=f"{registry.FOLDER} is not set")
 @pytest.mark.parametrize("name", [*registry.SETS])
 def test_published_sets(tmp_path, name):
-    for k, (_, paths, options) in enumerate(all_sets.jobs(registry.paths(name))):
-        same(paths, options, tmp_path, f"job{k}")
+    for k, (label, paths, options) in enumerate(all_sets.jobs(registry.paths(name))):
+        data = same(paths, options, tmp_path, f"job{k}")
+        (kept,) = (job for job in json.loads(pages.KEPT.read_text())[name]["jobs"] if job["label"] == label)
+        assert (data["verdict"], [e["law"] for e in data["effects"]]) == (
+            kept["verdict"],
+            [e["law"] for e in kept["effects"]],
+        )
+        for part, h in data["heldout"].items():
+            assert h["after"] == pytest.approx(kept["heldout"][part]["after"], rel=1e-3)

@@ -1,0 +1,96 @@
+"""The pages on measured parts say what docs/measured_parts.json holds, which a run of all sets has written."""
+
+import json
+
+import pytest
+
+from testbench.measured import pages
+from testbench.measured.parts.tell import above
+
+KEPT = json.loads(pages.KEPT.read_text())
+TEXT = {
+    name: " ".join((pages.ROOT / "docs" / f"measured_{name}.md").read_text().split())
+    for name in ("parts", "resonators")
+}
+
+
+def jobs(name):
+    return {job["label"]: job for job in KEPT[name]["jobs"]}
+
+
+def effects(job):
+    return {e["law"]: e for e in job["effects"]}
+
+
+def ratios(job):
+    return {part: h["after"] / h["floor"] for part, h in job["heldout"].items()}
+
+
+def test_the_tables_are_those_of_the_run():
+    for path, text in pages.renewed().items():
+        assert path.read_text() == text, "stale; run: python -m testbench.measured.pages"
+
+
+def test_a_verdict_named_leaves_nothing_above_the_limit():
+    for name in KEPT:
+        for job in jobs(name).values():
+            rest = [part for part, h in job["heldout"].items() if above(h)]
+            assert (job["verdict"] == "named in part") == bool(rest and job["effects"]) or job[
+                "verdict"
+            ] == "confounded"
+            assert set(rest) <= set(job["rest"]), "what is left has its test"
+
+
+def test_numbers_in_the_text_on_the_driven_resonator():
+    (job,) = jobs("silverbox").values()
+    found, text = effects(job), TEXT["resonators"]
+    assert f"k3/k = {found['duffing']['value']:.2f} per V^2" in text
+    assert f"|v| v with {found['damping_quadratic']['value']:.3f} per V" in text.replace("\\|", "|")
+    assert f"does not repeat is {job['heldout']['multisine']['floor']:.2f} mV" in text
+    low, high = min(ratios(job).values()), max(ratios(job).values())
+    assert f"Unexplained: {low:.1f} to {high:.1f} floors" in text
+
+
+def test_numbers_in_the_text_on_the_crystals():
+    narrow, wide = (job for _, job in sorted(jobs("quartz_vna").items()))
+    found, text = effects(narrow), TEXT["resonators"]
+    assert abs(found["sweep_rate"]["value"] / effects(wide)["sweep_rate"]["value"] - 1) < 1e-3
+    assert list(effects(wide)) == ["sweep_rate"]
+    (h,) = narrow["heldout"].values()
+    assert f"wrong by {h['before']:.0f} parts in 1000" in text
+    assert f"(Duffing, {found['duffing']['value']:.0f} Hz at full response" in text
+    assert f"the path steps by {found['path_step_im']['value']:.4f}" in text
+    assert f"misses the first {100 * found['receiver_wait']['value']:.0f} % of a step" in text
+    assert f"pauses for {-found['kick_re']['value']:.0f} us at each step" in text
+    assert f"that is {h['floor'] / h['noise']:.0f} times the receiver's noise" in text
+    assert f"nothing beyond {h['after'] / h['floor']:.1f} times what repeats" in text
+    assert "twice the noise" in text
+    assert 1.8 < ratios(wide)["sweep_2"] < 2.5
+
+
+def test_numbers_in_the_text_on_the_membranes():
+    text, found = TEXT["resonators"], {k: effects(job) for k, job in jobs("mems_ringdown").items()}
+    c = [found[sample]["damping_cubic"]["value"] for sample in ("SP64-32", "SP64-33")]
+    assert f"c = {c[0]:.3f} /(s uW) for SP64-32 and {c[1]:.3f} for SP64-33" in text
+
+
+def test_numbers_in_the_text_on_the_parts():
+    text, (two, one, second) = TEXT["parts"], jobs("dac16_levels").values()
+    assert f"the fifth eighth is {-effects(two)['element 5/8']['value']:.1f} LSB too small" in text
+    assert set(effects(one)) == set(effects(two))
+    assert {len(effects(one)): "sixteen"}[16] + " laws" in text
+    assert f"{ratios(one)['level']:.1f} floors are left" in text
+    assert not second["effects"]
+    (gyro,) = jobs("gyro_static").values()
+    lines = [e["hz"] for e in gyro["effects"] if "hz" in e]
+    assert len(lines) == 2
+    assert f"has a peak at {lines[0]:.0f} Hz" in text
+    assert f"a weaker one at {lines[1]:.0f} Hz" in text
+
+
+@pytest.mark.parametrize("name", ["dac16_levels", "dmm_linearity", "gyro_static", "mems_ringdown", "silverbox"])
+def test_what_runs_in_the_loop_has_its_numbers(name):
+    rows = KEPT[name]["closed_loop"]
+    assert rows[0]["effect"].startswith("control")
+    assert len(rows) > 1
+    assert all(isinstance(row[key], float) for row in rows for key in ("scale_ppm", "bias_deg_per_h", "noise_percent"))
