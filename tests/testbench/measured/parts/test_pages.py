@@ -1,6 +1,7 @@
 """The pages on measured parts say what docs/measured_parts.json holds, which a run of all sets has written."""
 
 import json
+import re
 
 import pytest
 
@@ -80,12 +81,37 @@ def test_numbers_in_the_text_on_the_parts():
     assert set(effects(one)) == set(effects(two))
     assert {len(effects(one)): "sixteen"}[16] + " laws" in text
     assert f"{ratios(one)['level']:.1f} floors are left" in text
+    share, start, stop, shared = re.search(
+        r"(\d+) % of its power .* (\S+) \.\. (\S+);.* (\S+)$", one["rest"]["level"]
+    ).groups()
+    assert f"{share} % of it lies in codes 41 000 to 47 500" in text
+    assert (round(float(start), -3), round(float(stop) / 500) * 500) == (41000, 47500)
+    assert f"correlates with {shared}:" in text
     assert not second["effects"]
     (gyro,) = jobs("gyro_static").values()
-    lines = [e["hz"] for e in gyro["effects"] if "hz" in e]
-    assert len(lines) == 2
-    assert f"has a peak at {lines[0]:.0f} Hz" in text
-    assert f"a weaker one at {lines[1]:.0f} Hz" in text
+    first, first_settles, other, other_settles = gyro["effects"]
+    assert f"a peak that settles at {first['hz']:.1f} Hz, from {100 * first_settles['value']:.0f} % above" in text
+    assert first_settles["law"].endswith("settling in 3000 s")
+    assert f"a weaker one at {other['hz']:.1f} Hz" in text
+    assert f"{other['law'].split()[-2]} Hz; from {100 * other_settles['value']:.0f} % above it" in text
+
+
+def test_numbers_in_the_text_on_the_meters():
+    text, found = TEXT["parts"], jobs("dmm_linearity")
+    whole, half = found["9 meter(s), random order"], found["9 meter(s), random order, first half chooses"]
+    laws = [e["law"].split(": ") for e in whole["effects"]]
+    warm = {meter for meter, law in laws if law.startswith(("gain with temp", "gain with room"))}
+    counts = {1: "one", 3: "three", 5: "five"}
+    assert f"in each of {counts[len(warm)]} meters" in text
+    assert f"between the polarities in {counts[sum(law == 'turnover' for _, law in laws)]} of them" in text
+    assert f"point before in {counts[sum(law == 'memory' for _, law in laws)]}." in text
+    worst = max(ratios(whole), key=ratios(whole).get)
+    assert [m for m, r in ratios(whole).items() if r > 1.5] == [worst], "the broken one"
+    assert "(neighbours correlate with 0.85)" in text
+    assert "neighbours 0.85 " in whole["rest"][worst]
+    lost = sorted(r for m, r in ratios(half).items() if r > 1.5 and m != worst)
+    words = f"for {counts[len(lost)]} meters beside the broken one ({lost[0]:.1f} to {lost[-1]:.1f} floors)"
+    assert words in text
 
 
 @pytest.mark.parametrize("name", ["dac16_levels", "dmm_linearity", "gyro_static", "mems_ringdown", "silverbox"])
