@@ -83,6 +83,7 @@ class Device(NamedTuple):
     sid_r_ohm: float = 10e3  # A  triple pole at 1/(4 pi R C) = 50 Hz
     sid_c_f: float = 159e-9  # A
     sid_switch_s: float = 80e-9  # M  FPGA pin to analog switch
+    sid_fall_s: float = 0.0  # A  how much later a switch follows a falling edge than a rising one
     sid_charge_c: float = 1e-12  # A  injected at each edge
     sid_charge_mismatch: float = 0.1  # A  between the two halves
     # converters
@@ -183,6 +184,7 @@ FIELDS = (
     Field("sid_r_ohm", "ohm", 10.0, 1e9),
     Field("sid_c_f", "F", 1e-12, 1e-3),
     Field("sid_switch_s", "s", 0.0, 10e-6),
+    Field("sid_fall_s", "s", -100e-9, 100e-9),
     Field("sid_charge_c", "C", -1e-9, 1e-9),
     Field("sid_charge_mismatch", "1", -1.0, 1.0),
     Field("adc_vref_v", "V", 0.1, 10.0),

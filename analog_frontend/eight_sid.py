@@ -88,9 +88,12 @@ def _gathered(v, tick, first, n, plant):
         if t >= n:
             break
         cycle = v.edges[plant, k, 0] - TICK_CYCLES * (first + t)
-        if slot == SLOTS or v.switch_carry[plant, cycle] != 0:
-            return -1
         d, row = v.edges[plant, k, 1], t * LANES + plant
+        ref = v.switch[plant, d]
+        for i in range(v.place[plant], k + 1):
+            ref = ref ^ 1 if v.edges[plant, i, 1] == d else ref
+        if slot == SLOTS or v.switch_carry[plant, ref, cycle] != 0:
+            return -1
         cv, path, added = (CX1, PATH_X, NX) if d < 2 else (CY1, PATH_Y, NY)
         at, cv, path = slot * GIVEN * LANES + plant, cv + ROW + row, path + row
         v.given[at + BEFORE * LANES], v.given[at + V0 * LANES] = w[cv], w[cv + ROW]
@@ -99,7 +102,7 @@ def _gathered(v, tick, first, n, plant):
         v.given[at + P1 * LANES] = w[path]
         v.given[at + (P1 + 1) * LANES] = w[path + ROW]
         v.given[at + (P1 + 2) * LANES] = w[path + 2 * ROW]
-        v.given[at + TAU * LANES] = v.switch_tau_s[plant, cycle]
+        v.given[at + TAU * LANES] = v.switch_tau_s[plant, ref, cycle]
         v.counters[slot * LANES + plant] = JITTERED * (tick + first + t) + 1 + d
         slot += 1
     return slot
@@ -257,6 +260,7 @@ def _alone(floats, ints, tick, t, row, plant, moved):
             tick + t,
             t,
             d,
+            v.switch[plant, d],
             first,
             last,
             edges,

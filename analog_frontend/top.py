@@ -105,8 +105,8 @@ class Params(NamedTuple):
     temp_lo_degc: float
     temp_step_k: float
     temp_count: int
-    switch_tau_s: np.ndarray  # (26,) instant within its tick at which the analog switch follows an edge at clock c
-    switch_carry: np.ndarray  # (26,) 1 if that tick is the next one
+    switch_tau_s: np.ndarray  # (2, 26) instant in its tick of the analog switch after a fall or rise at clock c
+    switch_carry: np.ndarray  # (2, 26) 1 if that tick is the next one
     sid: sid.Params
     adc: adc.Params
     noise: Noise
@@ -485,20 +485,23 @@ def demodulate(p, s, tick, n, edge_count, edges):
 
 
 @inlined
-def acting(switch_tau_s, switch_carry, jitter, h_s, tick, t, d, first, last, edges, late_tau_s, late_count, taus):
+def acting(switch_tau_s, switch_carry, jitter, h_s, tick, t, d, ref, first, last, edges, late_tau_s, late_count, taus):
     """Instants within `tick`, tick `t` of a block, at which the switches of demodulator `d` move: how many, in `taus`.
 
+    ref          where the switches stand at the tick's begin
     first, last  the tick's reference edges in `edges`. An edge whose switch acts in the next tick is kept in
     `late_tau_s`; those kept before act now. Returns also how many are kept. Mutates `taus` and `late_tau_s`
     """
     count, late = late_count, 0
     for k in range(count):
         taus[k] = late_tau_s[k]
+        ref = 0 if ref else 1
     for k in range(first, last):
         if edges[k, 1] == d:
             cycle = edges[k, 0] - TICK_CYCLES * t
-            tau = switch_tau_s[cycle] + noise.white(jitter, JITTERED * tick + 1 + d)
-            if switch_carry[cycle] != 0:
+            ref = 0 if ref else 1
+            tau = switch_tau_s[ref, cycle] + noise.white(jitter, JITTERED * tick + 1 + d)
+            if switch_carry[ref, cycle] != 0:
                 late_tau_s[late] = max(tau, 0.0)
                 late += 1
             else:
@@ -535,6 +538,7 @@ def _switch(p, s, tick, t, first_edge, last_edge, edges, added):
             tick,
             t,
             d,
+            s.switch[d],
             first_edge,
             last_edge,
             edges,

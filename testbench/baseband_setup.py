@@ -88,6 +88,8 @@ def check(p):
         largest = max(map(abs, getattr(a.adc, field)))
         if largest:
             _refuse(f"effects.adc_{field}", f"{largest:g} is not 0, the only value of the averaged plant's converter")
+    if (a.switch_tau_s[0] != a.switch_tau_s[1]).any():
+        _refuse("plant.sid_fall_s", "it is not 0, its only value here: both edges of a reference must act alike")
     jitter = a.noise.edge_jitter
     if jitter.on and jitter.sigma > JITTER_LIMIT_S:
         _refuse("plant.clock_jitter_s", f"{jitter.sigma:g} s is above {JITTER_LIMIT_S:g} s, what may be left out")
@@ -151,7 +153,7 @@ def setup(p):
     charge = np.concatenate([(inject[:3] + inject[3:]) / 2, (inject[:3] - inject[3:]) / 2])
     sid = averaged_sid.Params(
         inverse_rc=1.0 / (rc_ticks * TICK_CYCLES),
-        switch=(float(p.plant.switch_tau_s[0]) / tick_s + int(p.plant.switch_carry[0])) * TICK_CYCLES,
+        switch=(float(p.plant.switch_tau_s[1, 0]) / tick_s + int(p.plant.switch_carry[1, 0])) * TICK_CYCLES,
         middle=middle,
         sampled=middle + SAMPLED_LATER,
         charge_slope=float(inject[2] - inject[5]) * word0 / 2**48,

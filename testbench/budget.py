@@ -121,7 +121,8 @@ def budget(config, temp_degc=None, frequency_hz=None):
         ]
 
     if firmware.board == "analog_sid":
-        switch = [delay("reference: analog switch", -device.sid_switch_s, "from memory of a datasheet")]
+        mean_s = device.sid_switch_s + device.sid_fall_s / 2
+        switch = [delay("reference: analog switch", -mean_s, "from memory of a datasheet")]
     elif firmware.reference_retimed:
         switch = [clocks("reference: sampled one tick after the grid, less half a sample", -TICK_CYCLES / 2)]
     else:

@@ -148,10 +148,10 @@ def _stacked(device, temp_lo_degc, temp_hi_degc):
     return stacks, table.temp_lo_degc, table.step_k, table.count
 
 
-def _switch_instants(delay_s, tick_s):
+def _switch_instants(name, delay_s, tick_s):
     """Instant within its tick, and 1 for the next tick, of a switch `delay_s` after an edge at clock 0 .. 25."""
-    if not delay_s < tick_s:
-        raise ValueError(f"plant.sid_switch_s = {delay_s:g} is above the limit {tick_s:g} s, one plant tick")
+    if not 0.0 <= delay_s < tick_s:
+        raise ValueError(f"{name} = {delay_s:g} is outside 0 .. {tick_s:g} s, one plant tick")
     instants = [Fraction(delay_s) + Fraction(tick_s) * c / CYCLES for c in range(CYCLES)]
     carry = [int(t >= Fraction(tick_s)) for t in instants]
     return np.array([float(t - c * Fraction(tick_s)) for t, c in zip(instants, carry)]), np.array(carry)
@@ -184,7 +184,8 @@ def analog(config, temp_lo_degc, temp_hi_degc):
     damping_x = warm.mass_kg * w * warm.fx_hz / warm.qx
     damping_y = warm.mass_kg * w * warm.fy_hz / warm.qy
     cv_density = d.cv_noise_v_per_rthz * abs(d.signal_gain)
-    switch_tau_s, switch_carry = _switch_instants(d.sid_switch_s, tick_s)
+    rise = _switch_instants("plant.sid_switch_s", d.sid_switch_s, tick_s)
+    fall = _switch_instants("plant.sid_switch_s + plant.sid_fall_s", d.sid_switch_s + d.sid_fall_s, tick_s)
     return plant.Params(
         drive_dac=dac.design(16, d.drive_dac_span_v, bow=d.drive_dac_bow, glitch_v_s=d.drive_dac_glitch_v_s),
         sense_dac=dac.design(20, d.sense_dac_span_v, bow=d.sense_dac_bow, glitch_v_s=d.sense_dac_glitch_v_s),
@@ -195,8 +196,8 @@ def analog(config, temp_lo_degc, temp_hi_degc):
         temp_lo_degc=float(first),
         temp_step_k=float(step_k),
         temp_count=count,
-        switch_tau_s=switch_tau_s,
-        switch_carry=switch_carry,
+        switch_tau_s=np.array([fall[0], rise[0]]),
+        switch_carry=np.array([fall[1], rise[1]]),
         sid=sid.design(
             float(tables.sid_rc_s[0]), tick_s, sid.injection_volts(d.sid_charge_c, d.sid_charge_mismatch, d.sid_c_f)
         ),

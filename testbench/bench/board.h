@@ -222,9 +222,9 @@ struct Board {
     double volts[2], coming[2], late_area[2], caps[4][6], late_tau[4][EDGES], sums[CHANNELS][3 + POLES];
     i64 cycles[2], at_switch[4], late_count[4], due, sample, pending, conversions, adc_codes[CHANNELS];
     // plant, constants
-    double rate, kq, kxy, quad_lsb, lsb[2], offset[2], switch_tau[TICK_CYCLES], slope_gain, driver_s, sensor_v;
+    double rate, kq, kxy, quad_lsb, lsb[2], offset[2], switch_tau[2][TICK_CYCLES], slope_gain, driver_s, sensor_v;
     double normal, full_steps, adc_offset[CHANNELS], steps_per_v[CHANNELS], decay[POLES], gain[POLES];
-    i64 switch_carry[TICK_CYCLES], dac_carry[2], period, delay, decimation, step_code;
+    i64 switch_carry[2][TICK_CYCLES], dac_carry[2], period, delay, decimation, step_code;
     Source force_x, force_y, cv_x, cv_y, drive_noise, sense_noise, jitter, adc_white[CHANNELS], adc_flicker[CHANNELS];
     Sid sid;
     // results
@@ -381,12 +381,14 @@ inline void Board::switches(double noise_x, double noise_y, const double *after,
     double taus[2 * EDGES];
     for (int d = 0; d < 4; d++) {
         int count = (int)late_count[d], late = 0;
+        i64 ref = at_switch[d] ^ (count & 1);
         for (int k = 0; k < count; k++) taus[k] = late_tau[d][k];
         for (int k = 0; k < edge_count; k++) {
             if (edge[k][1] != d) continue;
-            double tau = switch_tau[edge[k][0]] + white(jitter, 5 * tick + 1 + d);
+            ref ^= 1;
+            double tau = switch_tau[ref][edge[k][0]] + white(jitter, 5 * tick + 1 + d);
             tau = tau < 0.0 ? 0.0 : tau;
-            if (switch_carry[edge[k][0]]) late_tau[d][late++] = tau;
+            if (switch_carry[ref][edge[k][0]]) late_tau[d][late++] = tau;
             else taus[count++] = tau > sid.h_s ? sid.h_s : tau;
         }
         late_count[d] = late;

@@ -118,11 +118,11 @@ def _words(sim, rate_rad_s):
     temp_degc = float(sim.now[1][-1])
     yield from (float(rate_rad_s), float(t.kq_n_per_m_per_v2[0]), float(t.kxy_n_per_m[0]), p.quad_lsb_v)
     yield from (p.drive_dac.lsb_v, p.sense_dac.lsb_v, p.drive_dac.offset_v, p.sense_dac.offset_v)
-    yield from p.switch_tau_s.tolist()
+    yield from p.switch_tau_s.ravel().tolist()
     yield from (p.slope_gain, float(t.driver_s[0]), adc.SENSOR_V_AT_25_DEGC + adc.SENSOR_V_PER_K * (temp_degc - 25.0))
     yield from (p.adc.normal, p.adc.full_steps, *p.adc.offset_v, *p.adc.steps_per_v)
     yield from (*noise.DECAY.tolist(), *noise.GAIN.tolist())
-    yield from (int(carry) for carry in p.switch_carry)
+    yield from (int(carry) for carry in p.switch_carry.ravel())
     yield from (int(t.drive_carry[0, s.cycles[0]]), int(t.sense_carry[0, s.cycles[1]]))
     yield from (p.adc.period, p.adc.delay, p.adc.decimation, p.adc.step_code)
     n = p.noise

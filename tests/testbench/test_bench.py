@@ -1,5 +1,6 @@
 """What `make bench` times: each kernel runs here once and does what it says; it is timed only when asked for."""
 
+import ast
 import contextlib
 import itertools
 import json
@@ -12,7 +13,7 @@ from analog_frontend import linear
 from analog_frontend.effects import catalogue
 from fpga_model import sequencer
 from testbench import docs
-from testbench.bench import kernels, many, measure, peers, stages
+from testbench.bench import kernels, many, measure, peers, ports_off, stages
 
 pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="closed loop: too slow interpreted")
 TICKS = 25_000
@@ -339,3 +340,23 @@ def test_a_process_that_fails_is_no_measurement():
     assert kernels.output("print(1); print(2)") == "2"
     with pytest.raises(RuntimeError, match="a process of the bench failed"):
         kernels.output("import sys; sys.exit(3)")
+
+
+def test_every_test_of_a_port_can_be_cut_out(tmp_path):
+    """What is counted against is the plant of today: a test that has moved would make the cut a whole one."""
+    whole, cut = (ports_off.copied(tmp_path / name, name == "cut") for name in ("whole", "cut"))
+    for name in {name for name, _, _ in ports_off.CUTS}:
+        assert (whole / name).read_bytes() == (ports_off.ROOT / name).read_bytes()
+        ast.parse((cut / name).read_text())
+    changed = sum(
+        a != b
+        for name in {name for name, _, _ in ports_off.CUTS}
+        for a, b in zip((whole / name).read_text().splitlines(), (cut / name).read_text().splitlines(), strict=True)
+    )
+    assert changed == len(ports_off.CUTS)
+
+
+def test_a_test_of_a_port_that_is_not_there_is_an_error(tmp_path, monkeypatch):
+    monkeypatch.setattr(ports_off, "CUTS", (("analog_frontend/top.py", "if nothing:", "if False:"),))
+    with pytest.raises(ValueError, match="stands there 0 times, not once"):
+        ports_off.copied(tmp_path, True)

@@ -107,6 +107,7 @@ def drawn(rng):
     values["effects__adc_curve"] = [1e-4, 0.0, -2e-4] if wrong_adc else []
     for effect, size in (("adc_turnover", 1e-4), ("adc_gain_tc_per_k", 1e-4), ("adc_memory", 1e-3)):
         values[f"effects__{effect}"] = size * wrong_adc
+    values["plant__sid_fall_s"] = float(rng.choice([0.0, 70e-9, -min(values["plant__sid_switch_s"], 70e-9)]))
     return {key: value.item() if hasattr(value, "item") else value for key, value in values.items()}
 
 

@@ -110,8 +110,12 @@ def test_quadrature_voltage_nulls_the_coupling():
 
 def test_the_loop_phase_is_what_the_demodulator_sees():
     """At lock the SID's phase is zero on average: the C/V output lags its reference by the switch delay."""
-    for board, switch_s in (("analog_sid", 80e-9), ("analog_sid", 333e-9), ("digital_sid", 80e-9)):
-        checked = quiet(firmware__board=board, plant__sid_switch_s=switch_s)
+    for board, switch_s, fall_s in (
+        ("analog_sid", 80e-9, 0.0),
+        ("analog_sid", 300e-9, 66e-9),
+        ("digital_sid", 80e-9, 0.0),
+    ):
+        checked = quiet(firmware__board=board, plant__sid_switch_s=switch_s, plant__sid_fall_s=fall_s)
         sim = simulate.Simulation(checked, 25.0, 25.0)
         assert simulate.start(checked, sim, 0.0, 25.0) is not None
         sim.advance(1_500_000, 0.0, 25.0)
