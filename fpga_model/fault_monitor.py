@@ -10,7 +10,7 @@
     STALE            no valid frame; no debounce              DRIVE_SATURATED            amplitude at its ceiling
     STUCK            no code moved since the last frame       RATE_SATURATED             rate word at a limit
                                                               QSC_RAIL                   u at 0 or at the rail
-    bad   = STALE or STUCK;   bad_frames, good_frames count the frames in a row, and saturate
+    bad   = STALE or STUCK;   bad_frames, good_frames count the frames in a row, up to `top`
 
 Formats   codes [1,23,0]   counts [0,12,0]   bad_frames, good_frames [0,16,0]   flags, latch, clear [0,8,0]
 Latency   1 clock from en to flags; frames_k frames from the symptom
@@ -31,7 +31,6 @@ from fpga_model.rates import FRAME_HZ
 CODE = signed(24)
 COUNT = bits(12)
 LONG = bits(16)
-LONG_TOP = LONG.hi
 RANGE_LIMIT = 0x7FFF00
 LATENCY = 1
 NAMES = (
@@ -53,13 +52,14 @@ ALL = FLAGS.hi
 
 
 class Params(NamedTuple):
-    """Debounce in frames; 0 switches a fault off. Build with `design`."""
+    """Debounce in frames, 0 switches a fault off; `top` of bad_frames and good_frames. Build with `design`."""
 
     over_range: int
     stuck: int
     drive: int
     rate: int
     rail: int
+    top: int
 
 
 class State(NamedTuple):
@@ -77,7 +77,7 @@ class State(NamedTuple):
     latch: int = 0
 
 
-PARAMS_FMT = Params(COUNT, COUNT, COUNT, COUNT, COUNT)
+PARAMS_FMT = Params(COUNT, COUNT, COUNT, COUNT, COUNT, LONG)
 STATE_FMT = State(
     codes=(CODE,) * 4,
     over_range=COUNT,
@@ -92,13 +92,15 @@ STATE_FMT = State(
 )
 
 
-def design(over_range_s=0.001, stuck_s=0.004, drive_s=0.001, rate_s=0.001, rail_s=0.01, frame_hz=FRAME_HZ):
+def design(over_range_s=0.001, stuck_s=0.004, drive_s=0.001, rate_s=0.001, rail_s=0.01, top=LONG.hi, frame_hz=FRAME_HZ):
     """Debounce times (s); 0 switches a fault off (STUCK in a model without noise, whose codes may really rest).
 
+    top       of the counts of good and bad frames (frames)
     frame_hz  rate of the frames (Hz)
     """
-    values = Params(over_range_s, stuck_s, drive_s, rate_s, rail_s)
-    return Params(*(quantize(v * frame_hz, COUNT, f"{k}_s (frames)") for k, v in values._asdict().items()))
+    times = zip(Params._fields, (over_range_s, stuck_s, drive_s, rate_s, rail_s), strict=False)
+    counts = (quantize(v * frame_hz, COUNT, f"{k}_s (frames)") for k, v in times)
+    return Params(*counts, quantize(top, LONG, "top (frames)"))
 
 
 @inlined
@@ -146,8 +148,8 @@ def step(p, s, en, armed, fresh, codes, drive, rate, rail, watch_stuck, levels, 
         drive=drive_count,
         rate=rate_count,
         rail=rail_count,
-        bad_frames=clamp(s.bad_frames + 1, 0, LONG_TOP) if bad else 0,
-        good_frames=0 if bad else clamp(s.good_frames + 1, 0, LONG_TOP),
+        bad_frames=clamp(s.bad_frames + 1, 0, p.top) if bad else 0,
+        good_frames=0 if bad else clamp(s.good_frames + 1, 0, p.top),
         flags=flags,
         latch=(s.latch & ~clear) | flags,
     )

@@ -203,6 +203,10 @@ def design(
     if not 0 < reached <= 1:
         raise ValueError(f"reached: {reached} is outside 0 .. 1 of the setpoint")
     hz_per_turn = frame_hz / search
+    faults = fault_monitor.design() if faults is None else faults
+    waits = max(frames[Params._fields.index(name)] for name in ("offline", "recover"))
+    if faults.top < waits:
+        raise ValueError(f"faults: frames are counted up to {faults.top}; offline_s and recover_s need {waits}")
     gain = hz_per_turn * frequency_tracker.WORD_PER_HZ * 2.0**-PHASE.f
     limit = search_limit_hz * frequency_tracker.WORD_PER_HZ * 2.0**-CORRECTION.f
     return Params(
@@ -212,7 +216,7 @@ def design(
         gain=quantize(gain, GAIN, "gain (word LSB per phase LSB)"),
         search_limit=quantize(limit, CORRECTION, "search_limit_hz (turn per clock)"),
         lock=lock_monitor.design() if lock is None else lock,
-        faults=fault_monitor.design() if faults is None else faults,
+        faults=faults,
     )
 
 

@@ -721,8 +721,8 @@ class Faults:
 
     def row(self):
         counts = [min(run_length(self.history[name]), getattr(self.p, name)) for name in self.COUNTED]
-        good = min(run_length(self.good), 65535)
-        bad = min(run_length([not g for g in self.good]), 65535)
+        good = min(run_length(self.good), self.p.top)
+        bad = min(run_length([not g for g in self.good]), self.p.top)
         return (self.codes, *counts, bad, good, self.word(self.flags), self.word(self.latch))
 
     def frame(self, armed, fresh, codes, drive, rate, rail, watch_stuck, levels, clear):

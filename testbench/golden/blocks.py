@@ -42,6 +42,7 @@ from testbench.flatten import format_leaves, leaves
 from testbench.golden import runners
 
 BIT = bits(1)
+ALL_ONES = 1023  # top of the counters of frames in the quick cases: every bit below it decides
 RESET_INPUT = "rst"
 
 
@@ -162,7 +163,7 @@ def _quick_sequencer():
         **{f"{k}_{way}_s": 3 / 8000 for k in ("agc", "pll", "ftr", "qsc") for way in ("in", "out")}
     )
     faults = fault_monitor.design(
-        over_range_s=2 / 8000, stuck_s=4 / 8000, drive_s=3 / 8000, rate_s=3 / 8000, rail_s=5 / 8000
+        over_range_s=2 / 8000, stuck_s=4 / 8000, drive_s=3 / 8000, rate_s=3 / 8000, rail_s=5 / 8000, top=ALL_ONES
     )
     return sequencer.design(
         **seconds,
@@ -419,8 +420,8 @@ def _registry():
             {
                 "default": fault_monitor.design(),
                 "quick": _quick_sequencer().faults,
-                "longest": fault_monitor.Params(*[4095] * 5),
-                "off": fault_monitor.Params(over_range=1, stuck=0, drive=0, rate=1, rail=0),
+                "longest": fault_monitor.Params(*[4095] * 5, top=fault_monitor.LONG.hi),
+                "off": fault_monitor.Params(over_range=1, stuck=0, drive=0, rate=1, rail=0, top=1),
             },
             rules=FAULT_RULES,
             strobes=("en", "armed"),

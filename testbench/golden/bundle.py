@@ -128,12 +128,13 @@ def seal(manifest):
     return hashlib.sha256(canonical(kept).encode()).hexdigest()
 
 
-def write(folder, manifest, files, trees=()):
+def write(folder, manifest, files, trees=(), noted=None):
     """Write a bundle beside `folder` and rename it; a bundle that was there is replaced.
 
     manifest  without hashes
     files     {relative path: text}
     trees     functions of the new folder that write further files into it
+    noted     function of the sealed manifest: entries that its provenance gets besides
     """
     folder = Path(folder)
     part, old = folder.with_name(folder.name + ".part"), folder.with_name(folder.name + ".old")
@@ -152,6 +153,8 @@ def write(folder, manifest, files, trees=()):
                 hashes[path.relative_to(part).as_posix()] = hashlib.sha256(path.read_bytes()).hexdigest()
         full = {**manifest, "sha256": hashes}
         full["manifest_sha256"] = seal(full)
+        if noted is not None:
+            full["provenance"] = {**full["provenance"], **noted(full)}
         (part / MANIFEST).write_bytes((json.dumps(full, indent=1, ensure_ascii=True) + "\n").encode())
         shutil.rmtree(old, ignore_errors=True)
         if folder.exists():

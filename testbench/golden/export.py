@@ -12,7 +12,7 @@ import numpy as np
 from fpga_model.rates import MASTER_HZ
 from testbench import vcd
 from testbench.errors import ConfigError
-from testbench.golden import benches, blocks, bundle, evidence, provenance, range_report, stimulus, top
+from testbench.golden import benches, blocks, bundle, evidence, provenance, range_report, scores, stimulus, top
 from testbench.version import VERSION
 
 
@@ -87,7 +87,7 @@ def export_case(block, case, out, seed=stimulus.SEED):
     manifest = _manifest(block, case, stim, exp, families, seed)
     manifest["ranges"] = range_report.entry(block, case, regs, pins)
     files["RANGES.md"] = range_report.text(f"{block.stem}/{case}", manifest["ranges"])
-    return bundle.write(Path(out) / block.stem / case, manifest, files, [_waves(block, stim, exp)])
+    return bundle.write(Path(out) / block.stem / case, manifest, files, [_waves(block, stim, exp)], scores.noted)
 
 
 def chosen(name, others=()):

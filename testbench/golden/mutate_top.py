@@ -22,7 +22,7 @@ from fpga_model import top
 from fpga_model.jit import kernel
 from fpga_model.rates import FRAME_CYCLES
 from testbench.errors import ConfigError, FileError
-from testbench.golden import board, judge, recording, replay
+from testbench.golden import board, judge, recording, replay, unreachable
 from testbench.golden.blocks import RESET_INPUT
 from testbench.golden.loop import library
 from testbench.golden.mutate import SEED, SELECT, TOOLS, Mutant, Outcome, faulted, run_tool
@@ -36,6 +36,7 @@ NO_FAULTS = (" -port clk", " -port CLK")
 FLAT = f"hierarchy -top {TOP}; flatten; opt_clean; memory -nomap -nordff; opt_clean; "
 CHUNK = 40  # frames that are held at a time
 WORD = 64
+LOOPS = ("agc", "frequency_tracker", "rate_loop", "quadrature_loop")
 
 
 def _prepare(params, rtl, work):
@@ -133,6 +134,15 @@ def _agrees(ands, leaves, literals, wanted, count, values):
     return -1
 
 
+def _ranges(params):
+    """{port: (signed, lo, hi)} of the registers of the four loops, from their limits, for the judge to try."""
+    found = {}
+    for name in LOOPS:
+        bounds, _ = unreachable.pi_registers(getattr(params.control, name).loop, f"r_control_{name}_loop_")
+        found |= {port: (True, lo, hi) for port, (lo, hi, _) in bounds.items()}
+    return found
+
+
 class _Design:
     """The design with the parameters of a recording, flat, its faults, and which bit of a row stands at which leaf."""
 
@@ -150,7 +160,7 @@ class _Design:
         for (column, bit, flip), leaf in where:
             if leaf > graph.in_count:
                 reset[leaf - graph.in_count - 1] = int(start.registers[0, column - replay.INPUTS] >> bit & 1) ^ flip
-        self.judge = judge.Judge(graph, SELECT, reset, "top", self._work)
+        self.judge = judge.Judge(graph, SELECT, reset, "top", self._work, lambda: _ranges(self.r.params))
         self._graph, self._where = graph, where
 
     def _leaves(self, graph, outs):
@@ -252,18 +262,17 @@ def score(rtl, cases=CASES, count=COUNT, seed=SEED, keep=None):
         if shutil.which(name) is None:
             raise ConfigError(f"{name}: not installed; a mutation score needs {', '.join(TOOLS)}")
     with tempfile.TemporaryDirectory(prefix="gyro-wiring-") as temporary:
-        mutants, alive, verdicts = [], [], {}
+        mutants, alive, designs = [], [], []
         for case in cases:
             work = Path(keep or temporary).resolve() / case
-            design = _Design(recording.load(case), rtl, work)
+            designs.append(_Design(recording.load(case), rtl, work))
             if not mutants:
                 alive = mutants = choose(work, count, seed)
-            design.build(alive)
-            killed = _killed(design, alive)
+            designs[-1].build(alive)
+            killed = _killed(designs[-1], alive)
             alive = [m for m in alive if m.number not in killed]
-            for m in alive:
-                verdicts.setdefault(m.number, []).append(design.judge.verdict(m.number))
-    found = [_worst(verdicts[m.number]) for m in alive]
+        # a fault that any recording kills needs no verdict, which takes the longest
+        found = [_worst(design.judge.verdict(m.number) for design in designs) for m in alive]
     survivors = [
         {"mutant": m.number, "fault": m.options, "source": m.source, **v._asdict()}
         for m, v in zip(alive, found, strict=True)
@@ -276,5 +285,8 @@ def score(rtl, cases=CASES, count=COUNT, seed=SEED, keep=None):
 
 
 def _worst(verdicts):
-    """Equivalent only if so in every case."""
-    return next((v for v in verdicts if v.verdict != "equivalent"), verdicts[0])
+    """The first that is not equivalent, else the last: equivalent only if so in every case."""
+    for verdict in verdicts:
+        if verdict.verdict != "equivalent":
+            break
+    return verdict

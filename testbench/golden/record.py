@@ -264,6 +264,8 @@ def reset_case(story):
     for frame in WILD:
         adc[frame, 2:6] = [random.raw(signed(23)) for _ in range(4)]
     adc[:, 7:] = [[random.raw(CODE) for _ in row] for row in adc[:, 7:]]  # channels that the board does not use
+    heat = Random(RESET_SEED + 1)
+    adc[:, 6] = [heat.raw(CODE) for _ in adc]  # temperatures that no board has
     host = {}
     for place in range(256):
         # every address that exists, several times, with bits above its register; the clocks fall everywhere

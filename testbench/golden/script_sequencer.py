@@ -8,7 +8,8 @@ import itertools
 
 from fpga_model import fault_monitor, lock_monitor, sequencer
 from fpga_model.fixed import signed
-from testbench.golden.writer import ALL_ONES, LONG_ROWS, around
+from testbench.golden.blocks import ALL_ONES
+from testbench.golden.writer import LONG_ROWS, around
 
 SETPOINT = 1 << 23
 PATIENCE = 120  # frames within which a state has to come
@@ -193,6 +194,47 @@ def _amplitudes(walk):
                     walk.run(1, **between)
 
 
+def _covering(wanted):
+    """Keys, largest first, whose sets together hold all that the sets of {key: set} hold."""
+    while wanted:
+        key = max(wanted, key=lambda k: (len(wanted[k]), k))
+        yield key
+        seen = wanted[key]
+        wanted = {k: kinds - seen for k, kinds in wanted.items() if kinds - seen}
+
+
+def _magnitudes(walk):
+    """Magnitudes for which one bit, of them or of the limit, decides whether a search finds."""
+    p, fmt, wanted = walk.p, sequencer.PARAMS_FMT.min_magnitude, {}
+    limit = p.min_magnitude
+    for size in {limit, *around(limit, fmt), *((limit - (1 << k)) % (1 << fmt.width) for k in range(fmt.width))}:
+        for bit in (1 << k for k in range(fmt.width)):
+            for what, found in (("size", size ^ bit >= limit), ("limit", size >= limit ^ bit)):
+                if found != (size >= limit):
+                    wanted.setdefault(size, set()).add((what, bit, size & bit > 0))
+    for size in _covering(wanted):
+        if walk.again(sequencer.SEARCH):
+            walk.run(p.search, magnitude=size)
+
+
+def _near(walk):
+    """Set-points of which every bit of `reached` times them decides, and the magnitudes at both sides of the product.
+
+    Of the bits below the magnitude's last one each alone is what keeps ACQUIRE from ending, or none is left.
+    """
+    p, size = walk.p, 1 << 16
+    low = [1 << k for k in range(16)] if p.reached % 2 else []
+    inverse = pow(p.reached, -1, size) if low else 0
+    points = [(walk.w.random.below(255) + 1) * size + low_bits * inverse % size for low_bits in (0, *low)]
+    points += [(1 << 20) + walk.w.random.below(15 << 20) for _ in range(12)]
+    small = {"magnitude": SETPOINT >> 1}
+    for setpoint in points:
+        whole, rest = divmod(setpoint * p.reached, size)
+        for magnitude in (whole - (rest == 0), whole + (rest > 0)):
+            if walk.state.state == sequencer.ACQUIRE or walk.again(sequencer.ACQUIRE, **small):
+                walk.run(1, setpoint=setpoint, magnitude=magnitude)
+
+
 def _found(p, correction, flipped=0, limit=0):
     """Whether a search finds, with bits of the correction and of the limit flipped."""
     return abs(correction ^ flipped) <= p.search_limit ^ limit
@@ -217,17 +259,14 @@ def _searches(walk):
                 wanted.setdefault(total, set()).add(("size", k, size & bit > 0))
             if _found(p, correction, limit=bit) != sound:
                 wanted.setdefault(total, set()).add(("limit", k))
-    while wanted:
-        total = max(wanted, key=lambda n: (len(wanted[n]), n))
-        seen = wanted[total]
-        wanted = {n: kinds - seen for n, kinds in wanted.items() if kinds - seen}
+    for total in _covering(wanted):
         if walk.until(sequencer.SEARCH) or walk.again(sequencer.SEARCH):
             for k in range(1, p.search + 1):
                 walk.run(1, phase=_wrapped(total * k // p.search))
 
 
 def _long(walk):
-    """Frames without a drive, all good, then all bad: every carry of the counters of 16 bits below LONG_ROWS.
+    """Frames without a drive, all good, then all bad: the carries of the counters of 16 bits below LONG_ROWS.
 
     Rows without `en` where the count is all ones: every bit of it is held.
     """
@@ -272,6 +311,17 @@ def _resets(walk):
 
 def script_sequencer(w):
     walk = Walk(w)
-    before = (_walks, _attempts, _reached, _rotations, _limits, _bits_of_limits, _amplitudes, _searches)
+    before = (
+        _walks,
+        _attempts,
+        _reached,
+        _rotations,
+        _limits,
+        _bits_of_limits,
+        _amplitudes,
+        _searches,
+        _magnitudes,
+        _near,
+    )
     for part in (*before, _long, _at_each_state, _resets):
         part(walk)

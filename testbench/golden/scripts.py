@@ -7,8 +7,9 @@ import itertools
 
 from fpga_model import fault_monitor, lock_monitor, rates, spi_adc
 from fpga_model.fixed import signed
+from testbench.golden.blocks import ALL_ONES
 from testbench.golden.script_sequencer import script_sequencer
-from testbench.golden.writer import ALL_ONES, LONG_ROWS, around, frame, wrapped
+from testbench.golden.writer import LONG_ROWS, around, frame, wrapped
 
 LONG = 1000  # debounce in frames above which a script takes each way once
 
@@ -79,9 +80,10 @@ def _script_fault_monitor(w):
     """Every code around its limit, every symptom one frame short of its debounce, just as long, and longer."""
     p = w.block.cases[w.case]
     common = {"en": 1, "armed": 1, "fresh": 1, "watch_stuck": 1}
-    if max(p) > LONG:
+    longest = max(p._replace(top=0))
+    if longest > LONG:
         top = fault_monitor.CODE.hi
-        w.row({**common, "codes_0": top, "i_drive": 1, "i_rate": 1, "i_rail": 1}, times=max(p) + 3)
+        w.row({**common, "codes_0": top, "i_drive": 1, "i_rate": 1, "i_rail": 1}, times=longest + 3)
         w.row({**common, "fresh": 0}, times=2)
         return
     for k in range(4):
@@ -121,11 +123,11 @@ def _script_fault_monitor(w):
         "i_rail": 1,
         "levels": fault_monitor.ALL,
     }
-    w.row(every, times=max(p) + 2)
+    w.row(every, times=longest + 2)
     w.row({**every, "fresh": 0})
     w.row(every, rst=1)
     w.row(common, times=2)
-    # the counters of good and bad frames, as far as rows allow: through every carry below LONG_ROWS
+    # the counters of good and bad frames: through every carry below LONG_ROWS, in the quick case to their top
     w.row({**common, "fresh": 0})
     for fresh in (1, 0):
         w.row({**common, "fresh": fresh, "watch_stuck": 0}, times=ALL_ONES)

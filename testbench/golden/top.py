@@ -22,7 +22,7 @@ from fpga_model.rates import FRAME_CYCLES, MASTER_HZ, TICK_CYCLES
 from testbench import vcd
 from testbench.errors import ConfigError, FileError
 from testbench.flatten import format_leaves, leaves
-from testbench.golden import benches, blocks, bundle, provenance, recording, replay, signature, top_benches
+from testbench.golden import benches, blocks, bundle, provenance, recording, replay, scores, signature, top_benches
 from testbench.golden.blocks import Port, flat
 from testbench.golden.top_benches.layout import CLOCK_BITS
 from testbench.version import VERSION
@@ -178,7 +178,7 @@ def write(r, folder):
         **top_benches.texts(design, r.name, len(at), counts),
     }
     waves = _waves(design, r.windows, at, np.column_stack([stim, exp]))
-    return bundle.write(Path(folder), _manifest(design, r, at, counts), files, [waves])
+    return bundle.write(Path(folder), _manifest(design, r, at, counts), files, [waves], scores.noted)
 
 
 def export_case(case, out):

@@ -74,7 +74,7 @@ def _claimed(block, goals):
 # Registers --------------------------------------------------------------------------------------------------------
 
 
-def _pi_registers(p, prefix):
+def pi_registers(p, prefix):
     """Intervals of the registers of a PI that starts at 0, and powers of two that divide them."""
     lo, hi = min(p.lo, 0), max(p.hi, 0)
     why = f"lo = {p.lo}, hi = {p.hi}"
@@ -85,7 +85,8 @@ def _pi_registers(p, prefix):
 
 
 def _counters(p, prefix=""):
-    return {f"{prefix}{name}": (0, limit, f"{name} = {limit}") for name, limit in p._asdict().items()}
+    tops = p._asdict() | dict.fromkeys(("bad_frames", "good_frames"), p.top)
+    return {f"{prefix}{name}": (0, top, f"its top is {top}") for name, top in tops.items()}
 
 
 def _locks(p, prefix=""):
@@ -97,9 +98,9 @@ def bounds(block, case):
     """({register: (least, most, why)}, {register: (a power of two that divides it, why)})."""
     p, stem = block.cases[case], block.stem
     if stem == "pi":
-        return _pi_registers(p, "")
+        return pi_registers(p, "")
     if stem in ERRORS:
-        found, multiples = _pi_registers(p.loop, "loop_")
+        found, multiples = pi_registers(p.loop, "loop_")
         if stem == "agc":
             found["o_amplitude"] = (min(0, p.loop.lo), max(p.kick, p.loop.hi), "the kick and the limits")
         return found, multiples
@@ -334,11 +335,11 @@ LEFT_OUT = {
 
 
 def left_out(block, goal):
-    """Why a goal that can be met is not looked for, or None: counters of 16 bits that need 65535 frames."""
+    """Why a goal that can be met is not looked for, or None: upper bits of 16, and the top of the timer."""
     for name in LEFT_OUT.get(block.stem, ()):
         bit = int(goal[2].split()[1]) if goal[0] == "toggle" and goal[1] == name else 0
-        bare = name.removeprefix("faults_")
-        if bit > 6 or (goal[0] == "clamp" and f"clamp(s.{bare} + 1" in goal[1] and goal[2][:2] == "hi"):
+        timer = name == "timer" and goal[0] == "clamp" and "clamp(s.timer + 1" in goal[1] and goal[2][:2] == "hi"
+        if timer or bit >= blocks.ALL_ONES.bit_length():
             return f"left out: {name} takes up to 65535 frames to get there, more rows than a bundle has"
     return None
 

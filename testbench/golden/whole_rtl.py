@@ -4,15 +4,16 @@
     loop       the analog plant on the design's pins, every register compared at every edge
     proofs     the properties of blocks, by induction
     synthesis  both boards: no latch, no undriven net; ECP5 and iCE40 of the default one
-    mutation   scores of the bundles, written into their manifests
+    mutation   scores of the bundles, written into their manifests, and into OUT/mutation.json
 
-    python -m testbench.golden.whole_rtl [PART ...] [--rtl DIR] [--out DIR] [--seconds S] [--count N]
+    python -m testbench.golden.whole_rtl [PART ...] [--rtl DIR] [--out DIR] [--seconds S] [--count N] [--only BLOCK ..]
 
 Exit code 0 if every part passed. Source  docs/rtl.md
 """
 
 import argparse
 import json
+import os
 import subprocess
 import sys
 import time
@@ -20,7 +21,9 @@ from pathlib import Path
 
 from testbench.errors import ConfigError, FileError
 from testbench.files import write_text
-from testbench.golden import blocks, export, formal, mutate, mutate_top, synthesis
+from testbench.golden import blocks, bundle, export, formal, mutate, mutate_top, recording, synthesis, top
+from testbench.golden import scores as measured
+from testbench.golden.loop import library
 from testbench.golden.loop import run as loop
 
 SIMULATORS = ("icarus", "verilator")
@@ -40,6 +43,11 @@ SCORED = {
     "fault_monitor": "quick",
     "sequencer": "quick",
 }
+
+
+def cpu_s():
+    """Time of processors so far (s), of this process and of those that it has waited for."""
+    return sum(os.times()[:4])
 
 
 def say(text):
@@ -92,27 +100,46 @@ def netlists(rtl, out, options):
     return True
 
 
-def scores(rtl, out, options):
-    """Mutation score of a case of every block and of the wiring, noted in the manifests; True if all are 100 %."""
-    passed = True
+def _block(stem, rtl, out, count):
+    """(outcome, {case: hash of its vectors}, files of the design) of a block's bundle, noted in its manifest."""
+    case = SCORED.get(stem, next(iter(blocks.BLOCKS[stem].cases)))
+    folder = out / stem / case
+    if not folder.is_dir():
+        export.export(stem, out)
+    outcome = mutate.score(folder, rtl, count, SEED)
+    mutate.record(folder, outcome)
+    manifest = bundle.verify(folder)
+    return outcome, {case: measured.vectors(manifest)}, mutate.sources(manifest, rtl)
 
-    def tell(outcome, began):
-        say("  " + outcome.text().replace("\n", "\n  ") + f"; {time.perf_counter() - began:.1f} s")
-        return outcome.score == 1
 
-    for stem, block in blocks.BLOCKS.items():
-        case = SCORED.get(stem, next(iter(block.cases)))
-        folder, began = out / stem / case, time.perf_counter()
-        if not folder.is_dir():
-            export.export(stem, out)
-        outcome = mutate.score(folder, rtl, options.count, SEED)
-        mutate.record(folder, outcome)
-        passed &= tell(outcome, began)
-    began, wiring = time.perf_counter(), mutate_top.score(rtl, count=options.count)
+def _wiring(rtl, out, count):
+    """As `_block`, of the wiring, over its recordings."""
+    outcome = mutate_top.score(rtl, count=count)
     for case in mutate_top.CASES:
-        if (out / "top" / case).is_dir():
-            mutate.record(out / "top" / case, wiring)
-    return tell(wiring, began) and passed
+        if (out / top.STEM / case).is_dir():
+            mutate.record(out / top.STEM / case, outcome)
+    vectors = {case: recording.sha256(recording.load(case)) for case in mutate_top.CASES}
+    return outcome, vectors, library.sources(rtl)
+
+
+def scores(rtl, out, options):
+    """Mutation score of a case of every block and of the wiring; True if all that are measured are 100 %."""
+    stems, whole = [*blocks.BLOCKS, top.STEM], True
+    for stem in options.only:
+        if stem not in stems:
+            raise ConfigError(f"--only: {stem!r} is not one of {', '.join(stems)}")
+    known = {e["block"]: e for e in measured.left(out)} if options.only else {}
+    for stem in options.only or stems:
+        began = cpu_s()
+        outcome, vectors, files = (
+            _wiring(rtl, out, options.count) if stem == top.STEM else _block(stem, rtl, out, options.count)
+        )
+        took = cpu_s() - began
+        say("  " + outcome.text().replace("\n", "\n  ") + f"; {took:.1f} s of a processor")
+        known[stem] = measured.entry(outcome, vectors, measured.design(files), took)
+        write_text(out / measured.MUTATION, json.dumps([known[s] for s in stems if s in known], indent=1) + "\n")
+        whole &= outcome.score == 1
+    return whole
 
 
 PARTS = {"bundles": bundles, "loop": closed_loop, "proofs": proofs, "synthesis": netlists, "mutation": scores}
@@ -126,6 +153,9 @@ def main(arguments=None):
     parser.add_argument("--out", type=Path, default=Path("out/golden"), help="folder of the bundles")
     parser.add_argument("--seconds", type=float, default=loop.SECONDS, help="length of the loop")
     parser.add_argument("--count", type=int, default=COUNT, help="mutants of each block")
+    parser.add_argument(
+        "--only", nargs="+", default=[], metavar="BLOCK", help="mutation: these alone, the rest is kept"
+    )
     options = parser.parse_args(arguments)
     rtl, out = options.rtl.resolve(), options.out.resolve()
     try:
@@ -135,14 +165,15 @@ def main(arguments=None):
         took = {}
         for name in options.parts or PARTS:
             say(name)
-            began = time.perf_counter()
-            passed = PARTS[name](rtl, out, options)
-            took[name] = {"passed": bool(passed), "seconds": round(time.perf_counter() - began, 1)}
+            began, before = time.perf_counter(), cpu_s()
+            passed = bool(PARTS[name](rtl, out, options))
+            seconds = round(time.perf_counter() - began, 1)
+            took[name] = {"passed": passed, "seconds": seconds, "cpu_s": round(cpu_s() - before, 1)}
+            write_text(out / measured.TIMES, json.dumps(took, indent=1) + "\n")
             say(f"  {'PASS' if passed else 'FAIL'} {name}: {took[name]['seconds']:.1f} s")
     except (ConfigError, FileError) as problem:
         print(f"gyro: {problem}", file=sys.stderr)
         return 2
-    write_text(out / "rtl.json", json.dumps(took, indent=1) + "\n")
     say("")
     for name, found in took.items():
         say(f"{'PASS' if found['passed'] else 'FAIL'}  {name:10}{found['seconds']:9.1f} s")

@@ -10,7 +10,7 @@ from testbench.golden import blocks
 MASK64 = (1 << 64) - 1
 ALTERNATE = int("01" * 32, 2)
 SEED = 20260131
-ALL_ONES, LONG_ROWS = 1023, 1030  # frames that are all good, then all bad: to a count of ten ones, and beyond
+LONG_ROWS = blocks.ALL_ONES + 7  # frames that are all good, then all bad: to a count of ten ones, and beyond
 
 
 class Random:

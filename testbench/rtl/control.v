@@ -56,6 +56,7 @@ module gyro_control #(
     parameter        [11:0] sequencer_faults_drive      = 12'd0,   // [0,12,0]
     parameter        [11:0] sequencer_faults_rate       = 12'd0,   // [0,12,0]
     parameter        [11:0] sequencer_faults_rail       = 12'd0,   // [0,12,0]
+    parameter        [15:0] sequencer_faults_top        = 16'hFFFF, // [0,16,0]
     parameter               CORDIC_ROM_FILE             = ""
 ) (
     input  wire               clk,
@@ -231,7 +232,8 @@ module gyro_control #(
         .faults_stuck     (sequencer_faults_stuck),
         .faults_drive     (sequencer_faults_drive),
         .faults_rate      (sequencer_faults_rate),
-        .faults_rail      (sequencer_faults_rail)
+        .faults_rail      (sequencer_faults_rail),
+        .faults_top       (sequencer_faults_top)
     ) sequencer (
         .clk                 (clk),
         .rst                 (rst),

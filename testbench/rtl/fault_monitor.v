@@ -1,6 +1,7 @@
 // Faults of the 8 kHz frames: one counter each, live flags, and a sticky latch.
 //   count: +1 while its symptom lasts, else 0; flag: count is at its limit; latch = (latch and not clear) or flags
 // Latency: 1 clock from en to flags and latch.   No rounding.   The counts saturate.
+// Frames in a row, good or bad, are counted up to `top`.
 // Without armed everything stays at its reset value, but the codes. A limit of 0 switches a fault off.
 // Inputs that share their name with a limit begin with i_: parameters and ports have one name space.
 /* verilator lint_off DECLFILENAME */ // waived: a file has the stem of its block, the module a prefix against clashes
@@ -9,7 +10,8 @@ module gyro_fault_monitor #(
     parameter [11:0] stuck      = 12'd0,
     parameter [11:0] drive      = 12'd0,
     parameter [11:0] rate       = 12'd0,
-    parameter [11:0] rail       = 12'd0
+    parameter [11:0] rail       = 12'd0,
+    parameter [15:0] top        = 16'hFFFF        // [0,16,0] frames
 ) (
     input  wire               clk,
     input  wire               rst,                // synchronous, active high
@@ -42,7 +44,6 @@ module gyro_fault_monitor #(
 );
 
     localparam signed [23:0] RANGE_HI = 24'sh7FFF00, RANGE_LO = -24'sh7FFF00;
-    localparam [15:0] LONG_TOP = 16'hFFFF;
 
     // count of a symptom, held at its limit
     function [11:0] counted;
@@ -106,8 +107,8 @@ module gyro_fault_monitor #(
             r_drive       <= next_drive;
             r_rate        <= next_rate;
             r_rail        <= next_rail;
-            r_bad_frames  <= !bad ? 16'd0 : (r_bad_frames == LONG_TOP) ? LONG_TOP : r_bad_frames + 16'd1;
-            r_good_frames <= bad ? 16'd0 : (r_good_frames == LONG_TOP) ? LONG_TOP : r_good_frames + 16'd1;
+            r_bad_frames  <= !bad ? 16'd0 : (r_bad_frames == top) ? top : r_bad_frames + 16'd1;
+            r_good_frames <= bad ? 16'd0 : (r_good_frames == top) ? top : r_good_frames + 16'd1;
             r_flags       <= flags;
             r_latch       <= (r_latch & ~clear) | flags;
         end

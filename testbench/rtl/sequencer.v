@@ -38,7 +38,8 @@ module gyro_sequencer #(
     parameter        [11:0] faults_stuck      = 12'd0,
     parameter        [11:0] faults_drive      = 12'd0,
     parameter        [11:0] faults_rate       = 12'd0,
-    parameter        [11:0] faults_rail       = 12'd0
+    parameter        [11:0] faults_rail       = 12'd0,
+    parameter        [15:0] faults_top        = 16'hFFFF       // [0,16,0] frames
 ) (
     input  wire               clk,
     input  wire               rst,                   // synchronous, active high
@@ -248,7 +249,8 @@ module gyro_sequencer #(
         .stuck     (faults_stuck),
         .drive     (faults_drive),
         .rate      (faults_rate),
-        .rail      (faults_rail)
+        .rail      (faults_rail),
+        .top       (faults_top)
     ) faults (
         .clk          (clk),
         .rst          (rst),

@@ -95,6 +95,7 @@ module gyro_top #(
     parameter        [11:0] control_sequencer_faults_drive      = 12'd0,   // [0,12,0]
     parameter        [11:0] control_sequencer_faults_rate       = 12'd0,   // [0,12,0]
     parameter        [11:0] control_sequencer_faults_rail       = 12'd0,   // [0,12,0]
+    parameter        [15:0] control_sequencer_faults_top        = 16'hFFFF, // [0,16,0]
     parameter               SINE_ROM_FILE                       = "",
     parameter               CORDIC_ROM_FILE                     = ""
 ) (
@@ -764,6 +765,7 @@ module gyro_top #(
         .sequencer_faults_drive     (control_sequencer_faults_drive),
         .sequencer_faults_rate      (control_sequencer_faults_rate),
         .sequencer_faults_rail      (control_sequencer_faults_rail),
+        .sequencer_faults_top       (control_sequencer_faults_top),
         .CORDIC_ROM_FILE            (CORDIC_ROM_FILE)
     ) control (
         .clk                             (clk),

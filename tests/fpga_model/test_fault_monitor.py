@@ -12,7 +12,7 @@ from tests import naive
 from tests.fpga_model.records import assert_rows, rows
 
 PAGE = Path(__file__).parents[2] / "docs" / "blocks" / "fault_monitor.md"
-SMALL = fm.Params(over_range=3, stuck=4, drive=2, rate=1, rail=5)
+SMALL = fm.Params(over_range=3, stuck=4, drive=2, rate=1, rail=5, top=7)
 flag = st.sampled_from([0, 0, 1])
 code = st.sampled_from([0, 1, -1, 0x7FFEFF, 0x7FFF00, -0x7FFEFF, -0x7FFF00, -(2**23), 2**23 - 1])
 calm = st.sampled_from([(1, 2, 3, 4), (1, 2, 3, 5)])
@@ -57,7 +57,7 @@ def moving(n, **what):
     return [frame(codes=(k, 2, 3, 4), **what) for k in range(n)]
 
 
-@given(st.sampled_from([SMALL, fm.Params(0, 0, 0, 0, 0), fm.design()]), st.lists(edge, max_size=25))
+@given(st.sampled_from([SMALL, fm.Params(0, 0, 0, 0, 0, 1), fm.design()]), st.lists(edge, max_size=25))
 def test_step_is_the_documented_equation(p, edges):
     inputs = [tuple(e[:-1]) for e in edges for _ in range(e[-1])]
     assert_rows(run(p, inputs), expected_rows(p, inputs), fm.STATE_FMT)
@@ -99,10 +99,12 @@ def test_stale_counts_and_recovery():
 
 
 def test_long_counts_saturate():
-    s = fm.State(good_frames=2**16 - 1)
-    assert fm.step(SMALL, s, *frame()).good_frames == 2**16 - 1
-    s = fm.State(bad_frames=2**16 - 1)
-    assert fm.step(SMALL, s, *frame(fresh=0)).bad_frames == 2**16 - 1
+    for p in (SMALL, fm.design()):
+        for name, fresh in (("good_frames", 1), ("bad_frames", 0)):
+            for count in (p.top - 1, p.top):
+                s = fm.State(**{name: count})
+                assert getattr(fm.step(p, s, *frame(fresh=fresh)), name) == p.top
+    assert fm.design().top == 2**16 - 1
 
 
 def test_latch_is_sticky_and_a_live_fault_cannot_be_cleared():
@@ -130,6 +132,8 @@ def test_table_of_the_page():
         ), name
 
 
-def test_design_refuses_a_debounce_too_long():
+def test_design_refuses_what_its_counters_do_not_hold():
     with pytest.raises(ValueError, match="rail_s"):
         fm.design(rail_s=1.0)
+    with pytest.raises(ValueError, match="top"):
+        fm.design(top=2**16)

@@ -13,7 +13,7 @@ from tests.fpga_model.records import assert_rows, rows
 
 PAGE = Path(__file__).parents[2] / "docs" / "blocks" / "sequencer.md"
 LOCKS = lock_monitor.Params((3000, 500_000, 200, 300), (6000, 900_000, 800, 900), (2, 2, 3, 3), (3, 2, 4, 5))
-FAULTS = fault_monitor.Params(over_range=2, stuck=3, drive=2, rate=2, rail=2)
+FAULTS = fault_monitor.Params(over_range=2, stuck=3, drive=2, rate=2, rail=2, top=9)
 SHORT = sequencer.Params(
     power_up=3,
     init=2,
@@ -328,3 +328,11 @@ def test_table_of_states_of_the_page():
 def test_design_refuses(wrong):
     with pytest.raises(ValueError, match=r"search_s|kick_s|timeout_s|reached|gain"):
         sequencer.design(**wrong)
+
+
+@pytest.mark.parametrize("wait", ["offline_s", "recover_s"])
+def test_design_refuses_a_wait_beyond_the_count_of_frames(wait):
+    waits = {"offline_s": 4 / 8000, "recover_s": 4 / 8000, wait: 9 / 8000}
+    assert sequencer.design(**waits, faults=fault_monitor.design(top=9)).faults.top == 9
+    with pytest.raises(ValueError, match="counted up to 8; offline_s and recover_s need 9"):
+        sequencer.design(**waits, faults=fault_monitor.design(top=8))

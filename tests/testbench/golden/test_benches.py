@@ -42,7 +42,7 @@ def test_ghdl(bundles, stem, case):
     passes(bundles, stem, case, "ghdl")
 
 
-@pytest.mark.parametrize(("stem", "case"), matrix(VERILOG))
+@pytest.mark.parametrize(("stem", "case"), matrix(VERILOG, every_case=VERILOG))
 def test_verilator(bundles, verilated, stem, case):
     seed(bundles(stem) / case / "build" / "verilator", verilated)
     passes(bundles, stem, case, "verilator")

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import pytest
 from typer.testing import CliRunner
 
-from testbench.cli import app
+from testbench.cli import app, main
 from testbench.errors import ConfigError, FileError
 from testbench.golden import aig, blocks, bundle, judge, mutate
 from tests.testbench.test_rtl import RTL
@@ -118,6 +118,16 @@ def test_a_failing_design_is_refused(tiny, tmp_path):
         mutate.score(tiny.strong, tmp_path, count=10)
 
 
+def test_the_command_refuses_a_failing_design(tiny, tmp_path, capsys):
+    (tmp_path / "tiny.v").write_text(TINY.replace("4'd0 : following", "4'd1 : following"))
+    with pytest.raises(SystemExit) as ended:
+        main(["golden", "mutate", str(tiny.strong), "--rtl", str(tmp_path), "--count", "10", "--json", "--write"])
+    said = capsys.readouterr()
+    assert (ended.value.code, said.out) == (2, "")
+    assert re.fullmatch(r"gyro: tiny/ten: the design differs from the bundle at row \d+: a failing .*\n", said.err)
+    assert "mutation" not in bundle.verify(tiny.strong)["provenance"]
+
+
 def test_a_design_that_does_not_compile_is_refused(tiny, tmp_path):
     (tmp_path / "tiny.v").write_text(TINY.replace("endmodule", ""))
     with pytest.raises(FileError, match="yosys failed"):
@@ -157,6 +167,7 @@ def test_the_command_prints_json_and_notes_it_in_the_manifest(tiny):
     done = CliRunner().invoke(app, command)
     assert done.exit_code == 1, done.output
     found = json.loads(done.output)
+    assert {"mutants", "equivalent", "undecided", "killed", "score"} <= set(found)
     assert found["mutants"] == 20
     assert found["killed"] + found["equivalent"] + found["undecided"] <= 20
     assert found["score"] == found["killed"] / (20 - found["equivalent"])

@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from testbench.errors import ConfigError, FileError
-from testbench.golden import judge, miter, mutate, mutate_top
+from testbench.golden import judge, miter, mutate, mutate_top, recording
+from testbench.golden.loop import library
 from tests.testbench.test_rtl import RTL
 
 NO_TOOLS = pytest.mark.skipif(any(shutil.which(name) is None for name in mutate.TOOLS), reason="no yosys")
@@ -84,8 +85,22 @@ def test_ranges_of_numbers_are_compared_right():
 
 def test_equivalent_in_every_case_or_not_at_all():
     same, alive = judge.Verdict("equivalent", "in every state", []), judge.Verdict("alive", "x", [{}])
-    assert mutate_top._worst([same, same]) is same
-    assert mutate_top._worst([same, alive]) is alive
+    assert mutate_top._worst(iter([same, same])) is same
+    assert mutate_top._worst(iter([same, alive])) is alive
+    rest = iter([alive, same])
+    assert mutate_top._worst(rest) is alive
+    assert next(rest) is same  # nothing is judged once it is known
+
+
+def test_ranges_that_are_tried_are_those_of_the_loops():
+    params = recording.load("reset").params
+    tried = mutate_top._ranges(params)
+    ports = dict(zip(library.PORTS, library.FORMATS, strict=True))
+    limit = params.control.agc.loop.hi
+    assert tried["r_control_agc_loop_y"] == (True, 0, limit)
+    assert tried["r_control_agc_loop_acc"] == (True, 0, limit << 24)
+    assert tried["r_control_quadrature_loop_loop_prop"] == (True, 0, 0)  # it has no proportional part
+    assert all(ports[port].s and ports[port].holds(lo) and ports[port].holds(hi) for port, (_, lo, hi) in tried.items())
 
 
 def test_bad_numbers_are_named():

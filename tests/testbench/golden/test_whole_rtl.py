@@ -3,9 +3,12 @@
 import json
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
-from testbench.errors import FileError
-from testbench.golden import blocks, formal, mutate, whole_rtl
+import pytest
+
+from testbench.errors import ConfigError, FileError
+from testbench.golden import blocks, formal, mutate, scores, whole_rtl
 from testbench.golden.mutate import Outcome
 from tests.testbench.test_rtl import RTL
 
@@ -25,6 +28,7 @@ def test_times_and_exit_code(tmp_path, monkeypatch, capsys):
     assert re.fullmatch(r"      all +\d+\.\d s", said[-1])
     took = json.loads((tmp_path / "rtl.json").read_text())
     assert {name: found["passed"] for name, found in took.items()} == {"good": True, "bad": False}
+    assert all(set(found) == {"passed", "seconds", "cpu_s"} for found in took.values())
 
 
 def test_what_cannot_be_done_is_one_line(tmp_path, monkeypatch, capsys):
@@ -56,14 +60,32 @@ def test_proofs_and_scores_must_all_hold(tmp_path, monkeypatch):
     assert not whole_rtl.proofs(RTL, tmp_path, None)
     monkeypatch.setattr(whole_rtl.formal, "prove", lambda stem, case, rtl: proof)
     assert whole_rtl.proofs(RTL, tmp_path, None)
-    noted = []
+
+
+def test_scores_are_noted_left_and_must_all_be_whole(tmp_path, monkeypatch):
+    noted, options = [], SimpleNamespace(count=150, only=[])
     outcome = Outcome("x", "y", 1, 150, 150, 0, 0, [])
-    options = type("Options", (), {"count": 150})
     monkeypatch.setattr(whole_rtl.export, "export", lambda stem, out: None)
-    monkeypatch.setattr(mutate, "score", lambda folder, *_: outcome)
+    monkeypatch.setattr(whole_rtl.bundle, "verify", lambda folder: {"block": folder.parent.name})
+    monkeypatch.setattr(whole_rtl.measured, "vectors", lambda manifest: f"of {manifest['block']}")
+    monkeypatch.setattr(mutate, "score", lambda folder, *_: outcome._replace(block=folder.parent.name))
     monkeypatch.setattr(mutate, "record", lambda folder, outcome: noted.append(folder.name))
-    monkeypatch.setattr(whole_rtl.mutate_top, "score", lambda rtl, count: outcome)
+    monkeypatch.setattr(whole_rtl.mutate_top, "score", lambda rtl, count: outcome._replace(block="top"))
     assert whole_rtl.scores(RTL, tmp_path, options)
     assert len(noted) == len(blocks.BLOCKS)
-    monkeypatch.setattr(whole_rtl.mutate_top, "score", lambda rtl, count: outcome._replace(killed=149))
+    left = json.loads((tmp_path / scores.MUTATION).read_text())
+    assert [e["block"] for e in left] == [*blocks.BLOCKS, "top"]
+    assert all(f"of {e['block']}" in e["vectors"].values() for e in left[:-1])
+    assert set(left[-1]["vectors"]) == set(whole_rtl.mutate_top.CASES)
+    monkeypatch.setattr(whole_rtl.mutate_top, "score", lambda rtl, count: outcome._replace(block="top", killed=149))
     assert not whole_rtl.scores(RTL, tmp_path, options)
+
+
+def test_one_score_alone_keeps_the_others(tmp_path, monkeypatch):
+    monkeypatch.setattr(whole_rtl.mutate_top, "score", lambda rtl, count: Outcome("top", "y", 1, count, 7, 0, 0, []))
+    whole_rtl.scores(RTL, tmp_path, SimpleNamespace(count=9, only=["top"]))
+    left = json.loads((tmp_path / scores.MUTATION).read_text())
+    assert left[:-1] == scores.known()["mutation"][:-1]
+    assert (left[-1]["mutants"], left[-1]["killed"]) == (9, 7)
+    with pytest.raises(ConfigError, match="--only: 'ddds' is not one of dds, sine"):
+        whole_rtl.scores(RTL, tmp_path, SimpleNamespace(count=9, only=["ddds"]))

@@ -1,0 +1,82 @@
+"""Scores that are stored: of every block and the wiring, of today's vectors and design, and what the page says."""
+
+import json
+import shutil
+
+import pytest
+
+from testbench.golden import blocks, bundle, mutate, mutate_top, recording, scores
+from testbench.golden.loop import library
+from tests.testbench.golden.test_synthesis import part
+from tests.testbench.test_rtl import RTL
+
+MEASURE = "python -m testbench.golden.whole_rtl mutation --only BLOCK; python -m testbench.golden.scores"
+ENTRIES = {e["block"]: e for e in scores.known()["mutation"]}
+
+
+def test_every_block_and_the_wiring_meet_their_limits():
+    assert list(ENTRIES) == [*blocks.BLOCKS, "top"]
+    for e in ENTRIES.values():
+        assert e["mutants"] >= 150
+        assert e["killed"] + e["equivalent"] + len(e["left"]) == e["mutants"]
+        assert e["score"] == e["killed"] / (e["mutants"] - e["equivalent"])
+        assert {s["verdict"] for s in e["left"]} <= {"undecided"}
+        assert len(e["left"]) == e["undecided"] <= 0.02 * e["mutants"]
+
+
+@pytest.mark.parametrize("stem", list(blocks.BLOCKS))
+def test_a_score_is_of_these_vectors_and_of_this_design(stem, bundles):
+    entry = ENTRIES[stem]
+    ((case, vectors),) = entry["vectors"].items()
+    manifest = bundle.verify(bundles(stem) / case)
+    assert vectors == scores.vectors(manifest), MEASURE
+    assert entry["design"] == scores.design(mutate.sources(manifest, RTL)), MEASURE
+    noted = manifest["provenance"]["mutation"]
+    assert (noted["mutants"], noted["score"], noted["seed"]) == (entry["mutants"], entry["score"], entry["seed"])
+
+
+def test_the_score_of_the_wiring_is_of_these_recordings_and_of_this_design():
+    entry = ENTRIES["top"]
+    assert entry["vectors"] == {case: recording.sha256(recording.load(case)) for case in mutate_top.CASES}, MEASURE
+    assert entry["design"] == scores.design(library.sources(RTL)), MEASURE
+
+
+def test_other_vectors_have_no_score(bundles):
+    manifest = bundle.verify(bundles("delay") / "depth3")
+    assert scores.noted(manifest)
+    for other in (manifest | {"case": "depth8"}, manifest | {"block": "tiny"}, manifest | {"params": []}):
+        assert scores.noted(other) == {}
+
+
+def test_comments_and_spaces_are_no_part_of_a_design(tmp_path):
+    path = tmp_path / "dds.v"
+    shutil.copy(RTL / "dds.v", path)
+    before, text = scores.design([path]), path.read_text()
+    path.write_text("// more words\n" + text.replace("    ", "  "))
+    assert scores.design([path]) == before
+    path.write_text(text.replace("48", "47", 1))
+    assert scores.design([path]) != before
+
+
+def test_the_page_holds_what_was_measured():
+    found = scores.known()
+    assert part("mutation") == scores.table(found["mutation"])
+    assert part("times") == scores.times(found["times"])
+
+
+def test_what_was_left_is_taken_over(tmp_path, monkeypatch, capsys):
+    kept, page, before = tmp_path / "scores.json", tmp_path / "rtl.md", scores.known()["times"]
+    shutil.copy(scores.FILE, kept)
+    shutil.copy(scores.PAGE, page)
+    monkeypatch.setattr(scores, "FILE", kept)
+    monkeypatch.setattr(scores, "PAGE", page)
+    assert scores.main([str(tmp_path)]) == 2
+    assert "run make rtl first" in capsys.readouterr().err
+    (tmp_path / "golden").mkdir()
+    times = {"loop": {"passed": True, "seconds": 1.0, "cpu_s": 2.0}}
+    (tmp_path / "golden" / scores.TIMES).write_text(json.dumps(times))
+    assert scores.main([str(tmp_path)]) == 0
+    assert json.loads(kept.read_text())["times"] == before | times
+    assert json.loads(kept.read_text())["mutation"] == list(ENTRIES.values())
+    assert scores.times(scores.known()["times"]) in page.read_text()
+    assert "| loop | passed | 1 | 2 |" in page.read_text()
