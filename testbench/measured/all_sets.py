@@ -3,8 +3,9 @@
     jobs      a module of `parts` may say which files belong together (`jobs(paths)`); else every file by itself
     files     folders of sets in GYRO_DATA_DIR, or those that the registry has downloaded
     a job that fails is a row of the page with its reason, and the exit status is 1; the others go on
-JSON      {set: {verdict, sentence, effects, heldout, jobs: [...]}}; the first job of a set speaks for it, held-out
-          parts carry the label of their job in front where there are several
+JSON      {set: {verdict, sentence, effects, heldout, jobs: [...]}}; effects of all jobs, each with its `job`; held-out
+          parts carry the label of their job in front where there are several; verdict and sentence are those of the
+          least settled job, in the order of UNSETTLED; `closed_loop`: what the effects do there, and a control run
 Source    docs/measured_parts.md
 """
 
@@ -22,8 +23,8 @@ from testbench.measured import loop_trace, traced
 from testbench.measured.openers import open_problem
 from testbench.measured.parts import tell
 
+UNSETTLED = ("firmware", "unexplained", "named in part", "confounded", "named", "noise-model", "none")
 SKIPPED = ("README", "LICENSE")
-ABOVE = 1.5  # floors, from which a held-out error is listed as not explained
 
 
 def folders(root):
@@ -83,15 +84,15 @@ def run(sets, say=print):
 
 def joined(rows):
     """JSON of a set from its jobs."""
-    first = rows[0][1]
+    speaks = min((data for _, data, _ in rows), key=lambda data: UNSETTLED.index(data["verdict"]))
     heldout = {}
     for other, data, _ in rows:
         prefix = "" if len(rows) == 1 else f"{other}: "
         heldout |= {prefix + key: value for key, value in data["heldout"].items()}
     return {
-        "verdict": first["verdict"],
-        "sentence": first["sentence"],
-        "effects": first["effects"],
+        "verdict": speaks["verdict"],
+        "sentence": speaks["sentence"],
+        "effects": [e | {"job": name} for name, data, _ in rows for e in data["effects"]],
         "heldout": heldout,
         "jobs": [{"label": name} | data for name, data, _ in rows],
     }
@@ -117,11 +118,13 @@ def rest_words(data, part):
         if part in (r["observable"], r["segment"], f"{r['segment']} {r['observable']}"):
             if r.get("where"):
                 return r["where"]["words"]
-            curve = "a curve" if r["p"] < 0.01 else "no curve"
-            words = (
-                f"neighbours {r['neighbours']:.2f} (p {r['p']:.2g}): {curve}; {100 * r['tenth']:.0f} % of its power in "
-            )
-            words += f"{r['tenth_from']:.4g} .. {r['tenth_to']:.4g}"
+            curve = "a curve over" if r["p"] < 0.01 else "no curve over"
+            words = f"correlation of neighbours {r['neighbours']:.2f} (p {r['p']:.2g}): {curve} {r['axis']}; "
+            words += f"{100 * r['tenth']:.0f} % of its power in a tenth of the rows, {r['tenth_from']:.4g} .. "
+            words += f"{r['tenth_to']:.4g}"
+            if r["drift"] is not None:
+                drifts = "drifts" if r["drift_p"] < 0.01 else "does not drift"
+                words += f"; in the order of recording {r['drift']:.2f} (p {r['drift_p']:.2g}): it {drifts}"
             if r["shared"] is not None:
                 words += f"; correlation with the rest where it was fitted {r['shared']:.2f}"
             return words
@@ -144,7 +147,7 @@ def page(out, shown, failures, loop=""):
         for name, rows in shown.items()
         for label, data, _ in rows
         for part, h in data["heldout"].items()
-        if h.get("floor") and h["after"] > ABOVE * h["floor"]
+        if tell.above(h)
     ]
     if above:
         words += [
@@ -179,7 +182,10 @@ def main(arguments=None):
         if not given.no_loop:
             from testbench.measured.parts import in_loop
 
-            loop = in_loop.section(out)
+            loop, numbers = in_loop.section(out)
+            control = numbers.pop("", [])
+            for name, rows in numbers.items():
+                out[name]["closed_loop"] = control + rows
     except (ConfigError, FileError) as problem:
         print(problem, file=sys.stderr)
         return 2

@@ -243,7 +243,7 @@ def trace(
     alpha: Annotated[float, typer.Option(min=1e-4, max=0.2, help="Chance of a false alarm.")] = 0.01,
     looks: Annotated[int, typer.Option(min=1, help="How many traces like this one are made; widens every p.")] = 1,
     seed: Annotated[int, typer.Option(min=0, help="Of null draws and bootstraps.")] = 0,
-    most: Annotated[int, typer.Option("--max-laws", min=1, max=6, help="Laws in one explanation.")] = 3,
+    most: Annotated[int | None, typer.Option("--max-laws", min=1, max=6, help="Laws in one explanation.")] = None,
     option: Annotated[list[str] | None, typer.Option("--option", metavar="KEY=VALUE", help="For the opener.")] = None,
 ):
     """Trace what the model cannot explain to an effect, and say how the error on held-out data changes."""
@@ -262,9 +262,10 @@ def trace(
             raise ConfigError(f"--option {text}: is not KEY=VALUE")
     given = {key: value for key, _, value in pairs}
     with _progress(False) as progress:
-        options = Options(alpha, looks, seed=seed, max_laws=most)
         found = traced.whole(files, given)
         problem = None if found else open_problem(files, given)
+        most = most or getattr(problem, "laws_at_most", Options().max_laws)
+        options = Options(alpha, looks, seed=seed, max_laws=most)
         found = found or traced.of_problem(problem, options, progress)
         if found:
             name = getattr(problem, "name", "numbers")

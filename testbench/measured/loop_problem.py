@@ -1,7 +1,9 @@
 """The closed loop as a problem of the tracing core: a linear model about an anchor that the exact engine has computed.
 
     y_k(theta, c) = A_k + T_k (theta - theta_a) + L_k (c - c_a)
-    A    mean over DRAWS of the exact engine (lanes: to the bit) at the anchor; its error has the noise's covariance
+    A    mean over DRAWS of the exact engine (lanes: to the bit) at the anchor, less that of the averaged plant with the
+         same noise where the model began, plus the mean of all draws there: most of the noise cancels. What is left is
+         `prediction_noise`, in units of a repeat's variance
     T L  differences of the averaged plant with the same noise on both sides, at steps of about AIM sigmas
     N    covariance of the averaged plant's draws, pooled over conditions
     jitter   re-timed reference edges beat slowly with the drive frequency: a change of 1e-6 Hz moves the instants at
@@ -14,18 +16,21 @@ Source    docs/measured.md, docs/tracing.md
 """
 
 import hashlib
+import re
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solve_triangular
 
 from testbench import config as configuration
+from testbench import law_file
 from testbench.errors import ConfigError
 from testbench.measured import features, loop_runs
 from testbench.measured.loop_runs import EXACT, FAST, Model, Run
 from testbench.tracing.problem import Nuisance, Observable, PredictionFailed, Segment
 
-DRAWS = 32  # of the exact engine at an anchor: they add a thirty-second of the noise of a repeat
+HELD_HZ = 1e-3  # of the drive frequency: half its resonance's width is 27 mHz, and tangents are of its middle
+DRAWS = 16  # of the exact engine at an anchor
 JITTER_HZ = 1e-3
 FIRST_DRAW = 10**12  # seeds that no recording has
 NOISE_DRAWS = 64  # of the averaged plant, per condition
@@ -43,11 +48,10 @@ class Measured(NamedTuple):
 
 
 class Noise(NamedTuple):
-    """Covariance of a condition's features as sigma and the Cholesky factor of the correlations; mean of the draws."""
+    """Covariance of a condition's features as sigma and the Cholesky factor of the correlations."""
 
     sigma: np.ndarray
     chol: np.ndarray
-    scale: float  # that makes chi2 of fresh noise one per feature
 
 
 class Kept:
@@ -83,11 +87,17 @@ class LoopProblem:
         device = self.model.plant
         # stiffness that moves the drive mode by a hertz
         self.per_hz = 8 * np.pi**2 * device.mass_kg * device.fx_hz
+        self._sizes = {c.id: loop_runs.size(c) for c in measured.conditions}
         draws = self._draws(Model(self.model), "draws", NOISE_DRAWS)
-        self._noise = noise_of(draws)
-        self.noise_estimated_from = (len(draws) * (NOISE_DRAWS - 1), max(v.shape[1] for v in draws.values()))
+        self._noise = noise_of({g: v[:, : self._sizes[g]] for g, v in draws.items()})
+        self.noise_estimated_from = (len(draws) * (NOISE_DRAWS - 1), max(self._sizes.values()))
+        self._begun, self._middle = draws, {g: v.mean(axis=0) for g, v in draws.items()}
+        self.heldout_view = Fine(self, {g: v[:, self._sizes[g] :] for g, v in draws.items()})
         self._rows = {s.group: k for k, s in enumerate(self.segments)}
-        self.anchors = 0
+        self.anchors, self.tangent = 0, None
+        # change of the features per hertz of f_x, where it is known: within the draws
+        jitter = JITTER - JITTER.mean()
+        self.slope = {g: jitter @ (v - v.mean(axis=0)) / (jitter @ jitter) for g, v in draws.items()}
         self.first = np.array([(start or {}).get(n.name, n.value) for n in self.nuisances])
         self.anchor(self.first, {})
         self._tangents()
@@ -98,26 +108,37 @@ class LoopProblem:
 
     def measured(self, k):
         s = self.segments[k]
-        return self.measured_.values[s.group][s.repeat]
+        return self.measured_.values[s.group][s.repeat][: self._sizes[s.group]]
 
     def predict(self, points, which):
-        return [
-            [self._linear(np.asarray(theta, float), c, self.segments[k].group) for k in which] for theta, c in points
-        ]
+        groups = [self.segments[k].group for k in which]
+        return [[self.linear(theta, c, g)[: self._sizes[g]] for g in groups] for theta, c in points]
 
     def whiten(self, k, v):
+        """Whitened features; those of fine bins behind them are left out."""
         n = self._noise[self.segments[k].group]
-        v = np.asarray(v, float)
+        v = np.asarray(v, float)[: len(n.sigma)]
         scaled = v / (n.sigma if v.ndim == 1 else n.sigma[:, None])
-        return solve_triangular(n.chol, scaled, lower=True) * n.scale
+        return solve_triangular(n.chol, scaled, lower=True)
 
     def noise_draw(self, k, rng):
-        n = self._noise[self.segments[k].group]
-        return n.sigma * (n.chol @ rng.normal(size=len(n.sigma))) / n.scale
+        """One of the averaged plant's draws, either sign: slips make the noise of some power-ons larger."""
+        rows = self._begun[self.segments[k].group]
+        n = self._sizes[self.segments[k].group]
+        scale = np.sqrt(len(rows) / (len(rows) - 1)) * rng.choice((-1.0, 1.0))
+        return scale * (rows[rng.integers(len(rows)), :n] - self._middle[self.segments[k].group][:n])
 
     def floor(self, k):
         n, s = self._noise[self.segments[k].group], self.segments[k]
         return {o.name: float(np.sqrt(np.mean(n.sigma[o.rows] ** 2))) for o in s.observables}
+
+    def law_file(self, law, value, sd, hashes):
+        """A law of the grammar as a file that `effects.files` and `gyro golden effect --law` take."""
+        name = re.sub(r"\W+", "_", law.name).strip("_")
+        made = law_file.LawFile(
+            name, self.candidates[law.name].texts(float(value)), (float(sd),), tuple(hashes.items())
+        )
+        return law_file.text(made)
 
     def whitened_rows(self, k):
         """Rows of observables behind `whiten`: a triangle keeps each row among those before it."""
@@ -141,15 +162,15 @@ class LoopProblem:
             raise PredictionFailed(str(problem)) from None
 
     def _run(self, wanted, kind):
-        """Features of (model, condition, draw) triples."""
+        """Features of (model, condition, draw, Hz by which the drive mode is moved down)."""
         index = {name: k for k, name in enumerate(self.conditions)}
         runs = []
-        for m, c, draw in wanted:
-            k_n_per_m = self.per_hz * jitter_hz(draw)
+        for m, c, draw, less_hz in wanted:
+            k_n_per_m = self.per_hz * (jitter_hz(draw) - less_hz)
             told = Model(m.config, (*m.laws, f"force_x = {-k_n_per_m!r} x"))
             runs.append(Run(told, c, FIRST_DRAW + 10_000 * index[c.id] + draw))
         try:
-            return self.bench.run(runs, self.model, kind, self.progress)
+            return self.bench.run(runs, self.model, kind, self.progress, fine=True)
         except (ConfigError, RuntimeError) as problem:
             raise PredictionFailed(str(problem)) from None
 
@@ -164,7 +185,7 @@ class LoopProblem:
             for c in self._all()
         }
         todo = [c for c in self._all() if keys[c.id] not in self.kept.noise]
-        found = self._run([(model, c, k) for c in todo for k in range(count)], FAST)
+        found = self._run([(model, c, k, 0.0) for c in todo for k in range(count)], FAST)
         for i, c in enumerate(todo):
             self.kept.noise[keys[c.id]] = np.array(found[count * i : count * (i + 1)])
         return {name: self.kept.noise[key] for name, key in keys.items()}
@@ -173,29 +194,59 @@ class LoopProblem:
         return self.measured_.conditions
 
     def exact(self, theta, effects):
-        """{condition: features of the exact engine} at a point."""
+        """{condition: (features of the exact engine at a point, what is left of the noise of a draw)}.
+
+        The drive frequency is held where the model began, so that edges slip at the same instants and the noise
+        cancels; what its change does to the features is put back by the tangent of f_x.
+        """
         model = self.told(theta, effects)
         key = self._key("exact", model.config.model_dump_json(), model.laws)
         todo = [c for c in self._all() if (key, c._replace(role="")) not in self.kept.exact]
-        found = self._run([(model, c, k) for c in todo for k in range(DRAWS)], EXACT)
+        moved = self._moved_hz(theta, effects)
+        found = self._run([(model, c, k, moved[c.id]) for c in todo for k in range(DRAWS)], EXACT)
         for i, c in enumerate(todo):
-            rows = np.array(found[DRAWS * i : DRAWS * (i + 1)])
-            self.kept.exact[key, c._replace(role="")] = rows.mean(axis=0)
+            # the averaged plant with the same noise, where the model began
+            rows = np.array(found[DRAWS * i : DRAWS * (i + 1)]) - self._begun[c.id][:DRAWS]
+            left = np.mean(rows[:, : self._sizes[c.id]].var(axis=0, ddof=1) / self._noise[c.id].sigma ** 2)
+            v = rows.mean(axis=0) + self._middle[c.id] + self.slope[c.id] * moved[c.id]
+            self.kept.exact[key, c._replace(role="")] = v, float(left)
         return {c.id: self.kept.exact[key, c._replace(role="")] for c in self._all()}
+
+    def _moved_hz(self, theta, effects):
+        """{condition: change of the drive frequency from where the model began}, by the linear model.
+
+        That by an engine is no better: the frequency word of a dwell has slips of its own, some 1e-5 Hz.
+        """
+        if self.tangent is None:
+            return {c.id: 0.0 for c in self._all()}
+        return {c.id: self.hertz(self._change(theta, effects, self.first, {}, c.id), c.id) for c in self._all()}
+
+    def hertz(self, change, group):
+        """Change of the drive frequency in a change of features, by the last bin of the frequency word."""
+        count = self._sizes[group] // len(loop_runs.NAMES)
+        last = (loop_runs.NAMES.index("f_word") + 1) * count - 1
+        return float(change[last] / self.slope[group][last])
 
     # ---- the linear model ----
 
     def anchor(self, theta, effects):
         """Put the linear model's anchor at a point."""
         self.at = np.array(theta, float), {name: float(v) for name, v in effects.items() if v}
-        self.base = self.exact(*self.at)
+        found = self.exact(*self.at)
+        self.base = {g: v for g, (v, _) in found.items()}
+        self.prediction_noise = float(np.mean([left for _, left in found.values()])) / DRAWS + 1 / NOISE_DRAWS
         self.anchors += 1
         self.hashes["anchor"] = self._key(self.at[0].tolist(), sorted(self.at[1].items()))
 
-    def _linear(self, theta, effects, group):
-        out = self.base[group] + self.tangent[group] @ (theta - self.at[0])
-        for name in {*effects, *self.at[1]}:
-            change = effects.get(name, 0.0) - self.at[1].get(name, 0.0)
+    def linear(self, theta, effects, group):
+        """Features of a group at a point, fine ones behind the others."""
+        return self.base[group] + self._change(theta, effects, *self.at, group)
+
+    def _change(self, theta, effects, theta0, effects0, group):
+        """Change of a group's features from one point to another."""
+        out = self.tangent[group] @ (np.asarray(theta, float) - theta0)
+        for name in {*effects, *effects0}:
+            change = effects.get(name, 0.0) - effects0.get(name, 0.0)
             if change:
                 out = out + self.column[group][name] * change
         return out
@@ -213,26 +264,26 @@ class LoopProblem:
         theta0, base = self.first, {}
         steps = {n.name: 0.1 * n.prior_sd for n in self.nuisances}
         steps |= {name: c.law.scale * (c.law.sign or 1) for name, c in self.candidates.items()}
+        if "plant.fx_hz" in steps:
+            self.kept.columns[where, "plant.fx_hz"] = self.slope
         todo = [name for name in steps if (where, name) not in self.kept.columns]
         for _ in range(4):
             if not todo:
                 break
             if not base:
                 base = self._many([(theta0, {})])[0]
-            found = self._many([self._stepped(theta0, name, steps[name]) for name in todo])
             again = []
-            for name, moved in zip(todo, found):
+            for name, moved in zip(todo, self._held([self._stepped(theta0, name, steps[name]) for name in todo], base)):
                 if moved is None:
                     steps[name] *= 0.03
                     again.append(name)
                     continue
-                change = {g: moved[g] - base[g] for g in base}
-                size = self._size(change)
-                column = {g: v / steps[name] for g, v in change.items()}
+                size = self._size(moved)
+                column = {g: v / steps[name] for g, v in moved.items()}
                 self.kept.columns[where, name] = column
                 if not AIM / NEAR <= size <= AIM * NEAR:
                     factor = np.clip(AIM / max(size, 1e-3), 1e-3, 100.0)
-                    if factor * abs(steps[name]) <= self._largest(name):
+                    if factor * abs(steps[name]) <= self.largest(name):
                         steps[name] *= factor
                         again.append(name)
             todo = again
@@ -242,8 +293,8 @@ class LoopProblem:
         self.tangent = {g: np.stack([known.get(n.name, nan)[g] for n in self.nuisances], axis=1) for g in self.base}
         self.column = {g: {name: known.get(name, nan)[g] for name in self.candidates} for g in self.base}
 
-    def _largest(self, name):
-        """How far a step may go."""
+    def largest(self, name):
+        """How far a step may go: half the limit of a key."""
         if name in self.candidates:
             key = self.candidates[name].key
             if key:
@@ -261,21 +312,44 @@ class LoopProblem:
             theta[[n.name for n in self.nuisances].index(name)] += step
         return theta, effects
 
-    def _many(self, points):
-        """Features {group: values} of points in the averaged plant, None where it fails."""
-        models = []
+    def _held(self, points, base):
+        """Changes {group: values} from `base` to points, None where the averaged plant fails.
+
+        The drive frequency is held where the model began, in two steps; what its change does is put back by `slope`.
+        """
+        hertz, changes = [dict.fromkeys(base, 0.0) for _ in points], [None] * len(points)
+        todo = range(len(points))
+        for _ in range(3):
+            found = self._many([points[i] for i in todo], [hertz[i] for i in todo])
+            left = []
+            for i, moved in zip(todo, found):
+                if moved is None:
+                    changes[i] = None
+                    continue
+                rest = {g: moved[g] - base[g] for g in base}
+                changes[i] = {g: v + self.slope[g] * hertz[i][g] for g, v in rest.items()}
+                more = {g: self.hertz(v, g) for g, v in rest.items()}
+                if max(map(abs, more.values())) > HELD_HZ:
+                    hertz[i] = {g: hertz[i][g] + v for g, v in more.items()}
+                    left.append(i)
+            todo = left
+        return changes
+
+    def _many(self, points, hertz=None):
+        """Features {group: values} of points in the averaged plant, None where it fails; hertz: see `_run`."""
+        models, hertz = [], hertz or [dict.fromkeys(self.conditions, 0.0) for _ in points]
         for theta, effects in points:
             try:
                 models.append(self.told(theta, effects))
             except PredictionFailed:
                 models.append(None)
-        wanted = [(m, c, 0) for m in models if m is not None for c in self.measured_.conditions]
+        wanted = [(m, c, 0, h[c.id]) for m, h in zip(models, hertz) if m is not None for c in self.measured_.conditions]
         try:
             found = iter(self._run(wanted, FAST))
         except PredictionFailed:
             if len(points) == 1:
                 return [None]
-            return [self._many([point])[0] for point in points]
+            return [self._many([point], [h])[0] for point, h in zip(points, hertz)]
         return [None if m is None else {c.id: next(found) for c in self.measured_.conditions} for m in models]
 
     def settle(self):
@@ -322,13 +396,56 @@ class LoopProblem:
     def check(self, theta, effects):
         """Certificate at a point: exact engine less the linear model that was fitted, as a pseudo-effect."""
         exact, theta = self.exact(theta, effects), np.asarray(theta, float)
-        off = {g: v - self._linear(theta, effects, g) for g, v in exact.items()}
+        off = {g: (v - self.linear(theta, effects, g))[: self._sizes[g]] for g, (v, _) in exact.items()}
         scaled = np.concatenate([v / self._noise[g].sigma for g, v in off.items()])
         return {
             "engines": "exact engine (lanes) against the fitted model, same noise",
             "sigma": self.pseudo(off),
             "feature_rms_sigma": float(np.sqrt(np.mean(scaled**2))),
             "anchors": self.anchors,
+        }
+
+
+class Fine:
+    """The segments of a `LoopProblem` in bins of loop_runs.FINE frames: for held-out errors, nothing is fitted here."""
+
+    def __init__(self, problem, draws):
+        self._of, self._draws = problem, {g: v - v.mean(axis=0) for g, v in draws.items()}
+        self.segments = tuple(
+            s._replace(
+                observables=tuple(
+                    o._replace(rows=slice(i * count, (i + 1) * count)) for i, o in enumerate(s.observables)
+                )
+            )
+            for s in problem.segments
+            for count in [draws[s.group].shape[1] // len(s.observables)]
+        )
+
+    @property
+    def prediction_noise(self):
+        return self._of.prediction_noise
+
+    def measured(self, k):
+        s, whole = self.segments[k], self._of.measured_
+        return whole.values[s.group][s.repeat][loop_runs.size(self._of.conditions[s.group]) :]
+
+    def predict(self, points, which):
+        groups = [self.segments[k].group for k in which]
+        return [
+            [self._of.linear(theta, c, g)[loop_runs.size(self._of.conditions[g]) :] for g in groups]
+            for theta, c in points
+        ]
+
+    def noise_draw(self, k, rng):
+        """One of the draws of the averaged plant."""
+        rows = self._draws[self.segments[k].group]
+        return rows[rng.integers(len(rows))] * np.sqrt(len(rows) / (len(rows) - 1))
+
+    def floor(self, k):
+        rows, s = self._draws[self.segments[k].group], self.segments[k]
+        return {
+            o.name: float(np.sqrt(np.sum(rows[:, o.rows] ** 2) / (len(rows) - 1) / (o.rows.stop - o.rows.start)))
+            for o in s.observables
         }
 
 
@@ -361,8 +478,8 @@ def noise_of(draws):
             raise ConfigError(
                 f"noise of {name}: {dof} deviations for {n} features; more draws or fewer bins are needed"
             )
-        # an inverse of an estimated covariance is too large in the mean
-        out[name] = Noise(sigma[name], np.linalg.cholesky(c), float(np.sqrt((dof - n - 1) / dof)))
+        # its inverse is too large in the mean: the core takes that out (noise_estimated_from), so it is not done here
+        out[name] = Noise(sigma[name], np.linalg.cholesky(c))
     return out
 
 

@@ -73,7 +73,7 @@ def measured(record, name, hashes):
                 for n, x in record.streams.items()
                 if (x.num, x.den) == schema.PER_FRAME
             }
-            rows.append(loop_runs.feature_vector(groups[key], columns, lsb))
+            rows.append(loop_runs.feature_vector(groups[key], columns, lsb, fine=True))
         out[key] = np.array(rows)
     return loop_problem.Measured(name, tuple(groups.values()), out, hashes)
 

@@ -32,6 +32,7 @@ from testbench.simulation import Simulation
 DEG = math.pi / 180
 START_TICKS = 14_000 * FRAME_TICKS  # 1.75 s: the slowest start-up has locked, and half a second has passed
 FIRST_BIN = 64  # frames
+FINE = 64  # frames of each bin in which held-out errors are told
 TURN = 1 << 48
 NAMES = tuple(features.OBSERVABLES)
 THREADS = max(1, min(2, os.cpu_count() or 1))
@@ -71,15 +72,24 @@ def bins(condition):
     return np.array([*edges, frames])
 
 
-def feature_vector(condition, columns, lsb_v):
-    """Means over the bins of each observable in turn, from streams of the dwell alone."""
-    edges = bins(condition)
-    widths = np.diff(edges)
+def fine_bins(condition):
+    """First frames of bins of FINE frames each, and the end of the last whole one."""
+    return np.arange(0, frames_of(condition.seconds) + 1, FINE)
+
+
+def size(condition):
+    """How many features are for fits and alarms; those of the fine bins follow them."""
+    return len(NAMES) * (len(bins(condition)) - 1)
+
+
+def feature_vector(condition, columns, lsb_v, fine=False):
+    """Means of each observable in turn over the bins, then over the fine ones, from streams of the dwell alone."""
     out = []
-    for name in NAMES:
-        stream = features.OBSERVABLES[name].stream
-        values = features.physical(name, columns[stream][: edges[-1]], lsb_v.get(stream, 1.0))
-        out.append(np.add.reduceat(values - values[0], edges[:-1]) / widths + values[0])
+    for edges in (bins(condition), fine_bins(condition))[: 1 + fine]:
+        for name in NAMES:
+            stream = features.OBSERVABLES[name].stream
+            values = features.physical(name, columns[stream][: edges[-1]], lsb_v.get(stream, 1.0))
+            out.append(np.add.reduceat(values - values[0], edges[:-1]) / np.diff(edges) + values[0])
     return np.concatenate(out)
 
 
@@ -157,10 +167,11 @@ class Bench:
         laws = averaged_laws.design(p.plant.effects, p.plant.laws, made.laws.reference_turns)
         return made._replace(laws=laws)
 
-    def run(self, runs, start, kind, progress=None):
+    def run(self, runs, start, kind, progress=None, fine=False):
         """Features of `Run`s; `start` is the configuration whose locked states they begin from.
 
         kind    EXACT or FAST.  Raises ConfigError where a run leaves the engine's range
+        fine    with those of the fine bins behind the others
         """
         states = [self.locked(start, r.condition) for r in runs]
         params = [
@@ -191,7 +202,7 @@ class Bench:
                 k = members[0]
                 rows = [_averaged(runs[k], params[k], states[k], setups[k])]
             for k, row in zip(members, rows):
-                out[k] = _features(runs[k], row)
+                out[k] = _features(runs[k], row, fine)
             ended(sum(ticks_of(runs[k].condition) for k in members) / TICK_HZ)
 
         if self.threads == 1:
@@ -240,9 +251,9 @@ def _averaged(run, p, state, setup):
     return out.frames
 
 
-def _features(run, frames):
+def _features(run, frames, fine):
     columns = {name: frames[:, k] for k, (name, _, _) in enumerate(engine.FRAME_COLUMNS)}
     settle, dwell = frames_of(run.condition.settle_s), frames_of(run.condition.seconds)
     table = streams(columns, settle + dwell)
     own = {name: values[settle:] for name, values in table.items()}
-    return feature_vector(run.condition, own, lsb_volts(run.model.config))
+    return feature_vector(run.condition, own, lsb_volts(run.model.config), fine)

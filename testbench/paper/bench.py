@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fpga_model import dds, registers, sequencer
-from fpga_model.rates import FRAME_TICKS, TICK_HZ
+from fpga_model.rates import FRAME_TICKS, TICK_CYCLES, TICK_HZ
 from testbench import budget, build, nodes, simulate
 from testbench.errors import ConfigError
 from testbench.paper import counter
@@ -71,16 +71,12 @@ class Bench:
         self._sim = Simulation(config, temp_degc, temp_degc, engine=engine_run)
         self._sim.keep_codes = self._sim.keep_rows = False
         self.rate_dps, self.temp_degc = rate_dps, temp_degc
-        wanted = self._sim.engine
-        if wanted == "baseband":
-            self._sim.engine = "frame"  # the averaged plant is made for a board that runs
         self.offset_codes = self._offsets(config)
         if simulate.start(config, self._sim, rate_dps * DEG, temp_degc) is None:
             raise ConfigError("bench: the board does not lock within 5 s")
         ready = round(READY_S * TICK_HZ)
         if self._sim.tick < ready:
             self._run(ready - self._sim.tick)
-        self._sim.engine = wanted
 
     def _offsets(self, config):
         """Codes of the demodulators before the drive is on: {column: LSB}. The board's first act is this wait.
@@ -109,13 +105,9 @@ class Bench:
         """All four loops are locked, or deliberately held."""
         return bool(self._sim.locked)
 
-    def wait(self, seconds, engine=None):
-        """Let time pass, by another engine if one is named."""
-        kept = self._sim.engine
-        if engine:
-            self._sim.engine = engine
+    def wait(self, seconds):
+        """Let time pass."""
         self._run(round(seconds * TICK_HZ))
-        self._sim.engine = kept
 
     def record(self, seconds, rate_dps=None):
         """`Rows` of the next seconds; `rate_dps` an array of one value per frame, or the table's rate."""
@@ -150,12 +142,19 @@ class Bench:
         return {n: ((self.read(n) + turn // 2) % turn - turn // 2) * 360.0 / turn for n in PHASE_REGISTERS}
 
     def counter(self, channel):
-        """`counter.Reading` of "drive" (Vx-) or "sense" (Vy-) against its reference pins, one gate of 1 s."""
-        ticks, gates = round(GATE_S * TICK_HZ), []
+        """(`counter.Reading`, `Rows`) of "drive" (Vx-) or "sense" (Vy-) against its reference pins, one gate of 1 s."""
+        ticks, gates, sink = round(GATE_S * TICK_HZ), [], _Rows()
+        self._sim.sinks.append(sink)
         for _ in range(GATES):
             streams = self._sim.advance(ticks, self.rate_dps * DEG, self.temp_degc, probe_ticks=ticks)
             gates.append(counter.gate(self._sim.read_out(streams, self.temp_degc), channel))
-        return counter.read(gates)
+        self._sim.sinks.remove(sink)
+        return counter.read(gates), Rows(sink.pieces)
+
+    @property
+    def grid_clocks(self):
+        """Grid of the reference edges, as the firmware is built."""
+        return TICK_CYCLES if self._sim.config.firmware.reference_retimed else 1
 
 
 class Residuals(NamedTuple):
@@ -175,6 +174,11 @@ class Judge:
     def __init__(self, bench):
         self._bench, self._sim = bench, bench._sim
 
+    @property
+    def temp_degc(self):
+        """Temperature of the parts: the oven's and what the board has warmed by."""
+        return self._bench.temp_degc + self._sim.rise_k
+
     def residuals(self):
         """`Residuals` of the registers as they are."""
         config, bench = self._sim.config, self._bench
@@ -183,7 +187,7 @@ class Judge:
         bare = config.model_copy(
             update={"firmware": config.firmware.model_copy(update={f"{n}_deg": 0.0 for n in PHASE_REGISTERS})}
         )
-        known = budget.budget(bare, bench.temp_degc, frequency_hz)
+        known = budget.budget(bare, self.temp_degc, frequency_hz)
         node, loop = known.node_deg(), known.loop_deg()
         return Residuals(
             {
@@ -204,7 +208,7 @@ class Judge:
         edges = np.concatenate(edges)
         config, words = self._sim.config, self._bench.phases_deg()
         frequency_hz = self._bench.read("frequency") * build.clock_hz(config) / 2**48
-        known = budget.budget(config, self._bench.temp_degc, frequency_hz)
+        known = budget.budget(config, self.temp_degc, frequency_hz)
         out = []
         for k, (node, channel) in enumerate((("xe1", "drive"), ("xe1", "drive"), ("ye1", "sense"), ("ye1", "sense"))):
             rows = [row for row in known.rows[node] if row.what.startswith("reference")]

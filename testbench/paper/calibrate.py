@@ -18,9 +18,11 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy import stats
+from scipy.optimize import brentq
 
 from fpga_model import sequencer
 from fpga_model.rates import MASTER_HZ
+from testbench.paper import grid
 from testbench.paper.bench import FRAME_S, PHASE_REGISTERS, log_cosine_ratio
 
 NODES = ("xe1", "xe2", "ye1", "ye2")
@@ -32,17 +34,57 @@ FORCE_WORD = 1 << 21  # a quarter of full scale
 COUNTER_TURNS_DEG = (-45.0, -15.0, 20.0, 50.0)
 NULL_S, CHOP_S, CHOP_SETTLE_S = 6.0, 5.0, 0.5
 CHOP_TURNS_DEG = (-50.0, -35.0, -20.0, 0.0, 15.0, 30.0, 45.0, 55.0)
-# standard uncertainty beside the repeats: what slow beats of the grid, 2 deg/q with q of some hundreds, leave of a mean
-# over several frequencies; counter steps and rounding are far below
-RESOLVED_DEG = 0.001
-COVERAGE = 0.95
+# at 95 % a batch of 20 boards has 19 covered with a probability of 0.74 only, at 99 % of 0.98
+COVERAGE = 0.99
+FACTOR = float(stats.norm.ppf((1 + COVERAGE) / 2))
 
 
 class Estimate(NamedTuple):
-    """An angle (deg) and its expanded uncertainty at 95 %."""
+    """An angle (deg) and its expanded uncertainty at 99 %."""
 
     deg: float
     uncertainty_deg: float
+
+
+class Readings(NamedTuple):
+    """Repeated readings of an angle (deg), the standard deviation that the grid leaves of each, and what is common."""
+
+    deg: np.ndarray
+    grid_deg: np.ndarray
+    common_deg: float = 0.0  # standard uncertainty that no repeat shows
+
+    def moved(self, degrees):
+        """The same with `degrees` added to each."""
+        return self._replace(deg=self.deg + degrees)
+
+    def estimate(self):
+        """`Estimate`: mean weighted by the grid's variance and one more, which the scatter shows; Student's factor.
+
+        Mandel and Paule: the other variance is the one with which chi-squared is n - 1, or 0.
+        """
+        n, grid = len(self.deg), np.square(self.grid_deg)
+        if n == 1:
+            return Estimate(float(self.deg[0]), math.inf)
+
+        def mean(other):
+            w = 1.0 / (grid + other)
+            return float(w @ self.deg / w.sum()), w
+
+        def excess(other):
+            middle, w = mean(other)
+            return float(w @ np.square(self.deg - middle)) - (n - 1)
+
+        least = 1e-18
+        other = brentq(excess, least, float(self.deg.var()) * n + 2 * least) if excess(least) > 0 else least
+        middle, w = mean(other)
+        worth = w.sum() ** 2 / np.square(w).sum()  # readings of equal weight that would say as much
+        factor = float(stats.t.ppf((1 + COVERAGE) / 2, max(worth - 1, 1.0)))
+        return Estimate(middle, math.hypot(factor / math.sqrt(w.sum()), FACTOR * self.common_deg))
+
+
+def joined(first, second):
+    """`Readings` of both."""
+    return Readings(np.append(first.deg, second.deg), np.append(first.grid_deg, second.grid_deg), second.common_deg)
 
 
 class Pass(NamedTuple):
@@ -50,6 +92,7 @@ class Pass(NamedTuple):
 
     found: dict  # node -> Estimate, before the word was moved
     seen: dict
+    left_deg: dict  # node -> expanded uncertainty of what is left of it afterwards
 
 
 class Calibration(NamedTuple):
@@ -61,21 +104,11 @@ class Calibration(NamedTuple):
     uncertainty_deg: dict
 
 
-def _mean(values, *others_deg):
-    """`Estimate` from repeated readings (deg) and further standard uncertainties."""
-    values = np.asarray(values, float)
-    n = len(values)
-    if n == 1:
-        return Estimate(float(values[0]), math.inf)
-    own = float(stats.t.ppf((1 + COVERAGE) / 2, n - 1)) * float(values.std(ddof=1)) / math.sqrt(n)
-    return Estimate(float(values.mean()), math.hypot(own, *(2 * u for u in others_deg)))
-
-
 class Turned:
     """The drive sine turned on purpose. The drive frequency follows by some ten millihertz, x and y do not.
 
     Edges on the 1 MHz grid have a bias of some millidegrees that depends on the frequency to a millihertz, and that no
-    repeat at one frequency shows. Readings at several turns average it, and their spread says how large it is.
+    repeat at one frequency shows. Readings at several turns average it; `grid` says which of them it may be in.
     """
 
     def __init__(self, bench):
@@ -90,20 +123,21 @@ class Turned:
 
 
 def interval(bench, channel, turns_deg=COUNTER_TURNS_DEG):
-    """Lag of an electrode voltage behind its undisplaced sgn(sin); (Estimate, mean lag behind sgn(cos)).
+    """`Readings` of the lag of an electrode voltage behind its undisplaced sgn(sin).
 
-    sgn(sin) and sgn(cos) are at one phase but for what the grid does to each: both are readings of it.
+    sgn(sin) and sgn(cos) are at one phase but for what the grid does to each: their mean is read.
     """
-    turned, both, cos = Turned(bench), [], []
+    turned, found, left = Turned(bench), [], []
     behind = bench.phases_deg()[f"phase_{channel}_ref"]
     for turn in turns_deg:
         turned.to(turn)
-        r = bench.counter(channel)
+        r, rows = bench.counter(channel)
         known = behind - (turn if channel == "drive" else 0.0)
-        both.append((r.lag_deg + r.cos_lag_deg) / 2 - known)
-        cos.append(r.cos_lag_deg - known)
+        found.append((r.lag_deg + r.cos_lag_deg) / 2 - known)
+        words = rows["frequency_word"]
+        left.append(grid.left_deg(words, grid.hann(len(words)), bench.grid_clocks, both=True))
     turned.to(0.0)
-    return _mean(both, RESOLVED_DEG), float(np.mean(cos))
+    return Readings(np.array(found), np.array(left))
 
 
 def offset_deg(bench):
@@ -112,22 +146,26 @@ def offset_deg(bench):
 
 
 def detune(bench, angles_deg=DETUNE_DEG):
-    """psi = xe1 + xe2' by turning the drive sine to both sides, by several angles; `Estimate`.
+    """`Readings` of psi = xe1 + xe2' by turning the drive sine to both sides, by several angles.
 
-    The drive is at its best where force and velocity are in phase. The frequency loop holds x where signal and offset
-    of its demodulator cancel, so the offset's angle is added.
+    The drive is at its best where force and velocity are in phase; the force goes with the velocity, w x, and w differs
+    by w/Q tan(theta) between the sides: 1/(2 Q) of angle. The frequency loop holds x where signal and offset of its
+    demodulator cancel, so the offset's angle is added. What the grid does to x on either side counts by half.
     """
-    turned, angles = Turned(bench), []
+    turned, angles, left = Turned(bench), [], []
     side = 1.0
     for theta in angles_deg:
-        level = {}
+        level, grids = {}, []
         for sign in (side, -side):
             turned.to(sign * theta)
-            level[sign] = math.log(bench.record(DETUNE_S).mean("amplitude_word"))
+            rows = bench.record(DETUNE_S)
+            level[sign] = math.log(rows.mean("amplitude_word") / rows.mean("frequency_word"))
+            grids.append(grid.left_deg(rows["frequency_word"], np.ones(len(rows)), bench.grid_clocks))
         angles.append(log_cosine_ratio(theta, level[1.0] - level[-1.0]))
+        left.append(math.hypot(*grids) / 2)
         side = -side  # the next angle begins where this one ends
     turned.to(0.0)
-    return _mean(np.array(angles) + offset_deg(bench), RESOLVED_DEG)
+    return Readings(np.array(angles) + offset_deg(bench), np.array(left))
 
 
 def minimum(bench):
@@ -212,14 +250,17 @@ def ring(codes, frame_s=FRAME_S):
 
 
 def chop(bench, turns_deg=CHOP_TURNS_DEG):
-    """psi of the sense pickoff: what V_q = 0 does to both codes, the force word fixed at A_I = 0; (Estimate, seen)."""
+    """psi of the sense pickoff: what V_q = 0 does to both codes, the force word fixed at A_I = 0; (Readings, seen).
+
+    x stands on the drive's references, y is read by the sense's: the grid moves both, only while V_q is 0.
+    """
     rows = bench.record(NULL_S)
     word = round(rows.mean("rate_word"))
     u = round(float(np.mean(rows["quadrature_code"].astype(float) + 0.5)) ** 2)
     bench.write("rate_fixed", word)
     bench.write("quadrature_fixed", u)
     bench.set_control(sequencer.FIX_FTR | sequencer.FIX_QSC)
-    turned, angles, opened, closed, rings = Turned(bench), [], [], [], []
+    turned, angles, left, opened, closed, rings = Turned(bench), [], [], [], [], []
     for turn in turns_deg:
         turned.to(turn)
         levels = []
@@ -230,6 +271,8 @@ def chop(bench, turns_deg=CHOP_TURNS_DEG):
             levels.append((rows.hann("adc_sense_sin"), rows.hann("adc_sense_cos")))
             if value == 0:
                 rings.append(ring(rows["adc_sense_cos"].astype(float)))
+                words = rows["frequency_word"]
+                left.append(math.sqrt(2) * grid.left_deg(words, grid.hann(len(words)), bench.grid_clocks))
         (i0, q0), (i1, q1), (i2, q2) = levels
         angles.append(math.degrees(math.atan((i1 - (i0 + i2) / 2) / (q1 - (q0 + q2) / 2))))
         opened.append(abs(q1))
@@ -241,7 +284,7 @@ def chop(bench, turns_deg=CHOP_TURNS_DEG):
     drive = 2 * math.pi * bench.read("frequency") * MASTER_HZ / 2**48
     lead_deg = math.degrees(2 * drive / (decay_s * split * (2 * drive - split)))
     decay_spread = float(np.std([r[1] for r in rings])) / decay_s
-    found = _mean(np.array(angles) + lead_deg - offset_deg(bench), RESOLVED_DEG, lead_deg * decay_spread)
+    found = Readings(np.array(angles) + lead_deg - offset_deg(bench), np.array(left), lead_deg * decay_spread)
     seen = {
         "force_word": word,
         "null_v": math.sqrt(u / 2**32) * 5.5,
@@ -254,35 +297,48 @@ def chop(bench, turns_deg=CHOP_TURNS_DEG):
     return found, seen
 
 
-def one_pass(bench, compare, say=None, share=1.0):
-    """Measure the four phases and move their words by `share` of each; `compare` takes the minimum of A_d, too."""
-    found, seen = {}, {}
+# what a reading falls by for the words: +1 is the word's own degrees
+WORDS = {
+    "xe1": {"phase_drive_sine": 1},
+    "xe2": {"phase_drive_sine": 1, "phase_drive_ref": -1},
+    "ye1": {"phase_sense_sine": 1},
+    "ye2": {"phase_drive_ref": 1, "phase_sense_ref": -1},
+}
+STEPS = {
+    "xe1": lambda bench: (interval(bench, "drive"), {}),
+    "xe2": lambda bench: (detune(bench), {"offset_deg": offset_deg(bench)}),
+    "ye1": lambda bench: (force_interval(bench), {}),
+    "ye2": chop,
+}
 
-    def moved(node, degrees):
-        bench.advance_phase_deg(REGISTER[node], share * degrees)
-        bench.wait(SETTLE_S)
 
-    def told(text):
+def one_pass(bench, compare, say=None, before=None):
+    """(`Pass`, {node: `Readings` with words at zero}): measure the four phases, each word moved to where it should be.
+
+    before   readings of an earlier pass, which count as these do
+    compare  take the minimum of A_d, too
+    """
+    found, seen, kept, best = {}, {}, {}, {}
+    for node, measure in STEPS.items():
         if say:
-            say(text)
-
-    told("xe1")
-    found["xe1"], seen["xe1_cos_deg"] = interval(bench, "drive")
-    moved("xe1", found["xe1"].deg)
-    told("xe2")
-    seen["offset_deg"] = offset_deg(bench)
-    if compare:
-        seen["xe2_minimum"] = minimum(bench)
-    found["xe2"] = detune(bench)
-    moved("xe2", -found["xe2"].deg)
-    told("ye1")
-    found["ye1"], seen["ye1_cos_deg"] = force_interval(bench)
-    moved("ye1", found["ye1"].deg)
-    told("ye2")
-    found["ye2"], more = chop(bench)
-    seen |= more
-    moved("ye2", -found["ye2"].deg)
-    return Pass(found, seen)
+            say(node)
+        if compare and node == "xe2":
+            seen["xe2_minimum"] = minimum(bench)
+        readings, more = measure(bench)
+        seen |= more
+        words = bench.phases_deg()
+        there = sum(sign * words[name] for name, sign in WORDS[node].items())
+        found[node] = readings.estimate()
+        kept[node] = readings.moved(there)
+        if before:
+            kept[node] = joined(before[node], kept[node])
+        best[node] = kept[node].estimate()
+        bench.advance_phase_deg(REGISTER[node], WORDS[node][REGISTER[node]] * (best[node].deg - there))
+        bench.wait(SETTLE_S)
+    # xe2 counts from x's force, ye2 from where x stands: their uncertainties add
+    u = {node: e.uncertainty_deg for node, e in best.items()}
+    total = u | {"xe2": math.hypot(u["xe2"], u["xe1"]), "ye2": math.hypot(u["ye2"], u["xe2"], u["xe1"])}
+    return Pass(found, seen, total), kept
 
 
 def calibrate(bench, compare=True, say=None):
@@ -291,21 +347,13 @@ def calibrate(bench, compare=True, say=None):
     Returns `Calibration`; the words stay in the registers.
     """
     begin = bench.phases_deg()
-    first = one_pass(bench, compare, say)
-    second = one_pass(bench, False, say, share=0.5)  # the mean of two readings as good as each other
+    first, readings = one_pass(bench, compare, say)
+    second, _ = one_pass(bench, False, say, readings)
     last, cases, words = bench.phases_deg(), {1: begin}, dict(begin)
     for number, node in enumerate(NODES, 2):
         words[REGISTER[node]] = last[REGISTER[node]]
         cases[number] = dict(words)
-    # xe2 was found with what xe1 left, ye2 with what xe2 left: their uncertainties add
-    u = {node: second.found[node].uncertainty_deg for node in NODES}
-    total = {
-        "xe1": u["xe1"],
-        "xe2": math.hypot(u["xe2"], u["xe1"]),
-        "ye1": u["ye1"],
-        "ye2": math.hypot(u["ye2"], u["xe2"], u["xe1"]),
-    }
-    return Calibration(cases, first, second, total)
+    return Calibration(cases, first, second, second.left_deg)
 
 
 __all__ = ["NODES", "PHASE_REGISTERS", "REGISTER", "Calibration", "Estimate", "Pass", "calibrate", "chop", "detune"]

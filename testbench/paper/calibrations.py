@@ -37,6 +37,9 @@ def one(config, temp_degc, compare, say, engine_run=None):
         "found_deg": {node: first[node].deg for node in NODES},
         "found_uncertainty_deg": {node: first[node].uncertainty_deg for node in NODES},
         "second_pass_deg": {node: again[node].deg for node in NODES},
+        "second_pass_uncertainty_deg": {
+            node: math.hypot(again[node].uncertainty_deg, done.first.left_deg[node]) for node in NODES
+        },
         "registers": {name: offset_of_deg(value) for name, value in words.items()},
         "phases_deg": words,
         "cases_deg": {str(case): values for case, values in done.cases.items()},
@@ -88,9 +91,7 @@ def summary(results):
             "largest_deg": max(left),
             "covered": sum(r["covered"][node] for r in results),
             "unchanged": sum(
-                abs(r["second_pass_deg"][node])
-                <= math.hypot(r["found_uncertainty_deg"][node], r["uncertainty_deg"][node])
-                for r in results
+                abs(r["second_pass_deg"][node]) <= r["second_pass_uncertainty_deg"][node] for r in results
             ),
         }
     worst = max(row["largest_deg"] for row in rows.values())

@@ -8,14 +8,14 @@ Truth phases come from `bench.Judge`.
 Source    docs/paper.md
 """
 
-import functools
 import math
 
 import numpy as np
 
 from fpga_model.rates import MASTER_HZ
 from testbench import config as configuration
-from testbench.paper import measure_allan
+from testbench.paper import advisor, measure_allan, parts, sensitivity
+from testbench.paper import loop as loops
 from testbench.paper.bench import Bench, Judge
 from testbench.paper.characterise import engine_of
 
@@ -23,10 +23,6 @@ SOURCES = ("thermomechanical", "cv", "dac", "adc", "flicker", "jitter")
 SCALE_YE1_DEG = (0.0, 1.5, 3.0, 4.5, 6.0, 7.5, 9.0)
 DRIVE_XE1_DEG = (-9.0, -6.0, -3.0, 0.0, 3.0, 6.0, 9.0)
 RATE_DPS, SETTLE_S, READ_S = 100.0, 3.0, 6.0
-
-
-def _grouped(works):
-    return [work() for work in works]
 
 
 def _scale(config):
@@ -51,7 +47,7 @@ def scale_law(base, cases_deg, angles_deg=SCALE_YE1_DEG):
     sets = [(f"case {k}", values) for k, values in cases_deg.items()]
     sets += [(f"ye1 {a:g}", last | {"phase_sense_sine": last["phase_sense_sine"] - a}) for a in angles_deg]
     configs = [configuration.changed(base, {f"firmware.{n}_deg": v for n, v in s.items()}) for _, s in sets]
-    found = _grouped([functools.partial(_scale, config) for config in configs])
+    found = [_scale(config) for config in configs]
     unit = found[[name for name, _ in sets].index("case 5")]
     rows = []
     for (name, _), item in zip(sets, found):
@@ -94,7 +90,28 @@ def drive_law(base, cases_deg, angles_deg=DRIVE_XE1_DEG):
         )
         for a in angles_deg
     ]
-    return _grouped([functools.partial(_drive, config) for config in configs])
+    return [_drive(config) for config in configs]
+
+
+def derived_noise(config):
+    """{source: {"arw_deg_per_rt_h", "instability_deg_per_h"}} of a configuration by the linear loop, nothing simulated.
+
+    Flicker: 0.664 B = sqrt(2 ln 2) times the density at 1 Hz behind the SID, in rate.
+    """
+    p = parts.parts(config)
+    loop = loops.close(p)
+    density = sensitivity.density_dps(p, loop)
+    own = {"cv": ("cv",), "adc": ("adc", "adc_rounding"), "dac": ("dac", "dac_rounding"), "thermomechanical":
+           ("thermomechanical",)}  # fmt: skip
+    out = {
+        source: {"arw_deg_per_rt_h": 60 / math.sqrt(2) * math.hypot(*(density[n] for n in names))}
+        for source, names in own.items()
+    }
+    out["all"] = {"arw_deg_per_rt_h": sensitivity.arw_deg_per_rth(p, loop)}
+    by_offset = [abs(loops.response(loop, sensitivity.ARW_HZ, c)[0]) for c in (loops.OFFSET_SIN, loops.OFFSET_COS)]
+    per_volt = math.hypot(*by_offset) / (advisor.rest_gain(loop) * loops.DEG)
+    floor = {"instability_deg_per_h": math.sqrt(2 * math.log(2)) * p.flicker_v_per_rthz * abs(per_volt) * 3600}
+    return {name: out.get(name, {}) | (floor if name in ("all", "flicker") else {}) for name in ("all", *SOURCES)}
 
 
 def _quiet_allan(config, seconds, lsb_per_dps):
@@ -108,14 +125,17 @@ def _quiet_allan(config, seconds, lsb_per_dps):
     return {"arw_deg_per_rt_h": found.arw_deg_per_rt_h, "instability_deg_per_h": found.instability_deg_per_h}
 
 
+NOISE_SETS = {
+    "all": {},
+    **{f"only {s}": {f"noise.{o}": o == s for o in SOURCES} for s in SOURCES},
+    **{f"without {s}": {f"noise.{s}": False} for s in SOURCES},
+}
+
+
 def noise_law(base, cases_deg, seconds, lsb_per_dps):
-    """{"all": .., "only cv": .., "without cv": ..} of case 5."""
+    """{"all": .., "only cv": .., "without cv": ..} of case 5; `seconds` of record by name of a set."""
     config = configuration.changed(base, {f"firmware.{n}_deg": v for n, v in cases_deg["5"].items()})
-    sets = {"all": {}}
-    sets |= {f"only {s}": {f"noise.{o}": o == s for o in SOURCES} for s in SOURCES}
-    sets |= {f"without {s}": {f"noise.{s}": False} for s in SOURCES}
-    works = [
-        functools.partial(_quiet_allan, configuration.changed(config, values), seconds, lsb_per_dps)
-        for values in sets.values()
-    ]
-    return dict(zip(sets, _grouped(works)))
+    return {
+        name: _quiet_allan(configuration.changed(config, NOISE_SETS[name]), length, lsb_per_dps)
+        for name, length in seconds.items()
+    }

@@ -6,6 +6,8 @@ Source    docs/loop.md
 import numpy as np
 from matplotlib.colors import SymLogNorm
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from testbench.paper import advisor, confirm, limit_cycles, notch, sensitivity
@@ -160,6 +162,13 @@ def maps(found, here):
             ruler.set_minor_formatter(NullFormatter())
         _label(axis, "{} ({})".format(*advisor.AXES[m.x]), "{} ({})".format(*advisor.AXES[m.y]))
     figure.colorbar(mesh, ax=list(axes[0]), label="maximum over rest (dB)")
+    star = {"marker": "*", "color": "white", "markeredgecolor": "black", "markersize": 14, "linestyle": "none"}
+    marks = [
+        (Line2D([], [], **star), "this configuration"),
+        (Line2D([], [], color=VERMILION, linewidth=2), "border of stability"),
+        (Patch(color="#9a9a9a"), "unstable"),
+    ]
+    figure.legend(*zip(*marks), loc="outside lower center", ncols=3, fontsize=FONT["small"], frameon=False)
     return figure
 
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from analog_frontend import propagator, sid, thermal
 from analog_frontend.noise import thermomechanical_density
-from fpga_model import modulator, pi, rates, spi_adc, spi_dac
+from fpga_model import isqrt, modulator, pi, rates, spi_adc, spi_dac
 from fpga_model.rates import FRAME_TICKS, MASTER_HZ, TICK_CYCLES, TICK_HZ
 from testbench import build
 from testbench.budget import budget, lock_frequency_hz
@@ -59,6 +59,7 @@ class Parts(NamedTuple):
     u_full_n_per_m: float  # stiffness that u = 2^32 takes away
     u_rail: float  # largest u (LSB)
     quad_span_v: float
+    v_q_lsb_v: float  # of the quadrature converter
     kxy_n_per_m: float
     dxy_n_s_per_m: float
     cv_noise_v_per_rthz: float  # at the demodulator's input
@@ -182,6 +183,7 @@ def parts(config, temp_degc=None):
         u_full_n_per_m=warm.kq_n_per_m_per_v2 * device.quad_dac_span_v**2,
         u_rail=float(gains.quadrature_loop.loop.hi),
         quad_span_v=device.quad_dac_span_v,
+        v_q_lsb_v=device.quad_dac_span_v / 2**isqrt.ROOT.width,
         kxy_n_per_m=warm.kxy_n_per_m,
         dxy_n_s_per_m=warm.dxy_ratio * warm.mass_kg * 2 * math.pi * warm.fx_hz / warm.qx,
         cv_noise_v_per_rthz=device.cv_noise_v_per_rthz * abs(device.signal_gain) if on.cv else 0.0,

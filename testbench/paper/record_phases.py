@@ -32,10 +32,10 @@ def record(base, phases_deg, seconds=RECORD_S, warm_up_s=WARM_UP_S, readings=12,
         if bench.time_s < until:
             bench.wait(until - bench.time_s)
         row = {"time_s": bench.time_s}
-        row["xe1"] = interval(bench, "drive", (0.0,))[0].deg
-        row["xe2"] = detune(bench, (45.0, 40.0)).deg
-        row["ye1"] = force_interval(bench, (0.0,))[0].deg
-        row["ye2"] = chop(bench, (0.0, 20.0))[0].deg
+        row["xe1"] = interval(bench, "drive", (0.0,)).estimate().deg
+        row["xe2"] = detune(bench, (45.0, 40.0)).estimate().deg - row["xe1"]
+        row["ye1"] = force_interval(bench, (0.0,)).estimate().deg
+        row["ye2"] = chop(bench, (0.0, 20.0))[0].estimate().deg + row["xe2"]
         row["truth"] = Judge(bench).residuals().deg
         rows.append(row)
     return rows

@@ -4,6 +4,7 @@
     parameters    keys of the configuration, lengths of words; each moved by a step of its own, both ways if it can be
     derivative    (O(p + h) - O(p - h)) / 2h per unit;  change = derivative times the step, in the observable's unit
     ARW           60/sqrt(2) times the one-sided density at 0.3 Hz of C/V, converter, DAC, damping; rounding as white
+                  (of V_q: as the loop lets a stiffness through)
 
 Source    docs/loop.md
 """
@@ -85,6 +86,7 @@ PARAMETERS = (
     Parameter("firmware.ftr_zero_hz", "pole", 0.01, "1 %", share=True),
     Parameter("plant.adc_step_code", "word length", 10, "1 bit of the ADC", one_sided=True),
     Parameter("parts.dac_lsb_v", "word length", 1.0, "1 bit of the force DAC", share=True, one_sided=True),
+    Parameter("parts.v_q_lsb_v", "word length", 1.0, "1 bit of the V_q DAC", share=True, one_sided=True),
     *_shares("gain", ["signal_gain", "dcdx_f_per_m", "dcdy_f_per_m", "carrier_v", "c0_f", "cp_f"]),
     *_shares("gain", ["k_vf_sense_n_per_v", "kq_n_per_m_per_v2", "sense_dac_span_v", "quad_dac_span_v", "adc_vref_v"]),
     *_shares("gain", ["amplitude_um", "ftr_crossover_hz", "qsc_crossover_hz"], "firmware"),
@@ -94,6 +96,11 @@ PARAMETERS = (
     Parameter("plant.fy_hz", "resonator", 1.0, "1 Hz"),
     Parameter("scenario.temperature_degc", "environment", 1.0, "1 K"),
 )
+
+
+def null_v(p: Parts):
+    """V_q (V) that cancels k_xy at rate 0."""
+    return p.quad_span_v * math.sqrt(max(p.kxy_n_per_m, 0.0) / p.u_full_n_per_m)
 
 
 def density_dps(p: Parts, loop=None, f_hz=ARW_HZ):
@@ -106,6 +113,8 @@ def density_dps(p: Parts, loop=None, f_hz=ARW_HZ):
     force_v = math.sqrt(2) / (p.volts_per_word * lsb)
     coriolis = 2 * p.coriolis_mass_kg * p.w_rad_s * p.amplitude_m * lp.DEG
     step_v = p.step_code / p.code_per_v
+    by_stiffness = abs(lp.response(loop, f_hz, lp.STIFFNESS)[0]) / lsb
+    code_n_per_m = 2 * p.u_full_n_per_m / p.quad_span_v**2 * null_v(p) * p.v_q_lsb_v
     return {
         # the sign of the reference leaves the density as it is; the difference of the two halves doubles the voltage
         "cv": behind_sid * 2 * p.cv_noise_v_per_rthz,
@@ -113,6 +122,7 @@ def density_dps(p: Parts, loop=None, f_hz=ARW_HZ):
         "adc_rounding": behind_sid * step_v / math.sqrt(12) * per_frame,
         "dac": force_v * p.dac_noise_v_per_rthz,
         "dac_rounding": force_v * p.dac_lsb_v / math.sqrt(12) * math.sqrt(2 / TICK_HZ),
+        "v_q_rounding": float(by_stiffness) * code_n_per_m / math.sqrt(12) * per_frame,
         "thermomechanical": math.sqrt(2) * p.force_noise_n_per_rthz / coriolis,
     }
 

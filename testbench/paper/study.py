@@ -35,19 +35,17 @@ class Size(NamedTuple):
     record_s: float = record_phases.RECORD_S
     warm_up_s: float = record_phases.WARM_UP_S
     readings: int = 12
-    engine: str | None = None  # of the calibration; None: exact, side by side
+    engine: str | None = "baseband"  # of the calibration; None: exact, side by side
 
 
 FULL = Size()
-SMALL = Size(
-    boards=0, rest_s=20.0, temperatures_degc=(25.0,), case_numbers=(1, 5), noise_s=0.0, record_s=0.0, engine="baseband"
-)
+SMALL = Size(boards=0, rest_s=20.0, temperatures_degc=(25.0,), case_numbers=(1, 5), noise_s=0.0, record_s=0.0)
 
 
 class Study:
     """Folder of a study, and its stages."""
 
-    def __init__(self, config, directory, size=FULL, seed=1, workers=None, progress=None):
+    def __init__(self, config, directory, size=FULL, seed=4, workers=None, progress=None):
         self.config, self.directory, self.size, self.seed = config, Path(directory), size, seed
         self.workers, self.progress = workers, progress
         self.directory.mkdir(parents=True, exist_ok=True)
@@ -59,7 +57,12 @@ class Study:
             [
                 key,
                 self.config.model_dump(),
-                code_sha256("testbench.paper.calibrations", "testbench.paper.law", "testbench.simulate"),
+                code_sha256(
+                    "testbench.paper.calibrations",
+                    "testbench.paper.law",
+                    "testbench.paper.record_phases",
+                    "testbench.simulate",
+                ),
             ],
             sort_keys=True,
             default=str,
@@ -93,7 +96,9 @@ class Study:
         if not n:
             return []
         return self._stage(
-            "boards", [n, self.seed], lambda: calibrations.many(self.config, n, self.seed, progress=self.progress)
+            "boards",
+            [n, self.seed, self.size.engine],
+            lambda: calibrations.many(self.config, n, self.seed, progress=self.progress, engine=self.size.engine),
         )
 
     def cases_deg(self):
@@ -140,10 +145,15 @@ class Study:
             out = {"scale": law.scale_law(self.config, wanted), "drive": law.drive_law(self.config, wanted)}
             unit = next(row for row in out["scale"] if row["name"] == "case 5")["lsb_per_dps"]
             if self.size.noise_s:
-                out["noise"] = law.noise_law(self.config, wanted, self.size.noise_s, unit)
+                out["noise"] = law.noise_law(self.config, wanted, self._noise_lengths_s(), unit)
             return out
 
         return self._stage("law", self.size.noise_s, work)
+
+    def _noise_lengths_s(self):
+        """Flicker alone is five times as long: its floor shows only in averages of minutes."""
+        s = self.size.noise_s
+        return dict.fromkeys(law.NOISE_SETS, s) | {"only flicker": 5 * s}
 
     def influence(self, config):
         """Sensitivity of what is seen to what is built: `sensitivity.rows`."""

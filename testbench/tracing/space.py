@@ -1,6 +1,7 @@
 """The whitened space of all groups of a role: one mean per group, and the contrasts between its repeats.
 
-    mean       z_g = sqrt(R_g) W_g (mean_r y_gr - mu_g)          noise of unit variance if the declared noise is true
+    mean       z_g = w_g W_g (mean_r y_gr - mu_g), w_g = sqrt(R_g / (1 + a R_g))     unit variance if the declared noise
+               is true; a: variance of mu_g itself in units of a repeat's, 0 unless the problem says so
     contrasts  d_gc = W_g sum_r h_cr y_gr, c = 1 .. R_g - 1      the same noise, and nothing that repeats
 h are Helmert's orthonormal contrasts. Contrasts stay in declared units: refined by themselves they would no longer be
 like the mean. Rows of all groups are stacked; a block is one observable in one group.
@@ -85,6 +86,7 @@ class Space:
         self.size = start
         self.which = tuple(g.members[0] for g in self.groups)
         self.repeats = np.array([len(g.members) for g in self.groups], int)
+        self.weights = np.sqrt(self.repeats / (1 + option(problem, "prediction_noise", 0.0) * self.repeats))
         if noise is not None and noise.octaves:
             self.refine, self.declared = noise.whitener(self), noise.whitener(self, 0.5)
 
@@ -99,15 +101,14 @@ class Space:
     def residual(self, prediction):
         """Stacked z of a prediction (list of arrays, one per group)."""
         parts = [
-            np.sqrt(len(g.members)) * self.whitened(g.members[0], mean - mu)
-            for g, mean, mu in zip(self.groups, self._means, prediction)
+            w * self.whitened(g.members[0], mean - mu)
+            for g, w, mean, mu in zip(self.groups, self.weights, self._means, prediction)
         ]
         return self.refine(np.concatenate(parts)) if parts else np.zeros(0)
 
     def change(self, prediction, other):
         """Stacked whitened difference prediction - other: a column of a Jacobian before division."""
         parts = [
-            np.sqrt(len(g.members)) * self.whitened(g.members[0], a - b)
-            for g, a, b in zip(self.groups, prediction, other)
+            w * self.whitened(g.members[0], a - b) for g, w, a, b in zip(self.groups, self.weights, prediction, other)
         ]
         return self.refine(np.concatenate(parts)) if parts else np.zeros(0)

@@ -10,6 +10,7 @@ from testbench.tracing.evidence import log_prior
 from testbench.tracing.looks import SHORT
 from testbench.tracing.noise import bridge
 from testbench.tracing.power import limits
+from testbench.tracing.problem import option
 from testbench.tracing.rank import one_sided
 from testbench.tracing.result import Result
 from testbench.tracing.rivals import CLEAR
@@ -100,8 +101,9 @@ def discovery(tracer, out):
         | {"share": s.share, "energy": s.energy, "unit": s.unit, "bic": s.bic}
         for s in tracer.selections
     ]
+    as_file = option(tracer.problem, "law_file", lift)
     lifted = {
-        e["law"]: lift(tracer.laws[e["law"]], e["value"], e["sd"], tracer.problem.hashes)
+        e["law"]: as_file(tracer.laws[e["law"]], e["value"], e["sd"], tracer.problem.hashes)
         for e in out.effects
         if e["law"] in tracer.library
     }

@@ -125,13 +125,17 @@ class Tracer:
         why = {"p": p}
         ok = p >= self.options.alpha
         if self.held.size:
-            judged = heldout.judge(self.problem, self.held, self.predictor, {"after": fit})
+            judged = self.judged({"after": fit})
+            above = heldout.above_floor(judged.rows)
             why |= {"heldout_chi2": judged.chi2.get("after"), "heldout_limit": judged.limit}
-            ok = ok and not judged.failed and judged.chi2["after"] <= judged.limit
-            if not self.noise.p < self.options.alpha:
-                above = heldout.above_floor(judged.rows)
-                why["heldout_above_floor"], ok = above, ok and not above
+            why["heldout_above_floor"] = above
+            ok = ok and not judged.failed and judged.chi2["after"] <= judged.limit and not above
         return bool(ok), why
+
+    def judged(self, fits):
+        """`heldout.HeldOut` of {label: Fit}."""
+        by, declared = option(self.problem, "heldout_by", "observable"), not self.noise.p < self.options.alpha
+        return heldout.judge(self.problem, self.held, self.predictor, fits, by, self.options.seed, declared)
 
     def search(self):
         """Explain by the catalogue; where that is not adequate, by catalogue and grammar."""
@@ -207,9 +211,8 @@ class Tracer:
         fits["after_one_law"] = self.found.fit(best) if len(best) == 1 else one if best else self.base.fit
         fits["after"] = self.found.fit(best) if best else self.base.fit
         self.fits = fits
-        by = option(self.problem, "heldout_by", "observable")
         if self.held.size:
-            self.heldout = heldout.judge(self.problem, self.held, self.predictor, fits, by, self.options.seed)
+            self.heldout = self.judged(fits)
         else:
             self.heldout = heldout.HeldOut({}, {}, float("inf"), 0.0, "no segment with the role validate")
 

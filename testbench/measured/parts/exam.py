@@ -3,15 +3,10 @@
 chosen on      fitted and validating segments, as in `staged`, but among laws that have been refitted with all
                nuisances: these models are not linear. No law is looked for where held-out data are at their floor
 heldout        every validating and every examining segment by itself: floor, before, after one law, after
-nulls          recordings simulated without any law, setup rows too, through the same pipeline
-python -m testbench.measured.parts.exam FILE... [--count 100] [--seed 0]      how often nulls name an effect
+nulls          recordings simulated without any law, setup rows too, through the same pipeline (command: nulls.py)
 """
 
-import argparse
-import json
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -173,6 +168,10 @@ def report(problem, settings=None, progress=None):
     rows = residuals(problem, names, found)
     data = dict(staged.json)
     data["heldout"] = plain(judged(problem, names, found))
+    for name, floor in problem.repeatability(values, coefficients).items():
+        mine = data["heldout"][name]
+        mine |= {"noise": mine["floor"], "floor": max(floor, mine["floor"])}
+        rows = {key: row._replace(floor=mine["floor"]) if key[0] == name else row for key, row in rows.items()}
     data["notes"] = list(problem.notes)
     data["left"] = []
     pieces = {p.name: p for p in problem.all_pieces}
@@ -181,7 +180,7 @@ def report(problem, settings=None, progress=None):
             where = problem.where(pieces[key[0]], row.after, values, coefficients)
             data["left"].append(tell.left(problem, key, rows) | ({"where": where} if where else {}))
     data["gyroscope"] = [c._asdict() for c in carried(data["effects"], problem.working_at(values), Device())]
-    return plain(data), tell.picture(problem, rows)
+    return plain(tell.in_part(data)), tell.picture(problem, rows)
 
 
 def nulls(problem, count, seed=0, say=None):
@@ -195,23 +194,3 @@ def nulls(problem, count, seed=0, say=None):
         if say:
             say(f"{k + 1}: {out[-1]}, {found.json['verdict']}")
     return out
-
-
-def main(arguments=None):
-    """Prints JSON: recordings, those with a named effect, their names."""
-    from testbench.measured.openers import open_problem
-
-    parser = argparse.ArgumentParser(prog="python -m testbench.measured.parts.exam")
-    parser.add_argument("files", nargs="+", type=Path)
-    parser.add_argument("--count", type=int, default=100)
-    parser.add_argument("--seed", type=int, default=0)
-    given = parser.parse_args(arguments)
-    problem = open_problem(given.files, {})
-    found = nulls(problem, given.count, given.seed, lambda text: print(text, file=sys.stderr, flush=True))
-    named = [names for names in found if names]
-    print(json.dumps({"problem": problem.name, "recordings": len(found), "named": len(named), "names": named}))
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -250,6 +250,14 @@ class RestProblem:
         made._build()
         return made
 
+    def details(self, name, values):
+        """Where a line settles, as fitted: its law is named by the nearest frequency of a grid; {} for other laws."""
+        if name not in self._line_at:
+            return {}
+        hz = self._line_at[name] * (1 + values[f"{name} frequency"])
+        quality = float(np.exp(values[f"{name} log quality"]))
+        return {"hz": hz, "quality": quality, "text": f"narrow band, settles at {hz:.3g} Hz, quality {quality:.2g}"}
+
     def with_data(self, data):
         """The same record's shape with other features: for simulated recordings."""
         return RestProblem.rebuilt(self, self.found, list(data))

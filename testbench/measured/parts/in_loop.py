@@ -6,6 +6,7 @@
                law as `gyro_laws.carried` writes it for the drive mode: as strong at 5 um as it was in the part
     meters     of each kind of law, the meter that has most of it; a law of temperature at WARM_DEGC
                where the loop does not lock with it, a tenth, a hundredth .. of it
+    control    springs too weak to matter: what two runs differ by of themselves, as codes flip; the largest counts
     not run    what belongs to an instrument or a preparation and has no counterpart on the board: listed
 Source    docs/measured_parts.md
 """
@@ -20,23 +21,28 @@ from analog_frontend.adc import CURVE
 from analog_frontend.effects import rate_vibration
 from testbench import config, simulate
 from testbench.measured.parts import adc_linearity, tell
+from testbench.measured.parts.gyro_laws import AMPLITUDE_M
 
 RATE_DPS, REST_S, STEP_S, MEAN_S = 100.0, 1.0, 0.8, 0.3
 WORD_PER_DPS = 8651.0
 SEED = 7
+CONTROLS = (1e-9, -1e-9, 1e-8, -1e-8)  # of the spring
+BEYOND = 2.0  # times the largest change of a control, from which a change is called one
+MEASURED = ("scale factor", "bias", "noise")
 WARM_DEGC = 35.0
 LOCKED, WEAKEST = 0.5, 4  # share of the scale factor that a locked loop has; tens by which a law is made weaker
 SHOWN = 8  # frames averaged for a point of the picture: 1 ms
 
 
 class Case(NamedTuple):
-    """One effect for the loop: what is set, and in words what it stands for."""
+    """One effect for the loop: what is set, and in words what it stands for; of which set."""
 
     name: str
     words: str
     settings: dict
     vibration: tuple = ()
     temperature_degc: float = 25.0
+    set: str = ""
 
 
 class Reading(NamedTuple):
@@ -86,21 +92,33 @@ def cases(sets):
     """Cases of what the sets have: {set: JSON} as in build/measured.json."""
     out = []
     for name, data in sets.items():
-        jobs = data["jobs"]
-        texts = levels(jobs[0]["effects"])
-        if texts:
-            fine = levels(jobs[0]["effects"], 16.0, 4)
-            words = f"{len(texts)} laws in LSB of 16 bit"
-            out.append(Case(f"{name}: levels as drive DAC", words, {"drive_dac_levels": texts}))
-            words = "the same errors in volts, at 20 bit"
-            out.append(Case(f"{name}: levels as force DAC", words, {"sense_dac_levels": fine}))
-        out += _of_meters(name, [e for job in jobs for e in job["effects"]])
-        for job in jobs:
-            out += _of_lines(name, job["effects"])
-            for c in job.get("gyroscope", ()):
-                title = f"{name}, {job['label']}: {c['name']}"
-                words = f"effects.laws: {c['text']}; at 5 um {c['share']:.3g} of the {c['of']}, as in the part"
-                out.append(Case(title, words, {"laws": [c["text"]]}))
+        out += [case._replace(set=name) for case in _of_set(name, data["jobs"])]
+    return out
+
+
+def controls(device):
+    """Runs that should differ from the plain one by nothing: the spring is changed by a share of it at 5 um."""
+    k = device.mass_kg * (2 * np.pi * device.fx_hz) ** 2
+    texts = {share: f"force_x = {-share * k / AMPLITUDE_M**2!r} x^3" for share in CONTROLS}
+    return [Case(f"control: {share:g} of the spring", text, {"laws": [text]}) for share, text in texts.items()]
+
+
+def _of_set(name, jobs):
+    out = []
+    texts = levels(jobs[0]["effects"])
+    if texts:
+        fine = levels(jobs[0]["effects"], 16.0, 4)
+        words = f"{len(texts)} laws in LSB of 16 bit"
+        out.append(Case(f"{name}: levels as drive DAC", words, {"drive_dac_levels": texts}))
+        words = "the same errors in volts, at 20 bit"
+        out.append(Case(f"{name}: levels as force DAC", words, {"sense_dac_levels": fine}))
+    out += _of_meters(name, [e for job in jobs for e in job["effects"]])
+    for job in jobs:
+        out += _of_lines(name, job["effects"])
+        for c in job.get("gyroscope", ()):
+            title = f"{name}, {job['label']}: {c['name']}"
+            words = f"effects.laws: {c['text']}; at 5 um {c['share']:.3g} of the {c['of']}, as in the part"
+            out.append(Case(title, words, {"laws": [c["text"]]}))
     return out
 
 
@@ -121,13 +139,13 @@ def _of_meters(name, effects):
 
 
 def _of_lines(name, effects):
-    """Lines of vibration, at the frequency that their law names."""
+    """Lines of vibration, where they settle."""
     out = []
     for e in effects:
-        if "vibration" in e["law"] and "settling" not in e["law"]:
-            f_hz, rms = float(e["law"].split()[-2]), float(np.sqrt(e["value"]))
-            words = f"{f_hz:.3g} Hz, {rms:.3g} deg/s rms"
-            out.append(Case(f"{name}: vibration at {f_hz:.3g} Hz", words, {}, (f_hz, 12.0, rms)))
+        if "hz" in e:
+            f_hz, quality, rms = e["hz"], max(e["quality"], 1.0), float(np.sqrt(e["value"]))
+            words = f"{f_hz:.3g} Hz, {rms:.3g} deg/s rms, quality {quality:.2g}"
+            out.append(Case(f"{name}: vibration at {f_hz:.3g} Hz", words, {}, (f_hz, quality, rms)))
     return out
 
 
@@ -201,7 +219,7 @@ def _locked(case):
 
 
 def section(sets):
-    """HTML: a table, and for each effect a paragraph and a picture."""
+    """(HTML: a table, and for each effect a paragraph and a picture; {set: [numbers of each effect]})."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -209,9 +227,9 @@ def section(sets):
 
     found = cases(sets)
     if not found:
-        return ""
-    bases, rows, words = {}, [], []
-    for case in found:
+        return "", {}
+    bases, rows, words, data, itself = {}, [], [], {}, np.zeros(len(MEASURED))
+    for case in (*controls(config.Config().device()), *found):
         degc = case.temperature_degc
         if degc not in bases:
             bases[degc] = play(Case("", "", {}, temperature_degc=degc))
@@ -219,17 +237,25 @@ def section(sets):
         one, case = _locked(case)
         scale_ppm, bias = (one.scale / base.scale - 1) * 1e6, (one.bias_dps - base.bias_dps) * 3600
         noise = one.rms_dps / base.rms_dps - 1
+        numbers = {"scale_ppm": scale_ppm, "bias_deg_per_h": bias, "noise_percent": 100 * noise}
+        data.setdefault(case.set, []).append({"effect": case.name, "words": case.words} | numbers)
         rows.append((case.name, f"{scale_ppm:+.3g}", f"{bias:+.3g}", f"{100 * noise:+.3g}"))
+        measured = (scale_ppm, bias, 100 * noise)
+        if not case.set:
+            itself = np.maximum(itself, np.abs(measured))
+            continue
         change = (one.rate_dps - base.rate_dps)[: len(base.rate_dps) // SHOWN * SHOWN].reshape(-1, SHOWN).mean(axis=1)
         t = (np.arange(len(change)) + 0.5) * SHOWN / 8000.0
         figure, panel = plt.subplots(figsize=(9, 2.6), layout="constrained")
         panel.plot(t, change * 3600, lw=0.6, color="#205090")
         panel.set_xlabel("time from lock (s); rate 0, +100, -100 deg/s")
         panel.set_ylabel("change of rate (deg/h)")
+        beyond = [n for n, x, c in zip(MEASURED, measured, itself) if abs(x) > BEYOND * c]
         sentence = (
             f"{case.words}. Scale factor {scale_ppm:+.3g} ppm, bias {bias:+.3g} deg/h, noise of the rate word at rest "
             f"{100 * noise:+.3g} %, against the same run without it (bias {base.bias_dps:.4g} deg/s, "
-            f"{base.rms_dps:.3g} deg/s rms)."
+            f"{base.rms_dps:.3g} deg/s rms). "
+            + (f"Above {BEYOND:g} times the controls: {', '.join(beyond) or 'nothing'}.")
         )
         words.append(
             f"<h3>{html.escape(case.name)}</h3><p>{html.escape(sentence)}</p><figure>{tell.png(figure)}<figcaption>"
@@ -242,4 +268,8 @@ def section(sets):
         more = "<p>Named effects without a counterpart in the board's plant, not run:</p>" + tell.table(
             ("set", "job", "law", "port", "kind"), left
         )
-    return "<h2>The same effects in the closed loop</h2>" + tell.table(head, rows, (1, 2, 3)) + "".join(words) + more
+    intro = (
+        "<h2>The same effects in the closed loop</h2><p>Pairs of runs of the gyroscope, with and without the effect, "
+        "the same noise sample by sample. The first rows are controls: what is not larger is no effect.</p>"
+    )
+    return intro + tell.table(head, rows, (1, 2, 3)) + "".join(words) + more, data

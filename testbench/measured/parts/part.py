@@ -89,6 +89,10 @@ class Part:
         """{.., "words"}: where the rest (scored rows) of a piece sits, by a test of the part's own; None: no such."""
         return None
 
+    def repeatability(self, values, laws):
+        """{segment: rms of what its repeats do not share}, where the part has repeats that its noise does not tell."""
+        return {}
+
     def measured(self, k):
         return self.pieces[k].rows[self.pieces[k].scored]
 

@@ -224,6 +224,7 @@ def summary(problem, first, rounds, last, superseded=()):
     for r in kept:
         law, row = laws[r.law], fitted[r.law]
         value, sd = row["before"], row["sd"]
+        more = getattr(problem, "details", None)
         effects.append(
             {"law": law.name, "port": law.port, "value": value, "sd": sd, "unit": law.unit, "d": abs(value) / sd}
             | {"d_when_added": r.d, "heldout_chi2_gain": r.chi2_gain, "kind": law.kind, "text": law.text}
@@ -232,6 +233,7 @@ def summary(problem, first, rounds, last, superseded=()):
                 "status": "confounded" if r.rivals or " or " in law.port else "named",
                 "rivals": list(r.rivals),
             }
+            | (more(r.law, {name: row["before"] for name, row in fitted.items()}) if more else {})
         )
     for key, row in first.heldout.items():
         end = last.heldout.get(key, row) if kept else row

@@ -32,6 +32,10 @@ TWO_PI = 2 * np.pi
 PATH = ("b0", "b1", "b2")
 NEAR_HZ = 1000.0  # of a peak, in the test of where the rest is
 SPACINGS = 200
+NUDGES = ((0.0, 0.0, 0.0), (1e-3, 0.0, 0.0), (0.0, 1e-4, 0.0), (0.0, 0.0, 1e-3))  # f0 (Hz), ln g, points per s
+BINS = 4  # of a step, in the test of any waveform
+STRONG = 0.1  # of the largest response: rows in which its phase is told from its size
+BLOCK, TURNS = 4, 999  # rows that are turned together, and how often
 
 
 class Sweep(NamedTuple):
@@ -68,6 +72,21 @@ def _envelope(f, f0, g, dwell, wait, kick, stiff, damp, substeps, out):
                 total += still * (1.0 - first) + (a - still) * (np.exp(-rate * h * first) - e) / (rate * h)
             a = still + (a - still) * e
         out[n] = total / (substeps * (1.0 - wait))
+
+
+@kernel
+def _waveforms(f, moved, f0, g, dwell, bins, out):
+    """Column j bins + k: source on in bin j of each step alone, receiver in bin k alone; moved: Hz that f0 moves."""
+    h = dwell / bins
+    for j in range(bins):
+        a = 0.0j
+        for n in range(len(f)):
+            rate = g / 2 + 1j * TWO_PI * (f[n] - f0 - moved[n])
+            e = np.exp(-rate * h)
+            for k in range(bins):
+                still = 1.0 / rate if j == k else 0.0j
+                out[n, j * bins + k] = still + (a - still) * (1.0 - e) / (rate * h)
+                a = still + (a - still) * e
 
 
 def _still(f_hz, f0_hz, g_per_s, stiff, damp):
@@ -121,7 +140,7 @@ class SweptResonator(Part):
     """The problem; `Piece.data` is a `Sweep`, rows are real parts, then imaginary parts, in 1e-3."""
 
     unit, observable = "1e-3", "s21"
-    laws_at_most = 3
+    laws_at_most = 5
 
     def _columns(self, piece, f0, g, effects):
         a = envelope(piece.data.f_hz, f0, g, effects) * g / 2
@@ -143,7 +162,7 @@ class SweptResonator(Part):
         return np.concatenate([f, f[-1] + step + f]), f"Hz above {piece.data.f_hz[0]:.0f}; imaginary part behind"
 
     def where(self, piece, rest, values, laws):
-        """Shares of the rest's power near the peak, and `images` of it at the rate of the steps, if that is a law."""
+        """Of the rest's power: its share near the peak, its share across the response, `images` of the peak."""
         n = len(rest) // 2
         f = piece.data.f_hz[piece.scored[:n]] - piece.data.f_hz[0] - self.offset(piece, values, laws)
         power = rest[:n] ** 2 + rest[n:] ** 2
@@ -152,6 +171,14 @@ class SweptResonator(Part):
         found["near_rows"] = float(near.mean())
         words = f"{100 * found['near_power']:.0f} % of its power within {NEAR_HZ / 1e3:g} kHz of the peak, in "
         words += f"{100 * found['near_rows']:.0f} % of the rows"
+        share, p, phase = across(rest[:n] + 1j * rest[n:], 1e3 * self.response(piece, values, laws)[piece.scored[:n]])
+        found |= {"across": share, "across_p": p, "phase_mrad": 1e3 * phase}
+        words += f"; where the response is strong {100 * share:.0f} % of it lies across it (chance: half; p {p:.2g})"
+        words += f", its phase is off by {1e3 * phase:.1f} mrad rms" if p < 0.05 else ""
+        if rate > 0:
+            found["any_waveform"] = best = self.any_waveform(piece, values, laws)
+            words += "; any waveform of source and receiver, the same in each step and fitted to this very sweep, "
+            words += f"leaves {best:.3g}e-3, {best / piece.floor:.2g} times the noise: it changes from step to step"
         if rate > 0 and np.ptp(f) > 5 * rate:
             ratio, p = images(f, power, rate)
             found |= {"images_ratio": ratio, "images_p": p, "images_hz": rate}
@@ -162,6 +189,55 @@ class SweptResonator(Part):
     def offset(self, piece, values, laws):
         """Hz of the peak above the first row of a piece."""
         return float(self.locate(piece, values, laws)[0] - piece.data.f_hz[0])
+
+    def response(self, piece, values, laws):
+        """The mode's own part of S21, all rows."""
+        f0, ln_g, linear = self.locate(piece, values, laws)
+        return self._columns(piece, f0, float(np.exp(ln_g)), laws)[0][:, 0] * linear[0]
+
+    def repeatability(self, values, laws):
+        """{judged sweep: rms of what it and the fitted one do not share}; none unless they have the same frequencies.
+
+        One sweep from the other by a complex factor, a path, and the model's change with f0 and g: the only part of it
+        that is the model's. What is left is shared out between the two.
+        """
+        first, out = next(p for p in self.pieces if p.role == "fit"), {}
+        f0, ln_g, _ = self.locate(first, values, laws)
+        y = [_complex(p.rows) for p in self.pieces]
+        for piece, mine in zip(self.pieces, y):
+            same = piece is not first and np.array_equal(piece.data.f_hz, first.data.f_hz)
+            if not same or np.array_equal(piece.rows, first.rows):
+                continue
+            at = [envelope(first.data.f_hz, f0 + a, float(np.exp(ln_g + b)), laws) for a, b, _ in NUDGES]
+            x = first.data.x
+            bent = [at[1] - at[0], at[2] - at[0]]
+            columns = np.column_stack([y[0], np.ones(len(x)), x, x * x, first.data.behind, *bent])
+            columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+            c = np.linalg.lstsq(columns, mine, rcond=None)[0]
+            factor = abs(c[0]) / np.linalg.norm(y[0])
+            left = (mine - columns @ c)[piece.scored[: len(piece.scored) // 2]]
+            out[piece.name] = float(np.sqrt(np.mean(np.abs(left) ** 2) / 2 / (1 + factor**2)))
+        return out
+
+    def any_waveform(self, piece, values, laws):
+        """rms of the scored rows at a least-squares fit, to this sweep itself, of any waveforms within a step.
+
+        BINS^2 columns (source in one bin, receiver in another), path, and changes of f0, g and the rate; per freedom.
+        """
+        f0, ln_g, linear = self.locate(piece, values, laws)
+        f, x, rate = piece.data.f_hz, piece.data.x, laws["sweep_rate"]
+        size = np.abs(self.response(piece, values, laws) / linear[0]) ** 2
+        moved = laws.get("duffing", 0.0) * size
+        columns = np.empty((len(f), BINS * BINS), complex)
+        _waveforms(f, moved, f0, float(np.exp(ln_g)), 1.0 / rate, BINS, columns)
+        at = [envelope(f, f0 + a, float(np.exp(ln_g + b)), laws | {"sweep_rate": rate + c}) for a, b, c in NUDGES]
+        bent = [other - at[0] for other in at[1:]]
+        columns = np.column_stack([columns, np.ones(len(x)), x, x * x, piece.data.behind, *bent])
+        columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+        y = _complex(piece.rows)
+        c, _, rank, _ = np.linalg.lstsq(columns, y, rcond=1e-12)
+        left = (y - columns @ c)[piece.scored[: len(piece.scored) // 2]]
+        return float(np.sqrt(np.mean(np.abs(left) ** 2) / 2 * len(y) / (len(y) - rank)))
 
     def working_at(self, values):
         k, f0 = abs(complex(values["k_re_1"], values["k_im_1"])), self.pieces[0].data.f_hz[0] + values["f0_1"]
@@ -177,6 +253,27 @@ class SweptResonator(Part):
         used = piece.setup[piece.setup < half]
         s = 1e-3 * (piece.rows[:half] + 1j * piece.rows[half:])
         return located(self._columns, piece, s, used, effects)
+
+
+def _complex(rows):
+    return rows[: len(rows) // 2] + 1j * rows[len(rows) // 2 :]
+
+
+def across(rest, response):
+    """(share of a rest's power across the response, p, rms phase in rad) in the rows where the response is strong.
+
+    A source whose phase wanders turns a ringing mode and leaves its size. p: share of random turns of blocks of rows
+    in which as much lies across.
+    """
+    strong = np.abs(response) > STRONG * np.abs(response).max()
+    e = (rest * np.conj(response) / np.maximum(np.abs(response), 1e-300))[strong]
+    rng, blocks = np.random.default_rng(0), -(-len(e) // BLOCK)
+    total = float(np.sum(np.abs(e) ** 2))
+    found, above = float(np.sum(e.imag**2)), 0
+    for _ in range(TURNS):
+        turn = np.repeat(np.exp(2j * np.pi * rng.random(blocks)), BLOCK)[: len(e)]
+        above += np.sum((e * turn).imag ** 2) >= found
+    return found / total, (above + 1) / (TURNS + 1), float(np.sqrt(found / np.sum(np.abs(response[strong]) ** 2)))
 
 
 def images(f_hz, power, rate_hz):

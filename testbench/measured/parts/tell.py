@@ -15,11 +15,14 @@ from testbench.measured.parts.staged import absorbed, staged
 from testbench.tracing.trace import Options, Tracer
 
 SHUFFLES = 199
+ABOVE = 1.5  # floors, from which a held-out error is not explained
+WIDE = 20.0  # floors of the largest residual, from which a picture is logarithmic beyond three of them
 POINTS = 3000  # of one line of a picture; more are thinned
 STYLE = """body{font:15px/1.45 sans-serif;max-width:1050px;margin:2em auto;padding:0 1em;color:#222}
 table{border-collapse:collapse;margin:.6em 0}td,th{border-bottom:1px solid #ccc;padding:.2em .7em;text-align:left}
 td.n,th.n{text-align:right;font-variant-numeric:tabular-nums}img{max-width:100%}figcaption{color:#555;margin-bottom:1em}
-h2{margin-top:2em;border-top:2px solid #888;padding-top:.6em}.bad{color:#a00}.good{color:#060}code{background:#eee}"""
+h2{margin-top:2em;border-top:2px solid #888;padding-top:.6em}.bad{color:#a00}.good{color:#060}
+.part{color:#a60}code{background:#eee}"""
 
 
 class Left(NamedTuple):
@@ -38,7 +41,21 @@ def run(problem, options=None, progress=None):
     found = staged(problem, options, getattr(problem, "most_laws", 0) or 3, progress)
     rows = residuals(problem, found)
     judging = {key: row for key, row in rows.items() if row.role == "validate"}
-    return found.json | {"left": [left(problem, key, rows) for key in judging]}, judging
+    return in_part(found.json | {"left": [left(problem, key, rows) for key in judging]}), judging
+
+
+def above(row):
+    """True if a row of `heldout` is not explained: its error is above ABOVE floors in the end."""
+    return bool(row.get("floor")) and row["after"] > ABOVE * row["floor"]
+
+
+def in_part(data):
+    """A report whose laws leave a held-out error above ABOVE floors is "named in part", and says where."""
+    rest = [f"{name} {row['after'] / row['floor']:.2g}" for name, row in data["heldout"].items() if above(row)]
+    if data["verdict"] != "named" or not rest:
+        return data
+    words = f"{data['sentence'].rstrip('. ')}. Not explained, in floors: {', '.join(rest)}."
+    return data | {"verdict": "named in part", "sentence": words}
 
 
 def residuals(problem, found):
@@ -67,12 +84,13 @@ def left(problem, key, rows):
     """What the rest on held-out data looks like, for one observable of one segment: numbers for a sentence.
 
     neighbours  correlation of neighbouring rows along the abscissa, p of it by shuffling: is the rest a curve?
+    drift       the same in the order of recording, where that is another: does it change with time?
     tenth       largest share of the rest's power in a tenth of the rows: is it in one place? and where
     shared      correlation with the rest of the fitted segments, where rows match: is it the part, or this recording?
     """
     axis = getattr(problem, "axis", None)
     row = rows[key]
-    x = axis(*key)[0] if axis else np.arange(len(row.after))
+    x, label = axis(*key) if axis else (np.arange(len(row.after)), "row")
     order = np.argsort(x, kind="stable")
     e = row.after[order]
     rng = np.random.default_rng(0)
@@ -80,8 +98,10 @@ def left(problem, key, rows):
     def neighbours(v):
         return float(np.corrcoef(v[1:], v[:-1])[0, 1])
 
-    found = neighbours(e)
-    above = sum(neighbours(rng.permutation(e)) >= found for _ in range(SHUFFLES))
+    def shuffled(v):
+        return (sum(neighbours(rng.permutation(v)) >= neighbours(v) for _ in range(SHUFFLES)) + 1) / (SHUFFLES + 1)
+
+    sorted_in_time = np.array_equal(order, np.arange(len(order)))
     width = max(1, len(e) // 10)
     power = np.convolve(e * e, np.ones(width), "valid") / np.sum(e * e)
     at = int(np.argmax(power))
@@ -94,11 +114,14 @@ def left(problem, key, rows):
     return {
         "segment": key[0],
         "observable": key[1],
-        "neighbours": found,
-        "p": (above + 1) / (SHUFFLES + 1),
+        "neighbours": neighbours(e),
+        "p": shuffled(e),
+        "drift": None if sorted_in_time else neighbours(row.after),
+        "drift_p": None if sorted_in_time else shuffled(row.after),
         "tenth": float(power[at]),
         "tenth_from": float(x[order][at]),
         "tenth_to": float(x[order][at + width - 1]),
+        "axis": label,
         "shared": float(np.mean(twins)) if same else None,
     }
 
@@ -140,8 +163,10 @@ def picture(problem, rows, most=9):
         style = "-" if len(x) > 400 else "."
         panel.plot(x[order], before[order], style, ms=3, lw=0.7, color="#c05030", label="before")
         panel.plot(x[order], after[order], style, ms=3, lw=0.7, color="#205090", label="after")
+        if floor and np.max(np.abs(before)) > WIDE * floor:
+            panel.set_yscale("symlog", linthresh=3 * floor)
         if floor:
-            panel.axhspan(-floor, floor, color="#888888", alpha=0.25, label="noise floor, 1 sd")
+            panel.axhspan(-floor, floor, color="#888888", alpha=0.25, label="floor, 1 sd")
         panel.set_title(f"{key[1]}, {key[0]}", fontsize=9)
         panel.set_xlabel(label, fontsize=8)
         panel.set_ylabel(f"measured - predicted ({unit})", fontsize=8)
@@ -169,10 +194,10 @@ def effects_table(data):
     """Table of what was found."""
     rows = [
         (e["law"], e["port"], number(e["value"], 5), number(e.get("sd"), 2), e["unit"], number(e.get("d"), 3))
-        + (e.get("kind", ""), e.get("status", ""))
+        + (e.get("kind", ""), e.get("status", ""), e.get("text", ""))
         for e in data["effects"]
     ]
-    head = ("law", "port", "value", "sd", "unit", "d", "kind", "status")
+    head = ("law", "port", "value", "sd", "unit", "d", "kind", "status", "in words")
     return table(head, rows, (2, 3, 5)) if rows else "<p>No effect is named.</p>"
 
 
@@ -202,7 +227,7 @@ def rounds_table(data):
 
 def section(title, data, image=""):
     """One part of the page."""
-    mark = "good" if data["verdict"] in ("named", "none") else ""
+    mark = "good" if data["verdict"] in ("named", "none") else "part"
     words = [
         f"<h3>{html.escape(title)}</h3><p><b class='{mark}'>{html.escape(data['verdict'])}</b>: "
         f"{html.escape(data['sentence'])}</p>",
@@ -212,7 +237,8 @@ def section(title, data, image=""):
     if image:
         words.append(
             f"<figure>{image}<figcaption>What is left on data that no fit has seen, before and after; "
-            "the grey band is one standard deviation of the noise.</figcaption></figure>"
+            "the grey band is the floor. Where the error before is far above it, the scale is logarithmic beyond three "
+            "floors.</figcaption></figure>"
         )
     rest = [
         (r["observable"], r["segment"], number(r["neighbours"], 2), number(r["p"], 2), f"{100 * r['tenth']:.0f} %")

@@ -1,19 +1,26 @@
-"""The closed loop as a tracing problem: tangents, noise, and twelve trials with something hidden."""
+"""The closed loop as a tracing problem: tangents, noise, and twelve trials with something hidden, or nothing."""
+
+import json
+import os
+from pathlib import Path
 
 import numpy as np
 import pytest
 from numba import config as numba_config
 
 from analog_frontend.effects import law
-from testbench.measured import loop_laws, loop_problem, loop_runs, loop_trials
+from testbench import law_file
+from testbench.golden import bundle, effect
+from testbench.measured import loop_laws, loop_problem, loop_rates, loop_runs, loop_trials
 from testbench.measured.loop_runs import EXACT, FAST, Model, Run
+from testbench.tracing.space import Space
 
 pytestmark = pytest.mark.skipif(numba_config.DISABLE_JIT, reason="hours without the compiler")
 
 
 @pytest.fixture(scope="module")
 def bank():
-    return loop_trials.Bank(loop_trials.QUICK, library=False)
+    return loop_trials.Bank(loop_trials.QUICK)
 
 
 @pytest.fixture(scope="module")
@@ -79,8 +86,11 @@ def test_the_averaged_plant_moves_as_the_exact_one_does(bank, blank):
 def test_whitened_noise_is_white(bank, blank):
     """Fresh draws of the exact engine have one sigma per feature."""
     c = bank.conditions[1]
-    rows = np.array(bank.bench.run([Run(Model(bank.model), c, 900 + k) for k in range(16)], bank.model, EXACT))
-    z = np.array([blank.whiten(blank._rows[c.id], row - rows.mean(axis=0)) for row in rows]) * np.sqrt(16 / 15)
+    shift = blank.per_hz * loop_problem.JITTER_HZ * np.random.default_rng(9).normal(size=16)
+    models = [Model(bank.model, (f"force_x = {-float(k)!r} x",)) for k in shift]
+    rows = np.array(bank.bench.run([Run(m, c, 900 + k) for k, m in enumerate(models)], bank.model, EXACT))
+    gain = Space(blank, "fit").gain * np.sqrt(16 / 15)
+    z = gain * np.array([blank.whiten(blank._rows[c.id], row - rows.mean(axis=0)) for row in rows])
     n = z.size - z.shape[1]
     # chi2 of n rows has a relative sd of sqrt(2 / n); the covariance is an estimate too
     assert abs(np.mean(z**2) - 1) < 4 * np.sqrt(2 / n) + 0.1
@@ -88,51 +98,80 @@ def test_whitened_noise_is_white(bank, blank):
 
 # ---- trials ----------------------------------------------------------------------------------------------------------
 
-THREE = ("none", "one", "two")
-TWELVE = ("one", "one", "two", "none", "one", "two", "none", "one", "one")
+TWELVE = ("none", "one", "two", "in", "out", "flicker", "one", "one", "two", "none", "one", "one")
+KEYS = "verdict effects heldout p_global looks power_d90 certificates hashes"
+OF_EFFECT, OF_OBSERVABLE = "law port value sd unit d", "unit floor before after before_ci after_ci gain_ci expected"
 
 
 @pytest.fixture(scope="module")
-def few(bank, blank):
-    return [loop_trials.trial(bank, blank, kind, 100 + k, d_range=(12.0, 60.0)) for k, kind in enumerate(THREE)]
+def twelve(bank, blank):
+    """[(what is known of a trial, its Result)]."""
+    return [loop_trials.trial(bank, blank, kind, 100 + k, d_range=(12.0, 60.0)) for k, kind in enumerate(TWELVE)]
 
 
-def judged(trials):
-    """Effects are found, none is named that is not there, and the fitted model is the exact engine's."""
-    for t in trials:
-        assert not t.false_name, (t.kind, t.seed, t.truth, t.result.sentence)
-        certificate = t.result.certificates["numerical"]
-        assert certificate["holds"], (t.kind, t.seed, certificate)
-    return sum(t.found for t in trials)
+def test_what_was_hidden_is_told_and_nothing_else(twelve):
+    """Verdicts by kind; two of the twelve may be missed, none may name what is not there."""
+    rows = [row for row, _ in twelve]
+    assert not [row for row in rows if row["false_name"]]
+    assert not [row for row in rows if row["kind"] in ("none", "flicker") and row["found"]]
+    assert sum(row["right"] for row in rows) >= len(rows) - 2, [row for row in rows if not row["right"]]
+    assert "named" in [row["verdict"] for row in rows]
 
 
-def test_what_was_hidden_is_found_and_nothing_else(few):
-    assert judged(few) == len(few), [(t.kind, t.truth, t.result.sentence) for t in few]
+def test_the_fitted_model_is_the_exact_engine(twelve):
+    """But for what jumps: no linear model about any anchor is that, and nothing is named on it."""
+    for row, result in twelve:
+        certificate = result.certificates["numerical"]
+        assert certificate["holds"] == (certificate["sigma"] < 0.5)
+        assert certificate["holds"] or row["verdict"] != "named"
+    held = [row["numerical"] < 0.5 for row, _ in twelve if row["kind"] != "out"]
+    assert sum(held) >= len(held) - 1, held
+
+
+def test_held_out_errors_of_named_effects_are_at_the_floor(twelve):
+    """Ratios of single observables scatter as their intervals say; those of all together do not."""
+    named = [row for row, _ in twelve if row["verdict"] == "named"]
+    ratio, _, every = loop_rates.pooled(named)
+    assert ratio <= 1.06
+    # simulated intervals hold the floor that the model expects
+    inside = [h[3] <= h[5] <= h[4] for row in named for h in row["heldout"].values()]
+    assert np.mean(inside) > 0.8
+    assert len(every) == len(inside)
+
+
+def test_the_json_of_a_trace_has_every_key(twelve):
+    for row, result in twelve:
+        data = json.loads(result.text())
+        assert set(KEYS.split()) <= set(data)
+        assert data["verdict"] in ("named", "confounded", "unexplained", "none", "noise-model")
+        assert data["hashes"]["trial"] == str(row["seed"])
+        assert all(set(OF_EFFECT.split()) <= set(e) for e in data["effects"])
+        assert set(data["heldout"]) == set(loop_runs.NAMES)
+        for table in data["heldout"].values():
+            assert set(OF_OBSERVABLE.split()) <= set(table)
+        assert {"calibration", "numerical"} <= set(data["certificates"])
+
+
+def test_a_law_that_was_found_becomes_golden_vectors(twelve, tmp_path):
+    (found,) = [result for row, result in twelve if row["kind"] == "in"]
+    ((name, text),) = found.discovery["files"].items()
+    (tmp_path / "found.toml").write_text(text)
+    (told,) = law_file.read(tmp_path / "found.toml").laws
+    assert law.parse(told).coefficient == found.effects[0]["value"]
+    assert found.effects[0]["law"] == name
+    folder, manifest = effect.export("found", effect.case([tmp_path / "found.toml"], frames=24), tmp_path / "out")
+    assert bundle.verify(folder) == manifest
 
 
 @pytest.mark.slow
-def test_nine_more_trials(bank, blank):
-    more = [loop_trials.trial(bank, blank, kind, 200 + k, d_range=(12.0, 60.0)) for k, kind in enumerate(TWELVE)]
-    assert judged(more) >= len(more) - 1, [(t.kind, t.truth, t.result.sentence) for t in more]
-
-
-@pytest.mark.slow
-def test_a_hundred_trials():
+def test_a_hundred_trials(tmp_path):
     """Rates over a hundred trials of every kind, with the grammar beyond the catalogue."""
-    bank = loop_trials.Bank(loop_trials.QUICK)
-    blank = bank.blank()
-    done = [loop_trials.trial(bank, blank, kind, 1000 + k) for k, kind in enumerate(loop_trials.kinds(100))]
-    rows = {}
-    for t in done:
-        rows.setdefault(t.kind, []).append(t)
-        print(t.kind, t.seed, t.truth, t.result.verdict, [e["law"] for e in t.result.effects], t.right, flush=True)
-    for kind, some in rows.items():
-        print(kind, sum(t.right for t in some), "right of", len(some))
-    assert not [t for t in rows["none"] if t.false_name]
-    singles = rows["one"]
-    assert sum(t.found for t in singles) >= 0.9 * len(singles)
-    holds = [t.result.certificates.get("numerical", {}).get("holds") for t in done]
-    assert all(holds), holds
-
-
-assert loop_problem.DRAWS % loop_runs.LANES == 0, "a group of lanes would be half empty"
+    path = Path(os.environ.get("GYRO_TRIALS", tmp_path / "trials.jsonl"))
+    loop_rates.main(["100", "--keep", str(path)])
+    done = loop_rates.kept(path)
+    assert len(done) == 100
+    quiet = [t for t in done if t["kind"] in ("none", "flicker")]
+    assert not [t for t in quiet if t["found"]]
+    seen = [t for t in done if t["kind"] == "one" and t["detected"]]
+    assert sum(t["first"] for t in seen) >= 0.95 * len(seen)
+    assert all(t["numerical"] < 0.5 for t in done)

@@ -2,6 +2,7 @@
 
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from testbench.config import Config, changed
 from testbench.paper import advisor, confirm, limit_cycles, loop_page, notch, sensitivity
 from testbench.paper import loop as lp
 from testbench.paper.parts import parts
+from tests.testbench.paper import browser
 
 CONFIG = Config()
 DEFAULT = parts(CONFIG)
@@ -122,6 +124,16 @@ def test_noise_adds_up_to_the_arw_of_the_facts():
     assert share["cv"] > 5 * share["adc"] > 50 * share["adc_rounding"]
 
 
+def test_rounding_of_v_q_hardly_reaches_the_rate():
+    """Its quadrature as white noise, passed on no more than the leak ye1 + xe2' of a loop that is open for it."""
+    quadrature = limit_cycles.resolution(DEFAULT).v_q_lsb_dps / math.sqrt(12) * math.sqrt(2 / 8000)
+    leak = math.tan(DEFAULT.ye1_rad + DEFAULT.xe2_rad)
+    assert 0 < sensitivity.density_dps(DEFAULT)["v_q_rounding"] < quadrature * leak
+    assert sensitivity.null_v(DEFAULT) == pytest.approx(4.52, abs=1e-4)
+    (row,) = sensitivity.rows(CONFIG, [parameter("v_q_lsb_v")])
+    assert all(abs(row.change[name]) < least for name, least in sensitivity.RESOLUTION.items())
+
+
 def parameter(name):
     (found,) = [p for p in sensitivity.PARAMETERS if p.name.endswith("." + name)]
     return found
@@ -149,6 +161,8 @@ def test_every_parameter_exists_and_can_be_moved():
         _, after, h = sensitivity.moved(CONFIG, p, 1)
         assert h
         assert after != DEFAULT or p.name.startswith(("plant.drive", "plant.adc_delay"))
+    said = f"{len(sensitivity.PARAMETERS)} parameters against {len(sensitivity.OBSERVABLES)} observables"
+    assert said in (Path(__file__).parents[3] / "docs/loop.md").read_text()
 
 
 # ---- command line and page -------------------------------------------------------------------------------------------
@@ -198,3 +212,12 @@ def test_the_page_is_written_whole(tmp_path, stable):
     assert "Misprints of the paper" in text
     assert ("unstable" in text.split("<table>")[0]) is not stable
     assert [p.name for p in tmp_path.iterdir()] == ["loop.html"]
+    shown = browser.parsed(text)
+    assert shown.pictures == len(shown.captions)
+    assert all(len(caption) > 60 for caption in shown.captions)
+    if browser.BROWSER:
+        (tmp_path / "seen").mkdir()
+        shown, picture = browser.seen(path, tmp_path / "seen")
+        assert picture.stat().st_size > 50_000
+        values = {row[0]: row[1] for row in shown.rows if len(row) == 3}
+        assert values["FTR gain margin, upwards"] == ("12.6" if stable else "-")

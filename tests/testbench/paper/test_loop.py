@@ -152,7 +152,11 @@ def test_bandwidth_over_the_sense_phases():
     assert 0.4 < at_nine < 0.6
     # two thirds of it are loop gain, which goes with cos(ye1 + ye2'): 1 % of gain is 0.21 Hz
     gain = math.cos(math.radians(9 + 1.26)) / math.cos(math.radians(1.26))
-    slower = advisor.bandwidth(lp.close(advisor.varied(advisor.turned(DEFAULT, 0, 1.26), crossover=gain)))[0]
+    straight = advisor.turned(DEFAULT, 0, 1.26)
+    slower, by_one_percent = (
+        advisor.bandwidth(lp.close(advisor.varied(straight, crossover=g)))[0] for g in (gain, 0.99)
+    )
+    assert base - by_one_percent == pytest.approx(0.21, abs=0.01)
     assert base - slower == pytest.approx(at_nine * 2 / 3, rel=0.15)
 
 

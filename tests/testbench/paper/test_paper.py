@@ -1,15 +1,19 @@
 """The procedures on simulated boards, and the page in a browser."""
 
-import html.parser
 import json
-import shutil
 import subprocess
+import sys
+import time
 
 import numba
 import numpy as np
 import pytest
 
 from testbench import budget, simulate
+from testbench.campaign import collect, execute, plan
+from testbench.campaign.pool import Here
+from testbench.campaign.progress import Progress
+from testbench.campaign.store import Store
 from testbench.paper import (
     advisor,
     calibrations,
@@ -26,6 +30,7 @@ from testbench.paper import (
 )
 from testbench.paper.bench import Bench
 from tests.testbench.bench_setup import configured, open_loop
+from tests.testbench.paper import browser
 
 pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="closed loop: too slow interpreted")
 
@@ -52,12 +57,13 @@ def test_the_counter_reads_the_budget():
 def test_words_move_what_the_counter_reads():
     """A phase word of 1 deg on the drive sine takes 1 deg off xe1, to the counter's resolution."""
     bench = Bench(configured(noise__seed=3))
-    before = bench.counter("drive")
+    before, _ = bench.counter("drive")
     bench.advance_phase_deg("phase_drive_sine", 1.0)
     bench.wait(1.0)
-    after = bench.counter("drive")
+    after, rows = bench.counter("drive")
     assert before.lag_deg - after.lag_deg == pytest.approx(1.0, abs=0.003)
     assert bench.phases_deg()["phase_drive_sine"] == pytest.approx(1.0, abs=1e-12)
+    assert len(rows) == 8000
 
 
 def test_calibration_of_the_base_board():
@@ -65,9 +71,7 @@ def test_calibration_of_the_base_board():
     (one,) = calibrations.many(configured(), 1, None, compare=True, engine="baseband")
     for node in calibrations.NODES:
         assert abs(one["residual_deg"][node]) < 0.004, node
-        assert abs(one["second_pass_deg"][node]) <= one["found_uncertainty_deg"][node] + one["uncertainty_deg"][node], (
-            node
-        )
+        assert abs(one["second_pass_deg"][node]) <= one["second_pass_uncertainty_deg"][node], node
     minimum = one["seen"]["xe2_minimum"]
     assert abs(minimum["deg"] - one["found_deg"]["xe2"]) < 3 * (
         minimum["uncertainty_deg"] + one["found_uncertainty_deg"]["xe2"]
@@ -77,47 +81,94 @@ def test_calibration_of_the_base_board():
 
 @pytest.mark.slow
 def test_calibration_of_twenty_random_boards():
-    results = calibrations.many(configured(), 20, 1)
+    """Seed 3 judged the uncertainty: no board of it had been seen when it was derived (docs/paper.md)."""
+    results = calibrations.many(configured(), 20, 3, engine="baseband")
     said = calibrations.summary(results)
     assert said["worst_deg"] < calibrations.PAPER_LEVEL_DEG
     for node, row in said["phases"].items():
         assert row["covered"] >= 19, node
+        assert row["unchanged"] >= 19, node
 
 
-def test_a_small_campaign_is_done_once(tmp_path):
-    """Two cases at rest for 10 s: numbers near the paper's; the second time nothing runs."""
-    from testbench.campaign import collect, execute, plan
-    from testbench.campaign.pool import Here
-    from testbench.campaign.progress import Progress
-    from testbench.campaign.store import Store
+@pytest.mark.slow
+def test_both_engines_calibrate_alike():
+    """The same board with the exact bits and averaged: what they leave differs by no more than both state."""
+    exact, averaged = (calibrations.many(configured(), 1, 3, engine=engine)[0] for engine in ("frame", "baseband"))
+    for node in calibrations.NODES:
+        apart = exact["residual_deg"][node] - averaged["residual_deg"][node]
+        assert abs(apart) < np.hypot(exact["uncertainty_deg"][node], averaged["uncertainty_deg"][node]), node
+        assert exact["covered"][node], node
 
-    words = {
-        "phase_drive_sine": 3.7609,
-        "phase_sense_sine": 9.2324,
-        "phase_drive_ref": -0.9433,
-        "phase_sense_ref": -1.263,
-    }
-    sets = {"1": dict.fromkeys(words, 0.0), "5": words}
-    told = plan.read(cases.write_plan(tmp_path / "p.toml", sets, 10.0, (25.0,)))
-    first = execute.run(told, tmp_path / "store", Here(), Progress(quiet=True))
-    again = execute.run(told, tmp_path / "store", Here(), Progress(quiet=True))
+
+WORDS = {
+    "phase_drive_sine": 3.7609,
+    "phase_sense_sine": 9.2324,
+    "phase_drive_ref": -0.9433,
+    "phase_sense_ref": -1.263,
+}
+SETS = {"1": dict.fromkeys(WORDS, 0.0), "5": WORDS}
+
+
+def played(told, folder):
+    """Run a campaign here; (report, {address: values}) of it."""
+    report = execute.run(told, folder, Here(), Progress(quiet=True))
+    store = Store.at(folder)
+    found = {p.address: collect.read_point(store, p.address)[1] for p in plan.points(told)[0]}
+    return report, {a: {name: v.data for name, v in values.items()} for a, values in found.items()}
+
+
+@pytest.fixture(scope="module")
+def campaign(tmp_path_factory):
+    """The paper's plan with two cases, at rest for 10 s, uninterrupted: (plan, folder, report, values)."""
+    folder = tmp_path_factory.mktemp("campaign")
+    told = plan.read(cases.write_plan(folder / "p.toml", SETS, 10.0, (25.0,)))
+    return told, folder, *played(told, folder / "store")
+
+
+def test_a_small_campaign_is_done_once(campaign):
+    """Numbers near the paper's; the second time nothing runs."""
+    told, folder, first, values = campaign
+    again, _ = played(told, folder / "store")
     assert (first.done, again.done, again.reused) == (2, 0, 2)
-    points, _ = plan.points(told)
-    store = Store.at(tmp_path / "store")
-    k = [collect.read_point(store, p.address)[1]["scale_lsb_per_dps"].data for p in points]
-    width = [collect.read_point(store, p.address)[1]["bandwidth_hz"].data for p in points]
+    points = [values[p.address] for p in plan.points(told)[0]]
+    k = [point["scale_lsb_per_dps"] for point in points]
+    width = [point["bandwidth_hz"] for point in points]
     assert k[0] / k[1] == pytest.approx(1 / np.cos(np.radians(9.2324 + 0.9433)), abs=300e-6)
     assert all(24.0 < w < 30.0 for w in width)
-    for measured, words_deg in zip(width, sets.values()):
+    for measured, words_deg in zip(width, SETS.values()):
         p = parts.parts(calibrations.case_config(configured(), words_deg))
         assert measured == pytest.approx(advisor.bandwidth(loop.close(p))[0], abs=0.05), "that of the linear loop"
 
 
-def test_the_plan_of_five_cases_is_a_valid_campaign(tmp_path):
-    from testbench.campaign import plan
+CHILD = """
+import sys
+from testbench.campaign import execute, plan
+from testbench.campaign.pool import Here
+from testbench.campaign.progress import Progress
+execute.run(plan.read(sys.argv[1]), sys.argv[2], Here(), Progress(quiet=True))
+"""
 
-    words = {"phase_drive_sine": 3.7, "phase_sense_sine": 9.2, "phase_drive_ref": -0.9, "phase_sense_ref": -1.2}
-    sets = {str(k): {name: value * k for name, value in words.items()} for k in cases.CASES}
+
+def test_a_killed_campaign_continues_to_the_same_numbers(campaign, tmp_path):
+    """SIGKILL when the first point is there: the other one runs, and every value is the uninterrupted one."""
+    told, folder, _, values = campaign
+    store = tmp_path / "store"
+    child = subprocess.Popen([sys.executable, "-c", CHILD, str(folder / "p.toml"), str(store)])
+    while not list(store.glob("points/*/*.h5")):
+        assert child.poll() is None, "ended before it could be killed"
+        time.sleep(0.02)
+    child.kill()
+    child.wait()
+    report, again = played(told, store)
+    assert (report.done, report.reused) == (1, 1)
+    for address, wanted in values.items():
+        assert again[address].keys() == wanted.keys()
+        for name, value in wanted.items():
+            np.testing.assert_array_equal(again[address][name], value, err_msg=name)
+
+
+def test_the_plan_of_five_cases_is_a_valid_campaign(tmp_path):
+    sets = {str(k): {name: value * k for name, value in WORDS.items()} for k in cases.CASES}
     told = plan.read(cases.write_plan(tmp_path / "p.toml", sets, 30.0, settings=[("noise.seed", 7)]))
     points, _ = plan.points(told)
     assert len({p.address for p in points}) == 15
@@ -125,57 +176,35 @@ def test_the_plan_of_five_cases_is_a_valid_campaign(tmp_path):
 
 @pytest.mark.slow
 def test_scale_factor_follows_the_law():
-    one = {
-        "5": {
-            "phase_drive_sine": 3.7609,
-            "phase_sense_sine": 9.2324,
-            "phase_drive_ref": -0.9433,
-            "phase_sense_ref": -1.263,
-        }
-    }
-    zero = dict.fromkeys(one["5"], 0.0)
+    zero = dict.fromkeys(WORDS, 0.0)
     sets = {
         "1": zero,
-        "2": zero | {"phase_drive_sine": 3.7609},
-        "3": one["5"] | {"phase_sense_sine": 0.0, "phase_sense_ref": 0.0},
-        "4": one["5"] | {"phase_sense_ref": 0.0},
-        **one,
+        "2": zero | {"phase_drive_sine": WORDS["phase_drive_sine"]},
+        "3": WORDS | {"phase_sense_sine": 0.0, "phase_sense_ref": 0.0},
+        "4": WORDS | {"phase_sense_ref": 0.0},
+        "5": WORDS,
     }
     rows = law.scale_law(configured(), sets)
     assert all(abs(row["law_ppm"]) < 200 for row in rows), [(r["name"], r["law_ppm"]) for r in rows]
     assert max(abs(row["eq12_ppm"]) for row in rows) > 1000, "eq (12) alone must be told apart"
 
 
+def test_noise_of_the_running_gyroscope():
+    """ARW within 15 % of 0.1337 deg/sqrt(h) with all sources; flicker alone within 30 % of its derived floor."""
+    config = calibrations.case_config(configured(), WORDS)
+    derived = law.derived_noise(config)
+    # 37 nV/rtHz at 1 Hz behind the SID, 57.9 uV there per deg/s
+    assert derived["flicker"]["instability_deg_per_h"] == pytest.approx(
+        np.sqrt(2 * np.log(2)) * 37e-9 / 57.9e-6 * 3600, rel=0.02
+    )
+    found = law.noise_law(configured(), {"5": WORDS}, {"all": 100.0, "only flicker": 600.0}, 8651.0)
+    assert found["all"]["arw_deg_per_rt_h"] == pytest.approx(0.1337, rel=0.15)
+    assert found["only flicker"]["instability_deg_per_h"] == pytest.approx(
+        derived["flicker"]["instability_deg_per_h"], rel=0.30
+    )
+
+
 # ---- the page --------------------------------------------------------------------------------------------------------
-
-
-class Text(html.parser.HTMLParser):
-    """Rows of all tables, and captions."""
-
-    def __init__(self):
-        super().__init__()
-        self.rows, self.cell, self.captions, self.pictures = [], None, [], 0
-        self.inside = ""
-
-    def handle_starttag(self, tag, attrs):
-        self.inside = tag
-        if tag == "tr":
-            self.rows.append([])
-        if tag in ("td", "th") and self.rows:
-            self.rows[-1].append("")
-        if tag == "figcaption":
-            self.captions.append("")
-        if tag == "img":
-            self.pictures += 1
-
-    def handle_data(self, data):
-        if self.inside in ("td", "th") and self.rows:
-            self.rows[-1][-1] += data
-        if self.inside == "figcaption":
-            self.captions[-1] += data
-
-    def handle_endtag(self, tag):
-        self.inside = ""
 
 
 def made_study(tmp_path):
@@ -191,6 +220,7 @@ def made_study(tmp_path):
                 "found_deg": deg,
                 "found_uncertainty_deg": small,
                 "second_pass_deg": small,
+                "second_pass_uncertainty_deg": small,
                 "residual_deg": small,
                 "uncertainty_deg": small,
                 "cases_deg": sets,
@@ -259,7 +289,7 @@ def made_study(tmp_path):
                 }
                 for a in (-9.0, 0.0, 9.0)
             ]
-            noise = {n: {"arw_deg_per_rt_h": 0.1} for n in ("all", "only cv", "only adc", "without cv", "without adc")}
+            noise = {n: {"arw_deg_per_rt_h": 0.1, "instability_deg_per_h": 2.0} for n in law.NOISE_SETS}
             return {"scale": scale, "drive": drive, "noise": noise}
 
         def influence(self, config):
@@ -280,8 +310,7 @@ def written(tmp_path_factory):
 
 def test_the_page_holds_every_number_and_every_figure(written):
     path, verdicts = written
-    text = Text()
-    text.feed(path.read_text())
+    text = browser.parsed(path.read_text())
     listed = [
         row for row in text.rows if len(row) > 9 and row[-2] in (comparison.REPRODUCED, comparison.NOT, comparison.NONE)
     ]
@@ -289,23 +318,18 @@ def test_the_page_holds_every_number_and_every_figure(written):
     assert sum(verdicts.values()) == len(comparison.numbers())
     assert text.pictures == len(text.captions) >= 12
     assert all(caption.startswith("What to see") for caption in text.captions)
+    shares = {row[0]: row for row in text.rows if len(row) == 7 and row[0] in ("all", *law.SOURCES)}
+    assert len(shares) == 1 + len(law.SOURCES)
+    assert float(shares["cv"][3]) == pytest.approx(0.134, abs=0.002)
 
 
-@pytest.mark.skipif(not (shutil.which("chromium") or shutil.which("google-chrome")), reason="no browser")
+@browser.needed
 def test_a_browser_shows_the_page(written, tmp_path):
     """Headless Chromium loads the page, gives its text back, and takes a picture of it."""
     path, _ = written
-    browser = shutil.which("chromium") or shutil.which("google-chrome")
-    common = [browser, "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path}/profile"]
-    dom = subprocess.run([*common, "--dump-dom", path.as_uri()], capture_output=True, text=True, timeout=120).stdout
-    text = Text()
-    text.feed(dom)
+    text, picture = browser.seen(path, tmp_path)
     (row,) = [r for r in text.rows if r and r[0] == "FTR rate-measurement bandwidth" and "1,2,3" in r[1]]
     assert "25.6" in row, "the model's bandwidth is read off the page"
-    picture = tmp_path / "page.png"
-    subprocess.run(
-        [*common, f"--screenshot={picture}", "--window-size=1300,6000", path.as_uri()], capture_output=True, timeout=120
-    )
     assert picture.stat().st_size > 100_000
 
 

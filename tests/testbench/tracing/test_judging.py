@@ -5,9 +5,10 @@ import tomllib
 
 import numpy as np
 import pytest
+from scipy.stats import binom
 
 from testbench.tracing import discover, report
-from testbench.tracing.heldout import bootstrap
+from testbench.tracing.heldout import FLOOR_FACTOR, bootstrap, p_above
 from testbench.tracing.power import clopper_pearson
 from testbench.tracing.problem import PortForce
 from testbench.tracing.result import plain
@@ -40,6 +41,53 @@ def test_bootstrap_intervals_cover():
         low, high = np.quantile(draws[:, 0], [0.025, 0.975])
         inside += low <= 1.0 <= high
     assert 0.85 <= inside / 150 <= 0.99  # percentile bootstrap of 24 blocks: somewhat below 95 %
+
+
+def test_the_expected_error_is_that_of_the_noise_and_of_what_the_fit_does_not_know():
+    problem = Toy(5, {"feed": 0.2})
+    tracer = Tracer(problem, QUICK, None, None)
+    result = tracer.run()
+    fit, n = tracer.fits["after"], 5
+    names, x = fit.model.names, np.concatenate([fit.point.theta, fit.point.c])
+    held = [k for k, s in enumerate(problem.segments) if s.role == "validate"]
+
+    def predicted(x):
+        return np.concatenate(problem.predict([(x[:n], dict(zip(names, x[n:])))], held)[0])
+
+    steps = np.diag(1e-4 * np.sqrt(np.diag(fit.covariance)))
+    j = np.stack([(predicted(x + s) - predicted(x - s)) / (2 * s.max()) for s in steps], axis=1)
+    unknown = np.einsum("ri,ij,rj->r", j, fit.covariance, j).reshape(len(held), 2, BINS)
+    for i, name in enumerate(("f", "a")):
+        row = result.heldout[name]
+        # a thousand simulated sets
+        assert row["expected"] ** 2 == pytest.approx(row["floor"] ** 2 + unknown[:, i].mean(), rel=0.02)
+        assert row["expected"] > row["floor"]
+
+
+@pytest.mark.parametrize(("rows", "bad", "seen"), [(4, 1.3, False), (400, 1.3, True)])
+def test_an_error_above_the_floor_is_seen_if_the_rows_suffice_and_not_called_so_if_not(rows, bad, seen):
+    rng = np.random.default_rng(4)
+    mix = np.exp(-np.abs(np.subtract.outer(np.arange(rows), np.arange(rows))) / 2.0)  # rows of one dwell are alike
+    root = np.linalg.cholesky(mix)
+    sets = np.mean((root @ rng.normal(size=(rows, 1000))) ** 2, axis=0)
+    tried = np.mean((root @ rng.normal(size=(rows, 600))) ** 2, axis=0)
+    p = np.array([p_above(FLOOR_FACTOR**2 * v, sets) for v in tried])
+    assert binom.ppf(1e-3, 600, 0.05) <= np.sum(p < 0.05) <= binom.ppf(1 - 1e-3, 600, 0.06)
+    share = np.mean([p_above(bad**2 * v, sets) < 0.01 for v in tried])
+    assert share > 0.9 if seen else share < 0.1
+
+
+def test_few_held_out_rows_have_wide_intervals():
+    """One condition in four stretches: a bootstrap of so few says nothing, simulated sets do."""
+    problem = Toy(5, {"feed": 0.2})
+    kept = [k for k, s in enumerate(problem.segments) if s.role == "fit" or s.group == "validate0"]
+    problem._y, problem._conditions = [problem._y[k] for k in kept], [problem._conditions[k] for k in kept]
+    problem.segments = tuple(problem.segments[k] for k in kept)
+    row = trace(problem, QUICK).heldout["a"]
+    assert row["blocks"] == 4
+    assert row["after_ci"][0] < 0.9 * row["after"] < row["after"] < 1.1 * row["after"] < row["after_ci"][1]
+    assert row["before_ci"][0] < row["before"] < row["before_ci"][1]
+    assert row["gain_ci"][0] < row["gain"] < row["gain_ci"][1]
 
 
 def test_held_out_groups_can_be_rows_of_the_table():

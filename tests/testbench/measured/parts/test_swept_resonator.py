@@ -88,3 +88,44 @@ def test_images_of_a_peak_are_told_from_a_rest_without():
     ratio, p = swept_resonator.images(f, slope * noise, 1059.0)
     assert ratio < 1.3
     assert p > 0.05
+
+
+def test_a_rest_across_the_response_is_its_phase():
+    rng = np.random.default_rng(6)
+    response = 700.0 * np.exp(-np.linspace(0, 6, 400) + 1j * np.linspace(0, 90, 400))
+    noise = 0.5 * (rng.normal(size=400) + 1j * rng.normal(size=400))
+    walk = 1e-3 * np.cumsum(rng.normal(size=400))
+    share, p, phase = swept_resonator.across(1j * walk * response + noise, response)
+    assert share > 0.8
+    assert p < 0.01
+    strong = np.abs(response) > 0.1 * np.abs(response).max()
+    weight = np.abs(response[strong]) ** 2
+    assert phase == pytest.approx(np.sqrt(np.sum(walk[strong] ** 2 * weight) / weight.sum()), rel=0.1)
+    assert swept_resonator.across(noise, response)[1] > 0.05
+
+
+@pytest.mark.parametrize("phase", [0.0, 3e-3])
+def test_what_two_sweeps_do_not_share_is_their_repeatability(tmp_path, phase):
+    """Level, path and 0.05 Hz differ, which is no lack of repeats; noise and a phase that jumps from row to row are."""
+    rng, paths, apart = np.random.default_rng(7), [], []
+    for n in range(2):
+        s = recordings.swept(F, F0 + 0.05 * n, G, 0.3 * np.exp(1j + 0.1j * n), 0.0, 800.0)
+        added = s * (np.exp(1j * phase * rng.normal(size=len(F))) - 1)
+        added += 2e-5 * (rng.normal(size=len(F)) + 1j * rng.normal(size=len(F)))
+        apart.append(np.mean(np.abs(added[1::2]) ** 2))
+        s = s + added + 0.02 - 0.01 * n
+        paths.append(recordings.touchstone(tmp_path / str(n), F, s, date=f"2025-01-0{n + 1} 10:00"))
+    problem = swept_resonator.opener(paths, {})
+    values = problem.named(exam.fits(problem, ["sweep_rate"])[-1].point.theta)
+    (found,) = problem.repeatability(values, {"sweep_rate": 800.0}).values()
+    expected = pytest.approx(1e3 * np.sqrt(np.mean(apart) / 2), rel=0.25)
+    assert found == expected
+    judged = problem.pieces[1]
+    assert problem.any_waveform(judged, values, {"sweep_rate": 800.0}) == expected, "it changes from step to step"
+    if not phase:  # a receiver that misses the first half of each step does not: a waveform takes that
+        late = problem.whole(judged, values, {"sweep_rate": 800.0, "receiver_wait": 0.5})
+        rest = (late - problem.whole(judged, values, {"sweep_rate": 800.0}))[judged.scored]
+        moved = judged._replace(rows=judged.rows + late - problem.whole(judged, values, {"sweep_rate": 800.0}))
+        assert problem.any_waveform(moved, values, {"sweep_rate": 800.0}) < 0.1 * rest.std()
+    a, b = sweeps(tmp_path, ("a", "b"), 3), sweeps(tmp_path, ("c", "d"), 3)
+    assert swept_resonator.opener([a[0], b[0]], {}).repeatability(values, {"sweep_rate": 800.0}) == {}

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from testbench.measured import all_sets, cli, registry, traced
+from testbench.measured import all_sets, cli, pages, registry, traced
 from testbench.measured.parts import in_loop
 from tests.testbench.measured.parts import made, recordings
 
@@ -66,13 +66,15 @@ def effect(law, value, port="", kind="instrument", text=""):
 
 def test_of_each_kind_of_law_the_worst_meter_runs_and_the_rest_is_listed():
     meters = [effect("a: turnover", 10.0), effect("b: turnover", -30.0), effect("a: start 120 s", 3.0)]
-    lines = [effect("z: vibration 20 Hz", 0.04), effect("sweep_rate", 1059.0, "instrument")]
+    lines = [
+        effect("z: vibration 20 Hz", 0.04) | {"hz": 19.5, "quality": 8.0},
+        effect("sweep_rate", 1059.0, "instrument"),
+    ]
     sets = {"m": {"jobs": [{"label": "1", "effects": meters}, {"label": "2", "effects": lines}]}}
     turnover, line = in_loop.cases(sets)
     assert "b as converter" in turnover.name
     assert turnover.settings == {"adc_turnover": pytest.approx(-3e-6)}
-    assert line.vibration[0] == 20.0
-    assert line.vibration[2] == pytest.approx(0.2)
+    assert line.vibration == (19.5, 8.0, pytest.approx(0.2))
     assert [row[2] for row in in_loop.not_run(sets)] == ["a: start 120 s", "sweep_rate"]
 
 
@@ -80,5 +82,12 @@ def test_of_each_kind_of_law_the_worst_meter_runs_and_the_rest_is_listed():
 @pytest.mark.skipif(not os.environ.get(registry.FOLDER), reason=f"{registry.FOLDER} is not set")
 @pytest.mark.parametrize("name", [*registry.SETS])
 def test_published_sets(tmp_path, name):
-    for k, (_, paths, options) in enumerate(all_sets.jobs(registry.paths(name))):
-        same(paths, options, tmp_path, f"job{k}")
+    for k, (label, paths, options) in enumerate(all_sets.jobs(registry.paths(name))):
+        data = same(paths, options, tmp_path, f"job{k}")
+        (kept,) = (job for job in json.loads(pages.KEPT.read_text())[name]["jobs"] if job["label"] == label)
+        assert (data["verdict"], [e["law"] for e in data["effects"]]) == (
+            kept["verdict"],
+            [e["law"] for e in kept["effects"]],
+        )
+        for part, h in data["heldout"].items():
+            assert h["after"] == pytest.approx(kept["heldout"][part]["after"], rel=1e-3)

@@ -1,0 +1,110 @@
+"""Numbers of the pages on measured parts: taken from a run of all sets, kept beside the pages, and written into them.
+
+    python -m testbench.measured.pages build/measured.json     docs/measured_parts.json from a run, and the tables
+    python -m testbench.measured.pages                         the tables alone
+    summary     of each job: verdict, effects, held-out errors, what is left; of each set: the closed loop
+Source    docs/measured_parts.md, docs/measured_resonators.md
+"""
+
+import json
+import sys
+from pathlib import Path
+
+from testbench.docs import ROOT, markdown, replaced
+from testbench.files import write_text
+from testbench.measured.all_sets import rest_words
+from testbench.measured.parts.tell import above, number
+from testbench.tables import Table
+
+KEPT = ROOT / "docs" / "measured_parts.json"
+EFFECT = ("law", "port", "value", "sd", "unit", "kind", "status", "hz", "quality")
+HELD = ("unit", "floor", "noise", "before", "after_one_law", "after")
+RESONATORS = ("silverbox", "quartz_vna", "mems_ringdown")
+
+
+def summary(data):
+    """What the pages need of build/measured.json."""
+    out = {}
+    for name, found in data.items():
+        jobs = [
+            {
+                "label": job["label"],
+                "verdict": job["verdict"],
+                "effects": [{k: _short(e[k]) for k in EFFECT if k in e} for e in job["effects"]],
+                "heldout": {p: {k: _short(h[k]) for k in HELD if k in h} for p, h in job["heldout"].items()},
+                "rest": {part: rest_words(job, part) for part, h in job["heldout"].items() if above(h) or _tested(job)},
+            }
+            for job in found["jobs"]
+        ]
+        loop = [{k: _short(v) for k, v in row.items() if k != "words"} for row in found.get("closed_loop", ())]
+        out[name] = {"verdict": found["verdict"], "jobs": jobs, "closed_loop": loop}
+    return out
+
+
+def _tested(job):
+    return any(r.get("where") for r in job.get("left", ()))
+
+
+def _short(value):
+    return float(f"{value:.6g}") if isinstance(value, float) else value
+
+
+def heldout_part(kept, sets):
+    """Every held-out part of these sets: floor, before, after one law, after."""
+    rows = []
+    for name in sets:
+        for job in kept[name]["jobs"]:
+            for part, h in job["heldout"].items():
+                ratio = "-" if not h.get("floor") else f"{h['after'] / h['floor']:.2f}"
+                cells = (h.get("floor"), h["before"], h.get("after_one_law"), h["after"])
+                rows.append((job["label"], part, h["unit"], *(number(c, 3) for c in cells), ratio, job["verdict"]))
+    heads = ("recording", "held out", "unit", "floor", "before", "one law", "after", "after / floor", "verdict")
+    return markdown(Table("", heads, rows, numeric=(3, 4, 5, 6, 7)))
+
+
+def loop_part(kept):
+    """What each effect does in the closed loop; the control first."""
+    rows = {}
+    for found in kept.values():
+        for row in found["closed_loop"]:
+            cells = (row["scale_ppm"], row["bias_deg_per_h"], row["noise_percent"])
+            rows[row["effect"]] = (row["effect"], *(f"{c:.3g}" for c in cells))
+    heads = ("effect", "scale factor (ppm)", "bias (deg/h)", "noise at rest (%)")
+    return markdown(Table("", heads, list(rows.values()), numeric=(1, 2, 3)))
+
+
+def rest_part(kept, sets):
+    """What every report says of the rest: above 1.5 floors, or where the part has a test of its own."""
+    lines = []
+    for job in (job for name in sets for job in kept[name]["jobs"]):
+        lines += [f"- {job['label']}, {part}: {words}." for part, words in job["rest"].items()]
+    return "\n".join(lines)
+
+
+def renewed():
+    """{path: text} of the pages with their tables from the kept numbers."""
+    kept = json.loads(KEPT.read_text())
+    resonators, parts = (ROOT / "docs" / name for name in ("measured_resonators.md", "measured_parts.md"))
+    one = replaced(resonators.read_text(), "heldout", heldout_part(kept, RESONATORS))
+    others = [name for name in kept if name not in RESONATORS and name != "paper_numbers"]
+    two = replaced(parts.read_text(), "heldout", heldout_part(kept, others))
+    two = replaced(replaced(two, "rest", rest_part(kept, others)), "loop", loop_part(kept))
+    return {resonators: replaced(one, "rest", rest_part(kept, ["quartz_vna"])), parts: two}
+
+
+def main(arguments=None):
+    """Keep a run's numbers, if one is given, and write the pages."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    if len(arguments) > 1:
+        print("usage: python -m testbench.measured.pages [build/measured.json]", file=sys.stderr)
+        return 2
+    for path in arguments:
+        data = json.loads(Path(path).read_text())
+        write_text(KEPT, json.dumps(summary(data), indent=1, sort_keys=True) + "\n")
+    for path, text in renewed().items():
+        write_text(path, text)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

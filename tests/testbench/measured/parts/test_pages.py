@@ -1,0 +1,123 @@
+"""The pages on measured parts say what docs/measured_parts.json holds, which a run of all sets has written."""
+
+import json
+import re
+
+import pytest
+
+from testbench.measured import pages
+from testbench.measured.parts import in_loop
+from testbench.measured.parts.tell import above
+
+KEPT = json.loads(pages.KEPT.read_text())
+TEXT = {
+    name: " ".join((pages.ROOT / "docs" / f"measured_{name}.md").read_text().split())
+    for name in ("parts", "resonators")
+}
+
+
+def jobs(name):
+    return {job["label"]: job for job in KEPT[name]["jobs"]}
+
+
+def effects(job):
+    return {e["law"]: e for e in job["effects"]}
+
+
+def ratios(job):
+    return {part: h["after"] / h["floor"] for part, h in job["heldout"].items()}
+
+
+def test_the_tables_are_those_of_the_run():
+    for path, text in pages.renewed().items():
+        assert path.read_text() == text, "stale; run: python -m testbench.measured.pages"
+
+
+def test_a_verdict_named_leaves_nothing_above_the_limit():
+    for name in KEPT:
+        for job in jobs(name).values():
+            rest = [part for part, h in job["heldout"].items() if above(h)]
+            assert (job["verdict"] == "named in part") == bool(rest and job["effects"]) or job[
+                "verdict"
+            ] == "confounded"
+            assert set(rest) <= set(job["rest"]), "what is left has its test"
+
+
+def test_numbers_in_the_text_on_the_driven_resonator():
+    (job,) = jobs("silverbox").values()
+    found, text = effects(job), TEXT["resonators"]
+    assert f"k3/k = {found['duffing']['value']:.2f} per V^2" in text
+    assert f"|v| v with {found['damping_quadratic']['value']:.3f} per V" in text.replace("\\|", "|")
+    assert f"does not repeat is {job['heldout']['multisine']['floor']:.2f} mV" in text
+    low, high = min(ratios(job).values()), max(ratios(job).values())
+    assert f"Unexplained: {low:.1f} to {high:.1f} floors" in text
+
+
+def test_numbers_in_the_text_on_the_crystals():
+    narrow, wide = (job for _, job in sorted(jobs("quartz_vna").items()))
+    found, text = effects(narrow), TEXT["resonators"]
+    assert abs(found["sweep_rate"]["value"] / effects(wide)["sweep_rate"]["value"] - 1) < 1e-3
+    assert list(effects(wide)) == ["sweep_rate"]
+    (h,) = narrow["heldout"].values()
+    assert f"wrong by {h['before']:.0f} parts in 1000" in text
+    assert f"(Duffing, {found['duffing']['value']:.0f} Hz at full response" in text
+    assert f"the path steps by {found['path_step_im']['value']:.4f}" in text
+    assert f"misses the first {100 * found['receiver_wait']['value']:.0f} % of a step" in text
+    assert f"pauses for {-found['kick_re']['value']:.0f} us at each step" in text
+    assert f"that is {h['floor'] / h['noise']:.0f} times the receiver's noise" in text
+    assert f"nothing beyond {h['after'] / h['floor']:.2f} times what does not repeat" in text
+    assert "twice the noise" in text
+    assert 1.8 < ratios(wide)["sweep_2"] < 2.5
+
+
+def test_numbers_in_the_text_on_the_membranes():
+    text, found = TEXT["resonators"], {k: effects(job) for k, job in jobs("mems_ringdown").items()}
+    c = [found[sample]["damping_cubic"]["value"] for sample in ("SP64-32", "SP64-33")]
+    assert f"c = {c[0]:.3f} /(s uW) for SP64-32 and {c[1]:.3f} for SP64-33" in text
+
+
+def test_numbers_in_the_text_on_the_parts():
+    text, (two, one, second) = TEXT["parts"], jobs("dac16_levels").values()
+    assert f"the fifth eighth is {-effects(two)['element 5/8']['value']:.1f} LSB too small" in text
+    assert set(effects(one)) == set(effects(two))
+    assert {len(effects(one)): "sixteen"}[16] + " laws" in text
+    assert f"{ratios(one)['level']:.1f} floors are left" in text
+    share, start, stop, shared = re.search(
+        r"(\d+) % of its power .* (\S+) \.\. (\S+);.* (\S+)$", one["rest"]["level"]
+    ).groups()
+    assert f"{share} % of it lies in codes 41 000 to 47 500" in text
+    assert (round(float(start), -3), round(float(stop) / 500) * 500) == (41000, 47500)
+    assert f"correlates with {shared}:" in text
+    assert not second["effects"]
+    (gyro,) = jobs("gyro_static").values()
+    first, first_settles, other, other_settles = gyro["effects"]
+    assert f"a peak that settles at {first['hz']:.1f} Hz, from {100 * first_settles['value']:.0f} % above" in text
+    assert first_settles["law"].endswith("settling in 3000 s")
+    assert f"a weaker one at {other['hz']:.1f} Hz" in text
+    assert f"{other['law'].split()[-2]} Hz; from {100 * other_settles['value']:.0f} % above it" in text
+
+
+def test_numbers_in_the_text_on_the_meters():
+    text, found = TEXT["parts"], jobs("dmm_linearity")
+    whole, half = found["9 meter(s), random order"], found["9 meter(s), random order, first half chooses"]
+    laws = [e["law"].split(": ") for e in whole["effects"]]
+    warm = {meter for meter, law in laws if law.startswith(("gain with temp", "gain with room"))}
+    counts = {1: "one", 3: "three", 5: "five"}
+    assert f"in each of {counts[len(warm)]} meters" in text
+    assert f"between the polarities in {counts[sum(law == 'turnover' for _, law in laws)]} of them" in text
+    assert f"point before in {counts[sum(law == 'memory' for _, law in laws)]}." in text
+    worst = max(ratios(whole), key=ratios(whole).get)
+    assert [m for m, r in ratios(whole).items() if r > 1.5] == [worst], "the broken one"
+    assert "(neighbours correlate with 0.85)" in text
+    assert "neighbours 0.85 " in whole["rest"][worst]
+    lost = sorted(r for m, r in ratios(half).items() if r > 1.5 and m != worst)
+    words = f"for {counts[len(lost)]} meters beside the broken one ({lost[0]:.1f} to {lost[-1]:.1f} floors)"
+    assert words in text
+
+
+@pytest.mark.parametrize("name", ["dac16_levels", "dmm_linearity", "gyro_static", "mems_ringdown", "silverbox"])
+def test_what_runs_in_the_loop_has_its_numbers(name):
+    rows = KEPT[name]["closed_loop"]
+    controls = [row for row in rows if row["effect"].startswith("control")]
+    assert len(rows) > len(controls) == len(in_loop.CONTROLS)
+    assert all(isinstance(row[key], float) for row in rows for key in ("scale_ppm", "bias_deg_per_h", "noise_percent"))
