@@ -25,6 +25,7 @@ from testbench.golden import aig, benches, blocks, bundle, judge, ranges
 from testbench.golden.miter import compact
 
 COUNT, SEED = 150, 1
+MOST_UNDECIDED = 0.02  # of the faults
 MAX_COUNT = 10_000
 SURPLUS = 3  # faults asked for per fault wanted: those on clock pins are dropped
 TOOL_S = 1800  # a tool that runs longer than this has hung
@@ -57,6 +58,12 @@ class Outcome(NamedTuple):
         """Killed over those not proved equivalent; 1 when there is none."""
         real = self.mutants - self.equivalent
         return self.killed / real if real else 1.0
+
+    @property
+    def passed(self):
+        """No fault is alive, and few are undecided: killed are all of which it is known that they can be."""
+        alive = self.mutants - self.killed - self.equivalent - self.undecided
+        return not alive and self.undecided <= MOST_UNDECIDED * self.mutants
 
     def to_dict(self):
         return {**self._asdict(), "score": self.score}

@@ -123,7 +123,7 @@ def _wiring(rtl, out, count):
 
 
 def scores(rtl, out, options):
-    """Mutation score of a case of every block and of the wiring; True if all that are measured are 100 %."""
+    """Mutation score of a case of every block and of the wiring; True if all that are measured have passed."""
     stems, whole = [*blocks.BLOCKS, top.STEM], True
     for stem in options.only:
         if stem not in stems:
@@ -138,7 +138,7 @@ def scores(rtl, out, options):
         say("  " + outcome.text().replace("\n", "\n  ") + f"; {took:.1f} s of a processor")
         known[stem] = measured.entry(outcome, vectors, measured.design(files), took)
         write_text(out / measured.MUTATION, json.dumps([known[s] for s in stems if s in known], indent=1) + "\n")
-        whole &= outcome.score == 1
+        whole &= outcome.passed
     return whole
 
 

@@ -21,7 +21,7 @@ def test_every_block_and_the_wiring_meet_their_limits():
         assert e["killed"] + e["equivalent"] + len(e["left"]) == e["mutants"]
         assert e["score"] == e["killed"] / (e["mutants"] - e["equivalent"])
         assert {s["verdict"] for s in e["left"]} <= {"undecided"}
-        assert len(e["left"]) == e["undecided"] <= 0.02 * e["mutants"]
+        assert len(e["left"]) == e["undecided"] <= mutate.MOST_UNDECIDED * e["mutants"]
 
 
 @pytest.mark.parametrize("stem", list(blocks.BLOCKS))

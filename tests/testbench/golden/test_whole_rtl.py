@@ -81,6 +81,14 @@ def test_scores_are_noted_left_and_must_all_be_whole(tmp_path, monkeypatch):
     assert not whole_rtl.scores(RTL, tmp_path, options)
 
 
+@pytest.mark.parametrize(
+    ("killed", "equivalent", "undecided", "passed"),
+    [(140, 10, 0, True), (137, 10, 3, True), (136, 10, 4, False), (139, 10, 0, False), (136, 10, 3, False)],
+)
+def test_no_fault_may_be_alive_and_few_undecided(killed, equivalent, undecided, passed):
+    assert Outcome("x", "y", 1, 150, killed, equivalent, undecided, []).passed == passed
+
+
 def test_one_score_alone_keeps_the_others(tmp_path, monkeypatch):
     monkeypatch.setattr(whole_rtl.mutate_top, "score", lambda rtl, count: Outcome("top", "y", 1, count, 7, 0, 0, []))
     whole_rtl.scores(RTL, tmp_path, SimpleNamespace(count=9, only=["top"]))
