@@ -30,6 +30,7 @@ MAX_COUNT = 10_000
 SURPLUS = 3  # faults asked for per fault wanted: those on clock pins are dropped
 TOOL_S = 1800  # a tool that runs longer than this has hung
 SELECT = "gyro_mutant"
+CLOCK_PINS = (" -port CLK", " -port clk")  # of cells, of the blocks in the whole design
 TOOLS = judge.TOOLS
 
 
@@ -136,14 +137,14 @@ def prepare(folder, manifest, files, work):
     run_tool(["yosys", "-q", "-p", "; ".join(steps)], work, f"{stem}: the design")
 
 
-def choose(work, count, seed, what):
-    """`count` faults of base.il, or all there are."""
-    steps = f"read_ilang base.il; mutate -list {SURPLUS * count} -seed {seed} -o list.txt"
+def choose(work, count, seed, what, module=""):
+    """`count` faults of base.il, or of the cells of one of its modules; or all there are. None on a clock pin."""
+    steps = f"read_ilang base.il; mutate -list {SURPLUS * count} -seed {seed} -o list.txt {module}"
     run_tool(["yosys", "-q", "-p", steps], work, what)
     mutants, seen = [], set()
     for line in (work / "list.txt").read_text().splitlines():
         options = re.sub(r"^mutate | -(src|wire|wirebit) \S+", "", line).strip()
-        if " -port CLK" in options or options in seen:
+        if any(pin in options for pin in CLOCK_PINS) or options in seen or f"-module {module}" not in options:
             continue
         seen.add(options)
         places = re.findall(r"-src (\S+)", line)

@@ -25,14 +25,12 @@ from testbench.errors import ConfigError, FileError
 from testbench.golden import board, judge, recording, replay, unreachable
 from testbench.golden.blocks import RESET_INPUT
 from testbench.golden.loop import library
-from testbench.golden.mutate import SEED, SELECT, TOOLS, Mutant, Outcome, faulted, run_tool
+from testbench.golden.mutate import SEED, SELECT, TOOLS, Outcome, choose, faulted, run_tool
 
 COUNT = 150
 CASES = ("reset", "story_digital", "story")
-SURPLUS = 3
 TOP = "mutable"
 ROM = r'\b(SINE_ROM_FILE|CORDIC_ROM_FILE)(\s*)= ""'
-NO_FAULTS = (" -port clk", " -port CLK")
 FLAT = f"hierarchy -top {TOP}; flatten; opt_clean; memory -nomap -nordff; opt_clean; "
 CHUNK = 40  # frames that are held at a time
 WORD = 64
@@ -64,23 +62,6 @@ def _prepare(params, rtl, work):
     ]
     (work / "base.ys").write_text("\n".join(script) + "\n")
     run_tool(["yosys", "-q", "base.ys"], work, "top: the design")
-
-
-def choose(work, count, seed):
-    """`count` faults of the cells of gyro_top, or all there are."""
-    script = f"read_ilang base.il; mutate -list {SURPLUS * count} -seed {seed} -o list.txt {TOP}"
-    run_tool(["yosys", "-q", "-p", script], work, "top")
-    mutants, seen = [], set()
-    for line in (work / "list.txt").read_text().splitlines():
-        options = re.sub(r"^mutate | -(src|wire|wirebit) \S+", "", line).strip()
-        if any(word in options for word in NO_FAULTS) or options in seen or f"-module {TOP}" not in options:
-            continue
-        seen.add(options)
-        places = re.findall(r"-src (\S+)", line)
-        mutants.append(Mutant(len(mutants) + 1, options, places[-1] if places else "?"))
-        if len(mutants) == count:
-            break
-    return mutants
 
 
 # ---- clocks, 64 at a time ------------------------------------------------------------------------------------------
@@ -267,7 +248,7 @@ def score(rtl, cases=CASES, count=COUNT, seed=SEED, keep=None):
             work = Path(keep or temporary).resolve() / case
             designs.append(_Design(recording.load(case), rtl, work))
             if not mutants:
-                alive = mutants = choose(work, count, seed)
+                alive = mutants = choose(work, count, seed, "top", TOP)
             designs[-1].build(alive)
             killed = _killed(designs[-1], alive)
             alive = [m for m in alive if m.number not in killed]

@@ -242,11 +242,8 @@ def _alive(record):
                 yield Finding("R10", f"/streams/{stream}", text)
 
 
-RULES = (
-    _complete,
-    _units,
-    _codes,
-    _finite,
+# Rules that take for granted what the ones before them ask for
+LATE = (
     _rates,
     _ordered,
     _gaps,
@@ -259,17 +256,4 @@ RULES = (
     check_tables.counters,
     check_tables.uncertain,
 )
-# Rules that take for granted what the ones before them ask for
-LATE = {
-    _rates,
-    _ordered,
-    _gaps,
-    _alive,
-    check_tables.known,
-    check_tables.log,
-    check_tables.segments,
-    check_tables.repeats,
-    check_tables.priors,
-    check_tables.counters,
-    check_tables.uncertain,
-}
+RULES = (_complete, _units, _codes, _finite, *LATE)
