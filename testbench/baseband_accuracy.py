@@ -2,19 +2,24 @@
 
     python -m testbench.baseband_accuracy [case ..]                   prints the table of docs/parts/averaged.md
     python -m testbench.baseband_accuracy [case ..] --not-retimed     with references that leave at any clock
-    python -m testbench.baseband_accuracy [case ..] --twin            the frame engine against itself, see below
+    python -m testbench.baseband_accuracy [case ..] --anew            the baseband engine anew every half second
+    python -m testbench.baseband_accuracy [case ..] --twins           frame engines among themselves, too
 
 Both engines run the same gyroscope with all noise on, from power-on or from one locked state. Per 8 kHz stream: mean
 and rms of the difference in units of sigma, the stream's own noise: the frame engine's, about its course at constant
 conditions (a polynomial of third degree over four seconds: the slowest loop crosses over at 1 Hz). DAC codes at a
 frame's first instant are samples of the carrier, no streams; `phase` is one where there is a motion. phase of x: the
 drive mode's lag on theta, from truth and words; frequency: mean of the word. The last two are of the last half second.
-Twin: a second frame engine in place of the baseband engine, its drive motion turned by TWIN_RAD at the start: what the
-model's own sensitivity makes of a difference that no measurement sees. Cases from lock only.
+Both from lock only:
+    anew    the baseband engine takes the frame engine's state every STEP_S: what it does wrong by itself, before the
+            model's own sensitivity makes more of it
+    twins   TWINS runs of either engine, the drive motion turned at the start by angles that no measurement sees, all
+            compared with each other: what that sensitivity makes of nothing
 Source    docs/parts/averaged.md
 """
 
 import cmath
+import itertools
 import math
 import sys
 from typing import NamedTuple
@@ -49,7 +54,8 @@ STEP_S = 0.5
 QUIET_FRAMES = 32_000  # four seconds
 MOVING = 0.01  # of the largest magnitude: below it the phase is that of noise
 NOT_RETIMED = "--not-retimed"
-TWIN, TWIN_RAD = "--twin", 1e-8
+ANEW, AMONG = "--anew", "--twins"
+TWINS, TWINS_RAD = 12, (1e-8, 1e-7, 1e-6)  # how many, and the largest angle between two of them
 LATE_FRAMES = 4000  # half a second
 SETTLED_S = 1.0
 DEG = math.pi / 180
@@ -80,6 +86,14 @@ class Found(NamedTuple):
     phase_deg: float
     frequency_hz: float
     states: int
+
+
+class Start(NamedTuple):
+    """Where a case begins, a second after lock; None from power-on."""
+
+    values: dict
+    sigmas: dict
+    turn_clock: int
 
 
 def configuration(case, **values):
@@ -113,19 +127,57 @@ def turned(values, angle_rad):
     return values | {"plant.z": z}
 
 
-def _run(case, checked, engine, values):
-    """Columns of a case in an engine, from power-on or from the state `values`."""
-    sim = Simulation(checked, min(case.temps_degc), max(case.temps_degc), engine=engine)
-    if values is None:
-        sim.now = (np.zeros(1), np.full(1, case.temps_degc[0]))
-        for name, raw in sim.first_writes:
-            sim.write(name, raw)
-        sim.advance(round(case.start_up_s * TICK_HZ), 0.0, case.temps_degc[0])
-        return sim.columns()
+def _simulation(case, checked, engine):
+    return Simulation(checked, min(case.temps_degc), max(case.temps_degc), engine=engine)
+
+
+def start_of(case, checked):
+    """`Start` of a case, and sigma of every stream from four quiet seconds."""
+    rate, temp = (case.rates_deg_s or (0.0,))[0] * DEG, case.temps_degc[0]
+    sim = _simulation(case, checked, "frame")
+    simulate.start(checked, sim, rate, temp)
+    sim.advance(round(SETTLED_S * TICK_HZ), rate, temp)
+    values = None if case.start_up_s else sim.state_values()
+    sim.advance(QUIET_FRAMES * FRAME_TICKS, rate, temp)
+    quiet, at, sigmas = sim.columns(), np.arange(QUIET_FRAMES), {}
+    for name in STREAMS:
+        last = quiet[name][-QUIET_FRAMES:].astype(float)
+        sigmas[name] = float(np.std(last - np.polyval(np.polyfit(at, last, 3), at)))
+    return Start(values, sigmas, setup(sim.params).valid + SLOT_WORD + 1)
+
+
+def _powered_on(case, checked, engine):
+    """Columns of a start-up in an engine."""
+    sim = _simulation(case, checked, engine)
+    sim.now = (np.zeros(1), np.full(1, case.temps_degc[0]))
+    for name, raw in sim.first_writes:
+        sim.write(name, raw)
+    sim.advance(round(case.start_up_s * TICK_HZ), 0.0, case.temps_degc[0])
+    return sim.columns()
+
+
+def lived(case, checked, engine, *states):
+    """Columns of a case from lock, in an engine that takes one of `states` after the other, for equal times."""
+    sim = _simulation(case, checked, engine)
+    rate, temp = _profiles(case)
+    frames = len(rate) // len(states)
+    for k, values in enumerate(states):
+        part = slice(k * frames, (k + 1) * frames)
+        sim.set_state(values)
+        sim.advance(frames * FRAME_TICKS, rate[part], temp[part])
+    return sim.columns()
+
+
+def _states(case, checked, values):
+    """States of the frame engine at the begin of every STEP_S of a case."""
+    sim = _simulation(case, checked, "frame")
     sim.set_state(values)
     rate, temp = _profiles(case)
-    sim.advance(len(rate) * FRAME_TICKS, rate, temp)
-    return sim.columns()
+    frames = len(rate) // len(case.rates_deg_s)
+    for k in range(len(case.rates_deg_s)):
+        yield sim.state_values()
+        part = slice(k * frames, (k + 1) * frames)
+        sim.advance(frames * FRAME_TICKS, rate[part], temp[part])
 
 
 def _lag_deg(columns, turn_clock):
@@ -137,46 +189,91 @@ def _lag_deg(columns, turn_clock):
     return -np.angle(x * np.exp(-2j * np.pi * theta), deg=True)
 
 
-def compare(case, checked=None, twin=False):
-    """`Found` of a case; `twin`: of two frame engines."""
-    checked = checked or configuration(case)
-    rate, temp = (case.rates_deg_s or (0.0,))[0] * DEG, case.temps_degc[0]
-    sim = Simulation(checked, min(case.temps_degc), max(case.temps_degc), engine="frame")
-    simulate.start(checked, sim, rate, temp)
-    sim.advance(round(SETTLED_S * TICK_HZ), rate, temp)
-    values = None if case.start_up_s else sim.state_values()
-    sim.advance(QUIET_FRAMES * FRAME_TICKS, rate, temp)
-    quiet = sim.columns()
-    turn_clock = setup(sim.params).valid + SLOT_WORD + 1
-    frame = _run(case, checked, "frame", values)
-    baseband = (
-        _run(case, checked, "frame", turned(values, TWIN_RAD)) if twin else _run(case, checked, "baseband", values)
-    )
+def _found(start, frame, other, since=0):
+    """`Found` of two runs that have a state in common at row `since`."""
     streams = {}
-    at = np.arange(QUIET_FRAMES)
-    for name in STREAMS:
-        last = quiet[name][-QUIET_FRAMES:].astype(float)
-        sigma = float(np.std(last - np.polyval(np.polyfit(at, last, 3), at)))
-        difference = (baseband[name] - frame[name]).astype(float)
+    for name, sigma in start.sigmas.items():
+        difference = (other[name] - frame[name]).astype(float)
         if name == "phase":
             difference = difference[frame["magnitude"] > MOVING * frame["magnitude"].max()]
         streams[name] = (sigma, difference.mean() / sigma, float(np.sqrt((difference**2).mean())) / sigma)
     late = slice(-LATE_FRAMES, None)
-    lag = (_lag_deg(baseband, turn_clock) - _lag_deg(frame, turn_clock) + 180.0) % 360.0 - 180.0
-    word = (baseband["frequency_word"] - frame["frequency_word"])[late].mean()
-    states = int(sum((baseband[name] != frame[name]).sum() for name in STATES))
+    lags = [_lag_deg({n: v[since:] for n, v in run.items()}, start.turn_clock) for run in (other, frame)]
+    lag = (lags[0] - lags[1] + 180.0) % 360.0 - 180.0
+    word = (other["frequency_word"] - frame["frequency_word"])[late].mean()
+    states = int(sum((other[name] != frame[name]).sum() for name in STATES))
     return Found(streams, float(lag[late].mean()), float(word) * MASTER_HZ / 2**48, states)
+
+
+def compare(case, checked=None, anew=False):
+    """`Found` of a case; `anew`: where the baseband engine takes the frame engine's state every STEP_S."""
+    checked = checked or configuration(case)
+    start = start_of(case, checked)
+    if case.start_up_s:
+        return _found(start, *(_powered_on(case, checked, engine) for engine in ("frame", "baseband")))
+    states = list(_states(case, checked, start.values)) if anew else [start.values]
+    frame, baseband = (lived(case, checked, engine, *states) for engine in ("frame", "baseband"))
+    return _found(start, frame, baseband, len(frame["phase"]) * (len(states) - 1) // len(states))
+
+
+def twins(case, checked=None, rad=TWINS_RAD[0], count=TWINS):
+    """`Found` of every two of `count` frame engines, then as many baseband, all turned by 0 .. `rad` at the start."""
+    checked = checked or configuration(case)
+    start = start_of(case, checked)
+    states = [turned(start.values, rad * k / (count - 1)) for k in range(count)]
+    runs = [lived(case, checked, engine, values) for engine in ("frame", "baseband") for values in states]
+    return {(i, k): _found(start, runs[i], runs[k]) for i, k in itertools.combinations(range(len(runs)), 2)}
+
+
+def figures(found):
+    """Every figure that has a limit, by name: (figure, limit, unit)."""
+    out = {f"{n}: mean": (m, MEAN_LIMIT, "sigma") for n, (_, m, _) in found.streams.items()}
+    out |= {f"{n}: rms": (r, RMS_LIMIT, "sigma") for n, (_, _, r) in found.streams.items()}
+    out["phase of x"] = found.phase_deg, PHASE_LIMIT_DEG, "deg"
+    out["frequency"] = found.frequency_hz, FREQUENCY_LIMIT_HZ, "Hz"
+    return out
+
+
+def beyond(found):
+    """Names of the figures that are beyond their limits."""
+    return {name for name, (value, limit, _) in figures(found).items() if not abs(value) < limit}
 
 
 def failures(found):
     """Lines of what is beyond the limits."""
-    out = [f"{n}: mean {m:+.3f} sigma" for n, (_, m, _) in found.streams.items() if not abs(m) < MEAN_LIMIT]
-    out += [f"{n}: rms {r:.3f} sigma" for n, (_, _, r) in found.streams.items() if not r < RMS_LIMIT]
-    if not abs(found.phase_deg) < PHASE_LIMIT_DEG:
-        out.append(f"phase: {found.phase_deg:+.5f} deg")
-    if not abs(found.frequency_hz) < FREQUENCY_LIMIT_HZ:
-        out.append(f"frequency: {found.frequency_hz:+.6f} Hz")
+    over = beyond(found)
+    return [f"{name} {value:+.5g} {unit}" for name, (value, _, unit) in figures(found).items() if name in over]
+
+
+def sizes(pairs, name):
+    """Magnitudes of a figure of `twins`, (runs, runs)."""
+    runs = max(k for _, k in pairs) + 1
+    out = np.zeros((runs, runs))
+    for (i, k), found in pairs.items():
+        out[i, k] = out[k, i] = abs(figures(found)[name][0])
     return out
+
+
+def among(found, by_rad):
+    """Markdown: what is beyond a limit, beside the same of `twins` by their angle.
+
+    Median / largest, of frame engines among themselves, and of baseband engines against frame engines.
+    """
+    head, groups = [], []
+    for rad, pairs in by_rad.items():
+        head += [f"frame, {rad:g} rad", f"baseband, {rad:g} rad"]
+        groups.append([f for (_, k), f in pairs.items() if k < TWINS])
+        groups.append([f for (i, k), f in pairs.items() if i < TWINS <= k])
+    lines = ["| figure | limit | baseband | " + " | ".join(head) + " |", "|---|---:|---:|" + "---:|" * len(head)]
+    over = beyond(found).union(*map(beyond, groups[0]))
+    for name, (value, limit, unit) in figures(found).items():
+        if name in over:
+            all_sizes = [[abs(figures(f)[name][0]) for f in group] for group in groups]
+            cells = [f"{np.median(s):.3f} / {max(s):.3f}" for s in all_sizes]
+            lines.append(f"| {name}, {unit} | {limit:g} | {value:+.3f} | " + " | ".join(cells) + " |")
+    cells = [f"{sum(bool(beyond(f)) for f in group)} of {len(group)}" for group in groups]
+    lines.append("| pairs beyond a limit | | | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
 
 
 def table(results):
@@ -195,11 +292,18 @@ def table(results):
 def main(names):
     """Run the named cases, or all, and print the table and what is beyond the limits."""
     values = {"firmware__reference_retimed": False} if NOT_RETIMED in names else {}
-    twin = TWIN in names
-    chosen = [name for name in names if name not in (NOT_RETIMED, TWIN)]
-    chosen = chosen or [name for name, case in CASES.items() if not (twin and case.start_up_s)]
-    results = {name: compare(CASES[name], configuration(CASES[name], **values), twin) for name in chosen}
-    print(table(results))
+    anew, pairs = ANEW in names, AMONG in names
+    chosen = [name for name in names if name not in (NOT_RETIMED, ANEW, AMONG)]
+    chosen = [name for name in chosen or CASES if not ((anew or pairs) and CASES[name].start_up_s)]
+    results = {}
+    for name in chosen:
+        case, checked = CASES[name], configuration(CASES[name], **values)
+        results[name] = compare(case, checked, anew)
+        if pairs:
+            found = among(results[name], {rad: twins(case, checked, rad) for rad in TWINS_RAD})
+            print(f"{name}\n\n{found}\n")
+    if not pairs:
+        print(table(results))
     for name, found in results.items():
         for line in failures(found):
             print(f"beyond the limits: {name}: {line}")

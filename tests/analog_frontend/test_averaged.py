@@ -1,5 +1,6 @@
 """The averaged plant's parts: short formulas to what they claim, the same noise samples, modes continuous at jumps."""
 
+import itertools
 import math
 
 import numpy as np
@@ -8,7 +9,9 @@ import pytest
 from analog_frontend import adc, averaged, averaged_modes, averaged_noise, averaged_sid, noise
 from analog_frontend import top as plant
 from analog_frontend.averaged_modes import M_SIZE, NOW_SIZE, NOW_TEMP, A, F
+from fpga_model import dds, references
 from fpga_model.jit import hot
+from fpga_model.rates import FRAME_CYCLES, TICK_CYCLES
 from testbench import baseband_setup, build, config
 from testbench.paper import boards
 from tests.testbench.bench_setup import configured
@@ -110,6 +113,65 @@ def test_cv_and_force_samples_are_the_held_ones(params, setup):
         x = table[0] @ samples["force_x"][part] + table[2] @ samples["drive_dac"][part]
         y = table[1] @ samples["force_y"][part] + table[3] @ samples["sense_dac"][part]
         assert room.growth[4 * n : 4 * n + 4] == pytest.approx(np.concatenate([x, y]), rel=1e-9)
+
+
+# ---- edges -----------------------------------------------------------------------------------------------------------
+
+WORD, TURN_CLOCK, TURN = dds.word_of_hz(11_001.1001), 461, 1 << dds.WIDTH
+
+
+@hot
+def _demodulate(p, q, phase, old, turn_clock, turn_phase, new, offsets, base, cubic, poles, volts, sums):
+    averaged_sid.demodulate(
+        p, q, phase, old, turn_clock, turn_phase, new, offsets, base, cubic, poles, volts, sums, 100, 0.0
+    )
+
+
+def _pins(p, phase, words, offsets):
+    """The four pins of the firmware at every clock of len(words) - 1 frames; a word changes at TURN_CLOCK."""
+    d, r, out = dds.State(phase=phase), references.State(), []
+    for old, new in itertools.pairwise(words):
+        for clock in range(FRAME_CYCLES):
+            out.append(references.pins(p, r))
+            r = references.step(p, r, d.drive_ref, d.sense_ref, int(clock % TICK_CYCLES == 0))
+            d = dds.step(d, old if clock < TURN_CLOCK else new, 0, 0, *offsets)
+    return np.array(out)[:, None] >> np.arange(4) & 1
+
+
+def _cases():
+    rng = np.random.default_rng(1)
+    for _ in range(6):
+        words = [int(w) for w in WORD + rng.integers(-WORD // 100, WORD // 100, 5)]
+        yield int(rng.integers(TURN)), words, tuple(int(v) for v in rng.integers(TURN, size=2))
+    # a crossing at a clock, an LSB before and after it, with which an edge comes a tick later
+    for clock in (26 * 70 - 3, 26 * 70 - 2, 26 * 70 - 1):
+        for past in (-1, 0, 1):
+            yield (TURN // 2 - (FRAME_CYCLES + clock) * WORD + past) % TURN, [WORD] * 5, (0, TURN // 8)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("retimed", [True, False], ids=["retimed", "any clock"])
+def test_edges_are_those_of_the_firmware_clock_by_clock(setup, retimed):
+    """Where the words agree the edges agree: no reference slips a tick in one engine and not in another."""
+    align = setup.sid.delay - 2
+    p = references.design(align, retimed)
+    sid = setup.sid._replace(retimed=int(retimed))
+    for phase, words, offsets in _cases():
+        pins = _pins(p, phase, words, offsets)
+        q = np.zeros(4 * averaged_sid.Q_ROWS)
+        q[4 * averaged_sid.WAITING :][:4] = -1.0
+        q[4 * averaged_sid.SIGN :][:4] = 1.0
+        for n, (old, new) in enumerate(itertools.pairwise(words)):
+            turned = (phase + TURN_CLOCK * old) % TURN
+            room = np.zeros(8), np.zeros(16), (0.0,) * 6, np.zeros(200), np.zeros(200)
+            _demodulate(sid, q, phase, old, TURN_CLOCK, turned, new, offsets, *room)
+            phase = (turned + (FRAME_CYCLES - TURN_CLOCK) * new) % TURN
+            for d in range(4 if n else 0):  # what waits for the first frame is not known
+                # row n is what clock n finds, so what differs in row n + 1 has changed at clock n
+                edges = np.flatnonzero(np.diff(pins[:, d])) - n * FRAME_CYCLES + sid.switch
+                acted = edges[edges < FRAME_CYCLES][-2:] - FRAME_CYCLES
+                found = [q[4 * row + d] for row in (averaged_sid.BEGAN, averaged_sid.CLOSED_AT)]
+                assert found == pytest.approx(acted, abs=1e-6), (words, offsets, n, d)
 
 
 # ---- basis -----------------------------------------------------------------------------------------------------------
