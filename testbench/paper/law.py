@@ -22,6 +22,7 @@ from testbench.paper.characterise import engine_of
 SOURCES = ("thermomechanical", "cv", "dac", "adc", "flicker", "jitter")
 SCALE_YE1_DEG = (0.0, 1.5, 3.0, 4.5, 6.0, 7.5, 9.0)
 DRIVE_XE1_DEG = (-9.0, -6.0, -3.0, 0.0, 3.0, 6.0, 9.0)
+NOT_RETIMED = "none, edges not re-timed"
 RATE_DPS, SETTLE_S, READ_S = 100.0, 3.0, 6.0
 
 
@@ -102,7 +103,8 @@ def derived_noise(config):
     loop = loops.close(p)
     density = sensitivity.density_dps(p, loop)
     rounding = ("adc_rounding", "dac_rounding", "v_q_rounding")
-    own = {"none": rounding} | {s: (s, *rounding) for s in ("thermomechanical", "cv", "adc", "dac")}
+    own = dict.fromkeys(("none", NOT_RETIMED), rounding)
+    own |= {s: (s, *rounding) for s in ("thermomechanical", "cv", "adc", "dac")}
     out = {
         source: {"arw_deg_per_rt_h": 60 / math.sqrt(2) * math.hypot(*(density[n] for n in names))}
         for source, names in own.items()
@@ -111,9 +113,7 @@ def derived_noise(config):
     by_offset = [abs(loops.response(loop, sensitivity.ARW_HZ, c)[0]) for c in (loops.OFFSET_SIN, loops.OFFSET_COS)]
     per_volt = math.hypot(*by_offset) / (advisor.rest_gain(loop) * loops.DEG)
     floor = {"instability_deg_per_h": math.sqrt(2 * math.log(2)) * p.flicker_v_per_rthz * abs(per_volt) * 3600}
-    return {
-        name: out.get(name, {}) | (floor if name in ("all", "flicker") else {}) for name in ("all", "none", *SOURCES)
-    }
+    return {name: out.get(name, {}) | (floor if name in ("all", "flicker") else {}) for name in ("all", *own, *SOURCES)}
 
 
 def _quiet_allan(config, seconds, lsb_per_dps):
@@ -127,9 +127,11 @@ def _quiet_allan(config, seconds, lsb_per_dps):
     return {"arw_deg_per_rt_h": found.arw_deg_per_rt_h, "instability_deg_per_h": found.instability_deg_per_h}
 
 
+SILENT = {f"noise.{s}": False for s in SOURCES}
 NOISE_SETS = {
     "all": {},
-    "none": {f"noise.{s}": False for s in SOURCES},
+    "none": SILENT,
+    NOT_RETIMED: SILENT | {"firmware.reference_retimed": False},
     **{f"only {s}": {f"noise.{o}": o == s for o in SOURCES} for s in SOURCES},
     **{f"without {s}": {f"noise.{s}": False} for s in SOURCES},
 }

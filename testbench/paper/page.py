@@ -153,7 +153,7 @@ def _noise_table(noise, derived):
     arw, floor = "arw_deg_per_rt_h", "instability_deg_per_h"
     rows = []
     for source, want in derived.items():
-        alone, off = (source, "") if source in ("all", "none") else (f"only {source}", f"without {source}")
+        alone, off = (source, "") if source in noise else (f"only {source}", f"without {source}")
         rows.append((source, *(of(x, arw, 4) for x in (alone, off)), _text(want.get(arw), 4),
                      *(of(x, floor, 3) for x in (alone, off)), _text(want.get(floor), 3)))  # fmt: skip
     return Table(
@@ -162,7 +162,8 @@ def _noise_table(noise, derived):
          "derived"),
         rows,
         "Alone and without: fits to the Allan deviation of simulated records. Derived: by the linear loop from the "
-        "parts' densities. An instability of 0: the fit found no flicker.",
+        "parts' densities, with the rounding of the converters. 0: the fit found none. Without any source is left "
+        "the beat of re-timed reference edges with their 1 MHz grid, of which the linear loop knows nothing.",
         (1, 2, 3, 4, 5, 6),
     )  # fmt: skip
 
