@@ -52,7 +52,7 @@ from analog_frontend.eight import (
 )
 from analog_frontend.noise import HOLD
 from analog_frontend.records import taken
-from analog_frontend.top import JITTERED
+from analog_frontend.sid_edges import JITTERED
 from analog_frontend.vector import LANES, integers, larger, load, splat, store
 from fpga_model.jit import inlined, outlined
 

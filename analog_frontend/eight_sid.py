@@ -24,7 +24,7 @@ from analog_frontend.eight import (
     opened,
 )
 from analog_frontend.sid import STAGES, TERMS
-from analog_frontend.top import DEMODULATORS, JITTERED, TICK_CYCLES, acting, switched
+from analog_frontend.sid_edges import DEMODULATORS, JITTERED, TICK_CYCLES, acting, switched
 from analog_frontend.vector import clamped, integers, load, splat, store
 from fpga_model.jit import inlined, outlined
 

@@ -21,19 +21,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analog_frontend import adc, dac, dac_levels, effects, linear, noise, propagator, sid
+from analog_frontend import adc, dac, dac_levels, effects, linear, noise, propagator, sid, sid_edges
 from analog_frontend.effects import law
 from analog_frontend.linear import (
-    CV_ADDED_X,
-    CV_ADDED_Y,
     CV_NOISE_X,
     CV_NOISE_Y,
-    CX2,
-    CX3,
-    CY2,
-    CY3,
-    D3,
-    FEED,
     IN_DU_DRIVE,
     IN_DU_SENSE,
     IN_FX,
@@ -46,7 +38,6 @@ from analog_frontend.linear import (
     JITTER_SENSE,
     LEVEL_DRIVE,
     LEVEL_SENSE,
-    PATH,
     STATE_ROWS,
     STRIDE,
 )
@@ -62,8 +53,9 @@ from analog_frontend.propagator import (
     U_DRIVE,
     U_SENSE,
 )
-from analog_frontend.vector import LANES, aligned, load, splat, store
-from fpga_model.jit import inlined, inner, outlined
+from analog_frontend.sid_edges import JITTERED
+from analog_frontend.vector import LANES, aligned, load, store
+from fpga_model.jit import inner, outlined
 
 STATES = 16
 V_DRIVE, V_SENSE, X, VX, Y, VY, FIRST_CV, CV_X, CV_Y = 2, 5, 6, 7, 8, 9, 10, 12, 15
@@ -73,10 +65,11 @@ ONE = np.int64(1)  # typed: Numba compiles a function anew for every constant th
 DEMODULATORS = sid.DEMODULATORS
 MAX_EDGES = sid.MAX_EDGES
 DRIVE, SENSE = 0, 1
-JITTERED = 1 + DEMODULATORS  # hashes of edge jitter per tick: one for both DACs, one for an edge of each demodulator
 # Inputs that act through the modes: only these, and only for the four outputs from X on, change with rate and coupling
 MOVING_ROWS = (*range(10), U_DRIVE, U_SENSE, F_X, F_Y)
 COLUMN_ROWS = (DU_DRIVE, DU_SENSE, JIT_DRIVE, JIT_SENSE)
+DRIVE_ROWS = (IN_U_DRIVE, IN_DU_DRIVE, IN_JIT_DRIVE, LEVEL_DRIVE, JITTER_DRIVE)
+SENSE_ROWS = (IN_U_SENSE, IN_DU_SENSE, IN_JIT_SENSE, LEVEL_SENSE, JITTER_SENSE)
 # what `retune` last used
 NOW_RATE, NOW_STIFFNESS, NOW_TEMP, NOW_DRIVER, NOW_CYCLE_DRIVE, NOW_CYCLE_SENSE = range(6)
 
@@ -303,11 +296,13 @@ def tune(p, s, rate_rad_s, stiffness, temp_degc):
 
 
 @inner
-def _dac(p, s, w, which, part, levels, carry, codes, n, noisy, du, area, level, jitter):
+def _dac(s, w, which, part, levels, carry, codes, n, rows):
     """Rows of one DAC: its output at each tick, step and impulse area that act in it. Mutates.
 
-    A code acts in its own tick or, with `carry`, in the next one. `noisy` holds the noise and becomes output and noise.
+    A code acts in its own tick or, with `carry`, in the next one. `rows`: the first holds the noise and becomes output
+    and noise; then step, impulse area, level and jitter.
     """
+    noisy, du, area, level, jitter = rows
     first = level * STRIDE
     w[first] = s.volts[which]
     if carry:
@@ -389,41 +384,9 @@ def block(p, s, tick, n, drive_cycle, sense_cycle, edge_count, edges):
     jitter, rows = on.edge_jitter, (JITTER_DRIVE * STRIDE, JITTER_SENSE * STRIDE)
     noise.fill_rows(jitter, jitter, JITTERED * tick, JITTERED, w, rows[DRIVE], rows[SENSE], whole)
     carry = t.drive_carry[0, s.cycles[DRIVE]]
-    codes = s.work.drive_codes
-    _dac(
-        p,
-        s,
-        w,
-        DRIVE,
-        p.drive_dac,
-        p.drive_levels,
-        carry,
-        codes,
-        n,
-        IN_U_DRIVE,
-        IN_DU_DRIVE,
-        IN_JIT_DRIVE,
-        LEVEL_DRIVE,
-        JITTER_DRIVE,
-    )
+    _dac(s, w, DRIVE, p.drive_dac, p.drive_levels, carry, s.work.drive_codes, n, DRIVE_ROWS)
     carry = t.sense_carry[0, s.cycles[SENSE]]
-    codes = s.work.sense_codes
-    _dac(
-        p,
-        s,
-        w,
-        SENSE,
-        p.sense_dac,
-        p.sense_levels,
-        carry,
-        codes,
-        n,
-        IN_U_SENSE,
-        IN_DU_SENSE,
-        IN_JIT_SENSE,
-        LEVEL_SENSE,
-        JITTER_SENSE,
-    )
+    _dac(s, w, SENSE, p.sense_dac, p.sense_levels, carry, s.work.sense_codes, n, SENSE_ROWS)
     linear.chains(s.g, w, n)
     laws = p.laws
     if laws.force or laws.cv:
@@ -434,133 +397,9 @@ def block(p, s, tick, n, drive_cycle, sense_cycle, edge_count, edges):
     linear.pickoffs(s.g, s.pickoff, w, n, p.effects.any_force or laws.force)
     for k in range(STATES):
         s.z[k] = w[STATE_ROWS[k] * STRIDE + n]
-    demodulate(p, s, tick, n, edge_count, edges)
+    sid_edges.demodulate(p, s, tick, n, edge_count, edges, s.now[NOW_DRIVER])
     sensor_v = adc.temperature_volts(s.now[NOW_TEMP])
     return adc.block(p.adc, s.adc.clock, s.adc.sums, s.work.demodulated, n, sensor_v)
-
-
-@inner
-def demodulate(p, s, tick, n, edge_count, edges):
-    """The four demodulators: stretches without an edge, and the ticks in which a switch moves."""
-    w, out = s.work.w, s.work.demodulated
-    added = CV_NOISE_X
-    if p.effects.any_cv or p.laws.cv:
-        laws = p.laws
-        x, y, drive = CV_NOISE_X * STRIDE, CV_NOISE_Y * STRIDE, D3 * STRIDE
-        added = CV_ADDED_X
-        for t in range(n):
-            x_volts, y_volts = effects.cv_volts(p.effects, w[x + t], w[y + t], w[drive + t], w[drive + t + 1])
-            if laws.cv:
-                gain = s.work.gains
-                law_x, law_y = law.volts(laws.force, laws.cv, laws.table, gain, w, linear.PLACES, t, t + 1)
-                x_volts, y_volts = x_volts + law_x, y_volts + law_y
-            w[CV_ADDED_X * STRIDE + t] = x_volts
-            w[CV_ADDED_Y * STRIDE + t] = y_volts
-    for c in range(2):
-        noisy, path, feed = (added + c) * STRIDE, (PATH + 3 * c) * STRIDE, (FEED + 3 * c) * STRIDE
-        s1, s2, s3 = splat(p.sid.s1), splat(p.sid.s2), splat(p.sid.s3)
-        for t in range(0, n, LANES):
-            v = load(w, noisy + t)
-            store(w, feed + t, load(w, path + t) + v * s1)
-            store(w, feed + STRIDE + t, load(w, path + STRIDE + t) + v * s2)
-            store(w, feed + 2 * STRIDE + t, load(w, path + 2 * STRIDE + t) + v * s3)
-    for d in range(DEMODULATORS):
-        out[d] = sid.output(s.caps, d)
-    t, k = 0, 0
-    late = s.late_count[0] + s.late_count[1] + s.late_count[2] + s.late_count[3]
-    while t < n:
-        until = t
-        if late == 0:
-            until = min(edges[k, 0] // TICK_CYCLES, n) if k < edge_count else n
-        if until > t:
-            sid.between(p.sid, s.caps, s.switch, w, FEED, STRIDE, t, until, out)
-            t = until
-        else:
-            last = k
-            while last < edge_count and edges[last, 0] < (t + 1) * TICK_CYCLES:
-                last += 1
-            late = _switch(p, s, tick + t, t, k, last, edges, added)
-            k = last
-            t += 1
-
-
-@inlined
-def acting(switch_tau_s, switch_carry, jitter, h_s, tick, t, d, ref, first, last, edges, late_tau_s, late_count, taus):
-    """Instants within `tick`, tick `t` of a block, at which the switches of demodulator `d` move: how many, in `taus`.
-
-    ref          where the switches stand at the tick's begin
-    first, last  the tick's reference edges in `edges`. An edge whose switch acts in the next tick is kept in
-    `late_tau_s`; those kept before act now. Returns also how many are kept. Mutates `taus` and `late_tau_s`
-    """
-    count, late = late_count, 0
-    for k in range(count):
-        taus[k] = late_tau_s[k]
-        ref = 0 if ref else 1
-    for k in range(first, last):
-        if edges[k, 1] == d:
-            cycle = edges[k, 0] - TICK_CYCLES * t
-            ref = 0 if ref else 1
-            tau = switch_tau_s[ref, cycle] + noise.white(jitter, JITTERED * tick + 1 + d)
-            if switch_carry[ref, cycle] != 0:
-                late_tau_s[late] = max(tau, 0.0)
-                late += 1
-            else:
-                taus[count] = min(max(tau, 0.0), h_s)
-                count += 1
-    return count, late
-
-
-@inlined
-def switched(p, caps, d, ref, taus, count, n, p1, p2, p3, v0, dv0, v1, dv1):
-    """A tick of demodulator `d` in which its switches move `count` times; returns the reference. Mutates `caps`."""
-    if count == 1:
-        ref = 0 if ref else 1
-        sid.edge(p, caps, d, ref, taus[0], n, p1, p2, p3, v0, dv0, v1, dv1)
-        return ref
-    return sid.edges(p, caps, d, ref, taus, count, n, p1, p2, p3, v0, dv0, v1, dv1)
-
-
-@inner
-def _switch(p, s, tick, t, first_edge, last_edge, edges, added):
-    """Tick `t` of a block, in which a reference changes, now or by an edge of the tick before.
-
-    Returns how many edges act in the next tick.
-    """
-    gain, driver_s = p.slope_gain, s.now[NOW_DRIVER]
-    taus, w = s.work.taus_s, s.work.w
-    kept = 0
-    for d in range(DEMODULATORS):
-        count, late = acting(
-            p.switch_tau_s,
-            p.switch_carry,
-            p.noise.edge_jitter,
-            p.sid.h_s,
-            tick,
-            t,
-            d,
-            s.switch[d],
-            first_edge,
-            last_edge,
-            edges,
-            s.late_tau_s[d],
-            s.late_count[d],
-            taus,
-        )
-        s.late_count[d] = late
-        kept += late
-        path = (PATH if d < 2 else PATH + 3) * STRIDE + t
-        n = w[(added if d < 2 else added + 1) * STRIDE + t]
-        p1, p2, p3 = w[path], w[path + STRIDE], w[path + 2 * STRIDE]
-        if count == 0:
-            sid.full(p.sid, s.caps, d, s.switch[d], n, p1, p2, p3)
-        else:
-            cv = (CX3 if d < 2 else CY3) * STRIDE + t
-            before = (CX2 if d < 2 else CY2) * STRIDE + t
-            v0, v1 = w[cv], w[cv + 1]
-            dv0, dv1 = (gain * w[before] - v0) / driver_s, (gain * w[before + 1] - v1) / driver_s
-            s.switch[d] = switched(p.sid, s.caps, d, s.switch[d], taus, count, n, p1, p2, p3, v0, dv0, v1, dv1)
-        s.work.demodulated[4 * (t + 1) + d] = sid.output(s.caps, d)
-    return kept
 
 
 @outlined

@@ -48,14 +48,14 @@ class Partial:
 
     def save(self, layout, parts, meta):
         """Write a checkpoint: {part: {name: number or array}}."""
-        from testbench.record import save_state
+        from testbench.state_file import save_state
 
         values = {f"{part}.{name}": value for part, items in parts.items() for name, value in items.items()}
         save_state(self.checkpoint, values, f"{FORMAT} {layout}", meta)
 
     def load(self, layout):
         """(parts, meta) of the checkpoint."""
-        from testbench.record import load_state
+        from testbench.state_file import load_state
 
         self.check()
         values, meta = load_state(self.checkpoint, f"{FORMAT} {layout}")

@@ -9,20 +9,19 @@ from these. Nothing is guessed: a text "5 um" is refused with the number to writ
 Source  docs/configuration.md
 """
 
-import difflib
 import functools
-import math
 import re
 import tomllib
 from fractions import Fraction
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple, get_args, get_origin
+from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, create_model, model_validator
 
 from analog_frontend import adc, dac_levels, device
 from analog_frontend.effects import catalogue
 from testbench import law_file, scenario
+from testbench.config_errors import explain
 from testbench.errors import ConfigError
 from testbench.toml_text import read_toml, shown, toml_value
 
@@ -335,7 +334,7 @@ def from_dict(tree, source="config", origin=None):
         return Config.model_validate(tree)
     except ValidationError as problem:
         errors = problem.errors(include_url=False)
-        lines = [_explain(error, tree, source, origin or {}) for error in errors]
+        lines = [explain(error, sections(), source, origin or {}) for error in errors]
         more = f" (and {len(lines) - 1} more)" if len(lines) > 1 else ""
         raise ConfigError(lines[0] + more) from None
 
@@ -349,167 +348,10 @@ def changed(config, values):
     return from_dict(tree, "changed")
 
 
-# ---- explaining ------------------------------------------------------------------------------------------------------
-
-# Unit suffix of a key -> quantity and factor to its SI unit; what a mistaken unit can be converted with.
-SUFFIXES = {
-    **{f"{p}m": ("length", f) for p, f in (("", 1.0), ("m", 1e-3), ("u", 1e-6), ("n", 1e-9), ("p", 1e-12))},
-    **{f"{p}s": ("time", f) for p, f in (("", 1.0), ("m", 1e-3), ("u", 1e-6), ("n", 1e-9), ("p", 1e-12))},
-    **{f"{p}hz": ("frequency", f) for p, f in (("", 1.0), ("m", 1e-3), ("k", 1e3), ("meg", 1e6))},
-    **{f"{p}v": ("voltage", f) for p, f in (("", 1.0), ("m", 1e-3), ("u", 1e-6), ("n", 1e-9))},
-    **{f"{p}f": ("capacitance", f) for p, f in (("", 1.0), ("n", 1e-9), ("p", 1e-12), ("f", 1e-15))},
-    **{f"{p}ohm": ("resistance", f) for p, f in (("", 1.0), ("k", 1e3), ("meg", 1e6))},
-    **{f"{p}g": ("mass", f) for p, f in (("k", 1.0), ("", 1e-3), ("m", 1e-6), ("u", 1e-9))},
-    **dict.fromkeys(("deg", "degree", "degrees"), ("angle", 1.0)),
-    **dict.fromkeys(("rad",), ("angle", 180 / math.pi)),
-    **dict.fromkeys(("dps", "deg_per_s"), ("rate", 1.0)),
-    **dict.fromkeys(("rps", "rad_per_s", "rad_s"), ("rate", 180 / math.pi)),
-    **dict.fromkeys(("degc", "celsius", "c"), ("temperature", 1.0)),
-    **{name: ("ratio", f) for name, f in (("ppm", 1e-6), ("percent", 1e-2), ("ppb", 1e-9))},
-}
-WRITTEN = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s].*?)?\s*")
-
-
-def _suffix(key):
-    """(stem, suffix) of a key whose name ends in a known unit, the longest suffix first; else (key, None)."""
-    parts = key.split("_")
-    for first in range(1, len(parts)):
-        suffix = "_".join(parts[first:]).lower()
-        if suffix in SUFFIXES and parts[first - 1] != "per":
-            return "_".join(parts[:first]), suffix
-    return key, None
-
-
-def convert(value, have, want):
-    """Number in unit suffix `want` from one in `have`, rounded to 12 digits; None if they measure different things."""
-    if have not in SUFFIXES or want not in SUFFIXES or SUFFIXES[have][0] != SUFFIXES[want][0]:
-        return None
-    return float(f"{value * SUFFIXES[have][1] / SUFFIXES[want][1]:.12g}")
-
-
 @functools.cache
 def sections():
     """Section name -> its model."""
     return {name: info.annotation for name, info in Config.model_fields.items()}
-
-
-def _unit(info):
-    unit = (info.json_schema_extra or {}).get("unit", "") if info else ""
-    return f" {unit}" if unit else ""
-
-
-def _limits(info):
-    """(lo, hi) of a number's field; None where there is none."""
-    lo = next((m.ge for m in info.metadata if hasattr(m, "ge")), None)
-    hi = next((m.le for m in info.metadata if hasattr(m, "le")), None)
-    return lo, hi
-
-
-def _choices(info):
-    return get_args(info.annotation) if get_origin(info.annotation) is Literal else ()
-
-
-def _plain(value):
-    return f"{value:g}" if isinstance(value, float) else str(value)
-
-
-def _unknown(section, key, value, path):
-    """Line for a key that does not exist: same quantity in another unit, nearest name, or another section's key."""
-    fields = sections()[section].model_fields
-    stem, suffix = _suffix(key)
-    for known in fields:
-        known_stem, known_suffix = _suffix(known)
-        if known_suffix and known_stem == stem:
-            line = f"{path} is not a known key; this quantity is in{_unit(fields[known])}: {section}.{known}"
-            fits = suffix and isinstance(value, (int, float)) and not isinstance(value, bool)
-            converted = convert(value, suffix, known_suffix) if fits else None
-            return line if converted is None else f"{line} = {_plain(converted)}"
-    for name, model in sections().items():
-        if key in model.model_fields and name != section:
-            return f"{path} is not a known key; {key} belongs in [{name}]"
-    near = difflib.get_close_matches(key, fields, n=1, cutoff=0.5)
-    hint = f"; did you mean {section}.{near[0]}?" if near else f"; [{section}] knows {_some(fields)}"
-    return f"{path} is not a known key{hint}"
-
-
-def _some(names):
-    names = list(names)
-    return ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
-
-
-def _not_a_number(path, value, info, key):
-    """Line for a value that is no number: a text with a unit gets the number to write."""
-    lo, hi = _limits(info)
-    integer = info.annotation is int
-    kind = "an integer" if integer else "a number"
-    span = (
-        f" ({lo if integer else _plain(lo)} to {hi if integer else _plain(hi)}{_unit(info)})" if hi is not None else ""
-    )
-    found = WRITTEN.fullmatch(value) if isinstance(value, str) else None
-    if not found:
-        return f"{path} = {shown(value)} is not {kind}{span}"
-    magnitude, unit = float(found[1]), found[2] or ""
-    have = unit.lower().replace("/", "_per_").replace("^", "").replace("°", "deg").replace("µ", "u")
-    same = not unit or unit == _unit(info).strip()
-    converted = magnitude if same else convert(magnitude, have, _suffix(key)[1])
-    if converted is None:
-        write = f"{unit} cannot be converted to that"
-    else:
-        write = f"write {key} = {_plain(int(converted) if integer else converted)}"
-    return (
-        f"{path} = {shown(value)} is text; the key wants the bare number{_unit(info) and ' in' + _unit(info)}: {write}"
-    )
-
-
-def _explain(error, tree, source, origin):
-    """One line for one pydantic error."""
-    loc = [part for part in error["loc"] if isinstance(part, str)]
-    path = ".".join(loc[:2])
-    label = origin.get(path, source)
-    kind, value = error["type"], error["input"]
-    section = loc[0] if loc else ""
-    info = sections()[section].model_fields.get(loc[1]) if section in sections() and len(loc) > 1 else None
-    if kind == "value_error":
-        problem = error["ctx"]["error"]
-        path += problem.where
-        return f"{origin.get(path.split('[')[0], label)}: {path} {problem.text}"
-    if kind == "extra_forbidden" and len(loc) == 1:
-        near = difflib.get_close_matches(section, sections(), n=1, cutoff=0.5)
-        homes = [name for name, model in sections().items() if section in model.model_fields]
-        if homes:
-            hint = f"{section} belongs in [{homes[0]}]"
-        else:
-            hint = f"did you mean [{near[0]}]?" if near else f"known: {', '.join(sections())}"
-        what = f"[{section}] is not a known section" if isinstance(value, dict) else f"{section} is not in a section"
-        return f"{label}: {what}; {hint}"
-    if kind == "extra_forbidden":
-        return f"{label}: {_unknown(section, loc[1], value, path)}"
-    if kind in ("model_type", "model_attributes_type") or info is None:
-        return f"{label}: {path} = {shown(value)} is not a section; write [{path}] and its keys below"
-    if kind == "greater_than_equal":
-        return f"{label}: {path} = {shown(value)} is below the limit {_plain(error['ctx']['ge'])}{_unit(info)}"
-    if kind == "less_than_equal":
-        return f"{label}: {path} = {shown(value)} is above the limit {_plain(error['ctx']['le'])}{_unit(info)}"
-    if kind == "finite_number":
-        return f"{label}: {path} = {shown(value)} is not finite{_span(info)}"
-    if kind == "literal_error":
-        choices = _choices(info)
-        near = difflib.get_close_matches(str(value), [str(c) for c in choices], n=1, cutoff=0.5)
-        hint = f"; did you mean {near[0]}?" if near else ""
-        return f"{label}: {path} = {shown(value)} is none of {' | '.join(map(toml_value, choices))}{_unit(info)}{hint}"
-    if kind == "bool_type":
-        return f"{label}: {path} = {shown(value)} is not true or false"
-    if kind == "string_type":
-        return f"{label}: {path} = {shown(value)} is not a text in quotes"
-    return f"{label}: {_not_a_number(path, value, info, loc[1])}"
-
-
-def _span(info):
-    lo, hi = _limits(info)
-    return f" ({_plain(lo)} to {_plain(hi)}{_unit(info)})" if hi is not None else ""
-
-
-# ---- writing ---------------------------------------------------------------------------------------------------------
 
 
 def to_toml(config):
@@ -523,48 +365,3 @@ def to_toml(config):
             lines.append(f"{key} = {toml_value(value)}")
         lines.append("")
     return "\n".join(lines)
-
-
-def markdown_table():
-    """The tables of keys for docs/configuration.md."""
-    lines = []
-    for section, model in sections().items():
-        lines += [f"### [{section}]", "", " ".join(model.__doc__.split()), ""]
-        described = any(info.description for info in model.model_fields.values())
-        lines += [
-            "| key | default | limits | unit |" + " meaning |" * described,
-            "|---|---|---|---|" + "---|" * described,
-        ]
-        for key, info in model.model_fields.items():
-            lo, hi = _limits(info)
-            limits = f"{_plain(lo)} .. {_plain(hi)}" if hi is not None else ""
-            limits = " or ".join(toml_value(choice) for choice in _choices(info)) or limits
-            row = f"| `{key}` | `{toml_value(info.default)}` | {limits} |{_unit(info)} |"
-            lines.append(row + f" {info.description} |" * described)
-        lines.append("")
-    return "\n".join(lines)
-
-
-def faults_table():
-    """The table of faults for docs/configuration.md."""
-    lines = ["| kind | channels | value | effect |", "|---|---|---|---|"]
-    for kind, fault in scenario.FAULTS.items():
-        if kind == "dac_stuck":
-            value = ", ".join(f"{name} {lo} .. {hi}" for name, (lo, hi) in scenario.DAC_CODES.items())
-        else:
-            value = f"{fault.lo} .. {fault.hi} {fault.unit}" if fault.hi else "0"
-        lines.append(f"| `{kind}` | {', '.join(fault.channels)} | {value} | {fault.doc} |")
-    return "\n".join(lines)
-
-
-def documented(page):
-    """The text of docs/configuration.md with its generated tables renewed."""
-    for name, table in (("faults", faults_table()), ("keys", markdown_table())):
-        head = re.search(rf"<!-- {name}: .*? -->\n", page).end()
-        page = page[:head] + "\n" + table.strip() + "\n\n" + page[page.index("<!-- end -->", head) :]
-    return page
-
-
-if __name__ == "__main__":
-    PAGE = Path(__file__).resolve().parent.parent / "docs" / "configuration.md"
-    PAGE.write_text(documented(PAGE.read_text()))

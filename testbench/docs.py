@@ -1,7 +1,7 @@
 """Generated parts of the pages: what the code knows is written by the code.
 
     docs/blocks/registers.md    the register map                   fpga_model.registers.table_markdown
-    docs/configuration.md       keys, limits, faults               testbench.config.documented
+    docs/configuration.md       keys, limits, faults               testbench.config_page.documented
     docs/phases.md              phase budget of the defaults       testbench.budget, testbench.tables
     docs/ranges.md              proven ranges                      testbench.golden.range_report
     docs/README.md              index of the pages                 their titles
@@ -20,7 +20,7 @@ import sys
 from pathlib import Path
 
 from fpga_model import registers
-from testbench import budget, cli, config, tables
+from testbench import budget, cli, config, config_page, tables
 from testbench.budget import NODES, PAPER_DEG
 from testbench.config import Config
 from testbench.files import write_text
@@ -182,7 +182,7 @@ def index_part():
 
 PAGES = {
     "docs/blocks/registers.md": register_map,
-    "docs/configuration.md": config.documented,
+    "docs/configuration.md": config_page.documented,
     "docs/phases.md": phases,
     "docs/ranges.md": proven_ranges,
     "docs/README.md": lambda page: replaced(page, "index", index_part()),

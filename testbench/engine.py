@@ -301,12 +301,14 @@ def run(p, s, ticks, rate_rad_s, temp_degc, write, address, data, faults, o):
 
 # Parts of the plant stay functions of their own here: in one piece with them, the loop over edges gets slower code
 @outlined
-def _retune(p, a, rate_rad_s, quad_code, temp_degc):
+def retune(p, a, rate_rad_s, quad_code, temp_degc):
+    """`plant.retune`, in place."""
     plant.retune(p, a, rate_rad_s, quad_code, temp_degc)
 
 
 @outlined
-def _plant_tick(p, a, tick, pins, edges):
+def plant_tick(p, a, tick, pins, edges):
+    """`plant.step`; returns the clock of DRDY."""
     return plant.step(p, a, tick, pins, edges)
 
 
@@ -332,7 +334,7 @@ def run_ticks(p, f, chips, a, chunk, first, end, drdy_cycle, closed):
             n = tick // FRAME_TICKS - begin_frame
             row = n if begin % FRAME_TICKS == 0 else n - 1
             v_q = faults.dac_code[2] if faults.dac[2] else chips.quadrature.code
-            _retune(p.plant, a, rate_rad_s[n], v_q, temp_degc[n])
+            retune(p.plant, a, rate_rad_s[n], v_q, temp_degc[n])
             if row < o.frames.shape[0]:
                 codes = frame_codes(p.fpga, f.sid.codes, f.adc.channels)
                 record_frame(
@@ -417,7 +419,7 @@ def run_ticks(p, f, chips, a, chunk, first, end, drdy_cycle, closed):
         if faults.nan[1]:
             a.z[plant.Y] = np.nan
         before_drive, before_sense = a.volts[0], a.volts[1]
-        drdy_cycle = _plant_tick(
+        drdy_cycle = plant_tick(
             p.plant, a, tick, plant.Pins(drive_code, drive_cycle, sense_code, sense_cycle, edge_count), edges
         )
         if probed:

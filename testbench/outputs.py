@@ -19,7 +19,7 @@ class Result(NamedTuple):
     record   what `write(path, progress)` makes a record of: `record.Record`, `spool.Recording`, or None
     plots    name -> keyword arguments of the function of that name in `report`
     window   (rows, signals, first edge) of the waveform window, or None
-    state    (values, source format, meta) of `record.save_state`, or None
+    state    (values, source format, meta) of `state_file.save_state`, or None
     """
 
     summary: dict
@@ -93,7 +93,7 @@ def write(result, config, tables=(), progress=None, directory=None):
         files.append(folder / "run.html")
     if wanted.state and result.state is not None:
         step("state")
-        from testbench.record import save_state
+        from testbench.state_file import save_state
 
         values, source_format, meta = result.state
         save_state(folder / "state.h5", values, source_format, meta)

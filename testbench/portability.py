@@ -162,10 +162,10 @@ def machine_code(texts):
     return {"bits": widest, "fused": fused, "c_functions": sorted(called - EXACT)}
 
 
-def compiled_texts():
-    """Assembler of every kernel that this process compiled for calls from Python, with all that it calls."""
+def compiled_texts(modules):
+    """Assembler of every kernel of {name: module} compiled for calls from Python, with all that it calls."""
     seen = set()
-    for name, module in list(sys.modules.items()):
+    for name, module in list(modules.items()):
         if name.split(".")[0] in ("fpga_model", "analog_frontend", "testbench"):
             for item in vars(module).values():
                 options = getattr(item, "targetoptions", None)
@@ -189,7 +189,7 @@ def versions():
 def child(engine, ticks):
     """Run all cases in this process and print what came out as one JSON object."""
     cases = {case.name: hashes(case, engine, ticks) for case in CASES}
-    print(json.dumps({"versions": versions(), "code": machine_code(compiled_texts()), "cases": cases}))
+    print(json.dumps({"versions": versions(), "code": machine_code(compiled_texts(sys.modules)), "cases": cases}))
 
 
 # ---- many processes --------------------------------------------------------------------------------------------------

@@ -28,12 +28,11 @@ import h5py
 import numpy as np
 
 from testbench.errors import FileError
-from testbench.files import GuardedFile, discard, explain, part_of, publish, seal, seal_holds
+from testbench.files import GuardedFile, discard, explain, part_of, publish, seal
 from testbench.interrupts import held
 from testbench.version import VERSION
 
 SCHEMA = "gyrorec/1.0"
-STATE_SCHEMA = "gyrostate/1.0"
 CLOCK_HZ = 26_000_000
 UNITS = frozenset(
     "1 code word edge tick s ms us ns Hz kHz turn deg rad deg/s rad/s degC K V A F N m um pm N/m ppm "
@@ -121,7 +120,7 @@ def versions():
     }
 
 
-def _digest(array):
+def digest_of(array):
     """SHA-256 of a column: little-endian bytes in row order, or the UTF-8 texts with their lengths."""
     digest = hashlib.sha256()
     _update(digest, array)
@@ -137,17 +136,17 @@ def _update(digest, array):
         digest.update(np.ascontiguousarray(array, array.dtype.newbyteorder("<")).data)
 
 
-def _content(streams, tables, config_toml, provenance, clock_ppm, attrs):
+def content_digest(streams, tables, config_toml, provenance, clock_ppm, attrs):
     """Hash of everything that was simulated or measured; not of when, where and by which version."""
     text = json.dumps([SCHEMA, streams, tables, config_toml, provenance, clock_ppm, attrs], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def _described(column, digest, rows):
+def described(column, digest, rows):
     """What the content hash says about a stream, apart from its values."""
     dtype = column.data.dtype
     return {
-        **{key: _plain(value) for key, value in column.attrs.items()},
+        **{key: plain(value) for key, value in column.attrs.items()},
         "unit": column.unit,
         "fs_num": int(column.num),
         "fs_den": int(column.den),
@@ -158,7 +157,7 @@ def _described(column, digest, rows):
     }
 
 
-def _plain(value):
+def plain(value):
     """An attribute as a plain Python value; only texts and numbers are allowed."""
     value = value.item() if isinstance(value, np.generic) else value
     if isinstance(value, bytes):
@@ -170,7 +169,7 @@ def _plain(value):
     return value
 
 
-def _axis_name(num, den, edge0):
+def axis_name(num, den, edge0):
     """Name of the dimension of a rate: time_8k, time_1M, or the ratio."""
     hz, left = divmod(CLOCK_HZ * num, den)
     for unit, suffix in ((10**6, "M"), (10**3, "k"), (1, "")):
@@ -208,7 +207,7 @@ class RecordWriter:
     ):
         self.path = Path(path)
         self._record_id, self._created_utc = record_id, created_utc
-        self._head = (config_toml, provenance, float(clock_ppm), {k: _plain(v) for k, v in (attrs or {}).items()})
+        self._head = (config_toml, provenance, float(clock_ppm), {k: plain(v) for k, v in (attrs or {}).items()})
         self._streams = {}
         self._digests = {}
         self._axes = {}
@@ -249,13 +248,13 @@ class RecordWriter:
             raise ValueError(f"stream {name}: unit {unit!r} is not in the table of units")
         if name in self._streams or num < 1 or den < 1:
             raise ValueError(f"stream {name}: declared twice, or rate {num}/{den} is not a ratio of positive integers")
-        axis = _axis_name(num, den, edge0)
+        axis = axis_name(num, den, edge0)
         if axis not in self._axes:
             self._axes[axis] = (num, den, edge0)
         empty = np.empty(0, np.dtype(dtype))
         if empty.dtype.kind not in KINDS:
             raise ValueError(f"stream {name}: {empty.dtype} is not a number type")
-        column = Column(empty, unit, num, den, edge0, {key: _plain(value) for key, value in attrs.items()})
+        column = Column(empty, unit, num, den, edge0, {key: plain(value) for key, value in attrs.items()})
         dataset = self._growing(f"streams/{name}", empty.dtype, compress)
         for key, value in {**column.attrs, "unit": unit, "units": unit}.items():
             dataset.attrs[key] = value
@@ -333,7 +332,7 @@ class RecordWriter:
             for name in names:
                 self._file[f"streams/{name}"].dims[0].attach_scale(scale)
         for name, columns in self._tables.items():
-            listed |= {f"/{name}/{key}": _digest(column.data) for key, column in columns.items()}
+            listed |= {f"/{name}/{key}": digest_of(column.data) for key, column in columns.items()}
         self._head_attrs()
         texts = {"path": sorted(listed), "sha256": [listed[path] for path in sorted(listed)]}
         self._rows("integrity", {key: TableColumn(np.array(values, str), "") for key, values in texts.items()})
@@ -341,10 +340,10 @@ class RecordWriter:
     def _head_attrs(self):
         config_toml, provenance, clock_ppm, attrs = self._head
         streams = {
-            name: _described(column, self._digests[name].hexdigest(), len(self._file[f"streams/{name}"]))
+            name: described(column, self._digests[name].hexdigest(), len(self._file[f"streams/{name}"]))
             for name, column in self._streams.items()
         }
-        self.content_sha256 = _content(streams, _described_tables(self._tables), *self._head)
+        self.content_sha256 = content_digest(streams, described_tables(self._tables), *self._head)
         root = self._file.attrs
         root["schema"] = SCHEMA
         root["record_id"] = self._record_id or str(uuid.uuid4())
@@ -368,9 +367,9 @@ def _table_array(values):
     return array
 
 
-def _described_tables(tables):
+def described_tables(tables):
     return {
-        f"{name}/{key}": {"unit": column.unit, "rows": len(column.data), "sha256": _digest(column.data)}
+        f"{name}/{key}": {"unit": column.unit, "rows": len(column.data), "sha256": digest_of(column.data)}
         for name, columns in tables.items()
         for key, column in columns.items()
     }
@@ -385,205 +384,3 @@ def write_record(path, record):
         for name, columns in record.tables.items():
             writer.table(name, {key: (column.unit, column.data) for key, column in columns.items()})
     return writer.content_sha256
-
-
-# ---- reading ---------------------------------------------------------------------------------------------------------
-
-DAMAGED = (OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeError, OverflowError, MemoryError)
-
-
-def _open(path):
-    path = Path(path)
-    try:
-        whole = seal_holds(path)
-    except OSError as problem:
-        raise FileError(f"{path}: cannot be read: {problem.strerror or problem}") from None
-    if whole is False:
-        raise RecordError(path, ["R15 / expected the file that was written, found damage"])
-    try:
-        return h5py.File(path, "r")
-    except OSError:
-        raise RecordError(path, ["R01 / expected an HDF5 file, found something else"]) from None
-
-
-def read_record(path):
-    """Checked `Record`; raises RecordError with one finding `Rnn path expected, found` per thing that is wrong."""
-    with _open(path) as file:
-        findings = []
-        try:
-            record = _read(file, findings)
-        except DAMAGED as problem:
-            if not findings:
-                findings.append(f"R01 / expected a complete record, found damage: {' '.join(str(problem).split())}")
-    if findings:
-        raise RecordError(path, findings)
-    return record
-
-
-def _read(file, findings):
-    schema = file.attrs.get("schema", "nothing")
-    if schema != SCHEMA:
-        findings.append(f"R01 / expected schema {SCHEMA}, found {schema}")
-        return None
-    for place, key in (
-        *(("/", key) for key in ("provenance", "config_toml", "versions", "attributes", "content_sha256")),
-        *(("clock", key) for key in ("f_xtal_nominal_Hz", "ppm")),
-        *(("integrity", key) for key in ("path", "sha256")),
-    ):
-        if place not in file or key not in (file[place] if place == "integrity" else file[place].attrs):
-            findings.append(f"R02 {place} expected {key}, found nothing")
-    if findings:
-        return None
-    listed = dict(zip(*(file["integrity"][key].asstr()[:].tolist() for key in ("path", "sha256"))))
-    record = Record(
-        config_toml=_plain(file.attrs["config_toml"]),
-        provenance=_plain(file.attrs["provenance"]),
-        clock_ppm=float(file["clock"].attrs["ppm"]),
-        attrs=json.loads(file.attrs["attributes"]),
-        versions=json.loads(file.attrs["versions"]),
-        content_sha256=_plain(file.attrs["content_sha256"]),
-    )
-    if file["clock"].attrs["f_xtal_nominal_Hz"] != CLOCK_HZ:
-        findings.append(f"R08 /clock expected f_xtal_nominal_Hz {CLOCK_HZ}")
-    found = []
-    file.visititems(lambda name, item: found.append(f"/{name}") if isinstance(item, h5py.Dataset) else None)
-    for place in found:
-        if not place.startswith("/integrity/"):
-            _read_column(file, place, record, listed, findings)
-    for place in sorted(set(listed) - set(found)):
-        findings.append(f"R02 {place} expected a column, found nothing")
-    if not findings:
-        described = {
-            name: _described(column, listed[f"/streams/{name}"], len(column.data))
-            for name, column in record.streams.items()
-        }
-        content = _content(
-            described,
-            _described_tables(record.tables),
-            record.config_toml,
-            record.provenance,
-            record.clock_ppm,
-            record.attrs,
-        )
-        if content != record.content_sha256:
-            findings.append(f"R15 / expected content_sha256 {record.content_sha256}, found {content}")
-    return record
-
-
-def _read_column(file, place, record, listed, findings):
-    dataset = file[place]
-    group, _, name = place[1:].rpartition("/")
-    is_axis = group == "streams" and dataset.is_scale
-    if name == "row" and group != "streams":
-        return
-    text = h5py.check_string_dtype(dataset.dtype) is not None
-    allowed = group != "streams" if text else dataset.dtype.kind in KINDS
-    if not allowed or dataset.ndim != 1:
-        findings.append(f"R04 {place} expected a column of numbers, found {dataset.dtype} of {dataset.ndim} dimensions")
-        return
-    if not text and dataset.dtype.byteorder == ">":
-        findings.append(f"R20 {place} expected little-endian numbers, found {dataset.dtype}")
-        return
-    unit = dataset.attrs.get("unit")
-    if not known_unit(unit) and not (unit == "" and group != "streams"):
-        findings.append(f"R03 {place} expected a unit, found {unit!r}")
-        return
-    data = np.array(dataset.asstr()[:].tolist(), str) if text else dataset[:]
-    digest = _digest(data)
-    if listed.get(place) != digest:
-        findings.append(f"R15 {place} expected sha256 {listed.get(place, 'none')}, found {digest}")
-    elif is_axis:
-        return
-    elif group != "streams":
-        record.tables.setdefault(group, {})[name] = TableColumn(data, unit)
-    else:
-        attrs = {key: _plain(dataset.attrs[key]) for key in dataset.attrs if key not in HIDDEN}
-        missing = [key for key in STREAM_KEYS if key not in attrs]
-        num, den, edge0 = (attrs.get(key) for key in STREAM_KEYS[1:])
-        if missing or not all(isinstance(value, int) for value in (num, den, edge0)) or num < 1 or den < 1:
-            findings.append(
-                f"R08 {place} expected {', '.join(STREAM_KEYS[1:])}: a ratio of the clock, found {num}/{den}"
-            )
-            return
-        axis = f"streams/{_axis_name(num, den, edge0)}"
-        if axis not in file or len(file[axis]) != len(data):
-            findings.append(f"R05 {place} expected {axis} of {len(data)} rows, found another length")
-            return
-        own = {key: value for key, value in attrs.items() if key not in STREAM_KEYS}
-        record.streams[name] = Column(data, unit, num, den, edge0, own)
-
-
-HIDDEN = {"units", "DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME", "_Netcdf4Dimid", "_Netcdf4Coordinates"}
-
-
-# ---- state files -----------------------------------------------------------------------------------------------------
-
-
-@held()
-def save_state(path, values, source_format, meta=None):
-    """Save a simulation's state, whole or not at all.
-
-    values         name -> int, float or array of numbers; restored with the same type, bit for bit
-    source_format  text that names the layout of `values`; loading with another one is refused
-    meta           texts and numbers to keep along
-    """
-    arrays = {name: np.asarray(value) for name, value in values.items()}
-    for name, array in arrays.items():
-        if array.dtype.kind not in KINDS or "/" in name:
-            raise ValueError(f"state {name}: {array.dtype} is not a number type, or the name holds a slash")
-    meta = {key: _plain(value) for key, value in (meta or {}).items()}
-    path = Path(path)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        guard = GuardedFile(part_of(path))
-    except OSError as problem:
-        raise explain(path, problem) from None
-    try:
-        with guard:
-            with h5py.File(guard, "w") as file:
-                file.attrs["schema"] = STATE_SCHEMA
-                file.attrs["source_format"] = source_format
-                file.attrs["meta"] = json.dumps(meta)
-                file.attrs["versions"] = json.dumps(versions())
-                file.attrs["content_sha256"] = _state_digest(arrays, source_format, meta)
-                group = file.create_group("state")
-                for name, array in arrays.items():
-                    group.create_dataset(name, data=array.astype(array.dtype.newbyteorder("<")))
-                    group[name].attrs["scalar"] = int(not isinstance(values[name], np.ndarray))
-        if guard.problem is not None:
-            raise explain(path, guard.problem)
-        seal(part_of(path))
-        publish(path)
-    except OSError as problem:
-        raise explain(path, problem) from None
-    finally:
-        discard(path)
-
-
-def load_state(path, source_format):
-    """(values, meta) of a state file; RecordError if it is damaged or of another layout."""
-    with _open(path) as file:
-        try:
-            if file.attrs.get("schema") != STATE_SCHEMA:
-                found = file.attrs.get("schema", "nothing")
-                raise RecordError(path, [f"R01 / expected schema {STATE_SCHEMA}, found {found}"])
-            saved = _plain(file.attrs["source_format"])
-            if saved != source_format:
-                finding = f"R11 / expected state layout {source_format}, found {saved}: saved by another version"
-                raise RecordError(path, [finding])
-            meta = json.loads(file.attrs["meta"])
-            arrays = {name: dataset[()] for name, dataset in file["state"].items()}
-            scalars = {name for name, dataset in file["state"].items() if dataset.attrs["scalar"]}
-            digest = _state_digest({k: np.asarray(v) for k, v in arrays.items()}, saved, meta)
-            if digest != _plain(file.attrs["content_sha256"]):
-                raise RecordError(path, ["R15 /state expected another content_sha256: the file is damaged"])
-        except DAMAGED as problem:
-            text = " ".join(str(problem).split())
-            raise RecordError(path, [f"R01 / expected a complete state, found damage: {text}"]) from None
-    return {name: array.item() if name in scalars else array for name, array in arrays.items()}, meta
-
-
-def _state_digest(arrays, source_format, meta):
-    columns = {k: [a.dtype.kind, a.dtype.itemsize, list(a.shape), _digest(a)] for k, a in arrays.items()}
-    text = json.dumps([STATE_SCHEMA, source_format, meta, columns], sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()

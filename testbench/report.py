@@ -260,11 +260,16 @@ th, td { padding: .3rem .8rem; border-bottom: 1px solid var(--line); text-align:
 th { background: var(--soft); font-weight: 600; }
 td.number, th.number { text-align: right; font-variant-numeric: tabular-nums; }
 tr.sum td { font-weight: 600; background: var(--soft); }
+table.wide { font-size: .8rem; line-height: 1.35; } table.wide th, table.wide td { padding: .25rem .45rem; }
+table.wide td:first-child { min-width: 9rem; }
 figure { margin: 1rem 0; } img { max-width: 100%; height: auto; background: #fff; border-radius: 6px; }
 figcaption, p.note { font-size: .9rem; opacity: .85; margin: .2rem 0; }
 pre { background: var(--soft); padding: 1rem; overflow-x: auto; border-radius: 6px; font-size: .85rem; }
 summary { cursor: pointer; color: var(--accent); }
 """
+
+
+WIDE = 9  # columns from which on a table is set small
 
 
 def _table_html(table):
@@ -274,7 +279,8 @@ def _table_html(table):
 
     rows = "\n".join(cells("td", row, ' class="sum"' * (k in table.sums)) for k, row in enumerate(table.rows))
     note = f'<p class="note">{html.escape(table.note)}</p>' if table.note else ""
-    return f"<table><thead>{cells('th', table.heads)}</thead><tbody>\n{rows}\n</tbody></table>{note}"
+    wide = ' class="wide"' if len(table.heads) >= WIDE else ""
+    return f"<table{wide}><thead>{cells('th', table.heads)}</thead><tbody>\n{rows}\n</tbody></table>{note}"
 
 
 def _picture_html(picture, caption):

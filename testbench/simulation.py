@@ -21,7 +21,7 @@ import numpy as np
 from analog_frontend import thermal
 from fpga_model import registers, sequencer
 from fpga_model.rates import FRAME_TICKS, TICK_HZ
-from testbench import build, flatten, interrupts, nodes, record
+from testbench import build, flatten, interrupts, nodes, state_file
 from testbench import engine as clocked
 from testbench.code_hash import CodeHash, frames_begun
 from testbench.config import to_toml
@@ -276,7 +276,7 @@ class Simulation:
     # ---- state files -------------------------------------------------------------------------------------------------
 
     def dump(self):
-        """(values, format, meta) for `record.save_state`."""
+        """(values, format, meta) for `state_file.save_state`."""
         return self.state_values(), self.layout(), {"config_toml": to_toml(self.config)}
 
     def state_values(self):
@@ -310,7 +310,7 @@ class Simulation:
 
     def restore(self, path):
         """Continue from a state file; RecordError if it is damaged or of another layout."""
-        values, meta = record.load_state(path, self.layout())
+        values, meta = state_file.load_state(path, self.layout())
         self._check_same_gyroscope(path, meta)
         self.set_state(values)
 

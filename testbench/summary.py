@@ -24,7 +24,7 @@ class End(NamedTuple):
     locked: bool
     codes_sha256: str
     tail: np.ndarray  # last codes of both DACs
-    state: Any  # arguments of `record.save_state`, or None
+    state: Any  # arguments of `state_file.save_state`, or None
     real_time_factor: float
 
 

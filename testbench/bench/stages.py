@@ -6,7 +6,7 @@ They add up to less than the engine, which also hashes and records, and finds le
 
 import statistics
 
-from analog_frontend import adc, linear, noise
+from analog_frontend import adc, linear, noise, sid_edges
 from analog_frontend import top as plant
 from fpga_model.jit import hot
 from fpga_model.rates import FRAME_TICKS
@@ -50,9 +50,9 @@ def repeat(p, a, control, bank, dog, turn, b, stage, frames, rate_rad_s, quad_co
         elif stage == PICKOFFS:
             linear.pickoffs(a.g, a.pickoff, w, n, 0)
         elif stage == NO_EDGE:
-            plant.demodulate(p.plant, a, tick, n, 0, edges)
+            sid_edges.demodulate(p.plant, a, tick, n, 0, edges, a.now[plant.NOW_DRIVER])
         elif stage == EDGES:
-            plant.demodulate(p.plant, a, tick, n, edge_count, edges)
+            sid_edges.demodulate(p.plant, a, tick, n, edge_count, edges, a.now[plant.NOW_DRIVER])
         elif stage == CONVERTER:
             total += adc.block(p.plant.adc, a.adc.clock, a.adc.sums, a.work.demodulated, n, 0.1)
         elif stage == MATRIX:

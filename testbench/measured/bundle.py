@@ -26,6 +26,7 @@ from testbench.errors import FileError
 from testbench.files import discard, explain, part_of, write_bytes
 from testbench.measured.schema import SCHEMA
 from testbench.record import Column, Record, RecordError, TableColumn
+from testbench.record_read import DAMAGED
 
 HEAD = "record.json"
 NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
@@ -112,12 +113,12 @@ def _tables(folder, record):
 
 def _head(record, files, tables):
     described = {
-        name: records._described(column, records._digest(column.data), len(column.data))
+        name: records.described(column, records.digest_of(column.data), len(column.data))
         for name, column in record.streams.items()
     }
-    content = records._content(
+    content = records.content_digest(
         described,
-        records._described_tables(record.tables),
+        records.described_tables(record.tables),
         record.config_toml,
         record.provenance,
         record.clock_ppm,
@@ -149,7 +150,7 @@ def read(path):
         record = _read(path, findings)
     except FileError:
         raise
-    except (*records.DAMAGED, RecursionError, csv.Error) as problem:
+    except (*DAMAGED, RecursionError, csv.Error) as problem:
         text = f"R01 / expected a complete record, found damage: {' '.join(str(problem).split())}"
         raise RecordError(path, [*findings, text]) from None
     if findings:
@@ -245,10 +246,10 @@ def _stream(name, array, stated, record, findings):
         findings.append(f"R08 /streams/{name} expected fs_num, fs_den, edge0: a ratio of the clock, found {num}/{den}")
     elif rows != len(array):
         findings.append(f"R05 /streams/{name} expected {rows} rows, found {len(array)}")
-    elif digest != records._digest(array):
-        findings.append(f"R15 /streams/{name} expected sha256 {digest}, found {records._digest(array)}")
+    elif digest != records.digest_of(array):
+        findings.append(f"R15 /streams/{name} expected sha256 {digest}, found {records.digest_of(array)}")
     else:
-        attrs = {key: records._plain(value) for key, value in stated.items()}
+        attrs = {key: records.plain(value) for key, value in stated.items()}
         record.streams[name] = Column(array, unit, num, den, edge0, attrs)
 
 

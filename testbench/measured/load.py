@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from testbench import record as records
+from testbench import record_read
 from testbench.measured import bundle, checks, schema
 from testbench.measured.schema import BLOCKED, REFUSED, Finding
 from testbench.record import RecordError
@@ -36,7 +37,7 @@ class Loaded:
 def read(path):
     """`Record` of an HDF5 file or of a bundle; RecordError with its findings."""
     path = Path(path)
-    return bundle.read(path) if path.is_dir() else records.read_record(path)
+    return bundle.read(path) if path.is_dir() else record_read.read_record(path)
 
 
 def write(path, record):

@@ -22,6 +22,7 @@ from testbench.paper.characterise import engine_of
 SOURCES = ("thermomechanical", "cv", "dac", "adc", "flicker", "jitter")
 SCALE_YE1_DEG = (0.0, 1.5, 3.0, 4.5, 6.0, 7.5, 9.0)
 DRIVE_XE1_DEG = (-9.0, -6.0, -3.0, 0.0, 3.0, 6.0, 9.0)
+NOT_RETIMED = "none, edges not re-timed"
 RATE_DPS, SETTLE_S, READ_S = 100.0, 3.0, 6.0
 
 
@@ -101,8 +102,9 @@ def derived_noise(config):
     p = parts.parts(config)
     loop = loops.close(p)
     density = sensitivity.density_dps(p, loop)
-    own = {"cv": ("cv",), "adc": ("adc", "adc_rounding"), "dac": ("dac", "dac_rounding"), "thermomechanical":
-           ("thermomechanical",)}  # fmt: skip
+    rounding = ("adc_rounding", "dac_rounding", "v_q_rounding")
+    own = dict.fromkeys(("none", NOT_RETIMED), rounding)
+    own |= {s: (s, *rounding) for s in ("thermomechanical", "cv", "adc", "dac")}
     out = {
         source: {"arw_deg_per_rt_h": 60 / math.sqrt(2) * math.hypot(*(density[n] for n in names))}
         for source, names in own.items()
@@ -111,7 +113,7 @@ def derived_noise(config):
     by_offset = [abs(loops.response(loop, sensitivity.ARW_HZ, c)[0]) for c in (loops.OFFSET_SIN, loops.OFFSET_COS)]
     per_volt = math.hypot(*by_offset) / (advisor.rest_gain(loop) * loops.DEG)
     floor = {"instability_deg_per_h": math.sqrt(2 * math.log(2)) * p.flicker_v_per_rthz * abs(per_volt) * 3600}
-    return {name: out.get(name, {}) | (floor if name in ("all", "flicker") else {}) for name in ("all", *SOURCES)}
+    return {name: out.get(name, {}) | (floor if name in ("all", "flicker") else {}) for name in ("all", *own, *SOURCES)}
 
 
 def _quiet_allan(config, seconds, lsb_per_dps):
@@ -125,15 +127,18 @@ def _quiet_allan(config, seconds, lsb_per_dps):
     return {"arw_deg_per_rt_h": found.arw_deg_per_rt_h, "instability_deg_per_h": found.instability_deg_per_h}
 
 
+SILENT = {f"noise.{s}": False for s in SOURCES}
 NOISE_SETS = {
     "all": {},
+    "none": SILENT,
+    NOT_RETIMED: SILENT | {"firmware.reference_retimed": False},
     **{f"only {s}": {f"noise.{o}": o == s for o in SOURCES} for s in SOURCES},
     **{f"without {s}": {f"noise.{s}": False} for s in SOURCES},
 }
 
 
 def noise_law(base, cases_deg, seconds, lsb_per_dps):
-    """{"all": .., "only cv": .., "without cv": ..} of case 5; `seconds` of record by name of a set."""
+    """{"all": .., "none": .., "only cv": .., "without cv": ..} of case 5; `seconds` of record by name of a set."""
     config = configuration.changed(base, {f"firmware.{n}_deg": v for n, v in cases_deg["5"].items()})
     return {
         name: _quiet_allan(configuration.changed(config, NOISE_SETS[name]), length, lsb_per_dps)

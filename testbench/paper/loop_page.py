@@ -165,7 +165,13 @@ def sensitivity_tables(found):
     heads = ("parameter", "step", *(f"{text}, {unit}" for text, unit in sensitivity.OBSERVABLES.values()))
     return [
         Table("What moves it most", ("observable", "rank", "parameter", "step", "change"), best, numeric=(1, 4)),
-        Table("Change for one step", heads, whole, numeric=tuple(range(2, len(heads)))),
+        Table(
+            "Change for one step",
+            heads,
+            whole,
+            "Central differences of the linear loops. Empty: below what the difference resolves.",
+            numeric=tuple(range(2, len(heads))),
+        ),
     ]
 
 
@@ -223,7 +229,7 @@ def write(study, folder, progress=None, coarse=1, parameters=sensitivity.PARAMET
             ),
             (
                 "Sense phase errors from -9 to 9 deg and -6 to 6 deg: the bandwidth falls by half a hertz with ye1 "
-                "alone and by 0.8 Hz with both, because the loop gain goes with cos(ye1 + ye2'); 0.4 Hz was asked for.",
+                "alone and by 0.8 Hz with both, because the loop gain goes with cos(ye1 + ye2').",
                 draw.phase_influence(p),
             ),
             *pictures,

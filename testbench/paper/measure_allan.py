@@ -1,8 +1,8 @@
 """Allan deviation of a rate record: angle random walk, bias instability with confidence.
 
     adev(tau)   overlapping, tau = m t0
-    fit         adev^2 = N^2/tau + (0.664 B)^2 over FIT_S, weighted by the degrees of freedom; white rate noise of
-                one-sided density S has N = sqrt(S/2), flicker S = h/f has 0.664 B = sqrt(2 ln 2 h)
+    fit         adev^2 = N^2/tau + (0.664 B)^2, neither below zero, over FIT_S, weighted by the degrees of freedom;
+                white rate noise of one-sided density S has N = sqrt(S/2), flicker S = h/f has 0.664 B = sqrt(2 ln 2 h)
     edf         of flicker frequency noise: 5 n^2 / (4 m (n + 3 m)); limits from chi-squared
     floor       the least deviation, with its limits, beside the fit
 
@@ -14,12 +14,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy import stats
+from scipy import optimize, stats
 
 BASE_FRAMES = 80  # 10 ms
 FIT_S = (0.3, 100.0)
 FLICKER = math.sqrt(2 * math.log(2) / math.pi)  # 0.664
 LIMIT = 0.6827
+LEAST = 1e-30  # (deg/s)^2: the weights of a record that does not move at all
 
 
 class Allan(NamedTuple):
@@ -64,10 +65,8 @@ def analyse(rate_dps, base_s):
     basis = np.stack([1 / tau[use], np.ones(use.sum())], axis=1)
     level = dev[use] ** 2
     for _ in range(3):
-        w = np.sqrt(edf[use] / 2) / level
-        square, floor = np.linalg.lstsq(basis * w[:, None], dev[use] ** 2 * w, rcond=None)[0]
-        if floor < 0:
-            square, floor = float(np.sum(w**2 * dev[use] ** 2 / tau[use]) / np.sum(w**2 / tau[use] ** 2)), 0.0
+        w = np.sqrt(edf[use] / 2) / np.maximum(level, LEAST)
+        square, floor = optimize.nnls(basis * w[:, None], dev[use] ** 2 * w)[0]
         level = square / tau[use] + floor
     least = int(np.argmin(dev))
     low, high = stats.chi2.ppf([(1 + LIMIT) / 2, (1 - LIMIT) / 2], edf[least])

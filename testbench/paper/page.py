@@ -87,7 +87,9 @@ def _comparison_table(rows):
         f"Each number that the paper prints ({len(rows)})",
         heads,
         cells,
-        note=f"reproduced: {' '.join(comparison.__doc__.split('reproduced')[1].split('not ')[0].split())}",
+        note="reproduced: within three standard deviations of the paper where it prints one, or within "
+        f"{100 * comparison.CLOSE:g} % of its number; a bound that the model keeps; within "
+        f"{100 * comparison.TOLERANCE:g} % where the paper prints no deviation. 1 sigma: of the model's number.",
         numeric=(3, 6, 7, 8),
     )
     return [table, Table("Reasons", ("reason", "text"), said, numeric=())]
@@ -139,7 +141,7 @@ def _boards_table(boards):
         f"{s['boards']} random boards",
         ("phase", "largest residual (mdeg)", "truth within the stated uncertainty", "second pass within it"),
         rows,
-        f"All four within on {s['covered_all_four']} boards.",
+        f"All four phases within theirs at once: {s['covered_all_four']} of {s['boards']} boards.",
         (1, 2, 3),
     )
 
@@ -151,7 +153,7 @@ def _noise_table(noise, derived):
     arw, floor = "arw_deg_per_rt_h", "instability_deg_per_h"
     rows = []
     for source, want in derived.items():
-        alone, off = (source, "") if source == "all" else (f"only {source}", f"without {source}")
+        alone, off = (source, "") if source in noise else (f"only {source}", f"without {source}")
         rows.append((source, *(of(x, arw, 4) for x in (alone, off)), _text(want.get(arw), 4),
                      *(of(x, floor, 3) for x in (alone, off)), _text(want.get(floor), 3)))  # fmt: skip
     return Table(
@@ -160,7 +162,8 @@ def _noise_table(noise, derived):
          "derived"),
         rows,
         "Alone and without: fits to the Allan deviation of simulated records. Derived: by the linear loop from the "
-        "parts' densities. An instability of 0: the fit found no flicker.",
+        "parts' densities, with the rounding of the converters. 0: the fit found none. Without any source is left "
+        "the beat of re-timed reference edges with their 1 MHz grid, of which the linear loop knows nothing.",
         (1, 2, 3, 4, 5, 6),
     )  # fmt: skip
 
@@ -172,7 +175,7 @@ def _law_table(rows):
          "less eq (12), 1/cos(ye1) (ppm)"),
         [
             (r["name"], f"{r['deg']['ye1']:.4f}", f"{r['deg']['xe2']:.4f}", f"{r['lsb_per_dps']:.3f}",
-             f"{r['ratio']:.6f}", f"{r['law_ppm']:+.0f}", f"{r['eq12_ppm']:+.0f}")
+             f"{r['ratio']:.6f}", f"{r['law_ppm']:+.1f}", f"{r['eq12_ppm']:+.1f}")
             for r in rows
         ],
         numeric=(1, 2, 3, 4, 5, 6),

@@ -14,7 +14,7 @@ import h5py
 import numba
 import pytest
 
-from testbench import checkpoint, cli, files, record, simulate
+from testbench import checkpoint, cli, files, record_read, simulate, state_file
 from tests.testbench.bench_setup import configured
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -24,7 +24,7 @@ ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT), "MPLBACKEND": "Agg"}
 # Runs the command line and kills itself at the n-th time that something is about to be complete.
 KILLED = """
 import os, signal, sys
-from testbench import cli, outputs, record, spool
+from testbench import cli, outputs, record, spool, state_file
 
 where, left = sys.argv[1], int(sys.argv[2])
 
@@ -51,9 +51,9 @@ if where == "rows":
             file.write(data[: len(data) // 2 - 3])
     wrap(spool.Spool, "_write", half=half)
 elif where == "checkpoint written":
-    wrap(record, "publish", lambda path: path.name == "checkpoint.h5")
+    wrap(state_file, "publish", lambda path: path.name == "checkpoint.h5")
 elif where == "checkpoint begun":
-    wrap(record, "seal", lambda path: path.name == "checkpoint.h5.part")
+    wrap(state_file, "seal", lambda path: path.name == "checkpoint.h5.part")
 elif where == "record":
     wrap(record.RecordWriter, "_finish")
 elif where == "report":
@@ -69,7 +69,7 @@ def locked(tmp_path_factory):
     sim = simulate.Simulation(checked, 25.0, 25.0)
     assert simulate.start(checked, sim, 0.1, 25.0) is not None
     path = tmp_path_factory.mktemp("locked") / "state.h5"
-    record.save_state(path, *sim.dump())
+    state_file.save_state(path, *sim.dump())
     return path, sim.tick
 
 
@@ -146,7 +146,7 @@ def test_a_killed_run_ends_in_the_same_bytes(locked, uncut, tmp_path, turns):
 
 
 def test_the_record_of_a_continued_run_is_whole(uncut):
-    have = record.read_record(uncut[1] / "run.h5")
+    have = record_read.read_record(uncut[1] / "run.h5")
     assert have.tables["segments"]["name"].data.tolist() == ["scenario", "diagnosis"]
     scenario, diagnosis = have.tables["segments"]["edge"].data.tolist()
     assert (diagnosis - scenario) / 26 == 500_000

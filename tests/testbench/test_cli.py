@@ -16,7 +16,9 @@ import pytest
 from testbench import cli
 from testbench.budget import Budget, Row
 from testbench.outputs import Result
-from testbench.record import Column, Record, load_state, read_record
+from testbench.record import Column, Record
+from testbench.record_read import read_record
+from testbench.state_file import load_state
 from testbench.vcd import Signal
 from testbench.version import VERSION
 

@@ -10,7 +10,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from analog_frontend.device import Device
-from testbench import config
+from testbench import config, config_errors, config_page
 from testbench.config import ConfigError
 from testbench.toml_text import toml_key, toml_value
 
@@ -232,7 +232,7 @@ def test_the_words_come_in_the_order_of_the_registers():
     ],
 )
 def test_units_convert_only_within_a_quantity(value, have, want, result):
-    assert config.convert(value, have, want) == result
+    assert config_errors.convert(value, have, want) == result
 
 
 # ---- nonsense --------------------------------------------------------------------------------------------------------
@@ -284,7 +284,7 @@ def test_a_damaged_file_is_refused_in_one_line(tmp_path_factory, data):
 
 def test_the_documented_tables_are_the_code():
     page = (ROOT / "docs" / "configuration.md").read_text()
-    assert page == config.documented(page), "run: python -m testbench.config"
+    assert page == config_page.documented(page), "run: python -m testbench.docs"
     assert all(f"| `{path.split('.')[1]}` |" in page for path in KEYS)
 
 

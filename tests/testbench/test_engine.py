@@ -12,7 +12,7 @@ from fpga_model import fault_monitor, rates, sequencer
 from fpga_model import top as fpga
 from fpga_model.jit import kernel
 from fpga_model.rates import TICK_HZ
-from testbench import engine, flatten, record, simulate
+from testbench import engine, flatten, simulate, state_file
 from tests.testbench.bench_setup import configured, quiet
 
 
@@ -33,7 +33,7 @@ def locked_file(tmp_path_factory):
     assert simulate.start(checked, sim, 0.1, 25.0) is not None
     sim.advance(50_000, 0.1, 25.0)
     path = tmp_path_factory.mktemp("state") / "locked.h5"
-    record.save_state(path, *sim.dump())
+    state_file.save_state(path, *sim.dump())
     return path
 
 
@@ -56,7 +56,7 @@ def test_chunks_do_not_matter(locked_file):
 def test_a_restart_continues_to_the_same_bits(locked_file, tmp_path):
     one = resumed(locked_file)
     one.advance(1033, 0.1, 25.0)
-    record.save_state(tmp_path / "mid.h5", *one.dump())
+    state_file.save_state(tmp_path / "mid.h5", *one.dump())
     two = resumed(tmp_path / "mid.h5")
     one.advance(2000, 0.1, 25.0)
     two.advance(2000, 0.1, 25.0)

@@ -7,7 +7,7 @@ import threading
 import numpy as np
 import pytest
 
-from testbench import files, interrupts, record
+from testbench import files, interrupts, state_file
 
 
 def strike():
@@ -72,6 +72,6 @@ def test_a_record_is_whole_or_absent_after_an_interrupt(tmp_path, monkeypatch):
         monkeypatch.setattr(files.GuardedFile, "write", write)
         path = tmp_path / f"{nth}.h5"
         with pytest.raises(KeyboardInterrupt):
-            record.save_state(path, {"a": np.zeros(100_000)}, "layout")
-        assert np.array_equal(record.load_state(path, "layout")[0]["a"], np.zeros(100_000))
+            state_file.save_state(path, {"a": np.zeros(100_000)}, "layout")
+        assert np.array_equal(state_file.load_state(path, "layout")[0]["a"], np.zeros(100_000))
     assert len(os.listdir(tmp_path)) == 3

@@ -2,7 +2,6 @@
 
 import errno
 import hashlib
-import json
 import os
 import subprocess
 import sys
@@ -15,9 +14,8 @@ import pytest
 import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from hypothesis.extra import numpy as hnp
 
-from testbench import files, record
+from testbench import files, record, record_read, state_file
 from testbench.errors import FileError
 from testbench.record import Column, Record, RecordError, RecordWriter, TableColumn
 
@@ -57,7 +55,7 @@ def same(a, b):
 
 
 def test_what_goes_in_comes_out(path):
-    want, have = sample(), record.read_record(path)
+    want, have = sample(), record_read.read_record(path)
     assert set(have.streams) == set(want.streams)
     for name, column in want.streams.items():
         got = have.streams[name]
@@ -103,7 +101,7 @@ def test_how_it_is_cut_into_blocks_does_not_matter(tmp_path_factory, cuts):
             first += cut
     whole = Record({"a": Column(values, "code", 1, 26)})
     assert record.write_record(folder / "b.h5", whole) == writer.content_sha256
-    assert record.read_record(folder / "a.h5").content_sha256 == writer.content_sha256
+    assert record_read.read_record(folder / "a.h5").content_sha256 == writer.content_sha256
 
 
 def test_the_content_hash_is_of_the_content_alone(tmp_path):
@@ -149,7 +147,7 @@ def test_texts_cannot_move_between_rows_unseen(tmp_path):
 @pytest.mark.parametrize("unit", ["V", "10 V/2^23", "turn/2^48", "5.5 V/2^16"])
 def test_shares_of_a_unit_are_units(tmp_path, unit):
     record.write_record(tmp_path / "a.h5", Record({"a": Column(np.zeros(3), unit)}))
-    assert record.read_record(tmp_path / "a.h5").streams["a"].unit == unit
+    assert record_read.read_record(tmp_path / "a.h5").streams["a"].unit == unit
 
 
 @pytest.mark.parametrize("unit", ["", "furlong", "furlong/2^3", "V/2^", "ten V/2^3", "V/3^2", None])
@@ -269,7 +267,7 @@ def test_an_edited_record_is_refused(path, edit, line):
     with h5py.File(path, "r+") as file:
         edit(file)
     with pytest.raises(RecordError) as caught:
-        record.read_record(path)
+        record_read.read_record(path)
     assert caught.value.findings[0].startswith(line)
     assert str(caught.value).startswith(f"{path}: {line}"[: len(str(path)) + 40])
     assert "\n" not in str(caught.value)
@@ -280,21 +278,21 @@ def test_all_findings_are_kept_and_counted(path):
         poke("streams/adc_yI", 7, 1)(file)
         poke("streams/adc_yQ", 7, 1)(file)
     with pytest.raises(RecordError, match=r"R15 /streams/adc_yI .* \(and 1 more\)$") as caught:
-        record.read_record(path)
+        record_read.read_record(path)
     assert len(caught.value.findings) == 2
 
 
 def test_files_that_are_no_records_are_refused(tmp_path):
     with pytest.raises(FileError, match="cannot be read: No such file"):
-        record.read_record(tmp_path / "none.h5")
+        record_read.read_record(tmp_path / "none.h5")
     (tmp_path / "text.h5").write_text("not HDF5")
     with pytest.raises(RecordError, match="R01 / expected an HDF5 file"):
-        record.read_record(tmp_path / "text.h5")
+        record_read.read_record(tmp_path / "text.h5")
 
 
 def read_or_line(path):
     try:
-        return record.read_record(path)
+        return record_read.read_record(path)
     except FileError as problem:
         return str(problem)
 
@@ -302,7 +300,7 @@ def read_or_line(path):
 def test_two_hundred_damaged_files_are_refused_or_unharmed(tmp_path):
     path = tmp_path / "run.h5"
     record.write_record(path, sample(rows=200))
-    clean, want = path.read_bytes(), record.read_record(path)
+    clean, want = path.read_bytes(), record_read.read_record(path)
     rng = np.random.default_rng(7)
     refused = 0
     for k in range(200):
@@ -396,7 +394,7 @@ def test_a_full_disk_is_one_line_and_leaves_the_old_file(tmp_path, monkeypatch, 
     assert os.listdir(tmp_path) == ["run.h5"]
     assert path.read_text() == "the old one"
     with pytest.raises(FileError, match="No space left on device"):
-        record.save_state(path, {"a": np.zeros(300_000)}, "layout")
+        state_file.save_state(path, {"a": np.zeros(300_000)}, "layout")
     assert path.read_text() == "the old one"
 
 
@@ -452,61 +450,3 @@ def test_a_text_file_is_whole_or_absent(tmp_path):
     with pytest.raises(RuntimeError, match="stop"):
         begin_and_fail()
     assert (path.read_text(), os.listdir(path.parent)) == ("one", ["a.txt"])
-
-
-# ---- state -----------------------------------------------------------------------------------------------------------
-
-numbers = st.one_of(
-    st.integers(-(1 << 63), (1 << 63) - 1),
-    st.floats(),
-    hnp.arrays(st.sampled_from([np.int64, np.float64]), hnp.array_shapes(max_dims=2, max_side=5)),
-)
-
-
-def bits(value):
-    array = np.asarray(value)
-    return type(value), array.dtype.str, array.shape, array.tobytes()
-
-
-@given(st.dictionaries(st.sampled_from(["dds.phase", "plant.z", "delay.taps.0", "frame", "seed"]), numbers, min_size=1))
-def test_a_state_comes_back_bit_for_bit(tmp_path_factory, values):
-    path = tmp_path_factory.mktemp("state") / "state.h5"
-    record.save_state(path, values, "layout 1", {"edge": 26, "note": "text"})
-    back, meta = record.load_state(path, "layout 1")
-    assert {name: bits(value) for name, value in back.items()} == {name: bits(value) for name, value in values.items()}
-    assert meta == {"edge": 26, "note": "text"}
-
-
-def test_a_state_of_another_layout_or_damaged_is_refused(tmp_path, path):
-    state = tmp_path / "state.h5"
-    record.save_state(state, {"a": 1, "b": np.arange(3.0)}, "layout 1")
-    with pytest.raises(RecordError, match="R11 / expected state layout layout 2, found layout 1"):
-        record.load_state(state, "layout 2")
-    with pytest.raises(RecordError, match=r"R01 / expected schema gyrostate/1\.0, found gyrorec/1\.0"):
-        record.load_state(path, "layout 1")
-    for edit in (
-        lambda file: file["state/b"].__setitem__(0, 5.0),
-        lambda file: file.attrs.__setitem__("meta", json.dumps({"edge": 1})),
-        lambda file: file.__delitem__("state/a"),
-    ):
-        record.save_state(state, {"a": 1, "b": np.arange(3.0)}, "layout 1")
-        with h5py.File(state, "r+") as file:
-            edit(file)
-        with pytest.raises(RecordError, match="R15 /state"):
-            record.load_state(state, "layout 1")
-    for place in ("meta", "source_format", "content_sha256"):
-        record.save_state(state, {"a": 1}, "layout 1")
-        with h5py.File(state, "r+") as file:
-            del file.attrs[place]
-        with pytest.raises(RecordError, match="R01 / expected a complete state"):
-            record.load_state(state, "layout 1")
-
-
-@pytest.mark.parametrize(
-    ("values", "words"),
-    [({"a": "text"}, "not a number type"), ({"a/b": 1}, "slash"), ({"a": None}, "not a number type")],
-)
-def test_a_state_holds_numbers_only(tmp_path, values, words):
-    with pytest.raises(ValueError, match=words):
-        record.save_state(tmp_path / "state.h5", values, "layout")
-    assert os.listdir(tmp_path) == []

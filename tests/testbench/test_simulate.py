@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 
-from testbench import budget, record, simulate
+from testbench import budget, record_read, simulate, state_file
 from tests.testbench.bench_setup import configured, quiet
 
 KEYS = {
@@ -62,7 +62,7 @@ def test_everything_is_left_behind(run_json):
     names = {path.name for path in out.iterdir()}
     assert {"run.h5", "run.html", "state.h5", "run.vcd", "run.gtkw", "startup.png", "spectra.png"} <= names
     assert {"jitter.png", "rate_step.png"} <= names
-    kept = record.read_record(out / "run.h5")
+    kept = record_read.read_record(out / "run.h5")
     state = kept.streams["state"].data
     assert kept.streams["adc_drive_cos"].rate_hz == 8000
     assert len(state) == pytest.approx(got["simulated_s"] * 8000, abs=2)
@@ -136,7 +136,7 @@ def test_the_loop_phase_is_what_the_demodulator_sees():
 def test_a_run_resumes_to_the_same_codes(tmp_path):
     """State at the end of a run, continued, against one long run."""
     short = simulate.run(configured(scenario__seconds=0.2))
-    record.save_state(tmp_path / "state.h5", *short.state)
+    state_file.save_state(tmp_path / "state.h5", *short.state)
     rest = simulate.run(
         configured(scenario__seconds=0.1, scenario__diagnose=False, scenario__resume=str(tmp_path / "state.h5"))
     )

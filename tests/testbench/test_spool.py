@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from testbench import engine, record, spool
+from testbench import engine, record_read, spool
 from testbench.code_hash import BLOCK_TICKS
 from testbench.errors import FileError
 from testbench.spool import FIELDS, Recording, Spool
@@ -181,7 +181,7 @@ def test_the_record_is_that_of_the_columns(tmp_path, monkeypatch):
     recording = Recording(filled(frames, truth), "[noise]\nseed = 1\n", 1.5)
     recording.tables["segments"] = {"name": ("", np.array(["scenario"])), "edge": ("edge", np.array([40 * 3250]))}
     recording.write(tmp_path / "run.h5")
-    have = record.read_record(tmp_path / "run.h5")
+    have = record_read.read_record(tmp_path / "run.h5")
     for name, column in recording.streams.items():
         assert np.array_equal(have.streams[name].data, column.data)
         assert have.streams[name].attrs == column.attrs
@@ -218,4 +218,4 @@ def test_sizes_on_the_pages():
 
 def test_no_rows_are_a_record_too(tmp_path):
     Recording(Spool(), "", 0.0).write(tmp_path / "run.h5")
-    assert len(record.read_record(tmp_path / "run.h5").streams["rate_word"].data) == 0
+    assert len(record_read.read_record(tmp_path / "run.h5").streams["rate_word"].data) == 0

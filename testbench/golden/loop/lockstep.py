@@ -20,7 +20,7 @@ from numba.extending import intrinsic, register_jitable
 from analog_frontend import adc_serial, dac_serial
 from analog_frontend import top as plant
 from fpga_model import top as fpga
-from fpga_model.jit import DISABLED, hot, inlined, outlined
+from fpga_model.jit import DISABLED, hot, inlined
 from fpga_model.rates import FRAME_TICKS, TICK_CYCLES
 from testbench import engine
 from testbench.flatten import store
@@ -104,17 +104,6 @@ def chips_after(chips, pins, loaded, status, codes):
     )
 
 
-# The plant's parts stay functions of their own, as in the clocked engine
-@outlined
-def _retune(p, a, rate_rad_s, quad_code, temp_degc):
-    plant.retune(p, a, rate_rad_s, quad_code, temp_degc)
-
-
-@outlined
-def _plant_tick(p, a, tick, pins, edges):
-    return plant.step(p, a, tick, pins, edges)
-
-
 @hot
 def ticks(p, f, chips, a, chunk, end, drdy_cycle, rtl):
     """Ticks chunk.begin .. end - 1; returns the model's registers, the chips, the clock of DRDY.
@@ -131,7 +120,7 @@ def ticks(p, f, chips, a, chunk, end, drdy_cycle, rtl):
             n = tick // FRAME_TICKS - begin_frame
             row = n if begin % FRAME_TICKS == 0 else n - 1
             v_q = faults.dac_code[2] if faults.dac[2] else chips.quadrature.code
-            _retune(p.plant, a, rate_rad_s[n], v_q, temp_degc[n])
+            engine.retune(p.plant, a, rate_rad_s[n], v_q, temp_degc[n])
             if row < o.frames.shape[0]:
                 engine.record_frame(
                     o.frames[row],
@@ -194,7 +183,7 @@ def ticks(p, f, chips, a, chunk, end, drdy_cycle, rtl):
             a.z[plant.X] = np.nan
         if faults.nan[1]:
             a.z[plant.Y] = np.nan
-        drdy_cycle = _plant_tick(
+        drdy_cycle = engine.plant_tick(
             p.plant, a, tick, plant.Pins(drive_code, drive_cycle, sense_code, sense_cycle, edge_count), edges
         )
         if k < o.drive_code.shape[0]:

@@ -87,6 +87,16 @@ def test_allan_deviation_equals_allantools():
         assert measure_allan.overlapping(rate, m) == pytest.approx(want[0], rel=1e-9)
 
 
+def test_allan_fit_of_what_is_neither_white_nor_flicker():
+    """A record at rest has nothing; a drift or a bounded angle has no negative share, whatever the other is."""
+    still = measure_allan.analyse(np.full(3000, 0.3), 0.01)
+    assert (still.arw_deg_per_rt_h, still.instability_deg_per_h, still.floor_deg_per_h) == (0.0, 0.0, 0.0)
+    drift = measure_allan.analyse(np.linspace(-1, 1, 3000), 0.01)
+    assert drift.arw_deg_per_rt_h == 0.0 < drift.instability_deg_per_h
+    bounded = measure_allan.analyse(np.diff(np.random.default_rng(1).normal(size=3001)), 0.01)
+    assert bounded.instability_deg_per_h == 0.0 < bounded.arw_deg_per_rt_h
+
+
 def test_allan_fit_finds_white_noise_and_flicker():
     """White noise of one-sided density S gives N = sqrt(S/2); the answer in deg/sqrt(h)."""
     rng = np.random.default_rng(3)

@@ -197,11 +197,16 @@ def test_noise_of_the_running_gyroscope():
     assert derived["flicker"]["instability_deg_per_h"] == pytest.approx(
         np.sqrt(2 * np.log(2)) * 37e-9 / 57.9e-6 * 3600, rel=0.02
     )
-    found = law.noise_law(configured(), {"5": WORDS}, {"all": 100.0, "only flicker": 600.0}, 8651.0)
+    found = law.noise_law(
+        configured(), {"5": WORDS}, {"all": 100.0, "only flicker": 600.0, "none": 50.0, law.NOT_RETIMED: 50.0}, 8651.0
+    )
     assert found["all"]["arw_deg_per_rt_h"] == pytest.approx(0.1337, rel=0.15)
     assert found["only flicker"]["instability_deg_per_h"] == pytest.approx(
         derived["flicker"]["instability_deg_per_h"], rel=0.30
     )
+    # what is left without noise is the beat of edges that are re-timed
+    left, without = (found[name]["arw_deg_per_rt_h"] for name in ("none", law.NOT_RETIMED))
+    assert without <= derived["none"]["arw_deg_per_rt_h"] < left < 0.1 * found["all"]["arw_deg_per_rt_h"]
 
 
 # ---- the page --------------------------------------------------------------------------------------------------------
