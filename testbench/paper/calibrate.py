@@ -20,7 +20,7 @@ import numpy as np
 from scipy import stats
 from scipy.optimize import brentq
 
-from fpga_model import sequencer
+from fpga_model import cordic, sequencer
 from fpga_model.rates import MASTER_HZ
 from testbench.paper import grid
 from testbench.paper.bench import FRAME_S, PHASE_REGISTERS, log_cosine_ratio
@@ -141,8 +141,8 @@ def interval(bench, channel, turns_deg=COUNTER_TURNS_DEG):
 
 
 def offset_deg(bench):
-    """Angle (deg) by which the offset of the sine demodulator makes x lag: its code with the drive off over A."""
-    return math.degrees(bench.offset_codes["adc_drive_sin"] / bench.read("magnitude"))
+    """Angle (deg) by which the offset of the sine demodulator makes x lag: its code with the drive off over A's."""
+    return math.degrees(bench.offset_codes["adc_drive_sin"] * float(cordic.GAIN) / bench.read("magnitude"))
 
 
 def detune(bench, angles_deg=DETUNE_DEG):

@@ -16,6 +16,7 @@ from testbench.campaign.progress import Progress
 from testbench.campaign.store import Store
 from testbench.paper import (
     advisor,
+    calibrate,
     calibrations,
     cases,
     comparison,
@@ -28,8 +29,8 @@ from testbench.paper import (
     sensitivity,
     study,
 )
-from testbench.paper.bench import Bench
-from tests.testbench.bench_setup import configured, open_loop
+from testbench.paper.bench import Bench, Judge
+from tests.testbench.bench_setup import configured, open_loop, quiet
 from tests.testbench.paper import browser
 
 pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="closed loop: too slow interpreted")
@@ -64,6 +65,17 @@ def test_words_move_what_the_counter_reads():
     assert before.lag_deg - after.lag_deg == pytest.approx(1.0, abs=0.003)
     assert bench.phases_deg()["phase_drive_sine"] == pytest.approx(1.0, abs=1e-12)
     assert len(rows) == 8000
+
+
+@pytest.mark.parametrize("mismatch", [-0.1, 0.1])
+def test_the_offset_of_the_demodulator_is_taken_off(mismatch):
+    """Without noise and re-timing detuning finds psi within 0.15 mdeg, though the charge turns x by ten times that."""
+    settings = {"firmware__reference_retimed": False, "plant__sid_charge_mismatch": mismatch}
+    bench = Bench(quiet(**settings, plant__sid_charge_c=1.3e-12), engine_run="baseband")
+    truth = Judge(bench).residuals().deg
+    found = calibrate.detune(bench, (40.0, 50.0))
+    assert abs(calibrate.offset_deg(bench)) > 0.0015
+    assert found.deg.mean() == pytest.approx(truth["xe1"] + truth["xe2"], abs=0.00015)
 
 
 def test_calibration_of_the_base_board():
