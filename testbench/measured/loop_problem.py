@@ -219,15 +219,17 @@ class LoopProblem:
     def _all(self):
         return self.measured_.conditions
 
-    def exact(self, theta, effects):
+    def exact(self, theta, effects, role=None):
         """{condition: (features of the exact engine at a point, each draw less its twin in the averaged plant)}.
 
-        The drive frequency is held, so that edges slip at the same instants and the noise cancels.
+        Of the conditions with a role, or of all. The drive frequency is held, so that edges slip at the same instants
+        and the noise cancels.
         """
         model = self.told(theta, effects)
         told = "exact", model.config.model_dump_json(), model.laws
-        keys = {c.id: self._key(*told, c._replace(role=""), self.place[c.id]) for c in self._all()}
-        todo = [c for c in self._all() if keys[c.id] not in self.kept.exact]
+        chosen = [c for c in self._all() if role in (None, c.role)]
+        keys = {c.id: self._key(*told, c._replace(role=""), self.place[c.id]) for c in chosen}
+        todo = [c for c in chosen if keys[c.id] not in self.kept.exact]
         moved = self._moved_hz(theta, effects)
         # the averaged plant with the same noise, where the model began
         twins = self._draws(Model(self.model), DRAWS)
@@ -236,7 +238,7 @@ class LoopProblem:
             rows = np.array(found[DRAWS * i : DRAWS * (i + 1)]) - twins[c.id]
             v = rows.mean(axis=0) + self._middle[c.id] + self.slope[c.id] * (moved[c.id] - self.place[c.id])
             self.kept.exact[keys[c.id]] = v, rows[:, : self._sizes[c.id]]
-        return {c.id: self.kept.exact[keys[c.id]] for c in self._all()}
+        return {g: self.kept.exact[key] for g, key in keys.items()}
 
     def _moved_hz(self, theta, effects):
         """{condition: change of the drive frequency from where the model began}, by the linear model.
@@ -423,7 +425,7 @@ class LoopProblem:
 
         Its own noise, known from the draws, is taken out: the fit knows of it as `prediction_noise`.
         """
-        exact, theta = self.exact(theta, effects), np.asarray(theta, float)
+        exact, theta = self.exact(theta, effects, "fit"), np.asarray(theta, float)
         off = {g: (v - self.linear(theta, effects, g))[: self._sizes[g]] for g, (v, _) in exact.items()}
         scaled = np.concatenate([v / self._noise[g].sigma for g, v in off.items()])
         seen = self.pseudo({g: v[:, None] for g, v in off.items()})[:, 0]
