@@ -72,8 +72,8 @@ def _heldout(result):
     chi2 = result.heldout_chi2
     note = (
         f"rms of single repeats; floor: their own repeatability. chi2 / rows {number(chi2.get('before'))} before, "
-        f"{number(chi2.get('after'))} after, 99 % limit {number(chi2.get('limit'))}. Intervals are simulated, with twelve groups and more a paired block bootstrap; removed: "
-        "share of the power above the floor."
+        f"{number(chi2.get('after'))} after, 99 % limit {number(chi2.get('limit'))}. Intervals are simulated, with "
+        "twelve groups and more a paired block bootstrap; removed: share of the power above the floor."
     )
     return _table(heads, rows, "Error before and after, on data that no fit has seen", note)
 
