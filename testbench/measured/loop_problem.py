@@ -39,6 +39,7 @@ JITTER_HZ = 1e-3
 FIRST_DRAW = 10**12  # seeds that no recording has
 NOISE_DRAWS = 64  # of the averaged plant, per condition
 AIM, NEAR = 300.0, 2.5  # sigmas by which a step of a tangent moves all features together, and how far off it may be
+SEEN = 30.0  # sigmas of all features together, that a law's largest step must move
 SETTLED = 200.0  # sigmas of all features together: so little needs no other anchor
 
 
@@ -310,7 +311,9 @@ class LoopProblem:
                     again.append(name)
                     continue
                 size = self._size(moved)
-                columns[name] = {g: v / steps[name] for g, v in moved.items()}
+                # what the largest step hardly moves is slips of edges, and no law that these data see
+                seen = size >= SEEN
+                columns[name] = {g: v * (seen / steps[name]) for g, v in moved.items()}
                 if not AIM / NEAR <= size <= AIM * NEAR:
                     factor = np.clip(AIM / max(size, 1e-3), 1e-3, 100.0)
                     if factor * abs(steps[name]) <= self.largest(name):
@@ -318,13 +321,17 @@ class LoopProblem:
                         again.append(name)
             todo = again
         # to both sides where both are allowed: what is of second order in a law falls out
-        both = [n for n in columns if n not in self.candidates or not self.candidates[n].law.sign]
+        both = [n for n, v in columns.items() if self._sided(n) and any(np.any(x) for x in v.values())]
         for name, moved in zip(both, self._held([self._stepped(theta0, n, -steps[n]) for n in both], base)):
             if moved is not None:
                 columns[name] = {g: (v - moved[g] / steps[name]) / 2 for g, v in columns[name].items()}
         nan = {g: np.full(len(v), np.nan) for g, v in self.base.items()}
         for name in missing:
             self.kept.columns[self._where, name] = columns.get(name, nan)
+
+    def _sided(self, name):
+        """True if steps to both sides are allowed."""
+        return name not in self.candidates or not self.candidates[name].law.sign
 
     def largest(self, name):
         """How far a step may go: half the limit of a key."""

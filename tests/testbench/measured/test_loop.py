@@ -133,9 +133,10 @@ def test_held_out_errors_of_named_effects_are_at_the_floor(twelve):
     ratio, _, every = loop_rates.pooled(named)
     assert ratio <= 1.06
     # simulated intervals hold the floor that the model expects
-    inside = [h[3] <= h[5] <= h[4] for row in named for h in row["heldout"].values()]
+    # where the repeats reject the declared noise nothing is simulated
+    inside = [h[3] <= h[5] <= h[4] for row in named for h in row["heldout"].values() if h[5] is not None]
     assert np.mean(inside) > 0.8
-    assert len(every) == len(inside)
+    assert len(every) >= len(inside) > 0
 
 
 def test_the_json_of_a_trace_has_every_key(twelve):
