@@ -312,7 +312,7 @@ class LoopProblem:
                     continue
                 size = self._size(moved)
                 # what the largest step hardly moves is slips of edges, and no law that these data see
-                seen = size >= SEEN
+                seen = size >= SEEN or name not in self.candidates
                 columns[name] = {g: v * (seen / steps[name]) for g, v in moved.items()}
                 if not AIM / NEAR <= size <= AIM * NEAR:
                     factor = np.clip(AIM / max(size, 1e-3), 1e-3, 100.0)
