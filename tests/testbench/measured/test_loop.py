@@ -174,4 +174,5 @@ def test_a_hundred_trials(tmp_path):
     assert not [t for t in quiet if t["found"]]
     seen = [t for t in done if t["kind"] == "one" and t["detected"]]
     assert sum(t["first"] for t in seen) >= 0.95 * len(seen)
-    assert all(t["numerical"] < 0.5 for t in done)
+    # no linear model about any anchor is what jumps, and nothing is named on it
+    assert all(t["numerical"] < 0.5 for t in done if t["kind"] != "out" or t["verdict"] == "named")
