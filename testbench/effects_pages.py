@@ -62,8 +62,8 @@ def measured(names, bench=None):
         if name in names:
             temp = 45.0 if name == "pickoff_drift" else 25.0
             on = config.changed(base, {f"effects.{name}": effect.EXAMPLE})
-            jobs += [(name, Run(Model(c), k, SEED)) for c in (base, on) for k in conditions(temp)]
-    found = bench.run([run for _, run in jobs], base, FAST)
+            jobs += [(name, Run(Model(c), k, SEED, base)) for c in (base, on) for k in conditions(temp)]
+    found = bench.run([run for _, run in jobs], FAST)
     for i in range(0, len(jobs), 4):
         four = [read(f, run.condition) for f, (_, run) in zip(found[i : i + 4], jobs[i : i + 4])]
         out[jobs[i][0]] = changes(four[:2], four[2:])

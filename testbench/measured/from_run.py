@@ -27,7 +27,7 @@ def plan_of(config):
         seconds=s.seconds, role="none",
     )  # fmt: skip
     head = dict.fromkeys(HEAD, "unknown")
-    return Plan("run", head, 1, config.noise.seed, "frame", config, config, {}, (c,), ())
+    return Plan("run", head, 1, config.noise.seed, "frame", 0.0, config, config, {}, (c,), ())
 
 
 def write(config, path, progress=None):

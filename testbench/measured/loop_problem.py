@@ -2,13 +2,15 @@
 
     y_k(theta, c) = A_k + T_k (theta - theta_a) + L_k (c - c_a)
     A    mean over DRAWS of the exact engine (lanes: to the bit) at the anchor, less that of the averaged plant with the
-         same noise where the model began, plus the mean of all draws there: most of the noise cancels. What is left is
-         `prediction_noise`, in units of a repeat's variance
+         same noise where the model began, so that most of it cancels, plus the mean of the averaged plant's draws
+         there, each from power-on. What is left is `prediction_noise`, in units of a repeat's variance
     T L  differences of the averaged plant with the same noise on both sides, at steps of about AIM sigmas
     N    covariance of the averaged plant's draws, pooled over conditions
     jitter   re-timed reference edges beat slowly with the drive frequency: a change of 1e-6 Hz moves the instants at
              which they slip, and nobody knows f_x so well. Every draw has its own f_x, JITTER_HZ wide, by a stiffness
-             at force_x, as every power-on of a board has
+             at force_x, as every power-on of a board has, and its own phase of the drive at a step of the rate
+    place    mean and noise of the slips are others a few mHz further on. So every run of a condition is held at the
+             drive frequency that was recorded there, and what a point does to the frequency is added: 1 Hz per Hz
 
 The core sees a problem that is linear; what it finds becomes the next anchor (loop_trace.py), until the exact engine
 and the linear model agree there.
@@ -21,6 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solve_triangular
+from scipy.stats import norm
 
 from testbench import config as configuration
 from testbench import law_file
@@ -29,12 +32,14 @@ from testbench.measured import features, loop_runs
 from testbench.measured.loop_runs import EXACT, FAST, Model, Run
 from testbench.tracing.problem import Nuisance, Observable, PredictionFailed, Segment
 
-HELD_HZ = 1e-3  # of the drive frequency: half its resonance's width is 27 mHz, and tangents are of its middle
+HELD_HZ = 1e-3  # of the drive frequency, in tangents
+PLACE_HZ = 2e-3  # from the model's drive frequency to the recorded one: what is less is scatter of the power-ons
 DRAWS = 16  # of the exact engine at an anchor
 JITTER_HZ = 1e-3
 FIRST_DRAW = 10**12  # seeds that no recording has
 NOISE_DRAWS = 64  # of the averaged plant, per condition
-AIM, NEAR = 1000.0, 5.0  # sigmas by which a step of a tangent moves all features together, and how far off it may be
+AIM, NEAR = 300.0, 2.5  # sigmas by which a step of a tangent moves all features together, and how far off it may be
+SEEN = 30.0  # sigmas of all features together, that a law's largest step must move
 SETTLED = 200.0  # sigmas of all features together: so little needs no other anchor
 
 
@@ -65,15 +70,14 @@ class LoopProblem:
     """See `testbench.tracing.problem.Problem`.
 
     model       configuration of the model; nuisances  measured.parameters.Parameter
-    candidates  loop_laws.Candidate of the catalogue;   library  those of the grammar
-    start       {nuisance: value} where the first anchor stands, if the data say it before any fit
+    candidates  loop_laws.Candidate of the catalogue;   library  those of the grammar, which cost runs when asked for
     """
 
-    def __init__(
-        self, measured, model, nuisances, candidates, library=(), bench=None, kept=None, progress=None, start=None
-    ):
+    library_late = True
+
+    def __init__(self, measured, model, nuisances, candidates, library=(), bench=None, kept=None, progress=None):
         self.name, self.measured_ = measured.name, measured
-        self.model = configuration.changed(model, start) if start else model
+        self.model = model
         self.parameters, self.progress = tuple(nuisances), progress
         self.bench, self.kept = bench or loop_runs.Bench(), kept or Kept()
         self.candidates = {c.law.name: c for c in (*candidates, *library)}
@@ -88,19 +92,26 @@ class LoopProblem:
         # stiffness that moves the drive mode by a hertz
         self.per_hz = 8 * np.pi**2 * device.mass_kg * device.fx_hz
         self._sizes = {c.id: loop_runs.size(c) for c in measured.conditions}
-        draws = self._draws(Model(self.model), "draws", NOISE_DRAWS)
-        self._noise = noise_of({g: v[:, : self._sizes[g]] for g, v in draws.items()})
+        self._count = {c.id: len(loop_runs.bins(c)) - 1 for c in measured.conditions}
+        self.slope = {c.id: _of_frequency(c) for c in measured.conditions}
+        self.place = dict.fromkeys(self.conditions, 0.0)
+        self._put()
+        draws = self._draws(Model(self.model), NOISE_DRAWS, power_on=True)
+        self._noise = noise_of({g: (v[:, : self._sizes[g]], self.slope[g][: self._sizes[g]]) for g, v in draws.items()})
         self.noise_estimated_from = (len(draws) * (NOISE_DRAWS - 1), max(self._sizes.values()))
         self._begun, self._middle = draws, {g: v.mean(axis=0) for g, v in draws.items()}
         self.heldout_view = Fine(self, {g: v[:, self._sizes[g] :] for g, v in draws.items()})
         self._rows = {s.group: k for k, s in enumerate(self.segments)}
         self.anchors, self.tangent = 0, None
-        # change of the features per hertz of f_x, where it is known: within the draws
-        jitter = JITTER - JITTER.mean()
-        self.slope = {g: jitter @ (v - v.mean(axis=0)) / (jitter @ jitter) for g, v in draws.items()}
-        self.first = np.array([(start or {}).get(n.name, n.value) for n in self.nuisances])
+        self._late = {law.name for law in self.library}
+        self.first = np.array([n.value for n in self.nuisances])
         self.anchor(self.first, {})
-        self._tangents()
+        # the same a few mHz further on
+        self._where = self._key([c._replace(role="") for c in measured.conditions])
+        self.kept.columns[self._where, "plant.fx_hz"] = self.slope
+        self._tangents([*(n.name for n in self.nuisances), *(law.name for law in self.laws)])
+        columns = [self.column(n.name) for n in self.nuisances]
+        self.tangent = {g: np.stack([c[g] for c in columns], axis=1) for g in self.base}
         if any(np.any(v) for v in measured.values.values()):
             self.settle()
 
@@ -119,7 +130,7 @@ class LoopProblem:
         n = self._noise[self.segments[k].group]
         v = np.asarray(v, float)[: len(n.sigma)]
         scaled = v / (n.sigma if v.ndim == 1 else n.sigma[:, None])
-        return solve_triangular(n.chol, scaled, lower=True)
+        return solve_triangular(n.chol, scaled, lower=True, check_finite=False)
 
     def noise_draw(self, k, rng):
         """One of the averaged plant's draws, either sign: slips make the noise of some power-ons larger."""
@@ -161,16 +172,34 @@ class LoopProblem:
         except ConfigError as problem:
             raise PredictionFailed(str(problem)) from None
 
-    def _run(self, wanted, kind):
-        """Features of (model, condition, draw, Hz by which the drive mode is moved down)."""
+    def _put(self):
+        """Places of the conditions, from the last bins of the recorded frequency words."""
+        one = self._draws(Model(self.model), 1)
+        for g, values in self.measured_.values.items():
+            if np.any(values):
+                hz = self.hertz(values.mean(axis=0) - one[g][0], g) + jitter_hz(0)
+                self.place[g] = hz if abs(hz) > PLACE_HZ else 0.0
+
+    def moved_hz(self, model, hz):
+        """A model whose drive mode is moved by some Hz, by a stiffness."""
+        return Model(model.config, (*model.laws, f"force_x = {-self.per_hz * hz!r} x"))
+
+    def _run(self, wanted, kind, power_on=False):
+        """Features of (model, condition, draw, Hz by which the model is above the model where the problem began).
+
+        All are held at the place of their condition. They begin from a locked state of the model where the problem
+        began, so that edges slip at the same instants in all of them, or from power-on.
+        """
         index = {name: k for k, name in enumerate(self.conditions)}
         runs = []
-        for m, c, draw, less_hz in wanted:
-            k_n_per_m = self.per_hz * (jitter_hz(draw) - less_hz)
-            told = Model(m.config, (*m.laws, f"force_x = {-k_n_per_m!r} x"))
-            runs.append(Run(told, c, FIRST_DRAW + 10_000 * index[c.id] + draw))
+        for m, c, draw, above_hz in wanted:
+            place, start = self.place[c.id], None
+            if not power_on:
+                start = loop_runs.told(self.moved_hz(Model(self.model), place))
+            told = self.moved_hz(m, place - above_hz + jitter_hz(draw))
+            runs.append(Run(told, c, FIRST_DRAW + 10_000 * index[c.id] + draw, start, int(LATER[draw])))
         try:
-            return self.bench.run(runs, self.model, kind, self.progress, fine=True)
+            return self.bench.run(runs, kind, self.progress, fine=True)
         except (ConfigError, RuntimeError) as problem:
             raise PredictionFailed(str(problem)) from None
 
@@ -178,14 +207,12 @@ class LoopProblem:
         text = repr((self.model.model_dump_json(), *more))
         return hashlib.sha256(text.encode()).hexdigest()
 
-    def _draws(self, model, what, count):
+    def _draws(self, model, count, power_on=False):
         """{condition: (count, n)} of the averaged plant at a model, jitter and all."""
-        keys = {
-            c.id: self._key(what, count, model.config.model_dump_json(), model.laws, c._replace(role=""))
-            for c in self._all()
-        }
+        told = count, power_on, model.config.model_dump_json(), model.laws
+        keys = {c.id: self._key("draws", told, c._replace(role=""), self.place[c.id]) for c in self._all()}
         todo = [c for c in self._all() if keys[c.id] not in self.kept.noise]
-        found = self._run([(model, c, k, 0.0) for c in todo for k in range(count)], FAST)
+        found = self._run([(model, c, k, 0.0) for c in todo for k in range(count)], FAST, power_on)
         for i, c in enumerate(todo):
             self.kept.noise[keys[c.id]] = np.array(found[count * i : count * (i + 1)])
         return {name: self.kept.noise[key] for name, key in keys.items()}
@@ -193,24 +220,26 @@ class LoopProblem:
     def _all(self):
         return self.measured_.conditions
 
-    def exact(self, theta, effects):
-        """{condition: (features of the exact engine at a point, what is left of the noise of a draw)}.
+    def exact(self, theta, effects, role=None):
+        """{condition: (features of the exact engine at a point, each draw less its twin in the averaged plant)}.
 
-        The drive frequency is held where the model began, so that edges slip at the same instants and the noise
-        cancels; what its change does to the features is put back by the tangent of f_x.
+        Of the conditions with a role, or of all. The drive frequency is held, so that edges slip at the same instants
+        and the noise cancels.
         """
         model = self.told(theta, effects)
-        key = self._key("exact", model.config.model_dump_json(), model.laws)
-        todo = [c for c in self._all() if (key, c._replace(role="")) not in self.kept.exact]
+        told = "exact", model.config.model_dump_json(), model.laws
+        chosen = [c for c in self._all() if role in (None, c.role)]
+        keys = {c.id: self._key(*told, c._replace(role=""), self.place[c.id]) for c in chosen}
+        todo = [c for c in chosen if keys[c.id] not in self.kept.exact]
         moved = self._moved_hz(theta, effects)
+        # the averaged plant with the same noise, where the model began
+        twins = self._draws(Model(self.model), DRAWS)
         found = self._run([(model, c, k, moved[c.id]) for c in todo for k in range(DRAWS)], EXACT)
         for i, c in enumerate(todo):
-            # the averaged plant with the same noise, where the model began
-            rows = np.array(found[DRAWS * i : DRAWS * (i + 1)]) - self._begun[c.id][:DRAWS]
-            left = np.mean(rows[:, : self._sizes[c.id]].var(axis=0, ddof=1) / self._noise[c.id].sigma ** 2)
-            v = rows.mean(axis=0) + self._middle[c.id] + self.slope[c.id] * moved[c.id]
-            self.kept.exact[key, c._replace(role="")] = v, float(left)
-        return {c.id: self.kept.exact[key, c._replace(role="")] for c in self._all()}
+            rows = np.array(found[DRAWS * i : DRAWS * (i + 1)]) - twins[c.id]
+            v = rows.mean(axis=0) + self._middle[c.id] + self.slope[c.id] * (moved[c.id] - self.place[c.id])
+            self.kept.exact[keys[c.id]] = v, rows[:, : self._sizes[c.id]]
+        return {g: self.kept.exact[key] for g, key in keys.items()}
 
     def _moved_hz(self, theta, effects):
         """{condition: change of the drive frequency from where the model began}, by the linear model.
@@ -223,9 +252,7 @@ class LoopProblem:
 
     def hertz(self, change, group):
         """Change of the drive frequency in a change of features, by the last bin of the frequency word."""
-        count = self._sizes[group] // len(loop_runs.NAMES)
-        last = (loop_runs.NAMES.index("f_word") + 1) * count - 1
-        return float(change[last] / self.slope[group][last])
+        return float(change[(loop_runs.NAMES.index("f_word") + 1) * self._count[group] - 1])
 
     # ---- the linear model ----
 
@@ -233,8 +260,9 @@ class LoopProblem:
         """Put the linear model's anchor at a point."""
         self.at = np.array(theta, float), {name: float(v) for name, v in effects.items() if v}
         found = self.exact(*self.at)
-        self.base = {g: v for g, (v, _) in found.items()}
-        self.prediction_noise = float(np.mean([left for _, left in found.values()])) / DRAWS + 1 / NOISE_DRAWS
+        self.base, self._rest = {g: v for g, (v, _) in found.items()}, {g: rows for g, (_, rows) in found.items()}
+        left = [np.mean(rows.var(axis=0, ddof=1) / self._noise[g].sigma ** 2) for g, rows in self._rest.items()]
+        self.prediction_noise = float(np.mean(left)) / DRAWS + 1 / NOISE_DRAWS
         self.anchors += 1
         self.hashes["anchor"] = self._key(self.at[0].tolist(), sorted(self.at[1].items()))
 
@@ -248,7 +276,7 @@ class LoopProblem:
         for name in {*effects, *effects0}:
             change = effects.get(name, 0.0) - effects0.get(name, 0.0)
             if change:
-                out = out + self.column[group][name] * change
+                out = out + self.column(name)[group] * change
         return out
 
     def _size(self, change):
@@ -258,20 +286,24 @@ class LoopProblem:
             total += float(np.sum(self.whiten(self._rows[group], v) ** 2))
         return np.sqrt(total)
 
-    def _tangents(self):
-        """Columns of nuisances and laws, at steps that move the features by about AIM sigmas."""
-        where = self._key(self.first.tolist(), [c._replace(role="") for c in self.measured_.conditions])
-        theta0, base = self.first, {}
+    def column(self, name):
+        """{condition: change of the features per unit of a nuisance or law}; the library's are made when asked for."""
+        if (self._where, name) not in self.kept.columns:
+            self._tangents([law.name for law in self.library] if name in self._late else [name])
+        return self.kept.columns[self._where, name]
+
+    def _tangents(self, names):
+        """Columns of nuisances and laws, at steps that move the features by about AIM sigmas; nan: the plant fails."""
+        theta0, columns = self.first, {}
         steps = {n.name: 0.1 * n.prior_sd for n in self.nuisances}
         steps |= {name: c.law.scale * (c.law.sign or 1) for name, c in self.candidates.items()}
-        if "plant.fx_hz" in steps:
-            self.kept.columns[where, "plant.fx_hz"] = self.slope
-        todo = [name for name in steps if (where, name) not in self.kept.columns]
+        todo = [name for name in names if (self._where, name) not in self.kept.columns]
+        if not todo:
+            return
+        missing, base = list(todo), self._many([(theta0, {})])[0]
         for _ in range(4):
             if not todo:
                 break
-            if not base:
-                base = self._many([(theta0, {})])[0]
             again = []
             for name, moved in zip(todo, self._held([self._stepped(theta0, name, steps[name]) for name in todo], base)):
                 if moved is None:
@@ -279,19 +311,27 @@ class LoopProblem:
                     again.append(name)
                     continue
                 size = self._size(moved)
-                column = {g: v / steps[name] for g, v in moved.items()}
-                self.kept.columns[where, name] = column
+                # what the largest step hardly moves is slips of edges, and no law that these data see
+                seen = size >= SEEN or name not in self.candidates
+                columns[name] = {g: v * (seen / steps[name]) for g, v in moved.items()}
                 if not AIM / NEAR <= size <= AIM * NEAR:
                     factor = np.clip(AIM / max(size, 1e-3), 1e-3, 100.0)
                     if factor * abs(steps[name]) <= self.largest(name):
                         steps[name] *= factor
                         again.append(name)
             todo = again
-        self.failed = [name for name in steps if (where, name) not in self.kept.columns]
-        known = {name: self.kept.columns[where, name] for name in steps if (where, name) in self.kept.columns}
+        # to both sides where both are allowed: what is of second order in a law falls out
+        both = [n for n, v in columns.items() if self._sided(n) and any(np.any(x) for x in v.values())]
+        for name, moved in zip(both, self._held([self._stepped(theta0, n, -steps[n]) for n in both], base)):
+            if moved is not None:
+                columns[name] = {g: (v - moved[g] / steps[name]) / 2 for g, v in columns[name].items()}
         nan = {g: np.full(len(v), np.nan) for g, v in self.base.items()}
-        self.tangent = {g: np.stack([known.get(n.name, nan)[g] for n in self.nuisances], axis=1) for g in self.base}
-        self.column = {g: {name: known.get(name, nan)[g] for name in self.candidates} for g in self.base}
+        for name in missing:
+            self.kept.columns[self._where, name] = columns.get(name, nan)
+
+    def _sided(self, name):
+        """True if steps to both sides are allowed."""
+        return name not in self.candidates or not self.candidates[name].law.sign
 
     def largest(self, name):
         """How far a step may go: half the limit of a key."""
@@ -315,7 +355,7 @@ class LoopProblem:
     def _held(self, points, base):
         """Changes {group: values} from `base` to points, None where the averaged plant fails.
 
-        The drive frequency is held where the model began, in two steps; what its change does is put back by `slope`.
+        The drive frequency is held, in two steps; what its change does is put back by `slope`.
         """
         hertz, changes = [dict.fromkeys(base, 0.0) for _ in points], [None] * len(points)
         todo = range(len(points))
@@ -343,13 +383,14 @@ class LoopProblem:
                 models.append(self.told(theta, effects))
             except PredictionFailed:
                 models.append(None)
-        wanted = [(m, c, 0, h[c.id]) for m, h in zip(models, hertz) if m is not None for c in self.measured_.conditions]
+        wanted = [(m, c, 0, h[c.id]) for m, h in zip(models, hertz) if m is not None for c in self._all()]
         try:
             found = iter(self._run(wanted, FAST))
         except PredictionFailed:
             if len(points) == 1:
                 return [None]
-            return [self._many([point], [h])[0] for point, h in zip(points, hertz)]
+            half = len(points) // 2
+            return self._many(points[:half], hertz[:half]) + self._many(points[half:], hertz[half:])
         return [None if m is None else {c.id: next(found) for c in self.measured_.conditions} for m in models]
 
     def settle(self):
@@ -369,38 +410,38 @@ class LoopProblem:
             self.anchor(self.at[0] + sd * u, {})
 
     def pseudo(self, change):
-        """Size, in sigmas, of the largest effect that a difference of features would be taken for."""
+        """(laws, m) sigmas of the effects that m differences of features, {condition: (n, m)}, would be taken for."""
         rows = [c.id for c in self._all() if c.role == "fit"]
 
         def stacked(of):
             roots = {g: np.sqrt(len(self.measured_.values[g])) for g in rows}
-            return np.concatenate([roots[g] * self.whiten(self._rows[g], of(g)) for g in rows])
+            return np.concatenate([roots[g] * self.whiten(self._rows[g], of[g]) for g in rows])
 
-        j = stacked(lambda g: self.tangent[g])
         sd = np.array([n.prior_sd for n in self.nuisances])
-        q, _ = np.linalg.qr(np.concatenate([j * sd, np.eye(len(sd))]) / np.linalg.norm(j * sd, axis=0))
-        tail = np.zeros(len(sd))
-
-        def left(v):
-            v = np.concatenate([v, tail])
-            return v - q @ (q.T @ v)
-
-        d, worst = left(stacked(lambda g: change[g])), 0.0
-        for law in self.laws:
-            s = left(stacked(lambda g, name=law.name: self.column[g][name]))
-            size = np.linalg.norm(s)
-            if size > 0:
-                worst = max(worst, abs(float(s @ d)) / float(size))
-        return worst
+        j = stacked(self.tangent) * sd
+        q, _ = np.linalg.qr(np.concatenate([j, np.eye(len(sd))]) / np.linalg.norm(j, axis=0))
+        s = np.stack([stacked(self.column(law.name)) for law in self.laws], axis=1)
+        s = np.concatenate([s, np.zeros((len(sd), s.shape[1]))])
+        s -= q @ (q.T @ s)
+        size = np.linalg.norm(s, axis=0)
+        s = s[: -len(sd), size > 0] / size[size > 0]
+        return s.T @ stacked(change)
 
     def check(self, theta, effects):
-        """Certificate at a point: exact engine less the linear model that was fitted, as a pseudo-effect."""
-        exact, theta = self.exact(theta, effects), np.asarray(theta, float)
+        """Certificate at a point: exact engine less the linear model that was fitted, as a pseudo-effect.
+
+        Its own noise, known from the draws, is taken out: the fit knows of it as `prediction_noise`.
+        """
+        exact, theta = self.exact(theta, effects, "fit"), np.asarray(theta, float)
         off = {g: (v - self.linear(theta, effects, g))[: self._sizes[g]] for g, (v, _) in exact.items()}
         scaled = np.concatenate([v / self._noise[g].sigma for g, v in off.items()])
+        seen = self.pseudo({g: v[:, None] for g, v in off.items()})[:, 0]
+        each = self.pseudo({g: (rows - self._rest[g]).T for g, (_, rows) in exact.items()})
+        own = each.var(axis=1, ddof=1) / DRAWS
         return {
             "engines": "exact engine (lanes) against the fitted model, same noise",
-            "sigma": self.pseudo(off),
+            "sigma": float(np.sqrt(max(np.max(seen**2 - own), 0.0))),
+            "sigma_with_noise": float(np.max(np.abs(seen))),
             "feature_rms_sigma": float(np.sqrt(np.mean(scaled**2))),
             "anchors": self.anchors,
         }
@@ -449,7 +490,10 @@ class Fine:
         }
 
 
-JITTER = JITTER_HZ * np.random.default_rng(3).normal(size=NOISE_DRAWS)
+# quantiles in random order: their variance is that of the scatter, not that of 64 draws of it
+JITTER = np.random.default_rng(3).permutation(norm.ppf((np.arange(NOISE_DRAWS) + 0.5) / NOISE_DRAWS))
+JITTER *= JITTER_HZ / np.sqrt(np.mean(JITTER**2))
+LATER = np.random.default_rng(4).integers(loop_runs.LATE, size=NOISE_DRAWS)
 
 
 def jitter_hz(draw):
@@ -458,29 +502,41 @@ def jitter_hz(draw):
 
 
 def noise_of(draws):
-    """{condition: Noise} of {condition: (draws, n)}; correlations are pooled over conditions of one length."""
+    """{condition: Noise} of {condition: ((draws, n), change per hertz)}.
+
+    The scatter of the power-ons is what it is; correlations of the rest are pooled over conditions of one length.
+    """
     pools, sigma = {}, {}
-    for name, rows in draws.items():
-        rest = rows - rows.mean(axis=0)
-        sigma[name] = rows.std(axis=0, ddof=1)
-        least = 0.1 * np.median(sigma[name].reshape(len(loop_runs.NAMES), -1), axis=1)
-        sigma[name] = np.maximum(
-            sigma[name], np.repeat(np.maximum(least, 1e-300), len(sigma[name]) // len(loop_runs.NAMES))
-        )
+    jitter = JITTER - JITTER.mean()
+    for name, (rows, slope) in draws.items():
+        rest = rows - rows.mean(axis=0) - np.outer(jitter, slope)
+        own = rest.std(axis=0, ddof=1)
+        least = 0.1 * np.median(own.reshape(len(loop_runs.NAMES), -1), axis=1)
+        sigma[name] = np.maximum(own, np.repeat(np.maximum(least, 1e-300), len(own) // len(loop_runs.NAMES)))
         pools.setdefault(rows.shape[1], []).append(rest / sigma[name])
     out = {}
-    for name, rows in draws.items():
+    for name, (rows, slope) in draws.items():
         n = rows.shape[1]
         z = np.concatenate(pools[n])
         dof = len(z) - len(pools[n])
-        c = z.T @ z / dof
         if dof < n + 10:
             raise ConfigError(
                 f"noise of {name}: {dof} deviations for {n} features; more draws or fewer bins are needed"
             )
         # its inverse is too large in the mean: the core takes that out (noise_estimated_from), so it is not done here
-        out[name] = Noise(sigma[name], np.linalg.cholesky(c))
+        c = z.T @ z / dof * np.outer(sigma[name], sigma[name]) + JITTER_HZ**2 * np.outer(slope, slope)
+        whole = np.sqrt(np.diag(c))
+        out[name] = Noise(whole, np.linalg.cholesky(c / np.outer(whole, whole)))
     return out
+
+
+def _of_frequency(condition):
+    """Change of the features per hertz of drive frequency: that of the frequency word."""
+    out = [
+        np.repeat(np.array(loop_runs.NAMES) == "f_word", len(edges) - 1)
+        for edges in (loop_runs.bins(condition), loop_runs.fine_bins(condition))
+    ]
+    return np.concatenate(out).astype(float)
 
 
 def _sd(p):

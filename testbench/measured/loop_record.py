@@ -13,14 +13,12 @@ import numpy as np
 from fpga_model.rates import FRAME_CYCLES
 from testbench.errors import ConfigError
 from testbench.measured import check_tables, load, loop_laws, loop_problem, loop_runs, parameters, schema
-from testbench.measured.features import HZ
 from testbench.measured.plan import Condition
 from testbench.measured.sessions import segments
 from testbench.record import SCHEMA
 
 FRAME_HZ = 8000
-LEAST_SETTLE_S = 1.0
-LOCKED_S = 0.5  # what a model's own locked state has behind it
+LEAST_SETTLE_S = 2.0
 
 
 def is_record(path):
@@ -58,10 +56,10 @@ def measured(record, name, hashes):
         before = _before(record, s.first * FRAME_CYCLES)
         c = Condition(
             s.repeat_group, float(s.a_set), float(s.rate_set), before, float(s.temp_set), float(s.detune),
-            settle - LOCKED_S, s.frames / FRAME_HZ, s.role,
+            loop_runs.SETTLE_S, s.frames / FRAME_HZ, s.role,
         )  # fmt: skip
         known = groups.setdefault(c.id, c)
-        c = c._replace(seconds=min(c.seconds, known.seconds), settle_s=min(c.settle_s, known.settle_s))
+        c = c._replace(seconds=min(c.seconds, known.seconds))
         groups[c.id] = c
         values.setdefault(c.id, []).append(s)
     out = {}
@@ -86,20 +84,11 @@ def opened(paths, options):
     record = loaded.record
     model = check_tables.stated_config(record)
     wanted = parameters.declared(record)
-    start = {}
-    if any(p.key == "plant.fx_hz" for p in wanted):
-        words = [
-            record.streams["nco_fword"].data[s.first : s.first + s.frames].mean()
-            for s in segments(record)
-            if s.role == "fit" and s.temp_set == model.plant.temp_ref_degc
-        ]
-        if words:
-            start["plant.fx_hz"] = float(np.mean(words)) * HZ * (1 + 1e-6 * record.clock_ppm)
     hashes = {"record": record.attrs.get("content_sha256", ""), "roles": record.attrs.get("roles_sha256", "")}
     data = measured(record, paths[0].name, hashes)
     library = () if options.get("grammar") == "no" else loop_laws.from_grammar()
     bench = loop_runs.Bench(int(options.get("threads", loop_runs.THREADS)))
-    problem = loop_problem.LoopProblem(data, model, wanted, loop_laws.from_catalogue(), library, bench, start=start)
+    problem = loop_problem.LoopProblem(data, model, wanted, loop_laws.from_catalogue(), library, bench)
     if loaded.blocked:
         problem.firmware = next(str(f) for f in loaded.findings if f.rule == "R16")
     r0 = loaded.residual

@@ -1,7 +1,7 @@
-"""The closed loop under several conditions at once: from one locked state each, through settling into the dwell.
+"""The closed loop under several conditions at once: from a locked state each, through settling into the dwell.
 
-    locked   frame engine from power-on, as `gyro measured record` does it, to START_TICKS; one state for a condition
-    runs     (model, condition, seed) -> features of the dwell
+    locked   frame engine from power-on, as `gyro measured record` does it, to START_TICKS
+    runs     (model, condition, seed, whose lock, if not from a power-on of its own) -> features of the dwell
              lanes      exact to the bit, eight at a time on all cores
              baseband   averaged plant, three to six times as fast; its differences are what tangents are made of
 
@@ -19,9 +19,9 @@ import numpy as np
 from analog_frontend import averaged_laws
 from analog_frontend import top as plant
 from analog_frontend.vector import LANES
-from fpga_model import agc
+from fpga_model import agc, sequencer
 from fpga_model.rates import FRAME_TICKS, TICK_HZ
-from testbench import baseband, baseband_setup, build, config, engine, frame, lanes, simulate
+from testbench import baseband, baseband_setup, build, config, engine, frame, lanes
 from testbench.code_hash import frames_begun
 from testbench.config import phase_word
 from testbench.errors import ConfigError
@@ -30,13 +30,17 @@ from testbench.measured.simulator import streams
 from testbench.simulation import Simulation
 
 DEG = math.pi / 180
+EARLY_TICKS = 3_000 * FRAME_TICKS  # from here on the averaged plant holds
 START_TICKS = 14_000 * FRAME_TICKS  # 1.75 s: the slowest start-up has locked, and half a second has passed
+SETTLE_S = 1.5  # what power-on, or a change at START_TICKS, leaves is below a sigma then
+LATE = 100  # frames by which a dwell may begin later: nobody knows the drive's phase at a step of the rate
 FIRST_BIN = 64  # frames
 FINE = 64  # frames of each bin in which held-out errors are told
 TURN = 1 << 48
 NAMES = tuple(features.OBSERVABLES)
 THREADS = max(1, min(2, os.cpu_count() or 1))
 EXACT, FAST = "lanes", "baseband"
+MOST_LOCKED = 200
 LEAST_LANES = 3  # fewer gyroscopes side by side are no faster than one by one
 
 
@@ -53,6 +57,8 @@ class Run(NamedTuple):
     model: Model
     condition: object  # plan.Condition
     seed: int
+    start: config.Config | None = None  # whose locked state it begins from; None: from a power-on of its own
+    late: int = 0  # frames by which the dwell begins later, below LATE
 
 
 def frames_of(seconds):
@@ -101,25 +107,73 @@ def lsb_volts(model):
     return volts | {"dac_qsc": d.quad_dac_span_v / 2**16, "quadrature_code": d.quad_dac_span_v / 2**16}
 
 
+def told(model):
+    """The configuration of a model with its laws in place."""
+    effects = model.config.effects
+    laws = effects.model_copy(update={"laws": [*effects.laws, *model.laws]})
+    return model.config.model_copy(update={"effects": laws})
+
+
 def configured(model, seed):
     """The configuration of a model with the noise of a seed."""
-    cfg = model.config
-    noise = cfg.noise.model_copy(update={"seed": seed})
-    effects = cfg.effects.model_copy(update={"laws": [*cfg.effects.laws, *model.laws]})
-    return cfg.model_copy(update={"noise": noise, "effects": effects})
+    cfg = told(model)
+    return cfg.model_copy(update={"noise": cfg.noise.model_copy(update={"seed": seed})})
 
 
-def _profiles(condition):
-    """Rate (rad/s) and temperature of every frame from START_TICKS on, and one more."""
-    before = condition.rate_dps if condition.from_dps is None else condition.from_dps
-    settle, dwell = frames_of(condition.settle_s), frames_of(condition.seconds)
-    rate = np.concatenate([np.full(settle, before * DEG), np.full(dwell + 3, condition.rate_dps * DEG)])
-    return rate, np.full(len(rate), float(condition.temperature_degc))
+def _from(run):
+    """Tick at which a run begins."""
+    return EARLY_TICKS if run.start is None else START_TICKS
 
 
-def ticks_of(condition):
+def _settling(run):
+    """Frames of a run before its dwell."""
+    return (START_TICKS - _from(run)) // FRAME_TICKS + frames_of(run.condition.settle_s) + run.late
+
+
+def _profiles(run):
+    """Rate (rad/s) and temperature of every frame of a run, and one more."""
+    c, settle = run.condition, _settling(run)
+    dwell = frames_of(c.seconds)
+    rate = np.concatenate([np.full(settle, _before(c) * DEG), np.full(dwell + 3 + LATE - run.late, c.rate_dps * DEG)])
+    return rate, np.full(len(rate), float(c.temperature_degc))
+
+
+def ticks_of(run):
     """Length of a run, one tick into the frame behind its last: its row holds the last codes."""
-    return (frames_of(condition.settle_s) + frames_of(condition.seconds)) * FRAME_TICKS + 1
+    return (_settling(run) + frames_of(run.condition.seconds) + LATE - run.late) * FRAME_TICKS + 1
+
+
+def _before(condition):
+    return condition.rate_dps if condition.from_dps is None else condition.from_dps
+
+
+def _preset(condition):
+    return condition.temperature_degc, condition.detune_deg
+
+
+def powered(cfg, condition, ticks):
+    """engine.State of a board at a tick after power-on, by the frame engine."""
+    temp, before = condition.temperature_degc, _before(condition)
+    sim = Simulation(cfg, temp, temp, engine="frame")
+    sim.keep_codes = sim.keep_rows = False
+    nominal = build.nominal(cfg)
+    wanted = dict(build.register_writes(cfg))
+    wanted["amplitude_setpoint"] = agc.setpoint(condition.a_um, nominal["v_per_um"], nominal["adc_drive_v"])
+    if condition.detune_deg:
+        own = cfg.firmware.phase_words()[0]
+        wanted["phase_drive_sine"] = (phase_word(condition.detune_deg) + own) % TURN
+    sim.now = (np.array([before * DEG]), np.array([temp]))
+    for name, raw in wanted.items():
+        sim.write(name, raw)
+    sim.advance(ticks - sim.tick, before * DEG, temp)
+    return sim.state
+
+
+def _sure(state, condition):
+    """A state that is locked, or ConfigError."""
+    if state.fpga.control.sequencer.state != sequencer.LOCKED:
+        raise ConfigError(f"condition {condition.id}: no lock within {state.tick / TICK_HZ:g} s")
+    return state
 
 
 class Bench:
@@ -131,26 +185,15 @@ class Bench:
         self.simulated_s = 0.0
 
     def locked(self, cfg, condition):
-        """engine.State at START_TICKS of a board under a condition's first rate, from power-on.
+        """engine.State at START_TICKS of a board under a condition's first rate, from power-on; made once.
 
         Raises ConfigError if it has not locked.
         """
-        before = condition.rate_dps if condition.from_dps is None else condition.from_dps
-        key = (cfg.model_dump_json(), condition.a_um, before, condition.temperature_degc, condition.detune_deg)
+        key = (cfg.model_dump_json(), condition.a_um, _before(condition), *_preset(condition))
         if key not in self._locked:
-            temp = condition.temperature_degc
-            sim = Simulation(cfg, temp, temp, engine="frame")
-            nominal = build.nominal(cfg)
-            wanted = dict(build.register_writes(cfg))
-            wanted["amplitude_setpoint"] = agc.setpoint(condition.a_um, nominal["v_per_um"], nominal["adc_drive_v"])
-            if condition.detune_deg:
-                own = cfg.firmware.phase_words()[0]
-                wanted["phase_drive_sine"] = (phase_word(condition.detune_deg) + own) % TURN
-            sim.first_writes = tuple(wanted.items())
-            if simulate.start(cfg, sim, before * DEG, temp, limit_s=START_TICKS / TICK_HZ) is None:
-                raise ConfigError(f"condition {condition.id}: no lock within {START_TICKS / TICK_HZ:g} s")
-            sim.advance(START_TICKS - sim.tick, before * DEG, temp)
-            self._locked[key] = sim.state
+            while len(self._locked) > MOST_LOCKED:
+                self._locked.pop(next(iter(self._locked)))
+            self._locked[key] = _sure(powered(cfg, condition, START_TICKS), condition)
         s = self._locked[key]
         # the matrix of the next frame is made anew: it may be that of another plant
         s.plant.now[:] = np.inf
@@ -167,13 +210,13 @@ class Bench:
         laws = averaged_laws.design(p.plant.effects, p.plant.laws, made.laws.reference_turns)
         return made._replace(laws=laws)
 
-    def run(self, runs, start, kind, progress=None, fine=False):
-        """Features of `Run`s; `start` is the configuration whose locked states they begin from.
+    def run(self, runs, kind, progress=None, fine=False):
+        """Features of `Run`s.
 
         kind    EXACT or FAST.  Raises ConfigError where a run leaves the engine's range
         fine    with those of the fine bins behind the others
         """
-        states = [self.locked(start, r.condition) for r in runs]
+        states = self._begun(runs)
         params = [
             build.params(configured(r.model, r.seed), r.condition.temperature_degc, r.condition.temperature_degc)
             for r in runs
@@ -184,7 +227,7 @@ class Bench:
             done[0] += seconds
             self.simulated_s += seconds
             if progress:
-                progress(f"{kind} engine", done[0], sum(ticks_of(r.condition) for r in runs) / TICK_HZ)
+                progress(f"{kind} engine", done[0], sum(ticks_of(r) for r in runs) / TICK_HZ)
 
         if kind == EXACT:
             jobs = _grouped(runs, params)
@@ -203,57 +246,76 @@ class Bench:
                 rows = [_averaged(runs[k], params[k], states[k], setups[k])]
             for k, row in zip(members, rows):
                 out[k] = _features(runs[k], row, fine)
-            ended(sum(ticks_of(runs[k].condition) for k in members) / TICK_HZ)
+            ended(sum(ticks_of(runs[k]) for k in members) / TICK_HZ)
 
+        self._each(work, jobs)
+        return out
+
+    def _begun(self, runs):
+        """States from which runs begin, each its own copy."""
+        own = [k for k, r in enumerate(runs) if r.start is None]
+        made = {}
+
+        def power(k):
+            r = runs[k]
+            made[k] = powered(configured(r.model, r.seed), r.condition, EARLY_TICKS)
+
+        self._each(power, own)
+        return [made[k] if k in made else self.locked(r.start, r.condition) for k, r in enumerate(runs)]
+
+    def _each(self, work, jobs):
         if self.threads == 1:
-            for members in jobs:
-                work(members)
+            for job in jobs:
+                work(job)
         else:
             with ThreadPoolExecutor(self.threads) as pool:
                 list(pool.map(work, jobs))
-        return out
 
 
 def _grouped(runs, params):
     """Indices of runs in groups of eight that may stand side by side: one length, one kind of parts."""
     groups = {}
     for k, (r, p) in enumerate(zip(runs, params)):
-        groups.setdefault((ticks_of(r.condition), lanes.kind(p)), []).append(k)
+        groups.setdefault((ticks_of(r), lanes.kind(p)), []).append(k)
     return [g[i : i + LANES] for g in groups.values() for i in range(0, len(g), LANES)]
 
 
-def _streams(ticks):
-    return engine.streams(0, frames_begun(START_TICKS, ticks), 0, 0, 0)
+def _streams(run):
+    return engine.streams(0, frames_begun(_from(run), ticks_of(run)), 0, 0, 0)
 
 
 def _side_by_side(members):
     """Rows of up to eight runs in the lanes engine."""
-    ticks = ticks_of(members[0][0].condition)
-    profiles = [_profiles(r.condition) for r, _, _ in members]
-    outs = [_streams(ticks) for _ in members]
+    ticks = ticks_of(members[0][0])
+    profiles = [_profiles(r) for r, _, _ in members]
+    outs = [_streams(r) for r, _, _ in members]
     states = [s for _, _, s in members]
     group = lanes.Engine([p for _, p, _ in members])
-    group.run(states, ticks, *zip(*profiles), [engine.Faults()] * len(members), outs)
+    after = group.run(states, ticks, *zip(*profiles), [engine.Faults()] * len(members), outs)
+    for s, (r, _, _) in zip(after, members):
+        _sure(s, r.condition)
     return [o.frames for o in outs]
 
 
 def _alone(run, p, state):
     """Rows of a run in the frame engine: the bits of the lanes, one at a time."""
-    ticks, out = ticks_of(run.condition), _streams(ticks_of(run.condition))
-    frame.run(p, state, ticks, *_profiles(run.condition), 0, 0, 0, engine.Faults(), out)
+    ticks, out = ticks_of(run), _streams(run)
+    after = frame.run(p, state, ticks, *_profiles(run), 0, 0, 0, engine.Faults(), out)
+    _sure(after, run.condition)
     return out.frames
 
 
 def _averaged(run, p, state, setup):
     """Rows of a run in the baseband engine."""
-    ticks, out = ticks_of(run.condition), _streams(ticks_of(run.condition))
-    baseband.run(p, state, ticks, *_profiles(run.condition), 0, 0, 0, engine.Faults(), out, made=setup)
+    ticks, out = ticks_of(run), _streams(run)
+    after = baseband.run(p, state, ticks, *_profiles(run), 0, 0, 0, engine.Faults(), out, made=setup)
+    _sure(after, run.condition)
     return out.frames
 
 
 def _features(run, frames, fine):
     columns = {name: frames[:, k] for k, (name, _, _) in enumerate(engine.FRAME_COLUMNS)}
-    settle, dwell = frames_of(run.condition.settle_s), frames_of(run.condition.seconds)
+    settle, dwell = _settling(run), frames_of(run.condition.seconds)
     table = streams(columns, settle + dwell)
     own = {name: values[settle:] for name, values in table.items()}
     return feature_vector(run.condition, own, lsb_volts(run.model.config), fine)

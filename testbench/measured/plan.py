@@ -3,6 +3,7 @@
     name, lab, device_serial, ...   head of the record
     repeats, seed                   power-ons of each condition; each has noise of its own, counted up from seed
     dac                             "frame" or "tick": how often DAC codes are recorded
+    fx_scatter_hz                   sd of the drive mode's frequency between power-ons of the simulated board
     [set]                           configuration of the model over the defaults, as --set
     [truth]                         over [set], for the simulated board alone: what an analysis has to find
     [[condition]]                   id, a_um, rate_dps, from_dps, temperature_degc, detune_deg, settle_s, seconds,
@@ -73,6 +74,7 @@ class Plan(NamedTuple):
     repeats: int
     seed: int
     dac: str
+    fx_scatter_hz: float
     model: configuration.Config
     truth: configuration.Config
     hidden: dict  # {dotted key: value} of [truth]
@@ -81,7 +83,7 @@ class Plan(NamedTuple):
 
 
 HEAD = ("lab", "device_serial", "board_rev", "licence")
-KEYS = ("name", "repeats", "seed", "dac", "set", "truth", "condition", "prior", *HEAD)
+KEYS = ("name", "repeats", "seed", "dac", "fx_scatter_hz", "set", "truth", "condition", "prior", *HEAD)
 
 
 def _known(tree, keys, where):
@@ -180,6 +182,7 @@ def from_dict(tree, where="plan"):
         repeats=int(_number(tree.get("repeats", 2), 1, MOST_REPEATS, "", f"{where}: repeats")),
         seed=int(_number(tree.get("seed", 1), 0, 2**53, "", f"{where}: seed")),
         dac=_text(tree.get("dac", "frame"), ("frame", "tick"), f"{where}: dac"),
+        fx_scatter_hz=_number(tree.get("fx_scatter_hz", 0.0), 0.0, 1.0, "Hz", f"{where}: fx_scatter_hz"),
         model=model,
         truth=truth,
         hidden=hidden,

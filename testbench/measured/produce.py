@@ -86,8 +86,12 @@ class Sitting:
 
     def __init__(self, plan, condition, repeat, number):
         self.plan, self.condition, self.repeat = plan, condition, repeat
-        seed = {"seed": plan.seed + number}
-        self.config = plan.truth.model_copy(update={"noise": plan.truth.noise.model_copy(update=seed)})
+        seed = plan.seed + number
+        shift = plan.fx_scatter_hz * np.random.default_rng([9, seed]).normal()
+        moved = {"fx_hz": plan.truth.plant.fx_hz + shift} if shift else {}
+        noise = plan.truth.noise.model_copy(update={"seed": seed})
+        plant = plan.truth.plant.model_copy(update=moved)
+        self.config = plan.truth.model_copy(update={"noise": noise, "plant": plant})
         temp = condition.temperature_degc
         self.board = Board(self.config, temp, temp, plan.dac == "tick")
         self.board.first_writes = self._first_writes()

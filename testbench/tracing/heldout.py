@@ -220,11 +220,14 @@ def _limit(model, f, prediction, declared, rng):
     j = model.jacobian(f.point, prediction)
     if not np.all(np.isfinite(j)) or not np.all(np.isfinite(f.covariance)):
         return float("inf")
+    # in units of the deviations: coefficients of 1e9 and of 1e-9 stand side by side
+    sd = np.where(f.sd > 0, f.sd, 1.0)
+    j, covariance = j * sd, f.covariance / np.outer(sd, sd)
     if declared:
-        values, vectors = np.linalg.eigh(f.covariance)
+        values, vectors = np.linalg.eigh(covariance)
         factor, dof = scaled(chi2_sets(model.space, j @ vectors * np.sqrt(np.maximum(values, 0.0)), rng))
         return float(chi2_law.ppf(BAND, dof) * factor)
-    gram, rows = (j.T @ j) @ f.covariance, model.space.size
+    gram, rows = (j.T @ j) @ covariance, model.space.size
     mean, variance = rows + np.trace(gram), 2 * (rows + 2 * np.trace(gram) + np.trace(gram @ gram))
     dof = 2 * mean**2 / variance
     return float(chi2_law.ppf(BAND, dof) * mean / dof / rows)

@@ -9,6 +9,8 @@ import io
 import json
 
 from testbench.report import CSS
+from testbench.tracing.heldout import FLOOR_FACTOR
+from testbench.tracing.verdict import MOST_NUMERICAL
 
 
 def figures(tracer):
@@ -60,7 +62,8 @@ def _heldout(result):
     heads = ("observable", "unit", "floor", "before", "95 %", "after one law", "after", "95 %", "fall, 95 %", "removed")
     rows = []
     for name, h in result.heldout.items():
-        share = h["excess_removed"]
+        # of an error that was at the floor before no share can be told
+        share = h["excess_removed"] if h["floor"] and h["before"] > FLOOR_FACTOR * h["floor"] else None
         rows.append(
             (name, h["unit"], number(h["floor"]), number(h["before"]), _interval(h["before_ci"]))
             + (number(h["after_one_law"]), number(h["after"]), _interval(h["after_ci"]), _interval(h["gain_ci"]))
@@ -69,8 +72,8 @@ def _heldout(result):
     chi2 = result.heldout_chi2
     note = (
         f"rms of single repeats; floor: their own repeatability. chi2 / rows {number(chi2.get('before'))} before, "
-        f"{number(chi2.get('after'))} after, 99 % limit {number(chi2.get('limit'))}. Paired block bootstrap; removed: "
-        "share of the power above the floor."
+        f"{number(chi2.get('after'))} after, 99 % limit {number(chi2.get('limit'))}. Intervals are simulated, with "
+        "twelve groups and more a paired block bootstrap; removed: share of the power above the floor."
     )
     return _table(heads, rows, "Error before and after, on data that no fit has seen", note)
 
@@ -150,10 +153,20 @@ def _power(result):
     return _table(heads, rows, "Smallest effect this record would have shown with 90 %", note)
 
 
+def _numerical(certificate):
+    """Line on the error of the model that was fitted, if the problem states one."""
+    if certificate.get("sigma") is None:
+        return ""
+    holds = "holds" if certificate["sigma"] < MOST_NUMERICAL else "DOES NOT HOLD"
+    text = f"Fitted model against the exact engine: {number(certificate['sigma'], 2)} sigma, {MOST_NUMERICAL} allowed"
+    return f"<p>{text}: {holds}.</p>"
+
+
 def html(result, figures):
     """Page of a `Result`; pictures in the order of `figures`."""
     title = escape.escape(f"Trace of {result.problem}: {result.verdict}")
     parts = [f"<h1>{title}</h1>", f"<p><b>{escape.escape(result.sentence)}</b></p>"]
+    parts.append(_numerical(result.certificates.get("numerical") or {}))
     if result.notes:
         parts.append("<ul>" + "".join(f"<li>{escape.escape(n)}</li>" for n in result.notes) + "</ul>")
     sections = (_heldout, _effects, _confounded, _next, _models, _alarms, _nuisances, _power)

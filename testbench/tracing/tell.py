@@ -38,7 +38,7 @@ def nearly_all(rows):
 def ranking_rows(tracer):
     """All laws at the base fit, biggest first."""
     rows = []
-    for label, r in tracer.first.items():
+    for label, r in tracer.ranked.items():
         scores = one_sided(r, tracer.laws)
         for i, name in enumerate(r.names):
             law, length = tracer.laws[name], float(r.length[i])
@@ -202,7 +202,7 @@ def result(tracer, decision):
         tracer.heldout.chi2 | {"limit": tracer.heldout.limit, "score": tracer.heldout.score},
     )
     out.p_global = tracer.p
-    k = sum(len(r.names) for r in tracer.first.values())
+    k = sum(len(r.names) for r in tracer.ranked.values())
     out.looks = {"laws": k, "statistics": len(tracer.alarms.declared.p), "declared_by_caller": tracer.options.looks}
     out.looks["library_laws_that_are_catalogue_laws"] = tracer.dropped
     out.certificates, out.hashes = certificates(tracer), dict(problem.hashes)

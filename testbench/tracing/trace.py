@@ -53,6 +53,8 @@ class Tracer:
         self.space, self.held = Space(problem, "fit"), Space(problem, "validate")
         self.catalogue = tuple(law.name for law in problem.laws)
         self.library = tuple(law.name for law in option(problem, "library", ())) if options.grammar else ()
+        # laws of the library that cost a run each wait until the catalogue has failed
+        self.waiting = self.library if option(problem, "library_late", False) else ()
         self.draws = max(FEWEST_DRAWS, min(options.n_null, ROWS_OF_DRAWS // max(self.space.size, 1)))
         self.notes, self.selections, self.rivals = [], [], []
 
@@ -90,7 +92,8 @@ class Tracer:
         """{"catalogue": .., "library": ..} of the laws that are not in a fit."""
         out = {}
         for label, names in (("catalogue", self.catalogue), ("library", self.library)):
-            names = tuple(n for n in names if n not in fit.model.names and n not in self.dropped)
+            known = (*fit.model.names, *self.dropped, *self.waiting)
+            names = tuple(n for n in names if n not in known)
             if names:
                 out[label] = self.rank(fit, names)
         return out
@@ -108,7 +111,7 @@ class Tracer:
     def drop_twins(self):
         """Laws of the library that are laws of the catalogue on these data."""
         self.dropped = {}
-        if not (self.library and self.catalogue):
+        if not (self.library and self.catalogue) or self.waiting:
             return
         whole = self.rank(self.base.fit, (*self.catalogue, *self.library))
         c = np.abs(whole.cosines)
@@ -137,14 +140,24 @@ class Tracer:
         by, declared = option(self.problem, "heldout_by", "observable"), not self.noise.p < self.options.alpha
         return heldout.judge(self.problem, self.held, self.predictor, fits, by, self.options.seed, declared)
 
+    def open(self):
+        """Laws that may explain something now."""
+        return tuple(n for n in (*self.catalogue, *self.library) if n not in self.dropped and n not in self.waiting)
+
     def search(self):
         """Explain by the catalogue; where that is not adequate, by catalogue and grammar."""
-        pool = tuple(n for n in self.catalogue)
-        whole = tuple(n for n in (*self.catalogue, *self.library) if n not in self.dropped)
-        ranking = self.rank(self.base.fit, whole)
+        pool = self.catalogue
+        ranking = self.rank(self.base.fit, self.open())
         work = Search(self.base.fit, self.table, self.identified.scale, self.adequate, self.progress)
-        if not work.run(ranking, pool, 1).adequate and len(whole) > len(pool):
-            pool = whole
+        if not work.run(ranking, pool, 1).adequate and self.library:
+            if self.waiting:
+                self.say("laws beyond the catalogue")
+                self.waiting = ()
+                self.drop_twins()
+                self.ranked = self.rankings(self.base.fit)
+            pool = self.open()
+            ranking = self.rank(self.base.fit, pool)
+        if len(pool) > len(self.catalogue):
             self.say("discovering")
             self.selections = discover.discover(self.problem, self.base.fit, ranking, self.options.seed)
             work.propose(discover.proposals(self.selections), pool, self.options.max_laws)
@@ -165,9 +178,8 @@ class Tracer:
             result.certificates = {"calibration": self.base.certificate}
             return result
         self.say("ranking laws")
-        self.dropped = {}
         self.drop_twins()
-        self.first = self.rankings(self.base.fit)
+        self.first = self.ranked = self.rankings(self.base.fit)
         self.say("alarms")
         self.alarms = self.alarm(self.base.fit, self.first)
         alarm, self.p = verdict.detected(self.alarms, options.alpha, options.looks)

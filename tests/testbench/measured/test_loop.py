@@ -49,7 +49,7 @@ def test_a_coefficient_of_zero_is_the_model_itself(bank, blank):
     theta = np.array([n.value for n in blank.nuisances])
     told = [blank.told(theta, {}), blank.told(theta, {"coulomb_friction": 0.0})]
     for kind in (EXACT, FAST):
-        a, b = bank.bench.run([Run(m, c, 5) for m in told], bank.model, kind)
+        a, b = bank.bench.run([Run(m, c, 5, bank.model) for m in told], kind)
         assert (a == b).all()
 
 
@@ -67,15 +67,14 @@ def test_the_averaged_plant_moves_as_the_exact_one_does(bank, blank):
         "quadrature_cubic",
     ]
     names += ["coulomb_friction", "feedthrough_x", "sense_cubic"]
-    size = loop_trials.lengths(blank)
+    size = loop_trials.lengths(blank, names)
     theta = np.array([n.value for n in blank.nuisances])
     c = bank.conditions[3]
-    models = [Model(bank.model)] + [blank.told(theta, {n: 300.0 / size[n]}) for n in names]
+    models = [Model(bank.model)] + [blank.told(theta, {n: min(300.0 / size[n], blank.largest(n))}) for n in names]
     # a change of frequency moves the slips of the reference edges, a sigma in each of both engines: mean of eight draws
-    runs = [Run(m, c, 60 + k) for m in models for k in range(8)]
+    runs = [Run(m, c, 60 + k, bank.model) for m in models for k in range(8)]
     exact, fast = (
-        np.array(bank.bench.run(runs, bank.model, kind)).reshape(len(models), 8, -1).mean(axis=1)
-        for kind in (EXACT, FAST)
+        np.array(bank.bench.run(runs, kind)).reshape(len(models), 8, -1).mean(axis=1) for kind in (EXACT, FAST)
     )
     k = blank._rows[c.id]
     for i, name in enumerate(names, 1):
@@ -84,11 +83,11 @@ def test_the_averaged_plant_moves_as_the_exact_one_does(bank, blank):
 
 
 def test_whitened_noise_is_white(bank, blank):
-    """Fresh draws of the exact engine have one sigma per feature."""
-    c = bank.conditions[1]
-    shift = blank.per_hz * loop_problem.JITTER_HZ * np.random.default_rng(9).normal(size=16)
-    models = [Model(bank.model, (f"force_x = {-float(k)!r} x",)) for k in shift]
-    rows = np.array(bank.bench.run([Run(m, c, 900 + k) for k, m in enumerate(models)], bank.model, EXACT))
+    """Power-ons of the exact engine, with frequencies and phases of their own, have one sigma per feature."""
+    c, rng = bank.conditions[1], np.random.default_rng(9)
+    models = [blank.moved_hz(Model(bank.model), loop_problem.JITTER_HZ * rng.normal()) for _ in range(16)]
+    runs = [Run(m, c, 900 + k, late=int(rng.integers(loop_runs.LATE))) for k, m in enumerate(models)]
+    rows = np.array(bank.bench.run(runs, EXACT))
     gain = Space(blank, "fit").gain * np.sqrt(16 / 15)
     z = gain * np.array([blank.whiten(blank._rows[c.id], row - rows.mean(axis=0)) for row in rows])
     n = z.size - z.shape[1]
@@ -110,11 +109,11 @@ def twelve(bank, blank):
 
 
 def test_what_was_hidden_is_told_and_nothing_else(twelve):
-    """Verdicts by kind; two of the twelve may be missed, none may name what is not there."""
+    """Verdicts by kind; one of the twelve may be missed, none may name what is not there."""
     rows = [row for row, _ in twelve]
     assert not [row for row in rows if row["false_name"]]
     assert not [row for row in rows if row["kind"] in ("none", "flicker") and row["found"]]
-    assert sum(row["right"] for row in rows) >= len(rows) - 2, [row for row in rows if not row["right"]]
+    assert sum(row["right"] for row in rows) >= len(rows) - 1, [row for row in rows if not row["right"]]
     assert "named" in [row["verdict"] for row in rows]
 
 
@@ -124,8 +123,8 @@ def test_the_fitted_model_is_the_exact_engine(twelve):
         certificate = result.certificates["numerical"]
         assert certificate["holds"] == (certificate["sigma"] < 0.5)
         assert certificate["holds"] or row["verdict"] != "named"
-    held = [row["numerical"] < 0.5 for row, _ in twelve if row["kind"] != "out"]
-    assert sum(held) >= len(held) - 1, held
+    sigma = [row["numerical"] for row, _ in twelve if row["kind"] != "out"]
+    assert all(s < 0.5 for s in sigma), sigma
 
 
 def test_held_out_errors_of_named_effects_are_at_the_floor(twelve):
@@ -134,9 +133,10 @@ def test_held_out_errors_of_named_effects_are_at_the_floor(twelve):
     ratio, _, every = loop_rates.pooled(named)
     assert ratio <= 1.06
     # simulated intervals hold the floor that the model expects
-    inside = [h[3] <= h[5] <= h[4] for row in named for h in row["heldout"].values()]
+    # where the repeats reject the declared noise nothing is simulated
+    inside = [h[3] <= h[5] <= h[4] for row in named for h in row["heldout"].values() if h[5] is not None]
     assert np.mean(inside) > 0.8
-    assert len(every) == len(inside)
+    assert len(every) >= len(inside) > 0
 
 
 def test_the_json_of_a_trace_has_every_key(twelve):
@@ -174,4 +174,5 @@ def test_a_hundred_trials(tmp_path):
     assert not [t for t in quiet if t["found"]]
     seen = [t for t in done if t["kind"] == "one" and t["detected"]]
     assert sum(t["first"] for t in seen) >= 0.95 * len(seen)
-    assert all(t["numerical"] < 0.5 for t in done)
+    # no linear model about any anchor is what jumps, and nothing is named on it
+    assert all(t["numerical"] < 0.5 for t in done if t["kind"] != "out" or t["verdict"] == "named")
