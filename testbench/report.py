@@ -260,8 +260,8 @@ th, td { padding: .3rem .8rem; border-bottom: 1px solid var(--line); text-align:
 th { background: var(--soft); font-weight: 600; }
 td.number, th.number { text-align: right; font-variant-numeric: tabular-nums; }
 tr.sum td { font-weight: 600; background: var(--soft); }
-table.wide { font-size: .8rem; line-height: 1.35; } table.wide th, table.wide td { padding: .25rem .45rem; }
-table.wide td:first-child { min-width: 9rem; }
+table.wide { font-size: .75rem; line-height: 1.35; } table.wide th, table.wide td { padding: .25rem .35rem; }
+table.wide td:first-child { min-width: 8rem; }
 figure { margin: 1rem 0; } img { max-width: 100%; height: auto; background: #fff; border-radius: 6px; }
 figcaption, p.note { font-size: .9rem; opacity: .85; margin: .2rem 0; }
 pre { background: var(--soft); padding: 1rem; overflow-x: auto; border-radius: 6px; font-size: .85rem; }
