@@ -35,6 +35,15 @@ def pooled(trials):
     return float(np.sqrt(rows.mean())), (float(low), float(high)), every
 
 
+def pulls_of(trials):
+    """(found - hidden) / sd of every law that was hidden and found."""
+    out = []
+    for t in trials:
+        found = {law: (value, sd) for law, value, sd, _ in t["found"]}
+        out += [(found[law][0] - value) / found[law][1] for law, value, _ in t["truth"] if law in found]
+    return np.array(out)
+
+
 def table(trials):
     """Markdown: what was hidden and what the verdicts said, with 95 % Clopper-Pearson intervals."""
     lines = ["| hidden | right verdict | detected | right cause first, of detected | false name | verdicts |"]
@@ -66,6 +75,13 @@ def table(trials):
             f"single observables {np.median(every):.3f}, 90 % of them {np.quantile(every, 0.05):.3f} .. "
             f"{np.quantile(every, 0.95):.3f}, at most {FLOOR_FACTOR} in {below}."
         )
+    pulls = pulls_of(trials)
+    if len(pulls) > 1:
+        inside = rate(int(np.sum(np.abs(pulls) < 1.96)), len(pulls))
+        lines.append(
+            f"Coefficients of what was hidden and found: (found - hidden) / sd has an sd of {pulls.std():.2f}; "
+        )
+        lines[-1] += f"95 % intervals hold {inside}."
     took = np.array([t["seconds"] for t in trials])
     lines.append(f"Seconds of a trial: median {np.median(took):.0f}, largest {took.max():.0f}.")
     return "\n".join(lines)
