@@ -250,6 +250,7 @@ def test_a_missing_tool_leaves_a_null_and_its_reason(tmp_path, monkeypatch):
     assert missing == dict.fromkeys(measure.PEER_KEYS.values(), "no compiler")
 
 
+@pytest.mark.slow
 def test_every_stage_takes_time():
     """Rough on purpose: stages are timed in a few frames here, so only a stage that does nothing would be seen."""
     result = stages.measure(repeats=1, frames=40)

@@ -204,6 +204,7 @@ def judged(tiny, work, **more):
     return found, [m.number for m in mutants if first[m.number] < 0]
 
 
+@pytest.mark.slow
 def test_true_ranges_prove_and_false_ones_are_found_out(tiny, tmp_path):
     """The counter never exceeds 9: shown on the netlist itself. That it never exceeds 8 is wrong, and not believed."""
     plain, left = judged(tiny, tmp_path / "plain")

@@ -311,7 +311,9 @@ def test_a_folder_without_the_design_is_an_error(out, tmp_path):
     assert "no design" in done.stdout
 
 
-@pytest.mark.parametrize("sim", SIMS)
+@pytest.mark.parametrize(
+    "sim", [pytest.param(s, marks=pytest.mark.slow) if s == "cocotb-verilator" else s for s in SIMS]
+)
 def test_bench_passes_on_a_design_that_plays_the_rows(out, good, sim):
     frames = 1 if sim in ("ghdl", "vunit") else PLAYED  # GHDL takes a second for a frame
     done = check(out / CASE, sim, good, frames)

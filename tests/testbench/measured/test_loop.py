@@ -20,10 +20,7 @@ pytestmark = pytest.mark.skipif(numba_config.DISABLE_JIT, reason="hours without 
 
 @pytest.fixture(scope="module")
 def bank():
-    """Half the exact draws at an anchor: twice their variance, which the certificate knows, for half the time."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(loop_problem, "DRAWS", 8)
-        yield loop_trials.Bank(loop_trials.QUICK)
+    return loop_trials.Bank(loop_trials.QUICK)
 
 
 @pytest.fixture(scope="module")
