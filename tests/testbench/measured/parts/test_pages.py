@@ -102,7 +102,7 @@ def test_numbers_in_the_text_on_the_meters():
     whole, half = found["9 meter(s), random order"], found["9 meter(s), random order, first half chooses"]
     laws = [e["law"].split(": ") for e in whole["effects"]]
     warm = {meter for meter, law in laws if law.startswith(("gain with temp", "gain with room"))}
-    counts = {1: "one", 3: "three", 5: "five"}
+    counts = {1: "one", 3: "three", 4: "four", 5: "five"}
     assert f"in each of {counts[len(warm)]} meters" in text
     assert f"between the polarities in {counts[sum(law == 'turnover' for _, law in laws)]} of them" in text
     assert f"point before in {counts[sum(law == 'memory' for _, law in laws)]}." in text
