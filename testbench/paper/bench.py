@@ -7,6 +7,7 @@ No truth leaves this module but through `Judge`, which a procedure is never give
 Source    docs/paper.md
 """
 
+import contextlib
 import math
 from typing import NamedTuple
 
@@ -21,7 +22,7 @@ from testbench.simulation import DEG, FRAME, Simulation
 
 FRAME_S = FRAME_TICKS / TICK_HZ
 PHASE_REGISTERS = ("phase_drive_sine", "phase_sense_sine", "phase_drive_ref", "phase_sense_ref")
-GATE_S, GATES = 0.25, 4
+GATE_S, COUNTED_S, STAMP_S = 0.25, 1.0, 0.5
 OFFSET_HZ, OFFSET_WAIT_S, OFFSET_S = 80.0, 0.6, 1.0
 READY_S = 4.0  # all boards that lock are at this time together
 
@@ -37,10 +38,14 @@ class _Rows:
 
 
 class Rows:
-    """8 kHz rows of a segment: `rows["rate_word"]`."""
+    """8 kHz rows of a segment: `rows["rate_word"]`.
 
-    def __init__(self, pieces):
+    stamps  instants of the reference grid, from the first row's on, at which edges of a sgn(sin) have left
+    """
+
+    def __init__(self, pieces, stamps=()):
         self._frames = np.concatenate(pieces) if pieces else np.zeros((0, len(FRAME)), np.int64)
+        self.stamps = np.asarray(stamps, np.int64)
 
     def __len__(self):
         return len(self._frames)
@@ -111,12 +116,43 @@ class Bench:
 
     def record(self, seconds, rate_dps=None):
         """`Rows` of the next seconds; `rate_dps` an array of one value per frame, or the table's rate."""
+        with self._rows() as sink:
+            rate = np.atleast_1d(self.rate_dps if rate_dps is None else rate_dps) * DEG
+            self._sim.advance(round(seconds * TICK_HZ), rate, self.temp_degc)
+        return Rows(sink.pieces)
+
+    def stamped(self, seconds):
+        """`Rows` of the next seconds, in the last STAMP_S of which the counter stamps the drive's sgn(sin)."""
+        with self._rows() as sink:
+            first_row = self._first_row()
+            self.wait(seconds - STAMP_S)
+            stamps = [self._stamps(begun - first_row, probe, "drive") for begun, probe in self._gates(STAMP_S)]
+        return Rows(sink.pieces, np.concatenate(stamps))
+
+    @contextlib.contextmanager
+    def _rows(self):
         sink = _Rows()
         self._sim.sinks.append(sink)
-        rate = np.atleast_1d(self.rate_dps if rate_dps is None else rate_dps) * DEG
-        self._sim.advance(round(seconds * TICK_HZ), rate, self.temp_degc)
-        self._sim.sinks.remove(sink)
-        return Rows(sink.pieces)
+        try:
+            yield sink
+        finally:
+            self._sim.sinks.remove(sink)
+
+    def _first_row(self):
+        """Tick at which the next row begins."""
+        return -(-self._sim.tick // FRAME_TICKS) * FRAME_TICKS
+
+    def _gates(self, seconds):
+        """(first tick, `nodes.Probe`) of gates of GATE_S, one after the other."""
+        ticks = round(GATE_S * TICK_HZ)
+        for _ in range(round(seconds / GATE_S)):
+            first = self._sim.tick
+            streams = self._sim.advance(ticks, self.rate_dps * DEG, self.temp_degc, probe_ticks=ticks)
+            yield first, self._sim.read_out(streams, self.temp_degc)
+
+    def _stamps(self, ticks, probe, channel):
+        """Instants of the grid of a segment that begins `ticks` after the first row."""
+        return (TICK_CYCLES * ticks + counter.stamps(probe, channel)) // self.grid_clocks
 
     def write(self, name, raw):
         """Host write of a register."""
@@ -142,14 +178,13 @@ class Bench:
         return {n: ((self.read(n) + turn // 2) % turn - turn // 2) * 360.0 / turn for n in PHASE_REGISTERS}
 
     def counter(self, channel):
-        """(`counter.Reading`, `Rows`) of "drive" (Vx-) or "sense" (Vy-) against its reference pins, one gate of 1 s."""
-        ticks, gates, sink = round(GATE_S * TICK_HZ), [], _Rows()
-        self._sim.sinks.append(sink)
-        for _ in range(GATES):
-            streams = self._sim.advance(ticks, self.rate_dps * DEG, self.temp_degc, probe_ticks=ticks)
-            gates.append(counter.gate(self._sim.read_out(streams, self.temp_degc), channel))
-        self._sim.sinks.remove(sink)
-        return counter.read(gates), Rows(sink.pieces)
+        """(`counter.Reading`, `Rows`) of "drive" (Vx-) or "sense" (Vy-) against its reference pins, COUNTED_S long."""
+        with self._rows() as sink:
+            first_row, gates, stamps = self._first_row(), [], []
+            for begun, probe in self._gates(COUNTED_S):
+                gates.append(counter.gate(probe, channel))
+                stamps.append(self._stamps(begun - first_row, probe, channel))
+        return counter.read(gates), Rows(sink.pieces, np.concatenate(stamps))
 
     @property
     def grid_clocks(self):
@@ -199,13 +234,9 @@ class Judge:
             frequency_hz,
         )
 
-    def pins_deg(self, gates=GATES):
-        """Mean lag of each reference's edges behind where the budget has them, now (deg)."""
-        ticks, edges = round(GATE_S * TICK_HZ), []
-        for _ in range(gates):
-            streams = self._sim.advance(ticks, self._bench.rate_dps * DEG, self._bench.temp_degc, probe_ticks=ticks)
-            edges.append(streams.edges[: int(streams.edge_count[0])].copy())
-        edges = np.concatenate(edges)
+    def pins_deg(self):
+        """Mean lag of each reference's edges behind where the budget has them, in the next COUNTED_S (deg)."""
+        edges = np.concatenate([probe.edges for _, probe in self._bench._gates(COUNTED_S)])
         config, words = self._sim.config, self._bench.phases_deg()
         frequency_hz = self._bench.read("frequency") * build.clock_hz(config) / 2**48
         known = budget.budget(config, self.temp_degc, frequency_hz)

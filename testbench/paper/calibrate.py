@@ -107,8 +107,8 @@ class Calibration(NamedTuple):
 class Turned:
     """The drive sine turned on purpose. The drive frequency follows by some ten millihertz, x and y do not.
 
-    Edges on the 1 MHz grid have a bias of some millidegrees that depends on the frequency to a millihertz, and that no
-    repeat at one frequency shows. Readings at several turns average it; `grid` says which of them it may be in.
+    Edges on the 1 MHz grid have a bias that depends on the frequency to a millihertz, and that no repeat at one
+    frequency shows: `late` says how large it is. Readings at several turns show what else depends on the frequency.
     """
 
     def __init__(self, bench):
@@ -122,20 +122,25 @@ class Turned:
             self.bench.wait(SETTLE_S)
 
 
-def interval(bench, channel, turns_deg=COUNTER_TURNS_DEG):
-    """`Readings` of the lag of an electrode voltage behind its undisplaced sgn(sin).
+def late(bench, rows, weights, channel="drive", of="drive", cosine=False):
+    """`grid.Late` of a channel's sgn(sin) or sgn(cos) over stamped rows; `of` the channel whose pin was stamped."""
+    words, clocks = rows["frequency_word"], bench.grid_clocks
+    offset = {name: bench.read(f"phase_{name}_ref") for name in (channel, of)}
+    begun = grid.start(words, rows.stamps, offset[of], clocks)
+    return grid.late(words, weights, begun, offset[channel] + cosine * grid.TURN // 4, clocks)
 
-    sgn(sin) and sgn(cos) are at one phase but for what the grid does to each: their mean is read.
-    """
+
+def interval(bench, channel, turns_deg=COUNTER_TURNS_DEG):
+    """`Readings` of the lag of an electrode voltage behind its undisplaced sgn(sin); sgn(cos) is read as well."""
     turned, found, left = Turned(bench), [], []
     behind = bench.phases_deg()[f"phase_{channel}_ref"]
     for turn in turns_deg:
         turned.to(turn)
         r, rows = bench.counter(channel)
         known = behind - (turn if channel == "drive" else 0.0)
-        found.append((r.lag_deg + r.cos_lag_deg) / 2 - known)
-        words = rows["frequency_word"]
-        left.append(grid.left_deg(words, grid.hann(len(words)), bench.grid_clocks, both=True))
+        pins = [late(bench, rows, grid.hann(len(rows)), channel, channel, cosine) for cosine in (False, True)]
+        found.append((r.lag_deg + r.cos_lag_deg + pins[0].deg + pins[1].deg) / 2 - known)
+        left.append((pins[0].sd_deg + pins[1].sd_deg) / 2)
     turned.to(0.0)
     return Readings(np.array(found), np.array(left))
 
@@ -150,19 +155,20 @@ def detune(bench, angles_deg=DETUNE_DEG):
 
     The drive is at its best where force and velocity are in phase; the force goes with the velocity, w x, and w differs
     by w/Q tan(theta) between the sides: 1/(2 Q) of angle. The frequency loop holds x where signal and offset of its
-    demodulator cancel, so the offset's angle is added. What the grid does to x on either side counts by half.
+    demodulator cancel, so the offset's angle is added; it follows a late pin, so the force is ahead by as much.
     """
     turned, angles, left = Turned(bench), [], []
     side = 1.0
     for theta in angles_deg:
-        level, grids = {}, []
+        level, pin = {}, {}
         for sign in (side, -side):
             turned.to(sign * theta)
-            rows = bench.record(DETUNE_S)
+            rows = bench.stamped(DETUNE_S)
             level[sign] = math.log(rows.mean("amplitude_word") / rows.mean("frequency_word"))
-            grids.append(grid.left_deg(rows["frequency_word"], np.ones(len(rows)), bench.grid_clocks))
-        angles.append(log_cosine_ratio(theta, level[1.0] - level[-1.0]))
-        left.append(math.hypot(*grids) / 2)
+            pin[sign] = late(bench, rows, np.ones(len(rows)))
+        ahead, apart = (pin[1.0].deg + pin[-1.0].deg) / 2, (pin[1.0].deg - pin[-1.0].deg) / 2
+        angles.append(log_cosine_ratio(theta + apart, level[1.0] - level[-1.0]) + ahead)
+        left.append(math.hypot(pin[1.0].sd_deg, pin[-1.0].sd_deg) / 2)
         side = -side  # the next angle begins where this one ends
     turned.to(0.0)
     return Readings(np.array(angles) + offset_deg(bench), np.array(left))
@@ -171,7 +177,7 @@ def detune(bench, angles_deg=DETUNE_DEG):
 def minimum(bench):
     """psi by the minimum of A_d over turned drive references; `Estimate`. FTR and QSC are fixed meanwhile."""
     _fix_sense(bench, 2.0)
-    levels, at = [], 0.0
+    levels, turns, at = [], [], 0.0
     order = (*SCAN_DEG, *reversed(SCAN_DEG))
     for turn in order:
         while abs(turn - at) > 1e-9:  # the loop holds steps well below its 30 deg limit
@@ -180,7 +186,9 @@ def minimum(bench):
             bench.wait(0.5)
             at += step
         bench.wait(SETTLE_S - 0.5)
-        levels.append(math.log(bench.record(SCAN_S).mean("amplitude_word")))
+        rows = bench.stamped(SCAN_S)
+        levels.append(math.log(rows.mean("amplitude_word")))
+        turns.append(turn - late(bench, rows, np.ones(len(rows))).deg)
     while abs(at) > 1e-9:
         step = math.copysign(min(abs(at), 12.0), -at)
         bench.advance_phase_deg("phase_drive_ref", step)
@@ -189,7 +197,7 @@ def minimum(bench):
     bench.set_control(0)
     bench.wait(SETTLE_S)
     # ln A_d = c - ln cos(psi + turn): linear in tan(psi) once the known cosine is taken out
-    turn = np.radians(order)
+    turn = np.radians(turns)
     y = np.array(levels) + np.log(np.cos(turn))
     basis = np.stack([np.ones_like(turn), np.tan(turn)], axis=1)
     slope, weights = 0.0, np.ones_like(turn)
@@ -252,7 +260,7 @@ def ring(codes, frame_s=FRAME_S):
 def chop(bench, turns_deg=CHOP_TURNS_DEG):
     """psi of the sense pickoff: what V_q = 0 does to both codes, the force word fixed at A_I = 0; (Readings, seen).
 
-    x stands on the drive's references, y is read by the sense's: the grid moves both, only while V_q is 0.
+    x stands on the drive's references, y is read by the sense's: the lateness of both counts, only while V_q is 0.
     """
     rows = bench.record(NULL_S)
     word = round(rows.mean("rate_word"))
@@ -267,14 +275,15 @@ def chop(bench, turns_deg=CHOP_TURNS_DEG):
         for value in (u, 0, u):
             bench.write("quadrature_fixed", value)
             bench.wait(CHOP_SETTLE_S)
-            rows = bench.record(CHOP_S if value == 0 else CHOP_S / 2)
+            rows = bench.record(CHOP_S / 2) if value else bench.stamped(CHOP_S)
             levels.append((rows.hann("adc_sense_sin"), rows.hann("adc_sense_cos")))
             if value == 0:
                 rings.append(ring(rows["adc_sense_cos"].astype(float)))
-                words = rows["frequency_word"]
-                left.append(math.sqrt(2) * grid.left_deg(words, grid.hann(len(words)), bench.grid_clocks))
+                x, y = (late(bench, rows, grid.hann(len(rows)), channel) for channel in ("drive", "sense"))
+                left.append(math.hypot(x.sd_deg, y.sd_deg))
         (i0, q0), (i1, q1), (i2, q2) = levels
-        angles.append(math.degrees(math.atan((i1 - (i0 + i2) / 2) / (q1 - (q0 + q2) / 2))))
+        angle = math.degrees(math.atan((i1 - (i0 + i2) / 2) / (q1 - (q0 + q2) / 2)))
+        angles.append(angle - x.deg + y.deg)
         opened.append(abs(q1))
         closed.append(abs(i0))
     turned.to(0.0)

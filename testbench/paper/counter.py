@@ -7,6 +7,7 @@ Both slopes, so that an offset of the converter cancels. Several levels, because
 level at few of its possible instants: 0.006 deg with 335 codes and one level, 0.001 deg with 31 that stand still, so
 they move from slope to slope. Hann: edges on a grid beat slowly.
 Instants are rounded to RESOLUTION_S. theta stands for time in periods; it is common to both channels and cancels.
+It also stamps the edges of a pin: which clock of the board each has left with (`stamps`).
 Source    docs/paper.md
 """
 
@@ -17,6 +18,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from fpga_model.jit import kernel
+from fpga_model.rates import TICK_CYCLES
 from testbench.nodes import edge_errors_turns
 from testbench.phase_meter import PHASE_TURN, wrap_deg
 
@@ -64,7 +66,7 @@ def crossings_turns(probe, channel):
     levels = SPAN * amplitude * np.linspace(-1.0, 1.0, LEVELS)
     ticks, part, level, rising = _crossings(z, held, step, levels, *tables)
     part = np.round(part * probe.tick_s / RESOLUTION_S) * RESOLUTION_S / probe.tick_s
-    at = theta[ticks] + part * 26 * word[ticks]
+    at = theta[ticks] + part * TICK_CYCLES * word[ticks]
     turned = 0.5 if which == 1 and probe.sense_sign < 0 else 0.0
     shift = np.arcsin(level / amplitude) / (2 * np.pi)
     ideal = np.where(rising, shift, 0.5 - shift) + turned
@@ -101,6 +103,16 @@ def _crossings(z, held, step, levels, free, settled, late):
             at.append(level)
             rises.append(rising)
     return np.array(ticks[1:]), np.array(parts[1:]), np.array(at[1:]), np.array(rises[1:])
+
+
+def stamps(probe, channel):
+    """Clocks since the segment's first at which the edges of a channel's sgn(sin) have left, both slopes."""
+    mine = probe.edges[probe.edges[:, 1] == PINS[channel], 0]
+    theta, word = probe.column("theta"), probe.column("word")
+    begun = np.concatenate([[0], np.cumsum((np.diff(theta)) % PHASE_TURN)])
+    since = np.cumsum(np.concatenate([(mine[:1] - theta[0]) % PHASE_TURN, np.diff(mine) % PHASE_TURN]))
+    tick = np.searchsorted(begun, since, "right") - 1
+    return TICK_CYCLES * tick + np.round((since - begun[tick]) / word[tick]).astype(np.int64)
 
 
 def gate(probe, channel):

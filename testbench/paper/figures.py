@@ -319,8 +319,7 @@ def residuals_of_boards(boards):
         _name(axis, "board", f"residual {NODE_TEXT[node]} (mdeg)")
     worst = max(abs(v) for b in boards for v in b["residual_deg"].values())
     return (
-        f"What to see: bars reach zero; the largest residual is {1e3 * worst:.1f} mdeg, the paper's level 12 mdeg. "
-        "A long bar is a board whose reference edges beat slowly with their grid.",
+        f"What to see: bars reach zero; the largest residual is {1e3 * worst:.1f} mdeg, the paper's level 12 mdeg.",
         figure,
     )
 

@@ -1,51 +1,86 @@
-"""What the beating of reference edges on their grid leaves of a mean, from the frequency words that the host reads.
+"""Where a reference's edges fall on their grid, from what a host reads and a counter stamps.
 
-    edge     late by a saw of the grid's phase: sum over k of g/(pi k) sin(2 pi k t_edge/G), G the grid, g it in degrees
-    k        at edges of both slopes (2 theta whole) turns by 2 pi k t/G - 2 pi m 2 theta(t), m the nearest whole: slow
-             if k/G is near m 2 f; frames are whole multiples of G, so at frame n the phase is -4 pi m theta(n)
-    left     rms over the phase that nobody knows: sqrt(sum (g/(pi k) |C_k|)^2 / 2), C_k the mean of exp(i phase)
+    edge j   phase j/2; leaves at the first instant of the grid at which phase >= j/2, late by 0 .. one step
+    phase    start + sum of the frequency words that the host reads, one a frame: only `start` is unknown
+    start    each stamp n of an edge confines it: 0 <= phase(n) - j/2 < step
+    late     weighted mean of the lateness less half a step, which every reference has in the long run
 
-theta(n) is the sum of the words of the record, so the loop's own wandering is in it. sgn(cos) has the sign of (-1)^m:
-the mean of both has even m alone.
+At one frequency the mean is not half a step: the loop answers the beat of edges and grid, and near a ratio of small
+numbers it slides along the grid with edges that dwell on one side. The stamps show where.
 Source    docs/paper.md
 """
 
-import math
+from typing import NamedTuple
 
 import numpy as np
 
-from fpga_model.rates import FRAME_TICKS, MASTER_HZ, TICK_CYCLES
+from fpga_model.rates import FRAME_TICKS, TICK_CYCLES
 
 FRAME_CLOCKS = FRAME_TICKS * TICK_CYCLES
-TURN_BITS = 48
-HARMONICS = 4000  # beyond: g/(pi k) is 0.3 mdeg for one of them, on the 1 MHz grid
-NEAR_HZ = 200.0  # faster beats leave nothing of a mean over a second
-EVERY = 16  # frames; 500 Hz
+TURN = 1 << 48
+HALF = TURN // 2
+SLACK = 0.05  # of a step: by so much may stamps contradict words, which act some clocks into their frame
+INSIDE = 5  # values of `start` at which a mean is taken
 
 
-def left_deg(words, weights, grid_clocks, both=False):
-    """Standard deviation (deg) that the grid leaves of the weighted mean of a reference's edges.
+class Start(NamedTuple):
+    """Phase at the first instant of the first frame: low .. high modulo half a turn, in 2^-48 turn."""
 
-    words        frequency words, one a frame; weights of the same frames
-    grid_clocks  period of the grid in clocks
-    both         the mean of sgn(sin) and sgn(cos)
+    low: int
+    high: int
+
+
+class Late(NamedTuple):
+    """By how much edges are later than in the long run (deg), and the standard deviation that `start` leaves of it."""
+
+    deg: float
+    sd_deg: float
+
+
+def _phases(words):
+    """Phase at the first instant of each frame, from a start at 0, modulo a turn."""
+    return np.concatenate([[0], np.cumsum(words[:-1] * FRAME_CLOCKS)]) & (TURN - 1)  # wraps at 2^64, whole turns
+
+
+def start(words, stamps, offset, grid_clocks):
+    """`Start` from stamps of a reference's sgn(sin).
+
+    words        frequency words, one a frame
+    stamps       instants of the grid at which an edge of either slope has left, 0 the first of the first frame
+    offset       phase word of the reference;  grid_clocks  period of the grid in clocks
+    Raises ValueError if there are none, or if the stamps are not of these words.
     """
-    words = np.asarray(words, np.int64)
-    f = float(words.mean()) * MASTER_HZ / 2**TURN_BITS
-    grid_hz = MASTER_HZ / grid_clocks
-    k = np.arange(1, HARMONICS + 1)
-    m = np.round(k * grid_hz / (2 * f)).astype(np.int64)
-    slow = np.abs(k * grid_hz - m * 2 * f) < NEAR_HZ
-    if both:
-        slow &= m % 2 == 0
-    theta = np.cumsum(words * FRAME_CLOCKS)[::EVERY]  # wraps at 2^64, a multiple of a turn
-    share = np.asarray(weights, float)[::EVERY]
-    share = share / share.sum()
-    sizes = []
-    for order, number in zip(k[slow], m[slow]):
-        phase = (2 * number * theta & (1 << TURN_BITS) - 1) / 2.0**TURN_BITS
-        sizes.append(abs(share @ np.exp(-2j * math.pi * phase)) / order)
-    return 360.0 * f / grid_hz / math.pi * math.sqrt(sum(s * s for s in sizes) / 2)
+    words, stamps = np.asarray(words, np.int64), np.asarray(stamps, np.int64)
+    stamps = stamps[(stamps >= 0) & (stamps * grid_clocks < len(words) * FRAME_CLOCKS)]
+    if not len(stamps):
+        raise ValueError(f"stamps: none within the {len(words)} frames of the words")
+    frame, inside = np.divmod(stamps * grid_clocks, FRAME_CLOCKS)
+    least = -(_phases(words)[frame] + words[frame] * inside + offset) % HALF
+    off = (least - least[0] + HALF // 2) % HALF - HALF // 2
+    step = int(words.max()) * grid_clocks
+    low, high = int(off.max()), int(off.min()) + step
+    if high - low < -SLACK * step:
+        apart = (low - high) / step
+        raise ValueError(f"stamps: edges disagree with the words by {apart:.2g} of the grid, limit {SLACK}")
+    return Start(*sorted((int(least[0]) + low, int(least[0]) + high)))
+
+
+def late(words, weights, begun, offset, grid_clocks):
+    """`Late` of the edges of both slopes of a reference; weights of the frames, `begun` their `Start`."""
+    words, weights = np.asarray(words, np.int64), np.asarray(weights, float)
+    phase, step = _phases(words) + offset, words * grid_clocks
+    found = []
+    for k in range(INSIDE):
+        first = begun.low + (2 * k + 1) * (begun.high - begun.low) // (2 * INSIDE)
+        ahead = HALF - (phase + first) % HALF  # to the next edge
+        total, share = 0.0, 0.0
+        for number in range(int(words.max()) * FRAME_CLOCKS // HALF + 1):
+            distance = ahead + number * HALF
+            mine = weights * (distance <= words * FRAME_CLOCKS)
+            total += float(mine @ (-distance % step - step / 2))
+            share += float(mine.sum())
+        found.append(total / share)
+    return Late(360.0 / TURN * float(np.mean(found)), 360.0 / TURN * float(np.std(found)))
 
 
 def hann(n):

@@ -2,7 +2,7 @@
 
     xe1, ye1    counter, as when they are calibrated      xe2, ye2    amplitude and codes, likewise
 
-One reading takes a minute: single turns of the drive sine, so that the grid's bias at that frequency is in it.
+One reading takes a minute: few turns of the drive sine.
 
 The package warms by itself while it runs; between readings the board runs on. The engine for hours runs all
 but the counter's gates, which the frame engine runs.

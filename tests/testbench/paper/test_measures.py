@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from testbench.paper import boards, comparison, grid, measure_allan, measure_bandwidth, measure_scale, temperature
+from testbench.paper import boards, comparison, measure_allan, measure_bandwidth, measure_scale, temperature
 from testbench.paper.bench import FRAME_S, log_cosine_ratio
 from testbench.paper.calibrate import Readings, ring
 from tests.testbench.bench_setup import configured
@@ -28,30 +28,6 @@ def test_ring_gives_split_and_decay_back():
     split, decay_s = ring(x)
     assert split / (2 * math.pi) == pytest.approx(139.0, abs=0.002)
     assert decay_s == pytest.approx(5.8, rel=0.01)
-
-
-@pytest.mark.parametrize(
-    ("k", "m", "both", "least_deg"),
-    [(7, 318, False, 0.05), (7, 318, True, 0.05), (11, 499, False, 0.05), (11, 499, True, 0.0)],
-)
-def test_what_the_grid_leaves_is_what_edges_on_it_leave(k, m, both, least_deg):
-    """Edges of 1 s, each at the next whole microsecond: rms of their Hann-weighted mean over random phases.
-
-    k MHz is 0.8 Hz beside m times the edges' rate; with odd m the mean of sine and cosine is free of it.
-    """
-    word = round((k * 1e6 - 0.8) / (2 * m) * 2**48 / 26e6)
-    f = word * 26e6 / 2**48
-    rng, means = np.random.default_rng(4), []
-    for late in rng.uniform(0, 1, 50):
-        found = []
-        for first in (0.0, 0.25) if both else (0.0,):
-            at = (np.arange(round(2 * f)) / 2 + first + late) / f * 1e6
-            found.append(grid.hann(len(at)) @ (np.ceil(at) - at - 0.5) / grid.hann(len(at)).sum())
-        means.append(np.mean(found))
-    want = 360 * f * 1e-6 * float(np.sqrt(np.mean(np.square(means))))
-    found = grid.left_deg(np.full(8000, word), grid.hann(8000), 26, both)
-    assert found == pytest.approx(want, rel=0.25, abs=5e-4)
-    assert want > least_deg
 
 
 @pytest.mark.parametrize("other_deg", [0.0, 0.002])
