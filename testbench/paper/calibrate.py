@@ -20,6 +20,8 @@ import numpy as np
 from scipy import stats
 from scipy.optimize import brentq
 
+from analog_frontend import sid
+from analog_frontend.device import Device
 from fpga_model import cordic, sequencer
 from fpga_model.rates import MASTER_HZ
 from testbench.paper import grid
@@ -32,6 +34,7 @@ DETUNE_DEG, DETUNE_S = (35.0, 55.0, 45.0, 40.0, 50.0, 30.0), 3.0
 SCAN_DEG, SCAN_S = (-24.0, -16.0, -8.0, 0.0, 8.0, 16.0, 24.0), 1.0
 FORCE_WORD = 1 << 21  # a quarter of full scale
 COUNTER_TURNS_DEG = (-45.0, -15.0, 20.0, 50.0)
+SID_HZ = sid.corner_hz(Device().sid_r_ohm * Device().sid_c_f)  # of the drawing
 NULL_S, CHOP_S, CHOP_SETTLE_S = 6.0, 5.0, 0.5
 CHOP_TURNS_DEG = (-50.0, -35.0, -20.0, 0.0, 15.0, 30.0, 45.0, 55.0)
 # at 95 % a batch of 20 boards has 19 covered with a probability of 0.74 only, at 99 % of 0.98
@@ -122,12 +125,30 @@ class Turned:
             self.bench.wait(SETTLE_S)
 
 
+def _stamped(bench, rows, of="drive"):
+    """(words, `grid.Start`) of rows in which the pin of a channel was stamped."""
+    words = rows["frequency_word"]
+    return words, grid.start(words, rows.stamps, bench.read(f"phase_{of}_ref"), bench.grid_clocks)
+
+
 def late(bench, rows, weights, channel="drive", of="drive", cosine=False):
     """`grid.Late` of a channel's sgn(sin) or sgn(cos) over stamped rows; `of` the channel whose pin was stamped."""
-    words, clocks = rows["frequency_word"], bench.grid_clocks
-    offset = {name: bench.read(f"phase_{name}_ref") for name in (channel, of)}
-    begun = grid.start(words, rows.stamps, offset[of], clocks)
-    return grid.late(words, weights, begun, offset[channel] + cosine * grid.TURN // 4, clocks)
+    words, begun = _stamped(bench, rows, of)
+    offset = bench.read(f"phase_{channel}_ref") + cosine * grid.TURN // 4
+    return grid.late(words, weights, begun, offset, bench.grid_clocks)
+
+
+def rung(bench, rows, omega):
+    """Standard deviation (codes) of the mean of adc_sense_sin where y rings at `omega` (rad/s) below the drive.
+
+    The ring, 20 times as large before the demodulator, times a line of the reference's lateness at the same place.
+    """
+    words, begun = _stamped(bench, rows)
+    weights, step, x = grid.hann(len(rows)), omega * FRAME_S, rows["adc_sense_cos"].astype(float)
+    seen = 2 * abs(np.sum(weights * (x - x.mean()) * np.exp(-1j * step * np.arange(len(x))))) / weights.sum()
+    ahead = abs(1 + 1j * omega / (2 * math.pi * SID_HZ)) ** sid.STAGES
+    line = grid.line_deg(words, weights, begun, bench.read("phase_sense_ref"), bench.grid_clocks, step)
+    return seen * ahead * math.radians(line) / math.sqrt(2)
 
 
 def interval(bench, channel, turns_deg=COUNTER_TURNS_DEG):
@@ -261,6 +282,7 @@ def chop(bench, turns_deg=CHOP_TURNS_DEG):
     """psi of the sense pickoff: what V_q = 0 does to both codes, the force word fixed at A_I = 0; (Readings, seen).
 
     x stands on the drive's references, y is read by the sense's: the lateness of both counts, only while V_q is 0.
+    y rings after each chop. Where a line of lateness meets the ring the mean of the codes is off: `rung`.
     """
     rows = bench.record(NULL_S)
     word = round(rows.mean("rate_word"))
@@ -271,19 +293,21 @@ def chop(bench, turns_deg=CHOP_TURNS_DEG):
     turned, angles, left, opened, closed, rings = Turned(bench), [], [], [], [], []
     for turn in turns_deg:
         turned.to(turn)
-        levels = []
+        levels, records = [], []
         for value in (u, 0, u):
             bench.write("quadrature_fixed", value)
             bench.wait(CHOP_SETTLE_S)
-            rows = bench.record(CHOP_S / 2) if value else bench.stamped(CHOP_S)
+            rows = bench.stamped(CHOP_S / 2 if value else CHOP_S)
             levels.append((rows.hann("adc_sense_sin"), rows.hann("adc_sense_cos")))
-            if value == 0:
-                rings.append(ring(rows["adc_sense_cos"].astype(float)))
-                x, y = (late(bench, rows, grid.hann(len(rows)), channel) for channel in ("drive", "sense"))
-                left.append(math.hypot(x.sd_deg, y.sd_deg))
+            records.append(rows)
         (i0, q0), (i1, q1), (i2, q2) = levels
-        angle = math.degrees(math.atan((i1 - (i0 + i2) / 2) / (q1 - (q0 + q2) / 2)))
-        angles.append(angle - x.deg + y.deg)
+        moved = q1 - (q0 + q2) / 2
+        weights = grid.hann(len(records[1]))
+        x, y = (late(bench, records[1], weights, channel) for channel in ("drive", "sense"))
+        angles.append(math.degrees(math.atan((i1 - (i0 + i2) / 2) / moved)) - x.deg + y.deg)
+        rings.append(ring(records[1]["adc_sense_cos"].astype(float)))
+        off = [share * rung(bench, rows, rings[-1][0]) for share, rows in zip((0.5, 1.0, 0.5), records)]
+        left.append(math.hypot(x.sd_deg, y.sd_deg, math.degrees(math.hypot(*off) / moved)))
         opened.append(abs(q1))
         closed.append(abs(i0))
     turned.to(0.0)

@@ -65,22 +65,35 @@ def start(words, stamps, offset, grid_clocks):
     return Start(*sorted((int(least[0]) + low, int(least[0]) + high)))
 
 
+def _mean(words, weights, turning, first, grid_clocks):
+    """Weighted mean of lateness times `turning` (2^-48 turn), the phase of the first frame at `first`."""
+    phase, step, total, share = _phases(words) + first, words * grid_clocks, 0.0, 0.0
+    ahead = HALF - phase % HALF  # to the next edge
+    for number in range(int(words.max()) * FRAME_CLOCKS // HALF + 1):
+        distance = ahead + number * HALF
+        mine = weights * (distance <= words * FRAME_CLOCKS)
+        total = total + (mine * turning) @ (-distance % step - step / 2)
+        share += float(mine.sum())
+    return total / share
+
+
 def late(words, weights, begun, offset, grid_clocks):
     """`Late` of the edges of both slopes of a reference; weights of the frames, `begun` their `Start`."""
     words, weights = np.asarray(words, np.int64), np.asarray(weights, float)
-    phase, step = _phases(words) + offset, words * grid_clocks
-    found = []
-    for k in range(INSIDE):
-        first = begun.low + (2 * k + 1) * (begun.high - begun.low) // (2 * INSIDE)
-        ahead = HALF - (phase + first) % HALF  # to the next edge
-        total, share = 0.0, 0.0
-        for number in range(int(words.max()) * FRAME_CLOCKS // HALF + 1):
-            distance = ahead + number * HALF
-            mine = weights * (distance <= words * FRAME_CLOCKS)
-            total += float(mine @ (-distance % step - step / 2))
-            share += float(mine.sum())
-        found.append(total / share)
+    inside = (begun.low + (2 * k + 1) * (begun.high - begun.low) // (2 * INSIDE) for k in range(INSIDE))
+    found = [float(_mean(words, weights, 1.0, first + offset, grid_clocks)) for first in inside]
     return Late(360.0 / TURN * float(np.mean(found)), 360.0 / TURN * float(np.std(found)))
+
+
+def line_deg(words, weights, begun, offset, grid_clocks, omega_frame):
+    """Size (deg) of the line that lateness has at `omega_frame` (rad a frame).
+
+    Where it meets a line of the signal, their product is a mean that looks like one of the signal's own.
+    """
+    words = np.asarray(words, np.int64)
+    turning = np.exp(1j * omega_frame * np.arange(len(words)))
+    middle = (begun.low + begun.high) // 2
+    return 360.0 / TURN * float(abs(_mean(words, np.asarray(weights, float), turning, middle + offset, grid_clocks)))
 
 
 def hann(n):

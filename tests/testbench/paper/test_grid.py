@@ -67,3 +67,14 @@ def test_stamps_of_another_record_are_refused():
         grid.start(words + words // 1000, instants, 0, 26)
     with pytest.raises(ValueError, match="none within the 160 frames"):
         grid.start(words, instants + FRAMES * 125, 0, 26)
+
+
+def test_a_line_of_lateness_is_that_of_the_pin():
+    """Its size at any frequency, against the sum over the edges of the pin themselves."""
+    words, start, omega = words_of(11002.4386), 5_000_000_000_000, 0.21
+    instants, own = pins(words, start, 0, 26)
+    begun = grid.start(words, instants, 0, 26)
+    want = abs(np.mean(own * np.exp(1j * omega * (instants // 125)))) * 360
+    found = grid.line_deg(words, np.ones(FRAMES), begun, 0, 26, omega)
+    assert found == pytest.approx(want, abs=0.002)
+    assert want > 0.01
