@@ -5,12 +5,11 @@ Source  docs/record.md
 
 import hashlib
 import json
-from pathlib import Path
 
 import h5py
 import numpy as np
 
-from testbench.files import GuardedFile, discard, explain, part_of, publish, seal
+from testbench.files import GuardedFile, replacing, seal
 from testbench.interrupts import held
 from testbench.record import KINDS, RecordError, digest_of, plain, versions
 from testbench.record_read import DAMAGED, opened
@@ -31,13 +30,8 @@ def save_state(path, values, source_format, meta=None):
         if array.dtype.kind not in KINDS or "/" in name:
             raise ValueError(f"state {name}: {array.dtype} is not a number type, or the name holds a slash")
     meta = {key: plain(value) for key, value in (meta or {}).items()}
-    path = Path(path)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        guard = GuardedFile(part_of(path))
-    except OSError as problem:
-        raise explain(path, problem) from None
-    try:
+    with replacing(path) as part:
+        guard = GuardedFile(part)
         with guard:
             with h5py.File(guard, "w") as file:
                 file.attrs["schema"] = STATE_SCHEMA
@@ -50,13 +44,8 @@ def save_state(path, values, source_format, meta=None):
                     group.create_dataset(name, data=array.astype(array.dtype.newbyteorder("<")))
                     group[name].attrs["scalar"] = int(not isinstance(values[name], np.ndarray))
         if guard.problem is not None:
-            raise explain(path, guard.problem)
-        seal(part_of(path))
-        publish(path)
-    except OSError as problem:
-        raise explain(path, problem) from None
-    finally:
-        discard(path)
+            raise guard.problem
+        seal(part)
 
 
 def load_state(path, source_format):

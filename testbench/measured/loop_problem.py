@@ -23,21 +23,19 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solve_triangular
-from scipy.stats import norm
 
 from testbench import config as configuration
 from testbench import law_file
 from testbench.errors import ConfigError
 from testbench.measured import features, loop_runs
+from testbench.measured.loop_noise import LATER, NOISE_DRAWS, jitter_hz, noise_of
 from testbench.measured.loop_runs import EXACT, FAST, Model, Run
 from testbench.tracing.problem import Nuisance, Observable, PredictionFailed, Segment
 
 HELD_HZ = 1e-3  # of the drive frequency, in tangents
 PLACE_HZ = 2e-3  # from the model's drive frequency to the recorded one: what is less is scatter of the power-ons
 DRAWS = 16  # of the exact engine at an anchor
-JITTER_HZ = 1e-3
 FIRST_DRAW = 10**12  # seeds that no recording has
-NOISE_DRAWS = 64  # of the averaged plant, per condition
 AIM, NEAR = 300.0, 2.5  # sigmas by which a step of a tangent moves all features together, and how far off it may be
 SEEN = 30.0  # sigmas of all features together, that a law's largest step must move
 SETTLED = 200.0  # sigmas of all features together: so little needs no other anchor
@@ -50,13 +48,6 @@ class Measured(NamedTuple):
     conditions: tuple
     values: dict
     hashes: dict
-
-
-class Noise(NamedTuple):
-    """Covariance of a condition's features as sigma and the Cholesky factor of the correlations."""
-
-    sigma: np.ndarray
-    chol: np.ndarray
 
 
 class Kept:
@@ -488,46 +479,6 @@ class Fine:
             o.name: float(np.sqrt(np.sum(rows[:, o.rows] ** 2) / (len(rows) - 1) / (o.rows.stop - o.rows.start)))
             for o in s.observables
         }
-
-
-# quantiles in random order: their variance is that of the scatter, not that of 64 draws of it
-JITTER = np.random.default_rng(3).permutation(norm.ppf((np.arange(NOISE_DRAWS) + 0.5) / NOISE_DRAWS))
-JITTER *= JITTER_HZ / np.sqrt(np.mean(JITTER**2))
-LATER = np.random.default_rng(4).integers(loop_runs.LATE, size=NOISE_DRAWS)
-
-
-def jitter_hz(draw):
-    """Shift of the drive frequency that belongs to a draw."""
-    return float(JITTER[draw])
-
-
-def noise_of(draws):
-    """{condition: Noise} of {condition: ((draws, n), change per hertz)}.
-
-    The scatter of the power-ons is what it is; correlations of the rest are pooled over conditions of one length.
-    """
-    pools, sigma = {}, {}
-    jitter = JITTER - JITTER.mean()
-    for name, (rows, slope) in draws.items():
-        rest = rows - rows.mean(axis=0) - np.outer(jitter, slope)
-        own = rest.std(axis=0, ddof=1)
-        least = 0.1 * np.median(own.reshape(len(loop_runs.NAMES), -1), axis=1)
-        sigma[name] = np.maximum(own, np.repeat(np.maximum(least, 1e-300), len(own) // len(loop_runs.NAMES)))
-        pools.setdefault(rows.shape[1], []).append(rest / sigma[name])
-    out = {}
-    for name, (rows, slope) in draws.items():
-        n = rows.shape[1]
-        z = np.concatenate(pools[n])
-        dof = len(z) - len(pools[n])
-        if dof < n + 10:
-            raise ConfigError(
-                f"noise of {name}: {dof} deviations for {n} features; more draws or fewer bins are needed"
-            )
-        # its inverse is too large in the mean: the core takes that out (noise_estimated_from), so it is not done here
-        c = z.T @ z / dof * np.outer(sigma[name], sigma[name]) + JITTER_HZ**2 * np.outer(slope, slope)
-        whole = np.sqrt(np.diag(c))
-        out[name] = Noise(whole, np.linalg.cholesky(c / np.outer(whole, whole)))
-    return out
 
 
 def _of_frequency(condition):

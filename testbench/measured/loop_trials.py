@@ -17,7 +17,7 @@ import time
 import numpy as np
 
 from testbench import config as configuration
-from testbench.measured import loop_laws, loop_problem, loop_runs, loop_trace
+from testbench.measured import loop_laws, loop_noise, loop_problem, loop_runs, loop_trace
 from testbench.measured.loop_runs import EXACT, FAST, Model, Run
 from testbench.measured.parameters import Parameter
 from testbench.measured.plan import Condition
@@ -202,7 +202,7 @@ def trial(bank, problem, kind, seed, options=None, d_range=(CLEAR_D, 60.0)):
 
     def powered(c, number):
         """A power-on, with a frequency and a phase of its own."""
-        own = problem.moved_hz(board, loop_problem.JITTER_HZ * rng.normal())
+        own = problem.moved_hz(board, loop_noise.JITTER_HZ * rng.normal())
         return Run(own, c, TRUE_SEED + 10_000 * seed + number, late=int(rng.integers(loop_runs.LATE)))
 
     runs = [powered(c, 100 * i + r) for i, c in enumerate(bank.conditions) for r in range(bank.repeats[c.role])]

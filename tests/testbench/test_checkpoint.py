@@ -24,7 +24,7 @@ ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT), "MPLBACKEND": "Agg"}
 # Runs the command line and kills itself at the n-th time that something is about to be complete.
 KILLED = """
 import os, signal, sys
-from testbench import cli, outputs, record, spool, state_file
+from testbench import cli, files, outputs, record, spool, state_file
 
 where, left = sys.argv[1], int(sys.argv[2])
 
@@ -51,7 +51,7 @@ if where == "rows":
             file.write(data[: len(data) // 2 - 3])
     wrap(spool.Spool, "_write", half=half)
 elif where == "checkpoint written":
-    wrap(state_file, "publish", lambda path: path.name == "checkpoint.h5")
+    wrap(files, "publish", lambda path: path.name == "checkpoint.h5")
 elif where == "checkpoint begun":
     wrap(state_file, "seal", lambda path: path.name == "checkpoint.h5.part")
 elif where == "record":

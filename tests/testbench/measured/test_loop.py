@@ -11,7 +11,7 @@ from numba import config as numba_config
 from analog_frontend.effects import law
 from testbench import law_file
 from testbench.golden import bundle, effect
-from testbench.measured import loop_laws, loop_problem, loop_rates, loop_runs, loop_trials
+from testbench.measured import loop_laws, loop_noise, loop_rates, loop_runs, loop_trials
 from testbench.measured.loop_runs import EXACT, FAST, Model, Run
 from testbench.tracing.space import Space
 
@@ -85,7 +85,7 @@ def test_the_averaged_plant_moves_as_the_exact_one_does(bank, blank):
 def test_whitened_noise_is_white(bank, blank):
     """Power-ons of the exact engine, with frequencies and phases of their own, have one sigma per feature."""
     c, rng = bank.conditions[1], np.random.default_rng(9)
-    models = [blank.moved_hz(Model(bank.model), loop_problem.JITTER_HZ * rng.normal()) for _ in range(16)]
+    models = [blank.moved_hz(Model(bank.model), loop_noise.JITTER_HZ * rng.normal()) for _ in range(16)]
     runs = [Run(m, c, 900 + k, late=int(rng.integers(loop_runs.LATE))) for k, m in enumerate(models)]
     rows = np.array(bank.bench.run(runs, EXACT))
     gain = Space(blank, "fit").gain * np.sqrt(16 / 15)
