@@ -1,6 +1,6 @@
 """Averaged plant: what laws and effects do in a frame, from their harmonics along the slow motion.
 
-    f(theta_n) from the states at POINTS phases of one turn; products of up to six factors have no harmonic beyond 6
+    f(theta_n) from the states at POINTS phases of one turn, or at every FEW-th of them where only products are taken
     force   F = 2/N sum f e^(-i theta);  a_j += S_j B_j F,   S_j = sum over 125 ticks of e^(k (eta_j - i delta))
     C/V     as a square-wave demodulator sees it: C - i S, C = c1 - c3/3 + c5/5, S = s1 + s3/3 + s5/5, about the
             phase of its references
@@ -21,7 +21,7 @@ from analog_frontend.top import CV_X, CV_Y, STATES, V_DRIVE, V_SENSE, X
 from analog_frontend.vector import lane
 from fpga_model.jit import outlined
 
-POINTS = 32
+POINTS, FEW = 32, 4
 COS = np.cos(2 * np.pi * (np.arange(POINTS) + 0.5) / POINTS)
 SIN = np.sin(2 * np.pi * (np.arange(POINTS) + 0.5) / POINTS)
 SLOTS = law.SLOTS + 3
@@ -112,15 +112,26 @@ def act(p, now, m, r, rate_rad_s, temp_degc, t_s, drive_ref, sense_ref):
     for i in range(4):
         r.force[i], r.volts[i] = 0.0, 0.0
     for k in range(p.force + p.cv):
-        port = p.table[k, law.AT_PORT]
+        port, state = p.table[k, law.AT_PORT], p.table[k, law.FIRST]
+        if port < 2 and p.table[k, law.COUNT] == 1 and state < law.ABS:
+            # linear: its only harmonic is that of the state
+            r.force[2 * port] += r.gains[k] * r.cosines[state]
+            r.force[2 * port + 1] -= r.gains[k] * r.sines[state]
+            continue
         for i in range(6):
             r.harmonics[i] = 0.0
         offset = (sense_ref if port == 3 else drive_ref) - p.reference_turns
         turn_c, turn_s = unit(offset & TURN_MASK)
-        for n in range(POINTS):
-            for i in range(STATES):
+        # a product of states has no harmonic beyond 6: 8 points find the first, 16 the fifth
+        stride = FEW if port < 2 else FEW // 2
+        for j in range(law.FIRST, law.FIRST + p.table[k, law.COUNT]):
+            if p.table[k, j] >= law.ABS:
+                stride = 1
+        for n in range(0, POINTS, stride):
+            for j in range(law.FIRST, law.FIRST + p.table[k, law.COUNT]):
+                i = p.table[k, j] & 15
                 r.z[i] = COS[n] * r.cosines[i] + SIN[n] * r.sines[i]
-            v = law.value(p.table, r.gains, k, r.z, IDENTITY, 0) * (2.0 / POINTS)
+            v = law.value(p.table, r.gains, k, r.z, IDENTITY, 0) * (2.0 * stride / POINTS)
             if port < 2:
                 r.harmonics[0] += v * COS[n]
                 r.harmonics[1] += v * SIN[n]

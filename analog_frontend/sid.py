@@ -19,6 +19,7 @@ Charge    a switch that opens leaves `inject` volts on its capacitor: on-time me
 Source    docs/parts/sid.md
 """
 
+import functools
 from typing import NamedTuple
 
 import mpmath
@@ -50,6 +51,7 @@ class Params(NamedTuple):
     taylor: np.ndarray  # coefficient of s^(k+j+i) in q_j for the input (t/h)^k, j = 1..3: at 4 (k TERMS + i) + j - 1
 
 
+@functools.lru_cache(maxsize=256)
 def design(rc_s, h_s, inject_v=(0.0,) * CAPACITORS):
     """Constants of a demodulator with equal stages of `rc_s` for ticks of `h_s`.
 

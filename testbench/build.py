@@ -148,6 +148,7 @@ def _stacked(device, temp_lo_degc, temp_hi_degc):
     return stacks, table.temp_lo_degc, table.step_k, table.count
 
 
+@functools.lru_cache(maxsize=256)
 def _switch_instants(name, delay_s, tick_s):
     """Instant within its tick, and 1 for the next tick, of a switch `delay_s` after an edge at clock 0 .. 25."""
     if not 0.0 <= delay_s < tick_s:

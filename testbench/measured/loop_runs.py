@@ -11,6 +11,7 @@ Source    docs/measured.md
 
 import math
 import os
+import threading
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
@@ -42,6 +43,7 @@ THREADS = max(1, min(2, os.cpu_count() or 1))
 EXACT, FAST = "lanes", "baseband"
 MOST_LOCKED = 200
 LEAST_LANES = 3  # fewer gyroscopes side by side are no faster than one by one
+DESIGN = threading.Lock()  # mpmath's precision belongs to the process, not to a thread
 
 
 class Model(NamedTuple):
@@ -154,10 +156,11 @@ def _preset(condition):
 def powered(cfg, condition, ticks):
     """engine.State of a board at a tick after power-on, by the frame engine."""
     temp, before = condition.temperature_degc, _before(condition)
-    sim = Simulation(cfg, temp, temp, engine="frame")
+    with DESIGN:
+        sim = Simulation(cfg, temp, temp, engine="frame")
+        nominal = build.nominal(cfg)
+        wanted = dict(build.register_writes(cfg))
     sim.keep_codes = sim.keep_rows = False
-    nominal = build.nominal(cfg)
-    wanted = dict(build.register_writes(cfg))
     wanted["amplitude_setpoint"] = agc.setpoint(condition.a_um, nominal["v_per_um"], nominal["adc_drive_v"])
     if condition.detune_deg:
         own = cfg.firmware.phase_words()[0]
@@ -199,9 +202,9 @@ class Bench:
         s.plant.now[:] = np.inf
         return engine.State(s.fpga, s.chips, plant.copy(s.plant), s.tick, s.drdy_cycle)
 
-    def setup(self, model, temp_degc, p):
-        """baseband Setup of a model; that of its configuration is kept, its laws are put in."""
-        key = (model.config.model_dump_json(include={"firmware", "plant"}), temp_degc)
+    def setup(self, run, p):
+        """baseband Setup of a run; that of its model's configuration is kept, its laws are put in."""
+        key = (run.model.config.model_dump_json(include={"firmware", "plant"}), run.condition.temperature_degc)
         if key not in self._setups:
             while len(self._setups) > 400:
                 self._setups.pop(next(iter(self._setups)))
@@ -217,10 +220,6 @@ class Bench:
         fine    with those of the fine bins behind the others
         """
         states = self._begun(runs)
-        params = [
-            build.params(configured(r.model, r.seed), r.condition.temperature_degc, r.condition.temperature_degc)
-            for r in runs
-        ]
         done = [0.0]
 
         def ended(seconds):
@@ -230,10 +229,10 @@ class Bench:
                 progress(f"{kind} engine", done[0], sum(ticks_of(r) for r in runs) / TICK_HZ)
 
         if kind == EXACT:
+            params = [_params(r) for r in runs]
             jobs = _grouped(runs, params)
         else:
             jobs = [[k] for k in range(len(runs))]
-            setups = [self.setup(r.model, r.condition.temperature_degc, p) for r, p in zip(runs, params)]
         out = [None] * len(runs)
 
         def work(members):
@@ -243,7 +242,10 @@ class Bench:
                 rows = [_alone(runs[k], params[k], states[k]) for k in members]
             else:
                 k = members[0]
-                rows = [_averaged(runs[k], params[k], states[k], setups[k])]
+                with DESIGN:
+                    p = _params(runs[k])
+                    made = self.setup(runs[k], p)
+                rows = [_averaged(runs[k], p, states[k], made)]
             for k, row in zip(members, rows):
                 out[k] = _features(runs[k], row, fine)
             ended(sum(ticks_of(runs[k]) for k in members) / TICK_HZ)
@@ -270,6 +272,11 @@ class Bench:
         else:
             with ThreadPoolExecutor(self.threads) as pool:
                 list(pool.map(work, jobs))
+
+
+def _params(run):
+    temp = run.condition.temperature_degc
+    return build.params(configured(run.model, run.seed), temp, temp)
 
 
 def _grouped(runs, params):
