@@ -89,6 +89,7 @@ class LoopProblem:
         self._put()
         draws = self._draws(Model(self.model), NOISE_DRAWS, power_on=True)
         self._noise = noise_of({g: (v[:, : self._sizes[g]], self.slope[g][: self._sizes[g]]) for g, v in draws.items()})
+        self.noise_estimated_from = (len(draws) * (NOISE_DRAWS - 1), max(self._sizes.values()))
         self._begun, self._middle = draws, {g: v.mean(axis=0) for g, v in draws.items()}
         self.heldout_view = Fine(self, {g: v[:, self._sizes[g] :] for g, v in draws.items()})
         self._rows = {s.group: k for k, s in enumerate(self.segments)}
