@@ -28,7 +28,7 @@ from testbench import config as configuration
 from testbench import law_file
 from testbench.errors import ConfigError
 from testbench.measured import features, loop_runs
-from testbench.measured.loop_noise import LATER, NOISE_DRAWS, jitter_hz, noise_of
+from testbench.measured.loop_noise import LATER, NOISE_DRAWS, gain_of, jitter_hz, noise_of
 from testbench.measured.loop_runs import EXACT, FAST, Model, Run
 from testbench.tracing.problem import Nuisance, Observable, PredictionFailed, Segment
 
@@ -88,8 +88,8 @@ class LoopProblem:
         self.place = dict.fromkeys(self.conditions, 0.0)
         self._put()
         draws = self._draws(Model(self.model), NOISE_DRAWS, power_on=True)
-        self._noise = noise_of({g: (v[:, : self._sizes[g]], self.slope[g][: self._sizes[g]]) for g, v in draws.items()})
-        self.noise_estimated_from = (len(draws) * (NOISE_DRAWS - 1), max(self._sizes.values()))
+        fitted = {g: (v[:, : self._sizes[g]], self.slope[g][: self._sizes[g]]) for g, v in draws.items()}
+        self._noise, self.noise_gain = noise_of(fitted), gain_of(fitted)
         self._begun, self._middle = draws, {g: v.mean(axis=0) for g, v in draws.items()}
         self.heldout_view = Fine(self, {g: v[:, self._sizes[g] :] for g, v in draws.items()})
         self._rows = {s.group: k for k, s in enumerate(self.segments)}

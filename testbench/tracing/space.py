@@ -48,7 +48,10 @@ def _blocks(problem, k, rows, group, start):
 
 
 def _gain(problem):
-    """Factor on whitened rows if the covariance was estimated: Hartlap's, so that chi2 of new data is 1 per row."""
+    """Factor on whitened rows if the covariance was estimated: Hartlap's, or the problem's own `noise_gain`."""
+    own = option(problem, "noise_gain")
+    if own is not None:
+        return own
     estimated = option(problem, "noise_estimated_from")
     if estimated is None:
         return 1.0
