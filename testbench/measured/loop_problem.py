@@ -4,7 +4,7 @@
     A    mean over DRAWS of the exact engine (lanes: to the bit) at the anchor, less that of the averaged plant with the
          same noise where the model began, so that most of it cancels, plus the mean of the averaged plant's draws
          there, each from power-on. What is left is `prediction_noise`, in units of a repeat's variance
-    T L  differences of the averaged plant with the same noise on both sides, at steps of about AIM sigmas
+    T L  differences of the averaged plant with the same noise on both sides (loop_tangents.py)
     N    covariance of the averaged plant's draws, pooled over conditions
     jitter   re-timed reference edges beat slowly with the drive frequency: a change of 1e-6 Hz moves the instants at
              which they slip, and nobody knows f_x so well. Every draw has its own f_x, JITTER_HZ wide, by a stiffness
@@ -30,14 +30,12 @@ from testbench.errors import ConfigError
 from testbench.measured import features, loop_runs
 from testbench.measured.loop_noise import LATER, NOISE_DRAWS, gain_of, jitter_hz, noise_of
 from testbench.measured.loop_runs import EXACT, FAST, Model, Run
+from testbench.measured.loop_tangents import Tangents
 from testbench.tracing.problem import Nuisance, Observable, PredictionFailed, Segment
 
-HELD_HZ = 1e-3  # of the drive frequency, in tangents
 PLACE_HZ = 2e-3  # from the model's drive frequency to the recorded one: what is less is scatter of the power-ons
 DRAWS = 16  # of the exact engine at an anchor
 FIRST_DRAW = 10**12  # seeds that no recording has
-AIM, NEAR = 300.0, 2.5  # sigmas by which a step of a tangent moves all features together, and how far off it may be
-SEEN = 30.0  # sigmas of all features together, that a law's largest step must move
 SETTLED = 200.0  # sigmas of all features together: so little needs no other anchor
 
 
@@ -94,13 +92,10 @@ class LoopProblem:
         self.heldout_view = Fine(self, {g: v[:, self._sizes[g] :] for g, v in draws.items()})
         self._rows = {s.group: k for k, s in enumerate(self.segments)}
         self.anchors, self.tangent = 0, None
-        self._late = {law.name for law in self.library}
         self.first = np.array([n.value for n in self.nuisances])
         self.anchor(self.first, {})
-        # the same a few mHz further on
-        self._where = self._key([c._replace(role="") for c in measured.conditions])
-        self.kept.columns[self._where, "plant.fx_hz"] = self.slope
-        self._tangents([*(n.name for n in self.nuisances), *(law.name for law in self.laws)])
+        self.tangents = Tangents(self)
+        self.tangents.make([*(n.name for n in self.nuisances), *(law.name for law in self.laws)])
         columns = [self.column(n.name) for n in self.nuisances]
         self.tangent = {g: np.stack([c[g] for c in columns], axis=1) for g in self.base}
         if any(np.any(v) for v in measured.values.values()):
@@ -194,14 +189,18 @@ class LoopProblem:
         except (ConfigError, RuntimeError) as problem:
             raise PredictionFailed(str(problem)) from None
 
-    def _key(self, *more):
+    def averaged(self, wanted):
+        """`_run` of the averaged plant, from the lock of the model where the problem began."""
+        return self._run(wanted, FAST)
+
+    def key(self, *more):
         text = repr((self.model.model_dump_json(), *more))
         return hashlib.sha256(text.encode()).hexdigest()
 
     def _draws(self, model, count, power_on=False):
         """{condition: (count, n)} of the averaged plant at a model, jitter and all."""
         told = count, power_on, model.config.model_dump_json(), model.laws
-        keys = {c.id: self._key("draws", told, c._replace(role=""), self.place[c.id]) for c in self._all()}
+        keys = {c.id: self.key("draws", told, c._replace(role=""), self.place[c.id]) for c in self._all()}
         todo = [c for c in self._all() if keys[c.id] not in self.kept.noise]
         found = self._run([(model, c, k, 0.0) for c in todo for k in range(count)], FAST, power_on)
         for i, c in enumerate(todo):
@@ -220,7 +219,7 @@ class LoopProblem:
         model = self.told(theta, effects)
         told = "exact", model.config.model_dump_json(), model.laws
         chosen = [c for c in self._all() if role in (None, c.role)]
-        keys = {c.id: self._key(*told, c._replace(role=""), self.place[c.id]) for c in chosen}
+        keys = {c.id: self.key(*told, c._replace(role=""), self.place[c.id]) for c in chosen}
         todo = [c for c in chosen if keys[c.id] not in self.kept.exact]
         moved = self._moved_hz(theta, effects)
         # the averaged plant with the same noise, where the model began
@@ -255,7 +254,7 @@ class LoopProblem:
         left = [np.mean(rows.var(axis=0, ddof=1) / self._noise[g].sigma ** 2) for g, rows in self._rest.items()]
         self.prediction_noise = float(np.mean(left)) / DRAWS + 1 / NOISE_DRAWS
         self.anchors += 1
-        self.hashes["anchor"] = self._key(self.at[0].tolist(), sorted(self.at[1].items()))
+        self.hashes["anchor"] = self.key(self.at[0].tolist(), sorted(self.at[1].items()))
 
     def linear(self, theta, effects, group):
         """Features of a group at a point, fine ones behind the others."""
@@ -270,7 +269,7 @@ class LoopProblem:
                 out = out + self.column(name)[group] * change
         return out
 
-    def _size(self, change):
+    def size(self, change):
         """Sigmas of a change of all conditions."""
         total = 0.0
         for group, v in change.items():
@@ -279,110 +278,7 @@ class LoopProblem:
 
     def column(self, name):
         """{condition: change of the features per unit of a nuisance or law}; the library's are made when asked for."""
-        if (self._where, name) not in self.kept.columns:
-            self._tangents([law.name for law in self.library] if name in self._late else [name])
-        return self.kept.columns[self._where, name]
-
-    def _tangents(self, names):
-        """Columns of nuisances and laws, at steps that move the features by about AIM sigmas; nan: the plant fails."""
-        theta0, columns = self.first, {}
-        steps = {n.name: 0.1 * n.prior_sd for n in self.nuisances}
-        steps |= {name: c.law.scale * (c.law.sign or 1) for name, c in self.candidates.items()}
-        todo = [name for name in names if (self._where, name) not in self.kept.columns]
-        if not todo:
-            return
-        missing, base = list(todo), self._many([(theta0, {})])[0]
-        for _ in range(4):
-            if not todo:
-                break
-            again = []
-            for name, moved in zip(todo, self._held([self._stepped(theta0, name, steps[name]) for name in todo], base)):
-                if moved is None:
-                    steps[name] *= 0.03
-                    again.append(name)
-                    continue
-                size = self._size(moved)
-                # what the largest step hardly moves is slips of edges, and no law that these data see
-                seen = size >= SEEN or name not in self.candidates
-                columns[name] = {g: v * (seen / steps[name]) for g, v in moved.items()}
-                if not AIM / NEAR <= size <= AIM * NEAR:
-                    factor = np.clip(AIM / max(size, 1e-3), 1e-3, 100.0)
-                    if factor * abs(steps[name]) <= self.largest(name):
-                        steps[name] *= factor
-                        again.append(name)
-            todo = again
-        # to both sides where both are allowed: what is of second order in a law falls out
-        both = [n for n, v in columns.items() if self._sided(n) and any(np.any(x) for x in v.values())]
-        for name, moved in zip(both, self._held([self._stepped(theta0, n, -steps[n]) for n in both], base)):
-            if moved is not None:
-                columns[name] = {g: (v - moved[g] / steps[name]) / 2 for g, v in columns[name].items()}
-        nan = {g: np.full(len(v), np.nan) for g, v in self.base.items()}
-        for name in missing:
-            self.kept.columns[self._where, name] = columns.get(name, nan)
-
-    def _sided(self, name):
-        """True if steps to both sides are allowed."""
-        return name not in self.candidates or not self.candidates[name].law.sign
-
-    def largest(self, name):
-        """How far a step may go: half the limit of a key."""
-        if name in self.candidates:
-            key = self.candidates[name].key
-            if key:
-                info = type(self.model.effects).model_fields[key.partition(".")[2]]
-                return 0.5 * next(m.le for m in info.metadata if hasattr(m, "le"))
-            return 1e4 * self.candidates[name].law.scale
-        p = next(p for p in self.parameters if p.key == name)
-        return 0.2 * max(abs(p.mean), _sd(p))
-
-    def _stepped(self, theta0, name, step):
-        theta, effects = theta0.copy(), {}
-        if name in self.candidates:
-            effects[name] = step
-        else:
-            theta[[n.name for n in self.nuisances].index(name)] += step
-        return theta, effects
-
-    def _held(self, points, base):
-        """Changes {group: values} from `base` to points, None where the averaged plant fails.
-
-        The drive frequency is held, in two steps; what its change does is put back by `slope`.
-        """
-        hertz, changes = [dict.fromkeys(base, 0.0) for _ in points], [None] * len(points)
-        todo = range(len(points))
-        for _ in range(3):
-            found = self._many([points[i] for i in todo], [hertz[i] for i in todo])
-            left = []
-            for i, moved in zip(todo, found):
-                if moved is None:
-                    changes[i] = None
-                    continue
-                rest = {g: moved[g] - base[g] for g in base}
-                changes[i] = {g: v + self.slope[g] * hertz[i][g] for g, v in rest.items()}
-                more = {g: self.hertz(v, g) for g, v in rest.items()}
-                if max(map(abs, more.values())) > HELD_HZ:
-                    hertz[i] = {g: hertz[i][g] + v for g, v in more.items()}
-                    left.append(i)
-            todo = left
-        return changes
-
-    def _many(self, points, hertz=None):
-        """Features {group: values} of points in the averaged plant, None where it fails; hertz: see `_run`."""
-        models, hertz = [], hertz or [dict.fromkeys(self.conditions, 0.0) for _ in points]
-        for theta, effects in points:
-            try:
-                models.append(self.told(theta, effects))
-            except PredictionFailed:
-                models.append(None)
-        wanted = [(m, c, 0, h[c.id]) for m, h in zip(models, hertz) if m is not None for c in self._all()]
-        try:
-            found = iter(self._run(wanted, FAST))
-        except PredictionFailed:
-            if len(points) == 1:
-                return [None]
-            half = len(points) // 2
-            return self._many(points[:half], hertz[:half]) + self._many(points[half:], hertz[half:])
-        return [None if m is None else {c.id: next(found) for c in self.measured_.conditions} for m in models]
+        return self.tangents.column(name)
 
     def settle(self):
         """Anchor where the nuisances alone fit the data best: far from it no linear model holds."""

@@ -9,7 +9,7 @@ import numpy as np
 from testbench.tracing.problem import PredictionFailed
 from testbench.tracing.trace import Options, Tracer
 
-LIMIT, ROUNDS = 0.5, 3  # sigmas
+LIMIT, ROUNDS = 0.5, 4  # sigmas
 
 
 def point_of(problem, result):

@@ -131,10 +131,14 @@ class Left:
         groups = zip(self.space.groups, self.space.weights)
         return np.concatenate([w * self.space.whitened(g.members[0], change[g.name]) for g, w in groups])
 
+    def rest(self, change):
+        """{condition: change} less what the nuisances take, whitened, with the priors' rows."""
+        s = np.concatenate([self._stacked(change), self.tail])
+        return s - self.q @ (self.q.T @ s)
+
     def __call__(self, change):
         """d of {condition: change}."""
-        s = np.concatenate([self._stacked(change), self.tail])
-        return float(np.linalg.norm(s - self.q @ (self.q.T @ s)))
+        return float(np.linalg.norm(self.rest(change)))
 
 
 def lengths(problem, names):
@@ -154,7 +158,7 @@ def jumped(bank, problem, text, scale):
 
 def largest(problem, law):
     """Largest coefficient that a trial hides: within the key's limit, plausible by the law's scale."""
-    return min(problem.largest(law.name), PLAUSIBLE * law.scale)
+    return min(problem.tangents.largest(law.name), PLAUSIBLE * law.scale)
 
 
 def drawn(bank, problem, kind, seed, d_range=(8.0, 60.0)):

@@ -14,6 +14,7 @@ from testbench.golden import bundle, effect
 from testbench.measured import loop_laws, loop_noise, loop_rates, loop_runs, loop_trials
 from testbench.measured.loop_runs import EXACT, FAST, Model, Run
 from testbench.tracing.space import Space
+from testbench.tracing.trace import SAME
 
 pytestmark = pytest.mark.skipif(numba_config.DISABLE_JIT, reason="hours without the compiler")
 
@@ -70,7 +71,8 @@ def test_the_averaged_plant_moves_as_the_exact_one_does(bank, blank):
     size = loop_trials.lengths(blank, names)
     theta = np.array([n.value for n in blank.nuisances])
     c = bank.conditions[3]
-    models = [Model(bank.model)] + [blank.told(theta, {n: min(300.0 / size[n], blank.largest(n))}) for n in names]
+    most = {n: blank.tangents.largest(n) for n in names}
+    models = [Model(bank.model)] + [blank.told(theta, {n: min(300.0 / size[n], most[n])}) for n in names]
     # a change of frequency moves the slips of the reference edges, a sigma in each of both engines: mean of eight draws
     runs = [Run(m, c, 60 + k, bank.model) for m in models for k in range(8)]
     exact, fast = (
@@ -80,6 +82,14 @@ def test_the_averaged_plant_moves_as_the_exact_one_does(bank, blank):
     for i, name in enumerate(names, 1):
         a, b = blank.whiten(k, exact[i] - exact[0]), blank.whiten(k, fast[i] - fast[0])
         assert np.linalg.norm(a - b) < 0.05 * np.linalg.norm(a) + 3.0, name
+
+
+def test_laws_of_one_first_harmonic_are_one_law(blank):
+    """x^2 vx and vx^3 differ by w^2 and a factor: what else their tangents differ by is slips of edges."""
+    names = ("damping_cubic", "force_x: vx^3")
+    left = loop_trials.Left(blank)
+    a, b = (left.rest(blank.column(name)) for name in names)
+    assert abs(a @ b) > SAME * np.linalg.norm(a) * np.linalg.norm(b)
 
 
 def test_whitened_noise_is_white(bank, blank):
