@@ -2,10 +2,11 @@
 
     f(theta_n) from the states at POINTS phases of one turn, or at every FEW-th of them where only products are taken
     force   F = 2/N sum f e^(-i theta);  a_j += S_j B_j F,   S_j = sum over 125 ticks of e^(k (eta_j - i delta))
+            where a sign or an absolute value is taken, the points begin at that state's crest
     C/V     as a square-wave demodulator sees it: C - i S, C = c1 - c3/3 + c5/5, S = s1 + s3/3 + s5/5, about the
             phase of its references
 
-Left out   the change of the motion within a frame; harmonics beyond 15 of sgn and abs (0.3 % of their fundamental)
+Left out   the change of the motion within a frame; harmonics beyond 30 of sgn and abs (0.2 % of their fundamental)
 Source     docs/parts/averaged.md, docs/parts/ports.md
 """
 
@@ -95,6 +96,15 @@ def _seen(h, volts, at, offset):
 
 
 @outlined
+def _crest(r, state):
+    """Phase at which a state is largest: from there its zeros stand midway between points, where its sign changes."""
+    size = math.sqrt(r.cosines[state] * r.cosines[state] + r.sines[state] * r.sines[state])
+    if size == 0.0:
+        return 1.0, 0.0
+    return r.cosines[state] / size, r.sines[state] / size
+
+
+@outlined
 def act(p, now, m, r, rate_rad_s, temp_degc, t_s, drive_ref, sense_ref):
     """Forces and volts of a frame from the motion at its first instant: r.force, r.volts. Mutates `r`."""
     law.gains(p.force, p.cv, p.temp_ref_degc, p.table, p.numbers, rate_rad_s, temp_degc, t_s, r.gains)
@@ -124,19 +134,22 @@ def act(p, now, m, r, rate_rad_s, temp_degc, t_s, drive_ref, sense_ref):
         turn_c, turn_s = unit(offset & TURN_MASK)
         # a product of states has no harmonic beyond 6: 8 points find the first, 16 the fifth
         stride = FEW if port < 2 else FEW // 2
+        grid_c, grid_s = 1.0, 0.0
         for j in range(law.FIRST, law.FIRST + p.table[k, law.COUNT]):
-            if p.table[k, j] >= law.ABS:
+            if p.table[k, j] >= law.ABS and stride > 1:
                 stride = 1
+                grid_c, grid_s = _crest(r, p.table[k, j] & 15)
         for n in range(0, POINTS, stride):
+            cos, sin = times(COS[n], SIN[n], grid_c, grid_s)
             for j in range(law.FIRST, law.FIRST + p.table[k, law.COUNT]):
                 i = p.table[k, j] & 15
-                r.z[i] = COS[n] * r.cosines[i] + SIN[n] * r.sines[i]
+                r.z[i] = cos * r.cosines[i] + sin * r.sines[i]
             v = law.value(p.table, r.gains, k, r.z, IDENTITY, 0) * (2.0 * stride / POINTS)
             if port < 2:
-                r.harmonics[0] += v * COS[n]
-                r.harmonics[1] += v * SIN[n]
+                r.harmonics[0] += v * cos
+                r.harmonics[1] += v * sin
             else:
-                c, s = times(COS[n], SIN[n], turn_c, turn_s)
+                c, s = times(cos, sin, turn_c, turn_s)
                 c2, s2 = times(c, s, c, s)
                 c3, s3 = times(c, s, c2, s2)
                 c5, s5 = times(c3, s3, c2, s2)

@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from analog_frontend import adc, averaged_laws, averaged_modes, averaged_noise, averaged_sid
+from analog_frontend import adc, averaged_codes, averaged_laws, averaged_modes, averaged_noise, averaged_sid
 from analog_frontend import top as plant
 from analog_frontend.averaged_modes import (
     RAD_PER_TICK,
@@ -106,7 +106,8 @@ def frames(p, u, b, c, bank, phase, word, quadrature, old, new, chunk, tick, cou
         after = (turn_phase + (FRAME_CLOCKS - turn_clock) * word) & TURN_MASK
         # the plant
         amplitude = control.amplitude(p.fpga.control, c)
-        fdr, fdi = turned_force(amplitude * u.drive_volts, bank.phase_drive_sine)
+        volts = averaged_codes.rounded(amplitude * u.drive_volts, p.plant.drive_dac.lsb_v)
+        fdr, fdi = turned_force(volts, bank.phase_drive_sine)
         fsr, fsi = turned_force(c.rate_loop.loop.y * u.sense_volts, bank.phase_sense_sine)
         cos, sin = unit(after)
         lawful = u.laws.force + u.laws.cv > 0

@@ -13,7 +13,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analog_frontend import adc, averaged, averaged_laws, averaged_modes, averaged_noise, averaged_sid, dac
+from analog_frontend import (
+    adc,
+    averaged,
+    averaged_codes,
+    averaged_laws,
+    averaged_modes,
+    averaged_noise,
+    averaged_sid,
+    dac,
+)
 from analog_frontend import top as plant
 from analog_frontend.averaged_modes import (
     NOW_D,
@@ -121,7 +130,8 @@ def taken(p, u, b, g, a, tick):
     bank = g.s.bank
     averaged_sid.bases(bank.phase_drive_ref, bank.phase_sense_ref, b.base)
     amplitude = control.amplitude(p.fpga.control, g.s.control)
-    m[F], m[F + 1] = turned_force(amplitude * u.drive_volts, bank.phase_drive_sine)
+    volts = averaged_codes.rounded(amplitude * u.drive_volts, p.plant.drive_dac.lsb_v)
+    m[F], m[F + 1] = turned_force(volts, bank.phase_drive_sine)
     m[F + 2], m[F + 3] = turned_force(g.s.control.rate_loop.loop.y * u.sense_volts, bank.phase_sense_sine)
     phase = phase_at(g.s.turn, TICK_CYCLES * tick)
     cos, sin = unit(phase)

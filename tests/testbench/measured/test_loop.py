@@ -9,6 +9,7 @@ import pytest
 from numba import config as numba_config
 
 from analog_frontend.effects import law
+from testbench import config as configuration
 from testbench import law_file
 from testbench.golden import bundle, effect
 from testbench.measured import loop_laws, loop_noise, loop_rates, loop_runs, loop_trials
@@ -82,6 +83,26 @@ def test_the_averaged_plant_moves_as_the_exact_one_does(bank, blank):
     for i, name in enumerate(names, 1):
         a, b = blank.whiten(k, exact[i] - exact[0]), blank.whiten(k, fast[i] - fast[0])
         assert np.linalg.norm(a - b) < 0.05 * np.linalg.norm(a) + 3.0, name
+
+
+def test_without_noise_laws_of_the_drive_are_those_of_the_exact_engine(bank):
+    """Damping to a percent, at any phase of the drive; what has no damping gives none.
+
+    The drive's rounded codes are counted by both engines, and signs change where their states do.
+    """
+    names = ("thermomechanical", "cv", "dac", "adc", "flicker", "jitter")
+    quiet = configuration.changed(bank.model, {f"noise.{n}": False for n in names})
+    laws = ("force_x = -1e-10 sgn(vx)", "force_x = -50.0 x^2 vx", "force_x = -1e-10 sgn(x)")
+    models = [Model(quiet), *(Model(quiet, (law,)) for law in laws)]
+    for detune in (0.0, 15.0):
+        c = bank.conditions[0]._replace(a_um=5.0, rate_dps=0.0, from_dps=0.0, detune_deg=detune)
+        runs = [Run(m, c, 1, quiet) for m in models]
+        n = len(loop_runs.bins(c)) - 1
+        rows = slice(n * loop_runs.NAMES.index("amplitude") + n - 1, n * (loop_runs.NAMES.index("amplitude") + 1))
+        exact, fast = (np.array(bank.bench.run(runs, kind))[:, rows] for kind in (EXACT, FAST))
+        exact, fast = (exact - exact[0])[1:, 0], (fast - fast[0])[1:, 0]
+        assert fast[:2] == pytest.approx(exact[:2], rel=1e-2)
+        assert np.abs([exact[2], fast[2]]).max() < 0.005 * exact[0]
 
 
 def test_laws_of_one_first_harmonic_are_one_law(blank):
