@@ -23,7 +23,7 @@ from testbench.measured.parameters import Parameter
 from testbench.measured.plan import Condition
 from testbench.tracing.result import plain
 from testbench.tracing.space import Space
-from testbench.tracing.trace import Options
+from testbench.tracing.trace import SAME, Options
 
 REPEATS = {"fit": 2, "validate": 4}  # power-ons differ by their frequency: an rms of few of them scatters
 KINDS = ("none", "flicker", "one", "two", "in", "out")
@@ -147,6 +147,18 @@ def lengths(problem, names):
     return {name: left(c) if all(np.isfinite(v).all() for v in c.values()) else 0.0 for name, c in columns.items()}
 
 
+def beyond(problem, library, catalogue):
+    """Names of the library's laws that are none of the catalogue's on these data."""
+    left = Left(problem)
+
+    def unit(name):
+        v = left.rest(problem.column(name))
+        return v / max(np.linalg.norm(v), 1e-300)
+
+    known = np.stack([unit(law.name) for law in catalogue])
+    return [law.name for law in library if not np.abs(known @ unit(law.name)).max() > SAME]
+
+
 def jumped(bank, problem, text, scale):
     """d of a coefficient of `scale` of a law outside every grammar, by the averaged plant."""
     models = Model(bank.model), Model(bank.model, (text.format(scale),))
@@ -171,6 +183,9 @@ def drawn(bank, problem, kind, seed, d_range=(8.0, 60.0)):
         size = lengths(problem, [law.name for law in pool])
         most = {law.name: size[law.name] * largest(problem, law) for law in pool}
         pool = [law for law in pool if most[law.name] > d_range[0]]
+        if kind == "in":
+            names = beyond(problem, pool, [c.law for c in bank.catalogue])
+            pool = [law for law in pool if law.name in names]
         for k in rng.choice(len(pool), 2 if kind == "two" else 1, replace=False):
             law = pool[k]
             d = float(np.exp(rng.uniform(np.log(d_range[0]), np.log(min(d_range[1], most[law.name])))))
