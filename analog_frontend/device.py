@@ -99,6 +99,8 @@ class Device(NamedTuple):
     sar_span_v: float = 5.0  # A  board without analog SID: -span .. +span
     # noise densities, one-sided
     cv_noise_v_per_rthz: float = 18.2e-9  # D  at the ring-diode output, before signal_gain and before folding
+    carrier_noise_v_per_rthz: float = 0.0  # A  of the carrier, a drive frequency off it; off
+    c0_imbalance_f: float = 0.0  # A  half the difference of a pick-off's two capacitances at rest; off
     sid_flicker_v_per_rthz: float = 37e-9  # D  after the SID, before the PGA, at 1 Hz
     drive_dac_noise_v_per_rthz: float = 15e-9  # M
     sense_dac_noise_v_per_rthz: float = 7.5e-9  # S
@@ -198,6 +200,8 @@ FIELDS = (
     Field("adc_noise_sense_v", "V", 0.0, 1.0),
     Field("sar_span_v", "V", 0.1, 20.0),
     Field("cv_noise_v_per_rthz", "V/rtHz", 0.0, 1e-3),
+    Field("carrier_noise_v_per_rthz", "V/rtHz", 0.0, 1e-3),
+    Field("c0_imbalance_f", "F", -1e-12, 1e-12),
     Field("sid_flicker_v_per_rthz", "V/rtHz", 0.0, 1e-3),
     Field("drive_dac_noise_v_per_rthz", "V/rtHz", 0.0, 1e-3),
     Field("sense_dac_noise_v_per_rthz", "V/rtHz", 0.0, 1e-3),

@@ -184,7 +184,7 @@ def analog(config, temp_lo_degc, temp_hi_degc):
     at_carrier, force_density = noise.sigma_at_carrier, noise.thermomechanical_density
     damping_x = warm.mass_kg * w * warm.fx_hz / warm.qx
     damping_y = warm.mass_kg * w * warm.fy_hz / warm.qy
-    cv_density = d.cv_noise_v_per_rthz * abs(d.signal_gain)
+    cv_density = noise.cv_density(d) * abs(d.signal_gain)
     rise = _switch_instants("plant.sid_switch_s", d.sid_switch_s, tick_s)
     fall = _switch_instants("plant.sid_switch_s + plant.sid_fall_s", d.sid_switch_s + d.sid_fall_s, tick_s)
     return plant.Params(

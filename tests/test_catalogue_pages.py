@@ -1,13 +1,14 @@
 """Pages of effects: every candidate of tracing and every row of the fact sheet stands in the tables, and what they name
 exists."""
 
+import math
 import re
 from pathlib import Path
 
 import pytest
 
 from analog_frontend import device
-from analog_frontend.effects import catalogue
+from analog_frontend.effects import acceleration, catalogue, parasitic_mode, sid_absorption
 from testbench import config
 
 FOLDER = Path(__file__).resolve().parents[1] / "docs" / "effects"
@@ -42,3 +43,19 @@ def test_a_page_says_physics_source_fingerprint_and_what_it_changes(effect):
     for term in effect.terms(effect.EXAMPLE, device.Device()):
         assert term in page
     assert f"[{effect.INFO.name}]({effect.INFO.name}.md)" in README or effect.IDS.startswith("FACTS")
+
+
+def test_scale_factors_of_pages_are_those_that_were_derived():
+    """Rebalance force as x has grown behind power-on, as a second compliance takes it, as its electrodes give it."""
+    d = device.Device()
+    share, g = (d.fx_hz**2 - d.fy_hz**2) / (parasitic_mode.MODE_HZ**2 - d.fx_hz**2), acceleration.EXAMPLE
+    # half a second into a dwell that begins 1.5 s behind a state of 1.75 s
+    decayed = math.exp(-3.75 / sid_absorption.TAU_S)
+    wanted = {
+        "sid_absorption": sid_absorption.tail(sid_absorption.EXAMPLE, d.sid_r_ohm * d.sid_c_f) * decayed,
+        "parasitic_mode": parasitic_mode.EXAMPLE * share / (1 - parasitic_mode.EXAMPLE * share),
+        "acceleration": -acceleration.shift(g, d) / (1 + acceleration.shift(g, d)),
+    }
+    for name, value in wanted.items():
+        found = re.search(r"\| scale factor \| (\S+) ppm \|", (FOLDER / f"{name}.md").read_text())
+        assert float(found.group(1)) == pytest.approx(1e6 * value, rel=0.03), name

@@ -5,6 +5,7 @@ Source    docs/effects/README.md
 """
 
 from analog_frontend.effects import (
+    acceleration,
     bias_cubic,
     burst_noise,
     carrier_beat,
@@ -19,11 +20,13 @@ from analog_frontend.effects import (
     feedthrough_x,
     frequency_walk,
     law,
+    parasitic_mode,
     pickoff_cubic_x,
     pickoff_drift,
     pickoff_warm_up,
     quadrature_cubic,
     sense_cubic,
+    sid_absorption,
     softening_drive,
     softening_sense,
     thermoelastic_bias,
@@ -51,6 +54,9 @@ LAWS = (
     thermoelastic_bias,
     frequency_walk,
     burst_noise,
+    sid_absorption,
+    parasitic_mode,
+    acceleration,
 )
 
 

@@ -14,8 +14,9 @@ from typing import NamedTuple
 from analog_frontend.effects import catalogue, law
 from testbench.tracing.problem import Law
 
-# need hours (the warm-up's bias is that of `damping_coupling` in a dwell of seconds), or a line's phase
+# need hours (the warm-up's bias is that of `damping_coupling` in a dwell of seconds), a line's phase, another attitude
 NOT_SEEN = ("coupling_warm_up", "pickoff_warm_up", "thermoelastic_bias", "softening_sense", "carrier_ripple")
+NOT_SEEN += ("acceleration",)
 DUFFING_UM2, CUBIC_V2, LEAK = 1e-7, 1e-2, 1e-5
 # typical states of the default gyroscope at lock
 TYPICAL = {"x": 5e-6, "vx": 0.3456, "y": 1e-10, "vy": 7e-6, "u": 0.1, "w": 0.5, "cx": 2.88, "cy": 1e-4}
@@ -68,7 +69,7 @@ GRAMMAR = {
         "rate x", "rate^2 x", "rate vx", "rate^2 vx", "temp x", "temp vx", "y", "vy", "y^3", "w^2 x", "abs(w) w", "w",
     ),
     "cv_x": ("cx^5", "abs(cx) cx", "u^3", "w", "cy", "cx", "rate cx", "temp cx"),
-    "cv_y": ("cx", "cx^3", "w", "w^3", "u^3", "cy", "rate u", "temp u", "rate cx", "temp cx"),
+    "cv_y": ("cx", "cx^3", "w^3", "u^3", "cy", "rate u", "temp u", "rate cx", "temp cx"),
 }  # fmt: skip
 
 

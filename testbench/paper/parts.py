@@ -12,7 +12,7 @@ import math
 from typing import NamedTuple
 
 from analog_frontend import propagator, sid, thermal
-from analog_frontend.noise import thermomechanical_density
+from analog_frontend.noise import cv_density, thermomechanical_density
 from fpga_model import isqrt, modulator, pi, rates, spi_adc, spi_dac
 from fpga_model.rates import FRAME_TICKS, MASTER_HZ, TICK_CYCLES, TICK_HZ
 from testbench import build
@@ -186,7 +186,7 @@ def parts(config, temp_degc=None):
         v_q_lsb_v=device.quad_dac_span_v / 2**isqrt.ROOT.width,
         kxy_n_per_m=warm.kxy_n_per_m,
         dxy_n_s_per_m=warm.dxy_ratio * warm.mass_kg * 2 * math.pi * warm.fx_hz / warm.qx,
-        cv_noise_v_per_rthz=device.cv_noise_v_per_rthz * abs(device.signal_gain) if on.cv else 0.0,
+        cv_noise_v_per_rthz=cv_density(device) * abs(device.signal_gain) if on.cv else 0.0,
         flicker_v_per_rthz=device.sid_flicker_v_per_rthz if on.flicker else 0.0,
         adc_noise_v=device.adc_noise_sense_v if on.adc else 0.0,
         dac_noise_v_per_rthz=device.sense_dac_noise_v_per_rthz if on.dac else 0.0,

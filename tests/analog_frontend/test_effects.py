@@ -8,11 +8,22 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numba import config
+from scipy import signal
 from scipy.linalg import expm
 from scipy.special import ellipk
 
-from analog_frontend import effects
-from analog_frontend.effects import drive_cubic, duffing, feedthrough_y, ports
+from analog_frontend import effects, propagator, sid
+from analog_frontend.device import Device
+from analog_frontend.effects import (
+    acceleration,
+    drive_cubic,
+    duffing,
+    feedthrough_y,
+    law,
+    parasitic_mode,
+    ports,
+    sid_absorption,
+)
 from fpga_model.jit import kernel
 
 H = 1e-6
@@ -176,6 +187,68 @@ def test_drive_cubic_changes_the_force_by_three_quarters_of_c3_a_squared():
 def test_feedthrough_is_the_mean_of_the_tick():
     p = effects.collect(feedthrough_y=feedthrough_y.design(1e-4))
     assert effects.cv_volts(p, 1.0, 2.0, 0.3, 0.5) == (1.0, 2.0 + 1e-4 * 0.4)
+
+
+# laws whose sizes are derived ----------------------------------------------------------------------------------------
+
+
+def test_absorption_is_what_switched_stages_with_a_slow_branch_do():
+    """Half a turn on, half a turn isolated; in parallel with each capacitor k C behind a resistor, tau together."""
+    d, share, half_s = Device(), 0.01, 0.5 / FX
+    rc, tau = d.sid_r_ohm * d.sid_c_f, sid_absorption.TAU_S
+
+    def rates(on):
+        a = np.zeros((7, 7))  # w1 s1 w2 s2 w3 s3 and the input, which is constant
+        for stage in range(3):
+            w, s, fed = 2 * stage, 2 * stage + 1, 2 * stage - 2 if stage else 6
+            a[w, w] -= share / tau + on / rc
+            a[w, s], a[s, w], a[s, s] = share / tau, 1 / tau, -1 / tau
+            a[w, fed] += on / rc
+        return a
+
+    turn = expm(rates(0) * half_s) @ expm(rates(1) * half_s)
+    empty = np.array([0.0] * 6 + [1.0])
+    for seconds in (1.0, 5.0, 20.0):
+        lacks = 1 - (np.linalg.matrix_power(turn, round(seconds * FX)) @ empty)[4]
+        assert lacks == pytest.approx(sid_absorption.tail(share, rc) * math.exp(-seconds / tau), rel=0.03)
+
+
+def test_a_parasitic_mode_is_its_compliance_at_the_drive_frequency():
+    """A resonator of its own at f_d, by a solver of differential equations' transfer function."""
+    d, p = Device(), 0.3
+    (text,) = parasitic_mode.terms(p, d)
+    per_m = propagator.cv_chain(d, "sense", d.temp_ref_degc)[0] * d.signal_gain
+    w3 = 2 * math.pi * parasitic_mode.MODE_HZ
+    mode = signal.TransferFunction([1 / d.mass_kg], [1, w3 / 1e5, w3**2])
+    _, h = signal.freqresp(mode, [2 * math.pi * d.fx_hz])
+    assert law.parse(text).coefficient == pytest.approx(p * per_m * d.k_vf_sense_n_per_v * h[0].real, rel=1e-9)
+    # what the loops cannot follow of its pole: three poles of the demodulator
+    corner = sid.corner_hz(d.sid_r_ohm * d.sid_c_f)
+    assert (parasitic_mode.MODE_HZ - d.fx_hz) / corner > 59
+
+
+def test_acceleration_moves_a_pair_by_its_mismatch():
+    """Two plates of parallel-plate electrodes, the second one smaller by 2 s, at d - y0 and d + y0."""
+    d = Device()
+    gap, s = acceleration.GAP_M, acceleration.MISMATCH
+    y0 = 3.0 * acceleration.G_M_PER_S2 / (2 * math.pi * d.fy_hz) ** 2
+
+    def slope(y):
+        # dC/dy of both sides, one of them smaller by twice the mismatch of each from their mean
+        return (1 + s) / (gap - y) ** 2 + (1 - s) / (gap + y) ** 2
+
+    relative = slope(y0) / slope(0.0) - 1
+    assert acceleration.shift(3.0, d) == pytest.approx(relative, rel=0.05)
+
+
+def test_amplifiers_neither_slew_nor_clip_at_start_up():
+    """Why no effect has FACTS row 38: the converter ends first, and what reaches it rises fifty times too slowly."""
+    d = Device()
+    slew_v_per_s = 14.8e6  # AD8597
+    largest = d.adc_vref_v * math.pi / 4 / min(d.adc_pga_drive, d.adc_pga_sense)
+    assert slew_v_per_s / (2 * math.pi * d.fx_hz * largest) > 50
+    # a full drive, through the worst feedthrough that a configuration may have, is 0.1 V there
+    assert largest + 0.01 * d.drive_dac_span_v < 12.0
 
 
 # catalogue ----------------------------------------------------------------------------------------------------------

@@ -1,0 +1,44 @@
+"""Steady acceleration along the sense gap: both pairs of electrodes are off their middle by y0 = a / w_y^2.
+
+    C', C of a side go as 1/(d -+ y0), 1/(d -+ y0)^2: a pair's sum changes by its mismatch s,  e = 2 s y0 / d
+    k_vf -> k_vf (1 + e)      S -> S (1 + e)      k_y -> k_y + e k_c, k_c the carrier's softening
+    fingerprint: scale factor by -e with tilt, f_y a little; no change with rate
+
+Port force_y   Mechanism gain   Unit g   Catalogue FACTS 27
+Off: 0 is no law at all.   Source: parallel plates, gap and mismatch assumed; docs/effects/acceleration.md
+"""
+
+import math
+
+from analog_frontend import transducer
+from analog_frontend.effects.ports import Info
+
+G_M_PER_S2 = 9.80665
+GAP_M, MISMATCH = 4e-6, 0.05  # A
+
+INFO = Info(
+    name="acceleration",
+    port="force_y",
+    mechanism="gain",
+    unit="g",
+    source="parallel plates, gap and mismatch assumed",
+    fingerprint="scale factor by -e with tilt, f_y a little; no change with rate",
+)
+IDS, LIMIT, EXAMPLE, SIGN = "FACTS 27", 1000.0, 1.0, 0
+DOC = "steady acceleration along the sense gap: electrodes off their middle"
+
+
+def shift(value, device):
+    """Relative change e of a pair of electrodes."""
+    return 2 * MISMATCH * value * G_M_PER_S2 / ((2 * math.pi * device.fy_hz) ** 2 * GAP_M)
+
+
+def terms(value, device):
+    """Laws of an acceleration in g."""
+    e = shift(value, device)
+    softer = transducer.carrier_softening_n_per_m(device.carrier_v, device.c0_f, GAP_M)
+    return (
+        f"force_y = {e * device.k_vf_sense_n_per_v!r} w",
+        f"force_y = {-e * softer!r} y",
+        f"cv_y = {e!r} cy",
+    )

@@ -1,0 +1,37 @@
+"""Dielectric absorption of the demodulators' capacitors: a share k of each is behind a resistor, time constant TAU_S.
+
+    a stage fed through R half of the time:  v - w = 2 R C k (w - s)/tau,  s the slow part:  w = v (1 - b e^(-t/tau))
+    three stages:  V -> V (1 - a e^(-t/tau)),  a = 3 k 2 R C / tau
+    fingerprint: drive amplitude falls by a with tau behind power-on, and the scale factor with it
+
+Port cv_x   Mechanism drift   Unit 1   Catalogue E16, FACTS 14
+Off: 0 is no law at all.   Source: derived; share and time constant of film capacitors assumed;
+docs/effects/sid_absorption.md
+"""
+
+from analog_frontend.effects.ports import Info
+
+TAU_S = 10.0  # A
+STAGES, DUTY = 3, 0.5
+
+INFO = Info(
+    name="sid_absorption",
+    port="cv_x",
+    mechanism="drift",
+    unit="1",
+    source="derived; share and time constant of film capacitors assumed",
+    fingerprint="drive amplitude falls by a with tau behind power-on, and the scale factor with it",
+)
+IDS, LIMIT, EXAMPLE, SIGN = "E16, FACTS 14", 0.1, 0.01, 1
+DOC = "slow share of the demodulators' capacitors: a tail of ten seconds behind power-on"
+
+
+def tail(share, rc_s):
+    """What the output lacks at first, as a share of it."""
+    return STAGES * share * rc_s / DUTY / TAU_S
+
+
+def terms(value, device):
+    """Laws of a share of the capacitance."""
+    a = tail(value, device.sid_r_ohm * device.sid_c_f)
+    return tuple(text for c in "xy" for text in (f"cv_{c} = {-a!r} c{c}", f"cv_{c} = {a!r} lag({TAU_S!r}) c{c}"))
