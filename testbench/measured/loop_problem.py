@@ -91,7 +91,7 @@ class LoopProblem:
         self._begun, self._middle = draws, {g: v.mean(axis=0) for g, v in draws.items()}
         self.heldout_view = Fine(self, {g: v[:, self._sizes[g] :] for g, v in draws.items()})
         self._rows = {s.group: k for k, s in enumerate(self.segments)}
-        self.anchors, self.tangent = 0, None
+        self.anchors, self.draws, self.tangent = 0, DRAWS, None
         self.first = np.array([n.value for n in self.nuisances])
         self.anchor(self.first, {})
         self.tangents = Tangents(self)
@@ -220,16 +220,20 @@ class LoopProblem:
         told = "exact", model.config.model_dump_json(), model.laws
         chosen = [c for c in self._all() if role in (None, c.role)]
         keys = {c.id: self.key(*told, c._replace(role=""), self.place[c.id]) for c in chosen}
-        todo = [c for c in chosen if keys[c.id] not in self.kept.exact]
         moved = self._moved_hz(theta, effects)
         # the averaged plant with the same noise, where the model began
-        twins = self._draws(Model(self.model), DRAWS)
-        found = self._run([(model, c, k, moved[c.id]) for c in todo for k in range(DRAWS)], EXACT)
-        for i, c in enumerate(todo):
-            rows = np.array(found[DRAWS * i : DRAWS * (i + 1)]) - twins[c.id]
+        twins = self._draws(Model(self.model), self.draws)
+        kept = {c.id: self.kept.exact.get(keys[c.id], np.zeros((0, len(self.slope[c.id])))) for c in chosen}
+        todo = [(model, c, k, moved[c.id]) for c in chosen for k in range(len(kept[c.id]), self.draws)]
+        found = iter(self._run(todo, EXACT))
+        out = {}
+        for c in chosen:
+            more = [next(found) - twins[c.id][k] for k in range(len(kept[c.id]), self.draws)]
+            rows = self.kept.exact[keys[c.id]] = np.concatenate([kept[c.id], np.array(more)]) if more else kept[c.id]
+            rows = rows[: self.draws]
             v = rows.mean(axis=0) + self._middle[c.id] + self.slope[c.id] * (moved[c.id] - self.place[c.id])
-            self.kept.exact[keys[c.id]] = v, rows[:, : self._sizes[c.id]]
-        return {g: self.kept.exact[key] for g, key in keys.items()}
+            out[c.id] = v, rows[:, : self._sizes[c.id]]
+        return out
 
     def _moved_hz(self, theta, effects):
         """{condition: change of the drive frequency from where the model began}, by the linear model.
@@ -252,7 +256,7 @@ class LoopProblem:
         found = self.exact(*self.at)
         self.base, self._rest = {g: v for g, (v, _) in found.items()}, {g: rows for g, (_, rows) in found.items()}
         left = [np.mean(rows.var(axis=0, ddof=1) / self._noise[g].sigma ** 2) for g, rows in self._rest.items()]
-        self.prediction_noise = float(np.mean(left)) / DRAWS + 1 / NOISE_DRAWS
+        self.prediction_noise = float(np.mean(left)) / self.draws + 1 / NOISE_DRAWS
         self.anchors += 1
         self.hashes["anchor"] = self.key(self.at[0].tolist(), sorted(self.at[1].items()))
 
@@ -324,13 +328,14 @@ class LoopProblem:
         scaled = np.concatenate([v / self._noise[g].sigma for g, v in off.items()])
         seen = self.pseudo({g: v[:, None] for g, v in off.items()})[:, 0]
         each = self.pseudo({g: (rows - self._rest[g]).T for g, (_, rows) in exact.items()})
-        own = each.var(axis=1, ddof=1) / DRAWS
+        own = each.var(axis=1, ddof=1) / self.draws
         return {
             "engines": "exact engine (lanes) against the fitted model, same noise",
             "sigma": float(np.sqrt(max(np.max(seen**2 - own), 0.0))),
             "sigma_with_noise": float(np.max(np.abs(seen))),
             "feature_rms_sigma": float(np.sqrt(np.mean(scaled**2))),
             "anchors": self.anchors,
+            "draws": self.draws,
         }
 
 

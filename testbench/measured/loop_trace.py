@@ -6,10 +6,12 @@ Source    docs/measured.md, docs/tracing.md
 
 import numpy as np
 
+from testbench.measured.loop_problem import DRAWS
 from testbench.tracing.problem import PredictionFailed
 from testbench.tracing.trace import Options, Tracer
 
 LIMIT, ROUNDS = 0.5, 4  # sigmas
+MORE = 2  # times the draws, from the third anchor on
 
 
 def point_of(problem, result):
@@ -34,6 +36,9 @@ def run(problem, options=None, progress=None, checkpoint=None):
             return tracer, result
         certificate["holds"] = certificate["sigma"] < LIMIT
         if not certificate["holds"] and round_ < ROUNDS - 1:
+            if round_:
+                # near the point already: what is left is mostly the noise of the draws
+                problem.draws = MORE * DRAWS
             problem.anchor(theta, effects)
             continue
         if not certificate["holds"]:
