@@ -42,7 +42,7 @@ budget: $(VENV)/.run ## where the four phase errors come from, in clocks, ns and
 
 test: $(VENV)/.test ## the suite, without the long studies
 	@$(BIN)/python -m testbench.warmup
-	$(PYTEST) -n 2 --dist worksteal --benchmark-disable
+	$(PYTEST) -n 2 --dist loadfile --benchmark-disable
 
 test-slow: $(VENV)/.test ## the long studies: 50 plants, 20 s of lock, 100000 periods
 	$(PYTEST) -n 2 --dist worksteal --benchmark-disable -m slow
