@@ -26,7 +26,9 @@ def _zeta(x):
 
 @outlined
 def rounded(volts, lsb_v):
-    """Amplitude (V) of the fundamental of round(sine): `volts` is that of the sine, not negative."""
+    """Amplitude (V) of the fundamental of round(sine): `volts` is that of the sine, not negative; lsb_v 0: no codes."""
+    if lsb_v == 0.0:
+        return volts
     codes = volts / lsb_v
     if codes < LEAST:
         total, k = 0.0, 0.5

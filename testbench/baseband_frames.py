@@ -106,7 +106,7 @@ def frames(p, u, b, c, bank, phase, word, quadrature, old, new, chunk, tick, cou
         after = (turn_phase + (FRAME_CLOCKS - turn_clock) * word) & TURN_MASK
         # the plant
         amplitude = control.amplitude(p.fpga.control, c)
-        volts = averaged_codes.rounded(amplitude * u.drive_volts, p.plant.drive_dac.lsb_v)
+        volts = averaged_codes.rounded(amplitude * u.drive_volts, u.drive_lsb_v)
         fdr, fdi = turned_force(volts, bank.phase_drive_sine)
         fsr, fsi = turned_force(c.rate_loop.loop.y * u.sense_volts, bank.phase_sense_sine)
         cos, sin = unit(after)

@@ -42,6 +42,7 @@ class Setup(NamedTuple):
     moments: np.ndarray  # (3, 2) sums of the converter's weights, and their moments about the middle of a frame
     valid: int  # the converter's frame is valid
     drive_volts: float  # F of a DAC per LSB of its word
+    drive_lsb_v: float  # of its codes; 0: not rounded
     sense_volts: float
     rc_ticks: float
     rc_frames: float
@@ -182,6 +183,7 @@ def setup(p):
         moments,
         valid,
         drive,
+        p.plant.drive_dac.lsb_v,
         sense,
         rc_ticks,
         rc_ticks / FRAME_TICKS,

@@ -130,7 +130,7 @@ def taken(p, u, b, g, a, tick):
     bank = g.s.bank
     averaged_sid.bases(bank.phase_drive_ref, bank.phase_sense_ref, b.base)
     amplitude = control.amplitude(p.fpga.control, g.s.control)
-    volts = averaged_codes.rounded(amplitude * u.drive_volts, p.plant.drive_dac.lsb_v)
+    volts = averaged_codes.rounded(amplitude * u.drive_volts, u.drive_lsb_v)
     m[F], m[F + 1] = turned_force(volts, bank.phase_drive_sine)
     m[F + 2], m[F + 3] = turned_force(g.s.control.rate_loop.loop.y * u.sense_volts, bank.phase_sense_sine)
     phase = phase_at(g.s.turn, TICK_CYCLES * tick)

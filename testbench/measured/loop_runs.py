@@ -61,6 +61,7 @@ class Run(NamedTuple):
     seed: int
     start: config.Config | None = None  # whose locked state it begins from; None: from a power-on of its own
     late: int = 0  # frames by which the dwell begins later, below LATE
+    smooth: bool = False  # of the averaged plant: codes of the drive are not rounded
 
 
 def frames_of(seconds):
@@ -211,7 +212,7 @@ class Bench:
             self._setups[key] = baseband_setup.setup(p)
         made = self._setups[key]
         laws = averaged_laws.design(p.plant.effects, p.plant.laws, made.laws.reference_turns)
-        return made._replace(laws=laws)
+        return made._replace(laws=laws, drive_lsb_v=0.0 if run.smooth else made.drive_lsb_v)
 
     def run(self, runs, kind, progress=None, fine=False):
         """Features of `Run`s.

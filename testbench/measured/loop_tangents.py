@@ -4,6 +4,7 @@
                                                    sigmas; to one side where a law has a sign
     even     re-timed reference edges slip at instants that any change moves: scatter of 3 to 25 % of what nuisances
              leave of a law. So references leave at any clock here, later by what an edge waits for the 1 MHz grid
+    smooth   the drive's codes are not rounded: what a law does to the amplitude word would depend on the step
     held     the drive frequency is that of the base run; what its change does is put back by `slope`, 1 Hz per Hz
 Source    docs/measured.md
 """
@@ -129,7 +130,7 @@ class Tangents:
         return changes
 
     def _many(self, points, hertz=None):
-        """Features {group: values} of points in the averaged plant, None where it fails; hertz: see `of.averaged`."""
+        """Features {group: values} of points in the averaged plant, None where it fails; hertz: see `of.smooth`."""
         of, models = self.of, []
         hertz = hertz or [dict.fromkeys(of.conditions, 0.0) for _ in points]
         for theta, effects in points:
@@ -141,7 +142,7 @@ class Tangents:
         every = of.conditions.values()
         wanted = [(m, c, 0, h[c.id]) for m, h in zip(models, hertz) if m is not None for c in every]
         try:
-            found = iter(of.averaged(wanted))
+            found = iter(of.smooth(wanted))
         except PredictionFailed:
             if len(points) == 1:
                 return [None]

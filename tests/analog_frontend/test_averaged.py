@@ -55,13 +55,18 @@ def test_decay(u, bound):
     assert abs(averaged_sid.decay(u) - math.exp(-u)) < bound
 
 
+@hot
+def rounded(volts, lsb_v):
+    return averaged_codes.rounded(volts, lsb_v)
+
+
 @pytest.mark.parametrize(("codes", "bound"), [(0.3, 0.0), (0.8, 1e-4), (3.51, 1e-4), (8.2, 2e-3), (30.7, 1e-4)])
 def test_the_fundamental_of_rounded_codes(codes, bound):
     """Against a sine that is rounded at two million phases, ties toward plus infinity as the modulator has them."""
     lsb_v = 3e-4
     sine = np.sin(2 * np.pi * (np.arange(2_000_000) + 0.5) / 2_000_000)
     wanted = 2 * np.mean(np.floor(codes * sine + 0.5) * sine)
-    assert abs(averaged_codes.rounded(codes * lsb_v, lsb_v) / lsb_v - wanted) <= bound
+    assert abs(rounded(codes * lsb_v, lsb_v) / lsb_v - wanted) <= bound
 
 
 @given(st.floats(30.0, 32767.0))
@@ -69,7 +74,8 @@ def test_the_fundamental_of_rounded_codes_from_thirty_on(codes):
     """Against the sum over all codes, from which the short form comes."""
     k = np.arange(0.5, codes)
     wanted = 4 / math.pi * np.sqrt(1 - (k / codes) ** 2).sum()
-    assert abs(averaged_codes.rounded(codes, 1.0) - wanted) < 1e-4
+    assert abs(rounded(codes, 1.0) - wanted) < 1e-4
+    assert rounded(codes, 0.0) == codes
 
 
 # ---- noise -----------------------------------------------------------------------------------------------------------

@@ -68,7 +68,7 @@ def test_the_averaged_plant_moves_as_the_exact_one_does(bank, blank):
         "bias_cubic",
         "quadrature_cubic",
     ]
-    names += ["coulomb_friction", "feedthrough_x", "sense_cubic"]
+    names += ["coulomb_friction", "sense_cubic"]
     size = loop_trials.lengths(blank, names)
     theta = np.array([n.value for n in blank.nuisances])
     c = bank.conditions[3]
