@@ -54,7 +54,8 @@ CHAIN = 248  # (6, 2): output chain states from F of their DAC
 LEVEL = 260  # (2, 2): DAC outputs from F
 CV = 264  # (6, 2): C/V states from x, x'/W (numbers)
 CROSS = 276  # (2 jets, 16): what rate and stiffness add to J of degree 0, before, after
-SIZE = 308
+LAWS = 308  # (2, 4): slaved parts from a velocity impulse of every tick at x, at y
+SIZE = 316
 
 
 class Lags(NamedTuple):
@@ -209,6 +210,10 @@ def _knot(t, n, w_tick, phi0, lags):
     across = [[r[2:] for r in m[:2]] for m in jets]
     changes = _forces(row, t, n, g[0], inverse, values, eta, phi0, lags, slow, across)
     row[BACK : BACK + 16] = _real([v for r in inverse[:2] for v in r])
+    for j, speed in enumerate((1, 3)):
+        # an impulse acts before the tick's step: beta is its column of M
+        slaved = [w * inverse[2 + i][speed] / (unit(phi0) - w) for i, w in enumerate(minus)]
+        row[LAWS + 4 * j : LAWS + 4 * j + 4] = _real(slaved)
     row[KXY], row[KQ] = t.kxy_n_per_m[n], t.kq_n_per_m_per_v2[n]
     return row, inverse, values, changes
 

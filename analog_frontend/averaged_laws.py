@@ -1,7 +1,8 @@
 """Averaged plant: what laws and effects do in a frame, from their harmonics along the slow motion.
 
     f(theta_n) from the states at POINTS phases of one turn, or at every FEW-th of them where only products are taken
-    force   F = 2/N sum f e^(-i theta);  a_j += S_j B_j F,   S_j = sum over 125 ticks of e^(k (eta_j - i delta))
+    force   F = 2/N sum f e^(-i theta), one impulse a tick, turning with theta through a frame: as a DAC's staircase
+            a_j' = g a_j + B_j F g e^g / (e^g - 1) a tick, g = eta_j - i delta;  a_j += S_j B_j F after 125 of them
             where a sign or an absolute value is taken, the points begin at that state's crest
     C/V     as a square-wave demodulator sees it: C - i S, C = c1 - c3/3 + c5/5, S = s1 + s3/3 + s5/5, about the
             phase of its references
@@ -15,11 +16,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analog_frontend.averaged import BACK, CHAIN, ETA, FRAME_TICKS
-from analog_frontend.averaged_modes import NOW_D, NOW_O, A, F, motion, on, small_turn, times, unit
+from analog_frontend.averaged import BACK, CHAIN, ETA, FRAME_TICKS, LAWS, PICK
+from analog_frontend.averaged_modes import NOW_D, NOW_L, NOW_O, A, F, motion, on, product, small_turn, times, unit
 from analog_frontend.effects import law
 from analog_frontend.top import CV_X, CV_Y, STATES, V_DRIVE, V_SENSE, X
-from analog_frontend.vector import lane
+from analog_frontend.vector import lane, load4, store4, turned4
 from fpga_model.jit import outlined
 
 POINTS, FEW = 32, 4
@@ -51,11 +52,14 @@ class Room(NamedTuple):
     force: np.ndarray  # (4,) re, im of F at x and y
     volts: np.ndarray  # (4,) re, im at the C/V outputs of x and y
     harmonics: np.ndarray  # (6,)
+    push: np.ndarray  # (4,) re, im of what F adds to a_x', a_y' (per tick)
+    grown: np.ndarray  # (4,) to a_x, a_y in a frame
+    slope: np.ndarray  # (4,) to a_x', a_y' at its end
 
 
 def room():
     """Room for a run."""
-    sizes = (STATES, STATES, STATES, SLOTS, 4, 4, 6)
+    sizes = (STATES, STATES, STATES, SLOTS, 4, 4, 6, 4, 4, 4)
     return Room(*(np.zeros(n) for n in sizes))
 
 
@@ -168,19 +172,29 @@ def act(p, now, m, r, rate_rad_s, temp_degc, t_s, drive_ref, sense_ref):
 
 
 @outlined
-def grow(now, m, r, delta):
-    """Growth of both slow amplitudes by r.force over a frame whose phase per tick is phi0 + delta. Mutates `m`."""
+def grow(now, m, r, delta, cubic):
+    """What r.force does in a frame whose phase per tick is phi0 + delta, behind `frame`. Mutates `m` and `cubic`."""
+    push, grown = r.push, r.grown
     for j in range(2):
         re, im = now[ETA + 2 * j], now[ETA + 2 * j + 1] - delta
         c, s = small_turn(0.5 * (FRAME_TICKS + 1) * im)
         size = FRAME_TICKS * (1.0 + 0.5 * (FRAME_TICKS + 1) * re - (FRAME_TICKS * im) * (FRAME_TICKS * im) * (1.0 / 24))
-        gr, gi = size * c, size * s
         at = BACK + 8 * j
         kr, ki = times(now[at + 2], now[at + 3], r.force[0], r.force[1])
         hr, hi = times(now[at + 6], now[at + 7], r.force[2], r.force[3])
-        kr, ki = times(kr + hr, ki + hi, gr, gi)
-        m[A + 2 * j] += kr
-        m[A + 2 * j + 1] += ki
+        push[2 * j], push[2 * j + 1] = times(kr + hr, ki + hi, 1.0 + 0.5 * re, 0.5 * im)
+        grown[2 * j], grown[2 * j + 1] = times(kr + hr, ki + hi, size * c, size * s)
+    slaved = product(now, LAWS, r.force[0], r.force[1], r.force[2], r.force[3])
+    seen = product(now, PICK + 8, lane(slaved, 0), lane(slaved, 1), lane(slaved, 2), lane(slaved, 3))
+    rise = on(now, NOW_O, grown, 0)
+    begins = on(now, NOW_O, push, 0) * float(FRAME_TICKS)
+    store4(r.slope, 0, load4(push, 0) + on(now, NOW_L, grown, 0) - turned4(load4(grown, 0)) * delta)
+    ends = on(now, NOW_O, r.slope, 0) * float(FRAME_TICKS)
+    store4(cubic, 0, load4(cubic, 0) + seen + load4(r.volts, 0))
+    store4(cubic, 4, load4(cubic, 4) + begins)
+    store4(cubic, 8, load4(cubic, 8) + (rise * 3.0 - begins * 2.0 - ends))
+    store4(cubic, 12, load4(cubic, 12) + (begins + ends - rise * 2.0))
+    store4(m, A, load4(m, A) + load4(grown, 0))
 
 
 def reference_turns(clocks, word0):

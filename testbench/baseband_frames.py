@@ -135,8 +135,7 @@ def frames(p, u, b, c, bank, phase, word, quadrature, old, new, chunk, tick, cou
             b.cubic,
         )
         if lawful:
-            averaged_laws.grow(now, m, b.laws, (word - u.word0) * RAD_PER_TICK)
-            store4(b.cubic, 0, load4(b.cubic, 0) + load4(b.laws.volts, 0))
+            averaged_laws.grow(now, m, b.laws, (word - u.word0) * RAD_PER_TICK, b.cubic)
         poles = poles_at(u, word)
         _tilde(u, b.cubic, poles[0], poles[1])
         averaged_sid.demodulate(

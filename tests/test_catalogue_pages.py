@@ -8,7 +8,14 @@ from pathlib import Path
 import pytest
 
 from analog_frontend import device
-from analog_frontend.effects import acceleration, catalogue, parasitic_mode, sid_absorption
+from analog_frontend.effects import (
+    acceleration,
+    bias_cubic,
+    catalogue,
+    damping_coupling,
+    parasitic_mode,
+    sid_absorption,
+)
 from testbench import config
 
 FOLDER = Path(__file__).resolve().parents[1] / "docs" / "effects"
@@ -59,3 +66,17 @@ def test_scale_factors_of_pages_are_those_that_were_derived():
     for name, value in wanted.items():
         found = re.search(r"\| scale factor \| (\S+) ppm \|", (FOLDER / f"{name}.md").read_text())
         assert float(found.group(1)) == pytest.approx(1e6 * value, rel=0.03), name
+
+
+def test_biases_of_pages_are_the_rates_that_their_forces_are():
+    """-2 m Omega vx is a rate: d vx is d/2m, d x^2 vx by its fundamental d A^2/8m; in quadrature there is none."""
+    d = device.Device()
+    deg_per_h = math.degrees(3600 / d.coriolis_mass_kg)
+    wanted = {
+        "damping_coupling": damping_coupling.EXAMPLE / 2 * deg_per_h,
+        "bias_cubic": bias_cubic.EXAMPLE * 5e-6**2 / 8 * deg_per_h,
+        "quadrature_cubic": 0.0,
+    }
+    for name, value in wanted.items():
+        found = re.search(r"\| bias \| (\S+) deg/h \|", (FOLDER / f"{name}.md").read_text())
+        assert float(found.group(1)) == pytest.approx(value, abs=0.2), name

@@ -35,8 +35,8 @@ def locked():
     return sim.state_values()
 
 
-def on(engine_name, values):
-    sim = Simulation(configured(), TEMP_DEGC, TEMP_DEGC, engine=engine_name)
+def on(engine_name, values, **changes):
+    sim = Simulation(configured(**changes), TEMP_DEGC, TEMP_DEGC, engine=engine_name)
     sim.set_state(values)
     sim.now = (np.zeros(1), np.full(1, TEMP_DEGC))
     return sim
@@ -135,6 +135,30 @@ def test_frame_and_baseband_continue_each_other(locked):
         sigma = frame[name][-1000:].std()
         assert abs(wrong.mean()) < 0.1 * sigma, name
         assert wrong.std() < 0.5 * sigma, name
+
+
+@needs_compiler
+def test_a_law_of_force_moves_the_words_as_in_the_frame_engine(locked):
+    """-2 m Omega vx at y is a rate of Omega; the same force in quadrature; and the drive's voltage at y."""
+    newton_s_per_m = -2 * config.Config().plant.coriolis_mass_kg * 20 * DEG
+    texts = (f"{newton_s_per_m!r} vx", f"{newton_s_per_m * 6.9e4!r} x", "1e-7 u")
+
+    def words(engine_name, laws=(), rate=0.0):
+        sim = on(engine_name, locked, effects__laws=[f"force_y = {text}" for text in laws])
+        sim.advance(1_250_000, rate * DEG, TEMP_DEGC)
+        columns = sim.columns()
+        return np.array([columns[name][-2000:].mean() for name in ("rate_word", "quadrature_code")])
+
+    changes = {}
+    for name in ("frame", "baseband"):
+        still = words(name)
+        changes[name] = [words(name, rate=20.0) - still, *(words(name, [text]) - still for text in texts)]
+    # of a force that one word balances alone
+    least = 5e-4 * np.abs([changes["frame"][0][0], changes["frame"][2][1]])
+    for rate, law, *_ in changes.values():
+        assert np.all(np.abs(law - rate) < least)
+    for one, other in zip(*changes.values()):
+        assert np.all(np.abs(other - one) < least)
 
 
 @needs_compiler
