@@ -1,11 +1,12 @@
 """How well each set of laws explains the data, all paid for: evidence of nested models, BIC, posterior.
 
     c_hat, S_c   least squares of the coefficients, nuisances marginalised, no prior on c
-    ln Z = -cost_min / 2 - ln |H_theta| / 2 + ln |S_c| / 2 - ln |T + S_c| / 2 - c_hat' (T + S_c)^-1 c_hat / 2 + ln(side)
-    T: diagonal of the laws' scale^2, the coefficients' Gaussian prior
+    p(c) = exp(-c^2 / 2 T^2) / (2 L sqrt(c^2 + s^2)),  L = ln(1 + 2 T / s)      T: the law's scale, s^2: diagonal of S_c
+    ln Z = -cost_min / 2 - ln |H_theta| / 2 + ln |2 pi S_c| / 2 + sum ln p(c_hat) + ln(side)
+    p: any size up to about T is as likely by its logarithm, so what a law pays depends on its d, hardly on its scale
     side: share of the posterior on the allowed side, doubled, for laws with a sign
     prior of a model with m of K laws: (1 / K)^m: scanning more laws costs more by itself
-Exact for a linear problem, Laplace's approximation otherwise.
+Laplace's approximation; in the coefficients to 0.3 for small d, and to 2 / d^2.
 Source    MacKay, Information Theory (2003), ch. 28; docs/tracing.md
 """
 
@@ -18,21 +19,20 @@ from scipy.stats import norm
 from testbench.tracing.problem import all_laws
 
 
-def log_gaussian_evidence(c_hat, cov, scale, sign):
-    """ln of the integral of exp(-(c - c_hat)' cov^-1 (c - c_hat) / 2) N(c; 0, diag scale^2) dc, sign constraints in.
+def log_coefficients(c_hat, cov, scale, sign):
+    """ln of the integral of exp(-(c - c_hat)' cov^-1 (c - c_hat) / 2) p(c) dc, sign constraints in.
 
-    A constraint is taken law by law on the marginal posterior: exact for one law.
+    Sign and smallest size are taken law by law, from the marginal posterior.
     """
     m = len(c_hat)
     if m == 0:
         return 0.0
-    total = cov + np.diag(scale**2)
-    whole = -0.5 * (c_hat @ np.linalg.solve(total, c_hat)) - 0.5 * np.linalg.slogdet(total)[1]
-    out = whole + 0.5 * np.linalg.slogdet(cov)[1]
-    gain = np.diag(scale**2) @ np.linalg.inv(total)
-    mean, sd = gain @ c_hat, np.sqrt(np.maximum(np.diag(gain @ cov), 1e-300))
+    variance = np.diag(cov)
+    out = 0.5 * (m * np.log(2 * np.pi) + np.linalg.slogdet(cov)[1])
+    out -= np.sum(np.log(2 * np.log1p(2 * scale / np.sqrt(variance))))
+    out -= 0.5 * np.sum(np.log(c_hat**2 + variance) + c_hat**2 / (scale**2 + variance))
     for i in np.flatnonzero(sign):
-        out += norm.logcdf(sign[i] * mean[i] / sd[i]) + np.log(2.0)
+        out += norm.logcdf(sign[i] * c_hat[i] / np.sqrt(variance[i])) + np.log(2.0)
     return float(out)
 
 
@@ -49,7 +49,7 @@ def linear_gain(ranking, names, laws):
     cov = np.linalg.inv(gram)
     c = cov @ b
     sign = np.array([laws[name].sign for name in names])
-    return 0.5 * float(b @ c) + log_gaussian_evidence(c, cov, scale, sign), c, cov
+    return 0.5 * float(b @ c) + log_coefficients(c, cov, scale, sign), c, cov
 
 
 class Candidate(NamedTuple):
@@ -75,7 +75,7 @@ def log_evidence(fit, reference_scale):
     if model.laws:
         scale = np.array([law.scale for law in model.laws])
         sign = np.array([law.sign for law in model.laws])
-        out += log_gaussian_evidence(fit.point.c, fit.covariance[n:, n:], scale, sign)
+        out += log_coefficients(fit.point.c, fit.covariance[n:, n:], scale, sign)
     return out
 
 

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy import integrate
 
 from testbench.tracing import evidence
@@ -10,11 +12,12 @@ from testbench.tracing.rivals import CLEAR, vuong
 
 def brute(c_hat, cov, scale, sign):
     """Integral by quadrature over a grid, one or two coefficients."""
-    inverse = np.linalg.inv(cov)
+    inverse, least = np.linalg.inv(cov), np.diag(cov)
+    whole = np.prod(2 * np.log(1 + 2 * scale / np.sqrt(least)))
 
     def density(*c):
         c = np.array(c)
-        prior = np.exp(-0.5 * np.sum((c / scale) ** 2)) / np.prod(scale * np.sqrt(2 * np.pi))
+        prior = np.exp(-0.5 * np.sum((c / scale) ** 2)) / np.prod(np.sqrt(c**2 + least)) / whole
         return np.exp(-0.5 * (c - c_hat) @ inverse @ (c - c_hat)) * prior * 2.0 ** np.count_nonzero(sign)
 
     ranges = []
@@ -25,23 +28,39 @@ def brute(c_hat, cov, scale, sign):
 
 
 @pytest.mark.parametrize("sign", [0, 1, -1])
-@pytest.mark.parametrize("c", [0.3, 2.0])
-def test_one_coefficient_is_exact(c, sign):
+@pytest.mark.parametrize(("c", "bound"), [(0.0, 0.3), (0.3, 0.3), (1.0, 0.08), (2.0, 0.02)])
+def test_one_coefficient_is_the_integral(c, bound, sign):
+    """d of 0, 1.5, 5 and 10: to 0.3, and to 2 / d^2."""
     c = c if sign >= 0 else -c
-    given = (np.array([c]), np.array([[0.04]]), np.array([1.5]), np.array([sign]))
-    assert evidence.log_gaussian_evidence(*given) == pytest.approx(brute(*given), abs=1e-6)
+    case = (np.array([c]), np.array([[0.04]]), np.array([1.5]), np.array([sign]))
+    assert evidence.log_coefficients(*case) == pytest.approx(brute(*case), abs=bound)
 
 
-def test_two_coefficients_are_exact_without_signs():
-    cov = np.array([[0.05, 0.03], [0.03, 0.08]])
-    given = (np.array([0.4, -1.0]), cov, np.array([1.0, 2.0]), np.array([0, 0]))
-    assert evidence.log_gaussian_evidence(*given) == pytest.approx(brute(*given), abs=1e-5)
+def test_two_coefficients_are_the_integral_without_signs():
+    cov = np.array([[0.005, 0.003], [0.003, 0.008]])
+    case = (np.array([0.4, -1.0]), cov, np.array([1.0, 2.0]), np.array([0, 0]))
+    assert evidence.log_coefficients(*case) == pytest.approx(brute(*case), abs=0.05)
+
+
+@given(st.floats(0.01, 1e4))
+def test_the_prior_is_one_whatever_the_scale(scale):
+    """Its integral, over a logarithm of c on either side."""
+    c = np.concatenate([[0.0], np.geomspace(1e-4, 10 * scale, 20000)])
+    p = np.exp(-0.5 * (c / scale) ** 2) / np.sqrt(c**2 + 1.0) / np.log(1 + 2 * scale)
+    assert integrate.trapezoid(p, c) == pytest.approx(1.0, abs=0.4)
+
+
+def test_a_scale_that_is_ten_times_wider_costs_little():
+    """Of two laws of one d the one with the narrower plausible range is not named for that."""
+    cov, sign = np.array([[1.0]]), np.array([0])
+    near, far = (evidence.log_coefficients(np.array([12.0]), cov, np.array([s]), sign) for s in (100.0, 1000.0))
+    assert 0.2 < near - far < 0.5
 
 
 def test_the_forbidden_side_costs_evidence():
     cov, scale = np.array([[0.01]]), np.array([1.0])
-    right = evidence.log_gaussian_evidence(np.array([0.5]), cov, scale, np.array([1]))
-    wrong = evidence.log_gaussian_evidence(np.array([-0.5]), cov, scale, np.array([1]))
+    right = evidence.log_coefficients(np.array([0.5]), cov, scale, np.array([1]))
+    wrong = evidence.log_coefficients(np.array([-0.5]), cov, scale, np.array([1]))
     assert right - wrong > 10
 
 
