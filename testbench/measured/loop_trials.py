@@ -1,7 +1,8 @@
 """Random trials of tracing on records of our own loop: something hidden, or nothing; what does the verdict say?
 
     none      the calibrated model is the truth
-    one two   effects of the catalogue                      in    a law of the grammar beyond the catalogue
+    one two   effects of the catalogue                      in    a law of the grammar, CLEAR_D and more beside each
+                                                                  law of the catalogue
     out       outside every grammar: something that jumps in time
     flicker   nothing, but flicker noise three times the declared one
 
@@ -23,7 +24,7 @@ from testbench.measured.parameters import Parameter
 from testbench.measured.plan import Condition
 from testbench.tracing.result import plain
 from testbench.tracing.space import Space
-from testbench.tracing.trace import SAME, Options
+from testbench.tracing.trace import Options
 
 REPEATS = {"fit": 2, "validate": 4}  # power-ons differ by their frequency: an rms of few of them scatters
 KINDS = ("none", "flicker", "one", "two", "in", "out")
@@ -147,8 +148,8 @@ def lengths(problem, names):
     return {name: left(c) if all(np.isfinite(v).all() for v in c.values()) else 0.0 for name, c in columns.items()}
 
 
-def beyond(problem, library, catalogue):
-    """Names of the library's laws that are none of the catalogue's on these data."""
+def apart(problem, library, catalogue):
+    """{law of the library: part of its d that the catalogue's law which is most like it does not explain}."""
     left = Left(problem)
 
     def unit(name):
@@ -156,7 +157,8 @@ def beyond(problem, library, catalogue):
         return v / max(np.linalg.norm(v), 1e-300)
 
     known = np.stack([unit(law.name) for law in catalogue])
-    return [law.name for law in library if not np.abs(known @ unit(law.name)).max() > SAME]
+    cosines = {law.name: np.abs(known @ unit(law.name)).max() for law in library}
+    return {name: float(np.sqrt(max(0.0, 1 - c**2))) for name, c in cosines.items()}
 
 
 def jumped(bank, problem, text, scale):
@@ -183,12 +185,15 @@ def drawn(bank, problem, kind, seed, d_range=(8.0, 60.0)):
         size = lengths(problem, [law.name for law in pool])
         most = {law.name: size[law.name] * largest(problem, law) for law in pool}
         pool = [law for law in pool if most[law.name] > d_range[0]]
+        least = dict.fromkeys(size, d_range[0])
         if kind == "in":
-            names = beyond(problem, pool, [c.law for c in bank.catalogue])
-            pool = [law for law in pool if law.name in names]
+            # nearer to a law of the catalogue, nothing could tell the two apart
+            sines = apart(problem, pool, [c.law for c in bank.catalogue])
+            least = {name: d_range[0] / max(s, 1e-9) for name, s in sines.items()}
+            pool = [law for law in pool if least[law.name] < min(d_range[1], most[law.name])]
         for k in rng.choice(len(pool), 2 if kind == "two" else 1, replace=False):
             law = pool[k]
-            d = float(np.exp(rng.uniform(np.log(d_range[0]), np.log(min(d_range[1], most[law.name])))))
+            d = float(np.exp(rng.uniform(np.log(least[law.name]), np.log(min(d_range[1], most[law.name])))))
             value = float(d / size[law.name] * (law.sign or rng.choice([-1, 1])))
             effects[law.name] = value
             truth.append((law.name, value, d))
