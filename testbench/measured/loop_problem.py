@@ -255,7 +255,7 @@ class LoopProblem:
         self.at = np.array(theta, float), {name: float(v) for name, v in effects.items() if v}
         found = self.exact(*self.at)
         self.base, self._rest = {g: v for g, (v, _) in found.items()}, {g: rows for g, (_, rows) in found.items()}
-        left = [np.mean(rows.var(axis=0, ddof=1) / self._noise[g].sigma ** 2) for g, rows in self._rest.items()]
+        left = [self.whiten(self._rows[g], rows.T).var(axis=1, ddof=1).mean() for g, rows in self._rest.items()]
         self.prediction_noise = float(np.mean(left)) / self.draws + 1 / NOISE_DRAWS
         self.anchors += 1
         self.hashes["anchor"] = self.key(self.at[0].tolist(), sorted(self.at[1].items()))
