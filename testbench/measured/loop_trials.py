@@ -233,7 +233,7 @@ def trial(bank, problem, kind, seed, options=None, d_range=(CLEAR_D, 60.0)):
     rows = iter(bank.bench.run(runs, EXACT, fine=True))
     values = {c.id: np.array([next(rows) for _ in range(bank.repeats[c.role])]) for c in bank.conditions}
     asked = bank.problem(f"trial {seed}", values, {"trial": str(seed)})
-    _, result = loop_trace.run(asked, options or Options(seed=seed, power=False, experiments=False))
+    _, result = loop_trace.run(asked, options or Options(seed=seed, power=False, experiments=False, alike=False))
     return told(kind, seed, truth, result, time.perf_counter() - begun), result
 
 

@@ -104,6 +104,16 @@ def _confounded(result):
     )
 
 
+def _alike(result):
+    rows = [(a["law"], a["instead_of"], number(a["chi2"], 2), number(a["value"]), a["unit"]) for a in result.alike]
+    return _table(
+        ("law of the grammar", "instead of", "chi2 more", "value", "unit"),
+        rows,
+        "Laws that would do as well",
+        "By the linear model; odds below 20. The catalogue's law is named, as its physics is known.",
+    )
+
+
 def _next(result):
     rows = []
     for r in result.next_experiment[:8]:
@@ -169,7 +179,7 @@ def html(result, figures):
     parts.append(_numerical(result.certificates.get("numerical") or {}))
     if result.notes:
         parts.append("<ul>" + "".join(f"<li>{escape.escape(n)}</li>" for n in result.notes) + "</ul>")
-    sections = (_heldout, _effects, _confounded, _next, _models, _alarms, _nuisances, _power)
+    sections = (_heldout, _effects, _confounded, _alike, _next, _models, _alarms, _nuisances, _power)
     tables = [section(result) for section in sections]
     parts += tables[:4]
     parts += [_picture(*figure) for figure in figures.values()]

@@ -35,6 +35,7 @@ class Result:
     sentence: str
     effects: list = field(default_factory=list)
     confounded: list = field(default_factory=list)
+    alike: list = field(default_factory=list)
     heldout: dict = field(default_factory=dict)
     heldout_chi2: dict = field(default_factory=dict)
     p_global: float | None = None

@@ -196,7 +196,7 @@ def result(tracer, decision):
                 row["status"] = "confounded"
             elif decision.verdict == "unexplained" and not nearly_all(tracer.heldout.rows):
                 row["status"] = "partial"
-    out.confounded = confounded(tracer)
+    out.confounded, out.alike = confounded(tracer), tracer.alike
     out.heldout, out.heldout_chi2 = (
         tracer.heldout.rows,
         tracer.heldout.chi2 | {"limit": tracer.heldout.limit, "score": tracer.heldout.score},

@@ -10,6 +10,7 @@ import numpy as np
 from testbench.tracing import calibrate as calibration
 from testbench.tracing import discover, heldout, identify, next_experiment, noise, tell, verdict
 from testbench.tracing.alarms import remembered
+from testbench.tracing.alike import exchanges
 from testbench.tracing.checkpoint import Store
 from testbench.tracing.model import Model
 from testbench.tracing.power import Power
@@ -37,6 +38,7 @@ class Options:
     max_laws: int = 3
     starts: int = 2
     grammar: bool = True  # laws of the library count among the looks, and may explain what the catalogue cannot
+    alike: bool = True  # say which laws of the library would do as well as those that are named
     power: bool = True
     experiments: bool = True
 
@@ -56,7 +58,7 @@ class Tracer:
         # laws of the library that cost a run each wait until the catalogue has failed
         self.waiting = self.library if option(problem, "library_late", False) else ()
         self.draws = max(FEWEST_DRAWS, min(options.n_null, ROWS_OF_DRAWS // max(self.space.size, 1)))
-        self.notes, self.selections, self.rivals = [], [], []
+        self.notes, self.selections, self.rivals, self.alike = [], [], [], []
 
     def say(self, text, done=0, total=1):
         self.predictor.text = text
@@ -166,6 +168,14 @@ class Tracer:
         self.rivals = [] if found.adequate else open_rivals(found)
         return found
 
+    def compare(self):
+        """Laws of the library that would do as well as those of an adequate set."""
+        if self.options.alike and self.library and self.found is not None and self.found.adequate:
+            self.say("laws that would do as well")
+            best = self.found.best
+            ranking = self.rank(self.base.fit, (*best, *(n for n in self.library if n not in best)))
+            self.alike = exchanges(ranking, best, self.library, self.laws)
+
     def run(self):
         problem, options = self.problem, self.options
         firmware = option(problem, "firmware")
@@ -188,6 +198,7 @@ class Tracer:
         if decision is None:
             self.found = self.search()
         self.judge()
+        self.compare()
         self.plan()
         return tell.result(self, decision)
 

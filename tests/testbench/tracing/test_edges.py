@@ -131,3 +131,33 @@ def test_repeats_of_a_group_must_share_role_and_length():
     problem.segments = (problem.segments[0]._replace(role="validate"), *problem.segments[1:])
     with pytest.raises(ConfigError, match=r"segment fit0\.1: repeats of group fit0 differ"):
         trace(problem, QUICK)
+
+
+class Bent(Line):
+    """A line whose library has a law that is hardly another, and one that is."""
+
+    library = (Law("bent", "out", "c x^1.02", "V", 1.0), Law("wave", "out", "c cos x", "V", 1.0))
+    linear_in = frozenset({"slope", "level", "bent", "wave"})
+
+    def shape(self, name, k):
+        return {"bent": self._x[k] ** 1.02, "wave": np.cos(self._x[k])}.get(name, self._x[k])
+
+    def predict(self, points, which):
+        return [[sum((v * self.shape(n, k) for n, v in c.items()), 0.0 * self._x[k]) for k in which] for _, c in points]
+
+
+def test_a_law_of_the_library_that_would_do_as_well_is_told_with_its_chi2():
+    """chi2 by plain least squares on all repeats; the other law is not there."""
+    problem = Bent(0.5, laws=SLOPE)
+    result = whole(problem, page=True)
+    assert [e["law"] for e in result.effects] == ["slope"]
+    (row,) = result.alike
+    assert (row["law"], row["instead_of"], row["unit"]) == ("bent", "slope", "V")
+    y = np.concatenate(problem._y)
+
+    def least(name):
+        s = np.concatenate([problem.shape(name, k) for k in range(len(problem._y))])
+        return s @ y / (s @ s), np.sum((y - s * (s @ y) / (s @ s)) ** 2)
+
+    assert row["value"] == pytest.approx(least("bent")[0])
+    assert row["chi2"] == pytest.approx(least("bent")[1] - least("slope")[1])
