@@ -1,8 +1,8 @@
 """Random trials of tracing on records of our own loop: something hidden, or nothing; what does the verdict say?
 
     none      the calibrated model is the truth
-    one two   effects of the catalogue                      in    a law of the grammar, CLEAR_D and more beside each
-                                                                  law of the catalogue
+    one two   effects of the catalogue                      in    a law of the grammar, CLEAR_D and more of it beside
+                                                                  each other law
     out       outside every grammar: something that jumps in time
     flicker   nothing, but flicker noise three times the declared one
 
@@ -149,16 +149,16 @@ def lengths(problem, names):
 
 
 def apart(problem, library, catalogue):
-    """{law of the library: part of its d that the catalogue's law which is most like it does not explain}."""
+    """{law of the library: part of its d that the other law which is most like it does not explain}."""
     left = Left(problem)
 
     def unit(name):
         v = left.rest(problem.column(name))
         return v / max(np.linalg.norm(v), 1e-300)
 
-    known = np.stack([unit(law.name) for law in catalogue])
-    cosines = {law.name: np.abs(known @ unit(law.name)).max() for law in library}
-    return {name: float(np.sqrt(max(0.0, 1 - c**2))) for name, c in cosines.items()}
+    every = {law.name: unit(law.name) for law in (*catalogue, *library)}
+    alike = {law.name: max(abs(every[law.name] @ v) for n, v in every.items() if n != law.name) for law in library}
+    return {name: float(np.sqrt(max(0.0, 1 - c**2))) for name, c in alike.items()}
 
 
 def jumped(bank, problem, text, scale):
@@ -187,7 +187,7 @@ def drawn(bank, problem, kind, seed, d_range=(8.0, 60.0)):
         pool = [law for law in pool if most[law.name] > d_range[0]]
         least = dict.fromkeys(size, d_range[0])
         if kind == "in":
-            # nearer to a law of the catalogue, nothing could tell the two apart
+            # nearer to another law, nothing could tell the two apart
             sines = apart(problem, pool, [c.law for c in bank.catalogue])
             least = {name: d_range[0] / max(s, 1e-9) for name, s in sines.items()}
             pool = [law for law in pool if least[law.name] < min(d_range[1], most[law.name])]

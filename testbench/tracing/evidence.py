@@ -5,7 +5,8 @@
     ln Z = -cost_min / 2 - ln |H_theta| / 2 + ln |2 pi S_c| / 2 + sum ln p(c_hat) + ln(side)
     p: any size up to about T is as likely by its logarithm, so what a law pays depends on its d, hardly on its scale
     side: share of the posterior on the allowed side, doubled, for laws with a sign
-    prior of a model with m of K laws: (1 / K)^m: scanning more laws costs more by itself
+    prior of a model: product over its laws of KNOWN / K in a catalogue of K, (1 - KNOWN) / K' in a library of K':
+    scanning more laws costs more by itself
 Laplace's approximation; in the coefficients to 0.3 for small d, and to 2 / d^2.
 Source    MacKay, Information Theory (2003), ch. 28; docs/tracing.md
 """
@@ -17,6 +18,8 @@ import numpy as np
 from scipy.stats import norm
 
 from testbench.tracing.problem import all_laws
+
+KNOWN = 0.9  # of what is found on a bench, by the expectation of who wrote the catalogue
 
 
 def log_coefficients(c_hat, cov, scale, sign):
@@ -84,24 +87,31 @@ def bic(fit):
     return float(fit.cost + len(fit.model.laws) * np.log(max(fit.model.space.size, 2)))
 
 
-def log_prior(m, laws):
-    """ln of the prior of one model with m of so many laws."""
-    return -m * np.log(max(laws, 1))
+def log_priors(catalogue, library=()):
+    """{law: ln of its prior}: one cause in ten is expected to be none of the catalogue's."""
+    known = KNOWN if catalogue and library else 1.0
+    out = dict.fromkeys(catalogue, np.log(known / max(len(catalogue), 1)))
+    return out | dict.fromkeys(library, np.log((1 - KNOWN if catalogue else 1.0) / max(len(library), 1)))
 
 
-def posterior(candidates, laws):
+def log_prior(names, priors):
+    """ln of the prior of one model, {law: ln prior} given."""
+    return float(sum(priors[name] for name in names))
+
+
+def posterior(candidates, priors):
     """Probabilities of `Candidate`s, in their order."""
-    logs = np.array([c.log_z + log_prior(len(c.names), laws) for c in candidates])
+    logs = np.array([c.log_z + log_prior(c.names, priors) for c in candidates])
     p = np.exp(logs - logs.max())
     return p / p.sum()
 
 
-def best_sets(ranking, names, problem, size, count):
-    """The `count` best sets of `size` laws by linear evidence: [(gain, names)], best first."""
+def best_sets(ranking, names, problem, size, count, priors):
+    """The `count` best sets of `size` laws by linear evidence and prior: [(gain without prior, names)], best first."""
     laws = all_laws(problem)
     found = []
     for chosen in itertools.combinations(names, size):
         gain = linear_gain(ranking, chosen, laws)
         if gain is not None:
             found.append((gain[0], chosen))
-    return sorted(found, key=lambda item: (-item[0], item[1]))[:count]
+    return sorted(found, key=lambda item: (-item[0] - log_prior(item[1], priors), item[1]))[:count]

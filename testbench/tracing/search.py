@@ -44,7 +44,7 @@ class Search:
         self.base, self.table, self.scale, self.adequate = base, table, reference_scale, adequate
         self.progress = progress
         self.laws = all_laws(base.model.problem)
-        self.candidates, self.failed, self.checks, self._verdicts = {}, {}, [], {}
+        self.candidates, self.failed, self.checks, self._verdicts, self.priors = {}, {}, [], {}, {}
         self._keep((), base)
 
     def _keep(self, names, found):
@@ -74,13 +74,13 @@ class Search:
         self._keep(names, found)
         return True
 
-    def _score(self, names, size):
-        return self.candidates[names].log_z + evidence.log_prior(len(names), size)
+    def _score(self, names):
+        return self.candidates[names].log_z + evidence.log_prior(names, self.priors)
 
-    def _best(self, size, level=None):
+    def _best(self, level=None):
         """Best refitted set, of `level` laws if that is given; None if there is none."""
         refitted = [n for n, c in self.candidates.items() if c.refitted and level in (len(n), None)]
-        return max(refitted, key=lambda n: (self._score(n, size), n), default=None)
+        return max(refitted, key=lambda n: (self._score(n), n), default=None)
 
     def _is_adequate(self, names):
         if names not in self._verdicts:
@@ -89,11 +89,14 @@ class Search:
             self.checks.append({"laws": list(names), "adequate": ok, **why})
         return self._verdicts[names]
 
-    def run(self, ranking, pool, max_laws):
-        """`Found` with the laws of `pool`, ranked at the base fit; may be called again with a wider pool."""
-        pool = tuple(n for n in pool if n in ranking.names and n not in ranking.hidden)
-        size = len(pool)
-        singles = evidence.best_sets(ranking, pool, self.base.model.problem, 1, len(pool))
+    def run(self, ranking, catalogue, library, max_laws):
+        """`Found` with laws that are ranked at the base fit; may be called again with a library."""
+        seen = set(ranking.names) - set(ranking.hidden)
+        catalogue, library = (tuple(n for n in names if n in seen) for names in (catalogue, library))
+        pool, self.priors = (*catalogue, *library), evidence.log_priors(catalogue, library)
+        # what was refitted before counts on, seen or not
+        self.priors |= {law: min(self.priors.values()) for names in self.candidates for law in names if law not in pool}
+        singles = evidence.best_sets(ranking, pool, self.base.model.problem, 1, len(pool), self.priors)
         for gain, names in singles:
             self._linear(names, gain, ())
         done = 0
@@ -101,39 +104,39 @@ class Search:
             done += self._refit(names)
             if done == REFITS:
                 break
-        self._settle(size)
+        self._settle()
         for level in range(1, max_laws):
-            best = self._best(size, level)
+            best = self._best(level)
             if best is None or not self._grow(best, ranking, pool):
                 break
-            self._settle(size)
-            bigger = self._best(size, level + 1)
-            if bigger is None or self._score(bigger, size) <= self._score(best, size):
+            self._settle()
+            bigger = self._best(level + 1)
+            if bigger is None or self._score(bigger) <= self._score(best):
                 break
-        best = self._best(size)
+        best = self._best()
         adequate = bool(best) and self._is_adequate(best)
         return Found(dict(self.candidates), dict(self.failed), best, adequate, list(self.checks), pool)
 
     def _grow(self, best, ranking, pool):
         """Refit sets with one law more than `best`, and their subsets; False if it is adequate and no more law pays."""
-        size, rest = len(pool), tuple(n for n in pool if n not in best)
+        rest = tuple(n for n in pool if n not in best)
         if not rest:
             return False
         fit = self.candidates[best].fit
         after = rank(fit, rest, self.table.at(fit, rest))
         seen = [n for n in after.names if n not in after.hidden]
-        forward = evidence.best_sets(after, seen, fit.model.problem, 1, REFITS)
-        worth = bool(forward) and forward[0][0] + evidence.log_prior(1, size) > WORTH
+        forward = evidence.best_sets(after, seen, fit.model.problem, 1, REFITS, self.priors)
+        worth = bool(forward) and forward[0][0] + evidence.log_prior(forward[0][1], self.priors) > WORTH
         if self._is_adequate(best) and not worth:
             return False
         for gain, (name,) in forward:
             self._linear(tuple(sorted((*best, name))), gain, best)
             self._refit((*best, name), best)
-        for gain, names in evidence.best_sets(ranking, pool, fit.model.problem, len(best) + 1, REFITS):
+        for gain, names in evidence.best_sets(ranking, pool, fit.model.problem, len(best) + 1, REFITS, self.priors):
             self._linear(tuple(sorted(names)), gain, ())
             self._refit(names)
         for names in [n for n, c in self.candidates.items() if c.refitted and len(n) == len(best) + 1]:
-            if self._score(names, size) >= self._score(best, size):
+            if self._score(names) >= self._score(best):
                 for dropped in names if len(names) > 1 else ():
                     self._refit(tuple(n for n in names if n != dropped))
         return True
@@ -144,20 +147,20 @@ class Search:
             if len(names) <= max_laws and set(names) <= set(pool):
                 self._refit(names)
 
-    def _settle(self, size, most=12):
+    def _settle(self, most=12):
         """Refit what the credible set holds by linear evidence only."""
         for _ in range(most):
-            names, p = self.posterior(size)
+            names, p = self.posterior()
             loose = [n for n, x in zip(names, p) if not self.candidates[n].refitted and x > (1 - CREDIBLE) / 10]
             if not loose:
                 break
             start = max((n for n, c in self.candidates.items() if c.refitted and set(n) <= set(loose[0])), key=len)
             self._refit(loose[0], start)
 
-    def posterior(self, size):
+    def posterior(self):
         """(sets, probabilities), most probable first."""
         every = list(self.candidates.values())
-        p = evidence.posterior(every, size)
+        p = evidence.posterior(every, self.priors)
         order = np.argsort(-p, kind="stable")
         return [every[i].names for i in order], [float(p[i]) for i in order]
 

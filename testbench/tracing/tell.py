@@ -61,7 +61,7 @@ def model_rows(tracer):
         c = tracer.found.candidates[n]
         rows.append(
             {"laws": list(n), "p": x, "log_z": c.log_z, "bic": c.bic, "refitted": c.refitted}
-            | {"log_prior": log_prior(len(n), len(tracer.found.pool)), "cost": c.fit.cost if c.fit else None}
+            | {"log_prior": log_prior(n, tracer.priors), "cost": c.fit.cost if c.fit else None}
         )
     return rows + [{"laws": list(n), "failed": reason} for n, reason in sorted(tracer.found.failed.items())]
 

@@ -148,23 +148,24 @@ class Tracer:
 
     def search(self):
         """Explain by the catalogue; where that is not adequate, by catalogue and grammar."""
-        pool = self.catalogue
+        library = ()
         ranking = self.rank(self.base.fit, self.open())
         work = Search(self.base.fit, self.table, self.identified.scale, self.adequate, self.progress)
-        if not work.run(ranking, pool, 1).adequate and self.library:
+        if not work.run(ranking, self.catalogue, library, 1).adequate and self.library:
             if self.waiting:
                 self.say("laws beyond the catalogue")
                 self.waiting = ()
                 self.drop_twins()
                 self.ranked = self.rankings(self.base.fit)
-            pool = self.open()
-            ranking = self.rank(self.base.fit, pool)
-        if len(pool) > len(self.catalogue):
+            library = tuple(name for name in self.open() if name in self.library)
+            ranking = self.rank(self.base.fit, (*self.catalogue, *library))
+        if library:
             self.say("discovering")
             self.selections = discover.discover(self.problem, self.base.fit, ranking, self.options.seed)
+            pool = (*self.catalogue, *library)
             work.propose(discover.proposals(self.selections), pool, self.options.max_laws)
-        found = work.run(ranking, pool, self.options.max_laws)
-        self.posterior = work.posterior(len(found.pool))
+        found = work.run(ranking, self.catalogue, library, self.options.max_laws)
+        self.posterior, self.priors = work.posterior(), work.priors
         self.rivals = [] if found.adequate else open_rivals(found)
         return found
 

@@ -66,9 +66,18 @@ def test_the_forbidden_side_costs_evidence():
 
 def test_more_laws_cost_more_by_themselves():
     found = [evidence.Candidate((), 0.0, 0, True), evidence.Candidate(("a",), 5.0, 0, True)]
-    few, many = evidence.posterior(found, 5)[1], evidence.posterior(found, 500)[1]
+    few, many = (evidence.posterior(found, evidence.log_priors(("a", *range(n - 1))))[1] for n in (5, 500))
     assert few > 0.95 > many
     assert few == pytest.approx(1 / (1 + 5 * np.exp(-5.0)))
+
+
+def test_priors_of_a_catalogue_and_of_a_library_are_ninety_and_ten_percent():
+    catalogue, library = tuple("abc"), tuple("defghij")
+    priors = evidence.log_priors(catalogue, library)
+    assert sum(np.exp(priors[name]) for name in catalogue) == pytest.approx(0.9)
+    assert sum(np.exp(priors[name]) for name in library) == pytest.approx(0.1)
+    assert evidence.log_prior(("a", "d"), priors) == pytest.approx(np.log(0.3 * 0.1 / 7))
+    assert np.exp(evidence.log_priors((), library)["d"]) == pytest.approx(1 / 7)
 
 
 class _Space:
