@@ -1,13 +1,14 @@
 """How well each set of laws explains the data, all paid for: evidence of nested models, BIC, posterior.
 
     c_hat, S_c   least squares of the coefficients, nuisances marginalised, no prior on c
-    p(c) = exp(-c^2 / 2 T^2) / (2 L sqrt(c^2 + s^2)),  L = ln(1 + 2 T / s)      T: the law's scale, s^2: diagonal of S_c
+    p(c) = 1 / (2 L sqrt(c^2 + s^2) (1 + c^2 / T^2)),  L = ln(1 + 2 T / s)      T: the law's scale, s^2: diagonal of S_c
     ln Z = -cost_min / 2 - ln |H_theta| / 2 + ln |2 pi S_c| / 2 + sum ln p(c_hat) + ln(side)
-    p: any size up to about T is as likely by its logarithm, so what a law pays depends on its d, hardly on its scale
+    p: any size up to about T is as likely by its logarithm, so what a law pays depends on its d, hardly on its scale;
+    T is known to a factor: beyond it p falls by a power, 1 / c^3
     side: share of the posterior on the allowed side, doubled, for laws with a sign
     prior of a model: product over its laws of KNOWN / K in a catalogue of K, (1 - KNOWN) / K' in a library of K':
     scanning more laws costs more by itself
-Laplace's approximation; in the coefficients to 0.3 for small d, and to 2 / d^2.
+Laplace's approximation; in the coefficients to 0.3 for small d, and to 6 / d^2.
 Source    MacKay, Information Theory (2003), ch. 28; docs/tracing.md
 """
 
@@ -33,7 +34,7 @@ def log_coefficients(c_hat, cov, scale, sign):
     variance = np.diag(cov)
     out = 0.5 * (m * np.log(2 * np.pi) + np.linalg.slogdet(cov)[1])
     out -= np.sum(np.log(2 * np.log1p(2 * scale / np.sqrt(variance))))
-    out -= 0.5 * np.sum(np.log(c_hat**2 + variance) + c_hat**2 / (scale**2 + variance))
+    out -= np.sum(0.5 * np.log(c_hat**2 + variance) + np.log1p(c_hat**2 / (scale**2 + variance)))
     for i in np.flatnonzero(sign):
         out += norm.logcdf(sign[i] * c_hat[i] / np.sqrt(variance[i])) + np.log(2.0)
     return float(out)
