@@ -475,7 +475,7 @@ def test_ports_are_those_of_the_model(name):
 
 
 def test_every_file_is_tried():
-    """Here, or in test_rtl_bundles.py, which takes every other block that has a bundle, or in test_rtl_top.py."""
+    """Here, or in golden/test_benches.py, which takes every block that has a bundle, or in test_rtl_top.py."""
     verilog = {f"{stem}.v" for stem in (*VERILOG, *golden_blocks.BLOCKS, "control", "top")}
     files = {path.name for path in RTL.iterdir() if path.is_file()}
     assert files <= {*verilog, *(f"{stem}.vhd" for stem in VHDL)}

@@ -76,15 +76,18 @@ def test_the_averaged_plant_moves_as_the_exact_one_does(bank, blank):
     most = {n: blank.tangents.largest(n) for n in names}
     tried = {n: min(300.0 / size[n], most[n]) if size[n] else most[n] for n in names}
     models = [Model(bank.model)] + [blank.told(theta, {n: tried[n]}) for n in names]
-    # a change of frequency moves the slips of the reference edges, a sigma in each of both engines: mean of eight draws
-    runs = [Run(m, c, 60 + k, bank.model) for m in models for k in range(8)]
-    exact, fast = (
-        np.array(bank.bench.run(runs, kind)).reshape(len(models), 8, -1).mean(axis=1) for kind in (EXACT, FAST)
-    )
-    k = blank._rows[c.id]
-    for i, name in enumerate(names, 1):
-        a, b = blank.whiten(k, exact[i] - exact[0]), blank.whiten(k, fast[i] - fast[0])
-        assert np.linalg.norm(a - b) < 0.05 * np.linalg.norm(a) + 3.0, name
+    # a change of frequency moves the slips of the reference edges, in each engine at its own instants: so draws
+    runs = [Run(m, c, 60 + k, bank.model) for m in models for k in range(16)]
+    k, moved = blank._rows[c.id], {}
+    for kind in (EXACT, FAST):
+        rows = np.array(bank.bench.run(runs, kind)).reshape(len(models), 16, -1)
+        moved[kind] = [blank.whiten(k, (row - rows[0]).T) for row in rows[1:]]
+    for name, a, b in zip(names, *moved.values()):
+        noise = np.sqrt((a - b).var(axis=1, ddof=1).sum() / 16)
+        a, b = a.mean(axis=1), b.mean(axis=1)
+        # of 48 features the norm of their noise hardly scatters
+        assert np.linalg.norm(a - b) < 0.05 * np.linalg.norm(a) + 2 * noise, name
+        assert noise < 2.0, name
 
 
 def test_without_noise_laws_of_the_drive_are_those_of_the_exact_engine(bank):
