@@ -55,6 +55,7 @@ class Tangents:
         if not missing:
             return
         base, todo = self._many([(of.first, {})])[0], list(missing)
+        self._guess(todo, steps, base)
         for _ in range(4):
             if not todo:
                 break
@@ -82,6 +83,17 @@ class Tangents:
         nan = {g: np.full(len(v), np.nan) for g, v in base.items()}
         for name in missing:
             self.kept[self._where, name] = columns.get(name, nan)
+
+    def _guess(self, names, steps, base):
+        """Steps that move all features by about AIM sigmas, from one condition alone. Mutates `steps`."""
+        one = max(self.of.conditions.values(), key=lambda c: (c.a_um, abs(c.rate_dps)))
+        moved = self._many([self._stepped(name, steps[name]) for name in names], only=(one,))
+        for name, found in zip(names, moved):
+            if found is not None:
+                size = self.of.size({one.id: found[one.id] - base[one.id]}) * np.sqrt(len(base))
+                factor = np.clip(AIM / max(size, 1e-3), 1e-3, 100.0)
+                if factor * abs(steps[name]) <= self.largest(name):
+                    steps[name] *= factor
 
     def _sided(self, name):
         """True if steps to both sides are allowed."""
@@ -129,8 +141,11 @@ class Tangents:
             todo = left
         return changes
 
-    def _many(self, points, hertz=None):
-        """Features {group: values} of points in the averaged plant, None where it fails; hertz: see `of.smooth`."""
+    def _many(self, points, hertz=None, only=None):
+        """Features {group: values} of points in the averaged plant, None where it fails.
+
+        hertz  see `of.smooth`;   only  conditions, if not all
+        """
         of, models = self.of, []
         hertz = hertz or [dict.fromkeys(of.conditions, 0.0) for _ in points]
         for theta, effects in points:
@@ -139,7 +154,7 @@ class Tangents:
                 models.append(told._replace(config=even(told.config)))
             except PredictionFailed:
                 models.append(None)
-        every = of.conditions.values()
+        every = only or of.conditions.values()
         wanted = [(m, c, 0, h[c.id]) for m, h in zip(models, hertz) if m is not None for c in every]
         try:
             found = iter(of.smooth(wanted))
@@ -147,5 +162,5 @@ class Tangents:
             if len(points) == 1:
                 return [None]
             half = len(points) // 2
-            return self._many(points[:half], hertz[:half]) + self._many(points[half:], hertz[half:])
+            return self._many(points[:half], hertz[:half], only) + self._many(points[half:], hertz[half:], only)
         return [None if m is None else {c.id: next(found) for c in every} for m in models]
