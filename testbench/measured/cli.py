@@ -308,3 +308,6 @@ def _print_trace(result):
         tables.append(Table("Error on data that no fit has seen", heads, rows, numeric=(2, 3, 4, 5)))
     if tables:
         _print_tables(tables)
+    for a in getattr(result, "alike", ()):
+        value = f"{a['value']:.3g} {a['unit']}"
+        typer.echo(f"would do as well as {a['instead_of']}: {a['law']}, {value} (chi2 {a['chi2']:+.1f})")
