@@ -69,11 +69,8 @@ class Tangents:
                 # what the largest step hardly moves is noise, and no law that these data see
                 seen = size >= SEEN or name not in of.candidates
                 columns[name] = {g: v * (seen / steps[name]) for g, v in moved.items()}
-                if not AIM / NEAR <= size <= AIM * NEAR:
-                    factor = np.clip(AIM / max(size, 1e-3), 1e-3, 100.0)
-                    if factor * abs(steps[name]) <= self.largest(name):
-                        steps[name] *= factor
-                        again.append(name)
+                if not AIM / NEAR <= size <= AIM * NEAR and self._aimed(name, steps, size):
+                    again.append(name)
             todo = again
         # to both sides where both are allowed: what is of second order in a law falls out
         both = [n for n, v in columns.items() if self._sided(n) and any(np.any(x) for x in v.values())]
@@ -90,10 +87,15 @@ class Tangents:
         moved = self._many([self._stepped(name, steps[name]) for name in names], only=(one,))
         for name, found in zip(names, moved):
             if found is not None:
-                size = self.of.size({one.id: found[one.id] - base[one.id]}) * np.sqrt(len(base))
-                factor = np.clip(AIM / max(size, 1e-3), 1e-3, 100.0)
-                if factor * abs(steps[name]) <= self.largest(name):
-                    steps[name] *= factor
+                self._aimed(name, steps, self.of.size({one.id: found[one.id] - base[one.id]}) * np.sqrt(len(base)))
+
+    def _aimed(self, name, steps, size):
+        """True if a step that moves `size` sigmas could be changed so that it moves AIM. Mutates `steps`."""
+        factor = np.clip(AIM / max(size, 1e-3), 1e-3, 100.0)
+        if factor * abs(steps[name]) > self.largest(name):
+            return False
+        steps[name] *= factor
+        return True
 
     def _sided(self, name):
         """True if steps to both sides are allowed."""

@@ -5,29 +5,15 @@ The catalogue comes first, so such a law was never asked: the reader is told of 
 Source    docs/tracing.md
 """
 
-import numpy as np
-
+from testbench.tracing.evidence import linear_fit
 from testbench.tracing.search import WORTH
 
 AS_GOOD = 2 * WORTH  # chi2 that odds of 20 are worth
 
 
-def _fitted(ranking, names):
-    """(fall of chi2, coefficients) of a set of laws; None if it is degenerate."""
-    k = [ranking.index(name) for name in names]
-    size = ranking.length[k]
-    if np.any(size == 0):
-        return None
-    cosines, t = ranking.cosines[np.ix_(k, k)], ranking.t[k]
-    if np.linalg.cond(cosines) > 1e10:
-        return None
-    u = np.linalg.solve(cosines, t)
-    return float(t @ u), u / size
-
-
 def exchanges(ranking, best, library, laws):
     """[{law, instead_of, chi2, value, unit}] below AS_GOOD, best first; `ranking` holds all of them at the base fit."""
-    whole = _fitted(ranking, best)
+    whole = linear_fit(ranking, best)
     if whole is None:
         return []
     rows = []
@@ -36,11 +22,11 @@ def exchanges(ranking, best, library, laws):
         for other in library:
             if other in best or other not in ranking.names:
                 continue
-            found = _fitted(ranking, (*rest, other))
-            if found is None or laws[other].sign * found[1][-1] < 0:
+            found = linear_fit(ranking, (*rest, other))
+            if found is None:
                 continue
-            chi2 = whole[0] - found[0]
-            if chi2 < AS_GOOD:
-                row = {"law": other, "instead_of": own, "chi2": chi2, "value": float(found[1][-1])}
+            chi2, value = whole[0] - found[0], float(found[1][-1])
+            if chi2 < AS_GOOD and laws[other].sign * value >= 0:
+                row = {"law": other, "instead_of": own, "chi2": chi2, "value": value}
                 rows.append(row | {"unit": laws[other].unit})
     return sorted(rows, key=lambda row: (row["chi2"], row["law"]))

@@ -40,11 +40,10 @@ def log_coefficients(c_hat, cov, scale, sign):
     return float(out)
 
 
-def linear_gain(ranking, names, laws):
-    """(ln Z of a set less ln Z of none, its c_hat, its covariance) from the Gram matrix; None if it is degenerate."""
+def linear_fit(ranking, names):
+    """(fall of chi2, c_hat, its covariance) of a set from the Gram matrix; None if it is degenerate."""
     k = [ranking.index(name) for name in names]
     gram, b = ranking.gram[np.ix_(k, k)], ranking.b[k]
-    scale = np.array([laws[name].scale for name in names])
     if np.any(ranking.length[k] == 0):
         return None
     d = np.sqrt(np.diag(gram))
@@ -52,8 +51,17 @@ def linear_gain(ranking, names, laws):
         return None
     cov = np.linalg.inv(gram)
     c = cov @ b
-    sign = np.array([laws[name].sign for name in names])
-    return 0.5 * float(b @ c) + log_coefficients(c, cov, scale, sign), c, cov
+    return float(b @ c), c, cov
+
+
+def linear_gain(ranking, names, laws):
+    """ln Z of a set less ln Z of none, from the Gram matrix; None if it is degenerate."""
+    found = linear_fit(ranking, names)
+    if found is None:
+        return None
+    fall, c, cov = found
+    scale, sign = (np.array([getattr(laws[name], what) for name in names]) for what in ("scale", "sign"))
+    return 0.5 * fall + log_coefficients(c, cov, scale, sign)
 
 
 class Candidate(NamedTuple):
@@ -114,5 +122,5 @@ def best_sets(ranking, names, problem, size, count, priors):
     for chosen in itertools.combinations(names, size):
         gain = linear_gain(ranking, chosen, laws)
         if gain is not None:
-            found.append((gain[0], chosen))
+            found.append((gain, chosen))
     return sorted(found, key=lambda item: (-item[0] - log_prior(item[1], priors), item[1]))[:count]

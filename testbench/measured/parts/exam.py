@@ -41,8 +41,8 @@ def _decisive(tracer, refused):
         scores = one_sided(ranking, tracer.laws)
         for k, name in enumerate(ranking.names):
             gain = None if name in ranking.hidden or name in refused else linear_gain(ranking, [name], tracer.laws)
-            if gain is not None and gain[0] - np.log(len(tracer.laws)) > DECISIVE and scores[k] > 0:
-                out.append((gain[0], name, float(scores[k])))
+            if gain is not None and gain - np.log(len(tracer.laws)) > DECISIVE and scores[k] > 0:
+                out.append((gain, name, float(scores[k])))
     return sorted(out, key=lambda row: (-row[0], row[1]))
 
 

@@ -108,10 +108,10 @@ def _decisive(tracer, refused):
         for name in pool:
             k = ranking.index(name)
             gain = evidence.linear_gain(ranking, [name], tracer.laws)
-            if gain is None or name in refused or gain[0] - np.log(len(tracer.laws)) < DECISIVE or scores[k] <= 0:
+            if gain is None or name in refused or gain - np.log(len(tracer.laws)) < DECISIVE or scores[k] <= 0:
                 continue
             power = _power(tracer.problem, fit, ranking, name) if biggest else 0.0
-            found.append((power, name, float(scores[k]), gain[0], ranking))
+            found.append((power, name, float(scores[k]), gain, ranking))
     return sorted(found, key=lambda row: (-row[0] if biggest else -row[3], row[1]))
 
 
