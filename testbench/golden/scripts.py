@@ -23,7 +23,7 @@ def _lock_errors(p, setpoint, table, near, sign):
 
 def _one_bit_beside(limit):
     """168 magnitudes around a limit; a zero where there are fewer."""
-    found = sorted({abs(v) for v in around(limit, signed(24))} & set(range(1 << 23)))
+    found = sorted({abs(v) for v in around(limit, signed(24)) if abs(v) < 1 << 23})
     return found + [0] * (168 - len(found))
 
 

@@ -170,7 +170,7 @@ class LoopProblem:
         """A model whose drive mode is moved by some Hz, by a stiffness."""
         return Model(model.config, (*model.laws, f"force_x = {-self.per_hz * hz!r} x"))
 
-    def _run(self, wanted, kind, power_on=False, smooth=False):
+    def _run(self, wanted, kind, power_on=False, smooth=False, lenient=False):
         """Features of (model, condition, draw, Hz by which the model is above the model where the problem began).
 
         All are held at the place of their condition. They begin from a locked state of the model where the problem
@@ -185,13 +185,16 @@ class LoopProblem:
             told = self.moved_hz(m, place - above_hz + jitter_hz(draw))
             runs.append(Run(told, c, FIRST_DRAW + 10_000 * index[c.id] + draw, start, int(LATER[draw]), smooth))
         try:
-            return self.bench.run(runs, kind, self.progress, fine=True)
+            return self.bench.run(runs, kind, self.progress, fine=True, lenient=lenient)
         except (ConfigError, RuntimeError) as problem:
             raise PredictionFailed(str(problem)) from None
 
     def smooth(self, wanted):
-        """`_run` of the averaged plant without rounded codes, from the lock of the model where the problem began."""
-        return self._run(wanted, FAST, smooth=True)
+        """`_run` of the averaged plant without rounded codes, from the lock of the model where the problem began.
+
+        None for what leaves its range.
+        """
+        return self._run(wanted, FAST, smooth=True, lenient=True)
 
     def key(self, *more):
         text = repr((self.model.model_dump_json(), *more))

@@ -44,9 +44,14 @@ def pulls_of(trials):
     return np.array(out)
 
 
+def false_effect(t):
+    """True if a law is named that was not hidden; where nothing was, if one is listed at all."""
+    return bool(t["found"]) if t["kind"] in ("none", "flicker") else t["false_name"]
+
+
 def table(trials):
     """Markdown: what was hidden and what the verdicts said, with 95 % Clopper-Pearson intervals."""
-    lines = ["| hidden | right verdict | detected | right cause first, of detected | false name | verdicts |"]
+    lines = ["| hidden | right verdict | detected | right cause first, of detected | false effect | verdicts |"]
     lines.append("|---|---|---|---|---|---|")
     for kind in KINDS:
         some = [t for t in trials if t["kind"] == kind]
@@ -57,7 +62,7 @@ def table(trials):
             said = ", ".join(f"{v} {verdicts.count(v)}" for v in sorted(set(verdicts)))
             lines.append(
                 f"| {kind} | {rate(sum(t['right'] for t in some), n)} | {rate(len(seen), n)} | {first} "
-                f"| {rate(sum(t['false_name'] for t in some), n)} | {said} |"
+                f"| {rate(sum(false_effect(t) for t in some), n)} | {said} |"
             )
     sigma = np.array([t["numerical"] for t in trials if t["numerical"] is not None and t["kind"] != "out"])
     held = rate(int(np.sum(sigma < 0.5)), len(sigma))

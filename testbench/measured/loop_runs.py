@@ -214,11 +214,12 @@ class Bench:
         laws = averaged_laws.design(p.plant.effects, p.plant.laws, made.laws.reference_turns)
         return made._replace(laws=laws, drive_lsb_v=0.0 if run.smooth else made.drive_lsb_v)
 
-    def run(self, runs, kind, progress=None, fine=False):
+    def run(self, runs, kind, progress=None, fine=False, lenient=False):
         """Features of `Run`s.
 
         kind    EXACT or FAST.  Raises ConfigError where a run leaves the engine's range
         fine    with those of the fine bins behind the others
+        lenient None for a run of the averaged plant that leaves its range, instead of the error
         """
         states = self._begun(runs)
         done = [0.0]
@@ -242,17 +243,25 @@ class Bench:
             elif kind == EXACT:
                 rows = [_alone(runs[k], params[k], states[k]) for k in members]
             else:
-                k = members[0]
-                with DESIGN:
-                    p = _params(runs[k])
-                    made = self.setup(runs[k], p)
-                rows = [_averaged(runs[k], p, states[k], made)]
+                rows = [self._averaged(runs[members[0]], states[members[0]], lenient)]
             for k, row in zip(members, rows):
-                out[k] = _features(runs[k], row, fine)
+                out[k] = None if row is None else _features(runs[k], row, fine)
             ended(sum(ticks_of(runs[k]) for k in members) / TICK_HZ)
 
         self._each(work, jobs)
         return out
+
+    def _averaged(self, run, state, lenient):
+        """Rows of a run in the baseband engine; None where it fails and may."""
+        try:
+            with DESIGN:
+                p = _params(run)
+                made = self.setup(run, p)
+            return _averaged(run, p, state, made)
+        except (ConfigError, RuntimeError):
+            if lenient:
+                return None
+            raise
 
     def _begun(self, runs):
         """States from which runs begin, each its own copy."""

@@ -158,11 +158,8 @@ class Tangents:
                 models.append(None)
         every = only or of.conditions.values()
         wanted = [(m, c, 0, h[c.id]) for m, h in zip(models, hertz) if m is not None for c in every]
-        try:
-            found = iter(of.smooth(wanted))
-        except PredictionFailed:
-            if len(points) == 1:
-                return [None]
-            half = len(points) // 2
-            return self._many(points[:half], hertz[:half], only) + self._many(points[half:], hertz[half:], only)
-        return [None if m is None else {c.id: next(found) for c in every} for m in models]
+        found, out = iter(of.smooth(wanted)), []
+        for m in models:
+            values = None if m is None else {c.id: next(found) for c in every}
+            out.append(None if values is None or any(v is None for v in values.values()) else values)
+        return out

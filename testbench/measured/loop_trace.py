@@ -4,8 +4,6 @@ Where the two differ by an effect of more than LIMIT sigmas, that point becomes 
 Source    docs/measured.md, docs/tracing.md
 """
 
-import numpy as np
-
 from testbench.measured.loop_problem import DRAWS
 from testbench.tracing.problem import PredictionFailed
 from testbench.tracing.trace import Options, Tracer
@@ -14,24 +12,18 @@ LIMIT, ROUNDS = 0.5, 4  # sigmas
 MORE = 2  # times the draws, from the third anchor on
 
 
-def point_of(problem, result):
-    """(theta, {law: coefficient}) that a result has come to."""
-    known = {row["name"]: row["after"] for row in result.nuisances}
-    theta = np.array([known.get(n.name, n.value) for n in problem.nuisances], float)
-    return theta, {row["law"]: row["value"] for row in result.effects}
-
-
 def run(problem, options=None, progress=None, checkpoint=None):
     """(Tracer, Result) of a problem; that of a closed loop is anchored until its certificate holds, or ROUNDS times."""
     for round_ in range(ROUNDS):
         tracer = Tracer(problem, options or Options(), progress, checkpoint)
-        result = tracer.run()
-        if not hasattr(problem, "anchor") or not result.nuisances:
-            return tracer, result
-        theta, effects = point_of(problem, result)
+        blocked = tracer.decide()
+        if blocked or not hasattr(problem, "anchor"):
+            return tracer, blocked or tracer.told()
+        theta, effects = tracer.arrived()
         try:
             certificate = problem.check(theta, effects)
         except PredictionFailed as reason:
+            result = tracer.told()
             result.certificates["numerical"] = {"failed": str(reason), "holds": False}
             return tracer, result
         certificate["holds"] = certificate["sigma"] < LIMIT
@@ -45,7 +37,8 @@ def run(problem, options=None, progress=None, checkpoint=None):
             # the core names nothing on a model that is not the engine's
             problem.numerical_certificate = certificate
             tracer = Tracer(problem, options or Options(), progress, checkpoint)
-            result = tracer.run()
+            blocked = tracer.decide()
+        result = blocked or tracer.told()
         result.certificates["numerical"] = certificate
         break
     return tracer, result

@@ -8,6 +8,8 @@
              With fewer it is simulated from the declared noise, as `expected` is; if the repeats reject that noise, a
              bootstrap over runs of rows is all there is
     score    sigmas of the predicted change that the held-out means show (rivals.confirmation)
+    log_odds ln of the density that the last model foretells for the held-out means along that change, less that of
+             the first; both Gaussian, with noise and what their fit does not know
     chi2     of the groups' means, whitened; expected 1 + what the fit's uncertainty adds
 Source    Künsch (1989), moving blocks; docs/tracing.md
 """
@@ -20,7 +22,7 @@ from scipy.stats import chi2 as chi2_law
 from testbench.tracing.model import Model
 from testbench.tracing.predictor import Failed
 from testbench.tracing.problem import option
-from testbench.tracing.rivals import confirmation
+from testbench.tracing.rivals import confirmation, sigma_along
 
 BLOCKS, BOOTSTRAPS, LEVEL = 12, 2000, 0.95
 SIMULATED, NUMBERS = 1000, 20_000_000  # simulated held-out sets, and numbers drawn for them at most
@@ -37,6 +39,7 @@ class HeldOut(NamedTuple):
     chi2: dict  # {model label: chi2 / rows}
     limit: float  # 99 % of chi2 / rows if the last model is right
     score: float = 0.0
+    log_odds: float = 0.0
     failed: str = ""
 
 
@@ -177,12 +180,13 @@ def judge(problem, space, predictor, fits, by="observable", seed=0, declared=Tru
     declared  False if the repeats have rejected the declared noise: nothing is simulated from it then
     The problem's `heldout_view`, if it has one, gives the same segments in finer features: errors are told in those.
     """
-    labels, last = list(fits), list(fits.values())[-1]
+    labels, models = list(fits), list(fits.values())
+    first, last = models[0], models[-1]
     points = [(f.point.theta, f.model.effects(f.point)) for f in fits.values()]
     predictions = predictor(points, space.which)
     for found in predictions:
         if isinstance(found, Failed):
-            return HeldOut({}, {}, float("nan"), 0.0, f"held-out groups: {found.reason}")
+            return HeldOut({}, {}, float("nan"), failed=f"held-out groups: {found.reason}")
     view = option(problem, "heldout_view")
     ask = predictor if view is None else view.predict
     view, seen = (problem, predictions) if view is None else (view, ask(points, space.which))
@@ -207,27 +211,47 @@ def judge(problem, space, predictor, fits, by="observable", seed=0, declared=Tru
         rows[key] = row
     z = [space.residual(p) for p in predictions]
     chi2 = {label: float(np.mean(v**2)) if space.size else None for label, v in zip(labels, z)}
-    limit = _limit(Model(space, predictor, last.model.names), last, predictions[-1], declared, rng)
-    return HeldOut(rows, chi2, limit, confirmation(space, z[0], z[-1]))
+    root = _root(space, predictor, last, predictions[-1])
+    odds = 0.0
+    if np.any(z[0] != z[-1]):
+        odds = foretold(space, z[0], z[-1], _root(space, predictor, first, predictions[0]), root)
+    return HeldOut(rows, chi2, _limit(space, root, declared, rng), confirmation(space, z[0], z[-1]), odds)
 
 
-def _limit(model, f, prediction, declared, rng):
+def _root(space, predictor, f, prediction):
+    """A, A A' = J C J': what a fit does not know of the whitened held-out means; None if a step cannot be predicted."""
+    j = Model(space, predictor, f.model.names).jacobian(f.point, prediction)
+    if not np.all(np.isfinite(j)) or not np.all(np.isfinite(f.covariance)):
+        return None
+    # in units of the deviations: coefficients of 1e9 and of 1e-9 stand side by side
+    sd = np.where(f.sd > 0, f.sd, 1.0)
+    values, vectors = np.linalg.eigh(f.covariance / np.outer(sd, sd))
+    return (j * sd) @ vectors * np.sqrt(np.maximum(values, 0.0))
+
+
+def foretold(space, first, last, *roots):
+    """`HeldOut.log_odds` of the whitened residuals of two models and the roots of what their fits do not know."""
+    if any(root is None for root in roots):
+        return 0.0
+    change = first - last
+    along, noise = change / np.linalg.norm(change), sigma_along(space, change, last)
+    variance = [noise**2 + np.sum((along @ root) ** 2) for root in roots]
+    cost = [(along @ z) ** 2 / v + np.log(v) for z, v in zip((first, last), variance)]
+    return float(cost[0] - cost[1]) / 2
+
+
+def _limit(space, root, declared, rng):
     """99 % of chi2 / rows if the last model is right, with what the fit does not know.
 
     From simulated sets; if the declared noise has been rejected, from that of a Gaussian of unit variance: mean
     tr(1 + JCJ'), variance 2 tr((1 + JCJ')^2).
     """
-    j = model.jacobian(f.point, prediction)
-    if not np.all(np.isfinite(j)) or not np.all(np.isfinite(f.covariance)):
+    if root is None:
         return float("inf")
-    # in units of the deviations: coefficients of 1e9 and of 1e-9 stand side by side
-    sd = np.where(f.sd > 0, f.sd, 1.0)
-    j, covariance = j * sd, f.covariance / np.outer(sd, sd)
     if declared:
-        values, vectors = np.linalg.eigh(covariance)
-        factor, dof = scaled(chi2_sets(model.space, j @ vectors * np.sqrt(np.maximum(values, 0.0)), rng))
+        factor, dof = scaled(chi2_sets(space, root, rng))
         return float(chi2_law.ppf(BAND, dof) * factor)
-    gram, rows = (j.T @ j) @ covariance, model.space.size
+    gram, rows = root.T @ root, space.size
     mean, variance = rows + np.trace(gram), 2 * (rows + 2 * np.trace(gram) + np.trace(gram @ gram))
     dof = 2 * mean**2 / variance
     return float(chi2_law.ppf(BAND, dof) * mean / dof / rows)

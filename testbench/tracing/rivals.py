@@ -31,15 +31,21 @@ def vuong(best, rival):
 def confirmation(space, before, after):
     """How many sigmas of the predicted change new data show; 0 if they do not fit better with it.
 
-    before, after  whitened residuals of data that neither fit has seen. The sigma is the larger one of the declared
-                   noise's and of the blocks' own scatter about the change, so that it is not too small in a noise
-                   that is slower or larger than declared
+    before, after  whitened residuals of data that neither fit has seen
     """
     change = before - after
     if not change.any() or after @ after >= before @ before:
         return 0.0
+    return float(change @ before / np.linalg.norm(change) / sigma_along(space, change, after))
+
+
+def sigma_along(space, change, after):
+    """Noise along a change, in units of the declared one: 1, or the blocks' own scatter about it if that is larger.
+
+    So it is not too small in a noise that is slower or larger than declared.
+    """
     scatter = np.sqrt(sum(float(change[part] @ after[part]) ** 2 for part in _parts(space)))
-    return float(change @ before / max(np.linalg.norm(change), scatter))
+    return max(1.0, float(scatter / np.linalg.norm(change)))
 
 
 def open_rivals(found):

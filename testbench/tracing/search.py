@@ -28,6 +28,7 @@ class Found(NamedTuple):
     adequate: bool
     checks: list  # what the adequacy test said, in order
     pool: tuple
+    dropped: tuple = ()  # the best set, if all data together are not worth naming it
 
     def fit(self, names):
         return self.candidates[names].fit

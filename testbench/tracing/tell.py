@@ -199,7 +199,8 @@ def result(tracer, decision):
     out.confounded, out.alike = confounded(tracer), tracer.alike
     out.heldout, out.heldout_chi2 = (
         tracer.heldout.rows,
-        tracer.heldout.chi2 | {"limit": tracer.heldout.limit, "score": tracer.heldout.score},
+        tracer.heldout.chi2
+        | {"limit": tracer.heldout.limit, "score": tracer.heldout.score, "log_odds": tracer.heldout.log_odds},
     )
     out.p_global = tracer.p
     k = sum(len(r.names) for r in tracer.ranked.values())
@@ -216,7 +217,7 @@ def result(tracer, decision):
         ],
         "at_prior_width": list(tracer.identified.at_prior),
     }
-    last = tracer.fits["after"]
+    base, last = tracer.base.fit, tracer.fits["after"]
     out.nuisances = [
         {
             "name": n.name,
@@ -226,8 +227,8 @@ def result(tracer, decision):
             "before": float(b),
             "after": float(x),
         }
-        | {"sd": float(s)}
-        for n, b, x, s in zip(problem.nuisances, tracer.base.fit.point.theta, last.point.theta, last.sd)
+        | {"sd_before": float(d), "sd": float(s)}
+        for n, b, d, x, s in zip(problem.nuisances, base.point.theta, base.sd, last.point.theta, last.sd)
     ]
     out.power_d90, out.null = (tracer.power["d90"], tracer.power) if tracer.power else ({}, {})
     out.null = {k: v for k, v in out.null.items() if k != "d90"}

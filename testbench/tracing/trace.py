@@ -12,6 +12,7 @@ from testbench.tracing import discover, heldout, identify, next_experiment, nois
 from testbench.tracing.alarms import remembered
 from testbench.tracing.alike import exchanges
 from testbench.tracing.checkpoint import Store
+from testbench.tracing.evidence import log_prior
 from testbench.tracing.model import Model
 from testbench.tracing.power import Power
 from testbench.tracing.predictor import Predictor
@@ -19,7 +20,7 @@ from testbench.tracing.problem import all_laws, check, option
 from testbench.tracing.rank import Signatures, rank
 from testbench.tracing.result import Result
 from testbench.tracing.rivals import open_rivals
-from testbench.tracing.search import Search
+from testbench.tracing.search import CREDIBLE, WORTH, Search, inclusion
 from testbench.tracing.space import Space
 
 SAME = 0.9995  # cosine from which a law of the library is one of the catalogue
@@ -169,6 +170,25 @@ class Tracer:
         self.rivals = [] if found.adequate else open_rivals(found)
         return found
 
+    def weigh(self):
+        """Drop the best set if all data, fitted and held out, do not bear it out.
+
+        Its odds must be those that one more law must have; one that is not the only or not the whole explanation must
+        be confirmed by the held-out data alone: they must be foretold better with it than without.
+        """
+        if self.found is None or not self.found.best:
+            return
+        best, none = (self.found.candidates[names] for names in (self.found.best, ()))
+        fitted = best.log_z + log_prior(best.names, self.priors) - none.log_z
+        held, chance = self.heldout.log_odds, inclusion(*self.posterior)
+        sure = self.found.adequate and all(chance[law] > CREDIBLE for law in best.names)
+        if fitted + held < WORTH or (not sure and held < 0):
+            said = " + ".join(best.names)
+            self.notes.append(f"{said}: ln odds {fitted:.1f} where fitted, {held:.1f} where held out")
+            self.found = self.found._replace(best=(), adequate=False, dropped=best.names)
+            self.rivals = []
+            self.judge()
+
     def compare(self):
         """Laws of the library that would do as well as those of an adequate set."""
         if self.options.alike and self.library and self.found is not None and self.found.adequate:
@@ -178,6 +198,11 @@ class Tracer:
             self.alike = exchanges(ranking, best, self.library, self.laws)
 
     def run(self):
+        """`Result`."""
+        return self.decide() or self.told()
+
+    def decide(self):
+        """Calibrate, alarm, search, judge. A `Result` where nothing of it can be done, None else."""
         problem, options = self.problem, self.options
         firmware = option(problem, "firmware")
         if firmware:
@@ -195,13 +220,18 @@ class Tracer:
         self.alarms = self.alarm(self.base.fit, self.first)
         alarm, self.p = verdict.detected(self.alarms, options.alpha, options.looks)
         self.found, self.posterior = None, ([()], [1.0])
-        decision = verdict.without_tracing(alarm, self.alarms, self.noise, options.alpha, self.p)
-        if decision is None:
+        self.decision = verdict.without_tracing(alarm, self.alarms, self.noise, options.alpha, self.p)
+        if self.decision is None:
             self.found = self.search()
         self.judge()
+        self.weigh()
+        return None
+
+    def told(self):
+        """`Result` of what has been decided, with what the reader needs besides."""
         self.compare()
         self.plan()
-        return tell.result(self, decision)
+        return tell.result(self, self.decision)
 
     def plan(self):
         """Power of this record, and what to measure next."""
@@ -226,6 +256,11 @@ class Tracer:
                     rivals, self.problem, offered, tell.rivals_kept(self), self.store
                 )
 
+    def arrived(self):
+        """(theta, {law: coefficient}) that the trace has come to."""
+        fit = self.fits["after"]
+        return fit.point.theta, fit.model.effects(fit.point)
+
     def judge(self):
         """Held-out error of the calibrated model, of the best law alone, and of the best set."""
         fits = {"before": self.base.fit}
@@ -238,7 +273,7 @@ class Tracer:
         if self.held.size:
             self.heldout = self.judged(fits)
         else:
-            self.heldout = heldout.HeldOut({}, {}, float("inf"), 0.0, "no segment with the role validate")
+            self.heldout = heldout.HeldOut({}, {}, float("inf"), failed="no segment with the role validate")
 
 
 def trace(problem, options=None, progress=None, checkpoint=None):

@@ -91,15 +91,18 @@ def with_search(search_found, inclusion, free, confirmed, doubtful, blocked, cer
     doubtful   why the noise is not to be trusted; "" if it is
     blocked    why nothing may be named whatever is found; "" if nothing is in the way
     """
-    best = search_found.best
+    best, said = search_found.best, " + ".join(search_found.best or search_found.dropped)
+    if said and doubtful and not confirmed:
+        return Decision("noise-model", f"{doubtful}, and {said} is not confirmed by held-out data")
+    if search_found.dropped:
+        return Decision(
+            "unexplained", f"something is missing; {said} fits best, but all data together do not bear it out"
+        )
     if not best:
         what = (
             f"something is missing, or noise larger than declared ({doubtful})" if doubtful else "something is missing"
         )
         return Decision("unexplained", f"{what}, and no law that was tried explains it")
-    said = " + ".join(best)
-    if doubtful and not confirmed:
-        return Decision("noise-model", f"{doubtful}, and {said} is not confirmed by held-out data")
     if blocked:
         return Decision("unexplained", f"{blocked}: {said} explains a part, and is not named")
     if not search_found.adequate:

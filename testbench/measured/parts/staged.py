@@ -15,6 +15,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.stats import norm
 
 from testbench.tracing import evidence, heldout
 from testbench.tracing.problem import Nuisance, PredictionFailed, all_laws
@@ -29,7 +30,8 @@ SUPPORTED = 9.0  # of chi2, three sigmas of one coefficient
 ALIKE = 0.95
 HARMLESS = 1.02  # by which an observable may become worse
 MOST_TRIES = 8  # laws that are refitted before a round gives up
-LEAST_D = 3.0  # of a law beside all the others
+CHANCE = 0.01  # that noise makes the largest of as many laws as were tried as large as the least of those that stay
+STRAYED = 5.0  # sd of its prior by which a law's own shape may be moved: further on it is not the law that was tried
 NOTHING = ("none", "noise-model")
 
 
@@ -149,19 +151,26 @@ def _try(tracer, row, rows):
 
 
 def _pruned(problem, names, options):
-    """Laws whose coefficient is still above 3 sigmas with all the others there; the least certain goes first."""
-    names = list(names)
-    while len(names) > 1:
+    """Laws that are still clear, and what they were, beside all the others; the least certain goes first."""
+    names, least = list(names), norm.isf(CHANCE / 2 / max(len(all_laws(problem)), 1))
+    while names:
         now = absorbed(problem, names)
         tracer = Tracer(now, options, None, None)
         if not tracer.calibrate():
             break
         fit, at = tracer.base.fit, [[n.name for n in now.nuisances].index(name) for name in names]
         d = np.abs(fit.point.theta[at]) / np.maximum(fit.sd[at], 1e-300)
-        if d.min() >= LEAST_D:
+        d[[_strayed(name, now.nuisances, fit.point.theta) for name in names]] = 0.0
+        if d.min() >= least:
             break
         names.pop(int(np.argmin(d)))
     return names
+
+
+def _strayed(law, nuisances, theta):
+    """True if a nuisance that a law brought along has left its prior."""
+    own = ((n, t) for n, t in zip(nuisances, theta) if n.name.startswith(f"{law} "))
+    return any(abs(t - n.value) > STRAYED * n.prior_sd for n, t in own)
 
 
 def absorbed(problem, names):
@@ -177,24 +186,15 @@ def _misfit_without_repeats(first, options):
     return bool(first.certificates["repeats"]["R14"]) and first.p_global < options.alpha
 
 
-def staged(problem, options=None, most=12, progress=None):
-    """`Staged` of a problem; `most` laws are added at most."""
-    options = options or Options()
-    quick = replace(options, max_laws=1, n_null=min(options.n_null, QUICK), power=False, experiments=False)
-    first = Tracer(problem, quick, progress, None).run()
-    rounds, names, refused, last = [], [], set(), first
-    looked_for = first.verdict not in NOTHING or _misfit_without_repeats(first, options)
-    while looked_for and len(names) < most:
-        now = absorbed(problem, names)
-        tracer = Tracer(now, quick, None, None)
+def _forward(problem, names, refused, most, options, progress):
+    """`Round`s of laws that were tried beside `names`, until none is decisive. Adds to `names` and `refused`."""
+    rounds = []
+    while len(names) < most:
+        tracer = Tracer(absorbed(problem, names), options, None, None)
         tracer.dropped = {}
         if progress:
             progress(f"laws so far: {len(names)}", len(names), most)
-        if not tracer.calibrate():
-            break
-        rows = _decisive(tracer, refused)
-        if not rows:
-            break
+        rows = _decisive(tracer, refused) if tracer.calibrate() else []
         for row in rows[:MOST_TRIES]:
             rounds.append(_try(tracer, row, rows))
             if rounds[-1].kept:
@@ -203,9 +203,25 @@ def staged(problem, options=None, most=12, progress=None):
             refused.add(row[1])
         else:
             break
-    added, names = names, _pruned(problem, names, quick)
+    return rounds
+
+
+def staged(problem, options=None, most=12, progress=None):
+    """`Staged` of a problem; `most` laws are added at most."""
+    options = options or Options()
+    quick = replace(options, max_laws=1, n_null=min(options.n_null, QUICK), power=False, experiments=False)
+    first = Tracer(problem, quick, progress, None).run()
+    rounds, names, refused, last = [], [], set(), first
+    going = first.verdict not in NOTHING or _misfit_without_repeats(first, options)
+    superseded = []
+    while going:
+        rounds += _forward(problem, names, refused, most, quick, progress)
+        kept = _pruned(problem, names, quick)
+        gone = [name for name in names if name not in kept]
+        superseded, names, going = superseded + gone, kept, bool(gone)
+        # what was in the way is gone: others may come in its place
+        refused.update(gone)
     rounds = [r._replace(kept=r.law in names) for r in rounds]
-    superseded = [n for n in added if n not in names]
     if names:
         last = Tracer(absorbed(problem, names), quick, progress, None).run()
     return Staged(first, rounds, last, summary(problem, first, rounds, last, superseded))
@@ -223,7 +239,7 @@ def summary(problem, first, rounds, last, superseded=()):
     fitted, effects, data = {row["name"]: row for row in last.nuisances}, [], {}
     for r in kept:
         law, row = laws[r.law], fitted[r.law]
-        value, sd = row["before"], row["sd"]
+        value, sd = row["before"], row["sd_before"]
         more = getattr(problem, "details", None)
         effects.append(
             {"law": law.name, "port": law.port, "value": value, "sd": sd, "unit": law.unit, "d": abs(value) / sd}
@@ -245,6 +261,8 @@ def summary(problem, first, rounds, last, superseded=()):
         # without repeats a misfit that no law explains on held-out data is not told from noise
         told = first.verdict in (*NOTHING, "firmware") or not first.certificates["repeats"]["R14"]
         verdict = first.verdict if told else "noise-model"
+        # a first trace may name what held-out data do not bear out
+        verdict = "unexplained" if verdict in ("named", "confounded") else verdict
     else:
         unsure = any(r.rivals for r in kept[:1]) or any(" or " in e["port"] for e in effects)
         verdict = "confounded" if unsure else "named"

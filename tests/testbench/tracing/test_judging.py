@@ -5,13 +5,15 @@ import tomllib
 
 import numpy as np
 import pytest
-from scipy.stats import binom
+from scipy.stats import binom, multivariate_normal
 
-from testbench.tracing import discover, report
-from testbench.tracing.heldout import FLOOR_FACTOR, bootstrap, p_above
+from testbench.tracing import discover, heldout, report
+from testbench.tracing.heldout import FLOOR_FACTOR, bootstrap, foretold, p_above
 from testbench.tracing.power import clopper_pearson
 from testbench.tracing.problem import PortForce
 from testbench.tracing.result import plain
+from testbench.tracing.rivals import sigma_along
+from testbench.tracing.space import Block
 from testbench.tracing.trace import Options, Tracer, trace
 from tests.testbench.tracing.toys import BINS, Toy
 
@@ -88,6 +90,41 @@ def test_few_held_out_rows_have_wide_intervals():
     assert row["after_ci"][0] < 0.9 * row["after"] < row["after"] < 1.1 * row["after"] < row["after_ci"][1]
     assert row["before_ci"][0] < row["before"] < row["before_ci"][1]
     assert row["gain_ci"][0] < row["gain"] < row["gain_ci"][1]
+
+
+class _Space:
+    blocks = tuple(Block(g, "a", slice(40 * g, 40 * g + 40)) for g in range(5))
+
+
+@pytest.mark.parametrize("truth", [0.0, 4.0])
+@pytest.mark.parametrize("size", [0.5, 4.0, 8.0])
+def test_held_out_odds_are_those_of_two_predictive_densities(size, truth):
+    """Whole Gaussian densities of all rows, where what the fits do not know lies along the change."""
+    rng, rows = np.random.default_rng(3), 200
+    along = rng.normal(size=rows)
+    along /= np.linalg.norm(along)
+    outer, without, with_law = np.outer(along, along), 0.3, 0.7  # sigmas that each fit does not know
+    first = rng.normal(size=rows) + truth * along
+    last = first - size * along
+    noise = np.eye(rows) + (sigma_along(_Space, size * along, last) ** 2 - 1) * outer
+    one, two = (multivariate_normal(np.zeros(rows), noise + sd**2 * outer) for sd in (without, with_law))
+    found = foretold(_Space, first, last, without * along[:, None], with_law * along[:, None])
+    assert found == pytest.approx(two.logpdf(last) - one.logpdf(first), abs=1e-9)
+    if size == 4.0:
+        assert found > 3 if truth else found < -3
+    assert foretold(_Space, first, last, None, along[:, None]) == 0.0
+
+
+@pytest.mark.parametrize(("log_odds", "listed"), [(-1.0, True), (-1000.0, False)])
+def test_a_law_that_all_data_together_do_not_support_is_not_listed(monkeypatch, log_odds, listed):
+    judged = heldout.judge
+    monkeypatch.setattr(heldout, "judge", lambda *args: judged(*args)._replace(log_odds=log_odds))
+    result = trace(Toy(5, {"feed": 0.1}), QUICK)
+    assert [row["law"] for row in result.effects] == ["feed"] * listed
+    assert result.verdict == ("named" if listed else "unexplained")
+    assert not listed or not result.notes
+    assert listed or ("feed" in result.sentence and "-1000.0 where held out" in result.notes[-1])
+    assert listed or result.heldout["a"]["after"] == result.heldout["a"]["before"]
 
 
 def test_held_out_groups_can_be_rows_of_the_table():

@@ -23,6 +23,15 @@ def test_a_vibration_is_found_on_its_axis(tmp_path):
     assert row["before"] > 1.5 * row["floor"]
 
 
+def test_a_broad_hump_is_not_the_vibration_that_was_tried(tmp_path):
+    """Noise of quality 0.6: a line's frequency and width are carried out of their priors by it."""
+    made.rest(tmp_path / "h", np.random.default_rng(1), (1, 9.0, 0.6, 0.4), axes=2)
+    found = staged(open_problem([tmp_path / "h.npz"], {}), most=1).json
+    assert found["effects"] == []
+    assert found["superseded"][0].startswith("y: vibration")
+    assert found["verdict"] in ("unexplained", "noise-model")
+
+
 def test_white_noise_gains_no_effect(tmp_path):
     made.rest(tmp_path / "b", np.random.default_rng(2), axes=1)
     assert staged(open_problem([tmp_path / "b.npz"], {}), most=1).json["effects"] == []
