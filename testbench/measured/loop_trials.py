@@ -18,6 +18,7 @@ import time
 import numpy as np
 
 from testbench import config as configuration
+from testbench.errors import ConfigError
 from testbench.measured import loop_laws, loop_noise, loop_problem, loop_runs, loop_trace
 from testbench.measured.loop_runs import EXACT, FAST, Model, Run
 from testbench.measured.parameters import Parameter
@@ -33,6 +34,7 @@ FLICKER = 3.0
 PLAUSIBLE = 5.0  # scales of a law, which is the sd of its prior
 CLEAR_D = 8.0
 TRUE_SEED = 5 * 10**12
+REDRAWS, REDRAWN = 5, 10**6  # boards drawn in place of one that loses its lock, and how far on their seeds are
 
 # chosen of forty random ones so that laws of the catalogue are least alike (largest mean of sin, capped at 0.6): three
 # of them detuned and at three temperatures, since nothing else tells drive from damping laws
@@ -212,10 +214,8 @@ def drawn(bank, problem, kind, seed, d_range=(8.0, 60.0)):
     return theta, effects, texts, tuple(truth)
 
 
-def trial(bank, problem, kind, seed, options=None, d_range=(CLEAR_D, 60.0)):
-    """(`told` of a trial of a kind, its Result); `problem` is `bank.blank()`."""
-    begun = time.perf_counter()
-    theta, effects, texts, truth = drawn(bank, problem, kind, seed, d_range)
+def recorded(bank, problem, kind, seed, theta, effects, texts):
+    """{condition: features of its repeats} in the exact engine; ConfigError where a board loses its lock."""
     board = problem.told(theta, effects)
     if kind == "flicker":
         level = "plant.sid_flicker_v_per_rthz"
@@ -231,7 +231,21 @@ def trial(bank, problem, kind, seed, options=None, d_range=(CLEAR_D, 60.0)):
 
     runs = [powered(c, 100 * i + r) for i, c in enumerate(bank.conditions) for r in range(bank.repeats[c.role])]
     rows = iter(bank.bench.run(runs, EXACT, fine=True))
-    values = {c.id: np.array([next(rows) for _ in range(bank.repeats[c.role])]) for c in bank.conditions}
+    return {c.id: np.array([next(rows) for _ in range(bank.repeats[c.role])]) for c in bank.conditions}
+
+
+def trial(bank, problem, kind, seed, options=None, d_range=(CLEAR_D, 60.0)):
+    """(`told` of a trial of a kind, its Result); `problem` is `bank.blank()`."""
+    begun = time.perf_counter()
+    for again in range(REDRAWS):
+        theta, effects, texts, truth = drawn(bank, problem, kind, seed + again * REDRAWN, d_range)
+        try:
+            values = recorded(bank, problem, kind, seed, theta, effects, texts)
+            break
+        except ConfigError:
+            # a board that loses its lock gives no record
+            if again == REDRAWS - 1:
+                raise
     asked = bank.problem(f"trial {seed}", values, {"trial": str(seed)})
     _, result = loop_trace.run(asked, options or Options(seed=seed, power=False, experiments=False, alike=False))
     return told(kind, seed, truth, result, time.perf_counter() - begun), result

@@ -11,9 +11,11 @@ from numba import config as numba_config
 from analog_frontend.effects import law
 from testbench import config as configuration
 from testbench import law_file
+from testbench.errors import ConfigError
 from testbench.golden import bundle, effect
-from testbench.measured import loop_laws, loop_noise, loop_rates, loop_runs, loop_trials
+from testbench.measured import loop_laws, loop_noise, loop_rates, loop_runs, loop_trace, loop_trials
 from testbench.measured.loop_runs import EXACT, FAST, Model, Run
+from testbench.tracing.result import Result
 from testbench.tracing.space import Space
 from testbench.tracing.trace import SAME
 
@@ -138,6 +140,35 @@ KEYS = "verdict effects heldout p_global looks power_d90 certificates hashes"
 OF_EFFECT, OF_OBSERVABLE = "law port value sd unit d", "unit floor before after before_ci after_ci gain_ci expected"
 
 
+class _Bank:
+    """Gives the seed of a board back as its problem."""
+
+    def problem(self, name, values, hashes):
+        return values
+
+
+@pytest.mark.parametrize(("lost", "board"), [(0, 7), (2, 7 + 2 * loop_trials.REDRAWN)])
+def test_a_board_that_loses_its_lock_is_drawn_again(monkeypatch, lost, board):
+    """A trial's record is that of the first board that keeps its lock; too many that do not are an error."""
+    seeds = []
+
+    def recorded(bank, problem, kind, seed, theta, effects, texts):
+        if len(seeds) <= lost:
+            raise ConfigError("no lock")
+        return theta
+
+    monkeypatch.setattr(loop_trials, "drawn", lambda _, __, kind, seed, d: seeds.append(seed) or (seed, {}, (), ()))
+    monkeypatch.setattr(loop_trials, "recorded", recorded)
+    monkeypatch.setattr(loop_trace, "run", lambda asked, options: (None, Result("x", "none", str(asked))))
+    row, _ = loop_trials.trial(_Bank(), None, "none", 7)
+    assert (row["sentence"], row["seed"]) == (str(board), 7)
+    assert seeds[-1] == board
+    lost = loop_trials.REDRAWS
+    seeds.clear()
+    with pytest.raises(ConfigError):
+        loop_trials.trial(_Bank(), None, "none", 7)
+
+
 @pytest.fixture(scope="module")
 def twelve(bank, blank):
     """[(what is known of a trial, its Result)]."""
@@ -203,7 +234,7 @@ def test_a_law_that_was_found_becomes_golden_vectors(twelve, tmp_path):
 def test_a_hundred_trials(tmp_path):
     """Rates over a hundred trials of every kind, with the grammar beyond the catalogue."""
     path = Path(os.environ.get("GYRO_TRIALS", tmp_path / "trials.jsonl"))
-    loop_rates.main(["100", "--keep", str(path)])
+    loop_rates.main(["100", "--first", "8000", "--keep", str(path)])
     done = loop_rates.kept(path)
     assert len(done) == 100
     quiet = [t for t in done if t["kind"] in ("none", "flicker")]
