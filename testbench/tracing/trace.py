@@ -20,7 +20,7 @@ from testbench.tracing.problem import all_laws, check, option
 from testbench.tracing.rank import Signatures, rank
 from testbench.tracing.result import Result
 from testbench.tracing.rivals import open_rivals
-from testbench.tracing.search import CREDIBLE, WORTH, Search, inclusion
+from testbench.tracing.search import Search
 from testbench.tracing.space import Space
 
 SAME = 0.9995  # cosine from which a law of the library is one of the catalogue
@@ -171,18 +171,16 @@ class Tracer:
         return found
 
     def weigh(self):
-        """Drop the best set if all data, fitted and held out, do not bear it out.
+        """Drop the best set if all data, fitted and held out, give it odds below 1 / alpha against no law at all.
 
-        Its odds must be those that one more law must have; one that is not the only or not the whole explanation must
-        be confirmed by the held-out data alone: they must be foretold better with it than without.
+        So often an alarm is false, and has some best set.
         """
         if self.found is None or not self.found.best:
             return
         best, none = (self.found.candidates[names] for names in (self.found.best, ()))
         fitted = best.log_z + log_prior(best.names, self.priors) - none.log_z
-        held, chance = self.heldout.log_odds, inclusion(*self.posterior)
-        sure = self.found.adequate and all(chance[law] > CREDIBLE for law in best.names)
-        if fitted + held < WORTH or (not sure and held < 0):
+        held = self.heldout.log_odds
+        if fitted + held < -np.log(self.options.alpha):
             said = " + ".join(best.names)
             self.notes.append(f"{said}: ln odds {fitted:.1f} where fitted, {held:.1f} where held out")
             self.found = self.found._replace(best=(), adequate=False, dropped=best.names)
