@@ -31,7 +31,7 @@ ALIKE = 0.95
 HARMLESS = 1.02  # by which an observable may become worse
 MOST_TRIES = 8  # laws that are refitted before a round gives up
 CHANCE = 0.01  # that noise makes the largest of as many laws as were tried as large as the least of those that stay
-STRAYED = 5.0  # sd of its prior by which a law's own shape may be moved: further on it is not the law that was tried
+STRAYED = 3.0  # sd of its prior by which a law's own shape may be moved: further on it is not the law that was tried
 NOTHING = ("none", "noise-model")
 
 
@@ -163,7 +163,9 @@ def _pruned(problem, names, options):
         d[[_strayed(name, now.nuisances, fit.point.theta) for name in names]] = 0.0
         if d.min() >= least:
             break
-        names.pop(int(np.argmin(d)))
+        gone = names[int(np.argmin(d))]
+        # laws that say more of a law go with it
+        names = [name for name in names if name != gone and not name.startswith(f"{gone} ")]
     return names
 
 
@@ -212,15 +214,10 @@ def staged(problem, options=None, most=12, progress=None):
     quick = replace(options, max_laws=1, n_null=min(options.n_null, QUICK), power=False, experiments=False)
     first = Tracer(problem, quick, progress, None).run()
     rounds, names, refused, last = [], [], set(), first
-    going = first.verdict not in NOTHING or _misfit_without_repeats(first, options)
-    superseded = []
-    while going:
-        rounds += _forward(problem, names, refused, most, quick, progress)
-        kept = _pruned(problem, names, quick)
-        gone = [name for name in names if name not in kept]
-        superseded, names, going = superseded + gone, kept, bool(gone)
-        # what was in the way is gone: others may come in its place
-        refused.update(gone)
+    if first.verdict not in NOTHING or _misfit_without_repeats(first, options):
+        rounds = _forward(problem, names, refused, most, quick, progress)
+    added, names = names, _pruned(problem, names, quick)
+    superseded = [name for name in added if name not in names]
     rounds = [r._replace(kept=r.law in names) for r in rounds]
     if names:
         last = Tracer(absorbed(problem, names), quick, progress, None).run()

@@ -234,7 +234,7 @@ def test_a_law_that_was_found_becomes_golden_vectors(twelve, tmp_path):
 def test_a_hundred_trials(tmp_path):
     """Rates over a hundred trials of every kind, with the grammar beyond the catalogue."""
     path = Path(os.environ.get("GYRO_TRIALS", tmp_path / "trials.jsonl"))
-    loop_rates.main(["100", "--first", "8000", "--keep", str(path)])
+    loop_rates.main(["100", "--first", "9000", "--keep", str(path)])
     done = loop_rates.kept(path)
     assert len(done) == 100
     quiet = [t for t in done if t["kind"] in ("none", "flicker")]
