@@ -236,6 +236,10 @@ class RestProblem:
         self._data = [*self._chunks, *self._steps]
         self._index = {n.name: i for i, n in enumerate(self.nuisances)}
 
+    def more_of(self, law):
+        """Frequency and quality of a vibration that is part of the model, and how it settles."""
+        return [n.name for n in self.nuisances if law in self._line_at and n.name.startswith(f"{law} ")]
+
     def absorbed(self, names):
         """The problem in which these laws are part of the model."""
         return RestProblem.rebuilt(self, names)

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.stats import norm
 
 from testbench.tracing import evidence, heldout
-from testbench.tracing.problem import Nuisance, PredictionFailed, all_laws
+from testbench.tracing.problem import Nuisance, PredictionFailed, all_laws, option
 from testbench.tracing.rank import one_sided
 from testbench.tracing.refit import refit
 from testbench.tracing.result import plain
@@ -160,19 +160,19 @@ def _pruned(problem, names, options):
             break
         fit, at = tracer.base.fit, [[n.name for n in now.nuisances].index(name) for name in names]
         d = np.abs(fit.point.theta[at]) / np.maximum(fit.sd[at], 1e-300)
-        d[[_strayed(name, now.nuisances, fit.point.theta) for name in names]] = 0.0
+        more_of = option(now, "more_of", lambda law: ())
+        own = {name: more_of(name) for name in names}
+        d[[_strayed(own[name], now.nuisances, fit.point.theta) for name in names]] = 0.0
         if d.min() >= least:
             break
         gone = names[int(np.argmin(d))]
-        # laws that say more of a law go with it
-        names = [name for name in names if name != gone and not name.startswith(f"{gone} ")]
+        names = [name for name in names if name != gone and name not in own[gone]]
     return names
 
 
-def _strayed(law, nuisances, theta):
+def _strayed(own, nuisances, theta):
     """True if a nuisance that a law brought along has left its prior."""
-    own = ((n, t) for n, t in zip(nuisances, theta) if n.name.startswith(f"{law} "))
-    return any(abs(t - n.value) > STRAYED * n.prior_sd for n, t in own)
+    return any(abs(t - n.value) > STRAYED * n.prior_sd for n, t in zip(nuisances, theta) if n.name in own)
 
 
 def absorbed(problem, names):
