@@ -314,11 +314,11 @@ def design(tables, word0, lags, hold, w_rad_per_s):
         _noise(g, 0, U_DRIVE, phi0),
         _noise(g, 3, U_SENSE, phi0),
     )
+    growths = [log(value) for value in values[:2]]
+    grown = [[exp(growth * (FRAME_TICKS - 1 - k)) for k in range(FRAME_TICKS)] for growth in growths]
     for s, vector in enumerate(exciting):
         mode = s % 2
         gain = 2 * sum(inverse[mode][k] * vector[k] for k in range(4))
-        growth = log(values[mode])
         for j in range(FRAME_TICKS // hold):
-            total = sum((exp(growth * (FRAME_TICKS - 1 - k)) for k in range(hold * j, hold * (j + 1))), 0j)
-            force[s, j] = _real([gain * total])
+            force[s, j] = _real([gain * sum(grown[mode][hold * j : hold * (j + 1)], 0j)])
     return Averaged(word0, np.array(rows), np.ascontiguousarray(force), changes)

@@ -34,7 +34,7 @@ from testbench.measured.loop_tangents import Tangents
 from testbench.tracing.problem import Nuisance, Observable, PredictionFailed, Segment
 
 PLACE_HZ = 2e-3  # from the model's drive frequency to the recorded one: what is less is scatter of the power-ons
-DRAWS = 16  # of the exact engine at an anchor
+LOOK, DRAWS = 5, 16  # of the exact engine at an anchor: for a first look, and later
 FIRST_DRAW = 10**12  # seeds that no recording has
 SETTLED = 200.0  # sigmas of all features together: so little needs no other anchor
 
@@ -52,7 +52,7 @@ class Kept:
     """Anchors, tangents and noise by what they depend on: trials under the same conditions share them."""
 
     def __init__(self):
-        self.noise, self.columns, self.offsets, self.exact = {}, {}, {}, {}
+        self.noise, self.columns, self.steps, self.exact = {}, {}, {}, {}
 
 
 class LoopProblem:
@@ -91,13 +91,13 @@ class LoopProblem:
         self._begun, self._middle = draws, {g: v.mean(axis=0) for g, v in draws.items()}
         self.heldout_view = Fine(self, {g: v[:, self._sizes[g] :] for g, v in draws.items()})
         self._rows = {s.group: k for k, s in enumerate(self.segments)}
-        self.anchors, self.draws, self.tangent = 0, DRAWS, None
+        self.anchors, self.draws, self.tangent = 0, LOOK, None
         self.first = np.array([n.value for n in self.nuisances])
         self.anchor(self.first, {})
         self.tangents = Tangents(self)
         self.tangents.make([*(n.name for n in self.nuisances), *(law.name for law in self.laws)])
-        columns = [self.column(n.name) for n in self.nuisances]
-        self.tangent = {g: np.stack([c[g] for c in columns], axis=1) for g in self.base}
+        columns = [(self.column(n.name), self.column(n.name, "validate")) for n in self.nuisances]
+        self.tangent = {g: np.stack([(a | b)[g] for a, b in columns], axis=1) for g in self.base}
         if any(np.any(v) for v in measured.values.values()):
             self.settle()
 
@@ -225,7 +225,7 @@ class LoopProblem:
         keys = {c.id: self.key(*told, c._replace(role=""), self.place[c.id]) for c in chosen}
         moved = self._moved_hz(theta, effects)
         # the averaged plant with the same noise, where the model began
-        twins = self._draws(Model(self.model), self.draws)
+        twins = self._draws(Model(self.model), max(self.draws, DRAWS))
         kept = {c.id: self.kept.exact.get(keys[c.id], np.zeros((0, len(self.slope[c.id])))) for c in chosen}
         todo = [(model, c, k, moved[c.id]) for c in chosen for k in range(len(kept[c.id]), self.draws)]
         found = iter(self._run(todo, EXACT))
@@ -273,7 +273,7 @@ class LoopProblem:
         for name in {*effects, *effects0}:
             change = effects.get(name, 0.0) - effects0.get(name, 0.0)
             if change:
-                out = out + self.column(name)[group] * change
+                out = out + self.column(name, self.conditions[group].role)[group] * change
         return out
 
     def size(self, change):
@@ -283,9 +283,18 @@ class LoopProblem:
             total += float(np.sum(self.whiten(self._rows[group], v) ** 2))
         return np.sqrt(total)
 
-    def column(self, name):
-        """{condition: change of the features per unit of a nuisance or law}; the library's are made when asked for."""
-        return self.tangents.column(name)
+    def column(self, name, role="fit"):
+        """{condition of a role: change of the features per unit of a nuisance or law}."""
+        return self.tangents.column(name, role)
+
+    def axis(self, name):
+        """Axis of a law, by its port."""
+        return self.candidates[name].law.port[-1] if name in self.candidates else ""
+
+    def like(self, names):
+        """Laws of the library that might stand for some laws: at ports of their axes, for others move other things."""
+        axes = {self.axis(name) for name in names}
+        return tuple(law.name for law in self.library if self.axis(law.name) in axes)
 
     def settle(self):
         """Anchor where the nuisances alone fit the data best: far from it no linear model holds."""
@@ -320,6 +329,20 @@ class LoopProblem:
         size = np.linalg.norm(s, axis=0)
         s = s[: -len(sd), size > 0] / size[size > 0]
         return s.T @ stacked(change)
+
+    def distance(self, theta, effects):
+        """Certificate at a point near the anchor: what the linear model changes from there, as if none of it were so.
+
+        At the anchor the model is the exact engine; `check` runs that again.
+        """
+        fitted = [c.id for c in self._all() if c.role == "fit"]
+        change = {g: self._change(theta, effects, *self.at, g)[: self._sizes[g], None] for g in fitted}
+        return {
+            "engines": "exact engine (lanes) at the anchor, and all that the fitted model changes from there",
+            "sigma": float(np.max(np.abs(self.pseudo(change)))),
+            "anchors": self.anchors,
+            "draws": self.draws,
+        }
 
     def check(self, theta, effects):
         """Certificate at a point: exact engine less the linear model that was fitted, as a pseudo-effect.

@@ -154,8 +154,8 @@ def _preset(condition):
     return condition.temperature_degc, condition.detune_deg
 
 
-def powered(cfg, condition, ticks):
-    """engine.State of a board at a tick after power-on, by the frame engine."""
+def switched_on(cfg, condition):
+    """`Simulation` of a board under a condition, whose registers have just been written."""
     temp, before = condition.temperature_degc, _before(condition)
     with DESIGN:
         sim = Simulation(cfg, temp, temp, engine="frame")
@@ -169,8 +169,18 @@ def powered(cfg, condition, ticks):
     sim.now = (np.array([before * DEG]), np.array([temp]))
     for name, raw in wanted.items():
         sim.write(name, raw)
-    sim.advance(ticks - sim.tick, before * DEG, temp)
-    return sim.state
+    return sim
+
+
+def powered(sims, ticks):
+    """engine.State of boards that have been switched on under one condition, at a tick: side by side if they may."""
+    now, like = [sim.now for sim in sims], {(sim.tick, lanes.kind(sim.params)) for sim in sims}
+    if len(sims) >= LEAST_LANES and len(like) == 1 and like.pop()[1] is not None:
+        lanes.Lanes(sims).advance(ticks - sims[0].tick, *zip(*now))
+    else:
+        for sim, (rate, temp) in zip(sims, now):
+            sim.advance(ticks - sim.tick, rate, temp)
+    return [sim.state for sim in sims]
 
 
 def _sure(state, condition):
@@ -197,7 +207,8 @@ class Bench:
         if key not in self._locked:
             while len(self._locked) > MOST_LOCKED:
                 self._locked.pop(next(iter(self._locked)))
-            self._locked[key] = _sure(powered(cfg, condition, START_TICKS), condition)
+            (state,) = powered([switched_on(cfg, condition)], START_TICKS)
+            self._locked[key] = _sure(state, condition)
         s = self._locked[key]
         # the matrix of the next frame is made anew: it may be that of another plant
         s.plant.now[:] = np.inf
@@ -265,14 +276,16 @@ class Bench:
 
     def _begun(self, runs):
         """States from which runs begin, each its own copy."""
-        own = [k for k, r in enumerate(runs) if r.start is None]
-        made = {}
+        own, made = {}, {}
+        for k, r in enumerate(runs):
+            if r.start is None:
+                own.setdefault(r.condition.id, []).append(k)
 
-        def power(k):
-            r = runs[k]
-            made[k] = powered(configured(r.model, r.seed), r.condition, EARLY_TICKS)
+        def power(members):
+            sims = [switched_on(configured(runs[k].model, runs[k].seed), runs[k].condition) for k in members]
+            made.update(zip(members, powered(sims, EARLY_TICKS)))
 
-        self._each(power, own)
+        self._each(power, [g[i : i + LANES] for g in own.values() for i in range(0, len(g), LANES)])
         return [made[k] if k in made else self.locked(r.start, r.condition) for k, r in enumerate(runs)]
 
     def _each(self, work, jobs):

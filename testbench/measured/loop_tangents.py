@@ -31,31 +31,52 @@ def even(config):
 
 
 class Tangents:
-    """{condition: change of the features per unit} of nuisances and laws of a `LoopProblem`, made when asked for."""
+    """{condition: change of the features per unit} of nuisances and laws of a `LoopProblem`, made when asked for.
+
+    Steps come from the fitted conditions. Hardly any law is ever predicted on the others: made by themselves.
+    """
 
     def __init__(self, of):
         self.of, self.slope, self.kept = of, of.slope, of.kept.columns
-        self.late = {law.name for law in of.library}
+        self.nuisances = [n.name for n in of.nuisances]
         # the same a few mHz further on
-        self._where = of.key([c._replace(role="") for c in of.conditions.values()])
-        self.kept[self._where, "plant.fx_hz"] = of.slope
+        self._where = of.key(list(of.conditions.values()))
+        # {name: step}: 0 of a law that these data do not see
+        self.steps = of.kept.steps.setdefault(self._where, {})
+        for role in {c.role for c in of.conditions.values()}:
+            self.kept[self._where, role, "plant.fx_hz"] = {c.id: of.slope[c.id] for c in self._of(role)}
 
-    def column(self, name):
-        """{condition: column}; nan where the plant fails. The library's are made together, when one is asked for."""
-        if (self._where, name) not in self.kept:
-            self.make([law.name for law in self.of.library] if name in self.late else [name])
-        return self.kept[self._where, name]
+    def column(self, name, role="fit"):
+        """{condition: column} of the conditions with a role; nan where the plant fails."""
+        if not self._of(role):
+            return {}
+        if (self._where, role, name) not in self.kept:
+            if name not in self.steps:
+                self.make(self._beside(name))
+            self.make(self.nuisances if name in self.nuisances else [name], role)
+        return self.kept[self._where, role, name]
 
-    def make(self, names):
-        """Columns of nuisances and laws that are not there yet."""
+    def _beside(self, name):
+        """What is made with a law on the fitted conditions: laws of the library at ports of its axis."""
+        late = [law.name for law in self.of.library]
+        axis = self.of.axis(name)
+        return [other for other in late if self.of.axis(other) == axis] if name in late else [name]
+
+    def _of(self, role):
+        return [c for c in self.of.conditions.values() if c.role == role]
+
+    def make(self, names, role="fit"):
+        """Columns of nuisances and laws on the conditions with a role, that are not there yet."""
         of, columns = self.of, {}
-        steps = {n.name: 0.1 * n.prior_sd for n in of.nuisances}
-        steps |= {name: c.law.scale * (c.law.sign or 1) for name, c in of.candidates.items()}
-        missing = [name for name in names if (self._where, name) not in self.kept]
+        missing = [name for name in names if (self._where, role, name) not in self.kept]
         if not missing:
             return
-        base, todo = self._many([(of.first, {})])[0], list(missing)
-        self._guess(todo, steps, base)
+        base = self._many([(of.first, {})], only=self._of(role))[0]
+        steps = {name: self.steps.get(name, self._first_step(name)) for name in missing}
+        zero, nan = ({g: np.full(len(v), fill) for g, v in base.items()} for fill in (0.0, np.nan))
+        columns |= {name: zero for name in missing if not steps[name]}
+        todo = [name for name in missing if steps[name]]
+        self._guess([name for name in todo if name not in self.steps], steps, base)
         for _ in range(4):
             if not todo:
                 break
@@ -65,29 +86,42 @@ class Tangents:
                     steps[name] *= 0.03
                     again.append(name)
                     continue
-                size = of.size(moved)
-                # what the largest step hardly moves is noise, and no law that these data see
-                seen = size >= SEEN or name not in of.candidates
-                columns[name] = {g: v * (seen / steps[name]) for g, v in moved.items()}
+                columns[name] = {g: v / steps[name] for g, v in moved.items()}
+                size = self._size(moved)
+                if name in self.steps:
+                    continue
+                if size < SEEN and name in of.candidates:
+                    # what the largest step hardly moves is noise, and no law that these data see
+                    columns[name] = zero
                 if not AIM / NEAR <= size <= AIM * NEAR and self._aimed(name, steps, size):
                     again.append(name)
             todo = again
         # to both sides where both are allowed: what is of second order in a law falls out
-        both = [n for n, v in columns.items() if self._sided(n) and any(np.any(x) for x in v.values())]
+        both = [n for n, v in columns.items() if v is not zero and self._sided(n)]
         for name, moved in zip(both, self._held([self._stepped(n, -steps[n]) for n in both], base)):
             if moved is not None:
                 columns[name] = {g: (v - moved[g] / steps[name]) / 2 for g, v in columns[name].items()}
-        nan = {g: np.full(len(v), np.nan) for g, v in base.items()}
         for name in missing:
-            self.kept[self._where, name] = columns.get(name, nan)
+            self.steps.setdefault(name, 0.0 if columns.get(name) is zero else steps[name])
+            self.kept[self._where, role, name] = columns.get(name, nan)
+
+    def _first_step(self, name):
+        if name in self.nuisances:
+            return 0.1 * self.of.nuisances[self.nuisances.index(name)].prior_sd
+        law = self.of.candidates[name].law
+        return law.scale * (law.sign or 1)
+
+    def _size(self, moved):
+        """Sigmas of a change of some conditions, if all others moved as they do."""
+        return self.of.size(moved) * np.sqrt(len(self.of.conditions) / len(moved))
 
     def _guess(self, names, steps, base):
         """Steps that move all features by about AIM sigmas, from one condition alone. Mutates `steps`."""
-        one = max(self.of.conditions.values(), key=lambda c: (c.a_um, abs(c.rate_dps)))
+        one = max((self.of.conditions[g] for g in base), key=lambda c: (c.a_um, abs(c.rate_dps)))
         moved = self._many([self._stepped(name, steps[name]) for name in names], only=(one,))
         for name, found in zip(names, moved):
             if found is not None:
-                self._aimed(name, steps, self.of.size({one.id: found[one.id] - base[one.id]}) * np.sqrt(len(base)))
+                self._aimed(name, steps, self._size({one.id: found[one.id] - base[one.id]}))
 
     def _aimed(self, name, steps, size):
         """True if a step that moves `size` sigmas could be changed so that it moves AIM. Mutates `steps`."""
@@ -109,7 +143,7 @@ class Tangents:
                 info = type(self.of.model.effects).model_fields[key.partition(".")[2]]
                 return 0.5 * next(m.le for m in info.metadata if hasattr(m, "le"))
             return LARGEST_SCALES * self.of.candidates[name].law.scale
-        n = next(n for n in self.of.nuisances if n.name == name)
+        n = self.of.nuisances[self.nuisances.index(name)]
         return 0.2 * max(abs(n.value), n.prior_sd)
 
     def _stepped(self, name, step):
@@ -117,7 +151,7 @@ class Tangents:
         if name in self.of.candidates:
             effects[name] = step
         else:
-            theta[[n.name for n in self.of.nuisances].index(name)] += step
+            theta[self.nuisances.index(name)] += step
         return theta, effects
 
     def _held(self, points, base):
@@ -126,9 +160,10 @@ class Tangents:
         The drive frequency is held, in two steps; what its change does is put back by `slope`.
         """
         hertz, changes = [dict.fromkeys(base, 0.0) for _ in points], [None] * len(points)
+        only = [self.of.conditions[g] for g in base]
         todo = range(len(points))
         for _ in range(3):
-            found = self._many([points[i] for i in todo], [hertz[i] for i in todo])
+            found = self._many([points[i] for i in todo], [hertz[i] for i in todo], only)
             left = []
             for i, moved in zip(todo, found):
                 if moved is None:
@@ -156,7 +191,7 @@ class Tangents:
                 models.append(told._replace(config=even(told.config)))
             except PredictionFailed:
                 models.append(None)
-        every = only or of.conditions.values()
+        every = of.conditions.values() if only is None else only
         wanted = [(m, c, 0, h[c.id]) for m, h in zip(models, hertz) if m is not None for c in every]
         found, out = iter(of.smooth(wanted)), []
         for m in models:

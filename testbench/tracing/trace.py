@@ -192,8 +192,10 @@ class Tracer:
         if self.options.alike and self.library and self.found is not None and self.found.adequate:
             self.say("laws that would do as well")
             best = self.found.best
-            ranking = self.rank(self.base.fit, (*best, *(n for n in self.library if n not in best)))
-            self.alike = exchanges(ranking, best, self.library, self.laws)
+            like = option(self.problem, "like", lambda names: self.library)(best)
+            others = tuple(n for n in self.library if n in like and n not in best)
+            ranking = self.rank(self.base.fit, (*best, *others))
+            self.alike = exchanges(ranking, best, others, self.laws)
 
     def run(self):
         """`Result`."""

@@ -9,11 +9,12 @@ import pytest
 from numba import config as numba_config
 
 from analog_frontend.effects import law
+from fpga_model.rates import FRAME_TICKS
 from testbench import config as configuration
-from testbench import law_file
+from testbench import flatten, law_file
 from testbench.errors import ConfigError
 from testbench.golden import bundle, effect
-from testbench.measured import loop_laws, loop_noise, loop_rates, loop_runs, loop_trace, loop_trials
+from testbench.measured import loop_laws, loop_noise, loop_problem, loop_rates, loop_runs, loop_trace, loop_trials
 from testbench.measured.loop_runs import EXACT, FAST, Model, Run
 from testbench.tracing.result import Result
 from testbench.tracing.space import Space
@@ -90,6 +91,42 @@ def test_the_averaged_plant_moves_as_the_exact_one_does(bank, blank):
         # of 48 features the norm of their noise hardly scatters
         assert np.linalg.norm(a - b) < 0.05 * np.linalg.norm(a) + 2 * noise, name
         assert noise < 2.0, name
+
+
+@pytest.mark.parametrize("law", ["damping_coupling", "pickoff_drift"])
+def test_the_way_from_an_anchor_bounds_what_the_engine_differs_by(bank, law):
+    """The certificate takes a whole way for an error: the exact engine at its end finds a fifth of it and less."""
+    problem = bank.blank()
+    problem.draws = loop_problem.DRAWS
+    problem.anchor(problem.first, {})
+    effects = {law: problem.candidates[law].law.scale}
+    effects[law] *= 5.0 / problem.distance(problem.first, effects)["sigma"]
+    way = problem.distance(problem.first, effects)
+    assert way["sigma"] == pytest.approx(5.0, rel=1e-6)
+    assert problem.check(problem.first, effects)["sigma"] < way["sigma"] / 5
+    assert problem.distance(*problem.at)["sigma"] == 0.0
+
+
+def test_columns_of_held_out_conditions_are_made_by_themselves(bank):
+    problem = bank.blank()
+    name = problem.laws[0].name
+    fitted, held = (problem.column(name, role) for role in ("fit", "validate"))
+    assert set(fitted) | set(held) == set(problem.conditions)
+    assert {problem.conditions[g].role for g in fitted} == {"fit"}
+    assert problem.column(name, "nothing") == {}
+
+
+def test_boards_power_on_side_by_side_as_alone(bank):
+    c = bank.conditions[0]
+    told = [loop_runs.configured(problem, k) for k, problem in enumerate([Model(bank.model)] * 3)]
+    ticks = 400 * FRAME_TICKS
+    together = loop_runs.powered([loop_runs.switched_on(cfg, c) for cfg in told], ticks)
+    alone = [loop_runs.powered([loop_runs.switched_on(cfg, c)], ticks)[0] for cfg in told]
+    for a, b in zip(together, alone):
+        assert a.tick == b.tick == ticks
+        assert list(flatten.leaves(a.fpga)) == list(flatten.leaves(b.fpga))
+        assert (a.plant.z == b.plant.z).all()
+    assert (alone[0].plant.z != alone[1].plant.z).any()
 
 
 def test_without_noise_laws_of_the_drive_are_those_of_the_exact_engine(bank):
