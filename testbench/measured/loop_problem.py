@@ -170,7 +170,7 @@ class LoopProblem:
         """A model whose drive mode is moved by some Hz, by a stiffness."""
         return Model(model.config, (*model.laws, f"force_x = {-self.per_hz * hz!r} x"))
 
-    def _run(self, wanted, kind, power_on=False, smooth=False, lenient=False):
+    def _run(self, wanted, kind, power_on=False, smooth=False):
         """Features of (model, condition, draw, Hz by which the model is above the model where the problem began).
 
         All are held at the place of their condition. They begin from a locked state of the model where the problem
@@ -185,8 +185,8 @@ class LoopProblem:
             told = self.moved_hz(m, place - above_hz + jitter_hz(draw))
             runs.append(Run(told, c, FIRST_DRAW + 10_000 * index[c.id] + draw, start, int(LATER[draw]), smooth))
         try:
-            return self.bench.run(runs, kind, self.progress, fine=True, lenient=lenient)
-        except (ConfigError, RuntimeError) as problem:
+            return self.bench.run(runs, kind, self.progress, fine=True, lenient=smooth)
+        except ConfigError as problem:
             raise PredictionFailed(str(problem)) from None
 
     def smooth(self, wanted):
@@ -194,7 +194,7 @@ class LoopProblem:
 
         None for what leaves its range.
         """
-        return self._run(wanted, FAST, smooth=True, lenient=True)
+        return self._run(wanted, FAST, smooth=True)
 
     def key(self, *more):
         text = repr((self.model.model_dump_json(), *more))
@@ -261,7 +261,7 @@ class LoopProblem:
         left = [self.whiten(self._rows[g], rows.T).var(axis=1, ddof=1).mean() for g, rows in self._rest.items()]
         self.prediction_noise = float(np.mean(left)) / self.draws + 1 / NOISE_DRAWS
         self.anchors += 1
-        self.hashes["anchor"] = self.key(self.at[0].tolist(), sorted(self.at[1].items()))
+        self.hashes["anchor"] = self.key(self.at[0].tolist(), sorted(self.at[1].items()), self.draws)
 
     def linear(self, theta, effects, group):
         """Features of a group at a point, fine ones behind the others."""

@@ -269,7 +269,7 @@ class Bench:
                 p = _params(run)
                 made = self.setup(run, p)
             return _averaged(run, p, state, made)
-        except (ConfigError, RuntimeError):
+        except ConfigError:
             if lenient:
                 return None
             raise

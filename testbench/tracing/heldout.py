@@ -229,13 +229,16 @@ def _root(space, predictor, f, prediction):
     return (j * sd) @ vectors * np.sqrt(np.maximum(values, 0.0))
 
 
-def foretold(space, first, last, *roots):
-    """`HeldOut.log_odds` of the whitened residuals of two models and the roots of what their fits do not know."""
-    if any(root is None for root in roots):
+def foretold(space, first, last, root_first, root_last):
+    """`HeldOut.log_odds` of the whitened residuals of two models and the roots of what their fits do not know.
+
+    0 if one of the roots is unknown.
+    """
+    if root_first is None or root_last is None:
         return 0.0
     change = first - last
     along, noise = change / np.linalg.norm(change), sigma_along(space, change, last)
-    variance = [noise**2 + np.sum((along @ root) ** 2) for root in roots]
+    variance = [noise**2 + np.sum((along @ root) ** 2) for root in (root_first, root_last)]
     cost = [(along @ z) ** 2 / v + np.log(v) for z, v in zip((first, last), variance)]
     return float(cost[0] - cost[1]) / 2
 

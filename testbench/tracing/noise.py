@@ -4,7 +4,9 @@ Contrasts between repeats hold noise and nothing that repeats. Whitened by the d
 variance 1, if that model is true. Their DCT along time, pooled over groups, gives a variance ratio f per observable
 and octave:
 
-    f = (sum of squares + w) / (nu + w)      nu squares; w: weight of the declared model, 0 once it is rejected
+    f = (sum of squares + w) / (nu + w)      nu squares; w: weight of the declared model; once it is rejected,
+                                             0 where the repeats are louder: the few that are quiet by chance
+                                             would make misfits out of nothing
     w = 2 / (scatter of the ratios beyond chance + its standard error)      empirical Bayes, LEAST_TRUST .. MOST_TRUST
 Refined noise is the declared one with f; a residual divided by sqrt(f) is t-distributed with nu + w, per octave.
 Assumption: the noise's spectrum departs from the declared one in the same way in all conditions.
@@ -116,8 +118,12 @@ def _joined(found):
     return out
 
 
-def _octaves(joined, trust):
-    return tuple(Octave(o, a, b, s / n, int(n), (s + trust) / (n + trust), n + trust) for o, a, b, s, n in joined)
+def _octaves(joined, trust, rejected=False):
+    out = []
+    for name, first, last, s, n in joined:
+        w = 0.0 if rejected and s > n else trust
+        out.append(Octave(name, first, last, s / n, int(n), (s + w) / (n + w), n + w))
+    return tuple(out)
 
 
 def _trust(joined):
@@ -136,7 +142,8 @@ def study(space, rng, alpha=0.01, draws=400, judge=True):
     """`Noise` of a space; `judge` False if the declared noise was itself made from these repeats: no test then."""
     joined = _joined(_squares(space))
     dof = int(sum(n for *_, n in joined))
-    octaves = _octaves(joined, _trust(joined))
+    trust = _trust(joined)
+    octaves = _octaves(joined, trust)
     if not dof or not judge:
         return Noise(octaves, float("nan"), "", "", dof)
     p = [2 * min(chi2.cdf(s, n), chi2.sf(s, n)) for *_, s, n in joined]
@@ -147,7 +154,7 @@ def study(space, rng, alpha=0.01, draws=400, judge=True):
     worst = f"{o.observable}, {span}: variance {o.ratio:.3g} x declared"
     jump_p, jump = _jump(space, rng, draws)
     p_global = float(min(1.0, 2 * min(spectral, jump_p)))
-    return Noise(_octaves(joined, 0.0) if p_global < alpha else octaves, p_global, worst, jump, dof)
+    return Noise(_octaves(joined, trust, rejected=p_global < alpha), p_global, worst, jump, dof)
 
 
 def bridge(v, axis):

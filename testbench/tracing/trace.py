@@ -173,14 +173,15 @@ class Tracer:
     def weigh(self):
         """Drop the best set if all data, fitted and held out, give it odds below 1 / alpha against no law at all.
 
-        So often an alarm is false, and has some best set.
+        So often an alarm is false, and has some best set. A set that is not adequate says of itself that it is only a
+        part: one that held-out data speak against is none.
         """
         if self.found is None or not self.found.best:
             return
         best, none = (self.found.candidates[names] for names in (self.found.best, ()))
         fitted = best.log_z + log_prior(best.names, self.priors) - none.log_z
         held = self.heldout.log_odds
-        if fitted + held < -np.log(self.options.alpha):
+        if fitted + held < -np.log(self.options.alpha) or (held < 0.0 and not self.found.adequate):
             said = " + ".join(best.names)
             self.notes.append(f"{said}: ln odds {fitted:.1f} where fitted, {held:.1f} where held out")
             self.found = self.found._replace(best=(), adequate=False, dropped=best.names)

@@ -97,8 +97,11 @@ def test_the_averaged_plant_moves_as_the_exact_one_does(bank, blank):
 def test_the_way_from_an_anchor_bounds_what_the_engine_differs_by(bank, law):
     """The certificate takes a whole way for an error: the exact engine at its end finds a fifth of it and less."""
     problem = bank.blank()
+    looked = problem.hashes["anchor"]
     problem.draws = loop_problem.DRAWS
     problem.anchor(problem.first, {})
+    # what a checkpoint keeps of a first look must not serve this anchor
+    assert problem.hashes["anchor"] != looked
     effects = {law: problem.candidates[law].law.scale}
     effects[law] *= 5.0 / problem.distance(problem.first, effects)["sigma"]
     way = problem.distance(problem.first, effects)

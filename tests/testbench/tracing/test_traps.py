@@ -11,7 +11,7 @@ from testbench.tracing.problem import Law, Nuisance, PredictionFailed
 from testbench.tracing.refit import discontinuous, refit
 from testbench.tracing.space import Space
 from testbench.tracing.trace import Options, trace
-from tests.testbench.tracing.toys import BINS, LAWS, Toy
+from tests.testbench.tracing.toys import BINS, FIT, LAWS, Toy
 
 QUICK = Options(n_null=299, power=False, experiments=False)
 
@@ -192,6 +192,22 @@ def test_noise_that_repeats_do_not_share_is_not_physics():
     assert result.verdict == "noise-model"
     assert "f of fit1" in result.certificates["noise"]["jump"]
     assert not result.effects
+
+
+def test_repeats_that_agree_by_chance_make_no_misfit():
+    """The declared noise is rejected, because one octave is too quiet: that octave must not become all that counts."""
+    problem = Toy(5, {"duffing": 0.2})
+    chol = np.linalg.cholesky(problem.declared["f"])
+    for k in range(0, len(FIT) * 2, 2):
+        pair = np.array([problem._y[k][:BINS], problem._y[k + 1][:BINS]])
+        contrast = np.linalg.solve(chol, pair[0] - pair[1])
+        quiet = chol @ (contrast - 0.9 * contrast.mean())
+        problem._y[k][:BINS], problem._y[k + 1][:BINS] = pair.mean(axis=0) + quiet / 2, pair.mean(axis=0) - quiet / 2
+    result = trace(problem, QUICK)
+    assert result.certificates["noise"]["p"] < 0.01
+    assert "f, the mean" in result.certificates["noise"]["worst"]
+    assert result.verdict == "named", result.sentence
+    assert [e["law"] for e in result.effects] == ["duffing"]
 
 
 def test_the_rotation_alarm_keeps_its_level_under_any_noise_colour():
