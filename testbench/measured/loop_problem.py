@@ -254,9 +254,9 @@ class LoopProblem:
     # ---- the linear model ----
 
     def anchor(self, theta, effects):
-        """Put the linear model's anchor at a point."""
-        self.at = np.array(theta, float), {name: float(v) for name, v in effects.items() if v}
-        found = self.exact(*self.at)
+        """Put the linear model's anchor at a point; PredictionFailed, and nothing moved, where the engine fails."""
+        at = np.array(theta, float), {name: float(v) for name, v in effects.items() if v}
+        found, self.at = self.exact(*at), at
         self.base, self._rest = {g: v for g, (v, _) in found.items()}, {g: rows for g, (_, rows) in found.items()}
         left = [self.whiten(self._rows[g], rows.T).var(axis=1, ddof=1).mean() for g, rows in self._rest.items()]
         self.prediction_noise = float(np.mean(left)) / self.draws + 1 / NOISE_DRAWS
@@ -270,7 +270,8 @@ class LoopProblem:
     def _change(self, theta, effects, theta0, effects0, group):
         """Change of a group's features from one point to another."""
         out = self.tangent[group] @ (np.asarray(theta, float) - theta0)
-        for name in {*effects, *effects0}:
+        # in one order: sums in another differ by their rounding, which is no signature of a law
+        for name in sorted({*effects, *effects0}):
             change = effects.get(name, 0.0) - effects0.get(name, 0.0)
             if change:
                 out = out + self.column(name, self.conditions[group].role)[group] * change
@@ -338,7 +339,7 @@ class LoopProblem:
         fitted = [c.id for c in self._all() if c.role == "fit"]
         change = {g: self._change(theta, effects, *self.at, g)[: self._sizes[g], None] for g in fitted}
         return {
-            "engines": "exact engine (lanes) at the anchor, and all that the fitted model changes from there",
+            "engines": "exact engine (lanes) at the anchor, and all that the fitted model changes from there, as error",
             "sigma": float(np.max(np.abs(self.pseudo(change)))),
             "anchors": self.anchors,
             "draws": self.draws,

@@ -14,39 +14,54 @@ LIMIT, ROUNDS = 0.5, 5  # sigmas
 MORE = 2  # times the draws, from the fourth anchor on
 
 
+def _looked(problem, certificate, theta, effects):
+    """Anchor for good, where a first look has arrived: where the engine fails there, or it is near, where it was."""
+    problem.draws = DRAWS
+    if certificate["sigma"] >= LIMIT:
+        try:
+            return problem.anchor(theta, effects)
+        except PredictionFailed:
+            pass
+    return problem.anchor(*problem.at)
+
+
+def _certified(problem, theta, effects):
+    """Certificate of a point: its way from the anchor, or the exact engine there."""
+    certificate = problem.distance(theta, effects)
+    return certificate if certificate["sigma"] < LIMIT else problem.check(theta, effects)
+
+
 def run(problem, options=None, progress=None, checkpoint=None):
     """(Tracer, Result) of a problem; that of a closed loop is anchored until its certificate holds, or ROUNDS times."""
-    for round_ in range(ROUNDS):
+
+    def decided():
         tracer = Tracer(problem, options or Options(), progress, checkpoint)
-        blocked = tracer.decide()
+        return tracer, tracer.decide()
+
+    for round_ in range(ROUNDS):
+        tracer, blocked = decided()
         if blocked or not hasattr(problem, "anchor"):
             return tracer, blocked or tracer.told()
         theta, effects = tracer.arrived()
+        if not round_:
+            _looked(problem, problem.distance(theta, effects), theta, effects)
+            continue
         try:
-            certificate = problem.distance(theta, effects)
-            if not round_:
-                problem.draws = DRAWS
-                problem.anchor(*(problem.at if certificate["sigma"] < LIMIT else (theta, effects)))
-                continue
-            if certificate["sigma"] >= LIMIT:
-                certificate = problem.check(theta, effects)
-        except PredictionFailed as reason:
-            result = tracer.told()
-            result.certificates["numerical"] = {"failed": str(reason), "holds": False}
-            return tracer, result
-        certificate["holds"] = certificate["sigma"] < LIMIT
-        if not certificate["holds"] and round_ < ROUNDS - 1:
+            certificate = _certified(problem, theta, effects)
+            certificate["holds"] = certificate["sigma"] < LIMIT
+            if certificate["holds"] or round_ == ROUNDS - 1:
+                break
             if round_ > 1:
                 # near the point already: what is left is mostly the noise of the draws
                 problem.draws = MORE * DRAWS
             problem.anchor(theta, effects)
-            continue
-        if not certificate["holds"]:
-            # the core names nothing on a model that is not the engine's
-            problem.numerical_certificate = certificate
-            tracer = Tracer(problem, options or Options(), progress, checkpoint)
-            blocked = tracer.decide()
-        result = blocked or tracer.told()
-        result.certificates["numerical"] = certificate
-        break
+        except PredictionFailed as reason:
+            certificate = {"failed": str(reason), "holds": False}
+            break
+    if not certificate["holds"]:
+        # the core names nothing on a model that is not the engine's
+        problem.numerical_certificate = certificate
+        tracer, blocked = decided()
+    result = blocked or tracer.told()
+    result.certificates["numerical"] = certificate
     return tracer, result

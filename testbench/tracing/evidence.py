@@ -55,13 +55,22 @@ def linear_fit(ranking, names):
 
 
 def linear_gain(ranking, names, laws):
-    """ln Z of a set less ln Z of none, from the Gram matrix; None if it is degenerate."""
+    """ln Z of a set less ln Z of none, from the Gram matrix; None if it is degenerate, or one of its laws `blind`."""
     found = linear_fit(ranking, names)
-    if found is None:
+    if found is None or blind(found[2], [laws[name] for name in names]):
         return None
     fall, c, cov = found
     scale, sign = (np.array([getattr(laws[name], what) for name in names]) for what in ("scale", "sign"))
     return 0.5 * fall + log_coefficients(c, cov, scale, sign)
+
+
+def blind(cov, laws):
+    """Names of laws, of a covariance of their coefficients, of which data do not see their plausible size.
+
+    They add nothing to the laws beside them, and where the prior is narrower than the likelihood Laplace's ln Z is not
+    that of a set.
+    """
+    return [law.name for law, variance in zip(laws, np.diag(cov)) if not variance <= law.scale**2]
 
 
 class Candidate(NamedTuple):

@@ -168,8 +168,9 @@ def _numerical(certificate):
     if certificate.get("sigma") is None:
         return ""
     holds = "holds" if certificate["sigma"] < MOST_NUMERICAL else "DOES NOT HOLD"
-    text = f"Fitted model against the exact engine: {number(certificate['sigma'], 2)} sigma, {MOST_NUMERICAL} allowed"
-    return f"<p>{text}: {holds}.</p>"
+    text = f"Numerical error of the fitted model: {number(certificate['sigma'], 2)} sigma, {MOST_NUMERICAL} allowed"
+    engines = f" ({escape.escape(certificate['engines'])})" if "engines" in certificate else ""
+    return f"<p>{text}: {holds}{engines}.</p>"
 
 
 def html(result, figures):

@@ -68,8 +68,9 @@ class Search:
         if self.progress:
             self.progress(f"refitting {' + '.join(names)}", 0, 1)
         found = refit(self.candidates[start].fit, names, self.table)
-        if found.failed:
-            self.failed[names] = found.failed
+        why = found.failed or _unseen(found)
+        if why:
+            self.failed[names] = why
             self.candidates.pop(names, None)
             return False
         self._keep(names, found)
@@ -164,6 +165,13 @@ class Search:
         p = evidence.posterior(every, self.priors)
         order = np.argsort(-p, kind="stable")
         return [every[i].names for i in order], [float(p[i]) for i in order]
+
+
+def _unseen(fit):
+    """Why a set is none whose laws' coefficients are known: ""."""
+    n = len(fit.point.theta)
+    names = evidence.blind(fit.covariance[n:, n:], fit.model.laws)
+    return f"data do not see the plausible size of {', '.join(names)}" if names else ""
 
 
 def inclusion(names, p):

@@ -53,7 +53,10 @@ def blocked(problem, converged):
     """Why nothing may be named: "before" is not certified, or the engine's own error is too large; "" if neither."""
     if not converged:
         return "the calibration has not converged"
-    numerical = (option(problem, "numerical_certificate") or {}).get("sigma")
+    certificate = option(problem, "numerical_certificate") or {}
+    if "failed" in certificate:
+        return f"the exact engine cannot be run there ({certificate['failed']})"
+    numerical = certificate.get("sigma")
     if numerical is not None and not numerical < MOST_NUMERICAL:
         return f"numerical error of the engine {numerical:.3g} sigma, {MOST_NUMERICAL} allowed"
     return ""

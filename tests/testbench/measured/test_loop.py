@@ -119,6 +119,17 @@ def test_columns_of_held_out_conditions_are_made_by_themselves(bank):
     assert problem.column(name, "nothing") == {}
 
 
+def test_a_law_that_the_data_do_not_see_changes_no_bit_of_a_prediction(blank):
+    """Sums are in one order, whatever is named beside: their rounding was taken for the signature of such a law."""
+    zero = next(n for n, step in sorted(blank.tangents.steps.items()) if step == 0.0)
+    others = {n: blank.candidates[n].law.scale for n in ("damping_coupling", "pickoff_drift", "bias_cubic", zero)}
+    (without,), (beside,) = (
+        blank.predict([(blank.first * (1 + 1e-7), {n: others[n] for n in names})], [0])
+        for names in (list(others)[:3], list(others)[::-1])
+    )
+    assert (without[0] == beside[0]).all()
+
+
 def test_boards_power_on_side_by_side_as_alone(bank):
     c = bank.conditions[0]
     told = [loop_runs.configured(problem, k) for k, problem in enumerate([Model(bank.model)] * 3)]
@@ -274,7 +285,7 @@ def test_a_law_that_was_found_becomes_golden_vectors(twelve, tmp_path):
 def test_a_hundred_trials(tmp_path):
     """Rates over a hundred trials of every kind, with the grammar beyond the catalogue."""
     path = Path(os.environ.get("GYRO_TRIALS", tmp_path / "trials.jsonl"))
-    loop_rates.main(["100", "--first", "9000", "--keep", str(path)])
+    loop_rates.main(["100", "--first", "12000", "--keep", str(path)])
     done = loop_rates.kept(path)
     assert len(done) == 100
     quiet = [t for t in done if t["kind"] in ("none", "flicker")]
@@ -282,4 +293,5 @@ def test_a_hundred_trials(tmp_path):
     seen = [t for t in done if t["kind"] in ("one", "two", "in") and t["detected"]]
     assert sum(t["first"] for t in seen) >= 0.95 * len(seen)
     # no linear model about any anchor is what jumps, and nothing is named on it
-    assert all(t["numerical"] < 0.5 for t in done if t["kind"] != "out" or t["verdict"] == "named")
+    known = [t["numerical"] for t in done if t["kind"] != "out" or t["verdict"] == "named"]
+    assert all(sigma is not None and sigma < 0.5 for sigma in known)

@@ -7,6 +7,8 @@ from hypothesis import strategies as st
 from scipy import integrate
 
 from testbench.tracing import evidence
+from testbench.tracing.problem import Law
+from testbench.tracing.rank import Ranking
 from testbench.tracing.rivals import CLEAR, vuong
 
 
@@ -51,6 +53,19 @@ def test_one_coefficient_is_the_integral_to_second_order(c, sign):
     c = c if sign >= 0 else -c
     case = (np.array([c]), np.array([[least]]), np.array([scale]), np.array([sign]))
     assert brute(*case) - evidence.log_coefficients(*case) == pytest.approx(np.log1p(second) + tail, abs=0.008)
+
+
+def test_a_law_of_which_data_do_not_see_the_plausible_size_makes_no_set():
+    """Deviation 1.5, plausible 1: beside the law that is seen it adds nothing; ln Z of Laplace would reward it."""
+    laws = {name: Law(name, "x", "x", "1", 1.0) for name in ("seen", "blind", "huge")}
+    gram = np.diag([100.0, 1 / 1.5**2, 1e-24])
+    b = gram @ np.array([2.0, 0.1, 1e9])
+    length = np.sqrt(np.diag(gram))
+    ranking = Ranking(tuple(laws), None, None, gram, b, length, b / length, (), ())
+    assert evidence.linear_gain(ranking, ("seen",), laws) > 100
+    for name in ("blind", "huge"):
+        assert evidence.linear_gain(ranking, (name,), laws) is None
+        assert evidence.linear_gain(ranking, ("seen", name), laws) is None
 
 
 def test_two_coefficients_are_the_integral_without_signs():
