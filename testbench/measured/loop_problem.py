@@ -1,7 +1,7 @@
 """The closed loop as a problem of the tracing core: a linear model about an anchor that the exact engine has computed.
 
     y_k(theta, c) = A_k + T_k (theta - theta_a) + L_k (c - c_a)
-    A    mean over DRAWS of the exact engine (lanes: to the bit) at the anchor, less that of the averaged plant with the
+    A    mean over draws of the exact engine (lanes: to the bit) at the anchor, less that of the averaged plant with the
          same noise where the model began, so that most of it cancels, plus the mean of the averaged plant's draws
          there, each from power-on. What is left is `prediction_noise`, in units of a repeat's variance
     T L  differences of the averaged plant with the same noise on both sides (loop_tangents.py)
