@@ -41,7 +41,7 @@ budget: $(VENV)/.run ## where the four phase errors come from, in clocks, ns and
 	$(BIN)/gyro budget
 
 test: $(VENV)/.test ## the suite, without the long studies
-	@$(BIN)/python -m testbench.warmup
+	@$(BIN)/python -m testbench.run.warmup
 	$(PYTEST) -n 2 --dist loadfile --benchmark-disable
 
 test-slow: $(VENV)/.test ## the long studies: 50 plants, 20 s of lock, 100000 periods
@@ -57,14 +57,14 @@ bench: $(VENV)/.test ## speed, as a table in docs/speed.md and build/bench.json
 	$(BIN)/python -m testbench.bench
 
 portability: $(VENV)/.run ## one hash of all codes: three kinds of processor, no compiler, lowest versions
-	$(BIN)/python -m testbench.portability --make-old build/oldest --page
+	$(BIN)/python -m testbench.bench.portability --make-old build/oldest --page
 
 lint: $(VENV)/.test ## ruff
 	$(BIN)/ruff check fpga_model analog_frontend testbench tests
 	$(BIN)/ruff format --check fpga_model analog_frontend testbench tests
 
 docs: $(VENV)/.run ## write the generated pages again (register map, configuration, budget)
-	$(BIN)/python -m testbench.docs
+	$(BIN)/python -m testbench.commands.docs
 
 clean: ## remove what the targets made
 	rm -rf $(VENV) build out .pytest_cache .hypothesis .ruff_cache .benchmarks *.egg-info

@@ -23,8 +23,19 @@ import numpy as np
 
 from analog_frontend import effects
 from analog_frontend.effects import law
-from analog_frontend.propagator import DU_DRIVE, DU_SENSE, F_X, F_Y, JIT_DRIVE, JIT_SENSE, PX1, PY1, U_DRIVE, U_SENSE
-from analog_frontend.vector import LANES, load, splat, store
+from analog_frontend.numeric.vector import LANES, load, splat, store
+from analog_frontend.parts.propagator import (
+    DU_DRIVE,
+    DU_SENSE,
+    F_X,
+    F_Y,
+    JIT_DRIVE,
+    JIT_SENSE,
+    PX1,
+    PY1,
+    U_DRIVE,
+    U_SENSE,
+)
 from fpga_model.jit import inlined, outlined
 
 BLOCK = 128

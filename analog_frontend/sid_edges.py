@@ -6,7 +6,7 @@ A tick without an edge is one step of the capacitors (`sid.between`, `sid.full`)
 Source    docs/parts/sid.md, docs/parts/top.md
 """
 
-from analog_frontend import adc, effects, linear, noise, sid
+from analog_frontend import effects, linear
 from analog_frontend.effects import law
 from analog_frontend.linear import (
     CV_ADDED_X,
@@ -22,7 +22,8 @@ from analog_frontend.linear import (
     PATH,
     STRIDE,
 )
-from analog_frontend.vector import LANES, load, splat, store
+from analog_frontend.numeric.vector import LANES, load, splat, store
+from analog_frontend.parts import adc, noise, sid
 from fpga_model.jit import inlined, inner
 
 TICK_CYCLES = adc.TICK_CYCLES

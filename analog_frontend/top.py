@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analog_frontend import adc, dac, dac_levels, effects, linear, noise, propagator, sid, sid_edges
+from analog_frontend import dac_levels, effects, linear, sid_edges
 from analog_frontend.effects import law
 from analog_frontend.linear import (
     CV_NOISE_X,
@@ -41,7 +41,9 @@ from analog_frontend.linear import (
     STATE_ROWS,
     STRIDE,
 )
-from analog_frontend.propagator import (
+from analog_frontend.numeric.vector import LANES, aligned, load, store
+from analog_frontend.parts import adc, dac, noise, propagator, sid
+from analog_frontend.parts.propagator import (
     DU_DRIVE,
     DU_SENSE,
     F_X,
@@ -54,7 +56,6 @@ from analog_frontend.propagator import (
     U_SENSE,
 )
 from analog_frontend.sid_edges import JITTERED
-from analog_frontend.vector import LANES, aligned, load, store
 from fpga_model.jit import inner, outlined
 
 STATES = 16

@@ -1,85 +1,152 @@
 """The one place that configures Numba: `kernel` in general, `hot` for time loops, `inlined` inside them.
 
 Numba's disk cache stamps a function by its own file only, so an edited callee is not seen. The cache folder of a kernel
-is therefore named by a hash of every source file that it may be compiled from: see `sources_of`.
-`GYRO_CACHE=0` switches it off; `GYRO_CACHE=DIR` moves it.
+is therefore named by a hash over its module and every module that this one imports, directly or not: see `sources_of`.
+A process that finds a kernel being compiled by another one waits, and takes what that one has stored.
+`GYRO_CACHE=0` switches the cache off; `GYRO_CACHE=DIR` moves it.
 """
 
+import contextlib
 import functools
 import hashlib
 import os
+import re
 import shutil
 from pathlib import Path
 
 import numba
 from numba import njit
+from numba.core.compiler_lock import global_compiler_lock
+
+try:
+    import fcntl
+except ImportError:  # no POSIX: two processes on an empty cache compile both
+    fcntl = None
 
 ROOT = Path(__file__).resolve().parent.parent
-SHARED = ("fpga_model/**/*.py", "analog_frontend/**/*.py", "testbench/*.py")
-ALL = (*SHARED, "testbench/**/*.py")
-MIXED = ("bench",)  # its kernels may call those of any folder
+PACKAGES = ("fpga_model", "analog_frontend", "testbench")
+IMPORT = re.compile(
+    rf"^[ \t]*(?:from[ \t]+((?:{'|'.join(PACKAGES)})[\w.]*)[ \t]+import[ \t]+(\([^)]*\)|[^\n(]*)"
+    rf"|import[ \t]+((?:{'|'.join(PACKAGES)})[\w.]*))",
+    re.MULTILINE,
+)
 KEPT_CACHES = 4
 DISABLED = bool(numba.config.DISABLE_JIT)
 
 
-def sources_of(path):
-    """Patterns of the files that a kernel in the file `path` may be compiled from.
-
-    The engines know nothing of the folders under testbench/, and the kernels of such a folder call those of no other:
-    an edit in a report leaves the engines compiled. tests/test_architecture.py holds the sources to it.
-    """
-    parts = path.relative_to(ROOT).parts if path.is_relative_to(ROOT) else ()
-    if parts[:1] in (("fpga_model",), ("analog_frontend",)) or (parts[:1] == ("testbench",) and len(parts) == 2):
-        return SHARED
-    if parts[:1] == ("testbench",) and parts[1] not in MIXED:
-        return (*SHARED, f"testbench/{parts[1]}/**/*.py")
-    return ALL
+def _file_of(name):
+    """Source of a dotted module name, or None if it names something within a module."""
+    base = ROOT.joinpath(*name.split("."))
+    module, package = base.with_suffix(".py"), base / "__init__.py"
+    return module if module.is_file() else package if package.is_file() else None
 
 
 @functools.cache
-def source_digest(root, patterns):
-    """SHA-256 over the path and bytes of every Python source under `root` that a pattern names."""
+def imported(path):
+    """Our own source files that the file `path` imports, with the packages above them."""
+    found = set()
+    for module, names, plain in IMPORT.findall(path.read_text()):
+        wanted = [module or plain]
+        for name in re.sub(r"#[^\n]*|[()]", "", names).split(","):
+            if words := name.split():
+                wanted.append(f"{module}.{words[0]}")
+        for name in wanted:
+            parts = name.split(".")
+            found |= {_file_of(".".join(parts[:n])) for n in range(1, len(parts) + 1)}
+    return frozenset(found - {None, path})
+
+
+@functools.cache
+def sources_of(path):
+    """The file `path` and all of ours that it imports, directly or not: all that its kernels can be compiled from."""
+    seen, ahead = set(), [path]
+    while ahead:
+        file = ahead.pop()
+        if file not in seen:
+            seen.add(file)
+            ahead.extend(imported(file))
+    return tuple(sorted(seen))
+
+
+@functools.cache
+def _digest(path):
+    return hashlib.sha256(path.read_bytes()).digest()
+
+
+def source_digest(path):
+    """SHA-256 over names and bytes of `sources_of(path)`, and what else machine code depends on."""
     digest = hashlib.sha256(f"{numba.__version__} {numba.config.SLP_VECTORIZE}".encode())
-    for path in sorted({path for pattern in patterns for path in root.glob(pattern)}):
-        digest.update(str(path.relative_to(root)).encode())
-        digest.update(path.read_bytes())
+    for file in sources_of(path):
+        digest.update(os.path.relpath(file, ROOT).encode() + _digest(file))
     return digest.hexdigest()
 
 
 @functools.cache
-def cache_folder(patterns):
+def cache_folder(path):
     """The folder that only kernels of these very sources use; None when caching is off or not possible."""
     where = os.environ.get("GYRO_CACHE", "")
     if where == "0" or DISABLED or numba.config.BOUNDSCHECK:
         return None
-    home = Path(where or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "ftr-gyro"
-    if patterns != SHARED:
-        home = home / hashlib.sha256(repr(patterns).encode()).hexdigest()[:8]
-    folder = home / source_digest(ROOT, patterns)[:16]
+    name = os.path.relpath(path, ROOT).removesuffix(".py").replace(os.sep, ".").lstrip(".")
+    home = Path(where or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "ftr-gyro" / name
+    folder = home / source_digest(path)[:16]
     try:
+        new = not folder.is_dir()
         folder.mkdir(parents=True, exist_ok=True)
         os.utime(folder)
-        for old in sorted(home.glob("?" * 16), key=lambda p: p.stat().st_mtime)[:-KEPT_CACHES]:
-            shutil.rmtree(old, ignore_errors=True)
+        if new:
+            for old in sorted(home.glob("?" * 16), key=lambda p: p.stat().st_mtime)[:-KEPT_CACHES]:
+                shutil.rmtree(old, ignore_errors=True)
     except OSError:
         return None
     return folder
 
 
-CACHE = cache_folder(SHARED) is not None
+CACHE = cache_folder(Path(__file__).resolve()) is not None
 
 
-def _cached(func):
-    """Whether `func` is cached; Numba reads the folder when it decorates."""
-    folder = cache_folder(sources_of(Path(func.__code__.co_filename).resolve())) if CACHE else None
-    if folder is not None:
-        numba.config.CACHE_DIR = str(folder)
-    return folder is not None
+_held = {}  # folder: how many compilations of this process are inside its lock
+
+
+@contextlib.contextmanager
+def _alone(folder):
+    """Only one process compiles what belongs to a folder; others wait, and load it.
+
+    Callees belong to the same folder or to those of imported modules, so processes cannot wait in a ring.
+    """
+    if fcntl is None or _held.get(folder):
+        yield
+        return
+    with open(folder / "lock", "a") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        _held[folder] = True
+        try:
+            yield
+        finally:
+            _held[folder] = False
+
+
+def _compiled(func, **options):
+    """`njit` with the options; from the cache where there is one."""
+    folder = cache_folder(Path(func.__code__.co_filename).resolve()) if CACHE else None
+    if folder is None:
+        return njit(**options)(func)
+    numba.config.CACHE_DIR = str(folder)  # Numba reads it when it decorates
+    dispatcher = njit(cache=True, **options)(func)
+    compile_or_load = dispatcher.compile
+
+    def compile_alone(signature):
+        # Numba's own lock first: a thread that waits for it must not keep a folder from the one that has it
+        with global_compiler_lock, _alone(folder):
+            return compile_or_load(signature)
+
+    dispatcher.compile = compile_alone
+    return dispatcher
 
 
 def kernel(func):
     """Compile in nopython mode: no fastmath, no threads, IEEE doubles and int64 only."""
-    return njit(cache=_cached(func), error_model="numpy", no_cfunc_wrapper=True)(func)
+    return _compiled(func, error_model="numpy", no_cfunc_wrapper=True)
 
 
 def hot(func):
@@ -88,7 +155,7 @@ def hot(func):
     Such a function cannot allocate and must not return an array; it works in what it is given. It runs without the
     interpreter's lock, so threads that work in arrays of their own run at once.
     """
-    return njit(cache=_cached(func), error_model="numpy", no_cfunc_wrapper=True, nogil=True, _nrt=False)(func)
+    return _compiled(func, error_model="numpy", no_cfunc_wrapper=True, nogil=True, _nrt=False)
 
 
 def _buried(func, **options):

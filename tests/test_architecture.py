@@ -81,29 +81,132 @@ def own_file(name):
     return None
 
 
-def test_a_kernel_is_compiled_only_from_what_its_cache_folder_is_named_by():
-    trees = {path: tree(path) for package in PACKAGES for path in sources(package)}
-    imported = {}
-    for path, module in trees.items():
-        names = {name for name, _ in imports(module)} | {
-            f"{node.module}.{alias.name}"
-            for node in ast.walk(module)
-            if isinstance(node, ast.ImportFrom)
-            for alias in node.names
-        }
-        imported[path] = {own_file(name) for name in names} - {None}
-    compiled = {path for path, module in trees.items() if any(kernels(module))}
-    assert len(compiled) > 70
-    wrong = []
-    for path in compiled:
-        named = {p for pattern in jit.sources_of(path) for p in ROOT.glob(pattern)}
-        seen, todo = {path}, [path]
-        while todo:
-            todo += (more := imported[todo.pop()] - seen)
-            seen |= more
-        wrong += [(path.name, other.name) for other in seen & compiled - named]
-    assert wrong == []
-    assert {path.parent.name for path in compiled if jit.sources_of(path) == jit.ALL} == {"bench"}
+def own_imports(path):
+    """Our source files that a file imports, read from its syntax tree; `from a import b` is a.b where b is a module."""
+    found = set()
+    for node in ast.walk(tree(path)):
+        if isinstance(node, ast.Import):
+            found |= {own_file(alias.name) for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            found |= {own_file(f"{node.module}.{alias.name}") or own_file(node.module) for alias in node.names}
+    return found - {None, path}
+
+
+ALL = [path for package in PACKAGES for path in sources(package)]
+IMPORTED = {path: own_imports(path) for path in ALL}
+
+
+def reached(start, ahead):
+    """All that follows from `start` by steps of `ahead`; without `start`, unless a circle leads back."""
+    seen, todo = set(), [start]
+    while todo:
+        more = ahead[todo.pop()] - seen
+        seen |= more
+        todo += more
+    return seen
+
+
+def test_the_cache_of_a_kernel_is_named_by_all_that_it_imports():
+    for path in ALL:
+        assert reached(path, IMPORTED) <= set(jit.sources_of(path)), path
+    frame = set(jit.sources_of(ROOT / "testbench" / "engines" / "frame.py"))
+    assert ROOT / "fpga_model" / "pi.py" in frame
+    assert not {path for path in frame if path.parent.name in ("run", "config", "golden", "paper")}
+
+
+# ---- rooms: a folder is a room -----------------------------------------------------------------------------------------
+
+CATALOGUES = ("fpga_model", "analog_frontend/effects", "testbench/rtl")
+MOST_FILES = 16
+LONGEST_CHAIN = 12  # rooms of testbench, each importing the next
+MOST_LINES, MOST_PARAMETERS = 80, 8
+CODE = {".py", ".v", ".vhd", ".c", ".cpp", ".h"}
+
+
+def rooms():
+    """{folder: folders it imports from}."""
+    out = {path.parent: set() for path in ALL}
+    for path, others in IMPORTED.items():
+        out[path.parent] |= {other.parent for other in others} - {path.parent}
+    return out
+
+
+def chain(room, below, inside):
+    """Longest chain of rooms, each importing the next, that begins with `room`."""
+    return [room, *max((chain(r, below, inside) for r in below[room] if inside(r)), key=len, default=[])]
+
+
+def test_no_file_imports_itself_by_a_detour():
+    assert [path for path in ALL if path in reached(path, IMPORTED)] == []
+
+
+def test_no_room_imports_upwards():
+    below = rooms()
+    assert [room for room in below if room in reached(room, below)] == []
+
+
+def test_a_chain_of_rooms_is_short():
+    below = rooms()
+    longest = max((chain(room, below, lambda r: r.is_relative_to(ROOT / "testbench")) for room in below), key=len)
+    assert len(longest) <= LONGEST_CHAIN, [str(room.relative_to(ROOT)) for room in longest]
+
+
+def test_a_room_can_be_seen_at_once():
+    for package in PACKAGES:
+        for folder in {path.parent for path in (ROOT / package).rglob("*") if path.suffix in CODE}:
+            files = [path for path in folder.iterdir() if path.suffix in CODE]
+            name = str(folder.relative_to(ROOT))
+            assert len(files) <= MOST_FILES or name in CATALOGUES, (name, len(files))
+
+
+NAMEDTUPLE = {"_replace", "_asdict", "_fields", "_field_defaults", "_make"}
+
+
+def private_uses(module):
+    """Private names of other modules of ours that a syntax tree uses."""
+    ours = set()
+    for node in ast.walk(module):
+        if isinstance(node, ast.ImportFrom) and node.module.split(".")[0] in PACKAGES:
+            for alias in node.names:
+                if alias.name.startswith("_"):
+                    yield node.lineno, alias.name
+                ours.add(alias.asname or alias.name)
+    for node in ast.walk(module):
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id in ours:
+            if node.attr.startswith("_") and not node.attr.startswith("__") and node.attr not in NAMEDTUPLE:
+                yield node.lineno, node.attr
+
+
+def test_no_module_uses_a_private_name_of_another():
+    for path in ALL:
+        assert list(private_uses(tree(path))) == [], path
+
+
+def test_a_private_use_would_be_seen():
+    assert list(private_uses(ast.parse("from testbench.run import build\nbuild._adc()")))
+    assert list(private_uses(ast.parse("from testbench.run.build import _adc")))
+    assert not list(private_uses(ast.parse("from testbench.run.build import Params\nParams._fields")))
+
+
+def functions(path):
+    return (node for node in ast.walk(tree(path)) if isinstance(node, ast.FunctionDef))
+
+
+def test_a_function_fits_a_screen_or_is_a_table():
+    for path in ALL:
+        for function in functions(path):
+            table = (ast.get_docstring(function) or "").startswith("Table:")
+            assert function.end_lineno - function.lineno < MOST_LINES or table, (path, function.name)
+
+
+def test_a_function_takes_few_parameters():
+    for path in ALL:
+        compiled = set(kernels(tree(path)))
+        names = {function.name for function in compiled}
+        for function in functions(path):
+            given = function.args.posonlyargs + function.args.args + function.args.kwonlyargs
+            if function.name not in names:
+                assert len([a for a in given if a.arg != "self"]) <= MOST_PARAMETERS, (path, function.name)
 
 
 def float_or_division(function):

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from analog_frontend import device
 from analog_frontend.effects import (
     acceleration,
     bias_cubic,
@@ -16,6 +15,7 @@ from analog_frontend.effects import (
     parasitic_mode,
     sid_absorption,
 )
+from analog_frontend.parts import device
 from testbench import config
 
 FOLDER = Path(__file__).resolve().parents[1] / "docs" / "effects"

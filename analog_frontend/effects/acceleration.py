@@ -10,8 +10,8 @@ Off: 0 is no law at all.   Source: parallel plates, gap and mismatch assumed; do
 
 import math
 
-from analog_frontend import transducer
 from analog_frontend.effects.ports import Info
+from analog_frontend.parts import transducer
 
 G_M_PER_S2 = 9.80665
 GAP_M, MISMATCH = 4e-6, 0.05  # A

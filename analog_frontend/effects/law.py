@@ -21,8 +21,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analog_frontend import noise
 from analog_frontend.effects.ports import CV_PORTS, FORCE_PORTS
+from analog_frontend.parts import noise
 from fpga_model.jit import inlined, outlined
 
 SLOTS, MOST_FACTORS = 8, 6

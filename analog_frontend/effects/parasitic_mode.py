@@ -12,8 +12,8 @@ docs/effects/parasitic_mode.md
 
 import math
 
-from analog_frontend import propagator
 from analog_frontend.effects.ports import Info
+from analog_frontend.parts import propagator
 
 MODE_HZ = 14e3  # A
 

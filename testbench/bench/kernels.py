@@ -15,14 +15,16 @@ import time
 
 import numpy as np
 
-from analog_frontend import adc_serial
 from analog_frontend import top as plant
+from analog_frontend.parts import adc_serial
 from fpga_model import top as fpga
 from fpga_model.jit import hot
 from fpga_model.rates import FRAME_TICKS, TICK_CYCLES
-from testbench import config, engine, lanes, simulate
-from testbench.docs import ROOT
-from testbench.simulation import DEG, Simulation
+from testbench import config
+from testbench.console.markdown import ROOT
+from testbench.engines import engine, lanes
+from testbench.run import simulate
+from testbench.run.simulation import DEG, Simulation
 
 RATE_RAD_S, TEMP_DEGC = 100 * DEG, 25.0
 BLOCK_TICKS = 100_000

@@ -15,13 +15,13 @@ import sys
 import time
 from pathlib import Path
 
-from analog_frontend.vector import LANES
+from analog_frontend.numeric.vector import LANES
 from fpga_model.rates import TICK_HZ
 from testbench import config as configuration
 from testbench.bench import kernels
 from testbench.campaign import played
-from testbench.campaign.measure import Keep, Keeper
-from testbench.tables import Table
+from testbench.campaign.plan.measure import Keep, Keeper
+from testbench.console.table import Table
 
 REPEATS = 5
 TICKS = 400_000

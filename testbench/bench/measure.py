@@ -19,12 +19,12 @@ from pathlib import Path
 
 import numpy as np
 
-from analog_frontend.noise import HOLD
+from analog_frontend.parts.noise import HOLD
 from fpga_model.rates import FRAME_TICKS, TICK_HZ
 from testbench.bench import kernels, many, peers, stages
-from testbench.docs import ROOT, markdown, replaced
-from testbench.files import write_text
-from testbench.tables import Table, fixed
+from testbench.console.markdown import ROOT, markdown, replaced
+from testbench.console.table import Table, fixed
+from testbench.storage.files import write_text
 
 COMMAND = "python -m testbench.bench"
 REPEATS = 10
@@ -331,10 +331,10 @@ def speed_part(result):
 
 def main():
     """Measure, print, write."""
-    from testbench import cli
+    from testbench.console.show import print_tables
 
     result = measure()
-    cli._print_tables([table(result), stage_table(result), growth_table(result), many.cores_table(result)])
+    print_tables([table(result), stage_table(result), growth_table(result), many.cores_table(result)])
     (ROOT / "build").mkdir(exist_ok=True)
     write_text(ROOT / "build" / "bench.json", json.dumps(result, indent=1) + "\n")
     page = ROOT / "docs" / "speed.md"

@@ -17,11 +17,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analog_frontend import adc, noise, sid
+from analog_frontend.parts import adc, noise, sid
 from fpga_model import cordic, references, sequencer, sine
 from fpga_model import top as fpga
 from fpga_model.rates import FRAME_TICKS
-from testbench import flatten, simulation
+from testbench import flatten
+from testbench.run import simulation
 
 SOURCES = Path(__file__).parent
 LEFT_OUT = ("sid.", "watchdog.", "registers.", "control.rate_output.", "control.sequencer.")

@@ -25,7 +25,7 @@ CUTS = (
     ("analog_frontend/sid_edges.py", "if p.effects.any_cv or p.laws.cv:", "if False:"),
     ("analog_frontend/top.py", "if levels.on:", "if False:"),
     ("analog_frontend/linear.py", "if e.any_force or laws.force:", "if False:"),
-    ("analog_frontend/adc.py", "if p.errors_on[c]:", "if False:"),
+    ("analog_frontend/parts/adc.py", "if p.errors_on[c]:", "if False:"),
 )
 TICKS = (25_000, 125_000)
 COMPILED_FOR = {"NUMBA_CPU_NAME": "haswell", "NUMBA_CPU_FEATURES": "+avx,+avx2,+bmi,+bmi2,+sse4.2,+popcnt"}

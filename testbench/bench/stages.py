@@ -6,13 +6,14 @@ They add up to less than the engine, which also hashes and records, and finds le
 
 import statistics
 
-from analog_frontend import adc, linear, noise, sid_edges
+from analog_frontend import linear, sid_edges
 from analog_frontend import top as plant
+from analog_frontend.parts import adc, noise
 from fpga_model.jit import hot
 from fpga_model.rates import FRAME_TICKS
-from testbench import pins, window
 from testbench.bench import kernels
-from testbench.turn import Turn
+from testbench.engines import pins, window
+from testbench.engines.turn import Turn
 
 STAGES = (
     ("noise, eight sources", "noise"),

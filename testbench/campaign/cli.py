@@ -1,4 +1,4 @@
-"""`gyro campaign`: arguments and what is printed; no computing. `testbench.cli` adds this app to its own.
+"""`gyro campaign`: arguments and what is printed; no computing. `testbench.commands.main` adds this app to its own.
 
 Standard output holds the result, standard error the progress. Exit codes: 0 every point is finished, 2 something the
 user can mend (points that failed among it), 130 interrupted.
@@ -30,10 +30,10 @@ EXIT_FAILED = 2
 SHOWN_FAILURES = 5
 
 
-def _print_json(data):
-    from testbench.cli import _print_json
+def print_json(data):
+    from testbench.console.show import print_json
 
-    _print_json(data)
+    print_json(data)
 
 
 @app.command()
@@ -58,7 +58,7 @@ def run(
     if sum(choice is not None for choice in (workers, scheduler, cluster)) > 1:
         raise ConfigError("--workers, --scheduler and --cluster: give one of them")
     from testbench.campaign import execute
-    from testbench.campaign.plan import read
+    from testbench.campaign.plan.plan import read
     from testbench.campaign.progress import Progress
 
     wanted = read(plan, sets or ())
@@ -88,7 +88,7 @@ def _tell(report, as_json):
     if as_json:
         failures = [{"point": address, "error": text} for address, text in report.failures]
         data = {**report._asdict(), "failures": failures, "files": [str(path) for path in report.files]}
-        _print_json(data)
+        print_json(data)
         return
     typer.echo(f"{report.name}: {report.points} points, {report.reused} finished before, {report.done} now")
     if report.failures:
@@ -108,14 +108,14 @@ def check(
     as_json: Json = False,
 ):
     """Check every point of a plan, and say what it would run."""
-    from testbench.campaign import plan as plans
+    from testbench.campaign.plan import plan as plans
 
     wanted = plans.read(plan, sets or ())
     points, _ = plans.points(wanted)
     unique = len({point.address for point in points})
     axes = [{"name": a.name, "length": a.length, "parameters": list(a.values)} for a in wanted.axes]
     if as_json:
-        _print_json({"name": wanted.name, "points": len(points), "different": unique, "axes": axes})
+        print_json({"name": wanted.name, "points": len(points), "different": unique, "axes": axes})
         return
     for axis in axes:
         typer.echo(f"{axis['name']:<16} {axis['length']:>6}  {', '.join(axis['parameters'])}")
@@ -139,7 +139,7 @@ def status(store: StorePath, as_json: Json = False):
         plans.append({"name": name, "points": len(addresses), "finished": len(ended), "failed": failed})
     busy = found.busy()
     if as_json:
-        _print_json({"busy": busy, "owner": found.owner() if busy else "", "plans": plans})
+        print_json({"busy": busy, "owner": found.owner() if busy else "", "plans": plans})
         return
     for item in plans:
         failed = f", {len(item['failed'])} failed" if item["failed"] else ""
@@ -188,10 +188,10 @@ def show(store: StorePath, name: Name = None, as_json: Json = False):
     axes = [{"name": a.name, "length": a.length, "parameters": list(a.values)} for a in wanted.plan.axes]
     finished = sum(row[2] for row in table)
     if as_json:
-        _print_json({"name": name, "points": len(table), "finished": finished, "axes": axes, "numbers": numbers})
+        print_json({"name": name, "points": len(table), "finished": finished, "axes": axes, "numbers": numbers})
         return
-    from testbench.cli import _print_tables
-    from testbench.tables import Table
+    from testbench.console.show import print_tables
+    from testbench.console.table import Table
 
     axis_rows = [(a["name"], str(a["length"]), ", ".join(a["parameters"])) for a in axes]
     lines = [
@@ -199,7 +199,7 @@ def show(store: StorePath, name: Name = None, as_json: Json = False):
         for head, n in numbers.items()
     ]
     title = f"{name}: {finished} of {len(table)} points finished"
-    _print_tables(
+    print_tables(
         [
             Table(title, ("axis", "length", "parameters"), axis_rows),
             Table("Numbers", ("name", "points", "mean", "std", "min", "max"), lines, numeric=(1, 2, 3, 4, 5)),
@@ -246,7 +246,7 @@ def rerun(
 
     report = again(store, point, out)
     if as_json:
-        _print_json(report._asdict())
+        print_json(report._asdict())
     else:
         typer.echo(f"{report.address}  {'identical' if report.identical else 'DIFFERENT'}  {report.bytes} bytes")
         for name in report.differ:

@@ -19,11 +19,11 @@ import h5py
 import numpy as np
 
 from testbench import config as configuration
-from testbench.campaign import plan as plans
 from testbench.campaign import shard
-from testbench.campaign.measure import Variable
+from testbench.campaign.plan import plan as plans
+from testbench.campaign.plan.measure import Variable
 from testbench.errors import FileError
-from testbench.files import GuardedFile, discard, explain, part_of, publish, write_text
+from testbench.storage.files import GuardedFile, discard, explain, part_of, publish, write_text
 
 SCHEMA = "gyrocampaign/1"
 
@@ -330,6 +330,6 @@ def write_parquet(store, name, path):
     columns = {head: [row[k] for row in table] for k, head in enumerate(heads)}
     sink = io.BytesIO()
     parquet.write_table(pyarrow.table(columns), sink)
-    from testbench.files import write_bytes
+    from testbench.storage.files import write_bytes
 
     write_bytes(path, sink.getvalue())

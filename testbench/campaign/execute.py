@@ -8,11 +8,12 @@ import shutil
 import time
 from typing import NamedTuple
 
-from testbench.campaign import collect, engines, plan, work
-from testbench.campaign.points import canonical, task_of
+from testbench.campaign import collect, work
+from testbench.campaign.plan import engines, plan
+from testbench.campaign.plan.points import canonical, task_of
 from testbench.campaign.store import Store
 from testbench.errors import FileError
-from testbench.files import replacing, write_text
+from testbench.storage.files import replacing, write_text
 
 
 class Report(NamedTuple):

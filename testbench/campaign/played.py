@@ -7,7 +7,7 @@ Source  docs/campaigns.md, docs/decisions/0012-lanes.md
 import functools
 import math
 
-from testbench.campaign.engines import Engine
+from testbench.campaign.plan.engines import Engine
 
 # of the clock on the wall, or the same for every point
 LEFT_OUT = ("real_time_factor", "wall_s", "paper_deg", "window_missing", "seed")
@@ -33,7 +33,8 @@ def _play(name, configs, sinks):
 
 
 def _one(name, one, sink, engine_run=None):
-    from testbench import config, simulate
+    from testbench import config
+    from testbench.run import simulate
 
     result = simulate.run(config.changed(one, {"scenario.engine": name}), sinks=(sink,), engine_run=engine_run)
     return flat(result.summary)
@@ -56,7 +57,7 @@ def play_baseband(configs, sinks):
 
 def play_lanes(configs, sinks):
     """As `engines` says, by the lanes engine; what it cannot do the frame engine does."""
-    from testbench import side_by_side
+    from testbench.run import side_by_side
 
     return side_by_side.play([functools.partial(_one, "frame", *point) for point in zip(configs, sinks)])
 
@@ -68,19 +69,19 @@ def alike(config):
 
 
 def _compile():
-    from testbench import warmup
+    from testbench.run import warmup
 
     warmup.warm_up()
 
 
 def _compile_lanes():
-    from testbench import warmup
+    from testbench.run import warmup
 
     warmup.warm_up(lanes=True)
     warmup.compile_lanes()
 
 
-MODULES = ("testbench.campaign.played", "testbench.simulate")
+MODULES = ("testbench.campaign.played", "testbench.run.simulate")
 FRAME = Engine(play_frame, 1, MODULES, _compile)
 CLOCKED = Engine(play_clocked, 1, MODULES)
 BASEBAND = Engine(play_baseband, 1, MODULES, _compile)

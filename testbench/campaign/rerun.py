@@ -6,10 +6,11 @@ Source  docs/campaigns.md
 import json
 from typing import NamedTuple
 
-from testbench.campaign import collect, engines, shard, work
+from testbench.campaign import collect, shard, work
+from testbench.campaign.plan import engines
 from testbench.campaign.store import Store
 from testbench.errors import ConfigError, FileError
-from testbench.files import write_bytes
+from testbench.storage.files import write_bytes
 
 
 class Rerun(NamedTuple):

@@ -14,9 +14,9 @@ import io
 import h5py
 import numpy as np
 
-from testbench.campaign.measure import FRAME_S, Variable
+from testbench.campaign.plan.measure import FRAME_S, Variable
 from testbench.errors import FileError
-from testbench.files import SEAL, SEAL_BYTES
+from testbench.storage.files import SEAL, SEAL_BYTES
 
 TEXT = h5py.string_dtype()
 UNITS = (

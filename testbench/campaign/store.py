@@ -26,7 +26,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from testbench.errors import FileError
-from testbench.files import explain
+from testbench.storage.files import explain
 
 SCHEMA = "gyrostore/1"
 LOCK_PATIENCE_S = 0.5

@@ -13,9 +13,10 @@ import threading
 import time
 from typing import NamedTuple
 
-from testbench.campaign import engines, shard
-from testbench.campaign.measure import Keeper
-from testbench.campaign.points import address_of, task_of
+from testbench.campaign import shard
+from testbench.campaign.plan import engines
+from testbench.campaign.plan.measure import Keeper
+from testbench.campaign.plan.points import address_of, task_of
 from testbench.campaign.store import Store
 from testbench.errors import ConfigError, FileError
 

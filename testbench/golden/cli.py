@@ -1,4 +1,4 @@
-"""`gyro golden`: arguments and one line per bundle; no computing. `testbench.cli` adds this app to its own.
+"""`gyro golden`: arguments and one line per bundle; no computing. `testbench.commands.main` adds this app to its own.
 
 Source  docs/golden.md
 """
@@ -24,7 +24,7 @@ def export(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of lines.")] = False,
 ):
     """Write the golden bundles of a block, one folder per case: DIR/BLOCK/CASE."""
-    from testbench.golden.export import export as write
+    from testbench.golden.bundles.export import export as write
 
     done = write(block, out)
     if as_json:
@@ -46,7 +46,7 @@ def effect(
     frames: Annotated[int, typer.Option("--frames", help="Frames of 125 us from power-on.")] = 9400,
 ):
     """Run the loop with an effect of the plant, and write the firmware's vectors of it."""
-    from testbench.golden.effect import case, export
+    from testbench.golden.bundles.effect import case, export
 
     folder, manifest = export(name, case(laws or (), sets or (), frames), out)
     typer.echo(f"{folder}  {manifest['n']} rows  {manifest['manifest_sha256'][:16]}")
@@ -55,7 +55,7 @@ def effect(
 @app.command()
 def verify(folders: Annotated[list[Path], typer.Argument(help="Folders of bundles.")]):
     """Check every hash and every name of bundles."""
-    from testbench.golden import bundle
+    from testbench.golden.bundles import bundle
 
     for folder in folders:
         manifest = bundle.verify(folder)
@@ -76,7 +76,7 @@ def window(
     """Write every clock of one place as a bundle of its own: where a signature differs, it finds the register."""
     from fpga_model.rates import FRAME_CYCLES
     from testbench.errors import ConfigError
-    from testbench.golden.top import window as write
+    from testbench.golden.bundles.top import window as write
 
     if (clock is None) == (frame is None):
         raise ConfigError("give either --clock or --frame")
@@ -101,7 +101,7 @@ def check(
 ):
     """Run your design, or read its log, and compare it with a bundle: the first divergence, and what it looks like."""
     from testbench.errors import ConfigError
-    from testbench.golden import rtl_run, waves
+    from testbench.golden.check import rtl_run, waves
 
     if (rtl is None) == (log is None):
         raise ConfigError("check: one of --rtl DIR and --log FILE is needed")
@@ -120,8 +120,8 @@ def ranges(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")] = False,
 ):
     """Proven and seen range of every register, headroom, and the widest intermediate result."""
-    from testbench.golden import range_report
-    from testbench.golden.export import chosen
+    from testbench.golden.bundles.export import chosen
+    from testbench.golden.ranges import range_report
 
     found = {f"{b.stem}/{case}": range_report.of_vectors(b, case) for b in chosen(block) for case in b.cases}
     if as_json:
@@ -141,7 +141,7 @@ def mutate(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")] = False,
 ):
     """Mutation score: what share of small faults in a design the vectors see; needs yosys."""
-    from testbench.golden.mutate import record, score
+    from testbench.golden.mutation.mutate import record, score
 
     outcome = score(folder, rtl, count, seed)
     if write:
@@ -162,8 +162,8 @@ def loop(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")] = False,
 ):
     """Close the loop of plant and RTL, and compare every register with the model at every edge of 26 MHz."""
-    from testbench.cli import Progress
     from testbench.config import Override, load
+    from testbench.console.progress import Progress
     from testbench.golden.loop import run
 
     given = [] if seconds is None else [Override("scenario.seconds", seconds, "--seconds")]
@@ -185,7 +185,7 @@ def prove(
 ):
     """Prove the properties of a block by induction: saturation, phase accumulator, SPI framing, sequencing."""
     from testbench.errors import ConfigError
-    from testbench.golden import formal
+    from testbench.golden.proofs import formal
 
     if block != "all" and block not in formal.CASES:
         raise ConfigError(f"block: {block!r} has no properties; known: all, {', '.join(formal.CASES)}")
@@ -209,7 +209,7 @@ def synth(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a line.")] = False,
 ):
     """Synthesise the whole design with yosys: refused with a latch or an undriven net; counts are a proxy."""
-    from testbench.golden.synthesis import synthesise
+    from testbench.golden.proofs.synthesis import synthesise
 
     netlist = synthesise(rtl, family, board, out)
     typer.echo(json.dumps(netlist._asdict()) if as_json else netlist.text())

@@ -20,11 +20,15 @@ import time
 from pathlib import Path
 
 from testbench.errors import ConfigError, FileError
-from testbench.files import write_text
-from testbench.golden import blocks, bundle, export, formal, mutate, mutate_top, recording, synthesis, top
-from testbench.golden import scores as measured
+from testbench.golden.bundles import bundle, export, top
+from testbench.golden.bundles import scores as measured
 from testbench.golden.loop import library
 from testbench.golden.loop import run as loop
+from testbench.golden.mutation import mutate, mutate_top
+from testbench.golden.proofs import formal, synthesis
+from testbench.golden.recording import recording
+from testbench.golden.stimulus import blocks
+from testbench.storage.files import write_text
 
 SIMULATORS = ("icarus", "verilator")
 COUNT, SEED = 150, 1

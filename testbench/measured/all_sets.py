@@ -18,10 +18,11 @@ import time
 from pathlib import Path
 
 from testbench.errors import ConfigError, FileError
-from testbench.files import write_text
-from testbench.measured import loop_trace, traced
+from testbench.measured import traced
+from testbench.measured.closed_loop import loop_trace
+from testbench.measured.exam import tell
 from testbench.measured.openers import open_problem
-from testbench.measured.parts import tell
+from testbench.storage.files import write_text
 
 UNSETTLED = ("firmware", "unexplained", "named in part", "confounded", "named", "noise-model", "none")
 SKIPPED = ("README", "LICENSE")
@@ -173,14 +174,14 @@ def main(arguments=None):
         if given.data:
             sets = folders(given.data)
         else:
-            from testbench.measured import registry
+            from testbench.measured.formats import registry
 
             sets = registry.folders()
         sets = {name: paths for name, paths in sets.items() if not given.only or name in given.only}
         out, shown, failures = run(sets, lambda text: print(text, file=sys.stderr, flush=True))
         loop = ""
         if not given.no_loop:
-            from testbench.measured.parts import in_loop
+            from testbench.measured import in_loop
 
             loop, numbers = in_loop.section(out)
             control = numbers.pop("", [])

@@ -1,4 +1,4 @@
-"""`gyro measured`: arguments and what is printed; no computing. `testbench.cli` adds this app to its own.
+"""`gyro measured`: arguments and what is printed; no computing. `testbench.commands.main` adds this app to its own.
 
 Standard output holds the result, standard error progress and one line per error. Exit codes: 0 done, 2 refused or
 something the user can mend, 3 a record that loads but whose firmware is not the model's, 130 interrupted.
@@ -23,14 +23,14 @@ EXIT_REFUSED, EXIT_BLOCKED = 2, 3
 TOLD = ("verdict", "sentence", "effects", "heldout")  # of a report, on standard output
 
 
-def _print_json(data):
-    from testbench.cli import _print_json
+def print_json(data):
+    from testbench.console.show import print_json
 
-    _print_json(data)
+    print_json(data)
 
 
 def _progress(as_json):
-    from testbench.cli import Progress
+    from testbench.console.progress import Progress
 
     return Progress(quiet=as_json)
 
@@ -60,8 +60,8 @@ def check(
     as_json: Json = False,
 ):
     """Check a record by rules R01 to R20: one line per finding, exit code 2 if it is refused."""
-    from testbench.measured import load
-    from testbench.record import RecordError
+    from testbench.measured.record import load
+    from testbench.storage.record import RecordError
 
     findings, residual, refused = [], None, False
     try:
@@ -75,7 +75,7 @@ def check(
     if as_json:
         listed = [{"finding": text, "level": level} for text, level in findings]
         data = {"file": str(file), "accepted": not refused, "findings": listed}
-        _print_json(data | {"r0": None if residual is None else _residual_json(residual)})
+        print_json(data | {"r0": None if residual is None else _residual_json(residual)})
     else:
         for text, level in findings:
             typer.echo(f"{text} ({level})")
@@ -98,9 +98,9 @@ def record(
     """Write a measurement record of the simulated board."""
     import json
 
-    from testbench.files import write_text
-    from testbench.measured import load, produce
-    from testbench.measured import plan as plans
+    from testbench.measured.record import load, produce
+    from testbench.measured.record import plan as plans
+    from testbench.storage.files import write_text
 
     wanted = plans.read(plan)
     with _progress(as_json) as progress:
@@ -111,7 +111,7 @@ def record(
     frames = len(made.streams["nco_fword"].data)
     segments = len(made.tables["segments"]["id"].data)
     if as_json:
-        _print_json({"file": str(out), "frames": frames, "segments": segments, "content_sha256": digest})
+        print_json({"file": str(out), "frames": frames, "segments": segments, "content_sha256": digest})
         return
     typer.echo(f"{out}  {frames} frames  {segments} segments  {digest[:16]}")
 
@@ -119,7 +119,7 @@ def record(
 @app.command()
 def convert(file: RecordPath, out: Annotated[Path, typer.Argument(metavar="OUT", help="The other form.")]):
     """Write a record in its other form: HDF5 (a name with an ending) or bundle (one without)."""
-    from testbench.measured import load
+    from testbench.measured.record import load
 
     loaded = load.load(file, replay=False)
     typer.echo(f"{out}  {load.write(out, loaded.record)[:16]}")
@@ -137,10 +137,10 @@ def residuals(
 ):
     """Say what the model leaves unexplained, per condition and observable, in units of the repeats' noise."""
     from testbench import config
+    from testbench.console.table import Table
     from testbench.errors import ConfigError
-    from testbench.measured import check_tables, load
-    from testbench.measured import residuals as residual
-    from testbench.tables import Table
+    from testbench.measured.record import check_tables, load
+    from testbench.measured.residual import residuals as residual
 
     if kind not in ("R1", "R2"):
         raise ConfigError(f"--kind {kind}: is neither R1 nor R2")
@@ -156,7 +156,7 @@ def residuals(
             raise ConfigError(problem) from None
     if as_json:
         rows = [row._asdict() for row in study.rows]
-        _print_json({"kind": kind, "engine": study.engine, "exact_words": study.exact_words, "rows": rows})
+        print_json({"kind": kind, "engine": study.engine, "exact_words": study.exact_words, "rows": rows})
         return
     heads = ("condition", "role", "observable", "unit", "noise rms", "residual rms", "chi2 / bins")
     rows = [
@@ -164,9 +164,9 @@ def residuals(
         for r in study.rows
     ]
     note = f"noise from {study.dof} deviations between repeats; {study.engine} engine"
-    from testbench.cli import _print_tables
+    from testbench.console.show import print_tables
 
-    _print_tables([Table(f"{kind}: recorded less predicted", heads, rows, numeric=(4, 5, 6), note=note)])
+    print_tables([Table(f"{kind}: recorded less predicted", heads, rows, numeric=(4, 5, 6), note=note)])
 
 
 @app.command()
@@ -176,11 +176,11 @@ def calibrate(
     as_json: Json = False,
 ):
     """Fit what the record's priors name, by the plant's open-loop residual, and certify that it has converged."""
-    from testbench.cli import _print_tables
+    from testbench.console.show import print_tables
+    from testbench.console.table import Table
     from testbench.errors import ConfigError
-    from testbench.measured import calibrate as calibration
-    from testbench.measured import load
-    from testbench.tables import Table
+    from testbench.measured.record import load
+    from testbench.measured.residual import calibrate as calibration
 
     with _progress(as_json) as progress:
         loaded = load.load(file, progress=progress)
@@ -192,7 +192,7 @@ def calibrate(
             raise ConfigError(problem) from None
     held_out = [(a, b) for a, b in zip(found.before.rows, found.after.rows) if a.role == "validate"]
     if as_json:
-        _print_json(
+        print_json(
             {
                 "values": found.values,
                 "sd": found.sd,
@@ -222,7 +222,7 @@ def calibrate(
     heads = ("condition", "observable", "unit", "noise rms", "uncalibrated rms", "calibrated rms", "chi2 / bins")
     if rows:
         tables.append(Table("Held out", heads, rows, numeric=(3, 4, 5, 6)))
-    _print_tables(tables)
+    print_tables(tables)
     typer.echo(
         ("converged" if found.converged else "NOT converged") + f": a further step promises {found.decrement:.2g}"
     )
@@ -250,9 +250,10 @@ def trace(
     from types import SimpleNamespace
 
     from testbench.errors import ConfigError
-    from testbench.measured import loop_trace, traced
+    from testbench.measured import traced
+    from testbench.measured.closed_loop import loop_trace
+    from testbench.measured.exam import tell
     from testbench.measured.openers import open_problem
-    from testbench.measured.parts import tell
     from testbench.tracing import report as page
     from testbench.tracing.trace import Options
 
@@ -281,15 +282,15 @@ def trace(
 
 def _write(path, text):
     """Write a text if a path was given."""
-    from testbench.files import write_text
+    from testbench.storage.files import write_text
 
     if path is not None:
         write_text(path, text)
 
 
 def _print_trace(result):
-    from testbench.cli import _print_tables
-    from testbench.tables import Table
+    from testbench.console.show import print_tables
+    from testbench.console.table import Table
 
     typer.echo(f"{result.verdict}: {result.sentence}")
     rows = [
@@ -307,7 +308,7 @@ def _print_trace(result):
     if rows:
         tables.append(Table("Error on data that no fit has seen", heads, rows, numeric=(2, 3, 4, 5)))
     if tables:
-        _print_tables(tables)
+        print_tables(tables)
     for a in getattr(result, "alike", ()):
         value = f"{a['value']:.3g} {a['unit']}"
         typer.echo(f"would do as well as {a['instead_of']}: {a['law']}, {value} (chi2 {a['chi2']:+.1f})")

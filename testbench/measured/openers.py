@@ -1,6 +1,6 @@
 """What `gyro measured trace` can open: each opener looks at the content of the files, never at their names.
 
-    opener(paths, options) -> testbench.tracing.problem.Problem, or None if the content is not its kind
+    opener(paths, options) -> testbench.tracing.problem.problem.Problem, or None if the content is not its kind
 `options` is a dictionary of what the command line was given with --option KEY=VALUE, as text.
 """
 
@@ -12,7 +12,7 @@ from testbench.errors import FileError
 
 def closed_loop(paths, options):
     """Records of the closed loop (gyrorec)."""
-    from testbench.measured import loop_record
+    from testbench.measured.closed_loop import loop_record
 
     return loop_record.opened(paths, options)
 

@@ -10,11 +10,11 @@ import json
 import sys
 from pathlib import Path
 
-from testbench.docs import ROOT, markdown, replaced
-from testbench.files import write_text
+from testbench.console.markdown import ROOT, markdown, replaced
+from testbench.console.table import Table
 from testbench.measured.all_sets import rest_words
-from testbench.measured.parts.tell import above, number
-from testbench.tables import Table
+from testbench.measured.exam.tell import above, number
+from testbench.storage.files import write_text
 
 KEPT = ROOT / "docs" / "measured_parts.json"
 EFFECT = ("law", "port", "value", "sd", "unit", "kind", "status", "hz", "quality")

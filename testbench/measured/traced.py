@@ -12,7 +12,7 @@ import json
 import pkgutil
 
 from testbench.measured import parts
-from testbench.measured.parts import tell
+from testbench.measured.exam import tell
 
 
 def modules():

@@ -5,9 +5,9 @@ Source    docs/paper.md, docs/campaigns.md
 
 from pathlib import Path
 
-from testbench.files import write_text
-from testbench.paper.bench import PHASE_REGISTERS
-from testbench.toml_text import toml_value
+from testbench.config.toml_text import toml_value
+from testbench.paper.calibration.bench import PHASE_REGISTERS
+from testbench.storage.files import write_text
 
 TEMPERATURES_DEGC = (-20.0, 25.0, 50.0)
 CASES = (1, 2, 3, 4, 5)
@@ -21,7 +21,7 @@ def plan_text(cases_deg, seconds, temperatures=TEMPERATURES_DEGC, settings=()):
     seconds    length of the record at rest
     settings   further (key, value) of [set], such as noise.seed
     """
-    lines = [f'name = "{NAME}"', 'engine = "testbench.paper.characterise:POINTS"', "", "[set]"]
+    lines = [f'name = "{NAME}"', 'engine = "testbench.paper.measure.characterise:POINTS"', "", "[set]"]
     lines += [f"scenario.seconds = {float(seconds)!r}", "scenario.diagnose = false"]
     lines += [f"{key} = {toml_value(value)}" for key, value in settings]
     for case, phases in cases_deg.items():

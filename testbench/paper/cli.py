@@ -8,6 +8,9 @@ from typing import Annotated
 
 import typer
 
+from testbench.console.progress import Progress
+from testbench.console.show import print_json, print_list, print_tables
+
 ConfigFile = Annotated[Path | None, typer.Option("--config", "-c", metavar="FILE", help="TOML configuration.")]
 Sets = Annotated[
     list[str] | None,
@@ -17,12 +20,6 @@ Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instea
 reports = typer.Typer(
     name="report", no_args_is_help=True, pretty_exceptions_enable=False, help="Pages about many runs."
 )
-
-
-def _cli():
-    from testbench import cli
-
-    return cli
 
 
 def _load(config, sets):
@@ -49,9 +46,8 @@ def calibrate(
     checked = _load(config, sets)
     from testbench.errors import ConfigError
 
-    cli = _cli()
-    with cli.Progress(quiet=as_json) as progress:
-        from testbench.paper import calibrations
+    with Progress(quiet=as_json) as progress:
+        from testbench.paper.calibration import calibrations
 
         if engine not in (None, "frame", "baseband"):
             raise ConfigError(f"--engine = {engine!r} is not an engine of the calibration: frame or baseband")
@@ -59,13 +55,13 @@ def calibrate(
         paths = calibrations.write_cases(results, checked, seed, out) if out else []
     summary = calibrations.summary(results)
     if as_json:
-        cli._print_json({"boards": results, "summary": summary, "seed": seed, "files": [str(p) for p in paths]})
+        print_json({"boards": results, "summary": summary, "seed": seed, "files": [str(p) for p in paths]})
         return
     from testbench.paper import page
 
     tables = [page._calibration_table(results[0]), page._cases_table(results[0])] if boards == 1 else []
-    cli._print_tables([*tables, page._boards_table(results)])
-    cli._print_list("Written:", [str(p) for p in paths])
+    print_tables([*tables, page._boards_table(results)])
+    print_list("Written:", [str(p) for p in paths])
 
 
 def characterise(
@@ -77,22 +73,21 @@ def characterise(
 ):
     """Scale factor on 22 rates, bias, V_q, Allan deviation, bandwidth, frequency and drive of one configuration."""
     checked = _load(config, sets)
-    cli = _cli()
-    with cli.Progress(quiet=as_json) as progress:
-        from testbench.paper import characterise as measure
+    with Progress(quiet=as_json) as progress:
+        from testbench.paper.measure import characterise as measure
 
         steps = iter(range(10))
         found = measure.characterise(
             checked, lambda text: progress(text, next(steps), 5), measure.engine_of(checked), seconds, temperature_degc
         )
     if as_json:
-        cli._print_json(found)
+        print_json(found)
         return
+    from testbench.console.table import Table
     from testbench.paper import page
-    from testbench.tables import Table
 
     rows = [(head, page._text(found.get(name), digits)) for name, head, digits in page.POINT_COLUMNS]
-    cli._print_tables([Table(f"At {temperature_degc:g} degC", ("quantity", "value"), rows)])
+    print_tables([Table(f"At {temperature_degc:g} degC", ("quantity", "value"), rows)])
 
 
 @reports.command()
@@ -116,8 +111,7 @@ def paper(
     The same command continues after any interruption.
     """
     checked = _load(config, sets)
-    cli = _cli()
-    with cli.Progress(quiet=as_json) as progress:
+    with Progress(quiet=as_json) as progress:
         from testbench.paper import page, study
 
         size = study.SMALL if small else study.FULL
@@ -126,10 +120,10 @@ def paper(
         job = study.Study(checked, out, size, workers=workers, progress=progress)
         path, verdicts = page.write(job)
     if as_json:
-        cli._print_json({"page": str(path), "verdicts": verdicts, "seconds": job.seconds})
+        print_json({"page": str(path), "verdicts": verdicts, "seconds": job.seconds})
         return
-    cli._print_list("", [f"{k}: {v} numbers" for k, v in verdicts.items()])
-    cli._print_list("Written:", [str(path)])
+    print_list("", [f"{k}: {v} numbers" for k, v in verdicts.items()])
+    print_list("Written:", [str(path)])
 
 
 def add(app):

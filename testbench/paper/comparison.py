@@ -14,7 +14,7 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
-from testbench.paper.calibrate import FACTOR
+from testbench.paper.calibration.calibrate import FACTOR
 
 PATH = Path(__file__).with_name("measured_numbers.csv")
 TOLERANCE, CLOSE = 0.10, 0.01

@@ -12,12 +12,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from testbench import config as configuration
-from testbench.paper import advisor, temperature
-from testbench.paper import loop as loops
-from testbench.paper import parts as loop_parts
-from testbench.paper.calibrate import NODES
-from testbench.paper.measure_bandwidth import crossing_hz
-from testbench.report import BLUE, FONT, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION
+from testbench.console.report import BLUE, FONT, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION
+from testbench.paper import temperature
+from testbench.paper.calibration.calibrate import NODES
+from testbench.paper.loop import advisor
+from testbench.paper.loop import loop as loops
+from testbench.paper.loop import parts as loop_parts
+from testbench.paper.measure.measure_bandwidth import crossing_hz
 
 COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, GREY)
 MARKS = ("o", "s", "^", "D", "v")
@@ -273,7 +274,7 @@ def response(points, config):
 
 def scale_residuals(points):
     """Residuals of the 22 rates."""
-    from testbench.paper.measure_scale import RATES_DPS
+    from testbench.paper.measure.measure_scale import RATES_DPS
 
     figure, axes = _panels(1, 2, 5.0, "22 rates at 25 degC: residual of the line, and V_q")
     for k, case in enumerate(sorted({c for c, t in points if t == 25.0})):

@@ -14,10 +14,11 @@ import numpy as np
 
 from fpga_model.rates import MASTER_HZ
 from testbench import config as configuration
-from testbench.paper import advisor, measure_allan, parts, sensitivity
-from testbench.paper import loop as loops
-from testbench.paper.bench import Bench, Judge
-from testbench.paper.characterise import engine_of
+from testbench.paper.calibration.bench import Bench, Judge
+from testbench.paper.loop import advisor, parts, sensitivity
+from testbench.paper.loop import loop as loops
+from testbench.paper.measure import measure_allan
+from testbench.paper.measure.characterise import engine_of
 
 SOURCES = ("thermomechanical", "cv", "dac", "adc", "flicker", "jitter")
 SCALE_YE1_DEG = (0.0, 1.5, 3.0, 4.5, 6.0, 7.5, 9.0)

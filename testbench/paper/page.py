@@ -10,22 +10,15 @@ from pathlib import Path
 
 import numpy as np
 
-from testbench.paper import (
-    calibrations,
-    comparison,
-    equations,
-    figures,
-    law,
-    loop_page,
-    loop_pictures,
-    record_phases,
-    temperature,
-)
-from testbench.paper import loop as loops
-from testbench.paper import parts as loop_parts
-from testbench.paper.calibrate import NODES
-from testbench.report import write_html
-from testbench.tables import Table
+from testbench.console.report import write_html
+from testbench.console.table import Table
+from testbench.paper import comparison, figures, law, temperature
+from testbench.paper.calibration import calibrations
+from testbench.paper.calibration.calibrate import NODES
+from testbench.paper.loop import equations, loop_page, loop_pictures
+from testbench.paper.loop import loop as loops
+from testbench.paper.loop import parts as loop_parts
+from testbench.paper.measure import record_phases
 
 PAPER_MEANS = {
     "scale_lsb_per_dps": "SF",

@@ -15,13 +15,17 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
-from testbench.campaign import collect, execute, plan
+from testbench.campaign import collect, execute
+from testbench.campaign.plan import plan
+from testbench.campaign.plan.sources import code_sha256
 from testbench.campaign.pool import Here, Pool
-from testbench.campaign.sources import code_sha256
 from testbench.campaign.store import Store
-from testbench.files import write_text
-from testbench.paper import calibrations, cases, law, record_phases, sensitivity
-from testbench.paper.characterise import unflat
+from testbench.paper import cases, law
+from testbench.paper.calibration import calibrations
+from testbench.paper.loop import sensitivity
+from testbench.paper.measure import record_phases
+from testbench.paper.measure.characterise import unflat
+from testbench.storage.files import write_text
 
 
 class Size(NamedTuple):
@@ -58,10 +62,10 @@ class Study:
                 key,
                 self.config.model_dump(),
                 code_sha256(
-                    "testbench.paper.calibrations",
+                    "testbench.paper.calibration.calibrations",
                     "testbench.paper.law",
-                    "testbench.paper.record_phases",
-                    "testbench.simulate",
+                    "testbench.paper.measure.record_phases",
+                    "testbench.run.simulate",
                 ),
             ],
             sort_keys=True,

@@ -9,9 +9,9 @@ Source    FACTS 1, 2, 5; docs/phases.md, docs/paper.md
 
 import math
 
-from analog_frontend import thermal
-from testbench.budget import budget
-from testbench.paper.calibrate import NODES
+from analog_frontend.parts import thermal
+from testbench.paper.calibration.calibrate import NODES
+from testbench.run.budget import budget
 
 LEVEL_DEG = 0.012
 GRID_DEGC = tuple(-40.0 + 5.0 * k for k in range(26))

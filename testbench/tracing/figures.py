@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.stats import norm
 
-from testbench.tracing.rank import Projection, prior_z
+from testbench.tracing.fit.rank import Projection, prior_z
 
 BLUE, VERMILION, GREEN, GREY = "#0072B2", "#D55E00", "#009E73", "#666666"
 SHOWN = 12  # laws in a picture

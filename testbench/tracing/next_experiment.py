@@ -10,9 +10,9 @@ import itertools
 
 import numpy as np
 
-from testbench.tracing.model import Model
-from testbench.tracing.predictor import Failed, Predictor
-from testbench.tracing.space import Space
+from testbench.tracing.problem.model import Model
+from testbench.tracing.problem.predictor import Failed, Predictor
+from testbench.tracing.problem.space import Space
 
 MOST_RIVALS = 4
 

@@ -8,8 +8,8 @@ import html as escape
 import io
 import json
 
-from testbench.report import CSS
-from testbench.tracing.heldout import FLOOR_FACTOR
+from testbench.console.report import CSS
+from testbench.tracing.fit.heldout import FLOOR_FACTOR
 from testbench.tracing.verdict import MOST_NUMERICAL
 
 
@@ -203,6 +203,6 @@ def html(result, figures):
 
 
 def _plain(data):
-    from testbench.tracing.result import plain
+    from testbench.tracing.problem.result import plain
 
     return plain(data)

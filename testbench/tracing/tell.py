@@ -5,16 +5,16 @@ from dataclasses import asdict
 import numpy as np
 
 from testbench.tracing import verdict
-from testbench.tracing.discover import lift
-from testbench.tracing.evidence import log_prior
-from testbench.tracing.looks import SHORT
-from testbench.tracing.noise import bridge
-from testbench.tracing.power import limits
-from testbench.tracing.problem import option
-from testbench.tracing.rank import one_sided
-from testbench.tracing.result import Result
-from testbench.tracing.rivals import CLEAR
-from testbench.tracing.search import CREDIBLE, credible, inclusion
+from testbench.tracing.fit.discover import lift
+from testbench.tracing.fit.evidence import log_prior
+from testbench.tracing.fit.rank import one_sided
+from testbench.tracing.fit.rivals import CLEAR
+from testbench.tracing.fit.search import CREDIBLE, credible, inclusion
+from testbench.tracing.noise.looks import SHORT
+from testbench.tracing.noise.noise import bridge
+from testbench.tracing.noise.power import limits
+from testbench.tracing.problem.problem import option
+from testbench.tracing.problem.result import Result
 
 
 def effects(fit, laws, probability, status):

@@ -7,21 +7,23 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from testbench.tracing import calibrate as calibration
-from testbench.tracing import discover, heldout, identify, next_experiment, noise, tell, verdict
-from testbench.tracing.alarms import remembered
-from testbench.tracing.alike import exchanges
-from testbench.tracing.checkpoint import Store
-from testbench.tracing.evidence import log_prior
-from testbench.tracing.model import Model
-from testbench.tracing.power import Power
-from testbench.tracing.predictor import Predictor
-from testbench.tracing.problem import all_laws, check, option
-from testbench.tracing.rank import Signatures, rank
-from testbench.tracing.result import Result
-from testbench.tracing.rivals import open_rivals
-from testbench.tracing.search import Search
-from testbench.tracing.space import Space
+from testbench.tracing import next_experiment, tell, verdict
+from testbench.tracing.fit import calibrate as calibration
+from testbench.tracing.fit import discover, heldout, identify
+from testbench.tracing.fit.alike import exchanges
+from testbench.tracing.fit.evidence import log_prior
+from testbench.tracing.fit.rank import Signatures, rank
+from testbench.tracing.fit.rivals import open_rivals
+from testbench.tracing.fit.search import Search
+from testbench.tracing.noise import noise
+from testbench.tracing.noise.alarms import remembered
+from testbench.tracing.noise.power import Power
+from testbench.tracing.problem.checkpoint import Store
+from testbench.tracing.problem.model import Model
+from testbench.tracing.problem.predictor import Predictor
+from testbench.tracing.problem.problem import all_laws, check, option
+from testbench.tracing.problem.result import Result
+from testbench.tracing.problem.space import Space
 
 SAME = 0.9995  # cosine from which a law of the library is one of the catalogue
 ROWS_OF_DRAWS = 60_000_000  # numbers drawn for one alarm at most

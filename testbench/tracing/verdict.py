@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from testbench.tracing.identify import unseen
-from testbench.tracing.problem import option
-from testbench.tracing.rank import Projection
-from testbench.tracing.search import CREDIBLE
+from testbench.tracing.fit.identify import unseen
+from testbench.tracing.fit.rank import Projection
+from testbench.tracing.fit.search import CREDIBLE
+from testbench.tracing.problem.problem import option
 
 LEAST_FREE_D = 3.0
 MOST_NUMERICAL = 0.5  # sigmas, of the analysis engine against the exact one

@@ -12,8 +12,7 @@ from scipy import signal
 from scipy.linalg import expm
 from scipy.special import ellipk
 
-from analog_frontend import effects, propagator, sid
-from analog_frontend.device import Device
+from analog_frontend import effects
 from analog_frontend.effects import (
     acceleration,
     drive_cubic,
@@ -24,6 +23,8 @@ from analog_frontend.effects import (
     ports,
     sid_absorption,
 )
+from analog_frontend.parts import propagator, sid
+from analog_frontend.parts.device import Device
 from fpga_model.jit import kernel
 
 H = 1e-6

@@ -8,11 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numba import config as numba_config
 
-from analog_frontend import device, linear
+from analog_frontend import linear
 from analog_frontend.effects import catalogue, law, ports
+from analog_frontend.parts import device
 from fpga_model.jit import kernel
 from testbench import config
-from testbench.simulation import Simulation
+from testbench.run.simulation import Simulation
 
 MASS, H, W = 2.325e-7, 1e-6, 2 * math.pi * 11000.0
 IDENTITY = np.arange(16)
@@ -122,7 +123,7 @@ def test_zero_coefficient_is_off_and_too_many_are_refused():
 
 
 def test_every_state_has_a_place_in_both_arenas():
-    from analog_frontend import eight
+    from analog_frontend.lanes import eight
 
     assert len(linear.PLACES) == len(eight.PLACES) == 16
     assert len(set(linear.PLACES.tolist())) == len(set(eight.PLACES.tolist())) == 16
@@ -187,7 +188,7 @@ def test_engines_agree_to_the_last_bit_and_no_law_is_no_change():
 
 @pytest.mark.skipif(numba_config.DISABLE_JIT, reason="minutes without the compiler")
 def test_lanes_have_the_bits_of_the_frame_engine():
-    from testbench.lanes import Lanes
+    from testbench.engines.lanes import Lanes
 
     each = [MIXED, [], MIXED[:1], MIXED[3:5], ["force_y = 1e-10 step(0.003) x"]]
     alone = [_run("frame", laws, 9000, seed) for seed, laws in enumerate(each)]

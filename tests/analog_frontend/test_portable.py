@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 from numba import config
 
-from analog_frontend import adc, effects, noise, oscillator, ring_diode, sid
+from analog_frontend import effects
 from analog_frontend.effects import drive_cubic, duffing, feedthrough_y
+from analog_frontend.parts import adc, noise, oscillator, ring_diode, sid
 from fpga_model.jit import kernel
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -5,11 +5,11 @@ import pytest
 from numba import config
 from scipy.linalg import expm
 
-from analog_frontend import sid
 from analog_frontend import top as plant
+from analog_frontend.parts import sid
 from fpga_model.jit import hot, kernel
-from testbench import build
 from testbench.config import changed
+from testbench.run import build
 from tests.testbench.bench_setup import configured, quiet
 
 H = 1e-6

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from analog_frontend import adc_serial, dac_serial
+from analog_frontend.parts import adc_serial, dac_serial
 from fpga_model import dds, delay, modulator, rates, references, sine, spi_adc, spi_dac
 from fpga_model.jit import kernel
 from testbench.flatten import names, store

@@ -4,7 +4,8 @@ import numpy as np
 
 from fpga_model import dds, frequency_tracker, rate_loop, sequencer
 from fpga_model.rates import TICK_HZ
-from testbench import config, nodes, simulate
+from testbench import config
+from testbench.run import nodes, simulate
 
 QUIET = {f"noise.{name}": False for name in ("thermomechanical", "cv", "dac", "adc", "flicker", "jitter")}
 

@@ -7,7 +7,8 @@ import threading
 import numpy as np
 import pytest
 
-from testbench import files, interrupts, state_file
+from testbench import interrupts
+from testbench.storage import files, state_file
 
 
 def strike():

@@ -15,16 +15,17 @@ import math
 
 import numpy as np
 
-from analog_frontend import adc_serial
 from analog_frontend import top as plant
+from analog_frontend.parts import adc_serial
 from fpga_model import registers
 from fpga_model import top as fpga
 from fpga_model.jit import kernel
 from fpga_model.rates import FRAME_TICKS, TICK_CYCLES
-from testbench import build, engine
+from testbench.engines import engine
 from testbench.flatten import leaves
-from testbench.golden import replay
 from testbench.golden.loop import library, lockstep
+from testbench.golden.recording import replay
+from testbench.run import build
 
 DEG = math.pi / 180
 STATUS = adc_serial.status_word()

@@ -19,10 +19,11 @@ import numpy as np
 from fpga_model import top
 from testbench.errors import ConfigError, FileError
 from testbench.flatten import format_leaves
-from testbench.golden import benches, board
-from testbench.golden.blocks import RESET_INPUT, flat
-from testbench.golden.mutate import run_tool
-from testbench.golden.replay import PIN_FMT, PINS
+from testbench.golden.bundles import benches
+from testbench.golden.recording import board
+from testbench.golden.recording.replay import PIN_FMT, PINS
+from testbench.golden.stimulus.blocks import RESET_INPUT, flat
+from testbench.tool import run_tool
 
 INPUTS = (RESET_INPUT, *top.Inputs._fields)
 FORMATS = (*(fmt for _, fmt in format_leaves(top.STATE_FMT)), *PIN_FMT)

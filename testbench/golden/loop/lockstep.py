@@ -4,7 +4,7 @@
     edge n          both get the same DRDY_N, DOUT, samples and host write
     after edge n    the converters see the RTL's pins; DAC codes and reference edges act on the plant at their clocks
 
-Ticks and streams are those of the clocked engine (testbench.engine). The first difference ends the run, before the
+Ticks and streams are those of the clocked engine. The first difference ends the run, before the
 edge whose row it stands in.
 Source  docs/rtl.md
 """
@@ -17,16 +17,16 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic, register_jitable
 
-from analog_frontend import adc_serial, dac_serial
 from analog_frontend import top as plant
+from analog_frontend.parts import adc_serial, dac_serial
 from fpga_model import top as fpga
 from fpga_model.jit import DISABLED, hot, inlined
 from fpga_model.rates import FRAME_TICKS, TICK_CYCLES
-from testbench import engine
+from testbench.engines import engine
 from testbench.flatten import store
-from testbench.golden import replay
 from testbench.golden.loop.library import INPUTS, NAMES, REFS_AT, REGISTERS
-from testbench.golden.replay import PINS
+from testbench.golden.recording import replay
+from testbench.golden.recording.replay import PINS
 
 KEPT = 8  # rows that stay, for a report: a power of two
 COUNT, PLACES = len(REGISTERS), len(NAMES)

@@ -15,13 +15,14 @@ import numpy as np
 
 from fpga_model import fault_monitor, sequencer
 from fpga_model.rates import MASTER_HZ, TICK_CYCLES, TICK_HZ
-from testbench import build, engine, scenario, simulate
-from testbench.config import Config, changed
+from testbench.config import Config, changed, scenario
+from testbench.engines import engine
 from testbench.errors import ConfigError
 from testbench.flatten import leaves
-from testbench.golden import replay
 from testbench.golden.loop import library, lockstep
-from testbench.simulation import FRAME, Simulation
+from testbench.golden.recording import replay
+from testbench.run import build, simulate
+from testbench.run.simulation import FRAME, Simulation
 
 SECONDS = 3.0
 STEP_DPS, STEPS_S, FAULT_S, FAULT_LENGTH_S = 300.0, (1.5, 1.8, 2.1), 2.4, 0.003

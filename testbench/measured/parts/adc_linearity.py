@@ -12,10 +12,10 @@ Source   docs/measured_parts.md
 import numpy as np
 from scipy.optimize import nnls
 
-from analog_frontend import adc
+from analog_frontend.parts import adc
 from testbench.measured.formats import meters_csv
-from testbench.measured.parts.linear import Common, LinearProblem
-from testbench.tracing.problem import Law, Nuisance, Observable, Segment
+from testbench.measured.models.linear import Common, LinearProblem
+from testbench.tracing.problem.problem import Law, Nuisance, Observable, Segment
 
 FULL_V = 10.0
 RANGE_V = 12.0  # full scale of a 10 V range

@@ -18,11 +18,12 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.ndimage import gaussian_filter1d
 
-from analog_frontend import dac, dac_levels
+from analog_frontend import dac_levels
+from analog_frontend.parts import dac
 from testbench.errors import ConfigError
 from testbench.measured.formats import levels_mat
-from testbench.measured.parts.linear import Dense, Diagonal, LinearProblem
-from testbench.tracing.problem import Law, Nuisance, Observable, Segment
+from testbench.measured.models.linear import Dense, Diagonal, LinearProblem
+from testbench.tracing.problem.problem import Law, Nuisance, Observable, Segment
 
 BLOCKS = 1024
 STRINGS = (2, 4, 8, 16, 32)

@@ -15,49 +15,21 @@ import numpy as np
 
 from testbench.errors import ConfigError
 from testbench.measured.formats import input_output
-from testbench.measured.parts import mode, splits
-from testbench.measured.parts.noise import Noise
+from testbench.measured.models import mode, splits
+from testbench.measured.models.noise import Noise
+from testbench.measured.models.terms import FORCES, GRAMMAR, TERMS
+from testbench.measured.models.working import Working
 from testbench.measured.parts.part import Part, Piece
-from testbench.measured.parts.working import Working
-from testbench.tracing.problem import Law, Nuisance
+from testbench.tracing.problem.problem import Law, Nuisance
 
 TICKS = 8  # of the model per sample
 SCALE = 0.3  # plausible size of a law, as force over that of the spring, at the output's rms
-# name, product (see effects/law.py), sign, words
-FORCES = (
-    ("duffing", "x^3", 0, "cubic spring"),
-    ("spring_square", "x^2", 0, "square spring"),
-    ("spring_abs", "abs(x) x", 0, "spring that stiffens with |x|"),
-    ("spring_quintic", "x^5", 0, "fifth-order spring"),
-    ("damping_quadratic", "abs(vx) vx", 0, "damping that grows with speed"),
-    ("damping_cubic", "x^2 vx", 0, "damping that grows with the square of displacement"),
-    ("damping_abs_x", "abs(x) vx", 0, "damping that grows with displacement"),
-    ("damping_speed_cubed", "vx^3", 0, "damping that grows with the square of speed"),
-    ("coulomb_friction", "sgn(vx)", 1, "dry friction"),  # negative: a part at rest would start by itself
-    ("inertia", "x vx^2", 0, "inertia that changes with displacement"),
-    ("drive_cubic", "u^3", 0, "cubic force of the drive voltage"),
-    ("drive_square", "u^2", 0, "square force of the drive voltage"),
-    ("softening_drive", "u^2 x", 0, "spring that the drive voltage softens"),
-    ("drive_times_x", "u x", 0, "spring that follows the drive voltage"),
-)
-GRAMMAR = (
-    ("x^4", "x^4"),
-    ("x^3 vx", "x^3 vx"),
-    ("x vx", "x vx"),
-    ("x^2 abs(x) x", "abs(x)^3 x"),
-    ("x^4 vx", "x^4 vx"),
-    ("vx^2", "vx^2"),
-    ("u x^2", "u x^2"),
-    ("u vx", "u vx"),
-    ("u^2 vx", "u^2 vx"),
-)
 OUTPUTS = (
     ("pickoff_cubic", "1/V^2", "cubic of the output stage", "instrument", 3),
     ("pickoff_square", "1/V", "square of the output stage", "instrument", 2),
     ("feedthrough", "V/V", "input that leaks to the output", "instrument", 0),
     ("skew", "s", "output sampled later than the input", "instrument", 0),
 )
-TERMS = {name: text for name, text, _, _ in FORCES} | dict(GRAMMAR)
 
 
 class Drive(NamedTuple):
@@ -266,7 +238,7 @@ def crude(record):
 
 def problem(paths, fs_hz=input_output.FS_HZ):
     """`DrivenResonator` of one record, and of further ones of the same part for its noise and for the exam."""
-    from testbench.measured.registry import sha256_of
+    from testbench.measured.formats.registry import sha256_of
 
     records = [(input_output.load(path, fs_hz), sha256_of(path)) for path in paths]
     records.sort(key=lambda item: (item[1] not in splits.OFFICIAL, item[1]))

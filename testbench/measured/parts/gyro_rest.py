@@ -15,8 +15,8 @@ import numpy as np
 from scipy.special import digamma, polygamma
 
 from testbench.measured.formats import gyro_npz
-from testbench.measured.parts.linear import Dense, Diagonal
-from testbench.tracing.problem import Law, Nuisance, Observable, PredictionFailed, Segment
+from testbench.measured.models.linear import Dense, Diagonal
+from testbench.tracing.problem.problem import Law, Nuisance, Observable, PredictionFailed, Segment
 
 CHUNKS, CHOOSE = 10, 6
 PARTS = 10  # periodograms of a chunk

@@ -1,6 +1,6 @@
 """Numbers printed in the paper beside what the model says: explained, not explained, and by what it could be.
 
-    a row      quantity, paper's value, model's value from testbench.budget or a stated equation, their difference
+    a row      quantity, paper's value, model's value from testbench.run.budget or a stated equation, their difference
     a rival    an explanation with what it predicts for the same number, and what would tell it from the others
 Only one number stands behind most questions, so no rival is a winner: a row is "explained" if the model's value agrees
 within the paper's own spread, else "not explained" with its rivals, never "caused by".
@@ -9,8 +9,8 @@ Source    docs/measured_parts.md, docs/phases.md
 
 import html
 
-from testbench.measured.parts import tell
-from testbench.measured.parts.paper_numbers import AGREE, HEAD, Numbers
+from testbench.measured.exam import tell
+from testbench.measured.formats.paper_numbers import AGREE, HEAD, Numbers
 from testbench.measured.parts.paper_questions import rows
 
 

@@ -1,6 +1,6 @@
 """The questions that the paper's numbers raise: what the model says, and the rivals with what each predicts.
 
-    phases       testbench.budget of the default board
+    phases       testbench.run.budget of the default board
     scale        1/cos(phi_ye1) - 1, eq (12);   V_q, bias at rest: no change, eq (6) and two integrating loops
     noise        square root of the absolute temperature
 Source    docs/measured_parts.md, docs/phases.md
@@ -10,8 +10,9 @@ import math
 
 import numpy as np
 
-from testbench import budget, config
-from testbench.measured.parts.paper_numbers import ROOM, TEMPERATURES, Rival, Row
+from testbench import config
+from testbench.measured.formats.paper_numbers import ROOM, TEMPERATURES, Rival, Row
+from testbench.run import budget
 
 RATES = (0.1, 0.5, 1, 5, 10, 50, 100, 200, 300, 400, 500)
 COUPLING_DPS = 100.0  # quadrature of the paper's k_xy, at V_q = 4.5247 V

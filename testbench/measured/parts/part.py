@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from testbench.tracing.problem import Observable, PredictionFailed, Segment
+from testbench.tracing.problem.problem import Observable, PredictionFailed, Segment
 
 
 class Piece(NamedTuple):
@@ -71,7 +71,7 @@ class Part:
 
     def report(self, settings=None, progress=None):
         """(JSON, picture) of the whole."""
-        from testbench.measured.parts import exam
+        from testbench.measured.exam import exam
 
         return exam.report(self, settings, progress)
 

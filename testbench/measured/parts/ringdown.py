@@ -17,10 +17,10 @@ import numpy as np
 from fpga_model.jit import kernel
 from testbench.errors import FileError
 from testbench.measured.formats import ringdown_text
-from testbench.measured.parts.noise import Noise
+from testbench.measured.models.noise import Noise
+from testbench.measured.models.working import Working
 from testbench.measured.parts.part import Part, Piece
-from testbench.measured.parts.working import Working
-from testbench.tracing.problem import Law, Nuisance
+from testbench.tracing.problem.problem import Law, Nuisance
 
 UW_DBM = -30.0
 LEAST_LN = 60.0  # of ln P: what leaves it has gone wrong and stays there
@@ -253,7 +253,7 @@ def problem(traces):
 
     A single run is split in time: its even blocks are fitted, its odd ones judged.
     """
-    from testbench.measured.registry import sha256_of
+    from testbench.measured.formats.registry import sha256_of
 
     traces = sorted(traces, key=lambda trace: (trace.header.get("date and time", ""), sha256_of(trace.path)))
     pieces, notes = [], []

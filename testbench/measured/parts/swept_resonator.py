@@ -6,7 +6,7 @@
     nuisances   f0, ln g, K, b0 .. b2 of each fitted sweep       local unknowns of a judged sweep: the same
     laws        r (instrument); f0 and g that change with |K a|^2 (force_x: x^3, x^2 vx); receiver that waits first,
                 source that kicks at each step (instrument); step of the path where S11 steps (instrument)
-Envelope of one mode of `analog_frontend.resonator`: a is its amplitude in the frame of the source.
+Envelope of one mode of `analog_frontend.parts.resonator`: a is its amplitude in the frame of the source.
 Frequencies are those of the grid (formats/touchstone.py).   Source    docs/measured_resonators.md
 """
 
@@ -20,10 +20,10 @@ from scipy.signal import find_peaks
 from fpga_model.jit import kernel
 from testbench.errors import FileError
 from testbench.measured.formats import touchstone
-from testbench.measured.parts.noise import Noise
+from testbench.measured.models.noise import Noise
+from testbench.measured.models.working import Working
 from testbench.measured.parts.part import Part, Piece
-from testbench.measured.parts.working import Working
-from testbench.tracing.problem import Law, Nuisance
+from testbench.tracing.problem.problem import Law, Nuisance
 
 WIDEST = 3000  # points used, two thirds of them behind the peak, where it still rings
 SUBSTEPS = 4  # of a step, if the mode is not linear
@@ -404,7 +404,7 @@ def _piece(sweep, number, role):
 
 def problem(sweeps):
     """`SweptResonator` of sweeps of one peak: the first is fitted, the others judged; in the order of their dates."""
-    from testbench.measured.registry import sha256_of
+    from testbench.measured.formats.registry import sha256_of
 
     sweeps = sorted(sweeps, key=lambda s: (s.comments[-1:], sha256_of(s.path)))
     pieces, notes = [], []

@@ -11,10 +11,10 @@ import numpy as np
 from scipy.special import wofz
 
 from testbench.measured.formats import ringdown_text
-from testbench.measured.parts.noise import Noise
+from testbench.measured.models.noise import Noise
+from testbench.measured.models.working import Working
 from testbench.measured.parts.part import Part, Piece
-from testbench.measured.parts.working import Working
-from testbench.tracing.problem import Law, Nuisance
+from testbench.tracing.problem.problem import Law, Nuisance
 
 BLOCKS = 24
 LAG = 8  # points, beyond the filter of the analyser
@@ -70,7 +70,7 @@ def noise_of(p):
 
 def problem(trace):
     """`ThermalSpectrum` of a trace: even blocks are fitted, odd ones judged."""
-    from testbench.measured.registry import sha256_of
+    from testbench.measured.formats.registry import sha256_of
 
     f, p = trace.x, trace.power_dbm
     sd, rho = noise_of(p)

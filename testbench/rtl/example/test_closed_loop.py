@@ -25,7 +25,7 @@ TICKS = int(os.environ.get("TICKS") or 40)
 async def closed_loop(dut):
     from testbench.config import Config
     from testbench.golden.loop.by_edge import Model, Plant
-    from testbench.golden.replay import PINS
+    from testbench.golden.recording.replay import PINS
 
     plant = Plant(Config())
     model = Model(plant)
@@ -74,10 +74,10 @@ def binary(value, handle):
 def main():
     from cocotb.runner import get_runner
 
-    from testbench import build
     from testbench.config import Config
-    from testbench.golden import board
     from testbench.golden.loop.library import sources
+    from testbench.golden.recording import board
+    from testbench.run import build
 
     with tempfile.TemporaryDirectory(prefix="gyro-example-") as folder:
         folder = Path(folder)

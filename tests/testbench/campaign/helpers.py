@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from testbench import cli
+from testbench.commands import main as cli
 
 ROOT = Path(__file__).resolve().parents[3]
 INSTANT = "tests.testbench.campaign.instant:ENGINE"
@@ -76,7 +76,7 @@ def warm_plan_file(folder, rates, seeds, engine):
     if not (folder / "warm").exists():
         argv = ("run", "--seconds", "0.01", "--set", "scenario.diagnose=false", "--out", folder / "warm")
         subprocess.run(
-            [sys.executable, "-m", "testbench.cli", *map(str, argv)],
+            [sys.executable, "-m", "testbench.commands.main", *map(str, argv)],
             check=True,
             cwd=ROOT,
             env=environment(),
@@ -96,7 +96,7 @@ def environment(**more):
 def start(*argv, preexec_fn=None, **env):
     """`gyro campaign ARGV` as a child that is not waited for."""
     return subprocess.Popen(
-        [sys.executable, "-m", "testbench.cli", "campaign", *map(str, argv)],
+        [sys.executable, "-m", "testbench.commands.main", "campaign", *map(str, argv)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

@@ -11,8 +11,8 @@ import time
 
 import numpy as np
 
-from testbench import engine
-from testbench.campaign.engines import Engine
+from testbench.campaign.plan.engines import Engine
+from testbench.engines import engine
 
 ROWS = 64
 RAISES_DPS, KILLS_DPS, LARGE_DPS = 1.0, 2.0, 3.0
@@ -42,7 +42,7 @@ def _one(config, sink):
 
 
 def play(configs, sinks):
-    """As `testbench.campaign.engines` says; a point that raises fails alone."""
+    """As `testbench.campaign.plan.engines` says; a point that raises fails alone."""
     out = []
     for config, sink in zip(configs, sinks):
         try:

@@ -5,7 +5,8 @@ import re
 import pytest
 import xarray
 
-from testbench.campaign import cluster, draws, measure, plan, pool
+from testbench.campaign import cluster, pool
+from testbench.campaign.plan import draws, measure, plan
 from tests.testbench.campaign.helpers import INSTANT, ROOT, campaign, run_json
 
 PAGE = (ROOT / "docs" / "campaigns.md").read_text()

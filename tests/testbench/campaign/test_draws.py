@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from testbench.campaign.draws import FORMS, Spec, drawn, uniform
+from testbench.campaign.plan.draws import FORMS, Spec, drawn, uniform
 from testbench.errors import ConfigError
 
 

@@ -6,7 +6,8 @@ import math
 import numba
 import pytest
 
-from testbench.campaign import engines, execute, plan, played, pool, work
+from testbench.campaign import execute, played, pool, work
+from testbench.campaign.plan import engines, plan
 from testbench.campaign.store import Store
 from tests.testbench.campaign.helpers import INSTANT, LANES, campaign, child, finished, plan_file, run_json
 

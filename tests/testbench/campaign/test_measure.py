@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from testbench import engine
-from testbench.campaign.measure import FRAME_S, Keep, Keeper, adev, mean, rms, slope, std
-from testbench.simulation import FRAME, TRUTH
+from testbench.campaign.plan.measure import FRAME_S, Keep, Keeper, adev, mean, rms, slope, std
+from testbench.engines import engine
+from testbench.run.simulation import FRAME, TRUTH
 
 words = st.lists(st.integers(-(1 << 48), 1 << 48), min_size=2, max_size=40)
 

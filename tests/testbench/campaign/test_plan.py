@@ -4,10 +4,10 @@ import json
 
 import pytest
 
-from testbench import cli
-from testbench.campaign import plan as plans
-from testbench.campaign import points as point
-from testbench.campaign.points import address_of, task_of
+from testbench.campaign.plan import plan as plans
+from testbench.campaign.plan import points as point
+from testbench.campaign.plan.points import address_of, task_of
+from testbench.commands import main as cli
 from testbench.config import load
 from testbench.errors import FileError
 

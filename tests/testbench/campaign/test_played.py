@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 import xarray
 
-from testbench import simulate
 from testbench.campaign import played
-from testbench.campaign.measure import Keep, Keeper
+from testbench.campaign.plan.measure import Keep, Keeper
 from testbench.campaign.store import Store
 from testbench.config import from_dict
+from testbench.run import simulate
 from tests.testbench.campaign.helpers import campaign, plan_file, run_json
 
 needs_compiler = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="closed loop: too slow interpreted")

@@ -144,7 +144,8 @@ def test_a_point_that_is_not_what_it_was_is_seen(tiny, tmp_path):
 
 
 def test_other_sources_are_not_compared(tiny, monkeypatch):
-    from testbench.campaign import engines, rerun
+    from testbench.campaign import rerun
+    from testbench.campaign.plan import engines
     from testbench.errors import FileError
 
     monkeypatch.setattr(engines, "code_of", lambda engine: "f" * 64)

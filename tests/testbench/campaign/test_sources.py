@@ -4,7 +4,7 @@ import shutil
 
 import pytest
 
-from testbench.campaign import engines, sources
+from testbench.campaign.plan import engines, sources
 from testbench.errors import ConfigError
 
 
@@ -13,12 +13,17 @@ def test_the_frame_engine_reaches_firmware_plant_and_statistics():
     wanted = (
         "fpga_model.dds",
         "fpga_model.jit",
-        "analog_frontend.noise",
-        "testbench.frame",
-        "testbench.campaign.measure",
+        "analog_frontend.parts.noise",
+        "testbench.engines.frame",
+        "testbench.campaign.plan.measure",
     )
     assert set(wanted) <= set(found)
-    assert not {"testbench.cli", "testbench.bench.measure", "testbench.campaign.pool", "testbench.docs"} & set(found)
+    assert not {
+        "testbench.commands.main",
+        "testbench.bench.measure",
+        "testbench.campaign.pool",
+        "testbench.commands.docs",
+    } & set(found)
 
 
 def test_an_edit_counts_where_it_is_reached(tmp_path, monkeypatch):
@@ -29,10 +34,10 @@ def test_an_edit_counts_where_it_is_reached(tmp_path, monkeypatch):
     def code():
         sources.reached.cache_clear()
         sources.code_sha256.cache_clear()
-        return sources.code_sha256("testbench.simulate", engines.MEASURES)
+        return sources.code_sha256("testbench.run.simulate", engines.MEASURES)
 
     before = code()
-    with open(tmp_path / "testbench" / "cli.py", "a") as file:
+    with open(tmp_path / "testbench" / "commands" / "main.py", "a") as file:
         file.write("# more\n")
     assert code() == before
     with open(tmp_path / "fpga_model" / "sine.py", "a") as file:
@@ -44,7 +49,7 @@ def test_an_edit_counts_where_it_is_reached(tmp_path, monkeypatch):
 
 def test_an_engine_elsewhere_counts_too(tmp_path, monkeypatch):
     (tmp_path / "my_engine_of_tests.py").write_text(
-        "from testbench.campaign.engines import Engine\n"
+        "from testbench.campaign.plan.engines import Engine\n"
         "MINE = Engine(lambda configs, sinks: [{}], 1, ('my_engine_of_tests',))\nOTHER = 3\n"
     )
     monkeypatch.syspath_prepend(tmp_path)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from testbench.golden.blocks import BLOCKS
+from testbench.golden.stimulus.blocks import BLOCKS
 
 RTL = Path(__file__).resolve().parents[3] / "testbench" / "rtl"
 VERILOG = [stem for stem in BLOCKS if (RTL / f"{stem}.v").is_file()]

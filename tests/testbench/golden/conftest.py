@@ -7,7 +7,7 @@ import subprocess
 
 import pytest
 
-from testbench.golden import export
+from testbench.golden.bundles import export
 
 
 @pytest.fixture(scope="session")

@@ -11,7 +11,7 @@ import numpy as np
 
 from fpga_model import dds, delay, modulator, pi, references, sine, spi_adc, spi_dac
 from testbench import flatten
-from testbench.golden.diagnose import Port
+from testbench.golden.check.diagnose import Port
 
 MASK48 = (1 << 48) - 1
 NONE = ("", "", "")

@@ -4,8 +4,9 @@ Row n is on its outputs before edge n after the first reset; behind the last row
 changed in one place, which is a design with one fault.
 """
 
-from testbench.golden import benches, blocks, bundle
-from testbench.golden.top_benches.layout import ROM_PARAMETERS
+from testbench.golden.bundles import benches, bundle
+from testbench.golden.bundles.top_benches.layout import ROM_PARAMETERS
+from testbench.golden.stimulus import blocks
 
 VERILOG = """`timescale 1ps/1ps
 module gyro_top #(

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from testbench.golden import benches, blocks, bundle
+from testbench.golden.bundles import benches, bundle
+from testbench.golden.stimulus import blocks
 from tests.testbench.golden.benching import RTL, VERILOG, VHDL, check, make, need, seed
 
 PAGE = Path(__file__).resolve().parents[3] / "docs" / "golden.md"

@@ -9,7 +9,7 @@ import pytest
 
 import fpga_model
 from testbench import flatten
-from testbench.golden import blocks, stimulus
+from testbench.golden.stimulus import blocks, stimulus
 
 NOT_BLOCKS = {"fixed", "jit", "rounding_aliases", "top", "control"}
 CASES = [(stem, case) for stem, block in blocks.BLOCKS.items() for case in block.cases]

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from testbench.errors import FileError
-from testbench.golden import bundle
+from testbench.golden.bundles import bundle
 
 
 def port(name, width, signed=False):

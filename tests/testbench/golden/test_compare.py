@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from testbench.errors import FileError
-from testbench.golden.compare import SCHEMA, Column, compare, formats
+from testbench.golden.check.compare import SCHEMA, Column, compare, formats
 from tests.testbench.golden import planted
 
 

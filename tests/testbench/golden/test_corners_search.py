@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from testbench.golden import blocks, corners, coverage
-from testbench.golden.corners import __main__ as command
-from testbench.golden.corners import search
+from testbench.golden.coverage import __main__ as command
+from testbench.golden.coverage import coverage, search
+from testbench.golden.stimulus import blocks, corners
 
 ROOT = Path(__file__).resolve().parents[3]
 ISQRT = blocks.BLOCKS["isqrt"]
@@ -46,7 +46,7 @@ def test_the_distance_leads_to_a_place_that_chance_does_not_find():
     # a process of its own: Hypothesis draws constants from whatever modules have been imported before
     code = f"""
 from testbench.golden import blocks
-from testbench.golden.corners import search
+from testbench.golden.stimulus.corners import search
 print(search.search(blocks.BLOCKS["pi"], "frequency", {goal!r}, examples=2000)[0])
 """
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from fpga_model import fixed
-from testbench.golden import blocks, diagnose_nodes, stimulus
-from testbench.golden.diagnose import CAUSES, UNKNOWN, diagnose
-from testbench.golden.diagnose_model import Model
-from testbench.golden.diagnose_nodes import rounded
+from testbench.golden.check import diagnose_nodes
+from testbench.golden.check.diagnose import CAUSES, UNKNOWN, diagnose
+from testbench.golden.check.diagnose_model import Model
+from testbench.golden.check.diagnose_nodes import rounded
+from testbench.golden.stimulus import blocks, stimulus
 from tests.testbench.golden import planted
 
 SEEDS = (1, 2)

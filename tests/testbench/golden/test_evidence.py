@@ -6,7 +6,9 @@ import subprocess
 import numpy as np
 import pytest
 
-from testbench.golden import blocks, corners, coverage, evidence, provenance, stimulus, unreachable
+from testbench.golden.bundles import provenance
+from testbench.golden.coverage import coverage, evidence, unreachable
+from testbench.golden.stimulus import blocks, corners, stimulus
 
 STEMS = tuple(blocks.BLOCKS)
 CASES = [(stem, case) for stem, block in blocks.BLOCKS.items() for case in block.cases]

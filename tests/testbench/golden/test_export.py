@@ -14,7 +14,9 @@ from typer.testing import CliRunner
 
 from fpga_model import sine
 from testbench.errors import ConfigError
-from testbench.golden import benches, blocks, bundle, cli, export
+from testbench.golden import cli
+from testbench.golden.bundles import benches, bundle, export
+from testbench.golden.stimulus import blocks
 
 PINNED = Path(__file__).with_name("golden_sha256.json")
 PAGE = Path(__file__).resolve().parents[3] / "docs" / "golden.md"
@@ -126,7 +128,7 @@ def test_command_line_exports_and_verifies(tmp_path):
 
 @pytest.mark.slow
 def test_everything_is_exported_within_a_minute(tmp_path):
-    code = "import sys; from testbench.golden.export import export; export('all', sys.argv[1])"
+    code = "import sys; from testbench.golden.bundles.export import export; export('all', sys.argv[1])"
     done = subprocess.run([sys.executable, "-c", code, str(tmp_path)], capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr
     found = {name: digest for folder in tmp_path.iterdir() for name, digest in digests(folder).items()}

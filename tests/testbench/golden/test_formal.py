@@ -7,10 +7,11 @@ import shutil
 import pytest
 from typer.testing import CliRunner
 
-from testbench.cli import app
+from testbench.commands.main import app
 from testbench.errors import ConfigError, FileError
-from testbench.golden import blocks, formal
-from tests.testbench.test_rtl import RTL, yosys
+from testbench.golden.proofs import formal
+from testbench.golden.stimulus import blocks
+from tests.testbench.rtl.test_rtl import RTL, yosys
 
 pytestmark = yosys
 CHECKERS = RTL / formal.FOLDER

@@ -11,7 +11,7 @@ import pytest
 
 from fpga_model.fixed import Fmt, bits, signed
 from testbench.errors import FileError
-from testbench.golden import ghw, waves
+from testbench.golden.check import ghw, waves
 
 SHAPES = """library ieee;
 use ieee.std_logic_1164.all;

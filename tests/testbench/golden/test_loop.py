@@ -13,19 +13,19 @@ from typer.testing import CliRunner
 
 from fpga_model import fault_monitor, registers, sequencer, top
 from fpga_model.rates import FRAME_HZ, TICK_CYCLES
-from testbench import build, scenario, simulate
-from testbench.cli import app
-from testbench.config import Config, changed
-from testbench.engine import PIN_COLUMNS
+from testbench.commands.main import app
+from testbench.config import Config, changed, scenario
+from testbench.engines.engine import PIN_COLUMNS
 from testbench.errors import ConfigError, FileError
 from testbench.flatten import leaves
-from testbench.golden import record
 from testbench.golden.loop import library, lockstep, run
 from testbench.golden.loop.by_edge import Model, Plant
-from testbench.golden.replay import PINS
-from testbench.simulation import Simulation
-from tests.testbench.test_rtl import RTL, icarus
-from tests.testbench.test_rtl_top import INPUTS, OUTPUTS, Board, hexed, under_icarus
+from testbench.golden.recording import record
+from testbench.golden.recording.replay import PINS
+from testbench.run import build, simulate
+from testbench.run.simulation import Simulation
+from tests.testbench.rtl.test_rtl import RTL, icarus
+from tests.testbench.rtl.test_rtl_top import INPUTS, OUTPUTS, Board, hexed, under_icarus
 
 pytestmark = pytest.mark.skipif(
     any(shutil.which(name) is None for name in library.TOOLS), reason="no verilator or compiler: no loop around RTL"

@@ -9,10 +9,12 @@ from types import SimpleNamespace
 import pytest
 from typer.testing import CliRunner
 
-from testbench.cli import app, main
+from testbench.commands.main import app, main
 from testbench.errors import ConfigError, FileError
-from testbench.golden import aig, blocks, bundle, judge, mutate
-from tests.testbench.test_rtl import RTL
+from testbench.golden.bundles import bundle
+from testbench.golden.mutation import aig, judge, mutate
+from testbench.golden.stimulus import blocks
+from tests.testbench.rtl.test_rtl import RTL
 
 pytestmark = pytest.mark.skipif(
     any(shutil.which(name) is None for name in mutate.TOOLS), reason="no yosys: no mutation score"
@@ -247,7 +249,7 @@ def test_the_solvers_are_bounded_by_work():
 
 
 def test_a_block_of_the_reference_design_has_every_fault_judged(tmp_path):
-    from testbench.golden.export import export
+    from testbench.golden.bundles.export import export
 
     export("isqrt", tmp_path)
     outcome = mutate.score(tmp_path / "isqrt" / "default", RTL, count=60, seed=2)

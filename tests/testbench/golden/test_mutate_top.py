@@ -9,9 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from testbench.errors import ConfigError, FileError
-from testbench.golden import judge, miter, mutate, mutate_top, recording
 from testbench.golden.loop import library
-from tests.testbench.test_rtl import RTL
+from testbench.golden.mutation import judge, miter, mutate, mutate_top
+from testbench.golden.recording import recording
+from tests.testbench.rtl.test_rtl import RTL
 
 NO_TOOLS = pytest.mark.skipif(any(shutil.which(name) is None for name in mutate.TOOLS), reason="no yosys")
 LEAVES, ROWS = 6, 150
@@ -55,7 +56,7 @@ def test_the_first_row_is_that_of_a_plain_evaluation(draws, seed, count):
 @settings(max_examples=40, deadline=None)
 @given(st.lists(places, min_size=1, max_size=12), st.integers(0, 2**32))
 def test_a_compact_graph_computes_the_same(draws, seed):
-    from testbench.golden.aig import Graph
+    from testbench.golden.mutation.aig import Graph
 
     net, literals = graph_of(draws)
     outs = np.array([literals[-1], literals[-1] ^ 1, 0, 1, literals[0]])

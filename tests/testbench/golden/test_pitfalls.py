@@ -7,8 +7,8 @@ import subprocess
 import numpy as np
 import pytest
 
-from testbench.golden import bundle
-from testbench.golden.blocks import BLOCKS
+from testbench.golden.bundles import bundle
+from testbench.golden.stimulus.blocks import BLOCKS
 from tests.testbench.golden.benching import RTL, check, need, seed
 
 CHOSEN = ("dds", "sine", "pi", "sequencer")

@@ -10,10 +10,11 @@ from pathlib import Path
 import pytest
 
 from fpga_model import fixed, pi
-from testbench.golden import bundle, rtl_run
-from testbench.golden.benches import PARTS
-from testbench.golden.diagnose import CAUSES, UNKNOWN
-from testbench.golden.export import export
+from testbench.golden.bundles import bundle
+from testbench.golden.bundles.benches import PARTS
+from testbench.golden.bundles.export import export
+from testbench.golden.check import rtl_run
+from testbench.golden.check.diagnose import CAUSES, UNKNOWN
 from tests.testbench.golden.planted_rtl import EQUIVALENT, FAULTS, RTL, STRANGERS, plain
 
 TOOL = {"v": ("icarus", "iverilog"), "vhd": ("ghdl", "ghdl")}

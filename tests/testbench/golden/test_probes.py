@@ -6,7 +6,8 @@ from types import SimpleNamespace
 import pytest
 
 from fpga_model.fixed import clamp, floor, half_up, wrap, wrap_unsigned
-from testbench.golden import blocks, probes, stimulus
+from testbench.golden.coverage import probes
+from testbench.golden.stimulus import blocks, stimulus
 
 CASES = [(stem, case) for stem, block in blocks.BLOCKS.items() for case in block.cases]
 

@@ -15,11 +15,14 @@ from typer.testing import CliRunner
 
 from fpga_model import cordic, digital_sid, isqrt, modulator, rate_output, sequencer, sine
 from fpga_model.fixed import Fmt, bits, clamp, half_up, signed
-from testbench.golden import blocks, bundle, cli, export, range_report, ranges, stimulus, wiring
-from testbench.golden.blocks import Block, Port
-from testbench.golden.interpreter import Interpreter, Unsupported, source
-from testbench.golden.intervals import Lin, Path, Run
-from testbench.golden.runners import store
+from testbench.golden import cli
+from testbench.golden.bundles import bundle, export
+from testbench.golden.ranges import range_report, ranges, wiring
+from testbench.golden.ranges.interpreter import Interpreter, Unsupported, source
+from testbench.golden.ranges.intervals import Lin, Path, Run
+from testbench.golden.stimulus import blocks, stimulus
+from testbench.golden.stimulus.blocks import Block, Port
+from testbench.golden.stimulus.runners import store
 
 CASES = [(stem, case) for stem, block in blocks.BLOCKS.items() for case in block.cases]
 

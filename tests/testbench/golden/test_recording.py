@@ -12,8 +12,8 @@ from fpga_model.digital_sid import SAMPLE
 from fpga_model.rates import FRAME_CYCLES
 from testbench.errors import FileError
 from testbench.flatten import names
-from testbench.golden import record, recording, replay
-from testbench.golden import top as golden
+from testbench.golden.bundles import top as golden
+from testbench.golden.recording import record, recording, replay
 
 CLOSED = ("story", "story_digital", "power_on")
 ALL_STATES = set(range(len(sequencer.STATES)))
@@ -67,13 +67,15 @@ def test_what_is_saved_is_loaded(case, tmp_path):
 def test_firmware_still_does_what_it_did_in_the_closed_loop(seen, case):
     r, _, rows = seen(case)
     found = hashlib.sha256(rows.registers.astype("<i8").tobytes()).hexdigest()
-    assert found == r.closed, f"{case}: the firmware has changed: python -m testbench.golden.record {case} reset"
+    assert found == r.closed, (
+        f"{case}: the firmware has changed: python -m testbench.golden.recording.record {case} reset"
+    )
     assert record.is_current(r)
 
 
 def test_reset_is_made_of_the_story_that_is_stored():
     kept, again = recording.load("reset"), record.reset_case(recording.load("story"))
-    text = "reset is of another story: python -m testbench.golden.record reset"
+    text = "reset is of another story: python -m testbench.golden.recording.record reset"
     assert recording.sha256(again) == recording.sha256(kept), text
     assert record.windows_of(again) == kept.windows, text
 

@@ -5,9 +5,9 @@ from pathlib import Path
 
 from fpga_model import registers
 from fpga_model.rates import MASTER_HZ
-from testbench.golden import formal
 from testbench.golden.loop import library, run
-from tests.testbench.test_rtl import RTL
+from testbench.golden.proofs import formal
+from tests.testbench.rtl.test_rtl import RTL
 
 PAGE = " ".join((RTL.parents[1] / "docs" / "rtl.md").read_text().split())
 

@@ -13,9 +13,11 @@ import pytest
 from typer.testing import CliRunner
 
 from testbench.errors import ConfigError, FileError
-from testbench.golden import bundle, cli, compare, loggers, rtl_run
-from testbench.golden.diagnose import CAUSES
-from testbench.golden.export import export
+from testbench.golden import cli
+from testbench.golden.bundles import bundle
+from testbench.golden.bundles.export import export
+from testbench.golden.check import compare, loggers, rtl_run
+from testbench.golden.check.diagnose import CAUSES
 
 RTL = Path(__file__).resolve().parents[3] / "testbench" / "rtl"
 SUFFIX = {"icarus": "v", "verilator": "v", "ghdl": "vhd"}
@@ -235,8 +237,8 @@ def test_the_page_explains_every_cause():
 
 def test_exit_code_2_means_that_nothing_was_compared(out, tmp_path):
     """Through the program itself, because the frame of the command line turns errors into codes."""
-    done = subprocess.run([sys.executable, "-m", "testbench.cli", "golden", "check", str(out / "pi" / "rate"), "--rtl",
-                           str(tmp_path)], capture_output=True, text=True, timeout=120)  # fmt: skip
+    command = [sys.executable, "-m", "testbench.commands.main", "golden", "check", str(out / "pi" / "rate")]
+    done = subprocess.run([*command, "--rtl", str(tmp_path)], capture_output=True, text=True, timeout=120)
     assert done.returncode == 2
     assert len(done.stderr.strip().splitlines()) == 1
     assert "no design" in done.stderr

@@ -5,12 +5,15 @@ import shutil
 
 import pytest
 
-from testbench.golden import blocks, bundle, mutate, mutate_top, recording, scores
+from testbench.golden.bundles import bundle, scores
 from testbench.golden.loop import library
+from testbench.golden.mutation import mutate, mutate_top
+from testbench.golden.recording import recording
+from testbench.golden.stimulus import blocks
 from tests.testbench.golden.test_synthesis import part
-from tests.testbench.test_rtl import RTL
+from tests.testbench.rtl.test_rtl import RTL
 
-MEASURE = "python -m testbench.golden.whole_rtl mutation --only BLOCK; python -m testbench.golden.scores"
+MEASURE = "python -m testbench.golden.whole_rtl mutation --only BLOCK; python -m testbench.golden.bundles.scores"
 ENTRIES = {e["block"]: e for e in scores.known()["mutation"]}
 
 

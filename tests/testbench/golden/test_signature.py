@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from fpga_model import pi
 from fpga_model.jit import kernel
 from testbench.flatten import format_leaves
-from testbench.golden import signature
+from testbench.golden.recording import signature
 
 # 2^64 - 1
 FACTORS = (3, 5, 17, 257, 641, 65537, 6700417)

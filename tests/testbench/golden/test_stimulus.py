@@ -10,7 +10,8 @@ import pytest
 
 from fpga_model import fault_monitor, modulator, rates, sequencer, sine, spi_adc, spi_dac
 from fpga_model.fixed import Fmt, bits
-from testbench.golden import blocks, stimulus, unreachable
+from testbench.golden.coverage import unreachable
+from testbench.golden.stimulus import blocks, stimulus
 
 CASES = [(stem, case) for stem, block in blocks.BLOCKS.items() for case in block.cases]
 LONGEST = 22_000

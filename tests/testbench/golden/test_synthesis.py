@@ -9,12 +9,13 @@ import pytest
 from typer.testing import CliRunner
 
 from fpga_model.rates import MASTER_HZ
-from testbench import build
-from testbench.cli import app
+from testbench.commands.main import app
 from testbench.config import Config
 from testbench.errors import ConfigError, FileError
-from testbench.golden import board, synthesis
-from tests.testbench.test_rtl import RTL, tool, yosys
+from testbench.golden.proofs import synthesis
+from testbench.golden.recording import board
+from testbench.run import build
+from tests.testbench.rtl.test_rtl import RTL, tool, yosys
 
 QUARTUS = RTL / "quartus"
 tclsh = tool("tclsh")

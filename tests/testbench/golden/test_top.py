@@ -13,11 +13,14 @@ from typer.testing import CliRunner
 
 from fpga_model import top as firmware
 from fpga_model.rates import FRAME_CYCLES
-from testbench import engine
+from testbench.engines import engine
 from testbench.errors import ConfigError, FileError
 from testbench.flatten import leaves
-from testbench.golden import benches, blocks, bundle, cli, recording, replay, signature, top
-from testbench.golden.top_benches.layout import DEFAULT_FRAMES
+from testbench.golden import cli
+from testbench.golden.bundles import benches, bundle, top
+from testbench.golden.bundles.top_benches.layout import DEFAULT_FRAMES
+from testbench.golden.recording import recording, replay, signature
+from testbench.golden.stimulus import blocks
 from tests.testbench.golden import standin
 from tests.testbench.golden.benching import NEEDS, RTL, make, need
 
@@ -105,8 +108,8 @@ def test_every_register_of_the_design_is_a_port_with_its_rules(design):
 
 
 def test_pins_are_those_of_the_clocked_engine():
-    from testbench import build
     from testbench.config import Config
+    from testbench.run import build
 
     params = build.params(Config(), 25.0, 25.0)
     state, streams = engine.reset(params, 25.0), engine.streams(ticks=250, edges=6500, register_count=replay.REGISTERS)
@@ -145,12 +148,17 @@ def test_export_twice_is_byte_identical(out, tmp_path):
 
 
 def test_an_export_loads_neither_plant_nor_engine():
-    code = "import sys, testbench.golden.export as e; print(*sorted(m for m in sys.modules if '.' in m))"
+    code = "import sys, testbench.golden.bundles.export as e; print(*sorted(m for m in sys.modules if '.' in m))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     loaded = set(done.stdout.split())
-    assert "testbench.golden.top" in loaded
-    assert {m for m in loaded if m.startswith("analog_frontend.")} == {"analog_frontend.adc_serial"}
-    assert not loaded & {"testbench.engine", "testbench.build", "testbench.simulate", "testbench.golden.record"}
+    assert "testbench.golden.bundles.top" in loaded
+    assert {m for m in loaded if m.startswith("analog_frontend.")} == {"analog_frontend.parts.adc_serial"}
+    assert not loaded & {
+        "testbench.engines.engine",
+        "testbench.run.build",
+        "testbench.run.simulate",
+        "testbench.golden.recording.record",
+    }
 
 
 def test_waves_show_the_windows_at_their_own_times(out):
@@ -274,7 +282,7 @@ def test_window_of_another_recording_or_of_a_block_is_refused(copy, tmp_path):
     reseal(copy, lambda m: m.update(case="nothing"))
     with pytest.raises(FileError, match="is not one of reset, story"):
         top.window(copy, 0, 5, tmp_path / "w")
-    from testbench.golden.export import export
+    from testbench.golden.bundles.export import export
 
     ((folder, _),) = export("isqrt", tmp_path)
     with pytest.raises(ConfigError, match="has every clock"):

@@ -8,8 +8,8 @@ import pytest
 
 from fpga_model.fixed import Fmt, bits, signed
 from testbench.errors import FileError
-from testbench.golden.export import export
-from testbench.golden.waves import Map, check, read_log, read_map
+from testbench.golden.bundles.export import export
+from testbench.golden.check.waves import Map, check, read_log, read_map
 
 RTL = Path(__file__).resolve().parents[3] / "testbench" / "rtl"
 REGISTERS = ("phase", "drive_sine", "sense_sine", "drive_ref", "sense_ref")

@@ -8,9 +8,13 @@ from types import SimpleNamespace
 import pytest
 
 from testbench.errors import ConfigError, FileError
-from testbench.golden import blocks, formal, mutate, scores, whole_rtl
-from testbench.golden.mutate import Outcome
-from tests.testbench.test_rtl import RTL
+from testbench.golden import whole_rtl
+from testbench.golden.bundles import scores
+from testbench.golden.mutation import mutate
+from testbench.golden.mutation.mutate import Outcome
+from testbench.golden.proofs import formal
+from testbench.golden.stimulus import blocks
+from tests.testbench.rtl.test_rtl import RTL
 
 ROOT = Path(__file__).resolve().parents[3]
 

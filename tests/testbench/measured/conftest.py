@@ -4,7 +4,7 @@ import copy
 
 import pytest
 
-from testbench.measured import plan, produce
+from testbench.measured.record import plan, produce
 
 TREE = {
     "name": "small",

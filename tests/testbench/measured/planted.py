@@ -9,9 +9,9 @@ import sys
 import numpy as np
 
 from fpga_model import cordic, frequency_tracker, isqrt, modulator, pi, rate_loop, rate_output
-from testbench import build
 from testbench.config import Config
-from testbench.measured import firmware_residual, replay
+from testbench.measured.record import firmware_residual, replay
+from testbench.run import build
 
 
 def cut(x, n):

@@ -8,8 +8,9 @@ import pytest
 
 from testbench.config import Config
 from testbench.errors import ConfigError
-from testbench.measured import calibrate, parameters, plan, produce
-from testbench.record import TableColumn
+from testbench.measured.record import plan, produce
+from testbench.measured.residual import calibrate, parameters
+from testbench.storage.record import TableColumn
 
 PLANT = Config().plant
 SENSE, GAIN = "plant.k_vf_sense_n_per_v", "plant.dcdy_f_per_m"

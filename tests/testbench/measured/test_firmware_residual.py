@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from fpga_model.rates import FRAME_CYCLES
-from testbench import build
 from testbench.config import Config
-from testbench.measured import checks, firmware_residual, load, plan, produce, replay, schema
-from testbench.measured.sessions import sessions, stimulus
-from testbench.record import Column, TableColumn
+from testbench.measured.record import checks, firmware_residual, load, plan, produce, replay, schema
+from testbench.measured.record.sessions import sessions, stimulus
+from testbench.run import build
+from testbench.storage.record import Column, TableColumn
 from tests.testbench.measured import planted
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -259,7 +259,7 @@ def test_a_board_with_another_firmware_in_the_closed_loop(tree, monkeypatch):
 
     condition = [{"id": "a", "rate_dps": 50.0, "seconds": 0.02, "settle_s": 0.0}]
     wanted = plan.from_dict({**tree, "repeats": 1, "condition": condition})
-    monkeypatch.setattr("testbench.build.firmware", unsound)
+    monkeypatch.setattr("testbench.run.build.firmware", unsound)
     record = produce.record(wanted)
     monkeypatch.undo()
     record.attrs["bitstream_sha256"] = schema.bitstream_sha256(build.firmware(Config()))

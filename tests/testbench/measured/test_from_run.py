@@ -5,7 +5,7 @@ from numba import config as numba_config
 
 from testbench import config
 from testbench.errors import ConfigError
-from testbench.measured import from_run, load
+from testbench.measured.record import from_run, load
 
 
 @pytest.mark.skipif(numba_config.DISABLE_JIT, reason="minutes without the compiler")

@@ -11,13 +11,22 @@ from numba import config as numba_config
 from analog_frontend.effects import law
 from fpga_model.rates import FRAME_TICKS
 from testbench import config as configuration
-from testbench import flatten, law_file
+from testbench import flatten
+from testbench.config import law_file
 from testbench.errors import ConfigError
-from testbench.golden import bundle, effect
-from testbench.measured import loop_laws, loop_noise, loop_problem, loop_rates, loop_runs, loop_trace, loop_trials
-from testbench.measured.loop_runs import EXACT, FAST, Model, Run
-from testbench.tracing.result import Result
-from testbench.tracing.space import Space
+from testbench.golden.bundles import bundle, effect
+from testbench.measured.closed_loop import (
+    loop_laws,
+    loop_noise,
+    loop_problem,
+    loop_rates,
+    loop_runs,
+    loop_trace,
+    loop_trials,
+)
+from testbench.measured.closed_loop.loop_runs import EXACT, FAST, Model, Run
+from testbench.tracing.problem.result import Result
+from testbench.tracing.problem.space import Space
 from testbench.tracing.trace import SAME
 
 pytestmark = pytest.mark.skipif(numba_config.DISABLE_JIT, reason="hours without the compiler")

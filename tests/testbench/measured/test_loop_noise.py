@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from testbench.errors import ConfigError
-from testbench.measured import loop_noise
+from testbench.measured.closed_loop import loop_noise
 
 OBSERVABLES, BINS = 8, 5
 FEATURES = OBSERVABLES * BINS

@@ -2,10 +2,10 @@
 
 import pytest
 
-from testbench.measured import loop_trace
+from testbench.measured.closed_loop import loop_trace
 from testbench.tracing import verdict
-from testbench.tracing.problem import PredictionFailed
-from testbench.tracing.result import Result
+from testbench.tracing.problem.problem import PredictionFailed
+from testbench.tracing.problem.result import Result
 
 
 class _Loop:

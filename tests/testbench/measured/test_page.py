@@ -6,9 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from testbench.cli import main
+from testbench.commands.main import main
 from testbench.config import Config
-from testbench.measured import cli, load, plan, residuals, schema, simulator, timing
+from testbench.measured import cli
+from testbench.measured.record import load, plan, schema, timing
+from testbench.measured.residual import residuals, simulator
 
 ROOT = Path(__file__).resolve().parents[3]
 PAGE = " ".join((ROOT / "docs" / "measured.md").read_text().split())

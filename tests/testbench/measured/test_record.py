@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from fpga_model.rates import FRAME_CYCLES
-from testbench import record as records
 from testbench.errors import FileError
-from testbench.measured import bundle, checks, firmware_residual, load, schema
-from testbench.record import Column, RecordError, TableColumn
+from testbench.measured.record import bundle, checks, firmware_residual, load, schema
+from testbench.storage import record as records
+from testbench.storage.record import Column, RecordError, TableColumn
 
 
 def same(a, b):

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from fpga_model import registers, sequencer
-from testbench import build, engine, simulate
 from testbench.config import Config, changed
-from testbench.measured import replay, timing
-from testbench.simulation import FRAME, Simulation
+from testbench.engines import engine
+from testbench.measured.record import replay, timing
+from testbench.run import build, simulate
+from testbench.run.simulation import FRAME, Simulation
 
 CODES = ("adc_drive_sin", "adc_drive_cos", "adc_sense_sin", "adc_sense_cos", "adc_temperature")
 OTHER = {"dac_drv": "drive_dac_code", "dac_ftr": "sense_dac_code", "dac_qsc": "quadrature_dac_code"}

@@ -6,13 +6,14 @@ import itertools
 import numpy as np
 import pytest
 
-from testbench import build
 from testbench.config import changed
 from testbench.errors import ConfigError
-from testbench.measured import plan, produce, residuals, simulator
-from testbench.measured.features import FIRST_BIN, OBSERVABLES, bins, features
-from testbench.measured.noise_floor import Group, floor
-from testbench.measured.sessions import sessions
+from testbench.measured.record import plan, produce
+from testbench.measured.record.sessions import sessions
+from testbench.measured.residual import residuals, simulator
+from testbench.measured.residual.features import FIRST_BIN, OBSERVABLES, bins, features
+from testbench.measured.residual.noise_floor import Group, floor
+from testbench.run import build
 
 TRANSIENT_FRAMES = 400  # power-on; the first microseconds are those of the frame engine's clocked ticks
 CODES = ("adc_xI", "adc_xQ", "adc_yI", "adc_yQ")

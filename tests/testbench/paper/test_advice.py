@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from testbench import cli
+from testbench.commands import main as cli
 from testbench.config import Config, changed
-from testbench.paper import advisor, confirm, limit_cycles, loop_page, notch, sensitivity
-from testbench.paper import loop as lp
-from testbench.paper.parts import parts
+from testbench.paper.loop import advisor, confirm, limit_cycles, loop_page, notch, sensitivity
+from testbench.paper.loop import loop as lp
+from testbench.paper.loop.parts import parts
 from tests.testbench.paper import browser
 
 CONFIG = Config()

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from testbench.paper import equations as eq
+from testbench.paper.loop import equations as eq
 
 MASS = 2.325e-7
 X = eq.Mode(MASS, 2 * math.pi * 11002.3, 2e5)

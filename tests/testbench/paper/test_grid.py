@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from testbench.paper import grid
+from testbench.paper.calibration import grid
 
 TURN = 1 << 48
 FRAMES = 160

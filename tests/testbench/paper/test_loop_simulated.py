@@ -8,9 +8,9 @@ import pytest
 
 from fpga_model.rates import FRAME_HZ
 from testbench.config import Config, changed, phase_word
-from testbench.paper import advisor, confirm, notch, sensitivity
-from testbench.paper import loop as lp
-from testbench.paper.parts import parts
+from testbench.paper.loop import advisor, confirm, notch, sensitivity
+from testbench.paper.loop import loop as lp
+from testbench.paper.loop.parts import parts
 
 pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="closed loop: too slow interpreted")
 

@@ -5,9 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from testbench.paper import boards, comparison, measure_allan, measure_bandwidth, measure_scale, temperature
-from testbench.paper.bench import FRAME_S, log_cosine_ratio
-from testbench.paper.calibrate import Readings, ring
+from testbench.paper import comparison, temperature
+from testbench.paper.calibration import boards
+from testbench.paper.calibration.bench import FRAME_S, log_cosine_ratio
+from testbench.paper.calibration.calibrate import Readings, ring
+from testbench.paper.measure import measure_allan, measure_bandwidth, measure_scale
 from tests.testbench.bench_setup import configured
 
 allantools = pytest.importorskip("allantools")

@@ -10,28 +10,17 @@ import numba
 import numpy as np
 import pytest
 
-from testbench import budget, simulate
-from testbench.campaign import collect, execute, plan
+from testbench.campaign import collect, execute
+from testbench.campaign.plan import plan
 from testbench.campaign.pool import Here
 from testbench.campaign.progress import Progress
 from testbench.campaign.store import Store
-from testbench.paper import (
-    advisor,
-    boards,
-    calibrate,
-    calibrations,
-    cases,
-    comparison,
-    counter,
-    law,
-    loop,
-    measure_scale,
-    page,
-    parts,
-    sensitivity,
-    study,
-)
-from testbench.paper.bench import Bench, Judge
+from testbench.paper import cases, comparison, law, page, study
+from testbench.paper.calibration import boards, calibrate, calibrations, counter
+from testbench.paper.calibration.bench import Bench, Judge
+from testbench.paper.loop import advisor, loop, parts, sensitivity
+from testbench.paper.measure import measure_scale
+from testbench.run import budget, simulate
 from tests.testbench.bench_setup import configured, open_loop, quiet
 from tests.testbench.paper import browser
 

@@ -6,11 +6,11 @@ import math
 import numpy as np
 import pytest
 
-from testbench.tracing import calibrate, identify
-from testbench.tracing.model import Model, Point
-from testbench.tracing.predictor import Predictor
-from testbench.tracing.problem import Law, Nuisance, Observable, PredictionFailed, Segment
-from testbench.tracing.space import Space
+from testbench.tracing.fit import calibrate, identify
+from testbench.tracing.problem.model import Model, Point
+from testbench.tracing.problem.predictor import Predictor
+from testbench.tracing.problem.problem import Law, Nuisance, Observable, PredictionFailed, Segment
+from testbench.tracing.problem.space import Space
 from testbench.tracing.trace import Options, trace
 from tests.testbench.tracing.toys import Toy
 

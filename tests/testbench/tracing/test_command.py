@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from testbench.cli import app
+from testbench.commands.main import app
 from testbench.measured import openers
 from tests.testbench.tracing.toys import Toy
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from testbench.errors import ConfigError
-from testbench.tracing.problem import Law, Nuisance, Observable, Segment
+from testbench.tracing.problem.problem import Law, Nuisance, Observable, Segment
 from testbench.tracing.report import figures, html
 from testbench.tracing.trace import Options, Tracer, trace
 from tests.testbench.tracing.toys import LAWS, Toy

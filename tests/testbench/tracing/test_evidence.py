@@ -6,10 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import integrate
 
-from testbench.tracing import evidence
-from testbench.tracing.problem import Law
-from testbench.tracing.rank import Ranking
-from testbench.tracing.rivals import CLEAR, vuong
+from testbench.tracing.fit import evidence
+from testbench.tracing.fit.rank import Ranking
+from testbench.tracing.fit.rivals import CLEAR, vuong
+from testbench.tracing.problem.problem import Law
 
 
 def log_p(c, least, scale):
@@ -131,7 +131,7 @@ class _Fit:
 
 
 def test_rivals_equally_near_to_the_truth_are_not_told_apart():
-    from testbench.tracing.space import Block
+    from testbench.tracing.problem.space import Block
 
     rng = np.random.default_rng(0)
     space = _Space([Block(g, "a", slice(50 * g, 50 * g + 50)) for g in range(30)])

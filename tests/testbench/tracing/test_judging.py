@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 from scipy.stats import binom, multivariate_normal
 
-from testbench.tracing import discover, heldout, report
-from testbench.tracing.heldout import FLOOR_FACTOR, bootstrap, foretold, p_above
-from testbench.tracing.power import clopper_pearson
-from testbench.tracing.problem import PortForce
-from testbench.tracing.result import plain
-from testbench.tracing.rivals import sigma_along
-from testbench.tracing.space import Block
+from testbench.tracing import report
+from testbench.tracing.fit import discover, heldout
+from testbench.tracing.fit.heldout import FLOOR_FACTOR, bootstrap, foretold, p_above
+from testbench.tracing.fit.rivals import sigma_along
+from testbench.tracing.noise.power import clopper_pearson
+from testbench.tracing.problem.problem import PortForce
+from testbench.tracing.problem.result import plain
+from testbench.tracing.problem.space import Block
 from testbench.tracing.trace import Options, Tracer, trace
 from tests.testbench.tracing.toys import BINS, Toy
 

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from testbench.errors import ConfigError, FileError
-from testbench.tracing.checkpoint import Store, digest
-from testbench.tracing.predictor import Failed, Predictor
-from testbench.tracing.problem import PredictionFailed
+from testbench.tracing.problem.checkpoint import Store, digest
+from testbench.tracing.problem.predictor import Failed, Predictor
+from testbench.tracing.problem.problem import PredictionFailed
 from testbench.tracing.trace import Options, trace
 from tests.testbench.tracing.toys import Toy
 

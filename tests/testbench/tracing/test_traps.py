@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 
 from testbench.errors import ConfigError
-from testbench.tracing import alarms, calibrate, noise, rank
-from testbench.tracing.model import Model
-from testbench.tracing.predictor import Predictor
-from testbench.tracing.problem import Law, Nuisance, PredictionFailed
-from testbench.tracing.refit import discontinuous, refit
-from testbench.tracing.space import Space
+from testbench.tracing.fit import calibrate, rank
+from testbench.tracing.fit.refit import discontinuous, refit
+from testbench.tracing.noise import alarms, noise
+from testbench.tracing.problem.model import Model
+from testbench.tracing.problem.predictor import Predictor
+from testbench.tracing.problem.problem import Law, Nuisance, PredictionFailed
+from testbench.tracing.problem.space import Space
 from testbench.tracing.trace import Options, trace
 from tests.testbench.tracing.toys import BINS, FIT, LAWS, Toy
 

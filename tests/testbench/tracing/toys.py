@@ -5,7 +5,7 @@ import math
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from testbench.tracing.problem import Law, Nuisance, Observable, PredictionFailed, Segment
+from testbench.tracing.problem.problem import Law, Nuisance, Observable, PredictionFailed, Segment
 
 BINS = 16
 TIME = (np.arange(BINS) + 0.5) / BINS

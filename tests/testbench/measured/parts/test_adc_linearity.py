@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from analog_frontend import adc
+from analog_frontend.parts import adc
 from testbench.errors import FileError
+from testbench.measured.exam.staged import staged
 from testbench.measured.formats import meters_csv
+from testbench.measured.nulls import nulls
 from testbench.measured.openers import open_problem
-from testbench.measured.parts.nulls import nulls
-from testbench.measured.parts.staged import staged
 from tests.testbench.measured.parts import made
 
 

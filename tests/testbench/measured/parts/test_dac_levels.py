@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from analog_frontend import dac_levels as kernel
+from testbench.measured.exam.staged import staged
+from testbench.measured.nulls import nulls
 from testbench.measured.openers import open_problem
 from testbench.measured.parts import dac_levels
-from testbench.measured.parts.nulls import nulls
-from testbench.measured.parts.staged import staged
 from tests.testbench.measured.parts import made
 
 

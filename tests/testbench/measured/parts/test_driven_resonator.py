@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from testbench.errors import ConfigError
+from testbench.measured.exam import exam
 from testbench.measured.formats import input_output
-from testbench.measured.parts import driven_resonator, exam, mode, splits
+from testbench.measured.models import mode, splits
+from testbench.measured.parts import driven_resonator
 from tests.testbench.measured.parts import recordings
 
 FS = recordings.FS_HZ

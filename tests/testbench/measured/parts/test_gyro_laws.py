@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from analog_frontend.device import Device
 from analog_frontend.effects import law
-from testbench.measured.parts import gyro_laws
-from testbench.measured.parts.working import Working
+from analog_frontend.parts.device import Device
+from testbench.measured.models import gyro_laws
+from testbench.measured.models.working import Working
 
 D = Device()
 W = 2 * np.pi * D.fx_hz

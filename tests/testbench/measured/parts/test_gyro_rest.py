@@ -5,10 +5,10 @@ import pytest
 
 from analog_frontend.effects import rate_vibration
 from testbench.errors import FileError
+from testbench.measured.exam.staged import staged
 from testbench.measured.formats import gyro_npz
 from testbench.measured.openers import open_problem
 from testbench.measured.parts import gyro_rest
-from testbench.measured.parts.staged import staged
 from tests.testbench.measured.parts import made
 
 

@@ -1,7 +1,7 @@
 """What is left above 1.5 floors is said: verdict of a report and of a set, page and JSON alike."""
 
 from testbench.measured import all_sets
-from testbench.measured.parts import tell
+from testbench.measured.exam import tell
 
 
 def report(verdict, after, floor=1.0):

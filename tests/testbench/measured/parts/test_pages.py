@@ -6,9 +6,8 @@ import re
 import numpy as np
 import pytest
 
-from testbench.measured import pages
-from testbench.measured.parts import in_loop
-from testbench.measured.parts.tell import above
+from testbench.measured import in_loop, pages
+from testbench.measured.exam.tell import above
 
 KEPT = json.loads(pages.KEPT.read_text())
 TEXT = {

@@ -9,9 +9,10 @@ import shutil
 
 import pytest
 
-from testbench.measured import all_sets, registry
+from testbench.measured import all_sets
+from testbench.measured.exam import exam
+from testbench.measured.formats import registry
 from testbench.measured.openers import open_problem
-from testbench.measured.parts import exam
 
 pytestmark = [
     pytest.mark.slow,

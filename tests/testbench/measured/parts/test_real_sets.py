@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from testbench.measured.exam.staged import staged
 from testbench.measured.openers import open_problem
 from testbench.measured.parts import paper
-from testbench.measured.parts.staged import staged
 
 ROOT = Path(os.environ.get("GYRO_DATA_DIR", "/nonexistent"))
 pytestmark = pytest.mark.skipif(not ROOT.is_dir(), reason="GYRO_DATA_DIR names no folder")

@@ -9,7 +9,7 @@ import zipfile
 import pytest
 
 from testbench.errors import FileError
-from testbench.measured import registry
+from testbench.measured.formats import registry
 
 DATA = b"published bytes\n" * 100
 

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from testbench.errors import FileError
-from testbench.measured.parts import exam, mode, ringdown
+from testbench.measured.exam import exam
+from testbench.measured.models import mode
+from testbench.measured.parts import ringdown
 from tests.testbench.measured.parts import recordings
 
 T = np.arange(600) * 0.12

@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from testbench.measured.parts import staged
-from testbench.tracing.problem import Law
+from testbench.measured.exam import staged
+from testbench.tracing.problem.problem import Law
 
 PLAIN, LATE = "m: gain with temp", "m: gain with temp 1200 s late"
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from testbench.errors import FileError
-from testbench.measured.parts import exam, swept_resonator
+from testbench.measured.exam import exam
+from testbench.measured.parts import swept_resonator
 from tests.testbench.measured.parts import recordings
 
 F = 1e6 + 20.0 * np.arange(120)

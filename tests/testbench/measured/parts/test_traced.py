@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from testbench.measured import all_sets, cli, pages, registry, traced
-from testbench.measured.parts import in_loop
+from testbench.measured import all_sets, cli, in_loop, pages, traced
+from testbench.measured.formats import registry
 from tests.testbench.measured.parts import made, recordings
 
 

@@ -1,0 +1,226 @@
+"""Averaged plant, noise: the very samples of the other engines, drawn for many frames at once.
+
+    C/V            samples and their integral: a half period of a demodulator takes a difference of the integral
+    forces, DACs   growth of a mode in a frame: sum over its 25 samples of n_k c_k, c_k from averaged.py
+    converter      white_fine and flicker of each conversion, with the counters and states of adc.py
+
+Source    docs/parts/noise.md, docs/parts/averaged.md
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from analog_frontend.numeric.vector import LANES, aligned, integers, load, splat, store, store4, totals4
+from analog_frontend.parts import adc, noise
+from analog_frontend.parts.noise import HOLD
+from fpga_model.jit import inlined, outlined
+
+FRAME_SAMPLES = 125 // HOLD
+BATCH = 64  # frames
+ROW = FRAME_SAMPLES * BATCH + 32
+ROOM = 32  # of a frame's table of c_k, in whole registers
+SCRATCH = 8 * LANES
+assert ROW % (4 * LANES) == 0, "rows are filled in whole registers, four at a time"
+BLOCKS = np.array([0, 1, 2, 3] * 2, np.int64)  # hashes of one conversion
+# of half h of a hash, at 8 h: two channels, four hashes
+DECAYS = np.array([noise.DECAY[4 * b + h] for h in range(4) for _ in range(2) for b in range(4)])
+GAINS = np.array([noise.GAIN[4 * b + h] for h in range(4) for _ in range(2) for b in range(4)])
+
+
+class Drawn(NamedTuple):
+    """Noise of a batch of frames; arrays, mutated in place."""
+
+    volts: np.ndarray  # (2 ROW,) C/V samples of x, of y
+    sums: np.ndarray  # (2 ROW,) integral up to each of them (V samples)
+    force: np.ndarray  # (4 ROW,) forces on x and y, DAC outputs of drive and sense
+    growth: np.ndarray  # (4 BATCH,) of a_x and a_y, re and im
+    converter: np.ndarray  # (5 BATCH,) V, of each channel's conversions
+    first: np.ndarray  # (1,) number of the first conversion
+    poles: np.ndarray  # states of the 1/f sources, two channels in a register, and two of scratch
+    keys: np.ndarray  # their keys
+
+
+def room():
+    """`Drawn` of zeros."""
+    return Drawn(
+        aligned(2 * ROW),
+        aligned(2 * ROW),
+        aligned(4 * ROW),
+        aligned(4 * BATCH),
+        aligned(adc.CHANNELS * BATCH),
+        np.zeros(1, np.int64),
+        aligned(10 * LANES),
+        np.zeros(32, np.int64),
+    )
+
+
+def table(force):
+    """(4, 2, ROOM): averaged.Averaged.force, padded with zeros."""
+    out = np.zeros((4, 2, ROOM))
+    out[:, :, :FRAME_SAMPLES] = force.transpose(0, 2, 1)
+    return out
+
+
+@inlined
+def _integrate(volts, sums, first):
+    """sums[k + 1] = sums[k] + volts[k]: four stretches side by side, because each waits for its last sum."""
+    n = ROW // 4
+    a, b, c, d = 0.0, 0.0, 0.0, 0.0
+    for k in range(first, first + n):
+        sums[k] = a
+        sums[k + n] = b
+        sums[k + 2 * n] = c
+        sums[k + 3 * n] = d
+        a += volts[k]
+        b += volts[k + n]
+        c += volts[k + 2 * n]
+        d += volts[k + 3 * n]
+    b += a
+    c += b
+    for k in range(first + n, first + 2 * n):
+        sums[k] += a
+    for k in range(first + 2 * n, first + 3 * n):
+        sums[k] += b
+    for k in range(first + 3 * n, first + 4 * n):
+        sums[k] += c
+
+
+@outlined
+def draw(on, table, d, tick, frames):
+    """Noise of `frames` frames from the one that begins at `tick`. Mutates `d`.
+
+    on  top.Noise
+    """
+    first = tick // HOLD
+    if on.cv_x.on or on.cv_y.on:
+        noise.fill_rows(on.cv_x, on.cv_y, first, 1, d.volts, 0, ROW, ROW)
+        _integrate(d.volts, d.sums, 0)
+        _integrate(d.volts, d.sums, ROW)
+    if not (on.force_x.on or on.force_y.on or on.drive_dac.on or on.sense_dac.on):
+        return
+    noise.fill_rows(on.force_x, on.force_y, first, 1, d.force, 0, ROW, ROW)
+    noise.fill_rows(on.drive_dac, on.sense_dac, first, 1, d.force, 2 * ROW, 3 * ROW, ROW)
+    c = table.reshape(-1)
+    for n in range(frames):
+        at = FRAME_SAMPLES * n
+        xr, xi, yr, yi = splat(0.0), splat(0.0), splat(0.0), splat(0.0)
+        for k in range(0, ROOM, LANES):
+            fx, fy = load(d.force, at + k), load(d.force, ROW + at + k)
+            dx, dy = load(d.force, 2 * ROW + at + k), load(d.force, 3 * ROW + at + k)
+            xr = xr + (load(c, k) * fx + load(c, 4 * ROOM + k) * dx)
+            xi = xi + (load(c, ROOM + k) * fx + load(c, 5 * ROOM + k) * dx)
+            yr = yr + (load(c, 2 * ROOM + k) * fy + load(c, 6 * ROOM + k) * dy)
+            yi = yi + (load(c, 3 * ROOM + k) * fy + load(c, 7 * ROOM + k) * dy)
+        store4(d.growth, 4 * n, totals4(xr, xi, yr, yi))
+
+
+@inlined
+def _put(p, d, c, number, total):
+    store(d.converter, c * BATCH + (number - d.first[0]), p.white[c].sigma * (total * noise.IH12_SCALE))
+
+
+@inlined
+def _white(p, d, c, number):
+    """white_fine of eight conversions from `number` on, at their places of a channel's row. Mutates `d`."""
+    ahead, white = integers(noise.ORDER, 0) * 3 + 3 * number, p.white[c]
+    if white.on:
+        total = noise.sum4(white.key0, white.key1, ahead)
+        total = total + noise.sum4(white.key0, white.key1, ahead + 1)
+        _put(p, d, c, number, total + noise.sum4(white.key0, white.key1, ahead + 2))
+
+
+@inlined
+def _whites(p, d, number):
+    """The same of every channel, four of them side by side. Mutates `d`."""
+    a, b, c, e = p.white[0], p.white[1], p.white[2], p.white[3]
+    if a.on and b.on and c.on and e.on:
+        ahead = integers(noise.ORDER, 0) * 3 + 3 * number
+        keys0, keys1 = (a.key0, b.key0, c.key0, e.key0), (a.key1, b.key1, c.key1, e.key1)
+        s = noise.words4(keys0, keys1, (ahead, ahead, ahead, ahead))
+        ahead = ahead + 1
+        t = noise.words4(keys0, keys1, (ahead, ahead, ahead, ahead))
+        ahead = ahead + 1
+        u = noise.words4(keys0, keys1, (ahead, ahead, ahead, ahead))
+        _put(p, d, 0, number, noise.halves(s[0]) + noise.halves(t[0]) + noise.halves(u[0]))
+        _put(p, d, 1, number, noise.halves(s[1]) + noise.halves(t[1]) + noise.halves(u[1]))
+        _put(p, d, 2, number, noise.halves(s[2]) + noise.halves(t[2]) + noise.halves(u[2]))
+        _put(p, d, 3, number, noise.halves(s[3]) + noise.halves(t[3]) + noise.halves(u[3]))
+    else:
+        for channel in range(4):
+            _white(p, d, channel, number)
+    _white(p, d, 4, number)
+
+
+@inlined
+def _poles(w, at):
+    return load(w, at), load(w, at + LANES), load(w, at + 2 * LANES), load(w, at + 3 * LANES)
+
+
+@inlined
+def _stepped(s, words):
+    """States of two channels after one sample; half h of a hash is one register for both."""
+    x, y = words
+    a, g = _poles(DECAYS, 0), _poles(GAINS, 0)
+    return (
+        a[0] * s[0] + g[0] * ((x & noise.LOW) * 1.0 - noise.HALF),
+        a[1] * s[1] + g[1] * ((x >> 16) * 1.0 - noise.HALF),
+        a[2] * s[2] + g[2] * ((y & noise.LOW) * 1.0 - noise.HALF),
+        a[3] * s[3] + g[3] * ((y >> 16) * 1.0 - noise.HALF),
+    )
+
+
+@inlined
+def _pink(p, d, w, c, n, s):
+    """Flicker of conversion `n` of channels c and c + 1, onto the white noise. Mutates `d` and the scratch."""
+    at = SCRATCH + 4 * c
+    store(w, at, (s[0] + s[1]) + (s[2] + s[3]))
+    pink = p.flicker[c].level * (((w[at] + w[at + 1]) + w[at + 2]) + w[at + 3])
+    here, there = c * BATCH + n, (c + 1) * BATCH + n
+    d.converter[here] = (d.converter[here] if p.white[c].on else 0.0) + pink
+    pink = p.flicker[c + 1].level * (((w[at + 4] + w[at + 5]) + w[at + 6]) + w[at + 7])
+    d.converter[there] = (d.converter[there] if p.white[c + 1].on else 0.0) + pink
+
+
+@outlined
+def convert(p, d, sums, number, frames):
+    """Noise of `frames` conversions from `number` on. Mutates `d` and the 1/f states in `sums`.
+
+    The states lie in registers of eight: two channels, four hashes each; half h of a hash is one register for all.
+    """
+    d.first[0] = number
+    for n in range(0, frames, LANES):
+        _whites(p, d, number + n)
+    if not (p.flicker[0].on and p.flicker[1].on and p.flicker[2].on and p.flicker[3].on):
+        for c in range(4):
+            if p.flicker[c].on:
+                for n in range(frames):
+                    pink = noise.flicker_step(p.flicker[c], sums[c, adc.FRAMES :], number + n)
+                    d.converter[c * BATCH + n] = (d.converter[c * BATCH + n] if p.white[c].on else 0.0) + pink
+        return
+    w, keys = d.poles, d.keys
+    for c in range(4):
+        for k in range(noise.POLES):
+            w[LANES * (4 * (c >> 1) + (k & 3)) + 4 * (c & 1) + (k >> 2)] = sums[c, adc.FRAMES + k]
+        for b in range(4):
+            keys[4 * c + b], keys[16 + 4 * c + b] = p.flicker[c].key0, p.flicker[c].key1
+    ahead = integers(BLOCKS, 0)
+    key0, key1, more0, more1 = integers(keys, 0), integers(keys, 16), integers(keys, 8), integers(keys, 24)
+    keys0, keys1 = (key0, more0, key0, more0), (key1, more1, key1, more1)
+    s, t = _poles(w, 0), _poles(w, 4 * LANES)
+    for n in range(0, frames, 2):
+        first, second = ahead + 4 * (number + n), ahead + 4 * (number + n + 1)
+        x, y, x_next, y_next = noise.words4(keys0, keys1, (first, first, second, second))
+        s, t = _stepped(s, x), _stepped(t, y)
+        _pink(p, d, w, 0, n, s)
+        _pink(p, d, w, 2, n, t)
+        if n + 1 < frames:
+            s, t = _stepped(s, x_next), _stepped(t, y_next)
+            _pink(p, d, w, 0, n + 1, s)
+            _pink(p, d, w, 2, n + 1, t)
+    for k in range(4):
+        store(w, LANES * k, s[k])
+        store(w, LANES * (4 + k), t[k])
+    for c in range(4):
+        for k in range(noise.POLES):
+            sums[c, adc.FRAMES + k] = w[LANES * (4 * (c >> 1) + (k & 3)) + 4 * (c & 1) + (k >> 2)]

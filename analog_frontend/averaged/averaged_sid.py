@@ -1,0 +1,376 @@
+"""Averaged demodulators: from reference edge to reference edge in closed form, and what the converter sums of a frame.
+
+    v(t) = Re(V(t) e^(i theta)), V a cubic over the frame;   p = 1/(1 + i w RC),   V~ = V - RC p V'
+    W_j(t) = Re(p^j V~ e^(i theta)),  j = 1 .. 3     a particular solution of the three closed stages
+    r      = w - W at the instant a group closes; until it opens, u = t/RC later,
+             w_1 = e^-u r_1 + W_1      w_2 = e^-u (r_2 + u r_1) + W_2      w_3 = e^-u (r_3 + u r_2 + u^2/2 r_1) + W_3
+    noise  q_1 = (its integral over the closed time)/RC, spread over the stages as a constant voltage is
+
+At an edge the same W closes one group and opens the other. Edges stand at the firmware's own clocks, re-timed or not.
+    s      output of a frame at its middle: the chord between two edges;   s' = +-((w_2 - w_3) - (h_2 - h_3)) / 2RC
+    sinc3  sums of three frames at once, as adc.py has them: sum_j += K_j s + M_j s', K and M the moments of its weights
+
+Left out  d^2V/dt^2 in W (1.6e-4 of what rings 139 Hz beside theta), ripple of the output within a half period (1e-6)
+State     `q`, float64, mutated in place: rows of four demodulators
+Source    docs/parts/averaged.md
+"""
+
+from typing import NamedTuple
+
+from analog_frontend.averaged.averaged_modes import RAD_PER_LSB, unit
+from analog_frontend.numeric.vector import (
+    ceiling,
+    chosen,
+    four,
+    high,
+    joined,
+    lane,
+    load4,
+    low,
+    pair,
+    splat,
+    splat4,
+    store4,
+)
+from fpga_model.jit import inlined, inner
+
+DEMODULATORS = 4
+FRAME_CLOCKS = 3250.0
+TICK_CLOCKS = 26.0
+HALF = 1 << 47
+HALF_MASK = HALF - 1
+TURN_MASK = 2 * HALF - 1
+PLACES = 0xFFFF  # more than the noise of a batch
+# Rows of `q`
+R1, R2, R3, H1, H2, H3, OPENED, OPENED_2, CLOSED_AT, NOISE, SIGN, AREA, BEGAN, WAITING, PAST = range(15)
+S, SLOPE, LENGTH, TOTAL = range(15, 19)
+Q_ROWS = 19
+
+
+class Params(NamedTuple):
+    """Times in clocks; arrays are read only."""
+
+    inverse_rc: float
+    switch: float  # reference pin to analog switch
+    middle: float  # where in a frame the mean of the converter's samples stands
+    sampled: float  # a frame's output is that of the two half periods that end with the first edge from here on
+    charge_slope: float  # what the charge of the switches adds to the mean slope (V per clock)
+    charge: tuple  # what an opened switch leaves on C1 C3 C5 (V): mean of both groups, and half of their difference
+    delay: int  # phase register to pin, in clocks
+    retimed: int
+    inverse_noise: float  # samples of C/V noise per clock
+    noise_gain: float  # length of a sample / RC
+
+
+@inlined
+def decay(u):
+    """e^-u for 0 <= u <= 0.2, to 3e-9, and to 5e-15 below 0.03; a number or lanes."""
+    return 1.0 - u * (
+        1.0 - u * (1.0 / 2) * (1.0 - u * (1.0 / 3) * (1.0 - u * 0.25 * (1.0 - u * 0.2 * (1.0 - u * (1.0 / 6)))))
+    )
+
+
+@inlined
+def switched(p, crossed):
+    """When the switch follows a reference phase that enters a new half turn before clock `crossed`; lanes."""
+    if p.retimed:
+        # half a clock off, so that the product with 1/26 cannot pass a whole number by its rounding
+        return ceiling((crossed + (p.delay - 0.5)) * (1.0 / TICK_CLOCKS)) * TICK_CLOCKS + p.switch
+    return crossed + (p.delay - 1.0 + p.switch)
+
+
+@inlined
+def _swept(p, sign, closed_at, drawn, t, past, tilde, poles, total):
+    """What happens between two edges, in lanes: parts of w_1 .. w_3 that do not know r, and what r is multiplied by."""
+    angle = past * RAD_PER_LSB
+    q = angle * angle
+    c = 1.0 - q * 0.5 * (1.0 - q * (1.0 / 12) * (1.0 - q * (1.0 / 30)))
+    d = angle * (1.0 - q * (1.0 / 6) * (1.0 - q * (1.0 / 20) * (1.0 - q * (1.0 / 42))))
+    base_r, base_i, v0r, v0i, v1r, v1i, v2r, v2i, v3r, v3i = tilde
+    tau = t * (1.0 / FRAME_CLOCKS)
+    vr = v0r + tau * (v1r + tau * (v2r + tau * v3r))
+    vi = v0i + tau * (v1i + tau * (v2i + tau * v3i))
+    er, ei = c * base_r - d * base_i, c * base_i + d * base_r
+    gr, gi = 0.0 - sign * (vr * er - vi * ei), 0.0 - sign * (vr * ei + vi * er)
+    p1r, p1i, p2r, p2i, p3r, p3i = poles
+    w1, w2, w3 = gr * p1r - gi * p1i, gr * p2r - gi * p2i, gr * p3r - gi * p3i
+    u = (t - closed_at) * p.inverse_rc
+    return w1, w2, w3, u, decay(u), (total - drawn) * p.noise_gain
+
+
+@inlined
+def _grown(swept, r1, r2, r3):
+    """Capacitors of the closed group at the edge that opens it."""
+    w1, w2, w3, u, e, n = swept
+    a1 = e * r1 + w1 + n * (1.0 - 0.5 * u)
+    a2 = e * (r2 + u * r1) + w2 + n * u * 0.5
+    return a1, a2, e * (r3 + u * (r2 + u * r1 * 0.5)) + w3 + n * u * u * (1.0 / 6)
+
+
+@inlined
+def _charged(p, sign, a1, a2, a3):
+    """The same with what an opened switch leaves on them."""
+    return (
+        a1 + (p.charge[0] + sign * p.charge[3]),
+        a2 + (p.charge[1] + sign * p.charge[4]),
+        a3 + (p.charge[2] + sign * p.charge[5]),
+    )
+
+
+@inlined
+def _under(p, sign, u, a2, a3, h2, h3, opened, opened_2, t, closed_at):
+    """Area under the output since the last edge, and its slope; the charge makes it a staircase from edge to edge."""
+    bend = ((a2 - a3) - (opened_2 - opened)) * u * (1.0 / 12)
+    slope = sign * ((a2 - a3) - (h2 - h3)) * (0.5 * p.inverse_rc) + p.charge_slope
+    return sign * ((opened + a3) * 0.5 - bend - h3) * (t - closed_at), slope
+
+
+@inlined
+def _picked(pick, picked, total, began, t, slope):
+    one = splat4(1.0)
+    return (
+        chosen(one, pick, total, picked[0]),
+        chosen(one, pick, began, picked[1]),
+        chosen(one, pick, t, picked[2]),
+        chosen(one, pick, slope, picked[3]),
+    )
+
+
+@inlined
+def _two_edges(p, s, waiting, early, old, new, left, later, tilde, poles, noise, begin):
+    """The first two edges of the frame in every demodulator, eight lanes; returns the state `s` after them.
+
+    old, new  (words, their inverses, first clock) before and after the change of the word
+    What the second edge needs of the first are its time and the capacitors that it has opened, so nearly all of both is
+    done side by side.
+    """
+    (r1, r2, r3, h1, h2, h3, opened, opened_2, closed_at, drawn, sign, area, began, waits, past_waits, picked) = s
+    zero, one = splat(0.0), splat(1.0)
+    number = joined(splat4(0.0), splat4(1.0)) - joined(waiting, waiting)
+    both = joined(early, early)
+    ahead = joined(later, later) + (number - both) * float(HALF)
+    # the first that crosses in this frame may do so before the word has changed
+    first = chosen(number, zero, both, zero)
+    word = chosen(one, first, splat(old[0]), splat(new[0]))
+    inverse = chosen(one, first, splat(old[1]), splat(new[1]))
+    base = chosen(one, first, zero, splat(new[2]))
+    ahead = chosen(one, first, joined(left, left), ahead)
+    t = switched(p, base + ceiling(ahead * inverse))
+    past = (t - base) * word - ahead
+    waited = joined(waiting, splat4(0.0))
+    t = chosen(one, waited, joined(waits, waits), t)
+    past = chosen(one, waited, joined(past_waits, past_waits), past)
+    total = joined(
+        _integral(noise, begin, low(t) * p.inverse_noise), _integral(noise, begin, high(t) * p.inverse_noise)
+    )
+    signs, since = joined(sign, 0.0 - sign), joined(closed_at, low(t))
+    swept = _swept(p, signs, since, joined(drawn, low(total)), t, past, tilde, poles, total)
+    w1, w2, w3, u, _, _ = swept
+    a1, a2, a3 = _grown(swept, joined(r1, h1 - low(w1)), joined(r2, h2 - low(w2)), joined(r3, h3 - low(w3)))
+    b1, b2, b3 = _charged(p, signs, a1, a2, a3)
+    under, slope = _under(
+        p,
+        signs,
+        u,
+        a2,
+        a3,
+        joined(h2, low(b2)),
+        joined(h3, low(b3)),
+        joined(opened, h3),
+        joined(opened_2, h2),
+        t,
+        since,
+    )
+    pick = chosen(splat(p.sampled), t, chosen(since, splat(p.sampled - 1e-6), one, zero), zero)
+    picked = _picked(low(pick), picked, area + low(under), began, low(t), low(slope))
+    picked = _picked(high(pick), picked, low(under) + high(under), closed_at, high(t), high(slope))
+    return (
+        low(b1) - high(w1),
+        low(b2) - high(w2),
+        low(b3) - high(w3),
+        high(b1),
+        high(b2),
+        high(b3),
+        low(b3),
+        low(b2),
+        high(t),
+        high(total),
+        sign,
+        high(under),
+        low(t),
+        waits,
+        past_waits,
+        picked,
+    )
+
+
+@inlined
+def _last_edge(p, s, waiting, early, new, later, tilde, poles, noise, begin):
+    """The third edge of the frame where there is one, and what waits for the next frame; returns the state `s`."""
+    (r1, r2, r3, h1, h2, h3, opened, opened_2, closed_at, drawn, sign, area, began, _, _, picked) = s
+    zero, one = splat4(0.0), splat4(1.0)
+    word, inverse, base = splat4(new[0]), splat4(new[1]), splat4(new[2])
+    ahead = later + ((2.0 - waiting) - early) * float(HALF)
+    crossed = base + ceiling(ahead * inverse)
+    t = switched(p, crossed)
+    past = (t - base) * word - ahead
+    end = splat4(FRAME_CLOCKS)
+    acts = chosen(t, end - 1e-6, one, zero)
+    # what crosses in this frame and acts in the next one
+    late = chosen(one, acts, zero, chosen(crossed, end, one, zero))
+    total = _integral(noise, begin, t * p.inverse_noise)
+    swept = _swept(p, sign, closed_at, drawn, t, past, tilde, poles, total)
+    w1, w2, w3, u, _, _ = swept
+    a1, a2, a3 = _grown(swept, r1, r2, r3)
+    under, slope = _under(p, sign, u, a2, a3, h2, h3, opened, opened_2, t, closed_at)
+    pick = chosen(splat4(p.sampled), t, chosen(closed_at, splat4(p.sampled - 1e-6), acts, zero), zero)
+    picked = _picked(pick, picked, area + under, began, t, slope)
+    a1, a2, a3 = _charged(p, sign, a1, a2, a3)
+    return (
+        chosen(one, acts, h1 - w1, r1),
+        chosen(one, acts, h2 - w2, r2),
+        chosen(one, acts, h3 - w3, r3),
+        chosen(one, acts, a1, h1),
+        chosen(one, acts, a2, h2),
+        chosen(one, acts, a3, h3),
+        chosen(one, acts, h3, opened),
+        chosen(one, acts, h2, opened_2),
+        chosen(one, acts, t, closed_at),
+        chosen(one, acts, total, drawn),
+        chosen(one, acts, zero - sign, sign),
+        chosen(one, acts, under, area),
+        chosen(one, acts, closed_at, began),
+        chosen(one, late, t - end, zero - one),
+        chosen(one, late, past, zero),
+        picked,
+    )
+
+
+@inlined
+def _integral(noise, begin, t):
+    """Integral of held noise up to `t` samples from `begin` on; sums[k] up to sample k, volts[k] the sample."""
+    volts, sums, row = noise
+    at = pair(begin, row + begin) + t
+    # a place is never negative: with the mask the compiler knows, too
+    i, j, k, m = (
+        int(lane(at, 0)) & PLACES,
+        int(lane(at, 1)) & PLACES,
+        int(lane(at, 2)) & PLACES,
+        int(lane(at, 3)) & PLACES,
+    )
+    rest = at + ceiling(0.0 - at)
+    return four(sums[i], sums[j], sums[k], sums[m]) + four(volts[i], volts[j], volts[k], volts[m]) * rest
+
+
+@inlined
+def _left(phase, offsets):
+    """Phase to the next half turn of each reference: sine and cosine of drive, of sense."""
+    d, s = phase + offsets[0], phase + offsets[1]
+    quarter = HALF >> 1
+    return four(
+        float(HALF - (d & HALF_MASK)),
+        float(HALF - ((d + quarter) & HALF_MASK)),
+        float(HALF - (s & HALF_MASK)),
+        float(HALF - ((s + quarter) & HALF_MASK)),
+    )
+
+
+@inner
+def demodulate(
+    p, q, phase, word_old, turn_clock, turn_phase, word_new, offsets, base, v, poles, volts, sums, row, begin
+):
+    """All edges of a frame, the four demodulators side by side. Mutates `q`.
+
+    phase, turn_phase   DDS phase at the frame's first clock, and at `turn_clock`, from which on the word is `word_new`
+    offsets             reference words of drive and sense
+    base                (8,) e^(i theta) at the ideal edge to 1: four re, four im
+    v                   (16,) cubics of V~ (averaged_modes.frame)
+    poles               p, p^2, p^3 as pairs
+    volts, sums, row    noise of both channels, its integrals, and how long a channel's row is
+    begin               sample of the noise with which the frame begins
+    """
+    left, later = _left(phase, offsets), _left(turn_phase, offsets)
+    zero, one = splat4(0.0), splat4(1.0)
+    old, new = (float(word_old), 1.0 / word_old, 0.0), (float(word_new), 1.0 / word_new, float(turn_clock))
+    early = chosen(ceiling(left * old[1]), splat4(float(turn_clock)), one, zero)
+    waiting = chosen(zero, load4(q, 4 * WAITING), one, zero)
+    tilde = (
+        load4(base, 0),
+        load4(base, 4),
+        pair(v[0], v[2]),
+        pair(v[1], v[3]),
+        pair(v[4], v[6]),
+        pair(v[5], v[7]),
+        pair(v[8], v[10]),
+        pair(v[9], v[11]),
+        pair(v[12], v[14]),
+        pair(v[13], v[15]),
+    )
+    doubled = (
+        joined(tilde[0], tilde[0]),
+        joined(tilde[1], tilde[1]),
+        joined(tilde[2], tilde[2]),
+        joined(tilde[3], tilde[3]),
+        joined(tilde[4], tilde[4]),
+        joined(tilde[5], tilde[5]),
+        joined(tilde[6], tilde[6]),
+        joined(tilde[7], tilde[7]),
+        joined(tilde[8], tilde[8]),
+        joined(tilde[9], tilde[9]),
+    )
+    s = (
+        load4(q, 4 * R1),
+        load4(q, 4 * R2),
+        load4(q, 4 * R3),
+        load4(q, 4 * H1),
+        load4(q, 4 * H2),
+        load4(q, 4 * H3),
+        load4(q, 4 * OPENED),
+        load4(q, 4 * OPENED_2),
+        load4(q, 4 * CLOSED_AT),
+        load4(q, 4 * NOISE),
+        load4(q, 4 * SIGN),
+        load4(q, 4 * AREA),
+        load4(q, 4 * BEGAN),
+        load4(q, 4 * WAITING),
+        load4(q, 4 * PAST),
+        (zero, zero, one, zero),
+    )
+    noise = (volts, sums, row)
+    s = _two_edges(p, s, waiting, early, old, new, left, later, doubled, poles, noise, begin)
+    s = _last_edge(p, s, waiting, early, new, later, tilde, poles, noise, begin)
+    (r1, r2, r3, h1, h2, h3, opened, opened_2, closed_at, drawn, sign, area, began, waits, past_waits, picked) = s
+    store4(q, 4 * R1, r1)
+    store4(q, 4 * R2, r2)
+    store4(q, 4 * R3, r3)
+    store4(q, 4 * H1, h1)
+    store4(q, 4 * H2, h2)
+    store4(q, 4 * H3, h3)
+    store4(q, 4 * OPENED, opened)
+    store4(q, 4 * OPENED_2, opened_2)
+    store4(q, 4 * CLOSED_AT, closed_at - FRAME_CLOCKS)
+    store4(q, 4 * NOISE, drawn)
+    store4(q, 4 * SIGN, sign)
+    store4(q, 4 * AREA, area)
+    store4(q, 4 * BEGAN, began - FRAME_CLOCKS)
+    store4(q, 4 * WAITING, waits)
+    store4(q, 4 * PAST, past_waits)
+    total, since, until, slope = picked
+    # one division for all four
+    length = until - since
+    store4(q, 4 * SLOPE, slope)
+    store4(q, 4 * S, (p.middle - (until + since) * 0.5) * slope)
+    store4(q, 4 * LENGTH, length)
+    store4(q, 4 * TOTAL, total)
+    for d in range(DEMODULATORS):
+        q[4 * S + d] = q[4 * S + d] + q[4 * TOTAL + d] / q[4 * LENGTH + d]
+
+
+@inlined
+def bases(offset_drive, offset_sense, base):
+    """e^(i theta) at the ideal edge to 1 of each reference, four re and four im. Mutates `base`."""
+    quarter = HALF >> 1
+    base[0], base[4] = unit((0 - offset_drive) & TURN_MASK)
+    base[1], base[5] = unit((0 - offset_drive - quarter) & TURN_MASK)
+    base[2], base[6] = unit((0 - offset_sense) & TURN_MASK)
+    base[3], base[7] = unit((0 - offset_sense - quarter) & TURN_MASK)

@@ -1,0 +1,193 @@
+"""Eight plants side by side: their arrays, and where in them everything stands. Lane l of a register is plant l.
+
+    eight_linear.py   inputs, chains, modes, C/V           eight_sid.py   demodulators, reference edges
+    eight_top.py      a block of ticks of all eight
+
+    g       entries of the plants' matrices in the order of ENTRIES       z   linear states, order of top.State.z
+    codes   of the DACs: row 2 t + which holds what is put out at the beginning of tick t of the block
+    on      the SID's capacitors that follow, off those that hold: row 3 d + k; sign +-1 of demodulator d
+    out     output of plant l's demodulator d at the start of tick t, at 8 (TICKS d + t) + l
+
+The operations are those of linear.py, sid.py and noise.py in their order, so that eight plants have the bits of eight
+single ones (asserted by the tests of the lanes engine).
+Source    docs/architecture.md, docs/decisions/0012-lanes.md
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from analog_frontend import effects
+from analog_frontend.effects import law
+from analog_frontend.linear import BLOCK, INPUTS
+from analog_frontend.numeric.arena import FLOAT, INTEGER, places
+from analog_frontend.numeric.records import split
+from analog_frontend.numeric.vector import LANES
+from analog_frontend.parts.propagator import DU_DRIVE, DU_SENSE, JIT_DRIVE, JIT_SENSE, PX1, PY1, U_DRIVE, U_SENSE
+from analog_frontend.top import DEMODULATORS, MAX_EDGES, STATES, TICK_CYCLES
+
+TICKS = BLOCK + 1
+D, S, MODE, DRIVE_CV, SENSE_CV = 0, 3, 6, 10, 13  # first states in z
+
+
+def _chain(first, u, du, jit):
+    """Entries of an output chain: three inputs onto each state, then the triangle."""
+    forced = [(j, first + k) for k in range(3) for j in (u, du, jit)]
+    return forced + _triangle(first)
+
+
+def _triangle(first):
+    a, b, c = range(first, first + 3)
+    return [(a, a), (b, b), (c, c), (a, b), (a, c), (b, c)]
+
+
+# (input, output) of G; the pickoff's own numbers follow the C/V triangles and paths
+ENTRIES = (
+    _chain(D, U_DRIVE, DU_DRIVE, JIT_DRIVE)
+    + _chain(S, U_SENSE, DU_SENSE, JIT_SENSE)
+    + _triangle(DRIVE_CV)
+    + [(DRIVE_CV + j, PX1 + k) for k in range(3) for j in range(3)]
+    + _triangle(SENSE_CV)
+    + [(SENSE_CV + j, PY1 + k) for k in range(3) for j in range(3)]
+)
+MOVING = [(j, MODE + o) for j in (*INPUTS, *range(MODE, MODE + 4)) for o in range(4)]
+STILL = len(ENTRIES) + 2 * 24
+CHAIN, CV = 15 * LANES, 15 * LANES
+AT_DRIVE, AT_SENSE = 0, CHAIN
+AT_CV = 2 * CHAIN
+AT_PICKOFF = AT_CV + 2 * CV
+AT_MODES = AT_PICKOFF + 2 * 24 * LANES
+SIZE = AT_MODES + len(MOVING) * LANES
+# pairs of noise sources, in `sigma` and `keys`
+DACS, JITTER, FORCES, CVS = range(4)
+GLITCHES, FORCE_EFFECTS, CV_EFFECTS, BOWS, LAWS = range(4, 9)  # of `flags`, after the four pairs
+# a strip of ticks that stays in the first cache; a row holds one value more, for states at its end
+STRIP = 16
+ROW = (STRIP + 2) * LANES
+D1, S1 = 0, 3 * ROW
+UD, DUD, US, DUS, AD, AS, FX, FY, X, VX, Y, VY, END_VX, END_VY, NX, NY, CX1, CY1, F, PATH_X, PATH_Y = (
+    k * ROW for k in (6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 25, 28, 32, 35)
+)
+ROWS = 38
+# of each state, for laws; those of a C/V chain's first pole are not kept
+PLACES = np.array([D1, D1 + ROW, D1 + 2 * ROW, S1, S1 + ROW, S1 + 2 * ROW, X, VX, Y, VY])
+PLACES = np.concatenate([PLACES, [CX1 + k * ROW for k in range(3)], [CY1 + k * ROW for k in range(3)]])
+# rows of the inputs of the modes, in the order of linear.INPUTS
+FORCED_BY = (D1, D1 + ROW, D1 + 2 * ROW, S1, S1 + ROW, S1 + 2 * ROW, UD, DUD, US, DUS, AD, AS, FX, FY)
+NUMBERS = 8  # scalars of sid.Params
+SLOTS = 16  # most edges of a plant in a strip that go together
+GIVEN, FACTORS = 9, 15  # rows of a slot, see eight_sid.py
+
+
+class Eight(NamedTuple):
+    """Arrays of eight plants, mutated in place; a first axis of eight, or lanes side by side in a flat array."""
+
+    g: np.ndarray
+    z: np.ndarray
+    codes: np.ndarray  # (2 (BLOCK + 2) 8,) int64
+    dac: np.ndarray  # (2 5 8,) per DAC: lsb (V), offset (V), bow, full scale in codes, and its inverse
+    carry: np.ndarray  # (4 8,) per DAC: 1 where a code acts a tick later, then 1 where not
+    late_area: np.ndarray  # (2 8,)
+    throws: np.ndarray  # (2 BLOCK 8,) glitch areas, if `glitches`
+    sigma: np.ndarray  # (8 8,)
+    keys: np.ndarray  # (8 8,) int64
+    on: np.ndarray  # (12 8,)
+    off: np.ndarray
+    sign: np.ndarray  # (4 8,)
+    sid: np.ndarray  # (6 8,) e1 e2 e3 s1 s2 s3
+    out: np.ndarray  # (4 TICKS 8,)
+    w: np.ndarray  # (ROWS ROW,) scratch: rows of a strip
+    peak: np.ndarray  # (8,) largest |x|
+    flags: np.ndarray  # int64: noise pair in use, four of them; any glitch, force effect, C/V effect, bow, law
+    switch_tau_s: np.ndarray  # (8, 26)
+    switch_carry: np.ndarray  # (8, 26)
+    late_tau_s: np.ndarray  # (8, 4, MAX_EDGES)
+    late_count: np.ndarray  # (8, 4)
+    switch: np.ndarray  # (8, 4)
+    driver_s: np.ndarray  # (8,)
+    slope_gain: np.ndarray  # (8,)
+    h_s: np.ndarray  # (8,)
+    r: np.ndarray  # (8,)
+    taylor: np.ndarray  # (64 8,)
+    sid_numbers: np.ndarray  # (8, NUMBERS)
+    sid_inject: np.ndarray  # (8, 6)
+    sid_taylor: np.ndarray  # (8, 64)
+    effects_i: np.ndarray  # (8, ...) rows of effects.Params
+    effects_f: np.ndarray
+    law_counts: np.ndarray  # (8, 2): laws at force ports, at C/V ports
+    law_tables: np.ndarray  # (8, ...) tables of law.Params
+    law_numbers: np.ndarray
+    law_temps: np.ndarray  # (8,) reference of temp (degC)
+    law_gains: np.ndarray  # (8, SLOTS) in this frame
+    active: np.ndarray  # (8,) 1 for those that take part in a block; of the others nothing is of any use
+    edge_counts: np.ndarray  # (8,)
+    edges: np.ndarray  # (8, n, 2): clock from the block's first, and reference number
+    caps: np.ndarray  # (4, 6) scratch
+    fixed: np.ndarray  # (32, 6) scratch: capacitors of those with an edge
+    touched: np.ndarray  # (32,) which those are
+    given: np.ndarray  # (SLOTS GIVEN 8,) scratch: what an edge depends on
+    factors: np.ndarray  # (SLOTS FACTORS 8,) scratch: what it gives
+    counters: np.ndarray  # (SLOTS 8,) scratch: of its jitter
+    slots: np.ndarray  # (8,) scratch: slots of a plant's edges in the strip, or -1; the next one
+    slot: np.ndarray
+    taus_s: np.ndarray  # (MAX_EDGES,) scratch
+    due: np.ndarray  # (8,) scratch: tick of a plant's next edge
+    place: np.ndarray  # (8,) scratch: its place in the list
+
+
+EFFECT_INTEGERS, EFFECT_NUMBERS = (len(part) for part in split(effects.OFF))
+AT = places(
+    Eight,
+    g=(FLOAT, (SIZE,)),
+    z=(FLOAT, (STATES * LANES,)),
+    codes=(INTEGER, (2 * (BLOCK + 2) * LANES,)),
+    dac=(FLOAT, (2 * 5 * LANES,)),
+    carry=(FLOAT, (4 * LANES,)),
+    late_area=(FLOAT, (2 * LANES,)),
+    throws=(FLOAT, (2 * BLOCK * LANES,)),
+    sigma=(FLOAT, (8 * LANES,)),
+    keys=(INTEGER, (8 * LANES,)),
+    on=(FLOAT, (12 * LANES,)),
+    off=(FLOAT, (12 * LANES,)),
+    sign=(FLOAT, (4 * LANES,)),
+    sid=(FLOAT, (6 * LANES,)),
+    out=(FLOAT, (DEMODULATORS * TICKS * LANES,)),
+    w=(FLOAT, (ROWS * ROW,)),
+    peak=(FLOAT, (LANES,)),
+    flags=(INTEGER, (9,)),
+    switch_tau_s=(FLOAT, (LANES, 2, TICK_CYCLES)),
+    switch_carry=(INTEGER, (LANES, 2, TICK_CYCLES)),
+    late_tau_s=(FLOAT, (LANES, DEMODULATORS, MAX_EDGES)),
+    late_count=(INTEGER, (LANES, DEMODULATORS)),
+    switch=(INTEGER, (LANES, DEMODULATORS)),
+    driver_s=(FLOAT, (LANES,)),
+    slope_gain=(FLOAT, (LANES,)),
+    h_s=(FLOAT, (LANES,)),
+    r=(FLOAT, (LANES,)),
+    taylor=(FLOAT, (64 * LANES,)),
+    sid_numbers=(FLOAT, (LANES, NUMBERS)),
+    sid_inject=(FLOAT, (LANES, 6)),
+    sid_taylor=(FLOAT, (LANES, 64)),
+    effects_i=(INTEGER, (LANES, EFFECT_INTEGERS)),
+    effects_f=(FLOAT, (LANES, EFFECT_NUMBERS)),
+    law_counts=(INTEGER, (LANES, 2)),
+    law_tables=(INTEGER, (LANES, law.SLOTS, law.COLUMNS)),
+    law_numbers=(FLOAT, (LANES, law.SLOTS, 2)),
+    law_temps=(FLOAT, (LANES,)),
+    law_gains=(FLOAT, (LANES, law.SLOTS)),
+    active=(INTEGER, (LANES,)),
+    edge_counts=(INTEGER, (LANES,)),
+    edges=(INTEGER, (LANES, MAX_EDGES * (BLOCK + 3), 2)),
+    caps=(FLOAT, (DEMODULATORS, 6)),
+    fixed=(FLOAT, (LANES * DEMODULATORS, 6)),
+    touched=(INTEGER, (LANES * DEMODULATORS,)),
+    given=(FLOAT, (SLOTS * GIVEN * LANES,)),
+    factors=(FLOAT, (SLOTS * FACTORS * LANES,)),
+    counters=(INTEGER, (SLOTS * LANES,)),
+    slots=(INTEGER, (LANES,)),
+    slot=(INTEGER, (LANES,)),
+    taus_s=(FLOAT, (MAX_EDGES,)),
+    due=(INTEGER, (LANES,)),
+    place=(INTEGER, (LANES,)),
+)
+opened = AT.opened

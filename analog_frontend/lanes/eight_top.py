@@ -1,0 +1,22 @@
+"""Eight plants: a block of ticks, strip by strip; what `top.block` is for one.
+
+Source    docs/decisions/0012-lanes.md
+"""
+
+from analog_frontend.lanes.eight import STRIP
+from analog_frontend.lanes.eight_linear import linear
+from analog_frontend.lanes.eight_sid import begun, demodulated
+from fpga_model.jit import outlined
+
+
+@outlined
+def block(kind, floats, ints, tick, n):
+    """`n` ticks of all eight from `tick` on, all of one frame. Mutates both arrays.
+
+    kind  of an effects.Params. v.codes holds what the DACs put out, v.edges the reference edges
+    """
+    begun(floats, ints)
+    for first in range(0, n, STRIP):
+        count = min(STRIP, n - first)
+        linear(kind, floats, ints, tick, first, count)
+        demodulated(floats, ints, tick, first, count)

@@ -1,0 +1,129 @@
+"""Records of arrays that stand in two flat arrays, one of doubles and one of int64.
+
+    AT = places(Record, first, name=(kind, shape), ...)    where each array stands, aligned to a register of eight
+    v = AT.opened(floats, integers)                         the record, its arrays views of the two
+
+    int32_at(address, n), int64_at, float64_at              n numbers of somebody else's, at the address of the first
+
+A kernel that is called with a record of eighty arrays spends more time on its arguments than on its work; with two
+arrays it spends none, and as every place and shape is a constant, nor does it on indices.
+"""
+
+import ctypes
+from math import prod
+from typing import NamedTuple
+
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+from numba.np.arrayobj import make_array, populate_array
+
+from analog_frontend.numeric.vector import LANES, aligned
+from fpga_model.jit import DISABLED
+
+FLOAT, INTEGER = 0, 1
+ITEM_BYTES = 8
+
+
+class Places(NamedTuple):
+    """Where the arrays of a record stand."""
+
+    rows: tuple  # (name, kind, place, shape)
+    sizes: tuple  # doubles and integers up to the end
+    opened: object  # function of both arrays that returns the record
+
+
+def _whole(size):
+    return -(-size // LANES) * LANES
+
+
+def places(record, first=(0, 0), **fields):
+    """Places of the arrays of `record`, behind `first` (doubles, integers). Raises TypeError for other names."""
+    if set(fields) != set(record._fields):
+        raise TypeError(f"{record.__name__}: {sorted(set(fields) ^ set(record._fields))} do not match")
+    sizes, rows = list(first), []
+    for name in record._fields:
+        kind, shape = fields[name]
+        rows.append((name, kind, sizes[kind], shape))
+        sizes[kind] += _whole(prod(shape))
+    return Places(tuple(rows), tuple(sizes), _python(record, rows) if DISABLED else _native(record, rows))
+
+
+def room(sizes):
+    """(doubles, integers) of zeros, as large as `sizes`."""
+    return aligned(sizes[FLOAT]), aligned(sizes[INTEGER]).view(np.int64)
+
+
+def views(record, at, floats, integers):
+    """The record for Python."""
+    return _python(record, at.rows)(floats, integers)
+
+
+def _python(record, rows):
+    def opened(floats, integers):
+        arrays = (floats, integers)
+        return record(*(arrays[kind][at : at + prod(shape)].reshape(shape) for _, kind, at, shape in rows))
+
+    return opened
+
+
+def _native(record, rows):
+    items = (types.float64, types.int64)
+    whole = types.NamedTuple([types.Array(items[kind], len(shape), "C") for _, kind, _, shape in rows], record)
+    word = ir.IntType(64)
+
+    def number(value):
+        return ir.Constant(word, value)
+
+    def view(context, builder, kind, base, place, shape):
+        array = make_array(kind)(context, builder)
+        strides = [prod(shape[k + 1 :]) * ITEM_BYTES for k in range(len(shape))]
+        populate_array(
+            array,
+            data=builder.gep(base.data, [number(place)]),
+            shape=[number(n) for n in shape],
+            strides=[number(n) for n in strides],
+            itemsize=number(ITEM_BYTES),
+            meminfo=None,
+        )
+        return array._getvalue()
+
+    @intrinsic
+    def opened(typingctx, floats, integers):
+        def codegen(context, builder, signature, args):
+            bases = [make_array(t)(context, builder, a) for t, a in zip(signature.args, args)]
+            arrays = [
+                view(context, builder, whole.types[k], bases[kind], place, shape)
+                for k, (_, kind, place, shape) in enumerate(rows)
+            ]
+            return context.make_tuple(builder, whole, arrays)
+
+        return whole(floats, integers), codegen
+
+    return opened
+
+
+def _row(kind, python, native):
+    """Function of an address and a number: that many numbers that stand there."""
+    if DISABLED:
+        return lambda address, n: np.frombuffer((python * n).from_address(address), native)
+    array_type = types.Array(kind, 1, "C")
+
+    @intrinsic
+    def row_at(typingctx, address, n):
+        def codegen(context, builder, signature, args):
+            array = make_array(array_type)(context, builder)
+            size = ir.Constant(ir.IntType(64), np.dtype(native).itemsize)
+            data = builder.inttoptr(args[0], array.data.type)
+            populate_array(array, data=data, shape=[args[1]], strides=[size], itemsize=size, meminfo=None)
+            return array._getvalue()
+
+        return array_type(types.int64, types.int64), codegen
+
+    return row_at
+
+
+int32_at = _row(types.int32, ctypes.c_int32, np.int32)
+int64_at = _row(types.int64, ctypes.c_int64, np.int64)
+float64_at = _row(types.float64, ctypes.c_double, np.float64)

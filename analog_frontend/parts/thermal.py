@@ -1,0 +1,77 @@
+"""Temperature: the laws that turn a `Device` into the same device at T, and the warm-up of the package.
+
+    f(T)    = f (1 + tcf dT)                    dT = T - temp_ref, both modes: Young's modulus dominates
+    Q(T)    = Q exp(dlnq dT)
+    k_xy(T) = k_xy (1 + tc dT)                  tc is one number below temp_ref and another above it
+    GBW(T)  = GBW (1 + tc dT)
+    RC(T)   = RC (1 + tc dT)                    output poles and SID resistors, both off by default
+    rise(t) = self_heating (1 - exp(-t / tau))  package over ambient, off by default
+
+The ring diode is not here: `ring_diode.chain` takes the device at temp_ref and the temperature.
+Numbers  240-bit arithmetic, rounded once per field: the same doubles on every machine. At temp_ref nothing changes.
+Source   docs/parts/thermal.md
+"""
+
+from typing import NamedTuple
+
+from analog_frontend.numeric.exact import MP
+from analog_frontend.parts.device import Device, validate
+from fpga_model.jit import inlined
+
+TEMP_LO_DEGC = -55.0
+TEMP_HI_DEGC = 125.0
+GBW_FIELDS = ("opamp_gbw_hz",)
+FREQUENCY_FIELDS = ("fx_hz", "fy_hz")
+Q_FIELDS = ("qx", "qy")
+DAC_RC_FIELDS = tuple(f"{channel}_pole_{n}_s" for channel in ("drive", "sense") for n in (1, 2, 3))
+SID_RC_FIELDS = ("sid_r_ohm",)
+
+
+def check(temp_degc):
+    """`temp_degc` as a float; ValueError outside the range of the parts, or for NaN."""
+    if not TEMP_LO_DEGC <= temp_degc <= TEMP_HI_DEGC:
+        raise ValueError(f"temp_degc = {temp_degc!r} is outside {TEMP_LO_DEGC:g} .. {TEMP_HI_DEGC:g} (unit degC)")
+    return float(temp_degc)
+
+
+def at_temperature(device, temp_degc):
+    """The device at `temp_degc`; the result must not be given to this function again."""
+    dt = MP.mpf(check(temp_degc)) - MP.mpf(device.temp_ref_degc)
+    if dt == 0:
+        return device
+    kxy_tc = device.kxy_tc_below_per_k if dt < 0 else device.kxy_tc_above_per_k
+    laws = (
+        (FREQUENCY_FIELDS, 1 + MP.mpf(device.tcf_per_k) * dt),
+        (Q_FIELDS, MP.exp(MP.mpf(device.dlnq_per_k) * dt)),
+        (("kxy_n_per_m",), 1 + MP.mpf(kxy_tc) * dt),
+        (GBW_FIELDS, 1 + MP.mpf(device.opamp_gbw_tc_per_k) * dt),
+        (DAC_RC_FIELDS, 1 + MP.mpf(device.dac_rc_tc_per_k) * dt),
+        (SID_RC_FIELDS, 1 + MP.mpf(device.sid_rc_tc_per_k) * dt),
+    )
+    moved = {name: float(MP.mpf(getattr(device, name)) * factor) for names, factor in laws for name in names}
+    return validate(Device(**(device._asdict() | moved)))
+
+
+class Params(NamedTuple):
+    """Warm-up as one pole: final rise (K), and the part of the way that one step covers."""
+
+    final_k: float
+    alpha: float
+
+
+def design(device, step_s):
+    """Warm-up in steps of `step_s` seconds."""
+    if not 0.0 < step_s <= 1e4:
+        raise ValueError(f"step_s = {step_s!r} is outside 0 .. 10000 (unit s)")
+    return Params(device.self_heating_k, float(-MP.expm1(-MP.mpf(step_s) / MP.mpf(device.warm_up_tau_s))))
+
+
+@inlined
+def step(p, rise_k):
+    """Rise over ambient (K) one step later; starts at 0."""
+    return rise_k + (p.final_k - rise_k) * p.alpha
+
+
+def rise_k(device, time_s):
+    """The same law in closed form: rise over ambient (K) at `time_s` after power-on."""
+    return float(-MP.mpf(device.self_heating_k) * MP.expm1(-MP.mpf(time_s) / MP.mpf(device.warm_up_tau_s)))

@@ -1,0 +1,92 @@
+"""What a point is: a text that holds everything its result depends on, and the hash of that text, its address.
+
+    identity = canonical JSON of {schema, config, engine, keep, code}
+               config  every key of every section but [output], which says where and not what; a state file to start
+                       from is named by its hash
+               keep    what is measured; code  hash of the sources that the engine reaches
+    address  = SHA-256 of identity, 64 hex digits
+
+A worker is given the identity and nothing else, so a point that is rerun alone gets what it got in its campaign.
+Source  docs/campaigns.md
+"""
+
+import hashlib
+import json
+from pathlib import Path
+from typing import NamedTuple
+
+from testbench import config as configuration
+from testbench.campaign.plan import engines
+from testbench.campaign.plan.measure import Keep
+from testbench.errors import ConfigError, FileError
+
+SCHEMA = "gyropoint/1"
+STATE = "sha256:"
+PROFILES = ("rate_dps", "temperature_degc")  # may hold integers, which are no other profile than floats
+
+
+class Point(NamedTuple):
+    """A point of a plan: its number, its place on each axis, what it is, its address, and the engine that plays it."""
+
+    number: int
+    index: tuple
+    identity: str
+    address: str
+    engine: str
+
+
+def canonical(data):
+    """JSON text with sorted keys and no blanks; inf is `Infinity`."""
+    return json.dumps(data, sort_keys=True, separators=(",", ":"))
+
+
+def address_of(identity):
+    """SHA-256 of an identity."""
+    return hashlib.sha256(identity.encode()).hexdigest()
+
+
+def _floats(value):
+    if isinstance(value, (list, tuple)):
+        return [_floats(item) for item in value]
+    return float(value)
+
+
+def identity_of(config, engine, keep, state_sha256=""):
+    """Identity of a checked configuration; `state_sha256` of the file in scenario.resume, if there is one."""
+    tree = config.model_dump(mode="json", exclude={"output": True, "scenario": {"engine"}})
+    for name in PROFILES:
+        tree["scenario"][name] = _floats(tree["scenario"][name])
+    tree["scenario"]["resume"] = STATE + state_sha256 if state_sha256 else ""
+    found = engines.load(engine)
+    kept_as, code = found.twin or engine, engines.code_of(found)
+    return canonical({"schema": SCHEMA, "config": tree, "engine": kept_as, "keep": keep._asdict(), "code": code})
+
+
+class Task(NamedTuple):
+    """A point as a worker needs it."""
+
+    config: object
+    engine: str
+    keep: Keep
+    code: str
+
+
+def task_of(identity, states):
+    """`Task` of an identity; `states` is the folder of state files by hash."""
+    data = json.loads(identity)
+    if data.get("schema") != SCHEMA:
+        raise FileError(f"a point of schema {data.get('schema')!r}; this version reads {SCHEMA}")
+    tree, keep = data["config"], data["keep"]
+    resume = tree["scenario"]["resume"]
+    if resume:
+        tree["scenario"]["resume"] = str(Path(states) / f"{resume.removeprefix(STATE)}.h5")
+    # a campaign keeps its own files, so a run writes none and takes no checkpoints
+    tree["output"] = {"record": False, "pictures": False, "html": False, "state": False, "checkpoint_s": 0.0}
+    try:
+        config = configuration.from_dict(tree, "point")
+    except ConfigError as problem:
+        raise FileError(f"a point that this version cannot read: {problem}") from None
+    statistics = {name: tuple(kinds) for name, kinds in keep["statistics"].items()}
+    return Task(
+        config, data["engine"], Keep(keep["streams"], statistics, keep["frames"], tuple(keep["tau_s"])), data["code"]
+    )

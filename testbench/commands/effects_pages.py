@@ -1,0 +1,100 @@
+"""Pages of the catalogue: what each effect changes, measured: python -m testbench.commands.effects_pages [NAME ...]
+
+The default gyroscope in the baseband engine at 5 um, off and on with the same noise: frequency, drive word, bias, scale
+factor, V_q. Written between `<!-- measured: .. -->` and `<!-- end -->` of the pages in docs/effects.
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from analog_frontend.effects import catalogue
+from testbench import config
+from testbench.console.markdown import replaced
+from testbench.measured.closed_loop import loop_runs
+from testbench.measured.closed_loop.loop_runs import FAST, Model, Run
+from testbench.measured.closed_loop.loop_tangents import even
+from testbench.measured.record.plan import Condition
+
+FOLDER = Path(__file__).resolve().parents[2] / "docs" / "effects"
+SETTLE_S, DWELL_S, RATE_DPS, SEED = 1.5, 1.0, 50.0, 3
+ROWS = (
+    ("drive frequency", "mHz", "rest", 1e3, 3),
+    ("drive word", "ppm", "rest", 1e6, 2),
+    ("bias", "deg/h", "rest", 3600.0, 3),
+    ("scale factor", "ppm", "both", 1e6, 2),
+    ("V_q squared", "V^2", "rest", 1.0, 6),
+)
+
+
+def conditions(temp_degc):
+    """At rest and at RATE_DPS."""
+    return [Condition(f"at {r:g}", 5.0, r, r, temp_degc, settle_s=SETTLE_S, seconds=DWELL_S) for r in (0.0, RATE_DPS)]
+
+
+def read(features, condition):
+    """{observable: mean over the dwell} of a feature vector."""
+    widths = np.diff(loop_runs.bins(condition))
+    table = features.reshape(len(loop_runs.NAMES), -1) @ widths / widths.sum()
+    return dict(zip(loop_runs.NAMES, table))
+
+
+def changes(off, on):
+    """(frequency Hz, drive word relative, bias deg/s, scale factor relative, V_q^2 V^2): on less off."""
+    scale = [(v[1]["force"] - v[0]["force"]) / RATE_DPS for v in (off, on)]
+    bias = [v[0]["force"] / s for v, s in zip((off, on), scale)]
+    return (
+        on[0]["f_word"] - off[0]["f_word"],
+        on[0]["amplitude"] / off[0]["amplitude"] - 1,
+        bias[1] - bias[0],
+        scale[1] / scale[0] - 1,
+        on[0]["v_q2"] - off[0]["v_q2"],
+    )
+
+
+def measured(names, bench=None):
+    """{name: changes} of effects at the sizes of their pages."""
+    bench = bench or loop_runs.Bench()
+    base, out = config.Config(), {}
+    jobs = []
+    for effect in catalogue.LAWS:
+        name = effect.INFO.name
+        if name in names:
+            temp = 45.0 if name == "pickoff_drift" else 25.0
+            on = config.changed(base, {f"effects.{name}": effect.EXAMPLE})
+            # slips of re-timed edges are other ones with an effect: several ppm in one dwell
+            jobs += [
+                (name, Run(Model(even(c)), k, SEED, base, smooth=True)) for c in (base, on) for k in conditions(temp)
+            ]
+    found = bench.run([run for _, run in jobs], FAST)
+    for i in range(0, len(jobs), 4):
+        four = [read(f, run.condition) for f, (_, run) in zip(found[i : i + 4], jobs[i : i + 4])]
+        out[jobs[i][0]] = changes(four[:2], four[2:])
+    return out
+
+
+def table(effect, values):
+    """Markdown of one page."""
+    temp = ", 45 degC" if effect.INFO.name == "pickoff_drift" else ""
+    lines = [f"| off to {effect.EXAMPLE:g} {effect.INFO.unit}, A = 5 um{temp} | change |", "|---|---:|"]
+    for (what, unit, _, factor, digits), value in zip(ROWS, values):
+        lines.append(f"| {what} | {factor * value:+.{digits}f} {unit} |")
+    how = "baseband engine, edges that leave evenly, codes not rounded, `python -m testbench.commands.effects_pages`"
+    lines += ["", f"Measured 1.5 to 2.5 s after a locked state, {how}."]
+    return "\n".join(lines)
+
+
+def main(names):
+    """Renew the pages of the named effects, or of all."""
+    chosen = names or [e.INFO.name for e in catalogue.LAWS]
+    found = measured(chosen)
+    for effect in catalogue.LAWS:
+        name = effect.INFO.name
+        if name in found:
+            page = FOLDER / f"{name}.md"
+            page.write_text(replaced(page.read_text(), "measured", table(effect, found[name])))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

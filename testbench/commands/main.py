@@ -1,0 +1,217 @@
+"""Command line `gyro`: arguments, tables and progress; no computing.
+
+Standard output holds the result (tables, or one JSON object), standard error the progress and one line per error.
+Exit codes: 0 done, 2 something the user can mend, 130 interrupted. Heavy modules are imported by the command that needs
+them, so that `gyro --help` answers at once.
+Source  docs/configuration.md
+"""
+
+import sys
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+import typer
+
+from testbench.campaign import cli as campaign_cli
+from testbench.console.options import ConfigFile, Json, Sets, Temperature, load, overrides, takes
+from testbench.console.progress import Progress
+from testbench.console.show import print_json, print_list, print_tables
+from testbench.errors import ConfigError, FileError
+from testbench.golden import cli as golden_cli
+from testbench.measured import cli as measured_cli
+from testbench.paper import cli as paper_cli
+from testbench.paper.loop import loop_cli
+from testbench.version import VERSION
+
+EXIT_MENDABLE, EXIT_INTERRUPTED = 2, 130
+
+app = typer.Typer(
+    name="gyro",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+    help="Golden reference for the firmware of a MEMS gyroscope, closed around its plant.",
+)
+app.add_typer(golden_cli.app)
+app.add_typer(campaign_cli.app)
+app.add_typer(measured_cli.app)
+paper_cli.add(app)
+app.command()(loop_cli.loop)
+
+
+def _version(wanted: bool):
+    if wanted:
+        print(f"gyro {VERSION}")
+        raise typer.Exit
+
+
+@app.callback()
+def _main(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+):
+    pass
+
+
+class RunOptions(NamedTuple):
+    """Options of `gyro run`."""
+
+    config: ConfigFile = None
+    sets: Sets = None
+    seconds: Annotated[float | None, typer.Option(help="Simulated seconds, counted from lock.")] = None
+    rate_dps: Annotated[float | None, typer.Option(help="Constant rate (deg/s).")] = None
+    temperature_degc: Temperature = None
+    seed: Annotated[int | None, typer.Option(help="Seed of all noise.")] = None
+    no_noise: Annotated[bool, typer.Option("--no-noise", help="Switch every noise source off.")] = False
+    engine: Annotated[str | None, typer.Option(help="Engine: frame or clocked (the same bits), or baseband.")] = None
+    out: Annotated[str | None, typer.Option(metavar="DIR", help="Folder for record, pictures and report.")] = None
+    resume: Annotated[str | None, typer.Option(metavar="STATE", help="State file to start from.")] = None
+    vcd: Annotated[
+        str | None, typer.Option(metavar="START_US:LENGTH_US", help="Waveforms of a window, from power-on.")
+    ] = None
+    resume_run: Annotated[
+        str | None,
+        typer.Option(metavar="DIR", help="Continue the interrupted run in DIR; its configuration is kept there."),
+    ] = None
+    gyrorec: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write the run as a measurement record too, from power-on.")
+    ] = None
+    as_json: Json = False
+
+
+@app.command()
+@takes(RunOptions)
+def run(o):
+    """Close the loop from power-on, lock, run the scenario, and say what was measured."""
+    if o.resume_run is not None:
+        if any(o._replace(resume_run=None, as_json=False)):
+            raise ConfigError("--resume-run: the interrupted run keeps its configuration; no other option but --json")
+        from testbench.storage.checkpoint import stored_config
+
+        _run(load(stored_config(o.resume_run), ()), o.resume_run, True, o.as_json)
+        return
+    given = overrides(
+        o.sets,
+        ("scenario.seconds", o.seconds, "--seconds"),
+        ("scenario.rate_dps", o.rate_dps, "--rate-dps"),
+        ("scenario.temperature_degc", o.temperature_degc, "--temperature-degc"),
+        ("scenario.engine", o.engine, "--engine"),
+        ("scenario.resume", o.resume, "--resume"),
+        ("noise.seed", o.seed, "--seed"),
+        ("output.directory", o.out, "--out"),
+        *_window(o.vcd),
+        *(_silence() if o.no_noise else ()),
+    )
+    checked = load(o.config, given)
+    if o.gyrorec is not None:
+        from testbench.measured.record import from_run
+
+        from_run.plan_of(checked)  # refused before anything runs
+    _run(checked, checked.output.directory, False, o.as_json)
+    if o.gyrorec is not None:
+        with Progress(quiet=o.as_json) as progress:
+            digest = from_run.write(checked, o.gyrorec, progress)
+        if not o.as_json:
+            typer.echo(f"{o.gyrorec}  {digest[:16]}")
+
+
+def _run(config, directory, resume, as_json):
+    """Do a run, or the rest of one, and show it; what is left of an interrupted one can be continued."""
+    from testbench.run import outputs
+    from testbench.storage.checkpoint import Partial
+
+    outputs.check_folder(directory)
+    partial = Partial(directory)
+    try:
+        with Progress(quiet=as_json) as progress:
+            progress("loading the engine", 0, 1)
+            from testbench.run import simulate, tables
+            from testbench.run.budget import budgets
+
+            result = simulate.run(config, progress=progress, directory=directory, resume=resume)
+            shown = [tables.phases(result.summary), tables.numbers(result.summary)]
+            report = shown + tables.budget_tables(*budgets(config))
+            paths = [str(path) for path in outputs.write(result, config, report, progress, directory)]
+    except BaseException as problem:
+        if not partial.resumable():
+            partial.clear()
+        elif isinstance(problem, KeyboardInterrupt):
+            _say(f"to continue: gyro run --resume-run {directory}")
+        raise
+    partial.clear()
+    if as_json:
+        print_json({**result.summary, "files": paths})
+        return
+    print_tables(shown)
+    print_list("", result.notes)
+    print_list("Written:", paths)
+
+
+@app.command()
+def budget(config: ConfigFile = None, sets: Sets = None, temperature_degc: Temperature = None, as_json: Json = False):
+    """Say where the phase errors come from, in clocks, ns and degrees, from the configuration alone."""
+    given = overrides(sets, ("scenario.temperature_degc", temperature_degc, "--temperature-degc"))
+    checked = load(config, given)
+    from testbench.run import tables
+    from testbench.run.budget import budgets
+
+    found = budgets(checked)
+    if as_json:
+        print_json(tables.budget_json(*found))
+    else:
+        print_tables(tables.budget_tables(*found))
+
+
+def _silence():
+    """Overrides of `--no-noise`: every switch of [noise] off."""
+    from testbench.config import Noise
+
+    return [(f"noise.{key}", False, "--no-noise") for key in Noise.model_fields if key != "seed"]
+
+
+def _window(text):
+    """Overrides of `--vcd START_US:LENGTH_US`."""
+    if text is None:
+        return []
+    try:
+        start_us, length_us = (float(part) for part in text.split(":"))
+    except ValueError:
+        raise ConfigError(f"--vcd: {text!r} is not of the form START_US:LENGTH_US, such as 1200000:20") from None
+    return [("output.vcd_start_us", start_us, "--vcd"), ("output.vcd_length_us", length_us, "--vcd")]
+
+
+def _say(text):
+    print(f"gyro: {' '.join(str(text).split())}", file=sys.stderr)
+
+
+def main(argv=None):
+    """Run the command line and exit; errors that a person can mend are one line."""
+    try:
+        code = app(args=argv, prog_name="gyro", standalone_mode=False)
+    except (ConfigError, FileError) as problem:
+        _say(problem)
+        code = EXIT_MENDABLE
+    except KeyboardInterrupt:
+        code = EXIT_INTERRUPTED
+    except BrokenPipeError:
+        sys.stderr.close()
+        code = 0
+    except Exception as problem:
+        # usage errors of the argument parser, whose class typer keeps private, know their exit code and their line
+        if type(problem).__name__ == "Abort":
+            code = EXIT_INTERRUPTED
+        elif hasattr(problem, "format_message"):
+            _say(problem.format_message() or "no command; try gyro --help")
+            code = EXIT_MENDABLE
+        else:
+            raise
+    code = code if isinstance(code, int) else 0
+    if code == EXIT_INTERRUPTED:
+        _say("interrupted")
+    sys.exit(code)
+
+
+if __name__ == "__main__":
+    main()

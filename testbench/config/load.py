@@ -1,0 +1,368 @@
+"""Configuration: TOML in, checked values out, one clear line for everything that is wrong.
+
+    [firmware]  what the FPGA is built with           [noise]     sources, one switch each, and the seed
+    [plant]     any plant parameter by its name       [scenario]  what happens, in seconds from lock
+    [effects]   imperfections, off by default         [output]    what is written where
+
+Every key carries its unit in its name, its limits and a sentence; `docs/configuration.md` and the error lines are made
+from these. Nothing is guessed: a text "5 um" is refused with the number to write instead.
+Source  docs/configuration.md
+"""
+
+import functools
+import re
+import tomllib
+from fractions import Fraction
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, create_model, model_validator
+
+from analog_frontend import dac_levels
+from analog_frontend.effects import catalogue
+from analog_frontend.parts import adc, device
+from testbench.config import law_file, scenario
+from testbench.config.config_errors import explain
+from testbench.config.toml_text import read_toml, shown, toml_value
+from testbench.errors import ConfigError
+
+PHASE_WORD_BITS = 48
+
+
+class Section(BaseModel):
+    """A TOML table: unknown keys are errors, nothing is converted silently, values cannot be changed afterwards."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False, validate_default=True)
+
+
+def number(default, unit, lo, hi, doc):
+    """A key that holds a number of `unit` within lo..hi."""
+    return Field(default, ge=lo, le=hi, description=doc, json_schema_extra={"unit": unit})
+
+
+def other(default, doc, unit=""):
+    """A key that holds a switch, a choice, a text or a profile."""
+    return Field(default, description=doc, json_schema_extra={"unit": unit})
+
+
+def _profile(lo, hi, unit):
+    def check(value):
+        scenario.profile_points(value, lo, hi, unit)
+        return value
+
+    return AfterValidator(check)
+
+
+def _checked(function):
+    def check(value):
+        function(value)
+        return value
+
+    return AfterValidator(check)
+
+
+class Firmware(Section):
+    """What the FPGA is built with: structure, loop settings, compensation words."""
+
+    board: Literal["analog_sid", "digital_sid"] = other(
+        "analog_sid", "demodulation: by the board's analog SID, or in the FPGA behind 1 MS/s converters"
+    )
+    pipeline_registers: int = number(0, "registers", 0, 8, "extra 26 MHz registers between sine and modulator")
+    reference_registers: int = number(1, "registers", 0, 3, "26 MHz registers before the reference pins")
+    reference_retimed: bool = other(True, "references leave on the 1 MHz grid (an assumption about the paper)")
+    frame_latency_drive: int = number(0, "frames", 0, 2, "1 us frames that a drive code waits before it is sent")
+    frame_latency_sense: int = number(1, "frames", 0, 2, "likewise for the sense code (1 is an assumption)")
+    quadrature_update_khz: Literal[500, 1000] = other(
+        500, "frames of the quadrature DAC; 1000 violates its SYNC high time", "kHz"
+    )
+    agc_crossover_hz: float = number(3.0, "Hz", 0.1, 20.0, "drive amplitude loop: crossover")
+    agc_zero_hz: float = number(0.6, "Hz", 0.01, 20.0, "drive amplitude loop: zero of the PI")
+    pll_crossover_hz: float = number(3.0, "Hz", 0.1, 20.0, "drive frequency loop: crossover")
+    pll_zero_hz: float = number(0.6, "Hz", 0.01, 20.0, "drive frequency loop: zero of the PI")
+    ftr_crossover_hz: float = number(15.0, "Hz", 0.1, 60.0, "force-to-rebalance loop: crossover of the integrator")
+    ftr_zero_hz: float = number(100.0, "Hz", 1.0, 1000.0, "force-to-rebalance loop: zero of the PI")
+    qsc_crossover_hz: float = number(1.0, "Hz", 0.01, 10.0, "quadrature loop: crossover of the integrator")
+    amplitude_um: float = number(5.0, "um", 0.1, 10.0, "drive amplitude set-point")
+    nominal_frequency_hz: float = number(11002.3, "Hz", 5000.0, 20000.0, "frequency word at power-on")
+    phase_drive_sine_deg: float = number(0.0, "deg", -180.0, 180.0, "added to the DDS phase of the drive sine")
+    phase_sense_sine_deg: float = number(0.0, "deg", -180.0, 180.0, "added to the DDS phase of the sense sine")
+    phase_drive_ref_deg: float = number(0.0, "deg", -180.0, 180.0, "added to the DDS phase of the drive references")
+    phase_sense_ref_deg: float = number(0.0, "deg", -180.0, 180.0, "added to the DDS phase of the sense references")
+    adc_clock: Literal["synchronous", "free_running"] = other(
+        "synchronous", "converter clock: 26 MHz / 3250, or its own oscillator (plant.adc_clock_ppm)"
+    )
+
+    def phase_words(self):
+        """The four 48-bit compensation words: drive sine, sense sine, drive references, sense references."""
+        degrees = (
+            self.phase_drive_sine_deg,
+            self.phase_sense_sine_deg,
+            self.phase_drive_ref_deg,
+            self.phase_sense_ref_deg,
+        )
+        return tuple(phase_word(angle_deg) for angle_deg in degrees)
+
+
+def _levels(bits):
+    def check(value):
+        if not isinstance(value, (list, tuple)):
+            raise scenario.Problem("", f"= {shown(value)} is not a list of texts")
+        for k, text in enumerate(value):
+            if not isinstance(text, str):
+                raise scenario.Problem(f"[{k}]", f"= {shown(text)} is not a text")
+            try:
+                dac_levels.table([text[:80]], bits)
+            except ValueError as problem:
+                raise scenario.Problem(f"[{k}]", f"= {problem}") from None
+
+    return _checked(check)
+
+
+def _curve(value):
+    numbers = isinstance(value, (list, tuple)) and all(isinstance(v, float) for v in value)
+    if not numbers or len(value) > adc.CURVE or not all(abs(v) <= 1e-2 for v in value):
+        limits = f"a list of up to {adc.CURVE} numbers within -0.01 .. 0.01"
+        raise scenario.Problem("", f"= {shown(value)} is not {limits}")
+
+
+class _EffectsBase(Section):
+    """Imperfections on the plant's ports; 0 is bit for bit nothing."""
+
+    duffing_k3_per_um2: float = number(0.0, "1/um^2", -1e-2, 1e-2, "cubic stiffness of the drive mode, k3/k")
+    drive_cubic_per_v2: float = number(0.0, "1/V^2", -1e-2, 1e-2, "drive force = k_vf v (1 + c v^2)")
+    feedthrough_y: float = number(0.0, "V/V", -1e-2, 1e-2, "drive electrode voltage that reaches the sense C/V output")
+    drive_dac_levels: Annotated[Any, _levels(16)] = other(
+        [], 'errors of its levels: texts such as "element 5/8 = -2.2", "step 2/8 = 0.2", "bit 11 = 0.09"', "LSB"
+    )
+    sense_dac_levels: Annotated[Any, _levels(20)] = other([], "likewise of the sense DAC", "LSB")
+    adc_curve: Annotated[Any, _checked(_curve)] = other(
+        [], "its transfer's curve: up to 13 parts of full scale, by Chebyshev's T2, T3, .. T14", "1"
+    )
+    adc_turnover: float = number(0.0, "V/V", -1e-3, 1e-3, "of the four demodulator channels: v + c |v|")
+    adc_gain_tc_per_k: float = number(
+        0.0, "1/K", -1e-3, 1e-3, "gain of the four channels with the sensor's temperature"
+    )
+    adc_memory: float = number(0.0, "V/V", -1e-3, 1e-3, "part of the conversion before that is left in the next")
+    laws: Annotated[Any, _checked(scenario.check_laws)] = other(
+        [], 'laws of one\'s own, texts such as "force_x = -2.5e9 x^3"; docs/parts/ports.md'
+    )
+
+
+def _effect_key(effect):
+    return float, number(0.0, effect.INFO.unit, -effect.LIMIT, effect.LIMIT, effect.DOC)
+
+
+Effects = create_model(
+    "Effects",
+    __base__=_EffectsBase,
+    __doc__=_EffectsBase.__doc__,
+    **{effect.INFO.name: _effect_key(effect) for effect in catalogue.LAWS},
+)
+
+
+class Noise(Section):
+    """Noise sources; each has its own counter-based stream, so switching one leaves the others as they were."""
+
+    thermomechanical: bool = other(True, "force noise of both modes' damping")
+    cv: bool = other(True, "voltage noise at the C/V outputs")
+    dac: bool = other(True, "voltage noise of the drive and sense DACs")
+    adc: bool = other(True, "converter noise")
+    flicker: bool = other(True, "1/f noise behind the SID")
+    jitter: bool = other(True, "jitter of the master clock at DAC and reference edges")
+    seed: int = number(1, "", 0, 2**62 - 1, "seed of all streams")
+
+
+class Scenario(Section):
+    """What happens. Times count from lock unless `origin` says otherwise, in seconds of the 26 MHz clock."""
+
+    engine: Literal["frame", "clocked", "baseband"] = other(
+        "frame", "engine that runs it: frame and clocked have the same bits; baseband, for hours, averages the plant"
+    )
+    origin: Literal["lock", "power_on"] = other("lock", "what `seconds` and all times of this section count from")
+    seconds: float = number(2.0, "s", 0.001, 36000.0, "length")
+    temperature_degc: Annotated[Any, _profile(-55.0, 125.0, "degC")] = other(
+        25.0, "a number, or points [t_s, degC] joined by straight lines", "degC"
+    )
+    rate_dps: Annotated[Any, _profile(-1000.0, 1000.0, "deg/s")] = other(
+        0.0, "a number, or points [t_s, deg/s]", "deg/s"
+    )
+    rate_shape: Literal["linear", "steps"] = other(
+        "linear", "points of rate_dps: joined by straight lines (equal times jump), or held until the next"
+    )
+    register_writes: Annotated[Any, _checked(scenario.check_register_writes)] = other(
+        [], "[[t_s, register, raw value], ...]"
+    )
+    faults: Annotated[Any, _checked(scenario.check_faults)] = other(
+        [], "[[t_s, kind, channel, value, duration_s], ...]; kinds below"
+    )
+    diagnose: bool = other(True, "end with a rate step and an open sense loop, which show scale factor and all phases")
+    resume: str = other("", "state file to start from instead of power-on")
+
+    @model_validator(mode="after")
+    def _consistent(self):
+        scenario.check_times(self)
+        return self
+
+
+class Output(Section):
+    """What is written where."""
+
+    directory: str = other("out", "folder for all files of a run")
+    record: bool = other(True, "HDF5 record, run.h5")
+    columns: Annotated[Any, _checked(scenario.check_columns)] = other([], "columns of the record; none named: all")
+    decimate: int = number(1, "frames", 1, 8000, "frames to a row of the record; codes and words are then sums")
+    checkpoint_s: float = number(60.0, "s", 0.0, 36000.0, "simulated time between checkpoints; 0 writes none")
+    pictures: bool = other(True, "PNG pictures")
+    html: bool = other(True, "report in one HTML file, run.html")
+    state: bool = other(True, "final state, state.h5, for `resume`")
+    vcd_start_us: float = number(0.0, "us", 0.0, 3.6e10, "start of the waveform window, from power-on")
+    vcd_length_us: float = number(0.0, "us", 0.0, 10000.0, "length of the waveform window; 0 writes none")
+
+
+class _PlantBase(Section):
+    """Plant parameters, SI units; what each is, with its source: docs/parts/device.md."""
+
+    @model_validator(mode="after")
+    def _consistent(self):
+        try:
+            device.validate(device.Device(**self.model_dump()))
+        except ValueError as problem:
+            name, _, text = str(problem).partition(" ")
+            raise scenario.Problem(f".{name}", text) from None
+        return self
+
+
+def _plant_key(field):
+    default = device.Device._field_defaults[field.name]
+    unit = "" if field.unit == "1" else field.unit
+    return type(default), number(default, unit, field.lo, field.hi, "")
+
+
+Plant = create_model(
+    "Plant", __base__=_PlantBase, __doc__=_PlantBase.__doc__, **{f.name: _plant_key(f) for f in device.FIELDS}
+)
+
+
+class Config(Section):
+    """Everything a run depends on."""
+
+    firmware: Firmware = Firmware()
+    plant: Plant = Plant()
+    effects: Effects = Effects()
+    noise: Noise = Noise()
+    scenario: Scenario = Scenario()
+    output: Output = Output()
+
+    @model_validator(mode="after")
+    def _consistent(self):
+        if self.firmware.adc_clock == "synchronous" and self.plant.adc_clock_ppm:
+            raise scenario.Problem(
+                "plant.adc_clock_ppm",
+                f'= {self.plant.adc_clock_ppm:g} needs firmware.adc_clock = "free_running"; it is "synchronous"',
+            )
+        return self
+
+    def device(self):
+        """The plant's parameters as the record that the plant is built from."""
+        return device.Device(**self.plant.model_dump())
+
+
+def phase_word(angle_deg):
+    """Angle as an unsigned 48-bit word, to the nearest LSB; exact, so that 90 deg is 2**46."""
+    return round(Fraction(angle_deg) * (1 << PHASE_WORD_BITS) / 360) % (1 << PHASE_WORD_BITS)
+
+
+# ---- reading ---------------------------------------------------------------------------------------------------------
+
+
+class Override(NamedTuple):
+    """A value given outside the file: dotted path, TOML text or value, and the name of the option that gave it."""
+
+    path: str
+    value: Any
+    source: str = "--set"
+
+
+def parse_set(text):
+    """Override from the text of `--set`: dotted path, =, TOML value; a bare word counts as text."""
+    path, equals, value = text.partition("=")
+    path = path.strip()
+    if not equals or not re.fullmatch(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)+", path):
+        raise ConfigError(f"--set: {text!r} is not of the form section.key=value, such as plant.fx_hz=11010")
+    try:
+        return Override(path, tomllib.loads(f"value = {value.strip()}")["value"])
+    except tomllib.TOMLDecodeError:
+        return Override(path, value.strip())
+
+
+def _names(value, path):
+    if not isinstance(value, list) or not all(isinstance(name, str) for name in value):
+        raise ConfigError(f"{path}: effects.files = {shown(value)} is not a list of names of law files")
+    return value
+
+
+def load(path=None, overrides=()):
+    """Checked `Config` from a TOML file (or none) and overrides, which win.
+
+    path       file name, or None for the defaults; `effects.files` in it names law files beside it, whose laws are
+               taken into `effects.laws`, so that a record carries them
+    overrides  `Override`s or texts as of `--set`
+    Raises ConfigError with one line.
+    """
+    tree = read_toml(path) if path is not None else {}
+    origin = {}
+    section = tree.get("effects", {})
+    if isinstance(section, dict) and "files" in section:
+        folder = Path(path).parent
+        found = [text for name in _names(section.pop("files"), path) for text in law_file.read(folder / name).laws]
+        section["laws"] = [*section.get("laws", []), *found]
+    for item in overrides:
+        item = parse_set(item) if isinstance(item, str) else item
+        *sections, key = item.path.split(".")
+        node = tree
+        for section in sections:
+            node = node.setdefault(section, {})
+            if not isinstance(node, dict):
+                raise ConfigError(f"{item.source}: {item.path}: {section} is a value, not a section")
+        node[key] = item.value
+        origin[item.path] = item.source
+    return from_dict(tree, str(path) if path is not None else "defaults", origin)
+
+
+def from_dict(tree, source="config", origin=None):
+    """Checked `Config` from nested dicts; `origin` names the option that gave a dotted path, if not `source`."""
+    try:
+        return Config.model_validate(tree)
+    except ValidationError as problem:
+        errors = problem.errors(include_url=False)
+        lines = [explain(error, sections(), source, origin or {}) for error in errors]
+        more = f" (and {len(lines) - 1} more)" if len(lines) > 1 else ""
+        raise ConfigError(lines[0] + more) from None
+
+
+def changed(config, values):
+    """The same configuration with {"section.key": value, ...} in place, checked as a file would be."""
+    tree = config.model_dump()
+    for path, value in values.items():
+        section, key = path.split(".")
+        tree.setdefault(section, {})[key] = value
+    return from_dict(tree, "changed")
+
+
+@functools.cache
+def sections():
+    """Section name -> its model."""
+    return {name: info.annotation for name, info in Config.model_fields.items()}
+
+
+def to_toml(config):
+    """The whole configuration as TOML, defaults included; `load` gives the same back."""
+    lines = []
+    for section, model in sections().items():
+        lines.append(f"[{section}]")
+        values = getattr(config, section)
+        for key in model.model_fields:
+            value = getattr(values, key)
+            lines.append(f"{key} = {toml_value(value)}")
+        lines.append("")
+    return "\n".join(lines)

@@ -1,0 +1,25 @@
+"""Generated parts of pages: between `<!-- NAME: written by ... -->` and `<!-- end -->`."""
+
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def replaced(page, name, text):
+    """The page with the part `name` renewed; ValueError if the page has no such part."""
+    found = re.search(rf"<!-- {name}: .*? -->\n", page)
+    if not found:
+        raise ValueError(f"no part {name!r} in the page")
+    end = page.index("<!-- end -->", found.end())
+    return f"{page[: found.end()]}\n{text.strip()}\n\n{page[end:]}"
+
+
+def markdown(table):
+    """A `tables.Table` as Markdown; sums are bold, empty cells stay empty."""
+    align = ["---:" if k in table.numeric else "---" for k in range(len(table.heads))]
+    lines = [f"| {' | '.join(table.heads)} |", f"|{'|'.join(align)}|"]
+    for k, row in enumerate(table.rows):
+        cells = (f"**{cell}**" if cell and k in table.sums else cell for cell in row)
+        lines.append(re.sub(r" +\|", " |", f"| {' | '.join(cells)} |"))
+    return "\n".join(lines)

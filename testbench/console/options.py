@@ -1,0 +1,53 @@
+"""Options that several commands share, and the configuration that they come to."""
+
+import functools
+import inspect
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+ConfigFile = Annotated[Path | None, typer.Option("--config", "-c", metavar="FILE", help="TOML configuration.")]
+Sets = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="One value, such as plant.fx_hz=11010; may be repeated."),
+]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")]
+Temperature = Annotated[float | None, typer.Option("--temperature-degc", help="Constant temperature (degC).")]
+
+
+def takes(kind):
+    """A command whose options are the fields of the NamedTuple `kind`: it gets one record."""
+
+    def decorated(command):
+        @functools.wraps(command)
+        def called(**given):
+            return command(kind(**given))
+
+        keyword = inspect.Parameter.KEYWORD_ONLY
+        called.__annotations__ = dict(kind.__annotations__)
+        called.__signature__ = inspect.Signature(
+            inspect.Parameter(
+                name, keyword, default=kind._field_defaults.get(name, inspect.Parameter.empty), annotation=hint
+            )
+            for name, hint in kind.__annotations__.items()
+        )
+        del called.__wrapped__  # its signature is another
+        return called
+
+    return decorated
+
+
+def overrides(sets, *named):
+    """Overrides of `--set` and of named options: (path, value, source), without those that were not given."""
+    from testbench.config import Override, parse_set
+
+    given = [Override(path, value, source) for path, value, source in named if value is not None]
+    return [parse_set(text) for text in sets or ()] + given
+
+
+def load(path, overrides):
+    """`testbench.config.load`, imported when it is needed."""
+    from testbench import config
+
+    return config.load(path, overrides)

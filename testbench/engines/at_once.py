@@ -1,0 +1,110 @@
+"""Blocks that work through many clocks, at once: their registers after the slots of a window.
+
+    rotated    24 micro-rotations without a branch: a guess at the sign of y is wrong half the time
+    rooted     floor of the root in double precision, exact below 2^52, in place of 16 trial subtractions
+    looped     the four loops: errors, PI, output, frequency word; a PI at rest gives the same y at every edge
+    scaled     the rate output until its stages are empty: 6 clocks, all others hold
+
+Bit for bit what `step` gives, clock by clock: tests/testbench/engines/test_at_once.py.
+Source    docs/blocks/cordic.md, docs/blocks/isqrt.md, docs/decisions/0007-frame-engine.md
+"""
+
+import math
+
+import numpy as np
+
+from fpga_model import (
+    agc,
+    control,
+    cordic,
+    frequency_tracker,
+    isqrt,
+    quadrature_loop,
+    rate_loop,
+    rate_output,
+    sequencer,
+)
+from fpga_model.fixed import half_up, wrap
+from fpga_model.jit import inner
+
+ATAN = np.array(cordic.ATAN, np.int64)
+SCALED_CLOCKS = rate_output.LATENCY
+SIGN_BIT = 63
+
+
+@inner
+def rotated(s, x_in, y_in):
+    """A CORDIC at rest, some clocks after a start with this vector and at least two after its result."""
+    flip = x_in >> SIGN_BIT
+    x = ((x_in ^ flip) - flip) << cordic.GUARD
+    y = ((y_in ^ flip) - flip) << cordic.GUARD
+    angle = cordic.HALF_TURN & flip
+    for i in range(cordic.ITERATIONS):
+        # all ones where y is negative: the sign of a sum without a branch
+        back = y >> SIGN_BIT
+        across, down = half_up(y, i), half_up(x, i)
+        x = x + ((across ^ back) - back)
+        y = y - ((down ^ back) - back)
+        angle = angle + ((ATAN[i] ^ back) - back)
+    angle = wrap(angle, cordic.ANGLE_BITS)
+    phase = wrap(half_up(angle, cordic.GUARD), cordic.PHASE_BITS)
+    return cordic.State(
+        x=x,
+        y=y,
+        angle=angle,
+        i=cordic.ITERATIONS,
+        busy=0,
+        done=0,
+        magnitude=half_up(x, cordic.GUARD),
+        phase=0 if x == 0 else phase,
+    )
+
+
+@inner
+def rooted(s):
+    """The square root that has been started, after its result has come out."""
+    u = s.radicand
+    root = int(math.sqrt(float(u)))
+    return isqrt.State(radicand=0, root=root, remainder=u - root * root, i=0, busy=0, done=0, y=root)
+
+
+@inner
+def scaled(p, s):
+    """The rate output that has been given a word, after it has come through."""
+    for _ in range(SCALED_CLOCKS):
+        s = rate_output.step(p, s, 0, 0, 0)
+    return s
+
+
+@inner
+def looped(p, s, i, bank):
+    """Control at rest after SLOT_LOOPS .. SLOT_ROOT, and the frequency word after SLOT_PI."""
+    o = sequencer.outputs(s.sequencer)
+    amplitude = bank.amplitude_fixed if o.fix_drive else 0
+    rate = bank.rate_fixed if o.fix_ftr else 0
+    quadrature = bank.quadrature_fixed if o.fix_qsc else 0
+    magnitude, setpoint, phase = s.cordic.magnitude, bank.amplitude_setpoint, s.cordic.phase
+    a, f, r, q = s.agc, s.frequency_tracker, s.rate_loop, s.quadrature_loop
+    word = f.word
+    # the edges of SLOT_LOOPS and SLOT_PI, and the one after them, which takes the PI's sum
+    for at_loops, at_pi in ((1, 0), (0, 1), (0, 0)):
+        a = agc.step(p.agc, a, at_loops, at_pi, o.agc_mode, magnitude, setpoint, amplitude)
+        f = frequency_tracker.step(
+            p.frequency_tracker,
+            f,
+            at_loops,
+            at_pi,
+            o.pll_mode,
+            phase,
+            o.load,
+            o.adjust,
+            s.sequencer.correction,
+            bank.frequency_fixed,
+        )
+        word = f.word if at_pi else word
+        r = rate_loop.step(p.rate_loop, r, at_loops, at_pi, o.ftr_mode, i.sense_sin, rate)
+        q = quadrature_loop.step(p.quadrature_loop, q, at_loops, at_pi, 0, o.qsc_mode, i.sense_cos, quadrature)
+    f = frequency_tracker.step(p.frequency_tracker, f, 0, 0, o.pll_mode, 0, o.load, o.adjust, 0, 0)
+    q = quadrature_loop.step(p.quadrature_loop, q, 0, 0, 1, o.qsc_mode, 0, 0)
+    out = rate_output.step(control.output_params(bank), s.rate_output, 1, r.loop.y, i.temperature)
+    return control.State(s.cordic, a, f, r, q, out, s.sequencer), word

@@ -1,0 +1,138 @@
+"""Baseband engine: the averaged plant with the firmware's own 8 kHz window, for hours of data and for fitting.
+
+    chunk   clocked ticks | blocks of the frame engine | frames of the averaged plant | blocks, flush, clocked ticks
+            to a quiet one | to a frame's first instant | (baseband_frames.py)         | to the chunk's end
+
+State in and out are those of the other engines: what one has begun another continues. Rows come from everywhere, codes
+of single ticks from nowhere; a chunk of less than CHUNK_FRAMES, the first third of a second after power-on, the phase
+meter and windows of registers are run by the frame engine, with its bits.
+Source    docs/parts/averaged.md, docs/decisions/0014-baseband.md
+"""
+
+from __future__ import annotations  # a field may bear the name of its module
+
+import collections
+import math
+import threading
+
+import numpy as np
+
+from analog_frontend.parts import adc
+from fpga_model import sequencer
+from fpga_model.jit import hot, inner
+from fpga_model.rates import FRAME_TICKS, MASTER_HZ, TICK_CYCLES
+from testbench.engines import engine, frame
+from testbench.engines.baseband_frames import frames
+from testbench.engines.baseband_setup import RATE_LIMIT_DEG_S, setup
+from testbench.engines.baseband_state import given, slow, taken
+from testbench.engines.frame import begun, enter, leave, onward, put_down
+from testbench.engines.pins import buffers
+from testbench.engines.turn import phase_at
+from testbench.errors import ConfigError
+
+TAIL_TICKS = 250  # of a chunk, for the way back to every register
+ZERO = np.int64(0)
+QUIET = engine.Faults()
+
+
+@inner
+def _ready(p, u, g, clock, tick):
+    """1 when the averaged plant may go on from a frame's first instant: the firmware is up, one conversion a frame."""
+    at = TICK_CYCLES * tick
+    calm = g.enabled == 1 and g.s.slot == 0 and g.s.restarted == 0 and g.s.dog.stale == 0 and g.new_ok == 1
+    calm = calm and sequencer.outputs(g.s.control.sequencer).dac_init == 0
+    return calm and g.valid == at + u.valid and clock[adc.DUE] == 0 and clock[adc.SAMPLE] == 0
+
+
+@hot
+def _run(p, u, b, f, chips, a, chunk, end, drdy_cycle, w):
+    """A chunk; returns firmware, chips, clock of DRDY, tick of a failed flush or 0, and a frequency word
+    too far from resonance or 0."""
+    f, chips, drdy_cycle, tick = enter(p, f, chips, a, chunk, end, drdy_cycle)
+    if tick == end:
+        return f, chips, drdy_cycle, ZERO, ZERO
+    g = begun(p, f, chips, a, chunk.faults, tick, drdy_cycle, w)
+    last = (end - TAIL_TICKS) // FRAME_TICKS * FRAME_TICKS
+    far = ZERO
+    while tick < last - FRAME_TICKS:
+        g, tick = onward(p, a, chunk, g, tick, end, (tick // FRAME_TICKS + 1) * FRAME_TICKS, w)
+        if _ready(p, u, g, a.adc.clock, tick):
+            taken(p, u, b, g, a, tick)
+            c, bank, turn, quadrature, old, new, tick = frames(
+                p,
+                u,
+                b,
+                g.s.control,
+                g.s.bank,
+                phase_at(g.s.turn, TICK_CYCLES * tick),
+                g.s.turn.word,
+                g.s.quadrature,
+                g.channels,
+                g.coming,
+                chunk,
+                tick,
+                (last - tick) // FRAME_TICKS,
+                a.adc.clock,
+                a.adc.sums,
+            )
+            far = ZERO if tick == last else turn.word
+            g = given(p, u, b, g, a, c, bank, turn, quadrature, old, new, tick, w)
+            break
+    g, tick = onward(p, a, chunk, g, tick, end, end, w)
+    f, chips, drdy_cycle, failed = leave(p, put_down(f, chips, g, tick, chunk.faults.status), a, chunk, end)
+    return f, chips, drdy_cycle, failed, far
+
+
+class _Kept(threading.local):
+    """(parameters, Setup, Slow) of the gyroscopes that a thread has run last: several may take turns."""
+
+    def __init__(self):
+        self.last = collections.deque(maxlen=8)
+
+
+_KEPT = _Kept()
+
+
+def prepared(p, made=None):
+    """(Setup, Slow) of engine.Params, made once while few take turns; `made`: a Setup that is at hand.
+
+    ConfigError outside the averaged plant's validity.
+    """
+    for params, u, b in _KEPT.last:
+        if params is p:
+            return u, b
+    u, b = made or setup(p), slow()
+    _KEPT.last.append((p, u, b))
+    return u, b
+
+
+def run(p, s, ticks, rate_rad_s, temp_degc, write, address, data, faults, o, made=None):
+    """As `engine.run`, within the tolerances of docs/parts/averaged.md; `made` is the Setup of `p`, if it is at hand.
+
+    Raises ConfigError outside the averaged plant's validity, RuntimeError if a register is not what it must be.
+    """
+    if faults != QUIET:
+        raise ConfigError('scenario.faults: scenario.engine = "baseband" cannot run them, "frame" can')
+    u, b = prepared(p, made)
+    fastest = math.degrees(float(np.abs(rate_rad_s).max()))
+    if not fastest <= RATE_LIMIT_DEG_S:
+        raise ConfigError(
+            f"scenario.rate_dps: {fastest:g} deg/s is above {RATE_LIMIT_DEG_S:g} deg/s, "
+            'the limit of scenario.engine = "baseband"; "frame" can run it'
+        )
+    if o.probe_ints.shape[0] or o.registers.shape[0]:
+        return frame.run(p, s, ticks, rate_rad_s, temp_degc, write, address, data, faults, o)
+    end = s.tick + ticks
+    edges = np.zeros((engine.MAX_EDGES, 2), np.int64)
+    chunk = engine.Chunk(s.tick, rate_rad_s, temp_degc, write, address, data, faults, o, edges)
+    f, chips, drdy_cycle, failed, far = _run(p, u, b, s.fpga, s.chips, s.plant, chunk, end, s.drdy_cycle, buffers())
+    if failed:
+        raise RuntimeError(f"baseband engine: the registers of tick {failed} are not those of the clocked engine")
+    if far:
+        hz = (far - u.word0) * MASTER_HZ / 2**48
+        raise ConfigError(
+            f"frequency_word: {hz:+.1f} Hz from the drive mode is beyond the averaged plant's "
+            f"{u.limit * MASTER_HZ / 2**48:g} Hz, within {ticks} ticks from {s.tick}; "
+            'scenario.engine = "frame" can run it'
+        )
+    return engine.State(f, chips, s.plant, end, drdy_cycle)

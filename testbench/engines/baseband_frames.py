@@ -1,0 +1,180 @@
+"""Baseband engine, frame by frame: the firmware's own 8 kHz window, and the averaged plant in between.
+
+    first instant   tables for rate, V_q, temperature; one row
+    window          codes of the last conversion in, words out: window.whole, bit for bit
+    125 ticks       modes, demodulators, converter: averaged_modes, averaged_sid
+
+Source    docs/parts/averaged.md, docs/decisions/0014-baseband.md
+"""
+
+from __future__ import annotations  # a field may bear the name of its module
+
+import math
+
+import numpy as np
+
+from analog_frontend import top as plant
+from analog_frontend.averaged import averaged_codes, averaged_laws, averaged_modes, averaged_noise, averaged_sid
+from analog_frontend.averaged.averaged_modes import RAD_PER_TICK, A, motion, unit
+from analog_frontend.averaged.averaged_noise import BATCH, FRAME_SAMPLES, ROW
+from analog_frontend.averaged.averaged_sid import NOISE, SLOPE, S
+from analog_frontend.numeric.vector import load4, store4, turned4
+from analog_frontend.parts import adc
+from fpga_model import control, modulator, registers, sine
+from fpga_model.control import SLOT_PI
+from fpga_model.jit import hot, inner
+from fpga_model.rates import FRAME_TICKS, TICK_CYCLES
+from testbench.engines import engine
+from testbench.engines.baseband_setup import FRAME_CLOCKS
+from testbench.engines.baseband_state import poles_at, turned_force
+from testbench.engines.turn import TURN_MASK, Turn
+from testbench.engines.window import SLOT_WORD, whole
+
+ZERO, ONE = np.int64(0), np.int64(1)
+RECENT = 8  # ticks whose codes the blocks are given back
+
+
+@inner
+def _tilde(u, cubic, pr, pi):
+    """V~ = V - RC p V' of both outputs, in place of V. Mutates `cubic`."""
+    gr, gi = u.rc_frames * pr, u.rc_frames * pi
+    for k in range(3):
+        d = load4(cubic, 4 * k + 4) * (k + 1.0)
+        store4(cubic, 4 * k, load4(cubic, 4 * k) - (d * gr + turned4(d) * gi))
+
+
+@inner
+def _row(p, u, c, bank, phase, word, codes, quadrature, z, temp_degc, rate_rad_s, frames, truth, row):
+    """One row of both streams; the DAC codes are those that words and phase have made in the last ticks."""
+    if row >= frames.shape[0]:
+        return
+    late = phase - u.drive_late * word
+    amplitude = control.amplitude(p.control, c)
+    drive = modulator.at(p.drive_modulator, amplitude, sine.at((late + bank.phase_drive_sine) & TURN_MASK))
+    late = phase - u.sense_late * word
+    sense = modulator.at(p.sense_modulator, c.rate_loop.loop.y, sine.at((late + bank.phase_sense_sine) & TURN_MASK))
+    engine.record_frame(frames[row], truth[row], c, codes, drive, sense, quadrature, z, temp_degc, rate_rad_s)
+
+
+@hot
+def frames(p, u, b, c, bank, phase, word, quadrature, old, new, chunk, tick, count, clock, sums):
+    """`count` frames from the one that begins at `tick`. Mutates `b`, the converter's arrays and the streams.
+
+    old, new  the converter's frame before the last, and the last, which is being read
+    Returns control, register bank, turn, V_q's code, both frames, and the tick, earlier than asked for where the
+    frequency word has left the range of the tables.
+    """
+    now, m, q, drawn = b.now, b.m, b.q, b.drawn
+    cos, sin = unit(phase)
+    top, batch = 0.0, 0
+    turn_clock = u.valid + SLOT_WORD + 1
+    between = SLOT_WORD - SLOT_PI  # clocks in which a new centre shows before the loop does
+    first = tick // FRAME_TICKS - chunk.begin // FRAME_TICKS
+    first_row = first - (1 if chunk.begin % FRAME_TICKS else 0)
+    for n in range(count):
+        batch = n % BATCH
+        if batch == 0:
+            if n > 0:
+                # integrals begin anew
+                for d in range(4):
+                    q[4 * NOISE + d] -= drawn.sums[(d >> 1) * ROW + FRAME_SAMPLES * BATCH]
+            averaged_noise.draw(p.plant.noise, u.force, drawn, tick, min(BATCH, count - n))
+            averaged_noise.convert(p.plant.adc, drawn, sums, clock[adc.COUNT], min(BATCH, count - n))
+        rate, temp = chunk.rate_rad_s[first + n], chunk.temp_degc[first + n]
+        v_q = quadrature * p.plant.quad_lsb_v
+        motion(now, m, cos, sin, b.z, plant.X)
+        averaged_modes.retune(
+            u.knots, p.plant.temp_lo_degc, p.plant.temp_step_k, now, m, rate, v_q * v_q, temp, cos, sin, b.z, plant.X
+        )
+        o = chunk.o
+        _row(p.fpga, u, c, bank, phase, word, old, quadrature, b.z, temp, rate, o.frames, o.truth, first_row + n)
+        # the window
+        word_old = word
+        i = control.Inputs(new[0], new[1], new[2], new[3], new[4], ONE, ZERO)
+        c, word_between = whole(p.fpga.control, c, i, bank)
+        quadrature = c.quadrature_loop.root.y
+        word = c.frequency_tracker.word
+        turn_phase = (phase + (turn_clock - between) * word_old + between * word_between) & TURN_MASK
+        after = (turn_phase + (FRAME_CLOCKS - turn_clock) * word) & TURN_MASK
+        # the plant
+        amplitude = control.amplitude(p.fpga.control, c)
+        volts = averaged_codes.rounded(amplitude * u.drive_volts, u.drive_lsb_v)
+        fdr, fdi = turned_force(volts, bank.phase_drive_sine)
+        fsr, fsi = turned_force(c.rate_loop.loop.y * u.sense_volts, bank.phase_sense_sine)
+        cos, sin = unit(after)
+        lawful = u.laws.force + u.laws.cv > 0
+        if lawful:
+            refs = bank.phase_drive_ref, bank.phase_sense_ref
+            t_s = tick * p.plant.sid.h_s
+            averaged_laws.act(u.laws, now, m, b.laws, rate, temp, t_s, refs[0], refs[1])
+        changed_cos, changed_sin = unit((turn_phase + u.drive_change * word) << 1 & TURN_MASK)
+        later_cos, later_sin = averaged_modes.times(changed_cos, changed_sin, u.sense_later[0], u.sense_later[1])
+        averaged_modes.frame(
+            now,
+            m,
+            (word_old - u.word0) * RAD_PER_TICK,
+            (word - u.word0) * RAD_PER_TICK,
+            turn_clock / TICK_CYCLES,
+            fdr,
+            fdi,
+            fsr,
+            fsi,
+            drawn.growth,
+            4 * batch,
+            cos,
+            sin,
+            (changed_cos, changed_sin, later_cos, later_sin),
+            b.cubic,
+        )
+        if lawful:
+            averaged_laws.grow(now, m, b.laws, (word - u.word0) * RAD_PER_TICK, b.cubic)
+        poles = poles_at(u, word)
+        _tilde(u, b.cubic, poles[0], poles[1])
+        averaged_sid.demodulate(
+            u.sid,
+            q,
+            phase,
+            word_old,
+            turn_clock,
+            turn_phase,
+            word,
+            (bank.phase_drive_ref, bank.phase_sense_ref),
+            b.base,
+            b.cubic,
+            poles,
+            drawn.volts,
+            drawn.sums,
+            ROW,
+            float(FRAME_SAMPLES * batch),
+        )
+        old = new
+        new = _convert(p.plant.adc, u, q, clock, sums, drawn.converter, batch, temp)
+        tick += FRAME_TICKS
+        phase = after
+        bank = registers.step(bank, ZERO, ZERO, ZERO, ONE)
+        top = max(top, m[A] * m[A] + m[A + 1] * m[A + 1])
+        if not abs(word - u.word0) <= u.limit:
+            break
+    for d in range(4):
+        q[4 * NOISE + d] -= drawn.sums[(d >> 1) * ROW + FRAME_SAMPLES * (batch + 1)]
+    chunk.o.peak_x[0] = max(chunk.o.peak_x[0], math.sqrt(top))
+    turn = Turn(TICK_CYCLES * tick, phase, word, word, TICK_CYCLES * tick, word)
+    return c, bank, turn, quadrature, old, new, tick
+
+
+@inner
+def _convert(p, u, q, clock, sums, added, batch, temp_degc):
+    """A conversion ends: as adc._convert, its samples summed by their moments. Mutates `clock` and `sums`."""
+    number = clock[adc.COUNT]
+    sensor = adc.temperature_volts(temp_degc)
+    for c in range(adc.CHANNELS):
+        s, slope = (q[4 * S + c], q[4 * SLOPE + c]) if c < 4 else (sensor, 0.0)
+        k = u.moments
+        volts = (sums[c, 2] + k[2, 0] * s + k[2, 1] * slope) * p.normal
+        volts = volts + added[c * BATCH + batch]
+        clock[adc.CODES + c] = adc.code(p, c, volts)
+        sums[c, 2] = sums[c, 1] + k[1, 0] * s + k[1, 1] * slope
+        sums[c, 1] = k[0, 0] * s + k[0, 1] * slope
+    clock[adc.COUNT] = number + 1
+    at = adc.CODES
+    return clock[at], clock[at + 1], clock[at + 2], clock[at + 3], clock[at + 4], ZERO, ZERO, ZERO

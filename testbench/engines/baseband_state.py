@@ -1,0 +1,261 @@
+"""Baseband engine, ways in and out: from the plant's state of the frame engine to the slow one, and back.
+
+    taken    modes projected on their slow amplitudes, capacitors less the particular solution, switches on their way
+    given    all states at a frame's first instant, codes of the last ticks, what the blocks carry (carried.py)
+
+Neither is exact: the averaged plant knows neither the rounding of the DAC codes nor the ripple of the chains.
+Source    docs/parts/averaged.md
+"""
+
+from __future__ import annotations  # a field may bear the name of its module
+
+from typing import NamedTuple
+
+import numpy as np
+
+from analog_frontend import top as plant
+from analog_frontend.averaged import (
+    averaged,
+    averaged_codes,
+    averaged_laws,
+    averaged_modes,
+    averaged_noise,
+    averaged_sid,
+)
+from analog_frontend.averaged.averaged_modes import (
+    NOW_D,
+    NOW_O,
+    NOW_TEMP,
+    RAD_PER_TICK,
+    A,
+    F,
+    motion,
+    on,
+    product,
+    slope_now,
+    times,
+    unit,
+)
+from analog_frontend.averaged.averaged_sid import (
+    AREA,
+    BEGAN,
+    CLOSED_AT,
+    H1,
+    HALF,
+    HALF_MASK,
+    NOISE,
+    OPENED,
+    OPENED_2,
+    PAST,
+    R1,
+    R2,
+    R3,
+    SIGN,
+    WAITING,
+)
+from analog_frontend.numeric.vector import lane, splat4, turned4
+from analog_frontend.parts import adc, dac
+from fpga_model import control, watchdog
+from fpga_model.jit import inner, outlined
+from fpga_model.rates import FRAME_TICKS, TICK_CYCLES
+from testbench.engines import pins
+from testbench.engines.carried import Carried
+from testbench.engines.turn import phase_at
+from testbench.engines.window import HISTORY, VALID_CLOCKS, Window
+
+ZERO, ONE = np.int64(0), np.int64(1)
+RECENT = 8  # ticks whose codes the blocks are given back
+
+
+class Slow(NamedTuple):
+    """State of the averaged plant; arrays, mutated in place."""
+
+    now: np.ndarray
+    m: np.ndarray
+    q: np.ndarray
+    cubic: np.ndarray
+    z: np.ndarray  # (16,) as plant.State.z
+    base: np.ndarray
+    drawn: averaged_noise.Drawn
+    laws: averaged_laws.Room
+
+
+def slow():
+    """Room for a run."""
+    return Slow(
+        np.full(averaged_modes.NOW_SIZE, np.inf),
+        np.zeros(averaged_modes.M_SIZE),
+        np.zeros(4 * averaged_sid.Q_ROWS),
+        np.zeros(16),
+        np.zeros(16),
+        np.zeros(8),
+        averaged_noise.room(),
+        averaged_laws.room(),
+    )
+
+
+@inner
+def poles_at(u, word):
+    """p, p^2, p^3 at a frequency word."""
+    s = word * RAD_PER_TICK * u.rc_ticks
+    r = 1.0 / (1.0 + s * s)
+    i = -s * r
+    r2, i2 = times(r, i, r, i)
+    r3, i3 = times(r2, i2, r, i)
+    return r, i, r2, i2, r3, i3
+
+
+@inner
+def turned_force(volts, word_offset):
+    """F of a DAC whose sine has this phase word."""
+    if word_offset == 0:
+        return volts, 0.0
+    c, s = unit(word_offset)
+    return volts * c, volts * s
+
+
+@outlined
+def taken(p, u, b, g, a, tick):
+    """The slow state at a frame's first instant, from the plant's own; no edge may be on its way. Mutates `b`."""
+    now, m, q = b.now, b.m, b.q
+    # the tables of the frame that has just ended
+    stiffness = a.now[plant.NOW_STIFFNESS]
+    now[NOW_TEMP] = np.inf
+    for k in range(8):
+        m[k] = 0.0
+    averaged_modes.fixed(
+        u.knots, p.plant.temp_lo_degc, p.plant.temp_step_k, now, a.now[plant.NOW_RATE], stiffness, a.now[plant.NOW_TEMP]
+    )
+    bank = g.s.bank
+    averaged_sid.bases(bank.phase_drive_ref, bank.phase_sense_ref, b.base)
+    amplitude = control.amplitude(p.fpga.control, g.s.control)
+    volts = averaged_codes.rounded(amplitude * u.drive_volts, u.drive_lsb_v)
+    m[F], m[F + 1] = turned_force(volts, bank.phase_drive_sine)
+    m[F + 2], m[F + 3] = turned_force(g.s.control.rate_loop.loop.y * u.sense_volts, bank.phase_sense_sine)
+    phase = phase_at(g.s.turn, TICK_CYCLES * tick)
+    cos, sin = unit(phase)
+    averaged_modes.projected(now, m, cos, sin, a.z[6], a.z[7], a.z[8], a.z[9])
+    word = g.s.turn.word
+    delta = (word - u.word0) * RAD_PER_TICK
+    poles = poles_at(u, word)
+    outputs = _outputs(u, now, m, delta, poles[0], poles[1], cos, sin)
+    for d in range(4):
+        c = d >> 1
+        wr, wi = (outputs[2], outputs[3]) if c else (outputs[0], outputs[1])
+        ref = a.switch[d]
+        on, off = (0, 3) if ref else (3, 0)
+        for k in range(3):
+            w = poles[2 * k] * wr - poles[2 * k + 1] * wi
+            q[4 * (R1 + k) + d] = a.caps[d, on + k] - w
+            q[4 * (H1 + k) + d] = a.caps[d, off + k]
+        q[4 * OPENED + d] = a.caps[d, on + 2]
+        q[4 * CLOSED_AT + d] = 0.0
+        # as if the output had been what it is for a half period
+        q[4 * BEGAN + d] = -float(HALF // word)
+        q[4 * AREA + d] = (1.0 if ref else -1.0) * (q[4 * OPENED + d] - q[4 * (H1 + 2) + d]) * -q[4 * BEGAN + d]
+        q[4 * OPENED_2 + d] = a.caps[d, on + 1]
+        q[4 * NOISE + d] = 0.0
+        q[4 * SIGN + d] = 1.0 if ref else -1.0
+        # an edge that the phase has made but the switch has not followed yet
+        offset = (bank.phase_sense_ref if c else bank.phase_drive_ref) + ((HALF >> 1) if d & 1 else 0)
+        left = (phase + offset) & HALF_MASK
+        t = lane(averaged_sid.switched(u.sid, splat4(-float(left // word))), 0)
+        q[4 * WAITING + d] = t if t >= 0.0 else -1.0
+        q[4 * PAST + d] = t * word + left
+
+
+@outlined
+def given(p, u, b, g, a, c, bank, turn, quadrature, old, new, tick, w):
+    """Back to the plant's own state and to what the blocks carry, at a frame's first instant. Mutates `a` and `w`."""
+    now, m, q = b.now, b.m, b.q
+    phase = phase_at(turn, TICK_CYCLES * tick)
+    cos, sin = unit(phase)
+    motion(now, m, cos, sin, a.z, plant.X)
+    for k in range(3):
+        for d in range(2):
+            at = averaged.CHAIN + 6 * d + 2 * k
+            e, f = times(now[at], now[at + 1], m[F + 2 * d], m[F + 2 * d + 1])
+            a.z[3 * d + k] = e * cos - f * sin
+            at = averaged.CV + 6 * d + 2 * k
+            a.z[10 + 3 * d + k] = now[at] * a.z[6 + 2 * d] + now[at + 1] * a.z[7 + 2 * d]
+    delta = (turn.word - u.word0) * RAD_PER_TICK
+    poles = poles_at(u, turn.word)
+    outputs = _outputs(u, now, m, delta, poles[0], poles[1], cos, sin)
+    refs = 0
+    for d in range(4):
+        wr, wi = (outputs[2], outputs[3]) if d > 1 else (outputs[0], outputs[1])
+        v, n = -q[4 * CLOSED_AT + d] * u.sid.inverse_rc, -q[4 * NOISE + d] * u.sid.noise_gain
+        decay = averaged_sid.decay(v)
+        r1, r2, r3 = q[4 * R1 + d], q[4 * R2 + d], q[4 * R3 + d]
+        ref = 1 if q[4 * SIGN + d] > 0.0 else 0
+        on, off = (0, 3) if ref else (3, 0)
+        a.caps[d, on] = decay * r1 + poles[0] * wr - poles[1] * wi + n * (1.0 - 0.5 * v)
+        a.caps[d, on + 1] = decay * (r2 + v * r1) + poles[2] * wr - poles[3] * wi + n * v * 0.5
+        w3 = decay * (r3 + v * (r2 + 0.5 * v * r1)) + poles[4] * wr - poles[5] * wi
+        a.caps[d, on + 2] = w3 + n * v * v * (1.0 / 6)
+        for k in range(3):
+            a.caps[d, off + k] = q[4 * (H1 + k) + d]
+        a.switch[d] = ref
+        a.late_count[d] = 0
+        # a switch that follows an edge of the frame that has ended; one whose edge is still to come is found again
+        if 0.0 <= q[4 * WAITING + d] < u.sid.switch - 0.5:
+            a.late_tau_s[d, 0] = q[4 * WAITING + d] * u.clock_s
+            a.late_count[d] = 1
+            ref = 1 - ref
+        refs = refs | (ref << d)
+    # the codes of the last ticks
+    amplitude, rate = control.amplitude(p.fpga.control, c), c.rate_loop.loop.y
+    for k in range(RECENT):
+        w.amplitude[k] = amplitude
+        w.rate[k] = rate
+    for k in range(RECENT + HISTORY):
+        w.control_load[k] = 0
+    pins.dac_codes(p.fpga, bank, turn, tick - RECENT, RECENT, w)
+    drive, sense = a.work.drive_codes, a.work.sense_codes
+    enabled, staged = pins.told(p.fpga, drive, sense, RECENT, g.enabled, g.staged, False, w)
+    _put_out(a, plant.DRIVE, p.plant.drive_dac, p.plant.tables.drive_carry[0, a.cycles[plant.DRIVE]], drive)
+    _put_out(a, plant.SENSE, p.plant.sense_dac, p.plant.tables.sense_carry[0, a.cycles[plant.SENSE]], sense)
+    a.adc.clock[adc.DUE], a.adc.clock[adc.SAMPLE], a.adc.clock[adc.PENDING] = 0, 0, adc.NOT_PENDING
+    for k in range(adc.CHANNELS):
+        a.adc.sums[k, 0] = 0.0
+    at = TICK_CYCLES * tick
+    age = FRAME_TICKS - 1 - u.valid // TICK_CYCLES
+    s = Window(c, bank, watchdog.State(age, ZERO), turn, ZERO, ZERO, quadrature)
+    return Carried(
+        g.sid,
+        s,
+        refs,
+        enabled,
+        staged,
+        drive[RECENT - 1],
+        sense[RECENT - 1],
+        ONE,
+        ONE,
+        old,
+        new,
+        at + u.valid - VALID_CLOCKS,
+        at + u.valid,
+        ONE,
+        -ONE,
+    )
+
+
+@inner
+def _put_out(a, which, part, carry, codes):
+    """What a DAC holds after its last codes. Mutates `a`."""
+    last = dac.volts(part, codes[RECENT - 1])
+    a.codes[which] = codes[RECENT - 1]
+    a.coming_v[which] = last
+    a.volts[which] = dac.volts(part, codes[RECENT - 2]) if carry else last
+    a.late_area[which] = 0.0
+
+
+@inner
+def _outputs(u, now, m, delta, pr, pi, cos, sin):
+    """V~ e^(i theta) of both C/V outputs at an instant, four numbers."""
+    v = on(now, NOW_O, m, A) + on(now, NOW_D, m, F)
+    d = slope_now(now, m, delta) * u.rc_ticks
+    d = product(now, NOW_O, lane(d, 0), lane(d, 1), lane(d, 2), lane(d, 3))
+    v = v - (d * pr + turned4(d) * pi)
+    v = v * cos + turned4(v) * sin
+    return lane(v, 0), lane(v, 1), lane(v, 2), lane(v, 3)

@@ -1,0 +1,307 @@
+"""What one gyroscope carries from event to event, and what happens in front of and behind the plant's ticks.
+
+    horizon   how many ticks nothing new can happen that is not known already
+    ahead     words of those ticks, DAC codes, reference edges: what the plant is told (`played`, then `told`)
+    behind    the converter's frame that was read, and the one that begins to be
+
+    8 kHz window (a valid ADC frame, or stale at ce_8k), frame boundary, DRDY: the events; ticks in between are blocks
+
+The frame engine goes through them with one gyroscope, the lanes engine with many side by side: there is no other text
+of what the firmware does between two events.
+Source    docs/architecture.md, docs/decisions/0007-frame-engine.md
+"""
+
+from __future__ import annotations  # a field may bear the name of its module
+
+from typing import NamedTuple
+
+import numpy as np
+
+from analog_frontend import linear
+from analog_frontend.parts import adc
+from fpga_model import control, digital_sid, references, sequencer, spi_adc, watchdog
+from fpga_model.jit import inner, outlined
+from fpga_model.rates import FRAME_TICKS, TICK_CYCLES
+from testbench.engines import engine, pins, window
+from testbench.engines.flush import CHANNEL_MASK
+from testbench.engines.turn import Turn, steady
+from testbench.engines.window import HISTORY, LAST_ODD_TICK, VALID_CLOCKS, Window
+
+READ_TICKS = 30  # from DRDY to a quiet tick: read, window, flush
+WINDOW_TICKS = 12  # from a window at a frame boundary to a quiet tick
+DUMP_CLOCKS = digital_sid.LATENCY
+# typed: Numba compiles a function anew for every constant that it is called with
+FAR, ZERO, ONE = np.int64(1 << 62), np.int64(0), np.int64(1)
+
+
+class Carried(NamedTuple):
+    """Integers only, so that a row of int64 holds it. Clocks count from power-on; FAR where nothing comes."""
+
+    sid: digital_sid.State
+    s: Window
+    refs: int  # reference pins
+    enabled: int  # the sense DAC's output switch, and its data register
+    staged: int
+    drive_code: int
+    sense_code: int
+    read: int  # a frame has been read in these blocks
+    ok: int
+    channels: tuple
+    coming: tuple  # of the frame being read
+    falls: int  # its DRDY
+    valid: int
+    new_ok: int
+    drdy_cycle: int  # of the present tick, or -1
+
+
+@inner
+def taken_up(p, f, chips, tick, drdy_cycle):
+    """What a quiet firmware carries."""
+    word = f.control.frequency_tracker.word
+    quadrature = chips.quadrature.code if tick % FRAME_TICKS == 0 else f.control.quadrature_loop.root.y
+    s = Window(
+        f.control,
+        f.registers,
+        f.watchdog,
+        Turn(TICK_CYCLES * tick, f.dds.phase, word, word, TICK_CYCLES * tick, word),
+        ZERO,
+        ZERO,
+        quadrature,
+    )
+    return Carried(
+        f.sid,
+        s,
+        references.pins(p.references, f.references),
+        chips.sense.enabled,
+        chips.sense.staged,
+        chips.drive.code,
+        chips.sense.code,
+        ZERO,
+        f.adc.ok,
+        f.adc.channels,
+        f.adc.channels,
+        FAR,
+        FAR,
+        ZERO,
+        drdy_cycle,
+    )
+
+
+@inner
+def history(f, b):
+    """The last codes and control words of a quiet firmware, in front of a block's buffers. Mutates `b`."""
+    b.drive[0], b.drive[1], b.drive[2] = f.drive_modulator.held2, f.drive_modulator.held1, f.drive_modulator.code
+    b.sense[0], b.sense[1], b.sense[2] = f.sense_modulator.held2, f.sense_modulator.held1, f.sense_modulator.code
+    b.control_load[HISTORY - 1] = sequencer.outputs(f.control.sequencer).dac_init
+
+
+@inner
+def ready_clock(converter, clock, silent, drdy_cycle, tick):
+    """Clock at which DRDY falls next, from a quiet tick on; FAR if it never does."""
+    if silent:
+        return FAR
+    return TICK_CYCLES * tick + (drdy_cycle if drdy_cycle >= 0 else adc.clocks_to_ready(converter, clock, ZERO))
+
+
+@inner
+def last_quiet(end, ready):
+    """The last tick before `end` at which the firmware is quiet and has been for FLUSH ticks; DRDY falls at `ready`."""
+    for _ in range(2):
+        if ready // TICK_CYCLES < end < ready // TICK_CYCLES + READ_TICKS:
+            end = ready // TICK_CYCLES
+        if 0 < end % FRAME_TICKS < WINDOW_TICKS:
+            end = end - end % FRAME_TICKS
+    return end
+
+
+@inner
+def horizon(converter, clock, silent, g, tick, end):
+    """The tick up to which a block from `tick` on may go; `tick` itself when it is the last quiet one before `end`.
+
+    converter, clock  of the ADC; silent  its DRDY never falls
+    """
+    ready = ready_clock(converter, clock, silent, g.drdy_cycle, tick)
+    stop = last_quiet(end, ready)
+    if tick >= stop:
+        return tick
+    until = min(stop, (tick // FRAME_TICKS + 1) * FRAME_TICKS, tick + linear.BLOCK)
+    if g.valid // TICK_CYCLES > tick:
+        until = min(until, g.valid // TICK_CYCLES)
+    if not silent:
+        until = min(until, (ready + VALID_CLOCKS) // TICK_CYCLES)
+    return min(until, tick + adc.clocks_to_ready(converter, clock, ONE) // TICK_CYCLES)
+
+
+@inner
+def codes_at(p, g, tick):
+    """The five codes that the firmware holds at the first clock of a tick."""
+    return engine.frame_codes(p, g.sid.codes, window.received(g.channels, g.coming, g.falls, TICK_CYCLES * tick))
+
+
+@inner
+def _loaded(p, s, tick, known, n):
+    """Code of V_q's DAC at the frame's end, after ticks `known` .. `n` - 1 of a block outside of a window."""
+    for k in range(known, n):
+        frame_tick = (tick + k) % FRAME_TICKS
+        if frame_tick <= LAST_ODD_TICK and (p.quadrature_fast == 1 or frame_tick & 1 == 1):
+            return s.control.quadrature_loop.root.y
+    return s.quadrature
+
+
+@outlined
+def demodulated(p, sid, tick, first, end, b):
+    """The FPGA's own demodulator over ticks `first` .. `end` - 1 of a block that begins at `tick`.
+
+    One edge a tick, and at a dump those until its codes are out.
+    """
+    for k in range(first, end):
+        dump = 1 if (tick + k) % FRAME_TICKS == 0 else 0
+        sid = digital_sid.step(p.sid, sid, 1, dump, b.refs[k], b.sar[0, k], b.sar[1, k])
+        if dump:
+            for _ in range(DUMP_CLOCKS):
+                sid = digital_sid.step(p.sid, sid, 0, 0, 0, 0, 0)
+    return sid
+
+
+@inner
+def _aged(p, dog, ticks):
+    """The watchdog after `ticks` without a frame."""
+    age = min(dog.age + ticks, watchdog.AGE_TOP)
+    return watchdog.State(age, 1 if ticks > 0 and age > p.limit else dog.stale)
+
+
+@inner
+def awaited(p, g, tick):
+    """Whether a window begins, or goes on, in the block that begins at `tick`."""
+    starts = tick % FRAME_TICKS == 0 and (p.digital or g.s.dog.stale)
+    return g.s.slot != 0 or starts or (not p.digital and g.valid < TICK_CYCLES * (tick + 1))
+
+
+@inner
+def played(p, g, tick, n, sar, b):
+    """The 8 kHz side over the window of a block, the FPGA's own demodulator, and the ticks in which words are known.
+
+    sar  the two samples of the demodulator. Mutates `b`
+    """
+    at = TICK_CYCLES * tick
+    s, sid = g.s, g.sid
+    window_at = FAR
+    if p.digital:
+        if tick % FRAME_TICKS == 0:
+            b.sar[0, 0], b.sar[1, 0] = sar[0], sar[1]
+            b.refs[0] = g.refs
+            sid = demodulated(p, sid, tick, 0, 1, b)
+            window_at = at + DUMP_CLOCKS
+    elif g.valid < at + TICK_CYCLES:
+        window_at = g.valid
+    s, known = window.play(p, s, sid.codes, g.channels, g.coming, g.falls, g.ok, g.new_ok, window_at, tick, n, b)
+    return s, sid, known
+
+
+@inner
+def ahead(p, g, faults, tick, n, sar, drive_codes, sense_codes, b):
+    """`n` ticks from `tick` on, up to the plant: what is carried, and the number of reference edges.
+
+    sar  as for `played`. Mutates both codes (those at the end of each tick) and `b`
+    """
+    s, sid, known = g.s, g.sid, 0
+    if awaited(p, g, tick):
+        s, sid, known = played(p, g, tick, n, sar, b)
+    return told(p, g, s, sid, known, faults, tick, n, drive_codes, sense_codes, b)
+
+
+@inner
+def told(p, g, s, sid, known, faults, tick, n, drive_codes, sense_codes, b):
+    """The second half of `ahead`: what the pins show, of the 8 kHz side `s`, whose first `known` ticks are in `b`."""
+    amplitude, rate = control.amplitude(p.control, s.control), s.control.rate_loop.loop.y
+    init = sequencer.outputs(s.control.sequencer).dac_init
+    for k in range(n):
+        # a test instead of a shorter range, which would keep LLVM from writing eight at a time
+        if k >= known:
+            b.amplitude[k] = amplitude
+            b.rate[k] = rate
+            b.control_load[HISTORY + k] = init
+    s = Window(
+        s.control,
+        s.bank,
+        _aged(p.watchdog, s.dog, n - known),
+        s.turn,
+        s.slot,
+        s.restarted,
+        _loaded(p, s, tick, known, n),
+    )
+    pins.dac_codes(p, s.bank, s.turn, tick, n, b)
+    mixed = known > 0 or init == 1
+    enabled, staged = pins.told(p, drive_codes, sense_codes, n, g.enabled, g.staged, mixed, b)
+    drive_code, sense_code = drive_codes[n - 1], sense_codes[n - 1]
+    if faults.dac[0] or faults.dac[1]:
+        for k in range(n):
+            drive_codes[k] = faults.dac_code[0] if faults.dac[0] else drive_codes[k]
+            sense_codes[k] = faults.dac_code[1] if faults.dac[1] else sense_codes[k]
+    count, refs = pins.reference_edges(p.references, s.turn, s.bank, tick, tick + n, g.refs, b)
+    g = Carried(
+        sid,
+        s,
+        refs,
+        enabled,
+        staged,
+        drive_code,
+        sense_code,
+        g.read,
+        g.ok,
+        g.channels,
+        g.coming,
+        g.falls,
+        g.valid,
+        g.new_ok,
+        g.drdy_cycle,
+    )
+    return g, count
+
+
+@inner
+def behind(g, faults, clock, tick, until, fell, sid):
+    """After the plant's ticks up to `until`: the frame that was read, DRDY of this block, and of the tick after it.
+
+    clock  of the ADC; fell  what the plant's block returned; sid  the FPGA's own demodulator by now
+    """
+    at = TICK_CYCLES * tick
+    channels, ok, read, falls, valid = g.channels, g.ok, g.read, g.falls, g.valid
+    coming, new_ok = g.coming, g.new_ok
+    if valid < TICK_CYCLES * until:
+        channels, ok, read, falls, valid = coming, new_ok, 1, FAR, FAR
+    fallen = g.drdy_cycle >= 0
+    fell_at = at + g.drdy_cycle
+    drdy_cycle = -1
+    if fell >= TICK_CYCLES * (until - tick):
+        drdy_cycle = fell - TICK_CYCLES * (until - tick)
+    elif fell >= 0:
+        fallen = True
+        fell_at = at + fell
+    if fallen and not faults.silent:
+        falls = fell_at
+        valid = falls + VALID_CLOCKS
+        coming = engine.sent_codes(faults, clock)
+        new_ok = 1 if (faults.status & CHANNEL_MASK) >> spi_adc.HEAD_SHIFT == spi_adc.HEAD else 0
+    s = g.s
+    turn = s.turn
+    if TICK_CYCLES * until - turn.clock > 64:
+        turn = steady(turn, TICK_CYCLES * until)
+    s = Window(s.control, s.bank, s.dog, turn, s.slot, s.restarted, s.quadrature)
+    return Carried(
+        sid,
+        s,
+        g.refs,
+        g.enabled,
+        g.staged,
+        g.drive_code,
+        g.sense_code,
+        read,
+        ok,
+        channels,
+        coming,
+        falls,
+        valid,
+        new_ok,
+        drdy_cycle,
+    )

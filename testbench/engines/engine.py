@@ -1,0 +1,436 @@
+"""Clocked engine: every register at every edge of 26 MHz, closed around the plant. The reference for everything else.
+
+    for each tick:  host writes and faults of the tick
+                    26 edges of the firmware, with the pins of the three DACs and of the ADC stepped at each edge
+                    one plant step, told the clock of every pin event
+                    once a frame (125 ticks): rate, V_q and temperature make the plant's matrix; one row is recorded
+
+The firmware of tick k sees conversions of plant ticks before k only: DRDY falls a tick or more after the last sample.
+Arrays of State are mutated in place; everything else is a record of integers.
+Source    docs/architecture.md
+"""
+
+from __future__ import annotations  # a field may bear the name of its module
+
+from typing import NamedTuple
+
+import numpy as np
+
+from analog_frontend import top as plant
+from analog_frontend.parts import adc, adc_serial, dac_serial
+from fpga_model import references, spi_dac
+from fpga_model import top as fpga
+from fpga_model.fixed import Fmt, bits, signed
+from fpga_model.jit import hot, inner, outlined
+from fpga_model.rates import FRAME_TICKS, TICK_CYCLES
+from testbench.flatten import store
+
+PHASE = Fmt(0, 0, 48)
+MAX_EDGES = plant.MAX_EDGES
+CODES = adc.CODES
+
+
+class Chips(NamedTuple):
+    """The digital sides of the converters."""
+
+    drive: dac_serial.State
+    sense: dac_serial.State
+    quadrature: dac_serial.State
+    adc: adc_serial.State
+
+
+class Params(NamedTuple):
+    """Firmware and plant; the chips' own parameters are those of the real parts."""
+
+    fpga: fpga.Params
+    plant: plant.Params
+
+
+class State(NamedTuple):
+    """Everything that a run continues from."""
+
+    fpga: fpga.State
+    chips: Chips
+    plant: plant.State
+    tick: int = 0
+    drdy_cycle: int = -1
+
+
+class Faults(NamedTuple):
+    """Faults in force: what is wrong with the ADC's frames, the DAC outputs and the plant."""
+
+    silent: int = 0  # DRDY_N never falls
+    status: int = adc_serial.status_word()
+    stuck: tuple = (0, 0, 0, 0)  # 1: the channel sends `code` instead
+    code: tuple = (0, 0, 0, 0)
+    dac: tuple = (0, 0, 0)  # 1: the output keeps `dac_code`
+    dac_code: tuple = (0, 0, 0)
+    nan: tuple = (0, 0)  # 1: x or y is not a number
+
+
+# One row per frame, in this order. Codes and words are raw; widths as in the blocks' formats.
+FRAME_COLUMNS = (
+    ("adc_drive_sin", "code", signed(24)),
+    ("adc_drive_cos", "code", signed(24)),
+    ("adc_sense_sin", "code", signed(24)),
+    ("adc_sense_cos", "code", signed(24)),
+    ("adc_temperature", "code", signed(24)),
+    ("frequency_word", "turn/2^48", PHASE),
+    ("amplitude_word", "10 V/2^23", signed(24)),
+    ("rate_word", "10 V/2^23", signed(24)),
+    ("quadrature_code", "5.5 V/2^16", bits(16)),
+    ("magnitude", "code", bits(25)),
+    ("phase", "turn/2^24", signed(24)),
+    ("state", "", bits(4)),
+    ("lock", "", bits(4)),
+    ("flags", "", bits(16)),
+    ("rate_output", "deg/s/2^20", signed(32)),
+    ("drive_dac_code", "code", signed(16)),
+    ("sense_dac_code", "code", signed(20)),
+    ("quadrature_dac_code", "code", bits(16)),
+)
+# The plant's own truth at the frame's first instant; nobody on a real bench has it.
+TRUTH_COLUMNS = (("x", "m"), ("vx", "m"), ("y", "m"), ("vy", "m"), ("temperature", "degC"), ("rate", "rad/s"))
+# What a phase meter needs of a tick: reference phase, and nodes at its first instant.
+PROBE_INTS = ("theta", "word", "drive_code", "sense_code")
+PROBE_FLOATS = (
+    "d1",
+    "d2",
+    "d3",
+    "s1",
+    "s2",
+    "s3",
+    "x",
+    "y",
+    "cv_x",
+    "cv_y",
+    "u_drive",
+    "du_drive",
+    "u_sense",
+    "du_sense",
+)
+
+
+class Streams(NamedTuple):
+    """Where a chunk writes; arrays of length zero switch a stream off."""
+
+    drive_code: np.ndarray  # int32 per tick, the DAC's output code at its end
+    sense_code: np.ndarray
+    frames: np.ndarray  # int64 (frames, len(FRAME_COLUMNS))
+    truth: np.ndarray  # float64 (frames, len(TRUTH_COLUMNS))
+    registers: np.ndarray  # int64 (edges, registers): every register before each edge
+    pins: np.ndarray  # int64 (edges, len(PIN_COLUMNS))
+    probe_ints: np.ndarray  # int64 (ticks, len(PROBE_INTS))
+    probe_floats: np.ndarray  # float64 (ticks, len(PROBE_FLOATS))
+    edges: np.ndarray  # int64 (n, 3): theta at the edge, reference number, new level
+    edge_count: np.ndarray  # int64 (1,)
+    peak_x: np.ndarray  # float64 (1,) largest |x| seen
+
+
+class Chunk(NamedTuple):
+    """What a chunk of ticks is told: stimulus per frame begun, one host write at its first edge, faults, streams."""
+
+    begin: int  # its first tick
+    rate_rad_s: np.ndarray  # the first value is for the frame in progress
+    temp_degc: np.ndarray
+    write: int
+    address: int
+    data: int
+    faults: Faults
+    o: Streams
+    edges: np.ndarray  # scratch
+
+
+PIN_COLUMNS = (
+    "drdy_n",
+    "dout",
+    "adc_cs_n",
+    "adc_sclk",
+    "refs",
+    "drive_sync_n",
+    "drive_sclk_en",
+    "drive_sdin",
+    "sense_sync_n",
+    "sense_sclk_en",
+    "sense_sdin",
+    "sense_ldac_n",
+    "quadrature_sync_n",
+    "quadrature_sclk_en",
+    "quadrature_sdin",
+    "drive_code",
+    "sense_code",
+    "quadrature_code",
+)
+
+
+def streams(ticks=0, frames=0, edges=0, probe_ticks=0, register_count=0):
+    """Buffers for a chunk of `ticks`; `edges` clocks of registers, `probe_ticks` ticks of the phase meter."""
+    return Streams(
+        np.zeros(ticks, np.int32),
+        np.zeros(ticks, np.int32),
+        np.zeros((frames, len(FRAME_COLUMNS)), np.int64),
+        np.zeros((frames, len(TRUTH_COLUMNS))),
+        np.zeros((edges, register_count), np.int64),
+        np.zeros((edges, len(PIN_COLUMNS)), np.int64),
+        np.zeros((probe_ticks, len(PROBE_INTS)), np.int64),
+        np.zeros((probe_ticks, len(PROBE_FLOATS))),
+        np.zeros((probe_ticks // 4 + 8 if probe_ticks else 0, 3), np.int64),
+        np.zeros(1, np.int64),
+        np.zeros(1),
+    )
+
+
+def reset(params, temp_degc):
+    """Power-on."""
+    chips = Chips(
+        dac_serial.reset(dac_serial.DAC8811),
+        dac_serial.reset(dac_serial.AD5791),
+        dac_serial.reset(dac_serial.DAC82002),
+        adc_serial.State(),
+    )
+    return State(fpga.State(), chips, plant.reset(params.plant, chips.drive.code, chips.sense.code, temp_degc), 0, -1)
+
+
+@inner
+def _chips(p, s, chips, loaded, status, codes):
+    """The converters' digital sides after an edge of the firmware, with its pins."""
+    d, e, q = s.drive_dac, s.sense_dac, s.quadrature_dac
+    return Chips(
+        dac_serial.step(dac_serial.DAC8811, chips.drive, d.sync_n, d.sclk_en, spi_dac.sdin(p.drive_dac, d), d.ldac_n),
+        dac_serial.step(dac_serial.AD5791, chips.sense, e.sync_n, e.sclk_en, spi_dac.sdin(p.sense_dac, e), e.ldac_n),
+        dac_serial.step(
+            dac_serial.DAC82002,
+            chips.quadrature,
+            q.sync_n,
+            q.sclk_en,
+            spi_dac.sdin(p.quadrature_dac, q),
+            q.ldac_n,
+        ),
+        adc_serial.step(chips.adc, s.adc.cs_n, s.adc.sclk, loaded, status, codes),
+    )
+
+
+@inner
+def sent_codes(faults, clock):
+    """What the ADC sends on its eight channels: its last conversion, or what a fault puts in its place."""
+    return (
+        faults.code[0] if faults.stuck[0] else clock[CODES],
+        faults.code[1] if faults.stuck[1] else clock[CODES + 1],
+        faults.code[2] if faults.stuck[2] else clock[CODES + 2],
+        faults.code[3] if faults.stuck[3] else clock[CODES + 3],
+        clock[CODES + 4],
+        0,
+        0,
+        0,
+    )
+
+
+@outlined
+def _record_pins(row, p, s, chips):
+    row[0] = chips.adc.drdy_n
+    row[1] = adc_serial.dout(chips.adc)
+    row[2] = s.adc.cs_n
+    row[3] = s.adc.sclk
+    row[4] = references.pins(p.references, s.references)
+    row[5] = s.drive_dac.sync_n
+    row[6] = s.drive_dac.sclk_en
+    row[7] = spi_dac.sdin(p.drive_dac, s.drive_dac)
+    row[8] = s.sense_dac.sync_n
+    row[9] = s.sense_dac.sclk_en
+    row[10] = spi_dac.sdin(p.sense_dac, s.sense_dac)
+    row[11] = s.sense_dac.ldac_n
+    row[12] = s.quadrature_dac.sync_n
+    row[13] = s.quadrature_dac.sclk_en
+    row[14] = spi_dac.sdin(p.quadrature_dac, s.quadrature_dac)
+    row[15] = chips.drive.code
+    row[16] = chips.sense.code
+    row[17] = chips.quadrature.code
+
+
+@inner
+def frame_codes(p, sid_codes, channels):
+    """The five codes of a frame: of the demodulator in the FPGA, or of the converter."""
+    if p.digital:
+        return sid_codes[0], sid_codes[1], sid_codes[2], sid_codes[3], channels[4]
+    return channels[0], channels[1], channels[2], channels[3], channels[4]
+
+
+@outlined
+def record_frame(row, truth, c, codes, drive_code, sense_code, quadrature_code, z, temp_degc, rate_rad_s):
+    """One row of both streams: control `c`, five `codes`, the chips' output codes, the plant's state `z`."""
+    row[0] = codes[0]
+    row[1] = codes[1]
+    row[2] = codes[2]
+    row[3] = codes[3]
+    row[4] = codes[4]
+    row[5] = c.frequency_tracker.word
+    row[6] = c.agc.loop.y
+    row[7] = c.rate_loop.loop.y
+    row[8] = c.quadrature_loop.root.y
+    row[9] = c.cordic.magnitude
+    row[10] = c.cordic.phase
+    row[11] = c.sequencer.state
+    row[12] = c.sequencer.lock.locked
+    row[13] = c.sequencer.faults.flags
+    row[14] = c.rate_output.y
+    row[15] = drive_code
+    row[16] = sense_code
+    row[17] = quadrature_code
+    truth[0] = z[plant.X]
+    truth[1] = z[plant.VX]
+    truth[2] = z[plant.Y]
+    truth[3] = z[plant.VY]
+    truth[4] = temp_degc
+    truth[5] = rate_rad_s
+
+
+def run(p, s, ticks, rate_rad_s, temp_degc, write, address, data, faults, o):
+    """Advance by `ticks`; returns the new State, whose arrays are those of `s`, moved on.
+
+    rate_rad_s, temp_degc  per frame begun in this chunk, the first for the frame in progress
+    write, address, data   one host write at the first edge of the chunk (write = 0: none)
+    faults                 in force during the whole chunk
+    o                      Streams
+    """
+    edges = np.zeros((MAX_EDGES, 2), np.int64)
+    chunk = Chunk(s.tick, rate_rad_s, temp_degc, write, address, data, faults, o, edges)
+    end = s.tick + ticks
+    f, chips, drdy_cycle = run_ticks(p, s.fpga, s.chips, s.plant, chunk, s.tick, end, s.drdy_cycle, 1)
+    return State(f, chips, s.plant, end, drdy_cycle)
+
+
+# Parts of the plant stay functions of their own here: in one piece with them, the loop over edges gets slower code
+@outlined
+def retune(p, a, rate_rad_s, quad_code, temp_degc):
+    """`plant.retune`, in place."""
+    plant.retune(p, a, rate_rad_s, quad_code, temp_degc)
+
+
+@outlined
+def plant_tick(p, a, tick, pins, edges):
+    """`plant.step`; returns the clock of DRDY."""
+    return plant.step(p, a, tick, pins, edges)
+
+
+@hot
+def run_ticks(p, f, chips, a, chunk, first, end, drdy_cycle, closed):
+    """Ticks `first` .. `end` - 1 of a chunk; returns firmware, chips, clock of DRDY.
+
+    closed  0: firmware and chips alone, nothing recorded, no plant
+    """
+    begin, rate_rad_s, temp_degc, faults, o, edges = (
+        chunk.begin,
+        chunk.rate_rad_s,
+        chunk.temp_degc,
+        chunk.faults,
+        chunk.o,
+        chunk.edges,
+    )
+    refs = references.pins(p.fpga.references, f.references)
+    begin_frame = begin // FRAME_TICKS
+    for tick in range(first, end):
+        k = tick - begin
+        if tick % FRAME_TICKS == 0 and closed:
+            n = tick // FRAME_TICKS - begin_frame
+            row = n if begin % FRAME_TICKS == 0 else n - 1
+            v_q = faults.dac_code[2] if faults.dac[2] else chips.quadrature.code
+            retune(p.plant, a, rate_rad_s[n], v_q, temp_degc[n])
+            if row < o.frames.shape[0]:
+                codes = frame_codes(p.fpga, f.sid.codes, f.adc.channels)
+                record_frame(
+                    o.frames[row],
+                    o.truth[row],
+                    f.control,
+                    codes,
+                    chips.drive.code,
+                    chips.sense.code,
+                    chips.quadrature.code,
+                    a.z,
+                    temp_degc[n],
+                    rate_rad_s[n],
+                )
+        # the aperture is the tick's first instant; the codes arrive a tick later
+        sample_x, sample_y = a.sar[0], a.sar[1]
+        if p.fpga.digital and closed:
+            a.sar[0] = plant.sar_code(p.plant, a, tick, 0)
+            a.sar[1] = plant.sar_code(p.plant, a, tick, 1)
+        probed = closed and k < o.probe_ints.shape[0]
+        if probed:
+            ints = o.probe_ints[k]
+            ints[0] = f.dds.phase
+            ints[1] = f.control.frequency_tracker.word
+            z = a.z
+            values = o.probe_floats[k]
+            for i in range(6):
+                values[i] = z[i]
+            values[6] = z[plant.X]
+            values[7] = z[plant.Y]
+            values[8] = z[plant.CV_X]
+            values[9] = z[plant.CV_Y]
+            values[10] = a.volts[0]
+            values[12] = a.volts[1]
+        codes = sent_codes(faults, a.adc.clock)
+        drive_cycle, sense_cycle, edge_count = -1, -1, 0
+        for c in range(TICK_CYCLES):
+            at = k * TICK_CYCLES + c
+            if at < o.registers.shape[0] and closed:
+                store(o.registers[at], f)
+                _record_pins(o.pins[at], p.fpga, f, chips)
+            host = chunk.write if at == 0 else 0
+            theta = f.dds.phase
+            f = fpga.step(
+                p.fpga,
+                f,
+                fpga.Inputs(
+                    chips.adc.drdy_n, adc_serial.dout(chips.adc), sample_x, sample_y, host, chunk.address, chunk.data
+                ),
+            )
+            loaded = 1 if c == drdy_cycle and faults.silent == 0 else 0
+            chips = _chips(p.fpga, f, chips, loaded, faults.status, codes)
+            if chips.drive.updated:
+                drive_cycle = c
+            if chips.sense.updated:
+                sense_cycle = c
+            now = references.pins(p.fpga.references, f.references)
+            changed = now ^ refs
+            if changed:
+                for d in range(4):
+                    if (changed >> d) & 1 and edge_count < MAX_EDGES:
+                        edges[edge_count, 0] = c
+                        edges[edge_count, 1] = d
+                        edge_count += 1
+                        if probed and o.edge_count[0] < o.edges.shape[0]:
+                            e = o.edges[o.edge_count[0]]
+                            e[0] = theta
+                            e[1] = d
+                            e[2] = (now >> d) & 1
+                            o.edge_count[0] += 1
+                refs = now
+        if not closed:
+            continue
+        drive_code = faults.dac_code[0] if faults.dac[0] else chips.drive.code
+        sense_code = faults.dac_code[1] if faults.dac[1] else chips.sense.code
+        if faults.dac[0] and drive_code != a.codes[0]:
+            drive_cycle = max(drive_cycle, 0)
+        if faults.dac[1] and sense_code != a.codes[1]:
+            sense_cycle = max(sense_cycle, 0)
+        if faults.nan[0]:
+            a.z[plant.X] = np.nan
+        if faults.nan[1]:
+            a.z[plant.Y] = np.nan
+        before_drive, before_sense = a.volts[0], a.volts[1]
+        drdy_cycle = plant_tick(
+            p.plant, a, tick, plant.Pins(drive_code, drive_cycle, sense_code, sense_cycle, edge_count), edges
+        )
+        if probed:
+            o.probe_ints[k, 2] = drive_code
+            o.probe_ints[k, 3] = sense_code
+            o.probe_floats[k, 11] = a.volts[0] - before_drive
+            o.probe_floats[k, 13] = a.volts[1] - before_sense
+        if k < o.drive_code.shape[0]:
+            o.drive_code[k] = drive_code
+            o.sense_code[k] = sense_code
+        x = abs(a.z[plant.X])
+        if x > o.peak_x[0]:
+            o.peak_x[0] = x
+    return f, chips, drdy_cycle

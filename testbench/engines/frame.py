@@ -1,0 +1,263 @@
+"""Frame engine: from event to event; every register and code to the last bit that of the clocked engine, but faster.
+
+    quiet tick     no ADC read, no 8 kHz window and no late register in flight: the firmware is its phase, its words and
+                   a few codes, and everything until the next event is a closed form of them
+    events         8 kHz window (a valid ADC frame, or stale at ce_8k), frame boundary, DRDY; blocks of ticks in between
+
+    for each block:  carried.ahead             words of its ticks, DAC codes, reference edges
+                     plant.block               the same step that the clocked engine calls with one tick
+                     carried.behind            what the converter has read and begun
+    chunk          clocked ticks to a quiet one | blocks | FLUSH clocked ticks without plant | clocked ticks to the end
+
+What the blocks do not carry along (shift registers, counters, pipelines) has a memory of less than FLUSH ticks: running
+the clocked firmware that long from the words alone restores every register, and the phase, codes and pins that it
+arrives at must be those of the blocks, or the run stops with an error.
+Source    docs/architecture.md, docs/decisions/0007-frame-engine.md
+"""
+
+from __future__ import annotations  # a field may bear the name of its module
+
+import numpy as np
+
+from analog_frontend import linear
+from analog_frontend import top as plant
+from fpga_model import spi_dac
+from fpga_model.jit import hot, inner, outlined
+from fpga_model.rates import FRAME_TICKS, TICK_CYCLES
+from testbench.engines import engine
+from testbench.engines.carried import (
+    ahead,
+    behind,
+    codes_at,
+    demodulated,
+    history,
+    horizon,
+    last_quiet,
+    ready_clock,
+    taken_up,
+)
+from testbench.engines.flush import CHANNEL_MASK, FLUSH, Arrived, arrived, completed, rebuilt
+from testbench.engines.pins import buffers
+from testbench.engines.turn import WORD_LIMIT, phase_at, word_at
+from testbench.engines.window import LAST_ODD_TICK
+
+SETTLED_TICKS = 8  # before this tick after power-on the DACs have not had two frames
+SHORTEST = 3 * FLUSH
+# typed: Numba compiles a function anew for every constant that it is called with
+ZERO, ONE = np.int64(0), np.int64(1)
+DRIVE_CLOCK = np.int64(spi_dac.LOAD_TICK + spi_dac.latch_cycles(spi_dac.DAC8811))
+SENSE_CLOCK = np.int64(spi_dac.LOAD_TICK + spi_dac.latch_cycles(spi_dac.AD5791) - TICK_CYCLES)
+assert 0 < DRIVE_CLOCK < TICK_CYCLES, "the drive DAC follows in the tick of its load"
+assert 0 <= SENSE_CLOCK < TICK_CYCLES, "the sense DAC follows in the tick after its load"
+
+
+@inner
+def _quiet(f, chips, tick):
+    """1 when nothing is in flight that the blocks do not know."""
+    word = f.control.frequency_tracker.word
+    calm = f.rates.slot == 0 and f.adc.busy == 0 and f.adc.valid == 0 and f.adc.meta == 1 and f.adc.sync == 1
+    calm = calm and f.adc.seen == 1 and chips.adc.drdy_n == 1 and chips.adc.pulse == 0
+    # V_q's last load of a frame may have gone out before the root was done, if a window has just ended
+    calm = calm and f.sid.stage == 0 and f.sid.valid == 0 and tick % FRAME_TICKS != LAST_ODD_TICK + 1
+    return calm and tick >= SETTLED_TICKS and 0 < word < WORD_LIMIT
+
+
+@inner
+def _frame(p, a, chunk, tick, g):
+    """A frame begins: the plant's matrix for it, and a row of both streams. Mutates `a` and the streams."""
+    n = tick // FRAME_TICKS - chunk.begin // FRAME_TICKS
+    row = n if chunk.begin % FRAME_TICKS == 0 else n - 1
+    rate_rad_s, temp_degc = chunk.rate_rad_s[n], chunk.temp_degc[n]
+    v_q = chunk.faults.dac_code[2] if chunk.faults.dac[2] else g.s.quadrature
+    plant.retune(p.plant, a, rate_rad_s, v_q, temp_degc)
+    frames, truth = chunk.o.frames, chunk.o.truth
+    if row < frames.shape[0]:
+        codes = codes_at(p.fpga, g, tick)
+        engine.record_frame(
+            frames[row],
+            truth[row],
+            g.s.control,
+            codes,
+            g.drive_code,
+            g.sense_code,
+            g.s.quadrature,
+            a.z,
+            temp_degc,
+            rate_rad_s,
+        )
+
+
+@outlined
+def _sampled(p, a, count, n, refs, b):
+    """Samples and reference pins of the block's ticks, for the FPGA's own demodulator. Mutates `a` and `b`."""
+    w = a.work.w
+    x, y, drive = linear.CX3 * linear.STRIDE, linear.CY3 * linear.STRIDE, linear.D3 * linear.STRIDE
+    b.sar[0, 0], b.sar[1, 0] = a.sar[0], a.sar[1]
+    k = 0
+    for t in range(n):
+        while k < count and b.edges[k, 0] < TICK_CYCLES * t:
+            refs = refs ^ (1 << b.edges[k, 1])
+            k += 1
+        b.refs[t] = refs
+        v = w[drive + t]
+        noise_x, noise_y = plant.aperture_noise(p, a.work, t, v)
+        b.sar[0, t + 1] = plant.sampled(p, w[x + t] + noise_x)
+        b.sar[1, t + 1] = plant.sampled(p, w[y + t] + noise_y)
+    a.sar[0], a.sar[1] = b.sar[0, n], b.sar[1, n]
+
+
+@outlined
+def _probe(o, first, n, turn, a, tick, b, count, refs):
+    """Rows of the phase meter for a block whose first tick is row `first`."""
+    w, stride = a.work.w, linear.STRIDE
+    for t in range(n):
+        if first + t >= o.probe_ints.shape[0]:
+            break
+        ints, values = o.probe_ints[first + t], o.probe_floats[first + t]
+        ints[0] = phase_at(turn, TICK_CYCLES * (tick + t))
+        ints[1] = word_at(turn, TICK_CYCLES * (tick + t))
+        ints[2] = a.work.drive_codes[t]
+        ints[3] = a.work.sense_codes[t]
+        for k in range(6):
+            values[k] = w[k * stride + t]
+        values[6] = w[linear.X * stride + t]
+        values[7] = w[linear.Y * stride + t]
+        values[8] = w[linear.CX3 * stride + t]
+        values[9] = w[linear.CY3 * stride + t]
+        values[10] = w[linear.LEVEL_DRIVE * stride + t]
+        values[11] = w[linear.LEVEL_DRIVE * stride + t + 1] - values[10]
+        values[12] = w[linear.LEVEL_SENSE * stride + t]
+        values[13] = w[linear.LEVEL_SENSE * stride + t + 1] - values[12]
+    for k in range(count):
+        clock, which = b.edges[k, 0], b.edges[k, 1]
+        refs = refs ^ (1 << which)
+        inside = first + clock // TICK_CYCLES < o.probe_ints.shape[0]
+        if inside and o.edge_count[0] < o.edges.shape[0]:
+            row = o.edges[o.edge_count[0]]
+            row[0] = phase_at(turn, TICK_CYCLES * tick + clock)
+            row[1] = which
+            row[2] = (refs >> which) & 1
+            o.edge_count[0] += 1
+
+
+@inner
+def onward(p, a, chunk, g, tick, end, limit, b):
+    """Blocks from `tick` on, to the last quiet tick before `end` or to `limit`: what is carried then, and the tick.
+
+    Mutates `a`, `b` and the streams.
+    """
+    faults, o = chunk.faults, chunk.o
+    while tick < limit:
+        until = min(horizon(p.plant.adc, a.adc.clock, faults.silent, g, tick, end), limit)
+        if until == tick:
+            break
+        n = until - tick
+        if tick % FRAME_TICKS == 0:
+            _frame(p, a, chunk, tick, g)
+        refs = g.refs
+        g, count = ahead(p.fpga, g, faults, tick, n, a.sar, a.work.drive_codes, a.work.sense_codes, b)
+        fell = plant.block(p.plant, a, tick, n, DRIVE_CLOCK, SENSE_CLOCK, count, b.edges)
+        # streams
+        row = tick - chunk.begin
+        if row < o.probe_ints.shape[0]:
+            _probe(o, row, n, g.s.turn, a, tick, b, count, refs)
+        for k in range(n):
+            if row + k < o.drive_code.shape[0]:
+                o.drive_code[row + k] = a.work.drive_codes[k]
+                o.sense_code[row + k] = a.work.sense_codes[k]
+        o.peak_x[0] = max(o.peak_x[0], linear.largest(a.work.w, n, linear.X))
+        sid = g.sid
+        if p.fpga.digital:
+            _sampled(p.plant, a, count, n, refs, b)
+            sid = demodulated(p.fpga, sid, tick, 1 if tick % FRAME_TICKS == 0 else 0, n, b)
+        g = behind(g, faults, a.adc.clock, tick, until, fell, sid)
+        tick = until
+    return g, tick
+
+
+@inner
+def begun(p, f, chips, a, faults, tick, drdy_cycle, b):
+    """What blocks from a quiet `tick` on carry. Mutates `a` and `b`."""
+    history(f, b)
+    if faults.nan[0]:
+        a.z[plant.X] = np.nan
+    if faults.nan[1]:
+        a.z[plant.Y] = np.nan
+    return taken_up(p.fpga, f, chips, tick, drdy_cycle)
+
+
+@hot
+def blocks(p, f, chips, a, chunk, tick, end, drdy_cycle, b):
+    """From a quiet `tick` to the last quiet one before `end`. Mutates `a` and the streams."""
+    g = begun(p, f, chips, a, chunk.faults, tick, drdy_cycle, b)
+    g, tick = onward(p, a, chunk, g, tick, end, end, b)
+    return put_down(f, chips, g, tick, chunk.faults.status)
+
+
+@inner
+def put_down(f, chips, g, tick, status):
+    """Where blocks end: firmware and chips FLUSH ticks before `tick`, and what they must have come to by then."""
+    status = status & CHANNEL_MASK
+    phase = phase_at(g.s.turn, TICK_CYCLES * tick)
+    f, chips = rebuilt(f, chips, g.s, g.sid, g.enabled, g.staged, tick - FLUSH, g.read, g.channels, status)
+    return Arrived(tick, g.drdy_cycle, f, chips, g.sid, g.s.dog, phase, g.refs, g.drive_code, g.sense_code)
+
+
+@outlined
+def enter(p, f, chips, a, chunk, end, drdy_cycle):
+    """Clocked ticks of a chunk up to the first quiet one with room for blocks behind it, or to `end`.
+
+    Returns firmware, chips, clock of DRDY, and that tick.
+    """
+    first, until = chunk.begin, chunk.begin
+    if chunk.o.registers.shape[0] > 0:
+        until = end
+    while True:
+        f, chips, drdy_cycle = engine.run_ticks(p, f, chips, a, chunk, first, until, drdy_cycle, ONE)
+        if until == end:
+            return f, chips, drdy_cycle, until
+        # two ticks at least: what a window did in the tick before the chunk has then been seen by the DACs
+        if until >= chunk.begin + 2 and _quiet(f, chips, until):
+            ready = ready_clock(p.plant.adc, a.adc.clock, chunk.faults.silent, drdy_cycle, until)
+            if last_quiet(end, ready) - until >= SHORTEST:
+                return f, chips, drdy_cycle, until
+            first, until = until, end
+        else:
+            first, until = until, until + 1
+
+
+@outlined
+def leave(p, x, a, chunk, end):
+    """From the end of the blocks to that of the chunk: the flush of the registers, then clocked ticks.
+
+    Returns firmware, chips, clock of DRDY, and 0, or the tick at which the flush met other registers.
+    """
+    f, chips, _ = engine.run_ticks(p, x.fpga, x.chips, a, chunk, x.tick - FLUSH, x.tick, -ONE, ZERO)
+    f = completed(f, x.sid, x.dog)
+    if not arrived(p.fpga, f, chips, x):
+        return f, chips, x.drdy_cycle, x.tick
+    f, chips, drdy_cycle = engine.run_ticks(p, f, chips, a, chunk, x.tick, end, x.drdy_cycle, ONE)
+    return f, chips, drdy_cycle, ZERO
+
+
+@hot
+def _run(p, f, chips, a, chunk, end, drdy_cycle, b):
+    """A chunk; returns firmware, chips, clock of DRDY, and 0, or the tick at which the flush met other registers."""
+    f, chips, drdy_cycle, tick = enter(p, f, chips, a, chunk, end, drdy_cycle)
+    if tick == end:
+        return f, chips, drdy_cycle, ZERO
+    return leave(p, blocks(p, f, chips, a, chunk, tick, end, drdy_cycle, b), a, chunk, end)
+
+
+def run(p, s, ticks, rate_rad_s, temp_degc, write, address, data, faults, o):
+    """As `engine.run`, with the same result to the last bit.
+
+    Raises RuntimeError if a register is not what it must be.
+    """
+    end = s.tick + ticks
+    edges = np.zeros((engine.MAX_EDGES, 2), np.int64)
+    chunk = engine.Chunk(s.tick, rate_rad_s, temp_degc, write, address, data, faults, o, edges)
+    f, chips, drdy_cycle, failed = _run(p, s.fpga, s.chips, s.plant, chunk, end, s.drdy_cycle, buffers())
+    if failed:
+        raise RuntimeError(f"frame engine: the registers of tick {failed} are not those of the clocked engine")
+    return engine.State(f, chips, s.plant, end, drdy_cycle)

@@ -1,0 +1,472 @@
+"""Eight gyroscopes in arrays, and the compiled loop that moves them from event to event; see lanes.py.
+
+    blocks of all eight    up to the nearest event of any of them                  carried.horizon
+        each               words, codes, edges                                     carried.played, carried.told
+        all at once        plants, converters                                      eight_top.block, eight_adc.block
+        each               what has been read                                      carried.behind
+    in front and behind    clocked ticks, gyroscope by gyroscope                   frame.enter, frame.leave
+
+Source    docs/architecture.md, docs/decisions/0012-lanes.md
+"""
+
+from __future__ import annotations  # a field may bear the name of its module
+
+from typing import NamedTuple
+
+import numpy as np
+
+from analog_frontend import linear
+from analog_frontend import top as plant
+from analog_frontend.effects import law
+from analog_frontend.lanes import eight, eight_adc, eight_top
+from analog_frontend.lanes.eight import MOVING, STILL
+from analog_frontend.numeric.arena import FLOAT, INTEGER, float64_at, int32_at, int64_at, places
+from analog_frontend.numeric.records import taken
+from analog_frontend.numeric.vector import LANES, load, store
+from analog_frontend.parts import adc, dac, propagator, sid
+from fpga_model import control, digital_sid, registers, watchdog
+from fpga_model import top as fpga
+from fpga_model.jit import hot, inlined, outlined
+from fpga_model.rates import FRAME_TICKS
+from testbench.engines import engine, pins
+from testbench.engines.carried import Carried, awaited, behind, codes_at, history, horizon, played, taken_up, told
+from testbench.engines.frame import enter, leave, put_down
+from testbench.engines.turn import Turn
+from testbench.engines.window import HISTORY, Window
+from testbench.flatten import leaves
+from testbench.flatten import store as store_row
+
+FAR = np.int64(1 << 62)
+DRIVE, SENSE = plant.DRIVE, plant.SENSE
+RATE, STIFFNESS, TEMP = range(3)
+MOVED = len(MOVING)
+COLUMNS, TRUTHS = len(engine.FRAME_COLUMNS), len(engine.TRUTH_COLUMNS)
+
+
+class Part(NamedTuple):
+    """What is constant of one gyroscope and is read one by one; numbers only."""
+
+    fpga: fpga.Params
+    adc: adc.Params
+    drive_dac: dac.Params
+    sense_dac: dac.Params
+    quad_lsb_v: float
+    temp_lo_degc: float
+    temp_step_k: float
+    temp_count: int
+
+
+class Group(NamedTuple):
+    """Eight gyroscopes in arrays, most of them with a first axis of eight; behind those of their plants."""
+
+    jet: np.ndarray  # (6 len(MOVING) 8,) jets at each one's temperature, lanes side by side
+    now: np.ndarray  # (3 8,) rate, stiffness, temperature that the matrix was made for, lanes side by side
+    carried: np.ndarray  # rows of Carried
+    faults: np.ndarray  # rows of engine.Faults
+    amplitude: np.ndarray  # buffers of pins.py
+    rate: np.ndarray
+    control_load: np.ndarray
+    drive: np.ndarray
+    sense: np.ndarray
+    refs: np.ndarray
+    sar: np.ndarray
+    drive_codes: np.ndarray  # (8, BLOCK)
+    sense_codes: np.ndarray
+    known: np.ndarray  # (8,) ticks of a block whose words a window has left in the buffers
+    acting: np.ndarray  # (8, 2, 2) codes: put out now, put out from the next tick on
+    late_area: np.ndarray  # (8, 2)
+    entered: np.ndarray  # (8,) tick
+    left: np.ndarray  # (8,) tick, or -1
+    ends: np.ndarray  # (8,) where the chunk ends; -1 for a place without a gyroscope
+    z: np.ndarray  # (8, 16) states of those that have not entered or have left
+    caps: np.ndarray  # (8, 4, 6)
+
+
+class Together(NamedTuple):
+    """What a chunk is told and where it writes, for eight, as engine.Chunk; tables of any number of temperatures."""
+
+    begin: int
+    moving: np.ndarray  # (8, knots, 6, len(MOVING)) jets of the entries that follow rate and coupling
+    still: np.ndarray  # (8, knots, STILL) the other entries
+    knots: np.ndarray  # (8, knots, 3) driver pole (s), k_q, k_xy
+    rate_rad_s: np.ndarray  # (8, frames)
+    temp_degc: np.ndarray
+    streams_at: np.ndarray  # (8, 4) addresses of the streams: codes of drive and sense (int32), rows of both kinds
+    code_ticks: np.ndarray  # (8,) length of the first two
+    rows: np.ndarray  # (8,) length of the others
+    peak_x: np.ndarray  # (8,)
+
+
+def _carried():
+    s = Window(control.State(), registers.State(), watchdog.State(), Turn(0, 0, 0, 0, 0, 0), 0, 0, 0)
+    eight_zeros = (0,) * 8
+    return Carried(digital_sid.State(), s, 0, 0, 0, 0, 0, 0, 0, eight_zeros, eight_zeros, 0, 0, 0, 0)
+
+
+CARRIED = _carried()
+CARRIED_COUNT = sum(1 for _ in leaves(CARRIED))
+SID = sum(1 for _ in leaves(CARRIED.sid))
+# a row begins with what only a window changes
+HEAD = sum(1 for part in (CARRIED.sid, CARRIED.s.control, CARRIED.s.bank) for _ in leaves(part))
+FAULTS = engine.Faults()
+ROOM = linear.BLOCK + HISTORY
+AT = places(
+    Group,
+    eight_adc.AT.sizes,
+    jet=(FLOAT, (propagator.JETS * MOVED * LANES,)),
+    now=(FLOAT, (3 * LANES,)),
+    carried=(INTEGER, (LANES, CARRIED_COUNT)),
+    faults=(INTEGER, (LANES, sum(1 for _ in leaves(FAULTS)))),
+    amplitude=(INTEGER, (LANES, ROOM)),
+    rate=(INTEGER, (LANES, ROOM)),
+    control_load=(INTEGER, (LANES, ROOM)),
+    drive=(INTEGER, (LANES, ROOM)),
+    sense=(INTEGER, (LANES, ROOM)),
+    refs=(INTEGER, (LANES, ROOM)),
+    sar=(INTEGER, (LANES, 2, ROOM)),
+    drive_codes=(INTEGER, (LANES, linear.BLOCK)),
+    sense_codes=(INTEGER, (LANES, linear.BLOCK)),
+    known=(INTEGER, (LANES,)),
+    acting=(INTEGER, (LANES, 2, 2)),
+    late_area=(FLOAT, (LANES, 2)),
+    entered=(INTEGER, (LANES,)),
+    left=(INTEGER, (LANES,)),
+    ends=(INTEGER, (LANES,)),
+    z=(FLOAT, (LANES, plant.STATES)),
+    caps=(FLOAT, (LANES, plant.DEMODULATORS, sid.CAPACITORS)),
+)
+opened = AT.opened
+
+
+# ---- one gyroscope of a group --------------------------------------------------------------------------------------
+
+
+@inlined
+def _buffers(q, v, k):
+    """The buffers of one of the eight."""
+    return pins.Buffers(
+        q.amplitude[k], q.rate[k], q.control_load[k], q.drive[k], q.sense[k], q.refs[k], q.sar[k], v.edges[k]
+    )
+
+
+@outlined
+def _blended(c, floats, ints, p, k, temp_degc):
+    """Jets and fixed entries of one plant at a temperature. Mutates both arrays."""
+    v, q = eight.opened(floats, ints), opened(floats, ints)
+    index, weight = 0, 0.0
+    if p.temp_count > 1:
+        index, weight = propagator.locate(p.temp_lo_degc, p.temp_step_k, p.temp_count, temp_degc)
+    after = min(index + 1, p.temp_count - 1)
+    for j in range(propagator.JETS):
+        for e in range(MOVED):
+            a = c.moving[k, index, j, e]
+            q.jet[(j * MOVED + e) * LANES + k] = a + weight * (c.moving[k, after, j, e] - a)
+    for e in range(STILL):
+        a = c.still[k, index, e]
+        v.g[e * LANES + k] = a + weight * (c.still[k, after, e] - a)
+    a = c.knots[k, index, 0]
+    v.driver_s[k] = a + weight * (c.knots[k, after, 0] - a)
+
+
+@inlined
+def _at(p, knots, what, temp_degc):
+    if p.temp_count == 1:
+        return knots[0, what]
+    index, weight = propagator.locate(p.temp_lo_degc, p.temp_step_k, p.temp_count, temp_degc)
+    return knots[index, what] + weight * (knots[index + 1, what] - knots[index, what])
+
+
+@inlined
+def _tuned(c, floats, ints, p, k, rate_rad_s, quad_code, temp_degc):
+    """Rate, coupling and temperature of one plant's next frame; 1 if its matrix changes. Mutates both arrays."""
+    q = opened(floats, ints)
+    volts = quad_code * p.quad_lsb_v
+    kq = _at(p, c.knots[k], 1, temp_degc)
+    stiffness = _at(p, c.knots[k], 2, temp_degc) - kq * (volts * volts)
+    moved = q.now[TEMP * LANES + k] != temp_degc
+    same = q.now[RATE * LANES + k] == rate_rad_s and q.now[STIFFNESS * LANES + k] == stiffness
+    if not moved and same:
+        return 0
+    q.now[RATE * LANES + k] = rate_rad_s
+    q.now[STIFFNESS * LANES + k] = stiffness
+    q.now[TEMP * LANES + k] = temp_degc
+    if moved:
+        _blended(c, floats, ints, p, k, temp_degc)
+    return 1
+
+
+@outlined
+def _combined(floats, ints):
+    """The moving entries of all eight matrices, as `propagator.combine`. Mutates them."""
+    v, q = eight.opened(floats, ints), opened(floats, ints)
+    o, s = load(q.now, RATE * LANES), load(q.now, STIFFNESS * LANES)
+    size = MOVED * LANES
+    for e in range(MOVED):
+        at = e * LANES
+        small = (s * s) * load(q.jet, at + 5 * size) + (o * s) * load(q.jet, at + 4 * size)
+        small = small + (o * o) * load(q.jet, at + 3 * size)
+        whole = load(q.jet, at) + (o * load(q.jet, at + size) + (s * load(q.jet, at + 2 * size) + small))
+        store(v.g, eight.AT_MODES + at, whole)
+
+
+@outlined
+def _laws(floats, ints, tick):
+    """What the laws of all eight come to in the frame of `tick`. Mutates them."""
+    v, q = eight.opened(floats, ints), opened(floats, ints)
+    for k in range(LANES):
+        force, cv = v.law_counts[k, 0], v.law_counts[k, 1]
+        if force or cv:
+            rate, temp = q.now[RATE * LANES + k], q.now[TEMP * LANES + k]
+            t_s = (tick // FRAME_TICKS) * FRAME_TICKS * v.h_s[k]
+            table, numbers = v.law_tables[k], v.law_numbers[k]
+            law.gains(force, cv, v.law_temps[k], table, numbers, rate, temp, t_s, v.law_gains[k])
+
+
+@outlined
+def _framed(part, parts_i, parts_f, floats, ints, c, k, tick):
+    """A frame of one gyroscope begins: its matrix, and its row. 1 if the matrix changes. Mutates the streams of `c`."""
+    v, q = eight.opened(floats, ints), opened(floats, ints)
+    p, g = taken(part, parts_i[k], parts_f[k]), taken(CARRIED, q.carried[k], parts_f[k])
+    faults = taken(FAULTS, q.faults[k], parts_f[k])
+    n = tick // FRAME_TICKS - c.begin // FRAME_TICKS
+    rate_rad_s, temp_degc = c.rate_rad_s[k, n], c.temp_degc[k, n]
+    v_q = faults.dac_code[2] if faults.dac[2] else g.s.quadrature
+    changed = _tuned(c, floats, ints, p, k, rate_rad_s, v_q, temp_degc)
+    row = n if c.begin % FRAME_TICKS == 0 else n - 1
+    if row < c.rows[k]:
+        z = q.z[k]
+        for i in range(plant.X, plant.VY + 1):
+            z[i] = v.z[i * LANES + k]
+        codes = codes_at(p.fpga, g, tick)
+        frames = int64_at(c.streams_at[k, 2] + 8 * COLUMNS * row, COLUMNS)
+        truth = float64_at(c.streams_at[k, 3] + 8 * TRUTHS * row, TRUTHS)
+        drive, sense, quadrature = g.drive_code, g.sense_code, g.s.quadrature
+        engine.record_frame(frames, truth, g.s.control, codes, drive, sense, quadrature, z, temp_degc, rate_rad_s)
+    return changed
+
+
+@inlined
+def _put(v, q, k, which, part, carry, codes, n):
+    """Codes of one DAC of one plant for a block: what acts at each tick, and the glitches. Mutates `v`, `q`."""
+    v.codes[which * LANES + k] = q.acting[k, which, 0]
+    new = 1
+    if carry:
+        v.codes[(2 + which) * LANES + k] = q.acting[k, which, 1]
+        new = 2
+    for t in range(n):
+        v.codes[(2 * (new + t) + which) * LANES + k] = codes[t]
+    if not carry:
+        v.codes[(2 * (n + 1) + which) * LANES + k] = codes[n - 1]
+    if v.flags[eight.GLITCHES]:
+        old = q.acting[k, which, 1]
+        v.throws[which * LANES + k] = 0.0
+        for t in range(n):
+            throw = dac.glitch(part, old, codes[t])
+            old = codes[t]
+            at = t + 1 if carry else t
+            if at < n:
+                v.throws[(2 * at + which) * LANES + k] = throw
+            else:
+                q.late_area[k, which] = throw
+    q.acting[k, which, 0] = v.codes[(2 * n + which) * LANES + k]
+    q.acting[k, which, 1] = codes[n - 1]
+
+
+@outlined
+def _joined(part, parts_i, parts_f, floats, ints, c, k):
+    """A gyroscope enters: its matrix, linear states and capacitors into the registers of eight. Mutates both arrays."""
+    v, q = eight.opened(floats, ints), opened(floats, ints)
+    eight_adc.entered(eight_adc.opened(floats, ints), k)
+    _blended(c, floats, ints, taken(part, parts_i[k], parts_f[k]), k, q.now[TEMP * LANES + k])
+    v.peak[k] = 0.0
+    for which in range(2):
+        v.late_area[which * LANES + k] = q.late_area[k, which]
+        q.late_area[k, which] = 0.0
+    for i in range(plant.STATES):
+        v.z[i * LANES + k] = q.z[k, i]
+    for d in range(plant.DEMODULATORS):
+        ref = v.switch[k, d]
+        v.sign[d * LANES + k] = 1.0 if ref else -1.0
+        for i in range(3):
+            at = (3 * d + i) * LANES + k
+            v.on[at] = q.caps[k, d, i if ref else 3 + i]
+            v.off[at] = q.caps[k, d, 3 + i if ref else i]
+
+
+@outlined
+def _parted(floats, ints, k):
+    """A gyroscope leaves: the reverse of `_joined`. Mutates both arrays."""
+    v, q = eight.opened(floats, ints), opened(floats, ints)
+    for i in range(plant.STATES):
+        q.z[k, i] = v.z[i * LANES + k]
+    for d in range(plant.DEMODULATORS):
+        ref = v.switch[k, d]
+        for i in range(3):
+            at = (3 * d + i) * LANES + k
+            q.caps[k, d, i if ref else 3 + i] = v.on[at]
+            q.caps[k, d, 3 + i if ref else i] = v.off[at]
+    eight_adc.left(eight_adc.opened(floats, ints), k)
+    q.late_area[k, DRIVE] = v.late_area[k]
+    q.late_area[k, SENSE] = v.late_area[LANES + k]
+
+
+# ---- the blocks ----------------------------------------------------------------------------------------------------
+
+
+@outlined
+def _nearest(part, parts_i, parts_f, floats, ints, tick):
+    """The tick of the nearest event of any of the eight, FAR when all have left. Mutates `left` of those that leave."""
+    a, q = eight_adc.opened(floats, ints), opened(floats, ints)
+    until = FAR
+    for k in range(LANES):
+        if tick < q.entered[k]:
+            until = min(until, q.entered[k])
+        elif q.left[k] < 0:
+            p = taken(part, parts_i[k], parts_f[k])
+            g = taken(CARRIED, q.carried[k], parts_f[k])
+            faults = taken(FAULTS, q.faults[k], parts_f[k])
+            found = horizon(p.adc, a.clock[k], faults.silent, g, tick, q.ends[k])
+            if found == tick:
+                q.left[k] = tick
+            else:
+                until = min(until, found)
+    return until
+
+
+@outlined
+def _played(part, parts_i, parts_f, floats, ints, k, tick, n):
+    """The 8 kHz side of one gyroscope in a block, if it has work there. Mutates both arrays."""
+    v, q = eight.opened(floats, ints), opened(floats, ints)
+    p, g = taken(part, parts_i[k], parts_f[k]), taken(CARRIED, q.carried[k], parts_f[k])
+    q.known[k] = 0
+    if awaited(p.fpga, g, tick):
+        s, _, known = played(p.fpga, g, tick, n, q.sar[k, :, 0], _buffers(q, v, k))
+        store_row(q.carried[k, SID:], s)
+        q.known[k] = known
+
+
+@outlined
+def _tell(part, parts_i, parts_f, floats, ints, k, tick, n):
+    """One gyroscope's codes and edges for a block of `n` ticks. Mutates both arrays."""
+    v, q = eight.opened(floats, ints), opened(floats, ints)
+    p = taken(part, parts_i[k], parts_f[k])
+    g = taken(CARRIED, q.carried[k], parts_f[k])
+    faults = taken(FAULTS, q.faults[k], parts_f[k])
+    drive_codes, sense_codes = q.drive_codes[k], q.sense_codes[k]
+    b = _buffers(q, v, k)
+    g, count = told(p.fpga, g, g.s, g.sid, q.known[k], faults, tick, n, drive_codes, sense_codes, b)
+    store_row(q.carried[k, HEAD:], (g.s[2:], g[2:]))
+    v.edge_counts[k] = count
+    _put(v, q, k, DRIVE, p.drive_dac, v.carry[k] == 1.0, drive_codes, n)
+    _put(v, q, k, SENSE, p.sense_dac, v.carry[2 * LANES + k] == 1.0, sense_codes, n)
+
+
+@outlined
+def _converted(part, parts_i, parts_f, floats, ints, n):
+    """All converters over a block of `n` ticks: what adc.block returns is left in `fell`. Mutates both arrays."""
+    v, a, q = eight.opened(floats, ints), eight_adc.opened(floats, ints), opened(floats, ints)
+    first = LANES
+    for k in range(LANES):
+        a.sensor_v[k] = adc.temperature_volts(q.now[TEMP * LANES + k])
+        if v.active[k]:
+            first = min(first, k)
+    if eight_adc.in_step(a, v.active):
+        eight_adc.block(floats, ints, taken(part, parts_i[first], parts_f[first]).adc, first, n)
+    else:
+        for k in range(LANES):
+            if v.active[k]:
+                eight_adc.own(a, v.out, k, n)
+                eight_adc.left(a, k)
+                p = taken(part, parts_i[k], parts_f[k]).adc
+                a.fell[k] = adc.block(p, a.clock[k], a.own_sums[k], a.row, n, a.sensor_v[k])
+                eight_adc.entered(a, k)
+
+
+@outlined
+def _hear(part, parts_i, parts_f, floats, ints, k, tick, until):
+    """What the firmware of one gyroscope has read in a block. Mutates both arrays."""
+    v, a, q = eight.opened(floats, ints), eight_adc.opened(floats, ints), opened(floats, ints)
+    g = taken(CARRIED, q.carried[k], parts_f[k])
+    faults = taken(FAULTS, q.faults[k], parts_f[k])
+    g = behind(g, faults, a.clock[k], tick, until, a.fell[k], g.sid)
+    store_row(q.carried[k, HEAD:], (g.s[2:], g[2:]))
+    if v.flags[eight.GLITCHES]:
+        for which in range(2):
+            v.late_area[which * LANES + k] = v.late_area[which * LANES + k] - q.late_area[k, which]
+            q.late_area[k, which] = 0.0
+
+
+@outlined
+def _kept(c, floats, ints, k, row, n):
+    """The codes of a block into their streams."""
+    q = opened(floats, ints)
+    size = c.code_ticks[k]
+    if row + n <= size:
+        drive, sense = int32_at(c.streams_at[k, 0], size), int32_at(c.streams_at[k, 1], size)
+        for t in range(n):
+            drive[row + t] = q.drive_codes[k, t]
+            sense[row + t] = q.sense_codes[k, t]
+
+
+@hot
+def blocks(part, effect, parts_i, parts_f, floats, ints, c):
+    """All blocks of a chunk: from each one's `entered` to its last quiet tick, which becomes `left`.
+
+    part, effect  Kind of a Part and of an effects.Params. Mutates both arrays and the streams of `c`
+    """
+    v, q = eight.opened(floats, ints), opened(floats, ints)
+    tick = FAR
+    for k in range(LANES):
+        tick = min(tick, q.entered[k])
+    while tick < FAR:
+        changed = 0
+        for k in range(LANES):
+            if q.entered[k] == tick and q.left[k] < 0:
+                _joined(part, parts_i, parts_f, floats, ints, c, k)
+                changed += 1
+        until = _nearest(part, parts_i, parts_f, floats, ints, tick)
+        n, busy = until - tick, 0
+        for k in range(LANES):
+            v.edge_counts[k] = 0
+            v.active[k] = 1 if q.entered[k] <= tick and q.left[k] < 0 else 0
+            if v.active[k]:
+                if tick % FRAME_TICKS == 0:
+                    changed += _framed(part, parts_i, parts_f, floats, ints, c, k, tick)
+                _played(part, parts_i, parts_f, floats, ints, k, tick, n)
+                busy += 1
+            elif q.left[k] == tick and q.entered[k] < tick:
+                _parted(floats, ints, k)
+                c.peak_x[k] = v.peak[k]
+        for k in range(LANES):
+            if v.active[k]:
+                _tell(part, parts_i, parts_f, floats, ints, k, tick, n)
+                _kept(c, floats, ints, k, tick - c.begin, n)
+        if changed:
+            _combined(floats, ints)
+        if v.flags[eight.LAWS] and (changed or tick % FRAME_TICKS == 0):
+            _laws(floats, ints, tick)
+        if busy:
+            eight_top.block(effect, floats, ints, tick, n)
+            _converted(part, parts_i, parts_f, floats, ints, n)
+        for k in range(LANES):
+            if v.active[k]:
+                _hear(part, parts_i, parts_f, floats, ints, k, tick, until)
+        tick = until
+
+
+@hot
+def entered(p, f, chips, a, chunk, end, drdy_cycle, row, b):
+    """Clocked ticks up to the blocks; what is carried from there goes into `row`, the last codes into `b`."""
+    f, chips, drdy_cycle, tick = enter(p, f, chips, a, chunk, end, drdy_cycle)
+    if tick < end:
+        store_row(row, taken_up(p.fpga, f, chips, tick, drdy_cycle))
+        history(f, b)
+    return f, chips, drdy_cycle, tick
+
+
+@hot
+def left(p, f, chips, a, chunk, end, row, tick, now):
+    """From the end of the blocks to that of the chunk. `now`: rate, stiffness and temperature of the present frame."""
+    plant.tune(p.plant, a, now[RATE], now[STIFFNESS], now[TEMP])
+    g = taken(CARRIED, row, now)
+    return leave(p, put_down(f, chips, g, tick, chunk.faults.status), a, chunk, end)

@@ -1,0 +1,327 @@
+"""Lanes engine: gyroscopes side by side, eight in the registers of one core, with the bits of the frame engine.
+
+    for each gyroscope     clocked ticks to its first quiet one                                    frame.enter
+    blocks of all eight    up to the nearest event of any of them                                  carried.horizon
+        gyroscope by gyroscope: words, codes, edges      carried.played, carried.told
+        all eight at once: plants, converters            eight_top.block, eight_adc.block
+        gyroscope by gyroscope: what has been read       carried.behind
+    for each gyroscope     from its last quiet tick: flush, clocked ticks to the end               frame.leave
+
+Nothing of a gyroscope depends on which others stand beside it. Each has its own parameters, registers, profiles, noise
+and effects; each enters and leaves by itself, so that their converters need not run in step.
+Source    docs/architecture.md, docs/decisions/0012-lanes.md
+"""
+
+import math
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor, as_completed
+
+import numpy as np
+
+from analog_frontend import top as plant
+from analog_frontend.lanes import eight, eight_adc
+from analog_frontend.lanes.eight import ENTRIES, MOVING
+from analog_frontend.numeric import arena
+from analog_frontend.numeric.records import Kind, split
+from analog_frontend.numeric.vector import LANES
+from analog_frontend.parts import dac, propagator
+from fpga_model.rates import FRAME_TICKS
+from testbench import interrupts
+from testbench.engines import engine, lane_group, pins
+from testbench.engines.frame import DRIVE_CLOCK, SENSE_CLOCK
+from testbench.engines.lane_group import FAR, Part, Together, blocks, entered, left
+from testbench.errors import ConfigError
+
+CHUNK_TICKS = 1_000_000
+STREAMS = ("drive_code", "sense_code", "frames", "truth")
+
+
+def _column(tables, row, out):
+    """Jets (knots, 6) of one entry of G at the clocks of the DACs."""
+    clocked = {
+        propagator.DU_DRIVE: (tables.drive_step, DRIVE_CLOCK),
+        propagator.DU_SENSE: (tables.sense_step, SENSE_CLOCK),
+        propagator.JIT_DRIVE: (tables.drive_jitter, DRIVE_CLOCK),
+        propagator.JIT_SENSE: (tables.sense_jitter, SENSE_CLOCK),
+    }
+    if row in clocked:
+        table, clock = clocked[row]
+        return table[:, :, clock, out]
+    return tables.g_jet[:, :, row, out]
+
+
+def _tables(p):
+    """(moving, still, knots) of a plant, as in Group without its first axis."""
+    t = p.tables
+    moving = np.stack([_column(t, *entry) for entry in MOVING], axis=-1)
+    still = np.stack([_column(t, *entry) for entry in ENTRIES], axis=-1)
+    if still[:, 1:].any():
+        raise RuntimeError("an entry of a chain follows the rate: lanes would not")
+    still = np.concatenate([still[:, 0], t.pickoff.reshape(len(t.pickoff), -1)], axis=1)
+    return moving, still, np.stack([t.driver_s, t.kq_n_per_m_per_v2, t.kxy_n_per_m], axis=-1)
+
+
+def _part(p):
+    return Part(
+        p.fpga,
+        p.plant.adc,
+        p.plant.drive_dac,
+        p.plant.sense_dac,
+        float(p.plant.quad_lsb_v),
+        float(p.plant.temp_lo_degc),
+        float(p.plant.temp_step_k),
+        int(p.plant.temp_count),
+    )
+
+
+def _rows(records):
+    """Rows of integers and of floats of up to eight records of one shape; places left over repeat the first."""
+    pairs = [split(record) for record in records]
+    pairs += pairs[:1] * (LANES - len(pairs))
+    return np.array([i for i, _ in pairs], np.int64), np.array([f for _, f in pairs], float).reshape(LANES, -1)
+
+
+def _padded(tables):
+    """One array of tables with different numbers of knots; those behind the last repeat it."""
+    most = max(len(table) for table in tables)
+    full = [np.concatenate([table, np.repeat(table[-1:], most - len(table), axis=0)]) for table in tables]
+    return np.stack(full + full[:1] * (LANES - len(full)))
+
+
+def _alone(params):
+    """True for what the registers of eight do not carry: another board, levels of a DAC, errors of the converter."""
+    p = params.plant
+    return bool(params.fpga.digital or p.drive_levels.on or p.sense_levels.on or any(p.adc.errors_on))
+
+
+def kind(params):
+    """What gyroscopes must have in common to stand side by side: the types of their parts; None for one that cannot."""
+    return None if _alone(params) else _types((_part(params), params.plant.effects))
+
+
+def _types(item):
+    return tuple(map(_types, item)) if isinstance(item, tuple) else isinstance(item, float)
+
+
+class Engine:
+    """Up to eight gyroscopes of the same kinds of parts: the arrays of a group, made once for their parameters.
+
+    params  testbench.engines.engine.Params of each
+    """
+
+    def __init__(self, params):
+        if not 1 <= len(params) <= LANES:
+            raise ValueError(f"lanes: {len(params)} gyroscopes, a group has 1 to {LANES}")
+        if any(p.fpga.digital for p in params):
+            raise ConfigError('lanes: firmware.board = "digital_sid" is run by the frame engine only')
+        if any(_alone(p) for p in params):
+            raise ConfigError("lanes: levels of a DAC and errors of the converter are run by the frame engine only")
+        self.params = params
+        self.part, self.effect = Kind(_part(params[0])), Kind(params[0].plant.effects)
+        self.parts_i, self.parts_f = _rows([_part(p) for p in params])
+        tables = zip(*(_tables(p.plant) for p in params))
+        self.tables = [_padded(table) for table in tables]
+        self.floats, self.ints = arena.room(lane_group.AT.sizes)
+        self.v = arena.views(eight.Eight, eight.AT, self.floats, self.ints)
+        self.q = arena.views(lane_group.Group, lane_group.AT, self.floats, self.ints)
+        self.a = arena.views(eight_adc.Converters, eight_adc.AT, self.floats, self.ints)
+        eight_adc.fill(self.a, [p.plant.adc for p in params])
+        self.v.effects_i[:], self.v.effects_f[:] = _rows([p.plant.effects for p in params])
+        for k, p in enumerate(params):
+            self._constants(k, p.plant)
+
+    @property
+    def nbytes(self):
+        """Bytes of all arrays."""
+        arrays = (self.floats, self.ints, self.parts_i, self.parts_f, *self.tables)
+        return sum(array.nbytes for array in arrays)
+
+    def _constants(self, k, p):
+        v, n = self.v, p.noise
+        pairs = ((n.drive_dac, n.sense_dac), (n.edge_jitter,) * 2, (n.force_x, n.force_y), (n.cv_x, n.cv_y))
+        for pair, sources in enumerate(pairs):
+            for half, source in enumerate(sources):
+                v.sigma[(2 * pair + half) * LANES + k] = source.sigma if source.on else 0.0
+                v.flags[pair] |= source.on
+            v.keys[2 * pair * LANES + k] = sources[0].key0
+            v.keys[(2 * pair + 1) * LANES + k] = sources[0].key1
+        v.flags[eight.GLITCHES] |= p.drive_dac.glitch_v_s != 0.0 or p.sense_dac.glitch_v_s != 0.0
+        v.flags[eight.FORCE_EFFECTS] |= p.effects.any_force or p.laws.force > 0
+        v.flags[eight.CV_EFFECTS] |= p.effects.any_cv or p.laws.cv > 0
+        v.flags[eight.LAWS] |= p.laws.force + p.laws.cv > 0
+        v.law_counts[k] = p.laws.force, p.laws.cv
+        v.law_tables[k], v.law_numbers[k], v.law_temps[k] = p.laws.table, p.laws.numbers, p.laws.temp_ref_degc
+        v.flags[eight.BOWS] |= p.drive_dac.bow != 0.0 or p.sense_dac.bow != 0.0
+        carries = (p.tables.drive_carry[0, DRIVE_CLOCK], p.tables.sense_carry[0, SENSE_CLOCK])
+        for which, (part, carry) in enumerate(zip((p.drive_dac, p.sense_dac), carries)):
+            numbers = (part.lsb_v, part.offset_v, part.bow, part.full_code, 1.0 / part.full_code)
+            for i, number in enumerate(numbers):
+                v.dac[(5 * which + i) * LANES + k] = number
+            v.carry[2 * which * LANES + k] = float(carry)
+            v.carry[(2 * which + 1) * LANES + k] = 1.0 - float(carry)
+        for i, name in enumerate(("e1", "e2", "e3", "s1", "s2", "s3")):
+            v.sid[i * LANES + k] = getattr(p.sid, name)
+        v.sid_numbers[k] = p.sid[: eight.NUMBERS]
+        v.sid_inject[k], v.sid_taylor[k] = p.sid.inject, p.sid.taylor
+        v.h_s[k], v.r[k], v.taylor[k::LANES] = p.sid.h_s, p.sid.r, p.sid.taylor
+        v.switch_tau_s[k], v.switch_carry[k] = p.switch_tau_s, p.switch_carry
+        v.slope_gain[k] = p.slope_gain
+
+    def run(self, states, ticks, rate_rad_s, temp_degc, faults, streams):
+        """Advance all by `ticks` from the same tick; lists as long as the group, entries as for engine.run.
+
+        Returns the new states, whose arrays are those of `states`, moved on.
+        Raises RuntimeError if a register is not what it must be.
+        """
+        q, begin = self.q, states[0].tick
+        if any(s.tick != begin for s in states):
+            raise ValueError("lanes: the gyroscopes of a group are not at the same tick")
+        if not all(getattr(o, name).flags.c_contiguous for o in streams for name in STREAMS):
+            raise ValueError("lanes: a stream is not one piece of memory")
+        end = begin + ticks
+        q.ends[:], q.left[:], q.entered[:] = end, end, FAR
+        chunks, begun = [], []
+        for k, (p, s) in enumerate(zip(self.params, states)):
+            edges = np.zeros((engine.MAX_EDGES, 2), np.int64)
+            chunks.append(engine.Chunk(begin, rate_rad_s[k], temp_degc[k], 0, 0, 0, faults[k], streams[k], edges))
+            f, chips, drdy_cycle, tick = entered(
+                p, s.fpga, s.chips, s.plant, chunks[k], end, s.drdy_cycle, q.carried[k], self._buffers(k)
+            )
+            begun.append((f, chips, drdy_cycle))
+            if tick < end:
+                q.entered[k], q.left[k] = tick, -1
+                self._load(k, s.plant, faults[k])
+        count = len(states)
+        told = Together(
+            begin,
+            *self.tables,
+            *(_stacked(values) for values in (rate_rad_s, temp_degc)),
+            np.array([[getattr(o, name).ctypes.data for name in STREAMS] for o in streams], np.int64),
+            *(np.array([len(getattr(o, name)) for o in streams], np.int64) for name in ("drive_code", "frames")),
+            np.zeros(LANES),
+        )
+        q.faults[:] = _rows(faults)[0]
+        blocks(self.part, self.effect, self.parts_i, self.parts_f, self.floats, self.ints, told)
+        after = []
+        for k in range(count):
+            f, chips, drdy_cycle = begun[k]
+            a, failed = states[k].plant, 0
+            if q.entered[k] < end:
+                self._unload(k, a)
+                streams[k].peak_x[0] = max(streams[k].peak_x[0], told.peak_x[k])
+                now = q.now.reshape(3, LANES)[:, k].copy()
+                f, chips, drdy_cycle, failed = left(
+                    self.params[k], f, chips, a, chunks[k], end, q.carried[k], q.left[k], now
+                )
+            if failed:
+                raise RuntimeError(f"lanes engine: the registers of tick {failed} are not those of the clocked engine")
+            after.append(engine.State(f, chips, a, end, drdy_cycle))
+        return after
+
+    def _buffers(self, k):
+        places = self.q._asdict() | {"edges": self.v.edges}
+        return pins.Buffers(*(places[name][k] for name in pins.Buffers._fields))
+
+    def _load(self, k, a, faults):
+        """A plant's state into the group."""
+        v, q, p = self.v, self.q, self.params[k].plant
+        q.z[k], q.caps[k], q.late_area[k] = a.z, a.caps, a.late_area
+        for fault, state in zip(faults.nan, (plant.X, plant.Y)):
+            if fault:
+                q.z[k, state] = np.nan
+        v.late_tau_s[k], v.late_count[k], v.switch[k] = a.late_tau_s, a.late_count, a.switch
+        self.a.clock[k], self.a.own_sums[k] = a.adc.clock, a.adc.sums
+        q.now.reshape(3, LANES)[:, k] = a.now[:3]
+        for which, part in enumerate((p.drive_dac, p.sense_dac)):
+            q.acting[k, which] = (_code_of(part, a.volts[which]), a.codes[which])
+
+    def _unload(self, k, a):
+        """A plant's state out of the group; its matrix is left to `lane_group.left`."""
+        v, q, p = self.v, self.q, self.params[k].plant
+        a.z[:], a.caps[:], a.late_area[:] = q.z[k], q.caps[k], q.late_area[k]
+        a.late_tau_s[:], a.late_count[:], a.switch[:] = v.late_tau_s[k], v.late_count[k], v.switch[k]
+        a.adc.clock[:], a.adc.sums[:] = self.a.clock[k], self.a.own_sums[k]
+        a.cycles[:] = (DRIVE_CLOCK, SENSE_CLOCK)
+        a.now[:] = np.inf
+        for which, part in enumerate((p.drive_dac, p.sense_dac)):
+            now, coming = q.acting[k, which].tolist()
+            a.volts[which], a.coming_v[which] = dac.volts(part, now), dac.volts(part, coming)
+            a.codes[which] = coming
+
+
+class Lanes:
+    """Simulations at the same tick, side by side: `Simulation.advance` for each, with the same results and streams.
+
+    threads  how many groups run at once, a core each; neither they nor the number of groups change any result
+    """
+
+    def __init__(self, sims, threads=1):
+        count = math.ceil(len(sims) / LANES)
+        count = min(len(sims), math.ceil(count / threads) * threads)  # a core without a group would wait
+        size = math.ceil(len(sims) / count) if threads > 1 else LANES
+        self.threads = threads
+        self.groups = [sims[k : k + size] for k in range(0, len(sims), size)]
+        self.engines = [Engine([sim.params for sim in group]) for group in self.groups]
+
+    def advance(self, ticks, rate_rad_s, temp_degc, progress=None):
+        """Run all by `ticks`. Rates (rad/s), temperatures (degC): a value or an array of frames for each simulation.
+
+        progress  called with the number of a group's first simulation and its ticks so far, in the group's thread
+        """
+        told = [(np.atleast_1d(rate), np.atleast_1d(temp)) for rate, temp in zip(rate_rad_s, temp_degc)]
+        stop = threading.Event()
+        first, jobs = 0, []
+        for engine_, sims in zip(self.engines, self.groups):
+            jobs.append((engine_, sims, first, ticks, told[first : first + len(sims)], progress, stop))
+            first += len(sims)
+        if self.threads == 1:
+            for job in jobs:
+                _advance(*job)
+            return
+        with ThreadPoolExecutor(self.threads) as pool:
+            try:
+                for done in as_completed([pool.submit(_advance, *job) for job in jobs]):
+                    done.result()
+            except BaseException:
+                stop.set()
+                raise
+
+
+def _advance(engine_, sims, first, ticks, told, progress, stop):
+    """One group by `ticks`, or to the end of the chunk in which `stop` is set."""
+    done = 0
+    while done < ticks and not stop.is_set():
+        step = min(CHUNK_TICKS, ticks - done)
+        begun = sims[0].tick // FRAME_TICKS - (sims[0].tick - done) // FRAME_TICKS
+        rates, temps, streams = zip(
+            *(
+                sim.chunk(step, rate[min(begun, len(rate) - 1) :], temp[min(begun, len(temp) - 1) :])
+                for sim, (rate, temp) in zip(sims, told)
+            )
+        )
+        started = time.perf_counter()
+        with interrupts.held():
+            states = engine_.run([sim.state for sim in sims], step, rates, temps, [sim.faults for sim in sims], streams)
+        spent = (time.perf_counter() - started) / len(sims)
+        for sim, state, stream in zip(sims, states, streams):
+            sim.seconds_spent += spent
+            sim.moved(state, stream)
+        done += step
+        if progress:
+            progress(first, done)
+
+
+def _stacked(items):
+    """(8, ...) of up to eight arrays; places left over repeat the first."""
+    return np.stack([np.ascontiguousarray(item) for item in items] + [items[0]] * (LANES - len(items)))
+
+
+def _code_of(part, volts):
+    """The code of an output voltage."""
+    near = round((volts - part.offset_v) / part.lsb_v)
+    reach = 1 + int(abs(part.bow) * part.full_code)
+    for code in range(near - reach, near + reach + 1):
+        if dac.volts(part, code) == volts:
+            return code
+    raise RuntimeError(f"lanes: {volts} V is the output of no DAC code")

@@ -1,0 +1,122 @@
+"""What the firmware puts on its pins in a block of ticks, in closed form: DAC codes and reference edges.
+
+    DAC codes        sine.at and modulator.at of phase(26 k - pipeline), one per tick
+    reference edges  one division per quarter turn; on the 1 MHz grid if they are re-timed
+
+Source    docs/architecture.md, docs/blocks/references.md, docs/blocks/modulator.md
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from analog_frontend import linear
+from analog_frontend import top as plant
+from fpga_model import modulator, sine
+from fpga_model.jit import inner
+from fpga_model.rates import TICK_CYCLES
+from testbench.engines.turn import QUARTER_BITS, TURN_MASK, next_quarter, phase_at
+from testbench.engines.window import HISTORY
+
+SINE_CLOCKS = 1 + sine.LATENCY  # from the phase to the sine
+REFERENCE_CLOCKS = 2  # from the phase to the pins
+
+
+class Buffers(NamedTuple):
+    """Scratch of a block: one place per tick, codes and loads with HISTORY places before it."""
+
+    amplitude: np.ndarray
+    rate: np.ndarray
+    control_load: np.ndarray
+    drive: np.ndarray
+    sense: np.ndarray
+    refs: np.ndarray  # the four pins before each tick's first edge
+    sar: np.ndarray  # (2, ticks)
+    edges: np.ndarray
+
+
+def buffers():
+    """Scratch of a run."""
+    n = linear.BLOCK + HISTORY
+    return Buffers(
+        *(np.zeros(n, np.int64) for _ in range(6)),
+        np.zeros((2, n), np.int64),
+        np.zeros((plant.MAX_EDGES * n, 2), np.int64),
+    )
+
+
+@inner
+def reference_edges(p, turn, bank, first, end, refs, b):
+    """Reference edges of the pins in ticks `first` .. `end` - 1 (clocks from the first), and the pins after them."""
+    delay = REFERENCE_CLOCKS + p.align
+    retimed = p.retimed
+    # what the pins show before the first edge is the phase `delay` clocks before, or before the tick's first edge
+    seen = TICK_CYCLES * (first - 1 if retimed else first) - delay
+    at_drive = next_quarter(turn, bank.phase_drive_ref, seen)
+    at_sense = next_quarter(turn, bank.phase_sense_ref, seen)
+    count = 0
+    base, limit = TICK_CYCLES * first, TICK_CYCLES * end
+    while True:
+        sense = 1 if at_sense < at_drive else 0
+        at = at_sense if sense else at_drive
+        offset = bank.phase_sense_ref if sense else bank.phase_drive_ref
+        if retimed:
+            edge = (at + delay + TICK_CYCLES - 1) // TICK_CYCLES * TICK_CYCLES
+        else:
+            edge = at + delay - 1
+        if edge >= limit:
+            return count, refs
+        quarter = ((phase_at(turn, at) + offset) & TURN_MASK) >> QUARTER_BITS
+        which = 2 * sense + (quarter & 1)
+        place = count
+        if count > 0 and b.edges[count - 1, 0] == edge - base and b.edges[count - 1, 1] > which:
+            # on one clock, in the order of the pins
+            b.edges[count, 0], b.edges[count, 1] = b.edges[count - 1, 0], b.edges[count - 1, 1]
+            place = count - 1
+        b.edges[place, 0] = edge - base
+        b.edges[place, 1] = which
+        count += 1
+        refs = refs ^ (1 << which)
+        following = next_quarter(turn, offset, at)
+        if sense:
+            at_sense = following
+        else:
+            at_drive = following
+
+
+@inner
+def dac_codes(p, bank, turn, first, n, b):
+    """Modulator codes of `n` ticks into b.drive and b.sense, after their history. Mutates `b`."""
+    lag = SINE_CLOCKS + p.pipe.depth
+    for k in range(n):
+        phase = phase_at(turn, TICK_CYCLES * (first + k) - lag)
+        y = sine.at((phase + bank.phase_drive_sine) & TURN_MASK)
+        b.drive[HISTORY + k] = modulator.at(p.drive_modulator, b.amplitude[k], y)
+        y = sine.at((phase + bank.phase_sense_sine) & TURN_MASK)
+        b.sense[HISTORY + k] = modulator.at(p.sense_modulator, b.rate[k], y)
+
+
+@inner
+def told(p, drive_codes, sense_codes, n, enabled, staged, mixed, b):
+    """What the DACs put out at the end of each tick; returns the sense DAC's output switch and its data register.
+
+    A code is loaded in its own tick, or `frames` later; the sense DAC follows a tick after its load, and a control word
+    in place of a code only opens it. mixed: there are control words among the loads. Mutates both codes and `b`.
+    """
+    drive, sense = b.drive[HISTORY - p.drive_modulator.frames :], b.sense[HISTORY - 1 - p.sense_modulator.frames :]
+    for k in range(n):
+        drive_codes[k] = drive[k]
+        sense_codes[k] = sense[k]
+    if mixed or enabled == 0 or b.control_load[HISTORY - 1] == 1:
+        for k in range(n):
+            if b.control_load[HISTORY + k - 1] == 1:
+                enabled = 1
+            else:
+                staged = sense[k]
+            sense_codes[k] = staged if enabled == 1 else 0
+    else:
+        staged = sense[n - 1]
+    for k in range(HISTORY):
+        b.drive[k], b.sense[k] = b.drive[n + k], b.sense[n + k]
+        b.control_load[k] = b.control_load[n + k]
+    return enabled, staged

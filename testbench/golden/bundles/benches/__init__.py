@@ -1,0 +1,70 @@
+"""Texts of a bundle that run in other people's tools: parameters, tables, benches, and the script that runs them.
+
+Every bench does the same: reset with quiet inputs for `reset.cycles` edges, then drive row n while the clock is low,
+compare just before the rising edge, report per port, and print one line that begins with PASS or FAIL. Module and
+entity are `gyro_<block>`, registers ports `r_<name>`, output pins `o_<name>`; parameters are named as in `Params`.
+Source  docs/golden.md, docs/conventions.md (rows)
+"""
+
+from testbench.golden.bundles.benches.cocotb import cocotb_test, cocotb_top
+from testbench.golden.bundles.benches.layout import (
+    HALF_PS,
+    PARTS,
+    PERIOD_PS,
+    RESET_CYCLES,
+    SHOWN,
+    results,
+    rom_name,
+    slices,
+)
+from testbench.golden.bundles.benches.makefile import check_script, makefile
+from testbench.golden.bundles.benches.params import params_pkg, params_svh, params_vh, rom_files, vhdl_type
+from testbench.golden.bundles.benches.verilog import span, verilog_bench
+from testbench.golden.bundles.benches.vhdl import vhdl_bench, vhdl_slice
+from testbench.golden.bundles.benches.vunit import vunit_bench, vunit_run
+
+__all__ = [
+    "HALF_PS",
+    "PARTS",
+    "PERIOD_PS",
+    "RESET_CYCLES",
+    "SHOWN",
+    "check_script",
+    "cocotb_test",
+    "cocotb_top",
+    "makefile",
+    "params_pkg",
+    "params_svh",
+    "params_vh",
+    "results",
+    "rom_files",
+    "rom_name",
+    "slices",
+    "span",
+    "texts",
+    "verilog_bench",
+    "vhdl_bench",
+    "vhdl_slice",
+    "vhdl_type",
+    "vunit_bench",
+    "vunit_run",
+]
+
+
+def texts(block, case, count):
+    """{path: text} of everything that runs elsewhere, for a case of `count` rows."""
+    stem = block.stem
+    return {
+        "params.vh": params_vh(block, case, count),
+        "params.svh": params_svh(block, case, count),
+        "params_pkg.vhd": params_pkg(block, case, count),
+        **rom_files(block),
+        f"tb_{stem}.v": verilog_bench(block, case),
+        f"cocotb_{stem}.v": cocotb_top(block, case),
+        f"tb_{stem}.vhd": vhdl_bench(block, case),
+        f"tb_{stem}_vunit.vhd": vunit_bench(block, case),
+        f"test_{stem}.py": cocotb_test(block, case),
+        "run_vunit.py": vunit_run(block, case),
+        "Makefile": makefile(block, case),
+        "check.sh": check_script(block, case),
+    }

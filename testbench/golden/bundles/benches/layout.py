@@ -1,0 +1,64 @@
+"""What every bench agrees on: names, the order of packed ports, constants, and which blocks hold others.
+
+Source  docs/golden.md (what a design must look like)
+"""
+
+from fpga_model.rates import MASTER_HZ
+from testbench.golden.stimulus.blocks import BLOCKS, RESET_INPUT
+
+PERIOD_PS = (1_000_000_000_000 + MASTER_HZ // 2) // MASTER_HZ
+HALF_PS = PERIOD_PS // 2
+RESET_CYCLES = 2
+SHOWN = 10  # rows that a bench reports in full
+# Blocks that a design may build from others of the same folder
+PARTS = {
+    "agc": ("pi",),
+    "frequency_tracker": ("pi",),
+    "rate_loop": ("pi",),
+    "quadrature_loop": ("pi", "isqrt"),
+    "sequencer": ("lock_monitor", "fault_monitor"),
+    "top": (*BLOCKS, "control"),
+}
+
+assert RESET_INPUT == "rst", "the benches name the reset"
+
+
+def rom_name(block):
+    """Path of the block's table inside the bundle, or None."""
+    return f"rom/{block.roms[0].name}.hex" if block.roms else None
+
+
+def results(block):
+    """(RTL port, Port) of everything compared: registers, then outputs."""
+    return [(f"r_{p.name}", p) for p in block.registers] + [(f"o_{p.name}", p) for p in block.pins]
+
+
+def slices(named):
+    """(name, port, msb, lsb) of ports packed side by side, the first in the most significant bits."""
+    left = sum(port.width for _, port in named)
+    for name, port in named:
+        yield name, port, left - 1, left - port.width
+        left -= port.width
+
+
+def width_of(named):
+    return sum(port.width for _, port in named)
+
+
+def inputs_of(block):
+    return [(port.name, port) for port in block.columns]
+
+
+def constants(block, count):
+    """(name, integer) that every language gets."""
+    listed = [
+        ("N_ROWS", count),
+        ("RESET_CYCLES", RESET_CYCLES),
+        ("HALF_PS", HALF_PS),
+        ("IN_WIDTH", width_of(inputs_of(block))),
+        ("OUT_WIDTH", width_of(results(block))),
+    ]
+    listed += [(f"W_{name}", port.width) for name, port in inputs_of(block)]
+    listed += [(f"W_{name}", port.width) for name, port in results(block)]
+    listed += [(f"LATENCY_{name}", clocks) for name, clocks in block.latency.items() if isinstance(clocks, int)]
+    return listed

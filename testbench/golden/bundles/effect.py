@@ -1,0 +1,39 @@
+"""Golden vectors of the firmware in a loop whose plant has an effect: found in data, written as a law file, or any key.
+
+    law files, settings -> closed loop from power-on, clocked -> recording -> bundle of the whole design
+
+Source    docs/golden.md (recordings), docs/parts/ports.md
+"""
+
+from pathlib import Path
+
+from testbench.config import law_file, parse_set
+from testbench.errors import ConfigError
+from testbench.golden.bundles import top
+from testbench.golden.recording import record
+from testbench.run import build
+
+MOST_FRAMES = 80_000
+MOST_ROWS = 200  # with one row each
+
+
+def case(laws=(), sets=(), frames=9400):
+    """`record.Case` of law files and `section.key=value` texts; ConfigError for what no engine runs."""
+    if not 1 <= frames <= MOST_FRAMES:
+        raise ConfigError(f"--frames = {frames} is outside 1 .. {MOST_FRAMES}")
+    values = dict(parse_set(text)[:2] for text in sets)
+    texts = [text for path in laws for text in law_file.read(path).laws]
+    if texts:
+        values["effects.laws"] = [*values.get("effects.laws", []), *texts]
+    if not any(key.startswith("effects.") for key in values):
+        raise ConfigError("no effect: give a law file, or --set effects.NAME=VALUE")
+    return record.Case(config=values, firmware=build.firmware, frames=frames, row_every=max(1, frames // MOST_ROWS))
+
+
+def export(name, made, out, progress=None):
+    """Run a case, write its bundle to OUT/top/NAME; (folder, manifest)."""
+    if not name.isidentifier():
+        raise ConfigError(f"{name!r} is no name of a case: letters, digits and _")
+    r = record.closed_loop(name, made, progress)
+    folder = Path(out) / top.STEM / name
+    return folder, top.write(r._replace(windows=record.windows_of(r)), folder)

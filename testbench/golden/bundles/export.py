@@ -1,0 +1,133 @@
+"""Golden bundles of blocks: stimulus through the model, and everything an HDL bench needs, as one folder per case.
+
+The whole design, `top`, is exported by `testbench.golden.bundles.top` from recordings.
+Source  docs/golden.md
+"""
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+
+from fpga_model.rates import MASTER_HZ
+from testbench.errors import ConfigError
+from testbench.golden.bundles import benches, bundle, provenance, scores, top
+from testbench.golden.coverage import evidence
+from testbench.golden.ranges import range_report
+from testbench.golden.stimulus import blocks, stimulus
+from testbench.storage import vcd
+from testbench.version import VERSION
+
+
+def _manifest(block, case, stim, exp, families, seed):
+    params = [{"name": name, "raw": raw, "fmt": list(fmt)} for name, raw, fmt in blocks.params_of(block, case)]
+    ports = {
+        "inputs": [bundle.port(p) for p in block.columns],
+        "registers": [bundle.port(p) for p in block.registers],
+        "outputs": [bundle.port(p) for p in block.pins],
+    }
+    identity = bundle.canonical({"block": block.stem, "case": case, "params": params, **ports})
+    return {
+        "schema": bundle.SCHEMA,
+        "block": block.stem,
+        "case": case,
+        "clock": {"name": "clk", "hz": MASTER_HZ},
+        "reset": {"name": blocks.RESET_INPUT, "active": 1, "cycles": benches.RESET_CYCLES},
+        "sample": "before rising edge",
+        "n": len(stim),
+        **ports,
+        "params": params,
+        "rules": block.rules,
+        "latency": block.latency,
+        "seed": seed,
+        "families": [list(found) for found in families],
+        "coverage": evidence.summary(block, case, stim, exp),
+        "config_sha256": hashlib.sha256(identity.encode()).hexdigest(),
+        "provenance": provenance.provenance(),
+    }
+
+
+def _tables(block, stim, exp):
+    """{path: text}: packed words, one file per port, and decimal."""
+    inputs, found = [(p.name, p) for p in block.columns], benches.results(block)
+    in_widths, out_widths = [p.width for _, p in inputs], [p.width for _, p in found]
+    out_width = sum(out_widths)
+    files = {
+        "stim.hex": bundle.hex_text(bundle.pack(stim, in_widths), sum(in_widths)),
+        "exp.hex": bundle.hex_text(bundle.pack(exp, out_widths), out_width),
+        "mask.hex": bundle.hex_text([(1 << out_width) - 1] * len(exp), out_width),
+    }
+    both = np.column_stack([stim, exp])
+    files |= bundle.port_files(inputs + found, both)
+    files["vec.csv"] = bundle.csv_text("row", np.arange(len(stim)), [name for name, _ in inputs + found], both)
+    return files
+
+
+def _waves(block, stim, exp):
+    """Function that writes golden.vcd and golden.gtkw into a folder."""
+    listed = [vcd.Signal(f"in.{p.name}", p.width, p.signed) for p in block.columns]
+    listed += [vcd.Signal(f"reg.{p.name}", p.width, p.signed) for p in block.registers]
+    listed += [vcd.Signal(f"out.{p.name}", p.width, p.signed) for p in block.pins]
+    rows = np.column_stack([stim, exp])
+
+    def write(folder):
+        waves, setup = folder / "golden.vcd", folder / "golden.gtkw"
+        vcd.write_vcd(waves, rows, listed, top=block.stem)
+        vcd.write_gtkw(setup, waves, listed, top=block.stem, expanded=("in", "reg", "out"))
+        # the version belongs to the provenance: a release must not change the hash of a vector
+        for path in (waves, setup):
+            path.write_bytes(path.read_bytes().replace(f"ftr-gyro {VERSION}".encode(), b"ftr-gyro", 1))
+
+    return write
+
+
+def export_case(block, case, out, seed=stimulus.SEED):
+    """Write the bundle of one case to OUT/<block>/<case>; returns its manifest."""
+    stim, families = stimulus.make(block, case, seed)
+    regs, pins = blocks.run(block, case, stim)
+    exp = np.column_stack([regs, pins])
+    files = {**_tables(block, stim, exp), **benches.texts(block, case, len(stim))}
+    manifest = _manifest(block, case, stim, exp, families, seed)
+    manifest["ranges"] = range_report.entry(block, case, regs, pins)
+    files["RANGES.md"] = range_report.text(f"{block.stem}/{case}", manifest["ranges"])
+    return bundle.write(Path(out) / block.stem / case, manifest, files, [_waves(block, stim, exp)], scores.noted)
+
+
+def chosen(name, others=()):
+    """Blocks of a name or `all`; raises ConfigError otherwise. `others` are names that the caller knows besides."""
+    if name == "all":
+        return list(blocks.BLOCKS.values())
+    if name not in blocks.BLOCKS:
+        raise ConfigError(f"block: {name!r} is not one of all, {', '.join([*blocks.BLOCKS, *others])}")
+    return [blocks.BLOCKS[name]]
+
+
+def folder_makefile(block):
+    """Makefile of a block's folder: the same goals in every case."""
+    return f"""# Every case of {block.stem}: make check RTL=folder (absolute), SIM=... for one simulator
+CASES = {" ".join(block.cases)}
+
+check clean:
+	@status=0; for case in $(CASES); do $(MAKE) --no-print-directory -C $$case $@ || status=1; done; exit $$status
+
+.PHONY: check clean
+"""
+
+
+def export(name, out, progress=None):
+    """Write the bundles of a block, of `top`, or of all; returns [(folder, manifest)]."""
+    from testbench.storage.files import write_text
+
+    done = []
+    listed = [] if name == top.STEM else chosen(name, [top.STEM])
+    if name in ("all", top.STEM):
+        listed.append(top.block(dict.fromkeys(top.CASES)))
+    todo = [(block, case) for block in listed for case in block.cases]
+    for n, (block, case) in enumerate(todo):
+        if progress is not None:
+            progress(f"{block.stem}/{case}", n, len(todo))
+        manifest = top.export_case(case, out) if block.stem == top.STEM else export_case(block, case, out)
+        done.append((Path(out) / block.stem / case, manifest))
+        if case == list(block.cases)[-1]:
+            write_text(Path(out) / block.stem / "Makefile", folder_makefile(block))
+    return done

@@ -1,0 +1,226 @@
+"""Golden bundles of the whole firmware: recordings replayed, rows at listed clocks, a signature of every frame.
+
+    at.hex                 clocks of the rows: dense windows, and first clocks of frames
+    stim.hex, exp.hex      inputs, and registers with pins, at these clocks; ports/ and vec.csv hold the same
+    sig.hex                signature of all registers and pins in all clocks of each frame of 3250
+    adc.hex                per conversion: clock (32 bits), status (24), eight codes (24 each)
+    host.hex               per event: clock (32), 1 for a reset or 0 for a write (4), address (8), data (48)
+    sar.hex                per tick: sample x, sample y (18 each); empty where both rest at 0
+
+The manifest is of schema `gyro-golden-replay/1.0`: as of the blocks, and `frames`, how many words each of these files
+has, `windows` with what they show, and the hash of the recording. No step of an export computes in floating point.
+Source  docs/golden.md (the whole design)
+"""
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+
+from fpga_model import spi_adc, top
+from fpga_model.rates import FRAME_CYCLES, MASTER_HZ, TICK_CYCLES
+from testbench.errors import ConfigError, FileError
+from testbench.flatten import format_leaves, leaves
+from testbench.golden.bundles import benches, bundle, provenance, scores, top_benches
+from testbench.golden.bundles.top_benches.layout import CLOCK_BITS
+from testbench.golden.recording import recording, replay, signature
+from testbench.golden.stimulus import blocks
+from testbench.golden.stimulus.blocks import Port, flat
+from testbench.storage import vcd
+from testbench.version import VERSION
+
+STEM = "top"
+CASES = ("reset", "story", "story_digital", "power_on")
+MAX_WINDOW = 100_000  # rows of `window`: 440 MB of registers in hexadecimal would be no help
+
+
+def _rules():
+    """{register of top: (rounding, overflow)} from the blocks that it is made of."""
+    found = {}
+
+    def walk(record, path):
+        stem = type(record).__module__.rpartition(".")[2]
+        if stem in blocks.BLOCKS:
+            for port in blocks.BLOCKS[stem].registers:
+                found[f"{flat(path)}_{port.name}"] = (port.rounding, port.overflow)
+        elif hasattr(record, "_fields"):
+            for name, item in zip(record._fields, record):
+                walk(item, f"{path}.{name}" if path else name)
+
+    walk(top.State(), "")
+    return found
+
+
+def block(params):
+    """The whole design as a `blocks.Block`; `params` are {case: Params or None}."""
+    rules = _rules()
+    registers = [
+        Port(flat(path), fmt, int(reset), *rules.get(flat(path), (None, None)))
+        for (path, reset), (_, fmt) in zip(leaves(top.State()), format_leaves(top.STATE_FMT), strict=True)
+    ]
+    return blocks.Block(
+        stem=STEM,
+        inputs=tuple(Port(name, fmt) for name, fmt in zip(top.Inputs._fields, top.INPUTS_FMT)),
+        state=top.State(),
+        registers=tuple(registers),
+        pins=tuple(Port(name, fmt) for name, fmt in zip(replay.PINS, replay.PIN_FMT)),
+        cases=params,
+        run=None,
+        latency={"adc_valid": spi_adc.READ_CYCLES},
+        idle={"drdy_n": 1},
+        roms=(*blocks.BLOCKS["sine"].roms, *blocks.BLOCKS["cordic"].roms),
+    )
+
+
+def clocks_of(r):
+    """Clocks of the rows of a recording: its windows, and the first clock of every `row_every`th frame."""
+    pieces = [np.arange(0, r.frames, r.row_every) * FRAME_CYCLES]
+    pieces += [np.arange(w.first, w.first + w.count) for w in r.windows]
+    return np.unique(np.concatenate(pieces))
+
+
+def _hex(rows, widths):
+    """Text of packed words, one per row; each width is a multiple of a digit, or the words are short."""
+    return bundle.hex_text(bundle.pack(rows, widths), sum(widths))
+
+
+def _inputs_hex(stimulus):
+    """{path: text} of what the bench replays."""
+    adc = [CLOCK_BITS] + [24] * (recording.ADC_COLUMNS - 1)
+    return {
+        "adc.hex": _hex(stimulus.adc, adc),
+        "host.hex": _hex(stimulus.host, [CLOCK_BITS, 4, 8, 48]),
+        "sar.hex": _hex(stimulus.sar, [18, 18]),
+    }
+
+
+def _waves(design, windows, at, rows):
+    """Function that writes golden.vcd, of the dense windows at their own times, and golden.gtkw into a folder."""
+    listed = [vcd.Signal(f"in.{p.name}", p.width, p.signed) for p in design.columns]
+    listed += [vcd.Signal(f"reg.{p.name}", p.width, p.signed) for p in design.registers]
+    listed += [vcd.Signal(f"out.{p.name}", p.width, p.signed) for p in design.pins]
+    dense = np.zeros(len(at), bool)
+    for w in windows:
+        dense |= (at >= w.first) & (at < w.first + w.count)
+
+    def write(folder):
+        waves, setup = folder / "golden.vcd", folder / "golden.gtkw"
+        vcd.write_vcd(waves, rows[dense], listed, top=design.stem, edges=at[dense])
+        vcd.write_gtkw(setup, waves, listed, top=design.stem, expanded=("in", "out"))
+        for path in (waves, setup):
+            path.write_bytes(path.read_bytes().replace(f"ftr-gyro {VERSION}".encode(), b"ftr-gyro", 1))
+
+    return write
+
+
+def _manifest(design, r, at, counts):
+    ports = {
+        "inputs": [bundle.port(p) for p in design.columns],
+        "registers": [bundle.port(p) for p in design.registers],
+        "outputs": [bundle.port(p) for p in design.pins],
+    }
+    params = [{"name": name, "raw": raw, "fmt": list(fmt)} for name, raw, fmt in blocks.params_of(design, r.name)]
+    recorded = recording.sha256(r)
+    identity = bundle.canonical({"block": STEM, "case": r.name, "params": params, "recording": recorded, **ports})
+    return {
+        "schema": bundle.REPLAY_SCHEMA,
+        "block": STEM,
+        "case": r.name,
+        "clock": {"name": "clk", "hz": MASTER_HZ},
+        "reset": {"name": blocks.RESET_INPUT, "active": 1, "cycles": benches.RESET_CYCLES},
+        "sample": "before rising edge",
+        "n": len(at),
+        "frames": r.frames,
+        "frame_cycles": FRAME_CYCLES,
+        "tick_cycles": TICK_CYCLES,
+        "conversions": counts["conversions"],
+        "host_events": counts["host_events"],
+        "samples": counts["samples"],
+        "signature": {
+            "polynomial": f"{signature.POLYNOMIAL:x}",
+            "row_bits": signature.padded(counts["out_width"]),
+            "reset": "every frame",
+        },
+        "windows": [{"clock": w.first, "rows": w.count, "shows": w.shows} for w in r.windows],
+        **ports,
+        "params": params,
+        "latency": design.latency,
+        "recording_sha256": recorded,
+        "seed": None,
+        "config_sha256": hashlib.sha256(identity.encode()).hexdigest(),
+        "provenance": provenance.provenance(),
+    }
+
+
+def write(r, folder):
+    """Replay a recording and write its bundle to `folder`; returns the manifest."""
+    design = block({r.name: r.params})
+    at = clocks_of(r)
+    rows = replay.run(r.params, r.stimulus, r.frames, at)
+    blocks.check(design.columns, rows.inputs, f"{STEM}: stimulus")
+    blocks.check(design.registers, rows.registers, f"{STEM}: register")
+    blocks.check(design.pins, rows.pins, f"{STEM}: output")
+    stim, exp = rows.inputs, np.column_stack([rows.registers, rows.pins])
+    inputs, found = [(p.name, p) for p in design.columns], benches.results(design)
+    counts = {
+        "frames": r.frames,
+        "conversions": len(r.stimulus.adc),
+        "host_events": len(r.stimulus.host),
+        "samples": len(r.stimulus.sar),
+        "out_width": sum(p.width for _, p in found),
+    }
+    files = {
+        "at.hex": _hex(at[:, None], [CLOCK_BITS]),
+        "stim.hex": _hex(stim, [p.width for _, p in inputs]),
+        "exp.hex": _hex(exp, [p.width for _, p in found]),
+        "sig.hex": bundle.hex_text([signature.of_remainder(words) for words in rows.remainders], signature.DEGREE),
+        **_inputs_hex(r.stimulus),
+        **bundle.port_files([*inputs, *found], np.column_stack([stim, exp])),
+        "vec.csv": bundle.csv_text("clock", at, [name for name, _ in inputs + found], np.column_stack([stim, exp])),
+        **top_benches.texts(design, r.name, len(at), counts),
+    }
+    waves = _waves(design, r.windows, at, np.column_stack([stim, exp]))
+    return bundle.write(Path(folder), _manifest(design, r, at, counts), files, [waves], scores.noted)
+
+
+def export_case(case, out):
+    """Write the bundle of one case to OUT/top/<case>; returns its manifest."""
+    return write(recording.load(case), Path(out) / STEM / case)
+
+
+def window(folder, clock, count, out=None):
+    """Bundle of the same case with every clock of one place as a row, and nothing behind it; (folder, manifest).
+
+    folder  a bundle of the whole design
+    clock   first clock
+    count   clocks
+    out     folder to write; FOLDER_CLOCK beside `folder` if None
+    Raises ConfigError if the place is outside the case, FileError if the bundle is of another recording.
+    """
+    folder = Path(folder)
+    manifest = bundle.verify(folder)
+    if manifest["schema"] != bundle.REPLAY_SCHEMA:
+        raise ConfigError(f"{folder}: has every clock of {manifest['block']} already")
+    if manifest["case"] not in CASES:
+        raise FileError(f"{folder}: case {manifest['case']!r} is not one of {', '.join(CASES)}")
+    r = recording.load(manifest["case"])
+    if recording.sha256(r) != manifest["recording_sha256"]:
+        raise FileError(f"{folder}: is of another recording of {r.name} than this version has; export it again")
+    end = manifest["frames"] * manifest["frame_cycles"]
+    if not 1 <= count <= MAX_WINDOW:
+        raise ConfigError(f"--count: {count} is outside 1 .. {MAX_WINDOW} clocks")
+    if not 0 <= clock <= end - count:
+        raise ConfigError(f"--clock: {clock} .. {clock + count - 1} is outside 0 .. {end - 1}, the clocks of {r.name}")
+    frames = -(-(clock + count) // FRAME_CYCLES)
+    cut = r._replace(
+        frames=frames,
+        row_every=frames,
+        windows=(recording.Window(clock, count, "asked for"),),
+        stimulus=replay.Stimulus(
+            r.stimulus.adc[r.stimulus.adc[:, 0] < frames * FRAME_CYCLES],
+            r.stimulus.host[r.stimulus.host[:, 0] < frames * FRAME_CYCLES],
+            r.stimulus.sar[: frames * FRAME_CYCLES // TICK_CYCLES],
+        ),
+    )
+    out = folder.with_name(f"{folder.name}_{clock}") if out is None else Path(out)
+    return out, write(cut, out)

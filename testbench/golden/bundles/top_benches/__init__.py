@@ -1,0 +1,33 @@
+"""Benches of the whole firmware: they replay recorded inputs, and check listed rows and a signature of every frame.
+
+    before edge n   clk is low: host events and samples of n; what the ADS1298 did after edge n - 1
+    half a clock    registers and pins enter the signature; where at.hex lists n, inputs, registers, pins are compared
+    edge n          clk rises
+
+After 3250 clocks the signature is compared with its line of sig.hex. Everything is read from the files of the bundle.
+The converter is modelled in the bench because it answers the design: it shifts when SCLK rises and DRDY_N follows CS_N.
+Source  docs/golden.md (the whole design), docs/parts/adc_serial.md
+"""
+
+from testbench.golden.bundles import benches
+from testbench.golden.bundles.top_benches.cocotb import cocotb_test
+from testbench.golden.bundles.top_benches.layout import DEFAULT_FRAMES, parameters
+from testbench.golden.bundles.top_benches.verilog import cocotb_top, verilog_bench
+from testbench.golden.bundles.top_benches.vhdl import vhdl_bench
+
+
+def texts(block, case, rows, counts):
+    """{path: text} of everything above."""
+    stem = block.stem
+    return {
+        **parameters(block, case, rows, counts),
+        **benches.rom_files(block),
+        f"tb_{stem}.v": verilog_bench(block, case, counts),
+        f"cocotb_{stem}.v": cocotb_top(block, case),
+        f"tb_{stem}.vhd": vhdl_bench(block, case, counts),
+        f"tb_{stem}_vunit.vhd": benches.vunit_bench(block, case, frames=True),
+        f"test_{stem}.py": cocotb_test(block, case),
+        "run_vunit.py": benches.vunit_run(block, case, DEFAULT_FRAMES["vunit"]),
+        "Makefile": benches.makefile(block, case),
+        "check.sh": benches.check_script(block, case, DEFAULT_FRAMES),
+    }

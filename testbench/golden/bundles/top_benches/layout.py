@@ -1,0 +1,69 @@
+"""What the benches of the whole design agree on: constants, parts, widths of what they replay.
+
+Source  docs/golden.md (the whole design)
+"""
+
+from analog_frontend.parts import adc_serial
+from fpga_model.rates import FRAME_CYCLES, TICK_CYCLES
+from testbench.golden.bundles import benches
+from testbench.golden.recording import signature
+
+ROM_PARAMETERS = {"SINE_ROM_FILE": "rom/sine.hex", "CORDIC_ROM_FILE": "rom/cordic_atan.hex"}
+CLOCK_BITS = 32
+ADC_BITS = CLOCK_BITS + adc_serial.WORDS * adc_serial.WORD_BITS
+HOST_BITS = CLOCK_BITS + 4 + 8 + 48
+SAR_BITS = 36
+GROUP = 15  # ports, about the root of their number
+SHOWN_ROWS = 2  # reported in full: each may have two hundred ports
+PART_BITS = 1024  # of a word that cocotb reads; Verilator's VPI gives 2048 at most
+# Frames that a simulator runs unless FRAMES is given: half a minute or so of each
+DEFAULT_FRAMES = {"icarus": 300, "verilator": 0, "ghdl": 20, "cocotb": 20, "cocotb-verilator": 60, "vunit": 20}
+
+
+def constants(counts):
+    """(name, integer) of a replay, beside those of every bench.
+
+    counts  {frames, conversions, host_events, samples}
+    """
+    out_width = counts["out_width"]
+    return [
+        ("N_FRAMES", counts["frames"]),
+        ("N_ADC", counts["conversions"]),
+        ("N_HOST", counts["host_events"]),
+        ("N_SAR", counts["samples"]),
+        ("FRAME_CYCLES", FRAME_CYCLES),
+        ("TICK_CYCLES", TICK_CYCLES),
+        ("ADC_BITS", ADC_BITS),
+        ("HOST_BITS", HOST_BITS),
+        ("SAR_BITS", SAR_BITS),
+        ("ADC_PULSE", adc_serial.PULSE),
+        ("ROW_BITS", signature.padded(out_width)),
+    ]
+
+
+def _with(text, before, lines):
+    """Text with lines inserted before the last line that begins with `before`."""
+    head, mark, tail = text.rpartition(before)
+    return head + "".join(f"{line}\n" for line in lines) + mark + tail
+
+
+def parameters(block, case, rows, counts):
+    """{path: text} of params.vh, params.svh and params_pkg.vhd."""
+    extra = constants(counts)
+    return {
+        "params.vh": benches.params_vh(block, case, rows) + "".join(f"localparam {k} = {v};\n" for k, v in extra),
+        "params.svh": _with(
+            benches.params_svh(block, case, rows), "endpackage", [f"    localparam {k} = {v};" for k, v in extra]
+        ),
+        "params_pkg.vhd": _with(
+            benches.params_pkg(block, case, rows),
+            "end package;",
+            [f"    constant {k} : natural := {v};" for k, v in extra],
+        ),
+    }
+
+
+def chunks(total):
+    """(bits of the first chunk, number of further chunks) of a word of `total` bits."""
+    first = (total - 1) % signature.CHUNK + 1
+    return first, (total - first) // signature.CHUNK

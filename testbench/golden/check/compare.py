@@ -1,0 +1,236 @@
+"""Golden rows against the log of somebody's design: the first divergence, the rows before it, and a diagnosis.
+
+    row n = registers before edge n;  edge n is at n / clock_hz;  ports of a log may be any subset of the manifest's
+
+A value that the simulator did not know (x, z, u, ...) is a divergence wherever the golden row is compared.
+Source    docs/golden.md (schema of the manifest)
+"""
+
+import json
+from typing import NamedTuple
+
+import numpy as np
+
+from fpga_model.fixed import Fmt
+from testbench.errors import FileError
+from testbench.golden.check import diagnose as why
+
+SCHEMA = "gyro-golden/1.0"
+BEFORE = 8
+MAX_WIDTH = 63
+
+
+class Column(NamedTuple):
+    """One logged port: int64 values, and where they were known."""
+
+    values: np.ndarray
+    known: np.ndarray
+
+
+class Divergence(NamedTuple):
+    """The first row that differs. `got` is None where the design's value was unknown; `error_lsb` is got - expected."""
+
+    cycle: int
+    time_ns: float
+    port: str
+    is_input: bool
+    expected: int
+    got: int | None
+    expected_value: float
+    got_value: float | None
+    error_lsb: int | None
+    also: tuple
+    before: tuple
+
+
+class Report(NamedTuple):
+    """Outcome of a comparison; `before` of the divergence holds (cycle, {port: expected}, {port: got})."""
+
+    block: str
+    case: str
+    rows: int
+    golden_rows: int
+    ports: tuple
+    missing: tuple
+    differing: dict
+    divergence: Divergence | None
+    diagnosis: why.Diagnosis | None
+
+    @property
+    def passed(self):
+        return self.divergence is None
+
+    def to_json(self):
+        """The report as JSON text with sorted keys; the keys are the field names."""
+        tree = self._asdict() | {"passed": self.passed}
+        if self.divergence:
+            before = [{"cycle": c, "expected": e, "got": g} for c, e, g in self.divergence.before]
+            tree["divergence"] = self.divergence._asdict() | {"before": before}
+        if self.diagnosis:
+            tree["diagnosis"] = self.diagnosis._asdict() | {"text": self.diagnosis.text()}
+        return json.dumps(tree, indent=2, sort_keys=True) + "\n"
+
+    def text(self):
+        """The report for a terminal."""
+        head = f"{self.block}/{self.case}: {self.rows} of {self.golden_rows} rows, {len(self.ports)} ports"
+        if self.missing:
+            head += f" (not in the log: {', '.join(self.missing)})"
+        if self.passed:
+            return f"{head}: PASS\n"
+        d = self.divergence
+        got = "unknown (x)" if d.got is None else f"{d.got} = {d.got_value:g}, {d.error_lsb:+d} LSB"
+        lines = [
+            f"{head}: FAIL",
+            f"first divergence  cycle {d.cycle}, {d.time_ns:.1f} ns, {'input' if d.is_input else 'register'} {d.port}",
+            f"  expected        {d.expected} = {d.expected_value:g}",
+            f"  got             {got}",
+        ]
+        if d.also:
+            lines.append(f"  also there      {', '.join(d.also)}")
+        lines += ["  " + line for line in self._rows_before()]
+        lines.append("differing rows    " + ", ".join(f"{name} {count}" for name, count in self.differing.items()))
+        if self.diagnosis:
+            lines.append(f"diagnosis         {self.diagnosis.text()}")
+        elif d.is_input:
+            lines.append("diagnosis         none: the design was not given the golden stimulus")
+        return "\n".join(lines) + "\n"
+
+    def _rows_before(self):
+        d = self.divergence
+        shown = [d.port, *[name for name in self.ports if name != d.port]][:8]
+        table = [["cycle", *shown]]
+        for cycle, want, got in d.before:
+            cells = [
+                str(want[n]) if got[n] == want[n] else f"{want[n]} / {'x' if got[n] is None else got[n]}" for n in shown
+            ]
+            table.append([str(cycle), *cells])
+        widths = [max(len(row[k]) for row in table) for k in range(len(table[0]))]
+        lines = ["  ".join(cell.rjust(width) for cell, width in zip(row, widths)) for row in table]
+        return [*lines, "(expected / got where they differ)"]
+
+
+def _ports(manifest, kinds):
+    """{name: (Fmt, reset, width)} of some of the manifest's lists."""
+    found = {}
+    for kind in kinds:
+        for port in manifest.get(kind, []):
+            try:
+                fmt = Fmt(*[int(k) for k in port["fmt"]])
+                name, reset = port["name"], port.get("reset")
+            except (KeyError, TypeError, ValueError):
+                raise FileError(f"manifest: {kind}: {port!r} is not a port with name and fmt [s, i, f]") from None
+            if fmt.width != port.get("width", fmt.width):
+                raise FileError(f"manifest: port {name}: width {port['width']} is not that of format {fmt}")
+            if not 0 < fmt.width <= MAX_WIDTH:
+                raise FileError(f"manifest: port {name}: {fmt.width} bits, the limit is {MAX_WIDTH}")
+            found[name] = (fmt, reset)
+    return found
+
+
+def formats(manifest):
+    """{name: Fmt} of all ports of a manifest; raises FileError for another schema or a broken port."""
+    if manifest.get("schema") != SCHEMA:
+        raise FileError(f"manifest: schema {manifest.get('schema')!r} is not {SCHEMA!r}")
+    return {name: fmt for name, (fmt, _) in _ports(manifest, ("inputs", "registers", "outputs")).items()}
+
+
+def _column(value):
+    if isinstance(value, Column):
+        return value
+    values = np.asarray(value, np.int64)
+    return Column(values, np.ones(len(values), bool))
+
+
+def compare(manifest, inputs, expected, got, care=None, before=BEFORE):
+    """Compare a log with golden rows.
+
+    manifest          as in a bundle; its order of ports decides which is named first in one row
+    inputs, expected  {name: int64 column} of the golden rows
+    got               {name: column or Column} of the log; rows beyond the golden ones are ignored
+    care              {name: bool column} of the rows that count (default: all)
+    before            rows shown before the first divergence
+    """
+    fmts = formats(manifest)
+    unknown = sorted(set(got) - set(fmts))
+    if unknown:
+        raise FileError(f"log: port {unknown[0]} is not in the manifest of {manifest['block']}")
+    logged = {name: _column(got[name]) for name in fmts if name in got}
+    if not set(logged) & set(expected):
+        raise FileError(f"log: no register or output of {manifest['block']}; it has {', '.join(expected)}")
+    n = min([manifest["n"], *[len(column.values) for column in logged.values()]])
+    if n < 1:
+        raise FileError("log: no rows")
+    golden = {**inputs, **expected}
+    counts = {name: (care or {}).get(name, np.ones(manifest["n"], bool))[:n] for name in logged}
+    wrong = {name: counts[name] & (~c.known[:n] | (c.values[:n] != golden[name][:n])) for name, c in logged.items()}
+    differing = {name: int(rows.sum()) for name, rows in wrong.items() if rows.any()}
+    missing = tuple(name for name in expected if name not in logged)
+    head = (manifest["block"], manifest.get("case", ""), n, manifest["n"], tuple(logged), missing, differing)
+    if not differing:
+        return Report(*head, None, None)
+
+    cycle = min(int(np.argmax(wrong[name])) for name in differing)
+    there = [name for name in differing if wrong[name][cycle]]
+    port = there[0]
+
+    def at(name, row):
+        column = logged[name]
+        return int(column.values[row]) if column.known[row] else None
+
+    want, have = int(golden[port][cycle]), at(port, cycle)
+    scale = 2.0 ** -fmts[port].f
+    shown = tuple(
+        (row, {name: int(golden[name][row]) for name in logged}, {name: at(name, row) for name in logged})
+        for row in range(max(0, cycle - before), cycle + 1)
+    )
+    divergence = Divergence(
+        cycle=cycle,
+        time_ns=cycle * 1e9 / manifest["clock"]["hz"],
+        port=port,
+        is_input=port in inputs and port not in expected,
+        expected=want,
+        got=have,
+        expected_value=want * scale,
+        got_value=None if have is None else have * scale,
+        error_lsb=None if have is None else have - want,
+        also=tuple(there[1:]),
+        before=shown,
+    )
+    return Report(*head, divergence, _diagnosis(manifest, inputs, golden, logged, counts, n, divergence))
+
+
+def against(golden, got, before=BEFORE):
+    """Compare columns of a design with a bundle that was read; returns a `Report`.
+
+    golden  `bundle.Bundle`
+    got     {name: column or Column} of the design
+    Raises FileError for the bundle of the whole firmware: its rows are apart, and only its own bench can use them.
+    """
+    manifest = golden.manifest
+    if manifest["block"] == "top":
+        raise FileError("top: its rows are apart; compare the whole design with its own bench: make -C FOLDER check")
+    names = [port["name"] for port in manifest["inputs"]]
+    results = [port["name"] for port in manifest["registers"] + manifest["outputs"]]
+    return compare(
+        manifest,
+        dict(zip(names, golden.stim.T.copy())),
+        dict(zip(results, golden.exp.T.copy())),
+        got,
+        {name: column != 0 for name, column in zip(results, golden.mask.T)},
+        before,
+    )
+
+
+def _diagnosis(manifest, inputs, golden, logged, counts, n, divergence):
+    if divergence.is_input:
+        return None
+    ports = {name: why.Port(*port) for name, port in _ports(manifest, ("registers", "outputs")).items()}
+    return why.diagnose(
+        block=manifest["block"],
+        params={p["name"]: p["raw"] for p in manifest.get("params", [])},
+        inputs={name: column[:n] for name, column in inputs.items()},
+        ports=ports,
+        expected={name: golden[name][:n] for name in ports},
+        got={name: logged[name].values[:n] for name in logged if name in ports},
+        care={name: counts[name] & logged[name].known[:n] for name in logged if name in ports},
+    ) or why.Diagnosis(why.UNKNOWN, divergence.port, "")

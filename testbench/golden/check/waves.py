@@ -1,0 +1,406 @@
+"""Logs of other people's simulations as columns: VCD, FST and GHW dumps and CSV, through a map from port to signal.
+
+    schema = "gyro-map/1.0"                 row 0 is the first active edge that sees reset released;
+    [clock]                                 without [reset] it is active edge `first_edge` (default 0)
+    signal = "tb.clk"
+    edge = "rising"                         or "falling"
+    [reset]                                 optional
+    signal = "tb.rst"
+    active = 1
+    [ports]                                 port of the manifest = path in the dump, or a slice of it
+    phase = "tb.dut.phase"
+    taps_0 = "tb.dut.taps[17:0]"
+
+A row is what the dump shows just before the active edge: a change at the instant of the edge comes after it.
+A bit that is not 0 or 1 makes the value of that row unknown. Values are two's complement of the port's own width.
+FST is read with pywellen, which is optional; the others need nothing (decision 0009). A CSV has a header of names and
+one row per clock, decimal or 0x hex; it needs neither [clock] nor [reset], and `first_edge` is the line of row 0.
+Source    docs/golden.md
+"""
+
+import csv
+import re
+import tomllib
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from fpga_model.fixed import bits
+from testbench.errors import FileError
+from testbench.golden.bundles import bundle
+from testbench.golden.check import ghw
+from testbench.golden.check.compare import BEFORE, Column, against, formats
+
+SCHEMA = "gyro-map/1.0"
+SLICE = re.compile(r"^(.*?)\s*\[(\d+)(?::(\d+))?\]$")
+# VHDL's weak levels are levels; everything else is unknown
+LEVELS = str.maketrans("LlHh", "0011")
+
+
+class Map(NamedTuple):
+    """A signal map; `reset` is None or (path, active level)."""
+
+    ports: dict
+    clock: str
+    rising: bool
+    reset: tuple | None
+    first_edge: int
+
+
+def read_map(path):
+    """Read and check a map; raises FileError naming the key."""
+    path = Path(path)
+    try:
+        tree = tomllib.loads(path.read_text("utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as problem:
+        raise FileError(f"{path}: cannot be read as TOML: {problem}") from None
+
+    def need(ok, key, value, limit):
+        if not ok:
+            raise FileError(f"{path}: {key}: {value!r} is not {limit}")
+
+    need(tree.get("schema") == SCHEMA, "schema", tree.get("schema"), SCHEMA)
+    allowed = {
+        "schema": (),
+        "first_edge": (),
+        "ports": None,
+        "clock": ("signal", "edge"),
+        "reset": ("signal", "active"),
+    }
+    for key, value in tree.items():
+        need(key in allowed, "key", key, f"one of {', '.join(allowed)}")
+        if key in ("ports", "clock", "reset"):
+            need(isinstance(value, dict), key, value, "a table")
+        for name in value if allowed[key] else ():
+            need(name in allowed[key], f"{key} key", name, f"one of {', '.join(allowed[key])}")
+    ports, clock, reset = tree.get("ports", {}), tree.get("clock", {}), tree.get("reset")
+    need(ports and all(isinstance(v, str) for v in ports.values()), "ports", ports, "a table of port = signal path")
+    need(isinstance(clock.get("signal", ""), str), "clock.signal", clock.get("signal"), "a signal path")
+    need(clock.get("edge", "rising") in ("rising", "falling"), "clock.edge", clock.get("edge"), "rising or falling")
+    if reset is not None:
+        need(isinstance(reset.get("signal"), str), "reset.signal", reset.get("signal"), "a signal path")
+        need(reset.get("active", 1) in (0, 1), "reset.active", reset.get("active"), "0 or 1")
+    first = tree.get("first_edge", 0)
+    need(type(first) is int and first >= 0, "first_edge", first, "a whole number from 0")
+    return Map(
+        ports=ports,
+        clock=clock.get("signal", ""),
+        rising=clock.get("edge", "rising") == "rising",
+        reset=None if reset is None else (reset["signal"], reset.get("active", 1)),
+        first_edge=first,
+    )
+
+
+# Dumps: a reader gives {path: (times, texts, width, hi, lo)} of the wanted signals ------------------------------------
+
+
+def _bare(name):
+    """A signal name without the range that a declaration carries."""
+    found = SLICE.match(name)
+    return found[1] if found else name
+
+
+def _spelled(name):
+    """A path without what only some tools write: the backslash of an escaped name, a dot before an index."""
+    return re.sub(r"(^|\.)\\", r"\1", name).replace(".[", "[")
+
+
+def _listed(pairs):
+    """{path: signal} of (path, signal); None where two signals have one path."""
+    known = {}
+    for name, signal in pairs:
+        name = _spelled(name)
+        known[name] = signal if known.get(name, signal) == signal else None
+    return known
+
+
+def _wanted(path, known, where):
+    """(signal, hi, lo) of a path of the map: the whole signal, or a slice of it.
+
+    Verilator puts everything below TOP, and GHDL leaves the top out of an FST: both may be missing in the map.
+    """
+    spelled = _spelled(path)
+    head, _, rest = spelled.partition(".")
+    ways = [spelled, f"TOP.{spelled}"]
+    if rest and not any(name.startswith(f"{head}.") for name in known):
+        ways.append(rest)
+    for way in ways:
+        found = SLICE.match(way)
+        if way in known:
+            name, hi, lo = way, None, None
+        elif found and found[1] in known:
+            name, hi = found[1], int(found[2])
+            lo = hi if found[3] is None else int(found[3])
+            if hi < lo:
+                raise FileError(f"{where}: slice {path}: {hi} is below {lo}")
+        else:
+            continue
+        if known[name] is None:
+            raise FileError(f"{where}: signal {path} is there more than once")
+        return name, hi, lo
+    tail = spelled.rsplit(".", 1)[-1].split("[")[0]
+    near = sorted(name for name in known if name.rsplit(".", 1)[-1] == tail)[:4]
+    hint = f"; there is {', '.join(near)}" if near else ""
+    raise FileError(f"{where}: no signal {path}{hint}")
+
+
+def _vcd(path, paths):
+    """Changes of the wanted signals of a VCD file, and the slices; strict: anything unforeseen is an error."""
+    try:
+        text = Path(path).read_text("ascii")
+    except (OSError, UnicodeDecodeError) as problem:
+        raise FileError(f"{path}: cannot be read: {problem}") from None
+    head, mark, body = text.partition("$enddefinitions")
+    if not mark:
+        raise FileError(f"{path}: not a VCD file: no $enddefinitions")
+    scopes, known = [], []
+    tokens = iter(head.split())
+    for token in tokens:
+        if not token.startswith("$"):
+            raise FileError(f"{path}: header: {token[:40]!r} is outside any section")
+        words = []
+        for word in tokens:
+            if word == "$end":
+                break
+            words.append(word)
+        else:
+            raise FileError(f"{path}: header: section {token} has no $end")
+        if token == "$scope" and len(words) == 2:
+            scopes.append(words[1])
+        elif token == "$upscope" and scopes:
+            scopes.pop()
+        elif token == "$var" and len(words) >= 4 and words[1].isdigit():
+            # one bit of an array is a signal of its own; a range is only how the signal was declared
+            name = re.sub(r" (\[[^ ]*\])$", r"\1", " ".join(words[3:]))
+            if int(words[1]) > 1 or ":" in name.rpartition("[")[2]:
+                name = _bare(name)
+            known.append((".".join([*scopes, name]), (words[2], int(words[1]), words[0])))
+        elif token in ("$scope", "$upscope", "$var"):
+            raise FileError(f"{path}: header: broken {token} {' '.join(words)[:40]}")
+    known = _listed(known)
+    found = {wanted: _wanted(wanted, known, path) for wanted in paths}
+    for signal, _, _ in found.values():
+        if known[signal][2] in ("real", "realtime", "string", "event"):
+            raise FileError(f"{path}: signal {signal} is a {known[signal][2]}, not bits")
+    changes = {known[signal][0]: ([], []) for signal, _, _ in found.values()}
+    time = 0
+    words = iter(body.split())
+    for word in words:
+        first = word[0]
+        if first == "#":
+            if not word[1:].isdigit() or int(word[1:]) < time:
+                raise FileError(f"{path}: time {word} after #{time} is not a later time")
+            time = int(word[1:])
+        elif first in "bBrRsS":
+            name = next(words, None)
+            if name is None:
+                raise FileError(f"{path}: the file ends inside a value")
+            if name in changes and first in "bB":
+                changes[name][0].append(time)
+                changes[name][1].append(word[1:])
+        elif first in "01xXzZuUwWlLhH-":
+            if word[1:] in changes:
+                changes[word[1:]][0].append(time)
+                changes[word[1:]][1].append(first)
+        elif word == "$comment":
+            for other in words:
+                if other == "$end":
+                    break
+        elif first != "$":
+            raise FileError(f"{path}: {word[:40]!r} at #{time} is not a VCD value")
+    return {
+        wanted: (*changes[known[signal][0]], known[signal][1], hi, lo) for wanted, (signal, hi, lo) in found.items()
+    }
+
+
+def _wellen(path, paths):
+    """As `_vcd`, for FST."""
+    try:
+        import pywellen
+    except ImportError:
+        raise FileError(f"{path}: FST needs pywellen: pip install pywellen, or dump VCD") from None
+    if not Path(path).is_file():
+        raise FileError(f"{path}: cannot be read: no such file")
+    try:
+        wave = pywellen.Waveform(str(path))
+        variables = list(wave.all_vars())
+        known = _listed((var.full_name, str(var.signal_ref)) for var in variables)
+    except (RuntimeError, ValueError, OSError) as problem:
+        raise FileError(f"{path}: cannot be read: {problem}") from None
+    by_signal = {str(var.signal_ref): var for var in variables}
+    out = {}
+    for wanted in paths:
+        signal, hi, lo = _wanted(wanted, known, path)
+        var = by_signal[known[signal]]
+        if var.bitwidth is None:
+            raise FileError(f"{path}: signal {signal} is not bits")
+        times, texts = [], []
+        for time, value in var.signal:
+            times.append(int(time))
+            texts.append(f"{value:0{var.bitwidth}b}" if isinstance(value, int) else str(value))
+        out[wanted] = (times, texts, int(var.bitwidth), hi, lo)
+    return out
+
+
+def _ghw(path, paths):
+    """As `_vcd`, for GHW."""
+    found = {}
+
+    def choose(known):
+        listed = _listed((name, name) for name in known)
+        for wanted in paths:
+            signal, hi, lo = _wanted(wanted, listed, path)
+            found[wanted] = listed[signal], hi, lo
+            if known[listed[signal]] is None:
+                raise FileError(f"{path}: signal {signal} is not bits")
+        return list(dict.fromkeys(signal for signal, _, _ in found.values()))
+
+    columns = ghw.read(path, choose)
+    return {wanted: (*columns[signal], hi, lo) for wanted, (signal, hi, lo) in found.items()}
+
+
+def _extended(text, width):
+    """All bits of a VCD vector: the left is filled with 0, or with the unknown that leads."""
+    text = text.translate(LEVELS).lower()
+    return text.rjust(width, text[0] if text[0] not in "01" else "0")
+
+
+def _number(text, signed):
+    """Value of bits, or None."""
+    if set(text) - {"0", "1"}:
+        return None
+    value = int(text, 2)
+    return value - (1 << len(text)) if signed and text[0] == "1" else value
+
+
+def _sampled(change, at, port, fmt, where):
+    """Column of a signal just before the times `at`."""
+    times, texts, width, hi, lo = change
+    if hi is not None and hi >= width:
+        raise FileError(f"{where}: port {port}: bit {hi} of a signal of {width} bits")
+    taken = width if hi is None else hi - lo + 1
+    if taken != fmt.width:
+        raise FileError(f"{where}: port {port}: {taken} bits in the dump, {fmt.width} in the manifest")
+    decoded = np.zeros(len(texts) + 1, np.int64)
+    known = np.zeros(len(texts) + 1, bool)
+    for k, text in enumerate(texts):
+        text = _extended(text, width)
+        if hi is not None:
+            text = text[width - 1 - hi : width - lo]
+        value = _number(text, fmt.s)
+        if value is not None:
+            decoded[k + 1], known[k + 1] = value, True
+    place = np.searchsorted(np.asarray(times, np.int64), at, "left")
+    return Column(decoded[place], known[place])
+
+
+def _edges(change, rising, where):
+    """Times of the active edges: from a known level to the other."""
+    times, texts, width, _, _ = change
+    if width != 1:
+        raise FileError(f"{where}: the clock has {width} bits")
+    levels = [text.translate(LEVELS) for text in texts]
+    old, new = ("0", "1") if rising else ("1", "0")
+    # several changes at one time are delta cycles: only the last one counts
+    last = {}
+    for time, level in zip(times, levels):
+        last[time] = level
+    found, before = [], None
+    for time, level in last.items():
+        if before == old and level == new:
+            found.append(time)
+        before = level
+    if not found:
+        raise FileError(f"{where}: the clock has no {'rising' if rising else 'falling'} edge")
+    return np.array(found, np.int64)
+
+
+def _from_dump(path, reader, signals, fmts):
+    if not signals.clock:
+        raise FileError(f"{path}: the map has no clock.signal")
+    wanted = [signals.clock, *signals.ports.values()] + ([signals.reset[0]] if signals.reset else [])
+    changes = reader(path, list(dict.fromkeys(wanted)))
+    at = _edges(changes[signals.clock], signals.rising, path)
+    if signals.reset:
+        name, active = signals.reset
+        levels = _sampled(changes[name], at, "reset", bits(1), path)
+        asserted = np.flatnonzero(levels.known & (levels.values == active))
+        free = np.flatnonzero(levels.known & (levels.values != active))
+        free = free[free > asserted[0]] if len(asserted) else free[:0]
+        if not len(free):
+            raise FileError(f"{path}: reset {name} is never active and then released at a clock edge")
+        at = at[free[0] :]
+    at = at[signals.first_edge :]
+    if not len(at):
+        raise FileError(f"{path}: first_edge {signals.first_edge} is behind the last clock edge")
+    return {port: _sampled(changes[name], at, port, fmts[port], path) for port, name in signals.ports.items()}
+
+
+# CSV ------------------------------------------------------------------------------------------------------------------
+
+
+def _from_csv(path, signals, fmts):
+    try:
+        with open(path, newline="", encoding="utf-8") as file:
+            rows = list(csv.reader(file))
+    except (OSError, UnicodeDecodeError, csv.Error) as problem:
+        raise FileError(f"{path}: cannot be read: {problem}") from None
+    if len(rows) < 2:
+        raise FileError(f"{path}: a header and at least one row are needed")
+    header = [name.strip() for name in rows[0]]
+    rows = rows[1 + signals.first_edge :]
+    if len(set(header)) != len(header):
+        raise FileError(f"{path}: two columns have the same name")
+    for n, row in enumerate(rows):
+        if len(row) != len(header):
+            raise FileError(f"{path}: row {n}: {len(row)} cells, the header has {len(header)}")
+    out = {}
+    for port, name in signals.ports.items():
+        if name not in header:
+            raise FileError(f"{path}: no column {name}; there is {', '.join(header[:8])}")
+        k, fmt = header.index(name), fmts[port]
+        values, known = np.zeros(len(rows), np.int64), np.zeros(len(rows), bool)
+        for n, row in enumerate(rows):
+            cell = row[k].strip()
+            if not cell or set(cell.lower()) <= set("xzuw"):
+                continue
+            try:
+                value = int(cell, 16) if cell.lower().startswith("0x") else int(cell)
+            except ValueError:
+                raise FileError(f"{path}: row {n}, {name}: {cell[:40]!r} is not an integer") from None
+            # hex, and decimal of a tool that prints bits, may be unsigned
+            if fmt.s and fmt.hi < value < 1 << fmt.width:
+                value -= 1 << fmt.width
+            if not fmt.holds(value):
+                raise FileError(f"{path}: row {n}, {name}: {cell} does not fit {fmt.width} bits {fmt}")
+            values[n], known[n] = value, True
+        out[port] = Column(values, known)
+    return out
+
+
+def read_log(path, signals, fmts):
+    """Columns of the mapped ports of a .vcd, .fst, .ghw or .csv file.
+
+    signals  a `Map`
+    fmts     {port: Fmt} of the manifest (`compare.formats`)
+    """
+    strange = sorted(set(signals.ports) - set(fmts))
+    if strange:
+        raise FileError(f"map: port {strange[0]} is not in the manifest; there is {', '.join(list(fmts)[:12])}")
+    kind = Path(path).suffix.lower()
+    if kind == ".csv":
+        return _from_csv(path, signals, fmts)
+    if kind == ".vcd":
+        return _from_dump(path, _vcd, signals, fmts)
+    if kind == ".ghw":
+        return _from_dump(path, _ghw, signals, fmts)
+    if kind == ".fst":
+        return _from_dump(path, _wellen, signals, fmts)
+    raise FileError(f"{path}: the file type {kind or '(none)'} is not .vcd, .fst, .ghw or .csv")
+
+
+def check(folder, log, map_path, before=BEFORE):
+    """Compare a log with the bundle in `folder`, which is verified first; returns a `compare.Report`."""
+    golden = bundle.read(folder)
+    return against(golden, read_log(log, read_map(map_path), formats(golden.manifest)), before)

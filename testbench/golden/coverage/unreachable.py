@@ -1,0 +1,361 @@
+"""Goals that no stimulus of a case can meet, each with the argument.
+
+    claims       a pattern of the place, outcomes and an argument in words
+    bounds       intervals of registers: a bit that is the same all over its interval cannot toggle
+    multiples    registers that are multiples of a power of two: the bits below it cannot toggle
+    computed     what follows from the numbers of a case: gains, limits, widths, or all values tried
+
+Each reason begins with "proved: ". A claim is an argument and not an observation: tests try to break every one with
+random rows, and no vector may contradict one.
+Source  docs/golden.md
+"""
+
+import functools
+import re
+from typing import NamedTuple
+
+import numpy as np
+
+from fpga_model import cordic, modulator, pi, rate_output, registers, sequencer, sine
+from testbench.golden.coverage import coverage
+from testbench.golden.stimulus import blocks
+from testbench.golden.stimulus.edges_pi import ERRORS, ONE, Loop, even_part, half_up
+
+TIES = ("tie+even", "tie+odd", "tie-even", "tie-odd")
+
+
+class Claim(NamedTuple):
+    """Outcomes of the places whose name matches `place`, in the blocks that match `stem`."""
+
+    stem: str
+    place: str
+    outcomes: tuple
+    reason: str
+
+
+COUNTS = "the operand is a count plus 1, so at least 1"
+UNSIGNED = "the operand is unsigned"
+CLAIMS = (
+    Claim("dds", r"wrap_unsigned", ("under",), UNSIGNED),
+    Claim("isqrt|quadrature_loop", r"wrap_unsigned\(s\.radicand", ("under", "hi"), f"{UNSIGNED}, its low bits are 0"),
+    Claim("isqrt|quadrature_loop", r"wrap_unsigned\(s\.i \+ 1", ("under", "lo"), COUNTS),
+    Claim("registers", r"wrap_unsigned\(data", ("under",), UNSIGNED),
+    Claim("registers", r"wrap\(data", ("under", "lo"), UNSIGNED),
+    Claim("spi_adc", r"wrap\(shift", ("under", "lo"), UNSIGNED),
+    Claim("watchdog", r"clamp\(s\.age \+ 1", ("lo-1", "lo"), COUNTS),
+    Claim("rate_output", r"clamp\(p\.decimation", ("lo-1",), UNSIGNED),
+    Claim("cordic", r"s\.i < ITERATIONS", ("+1",), "i stops at ITERATIONS"),
+    Claim("cordic", r"half_up\(s\.x, ", ("tie-even", "tie-odd"), "x is never negative"),
+    Claim("cordic", r"wrap\(half_up\(s\.angle", ("under",), "the angle is wrapped already, and rounds up"),
+    Claim("sine", r"half_up", ("tie-even", "tie-odd"), "the magnitude is never negative"),
+    Claim("lock_monitor|sequencer", r"_judge(#\d)?: count >= ", ("+1",), "a count starts again at its limit"),
+    Claim("lock_monitor|sequencer", r"_judge(#\d)?: pending #2", ("no",), "without pending the count is 0"),
+    Claim("fault_monitor|sequencer", r"clamp\((count|s\.\w+_frames) \+ 1", ("lo-1", "lo"), COUNTS),
+    Claim("sequencer", r"clamp\(s\.timer \+ 1", ("lo-1", "lo"), COUNTS),
+    Claim("sequencer", r"clamp\(s\.attempts \+ failed", ("lo-1",), UNSIGNED),
+    Claim("sequencer", r"_following: frames (<|>=) p\.", ("+1",), "the timer starts again at the limit of its state"),
+    Claim(
+        "sequencer",
+        r"bad_frames >= p\.offline",
+        ("+1",),
+        "the drive starts with 0 bad frames, they rise by one, and at offline it stops",
+    ),
+    Claim("sequencer", r"fault_monitor\.step: en$", ("no",), "the sequencer passes 1"),
+)
+
+
+def _claimed(block, goals):
+    for claim in CLAIMS:
+        if re.fullmatch(claim.stem, block.stem):
+            for goal in goals:
+                if goal[0] != "toggle" and goal[2] in claim.outcomes and re.search(claim.place, goal[1]):
+                    yield goal, claim.reason
+
+
+# Registers --------------------------------------------------------------------------------------------------------
+
+
+def pi_registers(p, prefix):
+    """Intervals of the registers of a PI that starts at 0, and powers of two that divide them."""
+    lo, hi = min(p.lo, 0), max(p.hi, 0)
+    why = f"lo = {p.lo}, hi = {p.hi}"
+    bounds = {f"{prefix}acc": (lo * ONE, hi * ONE, why), f"{prefix}y": (lo, hi, why)}
+    if p.kp == 0:
+        bounds[f"{prefix}prop"] = (0, 0, "kp = 0")
+    return bounds, {f"{prefix}prop": (p.kp & -p.kp, f"kp = {p.kp}"), f"{prefix}acc": (even_part(p.ki), f"ki = {p.ki}")}
+
+
+def _counters(p, prefix=""):
+    tops = p._asdict() | dict.fromkeys(("bad_frames", "good_frames"), p.top)
+    return {f"{prefix}{name}": (0, top, f"its top is {top}") for name, top in tops.items()}
+
+
+def _locks(p, prefix=""):
+    tops = [max(pair) - 1 for pair in zip(p.frames_in, p.frames_out, strict=True)]
+    return {f"{prefix}count_{k}": (0, top, f"it starts again at {top + 1}") for k, top in enumerate(tops)}
+
+
+def bounds(block, case):
+    """({register: (least, most, why)}, {register: (a power of two that divides it, why)})."""
+    p, stem = block.cases[case], block.stem
+    if stem == "pi":
+        return pi_registers(p, "")
+    if stem in ERRORS:
+        found, multiples = pi_registers(p.loop, "loop_")
+        if stem == "agc":
+            found["o_amplitude"] = (min(0, p.loop.lo), max(p.kick, p.loop.hi), "the kick and the limits")
+        return found, multiples
+    if stem == "delay" and p.depth == 0:
+        return {f"taps_{k}": (0, 0, "depth 0 holds the taps at reset") for k in range(8)}, {}
+    if stem == "spi_dac":
+        return {
+            "lead": (0, p.lead, f"lead = {p.lead}"),
+            "ldac_wait": (0, p.ldac, f"ldac = {p.ldac}"),
+            "ldac_n": (1 - p.ldac, 1, f"ldac = {p.ldac}"),
+        }, {}
+    if stem == "lock_monitor":
+        return _locks(p), {}
+    if stem == "fault_monitor":
+        return _counters(p), {}
+    if stem == "sequencer":
+        return {**_locks(p.lock, "lock_"), **_counters(p.faults, "faults_")}, {}
+    return {}, {}
+
+
+def _steady(block, case):
+    intervals, multiples = bounds(block, case)
+    for port in coverage.named(block):
+        least, most, why = intervals.get(port.name, (port.fmt.lo, port.fmt.hi, ""))
+        power, gain = multiples.get(port.name, (1, ""))
+        for k in range(port.width):
+            reason = None
+            if least >> k == most >> k:
+                reason = f"{port.name} stays within {least} .. {most}: {why}"
+            elif power and power >> (k + 1):
+                reason = f"{port.name} is a multiple of {power}: {gain}"
+            if reason:
+                for way in ("rise", "fall"):
+                    yield ("toggle", port.name, f"{way} {k}"), reason
+
+
+# Places, from the numbers of the case -----------------------------------------------------------------------------
+
+
+def _outside(fmt_lo, fmt_hi, lo, hi):
+    """Outcomes of a clamp to lo .. hi whose operand stays within fmt_lo .. fmt_hi."""
+    values = {"lo-1": lo - 1, "lo": lo, "lo+1": lo + 1, "hi-1": hi - 1, "hi": hi, "hi+1": hi + 1}
+    return {outcome for outcome, value in values.items() if not fmt_lo <= value <= fmt_hi}
+
+
+def _loop(block, case):
+    p = block.cases[case]
+    if block.stem == "pi":
+        return Loop(p, pi.ERR, pi.OUT, None)
+    preset = next(port.fmt for port in block.inputs if port.name == "preset")
+    return Loop(p.loop, ERRORS[block.stem], None if block.stem == "frequency_tracker" else preset, None)
+
+
+def _acc_reaches(loop, limit, beyond):
+    """Whether acc + ki*e can be limit*2**24 + beyond, by divisibility alone."""
+    p = loop.p
+    if loop.preset is None:
+        return any((limit * ONE + beyond - base * ONE) % p.ki == 0 for base in (min(max(0, p.lo), p.hi), p.lo, p.hi))
+    if beyond % even_part(p.ki):
+        return False
+    moved = [p.ki * e for e in loop.solved(p.ki, beyond % ONE)]
+    span = (p.hi - p.lo) * ONE
+    lowest, highest = (beyond, span + beyond) if limit == p.hi else (beyond - span, beyond)
+    return any(lowest <= m <= highest for m in moved)
+
+
+def _pi_places(block, case, goals):
+    loop = _loop(block, case)
+    p = loop.p
+    step = min(even_part(p.kp), even_part(p.ki))
+    for goal in goals:
+        _, place, outcome = goal
+        if "clamp(preset" in place and outcome in _outside(loop.preset.lo, loop.preset.hi, p.lo, p.hi):
+            yield goal, f"preset is of format {loop.preset}"
+        if "clamp(s.acc + " in place and p.ki:
+            limit, beyond = (p.lo if outcome[:2] == "lo" else p.hi), int(outcome[2:] or 0)
+            if not _acc_reaches(loop, limit, beyond):
+                yield goal, f"acc moves by multiples of ki = {p.ki} only, from where it is clamped or preset"
+        if "half_up(s.prop + s.acc" in place and "clamp" not in place:
+            if step > 1 and outcome in ("one", "half-1", "half+1", "ones"):
+                yield goal, f"prop + acc is a multiple of {step}: kp = {p.kp}, ki = {p.ki}"
+            if p.kp == 0 and p.lo >= 0 and outcome in ("tie-even", "tie-odd"):
+                yield goal, "kp = 0 and lo >= 0: the sum is never negative"
+        if "clamp(half_up(s.prop" in place and p.kp == 0 and outcome in ("lo-1", "hi+1"):
+            yield goal, "kp = 0: the sum is acc, which is clamped already"
+
+
+def _modulator_places(block, case, goals):
+    p = block.cases[case]
+    amplitude, factor = modulator.AMPLITUDE, modulator.SINE
+    ends = [a * s for a in (amplitude.lo, amplitude.hi) for s in (factor.lo, factor.hi)]
+    beyond = _outside(half_up(min(ends), p.shift), half_up(max(ends), p.shift), p.lo, p.hi)
+    factors = np.arange(1, modulator.SINE.hi + 1, 2)
+    for goal in goals:
+        if "clamp(" in goal[1] and goal[2] in beyond:
+            yield goal, f"the products of the formats round to at most {half_up(max(ends), p.shift)} in magnitude"
+        if "half_up" in goal[1] and goal[2] in ("half-1", "half+1") and p.shift > modulator.AMPLITUDE.width:
+            wanted = (1 << (p.shift - 1)) + (1 if goal[2] == "half+1" else -1)
+            least, most = min(ends) - wanted >> p.shift, max(ends) - wanted >> p.shift
+            sums = [wanted + (m << p.shift) for m in range(least, most + 1)]
+            if not any(((abs(x) % factors == 0) & (abs(x) // factors <= 1 << 23)).any() for x in sums):
+                yield goal, "no product of the two formats has these low bits: all odd factors were tried"
+
+
+def _spi_dac_places(block, case, goals):
+    p = block.cases[case]
+    for goal in goals:
+        if "s.lead != 0" in goal[1] and goal[2] == "yes" and p.lead == 0:
+            yield goal, "lead = 0"
+        if "s.lead == 1" in goal[1] and (p.lead == 0 or (p.lead == 1 and goal[2] == "no")):
+            yield goal, f"lead = {p.lead}"
+
+
+def _sequencer_places(block, case, goals):
+    p = block.cases[case]
+    at_most = (p.search_limit << sequencer.GAIN.f) // p.gain
+    totals = [sign * total for total in range(at_most - 2, at_most + 4) for sign in (1, -1)]
+    near = {abs(half_up(total * p.gain, sequencer.GAIN.f)) for total in totals}
+    for goal in goals:
+        if "abs(correction) <= p.search_limit" in goal[1] and goal[2] in ("-1", "0", "+1"):
+            value = p.search_limit + int(goal[2])
+            if value not in near:
+                yield goal, f"a correction is a whole rotation times gain = {p.gain}, rounded: never {value}"
+    yield from _fault_places(block, case, goals)
+
+
+def _fault_places(block, case, goals):
+    p = block.cases[case]
+    for goal in goals:
+        found = re.search(r"(_count|_flag)(?:#(\d))?: ", goal[1])
+        if not found:
+            continue
+        limit = (p.faults if block.stem == "sequencer" else p)[int(found[2] or 1) - 1]
+        if found[1] == "_count" and goal[0] == "clamp" and int(goal[2][2:] or 0) + limit < 1 and goal[2][:2] == "hi":
+            yield goal, f"{COUNTS}; the limit is {limit}"
+        if found[1] == "_flag" and goal[0] == "compare" and limit == 0:
+            yield goal, "the limit is 0, so the counts are not compared"
+
+
+def _register_places(block, case, goals):
+    for goal in goals:
+        found = re.search(r"_load(?:#(\d+))?: wrap_unsigned", goal[1])
+        if found and goal[2] == "over" and registers.WRITABLE[int(found[1] or 1) - 1].fmt.width == registers.DATA.width:
+            yield goal, "the register is as wide as the data"
+
+
+def _sine_places(block, case, goals):
+    slopes = np.array(sine.TABLE_SLOPE)
+    for goal in goals:
+        if "row >> SLOPE_BITS" in goal[1]:
+            if goal[2] == "zero" and slopes.all():
+                yield goal, "no slope of the table is 0"
+            if goal[2] == "ones" and (slopes != sine.SLOPE_MASK).all():
+                yield goal, "no slope of the table is all ones"
+
+
+def _rate_output_places(block, case, goals):
+    t = np.arange(rate_output.T.lo, rate_output.T.hi + 1)
+    square, cut = t * t, rate_output.T2_CUT
+    low, odd, half = square & ((1 << cut) - 1), (square >> cut) & 1, 1 << (cut - 1)
+    values = {"zero": 0, "one": 1, "half-1": half - 1, "half+1": half + 1, "ones": (1 << cut) - 1}
+    met = {name for name, value in values.items() if (low == value).any()}
+    met |= {name for name, kept in (("tie+even", 0), ("tie+odd", 1)) if ((low == half) & (odd == kept)).any()}
+    for goal in goals:
+        if "s.t * s.t" in goal[1] and goal[2] not in met:
+            yield goal, "all temperatures were tried"
+
+
+def _sid_places(block, case, goals):
+    p = block.cases[case]
+    for goal in goals:
+        if goal[0] != "round":
+            continue
+        if "alpha * (x - y)" in goal[1]:
+            gain, name = p.alpha, "alpha"
+        else:
+            gain, name = (p.gain_x, "gain_x") if re.search(r"_code(#2)?: ", goal[1]) else (p.gain_y, "gain_y")
+        if gain % 2 == 0 and goal[2] in ("one", "half-1", "half+1", "ones"):
+            yield goal, f"the product is a multiple of {gain & -gain}: {name} = {gain}"
+
+
+def _near_zero():
+    """Whether some sum of the first k entries of the table, with any signs, is -1, 0 or 1."""
+
+    def signed_sums(entries):
+        found = np.zeros(1, np.int64)
+        for x in entries:
+            found = np.concatenate([found + x, found - x])
+        return np.sort(found)
+
+    for k in range(1, cordic.ITERATIONS + 1):
+        left, right = signed_sums(cordic.ATAN[: k // 2]), signed_sums(cordic.ATAN[k // 2 : k])
+        places = np.searchsorted(right, -1 - left)
+        nearest = right[np.minimum(places, len(right) - 1)] + left
+        if ((nearest >= -1) & (nearest <= 1)).any():
+            return True
+    return False
+
+
+def _cordic_places(block, case, goals):
+    sums = sum(1 for x in cordic.ATAN if x % 2)
+    turn = not _near_zero()
+    for goal in goals:
+        if "wrap(s.angle + ATAN" in goal[1] and turn and sum(cordic.ATAN) < -cordic.HALF_TURN - 1:
+            yield goal, "no sum of the first entries of the table, with any signs, is -1, 0 or 1: all were tried"
+        # the last angle is the start, a multiple of the cut, plus or minus every entry of the table
+        if "half_up(s.angle" in goal[1]:
+            even = goal[2] in ("zero", *TIES)
+            if even == bool(sums % 2):
+                yield goal, f"the angle is a sum of all {cordic.ITERATIONS} table entries, {sums} of them odd"
+
+
+COMPUTED = {
+    "pi": _pi_places,
+    **dict.fromkeys(ERRORS, _pi_places),
+    "modulator": _modulator_places,
+    "spi_dac": _spi_dac_places,
+    "fault_monitor": _fault_places,
+    "sequencer": _sequencer_places,
+    "registers": _register_places,
+    "sine": _sine_places,
+    "rate_output": _rate_output_places,
+    "digital_sid": _sid_places,
+    "cordic": _cordic_places,
+}
+
+
+LEFT_OUT = {
+    "fault_monitor": ("bad_frames", "good_frames"),
+    "sequencer": ("timer", "faults_bad_frames", "faults_good_frames"),
+}
+
+
+def left_out(block, goal):
+    """Why a goal that can be met is not looked for, or None: upper bits of 16, and the top of the timer."""
+    for name in LEFT_OUT.get(block.stem, ()):
+        bit = int(goal[2].split()[1]) if goal[0] == "toggle" and goal[1] == name else 0
+        timer = name == "timer" and goal[0] == "clamp" and "clamp(s.timer + 1" in goal[1] and goal[2][:2] == "hi"
+        if timer or bit >= blocks.ALL_ONES.bit_length():
+            return f"left out: {name} takes up to 65535 frames to get there, more rows than a bundle has"
+    return None
+
+
+@functools.cache
+def _reasons(stem, case):
+    block = blocks.BLOCKS[stem]
+    goals = coverage.goals(block, case)
+    parts = [_claimed(block, goals), _steady(block, case)]
+    if block.stem in COMPUTED:
+        places = [goal for goal in goals if goal[0] != "toggle"]
+        parts.append(COMPUTED[block.stem](block, case, places))
+    return {goal: f"proved: {reason}" for part in parts for goal, reason in part}
+
+
+def reasons(block, case):
+    """{goal: reason} of the goals of a case that cannot be met."""
+    return _reasons(block.stem, case)

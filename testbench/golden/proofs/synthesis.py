@@ -1,0 +1,134 @@
+"""Does the design synthesise, and to what size: yosys, for ECP5 and iCE40, with what must not be there refused.
+
+    front end    no latch, no asynchronous reset, no net that is read and not driven, no loop, no second driver
+    mapping      synth_ecp5, synth_ice40 -dsp
+    afterwards   the same checks of the mapped netlist
+
+The counts are a proxy for the Cyclone IV E of the board: yosys cannot size that part (docs/rtl.md). Memories, carry
+chains and multipliers are of other shapes there.
+Source  docs/rtl.md
+
+    python -m testbench.golden.proofs.synthesis     measure, and write the table of docs/rtl.md
+"""
+
+import json
+import re
+import shutil
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+from testbench.config import Config, changed
+from testbench.errors import ConfigError
+from testbench.golden.loop.library import sources
+from testbench.golden.recording import board
+from testbench.run import build
+from testbench.storage.files import write_text
+from testbench.tool import run_tool
+
+ROOT = Path(__file__).resolve().parents[3]
+RTL = ROOT / "testbench" / "rtl"
+PAGE = ROOT / "docs" / "rtl.md"
+MAPPERS = {"ecp5": "synth_ecp5", "ice40": "synth_ice40 -dsp"}
+BOARDS = {"analog": "analog_sid", "digital": "digital_sid"}
+FORBIDDEN = "t:$dlatch t:$adff t:$adffe t:$dffsr t:$dffsre t:$aldff t:$aldffe t:$dlatchsr t:$adlatch t:$sr"
+MAPPED_LATCHES = "t:$_DLATCH* t:$_SR_*"
+# Rows of the table: what is counted, and the cells of each family
+ROWS = (
+    ("4-input tables", {"ecp5": r"LUT4", "ice40": r"SB_LUT4"}),
+    ("carry cells (2 bits in ECP5, 1 in iCE40)", {"ecp5": r"CCU2C", "ice40": r"SB_CARRY"}),
+    ("flip-flops", {"ecp5": r"TRELLIS_FF", "ice40": r"SB_DFF\w*"}),
+    ("multipliers (18 x 18, 16 x 16)", {"ecp5": r"MULT18X18D", "ice40": r"SB_MAC16"}),
+    ("block memories (18 kbit, 4 kbit)", {"ecp5": r"DP16KD", "ice40": r"SB_RAM40_4K\w*"}),
+)
+
+
+class Netlist(NamedTuple):
+    """What a synthesis came to: cells by type, empty after the front end alone."""
+
+    family: str
+    board: str
+    cells: dict
+    yosys: str
+    seconds: float
+
+    def text(self):
+        checked = f"{self.family or 'front end'}, board {self.board}: no latch, no undriven net"
+        return f"{checked}, {sum(self.cells.values())} cells, {self.seconds:.1f} s" if self.cells else checked
+
+    def count(self, pattern):
+        """Cells whose type matches."""
+        return sum(count for name, count in self.cells.items() if re.fullmatch(pattern, name))
+
+
+def script(files, family):
+    """Commands for yosys; `family` None stops after the checks of the front end."""
+    lines = [f"read_verilog -defer {path}" for path in files]
+    lines += [
+        f"read_verilog {board.MODULE}.v",
+        f"hierarchy -check -top {board.MODULE}",
+        "proc; flatten; opt; check -assert",
+        f"select -assert-none {FORBIDDEN}",
+    ]
+    if family:
+        lines += [
+            f"{MAPPERS[family]} -top {board.MODULE}",
+            f"check -assert; select -assert-none {MAPPED_LATCHES}",
+            "tee -q -o cells.json stat -json",
+        ]
+    return "\n".join(lines) + "\n"
+
+
+def synthesise(rtl, family=None, name="analog", folder=None):
+    """`Netlist` of the design in folder `rtl` on a board.
+
+    family  ecp5, ice40, or None: the checks of the front end alone
+    name    analog or digital: which demodulator
+    folder  where the board's files and the netlist's counts are left; a temporary one if None
+    Raises ConfigError for a wrong name or a missing tool, FileError for what yosys refuses.
+    """
+    if family is not None and family not in MAPPERS:
+        raise ConfigError(f"family: {family!r} is not one of {', '.join(MAPPERS)}")
+    if name not in BOARDS:
+        raise ConfigError(f"board: {name!r} is not one of {', '.join(BOARDS)}")
+    if shutil.which("yosys") is None:
+        raise ConfigError("yosys: not installed; it does the synthesis")
+    config = changed(Config(), {"firmware.board": BOARDS[name]})
+    began = time.perf_counter()
+    with tempfile.TemporaryDirectory(prefix="gyro-synth-") as temporary:
+        work = Path(folder or temporary).resolve()
+        work.mkdir(parents=True, exist_ok=True)
+        board.write(work, build.firmware(config))
+        write_text(work / "synth.ys", script(sources(rtl), family))
+        run_tool(["yosys", "-q", "synth.ys"], work, f"{rtl}: synthesis for {family or 'no family'}, board {name}")
+        cells = json.loads((work / "cells.json").read_text()) if family else None
+    found = cells["modules"][f"\\{board.MODULE}"]["num_cells_by_type"] if cells else {}
+    return Netlist(family, name, found, cells["creator"] if cells else "", time.perf_counter() - began)
+
+
+def table(netlists):
+    """Markdown of the counts, a column per netlist."""
+    heads = [f"{n.family}, {n.board} SID" for n in netlists]
+    lines = [f"| proxy | {' | '.join(heads)} |", f"|---|{'---:|' * len(heads)}"]
+    lines += [f"| {text} | {' | '.join(str(n.count(cells[n.family])) for n in netlists)} |" for text, cells in ROWS]
+    version = re.match(r"Yosys \S+", netlists[0].yosys)[0]
+    return "\n".join(lines) + f"\n\n{version}; parameters of the default configuration; not placed, not routed."
+
+
+def main():
+    """Measure and write the page."""
+    from testbench.console.markdown import replaced
+
+    netlists = []
+    for family in MAPPERS:
+        netlists.append(synthesise(RTL, family))
+        print(netlists[-1].text(), flush=True)
+    write_text(PAGE, replaced(PAGE.read_text(), "resources", table(netlists)))
+    print(f"written: {PAGE.relative_to(ROOT)}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,166 @@
+"""Range report of a case: proven beside seen, headroom, and the 63-bit proof, as data and as text.
+
+    gyro golden ranges BLOCK|all [--json]      every bundle holds the same as RANGES.md and as `ranges` in its manifest
+
+Source  docs/ranges.md
+"""
+
+import re
+
+import numpy as np
+
+from fpga_model.fixed import MAX_WIDTH
+from testbench.golden.ranges import ranges
+from testbench.golden.stimulus import blocks, stimulus
+
+
+def _ends(pair):
+    return None if pair is None else list(pair)
+
+
+def seen(rows):
+    """[lowest, highest] of each column; None without rows."""
+    if not len(rows):
+        return [None] * rows.shape[1]
+    return [list(pair) for pair in zip(rows.min(axis=0).tolist(), rows.max(axis=0).tolist())]
+
+
+def entry(block, case, regs, pins):
+    """The `ranges` of a manifest.
+
+    regs, pins  what the case's vectors made of them, a column each
+    """
+    found = ranges.of_case(block.stem, case)
+    listed = []
+    for one, held in zip((*found.registers, *found.pins), seen(np.column_stack([regs, pins])), strict=True):
+        listed.append(
+            {
+                "name": one.name,
+                "fmt": list(one.fmt),
+                "proven": _ends(one.proven),
+                "seen": held,
+                "headroom_bits": one.headroom,
+                "proof": "width only" if one.proven is None else "induction",
+            }
+        )
+    widest = found.widest
+    return {
+        "ports": listed,
+        "relations": ranges.relations_text(block.stem),
+        "widest": widest and {"bits": widest.bits, "lo": widest.lo, "hi": widest.hi, "in": widest.function,
+                              "expression": widest.text},
+        "limit_bits": MAX_WIDTH,
+        "results": len(found.results),
+        "proven": found.sound,
+    }  # fmt: skip
+
+
+def of_vectors(block, case):
+    """`entry` with the vectors that `export` would write."""
+    stim, _ = stimulus.make(block, case)
+    return entry(block, case, *blocks.run(block, case, stim))
+
+
+def _table(rows):
+    """Text columns: the first to the left, the others to the right."""
+    sizes = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    lines = []
+    for row in rows:
+        cells = [cell.ljust(size) if k < 2 else cell.rjust(size) for k, (cell, size) in enumerate(zip(row, sizes))]
+        lines.append("  ".join(cells).rstrip())
+    return lines
+
+
+def verdict(data):
+    """One line: what is proven, and the widest result."""
+    open_ports = [one["name"] for one in data["ports"] if one["proven"] is None]
+    said = f"not proven: {', '.join(open_ports)}" if open_ports else f"all {len(data['ports'])} ports proven"
+    widest = data["widest"]
+    if widest is None:
+        return f"{said}; no arithmetic"
+    fits = "within" if widest["bits"] <= data["limit_bits"] else "ABOVE"
+    return (
+        f"{said}; {data['results']} arithmetic results {fits} {data['limit_bits']} bits, "
+        f"the widest {widest['bits']}: {widest['expression']} in {widest['in']}"
+    )
+
+
+def text(title, data):
+    """The report of a case; also RANGES.md of its bundle."""
+    rows = [("register", "format", "proven min", "proven max", "seen min", "seen max", "headroom bits")]
+    for one in data["ports"]:
+        ends = [str(x) for x in one["proven"] or ("-", "-")] + [str(x) for x in one["seen"] or ("-", "-")]
+        spare = "width only" if one["proven"] is None else str(one["headroom_bits"])
+        s, i, f = one["fmt"]
+        rows.append((one["name"], f"[{s},{i},{f}]", *ends, spare))
+    lines = [f"# Ranges of {title}", "", verdict(data) + "."]
+    if data["relations"]:
+        lines.append("Relations proven with them: " + ";  ".join(data["relations"]) + ".")
+    lines += ["", *(f"    {line}" for line in _table(rows)), ""]
+    lines.append("Proven: for every input in its format and a reset at any edge. Seen: in the vectors of this bundle.")
+    return "\n".join(lines) + "\n"
+
+
+# ---- page ---------------------------------------------------------------------------------------------------------
+
+
+def _bits(found):
+    return str(found.widest.bits) if found.widest else "-"
+
+
+def _markdown(heads, rows, numeric):
+    lines = [f"| {' | '.join(heads)} |", f"|{'|'.join('---:' if k in numeric else '---' for k in range(len(heads)))}|"]
+    return "\n".join([*lines, *(f"| {' | '.join(row)} |" for row in rows)])
+
+
+def summary_part():
+    """Table of all cases for docs/ranges.md."""
+    rows = []
+    for block in blocks.BLOCKS.values():
+        for case in block.cases:
+            found = ranges.of_case(block.stem, case)
+            spare = [one.headroom for one in found.registers if one.headroom is not None]
+            expression = f"`{found.widest.text}` in {found.widest.function}" if found.widest else "-"
+            rows.append(
+                (block.stem, case, f"{len(spare)} of {len(found.registers)}", str(spare.count(0)), _bits(found),
+                 expression.replace("|", "\\|"))
+            )  # fmt: skip
+    heads = ("block", "case", "registers proven", "without headroom", "widest bits", "widest result")
+    return _markdown(heads, rows, (3, 4))
+
+
+def registers_part():
+    """Tables of the registers of each block's first case; a tuple of registers is one row."""
+    parts = []
+    for block in blocks.BLOCKS.values():
+        case = next(iter(block.cases))
+        rows = {}
+        for one in ranges.of_case(block.stem, case).registers:
+            key = (re.sub(r"_\d+$", "", one.name), one.fmt, one.proven)
+            rows.setdefault(key, []).append(one)
+        cells = []
+        for (base, fmt, proven), found in rows.items():
+            name = found[0].name if len(found) == 1 else f"{base}_*"
+            lo, hi = proven or ("width only", "width only")
+            cells.append((name, str(fmt), str(lo), str(hi), str(found[0].headroom)))
+        heads = ("register", "format", "proven min", "proven max", "headroom bits")
+        parts.append(f"### {block.stem}, case {case}\n\n{_markdown(heads, cells, (2, 3, 4))}")
+        if ranges.relations_text(block.stem):
+            parts[-1] += f"\n\nRelations: {'; '.join(f'`{one}`' for one in ranges.relations_text(block.stem))}."
+    return "\n\n".join(parts)
+
+
+def wiring_part():
+    """Table of the instances in control and top for docs/ranges.md."""
+    from testbench.golden.ranges import wiring  # it needs the designers of the whole instrument, an export does not
+
+    rows = []
+    for name, one in wiring.instances().items():
+        tight = min(one.links, key=lambda link: link.spare)
+        ends = f"{tight.port} {tight.lo} .. {tight.hi} in {tight.fmt}"
+        proven = sum(r.proven is not None for r in one.analysis.registers)
+        fit = sum(link.fits for link in one.links)
+        rows.append((name, one.stem, f"{proven} of {len(one.analysis.registers)}", f"{fit} of {len(one.links)}", ends,
+                     _bits(one.analysis)))  # fmt: skip
+    heads = ("instance", "block", "registers proven", "inputs inside", "tightest input", "widest bits")
+    return _markdown(heads, rows, (5,))

@@ -1,0 +1,384 @@
+"""Proven range of every register of a block, by induction over its clock edges, and the widest intermediate result.
+
+    X[0] = reset        X = what the registers may hold, a box per control state        X[n+1] = X[n] join F(X[n])
+
+F runs one clock edge of the block's runner (`runners.run_BLOCK`, the very code that makes the vectors) over intervals,
+with every input anywhere in its format and reset at any edge. Widening makes the iteration end, narrowing takes back
+what it gave away, and a last pass checks the induction: reset in X, F(X) in X, X in the formats. A register whose step
+leaves its format is reported as not proven, and every other result is then conditional on its width.
+
+SPLIT, RELATIONS, APART and STOPS are hints: they change how tight a proof is, never whether it holds.
+Source  docs/ranges.md
+"""
+
+import ast
+import itertools
+from bisect import bisect_left, bisect_right
+from functools import cache, lru_cache
+from typing import NamedTuple
+
+from fpga_model import digital_sid, isqrt, rate_output, rates, sine, spi_adc
+from fpga_model.fixed import MAX_WIDTH
+from testbench.flatten import leaves
+from testbench.golden.ranges.interpreter import PLACES, Interpreter, source
+from testbench.golden.ranges.intervals import Lin, Path, Run
+from testbench.golden.stimulus import blocks
+from testbench.golden.stimulus.blocks import flat
+from testbench.golden.stimulus.runners import store
+
+# Registers whose value has a box of its own; `name?` only tells 0 from the rest
+SPLIT = {
+    "cordic": ("busy", "i"),
+    "isqrt": ("busy", "i"),
+    "quadrature_loop": ("root_busy", "root_i"),
+    "spi_adc": ("word",),
+    "spi_dac": ("sclk_en", "lead"),
+    "sequencer": ("state",),
+    "rate_output": ("k", "count?"),
+}
+# Sums of registers that are kept as tightly as the registers themselves
+_ROOT = {"remainder": 1, "root": -2}
+RELATIONS = {
+    "isqrt": (_ROOT,),
+    "quadrature_loop": ({f"root_{name}": coef for name, coef in _ROOT.items()},),
+    "sequencer": ({"rotation": 1, "timer": -(1 << 23)}, {"rotation": 1, "timer": 1 << 23}),
+    "rate_output": ({"acc": 1, "count": -rate_output.OUT.hi}, {"acc": 1, "count": -rate_output.OUT.lo}),
+    "sine": (
+        {"base": 1 << sine.ALIGN, "slope": sine.MIDDLE.hi},
+        {"base2": 1 << sine.ALIGN, "product": 1},
+    ),
+}
+# Parts of a block whose control state the block's own boxes know
+APART = (isqrt.step,)
+# Where a widened bound may stop before the end of its format: counters that are compared with ==, filters
+STOPS = {
+    "rates": (rates.TICK_CYCLES, rates.FRAME_TICKS, rates.SLOTS),
+    "spi_adc": (spi_adc.WORD_BITS, spi_adc.TAIL_CYCLES),
+    "rate_output": tuple(1 << k for k in range(rate_output.MAX_K + 1)),
+    "spi_dac": (1,),
+    "digital_sid": (digital_sid.ACC_HI << digital_sid.POLE.f,),
+}
+PLAIN_JOINS = 3  # joins of a box before it is widened
+NARROWINGS = 5
+FAR = 1 << 62
+
+
+class Range(NamedTuple):
+    """What one register may hold: proven, or None where the proof fails; `step` is what one edge makes of X."""
+
+    name: str
+    fmt: tuple
+    proven: tuple | None
+    step: tuple
+
+    @property
+    def headroom(self):
+        """Whole bits of the format that no value ever uses, or None."""
+        return None if self.proven is None else self.fmt.width - width(*self.proven, self.fmt.s)
+
+
+class Widest(NamedTuple):
+    """An arithmetic result: its interval, its bits, and where it is computed."""
+
+    lo: int
+    hi: int
+    bits: int
+    function: str
+    line: int
+    text: str
+
+
+class Analysis(NamedTuple):
+    """Ranges of registers and pins, arithmetic results from the widest down, and what is wrong (empty: nothing)."""
+
+    registers: tuple
+    pins: tuple
+    results: tuple
+    problems: tuple
+
+    @property
+    def widest(self):
+        """The widest result that is not a constant, or None."""
+        return next((found for found in self.results if found.lo != found.hi), None)
+
+    @property
+    def sound(self):
+        """True when every register is proven and no result needs more than 63 bits."""
+        return not self.problems
+
+
+def width(lo, hi, signed):
+    """Bits that hold lo .. hi: two's complement if signed or negative, else unsigned."""
+    if signed or lo < 0:
+        return max(lo if lo >= 0 else -lo - 1, hi if hi >= 0 else -hi - 1).bit_length() + 1
+    return hi.bit_length()
+
+
+def relations_text(stem):
+    """The sums of registers that are proven along, as texts."""
+    return [" + ".join(f"{coef}*{name}" for name, coef in sums.items()) for sums in RELATIONS.get(stem, ())]
+
+
+# ---- one edge -----------------------------------------------------------------------------------------------------
+
+
+@cache
+def _edge(runner):
+    """Statements of a runner's loop."""
+    (loop,) = [node for node in source(runner).tree.body if isinstance(node, ast.For)]
+    return loop.body
+
+
+class Edge:
+    """F: one clock edge of a block with given parameters."""
+
+    def __init__(self, block, params):
+        self.block, self.params = block, params
+        self.names = [flat(path) for path, _ in leaves(block.state)]
+        self.fmts = [port.fmt for port in block.registers]
+        place = {name: k for k, name in enumerate(self.names)}
+        self.split = [(place[name.rstrip("?")], name.endswith("?")) for name in SPLIT.get(block.stem, ())]
+        self.relations = [
+            [(place[name], coef) for name, coef in sums.items()] for sums in RELATIONS.get(block.stem, ())
+        ]
+        self.kept = frozenset(name.rstrip("?").rpartition("_")[2] for name in SPLIT.get(block.stem, ()))
+        self.kept |= {name.rstrip("?") for name in SPLIT.get(block.stem, ())}
+        self.tied = frozenset(name for sums in RELATIONS.get(block.stem, ()) for name in sums)
+        self.reset = [int(value) for _, value in leaves(block.state)]
+        self.run = Run()
+        self.begin()
+
+    def begin(self):
+        """Forget what was noted: pins, writes, arithmetic."""
+        self.pins, self.interpreter = {}, Interpreter({store: self._store}, self._stored, APART, self.kept, self.tied)
+        self.written = [(x, x) for x in self.reset]
+
+    def key(self, row):
+        """Control state of a row of numbers."""
+        return tuple(min(row[k], 1) if coarse else row[k] for k, coarse in self.split)
+
+    def first(self):
+        """X[0]."""
+        sums = [sum(coef * self.reset[k] for k, coef in sums) for sums in self.relations]
+        return {self.key(self.reset): [(x, x) for x in (*self.reset, *sums)]}
+
+    def _record(self, path, box):
+        """The state record of a box."""
+        values = [path.new(*ends, key=("register", name)) for name, ends in zip(self.names, box)]
+        for sums, (lo, hi) in zip(self.relations, box[len(values) :]):
+            if not path.assume(_total(path, values, sums), lo, hi):
+                return None
+        given = iter([path.value(x) for x in values])
+
+        def build(node):
+            if isinstance(node, tuple):
+                items = [build(item) for item in node]
+                return type(node)(*items) if hasattr(node, "_fields") else tuple(items)
+            return next(given)
+
+        return build(self.block.state)
+
+    def _stored(self, name, index, value, path):
+        if name == "pins":
+            self._pin(index[1], path.span(value))
+
+    def _pin(self, k, ends):
+        lo, hi = self.pins.get(k, ends)
+        self.pins[k] = (min(lo, ends[0]), max(hi, ends[1]))
+
+    def _store(self, path, target, record):
+        if target == "pins":
+            for k, (_, value) in enumerate(leaves(record)):
+                self._pin(k, path.span(value))
+        return 0
+
+    def __call__(self, box):
+        """[(control state, box)] after one edge from a box; an edge that holds everything adds nothing."""
+        path = Path(self.run)
+        state = self._record(path, box)
+        if state is None:
+            return []
+        inputs = tuple(path.new(p.fmt.lo, p.fmt.hi, key=("input", p.name)) for p in self.block.columns)
+        path.env = {
+            "p": self.params,
+            "s": state,
+            "reset": self.block.state,
+            "stim": (inputs,),
+            "regs": ("regs",),
+            "pins": ("pins",),
+            "n": 0,
+        }
+        self.interpreter.where = [source(self.block.run)]
+        ends, _ = self.interpreter.run(_edge(self.block.run), [path])
+        before = [value for _, value in leaves(state)]
+        found = []
+        for end in ends:
+            after = [value for _, value in leaves(end.env["s"])]
+            if after != before:
+                for k, (old, new) in enumerate(zip(before, after)):
+                    self._write(k, end, old, new)
+                found += self._boxes(end, after)
+        return found
+
+    def _write(self, k, path, old, new, span=None):
+        """Add what an edge writes into register k; its own old value is no write."""
+        if new == old:
+            return
+        atom = new.terms[0][0] if isinstance(new, Lin) and new.terms[0][1] == 1 and not new.const else None
+        if atom in self.run.choices:
+            for value, ends in self.run.choices[atom]:
+                self._write(k, path, old, value, ends)
+            return
+        self.written[k] = _hull(self.written[k], span or path.span(new))
+
+    def _boxes(self, path, values):
+        choices = []
+        for k, coarse in self.split:
+            lo, hi = path.span(values[k])
+            choices.append([v for v in (0, 1) if lo <= v <= hi or (v and hi > 1)] if coarse else range(lo, hi + 1))
+        for key in itertools.product(*choices):
+            way = path.copy() if key else path
+            if all(
+                way.assume(values[k], 1, None) if coarse and v else way.assume(values[k], v, v)
+                for (k, coarse), v in zip(self.split, key)
+            ):
+                sums = [way.span(_total(way, values, sums)) for sums in self.relations]
+                yield key, [way.span(value) for value in values] + sums
+
+
+def _total(path, values, sums):
+    total = 0
+    for k, coef in sums:
+        total = path.add(total, path.whole(values[k]), coef)
+    return total
+
+
+# ---- induction ----------------------------------------------------------------------------------------------------
+
+
+def _hull(a, b):
+    return (min(a[0], b[0]), max(a[1], b[1]))
+
+
+def _widened(old, new, stops):
+    lo, hi = old
+    if new[0] < lo:
+        lo = stops[max(bisect_right(stops, new[0]) - 1, 0)]
+    if new[1] > hi:
+        hi = stops[min(bisect_left(stops, new[1]), len(stops) - 1)]
+    return min(lo, new[0]), max(hi, new[1])
+
+
+def _clipped(edge, box):
+    """The box, with each register inside its format; FAR is the end of a relation."""
+    kept = [(max(lo, fmt.lo), min(hi, fmt.hi)) for (lo, hi), fmt in zip(box, edge.fmts)]
+    return kept + [(max(lo, -FAR), min(hi, FAR)) for lo, hi in box[len(kept) :]]
+
+
+def _empty(box):
+    return any(lo > hi for lo, hi in box)
+
+
+def _image(edge, boxes):
+    """{control state: box} of the reset and of one edge from everything in `boxes`."""
+    found = edge.first()
+    for box in boxes.values():
+        for key, after in edge(box):
+            found[key] = after if key not in found else [_hull(a, b) for a, b in zip(found[key], after)]
+    return found
+
+
+def _invariant(edge):
+    """Boxes that hold the reset and, inside the formats, whatever one edge makes of them."""
+    boxes, visits = edge.first(), {}
+    stops = {value + k for value in STOPS.get(edge.block.stem, ()) for k in (-1, 0, 1)} | {0}
+    sides = [sorted({*stops, fmt.lo, fmt.hi}) for fmt in edge.fmts] + [[-FAR, 0, FAR]] * len(edge.relations)
+    todo = list(boxes)
+    while todo:
+        for key, after in edge(boxes[todo.pop(0)]):
+            after = _clipped(edge, after)
+            if _empty(after):
+                continue
+            old = boxes.get(key)
+            new = after if old is None else [_hull(a, b) for a, b in zip(old, after)]
+            if new == old:
+                continue
+            visits[key] = visits.get(key, 0) + 1
+            if old is not None and visits[key] > PLAIN_JOINS:
+                new = _clipped(edge, [_widened(a, b, side) for a, b, side in zip(old, new, sides)])
+            boxes[key] = new
+            if key not in todo:
+                todo.append(key)
+    for _ in range(NARROWINGS):
+        edge.begin()
+        after = {key: _clipped(edge, box) for key, box in _image(edge, boxes).items()}
+        # a register holds what was last written to it, in whatever control state that was
+        written = edge.written + [(-FAR, FAR)] * len(edge.relations)
+        tighter = {
+            key: [(max(a[0], b[0], w[0]), min(a[1], b[1], w[1])) for a, b, w in zip(boxes[key], after[key], written)]
+            for key in after
+            if key in boxes
+        }
+        if tighter == boxes:
+            break
+        boxes = {key: box for key, box in tighter.items() if not _empty(box)}
+    return boxes
+
+
+def analyse(block, params):
+    """`Analysis` of a block with the given parameters (None where it has none)."""
+    edge = Edge(block, 0 if params is None else params)
+    boxes = _invariant(edge)
+    edge.begin()
+    after = _image(edge, boxes)  # the proof: everything below is judged on this pass alone
+    problems = [
+        f"{place.function}, line {place.line}: {place.text}: {text}"
+        for place, text in edge.interpreter.problems.items()
+    ]
+    registers = []
+    for k, port in enumerate(block.registers):
+        held = [box[k] for box in boxes.values()]
+        made = [box[k] for box in after.values()]
+        proven = (min(lo for lo, _ in held), max(hi for _, hi in held))
+        step = (min(lo for lo, _ in made), max(hi for _, hi in made))
+        if not (port.fmt.holds(step[0]) and port.fmt.holds(step[1])):
+            problems.append(f"{port.name}: {step[0]} .. {step[1]} leaves {port.fmt}; not proven: width only")
+            proven = None
+        registers.append(Range(port.name, port.fmt, proven, step))
+    if not problems and not _inside(after, boxes):
+        problems.append("the induction does not close")
+    pins = []
+    for k, port in enumerate(block.pins):
+        ends = edge.pins[k]
+        if not (port.fmt.holds(ends[0]) and port.fmt.holds(ends[1])):
+            problems.append(f"output {port.name}: {ends[0]} .. {ends[1]} leaves {port.fmt}")
+        pins.append(Range(port.name, port.fmt, ends, ends))
+    results = []
+    for key, (lo, hi) in edge.interpreter.notes.items():
+        results.append(Widest(lo, hi, width(lo, hi, False), *PLACES[key]))
+    results.sort(key=lambda found: (-found.bits, found.lo, found.function, found.line, found.text))
+    problems += [
+        f"{found.function}, line {found.line}: {found.text}: {found.bits} bits, above {MAX_WIDTH}"
+        for found in results
+        if found.bits > MAX_WIDTH
+    ]
+    return Analysis(tuple(registers), tuple(pins), tuple(results), tuple(problems))
+
+
+def _inside(after, boxes):
+    """Whether F(X) is in X."""
+    return all(
+        key in boxes and all(b[0] <= a[0] and a[1] <= b[1] for a, b in zip(box, boxes[key]))
+        for key, box in after.items()
+    )
+
+
+@lru_cache(maxsize=256)
+def analyse_once(stem, params):
+    """`analyse` of a block of the registry, remembered."""
+    return analyse(blocks.BLOCKS[stem], params)
+
+
+def of_case(stem, case):
+    """`Analysis` of a case of the registry."""
+    return analyse_once(stem, blocks.BLOCKS[stem].cases[case])

@@ -1,0 +1,153 @@
+"""Ranges of the whole design: every block of control and top with its own parameters, and what its neighbours give it.
+
+Each block is proven for any input in its format. Here one edge of `top.step` runs over intervals, with all registers in
+their proven ranges, and every block's `step` is replaced by a check of its arguments against those formats. If all fit,
+the proofs hold together: at every edge each block gets what its proof assumes, so its registers stay where it says.
+Source  docs/ranges.md, docs/blocks/top.md
+"""
+
+import importlib
+from functools import cache
+from typing import NamedTuple
+
+from fpga_model import control, top
+from fpga_model.fixed import MAX_WIDTH
+from testbench.config import Config
+from testbench.flatten import format_leaves, leaves
+from testbench.golden.ranges import ranges
+from testbench.golden.ranges.interpreter import Interpreter, source
+from testbench.golden.ranges.intervals import Path, Run
+from testbench.golden.stimulus import blocks
+from testbench.golden.stimulus.blocks import flat
+from testbench.run import build
+
+
+class Link(NamedTuple):
+    """An input of an instance: what arrives, and the format that its proof assumes."""
+
+    port: str
+    fmt: tuple
+    lo: int
+    hi: int
+
+    @property
+    def fits(self):
+        return self.fmt.holds(self.lo) and self.fmt.holds(self.hi)
+
+    @property
+    def spare(self):
+        """Bits of the format that never arrive; negative if too much does."""
+        return self.fmt.width - ranges.width(self.lo, self.hi, self.fmt.s)
+
+
+class Instance(NamedTuple):
+    """A block in the design: its stem, its analysis with its own parameters, its links."""
+
+    stem: str
+    analysis: ranges.Analysis
+    links: tuple
+
+
+STEPS = {importlib.import_module(f"fpga_model.{stem}").step: stem for stem in blocks.BLOCKS}
+PARAMS = {"drive_pipe": "pipe", "sense_pipe": "pipe", "adc": None}
+
+
+def _parts():
+    """{instance: (stem, record of the reset)} of top and control."""
+    found = {}
+    by_type = {type(block.state): stem for stem, block in blocks.BLOCKS.items()}
+    for name, record in zip(top.State._fields, top.State()):
+        if isinstance(record, control.State):
+            for inner, item in zip(control.State._fields, record):
+                found[f"control.{inner}"] = (by_type[type(item)], item)
+        else:
+            found[name] = (by_type[type(record)], record)
+    return found
+
+
+def _params(p, name):
+    """Parameters of an instance in those of top, or None."""
+    at, _, inner = name.rpartition(".")
+    holder = p.control if at else p
+    return getattr(holder, PARAMS.get(inner, inner) or "", None)
+
+
+class _Check:
+    """One edge of top over intervals."""
+
+    def __init__(self, p):
+        self.path, self.spans = Path(Run()), {}
+        self.analyses, self.records, self.names = {}, {}, {}
+        for name, (stem, reset) in _parts().items():
+            params = _params(p, name)
+            self.analyses[name] = ranges.analyse_once(stem, params)
+            self.records[name] = record = self._record(name, reset)
+            self.names[id(record)] = name
+
+    def _record(self, name, reset):
+        found = iter(self.analyses[name].registers)
+
+        def build_from(node):
+            if isinstance(node, tuple):
+                items = [build_from(item) for item in node]
+                return type(node)(*items) if hasattr(node, "_fields") else tuple(items)
+            one = next(found)
+            return self.path.new(*(one.proven or (one.fmt.lo, one.fmt.hi)), key=("register", name, one.name))
+
+        return build_from(reset)
+
+    def arrives(self, func, path, given, named):
+        """A block's step: note what it gets, return its registers as they were proven."""
+        found = source(func)
+        bound = {**dict(zip([item.arg for item in found.tree.args.args], given)), **named}
+        record = bound.pop("s")
+        name = self.names[id(record)]
+        if not blocks.BLOCKS[STEPS[func]].runtime_params:
+            bound.pop("p", None)
+        for key, value in bound.items():
+            # a record of inputs stands for its fields: `i` with its name, runtime parameters without
+            prefix = "" if key == "p" else key
+            for path_name, item in leaves(value, prefix):
+                self._note(name, flat(path_name), path.span(item))
+        return record
+
+    def _note(self, name, port, ends):
+        old = self.spans.setdefault(name, {}).get(port, ends)
+        self.spans[name][port] = (min(old[0], ends[0]), max(old[1], ends[1]))
+
+    def run(self, p):
+        hooks = {func: lambda path, *a, func=func, **k: self.arrives(func, path, a, k) for func in STEPS}
+        inputs = top.Inputs(
+            *(self.path.new(fmt.lo, fmt.hi, key=("input", at)) for at, fmt in format_leaves(top.INPUTS_FMT))
+        )
+        inner = control.State(*(self.records[f"control.{name}"] for name in control.State._fields))
+        state = top.State(*(inner if name == "control" else self.records[name] for name in top.State._fields))
+        interpreter = Interpreter(hooks)
+        interpreter.function(top.step, [p, state, inputs], {}, self.path.copy())
+        return interpreter
+
+
+@cache
+def instances():
+    """{instance: Instance} of the default configuration with either demodulator.
+
+    Raises ArithmeticError if the wiring itself computes beyond 63 bits or indexes beyond a table.
+    """
+    spans, check = {}, None
+    given = build.firmware(Config())
+    for digital in (0, 1):
+        p = given._replace(digital=digital)
+        check = _Check(p)
+        interpreter = check.run(p)
+        wide = [ends for ends in interpreter.notes.values() if ranges.width(*ends, False) > MAX_WIDTH]
+        if interpreter.problems or wide:
+            raise ArithmeticError(f"wiring: {[*interpreter.problems.values(), *wide]}")
+        for name, ports in check.spans.items():
+            for port, (lo, hi) in ports.items():
+                old = spans.setdefault(name, {}).get(port, (lo, hi))
+                spans[name][port] = (min(old[0], lo), max(old[1], hi))
+    found = {}
+    for name, (stem, _) in _parts().items():
+        links = [Link(p.name, p.fmt, *spans[name][p.name]) for p in blocks.BLOCKS[stem].inputs]
+        found[name] = Instance(stem, check.analyses[name], tuple(links))
+    return found

@@ -1,0 +1,194 @@
+"""The whole firmware on recorded inputs, clock by clock, in integers only: what its golden vectors are made of.
+
+    before edge n   a listed host event drives rst, or write, for one clock; address and data stay afterwards
+                    the samples of the SAR converters are those of tick n // 26
+                    registers and pins make row n, and every row goes into the signature of its frame of 3250 clocks
+    edge n          the firmware, or its reset
+    after edge n    the ADS1298 sees CS_N and SCLK as they are then; a conversion listed at n ends: DRDY_N, DOUT
+
+Frames count from row 0, also behind a reset. There is no plant: the codes are those that a closed loop once gave.
+Source  docs/golden.md, docs/parts/adc_serial.md
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from analog_frontend.parts import adc_serial
+from fpga_model import references, spi_adc, spi_dac, top
+from fpga_model.fixed import bits
+from fpga_model.jit import hot, inlined
+from fpga_model.rates import FRAME_CYCLES, TICK_CYCLES
+from testbench.flatten import format_leaves, leaves, store
+from testbench.golden.recording import signature
+
+PINS = (
+    "adc_cs_n",
+    "adc_sclk",
+    "refs",
+    "drive_sync_n",
+    "drive_sclk_en",
+    "drive_sdin",
+    "sense_sync_n",
+    "sense_sclk_en",
+    "sense_sdin",
+    "sense_ldac_n",
+    "quadrature_sync_n",
+    "quadrature_sclk_en",
+    "quadrature_sdin",
+)
+PIN_FMT = tuple(bits(4) if name == "refs" else bits(1) for name in PINS)
+REGISTER_FMT = tuple(fmt for _, fmt in format_leaves(top.STATE_FMT))
+ROW_WIDTH = sum(fmt.width for fmt in (*REGISTER_FMT, *PIN_FMT))
+REGISTERS = len(REGISTER_FMT)
+INPUTS = 1 + len(top.Inputs._fields)  # rst first
+
+WORDS = signature.WORDS
+ROW_WORDS = signature.padded(ROW_WIDTH) // signature.DEGREE
+BUFFER = 64 * ROW_WORDS + WORDS  # a remainder moves down by a row at each clock, and is moved up again when it cannot
+RESET_CS_N, RESET_SCLK = spi_adc.State().cs_n, spi_adc.State().sclk
+
+_append = signature.appender([fmt.width for fmt in (*REGISTER_FMT, *PIN_FMT)])
+
+
+class Stimulus(NamedTuple):
+    """Recorded inputs, int64, sorted by clock.
+
+    adc   one row per conversion: clock of its end, status word, eight codes
+    host  one row per event: clock, 1 for a reset (0 for a write), address, data
+    sar   one row per tick: sample x, sample y; no row: both stay 0
+    """
+
+    adc: np.ndarray
+    host: np.ndarray
+    sar: np.ndarray
+
+
+class Rows(NamedTuple):
+    """What a replay gives; the first four belong to the clocks asked for, the others to frames."""
+
+    at: np.ndarray  # clocks, rising
+    inputs: np.ndarray
+    registers: np.ndarray
+    pins: np.ndarray
+    remainders: np.ndarray  # (frames, signature.WORDS) of all rows of a frame
+    window_at: np.ndarray  # clock at which the 8 kHz window opens in a frame, or -1
+
+
+@inlined
+def pins(p, s):
+    """Output pins, in the order of PINS; all come from registers alone."""
+    d, e, q = s.drive_dac, s.sense_dac, s.quadrature_dac
+    return (
+        s.adc.cs_n,
+        s.adc.sclk,
+        references.pins(p.references, s.references),
+        d.sync_n,
+        d.sclk_en,
+        spi_dac.sdin(p.drive_dac, d),
+        e.sync_n,
+        e.sclk_en,
+        spi_dac.sdin(p.sense_dac, e),
+        e.ldac_n,
+        q.sync_n,
+        q.sclk_en,
+        spi_dac.sdin(p.quadrature_dac, q),
+    )
+
+
+class Place(NamedTuple):
+    """Where a replay is: the next clock, how much of each list is done, what the bus holds, where the remainder is."""
+
+    clock: int = 0
+    conversion: int = 0
+    event: int = 0
+    row: int = 0
+    address: int = 0
+    data: int = 0
+    base: int = BUFFER - signature.WORDS
+
+
+@hot
+def _run(p, s, chip, place, stimulus, o, buffer):
+    """Clocks up to the end, or up to and with one whose reset is active; then the State returned is void."""
+    adc, host, sar = stimulus.adc, stimulus.host, stimulus.sar
+    n, conversion, event, row, address, data, base = place
+    end = o.remainders.shape[0] * FRAME_CYCLES
+    frame, left, cycle = n // FRAME_CYCLES, FRAME_CYCLES - n % FRAME_CYCLES, n % TICK_CYCLES
+    k = n // TICK_CYCLES
+    sample_x, sample_y, rst = 0, 0, 0
+    while n < end and rst == 0:
+        if k < sar.shape[0]:
+            sample_x, sample_y = sar[k, 0], sar[k, 1]
+        write = 0
+        if event < host.shape[0] and host[event, 0] == n:
+            if host[event, 1] == 1:
+                rst = 1
+            else:
+                write, address, data = 1, host[event, 2], host[event, 3]
+            event += 1
+        out = pins(p, s)
+        if base < ROW_WORDS:
+            for j in range(WORDS - 1, -1, -1):
+                buffer[BUFFER - WORDS + j] = buffer[base + j]
+            base = BUFFER - WORDS
+        _append(buffer, base, (s, out))
+        base -= ROW_WORDS
+        if s.rates.slot == 1:
+            o.window_at[frame] = n
+        drdy_n, dout = chip.drdy_n, adc_serial.dout(chip)
+        if row < o.at.shape[0] and o.at[row] == n:
+            i = o.inputs[row]
+            i[0], i[1], i[2], i[3], i[4] = rst, drdy_n, dout, sample_x, sample_y
+            i[5], i[6], i[7] = write, address, data
+            store(o.registers[row], s)
+            store(o.pins[row], out)
+            row += 1
+        s = top.step(p, s, top.Inputs(drdy_n, dout, sample_x, sample_y, write, address, data))
+        loaded, status = 0, 0
+        codes = (0, 0, 0, 0, 0, 0, 0, 0)
+        if conversion < adc.shape[0] and adc[conversion, 0] == n:
+            c = adc[conversion]
+            loaded, status = 1, c[1]
+            codes = (c[2], c[3], c[4], c[5], c[6], c[7], c[8], c[9])
+            conversion += 1
+        cs_n, sclk = s.adc.cs_n, s.adc.sclk
+        if rst == 1:
+            cs_n, sclk = RESET_CS_N, RESET_SCLK
+        chip = adc_serial.step(chip, cs_n, sclk, loaded, status, codes)
+        n += 1
+        cycle += 1
+        if cycle == TICK_CYCLES:
+            cycle = 0
+            k += 1
+        left -= 1
+        if left == 0:
+            for j in range(WORDS):
+                o.remainders[frame, j] = buffer[base + j]
+                buffer[base + j] = 0
+            left = FRAME_CYCLES
+            frame += 1
+    return s, chip, Place(n, conversion, event, row, address, data, base)
+
+
+def run(params, stimulus, frames, at):
+    """Replay `frames` frames from power-on; `Rows` at the clocks `at`."""
+    at, end = np.ascontiguousarray(at, np.int64), frames * FRAME_CYCLES
+    if len(at) and (at[0] < 0 or at[-1] >= end or (np.diff(at) <= 0).any()):
+        raise ValueError(f"clocks of rows do not rise within 0 .. {end - 1}")
+    count = len(at)
+    o = Rows(
+        at,
+        np.zeros((count, INPUTS), np.int64),
+        np.zeros((count, REGISTERS), np.int64),
+        np.zeros((count, len(PINS)), np.int64),
+        np.zeros((frames, signature.WORDS), np.int64),
+        np.full(frames, -1, np.int64),
+    )
+    chip, place, buffer = adc_serial.State(), Place(), np.zeros(BUFFER, np.int64)
+    while place.clock < end:
+        _, chip, place = _run(params, top.State(), chip, place, stimulus, o, buffer)
+    return o
+
+
+assert len(list(leaves(top.State()))) == REGISTERS, "registers and formats must be one list"

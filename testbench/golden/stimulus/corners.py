@@ -1,0 +1,85 @@
+"""Corners that a search has found: short rows from reset that reach what no directed family of a block reaches.
+
+    BLOCK.json    {"schema", "block", "found": {case: [{"goal", "rows"}]}, "missing": {goal: reason}}
+    rows          [times, {input: value}, [inputs that count up by 1 from row to row]]; others are idle
+
+An export only replays them, so it needs no search and is the same everywhere. `python -m testbench.golden.coverage`
+searches again.
+Source  docs/golden.md
+"""
+
+import functools
+import json
+from pathlib import Path
+
+import numpy as np
+
+FOLDER = Path(__file__).with_name("corners_found")
+SCHEMA = "gyro-corners/1.0"
+FAMILY = "corners_found"
+
+
+def path_of(stem):
+    return FOLDER / f"{stem}.json"
+
+
+@functools.cache
+def stored(stem):
+    """What is stored of a block; empty if nothing is. Raises ValueError if the file is another's."""
+    path = path_of(stem)
+    if not path.is_file():
+        return {"found": {}, "missing": {}}
+    data = json.loads(path.read_text("ascii"))
+    if data.get("schema") != SCHEMA or data.get("block") != stem:
+        raise ValueError(f"{path}: schema {data.get('schema')!r} of {data.get('block')!r}, not {SCHEMA!r} of {stem!r}")
+    return data
+
+
+def store(stem, found, missing):
+    """Write what a search has found; a block with nothing to say has no file."""
+    from testbench.storage.files import write_text
+
+    if not found and not missing:
+        path_of(stem).unlink(missing_ok=True)
+        return
+    data = {"schema": SCHEMA, "block": stem, "found": found, "missing": missing}
+    write_text(path_of(stem), json.dumps(data, indent=1) + "\n")
+    stored.cache_clear()
+
+
+def spelled(goal):
+    """A goal as it is stored: kind, place and outcome."""
+    return " | ".join(goal)
+
+
+def play(w, rows):
+    """A reset and the rows of one entry."""
+    w.row(rst=1)
+    for times, values, counting in rows:
+        for n in range(times if counting else 1):
+            w.row({**values, **{name: values.get(name, 0) + n for name in counting}}, times=1 if counting else times)
+
+
+def replay(w):
+    """Append the family of found corners to a stimulus."""
+    entries = stored(w.block.stem)["found"].get(w.case, ())
+    if entries:
+        w.family(FAMILY)
+    for entry in entries:
+        play(w, entry["rows"])
+
+
+def expanded(block, case, rows):
+    """int64 rows of one entry, a reset first."""
+    from testbench.golden.stimulus.writer import Writer
+
+    w = Writer(block, case)
+    w.family(FAMILY)
+    play(w, rows)
+    return np.array(w.rows, np.int64)
+
+
+def tidy(block, rows):
+    """Rows without values that are idle anyway."""
+    idle = {port.name: block.idle.get(port.name, 0) for port in block.inputs}
+    return [[times, {k: v for k, v in values.items() if v != idle[k]}, counting] for times, values, counting in rows]

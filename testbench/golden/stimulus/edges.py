@@ -1,0 +1,144 @@
+"""Edges that the formats do not say: truncation carries, ties, saturation edges +-1 LSB, solved per block and case.
+
+Source  docs/blocks/ (the limits)
+"""
+
+import itertools
+
+import numpy as np
+
+from fpga_model import dds, modulator, registers, sine, spi_dac
+from testbench.golden.stimulus.edges_digital_sid import edges_digital_sid
+from testbench.golden.stimulus.edges_pi import edges_loop, edges_pi
+from testbench.golden.stimulus.edges_rate_output import edges_rate_output
+from testbench.golden.stimulus.writer import around, wrapped
+
+ALTERNATE = int("01" * 24, 2)
+
+
+def _inverse(odd, n):
+    return pow(odd, -1, 1 << n)
+
+
+def _edges_dds(w):
+    """Every sum at all ones, just over and at 0: with the phase at 0, at all ones and in between."""
+    top = dds.PHASE.hi
+    offsets = [port.name for port in w.wide if port.name != "word"]
+    for phase in (0, 1, top, top - 1, 1 << 47, (1 << 47) - 1):
+        for total in (top - 1, top, top + 1, top + 2):
+            w.row(rst=1)
+            w.row({"word": phase})
+            w.row(dict.fromkeys(offsets, (total - phase) % (top + 1)))
+            w.row({"word": (total - phase) % (top + 1)}, times=2)
+    _edges_phase(w)
+
+
+def _edges_sine(w):
+    """The edges of the phase, then places for each edge of the rounding out of all 2**20, in all quadrants."""
+    _edges_phase(w)
+    base, slope = np.array(sine.TABLE_BASE, np.int64), np.array(sine.TABLE_SLOPE, np.int64)
+    middle = 2 * np.arange(1 << sine.FRACTION_BITS) + 1
+    total = (base[:, None] << sine.ALIGN) + slope[:, None] * middle
+    cut = sine.PRODUCT.f
+    low, odd, half = total & ((1 << cut) - 1), (total >> cut) & 1, 1 << (cut - 1)
+    places = [np.flatnonzero(low == wanted)[:2] for wanted in (0, 1, half - 1, half + 1, 2 * half - 1)]
+    places += [np.flatnonzero((low == half) & (odd == kept)) for kept in (0, 1)]
+    for place in np.concatenate(places).tolist():
+        for quadrant in range(4):
+            mirrored = place if quadrant % 2 == 0 else ~place & ((1 << 20) - 1)
+            w.row({"phase": ((quadrant << 20) | mirrored) << sine.CUT})
+    w.row(times=3)
+
+
+def _edges_phase(w):
+    """The quadrant edges and the edges of what is cut below them, +-1 LSB, in every phase input."""
+    values = []
+    for quadrant in range(4):
+        for near in (0, 1, 1 << 25, (1 << 26) - 1, 1 << 26, (1 << 36) - 1, 1 << 36):
+            values += [((quadrant << 46) + near) % (1 << 48), ((quadrant << 46) - near) % (1 << 48)]
+    for value in values:
+        w.operation({port.name: value for port in w.wide})
+
+
+def _edges_modulator(w):
+    """Products whose dropped bits are 0, 1, a half +-1, all ones; and codes at both limits +-1 LSB."""
+    p = w.block.cases[w.case]
+    both = {"en_product": 1, "en_code": 1}
+    for low in (0, 1, (1 << (p.shift - 1)) - 1, 1 << (p.shift - 1), (1 << (p.shift - 1)) + 1, (1 << p.shift) - 1):
+        for factor in (1, 3, 65535, 131071, -1, -65537, -131071):
+            solved = low * _inverse(factor, p.shift) % (1 << min(p.shift, 24))
+            for lift in (0, 1 << 23):
+                w.row({**both, "amplitude": wrapped(solved + lift, modulator.AMPLITUDE), "sine": factor})
+    full = modulator.SINE.hi
+    for limit in (p.lo, p.hi):
+        for near in range(-2, 3):
+            for tie in (-1, 0, 1):
+                wanted = ((limit + near) << p.shift) + (1 << (p.shift - 1)) + tie
+                for factor in (full, modulator.SINE.lo):
+                    amplitude = wanted // factor
+                    for step in (0, 1):
+                        if modulator.AMPLITUDE.holds(amplitude + step):
+                            w.row({**both, "amplitude": amplitude + step, "sine": factor})
+    for limit in (p.lo, p.hi):
+        for target in around(limit, modulator.CODE._replace(i=modulator.CODE.i + 1)):
+            amplitude = (target << p.shift) // full
+            if modulator.AMPLITUDE.holds(amplitude):
+                w.row({**both, "amplitude": amplitude, "sine": full})
+    w.row(times=3)
+
+
+def _edges_cordic(w):
+    lo, hi = -(1 << 23), (1 << 23) - 1
+    for x, y in itertools.product((lo, lo + 1, -1, 0, 1, hi), repeat=2):
+        w.operation({"x_in": x, "y_in": y})
+    # an LSB of phase at half a turn is y = 2.7 at x = lo
+    half_turn = [(lo, y) for y in (1, -1, 2, -2, 3, -3, 4, -4)]
+    for x, y in ((1000, 1000), (-1000, 1000), (3, 4), (hi, 1), *half_turn):
+        w.operation({"x_in": x, "y_in": y})
+
+
+def _edges_isqrt(w):
+    for root in (1, 2, 3, 255, 256, 257, 4095, 46340, 65534, 65535):
+        for u in (root * root - 1, root * root, root * root + 1):
+            w.operation({"u": u})
+
+
+def _edges_registers(w):
+    for address in [*range(len(registers.WRITABLE) + 2), registers.FIRST_READ_ONLY, 255]:
+        found = registers.BY_ADDRESS.get(address)
+        top = found.fmt.hi if found else 0
+        for data in (0, 1, top, min(top + 1, registers.DATA.hi), registers.DATA.hi, 1 << 47, ALTERNATE, ALTERNATE << 1):
+            w.row({"write": 1, "address": address, "data": data})
+            w.row({"address": address, "data": data ^ registers.DATA.hi})
+    for write, taken in itertools.product((0, 1), repeat=2):
+        w.row({"write": 1, "address": 1, "data": 0xA5})
+        w.row({"write": write, "address": 1, "data": 0x5A, "taken": taken})
+        w.row(times=1)
+
+
+def _edges_spi_dac(w):
+    """Frames as the modulator makes them: header and code in both formats, and the control word."""
+    p = w.block.cases[w.case]
+    make = getattr(spi_dac.frame, "py_func", spi_dac.frame)
+    for code in (0, 1, -1, p.data_mask >> 1, -(p.data_mask >> 1) - 1, p.data_mask):
+        w.operation({"word": make(p, code, 0)})
+    w.operation({"word": make(p, 0, 1)})
+
+
+EDGES = {
+    "dds": _edges_dds,
+    "sine": _edges_sine,
+    "references": _edges_phase,
+    "modulator": _edges_modulator,
+    "pi": edges_pi,
+    "agc": edges_loop,
+    "frequency_tracker": edges_loop,
+    "rate_loop": edges_loop,
+    "quadrature_loop": edges_loop,
+    "cordic": _edges_cordic,
+    "isqrt": _edges_isqrt,
+    "registers": _edges_registers,
+    "digital_sid": edges_digital_sid,
+    "rate_output": edges_rate_output,
+    "spi_dac": _edges_spi_dac,
+}

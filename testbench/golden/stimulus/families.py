@@ -1,0 +1,116 @@
+"""Families that the formats of the inputs alone give: idle, corners, signs, walking ones, resets, enables, random.
+
+Source  docs/golden.md
+"""
+
+import itertools
+
+from testbench.golden.stimulus import blocks
+from testbench.golden.stimulus.writer import corners
+
+WALKING_ROWS = 2600  # rows that the walking ones of one block may take
+RANDOM_ROWS = 600
+
+
+def idle(w):
+    w.row(times=8)
+
+
+def corner_values(w):
+    w.family("corners")
+    for port in w.wide:
+        for value in corners(port.fmt):
+            w.operation({**w.some(), port.name: value})
+
+
+def signs(w):
+    """Every sign of every wide input together: where products and sums are longest."""
+    w.family("signs")
+    ends = [(port.fmt.lo, port.fmt.hi) for port in w.wide]
+    if len(ends) > 6:
+        mixes = [[w.random.pick(pair) for pair in ends] for _ in range(64)]
+    else:
+        mixes = itertools.product(*ends)
+    for mix in mixes:
+        values = {port.name: value for port, value in zip(w.wide, mix, strict=True)}
+        w.operation(values)
+        w.operation(values)
+
+
+def walking_ones(w):
+    w.family("walking_ones")
+    places = [(port, k) for port in w.wide for k in range(port.width)]
+    stride = max(1, -(-len(places) * (1 + w.block.wait) // WALKING_ROWS))
+    for port, k in places[::stride]:
+        value = 1 << k
+        if port.signed and k == port.width - 1:
+            value = port.fmt.lo
+        w.operation({**w.some(), port.name: value})
+
+
+def reset_at(w):
+    """Reset k rows after an operation began, for every k until it is over, and again with the strobes high."""
+    w.family("reset_at")
+    for k in range(min(blocks.depth_of(w.block), 64) + 3):
+        values = w.some()
+        w.row({**values, **dict.fromkeys(w.block.strobes, 1)})
+        w.row({**values, **({} if w.block.wait else dict.fromkeys(w.block.strobes, 1))}, times=k)
+        w.row({**w.some(), **w.flips()}, rst=1)
+        w.row(times=2)
+
+
+def enable_at(w):
+    """A second operation k rows after the first, for every k until it is over."""
+    if not w.block.strobes:
+        return
+    w.family("enable_at")
+    least = 1 if w.block.dense else w.block.wait
+    for k in range(least, max(least, blocks.depth_of(w.block)) + 3):
+        values = w.some()
+        w.row({**values, **dict.fromkeys(w.block.strobes, 1)})
+        w.row(values, times=k - 1)
+        w.operation(w.some())
+
+
+def controls(w):
+    """Every word of the 1-bit inputs, or 64 random ones, with random data."""
+    if not w.block.dense:
+        return
+    w.family("controls")
+    count = len(w.flags)
+    words = range(1 << count) if count <= 6 else [w.random.below(1 << count) for _ in range(64)]
+    for word in words:
+        for _ in range(2):
+            w.row({**w.some(), **{port.name: (word >> k) & 1 for k, port in enumerate(w.flags)}})
+
+
+def held(w):
+    """Steady inputs with the strobes high, 1 to 40 rows each: counters, accumulators and idle tones."""
+    if not w.block.dense:
+        return
+    w.family("held")
+    for _ in range(40):
+        values = {port.name: w.random.pick(corners(port.fmt)) for port in w.wide}
+        values |= w.flips(1, 4)
+        values |= dict.fromkeys(w.block.strobes, 1)
+        w.row(values, times=1 + w.random.below(40))
+
+
+def random_rows(w):
+    if w.block.dense:
+        w.family("random_dense")
+        for _ in range(RANDOM_ROWS):
+            w.row({**w.some(), **w.flips()}, rst=int(w.random.below(100) == 0))
+        w.family("random_corners")
+        for _ in range(RANDOM_ROWS):
+            w.row({**{p.name: w.random.pick(corners(p.fmt)) for p in w.wide}, **w.flips(3, 4)})
+    w.family("random_sparse")
+    for _ in range(RANDOM_ROWS // (1 + w.block.wait)):
+        others = {k: v for k, v in w.flips().items() if k not in w.block.strobes}
+        w.operation({**w.some(), **others})
+        if w.random.below(4) == 0:
+            w.row(w.some(), times=w.random.below(5))
+
+
+of_values = (corner_values, signs, walking_ones)
+of_strobes = (reset_at, enable_at, controls, held, random_rows)

@@ -1,0 +1,327 @@
+"""Script of the sequencer: start-up to LOCKED in few frames, loss and recovery, and every comparison at its edge.
+
+The model itself runs along, so that the script can wait for a state.
+Source  docs/blocks/sequencer.md
+"""
+
+import itertools
+
+from fpga_model import fault_monitor, lock_monitor, sequencer
+from fpga_model.fixed import signed
+from testbench.golden.stimulus.blocks import ALL_ONES
+from testbench.golden.stimulus.writer import LONG_ROWS, around
+
+SETPOINT = 1 << 23
+PATIENCE = 120  # frames within which a state has to come
+HELD = sequencer.HOLD_AGC | sequencer.HOLD_PLL | sequencer.HOLD_FTR
+CUT = sequencer.GAIN.f
+
+
+class Walk:
+    """Frames into a writer, with codes that move so that the ADC does not look stuck."""
+
+    def __init__(self, w):
+        self.w, self.p = w, w.block.cases[w.case]
+        self.frames = itertools.count(1)
+        self.reset()
+
+    def reset(self):
+        self.w.row({"en": 1, "i_control": sequencer.RUN}, rst=1)
+        self.state = sequencer.State()
+
+    def run(self, times=1, control=sequencer.RUN, alive=True, **more):
+        for _ in range(times):
+            given = {"control": control, "adc_ok": 1, "drive_sin": next(self.frames) if alive else 7}
+            given |= {"magnitude": SETPOINT, "setpoint": SETPOINT, **more}
+            self.w.row({"en": 1, **{f"i_{name}": value for name, value in given.items()}})
+            self.state = sequencer.step(self.p, self.state, 1, sequencer.Inputs(**given))
+
+    def until(self, state, **more):
+        """Frames until the state comes; False if it does not."""
+        for _ in range(PATIENCE):
+            if self.state.state == state:
+                return True
+            self.run(**more)
+        return False
+
+    def again(self, state, **more):
+        """From IDLE to a state."""
+        self.run(1, control=0)
+        return self.until(state, **more)
+
+
+def _walks(walk):
+    """The user's bits, faults of every kind, lost lock, a bad ADC, searches that find and that do not."""
+    run = walk.run
+    run(10, control=0)
+    for magnitude in (SETPOINT, 0):
+        run(90, magnitude=magnitude)
+    run(90)
+    for k in range(1, len(sequencer.CONTROL_BITS)):
+        run(4, control=sequencer.RUN | 1 << k)
+        run(70)
+    run(20, sense_sin=1 << 22)
+    run(10)
+    run(20, sense_cos=-(1 << 22), qsc_rail=1)
+    run(10, drive_saturated=1, rate_saturated=1)
+    run(10, drive_cos=0x7FFFFF)
+    run(20, alive=False)
+    run(80)
+    run(3, adc_ok=0)
+    run(5)
+    run(33, stale=1)
+    run(80)
+    run(30, phase=1 << 22)
+    for step in (1 << 18, -(1 << 18), 1 << 22):
+        run(1, control=0)
+        for k in range(80):
+            run(1, phase=((k * step + SETPOINT) % (1 << 24)) - SETPOINT)
+
+
+def _attempts(walk):
+    """Failed attempts until their counter is at its top and beyond."""
+    if walk.p.search == 1:
+        walk.run(3 * (sequencer.ATTEMPTS_TOP + 4), magnitude=0)
+
+
+def _reached(walk):
+    """The magnitude at `reached` of the setpoint +-1 LSB of the magnitude, then of the product; and too slow."""
+    p = walk.p
+    walk.again(sequencer.ACQUIRE)
+    walk.run(p.timeout + 2, magnitude=SETPOINT >> 1)
+    for near in (-1, 0, 1):
+        walk.again(sequencer.ACQUIRE)
+        walk.run(2, magnitude=(SETPOINT * p.reached >> 16) + near)
+    for near in (-1, 1):
+        setpoint = -near * pow(p.reached, -1, 1 << 16) % (1 << 16)
+        walk.again(sequencer.ACQUIRE)
+        walk.run(1, setpoint=setpoint, magnitude=(setpoint * p.reached + near) >> 16)
+        walk.run(2)
+    for near in (-1, 0, 1):
+        walk.run(1, magnitude=p.min_magnitude + near)
+
+
+def _rotations(walk):
+    """Rotations whose product with the gain is at every edge of its rounding; phase steps at their ends."""
+    p, size, half = walk.p, 1 << CUT, 1 << (CUT - 1)
+    inverse = pow(p.gain, -1, size) if p.gain % 2 else 0
+    wanted = [(low, None, None) for low in (0, 1, half - 1, half + 1, size - 1)]
+    wanted += [(half, odd, negative) for odd in (0, 1) for negative in (False, True)]
+    sums = []
+    for low, odd, negative in wanted:
+        start = low * inverse % size
+        for turn in itertools.chain.from_iterable((k, -1 - k) for k in range(8)):
+            total = start + turn * size
+            product = total * p.gain
+            if odd is None or ((product >> CUT) & 1, product < 0) == (odd, negative):
+                sums.append(total)
+                break
+    limit = (p.search_limit << CUT) // p.gain
+    groups = [sums[k : k + max(1, p.search - 2)] for k in range(0, len(sums), max(1, p.search - 2))]
+    for group in groups:
+        if walk.again(sequencer.SEARCH):
+            phase = before = 0
+            for total in group:
+                phase, before = phase + total - before, total
+                walk.run(1, phase=_wrapped(phase))
+    for near in (-1, 0, 1, 2):
+        if walk.again(sequencer.SEARCH):
+            whole, frames = limit + near, p.search
+            for k in range(1, frames + 1):
+                walk.run(1, phase=_wrapped(whole * k // frames))
+    for first, second in ((2, -SETPOINT + 1), (1 - SETPOINT, 1), (0, -SETPOINT), (-SETPOINT, -1)):
+        if walk.again(sequencer.SEARCH, phase=first):
+            walk.run(1, phase=first)
+            walk.run(1, phase=second)
+
+
+def _wrapped(phase):
+    return (phase + SETPOINT) % (1 << 24) - SETPOINT
+
+
+def _limits(walk):
+    """Each error at both of its limits, each code at its range, +-1 LSB."""
+    p = walk.p.lock
+    for table in (p.limit_in, p.limit_out):
+        for near, sign in itertools.product((-1, 0, 1), (1, -1)):
+            walk.run(1, phase=sign * (table[1] + near))
+            walk.run(1, sense_sin=sign * (table[2] + near))
+            walk.run(1, sense_cos=sign * (table[3] + near))
+            walk.run(1, magnitude=SETPOINT - sign * ((SETPOINT * table[0] >> 16) + near))
+            walk.run(3)
+        # a setpoint whose product with the limit has all ones in the bits that are cut
+        walk.run(1, setpoint=(1 << 20) | (-pow(table[0], -1, 1 << 16) % (1 << 16)))
+    for near, sign in itertools.product((-1, 0, 1), (1, -1)):
+        for name in ("drive_sin", "drive_cos", "sense_sin", "sense_cos"):
+            walk.run(1, **{name: sign * (fault_monitor.RANGE_LIMIT + near)})
+
+
+def _bits_of_limits(walk):
+    """Each bit of each error beside its limit, alone: not locked, where one good frame counts, then locked."""
+    p = walk.p.lock
+    apart = {"sense_sin": 1 << 22, "sense_cos": 1 << 22}
+    slow = {"magnitude": SETPOINT >> 1, "phase": 1 << 22}
+    names = {"phase": 1, "sense_sin": 2, "sense_cos": 3}
+    for name, k in names.items():
+        held = slow if name == "phase" else apart
+        places = ((sequencer.ACQUIRE if held is slow else sequencer.BALANCE, held, p.limit_in[k]),)
+        for state, between, limit in (*places, (sequencer.LOCKED, {}, p.limit_out[k])):
+            if not walk.again(state, **between):
+                continue
+            for n, error in enumerate([*around(limit, signed(24)), -SETPOINT]):
+                walk.run(1, **{**between, name: error if n % 2 or error == -SETPOINT else -error})
+                walk.run(1, **between)
+
+
+def _amplitudes(walk):
+    """The amplitude error at its limit and one beyond, at set-points whose product with the limit has every bit.
+
+    Not locked it is in SETTLE, which the phase keeps from ending and a timeout ends.
+    """
+    lock, random = walk.p.lock, walk.w.random
+    if walk.p.timeout < 3:
+        return  # no frame of SETTLE is left to judge
+    for state, table, count, between in (
+        (sequencer.SETTLE, lock.limit_in, 16, {"phase": 1 << 22, "magnitude": 0}),
+        (sequencer.LOCKED, lock.limit_out, 32, {}),
+    ):
+        arrive = {**between, "magnitude": SETPOINT}
+        for setpoint in [(1 << 20) + random.below(3 << 20) for _ in range(count)]:
+            limit = setpoint * table[0] >> lock_monitor.FRACTION
+            for error in (limit, limit + 1, -limit, -limit - 1):
+                if walk.state.state == state or walk.again(state, **arrive):
+                    walk.run(1, **{**between, "setpoint": setpoint, "magnitude": setpoint - error})
+                    walk.run(1, **between)
+
+
+def _covering(wanted):
+    """Keys, largest first, whose sets together hold all that the sets of {key: set} hold."""
+    while wanted:
+        key = max(wanted, key=lambda k: (len(wanted[k]), k))
+        yield key
+        seen = wanted[key]
+        wanted = {k: kinds - seen for k, kinds in wanted.items() if kinds - seen}
+
+
+def _magnitudes(walk):
+    """Magnitudes for which one bit, of them or of the limit, decides whether a search finds."""
+    p, fmt, wanted = walk.p, sequencer.PARAMS_FMT.min_magnitude, {}
+    limit = p.min_magnitude
+    for size in {limit, *around(limit, fmt), *((limit - (1 << k)) % (1 << fmt.width) for k in range(fmt.width))}:
+        for bit in (1 << k for k in range(fmt.width)):
+            for what, found in (("size", size ^ bit >= limit), ("limit", size >= limit ^ bit)):
+                if found != (size >= limit):
+                    wanted.setdefault(size, set()).add((what, bit, size & bit > 0))
+    for size in _covering(wanted):
+        if walk.again(sequencer.SEARCH):
+            walk.run(p.search, magnitude=size)
+
+
+def _near(walk):
+    """Set-points of which every bit of `reached` times them decides, and the magnitudes at both sides of the product.
+
+    Of the bits below the magnitude's last one each alone is what keeps ACQUIRE from ending, or none is left.
+    """
+    p, size = walk.p, 1 << 16
+    low = [1 << k for k in range(16)] if p.reached % 2 else []
+    inverse = pow(p.reached, -1, size) if low else 0
+    points = [(walk.w.random.below(255) + 1) * size + low_bits * inverse % size for low_bits in (0, *low)]
+    points += [(1 << 20) + walk.w.random.below(15 << 20) for _ in range(12)]
+    small = {"magnitude": SETPOINT >> 1}
+    for setpoint in points:
+        whole, rest = divmod(setpoint * p.reached, size)
+        for magnitude in (whole - (rest == 0), whole + (rest > 0)):
+            if walk.state.state == sequencer.ACQUIRE or walk.again(sequencer.ACQUIRE, **small):
+                walk.run(1, setpoint=setpoint, magnitude=magnitude)
+
+
+def _found(p, correction, flipped=0, limit=0):
+    """Whether a search finds, with bits of the correction and of the limit flipped."""
+    return abs(correction ^ flipped) <= p.search_limit ^ limit
+
+
+def _searches(walk):
+    """Rotations for which one bit of the correction, of its size or of the limit decides whether a search finds."""
+    p, wanted = walk.p, {}
+    if p.search < 3:
+        return  # three steps of a phase get as far as the limit
+    edge = (p.search_limit << CUT) // p.gain
+    near = {edge + k for k in range(-64, 65)} | {edge + sign * (1 << k) for k in range(6, 26) for sign in (1, -1)}
+    for total in sorted(near | {-k for k in near}):
+        correction = (total * p.gain + (1 << (CUT - 1))) >> CUT
+        sound = _found(p, correction)
+        for k in range(p.search_limit.bit_length() + 1):
+            bit, size = 1 << k, abs(correction)
+            value = correction & bit > 0
+            if _found(p, correction, flipped=bit) != sound:
+                wanted.setdefault(total, set()).add(("correction", total < 0, k, value))
+            if _found(p, size, flipped=bit) != sound:
+                wanted.setdefault(total, set()).add(("size", k, size & bit > 0))
+            if _found(p, correction, limit=bit) != sound:
+                wanted.setdefault(total, set()).add(("limit", k))
+    for total in _covering(wanted):
+        if walk.until(sequencer.SEARCH) or walk.again(sequencer.SEARCH):
+            for k in range(1, p.search + 1):
+                walk.run(1, phase=_wrapped(total * k // p.search))
+
+
+def _long(walk):
+    """Frames without a drive, all good, then all bad: the carries of the counters of 16 bits below LONG_ROWS.
+
+    Rows without `en` where the count is all ones: every bit of it is held.
+    """
+    walk.run(1, control=0, stale=1)
+    for stale in (0, 1):
+        walk.run(ALL_ONES, control=0, stale=stale)
+        walk.w.row({"i_stale": 1 - stale}, times=2)
+        walk.run(LONG_ROWS - ALL_ONES, control=0, stale=stale)
+    walk.run(3, control=0)
+
+
+def _at_each_state(walk):
+    """Lost lock, unusable frames, saturations and the user's bits in ACQUIRE, SETTLE, BALANCE and LOCKED."""
+    apart = {"sense_sin": 1 << 22, "sense_cos": 1 << 22}  # keeps the sense loops from locking
+    small = {"magnitude": SETPOINT >> 1}  # keeps ACQUIRE from ending
+    states = {sequencer.ACQUIRE: small, sequencer.SETTLE: apart, sequencer.BALANCE: apart, sequencer.LOCKED: {}}
+    for state, held in states.items():
+        for more in (
+            {"stale": 1},
+            {"adc_ok": 0},
+            {"drive_saturated": 1},
+            {"qsc_rail": 1},
+            {"qsc_rail": 1, "control": sequencer.RUN | sequencer.FIX_QSC},
+            {"control": sequencer.RUN | HELD},
+            {"control": sequencer.RUN | HELD & ~sequencer.HOLD_FTR},
+            {"rate_saturated": 1},
+        ):
+            if walk.again(state, **held):
+                walk.run(2, **{**held, **more})
+        if walk.again(state, **held):
+            walk.run(8, phase=1 << 22)
+
+
+def _resets(walk):
+    """A reset in every state."""
+    for state in range(sequencer.POWER_UP, sequencer.LOCKED + 1):
+        opened = {"control": sequencer.RUN | sequencer.OPEN_DRIVE} if state == sequencer.OPEN else {}
+        stopped = {"control": 0} if state <= sequencer.IDLE else {}
+        if walk.until(state, **opened, **stopped):
+            walk.reset()
+
+
+def script_sequencer(w):
+    walk = Walk(w)
+    before = (
+        _walks,
+        _attempts,
+        _reached,
+        _rotations,
+        _limits,
+        _bits_of_limits,
+        _amplitudes,
+        _searches,
+        _magnitudes,
+        _near,
+    )
+    for part in (*before, _long, _at_each_state, _resets):
+        part(walk)

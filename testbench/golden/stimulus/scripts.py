@@ -1,0 +1,188 @@
+"""Scripts: long inputs that walk a block through its states: debouncing, frames, start-up, loss and recovery.
+
+Source  docs/blocks/
+"""
+
+import itertools
+
+from fpga_model import fault_monitor, lock_monitor, rates, spi_adc
+from fpga_model.fixed import signed
+from testbench.golden.stimulus.blocks import ALL_ONES
+from testbench.golden.stimulus.script_sequencer import script_sequencer
+from testbench.golden.stimulus.writer import LONG_ROWS, around, frame, wrapped
+
+LONG = 1000  # debounce in frames above which a script takes each way once
+
+
+def _lock_errors(p, setpoint, table, near, sign):
+    """Inputs whose four errors are `near` LSB beside the limits of `table`."""
+    names = ("agc_error", "phase", "sense_sin", "sense_cos")
+    limits = ((setpoint * table[0]) >> lock_monitor.FRACTION, *table[1:])
+    return {"setpoint": setpoint} | {name: sign * (limit + near) for name, limit in zip(names, limits, strict=True)}
+
+
+def _one_bit_beside(limit):
+    """168 magnitudes around a limit; a zero where there are fewer."""
+    found = sorted({abs(v) for v in around(limit, signed(24)) if abs(v) < 1 << 23})
+    return found + [0] * (168 - len(found))
+
+
+def _script_lock_monitor(w):
+    """The errors at both of their limits +-1 LSB, long enough to lock and to lose lock; then each bit alone."""
+    p = w.block.cases[w.case]
+    common = {"en": 1, "enable": 15, "judged": 15}
+    longest_in, longest_out = max(p.frames_in) + 2, max(p.frames_out) + 2
+    if max(longest_in, longest_out) > LONG:
+        w.row({**common, **_lock_errors(p, 1 << 22, p.limit_in, 0, 1)}, times=longest_in)
+        w.row({**common, **_lock_errors(p, 1 << 22, p.limit_out, 1, -1)}, times=longest_out)
+        return
+    for sign in (1, -1):
+        for near in (1, 0, -1):
+            w.row({**common, **_lock_errors(p, 1 << 22, p.limit_in, near, sign)}, times=longest_in)
+            w.row({**common, **_lock_errors(p, 1 << 22, p.limit_out, near, -sign)}, times=longest_out)
+        w.row({**common, "sense_cos": 1 << 22, "rail": 1}, times=longest_in)
+    # setpoints whose product with a limit has all ones in the bits that are cut
+    for table in (p.limit_in, p.limit_out):
+        setpoint = (1 << 20) | (-pow(table[0], -1, 1 << lock_monitor.FRACTION) % (1 << lock_monitor.FRACTION))
+        for near in (0, 1):
+            w.row({**common, **_lock_errors(p, setpoint, table, near, 1)}, times=3)
+    # each bit of each comparison alone; between them the counts start again, not locked, then locked
+    good, lost = {**common, "setpoint": 1 << 22}, {**common, **_lock_errors(p, 1 << 22, p.limit_out, 1, 1)}
+    for table, between, times in ((p.limit_in, lost, longest_out), (p.limit_out, good, longest_in)):
+        w.row(between, times=times)
+        for beside in zip(*(_one_bit_beside(limit) for limit in table), strict=True):
+            for sign in (1, -1):
+                w.row({**common, **_lock_errors(p, 1 << 22, (table[0], *beside[1:]), 0, sign)})
+                w.row(between)
+        base = ((1 << 22) * table[0]) >> lock_monitor.FRACTION
+        for error in _one_bit_beside(base):
+            w.row({**common, "setpoint": 1 << 22, "agc_error": error})
+            w.row(between)
+        # the limit of the amplitude is a product: each of its bits, and the error at it +-1
+        setpoints = [1 << k for k in range(8, 24)] + [w.random.below(1 << 24) for _ in range(24)]
+        for setpoint in setpoints:
+            for near, sign in ((0, 1), (1, 1), (0, -1), (1, -1)):
+                errors = _lock_errors(p, setpoint, table, near, sign)
+                w.row({**common, "setpoint": setpoint, "agc_error": errors["agc_error"]})
+                w.row(between)
+    for k in range(4):
+        w.row({**common, "enable": 1 << k}, times=p.frames_in[k] + 1)
+        w.row({**common, "judged": 15 ^ (1 << k)}, times=4)
+    for word in range(16):
+        w.row({**common, "enable": word, "judged": 15 ^ word}, times=2)
+    # resets while counting and while locked
+    for times in (2, longest_in):
+        w.row({**common, **_lock_errors(p, 1 << 22, p.limit_in, 0, 1)}, times=times)
+        w.row(common, rst=1)
+
+
+def _script_fault_monitor(w):
+    """Every code around its limit, every symptom one frame short of its debounce, just as long, and longer."""
+    p = w.block.cases[w.case]
+    common = {"en": 1, "armed": 1, "fresh": 1, "watch_stuck": 1}
+    longest = max(p._replace(top=0))
+    if longest > LONG:
+        top = fault_monitor.CODE.hi
+        w.row({**common, "codes_0": top, "i_drive": 1, "i_rate": 1, "i_rail": 1}, times=longest + 3)
+        w.row({**common, "fresh": 0}, times=2)
+        return
+    for k in range(4):
+        for near in (-1, 0, 1):
+            for sign in (1, -1):
+                code = sign * (fault_monitor.RANGE_LIMIT + near)
+                for row in range(p.over_range + 2):
+                    w.row({**common, f"codes_{k}": code, f"codes_{k ^ 1}": row})
+    for k in range(4):
+        for sign in (1, -1):
+            for code in around(sign * fault_monitor.RANGE_LIMIT, fault_monitor.CODE):
+                w.row({**common, f"codes_{k}": code})
+                w.row(common)
+    for name, frames in (("drive", p.drive), ("rate", p.rate), ("rail", p.rail)):
+        for times in (frames - 1, frames, frames + 1):
+            for row in range(times):
+                w.row({**common, "codes_0": row, f"i_{name}": 1})
+            w.row({**common, "codes_0": -1})
+    for times in (p.stuck, p.stuck + 1, p.stuck + 2):
+        w.row({**common, "codes_2": times}, times=times)
+    # one bit of one code after the other: each alone makes a frame another one, at both values of its neighbours
+    codes = dict.fromkeys((f"codes_{k}" for k in range(4)), 0)
+    for _ in range(2):
+        for name, bit in itertools.product(codes, range(fault_monitor.CODE.width)):
+            codes[name] = wrapped(codes[name] ^ (1 << bit), fault_monitor.CODE)
+            w.row({**common, **codes})
+    w.row({**common, "fresh": 0}, times=5)
+    for word in range(8):
+        w.row({**common, "codes_1": word, "clear": 1 << word})
+        w.row({**common, "codes_1": ~word, "levels": 1 << word, "clear": 1 << word})
+    # a reset while every flag, the latch and the counters are up
+    every = {
+        **common,
+        "codes_0": fault_monitor.CODE.hi,
+        "i_drive": 1,
+        "i_rate": 1,
+        "i_rail": 1,
+        "levels": fault_monitor.ALL,
+    }
+    w.row(every, times=longest + 2)
+    w.row({**every, "fresh": 0})
+    w.row(every, rst=1)
+    w.row(common, times=2)
+    # the counters of good and bad frames: through every carry below LONG_ROWS, in the quick case to their top
+    w.row({**common, "fresh": 0})
+    for fresh in (1, 0):
+        w.row({**common, "fresh": fresh, "watch_stuck": 0}, times=ALL_ONES)
+        w.row({"fresh": 1 - fresh}, times=2)
+        w.row({**common, "fresh": fresh, "watch_stuck": 0}, times=LONG_ROWS - ALL_ONES)
+    w.row({**common, "watch_stuck": 0}, times=2)
+
+
+def _script_spi_adc(w):
+    for status in (0xC00000, 0xCFFFFF, 0x800000, 0x400000, 0xD00000, 0xFFFFFF, 0):
+        frame(w, w.random, status)
+    for word in (0, 1, 0x800000, 0x7FFFFF, 0xFFFFFF, 0x555555, 0xAAAAAA):
+        frame(w, w.random, rows=[word] * spi_adc.CHANNELS)
+    # a reset at every bit of the first word, within every other, at the end and in the tail
+    words = [spi_adc.WORD_BITS * 2 * k + 17 for k in range(1, spi_adc.WORDS)]
+    for rows in (*range(1, 2 * spi_adc.WORD_BITS + 8, 2), *words, 434, 435, 436, 437, 438, 470, 487, 488, 489, 490):
+        begun = len(w.rows)
+        frame(w, w.random)
+        w.rows[begun + rows :] = []
+        w.row({"drdy_n": 0, "dout": 1}, rst=1)
+        w.row({"drdy_n": 1}, times=5)
+    for cut in (1, 100):
+        frame(w, w.random, cut=cut)
+        w.row(times=500)
+
+
+def _script_watchdog(w):
+    p = w.block.cases[w.case]
+    for ticks in (p.limit - 1, p.limit, p.limit + 1):
+        w.row({"ce_1m": 1}, times=ticks)
+        w.row(times=2)
+        w.row({"frame": 1})
+    w.row({"ce_1m": 1}, times=1030)
+    w.row({"ce_1m": 1, "frame": 1})
+    w.row({"ce_1m": 1}, times=p.limit + 2)
+    w.row({"ce_1m": 1}, rst=1)
+    w.row({"ce_1m": 1}, times=3)
+
+
+def _script_rates(w):
+    w.row(times=rates.FRAME_CYCLES + 30)
+    w.row({"go": 1}, times=3)
+    w.row(times=rates.SLOTS + 3)
+    # a reset in the last clock of a frame, where everything is about to wrap
+    w.row(rst=1)
+    w.row(times=rates.FRAME_CYCLES - 1)
+    w.row({"go": 1}, rst=1)
+    w.row(times=3)
+
+
+SCRIPTS = {
+    "lock_monitor": _script_lock_monitor,
+    "fault_monitor": _script_fault_monitor,
+    "spi_adc": _script_spi_adc,
+    "watchdog": _script_watchdog,
+    "rates": _script_rates,
+    "sequencer": script_sequencer,
+}

@@ -1,0 +1,52 @@
+"""Stimulus that means something: directed families made from the formats of a block, then random ones.
+
+    idle, corners, signs, walking_ones    from the formats of the inputs alone                               families.py
+    edges                                 truncation carries, ties, saturation edges +-1 LSB: solved         edges.py
+    script                                long inputs: debouncing, whole frames, start-up                    scripts.py
+    reset_at, enable_at, controls         reset and enable at every state of the pipeline, all 1-bit inputs  families.py
+    held                                  steady inputs: limit cycles                                        families.py
+    random_*                              dense, sparse and corner-weighted                                  families.py
+    corners_found                         what a search has found beyond these, stored                       corners/
+
+Source  docs/golden.md
+"""
+
+import numpy as np
+
+from testbench.golden.stimulus import corners as found_corners
+from testbench.golden.stimulus import families
+from testbench.golden.stimulus.edges import EDGES
+from testbench.golden.stimulus.scripts import SCRIPTS
+from testbench.golden.stimulus.writer import SEED, Random, Writer, corners
+
+__all__ = ["SEED", "Random", "corners", "directed", "make"]
+
+
+def directed(block, case, seed=SEED):
+    """As `make`, without the family of found corners."""
+    return _rows(_directed(block, case, seed))
+
+
+def make(block, case, seed=SEED):
+    """(rows, families): int64 rows in the columns of the block, and (name, first row, rows) of each family."""
+    w = _directed(block, case, seed)
+    found_corners.replay(w)
+    return _rows(w)
+
+
+def _rows(w):
+    return np.array(w.rows, np.int64), [tuple(found) for found in w.families]
+
+
+def _directed(block, case, seed):
+    w = Writer(block, case, seed)
+    w.family("idle")
+    families.idle(w)
+    for name, table in (("edges", EDGES), ("script", SCRIPTS)):
+        if block.stem in table:
+            w.family(name)
+            table[block.stem](w)
+    parts = (families.of_values if w.wide else ()) + families.of_strobes
+    for part in parts:
+        part(w)
+    return w

@@ -1,0 +1,91 @@
+"""Candidates of the closed loop: the catalogue's effects, and the grammar of ports beyond it.
+
+    catalogue   every effect of analog_frontend/effects that moves 8 kHz streams and is no noise; scale: the size that
+                its page shows
+    parameter   effects that are parameters of a part; 0 or the default is off
+    grammar     products of states at a port, order <= 5; their scale is a thousandth of the drive force, a tenth of a
+                degree per second on the sense axis, 1e-4 of the C/V amplitude
+
+Source    docs/effects/README.md
+"""
+
+from typing import NamedTuple
+
+from analog_frontend.effects import catalogue, law
+from testbench.tracing.problem.problem import Law
+
+# need hours (the warm-up's bias is that of `damping_coupling` in a dwell of seconds), a line's phase, another attitude
+NOT_SEEN = ("coupling_warm_up", "pickoff_warm_up", "thermoelastic_bias", "softening_sense", "carrier_ripple")
+NOT_SEEN += ("acceleration",)
+DUFFING_UM2, CUBIC_V2, LEAK = 1e-7, 1e-2, 1e-5
+# typical states of the default gyroscope at lock
+TYPICAL = {"x": 5e-6, "vx": 0.3456, "y": 1e-10, "vy": 7e-6, "u": 0.1, "w": 0.5, "cx": 2.88, "cy": 1e-4}
+TYPICAL |= {"rate": 1.0, "temp": 25.0}
+DRIVE_N, SENSE_N, CV_X_V, CV_Y_V = 2.8e-11, 2.8e-10, 2.9e-4, 5.8e-6
+PORT_SIZE = dict(zip(law.PORTS, (DRIVE_N, SENSE_N, CV_X_V, CV_Y_V)))
+
+
+class Candidate(NamedTuple):
+    """A law of the core, and how a model is told of it: a key of the configuration, or the text of its factors."""
+
+    law: Law
+    key: str = ""
+    port: str = ""
+    factors: str = ""
+
+    def texts(self, value):
+        """Laws to add to a model's own."""
+        return (f"{self.port} = {value!r} {self.factors}",) if self.factors else ()
+
+
+def _key(name, port, text, unit, scale, sign=0, page=""):
+    return Candidate(
+        Law(name, port, text, unit, scale, sign, page=page or f"docs/effects/{name}.md"), f"effects.{name}"
+    )
+
+
+def from_catalogue():
+    """`Candidate`s of every effect that a closed-loop record of seconds can show."""
+    out = [
+        _key("duffing_k3_per_um2", "force_x", "-k3 x^3", "1/um^2", DUFFING_UM2, page="docs/effects/duffing.md"),
+        _key("drive_cubic_per_v2", "force_x", "k_vf c u^3", "1/V^2", CUBIC_V2, page="docs/effects/drive_cubic.md"),
+        _key("feedthrough_y", "cv_y", "c u", "V/V", LEAK),
+    ]
+    for effect in catalogue.LAWS:
+        i = effect.INFO
+        # noise has no shape to fit: another power-on has another; contrasts of repeats tell it (N01 to N04)
+        if i.name not in NOT_SEEN and i.mechanism != "noise":
+            out.append(_key(i.name, i.port, effect.DOC, i.unit, abs(effect.EXAMPLE), effect.SIGN))
+    return tuple(out)
+
+
+GRAMMAR = {
+    "force_x": (
+        "x^2", "x^5", "abs(x) x", "x vx", "x^4 vx", "x vx^2", "vx^3", "sgn(x)", "u^2", "u x", "u x^2", "u vx^2",
+        "rate vx", "rate x", "temp x", "w", "w x", "y", "vy",
+    ),
+    "force_y": (
+        "x^2", "x", "abs(x) x", "abs(vx) vx", "x^5", "x vx^2", "vx^3", "sgn(vx)", "sgn(x)", "u", "u^3", "u x^2",
+        "rate x", "rate^2 x", "rate vx", "rate^2 vx", "temp x", "temp vx", "y", "vy", "y^3", "w^2 x", "abs(w) w", "w",
+    ),
+    "cv_x": ("cx^5", "abs(cx) cx", "u^3", "w", "cy", "cx", "rate cx", "temp cx"),
+    "cv_y": ("cx", "cx^3", "w^3", "u^3", "cy", "rate u", "temp u", "rate cx", "temp cx"),
+}  # fmt: skip
+
+
+def from_grammar():
+    """`Candidate`s beyond the catalogue."""
+    out = []
+    for port, rows in GRAMMAR.items():
+        for factors in rows:
+            one = law.parse(f"{port} = 1.0 {factors}")
+            size = 1.0
+            for f in one.factors:
+                size *= 1.0 if f.dress == law.SGN else TYPICAL[f.name] ** f.power
+            name = f"{port}: {factors}"
+            terms = tuple((str(f._replace(power=1)), float(f.power)) for f in one.factors)
+            made = Law(
+                name, port, f"c {factors}", one.unit, PORT_SIZE[port] / size, term=terms, page="docs/parts/ports.md"
+            )
+            out.append(Candidate(made, "", port, factors))
+    return tuple(out)

@@ -1,0 +1,89 @@
+"""Noise of a closed loop's features: every power-on has a drive frequency and a phase of its own.
+
+    jitter   draw k is moved by jitter_hz(k), quantiles of a normal scatter JITTER_HZ wide
+    noise    covariance of draws less what their jitter does, plus that of the jitter
+    R        of its correlations: OWN R_own + (1 - OWN) R_pooled, since edges slip otherwise in each condition
+    gain     data are not among the draws that made the noise, and larger by 1 / gain
+Source    docs/measured.md
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import solve_triangular
+from scipy.stats import norm
+
+from testbench.errors import ConfigError
+from testbench.measured.closed_loop import loop_runs
+
+JITTER_HZ = 1e-3
+NOISE_DRAWS = 64  # of the averaged plant, per condition
+OWN = 0.3  # the likeliest of draws left out
+FOLDS = 8
+# quantiles in random order: their variance is that of the scatter, not that of 64 draws of it
+JITTER = np.random.default_rng(3).permutation(norm.ppf((np.arange(NOISE_DRAWS) + 0.5) / NOISE_DRAWS))
+JITTER *= JITTER_HZ / np.sqrt(np.mean(JITTER**2))
+LATER = np.random.default_rng(4).integers(loop_runs.LATE, size=NOISE_DRAWS)
+
+
+class Noise(NamedTuple):
+    """Covariance of a condition's features as sigma and the Cholesky factor of the correlations."""
+
+    sigma: np.ndarray
+    chol: np.ndarray
+
+
+def jitter_hz(draw):
+    """Shift of the drive frequency that belongs to a draw."""
+    return float(JITTER[draw])
+
+
+def noise_of(draws, moved_hz=JITTER):
+    """{condition: Noise} of {condition: ((draws, n), change per hertz)}; moved_hz: jitter of each draw.
+
+    The scatter of the power-ons is what it is; correlations of the rest are shared among conditions of one length.
+    """
+    pools, sigma, own = {}, {}, {}
+    jitter = moved_hz - np.mean(moved_hz)
+    for name, (rows, slope) in draws.items():
+        rest = rows - rows.mean(axis=0) - np.outer(jitter, slope)
+        sd = rest.std(axis=0, ddof=1)
+        least = 0.1 * np.median(sd.reshape(len(loop_runs.NAMES), -1), axis=1)
+        sigma[name] = np.maximum(sd, np.repeat(np.maximum(least, 1e-300), len(sd) // len(loop_runs.NAMES)))
+        own[name] = rest / sigma[name]
+        pools.setdefault(rows.shape[1], []).append(own[name])
+    out = {}
+    for name, (rows, slope) in draws.items():
+        n, z = rows.shape[1], np.concatenate(pools[rows.shape[1]])
+        dof = len(z) - len(pools[n])
+        if dof < n + 10:
+            raise ConfigError(
+                f"noise of {name}: {dof} deviations for {n} features; more draws or fewer bins are needed"
+            )
+        r = OWN * own[name].T @ own[name] / (len(rows) - 1) + (1 - OWN) * z.T @ z / dof
+        c = r * np.outer(sigma[name], sigma[name]) + JITTER_HZ**2 * np.outer(slope, slope)
+        whole = np.sqrt(np.diag(c))
+        out[name] = Noise(whole, np.linalg.cholesky(c / np.outer(whole, whole)))
+    return out
+
+
+def gain_of(draws):
+    """Factor on whitened data that makes them as large as the draws are which the noise is made of.
+
+    Those are inside their own covariance, data are not: rms of the draws over that of draws left out, FOLDS times.
+    """
+    count = len(next(iter(draws.values()))[0])
+    inside = _mean_square(noise_of(draws), {k: rows - rows.mean(axis=0) for k, (rows, _) in draws.items()})
+    left = []
+    for fold in range(FOLDS):
+        out = np.arange(count) % FOLDS == fold
+        kept = {k: (rows[~out], slope) for k, (rows, slope) in draws.items()}
+        apart = {k: rows[out] - rows[~out].mean(axis=0) for k, (rows, _) in draws.items()}
+        left.append(_mean_square(noise_of(kept, JITTER[~out]), apart) / (1 + 1 / np.sum(~out)))
+    return float(np.sqrt(inside * count / (count - 1) / np.mean(left)))
+
+
+def _mean_square(noise, deviations):
+    """Mean square of whitened deviations {condition: (n, features)}."""
+    scaled = {k: solve_triangular(n.chol, (deviations[k] / n.sigma).T, lower=True) for k, n in noise.items()}
+    return float(np.mean([np.mean(z**2) for z in scaled.values()]))

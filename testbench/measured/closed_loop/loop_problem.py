@@ -1,0 +1,435 @@
+"""The closed loop as a problem of the tracing core: a linear model about an anchor that the exact engine has computed.
+
+    y_k(theta, c) = A_k + T_k (theta - theta_a) + L_k (c - c_a)
+    A    mean over draws of the exact engine (lanes: to the bit) at the anchor, less that of the averaged plant with the
+         same noise where the model began, so that most of it cancels, plus the mean of the averaged plant's draws
+         there, each from power-on. What is left is `prediction_noise`, in units of a repeat's variance
+    T L  differences of the averaged plant with the same noise on both sides (loop_tangents.py)
+    N    covariance of the averaged plant's draws, pooled over conditions
+    jitter   re-timed reference edges beat slowly with the drive frequency: a change of 1e-6 Hz moves the instants at
+             which they slip, and nobody knows f_x so well. Every draw has its own f_x, JITTER_HZ wide, by a stiffness
+             at force_x, as every power-on of a board has, and its own phase of the drive at a step of the rate
+    place    mean and noise of the slips are others a few mHz further on. So every run of a condition is held at the
+             drive frequency that was recorded there, and what a point does to the frequency is added: 1 Hz per Hz
+
+The core sees a problem that is linear; what it finds becomes the next anchor (loop_trace.py), until the exact engine
+and the linear model agree there.
+Source    docs/measured.md, docs/tracing.md
+"""
+
+import hashlib
+import re
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from testbench import config as configuration
+from testbench.config import law_file
+from testbench.errors import ConfigError
+from testbench.measured.closed_loop import loop_runs
+from testbench.measured.closed_loop.loop_noise import LATER, NOISE_DRAWS, gain_of, jitter_hz, noise_of
+from testbench.measured.closed_loop.loop_runs import EXACT, FAST, Model, Run
+from testbench.measured.closed_loop.loop_tangents import Tangents
+from testbench.measured.residual import features
+from testbench.tracing.problem.problem import Nuisance, Observable, PredictionFailed, Segment
+
+PLACE_HZ = 2e-3  # from the model's drive frequency to the recorded one: what is less is scatter of the power-ons
+LOOK, DRAWS = 5, 16  # of the exact engine at an anchor: for a first look, and later
+FIRST_DRAW = 10**12  # seeds that no recording has
+SETTLED = 200.0  # sigmas of all features together: so little needs no other anchor
+
+
+class Measured(NamedTuple):
+    """What has been recorded: conditions (plan.Condition), features {condition id: (repeats, n)}."""
+
+    name: str
+    conditions: tuple
+    values: dict
+    hashes: dict
+
+
+class Kept:
+    """Anchors, tangents and noise by what they depend on: trials under the same conditions share them."""
+
+    def __init__(self):
+        self.noise, self.columns, self.steps, self.exact = {}, {}, {}, {}
+
+
+class LoopProblem:
+    """See `testbench.tracing.problem.problem.Problem`.
+
+    model       configuration of the model; nuisances  measured.parameters.Parameter
+    candidates  loop_laws.Candidate of the catalogue;   library  those of the grammar, which cost runs when asked for
+    """
+
+    library_late = True
+
+    def __init__(self, measured, model, nuisances, candidates, library=(), bench=None, kept=None, progress=None):
+        self.name, self.measured_ = measured.name, measured
+        self.model = model
+        self.parameters, self.progress = tuple(nuisances), progress
+        self.bench, self.kept = bench or loop_runs.Bench(), kept or Kept()
+        self.candidates = {c.law.name: c for c in (*candidates, *library)}
+        self.nuisances = tuple(Nuisance(p.key, p.unit, p.mean, _sd(p)) for p in self.parameters)
+        self.laws, self.library = tuple(c.law for c in candidates), tuple(c.law for c in library)
+        self.linear_in = frozenset([n.name for n in self.nuisances] + list(self.candidates))
+        self.conditions = {c.id: c for c in measured.conditions}
+        self.segments = tuple(_segments(measured))
+        self.hashes = dict(measured.hashes)
+        self.firmware, self.numerical_certificate = None, None
+        device = self.model.plant
+        # stiffness that moves the drive mode by a hertz
+        self.per_hz = 8 * np.pi**2 * device.mass_kg * device.fx_hz
+        self._sizes = {c.id: loop_runs.size(c) for c in measured.conditions}
+        self._count = {c.id: len(loop_runs.bins(c)) - 1 for c in measured.conditions}
+        self.slope = {c.id: _of_frequency(c) for c in measured.conditions}
+        self.place = dict.fromkeys(self.conditions, 0.0)
+        self._put()
+        draws = self._draws(Model(self.model), NOISE_DRAWS, power_on=True)
+        fitted = {g: (v[:, : self._sizes[g]], self.slope[g][: self._sizes[g]]) for g, v in draws.items()}
+        self._noise, self.noise_gain = noise_of(fitted), gain_of(fitted)
+        self._begun, self._middle = draws, {g: v.mean(axis=0) for g, v in draws.items()}
+        self.heldout_view = Fine(self, {g: v[:, self._sizes[g] :] for g, v in draws.items()})
+        self._rows = {s.group: k for k, s in enumerate(self.segments)}
+        self.anchors, self.draws, self.tangent = 0, LOOK, None
+        self.first = np.array([n.value for n in self.nuisances])
+        self.anchor(self.first, {})
+        self.tangents = Tangents(self)
+        self.tangents.make([*(n.name for n in self.nuisances), *(law.name for law in self.laws)])
+        columns = [(self.column(n.name), self.column(n.name, "validate")) for n in self.nuisances]
+        self.tangent = {g: np.stack([(a | b)[g] for a, b in columns], axis=1) for g in self.base}
+        if any(np.any(v) for v in measured.values.values()):
+            self.settle()
+
+    # ---- what the core asks ----
+
+    def measured(self, k):
+        s = self.segments[k]
+        return self.measured_.values[s.group][s.repeat][: self._sizes[s.group]]
+
+    def predict(self, points, which):
+        groups = [self.segments[k].group for k in which]
+        return [[self.linear(theta, c, g)[: self._sizes[g]] for g in groups] for theta, c in points]
+
+    def whiten(self, k, v):
+        """Whitened features; those of fine bins behind them are left out."""
+        n = self._noise[self.segments[k].group]
+        v = np.asarray(v, float)[: len(n.sigma)]
+        scaled = v / (n.sigma if v.ndim == 1 else n.sigma[:, None])
+        return solve_triangular(n.chol, scaled, lower=True, check_finite=False)
+
+    def noise_draw(self, k, rng):
+        """One of the averaged plant's draws, either sign: slips make the noise of some power-ons larger."""
+        rows = self._begun[self.segments[k].group]
+        n = self._sizes[self.segments[k].group]
+        scale = np.sqrt(len(rows) / (len(rows) - 1)) * rng.choice((-1.0, 1.0))
+        return scale * (rows[rng.integers(len(rows)), :n] - self._middle[self.segments[k].group][:n])
+
+    def floor(self, k):
+        n, s = self._noise[self.segments[k].group], self.segments[k]
+        return {o.name: float(np.sqrt(np.mean(n.sigma[o.rows] ** 2))) for o in s.observables}
+
+    def law_file(self, law, value, sd, hashes):
+        """A law of the grammar as a file that `effects.files` and `gyro golden effect --law` take."""
+        name = re.sub(r"\W+", "_", law.name).strip("_")
+        made = law_file.LawFile(
+            name, self.candidates[law.name].texts(float(value)), (float(sd),), tuple(hashes.items())
+        )
+        return law_file.text(made)
+
+    def whitened_rows(self, k):
+        """Rows of observables behind `whiten`: a triangle keeps each row among those before it."""
+        return {o.name: o.rows for o in self.segments[k].observables}
+
+    # ---- models and runs ----
+
+    def told(self, theta, effects):
+        """`loop_runs.Model` of a point; PredictionFailed outside the limits of a key."""
+        values = {p.key: float(t) for p, t in zip(self.parameters, theta)}
+        laws = []
+        for name, value in effects.items():
+            c = self.candidates[name]
+            if c.key:
+                values[c.key] = float(value)
+            else:
+                laws += c.texts(float(value))
+        try:
+            return Model(configuration.changed(self.model, values), tuple(laws))
+        except ConfigError as problem:
+            raise PredictionFailed(str(problem)) from None
+
+    def _put(self):
+        """Places of the conditions, from the last bins of the recorded frequency words."""
+        one = self._draws(Model(self.model), 1)
+        for g, values in self.measured_.values.items():
+            if np.any(values):
+                hz = self.hertz(values.mean(axis=0) - one[g][0], g) + jitter_hz(0)
+                self.place[g] = hz if abs(hz) > PLACE_HZ else 0.0
+
+    def moved_hz(self, model, hz):
+        """A model whose drive mode is moved by some Hz, by a stiffness."""
+        return Model(model.config, (*model.laws, f"force_x = {-self.per_hz * hz!r} x"))
+
+    def _run(self, wanted, kind, power_on=False, smooth=False):
+        """Features of (model, condition, draw, Hz by which the model is above the model where the problem began).
+
+        All are held at the place of their condition. They begin from a locked state of the model where the problem
+        began, so that edges slip at the same instants in all of them, or from power-on.
+        """
+        index = {name: k for k, name in enumerate(self.conditions)}
+        runs = []
+        for m, c, draw, above_hz in wanted:
+            place, start = self.place[c.id], None
+            if not power_on:
+                start = loop_runs.told(self.moved_hz(Model(self.model), place))
+            told = self.moved_hz(m, place - above_hz + jitter_hz(draw))
+            runs.append(Run(told, c, FIRST_DRAW + 10_000 * index[c.id] + draw, start, int(LATER[draw]), smooth))
+        try:
+            return self.bench.run(runs, kind, self.progress, fine=True, lenient=smooth)
+        except ConfigError as problem:
+            raise PredictionFailed(str(problem)) from None
+
+    def smooth(self, wanted):
+        """`_run` of the averaged plant without rounded codes, from the lock of the model where the problem began.
+
+        None for what leaves its range.
+        """
+        return self._run(wanted, FAST, smooth=True)
+
+    def key(self, *more):
+        text = repr((self.model.model_dump_json(), *more))
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    def _draws(self, model, count, power_on=False):
+        """{condition: (count, n)} of the averaged plant at a model, jitter and all."""
+        told = count, power_on, model.config.model_dump_json(), model.laws
+        keys = {c.id: self.key("draws", told, c._replace(role=""), self.place[c.id]) for c in self._all()}
+        todo = [c for c in self._all() if keys[c.id] not in self.kept.noise]
+        found = self._run([(model, c, k, 0.0) for c in todo for k in range(count)], FAST, power_on)
+        for i, c in enumerate(todo):
+            self.kept.noise[keys[c.id]] = np.array(found[count * i : count * (i + 1)])
+        return {name: self.kept.noise[key] for name, key in keys.items()}
+
+    def _all(self):
+        return self.measured_.conditions
+
+    def exact(self, theta, effects, role=None):
+        """{condition: (features of the exact engine at a point, each draw less its twin in the averaged plant)}.
+
+        Of the conditions with a role, or of all. The drive frequency is held, so that edges slip at the same instants
+        and the noise cancels.
+        """
+        model = self.told(theta, effects)
+        told = "exact", model.config.model_dump_json(), model.laws
+        chosen = [c for c in self._all() if role in (None, c.role)]
+        keys = {c.id: self.key(*told, c._replace(role=""), self.place[c.id]) for c in chosen}
+        moved = self._moved_hz(theta, effects)
+        # the averaged plant with the same noise, where the model began
+        twins = self._draws(Model(self.model), max(self.draws, DRAWS))
+        kept = {c.id: self.kept.exact.get(keys[c.id], np.zeros((0, len(self.slope[c.id])))) for c in chosen}
+        todo = [(model, c, k, moved[c.id]) for c in chosen for k in range(len(kept[c.id]), self.draws)]
+        found = iter(self._run(todo, EXACT))
+        out = {}
+        for c in chosen:
+            more = [next(found) - twins[c.id][k] for k in range(len(kept[c.id]), self.draws)]
+            rows = self.kept.exact[keys[c.id]] = np.concatenate([kept[c.id], np.array(more)]) if more else kept[c.id]
+            rows = rows[: self.draws]
+            v = rows.mean(axis=0) + self._middle[c.id] + self.slope[c.id] * (moved[c.id] - self.place[c.id])
+            out[c.id] = v, rows[:, : self._sizes[c.id]]
+        return out
+
+    def _moved_hz(self, theta, effects):
+        """{condition: change of the drive frequency from where the model began}, by the linear model.
+
+        That by an engine is no better: the frequency word of a dwell has slips of its own, some 1e-5 Hz.
+        """
+        if self.tangent is None:
+            return {c.id: 0.0 for c in self._all()}
+        return {c.id: self.hertz(self._change(theta, effects, self.first, {}, c.id), c.id) for c in self._all()}
+
+    def hertz(self, change, group):
+        """Change of the drive frequency in a change of features, by the last bin of the frequency word."""
+        return float(change[(loop_runs.NAMES.index("f_word") + 1) * self._count[group] - 1])
+
+    # ---- the linear model ----
+
+    def anchor(self, theta, effects):
+        """Put the linear model's anchor at a point; PredictionFailed, and nothing moved, where the engine fails."""
+        at = np.array(theta, float), {name: float(v) for name, v in effects.items() if v}
+        found, self.at = self.exact(*at), at
+        self.base, self._rest = {g: v for g, (v, _) in found.items()}, {g: rows for g, (_, rows) in found.items()}
+        left = [self.whiten(self._rows[g], rows.T).var(axis=1, ddof=1).mean() for g, rows in self._rest.items()]
+        self.prediction_noise = float(np.mean(left)) / self.draws + 1 / NOISE_DRAWS
+        self.anchors += 1
+        self.hashes["anchor"] = self.key(self.at[0].tolist(), sorted(self.at[1].items()), self.draws)
+
+    def linear(self, theta, effects, group):
+        """Features of a group at a point, fine ones behind the others."""
+        return self.base[group] + self._change(theta, effects, *self.at, group)
+
+    def _change(self, theta, effects, theta0, effects0, group):
+        """Change of a group's features from one point to another."""
+        out = self.tangent[group] @ (np.asarray(theta, float) - theta0)
+        # in one order: sums in another differ by their rounding, which is no signature of a law
+        for name in sorted({*effects, *effects0}):
+            change = effects.get(name, 0.0) - effects0.get(name, 0.0)
+            if change:
+                out = out + self.column(name, self.conditions[group].role)[group] * change
+        return out
+
+    def size(self, change):
+        """Sigmas of a change of all conditions."""
+        total = 0.0
+        for group, v in change.items():
+            total += float(np.sum(self.whiten(self._rows[group], v) ** 2))
+        return np.sqrt(total)
+
+    def column(self, name, role="fit"):
+        """{condition of a role: change of the features per unit of a nuisance or law}."""
+        return self.tangents.column(name, role)
+
+    def axis(self, name):
+        """Axis of a law, by its port."""
+        return self.candidates[name].law.port[-1] if name in self.candidates else ""
+
+    def like(self, names):
+        """Laws of the library that might stand for some laws: at ports of their axes, for others move other things."""
+        axes = {self.axis(name) for name in names}
+        return tuple(law.name for law in self.library if self.axis(law.name) in axes)
+
+    def settle(self):
+        """Anchor where the nuisances alone fit the data best: far from it no linear model holds."""
+        rows, sd = [c.id for c in self._all() if c.role == "fit"], np.array([n.prior_sd for n in self.nuisances])
+        for _ in range(2):
+            j, r = [], []
+            for g in rows:
+                values, k = self.measured_.values[g], self._rows[g]
+                root = np.sqrt(len(values))
+                j.append(root * self.whiten(k, self.tangent[g]) * sd)
+                r.append(root * self.whiten(k, values.mean(axis=0) - self.base[g]))
+            behind = (np.array([n.value for n in self.nuisances]) - self.at[0]) / sd
+            u = np.linalg.lstsq(np.concatenate([*j, np.eye(len(sd))]), np.concatenate([*r, behind]), rcond=None)[0]
+            if np.linalg.norm(np.concatenate(j) @ u) < SETTLED:
+                return
+            self.anchor(self.at[0] + sd * u, {})
+
+    def pseudo(self, change):
+        """(laws, m) sigmas of the effects that m differences of features, {condition: (n, m)}, would be taken for."""
+        rows = [c.id for c in self._all() if c.role == "fit"]
+
+        def stacked(of):
+            roots = {g: np.sqrt(len(self.measured_.values[g])) for g in rows}
+            return np.concatenate([roots[g] * self.whiten(self._rows[g], of[g]) for g in rows])
+
+        sd = np.array([n.prior_sd for n in self.nuisances])
+        j = stacked(self.tangent) * sd
+        q, _ = np.linalg.qr(np.concatenate([j, np.eye(len(sd))]) / np.linalg.norm(j, axis=0))
+        s = np.stack([stacked(self.column(law.name)) for law in self.laws], axis=1)
+        s = np.concatenate([s, np.zeros((len(sd), s.shape[1]))])
+        s -= q @ (q.T @ s)
+        size = np.linalg.norm(s, axis=0)
+        s = s[: -len(sd), size > 0] / size[size > 0]
+        return s.T @ stacked(change)
+
+    def distance(self, theta, effects):
+        """Certificate at a point near the anchor: what the linear model changes from there, as if none of it were so.
+
+        At the anchor the model is the exact engine; `check` runs that again.
+        """
+        fitted = [c.id for c in self._all() if c.role == "fit"]
+        change = {g: self._change(theta, effects, *self.at, g)[: self._sizes[g], None] for g in fitted}
+        return {
+            "engines": "exact engine (lanes) at the anchor, and all that the fitted model changes from there, as error",
+            "sigma": float(np.max(np.abs(self.pseudo(change)))),
+            "anchors": self.anchors,
+            "draws": self.draws,
+        }
+
+    def check(self, theta, effects):
+        """Certificate at a point: exact engine less the linear model that was fitted, as a pseudo-effect.
+
+        Its own noise, known from the draws, is taken out: the fit knows of it as `prediction_noise`.
+        """
+        exact, theta = self.exact(theta, effects, "fit"), np.asarray(theta, float)
+        off = {g: (v - self.linear(theta, effects, g))[: self._sizes[g]] for g, (v, _) in exact.items()}
+        scaled = np.concatenate([v / self._noise[g].sigma for g, v in off.items()])
+        seen = self.pseudo({g: v[:, None] for g, v in off.items()})[:, 0]
+        each = self.pseudo({g: (rows - self._rest[g]).T for g, (_, rows) in exact.items()})
+        own = each.var(axis=1, ddof=1) / self.draws
+        return {
+            "engines": "exact engine (lanes) against the fitted model, same noise",
+            "sigma": float(np.sqrt(max(np.max(seen**2 - own), 0.0))),
+            "sigma_with_noise": float(np.max(np.abs(seen))),
+            "feature_rms_sigma": float(np.sqrt(np.mean(scaled**2))),
+            "anchors": self.anchors,
+            "draws": self.draws,
+        }
+
+
+class Fine:
+    """The segments of a `LoopProblem` in bins of loop_runs.FINE frames: for held-out errors, nothing is fitted here."""
+
+    def __init__(self, problem, draws):
+        self._of, self._draws = problem, {g: v - v.mean(axis=0) for g, v in draws.items()}
+        self.segments = tuple(
+            s._replace(
+                observables=tuple(
+                    o._replace(rows=slice(i * count, (i + 1) * count)) for i, o in enumerate(s.observables)
+                )
+            )
+            for s in problem.segments
+            for count in [draws[s.group].shape[1] // len(s.observables)]
+        )
+
+    @property
+    def prediction_noise(self):
+        return self._of.prediction_noise
+
+    def measured(self, k):
+        s, whole = self.segments[k], self._of.measured_
+        return whole.values[s.group][s.repeat][loop_runs.size(self._of.conditions[s.group]) :]
+
+    def predict(self, points, which):
+        groups = [self.segments[k].group for k in which]
+        return [
+            [self._of.linear(theta, c, g)[loop_runs.size(self._of.conditions[g]) :] for g in groups]
+            for theta, c in points
+        ]
+
+    def noise_draw(self, k, rng):
+        """One of the draws of the averaged plant."""
+        rows = self._draws[self.segments[k].group]
+        return rows[rng.integers(len(rows))] * np.sqrt(len(rows) / (len(rows) - 1))
+
+    def floor(self, k):
+        rows, s = self._draws[self.segments[k].group], self.segments[k]
+        return {
+            o.name: float(np.sqrt(np.sum(rows[:, o.rows] ** 2) / (len(rows) - 1) / (o.rows.stop - o.rows.start)))
+            for o in s.observables
+        }
+
+
+def _of_frequency(condition):
+    """Change of the features per hertz of drive frequency: that of the frequency word."""
+    out = [
+        np.repeat(np.array(loop_runs.NAMES) == "f_word", len(edges) - 1)
+        for edges in (loop_runs.bins(condition), loop_runs.fine_bins(condition))
+    ]
+    return np.concatenate(out).astype(float)
+
+
+def _sd(p):
+    return p.scale * p.mean if p.logarithmic else p.scale
+
+
+def _segments(measured):
+    for c in measured.conditions:
+        count = len(loop_runs.bins(c)) - 1
+        observables = tuple(
+            Observable(name, features.OBSERVABLES[name].unit, slice(i * count, (i + 1) * count))
+            for i, name in enumerate(loop_runs.NAMES)
+        )
+        what = {"a_um": c.a_um, "rate_dps": c.rate_dps, "degc": c.temperature_degc, "detune_deg": c.detune_deg}
+        for r in range(len(measured.values[c.id])):
+            yield Segment(f"{c.id}.{r}", what, c.id, r, c.role, observables)

@@ -1,0 +1,98 @@
+"""A gyrorec record as a problem of tracing: its fitted and held-out dwells, its priors, its own model.
+
+    condition   segments of one repeat group: set-points from /segments, the rate before from /stimulus/rate
+    settling    from lock to the dwell: at least LEAST_SETTLE_S, because the model begins from a locked state of its own
+    firmware    R0 is replayed first: a record whose firmware is not the model's is not traced (verdict "firmware")
+
+Source    docs/measured.md
+"""
+
+import h5py
+import numpy as np
+
+from fpga_model.rates import FRAME_CYCLES
+from testbench.errors import ConfigError
+from testbench.measured.closed_loop import loop_laws, loop_problem, loop_runs
+from testbench.measured.record import check_tables, load, schema
+from testbench.measured.record.plan import Condition
+from testbench.measured.record.sessions import segments
+from testbench.measured.residual import parameters
+from testbench.storage.record import SCHEMA
+
+FRAME_HZ = 8000
+LEAST_SETTLE_S = 2.0
+
+
+def is_record(path):
+    """True if the content is a closed-loop record."""
+    if path.is_dir():
+        return (path / "record.json").exists()
+    try:
+        with h5py.File(path, "r") as file:
+            return str(file.attrs.get("schema", "")).startswith(SCHEMA.partition("/")[0]) and "segments" in file
+    except OSError:
+        return False
+
+
+def _before(record, edge):
+    """Rate (deg/s) just before an edge."""
+    table = record.tables["stimulus/rate"]
+    edges, rates = table["edge"].data, table["rate"].data
+    return float(rates[max(0, int(np.searchsorted(edges, edge, side="left")) - 1)])
+
+
+def measured(record, name, hashes):
+    """`loop_problem.Measured` of the segments with a role."""
+    lsb = {key: s.attrs["lsb_V"] for key, s in record.streams.items() if "lsb_V" in s.attrs}
+    all_ = segments(record)
+    ends = {s.first + s.frames: s for s in all_ if s.kind == "settle"}
+    groups, values = {}, {}
+    for s in all_:
+        if s.role not in ("fit", "validate"):
+            continue
+        settle = ends[s.first].frames / FRAME_HZ if s.first in ends else 0.0
+        if settle < LEAST_SETTLE_S:
+            raise ConfigError(
+                f"/segments {s.id}: settles for {settle:g} s, tracing needs {LEAST_SETTLE_S:g} s: a plan's settle_s"
+            )
+        before = _before(record, s.first * FRAME_CYCLES)
+        c = Condition(
+            s.repeat_group, float(s.a_set), float(s.rate_set), before, float(s.temp_set), float(s.detune),
+            loop_runs.SETTLE_S, s.frames / FRAME_HZ, s.role,
+        )  # fmt: skip
+        known = groups.setdefault(c.id, c)
+        c = c._replace(seconds=min(c.seconds, known.seconds))
+        groups[c.id] = c
+        values.setdefault(c.id, []).append(s)
+    out = {}
+    for key, members in values.items():
+        rows = []
+        for s in members:
+            columns = {
+                n: x.data[s.first : s.first + s.frames]
+                for n, x in record.streams.items()
+                if (x.num, x.den) == schema.PER_FRAME
+            }
+            rows.append(loop_runs.feature_vector(groups[key], columns, lsb, fine=True))
+        out[key] = np.array(rows)
+    return loop_problem.Measured(name, tuple(groups.values()), out, hashes)
+
+
+def opened(paths, options):
+    """`LoopProblem` of one record, or None if the content is no record. Options: grammar = no, threads = N."""
+    if len(paths) != 1 or not is_record(paths[0]):
+        return None
+    loaded = load.load(paths[0])
+    record = loaded.record
+    model = check_tables.stated_config(record)
+    wanted = parameters.declared(record)
+    hashes = {"record": record.attrs.get("content_sha256", ""), "roles": record.attrs.get("roles_sha256", "")}
+    data = measured(record, paths[0].name, hashes)
+    library = () if options.get("grammar") == "no" else loop_laws.from_grammar()
+    bench = loop_runs.Bench(int(options.get("threads", loop_runs.THREADS)))
+    problem = loop_problem.LoopProblem(data, model, wanted, loop_laws.from_catalogue(), library, bench)
+    if loaded.blocked:
+        problem.firmware = next(str(f) for f in loaded.findings if f.rule == "R16")
+    r0 = loaded.residual
+    problem.firmware_certificate = {"decidable": bool(r0.decidable), "first": str(r0.first) if r0.first else None}
+    return problem

@@ -1,0 +1,353 @@
+"""The closed loop under several conditions at once: from a locked state each, through settling into the dwell.
+
+    locked   frame engine from power-on, as `gyro measured record` does it, to START_TICKS
+    runs     (model, condition, seed, whose lock, if not from a power-on of its own) -> features of the dwell
+             lanes      exact to the bit, eight at a time on all cores
+             baseband   averaged plant, three to six times as fast; its differences are what tangents are made of
+
+A model is a configuration and the laws that are added to it. Runs do not depend on what runs beside them.
+Source    docs/measured.md
+"""
+
+import math
+import os
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
+
+import numpy as np
+
+from analog_frontend import top as plant
+from analog_frontend.averaged import averaged_laws
+from analog_frontend.numeric.vector import LANES
+from fpga_model import agc, sequencer
+from fpga_model.rates import FRAME_TICKS, TICK_HZ
+from testbench import config
+from testbench.config import phase_word
+from testbench.engines import baseband, baseband_setup, engine, frame, lanes
+from testbench.errors import ConfigError
+from testbench.measured.residual import features
+from testbench.measured.residual.simulator import streams
+from testbench.run import build
+from testbench.run.simulation import Simulation
+from testbench.storage.code_hash import frames_begun
+
+DEG = math.pi / 180
+EARLY_TICKS = 3_000 * FRAME_TICKS  # from here on the averaged plant holds
+START_TICKS = 14_000 * FRAME_TICKS  # 1.75 s: the slowest start-up has locked, and half a second has passed
+SETTLE_S = 1.5  # what power-on, or a change at START_TICKS, leaves is below a sigma then
+LATE = 100  # frames by which a dwell may begin later: nobody knows the drive's phase at a step of the rate
+FIRST_BIN = 64  # frames
+FINE = 64  # frames of each bin in which held-out errors are told
+TURN = 1 << 48
+NAMES = tuple(features.OBSERVABLES)
+THREADS = max(1, min(2, os.cpu_count() or 1))
+EXACT, FAST = "lanes", "baseband"
+MOST_LOCKED = 200
+LEAST_LANES = 3  # fewer gyroscopes side by side are no faster than one by one
+DESIGN = threading.Lock()  # mpmath's precision belongs to the process, not to a thread
+
+
+class Model(NamedTuple):
+    """What is run: a configuration and laws beside its own, as texts."""
+
+    config: config.Config
+    laws: tuple = ()
+
+
+class Run(NamedTuple):
+    """One run that is asked for."""
+
+    model: Model
+    condition: object  # plan.Condition
+    seed: int
+    start: config.Config | None = None  # whose locked state it begins from; None: from a power-on of its own
+    late: int = 0  # frames by which the dwell begins later, below LATE
+    smooth: bool = False  # of the averaged plant: codes of the drive are not rounded
+
+
+def frames_of(seconds):
+    """Whole frames."""
+    return max(0, round(seconds * TICK_HZ / FRAME_TICKS))
+
+
+def bins(condition):
+    """First frames of the bins of a dwell and its end: FIRST_BIN, then twice as many each."""
+    frames = frames_of(condition.seconds)
+    edges, width = [0], FIRST_BIN
+    while edges[-1] + width < frames:
+        edges.append(edges[-1] + width)
+        width *= 2
+    if len(edges) > 1 and frames - edges[-1] < edges[-1] - edges[-2]:
+        edges.pop()
+    return np.array([*edges, frames])
+
+
+def fine_bins(condition):
+    """First frames of bins of FINE frames each, and the end of the last whole one."""
+    return np.arange(0, frames_of(condition.seconds) + 1, FINE)
+
+
+def size(condition):
+    """How many features are for fits and alarms; those of the fine bins follow them."""
+    return len(NAMES) * (len(bins(condition)) - 1)
+
+
+def feature_vector(condition, columns, lsb_v, fine=False):
+    """Means of each observable in turn over the bins, then over the fine ones, from streams of the dwell alone."""
+    out = []
+    for edges in (bins(condition), fine_bins(condition))[: 1 + fine]:
+        for name in NAMES:
+            stream = features.OBSERVABLES[name].stream
+            values = features.physical(name, columns[stream][: edges[-1]], lsb_v.get(stream, 1.0))
+            out.append(np.add.reduceat(values - values[0], edges[:-1]) / np.diff(edges) + values[0])
+    return np.concatenate(out)
+
+
+def lsb_volts(model):
+    """Volts per code of the streams that are codes."""
+    d = model.device()
+    volts = dict.fromkeys(("adc_xI", "adc_xQ"), 2 * d.adc_vref_v / d.adc_pga_drive / 2**24)
+    volts |= dict.fromkeys(("adc_yI", "adc_yQ"), 2 * d.adc_vref_v / d.adc_pga_sense / 2**24)
+    return volts | {"dac_qsc": d.quad_dac_span_v / 2**16, "quadrature_code": d.quad_dac_span_v / 2**16}
+
+
+def told(model):
+    """The configuration of a model with its laws in place."""
+    effects = model.config.effects
+    laws = effects.model_copy(update={"laws": [*effects.laws, *model.laws]})
+    return model.config.model_copy(update={"effects": laws})
+
+
+def configured(model, seed):
+    """The configuration of a model with the noise of a seed."""
+    cfg = told(model)
+    return cfg.model_copy(update={"noise": cfg.noise.model_copy(update={"seed": seed})})
+
+
+def _from(run):
+    """Tick at which a run begins."""
+    return EARLY_TICKS if run.start is None else START_TICKS
+
+
+def _settling(run):
+    """Frames of a run before its dwell."""
+    return (START_TICKS - _from(run)) // FRAME_TICKS + frames_of(run.condition.settle_s) + run.late
+
+
+def _profiles(run):
+    """Rate (rad/s) and temperature of every frame of a run, and one more."""
+    c, settle = run.condition, _settling(run)
+    dwell = frames_of(c.seconds)
+    rate = np.concatenate([np.full(settle, _before(c) * DEG), np.full(dwell + 3 + LATE - run.late, c.rate_dps * DEG)])
+    return rate, np.full(len(rate), float(c.temperature_degc))
+
+
+def ticks_of(run):
+    """Length of a run, one tick into the frame behind its last: its row holds the last codes."""
+    return (_settling(run) + frames_of(run.condition.seconds) + LATE - run.late) * FRAME_TICKS + 1
+
+
+def _before(condition):
+    return condition.rate_dps if condition.from_dps is None else condition.from_dps
+
+
+def _preset(condition):
+    return condition.temperature_degc, condition.detune_deg
+
+
+def switched_on(cfg, condition):
+    """`Simulation` of a board under a condition, whose registers have just been written."""
+    temp, before = condition.temperature_degc, _before(condition)
+    with DESIGN:
+        sim = Simulation(cfg, temp, temp, engine="frame")
+        nominal = build.nominal(cfg)
+        wanted = dict(build.register_writes(cfg))
+    sim.keep_codes = sim.keep_rows = False
+    wanted["amplitude_setpoint"] = agc.setpoint(condition.a_um, nominal["v_per_um"], nominal["adc_drive_v"])
+    if condition.detune_deg:
+        own = cfg.firmware.phase_words()[0]
+        wanted["phase_drive_sine"] = (phase_word(condition.detune_deg) + own) % TURN
+    sim.now = (np.array([before * DEG]), np.array([temp]))
+    for name, raw in wanted.items():
+        sim.write(name, raw)
+    return sim
+
+
+def powered(sims, ticks):
+    """engine.State of boards that have been switched on under one condition, at a tick: side by side if they may."""
+    now, like = [sim.now for sim in sims], {(sim.tick, lanes.kind(sim.params)) for sim in sims}
+    if len(sims) >= LEAST_LANES and len(like) == 1 and like.pop()[1] is not None:
+        lanes.Lanes(sims).advance(ticks - sims[0].tick, *zip(*now))
+    else:
+        for sim, (rate, temp) in zip(sims, now):
+            sim.advance(ticks - sim.tick, rate, temp)
+    return [sim.state for sim in sims]
+
+
+def _sure(state, condition):
+    """A state that is locked, or ConfigError."""
+    if state.fpga.control.sequencer.state != sequencer.LOCKED:
+        raise ConfigError(f"condition {condition.id}: no lock within {state.tick / TICK_HZ:g} s")
+    return state
+
+
+class Bench:
+    """Locked states, parameters and set-ups, made once and kept."""
+
+    def __init__(self, threads=THREADS):
+        self.threads = threads
+        self._setups, self._locked = {}, {}
+        self.simulated_s = 0.0
+
+    def locked(self, cfg, condition):
+        """engine.State at START_TICKS of a board under a condition's first rate, from power-on; made once.
+
+        Raises ConfigError if it has not locked.
+        """
+        key = (cfg.model_dump_json(), condition.a_um, _before(condition), *_preset(condition))
+        if key not in self._locked:
+            while len(self._locked) > MOST_LOCKED:
+                self._locked.pop(next(iter(self._locked)))
+            (state,) = powered([switched_on(cfg, condition)], START_TICKS)
+            self._locked[key] = _sure(state, condition)
+        s = self._locked[key]
+        # the matrix of the next frame is made anew: it may be that of another plant
+        s.plant.now[:] = np.inf
+        return engine.State(s.fpga, s.chips, plant.copy(s.plant), s.tick, s.drdy_cycle)
+
+    def setup(self, run, p):
+        """baseband Setup of a run; that of its model's configuration is kept, its laws are put in."""
+        key = (run.model.config.model_dump_json(include={"firmware", "plant"}), run.condition.temperature_degc)
+        if key not in self._setups:
+            while len(self._setups) > 400:
+                self._setups.pop(next(iter(self._setups)))
+            self._setups[key] = baseband_setup.setup(p)
+        made = self._setups[key]
+        laws = averaged_laws.design(p.plant.effects, p.plant.laws, made.laws.reference_turns)
+        return made._replace(laws=laws, drive_lsb_v=0.0 if run.smooth else made.drive_lsb_v)
+
+    def run(self, runs, kind, progress=None, fine=False, lenient=False):
+        """Features of `Run`s.
+
+        kind    EXACT or FAST.  Raises ConfigError where a run leaves the engine's range
+        fine    with those of the fine bins behind the others
+        lenient None for a run of the averaged plant that leaves its range, instead of the error
+        """
+        states = self._begun(runs)
+        done = [0.0]
+
+        def ended(seconds):
+            done[0] += seconds
+            self.simulated_s += seconds
+            if progress:
+                progress(f"{kind} engine", done[0], sum(ticks_of(r) for r in runs) / TICK_HZ)
+
+        if kind == EXACT:
+            params = [_params(r) for r in runs]
+            jobs = _grouped(runs, params)
+        else:
+            jobs = [[k] for k in range(len(runs))]
+        out = [None] * len(runs)
+
+        def work(members):
+            if kind == EXACT and len(members) >= LEAST_LANES:
+                rows = _side_by_side([(runs[k], params[k], states[k]) for k in members])
+            elif kind == EXACT:
+                rows = [_alone(runs[k], params[k], states[k]) for k in members]
+            else:
+                rows = [self._averaged(runs[members[0]], states[members[0]], lenient)]
+            for k, row in zip(members, rows):
+                out[k] = None if row is None else _features(runs[k], row, fine)
+            ended(sum(ticks_of(runs[k]) for k in members) / TICK_HZ)
+
+        self._each(work, jobs)
+        return out
+
+    def _averaged(self, run, state, lenient):
+        """Rows of a run in the baseband engine; None where it fails and may."""
+        try:
+            with DESIGN:
+                p = _params(run)
+                made = self.setup(run, p)
+            return _averaged(run, p, state, made)
+        except ConfigError:
+            if lenient:
+                return None
+            raise
+
+    def _begun(self, runs):
+        """States from which runs begin, each its own copy."""
+        own, made = {}, {}
+        for k, r in enumerate(runs):
+            if r.start is None:
+                own.setdefault(r.condition.id, []).append(k)
+
+        def power(members):
+            sims = [switched_on(configured(runs[k].model, runs[k].seed), runs[k].condition) for k in members]
+            made.update(zip(members, powered(sims, EARLY_TICKS)))
+
+        self._each(power, [g[i : i + LANES] for g in own.values() for i in range(0, len(g), LANES)])
+        return [made[k] if k in made else self.locked(r.start, r.condition) for k, r in enumerate(runs)]
+
+    def _each(self, work, jobs):
+        if self.threads == 1:
+            for job in jobs:
+                work(job)
+        else:
+            with ThreadPoolExecutor(self.threads) as pool:
+                list(pool.map(work, jobs))
+
+
+def _params(run):
+    temp = run.condition.temperature_degc
+    return build.params(configured(run.model, run.seed), temp, temp)
+
+
+def _grouped(runs, params):
+    """Indices of runs in groups of eight that may stand side by side: one length, one kind of parts."""
+    groups = {}
+    for k, (r, p) in enumerate(zip(runs, params)):
+        groups.setdefault((ticks_of(r), lanes.kind(p)), []).append(k)
+    return [g[i : i + LANES] for g in groups.values() for i in range(0, len(g), LANES)]
+
+
+def _streams(run):
+    return engine.streams(0, frames_begun(_from(run), ticks_of(run)), 0, 0, 0)
+
+
+def _side_by_side(members):
+    """Rows of up to eight runs in the lanes engine."""
+    ticks = ticks_of(members[0][0])
+    profiles = [_profiles(r) for r, _, _ in members]
+    outs = [_streams(r) for r, _, _ in members]
+    states = [s for _, _, s in members]
+    group = lanes.Engine([p for _, p, _ in members])
+    after = group.run(states, ticks, *zip(*profiles), [engine.Faults()] * len(members), outs)
+    for s, (r, _, _) in zip(after, members):
+        _sure(s, r.condition)
+    return [o.frames for o in outs]
+
+
+def _alone(run, p, state):
+    """Rows of a run in the frame engine: the bits of the lanes, one at a time."""
+    ticks, out = ticks_of(run), _streams(run)
+    after = frame.run(p, state, ticks, *_profiles(run), 0, 0, 0, engine.Faults(), out)
+    _sure(after, run.condition)
+    return out.frames
+
+
+def _averaged(run, p, state, setup):
+    """Rows of a run in the baseband engine."""
+    ticks, out = ticks_of(run), _streams(run)
+    after = baseband.run(p, state, ticks, *_profiles(run), 0, 0, 0, engine.Faults(), out, made=setup)
+    _sure(after, run.condition)
+    return out.frames
+
+
+def _features(run, frames, fine):
+    columns = {name: frames[:, k] for k, (name, _, _) in enumerate(engine.FRAME_COLUMNS)}
+    settle, dwell = _settling(run), frames_of(run.condition.seconds)
+    table = streams(columns, settle + dwell)
+    own = {name: values[settle:] for name, values in table.items()}
+    return feature_vector(run.condition, own, lsb_volts(run.model.config), fine)

@@ -1,0 +1,200 @@
+"""Tangents of a closed-loop problem: how its features change per unit of a nuisance or law.
+
+    T = (mu(theta + s) - mu(theta - s)) / 2 s      averaged plant, same noise on both sides, steps s of about AIM
+                                                   sigmas; to one side where a law has a sign
+    even     re-timed reference edges slip at instants that any change moves: scatter of 3 to 25 % of what nuisances
+             leave of a law. So references leave at any clock here, later by what an edge waits for the 1 MHz grid
+    smooth   the drive's codes are not rounded: what a law does to the amplitude word would depend on the step
+    held     the drive frequency is that of the base run; what its change does is put back by `slope`, 1 Hz per Hz
+Source    docs/measured.md
+"""
+
+import numpy as np
+
+from fpga_model.rates import MASTER_HZ, TICK_CYCLES
+from testbench import config as configuration
+from testbench.tracing.problem.problem import PredictionFailed
+
+EVEN_S = (TICK_CYCLES + 1) / 2 / MASTER_HZ  # 1 .. 26 clocks of waiting (fpga_model/references.py)
+HELD_HZ = 1e-3  # of the drive frequency
+AIM, NEAR = 300.0, 2.5  # sigmas by which a step moves all features together, and how far off it may be
+SEEN = 10.0  # sigmas of all features together, that a law's largest step must move
+LARGEST_SCALES = 1e4  # of a law of the grammar
+
+
+def even(config):
+    """A configuration whose references leave evenly, at the same mean phase."""
+    if not config.firmware.reference_retimed:
+        return config
+    late = {"firmware.reference_retimed": False, "plant.sid_switch_s": config.plant.sid_switch_s + EVEN_S}
+    return configuration.changed(config, late)
+
+
+class Tangents:
+    """{condition: change of the features per unit} of nuisances and laws of a `LoopProblem`, made when asked for.
+
+    Steps come from the fitted conditions. Hardly any law is ever predicted on the others: made by themselves.
+    """
+
+    def __init__(self, of):
+        self.of, self.slope, self.kept = of, of.slope, of.kept.columns
+        self.nuisances = [n.name for n in of.nuisances]
+        # the same a few mHz further on
+        self._where = of.key(list(of.conditions.values()))
+        # {name: step}: 0 of a law that these data do not see
+        self.steps = of.kept.steps.setdefault(self._where, {})
+        for role in {c.role for c in of.conditions.values()}:
+            self.kept[self._where, role, "plant.fx_hz"] = {c.id: of.slope[c.id] for c in self._of(role)}
+
+    def column(self, name, role="fit"):
+        """{condition: column} of the conditions with a role; nan where the plant fails."""
+        if not self._of(role):
+            return {}
+        if (self._where, role, name) not in self.kept:
+            if name not in self.steps:
+                self.make(self._beside(name))
+            self.make(self.nuisances if name in self.nuisances else [name], role)
+        return self.kept[self._where, role, name]
+
+    def _beside(self, name):
+        """What is made with a law on the fitted conditions: laws of the library at ports of its axis."""
+        late = [law.name for law in self.of.library]
+        axis = self.of.axis(name)
+        return [other for other in late if self.of.axis(other) == axis] if name in late else [name]
+
+    def _of(self, role):
+        return [c for c in self.of.conditions.values() if c.role == role]
+
+    def make(self, names, role="fit"):
+        """Columns of nuisances and laws on the conditions with a role, that are not there yet."""
+        of, columns = self.of, {}
+        missing = [name for name in names if (self._where, role, name) not in self.kept]
+        if not missing:
+            return
+        base = self._many([(of.first, {})], only=self._of(role))[0]
+        steps = {name: self.steps.get(name, self._first_step(name)) for name in missing}
+        zero, nan = ({g: np.full(len(v), fill) for g, v in base.items()} for fill in (0.0, np.nan))
+        columns |= {name: zero for name in missing if not steps[name]}
+        todo = [name for name in missing if steps[name]]
+        self._guess([name for name in todo if name not in self.steps], steps, base)
+        for _ in range(4):
+            if not todo:
+                break
+            again = []
+            for name, moved in zip(todo, self._held([self._stepped(name, steps[name]) for name in todo], base)):
+                if moved is None:
+                    steps[name] *= 0.03
+                    again.append(name)
+                    continue
+                columns[name] = {g: v / steps[name] for g, v in moved.items()}
+                size = self._size(moved)
+                if name in self.steps:
+                    continue
+                if size < SEEN and name in of.candidates:
+                    # what the largest step hardly moves is noise, and no law that these data see
+                    columns[name] = zero
+                if not AIM / NEAR <= size <= AIM * NEAR and self._aimed(name, steps, size):
+                    again.append(name)
+            todo = again
+        # to both sides where both are allowed: what is of second order in a law falls out
+        both = [n for n, v in columns.items() if v is not zero and self._sided(n)]
+        for name, moved in zip(both, self._held([self._stepped(n, -steps[n]) for n in both], base)):
+            if moved is not None:
+                columns[name] = {g: (v - moved[g] / steps[name]) / 2 for g, v in columns[name].items()}
+        for name in missing:
+            self.steps.setdefault(name, 0.0 if columns.get(name) is zero else steps[name])
+            self.kept[self._where, role, name] = columns.get(name, nan)
+
+    def _first_step(self, name):
+        if name in self.nuisances:
+            return 0.1 * self.of.nuisances[self.nuisances.index(name)].prior_sd
+        law = self.of.candidates[name].law
+        return law.scale * (law.sign or 1)
+
+    def _size(self, moved):
+        """Sigmas of a change of some conditions, if all others moved as they do."""
+        return self.of.size(moved) * np.sqrt(len(self.of.conditions) / len(moved))
+
+    def _guess(self, names, steps, base):
+        """Steps that move all features by about AIM sigmas, from one condition alone. Mutates `steps`."""
+        one = max((self.of.conditions[g] for g in base), key=lambda c: (c.a_um, abs(c.rate_dps)))
+        moved = self._many([self._stepped(name, steps[name]) for name in names], only=(one,))
+        for name, found in zip(names, moved):
+            if found is not None:
+                self._aimed(name, steps, self._size({one.id: found[one.id] - base[one.id]}))
+
+    def _aimed(self, name, steps, size):
+        """True if a step that moves `size` sigmas could be changed so that it moves AIM. Mutates `steps`."""
+        factor = np.clip(AIM / max(size, 1e-3), 1e-3, 100.0)
+        if factor * abs(steps[name]) > self.largest(name):
+            return False
+        steps[name] *= factor
+        return True
+
+    def _sided(self, name):
+        """True if steps to both sides are allowed."""
+        return name not in self.of.candidates or not self.of.candidates[name].law.sign
+
+    def largest(self, name):
+        """How far a step may go: half the limit of a key."""
+        if name in self.of.candidates:
+            key = self.of.candidates[name].key
+            if key:
+                info = type(self.of.model.effects).model_fields[key.partition(".")[2]]
+                return 0.5 * next(m.le for m in info.metadata if hasattr(m, "le"))
+            return LARGEST_SCALES * self.of.candidates[name].law.scale
+        n = self.of.nuisances[self.nuisances.index(name)]
+        return 0.2 * max(abs(n.value), n.prior_sd)
+
+    def _stepped(self, name, step):
+        theta, effects = self.of.first.copy(), {}
+        if name in self.of.candidates:
+            effects[name] = step
+        else:
+            theta[self.nuisances.index(name)] += step
+        return theta, effects
+
+    def _held(self, points, base):
+        """Changes {group: values} from `base` to points, None where the averaged plant fails.
+
+        The drive frequency is held, in two steps; what its change does is put back by `slope`.
+        """
+        hertz, changes = [dict.fromkeys(base, 0.0) for _ in points], [None] * len(points)
+        only = [self.of.conditions[g] for g in base]
+        todo = range(len(points))
+        for _ in range(3):
+            found = self._many([points[i] for i in todo], [hertz[i] for i in todo], only)
+            left = []
+            for i, moved in zip(todo, found):
+                if moved is None:
+                    changes[i] = None
+                    continue
+                rest = {g: moved[g] - base[g] for g in base}
+                changes[i] = {g: v + self.slope[g] * hertz[i][g] for g, v in rest.items()}
+                more = {g: self.of.hertz(v, g) for g, v in rest.items()}
+                if max(map(abs, more.values())) > HELD_HZ:
+                    hertz[i] = {g: hertz[i][g] + v for g, v in more.items()}
+                    left.append(i)
+            todo = left
+        return changes
+
+    def _many(self, points, hertz=None, only=None):
+        """Features {group: values} of points in the averaged plant, None where it fails.
+
+        hertz  see `of.smooth`;   only  conditions, if not all
+        """
+        of, models = self.of, []
+        hertz = hertz or [dict.fromkeys(of.conditions, 0.0) for _ in points]
+        for theta, effects in points:
+            try:
+                told = of.told(theta, effects)
+                models.append(told._replace(config=even(told.config)))
+            except PredictionFailed:
+                models.append(None)
+        every = of.conditions.values() if only is None else only
+        wanted = [(m, c, 0, h[c.id]) for m, h in zip(models, hertz) if m is not None for c in every]
+        found, out = iter(of.smooth(wanted)), []
+        for m in models:
+            values = None if m is None else {c.id: next(found) for c in every}
+            out.append(None if values is None or any(v is None for v in values.values()) else values)
+        return out

@@ -1,0 +1,67 @@
+"""Trace a closed-loop problem: the core on the linear model, then the exact engine where the core has arrived.
+
+A first look, on an anchor of few draws, says where the anchor belongs: where it has arrived, if that is far. Then, as
+long as the engine and the linear model differ by an effect of more than LIMIT sigmas, the point becomes the anchor and
+the core goes on. Of a point whose whole way from the anchor is less, nothing else needs to be run.
+Source    docs/measured.md, docs/tracing.md
+"""
+
+from testbench.measured.closed_loop.loop_problem import DRAWS
+from testbench.tracing.problem.problem import PredictionFailed
+from testbench.tracing.trace import Options, Tracer
+
+LIMIT, ROUNDS = 0.5, 5  # sigmas
+MORE = 2  # times the draws, from the fourth anchor on
+
+
+def _looked(problem, certificate, theta, effects):
+    """Anchor for good, where a first look has arrived: where the engine fails there, or it is near, where it was."""
+    problem.draws = DRAWS
+    if certificate["sigma"] >= LIMIT:
+        try:
+            return problem.anchor(theta, effects)
+        except PredictionFailed:
+            pass
+    return problem.anchor(*problem.at)
+
+
+def _certified(problem, theta, effects):
+    """Certificate of a point: its way from the anchor, or the exact engine there."""
+    certificate = problem.distance(theta, effects)
+    return certificate if certificate["sigma"] < LIMIT else problem.check(theta, effects)
+
+
+def run(problem, options=None, progress=None, checkpoint=None):
+    """(Tracer, Result) of a problem; that of a closed loop is anchored until its certificate holds, or ROUNDS times."""
+
+    def decided():
+        tracer = Tracer(problem, options or Options(), progress, checkpoint)
+        return tracer, tracer.decide()
+
+    for round_ in range(ROUNDS):
+        tracer, blocked = decided()
+        if blocked or not hasattr(problem, "anchor"):
+            return tracer, blocked or tracer.told()
+        theta, effects = tracer.arrived()
+        if not round_:
+            _looked(problem, problem.distance(theta, effects), theta, effects)
+            continue
+        try:
+            certificate = _certified(problem, theta, effects)
+            certificate["holds"] = certificate["sigma"] < LIMIT
+            if certificate["holds"] or round_ == ROUNDS - 1:
+                break
+            if round_ > 1:
+                # near the point already: what is left is mostly the noise of the draws
+                problem.draws = MORE * DRAWS
+            problem.anchor(theta, effects)
+        except PredictionFailed as reason:
+            certificate = {"failed": str(reason), "holds": False}
+            break
+    if not certificate["holds"]:
+        # the core names nothing on a model that is not the engine's
+        problem.numerical_certificate = certificate
+        tracer, blocked = decided()
+    result = blocked or tracer.told()
+    result.certificates["numerical"] = certificate
+    return tracer, result

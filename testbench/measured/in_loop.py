@@ -1,0 +1,277 @@
+"""What an effect that was found in a part would do to the gyroscope: two runs of the closed loop, with it and without.
+
+    rates      0, then +100, then -100 deg/s; bias and scale factor from the means behind each step, noise from the rest
+    paired     both runs have the same noise sample by sample: the difference is the effect's alone
+    mapping    a converter's error goes in as parts of full scale, a DAC's in its LSB, a rate as a rate; a resonator's
+               law as `gyro_laws.carried` writes it for the drive mode: as strong at 5 um as it was in the part
+    meters     of each kind of law, the meter that has most of it; a law of temperature at WARM_DEGC
+               where the loop does not lock with it, a tenth, a hundredth .. of it
+    control    springs too weak to matter: what two runs differ by of themselves, as codes flip; the largest counts
+    not run    what belongs to an instrument or a preparation and has no counterpart on the board: listed
+Source    docs/measured_parts.md
+"""
+
+import html
+import re
+from typing import NamedTuple
+
+import numpy as np
+
+from analog_frontend.effects import rate_vibration
+from analog_frontend.parts.adc import CURVE
+from testbench import config
+from testbench.measured.exam import tell
+from testbench.measured.models.gyro_laws import AMPLITUDE_M
+from testbench.measured.parts import adc_linearity
+from testbench.run import simulate
+
+RATE_DPS, REST_S, STEP_S, MEAN_S = 100.0, 1.0, 0.8, 0.3
+WORD_PER_DPS = 8651.0
+SEED = 7
+CONTROLS = (1e-9, -1e-9, 1e-8, -1e-8)  # of the spring
+BEYOND = 2.0  # times the largest change of a control, from which a change is called one
+MEASURED = ("scale factor", "bias", "noise")
+WARM_DEGC = 35.0
+LOCKED, WEAKEST = 0.5, 4  # share of the scale factor that a locked loop has; tens by which a law is made weaker
+SHOWN = 8  # frames averaged for a point of the picture: 1 ms
+
+
+class Case(NamedTuple):
+    """One effect for the loop: what is set, and in words what it stands for; of which set."""
+
+    name: str
+    words: str
+    settings: dict
+    vibration: tuple = ()
+    temperature_degc: float = 25.0
+    set: str = ""
+
+
+class Reading(NamedTuple):
+    """Means and noise of one run (deg/s), and the rate itself."""
+
+    bias_dps: float
+    scale: float
+    rms_dps: float
+    rate_dps: np.ndarray
+
+
+def levels(effects, scale=1.0, bits=0):
+    """Texts for `drive_dac_levels` of a DAC's named laws; `scale` in LSB of a finer DAC, `bits` more than 16."""
+    out = []
+    for e in effects:
+        kind, _, rest = e["law"].partition(" ")
+        if kind == "bit":
+            out.append(f"bit {int(rest) + bits} = {e['value'] * scale:.5g}")
+        elif kind in ("element", "step"):
+            out.append(f"{e['law']} = {e['value'] * scale:.5g}")
+    return out
+
+
+def converter(effects):
+    """{meter: {key of [effects]: value}} of the laws of converters that the board's converter can have."""
+    meters = {}
+    for e in effects:
+        meter, _, law = e["law"].partition(": ")
+        per_volt = e["value"] * 1e-6 / adc_linearity.FULL_V
+        mine = meters.setdefault(meter, {})
+        if law == "turnover":
+            mine["adc_turnover"] = per_volt
+        elif law == "memory":
+            mine["adc_memory"] = per_volt
+        elif law.startswith("curve T"):
+            curve = mine.setdefault("adc_curve", [0.0] * CURVE)
+            curve[int(law[7:]) - 2] = e["value"] * 1e-6 / adc_linearity.RANGE_V
+        elif law.startswith("gain with") and "temp" in law:
+            span = re.search(r"1 is ([-+.\deE]+)", e["text"])
+            if span:
+                mine["adc_gain_tc_per_k"] = per_volt / float(span[1])
+    meters.pop("source", None)
+    return {meter: found for meter, found in meters.items() if found}
+
+
+def cases(sets):
+    """Cases of what the sets have: {set: JSON} as in build/measured.json."""
+    out = []
+    for name, data in sets.items():
+        out += [case._replace(set=name) for case in _of_set(name, data["jobs"])]
+    return out
+
+
+def controls(device):
+    """Runs that should differ from the plain one by nothing: the spring is changed by a share of it at 5 um."""
+    k = device.mass_kg * (2 * np.pi * device.fx_hz) ** 2
+    texts = {share: f"force_x = {-share * k / AMPLITUDE_M**2!r} x^3" for share in CONTROLS}
+    return [Case(f"control: {share:g} of the spring", text, {"laws": [text]}) for share, text in texts.items()]
+
+
+def _of_set(name, jobs):
+    out = []
+    texts = levels(jobs[0]["effects"])
+    if texts:
+        fine = levels(jobs[0]["effects"], 16.0, 4)
+        words = f"{len(texts)} laws in LSB of 16 bit"
+        out.append(Case(f"{name}: levels as drive DAC", words, {"drive_dac_levels": texts}))
+        words = "the same errors in volts, at 20 bit"
+        out.append(Case(f"{name}: levels as force DAC", words, {"sense_dac_levels": fine}))
+    out += _of_meters(name, [e for job in jobs for e in job["effects"]])
+    for job in jobs:
+        out += _of_lines(name, job["effects"])
+        for c in job.get("gyroscope", ()):
+            title = f"{name}, {job['label']}: {c['name']}"
+            words = f"effects.laws: {c['text']}; at 5 um {c['share']:.3g} of the {c['of']}, as in the part"
+            out.append(Case(title, words, {"laws": [c["text"]]}))
+    return out
+
+
+def _of_meters(name, effects):
+    """For each kind of law of converters, the meter with the largest coefficient."""
+    worst = {}
+    for meter, found in converter([e for e in effects if ": " in e["law"]]).items():
+        for key, value in found.items():
+            if key not in worst or _size(value) > _size(worst[key][1]):
+                worst[key] = (meter, value)
+    out = []
+    for key, (meter, value) in sorted(worst.items()):
+        warm = key == "adc_gain_tc_per_k"
+        words = f"{key} = {_shown(value)}" + (f", both runs at {WARM_DEGC:g} degC" if warm else "")
+        degc = WARM_DEGC if warm else 25.0
+        out.append(Case(f"{name}: {meter} as converter, {key}", words, {key: value}, temperature_degc=degc))
+    return out
+
+
+def _of_lines(name, effects):
+    """Lines of vibration, where they settle."""
+    out = []
+    for e in effects:
+        if "hz" in e:
+            f_hz, quality, rms = e["hz"], max(e["quality"], 1.0), float(np.sqrt(e["value"]))
+            words = f"{f_hz:.3g} Hz, {rms:.3g} deg/s rms, quality {quality:.2g}"
+            out.append(Case(f"{name}: vibration at {f_hz:.3g} Hz", words, {}, (f_hz, quality, rms)))
+    return out
+
+
+def not_run(sets):
+    """[(set, job, law, port, kind)] of the named effects that no case has."""
+    out, meters = [], {"turnover", "memory"}
+    for name, data in sets.items():
+        for job in data["jobs"]:
+            carried = {c["name"] for c in job.get("gyroscope", ())}
+            for e in job["effects"]:
+                meter, _, law = e["law"].partition(": ")
+                known = law in meters or law.startswith("curve T") or (law.startswith("gain with") and "temp" in law)
+                mine = e["law"] in carried or levels([e]) or (known and meter != "source") or "vibration" in law
+                if not mine:
+                    out.append((name, job["label"], e["law"], e["port"], e.get("kind", "")))
+    return out
+
+
+def _size(value):
+    return float(np.max(np.abs(value)))
+
+
+def _shown(value):
+    return f"{value:.3g}" if np.isscalar(value) else "[" + ", ".join(f"{v:.2g}" for v in value) + "]"
+
+
+def play(case=None):
+    """`Reading` of one run; no case: the board as it is."""
+    total = REST_S + 2 * STEP_S
+    points = [[0.0, 0.0], [REST_S, 0.0], [REST_S + 0.001, RATE_DPS], [REST_S + STEP_S, RATE_DPS]]
+    points += [[REST_S + STEP_S + 0.001, -RATE_DPS], [total, -RATE_DPS]]
+    if case and case.vibration:
+        f_hz, quality, rms = case.vibration
+        wave = rate_vibration.profile(total, f_hz, quality, rms, SEED)
+        t, x = np.array(wave).T
+        steps = np.interp(t, *np.array(points).T)
+        points = [[float(a), float(b)] for a, b in zip(t, steps + x)]
+    made = config.Config()
+    update = {"seconds": total, "rate_dps": points, "diagnose": False}
+    if case:
+        update["temperature_degc"] = case.temperature_degc
+    scenario = made.scenario.model_copy(update=update)
+    made = made.model_copy(update={"scenario": scenario})
+    if case and case.settings:
+        made = made.model_copy(update={"effects": made.effects.model_copy(update=case.settings)})
+    watch = simulate.Watch("rate_word")
+    simulate.run(made, sinks=(watch,))
+    rate = watch.values() / WORD_PER_DPS
+    per_s = len(rate) / total
+    at = [int(per_s * t) for t in (REST_S - MEAN_S, REST_S, REST_S + STEP_S - MEAN_S, REST_S + STEP_S, total - MEAN_S)]
+    plus, minus = rate[at[2] : at[3]].mean(), rate[at[4] :].mean()
+    rest = rate[at[0] : at[1]]
+    return Reading(float(rest.mean()), float((plus - minus) / (2 * RATE_DPS)), float(rest.std()), rate)
+
+
+def _locked(case):
+    """(`Reading`, case) of a run; a law with which the loop does not lock is made weaker by tens, and this is said."""
+    one, weaker = play(case), case
+    for k in range(1, WEAKEST + 1):
+        if abs(one.scale) > LOCKED or "laws" not in case.settings:
+            break
+        laws = []
+        for text in case.settings["laws"]:
+            port, _, rest = text.partition(" = ")
+            coefficient, _, product = rest.partition(" ")
+            laws.append(f"{port} = {float(coefficient) * 0.1**k!r} {product}")
+        words = f"{case.words}. With it the loop does not lock; the run has 1/{10**k} of it"
+        weaker = case._replace(name=f"{case.name}, 1/{10**k} of it", words=words, settings={"laws": laws})
+        one = play(weaker)
+    return one, weaker
+
+
+def section(sets):
+    """(HTML: a table, and for each effect a paragraph and a picture; {set: [numbers of each effect]})."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    found = cases(sets)
+    if not found:
+        return "", {}
+    bases, rows, words, data, itself = {}, [], [], {}, np.zeros(len(MEASURED))
+    for case in (*controls(config.Config().device()), *found):
+        degc = case.temperature_degc
+        if degc not in bases:
+            bases[degc] = play(Case("", "", {}, temperature_degc=degc))
+        base = bases[degc]
+        one, case = _locked(case)
+        scale_ppm, bias = (one.scale / base.scale - 1) * 1e6, (one.bias_dps - base.bias_dps) * 3600
+        noise = one.rms_dps / base.rms_dps - 1
+        numbers = {"scale_ppm": scale_ppm, "bias_deg_per_h": bias, "noise_percent": 100 * noise}
+        data.setdefault(case.set, []).append({"effect": case.name, "words": case.words} | numbers)
+        rows.append((case.name, f"{scale_ppm:+.3g}", f"{bias:+.3g}", f"{100 * noise:+.3g}"))
+        measured = (scale_ppm, bias, 100 * noise)
+        if not case.set:
+            itself = np.maximum(itself, np.abs(measured))
+            continue
+        change = (one.rate_dps - base.rate_dps)[: len(base.rate_dps) // SHOWN * SHOWN].reshape(-1, SHOWN).mean(axis=1)
+        t = (np.arange(len(change)) + 0.5) * SHOWN / 8000.0
+        figure, panel = plt.subplots(figsize=(9, 2.6), layout="constrained")
+        panel.plot(t, change * 3600, lw=0.6, color="#205090")
+        panel.set_xlabel("time from lock (s); rate 0, +100, -100 deg/s")
+        panel.set_ylabel("change of rate (deg/h)")
+        beyond = [n for n, x, c in zip(MEASURED, measured, itself) if abs(x) > BEYOND * c]
+        sentence = (
+            f"{case.words}. Scale factor {scale_ppm:+.3g} ppm, bias {bias:+.3g} deg/h, noise of the rate word at rest "
+            f"{100 * noise:+.3g} %, against the same run without it (bias {base.bias_dps:.4g} deg/s, "
+            f"{base.rms_dps:.3g} deg/s rms). "
+            + (f"Above {BEYOND:g} times the controls: {', '.join(beyond) or 'nothing'}.")
+        )
+        words.append(
+            f"<h3>{html.escape(case.name)}</h3><p>{html.escape(sentence)}</p><figure>{tell.png(figure)}<figcaption>"
+            "Rate of the run with the effect less that without, same noise; steps show scale factor, the first second "
+            "bias.</figcaption></figure>"
+        )
+    head = ("effect", "scale factor (ppm)", "bias (deg/h)", "noise at rest (%)")
+    left, more = not_run(sets), ""
+    if left:
+        more = "<p>Named effects without a counterpart in the board's plant, not run:</p>" + tell.table(
+            ("set", "job", "law", "port", "kind"), left
+        )
+    intro = (
+        "<h2>The same effects in the closed loop</h2><p>Pairs of runs of the gyroscope, with and without the effect, "
+        "the same noise sample by sample. The first rows are controls: what is not larger is no effect.</p>"
+    )
+    return intro + tell.table(head, rows, (1, 2, 3)) + "".join(words) + more, data

@@ -1,0 +1,117 @@
+"""A problem whose prediction is a sum of known columns: y_k = sum_j theta_j A_kj + sum_l c_l B_kl, and its noise.
+
+    Noise objects   whiten(v): unit variance and white; draw(rng): one draw; sd: (n,) rms of each feature
+    diagonal        independent features of known sd
+    dense           any covariance, up to a few thousand features
+    common          channels x points, own sd of each channel and one error that all channels see
+
+Nothing here knows what the part is.
+"""
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from testbench.tracing.problem.problem import PredictionFailed
+
+
+class Diagonal:
+    """Independent features."""
+
+    def __init__(self, sd):
+        self.sd = np.asarray(sd, float)
+
+    def whiten(self, v):
+        return v / (self.sd if v.ndim == 1 else self.sd[:, None])
+
+    def draw(self, rng):
+        return self.sd * rng.normal(size=len(self.sd))
+
+
+class Dense:
+    """Features of any covariance (n, n)."""
+
+    def __init__(self, covariance):
+        self.root = np.linalg.cholesky(covariance)
+        self.sd = np.sqrt(np.diag(covariance))
+
+    def whiten(self, v):
+        return solve_triangular(self.root, v, lower=True)
+
+    def draw(self, rng):
+        return self.root @ rng.normal(size=len(self.sd))
+
+
+class Common:
+    """`channels` blocks of `points` features; at a point the covariance is diag(own^2) + common^2 (all ones).
+
+    own     (channels, points);  common  (points,)
+    """
+
+    def __init__(self, own, common):
+        self.own, self.common = np.asarray(own, float), np.asarray(common, float)
+        self.shape = self.own.shape
+        channels = self.shape[0]
+        covariance = np.einsum("cp,cd->pcd", self.own**2, np.eye(channels)) + (self.common**2)[:, None, None]
+        value, vector = np.linalg.eigh(covariance)
+        self._root = np.einsum("pij,pj,pkj->pik", vector, value**-0.5, vector)
+        self.sd = np.sqrt(self.own**2 + self.common**2).ravel()
+
+    def whiten(self, v):
+        w = v.reshape(*self.shape, -1)
+        return np.einsum("pcd,dpk->cpk", self._root, w).reshape(v.shape)
+
+    def draw(self, rng):
+        own = self.own * rng.normal(size=self.shape)
+        return (own + self.common * rng.normal(size=self.shape[1])).ravel()
+
+
+class LinearProblem:
+    """Problem of the tracing core. `columns`: {nuisance or law: [per segment (n_k,)]}, `noise`: per segment."""
+
+    library = ()
+    biggest_first, most_laws, axis, same_rows = False, 0, None, False  # for staged and pictures
+
+    def __init__(self, name, nuisances, laws, segments, data, columns, noise, hashes):
+        self.name, self.nuisances, self.laws = name, tuple(nuisances), tuple(laws)
+        self.segments, self.hashes = tuple(segments), dict(hashes)
+        self.linear_in = frozenset([n.name for n in nuisances] + [law.name for law in laws])
+        self._data, self.noise, self.columns = list(data), list(noise), columns
+        self._theta = [
+            np.stack([columns[n.name][k] for n in nuisances], axis=1) if nuisances else np.zeros((len(y), 0))
+            for k, y in enumerate(self._data)
+        ]
+
+    def measured(self, k):
+        return self._data[k]
+
+    def predict(self, points, which):
+        found = []
+        for theta, effects in points:
+            parts = []
+            for k in which:
+                y = self._theta[k] @ np.asarray(theta, float)
+                for name, c in effects.items():
+                    y = y + c * self.columns[name][k]
+                if not np.all(np.isfinite(y)):
+                    raise PredictionFailed("coefficients without bound")
+                parts.append(y)
+            found.append(parts)
+        return found
+
+    def whiten(self, k, v):
+        return self.noise[k].whiten(v)
+
+    def noise_draw(self, k, rng):
+        return self.noise[k].draw(rng)
+
+    def floor(self, k):
+        sd = self.noise[k].sd
+        return {o.name: float(np.sqrt(np.mean(sd[o.rows] ** 2))) for o in self.segments[k].observables}
+
+    def with_data(self, data):
+        """The same problem about other data of the same shape: for simulated recordings."""
+        made = LinearProblem(
+            self.name, self.nuisances, self.laws, self.segments, data, self.columns, self.noise, self.hashes
+        )
+        made.biggest_first, made.most_laws, made.axis = self.biggest_first, self.most_laws, self.axis
+        return made

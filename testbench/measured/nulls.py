@@ -1,0 +1,61 @@
+"""Simulated recordings of a part with nothing missing, through the same pipeline: how often is an effect named?
+
+    recording   the calibrated model of the file, without laws, and a draw of the file's own noise
+    python -m testbench.measured.nulls FILE... [--count 100] [--seed 0] [--option KEY=VALUE]
+Source    docs/measured_parts.md
+"""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from testbench.measured.exam import exam
+from testbench.measured.exam.staged import absorbed, staged
+from testbench.measured.openers import open_problem
+from testbench.tracing.trace import Options, Tracer
+
+
+def nulls(problem, count, seed=0, known=(), say=None):
+    """Names of the effects of each of `count` recordings of `problem`'s part; `known`: laws that its truth has, too.
+
+    The noise is that of the file; the model that is traced has the known laws in it.
+    """
+    if not getattr(problem, "most_laws", 0):
+        return exam.nulls(problem, count, seed, say)
+    now = absorbed(problem, list(known))
+    tracer = Tracer(now, Options(n_null=199, max_laws=1, power=False, experiments=False), None, None)
+    if not tracer.calibrate():
+        raise RuntimeError("the file's own calibration failed")
+    theta = tracer.base.fit.point.theta
+    clean = now.predict([(theta, {})], list(range(len(now.segments))))[0]
+    out = []
+    for k in range(count):
+        rng = np.random.default_rng([seed, k])
+        data = [mean + now.noise_draw(i, rng) for i, mean in enumerate(clean)]
+        found = staged(now.with_data(data), Options(seed=k), 1)
+        out.append([e["law"] for e in found.json["effects"]])
+        if say:
+            say(f"{k + 1}: {out[-1]}, {found.json['verdict']}")
+    return out
+
+
+def main(arguments=None):
+    """Prints JSON: recordings, those with a named effect, their names."""
+    parser = argparse.ArgumentParser(prog="python -m testbench.measured.nulls")
+    parser.add_argument("files", nargs="+", type=Path)
+    parser.add_argument("--count", type=int, default=100)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--option", action="append", default=[])
+    given = parser.parse_args(arguments)
+    problem = open_problem(given.files, dict(text.split("=", 1) for text in given.option))
+    found = nulls(problem, given.count, given.seed, say=lambda text: print(text, file=sys.stderr, flush=True))
+    named = [names for names in found if names]
+    print(json.dumps({"problem": problem.name, "recordings": len(found), "named": len(named), "names": named}))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

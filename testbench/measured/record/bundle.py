@@ -1,0 +1,282 @@
+"""A measurement record as a folder: record.json, one Parquet file per rate, one CSV file per table.
+
+    record.json            head, what each column is, SHA-256 of every file and column, content hash as in HDF5
+    streams_NUM_DEN.parquet   columns of one rate
+    TABLE.csv              slow logs; the slash of stimulus/rate is a dot in the file's name
+
+The same `Record` as HDF5 gives, with the same content hash. A file is parsed only if its bytes have
+the hash that record.json states, so that no library meets damage; names that leave the folder are refused.
+Source    docs/measured.md
+"""
+
+import csv
+import hashlib
+import io
+import json
+import re
+import shutil
+import uuid
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from testbench.errors import FileError
+from testbench.measured.record.schema import SCHEMA
+from testbench.storage import record as records
+from testbench.storage.files import discard, explain, part_of, write_bytes
+from testbench.storage.record import Column, Record, RecordError, TableColumn
+from testbench.storage.record_read import DAMAGED
+
+HEAD = "record.json"
+NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
+DTYPES = ("i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "f4", "f8")
+MOST_BYTES = 1 << 24  # of record.json
+
+
+def _parquet():
+    try:
+        import pyarrow
+        import pyarrow.parquet as parquet
+    except ImportError:
+        raise FileError("bundles need the package pyarrow: pip install 'ftr-gyro[campaign]'") from None
+    return pyarrow, parquet
+
+
+def _sha256(data):
+    return hashlib.sha256(data).hexdigest()
+
+
+def write(path, record):
+    """Write a record as a folder, whole or not at all; an older folder of that name is replaced. Its content hash."""
+    path, part = Path(path), part_of(path)
+    if path.exists() and not (path / HEAD).is_file():
+        raise FileError(f"{path}: exists and is no bundle; it is not replaced")
+    try:
+        shutil.rmtree(part, ignore_errors=True)
+        part.mkdir(parents=True)
+        head = _head(record, _streams(part, record), _tables(part, record))
+        write_bytes(part / HEAD, json.dumps(head, indent=1, sort_keys=True).encode())
+        if path.exists():
+            shutil.rmtree(path)
+        part.rename(path)
+    except OSError as problem:
+        raise explain(path, problem) from None
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+        discard(path)
+    return head["content_sha256"]
+
+
+def _streams(folder, record):
+    """Write the Parquet files; {file: {sha256, columns}}."""
+    arrow, parquet = _parquet()
+    rates = {}
+    for name, column in record.streams.items():
+        rates.setdefault((column.num, column.den, len(column.data)), []).append(name)
+    out = {}
+    for (num, den, rows), names in rates.items():
+        sink = io.BytesIO()
+        table = arrow.table({name: np.ascontiguousarray(record.streams[name].data) for name in names})
+        parquet.write_table(table, sink, compression="zstd")
+        file = f"streams_{num}_{den}.parquet"
+        file = file if file not in out else f"streams_{num}_{den}_{rows}.parquet"
+        write_bytes(folder / file, sink.getvalue())
+        out[file] = {"sha256": _sha256(sink.getvalue()), "columns": names}
+    return out
+
+
+def _tables(folder, record):
+    """Write the CSV files; {table: {file, sha256, columns: [{name, unit, dtype}]}}."""
+    out = {}
+    for name, table in record.tables.items():
+        text = io.StringIO()
+        rows = csv.writer(text, lineterminator="\n")
+        rows.writerow(table)
+        # repr of a double gives the same double back
+        rows.writerows(
+            zip(*([repr(v) if isinstance(v, float) else v for v in c.data.tolist()] for c in table.values()))
+        )
+        data, file = text.getvalue().encode(), f"{name.replace('/', '.')}.csv"
+        write_bytes(folder / file, data)
+        columns = [
+            {
+                "name": key,
+                "unit": column.unit,
+                "dtype": "U" if column.data.dtype.kind == "U" else column.data.dtype.str[1:],
+            }
+            for key, column in table.items()
+        ]
+        out[name] = {"file": file, "sha256": _sha256(data), "columns": columns}
+    return out
+
+
+def _head(record, files, tables):
+    described = {
+        name: records.described(column, records.digest_of(column.data), len(column.data))
+        for name, column in record.streams.items()
+    }
+    content = records.content_digest(
+        described,
+        records.described_tables(record.tables),
+        record.config_toml,
+        record.provenance,
+        record.clock_ppm,
+        record.attrs,
+    )
+    return {
+        "schema": SCHEMA,
+        "record_id": str(uuid.uuid4()),
+        "created_utc": datetime.now(UTC).isoformat(timespec="seconds"),
+        "provenance": record.provenance,
+        "config_toml": record.config_toml,
+        "versions": records.versions(),
+        "attributes": record.attrs,
+        "clock": {"f_xtal_nominal_Hz": float(records.CLOCK_HZ), "ppm": record.clock_ppm},
+        "content_sha256": content,
+        "files": files,
+        "streams": described,
+        "tables": tables,
+    }
+
+
+# ---- reading ---------------------------------------------------------------------------------------------------------
+
+
+def read(path):
+    """`Record` of a folder; RecordError with one finding per thing that is wrong."""
+    path, findings = Path(path), []
+    try:
+        record = _read(path, findings)
+    except FileError:
+        raise
+    except (*DAMAGED, RecursionError, csv.Error) as problem:
+        text = f"R01 / expected a complete record, found damage: {' '.join(str(problem).split())}"
+        raise RecordError(path, [*findings, text]) from None
+    if findings:
+        raise RecordError(path, findings)
+    return record
+
+
+def _read(path, findings):
+    try:
+        data = (path / HEAD).read_bytes()
+    except OSError as problem:
+        raise FileError(f"{path / HEAD}: cannot be read: {problem.strerror or problem}") from None
+    if len(data) > MOST_BYTES:
+        findings.append(f"R01 / expected {HEAD} of at most {MOST_BYTES} bytes, found {len(data)}")
+        return None
+    try:
+        head = json.loads(data)
+    except (ValueError, RecursionError):
+        findings.append(f"R01 / expected JSON in {HEAD}, found something else")
+        return None
+    if not isinstance(head, dict) or head.get("schema") != SCHEMA:
+        found = head.get("schema", "nothing") if isinstance(head, dict) else "no object"
+        findings.append(f"R01 / expected schema {SCHEMA}, found {found}")
+        return None
+    for key in ("provenance", "config_toml", "attributes", "clock", "content_sha256", "files", "streams", "tables"):
+        if key not in head:
+            findings.append(f"R02 / expected {key}, found nothing")
+    if findings:
+        return None
+    if head["clock"]["f_xtal_nominal_Hz"] != records.CLOCK_HZ:
+        findings.append(f"R08 /clock expected f_xtal_nominal_Hz {records.CLOCK_HZ}")
+    record = Record(
+        config_toml=str(head["config_toml"]),
+        provenance=str(head["provenance"]),
+        clock_ppm=float(head["clock"]["ppm"]),
+        attrs=dict(head["attributes"]),
+        versions=dict(head.get("versions", {})),
+        content_sha256=str(head["content_sha256"]),
+    )
+    _read_streams(path, head, record, findings)
+    _read_tables(path, head, record, findings)
+    if not findings:
+        have = _head(record, {}, {})["content_sha256"]
+        if have != record.content_sha256:
+            findings.append(f"R15 / expected content_sha256 {record.content_sha256}, found {have}")
+    return record
+
+
+def _bytes(path, file, digest, findings):
+    """Bytes of a file of the bundle, or None with a finding."""
+    if not NAME.fullmatch(file):
+        findings.append(f"R01 /{file} expected the name of a file in the folder, found another")
+        return None
+    try:
+        data = (path / file).read_bytes()
+    except OSError:
+        findings.append(f"R02 /{file} expected a file, found nothing")
+        return None
+    if _sha256(data) != digest:
+        findings.append(f"R15 /{file} expected sha256 {digest}, found {_sha256(data)}")
+        return None
+    return data
+
+
+def _read_streams(path, head, record, findings):
+    _, parquet = _parquet()
+    for file, item in head["files"].items():
+        data = _bytes(path, file, item["sha256"], findings)
+        if data is None:
+            continue
+        table = parquet.read_table(io.BytesIO(data))
+        for name in item["columns"]:
+            if name not in table.column_names or name not in head["streams"]:
+                findings.append(f"R02 /streams/{name} expected a column, found nothing")
+                continue
+            stated = dict(head["streams"][name])
+            array = table.column(name).to_numpy()
+            if array.dtype.kind not in records.KINDS:
+                findings.append(f"R04 /streams/{name} expected a column of numbers, found {array.dtype}")
+                continue
+            _stream(name, array, stated, record, findings)
+    for name in sorted(set(head["streams"]) - set(record.streams)):
+        if not findings:
+            findings.append(f"R02 /streams/{name} expected a column, found nothing")
+
+
+def _stream(name, array, stated, record, findings):
+    unit, num, den, edge0 = (stated.pop(key, None) for key in records.STREAM_KEYS)
+    rows, _, digest = (stated.pop(key, None) for key in ("rows", "dtype", "sha256"))
+    if not records.known_unit(unit):
+        findings.append(f"R03 /streams/{name} expected a unit, found {unit!r}")
+    elif not all(isinstance(v, int) for v in (num, den, edge0)) or num < 1 or den < 1:
+        findings.append(f"R08 /streams/{name} expected fs_num, fs_den, edge0: a ratio of the clock, found {num}/{den}")
+    elif rows != len(array):
+        findings.append(f"R05 /streams/{name} expected {rows} rows, found {len(array)}")
+    elif digest != records.digest_of(array):
+        findings.append(f"R15 /streams/{name} expected sha256 {digest}, found {records.digest_of(array)}")
+    else:
+        attrs = {key: records.plain(value) for key, value in stated.items()}
+        record.streams[name] = Column(array, unit, num, den, edge0, attrs)
+
+
+def _read_tables(path, head, record, findings):
+    for name, item in head["tables"].items():
+        data = _bytes(path, item["file"], item["sha256"], findings)
+        if data is None:
+            continue
+        rows = list(csv.reader(io.StringIO(data.decode())))
+        columns = item["columns"]
+        if (
+            not rows
+            or rows[0] != [stated["name"] for stated in columns]
+            or any(len(row) != len(columns) for row in rows)
+        ):
+            findings.append(f"R02 /{name} expected the columns of {HEAD}, found others")
+            continue
+        table = record.tables.setdefault(name, {})
+        for k, stated in enumerate(columns):
+            texts = [row[k] for row in rows[1:]]
+            key, unit, dtype = stated["name"], stated["unit"], stated["dtype"]
+            if unit != "" and not records.known_unit(unit):
+                findings.append(f"R03 /{name}/{key} expected a unit, found {unit!r}")
+            elif dtype == "U":
+                table[key] = TableColumn(np.array(texts, str), unit)
+            elif dtype in DTYPES:
+                kind = float if dtype[0] == "f" else int
+                table[key] = TableColumn(np.array([kind(text) for text in texts], np.dtype(dtype)), unit)
+            else:
+                findings.append(f"R20 /{name}/{key} expected one of {', '.join(DTYPES)} or U, found {dtype}")

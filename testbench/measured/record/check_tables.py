@@ -1,0 +1,136 @@
+"""Rules about what surrounds the codes: register log, segments and roles, priors, counters, stated uncertainties.
+
+Each yields `Finding`s of a record whose streams and tables are complete.
+Source    docs/measured.md
+"""
+
+import tomllib
+
+from fpga_model import registers
+from fpga_model.rates import FRAME_CYCLES
+from testbench.measured.record import schema
+from testbench.measured.record.schema import DOWNGRADED, Finding
+
+HEX = set("0123456789abcdef")
+
+
+def span_edges(record):
+    """Edges from the record's first to behind its last."""
+    return len(record.streams["nco_fword"].data) * FRAME_CYCLES
+
+
+def known(record):
+    wanted = schema.regmap_sha256()
+    if record.attrs["regmap_sha256"] != wanted:
+        yield Finding("R11", "/", f"expected regmap_sha256 {wanted}, found {record.attrs['regmap_sha256']}")
+    stated = record.attrs["bitstream_sha256"]
+    if len(stated) != 64 or set(stated) - HEX:
+        yield Finding("R11", "/", f"expected bitstream_sha256 of 64 digits, found {stated!r}")
+    try:
+        config = stated_config(record)
+    except ValueError as problem:
+        yield Finding("R11", "/", f"expected a configuration of this version, found one with {problem}")
+        return
+    if record.provenance != "measured":
+        from testbench.run import build
+
+        known = schema.bitstream_sha256(build.firmware(config))
+        if stated != known:
+            yield Finding("R11", "/", f"expected bitstream_sha256 {known} of its [firmware], found {stated}")
+
+
+def stated_config(record):
+    """`testbench.config.Config` of the model that the record names; ValueError with one line if it is none."""
+    from testbench import config
+
+    try:
+        tree = tomllib.loads(record.config_toml)
+    except tomllib.TOMLDecodeError as problem:
+        raise ValueError(f"no TOML: {problem}") from None
+    return config.from_dict(tree, "config_toml")
+
+
+def log(record):
+    table = record.tables["registers"]
+    for k, (name, addr, raw) in enumerate(zip(*(table[key].data.tolist() for key in ("name", "addr", "raw")))):
+        known = registers.BY_NAME.get(name)
+        if known is None or known.access == "ro" or known.address != addr:
+            yield Finding("R11", "/registers", f"expected a writable register, found {name} at {addr} in row {k}")
+        elif not known.fmt.holds(raw):
+            text = f"expected {known.fmt.lo} .. {known.fmt.hi}, found {raw} in row {k}"
+            yield Finding("R04", f"/registers/{name}", text)
+
+
+def segments(record):
+    table, span = record.tables["segments"], span_edges(record)
+    last, ids = 0, set()
+    keys = ("id", "edge_a", "edge_b", "kind", "role")
+    for name, a, b, kind, role in zip(*(table[key].data.tolist() for key in keys)):
+        path = f"/segments/{name}"
+        if not 0 <= a < b <= span:
+            yield Finding("R12", path, f"expected edges within 0 .. {span}, found {a} .. {b}")
+        elif a < last:
+            yield Finding("R12", path, f"expected a segment from {last} on, found one from {a}: they overlap")
+        if name in ids:
+            yield Finding("R12", path, "expected different names, found this one twice")
+        if kind not in schema.KINDS or role not in schema.ROLES:
+            yield Finding("R12", path, f"expected a kind and a role of the schema, found {kind} and {role}")
+        ids.add(name)
+        last = max(last, b)
+    if schema.roles_sha256(table) != record.attrs["roles_sha256"]:
+        yield Finding("R15", "/segments", "expected the roles that were hashed before the analysis, found others")
+
+
+def repeats(record):
+    table = record.tables["segments"]
+    groups = {}
+    for group, role in zip(table["repeat_group"].data.tolist(), table["role"].data.tolist()):
+        groups.setdefault(group, []).append(role)
+    for group, roles in groups.items():
+        if {"fit", "validate"} <= set(roles):
+            yield Finding("R13", f"/segments/{group}", "expected one role for all repeats, found fit and validate")
+    fitted = [roles for roles in groups.values() if "fit" in roles]
+    if not any(roles.count("fit") >= 2 for roles in fitted):
+        yield Finding("R14", "/segments", "expected repeats, found none: detection off, ranking only", DOWNGRADED)
+
+
+def priors(record):
+    table = record.tables["priors"]
+    wanted = [name.strip() for name in record.attrs["nuisances"].split(",") if name.strip()]
+    for name in wanted:
+        if name not in table["param"].data.tolist():
+            yield Finding("R17", f"/priors/{name}", "expected a prior of a declared nuisance, found none")
+    for name, dist, sd in zip(*(table[key].data.tolist() for key in ("param", "dist", "sd"))):
+        if dist not in schema.DISTRIBUTIONS:
+            found = f"expected {', '.join(schema.DISTRIBUTIONS)}, found {dist}"
+            yield Finding("R17", f"/priors/{name}", found)
+        if not sd > 0:
+            yield Finding("R19", f"/priors/{name}", f"expected sd above 0, found {sd:g}")
+
+
+def counters(record):
+    span = span_edges(record)
+    for name, table in record.tables.items():
+        if not name.startswith("counter/"):
+            continue
+        if name.partition("/")[2] not in schema.COUNTER_PAIRS:
+            yield Finding("R02", f"/{name}", f"expected one of {', '.join(schema.COUNTER_PAIRS)}, found another pair")
+            continue
+        missing = [key for key in schema.COUNTER_COLUMNS if key not in table]
+        for key in missing:
+            rule = "R18" if key == "edge" else "R02"
+            yield Finding(rule, f"/{name}/{key}", "expected a column, found nothing")
+        if missing:
+            continue
+        edges = table["edge"].data
+        if len(edges) and not (0 <= edges.min() and edges.max() <= span):
+            text = f"expected edges within 0 .. {span}, found {edges.min()} .. {edges.max()}"
+            yield Finding("R18", f"/{name}/edge", text)
+        if not (table["unc"].data > 0).all():
+            yield Finding("R19", f"/{name}/unc", "expected uncertainties above 0, found 0 or less")
+
+
+def uncertain(record):
+    for name, key in schema.UNCERTAIN.items():
+        if not (record.tables[name][key].data > 0).all():
+            yield Finding("R19", f"/{name}/{key}", "expected uncertainties above 0, found 0 or less")

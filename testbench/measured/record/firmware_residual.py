@@ -1,0 +1,225 @@
+"""R0: the firmware replayed on the recorded codes. Every recorded word and code must come out again, to the last bit.
+
+    recorded codes + register log + power-on (or initial registers) --[replay]--> words, DAC codes
+    recorded words, DAC codes ------------------------------------------------(=)--> 0 LSB, or the first that differs
+
+A difference is the firmware's, its parameters' or the log's, never the physics'. Where an input was not recorded the
+answer is "not decidable", and why.
+Source    docs/measured.md
+"""
+
+import time
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from fpga_model import registers, watchdog
+from fpga_model.rates import FRAME_CYCLES, FRAME_TICKS, TICK_CYCLES
+from testbench import flatten
+from testbench.engines.turn import Turn
+from testbench.measured.record import check_tables, replay, schema
+from testbench.measured.record.sessions import seen, sessions, stimulus
+from testbench.run import build
+
+BLOCK_FRAMES = 400_000
+TICK_BLOCK_FRAMES = 4000
+LATE_TICKS = 3  # at most, from a modulator's code to the DAC
+UNKNOWN_TICKS = LATE_TICKS  # whose codes were decided before the record begins
+# In the order in which a window computes them, and the register that each is
+REGISTERS = {
+    "magnitude": "control.cordic.magnitude",
+    "phase": "control.cordic.phase",
+    "state": "control.sequencer.state",
+    "lock": "control.sequencer.lock.locked",
+    "flags": "control.sequencer.faults.flags",
+    "agc_acc": "control.agc.loop.acc",
+    "amplitude_word": "control.agc.loop.y",
+    "pll_acc": "control.frequency_tracker.loop.acc",
+    "nco_fword": "control.frequency_tracker.word",
+    "ftr_acc": "control.rate_loop.loop.acc",
+    "rate_word": "control.rate_loop.loop.y",
+    "qsc_acc": "control.quadrature_loop.loop.acc",
+    "quadrature_code": "control.quadrature_loop.root.y",
+    "rate_output": "control.rate_output.y",
+    "nco_pword": "dds.phase",
+    "dac_drv": "drive_modulator.code",
+    "dac_ftr": "sense_modulator.code",
+    "dac_qsc": "quadrature_dac",
+}
+assert set(REGISTERS) == set(schema.REPLAYED), "every replayed stream has a register"
+
+
+class First(NamedTuple):
+    """The first value that differs: where, when, and both values."""
+
+    stream: str
+    register: str
+    edge: int
+    tick: int
+    recorded: int
+    replayed: int
+    also: tuple  # other registers that differ at the same edge
+
+    def __str__(self):
+        also = f"; also {', '.join(self.also)}" if self.also else ""
+        return (
+            f"{self.register} at tick {self.tick} (edge {self.edge}): "
+            f"recorded {self.recorded}, replayed {self.replayed}{also}"
+        )
+
+
+@dataclass
+class Residual:
+    """What a replay of a whole record found."""
+
+    compared: tuple  # streams
+    left_out: dict  # stream: why it could not be compared
+    undecided: str  # why nothing could be decided, or ""
+    frames: int
+    differing: dict  # stream: rows that differ
+    first: First | None
+    seconds: float
+
+    @property
+    def decidable(self):
+        return not self.undecided
+
+    @property
+    def verdict(self):
+        """One line."""
+        if not self.decidable:
+            return f"R0 not decidable: {self.undecided}"
+        if self.first is None:
+            return f"R0 is 0 LSB in {self.frames} frames of {len(self.compared)} streams"
+        return f"R0 differs: {self.first}"
+
+
+def _undecided(record, config):
+    """Why a replay could not decide anything, or ""."""
+    if config.firmware.board != "analog_sid":
+        return "firmware.board = digital_sid, whose samples a record does not hold"
+    if "adc_ok" not in record.streams:
+        return "adc_ok is not recorded"
+    for session in sessions(record):
+        if not session.powered and _initial(record) is None:
+            return f"frame {session.first} is no power-on, and /initial does not name every register"
+        _, lost = seen(record, session)
+        if lost.any():
+            row = int(np.flatnonzero(lost)[0]) + session.first
+            return f"codes of frame {row} are lost in a gap"
+    return ""
+
+
+def initial_names():
+    """Names of the registers that /initial must hold: control, register bank, watchdog, and the phase."""
+    s = replay.power_on()
+    return [
+        *(f"control.{name}" for name in flatten.names(s.control)),
+        *(f"registers.{name}" for name in registers.State._fields),
+        *(f"watchdog.{name}" for name in watchdog.State._fields),
+        "dds.phase",
+    ]
+
+
+def initial_values(side):
+    """The values of `initial_names` at the clock where a replay is, between two windows."""
+    phase = replay.phase(side)
+    return [*(v for _, v in flatten.leaves(side.control)), *side.bank, *side.dog, phase]
+
+
+def _initial(record):
+    """`replay.Side` of the table /initial at the record's first edge, or None."""
+    table = record.tables.get("initial")
+    if table is None:
+        return None
+    have = dict(zip(table["name"].data.tolist(), table["raw"].data.tolist()))
+    names = initial_names()
+    if any(name not in have for name in names):
+        return None
+    return started([have[name] for name in names])
+
+
+def started(row):
+    """`replay.Side` at edge 0 from the values of `initial_names`."""
+    s = replay.power_on()
+    c = flatten.rebuild(s.control, row)
+    rest = row[len(flatten.names(s.control)) :]
+    bank, dog = registers.State(*rest[: len(s.bank)]), watchdog.State(*rest[len(s.bank) : -1])
+    word = c.frequency_tracker.word
+    return s._replace(control=c, bank=bank, dog=dog, turn=Turn(0, rest[-1], word, word, 0, word))
+
+
+def residual(record, progress=None, firmware=None):
+    """`Residual` of a checked record.
+
+    firmware  parameters of the FPGA instead of those of the record's configuration
+    """
+    began = time.perf_counter()
+    config = check_tables.stated_config(record)
+    undecided = _undecided(record, config)
+    streams = [name for name in REGISTERS if name in record.streams]
+    left_out = {}
+    if "adc_temperature" not in record.streams and "rate_output" in streams:
+        left_out["rate_output"] = "adc_temperature is not recorded"
+        streams.remove("rate_output")
+    frames = len(record.streams["nco_fword"].data)
+    out = Residual(tuple(streams), left_out, undecided, frames, {}, None, 0.0)
+    if undecided:
+        return out
+    p = firmware or build.firmware(config)
+    ticked = [name for name in schema.TICKED if record.streams[name].den == TICK_CYCLES]
+    for session in sessions(record):
+        _session(record, session, p, streams, ticked, out, progress)
+    out.seconds = time.perf_counter() - began
+    return out
+
+
+def _session(record, session, p, streams, ticked, out, progress):
+    """Replay one session block by block and compare; adds to `out`."""
+    x, order = stimulus(record, session), replay.order(p)
+    s = replay.power_on() if session.powered else _initial(record)
+    tail = np.zeros((LATE_TICKS, 2), np.int64)
+    last = np.zeros(len(replay.WORDS), np.int64)
+    done, most = 0, TICK_BLOCK_FRAMES if ticked else BLOCK_FRAMES
+    while done < session.frames:
+        n = min(most, session.frames - done)
+        o = replay.rows(n, ticks=FRAME_TICKS * n + LATE_TICKS if ticked else 0)
+        # codes decided at the end of a block belong to the first rows of the next one
+        o.words[0] = last
+        if ticked:
+            o.codes[:LATE_TICKS] = tail
+        s = replay.run(p, s, x, o, order, True)
+        last = o.words[-1].copy()
+        if ticked:
+            tail = o.codes[-LATE_TICKS:].copy()
+        _compare(record, session, done, n, o, streams, ticked, out)
+        done += n
+        if progress:
+            progress("firmware replay", session.first + done, out.frames)
+
+
+def _compare(record, session, done, n, o, streams, ticked, out):
+    first = session.first + done
+    found = []
+    for name in streams:
+        if name in ticked:
+            have = record.streams[name].data[FRAME_TICKS * first : FRAME_TICKS * (first + n)]
+            wanted, cycles = o.codes[: FRAME_TICKS * n, 0 if name == "dac_drv" else 1], TICK_CYCLES
+        else:
+            have, cycles = record.streams[name].data[first : first + n], FRAME_CYCLES
+            wanted = o.words[:n, replay.WORDS.index(schema.REPLAYED[name])]
+        wrong = have != wanted
+        if name in schema.DAC and done == 0:
+            wrong[: UNKNOWN_TICKS if name in ticked and not session.powered else int(name not in ticked)] = False
+        count = int(wrong.sum())
+        if count:
+            out.differing[name] = out.differing.get(name, 0) + count
+            row = int(np.flatnonzero(wrong)[0])
+            edge = FRAME_CYCLES * first + cycles * row + (TICK_CYCLES if cycles == TICK_CYCLES else 0)
+            found.append((edge, name, int(have[row]), int(wanted[row])))
+    if found and out.first is None:
+        edge = min(item[0] for item in found)
+        (_, name, recorded, replayed), *others = [item for item in found if item[0] == edge]
+        also = tuple(REGISTERS[item[1]] for item in others)
+        out.first = First(name, REGISTERS[name], edge, edge // TICK_CYCLES, recorded, replayed, also)

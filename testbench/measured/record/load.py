@@ -1,0 +1,66 @@
+"""A measurement record from a file or a folder, checked: all of it or nothing.
+
+    read      HDF5 file or bundle -> testbench.storage.record.Record (its own refusals)
+    check     every rule of `checks`, and R16: the firmware replayed on the recorded codes
+    load      the record with what it cannot be used for; refusals raise
+
+Source    docs/measured.md
+"""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from testbench.measured.record import bundle, checks, schema
+from testbench.measured.record.schema import BLOCKED, REFUSED, Finding
+from testbench.storage import record as records
+from testbench.storage import record_read
+from testbench.storage.record import RecordError
+
+OVERRIDE = "r16_override"  # attribute: why physics may be traced although the firmware is not the model's
+
+
+@dataclass
+class Loaded:
+    """A record that was not refused, and what is to be said about it."""
+
+    path: Path
+    record: records.Record
+    findings: list = field(default_factory=list)
+    residual: object = None  # firmware residual, where it was asked for
+
+    @property
+    def blocked(self):
+        """True while tracing of physics waits for an override."""
+        return any(f.level == BLOCKED for f in self.findings)
+
+
+def read(path):
+    """`Record` of an HDF5 file or of a bundle; RecordError with its findings."""
+    path = Path(path)
+    return bundle.read(path) if path.is_dir() else record_read.read_record(path)
+
+
+def write(path, record):
+    """Write a record: a bundle if the name has no ending, HDF5 else. Returns its content hash."""
+    return bundle.write(path, record) if Path(path).suffix == "" else records.write_record(path, record)
+
+
+def load(path, replay=True, progress=None):
+    """`Loaded`; RecordError if any finding is a refusal."""
+    record = read(path)
+    findings = checks.check(record)
+    refused = [str(f) for f in findings if f.level == REFUSED]
+    if refused:
+        raise RecordError(path, refused)
+    loaded = Loaded(Path(path), record, findings)
+    if replay:
+        from testbench.measured.record import firmware_residual
+
+        loaded.residual = firmware_residual.residual(record, progress=progress)
+        first = loaded.residual.first
+        if first is not None:
+            override = record.attrs.get(OVERRIDE, "")
+            text = f"expected 0 LSB, found {first}" + (f"; overridden: {override}" if override else "")
+            level = schema.DOWNGRADED if override else BLOCKED
+            loaded.findings.append(Finding("R16", f"/streams/{first.stream}", text, level))
+    return loaded

@@ -1,0 +1,311 @@
+"""A measurement record from the simulated board: every condition of a plan, as often as it says, each from power-on.
+
+    sitting    power-on with noise of its own, register writes, lock, `settle_s`, a dwell of `seconds`, and what a
+               counter would read at its end
+    record     raw codes and words, register log, stimuli, segments with roles; nothing of the plant's truth
+
+Source    docs/measured.md
+"""
+
+import math
+
+import numpy as np
+
+from fpga_model import agc, registers, sequencer
+from fpga_model.control import SLOT_PI
+from fpga_model.rates import FRAME_CYCLES, FRAME_TICKS, TICK_CYCLES, TICK_HZ
+from testbench.config import phase_word, to_toml
+from testbench.engines.window import SLOT_WORD
+from testbench.errors import ConfigError
+from testbench.measured.record import schema, timing
+from testbench.measured.record.sessions import UNSEEN
+from testbench.run import build, simulate
+from testbench.run.simulation import Simulation
+from testbench.storage.record import Column, Record, TableColumn
+from testbench.version import VERSION
+
+DEG = math.pi / 180
+TURN = 1 << 48
+GAIN_UNC = 1e-3  # relative, of the volts per code that a lab states
+RATE_UNC_PPM, TEMP_UNC_K = 50.0, 0.1
+
+
+class Board(Simulation):
+    """A simulated board whose writes are logged and whose phase accumulator is known at every frame."""
+
+    def __init__(self, config, lo_degc, hi_degc, ticked):
+        super().__init__(config, lo_degc, hi_degc)
+        self.log, self.codes, self.ticked = [], [], ticked
+        self._before, self._anchors = timing.valid_clock(config), []
+
+    def write(self, name, raw):
+        self.log.append((TICK_CYCLES * self.tick, name, int(raw)))
+        super().write(name, raw)
+
+    def moved(self, state, streams, inside=False):
+        if self.ticked:
+            self.codes.append((streams.drive_code, streams.sense_code))
+        super().moved(state, streams, inside)
+        frame, tick = divmod(state.tick, FRAME_TICKS)
+        if TICK_CYCLES * tick < self._before:
+            self._anchors.append((frame, TICK_CYCLES * tick, state.fpga.dds.phase))
+
+    def phase_rows(self):
+        """Phase accumulator before each frame's first edge, from the words and the clocks at which they change.
+
+        RuntimeError if that is not the firmware's own at the ends of chunks.
+        """
+        columns = self.columns()
+        word, state = columns["frequency_word"], columns["state"]
+        # while the centre is loaded or corrected the word follows at once, else two clocks later, behind the PI
+        early = state[1:] < sequencer.ACQUIRE
+        at = self._before + 1 + np.where(early, SLOT_PI, SLOT_WORD)
+        at[0] = FRAME_CYCLES  # no codes in the first frame
+        steps = at * word[:-1] + (FRAME_CYCLES - at) * word[1:]
+        rows = np.concatenate([[0], np.cumsum(steps)]) % TURN
+        for frame, clocks, phase in self._anchors:
+            if frame < len(rows) and (int(rows[frame]) + clocks * int(word[frame]) - phase) % TURN:
+                raise RuntimeError(f"phase accumulator: the rows up to frame {frame} do not lead to the firmware's")
+        return rows
+
+
+def _ticks(seconds):
+    """Whole frames, in ticks."""
+    return max(1, round(seconds * TICK_HZ / FRAME_TICKS)) * FRAME_TICKS
+
+
+def _to_frame(board, rate, temp):
+    """Go on to the next frame boundary."""
+    left = -board.tick % FRAME_TICKS
+    if left:
+        board.advance(left, rate, temp)
+
+
+class Sitting:
+    """One power-on of the board: a condition in one of its sittings."""
+
+    def __init__(self, plan, condition, repeat, number):
+        self.plan, self.condition, self.repeat = plan, condition, repeat
+        seed = plan.seed + number
+        shift = plan.fx_scatter_hz * np.random.default_rng([9, seed]).normal()
+        moved = {"fx_hz": plan.truth.plant.fx_hz + shift} if shift else {}
+        noise = plan.truth.noise.model_copy(update={"seed": seed})
+        plant = plan.truth.plant.model_copy(update=moved)
+        self.config = plan.truth.model_copy(update={"noise": noise, "plant": plant})
+        temp = condition.temperature_degc
+        self.board = Board(self.config, temp, temp, plan.dac == "tick")
+        self.board.first_writes = self._first_writes()
+        self.segments, self.rates, self.temps, self.counters = [], [], [], []
+        self._run()
+
+    def _first_writes(self):
+        """Those of the configuration, with what the condition sets in their place."""
+        c, nominal = self.condition, build.nominal(self.plan.model)
+        wanted = dict(build.register_writes(self.plan.model))
+        wanted["amplitude_setpoint"] = agc.setpoint(c.a_um, nominal["v_per_um"], nominal["adc_drive_v"])
+        if c.detune_deg:
+            own = self.plan.model.firmware.phase_words()[0]
+            wanted["phase_drive_sine"] = (phase_word(c.detune_deg) + own) % TURN
+        return tuple(wanted.items())
+
+    def _run(self):
+        c, board, temp = self.condition, self.board, self.condition.temperature_degc
+        rate, before = c.rate_dps * DEG, (c.rate_dps if c.from_dps is None else c.from_dps) * DEG
+        where = f"condition {c.id}, repeat {self.repeat}"
+        self._stimulus(before)
+        if simulate.start(self.config, board, before, temp) is None:
+            raise ConfigError(f"{where}: no lock within {simulate.LOCK_LIMIT_S:g} s")
+        left = -board.tick % FRAME_TICKS
+        if left:
+            board.advance(left, before, temp)
+        self._segment("startup", 0, "startup", "none")
+        if c.settle_s:
+            begin = board.tick
+            board.advance(_ticks(c.settle_s), before, temp)
+            self._segment("settle", begin, "settle", "none")
+        begin = board.tick
+        if rate != before:
+            self._stimulus(rate)
+        probe = min(_ticks(c.counter_s), _ticks(c.seconds)) if c.counter_s else 0
+        if _ticks(c.seconds) > probe:
+            board.advance(_ticks(c.seconds) - probe, rate, temp)
+        if probe:
+            self._count(probe, rate, temp)
+        if not board.locked:
+            raise ConfigError(f"{where}: lock is lost")
+        self._segment("", begin, c.kind, c.role)
+        self.frames = board.tick // FRAME_TICKS
+        # one tick of the next frame: its row holds the last codes
+        board.advance(1, rate, temp)
+        self.phases = board.phase_rows()[: self.frames]
+
+    def _stimulus(self, rate_rad_s):
+        edge = TICK_CYCLES * self.board.tick
+        self.rates.append((edge, rate_rad_s / DEG))
+        self.temps.append((edge, self.condition.temperature_degc))
+
+    def _segment(self, part, begin, kind, role):
+        c = self.condition
+        edges = (TICK_CYCLES * begin, TICK_CYCLES * self.board.tick)
+        group = f"{c.id}.{part}" if part else c.id
+        self.segments.append((f"{group}.{self.repeat}", *edges, kind, c, group, role))
+
+    def _count(self, ticks, rate, temp):
+        """What a counter reads: phases of both force voltages against the reference pins, and the drive frequency."""
+        edge = TICK_CYCLES * self.board.tick
+        readings = self.board.probe(ticks, rate, temp)
+        for node, pair in (("xe1", "Vxm_vs_sgnsin"), ("ye1", "Vym_vs_sgnsin")):
+            unc = readings.counter_resolution_deg[node]
+            if math.isfinite(unc) and 0 < unc < 5.0:
+                self.counters.append((pair, edge, readings.counter_deg[node], ticks / TICK_HZ, unc))
+        word = self.board.state.fpga.control.frequency_tracker.word
+        hz = build.clock_hz(self.plan.truth) * word / 2**48
+        self.counters.append(("f_drive", edge, hz, ticks / TICK_HZ, 1e-6 * hz))
+
+
+def record(plan, progress=None):
+    """`testbench.storage.record.Record` of a plan; ConfigError if a repeat does not lock."""
+    if plan.truth.firmware.board != "analog_sid":
+        raise ConfigError(f'firmware.board = "{plan.truth.firmware.board}": records need "analog_sid"')
+    sittings, wanted = [], [(c, r) for r in range(plan.repeats) for c in plan.conditions]
+    for number, (condition, repeat) in enumerate(wanted):
+        sittings.append(Sitting(plan, condition, repeat, number))
+        if progress:
+            progress("recording", number + 1, len(wanted))
+    starts = np.cumsum([0] + [r.frames for r in sittings]).tolist()
+    out = Record(
+        streams=_streams(plan, sittings),
+        tables=_tables(plan, sittings, [FRAME_CYCLES * n for n in starts]),
+        config_toml=to_toml(plan.model),
+        provenance="sealed" if plan.hidden else "simulated",
+        clock_ppm=plan.model.plant.clock_ppm,
+    )
+    out.attrs = {
+        **plan.head,
+        "plan": plan.name,
+        "bitstream_sha256": schema.bitstream_sha256(build.firmware(plan.model)),
+        "firmware_version": VERSION,
+        "regmap_sha256": schema.regmap_sha256(),
+        "roles_sha256": schema.roles_sha256(out.tables["segments"]),
+        "nuisances": ",".join(p.param for p in plan.priors),
+    }
+    if plan.hidden:
+        out.attrs["truth_sha256"] = schema.sha256_of(envelope(plan))
+    return out
+
+
+def envelope(plan):
+    """What a sealed record must not hold: the plan's [truth], and the seed."""
+    return {"truth": plan.hidden, "seed": plan.seed}
+
+
+def _narrow(stream):
+    if stream.bits < 32 or (stream.signed and stream.bits == 32):
+        return np.int32
+    return np.int64
+
+
+def _streams(plan, sittings):
+    """Every stream, the sittings one behind the other."""
+    lsb = _lsb_v(plan.model)
+    columns = [r.board.columns() for r in sittings]
+    before = timing.valid_clock(plan.model)
+    values = {}
+    for name, source in schema.CODE_OF.items():
+        # a row holds the codes that arrived in the frame before it
+        values[name] = [c[source][1 : r.frames + 1] for r, c in zip(sittings, columns)]
+    for name, source in schema.WORD_OF.items():
+        values[name] = [c[source][: r.frames] for r, c in zip(sittings, columns)]
+    values["adc_ok"] = [(np.arange(r.frames) > 0).astype(np.int64) for r in sittings]
+    values["nco_pword"] = [r.phases for r in sittings]
+    ticked = plan.dac == "tick"
+    if ticked:
+        for k, name in enumerate(schema.TICKED):
+            pieces = [np.concatenate([codes[k] for codes in r.board.codes]) for r in sittings]
+            values[name] = [p[: r.frames * FRAME_TICKS] for p, r in zip(pieces, sittings)]
+    out = {}
+    for name, pieces in values.items():
+        stream = schema.STREAMS[name]
+        num, den = schema.PER_TICK if ticked and name in schema.TICKED else schema.PER_FRAME
+        edge0 = before if name.startswith("adc_") else (TICK_CYCLES if den == TICK_CYCLES else 0)
+        attrs = {"bits": stream.bits, "twos_comp": int(stream.signed), "tap": stream.tap}
+        if name in lsb:
+            attrs |= {"lsb_V": lsb[name], "lsb_V_unc": GAIN_UNC * lsb[name], "offset_code": 0}
+        data = np.concatenate(pieces).astype(_narrow(stream))
+        out[name] = Column(data, stream.unit, num, den, edge0, attrs)
+    return out
+
+
+def _lsb_v(config):
+    d = config.device()
+    adc = {"x": d.adc_vref_v / d.adc_pga_drive / 2**23, "y": d.adc_vref_v / d.adc_pga_sense / 2**23}
+    return {
+        **{name: adc[name[4]] for name in schema.ADC},
+        "adc_temperature": adc["x"],
+        "dac_drv": d.drive_dac_span_v / 2**16,
+        "dac_ftr": d.sense_dac_span_v / 2**20,
+        "dac_qsc": d.quad_dac_span_v / 2**16,
+        "quadrature_code": d.quad_dac_span_v / 2**16,
+    }
+
+
+def _table(columns, units):
+    """Rows as columns; texts where the first value is one."""
+    out = {}
+    for (name, unit), values in zip(units.items(), columns):
+        if unit == "":
+            out[name] = TableColumn(np.array(list(values), str), "")
+        else:
+            out[name] = TableColumn(np.array(list(values), np.int64 if unit == "edge" else None), unit)
+    return out
+
+
+def _tables(plan, sittings, starts):
+    tables = {}
+    count = len(sittings)
+    tables["power_on"] = {"edge": TableColumn(np.array(starts[:count], np.int64), "edge")}
+    log = [(a + edge, name, raw) for r, a in zip(sittings, starts) for edge, name, raw in r.board.log]
+    entries = [registers.BY_NAME[name] for _, name, _ in log]
+    tables["registers"] = {
+        "edge": TableColumn(np.array([row[0] for row in log], np.int64), "edge"),
+        "name": TableColumn(np.array([row[1] for row in log], str), ""),
+        "addr": TableColumn(np.array([e.address for e in entries], np.int64), "1"),
+        "width": TableColumn(np.array([e.fmt.width for e in entries], np.int64), "1"),
+        "frac_bits": TableColumn(np.array([e.fmt.f for e in entries], np.int64), "1"),
+        "signed": TableColumn(np.array([e.fmt.s for e in entries], np.int64), "1"),
+        "raw": TableColumn(np.array([row[2] for row in log], np.int64), "word"),
+    }
+    rows = [
+        (name, a + begin, a + end, kind, "drv pll ftr qsc", *_set(c), group, role)
+        for r, a in zip(sittings, starts)
+        for name, begin, end, kind, c, group, role in r.segments
+    ]
+    units = dict.fromkeys(schema.TABLES["segments"], "")
+    units |= {"edge_a": "edge", "edge_b": "edge", "a_set": "um", "detune": "deg", "temp_set": "degC"}
+    units["rate_set"] = "deg/s"
+    tables["segments"] = _table(zip(*rows), units)
+    gaps = [(a, a + FRAME_CYCLES, "adc", UNSEEN) for a in starts[:count]]
+    tables["gaps"] = _table(zip(*gaps), {"edge_a": "edge", "edge_b": "edge", "streams": "", "reason": ""})
+    rate = [(a + edge, float(v), RATE_UNC_PPM) for r, a in zip(sittings, starts) for edge, v in r.rates]
+    tables["stimulus/rate"] = _table(zip(*rate), {"edge": "edge", "rate": "deg/s", "unc": "ppm"})
+    temp = [(a + edge, float(v), "ambient", TEMP_UNC_K) for r, a in zip(sittings, starts) for edge, v in r.temps]
+    units = {"edge": "edge", "temperature": "degC", "where": "", "unc": "K"}
+    tables["stimulus/temperature"] = _table(zip(*temp), units)
+    tables["priors"] = _priors(plan.priors)
+    for pair, unit in schema.COUNTER_PAIRS.items():
+        read = [(a + c[1], *c[2:]) for r, a in zip(sittings, starts) for c in r.counters if c[0] == pair]
+        if read:
+            tables[f"counter/{pair}"] = _table(zip(*read), {"edge": "edge", "value": unit, "gate": "s", "unc": unit})
+    return tables
+
+
+def _set(c):
+    return c.a_um, c.detune_deg, c.temperature_degc, c.rate_dps
+
+
+def _priors(priors):
+    texts = ("param", "dist", "unit", "source", "correlation_group")
+    table = {key: TableColumn(np.array([getattr(p, key) for p in priors], str), "") for key in texts}
+    for key in ("mean", "sd"):
+        table[key] = TableColumn(np.array([getattr(p, key) for p in priors], float), "1")
+    return {key: table[key] for key in schema.TABLES["priors"]}

@@ -1,0 +1,349 @@
+"""The firmware's 8 kHz side on recorded ADC codes: every word that it must have written, bit for bit, without a plant.
+
+    recorded codes, edge at which each frame is valid --+--> watchdog, register bank, control, DDS phase --> words
+    register writes with their edges -------------------'                                              '--> DAC codes
+
+    advance   edge by edge where something happens: a write, a stale window, one window cut short by the next
+              otherwise from event to event, a window at once (`window.whole`); both are the blocks' own `step`
+
+A row holds what the registers hold before its edge, as in every trace; a DAC code in it is that of the chip's output.
+Source    docs/measured.md, docs/architecture.md
+"""
+
+from __future__ import annotations  # a field may bear the name of its module
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fpga_model import control, modulator, registers, sequencer, sine, spi_dac, watchdog
+from fpga_model.control import SLOT_PI
+from fpga_model.jit import hot, inner, outlined
+from fpga_model.rates import FRAME_CYCLES, FRAME_TICKS, SLOT_SEQUENCER, SLOTS, TICK_CYCLES
+from testbench.engines import window
+from testbench.engines.pins import SINE_CLOCKS
+from testbench.engines.turn import TURN_MASK, Turn, phase_at, turned
+from testbench.engines.window import FIRST_CHANNEL_CLOCKS, LAST_ODD_TICK, SLOT_WORD, VALID_CLOCKS
+
+WORDS = (
+    "frequency_word",
+    "amplitude_word",
+    "rate_word",
+    "quadrature_code",
+    "magnitude",
+    "phase",
+    "state",
+    "lock",
+    "flags",
+    "rate_output",
+    "agc_acc",
+    "pll_acc",
+    "ftr_acc",
+    "qsc_acc",
+    "dac_drv",
+    "dac_ftr",
+    "dac_qsc",
+    "nco_phase",
+)
+DRIVE_DAC = WORDS.index("dac_drv")
+# What the window of a frame left: clock at which its codes were valid (-1: no plain window), then what acts from when
+DRIVEN = ("valid", "word_mid", "word", "amplitude_mid", "amplitude", "rate", "quadrature")
+CODES = 5  # of a conversion: four demodulators, temperature
+FAR = np.int64(1 << 62)
+ZERO, ONE = np.int64(0), np.int64(1)
+AMPLITUDE, RATE, QUADRATURE = range(3)
+
+
+class Side(NamedTuple):
+    """The 8 kHz side between two edges; integers only."""
+
+    clock: int  # the next edge
+    control: control.State
+    bank: registers.State
+    dog: watchdog.State
+    turn: Turn
+    slot: int
+    old: tuple  # eight channels before, and after, the read whose frame is valid at `valid`
+    new: tuple
+    valid: int
+    ok: int
+    conversion: int  # rows of the stimulus done
+    write: int
+
+
+class Stimulus(NamedTuple):
+    """What was recorded, int64, sorted by edge; edges count from power-on."""
+
+    codes: np.ndarray  # (conversions, CODES)
+    ok: np.ndarray  # (conversions,) status word good
+    valid: np.ndarray  # (conversions,) edge at which the firmware sees the frame complete
+    writes: np.ndarray  # (writes, 3) edge, address, data
+
+
+class Rows(NamedTuple):
+    """Where a replay writes; `codes` of length zero switches them off, `driven` of length one keeps the last only."""
+
+    words: (
+        np.ndarray
+    )  # (frames + 1, len(WORDS)) before the first edge of each frame; of the last row the DAC codes only
+    driven: np.ndarray  # (frames, len(DRIVEN)) of the window in each frame
+    codes: np.ndarray  # (ticks, 2) drive and sense code at the end of each tick
+
+
+def power_on():
+    """The firmware at edge 0."""
+    c = control.State()
+    word = c.frequency_tracker.word
+    zero = (0,) * 8
+    turn = Turn(0, 0, word, word, 0, word)
+    return Side(0, c, registers.State(), watchdog.State(), turn, 0, zero, zero, -1, 0, 0, 0)
+
+
+def phase(s):
+    """Phase accumulator before edge s.clock, where no window is in progress."""
+    return (s.turn.phase + (s.clock - s.turn.clock) * s.turn.word) % (1 << 48)
+
+
+def rows(frames, driven=False, ticks=0):
+    """Buffers for so many frames."""
+    return Rows(
+        np.zeros((frames + 1, len(WORDS)), np.int64),
+        np.zeros((frames if driven else 1, len(DRIVEN)), np.int64),
+        np.zeros((ticks, 2), np.int64),
+    )
+
+
+@inner
+def _channels(x, k):
+    return (x.codes[k, 0], x.codes[k, 1], x.codes[k, 2], x.codes[k, 3], x.codes[k, 4], ZERO, ZERO, ZERO)
+
+
+@inner
+def _inputs(p, s, clock):
+    """What a window sees at an edge; channels change word by word while a frame is read."""
+    c = window.received(s.old, s.new, s.valid - VALID_CLOCKS, clock)
+    return control.Inputs(c[0], c[1], c[2], c[3], c[4], s.ok, s.dog.stale)
+
+
+@inner
+def _aged(p, dog, ticks):
+    """The watchdog after `ticks` enables without a frame."""
+    age = min(dog.age + ticks, watchdog.AGE_TOP)
+    return watchdog.State(age, 1 if ticks > 0 and age > p.limit else dog.stale)
+
+
+@inner
+def _enables(begin, end):
+    """Edges in begin .. end - 1 that enable the 1 MHz work."""
+    return (end + TICK_CYCLES - 1) // TICK_CYCLES - (begin + TICK_CYCLES - 1) // TICK_CYCLES
+
+
+@outlined
+def _edge(p, s, x, coming, writing):
+    """One clock edge of the 8 kHz side, wired as in fpga_model.top."""
+    clock = s.clock
+    ce_1m = 1 if clock % TICK_CYCLES == 0 else 0
+    ce_8k = 1 if clock % FRAME_CYCLES == 0 else 0
+    valid = 1 if clock == coming else 0
+    go = valid | (s.dog.stale & ce_8k)
+    c = s.control
+    if s.slot:
+        c = control.step(p.control, c, s.slot, _inputs(p, s, clock), s.bank)
+    write, address, data = ZERO, ZERO, ZERO
+    if writing == clock:
+        write, address, data = ONE, x.writes[s.write, 1], x.writes[s.write, 2]
+    slot = s.slot + 1 if 0 < s.slot < SLOTS else 0
+    return Side(
+        clock + 1,
+        c,
+        registers.step(s.bank, write, address, data, 1 if s.slot == SLOT_SEQUENCER else 0),
+        watchdog.step(p.watchdog, s.dog, ce_1m, valid),
+        turned(s.turn, clock + 1, c.frequency_tracker.word),
+        1 if go else slot,
+        s.old,
+        s.new,
+        s.valid,
+        x.ok[s.conversion] if valid else s.ok,
+        s.conversion + valid,
+        s.write + write,
+    )
+
+
+@inner
+def _at(s, clock, dog, old, new, valid):
+    """The same registers at a later edge, with other channels."""
+    return Side(clock, s.control, s.bank, dog, s.turn, s.slot, old, new, valid, s.ok, s.conversion, s.write)
+
+
+@inner
+def _window(p, s, x, row):
+    """A window that nothing disturbs, at once, from the edge that sees its frame valid. Mutates `row`."""
+    i = control.Inputs(s.new[0], s.new[1], s.new[2], s.new[3], s.new[4], x.ok[s.conversion], ZERO)
+    c, word = window.whole(p.control, s.control, i, s.bank)
+    clock = s.clock
+    end = clock + SLOTS + 1
+    turn = turned(s.turn, clock + SLOT_PI + 1, word)
+    turn = turned(turn, clock + SLOT_WORD + 1, c.frequency_tracker.word)
+    row[0] = clock
+    row[1] = word
+    row[3] = control.agc.amplitude(p.control.agc, s.control.agc, sequencer.outputs(c.sequencer).agc_mode)
+    _left(p, c, row)
+    dog = _aged(p.watchdog, watchdog.State(ZERO, ZERO), _enables(clock + 1, end))
+    bank = registers.step(s.bank, ZERO, ZERO, ZERO, ONE)
+    return Side(end, c, bank, dog, turn, ZERO, s.old, s.new, s.valid, x.ok[s.conversion], s.conversion + 1, s.write)
+
+
+@inner
+def _left(p, c, row):
+    """What acts after a window. Mutates `row`."""
+    row[2] = c.frequency_tracker.word
+    row[4] = control.amplitude(p.control, c)
+    row[5] = c.rate_loop.loop.y
+    row[6] = c.quadrature_loop.root.y
+
+
+@inner
+def _moved(p, s, clock):
+    """At a later edge, nothing having happened meanwhile."""
+    return _at(s, clock, _aged(p.watchdog, s.dog, _enables(s.clock, clock)), s.old, s.new, s.valid)
+
+
+@inner
+def _read(x, s):
+    """The read of the next frame has begun: its words come in one by one."""
+    old = window.received(s.old, s.new, s.valid - VALID_CLOCKS, s.clock)
+    return _at(s, s.clock, s.dog, old, _channels(x, s.conversion), x.valid[s.conversion])
+
+
+@inner
+def _first_word(coming):
+    """Edge at which the first channel of a frame that is valid at `coming` changes."""
+    return coming - VALID_CLOCKS + FIRST_CHANNEL_CLOCKS
+
+
+@inner
+def _calm(p, s, x, begin, end, until):
+    """1 when all that happens from `begin`, where `s` is, to `end` is one window that is over by `until`."""
+    k = s.conversion
+    if s.clock != begin or s.slot != 0 or k >= x.valid.shape[0] or s.dog.age + FRAME_TICKS > p.watchdog.limit:
+        return False
+    if (
+        x.valid[k] < begin
+        or x.valid[k] + SLOTS >= until
+        or (s.write < x.writes.shape[0] and x.writes[s.write, 0] < end)
+    ):
+        return False
+    return k + 1 >= x.valid.shape[0] or _first_word(x.valid[k + 1]) - SLOTS > end
+
+
+@outlined
+def advance(p, s, x, until, plain, row):
+    """All edges before `until`; `plain` = 0 forbids windows at once. Mutates `row`, what the last window left."""
+    while s.clock < until:
+        coming = x.valid[s.conversion] if s.conversion < x.valid.shape[0] else FAR
+        writing = x.writes[s.write, 0] if s.write < x.writes.shape[0] else FAR
+        if coming != s.valid and s.clock + SLOTS >= _first_word(coming):
+            s = _read(x, s)
+        if s.slot == 0:
+            boundary = (s.clock + FRAME_CYCLES - 1) // FRAME_CYCLES * FRAME_CYCLES
+            if s.dog.stale == 0:
+                enable = (s.clock + TICK_CYCLES - 1) // TICK_CYCLES * TICK_CYCLES
+                rises = enable + TICK_CYCLES * (p.watchdog.limit - s.dog.age)
+                boundary = (rises // FRAME_CYCLES + 1) * FRAME_CYCLES
+            at = min(until, coming, writing, boundary)
+            if coming != s.valid:
+                at = min(at, max(_first_word(coming) - SLOTS, s.clock + 1))
+            if at > s.clock:
+                s = _moved(p, s, at)
+                continue
+            end = s.clock + SLOTS + 1
+            if plain and s.clock == coming and s.dog.stale == 0 and writing >= end and until >= end:
+                s = _window(p, s, x, row)
+                continue
+        s = _edge(p, s, x, coming, writing)
+    return s
+
+
+@inner
+def _drive_code(p, s, tick):
+    """Code that the drive modulator makes in `tick`, whose first edge is s.clock."""
+    phase = phase_at(s.turn, TICK_CYCLES * tick - SINE_CLOCKS - p.pipe.depth)
+    y = sine.at((phase + s.bank.phase_drive_sine) & TURN_MASK)
+    return modulator.at(p.drive_modulator, control.amplitude(p.control, s.control), y)
+
+
+@inner
+def _sense_code(p, s, tick):
+    """Code that the sense modulator makes in `tick`, whose first edge is s.clock."""
+    phase = phase_at(s.turn, TICK_CYCLES * tick - SINE_CLOCKS - p.pipe.depth)
+    y = sine.at((phase + s.bank.phase_sense_sine) & TURN_MASK)
+    return modulator.at(p.sense_modulator, s.control.rate_loop.loop.y, y)
+
+
+@inner
+def _store(row, s):
+    c = s.control
+    row[0] = c.frequency_tracker.word
+    row[1] = c.agc.loop.y
+    row[2] = c.rate_loop.loop.y
+    row[3] = c.quadrature_loop.root.y
+    row[4] = c.cordic.magnitude
+    row[5] = c.cordic.phase
+    row[6] = c.sequencer.state
+    row[7] = c.sequencer.lock.locked
+    row[8] = c.sequencer.faults.flags
+    row[9] = c.rate_output.y
+    row[10] = c.agc.loop.acc
+    row[11] = c.frequency_tracker.loop.acc
+    row[12] = c.rate_loop.loop.acc
+    row[13] = c.quadrature_loop.loop.acc
+    row[17] = phase_at(s.turn, s.clock)
+
+
+@hot
+def run(p, s, x, o, order, plain):
+    """Frames from s.clock, a frame boundary, on; returns the side at the end. Mutates `o`.
+
+    order  (3, 2) clock before the end of a frame, and kind, of what a row's DAC codes depend on, in time order
+    """
+    first = s.clock // FRAME_CYCLES
+    lag_drive, lag_sense = p.drive_modulator.frames, 1 + p.sense_modulator.frames
+    for n in range(o.words.shape[0] - 1):
+        following = o.words[n + 1]
+        _store(o.words[n], s)
+        begin, end = FRAME_CYCLES * (first + n), FRAME_CYCLES * (first + n + 1)
+        driven = o.driven[n] if o.driven.shape[0] > 1 else o.driven[0]
+        driven[0] = -1
+        driven[1] = s.control.frequency_tracker.word
+        driven[3] = control.amplitude(p.control, s.control)
+        _left(p, s.control, driven)
+        for k in range(FRAME_TICKS if FRAME_TICKS * n < o.codes.shape[0] else 0):
+            tick = FRAME_TICKS * (first + n) + k
+            s = advance(p, s, x, TICK_CYCLES * tick, plain, driven)
+            at = FRAME_TICKS * n + k
+            if at + lag_drive < o.codes.shape[0]:
+                o.codes[at + lag_drive, 0] = _drive_code(p, s, tick)
+            if at + lag_sense < o.codes.shape[0]:
+                o.codes[at + lag_sense, 1] = _sense_code(p, s, tick)
+        calm = plain and o.codes.shape[0] == 0 and _calm(p, s, x, begin, end, end - order[0, 0])
+        if calm:
+            s = _window(p, _moved(p, _read(x, s), x.valid[s.conversion]), x, driven)
+        for j in range(3):
+            until = max(s.clock, end - order[j, 0])
+            s = _moved(p, s, until) if calm else advance(p, s, x, until, plain, driven)
+            if order[j, 1] == AMPLITUDE:
+                following[14] = _drive_code(p, s, s.clock // TICK_CYCLES)
+            elif order[j, 1] == RATE:
+                following[15] = _sense_code(p, s, s.clock // TICK_CYCLES)
+            else:
+                following[16] = s.control.quadrature_loop.root.y
+        s = _moved(p, s, end) if calm else advance(p, s, x, end, plain, driven)
+    return s
+
+
+def order(p):
+    """(3, 2): when the codes at a frame's end were decided, in clocks before it, and which (`run`)."""
+    ticks = ((1 + p.drive_modulator.frames, AMPLITUDE), (2 + p.sense_modulator.frames, RATE))
+    found = [(TICK_CYCLES * n, kind) for n, kind in ticks]
+    found.append((TICK_CYCLES * (FRAME_TICKS - LAST_ODD_TICK) - spi_dac.LOAD_TICK, QUADRATURE))
+    return np.array(sorted(found, reverse=True), np.int64)

@@ -1,0 +1,179 @@
+"""What a measurement record holds: streams, tables, attributes; the one source for writer, validator and page.
+
+    streams   raw codes and words at exact rates of the 26 MHz clock; row n is the value before edge edge0 + n den / num
+    tables    register log, segments, gaps, stimuli, counters, priors
+    findings  `Rnn path expected ..., found ...`, each a refusal, a downgrade, or a block
+
+Edges count from the record's first power-on; a frame is 3250 of them, a tick 26.
+Source    docs/measured.md
+"""
+
+import hashlib
+import json
+from typing import NamedTuple
+
+from fpga_model import registers
+from fpga_model.rates import FRAME_CYCLES, TICK_CYCLES
+from testbench.measured.record.replay import WORDS
+
+SCHEMA = "gyrorec/1.0"
+REFUSED, DOWNGRADED, BLOCKED = "refused", "downgraded", "blocked"
+
+
+class Stream(NamedTuple):
+    """A stream of the schema: format of its codes, and what it is."""
+
+    required: bool
+    bits: int
+    signed: bool
+    unit: str
+    tap: str
+    doc: str
+
+
+ADC = {
+    "adc_xI": "drive demodulated by sgn(sin)",
+    "adc_xQ": "drive demodulated by sgn(cos)",
+    "adc_yI": "sense demodulated by sgn(sin): rate",
+    "adc_yQ": "sense demodulated by sgn(cos): quadrature",
+}
+DAC = ("dac_drv", "dac_ftr", "dac_qsc")
+TICKED = ("dac_drv", "dac_ftr")  # may have a row for each tick: the code at its end
+STREAMS = {
+    **{name: Stream(True, 24, True, "code", "adc", doc) for name, doc in ADC.items()},
+    "adc_ok": Stream(False, 1, False, "1", "internal", "1 where the frame's status word was good"),
+    "adc_temperature": Stream(False, 24, True, "code", "adc", "channel of the temperature sensor"),
+    "dac_drv": Stream(True, 16, True, "code", "dac", "code at the drive DAC's output"),
+    "dac_ftr": Stream(True, 20, True, "code", "dac", "code at the sense DAC's output"),
+    "dac_qsc": Stream(True, 16, False, "code", "dac", "code at the quadrature DAC's output"),
+    "nco_fword": Stream(True, 48, False, "word", "internal", "frequency word, turns per clock / 2^48"),
+    "nco_pword": Stream(True, 48, False, "word", "internal", "phase accumulator, turns / 2^48"),
+    "amplitude_word": Stream(False, 24, True, "word", "internal", "amplitude of the drive, 10 V / 2^23"),
+    "rate_word": Stream(False, 24, True, "word", "internal", "force-to-rebalance word, 10 V / 2^23"),
+    "quadrature_code": Stream(False, 16, False, "code", "internal", "V_q of the loop, 5.5 V / 2^16"),
+    "magnitude": Stream(False, 25, False, "code", "internal", "CORDIC magnitude of the drive"),
+    "phase": Stream(False, 24, True, "word", "internal", "CORDIC phase of the drive, turns / 2^24"),
+    "state": Stream(False, 4, False, "1", "internal", "state of the sequencer"),
+    "lock": Stream(False, 4, False, "1", "internal", "locks of the loops"),
+    "flags": Stream(False, 16, False, "1", "internal", "live faults"),
+    "rate_output": Stream(False, 32, True, "word", "internal", "compensated rate, deg/s / 2^20"),
+    "agc_acc": Stream(False, 60, True, "word", "internal", "integrator of the amplitude loop"),
+    "pll_acc": Stream(False, 60, True, "word", "internal", "integrator of the frequency loop"),
+    "ftr_acc": Stream(False, 60, True, "word", "internal", "integrator of the rate loop"),
+    "qsc_acc": Stream(False, 60, True, "word", "internal", "integrator of the quadrature loop"),
+}
+# Streams that the firmware's registers decide, and which column of a replay says so
+REPLAYED = {
+    name: {"nco_fword": "frequency_word", "nco_pword": "nco_phase"}.get(name, name)
+    for name in STREAMS
+    if not name.startswith("adc_")
+}
+assert set(REPLAYED.values()) == set(WORDS), "every word of a replay is a stream"
+# Columns of an engine behind the streams
+CODE_OF = {"adc_xI": "adc_drive_sin", "adc_xQ": "adc_drive_cos", "adc_yI": "adc_sense_sin", "adc_yQ": "adc_sense_cos"}
+CODE_OF["adc_temperature"] = "adc_temperature"
+WORD_OF = {
+    "dac_drv": "drive_dac_code",
+    "dac_ftr": "sense_dac_code",
+    "dac_qsc": "quadrature_dac_code",
+    "nco_fword": "frequency_word",
+    **{
+        name: name
+        for name in (
+            "amplitude_word",
+            "rate_word",
+            "quadrature_code",
+            "magnitude",
+            "phase",
+            "state",
+            "lock",
+            "flags",
+            "rate_output",
+        )
+    },
+}
+PER_FRAME, PER_TICK = (1, FRAME_CYCLES), (1, TICK_CYCLES)
+
+ROOT_KEYS = (
+    "lab",
+    "device_serial",
+    "board_rev",
+    "licence",
+    "bitstream_sha256",
+    "firmware_version",
+    "regmap_sha256",
+    "roles_sha256",
+    "nuisances",
+)
+TABLES = {
+    "power_on": ("edge",),
+    "registers": ("edge", "name", "addr", "width", "frac_bits", "signed", "raw"),
+    "segments": (
+        "id",
+        "edge_a",
+        "edge_b",
+        "kind",
+        "loops",
+        "a_set",
+        "detune",
+        "temp_set",
+        "rate_set",
+        "repeat_group",
+        "role",
+    ),
+    "gaps": ("edge_a", "edge_b", "streams", "reason"),
+    "stimulus/rate": ("edge", "rate", "unc"),
+    "stimulus/temperature": ("edge", "temperature", "where", "unc"),
+    "priors": ("param", "dist", "mean", "sd", "unit", "source", "correlation_group"),
+}
+OPTIONAL_TABLES = {"initial": ("name", "raw")}
+COUNTER_COLUMNS = ("edge", "value", "gate", "unc")
+COUNTER_PAIRS = {
+    "Vxm_vs_sgnsin": "deg",
+    "Vxm_vs_sgncos": "deg",
+    "Vym_vs_sgnsin": "deg",
+    "y_vs_sgnsin": "deg",
+    "f_drive": "Hz",
+}
+KINDS = ("warmup", "settle", "dwell", "rate_step", "sweep", "ringdown", "startup", "multisine", "detune")
+ROLES = ("fit", "validate", "none")
+DISTRIBUTIONS = ("normal", "lognormal", "uniform")
+GAP_STREAMS = ("adc", "all")
+MOST_SATURATED = 1e-3  # part of the rows of a fit segment
+UNCERTAIN = {"stimulus/rate": "unc", "stimulus/temperature": "unc"}  # columns that state an uncertainty
+
+
+class Finding(NamedTuple):
+    """Something wrong with a record, or something that it cannot be used for."""
+
+    rule: str
+    path: str
+    text: str
+    level: str = REFUSED
+
+    def __str__(self):
+        return f"{self.rule} {self.path} {self.text}"
+
+
+def sha256_of(data):
+    """SHA-256 of a structure as JSON."""
+    return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
+
+
+def regmap_sha256():
+    """Hash of this version's register map: names, addresses, formats, reset values, access."""
+    return sha256_of([[r.address, r.name, list(r.fmt), r.reset, r.access] for r in registers.MAP])
+
+
+def bitstream_sha256(firmware):
+    """Hash of the firmware's parameters, which stand for the bitstream of a simulated board."""
+    from testbench.flatten import leaves
+
+    return sha256_of([[name, int(value)] for name, value in leaves(firmware)])
+
+
+def roles_sha256(segments):
+    """Hash of who is fitted and who is held out: fixed before any analysis."""
+    keys = ("id", "edge_a", "edge_b", "repeat_group", "role")
+    columns = [segments[key].data.tolist() for key in keys]
+    return sha256_of([list(row) for row in zip(*columns)])

@@ -1,0 +1,34 @@
+"""When the firmware sees a frame of the converter, in edges from power-on: the one number that ties codes to words.
+
+    valid edge of conversion m = first edge that sees DRDY low + clocks of the read
+
+Source    docs/architecture.md, docs/parts/adc.md
+"""
+
+import numpy as np
+
+from analog_frontend.parts import adc
+from fpga_model.rates import FRAME_CYCLES
+from testbench.engines.window import VALID_CLOCKS
+from testbench.errors import ConfigError
+from testbench.run import build
+
+
+def valid_edges(config, count):
+    """(count,) edges at which conversions 0 .. count - 1 after power-on are valid."""
+    part = build._adc(config, config.device(), 0.0)
+    clock = adc.reset(part).clock
+    ready = getattr(adc.clocks_to_ready, "py_func", adc.clocks_to_ready)
+    return np.array([int(ready(part, clock, m)) + VALID_CLOCKS for m in range(count)], np.int64)
+
+
+def valid_clock(config):
+    """Clock within every frame at which the codes of a synchronous converter are valid; none in the first frame.
+
+    Raises ConfigError for a free-running converter, whose rate is no ratio of the clock.
+    """
+    if config.firmware.adc_clock != "synchronous":
+        raise ConfigError(
+            f'firmware.adc_clock = "{config.firmware.adc_clock}": a record needs "synchronous", its rates are exact'
+        )
+    return int(valid_edges(config, 1)[0]) - FRAME_CYCLES

@@ -1,0 +1,58 @@
+"""Parameters that a record declares as nuisances: their priors, and the coordinate in which they are fitted.
+
+    u = (x - mean) / sd              of a prior "normal" or "uniform"
+    u = log(x / mean) / (sd / mean)  of gains and quality factors, whose products the data see; "lognormal": sd of log x
+
+Source    docs/measured.md
+"""
+
+import math
+from typing import NamedTuple
+
+from analog_frontend.parts import device
+from testbench.errors import ConfigError
+
+LOGARITHMIC = ("qx", "qy", "k_vf_drive_n_per_v", "k_vf_sense_n_per_v", "dcdx_f_per_m", "dcdy_f_per_m", "mass_kg")
+LIMITS = {f"plant.{field.name}": field for field in device.FIELDS}
+
+
+class Parameter(NamedTuple):
+    """A parameter with its prior."""
+
+    key: str
+    unit: str
+    mean: float
+    scale: float  # of u: sd, or sd of the logarithm
+    logarithmic: bool
+    lo: float
+    hi: float
+
+    def value(self, u):
+        """The parameter at a coordinate."""
+        return self.mean * math.exp(self.scale * u) if self.logarithmic else self.mean + self.scale * u
+
+    def coordinate(self, value):
+        """The coordinate of a value."""
+        return math.log(value / self.mean) / self.scale if self.logarithmic else (value - self.mean) / self.scale
+
+    def sd(self, u, sd_u):
+        """Standard deviation in the parameter's unit of one in u."""
+        return abs(self.value(u) * self.scale * sd_u) if self.logarithmic else self.scale * sd_u
+
+
+def declared(record):
+    """`Parameter`s of the table /priors, in its order; ConfigError for one that no plant has."""
+    table = record.tables["priors"]
+    out = []
+    for key, dist, mean, sd in zip(*(table[name].data.tolist() for name in ("param", "dist", "mean", "sd"))):
+        if key not in LIMITS:
+            raise ConfigError(f"/priors {key}: is no key of [plant]; only those can be fitted")
+        field = LIMITS[key]
+        logarithmic = dist == "lognormal" or (field.name in LOGARITHMIC and mean > 0)
+        if logarithmic and not mean > 0:
+            raise ConfigError(f"/priors {key}: mean = {mean:g} has no logarithm")
+        scale = sd / mean if logarithmic and dist != "lognormal" else sd
+        out.append(Parameter(key, field.unit, mean, scale, logarithmic, field.lo, field.hi))
+    if not out:
+        raise ConfigError("/priors: names no parameter; there is nothing to fit")
+    return tuple(out)

@@ -1,0 +1,259 @@
+"""What a laboratory has in hand: one board on a rate table in an oven, its host port, and a counter.
+
+    write, read    the register map                        rows     codes and words at 8 kHz, as the host reads them
+    rate, oven     what the table and the oven are set to  counter  interval between a reference pin and a voltage
+
+No truth leaves this module but through `Judge`, which a procedure is never given.
+Source    docs/paper.md
+"""
+
+import contextlib
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from fpga_model import dds, registers, sequencer
+from fpga_model.rates import FRAME_TICKS, TICK_CYCLES, TICK_HZ
+from testbench.errors import ConfigError
+from testbench.paper.calibration import counter
+from testbench.run import budget, build, nodes, simulate
+from testbench.run.simulation import DEG, FRAME, Simulation
+
+FRAME_S = FRAME_TICKS / TICK_HZ
+PHASE_REGISTERS = ("phase_drive_sine", "phase_sense_sine", "phase_drive_ref", "phase_sense_ref")
+GATE_S, COUNTED_S, STAMP_S = 0.25, 1.0, 0.5
+OFFSET_HZ, OFFSET_WAIT_S, OFFSET_S = 80.0, 0.6, 1.0
+READY_S = 4.0  # all boards that lock are at this time together
+
+
+class _Rows:
+    """A sink that keeps the registers, not the truth."""
+
+    def __init__(self):
+        self.pieces = []
+
+    def add(self, first_frame, frames, truth):
+        self.pieces.append(frames)
+
+
+class Rows:
+    """8 kHz rows of a segment: `rows["rate_word"]`.
+
+    stamps  instants of the reference grid, from the first row's on, at which edges of a sgn(sin) have left
+    """
+
+    def __init__(self, pieces, stamps=()):
+        self._frames = np.concatenate(pieces) if pieces else np.zeros((0, len(FRAME)), np.int64)
+        self.stamps = np.asarray(stamps, np.int64)
+
+    def __len__(self):
+        return len(self._frames)
+
+    def __getitem__(self, name):
+        return self._frames[:, FRAME[name]]
+
+    def mean(self, name):
+        """Mean of a column in its LSB."""
+        return float(np.mean(self[name]))
+
+    def hann(self, name):
+        """Hann-weighted mean: lines that ring beside the mean do not enter."""
+        x = self[name]
+        weights = np.sin(np.pi * (np.arange(len(x)) + 0.5) / len(x)) ** 2
+        return float(weights @ x / weights.sum())
+
+
+class Bench:
+    """One powered board.
+
+    config      what the board is; the procedure on the bench does not look into it
+    engine_run  an engine, by name or its `run`, instead of that of the configuration
+    Raises ConfigError if the board does not lock.
+    """
+
+    def __init__(self, config, rate_dps=0.0, temp_degc=25.0, engine_run=None):
+        self._sim = Simulation(config, temp_degc, temp_degc, engine=engine_run)
+        self._sim.keep_codes = self._sim.keep_rows = False
+        self.rate_dps, self.temp_degc = rate_dps, temp_degc
+        self.offset_codes = self._offsets(config)
+        if simulate.start(config, self._sim, rate_dps * DEG, temp_degc) is None:
+            raise ConfigError("bench: the board does not lock within 5 s")
+        ready = round(READY_S * TICK_HZ)
+        if self._sim.tick < ready:
+            self._run(ready - self._sim.tick)
+
+    def _offsets(self, config):
+        """Codes of the demodulators before the drive is on: {column: LSB}. The board's first act is this wait.
+
+        The references run OFFSET_HZ beside the nominal frequency: what the DACs' power-on has struck rings there.
+        """
+        self._sim.now = (np.array([self.rate_dps * DEG]), np.array([self.temp_degc]))
+        self.write("control", 0)
+        self.write("frequency_fixed", dds.word_of_hz(config.firmware.nominal_frequency_hz + OFFSET_HZ))
+        self.wait(OFFSET_WAIT_S)
+        rows = self.record(OFFSET_S)
+        found = {name: rows.hann(name) for name in ("adc_drive_sin", "adc_drive_cos", "adc_sense_sin", "adc_sense_cos")}
+        self.write("control", sequencer.RUN)
+        return found
+
+    def _run(self, ticks):
+        self._sim.advance(ticks, self.rate_dps * DEG, self.temp_degc)
+
+    @property
+    def time_s(self):
+        """Time since power-on."""
+        return self._sim.tick / TICK_HZ
+
+    @property
+    def locked(self):
+        """All four loops are locked, or deliberately held."""
+        return bool(self._sim.locked)
+
+    def wait(self, seconds):
+        """Let time pass."""
+        self._run(round(seconds * TICK_HZ))
+
+    def record(self, seconds, rate_dps=None):
+        """`Rows` of the next seconds; `rate_dps` an array of one value per frame, or the table's rate."""
+        with self._rows() as sink:
+            rate = np.atleast_1d(self.rate_dps if rate_dps is None else rate_dps) * DEG
+            self._sim.advance(round(seconds * TICK_HZ), rate, self.temp_degc)
+        return Rows(sink.pieces)
+
+    def stamped(self, seconds):
+        """`Rows` of the next seconds, in the last STAMP_S of which the counter stamps the drive's sgn(sin)."""
+        with self._rows() as sink:
+            first_row = self._first_row()
+            self.wait(seconds - STAMP_S)
+            stamps = [self._stamps(begun - first_row, probe, "drive") for begun, probe in self._gates(STAMP_S)]
+        return Rows(sink.pieces, np.concatenate(stamps))
+
+    @contextlib.contextmanager
+    def _rows(self):
+        sink = _Rows()
+        self._sim.sinks.append(sink)
+        try:
+            yield sink
+        finally:
+            self._sim.sinks.remove(sink)
+
+    def _first_row(self):
+        """Tick at which the next row begins."""
+        return -(-self._sim.tick // FRAME_TICKS) * FRAME_TICKS
+
+    def _gates(self, seconds):
+        """(first tick, `nodes.Probe`) of gates of GATE_S, one after the other."""
+        ticks = round(GATE_S * TICK_HZ)
+        for _ in range(round(seconds / GATE_S)):
+            first = self._sim.tick
+            streams = self._sim.advance(ticks, self.rate_dps * DEG, self.temp_degc, probe_ticks=ticks)
+            yield first, self._sim.read_out(streams, self.temp_degc)
+
+    def _stamps(self, ticks, probe, channel):
+        """Instants of the grid of a segment that begins `ticks` after the first row."""
+        return (TICK_CYCLES * ticks + counter.stamps(probe, channel)) // self.grid_clocks
+
+    def write(self, name, raw):
+        """Host write of a register."""
+        self._sim.write(name, raw)
+
+    def read(self, name):
+        """Host read of a register of the map."""
+        entry = registers.BY_NAME[name]
+        return registers.from_bus(registers.read(self._sim.state.fpga, entry.address), entry.fmt)
+
+    def set_control(self, bits):
+        """CONTROL with these bits besides RUN."""
+        self.write("control", sequencer.RUN | bits)
+
+    def advance_phase_deg(self, name, degrees):
+        """Add to a phase word; positive advances its output."""
+        width = registers.BY_NAME[name].fmt.width
+        self.write(name, (self.read(name) + dds.offset_of_deg(degrees)) % (1 << width))
+
+    def phases_deg(self):
+        """The four phase words, degrees within -180 .. 180."""
+        turn = 1 << registers.BY_NAME[PHASE_REGISTERS[0]].fmt.width
+        return {n: ((self.read(n) + turn // 2) % turn - turn // 2) * 360.0 / turn for n in PHASE_REGISTERS}
+
+    def counter(self, channel):
+        """(`counter.Reading`, `Rows`) of "drive" (Vx-) or "sense" (Vy-) against its reference pins, COUNTED_S long."""
+        with self._rows() as sink:
+            first_row, gates, stamps = self._first_row(), [], []
+            for begun, probe in self._gates(COUNTED_S):
+                gates.append(counter.gate(probe, channel))
+                stamps.append(self._stamps(begun - first_row, probe, channel))
+        return counter.read(gates), Rows(sink.pieces, np.concatenate(stamps))
+
+    @property
+    def grid_clocks(self):
+        """Grid of the reference edges, as the firmware is built."""
+        return TICK_CYCLES if self._sim.config.firmware.reference_retimed else 1
+
+
+class Residuals(NamedTuple):
+    """Truth: what is left of each loop phase (deg), and the drive frequency it holds at."""
+
+    deg: dict
+    frequency_hz: float
+
+
+class Judge:
+    """Truth of a board on a bench: what the words have left of each phase, by the budget, and where the pins are now.
+
+    A budget's pins are where they are in the long run. At one frequency the grid holds them some millidegrees beside
+    that; `pins_deg` says where.
+    """
+
+    def __init__(self, bench):
+        self._bench, self._sim = bench, bench._sim
+
+    @property
+    def temp_degc(self):
+        """Temperature of the parts: the oven's and what the board has warmed by."""
+        return self._bench.temp_degc + self._sim.rise_k
+
+    def residuals(self):
+        """`Residuals` of the registers as they are."""
+        config, bench = self._sim.config, self._bench
+        words = bench.phases_deg()
+        frequency_hz = bench.read("frequency") * build.clock_hz(config) / 2**48
+        bare = config.model_copy(
+            update={"firmware": config.firmware.model_copy(update={f"{n}_deg": 0.0 for n in PHASE_REGISTERS})}
+        )
+        known = budget.budget(bare, self.temp_degc, frequency_hz)
+        node, loop = known.node_deg(), known.loop_deg()
+        return Residuals(
+            {
+                "xe1": node["xe1"] - words["phase_drive_sine"],
+                "xe2": loop["xe2"] + words["phase_drive_ref"],
+                "ye1": node["ye1"] - words["phase_sense_sine"],
+                "ye2": loop["ye2"] + words["phase_sense_ref"],
+            },
+            frequency_hz,
+        )
+
+    def pins_deg(self):
+        """Mean lag of each reference's edges behind where the budget has them, in the next COUNTED_S (deg)."""
+        edges = np.concatenate([probe.edges for _, probe in self._bench._gates(COUNTED_S)])
+        config, words = self._sim.config, self._bench.phases_deg()
+        frequency_hz = self._bench.read("frequency") * build.clock_hz(config) / 2**48
+        known = budget.budget(config, self.temp_degc, frequency_hz)
+        out = []
+        for k, (node, channel) in enumerate((("xe1", "drive"), ("xe1", "drive"), ("ye1", "sense"), ("ye1", "sense"))):
+            rows = [row for row in known.rows[node] if row.what.startswith("reference")]
+            lag = -sum(row.degrees for row in rows) - words[f"phase_{channel}_ref"]
+            clock = 360.0 * frequency_hz / build.clock_hz(config)  # theta at an edge is that of the clock before
+            out.append(360.0 * nodes.pin_lag_turns(nodes.edge_errors_turns(edges, k)) + clock - lag)
+        return out
+
+
+def words_of(phases_deg):
+    """{register: raw word} of phases in degrees."""
+    return {name: dds.offset_of_deg(value) for name, value in phases_deg.items()}
+
+
+def log_cosine_ratio(theta_deg, ratio_log):
+    """Angle psi (deg) with ln[cos(psi + theta)/cos(psi - theta)] = ratio_log."""
+    return math.degrees(math.atan(-math.tanh(ratio_log / 2) / math.tan(math.radians(theta_deg))))

@@ -1,0 +1,129 @@
+"""`gyro calibrate`: the procedure on one board or on many, judged by the truth that it was not shown.
+
+Boards go through it side by side, eight to a kernel. For each: register words, cases 1 to 5, what remains of the four
+loop phases (truth), its uncertainty (the procedure's own), and what a second pass would have moved.
+Source    docs/paper.md
+"""
+
+import functools
+import math
+from pathlib import Path
+
+from fpga_model.dds import offset_of_deg
+from testbench import config as configuration
+from testbench.paper.calibration import boards
+from testbench.paper.calibration.bench import Bench, Judge
+from testbench.paper.calibration.calibrate import NODES, REGISTER, calibrate
+from testbench.run import side_by_side
+from testbench.storage.files import write_text
+
+PAPER_LEVEL_DEG, TARGET_DEG = 0.012, 0.002
+TOGETHER = 8
+
+
+def one(config, temp_degc, compare, say, engine_run=None):
+    """Calibrate one board; the dict that `--json` prints of it."""
+    bench = Bench(config, 0.0, temp_degc, engine_run)
+    done = calibrate(bench, compare, say)
+    truth = Judge(bench).residuals()
+    words = bench.phases_deg()
+    uncertainty = done.uncertainty_deg
+    again = {node: done.second.found[node] for node in NODES}
+    first = done.first.found
+    out = {
+        "residual_deg": {node: truth.deg[node] for node in NODES},
+        "uncertainty_deg": uncertainty,
+        "covered": {node: abs(truth.deg[node]) <= uncertainty[node] for node in NODES},
+        "found_deg": {node: first[node].deg for node in NODES},
+        "found_uncertainty_deg": {node: first[node].uncertainty_deg for node in NODES},
+        "second_pass_deg": {node: again[node].deg for node in NODES},
+        "second_pass_uncertainty_deg": {
+            node: math.hypot(again[node].uncertainty_deg, done.first.left_deg[node]) for node in NODES
+        },
+        "registers": {name: offset_of_deg(value) for name, value in words.items()},
+        "phases_deg": words,
+        "cases_deg": {str(case): values for case, values in done.cases.items()},
+        "frequency_hz": truth.frequency_hz,
+        "minutes": bench.time_s / 60,
+        "seen": {k: (v._asdict() if hasattr(v, "_asdict") else v) for k, v in done.first.seen.items()},
+        "locked": bench.locked,
+    }
+    return out
+
+
+def many(base, count, seed, temp_degc=25.0, compare=False, progress=None, engine=None):
+    """[dict, ...] of `count` boards: the base itself if it is one without a seed, else drawn from the spreads.
+
+    engine  name of an engine that runs them one by one; None: side by side in lanes, with the exact bits
+    """
+    configs = [base] if count == 1 and seed is None else boards.draws(base, 0 if seed is None else seed, count)
+    out = []
+    for k in range(0, len(configs), TOGETHER):
+        group = configs[k : k + TOGETHER]
+        if progress:
+            progress(f"boards from {k + 1}", k, len(configs))
+
+        label = f"boards {k + 1} to {k + len(group)}"
+
+        def say(step, label=label, first=k):
+            if progress:
+                progress(f"{label}: {step}", first, len(configs))
+
+        if engine or len(group) == 1:
+            results = [one(config, temp_degc, compare, say, engine) for config in group]
+        else:
+            works = [functools.partial(one, config, temp_degc, compare, say) for config in group]
+            results = side_by_side.play(works)
+        for number, result in enumerate(results, k):
+            if isinstance(result, BaseException):
+                raise result
+            result["board"] = number
+        out += results
+    return out
+
+
+def summary(results):
+    """Verdict over boards: largest residual of each phase, how often the uncertainty covers it, and the two levels."""
+    rows = {}
+    for node in NODES:
+        left = [abs(r["residual_deg"][node]) for r in results]
+        rows[node] = {
+            "largest_deg": max(left),
+            "covered": sum(r["covered"][node] for r in results),
+            "unchanged": sum(
+                abs(r["second_pass_deg"][node]) <= r["second_pass_uncertainty_deg"][node] for r in results
+            ),
+        }
+    worst = max(row["largest_deg"] for row in rows.values())
+    return {
+        "boards": len(results),
+        "phases": rows,
+        "covered_all_four": sum(all(r["covered"].values()) for r in results),
+        "worst_deg": worst,
+        "paper_level_deg": PAPER_LEVEL_DEG,
+        "below_paper_level": worst < PAPER_LEVEL_DEG,
+        "below_target": worst < TARGET_DEG,
+    }
+
+
+def case_config(base, phases_deg):
+    """The base configuration with the four words of a case."""
+    return configuration.changed(base, {f"firmware.{name}_deg": value for name, value in phases_deg.items()})
+
+
+def write_cases(results, base, seed, directory):
+    """Files that `gyro run --config` reads: case_1.toml .. case_5.toml, of many boards in board_N. Returns paths."""
+    paths = []
+    for result in results:
+        lone = len(results) == 1 and seed is None
+        folder = Path(directory) if lone else Path(directory) / f"board_{result['board']}"
+        board = base if lone else boards.draw(base, seed or 0, result["board"])
+        folder.mkdir(parents=True, exist_ok=True)
+        for case, values in result["cases_deg"].items():
+            path = folder / f"case_{case}.toml"
+            write_text(path, configuration.to_toml(case_config(board, values)))
+            paths.append(path)
+    return paths
+
+
+__all__ = ["NODES", "PAPER_LEVEL_DEG", "REGISTER", "TARGET_DEG", "case_config", "many", "one", "summary", "write_cases"]

@@ -1,0 +1,321 @@
+"""Loop advisor: what a configuration's loops do, how far they are from doing worse, and what to mind.
+
+    margins     L broken at the force word, quadrature loop closed: gain by the poles themselves, phase at every |L| = 1
+    closed loop bandwidth (-3 dB of the scale factor), peak within it, what is left at the split, and how long it rings
+    maps        stability over SID corner, split, crossover and zero, everything else as configured
+    warnings    each with the number, the limit and why it matters
+
+Source    docs/loop.md
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import brentq
+
+from testbench.paper.loop import limit_cycles
+from testbench.paper.loop import loop as lp
+from testbench.paper.loop.parts import FRAME_S, Parts
+
+GRID_HZ = np.geomspace(0.05, 3000.0, 900)
+GAIN_LIMIT_DB = 60.0
+
+
+class Crossing(NamedTuple):
+    """Where |L| = 1: frequency, and by how much more lag or lead L would come to -1."""
+
+    hz: float
+    lag_deg: float
+    lead_deg: float
+
+    @property
+    def delay_us(self):
+        return self.lag_deg / 360 / self.hz * 1e6
+
+
+class Advice(NamedTuple):
+    """Numbers of the loops; None where there is none, all but `stable` and `growth_tau_s` if they are unstable."""
+
+    stable: bool
+    growth_tau_s: float | None  # of the fastest growing pole
+    growth_hz: float | None
+    gain_margin_up_db: float | None  # factor on both FTR gains before a pole leaves the circle
+    gain_margin_down_db: float | None
+    qsc_margin_up_db: float | None
+    crossings: tuple
+    modulus_margin: float | None  # least |1 + L|
+    delay_margin_us: float | None
+    bandwidth_hz: float | None
+    peak_db: float | None
+    peak_hz: float | None
+    split_db: float | None  # closed loop at the ring's frequency, against 0 Hz
+    ring_hz: float | None
+    ring_tau_s: float | None
+    lsb_per_dps: float | None
+    bias_dps: float | None
+    v_q: float | None
+    warnings: tuple
+
+
+def _fine_grid(a):
+    """Frequencies (Hz): logarithmic, and dense around every lightly damped pole."""
+    grid = [GRID_HZ]
+    for z in np.linalg.eigvals(a):
+        if abs(z) > 0.5 and z.imag > 1e-9:
+            s = np.log(z) / FRAME_S
+            hz, width = s.imag / (2 * math.pi), max(abs(s.real) / (2 * math.pi), 1e-3)
+            if hz < GRID_HZ[-1]:
+                reach = np.geomspace(width / 10, hz / 2, 200)
+                grid += [hz - reach, hz + reach, [hz]]
+    return np.unique(np.concatenate(grid))
+
+
+def _margin(make, up):
+    """Factor (dB) on a gain at which the radius reaches 1, upwards or downwards; None within +-60 dB."""
+    sign = 1.0 if up else -1.0
+
+    def excess(db):
+        return lp.radius(make(10 ** (sign * db / 20))) - 1.0
+
+    low = 0.0
+    for high in np.arange(1.0, GAIN_LIMIT_DB + 1, 1.0):
+        if excess(high) > 0:
+            return float(brentq(excess, low, high, xtol=1e-3))
+        low = high
+    return None
+
+
+def _crossings(a, word_in, word):
+    def ratio(hz):
+        z = np.exp(2j * math.pi * np.atleast_1d(hz) * FRAME_S)
+        return -lp._resolvent(a, z, word_in) @ word
+
+    grid = _fine_grid(a)
+    values = ratio(grid)
+    size = np.log(np.abs(values))
+    found = []
+    for k in np.flatnonzero(size[:-1] * size[1:] < 0):
+        hz = brentq(lambda f: math.log(abs(ratio(f)[0])), grid[k], grid[k + 1], xtol=1e-9)
+        lag = math.degrees(np.angle(-ratio(hz)[0])) % 360
+        found.append(Crossing(float(hz), float(lag), float(360 - lag)))
+    return tuple(found), float(np.min(np.abs(1 + values)))
+
+
+def bandwidth(loop):
+    """(bandwidth Hz, peak dB, peak Hz): first frequency 3.01 dB below rest, and the largest value up to there."""
+    dc = abs(rest_gain(loop))
+
+    def level_db(hz):
+        return 20 * np.log10(np.abs(lp.response(loop, hz)) / dc)
+
+    grid = np.geomspace(0.2, 2000.0, 400)
+    levels = level_db(grid)
+    below = np.flatnonzero(levels < -3.0103)
+    if not len(below) or below[0] == 0:
+        return None, None, None
+    k = int(below[0])
+    edge = float(brentq(lambda f: level_db(f)[0] + 3.0103, grid[k - 1], grid[k], xtol=1e-6))
+    near = np.linspace(grid[max(int(np.argmax(levels[:k])) - 1, 0)], grid[min(int(np.argmax(levels[:k])) + 1, k)], 60)
+    top = level_db(near)
+    return edge, float(np.max(top)), float(near[np.argmax(top)])
+
+
+def rest_gain(loop):
+    """Word LSB per rad/s at rest."""
+    return float(loop.row @ lp.rest(loop, (1.0, 0.0, 0.0, 0.0)))
+
+
+def ring(loop, split_hz):
+    """The pole pair of the sense mode at the split, as the closed loop has it."""
+    near = [p for p in lp.poles(loop) if 0.5 * abs(split_hz) < p.hz < 1.5 * abs(split_hz) + 5]
+    return max(near, key=lambda p: abs(p.z)) if near else None
+
+
+def analyse(p: Parts):
+    """`Advice` for the parts, without warnings."""
+    fr, k = lp.frame(p), lp.gains(p)
+    row = np.zeros(len(fr.f) + lp.TAIL)
+    row[lp.WORD_BEFORE] = 1.0
+
+    def made(ftr=1.0, qsc=1.0):
+        return lp.Loop(*lp.assemble(fr, k, ftr, qsc)[:2], row, None, None)
+
+    loop = made()
+    worst = lp.poles(loop)[0]
+    if abs(worst.z) >= 1:
+        return Advice(False, -worst.tau_s, worst.hz, *(None,) * 3, (), *(None,) * 11, ())
+    a, _, _, _, word_in, word = lp.assemble(fr, k, broken=True)
+    crossings, modulus = _crossings(a, word_in, word)
+    edge, peak_db, peak_hz = bandwidth(loop)
+    shaken = ring(loop, p.split_hz)
+    lsb = rest_gain(loop) * lp.DEG
+    still = lp.rest(loop, (p.dxy_n_s_per_m / (2 * p.coriolis_mass_kg), p.kxy_n_per_m, *p.sid_offset_v))
+    at_ring = abs(lp.response(loop, shaken.hz)[0]) * lp.DEG / abs(lsb) if shaken else None
+    return Advice(
+        stable=True,
+        growth_tau_s=None,
+        growth_hz=None,
+        gain_margin_up_db=_margin(lambda g: made(ftr=g), True),
+        gain_margin_down_db=_margin(lambda g: made(ftr=g), False),
+        qsc_margin_up_db=_margin(lambda g: made(qsc=g), True),
+        crossings=crossings,
+        modulus_margin=modulus,
+        delay_margin_us=min((c.delay_us for c in crossings), default=None),
+        bandwidth_hz=edge,
+        peak_db=peak_db,
+        peak_hz=peak_hz,
+        split_db=20 * math.log10(at_ring) if at_ring else None,
+        ring_hz=float(shaken.hz) if shaken else None,
+        ring_tau_s=float(shaken.tau_s) if shaken else None,
+        lsb_per_dps=lsb,
+        bias_dps=float(still[lp.WORD_BEFORE]) / lsb,
+        v_q=volts(p, still[lp.U]),
+        warnings=(),
+    )
+
+
+def volts(p: Parts, u):
+    """V_q (V) of u; NaN below 0, where the loop would rail."""
+    return math.sqrt(u / 2.0**32) * p.quad_span_v if u >= 0 else math.nan
+
+
+WARN = {
+    "gain_margin_db": 6.0,
+    "phase_margin_deg": 35.0,
+    "peak_db": 3.0,
+    "ring_tau_s": 0.5,
+    "split_db": 3.0,
+    "bandwidth_low_hz": 24.0,
+    "bandwidth_high_hz": 30.0,
+    "leak_deg": 5.0,
+    "dither_steps": 0.5,
+}
+
+
+def warnings(p: Parts, a: Advice):
+    """What to mind, one line each: number, limit, reason."""
+    said = []
+    if not a.stable:
+        kind = f"oscillates at {a.growth_hz:.1f} Hz" if a.growth_hz > 0.5 else "runs away"
+        said.append(f"unstable: {kind}, growing by e every {1e3 * a.growth_tau_s:.3g} ms")
+        if p.split_hz < 0:
+            said.append(
+                f"split {p.split_hz:.1f} Hz is negative: with f_x below f_y the force of a word has the other sign; "
+                "the loops are made for f_x above f_y"
+            )
+        return tuple(said)
+    lag = p.sid_stages * math.degrees(math.atan(abs(p.split_hz) / p.sid_hz))
+    if a.gain_margin_up_db is not None and a.gain_margin_up_db < WARN["gain_margin_db"]:
+        said.append(f"gain margin {a.gain_margin_up_db:.1f} dB is below {WARN['gain_margin_db']:g} dB")
+    near = min(a.crossings, key=lambda c: min(c.lag_deg, c.lead_deg), default=None)
+    if near and min(near.lag_deg, near.lead_deg) < WARN["phase_margin_deg"]:
+        side = "lag" if near.lag_deg < near.lead_deg else "lead"
+        said.append(
+            f"phase margin {min(near.lag_deg, near.lead_deg):.0f} deg of {side} at {near.hz:.1f} Hz is below "
+            f"{WARN['phase_margin_deg']:g} deg; the SID lags {lag:.0f} deg at the split, and 180 deg is best"
+        )
+    if a.peak_db is not None and a.peak_db > WARN["peak_db"]:
+        said.append(f"closed-loop peak {a.peak_db:.1f} dB at {a.peak_hz:.1f} Hz is above {WARN['peak_db']:g} dB")
+    low_hz, high_hz = WARN["bandwidth_low_hz"], WARN["bandwidth_high_hz"]
+    if a.bandwidth_hz is not None and not low_hz <= a.bandwidth_hz <= high_hz:
+        said.append(f"bandwidth {a.bandwidth_hz:.1f} Hz is outside {low_hz:g} .. {high_hz:g} Hz")
+    if a.ring_tau_s is not None and a.ring_tau_s > WARN["ring_tau_s"]:
+        said.append(f"the split rings for {a.ring_tau_s:.2f} s (tau), longer than {WARN['ring_tau_s']:g} s")
+    if a.split_db is not None and a.split_db > WARN["split_db"]:
+        said.append(f"{a.split_db:+.1f} dB at {a.ring_hz:.1f} Hz is above {WARN['split_db']:g} dB: vibration will show")
+    turn_deg = math.degrees(p.ye1_rad + p.xe2_rad)
+    if abs(turn_deg) > WARN["leak_deg"]:
+        off, leak = 100 / math.cos(lp.DEG * turn_deg) - 100, 100 * math.tan(lp.DEG * turn_deg)
+        said.append(
+            f"ye1 + xe2' = {turn_deg:.2f} deg is above {WARN['leak_deg']:g} deg: scale factor {off:+.2f} %, and V_q "
+            f"must take up {leak:.1f} % of the rate"
+        )
+    rest = limit_cycles.resolution(p)
+    if rest.dither < WARN["dither_steps"]:
+        said.append(
+            f"noise at the converter is {rest.dither:.2f} of its step, below {WARN['dither_steps']:g}: rates within "
+            f"+-{3600 * rest.adc_dead_band_dps:.1f} deg/h of the last one change nothing"
+        )
+    return tuple(said)
+
+
+def advise(p: Parts):
+    """`Advice` with its warnings."""
+    a = analyse(p)
+    return a._replace(warnings=warnings(p, a))
+
+
+# ---- maps ------------------------------------------------------------------------------------------------------------
+
+AXES = {
+    "sid_hz": ("SID corner", "Hz"),
+    "split_hz": ("split", "Hz"),
+    "crossover": ("FTR gain", "times"),
+    "zero": ("FTR zero", "times"),
+}
+
+
+def varied(p: Parts, **values):
+    """Parts with `sid_hz`, `split_hz` (f_x stays), `crossover` or `zero` (factors on what is configured) changed."""
+    for name, value in values.items():
+        if name == "sid_hz":
+            p = p._replace(sid_hz=value)
+        elif name == "split_hz":
+            p = p._replace(wy_rad_s=p.w_rad_s - 2 * math.pi * value)
+        elif name == "crossover":
+            p = p._replace(word_kp=p.word_kp * value, word_ki=p.word_ki * value)
+        elif name == "zero":
+            p = p._replace(word_kp=p.word_kp / value)
+        else:
+            raise ValueError(f"map: {name} is none of {', '.join(AXES)}")
+    return p
+
+
+def turned(p, ye1_deg, ye2_deg):
+    """Parts whose sense path has these phases (ye1 node, ye2' loop), lags in deg."""
+    own = sum(math.atan(p.w_rad_s * tau) for tau in p.cv_s)
+    return p._replace(ye1_rad=math.radians(ye1_deg), switch_rad=own - math.radians(ye2_deg))
+
+
+def retuned(p: Parts, split_hz):
+    """Parts at another split with the FTR gains scaled as a designer would: the mode's gain goes with 1/split."""
+    factor = split_hz / p.split_hz
+    return varied(p, split_hz=split_hz, crossover=factor)
+
+
+class Map(NamedTuple):
+    """Closed-loop maximum (dB over rest, up to 400 Hz) on a grid; infinite where unstable."""
+
+    x: str
+    y: str
+    x_values: np.ndarray
+    y_values: np.ndarray
+    peak_db: np.ndarray  # (y, x)
+
+
+MAP_HZ = np.geomspace(2.0, 400.0, 48)
+
+
+def stability_map(p: Parts, x, x_values, y, y_values, progress=None, keep_gain=True):
+    """`Map` of two of `AXES`.
+
+    keep_gain  the FTR gains follow the split, so that the crossover stays what is configured (FACTS 6.3 reads so)
+    """
+    peak = np.empty((len(y_values), len(x_values)))
+    for j, yv in enumerate(y_values):
+        for i, xv in enumerate(x_values):
+            changes = {x: float(xv), y: float(yv)}
+            q = p
+            if keep_gain and "split_hz" in changes:
+                q = retuned(q, changes.pop("split_hz"))
+            loop = lp.close(varied(q, **changes))
+            if lp.radius(loop) >= 1:
+                peak[j, i] = math.inf
+                continue
+            near = ring(loop, q.split_hz)
+            f = np.append(MAP_HZ, near.hz) if near else MAP_HZ
+            peak[j, i] = 20 * math.log10(np.max(np.abs(lp.response(loop, f))) / abs(rest_gain(loop)))
+        if progress:
+            progress("stability map", j + 1, len(y_values))
+    return Map(x, y, np.asarray(x_values), np.asarray(y_values), peak)

@@ -1,0 +1,122 @@
+"""The simulated loop beside the linear one: rate profiles for several gyroscopes side by side, words of 8 kHz back.
+
+    multisine   sum of A_i sin(2 pi f_i t + phi_i), all f_i multiples of 1/window, read by least squares over the window
+    played      each gyroscope from power-on to lock, then its profile, in the lanes engine
+    exchanged   a locked gyroscope goes on with other parts or another register: what is unstable would never lock
+Source    docs/loop.md
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from fpga_model.rates import FRAME_HZ, FRAME_TICKS, TICK_HZ
+from testbench.errors import ConfigError
+from testbench.run import side_by_side, simulate
+from testbench.run.simulation import Simulation
+
+DEG = math.pi / 180
+LINES_HZ = (1, 2, 4, 7, 11, 15, 18, 21, 24, 26, 28, 30, 35, 42, 50, 60)
+SETTLE_S, WINDOW_S, LINE_DPS = 2.5, 2.0, 4.0
+
+
+class Played(NamedTuple):
+    """Rows of a profile from its first frame on, and whether the gyroscope was in lock all the time."""
+
+    time_s: np.ndarray
+    columns: dict
+    locked: bool
+
+
+def _play(config, rate_dps, engine_run):
+    temp = config.scenario.temperature_degc
+    temp_degc = temp if isinstance(temp, (int, float)) else temp[0][1]
+    sim = Simulation(config, temp_degc, temp_degc, engine=engine_run)
+    sim.keep_codes = sim.keep_rows = False
+    if simulate.start(config, sim, float(rate_dps[0]) * DEG, temp_degc) is None:
+        raise ConfigError("the gyroscope did not lock")
+    sim.advance(-sim.tick % FRAME_TICKS, float(rate_dps[0]) * DEG, temp_degc)
+    sim.keep_rows = True
+    sim.advance(len(rate_dps) * FRAME_TICKS, rate_dps * DEG, temp_degc)
+    columns = sim.columns()
+    lock = columns["lock"]
+    return Played(np.arange(len(lock)) / FRAME_HZ, columns, bool(np.all(lock == lock[0])) and sim.locked)
+
+
+def played(configs, profiles_dps):
+    """`Played` of each gyroscope, or the exception it ended with; profiles are deg/s per frame of 125 us."""
+    works = [lambda run, c=c, r=r: _play(c, np.asarray(r, float), run) for c, r in zip(configs, profiles_dps)]
+    return side_by_side.play(works)
+
+
+def multisine(lines_hz=LINES_HZ, line_dps=LINE_DPS, settle_s=SETTLE_S, window_s=WINDOW_S, seed=1):
+    """Rate (deg/s) per frame, settling time first: value in the middle of each frame."""
+    t = (np.arange(round((settle_s + window_s) * FRAME_HZ)) + 0.5) / FRAME_HZ - settle_s
+    phase = np.random.default_rng(seed).uniform(0, 2 * math.pi, len(lines_hz))
+    return line_dps * np.sin(2 * math.pi * np.outer(t, lines_hz) + phase).sum(axis=1)
+
+
+def lines(time_s, values, lines_hz):
+    """Complex amplitudes of lines (a - j b of a cos + b sin) by joint least squares with an offset."""
+    angle = 2 * math.pi * np.outer(time_s, lines_hz)
+    basis = np.hstack([np.cos(angle), np.sin(angle), np.ones((len(time_s), 1))])
+    found = np.linalg.lstsq(basis, np.asarray(values, float), rcond=None)[0]
+    n = len(lines_hz)
+    return found[:n] - 1j * found[n : 2 * n]
+
+
+def measured_response(run: Played, rate_dps, lines_hz=LINES_HZ, window_s=WINDOW_S):
+    """Word (LSB) per rate (deg/s) of a played multisine at its lines; phase against the row's time."""
+    count = round(window_s * FRAME_HZ)
+    t = run.time_s[-count:]
+    rate = lines(t + 0.5 / FRAME_HZ, np.asarray(rate_dps)[-count:], lines_hz)
+    return lines(t, run.columns["rate_word"][-count:], lines_hz) / rate
+
+
+QUIET = {f"noise.{name}": False for name in ("thermomechanical", "cv", "dac", "adc", "flicker", "jitter")}
+
+
+def exchanged(config, after, seconds, settle_s=2.0, writes=()):
+    """Rows of `seconds` with the parts of `after`, from the locked and settled state of `config`.
+
+    after   configuration of the same firmware
+    writes  (register, raw) at the moment of the exchange
+    """
+    sim = Simulation(config, 25.0, 25.0)
+    sim.keep_codes = sim.keep_rows = False
+    simulate.start(config, sim, 0.0, 25.0)
+    sim.advance(round(settle_s * TICK_HZ), 0.0, 25.0)
+    sim.advance(-sim.tick % FRAME_TICKS, 0.0, 25.0)
+    values = sim.state_values()
+    sim = Simulation(after, 25.0, 25.0)
+    sim.keep_codes = False
+    sim.set_state(values)
+    # the plant's matrix is made anew, at the frame's begin
+    sim.state.plant.now[:] = np.inf
+    sim.now = (np.zeros(1), np.full(1, 25.0))
+    for name, raw in writes:
+        sim.write(name, raw)
+    sim.advance(round(seconds * TICK_HZ), 0.0, 25.0)
+    return sim.columns()
+
+
+def growth(words, least=2e4, most=2.5e6, span=100):
+    """(time constant s, frequency Hz) of a word that grows away from its first value, by its swing every `span` frames.
+
+    The frequency is 0 for one that does not change its sign.
+    """
+    swing = np.asarray(words, float) - float(words[0])
+    until = int(np.argmax(np.abs(swing) > most)) or len(swing)
+    swing = swing[:until]
+    peaks = np.array([np.max(np.abs(swing[k : k + span])) for k in range(0, len(swing) - span, span)])
+    seen = np.flatnonzero(peaks > least)
+    if len(seen) < 3:
+        raise ValueError(
+            f"growth: {len(seen)} spans of {span} frames between {least:g} and {most:g} LSB, at least 3 needed"
+        )
+    slope = np.polyfit(seen * span / FRAME_HZ, np.log(peaks[seen]), 1)[0]
+    late = swing[seen[0] * span :]
+    turns = np.flatnonzero(np.diff(np.sign(late)))
+    hz = (len(turns) - 1) / 2 / ((turns[-1] - turns[0]) / FRAME_HZ) if len(turns) > 2 else 0.0
+    return float(1 / slope), float(hz)

@@ -1,0 +1,57 @@
+"""`gyro loop`: arguments and what is printed; no computing. `testbench.commands.main` adds this command to its own.
+
+Source  docs/loop.md
+"""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from testbench.console.progress import Progress
+from testbench.console.show import print_json, print_list, print_tables
+from testbench.errors import ConfigError
+
+
+def loop(
+    config: Annotated[Path | None, typer.Option("--config", "-c", metavar="FILE", help="TOML configuration.")] = None,
+    sets: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="One value, such as plant.sid_c_f=80e-9; may be repeated."),
+    ] = None,
+    simulate: Annotated[
+        bool, typer.Option("--simulate", help="Play a multisine and a step through the engine, and compare.")
+    ] = False,
+    report: Annotated[
+        Path | None, typer.Option("--report", metavar="DIR", help="Write loop.html: pictures, maps, sensitivities.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
+):
+    """Advise on the force-to-rebalance loop: margins, peak, bandwidth, ring, rounding, and what to mind."""
+    from testbench.config import load
+    from testbench.run import outputs
+
+    checked = load(config, sets or ())
+    if report is not None:
+        outputs.check_folder(report)
+    with Progress(quiet=as_json) as progress:
+        progress("analysis", 0, 1)
+        from testbench.paper.loop import loop_page
+
+        study = loop_page.Study(checked)
+        if simulate:
+            if not study.advice.stable:
+                raise ConfigError(f"--simulate: {study.advice.warnings[0]}")
+            progress("simulation", 0, 1)
+            study.simulate()
+        written = None
+        if report is not None:
+            report.mkdir(parents=True, exist_ok=True)
+            written = str(loop_page.write(study, report, progress))
+    if as_json:
+        print_json({**loop_page.as_json(study), "files": [written] if written else []})
+        return
+    print_tables(loop_page.tables(study))
+    print_list("To mind:", study.advice.warnings or ("nothing",))
+    if written:
+        print_list("Written:", [written])

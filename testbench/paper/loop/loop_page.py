@@ -1,0 +1,255 @@
+"""What `gyro loop` prints and writes: tables of the advisor, the page with its pictures, one object for machines.
+
+Source    docs/loop.md
+"""
+
+import math
+
+import numpy as np
+
+from fpga_model.rates import FRAME_HZ
+from testbench.config import changed
+from testbench.console.table import Table, fixed
+from testbench.paper.loop import advisor, confirm, equations, limit_cycles, notch, sensitivity
+from testbench.paper.loop import loop as lp
+from testbench.paper.loop.parts import parts
+
+STEP_DPS, STEP_BEFORE_S, STEP_AFTER_S = 100.0, 2.5, 1.0
+# field of Advice -> (text, unit, digits, factor)
+NUMBERS = {
+    "bandwidth_hz": ("bandwidth, -3 dB", "Hz", 2, 1),
+    "peak_db": ("closed-loop peak within it", "dB", 2, 1),
+    "peak_hz": ("at", "Hz", 1, 1),
+    "gain_margin_up_db": ("FTR gain margin, upwards", "dB", 1, 1),
+    "gain_margin_down_db": ("FTR gain margin, downwards", "dB", 1, 1),
+    "qsc_margin_up_db": ("QSC gain margin, upwards", "dB", 1, 1),
+    "modulus_margin": ("least distance of L to -1", "", 3, 1),
+    "delay_margin_us": ("delay margin", "us", 0, 1),
+    "ring_hz": ("ring of the split in closed loop", "Hz", 2, 1),
+    "ring_tau_s": ("it decays with", "s", 3, 1),
+    "split_db": ("closed loop there", "dB", 2, 1),
+    "lsb_per_dps": ("scale factor", "LSB/(deg/s)", 2, 1),
+    "bias_dps": ("bias", "deg/s", 4, 1),
+    "v_q": ("V_q at rate 0", "V", 4, 1),
+}
+
+
+class Study:
+    """Everything that the command knows; pictures and the simulation are made on demand."""
+
+    def __init__(self, config):
+        self.config = config
+        self.parts = parts(config)
+        self.advice = advisor.advise(self.parts)
+        self.rest = limit_cycles.resolution(self.parts) if self.advice.stable else None
+        self.notch = notch.effect(self.parts) if self.advice.stable else None
+        self.simulated = self.step = self.still = None
+
+    def simulate(self):
+        """Play a multisine, a step, and rest without noise, side by side."""
+        sine = confirm.multisine()
+        count = round((STEP_BEFORE_S + STEP_AFTER_S) * FRAME_HZ)
+        step = np.where(np.arange(count) < round(STEP_BEFORE_S * FRAME_HZ), 0.0, STEP_DPS)
+        quiet = changed(self.config, confirm.QUIET)
+        runs = confirm.played([self.config, quiet, quiet], [sine, step, np.zeros(count)])
+        for run in runs:
+            if isinstance(run, Exception):
+                raise run
+        self.simulated = confirm.measured_response(runs[0], sine)
+        word, begin = runs[1].columns["rate_word"], round(STEP_BEFORE_S * FRAME_HZ)
+        before, after = (float(np.mean(word[k - 400 : k])) for k in (begin, count))
+        self.step = (np.arange(count) - begin) / FRAME_HZ, (word - before) / (after - before)
+        self.still = runs[2].columns["rate_word"][begin:], runs[2].columns["quadrature_code"][begin:]
+
+    def difference(self):
+        """Largest (dB, deg) between simulated and linear response, or None."""
+        if self.simulated is None:
+            return None
+        ratio = self.simulated / (lp.response(lp.close(self.parts), confirm.LINES_HZ) * lp.DEG)
+        return float(np.max(np.abs(20 * np.log10(np.abs(ratio))))), float(np.max(np.abs(np.degrees(np.angle(ratio)))))
+
+
+def tables(study):
+    """Tables for the terminal and the page."""
+    a, p = study.advice, study.parts
+    shown = [
+        Table(
+            "Loops around the sense mode",
+            ("what", "value", "unit"),
+            [
+                (text, fixed(None if getattr(a, name) is None else getattr(a, name) * factor, digits), unit)
+                for name, (text, unit, digits, factor) in NUMBERS.items()
+            ],
+            f"split {p.split_hz:.2f} Hz, SID {p.sid_stages} x {p.sid_hz:.2f} Hz; derived from the configuration",
+        )
+    ]
+    if a.crossings:
+        rows = [
+            (f"{c.hz:.2f}", f"{c.lag_deg:.1f}", f"{c.lead_deg:.1f}", f"{c.delay_us:.0f}") for c in sorted(a.crossings)
+        ]
+        heads = ("|L| = 1 at Hz", "lag margin deg", "lead margin deg", "delay us")
+        shown.append(Table("Phase margins", heads, rows, numeric=(0, 1, 2, 3)))
+    if study.rest:
+        r = study.rest
+        rows = [
+            ("converter step, half: dead band without noise", f"{3600 * r.adc_dead_band_dps:.2f}", "deg/h"),
+            ("one LSB of the force word", f"{3600 * r.word_lsb_dps:.3f}", "deg/h"),
+            ("one LSB of the force DAC", f"{3600 * r.dac_lsb_dps:.2f}", "deg/h"),
+            ("one code of V_q, as quadrature", f"{3600 * r.v_q_lsb_dps:.2f}", "deg/h"),
+            ("noise at the converter by its step", f"{r.dither:.2f}", "rms steps"),
+        ]
+        shown.append(Table("Rounding", ("what", "value", "unit"), rows))
+    if study.notch:
+        n = study.notch
+        rows = [
+            ("ring, share of a step, from 0.2 s on", f"{100 * n.ring_without:.3f}", f"{100 * n.ring_with:.3f}", "%"),
+            ("bandwidth", f"{n.bandwidth_without_hz:.2f}", f"{n.bandwidth_with_hz:.2f}", "Hz"),
+            ("delay added", "0", f"{n.delay_ms:.3f}", "ms"),
+            *((f"left when the ring is {off} Hz off", "0", f"{left:.1f}", "dB") for off, left in n.left_db.items()),
+        ]
+        title = f"A notch in the rate output, {n.centre_hz:.1f} Hz, {n.width_hz:g} Hz wide"
+        shown.append(Table(title, ("what", "without", "with", "unit"), rows, numeric=(1, 2)))
+    if study.simulated is not None:
+        db, deg = study.difference()
+        ratio = study.simulated / (lp.response(lp.close(p), confirm.LINES_HZ) * lp.DEG)
+        rows = [
+            (f"{f:g}", f"{20 * math.log10(abs(r)):+.4f}", f"{math.degrees(np.angle(r)):+.3f}")
+            for f, r in zip(confirm.LINES_HZ, ratio)
+        ]
+        note = f"largest {db:.4f} dB, {deg:.3f} deg; without noise the words rest within {np.ptp(study.still[0])} LSB"
+        heads = ("Hz", "dB", "deg")
+        shown.append(Table("Simulated less analysis", heads, rows, note, numeric=(0, 1, 2)))
+    return shown
+
+
+def as_json(study):
+    """One object with every number."""
+    a = study.advice
+    out = {name: value for name, value in a._asdict().items() if name != "crossings"}
+    out["warnings"] = list(a.warnings)
+    out["crossings"] = [{**c._asdict(), "delay_us": c.delay_us} for c in a.crossings]
+    out["split_hz"], out["sid_hz"] = study.parts.split_hz, study.parts.sid_hz
+    out["poles"] = [{"hz": q.hz, "tau_s": q.tau_s} for q in lp.poles(lp.close(study.parts))[:8]]
+    out["rounding"] = study.rest._asdict() if study.rest else None
+    out["notch"] = study.notch._asdict() if study.notch else None
+    out["simulated"] = None
+    if study.simulated is not None:
+        db, deg = study.difference()
+        out["simulated"] = {
+            "f_hz": list(confirm.LINES_HZ),
+            "lsb_per_dps": np.abs(study.simulated).tolist(),
+            "phase_deg": np.degrees(np.angle(study.simulated)).tolist(),
+            "largest_db": db,
+            "largest_deg": deg,
+        }
+    return out
+
+
+def sensitivity_tables(found):
+    """The strongest six of each observable, and the whole matrix of changes."""
+    names = list(sensitivity.OBSERVABLES)
+    best = []
+    for name in names:
+        text, unit = sensitivity.OBSERVABLES[name]
+        for place, row in enumerate(sensitivity.ranking(found, name)[:6], 1):
+            label = (row.parameter.name, row.parameter.unit)
+            best.append((f"{text} ({unit})" if place == 1 else "", str(place), *label, f"{row.change[name]:+.4g}"))
+    whole = [
+        (
+            row.parameter.name,
+            row.parameter.unit,
+            *(f"{v:+.3g}" if abs(v) >= sensitivity.RESOLUTION[k] else "" for k, v in row.change.items()),
+        )
+        for row in found
+    ]
+    heads = ("parameter", "step", *(f"{text}, {unit}" for text, unit in sensitivity.OBSERVABLES.values()))
+    return [
+        Table("What moves it most", ("observable", "rank", "parameter", "step", "change"), best, numeric=(1, 4)),
+        Table(
+            "Change for one step",
+            heads,
+            whole,
+            "Central differences of the linear loops. Empty: below what the difference resolves.",
+            numeric=tuple(range(2, len(heads))),
+        ),
+    ]
+
+
+def misprint_table(p):
+    """The paper's misprints, with the numbers of this gyroscope."""
+    y = equations.Mode(p.mass_kg, p.wy_rad_s, p.qy)
+    rows = [
+        (m.where, m.printed, m.right, m.shown[0], f"{m.shown[1]:.4g}", f"{m.shown[2]:.4g}")
+        for m in equations.misprints(y, p.w_rad_s, p.coriolis_mass_kg, p.ye1_rad)
+    ]
+    heads = ("where", "printed", "right", "number", "as printed", "right")
+    return Table("Misprints of the paper", heads, rows, numeric=(4, 5))
+
+
+MAPS = (
+    ("sid_hz", np.geomspace(20, 400, 26), "split_hz", np.geomspace(30, 400, 26)),
+    ("crossover", np.geomspace(0.2, 6, 26), "sid_hz", np.geomspace(20, 400, 26)),
+    ("zero", np.geomspace(0.1, 10, 26), "crossover", np.geomspace(0.2, 6, 26)),
+)
+
+
+def write(study, folder, progress=None, coarse=1, parameters=sensitivity.PARAMETERS):
+    """loop.html in `folder`; `coarse` takes every so many points of the maps, `parameters` are those of the ranking."""
+    from testbench.console import report
+    from testbench.paper.loop import loop_pictures as draw
+
+    p, a = study.parts, study.advice
+    pictures, shown = [], tables(study)
+    found = [advisor.stability_map(p, x, xs[::coarse], y, ys[::coarse], progress) for x, xs, y, ys in MAPS]
+    here = {"sid_hz": p.sid_hz, "split_hz": p.split_hz, "crossover": 1.0, "zero": 1.0}
+    pictures.append(
+        (
+            "Three maps of the closed loop's largest value. Red: border of stability; star: this configuration. Left: "
+            "the FTR gain follows the split, so that the crossover stays; too small a split or too fast a SID is "
+            "unstable, because at the split the SID must lag by more than 90 deg.",
+            draw.maps(found, [(here[m.x], here[m.y]) for m in found]),
+        )
+    )
+    if a.stable:
+        pictures = [
+            (
+                "L passes 0 dB three times: at the crossover, and on both flanks of the sense mode's resonance at the "
+                "split. There its phase is beyond -180 deg, which is stable only because the SID lags that much.",
+                draw.bode(p, a),
+            ),
+            (
+                "Word per rate: flat to the bandwidth, then three poles; the spike at the split is the sense mode. "
+                "Below, if simulated: what the engine's lines differ by.",
+                draw.closed(p, study.simulated),
+            ),
+            (
+                "A rate step excites the split: a few tenths of a percent ring for a third of a second. A notch in the "
+                "output takes it away, if it stands where the ring is.",
+                draw.step(p, study.step),
+            ),
+            (
+                "Sense phase errors from -9 to 9 deg and -6 to 6 deg: the bandwidth falls by half a hertz with ye1 "
+                "alone and by 0.8 Hz with both, because the loop gain goes with cos(ye1 + ye2').",
+                draw.phase_influence(p),
+            ),
+            *pictures,
+            (
+                "Above: the force that a sine rounded to 20 bits makes; nothing below half an LSB. Below: without "
+                "noise the loops come to rest in the dead band of the converter; with a finer one they would hunt by "
+                "one code of V_q.",
+                draw.rounding(study.config, p),
+            ),
+        ]
+        moved = sensitivity.rows(study.config, parameters, progress)
+        pictures.append(
+            (
+                "Each column is an observable, each row one step of a parameter; colours are shares of the column's "
+                "largest change, which stands below its name.",
+                draw.influence(moved),
+            )
+        )
+        shown += sensitivity_tables(moved)
+    shown.append(misprint_table(p))
+    path = folder / "loop.html"
+    report.write_html(path, "Loop advisor", shown, pictures, a.warnings or ("nothing to mind",))
+    return path

@@ -1,0 +1,208 @@
+"""Pictures of the loop advisor: plain results in, matplotlib figures 1200 pixels wide out.
+
+Source    docs/loop.md
+"""
+
+import numpy as np
+from matplotlib.colors import SymLogNorm
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import LogLocator, NullFormatter
+
+from testbench.console.report import BLUE, DPI, FONT, GREEN, GREY, VERMILION, WIDTH_IN
+from testbench.paper.loop import advisor, confirm, limit_cycles, notch, sensitivity
+from testbench.paper.loop import loop as lp
+
+
+def _axes(title, height_in, rows=1, columns=1, **grid):
+    figure = Figure(figsize=(WIDTH_IN, height_in), dpi=DPI, layout="constrained", facecolor="white")
+    axes = figure.subplots(rows, columns, squeeze=False, **grid)
+    figure.suptitle(title, fontsize=FONT["title"], x=0.01, ha="left", fontweight="bold")
+    for axis in axes.flat:
+        axis.tick_params(labelsize=FONT["tick"])
+        axis.grid(True, color="#dddddd", linewidth=0.8)
+        axis.set_axisbelow(True)
+        axis.spines[["top", "right"]].set_visible(False)
+    return figure, axes
+
+
+def _label(axis, x="", y="", legend=None):
+    axis.set_xlabel(x, fontsize=FONT["label"])
+    axis.set_ylabel(y, fontsize=FONT["label"])
+    if legend:
+        axis.legend(loc=legend, fontsize=FONT["small"], frameon=False)
+
+
+def _lags(values):
+    """Phase in degrees, unwrapped, beginning between -180 and 0."""
+    degrees = np.degrees(np.unwrap(np.angle(values)))
+    return degrees - 360 * np.ceil((degrees[0] - 1e-9) / 360)
+
+
+def bode(p, advice):
+    """Open loop L at the force word: magnitude and phase, crossings marked."""
+    f = np.unique(np.concatenate([np.geomspace(0.3, 1000, 700), p.split_hz + np.linspace(-6, 6, 1201)]))
+    values = lp.return_ratio(p, f)
+    figure, axes = _axes("Open loop, broken at the force word", 7.5, 2, sharex=True)
+    top, bottom = axes[:, 0]
+    top.semilogx(f, 20 * np.log10(np.abs(values)), color=BLUE, linewidth=1.6, label="|L|")
+    top.axhline(0, color=GREY, linewidth=1)
+    phase = _lags(values)
+    bottom.semilogx(f, phase, color=BLUE, linewidth=1.6, label="phase of L")
+    for level in (-180, -540):
+        bottom.axhline(
+            level, color=VERMILION, linestyle="--", linewidth=1.2, label="L = -|L|" if level == -180 else None
+        )
+    for k, c in enumerate(advice.crossings):
+        at = np.interp(c.hz, f, phase)
+        bottom.plot(c.hz, at, "o", color=VERMILION, markersize=7, label="|L| = 1" if not k else None)
+        top.plot(c.hz, 0, "o", color=VERMILION, markersize=7)
+        bottom.annotate(
+            f"{c.hz:.1f} Hz: {c.lag_deg:.0f} lag / {c.lead_deg:.0f} lead",
+            (c.hz, at),
+            xytext=(-8, 10 - 22 * (k % 2)),
+            textcoords="offset points",
+            ha="right",
+            fontsize=FONT["small"],
+        )
+    _label(top, y="magnitude (dB)", legend="upper right")
+    _label(bottom, "frequency (Hz)", "phase (deg)", "lower left")
+    return figure
+
+
+def closed(p, simulated=None):
+    """Closed loop: word per rate, with the lines of a simulated multisine and their difference if there are any."""
+    loop = lp.close(p)
+    dc = advisor.rest_gain(loop)
+    f = np.unique(np.concatenate([np.geomspace(0.5, 400, 500), p.split_hz + np.linspace(-4, 4, 401)]))
+    values = lp.response(loop, f) / dc
+    figure, axes = _axes("Closed loop: recorded word per rate", 9.0, 3 if simulated is not None else 2)
+    top, middle = axes[0, 0], axes[1, 0]
+    top.semilogx(f, 20 * np.log10(np.abs(values)), color=BLUE, linewidth=1.6, label="analysis")
+    middle.semilogx(f, _lags(values), color=BLUE, linewidth=1.6, label="analysis")
+    top.axhline(-3.01, color=GREY, linestyle=":", linewidth=1.2, label="-3 dB")
+    if simulated is not None:
+        lines = np.array(confirm.LINES_HZ, float)
+        seen = simulated / (dc * lp.DEG)
+        want = lp.response(loop, lines) / dc
+        top.plot(lines, 20 * np.log10(np.abs(seen)), "o", color=VERMILION, markersize=5, label="simulated, multisine")
+        middle.plot(lines, _lags(seen), "o", color=VERMILION, markersize=5, label="simulated, multisine")
+        ratio, under = seen / want, axes[2, 0]
+        under.semilogx(lines, 20 * np.log10(np.abs(ratio)), "o-", color=BLUE, label="magnitude (dB)")
+        under.semilogx(lines, np.degrees(np.angle(ratio)), "s--", color=VERMILION, label="phase (deg)")
+        under.set_xlim(top.get_xlim())
+        _label(under, "frequency (Hz)", "simulated less analysis\n(dB, deg)", "upper left")
+    _label(top, y="magnitude (dB)", legend="lower left")
+    _label(middle, "frequency (Hz)" if simulated is None else "", "phase (deg)", "lower left")
+    return figure
+
+
+def step(p, simulated=None, width_hz=20.0):
+    """Rate step: the word with and without a notch, and the ring enlarged; `simulated` is (time s, words per final)."""
+    time_s, words = notch.step_words(p)
+    effect = notch.effect(p, width_hz)
+    figure, axes = _axes("Rate step: the ring at the split, and a notch in the rate output", 7.5, 2)
+    for axis in axes[:, 0]:
+        axis.plot(time_s, words, color=BLUE, linewidth=1.3, label="analysis")
+        if effect:
+            behind = notch.applied(notch.design(effect.centre_hz, width_hz), words)
+            label = f"behind a notch, {effect.centre_hz:.1f} Hz, {width_hz:g} Hz wide"
+            axis.plot(time_s, behind, color=VERMILION, linestyle="--", linewidth=1.3, label=label)
+        if simulated is not None:
+            axis.plot(*simulated, color=GREEN, linestyle=":", linewidth=1.6, label="simulated")
+    axes[0, 0].set_xlim(-0.01, 0.4)
+    axes[1, 0].set_xlim(0.1, 1.0)
+    axes[1, 0].set_ylim(0.98, 1.02)
+    _label(axes[0, 0], y="word per final word", legend="lower right")
+    _label(axes[1, 0], "time from the step (s)", "enlarged", "upper right")
+    return figure
+
+
+def phase_influence(p, ye1_deg=(-9, 0, 9), ye2_deg=(-6, 0, 6)):
+    """Closed loop over both phase errors of the sense path: bandwidth, and response against the one without."""
+    figure, axes = _axes("Both phase errors of the sense path", 8.0, 2)
+    f = np.geomspace(1, 100, 200)
+    base = None
+    for colour, ye1 in zip((BLUE, GREY, VERMILION), ye1_deg):
+        for style, ye2 in zip(("--", "-", ":"), ye2_deg):
+            q = advisor.turned(p, ye1, ye2)
+            loop = lp.close(q)
+            values = lp.response(loop, f) / advisor.rest_gain(loop)
+            if base is None:
+                zero = lp.close(advisor.turned(p, 0.0, 0.0))
+                base = lp.response(zero, f) / advisor.rest_gain(zero)
+            edge = advisor.bandwidth(loop)[0]
+            label = f"ye1 {ye1:+d}, ye2' {ye2:+d} deg: {edge:.2f} Hz"
+            axes[0, 0].semilogx(f, 20 * np.log10(np.abs(values / base)), colour, linestyle=style, label=label)
+            axes[1, 0].semilogx(f, np.degrees(np.angle(values / base)), colour, linestyle=style)
+    _label(axes[0, 0], y="magnitude against\nno phase error (dB)")
+    figure.legend(loc="outside right upper", fontsize=FONT["small"], frameon=False)
+    _label(axes[1, 0], "frequency (Hz)", "phase against\nno phase error (deg)")
+    return figure
+
+
+def maps(found, here):
+    """Stability maps side by side; `here` is (x, y) of the configuration in each."""
+    figure, axes = _axes("Stability: closed-loop maximum, grey where unstable", 4.6, 1, len(found))
+    for axis, m, point in zip(axes[0], found, here):
+        axis.grid(False)
+        shown = np.where(np.isfinite(m.peak_db), np.clip(m.peak_db, -1, 12), np.nan)
+        axis.set_facecolor("#9a9a9a")
+        mesh = axis.pcolormesh(m.x_values, m.y_values, shown, cmap="viridis_r", vmin=-1, vmax=12, shading="nearest")
+        edge = np.where(np.isfinite(m.peak_db), 0.0, 1.0)
+        if 0 < edge.mean() < 1:
+            axis.contour(m.x_values, m.y_values, edge, levels=[0.5], colors=[VERMILION], linewidths=2)
+        axis.plot(*point, marker="*", color="white", markeredgecolor="black", markersize=16, linestyle="none")
+        axis.set_xscale("log")
+        axis.set_yscale("log")
+        for ruler in (axis.xaxis, axis.yaxis):
+            ruler.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            ruler.set_major_formatter("{x:g}")
+            ruler.set_minor_formatter(NullFormatter())
+        _label(axis, "{} ({})".format(*advisor.AXES[m.x]), "{} ({})".format(*advisor.AXES[m.y]))
+    figure.colorbar(mesh, ax=list(axes[0]), label="maximum over rest (dB)")
+    star = {"marker": "*", "color": "white", "markeredgecolor": "black", "markersize": 14, "linestyle": "none"}
+    marks = [
+        (Line2D([], [], **star), "this configuration"),
+        (Line2D([], [], color=VERMILION, linewidth=2), "border of stability"),
+        (Patch(color="#9a9a9a"), "unstable"),
+    ]
+    figure.legend(*zip(*marks), loc="outside lower center", ncols=3, fontsize=FONT["small"], frameon=False)
+    return figure
+
+
+def rounding(config, p):
+    """Force of a rounded sine, and the quantised loops at rest without noise: this converter, and one of step 1."""
+    figure, axes = _axes("Rounding without noise", 7.5, 2)
+    word = np.linspace(0.01, 64, 1200)
+    force = np.array([limit_cycles.force_amplitude(w) for w in word])
+    axes[0, 0].plot(word / 16, force / 16, color=BLUE, label="in-phase force of 20-bit codes")
+    axes[0, 0].plot(word / 16, word / 16, color=GREY, linestyle="--", label="without rounding")
+    _label(axes[0, 0], "amplitude of the word (LSB of the 20-bit DAC)", "force (LSB)", "upper left")
+    for colour, step_code, style in ((BLUE, p.step_code, "-"), (VERMILION, 1.0, "-")):
+        run = limit_cycles.quantised(config, 0.0, 3.0, p=p._replace(step_code=step_code))
+        time_s = np.arange(len(run.word)) * lp.FRAME_S
+        swing = run.word - np.median(run.word)
+        axes[1, 0].plot(time_s, swing, style, color=colour, linewidth=1, label=f"converter in steps of {step_code:g}")
+    _label(axes[1, 0], "time (s)", "force word about\nits median (LSB)", "upper right")
+    return figure
+
+
+def influence(table):
+    """Heat map: change of every observable for one step of every parameter, in shares of the column's largest."""
+    values = sensitivity.matrix(table)
+    values = np.where(np.abs(values) >= np.array(list(sensitivity.RESOLUTION.values())), values, 0.0)
+    largest = np.max(np.abs(values), axis=0)
+    shares = values / np.where(largest > 0, largest, 1.0)
+    figure, axes = _axes("What moves what: change for one step, by the largest of its column", 14.0)
+    axis = axes[0, 0]
+    axis.grid(False)
+    image = axis.imshow(shares, cmap="PuOr", norm=SymLogNorm(1e-3, vmin=-1, vmax=1), aspect="auto")
+    names = [f"{text}\n({largest[k]:.3g} {unit})" for k, (text, unit) in enumerate(sensitivity.OBSERVABLES.values())]
+    axis.set_xticks(range(len(names)), names, rotation=60, ha="left", fontsize=FONT["small"])
+    axis.xaxis.tick_top()
+    rows = [f"{row.parameter.name.split('.')[1]}, {row.parameter.unit}" for row in table]
+    axis.set_yticks(range(len(rows)), rows, fontsize=FONT["small"])
+    figure.colorbar(image, ax=axis, label="share of the column's largest change (sign as it is)", shrink=0.5)
+    return figure

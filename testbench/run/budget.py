@@ -1,0 +1,154 @@
+"""Phase budget: what contributes to xe1, xe2, ye1, ye2, in clocks, ns and degrees, from the configuration alone.
+
+    node phase   xe1 = signal path (theta to force voltage) - reference path (theta to pin)
+                 xe2 = ring-diode pole + op-amp poles                                       (y likewise)
+    loop phase   xe2' = xe2 - what the demodulator's own switching delays the reference
+
+A register counts one clock, a pole arctan(2 pi f tau), a hold half its length. The hold of the DAC delays its own
+signal; a reference that is re-timed on the 1 MHz grid is delayed by the mean wait for the next tick. Rows say which
+entries are assumptions about the paper's hardware. Nothing here is read by the simulation.
+Source  docs/phases.md
+"""
+
+import math
+from typing import NamedTuple
+
+from analog_frontend.parts import propagator, thermal
+from fpga_model import dds, references, sine, spi_dac
+from fpga_model.rates import MASTER_HZ, TICK_CYCLES
+from testbench.config import changed
+from testbench.errors import ConfigError
+
+PAPER_DEG = {"xe1": 3.7647, "xe2": 1.2459, "ye1": 8.8814, "ye2": 1.5560}
+NODES = tuple(PAPER_DEG)
+PRODUCT_AND_CODE_CLOCKS = 2
+
+
+class Row(NamedTuple):
+    """One contribution: lag in seconds and degrees at the drive frequency; `assumed` names why it is a guess, or ''."""
+
+    what: str
+    seconds: float
+    degrees: float
+    assumed: str = ""
+
+    @property
+    def clocks(self):
+        return self.seconds * MASTER_HZ
+
+    @property
+    def ns(self):
+        return self.seconds * 1e9
+
+
+class Budget(NamedTuple):
+    """Rows per node, the extra rows that make the loop phase of xe2 and ye2, and the frequency they hold at."""
+
+    frequency_hz: float
+    rows: dict
+    loop_rows: dict
+
+    def node_deg(self):
+        return {node: sum(row.degrees for row in self.rows[node]) for node in self.rows}
+
+    def loop_deg(self):
+        node = self.node_deg()
+        return {name: node[name] + sum(row.degrees for row in rows) for name, rows in self.loop_rows.items()}
+
+
+def lock_frequency_hz(fx_hz, qx, xe1_deg, xe2_loop_deg):
+    """f_x - f_x/(2Q) tan(xe1 + xe2'): where the frequency loop settles."""
+    return fx_hz - fx_hz / (2 * qx) * math.tan(math.radians(xe1_deg + xe2_loop_deg))
+
+
+def budget(config, temp_degc=None, frequency_hz=None):
+    """Budget of a configuration at `temp_degc` (default: the scenario's first) and at a frequency (default: f_x)."""
+    start = config.scenario.temperature_degc
+    if temp_degc is None:
+        temp_degc = start if isinstance(start, (int, float)) else start[0][1]
+    firmware, base = config.firmware, config.device()
+    device = thermal.at_temperature(base, temp_degc)
+    clock_hz = MASTER_HZ * (1 + 1e-6 * device.clock_ppm)
+    f = frequency_hz or device.fx_hz
+
+    def delay(what, seconds, assumed=""):
+        return Row(what, seconds, 360.0 * f * seconds, assumed)
+
+    def clocks(what, count, assumed=""):
+        return delay(what, count / clock_hz, assumed)
+
+    def pole(what, tau_s, assumed=""):
+        angle = math.atan(2 * math.pi * f * tau_s)
+        return Row(what, angle / (2 * math.pi * f), math.degrees(angle), assumed)
+
+    def word(what, degrees):
+        return Row(what, degrees / 360.0 / f, degrees)
+
+    def signal(channel, chip, frames, delay_s, words_deg):
+        sine_deg, ref_deg = words_deg
+        poles = [getattr(device, f"{channel}_pole_{n}_s") for n in (1, 2, 3)]
+        align = firmware.reference_registers
+        rows = [
+            clocks("DDS output register", dds.LATENCY),
+            clocks("sine pipeline", sine.LATENCY),
+            clocks("extra pipeline registers", firmware.pipeline_registers),
+            clocks("product and code registers", PRODUCT_AND_CODE_CLOCKS),
+            clocks("SPI load register", 1),
+            clocks("SPI frame to latch", spi_dac.latch_cycles(chip)),
+            clocks("extra 1 us frames", frames * TICK_CYCLES, "one frame in the sense path" if frames else ""),
+            clocks("hold of the 1 MHz update, half a period", TICK_CYCLES / 2),
+            delay("DAC response after its latch", delay_s, "from memory of a datasheet" if delay_s else ""),
+            *(pole(f"output pole {n}", tau, "typical value") for n, tau in enumerate(poles, 1)),
+            clocks("reference: DDS output register", -dds.LATENCY),
+            clocks("reference: sign register", -references.LATENCY),
+            clocks("reference: alignment registers", -align, "pipeline depth of 3 net" if align else ""),
+            clocks("reference: edge quantisation, mean", -0.5),
+        ]
+        if firmware.reference_retimed:
+            rows.append(
+                clocks("reference: wait for the 1 MHz grid, mean", -(TICK_CYCLES + 1) / 2, "re-timed references")
+            )
+        if sine_deg or ref_deg:
+            rows.append(word("compensation words (sine, reference)", ref_deg - sine_deg))
+        return rows
+
+    def forward(channel):
+        _, tau_s = propagator.cv_chain(base, channel, temp_degc)
+        return [
+            pole("ring diode with its capacitors", tau_s, "capacitors chosen to fit"),
+            pole(
+                "instrumentation amplifier", device.ina_noise_gain / (2 * math.pi * device.opamp_gbw_hz), "gain split"
+            ),
+            pole("unity driver", device.driver_noise_gain / (2 * math.pi * device.opamp_gbw_hz), "gain split"),
+        ]
+
+    if firmware.board == "analog_sid":
+        mean_s = device.sid_switch_s + device.sid_fall_s / 2
+        switch = [delay("reference: analog switch", -mean_s, "from memory of a datasheet")]
+    elif firmware.reference_retimed:
+        switch = [clocks("reference: sampled one tick after the grid, less half a sample", -TICK_CYCLES / 2)]
+    else:
+        switch = [clocks("reference: mean wait for the sample, less half a sample", -0.5)]
+    drive_words = (firmware.phase_drive_sine_deg, firmware.phase_drive_ref_deg)
+    sense_words = (firmware.phase_sense_sine_deg, firmware.phase_sense_ref_deg)
+    return Budget(
+        f,
+        {
+            "xe1": signal(
+                "drive", spi_dac.DAC8811, firmware.frame_latency_drive, device.drive_dac_delay_s, drive_words
+            ),
+            "xe2": forward("drive"),
+            "ye1": signal("sense", spi_dac.AD5791, firmware.frame_latency_sense, device.sense_dac_delay_s, sense_words),
+            "ye2": forward("sense"),
+        },
+        {"xe2": switch, "ye2": switch},
+    )
+
+
+def budgets(config):
+    """Budget, and the budget without the two assumptions about the paper's firmware. Raises ConfigError."""
+    plain = {"reference_retimed": False, "frame_latency_drive": 0, "frame_latency_sense": 0}
+    try:
+        return budget(config), budget(changed(config, {f"firmware.{key}": value for key, value in plain.items()}))
+    except ValueError as problem:
+        raise ConfigError(problem) from None

@@ -1,0 +1,279 @@
+"""From a checked configuration to the parameters of the engine: the one place where firmware and plant are designed
+together, each by its own `design` functions.
+
+What the firmware's designers know of the gyroscope (`nominal`): the default device at 25 degC. The simulated plant
+may differ; its tolerances are what the loops must stand.
+Source    docs/architecture.md
+"""
+
+import functools
+import math
+from fractions import Fraction
+
+import numpy as np
+
+from analog_frontend import dac_levels, effects
+from analog_frontend import top as plant
+from analog_frontend.effects import catalogue, drive_cubic, duffing, feedthrough_y, law
+from analog_frontend.effects.ports import CV_PORTS
+from analog_frontend.parts import adc, dac, noise, propagator, resonator, sid, thermal
+from analog_frontend.parts.device import Device
+from analog_frontend.parts.propagator import CYCLES
+from fpga_model import (
+    agc,
+    control,
+    dds,
+    delay,
+    digital_sid,
+    fault_monitor,
+    frequency_tracker,
+    lock_monitor,
+    modulator,
+    quadrature_loop,
+    rate_loop,
+    references,
+    sequencer,
+    spi_dac,
+    watchdog,
+)
+from fpga_model import top as fpga
+from fpga_model.rates import MASTER_HZ
+from testbench.config.toml_text import shown
+from testbench.engines import engine
+
+RAD_PER_DEG = math.pi / 180
+KNOT_K = 0.5
+# Keys that describe a part whose behaviour is fixed elsewhere; another value is refused, not ignored
+NOT_READ = {
+    "drive_dac_power_on_v": "the chip powers on at code -32768",
+    "sense_dac_power_on_v": "the chip's output is clamped to 0 V until its control word",
+    "quad_dac_power_on_v": "the chip powers on at code 0",
+    "quad_dac_delay_s": "V_q acts at the next 8 kHz frame",
+    "diode_rs_ohm": "it does not matter to the averaged ring",
+    "bias_v": "k_vf_drive_n_per_v and k_vf_sense_n_per_v hold it",
+}
+CONVERSION_DELAY_S = 1.5e-6  # A  the decimator's last steps; DRDY must not fall before the plant tick is known
+
+
+def nominal(config):
+    """Scale factors that the loops are designed with, from the nominal device (SI units, some per deg/s)."""
+    d = Device()
+    w = 2 * math.pi * d.fx_hz
+    amplitude_m = config.firmware.amplitude_um * 1e-6
+    gain, _ = propagator.cv_chain(d, "drive", d.temp_ref_degc)
+    sense_gain, _ = propagator.cv_chain(d, "sense", d.temp_ref_degc)
+    sid_gain = 4 / math.pi
+    coriolis_n = 2 * d.coriolis_mass_kg * w * amplitude_m * RAD_PER_DEG
+    stiffness = d.mass_kg * abs((2 * math.pi * d.fy_hz) ** 2 - w**2)
+    return {
+        "v_per_um": gain * d.signal_gain * sid_gain * 1e-6,
+        "code_v_per_deg_s": coriolis_n / stiffness * sense_gain * d.signal_gain * sid_gain,
+        "word_v_per_deg_s": coriolis_n / d.k_vf_sense_n_per_v,
+        "plant_fs_per_s": d.k_vf_drive_n_per_v
+        * d.drive_dac_span_v
+        / (2 * d.mass_kg * w)
+        * gain
+        * d.signal_gain
+        * sid_gain
+        * d.adc_pga_drive
+        / d.adc_vref_v,
+        "null_deg_per_s": d.kxy_n_per_m * amplitude_m / coriolis_n,
+        "null_v": math.sqrt(d.kxy_n_per_m / d.kq_n_per_m_per_v2),
+        "adc_drive_v": d.adc_vref_v / d.adc_pga_drive,
+        "adc_sense_v": d.adc_vref_v / d.adc_pga_sense,
+    }
+
+
+def firmware(config):
+    """Parameters of the FPGA."""
+    f, n = config.firmware, nominal(config)
+    noisy = any(getattr(config.noise, name) for name in ("adc", "cv"))
+    code_per_deg_s = n["code_v_per_deg_s"] / n["adc_sense_v"] * 2**23
+    return fpga.Params(
+        digital=1 if f.board == "digital_sid" else 0,
+        quadrature_fast=1 if f.quadrature_update_khz == 1000 else 0,
+        pipe=delay.design(f.pipeline_registers),
+        references=references.design(f.reference_registers, f.reference_retimed),
+        drive_modulator=modulator.design(16, f.frame_latency_drive),
+        sense_modulator=modulator.design(20, f.frame_latency_sense),
+        drive_dac=spi_dac.DAC8811,
+        sense_dac=spi_dac.AD5791,
+        quadrature_dac=spi_dac.DAC82002,
+        sid=digital_sid.design(),
+        watchdog=watchdog.design(),
+        control=control.Params(
+            agc=agc.design(f.agc_crossover_hz, f.agc_zero_hz, plant_fs_per_s=n["plant_fs_per_s"]),
+            frequency_tracker=frequency_tracker.design(f.pll_crossover_hz, f.pll_zero_hz),
+            rate_loop=rate_loop.design(
+                f.ftr_crossover_hz,
+                f.ftr_zero_hz,
+                code_v_per_deg_s=n["code_v_per_deg_s"],
+                adc_full_scale_v=n["adc_sense_v"],
+                word_v_per_deg_s=n["word_v_per_deg_s"],
+            ),
+            quadrature_loop=quadrature_loop.design(
+                f.qsc_crossover_hz,
+                code_v_per_deg_s=n["code_v_per_deg_s"],
+                adc_full_scale_v=n["adc_sense_v"],
+                null_deg_per_s=n["null_deg_per_s"],
+                null_v=n["null_v"],
+            ),
+            sequencer=sequencer.design(
+                lock=lock_monitor.design(code_per_deg_s=code_per_deg_s),
+                # without any noise four codes may rest for good: nothing is stuck then
+                faults=fault_monitor.design() if noisy else fault_monitor.design(stuck_s=0),
+            ),
+        ),
+    )
+
+
+def register_writes(config):
+    """Host writes of the first microseconds: (name, raw) of what the configuration sets in the register map."""
+    f, n = config.firmware, nominal(config)
+    names = ("phase_drive_sine", "phase_sense_sine", "phase_drive_ref", "phase_sense_ref")
+    return (
+        ("frequency_fixed", dds.word_of_hz(f.nominal_frequency_hz)),
+        ("amplitude_setpoint", agc.setpoint(f.amplitude_um, n["v_per_um"], n["adc_drive_v"])),
+        *((name, word) for name, word in zip(names, f.phase_words()) if word),
+    )
+
+
+@functools.lru_cache(maxsize=256)
+def _stacked(device, temp_lo_degc, temp_hi_degc):
+    """Tables over the range of temperatures, one knot if it is constant: (tables, first degC, step K, count)."""
+    if temp_lo_degc == temp_hi_degc:
+        single = propagator.build(device, temp_lo_degc)
+        return propagator.Plant(*(np.stack([item]) for item in single)), temp_lo_degc, KNOT_K, 1
+    table = propagator.knots(device, temp_lo_degc, temp_hi_degc, KNOT_K)
+    stacks = propagator.Plant(*(np.ascontiguousarray(item) for item in table.stacks))
+    return stacks, table.temp_lo_degc, table.step_k, table.count
+
+
+@functools.lru_cache(maxsize=256)
+def _switch_instants(name, delay_s, tick_s):
+    """Instant within its tick, and 1 for the next tick, of a switch `delay_s` after an edge at clock 0 .. 25."""
+    if not 0.0 <= delay_s < tick_s:
+        raise ValueError(f"{name} = {delay_s:g} is outside 0 .. {tick_s:g} s, one plant tick")
+    instants = [Fraction(delay_s) + Fraction(tick_s) * c / CYCLES for c in range(CYCLES)]
+    carry = [int(t >= Fraction(tick_s)) for t in instants]
+    return np.array([float(t - c * Fraction(tick_s)) for t, c in zip(instants, carry)]), np.array(carry)
+
+
+def analog(config, temp_lo_degc, temp_hi_degc):
+    """Parameters of the plant for a range of temperatures.
+
+    Densities of the mechanical noise and the impulses of the effects are those of the lowest temperature.
+    """
+    d = config.device()
+    for name, reason in NOT_READ.items():
+        if getattr(d, name) != Device._field_defaults[name]:
+            raise ValueError(f"plant.{name} = {getattr(d, name):g} would change nothing: {reason}")
+    if d.sid_rc_tc_per_k and temp_lo_degc != temp_hi_degc:
+        raise ValueError(f"plant.sid_rc_tc_per_k = {d.sid_rc_tc_per_k:g} needs a constant temperature, not a profile")
+    for name in ("drive_dac_delay_s", "sense_dac_delay_s"):
+        if getattr(d, name) >= 1e-6:
+            raise ValueError(f"plant.{name} = {getattr(d, name):g} is above the limit 1e-06 s, one plant tick")
+    warm = thermal.at_temperature(d, temp_lo_degc)
+    tables, first, step_k, count = _stacked(d, temp_lo_degc, temp_hi_degc)
+    tick_s = float(tables.tick_s[0])
+    on, seed = config.noise, config.noise.seed
+    w = 2 * math.pi
+
+    def held(name, sigma, density, switch):
+        return noise.source(seed, name, sigma(density, warm.fx_hz, tick_s), switch)
+
+    at_carrier, force_density = noise.sigma_at_carrier, noise.thermomechanical_density
+    damping_x = warm.mass_kg * w * warm.fx_hz / warm.qx
+    damping_y = warm.mass_kg * w * warm.fy_hz / warm.qy
+    cv_density = noise.cv_density(d) * abs(d.signal_gain)
+    rise = _switch_instants("plant.sid_switch_s", d.sid_switch_s, tick_s)
+    fall = _switch_instants("plant.sid_switch_s + plant.sid_fall_s", d.sid_switch_s + d.sid_fall_s, tick_s)
+    return plant.Params(
+        drive_dac=dac.design(16, d.drive_dac_span_v, bow=d.drive_dac_bow, glitch_v_s=d.drive_dac_glitch_v_s),
+        sense_dac=dac.design(20, d.sense_dac_span_v, bow=d.sense_dac_bow, glitch_v_s=d.sense_dac_glitch_v_s),
+        drive_levels=dac_levels.design(config.effects.drive_dac_levels, 16, d.drive_dac_span_v / 2**15),
+        sense_levels=dac_levels.design(config.effects.sense_dac_levels, 20, d.sense_dac_span_v / 2**19),
+        quad_lsb_v=d.quad_dac_span_v / 2**16,
+        tables=tables,
+        temp_lo_degc=float(first),
+        temp_step_k=float(step_k),
+        temp_count=count,
+        switch_tau_s=np.array([fall[0], rise[0]]),
+        switch_carry=np.array([fall[1], rise[1]]),
+        sid=sid.design(
+            float(tables.sid_rc_s[0]), tick_s, sid.injection_volts(d.sid_charge_c, d.sid_charge_mismatch, d.sid_c_f)
+        ),
+        adc=_adc(config, d, tick_s),
+        noise=plant.Noise(
+            force_x=held("force_x", at_carrier, force_density(damping_x, temp_lo_degc), on.thermomechanical),
+            force_y=held("force_y", at_carrier, force_density(damping_y, temp_lo_degc), on.thermomechanical),
+            cv_x=held("cv_x", noise.sigma_demodulated, cv_density, on.cv),
+            cv_y=held("cv_y", noise.sigma_demodulated, cv_density, on.cv),
+            drive_dac=held("dac_drive", at_carrier, d.drive_dac_noise_v_per_rthz, on.dac),
+            sense_dac=held("dac_sense", at_carrier, d.sense_dac_noise_v_per_rthz, on.dac),
+            edge_jitter=noise.source(seed, "edge_jitter", d.clock_jitter_s, on.jitter),
+        ),
+        effects=_effects(config, warm, tick_s),
+        laws=_laws(config, warm, tick_s),
+        sar_lsb_v=d.sar_span_v / 2**17,
+        slope_gain=float(d.signal_gain),
+    )
+
+
+def _effects(config, device, tick_s):
+    """The effects that the configuration switches on; all others are off, bit for bit."""
+    e = config.effects
+    k_n_per_m = device.mass_kg * (2 * math.pi * device.fx_hz) ** 2
+    k3 = duffing.k3_from_ratio(e.duffing_k3_per_um2, k_n_per_m)
+    w = resonator.W_RAD_PER_S
+    return effects.collect(
+        duffing=duffing.design(k3, device.mass_kg, tick_s, w),
+        drive_cubic=drive_cubic.design(e.drive_cubic_per_v2, device.k_vf_drive_n_per_v, device.mass_kg, tick_s, w),
+        feedthrough_y=feedthrough_y.design(e.feedthrough_y),
+    )
+
+
+def _laws(config, device, tick_s):
+    """Laws of the catalogue that the configuration switches on, then those that it writes out."""
+    e = config.effects
+    laws = [item for c in catalogue.LAWS for item in catalogue.laws(c, getattr(e, c.INFO.name), device)]
+    laws += [law.parse(text) for text in e.laws]
+    if config.firmware.board == "digital_sid" and any(item.port in CV_PORTS for item in laws):
+        raise ValueError('effects: a law at cv_x or cv_y needs firmware.board = "analog_sid"')
+    return law.design(laws, device.mass_kg, tick_s, resonator.W_RAD_PER_S, device.temp_ref_degc, config.noise.seed)
+
+
+def _adc(config, d, tick_s):
+    """The converter: PGA 1 for the two drive channels and the sensor, the sense gain for the others."""
+    on, e = config.noise, config.effects
+    for name in ("adc_curve", "adc_turnover", "adc_gain_tc_per_k", "adc_memory"):
+        if getattr(e, name) and config.firmware.board == "digital_sid":
+            raise ValueError(f'effects.{name} = {shown(getattr(e, name))} needs firmware.board = "analog_sid"')
+    drive, sense = d.adc_noise_drive_v, d.adc_noise_sense_v
+    flicker = d.sid_flicker_v_per_rthz if on.flicker else 0.0
+    free_ppm = d.adc_clock_ppm if config.firmware.adc_clock == "free_running" else 0.0
+    return adc.design(
+        seed=on.seed,
+        pga=(d.adc_pga_drive, d.adc_pga_drive, d.adc_pga_sense, d.adc_pga_sense, d.adc_pga_drive),
+        vref_v=d.adc_vref_v,
+        step_code=d.adc_step_code,
+        decimation=d.adc_decimation,
+        period=adc.modulator_period(free_ppm, d.adc_modulator_hz),
+        conversion_delay_s=CONVERSION_DELAY_S + d.adc_delay_s,
+        noise_v=(drive, drive, sense, sense, drive) if on.adc else (0.0,) * adc.CHANNELS,
+        flicker_v_per_rthz=(flicker,) * 4 + (0.0,),
+        turnover=(e.adc_turnover,) * 4 + (0.0,),
+        gain_tc_per_k=(e.adc_gain_tc_per_k,) * 4 + (0.0,),
+        curve=tuple(e.adc_curve),
+        memory=(e.adc_memory,) * 4 + (0.0,),
+    )
+
+
+def params(config, temp_lo_degc, temp_hi_degc):
+    """Parameters of the engine."""
+    return engine.Params(firmware(config), analog(config, temp_lo_degc, temp_hi_degc))
+
+
+def clock_hz(config):
+    """True frequency of the master clock."""
+    return MASTER_HZ * (1 + 1e-6 * config.plant.clock_ppm)

@@ -1,0 +1,149 @@
+"""Node phases of a run: probes of the plant and of the pins, read by both phase meters.
+
+    force voltage   26 means a tick from the recorded chain state, its held input and the step within the tick; the
+                    chain between ticks is solved here by scipy, not by the plant's tables
+    x, y, C/V       one sample a tick: smooth, so that no image folds back
+    reference pin   theta at each edge
+
+xe1 = lag(force x) - lag(sgn sin drive);  xe2 = lag(C/V x) - lag(x);  sense likewise; y with its free line at f_y.
+Source    docs/phases.md
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import expm
+
+from analog_frontend.parts.propagator import CYCLES
+from testbench.engines.engine import PROBE_FLOATS, PROBE_INTS
+from testbench.run import phase_meter
+from testbench.run.phase_meter import PHASE_TURN, wrap_deg
+
+EDGE_TURNS = {(0, 1): 0.0, (0, 0): 0.5, (1, 1): 0.75, (1, 0): 0.25}  # (sin or cos, level) -> ideal theta
+
+
+class Probe(NamedTuple):
+    """What the engine recorded, and what is needed to read it."""
+
+    ints: np.ndarray
+    floats: np.ndarray
+    edges: np.ndarray
+    chains_s: tuple  # output poles of the drive and of the sense chain
+    instants_s: tuple  # take-effect instant within the tick of each DAC
+    tick_s: float
+    fy_hz: float
+    sense_sign: int = 1  # of the rate word: a negative word turns the force over, which is no phase
+    fx_hz: float = 0.0  # free line of the drive mode, 0 when the loop holds it on theta
+
+    def column(self, name):
+        if name in PROBE_INTS:
+            return self.ints[:, PROBE_INTS.index(name)]
+        return self.floats[:, PROBE_FLOATS.index(name)]
+
+
+class Readings(NamedTuple):
+    """Node phases by both methods (deg), one-sigma of each fit, and the lag of each reference pin's edges."""
+
+    phase_deg: dict
+    sigma_deg: dict
+    counter_deg: dict
+    counter_resolution_deg: dict
+    amplitude: dict
+    lag_deg: dict  # of the C/V outputs against theta
+    edges: dict
+
+
+def chain_waveform(z, held, step, poles_s, instant_s, tick_s):
+    """Mean electrode voltage over each of the 26 clocks of each tick, (ticks, 26).
+
+    Means, not samples: a chain faster than a clock would fold its images back (19 mdeg with three poles of 5 ns).
+
+    z     chain state at each tick (ticks, 3);  held, step  old output and step (V);  instant_s  of the step in the tick
+    """
+    rates = 1.0 / np.asarray(poles_s)
+    a = np.diag(-rates) + np.diag(rates[1:], -1)
+    inverse = np.linalg.inv(a)
+
+    def integral(t_s):
+        """Integrals over 0 .. t of the free response (row of 3) and of the step response."""
+        if t_s <= 0:
+            return np.zeros(3), 0.0
+        free = (inverse @ (expm(a * t_s) - np.eye(3)))[2]
+        return free, t_s - free.sum()
+
+    out = np.empty((len(z), CYCLES))
+    clock_s = tick_s / CYCLES
+    for i in range(CYCLES):
+        begin, end = i * clock_s, (i + 1) * clock_s
+        (free0, settled0), (free1, settled1) = integral(begin), integral(end)
+        late = integral(end - instant_s)[1] - integral(begin - instant_s)[1]
+        out[:, i] = (z @ (free1 - free0) + (settled1 - settled0) * held + late * step) / clock_s
+    return out
+
+
+def edge_errors_turns(edges, reference):
+    """theta of each edge of a reference (0..3) less the ideal one, in turns, in time order."""
+    mine = edges[edges[:, 1] == reference]
+    if not len(mine):
+        return np.zeros(0)
+    ideal = np.array([EDGE_TURNS[reference & 1, int(level)] for level in mine[:, 2]])
+    return (mine[:, 0] / PHASE_TURN - ideal + 0.5) % 1.0 - 0.5
+
+
+def pin_lag_turns(errors):
+    """Mean error of a reference's edges, Hann weighted.
+
+    Edges sit on a grid, and their errors walk through it with a beat of some milliseconds: a plain mean over a broken
+    number of beats errs by up to 0.05 deg, the weighted one by less than 0.001 deg from three beats on.
+    """
+    weights = np.sin(np.pi * (np.arange(len(errors)) + 0.5) / len(errors)) ** 2
+    return float(weights @ errors / weights.sum())
+
+
+def read(probe):
+    """`Readings` of a probe; nodes without a tone come out with a large sigma."""
+    theta = probe.column("theta") / PHASE_TURN
+    step = probe.column("word") / PHASE_TURN
+    offsets = np.arange(CYCLES) + 0.5
+    fine = (theta[:, None] + offsets[None, :] * step[:, None]).ravel()
+    phase, sigma, amplitude, counter, resolution, lag = {}, {}, {}, {}, {}, {}
+    pins = {k: edge_errors_turns(probe.edges, k) for k in range(4)}
+    chains = (("xe1", "d", "drive", 0, 0), ("ye1", "s", "sense", 1, 2))
+    for node, letter, name, which, reference in chains:
+        z = np.stack([probe.column(f"{letter}{k}") for k in (1, 2, 3)], axis=1)
+        wave = chain_waveform(
+            z,
+            probe.column(f"u_{name}"),
+            probe.column(f"du_{name}"),
+            probe.chains_s[which],
+            probe.instants_s[which],
+            probe.tick_s,
+        ).ravel()
+        force = phase_meter.fit(fine, wave)
+        pin_lag_deg = 360.0 * pin_lag_turns(pins[reference])
+        turned_deg = 180.0 if which == 1 and probe.sense_sign < 0 else 0.0
+        phase[node] = wrap_deg(force.lag_deg - pin_lag_deg - turned_deg)
+        sigma[node] = force.sigma_deg
+        amplitude[node] = force.amplitude
+        crossings = phase_meter.count(phase_meter.rising_crossings(fine, wave))
+        rising = probe.edges[(probe.edges[:, 1] == reference) & (probe.edges[:, 2] == 1), 0] / PHASE_TURN
+        edges = phase_meter.count(rising)
+        counter[node] = wrap_deg(crossings.lag_deg - edges.lag_deg - turned_deg)
+        resolution[node] = float(np.hypot(crossings.resolution_deg, edges.resolution_deg))
+    ticks = np.arange(len(theta))
+    free_x = (probe.fx_hz * probe.tick_s * ticks) % 1.0 if probe.fx_hz else None
+    free_y = (probe.fy_hz * probe.tick_s * ticks) % 1.0
+    for node, before, after, line in (("xe2", "x", "cv_x", free_x), ("ye2", "y", "cv_y", free_y)):
+        first = phase_meter.fit(theta, probe.column(before), line)
+        second = phase_meter.fit(theta, probe.column(after), line)
+        phase[node] = wrap_deg(second.lag_deg - first.lag_deg)
+        lag[after] = second.lag_deg
+        sigma[node] = float(np.hypot(first.sigma_deg, second.sigma_deg))
+        amplitude[node] = first.amplitude
+        amplitude[after] = second.amplitude
+        if line is None:
+            first = phase_meter.count(phase_meter.rising_crossings(theta, probe.column(before)))
+            second = phase_meter.count(phase_meter.rising_crossings(theta, probe.column(after)))
+            counter[node] = wrap_deg(second.lag_deg - first.lag_deg)
+            resolution[node] = float(np.hypot(first.resolution_deg, second.resolution_deg))
+    return Readings(phase, sigma, counter, resolution, amplitude, lag, pins)

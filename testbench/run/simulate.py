@@ -1,0 +1,367 @@
+"""A run from a configuration: power-on, lock, the scenario, and two diagnostic segments at its end.
+
+    start-up     until all four loops are locked (or `LOCK_LIMIT_S`), at the scenario's first rate and temperature
+    scenario     its profiles, register writes and faults; time counts from lock
+    rate step    150 deg/s, through zero if it can: scale factor and step response; 50 deg/s of force are left for ye1
+    ye2          FTR word held, quadrature left open by 60 deg/s: a tone at y, and all four node phases are read
+
+The two segments are the diagnosis that a bench makes after its measurement; `[scenario] diagnose = false` omits them.
+Memory does not grow with the scenario: rows go to the disk, means to a tally. During the scenario checkpoints are
+written at ends of chunks, from which an interrupted run continues to the same bytes.
+Source    docs/architecture.md, docs/phases.md, docs/record.md
+"""
+
+import math
+import time
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from fpga_model import quadrature_loop, sequencer
+from fpga_model.rates import FRAME_TICKS, TICK_HZ
+from testbench.config import scenario, to_toml
+from testbench.engines import engine
+from testbench.errors import FileError
+from testbench.run import build, nodes, summary
+from testbench.run.simulation import CHUNK_TICKS, DEG, FRAME, Simulation
+from testbench.run.tally import StartUp, Tally
+from testbench.storage import checkpoint
+from testbench.storage.spool import Recording, Spool
+
+LOCK_LIMIT_S = 5.0
+LOCK_STEP_TICKS = 25_000  # the scenario begins at the first multiple after lock
+STEP_DPS, STEP_S, STEP_TAIL_S = 150.0, 0.6, 0.25
+LEAST_DPS = 50.0  # of force, for ye1 to be read from
+OPEN_DPS, OPEN_S, PROBE_S = 60.0, 0.1, 0.3
+SHOWN_S = 0.05, 0.3  # of the rate step in the picture: before and after it
+SEGMENTS = ("start_up", "scenario", "diagnosis")
+
+
+class Reading(NamedTuple):
+    """What the diagnostic segments found."""
+
+    nodes: nodes.Readings
+    lsb_per_dps: float
+    step: dict
+    edges: np.ndarray
+
+
+class Watch:
+    """A sink that keeps one column of the rows that pass."""
+
+    def __init__(self, name):
+        self._index = FRAME[name]
+        self._pieces = [np.zeros(0, np.int64)]
+
+    def add(self, first_frame, frames, truth):
+        """Rows of consecutive frames."""
+        self._pieces.append(frames[:, self._index].copy())
+
+    def values(self):
+        """The column so far."""
+        return np.concatenate(self._pieces)
+
+
+def _faults(active):
+    """`engine.Faults` from the list of (kind, channel, value) in force."""
+    silent, status = 0, engine.Faults().status
+    stuck, code, dac, dac_code, nan = [0] * 4, [0] * 4, [0] * 3, [0] * 3, [0] * 2
+    for kind, channel, value in active:
+        if kind == "adc_silent":
+            silent = 1
+        elif kind == "adc_bad_status":
+            status = value
+        elif kind == "dac_stuck":
+            k = list(scenario.DAC_CODES).index(channel)
+            dac[k], dac_code[k] = 1, value
+        elif kind == "plant_nan":
+            nan["xy".index(channel)] = 1
+        else:
+            k = scenario.ADC_CHANNELS.index(channel)
+            stuck[k] = 1
+            code[k] = value if kind == "adc_stuck" else ((1 << 23) - 1 if value > 0 else -(1 << 23))
+    return engine.Faults(silent, status, tuple(stuck), tuple(code), tuple(dac), tuple(dac_code), tuple(nan))
+
+
+def start(config, sim, rate_rad_s, temp_degc, progress=None, limit_s=LOCK_LIMIT_S):
+    """From power-on to lock: writes what the configuration sets, then waits. Returns the time of lock (s) or None."""
+    sim.now = (np.array([rate_rad_s]), np.array([temp_degc]))
+    seen = StartUp()
+    sim.sinks.append(seen)
+    for name, raw in sim.first_writes:
+        sim.write(name, raw)
+    limit = round(limit_s * TICK_HZ)
+    while not sim.locked and sim.tick < limit:
+        sim.advance(min(LOCK_STEP_TICKS, limit - sim.tick), rate_rad_s, temp_degc)
+        if progress:
+            progress("start-up to lock", sim.tick, limit)
+    sim.sinks.remove(seen)
+    if not sim.locked:
+        return None
+    # a lock in the middle of the last frame has no row yet
+    return seen.lock_s if seen.lock_s is not None else sim.tick / TICK_HZ
+
+
+@dataclass
+class Position:
+    """How far a timeline has been played."""
+
+    begin: int = -1  # tick of its first instant
+    done: int = 0  # ticks
+    fired: int = 0  # events
+
+
+def play(sim, timeline, progress=None, position=None, after_chunk=None):
+    """Run a timeline, or the rest of it behind `position`: profiles per frame, events at their ticks."""
+    position = position or Position()
+    if position.begin < 0:
+        position.begin = sim.tick
+    active = []
+    for event in timeline.events[: position.fired]:
+        active = _in_force(active, event)
+    sim.faults = _faults(active)
+    while position.done < timeline.ticks:
+        for event in timeline.events[position.fired :]:
+            if event.tick > position.done:
+                break
+            if event.action == scenario.WRITE:
+                # a write takes its own tick; those at the very end lengthen the scenario by theirs
+                sim.now = _profiles(timeline, position, sim.tick, 1)
+                sim.write(event.name, event.value)
+                position.done += 1
+            active = _in_force(active, event)
+            sim.faults = _faults(active)
+            position.fired += 1
+        ahead = timeline.events[position.fired :]
+        until = min(ahead[0].tick if ahead else timeline.ticks, timeline.ticks)
+        if until > position.done:
+            step = min(until - position.done, sim.chunk_ticks)
+            sim.advance(step, *_profiles(timeline, position, sim.tick, step))
+            position.done += step
+        if progress:
+            progress("scenario", position.done, timeline.ticks)
+        if after_chunk:
+            after_chunk()
+    sim.faults = _faults([])
+
+
+def _in_force(active, event):
+    """The list of faults after an event."""
+    if event.action == scenario.FAULT_ON:
+        return [*active, (event.name, event.channel, event.value)]
+    if event.action == scenario.FAULT_OFF:
+        return [a for a in active if (a[0][:3], a[1]) != (event.name[:3], event.channel)]
+    return active
+
+
+def _profiles(timeline, position, tick, ticks):
+    """Rate and temperature for the frames of a chunk, the first for the frame in progress."""
+    frame = tick // FRAME_TICKS - position.begin // FRAME_TICKS
+    return tuple(p.at(frame, ticks // FRAME_TICKS + 2) for p in (timeline.rate_rad_s, timeline.temp_degc))
+
+
+def diagnose(sim, rate_rad_s, temp_degc, progress=None):
+    """The two diagnostic segments."""
+
+    def say(part):
+        if progress:
+            progress("diagnosis", part, 4)
+
+    say(0)
+    before_rate = rate_rad_s / DEG
+    after_rate = before_rate - math.copysign(STEP_DPS, before_rate)
+    if abs(after_rate) < LEAST_DPS:
+        after_rate -= math.copysign(LEAST_DPS, before_rate)
+    tail = round(STEP_TAIL_S * TICK_HZ)
+    watch = Watch("rate_word")
+    sim.sinks.append(watch)
+    sim.advance(tail, rate_rad_s, temp_degc)
+    head = len(watch.values())
+    frames = tail // FRAME_TICKS
+    sim.advance(round(STEP_S * TICK_HZ), after_rate * DEG, temp_degc)
+    sim.sinks.remove(watch)
+    word = watch.values().astype(float)
+    mean_before, mean_after = word[head - frames : head].mean(), word[-frames:].mean()
+    scale = (mean_after - mean_before) / (after_rate - before_rate)
+    before, after = (round(seconds * TICK_HZ / FRAME_TICKS) for seconds in SHOWN_S)
+    shown = slice(head - before, head + after)
+    time_s = (np.arange(len(word)) - head)[shown] * FRAME_TICKS / TICK_HZ
+    offset = mean_before / scale - before_rate
+    step = {
+        "time_s": time_s,
+        "rate_dps": word[shown] / scale - offset,
+        "stimulus_dps": np.where(time_s < 0, before_rate, after_rate),
+    }
+    say(1)
+    bank = sim.state.fpga.registers
+    u = sim.state.fpga.control.quadrature_loop.loop.y
+    known = build.nominal(sim.config)
+    per_dps = quadrature_loop.u_of_volts(known["null_v"]) / known["null_deg_per_s"]
+    open_u = u - OPEN_DPS * per_dps if u > OPEN_DPS * per_dps else u + OPEN_DPS * per_dps
+    sim.write("quadrature_fixed", int(min(open_u, 2**32 - 1)))
+    sim.write("control", bank.control | sequencer.HOLD_FTR | sequencer.FIX_QSC)
+    sim.advance(round(OPEN_S * TICK_HZ), after_rate * DEG, temp_degc)
+    say(2)
+    ticks = round(PROBE_S * TICK_HZ)
+    streams = sim.advance(ticks, after_rate * DEG, temp_degc, probe_ticks=ticks)
+    probe = sim.read_out(streams, temp_degc)
+    say(3)
+    readings = nodes.read(probe)
+    sim.write("control", bank.control)
+    say(4)
+    return Reading(readings, scale, step, probe.edges)
+
+
+# ---- the whole run ---------------------------------------------------------------------------------------------------
+
+
+class Run:
+    """Everything that a run consists of; what a checkpoint keeps is `parts`.
+
+    directory  where rows and checkpoints are kept until the run is done; None keeps the rows in memory
+    resume     continue the run that was interrupted there
+    engine_run  an engine's `run` to use instead of that of the configuration, with the same results
+    """
+
+    def __init__(self, config, directory=None, resume=False, engine_run=None):
+        self.config = config
+        self.timeline = scenario.expand(config.scenario)
+        self.temp_before_degc, self.rate_before_rad_s = self.timeline.temp_before_degc, self.timeline.rate_before_rad_s
+        lo, hi = self.timeline.temp_degc.limits()
+        window = None
+        if config.output.vcd_length_us:
+            window = (round(config.output.vcd_start_us), max(1, round(config.output.vcd_length_us)))
+        self.sim = Simulation(
+            config, min(lo, self.temp_before_degc), max(hi, self.temp_before_degc), window, engine_run
+        )
+        self.tally, self.start_up = Tally(build.clock_hz(config)), StartUp()
+        self.position, self.segments = Position(), dict.fromkeys(SEGMENTS, -1)
+        self.partial = None if directory is None else checkpoint.Partial(directory)
+        self.tick_before, self.spent_before_s = 0, 0.0  # where the scenario begins
+        self._every_ticks = round(config.output.checkpoint_s * TICK_HZ)
+        parts, meta = self.partial.load(self.sim.layout()) if resume else ({}, {})
+        if resume and meta["config_toml"] != to_toml(config):
+            raise FileError(f"{self.partial.checkpoint}: belongs to another configuration than {self.partial.config}")
+        if self.partial and not resume:
+            self.partial.begin(to_toml(config))
+        self.recording = None
+        if config.output.record:
+            rows = parts["spool"]["rows"] if resume else None
+            path = self.partial.rows if self.partial else None
+            spool = Spool(config.output.columns, config.output.decimate, path, rows)
+            self.recording = Recording(
+                spool, to_toml(config), config.plant.clock_ppm, meta.get("record_id"), meta.get("created_utc")
+            )
+        self.sim.keep_rows = False
+        self.sim.sinks = [self.start_up, self.tally] + ([self.recording.spool] if self.recording else [])
+        if resume:
+            self._restore(parts)
+        self._next_tick = self.sim.tick + self._every_ticks
+
+    def begin(self, segment):
+        """Note where a segment begins."""
+        self.segments[segment] = 26 * self.sim.tick
+
+    def start(self, progress):
+        """From power-on or from a state file to where the scenario begins."""
+        wanted, sim = self.config.scenario, self.sim
+        sim.now = (np.array([self.rate_before_rad_s]), np.array([self.temp_before_degc]))
+        if wanted.resume:
+            sim.restore(wanted.resume)
+        else:
+            self.begin("start_up")
+            if wanted.origin == "lock":
+                start(self.config, sim, self.rate_before_rad_s, self.temp_before_degc, progress)
+            else:
+                for name, raw in sim.first_writes:
+                    sim.write(name, raw)
+        self.begin("scenario")
+        self._next_tick = sim.tick + self._every_ticks
+        self.spent_before_s, self.tick_before = sim.seconds_spent, sim.tick
+        self.tally.active = True
+
+    def checkpoint_if_due(self):
+        """Write a checkpoint where one is due; not inside the register window, whose rows are kept when complete."""
+        sim = self.sim
+        if not (self.partial and self._every_ticks) or sim.tick < self._next_tick or sim.in_window:
+            return
+        self._next_tick = sim.tick + self._every_ticks
+        if sim.rows is not None:
+            self.partial.keep_window(sim.rows)
+        meta = {"config_toml": to_toml(self.config)}
+        parts = {
+            "sim": sim.dump_all(),
+            "tally": self.tally.dump(),
+            "start_up": self.start_up.dump(),
+            "position": vars(self.position),
+            "segments": self.segments,
+            "before": {"spent_s": self.spent_before_s, "tick": self.tick_before},
+        }
+        if self.recording:
+            parts["spool"] = self.recording.spool.dump()
+            meta |= {"record_id": self.recording.record_id, "created_utc": self.recording.created_utc}
+        self.partial.save(sim.layout(), parts, meta)
+
+    def _restore(self, parts):
+        sim = self.sim
+        sim.restore_all(parts["sim"])
+        self.tally.restore(parts["tally"])
+        self.tally.active = True
+        self.start_up.restore(parts["start_up"])
+        self.position = Position(**parts["position"])
+        self.segments = parts["segments"]
+        self.spent_before_s, self.tick_before = parts["before"]["spent_s"], parts["before"]["tick"]
+        if self.recording:
+            self.recording.spool.restore(parts["spool"])
+        sim.rows = self.partial.load_window(len(engine.PIN_COLUMNS) + sim.register_count)
+
+    def play(self, progress):
+        """The scenario, or what is left of it."""
+        play(self.sim, self.timeline, progress, self.position, self.checkpoint_if_due)
+        self.tally.active = False
+
+    def end(self):
+        """What holds at the end of the scenario: `summary.End`."""
+        sim = self.sim
+        simulated_s = (sim.tick - self.tick_before) / TICK_HZ
+        return summary.End(
+            locked=bool(sim.locked),
+            codes_sha256=sim.codes_sha256(),
+            tail=sim.tail,
+            state=sim.dump() if self.config.output.state else None,
+            real_time_factor=simulated_s / max(sim.seconds_spent - self.spent_before_s, 1e-9),
+        )
+
+
+def run(config, progress=None, directory=None, resume=False, sinks=(), engine_run=None):
+    """Do a whole run; returns `Result`.
+
+    directory  where rows and checkpoints are kept meanwhile; None: rows stay in memory, for runs of seconds
+    resume     continue the interrupted run in `directory`, of the same configuration
+    sinks      objects that get the rows of the scenario, and of nothing else (`simulation`)
+    engine_run  as of `Run`
+    """
+    if progress:
+        progress("compiling", 0, 1)
+    began = time.perf_counter()
+    job = Run(config, directory, resume, engine_run)
+    if not resume:
+        job.start(progress)
+    job.sim.sinks.extend(sinks)
+    job.play(progress)
+    job.sim.sinks = [sink for sink in job.sim.sinks if sink not in sinks]
+    end, reading = job.end(), None
+    if end.locked and config.scenario.diagnose:
+        job.begin("diagnosis")
+        last = job.timeline.frames - 1
+        rate_rad_s, temp_degc = (float(p.at(last)[0]) for p in (job.timeline.rate_rad_s, job.timeline.temp_degc))
+        reading = diagnose(job.sim, rate_rad_s, temp_degc, progress)
+    if job.recording:
+        names = [name for name in SEGMENTS if job.segments[name] >= 0]
+        edges = np.array([job.segments[name] for name in names], np.int64)
+        job.recording.tables["segments"] = {"name": ("", np.array(names)), "edge": ("edge", edges)}
+    return summary.result(job, end, reading, time.perf_counter() - began)
+
+
+__all__ = ["CHUNK_TICKS", "DEG", "Simulation", "diagnose", "play", "run", "start"]

@@ -1,0 +1,377 @@
+"""A gyroscope in time: its state, and the streams of everything that happens to it.
+
+    engine     frame or clocked: the same bits, the same State; which one is only a matter of speed
+               baseband: the same State and rows, within stated tolerances; no codes of single ticks
+    sinks      objects with `add(first_frame, frames, truth)`: what a long run does with its rows at once
+    columns    all rows stay in memory besides (`keep_rows`), for runs of seconds from Python
+    codes      of every tick, for their hash and the spectra; without `keep_codes` there are rows of 8 kHz only
+
+Advances in chunks, which do not matter to any result (baseband: within its tolerances); saves and restores exactly.
+Source    docs/architecture.md
+"""
+
+import hashlib
+import math
+import time
+import tomllib
+from collections import deque
+
+import numpy as np
+
+from analog_frontend.parts import thermal
+from fpga_model import registers, sequencer
+from fpga_model.rates import FRAME_TICKS, TICK_HZ
+from testbench import flatten, interrupts
+from testbench.config import to_toml
+from testbench.engines import engine as clocked
+from testbench.errors import ConfigError
+from testbench.run import build, nodes
+from testbench.storage import state_file
+from testbench.storage.code_hash import CodeHash, frames_begun
+
+DEG = math.pi / 180
+CHUNK_TICKS = 100_000
+BASEBAND_CHUNK_TICKS = 2_000_000  # its ends cost what some hundred frames cost; its rows stay in the cache
+SPECTRUM_TICKS = 1 << 17
+STATE_FORMAT = "engine-1"
+SCRATCH = "work"  # field of the plant's state that holds nothing from one tick to the next
+HASHED_COLUMNS = 9  # ADC codes and words of the loops
+FRAME = {name: k for k, (name, _, _) in enumerate(clocked.FRAME_COLUMNS)}
+TRUTH = {name: k for k, (name, _) in enumerate(clocked.TRUTH_COLUMNS)}
+
+
+def runner(name):
+    """`run` of the engine called `name`, or `name` if it is one; an engine that is not used is not loaded."""
+    if callable(name):
+        return name
+    if name == "clocked":
+        return clocked.run
+    if name == "baseband":
+        from testbench.engines import baseband
+
+        return baseband.run
+    from testbench.engines import frame
+
+    return frame.run
+
+
+class Simulation:
+    """A state, and the streams of everything that happened to it.
+
+    temp_lo_degc, temp_hi_degc  range of ambient temperatures of the run
+    window                      (first tick, ticks) whose registers are kept in `rows`
+    engine                      name of the engine, or its `run`, instead of that of the configuration
+    """
+
+    def __init__(self, config, temp_lo_degc, temp_hi_degc, window=None, engine=None):
+        self.config = config
+        if config.firmware.board == "digital_sid" and any(f[1].startswith("adc_") for f in config.scenario.faults):
+            raise ConfigError(
+                'scenario.faults: adc_* faults need firmware.board = "analog_sid"; the other has no such ADC'
+            )
+        self.engine = engine or config.scenario.engine
+        self.heating = thermal.design(config.device(), FRAME_TICKS / TICK_HZ)
+        self.rise_k = 0.0
+        temp_hi_degc += config.plant.self_heating_k
+        try:
+            self.params = build.params(config, temp_lo_degc, temp_hi_degc)
+            self.first_writes = build.register_writes(config)
+        except ValueError as problem:
+            raise ConfigError(problem) from None
+        if self.engine == "baseband":
+            from testbench.engines import baseband
+
+            baseband.prepared(self.params)
+        if self.engine == "frame":
+            from testbench.run import warmup
+
+            warmup.warm_up()
+        self.state = clocked.reset(self.params, temp_lo_degc)
+        self.window = window
+        self.rows = None
+        self.sinks = []
+        self.keep_rows, self.keep_codes = True, True
+        self.frames, self.truth = [], []
+        self.hash = CodeHash()
+        self._tail, self._tail_ticks = deque(), 0
+        self.faults = clocked.Faults()
+        self.peak_x = 0.0
+        self.seconds_spent = 0.0
+        self.register_count = len(flatten.names(self.state.fpga))
+
+    @property
+    def engine(self):
+        """Name of the engine."""
+        return self._engine
+
+    @engine.setter
+    def engine(self, name):
+        self._run = runner(name)
+        self._engine = name
+
+    @property
+    def averaged(self):
+        """True for the engine that knows no codes of single ticks."""
+        return self.engine == "baseband"
+
+    @property
+    def chunk_ticks(self):
+        """Longest chunk that is worth while for the engine."""
+        return BASEBAND_CHUNK_TICKS if self.averaged else CHUNK_TICKS
+
+    @property
+    def tick(self):
+        return self.state.tick
+
+    @property
+    def locked(self):
+        return self.state.fpga.control.sequencer.state == sequencer.LOCKED
+
+    def write(self, name, raw):
+        """Host write of a register at the next edge, which takes one tick."""
+        entry = registers.BY_NAME[name]
+        self._advance(1, *self.now, (1, entry.address, registers.to_bus(int(raw), entry.fmt)))
+
+    def advance(self, ticks, rate_rad_s, temp_degc, probe_ticks=0, progress=None):
+        """Run `ticks` ticks at constant rate and temperature, or with arrays of one value per frame begun."""
+        rate, temp = np.atleast_1d(rate_rad_s), np.atleast_1d(temp_degc)
+        done, streams = 0, None
+        while done < ticks:
+            step = ticks if probe_ticks else self._to_window(min(self.chunk_ticks, ticks - done))
+            first = self.tick // FRAME_TICKS - (self.tick - done) // FRAME_TICKS
+            streams = self._advance(
+                step, rate[min(first, len(rate) - 1) :], temp[min(first, len(temp) - 1) :], probe_ticks=probe_ticks
+            )
+            done += step
+            if progress:
+                progress(done)
+        return streams
+
+    def _to_window(self, step):
+        """Shorten a chunk so that the register window begins and ends with one."""
+        if self.window:
+            for border in (self.window[0], self.window[0] + self.window[1]):
+                if self.tick < border < self.tick + step:
+                    return border - self.tick
+        return step
+
+    @property
+    def in_window(self):
+        """True while the next tick belongs to the register window."""
+        return bool(self.window) and self.window[0] <= self.tick < self.window[0] + self.window[1]
+
+    def _advance(self, ticks, rate, temp, host=(0, 0, 0), probe_ticks=0):
+        rate, temp, streams = self.chunk(ticks, rate, temp, probe_ticks)
+        started = time.perf_counter()
+        with interrupts.held():
+            state = self._run(self.params, self.state, ticks, rate, temp, *host, self.faults, streams)
+        self.seconds_spent += time.perf_counter() - started
+        self.moved(state, streams, self.in_window and not probe_ticks)
+        return streams
+
+    def chunk(self, ticks, rate, temp, probe_ticks=0):
+        """What an engine is told for the next `ticks`: rates (rad/s) and temperatures (degC) per frame, and Streams."""
+        need = ticks // FRAME_TICKS + 2
+        rate, temp = _lengthened(rate, need), _lengthened(temp, need)
+        self.now = (rate[-1:], temp[-1:])
+        inside = self.in_window and not probe_ticks
+        streams = clocked.streams(
+            ticks if self.keep_codes and not self.averaged else 0,
+            frames_begun(self.tick, ticks),
+            26 * ticks if inside else 0,
+            probe_ticks,
+            self.register_count if inside else 0,
+        )
+        return rate, self._warmed(temp, ticks), streams
+
+    def moved(self, state, streams, inside=False):
+        """An engine has come to `state` and filled `streams`; `inside` the register window."""
+        tick, self.state = self.tick, state
+        if self.keep_codes:
+            words = streams.frames[:, :HASHED_COLUMNS]
+            if self.averaged:
+                self.hash.add_words(tick, state.tick - tick, words)
+            else:
+                self.hash.add(tick, streams.drive_code, streams.sense_code, words)
+            self._keep_tail(streams.drive_code, streams.sense_code)
+        if len(streams.frames):
+            if self.keep_rows:
+                self.frames.append(streams.frames)
+                self.truth.append(streams.truth)
+            for sink in self.sinks:
+                sink.add(-(-tick // FRAME_TICKS), streams.frames, streams.truth)
+        self.peak_x = max(self.peak_x, float(streams.peak_x[0]))
+        if inside:
+            rows = np.concatenate([streams.pins, streams.registers], axis=1)
+            self.rows = rows if self.rows is None else np.concatenate([self.rows, rows])
+
+    def _keep_tail(self, drive, sense):
+        """Keep the arrays that hold the last codes; nothing is copied while a run advances."""
+        self._tail.append((drive, sense))
+        self._tail_ticks += len(drive)
+        while self._tail_ticks - len(self._tail[0][0]) >= SPECTRUM_TICKS:
+            self._tail_ticks -= len(self._tail.popleft()[0])
+
+    @property
+    def tail(self):
+        """The last codes of drive and sense DAC, (2, SPECTRUM_TICKS) or fewer."""
+        if not self._tail:
+            return np.zeros((2, 0), np.int32)
+        return np.stack([np.concatenate(pieces)[-SPECTRUM_TICKS:] for pieces in zip(*self._tail)])
+
+    def _warmed(self, temp_degc, ticks):
+        """Ambient temperatures plus the rise by self-heating, one step for each frame begun in the chunk."""
+        if not self.heating.final_k:
+            return temp_degc
+        warmed = np.array(temp_degc, float)
+        for n in range(len(warmed)):
+            frame_tick = (self.tick // FRAME_TICKS + n) * FRAME_TICKS
+            if self.tick <= frame_tick < self.tick + ticks:
+                self.rise_k = thermal.step(self.heating, self.rise_k)
+            warmed[n] += self.rise_k
+        return warmed
+
+    def codes_sha256(self):
+        """Hash of every DAC code of every tick and every ADC code and word of every frame; chunks do not matter.
+
+        Of the baseband engine "frames:" and the hash of codes and words of every frame.
+        Raises ValueError if the codes are not kept.
+        """
+        if not self.keep_codes:
+            raise ValueError("simulation: no hash of codes that are not kept")
+        return "frames:" * self.averaged + self.hash.hexdigest()
+
+    def columns(self):
+        """All frames so far as {name: array}, registers and truth together, if it keeps its rows."""
+        frames = np.concatenate(self.frames) if self.frames else np.zeros((0, len(FRAME)), np.int64)
+        truth = np.concatenate(self.truth) if self.truth else np.zeros((0, len(TRUTH)))
+        out = {name: frames[:, k] for name, k in FRAME.items()}
+        return out | {f"truth_{name}": truth[:, k] for name, k in TRUTH.items()}
+
+    def probe(self, ticks, rate_rad_s, temp_degc):
+        """Run `ticks` and read the phases of all nodes."""
+        streams = self.advance(ticks, rate_rad_s, temp_degc, probe_ticks=ticks)
+        return nodes.read(self.read_out(streams, temp_degc))
+
+    def read_out(self, streams, temp_degc):
+        """`nodes.Probe` of a recorded segment."""
+        device, tables = self.config.device(), self.params.plant.tables
+        warm = thermal.at_temperature(device, float(np.atleast_1d(temp_degc)[0]))
+        tick_s = float(tables.tick_s[0])
+        cycles = self.state.plant.cycles
+        instants = [
+            (float(c) * tick_s / 26 + delay_s) % tick_s
+            for c, delay_s in zip(cycles, (device.drive_dac_delay_s, device.sense_dac_delay_s))
+        ]
+        chains = [[getattr(warm, f"{name}_pole_{n}_s") for n in (1, 2, 3)] for name in ("drive", "sense")]
+        return nodes.Probe(
+            streams.probe_ints,
+            streams.probe_floats,
+            streams.edges[: int(streams.edge_count[0])],
+            tuple(chains),
+            tuple(instants),
+            tick_s,
+            warm.fy_hz,
+            -1 if self.state.fpga.control.rate_loop.loop.y < 0 else 1,
+        )
+
+    # ---- state files -------------------------------------------------------------------------------------------------
+
+    def dump(self):
+        """(values, format, meta) for `state_file.save_state`."""
+        return self.state_values(), self.layout(), {"config_toml": to_toml(self.config)}
+
+    def state_values(self):
+        """The state as numbers by name; copies, because the arrays of a state move on in place."""
+        values = {"fpga": np.array([v for _, v in flatten.leaves(self.state.fpga)], np.int64)}
+        values["chips"] = np.array([v for _, v in flatten.leaves(self.state.chips)], np.int64)
+        values["tick"] = self.state.tick
+        values["drdy_cycle"] = self.state.drdy_cycle
+        values["rise_k"] = self.rise_k
+        for name, item in _kept(self.state.plant):
+            if hasattr(item, "_fields"):
+                values |= {f"plant.{name}.{k}": np.copy(v) for k, v in item._asdict().items()}
+            else:
+                values[f"plant.{name}"] = np.copy(item)
+        return values
+
+    def layout(self):
+        """Text that names the registers and arrays of a state."""
+        arrays = [f"{name}{np.shape(v)}" for part, item in _kept(self.state.plant) for name, v in _leaves(part, item)]
+        text = " ".join(flatten.names(self.state.fpga) + flatten.names(self.state.chips) + arrays)
+        return f"{STATE_FORMAT} {hashlib.sha256(text.encode()).hexdigest()[:12]}"
+
+    def _check_same_gyroscope(self, path, meta):
+        """A state continues the firmware and the plant that made it; only noise, effects and scenario may differ."""
+        saved, mine = tomllib.loads(meta["config_toml"]), tomllib.loads(to_toml(self.config))
+        for section in ("firmware", "plant"):
+            for key in sorted(mine[section] | saved.get(section, {})):
+                was, now = saved.get(section, {}).get(key), mine[section].get(key)
+                if was != now:
+                    raise ConfigError(f"{path}: was saved with {section}.{key} = {was}; it cannot continue with {now}")
+
+    def restore(self, path):
+        """Continue from a state file; RecordError if it is damaged or of another layout."""
+        values, meta = state_file.load_state(path, self.layout())
+        self._check_same_gyroscope(path, meta)
+        self.set_state(values)
+
+    def set_state(self, values):
+        """Continue from what `state_values` gave."""
+        plant = {}
+        for name, item in _kept(self.state.plant):
+            if hasattr(item, "_fields"):
+                plant[name] = type(item)(**{k: np.array(values[f"plant.{name}.{k}"]) for k in item._fields})
+            else:
+                plant[name] = np.array(values[f"plant.{name}"])
+        self.rise_k = float(values["rise_k"])
+        self.state = clocked.State(
+            flatten.rebuild(self.state.fpga, values["fpga"].tolist()),
+            flatten.rebuild(self.state.chips, values["chips"].tolist()),
+            self.state.plant._replace(**plant),
+            int(values["tick"]),
+            int(values["drdy_cycle"]),
+        )
+
+    # ---- checkpoints: the state, and what the streams have come to ---------------------------------------------------
+
+    def dump_all(self):
+        """Numbers by name: everything but the register window and what the sinks keep."""
+        values = self.state_values() | {f"hash.{name}": value for name, value in self.hash.dump().items()}
+        drive, sense = self.tail
+        rate, temp = self.now
+        return (
+            values
+            | {"tail.drive": drive, "tail.sense": sense, "peak_x": self.peak_x}
+            | {
+                "rate_rad_s": float(rate[-1]),
+                "temp_degc": float(temp[-1]),
+                "seconds_spent": self.seconds_spent,
+            }
+        )
+
+    def restore_all(self, values):
+        """Continue where `dump_all` was."""
+        self.set_state(values)
+        self.hash.restore({name[5:]: value for name, value in values.items() if name.startswith("hash.")})
+        self._tail, self._tail_ticks = deque(), 0
+        self._keep_tail(values["tail.drive"], values["tail.sense"])
+        self.peak_x, self.seconds_spent = values["peak_x"], values["seconds_spent"]
+        self.now = (np.array([values["rate_rad_s"]]), np.array([values["temp_degc"]]))
+
+
+def _lengthened(values, need):
+    """Values for `need` frames, the last one repeated; one value is for all of them."""
+    if len(values) >= need:
+        return np.ascontiguousarray(values[:need], float)
+    return np.concatenate([values, np.full(need - len(values), values[-1])], dtype=float)
+
+
+def _kept(plant):
+    """(name, array or record) of the plant's state, without its scratch."""
+    return [(name, item) for name, item in plant._asdict().items() if name != SCRATCH]
+
+
+def _leaves(name, item):
+    """(dotted name, array) of a part of the plant's state."""
+    return [(f"{name}.{k}", v) for k, v in item._asdict().items()] if hasattr(item, "_fields") else [(name, item)]

@@ -1,0 +1,157 @@
+"""What a run says: the object of `--json`, sentences for a person, arguments of the pictures, the register window.
+
+Numbers come from the tally and from the last chunk, never from all rows.
+Source    docs/phases.md, docs/record.md
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from analog_frontend.parts import thermal
+from fpga_model import fault_monitor, sequencer
+from fpga_model import top as fpga
+from fpga_model.rates import TICK_HZ
+from testbench import flatten
+from testbench.engines import engine
+from testbench.run import budget, build, nodes
+from testbench.run.outputs import Result
+from testbench.run.tally import amplitude_m
+from testbench.storage.vcd import Signal, signals
+
+
+class End(NamedTuple):
+    """What holds at the end of the scenario, before the diagnosis."""
+
+    locked: bool
+    codes_sha256: str
+    tail: np.ndarray  # last codes of both DACs
+    state: Any  # arguments of `state_file.save_state`, or None
+    real_time_factor: float
+
+
+def result(job, end, reading, wall_s):
+    """`Result` of a `simulate.Run` that is done; `reading` is its diagnosis or None."""
+    config, sim, tally = job.config, job.sim, job.tally
+    planned, clock_hz, device = budget.budget(config), build.clock_hz(config), config.device()
+    lock_s = None if config.scenario.resume else job.start_up.lock_s
+    warm = thermal.at_temperature(device, tally.temp_degc)
+    found = None if reading is None else reading.nodes
+    summary = {
+        "locked": end.locked,
+        "lock_time_s": lock_s,
+        "drive_frequency_hz": tally.mean("frequency_word") * clock_hz / 2**48,
+        "expected_frequency_hz": budget.lock_frequency_hz(
+            warm.fx_hz, warm.qx, planned.node_deg()["xe1"], planned.loop_deg()["xe2"]
+        ),
+        "amplitude_m": tally.amplitude_m,
+        "phase_deg": None if found is None else found.phase_deg,
+        "phase_sigma_deg": None if found is None else found.sigma_deg,
+        "counter_deg": None if found is None else found.counter_deg,
+        "counter_resolution_deg": None if found is None else found.counter_resolution_deg,
+        "budget_deg": planned.node_deg(),
+        "loop_phase_deg": None if found is None else _loop_phases(found.phase_deg, planned),
+        "budget_loop_deg": planned.loop_deg(),
+        "paper_deg": dict(budget.PAPER_DEG),
+        "rate_lsb_per_dps": None if reading is None else reading.lsb_per_dps,
+        "rate_word_mean_lsb": tally.mean("rate_word"),
+        "quadrature_v": tally.mean("quadrature_code") * device.quad_dac_span_v / 2**16,
+        "flags": [name for k, name in enumerate(fault_monitor.NAMES) if tally.flags >> k & 1],
+        "window_missing": 0 if not sim.window else 26 * sim.window[1] - (0 if sim.rows is None else len(sim.rows)),
+        "real_time_factor": end.real_time_factor,
+        "simulated_s": sim.tick / TICK_HZ,
+        "wall_s": wall_s,
+        "codes_sha256": end.codes_sha256,
+        "seed": config.noise.seed,
+    }
+    return Result(
+        summary,
+        notes(config, summary, planned),
+        job.recording,
+        _plots(job, end.tail, summary, reading, clock_hz),
+        _window(sim),
+        end.state,
+    )
+
+
+def _loop_phases(readings, planned):
+    """Loop phases from node phases: less what the demodulator's switching delays the reference."""
+    return {node: readings[node] + sum(row.degrees for row in planned.loop_rows[node]) for node in ("xe2", "ye2")}
+
+
+def notes(config, summary, planned):
+    """Sentences: what is assumed, and what remains unexplained."""
+    said = []
+    if not summary["locked"]:
+        said.append("NOT LOCKED at the end of the scenario; see docs/blocks/sequencer.md")
+    if summary.get("window_missing"):
+        said.append(f"The waveform window lacks {summary['window_missing']} clocks: run or phase reading cut it.")
+    if summary.get("flags"):
+        said.append(f"Fault flags raised: {', '.join(summary['flags'])}; see docs/blocks/fault_monitor.md")
+    if config.firmware.reference_retimed:
+        said.append(
+            "Assumed, not known: the references leave on the 1 MHz grid (firmware.reference_retimed), which takes "
+            "13.5 clocks off xe1 and ye1."
+        )
+    if config.firmware.frame_latency_sense:
+        said.append("Assumed, not known: one extra 1 us frame in the sense path (firmware.frame_latency_sense).")
+    measured = summary["phase_deg"]
+    if measured:
+        gap = {k: (measured[k] - v) / 360.0 / planned.frequency_hz * 1e9 for k, v in budget.PAPER_DEG.items()}
+        said.append(
+            "Unexplained beside the paper: "
+            + ", ".join(f"{k} {measured[k] - budget.PAPER_DEG[k]:+.4f} deg ({ns:+.0f} ns)" for k, ns in gap.items())
+            + ". No latency was tuned."
+        )
+    if measured and config.firmware == type(config.firmware)() and config.plant == type(config.plant)():
+        said.append(
+            "ye1 holds most of it. Two rivals: the DAC's 130 ns are partly inside its output poles, or a pole near "
+            "170 kHz stands where the frame is assumed. Their drift with temperature differs (docs/phases.md)."
+        )
+        said.append(
+            "How xe2 and ye2 split into ring diode, noise gains and switch delay, two numbers cannot say; the "
+            "loop phases printed above are less the assumed 80 ns of the analog switch."
+        )
+    return tuple(said)
+
+
+def _plots(job, tail, summary, reading, clock_hz):
+    """Arguments of the pictures."""
+    c, config = job.start_up.columns(), job.config
+    plots = {
+        "startup": {
+            "time_s": c["time_s"],
+            "amplitude_um": amplitude_m(c["x"], c["vx"], c["frequency_word"], clock_hz) * 1e6,
+            "phase_deg": c["phase"] / 2**24 * 360,
+            "frequency_error_hz": c["frequency_word"] * clock_hz / 2**48 - summary["expected_frequency_hz"],
+            "state": c["state"],
+            "state_names": sequencer.STATES,
+            "lock_time_s": summary["lock_time_s"],
+            "setpoint_um": config.firmware.amplitude_um,
+        },
+    }
+    # the baseband engine knows no codes of single ticks
+    if tail.shape[1]:
+        plots["spectra"] = {"outputs": {"drive (16 bit)": (tail[0], 16), "sense (20 bit)": (tail[1], 20)}}
+    if reading is not None:
+        names = ("drive sgn(sin)", "drive sgn(cos)", "sense sgn(sin)", "sense sgn(cos)")
+        f = summary["drive_frequency_hz"]
+        errors = {n: nodes.edge_errors_turns(reading.edges, k) / f * 1e9 for k, n in enumerate(names)}
+        plots["jitter"] = {
+            "edges_ns": errors,
+            "grid_ns": 1000.0 if config.firmware.reference_retimed else 1e9 / clock_hz,
+        }
+        plots["rate_step"] = reading.step
+    return plots
+
+
+def _window(sim):
+    """Register window for the waveform writer."""
+    if sim.rows is None:
+        return None
+    pins = [
+        Signal(f"pins.{name}", 24 if name.endswith("code") else (4 if name == "refs" else 1), name.endswith("code"))
+        for name in engine.PIN_COLUMNS
+    ]
+    formats = [fmt for _, fmt in flatten.format_leaves(fpga.STATE_FMT)]
+    return sim.rows, pins + signals(flatten.names(sim.state.fpga), formats), sim.window[0] * 26

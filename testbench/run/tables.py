@@ -1,0 +1,116 @@
+"""Results of a run and its phase budget as tables.
+
+A summary is the object that `gyro run --json` prints, a budget the `Budget` of `testbench.run.budget`.
+Source  docs/phases.md
+"""
+
+from testbench.console.table import Table, fixed
+from testbench.run.budget import NODES, PAPER_DEG
+
+NODE_TEXT = {
+    "xe1": "drive: reference pin to force",
+    "xe2": "drive: x to C/V output",
+    "ye1": "sense: reference pin to force",
+    "ye2": "sense: y to C/V output",
+}
+
+
+def phases(summary):
+    """Measured phases beside the budget and the paper."""
+    measured, budget = summary.get("phase_deg") or {}, summary.get("budget_deg", {})
+    spread = summary.get("phase_sigma_deg") or {}
+    rows = []
+    for node in NODES:
+        have, want, paper = measured.get(node), budget.get(node), PAPER_DEG[node]
+        rows.append(
+            (
+                node,
+                NODE_TEXT[node],
+                fixed(have, 4),
+                fixed(spread.get(node), 4),
+                fixed(want, 4),
+                fixed(None if have is None or want is None else have - want, 4),
+                fixed(paper, 4),
+                fixed(None if have is None else have - paper, 4),
+            )
+        )
+    heads = ("phase", "from .. to", "measured deg", "1 sigma", "budget deg", "difference", "paper deg", "difference")
+    return Table("Phase errors (lags, positive)", heads, rows, numeric=(2, 3, 4, 5, 6, 7))
+
+
+# Key of the summary -> (text, unit, digits, factor).
+NUMBERS = {
+    "lock_time_s": ("time from power-on to lock", "s", 3, 1),
+    "drive_frequency_hz": ("drive frequency, mean of the DDS word", "Hz", 4, 1),
+    "amplitude_m": ("drive amplitude", "um", 5, 1e6),
+    "rate_lsb_per_dps": ("scale factor", "LSB/(deg/s)", 2, 1),
+    "quadrature_v": ("quadrature voltage V_q", "V", 4, 1),
+    "real_time_factor": ("simulated seconds per second", "", 2, 1),
+}
+
+
+def numbers(summary):
+    """The other results of a run."""
+    rows = [("all loops locked", "yes" if summary.get("locked") else "NO", "")]
+    for key, (text, unit, digits, factor) in NUMBERS.items():
+        value = summary.get(key)
+        rows.append((text, fixed(None if value is None else value * factor, digits), unit))
+    for node, value in (summary.get("loop_phase_deg") or {}).items():
+        rows.append((f"loop phase {node}' (node phase less the switch delay)", fixed(value, 4), "deg"))
+    if summary.get("codes_sha256"):
+        kind, _, digest = summary["codes_sha256"].rpartition(":")
+        what = "hash of all ADC codes and words" if kind else "hash of all DAC and ADC codes"
+        rows.append((what, digest[:16], "sha-256, first 16"))
+    return Table("Results", ("quantity", "value", "unit"), rows)
+
+
+def budget_node(budget, node, plain_deg=None):
+    """What contributes to one phase; `plain_deg` is its value without the assumptions about the paper's firmware."""
+    listed = [(row, "") for row in budget.rows[node]]
+    listed.append((None, f"node phase {node}"))
+    if node in budget.loop_rows:
+        listed += [(row, "") for row in budget.loop_rows[node]]
+        listed.append((None, f"loop phase {node}'"))
+    rows, total = [], [0.0, 0.0, 0.0]
+    for row, text in listed:
+        if row is None:
+            rows.append((text, fixed(total[0], 2), fixed(total[1], 2), fixed(total[2], 4), ""))
+            continue
+        total = [total[0] + row.clocks, total[1] + row.ns, total[2] + row.degrees]
+        rows.append((row.what, fixed(row.clocks, 2), fixed(row.ns, 2), fixed(row.degrees, 4), row.assumed))
+    if plain_deg is not None:
+        rows.append(("without re-timed references and extra frames", "", "", fixed(plain_deg, 4), ""))
+    rows.append(("the paper measured", "", "", fixed(PAPER_DEG[node], 4), ""))
+    sums = tuple(k for k, (row, _) in enumerate(listed) if row is None)
+    title = f"{node}  {NODE_TEXT[node]}, at {budget.frequency_hz:.1f} Hz"
+    note = "Entries with a text on the right are assumptions, not facts about the paper's board."
+    return Table(title, ("contribution", "clocks", "ns", "deg", "assumed"), rows, note, (1, 2, 3), sums)
+
+
+def budget_tables(budget, plain=None):
+    """One table for each of the four phases; `plain` is the budget without re-timed references and extra frames."""
+    without = plain.node_deg() if plain else {}
+    return [budget_node(budget, node, without.get(node)) for node in NODES]
+
+
+def budget_json(budget, plain=None):
+    """A budget as plain data."""
+
+    def row(item):
+        return {
+            "what": item.what,
+            "clocks": item.clocks,
+            "ns": item.ns,
+            "deg": item.degrees,
+            "assumed": item.assumed,
+        }
+
+    return {
+        "frequency_hz": budget.frequency_hz,
+        "phase_deg": budget.node_deg(),
+        "loop_phase_deg": budget.loop_deg(),
+        "paper_deg": dict(PAPER_DEG),
+        **({"without_assumptions_deg": plain.node_deg()} if plain else {}),
+        "rows": {node: [row(item) for item in rows] for node, rows in budget.rows.items()},
+        "loop_rows": {node: [row(item) for item in rows] for node, rows in budget.loop_rows.items()},
+    }

@@ -1,0 +1,154 @@
+"""Reading a record: schema, units, lengths, rates and hashes are checked; no code that could execute what it reads.
+
+Source  docs/record.md
+"""
+
+import json
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from testbench.errors import FileError
+from testbench.storage.files import seal_holds
+from testbench.storage.record import (
+    CLOCK_HZ,
+    KINDS,
+    SCHEMA,
+    STREAM_KEYS,
+    Column,
+    Record,
+    RecordError,
+    TableColumn,
+    axis_name,
+    content_digest,
+    described,
+    described_tables,
+    digest_of,
+    known_unit,
+    plain,
+)
+
+HIDDEN = {"units", "DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME", "_Netcdf4Dimid", "_Netcdf4Coordinates"}
+DAMAGED = (OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeError, OverflowError, MemoryError)
+
+
+def opened(path):
+    path = Path(path)
+    try:
+        whole = seal_holds(path)
+    except OSError as problem:
+        raise FileError(f"{path}: cannot be read: {problem.strerror or problem}") from None
+    if whole is False:
+        raise RecordError(path, ["R15 / expected the file that was written, found damage"])
+    try:
+        return h5py.File(path, "r")
+    except OSError:
+        raise RecordError(path, ["R01 / expected an HDF5 file, found something else"]) from None
+
+
+def read_record(path):
+    """Checked `Record`; raises RecordError with one finding `Rnn path expected, found` per thing that is wrong."""
+    with opened(path) as file:
+        findings = []
+        try:
+            record = _read(file, findings)
+        except DAMAGED as problem:
+            if not findings:
+                findings.append(f"R01 / expected a complete record, found damage: {' '.join(str(problem).split())}")
+    if findings:
+        raise RecordError(path, findings)
+    return record
+
+
+def _read(file, findings):
+    schema = file.attrs.get("schema", "nothing")
+    if schema != SCHEMA:
+        findings.append(f"R01 / expected schema {SCHEMA}, found {schema}")
+        return None
+    for place, key in (
+        *(("/", key) for key in ("provenance", "config_toml", "versions", "attributes", "content_sha256")),
+        *(("clock", key) for key in ("f_xtal_nominal_Hz", "ppm")),
+        *(("integrity", key) for key in ("path", "sha256")),
+    ):
+        if place not in file or key not in (file[place] if place == "integrity" else file[place].attrs):
+            findings.append(f"R02 {place} expected {key}, found nothing")
+    if findings:
+        return None
+    listed = dict(zip(*(file["integrity"][key].asstr()[:].tolist() for key in ("path", "sha256"))))
+    record = Record(
+        config_toml=plain(file.attrs["config_toml"]),
+        provenance=plain(file.attrs["provenance"]),
+        clock_ppm=float(file["clock"].attrs["ppm"]),
+        attrs=json.loads(file.attrs["attributes"]),
+        versions=json.loads(file.attrs["versions"]),
+        content_sha256=plain(file.attrs["content_sha256"]),
+    )
+    if file["clock"].attrs["f_xtal_nominal_Hz"] != CLOCK_HZ:
+        findings.append(f"R08 /clock expected f_xtal_nominal_Hz {CLOCK_HZ}")
+    found = []
+    file.visititems(lambda name, item: found.append(f"/{name}") if isinstance(item, h5py.Dataset) else None)
+    for place in found:
+        if not place.startswith("/integrity/"):
+            _read_column(file, place, record, listed, findings)
+    for place in sorted(set(listed) - set(found)):
+        findings.append(f"R02 {place} expected a column, found nothing")
+    if not findings:
+        streams = {
+            name: described(column, listed[f"/streams/{name}"], len(column.data))
+            for name, column in record.streams.items()
+        }
+        content = content_digest(
+            streams,
+            described_tables(record.tables),
+            record.config_toml,
+            record.provenance,
+            record.clock_ppm,
+            record.attrs,
+        )
+        if content != record.content_sha256:
+            findings.append(f"R15 / expected content_sha256 {record.content_sha256}, found {content}")
+    return record
+
+
+def _read_column(file, place, record, listed, findings):
+    dataset = file[place]
+    group, _, name = place[1:].rpartition("/")
+    is_axis = group == "streams" and dataset.is_scale
+    if name == "row" and group != "streams":
+        return
+    text = h5py.check_string_dtype(dataset.dtype) is not None
+    allowed = group != "streams" if text else dataset.dtype.kind in KINDS
+    if not allowed or dataset.ndim != 1:
+        findings.append(f"R04 {place} expected a column of numbers, found {dataset.dtype} of {dataset.ndim} dimensions")
+        return
+    if not text and dataset.dtype.byteorder == ">":
+        findings.append(f"R20 {place} expected little-endian numbers, found {dataset.dtype}")
+        return
+    unit = dataset.attrs.get("unit")
+    if not known_unit(unit) and not (unit == "" and group != "streams"):
+        findings.append(f"R03 {place} expected a unit, found {unit!r}")
+        return
+    data = np.array(dataset.asstr()[:].tolist(), str) if text else dataset[:]
+    digest = digest_of(data)
+    if listed.get(place) != digest:
+        findings.append(f"R15 {place} expected sha256 {listed.get(place, 'none')}, found {digest}")
+    elif is_axis:
+        return
+    elif group != "streams":
+        record.tables.setdefault(group, {})[name] = TableColumn(data, unit)
+    else:
+        attrs = {key: plain(dataset.attrs[key]) for key in dataset.attrs if key not in HIDDEN}
+        missing = [key for key in STREAM_KEYS if key not in attrs]
+        num, den, edge0 = (attrs.get(key) for key in STREAM_KEYS[1:])
+        if missing or not all(isinstance(value, int) for value in (num, den, edge0)) or num < 1 or den < 1:
+            findings.append(
+                f"R08 {place} expected {', '.join(STREAM_KEYS[1:])}: a ratio of the clock, found {num}/{den}"
+            )
+            return
+        axis = f"streams/{axis_name(num, den, edge0)}"
+        if axis not in file or len(file[axis]) != len(data):
+            findings.append(f"R05 {place} expected {axis} of {len(data)} rows, found another length")
+            return
+        own = {key: value for key, value in attrs.items() if key not in STREAM_KEYS}
+        record.streams[name] = Column(data, unit, num, den, edge0, own)

@@ -1,0 +1,245 @@
+"""Rows of a record on their way to the disk while a run is in progress, so that memory does not grow with time.
+
+    engine -- frames --> [block of rows] --> rows.bin, fixed-size little-endian rows --> (at the end) run.h5
+
+A plain file of rows, not HDF5: one that was killed in the middle of a write is cut to the length that the last
+checkpoint names and continued. The HDF5 file is made from it in one pass and does not show how often that happened.
+
+With `decimate` a row stands for n frames. Codes and words are summed exactly, which keeps their Allan deviation at
+multiples of n frames what it is; their name gets the ending "_sum", so that nobody takes them for single codes. Of the
+state and of what oscillates at the drive frequency the first frame is kept; of the fault flags all that were raised, of
+the locks those that held throughout. A last group of fewer than n frames is left out.
+Source  docs/record.md
+"""
+
+import contextlib
+import os
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import NamedTuple
+from uuid import uuid4
+
+import numpy as np
+
+from fpga_model.rates import FRAME_TICKS
+from testbench.engines import engine
+from testbench.errors import FileError
+from testbench.storage.files import explain
+from testbench.storage.record import Column, RecordWriter
+
+FRAME_EDGES = 26 * FRAME_TICKS
+BLOCK_ROWS = 8192  # frames gathered before they are written
+READ_ROWS = 1 << 16
+SUM, FIRST, ANY, ALL = "sum", "first", "any", "all"
+RULES = {
+    "state": FIRST,
+    "flags": ANY,
+    "lock": ALL,
+    "drive_dac_code": FIRST,
+    "sense_dac_code": FIRST,
+}
+
+
+class Field(NamedTuple):
+    """A column of the record: where it comes from, what it is, and what becomes of n frames of it."""
+
+    name: str
+    index: int
+    truth: bool
+    unit: str
+    dtype: np.dtype
+    attrs: dict
+    rule: str
+
+
+def _register_fields():
+    for k, (name, lsb, fmt) in enumerate(engine.FRAME_COLUMNS):
+        unit = "code" if "code" in name or name.startswith("adc") else "word"
+        narrow = fmt.lo >= -(1 << 31) and fmt.hi < 1 << 31
+        dtype = np.dtype("<i4" if narrow else "<i8")
+        yield Field(name, k, False, unit, dtype, {"lsb": lsb, "format": str(fmt)}, RULES.get(name, SUM))
+
+
+def _truth_fields():
+    for k, (name, unit) in enumerate(engine.TRUTH_COLUMNS):
+        yield Field(f"truth_{name}", k, True, unit, np.dtype("<f8"), {"tap": "truth"}, FIRST)
+
+
+FIELDS = {field.name: field for field in (*_register_fields(), *_truth_fields())}
+
+
+def chosen(names, decimate):
+    """{name in the record: Field} of `[output] columns` (none: all) with rows of `decimate` frames."""
+    fields = [FIELDS[name] for name in FIELDS if not names or name in names]
+    if decimate == 1:
+        return {field.name: field for field in fields}
+    out = {}
+    for field in fields:
+        attrs = {**field.attrs, "frames": decimate, "kept": field.rule}
+        dtype = np.dtype("<i8") if field.rule == SUM else field.dtype
+        name = f"{field.name}_sum" if field.rule == SUM else field.name
+        out[name] = field._replace(dtype=dtype, attrs=attrs)
+    return out
+
+
+def _reduced(values, decimate, rule):
+    """One value for each group of `decimate`."""
+    groups = values.reshape(-1, decimate)
+    if rule == SUM:
+        return groups.sum(axis=1)
+    if rule == ANY:
+        return np.bitwise_or.reduce(groups, axis=1)
+    if rule == ALL:
+        return np.bitwise_and.reduce(groups, axis=1)
+    return groups[:, 0]
+
+
+class Spool:
+    """A sink of `simulation.Simulation` that writes the columns of a record to a file, or keeps them in memory.
+
+    columns, decimate  of [output]
+    path               the file; None keeps the rows in memory
+    rows               if not None, the file exists already and continues behind so many rows
+    """
+
+    def __init__(self, columns=(), decimate=1, path=None, rows=None):
+        self.fields = chosen(columns, decimate)
+        self.dtype = np.dtype([(name, field.dtype) for name, field in self.fields.items()])
+        self.decimate = decimate
+        self.path = path
+        self.first_frame = -1
+        self.rows = 0
+        self._held, self._held_rows = [], 0
+        self._memory = []
+        if path is None:
+            return
+        try:
+            with open(path, "wb" if rows is None else "r+b") as file:
+                size, found = (rows or 0) * self.dtype.itemsize, os.fstat(file.fileno()).st_size
+                if found < size:
+                    raise FileError(f"{path}: holds {found} bytes, its checkpoint speaks of {size}")
+                file.truncate(size)
+        except OSError as problem:
+            raise explain(path, problem) from None
+
+    def add(self, first_frame, frames, truth):
+        """Rows of consecutive frames."""
+        if self.first_frame < 0:
+            self.first_frame = first_frame
+        self._held.append((frames, truth))
+        self._held_rows += len(frames)
+        if self._held_rows >= max(BLOCK_ROWS, self.decimate):
+            self.flush()
+
+    def flush(self):
+        """Write all whole groups of frames."""
+        if not self._held:
+            return
+        frames, truth = (np.concatenate(pieces) for pieces in zip(*self._held))
+        rows = len(frames) // self.decimate
+        used = rows * self.decimate
+        out = np.empty(rows, self.dtype)
+        for name, field in self.fields.items():
+            values = (truth if field.truth else frames)[:used, field.index]
+            out[name] = values if self.decimate == 1 else _reduced(values, self.decimate, field.rule)
+        self._write(out)
+        self.rows += rows
+        self._held = [(frames[used:], truth[used:])]
+        self._held_rows = len(frames) - used
+
+    def _write(self, rows):
+        if self.path is None:
+            self._memory.append(rows)
+            return
+        try:
+            with open(self.path, "r+b", buffering=0) as file:
+                file.seek(0, os.SEEK_END)
+                left = memoryview(rows).cast("B") if len(rows) else b""
+                while left:
+                    left = left[file.write(left) :]
+        except OSError as problem:
+            raise explain(self.path, problem) from None
+
+    def blocks(self):
+        """Rows from the first one on, in arrays of READ_ROWS; the last one may be shorter."""
+        self.flush()
+        if self.path is None:
+            rows = np.concatenate([np.empty(0, self.dtype), *self._memory])
+            yield from (rows[k : k + READ_ROWS] for k in range(0, len(rows), READ_ROWS))
+            return
+        found, wanted = os.path.getsize(self.path), self.rows * self.dtype.itemsize
+        if found != wanted:
+            raise FileError(f"{self.path}: holds {found} bytes, {wanted} were written: another run in this folder?")
+        with open(self.path, "rb") as file:
+            while block := file.read(READ_ROWS * self.dtype.itemsize):
+                yield np.frombuffer(block, self.dtype)
+
+    # ---- checkpoints -------------------------------------------------------------------------------------------------
+
+    def dump(self):
+        """Whole groups on the disk, safe from a loss of power; the frames of the group that has begun."""
+        self.flush()
+        if self.path is not None:
+            try:
+                with open(self.path, "rb") as file:
+                    os.fsync(file.fileno())
+            except OSError as problem:
+                raise explain(self.path, problem) from None
+        frames, truth = self._held[0] if self._held else (np.zeros((0, 1), np.int64), np.zeros((0, 1)))
+        return {"rows": self.rows, "first_frame": self.first_frame, "frames": frames, "truth": truth}
+
+    def restore(self, values):
+        """Continue where `dump` was, in a file that was opened with its `rows`."""
+        self.rows, self.first_frame = values["rows"], values["first_frame"]
+        if len(values["frames"]):
+            self._held, self._held_rows = [(values["frames"], values["truth"])], len(values["frames"])
+
+
+class Recording:
+    """A record whose columns lie in a spool; `write` makes the HDF5 file."""
+
+    def __init__(self, spool, config_toml, clock_ppm, record_id=None, created_utc=None):
+        self.spool = spool
+        self.config_toml = config_toml
+        self.clock_ppm = clock_ppm
+        self.record_id = record_id or str(uuid4())
+        self.created_utc = created_utc or datetime.now(UTC).isoformat(timespec="seconds")
+        self.tables = {}
+
+    @property
+    def streams(self):
+        """{name: record.Column}, all in memory: for runs of seconds."""
+        blocks = list(self.spool.blocks())
+        rows = np.concatenate(blocks) if blocks else np.zeros(0, self.spool.dtype)
+        return {
+            name: Column(np.ascontiguousarray(rows[name]), field.unit, *self._rate(), field.attrs)
+            for name, field in self.spool.fields.items()
+        }
+
+    def _rate(self):
+        """num, den, edge0 of every column."""
+        return 1, FRAME_EDGES * self.spool.decimate, FRAME_EDGES * max(self.spool.first_frame, 0)
+
+    def write(self, path, progress=None):
+        """Write the record; returns its content hash."""
+        head = {"record_id": self.record_id, "created_utc": self.created_utc}
+        with RecordWriter(path, self.config_toml, "simulated", self.clock_ppm, **head) as writer:
+            for name, field in self.spool.fields.items():
+                num, den, edge0 = self._rate()
+                compress = field.dtype.kind != "f"  # noise does not compress, and takes the longest to try
+                writer.stream(name, field.unit, field.dtype, num, den, edge0, compress=compress, **field.attrs)
+            done = 0
+            for rows in self.spool.blocks():
+                writer.append(**{name: rows[name] for name in self.spool.fields})
+                done += len(rows)
+                if progress:
+                    progress("record", done, self.spool.rows)
+            for name, columns in self.tables.items():
+                writer.table(name, columns)
+        return writer.content_sha256
+
+
+def remove(path):
+    """Remove the file of a spool if there is one."""
+    with contextlib.suppress(OSError):
+        Path(path).unlink()

@@ -1,0 +1,77 @@
+"""State of a simulation in a file: numbers by name, bit for bit, with the layout that they belong to and a hash.
+
+Source  docs/record.md
+"""
+
+import hashlib
+import json
+
+import h5py
+import numpy as np
+
+from testbench.interrupts import held
+from testbench.storage.files import GuardedFile, replacing, seal
+from testbench.storage.record import KINDS, RecordError, digest_of, plain, versions
+from testbench.storage.record_read import DAMAGED, opened
+
+STATE_SCHEMA = "gyrostate/1.0"
+
+
+@held()
+def save_state(path, values, source_format, meta=None):
+    """Save a simulation's state, whole or not at all.
+
+    values         name -> int, float or array of numbers; restored with the same type, bit for bit
+    source_format  text that names the layout of `values`; loading with another one is refused
+    meta           texts and numbers to keep along
+    """
+    arrays = {name: np.asarray(value) for name, value in values.items()}
+    for name, array in arrays.items():
+        if array.dtype.kind not in KINDS or "/" in name:
+            raise ValueError(f"state {name}: {array.dtype} is not a number type, or the name holds a slash")
+    meta = {key: plain(value) for key, value in (meta or {}).items()}
+    with replacing(path) as part:
+        guard = GuardedFile(part)
+        with guard:
+            with h5py.File(guard, "w") as file:
+                file.attrs["schema"] = STATE_SCHEMA
+                file.attrs["source_format"] = source_format
+                file.attrs["meta"] = json.dumps(meta)
+                file.attrs["versions"] = json.dumps(versions())
+                file.attrs["content_sha256"] = _state_digest(arrays, source_format, meta)
+                group = file.create_group("state")
+                for name, array in arrays.items():
+                    group.create_dataset(name, data=array.astype(array.dtype.newbyteorder("<")))
+                    group[name].attrs["scalar"] = int(not isinstance(values[name], np.ndarray))
+        if guard.problem is not None:
+            raise guard.problem
+        seal(part)
+
+
+def load_state(path, source_format):
+    """(values, meta) of a state file; RecordError if it is damaged or of another layout."""
+    with opened(path) as file:
+        try:
+            if file.attrs.get("schema") != STATE_SCHEMA:
+                found = file.attrs.get("schema", "nothing")
+                raise RecordError(path, [f"R01 / expected schema {STATE_SCHEMA}, found {found}"])
+            saved = plain(file.attrs["source_format"])
+            if saved != source_format:
+                finding = f"R11 / expected state layout {source_format}, found {saved}: saved by another version"
+                raise RecordError(path, [finding])
+            meta = json.loads(file.attrs["meta"])
+            arrays = {name: dataset[()] for name, dataset in file["state"].items()}
+            scalars = {name for name, dataset in file["state"].items() if dataset.attrs["scalar"]}
+            digest = _state_digest({k: np.asarray(v) for k, v in arrays.items()}, saved, meta)
+            if digest != plain(file.attrs["content_sha256"]):
+                raise RecordError(path, ["R15 /state expected another content_sha256: the file is damaged"])
+        except DAMAGED as problem:
+            text = " ".join(str(problem).split())
+            raise RecordError(path, [f"R01 / expected a complete state, found damage: {text}"]) from None
+    return {name: array.item() if name in scalars else array for name, array in arrays.items()}, meta
+
+
+def _state_digest(arrays, source_format, meta):
+    columns = {k: [a.dtype.kind, a.dtype.itemsize, list(a.shape), digest_of(a)] for k, a in arrays.items()}
+    text = json.dumps([STATE_SCHEMA, source_format, meta, columns], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()

@@ -1,0 +1,275 @@
+"""Waveforms of a window of clock edges: a VCD file, and set-ups of GTKWave (.gtkw) and Surfer (.sucl) for it.
+
+Row n of the window holds what the registers hold before edge n. In the file edge n is at (n + 1 - first) clocks: row 0
+is seen in the clock before the window's first edge, and the clock rises where a simulator would sample the row.
+Every line of one signal has the same length, so whole blocks of changes are laid out by array operations.
+Source  docs/record.md
+"""
+
+import math
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from testbench.storage.files import replacing, write_text
+from testbench.version import VERSION
+
+CLOCK_PS = (500_000, 13)  # period of 26 MHz as a ratio of picoseconds
+BLOCK_ROWS = 4096
+CLOCK_NAME = "clk_26m"
+
+
+class Signal(NamedTuple):
+    """A column of the window: dotted name, width in bits, and whether viewers should show it signed."""
+
+    name: str
+    width: int
+    signed: bool = False
+
+
+def signals(names, formats):
+    """Signals from register names and their formats [s, i, f]."""
+    return [Signal(name, fmt.width, bool(fmt.s)) for name, fmt in zip(names, formats)]
+
+
+def _identifier(index):
+    """VCD identifier of a signal: printable characters, shortest first."""
+    text = ""
+    index += 1
+    while index:
+        index, digit = divmod(index - 1, 94)
+        text += chr(33 + digit)
+    return text
+
+
+def picoseconds(edges):
+    """Time of clock edges, rounded to the nearest picosecond."""
+    num, den = CLOCK_PS
+    return (2 * num * np.asarray(edges, np.int64) + den) // (2 * den)
+
+
+def _half_after(edges):
+    """Time half a clock after each edge."""
+    num, den = CLOCK_PS
+    return (num * (2 * np.asarray(edges, np.int64) + 1) + den) // (2 * den)
+
+
+def _header(tree, ids, comment):
+    lines = [
+        "$version ftr-gyro " + VERSION + " $end",
+        "$comment " + " ".join(comment.split()).replace("$end", "") + " $end",
+        "$timescale 1 ps $end",
+    ]
+
+    def declare(node):
+        for name, item in node.items():
+            if isinstance(item, dict):
+                lines.append(f"$scope module {name} $end")
+                declare(item)
+                lines.append("$upscope $end")
+            else:
+                span = f" [{item.width - 1}:0]" if item.width > 1 else ""
+                lines.append(
+                    f"$var {'wire' if item.width == 1 else 'reg'} {item.width} {ids[item.name]} {name}{span} $end"
+                )
+
+    declare(tree)
+    lines.append("$enddefinitions $end")
+    return "\n".join(lines) + "\n"
+
+
+def _tree(listed, top):
+    """Nested dict of scopes; a name that is also a scope raises."""
+    tree = {}
+    for signal in listed:
+        *scopes, leaf = [top, *signal.name.split(".")]
+        node = tree
+        for scope in scopes:
+            node = node.setdefault(scope, {})
+            if not isinstance(node, dict):
+                raise ValueError(f"signal {signal.name}: {scope} is a signal and a scope")
+        if leaf in node:
+            raise ValueError(f"signal {signal.name}: twice, or also a scope")
+        node[leaf] = signal
+    return tree
+
+
+def _lines_of(values, width, identifier):
+    """Byte matrix, one line of equal length per value: `0!` for one bit, `b0101 !` for more."""
+    tail = np.frombuffer((identifier if width == 1 else " " + identifier).encode() + b"\n", np.uint8)
+    head = 0 if width == 1 else 1
+    lines = np.empty((len(values), head + width + len(tail)), np.uint8)
+    if head:
+        lines[:, 0] = ord("b")
+    shifts = np.arange(width - 1, -1, -1, dtype=np.int64)
+    lines[:, head : head + width] = ((values[:, None] >> shifts) & 1) + ord("0")
+    lines[:, head + width :] = tail
+    return lines
+
+
+def _stamps(times):
+    """List of (row indices, byte matrix) of the lines `#time`, grouped by their number of digits."""
+    digits = np.char.str_len(times.astype("U20"))
+    groups = []
+    for count in np.unique(digits):
+        rows = np.flatnonzero(digits == count)
+        powers = 10 ** np.arange(count - 1, -1, -1, dtype=np.int64)
+        lines = np.empty((len(rows), count + 2), np.uint8)
+        lines[:, 0], lines[:, -1] = ord("#"), ord("\n")
+        lines[:, 1:-1] = times[rows, None] // powers % 10 + ord("0")
+        groups.append((rows, lines))
+    return groups
+
+
+def _layout(groups, row_count):
+    """Bytes of groups of lines, each (rows, line matrix), in the order of rows, then of groups."""
+    sizes = np.zeros((len(groups), row_count), np.int64)
+    for k, (rows, lines) in enumerate(groups):
+        sizes[k, rows] = lines.shape[1]
+    ends = np.cumsum(sizes.T.ravel()).reshape(row_count, len(groups)).T
+    out = np.empty(int(sizes.sum()), np.uint8)
+    for k, (rows, lines) in enumerate(groups):
+        if len(rows):
+            out[(ends[k, rows] - lines.shape[1])[:, None] + np.arange(lines.shape[1])] = lines
+    return out.tobytes()
+
+
+def _check(rows, listed):
+    if rows.ndim != 2 or rows.dtype != np.int64 or rows.shape[1] != len(listed) or not len(rows):
+        raise ValueError(f"window: expected int64 rows of {len(listed)} columns, got {rows.dtype} {rows.shape}")
+    for k, signal in enumerate(listed):
+        if not 1 <= signal.width <= 64:
+            raise ValueError(f"signal {signal.name}: width {signal.width} is outside 1..64 bits")
+        if signal.width < 64:
+            lo = -(1 << (signal.width - 1)) if signal.signed else 0
+            hi = (1 << (signal.width - signal.signed)) - 1
+            least, most = rows[:, k].min(), rows[:, k].max()
+            if least < lo or most > hi:
+                raise ValueError(
+                    f"signal {signal.name}: {least}..{most} is outside {lo}..{hi}, its {signal.width} bits"
+                )
+
+
+def write_vcd(path, rows, listed, first_edge=0, top="gyro", edges=None):
+    """Write a window as VCD.
+
+    rows        int64, one row per clock edge, one column per signal
+    listed      `Signal`s
+    first_edge  number of the edge that samples the first row, counted from power-on
+    top         outermost scope
+    edges       edges that sample the rows, counted from `first_edge` and rising; None: one row after the other.
+                Between them nothing is known: the clock rests, and values stay as they were
+    """
+    rows = np.asarray(rows)
+    edges = np.arange(len(rows)) if edges is None else np.asarray(edges, np.int64)
+    listed = list(listed)
+    _check(rows, listed)
+    clock = Signal(CLOCK_NAME, 1)
+    tree = _tree([clock, *listed], top)
+    ids = {signal.name: _identifier(k) for k, signal in enumerate([clock, *listed])}
+    comment = f"Time 0 is one clock before edge {first_edge}; edge n is at (n + 1 - {first_edge}) / 26 MHz."
+    with replacing(path) as part, open(part, "wb") as file:
+        file.write(_header(tree, ids, comment).encode())
+        before = None
+        for begin in range(0, len(rows), BLOCK_ROWS):
+            block = rows[begin : begin + BLOCK_ROWS]
+            count = len(block)
+            index = edges[begin : begin + count]
+            every = np.arange(count)
+            changed = np.ones(block.shape, bool)
+            changed[1:] = block[1:] != block[:-1]
+            if before is not None:
+                changed[0] = block[0] != before
+            before = block[-1].copy()
+            rise, fall = (_lines_of(np.full(count, level), 1, ids[CLOCK_NAME]) for level in (1, 0))
+            groups = [*_stamps(picoseconds(index)), (every, rise)]
+            for k, signal in enumerate(listed):
+                at = np.flatnonzero(changed[:, k])
+                groups.append((at, _lines_of(block[at, k], signal.width, ids[signal.name])))
+            groups += [*_stamps(_half_after(index)), (every, fall)]
+            file.write(_layout(groups, count))
+        file.write(f"#{int(picoseconds(edges[-1] + 1))}\n1{ids[CLOCK_NAME]}\n".encode())
+
+
+# ---- set-ups of viewers ----------------------------------------------------------------------------------------------
+
+GTKW_BINARY, GTKW_HEX, GTKW_UNSIGNED, GTKW_SIGNED = 0x28, 0x22, 0x24, 0x420
+GTKW_ANALOG = 0x8000
+GTKW_SHOWN_PS = 4_000_000  # in 1000 pixels at first sight: four DAC frames
+WIDE_BITS = 33  # words wider than this are read in hexadecimal
+
+
+def _group_of(name):
+    """Group of a signal: everything before its last dot."""
+    return name.rpartition(".")[0] or "top"
+
+
+def _grouped(listed):
+    groups = {}
+    for signal in listed:
+        groups.setdefault(_group_of(signal.name), []).append(signal)
+    return groups
+
+
+def _gtkw_flags(signal, analog):
+    if signal.width == 1:
+        return GTKW_BINARY
+    if signal.width >= WIDE_BITS and not signal.signed:
+        return GTKW_HEX
+    return (GTKW_SIGNED if signal.signed else GTKW_UNSIGNED) | (GTKW_ANALOG if analog else 0)
+
+
+def write_gtkw(path, vcd_path, listed, top="gyro", analog=(), expanded=("pins",)):
+    """Write the save file of GTKWave: one group per block, the groups named in `expanded` open.
+
+    analog  names of signals drawn as curves
+    """
+    listed = list(listed)
+    lines = [f"[*] ftr-gyro {VERSION}", f'[dumpfile] "{Path(vcd_path).name}"', "[timestart] 0", "[size] 1600 1000"]
+    # zoom: minus log2 of picoseconds per 200 pixels, then the marker and the named markers, all unset
+    lines += [f"*{-math.log2(GTKW_SHOWN_PS / 5):.3f}" + " -1" * 27, "[signals_width] 280", "[sst_width] 220"]
+    lines += ["@28", f"{top}.{CLOCK_NAME}"]
+    for group, members in _grouped(listed).items():
+        is_open = group in expanded or group.rpartition(".")[2] in expanded
+        lines += ["@800200" if is_open else "@c00200", f"-{group}"]
+        for signal in members:
+            span = f"[{signal.width - 1}:0]" if signal.width > 1 else ""
+            curve = signal.name in analog and signal.width > 1
+            lines += [f"@{_gtkw_flags(signal, curve):x}", f"{top}.{signal.name}{span}"]
+            lines += ["@20000", "-", "-"] if curve else []
+        lines += ["@1000200" if is_open else "@1401200", f"-{group}"]
+    write_text(path, "\n".join(lines) + "\n")
+
+
+def _letters(index):
+    """Surfer's name of a displayed item: its number in hexadecimal, digits a to p."""
+    return "".join(chr(ord("a") + int(digit, 16)) for digit in f"{index:x}")
+
+
+def write_sucl(path, vcd_path, listed, top="gyro"):
+    """Write the command file of Surfer: the clock, then a divider and the signals of each block."""
+    name = Path(vcd_path).name
+    lines = [f"# surfer {name} --command-file {Path(path).name}", f"variable_add {top}.{CLOCK_NAME}"]
+    item = 1
+    for group, members in _grouped(list(listed)).items():
+        lines.append(f"divider_add {group}")
+        item += 1
+        for signal in members:
+            lines.append(f"variable_add {top}.{signal.name}")
+            if signal.width > 1:
+                wide = signal.width >= WIDE_BITS and not signal.signed
+                shown = "Hexadecimal" if wide else "Signed" if signal.signed else "Unsigned"
+                lines += [f"item_focus {_letters(item)}_{signal.name}", f"item_set_format {shown}"]
+            item += 1
+    lines += ["item_unfocus", "zoom_fit"]
+    write_text(path, "\n".join(lines) + "\n")
+
+
+def write_window(path, rows, listed, first_edge=0, top="gyro", analog=()):
+    """VCD, GTKWave and Surfer files side by side; returns their paths."""
+    path = Path(path)
+    write_vcd(path, rows, listed, first_edge, top)
+    write_gtkw(path.with_suffix(".gtkw"), path, listed, top, analog)
+    write_sucl(path.with_suffix(".sucl"), path, listed, top)
+    return [path, path.with_suffix(".gtkw"), path.with_suffix(".sucl")]

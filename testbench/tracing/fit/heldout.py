@@ -1,0 +1,260 @@
+"""Error before and after on groups that no fit has seen, in units of the observables, beside their own repeatability.
+
+    rms      root mean square of measured - predicted over rows, repeats and groups, single repeats
+    expected rms that the last model would show if it were right: repeatability and what the fit does not know
+    p_floor  chance of an rms as large as the one seen, if the last model's were FLOOR_FACTOR times the expected one;
+             its law is a scaled chi2 with the mean and variance of simulated rms^2: correlated rows are few
+    CI       with BLOCKS groups and more a paired block bootstrap: the same blocks for all models, a block is a group.
+             With fewer it is simulated from the declared noise, as `expected` is; if the repeats reject that noise, a
+             bootstrap over runs of rows is all there is
+    score    sigmas of the predicted change that the held-out means show (rivals.confirmation)
+    log_odds ln of the density that the last model foretells for the held-out means along that change, less that of
+             the first; both Gaussian, with noise and what their fit does not know
+    chi2     of the groups' means, whitened; expected 1 + what the fit's uncertainty adds
+Source    Künsch (1989), moving blocks; docs/tracing.md
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.stats import chi2 as chi2_law
+
+from testbench.tracing.fit.rivals import confirmation, sigma_along
+from testbench.tracing.problem.model import Model
+from testbench.tracing.problem.predictor import Failed
+from testbench.tracing.problem.problem import option
+
+BLOCKS, BOOTSTRAPS, LEVEL = 12, 2000, 0.95
+SIMULATED, NUMBERS = 1000, 20_000_000  # simulated held-out sets, and numbers drawn for them at most
+CHI2_SETS = 400
+ABOVE = 0.01  # chance that a right model is found above FLOOR_FACTOR by any of its observables
+BAND = 0.99  # of the held-out chi2
+FLOOR_FACTOR = 1.06
+
+
+class HeldOut(NamedTuple):
+    """Tables per observable or group, and chi2 of all."""
+
+    rows: dict
+    chi2: dict  # {model label: chi2 / rows}
+    limit: float  # 99 % of chi2 / rows if the last model is right
+    score: float = 0.0
+    log_odds: float = 0.0
+    failed: str = ""
+
+
+def squares(problem, space, predictions, by):
+    """{key: [(block id, sum of squares per model (M,), rows)]} of single repeats; floor per key beside it."""
+    out, floors, units = {}, {}, {}
+    for g, group in enumerate(space.groups):
+        for k in group.members:
+            y, segment, floor = np.asarray(problem.measured(k), float), problem.segments[k], problem.floor(k)
+            for o in segment.observables:
+                key = _key(by, segment, o)
+                errors = np.stack([y[o.rows] - p[g][o.rows] for p in predictions])
+                parts = max(1, min(errors.shape[1] // 4, -(-BLOCKS // len(space.groups))))
+                for part in np.array_split(np.arange(errors.shape[1]), parts):
+                    block = (g, int(part[0])) if parts > 1 else (g, 0)
+                    out.setdefault(key, []).append((block, (errors[:, part] ** 2).sum(axis=1), len(part)))
+                if o.name in floor:
+                    floors.setdefault(key, []).append((float(floor[o.name]) ** 2, errors.shape[1]))
+                units.setdefault(key, o.unit)
+                if units[key] != o.unit:
+                    units[key] = "mixed"
+    return out, floors, units
+
+
+def _key(by, segment, o):
+    if by == "group":
+        return segment.group if len(segment.observables) == 1 else f"{segment.group} {o.name}"
+    return o.name
+
+
+def bootstrap(pieces, rng):
+    """rms of each model, and its bootstrap draws (BOOTSTRAPS, M): blocks drawn with replacement, all repeats of it."""
+    blocks = sorted({b for b, _, _ in pieces})
+    at = {b: i for i, b in enumerate(blocks)}
+    models = len(pieces[0][1])
+    total, count = np.zeros((len(blocks), models)), np.zeros(len(blocks))
+    for block, s, n in pieces:
+        total[at[block]] += s
+        count[at[block]] += n
+    rms = np.sqrt(total.sum(axis=0) / count.sum())
+    weights = rng.multinomial(len(blocks), np.full(len(blocks), 1 / len(blocks)), size=BOOTSTRAPS)
+    return rms, np.sqrt((weights @ total) / (weights @ count)[:, None])
+
+
+def unknown(space, ask, f):
+    """What one standard deviation of each principal direction of a fit moves: [(rows, directions) per group].
+
+    None if a step cannot be predicted.
+    """
+    sd = np.sqrt(np.diag(f.covariance))
+    if not np.all(np.isfinite(f.covariance)) or not sd.all():
+        return None
+    n = len(f.point.theta)
+    # a law with a sign may only be moved away from zero
+    steps = sd * np.concatenate([np.ones(n), np.where(f.point.c < 0, -1.0, 1.0)])
+    points = [f.point, *(f.model.shifted(f.point, j, steps[j]) for j in range(len(sd)))]
+    (now, *moved) = ask([(p.theta, f.model.effects(p)) for p in points], space.which)
+    if any(isinstance(m, Failed) for m in (now, *moved)):
+        return None
+    values, vectors = np.linalg.eigh(f.covariance / np.outer(steps, steps))
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    return [np.stack([m[g] - now[g] for m in moved], axis=1) @ root for g in range(len(space.groups))]
+
+
+def simulated(problem, space, predictions, directions, by, rng):
+    """{key: (sets, models) mean squares of held-out sets of which the last prediction is the truth's best fit}."""
+    out, rows, own = {}, {}, np.sqrt(option(problem, "prediction_noise", 0.0))
+    total = sum(len(p) * len(g.members) for p, g in zip(predictions[-1], space.groups))
+    count = int(np.clip(NUMBERS // max(total * len(predictions), 1), 100, SIMULATED))
+    xi = rng.normal(size=(directions[0].shape[1], count))
+
+    def drawn(k):
+        return np.stack([problem.noise_draw(k, rng) for _ in range(count)], axis=1)
+
+    for g, group in enumerate(space.groups):
+        common = directions[g] @ xi + (own * drawn(group.members[0]) if own else 0.0)
+        for k in group.members:
+            noise = drawn(k) + common
+            for o in problem.segments[k].observables:
+                key = _key(by, problem.segments[k], o)
+                e = [noise[o.rows] + (predictions[-1][g] - p[g])[o.rows, None] for p in predictions]
+                out[key] = out.get(key, 0.0) + np.stack([(x**2).sum(axis=0) for x in e], axis=1)
+                rows[key] = rows.get(key, 0) + len(noise[o.rows])
+    return {key: v / rows[key] for key, v in out.items()}
+
+
+def scaled(sets):
+    """(factor, dof) of the scaled chi2 with the mean and variance of simulated mean squares (Satterthwaite)."""
+    dof = 2 * sets.mean() ** 2 / sets.var()
+    return sets.mean() / dof, dof
+
+
+def p_above(square, sets):
+    """Chance of a mean square as large, if the expected one were FLOOR_FACTOR^2 times that of the simulated sets."""
+    factor, dof = scaled(sets)
+    return float(chi2_law.sf(square / FLOOR_FACTOR**2 / factor, dof))
+
+
+def chi2_sets(space, root, rng):
+    """chi2 / rows of simulated held-out sets: the problem's noise, Gaussian or not, and J C J' = root root'."""
+    problem, parts = space.problem, []
+    own = np.sqrt(option(problem, "prediction_noise", 0.0))
+
+    def drawn(k):
+        return np.stack([problem.noise_draw(k, rng) for _ in range(CHI2_SETS)], axis=1)
+
+    for g, w in zip(space.groups, space.weights):
+        mean = np.mean([drawn(k) for k in g.members], axis=0) + (own * drawn(g.members[0]) if own else 0.0)
+        parts.append(w * space.whitened(g.members[0], mean) / space.gain)
+    z = np.concatenate(parts) + root @ rng.normal(size=(root.shape[1], CHI2_SETS))
+    return (z**2).mean(axis=0)
+
+
+def above_floor(rows):
+    """Names of the rows whose error cannot be FLOOR_FACTOR times the expected one, all looked at together."""
+    known = {k: r["p_floor"] for k, r in rows.items() if r["p_floor"] is not None}
+    return [k for k, p in known.items() if 1 - (1 - p) ** len(known) < ABOVE]
+
+
+def _quantiles(draws):
+    lo, hi = np.quantile(draws, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
+    return [float(lo), float(hi)]
+
+
+def _intervals(rms, draws, sets):
+    """(95 % interval of each model's rms, of the fall from the first to the last)."""
+    if sets is None:
+        return [_quantiles(d) for d in draws.T], _quantiles(draws[:, 0] - draws[:, -1])
+    made = np.sqrt(sets)
+    middle = np.median(made, axis=0)
+    fall = made[:, 0] - made[:, -1]
+    return [_quantiles(x) for x in (rms * middle / made).T], _quantiles(rms[0] - rms[-1] + np.median(fall) - fall)
+
+
+def judge(problem, space, predictor, fits, by="observable", seed=0, declared=True):
+    """`HeldOut` of {label: Fit}, in the order before .. after; `space` is that of the validate groups.
+
+    declared  False if the repeats have rejected the declared noise: nothing is simulated from it then
+    The problem's `heldout_view`, if it has one, gives the same segments in finer features: errors are told in those.
+    """
+    labels, models = list(fits), list(fits.values())
+    first, last = models[0], models[-1]
+    points = [(f.point.theta, f.model.effects(f.point)) for f in fits.values()]
+    predictions = predictor(points, space.which)
+    for found in predictions:
+        if isinstance(found, Failed):
+            return HeldOut({}, {}, float("nan"), failed=f"held-out groups: {found.reason}")
+    view = option(problem, "heldout_view")
+    ask = predictor if view is None else view.predict
+    view, seen = (problem, predictions) if view is None else (view, ask(points, space.which))
+    pieces, floors, units = squares(view, space, seen, by)
+    rng, rows = np.random.default_rng([seed, 2]), {}
+    directions = unknown(space, ask, last) if declared and space.size else None
+    sets = simulated(view, space, seen, directions, by, rng) if directions else {}
+    for key in pieces:
+        rms, draws = bootstrap(pieces[key], rng)
+        floor, made = floors.get(key), sets.get(key)
+        floor = float(np.sqrt(sum(a * n for a, n in floor) / sum(n for _, n in floor))) if floor else None
+        row = {"unit": units[key], "floor": floor, "blocks": len({b for b, _, _ in pieces[key]})}
+        few = made if len(space.groups) < BLOCKS else None
+        intervals, row["gain_ci"] = _intervals(rms, draws, few)
+        for label, value, interval in zip(labels, rms, intervals):
+            row[label], row[label + "_ci"] = float(value), interval
+        row["gain"] = float(rms[0] - rms[-1])
+        row["expected"] = None if made is None else float(np.sqrt(made[:, -1].mean()))
+        row["p_floor"] = None if made is None else p_above(rms[-1] ** 2, made[:, -1])
+        excess = rms[0] ** 2 - (floor or 0.0) ** 2
+        row["excess_removed"] = float((rms[0] ** 2 - rms[-1] ** 2) / excess) if floor and excess > 0 else None
+        rows[key] = row
+    z = [space.residual(p) for p in predictions]
+    chi2 = {label: float(np.mean(v**2)) if space.size else None for label, v in zip(labels, z)}
+    root = _root(space, predictor, last, predictions[-1])
+    odds = 0.0
+    if np.any(z[0] != z[-1]):
+        odds = foretold(space, z[0], z[-1], _root(space, predictor, first, predictions[0]), root)
+    return HeldOut(rows, chi2, _limit(space, root, declared, rng), confirmation(space, z[0], z[-1]), odds)
+
+
+def _root(space, predictor, f, prediction):
+    """A, A A' = J C J': what a fit does not know of the whitened held-out means; None if a step cannot be predicted."""
+    j = Model(space, predictor, f.model.names).jacobian(f.point, prediction)
+    if not np.all(np.isfinite(j)) or not np.all(np.isfinite(f.covariance)):
+        return None
+    # in units of the deviations: coefficients of 1e9 and of 1e-9 stand side by side
+    sd = np.where(f.sd > 0, f.sd, 1.0)
+    values, vectors = np.linalg.eigh(f.covariance / np.outer(sd, sd))
+    return (j * sd) @ vectors * np.sqrt(np.maximum(values, 0.0))
+
+
+def foretold(space, first, last, root_first, root_last):
+    """`HeldOut.log_odds` of the whitened residuals of two models and the roots of what their fits do not know.
+
+    0 if one of the roots is unknown.
+    """
+    if root_first is None or root_last is None:
+        return 0.0
+    change = first - last
+    along, noise = change / np.linalg.norm(change), sigma_along(space, change, last)
+    variance = [noise**2 + np.sum((along @ root) ** 2) for root in (root_first, root_last)]
+    cost = [(along @ z) ** 2 / v + np.log(v) for z, v in zip((first, last), variance)]
+    return float(cost[0] - cost[1]) / 2
+
+
+def _limit(space, root, declared, rng):
+    """99 % of chi2 / rows if the last model is right, with what the fit does not know.
+
+    From simulated sets; if the declared noise has been rejected, from that of a Gaussian of unit variance: mean
+    tr(1 + JCJ'), variance 2 tr((1 + JCJ')^2).
+    """
+    if root is None:
+        return float("inf")
+    if declared:
+        factor, dof = scaled(chi2_sets(space, root, rng))
+        return float(chi2_law.ppf(BAND, dof) * factor)
+    gram, rows = root.T @ root, space.size
+    mean, variance = rows + np.trace(gram), 2 * (rows + 2 * np.trace(gram) + np.trace(gram @ gram))
+    dof = 2 * mean**2 / variance
+    return float(chi2_law.ppf(BAND, dof) * mean / dof / rows)

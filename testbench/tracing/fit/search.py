@@ -1,0 +1,191 @@
+"""From a fit without laws to the sets of laws that explain it: top singles, then bigger sets, forward and backward.
+
+Linear evidence from one Gram matrix orders all sets; a few are refitted, and only refitted sets may win. A set that
+fails to be refitted is listed and never ranked. The search ends when the best set is adequate and no more law pays.
+Source    docs/tracing.md
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from testbench.tracing.fit import evidence
+from testbench.tracing.fit.rank import rank
+from testbench.tracing.fit.refit import refit
+from testbench.tracing.problem.problem import all_laws
+
+REFITS, MOST_TRIES = 4, 8
+WORTH = np.log(20.0)  # log odds from which one more law is tried although the model is adequate
+CREDIBLE = 0.95
+
+
+class Found(NamedTuple):
+    """All sets that were looked at, and the best one."""
+
+    candidates: dict  # names: Candidate
+    failed: dict  # names: reason
+    best: tuple
+    adequate: bool
+    checks: list  # what the adequacy test said, in order
+    pool: tuple
+    dropped: tuple = ()  # the best set, if all data together are not worth naming it
+
+    def fit(self, names):
+        return self.candidates[names].fit
+
+
+class Search:
+    """Evidence of sets of laws on top of a base fit.
+
+    table     `rank.Signatures` of the base fit
+    adequate  function(fit) -> (bool, dict): section 5 run again with the effects added
+    """
+
+    def __init__(self, base, table, reference_scale, adequate, progress=None):
+        self.base, self.table, self.scale, self.adequate = base, table, reference_scale, adequate
+        self.progress = progress
+        self.laws = all_laws(base.model.problem)
+        self.candidates, self.failed, self.checks, self._verdicts, self.priors = {}, {}, [], {}, {}
+        self._keep((), base)
+
+    def _keep(self, names, found):
+        log_z = evidence.log_evidence(found, self.scale)
+        self.candidates[names] = evidence.Candidate(names, log_z, evidence.bic(found), True, found)
+
+    def _linear(self, names, gain, over):
+        if names not in self.failed and not (names in self.candidates and self.candidates[names].refitted):
+            log_z = self.candidates[over].log_z + gain
+            self.candidates[names] = evidence.Candidate(names, log_z, float("nan"), False)
+
+    def _refit(self, names, start=()):
+        """True if the set has been refitted, now or before."""
+        names = tuple(sorted(names))
+        if names in self.failed:
+            return False
+        known = self.candidates.get(names)
+        if known is not None and known.refitted:
+            return True
+        if self.progress:
+            self.progress(f"refitting {' + '.join(names)}", 0, 1)
+        found = refit(self.candidates[start].fit, names, self.table)
+        why = found.failed or _unseen(found)
+        if why:
+            self.failed[names] = why
+            self.candidates.pop(names, None)
+            return False
+        self._keep(names, found)
+        return True
+
+    def _score(self, names):
+        return self.candidates[names].log_z + evidence.log_prior(names, self.priors)
+
+    def _best(self, level=None):
+        """Best refitted set, of `level` laws if that is given; None if there is none."""
+        refitted = [n for n, c in self.candidates.items() if c.refitted and level in (len(n), None)]
+        return max(refitted, key=lambda n: (self._score(n), n), default=None)
+
+    def _is_adequate(self, names):
+        if names not in self._verdicts:
+            ok, why = self.adequate(self.candidates[names].fit)
+            self._verdicts[names] = ok
+            self.checks.append({"laws": list(names), "adequate": ok, **why})
+        return self._verdicts[names]
+
+    def run(self, ranking, catalogue, library, max_laws):
+        """`Found` with laws that are ranked at the base fit; may be called again with a library."""
+        seen = set(ranking.names) - set(ranking.hidden)
+        catalogue, library = (tuple(n for n in names if n in seen) for names in (catalogue, library))
+        pool, self.priors = (*catalogue, *library), evidence.log_priors(catalogue, library)
+        # what was refitted before counts on, seen or not
+        self.priors |= {law: min(self.priors.values()) for names in self.candidates for law in names if law not in pool}
+        singles = evidence.best_sets(ranking, pool, self.base.model.problem, 1, len(pool), self.priors)
+        for gain, names in singles:
+            self._linear(names, gain, ())
+        done = 0
+        for _, names in singles[:MOST_TRIES]:
+            done += self._refit(names)
+            if done == REFITS:
+                break
+        self._settle()
+        for level in range(1, max_laws):
+            best = self._best(level)
+            if best is None or not self._grow(best, ranking, pool):
+                break
+            self._settle()
+            bigger = self._best(level + 1)
+            if bigger is None or self._score(bigger) <= self._score(best):
+                break
+        best = self._best()
+        adequate = bool(best) and self._is_adequate(best)
+        return Found(dict(self.candidates), dict(self.failed), best, adequate, list(self.checks), pool)
+
+    def _grow(self, best, ranking, pool):
+        """Refit sets with one law more than `best`, and their subsets; False if it is adequate and no more law pays."""
+        rest = tuple(n for n in pool if n not in best)
+        if not rest:
+            return False
+        fit = self.candidates[best].fit
+        after = rank(fit, rest, self.table.at(fit, rest))
+        seen = [n for n in after.names if n not in after.hidden]
+        forward = evidence.best_sets(after, seen, fit.model.problem, 1, REFITS, self.priors)
+        worth = bool(forward) and forward[0][0] + evidence.log_prior(forward[0][1], self.priors) > WORTH
+        if self._is_adequate(best) and not worth:
+            return False
+        for gain, (name,) in forward:
+            self._linear(tuple(sorted((*best, name))), gain, best)
+            self._refit((*best, name), best)
+        for gain, names in evidence.best_sets(ranking, pool, fit.model.problem, len(best) + 1, REFITS, self.priors):
+            self._linear(tuple(sorted(names)), gain, ())
+            self._refit(names)
+        for names in [n for n, c in self.candidates.items() if c.refitted and len(n) == len(best) + 1]:
+            if self._score(names) >= self._score(best):
+                for dropped in names if len(names) > 1 else ():
+                    self._refit(tuple(n for n in names if n != dropped))
+        return True
+
+    def propose(self, sets, pool, max_laws):
+        """Refit sets that discovery has found, besides those that linear evidence finds."""
+        for names in sets:
+            if len(names) <= max_laws and set(names) <= set(pool):
+                self._refit(names)
+
+    def _settle(self, most=12):
+        """Refit what the credible set holds by linear evidence only."""
+        for _ in range(most):
+            names, p = self.posterior()
+            loose = [n for n, x in zip(names, p) if not self.candidates[n].refitted and x > (1 - CREDIBLE) / 10]
+            if not loose:
+                break
+            start = max((n for n, c in self.candidates.items() if c.refitted and set(n) <= set(loose[0])), key=len)
+            self._refit(loose[0], start)
+
+    def posterior(self):
+        """(sets, probabilities), most probable first."""
+        every = list(self.candidates.values())
+        p = evidence.posterior(every, self.priors)
+        order = np.argsort(-p, kind="stable")
+        return [every[i].names for i in order], [float(p[i]) for i in order]
+
+
+def _unseen(fit):
+    """Why a set is none whose laws' coefficients are known: ""."""
+    n = len(fit.point.theta)
+    names = evidence.blind(fit.covariance[n:, n:], fit.model.laws)
+    return f"data do not see the plausible size of {', '.join(names)}" if names else ""
+
+
+def inclusion(names, p):
+    """{law: probability that it is part of the explanation}."""
+    laws = sorted({law for n in names for law in n})
+    return {law: float(sum(x for n, x in zip(names, p) if law in n)) for law in laws}
+
+
+def credible(names, p, level=CREDIBLE):
+    """Smallest set of models that holds `level` of the probability."""
+    total, out = 0.0, []
+    for n, x in zip(names, p):
+        out.append((n, x))
+        total += x
+        if total >= level:
+            break
+    return out

@@ -1,0 +1,173 @@
+"""Does something repeat that the model lacks? Alarms that do not believe the declared noise, beside one that does.
+
+    rotation    needs no noise model: sqrt(R) (mean - mu) and the contrasts of R repeats have one law, so have all their
+                rotations within a group (two repeats: swaps). p = rank of the observed statistics among rotated data
+    refined     noise refined by the contrasts (noise.py), its uncertainty in the null draws: t instead of Gauss
+    declared    null draws from the problem's noise, whitened and projected
+    deterministic misfit  Cauchy's combination of rotation and refined; without repeats `declared` is all there is
+
+The fit has taken Q Q' z out of the mean: for the rotations it is replaced by Q Q' of a random contrast, so that the
+mean is as long as the contrasts are.
+Source    Langsrud, Statistics and Computing 15 (2005); Liu & Xie, J. Am. Stat. Assoc. 115 (2020); docs/tracing.md
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from testbench.tracing.fit.rank import Projection, prior_z, rank
+from testbench.tracing.noise.looks import Looks, ranks
+from testbench.tracing.problem.checkpoint import digest
+from testbench.tracing.problem.problem import all_laws
+
+BATCH = 4_000_000  # numbers in memory per batch of draws
+
+
+class Test(NamedTuple):
+    """One alarm: p of every statistic, and the global one."""
+
+    p: dict
+    p_global: float
+    draws: int
+    values: dict
+
+
+class Alarms(NamedTuple):
+    """All alarms at a fit."""
+
+    rotation: Test | None
+    refined: Test | None
+    declared: Test
+    p_deterministic: float
+    model_based: bool  # True: no repeats
+    reference: np.ndarray  # null statistics of the refined (or declared) test, for power
+    looks: Looks
+
+
+def batches(draws, rows):
+    """Sizes of batches of draws."""
+    size = max(1, min(draws, BATCH // max(rows, 1)))
+    return [min(size, draws - start) for start in range(0, draws, size)]
+
+
+def cauchy(p, draws):
+    """One p of several dependent ones: the mean of tan((1/2 - p) pi) has Cauchy's tail however they depend."""
+    p = np.clip(p, 1e-15, draws / (draws + 1))
+    return float(np.clip(0.5 - np.arctan(np.mean(np.tan((0.5 - p) * np.pi))) / np.pi, 0.0, 1.0))
+
+
+def _test(looks, observed, null):
+    p, p_global = ranks(observed, null)
+    named = {name: float(v) for name, v in zip(looks.names, p)}
+    return Test(named, p_global, null.shape[1], {n: float(v) for n, v in zip(looks.names, observed)})
+
+
+def declared_draws(space, count, rng):
+    """(rows, count) draws of the problem's noise, whitened: the law of a mean's residual if that noise is true."""
+    parts = []
+    for g in space.groups:
+        k = g.members[0]
+        drawn = np.stack([space.problem.noise_draw(k, rng) for _ in range(count)], axis=1)
+        parts.append(space.whitened(k, drawn) / space.gain)
+    return space.refine(np.concatenate(parts))
+
+
+def null_statistics(looks, projection, draw, draws, rng):
+    """(statistics, draws) of noise pushed through the projection of the fit, priors drawn too."""
+    found = []
+    for count in batches(draws, projection.rows):
+        prior = rng.normal(size=(projection.priors, count))
+        found.append(looks.evaluate(projection(draw(count), prior)))
+    return np.concatenate(found, axis=1)
+
+
+def rotation_test(space, rankings, fit, draws, rng):
+    """`Test` by rotations within groups that have repeats; None if there are none, or two rotations only."""
+    groups = {g for g, c in enumerate(space.contrasts) if len(c)}
+    if not groups:
+        return None
+    mask = np.zeros(space.size, bool)
+    for g in groups:
+        mask[space.groups[g].rows] = True
+    inside = Projection(np.where(mask[:, None], space.declared(fit.jacobian), 0.0), fit.model.prior_columns())
+    z = np.where(mask, space.declared(fit.z), 0.0)
+    laws = all_laws(space.problem)
+    own = {
+        label: rank(fit, r.names, np.where(mask[:, None], space.declared(r.signatures), 0.0), inside, z)
+        for label, r in rankings.items()
+    }
+    looks = Looks(space, own, laws, groups)
+    left = inside.full(z[:, None], prior_z(fit)[:, None])[:, 0]
+    observed = looks.evaluate(left[: space.size, None])[:, 0]
+    found = []
+    for count in batches(draws, space.size):
+        copy, mixed = np.zeros((space.size, count)), np.zeros((space.size, count))
+        turns = {}
+        for g in groups:
+            contrasts, span = space.contrasts[g], space.groups[g].rows
+            a = rng.normal(size=(len(contrasts), count))
+            copy[span] = contrasts.T @ (a / np.linalg.norm(a, axis=0))
+            turn = rng.normal(size=(len(contrasts) + 1, count))
+            turns[g] = turn / np.linalg.norm(turn, axis=0)
+        prior = rng.normal(size=(inside.priors, count))
+        whole = np.concatenate([copy, prior])
+        mean = left[: space.size, None] + (whole - inside.full(copy, prior))[: space.size]
+        for g in groups:
+            span, turn = space.groups[g].rows, turns[g]
+            mixed[span] = turn[0] * mean[span] + space.contrasts[g].T @ turn[1:]
+        found.append(looks.evaluate(inside(mixed, rng.normal(size=(inside.priors, count)))))
+    return _test(looks, observed, np.concatenate(found, axis=1))
+
+
+def refined_view(fit, rankings, noise):
+    """(projection, z, `Looks`, rankings) of a fit in units of the refined noise."""
+    again = noise.whitener(fit.model.space)
+    z, projection = again(fit.z), Projection(again(fit.jacobian), fit.model.prior_columns())
+    own = {label: rank(fit, r.names, again(r.signatures), projection, z) for label, r in rankings.items()}
+    return projection, z, Looks(fit.model.space, own, all_laws(fit.model.problem)), own
+
+
+def alarms(fit, rankings, noise, draws, seed):
+    """`Alarms` at a fit. rankings: {"catalogue": Ranking, "library": Ranking}, at that fit; noise: `noise.Noise`."""
+    space, laws = fit.model.space, all_laws(fit.model.problem)
+    rng = np.random.default_rng([seed, 3])
+    projection = Projection(fit.jacobian, fit.model.prior_columns())
+    looks = Looks(space, rankings, laws)
+    prior = prior_z(fit)[:, None]
+    observed = looks.evaluate(projection(fit.z[:, None], prior))[:, 0]
+
+    null = null_statistics(looks, projection, lambda count: declared_draws(space, count, rng), draws, rng)
+    declared = _test(looks, observed, null)
+    if not noise.octaves:
+        return Alarms(None, None, declared, declared.p_global, True, null, looks)
+    rotation = rotation_test(space, rankings, fit, draws, rng)
+    inner, z, refined_looks, _ = refined_view(fit, rankings, noise)
+    observed = refined_looks.evaluate(inner(z[:, None], prior))[:, 0]
+    reference = null_statistics(refined_looks, inner, lambda count: noise.draws(space, count, rng), draws, rng)
+    refined = _test(refined_looks, observed, reference)
+    p = cauchy([refined.p_global, rotation.p_global], draws)
+    return Alarms(rotation, refined, declared, p, False, reference, refined_looks)
+
+
+def remembered(store, fit, rankings, noise, draws, seed):
+    """`alarms`, from the store if they have been computed from the same numbers."""
+    laws, space, fresh = all_laws(fit.model.problem), fit.model.space, []
+
+    def compute():
+        fresh.append(alarms(fit, rankings, noise, draws, seed))
+        a = fresh[0]
+        return {
+            "tests": [None if t is None else t._asdict() for t in (a.rotation, a.refined, a.declared)],
+            "p": a.p_deterministic,
+            "reference": a.reference.tolist(),
+        }
+
+    arrays = [part for r in rankings.values() for part in (r.signatures, r.length)]
+    octaves = [list(o) for o in noise.octaves]
+    key = digest("alarms", draws, seed, octaves, fit.z, fit.jacobian, prior_z(fit), *arrays, fit.model.problem.hashes)
+    known = store.stage(key, compute)
+    if fresh:
+        return fresh[0]
+    rotation, refined, declared = (None if t is None else Test(**t) for t in known["tests"])
+    looks = Looks(space, rankings, laws) if refined is None else refined_view(fit, rankings, noise)[2]
+    return Alarms(rotation, refined, declared, known["p"], refined is None, np.array(known["reference"]), looks)

@@ -1,0 +1,145 @@
+"""The statistics that are looked at, on projected whitened residuals; all draws at once.
+
+    chi2                total                           catalogue, library  largest |t| (one-sided for laws with a sign)
+    group, observable   largest (chi2 - n) / sqrt(2n)   whiteness           lag products 1 .. 4 of e and of e^2 - 1
+    condition           score against a condition       cusum               largest Brownian bridge of any block
+    line                largest periodogram ordinate
+Each becomes a p by its rank among null draws, with an exponential tail where ranks end; the smallest p of all becomes
+one by its own rank: that is the look-elsewhere correction.
+Source    Westfall & Young, Resampling-Based Multiple Testing (1993); Ljung (1999), ch. 16; docs/tracing.md
+"""
+
+import numpy as np
+
+from testbench.tracing.noise.noise import bridge
+from testbench.tracing.noise.stacks import stacks
+
+LAGS = 4
+SHORT, LINES = 8, 16  # rows that a CUSUM and a periodogram need
+
+
+class Looks:
+    """Statistics of a space (or some of its groups), with the signatures of laws at hand."""
+
+    def __init__(self, space, rankings, laws, groups=None):
+        """rankings: {"catalogue": Ranking, "library": Ranking}; laws: {name: Law}."""
+        self.space, self.parts = space, stacks(space, groups)
+        self.chosen = [g for g in range(len(space.groups)) if groups is None or g in groups]
+        self.scores = {}
+        for label, ranking in rankings.items():
+            kept = ranking.length > 0
+            if kept.any():
+                sign = np.array([laws[name].sign for name in ranking.names])[kept]
+                self.scores[label] = ((ranking.signatures[:, kept] / ranking.length[kept]).T, sign)
+        self.observables = sorted({b.observable for b in space.blocks})
+        self.members = [
+            np.concatenate([np.arange(b.rows.start, b.rows.stop) for b in found])
+            for o in self.observables
+            if (found := [b for b in space.blocks if b.observable == o and b.group in set(self.chosen)])
+        ]
+        self.drivers = self._drivers()
+        self.names = ["chi2", *self.scores, "group", "observable"]
+        lengths = [stack.rows.shape[1] for stack in self.parts]
+        self.names += ["whiteness"] if max(lengths, default=0) > LAGS else []
+        self.names += ["condition"] if len(self.drivers) else []
+        self.names += ["cusum"] if max(lengths, default=0) >= SHORT else []
+        self.names += ["line"] if max(lengths, default=0) >= LINES else []
+
+    def _drivers(self):
+        """Unit vectors over the chosen groups: each numeric condition and its magnitude, less their means."""
+        names = sorted({name for g in self.chosen for name in self.space.groups[g].condition})
+        out = []
+        for name in names:
+            values = [self.space.groups[g].condition.get(name) for g in self.chosen]
+            if all(isinstance(v, (int, float)) for v in values):
+                for x in (np.array(values, float), np.abs(np.array(values, float))):
+                    x = x - x.mean()
+                    size = np.linalg.norm(x)
+                    if size > 1e-9 * (1 + np.abs(x).max(initial=0.0)):
+                        out.append(x / size)
+        return np.array(out)
+
+    def evaluate(self, e):
+        """(statistics, draws) of projected residuals (rows, draws)."""
+        square = e * e
+        out = [square.sum(axis=0)]
+        for u, sign in self.scores.values():
+            t = u @ e
+            out.append(np.where((sign == 0)[:, None], np.abs(t), sign[:, None] * t).max(axis=0))
+        spans = [self.space.groups[g].rows for g in self.chosen]
+        out.append(_worst([(square[s].sum(axis=0), s.stop - s.start) for s in spans]))
+        out.append(_worst([(square[m].sum(axis=0), len(m)) for m in self.members]))
+        if "whiteness" in self.names:
+            out.append(self._whiteness(e, square))
+        if "condition" in self.names:
+            out.append(self._condition(e))
+        for name, least, measure in (("cusum", SHORT, _cusum), ("line", LINES, _line)):
+            if name in self.names:
+                found = [measure(e[stack.rows]) for stack in self.parts if stack.rows.shape[1] >= least]
+                out.append(np.max(found, axis=0))
+        return np.array(out)
+
+    def _whiteness(self, e, square):
+        best = np.zeros(e.shape[1])
+        for v in (e, square - 1.0):
+            for name in self.observables:
+                for lag in range(1, LAGS + 1):
+                    total, count = np.zeros(e.shape[1]), 0
+                    for stack in self.parts:
+                        rows = stack.rows[[o == name for o in stack.observables]]
+                        if rows.size and rows.shape[1] > lag:
+                            w = v[rows]
+                            total += np.einsum("bnc,bnc->c", w[:, lag:], w[:, :-lag])
+                            count += rows.shape[0] * (rows.shape[1] - lag)
+                    if count:
+                        best = np.maximum(best, np.abs(total) / np.sqrt(count) / (1.0 if v is e else 2.0))
+        return best
+
+    def _condition(self, e):
+        at = {g: i for i, g in enumerate(self.chosen)}
+        best = np.zeros(e.shape[1])
+        for name in self.observables:
+            means = np.zeros((len(self.chosen), e.shape[1]))
+            for block in self.space.blocks:
+                if block.observable == name and block.group in at:
+                    means[at[block.group]] = e[block.rows].sum(axis=0) / np.sqrt(block.rows.stop - block.rows.start)
+            best = np.maximum(best, np.abs(self.drivers @ means).max(axis=0))
+        return best
+
+
+def _worst(pairs):
+    return np.max([(s - n) / np.sqrt(2.0 * n) for s, n in pairs], axis=0)
+
+
+def _cusum(v):
+    return bridge(v, 1)[0].max(axis=0)
+
+
+def _line(v):
+    return (np.abs(np.fft.rfft(v, axis=1)[:, 1:]) ** 2 / v.shape[1]).max(axis=(0, 1))
+
+
+def tail_p(values, null):
+    """p of `values` by rank among `null`; above its 95 % point an exponential through the 80 and 95 % points.
+
+    The tail only breaks the ties of ranks: without it all statistics beyond the last draw would look the same.
+    """
+    ordered = np.sort(null)
+    p = (len(ordered) - np.searchsorted(ordered, values, side="left")) / len(ordered)
+    low, high = np.quantile(ordered, [0.8, 0.95])
+    if high > low:
+        rate = np.log(0.2 / 0.05) / (high - low)
+        p = np.where(
+            values > high, 0.05 * np.exp(-rate * np.clip(values - high, 0.0, 600.0 / rate)), np.maximum(p, 0.05)
+        )
+    return np.maximum(p, 1e-300)
+
+
+def ranks(observed, null):
+    """(p of each statistic, global p): `observed` (statistics,), `null` (statistics, draws) under the same law."""
+    whole = np.concatenate([observed[:, None], null], axis=1)
+    p = np.empty(whole.shape)
+    for i, row in enumerate(whole):
+        p[i] = tail_p(row, row)
+    smallest = p.min(axis=0)
+    return p[:, 0], float(np.mean(smallest <= smallest[0]))

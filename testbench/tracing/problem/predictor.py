@@ -1,0 +1,79 @@
+"""Batches of predictions: asked for once, checked, kept; one bad point does not spoil the others of its batch."""
+
+from collections import OrderedDict
+from typing import NamedTuple
+
+import numpy as np
+
+from testbench.errors import ConfigError
+from testbench.tracing.problem.checkpoint import Store, digest
+from testbench.tracing.problem.problem import PredictionFailed
+
+KEPT = 256  # points in memory
+
+
+class Failed(NamedTuple):
+    """In place of a prediction."""
+
+    reason: str
+
+
+class Predictor:
+    """predict(points, which) of a problem with memory; `asked` counts points, found in the store or not."""
+
+    def __init__(self, problem, store=None, progress=None):
+        self.problem, self.store, self.progress = problem, store or Store(), progress
+        self.asked, self.text = 0, "predicting"
+        self._kept = OrderedDict()
+        self._identity = digest(problem.name, problem.hashes)
+
+    def _key(self, theta, effects, which):
+        present = sorted((name, float(c).hex()) for name, c in effects.items() if c != 0.0)
+        return digest(self._identity, [float(t).hex() for t in theta], present, list(which))
+
+    def __call__(self, points, which):
+        """List, per point, of arrays per segment of `which`, or of `Failed`."""
+        which = tuple(int(k) for k in which)
+        points = [(np.asarray(t, float), {n: float(c) for n, c in e.items() if c != 0.0}) for t, e in points]
+        keys = [self._key(theta, effects, which) for theta, effects in points]
+        self.asked += len(keys)
+        for key in keys:
+            if key not in self._kept:
+                known = self.store.load_arrays(key)
+                if known is not None:
+                    self._keep(key, Failed(known) if isinstance(known, str) else known)
+        held = {key: self._kept[key] for key in keys if key in self._kept}
+        missing = {key: point for key, point in zip(keys, points) if key not in held}
+        if missing:
+            if self.progress:
+                self.progress(self.text, 0, len(missing))
+            for key, result in zip(missing, self._compute(list(missing.values()), which)):
+                self.store.save_arrays(key, result.reason if isinstance(result, Failed) else result)
+                self._keep(key, result)
+                held[key] = result
+        return [held[key] for key in keys]
+
+    def _keep(self, key, result):
+        self._kept[key] = result
+        while len(self._kept) > KEPT:
+            self._kept.popitem(last=False)
+
+    def _compute(self, points, which):
+        try:
+            found = self.problem.predict(points, list(which))
+        except PredictionFailed as problem:
+            if len(points) == 1:
+                return [Failed(str(problem) or "prediction failed")]
+            return [self._compute([point], which)[0] for point in points]
+        return [self._checked(arrays, which) for arrays in found]
+
+    def _checked(self, arrays, which):
+        arrays = [np.asarray(a, float) for a in arrays]
+        for a, k in zip(arrays, which, strict=True):
+            wanted = np.shape(self.problem.measured(k))
+            if a.shape != wanted:
+                name = self.problem.segments[k].name
+                raise ConfigError(f"segment {name}: predicted {a.shape} features, measured {wanted}")
+            if not np.all(np.isfinite(a)):
+                return Failed("not finite")
+        return arrays

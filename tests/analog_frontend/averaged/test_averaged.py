@@ -1,0 +1,264 @@
+"""The averaged plant's parts: short formulas to what they claim, the same noise samples, modes continuous at jumps."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from analog_frontend import top as plant
+from analog_frontend.averaged import averaged, averaged_codes, averaged_modes, averaged_noise, averaged_sid
+from analog_frontend.averaged.averaged_modes import M_SIZE, NOW_SIZE, NOW_TEMP, A, F
+from analog_frontend.parts import adc, noise
+from fpga_model import dds, references
+from fpga_model.jit import hot
+from fpga_model.rates import FRAME_CYCLES, TICK_CYCLES
+from testbench import config
+from testbench.engines import baseband_setup
+from testbench.paper.calibration import boards
+from testbench.run import build
+from tests.testbench.bench_setup import configured
+
+LO_DEGC, HI_DEGC = 25.0, 26.0
+
+
+@pytest.fixture(scope="module")
+def params():
+    return build.params(configured(), LO_DEGC, HI_DEGC)
+
+
+@pytest.fixture(scope="module")
+def setup(params):
+    return baseband_setup.setup(params)
+
+
+# ---- formulas --------------------------------------------------------------------------------------------------------
+
+
+def test_unit_is_cosine_and_sine():
+    for k in range(257):
+        phase = (k * (1 << 48)) // 257
+        cos, sin = averaged_modes.unit(phase)
+        angle = 2 * math.pi * phase / 2**48
+        assert abs(cos - math.cos(angle)) < 7e-12
+        assert abs(sin - math.sin(angle)) < 7e-12
+
+
+@pytest.mark.parametrize(("x", "bound"), [(0.12, 1e-15), (-0.12, 1e-15), (0.5, 3e-10)])
+def test_small_turns(x, bound):
+    cos, sin = averaged_modes.small_turn(x)
+    assert abs(cos - math.cos(x)) < bound
+    assert abs(sin - math.sin(x)) < bound
+
+
+@pytest.mark.parametrize(("u", "bound"), [(0.0, 1e-16), (0.03, 5e-15), (0.2, 3e-9)])
+def test_decay(u, bound):
+    assert abs(averaged_sid.decay(u) - math.exp(-u)) < bound
+
+
+@hot
+def rounded(volts, lsb_v):
+    return averaged_codes.rounded(volts, lsb_v)
+
+
+@pytest.mark.parametrize(("codes", "bound"), [(0.3, 0.0), (0.8, 1e-4), (3.51, 1e-4), (8.2, 2e-3), (30.7, 1e-4)])
+def test_the_fundamental_of_rounded_codes(codes, bound):
+    """Against a sine that is rounded at two million phases, ties toward plus infinity as the modulator has them."""
+    lsb_v = 3e-4
+    sine = np.sin(2 * np.pi * (np.arange(2_000_000) + 0.5) / 2_000_000)
+    wanted = 2 * np.mean(np.floor(codes * sine + 0.5) * sine)
+    assert abs(rounded(codes * lsb_v, lsb_v) / lsb_v - wanted) <= bound
+
+
+@given(st.floats(30.0, 32767.0))
+def test_the_fundamental_of_rounded_codes_from_thirty_on(codes):
+    """Against the sum over all codes, from which the short form comes."""
+    k = np.arange(0.5, codes)
+    wanted = 4 / math.pi * np.sqrt(1 - (k / codes) ** 2).sum()
+    assert abs(rounded(codes, 1.0) - wanted) < 1e-4
+    assert rounded(codes, 0.0) == codes
+
+
+# ---- noise -----------------------------------------------------------------------------------------------------------
+
+
+@hot
+def _convert(p, room, own, first, frames):
+    averaged_noise.convert(p, room, own, first, frames)
+
+
+@hot
+def _draw(on, table, room, tick, frames):
+    averaged_noise.draw(on, table, room, tick, frames)
+
+
+@hot
+def _one_by_one(p, state, number, frames, out):
+    for c in range(adc.CHANNELS):
+        for n in range(frames):
+            pink = noise.flicker_step(p.flicker[c], state[c, adc.FRAMES :], number + n) if c < 4 else 0.0
+            out[c, n] = noise.white_fine(p.white[c], number + n) + pink
+
+
+@pytest.mark.parametrize("silent", ["", "white", "flicker"])
+def test_the_converter_has_the_samples_and_flicker_states_of_the_other_engines(params, silent):
+    p, batch = params.plant.adc, averaged_noise.BATCH
+    if silent:
+        sources = getattr(p, silent)
+        p = p._replace(**{silent: (sources[0], sources[1]._replace(on=0), *sources[2:])})
+    rng = np.random.default_rng(1)
+    sums = np.zeros((adc.CHANNELS, adc.FRAMES + noise.POLES))
+    sums[:, adc.FRAMES :] = rng.normal(size=(adc.CHANNELS, noise.POLES))
+    own, room = sums.copy(), averaged_noise.room()
+    for first, frames in ((0, batch), (7 * batch, batch - 3), (3_000_000_000, 2)):
+        want = np.zeros((adc.CHANNELS, frames))
+        _convert(p, room, own, first, frames)
+        _one_by_one(p, sums, first, frames, want)
+        got = room.converter.reshape(adc.CHANNELS, batch)[:, :frames]
+        assert np.array_equal(got, want)
+        assert np.array_equal(own[:4], sums[:4]), "so 1/f noise keeps its past, whichever engine made it"
+        assert np.ptp(want) > 0
+
+
+def test_cv_and_force_samples_are_the_held_ones(params, setup):
+    on, room = params.plant.noise, averaged_noise.room()
+    tick = 125 * 1234
+    _draw(on, setup.force, room, tick, 3)
+    count = 3 * averaged_noise.FRAME_SAMPLES
+    samples = {}
+    for name in ("cv_x", "cv_y", "force_x", "force_y", "drive_dac", "sense_dac"):
+        source = getattr(on, name)
+        samples[name] = np.array([noise.held(source, tick + noise.HOLD * k) for k in range(count)])
+    assert np.array_equal(room.volts[:count], samples["cv_x"])
+    assert np.array_equal(room.volts[averaged_noise.ROW :][:count], samples["cv_y"])
+    begun = np.concatenate([[0.0], np.cumsum(samples["cv_y"])])
+    assert room.sums[averaged_noise.ROW :][: count + 1] == pytest.approx(begun, abs=1e-12 * np.abs(begun).max())
+    table = setup.force[:, :, : averaged_noise.FRAME_SAMPLES]
+    for n in range(3):
+        part = slice(25 * n, 25 * n + 25)
+        x = table[0] @ samples["force_x"][part] + table[2] @ samples["drive_dac"][part]
+        y = table[1] @ samples["force_y"][part] + table[3] @ samples["sense_dac"][part]
+        assert room.growth[4 * n : 4 * n + 4] == pytest.approx(np.concatenate([x, y]), rel=1e-9)
+
+
+# ---- edges -----------------------------------------------------------------------------------------------------------
+
+WORD, TURN_CLOCK, TURN = dds.word_of_hz(11_001.1001), 461, 1 << dds.WIDTH
+
+
+@hot
+def _demodulate(p, q, phase, old, turn_clock, turn_phase, new, offsets, base, cubic, poles, volts, sums):
+    averaged_sid.demodulate(
+        p, q, phase, old, turn_clock, turn_phase, new, offsets, base, cubic, poles, volts, sums, 100, 0.0
+    )
+
+
+def _pins(p, phase, words, offsets):
+    """The four pins of the firmware at every clock of len(words) - 1 frames; a word changes at TURN_CLOCK."""
+    d, r, out = dds.State(phase=phase), references.State(), []
+    for old, new in itertools.pairwise(words):
+        for clock in range(FRAME_CYCLES):
+            out.append(references.pins(p, r))
+            r = references.step(p, r, d.drive_ref, d.sense_ref, int(clock % TICK_CYCLES == 0))
+            d = dds.step(d, old if clock < TURN_CLOCK else new, 0, 0, *offsets)
+    return np.array(out)[:, None] >> np.arange(4) & 1
+
+
+def _cases():
+    rng = np.random.default_rng(1)
+    for _ in range(6):
+        words = [int(w) for w in WORD + rng.integers(-WORD // 100, WORD // 100, 5)]
+        yield int(rng.integers(TURN)), words, tuple(int(v) for v in rng.integers(TURN, size=2))
+    # a crossing at a clock, an LSB before and after it, with which an edge comes a tick later
+    for clock in (26 * 70 - 3, 26 * 70 - 2, 26 * 70 - 1):
+        for past in (-1, 0, 1):
+            yield (TURN // 2 - (FRAME_CYCLES + clock) * WORD + past) % TURN, [WORD] * 5, (0, TURN // 8)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("retimed", [True, False], ids=["retimed", "any clock"])
+def test_edges_are_those_of_the_firmware_clock_by_clock(setup, retimed):
+    """Where the words agree the edges agree: no reference slips a tick in one engine and not in another."""
+    align = setup.sid.delay - 2
+    p = references.design(align, retimed)
+    sid = setup.sid._replace(retimed=int(retimed))
+    for phase, words, offsets in _cases():
+        pins = _pins(p, phase, words, offsets)
+        q = np.zeros(4 * averaged_sid.Q_ROWS)
+        q[4 * averaged_sid.WAITING :][:4] = -1.0
+        q[4 * averaged_sid.SIGN :][:4] = 1.0
+        for n, (old, new) in enumerate(itertools.pairwise(words)):
+            turned = (phase + TURN_CLOCK * old) % TURN
+            room = np.zeros(8), np.zeros(16), (0.0,) * 6, np.zeros(200), np.zeros(200)
+            _demodulate(sid, q, phase, old, TURN_CLOCK, turned, new, offsets, *room)
+            phase = (turned + (FRAME_CYCLES - TURN_CLOCK) * new) % TURN
+            for d in range(4 if n else 0):  # what waits for the first frame is not known
+                # row n is what clock n finds, so what differs in row n + 1 has changed at clock n
+                edges = np.flatnonzero(np.diff(pins[:, d])) - n * FRAME_CYCLES + sid.switch
+                acted = edges[edges < FRAME_CYCLES][-2:] - FRAME_CYCLES
+                found = [q[4 * row + d] for row in (averaged_sid.BEGAN, averaged_sid.CLOSED_AT)]
+                assert found == pytest.approx(acted, abs=1e-6), (words, offsets, n, d)
+
+
+# ---- basis -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("board", [None, 2, 5, 16])
+def test_columns_of_the_basis_are_eigenvectors_of_the_tick_of_every_board(board):
+    """To rounding: iterations in doubles left 1e-4 of board 2's sense mode, 1e-8 of the drive modes of 5 and 16."""
+    checked = config.Config() if board is None else boards.draw(config.Config(), 1, board)
+    g = build.params(checked, LO_DEGC, LO_DEGC).plant.tables.g_jet[0][0]
+    m = [[float(g[k][i]) for k in averaged.MODE] for i in averaged.MODE]
+    values, basis = averaged._eigen(m)
+    for j, value in enumerate(values):
+        column = [row[j] for row in basis]
+        assert column[2 * j] == 1.0
+        for i in range(4):
+            assert abs(sum(m[i][k] * column[k] for k in range(4)) - value * column[i]) < 1e-15
+
+
+# ---- modes -----------------------------------------------------------------------------------------------------------
+
+
+@hot
+def _there_and_back(u, p, now, m, cos, sin, z, out):
+    averaged_modes.fixed(u.knots, p.temp_lo_degc, p.temp_step_k, now, 0.5, 1e-4, 25.3)
+    averaged_modes.projected(now, m, cos, sin, z[0], z[1], z[2], z[3])
+    averaged_modes.motion(now, m, cos, sin, out, 0)
+
+
+@hot
+def _jumped(u, p, now, m, cos, sin, rate, volts_squared, temp, z, out):
+    averaged_modes.motion(now, m, cos, sin, z, plant.X)
+    averaged_modes.retune(
+        u.knots, p.temp_lo_degc, p.temp_step_k, now, m, rate, volts_squared, temp, cos, sin, z, plant.X
+    )
+    averaged_modes.motion(now, m, cos, sin, out, 0)
+
+
+@pytest.fixture
+def moving(params, setup):
+    now, m, out = np.full(NOW_SIZE, np.inf), np.zeros(M_SIZE), np.zeros(4)
+    z = np.array([3e-6, -4e-6, 2e-9, 1e-9])
+    m[F : F + 4] = 0.1, 0.02, 0.03, -0.01
+    cos, sin = math.cos(1.1), math.sin(1.1)
+    _there_and_back(setup, params.plant, now, m, cos, sin, z, out)
+    assert out == pytest.approx(z, rel=1e-11)
+    return now, m, cos, sin
+
+
+@pytest.mark.parametrize(
+    ("rate", "volts_squared", "temp", "bound"),
+    [(3.0, 20.0, 25.3, 1e-8), (0.5, 18.0, 25.3, 1e-8), (0.5, 20.0, 25.3 + 3e-4, 1e-11), (1.0, 19.0, 25.31, 1e-9)],
+    ids=["rate", "V_q", "temperature of a frame", "all"],
+)
+def test_the_modes_go_on_where_their_tables_jump(params, setup, moving, rate, volts_squared, temp, bound):
+    now, m, cos, sin = moving
+    z, out = np.zeros(16), np.zeros(4)
+    before = m[A : A + 4].copy()
+    _jumped(setup, params.plant, now, m, cos, sin, rate, volts_squared, temp, z, out)
+    assert now[NOW_TEMP] == temp
+    assert np.abs(out - z[plant.X : plant.X + 4]).max() < bound * 5e-6
+    assert not np.array_equal(m[A : A + 4], before), "the slow amplitudes have taken the jump"

@@ -1,0 +1,481 @@
+"""Documents: generated parts are current, links lead somewhere, examples run, and every number is that of the code."""
+
+import math
+import re
+import shutil
+from pathlib import Path
+
+import numba
+import numpy as np
+import pytest
+
+from analog_frontend import top as plant
+from analog_frontend.parts import adc, device, sid
+from fpga_model import control, dds, lock_monitor, rates, references, registers, sequencer, sine, spi_adc, spi_dac
+from fpga_model import top as fpga
+from fpga_model.jit import kernel
+from testbench import config, flatten
+from testbench.commands import docs
+from testbench.config import Config
+from testbench.engines import engine
+from testbench.run import budget, build, simulate, summary, tables
+
+ROOT = Path(__file__).resolve().parents[3]
+PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
+needs_compiler = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="closed loop: too slow interpreted")
+
+
+def page(name):
+    """Text of a page with its line breaks as blanks, so that a number may be followed over a line."""
+    return " ".join((ROOT / name).read_text().split())
+
+
+def short(value):
+    """1.2e-7, as the pages write it."""
+    return re.sub(r"e([-+])0", r"e\1", f"{value:.1e}")
+
+
+def says(name, *texts):
+    text = page(name)
+    for wanted in texts:
+        assert wanted in text, f"{name} should say: {wanted}"
+
+
+# ---- generated parts -------------------------------------------------------------------------------------------------
+
+
+def test_generated_parts_are_current():
+    assert list(docs.stale()) == [], "run: python -m testbench.commands.docs"
+
+
+def test_a_stale_part_is_named_and_mended(tmp_path, monkeypatch, capsys):
+    shutil.copytree(ROOT / "docs", tmp_path / "docs")
+    (tmp_path / "analog_frontend").symlink_to(ROOT / "analog_frontend")
+    monkeypatch.setattr(docs, "ROOT", tmp_path)
+    assert docs.main(["--check"]) == 0
+    spoilt = {
+        "docs/phases.md": ("949.23", "949.24"),
+        "docs/blocks/registers.md": ("0x97C3F3", "0x97C3F4"),
+        "docs/configuration.md": ("`amplitude_um` | `5.0`", "`amplitude_um` | `5.1`"),
+        "docs/README.md": ("- [dds](blocks/dds.md)", "- [dss](blocks/dds.md)"),
+    }
+    for name, (old, new) in spoilt.items():
+        text = (tmp_path / name).read_text()
+        assert old in text
+        (tmp_path / name).write_text(text.replace(old, new))
+    assert docs.main(["--check"]) == 1
+    named = capsys.readouterr().err
+    assert all(f"{name} is stale" in named for name in spoilt)
+    assert docs.main([]) == 0
+    assert docs.main(["--check"]) == 0
+    assert (tmp_path / "docs" / "phases.md").read_text() == (ROOT / "docs" / "phases.md").read_text()
+
+
+def test_a_page_without_the_part_is_an_error():
+    with pytest.raises(ValueError, match="no part 'budget'"):
+        docs.replaced("nothing here", "budget", "text")
+
+
+def test_other_arguments_are_refused(capsys):
+    assert docs.main(["--chekc"]) == 2
+    assert "usage" in capsys.readouterr().err
+
+
+# ---- links and names -------------------------------------------------------------------------------------------------
+
+
+def anchors(text):
+    """Anchors of the headings, as web sites make them."""
+    heads = re.findall(r"^#+ (.*)$", text, re.M)
+    return {re.sub(r"[^\w\- ]", "", head.lower()).replace(" ", "-") for head in heads}
+
+
+def broken_links(path, text):
+    for target in re.findall(r"\]\(([^)\s]+)\)", re.sub(r"```.*?```", "", text, flags=re.S)):
+        if re.match(r"https?://", target):
+            continue
+        name, _, anchor = target.partition("#")
+        goal = (path.parent / name).resolve() if name else path
+        if not goal.exists() or (anchor and anchor not in anchors(goal.read_text())):
+            yield target
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_links_lead_somewhere(path):
+    assert list(broken_links(path, path.read_text())) == []
+
+
+def test_a_broken_link_would_be_found():
+    path = ROOT / "README.md"
+    assert list(broken_links(path, "[a](docs/nowhere.md) [b](docs/speed.md#nothing) [c](docs/speed.md#the-cache)")) == [
+        "docs/nowhere.md",
+        "docs/speed.md#nothing",
+    ]
+
+
+def test_files_that_are_named_exist():
+    tests = {p.name for p in (ROOT / "tests").rglob("*.py")}
+    for path in PAGES:
+        text = path.read_text()
+        for name in re.findall(r"`((?:fpga_model|analog_frontend|testbench|tests|docs)/[\w/.]*)`", text):
+            assert (ROOT / name).exists(), (path.name, name)
+        for name in re.findall(r"`(test_\w+\.py)`", text):
+            assert name in tests, (path.name, name)
+
+
+def test_the_page_that_a_module_names_as_its_source_exists():
+    for package in ("fpga_model", "analog_frontend", "testbench"):
+        for path in (ROOT / package).rglob("*.py"):
+            for name in re.findall(r"docs/[\w/.]+\.md", path.read_text()):
+                assert (ROOT / name).exists(), (path.name, name)
+
+
+def test_the_first_pages_speak_of_the_product_alone():
+    words = re.compile(r"(?<![\w.])/[a-z]+/|\bissue #?\d|\bsession\b|helper", re.I)
+    assert words.search("see /home/me")
+    assert not words.search("deg/s, docs/speed.md")
+    for path in (ROOT / "README.md", ROOT / "CHANGELOG.md"):
+        assert not words.search(path.read_text()), path
+
+
+def test_the_changelog_puts_numerical_output_first():
+    for version in re.split(r"^## ", (ROOT / "CHANGELOG.md").read_text(), flags=re.M)[1:]:
+        assert re.findall(r"^### (.*)$", version, re.M)[0] == "Numerical output"
+
+
+# ---- README ----------------------------------------------------------------------------------------------------------
+
+
+def blocks(language):
+    return re.findall(rf"```{language}\n(.*?)```", (ROOT / "README.md").read_text(), re.S)
+
+
+@needs_compiler
+def test_the_example_of_the_readme_prints_what_it_says(capsys):
+    (code,) = blocks("python")
+    assert len([line for line in code.splitlines() if line]) <= 10
+    exec(compile(code, "README.md", "exec"), {})
+    assert capsys.readouterr().out == blocks("text")[1]
+
+
+def test_the_output_of_the_readme_is_of_this_version():
+    shown = blocks("text")[0]
+    planned = budget.budget(Config()).node_deg()
+    for node, paper_deg in budget.PAPER_DEG.items():
+        (row,) = re.findall(rf"^ +{node} .*$", shown, re.M)
+        measured, sigma, budgeted, _, paper, _ = map(float, row.split()[-6:])
+        assert budgeted == pytest.approx(planned[node], abs=6e-5)
+        assert paper == paper_deg
+        assert measured == pytest.approx(planned[node], abs=0.003 + 4 * sigma)
+    for text, _, _, _ in tables.NUMBERS.values():
+        assert text in shown, text
+    notes = summary.notes(Config(), {"locked": True, "phase_deg": planned}, budget.budget(Config()))
+    bare = [re.sub(r"[-+]?[\d.]+ (deg|ns)", "#", line) for line in (*notes, *re.findall(r"^  - (.*)$", shown, re.M))]
+    assert bare[: len(notes)] == bare[len(notes) :]
+
+
+def test_the_counts_of_sources_are_those_of_the_device():
+    body = Path(device.__file__).read_text().split("class Device", 1)[1]
+    marks = re.findall(r"^    \w+: (?:float|int) = .*#\s+([SDAM])\s", body, re.M)
+    count = {mark: marks.count(mark) for mark in "SDMA"}
+    assert sum(count.values()) == len(device.Device._fields)
+    says(
+        "README.md",
+        f"Of the {len(marks)} numbers of the device {count['S']} were read in a source, "
+        f"{count['D']} are derived from others, "
+        f"{count['M']} are remembered from a data sheet and {count['A']} are assumed",
+    )
+
+
+def test_the_gaps_to_the_paper_are_those_of_the_budget():
+    planned = budget.budget(Config())
+    gap_ns = {
+        node: (deg - budget.PAPER_DEG[node]) / 360 / planned.frequency_hz * 1e9
+        for node, deg in planned.node_deg().items()
+    }
+    assert max(abs(gap_ns[node]) for node in ("xe1", "xe2", "ye2")) < 6.05
+    says("README.md", "Three are met within 6 ns", f"ye1 is {gap_ns['ye1']:.0f} ns longer")
+
+
+# ---- phases ----------------------------------------------------------------------------------------------------------
+
+F_HZ = 11002.3
+PAPER_NS = {node: deg / 360 / F_HZ * 1e9 for node, deg in budget.PAPER_DEG.items()}
+
+
+def test_conversions_on_the_page_of_phases():
+    assert device.Device().fx_hz == F_HZ
+    clock_deg, us_deg, deg_ns = 360 * F_HZ / 26e6, 360 * F_HZ * 1e-6, 1e9 / 360 / F_HZ
+    says(
+        "docs/phases.md",
+        f"At {F_HZ} Hz one clock of 26 MHz is {clock_deg:.4f} deg, one microsecond is {us_deg:.4f} deg, "
+        f"one degree is {deg_ns:.1f} ns",
+        f"a register is {clock_deg:.4f} deg within 0.001, a frame {us_deg:.3f} deg within 0.003",
+    )
+
+
+def test_lags_of_the_budget_rows_follow_from_the_blocks():
+    drive, sense = spi_dac.latch_cycles(spi_dac.DAC8811), spi_dac.latch_cycles(spi_dac.AD5791)
+    waits = range(rates.TICK_CYCLES)
+    mean = sum(waits) / len(waits)
+    says(
+        "docs/phases.md",
+        f"| SPI frame to latch | {drive} or {sense} clocks |",
+        f"| hold of the 1 MHz update | {rates.TICK_CYCLES // 2} clocks |",
+        f"| reference wait for the grid | minus {mean + 1} clocks | uniform over 0 .. {waits[-1]} clocks, mean {mean}",
+        f"the serial frame and half a hold alone ({(drive + 13) / 26e6 * 1e9:.0f} ns)",
+    )
+
+
+def test_resolution_of_the_counter_on_the_page():
+    seconds = simulate.PROBE_S
+    slow, fast = (360 * F_HZ * grid_s / math.sqrt(12) for grid_s in (1e-6, 1 / 26e6))
+    resolved = [2 * deg / math.sqrt(F_HZ * seconds) for deg in (slow, fast)]
+    says(
+        "docs/phases.md",
+        f"spread {slow:.3f} deg, {resolved[0]:.3f} deg after {seconds:g} s of one pin",
+        f"the spread is {fast:.3f} deg and the resolution {resolved[1]:.4f} deg",
+        f"open by {simulate.OPEN_DPS:g} deg/s for {simulate.OPEN_S + seconds:g} s, "
+        f"of which the last {seconds:g} s are read",
+    )
+
+
+def test_a_round_frequency_takes_eleven_positions():
+    for clocks, deg in ((1, 0.0069), (26, 0.18)):
+        step = 26_000_000 // clocks
+        positions = {(k * step) % 11_000 for k in range(22)}  # of edges, in 1/11000 of the grid
+        assert len(positions) == 11
+        assert 360 * 11_000 * clocks / 26e6 / 22 == pytest.approx(deg, rel=0.01)
+    says(
+        "docs/phases.md",
+        "11000 Hz repeats on both grids after 11 periods",
+        "7 mdeg at 26 MHz, 0.18 deg on the 1 MHz grid",
+    )
+
+
+def test_the_switch_is_a_third_of_a_degree():
+    assert 360 * F_HZ * device.Device().sid_switch_s == pytest.approx(0.317, abs=5e-4)
+    says("docs/phases.md", "the loop does: 0.32 deg")
+
+
+def test_differences_of_the_paper_as_times():
+    says(
+        "docs/phases.md",
+        f"the paper's whole {PAPER_NS['xe1']:.0f} ns",
+        f"**ye1 less xe1** is {PAPER_NS['ye1'] - PAPER_NS['xe1']:.0f} ns in the paper",
+        f"ye2 less xe2 is {PAPER_NS['ye2'] - PAPER_NS['xe2']:.0f} ns in the paper",
+        f"a bit-serial multiplier of 20 clocks ({20 / 26e6 * 1e9:.0f} ns)",
+    )
+    deg = budget.budget(config.changed(Config(), {"firmware.frame_latency_sense": 0})).node_deg()
+    says("docs/phases.md", f"make {(deg['ye1'] - deg['xe1']) / 360 / F_HZ * 1e9:.0f} ns here, and 280 to 570 ns")
+    missing_us = [(PAPER_NS["ye1"] - PAPER_NS["xe1"] - ns) / 1e3 for ns in (570, 280)]
+    assert [f"{us:.2f}" for us in missing_us] == ["0.72", "1.01"]
+    # serial clock from a PLL: frame, overhead, hold, poles; and what that leaves of the paper's sense path
+    drive_ns, sense_ns = 16 / 50e6 * 1e9 + 40 + 500 + 90, 24 / 34.67e6 * 1e9 + 40 + 130 + 500 + 125
+    assert drive_ns == pytest.approx(PAPER_NS["xe1"], abs=1)
+    assert (PAPER_NS["ye1"] - sense_ns) / 1e3 == pytest.approx(0.76, abs=0.005)
+
+
+def test_what_the_experiments_would_see():
+    deg = budget.PAPER_DEG["ye1"]
+    pole_s = dict(docs.RIVALS[2][1])["plant.sense_pole_1_s"]
+    assert 1 / (2 * math.pi * pole_s) == pytest.approx(162e3, rel=0.005)
+    pole_deg = math.degrees(math.atan(2 * math.pi * F_HZ * pole_s))
+    drift_deg = [pole_deg * ppm * 1e-6 * 70 for ppm in (100, 300)]
+    bend_deg = 13 / 11 * pole_deg - math.degrees(math.atan(2 * math.pi * F_HZ * 13 / 11 * pole_s))
+    says(
+        "docs/phases.md",
+        f"phase falls with f_d, {deg * 27e-6 * 70:.3f} deg",
+        f"100 to 300 ppm/K of {pole_deg:.1f} deg, {drift_deg[0]:.2f} to {drift_deg[1]:.2f} deg",
+        f"{bend_deg * 1e3:.0f} mdeg less than proportional",
+    )
+
+
+def test_the_rivals_are_what_their_names_say():
+    for text, values in docs.RIVALS:
+        firmware = config.changed(Config(), values).firmware
+        assert ("no extra frame" in text) == (firmware.frame_latency_sense == 0)
+        assert ("references at 26 MHz" in text) == (not firmware.reference_retimed)
+
+
+# ---- wiring ----------------------------------------------------------------------------------------------------------
+
+
+def width(fmt):
+    return sum(leaf.width for _, leaf in flatten.format_leaves(fmt))
+
+
+def test_register_bits_of_the_wiring():
+    total, count = width(fpga.STATE_FMT), len(flatten.names(fpga.State()))
+    says("docs/blocks/top.md", f"Cost: {total} register bits in {count} registers")
+    says("docs/architecture.md", f"a record of {count} registers, {total} bits")
+    f = fpga.STATE_FMT
+    groups = (
+        (f.rates,),
+        (f.dds,),
+        (f.drive_sine, f.sense_sine),
+        (f.drive_pipe, f.sense_pipe),
+        (f.references,),
+        (f.drive_modulator, f.sense_modulator),
+        (f.drive_dac, f.sense_dac, f.quadrature_dac),
+        (f.adc,),
+        (f.sid,),
+        (f.watchdog,),
+        (f.registers,),
+        (f.control,),
+    )
+    widths = [sum(map(width, group)) for group in groups]
+    assert sum(widths) == total
+    says("docs/blocks/top.md", f"| {' | '.join(map(str, widths))} |")
+    parts = ", ".join(f"{name} {width(fmt)}" for name, fmt in zip(control.State._fields, control.STATE_FMT))
+    says("docs/blocks/control.md", f"Cost: {width(control.STATE_FMT)} register bits: {parts}.")
+
+
+def test_latencies_from_the_phase_register_to_the_pins():
+    to_pin = dds.LATENCY + references.LATENCY + Config().firmware.reference_registers
+    before = dds.LATENCY + sine.LATENCY + budget.PRODUCT_AND_CODE_CLOCKS + 1
+    assert (spi_dac.CODE_TICK, spi_dac.LOAD_TICK) == (1, 2)
+    drive, sense, quadrature = (spi_dac.latch_cycles(p) for p in (spi_dac.DAC8811, spi_dac.AD5791, spi_dac.DAC82002))
+    says(
+        "docs/blocks/top.md",
+        f"From the phase register to the drive DAC's output are {before + drive} clocks: DDS output {dds.LATENCY}, "
+        f"sine {sine.LATENCY}, product and code 2, load 1, frame {drive}.",
+        f"To the sense DAC's output {before + sense}, its frame being {sense}.",
+        f"To a reference pin {to_pin} with the default alignment",
+        f"| drive code at the DAC's output | tick count {spi_dac.LOAD_TICK + drive} of the same tick |",
+        f"| quadrature, sense code at the DAC's output | tick counts {spi_dac.LOAD_TICK + quadrature - 26}, "
+        f"{spi_dac.LOAD_TICK + sense - 26} of the next |",
+        f"slots 1 .. {rates.SLOTS}",
+    )
+
+
+@needs_compiler
+def test_instants_of_a_frame_on_the_page_of_the_architecture():
+    sim = simulate.Simulation(Config(), 25.0, 25.0, (250, 250))
+    sim.now = (np.zeros(1), np.full(1, 25.0))
+    sim.advance(500, 0.0, 25.0)
+    names = list(engine.PIN_COLUMNS) + flatten.names(sim.state.fpga)
+    column = {name: sim.rows[:, k] for k, name in enumerate(names)}
+    at = {
+        "drdy": (np.diff(column["drdy_n"]) == -1).nonzero()[0] + 1,
+        "slot": ((column["rates.slot"][1:] == 1) & (column["rates.slot"][:-1] != 1)).nonzero()[0] + 1,
+    }
+    frame, tick = column["rates.frame"], column["rates.tick"]
+    assert [set(frame[rows]) for rows in at.values()] == [{124}, {16}]
+    for name, clock in (("drive_code", 19), ("sense_code", 1)):
+        changes = np.flatnonzero(np.diff(column[name])) + 1
+        assert {int(tick[row]) for row in changes} <= {clock + 1}, "row n is before edge n"
+    assert tuple(sim.state.plant.cycles) == (19, 1)
+    last_sample = 63 * adc.SYNCHRONOUS_PERIOD / adc.UNITS_PER_CYCLE / 26
+    assert int(last_sample) == 123
+    assert build.CONVERSION_DELAY_S == 1.5e-6
+    says(
+        "docs/architecture.md",
+        "the last modulator sample of a conversion falls in tick 123; DRDY falls in tick 124, 1.5 us after it; "
+        f"reading 216 bits takes {spi_adc.READ_CYCLES / 26:.1f} us; "
+        f"the slots begin in tick 16 of the next frame and end {rates.SLOTS} clocks later",
+    )
+
+
+@kernel
+def step_through_slots(p, s, inputs, bank, rows):
+    """Row n of `rows` becomes the registers after slot n."""
+    for slot in range(1, rows.shape[0]):
+        s = control.step(p, s, slot, inputs, bank)
+        flatten.store(rows[slot], s)
+
+
+def test_slots_of_the_8_khz_work_and_when_words_stand():
+    """The last slot at which each word changes, from a locked state with new codes."""
+    p = build.firmware(Config()).control
+    bank = registers.State()._replace(decimation=0)
+    locked = sequencer.State(state=sequencer.LOCKED, lock=lock_monitor.State(locked=15))
+    s = control.State(sequencer=locked)
+    inputs = control.Inputs(1_000_000, -5_000_000, 40_000, -2_000_000, 300_000, 1, 0)
+    words = {
+        "agc.loop.y": 0,
+        "frequency_tracker.word": 0,
+        "rate_loop.loop.y": 0,
+        "quadrature_loop.root.y": 0,
+        "rate_output.y": 0,
+        "cordic.magnitude": 0,
+        "sequencer.": 0,
+    }
+    names = flatten.names(s)
+    rows = np.zeros((rates.SLOTS + 1, len(names)), np.int64)
+    rows[0] = [value for _, value in flatten.leaves(s)]
+    step_through_slots(p, s, inputs, bank, rows)
+    for slot, column in zip(*np.nonzero(np.diff(rows, axis=0))):
+        for word in words:
+            if names[column].startswith(word):
+                words[word] = int(slot) + 1
+    assert words.pop("cordic.magnitude") == rates.SLOT_CORDIC + 25 < rates.SLOT_SEQUENCER
+    assert words.pop("sequencer.") == rates.SLOT_SEQUENCER
+    agc, dds_word, force, v_q, rate = words.values()
+    says(
+        "docs/blocks/control.md",
+        f"| {rates.SLOT_CORDIC} | CORDIC starts",
+        "its result stands 26 clocks later",
+        f"| {rates.SLOT_SEQUENCER} | sequencer:",
+        f"| {rates.SLOT_LOOPS} | errors:",
+        f"| {rates.SLOT_LOOPS + 1} | the four PIs |",
+        f"| {rates.SLOT_ROOT} | square root",
+        f"| {rates.SLOTS} | the last one |",
+        f"| amplitude (agc) | 10 V / 2^23 | {agc} |",
+        f"| DDS word | 26 MHz / 2^48 | {dds_word} |",
+        f"| force word | 10 V / 2^23 | {force} |",
+        f"| V_q code | 5.5 V / 2^16 | {v_q} |",
+        f"| rate | deg/s / 2^20 | {rate} |",
+        f"Latency: {v_q + 1} clocks, {(v_q + 1) / 26:.1f} us",
+    )
+    says("docs/speed.md", f"{rates.SLOTS} of {rates.FRAME_CYCLES} clocks")
+
+
+# ---- plant and decisions ---------------------------------------------------------------------------------------------
+
+
+def test_lsbs_on_the_page_of_the_dacs():
+    p = build.params(Config(), 25.0, 25.0).plant
+    says("docs/parts/dac.md", f"| LSB | {p.drive_dac.lsb_v * 1e6:.1f} uV | {p.sense_dac.lsb_v * 1e6:.2f} uV |")
+    d = device.Device()
+    for name in ("drive", "sense"):
+        poles = ", ".join(f"{getattr(d, f'{name}_pole_{n}_s') * 1e9:g}" for n in (1, 2, 3))
+        says("docs/parts/dac.md", f"{poles} ns")
+    says("docs/parts/dac.md", f"| {d.drive_dac_delay_s:g} | {d.sense_dac_delay_s * 1e9:g} ns |")
+
+
+def test_sizes_on_the_page_of_the_plant():
+    s = plant.reset(build.params(Config(), 25.0, 25.0).plant, 0, 0, 25.0)
+    assert (s.z.size, s.caps.shape) == (16, (sid.DEMODULATORS, sid.CAPACITORS))
+    chains, forced, modes = 2 * (3 * 3 + 6), 14 * 16, 4 * 4 + 4 * 12
+    products = chains + forced + modes + 2 * 6 + 2 * 3 * 3
+    assert products <= s.g.size
+    says(
+        "docs/parts/top.md",
+        f"Cost: {products} products for the linear step",
+        "| z (16) |",
+        "| caps (4, 6), switch (4) |",
+    )
+
+
+def test_error_of_the_cubic_edges_in_the_decision():
+    h_s, f_hz, rc_s = 1e-6, 11e3, 1 / (4 * math.pi * 50)
+    turn = 2 * math.pi * f_hz * h_s
+    cubic, chord = turn**4 / 720, turn**2 / 12
+    output = 8 * h_s * f_hz * cubic
+    says(
+        "docs/decisions/0004-six-capacitor-sid.md",
+        f"at most {short(h_s / rc_s * cubic)} per volt and edge",
+        f"{short(output)} per volt of quadrature and nothing in phase: {short(math.degrees(output))} deg",
+        f"{round(chord / cubic, -2):.0f} times as large: {short(math.degrees(output * chord / cubic))} deg",
+    )
+
+
+def test_turn_of_a_tick_in_the_decision():
+    assert f"{2 * math.pi * 11e3 * 1e-6:.3f}" == "0.069"
+    assert (50 - -20) / build.KNOT_K + 1 == 141
+    says(
+        "docs/decisions/0003-double-double-propagators.md",
+        "turns the modes by 0.069 rad",
+        "a table of 141 temperatures",
+    )

@@ -1,0 +1,71 @@
+"""The budget's arithmetic: defaults, what each setting moves, and the two assumptions."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from testbench.run import budget
+from tests.testbench.bench_setup import configured, quiet
+
+F = 11002.3
+CLOCK_DEG = 360 * F / 26e6
+
+
+def node(**values):
+    return budget.budget(configured(**values)).node_deg()
+
+
+def test_the_defaults_are_the_sum_of_parts():
+    """Clocks and poles counted by hand: the drive path, 7 clocks net of the re-timed reference, hold, three poles."""
+    got = node()
+    poles = sum(math.degrees(math.atan(2 * math.pi * F * tau)) for tau in (100e-9, 40e-9, 40e-9))
+    assert got["xe1"] == pytest.approx(7 * CLOCK_DEG + 360 * F * 0.5e-6 + poles, abs=1e-9)
+    poles = sum(math.degrees(math.atan(2 * math.pi * F * tau)) for tau in (68e-9, 16e-9, 40e-9))
+    assert got["ye1"] == pytest.approx(15 * CLOCK_DEG + 360 * F * 1.63e-6 + poles, abs=1e-9)
+
+
+def test_without_the_assumptions():
+    """FACTS 13 gives 5.74 and 11.21 deg without re-timing, counting no mean edge quantisation: half a clock less."""
+    got = node(firmware__reference_retimed=False)
+    assert got["xe1"] == pytest.approx(5.74, abs=0.01 + CLOCK_DEG / 2)
+    assert got["ye1"] == pytest.approx(11.21, abs=0.01 + CLOCK_DEG / 2)
+    assert node()["xe1"] == pytest.approx(3.76, abs=0.005)
+    assert node()["ye1"] == pytest.approx(9.23, abs=0.005)
+
+
+@given(st.integers(0, 8), st.integers(0, 3), st.integers(0, 2))
+def test_registers_and_frames_count(pipe, align, frames):
+    base, got = (
+        node(),
+        node(
+            firmware__pipeline_registers=pipe, firmware__reference_registers=align, firmware__frame_latency_sense=frames
+        ),
+    )
+    assert got["xe1"] - base["xe1"] == pytest.approx((pipe - align + 1) * CLOCK_DEG, abs=1e-9)
+    assert got["ye1"] - base["ye1"] == pytest.approx((pipe - align + 1 + 26 * (frames - 1)) * CLOCK_DEG, abs=1e-9)
+    assert got["xe2"] == base["xe2"]
+
+
+@given(st.floats(-90, 90), st.floats(-90, 90))
+def test_compensation_words_move_the_phase_they_are_for(sine_deg, ref_deg):
+    base, got = node(), node(firmware__phase_sense_sine_deg=sine_deg, firmware__phase_sense_ref_deg=ref_deg)
+    assert got["ye1"] - base["ye1"] == pytest.approx(ref_deg - sine_deg, abs=1e-9)
+    assert got["xe1"] == base["xe1"]
+
+
+def test_loop_phase_is_less_the_switch():
+    planned = budget.budget(configured())
+    assert planned.loop_deg()["xe2"] - planned.node_deg()["xe2"] == pytest.approx(-360 * F * 80e-9, abs=1e-9)
+
+
+def test_the_lock_offset_of_the_design():
+    """-2.41 mHz at 5.01 deg and Q 2e5; -2.26 mHz with the switch delay taken off."""
+    assert budget.lock_frequency_hz(F, 2e5, 3.7647, 1.2459) - F == pytest.approx(-2.41e-3, abs=0.01e-3)
+    assert budget.lock_frequency_hz(F, 2e5, 3.7647, 1.2459 - 0.3169) - F == pytest.approx(-2.26e-3, abs=0.01e-3)
+
+
+def test_poles_warm_up_with_the_op_amps():
+    cold, hot = (budget.budget(quiet(), temp).node_deg()["xe2"] for temp in (-20.0, 50.0))
+    assert hot > cold

@@ -1,0 +1,102 @@
+"""Node phases of the simulated plant against the budget: nobody typed a phase in, yet they agree."""
+
+import numpy as np
+import pytest
+from hypothesis import Phase, given, settings
+from hypothesis import strategies as st
+
+from testbench.run import budget, nodes
+from tests.testbench.bench_setup import quiet, read_open_loop
+
+TOLERANCE_DEG = 0.003
+# Half a period is 45 us and a noble fraction of one: as far from every beat with the 1 MHz grid as a number can be
+FREQUENCIES_HZ = [1e6 / 2 / (45 + part) for part in (0.3819660113, 0.2763932023, 0.2165423652)]
+FREQUENCY_HZ = FREQUENCIES_HZ[0]
+NANO = 1e-9
+
+POLE_S = st.floats(5.0, 200.0).map(lambda ns: ns * NANO)
+CONFIGURATIONS = st.fixed_dictionaries(
+    {
+        "firmware__pipeline_registers": st.integers(0, 8),
+        "firmware__reference_registers": st.integers(0, 3),
+        "firmware__reference_retimed": st.booleans(),
+        "firmware__frame_latency_drive": st.integers(0, 2),
+        "firmware__frame_latency_sense": st.integers(0, 2),
+        **{f"plant__{name}_pole_{n}_s": POLE_S for name in ("drive", "sense") for n in (1, 2, 3)},
+        "plant__sense_dac_delay_s": st.floats(0.0, 900.0).map(lambda ns: ns * NANO),
+        "plant__drive_dac_delay_s": st.floats(0.0, 900.0).map(lambda ns: ns * NANO),
+        "plant__cref_drive_f": st.floats(10.0, 80.0).map(lambda pf: pf * 1e-12),
+        "plant__cref_sense_f": st.floats(10.0, 80.0).map(lambda pf: pf * 1e-12),
+        "plant__clock_ppm": st.floats(-50.0, 50.0),
+        "firmware__phase_drive_sine_deg": st.floats(-20.0, 20.0),
+        "firmware__phase_sense_ref_deg": st.floats(-20.0, 20.0),
+    }
+)
+
+
+def read(values, hertz=FREQUENCY_HZ):
+    checked = quiet(**values)
+    true_hz = hertz * (1 + 1e-6 * checked.plant.clock_ppm)
+    return read_open_loop(checked, hertz), budget.budget(checked, frequency_hz=true_hz)
+
+
+@settings(max_examples=16, phases=[Phase.explicit, Phase.reuse, Phase.generate])
+@given(CONFIGURATIONS, st.sampled_from(FREQUENCIES_HZ))
+def test_measured_phases_equal_the_budget(values, hertz):
+    readings, planned = read(values, hertz)
+    for node, want_deg in planned.node_deg().items():
+        # frames and compensation words take the sum past half a turn
+        error = (readings.phase_deg[node] - want_deg + 180.0) % 360.0 - 180.0
+        assert abs(error) < TOLERANCE_DEG, (node, readings.phase_deg[node], want_deg)
+        if node in readings.counter_deg:
+            error = (readings.counter_deg[node] - want_deg + 180.0) % 360.0 - 180.0
+            if node.endswith("1"):
+                assert abs(error) < readings.counter_resolution_deg[node], node
+
+
+@pytest.fixture(scope="module")
+def default():
+    return read({})[0]
+
+
+@pytest.mark.parametrize("node", ["xe1", "ye1"])
+def test_a_register_is_a_clock_and_a_frame_a_microsecond(default, node):
+    name = "sense" if node == "ye1" else "drive"
+    frames = 2 if name == "sense" else 1
+    one_clock = read({"firmware__pipeline_registers": 1})[0].phase_deg[node] - default.phase_deg[node]
+    assert one_clock == pytest.approx(360 * FREQUENCY_HZ / 26e6, abs=0.001)
+    one_frame = read({f"firmware__frame_latency_{name}": frames})[0].phase_deg[node] - default.phase_deg[node]
+    assert one_frame == pytest.approx(360 * FREQUENCY_HZ * 1e-6, abs=0.003)
+
+
+def test_a_register_moves_nothing_else(default):
+    after = read({"firmware__pipeline_registers": 3})[0]
+    for node in ("xe2", "ye2"):
+        assert after.phase_deg[node] == pytest.approx(default.phase_deg[node], abs=1e-4)
+
+
+def test_the_pins_do_not_depend_on_the_signal_path(default):
+    after = read({"firmware__pipeline_registers": 5})[0]
+    for reference in range(4):
+        np.testing.assert_array_equal(after.edges[reference], default.edges[reference])
+
+
+def test_the_waveform_is_the_solution_of_the_chain():
+    """One tick, three poles, a step inside: means per clock against the closed form for equal spacing of the poles."""
+    poles, instant, tick = (100e-9, 40e-9, 15e-9), 0.4321e-6, 1e-6
+    t = np.linspace(0, tick, 26 * 400 + 1)
+    u = np.where(t < instant, 0.0, 1.0)
+    z = np.zeros(3)
+    levels = [0.0]
+    h = t[1] - t[0]
+    for k in range(len(t) - 1):
+        # small trapezoidal steps of the cascade, a method of its own
+        source = 0.5 * (u[k] + u[k + 1])
+        for n, tau in enumerate(poles):
+            new = (z[n] * (1 - h / (2 * tau)) + source * h / tau) / (1 + h / (2 * tau))
+            source = 0.5 * (z[n] + new)
+            z[n] = new
+        levels.append(z[2])
+    means = np.array(levels[:-1]).reshape(26, 400).mean(axis=1)
+    got = nodes.chain_waveform(np.zeros((1, 3)), np.zeros(1), np.ones(1), poles, instant, tick)[0]
+    np.testing.assert_allclose(got, means, atol=2e-3)

@@ -1,0 +1,267 @@
+"""Runs that are killed in the middle of anything continue to the same files; memory does not grow with time."""
+
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import h5py
+import numba
+import pytest
+
+from testbench.commands import main as cli
+from testbench.run import simulate
+from testbench.storage import checkpoint, files, record_read, state_file
+from tests.testbench.bench_setup import configured
+
+ROOT = Path(__file__).resolve().parents[3]
+pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="closed loop: too slow interpreted")
+ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT), "MPLBACKEND": "Agg"}
+
+# Runs the command line and kills itself at the n-th time that something is about to be complete.
+KILLED = """
+import os, signal, sys
+from testbench import cli, files, outputs, record, spool, state_file
+
+where, left = sys.argv[1], int(sys.argv[2])
+
+def strike(before=None):
+    global left
+    left -= 1
+    if left == 0:
+        if before:
+            before()
+        os.kill(os.getpid(), signal.SIGKILL)
+
+def wrap(owner, name, matches=lambda *_: True, half=None):
+    plain = getattr(owner, name)
+    def wrapped(*args):
+        if matches(*args):
+            strike(half and (lambda: half(plain, *args)))
+        return plain(*args)
+    setattr(owner, name, wrapped)
+
+if where == "rows":
+    def half(plain, made, rows):
+        data = rows.tobytes()
+        with open(made.path, "ab") as file:
+            file.write(data[: len(data) // 2 - 3])
+    wrap(spool.Spool, "_write", half=half)
+elif where == "checkpoint written":
+    wrap(files, "publish", lambda path: path.name == "checkpoint.h5")
+elif where == "checkpoint begun":
+    wrap(state_file, "seal", lambda path: path.name == "checkpoint.h5.part")
+elif where == "record":
+    wrap(record.RecordWriter, "_finish")
+elif where == "report":
+    wrap(outputs, "_pictures")
+cli.main(sys.argv[3:])
+"""
+
+
+@pytest.fixture(scope="module")
+def locked(tmp_path_factory):
+    """(state file, tick) of a gyroscope that has just locked."""
+    checked = configured()
+    sim = simulate.Simulation(checked, 25.0, 25.0)
+    assert simulate.start(checked, sim, 0.1, 25.0) is not None
+    path = tmp_path_factory.mktemp("locked") / "state.h5"
+    state_file.save_state(path, *sim.dump())
+    return path, sim.tick
+
+
+def command(locked, *more):
+    """A run with a fault, a write and a profile across its checkpoints, and a window that ends before the first one."""
+    state, tick = locked
+    settings = (
+        "output.checkpoint_s=0.1",
+        "output.decimate=7",
+        "scenario.rate_dps=[[0, 0], [0.5, 90]]",
+        'scenario.register_writes=[[0.25, "phase_drive_sine", 29300000000]]',
+        'scenario.faults=[[0.17, "dac_stuck", "quadrature", 30000, 0.2], [0.31, "adc_stuck", "sense_cos", 5, 0.001]]',
+    )
+    sets = [part for text in settings for part in ("--set", text)]
+    return ["run", "--resume", str(state), "--seconds", "0.5", "--vcd", f"{tick + 30_000}:12", *sets, *more]
+
+
+def done(folder, argv, *prefix):
+    """The finished process of a command line in `folder`."""
+    start = [sys.executable, *(prefix or ("-m", "testbench.commands.main"))]
+    return subprocess.run([*start, *argv], cwd=folder, env=ENVIRONMENT, capture_output=True, text=True, timeout=300)
+
+
+def killed(folder, where, nth, argv):
+    got = done(folder, argv, "-c", KILLED, where, str(nth))
+    assert got.returncode == -signal.SIGKILL, (where, got.stderr)
+
+
+def numbers(text):
+    """The object of --json without what a clock on the wall decides."""
+    return {key: v for key, v in json.loads(text).items() if key not in ("wall_s", "real_time_factor")}
+
+
+def plain(path):
+    """Bytes of a file; of a record without its identity, its date and the seal over them."""
+    data = path.read_bytes()
+    if path.name == "run.h5":
+        with h5py.File(path, "r") as file:
+            data = data[: -files.SEAL_BYTES].replace(file.attrs["record_id"].encode(), b"")
+            data = data.replace(file.attrs["created_utc"].encode(), b"")
+    return data
+
+
+@pytest.fixture(scope="module")
+def uncut(locked, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("uncut")
+    got = done(folder, command(locked, "--out", "out", "--json"))
+    assert got.returncode == 0, got.stderr
+    return numbers(got.stdout), folder / "out"
+
+
+TURNS = [("checkpoint begun", 1), ("checkpoint written", 2), ("rows", 1), ("record", 1), ("report", 1)]
+
+
+@pytest.mark.parametrize(
+    "turns", [pytest.param(TURNS[:1], id="twice"), pytest.param(TURNS, id="at every turn", marks=pytest.mark.slow)]
+)
+def test_a_killed_run_ends_in_the_same_bytes(locked, uncut, tmp_path, turns):
+    """Killed in the middle of a write of rows, then where `turns` say, each time in what continued it."""
+    killed(tmp_path, "rows", 3, command(locked, "--out", "out"))
+    again = ["run", "--resume-run", "out", "--json"]
+    for where, nth in turns:
+        killed(tmp_path, where, nth, again)
+        assert (tmp_path / "out" / checkpoint.FOLDER / "checkpoint.h5").exists()
+    got = done(tmp_path, again)
+    assert got.returncode == 0, got.stderr
+    want, folder = uncut
+    assert numbers(got.stdout) == want
+    names = sorted(path.name for path in folder.iterdir())
+    assert names == sorted(path.name for path in (tmp_path / "out").iterdir())
+    assert {"run.h5", "state.h5", "run.vcd", "startup.png", "rate_step.png"} <= set(names)
+    for name in set(names) - {"run.html"}:
+        assert plain(tmp_path / "out" / name) == plain(folder / name), name
+
+
+def test_the_record_of_a_continued_run_is_whole(uncut):
+    have = record_read.read_record(uncut[1] / "run.h5")
+    assert have.tables["segments"]["name"].data.tolist() == ["scenario", "diagnosis"]
+    scenario, diagnosis = have.tables["segments"]["edge"].data.tolist()
+    assert (diagnosis - scenario) / 26 == 500_000
+    first = have.streams["rate_word_sum"]
+    assert 0 <= first.edge0 - scenario < 3250, "a run that starts from a state file starts late"
+    assert (first.den, first.attrs["frames"]) == (7 * 3250, 7)
+
+
+def test_a_killed_run_without_checkpoint_has_nothing_to_continue(locked, tmp_path):
+    killed(tmp_path, "rows", 1, command(locked, "--set", "output.checkpoint_s=0", "--out", "out"))
+    got = done(tmp_path, ["run", "--resume-run", "out"])
+    assert (got.returncode, got.stdout) == (2, "")
+    assert got.stderr == "gyro: out: holds no interrupted run with a checkpoint; start it again\n"
+
+
+def test_an_interrupt_says_how_to_continue(locked, tmp_path):
+    argv = command(locked, "--seconds", "3000", "--out", "out")
+    process = subprocess.Popen(
+        [sys.executable, "-m", "testbench.commands.main", *argv],
+        cwd=tmp_path,
+        env=ENVIRONMENT,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        waited = time.monotonic() + 120
+        while not (tmp_path / "out" / checkpoint.FOLDER / "checkpoint.h5").exists():
+            assert time.monotonic() < waited
+            assert process.poll() is None
+            time.sleep(0.02)
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode == 130
+    assert said == "gyro: to continue: gyro run --resume-run out\ngyro: interrupted\n"
+    assert os.listdir(tmp_path / "out") == [checkpoint.FOLDER]
+
+
+# ---- refusals --------------------------------------------------------------------------------------------------------
+
+
+def refused(capsys, *argv):
+    with pytest.raises(SystemExit) as caught:
+        cli.main(list(argv))
+    said = capsys.readouterr()
+    assert (caught.value.code, said.out) == (2, "")
+    return said.err
+
+
+@pytest.fixture(scope="module")
+def interrupted(locked, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("interrupted")
+    killed(folder, "rows", 3, command(locked, "--out", "out"))
+    return folder / "out"
+
+
+def test_a_continued_run_takes_no_other_settings(capsys, interrupted):
+    for other in (["--seed", "2"], ["--no-noise"], ["--set", "plant.fx_hz=11000"], ["--out", "elsewhere"]):
+        said = refused(capsys, "run", "--resume-run", str(interrupted), *other)
+        assert "--resume-run: the interrupted run keeps its configuration" in said
+
+
+def test_a_changed_configuration_is_refused(capsys, interrupted, tmp_path):
+    shutil.copytree(interrupted, tmp_path / "out")
+    path = tmp_path / "out" / checkpoint.FOLDER / "config.toml"
+    path.write_text(path.read_text().replace("duffing_k3_per_um2 = 0.0", "duffing_k3_per_um2 = 1e-9"))
+    said = refused(capsys, "run", "--resume-run", str(tmp_path / "out"))
+    assert re.search(r"checkpoint\.h5: belongs to another configuration than .*config\.toml\n", said)
+    assert checkpoint.Partial(tmp_path / "out").resumable()
+
+
+def test_a_damaged_checkpoint_is_refused(capsys, interrupted, tmp_path):
+    shutil.copytree(interrupted, tmp_path / "out")
+    path = tmp_path / "out" / checkpoint.FOLDER / "checkpoint.h5"
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 1
+    path.write_bytes(data)
+    said = refused(capsys, "run", "--resume-run", str(tmp_path / "out"))
+    assert re.search(r"checkpoint\.h5: R15 / expected the file that was written, found damage\n", said)
+
+
+def test_a_new_run_in_the_folder_starts_anew(locked, interrupted, tmp_path):
+    shutil.copytree(interrupted, tmp_path / "out")
+    argv = ["run", "--resume", str(locked[0]), "--seconds", "0.01", "--set", "scenario.diagnose=false", "--out", "out"]
+    got = done(tmp_path, argv)
+    assert got.returncode == 0, got.stderr
+    assert checkpoint.FOLDER not in os.listdir(tmp_path / "out")
+
+
+# ---- memory ----------------------------------------------------------------------------------------------------------
+
+PEAKS = """
+import resource, sys
+from testbench import config, simulate
+
+sets = ["scenario.seconds=10", "scenario.diagnose=false", "output.checkpoint_s=0.5", f'scenario.resume="{sys.argv[1]}"']
+job = simulate.Run(config.load(overrides=sets), sys.argv[2])
+job.start(None)
+begin, seen = job.sim.tick, {}
+
+def say(text, done, total):
+    seen.setdefault(done // 1_000_000, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+
+job.play(say)
+print(seen[2], seen[10], job.recording.spool.rows)
+"""
+
+
+def test_memory_does_not_grow_with_simulated_time(locked, tmp_path):
+    """All columns, checkpoints twice a second; without streams to the disk, 8 s would be 12 MB."""
+    got = done(tmp_path, [], "-c", PEAKS, str(locked[0]), str(tmp_path / "out"))
+    assert got.returncode == 0, got.stderr
+    early_kb, late_kb, rows = map(int, got.stdout.split())
+    assert rows > 10 * 8000 - 8192
+    assert late_kb - early_kb < 3000
