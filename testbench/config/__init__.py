@@ -2,10 +2,12 @@
 
 from testbench.config.load import (
     Config,
+    Effects,
     Firmware,
     Noise,
     Output,
     Override,
+    Plant,
     Scenario,
     changed,
     from_dict,
@@ -18,10 +20,12 @@ from testbench.config.load import (
 
 __all__ = [
     "Config",
+    "Effects",
     "Firmware",
     "Noise",
     "Output",
     "Override",
+    "Plant",
     "Scenario",
     "changed",
     "from_dict",

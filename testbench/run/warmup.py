@@ -15,7 +15,7 @@ from fpga_model.jit import CACHE, cache_folder
 from fpga_model.rates import FRAME_TICKS
 from testbench.engines import engine, frame, pins
 
-CHILD = "from testbench import warmup; warmup.compile_{}()"
+CHILD = "from testbench.run import warmup; warmup.compile_{}()"
 TIMEOUT_S = 600
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -22,7 +22,7 @@ from testbench.campaign.plan import engines
 from testbench.campaign.plan.draws import Spec
 from testbench.campaign.plan.measure import FRAME_S, STATISTICS, Keep
 from testbench.campaign.plan.points import Point, address_of, identity_of
-from testbench.config.toml_text import shown
+from testbench.config.toml_text import read_toml, shown
 from testbench.errors import ConfigError
 from testbench.storage.spool import FIELDS
 
@@ -99,7 +99,7 @@ def _table(value, where):
 def read(path, sets=()):
     """`Plan` of a TOML file; `sets` are texts as of `--set`, which win over [set]."""
     path = Path(path)
-    tree = configuration.read_toml(path)
+    tree = read_toml(path)
     for key in tree:
         if key not in KEYS:
             hint = f"; write [set] {key}..." if key in configuration.sections() else f"; {_near(key, KEYS)}"
@@ -112,7 +112,7 @@ def read(path, sets=()):
         if not isinstance(tree["base"], str):
             raise ConfigError(f"{path}: base = {shown(tree['base'])} is not the name of a file")
         base_path = path.parent / tree["base"]
-        base = configuration.read_toml(base_path)
+        base = read_toml(base_path)
         configuration.from_dict(base, str(base_path))
         base.pop("output", None)
         base.get("scenario", {}).pop("engine", None)

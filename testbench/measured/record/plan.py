@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from testbench import config as configuration
-from testbench.config.toml_text import shown
+from testbench.config.toml_text import read_toml, shown
 from testbench.errors import ConfigError
 from testbench.measured.record import schema
 
@@ -193,4 +193,4 @@ def from_dict(tree, where="plan"):
 
 def read(path):
     """`Plan` of a TOML file."""
-    return from_dict(configuration.read_toml(path), str(Path(path)))
+    return from_dict(read_toml(path), str(Path(path)))

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from testbench.commands import main as cli
+from testbench.console import progress as progress_bar
 from testbench.run.budget import Budget, Row
 from testbench.run.outputs import Result
 from testbench.storage.record import Column, Record
@@ -87,7 +88,7 @@ def test_help_imports_nothing_heavy():
     script = f"""
 import sys
 sys.path.insert(0, {str(ROOT)!r})
-from testbench import cli
+from testbench.commands import main as cli
 try:
     cli.main(["run", "--help"])
 except SystemExit as end:
@@ -207,8 +208,8 @@ def test_a_bug_keeps_its_traceback(capsys, tmp_path, fakes, monkeypatch):
 def bar(monkeypatch):
     """(progress, its task, a clock to turn): as on a terminal, from the first call on."""
     clock = types.SimpleNamespace(now=100.0)
-    monkeypatch.setattr(cli, "SHOW_PROGRESS_AFTER_S", 0.0)
-    monkeypatch.setattr(cli.time, "monotonic", lambda: clock.now)
+    monkeypatch.setattr(progress_bar, "SHOW_PROGRESS_AFTER_S", 0.0)
+    monkeypatch.setattr(progress_bar.time, "monotonic", lambda: clock.now)
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
     with cli.Progress() as progress:
         progress("compiling", 0, 1)

@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from analog_frontend.parts.device import Device
 from testbench import config
 from testbench.commands import config_page
-from testbench.config import ConfigError, config_errors
+from testbench.config import config_errors
 from testbench.config.toml_text import toml_key, toml_value
+from testbench.errors import ConfigError
 
 ROOT = Path(__file__).resolve().parents[3]
 

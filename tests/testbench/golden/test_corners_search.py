@@ -45,8 +45,8 @@ def test_the_distance_leads_to_a_place_that_chance_does_not_find():
     goal = ("clamp", "pi: clamp(preset, p.lo, p.hi)", "hi+1")
     # a process of its own: Hypothesis draws constants from whatever modules have been imported before
     code = f"""
-from testbench.golden import blocks
-from testbench.golden.stimulus.corners import search
+from testbench.golden.coverage import search
+from testbench.golden.stimulus import blocks
 print(search.search(blocks.BLOCKS["pi"], "frequency", {goal!r}, examples=2000)[0])
 """
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)

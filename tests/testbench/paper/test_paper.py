@@ -172,7 +172,8 @@ def test_a_small_campaign_is_done_once(campaign):
 
 CHILD = """
 import sys
-from testbench.campaign import execute, plan
+from testbench.campaign import execute
+from testbench.campaign.plan import plan
 from testbench.campaign.pool import Here
 from testbench.campaign.progress import Progress
 execute.run(plan.read(sys.argv[1]), sys.argv[2], Here(), Progress(quiet=True))

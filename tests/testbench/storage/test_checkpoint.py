@@ -26,7 +26,9 @@ ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT), "MPLBACKEND": "Agg"}
 # Runs the command line and kills itself at the n-th time that something is about to be complete.
 KILLED = """
 import os, signal, sys
-from testbench import cli, files, outputs, record, spool, state_file
+from testbench.commands import main as cli
+from testbench.run import outputs
+from testbench.storage import files, record, spool, state_file
 
 where, left = sys.argv[1], int(sys.argv[2])
 

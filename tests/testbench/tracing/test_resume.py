@@ -22,7 +22,7 @@ OPTIONS = Options(n_null=199, power=False)
 KILLED = """
 import os, signal, sys
 from tests.testbench.tracing.test_resume import OPTIONS, problem
-from testbench.tracing import checkpoint
+from testbench.tracing.problem import checkpoint
 from testbench.tracing.trace import trace
 left = int(sys.argv[2])
 def writing(self, key, ending, write, plain=checkpoint.Store._write):
