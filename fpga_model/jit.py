@@ -14,9 +14,15 @@ import re
 import shutil
 from pathlib import Path
 
+os.environ.setdefault("NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING", "1")  # colours of what nobody reads took a tenth
+
+import gc
+
 import numba
 from numba import njit
 from numba.core.compiler_lock import global_compiler_lock
+
+from fpga_model import linkage
 
 try:
     import fcntl
@@ -114,7 +120,7 @@ def _alone(folder):
 
     Callees belong to the same folder or to those of imported modules, so processes cannot wait in a ring.
     """
-    if fcntl is None or _held.get(folder):
+    if fcntl is None or folder is None or _held.get(folder):
         yield
         return
     with open(folder / "lock", "a") as file:
@@ -126,27 +132,70 @@ def _alone(folder):
             _held[folder] = False
 
 
-def _compiled(func, **options):
-    """`njit` with the options; from the cache where there is one."""
+@contextlib.contextmanager
+def _uncollected():
+    """Without the collector, which would look through millions of objects of a compilation that still lives."""
+    was = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was:
+            gc.enable()
+
+
+def _unit(func, buried=False, **options):
+    """A function with machine code of its own, from the cache where there is one.
+
+    buried  has no wrapper for Python
+    """
+    options = {"error_model": "numpy", "no_cfunc_wrapper": True, "no_cpython_wrapper": buried, **options}
     folder = cache_folder(Path(func.__code__.co_filename).resolve()) if CACHE else None
-    if folder is None:
-        return njit(**options)(func)
-    numba.config.CACHE_DIR = str(folder)  # Numba reads it when it decorates
-    dispatcher = njit(cache=True, **options)(func)
+    numba.config.CACHE_DIR = str(folder or "")  # Numba reads it when it decorates
+    if not options.get("_nrt", True):
+        options["pipeline_class"] = linkage.UnitCompiler
+    dispatcher = njit(cache=folder is not None, **options)(func)
+    if DISABLED:
+        return dispatcher
+    if buried:
+        _bury(dispatcher, _refused)
+    linkage.forget_constants(dispatcher)
     compile_or_load = dispatcher.compile
 
     def compile_alone(signature):
+        arguments = linkage.arguments_of(signature)
+        if arguments in dispatcher.overloads:
+            return dispatcher.overloads[arguments].entry_point
         # Numba's own lock first: a thread that waits for it must not keep a folder from the one that has it
-        with global_compiler_lock, _alone(folder):
-            return compile_or_load(signature)
+        with global_compiler_lock, _alone(folder), _uncollected():
+            if folder is not None:
+                linkage.load_units(folder, dispatcher, arguments)
+            hits = sum(dispatcher.stats.cache_hits.values())
+            entry = compile_or_load(signature)
+            if folder is not None and hits == sum(dispatcher.stats.cache_hits.values()):
+                linkage.store_units(folder, dispatcher, arguments)
+            linkage.make_unit(dispatcher, dispatcher.overloads[arguments])
+            return entry
 
     dispatcher.compile = compile_alone
     return dispatcher
 
 
+def _bury(dispatcher, called):
+    """Only compiled code finds the overloads: a call from Python gets what `called` of the function returns."""
+
+    def add_overload(result):
+        dispatcher.overloads[tuple(result.signature.args)] = result
+
+    # an overload that Python's own dispatch does not know of leads to `_compile_for_args`: what it returns is called
+    dispatcher.add_overload = add_overload
+    dispatcher._compile_for_args = lambda *_, **__: called(dispatcher.py_func)
+    linkage.forget_constants(dispatcher)
+
+
 def kernel(func):
     """Compile in nopython mode: no fastmath, no threads, IEEE doubles and int64 only."""
-    return _compiled(func, error_model="numpy", no_cfunc_wrapper=True)
+    return _unit(func)
 
 
 def hot(func):
@@ -155,26 +204,34 @@ def hot(func):
     Such a function cannot allocate and must not return an array; it works in what it is given. It runs without the
     interpreter's lock, so threads that work in arrays of their own run at once.
     """
-    return _compiled(func, error_model="numpy", no_cfunc_wrapper=True, nogil=True, _nrt=False)
+    return _unit(func, nogil=True, _nrt=False)
 
 
-def _buried(func, **options):
-    """A function for compiled callers only: no wrapper for Python, and a Python caller gets an error, not a crash."""
+def _part(func, called, **options):
+    """A function of which compiled code includes the source; `called(func)` is what a call from Python gets."""
     options = {"error_model": "numpy", "_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True, **options}
-    dispatcher = njit(**options)(func)
     if DISABLED:
-        return dispatcher
-
-    def refuse(*_, **__):
-        raise TypeError(f"{func.__module__}.{func.__name__} can only be called by compiled code: wrap it in a kernel")
-
-    def add_overload(result):
-        dispatcher.overloads[tuple(result.signature.args)] = result
-
-    # an overload that Python's own dispatch does not know of leads to `_compile_for_args`, which refuses
-    dispatcher.add_overload = add_overload
-    dispatcher._compile_for_args = refuse
+        return njit(**options)(func)
+    dispatcher = njit(pipeline_class=linkage.PartCompiler, **options)(func)
+    _bury(dispatcher, called)
     return dispatcher
+
+
+def _refused(func):
+    raise TypeError(f"{func.__module__}.{func.__name__} can only be called by compiled code: wrap it in a kernel")
+
+
+@functools.cache
+def _alone_compiled(func):
+    return njit(error_model="numpy", no_cfunc_wrapper=True, _nrt=False)(func)
+
+
+def unit(func):
+    """A large part of time loops that is compiled once, however many call it. Only compiled code can call it.
+
+    As `hot`, without a wrapper for Python. Nothing of it is inlined, so it is for what takes a microsecond or more.
+    """
+    return _unit(func, buried=True, _nrt=False)
 
 
 def outlined(func):
@@ -182,17 +239,17 @@ def outlined(func):
 
     It has no wrapper for Python: for records of hundreds of fields that takes longer to compile than the body.
     """
-    return _buried(func)
+    return _part(func, _refused)
 
 
 def inner(func):
     """As `inlined`, but only compiled code can call it; for what takes whole designs as records (see `outlined`)."""
-    return _buried(func, forceinline=True)
+    return _part(func, _refused, forceinline=True)
 
 
 def inlined(func):
     """Inlined by LLVM into its caller: for what runs at every edge of the 26 MHz clock.
 
-    Never cached alone: a callee that comes from the cache is object code, and LLVM cannot inline that (3 times slower).
+    A call from Python compiles it once more, alone.
     """
-    return njit(error_model="numpy", no_cfunc_wrapper=True, forceinline=True, _nrt=False)(func)
+    return _part(func, _alone_compiled, forceinline=True)

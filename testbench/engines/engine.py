@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from analog_frontend import tick as plant_tick
 from analog_frontend import top as plant
 from analog_frontend.parts import adc, adc_serial, dac_serial
 from fpga_model import references, spi_dac
@@ -299,19 +300,6 @@ def run(p, s, ticks, rate_rad_s, temp_degc, write, address, data, faults, o):
     return State(f, chips, s.plant, end, drdy_cycle)
 
 
-# Parts of the plant stay functions of their own here: in one piece with them, the loop over edges gets slower code
-@outlined
-def retune(p, a, rate_rad_s, quad_code, temp_degc):
-    """`plant.retune`, in place."""
-    plant.retune(p, a, rate_rad_s, quad_code, temp_degc)
-
-
-@outlined
-def plant_tick(p, a, tick, pins, edges):
-    """`plant.step`; returns the clock of DRDY."""
-    return plant.step(p, a, tick, pins, edges)
-
-
 @hot
 def run_ticks(p, f, chips, a, chunk, first, end, drdy_cycle, closed):
     """Ticks `first` .. `end` - 1 of a chunk; returns firmware, chips, clock of DRDY.
@@ -334,7 +322,7 @@ def run_ticks(p, f, chips, a, chunk, first, end, drdy_cycle, closed):
             n = tick // FRAME_TICKS - begin_frame
             row = n if begin % FRAME_TICKS == 0 else n - 1
             v_q = faults.dac_code[2] if faults.dac[2] else chips.quadrature.code
-            retune(p.plant, a, rate_rad_s[n], v_q, temp_degc[n])
+            plant_tick.retune(p.plant, a, rate_rad_s[n], v_q, temp_degc[n])
             if row < o.frames.shape[0]:
                 codes = frame_codes(p.fpga, f.sid.codes, f.adc.channels)
                 record_frame(
@@ -352,8 +340,8 @@ def run_ticks(p, f, chips, a, chunk, first, end, drdy_cycle, closed):
         # the aperture is the tick's first instant; the codes arrive a tick later
         sample_x, sample_y = a.sar[0], a.sar[1]
         if p.fpga.digital and closed:
-            a.sar[0] = plant.sar_code(p.plant, a, tick, 0)
-            a.sar[1] = plant.sar_code(p.plant, a, tick, 1)
+            a.sar[0] = plant_tick.sar_code(p.plant, a, tick, 0)
+            a.sar[1] = plant_tick.sar_code(p.plant, a, tick, 1)
         probed = closed and k < o.probe_ints.shape[0]
         if probed:
             ints = o.probe_ints[k]
@@ -419,7 +407,7 @@ def run_ticks(p, f, chips, a, chunk, first, end, drdy_cycle, closed):
         if faults.nan[1]:
             a.z[plant.Y] = np.nan
         before_drive, before_sense = a.volts[0], a.volts[1]
-        drdy_cycle = plant_tick(
+        drdy_cycle = plant_tick.step(
             p.plant, a, tick, plant.Pins(drive_code, drive_cycle, sense_code, sense_cycle, edge_count), edges
         )
         if probed:

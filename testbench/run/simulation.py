@@ -25,7 +25,7 @@ from testbench import flatten, interrupts
 from testbench.config import to_toml
 from testbench.engines import engine as clocked
 from testbench.errors import ConfigError
-from testbench.run import build, nodes
+from testbench.run import build, nodes, warmup
 from testbench.storage import state_file
 from testbench.storage.code_hash import CodeHash, frames_begun
 
@@ -50,9 +50,7 @@ def runner(name):
         from testbench.engines import baseband
 
         return baseband.run
-    from testbench.engines import frame
-
-    return frame.run
+    return warmup.frame_run()
 
 
 class Simulation:
@@ -82,10 +80,6 @@ class Simulation:
             from testbench.engines import baseband
 
             baseband.prepared(self.params)
-        if self.engine == "frame":
-            from testbench.run import warmup
-
-            warmup.warm_up()
         self.state = clocked.reset(self.params, temp_lo_degc)
         self.window = window
         self.rows = None

@@ -1,7 +1,10 @@
-"""The first compilation of the frame engine, and of the lanes engine where it is wanted, on two cores instead of one.
+"""The first compilation of the engines: in child processes that leave it in the kernel cache.
 
-The large parts, clocked ticks, blocks and lanes, are compiled side by side in child processes that leave them in the
-kernel cache. With a filled cache, without a cache or on one core nothing happens.
+    frame_run    what advances a gyroscope of the frame engine: `frame.run`; on an empty cache, the clocked engine, which has
+                 the same bits and compiles sooner, until a child has compiled the frame engine
+    warm_up      compile engines side by side, and wait: before tests and campaigns
+
+With a filled cache, without a cache or on one core nothing is started.
 """
 
 import os
@@ -13,30 +16,23 @@ import numpy as np
 
 from fpga_model.jit import CACHE, cache_folder
 from fpga_model.rates import FRAME_TICKS
-from testbench.engines import engine, frame, pins
+from testbench.engines import engine as clocked
 
 CHILD = "from testbench.run import warmup; warmup.compile_{}()"
 TIMEOUT_S = 600
 ROOT = Path(__file__).resolve().parents[2]
+QUIET = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+EDGE_TICKS = 1000  # of a chunk that reaches every function of an engine
 
 
-def cached(function):
+def _cached(function):
     """Whether the kernel cache has this function."""
-    return any(cache_folder(Path(function.__code__.co_filename).resolve()).rglob(f"*.{function.__name__}-*.nbi"))
+    folder = cache_folder(Path(function.__code__.co_filename).resolve())
+    return any(folder.rglob(f"*.{function.__name__}-*.nbi"))
 
 
-def _chunk():
-    return engine.Chunk(
-        0,
-        np.zeros(1),
-        np.zeros(1),
-        0,
-        0,
-        0,
-        engine.Faults(),
-        engine.streams(),
-        np.zeros((engine.MAX_EDGES, 2), np.int64),
-    )
+def _possible():
+    return CACHE and (os.cpu_count() or 1) > 1
 
 
 def _fresh():
@@ -44,38 +40,85 @@ def _fresh():
     from testbench.run import build
 
     params = build.params(Config(), 25.0, 25.0)
-    return params, engine.reset(params, 25.0)
+    return params, clocked.reset(params, 25.0)
 
 
-def compile_ticks():
-    """No tick of the clocked engine, for the sake of its compilation."""
+def _advanced(run):
+    """A chunk of an engine, for the sake of its compilation."""
     params, s = _fresh()
-    engine.run_ticks(params, s.fpga, s.chips, s.plant, _chunk(), 0, 0, -1, 1)
+    frames = EDGE_TICKS // FRAME_TICKS
+    values = np.zeros(frames + 2)
+    run(params, s, EDGE_TICKS, values, values + 25.0, 0, 0, 0, clocked.Faults(), clocked.streams(EDGE_TICKS, frames))
 
 
-def compile_blocks():
-    """No block of the frame engine, likewise."""
+def compile_clocked():
+    """The clocked engine."""
+    _advanced(clocked.run)
+
+
+def compile_frame():
+    """The frame engine; its blocks first, because another process may be busy with the clocked ticks around them."""
+    from testbench.engines import frame, pins
+
     params, s = _fresh()
-    frame.blocks(params, s.fpga, s.chips, s.plant, _chunk(), 0, 0, -1, pins.buffers())
+    edges = np.zeros((clocked.MAX_EDGES, 2), np.int64)
+    chunk = clocked.Chunk(0, np.zeros(1), np.zeros(1), 0, 0, 0, clocked.Faults(), clocked.streams(), edges)
+    frame.blocks(params, s.fpga, s.chips, s.plant, chunk, 0, 0, -1, pins.buffers())
+    _advanced(frame.run)
 
 
 def compile_lanes():
-    """A few blocks of the lanes engine, likewise."""
+    """The lanes engine."""
     from testbench.engines import lanes
 
     params, s = _fresh()
     ticks = 4 * FRAME_TICKS
-    zeros, o = np.zeros(ticks // FRAME_TICKS + 2), engine.streams(ticks, ticks // FRAME_TICKS)
-    lanes.Engine([params]).run([s], ticks, [zeros], [zeros + 25.0], [engine.Faults()], [o])
+    zeros, o = np.zeros(ticks // FRAME_TICKS + 2), clocked.streams(ticks, ticks // FRAME_TICKS)
+    lanes.Engine([params]).run([s], ticks, [zeros], [zeros + 25.0], [clocked.Faults()], [o])
 
 
-def warm_up(lanes=False):
-    """Fill the kernel cache if it is empty. A child that fails leaves its part to be compiled on first use."""
-    if not CACHE or (os.cpu_count() or 1) < 2 or cached(engine.run_ticks) or cached(frame.blocks):
+def compile_baseband():
+    """The baseband engine."""
+    from testbench.engines import baseband
+
+    _advanced(baseband.run)
+
+
+def _child(part):
+    return subprocess.Popen([sys.executable, "-c", CHILD.format(part)], cwd=ROOT, **QUIET, start_new_session=True)
+
+
+class Standby:
+    """As `frame.run`; the clocked engine does it, to the same bits, until a child has compiled the frame engine."""
+
+    def __init__(self):
+        self.child = _child("frame")
+
+    def __call__(self, *chunk):
+        if self.child.poll() is None:
+            return clocked.run(*chunk)
+        from testbench.engines import frame
+
+        return frame.run(*chunk)
+
+
+def frame_run():
+    """`run` of the frame engine, or what stands in for it while it is compiled."""
+    from testbench.engines import frame
+
+    return Standby() if _possible() and not _cached(frame.blocks) else frame.run
+
+
+def warm_up(*others):
+    """Fill the kernel cache if it is empty; `others` are engines beside clocked and frame.
+
+    A child that fails leaves its part to be compiled on first use.
+    """
+    from testbench.engines import frame
+
+    if not _possible() or (_cached(frame.blocks) and not others):
         return
-    quiet = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    parts = ("ticks", "blocks", "lanes") if lanes else ("ticks", "blocks")
-    children = [subprocess.Popen([sys.executable, "-c", CHILD.format(part)], cwd=ROOT, **quiet) for part in parts]
+    children = [_child(part) for part in ("frame", "clocked", *others)]
     try:
         for child in children:
             child.wait(TIMEOUT_S)
@@ -85,4 +128,4 @@ def warm_up(lanes=False):
 
 
 if __name__ == "__main__":
-    warm_up()
+    warm_up(*sys.argv[1:])

@@ -17,6 +17,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic, register_jitable
 
+from analog_frontend import tick as plant_tick
 from analog_frontend import top as plant
 from analog_frontend.parts import adc_serial, dac_serial
 from fpga_model import top as fpga
@@ -120,7 +121,7 @@ def ticks(p, f, chips, a, chunk, end, drdy_cycle, rtl):
             n = tick // FRAME_TICKS - begin_frame
             row = n if begin % FRAME_TICKS == 0 else n - 1
             v_q = faults.dac_code[2] if faults.dac[2] else chips.quadrature.code
-            engine.retune(p.plant, a, rate_rad_s[n], v_q, temp_degc[n])
+            plant_tick.retune(p.plant, a, rate_rad_s[n], v_q, temp_degc[n])
             if row < o.frames.shape[0]:
                 engine.record_frame(
                     o.frames[row],
@@ -183,7 +184,7 @@ def ticks(p, f, chips, a, chunk, end, drdy_cycle, rtl):
             a.z[plant.X] = np.nan
         if faults.nan[1]:
             a.z[plant.Y] = np.nan
-        drdy_cycle = engine.plant_tick(
+        drdy_cycle = plant_tick.step(
             p.plant, a, tick, plant.Pins(drive_code, drive_cycle, sense_code, sense_cycle, edge_count), edges
         )
         if k < o.drive_code.shape[0]:

@@ -1,0 +1,193 @@
+"""How compiled functions come together: parts are included in their callers, units are called by their symbol.
+
+    part   optimised in its caller alone: Numba would make machine code of it and of every level above it, each time anew
+    unit   has machine code of its own in the cache; who calls it includes nothing of it, and needs not be compiled again
+           as long as its symbol is the same. What a cached caller calls is loaded before it (`load_units`)
+
+Source    docs/decisions/0015-compile-units.md
+"""
+
+import contextlib
+import hashlib
+import importlib
+import json
+import os
+
+import llvmlite.binding as llvm
+from numba.core import sigutils, types
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
+
+
+class _NoEnvironment:
+    """A code generator that sets no environment: a part has no symbol in the running engine."""
+
+    def __init__(self, codegen):
+        self._codegen = codegen
+
+    def __getattr__(self, name):
+        return getattr(self._codegen, name)
+
+    def set_env(self, name, environment):
+        """None is needed: only functions with a wrapper for Python read theirs."""
+
+
+class Part(JITCodeLibrary):
+    """The library of a function without machine code of its own."""
+
+    @property
+    def codegen(self):
+        return _NoEnvironment(self._codegen)
+
+    def _optimize_functions(self, module):
+        """Left to the caller, which does it for all parts at once."""
+        module.data_layout = self._codegen._data_layout
+
+    def finalize(self):
+        self._raise_if_finalized()
+        for library in self._linking_libraries:
+            self._reload_init.update(library._reload_init)
+        self._finalize_dynamic_globals()
+        self._finalized = True
+
+    def get_pointer_to_function(self, name):
+        self._ensure_finalized()
+        return 0
+
+    def _get_module_for_linking(self):
+        """The function and all that it reaches, each once, to be included in a caller."""
+        if self._shared_module is None:
+            self._shared_module = _shared(self)
+            for library in _reached(self)[1:]:
+                self._shared_module.link_in(
+                    _shared(library) if isinstance(library, Part) else library._get_module_for_linking(), preserve=True
+                )
+        return self._shared_module
+
+
+def _shared(part):
+    """A copy of a part's own module whose functions may be defined twice and dropped."""
+    module = part._final_module.clone()
+    for function in module.functions:
+        if not function.is_declaration and function.linkage.name == "external":
+            function.linkage = "linkonce_odr"
+    return module
+
+
+def _reached(part):
+    """The libraries that a part reaches, itself first, each once and behind all that use it.
+
+    LLVM's linker takes in what may be dropped only where something that it has already asks for it.
+    """
+    out, seen = [], set()
+
+    def visit(library):
+        seen.add(library)
+        for other in library._linking_libraries if isinstance(library, Part) else ():
+            if other not in seen:
+                visit(other)
+        out.append(library)
+
+    visit(part)
+    return out[::-1]
+
+
+class PartCompiler(Compiler):
+    """As Numba's, for a `Part`."""
+
+    def __init__(self, typingctx, targetctx, library, *rest):
+        library = Part(targetctx.codegen(), "part")
+        library.enable_object_caching()
+        super().__init__(typingctx, targetctx, library, *rest)
+
+
+def forget_constants(dispatcher):
+    """One compilation for all constants that a function is called with; LLVM sees them where it is included."""
+    template = dispatcher.get_call_template
+
+    def get_call_template(args, kws):
+        plain = tuple(types.unliteral(a) for a in args)
+        return template(plain, {name: types.unliteral(a) for name, a in kws.items()})
+
+    dispatcher.get_call_template = get_call_template
+
+
+# ---- units -------------------------------------------------------------------------------------------------------------
+
+
+def make_unit(dispatcher, result):
+    """From now on callers of this compiled function link to its symbol instead of including it."""
+    library = result.library
+    name = dispatcher.py_func.__module__, dispatcher.py_func.__qualname__
+    library.unit = (*name, result.fndesc.mangled_name)
+    library._shared_module = llvm.parse_assembly(str(library._codegen._create_empty_module(library.name)))
+
+
+def units(library):
+    """[(module, function, symbol)] of the units that a freshly compiled library calls."""
+    seen, ahead, found = set(), list(library._linking_libraries), set()
+    while ahead:
+        other = ahead.pop()
+        if other not in seen:
+            seen.add(other)
+            unit = getattr(other, "unit", None)
+            found |= {unit} - {None}
+            ahead.extend(other._linking_libraries if isinstance(other, Part) else ())
+    return sorted(found)
+
+
+def _list_of_units(folder, function, arguments):
+    digest = hashlib.sha256(repr(arguments).encode()).hexdigest()[:16]
+    return folder / f"{function.__qualname__}-{digest}.units.json"
+
+
+def store_units(folder, dispatcher, arguments):
+    """Keep beside a compiled function what it calls; it is loaded only if that is there."""
+    path = _list_of_units(folder, dispatcher.py_func, arguments)
+    part = path.with_suffix(f".{os.getpid()}")
+    with contextlib.suppress(OSError):
+        part.write_text(json.dumps(units(dispatcher.overloads[arguments].library)))
+        part.replace(path)
+
+
+def load_units(folder, dispatcher, arguments):
+    """Load what a cached function calls; where a symbol is missing, the function leaves the cache."""
+    path = _list_of_units(folder, dispatcher.py_func, arguments)
+    try:
+        wanted = json.loads(path.read_text())
+    except (OSError, ValueError):
+        return dispatcher._cache.flush()
+    for module, name, symbol in wanted:
+        unit = getattr(importlib.import_module(module), name)
+        if symbol not in _symbols(unit):
+            for signature, *_ in unit._cache._cache_file._load_index():
+                unit.compile(signature)
+        if symbol not in _symbols(unit):
+            return dispatcher._cache.flush()
+    return None
+
+
+def _symbols(dispatcher):
+    return {result.fndesc.mangled_name for result in dispatcher.overloads.values()}
+
+
+def arguments_of(signature):
+    """Types of the arguments, whichever way a signature is given."""
+    return tuple(sigutils.normalize_signature(signature)[0])
+
+
+class UnitLibrary(JITCodeLibrary):
+    """A library that is optimised in one go: what Numba does before serves the pruning of reference counts."""
+
+    def _optimize_final_module(self):
+        manager, builder = self._codegen._module_pass_manager()
+        manager.run(self._final_module, builder)
+
+
+class UnitCompiler(Compiler):
+    """As Numba's, for a `UnitLibrary`."""
+
+    def __init__(self, typingctx, targetctx, library, *rest):
+        library = UnitLibrary(targetctx.codegen(), "unit")
+        library.enable_object_caching()
+        super().__init__(typingctx, targetctx, library, *rest)
