@@ -63,7 +63,7 @@ def repeat(p, a, control, bank, dog, turn, b, stage, frames, rate_rad_s, quad_co
         elif stage == TURNS:
             total += pins.reference_edges(p.fpga.references, turn, bank, 0, n, 0, b)[0]
         else:
-            s = window.Window(control, bank, dog, turn, 0, 0, quad_code)
+            s = window.Window(control, bank, dog, turn, 0, quad_code)
             zeros = (0, 0, 0, 0, 0, 0, 0, 0)
             s, ticks = window.play(
                 p.fpga, s, zeros[:4], zeros, zeros, -window.VALID_CLOCKS, 1, 1, WINDOW_CLOCK, 15, WINDOW_TICKS, b

@@ -39,7 +39,7 @@ QUIET = engine.Faults()
 def _ready(p, u, g, clock, tick):
     """1 when the averaged plant may go on from a frame's first instant: the firmware is up, one conversion a frame."""
     at = TICK_CYCLES * tick
-    calm = g.enabled == 1 and g.s.slot == 0 and g.s.restarted == 0 and g.s.dog.stale == 0 and g.new_ok == 1
+    calm = g.enabled == 1 and g.s.slot == 0 and g.s.dog.stale == 0 and g.new_ok == 1
     calm = calm and sequencer.outputs(g.s.control.sequencer).dac_init == 0
     return calm and g.valid == at + u.valid and clock[adc.DUE] == 0 and clock[adc.SAMPLE] == 0
 

@@ -220,7 +220,7 @@ def given(p, u, b, g, a, c, bank, turn, quadrature, old, new, tick, w):
         a.adc.sums[k, 0] = 0.0
     at = TICK_CYCLES * tick
     age = FRAME_TICKS - 1 - u.valid // TICK_CYCLES
-    s = Window(c, bank, watchdog.State(age, ZERO), turn, ZERO, ZERO, quadrature)
+    s = Window(c, bank, watchdog.State(age, ZERO), turn, ZERO, quadrature)
     return Carried(
         g.sid,
         s,

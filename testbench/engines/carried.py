@@ -65,7 +65,6 @@ def taken_up(p, f, chips, tick, drdy_cycle):
         f.watchdog,
         Turn(TICK_CYCLES * tick, f.dds.phase, word, word, TICK_CYCLES * tick, word),
         ZERO,
-        ZERO,
         quadrature,
     )
     return Carried(
@@ -227,7 +226,6 @@ def told(p, g, s, sid, known, faults, tick, n, drive_codes, sense_codes, b):
         _aged(p.watchdog, s.dog, n - known),
         s.turn,
         s.slot,
-        s.restarted,
         _loaded(p, s, tick, known, n),
     )
     pins.dac_codes(p, s.bank, s.turn, tick, n, b)
@@ -287,7 +285,7 @@ def behind(g, faults, clock, tick, until, fell, sid):
     turn = s.turn
     if TICK_CYCLES * until - turn.clock > 64:
         turn = steady(turn, TICK_CYCLES * until)
-    s = Window(s.control, s.bank, s.dog, turn, s.slot, s.restarted, s.quadrature)
+    s = Window(s.control, s.bank, s.dog, turn, s.slot, s.quadrature)
     return Carried(
         sid,
         s,

@@ -98,7 +98,7 @@ class Together(NamedTuple):
 
 
 def _carried():
-    s = Window(control.State(), registers.State(), watchdog.State(), Turn(0, 0, 0, 0, 0, 0), 0, 0, 0)
+    s = Window(control.State(), registers.State(), watchdog.State(), Turn(0, 0, 0, 0, 0, 0), 0, 0)
     eight_zeros = (0,) * 8
     return Carried(digital_sid.State(), s, 0, 0, 0, 0, 0, 0, 0, eight_zeros, eight_zeros, 0, 0, 0, 0)
 

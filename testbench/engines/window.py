@@ -19,7 +19,6 @@ from fpga_model import (
     cordic,
     isqrt,
     quadrature_loop,
-    rate_output,
     registers,
     sequencer,
     spi_adc,
@@ -28,7 +27,7 @@ from fpga_model import (
 )
 from fpga_model.control import SLOT_PI
 from fpga_model.jit import inner, outlined
-from fpga_model.rates import FRAME_TICKS, SLOT_CORDIC, SLOT_ROOT, SLOT_SEQUENCER, SLOTS, TICK_CYCLES
+from fpga_model.rates import FRAME_CYCLES, FRAME_TICKS, SLOT_ROOT, SLOT_SEQUENCER, SLOTS, TICK_CYCLES
 from testbench.engines import at_once, engine
 from testbench.engines.turn import Turn, turned
 
@@ -37,7 +36,8 @@ VALID_CLOCKS = 1 + spi_adc.READ_CYCLES  # from the clock in which DRDY falls to 
 WORD_CLOCKS = 2 * spi_adc.WORD_BITS
 FIRST_CHANNEL_CLOCKS = VALID_CLOCKS - spi_adc.CHANNELS * WORD_CLOCKS + WORD_CLOCKS
 LAST_ODD_TICK = FRAME_TICKS - 2  # the last load of V_q that is out when the frame ends
-ZERO = np.int64(0)  # typed: Numba compiles a function anew for every constant that it is called with
+ZERO = np.int64(0)
+NO_HOST = (ZERO, ZERO, ZERO)  # write, address, data
 HISTORY = 3  # places before a block's first tick in the buffers of codes and loads
 
 
@@ -69,48 +69,7 @@ class Window(NamedTuple):
     dog: watchdog.State
     turn: Turn
     slot: int
-    restarted: int  # a new window began before the last one had ended: nothing in it is at rest
     quadrature: int  # code that V_q's DAC will hold when the frame ends
-
-
-@outlined
-def _steps(p, s, slot, clocks, i, bank):
-    """`clocks` edges from `slot` on, of a window that began with everything at rest; the same as that many `step`.
-
-    Most slots move one block only: SLOT_CORDIC .. SLOT_SEQUENCER - 1 the CORDIC, those behind SLOT_ROOT the square root
-    and the rate output. Returns also the frequency word after SLOT_PI, where a new centre shows before the loop does.
-    """
-    k, end = slot, slot + clocks
-    word = s.frequency_tracker.word
-    while k < end:
-        if k < SLOT_SEQUENCER:
-            c = s.cordic
-            while k < min(end, SLOT_SEQUENCER):
-                c = cordic.step(c, 1 if k == SLOT_CORDIC else 0, cordic.negated(i.drive_cos), i.drive_sin)
-                k += 1
-            s = control.State(c, s.agc, s.frequency_tracker, s.rate_loop, s.quadrature_loop, s.rate_output, s.sequencer)
-        elif k <= SLOT_ROOT:
-            s = control.step(p, s, k, i, bank) if k == SLOT_SEQUENCER else control.loops(p, s, k, i, bank)
-            if k <= SLOT_PI:
-                word = s.frequency_tracker.word
-            k += 1
-        else:
-            loop, root, out = s.quadrature_loop, s.quadrature_loop.root, s.rate_output
-            r = control.output_params(bank)
-            while k < end:
-                root = isqrt.step(root, 0, 0)
-                out = rate_output.step(r, out, 0, 0, 0)
-                k += 1
-            s = control.State(
-                s.cordic,
-                s.agc,
-                s.frequency_tracker,
-                s.rate_loop,
-                quadrature_loop.State(loop.error, loop.loop, root),
-                out,
-                s.sequencer,
-            )
-    return s, word
 
 
 @inner
@@ -123,19 +82,22 @@ def _inputs(p, sid_codes, old, new, ready, ok, new_ok, valid, clock, stale):
 
 
 @inner
-def _caught_up(p, c, bank, turn, first, count, clock, restarted, i):
-    """Control, register bank and turn after `count` slots from `first` on, whose first edge is `clock`."""
-    if restarted:
-        for k in range(first, first + count):
-            c = control.step(p.control, c, k, i, bank)
-            turn = turned(turn, clock + k - first + 1, c.frequency_tracker.word)
-    else:
-        c, word = _steps(p.control, c, first, count, i, bank)
-        turn = turned(turn, clock + SLOT_PI - first + 1, word)
-        turn = turned(turn, clock + SLOT_WORD - first + 1, c.frequency_tracker.word)
-    if first <= SLOT_SEQUENCER < first + count:
-        bank = registers.step(bank, 0, 0, 0, 1)
-    return c, bank, turn
+def edge(p, s, i, clock, valid, host):
+    """The 8 kHz side after the edge `clock`, wired as in fpga_model.top; `host` is (write, address, data)."""
+    c = s.control
+    if s.slot != 0:
+        c = control.step(p.control, c, s.slot, i, s.bank)
+    slot = s.slot + 1 if 0 < s.slot < SLOTS else 0
+    if valid == 1 or (clock % FRAME_CYCLES == 0 and s.dog.stale == 1):
+        slot = 1
+    return Window(
+        c,
+        registers.step(s.bank, host[0], host[1], host[2], 1 if s.slot == SLOT_SEQUENCER else 0),
+        watchdog.step(p.watchdog, s.dog, 1 if clock % TICK_CYCLES == 0 else 0, valid),
+        turned(s.turn, clock + 1, c.frequency_tracker.word),
+        slot,
+        s.quadrature,
+    )
 
 
 @inner
@@ -195,64 +157,25 @@ def play(p, s, sid_codes, old, new, ready, ok, new_ok, valid, tick, n, b):
             dog = watchdog.step(p.watchdog, dog, 1, 0)
     turn = turned(s.turn, valid + SLOT_PI + 1, word)
     turn = turned(turn, valid + SLOT_WORD + 1, after.frequency_tracker.word)
-    return Window(after, registers.step(bank, 0, 0, 0, 1), dog, turn, ZERO, ZERO, quadrature), count
+    return Window(after, registers.step(bank, 0, 0, 0, 1), dog, turn, ZERO, quadrature), count
 
 
 @outlined
 def _played(p, s, sid_codes, old, new, ready, ok, new_ok, valid, tick, n, b):
-    """As `play`, for any window.
-
-    Goes from one edge at which a register of the window is taken, or a window starts, to the next. The slots in between
-    wait, `behind` of them from `since` on, until a taken register depends on them.
-    """
-    c, bank, dog, turn, slot, restarted, quadrature = s
-    since, behind = slot, 0
-    begin, end = TICK_CYCLES * tick, TICK_CYCLES * (tick + n)
-    clock = begin
-    while True:
-        k, e = (clock - begin) // TICK_CYCLES, (clock - begin) % TICK_CYCLES
+    """As `play`, for any window, edge by edge."""
+    for k in range(n):
+        if k > 0 and s.slot == 0 and valid // TICK_CYCLES != tick + k:
+            return s, k
         frame_tick = (tick + k) % FRAME_TICKS
-        finished = clock == end or (e == 0 and k > 0 and slot == 0 and valid // TICK_CYCLES != tick + k)
-        go = clock == valid or (e == 0 and frame_tick == 0 and dog.stale == 1)
-        later = watchdog.step(p.watchdog, dog, 1 if e == 0 else 0, 1 if clock == valid else 0)
-        loading = e == spi_dac.LOAD_TICK
-        # where a read overlaps the window, and in a window that cut another short, every clock is taken by itself
-        alone = restarted == 1 or ready <= clock <= valid or go or later.stale != dog.stale
-        last = since + behind - 1
-        if behind > 0:
-            words = (e == 0 or loading) and since <= SLOT_ROOT and last >= SLOT_SEQUENCER
-            root = loading and last > SLOT_ROOT
-            if finished or alone or slot == 0 or words or root:
-                i = _inputs(p, sid_codes, old, new, ready, ok, new_ok, valid, clock - behind, dog.stale)
-                c, bank, turn = _caught_up(p, c, bank, turn, since, behind, clock - behind, restarted, i)
-                behind = 0
-        if finished:
-            return Window(c, bank, dog, turn, slot, restarted, quadrature), k
-        if e == 0:
-            b.amplitude[k] = control.amplitude(p.control, c)
-            b.rate[k] = c.rate_loop.loop.y
-        elif loading:
-            b.control_load[HISTORY + k] = sequencer.outputs(c.sequencer).dac_init
-            if frame_tick <= LAST_ODD_TICK and (p.quadrature_fast == 1 or frame_tick & 1 == 1):
-                quadrature = c.quadrature_loop.root.y
-        until = clock + 1
-        if not alone:
-            until = clock + (spi_dac.LOAD_TICK - e if e < spi_dac.LOAD_TICK else TICK_CYCLES - e)
-            if slot != 0:
-                until = min(until, clock + SLOTS - slot + 1)
-            if clock < valid:
-                until = min(until, valid)
-        if slot != 0:
-            if alone:
-                i = _inputs(p, sid_codes, old, new, ready, ok, new_ok, valid, clock, dog.stale)
-                c, bank, turn = _caught_up(p, c, bank, turn, slot, 1, clock, restarted, i)
-            else:
-                since = slot if behind == 0 else since
-                behind += until - clock
-            slot += until - clock
-            slot = 0 if slot > SLOTS else slot
-        if go:
-            restarted = 1 if slot != 0 else 0
-            slot = 1
-        dog = later
-        clock = until
+        b.amplitude[k] = control.amplitude(p.control, s.control)
+        b.rate[k] = s.control.rate_loop.loop.y
+        for e in range(TICK_CYCLES):
+            clock = TICK_CYCLES * (tick + k) + e
+            if e == spi_dac.LOAD_TICK:
+                b.control_load[HISTORY + k] = sequencer.outputs(s.control.sequencer).dac_init
+                if frame_tick <= LAST_ODD_TICK and (p.quadrature_fast == 1 or frame_tick & 1 == 1):
+                    root = s.control.quadrature_loop.root.y
+                    s = Window(s.control, s.bank, s.dog, s.turn, s.slot, root)
+            i = _inputs(p, sid_codes, old, new, ready, ok, new_ok, valid, clock, s.dog.stale)
+            s = edge(p, s, i, clock, 1 if clock == valid else 0, NO_HOST)
+    return s, n
