@@ -1,8 +1,8 @@
 """How compiled functions come together: parts are included in their callers, units are called by their symbol.
 
-    part   optimised in its caller alone: Numba would make machine code of it and of every level above it, each time anew
-    unit   has machine code of its own in the cache; who calls it includes nothing of it, and needs not be compiled again
-           as long as its symbol is the same. What a cached caller calls is loaded before it (`load_units`)
+    part   optimised in its caller alone: Numba makes machine code of it, and of every level above it, each time anew
+    unit   has machine code of its own in the cache; a caller includes nothing of it and links to its symbol.
+           What a cached caller links to is loaded before it (`load_units`)
 
 Source    docs/decisions/0015-compile-units.md
 """
@@ -112,7 +112,7 @@ def forget_constants(dispatcher):
     dispatcher.get_call_template = get_call_template
 
 
-# ---- units -------------------------------------------------------------------------------------------------------------
+# ---- units -----------------------------------------------------------------------------------------------------------
 
 
 def make_unit(dispatcher, result):

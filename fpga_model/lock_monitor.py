@@ -53,26 +53,7 @@ PARAMS_FMT = Params((LIMIT,) * 4, (LIMIT,) * 4, (COUNT,) * 4, (COUNT,) * 4)
 STATE_FMT = State(locked=bits(4), count=(COUNT,) * 4)
 
 
-def design(
-    agc_in=0.02,
-    agc_out=0.20,
-    agc_in_s=0.02,
-    agc_out_s=0.05,
-    pll_in_deg=2.0,
-    pll_out_deg=30.0,
-    pll_in_s=0.02,
-    pll_out_s=0.05,
-    ftr_in_deg_s=5.0,
-    ftr_out_deg_s=100.0,
-    ftr_in_s=0.05,
-    ftr_out_s=0.05,
-    qsc_in_deg_s=5.0,
-    qsc_out_deg_s=100.0,
-    qsc_in_s=0.05,
-    qsc_out_s=0.05,
-    code_per_deg_s=57.9e-6 * 12 / 4.0 * 2**23,
-    frame_hz=FRAME_HZ,
-):
+class Design(NamedTuple):
     """Limits and debounce times of the four loops, _in to lock and _out to lose it.
 
     agc_*           amplitude error (part of the setpoint)
@@ -82,21 +63,48 @@ def design(
     code_per_deg_s  sense code per residual (LSB/(deg/s))
     frame_hz        rate of the frames (Hz)
     """
-    scale = (2.0**FRACTION, 2.0**24 / 360, code_per_deg_s, code_per_deg_s)
-    limit_in = (agc_in, pll_in_deg, ftr_in_deg_s, qsc_in_deg_s)
-    limit_out = (agc_out, pll_out_deg, ftr_out_deg_s, qsc_out_deg_s)
-    time_in, time_out = (agc_in_s, pll_in_s, ftr_in_s, qsc_in_s), (agc_out_s, pll_out_s, ftr_out_s, qsc_out_s)
+
+    agc_in: float = 0.02
+    agc_out: float = 0.20
+    agc_in_s: float = 0.02
+    agc_out_s: float = 0.05
+    pll_in_deg: float = 2.0
+    pll_out_deg: float = 30.0
+    pll_in_s: float = 0.02
+    pll_out_s: float = 0.05
+    ftr_in_deg_s: float = 5.0
+    ftr_out_deg_s: float = 100.0
+    ftr_in_s: float = 0.05
+    ftr_out_s: float = 0.05
+    qsc_in_deg_s: float = 5.0
+    qsc_out_deg_s: float = 100.0
+    qsc_in_s: float = 0.05
+    qsc_out_s: float = 0.05
+    code_per_deg_s: float = 57.9e-6 * 12 / 4.0 * 2**23
+    frame_hz: float = FRAME_HZ
+
+
+def design(**values):
+    """Params of a `Design`. Raises ValueError (name, value, limit) outside the ranges."""
+    d = Design(**values)
+    scale = (2.0**FRACTION, 2.0**24 / 360, d.code_per_deg_s, d.code_per_deg_s)
+    limit_in = (d.agc_in, d.pll_in_deg, d.ftr_in_deg_s, d.qsc_in_deg_s)
+    limit_out = (d.agc_out, d.pll_out_deg, d.ftr_out_deg_s, d.qsc_out_deg_s)
+    time_in, time_out = (
+        (d.agc_in_s, d.pll_in_s, d.ftr_in_s, d.qsc_in_s),
+        (d.agc_out_s, d.pll_out_s, d.ftr_out_s, d.qsc_out_s),
+    )
     for name, low, high in zip(("agc", "pll", "ftr", "qsc"), limit_in, limit_out, strict=True):
         if not 0 < low <= high:
             raise ValueError(f"{name}: the limit to lock, {low}, is not between 0 and that to lose it, {high}")
     for name, time_s in zip(("agc", "pll", "ftr", "qsc") * 2, time_in + time_out, strict=True):
-        if not round(time_s * frame_hz) >= 1:
-            raise ValueError(f"{name}: a debounce of {time_s} s is shorter than one frame, {1 / frame_hz} s")
+        if not round(time_s * d.frame_hz) >= 1:
+            raise ValueError(f"{name}: a debounce of {time_s} s is shorter than one frame, {1 / d.frame_hz} s")
     return Params(
         tuple(quantize(v * k, LIMIT, "limit_in (LSB)") for v, k in zip(limit_in, scale, strict=True)),
         tuple(quantize(v * k, LIMIT, "limit_out (LSB)") for v, k in zip(limit_out, scale, strict=True)),
-        tuple(quantize(t * frame_hz, COUNT, "time to lock (frames)") for t in time_in),
-        tuple(quantize(t * frame_hz, COUNT, "time to lose lock (frames)") for t in time_out),
+        tuple(quantize(t * d.frame_hz, COUNT, "time to lock (frames)") for t in time_in),
+        tuple(quantize(t * d.frame_hz, COUNT, "time to lose lock (frames)") for t in time_out),
     )
 
 

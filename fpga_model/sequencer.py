@@ -165,24 +165,8 @@ STATE_FMT = State(
 )
 
 
-def design(
-    power_up_s=0.3,
-    init_s=0.002,
-    kick_s=0.006,
-    decay_s=0.035,
-    search_s=0.060,
-    retune_s=0.030,
-    timeout_s=2.0,
-    offline_s=0.1,
-    recover_s=0.01,
-    reached=0.95,
-    min_amplitude_um=0.01,
-    search_limit_hz=80.0,
-    frame_hz=FRAME_HZ,
-    lock=None,
-    faults=None,
-):
-    """Times, limits and the constant that turns the rotation of the search into a frequency word.
+class Design(NamedTuple):
+    """Times and limits of the sequence.
 
     *_s               how long each state lasts (s); timeout_s ends ACQUIRE and SETTLE, offline_s is how long the ADC
                       may be bad before the drive stops, recover_s how long it must be good before the drive starts
@@ -192,30 +176,51 @@ def design(
     frame_hz          rate of the frames (Hz)
     lock, faults      Params of lock_monitor and fault_monitor; their defaults if None
     """
-    times = Params(power_up_s, init_s, kick_s, decay_s, search_s, retune_s, timeout_s, offline_s, recover_s, *[0] * 6)
-    frames = [quantize(v * frame_hz, TIMER, f"{k}_s (frames)") for k, v in zip(Params._fields[:9], times, strict=False)]
-    for name, n in zip(Params._fields[:9], frames, strict=False):
+
+    power_up_s: float = 0.3
+    init_s: float = 0.002
+    kick_s: float = 0.006
+    decay_s: float = 0.035
+    search_s: float = 0.060
+    retune_s: float = 0.030
+    timeout_s: float = 2.0
+    offline_s: float = 0.1
+    recover_s: float = 0.01
+    reached: float = 0.95
+    min_amplitude_um: float = 0.01
+    search_limit_hz: float = 80.0
+    frame_hz: float = FRAME_HZ
+    lock: object = None
+    faults: object = None
+
+
+def design(**values):
+    """Params of a `Design`, with the constant that turns the rotation of the search into a frequency word."""
+    d = Design(**values)
+    faults = fault_monitor.design() if d.faults is None else d.faults
+    times_s = [getattr(d, f"{name}_s") for name in Params._fields[:9]]
+    frames = [quantize(v * d.frame_hz, TIMER, f"{k}_s (frames)") for k, v in zip(Params._fields, times_s, strict=False)]
+    for name, time_s, n in zip(Params._fields, times_s, frames, strict=False):
         if n < 1:
-            raise ValueError(f"{name}_s: {getattr(times, name)} s is shorter than one frame, {1 / frame_hz} s")
+            raise ValueError(f"{name}_s: {time_s} s is shorter than one frame, {1 / d.frame_hz} s")
     search = frames[Params._fields.index("search")]
     if search > MAX_SEARCH_FRAMES:
-        raise ValueError(f"search_s: {search_s} s is longer than {MAX_SEARCH_FRAMES / frame_hz} s")
-    if not 0 < reached <= 1:
-        raise ValueError(f"reached: {reached} is outside 0 .. 1 of the setpoint")
-    hz_per_turn = frame_hz / search
-    faults = fault_monitor.design() if faults is None else faults
+        raise ValueError(f"search_s: {d.search_s} s is longer than {MAX_SEARCH_FRAMES / d.frame_hz} s")
+    if not 0 < d.reached <= 1:
+        raise ValueError(f"reached: {d.reached} is outside 0 .. 1 of the setpoint")
+    hz_per_turn = d.frame_hz / search
     waits = max(frames[Params._fields.index(name)] for name in ("offline", "recover"))
     if faults.top < waits:
         raise ValueError(f"faults: frames are counted up to {faults.top}; offline_s and recover_s need {waits}")
     gain = hz_per_turn * frequency_tracker.WORD_PER_HZ * 2.0**-PHASE.f
-    limit = search_limit_hz * frequency_tracker.WORD_PER_HZ * 2.0**-CORRECTION.f
+    limit = d.search_limit_hz * frequency_tracker.WORD_PER_HZ * 2.0**-CORRECTION.f
     return Params(
         *frames,
-        reached=quantize(reached * 2**16, FRACTION, "reached"),
-        min_magnitude=agc.setpoint(min_amplitude_um),
+        reached=quantize(d.reached * 2**16, FRACTION, "reached"),
+        min_magnitude=agc.setpoint(d.min_amplitude_um),
         gain=quantize(gain, GAIN, "gain (word LSB per phase LSB)"),
         search_limit=quantize(limit, CORRECTION, "search_limit_hz (turn per clock)"),
-        lock=lock_monitor.design() if lock is None else lock,
+        lock=lock_monitor.design() if d.lock is None else d.lock,
         faults=faults,
     )
 

@@ -114,7 +114,7 @@ def test_the_cache_of_a_kernel_is_named_by_all_that_it_imports():
     assert not {path for path in frame if path.parent.name in ("run", "config", "golden", "paper")}
 
 
-# ---- rooms: a folder is a room -----------------------------------------------------------------------------------------
+# ---- rooms: a folder is a room ---------------------------------------------------------------------------------------
 
 CATALOGUES = ("fpga_model", "analog_frontend/effects", "testbench/rtl")
 MOST_FILES = 16

@@ -201,7 +201,8 @@ def _knot(t, n, w_tick, phi0, lags):
         row[ROWS + 8 * j : ROWS + 8 * j + 4] = [basis[i][j].real for i in range(4)]
         row[ROWS + 8 * j + 4 : ROWS + 8 * j + 8] = [basis[i][j].imag for i in range(4)]
     across = [[r[2:] for r in m[:2]] for m in jets]
-    changes = _forces(row, t, n, g[0], inverse, values, eta, phi0, lags, slow, across)
+    modes = Modes(inverse, values, eta, phi0, slow, across)
+    changes = _forces(row, t, n, g[0], lags, modes)
     row[BACK : BACK + 16] = _real([v for r in inverse[:2] for v in r])
     for j, speed in enumerate((1, 3)):
         # an impulse acts before the tick's step: beta is its column of M
@@ -229,8 +230,20 @@ def _crossing(b, pull, own, coupling, phi0, change, d):
     return out
 
 
-def _forces(row, t, n, g, inverse, values, eta, phi0, lags, slow, across):
+class Modes(NamedTuple):
+    """Modes of one knot: rows into them, their multipliers a tick, what a frame makes of them, the drive's angle."""
+
+    inverse: list
+    values: list
+    eta: object
+    phi0: object
+    slow: list
+    across: list
+
+
+def _forces(row, t, n, g, lags, modes):
     """Places SLAVED, RATES, OLD and NEW of a row: what the two DACs do; returns `Averaged.change_ticks`."""
+    inverse, values, eta, phi0, slow, across = modes
     changes = []
     nodes = [DELTA_HZ * k / 2 for k in range(-2, 3)]
     tick = t.tick_s[n]

@@ -276,6 +276,51 @@ def _left(phase, offsets):
 
 
 @inner
+def _kept(q):
+    """What the demodulators kept from frame to frame, and what a frame picks: nothing yet."""
+    zero, one = splat4(0.0), splat4(1.0)
+    return (
+        load4(q, 4 * R1),
+        load4(q, 4 * R2),
+        load4(q, 4 * R3),
+        load4(q, 4 * H1),
+        load4(q, 4 * H2),
+        load4(q, 4 * H3),
+        load4(q, 4 * OPENED),
+        load4(q, 4 * OPENED_2),
+        load4(q, 4 * CLOSED_AT),
+        load4(q, 4 * NOISE),
+        load4(q, 4 * SIGN),
+        load4(q, 4 * AREA),
+        load4(q, 4 * BEGAN),
+        load4(q, 4 * WAITING),
+        load4(q, 4 * PAST),
+        (zero, zero, one, zero),
+    )
+
+
+@inner
+def _keep(q, s):
+    """The same from frame to frame, clocks counted from the end of this one. Mutates `q`."""
+    (r1, r2, r3, h1, h2, h3, opened, opened_2, closed_at, drawn, sign, area, began, waits, past_waits, _) = s
+    store4(q, 4 * R1, r1)
+    store4(q, 4 * R2, r2)
+    store4(q, 4 * R3, r3)
+    store4(q, 4 * H1, h1)
+    store4(q, 4 * H2, h2)
+    store4(q, 4 * H3, h3)
+    store4(q, 4 * OPENED, opened)
+    store4(q, 4 * OPENED_2, opened_2)
+    store4(q, 4 * CLOSED_AT, closed_at - FRAME_CLOCKS)
+    store4(q, 4 * NOISE, drawn)
+    store4(q, 4 * SIGN, sign)
+    store4(q, 4 * AREA, area)
+    store4(q, 4 * BEGAN, began - FRAME_CLOCKS)
+    store4(q, 4 * WAITING, waits)
+    store4(q, 4 * PAST, past_waits)
+
+
+@inner
 def demodulate(
     p, q, phase, word_old, turn_clock, turn_phase, word_new, offsets, base, v, poles, volts, sums, row, begin
 ):
@@ -318,44 +363,12 @@ def demodulate(
         joined(tilde[8], tilde[8]),
         joined(tilde[9], tilde[9]),
     )
-    s = (
-        load4(q, 4 * R1),
-        load4(q, 4 * R2),
-        load4(q, 4 * R3),
-        load4(q, 4 * H1),
-        load4(q, 4 * H2),
-        load4(q, 4 * H3),
-        load4(q, 4 * OPENED),
-        load4(q, 4 * OPENED_2),
-        load4(q, 4 * CLOSED_AT),
-        load4(q, 4 * NOISE),
-        load4(q, 4 * SIGN),
-        load4(q, 4 * AREA),
-        load4(q, 4 * BEGAN),
-        load4(q, 4 * WAITING),
-        load4(q, 4 * PAST),
-        (zero, zero, one, zero),
-    )
+    s = _kept(q)
     noise = (volts, sums, row)
     s = _two_edges(p, s, waiting, early, old, new, left, later, doubled, poles, noise, begin)
     s = _last_edge(p, s, waiting, early, new, later, tilde, poles, noise, begin)
-    (r1, r2, r3, h1, h2, h3, opened, opened_2, closed_at, drawn, sign, area, began, waits, past_waits, picked) = s
-    store4(q, 4 * R1, r1)
-    store4(q, 4 * R2, r2)
-    store4(q, 4 * R3, r3)
-    store4(q, 4 * H1, h1)
-    store4(q, 4 * H2, h2)
-    store4(q, 4 * H3, h3)
-    store4(q, 4 * OPENED, opened)
-    store4(q, 4 * OPENED_2, opened_2)
-    store4(q, 4 * CLOSED_AT, closed_at - FRAME_CLOCKS)
-    store4(q, 4 * NOISE, drawn)
-    store4(q, 4 * SIGN, sign)
-    store4(q, 4 * AREA, area)
-    store4(q, 4 * BEGAN, began - FRAME_CLOCKS)
-    store4(q, 4 * WAITING, waits)
-    store4(q, 4 * PAST, past_waits)
-    total, since, until, slope = picked
+    _keep(q, s)
+    total, since, until, slope = s[-1]
     # one division for all four
     length = until - since
     store4(q, 4 * SLOPE, slope)

@@ -25,7 +25,7 @@ INFO = Info(
 MOST_POINTS = 200_000
 
 
-def profile(seconds, f_hz, quality, rms_dps, seed, settling=0.0, tau_s=1000.0, first_s=0.0, points_per_s=0.0):
+def profile(seconds, f_hz, quality, rms_dps, seed, settling=0.0, tau_s=1000.0, first_s=0.0):
     """[[t_s, deg/s], ...] for `scenario.rate_dps`; straight lines between, 12 points a period. rms 0: empty."""
     if not (seconds > 0 and f_hz > 0 and quality >= 1 and rms_dps >= 0 and tau_s > 0):
         raise ValueError(
@@ -33,8 +33,7 @@ def profile(seconds, f_hz, quality, rms_dps, seed, settling=0.0, tau_s=1000.0, f
         )
     if rms_dps == 0.0:
         return []
-    rate = points_per_s or 12 * f_hz * (1 + abs(settling))
-    count = math.ceil(seconds * rate) + 1
+    count = math.ceil(seconds * 12 * f_hz * (1 + abs(settling))) + 1
     if count > MOST_POINTS:
         raise ValueError(f"rate_vibration: {count} points are more than {MOST_POINTS}")
     t = np.linspace(0.0, seconds, count)

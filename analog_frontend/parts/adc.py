@@ -95,26 +95,8 @@ def modulator_period(ppm=0.0, modulator_hz=512e3, master_hz=26_000_000):
     return round(Fraction(master_hz) * UNITS_PER_CYCLE / rate)
 
 
-def design(
-    seed=0,
-    pga=(1, 1, 12, 12, 1),
-    vref_v=4.0,
-    step_code=10,
-    decimation=64,
-    period=SYNCHRONOUS_PERIOD,
-    conversion_delay_s=1.5e-6,
-    master_hz=26e6,
-    noise_v=(0.0,) * CHANNELS,
-    flicker_v_per_rthz=(0.0,) * CHANNELS,
-    offset_v=(0.0,) * CHANNELS,
-    gain_error=(0.0,) * CHANNELS,
-    inl=(0.0,) * CHANNELS,
-    turnover=(0.0,) * CHANNELS,
-    gain_tc_per_k=(0.0,) * CHANNELS,
-    memory=(0.0,) * CHANNELS,
-    curve=(),
-):
-    """Machine units of a converter; all per-channel values are referred to its input (before the PGA).
+class Design(NamedTuple):
+    """A converter; all per-channel values are referred to its input (before the PGA).
 
     noise_v             rms of one conversion (V)
     flicker_v_per_rthz  one-sided density at 1 Hz (V/rtHz)
@@ -125,59 +107,88 @@ def design(
     memory              part of the voltage of the conversion before that is left over
     curve               up to 13 parts of full scale, of T2, T3, .. T14 of v over full scale; not for the sensor
     """
-    for gain in pga:
+
+    seed: int = 0
+    pga: tuple = (1, 1, 12, 12, 1)
+    vref_v: float = 4.0
+    step_code: int = 10
+    decimation: int = 64
+    period: int = SYNCHRONOUS_PERIOD
+    conversion_delay_s: float = 1.5e-6
+    master_hz: float = 26e6
+    noise_v: tuple = (0.0,) * CHANNELS
+    flicker_v_per_rthz: tuple = (0.0,) * CHANNELS
+    offset_v: tuple = (0.0,) * CHANNELS
+    gain_error: tuple = (0.0,) * CHANNELS
+    inl: tuple = (0.0,) * CHANNELS
+    turnover: tuple = (0.0,) * CHANNELS
+    gain_tc_per_k: tuple = (0.0,) * CHANNELS
+    memory: tuple = (0.0,) * CHANNELS
+    curve: tuple = ()
+
+
+def _check(d):
+    """ValueError (name, value, limit) if a `Design` is impossible."""
+    for gain in d.pga:
         if gain not in PGA_GAINS:
             raise ValueError(f"adc pga: {gain} is none of {PGA_GAINS}")
-    for name, values in (
-        ("pga", pga),
-        ("noise_v", noise_v),
-        ("offset_v", offset_v),
-        ("gain_error", gain_error),
-        ("inl", inl),
-        ("turnover", turnover),
-        ("gain_tc_per_k", gain_tc_per_k),
-        ("memory", memory),
-    ):
+    for name in ("pga", "noise_v", "offset_v", "gain_error", "inl", "turnover", "gain_tc_per_k", "memory"):
+        values = getattr(d, name)
         if len(values) != CHANNELS or not all(math.isfinite(v) for v in values):
             raise ValueError(f"adc {name}: {values} is not {CHANNELS} finite numbers")
-    if len(curve) > CURVE or not all(abs(v) <= 1e-2 for v in curve):
-        raise ValueError(f"adc curve: {curve} is not up to {CURVE} parts of full scale within -0.01 .. 0.01")
-    if not (vref_v > 0.0 and 1 <= step_code <= 1024):
-        raise ValueError(f"adc vref_v, step_code: {vref_v} V, {step_code} codes are outside 0 V .., 1 .. 1024 codes")
-    if not 16 <= decimation <= 1024:
-        raise ValueError(f"adc decimation: {decimation} is outside 16 .. 1024 samples")
-    if not period > TICK_UNITS:
+    if len(d.curve) > CURVE or not all(abs(v) <= 1e-2 for v in d.curve):
+        raise ValueError(f"adc curve: {d.curve} is not up to {CURVE} parts of full scale within -0.01 .. 0.01")
+    if not (d.vref_v > 0.0 and 1 <= d.step_code <= 1024):
         raise ValueError(
-            f"adc period: {period / UNITS_PER_CYCLE:g} cycles; a tick of {TICK_CYCLES} cycles may hold one sample"
+            f"adc vref_v, step_code: {d.vref_v} V, {d.step_code} codes are outside 0 V .., 1 .. 1024 codes"
         )
-    delay = round(Fraction(conversion_delay_s) * Fraction(master_hz) * UNITS_PER_CYCLE)
-    if not TICK_UNITS <= delay < (decimation - 1) * period:
+    if not 16 <= d.decimation <= 1024:
+        raise ValueError(f"adc decimation: {d.decimation} is outside 16 .. 1024 samples")
+    if not d.period > TICK_UNITS:
         raise ValueError(
-            f"adc conversion_delay_s: {conversion_delay_s} s is outside {TICK_CYCLES / master_hz:g} s .. one frame; "
-            "DRDY falls in a later tick than the last sample"
+            f"adc period: {d.period / UNITS_PER_CYCLE:g} cycles; a tick of {TICK_CYCLES} cycles may hold one sample"
         )
+    delay = _delay(d)
+    if not TICK_UNITS <= delay < (d.decimation - 1) * d.period:
+        raise ValueError(
+            f"adc conversion_delay_s: {d.conversion_delay_s} s is outside {TICK_CYCLES / d.master_hz:g} s .. one "
+            "frame; DRDY falls in a later tick than the last sample"
+        )
+
+
+def _delay(d):
+    """Units from the last modulator sample to the fall of DRDY."""
+    return round(Fraction(d.conversion_delay_s) * Fraction(d.master_hz) * UNITS_PER_CYCLE)
+
+
+def design(**values):
+    """Machine units of a `Design`. Raises ValueError (name, value, limit)."""
+    d = Design(**values)
+    _check(d)
     scale = [
-        Fraction(g) * FULL_CODE / (Fraction(vref_v) * step_code) * (1 + Fraction(e)) for g, e in zip(pga, gain_error)
+        Fraction(g) * FULL_CODE / (Fraction(d.vref_v) * d.step_code) * (1 + Fraction(e))
+        for g, e in zip(d.pga, d.gain_error)
     ]
     return Params(
-        period=int(period),
-        delay=int(delay),
-        decimation=int(decimation),
-        normal=1.0 / decimation**3,
-        step_code=int(step_code),
-        full_steps=FULL_CODE / step_code,
-        offset_v=tuple(float(v) for v in offset_v),
+        period=int(d.period),
+        delay=_delay(d),
+        decimation=int(d.decimation),
+        normal=1.0 / d.decimation**3,
+        step_code=int(d.step_code),
+        full_steps=FULL_CODE / d.step_code,
+        offset_v=tuple(float(v) for v in d.offset_v),
         steps_per_v=tuple(float(v) for v in scale),
-        inl=tuple(float(v) for v in inl),
+        inl=tuple(float(v) for v in d.inl),
         errors_on=tuple(
-            int(any(v) or (c != TEMPERATURE and any(curve))) for c, v in enumerate(zip(turnover, gain_tc_per_k, memory))
+            int(any(v) or (c != TEMPERATURE and any(d.curve)))
+            for c, v in enumerate(zip(d.turnover, d.gain_tc_per_k, d.memory))
         ),
-        turnover=tuple(float(v) for v in turnover),
-        gain_tc_per_k=tuple(float(v) for v in gain_tc_per_k),
-        memory=tuple(float(v) for v in memory),
-        curve=tuple(float(v) for v in curve) + (0.0,) * (CURVE - len(curve)),
-        white=tuple(noise.source(seed, f"adc_{_name(c)}", noise_v[c]) for c in range(CHANNELS)),
-        flicker=tuple(noise.flicker(seed, f"flicker_{_name(c)}", flicker_v_per_rthz[c]) for c in range(CHANNELS)),
+        turnover=tuple(float(v) for v in d.turnover),
+        gain_tc_per_k=tuple(float(v) for v in d.gain_tc_per_k),
+        memory=tuple(float(v) for v in d.memory),
+        curve=tuple(float(v) for v in d.curve) + (0.0,) * (CURVE - len(d.curve)),
+        white=tuple(noise.source(d.seed, f"adc_{_name(c)}", d.noise_v[c]) for c in range(CHANNELS)),
+        flicker=tuple(noise.flicker(d.seed, f"flicker_{_name(c)}", d.flicker_v_per_rthz[c]) for c in range(CHANNELS)),
     )
 
 

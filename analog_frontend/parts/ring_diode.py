@@ -182,34 +182,40 @@ def opamp_tau_s(noise_gain, gbw_hz, gbw_tc_per_k, temp_degc, temp_ref_degc=25.0)
         return float(mpmath.mpf(noise_gain) / (2 * mpmath.pi * mpmath.mpf(gbw_hz) * change))
 
 
-def chain(
-    dc_dx_f_per_m,
-    temp_degc,
-    carrier_v=5.0,
-    carrier_hz=8e6,
-    c0_f=2e-12,
-    cp_f=3e-12,
-    cref_f=32e-12,
-    diode=HSMS_282X,
-    gbw_hz=10.3e6,
-    gbw_tc_per_k=-0.002,
-    ina_noise_gain=5.0,
-    driver_noise_gain=2.0,
-    signal_gain=5.0,
-    temp_ref_degc=25.0,
-    diode_tc_on=1,
-):
-    """One C/V channel at `temp_degc`; `diode_tc_on` = 0 leaves the ring at `temp_ref_degc` (a compensated carrier)."""
-    at = temp_degc if diode_tc_on else temp_ref_degc
-    r = ring(carrier_v, carrier_hz, c0_f, cp_f, cref_f, diode, at, temp_ref_degc)
-    driver = opamp_tau_s(driver_noise_gain, gbw_hz, gbw_tc_per_k, temp_degc, temp_ref_degc)
+class Circuit(NamedTuple):
+    """What surrounds one C/V channel. `diode_tc_on` = 0 leaves the ring at `temp_ref_degc` (a compensated carrier)."""
+
+    carrier_v: float = 5.0
+    carrier_hz: float = 8e6
+    c0_f: float = 2e-12
+    cp_f: float = 3e-12
+    cref_f: float = 32e-12
+    diode: Diode = HSMS_282X
+    gbw_hz: float = 10.3e6
+    gbw_tc_per_k: float = -0.002
+    ina_noise_gain: float = 5.0
+    driver_noise_gain: float = 2.0
+    signal_gain: float = 5.0
+    temp_ref_degc: float = 25.0
+    diode_tc_on: int = 1
+
+
+def chain(dc_dx_f_per_m, temp_degc, **values):
+    """One C/V channel of a `Circuit` at `temp_degc`."""
+    c = Circuit(**values)
+    at = temp_degc if c.diode_tc_on else c.temp_ref_degc
+    r = ring(c.carrier_v, c.carrier_hz, c.c0_f, c.cp_f, c.cref_f, c.diode, at, c.temp_ref_degc)
+    tau_ina_s, tau_driver_s = (
+        opamp_tau_s(gain, c.gbw_hz, c.gbw_tc_per_k, temp_degc, c.temp_ref_degc)
+        for gain in (c.ina_noise_gain, c.driver_noise_gain)
+    )
     return Chain(
         gain_v_per_m=r.gain_v_per_f * dc_dx_f_per_m,
         tau_ring_s=r.tau_s,
-        tau_ina_s=opamp_tau_s(ina_noise_gain, gbw_hz, gbw_tc_per_k, temp_degc, temp_ref_degc),
-        tau_driver_s=driver,
-        signal_gain=float(signal_gain),
-        driver_per_s=1.0 / driver,
+        tau_ina_s=tau_ina_s,
+        tau_driver_s=tau_driver_s,
+        signal_gain=float(c.signal_gain),
+        driver_per_s=1.0 / tau_driver_s,
     )
 
 

@@ -106,14 +106,14 @@ def prepared(p, made=None):
     return u, b
 
 
-def run(p, s, ticks, rate_rad_s, temp_degc, write, address, data, faults, o, made=None):
-    """As `engine.run`, within the tolerances of docs/parts/averaged.md; `made` is the Setup of `p`, if it is at hand.
+def run(p, s, ticks, rate_rad_s, temp_degc, host, faults, o):
+    """As `engine.run`, within the tolerances of docs/parts/averaged.md.
 
     Raises ConfigError outside the averaged plant's validity, RuntimeError if a register is not what it must be.
     """
     if faults != QUIET:
         raise ConfigError('scenario.faults: scenario.engine = "baseband" cannot run them, "frame" can')
-    u, b = prepared(p, made)
+    u, b = prepared(p)
     fastest = math.degrees(float(np.abs(rate_rad_s).max()))
     if not fastest <= RATE_LIMIT_DEG_S:
         raise ConfigError(
@@ -121,10 +121,10 @@ def run(p, s, ticks, rate_rad_s, temp_degc, write, address, data, faults, o, mad
             'the limit of scenario.engine = "baseband"; "frame" can run it'
         )
     if o.probe_ints.shape[0] or o.registers.shape[0]:
-        return frame.run(p, s, ticks, rate_rad_s, temp_degc, write, address, data, faults, o)
+        return frame.run(p, s, ticks, rate_rad_s, temp_degc, host, faults, o)
     end = s.tick + ticks
     edges = np.zeros((engine.MAX_EDGES, 2), np.int64)
-    chunk = engine.Chunk(s.tick, rate_rad_s, temp_degc, write, address, data, faults, o, edges)
+    chunk = engine.Chunk(s.tick, rate_rad_s, temp_degc, *host, faults, o, edges)
     f, chips, drdy_cycle, failed, far = _run(p, u, b, s.fpga, s.chips, s.plant, chunk, end, s.drdy_cycle, buffers())
     if failed:
         raise RuntimeError(f"baseband engine: the registers of tick {failed} are not those of the clocked engine")

@@ -56,6 +56,51 @@ def _row(p, u, c, bank, phase, word, codes, quadrature, z, temp_degc, rate_rad_s
     engine.record_frame(frames[row], truth[row], c, codes, drive, sense, quadrature, z, temp_degc, rate_rad_s)
 
 
+@inner
+def _drawn(p, u, b, tick, n, count, clock, sums):
+    """The noise of the next batch of frames. Mutates `b`."""
+    if n > 0:
+        # integrals begin anew
+        for d in range(4):
+            b.q[4 * NOISE + d] -= b.drawn.sums[(d >> 1) * ROW + FRAME_SAMPLES * BATCH]
+    averaged_noise.draw(p.plant.noise, u.force, b.drawn, tick, min(BATCH, count - n))
+    averaged_noise.convert(p.plant.adc, b.drawn, sums, clock[adc.COUNT], min(BATCH, count - n))
+
+
+@inner
+def _moved(p, u, b, c, bank, tick, batch, rate, temp, words, turn_clock, turn_phase, cos, sin):
+    """Both modes through a frame; `words` of the DDS before and after `turn_clock`. Mutates `b`."""
+    word_old, word = words
+    volts = averaged_codes.rounded(control.amplitude(p.fpga.control, c) * u.drive_volts, u.drive_lsb_v)
+    fdr, fdi = turned_force(volts, bank.phase_drive_sine)
+    fsr, fsi = turned_force(c.rate_loop.loop.y * u.sense_volts, bank.phase_sense_sine)
+    lawful = u.laws.force + u.laws.cv > 0
+    if lawful:
+        refs = bank.phase_drive_ref, bank.phase_sense_ref
+        averaged_laws.act(u.laws, b.now, b.m, b.laws, rate, temp, tick * p.plant.sid.h_s, refs[0], refs[1])
+    changed_cos, changed_sin = unit((turn_phase + u.drive_change * word) << 1 & TURN_MASK)
+    later_cos, later_sin = averaged_modes.times(changed_cos, changed_sin, u.sense_later[0], u.sense_later[1])
+    averaged_modes.frame(
+        b.now,
+        b.m,
+        (word_old - u.word0) * RAD_PER_TICK,
+        (word - u.word0) * RAD_PER_TICK,
+        turn_clock / TICK_CYCLES,
+        fdr,
+        fdi,
+        fsr,
+        fsi,
+        b.drawn.growth,
+        4 * batch,
+        cos,
+        sin,
+        (changed_cos, changed_sin, later_cos, later_sin),
+        b.cubic,
+    )
+    if lawful:
+        averaged_laws.grow(b.now, b.m, b.laws, (word - u.word0) * RAD_PER_TICK, b.cubic)
+
+
 @hot
 def frames(p, u, b, c, bank, phase, word, quadrature, old, new, chunk, tick, count, clock, sums):
     """`count` frames from the one that begins at `tick`. Mutates `b`, the converter's arrays and the streams.
@@ -74,12 +119,7 @@ def frames(p, u, b, c, bank, phase, word, quadrature, old, new, chunk, tick, cou
     for n in range(count):
         batch = n % BATCH
         if batch == 0:
-            if n > 0:
-                # integrals begin anew
-                for d in range(4):
-                    q[4 * NOISE + d] -= drawn.sums[(d >> 1) * ROW + FRAME_SAMPLES * BATCH]
-            averaged_noise.draw(p.plant.noise, u.force, drawn, tick, min(BATCH, count - n))
-            averaged_noise.convert(p.plant.adc, drawn, sums, clock[adc.COUNT], min(BATCH, count - n))
+            _drawn(p, u, b, tick, n, count, clock, sums)
         rate, temp = chunk.rate_rad_s[first + n], chunk.temp_degc[first + n]
         v_q = quadrature * p.plant.quad_lsb_v
         motion(now, m, cos, sin, b.z, plant.X)
@@ -97,37 +137,8 @@ def frames(p, u, b, c, bank, phase, word, quadrature, old, new, chunk, tick, cou
         turn_phase = (phase + (turn_clock - between) * word_old + between * word_between) & TURN_MASK
         after = (turn_phase + (FRAME_CLOCKS - turn_clock) * word) & TURN_MASK
         # the plant
-        amplitude = control.amplitude(p.fpga.control, c)
-        volts = averaged_codes.rounded(amplitude * u.drive_volts, u.drive_lsb_v)
-        fdr, fdi = turned_force(volts, bank.phase_drive_sine)
-        fsr, fsi = turned_force(c.rate_loop.loop.y * u.sense_volts, bank.phase_sense_sine)
         cos, sin = unit(after)
-        lawful = u.laws.force + u.laws.cv > 0
-        if lawful:
-            refs = bank.phase_drive_ref, bank.phase_sense_ref
-            t_s = tick * p.plant.sid.h_s
-            averaged_laws.act(u.laws, now, m, b.laws, rate, temp, t_s, refs[0], refs[1])
-        changed_cos, changed_sin = unit((turn_phase + u.drive_change * word) << 1 & TURN_MASK)
-        later_cos, later_sin = averaged_modes.times(changed_cos, changed_sin, u.sense_later[0], u.sense_later[1])
-        averaged_modes.frame(
-            now,
-            m,
-            (word_old - u.word0) * RAD_PER_TICK,
-            (word - u.word0) * RAD_PER_TICK,
-            turn_clock / TICK_CYCLES,
-            fdr,
-            fdi,
-            fsr,
-            fsi,
-            drawn.growth,
-            4 * batch,
-            cos,
-            sin,
-            (changed_cos, changed_sin, later_cos, later_sin),
-            b.cubic,
-        )
-        if lawful:
-            averaged_laws.grow(now, m, b.laws, (word - u.word0) * RAD_PER_TICK, b.cubic)
+        _moved(p, u, b, c, bank, tick, batch, rate, temp, (word_old, word), turn_clock, turn_phase, cos, sin)
         poles = poles_at(u, word)
         _tilde(u, b.cubic, poles[0], poles[1])
         averaged_sid.demodulate(

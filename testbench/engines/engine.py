@@ -128,6 +128,9 @@ class Streams(NamedTuple):
     peak_x: np.ndarray  # float64 (1,) largest |x| seen
 
 
+NO_WRITE = (0, 0, 0)
+
+
 class Chunk(NamedTuple):
     """What a chunk of ticks is told: stimulus per frame begun, one host write at its first edge, faults, streams."""
 
@@ -285,19 +288,75 @@ def record_frame(row, truth, c, codes, drive_code, sense_code, quadrature_code, 
     truth[5] = rate_rad_s
 
 
-def run(p, s, ticks, rate_rad_s, temp_degc, write, address, data, faults, o):
+def run(p, s, ticks, rate_rad_s, temp_degc, host, faults, o):
     """Advance by `ticks`; returns the new State, whose arrays are those of `s`, moved on.
 
     rate_rad_s, temp_degc  per frame begun in this chunk, the first for the frame in progress
-    write, address, data   one host write at the first edge of the chunk (write = 0: none)
+    host                   one write at the first edge of the chunk: (1, address, data); NO_WRITE for none
     faults                 in force during the whole chunk
     o                      Streams
     """
     edges = np.zeros((MAX_EDGES, 2), np.int64)
-    chunk = Chunk(s.tick, rate_rad_s, temp_degc, write, address, data, faults, o, edges)
+    chunk = Chunk(s.tick, rate_rad_s, temp_degc, *host, faults, o, edges)
     end = s.tick + ticks
     f, chips, drdy_cycle = run_ticks(p, s.fpga, s.chips, s.plant, chunk, s.tick, end, s.drdy_cycle, 1)
     return State(f, chips, s.plant, end, drdy_cycle)
+
+
+@inner
+def _frame(p, f, chips, a, chunk, tick):
+    """A frame begins: the plant's matrix for it, and a row of both streams. Mutates `a` and the streams."""
+    n = tick // FRAME_TICKS - chunk.begin // FRAME_TICKS
+    row = n if chunk.begin % FRAME_TICKS == 0 else n - 1
+    rate_rad_s, temp_degc, o = chunk.rate_rad_s[n], chunk.temp_degc[n], chunk.o
+    v_q = chunk.faults.dac_code[2] if chunk.faults.dac[2] else chips.quadrature.code
+    plant_tick.retune(p.plant, a, rate_rad_s, v_q, temp_degc)
+    if row < o.frames.shape[0]:
+        record_frame(
+            o.frames[row],
+            o.truth[row],
+            f.control,
+            frame_codes(p.fpga, f.sid.codes, f.adc.channels),
+            chips.drive.code,
+            chips.sense.code,
+            chips.quadrature.code,
+            a.z,
+            temp_degc,
+            rate_rad_s,
+        )
+
+
+@inner
+def _probe(o, k, f, a):
+    """Row `k` of the phase meter, what it shows before the tick."""
+    ints, values, z = o.probe_ints[k], o.probe_floats[k], a.z
+    ints[0] = f.dds.phase
+    ints[1] = f.control.frequency_tracker.word
+    for i in range(6):
+        values[i] = z[i]
+    values[6] = z[plant.X]
+    values[7] = z[plant.Y]
+    values[8] = z[plant.CV_X]
+    values[9] = z[plant.CV_Y]
+    values[10] = a.volts[0]
+    values[12] = a.volts[1]
+
+
+@inner
+def _edges(edges, count, o, probed, c, theta, refs, now):
+    """Edges of the reference pins at clock `c` of a tick; returns how many the tick has had."""
+    for d in range(4):
+        if ((now ^ refs) >> d) & 1 and count < MAX_EDGES:
+            edges[count, 0] = c
+            edges[count, 1] = d
+            count += 1
+            if probed and o.edge_count[0] < o.edges.shape[0]:
+                e = o.edges[o.edge_count[0]]
+                e[0] = theta
+                e[1] = d
+                e[2] = (now >> d) & 1
+                o.edge_count[0] += 1
+    return count
 
 
 @hot
@@ -306,37 +365,12 @@ def run_ticks(p, f, chips, a, chunk, first, end, drdy_cycle, closed):
 
     closed  0: firmware and chips alone, nothing recorded, no plant
     """
-    begin, rate_rad_s, temp_degc, faults, o, edges = (
-        chunk.begin,
-        chunk.rate_rad_s,
-        chunk.temp_degc,
-        chunk.faults,
-        chunk.o,
-        chunk.edges,
-    )
+    begin, faults, o, edges = chunk.begin, chunk.faults, chunk.o, chunk.edges
     refs = references.pins(p.fpga.references, f.references)
-    begin_frame = begin // FRAME_TICKS
     for tick in range(first, end):
         k = tick - begin
         if tick % FRAME_TICKS == 0 and closed:
-            n = tick // FRAME_TICKS - begin_frame
-            row = n if begin % FRAME_TICKS == 0 else n - 1
-            v_q = faults.dac_code[2] if faults.dac[2] else chips.quadrature.code
-            plant_tick.retune(p.plant, a, rate_rad_s[n], v_q, temp_degc[n])
-            if row < o.frames.shape[0]:
-                codes = frame_codes(p.fpga, f.sid.codes, f.adc.channels)
-                record_frame(
-                    o.frames[row],
-                    o.truth[row],
-                    f.control,
-                    codes,
-                    chips.drive.code,
-                    chips.sense.code,
-                    chips.quadrature.code,
-                    a.z,
-                    temp_degc[n],
-                    rate_rad_s[n],
-                )
+            _frame(p, f, chips, a, chunk, tick)
         # the aperture is the tick's first instant; the codes arrive a tick later
         sample_x, sample_y = a.sar[0], a.sar[1]
         if p.fpga.digital and closed:
@@ -344,19 +378,7 @@ def run_ticks(p, f, chips, a, chunk, first, end, drdy_cycle, closed):
             a.sar[1] = plant_tick.sar_code(p.plant, a, tick, 1)
         probed = closed and k < o.probe_ints.shape[0]
         if probed:
-            ints = o.probe_ints[k]
-            ints[0] = f.dds.phase
-            ints[1] = f.control.frequency_tracker.word
-            z = a.z
-            values = o.probe_floats[k]
-            for i in range(6):
-                values[i] = z[i]
-            values[6] = z[plant.X]
-            values[7] = z[plant.Y]
-            values[8] = z[plant.CV_X]
-            values[9] = z[plant.CV_Y]
-            values[10] = a.volts[0]
-            values[12] = a.volts[1]
+            _probe(o, k, f, a)
         codes = sent_codes(faults, a.adc.clock)
         drive_cycle, sense_cycle, edge_count = -1, -1, 0
         for c in range(TICK_CYCLES):
@@ -380,19 +402,8 @@ def run_ticks(p, f, chips, a, chunk, first, end, drdy_cycle, closed):
             if chips.sense.updated:
                 sense_cycle = c
             now = references.pins(p.fpga.references, f.references)
-            changed = now ^ refs
-            if changed:
-                for d in range(4):
-                    if (changed >> d) & 1 and edge_count < MAX_EDGES:
-                        edges[edge_count, 0] = c
-                        edges[edge_count, 1] = d
-                        edge_count += 1
-                        if probed and o.edge_count[0] < o.edges.shape[0]:
-                            e = o.edges[o.edge_count[0]]
-                            e[0] = theta
-                            e[1] = d
-                            e[2] = (now >> d) & 1
-                            o.edge_count[0] += 1
+            if now != refs:
+                edge_count = _edges(edges, edge_count, o, probed, c, theta, refs, now)
                 refs = now
         if not closed:
             continue

@@ -249,14 +249,14 @@ def _run(p, f, chips, a, chunk, end, drdy_cycle, b):
     return leave(p, blocks(p, f, chips, a, chunk, tick, end, drdy_cycle, b), a, chunk, end)
 
 
-def run(p, s, ticks, rate_rad_s, temp_degc, write, address, data, faults, o):
+def run(p, s, ticks, rate_rad_s, temp_degc, host, faults, o):
     """As `engine.run`, with the same result to the last bit.
 
     Raises RuntimeError if a register is not what it must be.
     """
     end = s.tick + ticks
     edges = np.zeros((engine.MAX_EDGES, 2), np.int64)
-    chunk = engine.Chunk(s.tick, rate_rad_s, temp_degc, write, address, data, faults, o, edges)
+    chunk = engine.Chunk(s.tick, rate_rad_s, temp_degc, *host, faults, o, edges)
     f, chips, drdy_cycle, failed = _run(p, s.fpga, s.chips, s.plant, chunk, end, s.drdy_cycle, buffers())
     if failed:
         raise RuntimeError(f"frame engine: the registers of tick {failed} are not those of the clocked engine")

@@ -41,6 +41,26 @@ class Row(NamedTuple):
         return self.seconds * 1e9
 
 
+class Rows(NamedTuple):
+    """Makes the rows of a budget at a frequency (Hz), with the firmware's clock (Hz)."""
+
+    f: float
+    clock_hz: float
+
+    def delay(self, what, seconds, assumed=""):
+        return Row(what, seconds, 360.0 * self.f * seconds, assumed)
+
+    def clocks(self, what, count, assumed=""):
+        return self.delay(what, count / self.clock_hz, assumed)
+
+    def pole(self, what, tau_s, assumed=""):
+        angle = math.atan(2 * math.pi * self.f * tau_s)
+        return Row(what, angle / (2 * math.pi * self.f), math.degrees(angle), assumed)
+
+    def word(self, what, degrees):
+        return Row(what, degrees / 360.0 / self.f, degrees)
+
+
 class Budget(NamedTuple):
     """Rows per node, the extra rows that make the loop phase of xe2 and ye2, and the frequency they hold at."""
 
@@ -71,64 +91,53 @@ def budget(config, temp_degc=None, frequency_hz=None):
     clock_hz = MASTER_HZ * (1 + 1e-6 * device.clock_ppm)
     f = frequency_hz or device.fx_hz
 
-    def delay(what, seconds, assumed=""):
-        return Row(what, seconds, 360.0 * f * seconds, assumed)
-
-    def clocks(what, count, assumed=""):
-        return delay(what, count / clock_hz, assumed)
-
-    def pole(what, tau_s, assumed=""):
-        angle = math.atan(2 * math.pi * f * tau_s)
-        return Row(what, angle / (2 * math.pi * f), math.degrees(angle), assumed)
-
-    def word(what, degrees):
-        return Row(what, degrees / 360.0 / f, degrees)
+    at = Rows(f, clock_hz)
 
     def signal(channel, chip, frames, delay_s, words_deg):
         sine_deg, ref_deg = words_deg
         poles = [getattr(device, f"{channel}_pole_{n}_s") for n in (1, 2, 3)]
         align = firmware.reference_registers
         rows = [
-            clocks("DDS output register", dds.LATENCY),
-            clocks("sine pipeline", sine.LATENCY),
-            clocks("extra pipeline registers", firmware.pipeline_registers),
-            clocks("product and code registers", PRODUCT_AND_CODE_CLOCKS),
-            clocks("SPI load register", 1),
-            clocks("SPI frame to latch", spi_dac.latch_cycles(chip)),
-            clocks("extra 1 us frames", frames * TICK_CYCLES, "one frame in the sense path" if frames else ""),
-            clocks("hold of the 1 MHz update, half a period", TICK_CYCLES / 2),
-            delay("DAC response after its latch", delay_s, "from memory of a datasheet" if delay_s else ""),
-            *(pole(f"output pole {n}", tau, "typical value") for n, tau in enumerate(poles, 1)),
-            clocks("reference: DDS output register", -dds.LATENCY),
-            clocks("reference: sign register", -references.LATENCY),
-            clocks("reference: alignment registers", -align, "pipeline depth of 3 net" if align else ""),
-            clocks("reference: edge quantisation, mean", -0.5),
+            at.clocks("DDS output register", dds.LATENCY),
+            at.clocks("sine pipeline", sine.LATENCY),
+            at.clocks("extra pipeline registers", firmware.pipeline_registers),
+            at.clocks("product and code registers", PRODUCT_AND_CODE_CLOCKS),
+            at.clocks("SPI load register", 1),
+            at.clocks("SPI frame to latch", spi_dac.latch_cycles(chip)),
+            at.clocks("extra 1 us frames", frames * TICK_CYCLES, "one frame in the sense path" if frames else ""),
+            at.clocks("hold of the 1 MHz update, half a period", TICK_CYCLES / 2),
+            at.delay("DAC response after its latch", delay_s, "from memory of a datasheet" if delay_s else ""),
+            *(at.pole(f"output pole {n}", tau, "typical value") for n, tau in enumerate(poles, 1)),
+            at.clocks("reference: DDS output register", -dds.LATENCY),
+            at.clocks("reference: sign register", -references.LATENCY),
+            at.clocks("reference: alignment registers", -align, "pipeline depth of 3 net" if align else ""),
+            at.clocks("reference: edge quantisation, mean", -0.5),
         ]
         if firmware.reference_retimed:
             rows.append(
-                clocks("reference: wait for the 1 MHz grid, mean", -(TICK_CYCLES + 1) / 2, "re-timed references")
+                at.clocks("reference: wait for the 1 MHz grid, mean", -(TICK_CYCLES + 1) / 2, "re-timed references")
             )
         if sine_deg or ref_deg:
-            rows.append(word("compensation words (sine, reference)", ref_deg - sine_deg))
+            rows.append(at.word("compensation words (sine, reference)", ref_deg - sine_deg))
         return rows
 
     def forward(channel):
         _, tau_s = propagator.cv_chain(base, channel, temp_degc)
         return [
-            pole("ring diode with its capacitors", tau_s, "capacitors chosen to fit"),
-            pole(
+            at.pole("ring diode with its capacitors", tau_s, "capacitors chosen to fit"),
+            at.pole(
                 "instrumentation amplifier", device.ina_noise_gain / (2 * math.pi * device.opamp_gbw_hz), "gain split"
             ),
-            pole("unity driver", device.driver_noise_gain / (2 * math.pi * device.opamp_gbw_hz), "gain split"),
+            at.pole("unity driver", device.driver_noise_gain / (2 * math.pi * device.opamp_gbw_hz), "gain split"),
         ]
 
     if firmware.board == "analog_sid":
         mean_s = device.sid_switch_s + device.sid_fall_s / 2
-        switch = [delay("reference: analog switch", -mean_s, "from memory of a datasheet")]
+        switch = [at.delay("reference: analog switch", -mean_s, "from memory of a datasheet")]
     elif firmware.reference_retimed:
-        switch = [clocks("reference: sampled one tick after the grid, less half a sample", -TICK_CYCLES / 2)]
+        switch = [at.clocks("reference: sampled one tick after the grid, less half a sample", -TICK_CYCLES / 2)]
     else:
-        switch = [clocks("reference: mean wait for the sample, less half a sample", -0.5)]
+        switch = [at.clocks("reference: mean wait for the sample, less half a sample", -0.5)]
     drive_words = (firmware.phase_drive_sine_deg, firmware.phase_drive_ref_deg)
     sense_words = (firmware.phase_sense_sine_deg, firmware.phase_sense_ref_deg)
     return Budget(

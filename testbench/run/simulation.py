@@ -158,7 +158,7 @@ class Simulation:
         rate, temp, streams = self.chunk(ticks, rate, temp, probe_ticks)
         started = time.perf_counter()
         with interrupts.held():
-            state = self._run(self.params, self.state, ticks, rate, temp, *host, self.faults, streams)
+            state = self._run(self.params, self.state, ticks, rate, temp, host, self.faults, streams)
         self.seconds_spent += time.perf_counter() - started
         self.moved(state, streams, self.in_window and not probe_ticks)
         return streams

@@ -1,7 +1,7 @@
 """The first compilation of the engines: in child processes that leave it in the kernel cache.
 
-    frame_run    what advances a gyroscope of the frame engine: `frame.run`; on an empty cache, the clocked engine, which has
-                 the same bits and compiles sooner, until a child has compiled the frame engine
+    frame_run    what advances a gyroscope of the frame engine: `frame.run`; on an empty cache the clocked engine, which
+                 has the same bits and compiles sooner, until a child has compiled the frame engine
     warm_up      compile engines side by side, and wait: before tests and campaigns
 
 With a filled cache, without a cache or on one core nothing is started.
@@ -48,7 +48,16 @@ def _advanced(run):
     params, s = _fresh()
     frames = EDGE_TICKS // FRAME_TICKS
     values = np.zeros(frames + 2)
-    run(params, s, EDGE_TICKS, values, values + 25.0, 0, 0, 0, clocked.Faults(), clocked.streams(EDGE_TICKS, frames))
+    run(
+        params,
+        s,
+        EDGE_TICKS,
+        values,
+        values + 25.0,
+        clocked.NO_WRITE,
+        clocked.Faults(),
+        clocked.streams(EDGE_TICKS, frames),
+    )
 
 
 def compile_clocked():

@@ -66,7 +66,9 @@ def digest():
     osc = oscillator.design(seed=4, ppm=1.5, jitter_rms_s=1e-12)
     cv = noise.source(4, "cv_y", 91e-9 * 707.0)
     demods = sid.design(10e3 * 159e-9, osc.h_s, sid.injection_volts(1e-12, 0.1, 159e-9))
-    conv = adc.design(4, period=adc.modulator_period(37.0), noise_v=(12.4e-6,) * 5, flicker_v_per_rthz=(37e-9,) * 5)
+    conv = adc.design(
+        seed=4, period=adc.modulator_period(37.0), noise_v=(12.4e-6,) * 5, flicker_v_per_rthz=(37e-9,) * 5
+    )
     s = adc.reset(conv)
     z, caps, log = np.zeros(24), sid.reset(), np.zeros((TICKS // 100, 6), np.int64)
     z[6] = 5e-6

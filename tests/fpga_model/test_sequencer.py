@@ -1,6 +1,5 @@
 """The sequencer: every register at every clock against a told story, each transition, and what each state does."""
 
-import inspect
 from pathlib import Path
 
 import pytest
@@ -313,7 +312,7 @@ def modes(state, **what):
 def test_table_of_states_of_the_page():
     """Time, modes and DAC initialisation of every state, as the page prints them."""
     page = PAGE.read_text()
-    d = {k: v.default for k, v in inspect.signature(sequencer.design).parameters.items()}
+    d = sequencer.Design._field_defaults
     for k, name in enumerate(sequencer.STATES):
         time = d.get(f"{name.lower()}_s")
         shown = f"{1e3 * time:g} ms" if time else "-"

@@ -189,7 +189,7 @@ def closed_loop(name, case, progress=None):
             host.append((tick * TICK_CYCLES, 0, *write[1:]))
         sar.append((int(state.plant.sar[0]), int(state.plant.sar[1])))
         ends = -1 if faults.silent else state.drdy_cycle
-        state = engine.run(params, state, 1, rate, temp, *write, faults, streams)
+        state = engine.run(params, state, 1, rate, temp, write, faults, streams)
         if ends >= 0:
             words = [int(word) for word in state.chips.adc.result]
             codes = [word - (1 << 24) if word >> 23 else word for word in words[1:]]

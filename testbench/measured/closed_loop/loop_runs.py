@@ -332,7 +332,7 @@ def _side_by_side(members):
 def _alone(run, p, state):
     """Rows of a run in the frame engine: the bits of the lanes, one at a time."""
     ticks, out = ticks_of(run), _streams(run)
-    after = frame.run(p, state, ticks, *_profiles(run), 0, 0, 0, engine.Faults(), out)
+    after = frame.run(p, state, ticks, *_profiles(run), engine.NO_WRITE, engine.Faults(), out)
     _sure(after, run.condition)
     return out.frames
 
@@ -340,7 +340,8 @@ def _alone(run, p, state):
 def _averaged(run, p, state, setup):
     """Rows of a run in the baseband engine."""
     ticks, out = ticks_of(run), _streams(run)
-    after = baseband.run(p, state, ticks, *_profiles(run), 0, 0, 0, engine.Faults(), out, made=setup)
+    baseband.prepared(p, setup)
+    after = baseband.run(p, state, ticks, *_profiles(run), engine.NO_WRITE, engine.Faults(), out)
     _sure(after, run.condition)
     return out.frames
 

@@ -46,8 +46,8 @@ class Pair:
         rate, temp = (np.resize(np.asarray(x, float), frames) for x in (rate_rad_s, temp_degc))
         streams = [engine.streams(ticks, frames, 0, probe_ticks) for _ in range(2)]
         begin = self.clocked.tick
-        self.clocked = engine.run(self.params, self.clocked, ticks, rate, temp, *host, faults, streams[0])
-        self.frame = frame.run(self.params, self.frame, ticks, rate, temp, *host, faults, streams[1])
+        self.clocked = engine.run(self.params, self.clocked, ticks, rate, temp, host, faults, streams[0])
+        self.frame = frame.run(self.params, self.frame, ticks, rate, temp, host, faults, streams[1])
         assert different(self.clocked, self.frame) == [], f"after {ticks} ticks from {begin}"
         for name, a, b in zip(engine.Streams._fields, *streams):
             np.testing.assert_array_equal(a, b, err_msg=f"{name}, {ticks} ticks from {begin}")
@@ -74,7 +74,9 @@ def advanced(params, state, ticks, rate_rad_s=0.3):
     """The frame engine alone."""
     frames = ticks // FRAME_TICKS + 2
     streams = engine.streams()
-    return frame.run(params, state, ticks, np.full(frames, rate_rad_s), np.full(frames, 25.0), 0, 0, 0, QUIET, streams)
+    return frame.run(
+        params, state, ticks, np.full(frames, rate_rad_s), np.full(frames, 25.0), engine.NO_WRITE, QUIET, streams
+    )
 
 
 def drawn(rng):

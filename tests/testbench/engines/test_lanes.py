@@ -59,7 +59,9 @@ class Group:
         streams = [[engine.streams(ticks, frames) for _ in range(count)] for _ in range(2)]
         self.lanes = self.engine.run(self.lanes, ticks, rates, temps, faults, streams[0])
         for k, p in enumerate(self.params):
-            self.alone[k] = frame.run(p, self.alone[k], ticks, rates[k], temps[k], 0, 0, 0, faults[k], streams[1][k])
+            self.alone[k] = frame.run(
+                p, self.alone[k], ticks, rates[k], temps[k], engine.NO_WRITE, faults[k], streams[1][k]
+            )
             where = f"gyroscope {k} of {count}, {ticks} ticks from {begin}"
             assert different(self.lanes[k], self.alone[k]) == [], where
             for name, a, b in zip(engine.Streams._fields, streams[0][k], streams[1][k]):

@@ -113,7 +113,7 @@ def test_pins_are_those_of_the_clocked_engine():
 
     params = build.params(Config(), 25.0, 25.0)
     state, streams = engine.reset(params, 25.0), engine.streams(ticks=250, edges=6500, register_count=replay.REGISTERS)
-    engine.run(params, state, 250, np.zeros(4), np.full(4, 25.0), 0, 0, 0, engine.Faults(), streams)
+    engine.run(params, state, 250, np.zeros(4), np.full(4, 25.0), engine.NO_WRITE, engine.Faults(), streams)
     adc = recording.load("power_on").stimulus.adc
     none = np.zeros((0, 4), np.int64), np.zeros((0, 2), np.int64)
     rows = replay.run(params.fpga, replay.Stimulus(adc[adc[:, 0] < 6500], *none), 2, np.arange(6500))
