@@ -13,6 +13,7 @@ Source    docs/architecture.md, docs/phases.md, docs/record.md
 
 import math
 import time
+import tomllib
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -20,7 +21,7 @@ import numpy as np
 
 from fpga_model import quadrature_loop, sequencer
 from fpga_model.rates import FRAME_TICKS, TICK_HZ
-from testbench.config import scenario, to_toml
+from testbench.config import from_dict, scenario, to_toml
 from testbench.engines import engine
 from testbench.errors import FileError
 from testbench.run import build, nodes, summary
@@ -241,7 +242,8 @@ class Run:
         self.tick_before, self.spent_before_s = 0, 0.0  # where the scenario begins
         self._every_ticks = round(config.output.checkpoint_s * TICK_HZ)
         parts, meta = self.partial.load(self.sim.layout()) if resume else ({}, {})
-        if resume and meta["config_toml"] != to_toml(config):
+        # compared as configurations: another version's text may have other keys, in another order
+        if resume and from_dict(tomllib.loads(meta["config_toml"])) != config:
             raise FileError(f"{self.partial.checkpoint}: belongs to another configuration than {self.partial.config}")
         if self.partial and not resume:
             self.partial.begin(to_toml(config))
