@@ -64,7 +64,7 @@ def budget_summary(planned, plain):
 def budget_part():
     """Summary and four tables of the default configuration."""
     planned, plain = budget.budgets(Config())
-    parts = [f"At {planned.frequency_hz:.1f} Hz and 25 degC.", markdown(budget_summary(planned, plain))]
+    parts = [f"At {planned.frequency_hz:.1f} Hz and 25 degC. {tables.FITTED}", markdown(budget_summary(planned, plain))]
     for table in tables.budget_tables(planned, plain):
         parts += [f"### {table.title.split(', at ')[0].replace('  ', ': ', 1)}", markdown(table)]
     return "\n\n".join(parts)
@@ -85,7 +85,7 @@ def lock_part():
     )
 
 
-# What else could make the paper's xe1 and ye1; values are chosen for the table, the defaults are not
+# What else could make the paper's xe1 and ye1
 RIVALS = (
     ("default: re-timed references, one extra frame in the sense path", {}),
     ("the same, with the response of the sense DAC inside its output pole", {"plant.sense_dac_delay_s": 0.0}),
@@ -111,7 +111,7 @@ def rivals_part():
         )
     rows.append(("the paper", fixed(PAPER_DEG["xe1"], 4), "", fixed(PAPER_DEG["ye1"], 4), ""))
     heads = ("hardware", "xe1 deg", "less paper", "ye1 deg", "less paper")
-    return markdown(Table("", heads, rows, numeric=(1, 2, 3, 4)))
+    return f"{markdown(Table('', heads, rows, numeric=(1, 2, 3, 4)))}\n\n{tables.FITTED}"
 
 
 def phases(page):

@@ -174,6 +174,20 @@ def test_the_output_of_the_readme_is_of_this_version():
     assert bare[: len(notes)] == bare[len(notes) :]
 
 
+def test_what_stands_beside_the_paper_says_how_the_latencies_were_found():
+    planned = budget.budget(Config())
+    assert any(
+        tables.FITTED in note
+        for note in summary.notes(Config(), {"locked": True, "phase_deg": planned.node_deg()}, planned)
+    )
+    assert all(tables.FITTED in table.note for table in tables.budget_tables(*budget.budgets(Config())))
+    says("docs/phases.md", tables.FITTED)
+    for name in ("README.md", "docs/phases.md"):
+        says(name, "best fit", "of a search over discrete assumptions")
+    for path in (*PAGES, *(ROOT / "testbench").rglob("*.py")):
+        assert "latency was tuned" not in path.read_text(), path
+
+
 def test_the_counts_of_sources_are_those_of_the_device():
     body = Path(device.__file__).read_text().split("class Device", 1)[1]
     marks = re.findall(r"^    \w+: (?:float|int) = .*#\s+([SDAM])\s", body, re.M)
