@@ -64,7 +64,7 @@ class Watch:
         return np.concatenate(self._pieces)
 
 
-def _faults(active):
+def faults_of(active):
     """`engine.Faults` from the list of (kind, channel, value) in force."""
     silent, status = 0, engine.Faults().status
     stuck, code, dac, dac_code, nan = [0] * 4, [0] * 4, [0] * 3, [0] * 3, [0] * 2
@@ -121,7 +121,7 @@ def play(sim, timeline, progress=None, position=None, after_chunk=None):
     active = []
     for event in timeline.events[: position.fired]:
         active = _in_force(active, event)
-    sim.faults = _faults(active)
+    sim.faults = faults_of(active)
     while position.done < timeline.ticks:
         for event in timeline.events[position.fired :]:
             if event.tick > position.done:
@@ -132,7 +132,7 @@ def play(sim, timeline, progress=None, position=None, after_chunk=None):
                 sim.write(event.name, event.value)
                 position.done += 1
             active = _in_force(active, event)
-            sim.faults = _faults(active)
+            sim.faults = faults_of(active)
             position.fired += 1
         ahead = timeline.events[position.fired :]
         until = min(ahead[0].tick if ahead else timeline.ticks, timeline.ticks)
@@ -144,7 +144,7 @@ def play(sim, timeline, progress=None, position=None, after_chunk=None):
             progress("scenario", position.done, timeline.ticks)
         if after_chunk:
             after_chunk()
-    sim.faults = _faults([])
+    sim.faults = faults_of([])
 
 
 def _in_force(active, event):
