@@ -4,7 +4,7 @@
     k_vf -> k_vf (1 + e)      S -> S (1 + e)      k_y -> k_y + e k_c, k_c the carrier's softening
     fingerprint: scale factor by -e with tilt, f_y a little; no change with rate
 
-Port force_y   Mechanism gain   Unit g   Catalogue FACTS 27
+Port force_y   Mechanism gain   Unit g   Catalogue E29
 Off: 0 is no law at all.   Source: parallel plates, gap and mismatch assumed; docs/effects/acceleration.md
 """
 
@@ -24,7 +24,7 @@ INFO = Info(
     source="parallel plates, gap and mismatch assumed",
     fingerprint="scale factor by -e with tilt, f_y a little; no change with rate",
 )
-IDS, LIMIT, EXAMPLE, SIGN = "FACTS 27", 1000.0, 1.0, 0
+IDS, LIMIT, EXAMPLE, SIGN = "E29", 1000.0, 1.0, 0
 DOC = "steady acceleration along the sense gap: electrodes off their middle"
 
 

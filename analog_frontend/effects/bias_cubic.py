@@ -2,7 +2,7 @@
 
     fingerprint: bias by d A^2/(8 m) rad/s: with the square of the amplitude
 
-Port force_y   Mechanism polynomial   Unit N s/m^3   Catalogue E12
+Port force_y   Mechanism polynomial   Unit N s/m^3   Catalogue E12b
 Off: 0 is no law at all.   Source: squeeze film with tilt; value assumed; docs/effects/bias_cubic.md
 """
 
@@ -16,7 +16,7 @@ INFO = Info(
     source="squeeze film with tilt; value assumed",
     fingerprint="bias by d A^2/(8 m) rad/s: with the square of the amplitude",
 )
-IDS, LIMIT, EXAMPLE, SIGN = "E12", 100000.0, 10.0, 0
+IDS, LIMIT, EXAMPLE, SIGN = "E12b", 100000.0, 10.0, 0
 DOC = "bias that grows with the amplitude: F = -d x^2 vx on the sense mode"
 
 

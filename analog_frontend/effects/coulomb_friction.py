@@ -2,7 +2,7 @@
 
     fingerprint: drive amplitude word rises by 4 Fc/pi over the drive force: largest at small amplitude
 
-Port force_x   Mechanism polynomial   Unit N   Catalogue E14
+Port force_x   Mechanism polynomial   Unit N   Catalogue E14a
 Off: 0 is no law at all.   Source: slip at anchors and stoppers, getter dust; value assumed;
 docs/effects/coulomb_friction.md
 """
@@ -17,7 +17,7 @@ INFO = Info(
     source="slip at anchors and stoppers, getter dust; value assumed",
     fingerprint="drive amplitude word rises by 4 Fc/pi over the drive force: largest at small amplitude",
 )
-IDS, LIMIT, EXAMPLE, SIGN = "E14", 1e-07, 2e-11, 1
+IDS, LIMIT, EXAMPLE, SIGN = "E14a", 1e-07, 2e-11, 1
 DOC = "dry friction of the drive mode: F = -Fc sgn(vx)"
 
 

@@ -5,7 +5,7 @@
     quasi-static: its pole in the baseband, MODE_HZ - f_d, is 60 times above the demodulator's
     fingerprint: y is nulled with it: scale factor by -p (f_y^2 - f_d^2)/(f3^2 - f_d^2), as long as rate changes slowly
 
-Port cv_y   Mechanism leak from force_y   Unit 1   Catalogue FACTS 26
+Port cv_y   Mechanism leak from force_y   Unit 1   Catalogue E28
 Off: 0 is no law at all.   Source: in-phase mode of a dual-mass gyroscope, frequency assumed;
 docs/effects/parasitic_mode.md
 """
@@ -25,7 +25,7 @@ INFO = Info(
     source="in-phase mode of a dual-mass gyroscope, frequency assumed",
     fingerprint="scale factor by p times the split's share of the distance to the mode; nothing at rest",
 )
-IDS, LIMIT, EXAMPLE, SIGN = "FACTS 26", 1.0, 0.01, 0
+IDS, LIMIT, EXAMPLE, SIGN = "E28", 1.0, 0.01, 0
 DOC = "in-phase mode at 14 kHz: share of rebalance force and sense motion that is common to both masses"
 
 

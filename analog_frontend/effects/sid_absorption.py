@@ -4,7 +4,7 @@
     three stages:  V -> V (1 - a e^(-t/tau)),  a = 3 k 2 R C / tau
     fingerprint: drive amplitude falls by a with tau behind power-on, and the scale factor with it
 
-Port cv_x   Mechanism drift   Unit 1   Catalogue E16, FACTS 14
+Port cv_x   Mechanism drift   Unit 1   Catalogue E16
 Off: 0 is no law at all.   Source: derived; share and time constant of film capacitors assumed;
 docs/effects/sid_absorption.md
 """
@@ -22,7 +22,7 @@ INFO = Info(
     source="derived; share and time constant of film capacitors assumed",
     fingerprint="drive amplitude falls by a with tau behind power-on, and the scale factor with it",
 )
-IDS, LIMIT, EXAMPLE, SIGN = "E16, FACTS 14", 0.1, 0.01, 1
+IDS, LIMIT, EXAMPLE, SIGN = "E16", 0.1, 0.01, 1
 DOC = "slow share of the demodulators' capacitors: a tail of ten seconds behind power-on"
 
 

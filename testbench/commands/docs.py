@@ -5,6 +5,8 @@
     docs/phases.md              phase budget of the defaults       testbench.run.budget, testbench.run.tables
     docs/ranges.md              proven ranges                      testbench.golden.ranges.range_report
     docs/README.md              index of the pages                 their titles
+    docs/effects/README.md      index of the effects               analog_frontend.effects.catalogue
+    docs/architecture.md        rooms of testbench                 first lines of their packages
 
     python -m testbench.commands.docs            write what is stale
     python -m testbench.commands.docs --check    name what is stale, exit code 1
@@ -17,6 +19,7 @@ import ast
 import math
 import sys
 
+from analog_frontend.effects import catalogue
 from fpga_model import registers
 from testbench import config
 from testbench.commands import config_page
@@ -159,6 +162,16 @@ def index_part():
     return "\n\n".join(parts)
 
 
+def effects_part():
+    """One row per effect of the catalogue, by its id."""
+    rows = []
+    for effect in sorted(catalogue.LAWS, key=lambda e: e.IDS):
+        name = effect.INFO.name
+        about = effect.DOC.replace("|", "\\|")
+        rows.append((effect.IDS, about, f"`effects.{name}`", f"[{name}]({name}.md)"))
+    return markdown(Table("", ("id", "what", "switched on by", "page"), rows, numeric=()))
+
+
 # ---- pages -----------------------------------------------------------------------------------------------------------
 
 PAGES = {
@@ -167,14 +180,24 @@ PAGES = {
     "docs/phases.md": phases,
     "docs/ranges.md": proven_ranges,
     "docs/README.md": lambda page: replaced(page, "index", index_part()),
+    "docs/effects/README.md": lambda page: replaced(page, "effects", effects_part()),
 }
+OF_EFFECTS = ("docs/configuration.md", "docs/README.md", "docs/effects/README.md")
 
 
-def stale():
-    """{path: renewed text} of the pages whose generated parts are not what the code says."""
-    now = {name: (ROOT / name).read_text() for name in PAGES}
+def stale(names=tuple(PAGES)):
+    """{path: renewed text} of those pages whose generated parts are not what the code says."""
+    now = {name: (ROOT / name).read_text() for name in names}
     renewed = {name: PAGES[name](page) for name, page in now.items()}
     return {name: text for name, text in renewed.items() if text != now[name]}
+
+
+def renew(names=tuple(PAGES)):
+    """Write those of the pages that are stale; returns their paths."""
+    changed = stale(names)
+    for name, text in changed.items():
+        write_text(ROOT / name, text)
+    return list(changed)
 
 
 def main(arguments=None):
@@ -183,14 +206,14 @@ def main(arguments=None):
     if arguments not in ([], ["--check"]):
         print("usage: python -m testbench.commands.docs [--check]", file=sys.stderr)
         return 2
-    changed = stale()
-    for name, text in changed.items():
-        if arguments:
+    if arguments:
+        changed = list(stale())
+        for name in changed:
             print(f"{name} is stale; run: python -m testbench.commands.docs", file=sys.stderr)
-        else:
-            write_text(ROOT / name, text)
-            print(f"written: {name}")
-    return 1 if changed and arguments else 0
+        return 1 if changed else 0
+    for name in renew():
+        print(f"written: {name}")
+    return 0
 
 
 if __name__ == "__main__":

@@ -13,6 +13,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[3]
 PACKAGES = ("fpga_model", "analog_frontend", "testbench")
+# modules that import what they find in their folder
+FINDERS = ("analog_frontend.effects.catalogue",)
 
 
 def _path(module):
@@ -50,6 +52,8 @@ def reached(*modules):
             continue
         seen[module] = path
         ahead.extend(_imported(path))
+        if module in FINDERS:
+            ahead.extend(f"{module.rpartition('.')[0]}.{found.stem}" for found in path.parent.glob("*.py"))
     return tuple(sorted(seen))
 
 
