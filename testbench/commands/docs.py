@@ -6,7 +6,6 @@
     docs/ranges.md              proven ranges                      testbench.golden.ranges.range_report
     docs/README.md              index of the pages                 their titles
     docs/effects/README.md      index of the effects               analog_frontend.effects.catalogue
-    docs/architecture.md        rooms of testbench                 first lines of their packages
 
     python -m testbench.commands.docs            write what is stale
     python -m testbench.commands.docs --check    name what is stale, exit code 1
