@@ -261,7 +261,7 @@ def measure():
         first = {key: kernels.first_call_s(folder) for key, _ in FIRST_CALLS}
     result = speeds(ROOT / "build" / "bench")
     result |= first | {"growth": growth(), "stages_ns": stages.measure(), "versions": versions(), "cpu": cpu()}
-    return result | {"cores": many.cores(), "memory_bytes_per_lane": many.memory(), "runs_cpu_s": many.runs()}
+    return result | {"cores": many.cores(), "memory_bytes_per_lane": many.memory(), "run_cpu_s": many.run()}
 
 
 # ---- showing ---------------------------------------------------------------------------------------------------------

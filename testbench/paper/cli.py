@@ -27,7 +27,7 @@ def calibrate(
     temperature_degc: Annotated[float, typer.Option("--temperature-degc", help="Of the oven (degC).")] = 25.0,
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Write cases 1 to 5 there, as TOML.")] = None,
     engine: Annotated[
-        str | None, typer.Option(help="frame, or baseband: quick, phases within 3 mdeg. Left out: exact, side by side.")
+        str | None, typer.Option(help="frame: exact, the default; baseband: quick, phases within 3 mdeg.")
     ] = None,
     as_json: Json = False,
 ):

@@ -222,10 +222,9 @@ class Run:
 
     directory  where rows and checkpoints are kept until the run is done; None keeps the rows in memory
     resume     continue the run that was interrupted there
-    engine_run  an engine's `run` to use instead of that of the configuration, with the same results
     """
 
-    def __init__(self, config, directory=None, resume=False, engine_run=None):
+    def __init__(self, config, directory=None, resume=False):
         self.config = config
         self.timeline = scenario.expand(config.scenario)
         self.temp_before_degc, self.rate_before_rad_s = self.timeline.temp_before_degc, self.timeline.rate_before_rad_s
@@ -233,9 +232,7 @@ class Run:
         window = None
         if config.output.vcd_length_us:
             window = (round(config.output.vcd_start_us), max(1, round(config.output.vcd_length_us)))
-        self.sim = Simulation(
-            config, min(lo, self.temp_before_degc), max(hi, self.temp_before_degc), window, engine_run
-        )
+        self.sim = Simulation(config, min(lo, self.temp_before_degc), max(hi, self.temp_before_degc), window)
         self.tally, self.start_up = Tally(build.clock_hz(config)), StartUp()
         self.position, self.segments = Position(), dict.fromkeys(SEGMENTS, -1)
         self.partial = None if directory is None else checkpoint.Partial(directory)
@@ -336,18 +333,17 @@ class Run:
         )
 
 
-def run(config, progress=None, directory=None, resume=False, sinks=(), engine_run=None):
+def run(config, progress=None, directory=None, resume=False, sinks=()):
     """Do a whole run; returns `Result`.
 
     directory  where rows and checkpoints are kept meanwhile; None: rows stay in memory, for runs of seconds
     resume     continue the interrupted run in `directory`, of the same configuration
     sinks      objects that get the rows of the scenario, and of nothing else (`simulation`)
-    engine_run  as of `Run`
     """
     if progress:
         progress("compiling", 0, 1)
     began = time.perf_counter()
-    job = Run(config, directory, resume, engine_run)
+    job = Run(config, directory, resume)
     if not resume:
         job.start(progress)
     job.sim.sinks.extend(sinks)

@@ -1,6 +1,6 @@
-"""The first compilation of the frame engine, and of the lanes engine where it is wanted, on two cores instead of one.
+"""The first compilation of the frame engine, on two cores instead of one.
 
-The large parts, clocked ticks, blocks and lanes, are compiled side by side in child processes that leave them in the
+The large parts, clocked ticks and blocks, are compiled side by side in child processes that leave them in the
 kernel cache. With a filled cache, without a cache or on one core nothing happens.
 """
 
@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 
 from fpga_model.jit import CACHE, cache_folder
-from fpga_model.rates import FRAME_TICKS
 from testbench.engines import engine, frame, pins
 
 CHILD = "from testbench.run import warmup; warmup.compile_{}()"
@@ -59,23 +58,13 @@ def compile_blocks():
     frame.blocks(params, s.fpga, s.chips, s.plant, _chunk(), 0, 0, -1, pins.buffers())
 
 
-def compile_lanes():
-    """A few blocks of the lanes engine, likewise."""
-    from testbench.engines import lanes
-
-    params, s = _fresh()
-    ticks = 4 * FRAME_TICKS
-    zeros, o = np.zeros(ticks // FRAME_TICKS + 2), engine.streams(ticks, ticks // FRAME_TICKS)
-    lanes.Engine([params]).run([s], ticks, [zeros], [zeros + 25.0], [engine.Faults()], [o])
-
-
-def warm_up(lanes=False):
+def warm_up():
     """Fill the kernel cache if it is empty. A child that fails leaves its part to be compiled on first use."""
     if not CACHE or (os.cpu_count() or 1) < 2 or cached(engine.run_ticks) or cached(frame.blocks):
         return
     quiet = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    parts = ("ticks", "blocks", "lanes") if lanes else ("ticks", "blocks")
-    children = [subprocess.Popen([sys.executable, "-c", CHILD.format(part)], cwd=ROOT, **quiet) for part in parts]
+    calls = [CHILD.format(part) for part in ("ticks", "blocks")]
+    children = [subprocess.Popen([sys.executable, "-c", call], cwd=ROOT, **quiet) for call in calls]
     try:
         for child in children:
             child.wait(TIMEOUT_S)
