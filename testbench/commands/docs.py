@@ -184,14 +184,14 @@ PAGES = {
 OF_EFFECTS = ("docs/configuration.md", "docs/README.md", "docs/effects/README.md")
 
 
-def stale(names=tuple(PAGES)):
-    """{path: renewed text} of those pages whose generated parts are not what the code says."""
-    now = {name: (ROOT / name).read_text() for name in names}
+def stale(names=None):
+    """{path: renewed text} of those pages (None: all) whose generated parts are not what the code says."""
+    now = {name: (ROOT / name).read_text() for name in names or PAGES}
     renewed = {name: PAGES[name](page) for name, page in now.items()}
     return {name: text for name, text in renewed.items() if text != now[name]}
 
 
-def renew(names=tuple(PAGES)):
+def renew(names=None):
     """Write those of the pages that are stale; returns their paths."""
     changed = stale(names)
     for name, text in changed.items():
