@@ -60,6 +60,13 @@ def test_what_the_tables_name_exists():
         assert key in sections[section].model_fields or key in ("files",), f"{section}.{key}"
 
 
+def test_order_of_the_catalogue_is_kept_and_an_unknown_name_is_refused(capsys):
+    names = [effect.INFO.name for effect in catalogue.LAWS]
+    assert names == [*catalogue.FIRST, *sorted(set(names) - set(catalogue.FIRST))]
+    assert effects_pages.main(["no_such_effect"]) == 2
+    assert "no_such_effect: not among damping_cubic, " in capsys.readouterr().err
+
+
 def test_indices_are_those_of_the_catalogue():
     assert docs.stale(docs.OF_EFFECTS) == {}
 
