@@ -270,12 +270,8 @@ def _temperature_table(config):
 def _misprint_table(config):
     device = config.device()
     y = equations.Mode(device.mass_kg, 2 * math.pi * device.fy_hz, device.qy)
-    rows = [
-        (m.where, m.printed, m.right, m.shown[0], f"{m.shown[1]:.4g}", f"{m.shown[2]:.4g}")
-        for m in equations.misprints(y, 2 * math.pi * device.fx_hz, device.coriolis_mass_kg, math.radians(8.8814))
-    ]
-    heads = ("where", "printed", "right", "shown by", "printed gives", "right gives")
-    return Table("Misprints in the paper's equations", heads, rows, numeric=(4, 5))
+    drive, ye1_rad = 2 * math.pi * device.fx_hz, math.radians(8.8814)
+    return loop_page.misprint_table(y, drive, device.coriolis_mass_kg, ye1_rad)
 
 
 def write(study, path=None):
