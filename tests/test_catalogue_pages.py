@@ -113,12 +113,7 @@ def test_biases_of_pages_are_the_rates_that_their_forces_are():
 
 # a new effect ---------------------------------------------------------------------------------------------------------
 
-SPRING = '''"""Quadratic spring of the drive mode: F = -k2 x^2.
-
-    fingerprint: an offset of x by k2 A^2/(2 k); frequency falls by (5/12)(k2 A/k)^2 of itself
-Port force_x   Mechanism polynomial   Unit N/m^2   Catalogue E{number}
-Off: 0 is no law at all.   Source: electrodes off their middle, value assumed; docs/effects/{name}.md
-"""
+SPRING = '''"""Quadratic spring of the drive mode: F = -k2 x^2."""
 
 from analog_frontend.effects.ports import Info
 

@@ -1,10 +1,4 @@
-"""Coupling damping beyond first order: F_y = -d x^2 vx.
-
-    fingerprint: bias by d A^2/(8 m) rad/s: with the square of the amplitude
-
-Port force_y   Mechanism polynomial   Unit N s/m^3   Catalogue E12b
-Off: 0 is no law at all.   Source: squeeze film with tilt; value assumed; docs/effects/bias_cubic.md
-"""
+"""Coupling damping beyond first order: F_y = -d x^2 vx."""
 
 from analog_frontend.effects.ports import Info
 

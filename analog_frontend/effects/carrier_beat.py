@@ -1,11 +1,5 @@
 """Image of the rebalance DAC at eight times its rate, demodulated by the ring diode: n_y += c w cos(2 pi F t), F = 8
 Hz per ppm of carrier against master.
-
-    fingerprint: a tone in rate at the beat of the two clocks: with rate, since with the rebalance voltage
-
-Port cv_y   Mechanism tone   Unit V/V   Catalogue E26
-Off: 0 is no law at all.   Source: the ring diode takes 8 MHz images 71 dB better than the baseband;
-value assumed; docs/effects/carrier_beat.md
 """
 
 from analog_frontend.effects.ports import Info

@@ -1,10 +1,4 @@
-"""Ripple of the mains on the carrier: V -> V (1 + a cos(2 pi 50 t)).
-
-    fingerprint: lines at 50 Hz in amplitude and rate: with the drive amplitude, not with rate
-
-Port cv_x   Mechanism tone   Unit 1   Catalogue E23
-Off: 0 is no law at all.   Source: supply of the carrier's driver; value assumed; docs/effects/carrier_ripple.md
-"""
+"""Ripple of the mains on the carrier: V -> V (1 + a cos(2 pi 50 t))."""
 
 from analog_frontend.effects.ports import Info
 

@@ -1,10 +1,4 @@
-"""Centrifugal force on both modes: F = c m Omega^2 (x, y); c = 1 for a point mass.
-
-    fingerprint: drive frequency falls by c Omega^2/(2 w^2) f: even in rate, 3.5 uHz at 100 deg/s
-
-Port force_x   Mechanism polynomial   Unit 1   Catalogue E10
-Off: 0 is no law at all.   Source: rotating frame; docs/effects/centrifugal.md
-"""
+"""Centrifugal force on both modes: F = c m Omega^2 (x, y); c = 1 for a point mass."""
 
 from analog_frontend.effects.ports import Info
 

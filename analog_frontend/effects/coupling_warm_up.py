@@ -1,11 +1,5 @@
 """Coupling stiffness that creeps after power-on: F_y = -k (1 - e^(-t/tau)) x, F_x likewise from y; tau =
 plant.warm_up_tau_s.
-
-    fingerprint: quadrature voltage creeps by k/(2 kq V_q): with time, not with rate
-
-Port force_y   Mechanism drift   Unit N/m   Catalogue E13
-Off: 0 is no law at all.   Source: stress of the die attach, charging of glass; value assumed;
-docs/effects/coupling_warm_up.md
 """
 
 from analog_frontend.effects.ports import Info

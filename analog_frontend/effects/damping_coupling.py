@@ -1,11 +1,4 @@
-"""Damping force on the sense mode from the drive velocity: F = -d vx, added to what plant.dxy_ratio gives.
-
-    fingerprint: bias by d/(2 m) rad/s: independent of rate and of the drive voltage
-
-Port force_y   Mechanism leak from force_x   Unit N s/m   Catalogue E06
-Off: 0 is no law at all.   Source: anisotropic squeeze film: bias 9.9 deg/s times d_xy/d_x;
-docs/effects/damping_coupling.md
-"""
+"""Damping force on the sense mode from the drive velocity: F = -d vx, added to what plant.dxy_ratio gives."""
 
 from analog_frontend.effects.ports import Info
 

@@ -1,11 +1,4 @@
-"""Electrical feedthrough of the drive voltage into its own C/V output: n_x += c u.
-
-    fingerprint: lock moves by c A_d in quadrature with x: a phase error that goes with 1/Q
-
-Port cv_x   Mechanism leak from force_x   Unit V/V   Catalogue E25
-Off: 0 is no law at all.   Source: stray capacitance beside the ring diode; value assumed;
-docs/effects/feedthrough_x.md
-"""
+"""Electrical feedthrough of the drive voltage into its own C/V output: n_x += c u."""
 
 from analog_frontend.effects.ports import Info
 

@@ -1,11 +1,4 @@
-"""Gain of both C/V outputs that follows temperature: V -> V (1 + a (T - T_ref)).
-
-    fingerprint: true amplitude and drive word fall by a dT, and the scale factor with them
-
-Port cv_x   Mechanism drift   Unit 1/K   Catalogue E21a
-Off: 0 is no law at all.   Source: carrier amplitude, diode threshold, stray capacitance; value
-assumed; docs/effects/pickoff_drift.md
-"""
+"""Gain of both C/V outputs that follows temperature: V -> V (1 + a (T - T_ref))."""
 
 from analog_frontend.effects.ports import Info
 

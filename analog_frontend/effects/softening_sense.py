@@ -1,11 +1,4 @@
-"""Electrostatic softening of the sense mode by the force-to-rebalance voltage: F = e w^2 y.
-
-    fingerprint: sense mode softens with rate squared: seen while y moves, so in the step response, hardly at rest
-
-Port force_y   Mechanism polynomial   Unit N/m/V^2   Catalogue E27
-Off: 0 is no law at all.   Source: single-ended part of the rebalance electrodes; value assumed;
-docs/effects/softening_sense.md
-"""
+"""Electrostatic softening of the sense mode by the force-to-rebalance voltage: F = e w^2 y."""
 
 from analog_frontend.effects.ports import Info
 
