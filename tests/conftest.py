@@ -10,6 +10,8 @@ import signal
 from hypothesis import HealthCheck, settings
 
 os.environ.setdefault("MPLBACKEND", "Agg")
+# matrices here are small: threads of the linear algebra cost three times the work that they share
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 COMMON = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow, HealthCheck.data_too_large]}
 settings.register_profile("desk", **COMMON)

@@ -1,8 +1,12 @@
-"""Pages of effects: every candidate of tracing and every row of the fact sheet stands in the tables, and what they name
-exists."""
+"""Pages of effects: everything in the catalogue has an id, a page and a row, and a new effect is one file."""
 
+import hashlib
 import math
+import os
 import re
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -16,21 +20,35 @@ from analog_frontend.effects import (
     sid_absorption,
 )
 from analog_frontend.parts import device
+from fpga_model import jit
 from testbench import config
+from testbench.campaign.plan import sources
+from testbench.commands import docs, effects_pages
 
-FOLDER = Path(__file__).resolve().parents[1] / "docs" / "effects"
+ROOT = Path(__file__).resolve().parents[1]
+FOLDER = ROOT / "docs" / "effects"
 README = (FOLDER / "README.md").read_text()
-IDS = [f"E{k:02d}" for k in range(1, 25)] + [f"N{k:02d}" for k in range(1, 5)]
 
 
 def rows(text):
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line.startswith("|")]
 
 
-def test_every_candidate_and_every_row_of_the_fact_sheet_is_there():
-    first, second = README.split("## The fact sheet")
-    assert [r[0] for r in rows(first)][2:] == IDS
-    assert [r[0] for r in rows(second)][2:] == [str(k) for k in range(1, 39)]
+def test_every_effect_has_an_id_of_its_own_and_no_candidate_is_left_out():
+    """Own ids are unique; with those of parameters of parts they count from 1 without a gap."""
+    own = [effect.IDS.split(", ")[0] for effect in catalogue.LAWS]
+    assert len(set(own)) == len(own)
+    listed = [row[0] for row in rows(README.split("## A list of 38")[0]) if re.match(r"[EN]\d", row[0])]
+    for kind in "EN":
+        numbers = {
+            int(re.fullmatch(r"[EN](\d\d)[a-z]?", one)[1])
+            for ids in listed
+            if ids[0] == kind
+            for one in ids.split(", ")
+        }
+        assert numbers == set(range(1, max(numbers) + 1)), f"the next free id is {kind}{len(numbers) + 1:02d}"
+    assert {"E24", "N04"} < {one for ids in listed for one in ids.split(", ")}
+    assert [row[0] for row in rows(README.split("## A list of 38")[1])][2:] == [str(k) for k in range(1, 39)]
 
 
 def test_what_the_tables_name_exists():
@@ -42,14 +60,25 @@ def test_what_the_tables_name_exists():
         assert key in sections[section].model_fields or key in ("files",), f"{section}.{key}"
 
 
+def test_order_of_the_catalogue_is_kept_and_an_unknown_name_is_refused(capsys):
+    names = [effect.INFO.name for effect in catalogue.LAWS]
+    assert names == [*catalogue.FIRST, *sorted(set(names) - set(catalogue.FIRST))]
+    assert effects_pages.main(["no_such_effect"]) == 2
+    assert "no_such_effect: not among damping_cubic, " in capsys.readouterr().err
+
+
+def test_indices_are_those_of_the_catalogue():
+    assert docs.stale(docs.OF_EFFECTS) == {}
+
+
 @pytest.mark.parametrize("effect", catalogue.LAWS, ids=lambda e: e.INFO.name)
 def test_a_page_says_physics_source_fingerprint_and_what_it_changes(effect):
     page = (FOLDER / f"{effect.INFO.name}.md").read_text()
+    assert effects_pages.renewed(effect, page) == page
     for text in ("**Source.**", "**Applied**", "**Fingerprint.**", effect.INFO.fingerprint, "| change |"):
         assert text in page
     for term in effect.terms(effect.EXAMPLE, device.Device()):
         assert term in page
-    assert f"[{effect.INFO.name}]({effect.INFO.name}.md)" in README or effect.IDS.startswith("FACTS")
 
 
 def test_scale_factors_of_pages_are_those_that_were_derived():
@@ -80,3 +109,122 @@ def test_biases_of_pages_are_the_rates_that_their_forces_are():
     for name, value in wanted.items():
         found = re.search(r"\| bias \| (\S+) deg/h \|", (FOLDER / f"{name}.md").read_text())
         assert float(found.group(1)) == pytest.approx(value, abs=0.2), name
+
+
+# a new effect ---------------------------------------------------------------------------------------------------------
+
+SPRING = '''"""Quadratic spring of the drive mode: F = -k2 x^2."""
+
+from analog_frontend.effects.ports import Info
+
+INFO = Info(
+    name="{name}",
+    port="force_x",
+    mechanism="polynomial",
+    unit="N/m^2",
+    source="electrodes off their middle; value assumed",
+    fingerprint="frequency falls with the square of the amplitude, at any sign of k2",
+)
+IDS, LIMIT, EXAMPLE, SIGN = "E{number}", 1e9, 1e6, 0
+DOC = "quadratic spring of the drive mode: F = -k2 x^2"
+
+
+def terms(value, device):
+    """Laws of a stiffness in N/m^2."""
+    return (f"force_x = {{-value!r}} x^2",)
+'''
+NEW = "a_quadratic_spring"
+
+
+def new_effect(folder):
+    """The file that a newcomer writes, with the next free id."""
+    used = {int(number) for effect in catalogue.LAWS for number in re.findall(r"E(\d\d)", effect.IDS)}
+    (folder / f"{NEW}.py").write_text(SPRING.format(name=NEW, number=max(used) + 1))
+
+
+def done(code, folder, cache, *arguments):
+    environment = {**os.environ, "PYTHONPATH": str(folder), "GYRO_CACHE": str(cache), "PYTHONDONTWRITEBYTECODE": "1"}
+    command = [sys.executable, "-c", code, *map(str, arguments)]
+    got = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=300)
+    assert got.returncode == 0, got.stdout + got.stderr
+    return got.stdout
+
+
+def contents(folder):
+    return {
+        str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in folder.rglob("*")
+        if path.is_file() and not {"__pycache__", ".pytest_cache"} & set(path.parts)
+    }
+
+
+WALK = """
+import sys
+import pytest
+from testbench.commands import effects_pages
+effects_pages.measured = lambda names: {name: (0.0,) * 5 for name in names}  # needs an engine: the test below
+assert effects_pages.main(sys.argv[1:]) == 0
+checks = "own or exists or indices or page_says"
+sys.exit(pytest.main(["-v", "-p", "no:cacheprovider", "-k", checks, "tests/test_catalogue_pages.py"]))
+"""
+
+
+def test_a_new_effect_is_one_file(tmp_path):
+    """In a copy of the tree: one file is written, pages are generated, and no file is edited."""
+    for name in ("fpga_model", "analog_frontend", "testbench", "docs"):
+        shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
+    (tmp_path / "tests").mkdir()
+    for name in ("tests/__init__.py", "tests/test_catalogue_pages.py", "pyproject.toml"):
+        shutil.copy(ROOT / name, tmp_path / name)
+    before = contents(tmp_path)
+    new_effect(tmp_path / "analog_frontend" / "effects")
+    cache = tmp_path / "cache"
+    said = done(WALK, tmp_path, cache, NEW)
+    assert f"[{NEW}] PASSED" in said
+    after = contents(tmp_path)
+    assert not list(cache.rglob("*.nbi")), "nothing was compiled"
+    written = {f"analog_frontend/effects/{NEW}.py", f"docs/effects/{NEW}.md"}
+    assert after.keys() - before.keys() == written
+    assert {name for name in before if after.get(name) != before[name]} == set(docs.OF_EFFECTS)
+    for name in docs.OF_EFFECTS:
+        assert NEW in (tmp_path / name).read_text()
+
+
+def test_no_kernel_is_compiled_from_an_effect_of_the_catalogue():
+    effects = {Path(effect.__file__) for effect in catalogue.LAWS}
+    kernels = re.compile(r"^@(kernel|hot|outlined|inlined|inner)\b", re.M)
+    paths = [p for name in jit.PACKAGES for p in (ROOT / name).rglob("*.py") if kernels.search(p.read_text())]
+    assert len(paths) > 30
+    for path in paths:
+        assert not effects & set(jit.sources_of(path)), path
+
+
+def test_points_of_a_campaign_depend_on_every_effect():
+    assert {effect.__name__ for effect in catalogue.LAWS} <= set(sources.reached("testbench.run.simulate"))
+
+
+MEASURE = """
+import sys, time
+from analog_frontend import effects
+effects.__path__.append(sys.argv[1])
+from fpga_model import jit
+from testbench.commands import effects_pages
+effects_pages.measured(["damping_cubic"])  # whatever an engine still lacks
+folder = jit.cache_folder(jit.Path(jit.__file__).resolve()).parents[1]
+before = set(folder.rglob("*.nbi"))
+start = time.monotonic()
+(change,) = effects_pages.measured([sys.argv[2]]).values()
+assert set(folder.rglob("*.nbi")) == before, "an engine was compiled"
+print(time.monotonic() - start, change[0])
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(jit.DISABLED or not jit.CACHE, reason="needs compiled engines and their cache")
+def test_the_table_of_a_new_effect_stands_within_half_a_minute(tmp_path):
+    new_effect(tmp_path)
+    seconds, change_hz = map(float, done(MEASURE, ROOT, os.environ.get("GYRO_CACHE", ""), tmp_path, NEW).split())
+    assert seconds < 30
+    d = device.Device()
+    k = d.mass_kg * (2 * math.pi * d.fx_hz) ** 2
+    assert abs(change_hz) < d.fx_hz * (1e6 * 5e-6 / k) ** 2 + 1e-5

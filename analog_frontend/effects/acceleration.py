@@ -2,10 +2,7 @@
 
     C', C of a side go as 1/(d -+ y0), 1/(d -+ y0)^2: a pair's sum changes by its mismatch s,  e = 2 s y0 / d
     k_vf -> k_vf (1 + e)      S -> S (1 + e)      k_y -> k_y + e k_c, k_c the carrier's softening
-    fingerprint: scale factor by -e with tilt, f_y a little; no change with rate
-
-Port force_y   Mechanism gain   Unit g   Catalogue FACTS 27
-Off: 0 is no law at all.   Source: parallel plates, gap and mismatch assumed; docs/effects/acceleration.md
+Source    docs/effects/acceleration.md
 """
 
 import math
@@ -24,7 +21,7 @@ INFO = Info(
     source="parallel plates, gap and mismatch assumed",
     fingerprint="scale factor by -e with tilt, f_y a little; no change with rate",
 )
-IDS, LIMIT, EXAMPLE, SIGN = "FACTS 27", 1000.0, 1.0, 0
+IDS, LIMIT, EXAMPLE, SIGN = "E29", 1000.0, 1.0, 0
 DOC = "steady acceleration along the sense gap: electrodes off their middle"
 
 

@@ -1,10 +1,4 @@
-"""Coupling damping beyond first order: F_y = -d x^2 vx.
-
-    fingerprint: bias by d A^2/(8 m) rad/s: with the square of the amplitude
-
-Port force_y   Mechanism polynomial   Unit N s/m^3   Catalogue E12
-Off: 0 is no law at all.   Source: squeeze film with tilt; value assumed; docs/effects/bias_cubic.md
-"""
+"""Coupling damping beyond first order: F_y = -d x^2 vx."""
 
 from analog_frontend.effects.ports import Info
 
@@ -16,7 +10,7 @@ INFO = Info(
     source="squeeze film with tilt; value assumed",
     fingerprint="bias by d A^2/(8 m) rad/s: with the square of the amplitude",
 )
-IDS, LIMIT, EXAMPLE, SIGN = "E12", 100000.0, 10.0, 0
+IDS, LIMIT, EXAMPLE, SIGN = "E12b", 100000.0, 10.0, 0
 DOC = "bias that grows with the amplitude: F = -d x^2 vx on the sense mode"
 
 

@@ -1,10 +1,4 @@
-"""Burst noise in phase with the drive: n_y = a B(t) u / 1 V, B = +1 or -1 at random, anew every 10 ms.
-
-    fingerprint: bias jumps between two levels: repeats differ, the distribution has two humps
-
-Port cv_y   Mechanism noise   Unit V   Catalogue N04
-Off: 0 is no law at all.   Source: contacts, popcorn noise of amplifiers; value assumed; docs/effects/burst_noise.md
-"""
+"""Burst noise in phase with the drive: n_y = a B(t) u / 1 V, B = +1 or -1 at random, anew every 10 ms."""
 
 from analog_frontend.effects.ports import Info
 

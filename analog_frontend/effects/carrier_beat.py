@@ -1,11 +1,5 @@
 """Image of the rebalance DAC at eight times its rate, demodulated by the ring diode: n_y += c w cos(2 pi F t), F = 8
 Hz per ppm of carrier against master.
-
-    fingerprint: a tone in rate at the beat of the two clocks: with rate, since with the rebalance voltage
-
-Port cv_y   Mechanism tone   Unit V/V   Catalogue FACTS 2
-Off: 0 is no law at all.   Source: FACTS 0 row 10: the ring diode takes 8 MHz images 71 dB better than the baseband;
-value assumed; docs/effects/carrier_beat.md
 """
 
 from analog_frontend.effects.ports import Info
@@ -15,10 +9,10 @@ INFO = Info(
     port="cv_y",
     mechanism="tone",
     unit="V/V",
-    source="FACTS 0 row 10: the ring diode takes 8 MHz images 71 dB better than the baseband; value assumed",
+    source="the ring diode takes 8 MHz images 71 dB better than the baseband; value assumed",
     fingerprint="a tone in rate at the beat of the two clocks: with rate, since with the rebalance voltage",
 )
-IDS, LIMIT, EXAMPLE, SIGN = "FACTS 2", 0.01, 1e-06, 0
+IDS, LIMIT, EXAMPLE, SIGN = "E26", 0.01, 1e-06, 0
 DOC = "DAC image at 8 MHz against the carrier: rebalance voltage in the sense C/V output at their beat"
 
 

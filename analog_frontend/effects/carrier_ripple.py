@@ -1,10 +1,4 @@
-"""Ripple of the mains on the carrier: V -> V (1 + a cos(2 pi 50 t)).
-
-    fingerprint: lines at 50 Hz in amplitude and rate: with the drive amplitude, not with rate
-
-Port cv_x   Mechanism tone   Unit 1   Catalogue E23, FACTS 31
-Off: 0 is no law at all.   Source: supply of the carrier's driver; value assumed; docs/effects/carrier_ripple.md
-"""
+"""Ripple of the mains on the carrier: V -> V (1 + a cos(2 pi 50 t))."""
 
 from analog_frontend.effects.ports import Info
 
@@ -16,7 +10,7 @@ INFO = Info(
     source="supply of the carrier's driver; value assumed",
     fingerprint="lines at 50 Hz in amplitude and rate: with the drive amplitude, not with rate",
 )
-IDS, LIMIT, EXAMPLE, SIGN = "E23, FACTS 31", 0.01, 1e-05, 0
+IDS, LIMIT, EXAMPLE, SIGN = "E23", 0.01, 1e-05, 0
 DOC = "mains ripple on the carrier: gain of both C/V outputs times 1 + a cos(2 pi 50 t)"
 
 

@@ -1,63 +1,43 @@
-"""The catalogue's laws: each a file that says what it is and gives the laws of a size. Off is a size of 0.
+"""The catalogue's laws: every module of this folder that has `terms`. Nothing lists them, so an effect is one file.
 
+    INFO         `ports.Info`; its name is that of the module and of the key in [effects]
+    IDS          id of its own, "E30" or "E12b", then those of other rows that it belongs to, with commas
+    LIMIT        largest size of the key;   EXAMPLE: size of its page's table;   SIGN: 1 if the size cannot be negative
+    DOC          what the key's size is, for docs/configuration.md
+    terms        (value, device) -> texts of `law.parse`; off is a size of 0, and then no law at all
+
+No module with kernels imports an effect of the catalogue, so that a new or changed one compiles nothing.
 The three effects with kernels of their own (duffing, drive_cubic, feedthrough_y) stand in effects.EFFECTS.
 Source    docs/effects/README.md
 """
 
-from analog_frontend.effects import (
-    acceleration,
-    bias_cubic,
-    burst_noise,
-    carrier_beat,
-    carrier_ripple,
-    centrifugal,
-    coulomb_friction,
-    coupling_warm_up,
-    damping_coupling,
-    damping_cubic,
-    damping_quadratic,
-    dispersive,
-    feedthrough_x,
-    frequency_walk,
-    law,
-    parasitic_mode,
-    pickoff_cubic_x,
-    pickoff_drift,
-    pickoff_warm_up,
-    quadrature_cubic,
-    sense_cubic,
-    sid_absorption,
-    softening_drive,
-    softening_sense,
-    thermoelastic_bias,
-)
+import importlib
+import pkgutil
 
-LAWS = (
-    damping_cubic,
-    damping_quadratic,
-    coulomb_friction,
-    pickoff_cubic_x,
-    feedthrough_x,
-    damping_coupling,
-    coupling_warm_up,
-    softening_drive,
-    softening_sense,
-    sense_cubic,
-    centrifugal,
-    dispersive,
-    quadrature_cubic,
-    bias_cubic,
-    pickoff_drift,
-    pickoff_warm_up,
-    carrier_ripple,
-    carrier_beat,
-    thermoelastic_bias,
-    frequency_walk,
-    burst_noise,
-    sid_absorption,
-    parasitic_mode,
-    acceleration,
-)
+from analog_frontend import effects
+from analog_frontend.effects import law
+
+# impulses of a port are added, and keys of a configuration written, in this order; other effects follow by name
+FIRST = (
+    "damping_cubic damping_quadratic coulomb_friction pickoff_cubic_x feedthrough_x damping_coupling coupling_warm_up "
+    "softening_drive softening_sense sense_cubic centrifugal dispersive quadrature_cubic bias_cubic pickoff_drift "
+    "pickoff_warm_up carrier_ripple carrier_beat thermoelastic_bias frequency_walk burst_noise sid_absorption "
+    "parasitic_mode acceleration"
+).split()
+
+
+def _place(module):
+    name = module.INFO.name
+    return (FIRST.index(name), "") if name in FIRST else (len(FIRST), name)
+
+
+def _found():
+    names = (found.name for found in pkgutil.iter_modules(effects.__path__, f"{effects.__name__}."))
+    modules = [importlib.import_module(name) for name in names if name != __name__]
+    return tuple(sorted((m for m in modules if hasattr(m, "terms")), key=_place))
+
+
+LAWS = _found()
 
 
 def laws(effect, value, device):

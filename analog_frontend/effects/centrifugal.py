@@ -1,10 +1,4 @@
-"""Centrifugal force on both modes: F = c m Omega^2 (x, y); c = 1 for a point mass.
-
-    fingerprint: drive frequency falls by c Omega^2/(2 w^2) f: even in rate, 3.5 uHz at 100 deg/s
-
-Port force_x   Mechanism polynomial   Unit 1   Catalogue E10, FACTS 34
-Off: 0 is no law at all.   Source: rotating frame; FACTS 7 row 34; docs/effects/centrifugal.md
-"""
+"""Centrifugal force on both modes: F = c m Omega^2 (x, y); c = 1 for a point mass."""
 
 from analog_frontend.effects.ports import Info
 
@@ -13,10 +7,10 @@ INFO = Info(
     port="force_x",
     mechanism="polynomial",
     unit="1",
-    source="rotating frame; FACTS 7 row 34",
+    source="rotating frame",
     fingerprint="drive frequency falls by c Omega^2/(2 w^2) f: even in rate, 3.5 uHz at 100 deg/s",
 )
-IDS, LIMIT, EXAMPLE, SIGN = "E10, FACTS 34", 10000.0, 1.0, 0
+IDS, LIMIT, EXAMPLE, SIGN = "E10", 10000.0, 1.0, 0
 DOC = "centrifugal softening of both modes, 1 is that of a point mass: F = c m rate^2 x"
 
 

@@ -1,11 +1,4 @@
-"""Dry friction of the drive mode: F = -Fc sgn(vx).
-
-    fingerprint: drive amplitude word rises by 4 Fc/pi over the drive force: largest at small amplitude
-
-Port force_x   Mechanism polynomial   Unit N   Catalogue E14
-Off: 0 is no law at all.   Source: slip at anchors and stoppers, getter dust; value assumed;
-docs/effects/coulomb_friction.md
-"""
+"""Dry friction of the drive mode: F = -Fc sgn(vx)."""
 
 from analog_frontend.effects.ports import Info
 
@@ -17,7 +10,7 @@ INFO = Info(
     source="slip at anchors and stoppers, getter dust; value assumed",
     fingerprint="drive amplitude word rises by 4 Fc/pi over the drive force: largest at small amplitude",
 )
-IDS, LIMIT, EXAMPLE, SIGN = "E14", 1e-07, 2e-11, 1
+IDS, LIMIT, EXAMPLE, SIGN = "E14a", 1e-07, 2e-11, 1
 DOC = "dry friction of the drive mode: F = -Fc sgn(vx)"
 
 

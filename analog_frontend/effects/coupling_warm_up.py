@@ -1,11 +1,5 @@
 """Coupling stiffness that creeps after power-on: F_y = -k (1 - e^(-t/tau)) x, F_x likewise from y; tau =
 plant.warm_up_tau_s.
-
-    fingerprint: quadrature voltage creeps by k/(2 kq V_q): with time, not with rate
-
-Port force_y   Mechanism drift   Unit N/m   Catalogue E13, FACTS 22, 30, 32
-Off: 0 is no law at all.   Source: stress of the die attach, charging of glass; value assumed;
-docs/effects/coupling_warm_up.md
 """
 
 from analog_frontend.effects.ports import Info
@@ -18,7 +12,7 @@ INFO = Info(
     source="stress of the die attach, charging of glass; value assumed",
     fingerprint="quadrature voltage creeps by k/(2 kq V_q): with time, not with rate",
 )
-IDS, LIMIT, EXAMPLE, SIGN = "E13, FACTS 22, 30, 32", 0.1, 1e-05, 0
+IDS, LIMIT, EXAMPLE, SIGN = "E13", 0.1, 1e-05, 0
 DOC = "coupling stiffness that grows over plant.warm_up_tau_s from power-on"
 
 

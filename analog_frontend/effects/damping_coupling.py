@@ -1,11 +1,4 @@
-"""Damping force on the sense mode from the drive velocity: F = -d vx, added to what plant.dxy_ratio gives.
-
-    fingerprint: bias by d/(2 m) rad/s: independent of rate and of the drive voltage
-
-Port force_y   Mechanism leak from force_x   Unit N s/m   Catalogue E06, FACTS 21
-Off: 0 is no law at all.   Source: anisotropic squeeze film; FACTS 4.2: bias 9.9 deg/s times d_xy/d_x;
-docs/effects/damping_coupling.md
-"""
+"""Damping force on the sense mode from the drive velocity: F = -d vx, added to what plant.dxy_ratio gives."""
 
 from analog_frontend.effects.ports import Info
 
@@ -14,10 +7,10 @@ INFO = Info(
     port="force_y",
     mechanism="leak from force_x",
     unit="N s/m",
-    source="anisotropic squeeze film; FACTS 4.2: bias 9.9 deg/s times d_xy/d_x",
+    source="anisotropic squeeze film: bias 9.9 deg/s times d_xy/d_x",
     fingerprint="bias by d/(2 m) rad/s: independent of rate and of the drive voltage",
 )
-IDS, LIMIT, EXAMPLE, SIGN = "E06, FACTS 21", 1e-06, 8e-11, 0
+IDS, LIMIT, EXAMPLE, SIGN = "E06", 1e-06, 8e-11, 0
 DOC = "damping that couples drive velocity into sense, beside plant.dxy_ratio: F = -d vx"
 
 

@@ -1,11 +1,4 @@
-"""Damping of the drive mode that grows with the square of the amplitude: F = -d3 x^2 vx.
-
-    fingerprint: drive amplitude word rises by d3 A^2/(4 d): even, with the square of the amplitude, not with rate
-
-Port force_x   Mechanism polynomial   Unit N s/m^3   Catalogue E02
-Off: 0 is no law at all.   Source: squeeze film and anchor losses beyond first order; value assumed;
-docs/effects/damping_cubic.md
-"""
+"""Damping of the drive mode that grows with the square of the amplitude: F = -d3 x^2 vx."""
 
 from analog_frontend.effects.ports import Info
 

@@ -1,10 +1,4 @@
-"""Damping that grows with speed: F = -d2 |vx| vx.
-
-    fingerprint: drive amplitude word rises by 8 d2 w A/(3 pi d): with the first power of the amplitude
-
-Port force_x   Mechanism polynomial   Unit N s^2/m^2   Catalogue E14
-Off: 0 is no law at all.   Source: gas flow beyond Stokes; value assumed; docs/effects/damping_quadratic.md
-"""
+"""Damping that grows with speed: F = -d2 |vx| vx."""
 
 from analog_frontend.effects.ports import Info
 
@@ -16,7 +10,7 @@ INFO = Info(
     source="gas flow beyond Stokes; value assumed",
     fingerprint="drive amplitude word rises by 8 d2 w A/(3 pi d): with the first power of the amplitude",
 )
-IDS, LIMIT, EXAMPLE, SIGN = "E14", 1e-05, 3e-10, 1
+IDS, LIMIT, EXAMPLE, SIGN = "E14b", 1e-05, 3e-10, 1
 DOC = "turbulent damping of the drive mode: F = -d2 |vx| vx"
 
 

@@ -1,10 +1,4 @@
-"""Dispersive coupling, potential k x^2 y^2/2: F_y = -k x^2 y, F_x = -k x y^2.
-
-    fingerprint: frequency split moves by k A^2/(4 m w) rad/s: with the square of the drive amplitude
-
-Port force_y   Mechanism polynomial   Unit N/m^3   Catalogue E11
-Off: 0 is no law at all.   Source: tension of shared beams; value assumed; docs/effects/dispersive.md
-"""
+"""Dispersive coupling, potential k x^2 y^2/2: F_y = -k x^2 y, F_x = -k x y^2."""
 
 from analog_frontend.effects.ports import Info
 

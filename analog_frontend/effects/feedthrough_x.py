@@ -1,11 +1,4 @@
-"""Electrical feedthrough of the drive voltage into its own C/V output: n_x += c u.
-
-    fingerprint: lock moves by c A_d in quadrature with x: a phase error that goes with 1/Q
-
-Port cv_x   Mechanism leak from force_x   Unit V/V   Catalogue FACTS 1
-Off: 0 is no law at all.   Source: stray capacitance beside the ring diode; value assumed;
-docs/effects/feedthrough_x.md
-"""
+"""Electrical feedthrough of the drive voltage into its own C/V output: n_x += c u."""
 
 from analog_frontend.effects.ports import Info
 
@@ -17,7 +10,7 @@ INFO = Info(
     source="stray capacitance beside the ring diode; value assumed",
     fingerprint="lock moves by c A_d in quadrature with x: a phase error that goes with 1/Q",
 )
-IDS, LIMIT, EXAMPLE, SIGN = "FACTS 1", 0.01, 0.0001, 0
+IDS, LIMIT, EXAMPLE, SIGN = "E25", 0.01, 0.0001, 0
 DOC = "drive electrode voltage that reaches the drive C/V output"
 
 

@@ -1,10 +1,4 @@
-"""Random walk of the drive mode's stiffness: F = -k W(t) x, variance of W t/1 s.
-
-    fingerprint: drive frequency walks: variance grows with time, repeats differ
-
-Port force_x   Mechanism noise   Unit N/m   Catalogue N02
-Off: 0 is no law at all.   Source: stress relaxation, charge hopping; value assumed; docs/effects/frequency_walk.md
-"""
+"""Random walk of the drive mode's stiffness: F = -k W(t) x, variance of W t/1 s."""
 
 from analog_frontend.effects.ports import Info
 

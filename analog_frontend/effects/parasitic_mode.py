@@ -3,11 +3,7 @@
     y3 = p k_vf w / (m (w3^2 - w_d^2))      p: share of force and motion that does not cancel between the masses
     n_y += S y3, S the C/V gain (V/m).  Coriolis forces of the two masses cancel in it
     quasi-static: its pole in the baseband, MODE_HZ - f_d, is 60 times above the demodulator's
-    fingerprint: y is nulled with it: scale factor by -p (f_y^2 - f_d^2)/(f3^2 - f_d^2), as long as rate changes slowly
-
-Port cv_y   Mechanism leak from force_y   Unit 1   Catalogue FACTS 26
-Off: 0 is no law at all.   Source: in-phase mode of a dual-mass gyroscope, frequency assumed;
-docs/effects/parasitic_mode.md
+Source    docs/effects/parasitic_mode.md
 """
 
 import math
@@ -25,7 +21,7 @@ INFO = Info(
     source="in-phase mode of a dual-mass gyroscope, frequency assumed",
     fingerprint="scale factor by p times the split's share of the distance to the mode; nothing at rest",
 )
-IDS, LIMIT, EXAMPLE, SIGN = "FACTS 26", 1.0, 0.01, 0
+IDS, LIMIT, EXAMPLE, SIGN = "E28", 1.0, 0.01, 0
 DOC = "in-phase mode at 14 kHz: share of rebalance force and sense motion that is common to both masses"
 
 

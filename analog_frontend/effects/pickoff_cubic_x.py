@@ -1,12 +1,4 @@
-"""Cubic term of the drive pick-off at the C/V output: V -> V + e V^3.
-
-    fingerprint: true amplitude falls by (3/4) e V^2 at the same AGC reading, and the third harmonic reaches the
-        demodulators with a third of its size
-
-Port cv_x   Mechanism polynomial   Unit 1/V^2   Catalogue E03, FACTS 35
-Off: 0 is no law at all.   Source: gap change of the pick-off and diode law to third order; value assumed;
-docs/effects/pickoff_cubic_x.md
-"""
+"""Cubic term of the drive pick-off at the C/V output: V -> V + e V^3."""
 
 from analog_frontend.effects.ports import Info
 
@@ -21,7 +13,7 @@ INFO = Info(
         "demodulators with a third of its size"
     ),
 )
-IDS, LIMIT, EXAMPLE, SIGN = "E03, FACTS 35", 0.01, 1e-05, 0
+IDS, LIMIT, EXAMPLE, SIGN = "E03", 0.01, 1e-05, 0
 DOC = "cubic term of the drive C/V output: V -> V + e V^3"
 
 

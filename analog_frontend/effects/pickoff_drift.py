@@ -1,11 +1,4 @@
-"""Gain of both C/V outputs that follows temperature: V -> V (1 + a (T - T_ref)).
-
-    fingerprint: true amplitude and drive word fall by a dT, and the scale factor with them
-
-Port cv_x   Mechanism drift   Unit 1/K   Catalogue E21, FACTS 18
-Off: 0 is no law at all.   Source: carrier amplitude, diode threshold, stray capacitance (FACTS 0 row 12); value
-assumed; docs/effects/pickoff_drift.md
-"""
+"""Gain of both C/V outputs that follows temperature: V -> V (1 + a (T - T_ref))."""
 
 from analog_frontend.effects.ports import Info
 
@@ -14,10 +7,10 @@ INFO = Info(
     port="cv_x",
     mechanism="drift",
     unit="1/K",
-    source="carrier amplitude, diode threshold, stray capacitance (FACTS 0 row 12); value assumed",
+    source="carrier amplitude, diode threshold, stray capacitance; value assumed",
     fingerprint="true amplitude and drive word fall by a dT, and the scale factor with them",
 )
-IDS, LIMIT, EXAMPLE, SIGN = "E21, FACTS 18", 0.01, 0.0001, 0
+IDS, LIMIT, EXAMPLE, SIGN = "E21a", 0.01, 0.0001, 0
 DOC = "gain of both C/V outputs that follows temperature, beside the diode law"
 
 

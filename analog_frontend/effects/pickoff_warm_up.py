@@ -1,11 +1,4 @@
-"""Gain of both C/V outputs that creeps after power-on: V -> V (1 + a (1 - e^(-t/tau))), tau = plant.warm_up_tau_s.
-
-    fingerprint: drive amplitude word creeps by -a with time, at constant temperature of the package
-
-Port cv_x   Mechanism drift   Unit 1   Catalogue E21, FACTS 18, 30
-Off: 0 is no law at all.   Source: warm-up of the carrier's oscillator and its supply; value assumed;
-docs/effects/pickoff_warm_up.md
-"""
+"""Gain of both C/V outputs that creeps after power-on: V -> V (1 + a (1 - e^(-t/tau))), tau = plant.warm_up_tau_s."""
 
 from analog_frontend.effects.ports import Info
 
@@ -17,7 +10,7 @@ INFO = Info(
     source="warm-up of the carrier's oscillator and its supply; value assumed",
     fingerprint="drive amplitude word creeps by -a with time, at constant temperature of the package",
 )
-IDS, LIMIT, EXAMPLE, SIGN = "E21, FACTS 18, 30", 0.1, 0.0001, 0
+IDS, LIMIT, EXAMPLE, SIGN = "E21b", 0.1, 0.0001, 0
 DOC = "gain of both C/V outputs that creeps over plant.warm_up_tau_s from power-on"
 
 

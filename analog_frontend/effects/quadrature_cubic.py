@@ -1,10 +1,4 @@
-"""Coupling stiffness beyond first order: F_y = -k x^3.
-
-    fingerprint: quadrature voltage follows (3/4) k A^2 as if it were k_xy: with the square of the amplitude
-
-Port force_y   Mechanism polynomial   Unit N/m^3   Catalogue E12
-Off: 0 is no law at all.   Source: beams that bend out of their axis; value assumed; docs/effects/quadrature_cubic.md
-"""
+"""Coupling stiffness beyond first order: F_y = -k x^3."""
 
 from analog_frontend.effects.ports import Info
 
@@ -16,7 +10,7 @@ INFO = Info(
     source="beams that bend out of their axis; value assumed",
     fingerprint="quadrature voltage follows (3/4) k A^2 as if it were k_xy: with the square of the amplitude",
 )
-IDS, LIMIT, EXAMPLE, SIGN = "E12", 10000000000.0, 1000000.0, 0
+IDS, LIMIT, EXAMPLE, SIGN = "E12a", 10000000000.0, 1000000.0, 0
 DOC = "quadrature that grows with the amplitude: F = -k x^3 on the sense mode"
 
 

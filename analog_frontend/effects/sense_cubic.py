@@ -1,11 +1,4 @@
-"""Cubic term of the rebalance electrode: F = c w^3.
-
-    fingerprint: scale factor changes by (3/4) c W^2/k_vf: with rate squared, the nonlinearity of the scale factor
-
-Port force_y   Mechanism polynomial   Unit N/V^3   Catalogue E12, E18, FACTS 33
-Off: 0 is no law at all.   Source: gap law of the rebalance electrodes to third order, amplifier compression; value
-assumed; docs/effects/sense_cubic.md
-"""
+"""Cubic term of the rebalance electrode: F = c w^3."""
 
 from analog_frontend.effects.ports import Info
 
@@ -17,7 +10,7 @@ INFO = Info(
     source="gap law of the rebalance electrodes to third order, amplifier compression; value assumed",
     fingerprint="scale factor changes by (3/4) c W^2/k_vf: with rate squared, the nonlinearity of the scale factor",
 )
-IDS, LIMIT, EXAMPLE, SIGN = "E12, E18, FACTS 33", 1e-06, 1e-10, 0
+IDS, LIMIT, EXAMPLE, SIGN = "E12c, E18", 1e-06, 1e-10, 0
 DOC = "cubic term of the rebalance electrode: F = c w^3"
 
 

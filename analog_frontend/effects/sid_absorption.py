@@ -2,11 +2,7 @@
 
     a stage fed through R half of the time:  v - w = 2 R C k (w - s)/tau,  s the slow part:  w = v (1 - b e^(-t/tau))
     three stages:  V -> V (1 - a e^(-t/tau)),  a = 3 k 2 R C / tau
-    fingerprint: drive amplitude falls by a with tau behind power-on, and the scale factor with it
-
-Port cv_x   Mechanism drift   Unit 1   Catalogue E16, FACTS 14
-Off: 0 is no law at all.   Source: derived; share and time constant of film capacitors assumed;
-docs/effects/sid_absorption.md
+Source    docs/effects/sid_absorption.md
 """
 
 from analog_frontend.effects.ports import Info
@@ -22,7 +18,7 @@ INFO = Info(
     source="derived; share and time constant of film capacitors assumed",
     fingerprint="drive amplitude falls by a with tau behind power-on, and the scale factor with it",
 )
-IDS, LIMIT, EXAMPLE, SIGN = "E16, FACTS 14", 0.1, 0.01, 1
+IDS, LIMIT, EXAMPLE, SIGN = "E16", 0.1, 0.01, 1
 DOC = "slow share of the demodulators' capacitors: a tail of ten seconds behind power-on"
 
 

@@ -1,11 +1,4 @@
-"""Electrostatic softening of the drive mode by the drive voltage: F = e u^2 x.
-
-    fingerprint: drive frequency falls by e A_d^2/(8 k) f: with 1/Q squared at fixed amplitude
-
-Port force_x   Mechanism polynomial   Unit N/m/V^2   Catalogue E09
-Off: 0 is no law at all.   Source: second derivative of the electrode's capacitance; value assumed;
-docs/effects/softening_drive.md
-"""
+"""Electrostatic softening of the drive mode by the drive voltage: F = e u^2 x."""
 
 from analog_frontend.effects.ports import Info
 

@@ -1,11 +1,4 @@
-"""Electrostatic softening of the sense mode by the force-to-rebalance voltage: F = e w^2 y.
-
-    fingerprint: sense mode softens with rate squared: seen while y moves, so in the step response, hardly at rest
-
-Port force_y   Mechanism polynomial   Unit N/m/V^2   Catalogue FACTS 33
-Off: 0 is no law at all.   Source: single-ended part of the rebalance electrodes; value assumed;
-docs/effects/softening_sense.md
-"""
+"""Electrostatic softening of the sense mode by the force-to-rebalance voltage: F = e w^2 y."""
 
 from analog_frontend.effects.ports import Info
 
@@ -17,7 +10,7 @@ INFO = Info(
     source="single-ended part of the rebalance electrodes; value assumed",
     fingerprint="sense mode softens with rate squared: seen while y moves, so in the step response, hardly at rest",
 )
-IDS, LIMIT, EXAMPLE, SIGN = "FACTS 33", 10.0, 0.01, 0
+IDS, LIMIT, EXAMPLE, SIGN = "E27", 10.0, 0.01, 0
 DOC = "electrostatic softening of the sense mode by the rebalance voltage: F = e w^2 y"
 
 

@@ -1,11 +1,5 @@
 """Bias with the rate of change of temperature, for a package that warms up after power-on: F = -d e^(-t/tau) vx, tau
 = plant.warm_up_tau_s.
-
-    fingerprint: bias that fades with the warm-up: d e^(-t/tau)/(2 m) rad/s
-
-Port force_y   Mechanism drift   Unit N s/m   Catalogue E24
-Off: 0 is no law at all.   Source: temperature gradients while dT/dt is not 0; value assumed;
-docs/effects/thermoelastic_bias.md
 """
 
 from analog_frontend.effects.ports import Info

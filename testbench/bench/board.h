@@ -231,7 +231,7 @@ struct Board {
     std::vector<int32_t> drive_codes, sense_codes;
     std::vector<i64> frames;
 
-    void load(const char *path, std::vector<i64> &core);
+    void load(const char *path);
     void write(const char *path, double spent) const;
     void begin();   // before the first clock of a tick
     void clock(int adc_cs_n, int adc_sclk, int now, int d_sync_n, int d_sclk_en, int d_sdin, int s_sync_n,
@@ -483,10 +483,8 @@ struct Reader {
     }
 };
 
-inline void Board::load(const char *path, std::vector<i64> &core) {
+inline void Board::load(const char *path) {
     Reader r(path);
-    core.resize(r.next());
-    for (i64 &value : core) r.read(value);
     r.read(tick, drdy_cycle, refs, drive, sense, quadrature, adc);
     r.read(z, jet, column_jet, pickoff, volts, coming, late_area, caps, late_tau, sums);
     r.read(cycles, at_switch, late_count, due, sample, pending, conversions, adc_codes);

@@ -44,13 +44,15 @@ def gyroscope(engine_name, locked=True, changes=None, codes=True):
 
     codes  whether the codes are kept and hashed
     """
-    sim = Simulation(config.changed(config.Config(), changes or {}), TEMP_DEGC, TEMP_DEGC, engine=engine_name)
+    first = "frame" if locked and engine_name == "clocked" else engine_name  # to lock with the same bits, sooner
+    sim = Simulation(config.changed(config.Config(), changes or {}), TEMP_DEGC, TEMP_DEGC, engine=first)
     sim.keep_rows, sim.keep_codes = False, codes
     sim.now = (np.array([RATE_RAD_S]), np.array([TEMP_DEGC]))
     if locked:
         if simulate.start(sim.config, sim, RATE_RAD_S, TEMP_DEGC) is None:
             raise RuntimeError(f"not locked with {changes}: nothing to time")
         advance(sim, -sim.tick % FRAME_TICKS)
+    sim.engine = engine_name or sim.engine
     return sim
 
 

@@ -3,7 +3,7 @@
 cores    the lanes engine with a group of eight on each core, in threads, and the frame engine with a gyroscope on each,
          in processes: wall time, so the machine must have nothing else to do
 memory   of a gyroscope in lanes: its arrays in the group, and what a process grows by
-runs     eight points from power-on over lock to the end of half a second, one by one and side by side: CPU time
+run      a point of a campaign from power-on over lock to the end of half a second: CPU time
 """
 
 import contextlib
@@ -69,28 +69,12 @@ def cores(repeats=REPEATS, ticks=TICKS):
     return out
 
 
-def runs(repeats=REPEATS, seconds=0.5):
-    """{engine of campaigns: CPU time (s) of a run}, medians of rounds by turns."""
-    points = [
-        configuration.changed(
-            configuration.Config(),
-            {
-                "scenario.seconds": seconds,
-                "scenario.diagnose": False,
-                "output.record": False,
-                "output.checkpoint_s": 0.0,
-                "noise.seed": 1 + k,
-                "plant.fx_hz": 11000.0 + k,
-            },
-        )
-        for k in range(LANES)
-    ]
-    plays = {"frame": played.play_frame, "lanes": played.play_lanes}
-    spent = {name: [] for name in plays}
-    for _ in range(repeats + 1):
-        for name, play in plays.items():
-            spent[name].append(kernels.cpu_s(play, points, [Keeper(KEEP) for _ in points]) / LANES)
-    return {name: statistics.median(times[1:]) for name, times in spent.items()}
+def run(repeats=REPEATS, seconds=0.5):
+    """CPU time (s) of a point of a campaign on the frame engine, median of `repeats`."""
+    quiet = {"scenario.diagnose": False, "output.record": False, "output.checkpoint_s": 0.0}
+    point = configuration.changed(configuration.Config(), {"scenario.seconds": seconds, **quiet})
+    spent = [kernels.cpu_s(played.play_frame, [point], [Keeper(KEEP)]) for _ in range(repeats + 1)]
+    return statistics.median(spent[1:])  # the first one warms up
 
 
 # ---- memory, in processes of their own -------------------------------------------------------------------------------
@@ -133,12 +117,11 @@ def cores_table(result):
 
 
 def sentences(result):
-    """Memory of a gyroscope in lanes, and the cost of whole runs."""
-    found, spent = result["memory_bytes_per_lane"], result["runs_cpu_s"]
+    """Memory of a gyroscope in lanes, and the cost of a whole run."""
+    found = result["memory_bytes_per_lane"]
     return (
         f"A gyroscope in lanes takes {found['arrays'] / 1e3:.0f} kB in the arrays of its group, and "
         f"{found['process'] / 1e6:.1f} MB of the process between two chunks, with its state, tables, last codes and "
         "hash.\n\n"
-        f"A point of a campaign from power-on over lock and 0.5 s takes {spent['frame']:.3f} s of CPU on the frame "
-        f"engine, and {spent['lanes']:.3f} s as one of eight side by side."
+        f"A point of a campaign from power-on over lock and 0.5 s takes {result['run_cpu_s']:.3f} s of CPU."
     )

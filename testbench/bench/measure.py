@@ -31,8 +31,8 @@ REPEATS = 10
 PROCESSES = 5
 FRAME_TICKS_TIMED = 1_000_000
 BASEBAND_TICKS_TIMED = 10_000_000
-PEER_TICKS = {"c_loop": 100_000, "verilator": 100_000, "icarus": 1_250}
-PEER_KEYS = {"c_loop": "c_loop_rt", "verilator": "verilator_closed_rt", "icarus": "icarus_rt"}
+PEER_TICKS = {"verilator": 100_000, "icarus": 1_250}
+PEER_KEYS = {"verilator": "verilator_closed_rt", "icarus": "icarus_rt"}
 PYTHON_TICKS = 2 * FRAME_TICKS
 
 SPEEDS = (
@@ -42,7 +42,6 @@ SPEEDS = (
     ("lanes_rt_per_core", "lanes engine, eight gyroscopes"),
     ("lanes_codes_rt", "the same with the codes of every tick, hashed"),
     ("clocked_rt", "clocked engine"),
-    ("c_loop_rt", "C loop"),
     ("verilator_closed_rt", "Verilator"),
     ("icarus_rt", "Icarus Verilog"),
     ("python_rt", "plain Python"),
@@ -134,19 +133,19 @@ def _in_turn(processes, engine_name, ticks):
 
 def comparators(sim, folder):
     """({key: function that returns the CPU time of a run}, {key: why there is none}); equality is checked here."""
-    names = peers.export(sim, kernels.RATE_RAD_S, folder)
+    peers.export(sim, kernels.RATE_RAD_S, folder)
     engine = peers.reference(sim, kernels.RATE_RAD_S, max(PEER_TICKS.values()))
     works, missing = {}, {}
     for name, ticks in PEER_TICKS.items():
         try:
             command = peers.BUILDERS[name](folder)
-            codes = peers.run(name, command, folder, names, ticks)
+            codes = peers.run(name, command, folder, ticks)
         except peers.Missing as reason:
             missing[PEER_KEYS[name]] = str(reason)
             continue
         for line in peers.differences(engine, codes):
             raise RuntimeError(f"{name} differs from the clocked engine: {line}")
-        works[PEER_KEYS[name]] = partial(_peer_cpu_s, name, command, folder, names, ticks)
+        works[PEER_KEYS[name]] = partial(_peer_cpu_s, name, command, folder, ticks)
     return works, missing
 
 
@@ -262,7 +261,7 @@ def measure():
         first = {key: kernels.first_call_s(folder) for key, _ in FIRST_CALLS}
     result = speeds(ROOT / "build" / "bench")
     result |= first | {"growth": growth(), "stages_ns": stages.measure(), "versions": versions(), "cpu": cpu()}
-    return result | {"cores": many.cores(), "memory_bytes_per_lane": many.memory(), "runs_cpu_s": many.runs()}
+    return result | {"cores": many.cores(), "memory_bytes_per_lane": many.memory(), "run_cpu_s": many.run()}
 
 
 # ---- showing ---------------------------------------------------------------------------------------------------------

@@ -1,9 +1,9 @@
-"""Comparators of the engines: the same firmware core and the same plant as RTL and as C, from the same locked state.
+"""Comparators of the engines: the reference RTL of the firmware around chips and plant in C++, from a locked state.
 
-    verilator   gyro_core.v verilated, around the board of board.h            icarus   the same two, joined by VPI
-    c_loop      the core as a plain C loop over 26 MHz clocks, same board     peak     peak of multiply-add pairs
+    verilator   testbench/rtl verilated, around the board of board.h      icarus   the same two, joined by VPI
+    peak        peak of multiply-add pairs of this CPU
 
-`export` writes constants and registers of a locked gyroscope; the programs continue from there and write every code.
+`export` writes registers and constants of a locked gyroscope; the programs continue from there and write every code.
 They share no code with the engines: equal codes are an independent check of both. A missing tool is `Missing`.
 Source    docs/speed.md
 """
@@ -18,18 +18,19 @@ from typing import NamedTuple
 import numpy as np
 
 from analog_frontend.parts import adc, noise, sid
-from fpga_model import cordic, references, sequencer, sine
-from fpga_model import top as fpga
+from fpga_model import references, sequencer
 from fpga_model.rates import FRAME_TICKS
 from testbench import flatten
+from testbench.golden.loop import library
+from testbench.golden.recording import board
 from testbench.run import simulation
 
 SOURCES = Path(__file__).parent
-LEFT_OUT = ("sid.", "watchdog.", "registers.", "control.rate_output.", "control.sequencer.")
+RTL = SOURCES.parent / "rtl"
+DESIGN = "gyro_core.v"
 # SSE to AVX-512 give the same doubles as long as products are not fused into sums
 FLAGS = ("-O3", "-march=native", "-ffp-contract=off")
 PLANT_STATES = 16 + 24
-LOOPS = {"AGC": "agc", "PLL": "frequency_tracker", "FTR": "rate_loop", "QSC": "quadrature_loop"}
 
 
 class Missing(Exception):
@@ -37,7 +38,7 @@ class Missing(Exception):
 
 
 class Codes(NamedTuple):
-    """What a comparator wrote: DAC codes per tick, ADC codes at the beginning of each frame, and at the end its
+    """What a comparator wrote: DAC codes per tick, ADC codes at the beginning of each frame, and at the end all
     registers and the 16 + 24 voltages and displacements of its plant.
     """
 
@@ -50,28 +51,6 @@ class Codes(NamedTuple):
 
 
 # ---- export ----------------------------------------------------------------------------------------------------------
-
-
-def core_names(state):
-    """Registers of the firmware's core, as `flatten` names them."""
-    return [name for name in flatten.names(state) if not name.startswith(LEFT_OUT)]
-
-
-def _constants(p, bank):
-    """What gyro_core.v calls the constants of a configuration."""
-    values = {
-        "PIPE_DEPTH": p.pipe.depth,
-        "REF_ALIGN": p.references.align,
-        "REF_RETIMED": p.references.retimed,
-        "SETPOINT": bank.amplitude_setpoint,
-    }
-    for name, m in (("DRIVE", p.drive_modulator), ("SENSE", p.sense_modulator)):
-        values |= {f"{name}_SHIFT": m.shift, f"{name}_LO": m.lo, f"{name}_HI": m.hi, f"{name}_FRAMES": m.frames}
-    for name, field in LOOPS.items():
-        values |= {f"{name}_{k.upper()}": v for k, v in getattr(p.control, field).loop._asdict().items()}
-    for name in ("phase_drive_sine", "phase_sense_sine", "phase_drive_ref", "phase_sense_ref"):
-        values[name.upper()] = getattr(bank, name)
-    return values
 
 
 def _check(sim):
@@ -96,9 +75,6 @@ def _words(sim, rate_rad_s):
     """The words of state.bin, in the order of Board::load."""
     f, s, p, chips = sim.state.fpga, sim.state.plant, sim.params.plant, sim.state.chips
     t = p.tables
-    core = [value for name, value in flatten.leaves(f) if not name.startswith(LEFT_OUT)]
-    yield len(core)
-    yield from core
     yield from (sim.tick, sim.state.drdy_cycle, references.pins(sim.params.fpga.references, f.references))
     yield from (value for _, value in flatten.leaves(chips))
     for array in (
@@ -136,48 +112,35 @@ def _words(sim, rate_rad_s):
     yield from (noise.IH4_SCALE, noise.IH12_SCALE)
 
 
-def _register(name, prefix=""):
-    """Name of a register in Verilog and C: a number becomes an index."""
-    head, _, last = name.rpartition(".")
-    return prefix + (f"{head}[{last}]" if last.isdigit() else name)
+def _register(name):
+    """Where a register of the model stands below `gyro_board`: blocks are instances, an index is part of the name."""
+    *blocks, last = name.split(".")
+    if last.isdigit():
+        last = f"{blocks.pop()}_{last}"
+    return ".".join(("firmware", *blocks, f"r_{last}"))
+
+
+def _design(params):
+    """Verilog of gyro_board that begins with the registers of state.hex and shows its own at the end."""
+    loads = [f"    {_register(name)} = loaded[{k}];" for k, name in enumerate(library.REGISTERS)]
+    shows = [f'    $display("register {k} %0d", {_register(name)});' for k, name in enumerate(library.REGISTERS)]
+    state = [f"reg [63:0] loaded [0:{len(loads) - 1}];", "initial begin", '    $readmemh("state.hex", loaded);', *loads]
+    state += ["end", "final begin", *shows, "end", "", "endmodule"]
+    return board.text(params).replace("\nendmodule", "\n" + "\n".join(state))
 
 
 def export(sim, rate_rad_s, folder):
-    """Write constants, tables and the present state of a locked `Simulation` for the comparators to `folder`."""
+    """Write the design, its tables and the present state of a locked `Simulation` for the comparators to `folder`."""
     _check(sim)
-    names = core_names(sim.state.fpga)
-    constants = _constants(sim.params.fpga, sim.state.fpga.registers)
-    formats = dict(flatten.format_leaves(fpga.STATE_FMT))
-    values = dict(flatten.leaves(sim.state.fpga))
     words = list(_words(sim, rate_rad_s))
     raw = b"".join(np.array(w, "<f8" if isinstance(w, float) else "<i8").tobytes() for w in words)
-
-    verilog = [f"localparam signed [63:0] {name} = {_sized(value)};" for name, value in constants.items()]
-    loads = [f"    {_register(name)} = loaded[{k}];" for k, name in enumerate(names)]
-    shows = [f'    $display("register {k} %0d", {_register(name)});' for k, name in enumerate(names)]
-    state = [f"reg [63:0] loaded [0:{len(names) - 1}];", "initial begin", '    $readmemh("state.hex", loaded);', *loads]
-    state += ["end", "final begin", *shows, "end"]
-    c = [f"static const int64_t {name} = {value};" for name, value in constants.items()]
-    c += [f"static const int64_t SINE_ROM[] = {{{', '.join(map(str, sine.ROM.tolist()))}}};"]
-    c += [f"static const int64_t ATAN[] = {{{', '.join(map(str, cordic.ATAN))}}};", "#define CORE_REGISTERS(DO) \\"]
-    c += [f"    DO({_register(name, 's.')}, {k}) \\" for k, name in enumerate(names)]
-    files = {
-        "gyro_params.vh": "\n".join(verilog),
-        "gyro_state.vh": "\n".join(state),
-        "gyro_params.h": "\n".join(c) + "\n",
-        "sine.hex": "\n".join(f"{row:x}" for row in sine.ROM.tolist()),
-        "atan.hex": "\n".join(f"{row:x}" for row in (*cordic.ATAN, *[0] * (32 - len(cordic.ATAN)))),
-        "state.hex": "\n".join(f"{values[name] & ((1 << formats[name].width) - 1):x}" for name in names),
-    }
+    registers = zip(flatten.leaves(sim.state.fpga), library.FORMATS, strict=False)
+    state = [f"{int(value) & ((1 << fmt.width) - 1):x}" for (_, value), fmt in registers]
     folder.mkdir(parents=True, exist_ok=True)
-    for name, text in files.items():
-        (folder / name).write_text(text + "\n")
+    board.write_roms(folder)
+    (folder / DESIGN).write_text(_design(sim.params.fpga))
+    (folder / "state.hex").write_text("\n".join(state) + "\n")
     (folder / "state.bin").write_bytes(raw)
-    return names
-
-
-def _sized(value):
-    return f"-64'sd{-value}" if value < 0 else f"64'sd{value}"
 
 
 # ---- build -----------------------------------------------------------------------------------------------------------
@@ -216,39 +179,33 @@ def _compiler():
     return tool(os.environ.get("CXX", "g++"))
 
 
-def build_c_loop(folder):
-    """The C loop; returns its command."""
-    _call([_compiler(), "-std=c++17", *FLAGS, f"-I{folder}", SOURCES / "c_loop.cpp", "-o", "c_loop"], folder)
-    return [str(folder / "c_loop")]
-
-
-def build_verilator(folder):
-    """The verilated core; returns its command."""
+def build_verilator(folder, flags=FLAGS):
+    """The verilated firmware; returns its command."""
     verilator, make, _ = tool("verilator"), tool("make"), _compiler()
     _call(
         [verilator, "--cc", "--exe", "-O3", "--x-assign", "fast", "--x-initial", "fast", "--noassert", "-Wno-lint"]
-        + ["-Wno-fatal", f"-I{folder}", "--Mdir", "verilated", "--top-module", "gyro_core", "-CFLAGS"]
-        + [f"-std=c++17 -I{SOURCES}", SOURCES / "gyro_core.v", SOURCES / "verilator.cpp"],
+        + ["-Wno-fatal", "--Mdir", "verilated", "--top-module", board.MODULE, "-CFLAGS", f"-std=c++17 -I{SOURCES}"]
+        + [DESIGN, *library.sources(RTL), SOURCES / "verilator.cpp"],
         folder,
     )
     # OPT_FAST is -Os by default and comes after CFLAGS: an -O3 there would be undone
-    fast = " ".join(FLAGS)
-    _call([make, "-s", "-C", "verilated", "-f", "Vgyro_core.mk", f"OPT_FAST={fast}", f"OPT_GLOBAL={fast}"], folder)
-    return [str(folder / "verilated" / "Vgyro_core")]
+    fast = " ".join(flags)
+    name = f"V{board.MODULE}"
+    _call([make, "-s", "-C", "verilated", "-f", f"{name}.mk", f"OPT_FAST={fast}", f"OPT_GLOBAL={fast}"], folder)
+    return [str(folder / "verilated" / name)]
 
 
 def build_icarus(folder):
-    """The core under Icarus with the board as a VPI module; returns its command."""
+    """The firmware under Icarus with the board as a VPI module; returns its command."""
     iverilog, vvp = tool("iverilog"), tool("vvp")
     header = Path(iverilog).resolve().parent.parent / "include" / "iverilog"
     _call(
         [_compiler(), "-std=c++17", *FLAGS, "-shared", "-fPIC", f"-I{header}", SOURCES / "vpi.cpp", "-o", "board.vpi"],
         folder,
     )
-    # 2012 for the `final` block of gyro_state.vh alone
+    # 2012 for the `final` block of the design alone
     _call(
-        [iverilog, "-g2012", f"-I{folder}", "-s", "icarus", "-o", "core.vvp"]
-        + [SOURCES / "icarus.v", SOURCES / "gyro_core.v"],
+        [iverilog, "-g2012", "-s", "icarus", "-o", "core.vvp", SOURCES / "icarus.v", DESIGN, *library.sources(RTL)],
         folder,
     )
     return [vvp, "-M", str(folder), "-m", "board", str(folder / "core.vvp")]
@@ -261,13 +218,13 @@ def build_peak(folder):
     return [str(folder / "peak")]
 
 
-BUILDERS = {"c_loop": build_c_loop, "verilator": build_verilator, "icarus": build_icarus}
+BUILDERS = {"verilator": build_verilator, "icarus": build_icarus}
 
 
 # ---- run -------------------------------------------------------------------------------------------------------------
 
 
-def run(name, command, folder, names, ticks):
+def run(name, command, folder, ticks):
     """Run a built comparator for `ticks` from the exported state; returns `Codes`."""
     files = {"state": folder / "state.bin", "ticks": ticks, "codes": folder / f"{name}.codes"}
     arguments = [f"+{key}={value}" for key, value in files.items()] if name == "icarus" else list(files.values())
@@ -279,7 +236,7 @@ def run(name, command, folder, names, ticks):
     first = 8 * (3 + PLANT_STATES)
     drive, sense = np.frombuffer(raw, "<i4", 2 * ticks, first).reshape(2, ticks)
     rows = np.frombuffer(raw, "<i8", frames * adc.CHANNELS, first + 8 * ticks).reshape(frames, adc.CHANNELS)
-    registers = {names[int(k)]: int(value) for k, value in values}
+    registers = {library.REGISTERS[int(k)]: int(value) for k, value in values}
     return Codes(drive, sense, rows, registers, np.array(plant), float(cpu_s))
 
 
@@ -288,15 +245,13 @@ def reference(sim, rate_rad_s, ticks):
     if ticks > simulation.CHUNK_TICKS:
         raise ValueError(f"ticks: {ticks} is above {simulation.CHUNK_TICKS}, one chunk")
     streams = sim.advance(ticks, rate_rad_s, float(sim.now[1][-1]))
-    names = core_names(sim.state.fpga)
-    values = dict(flatten.leaves(sim.state.fpga))
     if not np.all(streams.frames[:, simulation.FRAME["state"]] == sequencer.LOCKED):
         raise ValueError("the gyroscope lost its lock")
     return Codes(
         streams.drive_code,
         streams.sense_code,
         streams.frames[:, : adc.CHANNELS],
-        {name: int(values[name]) for name in names},
+        {name: int(value) for name, value in flatten.leaves(sim.state.fpga)},
         np.concatenate([sim.state.plant.z, sim.state.plant.caps.ravel()]),
         float("nan"),
     )

@@ -1,15 +1,14 @@
-// The RTL, verilated, closed around the board.     usage: Vgyro_core STATE TICKS CODES, in the folder of the .hex files
-#include "Vgyro_core.h"
+// The RTL, verilated, closed around the board.     usage: Vgyro_board STATE TICKS CODES, in the folder of the .hex files
+#include "Vgyro_board.h"
 #include "board.h"
 #include "verilated.h"
 
 int main(int count, char **argument) {
-    if (count != 4) fail("usage: Vgyro_core STATE TICKS CODES");
+    if (count != 4) fail("usage: Vgyro_board STATE TICKS CODES");
     static Board board;
-    std::vector<i64> core;
-    board.load(argument[1], core);
+    board.load(argument[1]);
     VerilatedContext context;
-    Vgyro_core *const top = new Vgyro_core(&context);
+    Vgyro_board *const top = new Vgyro_board(&context);
     top->clk = 0;
     top->drdy_n = board.drdy_n();
     top->dout = board.dout();
@@ -25,9 +24,10 @@ int main(int count, char **argument) {
             top->dout = board.dout();
             top->clk = 1;
             top->eval();
-            board.clock(top->adc_cs_n, top->adc_sclk, top->refs, top->drive_sync_n, top->drive_sclk_en, top->drive_sdin,
-                        top->sense_sync_n, top->sense_sclk_en, top->sense_sdin, top->sense_ldac_n,
-                        top->quadrature_sync_n, top->quadrature_sclk_en, top->quadrature_sdin);
+            board.clock(top->o_adc_cs_n, top->o_adc_sclk, top->o_refs, top->o_drive_sync_n, top->o_drive_sclk_en,
+                        top->o_drive_sdin, top->o_sense_sync_n, top->o_sense_sclk_en, top->o_sense_sdin,
+                        top->o_sense_ldac_n, top->o_quadrature_sync_n, top->o_quadrature_sclk_en,
+                        top->o_quadrature_sdin);
             top->clk = 0;
             top->eval();
         }

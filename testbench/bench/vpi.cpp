@@ -31,8 +31,7 @@ static PLI_INT32 first(PLI_BYTE8 *) {
     pins = vpi_scan(list);
     back = vpi_scan(list);
     vpi_free_object(list);
-    std::vector<i64> core;
-    board.load(option("+state="), core);
+    board.load(option("+state="));
     ticks = std::atoll(option("+ticks="));
     codes = option("+codes=");
     answer();

@@ -12,6 +12,10 @@ from typing import Annotated
 
 import typer
 
+from testbench.console.options import Json
+from testbench.console.show import print_json, print_tables
+from testbench.console.table import Table
+
 app = typer.Typer(
     name="campaign",
     no_args_is_help=True,
@@ -21,19 +25,12 @@ app = typer.Typer(
 
 StorePath = Annotated[Path, typer.Argument(metavar="STORE", help="Folder of a campaign's results.")]
 Name = Annotated[str | None, typer.Argument(metavar="[PLAN]", help="Name of a plan; the only one if left out.")]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")]
 Sets = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="One value over the plan's [set]; may be repeated."),
 ]
 EXIT_FAILED = 2
 SHOWN_FAILURES = 5
-
-
-def print_json(data):
-    from testbench.console.show import print_json
-
-    print_json(data)
 
 
 @app.command()
@@ -190,9 +187,6 @@ def show(store: StorePath, name: Name = None, as_json: Json = False):
     if as_json:
         print_json({"name": name, "points": len(table), "finished": finished, "axes": axes, "numbers": numbers})
         return
-    from testbench.console.show import print_tables
-    from testbench.console.table import Table
-
     axis_rows = [(a["name"], str(a["length"]), ", ".join(a["parameters"])) for a in axes]
     lines = [
         (head, str(n["count"]), *(f"{n[key]:.8g}" for key in ("mean", "std", "min", "max")))

@@ -1,11 +1,8 @@
-"""The engines of a campaign: `gyro run` without its files. All but lanes take one point to a call, lanes eight.
+"""The engines of a campaign: `gyro run` without its files, one point to a call.
 
-Points in lanes have the bytes of the frame engine's, so they are kept as such: one is found where the other has run.
-Source  docs/campaigns.md, docs/decisions/0012-lanes.md
+`lanes` is a name of the frame engine: runs in lanes gained nothing, and their points have the same bytes.
+Source  docs/campaigns.md, docs/decisions/0013-runs-side-by-side.md
 """
-
-import functools
-import math
 
 from testbench.campaign.plan.engines import Engine
 
@@ -29,15 +26,11 @@ def flat(summary):
 
 
 def _play(name, configs, sinks):
-    return [_one(name, one, sink) for one, sink in zip(configs, sinks)]
-
-
-def _one(name, one, sink, engine_run=None):
     from testbench import config
     from testbench.run import simulate
 
-    result = simulate.run(config.changed(one, {"scenario.engine": name}), sinks=(sink,), engine_run=engine_run)
-    return flat(result.summary)
+    played = (config.changed(one, {"scenario.engine": name}) for one in configs)
+    return [flat(simulate.run(one, sinks=(sink,)).summary) for one, sink in zip(played, sinks)]
 
 
 def play_frame(configs, sinks):
@@ -55,34 +48,14 @@ def play_baseband(configs, sinks):
     return _play("baseband", configs, sinks)
 
 
-def play_lanes(configs, sinks):
-    """As `engines` says, by the lanes engine; what it cannot do the frame engine does."""
-    from testbench.run import side_by_side
-
-    return side_by_side.play([functools.partial(_one, "frame", *point) for point in zip(configs, sinks)])
-
-
-def alike(config):
-    """What points should have in common to be worth a call of the lanes engine: one start, lengths within twofold."""
-    s = config.scenario
-    return config.firmware.board, s.resume, s.origin, s.diagnose, math.frexp(s.seconds)[1]
-
-
 def _compile():
     from testbench.run import warmup
 
     warmup.warm_up()
 
 
-def _compile_lanes():
-    from testbench.run import warmup
-
-    warmup.warm_up(lanes=True)
-    warmup.compile_lanes()
-
-
 MODULES = ("testbench.campaign.played", "testbench.run.simulate")
 FRAME = Engine(play_frame, 1, MODULES, _compile)
 CLOCKED = Engine(play_clocked, 1, MODULES)
 BASEBAND = Engine(play_baseband, 1, MODULES, _compile)
-LANES = Engine(play_lanes, 8, MODULES, _compile_lanes, alike, twin="frame")
+LANES = FRAME._replace(twin="frame")

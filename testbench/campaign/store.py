@@ -163,6 +163,7 @@ class Store:
                 file.flush()
             except OSError as problem:
                 raise explain(path, problem) from None
+            (self.path / "tmp").mkdir(exist_ok=True)  # copies without empty folders lack it
             for part in (self.path / "tmp").iterdir():
                 with contextlib.suppress(OSError):
                     part.unlink()

@@ -5,6 +5,7 @@
     docs/phases.md              phase budget of the defaults       testbench.run.budget, testbench.run.tables
     docs/ranges.md              proven ranges                      testbench.golden.ranges.range_report
     docs/README.md              index of the pages                 their titles
+    docs/effects/README.md      index of the effects               analog_frontend.effects.catalogue
 
     python -m testbench.commands.docs            write what is stale
     python -m testbench.commands.docs --check    name what is stale, exit code 1
@@ -17,6 +18,7 @@ import ast
 import math
 import sys
 
+from analog_frontend.effects import catalogue
 from fpga_model import registers
 from testbench import config
 from testbench.commands import config_page
@@ -64,7 +66,7 @@ def budget_summary(planned, plain):
 def budget_part():
     """Summary and four tables of the default configuration."""
     planned, plain = budget.budgets(Config())
-    parts = [f"At {planned.frequency_hz:.1f} Hz and 25 degC.", markdown(budget_summary(planned, plain))]
+    parts = [f"At {planned.frequency_hz:.1f} Hz and 25 degC. {tables.FITTED}", markdown(budget_summary(planned, plain))]
     for table in tables.budget_tables(planned, plain):
         parts += [f"### {table.title.split(', at ')[0].replace('  ', ': ', 1)}", markdown(table)]
     return "\n\n".join(parts)
@@ -85,7 +87,7 @@ def lock_part():
     )
 
 
-# What else could make the paper's xe1 and ye1; values are chosen for the table, the defaults are not
+# What else could make the paper's xe1 and ye1
 RIVALS = (
     ("default: re-timed references, one extra frame in the sense path", {}),
     ("the same, with the response of the sense DAC inside its output pole", {"plant.sense_dac_delay_s": 0.0}),
@@ -111,7 +113,7 @@ def rivals_part():
         )
     rows.append(("the paper", fixed(PAPER_DEG["xe1"], 4), "", fixed(PAPER_DEG["ye1"], 4), ""))
     heads = ("hardware", "xe1 deg", "less paper", "ye1 deg", "less paper")
-    return markdown(Table("", heads, rows, numeric=(1, 2, 3, 4)))
+    return f"{markdown(Table('', heads, rows, numeric=(1, 2, 3, 4)))}\n\n{tables.FITTED}"
 
 
 def phases(page):
@@ -159,6 +161,16 @@ def index_part():
     return "\n\n".join(parts)
 
 
+def effects_part():
+    """One row per effect of the catalogue, by its id."""
+    rows = []
+    for effect in sorted(catalogue.LAWS, key=lambda e: e.IDS):
+        name = effect.INFO.name
+        about = effect.DOC.replace("|", "\\|")
+        rows.append((effect.IDS, about, f"`effects.{name}`", f"[{name}]({name}.md)"))
+    return markdown(Table("", ("id", "what", "switched on by", "page"), rows, numeric=()))
+
+
 # ---- pages -----------------------------------------------------------------------------------------------------------
 
 PAGES = {
@@ -167,14 +179,24 @@ PAGES = {
     "docs/phases.md": phases,
     "docs/ranges.md": proven_ranges,
     "docs/README.md": lambda page: replaced(page, "index", index_part()),
+    "docs/effects/README.md": lambda page: replaced(page, "effects", effects_part()),
 }
+OF_EFFECTS = ("docs/configuration.md", "docs/README.md", "docs/effects/README.md")
 
 
-def stale():
-    """{path: renewed text} of the pages whose generated parts are not what the code says."""
-    now = {name: (ROOT / name).read_text() for name in PAGES}
+def stale(names=None):
+    """{path: renewed text} of those pages (None: all) whose generated parts are not what the code says."""
+    now = {name: (ROOT / name).read_text() for name in names or PAGES}
     renewed = {name: PAGES[name](page) for name, page in now.items()}
     return {name: text for name, text in renewed.items() if text != now[name]}
+
+
+def renew(names=None):
+    """Write those of the pages that are stale; returns their paths."""
+    changed = stale(names)
+    for name, text in changed.items():
+        write_text(ROOT / name, text)
+    return list(changed)
 
 
 def main(arguments=None):
@@ -183,14 +205,14 @@ def main(arguments=None):
     if arguments not in ([], ["--check"]):
         print("usage: python -m testbench.commands.docs [--check]", file=sys.stderr)
         return 2
-    changed = stale()
-    for name, text in changed.items():
-        if arguments:
+    if arguments:
+        changed = list(stale())
+        for name in changed:
             print(f"{name} is stale; run: python -m testbench.commands.docs", file=sys.stderr)
-        else:
-            write_text(ROOT / name, text)
-            print(f"written: {name}")
-    return 1 if changed and arguments else 0
+        return 1 if changed else 0
+    for name in renew():
+        print(f"written: {name}")
+    return 0
 
 
 if __name__ == "__main__":

@@ -1,23 +1,27 @@
-"""Pages of the catalogue: what each effect changes, measured: python -m testbench.commands.effects_pages [NAME ...]
+"""Pages of the catalogue, and their indices: python -m testbench.commands.effects_pages [NAME ...]
 
-The default gyroscope in the baseband engine at 5 um, off and on with the same noise: frequency, drive word, bias, scale
-factor, V_q. Written between `<!-- measured: .. -->` and `<!-- end -->` of the pages in docs/effects.
+A page that is missing is made; of one that exists, what the module says is renewed and all else stays. The table shows
+what the effect changes, measured: the default gyroscope in the baseband engine at 5 um, off and on with the same noise:
+frequency, drive word, bias, scale factor, V_q.
 """
 
+import re
 import sys
-from pathlib import Path
 
 import numpy as np
 
 from analog_frontend.effects import catalogue
+from analog_frontend.parts import device
 from testbench import config
-from testbench.console.markdown import replaced
+from testbench.commands import docs
+from testbench.console.markdown import ROOT, replaced
 from testbench.measured.closed_loop import loop_runs
 from testbench.measured.closed_loop.loop_runs import FAST, Model, Run
 from testbench.measured.closed_loop.loop_tangents import even
 from testbench.measured.record.plan import Condition
+from testbench.storage.files import write_text
 
-FOLDER = Path(__file__).resolve().parents[2] / "docs" / "effects"
+FOLDER = ROOT / "docs" / "effects"
 SETTLE_S, DWELL_S, RATE_DPS, SEED = 1.5, 1.0, 50.0, 3
 ROWS = (
     ("drive frequency", "mHz", "rest", 1e3, 3),
@@ -85,16 +89,65 @@ def table(effect, values):
     return "\n".join(lines)
 
 
+PAGE = """# {name}
+
+{head}
+
+{source}
+
+{applied}
+
+{terms}
+
+**Fingerprint.** {fingerprint}.
+
+<!-- measured: python -m testbench.commands.effects_pages -->
+
+<!-- end -->
+"""
+APPLIED = "**Applied** as laws of [ports](../parts/ports.md#laws); of the size of the table below:"
+
+
+def parts(effect):
+    """{part of a page: text} that the module says."""
+    i = effect.INFO
+    about = " ".join(effect.__doc__.split("\n\n")[0].split()).rstrip(".")
+    where = f"Port {i.port}, mechanism {i.mechanism}, unit {i.unit}. Off: 0. Catalogue {effect.IDS}"
+    return {
+        "head": f"{about}. {where}; `effects.{i.name}` in a configuration.",
+        "source": f"**Source.** {i.source[0].upper()}{i.source[1:]}.",
+        "applied": APPLIED,
+        "terms": "\n".join(f"    {text}" for text in effect.terms(effect.EXAMPLE, device.Device())),
+        "fingerprint": i.fingerprint,
+    }
+
+
+def renewed(effect, page=None):
+    """The page with what the module says; made if it is None. Its measured table stays as it is."""
+    said = parts(effect)
+    if page is None:
+        return PAGE.format(name=effect.INFO.name, **said)
+    title, _, rest = page.split("\n\n", 2)
+    rest = re.sub(r"^\*\*Source\.\*\* .*$", lambda _: said["source"], rest, count=1, flags=re.M)
+    before, after = rest.split(f"{APPLIED}\n\n")
+    after = after.split("\n\n", 1)[1]
+    return "\n\n".join((title, said["head"], f"{before}{APPLIED}", said["terms"], after))
+
+
 def main(names):
-    """Renew the pages of the named effects, or of all."""
-    chosen = names or [e.INFO.name for e in catalogue.LAWS]
-    found = measured(chosen)
-    for effect in catalogue.LAWS:
-        name = effect.INFO.name
-        if name in found:
-            page = FOLDER / f"{name}.md"
-            page.write_text(replaced(page.read_text(), "measured", table(effect, found[name])))
+    """Renew the pages of the named effects, or of all, and the indices that list them; returns the exit code."""
+    known = {effect.INFO.name: effect for effect in catalogue.LAWS}
+    if unknown := set(names) - set(known):
+        print(f"{', '.join(sorted(unknown))}: not among {', '.join(known)}", file=sys.stderr)
+        return 2
+    chosen = names or list(known)
+    for name, values in measured(chosen).items():
+        path = FOLDER / f"{name}.md"
+        page = renewed(known[name], path.read_text() if path.exists() else None)
+        write_text(path, replaced(page, "measured", table(known[name], values)))
+    docs.renew(docs.OF_EFFECTS)
+    return 0
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    sys.exit(main(sys.argv[1:]))

@@ -52,6 +52,11 @@ def _label(axis, x="", y=""):
     axis.set_ylabel(y, fontsize=FONT["label"])
 
 
+def _note(axis, text, at, offset, color, **more):
+    """A text beside a point, `offset` typographic points away."""
+    axis.annotate(text, at, xytext=offset, textcoords="offset points", fontsize=FONT["small"], color=color, **more)
+
+
 def save(figure, path):
     """Write a figure as PNG."""
     with replacing(path) as part:
@@ -95,15 +100,8 @@ def startup(
     if lock_time_s is not None:
         for axis in axes:
             axis.axvline(lock_time_s, color=GREEN, linestyle="-.", linewidth=1.4)
-        axes[0].annotate(
-            f"lock, {lock_time_s:.3f} s",
-            (lock_time_s, 0.03),
-            xycoords=("data", "axes fraction"),
-            xytext=(6, 0),
-            textcoords="offset points",
-            fontsize=FONT["small"],
-            color=GREEN,
-        )
+        place = {"xycoords": ("data", "axes fraction")}
+        _note(axes[0], f"lock, {lock_time_s:.3f} s", (lock_time_s, 0.03), (6, 0), GREEN, **place)
     axes[0].set_xlim(time_s[0], time_s[-1])
     figure.align_ylabels()
     return figure
@@ -164,26 +162,11 @@ def spectra(outputs, rate_hz=TICK_HZ, images=3):
         sizes = [level[peak] + 20 * np.log10(line_hz / (k * rate_hz)) for k in range(1, images + 1)]
         centres = np.arange(1, images + 1) * rate_hz
         axis.plot(centres, sizes, marker="v", color=VERMILION, markersize=7, linestyle="none")
-        axis.annotate(
-            f"images at k x {rate_hz / 1e6:g} MHz +- {line_hz / 1e3:.1f} kHz:\n"
-            + ", ".join(f"{size:.1f}" for size in sizes)
-            + " dBFS",
-            (centres[0], sizes[0]),
-            xytext=(-8, 4),
-            textcoords="offset points",
-            ha="right",
-            fontsize=FONT["small"],
-            color=VERMILION,
-        )
-        axis.annotate(
-            f"{line_hz:.0f} Hz, {level[peak]:.1f} dBFS",
-            (line_hz, level[peak]),
-            xytext=(-10, -4),
-            textcoords="offset points",
-            ha="right",
-            fontsize=FONT["small"],
-            color=BLUE,
-        )
+        sized = ", ".join(f"{size:.1f}" for size in sizes)
+        text = f"images at k x {rate_hz / 1e6:g} MHz +- {line_hz / 1e3:.1f} kHz:\n{sized} dBFS"
+        _note(axis, text, (centres[0], sizes[0]), (-8, 4), VERMILION, ha="right")
+        text = f"{line_hz:.0f} Hz, {level[peak]:.1f} dBFS"
+        _note(axis, text, (line_hz, level[peak]), (-10, -4), BLUE, ha="right")
         axis.set_xscale("log")
         axis.set_title(f"{name}, resolution {width * step_hz:.3g} Hz", fontsize=FONT["label"], loc="left")
         low = np.percentile(level[4:], 5)

@@ -304,7 +304,7 @@ def run(p, s, ticks, rate_rad_s, temp_degc, host, faults, o):
 
 
 @inner
-def _frame(p, f, chips, a, chunk, tick):
+def begin_frame(p, f, chips, a, chunk, tick):
     """A frame begins: the plant's matrix for it, and a row of both streams. Mutates `a` and the streams."""
     n = tick // FRAME_TICKS - chunk.begin // FRAME_TICKS
     row = n if chunk.begin % FRAME_TICKS == 0 else n - 1
@@ -370,7 +370,7 @@ def run_ticks(p, f, chips, a, chunk, first, end, drdy_cycle, closed):
     for tick in range(first, end):
         k = tick - begin
         if tick % FRAME_TICKS == 0 and closed:
-            _frame(p, f, chips, a, chunk, tick)
+            begin_frame(p, f, chips, a, chunk, tick)
         # the aperture is the tick's first instant; the codes arrive a tick later
         sample_x, sample_y = a.sar[0], a.sar[1]
         if p.fpga.digital and closed:

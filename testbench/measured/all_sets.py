@@ -1,6 +1,6 @@
 """All measured sets, unattended: each through the openers, one page, build/measured.json.
 
-    jobs      a module of `parts` may say which files belong together (`jobs(paths)`); else every file by itself
+    jobs      each of `kinds.KINDS` says which files belong together; what none takes goes by itself
     files     folders of sets in GYRO_DATA_DIR, or those that the registry has downloaded
     a job that fails is a row of the page with its reason, and the exit status is 1; the others go on
 JSON      {set: {verdict, sentence, effects, heldout, jobs: [...]}}; effects of all jobs, each with its `job`; held-out
@@ -18,7 +18,7 @@ import time
 from pathlib import Path
 
 from testbench.errors import ConfigError, FileError
-from testbench.measured import traced
+from testbench.measured import kinds, traced
 from testbench.measured.closed_loop import loop_trace
 from testbench.measured.exam import tell
 from testbench.measured.openers import open_problem
@@ -41,11 +41,10 @@ def folders(root):
 
 
 def jobs(paths):
-    """[(label, paths, options, module or None)] of a set's files: what the parts say, else one file each."""
+    """[(label, paths, options)] of a set's files: what the parts say, else one file each."""
     out, taken = [], set()
-    for module in traced.modules():
-        own = getattr(module, "jobs", None)
-        for label, chosen, options in own(paths) if own else ():
+    for kind in kinds.KINDS:
+        for label, chosen, options in kind.jobs(paths):
             out.append((label, chosen, options))
             taken |= set(chosen)
     return out + [(path.stem, [path], {}) for path in paths if path not in taken]

@@ -6,9 +6,12 @@ Source  docs/measured.md
 """
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import typer
+
+from testbench.console.options import takes
+from testbench.errors import ConfigError
 
 app = typer.Typer(
     name="measured",
@@ -20,7 +23,6 @@ app = typer.Typer(
 RecordPath = Annotated[Path, typer.Argument(metavar="FILE", help="Record: HDF5 file, or folder of a bundle.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")]
 EXIT_REFUSED, EXIT_BLOCKED = 2, 3
-TOLD = ("verdict", "sentence", "effects", "heldout")  # of a report, on standard output
 
 
 def print_json(data):
@@ -138,7 +140,6 @@ def residuals(
     """Say what the model leaves unexplained, per condition and observable, in units of the repeats' noise."""
     from testbench import config
     from testbench.console.table import Table
-    from testbench.errors import ConfigError
     from testbench.measured.record import check_tables, load
     from testbench.measured.residual import residuals as residual
 
@@ -178,7 +179,6 @@ def calibrate(
     """Fit what the record's priors name, by the plant's open-loop residual, and certify that it has converged."""
     from testbench.console.show import print_tables
     from testbench.console.table import Table
-    from testbench.errors import ConfigError
     from testbench.measured.record import load
     from testbench.measured.residual import calibrate as calibration
 
@@ -232,52 +232,61 @@ def calibrate(
         typer.echo(f"{seen} fix {direction.words}  ({direction.eigenvalue:.2g} in units of the prior)")
 
 
-@app.command()
-def trace(
-    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="A record, or recordings of one part.")],
-    report: Annotated[Path | None, typer.Option(metavar="OUT.html", help="Page to write.")] = None,
-    json_file: Annotated[Path | None, typer.Option("--json", metavar="OUT.json", help="Result to write.")] = None,
+class TraceOptions(NamedTuple):
+    """Arguments and options of `gyro measured trace`."""
+
+    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="A record, or recordings of one part.")]
+    report: Annotated[Path | None, typer.Option(metavar="OUT.html", help="Page to write.")] = None
+    json_file: Annotated[Path | None, typer.Option("--json", metavar="OUT.json", help="Result to write.")] = None
     checkpoint: Annotated[
         Path | None, typer.Option(metavar="FOLDER", help="Where finished work is kept; a killed trace goes on from it.")
-    ] = None,
-    alpha: Annotated[float, typer.Option(min=1e-4, max=0.2, help="Chance of a false alarm.")] = 0.01,
-    looks: Annotated[int, typer.Option(min=1, help="How many traces like this one are made; widens every p.")] = 1,
-    seed: Annotated[int, typer.Option(min=0, help="Of null draws and bootstraps.")] = 0,
-    most: Annotated[int | None, typer.Option("--max-laws", min=1, max=6, help="Laws in one explanation.")] = None,
-    option: Annotated[list[str] | None, typer.Option("--option", metavar="KEY=VALUE", help="For the opener.")] = None,
-):
-    """Trace what the model cannot explain to an effect, and say how the error on held-out data changes."""
-    from types import SimpleNamespace
+    ] = None
+    alpha: Annotated[float, typer.Option(min=1e-4, max=0.2, help="Chance of a false alarm.")] = 0.01
+    looks: Annotated[int, typer.Option(min=1, help="How many traces like this one are made; widens every p.")] = 1
+    seed: Annotated[int, typer.Option(min=0, help="Of null draws and bootstraps.")] = 0
+    most: Annotated[int | None, typer.Option("--max-laws", min=1, max=6, help="Laws in one explanation.")] = None
+    option: Annotated[list[str] | None, typer.Option("--option", metavar="KEY=VALUE", help="For the opener.")] = None
 
-    from testbench.errors import ConfigError
+
+def _pairs(option):
+    """{key: value} of `--option`."""
+    out = {}
+    for text in option or ():
+        key, equals, value = text.partition("=")
+        if not key or not equals:
+            raise ConfigError(f"--option {text}: is not KEY=VALUE")
+        out[key] = value
+    return out
+
+
+@app.command()
+@takes(TraceOptions)
+def trace(o):
+    """Trace what the model cannot explain to an effect, and say how the error on held-out data changes."""
     from testbench.measured import traced
     from testbench.measured.closed_loop import loop_trace
     from testbench.measured.exam import tell
+    from testbench.measured.models.part_problem import PartProblem
     from testbench.measured.openers import open_problem
     from testbench.tracing import report as page
     from testbench.tracing.trace import Options
 
-    pairs = [text.partition("=") for text in option or ()]
-    for text, (key, equals, _) in zip(option or (), pairs):
-        if not key or not equals:
-            raise ConfigError(f"--option {text}: is not KEY=VALUE")
-    given = {key: value for key, _, value in pairs}
+    given = _pairs(o.option)
     with _progress(False) as progress:
-        found = traced.whole(files, given)
-        problem = None if found else open_problem(files, given)
-        most = most or getattr(problem, "laws_at_most", Options().max_laws)
-        options = Options(alpha, looks, seed=seed, max_laws=most)
-        found = found or traced.of_problem(problem, options, progress)
+        found, name = traced.whole(o.files, given), "numbers"
+        if not found:
+            problem = open_problem(o.files, given)
+            most = o.most or (problem.most_laws if isinstance(problem, PartProblem) else Options.max_laws)
+            options = Options(o.alpha, o.looks, seed=o.seed, max_laws=most)
+            found, name = traced.of_problem(problem, options, progress), problem.name
         if found:
-            name = getattr(problem, "name", "numbers")
-            _write(json_file, traced.text(found[0]))
-            _write(report, tell.page(name, traced.section("Verdict", *found)) if report else "")
-            _print_trace(SimpleNamespace(**{key: found[0][key] for key in TOLD}))
-            return
-        tracer, result = loop_trace.run(problem, options, progress, checkpoint)
-    _write(json_file, result.text())
-    _write(report, page.html(result, page.figures(tracer)) if report else "")
-    _print_trace(result)
+            _write(o.json_file, traced.text(found[0]))
+            _write(o.report, tell.page(name, traced.section("Verdict", *found)) if o.report else "")
+            return _print_trace(found[0])
+        tracer, result = loop_trace.run(problem, options, progress, o.checkpoint)
+    _write(o.json_file, result.text())
+    _write(o.report, page.html(result, page.figures(tracer)) if o.report else "")
+    return _print_trace(vars(result))
 
 
 def _write(path, text):
@@ -289,26 +298,27 @@ def _write(path, text):
 
 
 def _print_trace(result):
+    """Verdict, effects and held-out errors of a result, by the keys of its JSON."""
     from testbench.console.show import print_tables
     from testbench.console.table import Table
 
-    typer.echo(f"{result.verdict}: {result.sentence}")
+    typer.echo(f"{result['verdict']}: {result['sentence']}")
     rows = [
         (e["law"], e["port"], f"{e['value']:.6g}", f"{e['sd']:.2g}", e["unit"], f"{e['d']:.1f}", e["status"])
-        for e in result.effects
+        for e in result["effects"]
     ]
     heads = ("law", "port", "value", "sd", "unit", "d", "status")
     tables = [Table("Effects", heads, rows, numeric=(2, 3, 5))] if rows else []
     rows = [
         (name, h["unit"], "" if h["floor"] is None else f"{h['floor']:.3g}", f"{h['before']:.4g}")
         + (f"{h['after_one_law']:.4g}", f"{h['after']:.4g}")
-        for name, h in result.heldout.items()
+        for name, h in result["heldout"].items()
     ]
     heads = ("held out", "unit", "noise rms", "before", "after one law", "after")
     if rows:
         tables.append(Table("Error on data that no fit has seen", heads, rows, numeric=(2, 3, 4, 5)))
     if tables:
         print_tables(tables)
-    for a in getattr(result, "alike", ()):
+    for a in result.get("alike", ()):
         value = f"{a['value']:.3g} {a['unit']}"
         typer.echo(f"would do as well as {a['instead_of']}: {a['law']}, {value} (chi2 {a['chi2']:+.1f})")

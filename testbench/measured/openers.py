@@ -4,9 +4,6 @@
 `options` is a dictionary of what the command line was given with --option KEY=VALUE, as text.
 """
 
-import importlib
-import pkgutil
-
 from testbench.errors import FileError
 
 
@@ -18,15 +15,10 @@ def closed_loop(paths, options):
 
 
 def single_part(paths, options):
-    """Recordings of single parts: the first module of `parts` whose `opener` knows the content."""
-    from testbench.measured import parts
+    """Recordings of single parts: the first kind whose `opener` knows the content."""
+    from testbench.measured import kinds
 
-    for info in sorted(pkgutil.iter_modules(parts.__path__), key=lambda item: item.name):
-        known = getattr(importlib.import_module(f"{parts.__name__}.{info.name}"), "opener", None)
-        problem = known(paths, options) if known else None
-        if problem is not None:
-            return problem
-    return None
+    return kinds.first(kind.opener(paths, options) for kind in kinds.KINDS)
 
 
 OPENERS = [closed_loop, single_part]

@@ -4,28 +4,17 @@ Source  docs/paper.md
 """
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import typer
 
+from testbench.console.options import ConfigFile, Json, Sets, load, overrides, takes
 from testbench.console.progress import Progress
 from testbench.console.show import print_json, print_list, print_tables
 
-ConfigFile = Annotated[Path | None, typer.Option("--config", "-c", metavar="FILE", help="TOML configuration.")]
-Sets = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="One value, such as plant.fx_hz=11010; may be repeated."),
-]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")]
 reports = typer.Typer(
     name="report", no_args_is_help=True, pretty_exceptions_enable=False, help="Pages about many runs."
 )
-
-
-def _load(config, sets):
-    from testbench.config import load, parse_set
-
-    return load(config, [parse_set(text) for text in sets or ()])
 
 
 def calibrate(
@@ -38,12 +27,12 @@ def calibrate(
     temperature_degc: Annotated[float, typer.Option("--temperature-degc", help="Of the oven (degC).")] = 25.0,
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Write cases 1 to 5 there, as TOML.")] = None,
     engine: Annotated[
-        str | None, typer.Option(help="frame, or baseband: quick, phases within 3 mdeg. Left out: exact, side by side.")
+        str | None, typer.Option(help="frame: exact, the default; baseband: quick, phases within 3 mdeg.")
     ] = None,
     as_json: Json = False,
 ):
     """Calibrate the four phases as the paper does, from registers at reset, with what a laboratory can see."""
-    checked = _load(config, sets)
+    checked = load(config, overrides(sets))
     from testbench.errors import ConfigError
 
     with Progress(quiet=as_json) as progress:
@@ -59,8 +48,8 @@ def calibrate(
         return
     from testbench.paper import page
 
-    tables = [page._calibration_table(results[0]), page._cases_table(results[0])] if boards == 1 else []
-    print_tables([*tables, page._boards_table(results)])
+    tables = [page.calibration_table(results[0]), page.cases_table(results[0])] if boards == 1 else []
+    print_tables([*tables, page.boards_table(results)])
     print_list("Written:", [str(p) for p in paths])
 
 
@@ -72,7 +61,7 @@ def characterise(
     as_json: Json = False,
 ):
     """Scale factor on 22 rates, bias, V_q, Allan deviation, bandwidth, frequency and drive of one configuration."""
-    checked = _load(config, sets)
+    checked = load(config, overrides(sets))
     with Progress(quiet=as_json) as progress:
         from testbench.paper.measure import characterise as measure
 
@@ -86,40 +75,45 @@ def characterise(
     from testbench.console.table import Table
     from testbench.paper import page
 
-    rows = [(head, page._text(found.get(name), digits)) for name, head, digits in page.POINT_COLUMNS]
+    rows = [(head, page.text_of(found.get(name), digits)) for name, head, digits in page.POINT_COLUMNS]
     print_tables([Table(f"At {temperature_degc:g} degC", ("quantity", "value"), rows)])
 
 
-@reports.command()
-def paper(
-    config: ConfigFile = None,
-    sets: Sets = None,
+class PaperOptions(NamedTuple):
+    """Options of `gyro report paper`."""
+
+    config: ConfigFile = None
+    sets: Sets = None
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the study and its page.")] = Path(
         "out/paper"
-    ),
+    )
     small: Annotated[
         bool, typer.Option("--small", help="Cases 1 and 5 at 25 degC, short records, no random boards.")
-    ] = False,
-    boards: Annotated[int | None, typer.Option(min=0, max=1000, help="Random boards to calibrate (20).")] = None,
-    rest_s: Annotated[float | None, typer.Option(min=10.0, help="Record at rest of each point (600 s).")] = None,
-    record_s: Annotated[float | None, typer.Option(min=0.0, help="Phase record (7200 s; 0: none).")] = None,
-    workers: Annotated[int | None, typer.Option(min=0, help="Processes of the campaign; 0: this one.")] = None,
-    as_json: Json = False,
-):
+    ] = False
+    boards: Annotated[int | None, typer.Option(min=0, max=1000, help="Random boards to calibrate (20).")] = None
+    rest_s: Annotated[float | None, typer.Option(min=10.0, help="Record at rest of each point (600 s).")] = None
+    record_s: Annotated[float | None, typer.Option(min=0.0, help="Phase record (7200 s; 0: none).")] = None
+    workers: Annotated[int | None, typer.Option(min=0, help="Processes of the campaign; 0: this one.")] = None
+    as_json: Json = False
+
+
+@reports.command()
+@takes(PaperOptions)
+def paper(o):
     """The paper's experiments: calibration, five cases at three temperatures, and one page beside its printed numbers.
 
     The same command continues after any interruption.
     """
-    checked = _load(config, sets)
-    with Progress(quiet=as_json) as progress:
+    checked = load(o.config, overrides(o.sets))
+    with Progress(quiet=o.as_json) as progress:
         from testbench.paper import page, study
 
-        size = study.SMALL if small else study.FULL
-        given = {"boards": boards, "rest_s": rest_s, "record_s": record_s}
+        size = study.SMALL if o.small else study.FULL
+        given = {"boards": o.boards, "rest_s": o.rest_s, "record_s": o.record_s}
         size = size._replace(**{k: v for k, v in given.items() if v is not None})
-        job = study.Study(checked, out, size, workers=workers, progress=progress)
+        job = study.Study(checked, o.out, size, workers=o.workers, progress=progress)
         path, verdicts = page.write(job)
-    if as_json:
+    if o.as_json:
         print_json({"page": str(path), "verdicts": verdicts, "seconds": job.seconds})
         return
     print_list("", [f"{k}: {v} numbers" for k, v in verdicts.items()])

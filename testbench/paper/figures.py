@@ -9,15 +9,15 @@ import functools
 import math
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from testbench import config as configuration
-from testbench.console.report import BLUE, FONT, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION
+from testbench.console.report import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION
 from testbench.paper import temperature
 from testbench.paper.calibration.calibrate import NODES
 from testbench.paper.loop import advisor
 from testbench.paper.loop import loop as loops
 from testbench.paper.loop import parts as loop_parts
+from testbench.paper.loop.loop_pictures import axes_of, name_axes
 from testbench.paper.measure.measure_bandwidth import crossing_hz
 
 COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, GREY)
@@ -25,46 +25,28 @@ MARKS = ("o", "s", "^", "D", "v")
 NODE_TEXT = {"xe1": "xe1", "xe2": "xe2'", "ye1": "ye1", "ye2": "ye2'"}
 
 
-def _panels(rows, columns, height_in, title):
-    figure = Figure(figsize=(12.0, height_in), dpi=100, layout="constrained", facecolor="white")
-    axes = figure.subplots(rows, columns, squeeze=False)
-    figure.suptitle(title, fontsize=FONT["title"], x=0.01, ha="left", fontweight="bold")
-    for axis in axes.ravel():
-        axis.grid(True, color="#dddddd", linewidth=0.8)
-        axis.set_axisbelow(True)
-        axis.tick_params(labelsize=FONT["small"])
-        axis.spines[["top", "right"]].set_visible(False)
-    return figure, axes
-
-
-def _name(axis, x, y):
-    axis.set_xlabel(x, fontsize=FONT["tick"])
-    axis.set_ylabel(y, fontsize=FONT["tick"])
-    axis.legend(fontsize=FONT["small"], frameon=False)
-
-
 def drive_errors(rows, config):
     """Fig. 2: simulated gyroscopes over xe1, beside the formulas."""
     device = config.device()
     angle = np.array([row["deg"]["xe1"] + row["deg"]["xe2"] for row in rows])
-    figure, axes = _panels(2, 2, 8.0, "Fig. 2  Drive phase error: frequency, drive voltage, V_q, rate word (-30 deg/s)")
+    figure, axes = axes_of("Fig. 2  Drive phase error: frequency, drive voltage, V_q, rate word (-30 deg/s)", 8.0, 2, 2)
     fine = np.linspace(angle.min(), angle.max(), 121)
     f = np.array([row["frequency_hz"] for row in rows])
     slope = -device.fx_hz / (2 * device.qx) * np.tan(np.radians(fine)) * 1e3
     axes[0, 0].plot(fine, slope, color=VERMILION, linestyle="--", label="-f/(2Q) tan(xe1 + xe2')")
     axes[0, 0].plot(angle, (f - device.fx_hz) * 1e3, "o", color=BLUE, label="simulated")
-    _name(axes[0, 0], "xe1 + xe2' (deg)", "drive frequency less f_x (mHz)")
+    name_axes(axes[0, 0], "xe1 + xe2' (deg)", "drive frequency less f_x (mHz)", "best")
     a = np.array([row["drive_v"] for row in rows])
     unit = float(np.mean(a * np.cos(np.radians(angle))))
     axes[0, 1].plot(fine, 1e3 * unit / np.cos(np.radians(fine)), color=VERMILION, linestyle="--", label="1/cos")
     axes[0, 1].plot(angle, 1e3 * a, "o", color=BLUE, label="simulated")
-    _name(axes[0, 1], "xe1 + xe2' (deg)", "drive amplitude A_d (mV)")
+    name_axes(axes[0, 1], "xe1 + xe2' (deg)", "drive amplitude A_d (mV)", "best")
     v = np.array([row["quadrature_v"] for row in rows])
     axes[1, 0].plot(angle, (v - v.mean()) * 1e6, "o-", color=BLUE, label=f"simulated: {v.mean():.4f} V and")
-    _name(axes[1, 0], "xe1 + xe2' (deg)", "V_q less its mean (uV)")
+    name_axes(axes[1, 0], "xe1 + xe2' (deg)", "V_q less its mean (uV)", "best")
     w = np.array([row["rate_word"] for row in rows])
     axes[1, 1].plot(angle, (w / w.mean() - 1) * 1e6, "o-", color=BLUE, label="simulated")
-    _name(axes[1, 1], "xe1 + xe2' (deg)", "rate word less its mean (ppm)")
+    name_axes(axes[1, 1], "xe1 + xe2' (deg)", "rate word less its mean (ppm)", "best")
     return (
         "What to see: the drive phase error moves the frequency by millihertz and the drive voltage by a percent; V_q "
         "and the rate word stay where they are, because the loop holds x on its reference whatever the force does.",
@@ -74,7 +56,7 @@ def drive_errors(rows, config):
 
 def phase_record(records, nodes, number):
     """Figs. 3 and 7: two hours of phase readings, before and after compensation."""
-    figure, axes = _panels(2, 2, 8.0, f"Fig. {number}  Phases over two hours after warm-up")
+    figure, axes = axes_of(f"Fig. {number}  Phases over two hours after warm-up", 8.0, 2, 2)
     for row, case in enumerate(("1", "5")):
         rows = records[case]
         t = np.array([r["time_s"] for r in rows]) / 60
@@ -86,7 +68,7 @@ def phase_record(records, nodes, number):
             )
             truth = np.array([r["truth"][node] for r in rows])
             axis.plot(t, 1e3 * (truth - truth.mean()), "--", color=VERMILION, label="truth")
-            _name(axis, "time from power-on (min)", "reading less mean (mdeg)")
+            name_axes(axis, "time from power-on (min)", "reading less mean (mdeg)", "best")
     return (
         "What to see: readings scatter by a millidegree or so, single ones by more where edges beat slowly with their "
         "grid; the truth moves by less. The paper's fluctuation of 7 to 9 mdeg is larger.",
@@ -114,7 +96,7 @@ CASES_SHOW = {
 
 def cases_over_temperature(points, cases, number, paper):
     """Figs. 4 and 8: what was measured of each case over temperature, the paper's means beside it."""
-    figure, axes = _panels(2, 3, 8.0, f"Fig. {number}  Cases {', '.join(cases)} over temperature")
+    figure, axes = axes_of(f"Fig. {number}  Cases {', '.join(cases)} over temperature", 8.0, 2, 3)
     temps = sorted({t for _, t in points})
     for axis, (name, label) in zip(axes.ravel(), QUANTITIES):
         for k, case in enumerate(cases):
@@ -125,7 +107,7 @@ def cases_over_temperature(points, cases, number, paper):
         known = paper.get(name)
         if known:
             axis.plot(list(known), list(known.values()), "x", color=GREY, markersize=9, label="paper, cases 1-3")
-        _name(axis, "temperature (degC)", label)
+        name_axes(axis, "temperature (degC)", label, "best")
     return (
         f"What to see: {CASES_SHOW[number]}",
         figure,
@@ -137,7 +119,7 @@ def transfer_functions(config, angles_deg=(-9.0, 0.0, 9.0)):
     split_hz = loop_parts.parts(config).split_hz
     f = np.unique(np.concatenate([np.geomspace(0.5, 400.0, 160), split_hz + np.linspace(-6.0, 6.0, 601)]))
     rise = []
-    figure, axes = _panels(2, 2, 8.0, "Fig. 5  Force-to-rebalance loop in the frequency domain")
+    figure, axes = axes_of("Fig. 5  Force-to-rebalance loop in the frequency domain", 8.0, 2, 2)
     for k, angle in enumerate(angles_deg):
         p = turned(config, ye1_deg=angle)
         ratio = loops.return_ratio(p, f)
@@ -150,8 +132,8 @@ def transfer_functions(config, angles_deg=(-9.0, 0.0, 9.0)):
             axes[1, column].semilogx(
                 f, np.degrees(np.unwrap(np.angle(values))), color=COLOURS[k], label=f"ye1 = {angle:g} deg"
             )
-            _name(axes[0, column], "frequency (Hz)", f"{what}, gain (dB)")
-            _name(axes[1, column], "frequency (Hz)", f"{what}, phase (deg)")
+            name_axes(axes[0, column], "frequency (Hz)", f"{what}, gain (dB)", "best")
+            name_axes(axes[1, column], "frequency (Hz)", f"{what}, phase (deg)", "best")
     return (
         f"What to see: the resonance at the split, {split_hz:.0f} Hz, stands {rise[1]:.0f} dB above the dip before it; "
         "there the demodulator's poles have turned the phase far enough. +-9 deg of ye1 change hardly a line.",
@@ -192,14 +174,14 @@ def sense_grid(config, ye1_deg=(-9.0, -4.5, 0.0, 4.5, 9.0), ye2_deg=(-6.0, 0.0, 
 def sense_errors(config, law_rows):
     """Fig. 6: bandwidth and phase over ye1 and ye2 (linear loop); scale factor over ye1 (simulated)."""
     rows = sense_grid(config)
-    figure, axes = _panels(1, 3, 5.0, "Fig. 6  Sense phase errors: bandwidth, phase at 10 Hz, scale factor")
+    figure, axes = axes_of("Fig. 6  Sense phase errors: bandwidth, phase at 10 Hz, scale factor", 5.0, 1, 3)
     for k, b in enumerate(sorted({r[1] for r in rows})):
         mine = [r for r in rows if r[1] == b]
         x = [r[0] for r in mine]
         axes[0, 0].plot(x, [r[2] for r in mine], MARKS[k] + "-", color=COLOURS[k], label=f"ye2 = {b:g} deg")
         axes[0, 1].plot(x, [r[3] for r in mine], MARKS[k] + "-", color=COLOURS[k], label=f"ye2 = {b:g} deg")
-    _name(axes[0, 0], "ye1 (deg)", "bandwidth (Hz)")
-    _name(axes[0, 1], "ye1 (deg)", "phase at 10 Hz (deg)")
+    name_axes(axes[0, 0], "ye1 (deg)", "bandwidth (Hz)", "best")
+    name_axes(axes[0, 1], "ye1 (deg)", "phase at 10 Hz (deg)", "best")
     mine = [r for r in law_rows if r["name"].startswith("ye1")]
     x = np.array([r["deg"]["ye1"] for r in mine])
     order = np.argsort(x)
@@ -209,7 +191,7 @@ def sense_errors(config, law_rows):
     axes[0, 2].plot(
         fine, (1 / np.cos(np.radians(fine + left)) - 1) * 1e6, "--", color=VERMILION, label="1/cos(ye1 + xe2')"
     )
-    _name(axes[0, 2], "ye1 (deg)", "scale factor over case 5 (ppm)")
+    name_axes(axes[0, 2], "ye1 (deg)", "scale factor over case 5 (ppm)", "best")
     alone = [r[2] for r in rows if r[1] == 0.0]
     every = [r[2] for r in rows]
     own = closed_bandwidth(turned(config))
@@ -230,7 +212,7 @@ def closed_bandwidth(p):
 
 def allan(points, temp):
     """Allan deviation of all cases at one temperature."""
-    figure, axes = _panels(1, 1, 6.0, f"Allan deviation at rest, {temp:g} degC")
+    figure, axes = axes_of(f"Allan deviation at rest, {temp:g} degC", 6.0, 1, 1)
     axis = axes[0, 0]
     for k, case in enumerate(sorted({c for c, _ in points})):
         p = points.get((case, temp))
@@ -240,7 +222,7 @@ def allan(points, temp):
     tau = np.array([0.1, 100.0])
     axis.loglog(tau, 0.1337 * 60 / np.sqrt(tau), "--", color=GREY, label="paper: 0.1337 deg/sqrt(h)")
     axis.axhline(3.8333, color=GREY, linestyle=":", label="paper: 3.83 deg/h")
-    _name(axis, "averaging time (s)", "overlapping Allan deviation (deg/h)")
+    name_axes(axis, "averaging time (s)", "overlapping Allan deviation (deg/h)", "best")
     return (
         "What to see: white rate noise down to some ten seconds, then the floor of the 1/f noise behind the SID.",
         figure,
@@ -249,7 +231,7 @@ def allan(points, temp):
 
 def response(points, config):
     """Frequency response of the simulated gyroscope beside the linear loop."""
-    figure, axes = _panels(2, 1, 8.0, "Rate channel: simulated gyroscope beside the analysis")
+    figure, axes = axes_of("Rate channel: simulated gyroscope beside the analysis", 8.0, 2, 1)
     f = np.geomspace(0.5, 125.0, 200)
     closed = loops.close(loop_parts.parts(config))
     unit = loops.response(closed, np.array([1e-3]))[0].real
@@ -267,8 +249,8 @@ def response(points, config):
         if k == 0:
             axes[0, 0].semilogx(p["swept_hz"], p["swept_db"], "-", color=SKY, label=f"swept rate, case {case}")
     axes[0, 0].axhline(-3.0103, color=GREY, linestyle=":", label="-3.01 dB")
-    _name(axes[0, 0], "frequency (Hz)", "gain (dB)")
-    _name(axes[1, 0], "frequency (Hz)", "phase (deg)")
+    name_axes(axes[0, 0], "frequency (Hz)", "gain (dB)", "best")
+    name_axes(axes[1, 0], "frequency (Hz)", "phase (deg)", "best")
     return "What to see: one curve; the split at 139 Hz stays visible as a ripple at the right end.", figure
 
 
@@ -276,15 +258,15 @@ def scale_residuals(points):
     """Residuals of the 22 rates."""
     from testbench.paper.measure.measure_scale import RATES_DPS
 
-    figure, axes = _panels(1, 2, 5.0, "22 rates at 25 degC: residual of the line, and V_q")
+    figure, axes = axes_of("22 rates at 25 degC: residual of the line, and V_q", 5.0, 1, 2)
     for k, case in enumerate(sorted({c for c, t in points if t == 25.0})):
         p = points[case, 25.0]
         axes[0, 0].plot(RATES_DPS, p["scale_residual_ppm"], MARKS[k % 5] + "-", color=COLOURS[k], label=f"case {case}")
         axes[0, 1].plot(
             RATES_DPS, p["quadrature_v_of_rate"], MARKS[k % 5] + "-", color=COLOURS[k], label=f"case {case}"
         )
-    _name(axes[0, 0], "rate (deg/s)", "residual (ppm of full scale)")
-    _name(axes[0, 1], "rate (deg/s)", "V_q (V)")
+    name_axes(axes[0, 0], "rate (deg/s)", "residual (ppm of full scale)", "best")
+    name_axes(axes[0, 1], "rate (deg/s)", "V_q (V)", "best")
     return (
         "What to see: with ye1 uncompensated the quadrature loop must follow the rate, and rails at 5.5 V on one sign "
         "of it; that makes nonlinearity and asymmetry, and goes away with case 4.",
@@ -294,7 +276,7 @@ def scale_residuals(points):
 
 def noise_shares(noise):
     """ARW with one source on, and with each one off."""
-    figure, axes = _panels(1, 2, 5.0, "Noise: share of each source in the angle random walk")
+    figure, axes = axes_of("Noise: share of each source in the angle random walk", 5.0, 1, 2)
     for axis, word in zip(axes[0], ("only", "without")):
         names = [name for name in noise if name.startswith(word)]
         values = [noise[name]["arw_deg_per_rt_h"] for name in names]
@@ -302,13 +284,13 @@ def noise_shares(noise):
         axis.axhline(noise["all"]["arw_deg_per_rt_h"], color=VERMILION, linestyle="--", label="all on")
         axis.set_ylim(0.0, 1.35 * noise["all"]["arw_deg_per_rt_h"])
         axis.set_xticks(range(len(names)), [name.split(" ", 1)[1] for name in names], rotation=30)
-        _name(axis, "source", "ARW (deg/sqrt(h))")
+        name_axes(axis, "source", "ARW (deg/sqrt(h))", "best")
     return "What to see: the C/V noise makes nearly all of it, the converter the rest.", figure
 
 
 def residuals_of_boards(boards):
     """Truth after calibration, with the procedure's own uncertainty, board by board."""
-    figure, axes = _panels(2, 2, 8.0, "Random boards: what the calibration leaves, and what it says about that")
+    figure, axes = axes_of("Random boards: what the calibration leaves, and what it says about that", 8.0, 2, 2)
     for axis, node in zip(axes.ravel(), NODES):
         x = np.arange(len(boards))
         y = [1e3 * b["residual_deg"][node] for b in boards]
@@ -317,7 +299,7 @@ def residuals_of_boards(boards):
         axis.axhspan(-2, 2, color=GREEN, alpha=0.12, label="target, 2 mdeg")
         axis.axhline(0, color=GREY, linewidth=1)
         axis.xaxis.get_major_locator().set_params(integer=True)
-        _name(axis, "board", f"residual {NODE_TEXT[node]} (mdeg)")
+        name_axes(axis, "board", f"residual {NODE_TEXT[node]} (mdeg)", "best")
     worst = max(abs(v) for b in boards for v in b["residual_deg"].values())
     return (
         f"What to see: bars reach zero; the largest residual is {1e3 * worst:.1f} mdeg, the paper's level 12 mdeg.",
@@ -329,13 +311,13 @@ def over_temperature(config):
     """Phases over temperature from part physics."""
     temps = np.array(temperature.GRID_DEGC)
     found = temperature.phases(config, temps)
-    figure, axes = _panels(1, 1, 6.0, "Phases over temperature, from the parts' laws")
+    figure, axes = axes_of("Phases over temperature, from the parts' laws", 6.0, 1, 1)
     start = temperature.phases(config, (25.0,))
     for k, node in enumerate(NODES):
         axes[0, 0].plot(temps, 1e3 * (np.array(found[node]) - start[node][0]), MARKS[k] + "-", color=COLOURS[k],
                         label=f"{NODE_TEXT[node]}: {start[node][0]:.3f} deg at 25 degC")  # fmt: skip
     axes[0, 0].axhspan(-12, 12, color=GREEN, alpha=0.12, label="the paper's level, 12 mdeg")
-    _name(axes[0, 0], "temperature (degC)", "phase less that at 25 degC (mdeg)")
+    name_axes(axes[0, 0], "temperature (degC)", "phase less that at 25 degC (mdeg)", "best")
     return (
         "What to see: the pickoff's op amps make xe2 and ye2 rise with temperature (bandwidth falls by 0.2 %/K); the "
         "output path hardly moves while its resistors' drift is off, as in the base plant.",

@@ -29,7 +29,7 @@ PAPER_MEANS = {
 }
 
 
-def _text(value, digits=5):
+def text_of(value, digits=5):
     return "-" if value is None or (isinstance(value, float) and math.isnan(value)) else f"{value:.{digits}g}"
 
 
@@ -71,7 +71,7 @@ def _comparison_table(rows):
         name, temp = _short(r.quantity.replace(", mean over cases 1-3", "")), _short(r.temperature).split(" temp")[0]
         spread = r.spread.replace("max fluctuation", "max").replace("not stated", "")
         unit = _short(r.unit).replace("dimensionless", "1").replace("not stated", "")
-        numbers = _text(r.model), _text(r.sigma, 2), _text(r.ratio, 4)
+        numbers = text_of(r.model), text_of(r.sigma, 2), text_of(r.ratio, 4)
         cells.append(
             (name, _short(r.case), temp, r.paper, spread, unit, *numbers, r.verdict, f"({reasons.index(r.why) + 1})")
         )
@@ -88,7 +88,7 @@ def _comparison_table(rows):
     return [table, Table("Reasons", ("reason", "text"), said, numeric=())]
 
 
-def _calibration_table(one):
+def calibration_table(one):
     rows = []
     for node in NODES:
         rows.append(
@@ -118,13 +118,13 @@ def _calibration_table(one):
     )
 
 
-def _cases_table(one):
+def cases_table(one):
     names = ("phase_drive_sine", "phase_drive_ref", "phase_sense_sine", "phase_sense_ref")
     rows = [(f"case {k}", *(f"{v[n]:.5f}" for n in names)) for k, v in sorted(one["cases_deg"].items())]
     return Table("Register sets (deg)", ("case", *names), rows, numeric=(1, 2, 3, 4))
 
 
-def _boards_table(boards):
+def boards_table(boards):
     s = calibrations.summary(boards)
     rows = [
         (node, f"{1e3 * v['largest_deg']:.2f}", f"{v['covered']}/{s['boards']}", f"{v['unchanged']}/{s['boards']}")
@@ -141,14 +141,14 @@ def _boards_table(boards):
 
 def _noise_table(noise, derived):
     def of(label, name, digits):
-        return _text(noise.get(label, {}).get(name), digits)
+        return text_of(noise.get(label, {}).get(name), digits)
 
     arw, floor = "arw_deg_per_rt_h", "instability_deg_per_h"
     rows = []
     for source, want in derived.items():
         alone, off = (source, "") if source in noise else (f"only {source}", f"without {source}")
-        rows.append((source, *(of(x, arw, 4) for x in (alone, off)), _text(want.get(arw), 4),
-                     *(of(x, floor, 3) for x in (alone, off)), _text(want.get(floor), 3)))  # fmt: skip
+        rows.append((source, *(of(x, arw, 4) for x in (alone, off)), text_of(want.get(arw), 4),
+                     *(of(x, floor, 3) for x in (alone, off)), text_of(want.get(floor), 3)))  # fmt: skip
     return Table(
         "Noise of case 5: each source alone, and without it",
         ("source", "ARW, alone (deg/sqrt(h))", "without it", "derived", "bias instability, alone (deg/h)", "without it",
@@ -195,7 +195,7 @@ POINT_COLUMNS = (
 
 def _points_table(points):
     rows = [
-        (f"case {case}, {temp:g} degC", *(_text(p.get(name), digits) for name, _, digits in POINT_COLUMNS))
+        (f"case {case}, {temp:g} degC", *(text_of(p.get(name), digits) for name, _, digits in POINT_COLUMNS))
         for (case, temp), p in points.items()
     ]
     return Table(
@@ -217,8 +217,8 @@ def sensitivity_rows(points):
     for before, after, node in STEPS:
         for temp in sorted({t for _, t in points}):
             if (before, temp) in points and (after, temp) in points:
-                changes = [comparison._change(points, name, before, after, temp) for name in names]
-                rows.append((f"{node}: case {before} to {after}", f"{temp:g}", *(_text(c, 3) for c in changes)))
+                changes = [comparison.relative_change(points, name, before, after, temp) for name in names]
+                rows.append((f"{node}: case {before} to {after}", f"{temp:g}", *(text_of(c, 3) for c in changes)))
     return rows
 
 
@@ -270,12 +270,8 @@ def _temperature_table(config):
 def _misprint_table(config):
     device = config.device()
     y = equations.Mode(device.mass_kg, 2 * math.pi * device.fy_hz, device.qy)
-    rows = [
-        (m.where, m.printed, m.right, m.shown[0], f"{m.shown[1]:.4g}", f"{m.shown[2]:.4g}")
-        for m in equations.misprints(y, 2 * math.pi * device.fx_hz, device.coriolis_mass_kg, math.radians(8.8814))
-    ]
-    heads = ("where", "printed", "right", "shown by", "printed gives", "right gives")
-    return Table("Misprints in the paper's equations", heads, rows, numeric=(4, 5))
+    drive, ye1_rad = 2 * math.pi * device.fx_hz, math.radians(8.8814)
+    return loop_page.misprint_table(y, drive, device.coriolis_mass_kg, ye1_rad)
 
 
 def write(study, path=None):
@@ -287,9 +283,9 @@ def write(study, path=None):
     compared = comparison.compare(points, one, spread)
     verdicts = Counter(row.verdict for row in compared)
     last = calibrations.case_config(config, one["cases_deg"]["5"])
-    tables = [*_comparison_table(compared), _calibration_table(one), _cases_table(one)]
+    tables = [*_comparison_table(compared), calibration_table(one), cases_table(one)]
     if boards:
-        tables.append(_boards_table(boards))
+        tables.append(boards_table(boards))
     tables += [_points_table(points), _law_table(laws["scale"])]
     if "noise" in laws:
         tables.append(_noise_table(laws["noise"], law.derived_noise(last)))
@@ -343,7 +339,8 @@ def write(study, path=None):
         "figures are redrawn from what its text says of them.",
         f"Of {len(compared)} numbers: {verdicts[comparison.REPRODUCED]} reproduced, {verdicts[comparison.NOT]} not "
         f"reproduced, {verdicts[comparison.NONE]} not comparable.",
-        "Assumed about the paper's firmware: references leave on the 1 MHz grid, one extra frame in the sense path.",
+        "Assumed about the paper's firmware: references leave on the 1 MHz grid, one extra frame in the sense path. "
+        f"The {comparison.BEST_FIT}: they were chosen with the paper's phases in view.",
         "Wall-clock (s): " + (", ".join(f"{k} {v:.0f}" for k, v in study.seconds.items()) or "not measured") + ".",
     ]
     path = Path(path or study.directory / "paper.html")

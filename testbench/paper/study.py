@@ -39,7 +39,7 @@ class Size(NamedTuple):
     record_s: float = record_phases.RECORD_S
     warm_up_s: float = record_phases.WARM_UP_S
     readings: int = 12
-    engine: str | None = "baseband"  # of the calibration; None: exact, side by side
+    engine: str | None = "baseband"  # of the calibration; None: that of the configuration
 
 
 FULL = Size()

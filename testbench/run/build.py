@@ -203,7 +203,7 @@ def analog(config, temp_lo_degc, temp_hi_degc):
         sid=sid.design(
             float(tables.sid_rc_s[0]), tick_s, sid.injection_volts(d.sid_charge_c, d.sid_charge_mismatch, d.sid_c_f)
         ),
-        adc=_adc(config, d, tick_s),
+        adc=adc_part(config, d, tick_s),
         noise=plant.Noise(
             force_x=held("force_x", at_carrier, force_density(damping_x, temp_lo_degc), on.thermomechanical),
             force_y=held("force_y", at_carrier, force_density(damping_y, temp_lo_degc), on.thermomechanical),
@@ -243,7 +243,7 @@ def _laws(config, device, tick_s):
     return law.design(laws, device.mass_kg, tick_s, resonator.W_RAD_PER_S, device.temp_ref_degc, config.noise.seed)
 
 
-def _adc(config, d, tick_s):
+def adc_part(config, d, tick_s):
     """The converter: PGA 1 for the two drive channels and the sensor, the sense gain for the others."""
     on, e = config.noise, config.effects
     for name in ("adc_curve", "adc_turnover", "adc_gain_tc_per_k", "adc_memory"):

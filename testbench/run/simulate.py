@@ -13,6 +13,7 @@ Source    docs/architecture.md, docs/phases.md, docs/record.md
 
 import math
 import time
+import tomllib
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -20,7 +21,7 @@ import numpy as np
 
 from fpga_model import quadrature_loop, sequencer
 from fpga_model.rates import FRAME_TICKS, TICK_HZ
-from testbench.config import scenario, to_toml
+from testbench.config import from_dict, scenario, to_toml
 from testbench.engines import engine
 from testbench.errors import FileError
 from testbench.run import build, nodes, summary
@@ -63,7 +64,7 @@ class Watch:
         return np.concatenate(self._pieces)
 
 
-def _faults(active):
+def faults_of(active):
     """`engine.Faults` from the list of (kind, channel, value) in force."""
     silent, status = 0, engine.Faults().status
     stuck, code, dac, dac_code, nan = [0] * 4, [0] * 4, [0] * 3, [0] * 3, [0] * 2
@@ -120,7 +121,7 @@ def play(sim, timeline, progress=None, position=None, after_chunk=None):
     active = []
     for event in timeline.events[: position.fired]:
         active = _in_force(active, event)
-    sim.faults = _faults(active)
+    sim.faults = faults_of(active)
     while position.done < timeline.ticks:
         for event in timeline.events[position.fired :]:
             if event.tick > position.done:
@@ -131,7 +132,7 @@ def play(sim, timeline, progress=None, position=None, after_chunk=None):
                 sim.write(event.name, event.value)
                 position.done += 1
             active = _in_force(active, event)
-            sim.faults = _faults(active)
+            sim.faults = faults_of(active)
             position.fired += 1
         ahead = timeline.events[position.fired :]
         until = min(ahead[0].tick if ahead else timeline.ticks, timeline.ticks)
@@ -143,7 +144,7 @@ def play(sim, timeline, progress=None, position=None, after_chunk=None):
             progress("scenario", position.done, timeline.ticks)
         if after_chunk:
             after_chunk()
-    sim.faults = _faults([])
+    sim.faults = faults_of([])
 
 
 def _in_force(active, event):
@@ -221,10 +222,9 @@ class Run:
 
     directory  where rows and checkpoints are kept until the run is done; None keeps the rows in memory
     resume     continue the run that was interrupted there
-    engine_run  an engine's `run` to use instead of that of the configuration, with the same results
     """
 
-    def __init__(self, config, directory=None, resume=False, engine_run=None):
+    def __init__(self, config, directory=None, resume=False):
         self.config = config
         self.timeline = scenario.expand(config.scenario)
         self.temp_before_degc, self.rate_before_rad_s = self.timeline.temp_before_degc, self.timeline.rate_before_rad_s
@@ -232,16 +232,15 @@ class Run:
         window = None
         if config.output.vcd_length_us:
             window = (round(config.output.vcd_start_us), max(1, round(config.output.vcd_length_us)))
-        self.sim = Simulation(
-            config, min(lo, self.temp_before_degc), max(hi, self.temp_before_degc), window, engine_run
-        )
+        self.sim = Simulation(config, min(lo, self.temp_before_degc), max(hi, self.temp_before_degc), window)
         self.tally, self.start_up = Tally(build.clock_hz(config)), StartUp()
         self.position, self.segments = Position(), dict.fromkeys(SEGMENTS, -1)
         self.partial = None if directory is None else checkpoint.Partial(directory)
         self.tick_before, self.spent_before_s = 0, 0.0  # where the scenario begins
         self._every_ticks = round(config.output.checkpoint_s * TICK_HZ)
         parts, meta = self.partial.load(self.sim.layout()) if resume else ({}, {})
-        if resume and meta["config_toml"] != to_toml(config):
+        # compared as configurations: another version's text may have other keys, in another order
+        if resume and from_dict(tomllib.loads(meta["config_toml"])) != config:
             raise FileError(f"{self.partial.checkpoint}: belongs to another configuration than {self.partial.config}")
         if self.partial and not resume:
             self.partial.begin(to_toml(config))
@@ -334,18 +333,17 @@ class Run:
         )
 
 
-def run(config, progress=None, directory=None, resume=False, sinks=(), engine_run=None):
+def run(config, progress=None, directory=None, resume=False, sinks=()):
     """Do a whole run; returns `Result`.
 
     directory  where rows and checkpoints are kept meanwhile; None: rows stay in memory, for runs of seconds
     resume     continue the interrupted run in `directory`, of the same configuration
     sinks      objects that get the rows of the scenario, and of nothing else (`simulation`)
-    engine_run  as of `Run`
     """
     if progress:
         progress("compiling", 0, 1)
     began = time.perf_counter()
-    job = Run(config, directory, resume, engine_run)
+    job = Run(config, directory, resume)
     if not resume:
         job.start(progress)
     job.sim.sinks.extend(sinks)

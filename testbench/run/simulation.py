@@ -41,9 +41,7 @@ TRUTH = {name: k for k, (name, _) in enumerate(clocked.TRUTH_COLUMNS)}
 
 
 def runner(name):
-    """`run` of the engine called `name`, or `name` if it is one; an engine that is not used is not loaded."""
-    if callable(name):
-        return name
+    """`run` of the engine called `name`; an engine that is not used is not loaded."""
     if name == "clocked":
         return clocked.run
     if name == "baseband":
@@ -58,7 +56,7 @@ class Simulation:
 
     temp_lo_degc, temp_hi_degc  range of ambient temperatures of the run
     window                      (first tick, ticks) whose registers are kept in `rows`
-    engine                      name of the engine, or its `run`, instead of that of the configuration
+    engine                      name of the engine instead of that of the configuration
     """
 
     def __init__(self, config, temp_lo_degc, temp_hi_degc, window=None, engine=None):

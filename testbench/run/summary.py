@@ -16,6 +16,7 @@ from testbench import flatten
 from testbench.engines import engine
 from testbench.run import budget, build, nodes
 from testbench.run.outputs import Result
+from testbench.run.tables import FITTED
 from testbench.run.tally import amplitude_m
 from testbench.storage.vcd import Signal, signals
 
@@ -101,16 +102,17 @@ def notes(config, summary, planned):
         said.append(
             "Unexplained beside the paper: "
             + ", ".join(f"{k} {measured[k] - budget.PAPER_DEG[k]:+.4f} deg ({ns:+.0f} ns)" for k, ns in gap.items())
-            + ". No latency was tuned."
+            + "."
         )
+        said.append(f"{FITTED} See docs/phases.md.")
     if measured and config.firmware == type(config.firmware)() and config.plant == type(config.plant)():
         said.append(
-            "ye1 holds most of it. Two rivals: the DAC's 130 ns are partly inside its output poles, or a pole near "
-            "170 kHz stands where the frame is assumed. Their drift with temperature differs (docs/phases.md)."
+            "Most of the difference is in ye1. Two alternatives: part of the DAC's 130 ns is inside its output poles, "
+            "or a pole near 170 kHz is there instead of the frame. Their drift with temperature differs."
         )
         said.append(
-            "How xe2 and ye2 split into ring diode, noise gains and switch delay, two numbers cannot say; the "
-            "loop phases printed above are less the assumed 80 ns of the analog switch."
+            "Two measurements cannot separate ring diode, noise gains and switch delay in xe2 and ye2. The loop phases "
+            "printed above are less the assumed 80 ns of the analog switch."
         )
     return tuple(said)
 

@@ -13,7 +13,6 @@ from testbench.tracing.fit.search import CREDIBLE, credible, inclusion
 from testbench.tracing.noise.looks import SHORT
 from testbench.tracing.noise.noise import bridge
 from testbench.tracing.noise.power import limits
-from testbench.tracing.problem.problem import option
 from testbench.tracing.problem.result import Result
 
 
@@ -101,12 +100,10 @@ def discovery(tracer, out):
         | {"share": s.share, "energy": s.energy, "unit": s.unit, "bic": s.bic}
         for s in tracer.selections
     ]
-    as_file = option(tracer.problem, "law_file", lift)
-    lifted = {
-        e["law"]: as_file(tracer.laws[e["law"]], e["value"], e["sd"], tracer.problem.hashes)
-        for e in out.effects
-        if e["law"] in tracer.library
-    }
+    lifted = {}
+    for e in (e for e in out.effects if e["law"] in tracer.library):
+        found = tracer.laws[e["law"]], e["value"], e["sd"], tracer.problem.hashes
+        lifted[e["law"]] = tracer.problem.law_file(*found) or lift(*found)
     return {"ports": rows, "files": lifted}
 
 
@@ -168,8 +165,8 @@ def certificates(tracer):
         "rows": int(tracer.space.size),
         "rows_heldout": int(tracer.held.size),
         "heldout_failed": tracer.heldout.failed,
-        "firmware": getattr(tracer.problem, "firmware_certificate", None),
-        "numerical": getattr(tracer.problem, "numerical_certificate", None),
+        "firmware": tracer.problem.firmware_certificate,
+        "numerical": tracer.problem.numerical_certificate,
     }
 
 

@@ -21,7 +21,7 @@ from testbench.tracing.noise.power import Power
 from testbench.tracing.problem.checkpoint import Store
 from testbench.tracing.problem.model import Model
 from testbench.tracing.problem.predictor import Predictor
-from testbench.tracing.problem.problem import all_laws, check, option
+from testbench.tracing.problem.problem import all_laws, check
 from testbench.tracing.problem.result import Result
 from testbench.tracing.problem.space import Space
 
@@ -57,9 +57,9 @@ class Tracer:
         self.laws = all_laws(problem)
         self.space, self.held = Space(problem, "fit"), Space(problem, "validate")
         self.catalogue = tuple(law.name for law in problem.laws)
-        self.library = tuple(law.name for law in option(problem, "library", ())) if options.grammar else ()
+        self.library = tuple(law.name for law in problem.library) if options.grammar else ()
         # laws of the library that cost a run each wait until the catalogue has failed
-        self.waiting = self.library if option(problem, "library_late", False) else ()
+        self.waiting = self.library if problem.library_late else ()
         self.draws = max(FEWEST_DRAWS, min(options.n_null, ROWS_OF_DRAWS // max(self.space.size, 1)))
         self.notes, self.selections, self.rivals, self.alike = [], [], [], []
 
@@ -77,8 +77,7 @@ class Tracer:
         if self.base.fit.failed:
             return False
         rng = np.random.default_rng([self.options.seed, 4])
-        own = option(self.problem, "noise_from_repeats", False)
-        self.noise = noise.study(self.space, rng, self.options.alpha, judge=not own)
+        self.noise = noise.study(self.space, rng, self.options.alpha, judge=not self.problem.noise_from_repeats)
         if self.noise.p < self.options.alpha:
             self.notes.append("declared noise contradicted by the repeats: variances refined by observable and octave")
             self.space = Space(self.problem, "fit", self.noise)
@@ -142,8 +141,8 @@ class Tracer:
 
     def judged(self, fits):
         """`heldout.HeldOut` of {label: Fit}."""
-        by, declared = option(self.problem, "heldout_by", "observable"), not self.noise.p < self.options.alpha
-        return heldout.judge(self.problem, self.held, self.predictor, fits, by, self.options.seed, declared)
+        by, seed, declared = self.problem.heldout_by, self.options.seed, not self.noise.p < self.options.alpha
+        return heldout.judge(self.problem, self.held, self.predictor, fits, by, seed, declared)
 
     def open(self):
         """Laws that may explain something now."""
@@ -195,7 +194,7 @@ class Tracer:
         if self.options.alike and self.library and self.found is not None and self.found.adequate:
             self.say("laws that would do as well")
             best = self.found.best
-            like = option(self.problem, "like", lambda names: self.library)(best)
+            like = self.problem.like(best)
             others = tuple(n for n in self.library if n in like and n not in best)
             ranking = self.rank(self.base.fit, (*best, *others))
             self.alike = exchanges(ranking, best, others, self.laws)
@@ -207,9 +206,9 @@ class Tracer:
     def decide(self):
         """Calibrate, alarm, search, judge. A `Result` where nothing of it can be done, None else."""
         problem, options = self.problem, self.options
-        firmware = option(problem, "firmware")
-        if firmware:
-            return Result(problem.name, "firmware", str(firmware), hashes=dict(problem.hashes), options=asdict(options))
+        if problem.firmware:
+            said, hashes = str(problem.firmware), dict(problem.hashes)
+            return Result(problem.name, "firmware", said, hashes=hashes, options=asdict(options))
         if not self.calibrate():
             reason = self.base.fit.failed
             result = Result(problem.name, "unexplained", f"the model cannot be calibrated: {reason}")
@@ -254,10 +253,8 @@ class Tracer:
                 c.fit for c in known if c.refitted and not (self.found.best and set(self.found.best) < set(c.names))
             ]
             if len(rivals) > 1:
-                offered = option(self.problem, "experiments")
-                self.experiments = next_experiment.table(
-                    rivals, self.problem, offered, tell.rivals_kept(self), self.store
-                )
+                offered, count = self.problem.experiments, tell.rivals_kept(self)
+                self.experiments = next_experiment.table(rivals, self.problem, offered, count, self.store)
 
     def arrived(self):
         """(theta, {law: coefficient}) that the trace has come to."""

@@ -15,7 +15,6 @@ import numpy as np
 from testbench.tracing.fit.identify import unseen
 from testbench.tracing.fit.rank import Projection
 from testbench.tracing.fit.search import CREDIBLE
-from testbench.tracing.problem.problem import option
 
 LEAST_FREE_D = 3.0
 MOST_NUMERICAL = 0.5  # sigmas, of the analysis engine against the exact one
@@ -53,7 +52,7 @@ def blocked(problem, converged):
     """Why nothing may be named: "before" is not certified, or the engine's own error is too large; "" if neither."""
     if not converged:
         return "the calibration has not converged"
-    certificate = option(problem, "numerical_certificate") or {}
+    certificate = problem.numerical_certificate or {}
     if "failed" in certificate:
         return f"the exact engine cannot be run there ({certificate['failed']})"
     numerical = certificate.get("sigma")

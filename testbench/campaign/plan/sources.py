@@ -5,39 +5,30 @@ command line does not. Imports are read from the source, those inside functions 
 Source  docs/campaigns.md
 """
 
-import ast
 import functools
 import hashlib
 import importlib.util
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[3]
-PACKAGES = ("fpga_model", "analog_frontend", "testbench")
+from fpga_model import jit
+
+# modules that import what they find in their folder
+FINDERS = ("analog_frontend.effects.catalogue",)
 
 
 def _path(module):
     """Source file of a dotted name, or None; what a package of ours names may be no module."""
-    base = ROOT.joinpath(*module.split("."))
+    base = jit.ROOT.joinpath(*module.split("."))
     for path in (base.with_suffix(".py"), base / "__init__.py"):
         if path.is_file():
             return path
-    found = None if module.split(".")[0] in PACKAGES else importlib.util.find_spec(module)
+    found = None if module.split(".")[0] in jit.PACKAGES else importlib.util.find_spec(module)
     return Path(found.origin) if found and found.origin and found.origin.endswith(".py") else None
 
 
-def _imported(path):
-    """Dotted names that a source imports, `from a import b` as a and a.b, with all packages above them."""
-    for node in ast.walk(ast.parse(path.read_bytes(), str(path))):
-        if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
-            names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
-        else:
-            continue
-        for name in names:
-            parts = name.split(".")
-            if parts[0] in PACKAGES:
-                yield from (".".join(parts[:n]) for n in range(1, len(parts) + 1))
+def _module(path):
+    """Dotted name of a source of ours."""
+    return ".".join(path.relative_to(jit.ROOT).with_suffix("").parts).removesuffix(".__init__")
 
 
 @functools.cache
@@ -49,7 +40,8 @@ def reached(*modules):
         if module in seen or (path := _path(module)) is None:
             continue
         seen[module] = path
-        ahead.extend(_imported(path))
+        found = [*jit.imported(path), *(path.parent.glob("*.py") if module in FINDERS else ())]
+        ahead.extend(_module(source) for source in found)
     return tuple(sorted(seen))
 
 

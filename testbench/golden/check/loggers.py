@@ -44,7 +44,7 @@ def _half_ps(manifest):
     return round(1e12 / manifest["clock"]["hz"]) // 2
 
 
-def _params(manifest):
+def parameters(manifest):
     """(name, width, signed, raw bits) of the parameters."""
     for p in manifest.get("params", []):
         width = sum(p["fmt"])
@@ -56,7 +56,7 @@ def verilog(manifest, rom=None):
     _checked(manifest)
     inputs, found = manifest["inputs"], results(manifest)
     width, half = sum(p["width"] for p in inputs), _half_ps(manifest)
-    given = [f".{name}({bits}'{'s' * signed}h{raw:x})" for name, bits, signed, raw in _params(manifest)]
+    given = [f".{name}({bits}'{'s' * signed}h{raw:x})" for name, bits, signed, raw in parameters(manifest)]
     given += [f'.ROM_FILE("{rom}")'] if rom else []
     ports = [".clk(clk)", *(f".{p['name']}(now[{hi}:{lo}])" for p, hi, lo in _slices(inputs))]
     ports += [f".{name}({name})" for name, _ in found]
@@ -109,7 +109,7 @@ def vhdl(manifest, rom=None):
     def part(hi, lo):
         return f"({hi})" if hi == lo else f"({hi} downto {lo})"
 
-    given = [f"{name} => {literal(raw, bits)}" for name, bits, _, raw in _params(manifest)]
+    given = [f"{name} => {literal(raw, bits)}" for name, bits, _, raw in parameters(manifest)]
     given += [f'ROM_FILE => "{rom}"'] if rom else []
     ports = ["clk => clk", *(f"{p['name']} => now{part(hi, lo)}" for p, hi, lo in _slices(inputs))]
     ports += [f"{p['name']} => got{part(hi, lo)}" for p, hi, lo in outs]

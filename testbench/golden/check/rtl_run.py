@@ -112,7 +112,7 @@ def _complaints(said, bench, manifest):
     """Our words for what a tool says about ports; sorted out once each, in order."""
     widths = {p["name"]: p["width"] for p in manifest["inputs"]}
     widths |= {name: p["width"] for name, p in loggers.results(manifest)}
-    widths |= {name: width for name, width, _, _ in loggers._params(manifest)}
+    widths |= {name: width for name, width, _, _ in loggers.parameters(manifest)}
     out = {}
     # only what is said of the bench: a part inside the design may have ports of the same names
     for line in (line for line in said.splitlines() if re.search(r"(^|\s)log\.v(hd)?:\d", line)):

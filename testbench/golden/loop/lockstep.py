@@ -111,30 +111,13 @@ def ticks(p, f, chips, a, chunk, end, drdy_cycle, rtl):
 
     Ends early, with rtl.found, at the first row in which the RTL differs.
     """
-    rate_rad_s, temp_degc, faults, o, edges = chunk.rate_rad_s, chunk.temp_degc, chunk.faults, chunk.o, chunk.edges
-    begin, pins = chunk.begin, rtl.found[2]
+    begin, faults, o, edges = chunk.begin, chunk.faults, chunk.o, chunk.edges
+    pins = rtl.found[2]
     refs = (pins >> REFS_AT) & REFS_MASK
-    begin_frame = begin // FRAME_TICKS
     for tick in range(begin, end):
         k = tick - begin
         if tick % FRAME_TICKS == 0:
-            n = tick // FRAME_TICKS - begin_frame
-            row = n if begin % FRAME_TICKS == 0 else n - 1
-            v_q = faults.dac_code[2] if faults.dac[2] else chips.quadrature.code
-            plant_tick.retune(p.plant, a, rate_rad_s[n], v_q, temp_degc[n])
-            if row < o.frames.shape[0]:
-                engine.record_frame(
-                    o.frames[row],
-                    o.truth[row],
-                    f.control,
-                    engine.frame_codes(p.fpga, f.sid.codes, f.adc.channels),
-                    chips.drive.code,
-                    chips.sense.code,
-                    chips.quadrature.code,
-                    a.z,
-                    temp_degc[n],
-                    rate_rad_s[n],
-                )
+            engine.begin_frame(p, f, chips, a, chunk, tick)
         # the aperture is the tick's first instant; the codes arrive a tick later
         sample_x, sample_y = a.sar[0], a.sar[1]
         if p.fpga.digital:

@@ -289,7 +289,10 @@ def _image(edge, boxes):
 
 
 def _invariant(edge):
-    """Boxes that hold the reset and, inside the formats, whatever one edge makes of them."""
+    """(X, F(X)): boxes that hold the reset and, inside the formats, whatever one edge makes of them.
+
+    What `edge` has noted at the end is of one pass over X alone.
+    """
     boxes, visits = edge.first(), {}
     stops = {value + k for value in STOPS.get(edge.block.stem, ()) for k in (-1, 0, 1)} | {0}
     sides = [sorted({*stops, fmt.lo, fmt.hi}) for fmt in edge.fmts] + [[-FAR, 0, FAR]] * len(edge.relations)
@@ -311,7 +314,8 @@ def _invariant(edge):
                 todo.append(key)
     for _ in range(NARROWINGS):
         edge.begin()
-        after = {key: _clipped(edge, box) for key, box in _image(edge, boxes).items()}
+        image = _image(edge, boxes)
+        after = {key: _clipped(edge, box) for key, box in image.items()}
         # a register holds what was last written to it, in whatever control state that was
         written = edge.written + [(-FAR, FAR)] * len(edge.relations)
         tighter = {
@@ -320,17 +324,16 @@ def _invariant(edge):
             if key in boxes
         }
         if tighter == boxes:
-            break
+            return boxes, image
         boxes = {key: box for key, box in tighter.items() if not _empty(box)}
-    return boxes
+    edge.begin()
+    return boxes, _image(edge, boxes)
 
 
 def analyse(block, params):
     """`Analysis` of a block with the given parameters (None where it has none)."""
     edge = Edge(block, 0 if params is None else params)
-    boxes = _invariant(edge)
-    edge.begin()
-    after = _image(edge, boxes)  # the proof: everything below is judged on this pass alone
+    boxes, after = _invariant(edge)  # the proof: everything below is judged on the last pass alone
     problems = [
         f"{place.function}, line {place.line}: {place.text}: {text}"
         for place, text in edge.interpreter.problems.items()

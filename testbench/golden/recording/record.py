@@ -45,7 +45,7 @@ from testbench.golden.recording import recording, replay
 from testbench.golden.recording.recording import Recording, Window
 from testbench.golden.stimulus.writer import Random
 from testbench.run import build
-from testbench.run.simulate import _faults as faults_of
+from testbench.run.simulate import faults_of
 
 DEG = math.pi / 180
 TEMP_DEGC = 25.0

@@ -32,7 +32,7 @@ from testbench.measured.closed_loop.loop_noise import LATER, NOISE_DRAWS, gain_o
 from testbench.measured.closed_loop.loop_runs import EXACT, FAST, Model, Run
 from testbench.measured.closed_loop.loop_tangents import Tangents
 from testbench.measured.residual import features
-from testbench.tracing.problem.problem import Nuisance, Observable, PredictionFailed, Segment
+from testbench.tracing.problem.problem import Nuisance, Observable, PredictionFailed, Problem, Segment
 
 PLACE_HZ = 2e-3  # from the model's drive frequency to the recorded one: what is less is scatter of the power-ons
 LOOK, DRAWS = 5, 16  # of the exact engine at an anchor: for a first look, and later
@@ -56,8 +56,36 @@ class Kept:
         self.noise, self.columns, self.steps, self.exact = {}, {}, {}, {}
 
 
-class LoopProblem:
-    """See `testbench.tracing.problem.problem.Problem`.
+class Anchored(Problem, adds="anchor distance check at draws"):
+    """A problem that is linear about an anchor, which the exact engine has computed with some `draws`."""
+
+    def anchor(self, theta, effects):
+        """Put the linear model's anchor at a point; PredictionFailed, and nothing moved, where the engine fails."""
+        raise NotImplementedError
+
+    def distance(self, theta, effects):
+        """Certificate at a point near the anchor: what the linear model changes from there, as if none of it were so.
+
+        At the anchor the model is the exact engine; `check` runs that again.
+        """
+        raise NotImplementedError
+
+    def check(self, theta, effects):
+        """Certificate at a point: exact engine less the linear model that was fitted, as a pseudo-effect.
+
+        Its own noise, known from the draws, is taken out: the fit knows of it as `prediction_noise`.
+        """
+        raise NotImplementedError
+
+
+MEMBERS = (
+    "recorded model parameters progress bench kept candidates conditions per_hz slope place anchors tangent tangents "
+    "first base told moved_hz smooth key exact hertz linear size column axis settle pseudo"
+)
+
+
+class LoopProblem(Anchored, adds=MEMBERS):
+    """Features of a closed loop's dwells, see the module.
 
     model       configuration of the model; nuisances  measured.parameters.Parameter
     candidates  loop_laws.Candidate of the catalogue;   library  those of the grammar, which cost runs when asked for
@@ -66,7 +94,7 @@ class LoopProblem:
     library_late = True
 
     def __init__(self, measured, model, nuisances, candidates, library=(), bench=None, kept=None, progress=None):
-        self.name, self.measured_ = measured.name, measured
+        self.name, self.recorded = measured.name, measured
         self.model = model
         self.parameters, self.progress = tuple(nuisances), progress
         self.bench, self.kept = bench or loop_runs.Bench(), kept or Kept()
@@ -77,7 +105,6 @@ class LoopProblem:
         self.conditions = {c.id: c for c in measured.conditions}
         self.segments = tuple(_segments(measured))
         self.hashes = dict(measured.hashes)
-        self.firmware, self.numerical_certificate = None, None
         device = self.model.plant
         # stiffness that moves the drive mode by a hertz
         self.per_hz = 8 * np.pi**2 * device.mass_kg * device.fx_hz
@@ -106,7 +133,7 @@ class LoopProblem:
 
     def measured(self, k):
         s = self.segments[k]
-        return self.measured_.values[s.group][s.repeat][: self._sizes[s.group]]
+        return self.recorded.values[s.group][s.repeat][: self._sizes[s.group]]
 
     def predict(self, points, which):
         groups = [self.segments[k].group for k in which]
@@ -162,7 +189,7 @@ class LoopProblem:
     def _put(self):
         """Places of the conditions, from the last bins of the recorded frequency words."""
         one = self._draws(Model(self.model), 1)
-        for g, values in self.measured_.values.items():
+        for g, values in self.recorded.values.items():
             if np.any(values):
                 hz = self.hertz(values.mean(axis=0) - one[g][0], g) + jitter_hz(0)
                 self.place[g] = hz if abs(hz) > PLACE_HZ else 0.0
@@ -212,7 +239,7 @@ class LoopProblem:
         return {name: self.kept.noise[key] for name, key in keys.items()}
 
     def _all(self):
-        return self.measured_.conditions
+        return self.recorded.conditions
 
     def exact(self, theta, effects, role=None):
         """{condition: (features of the exact engine at a point, each draw less its twin in the averaged plant)}.
@@ -255,7 +282,6 @@ class LoopProblem:
     # ---- the linear model ----
 
     def anchor(self, theta, effects):
-        """Put the linear model's anchor at a point; PredictionFailed, and nothing moved, where the engine fails."""
         at = np.array(theta, float), {name: float(v) for name, v in effects.items() if v}
         found, self.at = self.exact(*at), at
         self.base, self._rest = {g: v for g, (v, _) in found.items()}, {g: rows for g, (_, rows) in found.items()}
@@ -304,7 +330,7 @@ class LoopProblem:
         for _ in range(2):
             j, r = [], []
             for g in rows:
-                values, k = self.measured_.values[g], self._rows[g]
+                values, k = self.recorded.values[g], self._rows[g]
                 root = np.sqrt(len(values))
                 j.append(root * self.whiten(k, self.tangent[g]) * sd)
                 r.append(root * self.whiten(k, values.mean(axis=0) - self.base[g]))
@@ -319,7 +345,7 @@ class LoopProblem:
         rows = [c.id for c in self._all() if c.role == "fit"]
 
         def stacked(of):
-            roots = {g: np.sqrt(len(self.measured_.values[g])) for g in rows}
+            roots = {g: np.sqrt(len(self.recorded.values[g])) for g in rows}
             return np.concatenate([roots[g] * self.whiten(self._rows[g], of[g]) for g in rows])
 
         sd = np.array([n.prior_sd for n in self.nuisances])
@@ -333,10 +359,6 @@ class LoopProblem:
         return s.T @ stacked(change)
 
     def distance(self, theta, effects):
-        """Certificate at a point near the anchor: what the linear model changes from there, as if none of it were so.
-
-        At the anchor the model is the exact engine; `check` runs that again.
-        """
         fitted = [c.id for c in self._all() if c.role == "fit"]
         change = {g: self._change(theta, effects, *self.at, g)[: self._sizes[g], None] for g in fitted}
         return {
@@ -347,10 +369,6 @@ class LoopProblem:
         }
 
     def check(self, theta, effects):
-        """Certificate at a point: exact engine less the linear model that was fitted, as a pseudo-effect.
-
-        Its own noise, known from the draws, is taken out: the fit knows of it as `prediction_noise`.
-        """
         exact, theta = self.exact(theta, effects, "fit"), np.asarray(theta, float)
         off = {g: (v - self.linear(theta, effects, g))[: self._sizes[g]] for g, (v, _) in exact.items()}
         scaled = np.concatenate([v / self._noise[g].sigma for g, v in off.items()])
@@ -387,7 +405,7 @@ class Fine:
         return self._of.prediction_noise
 
     def measured(self, k):
-        s, whole = self.segments[k], self._of.measured_
+        s, whole = self.segments[k], self._of.recorded
         return whole.values[s.group][s.repeat][loop_runs.size(self._of.conditions[s.group]) :]
 
     def predict(self, points, which):

@@ -73,14 +73,7 @@ def frames_of(seconds):
 
 def bins(condition):
     """First frames of the bins of a dwell and its end: FIRST_BIN, then twice as many each."""
-    frames = frames_of(condition.seconds)
-    edges, width = [0], FIRST_BIN
-    while edges[-1] + width < frames:
-        edges.append(edges[-1] + width)
-        width *= 2
-    if len(edges) > 1 and frames - edges[-1] < edges[-1] - edges[-2]:
-        edges.pop()
-    return np.array([*edges, frames])
+    return features.bins(frames_of(condition.seconds), FIRST_BIN)
 
 
 def fine_bins(condition):
@@ -100,7 +93,7 @@ def feature_vector(condition, columns, lsb_v, fine=False):
         for name in NAMES:
             stream = features.OBSERVABLES[name].stream
             values = features.physical(name, columns[stream][: edges[-1]], lsb_v.get(stream, 1.0))
-            out.append(np.add.reduceat(values - values[0], edges[:-1]) / np.diff(edges) + values[0])
+            out.append(features.means(values, edges))
     return np.concatenate(out)
 
 

@@ -6,7 +6,7 @@ the core goes on. Of a point whose whole way from the anchor is less, nothing el
 Source    docs/measured.md, docs/tracing.md
 """
 
-from testbench.measured.closed_loop.loop_problem import DRAWS
+from testbench.measured.closed_loop.loop_problem import DRAWS, Anchored
 from testbench.tracing.problem.problem import PredictionFailed
 from testbench.tracing.trace import Options, Tracer
 
@@ -40,7 +40,7 @@ def run(problem, options=None, progress=None, checkpoint=None):
 
     for round_ in range(ROUNDS):
         tracer, blocked = decided()
-        if blocked or not hasattr(problem, "anchor"):
+        if blocked or not isinstance(problem, Anchored):
             return tracer, blocked or tracer.told()
         theta, effects = tracer.arrived()
         if not round_:

@@ -64,9 +64,9 @@ PRIORS = (
 )
 
 
-def nuisances():
+def nuisances(priors=PRIORS):
     """`Parameter`s of the trials."""
-    return tuple(Parameter(key, unit, mean, sd, False, 0.0, 1e12) for key, unit, mean, sd in PRIORS)
+    return tuple(Parameter(key, unit, mean, sd, False, 0.0, 1e12) for key, unit, mean, sd in priors)
 
 
 def told(kind, seed, truth, result, seconds):
@@ -94,22 +94,25 @@ def told(kind, seed, truth, result, seconds):
 
 
 class Bank:
-    """Conditions, engines and tangents that all trials share."""
+    """Conditions, engines and tangents that all trials share.
 
-    def __init__(self, conditions, repeats=REPEATS, threads=loop_runs.THREADS, library=True, progress=None):
-        self.conditions, self.repeats = conditions, repeats
+    only  names of the laws of catalogue and grammar that are tried; None: all
+    """
+
+    def __init__(self, conditions, threads=loop_runs.THREADS, priors=PRIORS, only=None):
+        self.conditions, self.repeats, self.priors = conditions, REPEATS, priors
         self.bench, self.kept = loop_runs.Bench(threads), loop_problem.Kept()
         self.model = configuration.Config()
-        self.catalogue = loop_laws.from_catalogue()
-        self.library = loop_laws.from_grammar() if library else ()
-        self.progress = progress
+        self.catalogue, self.library = (
+            tuple(c for c in laws if only is None or c.law.name in only)
+            for laws in (loop_laws.from_catalogue(), loop_laws.from_grammar())
+        )
 
     def problem(self, name, values, hashes=None):
         """`LoopProblem` of measured features."""
         data = loop_problem.Measured(name, self.conditions, values, hashes or {})
-        return loop_problem.LoopProblem(
-            data, self.model, nuisances(), self.catalogue, self.library, self.bench, self.kept, self.progress
-        )
+        wanted = nuisances(self.priors)
+        return loop_problem.LoopProblem(data, self.model, wanted, self.catalogue, self.library, self.bench, self.kept)
 
     def blank(self):
         """A problem whose data are all zero: for its tangents."""

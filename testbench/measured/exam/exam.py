@@ -79,7 +79,7 @@ def _round(tracer, refused):
 
 def stage(problem, most=None, say=None, settings=QUICK):
     """`Staged` of a problem: law after law, each the best of those refitted, kept if held-out data support it."""
-    most = problem.laws_at_most if most is None else most
+    most = problem.most_laws if most is None else most
     first = Tracer(problem, settings, None, None).run()
     rounds, names, refused, last, at = [], [], set(), first, {}
     alarmed = first.verdict not in NOTHING or (first.p_global is not None and first.p_global < settings.alpha)
@@ -158,7 +158,7 @@ def report(problem, settings=None, progress=None):
     chosen = QUICK
     if settings is not None:
         chosen = replace(QUICK, alpha=settings.alpha, looks=settings.looks, seed=settings.seed)
-    most = problem.laws_at_most if settings is None else min(problem.laws_at_most, settings.max_laws)
+    most = problem.most_laws if settings is None else min(problem.most_laws, settings.max_laws)
     say = progress and (lambda text: progress(text, 0, 1))
     staged = stage(problem, most, say, chosen)
     names = [r.law for r in staged.rounds if r.kept]

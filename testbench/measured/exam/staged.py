@@ -1,8 +1,7 @@
 """One law after the other: what is decisive becomes part of the model, if held-out data support it.
 
     decisive     ln(evidence) of the law less that of none, prior 1 / (number of laws) counted, above ln 20
-    chosen       of the decisive laws the one with most evidence; where a problem says `biggest_first`, the one that
-                 takes most of the residual's power in the features' own unit
+    chosen       of the decisive laws the one with most evidence
     supported    chi2 of the held-out groups falls by at least 9, coefficient from the fitted groups; a law that blames
                  instrument or preparation must make no observable certainly worse (95 % interval) by 2 %
     rivals       laws of cosine above 0.95 whose evidence is within a factor 20: with one, the law is "confounded"
@@ -11,6 +10,7 @@ is listed and not tried again; one that the later laws have made superfluous goe
 fitted; they decide how many laws there are, and for this the error after the last law is a little too small.
 """
 
+import copy
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -20,7 +20,7 @@ from scipy.stats import norm
 from testbench.tracing.fit import evidence, heldout
 from testbench.tracing.fit.rank import one_sided
 from testbench.tracing.fit.refit import refit
-from testbench.tracing.problem.problem import Nuisance, PredictionFailed, all_laws, option
+from testbench.tracing.problem.problem import Nuisance, all_laws
 from testbench.tracing.problem.result import plain
 from testbench.tracing.trace import Options, Tracer
 
@@ -56,55 +56,26 @@ class Staged(NamedTuple):
     json: dict
 
 
-class Known:
-    """A problem in which some laws are nuisances: already part of the model."""
+def known(problem, names):
+    """A copy of a problem in which some laws are nuisances: already part of the model."""
+    laws, plain = all_laws(problem), len(problem.nuisances)
+    made = copy.copy(problem)
+    made.nuisances = (*problem.nuisances, *(Nuisance(n, laws[n].unit, 0.0, laws[n].scale) for n in names))
+    made.laws = tuple(law for law in problem.laws if law.name not in names)
+    made.library = tuple(law for law in problem.library if law.name not in names)
 
-    def __init__(self, problem, names):
-        laws = {law.name: law for law in (*problem.laws, *problem.library)}
-        self._problem, self._names = problem, tuple(names)
-        self._plain = len(problem.nuisances)
-        self.nuisances = (*problem.nuisances, *(Nuisance(n, laws[n].unit, 0.0, laws[n].scale) for n in names))
-        self.laws = tuple(law for law in problem.laws if law.name not in names)
-        self.library = tuple(law for law in problem.library if law.name not in names)
+    def predict(points, which):
+        moved = [(theta[:plain], dict(zip(names, map(float, theta[plain:]))) | dict(c)) for theta, c in points]
+        return problem.predict(moved, which)
 
-    def __getattr__(self, name):
-        return getattr(self._problem, name)
-
-    def predict(self, points, which):
-        moved = []
-        for theta, effects in points:
-            known = dict(zip(self._names, map(float, theta[self._plain :])))
-            moved.append((theta[: self._plain], known | dict(effects)))
-        return self._problem.predict(moved, which)
-
-
-def _power(problem, fit, ranking, name):
-    """Share of the residual's power (features' own unit) that a law takes at a fit, nuisances moved along with it."""
-    k = ranking.index(name)
-    c = float(ranking.t[k] / ranking.length[k])
-    a = np.concatenate([fit.jacobian, fit.model.prior_columns()])
-    s = np.concatenate([ranking.signatures[:, k], np.zeros(len(a) - len(fit.jacobian))])
-    scale = np.maximum(np.linalg.norm(a, axis=0), 1e-300)
-    moved = np.linalg.lstsq(a / scale, s, rcond=1e-10)[0] / scale
-    groups = fit.model.space.groups
-    which = [g.members[0] for g in groups]
-    points = [(fit.point.theta, {}), (fit.point.theta - c * moved, {name: c})]
-    try:
-        plain_rows, bent_rows = problem.predict(points, which)
-    except PredictionFailed:
-        return 0.0
-    left = taken = 0.0
-    for g, before, after in zip(groups, plain_rows, bent_rows):
-        mean = np.mean([problem.measured(k) for k in g.members], axis=0)
-        left += float(np.sum((mean - before) ** 2))
-        taken += float(np.sum((mean - before) ** 2) - np.sum((mean - after) ** 2))
-    return taken / left if left > 0 else 0.0
+    made.predict = predict
+    return made
 
 
 def _decisive(tracer, refused):
-    """[(power, name, d, gain, ranking)] of the laws whose evidence is decisive, most powerful first."""
-    fit, found, biggest = tracer.base.fit, [], getattr(tracer.problem, "biggest_first", False)
-    for ranking in tracer.rankings(fit).values():
+    """[(gain, name, d, ranking)] of the laws whose evidence is decisive, the clearest first."""
+    found = []
+    for ranking in tracer.rankings(tracer.base.fit).values():
         pool = [n for n in ranking.names if n not in ranking.hidden]
         scores = one_sided(ranking, tracer.laws)
         for name in pool:
@@ -112,15 +83,14 @@ def _decisive(tracer, refused):
             gain = evidence.linear_gain(ranking, [name], tracer.laws)
             if gain is None or name in refused or gain - np.log(len(tracer.laws)) < DECISIVE or scores[k] <= 0:
                 continue
-            power = _power(tracer.problem, fit, ranking, name) if biggest else 0.0
-            found.append((power, name, float(scores[k]), gain, ranking))
-    return sorted(found, key=lambda row: (-row[0] if biggest else -row[3], row[1]))
+            found.append((gain, name, float(scores[k]), ranking))
+    return sorted(found, key=lambda row: (-row[0], row[1]))
 
 
 def _rivals(row, rows):
-    _, name, _, gain, ranking = row
+    gain, name, _, ranking = row
     out = []
-    for _, other, _, its, r in rows:
+    for its, other, _, r in rows:
         if other != name and r is ranking and abs(its - gain) < DECISIVE:
             if abs(ranking.cosines[ranking.index(name), ranking.index(other)]) > ALIKE:
                 out.append(other)
@@ -129,7 +99,7 @@ def _rivals(row, rows):
 
 def _try(tracer, row, rows):
     """`Round` of one law: refitted, judged on the held-out groups."""
-    _, name, d, _, _ = row
+    _, name, d, _ = row
     fit = refit(tracer.base.fit, (name,), tracer.table)
     if fit.failed:
         return Round(name, False, d, float("nan"), float("nan"), (), {})
@@ -160,8 +130,7 @@ def _pruned(problem, names, options):
             break
         fit, at = tracer.base.fit, [[n.name for n in now.nuisances].index(name) for name in names]
         d = np.abs(fit.point.theta[at]) / np.maximum(fit.sd[at], 1e-300)
-        more_of = option(now, "more_of", lambda law: ())
-        own = {name: more_of(name) for name in names}
+        own = {name: now.more_of(name) for name in names}
         d[[_strayed(own[name], now.nuisances, fit.point.theta) for name in names]] = 0.0
         if d.min() >= least:
             break
@@ -176,11 +145,8 @@ def _strayed(own, nuisances, theta):
 
 
 def absorbed(problem, names):
-    """The problem with some laws as part of the model: its own way (a law may bring more nuisances), or `Known`."""
-    if not names:
-        return problem
-    own = getattr(problem, "absorbed", None)
-    return own(names) if own else Known(problem, names)
+    """The problem with some laws as part of the model: its own way (a law may bring more nuisances), or `known`."""
+    return (problem.absorbed(names) or known(problem, tuple(names))) if names else problem
 
 
 def _misfit_without_repeats(first, options):
@@ -237,7 +203,6 @@ def summary(problem, first, rounds, last, superseded=()):
     for r in kept:
         law, row = laws[r.law], fitted[r.law]
         value, sd = row["before"], row["sd_before"]
-        more = getattr(problem, "details", None)
         effects.append(
             {"law": law.name, "port": law.port, "value": value, "sd": sd, "unit": law.unit, "d": abs(value) / sd}
             | {"d_when_added": r.d, "heldout_chi2_gain": r.chi2_gain, "kind": law.kind, "text": law.text}
@@ -246,7 +211,7 @@ def summary(problem, first, rounds, last, superseded=()):
                 "status": "confounded" if r.rivals or " or " in law.port else "named",
                 "rivals": list(r.rivals),
             }
-            | (more(r.law, {name: row["before"] for name, row in fitted.items()}) if more else {})
+            | problem.details(r.law, {name: row["before"] for name, row in fitted.items()})
         )
     for key, row in first.heldout.items():
         end = last.heldout.get(key, row) if kept else row

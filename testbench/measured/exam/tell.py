@@ -38,7 +38,7 @@ class Left(NamedTuple):
 def run(problem, options=None, progress=None):
     """(JSON, {observable: (measured, before, after) of held-out rows}, caption data) of a part's problem."""
     options = options or Options()
-    found = staged(problem, options, getattr(problem, "most_laws", 0) or 3, progress)
+    found = staged(problem, options, problem.most_laws, progress)
     rows = residuals(problem, found)
     judging = {key: row for key, row in rows.items() if row.role == "validate"}
     return in_part(found.json | {"left": [left(problem, key, rows) for key in judging]}), judging
@@ -88,9 +88,8 @@ def left(problem, key, rows):
     tenth       largest share of the rest's power in a tenth of the rows: is it in one place? and where
     shared      correlation with the rest of the fitted segments, where rows match: is it the part, or this recording?
     """
-    axis = getattr(problem, "axis", None)
     row = rows[key]
-    x, label = axis(*key) if axis else (np.arange(len(row.after)), "row")
+    x, label = problem.axis(*key) or (np.arange(len(row.after)), "row")
     order = np.argsort(x, kind="stable")
     e = row.after[order]
     rng = np.random.default_rng(0)
@@ -110,7 +109,7 @@ def left(problem, key, rows):
         for (_, name), other in rows.items()
         if other.role == "fit" and name == key[1] and len(other.after) == len(row.after)
     ]
-    same = getattr(problem, "same_rows", False) and twins
+    same = problem.same_rows and twins
     return {
         "segment": key[0],
         "observable": key[1],
@@ -143,7 +142,6 @@ def picture(problem, rows, most=9):
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    axis = getattr(problem, "axis", None)
     rows = {key: row for key, row in rows.items() if row.role == "validate"}
     shown, seen = [], set()
     for key in rows:  # the last segment of each observable, if all are too many
@@ -158,7 +156,7 @@ def picture(problem, rows, most=9):
         panel.axis("off")
     for panel, key in zip(panels.ravel(), shown):
         _, unit, floor, before, after = rows[key]
-        x, label = axis(*key) if axis else (np.arange(len(before)), "row")
+        x, label = problem.axis(*key) or (np.arange(len(before)), "row")
         order = np.argsort(x, kind="stable")[:: max(1, len(x) // POINTS)]
         style = "-" if len(x) > 400 else "."
         panel.plot(x[order], before[order], style, ms=3, lw=0.7, color="#c05030", label="before")

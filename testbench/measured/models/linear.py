@@ -8,10 +8,14 @@
 Nothing here knows what the part is.
 """
 
+import copy
+from typing import NamedTuple
+
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from testbench.tracing.problem.problem import PredictionFailed
+from testbench.measured.models.part_problem import PartProblem
+from testbench.tracing.problem.problem import PredictionFailed, Segment
 
 
 class Diagonal:
@@ -65,21 +69,34 @@ class Common:
         return (own + self.common * rng.normal(size=self.shape[1])).ravel()
 
 
-class LinearProblem:
-    """Problem of the tracing core. `columns`: {nuisance or law: [per segment (n_k,)]}, `noise`: per segment."""
+def floor_of(noise, segment):
+    """{observable: rms} of a segment with a noise object."""
+    return {o.name: float(np.sqrt(np.mean(noise.sd[o.rows] ** 2))) for o in segment.observables}
 
-    library = ()
-    biggest_first, most_laws, axis, same_rows = False, 0, None, False  # for staged and pictures
 
-    def __init__(self, name, nuisances, laws, segments, data, columns, noise, hashes):
+class Stretch(NamedTuple):
+    """One segment of a linear problem: what it is, its features and their noise object."""
+
+    segment: Segment
+    data: np.ndarray
+    noise: object
+
+
+class LinearProblem(PartProblem, adds="noise columns"):
+    """Problem of the tracing core. `columns`: {nuisance or law: [(n_k,) per stretch]}; axis: function, or None."""
+
+    def __init__(self, name, nuisances, laws, stretches, columns, hashes, axis=None):
         self.name, self.nuisances, self.laws = name, tuple(nuisances), tuple(laws)
-        self.segments, self.hashes = tuple(segments), dict(hashes)
+        self.segments, self._data, self.noise = zip(*stretches)
+        self.hashes, self.columns, self._axis = dict(hashes), columns, axis
         self.linear_in = frozenset([n.name for n in nuisances] + [law.name for law in laws])
-        self._data, self.noise, self.columns = list(data), list(noise), columns
         self._theta = [
             np.stack([columns[n.name][k] for n in nuisances], axis=1) if nuisances else np.zeros((len(y), 0))
             for k, y in enumerate(self._data)
         ]
+
+    def axis(self, segment, observable):
+        return self._axis(segment) if self._axis else None
 
     def measured(self, k):
         return self._data[k]
@@ -105,13 +122,9 @@ class LinearProblem:
         return self.noise[k].draw(rng)
 
     def floor(self, k):
-        sd = self.noise[k].sd
-        return {o.name: float(np.sqrt(np.mean(sd[o.rows] ** 2))) for o in self.segments[k].observables}
+        return floor_of(self.noise[k], self.segments[k])
 
     def with_data(self, data):
-        """The same problem about other data of the same shape: for simulated recordings."""
-        made = LinearProblem(
-            self.name, self.nuisances, self.laws, self.segments, data, self.columns, self.noise, self.hashes
-        )
-        made.biggest_first, made.most_laws, made.axis = self.biggest_first, self.most_laws, self.axis
+        made = copy.copy(self)
+        made._data = tuple(data)
         return made

@@ -83,7 +83,7 @@ def laws(effects, f_ref_hz, grammar):
     return out
 
 
-def run(f_hz, q, force_n, drive_v, plant_laws, h_s, ticks, state, samples):
+def run(f_hz, q, force_n, drive_v, plant_laws, h_s, ticks, state):
     """x (samples,) in V from a force (N) and the drive voltage with it, both (samples ticks,); None: it diverges.
 
     force_n is force per volt times drive_v; state (x, v/w) in V at the first sample, w of f_hz.
@@ -92,7 +92,7 @@ def run(f_hz, q, force_n, drive_v, plant_laws, h_s, ticks, state, samples):
     p = law.design(plant_laws, MASS_KG, h_s, resonator.W_RAD_PER_S, 0.0)
     w = np.zeros(WIDTH)
     w[X], w[VX] = state[0], state[1] * 2 * np.pi * f_hz / resonator.W_RAD_PER_S
-    x = np.empty(samples)
+    x = np.empty(len(drive_v) // ticks)
     places = np.arange(WIDTH)
     fine = _run(a, b0 * force_n, b1 * force_n, p.force, p.table, p.numbers[:, 0].copy(), places, w, drive_v, ticks, x)
     return x if fine else None

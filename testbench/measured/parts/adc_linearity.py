@@ -14,7 +14,7 @@ from scipy.optimize import nnls
 
 from analog_frontend.parts import adc
 from testbench.measured.formats import meters_csv
-from testbench.measured.models.linear import Common, LinearProblem
+from testbench.measured.models.linear import Common, LinearProblem, Stretch
 from testbench.tracing.problem.problem import Law, Nuisance, Observable, Segment
 
 FULL_V = 10.0
@@ -163,16 +163,19 @@ def problem(data, name="voltmeters on one source", roles=None):
             laws.append(Law(f"source: {label}", "source", words, "uV", scale, kind="instrument", page=PAGE))
             column(laws[-1].name, None, shape)
     error = ((data.readings_v - data.source_v[:, None]) * 1e6).T
-    segments, rows, noise = [], [], []
+    stretches = []
     for role, mask in (("fit", choose), ("validate", ~choose)):
         n = int(mask.sum())
         seen = tuple(Observable(meter, "uV", slice(m * n, (m + 1) * n)) for m, meter in enumerate(data.names))
-        segments.append(Segment("chooses" if role == "fit" else "judges", {}, role, 0, role, seen))
-        rows.append(error[:, mask].ravel())
-        noise.append(Common(own_sd[:, mask], np.full(n, source_sd)))
-    made = LinearProblem(name, nuisances, laws, segments, rows, columns, noise, {"file": data.sha256})
+        segment = Segment("chooses" if role == "fit" else "judges", {}, role, 0, role, seen)
+        noise = Common(own_sd[:, mask], np.full(n, source_sd))
+        stretches.append(Stretch(segment, error[:, mask].ravel(), noise))
+
+    def axis(segment):
+        return data.source_v[choose if segment == "chooses" else ~choose], "source (V)"
+
+    made = LinearProblem(name, nuisances, laws, stretches, columns, {"file": data.sha256}, axis)
     made.most_laws = LAWS_PER_METER * meters
-    made.axis = lambda segment, observable: (data.source_v[choose if segment == "chooses" else ~choose], "source (V)")
     return made
 
 

@@ -10,7 +10,6 @@ Roles    the first sessions choose, the others judge
 Source   docs/measured_parts.md
 """
 
-from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -22,7 +21,7 @@ from analog_frontend import dac_levels
 from analog_frontend.parts import dac
 from testbench.errors import ConfigError
 from testbench.measured.formats import levels_mat
-from testbench.measured.models.linear import Dense, Diagonal, LinearProblem
+from testbench.measured.models.linear import Dense, Diagonal, LinearProblem, Stretch
 from testbench.tracing.problem.problem import Law, Nuisance, Observable, Segment
 
 BLOCKS = 1024
@@ -56,12 +55,6 @@ def block_codes(bits):
 def features(error):
     """Block means."""
     return error.reshape(-1, max(1, len(error) // BLOCKS)).mean(axis=1)
-
-
-def low_pattern(error):
-    """Mean pattern within a block (LSB): what the bits below the features do."""
-    table = error.reshape(-1, max(1, len(error) // BLOCKS))
-    return (table - table.mean(axis=1, keepdims=True)).mean(axis=0)
 
 
 def texts(bits):
@@ -162,41 +155,26 @@ def problem(sessions, bits, name="levels of a DAC", hashes=None, fit=None):
     shapes = shapes | {"bow": bow(bits)}
     table = {n: features(straight(v)[0]) for n, v in shapes.items()}
     data = [features(s.error_lsb) for s in sessions]
-    seen = [Observable("level", "LSB", slice(0, blocks))]
     if len(sessions) == 1:
-        return _alternating(name, nuisances, laws, sessions[0], data[0], table, size, hashes or {})
-    chosen = set(range((len(sessions) + 1) // 2)) if fit is None else set(fit)
-    segments = [
-        Segment(s.name, {}, "fit" if k in chosen else "held out", k, "fit" if k in chosen else "validate", tuple(seen))
-        for k, s in enumerate(sessions)
-    ]
-    columns = {n: [v] * len(sessions) for n, v in table.items()}
-    made = LinearProblem(name, nuisances, laws, segments, data, columns, noises(sessions, bits), hashes or {})
-    made.most_laws, made.same_rows = MOST_LAWS, True
-    made.axis = partial(_axis, bits)
-    return made
-
-
-def _axis(bits, segment, observable):
-    """Codes at the features, for pictures."""
-    size = block_codes(bits)
-    return np.arange(0, 1 << bits, size) + (size - 1) / 2, "code"
-
-
-def _alternating(name, nuisances, laws, session, means, table, size, hashes):
-    """One session: stretches of blocks take turns at choosing and judging; drift cannot be told from the levels."""
-    turn = (np.arange(len(means)) // ALTERNATE) % 2
-    sd = white_sd(session.error_lsb) / np.sqrt(size)
-    data, noise, segments = [], [], []
-    for role, k in (("fit", 0), ("validate", 1)):
-        rows = int(np.sum(turn == k))
-        segments.append(
-            Segment(f"{session.name} {role}", {}, role, 0, role, (Observable("level", "LSB", slice(0, rows)),))
-        )
-        data.append(means[turn == k])
-        noise.append(Diagonal(np.full(rows, sd)))
-    columns = {n: [v[turn == 0], v[turn == 1]] for n, v in table.items()}
-    made = LinearProblem(name, nuisances, laws, segments, data, columns, noise, hashes)
+        # drift cannot be told from the levels: stretches of blocks take turns at choosing and judging
+        turn = (np.arange(blocks) // ALTERNATE) % 2
+        noise, stretches = Diagonal(np.full(blocks // 2, white_sd(sessions[0].error_lsb) / np.sqrt(size))), []
+        for role, k in (("fit", 0), ("validate", 1)):
+            seen = (Observable("level", "LSB", slice(0, blocks // 2)),)
+            segment = Segment(f"{sessions[0].name} {role}", {}, role, 0, role, seen)
+            stretches.append(Stretch(segment, data[0][turn == k], noise))
+        columns = {n: [v[turn == 0], v[turn == 1]] for n, v in table.items()}
+        made = LinearProblem(name, nuisances, laws, stretches, columns, hashes or {})
+    else:
+        chosen = set(range((len(sessions) + 1) // 2)) if fit is None else set(fit)
+        seen, stretches = (Observable("level", "LSB", slice(0, blocks)),), []
+        for k, (s, y, noise) in enumerate(zip(sessions, data, noises(sessions, bits))):
+            group, role = ("fit", "fit") if k in chosen else ("held out", "validate")
+            stretches.append(Stretch(Segment(s.name, {}, group, k, role, seen), y, noise))
+        columns = {n: [v] * len(sessions) for n, v in table.items()}
+        codes = np.arange(0, 1 << bits, size) + (size - 1) / 2
+        made = LinearProblem(name, nuisances, laws, stretches, columns, hashes or {}, lambda segment: (codes, "code"))
+        made.same_rows = True
     made.most_laws = MOST_LAWS
     return made
 

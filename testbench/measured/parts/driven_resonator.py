@@ -92,11 +92,11 @@ def _factors(text):
 PAGES = ("duffing", "damping_quadratic", "damping_cubic", "coulomb_friction", "drive_cubic", "softening_drive")
 
 
-class DrivenResonator(Part):
+class DrivenResonator(Part, adds="fs_hz"):
     """The problem; `Piece.data` is a `Drive`, rows in mV."""
 
     unit, observable = "mV", "output"
-    laws_at_most = 2
+    most_laws = 2
 
     def __init__(self, fs_hz, start, *args, **named):
         super().__init__(*args, **named)
@@ -114,17 +114,8 @@ class DrivenResonator(Part):
         slow = effects.get("frequency_drift", 0.0)
         if slow:  # one frequency per piece: its middle
             f = f * (1.0 + slow * ((piece.data.first + len(piece.rows) / 2) / piece.data.record - 0.5))
-        x = mode.run(
-            f,
-            q,
-            k * gain,
-            drive,
-            mode.laws(effects, self.f_ref_hz, TERMS),
-            1.0 / (self.fs_hz * TICKS),
-            TICKS,
-            state,
-            samples,
-        )
+        laws, h_s = mode.laws(effects, self.f_ref_hz, TERMS), 1.0 / (self.fs_hz * TICKS)
+        x = mode.run(f, q, k * gain, drive, laws, h_s, TICKS, state)
         if x is None:
             return np.full(samples, np.nan)
         y = x

@@ -11,11 +11,15 @@ N-effects (colour of noise) and deterministic ones (bias) are told apart by thei
 Source    docs/measured_parts.md
 """
 
+import copy
+
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.special import digamma, polygamma
 
 from testbench.measured.formats import gyro_npz
-from testbench.measured.models.linear import Dense, Diagonal
+from testbench.measured.models.linear import Dense, Diagonal, floor_of
+from testbench.measured.models.part_problem import PartProblem
 from testbench.tracing.problem.problem import Law, Nuisance, Observable, PredictionFailed, Segment
 
 CHUNKS, CHOOSE = 10, 6
@@ -75,13 +79,12 @@ def line(hz, f0, q):
     """One-sided density of unit power: a resonance of quality q driven by white noise."""
     g = f0 / (2 * q)
     shape = 1.0 / ((hz**2 - f0**2) ** 2 + (2 * g * hz) ** 2)
-    return shape * (8 * g * f0**2) / (2 * np.pi) * 1.0
+    return shape * (8 * g * f0**2) / (2 * np.pi)
 
 
-def bias_noise(steps, stretch_s):
-    """Dense covariance of steps between successive means: white of the means and a random walk, by moments."""
-    n = steps.shape[1]
-    out = []
+def bias_noise(steps):
+    """[(white of the means, random walk)] of each axis's steps between successive means (variances), by moments."""
+    n, out = steps.shape[1], []
     for row in steps:
         track = np.cumsum(row)
         lag = min(8, max(2, n // 4))
@@ -93,11 +96,42 @@ def bias_noise(steps, stretch_s):
     return out
 
 
-class RestProblem:
+def _base(axis, level_db, density):
+    """Nuisances of one axis."""
+    return (
+        Nuisance(f"{axis} white", "dB", float(level_db), 10.0, 0.01),
+        Nuisance(f"{axis} overlap", "1", 0.0, 0.3, 0.001),
+        Nuisance(f"{axis} flicker", "(deg/s)^2", 1e-2 * density, 0.05 * density, 1e-4 * density),
+    )
+
+
+def _laws(axis, density, rate_hz):
+    """Laws of one axis: vibrations on a grid of frequencies, a walk and a warm-up of the bias."""
+
+    def law(name, words, unit, scale, sign, step, kind="plant"):
+        return Law(f"{axis}: {name}", "rate", words, unit, scale, sign, step, kind, PAGE)
+
+    top = 0.45 * rate_hz
+    grid = np.geomspace(LOWEST_HZ, top, 1 + int(np.log(top / LOWEST_HZ) / np.log(GRID)))
+    out, words = [], "narrow-band motion or noise about the axis"
+    for f0 in grid:
+        power = density * f0 * 0.5
+        out.append(law(f"vibration {f0:.3g} Hz", words, "(deg/s)^2", power, 1, power * 1e-4, "preparation"))
+    out.append(law("walk", "random walk of the bias", "(deg/s)^2 Hz", density * 1e-3, 1, density * 1e-7))
+    return out + [law(f"warm-up {tau:g} s", "bias warms up", "deg/s", 0.1, 0, 1e-3) for tau in WARM_S]
+
+
+def _settling(name):
+    """Laws of a vibration that is part of the model."""
+    words = "its frequency settles behind the start"
+    return [
+        Law(f"{name} settling in {tau:g} s", "rate", words, "1", 0.1, 0, 1e-5, "preparation", PAGE) for tau in DRIFT_S
+    ]
+
+
+class RestProblem(PartProblem, adds="rest found bins time_s axes names"):
     """Problem of the tracing core about one record."""
 
-    linear_in = frozenset()
-    library = ()
     most_laws = 6
 
     def __init__(self, rest, found=()):
@@ -109,148 +143,86 @@ class RestProblem:
         size = samples // CHUNKS
         self.bins = Bins(size, rest.rate_hz)
         self.time_s = (np.arange(CHUNKS) + 0.5) * size / rest.rate_hz
-        self._chunks = [
+        chunks = [
             np.concatenate([self.bins.log_spectrum(x[k * size : (k + 1) * size, a]) for a in range(self.axes)])
             for k in range(CHUNKS)
         ]
-        self.stretch_s = size / MEANS / rest.rate_hz
-        per = size // MEANS
+        per, self._cut = size // MEANS, MEANS * CHOOSE
         means = x[: per * MEANS * CHUNKS].reshape(MEANS * CHUNKS, per, self.axes).mean(axis=1).T
         steps = np.diff(means, axis=1)
-        cut = MEANS * CHOOSE
         self._mean_s = (np.arange(MEANS * CHUNKS) + 0.5) * per / rest.rate_hz
-        self._cut = cut
-        self._steps = [steps[:, : cut - 1].ravel(), steps[:, cut:].ravel()]
-        self._walk = bias_noise(steps[:, : cut - 1], self.stretch_s)
+        self._data = [*chunks, steps[:, : self._cut - 1].ravel(), steps[:, self._cut :].ravel()]
         self.name = f"gyroscope at rest, {self.axes} axes"
         self.hashes = {"file": rest.sha256}
+        self._segment(bias_noise(steps[:, : self._cut - 1]))
         self._build()
 
-    def _build(self):
+    def _segment(self, walks):
+        """Segments and their noise: chunks of spectra, and the bias steps of the chosen and the judged ones."""
         n = len(self.bins.hz)
-        level = [np.median([c[a * n : (a + 1) * n] for c in self._chunks]) for a in range(self.axes)]
-        self.nuisances, laws = [], []
-        for a, axis in enumerate(self.names):
-            density = 10 ** (level[a] / 10)
-            self.nuisances += [
-                Nuisance(f"{axis} white", "dB", float(level[a]), 10.0, 0.01),
-                Nuisance(f"{axis} overlap", "1", 0.0, 0.3, 0.001),
-                Nuisance(f"{axis} flicker", "(deg/s)^2", 1e-2 * density, 0.05 * density, 1e-4 * density),
-            ]
-            grid = np.geomspace(
-                LOWEST_HZ,
-                0.45 * self.bins.rate_hz,
-                1 + int(np.log(0.45 * self.bins.rate_hz / LOWEST_HZ) / np.log(GRID)),
-            )
-            for f0 in grid:
-                power = density * f0 * 0.5
-                laws.append(
-                    Law(
-                        f"{axis}: vibration {f0:.3g} Hz",
-                        "rate",
-                        "narrow-band motion or noise about the axis",
-                        "(deg/s)^2",
-                        power,
-                        1,
-                        power * 1e-4,
-                        "preparation",
-                        PAGE,
-                    )
-                )
-            laws.append(
-                Law(
-                    f"{axis}: walk",
-                    "rate",
-                    "random walk of the bias",
-                    "(deg/s)^2 Hz",
-                    density * 1e-3,
-                    1,
-                    density * 1e-7,
-                    "plant",
-                    PAGE,
-                )
-            )
-            for tau in WARM_S:
-                laws.append(
-                    Law(f"{axis}: warm-up {tau:g} s", "rate", "bias warms up", "deg/s", 0.1, 0, 1e-3, "plant", PAGE)
-                )
-        self._line_at = {}
-        for law in laws:
-            if ": vibration " in law.name:
-                self._line_at[law.name] = float(law.name.split()[-2])
-        for name in self.found:
-            law = next((item for item in laws if item.name == name), None)
-            if law is None or " settling in " in name:
-                continue
-            self.nuisances.append(Nuisance(name, law.unit, 0.1 * law.scale, 3 * law.scale, law.scale * 1e-4))
-            if name in self._line_at:
-                f0 = self._line_at[name]
-                self.nuisances.append(Nuisance(f"{name} frequency", "1", 0.0, 0.04, 1e-5))
-                self.nuisances.append(Nuisance(f"{name} log quality", "1", float(np.log(Q_LOOKED_FOR)), 0.7, 1e-4))
-                for tau in DRIFT_S:
-                    words = "its frequency settles behind the start"
-                    laws.append(
-                        Law(f"{name} settling in {tau:g} s", "rate", words, "1", 0.1, 0, 1e-5, "preparation", PAGE)
-                    )
-        known = {law.name: law for law in laws}
-        for name in self.found:
-            if " settling in " in name:
-                law = known[name]
-                self.nuisances.append(Nuisance(name, law.unit, 0.0, 3 * law.scale, 1e-5))
-        # neighbours of a vibration that is part of the model are the same one
-        near = [(name.split(":")[0], self._line_at[name]) for name in self.found if name in self._line_at]
-        self.laws = tuple(
-            law
-            for law in laws
-            if law.name not in self.found
-            and not any(
-                law.name in self._line_at
-                and law.name.startswith(axis + ":")
-                and abs(np.log(self._line_at[law.name] / f0)) < 0.2
-                for axis, f0 in near
-            )
-        )
-        self.nuisances = tuple(self.nuisances)
         seen = tuple(
             Observable(f"spectrum {axis}", "dB", slice(a * n, (a + 1) * n)) for a, axis in enumerate(self.names)
         )
-        self.segments, self._noise = [], []
+        segments, self._noise = [], []
         for k in range(CHUNKS):
-            role = "fit" if k < CHOOSE else "validate"
-            self.segments.append(
-                Segment(f"chunk {k + 1}", {"time_s": float(self.time_s[k])}, f"chunk {k + 1}", 0, role, seen)
-            )
+            name, role = f"chunk {k + 1}", "fit" if k < CHOOSE else "validate"
+            segments.append(Segment(name, {"time_s": float(self.time_s[k])}, name, 0, role, seen))
             self._noise.append(LogChi2(np.tile(self.bins.dof, self.axes)))
-        for k, role in enumerate(("fit", "validate")):
-            m = len(self._steps[k]) // self.axes
-            seen_bias = tuple(
+        for steps, role in zip(self._data[CHUNKS:], ("fit", "validate")):
+            m = len(steps) // self.axes
+            seen = tuple(
                 Observable(f"bias step {axis}", "deg/s", slice(a * m, (a + 1) * m)) for a, axis in enumerate(self.names)
             )
-            covariance = np.zeros((self.axes * m, self.axes * m))
-            for a, (white, walk) in enumerate(self._walk):
-                block = (2 * white + walk) * np.eye(m) - white * (np.eye(m, k=1) + np.eye(m, k=-1))
-                covariance[a * m : (a + 1) * m, a * m : (a + 1) * m] = block
-            self.segments.append(Segment(f"bias {role}", {}, f"bias {role}", 0, role, seen_bias))
-            self._noise.append(Dense(covariance))
-        self.segments = tuple(self.segments)
-        self._data = [*self._chunks, *self._steps]
+            near = np.eye(m, k=1) + np.eye(m, k=-1)
+            blocks = [(2 * white + walk) * np.eye(m) - white * near for white, walk in walks]
+            segments.append(Segment(f"bias {role}", {}, f"bias {role}", 0, role, seen))
+            self._noise.append(Dense(block_diag(*blocks)))
+        self.segments = tuple(segments)
+
+    def _build(self):
+        """Nuisances and laws, those of `found` among the nuisances."""
+        n, nuisances, laws = len(self.bins.hz), [], []
+        for a, axis in enumerate(self.names):
+            level = np.median([c[a * n : (a + 1) * n] for c in self._data[:CHUNKS]])
+            density = 10 ** (level / 10)
+            nuisances += _base(axis, level, density)
+            laws += _laws(axis, density, self.bins.rate_hz)
+        known = {law.name: law for law in laws}
+        self._line_at = {name: float(name.split()[-2]) for name in known if ": vibration " in name}
+        for law in (known[name] for name in self.found if name in known):
+            nuisances.append(Nuisance(law.name, law.unit, 0.1 * law.scale, 3 * law.scale, law.scale * 1e-4))
+            if law.name in self._line_at:
+                quality = float(np.log(Q_LOOKED_FOR))
+                nuisances.append(Nuisance(f"{law.name} frequency", "1", 0.0, 0.04, 1e-5))
+                nuisances.append(Nuisance(f"{law.name} log quality", "1", quality, 0.7, 1e-4))
+                laws += _settling(law.name)
+        settling = {law.name: law for law in laws[len(known) :]}
+        for law in (settling[name] for name in self.found if name in settling):
+            nuisances.append(Nuisance(law.name, law.unit, 0.0, 3 * law.scale, 1e-5))
+        self.nuisances = tuple(nuisances)
+        self.laws = tuple(law for law in laws if law.name not in self.found and not self._is_a_found_line(law.name))
         self._index = {n.name: i for i, n in enumerate(self.nuisances)}
+
+    def _is_a_found_line(self, name):
+        """True for a neighbour of a vibration that is part of the model: it is the same one."""
+        if name not in self._line_at:
+            return False
+        mine = [n for n in self.found if n in self._line_at and n.split(":")[0] == name.split(":")[0]]
+        return any(abs(np.log(self._line_at[name] / self._line_at[n])) < 0.2 for n in mine)
 
     def more_of(self, law):
         """Frequency and quality of a vibration that is part of the model, and how it settles."""
         return [n.name for n in self.nuisances if law in self._line_at and n.name.startswith(f"{law} ")]
 
     def absorbed(self, names):
-        """The problem in which these laws are part of the model."""
-        return RestProblem.rebuilt(self, names)
+        return self._again(names, self._data)
 
-    @classmethod
-    def rebuilt(cls, other, names, data=None):
-        made = cls.__new__(cls)
-        made.__dict__.update(other.__dict__)
-        made.found = tuple(names)
-        if data is not None:
-            made._chunks, made._steps = data[:CHUNKS], data[CHUNKS:]
+    def with_data(self, data):
+        return self._again(self.found, data)
+
+    def _again(self, found, data):
+        made = copy.copy(self)
+        made.found, made._data = tuple(found), list(data)
         made._build()
         return made
 
@@ -261,10 +233,6 @@ class RestProblem:
         hz = self._line_at[name] * (1 + values[f"{name} frequency"])
         quality = float(np.exp(values[f"{name} log quality"]))
         return {"hz": hz, "quality": quality, "text": f"narrow band, settles at {hz:.3g} Hz, quality {quality:.2g}"}
-
-    def with_data(self, data):
-        """The same record's shape with other features: for simulated recordings."""
-        return RestProblem.rebuilt(self, self.found, list(data))
 
     def axis(self, segment, observable):
         """Abscissa of an observable's rows, for pictures."""
@@ -319,8 +287,7 @@ class RestProblem:
         return self._noise[k].draw(rng)
 
     def floor(self, k):
-        sd = self._noise[k].sd
-        return {o.name: float(np.sqrt(np.mean(sd[o.rows] ** 2))) for o in self.segments[k].observables}
+        return floor_of(self._noise[k], self.segments[k])
 
 
 def jobs(paths):

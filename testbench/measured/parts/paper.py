@@ -29,7 +29,7 @@ def jobs(paths):
     return [("the paper's numbers", [p, *[q for q in paths if q != p]], {}) for p in lists]
 
 
-def whole(paths, options):
+def report(paths, options):
     """(JSON, "") of a list of the paper's numbers; None if the first file is none."""
     if not paths or not looks_like(paths[0]):
         return None

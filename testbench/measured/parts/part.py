@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from testbench.measured.models.part_problem import PartProblem
 from testbench.tracing.problem.problem import Observable, PredictionFailed, Segment
 
 
@@ -30,14 +31,23 @@ class Piece(NamedTuple):
     condition: dict
 
 
-class Part:
-    """Base of the problems of parts. A subclass gives `model(piece, values, effects, local)` and `locate(..)`."""
+MEMBERS = "unit observable f_ref_hz working working_at all_pieces pieces notes exam abscissa where repeatability named"
+
+
+class Part(PartProblem, adds=f"{MEMBERS} model locate whole simulated"):
+    """Base of the problems of parts. A subclass gives `model` and `locate`."""
 
     unit, observable = "", "residual"
-    library, linear_in = (), frozenset()
     heldout_by = "group"
-    laws_at_most = 3
     working = None  # working.Working
+
+    def model(self, piece, values, effects, local):
+        """All rows of a piece for nuisances {name: value}, laws {name: coefficient} and its local unknowns."""
+        raise NotImplementedError
+
+    def locate(self, piece, values, effects):
+        """Local unknowns of a piece; None: it has none."""
+        return None
 
     def working_at(self, values):
         """`Working` of the part at fitted nuisances {name: value}."""
@@ -68,12 +78,6 @@ class Part:
         other.hashes = self.hashes | {"shown": "exam"}
         other._show("exam")
         return other
-
-    def report(self, settings=None, progress=None):
-        """(JSON, picture) of the whole."""
-        from testbench.measured.exam import exam
-
-        return exam.report(self, settings, progress)
 
     def axis(self, segment, observable):
         """(abscissa of the scored rows, its label) of a segment, judged or examined."""

@@ -136,11 +136,11 @@ def _laws(steps_seen, g, width_hz, level):
     return laws
 
 
-class SweptResonator(Part):
+class SweptResonator(Part, adds="offset response any_waveform"):
     """The problem; `Piece.data` is a `Sweep`, rows are real parts, then imaginary parts, in 1e-3."""
 
     unit, observable = "1e-3", "s21"
-    laws_at_most = 5
+    most_laws = 5
 
     def _columns(self, piece, f0, g, effects):
         a = envelope(piece.data.f_hz, f0, g, effects) * g / 2

@@ -48,9 +48,6 @@ class ThermalSpectrum(Part):
 
     unit, observable = "dB", "power"
 
-    def locate(self, piece, values, effects):
-        return None
-
     def model(self, piece, values, effects, local):
         f0, w = self.f_ref_hz + values["f0"], float(np.exp(values["ln_w"]))
         return power_dbm(piece.data, values["peak"], f0, w, values["background"], effects)

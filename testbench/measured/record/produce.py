@@ -74,13 +74,6 @@ def _ticks(seconds):
     return max(1, round(seconds * TICK_HZ / FRAME_TICKS)) * FRAME_TICKS
 
 
-def _to_frame(board, rate, temp):
-    """Go on to the next frame boundary."""
-    left = -board.tick % FRAME_TICKS
-    if left:
-        board.advance(left, rate, temp)
-
-
 class Sitting:
     """One power-on of the board: a condition in one of its sittings."""
 

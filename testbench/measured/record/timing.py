@@ -16,7 +16,7 @@ from testbench.run import build
 
 def valid_edges(config, count):
     """(count,) edges at which conversions 0 .. count - 1 after power-on are valid."""
-    part = build._adc(config, config.device(), 0.0)
+    part = build.adc_part(config, config.device(), 0.0)
     clock = adc.reset(part).clock
     ready = getattr(adc.clocks_to_ready, "py_func", adc.clocks_to_ready)
     return np.array([int(ready(part, clock, m)) + VALID_CLOCKS for m in range(count)], np.int64)

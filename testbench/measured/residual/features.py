@@ -46,9 +46,9 @@ def physical(name, raw, lsb_v):
     return (values * lsb_v) ** 2 if name == "v_q2" else values * lsb_v
 
 
-def bins(frames):
-    """First frames of the bins of a segment, and its end: FIRST_BIN, then twice as many each."""
-    edges, width = [0], FIRST_BIN
+def bins(frames, width=FIRST_BIN):
+    """First frames of the bins of a segment, and its end: `width`, then twice as many each."""
+    edges = [0]
     while edges[-1] + width < frames:
         edges.append(edges[-1] + width)
         width *= 2
@@ -58,17 +58,19 @@ def bins(frames):
     return np.array([*edges, frames])
 
 
+def means(values, edges):
+    """Means over bins, about the first value, so that a mean of a million large numbers keeps its digits."""
+    return np.add.reduceat(values - values[0], edges[:-1]) / np.diff(edges) + values[0]
+
+
 def features(streams, lsb_v, names, first, frames):
     """(observables, bins) means over the bins of frames first .. first + frames - 1.
 
     streams  {stream: codes of each frame};  lsb_v  {stream: volts per code}
     """
-    edges = bins(frames)
-    widths = np.diff(edges)
-    out = np.empty((len(names), len(widths)))
-    for k, name in enumerate(names):
+    out = []
+    for name in names:
         stream = OBSERVABLES[name].stream
         values = physical(name, streams[stream][first : first + frames], lsb_v.get(stream, 1.0))
-        # about their first value, so that a mean of a million large numbers keeps its digits
-        out[k] = np.add.reduceat(values - values[0], edges[:-1]) / widths + values[0]
-    return out
+        out.append(means(values, bins(frames)))
+    return np.array(out)

@@ -67,13 +67,13 @@ class Rows:
 class Bench:
     """One powered board.
 
-    config      what the board is; the procedure on the bench does not look into it
-    engine_run  an engine, by name or its `run`, instead of that of the configuration
+    config  what the board is; the procedure on the bench does not look into it
+    engine  name of an engine instead of that of the configuration
     Raises ConfigError if the board does not lock.
     """
 
-    def __init__(self, config, rate_dps=0.0, temp_degc=25.0, engine_run=None):
-        self._sim = Simulation(config, temp_degc, temp_degc, engine=engine_run)
+    def __init__(self, config, rate_dps=0.0, temp_degc=25.0, engine=None):
+        self._sim = Simulation(config, temp_degc, temp_degc, engine=engine)
         self._sim.keep_codes = self._sim.keep_rows = False
         self.rate_dps, self.temp_degc = rate_dps, temp_degc
         self.offset_codes = self._offsets(config)

@@ -199,22 +199,13 @@ def minimum(bench):
     """psi by the minimum of A_d over turned drive references; `Estimate`. FTR and QSC are fixed meanwhile."""
     _fix_sense(bench, 2.0)
     levels, turns, at = [], [], 0.0
-    order = (*SCAN_DEG, *reversed(SCAN_DEG))
-    for turn in order:
-        while abs(turn - at) > 1e-9:  # the loop holds steps well below its 30 deg limit
-            step = math.copysign(min(abs(turn - at), 12.0), turn - at)
-            bench.advance_phase_deg("phase_drive_ref", step)
-            bench.wait(0.5)
-            at += step
+    for turn in (*SCAN_DEG, *reversed(SCAN_DEG)):
+        at = _stepped(bench, at, turn)
         bench.wait(SETTLE_S - 0.5)
         rows = bench.stamped(SCAN_S)
         levels.append(math.log(rows.mean("amplitude_word")))
         turns.append(turn - late(bench, rows, np.ones(len(rows))).deg)
-    while abs(at) > 1e-9:
-        step = math.copysign(min(abs(at), 12.0), -at)
-        bench.advance_phase_deg("phase_drive_ref", step)
-        bench.wait(0.5)
-        at += step
+    _stepped(bench, at, 0.0)
     bench.set_control(0)
     bench.wait(SETTLE_S)
     # ln A_d = c - ln cos(psi + turn): linear in tan(psi) once the known cosine is taken out
@@ -232,6 +223,16 @@ def minimum(bench):
     sd = math.sqrt(residual @ residual / freedom * np.linalg.inv(basis.T @ basis)[1, 1])
     k = float(stats.t.ppf((1 + COVERAGE) / 2, freedom))
     return Estimate(math.degrees(math.atan(slope)) + offset_deg(bench), math.degrees(k * sd))
+
+
+def _stepped(bench, at, turn):
+    """Turn the drive references from `at` to `turn` (deg) in steps well below the loop's limit of 30 deg."""
+    while abs(turn - at) > 1e-9:
+        step = math.copysign(min(abs(turn - at), 12.0), turn - at)
+        bench.advance_phase_deg("phase_drive_ref", step)
+        bench.wait(0.5)
+        at += step
+    return at
 
 
 def _fix_sense(bench, seconds):
@@ -284,12 +285,7 @@ def chop(bench, turns_deg=CHOP_TURNS_DEG):
     x stands on the drive's references, y is read by the sense's: the lateness of both counts, only while V_q is 0.
     y rings after each chop. Where a line of lateness meets the ring the mean of the codes is off: `rung`.
     """
-    rows = bench.record(NULL_S)
-    word = round(rows.mean("rate_word"))
-    u = round(float(np.mean(rows["quadrature_code"].astype(float) + 0.5)) ** 2)
-    bench.write("rate_fixed", word)
-    bench.write("quadrature_fixed", u)
-    bench.set_control(sequencer.FIX_FTR | sequencer.FIX_QSC)
+    word, u = _fix_sense(bench, NULL_S)
     turned, angles, left, opened, closed, rings = Turned(bench), [], [], [], [], []
     for turn in turns_deg:
         turned.to(turn)

@@ -1,11 +1,10 @@
 """`gyro calibrate`: the procedure on one board or on many, judged by the truth that it was not shown.
 
-Boards go through it side by side, eight to a kernel. For each: register words, cases 1 to 5, what remains of the four
+For each board: register words, cases 1 to 5, what remains of the four
 loop phases (truth), its uncertainty (the procedure's own), and what a second pass would have moved.
 Source    docs/paper.md
 """
 
-import functools
 import math
 from pathlib import Path
 
@@ -14,16 +13,14 @@ from testbench import config as configuration
 from testbench.paper.calibration import boards
 from testbench.paper.calibration.bench import Bench, Judge
 from testbench.paper.calibration.calibrate import NODES, REGISTER, calibrate
-from testbench.run import side_by_side
 from testbench.storage.files import write_text
 
 PAPER_LEVEL_DEG, TARGET_DEG = 0.012, 0.002
-TOGETHER = 8
 
 
-def one(config, temp_degc, compare, say, engine_run=None):
+def one(config, temp_degc, compare, say, engine=None):
     """Calibrate one board; the dict that `--json` prints of it."""
-    bench = Bench(config, 0.0, temp_degc, engine_run)
+    bench = Bench(config, 0.0, temp_degc, engine)
     done = calibrate(bench, compare, say)
     truth = Judge(bench).residuals()
     words = bench.phases_deg()
@@ -54,31 +51,18 @@ def one(config, temp_degc, compare, say, engine_run=None):
 def many(base, count, seed, temp_degc=25.0, compare=False, progress=None, engine=None):
     """[dict, ...] of `count` boards: the base itself if it is one without a seed, else drawn from the spreads.
 
-    engine  name of an engine that runs them one by one; None: side by side in lanes, with the exact bits
+    engine  name of an engine instead of that of the configuration
     """
     configs = [base] if count == 1 and seed is None else boards.draws(base, 0 if seed is None else seed, count)
     out = []
-    for k in range(0, len(configs), TOGETHER):
-        group = configs[k : k + TOGETHER]
-        if progress:
-            progress(f"boards from {k + 1}", k, len(configs))
+    for number, config in enumerate(configs):
 
-        label = f"boards {k + 1} to {k + len(group)}"
-
-        def say(step, label=label, first=k):
+        def say(step, number=number):
             if progress:
-                progress(f"{label}: {step}", first, len(configs))
+                progress(f"board {number + 1}: {step}", number, len(configs))
 
-        if engine or len(group) == 1:
-            results = [one(config, temp_degc, compare, say, engine) for config in group]
-        else:
-            works = [functools.partial(one, config, temp_degc, compare, say) for config in group]
-            results = side_by_side.play(works)
-        for number, result in enumerate(results, k):
-            if isinstance(result, BaseException):
-                raise result
-            result["board"] = number
-        out += results
+        say("start")
+        out.append(one(config, temp_degc, compare, say, engine) | {"board": number})
     return out
 
 

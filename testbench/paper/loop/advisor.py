@@ -89,7 +89,7 @@ def _margin(make, up):
 def _crossings(a, word_in, word):
     def ratio(hz):
         z = np.exp(2j * math.pi * np.atleast_1d(hz) * FRAME_S)
-        return -lp._resolvent(a, z, word_in) @ word
+        return -lp.resolvent(a, z, word_in) @ word
 
     grid = _fine_grid(a)
     values = ratio(grid)

@@ -1,7 +1,7 @@
-"""The simulated loop beside the linear one: rate profiles for several gyroscopes side by side, words of 8 kHz back.
+"""The simulated loop beside the linear one: rate profiles for gyroscopes, words of 8 kHz back.
 
     multisine   sum of A_i sin(2 pi f_i t + phi_i), all f_i multiples of 1/window, read by least squares over the window
-    played      each gyroscope from power-on to lock, then its profile, in the lanes engine
+    played      each gyroscope from power-on to lock, then its profile
     exchanged   a locked gyroscope goes on with other parts or another register: what is unstable would never lock
 Source    docs/loop.md
 """
@@ -13,7 +13,7 @@ import numpy as np
 
 from fpga_model.rates import FRAME_HZ, FRAME_TICKS, TICK_HZ
 from testbench.errors import ConfigError
-from testbench.run import side_by_side, simulate
+from testbench.run import simulate
 from testbench.run.simulation import Simulation
 
 DEG = math.pi / 180
@@ -29,10 +29,10 @@ class Played(NamedTuple):
     locked: bool
 
 
-def _play(config, rate_dps, engine_run):
+def _play(config, rate_dps):
     temp = config.scenario.temperature_degc
     temp_degc = temp if isinstance(temp, (int, float)) else temp[0][1]
-    sim = Simulation(config, temp_degc, temp_degc, engine=engine_run)
+    sim = Simulation(config, temp_degc, temp_degc)
     sim.keep_codes = sim.keep_rows = False
     if simulate.start(config, sim, float(rate_dps[0]) * DEG, temp_degc) is None:
         raise ConfigError("the gyroscope did not lock")
@@ -45,9 +45,8 @@ def _play(config, rate_dps, engine_run):
 
 
 def played(configs, profiles_dps):
-    """`Played` of each gyroscope, or the exception it ended with; profiles are deg/s per frame of 125 us."""
-    works = [lambda run, c=c, r=r: _play(c, np.asarray(r, float), run) for c, r in zip(configs, profiles_dps)]
-    return side_by_side.play(works)
+    """[`Played`, ...]; profiles are deg/s per frame of 125 us. ConfigError if a gyroscope does not lock."""
+    return [_play(c, np.asarray(r, float)) for c, r in zip(configs, profiles_dps)]
 
 
 def multisine(lines_hz=LINES_HZ, line_dps=LINE_DPS, settle_s=SETTLE_S, window_s=WINDOW_S, seed=1):

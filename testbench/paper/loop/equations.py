@@ -28,10 +28,18 @@ class Mode(NamedTuple):
     q: float
 
 
-def equation_of_motion(position, velocity, force, x: Mode, y: Mode, m_c, omega_z, k_xy=0.0, d_xy=0.0):
-    """(1) accelerations (m/s^2) of the two modes.
+class Coupling(NamedTuple):
+    """What turns x into a force on y: Coriolis mass (kg), rate (rad/s), stiffness (N/m), damping (N s/m)."""
 
-    position, velocity, force  pairs (x, y) in m, m/s, N;  omega_z rad/s;  k_xy N/m;  d_xy N s/m
+    m_c: float
+    omega_z: float = 0.0
+    k_xy: float = 0.0
+    d_xy: float = 0.0
+
+
+def equation_of_motion(position, velocity, force, x: Mode, y: Mode, c: Coupling):
+    """(1) accelerations (m/s^2) of the two modes; position, velocity, force are pairs (x, y) in m, m/s, N.
+
     m q'' + d q' + k q + [0 k_xy; k_xy 0] q + [0 d_xy; d_xy 0] q' + 2 m_c Omega [0 -1; 1 0] q' = F
     """
     q, v, f = np.asarray(position), np.asarray(velocity), np.asarray(force)
@@ -39,7 +47,7 @@ def equation_of_motion(position, velocity, force, x: Mode, y: Mode, m_c, omega_z
     turn = np.array([[0.0, -1.0], [1.0, 0.0]])
     mass = np.array([x.m, y.m])
     own = np.array([x.w, y.w]) ** 2 * q + np.array([x.w / x.q, y.w / y.q]) * v
-    return (f - k_xy * swap @ q - d_xy * swap @ v - 2 * m_c * omega_z * turn @ v) / mass - own
+    return (f - c.k_xy * swap @ q - c.d_xy * swap @ v - 2 * c.m_c * c.omega_z * turn @ v) / mass - own
 
 
 def _amplitude(force_n, mode: Mode, w_d):
@@ -66,17 +74,17 @@ def drive_response(t, a_d_n, x: Mode, w_d):
     return _amplitude(a_d_n, x, w_d) * np.sin(w_d * t + phase_drive(x, w_d))
 
 
-def sense_response(t, a_x, omega_z, m_c, y: Mode, w_d, k_xy=0.0):
+def sense_response(t, a_x, y: Mode, w_d, c: Coupling):
     """(3) y(t) (m), open loop, for x = -A_x cos(w_d t): Coriolis and quadrature force through the sense mode."""
     angle = w_d * t + phase_sense(y, w_d)
-    coriolis = _amplitude(-2 * m_c * omega_z * a_x * w_d, y, w_d)
-    return coriolis * np.sin(angle) + _amplitude(k_xy * a_x, y, w_d) * np.cos(angle)
+    coriolis = _amplitude(-2 * c.m_c * c.omega_z * a_x * w_d, y, w_d)
+    return coriolis * np.sin(angle) + _amplitude(c.k_xy * a_x, y, w_d) * np.cos(angle)
 
 
-def sense_force(t, v_c, phi_ye1, a_x, omega_z, m_c, k_vf, w_d, k_xy=0.0):
+def sense_force(t, v_c, phi_ye1, k_vf, a_x, w_d, c: Coupling):
     """(6) force on y (N): -2 m_c Omega A_x w sin + k_xy A_x cos + V_c k_vf sin(w t + phi_ye1)."""
     angle = w_d * t
-    own = -2 * m_c * omega_z * a_x * w_d * np.sin(angle) + k_xy * a_x * np.cos(angle)
+    own = -2 * c.m_c * c.omega_z * a_x * w_d * np.sin(angle) + c.k_xy * a_x * np.cos(angle)
     return own + v_c * k_vf * np.sin(angle + phi_ye1)
 
 

@@ -201,10 +201,10 @@ def response(loop: Loop, f_hz, column=RATE):
     The input is a staircase, constant over each frame at its value in the middle: what an engine is told.
     """
     z = np.exp(2j * math.pi * np.atleast_1d(f_hz) * FRAME_S)
-    return _resolvent(loop.a, z, loop.b[:, column]) @ loop.row * np.sqrt(z)
+    return resolvent(loop.a, z, loop.b[:, column]) @ loop.row * np.sqrt(z)
 
 
-def _resolvent(a, z, column):
+def resolvent(a, z, column):
     """(z - A)^-1 column of many frequencies, (frequencies, n)."""
     right = np.broadcast_to(column[:, None], (len(z), len(a), 1))
     return np.linalg.solve(z[:, None, None] * np.eye(len(a)) - a, right)[:, :, 0]
@@ -214,7 +214,7 @@ def return_ratio(p: Parts, f_hz, qsc=1.0):
     """L of the FTR loop, broken at the word with the quadrature loop closed; the distance to L = -1 is the margin."""
     a, _, _, _, word_in, word = assemble(frame(p), gains(p), 1.0, qsc, broken=True)
     z = np.exp(2j * math.pi * np.atleast_1d(f_hz) * FRAME_S)
-    return -_resolvent(a, z, word_in) @ word
+    return -resolvent(a, z, word_in) @ word
 
 
 class Pole(NamedTuple):

@@ -8,30 +8,27 @@ from typing import Annotated
 
 import typer
 
+from testbench.console.options import ConfigFile, Json, Sets, load, overrides
 from testbench.console.progress import Progress
 from testbench.console.show import print_json, print_list, print_tables
 from testbench.errors import ConfigError
 
 
 def loop(
-    config: Annotated[Path | None, typer.Option("--config", "-c", metavar="FILE", help="TOML configuration.")] = None,
-    sets: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="One value, such as plant.sid_c_f=80e-9; may be repeated."),
-    ] = None,
+    config: ConfigFile = None,
+    sets: Sets = None,
     simulate: Annotated[
         bool, typer.Option("--simulate", help="Play a multisine and a step through the engine, and compare.")
     ] = False,
     report: Annotated[
         Path | None, typer.Option("--report", metavar="DIR", help="Write loop.html: pictures, maps, sensitivities.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
+    as_json: Json = False,
 ):
     """Advise on the force-to-rebalance loop: margins, peak, bandwidth, ring, rounding, and what to mind."""
-    from testbench.config import load
     from testbench.run import outputs
 
-    checked = load(config, sets or ())
+    checked = load(config, overrides(sets))
     if report is not None:
         outputs.check_folder(report)
     with Progress(quiet=as_json) as progress:

@@ -15,7 +15,8 @@ from testbench.paper.loop import advisor, confirm, limit_cycles, notch, sensitiv
 from testbench.paper.loop import loop as lp
 
 
-def _axes(title, height_in, rows=1, columns=1, **grid):
+def axes_of(title, height_in, rows=1, columns=1, **grid):
+    """(figure, axes) 1200 pixels wide, axes as an array of rows and columns."""
     figure = Figure(figsize=(WIDTH_IN, height_in), dpi=DPI, layout="constrained", facecolor="white")
     axes = figure.subplots(rows, columns, squeeze=False, **grid)
     figure.suptitle(title, fontsize=FONT["title"], x=0.01, ha="left", fontweight="bold")
@@ -27,7 +28,8 @@ def _axes(title, height_in, rows=1, columns=1, **grid):
     return figure, axes
 
 
-def _label(axis, x="", y="", legend=None):
+def name_axes(axis, x="", y="", legend=None):
+    """Names of both axes, and the legend at a place."""
     axis.set_xlabel(x, fontsize=FONT["label"])
     axis.set_ylabel(y, fontsize=FONT["label"])
     if legend:
@@ -44,7 +46,7 @@ def bode(p, advice):
     """Open loop L at the force word: magnitude and phase, crossings marked."""
     f = np.unique(np.concatenate([np.geomspace(0.3, 1000, 700), p.split_hz + np.linspace(-6, 6, 1201)]))
     values = lp.return_ratio(p, f)
-    figure, axes = _axes("Open loop, broken at the force word", 7.5, 2, sharex=True)
+    figure, axes = axes_of("Open loop, broken at the force word", 7.5, 2, sharex=True)
     top, bottom = axes[:, 0]
     top.semilogx(f, 20 * np.log10(np.abs(values)), color=BLUE, linewidth=1.6, label="|L|")
     top.axhline(0, color=GREY, linewidth=1)
@@ -66,8 +68,8 @@ def bode(p, advice):
             ha="right",
             fontsize=FONT["small"],
         )
-    _label(top, y="magnitude (dB)", legend="upper right")
-    _label(bottom, "frequency (Hz)", "phase (deg)", "lower left")
+    name_axes(top, y="magnitude (dB)", legend="upper right")
+    name_axes(bottom, "frequency (Hz)", "phase (deg)", "lower left")
     return figure
 
 
@@ -77,7 +79,7 @@ def closed(p, simulated=None):
     dc = advisor.rest_gain(loop)
     f = np.unique(np.concatenate([np.geomspace(0.5, 400, 500), p.split_hz + np.linspace(-4, 4, 401)]))
     values = lp.response(loop, f) / dc
-    figure, axes = _axes("Closed loop: recorded word per rate", 9.0, 3 if simulated is not None else 2)
+    figure, axes = axes_of("Closed loop: recorded word per rate", 9.0, 3 if simulated is not None else 2)
     top, middle = axes[0, 0], axes[1, 0]
     top.semilogx(f, 20 * np.log10(np.abs(values)), color=BLUE, linewidth=1.6, label="analysis")
     middle.semilogx(f, _lags(values), color=BLUE, linewidth=1.6, label="analysis")
@@ -92,9 +94,9 @@ def closed(p, simulated=None):
         under.semilogx(lines, 20 * np.log10(np.abs(ratio)), "o-", color=BLUE, label="magnitude (dB)")
         under.semilogx(lines, np.degrees(np.angle(ratio)), "s--", color=VERMILION, label="phase (deg)")
         under.set_xlim(top.get_xlim())
-        _label(under, "frequency (Hz)", "simulated less analysis\n(dB, deg)", "upper left")
-    _label(top, y="magnitude (dB)", legend="lower left")
-    _label(middle, "frequency (Hz)" if simulated is None else "", "phase (deg)", "lower left")
+        name_axes(under, "frequency (Hz)", "simulated less analysis\n(dB, deg)", "upper left")
+    name_axes(top, y="magnitude (dB)", legend="lower left")
+    name_axes(middle, "frequency (Hz)" if simulated is None else "", "phase (deg)", "lower left")
     return figure
 
 
@@ -102,7 +104,7 @@ def step(p, simulated=None, width_hz=20.0):
     """Rate step: the word with and without a notch, and the ring enlarged; `simulated` is (time s, words per final)."""
     time_s, words = notch.step_words(p)
     effect = notch.effect(p, width_hz)
-    figure, axes = _axes("Rate step: the ring at the split, and a notch in the rate output", 7.5, 2)
+    figure, axes = axes_of("Rate step: the ring at the split, and a notch in the rate output", 7.5, 2)
     for axis in axes[:, 0]:
         axis.plot(time_s, words, color=BLUE, linewidth=1.3, label="analysis")
         if effect:
@@ -114,14 +116,14 @@ def step(p, simulated=None, width_hz=20.0):
     axes[0, 0].set_xlim(-0.01, 0.4)
     axes[1, 0].set_xlim(0.1, 1.0)
     axes[1, 0].set_ylim(0.98, 1.02)
-    _label(axes[0, 0], y="word per final word", legend="lower right")
-    _label(axes[1, 0], "time from the step (s)", "enlarged", "upper right")
+    name_axes(axes[0, 0], y="word per final word", legend="lower right")
+    name_axes(axes[1, 0], "time from the step (s)", "enlarged", "upper right")
     return figure
 
 
 def phase_influence(p, ye1_deg=(-9, 0, 9), ye2_deg=(-6, 0, 6)):
     """Closed loop over both phase errors of the sense path: bandwidth, and response against the one without."""
-    figure, axes = _axes("Both phase errors of the sense path", 8.0, 2)
+    figure, axes = axes_of("Both phase errors of the sense path", 8.0, 2)
     f = np.geomspace(1, 100, 200)
     base = None
     for colour, ye1 in zip((BLUE, GREY, VERMILION), ye1_deg):
@@ -136,15 +138,15 @@ def phase_influence(p, ye1_deg=(-9, 0, 9), ye2_deg=(-6, 0, 6)):
             label = f"ye1 {ye1:+d}, ye2' {ye2:+d} deg: {edge:.2f} Hz"
             axes[0, 0].semilogx(f, 20 * np.log10(np.abs(values / base)), colour, linestyle=style, label=label)
             axes[1, 0].semilogx(f, np.degrees(np.angle(values / base)), colour, linestyle=style)
-    _label(axes[0, 0], y="magnitude against\nno phase error (dB)")
+    name_axes(axes[0, 0], y="magnitude against\nno phase error (dB)")
     figure.legend(loc="outside right upper", fontsize=FONT["small"], frameon=False)
-    _label(axes[1, 0], "frequency (Hz)", "phase against\nno phase error (deg)")
+    name_axes(axes[1, 0], "frequency (Hz)", "phase against\nno phase error (deg)")
     return figure
 
 
 def maps(found, here):
     """Stability maps side by side; `here` is (x, y) of the configuration in each."""
-    figure, axes = _axes("Stability: closed-loop maximum, grey where unstable", 4.6, 1, len(found))
+    figure, axes = axes_of("Stability: closed-loop maximum, grey where unstable", 4.6, 1, len(found))
     for axis, m, point in zip(axes[0], found, here):
         axis.grid(False)
         shown = np.where(np.isfinite(m.peak_db), np.clip(m.peak_db, -1, 12), np.nan)
@@ -160,7 +162,7 @@ def maps(found, here):
             ruler.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
             ruler.set_major_formatter("{x:g}")
             ruler.set_minor_formatter(NullFormatter())
-        _label(axis, "{} ({})".format(*advisor.AXES[m.x]), "{} ({})".format(*advisor.AXES[m.y]))
+        name_axes(axis, "{} ({})".format(*advisor.AXES[m.x]), "{} ({})".format(*advisor.AXES[m.y]))
     figure.colorbar(mesh, ax=list(axes[0]), label="maximum over rest (dB)")
     star = {"marker": "*", "color": "white", "markeredgecolor": "black", "markersize": 14, "linestyle": "none"}
     marks = [
@@ -174,18 +176,18 @@ def maps(found, here):
 
 def rounding(config, p):
     """Force of a rounded sine, and the quantised loops at rest without noise: this converter, and one of step 1."""
-    figure, axes = _axes("Rounding without noise", 7.5, 2)
+    figure, axes = axes_of("Rounding without noise", 7.5, 2)
     word = np.linspace(0.01, 64, 1200)
     force = np.array([limit_cycles.force_amplitude(w) for w in word])
     axes[0, 0].plot(word / 16, force / 16, color=BLUE, label="in-phase force of 20-bit codes")
     axes[0, 0].plot(word / 16, word / 16, color=GREY, linestyle="--", label="without rounding")
-    _label(axes[0, 0], "amplitude of the word (LSB of the 20-bit DAC)", "force (LSB)", "upper left")
+    name_axes(axes[0, 0], "amplitude of the word (LSB of the 20-bit DAC)", "force (LSB)", "upper left")
     for colour, step_code, style in ((BLUE, p.step_code, "-"), (VERMILION, 1.0, "-")):
         run = limit_cycles.quantised(config, 0.0, 3.0, p=p._replace(step_code=step_code))
         time_s = np.arange(len(run.word)) * lp.FRAME_S
         swing = run.word - np.median(run.word)
         axes[1, 0].plot(time_s, swing, style, color=colour, linewidth=1, label=f"converter in steps of {step_code:g}")
-    _label(axes[1, 0], "time (s)", "force word about\nits median (LSB)", "upper right")
+    name_axes(axes[1, 0], "time (s)", "force word about\nits median (LSB)", "upper right")
     return figure
 
 
@@ -195,7 +197,7 @@ def influence(table):
     values = np.where(np.abs(values) >= np.array(list(sensitivity.RESOLUTION.values())), values, 0.0)
     largest = np.max(np.abs(values), axis=0)
     shares = values / np.where(largest > 0, largest, 1.0)
-    figure, axes = _axes("What moves what: change for one step, by the largest of its column", 14.0)
+    figure, axes = axes_of("What moves what: change for one step, by the largest of its column", 14.0)
     axis = axes[0, 0]
     axis.grid(False)
     image = axis.imshow(shares, cmap="PuOr", norm=SymLogNorm(1e-3, vmin=-1, vmax=1), aspect="auto")

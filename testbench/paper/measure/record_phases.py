@@ -23,7 +23,7 @@ def record(base, phases_deg, seconds=RECORD_S, warm_up_s=WARM_UP_S, readings=12,
     values = {f"firmware.{name}_deg": value for name, value in phases_deg.items()}
     values |= {"plant.self_heating_k": SELF_HEATING_K}
     config = configuration.changed(base, values)
-    bench = Bench(config, engine_run=engine_of(config))
+    bench = Bench(config, engine=engine_of(config))
     rows = []
     for k in range(readings + 1):
         until = warm_up_s + seconds * k / readings

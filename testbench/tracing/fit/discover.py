@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from testbench.config.toml_text import toml_value
-from testbench.tracing.problem.problem import PortForce, all_laws, option
+from testbench.tracing.problem.problem import PortForce, all_laws
 
 BOOTSTRAPS, MOST_TERMS, INCLUDED = 100, 4, 0.6
 
@@ -90,8 +90,7 @@ def select(force, rng, bootstraps=BOOTSTRAPS):
 
 def forces(problem, fit, ranking):
     """`PortForce`s: the problem's own estimates, or signatures in feature space, per port of the laws."""
-    own = option(problem, "force_at")
-    found = own(fit.point.theta, fit.model.effects(fit.point)) if own is not None else None
+    found = problem.force_at(fit.point.theta, fit.model.effects(fit.point))
     if found:
         return list(found)
     laws, space = all_laws(problem), fit.model.space

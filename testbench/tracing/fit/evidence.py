@@ -60,7 +60,7 @@ def linear_gain(ranking, names, laws):
     if found is None or blind(found[2], [laws[name] for name in names]):
         return None
     fall, c, cov = found
-    scale, sign = (np.array([getattr(laws[name], what) for name in names]) for what in ("scale", "sign"))
+    scale, sign = np.array([(laws[name].scale, laws[name].sign) for name in names]).T
     return 0.5 * fall + log_coefficients(c, cov, scale, sign)
 
 

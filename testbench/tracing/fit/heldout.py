@@ -22,7 +22,6 @@ from scipy.stats import chi2 as chi2_law
 from testbench.tracing.fit.rivals import confirmation, sigma_along
 from testbench.tracing.problem.model import Model
 from testbench.tracing.problem.predictor import Failed
-from testbench.tracing.problem.problem import option
 
 BLOCKS, BOOTSTRAPS, LEVEL = 12, 2000, 0.95
 SIMULATED, NUMBERS = 1000, 20_000_000  # simulated held-out sets, and numbers drawn for them at most
@@ -106,7 +105,7 @@ def unknown(space, ask, f):
 
 def simulated(problem, space, predictions, directions, by, rng):
     """{key: (sets, models) mean squares of held-out sets of which the last prediction is the truth's best fit}."""
-    out, rows, own = {}, {}, np.sqrt(option(problem, "prediction_noise", 0.0))
+    out, rows, own = {}, {}, np.sqrt(problem.prediction_noise)
     total = sum(len(p) * len(g.members) for p, g in zip(predictions[-1], space.groups))
     count = int(np.clip(NUMBERS // max(total * len(predictions), 1), 100, SIMULATED))
     xi = rng.normal(size=(directions[0].shape[1], count))
@@ -141,7 +140,7 @@ def p_above(square, sets):
 def chi2_sets(space, root, rng):
     """chi2 / rows of simulated held-out sets: the problem's noise, Gaussian or not, and J C J' = root root'."""
     problem, parts = space.problem, []
-    own = np.sqrt(option(problem, "prediction_noise", 0.0))
+    own = np.sqrt(problem.prediction_noise)
 
     def drawn(k):
         return np.stack([problem.noise_draw(k, rng) for _ in range(CHI2_SETS)], axis=1)
@@ -187,7 +186,7 @@ def judge(problem, space, predictor, fits, by="observable", seed=0, declared=Tru
     for found in predictions:
         if isinstance(found, Failed):
             return HeldOut({}, {}, float("nan"), failed=f"held-out groups: {found.reason}")
-    view = option(problem, "heldout_view")
+    view = problem.heldout_view
     ask = predictor if view is None else view.predict
     view, seen = (problem, predictions) if view is None else (view, ask(points, space.which))
     pieces, floors, units = squares(view, space, seen, by)

@@ -6,8 +6,9 @@ Segments of one group share prediction and covariance: the core asks for the fir
 Source    docs/tracing.md
 """
 
+import difflib
 import math
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -76,37 +77,78 @@ class PortForce(NamedTuple):
     block: np.ndarray  # int (n,)
 
 
-@runtime_checkable
-class Problem(Protocol):
-    """See the module; optional members, which the core asks for by getattr, are in docs/tracing.md."""
+class Problem:
+    """What the core asks of a problem; docs/tracing.md says what each member means.
 
-    name: str
-    nuisances: tuple
-    laws: tuple
-    segments: tuple
-    hashes: dict
-    linear_in: frozenset
-    library: tuple
+    Without a default: `name`, `nuisances`, `laws`, `segments`, `hashes` and the functions down to `floor`. A subclass
+    names its further public members in `adds`; any other public name, in its body or set later, is refused.
+    """
 
-    def measured(self, k): ...
+    linear_in, library, library_late = frozenset(), (), False
+    noise_gain = noise_estimated_from = None
+    noise_from_repeats, prediction_noise = False, 0.0
+    heldout_by, heldout_view = "observable", None
+    firmware = firmware_certificate = numerical_certificate = None
+    experiments = None
+    _members = frozenset(("name", "nuisances", "laws", "segments", "hashes"))
 
-    def predict(self, points, which): ...
+    def __init_subclass__(cls, adds="", **more):
+        super().__init_subclass__(**more)
+        cls._members = cls._members.union(adds.split(), (n for n in dir(Problem) if not n.startswith("_")))
+        for name in vars(cls):
+            cls._refuse(name, TypeError)
 
-    def whiten(self, k, v): ...
+    def __setattr__(self, name, value):
+        self._refuse(name, AttributeError)
+        super().__setattr__(name, value)
 
-    def noise_draw(self, k, rng): ...
+    @classmethod
+    def _refuse(cls, name, error):
+        if not name.startswith("_") and name not in cls._members:
+            near = difflib.get_close_matches(name, cls._members, 1)
+            hint = f"; did you mean {near[0]}?" if near else ", nor named in adds"
+            raise error(f"{cls.__name__}.{name} is no member of a problem{hint}")
 
-    def floor(self, k): ...
+    def measured(self, k):
+        """Features of segment k, (n,)."""
+        raise NotImplementedError
 
+    def predict(self, points, which):
+        """[[(n,) per segment of `which`] per (theta, {law: coefficient}) of `points`]; PredictionFailed."""
+        raise NotImplementedError
 
-def option(problem, name, default=None):
-    """An optional member of a problem."""
-    return getattr(problem, name, default)
+    def whiten(self, k, v):
+        """Features of segment k, (n,) or (n, m), with unit covariance."""
+        raise NotImplementedError
+
+    def noise_draw(self, k, rng):
+        """One draw of the noise of segment k, (n,)."""
+        raise NotImplementedError
+
+    def floor(self, k):
+        """{observable: rms of segment k's repeatability}."""
+        raise NotImplementedError
+
+    def whitened_rows(self, k):
+        """{observable: rows} behind `whiten`; None: those of the features."""
+        return None
+
+    def force_at(self, theta, effects):
+        """`PortForce`s at a point; None: discovery takes the whitened residual."""
+        return None
+
+    def law_file(self, law, value, sd, hashes):
+        """Text of the file of a law that was found; None: the core's own."""
+        return None
+
+    def like(self, names):
+        """Names of the laws of the library that might do as well as some laws."""
+        return tuple(law.name for law in self.library)
 
 
 def all_laws(problem):
     """{name: Law} of catalogue and library; a name is in one of them."""
-    return {law.name: law for law in (*problem.laws, *option(problem, "library", ()))}
+    return {law.name: law for law in (*problem.laws, *problem.library)}
 
 
 def _unique(what, names):
@@ -117,7 +159,7 @@ def _unique(what, names):
 
 def check(problem):
     """Refuse a problem that cannot be traced; ConfigError says what, where, value, limit."""
-    laws = (*problem.laws, *option(problem, "library", ()))
+    laws = (*problem.laws, *problem.library)
     _unique("nuisance", [n.name for n in problem.nuisances])
     _unique("law", [law.name for law in laws])
     _unique("segment", [s.name for s in problem.segments])

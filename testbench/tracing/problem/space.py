@@ -14,7 +14,6 @@ import numpy as np
 from scipy.linalg import helmert
 
 from testbench.errors import ConfigError
-from testbench.tracing.problem.problem import option
 
 
 class Block(NamedTuple):
@@ -36,9 +35,9 @@ class Group(NamedTuple):
 
 def _blocks(problem, k, rows, group, start):
     segment = problem.segments[k]
-    named = getattr(problem, "whitened_rows", None)
+    named = problem.whitened_rows(k)
     if named is not None:
-        return [Block(group, o, slice(start + s.start, start + s.stop)) for o, s in named(k).items()]
+        return [Block(group, o, slice(start + s.start, start + s.stop)) for o, s in named.items()]
     features = len(problem.measured(k))
     covered = sum(len(range(*o.rows.indices(features))) for o in segment.observables)
     if rows == features == covered and all(o.rows.step in (None, 1) for o in segment.observables):
@@ -49,13 +48,11 @@ def _blocks(problem, k, rows, group, start):
 
 def _gain(problem):
     """Factor on whitened rows if the covariance was estimated: Hartlap's, or the problem's own `noise_gain`."""
-    own = option(problem, "noise_gain")
-    if own is not None:
-        return own
-    estimated = option(problem, "noise_estimated_from")
-    if estimated is None:
+    if problem.noise_gain is not None:
+        return problem.noise_gain
+    if problem.noise_estimated_from is None:
         return 1.0
-    deviations, features = estimated
+    deviations, features = problem.noise_estimated_from
     if deviations <= features + 2:
         raise ConfigError(f"{problem.name}: noise of {features} features from {deviations} deviations: more are needed")
     return float(np.sqrt((deviations - features - 2) / (deviations - 1)))
@@ -89,7 +86,7 @@ class Space:
         self.size = start
         self.which = tuple(g.members[0] for g in self.groups)
         self.repeats = np.array([len(g.members) for g in self.groups], int)
-        self.weights = np.sqrt(self.repeats / (1 + option(problem, "prediction_noise", 0.0) * self.repeats))
+        self.weights = np.sqrt(self.repeats / (1 + problem.prediction_noise * self.repeats))
         if noise is not None and noise.octaves:
             self.refine, self.declared = noise.whitener(self), noise.whitener(self, 0.5)
 

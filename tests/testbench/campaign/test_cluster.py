@@ -11,6 +11,7 @@ from testbench.campaign.store import Store
 from tests.testbench.campaign.helpers import INSTANT, campaign, child, finished, plan_file, run_json
 
 
+@pytest.mark.slow
 def test_a_cluster_of_two_workers_equals_the_local_run(tmp_path):
     plan = plan_file(tmp_path, 2, 10, 2)
     run_json(plan, "--out", tmp_path / "local")
@@ -22,6 +23,7 @@ def test_a_cluster_of_two_workers_equals_the_local_run(tmp_path):
     assert len(pids) == 2
 
 
+@pytest.mark.slow
 def test_points_that_fail_on_a_cluster(tmp_path):
     path = tmp_path / "p.toml"
     path.write_text(f'engine = "{INSTANT}"\n[axes.rate]\nscenario.rate_dps = [0, 1, 5]\n')
@@ -60,7 +62,8 @@ def test_what_is_no_address_is_one_line(tmp_path, address):
     assert f"--scheduler {address}: is not of the form tcp://HOST:PORT" in err
 
 
-def test_connecting_gives_up_in_time(tmp_path):
+def test_connecting_gives_up_in_time(monkeypatch):
+    monkeypatch.setattr(cluster, "CONNECT_S", 0.5)
     began = time.monotonic()
     with pytest.raises(cluster.ClusterError), cluster.Cluster(f"tcp://127.0.0.1:{closed_port()}"):
         pass

@@ -138,6 +138,11 @@ def instant(folder, boards, seeds):
     return plan, folder / "reference"
 
 
+def test_forty_points_and_two_kills(tmp_path):
+    assert local(tmp_path, *instant(tmp_path, 5, 4), 40, 2, seed=5) == {"main": 1, "worker": 1}
+
+
+@pytest.mark.slow
 def test_a_hundred_points_and_three_kills(tmp_path):
     assert local(tmp_path, *instant(tmp_path, 10, 5), 100, 3, seed=5) == {"main": 2, "worker": 1}
 
@@ -206,6 +211,7 @@ class Dask:
         self.children = []
 
 
+@pytest.mark.slow
 def test_a_lost_scheduler_is_one_line(tmp_path):
     """The rest of the campaign then runs without a cluster, to the bytes that it would have had anyway."""
     plan = plan_file(tmp_path, 2, 20, 5)

@@ -19,6 +19,7 @@ from testbench.commands import docs
 from testbench.config import Config
 from testbench.engines import engine
 from testbench.run import budget, build, simulate, summary, tables
+from tests.test_architecture import rooms
 
 ROOT = Path(__file__).resolve().parents[3]
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -44,14 +45,19 @@ def says(name, *texts):
 # ---- generated parts -------------------------------------------------------------------------------------------------
 
 
-def test_generated_parts_are_current():
-    assert list(docs.stale()) == [], "run: python -m testbench.commands.docs"
+RANGES = "docs/ranges.md"  # proves every range anew: fifteen seconds
+
+
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow if n == RANGES else ()) for n in docs.PAGES])
+def test_generated_parts_are_current(name):
+    assert list(docs.stale([name])) == [], "run: python -m testbench.commands.docs"
 
 
 def test_a_stale_part_is_named_and_mended(tmp_path, monkeypatch, capsys):
     shutil.copytree(ROOT / "docs", tmp_path / "docs")
     (tmp_path / "analog_frontend").symlink_to(ROOT / "analog_frontend")
     monkeypatch.setattr(docs, "ROOT", tmp_path)
+    monkeypatch.delitem(docs.PAGES, RANGES)
     assert docs.main(["--check"]) == 0
     spoilt = {
         "docs/phases.md": ("949.23", "949.24"),
@@ -123,6 +129,28 @@ def test_files_that_are_named_exist():
             assert name in tests, (path.name, name)
 
 
+def test_the_table_of_rooms_is_that_of_the_tree():
+    """A row for every folder with sources; a room of testbench imports from rooms above it."""
+    listed = re.findall(r"^\| `(testbench/[\w/]+)` \|", (ROOT / "docs" / "architecture.md").read_text(), re.M)
+    there = {
+        p.parent.relative_to(ROOT).as_posix() for p in (ROOT / "testbench").rglob("*") if p.suffix in (".py", ".v")
+    }
+    assert sorted(listed) == sorted(there - {"testbench"})
+    order = [name for name in listed if name.count("/") == 1]
+    for room, others in rooms().items():
+        name = "/".join(room.relative_to(ROOT).parts[:2])
+        if name in order:
+            own = {"/".join(other.relative_to(ROOT).parts[:2]) for other in others} & set(order)
+            assert own <= set(order[: order.index(name) + 1]), (room, own)
+
+
+def test_every_page_is_in_the_index():
+    index = (ROOT / "docs" / "README.md").read_text()
+    for path in (ROOT / "docs").rglob("*.md"):
+        name = path.relative_to(ROOT / "docs").as_posix()
+        assert f"({name})" in index or name == "README.md", name
+
+
 def test_the_page_that_a_module_names_as_its_source_exists():
     for package in ("fpga_model", "analog_frontend", "testbench"):
         for path in (ROOT / package).rglob("*.py"):
@@ -172,6 +200,20 @@ def test_the_output_of_the_readme_is_of_this_version():
     notes = summary.notes(Config(), {"locked": True, "phase_deg": planned}, budget.budget(Config()))
     bare = [re.sub(r"[-+]?[\d.]+ (deg|ns)", "#", line) for line in (*notes, *re.findall(r"^  - (.*)$", shown, re.M))]
     assert bare[: len(notes)] == bare[len(notes) :]
+
+
+def test_what_stands_beside_the_paper_says_how_the_latencies_were_found():
+    planned = budget.budget(Config())
+    assert any(
+        tables.FITTED in note
+        for note in summary.notes(Config(), {"locked": True, "phase_deg": planned.node_deg()}, planned)
+    )
+    assert all(tables.FITTED in table.note for table in tables.budget_tables(*budget.budgets(Config())))
+    says("docs/phases.md", tables.FITTED)
+    for name in ("README.md", "docs/phases.md"):
+        says(name, "best fit", "of a search over discrete assumptions")
+    for path in (*PAGES, *(ROOT / "testbench").rglob("*.py")):
+        assert "latency was tuned" not in path.read_text(), path
 
 
 def test_the_counts_of_sources_are_those_of_the_device():

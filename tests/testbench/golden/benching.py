@@ -1,5 +1,6 @@
 """Running the benches of a bundle as their user does: make, a simulator's name, a folder of RTL."""
 
+import functools
 import os
 import shutil
 import subprocess
@@ -8,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from testbench.golden.stimulus import stimulus
 from testbench.golden.stimulus.blocks import BLOCKS
 
 RTL = Path(__file__).resolve().parents[3] / "testbench" / "rtl"
@@ -21,6 +23,12 @@ NEEDS = {
     "cocotb-verilator": ("verilator", "g++"),
     "vunit": ("ghdl",),
 }
+
+
+@functools.cache
+def made(stem, case):
+    """`stimulus.make`, once for all tests of a process: nobody writes into the rows."""
+    return stimulus.make(BLOCKS[stem], case)
 
 
 def need(*tools):

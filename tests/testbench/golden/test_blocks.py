@@ -10,6 +10,7 @@ import pytest
 import fpga_model
 from testbench import flatten
 from testbench.golden.stimulus import blocks, stimulus
+from tests.testbench.golden.benching import made
 
 NOT_BLOCKS = {"fixed", "jit", "rounding_aliases", "top", "control"}
 CASES = [(stem, case) for stem, block in blocks.BLOCKS.items() for case in block.cases]
@@ -99,7 +100,7 @@ def test_the_longest_latency_is_that_of_the_block(stem):
 @pytest.mark.parametrize(("stem", "case"), CASES)
 def test_runner_equals_the_step_function(stem, case):
     block = blocks.BLOCKS[stem]
-    rows, _ = stimulus.make(block, case)
+    rows, _ = made(stem, case)
     random = stimulus.Random(7)
     begin = random.below(len(rows) - 100)
     rows = np.vstack([rows[:60], rows[begin : begin + 60], rows[-60:]])

@@ -39,6 +39,7 @@ def test_what_cannot_be_is_not_found_and_the_tries_are_counted():
     assert 1 <= tried <= 41
 
 
+@pytest.mark.slow
 def test_the_distance_leads_to_a_place_that_chance_does_not_find():
     """A difference of two 48-bit words that is exactly one less than the limit."""
     block = blocks.BLOCKS["pi"]

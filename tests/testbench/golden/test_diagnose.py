@@ -10,8 +10,9 @@ from testbench.golden.check import diagnose_nodes
 from testbench.golden.check.diagnose import CAUSES, UNKNOWN, diagnose
 from testbench.golden.check.diagnose_model import Model
 from testbench.golden.check.diagnose_nodes import rounded
-from testbench.golden.stimulus import blocks, stimulus
+from testbench.golden.stimulus import blocks
 from tests.testbench.golden import planted
+from tests.testbench.golden.benching import made
 
 SEEDS = (1, 2)
 
@@ -54,7 +55,11 @@ def test_enough_faults_are_planted():
     assert sum(PLANTED.values()) >= 400
 
 
-@pytest.mark.parametrize("block", PLANTED)
+QUICK = ("dds", "delay")
+EVERY = [block if block in QUICK else pytest.param(block, marks=pytest.mark.slow) for block in PLANTED]
+
+
+@pytest.mark.parametrize("block", EVERY)
 def test_planted_faults_are_named(golden, block):
     """At least 95 % right, and never a wrong name."""
     count = collections.Counter()
@@ -81,7 +86,7 @@ def test_the_golden_step_on_exported_rows_is_golden(stem):
     """Also across the resets in the middle of a bundle, and for pins."""
     block = blocks.BLOCKS[stem]
     case = next(iter(block.cases))
-    stim, _ = stimulus.make(block, case)
+    stim, _ = made(stem, case)
     inputs = {p.name: column for p, column in zip(block.columns, stim.T)}
     assert inputs["rst"].any()
     rows, pins = blocks.run(block, case, stim)
@@ -99,7 +104,7 @@ def test_every_node_is_the_register_of_the_model(stem):
     """Sum, rounding and overflow as declared give every golden row, so that a variant of them is a fault."""
     block = blocks.BLOCKS[stem]
     for case in block.cases:
-        stim, _ = stimulus.make(block, case)
+        stim, _ = made(stem, case)
         rows, _ = blocks.run(block, case, stim)
         inputs = {p.name: column for p, column in zip(block.columns, stim.T)}
         registers = {p.name: column for p, column in zip(block.registers, rows.T)}
@@ -121,7 +126,7 @@ def test_every_kind_of_fault_is_planted():
     assert kinds == set(CAUSES) - {UNKNOWN}
 
 
-@pytest.mark.parametrize("block", planted.STEPS)
+@pytest.mark.parametrize("block", EVERY)
 def test_faults_without_a_name_are_unknown(golden, block):
     """Glitches, stuck bits, a gain of 3/4, and a shift that begins half-way."""
     for seed in SEEDS:
@@ -132,7 +137,7 @@ def test_faults_without_a_name_are_unknown(golden, block):
             assert found is None or found.cause == UNKNOWN, (seed, what, found)
 
 
-@pytest.mark.parametrize("block", planted.STEPS)
+@pytest.mark.parametrize("block", EVERY)
 def test_a_log_of_one_register_gives_no_wrong_name(golden, block):
     for fault in planted.faults(block, 1):
         a = planted.case(block, 1, fault, golden[block, 1])

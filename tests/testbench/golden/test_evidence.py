@@ -9,6 +9,7 @@ import pytest
 from testbench.golden.bundles import provenance
 from testbench.golden.coverage import coverage, evidence, unreachable
 from testbench.golden.stimulus import blocks, corners, stimulus
+from tests.testbench.golden.benching import made
 
 STEMS = tuple(blocks.BLOCKS)
 CASES = [(stem, case) for stem, block in blocks.BLOCKS.items() for case in block.cases]
@@ -26,7 +27,7 @@ def met():
     def of(stem, case):
         if (stem, case) not in known:
             block = blocks.BLOCKS[stem]
-            rows, _ = stimulus.make(block, case)
+            rows, _ = made(stem, case)
             known[stem, case] = coverage.seen(block, case, rows, results(block, case, rows))
         return known[stem, case]
 
@@ -64,7 +65,7 @@ def test_no_vector_meets_what_is_proved_out_of_reach(stem, case, met):
     assert all(why.startswith("proved: ") for why in dead.values())
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(("stem", "case"), CASES)
 def test_other_random_rows_do_not_meet_what_is_proved_out_of_reach(stem, case, seed):
     block = blocks.BLOCKS[stem]
@@ -113,7 +114,7 @@ def test_toggles_count_what_a_plain_loop_counts():
 @pytest.mark.parametrize(("stem", "case"), [("pi", "extreme"), ("delay", "depth0"), ("fault_monitor", "quick")])
 def test_summary_counts_the_goals(stem, case, met):
     block = blocks.BLOCKS[stem]
-    rows, _ = stimulus.make(block, case)
+    rows, _ = made(stem, case)
     entry = evidence.summary(block, case, rows, results(block, case, rows))
     goals, dead = coverage.goals(block, case), unreachable.reasons(block, case)
     pairs = [*entry["toggles"].values(), *entry["outcomes"].values()]

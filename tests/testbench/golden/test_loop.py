@@ -70,7 +70,7 @@ def alone(config, firmware, engine, window=None):
 def quick(tmp_path_factory):
     """(config, firmware, path of the library) of the quick gyroscope."""
     config, firmware = quick_story()
-    return config, firmware, library.build(RTL, firmware, tmp_path_factory.mktemp("loop"))
+    return config, firmware, library.build(RTL, firmware, tmp_path_factory.mktemp("loop"), level=0)
 
 
 def test_no_register_differs_from_power_on_through_lock_rate_and_fault(quick):
@@ -87,8 +87,23 @@ def test_no_register_differs_from_power_on_through_lock_rate_and_fault(quick):
     assert outcome.text().startswith(f"PASS {outcome.rows} rows of 213 registers and 13 pins, no difference")
 
 
-@pytest.mark.parametrize("slip", [QUICK_SLIP, *(pytest.param(slip, marks=pytest.mark.slow) for slip in SLIPS)],
-                         ids=lambda slip: slip[0])  # fmt: skip
+def test_a_design_with_another_parameter_is_caught_at_its_first_effect(quick):
+    """The first row that differs is that of two models, one with each limit of the watchdog."""
+    config, firmware, path = quick
+    other = firmware._replace(watchdog=firmware.watchdog._replace(limit=50))
+    config = changed(config, {"scenario.seconds": 0.001, "scenario.faults": [], "scenario.rate_dps": 0.0})
+    kept = [len(PIN_COLUMNS) + k for k in range(len(library.REGISTERS))] + [PIN_COLUMNS.index(name) for name in PINS]
+    right, wrong = (alone(config, p, "clocked", (0, SLIP_TICKS)).rows[:, kept] for p in (other, firmware))
+    first = int(np.flatnonzero(np.any(right != wrong, axis=1))[0])
+    assert first > 50 * TICK_CYCLES
+    with library.Design(path) as design:
+        found = run.closed(config, design, other).difference
+    values = zip(library.NAMES, right[first].tolist(), wrong[first].tolist(), strict=True)
+    assert (found.row, found.wrong) == (first, [value for value in values if value[1] != value[2]])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("slip", [QUICK_SLIP, *SLIPS], ids=lambda slip: slip[0])
 @icarus
 def test_a_planted_slip_is_caught_at_its_first_effect(slip, tmp_path):
     """The first row that differs is that which Icarus finds with the inputs of a run without RTL."""
@@ -188,6 +203,7 @@ def test_the_story_is_what_it_says():
     assert scenario.expand(run.story(0.01).scenario).events == ()
 
 
+@pytest.mark.slow
 def test_the_command_prints_json(tmp_path):
     done = CliRunner().invoke(app, ["golden", "loop", "--rtl", str(RTL), "--seconds", "0.001", "--json"])
     assert done.exit_code == 0, done.output

@@ -62,6 +62,7 @@ endmodule
 """
 
 
+@pytest.mark.slow
 def test_a_last_word_without_a_newline_is_lost_by_old_verilators(tmp_path, verilated):
     need("iverilog", "verilator", "g++")
     (tmp_path / "cut.hex").write_text("aa\nbb\ncc")
@@ -103,6 +104,7 @@ endmodule
 """
 
 
+@pytest.mark.slow
 def test_signed_decimals_compare_wrong_under_old_verilators(tmp_path, verilated):
     need("iverilog", "verilator", "g++")
     (tmp_path / "in.txt").write_text("-5\n")
@@ -169,7 +171,9 @@ def test_no_hdl_computes_a_table(bundles):
 # Paths ---------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("sim", ["icarus", "verilator", "cocotb", "ghdl", "vunit"])
+@pytest.mark.parametrize(
+    "sim", ["icarus", "ghdl", *(pytest.param(sim, marks=pytest.mark.slow) for sim in ("verilator", "cocotb", "vunit"))]
+)
 def test_a_bench_runs_from_anywhere_and_in_a_path_with_blanks(bundles, tmp_path, sim):
     stem = "dds" if sim in ("ghdl", "vunit") else "sine"
     folder = tmp_path / "my golden vectors" / stem

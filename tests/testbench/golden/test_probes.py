@@ -7,7 +7,8 @@ import pytest
 
 from fpga_model.fixed import clamp, floor, half_up, wrap, wrap_unsigned
 from testbench.golden.coverage import probes
-from testbench.golden.stimulus import blocks, stimulus
+from testbench.golden.stimulus import blocks
+from tests.testbench.golden.benching import made
 
 CASES = [(stem, case) for stem, block in blocks.BLOCKS.items() for case in block.cases]
 
@@ -15,7 +16,7 @@ CASES = [(stem, case) for stem, block in blocks.BLOCKS.items() for case in block
 @pytest.mark.parametrize(("stem", "case"), CASES)
 def test_a_probed_step_gives_the_registers_of_the_compiled_one(stem, case):
     block = blocks.BLOCKS[stem]
-    rows, _ = stimulus.make(block, case)
+    rows, _ = made(stem, case)
     rows = rows[:: max(1, len(rows) // 1500)]
     regs, _ = blocks.run(block, case, rows)
     found = probes.probed(block, case)

@@ -20,9 +20,10 @@ from testbench.golden.bundles import bundle, export
 from testbench.golden.ranges import range_report, ranges, wiring
 from testbench.golden.ranges.interpreter import Interpreter, Unsupported, source
 from testbench.golden.ranges.intervals import Lin, Path, Run
-from testbench.golden.stimulus import blocks, stimulus
+from testbench.golden.stimulus import blocks
 from testbench.golden.stimulus.blocks import Block, Port
 from testbench.golden.stimulus.runners import store
+from tests.testbench.golden.benching import made
 
 CASES = [(stem, case) for stem, block in blocks.BLOCKS.items() for case in block.cases]
 
@@ -59,7 +60,7 @@ def test_every_register_is_proven_and_no_result_needs_more_than_63_bits(stem, ca
 @pytest.mark.parametrize(("stem", "case"), CASES)
 def test_vectors_stay_inside(stem, case):
     block = blocks.BLOCKS[stem]
-    stim, _ = stimulus.make(block, case)
+    stim, _ = made(stem, case)
     assert_inside(stem, case, *blocks.run(block, case, stim))
 
 
@@ -128,7 +129,7 @@ def test_the_cordic_needs_no_lemma():
         ("rate_output", "acc", Fmt(1, 16, 20)),
         ("lock_monitor", "count_3", bits(8)),
         ("spi_adc", "count", bits(5)),
-        ("sequencer", "rotation", Fmt(1, 3, 24)),
+        pytest.param("sequencer", "rotation", Fmt(1, 3, 24), marks=pytest.mark.slow),
     ],
 )
 def test_a_register_that_is_one_bit_too_narrow_is_caught(stem, name, fmt):
@@ -254,7 +255,7 @@ def test_wrong_hints_make_no_false_claim(monkeypatch, stem):
     monkeypatch.setattr(ranges, "RELATIONS", {stem: ({names[0]: 1, names[1]: -7},)})
     monkeypatch.setattr(ranges, "STOPS", {stem: (3, 5)})
     found = ranges.analyse(block, params)
-    stim, _ = stimulus.make(block, case)
+    stim, _ = made(stem, case)
     regs, _ = blocks.run(block, case, stim)
     for one, ends in zip(found.registers, range_report.seen(regs), strict=True):
         assert one.proven is None or one.proven[0] <= ends[0] <= ends[1] <= one.proven[1]

@@ -3,6 +3,7 @@
 What a family has to reach is computed from the rows and from the registers of the model, never from the generator.
 """
 
+import functools
 import itertools
 
 import numpy as np
@@ -12,6 +13,7 @@ from fpga_model import fault_monitor, modulator, rates, sequencer, sine, spi_adc
 from fpga_model.fixed import Fmt, bits
 from testbench.golden.coverage import unreachable
 from testbench.golden.stimulus import blocks, stimulus
+from tests.testbench.golden.benching import made
 
 CASES = [(stem, case) for stem, block in blocks.BLOCKS.items() for case in block.cases]
 LONGEST = 22_000
@@ -29,10 +31,11 @@ PHASES = {
 }
 
 
+@functools.cache
 def record(stem, case):
     """(stimulus, registers, pins) by port name, for a case."""
     block = blocks.BLOCKS[stem]
-    rows, _ = stimulus.make(block, case)
+    rows, _ = made(stem, case)
     regs, pins = blocks.run(block, case, rows)
     named = [(block.columns, rows), (block.registers, regs), (block.pins, pins)]
     return [{port.name: array[:, k] for k, port in enumerate(ports)} for ports, array in named]
@@ -40,7 +43,7 @@ def record(stem, case):
 
 def family(block, case, name):
     """Rows of one family by input, or None where the block has none."""
-    rows, families = stimulus.make(block, case)
+    rows, families = made(block.stem, case)
     for found, first, count in families:
         if found == name:
             part = rows[first : first + count]
@@ -75,7 +78,7 @@ LONG = {("lock_monitor", "default")}
 )
 def test_families_follow_one_another_and_repeat_exactly(stem, case):
     block = blocks.BLOCKS[stem]
-    rows, families = stimulus.make(block, case)
+    rows, families = made(stem, case)
     again, same = stimulus.make(block, case)
     assert np.array_equal(rows, again)
     assert families == same
@@ -91,7 +94,7 @@ def test_families_follow_one_another_and_repeat_exactly(stem, case):
 @pytest.mark.parametrize(("stem", "case"), CASES)
 def test_every_family_that_makes_sense_is_there(stem, case):
     block = blocks.BLOCKS[stem]
-    names = [name for name, _, _ in stimulus.make(block, case)[1]]
+    names = [name for name, _, _ in made(stem, case)[1]]
     assert len(set(names)) == len(names)
     expected = {"idle", "reset_at", "random_sparse"}
     if any(port.width > 1 for port in block.inputs):

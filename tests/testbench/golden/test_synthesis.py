@@ -27,7 +27,7 @@ def part(name):
 
 
 @yosys
-@pytest.mark.parametrize("name", synthesis.BOARDS)
+@pytest.mark.parametrize("name", ["analog", pytest.param("digital", marks=pytest.mark.slow)])
 def test_the_design_has_no_latch_and_no_undriven_net(name):
     netlist = synthesis.synthesise(RTL, None, name)
     assert netlist.cells == {}
@@ -45,7 +45,9 @@ PLANTED = {
 
 
 @yosys
-@pytest.mark.parametrize("what", PLANTED)
+@pytest.mark.parametrize(
+    "what", [w if w == "a missing part" else pytest.param(w, marks=pytest.mark.slow) for w in PLANTED]
+)
 def test_what_must_not_be_there_is_refused(what, tmp_path):
     name, right, wrong, said = PLANTED[what]
     shutil.copytree(RTL, tmp_path / "rtl")
@@ -78,6 +80,7 @@ def test_the_table_counts_cells_of_each_family():
     assert lines[-1] == "Yosys 0.23; parameters of the default configuration; not placed, not routed."
 
 
+@pytest.mark.slow
 @yosys
 def test_the_command_leaves_what_quartus_reads(tmp_path):
     done = CliRunner().invoke(app, ["golden", "synth", "--rtl", str(RTL), "--out", str(tmp_path), "--json"])

@@ -24,6 +24,7 @@ from testbench.golden.stimulus import blocks
 from tests.testbench.golden import standin
 from tests.testbench.golden.benching import NEEDS, RTL, make, need
 
+PINNED = Path(__file__).with_name("golden_sha256.json")
 PLAYED = 3  # frames that the stand-in plays
 QUIET = 5000  # clock of `reset` without a row: only the signature sees it
 CASE = "reset"
@@ -142,9 +143,16 @@ def test_reset_in_the_middle_loads_the_reset_values_in_one_clock(out):
         assert found.exp[row + 1, : len(values)].tolist() == values
 
 
-def test_export_twice_is_byte_identical(out, tmp_path):
-    top.export_case(CASE, tmp_path)
-    assert hashes(tmp_path / "top" / CASE) == hashes(out / CASE)
+def test_bundle_is_the_one_that_was_shipped(out):
+    assert bundle.verify(out / CASE)["manifest_sha256"] == json.loads(PINNED.read_text())[f"{top.STEM}/{CASE}"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", top.CASES)
+def test_export_again_is_byte_identical(out, case, tmp_path):
+    manifest = top.export_case(case, tmp_path)
+    assert manifest["manifest_sha256"] == json.loads(PINNED.read_text())[f"{top.STEM}/{case}"]
+    assert case != CASE or hashes(tmp_path / "top" / case) == hashes(out / case)
 
 
 def test_an_export_loads_neither_plant_nor_engine():
@@ -152,7 +160,10 @@ def test_an_export_loads_neither_plant_nor_engine():
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     loaded = set(done.stdout.split())
     assert "testbench.golden.bundles.top" in loaded
-    assert {m for m in loaded if m.startswith("analog_frontend.")} == {"analog_frontend.parts.adc_serial"}
+    assert {m for m in loaded if m.startswith("analog_frontend.")} == {
+        "analog_frontend.parts",
+        "analog_frontend.parts.adc_serial",
+    }
     assert not loaded & {
         "testbench.engines.engine",
         "testbench.run.build",
@@ -304,9 +315,10 @@ def test_command_line(out, tmp_path):
 # ---- benches ---------------------------------------------------------------------------------------------------------
 
 SIMS = list(NEEDS)
+QUICK = ("icarus", "ghdl", "cocotb", "cocotb-verilator")
 
 
-@pytest.mark.parametrize("sim", SIMS)
+@pytest.mark.parametrize("sim", [s if s in QUICK else pytest.param(s, marks=pytest.mark.slow) for s in SIMS])
 def test_bench_elaborates_without_a_design(out, sim):
     done = check(out / CASE, sim)
     assert done.returncode == 0, done.stdout
@@ -319,9 +331,7 @@ def test_a_folder_without_the_design_is_an_error(out, tmp_path):
     assert "no design" in done.stdout
 
 
-@pytest.mark.parametrize(
-    "sim", [pytest.param(s, marks=pytest.mark.slow) if s == "cocotb-verilator" else s for s in SIMS]
-)
+@pytest.mark.parametrize("sim", [s if s == "icarus" else pytest.param(s, marks=pytest.mark.slow) for s in SIMS])
 def test_bench_passes_on_a_design_that_plays_the_rows(out, good, sim):
     frames = 1 if sim in ("ghdl", "vunit") else PLAYED  # GHDL takes a second for a frame
     done = check(out / CASE, sim, good, frames)
@@ -329,7 +339,7 @@ def test_bench_passes_on_a_design_that_plays_the_rows(out, good, sim):
     assert "PASS top/reset: " in done.stdout
 
 
-@pytest.mark.parametrize("sim", ["icarus", "ghdl", "cocotb"])
+@pytest.mark.parametrize("sim", ["icarus", *(pytest.param(sim, marks=pytest.mark.slow) for sim in ("ghdl", "cocotb"))])
 def test_bench_names_clock_register_and_both_values(out, played, design, tmp_path, sim):
     bad = standin.write(tmp_path / "bad", design, CASE, played, (40, "r_dds_phase", 1 << 20))
     done = check(out / CASE, sim, bad, 1)
@@ -361,7 +371,7 @@ def test_signature_finds_the_frame_and_its_window_the_register(out, played, desi
     assert "FAIL top/reset: 1 of " in done.stdout
 
 
-@pytest.mark.parametrize("sim", ["icarus", "ghdl"])
+@pytest.mark.parametrize("sim", ["icarus", pytest.param("ghdl", marks=pytest.mark.slow)])
 def test_a_stuck_chip_select_shows_as_a_wrong_input(out, played, design, tmp_path, sim):
     # the converter answers the pins: without a falling CS_N it sends nothing
     rows = list(played)
@@ -373,17 +383,20 @@ def test_a_stuck_chip_select_shows_as_a_wrong_input(out, played, design, tmp_pat
     assert "clock 3244: dout: expected 1, got 0" in done.stdout
 
 
-@pytest.mark.parametrize(("sim", "frames"), [("icarus", 0), ("verilator", 0), ("cocotb", 2), ("cocotb-verilator", 2)])
+LONGER = [("icarus", 0), ("verilator", 0), ("cocotb", 2), ("cocotb-verilator", 2)]
+
+
+@pytest.mark.parametrize(
+    ("sim", "frames"), [("icarus", 4), *(pytest.param(*entry, marks=pytest.mark.slow) for entry in LONGER)]
+)
 def test_reference_rtl_passes(out, sim, frames):
     done = check(out / CASE, sim, RTL, frames)
     assert done.returncode == 0, done.stdout
     assert "PASS top/reset" in done.stdout
 
 
-LONGER = [pytest.param(case, marks=pytest.mark.slow) for case in ("story_digital", "power_on")]
-
-
-@pytest.mark.parametrize("case", ["story", *LONGER])
+@pytest.mark.slow
+@pytest.mark.parametrize("case", ["story", "story_digital", "power_on"])
 def test_reference_rtl_passes_every_closed_loop(tmp_path, case):
     top.export_case(case, tmp_path)
     done = check(tmp_path / "top" / case, "verilator", RTL, 0)

@@ -8,7 +8,6 @@ import pytest
 
 from fpga_model.fixed import Fmt, bits, signed
 from testbench.errors import FileError
-from testbench.golden.bundles.export import export
 from testbench.golden.check.waves import Map, check, read_log, read_map
 
 RTL = Path(__file__).resolve().parents[3] / "testbench" / "rtl"
@@ -194,14 +193,6 @@ def test_a_broken_map_is_one_clear_line(tmp_path, text, said):
 # Real simulators, real designs ----------------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def bundles(tmp_path_factory):
-    out = tmp_path_factory.mktemp("golden")
-    for block in ("dds", "pi", "modulator"):
-        export(block, out)
-    return out
-
-
 def run(folder, *command):
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 0, f"{command}: {done.stdout[-2000:]} {done.stderr[-2000:]}"
@@ -237,7 +228,7 @@ def icarus(folder, tmp_path, block, registers, change=("", ""), kind="vcd"):
 def test_the_reference_rtl_passes_from_its_dump(bundles, tmp_path, kind):
     if kind == "fst":
         pytest.importorskip("pywellen")
-    report = icarus(bundles / "dds" / "default", tmp_path, "dds", REGISTERS, kind=kind)
+    report = icarus(bundles("dds") / "default", tmp_path, "dds", REGISTERS, kind=kind)
     assert report.passed, report.text()
     assert report.rows >= report.golden_rows - 1
     assert report.missing == ()
@@ -260,7 +251,7 @@ CASES = {
 def test_a_fault_in_real_rtl_is_named(bundles, tmp_path, name):
     block, case, old, new, cause = CASES[name]
     registers = REGISTERS if block == "dds" else ("prop", "acc", "y")
-    report = icarus(bundles / block / case, tmp_path, block, registers, (old, new))
+    report = icarus(bundles(block) / case, tmp_path, block, registers, (old, new))
     assert not report.passed
     assert report.diagnosis.cause == cause, report.text()
 
@@ -271,7 +262,7 @@ def test_a_dump_of_ghdl_passes(bundles, tmp_path, kind):
     """With one map: GHDL leaves the top out of the paths of an FST, and only there."""
     if kind == "fst":
         pytest.importorskip("pywellen")
-    folder, dump = bundles / "dds" / "default", tmp_path / f"a.{kind}"
+    folder, dump = bundles("dds") / "default", tmp_path / f"a.{kind}"
     work = ("--std=08", f"--workdir={tmp_path}")
     run(folder, "ghdl", "-a", *work, "params_pkg.vhd", str(RTL / "dds.vhd"), "tb_dds.vhd")
     run(folder, "ghdl", "-e", *work, "-o", str(tmp_path / "tb"), "tb_dds")
@@ -283,12 +274,13 @@ def test_a_dump_of_ghdl_passes(bundles, tmp_path, kind):
 
 
 @needs("verilator")
-@pytest.mark.parametrize("kind", ["vcd", pytest.param("fst", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["vcd", "fst"])
 def test_a_dump_of_verilator_passes(bundles, tmp_path, kind):
     """With the map of any other simulator: TOP, which Verilator puts above, may be left out."""
     if kind == "fst":
         pytest.importorskip("pywellen")
-    folder, dump = bundles / "dds" / "default", tmp_path / f"a.{kind}"
+    folder, dump = bundles("dds") / "default", tmp_path / f"a.{kind}"
     flags = ("-Wno-fatal", "-Wno-lint", "-Wno-style", "-I.", "--Mdir", str(tmp_path / "built"), "-o", "sim")
     trace = "--trace-fst" if kind == "fst" else "--trace"
     run(folder, "verilator", "--binary", "--timing", trace, f'-DVCD_FILE="{dump}"', *flags, "--top-module", "tb_dds",

@@ -3,12 +3,13 @@
 import pytest
 
 from testbench.measured.closed_loop import loop_trace
+from testbench.measured.closed_loop.loop_problem import Anchored
 from testbench.tracing import verdict
 from testbench.tracing.problem.problem import PredictionFailed
 from testbench.tracing.problem.result import Result
 
 
-class _Loop:
+class _Loop(Anchored, adds="wall error anchored checked"):
     """A closed loop on one axis: the engine fails above `wall`, its check at a place says `error`."""
 
     def __init__(self, wall=9.0, error=0.0):

@@ -29,7 +29,7 @@ def generator(y, x=X, m_c=0.0, omega_z=0.0, k_xy=0.0):
     a[:2, 2:] = np.eye(2)
     for k in range(4):
         q = np.eye(4)[k]
-        a[2:, k] = eq.equation_of_motion(q[:2], q[2:], (0, 0), x, y, m_c, omega_z, k_xy)
+        a[2:, k] = eq.equation_of_motion(q[:2], q[2:], (0, 0), x, y, eq.Coupling(m_c, omega_z, k_xy))
     return a
 
 
@@ -52,7 +52,10 @@ def test_drive_and_sense_response_are_the_motion_at_rest():
     force = -2 * MASS * rate * 1j * W * -amplitude - k_xy * -amplitude
     found = force / MASS / (Y.w**2 - W**2 + 1j * W * Y.w / Y.q)
     np.testing.assert_allclose(
-        eq.sense_response(t, amplitude, rate, MASS, Y, W, k_xy), (found * np.exp(jw * t)).real, rtol=1e-9, atol=1e-18
+        eq.sense_response(t, amplitude, Y, W, eq.Coupling(MASS, rate, k_xy)),
+        (found * np.exp(jw * t)).real,
+        rtol=1e-9,
+        atol=1e-18,
     )
 
 
@@ -65,7 +68,7 @@ def test_phases_at_lock_and_beyond_resonance():
 @given(st.floats(-0.3, 0.3), st.floats(0.1, 5.0))
 def test_parts_of_the_feedback_force_are_those_of_equation_6(phi, v_c):
     t = np.linspace(0, 2 * math.pi / W, 64, endpoint=False)
-    force = eq.sense_force(t, v_c, phi, 0.0, 0.0, MASS, 2.7e-7, W)
+    force = eq.sense_force(t, v_c, phi, 2.7e-7, 0.0, W, eq.Coupling(MASS))
     in_phase, quadrature = 2 * np.mean(force * np.sin(W * t)), 2 * np.mean(force * np.cos(W * t))
     assert (in_phase, quadrature) == pytest.approx(eq.feedback_parts(v_c, phi, 2.7e-7), abs=1e-18)
     assert eq.feedback_parts_as_printed(v_c, phi, 2.7e-7) == pytest.approx((quadrature, in_phase), abs=1e-18)
@@ -112,7 +115,7 @@ def test_scale_factor_is_where_the_forces_cancel():
     a_x, rate, k_vf, phi = 5e-6, 1.2, 2.72e-7, math.radians(8.8814)
     v_c = -eq.scale_factor(a_x, W, MASS, k_vf, phi) * rate
     t = np.linspace(0, 2 * math.pi / W, 64, endpoint=False)
-    force = eq.sense_force(t, v_c, phi, a_x, rate, MASS, k_vf, W)
+    force = eq.sense_force(t, v_c, phi, k_vf, a_x, W, eq.Coupling(MASS, rate))
     assert abs(np.mean(force * np.sin(W * t))) < 1e-12 * abs(v_c * k_vf)
     drive = math.radians(1.2459)
     ratio = eq.scale_factor_with_drive(a_x, W, MASS, k_vf, phi, drive) / eq.scale_factor(a_x, W, MASS, k_vf, 0)

@@ -8,6 +8,7 @@ import pytest
 
 from fpga_model.rates import FRAME_HZ
 from testbench.config import Config, changed, phase_word
+from testbench.errors import ConfigError
 from testbench.paper.loop import advisor, confirm, notch, sensitivity
 from testbench.paper.loop import loop as lp
 from testbench.paper.loop.parts import parts
@@ -30,12 +31,11 @@ STEP = np.where(np.arange(round(3.5 * FRAME_HZ)) < STEP_AT, 0.0, STEP_DPS)
 
 @pytest.fixture(scope="module")
 def runs():
-    """All cases under a multisine, and two under a step, side by side."""
+    """All cases under a multisine, and three under a step."""
     sine = confirm.multisine()
     steps = [CASES["default"], CASES["references at 26 MHz"], changed(QUIET, {"plant.sid_charge_c": 0.0})]
     done = confirm.played([*CASES.values(), *steps], [sine] * len(CASES) + [STEP] * len(steps))
     for run in done:
-        assert not isinstance(run, Exception), run
         assert run.locked
     names = [*CASES, "step", "step at 26 MHz", "step without charge"]
     return dict(zip(names, done)), sine
@@ -120,8 +120,11 @@ def test_the_other_order_of_modes_runs_away():
     other = {"plant.fx_hz": 10863.3, "plant.fy_hz": 11002.3, "firmware.nominal_frequency_hz": 10863.3}
     config = changed(QUIET, other)
     assert advisor.analyse(parts(config)).growth_hz == 0.0
-    (run,) = confirm.played([config], [np.zeros(4000)])
-    assert isinstance(run, Exception) or np.all(np.abs(run.columns["rate_word"][-400:]) == 2**23 - 1)
+    try:
+        (run,) = confirm.played([config], [np.zeros(4000)])
+    except ConfigError:
+        return  # it did not even lock
+    assert np.all(np.abs(run.columns["rate_word"][-400:]) == 2**23 - 1)
 
 
 @pytest.mark.slow

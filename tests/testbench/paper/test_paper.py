@@ -73,7 +73,7 @@ def test_the_offset_of_the_demodulator_is_taken_off():
     wrong_deg, offsets = [], []
     for mismatch in (-0.1, 0.1):
         settings = {"firmware__reference_retimed": False, "plant__sid_charge_mismatch": mismatch}
-        bench = Bench(quiet(**settings, plant__sid_charge_c=1.3e-12), engine_run="baseband")
+        bench = Bench(quiet(**settings, plant__sid_charge_c=1.3e-12), engine="baseband")
         truth = Judge(bench).residuals().deg
         wrong_deg.append(calibrate.detune(bench, (40.0, 50.0)).deg.mean() - truth["xe1"] - truth["xe2"])
         offsets.append(calibrate.offset_deg(bench))
@@ -84,7 +84,7 @@ def test_the_offset_of_the_demodulator_is_taken_off():
 
 def test_where_edges_slide_on_their_grid_the_stamps_say_so():
     """Board 7 of seed 5 runs beside 9 MHz/818: the loop slides, x stands up to 0.1 deg off, and detuning finds psi."""
-    bench = Bench(boards.draw(configured(), 5, 7), engine_run="baseband")
+    bench = Bench(boards.draw(configured(), 5, 7), engine="baseband")
     truth = Judge(bench).residuals().deg
     turned = calibrate.Turned(bench)
     turned.to(55.0)
@@ -96,6 +96,7 @@ def test_where_edges_slide_on_their_grid_the_stamps_say_so():
     assert all(found.grid_deg < 0.001)
 
 
+@pytest.mark.slow
 def test_calibration_of_the_base_board():
     """From words at zero to below the paper's level; both estimators of xe2 agree within what they state."""
     (one,) = calibrations.many(configured(), 1, None, compare=True, engine="baseband")
@@ -180,6 +181,7 @@ execute.run(plan.read(sys.argv[1]), sys.argv[2], Here(), Progress(quiet=True))
 """
 
 
+@pytest.mark.slow
 def test_a_killed_campaign_continues_to_the_same_numbers(campaign, tmp_path):
     """SIGKILL when the first point is there: the other one runs, and every value is the uninterrupted one."""
     told, folder, _, values = campaign
@@ -220,6 +222,7 @@ def test_scale_factor_follows_the_law():
     assert max(abs(row["eq12_ppm"]) for row in rows) > 1000, "eq (12) alone must be told apart"
 
 
+@pytest.mark.slow
 def test_noise_of_the_running_gyroscope():
     """ARW within 15 % of 0.1337 deg/sqrt(h) with all sources; flicker alone within 30 % of its derived floor."""
     config = calibrations.case_config(configured(), WORDS)

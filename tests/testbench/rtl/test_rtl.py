@@ -183,8 +183,12 @@ BLOCKS = {
 }
 VERILOG = tuple(BLOCKS)
 VHDL = ("dds", "references", "pi", "spi_dac")
-CASES = [(stem, k) for stem, block in BLOCKS.items() for k in range(len(block.params))]
-VHDL_CASES = [(stem, k) for stem, k in CASES if stem in VHDL]
+CASES = [
+    pytest.param(stem, k, marks=pytest.mark.slow if k else ())
+    for stem, block in BLOCKS.items()
+    for k in range(len(block.params))
+]
+VHDL_CASES = [case for case in CASES if case.values[0] in VHDL]
 
 
 def packed(values, formats):

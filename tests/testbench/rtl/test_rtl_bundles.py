@@ -13,7 +13,11 @@ from testbench.golden.stimulus import blocks
 from tests.testbench.rtl.test_rtl import RTL, VERILOG, declared, icarus, ran, verilator, yosys
 
 STEMS = [stem for stem in blocks.BLOCKS if stem not in VERILOG and (RTL / f"{stem}.v").is_file()]
-CASES = [(stem, case) for stem in STEMS for case in blocks.BLOCKS[stem].cases]
+CASES = [
+    pytest.param(stem, case, marks=pytest.mark.slow if k else ())
+    for stem in STEMS
+    for k, case in enumerate(blocks.BLOCKS[stem].cases)
+]
 
 
 def sources(stem):

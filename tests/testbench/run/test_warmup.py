@@ -8,49 +8,75 @@ from testbench.engines import engine, frame
 from testbench.run import warmup
 
 
+class Child:
+    """A process that ends when it is told to."""
+
+    started = []
+
+    def __init__(self, command, **options):
+        self.started.append(command)
+        self.running = True
+
+    def poll(self):
+        return None if self.running else 1
+
+    def wait(self, timeout):
+        self.running = False
+        return 1
+
+    def kill(self):
+        pass
+
+
 @pytest.fixture
 def children(monkeypatch, tmp_path):
     """Commands of the children that would be started; the cache is an empty folder."""
-    started = []
-
-    class Child:
-        def __init__(self, command, **options):
-            started.append(command)
-
-        def wait(self, timeout):
-            return 1
-
-        def kill(self):
-            pass
-
+    monkeypatch.setattr(Child, "started", [])
     monkeypatch.setattr(warmup.subprocess, "Popen", Child)
     monkeypatch.setattr(warmup, "CACHE", True)
     monkeypatch.setattr(warmup.os, "cpu_count", lambda: 2)
     monkeypatch.setattr(warmup, "cache_folder", lambda _: tmp_path)
-    return started
+    return Child.started
 
 
-def test_an_empty_cache_is_filled_by_two_children(children):
-    warmup.warm_up()
-    assert [command[0] for command in children] == [sys.executable] * 2
-    assert [command[-1].split("_")[-1] for command in children] == ["ticks()", "blocks()"]
+def test_an_empty_cache_is_filled_by_children(children):
+    warmup.warm_up("lanes")
+    assert [command[0] for command in children] == [sys.executable] * 3
+    assert [command[-1].split("_")[-1] for command in children] == ["frame()", "clocked()", "lanes()"]
     for command in children:
         assert hasattr(warmup, command[-1].split(".")[-1].removesuffix("()"))
 
 
-@pytest.mark.parametrize("function", [engine.run_ticks, frame.blocks])
-def test_a_filled_cache_needs_none(children, tmp_path, function):
-    name = f"{function.__module__.split('.')[-1]}.{function.__name__}-12.py311.nbi"
+def test_the_clocked_engine_stands_in_until_the_frame_engine_is_compiled(children, monkeypatch):
+    monkeypatch.setattr(warmup.clocked, "run", lambda *chunk: ("clocked", chunk))
+    monkeypatch.setattr(frame, "run", lambda *chunk: ("frame", chunk))
+    run = warmup.frame_run()
+    assert len(children) == 1
+    assert run(1, 2) == ("clocked", (1, 2))
+    run.child.running = False
+    assert run(3) == ("frame", (3,))
+
+
+def test_a_filled_cache_needs_none(children, tmp_path):
     (tmp_path / "deep").mkdir()
-    (tmp_path / "deep" / name).touch()
+    (tmp_path / "deep" / f"frame.{frame.blocks.__name__}-12.py311.nbi").touch()
     warmup.warm_up()
+    assert warmup.frame_run() is frame.run
     assert children == []
 
 
 def test_one_core_or_no_cache_needs_none(children, monkeypatch):
     monkeypatch.setattr(warmup.os, "cpu_count", lambda: 1)
     warmup.warm_up()
+    assert warmup.frame_run() is frame.run
     monkeypatch.setattr(warmup.os, "cpu_count", lambda: 8)
     monkeypatch.setattr(warmup, "CACHE", False)
     warmup.warm_up()
+    assert warmup.frame_run() is frame.run
     assert children == []
+
+
+def test_what_the_children_compile_is_what_runs_call():
+    assert warmup.clocked is engine
+    for part in ("clocked", "frame", "lanes", "baseband"):
+        assert callable(getattr(warmup, f"compile_{part}"))

@@ -1,5 +1,7 @@
 """Runs that are killed in the middle of anything continue to the same files; memory does not grow with time."""
 
+import contextlib
+import io
 import json
 import os
 import re
@@ -97,6 +99,15 @@ def done(folder, argv, *prefix):
     return subprocess.run([*start, *argv], cwd=folder, env=ENVIRONMENT, capture_output=True, text=True, timeout=300)
 
 
+def run_here(folder, argv):
+    """Standard output of a command line that succeeds in this process, whose engine is loaded."""
+    said = io.StringIO()
+    with contextlib.chdir(folder), contextlib.redirect_stdout(said), pytest.raises(SystemExit) as caught:
+        cli.main(argv)
+    assert caught.value.code == 0
+    return said.getvalue()
+
+
 def killed(folder, where, nth, argv):
     got = done(folder, argv, "-c", KILLED, where, str(nth))
     assert got.returncode == -signal.SIGKILL, (where, got.stderr)
@@ -120,9 +131,15 @@ def plain(path):
 @pytest.fixture(scope="module")
 def uncut(locked, tmp_path_factory):
     folder = tmp_path_factory.mktemp("uncut")
-    got = done(folder, command(locked, "--out", "out", "--json"))
-    assert got.returncode == 0, got.stderr
-    return numbers(got.stdout), folder / "out"
+    return numbers(run_here(folder, command(locked, "--out", "out", "--json"))), folder / "out"
+
+
+@pytest.fixture(scope="module")
+def interrupted(locked, tmp_path_factory):
+    """The folder of a run that was killed in the middle of a write of rows."""
+    folder = tmp_path_factory.mktemp("interrupted")
+    killed(folder, "rows", 3, command(locked, "--out", "out"))
+    return folder / "out"
 
 
 TURNS = [("checkpoint begun", 1), ("checkpoint written", 2), ("rows", 1), ("record", 1), ("report", 1)]
@@ -131,17 +148,15 @@ TURNS = [("checkpoint begun", 1), ("checkpoint written", 2), ("rows", 1), ("reco
 @pytest.mark.parametrize(
     "turns", [pytest.param(TURNS[:1], id="twice"), pytest.param(TURNS, id="at every turn", marks=pytest.mark.slow)]
 )
-def test_a_killed_run_ends_in_the_same_bytes(locked, uncut, tmp_path, turns):
+def test_a_killed_run_ends_in_the_same_bytes(interrupted, uncut, tmp_path, turns):
     """Killed in the middle of a write of rows, then where `turns` say, each time in what continued it."""
-    killed(tmp_path, "rows", 3, command(locked, "--out", "out"))
+    shutil.copytree(interrupted, tmp_path / "out")
     again = ["run", "--resume-run", "out", "--json"]
     for where, nth in turns:
         killed(tmp_path, where, nth, again)
         assert (tmp_path / "out" / checkpoint.FOLDER / "checkpoint.h5").exists()
-    got = done(tmp_path, again)
-    assert got.returncode == 0, got.stderr
     want, folder = uncut
-    assert numbers(got.stdout) == want
+    assert numbers(run_here(tmp_path, again)) == want
     names = sorted(path.name for path in folder.iterdir())
     assert names == sorted(path.name for path in (tmp_path / "out").iterdir())
     assert {"run.h5", "state.h5", "run.vcd", "startup.png", "rate_step.png"} <= set(names)
@@ -159,11 +174,11 @@ def test_the_record_of_a_continued_run_is_whole(uncut):
     assert (first.den, first.attrs["frames"]) == (7 * 3250, 7)
 
 
-def test_a_killed_run_without_checkpoint_has_nothing_to_continue(locked, tmp_path):
+def test_a_killed_run_without_checkpoint_has_nothing_to_continue(locked, tmp_path, capsys, monkeypatch):
     killed(tmp_path, "rows", 1, command(locked, "--set", "output.checkpoint_s=0", "--out", "out"))
-    got = done(tmp_path, ["run", "--resume-run", "out"])
-    assert (got.returncode, got.stdout) == (2, "")
-    assert got.stderr == "gyro: out: holds no interrupted run with a checkpoint; start it again\n"
+    monkeypatch.chdir(tmp_path)
+    said = refused(capsys, "run", "--resume-run", "out")
+    assert said == "gyro: out: holds no interrupted run with a checkpoint; start it again\n"
 
 
 def test_an_interrupt_says_how_to_continue(locked, tmp_path):
@@ -201,13 +216,6 @@ def refused(capsys, *argv):
     return said.err
 
 
-@pytest.fixture(scope="module")
-def interrupted(locked, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("interrupted")
-    killed(folder, "rows", 3, command(locked, "--out", "out"))
-    return folder / "out"
-
-
 def test_a_continued_run_takes_no_other_settings(capsys, interrupted):
     for other in (["--seed", "2"], ["--no-noise"], ["--set", "plant.fx_hz=11000"], ["--out", "elsewhere"]):
         said = refused(capsys, "run", "--resume-run", str(interrupted), *other)
@@ -236,8 +244,7 @@ def test_a_damaged_checkpoint_is_refused(capsys, interrupted, tmp_path):
 def test_a_new_run_in_the_folder_starts_anew(locked, interrupted, tmp_path):
     shutil.copytree(interrupted, tmp_path / "out")
     argv = ["run", "--resume", str(locked[0]), "--seconds", "0.01", "--set", "scenario.diagnose=false", "--out", "out"]
-    got = done(tmp_path, argv)
-    assert got.returncode == 0, got.stderr
+    run_here(tmp_path, argv)
     assert checkpoint.FOLDER not in os.listdir(tmp_path / "out")
 
 

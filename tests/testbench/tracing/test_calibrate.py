@@ -9,16 +9,16 @@ import pytest
 from testbench.tracing.fit import calibrate, identify
 from testbench.tracing.problem.model import Model, Point
 from testbench.tracing.problem.predictor import Predictor
-from testbench.tracing.problem.problem import Law, Nuisance, Observable, PredictionFailed, Segment
+from testbench.tracing.problem.problem import Law, Nuisance, Observable, PredictionFailed, Problem, Segment
 from testbench.tracing.problem.space import Space
 from testbench.tracing.trace import Options, trace
 from tests.testbench.tracing.toys import Toy
 
 
-class Gauge:
+class Gauge(Problem, adds="t sd"):
     """y = a b exp(-t / tau) + c: a and b only by their product, sd of the noise 0.01."""
 
-    name, laws, library, linear_in, hashes = "gauge", (), (), frozenset(), {}
+    name, laws, hashes = "gauge", (), {}
 
     def __init__(self, prior=(0.5, 0.5), seed=0):
         t = np.linspace(0, 1, 40)

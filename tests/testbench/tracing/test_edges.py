@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from testbench.errors import ConfigError
-from testbench.tracing.problem.problem import Law, Nuisance, Observable, Segment
+from testbench.tracing.problem.problem import Law, Nuisance, Observable, Problem, Segment
 from testbench.tracing.report import figures, html
 from testbench.tracing.trace import Options, Tracer, trace
 from tests.testbench.tracing.toys import LAWS, Toy
@@ -15,10 +15,10 @@ from tests.testbench.tracing.toys import LAWS, Toy
 QUICK = Options(n_null=199)
 
 
-class Line:
+class Line(Problem):
     """y = c x in groups of few rows; sd 1; the simplest problem there is."""
 
-    name, library, hashes = "line", (), {}
+    name, hashes = "line", {}
     linear_in = frozenset({"slope", "level"})
 
     def __init__(self, slope=0.0, rows=3, groups=6, repeats=3, nuisances=(), laws=(), roles=("fit",), seed=0):
@@ -133,7 +133,7 @@ def test_repeats_of_a_group_must_share_role_and_length():
         trace(problem, QUICK)
 
 
-class Bent(Line):
+class Bent(Line, adds="shape"):
     """A line whose library has a law that is hardly another, and one that is."""
 
     library = (Law("bent", "out", "c x^1.02", "V", 1.0), Law("wave", "out", "c cos x", "V", 1.0))
@@ -161,3 +161,14 @@ def test_a_law_of_the_library_that_would_do_as_well_is_told_with_its_chi2():
 
     assert row["value"] == pytest.approx(least("bent")[0])
     assert row["chi2"] == pytest.approx(least("bent")[1] - least("slope")[1])
+
+
+def test_a_misspelt_member_is_an_error():
+    with pytest.raises(TypeError, match=r"Spelt.noise_gian is no member of a problem; did you mean noise_gain\?"):
+        type("Spelt", (Line,), {"noise_gian": 1.2})
+    with pytest.raises(TypeError, match=r"Bowed.bow is no member of a problem, nor named in adds"):
+        type("Bowed", (Line,), {"bow": lambda self: 1.0})
+    problem = Line()
+    with pytest.raises(AttributeError, match="did you mean numerical_certificate"):
+        problem.numerical_certficate = {"sigma": 0.1}
+    assert problem.numerical_certificate is None

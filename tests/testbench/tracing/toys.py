@@ -5,7 +5,7 @@ import math
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from testbench.tracing.problem.problem import Law, Nuisance, Observable, PredictionFailed, Segment
+from testbench.tracing.problem.problem import Law, Nuisance, Observable, PredictionFailed, Problem, Segment
 
 BINS = 16
 TIME = (np.arange(BINS) + 0.5) / BINS
@@ -76,10 +76,8 @@ NUISANCES = (
 )
 
 
-class Toy:
+class Toy(Problem, adds="declared theta effects"):
     """Two observables over time in some conditions; `effects` is what nature has and the base model lacks."""
-
-    linear_in = frozenset()
 
     def __init__(
         self, seed=0, effects=None, repeats=2, flicker=1.0, noise=1.0, library=LIBRARY, laws=LAWS, conditions=FIT

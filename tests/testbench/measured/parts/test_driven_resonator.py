@@ -17,7 +17,7 @@ def free_run(u, f, q, effects):
     n = driven_resonator.TICKS
     wide = mode.upsample(u, n)
     laws = mode.laws(effects, f, driven_resonator.TERMS)
-    return mode.run(f, q, (2 * np.pi * f) ** 2, wide, laws, 1 / (FS * n), n, (0.0, 0.0), len(u))
+    return mode.run(f, q, (2 * np.pi * f) ** 2, wide, laws, 1 / (FS * n), n, (0.0, 0.0))
 
 
 @pytest.mark.parametrize(

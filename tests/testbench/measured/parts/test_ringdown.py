@@ -36,7 +36,7 @@ def test_the_envelope_is_the_plants_mode_with_the_same_law(text, name, exponent)
     c = 0.02
     laws = mode.laws({"law": c}, f, {"law": text})
     zero = np.zeros(n * ticks)
-    x = mode.run(f, q, 0.0, zero, laws, 1.0 / (fs * ticks), ticks, (1.0, 0.0), n)
+    x = mode.run(f, q, 0.0, zero, laws, 1.0 / (fs * ticks), ticks, (1.0, 0.0))
     w = 2 * np.pi * f
     v = np.gradient(x, 1.0 / fs) / w  # the amplitude needs no better derivative: it is averaged over a period
     period = int(fs / f)

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from testbench.measured.exam import staged
+from testbench.measured.models.part_problem import PartProblem
 from testbench.tracing.problem.problem import Law
 
 PLAIN, LATE = "m: gain with temp", "m: gain with temp 1200 s late"
 
 
-class _Problem:
-    nuisances, library = (), ()
+class _Problem(PartProblem):
+    nuisances = ()
     laws = tuple(Law(name, "m", "gain", "1", 0.1) for name in (PLAIN, LATE))
 
 

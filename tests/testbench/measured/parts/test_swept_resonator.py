@@ -43,7 +43,7 @@ def sweeps(folder, names, seed, **law):
     ("law", "name", "value"),
     [
         ({"points_per_s": 800.0}, "sweep_rate", 800.0),
-        ({"stiff": 30.0}, "duffing", 30.0),
+        pytest.param({"stiff": 30.0}, "duffing", 30.0, marks=pytest.mark.slow),
         pytest.param({"damp": 200.0}, "damping_cubic", 200.0, marks=pytest.mark.slow),
     ],
 )

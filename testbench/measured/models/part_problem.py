@@ -1,0 +1,33 @@
+"""What the staged search and the reports ask of a recording of one part, besides `problem.Problem`."""
+
+from testbench.tracing.problem.problem import Problem
+
+
+class PartProblem(Problem, adds="most_laws same_rows axis absorbed more_of details with_data"):
+    """A recording of one part. Each member has a default.
+
+    most_laws   laws that are added one after the other, at most
+    same_rows   rows of fitted and judged segments belong together
+    """
+
+    most_laws, same_rows = 3, False
+
+    def axis(self, segment, observable):
+        """(abscissa of the rows, its label) of an observable of a segment; None: the number of the row."""
+        return None
+
+    def absorbed(self, names):
+        """The problem in which these laws are part of the model; None: their coefficients become nuisances."""
+        return None
+
+    def more_of(self, law):
+        """Names of the nuisances that say more of a law that is part of the model, and go where it goes."""
+        return ()
+
+    def details(self, law, values):
+        """Further keys of a law in a report, from the nuisances {name: fitted value}."""
+        return {}
+
+    def with_data(self, data):
+        """The same problem about other features of the same shape: for simulated recordings."""
+        raise NotImplementedError
