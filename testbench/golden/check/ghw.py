@@ -81,12 +81,13 @@ class _Reader:
     def word(self, form="i"):
         return struct.unpack(self.order + form, self.take(struct.calcsize(self.order + form)))[0]
 
-    def unsigned(self):
+    def unsigned(self, bits=7):
+        """A number of which each byte below 128, the last one, holds so many bits."""
         value = shift = 0
         while True:
             byte = self.byte()
-            value |= (byte & 127) << shift
-            shift += 7
+            value |= (byte & ((1 << bits) - 1)) << shift
+            shift += bits
             if byte < 128:
                 return value
             self.need(shift < 70, "a number is too long")
@@ -116,13 +117,7 @@ def _strings(r):
         while not (r.data[r.at] < 32 or 128 <= r.data[r.at] < 160):
             text.append(r.byte())
         out.append(kept + text.decode("latin-1"))
-        length = shift = 0
-        while True:
-            byte = r.byte()
-            length |= (byte & 31) << shift
-            shift += 5
-            if byte < 128:
-                break
+        length = r.unsigned(bits=5)
         r.need(length <= len(out[-1]), "a string is longer than its source")
         kept = out[-1][:length]
     r.need(r.take(4) == b"EOS\0", "section STR has no end")

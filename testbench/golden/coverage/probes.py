@@ -31,12 +31,34 @@ WRAPPED = ("under", "lo", "hi", "over")
 
 
 class Site(NamedTuple):
-    """One place in the source: kind, name (where: what), the outcomes it could have, and those seen."""
+    """One place in the source, the outcomes it could have, and those seen.
+
+    path   functions from `step` to the place, as texts; a further copy of one is numbered, as in "step > _pole#2"
+    text   the expression
+    again  its number among the same texts of the path
+    """
 
     kind: str
-    name: str
+    path: str
+    text: str
+    again: int
     possible: tuple
     seen: set
+
+    @property
+    def name(self):
+        """Where: what."""
+        return f"{self.path}: {self.text}" + (f" #{self.again}" if self.again > 1 else "")
+
+    @property
+    def function(self):
+        """Name of the function that it stands in."""
+        return self.path.rpartition(" > ")[2].partition("#")[0]
+
+    @property
+    def copy(self):
+        """Which copy of the function, from 1."""
+        return int(self.path.rpartition(" > ")[2].partition("#")[2] or 1)
 
 
 # Each factory returns the function that stands in the place, writing outcomes into `seen` -----------------------------
@@ -175,7 +197,7 @@ class _Transformer(ast.NodeTransformer):
         return eval(compile(ast.fix_missing_locations(ast.Expression(node)), "", "eval"), self.names)
 
     def place(self, kind, node, possible, factory):
-        key = self.owner.add(kind, f"{self.path}: {ast.unparse(node)}", possible, factory)
+        key = self.owner.add(kind, self.path, ast.unparse(node), possible, factory)
         return ast.Name(key, ast.Load())
 
     def visit(self, node):
@@ -257,16 +279,13 @@ class Probed:
         self.numbers, self.sites, self.shared, self.calls = itertools.count(), {}, {}, {}
         self.step = self.shared[self.copy(_python(module.step), module.__name__.rpartition(".")[2], fixed)]
 
-    def add(self, kind, name, possible, factory):
-        key, label = f"_probe_{next(self.numbers)}", name
-        for again in itertools.count(2):
-            if label not in self.sites:
-                break
-            label = f"{name} #{again}"
-        site = Site(kind, label, possible, set())
-        self.sites[label] = site
+    def add(self, kind, path, text, possible, factory):
+        key = f"_probe_{next(self.numbers)}"
+        sites = (Site(kind, path, text, again, possible, set()) for again in itertools.count(1))
+        site = next(site for site in sites if site.name not in self.sites)
+        self.sites[site.name] = site
         self.shared[key] = note = factory(site.seen)
-        if self.watched and self.watched[:2] == (kind, label):
+        if self.watched and self.watched[:2] == (kind, site.name):
             self.shared[key] = self.measured(kind, note, self.watched[2])
         return key
 

@@ -1,74 +1,132 @@
 """Goals that no stimulus of a case can meet, each with the argument.
 
-    claims       a pattern of the place, outcomes and an argument in words
+    claims       shapes of the place, outcomes and an argument in words
     bounds       intervals of registers: a bit that is the same all over its interval cannot toggle
     multiples    registers that are multiples of a power of two: the bits below it cannot toggle
     computed     what follows from the numbers of a case: gains, limits, widths, or all values tried
 
-Each reason begins with "proved: ". A claim is an argument and not an observation: tests try to break every one with
-random rows, and no vector may contradict one.
+A place is the syntax tree of its expression in the function that it stands in; a shape is an expression in which `_` is
+any expression, or any field. Each reason begins with "proved: ". A claim is an argument and not an observation: tests
+try to break every one with random rows, and no vector may contradict one.
 Source  docs/golden.md
 """
 
+import ast
 import functools
-import re
 from typing import NamedTuple
 
 import numpy as np
 
 from fpga_model import cordic, modulator, pi, rate_output, registers, sequencer, sine
-from testbench.golden.coverage import coverage
+from testbench.golden.coverage import coverage, probes
 from testbench.golden.stimulus import blocks
 from testbench.golden.stimulus.edges_pi import ERRORS, ONE, Loop, even_part, half_up
 
 TIES = ("tie+even", "tie+odd", "tie-even", "tie-odd")
 
 
-class Claim(NamedTuple):
-    """Outcomes of the places whose name matches `place`, in the blocks that match `stem`."""
+@functools.cache
+def _tree(text):
+    return ast.parse(text, mode="eval").body
 
-    stem: str
-    place: str
+
+def _like(shape, node):
+    """Whether two trees are the same, but for `_` in the first."""
+    if isinstance(shape, ast.Name) and shape.id == "_":
+        return True
+    if isinstance(shape, list):
+        return len(shape) == len(node) and all(map(_like, shape, node))
+    if not isinstance(shape, ast.AST):
+        return shape == node
+    return type(shape) is type(node) and all(
+        _like(part, getattr(node, field)) or (field, part) == ("attr", "_") for field, part in ast.iter_fields(shape)
+    )
+
+
+class Place(NamedTuple):
+    """Where goals stand: the function, which copy of it, the expression, and which of its kind in that copy."""
+
+    function: str
+    copy: int
+    tree: ast.expr
+    again: int
+
+    def like(self, *shapes):
+        """Whether the expression has one of the shapes."""
+        return any(_like(_tree(shape), self.tree) for shape in shapes)
+
+
+@functools.cache
+def _places(stem, case):
+    """{(kind, name): Place} of every probe of a case."""
+    sites = probes.probed(blocks.BLOCKS[stem], case).sites.values()
+    return {(s.kind, s.name): Place(s.function, s.copy, _tree(s.text), s.again) for s in sites}
+
+
+class Claim(NamedTuple):
+    """Outcomes of the places of some shapes, in some blocks; in a function of this name where one is given."""
+
+    stems: tuple
+    shapes: tuple
     outcomes: tuple
     reason: str
+    function: str | None = None
+    again: int | None = None
+
+    def covers(self, place):
+        return (
+            self.function in (None, place.function) and self.again in (None, place.again) and place.like(*self.shapes)
+        )
 
 
 COUNTS = "the operand is a count plus 1, so at least 1"
 UNSIGNED = "the operand is unsigned"
+ROOTS, LOCKS, FAULTS = ("isqrt", "quadrature_loop"), ("lock_monitor", "sequencer"), ("fault_monitor", "sequencer")
 CLAIMS = (
-    Claim("dds", r"wrap_unsigned", ("under",), UNSIGNED),
-    Claim("isqrt|quadrature_loop", r"wrap_unsigned\(s\.radicand", ("under", "hi"), f"{UNSIGNED}, its low bits are 0"),
-    Claim("isqrt|quadrature_loop", r"wrap_unsigned\(s\.i \+ 1", ("under", "lo"), COUNTS),
-    Claim("registers", r"wrap_unsigned\(data", ("under",), UNSIGNED),
-    Claim("registers", r"wrap\(data", ("under", "lo"), UNSIGNED),
-    Claim("spi_adc", r"wrap\(shift", ("under", "lo"), UNSIGNED),
-    Claim("watchdog", r"clamp\(s\.age \+ 1", ("lo-1", "lo"), COUNTS),
-    Claim("rate_output", r"clamp\(p\.decimation", ("lo-1",), UNSIGNED),
-    Claim("cordic", r"s\.i < ITERATIONS", ("+1",), "i stops at ITERATIONS"),
-    Claim("cordic", r"half_up\(s\.x, ", ("tie-even", "tie-odd"), "x is never negative"),
-    Claim("cordic", r"wrap\(half_up\(s\.angle", ("under",), "the angle is wrapped already, and rounds up"),
-    Claim("sine", r"half_up", ("tie-even", "tie-odd"), "the magnitude is never negative"),
-    Claim("lock_monitor|sequencer", r"_judge(#\d)?: count >= ", ("+1",), "a count starts again at its limit"),
-    Claim("lock_monitor|sequencer", r"_judge(#\d)?: pending #2", ("no",), "without pending the count is 0"),
-    Claim("fault_monitor|sequencer", r"clamp\((count|s\.\w+_frames) \+ 1", ("lo-1", "lo"), COUNTS),
-    Claim("sequencer", r"clamp\(s\.timer \+ 1", ("lo-1", "lo"), COUNTS),
-    Claim("sequencer", r"clamp\(s\.attempts \+ failed", ("lo-1",), UNSIGNED),
-    Claim("sequencer", r"_following: frames (<|>=) p\.", ("+1",), "the timer starts again at the limit of its state"),
+    Claim(("dds",), ("wrap_unsigned(_ + _, _)",), ("under",), UNSIGNED),
+    Claim(ROOTS, ("wrap_unsigned(s.radicand << 2, _)",), ("under", "hi"), f"{UNSIGNED}, its low bits are 0"),
+    Claim(ROOTS, ("wrap_unsigned(s.i + 1, _)",), ("under", "lo"), COUNTS),
+    Claim(("registers",), ("wrap_unsigned(data, _)",), ("under",), UNSIGNED),
+    Claim(("registers",), ("wrap(data, _)",), ("under", "lo"), UNSIGNED),
+    Claim(("spi_adc",), ("wrap(shift, _)",), ("under", "lo"), UNSIGNED),
+    Claim(("watchdog",), ("clamp(s.age + 1, _, _)",), ("lo-1", "lo"), COUNTS),
+    Claim(("rate_output",), ("clamp(p.decimation, _, _)",), ("lo-1",), UNSIGNED),
+    Claim(("cordic",), ("s.i < ITERATIONS",), ("+1",), "i stops at ITERATIONS"),
+    Claim(("cordic",), ("half_up(s.x, _)",), ("tie-even", "tie-odd"), "x is never negative"),
+    Claim(("cordic",), ("wrap(half_up(s.angle, _), _)",), ("under",), "the angle is wrapped already, and rounds up"),
+    Claim(("sine",), ("half_up(_, _)",), ("tie-even", "tie-odd"), "the magnitude is never negative"),
+    Claim(LOCKS, ("count >= _",), ("+1",), "a count starts again at its limit", "_judge"),
+    Claim(LOCKS, ("pending",), ("no",), "without pending the count is 0", "_judge", 2),
     Claim(
-        "sequencer",
-        r"bad_frames >= p\.offline",
+        FAULTS,
+        tuple(f"clamp({n} + 1, _, _)" for n in ("count", "s.bad_frames", "s.good_frames")),
+        ("lo-1", "lo"),
+        COUNTS,
+    ),
+    Claim(("sequencer",), ("clamp(s.timer + 1, _, _)",), ("lo-1", "lo"), COUNTS),
+    Claim(("sequencer",), ("clamp(s.attempts + failed, _, _)",), ("lo-1",), UNSIGNED),
+    Claim(
+        ("sequencer",),
+        ("frames < p._", "frames >= p._"),
+        ("+1",),
+        "the timer starts again at the limit of its state",
+        "_following",
+    ),
+    Claim(
+        ("sequencer",),
+        ("s.faults.bad_frames >= p.offline",),
         ("+1",),
         "the drive starts with 0 bad frames, they rise by one, and at offline it stops",
     ),
-    Claim("sequencer", r"fault_monitor\.step: en$", ("no",), "the sequencer passes 1"),
+    Claim(("sequencer",), ("en",), ("no",), "the sequencer passes 1", "fault_monitor.step"),
 )
 
 
-def _claimed(block, goals):
+def _claimed(block, places):
     for claim in CLAIMS:
-        if re.fullmatch(claim.stem, block.stem):
-            for goal in goals:
-                if goal[0] != "toggle" and goal[2] in claim.outcomes and re.search(claim.place, goal[1]):
+        if block.stem in claim.stems:
+            for goal, place in places:
+                if goal[2] in claim.outcomes and claim.covers(place):
                     yield goal, claim.reason
 
 
@@ -168,37 +226,37 @@ def _acc_reaches(loop, limit, beyond):
     return any(lowest <= m <= highest for m in moved)
 
 
-def _pi_places(block, case, goals):
+def _pi_places(block, case, places):
     loop = _loop(block, case)
     p = loop.p
     step = min(even_part(p.kp), even_part(p.ki))
-    for goal in goals:
-        _, place, outcome = goal
-        if "clamp(preset" in place and outcome in _outside(loop.preset.lo, loop.preset.hi, p.lo, p.hi):
+    for goal, place in places:
+        outcome = goal[2]
+        if place.like("clamp(preset, _, _)") and outcome in _outside(loop.preset.lo, loop.preset.hi, p.lo, p.hi):
             yield goal, f"preset is of format {loop.preset}"
-        if "clamp(s.acc + " in place and p.ki:
+        if place.like("clamp(s.acc + _, _, _)") and p.ki:
             limit, beyond = (p.lo if outcome[:2] == "lo" else p.hi), int(outcome[2:] or 0)
             if not _acc_reaches(loop, limit, beyond):
                 yield goal, f"acc moves by multiples of ki = {p.ki} only, from where it is clamped or preset"
-        if "half_up(s.prop + s.acc" in place and "clamp" not in place:
+        if place.like("half_up(s.prop + s.acc, _)"):
             if step > 1 and outcome in ("one", "half-1", "half+1", "ones"):
                 yield goal, f"prop + acc is a multiple of {step}: kp = {p.kp}, ki = {p.ki}"
             if p.kp == 0 and p.lo >= 0 and outcome in ("tie-even", "tie-odd"):
                 yield goal, "kp = 0 and lo >= 0: the sum is never negative"
-        if "clamp(half_up(s.prop" in place and p.kp == 0 and outcome in ("lo-1", "hi+1"):
+        if place.like("clamp(half_up(s.prop + s.acc, _), _, _)") and p.kp == 0 and outcome in ("lo-1", "hi+1"):
             yield goal, "kp = 0: the sum is acc, which is clamped already"
 
 
-def _modulator_places(block, case, goals):
+def _modulator_places(block, case, places):
     p = block.cases[case]
     amplitude, factor = modulator.AMPLITUDE, modulator.SINE
     ends = [a * s for a in (amplitude.lo, amplitude.hi) for s in (factor.lo, factor.hi)]
     beyond = _outside(half_up(min(ends), p.shift), half_up(max(ends), p.shift), p.lo, p.hi)
     factors = np.arange(1, modulator.SINE.hi + 1, 2)
-    for goal in goals:
-        if "clamp(" in goal[1] and goal[2] in beyond:
+    for goal, place in places:
+        if place.like("clamp(_, _, _)") and goal[2] in beyond:
             yield goal, f"the products of the formats round to at most {half_up(max(ends), p.shift)} in magnitude"
-        if "half_up" in goal[1] and goal[2] in ("half-1", "half+1") and p.shift > modulator.AMPLITUDE.width:
+        if place.like("half_up(_, _)") and goal[2] in ("half-1", "half+1") and p.shift > modulator.AMPLITUDE.width:
             wanted = (1 << (p.shift - 1)) + (1 if goal[2] == "half+1" else -1)
             least, most = min(ends) - wanted >> p.shift, max(ends) - wanted >> p.shift
             sums = [wanted + (m << p.shift) for m in range(least, most + 1)]
@@ -206,79 +264,84 @@ def _modulator_places(block, case, goals):
                 yield goal, "no product of the two formats has these low bits: all odd factors were tried"
 
 
-def _spi_dac_places(block, case, goals):
+def _spi_dac_places(block, case, places):
     p = block.cases[case]
-    for goal in goals:
-        if "s.lead != 0" in goal[1] and goal[2] == "yes" and p.lead == 0:
+    for goal, place in places:
+        if place.like("s.lead != 0") and goal[2] == "yes" and p.lead == 0:
             yield goal, "lead = 0"
-        if "s.lead == 1" in goal[1] and (p.lead == 0 or (p.lead == 1 and goal[2] == "no")):
+        if place.like("s.lead == 1") and (p.lead == 0 or (p.lead == 1 and goal[2] == "no")):
             yield goal, f"lead = {p.lead}"
 
 
-def _sequencer_places(block, case, goals):
+def _sequencer_places(block, case, places):
     p = block.cases[case]
     at_most = (p.search_limit << sequencer.GAIN.f) // p.gain
     totals = [sign * total for total in range(at_most - 2, at_most + 4) for sign in (1, -1)]
     near = {abs(half_up(total * p.gain, sequencer.GAIN.f)) for total in totals}
-    for goal in goals:
-        if "abs(correction) <= p.search_limit" in goal[1] and goal[2] in ("-1", "0", "+1"):
+    for goal, place in places:
+        if place.like("abs(correction) <= p.search_limit") and goal[2] in ("-1", "0", "+1"):
             value = p.search_limit + int(goal[2])
             if value not in near:
                 yield goal, f"a correction is a whole rotation times gain = {p.gain}, rounded: never {value}"
-    yield from _fault_places(block, case, goals)
+    yield from _fault_places(block, case, places)
 
 
-def _fault_places(block, case, goals):
+def _fault_places(block, case, places):
     p = block.cases[case]
-    for goal in goals:
-        found = re.search(r"(_count|_flag)(?:#(\d))?: ", goal[1])
-        if not found:
+    for goal, place in places:
+        if place.function not in ("_count", "_flag"):
             continue
-        limit = (p.faults if block.stem == "sequencer" else p)[int(found[2] or 1) - 1]
-        if found[1] == "_count" and goal[0] == "clamp" and int(goal[2][2:] or 0) + limit < 1 and goal[2][:2] == "hi":
+        limit = (p.faults if block.stem == "sequencer" else p)[place.copy - 1]
+        if (
+            place.function == "_count"
+            and goal[0] == "clamp"
+            and int(goal[2][2:] or 0) + limit < 1
+            and goal[2][:2] == "hi"
+        ):
             yield goal, f"{COUNTS}; the limit is {limit}"
-        if found[1] == "_flag" and goal[0] == "compare" and limit == 0:
+        if place.function == "_flag" and goal[0] == "compare" and limit == 0:
             yield goal, "the limit is 0, so the counts are not compared"
 
 
-def _register_places(block, case, goals):
-    for goal in goals:
-        found = re.search(r"_load(?:#(\d+))?: wrap_unsigned", goal[1])
-        if found and goal[2] == "over" and registers.WRITABLE[int(found[1] or 1) - 1].fmt.width == registers.DATA.width:
+def _register_places(block, case, places):
+    for goal, place in places:
+        if goal[2] != "over" or place.function != "_load" or not place.like("wrap_unsigned(_, _)"):
+            continue
+        if registers.WRITABLE[place.copy - 1].fmt.width == registers.DATA.width:
             yield goal, "the register is as wide as the data"
 
 
-def _sine_places(block, case, goals):
+def _sine_places(block, case, places):
     slopes = np.array(sine.TABLE_SLOPE)
-    for goal in goals:
-        if "row >> SLOPE_BITS" in goal[1]:
+    for goal, place in places:
+        if place.like("row >> SLOPE_BITS"):
             if goal[2] == "zero" and slopes.all():
                 yield goal, "no slope of the table is 0"
             if goal[2] == "ones" and (slopes != sine.SLOPE_MASK).all():
                 yield goal, "no slope of the table is all ones"
 
 
-def _rate_output_places(block, case, goals):
+def _rate_output_places(block, case, places):
     t = np.arange(rate_output.T.lo, rate_output.T.hi + 1)
     square, cut = t * t, rate_output.T2_CUT
     low, odd, half = square & ((1 << cut) - 1), (square >> cut) & 1, 1 << (cut - 1)
     values = {"zero": 0, "one": 1, "half-1": half - 1, "half+1": half + 1, "ones": (1 << cut) - 1}
     met = {name for name, value in values.items() if (low == value).any()}
     met |= {name for name, kept in (("tie+even", 0), ("tie+odd", 1)) if ((low == half) & (odd == kept)).any()}
-    for goal in goals:
-        if "s.t * s.t" in goal[1] and goal[2] not in met:
+    for goal, place in places:
+        if place.like("half_up(s.t * s.t, _)") and goal[2] not in met:
             yield goal, "all temperatures were tried"
 
 
-def _sid_places(block, case, goals):
+def _sid_places(block, case, places):
     p = block.cases[case]
-    for goal in goals:
+    for goal, place in places:
         if goal[0] != "round":
             continue
-        if "alpha * (x - y)" in goal[1]:
+        if place.like("half_up(alpha * (x - y), _)"):
             gain, name = p.alpha, "alpha"
         else:
-            gain, name = (p.gain_x, "gain_x") if re.search(r"_code(#2)?: ", goal[1]) else (p.gain_y, "gain_y")
+            gain, name = (p.gain_x, "gain_x") if place.function == "_code" and place.copy <= 2 else (p.gain_y, "gain_y")
         if gain % 2 == 0 and goal[2] in ("one", "half-1", "half+1", "ones"):
             yield goal, f"the product is a multiple of {gain & -gain}: {name} = {gain}"
 
@@ -301,14 +364,14 @@ def _near_zero():
     return False
 
 
-def _cordic_places(block, case, goals):
+def _cordic_places(block, case, places):
     sums = sum(1 for x in cordic.ATAN if x % 2)
     turn = not _near_zero()
-    for goal in goals:
-        if "wrap(s.angle + ATAN" in goal[1] and turn and sum(cordic.ATAN) < -cordic.HALF_TURN - 1:
+    for goal, place in places:
+        if place.like("wrap(s.angle + ATAN[_] if _ else _, _)") and turn and sum(cordic.ATAN) < -cordic.HALF_TURN - 1:
             yield goal, "no sum of the first entries of the table, with any signs, is -1, 0 or 1: all were tried"
         # the last angle is the start, a multiple of the cut, plus or minus every entry of the table
-        if "half_up(s.angle" in goal[1]:
+        if place.like("half_up(s.angle, _)"):
             even = goal[2] in ("zero", *TIES)
             if even == bool(sums % 2):
                 yield goal, f"the angle is a sum of all {cordic.ITERATIONS} table entries, {sums} of them odd"
@@ -335,11 +398,16 @@ LEFT_OUT = {
 }
 
 
+def _at_timer(goal):
+    case = next(iter(blocks.BLOCKS["sequencer"].cases))
+    return _places("sequencer", case)[goal[:2]].like("clamp(s.timer + 1, _, _)")
+
+
 def left_out(block, goal):
     """Why a goal that can be met is not looked for, or None: upper bits of 16, and the top of the timer."""
     for name in LEFT_OUT.get(block.stem, ()):
         bit = int(goal[2].split()[1]) if goal[0] == "toggle" and goal[1] == name else 0
-        timer = name == "timer" and goal[0] == "clamp" and "clamp(s.timer + 1" in goal[1] and goal[2][:2] == "hi"
+        timer = name == "timer" and goal[0] == "clamp" and goal[2][:2] == "hi" and _at_timer(goal)
         if timer or bit >= blocks.ALL_ONES.bit_length():
             return f"left out: {name} takes up to 65535 frames to get there, more rows than a bundle has"
     return None
@@ -348,10 +416,10 @@ def left_out(block, goal):
 @functools.cache
 def _reasons(stem, case):
     block = blocks.BLOCKS[stem]
-    goals = coverage.goals(block, case)
-    parts = [_claimed(block, goals), _steady(block, case)]
+    known = _places(stem, case)
+    places = [(goal, known[goal[:2]]) for goal in coverage.goals(block, case) if goal[0] != "toggle"]
+    parts = [_claimed(block, places), _steady(block, case)]
     if block.stem in COMPUTED:
-        places = [goal for goal in goals if goal[0] != "toggle"]
         parts.append(COMPUTED[block.stem](block, case, places))
     return {goal: f"proved: {reason}" for part in parts for goal, reason in part}
 

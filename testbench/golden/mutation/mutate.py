@@ -56,6 +56,17 @@ class Outcome(NamedTuple):
     undecided: int
     survivors: list
 
+    @classmethod
+    def of(cls, block, case, seed, mutants, alive, verdicts):
+        """From the faults tried, those that no vector killed, and the judge's verdicts on these."""
+        survivors = [
+            {"mutant": m.number, "fault": m.options, "source": m.source, **verdict._asdict()}
+            for m, verdict in zip(alive, verdicts, strict=True)
+        ]
+        kinds = [s["verdict"] for s in survivors]
+        unseen = kinds.count("equivalent"), kinds.count("undecided")
+        return cls(block, case, seed, len(mutants), len(mutants) - len(alive), *unseen, survivors)
+
     @property
     def score(self):
         """Killed over those not proved equivalent; 1 when there is none."""
@@ -213,21 +224,7 @@ def score(folder, rtl, count=COUNT, seed=SEED, keep=None):
         alive = [m for m in mutants if first[m.number] < 0]
         judged = judge.Judge(graph, SELECT, held, manifest["block"], work, lambda: ranges_of(manifest))
         verdicts = [judged.verdict(m.number) for m in alive]
-    survivors = [
-        {"mutant": m.number, "fault": m.options, "source": m.source, **verdict._asdict()}
-        for m, verdict in zip(alive, verdicts, strict=True)
-    ]
-    kinds = [s["verdict"] for s in survivors]
-    return Outcome(
-        block=manifest["block"],
-        case=manifest["case"],
-        seed=seed,
-        mutants=len(mutants),
-        killed=len(mutants) - len(alive),
-        equivalent=kinds.count("equivalent"),
-        undecided=kinds.count("undecided"),
-        survivors=survivors,
-    )
+    return Outcome.of(manifest["block"], manifest["case"], seed, mutants, alive, verdicts)
 
 
 def record(folder, outcome):

@@ -257,15 +257,7 @@ def score(rtl, cases=CASES, count=COUNT, seed=SEED, keep=None):
             alive = [m for m in alive if m.number not in killed]
         # a fault that any recording kills needs no verdict, which takes the longest
         found = [_worst(design.judge.verdict(m.number) for design in designs) for m in alive]
-    survivors = [
-        {"mutant": m.number, "fault": m.options, "source": m.source, **v._asdict()}
-        for m, v in zip(alive, found, strict=True)
-    ]
-    kinds = [s["verdict"] for s in survivors]
-    return Outcome(
-        "top", "+".join(cases), seed, len(mutants), len(mutants) - len(alive), kinds.count("equivalent"),
-        kinds.count("undecided"), survivors,
-    )  # fmt: skip
+    return Outcome.of("top", "+".join(cases), seed, mutants, alive, found)
 
 
 def _worst(verdicts):

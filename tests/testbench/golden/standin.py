@@ -5,7 +5,7 @@ changed in one place, which is a design with one fault.
 """
 
 from testbench.golden.bundles import benches, bundle
-from testbench.golden.bundles.top_benches.layout import ROM_PARAMETERS
+from testbench.golden.bundles.benches.layout import TOP_ROMS
 from testbench.golden.stimulus import blocks
 
 VERILOG = """`timescale 1ps/1ps
@@ -89,7 +89,7 @@ def write(folder, design, case, rows, change=None):
         VERILOG.format(
             params=",\n".join(
                 [f"    parameter [{fmt.width - 1}:0] {name} = 0" for name, _, fmt in given]
-                + [f'    parameter {name} = ""' for name in ROM_PARAMETERS]
+                + [f'    parameter {name} = ""' for name in TOP_ROMS]
             ),
             ports=",\n".join(
                 [f"    input wire [{w - 1}:0] {name}" if w > 1 else f"    input wire {name}" for name, w in inputs]
@@ -105,7 +105,7 @@ def write(folder, design, case, rows, change=None):
         VHDL.format(
             params=";\n".join(
                 [f"        {name} : {benches.vhdl_type(fmt.width)}" for name, _, fmt in given]
-                + [f"        {name} : string" for name in ROM_PARAMETERS]
+                + [f"        {name} : string" for name in TOP_ROMS]
             ),
             ports=";\n".join(
                 [f"        {name} : in {benches.vhdl_type(w)}" for name, w in inputs]

@@ -24,8 +24,11 @@ CHOSEN = ("dds", "sine", "agc")
 
 
 def hashes(folder):
+    """{path: hash of the bytes}, of a manifest without the commit of the tree, which may change meanwhile."""
     return {
-        path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
+        path.relative_to(folder).as_posix(): hashlib.sha256(
+            re.sub(rb'"git": "[^"]*"', b"", path.read_bytes()) if path.name == bundle.MANIFEST else path.read_bytes()
+        ).hexdigest()
         for path in sorted(folder.rglob("*"))
         if path.is_file() and "build" not in path.relative_to(folder).parts
     }

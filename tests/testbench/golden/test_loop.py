@@ -54,6 +54,40 @@ def quick_story():
     return config, record.quick_firmware(config)
 
 
+# Interpreted, because compiling the loop takes longer than a test may: some ticks with the design's own limit of the
+# watchdog, then with another one, whose first effect is a difference
+INTERPRETED = """
+import json, sys
+from testbench.golden.loop import library, run
+from tests.testbench.golden.test_loop import quick_story
+
+config, firmware = quick_story()
+for limit in (firmware.watchdog.limit, 5):
+    with library.Design(sys.argv[1]) as design:
+        firmware = firmware._replace(watchdog=firmware.watchdog._replace(limit=limit))
+        sim = run.Loop(config, 25.0, 25.0, design, firmware)
+        try:
+            sim.advance(12, 0.0, 25.0)
+            sim.finish()
+            print(json.dumps({"rows": sim.compared}))
+        except run.Difference as found:
+            print(json.dumps({**found.to_dict(), "text": found.text()}))
+"""
+
+
+def test_some_ticks_interpreted_and_a_parameter_that_differs(quick):
+    done = subprocess.run(
+        [sys.executable, "-c", INTERPRETED, str(quick[2])],
+        cwd=RTL.parents[1], env={**os.environ, "NUMBA_DISABLE_JIT": "1"}, capture_output=True, text=True, timeout=120,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    same, other = (json.loads(line) for line in done.stdout.splitlines())
+    assert same == {"rows": 12 * TICK_CYCLES + 1}
+    assert other["tick"] in (5, 6, 7)
+    assert {"register": "watchdog.stale", "expected": 1, "got": 0} in other["differs"]
+    assert other["text"].startswith(f"tick {other['tick']}, clock {other['clock']} (")
+
+
 def alone(config, firmware, engine, window=None):
     """The same scenario with the model's own firmware."""
     timeline = scenario.expand(config.scenario)
@@ -73,6 +107,7 @@ def quick(tmp_path_factory):
     return config, firmware, library.build(RTL, firmware, tmp_path_factory.mktemp("loop"), level=0)
 
 
+@pytest.mark.slow
 def test_no_register_differs_from_power_on_through_lock_rate_and_fault(quick):
     """And what the plant went through is, to the last code, what it goes through with the model in its place."""
     config, firmware, path = quick
@@ -87,6 +122,7 @@ def test_no_register_differs_from_power_on_through_lock_rate_and_fault(quick):
     assert outcome.text().startswith(f"PASS {outcome.rows} rows of 213 registers and 13 pins, no difference")
 
 
+@pytest.mark.slow
 def test_a_design_with_another_parameter_is_caught_at_its_first_effect(quick):
     """The first row that differs is that of two models, one with each limit of the watchdog."""
     config, firmware, path = quick

@@ -15,12 +15,13 @@ from testbench.golden.bundles.benches.layout import (
     SHOWN,
     results,
     rom_name,
+    rom_parameters,
     slices,
 )
 from testbench.golden.bundles.benches.makefile import check_script, makefile
 from testbench.golden.bundles.benches.params import params_pkg, params_svh, params_vh, rom_files, vhdl_type
-from testbench.golden.bundles.benches.verilog import span, verilog_bench
-from testbench.golden.bundles.benches.vhdl import vhdl_bench, vhdl_slice
+from testbench.golden.bundles.benches.verilog import instance, span, verilog_bench
+from testbench.golden.bundles.benches.vhdl import component, vhdl_bench, vhdl_slice
 from testbench.golden.bundles.benches.vunit import vunit_bench, vunit_run
 
 __all__ = [
@@ -32,6 +33,8 @@ __all__ = [
     "check_script",
     "cocotb_test",
     "cocotb_top",
+    "component",
+    "instance",
     "makefile",
     "params_pkg",
     "params_svh",
@@ -39,6 +42,7 @@ __all__ = [
     "results",
     "rom_files",
     "rom_name",
+    "rom_parameters",
     "slices",
     "span",
     "texts",

@@ -20,12 +20,22 @@ PARTS = {
     "top": (*BLOCKS, "control"),
 }
 
+# Parameters of the whole design that name a table; a block has one, ROM_FILE
+TOP_ROMS = {"SINE_ROM_FILE": "rom/sine.hex", "CORDIC_ROM_FILE": "rom/cordic_atan.hex"}
+
 assert RESET_INPUT == "rst", "the benches name the reset"
 
 
 def rom_name(block):
     """Path of the block's table inside the bundle, or None."""
     return f"rom/{block.roms[0].name}.hex" if block.roms else None
+
+
+def rom_parameters(block):
+    """{parameter: path inside the bundle} of the tables that a design loads."""
+    if block.stem == "top":
+        return TOP_ROMS
+    return {"ROM_FILE": rom_name(block)} if block.roms else {}
 
 
 def results(block):

@@ -3,7 +3,7 @@
 Source  docs/golden.md (rows)
 """
 
-from testbench.golden.bundles.benches.layout import SHOWN, inputs_of, results, rom_name, slices
+from testbench.golden.bundles.benches.layout import SHOWN, inputs_of, results, rom_parameters, slices
 from testbench.golden.bundles.template import filled
 from testbench.golden.stimulus.blocks import params_of
 
@@ -15,8 +15,7 @@ def span(width):
 def instance(block, case, inputs):
     """Instance `dut`; `inputs` gives the net of an input port."""
     generics = [f".{name}(P_{name})" for name, _, _ in params_of(block, case)]
-    if block.roms:
-        generics.append(f'.ROM_FILE("{rom_name(block)}")')
+    generics += [f'.{name}("{path}")' for name, path in rom_parameters(block).items()]
     ports = [".clk(clk)", *(f".{name}({inputs(name)})" for name, _ in inputs_of(block))]
     ports += [f".{name}({name})" for name, _ in results(block)]
     head = f"{block.module} #(\n        {(',' + chr(10) + '        ').join(generics)}\n    ) dut" if generics else ""

@@ -8,7 +8,6 @@ from fpga_model.rates import FRAME_CYCLES, TICK_CYCLES
 from testbench.golden.bundles import benches
 from testbench.golden.recording import signature
 
-ROM_PARAMETERS = {"SINE_ROM_FILE": "rom/sine.hex", "CORDIC_ROM_FILE": "rom/cordic_atan.hex"}
 CLOCK_BITS = 32
 ADC_BITS = CLOCK_BITS + adc_serial.WORDS * adc_serial.WORD_BITS
 HOST_BITS = CLOCK_BITS + 4 + 8 + 48

@@ -8,19 +8,9 @@ Source  docs/golden.md (the whole design), testbench/golden/recording/signature.
 from testbench.golden.bundles import benches
 from testbench.golden.bundles.benches import SHOWN
 from testbench.golden.bundles.template import filled
-from testbench.golden.bundles.top_benches.layout import CLOCK_BITS, GROUP, PART_BITS, ROM_PARAMETERS, SHOWN_ROWS
+from testbench.golden.bundles.top_benches.layout import CLOCK_BITS, GROUP, PART_BITS, SHOWN_ROWS
 from testbench.golden.bundles.top_benches.layout import chunks as chunks_of
 from testbench.golden.recording import signature
-from testbench.golden.stimulus.blocks import params_of
-
-
-def _verilog_instance(block, case):
-    generics = [f".{name}(P_{name})" for name, _, _ in params_of(block, case)]
-    generics += [f'.{name}("{path}")' for name, path in ROM_PARAMETERS.items()]
-    ports = [".clk(clk)", *(f".{p.name}({p.name})" for p in block.columns)]
-    ports += [f".{name}({name})" for name, _ in benches.results(block)]
-    comma = ",\n        "
-    return f"    {block.module} #(\n        {comma.join(generics)}\n    ) dut (\n        {comma.join(ports)}\n    );"
 
 
 def _pieces(found, row_bits):
@@ -115,7 +105,7 @@ def verilog_bench(block, case, counts):
         stem=block.stem,
         nets="\n".join(nets),
         inputs=", ".join(n for n, _ in inputs),
-        instance=_verilog_instance(block, case),
+        instance=benches.instance(block, case, lambda name: name),
         gathered=_nested([n for n, _ in found]),
         append=_verilog_append(found, row_bits),
         reduce=_verilog_reduce(),
@@ -160,6 +150,6 @@ module cocotb_{block.stem} (
     assign adc_cs_n = o_adc_cs_n;
     assign adc_sclk = o_adc_sclk;
 
-{_verilog_instance(block, case)}
+{benches.instance(block, case, lambda name: name)}
 endmodule
 """
