@@ -22,7 +22,7 @@ import numpy as np
 from analog_frontend import linear
 from analog_frontend import top as plant
 from fpga_model import spi_dac
-from fpga_model.jit import hot, inner, outlined
+from fpga_model.jit import hot, inner, outlined, unit
 from fpga_model.rates import FRAME_TICKS, TICK_CYCLES
 from testbench.engines import engine
 from testbench.engines.carried import (
@@ -140,7 +140,7 @@ def _probe(o, first, n, turn, a, tick, b, count, refs):
             o.edge_count[0] += 1
 
 
-@inner
+@unit
 def onward(p, a, chunk, g, tick, end, limit, b):
     """Blocks from `tick` on, to the last quiet tick before `end` or to `limit`: what is carried then, and the tick.
 
@@ -203,7 +203,7 @@ def put_down(f, chips, g, tick, status):
     return Arrived(tick, g.drdy_cycle, f, chips, g.sid, g.s.dog, phase, g.refs, g.drive_code, g.sense_code)
 
 
-@outlined
+@unit
 def enter(p, f, chips, a, chunk, end, drdy_cycle):
     """Clocked ticks of a chunk up to the first quiet one with room for blocks behind it, or to `end`.
 
@@ -226,7 +226,7 @@ def enter(p, f, chips, a, chunk, end, drdy_cycle):
             first, until = until, until + 1
 
 
-@outlined
+@unit
 def leave(p, x, a, chunk, end):
     """From the end of the blocks to that of the chunk: the flush of the registers, then clocked ticks.
 
