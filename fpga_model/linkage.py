@@ -176,10 +176,17 @@ def arguments_of(signature):
     return tuple(sigutils.normalize_signature(signature)[0])
 
 
+WRAPPER = "_ZN7cpython"  # begins the names of what Python calls: it unpacks records, once a call
+
+
 class UnitLibrary(JITCodeLibrary):
     """A library that is optimised in one go: what Numba does before serves the pruning of reference counts."""
 
     def _optimize_final_module(self):
+        for function in self._final_module.functions:
+            if function.name.startswith(WRAPPER) and not function.is_declaration:
+                function.add_function_attribute("noinline")
+                function.add_function_attribute("optnone")
         manager, builder = self._codegen._module_pass_manager()
         manager.run(self._final_module, builder)
 
