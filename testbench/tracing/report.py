@@ -10,6 +10,7 @@ import json
 
 from testbench.console.report import CSS
 from testbench.tracing.fit.heldout import FLOOR_FACTOR
+from testbench.tracing.problem.result import plain
 from testbench.tracing.verdict import MOST_NUMERICAL
 
 
@@ -21,6 +22,7 @@ def figures(tracer):
 
 
 def number(x, digits=4):
+    """Text of a number, or a dash."""
     return "-" if x is None else f"{x:.{digits}g}" if isinstance(x, (int, float)) else str(x)
 
 
@@ -34,11 +36,16 @@ def _table(heads, rows, title, note=""):
     return f"<h2>{text(title)}</h2>\n<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{below}"
 
 
-def _picture(caption, figure):
+def png(figure, alt="", dpi=100):
+    """<img> with a matplotlib figure inside."""
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=100)
-    data, text = base64.b64encode(buffer.getvalue()).decode(), escape.escape(caption)
-    return f'<figure><img alt="{text}" src="data:image/png;base64,{data}"><figcaption>{text}</figcaption></figure>'
+    figure.savefig(buffer, format="png", dpi=dpi)
+    return f'<img alt="{alt}" src="data:image/png;base64,{base64.b64encode(buffer.getvalue()).decode()}">'
+
+
+def _picture(caption, figure):
+    text = escape.escape(caption)
+    return f"<figure>{png(figure, text)}<figcaption>{text}</figcaption></figure>"
 
 
 def _interval(ci):
@@ -192,7 +199,7 @@ def html(result, figures):
         ("Hashes and options", {"hashes": result.hashes, "options": result.options}),
     ):
         if data:
-            text = json.dumps(_plain(data), indent=1, sort_keys=True)
+            text = json.dumps(plain(data), indent=1, sort_keys=True)
             parts.append(f"<details><summary>{head}</summary><pre>{escape.escape(text)}</pre></details>")
     body = "\n".join(part for part in parts if part)
     return (
@@ -200,9 +207,3 @@ def html(result, figures):
         f'<meta name="viewport" content="width=device-width, initial-scale=1"><title>{title}</title>'
         f"<style>{CSS}</style></head>\n<body>\n{body}\n</body></html>\n"
     )
-
-
-def _plain(data):
-    from testbench.tracing.problem.result import plain
-
-    return plain(data)

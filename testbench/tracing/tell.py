@@ -16,7 +16,7 @@ from testbench.tracing.noise.power import limits
 from testbench.tracing.problem.result import Result
 
 
-def effects(fit, laws, probability, status):
+def effects(fit, probability, status):
     """Laws of a fit as they go into the JSON; d is the size in sigmas after the nuisances have taken their part."""
     n, out = len(fit.point.theta), []
     for i, law in enumerate(fit.model.laws):
@@ -185,7 +185,7 @@ def result(tracer, decision):
         decision = verdict.with_search(found, probability, free, confirmed, doubtful, stopped, certified)
     out = Result(problem.name, decision.verdict, decision.sentence)
     if found is not None and found.best and decision.verdict in ("named", "confounded", "unexplained"):
-        out.effects = effects(found.fit(found.best), tracer.laws, probability, "named")
+        out.effects = effects(found.fit(found.best), probability, "named")
         for row in out.effects:
             row["d_without_priors"] = free[row["law"]]
             shared = decision.verdict == "unexplained" and any(row["law"] == law for law, _, _ in tracer.rivals)

@@ -130,27 +130,10 @@ def build(rtl, params, folder, level=2):
     (folder / "driver.cpp").write_text(driver())
     given = [f"-G{name}={width}'h{raw:x}" for name, width, raw in board.settings(params)]
     given += [f'-G{name}="{path}"' for name, path in board.write_roms(folder).items()]
-    command = [
-        "verilator",
-        "--cc",
-        "--exe",
-        "--build",
-        "-O3",
-        "--x-initial",
-        "0",
-        "-Wno-fatal",
-        "-Wno-lint",
-        "-Wno-style",
-    ]
-    command += [
-        "-MAKEFLAGS",
-        f"OPT_FAST=-O{level} OPT_SLOW=-O0 OPT_GLOBAL=-O{level}",
-        "-CFLAGS",
-        "-fPIC",
-        "-LDFLAGS",
-        "-shared",
-    ]
-    command += ["--top-module", "gyro_top", "--Mdir", "built", "-o", "gyro_top.so", *given, *files, "driver.cpp"]
+    command = "verilator --cc --exe --build -O3 --x-initial 0 -Wno-fatal -Wno-lint -Wno-style".split()
+    command += ["-MAKEFLAGS", f"OPT_FAST=-O{level} OPT_SLOW=-O0 OPT_GLOBAL=-O{level}"]
+    command += "-CFLAGS -fPIC -LDFLAGS -shared --top-module gyro_top --Mdir built -o gyro_top.so".split()
+    command += [*given, *files, "driver.cpp"]
     try:
         run_tool(command, folder, str(files[-1]))
     except FileError as problem:

@@ -99,9 +99,9 @@ class Loop(Simulation):
         """Rows that were compared, 226 values each."""
         return int(self.rtl.found[3])
 
-    def _lockstep(self, p, s, ticks, *stimulus):
-        """`engine.run`; `stimulus` are the fields of `engine.Chunk` behind its first tick."""
-        chunk = engine.Chunk(s.tick, *stimulus, np.zeros((engine.MAX_EDGES, 2), np.int64))
+    def _lockstep(self, p, s, ticks, rate_rad_s, temp_degc, host, faults, o):
+        edges = np.zeros((engine.MAX_EDGES, 2), np.int64)
+        chunk = engine.Chunk(s.tick, rate_rad_s, temp_degc, *host, faults, o, edges)
         end = s.tick + ticks
         f, chips, drdy_cycle = lockstep.ticks(p, s.fpga, s.chips, s.plant, chunk, end, s.drdy_cycle, self.rtl)
         if self.rtl.found[0] >= 0:

@@ -4,14 +4,14 @@ A problem says `most_laws` if its laws are many and small: they are then added o
 Figures are SVG in the page; they are drawn from the held-out groups alone.
 """
 
-import base64
 import html
-import io
 from typing import NamedTuple
 
 import numpy as np
 
 from testbench.measured.exam.staged import absorbed, staged
+from testbench.tracing import report
+from testbench.tracing.report import number
 from testbench.tracing.trace import Options, Tracer
 
 SHUFFLES = 199
@@ -129,10 +129,9 @@ def png(figure):
     """<img> with a matplotlib figure inside."""
     import matplotlib.pyplot as plt
 
-    data = io.BytesIO()
-    figure.savefig(data, format="png", dpi=80)
+    image = report.png(figure, dpi=80)
     plt.close(figure)
-    return f'<img alt="" src="data:image/png;base64,{base64.b64encode(data.getvalue()).decode()}">'
+    return image
 
 
 def picture(problem, rows, most=9):
@@ -181,11 +180,6 @@ def table(head, rows, numeric=()):
         "<tr>" + "".join(f"<td{m}>{html.escape(str(c))}</td>" for m, c in zip(mark, row)) + "</tr>" for row in rows
     )
     return f"<table><tr>{cells}</tr>{body}</table>"
-
-
-def number(x, digits=4):
-    """Text of a number, or a dash."""
-    return "-" if x is None else f"{x:.{digits}g}"
 
 
 def effects_table(data):

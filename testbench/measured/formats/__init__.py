@@ -2,3 +2,17 @@
 
 Source  docs/measured_parts.md
 """
+
+HEAD_BYTES = 4096
+
+
+def recognised(paths, form):
+    """[(path, content)] of the files whose first bytes a module of this folder knows, and whose content it has."""
+    out = []
+    for path in paths:
+        with open(path, "rb") as file:
+            known = form.is_one(file.read(HEAD_BYTES))
+        content = form.load(path) if known else None
+        if content is not None:
+            out.append((path, content))
+    return out

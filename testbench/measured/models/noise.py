@@ -68,3 +68,22 @@ def autocorrelation(pieces, order):
         total += np.array([v[: len(v) - k] @ v[k:] for k in range(order + 1)])
         count += len(v)
     return total / total[0], total[0] / count
+
+
+def neighbours(ratio):
+    """Correlation r from row to row, by the mean square of second differences over one row and over far more.
+
+    ratio = 1 - (8 r - 2 r^2) / 6
+    """
+    return float(np.clip(2.0 - np.sqrt(1.0 + 3.0 * min(ratio, 1.0)), 0.0, 0.98))
+
+
+def turns(count, blocks):
+    """(rows of the even, rows of the odd) of so many blocks of rows that take turns."""
+    block = np.minimum(np.arange(count) * blocks // count, blocks - 1)
+    return np.flatnonzero(block % 2 == 0), np.flatnonzero(block % 2 == 1)
+
+
+def starts_of(rows):
+    """Places at which rows begin anew: the first, and those behind a gap."""
+    return (0, *(np.flatnonzero(np.diff(rows) > 1) + 1).tolist())

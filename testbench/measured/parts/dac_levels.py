@@ -179,7 +179,7 @@ def problem(sessions, bits, name="levels of a DAC", hashes=None, fit=None):
     return made
 
 
-def sessions_of(files, channel=None):
+def sessions_of(files):
     """{channel: [Session]} of `Levels` of equal width; channels that all files have."""
     if len({f.bits for f in files}) != 1:
         raise ConfigError(f"levels: sessions of {sorted(f.bits for f in files)} bits, expected one width")

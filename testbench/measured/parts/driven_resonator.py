@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from testbench.errors import ConfigError
-from testbench.measured.formats import input_output
+from testbench.measured.formats import input_output, recognised
 from testbench.measured.models import mode, splits
 from testbench.measured.models.noise import Noise
 from testbench.measured.models.terms import FORCES, GRAMMAR, TERMS
@@ -294,14 +294,7 @@ def _piece(name, role, record, wide, a, b, noise, floor):
 
 
 def _are(paths):
-    out = []
-    for path in paths:
-        with open(path, "rb") as file:
-            known = input_output.is_one(file.read(128))
-        record = input_output.load(path) if known else None
-        if record is not None:
-            out.append(path)
-    return out
+    return [path for path, _ in recognised(paths, input_output)]
 
 
 def jobs(paths):

@@ -16,8 +16,8 @@ import numpy as np
 
 from fpga_model.jit import kernel
 from testbench.errors import FileError
-from testbench.measured.formats import ringdown_text
-from testbench.measured.models.noise import Noise
+from testbench.measured.formats import recognised, ringdown_text
+from testbench.measured.models.noise import Noise, neighbours, starts_of, turns
 from testbench.measured.models.working import Working
 from testbench.measured.parts.part import Part, Piece
 from testbench.tracing.problem.problem import Law, Nuisance
@@ -211,7 +211,7 @@ def fluctuation(t, p, background_dbm):
     far = typical(((p[2 * lag :] - 2 * p[lag:-lag] + p[: -2 * lag]) / np.sqrt(6 * inverse[lag:-lag]))[third:])
     near = (p[2:] - 2 * p[1:-1] + p[:-2]) / np.sqrt(6)
     ratio = typical((near / np.sqrt(inverse[1:-1]))[third:]) / max(far, 1e-30)
-    rho = float(np.clip(2.0 - np.sqrt(1.0 + 3.0 * min(ratio, 1.0)), 0.0, 0.98))  # 1 - (8 r - 2 r^2) / 6 = ratio
+    rho = neighbours(ratio)
     b = far if background_dbm is None else (2 * DB) ** 2 / 2 * 10 ** (background_dbm / 10)
     return float(np.sqrt(typical(near[: len(p) // 3]) + b * np.mean(inverse))), rho
 
@@ -238,10 +238,8 @@ def of_trace(trace, fitted, background_dbm=None):
     if fitted:
         scored, setup = np.arange(len(t)), np.arange(0)
     else:
-        block = np.minimum(np.arange(len(t)) * BLOCKS // len(t), BLOCKS - 1)
-        scored, setup = np.flatnonzero(block % 2 == 1), np.flatnonzero(block % 2 == 0)
-    starts = (0, *(np.flatnonzero(np.diff(scored) > 1) + 1).tolist())
-    noise = Noise.from_autocorrelation([1.0, rho], sd, starts)
+        setup, scored = turns(len(t), BLOCKS)
+    noise = Noise.from_autocorrelation([1.0, rho], sd, starts_of(scored))
     name = f"run_{number}"
     condition = {"level_dbm": float(p[0])}
     role = "fit" if fitted else "validate"
@@ -264,8 +262,7 @@ def problem(traces):
     if len(traces) == 1:
         piece, said = of_trace(traces[0], False, level)
         notes += said
-        starts = (0, *(np.flatnonzero(np.diff(piece.setup) > 1) + 1).tolist())
-        own = piece.noise._replace(starts=starts)
+        own = piece.noise._replace(starts=starts_of(piece.setup))
         pieces = [
             piece._replace(name=piece.name + "_even", role="fit", scored=piece.setup, noise=own),
             piece._replace(name=piece.name + "_odd"),
@@ -293,14 +290,7 @@ def problem(traces):
 
 def load(paths):
     """`ringdown_text.Trace`s of the files that are ring-downs."""
-    out = []
-    for path in paths:
-        with open(path, "rb") as file:
-            known = ringdown_text.is_one(file.read(4096))
-        trace = ringdown_text.load(path) if known else None
-        if trace is not None and trace.kind == "ringdown":
-            out.append(trace)
-    return out
+    return [trace for _, trace in recognised(paths, ringdown_text) if trace.kind == "ringdown"]
 
 
 def jobs(paths):

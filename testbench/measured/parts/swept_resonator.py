@@ -19,7 +19,7 @@ from scipy.signal import find_peaks
 
 from fpga_model.jit import kernel
 from testbench.errors import FileError
-from testbench.measured.formats import touchstone
+from testbench.measured.formats import recognised, touchstone
 from testbench.measured.models.noise import Noise
 from testbench.measured.models.working import Working
 from testbench.measured.parts.part import Part, Piece
@@ -444,13 +444,7 @@ def problem(sweeps):
 
 def load(paths):
     """`touchstone.Sweep`s of the files that are such sweeps."""
-    out = []
-    for path in paths:
-        with open(path, "rb") as file:
-            known = touchstone.is_one(file.read(4096))
-        if known:
-            out.append(touchstone.load(path))
-    return out
+    return [sweep for _, sweep in recognised(paths, touchstone)]
 
 
 def _apart(a, b):

@@ -10,8 +10,8 @@ Noise: differences over more points than the analyser's filter joins; frequencie
 import numpy as np
 from scipy.special import wofz
 
-from testbench.measured.formats import ringdown_text
-from testbench.measured.models.noise import Noise
+from testbench.measured.formats import recognised, ringdown_text
+from testbench.measured.models.noise import Noise, neighbours, starts_of, turns
 from testbench.measured.models.working import Working
 from testbench.measured.parts.part import Part, Piece
 from testbench.tracing.problem.problem import Law, Nuisance
@@ -61,8 +61,7 @@ def noise_of(p):
 
     far = typical((p[2 * LAG :] - 2 * p[LAG:-LAG] + p[: -2 * LAG]) / np.sqrt(6))
     near = typical((p[2:] - 2 * p[1:-1] + p[:-2]) / np.sqrt(6))
-    rho = float(np.clip(2.0 - np.sqrt(1.0 + 3.0 * min(near / far, 1.0)), 0.0, 0.98))
-    return float(np.sqrt(far)), rho
+    return float(np.sqrt(far)), neighbours(near / far)
 
 
 def problem(trace):
@@ -71,12 +70,9 @@ def problem(trace):
 
     f, p = trace.x, trace.power_dbm
     sd, rho = noise_of(p)
-    block = np.minimum(np.arange(len(f)) * BLOCKS // len(f), BLOCKS - 1)
     pieces = []
-    for name, role, parity in (("even", "fit", 0), ("odd", "validate", 1)):
-        scored = np.flatnonzero(block % 2 == parity)
-        starts = (0, *(np.flatnonzero(np.diff(scored) > 1) + 1).tolist())
-        noise = Noise.from_autocorrelation([1.0, rho], sd, starts)
+    for name, role, scored in zip(("even", "odd"), ("fit", "validate"), turns(len(f), BLOCKS)):
+        noise = Noise.from_autocorrelation([1.0, rho], sd, starts_of(scored))
         pieces.append(Piece(f"{name}_blocks", role, p, scored, np.arange(0), noise, sd, f, {}))
     smooth = np.convolve(p, np.ones(15) / 15, "same")[7:-7]
     at = int(np.argmax(smooth)) + 7
@@ -97,14 +93,7 @@ def problem(trace):
 
 
 def _load(paths):
-    out = []
-    for path in paths:
-        with open(path, "rb") as file:
-            known = ringdown_text.is_one(file.read(4096))
-        trace = ringdown_text.load(path) if known else None
-        if trace is not None and trace.kind == "spectrum":
-            out.append((path, trace))
-    return out
+    return [(path, trace) for path, trace in recognised(paths, ringdown_text) if trace.kind == "spectrum"]
 
 
 def jobs(paths):

@@ -45,7 +45,6 @@ WORDS = (
     "dac_qsc",
     "nco_phase",
 )
-DRIVE_DAC = WORDS.index("dac_drv")
 # What the window of a frame left: clock at which its codes were valid (-1: no plain window), then what acts from when
 DRIVEN = ("valid", "word_mid", "word", "amplitude_mid", "amplitude", "rate", "quadrature")
 CODES = 5  # of a conversion: four demodulators, temperature

@@ -6,8 +6,6 @@ from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
-VERDICTS = ("named", "confounded", "unexplained", "none", "noise-model", "firmware")
-
 
 def plain(value):
     """Python numbers, lists and dicts of anything; what is not finite becomes None."""

@@ -18,7 +18,7 @@ from tests.testbench.golden.planted_rtl import EQUIVALENT, FAULTS, RTL, STRANGER
 
 TOOL = {"v": ("icarus", "iverilog"), "vhd": ("ghdl", "ghdl")}
 QUICK = FAULTS[::60]
-QUICK_STRANGERS = STRANGERS[::45]
+QUICK_STRANGERS = STRANGERS[::90]
 
 
 @pytest.fixture(scope="module")

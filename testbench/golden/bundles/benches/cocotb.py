@@ -4,8 +4,8 @@ Source  docs/golden.md (using a bench in your own flow)
 """
 
 from testbench.golden.bundles.benches.layout import HALF_PS, PARTS, SHOWN, inputs_of, results
+from testbench.golden.bundles.benches.template import filled
 from testbench.golden.bundles.benches.verilog import instance, span
-from testbench.golden.bundles.template import filled
 
 
 def cocotb_top(block, case):

@@ -5,7 +5,7 @@ Source  docs/golden.md (exit codes)
 """
 
 from testbench.golden.bundles.benches.layout import PARTS
-from testbench.golden.bundles.template import filled
+from testbench.golden.bundles.benches.template import filled
 
 SIMS = ("icarus", "verilator", "ghdl", "cocotb", "vunit")
 

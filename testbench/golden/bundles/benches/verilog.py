@@ -4,7 +4,7 @@ Source  docs/golden.md (rows)
 """
 
 from testbench.golden.bundles.benches.layout import SHOWN, inputs_of, results, rom_parameters, slices
-from testbench.golden.bundles.template import filled
+from testbench.golden.bundles.benches.template import filled
 from testbench.golden.stimulus.blocks import params_of
 
 

@@ -6,7 +6,7 @@ Source  docs/golden.md (the whole design), testbench/golden/recording/signature.
 from analog_frontend.parts import adc_serial
 from testbench.golden.bundles import benches
 from testbench.golden.bundles.benches import HALF_PS, PARTS
-from testbench.golden.bundles.template import filled
+from testbench.golden.bundles.benches.template import filled
 from testbench.golden.bundles.top_benches.layout import DEFAULT_FRAMES, PART_BITS, SHOWN_ROWS
 from testbench.golden.recording import signature
 

@@ -5,7 +5,7 @@ Source  docs/golden.md (the whole design), testbench/golden/recording/signature.
 
 from testbench.golden.bundles import benches
 from testbench.golden.bundles.benches import SHOWN
-from testbench.golden.bundles.template import filled
+from testbench.golden.bundles.benches.template import filled
 from testbench.golden.bundles.top_benches.layout import CLOCK_BITS, SHOWN_ROWS, chunks
 from testbench.golden.recording import signature
 
