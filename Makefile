@@ -7,7 +7,7 @@ BIN := $(VENV)/bin
 OUT ?= out
 PYTEST := $(BIN)/python -m pytest
 
-.PHONY: help run paper measured golden rtl budget test test-slow test-nojit test-bounds bench portability lint docs clean
+.PHONY: help run paper measured golden rtl budget test test-slow test-all test-nojit test-bounds bench portability lint docs clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -40,12 +40,14 @@ paper: $(VENV)/.run ## the paper's experiments: calibration, five cases at three
 budget: $(VENV)/.run ## where the four phase errors come from, in clocks, ns and degrees
 	$(BIN)/gyro budget
 
-test: $(VENV)/.test ## the suite, without the long studies
-	@$(BIN)/python -m testbench.run.warmup
-	$(PYTEST) -n 2 --dist loadfile --benchmark-disable
+test: $(VENV)/.test ## the suite in minutes: every claim of the README once; prints how long kernels and suite took
+	@.ci/timed "kernels compiled" $(BIN)/python -m testbench.run.warmup lanes baseband
+	@.ci/timed "suite" $(PYTEST) -n 2 --dist worksteal --benchmark-disable
 
-test-slow: $(VENV)/.test ## the long studies: 50 plants, 20 s of lock, 100000 periods
-	$(PYTEST) -n 2 --dist worksteal --benchmark-disable -m slow
+test-slow: $(VENV)/.test ## what `make test` leaves out: long studies, every simulator, every case
+	@.ci/timed "slow tests" $(PYTEST) -n 2 --dist worksteal --benchmark-disable -m slow
+
+test-all: test test-slow test-nojit ## everything: within an hour
 
 test-nojit: $(VENV)/.test ## the firmware's tests with every kernel interpreted
 	NUMBA_DISABLE_JIT=1 $(PYTEST) -n 2 --benchmark-disable tests/fpga_model
