@@ -64,7 +64,7 @@ def test_scratch_is_neither_saved_nor_restored(sim):
 def fake_run(codes):
     """An engine that only writes codes: the number of the tick."""
 
-    def run(p, s, ticks, rate, temp, write, address, data, faults, o):
+    def run(p, s, ticks, rate, temp, host, faults, o):
         if codes:
             o.drive_code[:] = np.arange(s.tick, s.tick + ticks) % 30_000
             o.sense_code[:] = -o.drive_code
@@ -110,7 +110,7 @@ def test_rates_reach_the_frames_they_are_for(sim):
     """One value per frame begun, the first for the frame in progress, in chunks of any length."""
     seen = {}
 
-    def run(p, s, ticks, rate, temp, write, address, data, faults, o):
+    def run(p, s, ticks, rate, temp, host, faults, o):
         for frame in range(-(-s.tick // 125), (s.tick + ticks - 1) // 125 + 1):
             seen[frame] = rate[frame - s.tick // 125]
         return s._replace(tick=s.tick + ticks)
