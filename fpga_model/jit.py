@@ -3,31 +3,34 @@
 Numba's disk cache stamps a function by its own file only, so an edited callee is not seen. The cache folder of a kernel
 is therefore named by a hash over its module and every module that this one imports, directly or not: see `sources_of`.
 A process that finds a kernel being compiled by another one waits, and takes what that one has stored.
-`GYRO_CACHE=0` switches the cache off; `GYRO_CACHE=DIR` moves it.
+`GYRO_CACHE=0` switches the cache off; `GYRO_CACHE=DIR` moves it. Where `fpga_model.COMPILED` is set to False before
+anything is imported, as by commands that run no kernel, Numba is not loaded and functions stay Python.
 """
 
 import contextlib
 import functools
+import gc
 import hashlib
 import os
 import re
 import shutil
 from pathlib import Path
 
-os.environ.setdefault("NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING", "1")  # colours of what nobody reads took a tenth
-
-import gc
-
-import numba
-from numba import njit
-from numba.core.compiler_lock import global_compiler_lock
-
-from fpga_model import linkage
+import fpga_model
 
 try:
     import fcntl
 except ImportError:  # no POSIX: two processes on an empty cache compile both
     fcntl = None
+
+if fpga_model.COMPILED:
+    # colours of errors that nobody reads took a tenth of a compilation
+    os.environ.setdefault("NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING", "1")
+    import numba
+    from numba import njit
+    from numba.core.compiler_lock import global_compiler_lock
+
+    from fpga_model import linkage
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("fpga_model", "analog_frontend", "testbench")
@@ -37,7 +40,7 @@ IMPORT = re.compile(
     re.MULTILINE,
 )
 KEPT_CACHES = 4
-DISABLED = bool(numba.config.DISABLE_JIT)
+DISABLED = not fpga_model.COMPILED or bool(numba.config.DISABLE_JIT)
 
 
 def _file_of(name):
@@ -149,14 +152,14 @@ def _unit(func, buried=False, **options):
 
     buried  has no wrapper for Python
     """
+    if DISABLED:
+        return func
     options = {"error_model": "numpy", "no_cfunc_wrapper": True, "no_cpython_wrapper": buried, **options}
     folder = cache_folder(Path(func.__code__.co_filename).resolve()) if CACHE else None
     numba.config.CACHE_DIR = str(folder or "")  # Numba reads it when it decorates
     if not options.get("_nrt", True):
         options["pipeline_class"] = linkage.UnitCompiler
     dispatcher = njit(cache=folder is not None, **options)(func)
-    if DISABLED:
-        return dispatcher
     if buried:
         _bury(dispatcher, _refused)
     linkage.forget_constants(dispatcher)
@@ -209,9 +212,9 @@ def hot(func):
 
 def _part(func, called, **options):
     """A function of which compiled code includes the source; `called(func)` is what a call from Python gets."""
-    options = {"error_model": "numpy", "_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True, **options}
     if DISABLED:
-        return njit(**options)(func)
+        return func
+    options = {"error_model": "numpy", "_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True, **options}
     dispatcher = njit(pipeline_class=linkage.PartCompiler, **options)(func)
     _bury(dispatcher, called)
     return dispatcher

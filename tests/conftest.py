@@ -9,6 +9,8 @@ import signal
 
 from hypothesis import HealthCheck, settings
 
+import fpga_model.jit  # noqa: F401  with its compiler, whichever command a test calls first
+
 os.environ.setdefault("MPLBACKEND", "Agg")
 # matrices here are small: threads of the linear algebra cost three times the work that they share
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

@@ -152,6 +152,9 @@ def _run(config, directory, resume, as_json):
 @app.command()
 def budget(config: ConfigFile = None, sets: Sets = None, temperature_degc: Temperature = None, as_json: Json = False):
     """Say where the phase errors come from, in clocks, ns and degrees, from the configuration alone."""
+    import fpga_model
+
+    fpga_model.COMPILED = False  # no kernel runs here, and to load the compiler takes longer than the rest
     given = overrides(sets, ("scenario.temperature_degc", temperature_degc, "--temperature-degc"))
     checked = load(config, given)
     from testbench.run import tables

@@ -1,6 +1,7 @@
 """Warm-up: only an empty cache starts children, and a child that fails costs time, not the run."""
 
 import sys
+from typing import ClassVar
 
 import pytest
 
@@ -11,7 +12,7 @@ from testbench.run import warmup
 class Child:
     """A process that ends when it is told to."""
 
-    started = []
+    started: ClassVar = []
 
     def __init__(self, command, **options):
         self.started.append(command)
