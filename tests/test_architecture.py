@@ -1,6 +1,7 @@
 """The rules of the house that code review would forget: imports, kernels without floats, no phase error anywhere."""
 
 import ast
+import functools
 import importlib
 import pkgutil
 import re
@@ -25,6 +26,7 @@ def sources(package):
     return sorted((ROOT / package).rglob("*.py"))
 
 
+@functools.cache
 def tree(path):
     return ast.parse(path.read_text(), str(path))
 
@@ -93,7 +95,12 @@ def own_imports(path):
 
 
 ALL = [path for package in PACKAGES for path in sources(package)]
-IMPORTED = {path: own_imports(path) for path in ALL}
+
+
+@functools.cache
+def imported():
+    """{file: our files that it imports}."""
+    return {path: own_imports(path) for path in ALL}
 
 
 def reached(start, ahead):
@@ -108,7 +115,7 @@ def reached(start, ahead):
 
 def test_the_cache_of_a_kernel_is_named_by_all_that_it_imports():
     for path in ALL:
-        assert reached(path, IMPORTED) <= set(jit.sources_of(path)), path
+        assert reached(path, imported()) <= set(jit.sources_of(path)), path
     frame = set(jit.sources_of(ROOT / "testbench" / "engines" / "frame.py"))
     assert ROOT / "fpga_model" / "pi.py" in frame
     assert not {path for path in frame if path.parent.name in ("run", "config", "golden", "paper")}
@@ -126,7 +133,7 @@ CODE = {".py", ".v", ".vhd", ".c", ".cpp", ".h"}
 def rooms():
     """{folder: folders it imports from}."""
     out = {path.parent: set() for path in ALL}
-    for path, others in IMPORTED.items():
+    for path, others in imported().items():
         out[path.parent] |= {other.parent for other in others} - {path.parent}
     return out
 
@@ -137,7 +144,7 @@ def chain(room, below, inside):
 
 
 def test_no_file_imports_itself_by_a_detour():
-    assert [path for path in ALL if path in reached(path, IMPORTED)] == []
+    assert [path for path in ALL if path in reached(path, imported())] == []
 
 
 def test_no_room_imports_upwards():

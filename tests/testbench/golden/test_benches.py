@@ -20,7 +20,7 @@ SLOW = pytest.mark.slow
 # One simulator proves the bench of a block in the fast set, on one of its cases; every other pair is slow
 FAST = {
     **{(stem, next(iter(block.cases))): "icarus" for stem, block in blocks.BLOCKS.items()},
-    ("sequencer", "quick"): "verilator",
+    ("isqrt", "default"): "verilator",
     ("watchdog", "default"): "cocotb",
     ("spi_dac", "dac8811"): "ghdl",
     ("references", "align0_retimed"): "ghdl",

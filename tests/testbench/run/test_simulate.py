@@ -109,6 +109,7 @@ def test_quadrature_voltage_nulls_the_coupling():
     assert got["quadrature_v"] == pytest.approx(4.52, abs=0.04)
 
 
+@pytest.mark.slow
 def test_the_loop_phase_is_what_the_demodulator_sees():
     """At lock the SID's phase is zero on average: the C/V output lags its reference by the switch delay."""
     for board, switch_s, fall_s in (

@@ -1,0 +1,72 @@
+"""How long an edit takes to its first result: wall time of whole processes, on a copy of the tree with its own cache.
+
+    python -m testbench.bench.edits [ROUNDS]
+
+    first call     gyro run --seconds 1 --rate-dps 100 --seed 1, nothing compiled
+    firmware       the first frame of the clocked engine after an edit of fpga_model/pi.py
+    effect         the first second of the frame engine after an edit of an effect's law, the effect on
+Source  docs/speed.md
+"""
+
+import os
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from fpga_model.jit import PACKAGES, ROOT
+
+RUN = ["-m", "testbench.commands.main", "run", "--rate-dps", "100", "--seed", "1", "--out", "out"]
+FRAME = "from testbench.bench import kernels; kernels.advance(kernels.gyroscope('clocked', locked=False), 125)"
+LAW = [*RUN, "--seconds", "0.1", "--set", "effects.damping_cubic=1e3"]
+CASES = {
+    "first call": (None, [*RUN, "--seconds", "1"]),
+    "firmware": ("fpga_model/pi.py", ["-c", FRAME]),
+    "effect": ("analog_frontend/effects/damping_cubic.py", LAW),
+}
+
+
+def wall_s(tree, cache, arguments):
+    """Wall time (s) of a Python process in a tree."""
+    begin = time.perf_counter()
+    environment = {**os.environ, "PYTHONPATH": str(tree), "GYRO_CACHE": str(cache)}
+    subprocess.run([sys.executable, *arguments], cwd=tree, env=environment, check=True, stdout=subprocess.DEVNULL)
+    return time.perf_counter() - begin
+
+
+def compiled(cache):
+    """Wait until no process adds to a cache any more."""
+    before = -1
+    while before != (now := sum(1 for _ in cache.rglob("*.nbc"))):
+        before = now
+        time.sleep(20)
+
+
+def measure(rounds):
+    """{case: wall times (s)}."""
+    found = {name: [] for name in CASES}
+    for _ in range(rounds):
+        with tempfile.TemporaryDirectory() as folder:
+            tree, cache = Path(folder) / "tree", Path(folder) / "cache"
+            for package in PACKAGES:
+                shutil.copytree(ROOT / package, tree / package, ignore=shutil.ignore_patterns("__pycache__"))
+            for name, (edited, arguments) in CASES.items():
+                if edited:
+                    with open(tree / edited, "a") as file:
+                        file.write("# edited\n")
+                found[name].append(wall_s(tree, cache, arguments))
+                compiled(cache)
+    return found
+
+
+def main():
+    """Print a line for each case."""
+    for name, times in measure(int(sys.argv[1]) if len(sys.argv) > 1 else 3).items():
+        print(f"{name:12} {statistics.median(times):6.1f} s   {' '.join(f'{t:.1f}' for t in times)}")
+
+
+if __name__ == "__main__":
+    main()
