@@ -167,18 +167,19 @@ def _unit(func, buried=False, **options):
 
     def compile_alone(signature):
         arguments = linkage.arguments_of(signature)
-        if arguments in dispatcher.overloads:
-            return dispatcher.overloads[arguments].entry_point
         # Numba's own lock first: a thread that waits for it must not keep a folder from the one that has it
-        with global_compiler_lock, _alone(folder), _uncollected():
-            if folder is not None:
-                linkage.load_units(folder, dispatcher, arguments)
-            hits = sum(dispatcher.stats.cache_hits.values())
-            entry = compile_or_load(signature)
-            if folder is not None and hits == sum(dispatcher.stats.cache_hits.values()):
-                linkage.store_units(folder, dispatcher, arguments)
-            linkage.make_unit(dispatcher, dispatcher.overloads[arguments])
-            return entry
+        with global_compiler_lock:
+            if arguments in dispatcher.overloads:
+                return dispatcher.overloads[arguments].entry_point
+            with _alone(folder), _uncollected():
+                if folder is not None:
+                    linkage.load_units(folder, dispatcher, arguments)
+                loaded = sum(dispatcher.stats.cache_hits.values())
+                entry = compile_or_load(signature)
+                if folder is not None and loaded == sum(dispatcher.stats.cache_hits.values()):
+                    linkage.store_units(folder, dispatcher, arguments)
+                linkage.make_unit(dispatcher, dispatcher.overloads[arguments])
+                return entry
 
     dispatcher.compile = compile_alone
     return dispatcher

@@ -1,0 +1,125 @@
+"""Parts and units: what is included, what is linked to, and that what is linked to is there."""
+
+import json
+import subprocess
+import sys
+import textwrap
+
+import pytest
+
+from fpga_model import jit
+from fpga_model.jit import ROOT
+
+pytestmark = pytest.mark.skipif(jit.DISABLED, reason="nothing is compiled")
+
+MODULES = {
+    "low": """
+        from fpga_model.jit import unit
+
+        @unit
+        def tripled(x):
+            return 3 * x
+        """,
+    "high": """
+        from fpga_model.jit import hot, inlined
+        from fpga_model import low
+
+        @inlined
+        def more(x):
+            return low.tripled(x) + 1
+
+        @hot
+        def answer(x):
+            return more(more(x))
+        """,
+}
+ANSWER = "from fpga_model import high; print(high.answer(2), sum(high.answer.stats.cache_hits.values()))"
+THREADS = """
+from concurrent.futures import ThreadPoolExecutor
+from fpga_model import high
+with ThreadPoolExecutor(8) as pool:
+    print(*set(pool.map(high.answer, [2] * 64)))
+"""
+
+
+@pytest.fixture
+def tree(tmp_path):
+    """A package with a unit and a caller of it, and a cache of its own."""
+    package = tmp_path / "tree" / "fpga_model"
+    package.mkdir(parents=True)
+    for name in ("__init__", "jit", "linkage"):
+        (package / f"{name}.py").write_text((ROOT / "fpga_model" / f"{name}.py").read_text())
+    for name, text in MODULES.items():
+        (package / f"{name}.py").write_text(textwrap.dedent(text))
+    return tmp_path / "tree"
+
+
+def said(tree, code=ANSWER):
+    environment = {"PATH": "/usr/bin:/bin", "GYRO_CACHE": str(tree / "cache"), "HOME": str(tree)}
+    done = subprocess.run([sys.executable, "-c", code], cwd=tree, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.split()
+
+
+def test_a_caller_from_the_cache_finds_what_it_calls(tree):
+    assert said(tree) == ["22", "0"]
+    assert said(tree) == ["22", "1"]
+    (listed,) = (tree / "cache").rglob("answer-*.units.json")
+    ((module, name, symbol),) = json.loads(listed.read_text())
+    assert (module, name) == ("fpga_model.low", "tripled")
+    assert "tripled" in symbol
+
+
+def test_threads_that_call_at_once_leave_the_list_whole(tree):
+    said(tree)
+    for _ in range(3):
+        assert said(tree, THREADS) == ["22"]
+    assert said(tree) == ["22", "1"]
+
+
+def test_what_is_not_there_any_more_is_compiled_again(tree):
+    said(tree)
+    for path in (tree / "cache").rglob("low.tripled-*.nb*"):
+        path.unlink()
+    assert said(tree)[0] == "22"
+    for path in (tree / "cache").rglob("*.units.json"):
+        path.unlink()
+    assert said(tree) == ["22", "0"]
+
+
+def test_an_edit_of_the_caller_leaves_the_unit_compiled(tree):
+    said(tree)
+    before = set((tree / "cache").rglob("low.tripled-*.nbc"))
+    path = tree / "fpga_model" / "high.py"
+    path.write_text(path.read_text().replace("+ 1", "+ 2"))
+    assert said(tree) == ["26", "0"]
+    assert set((tree / "cache").rglob("low.tripled-*.nbc")) == before
+    path = tree / "fpga_model" / "low.py"
+    path.write_text(path.read_text().replace("3 * x", "4 * x"))
+    assert said(tree) == ["42", "0"]
+
+
+def test_two_processes_on_one_empty_cache_compile_once(tree):
+    code = f"import time\n{ANSWER}"
+    environment = {"PATH": "/usr/bin:/bin", "GYRO_CACHE": str(tree / "cache"), "HOME": str(tree)}
+    pair = [
+        subprocess.Popen([sys.executable, "-c", code], cwd=tree, env=environment, stdout=subprocess.PIPE, text=True)
+        for _ in range(2)
+    ]
+    hits = sorted(int(child.communicate()[0].split()[1]) for child in pair)
+    assert hits == [0, 1]
+
+
+def test_constants_make_no_specialisations(tree):
+    code = """
+from fpga_model.jit import hot, inlined
+@inlined
+def added(x, k):
+    return x + k
+@hot
+def all_of_them(x):
+    return added(x, 1) + added(x, 2) + added(x, 3)
+print(all_of_them(1), len(added.overloads))
+"""
+    (tree / "fpga_model" / "many.py").write_text(code)
+    assert said(tree, "import fpga_model.many") == ["9", "1"]
