@@ -114,25 +114,15 @@ def cache_folder(path):
 CACHE = cache_folder(Path(__file__).resolve()) is not None
 
 
-_held = {}  # folder: how many compilations of this process are inside its lock
-
-
 @contextlib.contextmanager
-def _alone(folder):
-    """Only one process compiles what belongs to a folder; others wait, and load it.
-
-    Callees belong to the same folder or to those of imported modules, so processes cannot wait in a ring.
-    """
-    if fcntl is None or folder is None or _held.get(folder):
+def _alone(folder, func):
+    """Only one process compiles a function; others wait, and load it. Nothing calls itself, so none waits in a ring."""
+    if fcntl is None or folder is None:
         yield
         return
-    with open(folder / "lock", "a") as file:
+    with open(folder / f"{func.__qualname__}.lock", "a") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
-        _held[folder] = True
-        try:
-            yield
-        finally:
-            _held[folder] = False
+        yield
 
 
 @contextlib.contextmanager
@@ -171,7 +161,7 @@ def _unit(func, buried=False, **options):
         with global_compiler_lock:
             if arguments in dispatcher.overloads:
                 return dispatcher.overloads[arguments].entry_point
-            with _alone(folder), _uncollected():
+            with _alone(folder, func), _uncollected():
                 if folder is not None:
                     linkage.load_units(folder, dispatcher, arguments)
                 loaded = sum(dispatcher.stats.cache_hits.values())
@@ -227,7 +217,7 @@ def _refused(func):
 
 @functools.cache
 def _alone_compiled(func):
-    return njit(error_model="numpy", no_cfunc_wrapper=True, _nrt=False)(func)
+    return _unit(func, _nrt=False)
 
 
 def unit(func):

@@ -182,6 +182,9 @@ WRAPPER = "_ZN7cpython"  # begins the names of what Python calls: it unpacks rec
 class UnitLibrary(JITCodeLibrary):
     """A library that is optimised in one go: what Numba does before serves the pruning of reference counts."""
 
+    def _optimize_functions(self, module):
+        module.data_layout = self._codegen._data_layout
+
     def _optimize_final_module(self):
         for function in self._final_module.functions:
             if function.name.startswith(WRAPPER) and not function.is_declaration:

@@ -3,7 +3,7 @@
     python -m testbench.bench.edits [ROUNDS]
 
     first call     gyro run --seconds 1 --rate-dps 100 --seed 1, nothing compiled
-    firmware       the first frame of the clocked engine after an edit of fpga_model/pi.py
+    firmware       the first 1000 ticks of the clocked engine after an edit of fpga_model/pi.py
     effect         the first second of the frame engine after an edit of an effect's law, the effect on
 Source  docs/speed.md
 """
@@ -20,11 +20,11 @@ from pathlib import Path
 from fpga_model.jit import PACKAGES, ROOT
 
 RUN = ["-m", "testbench.commands.main", "run", "--rate-dps", "100", "--seed", "1", "--out", "out"]
-FRAME = "from testbench.bench import kernels; kernels.advance(kernels.gyroscope('clocked', locked=False), 125)"
+TICKS = "from testbench.run import warmup; warmup.compile_clocked()"
 LAW = [*RUN, "--seconds", "0.1", "--set", "effects.damping_cubic=1e3"]
 CASES = {
     "first call": (None, [*RUN, "--seconds", "1"]),
-    "firmware": ("fpga_model/pi.py", ["-c", FRAME]),
+    "firmware": ("fpga_model/pi.py", ["-c", TICKS]),
     "effect": ("analog_frontend/effects/damping_cubic.py", LAW),
 }
 

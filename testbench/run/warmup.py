@@ -12,8 +12,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numba
 import numpy as np
 
+from analog_frontend import tick
+from analog_frontend import top as plant
 from fpga_model.jit import CACHE, cache_folder
 from fpga_model.rates import FRAME_TICKS
 from testbench.engines import engine as clocked
@@ -65,12 +68,19 @@ def compile_clocked():
     _advanced(clocked.run)
 
 
+def _compile_plant(params, s, edges):
+    """The plant's tick, which the clocked engine of another process waits for."""
+    numbers = plant.Pins(0, -1, 0, -1, 0)
+    tick.step.compile(tuple(map(numba.typeof, (params.plant, s.plant, 0, numbers, edges))))
+
+
 def compile_frame():
-    """The frame engine; its blocks first, because another process may be busy with the clocked ticks around them."""
+    """The frame engine; what other processes do not compile first."""
     from testbench.engines import frame, pins
 
     params, s = _fresh()
     edges = np.zeros((clocked.MAX_EDGES, 2), np.int64)
+    _compile_plant(params, s, edges)
     chunk = clocked.Chunk(0, np.zeros(1), np.zeros(1), 0, 0, 0, clocked.Faults(), clocked.streams(), edges)
     frame.blocks(params, s.fpga, s.chips, s.plant, chunk, 0, 0, -1, pins.buffers())
     _advanced(frame.run)
