@@ -4,7 +4,7 @@
     fingerprint: force per volt changes by (3/4) c3 A_d^2, third harmonic by -c3 A_d^2/4, so A_d is no longer as 1/Q
 
 Port force_x   Mechanism polynomial   Unit 1/V^2
-Source: FACTS 5, gap law of an electrode pair to third order (c3 assumed); docs/effects/drive_cubic.md
+Source: gap law of an electrode pair to third order (c3 assumed); docs/effects/drive_cubic.md
 """
 
 from typing import NamedTuple

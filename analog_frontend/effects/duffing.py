@@ -4,7 +4,7 @@
     fingerprint: f rises by (3/8)(k3/k) A^2 f: frequency goes with the square of the amplitude, not with rate
 
 Port force_x   Mechanism polynomial   Unit N/m^3
-Source: FACTS 5 and correction 3 (k3/k 1e-5 .. 1e-3 um^-2, assumed); docs/effects/duffing.md
+Source: k3/k from 1e-5 to 1e-3 um^-2, assumed; docs/effects/duffing.md
 """
 
 from typing import NamedTuple

@@ -4,7 +4,7 @@
     fingerprint: (4/pi) c A_d at the sense SID, in phase with the drive voltage; bias goes with the drive word
 
 Port cv_y   Mechanism leak from force_x   Unit V/V
-Source: FACTS 2.2 and 7 row 1 (common-mode current through the amplifier's rejection); docs/effects/feedthrough_y.md
+Source: common-mode current through the amplifier's rejection; docs/effects/feedthrough_y.md
 """
 
 from typing import NamedTuple

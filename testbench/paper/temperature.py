@@ -4,7 +4,7 @@
     xe2, ye2    ring diode slightly down, op amps up (GBW falls), f_d
 
 A calibration holds as long as every residual stays within the paper's level; the limits are found on a grid of 1 K.
-Source    FACTS 1, 2, 5; docs/phases.md, docs/paper.md
+Source    docs/phases.md, docs/paper.md
 """
 
 import math

@@ -243,7 +243,7 @@ def test_acceleration_moves_a_pair_by_its_mismatch():
 
 
 def test_amplifiers_neither_slew_nor_clip_at_start_up():
-    """Why no effect has FACTS row 38: the converter ends first, and what reaches it rises fifty times too slowly."""
+    """Why no effect is needed: the converter ends first, and what reaches it rises fifty times too slowly."""
     d = Device()
     slew_v_per_s = 14.8e6  # AD8597
     largest = d.adc_vref_v * math.pi / 4 / min(d.adc_pga_drive, d.adc_pga_sense)

@@ -1,7 +1,7 @@
 """Random boards: parts drawn from their spreads. Firmware and rates are those of the base; noise has a seed of its own.
 
-Board k of seed s is the same board however many are drawn. Ranges: FACTS corrections 5 and 11, 4.3 (output chains),
-3 (switch, charge), 1.5 (op amps, clock); 5 % capacitors and a 5 % pickoff are ours.
+Board k of seed s is the same board however many are drawn. Ranges of output chains, switch, charge, op amps and clock
+are assumptions from data sheets; 5 % capacitors and a 5 % pickoff are ours.
 Source    docs/paper.md
 """
 

@@ -10,7 +10,7 @@
 
 Cases 1 to 5 are the register sets before, and after each of these. The drive sine turns the force and leaves x where
 its reference holds it, so nothing of y moves while xe2 is measured.
-Source    docs/paper.md; FACTS corrections 16 to 18
+Source    docs/paper.md
 """
 
 import math

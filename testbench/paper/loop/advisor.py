@@ -300,7 +300,7 @@ MAP_HZ = np.geomspace(2.0, 400.0, 48)
 def stability_map(p: Parts, x, x_values, y, y_values, progress=None, keep_gain=True):
     """`Map` of two of `AXES`.
 
-    keep_gain  the FTR gains follow the split, so that the crossover stays what is configured (FACTS 6.3 reads so)
+    keep_gain  the FTR gains follow the split, so that the crossover stays what is configured
     """
     peak = np.empty((len(y_values), len(x_values)))
     for j, yv in enumerate(y_values):

@@ -123,7 +123,7 @@ def test_gain_temperature_coefficient_emerges():
         )
         return (warm - cold) / (warm + cold)
 
-    # FACTS: 667-749 ppm/K at 5 V, 1050-1225 ppm/K at 3.3 V for fixed capacitances
+    # expected: 667-749 ppm/K at 5 V, 1050-1225 ppm/K at 3.3 V for fixed capacitances
     assert 667e-6 < tc(5.0, NO_JUNCTION) < 749e-6
     assert 1050e-6 < tc(3.3, NO_JUNCTION) < 1225e-6
     # the junctions' own drift takes back a third of it

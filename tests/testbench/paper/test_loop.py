@@ -109,7 +109,7 @@ def test_scale_factor_bias_and_v_q_are_those_of_the_forces():
 
 
 def test_the_numbers_of_the_default_loop():
-    """FACTS, corrections 5: 25.6 Hz, 1.2 dB, 12.5 dB, 32 dB, ring of 0.30 s; the contract's 24 to 30 Hz."""
+    """25.6 Hz, 1.2 dB, 12.5 dB, 32 dB, ring of 0.30 s; the contract's 24 to 30 Hz."""
     a = advisor.advise(DEFAULT)
     assert a.stable
     assert 24 <= a.bandwidth_hz <= 30
@@ -174,7 +174,7 @@ def configured(*sets):
     ],
 )
 def test_what_must_be_unstable_is(sets, hz):
-    """FACTS 6.3: the other sign or order runs away, a SID that does not lag oscillates at the split."""
+    """The other sign or order runs away, a SID that does not lag oscillates at the split."""
     a = advisor.advise(configured(*sets))
     assert not a.stable
     assert a.warnings[0].startswith("unstable")
@@ -186,7 +186,7 @@ def test_what_must_be_unstable_is(sets, hz):
 
 
 def test_a_plain_low_pass_is_unstable_with_any_gain():
-    """One pole of 500 Hz instead of the three, integrator alone: FACTS 6.3 says unstable above 0.1 Hz."""
+    """One pole of 500 Hz instead of the three, integrator alone: unstable above 0.1 Hz."""
     plain = DEFAULT._replace(sid_stages=1, sid_hz=500.0, sid_switched=False)
     assert not advisor.analyse(plain).stable
     for kc_hz in (0.1, 1.0, 15.0):
@@ -203,7 +203,7 @@ def test_a_plain_low_pass_is_unstable_with_any_gain():
     ("f3_hz", "stable"), [(20, True), (50, True), (100, True), (150, False), (200, False), (400, False)]
 )
 def test_sid_corners_of_the_stability_map(f3_hz, stable):
-    """FACTS, corrections 5 and 6.3."""
+    """A SID corner above the split's lag makes the loop unstable."""
     assert (lp.radius(lp.close(advisor.varied(DEFAULT, sid_hz=float(f3_hz)))) < 1) is stable
 
 

@@ -116,7 +116,7 @@ def test_what_is_unstable_grows_as_its_pole_says(after, writes):
 
 @pytest.mark.slow
 def test_the_other_order_of_modes_runs_away():
-    """f_x below f_y: the word goes to its rail (FACTS 6.3, and 4.1 for the order)."""
+    """f_x below f_y: the word goes to its rail."""
     other = {"plant.fx_hz": 10863.3, "plant.fy_hz": 11002.3, "firmware.nominal_frequency_hz": 10863.3}
     config = changed(QUIET, other)
     assert advisor.analyse(parts(config)).growth_hz == 0.0

@@ -27,7 +27,7 @@ def test_the_defaults_are_the_sum_of_parts():
 
 
 def test_without_the_assumptions():
-    """FACTS 13 gives 5.74 and 11.21 deg without re-timing, counting no mean edge quantisation: half a clock less."""
+    """By hand 5.74 and 11.21 deg without re-timing, counting no mean edge quantisation: half a clock less."""
     got = node(firmware__reference_retimed=False)
     assert got["xe1"] == pytest.approx(5.74, abs=0.01 + CLOCK_DEG / 2)
     assert got["ye1"] == pytest.approx(11.21, abs=0.01 + CLOCK_DEG / 2)

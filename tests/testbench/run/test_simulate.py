@@ -94,7 +94,7 @@ def test_the_counter_agrees_on_the_pickoff(silent):
 
 
 def test_scale_factor_follows_one_over_cos(silent):
-    """k_vf alone gives 8651 LSB per deg/s; ye1 + xe2' turns x and the force apart, FACTS: SF ~ 1/cos(ye1 + xe2')."""
+    """k_vf alone gives 8651 LSB per deg/s; ye1 + xe2' turns x and the force apart: SF ~ 1/cos(ye1 + xe2')."""
     d = configured().device()
     w = 2 * math.pi * 11002.2977
     per_dps = 2 * d.coriolis_mass_kg * w * silent["amplitude_m"] * math.pi / 180 / d.k_vf_sense_n_per_v / 10.0 * 2**23
