@@ -39,6 +39,7 @@ def closed_port():
         return probe.getsockname()[1]
 
 
+@pytest.mark.slow
 def test_an_unreachable_scheduler_is_one_line_within_seconds(tmp_path):
     plan = plan_file(tmp_path)
     run_json(plan, "--out", tmp_path / "s", "--set", "scenario.seconds=0.002")

@@ -263,6 +263,7 @@ def test_results_on_a_full_disk_leave_the_points(tmp_path):
     assert (code, len(out.splitlines())) == (0, 2)
 
 
+@pytest.mark.slow
 def test_two_campaigns_do_not_share_a_store_at_once(tmp_path):
     plan = plan_file(tmp_path, boards=20)
     first = start("run", plan, "--out", tmp_path / "s", "--workers", 1, GYRO_INSTANT_S="0.1")
