@@ -178,7 +178,7 @@ def test_a_new_effect_is_one_file(tmp_path):
         shutil.copy(ROOT / name, tmp_path / name)
     before = contents(tmp_path)
     new_effect(tmp_path / "analog_frontend" / "effects")
-    cache = tmp_path / "cache"
+    cache = tmp_path.with_name("cache")
     said = done(WALK, tmp_path, cache, NEW)
     assert f"[{NEW}] PASSED" in said
     after = contents(tmp_path)

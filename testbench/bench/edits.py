@@ -3,8 +3,8 @@
     python -m testbench.bench.edits [ROUNDS]
 
     first call     gyro run --seconds 1 --rate-dps 100 --seed 1, nothing compiled
-    firmware       the first 1000 ticks of the clocked engine after an edit of fpga_model/pi.py
     effect         the first second of the frame engine after an edit of an effect's law, the effect on
+    firmware       the first 1000 ticks of the clocked engine after an edit of fpga_model/pi.py
 Source  docs/speed.md
 """
 
@@ -24,8 +24,8 @@ TICKS = "from testbench.run import warmup; warmup.compile_clocked()"
 LAW = [*RUN, "--seconds", "0.1", "--set", "effects.damping_cubic=1e3"]
 CASES = {
     "first call": (None, [*RUN, "--seconds", "1"]),
-    "firmware": ("fpga_model/pi.py", ["-c", TICKS]),
     "effect": ("analog_frontend/effects/damping_cubic.py", LAW),
+    "firmware": ("fpga_model/pi.py", ["-c", TICKS]),
 }
 
 
@@ -42,7 +42,7 @@ def compiled(cache):
     before = -1
     while before != (now := sum(1 for _ in cache.rglob("*.nbc"))):
         before = now
-        time.sleep(20)
+        time.sleep(12)
 
 
 def measure(rounds):
