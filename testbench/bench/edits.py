@@ -3,7 +3,7 @@
     python -m testbench.bench.edits [ROUNDS]
 
     first call     gyro run --seconds 1 --rate-dps 100 --seed 1, nothing compiled
-    effect         the first second of the frame engine after an edit of an effect's law, the effect on
+    effect         a tenth of a second from lock after an edit of an effect's law, the effect on
     firmware       the first 1000 ticks of the clocked engine after an edit of fpga_model/pi.py
 Source  docs/speed.md
 """
