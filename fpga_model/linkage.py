@@ -158,7 +158,10 @@ def load_units(folder, dispatcher, arguments):
     except (OSError, ValueError):
         return dispatcher._cache.flush()
     for module, name, symbol in wanted:
-        unit = getattr(importlib.import_module(module), name)
+        try:
+            unit = getattr(importlib.import_module(module), name)
+        except (ImportError, AttributeError):  # of a script, or within a function: nobody else can find it
+            return dispatcher._cache.flush()
         if symbol not in _symbols(unit):
             for signature, *_ in unit._cache._cache_file._load_index():
                 unit.compile(signature)
