@@ -47,6 +47,7 @@ test: $(VENV)/.test ## the suite in minutes: every claim of the README once; pri
 test-slow: $(VENV)/.test ## what `make test` leaves out: long studies, every simulator, every case
 	@.ci/timed "slow tests" $(PYTEST) -n 2 --dist worksteal --benchmark-disable -m slow
 
+test-all: export HYPOTHESIS_PROFILE = thorough
 test-all: test test-slow test-nojit ## everything: within an hour
 
 test-nojit: $(VENV)/.test ## the firmware's tests with every kernel interpreted
