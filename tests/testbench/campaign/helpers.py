@@ -1,16 +1,12 @@
 """Plans, command lines and comparisons that the tests of campaigns share."""
 
-import contextlib
-import io
 import json
 import os
 import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
-from testbench.commands import main as cli
+from tests.testbench.command import gyro
 
 ROOT = Path(__file__).resolve().parents[3]
 INSTANT = "tests.testbench.campaign.instant:ENGINE"
@@ -74,14 +70,8 @@ statistics.rate_word = ["mean", "std"]
 def warm_plan_file(folder, rates, seeds, engine):
     """A plan of rates x seeds points of 40 ms, all of which begin where one gyroscope has locked."""
     if not (folder / "warm").exists():
-        argv = ("run", "--seconds", "0.01", "--set", "scenario.diagnose=false", "--out", folder / "warm")
-        subprocess.run(
-            [sys.executable, "-m", "testbench.commands.main", *map(str, argv)],
-            check=True,
-            cwd=ROOT,
-            env=environment(),
-            stdout=subprocess.DEVNULL,
-        )
+        done = gyro("run", "--seconds", "0.01", "--set", "scenario.diagnose=false", "--out", folder / "warm")
+        assert done.returncode == 0, done.stderr
     path = folder / f"{engine}.toml"
     path.write_text(WARM.format(engine=engine, rates=rates, seeds=seeds))
     return path
@@ -115,10 +105,7 @@ def child(*argv, **more):
 
 def campaign(*argv):
     """The same in this process."""
-    out, err = io.StringIO(), io.StringIO()
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), pytest.raises(SystemExit) as caught:
-        cli.main(["campaign", *map(str, argv)])
-    return caught.value.code, out.getvalue(), err.getvalue()
+    return gyro("campaign", *argv)
 
 
 def run_json(*argv, workers=0):

@@ -2,8 +2,6 @@
 
 import json
 import math
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -11,6 +9,7 @@ import pytest
 from testbench.run import budget, simulate
 from testbench.storage import record_read, state_file
 from tests.testbench.bench_setup import configured, quiet
+from tests.testbench.command import gyro
 
 KEYS = {
     "locked",
@@ -33,13 +32,8 @@ def run_json(tmp_path_factory):
     """The command of the README, shorter."""
     out = tmp_path_factory.mktemp("run")
     command = "run --seconds 0.6 --rate-dps 100 --seed 1 --json --vcd 1200000:20 --out".split()
-    done = subprocess.run(
-        [sys.executable, "-m", "testbench.commands.main", *command, str(out)],
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=300,
-    )
+    done = gyro(*command, out)
+    assert done.returncode == 0, done.stderr
     return json.loads(done.stdout), out
 
 
@@ -151,8 +145,7 @@ def test_a_run_resumes_to_the_same_codes(tmp_path):
 def test_bad_input_is_one_line_and_leaves_nothing(tmp_path):
     out = tmp_path / "out"
     for bad in ("plant.fx_hz=1e9", "firmware.pipeline_registers=12", 'plant.fx_hz="11 kHz"', "plant.fx=11000"):
-        command = [sys.executable, "-m", "testbench.commands.main", "run", "--set", bad, "--out", str(out)]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+        done = gyro("run", "--set", bad, "--out", out)
         assert done.returncode == 2
         assert done.stdout == ""
         assert len(done.stderr.strip().splitlines()) == 1, done.stderr
@@ -169,8 +162,7 @@ def test_bad_input_is_one_line_and_leaves_nothing(tmp_path):
     ],
 )
 def test_what_only_the_design_can_refuse_is_one_line(setting, name):
-    command = [sys.executable, "-m", "testbench.commands.main", "run", "--set", setting]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    done = gyro("run", "--set", setting)
     assert done.returncode == 2, done.stderr
     assert name in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1

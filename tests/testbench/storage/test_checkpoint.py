@@ -1,7 +1,5 @@
 """Runs that are killed in the middle of anything continue to the same files; memory does not grow with time."""
 
-import contextlib
-import io
 import json
 import os
 import re
@@ -20,6 +18,7 @@ from testbench.commands import main as cli
 from testbench.run import simulate
 from testbench.storage import checkpoint, files, record_read, state_file
 from tests.testbench.bench_setup import configured
+from tests.testbench.command import gyro
 
 ROOT = Path(__file__).resolve().parents[3]
 pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="closed loop: too slow interpreted")
@@ -101,11 +100,9 @@ def done(folder, argv, *prefix):
 
 def run_here(folder, argv):
     """Standard output of a command line that succeeds in this process, whose engine is loaded."""
-    said = io.StringIO()
-    with contextlib.chdir(folder), contextlib.redirect_stdout(said), pytest.raises(SystemExit) as caught:
-        cli.main(argv)
-    assert caught.value.code == 0
-    return said.getvalue()
+    got = gyro(*argv, folder=folder)
+    assert got.returncode == 0, got.stderr
+    return got.stdout
 
 
 def killed(folder, where, nth, argv):
