@@ -1,6 +1,7 @@
-"""The plant's tick as units of machine code, for callers that step 26 MHz: `top.retune` and `top.step`.
+"""The plant as units of machine code: `top.retune`, `top.step` and `top.block`.
 
-Apart from the firmware, so that an edit of a block leaves them compiled. The fast engines include `top.block` instead.
+Apart from the firmware, so that an edit of a block leaves them compiled. The fast engines include `top.block` instead:
+for them the call would be a few per cent.
 Source  docs/decisions/0015-compile-units.md
 """
 
@@ -18,6 +19,12 @@ def retune(p, a, rate_rad_s, quad_code, temp_degc):
 def step(p, a, tick, pins, edges):
     """`plant.step`; returns the clock of DRDY."""
     return plant.step(p, a, tick, pins, edges)
+
+
+@unit
+def block(p, a, tick, n, drive_cycle, sense_cycle, edge_count, edges):
+    """`plant.block`, in place."""
+    plant.block(p, a, tick, n, drive_cycle, sense_cycle, edge_count, edges)
 
 
 @unit

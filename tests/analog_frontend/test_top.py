@@ -5,6 +5,7 @@ import pytest
 from numba import config
 from scipy.linalg import expm
 
+from analog_frontend import tick as units
 from analog_frontend import top as plant
 from analog_frontend.parts import sid
 from fpga_model.jit import hot, kernel
@@ -18,12 +19,12 @@ CLOCKS = 3250  # of a frame
 
 @kernel
 def tick(p, s, k, pins, edges):
-    return plant.step(p, s, k, pins, edges)
+    return units.step(p, s, k, pins, edges)
 
 
 @kernel
 def tune(p, s, rate, code, temp):
-    plant.retune(p, s, rate, code, temp)
+    units.retune(p, s, rate, code, temp)
 
 
 def bench(rate=0.0, quad_code=0, **values):
@@ -144,7 +145,7 @@ def demodulated(p, s, frames, half_period_clocks, edges, out):
                 count += 1
             quarter += 1
             after = int(np.ceil(0.5 * quarter * half_period_clocks))
-        plant.block(p, s, 125 * n, 125, -1, -1, count, edges)
+        units.block(p, s, 125 * n, 125, -1, -1, count, edges)
         for d in range(4):
             out[d, n] = s.caps[d, 2] - s.caps[d, 5]
 

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from analog_frontend import tick as units
 from analog_frontend import top as plant
 from analog_frontend.parts import adc, dac_serial
 from fpga_model import registers
@@ -58,7 +59,7 @@ def _block(p, a, bank, turn, refs, staged, tick, n, b):
     pins.dac_codes(p.fpga, bank, turn, tick, n, b)
     _, staged = pins.told(p.fpga, codes.drive_codes, codes.sense_codes, n, ONE, staged, False, b)
     count, refs = pins.reference_edges(p.fpga.references, turn, bank, tick, tick + n, refs, b)
-    plant.block(p.plant, a, tick, n, DRIVE_CLOCK, SENSE_CLOCK, count, b.edges)
+    units.block(p.plant, a, tick, n, DRIVE_CLOCK, SENSE_CLOCK, count, b.edges)
     return refs, staged
 
 
@@ -72,7 +73,7 @@ def _run(p, a, d, refs, b, codes):
         tick = FRAME_TICKS * n
         for c in range(CODES):
             codes[n, c] = a.adc.clock[adc.CODES + c]
-        plant.retune(p.plant, a, d.rate_rad_s[n], old[QUADRATURE], d.temp_degc[n])
+        units.retune(p.plant, a, d.rate_rad_s[n], old[QUADRATURE], d.temp_degc[n])
         clock = TICK_CYCLES * tick
         turn = Turn(clock, d.phase[n], old[WORD], old[WORD], clock, old[WORD])
         head = FRAME_TICKS if new[VALID] < 0 else new[VALID] // TICK_CYCLES - tick
