@@ -17,8 +17,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 COMMON = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow, HealthCheck.data_too_large]}
 settings.register_profile("thorough", **COMMON)
-settings.register_profile("desk", max_examples=40, **COMMON)
-settings.register_profile("ci", max_examples=40, derandomize=True, print_blob=True, **COMMON)
+settings.register_profile("desk", max_examples=25, **COMMON)
+settings.register_profile("ci", max_examples=25, derandomize=True, print_blob=True, **COMMON)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE") or ("ci" if os.environ.get("CI") else "desk"))
 
 # a shell that starts a suite in the background has it ignore Ctrl-C, and the tests that send one would wait for ever

@@ -90,10 +90,13 @@ class Case:
         return ticks, time - ticks * self.numbers["tick"]
 
 
-@pytest.fixture(scope="module", params=range(len(DEVICES)), ids=("default", "random 1", "random 2"))
+CASES = ("default", "random 1", pytest.param("random 2", marks=pytest.mark.slow))
+
+
+@pytest.fixture(scope="module", params=CASES)
 def case(request):
     with mpmath.workdps(DPS):
-        yield Case(DEVICES[request.param])
+        yield Case(DEVICES[("default", "random 1", "random 2").index(request.param)])
 
 
 def channels(case):

@@ -79,7 +79,8 @@ def test_either_engine_continues_what_the_other_began(frame, tmp_path):
 
 
 @needs_compiler
-@pytest.mark.parametrize("where", ["--workers", pytest.param("--cluster", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("where", ["--workers", "--cluster"])
 def test_workers_and_a_cluster_change_nothing(frame, tmp_path, where):
     code, out, err = child("run", mixed(tmp_path, "lanes"), "--out", tmp_path / "s", where, 2)
     assert code == 0, err

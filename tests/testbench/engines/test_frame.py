@@ -13,6 +13,13 @@ from testbench.run import build
 from tests.testbench.bench_setup import configured
 
 CONFIGURATIONS = 48
+
+
+def rarely(values, fast):
+    """`values` as parameters, slow but for the first ones."""
+    return [pytest.param(v, marks=() if n < fast else pytest.mark.slow) for n, v in enumerate(values)]
+
+
 OFFSETS = ("phase_drive_sine", "phase_sense_sine", "phase_drive_ref", "phase_sense_ref")
 QUIET = engine.Faults()
 
@@ -115,7 +122,7 @@ def drawn(rng):
     return {key: value.item() if hasattr(value, "item") else value for key, value in values.items()}
 
 
-@pytest.mark.parametrize("seed", range(CONFIGURATIONS))
+@pytest.mark.parametrize("seed", rarely(range(CONFIGURATIONS), 16))
 def test_random_configurations(locked, seed):
     """Four different phase offsets, random rates, writes and chunks: every register wherever a chunk ends."""
     rng = np.random.default_rng(seed)
@@ -192,7 +199,7 @@ def test_saturated_force_and_lost_lock(locked):
     pair.advance(60_000, host=write("control", sequencer.RUN))
 
 
-@pytest.mark.parametrize("delay_us", range(8))
+@pytest.mark.parametrize("delay_us", rarely(range(8), 3))
 def test_a_word_that_changes_twice_in_one_window(locked, delay_us):
     """Lost lock puts the centre back and clears the loop, two clocks apart, while the start-up kick begins."""
     params = build.params(configured(plant__adc_delay_s=delay_us * 1.13e-7, firmware__pipeline_registers=8), 25.0, 25.0)

@@ -10,15 +10,19 @@ import pytest
 from testbench.golden.bundles import export
 
 
+def of_all_workers(tmp_path_factory, name):
+    """A temporary folder that every process of this run of the suite shares."""
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / name
+    folder.mkdir(exist_ok=True)
+    return folder
+
+
 @pytest.fixture(scope="session")
 def bundles(tmp_path_factory):
     """Function of a block's name: folder of its bundles, one folder per case, that no other worker touches."""
     own = tmp_path_factory.mktemp("bundles")
-    shared = tmp_path_factory.getbasetemp()
-    if "PYTEST_XDIST_WORKER" in os.environ:
-        shared = shared.parent
-    shared = shared / "exported"
-    shared.mkdir(exist_ok=True)
+    shared = of_all_workers(tmp_path_factory, "exported")
 
     def folder(stem):
         if not (own / stem).exists():
@@ -38,15 +42,22 @@ def verilated(tmp_path_factory):
     """Folder as check.sh keeps it: Verilator's compiled library and its version; None without Verilator."""
     if shutil.which("verilator") is None or shutil.which("g++") is None:
         return None
-    folder = tmp_path_factory.mktemp("verilated")
+    folder = of_all_workers(tmp_path_factory, "verilated")
+    kept = folder / "kept"
+    with open(folder / "lock", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not (kept / "version").exists():
+            _verilate(folder, kept)
+    return kept
+
+
+def _verilate(folder, kept):
     (folder / "t.v").write_text("module t; initial #1 $finish; endmodule\n")
     fast = ["-j", "0", "-MAKEFLAGS", "OPT_FAST=-O0 OPT_GLOBAL=-O0"]
     command = ["verilator", "--binary", "--timing", *fast, "-Wno-fatal", "--Mdir", "build", "t.v"]
     subprocess.run(command, cwd=folder, check=True, capture_output=True, timeout=300)
-    kept = folder / "kept"
-    kept.mkdir()
+    kept.mkdir(exist_ok=True)
     for path in (folder / "build").glob("verilated*.o"):
         shutil.copy2(path, kept)
     version = subprocess.run(["verilator", "--version"], check=True, capture_output=True, text=True).stdout
     (kept / "version").write_text(version)
-    return kept

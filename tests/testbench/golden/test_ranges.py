@@ -26,6 +26,7 @@ from testbench.golden.stimulus.runners import store
 from tests.testbench.golden.benching import made
 
 CASES = [(stem, case) for stem, block in blocks.BLOCKS.items() for case in block.cases]
+FAST_CASES = [pytest.param(stem, case, marks=pytest.mark.slow if case == "fastest" else ()) for stem, case in CASES]
 
 
 def proven(stem, case=None):
@@ -45,7 +46,7 @@ def assert_inside(stem, case, regs, pins):
 # ---- every block -----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("stem", "case"), CASES)
+@pytest.mark.parametrize(("stem", "case"), FAST_CASES)
 def test_every_register_is_proven_and_no_result_needs_more_than_63_bits(stem, case):
     found = ranges.of_case(stem, case)
     assert found.problems == ()
@@ -57,7 +58,7 @@ def test_every_register_is_proven_and_no_result_needs_more_than_63_bits(stem, ca
     assert all(-(1 << 62) <= result.lo <= result.hi < 1 << 63 for result in found.results)
 
 
-@pytest.mark.parametrize(("stem", "case"), CASES)
+@pytest.mark.parametrize(("stem", "case"), FAST_CASES)
 def test_vectors_stay_inside(stem, case):
     block = blocks.BLOCKS[stem]
     stim, _ = made(stem, case)

@@ -40,7 +40,7 @@ def read(values, hertz=FREQUENCY_HZ):
     return read_open_loop(checked, hertz), budget.budget(checked, frequency_hz=true_hz)
 
 
-@settings(max_examples=8, phases=[Phase.explicit, Phase.reuse, Phase.generate])
+@settings(max_examples=5, phases=[Phase.explicit, Phase.reuse, Phase.generate])
 @given(CONFIGURATIONS, st.sampled_from(FREQUENCIES_HZ))
 def test_measured_phases_equal_the_budget(values, hertz):
     readings, planned = read(values, hertz)
