@@ -266,16 +266,37 @@ def _table_html(table):
     return f"<table{wide}><thead>{cells('th', table.heads)}</thead><tbody>\n{rows}\n</tbody></table>{note}"
 
 
-def _picture_html(picture, caption):
-    if isinstance(picture, Figure):
-        buffer = io.BytesIO()
-        picture.savefig(buffer, format="png", dpi=DPI)
-        data = buffer.getvalue()
-    else:
-        data = Path(picture).read_bytes()
+def png(figure, alt="", dpi=DPI):
+    """<img> with a matplotlib figure inside."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=dpi)
+    return _image(buffer.getvalue(), alt)
+
+
+def _image(data, alt):
+    return f'<img alt="{alt}" src="data:image/png;base64,{base64.b64encode(data).decode()}">'
+
+
+def picture_html(picture, caption):
+    """<figure> of a Figure or of a PNG file."""
     text = html.escape(caption)
-    source = base64.b64encode(data).decode()
-    return f'<figure><img alt="{text}" src="data:image/png;base64,{source}"><figcaption>{text}</figcaption></figure>'
+    image = png(picture, text) if isinstance(picture, Figure) else _image(Path(picture).read_bytes(), text)
+    return f"<figure>{image}<figcaption>{text}</figcaption></figure>"
+
+
+def page_html(title, parts):
+    """Page of parts of HTML; what is empty is left out."""
+    body = "\n".join(part for part in parts if part)
+    return (
+        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
+        f'<meta name="viewport" content="width=device-width, initial-scale=1"><title>{html.escape(title)}</title>'
+        f"<style>{CSS}</style></head>\n<body>\n{body}\n</body></html>\n"
+    )
+
+
+def folded_html(head, text):
+    """A text shown folded."""
+    return f"<details><summary>{html.escape(head)}</summary><pre>{html.escape(text)}</pre></details>"
 
 
 def write_html(path, title, tables=(), pictures=(), notes=(), details=()):
@@ -293,14 +314,7 @@ def write_html(path, title, tables=(), pictures=(), notes=(), details=()):
         parts += [f"<h2>{html.escape(table.title)}</h2>", _table_html(table)]
     if pictures:
         parts.append("<h2>Pictures</h2>")
-    parts += [_picture_html(picture, caption) for caption, picture in pictures]
-    for head, text in details:
-        parts.append(f"<details><summary>{html.escape(head)}</summary><pre>{html.escape(text)}</pre></details>")
-    body = "\n".join(parts)
-    write_text(
-        path,
-        f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
-        f'<meta name="viewport" content="width=device-width, initial-scale=1"><title>{html.escape(title)}</title>'
-        f"<style>{CSS}</style></head>\n<body>\n{body}\n</body></html>\n",
-    )
+    parts += [picture_html(picture, caption) for caption, picture in pictures]
+    parts += [folded_html(head, text) for head, text in details]
+    write_text(path, page_html(title, parts))
     return Path(path)

@@ -269,6 +269,7 @@ def trace(o):
     from testbench.measured.models.part_problem import PartProblem
     from testbench.measured.openers import open_problem
     from testbench.tracing import report as page
+    from testbench.tracing.figures import all_figures
     from testbench.tracing.trace import Options
 
     given = _pairs(o.option)
@@ -285,7 +286,7 @@ def trace(o):
             return _print_trace(found[0])
         tracer, result = loop_trace.run(problem, options, progress, o.checkpoint)
     _write(o.json_file, result.text())
-    _write(o.report, page.html(result, page.figures(tracer)) if o.report else "")
+    _write(o.report, page.html(result, all_figures(tracer)) if o.report else "")
     return _print_trace(vars(result))
 
 

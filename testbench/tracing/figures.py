@@ -7,9 +7,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.stats import norm
 
+from testbench.console.report import BLUE, GREEN, GREY, VERMILION
 from testbench.tracing.fit.rank import Projection, prior_z
 
-BLUE, VERMILION, GREEN, GREY = "#0072B2", "#D55E00", "#009E73", "#666666"
 SHOWN = 12  # laws in a picture
 MOST_POINTS = 4000
 
@@ -22,6 +22,23 @@ def _axes(columns=1, height=4.2, width=10.5):
         axis.set_axisbelow(True)
         axis.spines[["top", "right"]].set_visible(False)
     return figure, axes
+
+
+def _bars(rows, color, label):
+    """Horizontal bars of [(length, name)]."""
+    figure, (axis,) = _axes(height=1.5 + 0.3 * len(rows))
+    axis.barh(range(len(rows)), [length for length, _ in rows], color=color)
+    axis.set_yticks(range(len(rows)), [name for _, name in rows])
+    axis.set_xlabel(label)
+    return figure, axis
+
+
+def _cells(axis, values, form, white):
+    """Numbers of a matrix in its image, white where `white(value)`; nan: none."""
+    axis.grid(False)
+    for i, j in np.argwhere(np.isfinite(values)):
+        color = "white" if white(values[i, j]) else "k"
+        axis.text(j, i, format(values[i, j], form), ha="center", va="center", fontsize=7, color=color)
 
 
 def held_out(tracer):
@@ -56,11 +73,9 @@ def ranking(tracer):
     rows = sorted(rows)[-SHOWN:]
     if not rows:
         return None
-    figure, (axis,) = _axes(height=1.5 + 0.3 * len(rows))
     best = tracer.found.best if tracer.found else ()
-    axis.barh(range(len(rows)), [d for d, _ in rows], color=[BLUE if n in best else GREY for _, n in rows])
-    axis.set_yticks(range(len(rows)), [n for _, n in rows])
-    axis.set_xlabel("d: size in sigmas after the nuisances have taken their part")
+    colors = [BLUE if name in best else GREY for _, name in rows]
+    figure, axis = _bars(rows, colors, "d: size in sigmas after the nuisances have taken their part")
     if tracer.power:
         d90 = [v["d"] for v in tracer.power["d90"].values() if v["d"] is not None]
         if d90:
@@ -83,21 +98,10 @@ def cosines(tracer):
         return None
     c = tracer.rank(tracer.base.fit, tuple(names)).cosines
     figure, (axis,) = _axes(height=2.0 + 0.38 * len(names), width=4.0 + 0.55 * len(names))
-    axis.grid(False)
     image = axis.imshow(c, cmap="RdBu_r", vmin=-1, vmax=1)
     axis.set_xticks(range(len(names)), names, rotation=60, ha="right")
     axis.set_yticks(range(len(names)), names)
-    for i in range(len(names)):
-        for j in range(len(names)):
-            axis.text(
-                j,
-                i,
-                f"{c[i, j]:.2f}",
-                ha="center",
-                va="center",
-                fontsize=7,
-                color="white" if abs(c[i, j]) > 0.6 else "k",
-            )
+    _cells(axis, c, ".2f", lambda cosine: abs(cosine) > 0.6)
     figure.colorbar(image, ax=axis, label="cosine of the projected signatures")
     return "Cosines between laws after projection. See: pairs near 1 or -1 cannot be told apart on these data.", figure
 
@@ -113,21 +117,11 @@ def condition_map(tracer):
         cells = np.full((len(groups), len(names)), np.nan)
         for b in space.blocks:
             cells[b.group, names.index(b.observable)] = np.mean(fit.z[b.rows] ** 2)
-        axis.grid(False)
         image = axis.imshow(np.log10(np.maximum(cells, 1e-3)), cmap="PuOr", vmin=-1.5, vmax=1.5, aspect="auto")
         axis.set_xticks(range(len(names)), names, rotation=40, ha="right")
         axis.set_yticks(range(len(groups)), groups)
         axis.set_title(title)
-        for i, j in np.argwhere(np.isfinite(cells)):
-            axis.text(
-                j,
-                i,
-                f"{cells[i, j]:.3g}",
-                ha="center",
-                va="center",
-                fontsize=7,
-                color="k" if 0.12 < cells[i, j] < 8 else "w",
-            )
+        _cells(axis, cells, ".3g", lambda chi2: not 0.12 < chi2 < 8)
     figure.colorbar(image, ax=axes, label="log10(chi2 / rows)")
     return "Misfit per condition and observable (1 = noise). See: what is left after must be without pattern.", figure
 
@@ -193,14 +187,12 @@ def power(tracer):
     """Smallest effects that the record would have shown."""
     if not tracer.power:
         return None
-    rows = sorted((v["d"], k) for k, v in tracer.power["d90"].items() if v["d"] is not None)[-SHOWN:]
+    d90 = tracer.power["d90"]
+    rows = sorted((v["d"], k) for k, v in d90.items() if v["d"] is not None)[-SHOWN:]
     if not rows:
         return None
-    figure, (axis,) = _axes(height=1.5 + 0.3 * len(rows))
-    axis.barh(range(len(rows)), [d for d, _ in rows], color=GREEN)
-    units = tracer.power["d90"]
-    axis.set_yticks(range(len(rows)), [f"{k}: {units[k]['value']:.3g} {units[k]['unit']}" for _, k in rows])
-    axis.set_xlabel("d_90 (sigma)")
+    named = [(d, f"{k}: {d90[k]['value']:.3g} {d90[k]['unit']}") for d, k in rows]
+    figure, _ = _bars(named, GREEN, "d_90 (sigma)")
     return "Smallest effect this record would have shown with 90 %, in sigmas and in the law's unit.", figure
 
 

@@ -95,26 +95,23 @@ def rivals_kept(tracer):
 
 def discovery(tracer, out):
     """What was tried beyond the catalogue, and found laws as files."""
-    rows = [
-        {"port": s.port, "laws": list(s.laws), "coefficients": s.coefficients, "inclusion": s.inclusion}
-        | {"share": s.share, "energy": s.energy, "unit": s.unit, "bic": s.bic}
-        for s in tracer.selections
-    ]
     lifted = {}
     for e in (e for e in out.effects if e["law"] in tracer.library):
         found = tracer.laws[e["law"]], e["value"], e["sd"], tracer.problem.hashes
         lifted[e["law"]] = tracer.problem.law_file(*found) or lift(*found)
-    return {"ports": rows, "files": lifted}
+    return {"ports": [s._asdict() for s in tracer.selections], "files": lifted}
 
 
-def condition_table(space, z, parameters):
-    """[{group, observable, rows, chi2}]: chi2 / rows per cell of a whitened residual."""
+def condition_table(fit):
+    """chi2 / rows per group and observable of a fit's whitened residual."""
     rows = []
-    for b in space.blocks:
-        part, g = z[b.rows], space.groups[b.group]
-        rows.append({"group": g.name, "condition": dict(g.condition), "observable": b.observable})
-        rows[-1] |= {"rows": len(part), "chi2": float(np.mean(part**2))}
-    return {"cells": rows, "parameters_fitted": parameters}
+    for b in fit.model.space.blocks:
+        part, g = fit.z[b.rows], fit.model.space.groups[b.group]
+        rows.append(
+            {"group": g.name, "condition": dict(g.condition), "observable": b.observable}
+            | {"rows": len(part), "chi2": float(np.mean(part**2))}
+        )
+    return {"cells": rows, "parameters_fitted": len(fit.model.columns)}
 
 
 def unexplained(tracer, out):
@@ -122,8 +119,7 @@ def unexplained(tracer, out):
     last = tracer.fits["after"]
     alarms = tracer.alarm(last, tracer.rankings(last))
     test = alarms.refined or alarms.declared
-    cells = condition_table(tracer.space, last.z, len(last.model.columns))["cells"]
-    worst = max(cells, key=lambda c: (c["chi2"] - 1) * np.sqrt(c["rows"]))
+    worst = max(condition_table(last)["cells"], key=lambda c: (c["chi2"] - 1) * np.sqrt(c["rows"]))
     steps = []
     for b in tracer.space.blocks:
         if b.rows.stop - b.rows.start >= SHORT:
@@ -142,23 +138,13 @@ def unexplained(tracer, out):
     }
 
 
-def _test(test):
-    return (
-        None if test is None else {"p_global": test.p_global, "draws": test.draws, "p": test.p, "values": test.values}
-    )
-
-
 def certificates(tracer):
     base, noise = tracer.base, tracer.noise
     repeats = sorted({int(r) for r in tracer.space.repeats})
+    alone = "no repeats: noise from the problem, alarms model-based, ranking only"
     return {
         "calibration": base.certificate,
-        "repeats": {
-            "per_group": repeats,
-            "R14": "no repeats: noise from the problem, alarms model-based, ranking only"
-            if tracer.alarms.model_based
-            else None,
-        },
+        "repeats": {"per_group": repeats, "R14": alone if tracer.alarms.model_based else None},
         "noise": {"p": noise.p, "worst": noise.worst, "jump": noise.jump, "squares": noise.dof},
         "adequacy": tracer.found.checks if tracer.found else [],
         "points_predicted": tracer.predictor.asked,
@@ -194,19 +180,16 @@ def result(tracer, decision):
             elif decision.verdict == "unexplained" and not nearly_all(tracer.heldout.rows):
                 row["status"] = "partial"
     out.confounded, out.alike = confounded(tracer), tracer.alike
-    out.heldout, out.heldout_chi2 = (
-        tracer.heldout.rows,
-        tracer.heldout.chi2
-        | {"limit": tracer.heldout.limit, "score": tracer.heldout.score, "log_odds": tracer.heldout.log_odds},
-    )
+    out.heldout = tracer.heldout.rows
+    out.heldout_chi2 = tracer.heldout.chi2 | {k: getattr(tracer.heldout, k) for k in ("limit", "score", "log_odds")}
     out.p_global = tracer.p
     k = sum(len(r.names) for r in tracer.ranked.values())
     out.looks = {"laws": k, "statistics": len(tracer.alarms.declared.p), "declared_by_caller": tracer.options.looks}
     out.looks["library_laws_that_are_catalogue_laws"] = tracer.dropped
     out.certificates, out.hashes = certificates(tracer), dict(problem.hashes)
     out.ranking, out.models = ranking_rows(tracer), model_rows(tracer)
-    a = tracer.alarms
-    out.alarms = {"rotation": _test(a.rotation), "refined": _test(a.refined), "declared": _test(a.declared)}
+    tests = {name: getattr(tracer.alarms, name) for name in ("rotation", "refined", "declared")}
+    out.alarms = {name: test and test._asdict() for name, test in tests.items()}
     out.noise = {"octaves": [o._asdict() for o in tracer.noise.octaves], "p": tracer.noise.p}
     out.identifiability = {
         "directions": [
@@ -216,27 +199,18 @@ def result(tracer, decision):
     }
     base, last = tracer.base.fit, tracer.fits["after"]
     out.nuisances = [
-        {
-            "name": n.name,
-            "unit": n.unit,
-            "prior": n.value,
-            "prior_sd": n.prior_sd,
-            "before": float(b),
-            "after": float(x),
-        }
-        | {"sd_before": float(d), "sd": float(s)}
+        {"name": n.name, "unit": n.unit, "prior": n.value, "prior_sd": n.prior_sd}
+        | {"before": float(b), "after": float(x), "sd_before": float(d), "sd": float(s)}
         for n, b, d, x, s in zip(problem.nuisances, base.point.theta, base.sd, last.point.theta, last.sd)
     ]
-    out.power_d90, out.null = (tracer.power["d90"], tracer.power) if tracer.power else ({}, {})
-    out.null = {k: v for k, v in out.null.items() if k != "d90"}
+    out.null = dict(tracer.power)
+    out.power_d90 = out.null.pop("d90", {})
     if decision.verdict in ("none", "noise-model"):
         out.null["limits"] = {k: v for r in tracer.first.values() for k, v in limits(r, tracer.laws).items()}
     out.next_experiment = tracer.experiments
     out.discovery = discovery(tracer, out) if found is not None else {}
     if decision.verdict == "unexplained":
         out.unexplained = unexplained(tracer, out)
-    n = len(tracer.base.fit.model.columns)
-    out.tables = {"chi2_before": condition_table(tracer.space, tracer.base.fit.z, n)}
-    out.tables["chi2_after"] = condition_table(tracer.space, last.z, len(last.model.columns))
+    out.tables = {"chi2_before": condition_table(base), "chi2_after": condition_table(last)}
     out.options, out.notes = asdict(tracer.options), tracer.notes
     return out

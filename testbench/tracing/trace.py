@@ -16,7 +16,7 @@ from testbench.tracing.fit.rank import Signatures, rank
 from testbench.tracing.fit.rivals import open_rivals
 from testbench.tracing.fit.search import Search
 from testbench.tracing.noise import noise
-from testbench.tracing.noise.alarms import remembered
+from testbench.tracing.noise.alarms import alarms
 from testbench.tracing.noise.power import Power
 from testbench.tracing.problem.checkpoint import Store
 from testbench.tracing.problem.model import Model
@@ -104,7 +104,7 @@ class Tracer:
 
     def alarm(self, fit, rankings):
         """Alarms at a fit. In a refined space the declared noise is the refined one, the octaves' uncertainty stays."""
-        return remembered(self.store, fit, rankings, self.known_noise(), self.draws, self.options.seed)
+        return alarms(self.store, fit, rankings, self.known_noise(), self.draws, self.options.seed)
 
     def known_noise(self):
         """Octaves in units of the space in use."""
@@ -206,15 +206,13 @@ class Tracer:
     def decide(self):
         """Calibrate, alarm, search, judge. A `Result` where nothing of it can be done, None else."""
         problem, options = self.problem, self.options
+        known = {"hashes": dict(problem.hashes), "options": asdict(options)}
         if problem.firmware:
-            said, hashes = str(problem.firmware), dict(problem.hashes)
-            return Result(problem.name, "firmware", said, hashes=hashes, options=asdict(options))
+            return Result(problem.name, "firmware", str(problem.firmware), **known)
         if not self.calibrate():
-            reason = self.base.fit.failed
-            result = Result(problem.name, "unexplained", f"the model cannot be calibrated: {reason}")
-            result.hashes, result.options = dict(problem.hashes), asdict(options)
-            result.certificates = {"calibration": self.base.certificate}
-            return result
+            said = f"the model cannot be calibrated: {self.base.fit.failed}"
+            known["certificates"] = {"calibration": self.base.certificate}
+            return Result(problem.name, "unexplained", said, **known)
         self.say("ranking laws")
         self.drop_twins()
         self.first = self.ranked = self.rankings(self.base.fit)
@@ -238,7 +236,7 @@ class Tracer:
     def plan(self):
         """Power of this record, and what to measure next."""
         options, fit = self.options, self.base.fit
-        self.power, self.experiments = None, []
+        self.power, self.experiments = {}, []
         if options.power:
             self.say("power")
             level = 1 - (1 - options.alpha) ** (1 / options.looks)

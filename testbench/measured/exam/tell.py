@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from testbench.console import report
 from testbench.measured.exam.staged import absorbed, staged
-from testbench.tracing import report
 from testbench.tracing.report import number
 from testbench.tracing.trace import Options, Tracer
 

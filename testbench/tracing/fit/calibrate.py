@@ -13,6 +13,7 @@ import numpy as np
 
 from testbench.tracing.problem.model import Point
 from testbench.tracing.problem.predictor import Failed
+from testbench.tracing.problem.result import plain
 
 ENOUGH, CONVERGED, AGREED = 1e-4, 0.01, 0.1  # of the cost
 MOST_ITERATIONS = 40
@@ -24,19 +25,19 @@ BROKEN = 1e-10  # relative singular value below which nothing holds a direction
 
 
 class Fit(NamedTuple):
-    """Where a model has settled; `failed` says why it has not."""
+    """Where a model has settled; `failed` says why it has not, and there is nothing but model and point then."""
 
     model: object
     point: Point
-    prediction: list
-    z: np.ndarray  # whitened residual (rows,)
-    jacobian: np.ndarray  # (rows, columns)
-    cost: float
-    decrement: float
-    gradient: float  # largest component, of the scaled problem
-    step: float  # largest part of the promised step, in posterior sd
-    iterations: int
-    covariance: np.ndarray  # (columns, columns); inf on the diagonal of what nothing holds
+    prediction: list = ()
+    z: np.ndarray = np.zeros(0)  # whitened residual (rows,)
+    jacobian: np.ndarray = None  # (rows, columns)
+    cost: float = np.inf
+    decrement: float = np.inf
+    gradient: float = np.inf  # largest component, of the scaled problem
+    step: float = np.inf  # largest part of the promised step, in posterior sd
+    iterations: int = 0
+    covariance: np.ndarray = None  # (columns, columns); inf on the diagonal of what nothing holds
     bend: float = 0.0  # sigmas by which the prediction departs from the linear one of the fit it began at
     failed: str = ""
 
@@ -98,26 +99,6 @@ def _moved(model, point, step):
     return Point(point.theta + step[:m], c)
 
 
-def _failed(model, point, reason):
-    nothing = np.zeros((0, len(model.columns)))
-    size = len(model.columns)
-    return Fit(
-        model,
-        point,
-        [],
-        np.zeros(0),
-        nothing,
-        np.inf,
-        np.inf,
-        np.inf,
-        np.inf,
-        0,
-        np.full((size, size), np.inf),
-        np.inf,
-        reason,
-    )
-
-
 def _fresh(model, point, prediction):
     """(Jacobian, "") at a point, or (None, which columns cannot be had)."""
     jacobian = model.jacobian(point, prediction)
@@ -150,12 +131,12 @@ def fit(model, start, jacobian=None):
     exact, fresh = jacobian is None, jacobian is None
     point, (prediction,) = start, model.ask([start])
     if isinstance(prediction, Failed):
-        return _failed(model, start, prediction.reason)
+        return Fit(model, start, failed=prediction.reason)
     z, cost = cost_of(model, point, prediction)
     if fresh:
         jacobian, lost = _fresh(model, point, prediction)
         if lost:
-            return _failed(model, point, lost)
+            return Fit(model, point, failed=lost)
     first = 0  # index of the damping that worked last
     for iteration in range(MOST_ITERATIONS + 1):
         solver = Solver.at(model, point, z, _free(model, point, z, jacobian))
@@ -178,7 +159,7 @@ def fit(model, start, jacobian=None):
         if not keep and not fresh:
             jacobian, lost = _fresh(model, point, prediction)
             if lost:
-                return _failed(model, point, lost)
+                return Fit(model, point, failed=lost)
             fresh = True
         if done:
             solver = Solver.at(model, point, z, _free(model, point, z, jacobian))
@@ -188,19 +169,8 @@ def fit(model, start, jacobian=None):
     sd = np.sqrt(np.diag(covariance))
     step = np.abs(solver.step()) / np.where(sd > 0, sd, 1.0)
     gradient = float(np.max(np.abs(solver.r.T @ solver.q_rhs), initial=0.0))
-    return Fit(
-        model,
-        point,
-        prediction,
-        z,
-        jacobian,
-        cost,
-        decrement,
-        gradient,
-        float(step.max(initial=0.0)),
-        iteration,
-        covariance,
-    )
+    moved = float(step.max(initial=0.0))
+    return Fit(model, point, prediction, z, jacobian, cost, decrement, gradient, moved, iteration, covariance)
 
 
 def _free(model, point, z, jacobian):
@@ -248,18 +218,18 @@ def calibrate(model, starts=2, seed=0, begin=None, progress=None):
     converged = not best.failed and best.decrement < CONVERGED * unit and (agreeing >= 2 or starts == 1)
     certificate = {
         "converged": bool(converged),
-        "decrement": _number(best.decrement),
-        "gradient": _number(best.gradient),
-        "step_sd": _number(best.step),
-        "cost": _number(best.cost),
-        "costs_of_starts": [_number(cost) for cost in costs],
+        "decrement": best.decrement,
+        "gradient": best.gradient,
+        "step_sd": best.step,
+        "cost": best.cost,
+        "costs_of_starts": costs,
         "starts_agreeing": int(agreeing),
         "unit_of_cost": float(unit),
         "start_spread": [float(w) for w in spread[0]] if spread else [],
         "iterations": int(best.iterations),
         "failed": best.failed,
     }
-    return Calibration(best, tuple(costs), bool(converged), certificate)
+    return Calibration(best, tuple(costs), bool(converged), plain(certificate))
 
 
 def misfit_unit(found):
@@ -270,7 +240,3 @@ def misfit_unit(found):
 def _agreeing(costs, model):
     width = AGREED * max(1.0, min(costs) / max(model.space.size, 1))
     return sum(cost <= min(costs) + width for cost in costs if np.isfinite(cost))
-
-
-def _number(x):
-    return float(x) if np.isfinite(x) else None

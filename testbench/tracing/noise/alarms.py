@@ -18,7 +18,7 @@ import numpy as np
 from testbench.tracing.fit.rank import Projection, prior_z, rank
 from testbench.tracing.noise.looks import Looks, ranks
 from testbench.tracing.problem.checkpoint import digest
-from testbench.tracing.problem.problem import all_laws
+from testbench.tracing.problem.problem import all_laws, draws_of
 
 BATCH = 4_000_000  # numbers in memory per batch of draws
 
@@ -64,12 +64,10 @@ def _test(looks, observed, null):
 
 def declared_draws(space, count, rng):
     """(rows, count) draws of the problem's noise, whitened: the law of a mean's residual if that noise is true."""
-    parts = []
-    for g in space.groups:
-        k = g.members[0]
-        drawn = np.stack([space.problem.noise_draw(k, rng) for _ in range(count)], axis=1)
-        parts.append(space.whitened(k, drawn) / space.gain)
-    return space.refine(np.concatenate(parts))
+    ks = [g.members[0] for g in space.groups]
+    return space.refine(
+        np.concatenate([space.whitened(k, draws_of(space.problem, k, count, rng)) / space.gain for k in ks])
+    )
 
 
 def null_statistics(looks, projection, draw, draws, rng):
@@ -127,47 +125,35 @@ def refined_view(fit, rankings, noise):
     return projection, z, Looks(fit.model.space, own, all_laws(fit.model.problem)), own
 
 
-def alarms(fit, rankings, noise, draws, seed):
-    """`Alarms` at a fit. rankings: {"catalogue": Ranking, "library": Ranking}, at that fit; noise: `noise.Noise`."""
-    space, laws = fit.model.space, all_laws(fit.model.problem)
+def alarms(store, fit, rankings, noise, draws, seed):
+    """`Alarms` at a fit; their draws are taken from the store if they have been computed from the same numbers.
+
+    rankings  {"catalogue": Ranking, "library": Ranking}, at that fit;   noise  `noise.Noise`
+    """
+    space, prior = fit.model.space, prior_z(fit)[:, None]
     rng = np.random.default_rng([seed, 3])
     projection = Projection(fit.jacobian, fit.model.prior_columns())
-    looks = Looks(space, rankings, laws)
-    prior = prior_z(fit)[:, None]
-    observed = looks.evaluate(projection(fit.z[:, None], prior))[:, 0]
+    views = [(projection, fit.z, Looks(space, rankings, all_laws(fit.model.problem)), declared_draws)]
+    if noise.octaves:
+        views.append((*refined_view(fit, rankings, noise)[:3], noise.draws))
 
-    null = null_statistics(looks, projection, lambda count: declared_draws(space, count, rng), draws, rng)
-    declared = _test(looks, observed, null)
-    if not noise.octaves:
-        return Alarms(None, None, declared, declared.p_global, True, null, looks)
-    rotation = rotation_test(space, rankings, fit, draws, rng)
-    inner, z, refined_looks, _ = refined_view(fit, rankings, noise)
-    observed = refined_looks.evaluate(inner(z[:, None], prior))[:, 0]
-    reference = null_statistics(refined_looks, inner, lambda count: noise.draws(space, count, rng), draws, rng)
-    refined = _test(refined_looks, observed, reference)
-    p = cauchy([refined.p_global, rotation.p_global], draws)
-    return Alarms(rotation, refined, declared, p, False, reference, refined_looks)
-
-
-def remembered(store, fit, rankings, noise, draws, seed):
-    """`alarms`, from the store if they have been computed from the same numbers."""
-    laws, space, fresh = all_laws(fit.model.problem), fit.model.space, []
+    def against_null(inner, z, looks, draw):
+        observed = looks.evaluate(inner(z[:, None], prior))[:, 0]
+        null = null_statistics(looks, inner, lambda count: draw(space, count, rng), draws, rng)
+        return _test(looks, observed, null), null
 
     def compute():
-        fresh.append(alarms(fit, rankings, noise, draws, seed))
-        a = fresh[0]
-        return {
-            "tests": [None if t is None else t._asdict() for t in (a.rotation, a.refined, a.declared)],
-            "p": a.p_deterministic,
-            "reference": a.reference.tolist(),
-        }
+        declared, null = against_null(*views[0])
+        if not noise.octaves:
+            return {"tests": [None, None, declared._asdict()], "p": declared.p_global, "reference": null.tolist()}
+        rotation = rotation_test(space, rankings, fit, draws, rng)
+        refined, null = against_null(*views[1])
+        tests = [None if t is None else t._asdict() for t in (rotation, refined, declared)]
+        return {"tests": tests, "p": cauchy([refined.p_global, rotation.p_global], draws), "reference": null.tolist()}
 
     arrays = [part for r in rankings.values() for part in (r.signatures, r.length)]
     octaves = [list(o) for o in noise.octaves]
     key = digest("alarms", draws, seed, octaves, fit.z, fit.jacobian, prior_z(fit), *arrays, fit.model.problem.hashes)
     known = store.stage(key, compute)
-    if fresh:
-        return fresh[0]
-    rotation, refined, declared = (None if t is None else Test(**t) for t in known["tests"])
-    looks = Looks(space, rankings, laws) if refined is None else refined_view(fit, rankings, noise)[2]
-    return Alarms(rotation, refined, declared, known["p"], refined is None, np.array(known["reference"]), looks)
+    tests = [None if t is None else Test(**t) for t in known["tests"]]
+    return Alarms(*tests, known["p"], not noise.octaves, np.array(known["reference"]), views[-1][2])

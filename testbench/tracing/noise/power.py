@@ -46,26 +46,26 @@ class Power:
         self.alpha = alpha if alarms.model_based else alpha / 2  # two alarms share it
         self.crit = threshold(alarms.reference, self.alpha)
         self.rng = np.random.default_rng([seed, 5])
-
-    def _again(self):
-        """(projection, rankings) in the units of the alarm."""
-        if self.alarms.model_based:
-            return Projection(self.base.jacobian, self.base.model.prior_columns()), self.rankings
-        projection, _, _, own = refined_view(self.base, self.rankings, self.noise)
-        return projection, own
+        # projection and rankings in the units of the alarm
+        self.projection, self.own = Projection(base.jacobian, base.model.prior_columns()), rankings
+        if not alarms.model_based:
+            self.projection, _, _, self.own = refined_view(base, rankings, noise)
 
     def _draw(self, count):
         if self.alarms.model_based:
             return declared_draws(self.space, count, self.rng)
         return self.noise.draws(self.space, count, self.rng)
 
+    def _projected(self, noise):
+        """TRIALS draws as a fit leaves them, priors drawn too."""
+        return self.projection(noise, self.rng.normal(size=(self.projection.priors, TRIALS)))
+
     def smallest(self):
         """{law: {d, value, unit}}: effects that this record would have shown with 90 %."""
-        projection, own = self._again()
-        draws = projection(self._draw(TRIALS), self.rng.normal(size=(projection.priors, TRIALS)))
+        draws, looked = self._projected(self._draw(TRIALS)), self.alarms.looks.names
         out = {}
-        for label, ranking in own.items():
-            null = np.sort(self.alarms.reference[self.alarms.looks.names.index(label)]) if _has(self, label) else None
+        for label, ranking in self.own.items():
+            null = np.sort(self.alarms.reference[looked.index(label)]) if label in looked else None
             base = self.rankings[label]
             for i, name in enumerate(ranking.names):
                 law, length = self.laws[name], ranking.length[i]
@@ -80,16 +80,15 @@ class Power:
 
     def checked(self, smallest):
         """Share of pseudo-experiments at d_90 that ring, for the law seen best: {law, trials, rang, ci}."""
-        projection, own = self._again()
         known = [(row["d"], name) for name, row in smallest.items() if row["d"] is not None]
         if not known:
             return None
         _, name = min(known)
-        (ranking,) = [r for r in own.values() if name in r.names]
+        (ranking,) = [r for r in self.own.values() if name in r.names]
         signal = ranking.signatures[:, ranking.index(name)] * smallest[name]["value"]
         side = -1.0 if self.laws[name].sign < 0 else 1.0
         noise = self._draw(TRIALS) + side * signal[:, None]
-        statistics = self.alarms.looks.evaluate(projection(noise, self.rng.normal(size=(projection.priors, TRIALS))))
+        statistics = self.alarms.looks.evaluate(self._projected(noise))
         rang = int(np.sum(smallest_p(self.alarms.reference, statistics) <= self.crit))
         return {"law": name, "trials": TRIALS, "rang": rang, "ci": clopper_pearson(rang, TRIALS)}
 
@@ -97,18 +96,13 @@ class Power:
         """False alarms of this record's alarm in simulated nulls: {trials, rang, rate, ci, alpha}."""
         rang = 0
         if self.alarms.model_based:
-            projection, _ = self._again()
-            fresh = null_statistics(self.alarms.looks, projection, self._draw, TRIALS, self.rng)
+            fresh = null_statistics(self.alarms.looks, self.projection, self._draw, TRIALS, self.rng)
             rang = int(np.sum(smallest_p(self.alarms.reference, fresh) <= self.crit))
         else:
             for _ in range(TRIALS):
                 rang += self._pseudo_null() <= self.crit
-        return {
-            "trials": TRIALS,
-            "rang": int(rang),
-            "rate": rang / TRIALS,
-            "ci": clopper_pearson(int(rang), TRIALS),
-        } | {"alpha": self.alpha}
+        found = {"trials": TRIALS, "rang": int(rang), "rate": rang / TRIALS, "alpha": self.alpha}
+        return found | {"ci": clopper_pearson(int(rang), TRIALS)}
 
     def _pseudo_null(self):
         """Smallest p of one simulated record without any effect, octaves estimated from its own contrasts."""
@@ -119,10 +113,6 @@ class Power:
         prior = self.rng.normal(size=(projection.priors, 1))
         left = projection(known.whitener(space)(self.rng.normal(size=(space.size, 1))), prior)
         return float(smallest_p(self.alarms.reference, looks.evaluate(left))[0])
-
-
-def _has(power, label):
-    return label in power.alarms.looks.names
 
 
 def _statistic_at(null, p):

@@ -151,6 +151,11 @@ def all_laws(problem):
     return {law.name: law for law in (*problem.laws, *problem.library)}
 
 
+def draws_of(problem, k, count, rng):
+    """(n, count) draws of the noise of segment k."""
+    return np.stack([problem.noise_draw(k, rng) for _ in range(count)], axis=1)
+
+
 def _unique(what, names):
     twice = sorted({n for n in names if list(names).count(n) > 1})
     if twice:

@@ -100,11 +100,7 @@ class Space:
 
     def residual(self, prediction):
         """Stacked z of a prediction (list of arrays, one per group)."""
-        parts = [
-            w * self.whitened(g.members[0], mean - mu)
-            for g, w, mean, mu in zip(self.groups, self.weights, self._means, prediction)
-        ]
-        return self.refine(np.concatenate(parts)) if parts else np.zeros(0)
+        return self.change(self._means, prediction)
 
     def change(self, prediction, other):
         """Stacked whitened difference prediction - other: a column of a Jacobian before division."""

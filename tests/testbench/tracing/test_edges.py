@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from testbench.errors import ConfigError
+from testbench.tracing.figures import all_figures
 from testbench.tracing.problem.problem import Law, Nuisance, Observable, Problem, Segment
-from testbench.tracing.report import figures, html
+from testbench.tracing.report import html
 from testbench.tracing.trace import Options, Tracer, trace
 from tests.testbench.tracing.toys import LAWS, Toy
 
@@ -56,7 +57,7 @@ def whole(problem, page=False):
     tracer = Tracer(problem, QUICK, None, None)
     result = tracer.run()
     json.dumps(result.to_json(), allow_nan=False)
-    assert not page or html(result, figures(tracer))
+    assert not page or html(result, all_figures(tracer))
     return result
 
 

@@ -8,6 +8,7 @@ import pytest
 from scipy.stats import binom, multivariate_normal
 
 from testbench.tracing import report
+from testbench.tracing.figures import all_figures
 from testbench.tracing.fit import discover, heldout
 from testbench.tracing.fit.heldout import FLOOR_FACTOR, bootstrap, foretold, p_above
 from testbench.tracing.fit.rivals import sigma_along
@@ -213,7 +214,7 @@ def test_input_estimates_of_the_problem_are_used():
 def test_the_page_is_whole_and_needs_nothing_else():
     tracer = Tracer(Toy(5, {"feed": 0.2}), Options(n_null=299), None, None)
     result = tracer.run()
-    page = report.html(result, report.figures(tracer))
+    page = report.html(result, all_figures(tracer))
     assert page.count("data:image/png;base64,") == 7
     assert not re.search(r"(src|href)=\"http", page)
     assert "<script" not in page
