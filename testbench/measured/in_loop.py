@@ -68,34 +68,37 @@ def levels(effects, scale=1.0, bits=0):
     return out
 
 
+def _key(law):
+    """Key of [effects] that a converter's law sets; "" if the board's converter cannot have it."""
+    if law.startswith("curve T"):
+        return "adc_curve"
+    if law.startswith("gain with") and "temp" in law:
+        return "adc_gain_tc_per_k"
+    return {"turnover": "adc_turnover", "memory": "adc_memory"}.get(law, "")
+
+
 def converter(effects):
     """{meter: {key of [effects]: value}} of the laws of converters that the board's converter can have."""
     meters = {}
     for e in effects:
         meter, _, law = e["law"].partition(": ")
-        per_volt = e["value"] * 1e-6 / adc_linearity.FULL_V
+        key, per_volt = _key(law), e["value"] * 1e-6 / adc_linearity.FULL_V
         mine = meters.setdefault(meter, {})
-        if law == "turnover":
-            mine["adc_turnover"] = per_volt
-        elif law == "memory":
-            mine["adc_memory"] = per_volt
-        elif law.startswith("curve T"):
-            curve = mine.setdefault("adc_curve", [0.0] * CURVE)
-            curve[int(law[7:]) - 2] = e["value"] * 1e-6 / adc_linearity.RANGE_V
-        elif law.startswith("gain with") and "temp" in law:
+        if key == "adc_curve":
+            mine.setdefault(key, [0.0] * CURVE)[int(law[7:]) - 2] = e["value"] * 1e-6 / adc_linearity.RANGE_V
+        elif key == "adc_gain_tc_per_k":
             span = re.search(r"1 is ([-+.\deE]+)", e["text"])
             if span:
-                mine["adc_gain_tc_per_k"] = per_volt / float(span[1])
+                mine[key] = per_volt / float(span[1])
+        elif key:
+            mine[key] = per_volt
     meters.pop("source", None)
     return {meter: found for meter, found in meters.items() if found}
 
 
 def cases(sets):
     """Cases of what the sets have: {set: JSON} as in build/measured.json."""
-    out = []
-    for name, data in sets.items():
-        out += [case._replace(set=name) for case in _of_set(name, data["jobs"])]
-    return out
+    return [case._replace(set=name) for name, data in sets.items() for case in _of_set(name, data["jobs"])]
 
 
 def controls(device):
@@ -106,13 +109,12 @@ def controls(device):
 
 
 def _of_set(name, jobs):
-    out = []
-    texts = levels(jobs[0]["effects"])
+    out, effects = [], jobs[0]["effects"]
+    texts = levels(effects)
     if texts:
-        fine = levels(jobs[0]["effects"], 16.0, 4)
         words = f"{len(texts)} laws in LSB of 16 bit"
         out.append(Case(f"{name}: levels as drive DAC", words, {"drive_dac_levels": texts}))
-        words = "the same errors in volts, at 20 bit"
+        words, fine = "the same errors in volts, at 20 bit", levels(effects, 16.0, 4)
         out.append(Case(f"{name}: levels as force DAC", words, {"sense_dac_levels": fine}))
     out += _of_meters(name, [e for job in jobs for e in job["effects"]])
     for job in jobs:
@@ -133,9 +135,9 @@ def _of_meters(name, effects):
                 worst[key] = (meter, value)
     out = []
     for key, (meter, value) in sorted(worst.items()):
-        warm = key == "adc_gain_tc_per_k"
-        words = f"{key} = {_shown(value)}" + (f", both runs at {WARM_DEGC:g} degC" if warm else "")
-        degc = WARM_DEGC if warm else 25.0
+        words, degc = f"{key} = {_shown(value)}", 25.0
+        if key == "adc_gain_tc_per_k":
+            words, degc = f"{words}, both runs at {WARM_DEGC:g} degC", WARM_DEGC
         out.append(Case(f"{name}: {meter} as converter, {key}", words, {key: value}, temperature_degc=degc))
     return out
 
@@ -153,15 +155,14 @@ def _of_lines(name, effects):
 
 def not_run(sets):
     """[(set, job, law, port, kind)] of the named effects that no case has."""
-    out, meters = [], {"turnover", "memory"}
+    out = []
     for name, data in sets.items():
         for job in data["jobs"]:
             carried = {c["name"] for c in job.get("gyroscope", ())}
             for e in job["effects"]:
                 meter, _, law = e["law"].partition(": ")
-                known = law in meters or law.startswith("curve T") or (law.startswith("gain with") and "temp" in law)
-                mine = e["law"] in carried or levels([e]) or (known and meter != "source") or "vibration" in law
-                if not mine:
+                converts = _key(law) and meter != "source"
+                if not (e["law"] in carried or levels([e]) or converts or "vibration" in law):
                     out.append((name, job["label"], e["law"], e["port"], e.get("kind", "")))
     return out
 
@@ -174,25 +175,20 @@ def _shown(value):
     return f"{value:.3g}" if np.isscalar(value) else "[" + ", ".join(f"{v:.2g}" for v in value) + "]"
 
 
-def play(case=None):
-    """`Reading` of one run; no case: the board as it is."""
+def play(case):
+    """`Reading` of the run of a case; one without settings: the board as it is."""
     total = REST_S + 2 * STEP_S
     points = [[0.0, 0.0], [REST_S, 0.0], [REST_S + 0.001, RATE_DPS], [REST_S + STEP_S, RATE_DPS]]
     points += [[REST_S + STEP_S + 0.001, -RATE_DPS], [total, -RATE_DPS]]
-    if case and case.vibration:
+    if case.vibration:
         f_hz, quality, rms = case.vibration
-        wave = rate_vibration.profile(total, f_hz, quality, rms, SEED)
-        t, x = np.array(wave).T
+        t, x = np.array(rate_vibration.profile(total, f_hz, quality, rms, SEED)).T
         steps = np.interp(t, *np.array(points).T)
         points = [[float(a), float(b)] for a, b in zip(t, steps + x)]
     made = config.Config()
-    update = {"seconds": total, "rate_dps": points, "diagnose": False}
-    if case:
-        update["temperature_degc"] = case.temperature_degc
-    scenario = made.scenario.model_copy(update=update)
-    made = made.model_copy(update={"scenario": scenario})
-    if case and case.settings:
-        made = made.model_copy(update={"effects": made.effects.model_copy(update=case.settings)})
+    scenario = {"seconds": total, "rate_dps": points, "diagnose": False, "temperature_degc": case.temperature_degc}
+    update = {"scenario": made.scenario.model_copy(update=scenario)}
+    made = made.model_copy(update=update | {"effects": made.effects.model_copy(update=case.settings)})
     watch = simulate.Watch("rate_word")
     simulate.run(made, sinks=(watch,))
     rate = watch.values() / WORD_PER_DPS
@@ -238,11 +234,11 @@ def section(sets):
         base = bases[degc]
         one, case = _locked(case)
         scale_ppm, bias = (one.scale / base.scale - 1) * 1e6, (one.bias_dps - base.bias_dps) * 3600
-        noise = one.rms_dps / base.rms_dps - 1
-        numbers = {"scale_ppm": scale_ppm, "bias_deg_per_h": bias, "noise_percent": 100 * noise}
+        measured = (scale_ppm, bias, 100 * (one.rms_dps / base.rms_dps - 1))
+        numbers = dict(zip(("scale_ppm", "bias_deg_per_h", "noise_percent"), measured))
         data.setdefault(case.set, []).append({"effect": case.name, "words": case.words} | numbers)
-        rows.append((case.name, f"{scale_ppm:+.3g}", f"{bias:+.3g}", f"{100 * noise:+.3g}"))
-        measured = (scale_ppm, bias, 100 * noise)
+        texts = [f"{x:+.3g}" for x in measured]
+        rows.append((case.name, *texts))
         if not case.set:
             itself = np.maximum(itself, np.abs(measured))
             continue
@@ -254,10 +250,9 @@ def section(sets):
         panel.set_ylabel("change of rate (deg/h)")
         beyond = [n for n, x, c in zip(MEASURED, measured, itself) if abs(x) > BEYOND * c]
         sentence = (
-            f"{case.words}. Scale factor {scale_ppm:+.3g} ppm, bias {bias:+.3g} deg/h, noise of the rate word at rest "
-            f"{100 * noise:+.3g} %, against the same run without it (bias {base.bias_dps:.4g} deg/s, "
-            f"{base.rms_dps:.3g} deg/s rms). "
-            + (f"Above {BEYOND:g} times the controls: {', '.join(beyond) or 'nothing'}.")
+            f"{case.words}. Scale factor {texts[0]} ppm, bias {texts[1]} deg/h, noise of the rate word at rest "
+            f"{texts[2]} %, against the same run without it (bias {base.bias_dps:.4g} deg/s, "
+            f"{base.rms_dps:.3g} deg/s rms). Above {BEYOND:g} times the controls: {', '.join(beyond) or 'nothing'}."
         )
         words.append(
             f"<h3>{html.escape(case.name)}</h3><p>{html.escape(sentence)}</p><figure>{tell.png(figure)}<figcaption>"

@@ -94,8 +94,7 @@ class LoopProblem(Anchored, adds=MEMBERS):
     library_late = True
 
     def __init__(self, measured, model, nuisances, candidates, library=(), bench=None, kept=None, progress=None):
-        self.name, self.recorded = measured.name, measured
-        self.model = model
+        self.name, self.recorded, self.model = measured.name, measured, model
         self.parameters, self.progress = tuple(nuisances), progress
         self.bench, self.kept = bench or loop_runs.Bench(), kept or Kept()
         self.candidates = {c.law.name: c for c in (*candidates, *library)}
@@ -105,9 +104,8 @@ class LoopProblem(Anchored, adds=MEMBERS):
         self.conditions = {c.id: c for c in measured.conditions}
         self.segments = tuple(_segments(measured))
         self.hashes = dict(measured.hashes)
-        device = self.model.plant
         # stiffness that moves the drive mode by a hertz
-        self.per_hz = 8 * np.pi**2 * device.mass_kg * device.fx_hz
+        self.per_hz = 8 * np.pi**2 * model.plant.mass_kg * model.plant.fx_hz
         self._sizes = {c.id: loop_runs.size(c) for c in measured.conditions}
         self._count = {c.id: len(loop_runs.bins(c)) - 1 for c in measured.conditions}
         self.slope = {c.id: _of_frequency(c) for c in measured.conditions}
@@ -160,10 +158,8 @@ class LoopProblem(Anchored, adds=MEMBERS):
     def law_file(self, law, value, sd, hashes):
         """A law of the grammar as a file that `effects.files` and `gyro golden effect --law` take."""
         name = re.sub(r"\W+", "_", law.name).strip("_")
-        made = law_file.LawFile(
-            name, self.candidates[law.name].texts(float(value)), (float(sd),), tuple(hashes.items())
-        )
-        return law_file.text(made)
+        texts = self.candidates[law.name].texts(float(value))
+        return law_file.text(law_file.LawFile(name, texts, (float(sd),), tuple(hashes.items())))
 
     def whitened_rows(self, k):
         """Rows of observables behind `whiten`: a triangle keeps each row among those before it."""
@@ -306,10 +302,7 @@ class LoopProblem(Anchored, adds=MEMBERS):
 
     def size(self, change):
         """Sigmas of a change of all conditions."""
-        total = 0.0
-        for group, v in change.items():
-            total += float(np.sum(self.whiten(self._rows[group], v) ** 2))
-        return np.sqrt(total)
+        return np.sqrt(sum(float(np.sum(self.whiten(self._rows[g], v) ** 2)) for g, v in change.items()))
 
     def column(self, name, role="fit"):
         """{condition of a role: change of the features per unit of a nuisance or law}."""
@@ -324,46 +317,42 @@ class LoopProblem(Anchored, adds=MEMBERS):
         axes = {self.axis(name) for name in names}
         return tuple(law.name for law in self.library if self.axis(law.name) in axes)
 
+    def _fitted(self, of):
+        """{condition: (n, ...)} of the fitted conditions as stacked rows of unit variance, repeats counted."""
+        groups = [c.id for c in self._all() if c.role == "fit"]
+        return np.concatenate(
+            [np.sqrt(len(self.recorded.values[g])) * self.whiten(self._rows[g], of[g]) for g in groups]
+        )
+
     def settle(self):
         """Anchor where the nuisances alone fit the data best: far from it no linear model holds."""
-        rows, sd = [c.id for c in self._all() if c.role == "fit"], np.array([n.prior_sd for n in self.nuisances])
+        sd = np.array([n.prior_sd for n in self.nuisances])
         for _ in range(2):
-            j, r = [], []
-            for g in rows:
-                values, k = self.recorded.values[g], self._rows[g]
-                root = np.sqrt(len(values))
-                j.append(root * self.whiten(k, self.tangent[g]) * sd)
-                r.append(root * self.whiten(k, values.mean(axis=0) - self.base[g]))
+            j = self._fitted(self.tangent) * sd
+            r = self._fitted({g: values.mean(axis=0) - self.base[g] for g, values in self.recorded.values.items()})
             behind = (np.array([n.value for n in self.nuisances]) - self.at[0]) / sd
-            u = np.linalg.lstsq(np.concatenate([*j, np.eye(len(sd))]), np.concatenate([*r, behind]), rcond=None)[0]
-            if np.linalg.norm(np.concatenate(j) @ u) < SETTLED:
+            u = np.linalg.lstsq(np.concatenate([j, np.eye(len(sd))]), np.concatenate([r, behind]), rcond=None)[0]
+            if np.linalg.norm(j @ u) < SETTLED:
                 return
             self.anchor(self.at[0] + sd * u, {})
 
     def pseudo(self, change):
         """(laws, m) sigmas of the effects that m differences of features, {condition: (n, m)}, would be taken for."""
-        rows = [c.id for c in self._all() if c.role == "fit"]
-
-        def stacked(of):
-            roots = {g: np.sqrt(len(self.recorded.values[g])) for g in rows}
-            return np.concatenate([roots[g] * self.whiten(self._rows[g], of[g]) for g in rows])
-
         sd = np.array([n.prior_sd for n in self.nuisances])
-        j = stacked(self.tangent) * sd
+        j = self._fitted(self.tangent) * sd
         q, _ = np.linalg.qr(np.concatenate([j, np.eye(len(sd))]) / np.linalg.norm(j, axis=0))
-        s = np.stack([stacked(self.column(law.name)) for law in self.laws], axis=1)
+        s = np.stack([self._fitted(self.column(law.name)) for law in self.laws], axis=1)
         s = np.concatenate([s, np.zeros((len(sd), s.shape[1]))])
         s -= q @ (q.T @ s)
         size = np.linalg.norm(s, axis=0)
         s = s[: -len(sd), size > 0] / size[size > 0]
-        return s.T @ stacked(change)
+        return s.T @ self._fitted(change)
 
     def distance(self, theta, effects):
-        fitted = [c.id for c in self._all() if c.role == "fit"]
-        change = {g: self._change(theta, effects, *self.at, g)[: self._sizes[g], None] for g in fitted}
+        change = {c.id: self._change(theta, effects, *self.at, c.id) for c in self._all() if c.role == "fit"}
         return {
             "engines": "exact engine (lanes) at the anchor, and all that the fitted model changes from there, as error",
-            "sigma": float(np.max(np.abs(self.pseudo(change)))),
+            "sigma": float(np.max(np.abs(self.pseudo({g: v[:, None] for g, v in change.items()})))),
             "anchors": self.anchors,
             "draws": self.draws,
         }

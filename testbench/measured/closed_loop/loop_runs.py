@@ -43,7 +43,7 @@ TURN = 1 << 48
 NAMES = tuple(features.OBSERVABLES)
 THREADS = max(1, min(2, os.cpu_count() or 1))
 EXACT, FAST = "lanes", "baseband"
-MOST_LOCKED = 200
+MOST_LOCKED, MOST_SETUPS = 200, 400
 LEAST_LANES = 3  # fewer gyroscopes side by side are no faster than one by one
 DESIGN = threading.Lock()  # mpmath's precision belongs to the process, not to a thread
 
@@ -145,10 +145,6 @@ def _before(condition):
     return condition.rate_dps if condition.from_dps is None else condition.from_dps
 
 
-def _preset(condition):
-    return condition.temperature_degc, condition.detune_deg
-
-
 def switched_on(cfg, condition):
     """`Simulation` of a board under a condition, whose registers have just been written."""
     temp, before = condition.temperature_degc, _before(condition)
@@ -178,6 +174,15 @@ def powered(sims, ticks):
     return [sim.state for sim in sims]
 
 
+def _once(known, key, most, make):
+    """The value of a key, made when it is first asked for; of too many the oldest goes."""
+    if key not in known:
+        while len(known) > most:
+            known.pop(next(iter(known)))
+        known[key] = make()
+    return known[key]
+
+
 def _sure(state, condition):
     """A state that is locked, or ConfigError."""
     if state.fpga.control.sequencer.state != sequencer.LOCKED:
@@ -191,20 +196,24 @@ class Bench:
     def __init__(self, threads=THREADS):
         self.threads = threads
         self._setups, self._locked = {}, {}
-        self.simulated_s = 0.0
 
     def locked(self, cfg, condition):
         """engine.State at START_TICKS of a board under a condition's first rate, from power-on; made once.
 
         Raises ConfigError if it has not locked.
         """
-        key = (cfg.model_dump_json(), condition.a_um, _before(condition), *_preset(condition))
-        if key not in self._locked:
-            while len(self._locked) > MOST_LOCKED:
-                self._locked.pop(next(iter(self._locked)))
-            (state,) = powered([switched_on(cfg, condition)], START_TICKS)
-            self._locked[key] = _sure(state, condition)
-        s = self._locked[key]
+        key = (
+            cfg.model_dump_json(),
+            condition.a_um,
+            _before(condition),
+            condition.temperature_degc,
+            condition.detune_deg,
+        )
+
+        def power():
+            return _sure(*powered([switched_on(cfg, condition)], START_TICKS), condition)
+
+        s = _once(self._locked, key, MOST_LOCKED, power)
         # the matrix of the next frame is made anew: it may be that of another plant
         s.plant.now[:] = np.inf
         return engine.State(s.fpga, s.chips, plant.copy(s.plant), s.tick, s.drdy_cycle)
@@ -212,11 +221,7 @@ class Bench:
     def setup(self, run, p):
         """baseband Setup of a run; that of its model's configuration is kept, its laws are put in."""
         key = (run.model.config.model_dump_json(include={"firmware", "plant"}), run.condition.temperature_degc)
-        if key not in self._setups:
-            while len(self._setups) > 400:
-                self._setups.pop(next(iter(self._setups)))
-            self._setups[key] = baseband_setup.setup(p)
-        made = self._setups[key]
+        made = _once(self._setups, key, MOST_SETUPS, lambda: baseband_setup.setup(p))
         laws = averaged_laws.design(p.plant.effects, p.plant.laws, made.laws.reference_turns)
         return made._replace(laws=laws, drive_lsb_v=0.0 if run.smooth else made.drive_lsb_v)
 
@@ -228,33 +233,24 @@ class Bench:
         lenient None for a run of the averaged plant that leaves its range, instead of the error
         """
         states = self._begun(runs)
-        done = [0.0]
-
-        def ended(seconds):
-            done[0] += seconds
-            self.simulated_s += seconds
-            if progress:
-                progress(f"{kind} engine", done[0], sum(ticks_of(r) for r in runs) / TICK_HZ)
-
-        if kind == EXACT:
-            params = [_params(r) for r in runs]
-            jobs = _grouped(runs, params)
-        else:
-            jobs = [[k] for k in range(len(runs))]
-        out = [None] * len(runs)
+        params = [_params(r) for r in runs] if kind == EXACT else []
+        out, done, whole = [None] * len(runs), 0.0, sum(ticks_of(r) for r in runs) / TICK_HZ
 
         def work(members):
-            if kind == EXACT and len(members) >= LEAST_LANES:
+            nonlocal done
+            if kind != EXACT:
+                rows = [self._averaged(runs[k], states[k], lenient) for k in members]
+            elif len(members) >= LEAST_LANES:
                 rows = _side_by_side([(runs[k], params[k], states[k]) for k in members])
-            elif kind == EXACT:
-                rows = [_alone(runs[k], params[k], states[k]) for k in members]
             else:
-                rows = [self._averaged(runs[members[0]], states[members[0]], lenient)]
+                rows = [_alone(runs[k], params[k], states[k], frame.run) for k in members]
             for k, row in zip(members, rows):
                 out[k] = None if row is None else _features(runs[k], row, fine)
-            ended(sum(ticks_of(runs[k]) for k in members) / TICK_HZ)
+            done += sum(ticks_of(runs[k]) for k in members) / TICK_HZ
+            if progress:
+                progress(f"{kind} engine", done, whole)
 
-        self._each(work, jobs)
+        self._each(work, _grouped(runs, params) if kind == EXACT else [[k] for k in range(len(runs))])
         return out
 
     def _averaged(self, run, state, lenient):
@@ -262,8 +258,8 @@ class Bench:
         try:
             with DESIGN:
                 p = _params(run)
-                made = self.setup(run, p)
-            return _averaged(run, p, state, made)
+                baseband.prepared(p, self.setup(run, p))
+            return _alone(run, p, state, baseband.run)
         except ConfigError:
             if lenient:
                 return None
@@ -284,12 +280,8 @@ class Bench:
         return [made[k] if k in made else self.locked(r.start, r.condition) for k, r in enumerate(runs)]
 
     def _each(self, work, jobs):
-        if self.threads == 1:
-            for job in jobs:
-                work(job)
-        else:
-            with ThreadPoolExecutor(self.threads) as pool:
-                list(pool.map(work, jobs))
+        with ThreadPoolExecutor(self.threads) as pool:
+            list(pool.map(work, jobs))
 
 
 def _params(run):
@@ -322,19 +314,10 @@ def _side_by_side(members):
     return [o.frames for o in outs]
 
 
-def _alone(run, p, state):
-    """Rows of a run in the frame engine: the bits of the lanes, one at a time."""
-    ticks, out = ticks_of(run), _streams(run)
-    after = frame.run(p, state, ticks, *_profiles(run), engine.NO_WRITE, engine.Faults(), out)
-    _sure(after, run.condition)
-    return out.frames
-
-
-def _averaged(run, p, state, setup):
-    """Rows of a run in the baseband engine."""
-    ticks, out = ticks_of(run), _streams(run)
-    baseband.prepared(p, setup)
-    after = baseband.run(p, state, ticks, *_profiles(run), engine.NO_WRITE, engine.Faults(), out)
+def _alone(run, p, state, play):
+    """Rows of a run in an engine by itself; `frame.run` has the bits of the lanes."""
+    out = _streams(run)
+    after = play(p, state, ticks_of(run), *_profiles(run), engine.NO_WRITE, engine.Faults(), out)
     _sure(after, run.condition)
     return out.frames
 
