@@ -16,14 +16,14 @@ from testbench.tracing.noise.power import limits
 from testbench.tracing.problem.result import Result
 
 
-def effects(fit, probability, status):
+def effects(fit, probability):
     """Laws of a fit as they go into the JSON; d is the size in sigmas after the nuisances have taken their part."""
     n, out = len(fit.point.theta), []
     for i, law in enumerate(fit.model.laws):
         sd, c = float(fit.sd[n + i]), float(fit.point.c[i])
         out.append(
             {"law": law.name, "port": law.port, "value": c, "sd": sd, "unit": law.unit, "d": abs(c) / sd}
-            | {"kind": law.kind, "text": law.text, "page": law.page, "p": probability.get(law.name), "status": status}
+            | {"kind": law.kind, "text": law.text, "page": law.page, "p": probability.get(law.name), "status": "named"}
         )
     return out
 
@@ -171,7 +171,7 @@ def result(tracer, decision):
         decision = verdict.with_search(found, probability, free, confirmed, doubtful, stopped, certified)
     out = Result(problem.name, decision.verdict, decision.sentence)
     if found is not None and found.best and decision.verdict in ("named", "confounded", "unexplained"):
-        out.effects = effects(found.fit(found.best), probability, "named")
+        out.effects = effects(found.fit(found.best), probability)
         for row in out.effects:
             row["d_without_priors"] = free[row["law"]]
             shared = decision.verdict == "unexplained" and any(row["law"] == law for law, _, _ in tracer.rivals)

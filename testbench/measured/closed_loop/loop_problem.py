@@ -111,7 +111,7 @@ class LoopProblem(Anchored, adds=MEMBERS):
         self.slope = {c.id: _of_frequency(c) for c in measured.conditions}
         self.place = dict.fromkeys(self.conditions, 0.0)
         self._put()
-        draws = self._draws(Model(self.model), NOISE_DRAWS, power_on=True)
+        draws = self._draws(NOISE_DRAWS, power_on=True)
         fitted = {g: (v[:, : self._sizes[g]], self.slope[g][: self._sizes[g]]) for g, v in draws.items()}
         self._noise, self.noise_gain = noise_of(fitted), gain_of(fitted)
         self._begun, self._middle = draws, {g: v.mean(axis=0) for g, v in draws.items()}
@@ -184,7 +184,7 @@ class LoopProblem(Anchored, adds=MEMBERS):
 
     def _put(self):
         """Places of the conditions, from the last bins of the recorded frequency words."""
-        one = self._draws(Model(self.model), 1)
+        one = self._draws(1)
         for g, values in self.recorded.values.items():
             if np.any(values):
                 hz = self.hertz(values.mean(axis=0) - one[g][0], g) + jitter_hz(0)
@@ -224,18 +224,15 @@ class LoopProblem(Anchored, adds=MEMBERS):
         text = repr((self.model.model_dump_json(), *more))
         return hashlib.sha256(text.encode()).hexdigest()
 
-    def _draws(self, model, count, power_on=False):
-        """{condition: (count, n)} of the averaged plant at a model, jitter and all."""
-        told = count, power_on, model.config.model_dump_json(), model.laws
-        keys = {c.id: self.key("draws", told, c._replace(role=""), self.place[c.id]) for c in self._all()}
-        todo = [c for c in self._all() if keys[c.id] not in self.kept.noise]
+    def _draws(self, count, power_on=False):
+        """{condition: (count, n)} of the averaged plant where the model began, jitter and all."""
+        told, model = (count, power_on), Model(self.model)
+        keys = {c.id: self.key("draws", told, c._replace(role=""), self.place[c.id]) for c in self.recorded.conditions}
+        todo = [c for c in self.recorded.conditions if keys[c.id] not in self.kept.noise]
         found = self._run([(model, c, k, 0.0) for c in todo for k in range(count)], FAST, power_on)
         for i, c in enumerate(todo):
             self.kept.noise[keys[c.id]] = np.array(found[count * i : count * (i + 1)])
         return {name: self.kept.noise[key] for name, key in keys.items()}
-
-    def _all(self):
-        return self.recorded.conditions
 
     def exact(self, theta, effects, role=None):
         """{condition: (features of the exact engine at a point, each draw less its twin in the averaged plant)}.
@@ -245,11 +242,11 @@ class LoopProblem(Anchored, adds=MEMBERS):
         """
         model = self.told(theta, effects)
         told = "exact", model.config.model_dump_json(), model.laws
-        chosen = [c for c in self._all() if role in (None, c.role)]
+        chosen = [c for c in self.recorded.conditions if role in (None, c.role)]
         keys = {c.id: self.key(*told, c._replace(role=""), self.place[c.id]) for c in chosen}
         moved = self._moved_hz(theta, effects)
         # the averaged plant with the same noise, where the model began
-        twins = self._draws(Model(self.model), max(self.draws, DRAWS))
+        twins = self._draws(max(self.draws, DRAWS))
         kept = {c.id: self.kept.exact.get(keys[c.id], np.zeros((0, len(self.slope[c.id])))) for c in chosen}
         todo = [(model, c, k, moved[c.id]) for c in chosen for k in range(len(kept[c.id]), self.draws)]
         found = iter(self._run(todo, EXACT))
@@ -268,8 +265,10 @@ class LoopProblem(Anchored, adds=MEMBERS):
         That by an engine is no better: the frequency word of a dwell has slips of its own, some 1e-5 Hz.
         """
         if self.tangent is None:
-            return {c.id: 0.0 for c in self._all()}
-        return {c.id: self.hertz(self._change(theta, effects, self.first, {}, c.id), c.id) for c in self._all()}
+            return {c.id: 0.0 for c in self.recorded.conditions}
+        return {
+            c.id: self.hertz(self._change(theta, effects, self.first, {}, c.id), c.id) for c in self.recorded.conditions
+        }
 
     def hertz(self, change, group):
         """Change of the drive frequency in a change of features, by the last bin of the frequency word."""
@@ -319,7 +318,7 @@ class LoopProblem(Anchored, adds=MEMBERS):
 
     def _fitted(self, of):
         """{condition: (n, ...)} of the fitted conditions as stacked rows of unit variance, repeats counted."""
-        groups = [c.id for c in self._all() if c.role == "fit"]
+        groups = [c.id for c in self.recorded.conditions if c.role == "fit"]
         return np.concatenate(
             [np.sqrt(len(self.recorded.values[g])) * self.whiten(self._rows[g], of[g]) for g in groups]
         )
@@ -349,7 +348,9 @@ class LoopProblem(Anchored, adds=MEMBERS):
         return s.T @ self._fitted(change)
 
     def distance(self, theta, effects):
-        change = {c.id: self._change(theta, effects, *self.at, c.id) for c in self._all() if c.role == "fit"}
+        change = {
+            c.id: self._change(theta, effects, *self.at, c.id) for c in self.recorded.conditions if c.role == "fit"
+        }
         return {
             "engines": "exact engine (lanes) at the anchor, and all that the fitted model changes from there, as error",
             "sigma": float(np.max(np.abs(self.pseudo({g: v[:, None] for g, v in change.items()})))),

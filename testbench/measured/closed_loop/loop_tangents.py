@@ -71,7 +71,7 @@ class Tangents:
         missing = [name for name in names if (self._where, role, name) not in self.kept]
         if not missing:
             return
-        base = self._many([(of.first, {})], only=self._of(role))[0]
+        base = self._many([(of.first, {})], self._of(role))[0]
         steps = {name: self.steps.get(name, self._first_step(name)) for name in missing}
         zero, nan = ({g: np.full(len(v), fill) for g, v in base.items()} for fill in (0.0, np.nan))
         columns |= {name: zero for name in missing if not steps[name]}
@@ -118,7 +118,7 @@ class Tangents:
     def _guess(self, names, steps, base):
         """Steps that move all features by about AIM sigmas, from one condition alone. Mutates `steps`."""
         one = max((self.of.conditions[g] for g in base), key=lambda c: (c.a_um, abs(c.rate_dps)))
-        moved = self._many([self._stepped(name, steps[name]) for name in names], only=(one,))
+        moved = self._many([self._stepped(name, steps[name]) for name in names], (one,))
         for name, found in zip(names, moved):
             if found is not None:
                 self._aimed(name, steps, self._size({one.id: found[one.id] - base[one.id]}))
@@ -163,7 +163,7 @@ class Tangents:
         only = [self.of.conditions[g] for g in base]
         todo = range(len(points))
         for _ in range(3):
-            found = self._many([points[i] for i in todo], [hertz[i] for i in todo], only)
+            found = self._many([points[i] for i in todo], only, [hertz[i] for i in todo])
             left = []
             for i, moved in zip(todo, found):
                 if moved is None:
@@ -178,23 +178,19 @@ class Tangents:
             todo = left
         return changes
 
-    def _many(self, points, hertz=None, only=None):
-        """Features {group: values} of points in the averaged plant, None where it fails.
-
-        hertz  see `of.smooth`;   only  conditions, if not all
-        """
+    def _many(self, points, conditions, hertz=None):
+        """Features {group: values} of points in the averaged plant, None where it fails; hertz: see `of.smooth`."""
         of, models = self.of, []
-        hertz = hertz or [dict.fromkeys(of.conditions, 0.0) for _ in points]
+        hertz = hertz or [dict.fromkeys(of.conditions, 0.0)] * len(points)
         for theta, effects in points:
             try:
                 told = of.told(theta, effects)
                 models.append(told._replace(config=even(told.config)))
             except PredictionFailed:
                 models.append(None)
-        every = of.conditions.values() if only is None else only
-        wanted = [(m, c, 0, h[c.id]) for m, h in zip(models, hertz) if m is not None for c in every]
+        wanted = [(m, c, 0, h[c.id]) for m, h in zip(models, hertz) if m is not None for c in conditions]
         found, out = iter(of.smooth(wanted)), []
         for m in models:
-            values = None if m is None else {c.id: next(found) for c in every}
+            values = None if m is None else {c.id: next(found) for c in conditions}
             out.append(None if values is None or any(v is None for v in values.values()) else values)
         return out

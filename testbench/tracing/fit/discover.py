@@ -33,7 +33,7 @@ class Selection(NamedTuple):
 def forward(values, columns, nuisance, most=MOST_TERMS):
     """(chosen columns in order, coefficients, residual sum, BIC, first sum) of whitened data; columns (n, K)."""
     q = np.linalg.qr(nuisance)[0] if nuisance.shape[1] else np.zeros((len(values), 0))
-    left = values - q @ (q.T @ values)
+    base = left = values - q @ (q.T @ values)
     whole = np.linalg.norm(columns, axis=0)
     rest = columns - q @ (q.T @ columns)
     chosen, n = [], len(values)
@@ -54,7 +54,6 @@ def forward(values, columns, nuisance, most=MOST_TERMS):
         remaining = remaining - np.outer(u, u @ remaining)
         chosen.append(k)
         best = float(left @ left)
-    base = values - q @ (q.T @ values)
     c = np.linalg.lstsq(rest[:, chosen], base, rcond=None)[0] if chosen else np.zeros(0)
     return chosen, c, best, best + len(chosen) * (np.log(n) + 2 * np.log(columns.shape[1])), start
 

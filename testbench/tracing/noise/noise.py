@@ -46,14 +46,11 @@ class Noise(NamedTuple):
     jump: str  # where a CUSUM of a contrast is largest
     dof: int
 
-    def _of(self, observable):
-        return [o for o in self.octaves if o.observable == observable]
-
     def _rows(self, stack, values, empty):
         """(blocks, length, ...) of values[octave] at every DCT coefficient."""
         level, of = bands(stack.rows.shape[1]), {}
         for name in set(stack.observables):
-            known = self._of(name)
+            known = [o for o in self.octaves if o.observable == name]
             row = np.full((len(level), *np.shape(empty)), empty)
             for o in known:
                 row[(level >= o.first) & ((level <= o.last) | (o is known[-1]))] = values[o]
