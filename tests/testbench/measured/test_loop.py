@@ -18,19 +18,12 @@ from testbench import flatten
 from testbench.config import law_file
 from testbench.errors import ConfigError
 from testbench.golden.bundles import bundle, effect
-from testbench.measured.closed_loop import (
-    loop_laws,
-    loop_noise,
-    loop_problem,
-    loop_rates,
-    loop_runs,
-    loop_trace,
-    loop_trials,
-)
+from testbench.measured.closed_loop import loop_laws, loop_noise, loop_problem, loop_runs, loop_trace
 from testbench.measured.closed_loop.loop_runs import EXACT, FAST, Model, Run
 from testbench.tracing.problem.result import Result
 from testbench.tracing.problem.space import Space
 from testbench.tracing.trace import SAME
+from tests.testbench.measured import loop_rates, loop_trials
 
 pytestmark = pytest.mark.skipif(numba_config.DISABLE_JIT, reason="hours without the compiler")
 

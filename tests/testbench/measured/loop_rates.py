@@ -1,4 +1,4 @@
-"""Rates of random trials of tracing: python -m testbench.measured.closed_loop.loop_rates 100 --keep trials.jsonl
+"""Rates of random trials of tracing: python -m tests.testbench.measured.loop_rates 100 --keep trials.jsonl
 
 What is not yet in the file is run, one line of JSON per trial; the table of all is printed, and with --page
 docs/measured.md written into the part `trials` of that page.
@@ -13,9 +13,9 @@ import numpy as np
 
 from testbench.console.markdown import replaced
 from testbench.measured.closed_loop import loop_runs
-from testbench.measured.closed_loop.loop_trials import KINDS, QUICK, Bank, kinds, trial
 from testbench.storage.files import write_text
 from testbench.tracing.noise.power import clopper_pearson
+from tests.testbench.measured.loop_trials import KINDS, QUICK, Bank, kinds, trial
 
 FLOOR_FACTOR = 1.06
 
