@@ -36,7 +36,7 @@ VALID_CLOCKS = 1 + spi_adc.READ_CYCLES  # from the clock in which DRDY falls to 
 WORD_CLOCKS = 2 * spi_adc.WORD_BITS
 FIRST_CHANNEL_CLOCKS = VALID_CLOCKS - spi_adc.CHANNELS * WORD_CLOCKS + WORD_CLOCKS
 LAST_ODD_TICK = FRAME_TICKS - 2  # the last load of V_q that is out when the frame ends
-ZERO = np.int64(0)
+ZERO, ONE = np.int64(0), np.int64(1)
 NO_HOST = (ZERO, ZERO, ZERO)  # write, address, data
 HISTORY = 3  # places before a block's first tick in the buffers of codes and loads
 
@@ -118,6 +118,15 @@ def whole(p, s, i, bank):
 
 
 @inner
+def undisturbed(p, s, i, valid):
+    """The 8 kHz side after a window of its own, and the frequency word after SLOT_PI; the watchdog is as before."""
+    after, word = whole(p.control, s.control, i, s.bank)
+    turn = turned(s.turn, valid + SLOT_PI + 1, word)
+    turn = turned(turn, valid + SLOT_WORD + 1, after.frequency_tracker.word)
+    return Window(after, registers.step(s.bank, ZERO, ZERO, ZERO, ONE), s.dog, turn, ZERO, s.quadrature), word
+
+
+@inner
 def play(p, s, sid_codes, old, new, ready, ok, new_ok, valid, tick, n, b):
     """At most `n` ticks from `tick` on, until the window has ended; returns the state and the number of ticks.
 
@@ -130,8 +139,9 @@ def play(p, s, sid_codes, old, new, ready, ok, new_ok, valid, tick, n, b):
     if disturbed or valid < begin or valid >= begin + TICK_CYCLES:
         return _played(p, s, sid_codes, old, new, ready, ok, new_ok, valid, tick, n, b)
     i = _inputs(p, sid_codes, old, new, ready, ok, new_ok, valid, valid + 1, ZERO)
-    c, bank, dog = s.control, s.bank, s.dog
-    after, word = whole(p.control, c, i, bank)
+    c, dog = s.control, s.dog
+    window, _ = undisturbed(p, s, i, valid)
+    after = window.control
     was, now = sequencer.outputs(c.sequencer), sequencer.outputs(after.sequencer)
     amplitudes = (
         agc.amplitude(p.control.agc, c.agc, was.agc_mode),
@@ -155,9 +165,7 @@ def play(p, s, sid_codes, old, new, ready, ok, new_ok, valid, tick, n, b):
             quadrature = after.quadrature_loop.root.y if done else c.quadrature_loop.root.y
         if k > 0:
             dog = watchdog.step(p.watchdog, dog, 1, 0)
-    turn = turned(s.turn, valid + SLOT_PI + 1, word)
-    turn = turned(turn, valid + SLOT_WORD + 1, after.frequency_tracker.word)
-    return Window(after, registers.step(bank, 0, 0, 0, 1), dog, turn, ZERO, quadrature), count
+    return Window(after, window.bank, dog, window.turn, ZERO, quadrature), count
 
 
 @outlined

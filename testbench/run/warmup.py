@@ -7,6 +7,7 @@
 With a filled cache, without a cache or on one core nothing is started.
 """
 
+import functools
 import os
 import subprocess
 import sys
@@ -107,11 +108,17 @@ def _child(part):
     return subprocess.Popen([sys.executable, "-c", CHILD.format(part)], cwd=ROOT, **QUIET, start_new_session=True)
 
 
+@functools.cache
+def _frame_child():
+    """The child that compiles the frame engine: one for all gyroscopes, and kept, so that nobody drops it unfinished."""
+    return _child("frame")
+
+
 class Standby:
     """As `frame.run`; the clocked engine does it, to the same bits, until a child has compiled the frame engine."""
 
     def __init__(self):
-        self.child = _child("frame")
+        self.child = _frame_child()
 
     def __call__(self, *chunk):
         if self.child.poll() is None:

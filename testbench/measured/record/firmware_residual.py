@@ -115,7 +115,7 @@ def initial_names():
     """Names of the registers that /initial must hold: control, register bank, watchdog, and the phase."""
     s = replay.power_on()
     return [
-        *(f"control.{name}" for name in flatten.names(s.control)),
+        *(f"control.{name}" for name in flatten.names(s.w.control)),
         *(f"registers.{name}" for name in registers.State._fields),
         *(f"watchdog.{name}" for name in watchdog.State._fields),
         "dds.phase",
@@ -125,7 +125,7 @@ def initial_names():
 def initial_values(side):
     """The values of `initial_names` at the clock where a replay is, between two windows."""
     phase = replay.phase(side)
-    return [*(v for _, v in flatten.leaves(side.control)), *side.bank, *side.dog, phase]
+    return [*(v for _, v in flatten.leaves(side.w.control)), *side.w.bank, *side.w.dog, phase]
 
 
 def _initial(record):
@@ -143,11 +143,11 @@ def _initial(record):
 def started(row):
     """`replay.Side` at edge 0 from the values of `initial_names`."""
     s = replay.power_on()
-    c = flatten.rebuild(s.control, row)
-    rest = row[len(flatten.names(s.control)) :]
-    bank, dog = registers.State(*rest[: len(s.bank)]), watchdog.State(*rest[len(s.bank) : -1])
+    c = flatten.rebuild(s.w.control, row)
+    rest, count = row[len(flatten.names(c)) :], len(registers.State._fields)
+    bank, dog = registers.State(*rest[:count]), watchdog.State(*rest[count:-1])
     word = c.frequency_tracker.word
-    return s._replace(control=c, bank=bank, dog=dog, turn=Turn(0, rest[-1], word, word, 0, word))
+    return s._replace(w=s.w._replace(control=c, bank=bank, dog=dog, turn=Turn(0, rest[-1], word, word, 0, word)))
 
 
 def residual(record, progress=None, firmware=None):

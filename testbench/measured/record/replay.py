@@ -3,8 +3,8 @@
     recorded codes, edge at which each frame is valid --+--> watchdog, register bank, control, DDS phase --> words
     register writes with their edges -------------------'                                              '--> DAC codes
 
-    advance   edge by edge where something happens: a write, a stale window, one window cut short by the next
-              otherwise from event to event, a window at once (`window.whole`); both are the blocks' own `step`
+    advance   edge by edge (`window.edge`) where something happens: a write, a stale window, one window cut short
+              otherwise from event to event, a window at once (`window.undisturbed`)
 
 A row holds what the registers hold before its edge, as in every trace; a DAC code in it is that of the chip's output.
 Source    docs/measured.md, docs/architecture.md
@@ -17,13 +17,12 @@ from typing import NamedTuple
 import numpy as np
 
 from fpga_model import control, modulator, registers, sequencer, sine, spi_dac, watchdog
-from fpga_model.control import SLOT_PI
 from fpga_model.jit import hot, inner, outlined
-from fpga_model.rates import FRAME_CYCLES, FRAME_TICKS, SLOT_SEQUENCER, SLOTS, TICK_CYCLES
+from fpga_model.rates import FRAME_CYCLES, FRAME_TICKS, SLOTS, TICK_CYCLES
 from testbench.engines import window
 from testbench.engines.pins import SINE_CLOCKS
-from testbench.engines.turn import TURN_MASK, Turn, phase_at, turned
-from testbench.engines.window import FIRST_CHANNEL_CLOCKS, LAST_ODD_TICK, SLOT_WORD, VALID_CLOCKS
+from testbench.engines.turn import TURN_MASK, Turn, phase_at
+from testbench.engines.window import FIRST_CHANNEL_CLOCKS, LAST_ODD_TICK, VALID_CLOCKS
 
 WORDS = (
     "frequency_word",
@@ -57,11 +56,7 @@ class Side(NamedTuple):
     """The 8 kHz side between two edges; integers only."""
 
     clock: int  # the next edge
-    control: control.State
-    bank: registers.State
-    dog: watchdog.State
-    turn: Turn
-    slot: int
+    w: window.Window
     old: tuple  # eight channels before, and after, the read whose frame is valid at `valid`
     new: tuple
     valid: int
@@ -94,13 +89,13 @@ def power_on():
     c = control.State()
     word = c.frequency_tracker.word
     zero = (0,) * 8
-    turn = Turn(0, 0, word, word, 0, word)
-    return Side(0, c, registers.State(), watchdog.State(), turn, 0, zero, zero, -1, 0, 0, 0)
+    w = window.Window(c, registers.State(), watchdog.State(), Turn(0, 0, word, word, 0, word), 0, 0)
+    return Side(0, w, zero, zero, -1, 0, 0, 0)
 
 
 def phase(s):
     """Phase accumulator before edge s.clock, where no window is in progress."""
-    return (s.turn.phase + (s.clock - s.turn.clock) * s.turn.word) % (1 << 48)
+    return (s.w.turn.phase + (s.clock - s.w.turn.clock) * s.w.turn.word) % (1 << 48)
 
 
 def rows(frames, driven=False, ticks=0):
@@ -121,7 +116,7 @@ def _channels(x, k):
 def _inputs(p, s, clock):
     """What a window sees at an edge; channels change word by word while a frame is read."""
     c = window.received(s.old, s.new, s.valid - VALID_CLOCKS, clock)
-    return control.Inputs(c[0], c[1], c[2], c[3], c[4], s.ok, s.dog.stale)
+    return control.Inputs(c[0], c[1], c[2], c[3], c[4], s.ok, s.w.dog.stale)
 
 
 @inner
@@ -139,57 +134,35 @@ def _enables(begin, end):
 
 @outlined
 def _edge(p, s, x, coming, writing):
-    """One clock edge of the 8 kHz side, wired as in fpga_model.top."""
+    """One clock edge of the 8 kHz side."""
     clock = s.clock
-    ce_1m = 1 if clock % TICK_CYCLES == 0 else 0
-    ce_8k = 1 if clock % FRAME_CYCLES == 0 else 0
     valid = 1 if clock == coming else 0
-    go = valid | (s.dog.stale & ce_8k)
-    c = s.control
-    if s.slot:
-        c = control.step(p.control, c, s.slot, _inputs(p, s, clock), s.bank)
-    write, address, data = ZERO, ZERO, ZERO
+    host = window.NO_HOST
     if writing == clock:
-        write, address, data = ONE, x.writes[s.write, 1], x.writes[s.write, 2]
-    slot = s.slot + 1 if 0 < s.slot < SLOTS else 0
-    return Side(
-        clock + 1,
-        c,
-        registers.step(s.bank, write, address, data, 1 if s.slot == SLOT_SEQUENCER else 0),
-        watchdog.step(p.watchdog, s.dog, ce_1m, valid),
-        turned(s.turn, clock + 1, c.frequency_tracker.word),
-        1 if go else slot,
-        s.old,
-        s.new,
-        s.valid,
-        x.ok[s.conversion] if valid else s.ok,
-        s.conversion + valid,
-        s.write + write,
-    )
+        host = (ONE, x.writes[s.write, 1], x.writes[s.write, 2])
+    w = window.edge(p, s.w, _inputs(p, s, clock), clock, valid, host)
+    ok = x.ok[s.conversion] if valid else s.ok
+    return Side(clock + 1, w, s.old, s.new, s.valid, ok, s.conversion + valid, s.write + host[0])
 
 
 @inner
-def _at(s, clock, dog, old, new, valid):
-    """The same registers at a later edge, with other channels."""
-    return Side(clock, s.control, s.bank, dog, s.turn, s.slot, old, new, valid, s.ok, s.conversion, s.write)
+def _guarded(w, dog):
+    """The same with another watchdog."""
+    return window.Window(w.control, w.bank, dog, w.turn, w.slot, w.quadrature)
 
 
 @inner
 def _window(p, s, x, row):
     """A window that nothing disturbs, at once, from the edge that sees its frame valid. Mutates `row`."""
+    clock, end = s.clock, s.clock + SLOTS + 1
     i = control.Inputs(s.new[0], s.new[1], s.new[2], s.new[3], s.new[4], x.ok[s.conversion], ZERO)
-    c, word = window.whole(p.control, s.control, i, s.bank)
-    clock = s.clock
-    end = clock + SLOTS + 1
-    turn = turned(s.turn, clock + SLOT_PI + 1, word)
-    turn = turned(turn, clock + SLOT_WORD + 1, c.frequency_tracker.word)
+    w, word = window.undisturbed(p, s.w, i, clock)
     row[0] = clock
     row[1] = word
-    row[3] = control.agc.amplitude(p.control.agc, s.control.agc, sequencer.outputs(c.sequencer).agc_mode)
-    _left(p, c, row)
-    dog = _aged(p.watchdog, watchdog.State(ZERO, ZERO), _enables(clock + 1, end))
-    bank = registers.step(s.bank, ZERO, ZERO, ZERO, ONE)
-    return Side(end, c, bank, dog, turn, ZERO, s.old, s.new, s.valid, x.ok[s.conversion], s.conversion + 1, s.write)
+    row[3] = control.agc.amplitude(p.control.agc, s.w.control.agc, sequencer.outputs(w.control.sequencer).agc_mode)
+    _left(p, w.control, row)
+    w = _guarded(w, _aged(p.watchdog, watchdog.State(ZERO, ZERO), _enables(clock + 1, end)))
+    return Side(end, w, s.old, s.new, s.valid, x.ok[s.conversion], s.conversion + 1, s.write)
 
 
 @inner
@@ -204,14 +177,15 @@ def _left(p, c, row):
 @inner
 def _moved(p, s, clock):
     """At a later edge, nothing having happened meanwhile."""
-    return _at(s, clock, _aged(p.watchdog, s.dog, _enables(s.clock, clock)), s.old, s.new, s.valid)
+    w = _guarded(s.w, _aged(p.watchdog, s.w.dog, _enables(s.clock, clock)))
+    return Side(clock, w, s.old, s.new, s.valid, s.ok, s.conversion, s.write)
 
 
 @inner
 def _read(x, s):
     """The read of the next frame has begun: its words come in one by one."""
-    old = window.received(s.old, s.new, s.valid - VALID_CLOCKS, s.clock)
-    return _at(s, s.clock, s.dog, old, _channels(x, s.conversion), x.valid[s.conversion])
+    old, k = window.received(s.old, s.new, s.valid - VALID_CLOCKS, s.clock), s.conversion
+    return Side(s.clock, s.w, old, _channels(x, k), x.valid[k], s.ok, k, s.write)
 
 
 @inner
@@ -224,7 +198,7 @@ def _first_word(coming):
 def _calm(p, s, x, begin, end, until):
     """1 when all that happens from `begin`, where `s` is, to `end` is one window that is over by `until`."""
     k = s.conversion
-    if s.clock != begin or s.slot != 0 or k >= x.valid.shape[0] or s.dog.age + FRAME_TICKS > p.watchdog.limit:
+    if s.clock != begin or s.w.slot != 0 or k >= x.valid.shape[0] or s.w.dog.age + FRAME_TICKS > p.watchdog.limit:
         return False
     if (
         x.valid[k] < begin
@@ -243,11 +217,11 @@ def advance(p, s, x, until, plain, row):
         writing = x.writes[s.write, 0] if s.write < x.writes.shape[0] else FAR
         if coming != s.valid and s.clock + SLOTS >= _first_word(coming):
             s = _read(x, s)
-        if s.slot == 0:
+        if s.w.slot == 0:
             boundary = (s.clock + FRAME_CYCLES - 1) // FRAME_CYCLES * FRAME_CYCLES
-            if s.dog.stale == 0:
+            if s.w.dog.stale == 0:
                 enable = (s.clock + TICK_CYCLES - 1) // TICK_CYCLES * TICK_CYCLES
-                rises = enable + TICK_CYCLES * (p.watchdog.limit - s.dog.age)
+                rises = enable + TICK_CYCLES * (p.watchdog.limit - s.w.dog.age)
                 boundary = (rises // FRAME_CYCLES + 1) * FRAME_CYCLES
             at = min(until, coming, writing, boundary)
             if coming != s.valid:
@@ -256,7 +230,7 @@ def advance(p, s, x, until, plain, row):
                 s = _moved(p, s, at)
                 continue
             end = s.clock + SLOTS + 1
-            if plain and s.clock == coming and s.dog.stale == 0 and writing >= end and until >= end:
+            if plain and s.clock == coming and s.w.dog.stale == 0 and writing >= end and until >= end:
                 s = _window(p, s, x, row)
                 continue
         s = _edge(p, s, x, coming, writing)
@@ -264,24 +238,28 @@ def advance(p, s, x, until, plain, row):
 
 
 @inner
+def _sine(p, s, tick, offset):
+    """Sine that a modulator takes in `tick`."""
+    return sine.at((phase_at(s.w.turn, TICK_CYCLES * tick - SINE_CLOCKS - p.pipe.depth) + offset) & TURN_MASK)
+
+
+@inner
 def _drive_code(p, s, tick):
     """Code that the drive modulator makes in `tick`, whose first edge is s.clock."""
-    phase = phase_at(s.turn, TICK_CYCLES * tick - SINE_CLOCKS - p.pipe.depth)
-    y = sine.at((phase + s.bank.phase_drive_sine) & TURN_MASK)
-    return modulator.at(p.drive_modulator, control.amplitude(p.control, s.control), y)
+    y = _sine(p, s, tick, s.w.bank.phase_drive_sine)
+    return modulator.at(p.drive_modulator, control.amplitude(p.control, s.w.control), y)
 
 
 @inner
 def _sense_code(p, s, tick):
     """Code that the sense modulator makes in `tick`, whose first edge is s.clock."""
-    phase = phase_at(s.turn, TICK_CYCLES * tick - SINE_CLOCKS - p.pipe.depth)
-    y = sine.at((phase + s.bank.phase_sense_sine) & TURN_MASK)
-    return modulator.at(p.sense_modulator, s.control.rate_loop.loop.y, y)
+    y = _sine(p, s, tick, s.w.bank.phase_sense_sine)
+    return modulator.at(p.sense_modulator, s.w.control.rate_loop.loop.y, y)
 
 
 @inner
 def _store(row, s):
-    c = s.control
+    c = s.w.control
     row[0] = c.frequency_tracker.word
     row[1] = c.agc.loop.y
     row[2] = c.rate_loop.loop.y
@@ -296,7 +274,7 @@ def _store(row, s):
     row[11] = c.frequency_tracker.loop.acc
     row[12] = c.rate_loop.loop.acc
     row[13] = c.quadrature_loop.loop.acc
-    row[17] = phase_at(s.turn, s.clock)
+    row[17] = phase_at(s.w.turn, s.clock)
 
 
 @hot
@@ -313,9 +291,9 @@ def run(p, s, x, o, order, plain):
         begin, end = FRAME_CYCLES * (first + n), FRAME_CYCLES * (first + n + 1)
         driven = o.driven[n] if o.driven.shape[0] > 1 else o.driven[0]
         driven[0] = -1
-        driven[1] = s.control.frequency_tracker.word
-        driven[3] = control.amplitude(p.control, s.control)
-        _left(p, s.control, driven)
+        driven[1] = s.w.control.frequency_tracker.word
+        driven[3] = control.amplitude(p.control, s.w.control)
+        _left(p, s.w.control, driven)
         for k in range(FRAME_TICKS if FRAME_TICKS * n < o.codes.shape[0] else 0):
             tick = FRAME_TICKS * (first + n) + k
             s = advance(p, s, x, TICK_CYCLES * tick, plain, driven)
@@ -335,7 +313,7 @@ def run(p, s, x, o, order, plain):
             elif order[j, 1] == RATE:
                 following[15] = _sense_code(p, s, s.clock // TICK_CYCLES)
             else:
-                following[16] = s.control.quadrature_loop.root.y
+                following[16] = s.w.control.quadrature_loop.root.y
         s = _moved(p, s, end) if calm else advance(p, s, x, end, plain, driven)
     return s
 

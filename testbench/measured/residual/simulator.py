@@ -95,12 +95,12 @@ def drive(record, session, firmware, replayed=True):
     if replayed:
         o = replay.rows(session.frames, driven=True)
         end = replay.run(firmware, replay.power_on(), x, o, replay.order(firmware), True)
-        bank, table, phase = end.bank, o.driven, o.words[: session.frames, replay.WORDS.index("nco_phase")]
+        bank, table, phase = end.w.bank, o.driven, o.words[: session.frames, replay.WORDS.index("nco_phase")]
     else:
         bank = _bank(told.writes)
         table = _from_words(record, session, firmware)
         phase = record.streams["nco_pword"].data[session.rows].astype(np.int64)
-    c = replay.power_on().control
+    c = replay.power_on().w.control
     before = np.array([-1, c.frequency_tracker.word, c.frequency_tracker.word, 0, 0, 0, 0], np.int64)
     return plant_replay.Drive(bank, before, table, np.ascontiguousarray(phase), told.rate_rad_s, told.temp_degc)
 
