@@ -35,21 +35,36 @@ TICK_HZ = 1_000_000
 VISIBLE = 0.02  # share of the largest amplitude below which a phase means nothing
 
 
-def _figure(height_in, rows=1, title="", **grid):
-    figure = Figure(figsize=(WIDTH_IN, height_in), dpi=DPI, layout="constrained", facecolor="white")
-    axes = figure.subplots(rows, 1, squeeze=False, **grid)[:, 0]
-    figure.suptitle(title, fontsize=FONT["title"], x=0.01, ha="left", fontweight="bold")
+def plain_axes(axes):
+    """Axes with a light grid behind the data and no frame above and at the right."""
     for axis in axes:
-        axis.tick_params(labelsize=FONT["tick"])
         axis.grid(True, color="#dddddd", linewidth=0.8)
         axis.set_axisbelow(True)
         axis.spines[["top", "right"]].set_visible(False)
+
+
+def axes_of(title, height_in, rows=1, columns=1, **grid):
+    """(figure, axes) 1200 pixels wide, axes as an array of rows and columns."""
+    figure = Figure(figsize=(WIDTH_IN, height_in), dpi=DPI, layout="constrained", facecolor="white")
+    axes = figure.subplots(rows, columns, squeeze=False, **grid)
+    figure.suptitle(title, fontsize=FONT["title"], x=0.01, ha="left", fontweight="bold")
+    plain_axes(axes.flat)
+    for axis in axes.flat:
+        axis.tick_params(labelsize=FONT["tick"])
     return figure, axes
 
 
-def _label(axis, x="", y=""):
+def _figure(height_in, rows=1, title="", **grid):
+    figure, axes = axes_of(title, height_in, rows, **grid)
+    return figure, axes[:, 0]
+
+
+def name_axes(axis, x="", y="", legend=None):
+    """Names of both axes, and the legend at a place."""
     axis.set_xlabel(x, fontsize=FONT["label"])
     axis.set_ylabel(y, fontsize=FONT["label"])
+    if legend:
+        axis.legend(loc=legend, fontsize=FONT["small"], frameon=False)
 
 
 def _note(axis, text, at, offset, color, **more):
@@ -82,21 +97,20 @@ def startup(
             setpoint_um, color=VERMILION, linestyle="--", linewidth=1.3, label=f"set-point {setpoint_um:g} um"
         )
     axes[0].set_ylim(bottom=0)
-    axes[0].legend(loc="lower right", fontsize=FONT["small"], frameon=False)
-    _label(axes[0], y="|x| (um)")
+    name_axes(axes[0], y="|x| (um)", legend="lower right")
     amplitude_um = np.asarray(amplitude_um, float)
     phase_deg = np.where(amplitude_um > VISIBLE * np.nanmax(amplitude_um), phase_deg, np.nan)
     axes[1].plot(time_s, phase_deg, color=BLUE, linewidth=1.2)
-    _label(axes[1], y="phase error (deg)")
+    name_axes(axes[1], y="phase error (deg)")
     _focus(axes[1], phase_deg, 20.0)
     axes[2].plot(time_s, frequency_error_hz, color=BLUE, linewidth=1.2)
-    _label(axes[2], y="frequency\nerror (Hz)")
+    name_axes(axes[2], y="frequency\nerror (Hz)")
     _focus(axes[2], frequency_error_hz, 5.0)
     axes[3].step(time_s, state, where="post", color=BLUE, linewidth=1.6)
     used = [value for value in range(len(state_names)) if np.any(state == value)]
     axes[3].set_yticks(used, [state_names[value] for value in used])
     axes[3].tick_params(axis="y", labelsize=FONT["small"])
-    _label(axes[3], x="time from power-on (s)", y="state")
+    name_axes(axes[3], x="time from power-on (s)", y="state")
     if lock_time_s is not None:
         for axis in axes:
             axis.axvline(lock_time_s, color=GREEN, linestyle="-.", linewidth=1.4)
@@ -171,10 +185,9 @@ def spectra(outputs, rate_hz=TICK_HZ, images=3):
         axis.set_title(f"{name}, resolution {width * step_hz:.3g} Hz", fontsize=FONT["label"], loc="left")
         low = np.percentile(level[4:], 5)
         axis.set_ylim(max(low - 15, -220), max(10, level[peak] + 15))
-        axis.legend(loc="upper left", fontsize=FONT["small"], frameon=False)
-        _label(axis, y="level (dBFS)")
+        name_axes(axis, y="level (dBFS)", legend="upper left")
     axes[-1].set_xlim(left=frequency[4])
-    _label(axes[-1], x="frequency (Hz)", y="level (dBFS)")
+    name_axes(axes[-1], x="frequency (Hz)", y="level (dBFS)")
     return figure
 
 
@@ -204,8 +217,7 @@ def jitter(edges_ns, grid_ns=None):
             label=text,
         )
     axis.set_ylim(top=axis.get_ylim()[1] * (1.1 + 0.08 * len(edges_ns)))
-    axis.legend(loc="upper left", fontsize=FONT["small"], frameon=False)
-    _label(axis, x="edge less ideal zero crossing (ns)", y="share of edges (%)")
+    name_axes(axis, x="edge less ideal zero crossing (ns)", y="share of edges (%)", legend="upper left")
     return figure
 
 
@@ -221,8 +233,7 @@ def rate_step(time_s, rate_dps, stimulus_dps, bandwidth_hz=None):
     axis.step(time_ms, stimulus_dps, where="post", color=VERMILION, linestyle="--", linewidth=1.5, label="applied rate")
     axis.plot(time_ms, rate_dps, color=BLUE, linewidth=1.6, label=text)
     axis.set_xlim(time_ms[0], time_ms[-1])
-    axis.legend(loc="lower right", fontsize=FONT["small"], frameon=False)
-    _label(axis, x="time from the step (ms)", y="rate (deg/s)")
+    name_axes(axis, x="time from the step (ms)", y="rate (deg/s)", legend="lower right")
     return figure
 
 

@@ -11,13 +11,12 @@ import math
 import numpy as np
 
 from testbench import config as configuration
-from testbench.console.report import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION
+from testbench.console.report import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, axes_of, name_axes
 from testbench.paper import temperature
 from testbench.paper.calibration.calibrate import NODES
 from testbench.paper.loop import advisor
 from testbench.paper.loop import loop as loops
 from testbench.paper.loop import parts as loop_parts
-from testbench.paper.loop.loop_pictures import axes_of, name_axes
 from testbench.paper.measure.measure_bandwidth import crossing_hz
 
 COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, GREY)

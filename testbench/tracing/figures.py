@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.stats import norm
 
-from testbench.console.report import BLUE, GREEN, GREY, VERMILION
+from testbench.console.report import BLUE, GREEN, GREY, VERMILION, plain_axes
 from testbench.tracing.fit.rank import Projection, prior_z
 
 SHOWN = 12  # laws in a picture
@@ -17,10 +17,7 @@ MOST_POINTS = 4000
 def _axes(columns=1, height=4.2, width=10.5):
     figure = Figure(figsize=(width, height), dpi=100, layout="constrained", facecolor="white")
     axes = figure.subplots(1, columns, squeeze=False)[0]
-    for axis in axes:
-        axis.grid(True, color="#dddddd", linewidth=0.8)
-        axis.set_axisbelow(True)
-        axis.spines[["top", "right"]].set_visible(False)
+    plain_axes(axes)
     return figure, axes
 
 

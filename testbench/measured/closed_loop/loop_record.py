@@ -60,21 +60,15 @@ def measured(record, name, hashes):
             s.repeat_group, float(s.a_set), float(s.rate_set), before, float(s.temp_set), float(s.detune),
             loop_runs.SETTLE_S, s.frames / FRAME_HZ, s.role,
         )  # fmt: skip
-        known = groups.setdefault(c.id, c)
-        c = c._replace(seconds=min(c.seconds, known.seconds))
-        groups[c.id] = c
+        groups[c.id] = c._replace(seconds=min(c.seconds, groups.get(c.id, c).seconds))
         values.setdefault(c.id, []).append(s)
-    out = {}
-    for key, members in values.items():
-        rows = []
-        for s in members:
-            columns = {
-                n: x.data[s.first : s.first + s.frames]
-                for n, x in record.streams.items()
-                if (x.num, x.den) == schema.PER_FRAME
-            }
-            rows.append(loop_runs.feature_vector(groups[key], columns, lsb, fine=True))
-        out[key] = np.array(rows)
+    per_frame = {name: x.data for name, x in record.streams.items() if (x.num, x.den) == schema.PER_FRAME}
+
+    def features(c, s):
+        columns = {name: data[s.first : s.first + s.frames] for name, data in per_frame.items()}
+        return loop_runs.feature_vector(c, columns, lsb, fine=True)
+
+    out = {key: np.array([features(groups[key], s) for s in members]) for key, members in values.items()}
     return loop_problem.Measured(name, tuple(groups.values()), out, hashes)
 
 

@@ -5,35 +5,13 @@ Source    docs/loop.md
 
 import numpy as np
 from matplotlib.colors import SymLogNorm
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from testbench.console.report import BLUE, DPI, FONT, GREEN, GREY, VERMILION, WIDTH_IN
+from testbench.console.report import BLUE, FONT, GREEN, GREY, VERMILION, axes_of, name_axes
 from testbench.paper.loop import advisor, confirm, limit_cycles, notch, sensitivity
 from testbench.paper.loop import loop as lp
-
-
-def axes_of(title, height_in, rows=1, columns=1, **grid):
-    """(figure, axes) 1200 pixels wide, axes as an array of rows and columns."""
-    figure = Figure(figsize=(WIDTH_IN, height_in), dpi=DPI, layout="constrained", facecolor="white")
-    axes = figure.subplots(rows, columns, squeeze=False, **grid)
-    figure.suptitle(title, fontsize=FONT["title"], x=0.01, ha="left", fontweight="bold")
-    for axis in axes.flat:
-        axis.tick_params(labelsize=FONT["tick"])
-        axis.grid(True, color="#dddddd", linewidth=0.8)
-        axis.set_axisbelow(True)
-        axis.spines[["top", "right"]].set_visible(False)
-    return figure, axes
-
-
-def name_axes(axis, x="", y="", legend=None):
-    """Names of both axes, and the legend at a place."""
-    axis.set_xlabel(x, fontsize=FONT["label"])
-    axis.set_ylabel(y, fontsize=FONT["label"])
-    if legend:
-        axis.legend(loc=legend, fontsize=FONT["small"], frameon=False)
 
 
 def _lags(values):
