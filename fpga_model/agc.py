@@ -18,7 +18,7 @@ from math import pi as PI
 from typing import NamedTuple
 
 from fpga_model import cordic, pi
-from fpga_model.fixed import Fmt, bits, quantize, sub_fmt
+from fpga_model.fixed import Fmt, bits, formats, quantize, sub_fmt
 from fpga_model.jit import inlined
 from fpga_model.rates import FRAME_HZ
 
@@ -31,21 +31,21 @@ assert ERROR.width <= pi.ERR.width, "the error must fit the input of the PI"
 
 
 class Params(NamedTuple):
-    """Machine units; build with `design`."""
+    """Machine units in their formats; build with `design`."""
 
     loop: pi.Params
-    kick: int
+    kick: AMPLITUDE
 
 
 class State(NamedTuple):
-    """The registers; the defaults are the reset values."""
+    """The registers: formats and reset values."""
 
-    error: int = 0
+    error: ERROR = 0
     loop: pi.State = pi.State()
 
 
-PARAMS_FMT = Params(loop=pi.PARAMS_FMT, kick=AMPLITUDE)
-STATE_FMT = State(error=ERROR, loop=pi.STATE_FMT)
+PARAMS_FMT = formats(Params)
+STATE_FMT = formats(State)
 
 
 def setpoint(amplitude_um=5.0, v_per_um=0.576, adc_full_scale_v=4.0):

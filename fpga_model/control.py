@@ -21,6 +21,7 @@ from __future__ import annotations  # a field may bear the name of its module
 from typing import NamedTuple
 
 from fpga_model import agc, cordic, frequency_tracker, quadrature_loop, rate_loop, rate_output, rates, sequencer
+from fpga_model.fixed import formats
 from fpga_model.jit import inner, outlined
 
 
@@ -58,22 +59,8 @@ class Inputs(NamedTuple):
     stale: int
 
 
-PARAMS_FMT = Params(
-    agc=agc.PARAMS_FMT,
-    frequency_tracker=frequency_tracker.PARAMS_FMT,
-    rate_loop=rate_loop.PARAMS_FMT,
-    quadrature_loop=quadrature_loop.PARAMS_FMT,
-    sequencer=sequencer.PARAMS_FMT,
-)
-STATE_FMT = State(
-    cordic=cordic.STATE_FMT,
-    agc=agc.STATE_FMT,
-    frequency_tracker=frequency_tracker.STATE_FMT,
-    rate_loop=rate_loop.STATE_FMT,
-    quadrature_loop=quadrature_loop.STATE_FMT,
-    rate_output=rate_output.STATE_FMT,
-    sequencer=sequencer.STATE_FMT,
-)
+PARAMS_FMT = formats(Params)
+STATE_FMT = formats(State)
 SLOT_PI = rates.SLOT_LOOPS + 1
 
 

@@ -26,7 +26,7 @@ from fractions import Fraction
 from math import isqrt, prod
 from typing import NamedTuple
 
-from fpga_model.fixed import Fmt, bits, clamp, half_up, signed, wrap
+from fpga_model.fixed import Fmt, bits, clamp, formats, half_up, signed, wrap
 from fpga_model.jit import inlined
 
 INPUT = signed(24)
@@ -70,19 +70,19 @@ GAIN = Fraction(isqrt((_SQUARE.numerator << 160) // _SQUARE.denominator), 1 << 8
 
 
 class State(NamedTuple):
-    """The registers; the defaults are the reset values."""
+    """The registers: formats and reset values."""
 
-    x: int = 0
-    y: int = 0
-    angle: int = 0
-    i: int = 0
-    busy: int = 0
-    done: int = 0
-    magnitude: int = 0
-    phase: int = 0
+    x: X = 0
+    y: Y = 0
+    angle: ANGLE = 0
+    i: bits(5) = 0
+    busy: bits(1) = 0
+    done: bits(1) = 0
+    magnitude: MAGNITUDE = 0
+    phase: PHASE = 0
 
 
-STATE_FMT = State(x=X, y=Y, angle=ANGLE, i=bits(5), busy=bits(1), done=bits(1), magnitude=MAGNITUDE, phase=PHASE)
+STATE_FMT = formats(State)
 
 
 @inlined

@@ -20,7 +20,7 @@ A positive offset advances its output. Frequency = word * 26 MHz / 2**48, so the
 from fractions import Fraction
 from typing import NamedTuple
 
-from fpga_model.fixed import Fmt, add_fmt, quantize, wrap_unsigned
+from fpga_model.fixed import Fmt, add_fmt, formats, quantize, wrap_unsigned
 from fpga_model.jit import inlined
 from fpga_model.rates import MASTER_HZ
 
@@ -31,16 +31,16 @@ assert add_fmt(PHASE, PHASE).width <= 63, "the sum must fit int64 before it wrap
 
 
 class State(NamedTuple):
-    """The registers; the defaults are the reset values."""
+    """The registers: formats and reset values."""
 
-    phase: int = 0
-    drive_sine: int = 0
-    sense_sine: int = 0
-    drive_ref: int = 0
-    sense_ref: int = 0
+    phase: PHASE = 0
+    drive_sine: PHASE = 0
+    sense_sine: PHASE = 0
+    drive_ref: PHASE = 0
+    sense_ref: PHASE = 0
 
 
-STATE_FMT = State(*[PHASE] * 5)
+STATE_FMT = formats(State)
 
 
 def word_of_hz(frequency_hz):

@@ -16,7 +16,7 @@ With depth 0 there is no register and the taps stay at reset. Otherwise all eigh
 
 from typing import NamedTuple
 
-from fpga_model.fixed import Fmt, bits, quantize
+from fpga_model.fixed import Fmt, bits, formats, quantize
 from fpga_model.jit import inlined
 
 MAX_DEPTH = 8
@@ -24,18 +24,18 @@ X = Fmt(1, 0, 17)
 
 
 class Params(NamedTuple):
-    """Machine units; build with `design`."""
+    """Machine units in their formats; build with `design`."""
 
-    depth: int
+    depth: bits(4)
 
 
 class State(NamedTuple):
-    """The registers; the defaults are the reset values."""
+    """The registers: formats and reset values."""
 
-    taps: tuple = (0,) * MAX_DEPTH
+    taps: [X] * MAX_DEPTH = (0,) * MAX_DEPTH
 
 
-PARAMS_FMT = Params(depth=bits(4))
+PARAMS_FMT = formats(Params)
 
 
 def state_fmt(fmt):
@@ -43,7 +43,7 @@ def state_fmt(fmt):
     return State(taps=(fmt,) * MAX_DEPTH)
 
 
-STATE_FMT = state_fmt(X)
+STATE_FMT = formats(State)
 
 
 def design(depth_clocks):

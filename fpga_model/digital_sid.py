@@ -23,7 +23,7 @@ The gain makes a code mean what it means on the board with the analogue demodula
 from decimal import Decimal
 from typing import NamedTuple
 
-from fpga_model.fixed import Fmt, add_fmt, bits, clamp, half_up, mul_fmt, quantize, signed, sub_fmt
+from fpga_model.fixed import Fmt, add_fmt, bits, clamp, formats, half_up, mul_fmt, quantize, signed, sub_fmt
 from fpga_model.jit import inlined
 from fpga_model.rates import FRAME_HZ, FRAME_TICKS
 
@@ -44,38 +44,29 @@ assert add_fmt(mul_fmt(POLE, GAIN), bits(1)).width <= 63, "the scaled output and
 
 
 class Params(NamedTuple):
-    """Machine units; build with `design`."""
+    """Machine units in their formats; build with `design`."""
 
-    alpha: int
-    gain_x: int
-    gain_y: int
-    ref_delay: int
+    alpha: ALPHA
+    gain_x: GAIN
+    gain_y: GAIN
+    ref_delay: bits(3)
 
 
 class State(NamedTuple):
-    """The registers; the defaults are the reset values."""
+    """The registers: formats and reset values."""
 
-    refs: tuple = (0, 0, 0, 0)
-    acc: tuple = (0, 0, 0, 0)
-    pole1: tuple = (0, 0, 0, 0)
-    pole2: tuple = (0, 0, 0, 0)
-    pole3: tuple = (0, 0, 0, 0)
-    stage: int = 0
-    codes: tuple = (0, 0, 0, 0)
-    valid: int = 0
+    refs: [bits(4)] * 4 = (0, 0, 0, 0)
+    acc: [ACC] * 4 = (0, 0, 0, 0)
+    pole1: [POLE] * 4 = (0, 0, 0, 0)
+    pole2: [POLE] * 4 = (0, 0, 0, 0)
+    pole3: [POLE] * 4 = (0, 0, 0, 0)
+    stage: bits(2) = 0
+    codes: [CODE] * 4 = (0, 0, 0, 0)
+    valid: bits(1) = 0
 
 
-PARAMS_FMT = Params(alpha=ALPHA, gain_x=GAIN, gain_y=GAIN, ref_delay=bits(3))
-STATE_FMT = State(
-    refs=(bits(4),) * 4,
-    acc=(ACC,) * 4,
-    pole1=(POLE,) * 4,
-    pole2=(POLE,) * 4,
-    pole3=(POLE,) * 4,
-    stage=bits(2),
-    codes=(CODE,) * 4,
-    valid=bits(1),
-)
+PARAMS_FMT = formats(Params)
+STATE_FMT = formats(State)
 
 
 def alpha_of_hz(pole_hz, frame_hz):

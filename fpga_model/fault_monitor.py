@@ -24,7 +24,7 @@ its codes: OVER_RANGE and STUCK start again.
 
 from typing import NamedTuple
 
-from fpga_model.fixed import bits, clamp, quantize, signed
+from fpga_model.fixed import bits, clamp, formats, quantize, signed
 from fpga_model.jit import inlined
 from fpga_model.rates import FRAME_HZ
 
@@ -54,42 +54,31 @@ ALL = FLAGS.hi
 class Params(NamedTuple):
     """Debounce in frames, 0 switches a fault off; `top` of bad_frames and good_frames. Build with `design`."""
 
-    over_range: int
-    stuck: int
-    drive: int
-    rate: int
-    rail: int
-    top: int
+    over_range: COUNT
+    stuck: COUNT
+    drive: COUNT
+    rate: COUNT
+    rail: COUNT
+    top: LONG
 
 
 class State(NamedTuple):
-    """The registers; the defaults are the reset values."""
+    """The registers: formats and reset values."""
 
-    codes: tuple = (0, 0, 0, 0)
-    over_range: int = 0
-    stuck: int = 0
-    drive: int = 0
-    rate: int = 0
-    rail: int = 0
-    bad_frames: int = 0
-    good_frames: int = 0
-    flags: int = 0
-    latch: int = 0
+    codes: [CODE] * 4 = (0, 0, 0, 0)
+    over_range: COUNT = 0
+    stuck: COUNT = 0
+    drive: COUNT = 0
+    rate: COUNT = 0
+    rail: COUNT = 0
+    bad_frames: LONG = 0
+    good_frames: LONG = 0
+    flags: FLAGS = 0
+    latch: FLAGS = 0
 
 
-PARAMS_FMT = Params(COUNT, COUNT, COUNT, COUNT, COUNT, LONG)
-STATE_FMT = State(
-    codes=(CODE,) * 4,
-    over_range=COUNT,
-    stuck=COUNT,
-    drive=COUNT,
-    rate=COUNT,
-    rail=COUNT,
-    bad_frames=LONG,
-    good_frames=LONG,
-    flags=FLAGS,
-    latch=FLAGS,
-)
+PARAMS_FMT = formats(Params)
+STATE_FMT = formats(State)
 
 
 def design(over_range_s=0.001, stuck_s=0.004, drive_s=0.001, rate_s=0.001, rail_s=0.01, top=LONG.hi, frame_hz=FRAME_HZ):

@@ -11,7 +11,7 @@ Source    docs/blocks/fixed.md (truth table, and what each tool calls each rule)
 """
 
 from fractions import Fraction
-from typing import NamedTuple
+from typing import NamedTuple, get_type_hints
 
 from fpga_model.jit import inlined
 
@@ -42,6 +42,17 @@ class Fmt(NamedTuple):
 
     def holds(self, raw):
         return self.lo <= raw <= self.hi
+
+
+def formats(record):
+    """`record` filled with the formats of its registers, which are the types of its fields; a list for a tuple."""
+    return record(*map(_format, get_type_hints(record).values()))
+
+
+def _format(hint):
+    if isinstance(hint, type):
+        return formats(hint)
+    return tuple(hint) if isinstance(hint, list) else hint
 
 
 def bits(n):

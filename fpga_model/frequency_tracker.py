@@ -20,7 +20,7 @@ from math import pi as PI
 from typing import NamedTuple
 
 from fpga_model import cordic, dds, pi
-from fpga_model.fixed import Fmt, wrap_unsigned
+from fpga_model.fixed import Fmt, formats, wrap_unsigned
 from fpga_model.jit import inlined
 from fpga_model.rates import FRAME_HZ, MASTER_HZ
 
@@ -37,22 +37,22 @@ NOMINAL_WORD = dds.word_of_hz(NOMINAL_HZ)
 
 
 class Params(NamedTuple):
-    """Machine units; build with `design`."""
+    """Machine units in their formats; build with `design`."""
 
     loop: pi.Params
 
 
 class State(NamedTuple):
-    """The registers; the defaults are the reset values."""
+    """The registers: formats and reset values."""
 
-    error: int = 0
-    centre: int = NOMINAL_WORD
-    word: int = NOMINAL_WORD
+    error: ERROR = 0
+    centre: WORD = NOMINAL_WORD
+    word: WORD = NOMINAL_WORD
     loop: pi.State = pi.State()
 
 
-PARAMS_FMT = Params(loop=pi.PARAMS_FMT)
-STATE_FMT = State(error=ERROR, centre=WORD, word=WORD, loop=pi.STATE_FMT)
+PARAMS_FMT = formats(Params)
+STATE_FMT = formats(State)
 
 
 def design(crossover_hz=3.0, zero_hz=0.6, limit_hz=100.0, frame_hz=FRAME_HZ):

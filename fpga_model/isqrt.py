@@ -23,7 +23,7 @@ A start while busy abandons the running value and loads the new one.
 
 from typing import NamedTuple
 
-from fpga_model.fixed import bits, wrap_unsigned
+from fpga_model.fixed import bits, formats, wrap_unsigned
 from fpga_model.jit import inlined
 
 RADICAND = bits(32)
@@ -38,20 +38,18 @@ assert max(REMAINDER.width, RADICAND.width) + 2 <= 63, "four times a register mu
 
 
 class State(NamedTuple):
-    """The registers; the defaults are the reset values."""
+    """The registers: formats and reset values."""
 
-    radicand: int = 0
-    root: int = 0
-    remainder: int = 0
-    i: int = 0
-    busy: int = 0
-    done: int = 0
-    y: int = 0
+    radicand: RADICAND = 0
+    root: ROOT = 0
+    remainder: REMAINDER = 0
+    i: bits(COUNT_BITS) = 0
+    busy: bits(1) = 0
+    done: bits(1) = 0
+    y: ROOT = 0
 
 
-STATE_FMT = State(
-    radicand=RADICAND, root=ROOT, remainder=REMAINDER, i=bits(COUNT_BITS), busy=bits(1), done=bits(1), y=ROOT
-)
+STATE_FMT = formats(State)
 
 
 @inlined

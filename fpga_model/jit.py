@@ -30,7 +30,7 @@ if fpga_model.COMPILED:
     from numba import njit
     from numba.core.compiler_lock import global_compiler_lock
 
-    from fpga_model import linkage
+    from fpga_model import linkage, replacing  # noqa: F401  (for what it tells Numba)
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("fpga_model", "analog_frontend", "testbench")

@@ -20,7 +20,7 @@ bit and its count.
 
 from typing import NamedTuple
 
-from fpga_model.fixed import bits, mul_fmt, quantize
+from fpga_model.fixed import bits, formats, mul_fmt, quantize
 from fpga_model.jit import inlined
 from fpga_model.rates import FRAME_HZ
 
@@ -36,21 +36,21 @@ assert mul_fmt(LIMIT, bits(24)).width <= 63, "limit times setpoint must fit int6
 class Params(NamedTuple):
     """Machine units, in the order agc, pll, ftr, qsc; build with `design`."""
 
-    limit_in: tuple
-    limit_out: tuple
-    frames_in: tuple
-    frames_out: tuple
+    limit_in: [LIMIT] * 4
+    limit_out: [LIMIT] * 4
+    frames_in: [COUNT] * 4
+    frames_out: [COUNT] * 4
 
 
 class State(NamedTuple):
-    """The registers; the defaults are the reset values."""
+    """The registers: formats and reset values."""
 
-    locked: int = 0
-    count: tuple = (0, 0, 0, 0)
+    locked: bits(4) = 0
+    count: [COUNT] * 4 = (0, 0, 0, 0)
 
 
-PARAMS_FMT = Params((LIMIT,) * 4, (LIMIT,) * 4, (COUNT,) * 4, (COUNT,) * 4)
-STATE_FMT = State(locked=bits(4), count=(COUNT,) * 4)
+PARAMS_FMT = formats(Params)
+STATE_FMT = formats(State)
 
 
 class Design(NamedTuple):

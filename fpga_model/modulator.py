@@ -19,7 +19,7 @@ A code of n bits has full scale 2**(n-1), so shift = 40 - (n-1): 25 for 16 bits,
 
 from typing import NamedTuple
 
-from fpga_model.fixed import Fmt, bits, clamp, half_up, mul_fmt, quantize, signed
+from fpga_model.fixed import Fmt, bits, clamp, formats, half_up, mul_fmt, quantize, signed
 from fpga_model.jit import inlined
 
 AMPLITUDE = Fmt(1, 0, 23)
@@ -32,25 +32,25 @@ assert PRODUCT.width + 1 <= 63, "the product and its rounding constant must fit 
 
 
 class Params(NamedTuple):
-    """Machine units; build with `design`."""
+    """Machine units in their formats; build with `design`."""
 
-    shift: int
-    lo: int
-    hi: int
-    frames: int
+    shift: bits(6)
+    lo: CODE
+    hi: CODE
+    frames: bits(2)
 
 
 class State(NamedTuple):
-    """The registers; the defaults are the reset values."""
+    """The registers: formats and reset values."""
 
-    product: int = 0
-    code: int = 0
-    held1: int = 0
-    held2: int = 0
+    product: PRODUCT = 0
+    code: CODE = 0
+    held1: CODE = 0
+    held2: CODE = 0
 
 
-PARAMS_FMT = Params(shift=bits(6), lo=CODE, hi=CODE, frames=bits(2))
-STATE_FMT = State(product=PRODUCT, code=CODE, held1=CODE, held2=CODE)
+PARAMS_FMT = formats(Params)
+STATE_FMT = formats(State)
 
 
 def design(code_bits, frames=0):

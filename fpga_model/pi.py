@@ -23,7 +23,7 @@ moves acc by ki at every enable, and y by one LSB within 2**24 / abs(ki) enables
 
 from typing import NamedTuple
 
-from fpga_model.fixed import Fmt, add_fmt, clamp, half_up, mul_fmt, quantize
+from fpga_model.fixed import Fmt, add_fmt, clamp, formats, half_up, mul_fmt, quantize
 from fpga_model.jit import inlined
 
 ERR = Fmt(1, 25, 0)
@@ -37,24 +37,24 @@ assert add_fmt(ACC, ACC).width + 1 <= 63, "prop + acc and its rounding constant 
 
 
 class Params(NamedTuple):
-    """Machine units; build with `design`."""
+    """Machine units in their formats; build with `design`."""
 
-    kp: int
-    ki: int
-    lo: int
-    hi: int
+    kp: COEF
+    ki: COEF
+    lo: OUT
+    hi: OUT
 
 
 class State(NamedTuple):
-    """The registers; the defaults are the reset values."""
+    """The registers: formats and reset values."""
 
-    prop: int = 0
-    acc: int = 0
-    y: int = 0
+    prop: ACC = 0
+    acc: ACC = 0
+    y: OUT = 0
 
 
-PARAMS_FMT = Params(kp=COEF, ki=COEF, lo=OUT, hi=OUT)
-STATE_FMT = State(prop=ACC, acc=ACC, y=OUT)
+PARAMS_FMT = formats(Params)
+STATE_FMT = formats(State)
 
 
 def design(kp, ki_per_s, frame_hz, lo, hi):

@@ -19,7 +19,7 @@ from math import pi as PI
 from typing import NamedTuple
 
 from fpga_model import isqrt, pi
-from fpga_model.fixed import quantize, signed
+from fpga_model.fixed import formats, quantize, signed
 from fpga_model.jit import inlined
 from fpga_model.rates import FRAME_HZ
 
@@ -31,21 +31,21 @@ assert isqrt.RADICAND.hi <= pi.OUT.hi, "u must fit the output of the PI"
 
 
 class Params(NamedTuple):
-    """Machine units; build with `design`."""
+    """Machine units in their formats; build with `design`."""
 
     loop: pi.Params
 
 
 class State(NamedTuple):
-    """The registers; the defaults are the reset values."""
+    """The registers: formats and reset values."""
 
-    error: int = 0
+    error: ERROR = 0
     loop: pi.State = pi.State()
     root: isqrt.State = isqrt.State()
 
 
-PARAMS_FMT = Params(loop=pi.PARAMS_FMT)
-STATE_FMT = State(error=ERROR, loop=pi.STATE_FMT, root=isqrt.STATE_FMT)
+PARAMS_FMT = formats(Params)
+STATE_FMT = formats(State)
 
 
 def u_of_volts(volts, full_scale_v=5.5):

@@ -18,7 +18,7 @@ from math import pi as PI
 from typing import NamedTuple
 
 from fpga_model import pi
-from fpga_model.fixed import Fmt, signed
+from fpga_model.fixed import Fmt, formats, signed
 from fpga_model.jit import inlined
 from fpga_model.rates import FRAME_HZ
 
@@ -29,20 +29,20 @@ assert CODE.width <= pi.ERR.width, "a code must fit the input of the PI"
 
 
 class Params(NamedTuple):
-    """Machine units; build with `design`."""
+    """Machine units in their formats; build with `design`."""
 
     loop: pi.Params
 
 
 class State(NamedTuple):
-    """The registers; the defaults are the reset values."""
+    """The registers: formats and reset values."""
 
-    error: int = 0
+    error: CODE = 0
     loop: pi.State = pi.State()
 
 
-PARAMS_FMT = Params(loop=pi.PARAMS_FMT)
-STATE_FMT = State(error=CODE, loop=pi.STATE_FMT)
+PARAMS_FMT = formats(Params)
+STATE_FMT = formats(State)
 
 
 def design(

@@ -21,7 +21,7 @@ With s0 = 2**12 / 8651 the output is in deg/s. One `en` in any six clocks: a sam
 
 from typing import NamedTuple
 
-from fpga_model.fixed import Fmt, add_fmt, bits, clamp, half_up, mul_fmt, quantize, signed, sub_fmt
+from fpga_model.fixed import Fmt, add_fmt, bits, clamp, formats, half_up, mul_fmt, quantize, signed, sub_fmt
 from fpga_model.jit import inlined
 
 CODE = signed(24)
@@ -58,49 +58,35 @@ assert ACC.width + 1 <= 63, "the boxcar sum and its rounding must fit int64"
 class Params(NamedTuple):
     """What the register bank holds for this block; build with `design`."""
 
-    bias: int
-    bias_t1: int
-    bias_t2: int
-    scale: int
-    scale_t1: int
-    scale_t2: int
-    decimation: int
+    bias: BIAS_0
+    bias_t1: BIAS_T
+    bias_t2: BIAS_T
+    scale: SCALE
+    scale_t1: SCALE_T
+    scale_t2: SCALE_T
+    decimation: bits(3)
 
 
 class State(NamedTuple):
-    """The registers; the defaults are the reset values."""
+    """The registers: formats and reset values."""
 
-    stage: int = 0
-    word: int = 0
-    t: int = 0
-    t2: int = 0
-    bias: int = 0
-    scale: int = 0
-    corrected: int = 0
-    scaled: int = 0
-    acc: int = 0
-    count: int = 0
-    k: int = 0
-    y: int = 0
-    valid: int = 0
+    stage: bits(5) = 0
+    word: CODE = 0
+    t: T = 0
+    t2: T2 = 0
+    bias: BIAS = 0
+    scale: SCALE = 0
+    corrected: CORRECTED = 0
+    scaled: OUT = 0
+    acc: ACC = 0
+    count: bits(MAX_K) = 0
+    k: bits(3) = 0
+    y: OUT = 0
+    valid: bits(1) = 0
 
 
-PARAMS_FMT = Params(BIAS_0, BIAS_T, BIAS_T, SCALE, SCALE_T, SCALE_T, bits(3))
-STATE_FMT = State(
-    stage=bits(5),
-    word=CODE,
-    t=T,
-    t2=T2,
-    bias=BIAS,
-    scale=SCALE,
-    corrected=CORRECTED,
-    scaled=OUT,
-    acc=ACC,
-    count=bits(MAX_K),
-    k=bits(3),
-    y=OUT,
-    valid=bits(1),
-)
+PARAMS_FMT = formats(Params)
+STATE_FMT = formats(State)
 
 
 def design(

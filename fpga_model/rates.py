@@ -15,7 +15,7 @@ Source    docs/blocks/rates.md
 
 from typing import NamedTuple
 
-from fpga_model.fixed import bits
+from fpga_model.fixed import bits, formats
 from fpga_model.jit import inlined
 
 MASTER_HZ = 26_000_000
@@ -35,14 +35,14 @@ SLOTS = 60
 
 
 class State(NamedTuple):
-    """The registers; the defaults are the reset values."""
+    """The registers: formats and reset values."""
 
-    tick: int = 0
-    frame: int = 0
-    slot: int = 0
+    tick: bits(5) = 0
+    frame: bits(7) = 0
+    slot: bits(6) = 0
 
 
-STATE_FMT = State(tick=bits(5), frame=bits(7), slot=bits(6))
+STATE_FMT = formats(State)
 assert TICK_HZ * TICK_CYCLES == FRAME_HZ * FRAME_CYCLES == MASTER_HZ, "the rates must divide exactly"
 assert STATE_FMT.tick.holds(TICK_CYCLES - 1)
 assert STATE_FMT.frame.holds(FRAME_TICKS - 1)

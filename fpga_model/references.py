@@ -19,7 +19,7 @@ Packed words: bit 0 drive sgn(sin), bit 1 drive sgn(cos), bit 2 sense sgn(sin), 
 
 from typing import NamedTuple
 
-from fpga_model.fixed import Fmt, bits, quantize
+from fpga_model.fixed import Fmt, bits, formats, quantize
 from fpga_model.jit import inlined
 
 PHASE = Fmt(0, 0, 48)
@@ -30,22 +30,22 @@ DRIVE_SIN, DRIVE_COS, SENSE_SIN, SENSE_COS = 0, 1, 2, 3
 
 
 class Params(NamedTuple):
-    """Machine units; build with `design`."""
+    """Machine units in their formats; build with `design`."""
 
-    align: int
-    retimed: int
+    align: bits(2)
+    retimed: bits(1)
 
 
 class State(NamedTuple):
-    """The registers; the defaults are the reset values."""
+    """The registers: formats and reset values."""
 
-    signs: int = 0
-    aligned: tuple = (0,) * MAX_ALIGN
-    retimed: int = 0
+    signs: bits(4) = 0
+    aligned: [bits(4)] * MAX_ALIGN = (0,) * MAX_ALIGN
+    retimed: bits(4) = 0
 
 
-PARAMS_FMT = Params(align=bits(2), retimed=bits(1))
-STATE_FMT = State(signs=bits(4), aligned=(bits(4),) * MAX_ALIGN, retimed=bits(4))
+PARAMS_FMT = formats(Params)
+STATE_FMT = formats(State)
 
 
 def design(align_clocks=0, retimed=True):

@@ -15,10 +15,11 @@ A write to an address that is not in the map, or to one that can only be read, c
 read only is the state of another block: `path` says where it is in the state of the whole design.
 """
 
+from collections import namedtuple
 from typing import NamedTuple
 
 from fpga_model import agc, cordic, dds, fault_monitor, frequency_tracker, isqrt, rate_loop, rate_output, sequencer
-from fpga_model.fixed import Fmt, bits, wrap, wrap_unsigned
+from fpga_model.fixed import Fmt, bits, formats, wrap, wrap_unsigned
 from fpga_model.jit import inlined
 
 ADDRESS = bits(8)
@@ -107,32 +108,10 @@ assert len(BY_NAME) == len(BY_ADDRESS) == len(MAP), "names and addresses must be
 assert all(r.fmt.width <= DATA.width and ADDRESS.holds(r.address) and r.fmt.holds(r.reset) for r in MAP)
 
 
-class State(NamedTuple):
-    """The registers; the defaults are the reset values. The field number is the address."""
-
-    control: int = BY_NAME["control"].reset
-    fault_clear: int = 0
-    phase_drive_sine: int = 0
-    phase_sense_sine: int = 0
-    phase_drive_ref: int = 0
-    phase_sense_ref: int = 0
-    amplitude_setpoint: int = BY_NAME["amplitude_setpoint"].reset
-    frequency_fixed: int = BY_NAME["frequency_fixed"].reset
-    amplitude_fixed: int = 0
-    rate_fixed: int = 0
-    quadrature_fixed: int = 0
-    rate_bias: int = BY_NAME["rate_bias"].reset
-    rate_bias_t1: int = 0
-    rate_bias_t2: int = 0
-    rate_scale: int = BY_NAME["rate_scale"].reset
-    rate_scale_t1: int = 0
-    rate_scale_t2: int = 0
-    decimation: int = BY_NAME["decimation"].reset
-
-
-STATE_FMT = State(*(r.fmt for r in WRITABLE))
-assert State._fields == tuple(r.name for r in WRITABLE), "fields and map must have one order"
-assert tuple(State()) == tuple(r.reset for r in WRITABLE), "defaults and map must agree"
+# the registers; the defaults are the reset values, and the field number is the address
+State = namedtuple("State", [r.name for r in WRITABLE], defaults=[r.reset for r in WRITABLE])
+State.__annotations__ = {r.name: r.fmt for r in WRITABLE}
+STATE_FMT = formats(State)
 
 
 @inlined

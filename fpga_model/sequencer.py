@@ -22,7 +22,7 @@ the drive off, where holding would keep the full force on; in DECAY and SEARCH i
 from typing import NamedTuple
 
 from fpga_model import agc, cordic, fault_monitor, frequency_tracker, lock_monitor, pi
-from fpga_model.fixed import Fmt, add_fmt, bits, clamp, half_up, mul_fmt, quantize, wrap
+from fpga_model.fixed import Fmt, add_fmt, bits, clamp, formats, half_up, mul_fmt, quantize, wrap
 from fpga_model.jit import inlined, kernel
 from fpga_model.rates import FRAME_HZ
 
@@ -77,35 +77,35 @@ assert (ROTATION.hi * GAIN.hi) >> GAIN.f <= CORRECTION.hi, "the correction must 
 class Params(NamedTuple):
     """Machine units; build with `design`. The times are in frames."""
 
-    power_up: int
-    init: int
-    kick: int
-    decay: int
-    search: int
-    retune: int
-    timeout: int
-    offline: int
-    recover: int
-    reached: int
-    min_magnitude: int
-    gain: int
-    search_limit: int
+    power_up: TIMER
+    init: TIMER
+    kick: TIMER
+    decay: TIMER
+    search: TIMER
+    retune: TIMER
+    timeout: TIMER
+    offline: TIMER
+    recover: TIMER
+    reached: FRACTION
+    min_magnitude: cordic.MAGNITUDE
+    gain: GAIN
+    search_limit: CORRECTION
     lock: lock_monitor.Params
     faults: fault_monitor.Params
 
 
 class State(NamedTuple):
-    """The registers; the defaults are the reset values."""
+    """The registers: formats and reset values."""
 
-    state: int = POWER_UP
-    timer: int = 0
-    control: int = 0
-    last_phase: int = 0
-    rotation: int = 0
-    correction: int = 0
-    attempts: int = 0
-    lost: int = 0
-    failed: int = 0
+    state: bits(4) = POWER_UP
+    timer: TIMER = 0
+    control: CONTROL = 0
+    last_phase: PHASE = 0
+    rotation: ROTATION = 0
+    correction: CORRECTION = 0
+    attempts: ATTEMPTS = 0
+    lost: bits(1) = 0
+    failed: bits(1) = 0
     lock: lock_monitor.State = lock_monitor.State()
     faults: fault_monitor.State = fault_monitor.State()
 
@@ -147,22 +147,8 @@ class Outputs(NamedTuple):
     rate_good: int
 
 
-PARAMS_FMT = Params(
-    *[TIMER] * 9, FRACTION, cordic.MAGNITUDE, GAIN, CORRECTION, lock_monitor.PARAMS_FMT, fault_monitor.PARAMS_FMT
-)
-STATE_FMT = State(
-    state=bits(4),
-    timer=TIMER,
-    control=CONTROL,
-    last_phase=PHASE,
-    rotation=ROTATION,
-    correction=CORRECTION,
-    attempts=ATTEMPTS,
-    lost=bits(1),
-    failed=bits(1),
-    lock=lock_monitor.STATE_FMT,
-    faults=fault_monitor.STATE_FMT,
-)
+PARAMS_FMT = formats(Params)
+STATE_FMT = formats(State)
 
 
 class Design(NamedTuple):

@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fpga_model.fixed import Fmt, add_fmt, bits, half_up, mul_fmt
+from fpga_model.fixed import Fmt, add_fmt, bits, formats, half_up, mul_fmt
 from fpga_model.jit import inlined
 
 PHASE = Fmt(0, 0, 48)
@@ -54,28 +54,19 @@ PHASE_CUT_LSB = FULL_SCALE * PI_ABOVE / (1 << (PHASE.width - CUT))
 
 
 class State(NamedTuple):
-    """The registers; the defaults are the reset values."""
+    """The registers: formats and reset values."""
 
-    sign: int = 0
-    base: int = 0
-    slope: int = 0
-    fraction: int = 0
-    sign2: int = 0
-    base2: int = 0
-    product: int = 0
-    y: int = 0
+    sign: bits(1) = 0
+    base: BASE = 0
+    slope: SLOPE = 0
+    fraction: Fmt(0, 0, FRACTION_BITS) = 0
+    sign2: bits(1) = 0
+    base2: BASE = 0
+    product: PRODUCT = 0
+    y: OUT = 0
 
 
-STATE_FMT = State(
-    sign=bits(1),
-    base=BASE,
-    slope=SLOPE,
-    fraction=Fmt(0, 0, FRACTION_BITS),
-    sign2=bits(1),
-    base2=BASE,
-    product=PRODUCT,
-    y=OUT,
-)
+STATE_FMT = formats(State)
 
 
 def quarter_wave(rows, guard_bits=128):

@@ -19,7 +19,7 @@ Channels change one by one while a frame is read: all are of one conversion from
 
 from typing import NamedTuple
 
-from fpga_model.fixed import Fmt, bits, wrap
+from fpga_model.fixed import Fmt, bits, formats, wrap
 from fpga_model.jit import inlined
 
 CHANNELS = 8
@@ -38,38 +38,24 @@ HEAD_SHIFT = WORD_BITS - 4
 
 
 class State(NamedTuple):
-    """The registers; the defaults are the reset values."""
+    """The registers: formats and reset values."""
 
-    meta: int = 0
-    sync: int = 0
-    seen: int = 0
-    busy: int = 0
-    count: int = 0
-    cs_n: int = 1
-    sclk: int = 0
-    shift: int = 0
-    word: int = 0
-    status: int = 0
-    channels: tuple = (0,) * CHANNELS
-    valid: int = 0
-    ok: int = 0
+    meta: bits(1) = 0
+    sync: bits(1) = 0
+    seen: bits(1) = 0
+    busy: bits(1) = 0
+    count: bits(6) = 0
+    cs_n: bits(1) = 1
+    sclk: bits(1) = 0
+    shift: WORD = 0
+    word: bits(4) = 0
+    status: WORD = 0
+    channels: [CODE] * CHANNELS = (0,) * CHANNELS
+    valid: bits(1) = 0
+    ok: bits(1) = 0
 
 
-STATE_FMT = State(
-    meta=bits(1),
-    sync=bits(1),
-    seen=bits(1),
-    busy=bits(1),
-    count=bits(6),
-    cs_n=bits(1),
-    sclk=bits(1),
-    shift=WORD,
-    word=bits(4),
-    status=WORD,
-    channels=(CODE,) * CHANNELS,
-    valid=bits(1),
-    ok=bits(1),
-)
+STATE_FMT = formats(State)
 assert STATE_FMT.count.holds(max(TAIL_CYCLES, WORD_BITS)), "count serves the bits and the tail"
 
 

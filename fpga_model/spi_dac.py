@@ -12,19 +12,17 @@
 Formats   word, shift, header, control [0,24,0]   flip, data_mask [0,20,0]   left [0,5,0]   lead [0,2,0]   pins [0,1,0]
 Latency   `latch_cycles`: lead + bits + ldac clocks from the load edge to the edge that changes the output
 Rounding  none
-Overflow  none: the period between loads must be at least `period_cycles`; a load restarts a frame in progress
+Overflow  none: loads must be more than `latch_cycles` apart; one restarts a frame in progress
 Source    docs/blocks/spi_dac.md, docs/parts/dac_serial.md
 
 SCLK is the 26 MHz clock gated by sclk_en, so the DAC samples SDIN in the middle of the clock; SDIN is the MSB of shift.
 The code is signed for the drive and sense DACs and unsigned for the quadrature DAC.
 """
 
-from fractions import Fraction
 from typing import NamedTuple
 
-from fpga_model.fixed import bits
+from fpga_model.fixed import bits, formats
 from fpga_model.jit import inlined
-from fpga_model.rates import MASTER_HZ, TICK_CYCLES
 
 PRODUCT_TICK, CODE_TICK, LOAD_TICK = 0, 1, 2
 WORD = bits(24)
@@ -33,33 +31,29 @@ WORD = bits(24)
 class Params(NamedTuple):
     """One DAC's frame; use DAC8811, AD5791 or DAC82002."""
 
-    bits: int
-    lead: int
-    ldac: int
-    flip: int
-    header: int
-    control: int
-    data_mask: int
+    bits: bits(5)
+    lead: bits(2)
+    ldac: bits(1)
+    flip: bits(20)
+    header: WORD
+    control: WORD
+    data_mask: bits(20)
 
 
 class State(NamedTuple):
-    """The registers; the defaults are the reset values."""
+    """The registers: formats and reset values."""
 
-    shift: int = 0
-    left: int = 0
-    lead: int = 0
-    sync_n: int = 1
-    sclk_en: int = 0
-    ldac_n: int = 1
-    ldac_wait: int = 0
+    shift: WORD = 0
+    left: bits(5) = 0
+    lead: bits(2) = 0
+    sync_n: bits(1) = 1
+    sclk_en: bits(1) = 0
+    ldac_n: bits(1) = 1
+    ldac_wait: bits(1) = 0
 
 
-PARAMS_FMT = Params(
-    bits=bits(5), lead=bits(2), ldac=bits(1), flip=bits(20), header=WORD, control=WORD, data_mask=bits(20)
-)
-STATE_FMT = State(
-    shift=WORD, left=bits(5), lead=bits(2), sync_n=bits(1), sclk_en=bits(1), ldac_n=bits(1), ldac_wait=bits(1)
-)
+PARAMS_FMT = formats(Params)
+STATE_FMT = formats(State)
 
 # AD5791 control register; OPGND (bit 2), DACTRI (bit 3) and BIN/2sC (bit 4) are 0: output on, two's complement
 AD5791_RBUF = 1 << 1
@@ -78,10 +72,6 @@ AD5791 = Params(
     data_mask=0xFFFFF,
 )
 DAC82002 = Params(bits=24, lead=0, ldac=0, flip=0, header=DAC82002_DAC_A << 16, control=0, data_mask=0xFFFF)
-
-DRIVE_PERIOD_CYCLES = TICK_CYCLES
-SENSE_PERIOD_CYCLES = TICK_CYCLES
-QUADRATURE_PERIOD_CYCLES = 2 * TICK_CYCLES
 
 
 @inlined
@@ -138,77 +128,3 @@ def sdin(p, s):
 def latch_cycles(p):
     """Clocks from the load edge to the edge after which the DAC is told to change its output."""
     return p.lead + p.bits + p.ldac
-
-
-def period_cycles(p):
-    """Least clocks between loads: SYNC and LDAC must be high for one clock or more."""
-    return latch_cycles(p) + 1
-
-
-# name: ns, least, from the data sheets (docs/parts/dac_serial.md says which are confirmed)
-DAC8811_LIMITS_NS = {
-    "SCLK period": 20,
-    "SCLK high": 10,
-    "SCLK low": 10,
-    "CS fall to first SCLK edge": 5,
-    "SDIN setup": 5,
-    "SDIN hold": 10,
-    "last SCLK edge to CS rise": 10,
-}
-AD5791_LIMITS_NS = {
-    "SCLK period": 28,
-    "SYNC fall to first SCLK edge": 5,
-    "last SCLK edge to SYNC rise": 2,
-    "SYNC high": 48,
-    "SYNC rise to LDAC fall": 20,
-    "LDAC low": 14,
-}
-DAC82002_LIMITS_NS = {
-    "SCLK period": 20,
-    "SCLK high": 9,
-    "SCLK low": 9,
-    "SYNC fall to first SCLK edge": 13,
-    "SDIN setup": 5,
-    "SDIN hold": 10,
-    "last SCLK edge to SYNC rise": 10,
-    "SYNC high": 160,
-    "update to update": 1000,
-}
-
-
-def limits_ns(p):
-    """Data sheet minima of the part that speaks this frame, {name: ns}."""
-    if p.ldac:
-        return AD5791_LIMITS_NS
-    return DAC8811_LIMITS_NS if p.bits == DAC8811.bits else DAC82002_LIMITS_NS
-
-
-def timing_report(p, period_clocks):
-    """Pin timing of the master against the part: list of (name, actual_ns, limit_ns, ok).
-
-    period_clocks  26 MHz clocks between loads
-    SCLK has 50 % duty; pin-to-pin skew and rise times are not counted. Raises ValueError if frames would overlap.
-    """
-    if period_clocks < period_cycles(p):
-        raise ValueError(f"period_clocks: {period_clocks} is below {period_cycles(p)} clocks, the length of a frame")
-    half = Fraction(1, 2)
-    clocks = {
-        "SCLK period": 1,
-        "SCLK high": half,
-        "SCLK low": half,
-        "CS fall to first SCLK edge": p.lead + half,
-        "SYNC fall to first SCLK edge": p.lead + half,
-        "SDIN setup": half,
-        "SDIN hold": half,
-        "last SCLK edge to CS rise": half,
-        "last SCLK edge to SYNC rise": half,
-        "SYNC high": period_clocks - p.lead - p.bits,
-        "SYNC rise to LDAC fall": 1,
-        "LDAC low": 1,
-        "update to update": period_clocks,
-    }
-    report = []
-    for name, limit_ns in limits_ns(p).items():
-        actual_ns = Fraction(clocks[name]) * 1_000_000_000 / MASTER_HZ
-        report.append((name, float(actual_ns), float(limit_ns), actual_ns >= limit_ns))
-    return report

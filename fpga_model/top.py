@@ -29,7 +29,7 @@ from fpga_model import (
     spi_dac,
     watchdog,
 )
-from fpga_model.fixed import bits, signed
+from fpga_model.fixed import bits, formats, signed
 from fpga_model.jit import inner
 
 CODE = signed(24)
@@ -39,8 +39,8 @@ TEMPERATURE_CHANNEL = 4
 class Params(NamedTuple):
     """Parameters of the blocks, by the role of each; `quadrature_fast` = 1 sends V_q at every tick."""
 
-    digital: int
-    quadrature_fast: int
+    digital: bits(1)
+    quadrature_fast: bits(1)
     pipe: delay.Params
     references: references.Params
     drive_modulator: modulator.Params
@@ -78,57 +78,18 @@ class State(NamedTuple):
 class Inputs(NamedTuple):
     """Pins of the ADC, samples of the two SAR converters, and the host's bus."""
 
-    drdy_n: int
-    dout: int
-    sample_x: int
-    sample_y: int
-    write: int
-    address: int
-    data: int
+    drdy_n: bits(1)
+    dout: bits(1)
+    sample_x: digital_sid.SAMPLE
+    sample_y: digital_sid.SAMPLE
+    write: bits(1)
+    address: registers.ADDRESS
+    data: registers.DATA
 
 
-INPUTS_FMT = Inputs(
-    drdy_n=bits(1),
-    dout=bits(1),
-    sample_x=digital_sid.SAMPLE,
-    sample_y=digital_sid.SAMPLE,
-    write=bits(1),
-    address=registers.ADDRESS,
-    data=registers.DATA,
-)
-PARAMS_FMT = Params(
-    digital=bits(1),
-    quadrature_fast=bits(1),
-    pipe=delay.PARAMS_FMT,
-    references=references.PARAMS_FMT,
-    drive_modulator=modulator.PARAMS_FMT,
-    sense_modulator=modulator.PARAMS_FMT,
-    drive_dac=spi_dac.PARAMS_FMT,
-    sense_dac=spi_dac.PARAMS_FMT,
-    quadrature_dac=spi_dac.PARAMS_FMT,
-    sid=digital_sid.PARAMS_FMT,
-    watchdog=watchdog.PARAMS_FMT,
-    control=control.PARAMS_FMT,
-)
-STATE_FMT = State(
-    rates=rates.STATE_FMT,
-    dds=dds.STATE_FMT,
-    drive_sine=sine.STATE_FMT,
-    sense_sine=sine.STATE_FMT,
-    drive_pipe=delay.STATE_FMT,
-    sense_pipe=delay.STATE_FMT,
-    references=references.STATE_FMT,
-    drive_modulator=modulator.STATE_FMT,
-    sense_modulator=modulator.STATE_FMT,
-    drive_dac=spi_dac.STATE_FMT,
-    sense_dac=spi_dac.STATE_FMT,
-    quadrature_dac=spi_dac.STATE_FMT,
-    adc=spi_adc.STATE_FMT,
-    sid=digital_sid.STATE_FMT,
-    watchdog=watchdog.STATE_FMT,
-    registers=registers.STATE_FMT,
-    control=control.STATE_FMT,
-)
+INPUTS_FMT = formats(Inputs)
+PARAMS_FMT = formats(Params)
+STATE_FMT = formats(State)
 
 
 @inner

@@ -17,7 +17,7 @@ window. The limit of 2.4 frame periods is the debounce on the way in; the first 
 
 from typing import NamedTuple
 
-from fpga_model.fixed import bits, clamp, quantize
+from fpga_model.fixed import bits, clamp, formats, quantize
 from fpga_model.jit import inlined
 
 AGE = bits(10)
@@ -26,20 +26,20 @@ LATENCY = 1
 
 
 class Params(NamedTuple):
-    """Machine units; build with `design`."""
+    """Machine units in their formats; build with `design`."""
 
-    limit: int
+    limit: AGE
 
 
 class State(NamedTuple):
-    """The registers; the defaults are the reset values."""
+    """The registers: formats and reset values."""
 
-    age: int = 0
-    stale: int = 0
+    age: AGE = 0
+    stale: bits(1) = 0
 
 
-PARAMS_FMT = Params(limit=AGE)
-STATE_FMT = State(age=AGE, stale=bits(1))
+PARAMS_FMT = formats(Params)
+STATE_FMT = formats(State)
 
 
 def design(limit_us=300):

@@ -8,7 +8,6 @@ Source    docs/effects/acceleration.md
 import math
 
 from analog_frontend.effects.ports import Info
-from analog_frontend.parts import transducer
 
 G_M_PER_S2 = 9.80665
 GAP_M, MISMATCH = 4e-6, 0.05  # A
@@ -30,10 +29,15 @@ def shift(value, device):
     return 2 * MISMATCH * value * G_M_PER_S2 / ((2 * math.pi * device.fy_hz) ** 2 * GAP_M)
 
 
+def carrier_softening_n_per_m(carrier_v, c0_f, gap_m):
+    """Stiffness of a gap-changing pick-off pair under the carrier, -2 (E/2)^2 C0 / d^2."""
+    return -0.5 * carrier_v * carrier_v * c0_f / (gap_m * gap_m)
+
+
 def terms(value, device):
     """Laws of an acceleration in g."""
     e = shift(value, device)
-    softer = transducer.carrier_softening_n_per_m(device.carrier_v, device.c0_f, GAP_M)
+    softer = carrier_softening_n_per_m(device.carrier_v, device.c0_f, GAP_M)
     return (
         f"force_y = {e * device.k_vf_sense_n_per_v!r} w",
         f"force_y = {-e * softer!r} y",

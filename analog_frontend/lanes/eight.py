@@ -20,7 +20,7 @@ import numpy as np
 from analog_frontend import effects
 from analog_frontend.effects import law
 from analog_frontend.linear import BLOCK, INPUTS
-from analog_frontend.numeric.arena import FLOAT, INTEGER, places
+from analog_frontend.numeric.arena import doubles, int64s, places
 from analog_frontend.numeric.records import split
 from analog_frontend.numeric.vector import LANES
 from analog_frontend.parts.propagator import DU_DRIVE, DU_SENSE, JIT_DRIVE, JIT_SENSE, PX1, PY1, U_DRIVE, U_SENSE
@@ -77,117 +77,64 @@ FORCED_BY = (D1, D1 + ROW, D1 + 2 * ROW, S1, S1 + ROW, S1 + 2 * ROW, UD, DUD, US
 NUMBERS = 8  # scalars of sid.Params
 SLOTS = 16  # most edges of a plant in a strip that go together
 GIVEN, FACTORS = 9, 15  # rows of a slot, see eight_sid.py
+EFFECT_INTEGERS, EFFECT_NUMBERS = (len(part) for part in split(effects.OFF))
 
 
 class Eight(NamedTuple):
     """Arrays of eight plants, mutated in place; a first axis of eight, or lanes side by side in a flat array."""
 
-    g: np.ndarray
-    z: np.ndarray
-    codes: np.ndarray  # (2 (BLOCK + 2) 8,) int64
-    dac: np.ndarray  # (2 5 8,) per DAC: lsb (V), offset (V), bow, full scale in codes, and its inverse
-    carry: np.ndarray  # (4 8,) per DAC: 1 where a code acts a tick later, then 1 where not
-    late_area: np.ndarray  # (2 8,)
-    throws: np.ndarray  # (2 BLOCK 8,) glitch areas, if `glitches`
-    sigma: np.ndarray  # (8 8,)
-    keys: np.ndarray  # (8 8,) int64
-    on: np.ndarray  # (12 8,)
-    off: np.ndarray
-    sign: np.ndarray  # (4 8,)
-    sid: np.ndarray  # (6 8,) e1 e2 e3 s1 s2 s3
-    out: np.ndarray  # (4 TICKS 8,)
-    w: np.ndarray  # (ROWS ROW,) scratch: rows of a strip
-    peak: np.ndarray  # (8,) largest |x|
-    flags: np.ndarray  # int64: noise pair in use, four of them; any glitch, force effect, C/V effect, bow, law
-    switch_tau_s: np.ndarray  # (8, 26)
-    switch_carry: np.ndarray  # (8, 26)
-    late_tau_s: np.ndarray  # (8, 4, MAX_EDGES)
-    late_count: np.ndarray  # (8, 4)
-    switch: np.ndarray  # (8, 4)
-    driver_s: np.ndarray  # (8,)
-    slope_gain: np.ndarray  # (8,)
-    h_s: np.ndarray  # (8,)
-    r: np.ndarray  # (8,)
-    taylor: np.ndarray  # (64 8,)
-    sid_numbers: np.ndarray  # (8, NUMBERS)
-    sid_inject: np.ndarray  # (8, 6)
-    sid_taylor: np.ndarray  # (8, 64)
-    effects_i: np.ndarray  # (8, ...) rows of effects.Params
-    effects_f: np.ndarray
-    law_counts: np.ndarray  # (8, 2): laws at force ports, at C/V ports
-    law_tables: np.ndarray  # (8, ...) tables of law.Params
-    law_numbers: np.ndarray
-    law_temps: np.ndarray  # (8,) reference of temp (degC)
-    law_gains: np.ndarray  # (8, SLOTS) in this frame
-    active: np.ndarray  # (8,) 1 for those that take part in a block; of the others nothing is of any use
-    edge_counts: np.ndarray  # (8,)
-    edges: np.ndarray  # (8, n, 2): clock from the block's first, and reference number
-    caps: np.ndarray  # (4, 6) scratch
-    fixed: np.ndarray  # (32, 6) scratch: capacitors of those with an edge
-    touched: np.ndarray  # (32,) which those are
-    given: np.ndarray  # (SLOTS GIVEN 8,) scratch: what an edge depends on
-    factors: np.ndarray  # (SLOTS FACTORS 8,) scratch: what it gives
-    counters: np.ndarray  # (SLOTS 8,) scratch: of its jitter
-    slots: np.ndarray  # (8,) scratch: slots of a plant's edges in the strip, or -1; the next one
-    slot: np.ndarray
-    taus_s: np.ndarray  # (MAX_EDGES,) scratch
-    due: np.ndarray  # (8,) scratch: tick of a plant's next edge
-    place: np.ndarray  # (8,) scratch: its place in the list
+    g: doubles(SIZE)
+    z: doubles(STATES * LANES)
+    codes: int64s(2 * (BLOCK + 2) * LANES)
+    dac: doubles(2 * 5 * LANES)  # per DAC: lsb (V), offset (V), bow, full scale in codes, and its inverse
+    carry: doubles(4 * LANES)  # per DAC: 1 where a code acts a tick later, then 1 where not
+    late_area: doubles(2 * LANES)
+    throws: doubles(2 * BLOCK * LANES)  # glitch areas, if `glitches`
+    sigma: doubles(8 * LANES)
+    keys: int64s(8 * LANES)
+    on: doubles(12 * LANES)
+    off: doubles(12 * LANES)
+    sign: doubles(4 * LANES)
+    sid: doubles(6 * LANES)  # e1 e2 e3 s1 s2 s3
+    out: doubles(DEMODULATORS * TICKS * LANES)
+    w: doubles(ROWS * ROW)  # scratch: rows of a strip
+    peak: doubles(LANES)  # largest |x|
+    flags: int64s(9)  # noise pair in use, four of them; any glitch, force effect, C/V effect, bow, law
+    switch_tau_s: doubles(LANES, 2, TICK_CYCLES)
+    switch_carry: int64s(LANES, 2, TICK_CYCLES)
+    late_tau_s: doubles(LANES, DEMODULATORS, MAX_EDGES)
+    late_count: int64s(LANES, DEMODULATORS)
+    switch: int64s(LANES, DEMODULATORS)
+    driver_s: doubles(LANES)
+    slope_gain: doubles(LANES)
+    h_s: doubles(LANES)
+    r: doubles(LANES)
+    taylor: doubles(64 * LANES)
+    sid_numbers: doubles(LANES, NUMBERS)
+    sid_inject: doubles(LANES, 6)
+    sid_taylor: doubles(LANES, 64)
+    effects_i: int64s(LANES, EFFECT_INTEGERS)  # rows of effects.Params
+    effects_f: doubles(LANES, EFFECT_NUMBERS)
+    law_counts: int64s(LANES, 2)  # laws at force ports, at C/V ports
+    law_tables: int64s(LANES, law.SLOTS, law.COLUMNS)  # tables of law.Params
+    law_numbers: doubles(LANES, law.SLOTS, 2)
+    law_temps: doubles(LANES)  # reference of temp (degC)
+    law_gains: doubles(LANES, law.SLOTS)  # in this frame
+    active: int64s(LANES)  # 1 for those that take part in a block; of the others nothing is of any use
+    edge_counts: int64s(LANES)
+    edges: int64s(LANES, MAX_EDGES * (BLOCK + 3), 2)  # clock from the block's first, and reference number
+    caps: doubles(DEMODULATORS, 6)  # scratch
+    fixed: doubles(LANES * DEMODULATORS, 6)  # scratch: capacitors of those with an edge
+    touched: int64s(LANES * DEMODULATORS)  # which those are
+    given: doubles(SLOTS * GIVEN * LANES)  # scratch: what an edge depends on
+    factors: doubles(SLOTS * FACTORS * LANES)  # scratch: what it gives
+    counters: int64s(SLOTS * LANES)  # scratch: of its jitter
+    slots: int64s(LANES)  # scratch: slots of a plant's edges in the strip, or -1; the next one
+    slot: int64s(LANES)
+    taus_s: doubles(MAX_EDGES)  # scratch
+    due: int64s(LANES)  # scratch: tick of a plant's next edge
+    place: int64s(LANES)  # scratch: its place in the list
 
 
-EFFECT_INTEGERS, EFFECT_NUMBERS = (len(part) for part in split(effects.OFF))
-AT = places(
-    Eight,
-    g=(FLOAT, (SIZE,)),
-    z=(FLOAT, (STATES * LANES,)),
-    codes=(INTEGER, (2 * (BLOCK + 2) * LANES,)),
-    dac=(FLOAT, (2 * 5 * LANES,)),
-    carry=(FLOAT, (4 * LANES,)),
-    late_area=(FLOAT, (2 * LANES,)),
-    throws=(FLOAT, (2 * BLOCK * LANES,)),
-    sigma=(FLOAT, (8 * LANES,)),
-    keys=(INTEGER, (8 * LANES,)),
-    on=(FLOAT, (12 * LANES,)),
-    off=(FLOAT, (12 * LANES,)),
-    sign=(FLOAT, (4 * LANES,)),
-    sid=(FLOAT, (6 * LANES,)),
-    out=(FLOAT, (DEMODULATORS * TICKS * LANES,)),
-    w=(FLOAT, (ROWS * ROW,)),
-    peak=(FLOAT, (LANES,)),
-    flags=(INTEGER, (9,)),
-    switch_tau_s=(FLOAT, (LANES, 2, TICK_CYCLES)),
-    switch_carry=(INTEGER, (LANES, 2, TICK_CYCLES)),
-    late_tau_s=(FLOAT, (LANES, DEMODULATORS, MAX_EDGES)),
-    late_count=(INTEGER, (LANES, DEMODULATORS)),
-    switch=(INTEGER, (LANES, DEMODULATORS)),
-    driver_s=(FLOAT, (LANES,)),
-    slope_gain=(FLOAT, (LANES,)),
-    h_s=(FLOAT, (LANES,)),
-    r=(FLOAT, (LANES,)),
-    taylor=(FLOAT, (64 * LANES,)),
-    sid_numbers=(FLOAT, (LANES, NUMBERS)),
-    sid_inject=(FLOAT, (LANES, 6)),
-    sid_taylor=(FLOAT, (LANES, 64)),
-    effects_i=(INTEGER, (LANES, EFFECT_INTEGERS)),
-    effects_f=(FLOAT, (LANES, EFFECT_NUMBERS)),
-    law_counts=(INTEGER, (LANES, 2)),
-    law_tables=(INTEGER, (LANES, law.SLOTS, law.COLUMNS)),
-    law_numbers=(FLOAT, (LANES, law.SLOTS, 2)),
-    law_temps=(FLOAT, (LANES,)),
-    law_gains=(FLOAT, (LANES, law.SLOTS)),
-    active=(INTEGER, (LANES,)),
-    edge_counts=(INTEGER, (LANES,)),
-    edges=(INTEGER, (LANES, MAX_EDGES * (BLOCK + 3), 2)),
-    caps=(FLOAT, (DEMODULATORS, 6)),
-    fixed=(FLOAT, (LANES * DEMODULATORS, 6)),
-    touched=(INTEGER, (LANES * DEMODULATORS,)),
-    given=(FLOAT, (SLOTS * GIVEN * LANES,)),
-    factors=(FLOAT, (SLOTS * FACTORS * LANES,)),
-    counters=(INTEGER, (SLOTS * LANES,)),
-    slots=(INTEGER, (LANES,)),
-    slot=(INTEGER, (LANES,)),
-    taus_s=(FLOAT, (MAX_EDGES,)),
-    due=(INTEGER, (LANES,)),
-    place=(INTEGER, (LANES,)),
-)
+AT = places(Eight)
 opened = AT.opened

@@ -12,7 +12,7 @@ import numpy as np
 
 from analog_frontend.lanes import eight
 from analog_frontend.lanes.eight import LANES, TICKS
-from analog_frontend.numeric.arena import FLOAT, INTEGER, places
+from analog_frontend.numeric.arena import doubles, int64s, places
 from analog_frontend.numeric.vector import integers, load, splat, store
 from analog_frontend.parts import adc, noise
 from analog_frontend.parts.adc import CHANNELS, COUNT, DUE, FRAC, FRAMES, PENDING, SAMPLE, TEMPERATURE, TICK_UNITS
@@ -26,52 +26,29 @@ MIXED = -1
 class Converters(NamedTuple):
     """Eight converters; behind the arrays of the plants."""
 
-    clock: np.ndarray  # (8, CODES + CHANNELS) as adc.State.clock
-    sums: np.ndarray  # (CHANNELS WIDTH 8,)
-    own_sums: np.ndarray  # (8, CHANNELS, WIDTH) as adc.State.sums, of those by themselves
-    row: np.ndarray  # outputs of one
-    sensor_v: np.ndarray  # (8,) voltage of the temperature sensor
-    fell: np.ndarray  # (8,) what adc.block returns
-    one_clock: np.ndarray  # (8,) 1 if all have the same period, delay and decimation
-    white_on: np.ndarray  # (CHANNELS,) 1: of all, 0: of none, MIXED
-    white_keys: np.ndarray  # (CHANNELS 2 8,)
-    white_sigma: np.ndarray  # (CHANNELS 8,)
-    flicker_on: np.ndarray
-    flicker_keys: np.ndarray
-    flicker_level: np.ndarray
-    offset_v: np.ndarray  # (8, CHANNELS) transfer, as adc.Params
-    steps_per_v: np.ndarray
-    inl: np.ndarray
-    full_steps: np.ndarray  # (8,)
-    step_code: np.ndarray  # (8,)
-    volts: np.ndarray  # (CHANNELS 8,) scratch
-    counts: np.ndarray  # (8,) scratch
+    clock: int64s(LANES, adc.CODES + CHANNELS)  # as adc.State.clock
+    sums: doubles(CHANNELS * WIDTH * LANES)
+    own_sums: doubles(LANES, CHANNELS, WIDTH)  # as adc.State.sums, of those by themselves
+    row: doubles(4 * TICKS)  # outputs of one
+    sensor_v: doubles(LANES)  # voltage of the temperature sensor
+    fell: int64s(LANES)  # what adc.block returns
+    one_clock: int64s(LANES)  # 1 if all have the same period, delay and decimation
+    white_on: int64s(CHANNELS)  # 1: of all, 0: of none, MIXED
+    white_keys: int64s(CHANNELS * 2 * LANES)
+    white_sigma: doubles(CHANNELS * LANES)
+    flicker_on: int64s(CHANNELS)
+    flicker_keys: int64s(CHANNELS * 2 * LANES)
+    flicker_level: doubles(CHANNELS * LANES)
+    offset_v: doubles(LANES, CHANNELS)  # transfer, as adc.Params
+    steps_per_v: doubles(LANES, CHANNELS)
+    inl: doubles(LANES, CHANNELS)
+    full_steps: doubles(LANES)
+    step_code: int64s(LANES)
+    volts: doubles(CHANNELS * LANES)  # scratch
+    counts: int64s(LANES)  # scratch
 
 
-AT = places(
-    Converters,
-    eight.AT.sizes,
-    clock=(INTEGER, (LANES, adc.CODES + CHANNELS)),
-    sums=(FLOAT, (CHANNELS * WIDTH * LANES,)),
-    own_sums=(FLOAT, (LANES, CHANNELS, WIDTH)),
-    row=(FLOAT, (4 * TICKS,)),
-    sensor_v=(FLOAT, (LANES,)),
-    fell=(INTEGER, (LANES,)),
-    one_clock=(INTEGER, (LANES,)),
-    white_on=(INTEGER, (CHANNELS,)),
-    white_keys=(INTEGER, (CHANNELS * 2 * LANES,)),
-    white_sigma=(FLOAT, (CHANNELS * LANES,)),
-    flicker_on=(INTEGER, (CHANNELS,)),
-    flicker_keys=(INTEGER, (CHANNELS * 2 * LANES,)),
-    flicker_level=(FLOAT, (CHANNELS * LANES,)),
-    offset_v=(FLOAT, (LANES, CHANNELS)),
-    steps_per_v=(FLOAT, (LANES, CHANNELS)),
-    inl=(FLOAT, (LANES, CHANNELS)),
-    full_steps=(FLOAT, (LANES,)),
-    step_code=(INTEGER, (LANES,)),
-    volts=(FLOAT, (CHANNELS * LANES,)),
-    counts=(INTEGER, (LANES,)),
-)
+AT = places(Converters, eight.AT.sizes)
 opened = AT.opened
 
 

@@ -1,7 +1,10 @@
 """Records of arrays that stand in two flat arrays, one of doubles and one of int64.
 
-    AT = places(Record, first, name=(kind, shape), ...)    where each array stands, aligned to a register of eight
-    v = AT.opened(floats, integers)                         the record, its arrays views of the two
+    class Record(NamedTuple):
+        z: doubles(16, 8)                    the type of a field is what its array holds, and its shape
+        switch: int64s(8, 4)
+    AT = places(Record, first)               where each array stands, aligned to a register of eight
+    v = AT.opened(floats, integers)          the record, its arrays views of the two
 
     int32_at(address, n), int64_at, float64_at              n numbers of somebody else's, at the address of the first
 
@@ -26,6 +29,23 @@ FLOAT, INTEGER = 0, 1
 ITEM_BYTES = 8
 
 
+class Shaped(NamedTuple):
+    """Type of a field of a record of arrays: FLOAT or INTEGER, and the shape."""
+
+    kind: int
+    shape: tuple
+
+
+def doubles(*shape):
+    """An array of doubles."""
+    return Shaped(FLOAT, shape)
+
+
+def int64s(*shape):
+    """An array of int64."""
+    return Shaped(INTEGER, shape)
+
+
 class Places(NamedTuple):
     """Where the arrays of a record stand."""
 
@@ -38,13 +58,10 @@ def _whole(size):
     return -(-size // LANES) * LANES
 
 
-def places(record, first=(0, 0), **fields):
-    """Places of the arrays of `record`, behind `first` (doubles, integers). Raises TypeError for other names."""
-    if set(fields) != set(record._fields):
-        raise TypeError(f"{record.__name__}: {sorted(set(fields) ^ set(record._fields))} do not match")
+def places(record, first=(0, 0)):
+    """Places of the arrays of `record`, behind `first` (doubles, integers)."""
     sizes, rows = list(first), []
-    for name in record._fields:
-        kind, shape = fields[name]
+    for name, (kind, shape) in record.__annotations__.items():
         rows.append((name, kind, sizes[kind], shape))
         sizes[kind] += _whole(prod(shape))
     return Places(tuple(rows), tuple(sizes), _python(record, rows) if DISABLED else _native(record, rows))

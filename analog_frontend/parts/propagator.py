@@ -110,10 +110,6 @@ class Plant(NamedTuple):
     sid_rc_s: float
 
 
-TABLES = Plant._fields[: Plant._fields.index("tick_s")]
-COUNTS = ("drive_carry", "sense_carry")
-
-
 @inlined
 def _two_sum(a, b):
     """a + b exactly, as sum and rest."""
@@ -229,43 +225,23 @@ def locate(temp_lo_degc, step_k, count, temp_degc):
     return index, position - index
 
 
-@kernel
-def interpolate(stack, index, weight, out):
-    """Table between two knots, linear; stack (knots, n), out (n,). A weight of 0 gives the knot itself."""
-    if weight == 0.0:
-        out[:] = stack[index]
-        return
-    for i in range(out.shape[0]):
-        out[i] = stack[index, i] + weight * (stack[index + 1, i] - stack[index, i])
-
-
 def cv_chain(device, channel, temp_degc):
     """Gain (V/m) and pole (s) of the ring diode of "drive" or "sense"; `device` as it is at temp_ref."""
     # imported here so that a build with a chain of its own needs no diode
     from analog_frontend.parts import ring_diode
 
     drive = channel == "drive"
-    c = ring_diode.chain(
-        device.dcdx_f_per_m if drive else device.dcdy_f_per_m,
-        temp_degc,
-        carrier_v=device.carrier_v,
-        carrier_hz=device.carrier_hz * (1.0 + device.carrier_ppm * 1e-6),
-        c0_f=device.c0_f,
-        cp_f=device.cp_f,
-        cref_f=device.cref_drive_f if drive else device.cref_sense_f,
-        diode=ring_diode.Diode(
-            is_a=device.diode_is_a,
-            n=device.diode_n,
-            cj0_f=device.diode_cj0_f,
-            vj_v=device.diode_vj_v,
-            m=device.diode_m,
-            eg_ev=device.diode_eg_ev,
-            xti=device.diode_xti,
-        ),
-        temp_ref_degc=device.temp_ref_degc,
-        diode_tc_on=device.diode_tc_on,
+    ring = ring_diode.ring(
+        device.carrier_v,
+        device.carrier_hz * (1.0 + device.carrier_ppm * 1e-6),
+        device.c0_f,
+        device.cp_f,
+        device.cref_drive_f if drive else device.cref_sense_f,
+        ring_diode.Diode(*(getattr(device, f"diode_{name}") for name in ring_diode.Diode._fields)),
+        temp_degc if device.diode_tc_on else device.temp_ref_degc,
+        device.temp_ref_degc,
     )
-    return c.gain_v_per_m, c.tau_ring_s
+    return ring.gain_v_per_f * (device.dcdx_f_per_m if drive else device.dcdy_f_per_m), ring.tau_s
 
 
 def _generator(device, gains, rings, amplifiers, rc):
@@ -470,21 +446,3 @@ def knots(device, temp_lo_degc, temp_hi_degc, step_k=0.5, chain=None):
     plants = [build(device, float(ref + n * step), chain) for n in range(first, last + 1)]
     stacks = Plant(*map(np.stack, zip(*plants)))
     return Knots(float(ref + first * step), float(step_k), len(plants), stacks)
-
-
-def between(table, temp_degc):
-    """The whole plant at a temperature within the knots; allocates, so it is for set-up and tests."""
-    if not table.temp_lo_degc <= temp_degc <= table.temp_lo_degc + table.step_k * (table.count - 1):
-        hi = table.temp_lo_degc + table.step_k * (table.count - 1)
-        raise ValueError(f"temp_degc = {temp_degc!r} is outside {table.temp_lo_degc:g} .. {hi:g} (unit degC)")
-    index, weight = locate(table.temp_lo_degc, table.step_k, table.count, temp_degc)
-    fields = {}
-    for name, stack in table.stacks._asdict().items():
-        if name in COUNTS:
-            fields[name] = stack[index]
-            continue
-        flat = stack.reshape(table.count, -1)
-        out = np.empty(flat.shape[1])
-        interpolate(flat, index, weight, out)
-        fields[name] = out.reshape(stack.shape[1:]) if name in TABLES else float(out[0])
-    return Plant(**fields)

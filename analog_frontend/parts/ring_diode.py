@@ -1,9 +1,8 @@
-"""Capacitance to voltage: ring of four diodes under a square carrier, instrumentation amplifier, inverting driver.
+"""Capacitance to voltage: ring of four diodes under a square carrier.
 
     V/dC  = (E - 2 Vf - 2 n VT (g - ln cosh u) - bounce) / (Ct g)      Ct = C0 + Cp, mean over a carrier period T = 1/fc
     tau   = Cref/(4 fc Ct g) (1 + 2 Cj/Cref) + T a/(8 (1 + a + 2 Cj/Cref))          a = Ct/Cref; the delay of the mean
     Vf    = -n VT ln tanh u        a diode's drop at the end of half a period; u = Is(T) T/(2 n VT Ctail), g = u coth u
-    op amp poles  NG / (2 pi GBW(T))
 
     carrier E,fc --C0+dC--A--|>|--C--+--|>|--B--C0-dC-- carrier      C, D: Cref to ground, difference to the amplifier
                           '--|<|--D--'--|<|--'                       A, B: stray to ground
@@ -24,8 +23,6 @@ import functools
 from typing import NamedTuple
 
 import mpmath
-
-from fpga_model.jit import inlined
 
 BOLTZMANN_V_PER_K = mpmath.mpf("1.380649e-23") / mpmath.mpf("1.602176634e-19")
 ZERO_DEGC_K = mpmath.mpf("273.15")
@@ -62,28 +59,12 @@ class Ring(NamedTuple):
     textbook_tau_s: float  # Cref / (4 fc Ct)
 
 
-class Chain(NamedTuple):
-    """One C/V channel at one temperature: three poles from displacement (m) to the SID input (V)."""
-
-    gain_v_per_m: float  # at the input of the first pole
-    tau_ring_s: float
-    tau_ina_s: float
-    tau_driver_s: float
-    signal_gain: float  # at the input of the last pole
-    driver_per_s: float  # 1 / tau_driver_s
-
-
 def _kelvin(temp_degc):
     return mpmath.mpf(temp_degc) + ZERO_DEGC_K
 
 
 def saturation_current_a(diode, temp_degc):
     """Is at a temperature (A), the law of SPICE."""
-    with mpmath.workprec(PRECISION):
-        return float(_is(diode, temp_degc))
-
-
-def _is(diode, temp_degc):
     t, tn = _kelvin(temp_degc), _kelvin(SPICE_NOMINAL_DEGC)
     n = mpmath.mpf(diode.n)
     exponent = (t / tn - 1) * mpmath.mpf(diode.eg_ev) / (n * BOLTZMANN_V_PER_K * t)
@@ -92,11 +73,6 @@ def _is(diode, temp_degc):
 
 def built_in_v(diode, temp_degc):
     """Built-in voltage of the Schottky junction (V): barrier minus the Fermi level's distance, which goes as T."""
-    with mpmath.workprec(PRECISION):
-        return float(_vj(diode, temp_degc))
-
-
-def _vj(diode, temp_degc):
     t, tn = _kelvin(temp_degc), _kelvin(SPICE_NOMINAL_DEGC)
     eg = mpmath.mpf(diode.eg_ev)
     return eg - (eg - mpmath.mpf(diode.vj_v)) * t / tn - mpmath.mpf(3) / 2 * BOLTZMANN_V_PER_K * t * mpmath.log(t / tn)
@@ -110,7 +86,7 @@ def _junction(diode, vj, v):
 
 def _solve(diode, temp_degc, c0, cref, period, stray=None, cp=None):
     """Vf and the capacitances at one temperature, from the stray capacitance or from Cp = stray + junctions."""
-    is_a, vj = _is(diode, temp_degc), _vj(diode, temp_degc)
+    is_a, vj = saturation_current_a(diode, temp_degc), built_in_v(diode, temp_degc)
     nvt = mpmath.mpf(diode.n) * BOLTZMANN_V_PER_K * _kelvin(temp_degc)
     vf = mpmath.mpf("0.1")
     # the tail depends on Vf through two junctions only: each pass gains more than a decimal digit
@@ -169,57 +145,3 @@ def ring(carrier_v, carrier_hz, c0_f, cp_f, cref_f, diode, temp_degc, temp_ref_d
             textbook_gain_v_per_f=float((e - 2 * vf) / ct),
             textbook_tau_s=float(textbook_tau),
         )
-
-
-def opamp_tau_s(noise_gain, gbw_hz, gbw_tc_per_k, temp_degc, temp_ref_degc=25.0):
-    """Pole of an op-amp stage: NG / (2 pi GBW(T)), GBW linear in temperature about its value at `temp_ref_degc`."""
-    with mpmath.workprec(PRECISION):
-        change = 1 + mpmath.mpf(gbw_tc_per_k) * (mpmath.mpf(temp_degc) - mpmath.mpf(temp_ref_degc))
-        if not (change > 0 and gbw_hz > 0.0 and noise_gain >= 1.0):
-            raise ValueError(
-                f"opamp: gain-bandwidth {gbw_hz} Hz times {float(change):g} at noise gain {noise_gain} is no pole"
-            )
-        return float(mpmath.mpf(noise_gain) / (2 * mpmath.pi * mpmath.mpf(gbw_hz) * change))
-
-
-class Circuit(NamedTuple):
-    """What surrounds one C/V channel. `diode_tc_on` = 0 leaves the ring at `temp_ref_degc` (a compensated carrier)."""
-
-    carrier_v: float = 5.0
-    carrier_hz: float = 8e6
-    c0_f: float = 2e-12
-    cp_f: float = 3e-12
-    cref_f: float = 32e-12
-    diode: Diode = HSMS_282X
-    gbw_hz: float = 10.3e6
-    gbw_tc_per_k: float = -0.002
-    ina_noise_gain: float = 5.0
-    driver_noise_gain: float = 2.0
-    signal_gain: float = 5.0
-    temp_ref_degc: float = 25.0
-    diode_tc_on: int = 1
-
-
-def chain(dc_dx_f_per_m, temp_degc, **values):
-    """One C/V channel of a `Circuit` at `temp_degc`."""
-    c = Circuit(**values)
-    at = temp_degc if c.diode_tc_on else c.temp_ref_degc
-    r = ring(c.carrier_v, c.carrier_hz, c.c0_f, c.cp_f, c.cref_f, c.diode, at, c.temp_ref_degc)
-    tau_ina_s, tau_driver_s = (
-        opamp_tau_s(gain, c.gbw_hz, c.gbw_tc_per_k, temp_degc, c.temp_ref_degc)
-        for gain in (c.ina_noise_gain, c.driver_noise_gain)
-    )
-    return Chain(
-        gain_v_per_m=r.gain_v_per_f * dc_dx_f_per_m,
-        tau_ring_s=r.tau_s,
-        tau_ina_s=tau_ina_s,
-        tau_driver_s=tau_driver_s,
-        signal_gain=float(c.signal_gain),
-        driver_per_s=1.0 / tau_driver_s,
-    )
-
-
-@inlined
-def slope(c, v_ina, v_out):
-    """dv/dt of the channel's output (V/s) from its last two states: what the SID's edge split needs."""
-    return (c.signal_gain * v_ina - v_out) * c.driver_per_s

@@ -7,7 +7,7 @@
     RC(T)   = RC (1 + tc dT)                    output poles and SID resistors, both off by default
     rise(t) = self_heating (1 - exp(-t / tau))  package over ambient, off by default
 
-The ring diode is not here: `ring_diode.chain` takes the device at temp_ref and the temperature.
+The ring diode is not here: `propagator.cv_chain` takes the device at temp_ref and the temperature.
 Numbers  240-bit arithmetic, rounded once per field: the same doubles on every machine. At temp_ref nothing changes.
 Source   docs/parts/thermal.md
 """

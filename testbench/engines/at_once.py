@@ -107,4 +107,4 @@ def looped(p, s, i, bank):
     f = frequency_tracker.step(p.frequency_tracker, f, 0, 0, o.pll_mode, 0, o.load, o.adjust, 0, 0)
     q = quadrature_loop.step(p.quadrature_loop, q, 0, 0, 1, o.qsc_mode, 0, 0)
     out = rate_output.step(control.output_params(bank), s.rate_output, 1, r.loop.y, i.temperature)
-    return control.State(s.cordic, a, f, r, q, out, s.sequencer), word
+    return s._replace(agc=a, frequency_tracker=f, rate_loop=r, quadrature_loop=q, rate_output=out), word

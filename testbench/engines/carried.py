@@ -220,14 +220,7 @@ def told(p, g, s, sid, known, faults, tick, n, drive_codes, sense_codes, b):
             b.amplitude[k] = amplitude
             b.rate[k] = rate
             b.control_load[HISTORY + k] = init
-    s = Window(
-        s.control,
-        s.bank,
-        _aged(p.watchdog, s.dog, n - known),
-        s.turn,
-        s.slot,
-        _loaded(p, s, tick, known, n),
-    )
+    s = s._replace(dog=_aged(p.watchdog, s.dog, n - known), quadrature=_loaded(p, s, tick, known, n))
     pins.dac_codes(p, s.bank, s.turn, tick, n, b)
     mixed = known > 0 or init == 1
     enabled, staged = pins.told(p, drive_codes, sense_codes, n, g.enabled, g.staged, mixed, b)
@@ -237,24 +230,8 @@ def told(p, g, s, sid, known, faults, tick, n, drive_codes, sense_codes, b):
             drive_codes[k] = faults.dac_code[0] if faults.dac[0] else drive_codes[k]
             sense_codes[k] = faults.dac_code[1] if faults.dac[1] else sense_codes[k]
     count, refs = pins.reference_edges(p.references, s.turn, s.bank, tick, tick + n, g.refs, b)
-    g = Carried(
-        sid,
-        s,
-        refs,
-        enabled,
-        staged,
-        drive_code,
-        sense_code,
-        g.read,
-        g.ok,
-        g.channels,
-        g.coming,
-        g.falls,
-        g.valid,
-        g.new_ok,
-        g.drdy_cycle,
-    )
-    return g, count
+    pins_now = g._replace(refs=refs, enabled=enabled, staged=staged, drive_code=drive_code, sense_code=sense_code)
+    return pins_now._replace(sid=sid, s=s), count
 
 
 @inner
@@ -264,10 +241,8 @@ def behind(g, faults, clock, tick, until, fell, sid):
     clock  of the ADC; fell  what the plant's block returned; sid  the FPGA's own demodulator by now
     """
     at = TICK_CYCLES * tick
-    channels, ok, read, falls, valid = g.channels, g.ok, g.read, g.falls, g.valid
-    coming, new_ok = g.coming, g.new_ok
-    if valid < TICK_CYCLES * until:
-        channels, ok, read, falls, valid = coming, new_ok, 1, FAR, FAR
+    if g.valid < TICK_CYCLES * until:
+        g = g._replace(channels=g.coming, ok=g.new_ok, read=1, falls=FAR, valid=FAR)
     fallen = g.drdy_cycle >= 0
     fell_at = at + g.drdy_cycle
     drdy_cycle = -1
@@ -277,29 +252,10 @@ def behind(g, faults, clock, tick, until, fell, sid):
         fallen = True
         fell_at = at + fell
     if fallen and not faults.silent:
-        falls = fell_at
-        valid = falls + VALID_CLOCKS
-        coming = engine.sent_codes(faults, clock)
         new_ok = 1 if (faults.status & CHANNEL_MASK) >> spi_adc.HEAD_SHIFT == spi_adc.HEAD else 0
-    s = g.s
-    turn = s.turn
+        coming = engine.sent_codes(faults, clock)
+        g = g._replace(falls=fell_at, valid=fell_at + VALID_CLOCKS, coming=coming, new_ok=new_ok)
+    turn = g.s.turn
     if TICK_CYCLES * until - turn.clock > 64:
         turn = steady(turn, TICK_CYCLES * until)
-    s = Window(s.control, s.bank, s.dog, turn, s.slot, s.quadrature)
-    return Carried(
-        sid,
-        s,
-        g.refs,
-        g.enabled,
-        g.staged,
-        g.drive_code,
-        g.sense_code,
-        read,
-        ok,
-        channels,
-        coming,
-        falls,
-        valid,
-        new_ok,
-        drdy_cycle,
-    )
+    return g._replace(sid=sid, s=g.s._replace(turn=turn), drdy_cycle=drdy_cycle)

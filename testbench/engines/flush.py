@@ -13,8 +13,8 @@ from __future__ import annotations  # a field may bear the name of its module
 
 from typing import NamedTuple
 
-from analog_frontend.parts import adc_serial, dac_serial
-from fpga_model import dds, digital_sid, rates, references, spi_adc, watchdog
+from analog_frontend.parts import adc_serial
+from fpga_model import digital_sid, rates, references, spi_adc, watchdog
 from fpga_model import top as fpga
 from fpga_model.jit import inner, outlined
 from fpga_model.rates import FRAME_TICKS, TICK_CYCLES
@@ -23,30 +23,6 @@ from testbench.engines.turn import phase_at
 
 FLUSH = 8
 CHANNEL_MASK = spi_adc.WORD_MASK
-
-
-@inner
-def _with(f, rates_, dds_, master, sid, dog, bank, c):
-    """The firmware `f` with the registers of the blocks named in place of its own."""
-    return fpga.State(
-        rates_,
-        dds_,
-        f.drive_sine,
-        f.sense_sine,
-        f.drive_pipe,
-        f.sense_pipe,
-        f.references,
-        f.drive_modulator,
-        f.sense_modulator,
-        f.drive_dac,
-        f.sense_dac,
-        f.quadrature_dac,
-        master,
-        sid,
-        dog,
-        bank,
-        c,
-    )
 
 
 @outlined
@@ -59,19 +35,23 @@ def rebuilt(f, chips, s, sid, enabled, staged, tick, read, codes, status):
         master = spi_adc.State(1, 1, 1, 0, 0, 1, 0, word, 0, status, codes, 0, ok)
         sent = adc_serial.packed(status, codes)
         chip = adc_serial.State(1, 0, 1, 0, 0, 0, 0, 0, sent, sent)
-    d, e = f.dds, chips.sense
-    phase = phase_at(s.turn, TICK_CYCLES * tick)
-    sense = dac_serial.State(e.shift, e.count, e.sync_n, e.ldac_n, staged, staged, e.code, enabled, e.updated)
-    fresh = dds.State(phase, d.drive_sine, d.sense_sine, d.drive_ref, d.sense_ref)
-    f = _with(f, rates.State(0, tick % FRAME_TICKS, 0), fresh, master, sid, s.dog, s.bank, s.control)
-    return f, engine.Chips(chips.drive, sense, chips.quadrature, chip)
+    sense = chips.sense._replace(staged=staged, latch=staged, enabled=enabled)
+    f = f._replace(
+        rates=rates.State(0, tick % FRAME_TICKS, 0),
+        dds=f.dds._replace(phase=phase_at(s.turn, TICK_CYCLES * tick)),
+        adc=master,
+        sid=sid,
+        watchdog=s.dog,
+        registers=s.bank,
+        control=s.control,
+    )
+    return f, chips._replace(sense=sense, adc=chip)
 
 
 @outlined
 def completed(f, sid, dog):
     """After the flush: what has a long memory and moved during it, from the blocks."""
-    line = digital_sid.State(f.sid.refs, sid.acc, sid.pole1, sid.pole2, sid.pole3, sid.stage, sid.codes, sid.valid)
-    return _with(f, f.rates, f.dds, f.adc, line, dog, f.registers, f.control)
+    return f._replace(sid=sid._replace(refs=f.sid.refs), watchdog=dog)
 
 
 class Arrived(NamedTuple):

@@ -9,8 +9,6 @@
 Source    docs/architecture.md, docs/decisions/0012-lanes.md
 """
 
-from __future__ import annotations  # a field may bear the name of its module
-
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +18,7 @@ from analog_frontend import top as plant
 from analog_frontend.effects import law
 from analog_frontend.lanes import eight, eight_adc, eight_top
 from analog_frontend.lanes.eight import MOVING, STILL
-from analog_frontend.numeric.arena import FLOAT, INTEGER, float64_at, int32_at, int64_at, places
+from analog_frontend.numeric.arena import doubles, float64_at, int32_at, int64_at, int64s, places
 from analog_frontend.numeric.records import taken
 from analog_frontend.numeric.vector import LANES, load, store
 from analog_frontend.parts import adc, dac, propagator, sid
@@ -56,32 +54,6 @@ class Part(NamedTuple):
     temp_count: int
 
 
-class Group(NamedTuple):
-    """Eight gyroscopes in arrays, most of them with a first axis of eight; behind those of their plants."""
-
-    jet: np.ndarray  # (6 len(MOVING) 8,) jets at each one's temperature, lanes side by side
-    now: np.ndarray  # (3 8,) rate, stiffness, temperature that the matrix was made for, lanes side by side
-    carried: np.ndarray  # rows of Carried
-    faults: np.ndarray  # rows of engine.Faults
-    amplitude: np.ndarray  # buffers of pins.py
-    rate: np.ndarray
-    control_load: np.ndarray
-    drive: np.ndarray
-    sense: np.ndarray
-    refs: np.ndarray
-    sar: np.ndarray
-    drive_codes: np.ndarray  # (8, BLOCK)
-    sense_codes: np.ndarray
-    known: np.ndarray  # (8,) ticks of a block whose words a window has left in the buffers
-    acting: np.ndarray  # (8, 2, 2) codes: put out now, put out from the next tick on
-    late_area: np.ndarray  # (8, 2)
-    entered: np.ndarray  # (8,) tick
-    left: np.ndarray  # (8,) tick, or -1
-    ends: np.ndarray  # (8,) where the chunk ends; -1 for a place without a gyroscope
-    z: np.ndarray  # (8, 16) states of those that have not entered or have left
-    caps: np.ndarray  # (8, 4, 6)
-
-
 class Together(NamedTuple):
     """What a chunk is told and where it writes, for eight, as engine.Chunk; tables of any number of temperatures."""
 
@@ -110,31 +82,35 @@ SID = sum(1 for _ in leaves(CARRIED.sid))
 HEAD = sum(1 for part in (CARRIED.sid, CARRIED.s.control, CARRIED.s.bank) for _ in leaves(part))
 FAULTS = engine.Faults()
 ROOM = linear.BLOCK + HISTORY
-AT = places(
-    Group,
-    eight_adc.AT.sizes,
-    jet=(FLOAT, (propagator.JETS * MOVED * LANES,)),
-    now=(FLOAT, (3 * LANES,)),
-    carried=(INTEGER, (LANES, CARRIED_COUNT)),
-    faults=(INTEGER, (LANES, sum(1 for _ in leaves(FAULTS)))),
-    amplitude=(INTEGER, (LANES, ROOM)),
-    rate=(INTEGER, (LANES, ROOM)),
-    control_load=(INTEGER, (LANES, ROOM)),
-    drive=(INTEGER, (LANES, ROOM)),
-    sense=(INTEGER, (LANES, ROOM)),
-    refs=(INTEGER, (LANES, ROOM)),
-    sar=(INTEGER, (LANES, 2, ROOM)),
-    drive_codes=(INTEGER, (LANES, linear.BLOCK)),
-    sense_codes=(INTEGER, (LANES, linear.BLOCK)),
-    known=(INTEGER, (LANES,)),
-    acting=(INTEGER, (LANES, 2, 2)),
-    late_area=(FLOAT, (LANES, 2)),
-    entered=(INTEGER, (LANES,)),
-    left=(INTEGER, (LANES,)),
-    ends=(INTEGER, (LANES,)),
-    z=(FLOAT, (LANES, plant.STATES)),
-    caps=(FLOAT, (LANES, plant.DEMODULATORS, sid.CAPACITORS)),
-)
+
+
+class Group(NamedTuple):
+    """Eight gyroscopes in arrays, most of them with a first axis of eight; behind those of their plants."""
+
+    jet: doubles(propagator.JETS * MOVED * LANES)  # jets at each one's temperature, lanes side by side
+    now: doubles(3 * LANES)  # rate, stiffness, temperature that the matrix was made for, lanes side by side
+    carried: int64s(LANES, CARRIED_COUNT)  # rows of Carried
+    faults: int64s(LANES, sum(1 for _ in leaves(FAULTS)))  # rows of engine.Faults
+    amplitude: int64s(LANES, ROOM)  # buffers of pins.py
+    rate: int64s(LANES, ROOM)
+    control_load: int64s(LANES, ROOM)
+    drive: int64s(LANES, ROOM)
+    sense: int64s(LANES, ROOM)
+    refs: int64s(LANES, ROOM)
+    sar: int64s(LANES, 2, ROOM)
+    drive_codes: int64s(LANES, linear.BLOCK)
+    sense_codes: int64s(LANES, linear.BLOCK)
+    known: int64s(LANES)  # ticks of a block whose words a window has left in the buffers
+    acting: int64s(LANES, 2, 2)  # codes: put out now, put out from the next tick on
+    late_area: doubles(LANES, 2)
+    entered: int64s(LANES)  # tick
+    left: int64s(LANES)  # tick, or -1
+    ends: int64s(LANES)  # where the chunk ends; -1 for a place without a gyroscope
+    z: doubles(LANES, plant.STATES)  # states of those that have not entered or have left
+    caps: doubles(LANES, plant.DEMODULATORS, sid.CAPACITORS)
+
+
+AT = places(Group, eight_adc.AT.sizes)
 opened = AT.opened
 
 

@@ -18,7 +18,6 @@ from fpga_model import (
     control,
     cordic,
     isqrt,
-    quadrature_loop,
     registers,
     sequencer,
     spi_adc,
@@ -106,15 +105,12 @@ def whole(p, s, i, bank):
 
     What has nothing to do in a slot is at rest there: CORDIC first, then the sequencer, the loops, root and output.
     """
-    c = at_once.rotated(s.cordic, cordic.negated(i.drive_cos), i.drive_sin)
-    s = control.State(c, s.agc, s.frequency_tracker, s.rate_loop, s.quadrature_loop, s.rate_output, s.sequencer)
-    after = control.sequenced(p, s, i, bank)
-    s = control.State(c, s.agc, s.frequency_tracker, s.rate_loop, s.quadrature_loop, s.rate_output, after)
+    s = s._replace(cordic=at_once.rotated(s.cordic, cordic.negated(i.drive_cos), i.drive_sin))
+    s = s._replace(sequencer=control.sequenced(p, s, i, bank))
     s, word = at_once.looped(p, s, i, bank)
     out = at_once.scaled(control.output_params(bank), s.rate_output)
-    loop = s.quadrature_loop
-    loop = quadrature_loop.State(loop.error, loop.loop, at_once.rooted(loop.root))
-    return control.State(c, s.agc, s.frequency_tracker, s.rate_loop, loop, out, s.sequencer), word
+    loop = s.quadrature_loop._replace(root=at_once.rooted(s.quadrature_loop.root))
+    return s._replace(quadrature_loop=loop, rate_output=out), word
 
 
 @inner
@@ -182,8 +178,7 @@ def _played(p, s, sid_codes, old, new, ready, ok, new_ok, valid, tick, n, b):
             if e == spi_dac.LOAD_TICK:
                 b.control_load[HISTORY + k] = sequencer.outputs(s.control.sequencer).dac_init
                 if frame_tick <= LAST_ODD_TICK and (p.quadrature_fast == 1 or frame_tick & 1 == 1):
-                    root = s.control.quadrature_loop.root.y
-                    s = Window(s.control, s.bank, s.dog, s.turn, s.slot, root)
+                    s = s._replace(quadrature=s.control.quadrature_loop.root.y)
             i = _inputs(p, sid_codes, old, new, ready, ok, new_ok, valid, clock, s.dog.stale)
             s = edge(p, s, i, clock, 1 if clock == valid else 0, NO_HOST)
     return s, n

@@ -138,15 +138,7 @@ def register_writes(config):
     )
 
 
-@functools.lru_cache(maxsize=256)
-def _stacked(device, temp_lo_degc, temp_hi_degc):
-    """Tables over the range of temperatures, one knot if it is constant: (tables, first degC, step K, count)."""
-    if temp_lo_degc == temp_hi_degc:
-        single = propagator.build(device, temp_lo_degc)
-        return propagator.Plant(*(np.stack([item]) for item in single)), temp_lo_degc, KNOT_K, 1
-    table = propagator.knots(device, temp_lo_degc, temp_hi_degc, KNOT_K)
-    stacks = propagator.Plant(*(np.ascontiguousarray(item) for item in table.stacks))
-    return stacks, table.temp_lo_degc, table.step_k, table.count
+_knots = functools.lru_cache(maxsize=256)(propagator.knots)
 
 
 @functools.lru_cache(maxsize=256)
@@ -174,7 +166,8 @@ def analog(config, temp_lo_degc, temp_hi_degc):
         if getattr(d, name) >= 1e-6:
             raise ValueError(f"plant.{name} = {getattr(d, name):g} is above the limit 1e-06 s, one plant tick")
     warm = thermal.at_temperature(d, temp_lo_degc)
-    tables, first, step_k, count = _stacked(d, temp_lo_degc, temp_hi_degc)
+    knots = _knots(d, temp_lo_degc, temp_hi_degc, KNOT_K)
+    tables = knots.stacks
     tick_s = float(tables.tick_s[0])
     on, seed = config.noise, config.noise.seed
     w = 2 * math.pi
@@ -195,9 +188,9 @@ def analog(config, temp_lo_degc, temp_hi_degc):
         sense_levels=dac_levels.design(config.effects.sense_dac_levels, 20, d.sense_dac_span_v / 2**19),
         quad_lsb_v=d.quad_dac_span_v / 2**16,
         tables=tables,
-        temp_lo_degc=float(first),
-        temp_step_k=float(step_k),
-        temp_count=count,
+        temp_lo_degc=knots.temp_lo_degc,
+        temp_step_k=knots.step_k,
+        temp_count=knots.count,
         switch_tau_s=np.array([fall[0], rise[0]]),
         switch_carry=np.array([fall[1], rise[1]]),
         sid=sid.design(

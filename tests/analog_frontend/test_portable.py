@@ -12,12 +12,14 @@ from numba import config
 
 from analog_frontend import effects
 from analog_frontend.effects import drive_cubic, duffing, feedthrough_y
-from analog_frontend.parts import adc, noise, oscillator, ring_diode, sid
+from analog_frontend.parts import adc, noise, propagator, sid
+from analog_frontend.parts.device import Device
 from fpga_model.jit import kernel
+from tests.analog_frontend import oscillator
 
 ROOT = Path(__file__).resolve().parents[2]
 TICKS = 3000
-PINNED = "9962e9bcdc3f5c3c5f6413e152c1e07b85ea4dab3d88a80c48861611a8e36d76"
+PINNED = "c8dba251202e45b349907c449e58719a5f380eca6d8cc9a7c79b0faa60c8baf5"
 
 
 @kernel
@@ -76,7 +78,7 @@ def digest():
         fx, osc, cv, demods, conv, z, caps, s.clock, s.sums, np.zeros(8), adc.temperature_volts(31.0), TICKS, log
     )
     assert rows == 24
-    chains = [ring_diode.chain(1e-7, t, cref_f=c) for t in (-20.0, 25.0, 70.0) for c in (32e-12, 45e-12)]
+    chains = [propagator.cv_chain(Device(), c, t) for t in (-20.0, 25.0, 70.0) for c in ("drive", "sense")]
     numbers = [x for chain in chains for x in chain]
     numbers += [
         *np.moveaxis(demods.taylor.reshape(4, sid.TERMS, 4), -1, 0)[:3].ravel(),

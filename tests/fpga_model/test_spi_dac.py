@@ -9,6 +9,7 @@ from fpga_model import spi_dac
 from fpga_model.jit import kernel
 from testbench.flatten import store
 from tests import naive
+from tests.fpga_model import spi_timing
 from tests.rows import assert_in_formats, assert_same_rows
 
 PARTS = {"DAC8811": spi_dac.DAC8811, "AD5791": spi_dac.AD5791, "DAC82002": spi_dac.DAC82002}
@@ -97,8 +98,8 @@ def test_least_period_is_the_shortest_that_keeps_every_latch_edge(p):
         pin = rows[:, LDAC_N] if p.ldac else 1 - rows[:, SYNC_N]
         return int((np.diff(pin) == -1).sum())
 
-    assert latch_edges(spi_dac.period_cycles(p)) == 4
-    assert latch_edges(spi_dac.period_cycles(p) - 1) == 1
+    assert latch_edges(spi_timing.period_cycles(p)) == 4
+    assert latch_edges(spi_timing.period_cycles(p) - 1) == 1
 
 
 @pytest.mark.parametrize("code", [-32768, -32767, -1, 0, 1, 32767])
@@ -126,20 +127,20 @@ def test_quadrature_word_writes_register_8_in_straight_binary(code):
 
 
 def limits_kept(p, period):
-    return {name: ok for name, _, _, ok in spi_dac.timing_report(p, period)}
+    return {name: ok for name, _, _, ok in spi_timing.timing_report(p, period)}
 
 
 def test_pin_timing_of_the_default_board_is_within_the_data_sheets():
     for p, period in (
-        (spi_dac.DAC8811, spi_dac.DRIVE_PERIOD_CYCLES),
-        (spi_dac.AD5791, spi_dac.SENSE_PERIOD_CYCLES),
-        (spi_dac.DAC82002, spi_dac.QUADRATURE_PERIOD_CYCLES),
+        (spi_dac.DAC8811, spi_timing.DRIVE_PERIOD_CYCLES),
+        (spi_dac.AD5791, spi_timing.SENSE_PERIOD_CYCLES),
+        (spi_dac.DAC82002, spi_timing.QUADRATURE_PERIOD_CYCLES),
     ):
-        assert all(limits_kept(p, period).values()), spi_dac.timing_report(p, period)
+        assert all(limits_kept(p, period).values()), spi_timing.timing_report(p, period)
 
 
 def test_quadrature_dac_at_1_mhz_breaks_its_sync_high_time_and_nothing_else():
-    report = spi_dac.timing_report(spi_dac.DAC82002, 26)
+    report = spi_timing.timing_report(spi_dac.DAC82002, 26)
     assert [(name, limit) for name, _, limit, ok in report if not ok] == [("SYNC high", 160)]
     actual = {name: ns for name, ns, _, _ in report}
     assert actual["SYNC high"] == pytest.approx(2 / 26e6 * 1e9)
@@ -173,13 +174,13 @@ def test_report_agrees_with_the_pins(p):
         drop = np.flatnonzero((ldac[1:] == 0) & (ldac[:-1] == 1))[0] + 1
         measured["SYNC rise to LDAC fall"] = tc * (drop - rises[0])
         measured["LDAC low"] = tc * (np.flatnonzero(ldac[drop:])[0])
-    for name, actual, limit, ok in spi_dac.timing_report(p, period):
+    for name, actual, limit, ok in spi_timing.timing_report(p, period):
         assert actual == pytest.approx(measured[name]), name
         assert ok == (actual >= limit)
 
 
 @by_part
 def test_frames_may_not_overlap(p):
-    spi_dac.timing_report(p, spi_dac.period_cycles(p))
+    spi_timing.timing_report(p, spi_timing.period_cycles(p))
     with pytest.raises(ValueError, match="period_clocks"):
-        spi_dac.timing_report(p, spi_dac.period_cycles(p) - 1)
+        spi_timing.timing_report(p, spi_timing.period_cycles(p) - 1)

@@ -5,8 +5,9 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from analog_frontend.parts import noise, oscillator
+from analog_frontend.parts import noise
 from fpga_model.jit import kernel
+from tests.analog_frontend import oscillator
 
 
 def test_nominal_clocks():

@@ -7,7 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analog_frontend.parts import device, transducer
+from analog_frontend.effects import acceleration
+from analog_frontend.parts import device
+from tests.analog_frontend import transducer
 
 EPS0 = Fraction("8.8541878128e-12")
 
@@ -62,8 +64,8 @@ def test_impossible_combs_are_refused(change):
 
 def test_carrier_softening():
     """-0.68 N/m at 3.3 V and -1.56 at 5 V with 2 pF and 4 um."""
-    assert transducer.carrier_softening_n_per_m(3.3, 2e-12, 4e-6) == pytest.approx(-0.68, abs=5e-3)
-    assert transducer.carrier_softening_n_per_m(5.0, 2e-12, 4e-6) == pytest.approx(-1.5625)
+    assert acceleration.carrier_softening_n_per_m(3.3, 2e-12, 4e-6) == pytest.approx(-0.68, abs=5e-3)
+    assert acceleration.carrier_softening_n_per_m(5.0, 2e-12, 4e-6) == pytest.approx(-1.5625)
 
 
 @given(st.floats(-1e-6, 1e-6), st.floats(-20, 20), st.floats(-0.5, 0.5), st.floats(-20, 20))

@@ -218,7 +218,7 @@ def test_what_stands_beside_the_paper_says_how_the_latencies_were_found():
 
 def test_the_counts_of_sources_are_those_of_the_device():
     body = Path(device.__file__).read_text().split("class Device", 1)[1]
-    marks = re.findall(r"^    \w+: (?:float|int) = .*#\s+([SDAM])\s", body, re.M)
+    marks = re.findall(r"^    \w+: Limits\(.*\) = .*#\s+([SDAM])\s", body, re.M)
     count = {mark: marks.count(mark) for mark in "SDMA"}
     assert sum(count.values()) == len(device.Device._fields)
     says(

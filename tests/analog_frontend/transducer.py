@@ -1,4 +1,4 @@
-"""Electrostatics: force per volt, the quadrature electrode, and the formulas behind their coefficients.
+"""Electrostatics behind the plant's coefficients: force per volt, the quadrature electrode, unequal-gap combs.
 
     push-pull force       F = C'/2 [(Vdc + v)^2 - (1 - e)(Vdc - v)^2] = 2 C' Vdc v + e C'/2 (Vdc - v)^2
     force coefficient     k_vf = 2 C' Vdc, e = 0
@@ -52,11 +52,6 @@ def comb_softening_n_per_m_per_v2(comb):
     """Stiffness of the sense mode taken away per V_q^2."""
     n, height, gap, overlap, ratio = check_comb(comb)
     return n * EPS0_F_PER_M * height * overlap * (1.0 + 1.0 / (ratio * ratio * ratio)) / (gap * gap * gap)
-
-
-def carrier_softening_n_per_m(carrier_v, c0_f, gap_m):
-    """Stiffness of a gap-changing pick-off pair under the carrier, -2 (E/2)^2 C0 / d^2."""
-    return -0.5 * carrier_v * carrier_v * c0_f / (gap_m * gap_m)
 
 
 @inlined
