@@ -23,7 +23,7 @@ import numpy as np
 
 from analog_frontend import effects
 from analog_frontend.effects import law
-from analog_frontend.numeric.vector import LANES, load, splat, store
+from analog_frontend.numeric.vector import LANES, load, splat, store, store_rows
 from analog_frontend.parts.propagator import (
     DU_DRIVE,
     DU_SENSE,
@@ -117,8 +117,7 @@ def _sums(g, w, n, column, row):
 
     Sixteen ticks at a time, eight at the end: eight sums wait for each other's latency and share what they load.
     """
-    o0, o1, o2, o3 = row * STRIDE, (row + 1) * STRIDE, (row + 2) * STRIDE, (row + 3) * STRIDE
-    t = 0
+    first, t = row * STRIDE, 0
     while t + LANES < n:
         x, y = load(w, t), load(w, t + LANES)
         c0, c1 = splat(g[0, column]), splat(g[0, column + 1])
@@ -132,14 +131,8 @@ def _sums(g, w, n, column, row):
             c2, c3 = splat(g[j, column + 2]), splat(g[j, column + 3])
             a0, a1, a2, a3 = a0 + c0 * x, a1 + c1 * x, a2 + c2 * x, a3 + c3 * x
             b0, b1, b2, b3 = b0 + c0 * y, b1 + c1 * y, b2 + c2 * y, b3 + c3 * y
-        store(w, o0 + t, a0)
-        store(w, o1 + t, a1)
-        store(w, o2 + t, a2)
-        store(w, o3 + t, a3)
-        store(w, o0 + t + LANES, b0)
-        store(w, o1 + t + LANES, b1)
-        store(w, o2 + t + LANES, b2)
-        store(w, o3 + t + LANES, b3)
+        store_rows(w, first + t, STRIDE, (a0, a1, a2, a3))
+        store_rows(w, first + t + LANES, STRIDE, (b0, b1, b2, b3))
         t += 2 * LANES
     if t < n:
         x = load(w, t)
@@ -150,10 +143,7 @@ def _sums(g, w, n, column, row):
             x = load(w, k * STRIDE + t)
             a0, a1 = a0 + splat(g[j, column]) * x, a1 + splat(g[j, column + 1]) * x
             a2, a3 = a2 + splat(g[j, column + 2]) * x, a3 + splat(g[j, column + 3]) * x
-        store(w, o0 + t, a0)
-        store(w, o1 + t, a1)
-        store(w, o2 + t, a2)
-        store(w, o3 + t, a3)
+        store_rows(w, first + t, STRIDE, (a0, a1, a2, a3))
 
 
 @inlined

@@ -28,9 +28,11 @@ from analog_frontend.numeric.vector import (
     load4,
     low,
     pair,
+    rows4,
     splat,
     splat4,
     store4,
+    store_rows,
 )
 from fpga_model.jit import inlined, inner
 
@@ -41,7 +43,7 @@ HALF = 1 << 47
 HALF_MASK = HALF - 1
 TURN_MASK = 2 * HALF - 1
 PLACES = 0xFFFF  # more than the noise of a batch
-# Rows of `q`
+# Rows of `q`, the first fifteen as the demodulators keep them from frame to frame
 R1, R2, R3, H1, H2, H3, OPENED, OPENED_2, CLOSED_AT, NOISE, SIGN, AREA, BEGAN, WAITING, PAST = range(15)
 S, SLOPE, LENGTH, TOTAL = range(15, 19)
 Q_ROWS = 19
@@ -126,17 +128,6 @@ def _under(p, sign, u, a2, a3, h2, h3, opened, opened_2, t, closed_at):
 
 
 @inlined
-def _picked(pick, picked, total, began, t, slope):
-    one = splat4(1.0)
-    return (
-        chosen(one, pick, total, picked[0]),
-        chosen(one, pick, began, picked[1]),
-        chosen(one, pick, t, picked[2]),
-        chosen(one, pick, slope, picked[3]),
-    )
-
-
-@inlined
 def _two_edges(p, s, waiting, early, old, new, left, later, tilde, poles, noise, begin):
     """The first two edges of the frame in every demodulator, eight lanes; returns the state `s` after them.
 
@@ -182,26 +173,11 @@ def _two_edges(p, s, waiting, early, old, new, left, later, tilde, poles, noise,
         since,
     )
     pick = chosen(splat(p.sampled), t, chosen(since, splat(p.sampled - 1e-6), one, zero), zero)
-    picked = _picked(low(pick), picked, area + low(under), began, low(t), low(slope))
-    picked = _picked(high(pick), picked, low(under) + high(under), closed_at, high(t), high(slope))
-    return (
-        low(b1) - high(w1),
-        low(b2) - high(w2),
-        low(b3) - high(w3),
-        high(b1),
-        high(b2),
-        high(b3),
-        low(b3),
-        low(b2),
-        high(t),
-        high(total),
-        sign,
-        high(under),
-        low(t),
-        waits,
-        past_waits,
-        picked,
-    )
+    picked = chosen(splat4(1.0), low(pick), (area + low(under), began, low(t), low(slope)), picked)
+    picked = chosen(splat4(1.0), high(pick), (low(under) + high(under), closed_at, high(t), high(slope)), picked)
+    closes = (low(b1) - high(w1), low(b2) - high(w2), low(b3) - high(w3))
+    opens = (high(b1), high(b2), high(b3), low(b3), low(b2))
+    return closes + opens + (high(t), high(total), sign, high(under), low(t), waits, past_waits, picked)
 
 
 @inlined
@@ -224,26 +200,10 @@ def _last_edge(p, s, waiting, early, new, later, tilde, poles, noise, begin):
     a1, a2, a3 = _grown(swept, r1, r2, r3)
     under, slope = _under(p, sign, u, a2, a3, h2, h3, opened, opened_2, t, closed_at)
     pick = chosen(splat4(p.sampled), t, chosen(closed_at, splat4(p.sampled - 1e-6), acts, zero), zero)
-    picked = _picked(pick, picked, area + under, began, t, slope)
+    picked = chosen(one, pick, (area + under, began, t, slope), picked)
     a1, a2, a3 = _charged(p, sign, a1, a2, a3)
-    return (
-        chosen(one, acts, h1 - w1, r1),
-        chosen(one, acts, h2 - w2, r2),
-        chosen(one, acts, h3 - w3, r3),
-        chosen(one, acts, a1, h1),
-        chosen(one, acts, a2, h2),
-        chosen(one, acts, a3, h3),
-        chosen(one, acts, h3, opened),
-        chosen(one, acts, h2, opened_2),
-        chosen(one, acts, t, closed_at),
-        chosen(one, acts, total, drawn),
-        chosen(one, acts, zero - sign, sign),
-        chosen(one, acts, under, area),
-        chosen(one, acts, closed_at, began),
-        chosen(one, late, t - end, zero - one),
-        chosen(one, late, past, zero),
-        picked,
-    )
+    after = (h1 - w1, h2 - w2, h3 - w3, a1, a2, a3, h3, h2, t, total, zero - sign, under, closed_at)
+    return chosen(one, acts, after, s[:13]) + chosen(one, late, (t - end, past), (zero - one, zero)) + (picked,)
 
 
 @inlined
@@ -277,47 +237,17 @@ def _left(phase, offsets):
 
 @inner
 def _kept(q):
-    """What the demodulators kept from frame to frame, and what a frame picks: nothing yet."""
+    """Rows R1 .. PAST, and what a frame picks: nothing yet."""
     zero, one = splat4(0.0), splat4(1.0)
-    return (
-        load4(q, 4 * R1),
-        load4(q, 4 * R2),
-        load4(q, 4 * R3),
-        load4(q, 4 * H1),
-        load4(q, 4 * H2),
-        load4(q, 4 * H3),
-        load4(q, 4 * OPENED),
-        load4(q, 4 * OPENED_2),
-        load4(q, 4 * CLOSED_AT),
-        load4(q, 4 * NOISE),
-        load4(q, 4 * SIGN),
-        load4(q, 4 * AREA),
-        load4(q, 4 * BEGAN),
-        load4(q, 4 * WAITING),
-        load4(q, 4 * PAST),
-        (zero, zero, one, zero),
-    )
+    return rows4(q, 0, 15) + ((zero, zero, one, zero),)
 
 
 @inner
 def _keep(q, s):
     """The same from frame to frame, clocks counted from the end of this one. Mutates `q`."""
-    (r1, r2, r3, h1, h2, h3, opened, opened_2, closed_at, drawn, sign, area, began, waits, past_waits, _) = s
-    store4(q, 4 * R1, r1)
-    store4(q, 4 * R2, r2)
-    store4(q, 4 * R3, r3)
-    store4(q, 4 * H1, h1)
-    store4(q, 4 * H2, h2)
-    store4(q, 4 * H3, h3)
-    store4(q, 4 * OPENED, opened)
-    store4(q, 4 * OPENED_2, opened_2)
-    store4(q, 4 * CLOSED_AT, closed_at - FRAME_CLOCKS)
-    store4(q, 4 * NOISE, drawn)
-    store4(q, 4 * SIGN, sign)
-    store4(q, 4 * AREA, area)
-    store4(q, 4 * BEGAN, began - FRAME_CLOCKS)
-    store4(q, 4 * WAITING, waits)
-    store4(q, 4 * PAST, past_waits)
+    store_rows(q, 0, 4, s[:15])
+    store4(q, 4 * CLOSED_AT, s[CLOSED_AT] - FRAME_CLOCKS)
+    store4(q, 4 * BEGAN, s[BEGAN] - FRAME_CLOCKS)
 
 
 @inner
@@ -339,9 +269,7 @@ def demodulate(
     old, new = (float(word_old), 1.0 / word_old, 0.0), (float(word_new), 1.0 / word_new, float(turn_clock))
     early = chosen(ceiling(left * old[1]), splat4(float(turn_clock)), one, zero)
     waiting = chosen(zero, load4(q, 4 * WAITING), one, zero)
-    tilde = (
-        load4(base, 0),
-        load4(base, 4),
+    tilde = rows4(base, 0, 2) + (
         pair(v[0], v[2]),
         pair(v[1], v[3]),
         pair(v[4], v[6]),
@@ -351,21 +279,9 @@ def demodulate(
         pair(v[12], v[14]),
         pair(v[13], v[15]),
     )
-    doubled = (
-        joined(tilde[0], tilde[0]),
-        joined(tilde[1], tilde[1]),
-        joined(tilde[2], tilde[2]),
-        joined(tilde[3], tilde[3]),
-        joined(tilde[4], tilde[4]),
-        joined(tilde[5], tilde[5]),
-        joined(tilde[6], tilde[6]),
-        joined(tilde[7], tilde[7]),
-        joined(tilde[8], tilde[8]),
-        joined(tilde[9], tilde[9]),
-    )
     s = _kept(q)
     noise = (volts, sums, row)
-    s = _two_edges(p, s, waiting, early, old, new, left, later, doubled, poles, noise, begin)
+    s = _two_edges(p, s, waiting, early, old, new, left, later, joined(tilde, tilde), poles, noise, begin)
     s = _last_edge(p, s, waiting, early, new, later, tilde, poles, noise, begin)
     _keep(q, s)
     total, since, until, slope = s[-1]

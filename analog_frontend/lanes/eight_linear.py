@@ -40,7 +40,6 @@ from analog_frontend.lanes.eight import (
     PATH_Y,
     PLACES,
     ROW,
-    S1,
     UD,
     US,
     VX,
@@ -51,7 +50,7 @@ from analog_frontend.lanes.eight import (
     opened,
 )
 from analog_frontend.numeric.records import taken
-from analog_frontend.numeric.vector import LANES, integers, larger, load, splat, store
+from analog_frontend.numeric.vector import LANES, integers, larger, load, splat, store, store_rows
 from analog_frontend.parts import noise
 from analog_frontend.parts.noise import HOLD
 from analog_frontend.sid_edges import JITTERED
@@ -153,25 +152,11 @@ def _chains(v, n):
     d1, d2, d3 = load(z, 0), load(z, 8), load(z, 16)
     s1, s2, s3 = load(z, 24), load(z, 32), load(z, 40)
     for t in range(0, n * LANES, LANES):
-        _stored(w, D1 + t, d1, d2, d3)
-        _stored(w, S1 + t, s1, s2, s3)
+        store_rows(w, D1 + t, ROW, (d1, d2, d3, s1, s2, s3))
         d1, d2, d3 = _of_dac(g, AT_DRIVE, d1, d2, d3, load(w, UD + t), load(w, DUD + t), load(w, AD + t))
         s1, s2, s3 = _of_dac(g, AT_SENSE, s1, s2, s3, load(w, US + t), load(w, DUS + t), load(w, AS + t))
-    _stored(w, D1 + n * LANES, d1, d2, d3)
-    _stored(w, S1 + n * LANES, s1, s2, s3)
-    store(z, 0, d1)
-    store(z, 8, d2)
-    store(z, 16, d3)
-    store(z, 24, s1)
-    store(z, 32, s2)
-    store(z, 40, s3)
-
-
-@inlined
-def _stored(w, at, p1, p2, p3):
-    store(w, at, p1)
-    store(w, at + ROW, p2)
-    store(w, at + 2 * ROW, p3)
+    store_rows(w, D1 + n * LANES, ROW, (d1, d2, d3, s1, s2, s3))
+    store_rows(z, 0, LANES, (d1, d2, d3, s1, s2, s3))
 
 
 @inlined
@@ -191,14 +176,8 @@ def _forced(v, n):
             else:
                 a0, a1, a2, a3 = a0 + c0 * x, a1 + c1 * x, a2 + c2 * x, a3 + c3 * x
                 b0, b1, b2, b3 = b0 + c0 * y, b1 + c1 * y, b2 + c2 * y, b3 + c3 * y
-        store(w, F + t, a0)
-        store(w, F + ROW + t, a1)
-        store(w, F + 2 * ROW + t, a2)
-        store(w, F + 3 * ROW + t, a3)
-        store(w, F + t + LANES, b0)
-        store(w, F + ROW + t + LANES, b1)
-        store(w, F + 2 * ROW + t + LANES, b2)
-        store(w, F + 3 * ROW + t + LANES, b3)
+        store_rows(w, F + t, ROW, (a0, a1, a2, a3))
+        store_rows(w, F + t + LANES, ROW, (b0, b1, b2, b3))
 
 
 @inlined
@@ -215,16 +194,10 @@ def _modes(v, kind, floats, ints, n):
     top = load(v.peak, 0)
     for t in range(0, n * LANES, LANES):
         if v.flags[FORCE_EFFECTS]:
-            store(w, VX + t, vx)
-            store(w, X + t, x)
-            store(w, Y + t, y)
-            store(w, VY + t, vy)
+            store_rows(w, X + t, ROW, (x, vx, y, vy))
             pushed(kind, floats, ints, t)
             vx, vy = load(w, VX + t), load(w, VY + t)
-        store(w, X + t, x)
-        store(w, VX + t, vx)
-        store(w, Y + t, y)
-        store(w, VY + t, vy)
+        store_rows(w, X + t, ROW, (x, vx, y, vy))
         x_ = _mode(g, 0, x, vx, y, vy, load(w, F + t))
         vx_ = _mode(g, 1, x, vx, y, vy, load(w, F + ROW + t))
         y_ = _mode(g, 2, x, vx, y, vy, load(w, F + 2 * ROW + t))
@@ -235,10 +208,7 @@ def _modes(v, kind, floats, ints, n):
         x, vx, y, vy = x_, vx_, y_, vy_
     store(w, X + n * LANES, x)
     store(w, Y + n * LANES, y)
-    store(z, 48, x)
-    store(z, 56, vx)
-    store(z, 64, y)
-    store(z, 72, vy)
+    store_rows(z, 48, LANES, (x, vx, y, vy))
     store(v.peak, 0, top)
 
 
@@ -262,18 +232,14 @@ def _pickoff(v, at, cv, z, x, vx, end_vx, row, path, n):
     p1, p2, p3 = load(v.z, z), load(v.z, z + 8), load(v.z, z + 16)
     for t in range(0, n * LANES, LANES):
         x0, v0, x1, v1 = load(w, x + t), load(w, vx + t), load(w, x + t + LANES), load(w, end_vx + t)
-        store(w, row + ROW + t, p2)
-        store(w, row + 2 * ROW + t, p3)
+        store_rows(w, row + ROW + t, ROW, (p2, p3))
         store(w, path + t, _of_path(g, cv + 48, _of_mode(g, at + 24, x0, v0, x1, v1), p1, p2, p3))
         store(w, path + ROW + t, _of_path(g, cv + 72, _of_mode(g, at + 32, x0, v0, x1, v1), p1, p2, p3))
         store(w, path + 2 * ROW + t, _of_path(g, cv + 96, _of_mode(g, at + 40, x0, v0, x1, v1), p1, p2, p3))
         f1, f2 = _of_mode(g, at, x0, v0, x1, v1), _of_mode(g, at + 8, x0, v0, x1, v1)
         p1, p2, p3 = _three(g, cv, p1, p2, p3, f1, f2, _of_mode(g, at + 16, x0, v0, x1, v1))
-    store(w, row + ROW + n * LANES, p2)
-    store(w, row + 2 * ROW + n * LANES, p3)
-    store(v.z, z, p1)
-    store(v.z, z + 8, p2)
-    store(v.z, z + 16, p3)
+    store_rows(w, row + ROW + n * LANES, ROW, (p2, p3))
+    store_rows(v.z, z, LANES, (p1, p2, p3))
 
 
 @outlined

@@ -22,7 +22,7 @@ from analog_frontend.lanes.eight import (
     TICKS,
     opened,
 )
-from analog_frontend.numeric.vector import clamped, integers, load, splat, store
+from analog_frontend.numeric.vector import clamped, integers, load, splat, store, store_rows
 from analog_frontend.parts import noise, sid
 from analog_frontend.parts.sid import STAGES, TERMS
 from analog_frontend.sid_edges import DEMODULATORS, JITTERED, TICK_CYCLES, acting, switched
@@ -43,9 +43,7 @@ def _followed(v, d, f1, f2, f3):
     w3 = e1 * w3 + (e2 * w2 + (e3 * w1 + f3))
     w2 = e1 * w2 + (e2 * w1 + f2)
     w1 = e1 * w1 + f1
-    store(v.on, at, w1)
-    store(v.on, at + LANES, w2)
-    store(v.on, at + 2 * LANES, w3)
+    store_rows(v.on, at, LANES, (w1, w2, w3))
     return load(v.sign, d * LANES) * (w3 - load(v.off, at + 2 * LANES))
 
 
@@ -144,23 +142,9 @@ def _answered(v, slot):
     v0, v1 = load(v.given, x + V0 * LANES), load(v.given, x + V1 * LANES)
     dv0 = (gain * load(v.given, x + BEFORE * LANES) - v0) / driver_s
     dv1 = (gain * load(v.given, x + AFTER * LANES) - v1) / driver_s
-    q1, q2, q3 = _response(v, v0, dv0 * h_s, dv1 * h_s, v1, s)
-    store(v.factors, f, q1)
-    store(v.factors, f + LANES, q2)
-    store(v.factors, f + 2 * LANES, q3)
-    _stored(v, f + FIRST * LANES, sid.factors(r * s))
-    _stored(v, f + SECOND * LANES, sid.factors(r * (1.0 - s)))
-
-
-@inlined
-def _stored(v, at, values):
-    e, e2, e3, s1, s2, s3 = values
-    store(v.factors, at, e)
-    store(v.factors, at + LANES, e2)
-    store(v.factors, at + 2 * LANES, e3)
-    store(v.factors, at + 3 * LANES, s1)
-    store(v.factors, at + 4 * LANES, s2)
-    store(v.factors, at + 5 * LANES, s3)
+    store_rows(v.factors, f, LANES, _response(v, v0, dv0 * h_s, dv1 * h_s, v1, s))
+    store_rows(v.factors, f + FIRST * LANES, LANES, sid.factors(r * s))
+    store_rows(v.factors, f + SECOND * LANES, LANES, sid.factors(r * (1.0 - s)))
 
 
 @outlined
@@ -339,10 +323,8 @@ def demodulated(floats, ints, tick, first, n):
                 soonest = min(soonest, v.due[plant])
         f1, f2, f3 = _feed(v, t * LANES, PATH_X, NX)
         g1, g2, g3 = _feed(v, t * LANES, PATH_Y, NY)
-        at, step = (first + t + 1) * LANES, TICKS * LANES
-        store(v.out, at, _followed(v, 0, f1, f2, f3))
-        store(v.out, at + step, _followed(v, 1, f1, f2, f3))
-        store(v.out, at + 2 * step, _followed(v, 2, g1, g2, g3))
-        store(v.out, at + 3 * step, _followed(v, 3, g1, g2, g3))
+        drive = _followed(v, 0, f1, f2, f3), _followed(v, 1, f1, f2, f3)
+        sense = _followed(v, 2, g1, g2, g3), _followed(v, 3, g1, g2, g3)
+        store_rows(v.out, (first + t + 1) * LANES, TICKS * LANES, drive + sense)
         if moved:
             _repaired(v, first + t, moved)

@@ -6,7 +6,8 @@
     larger(a, b)     the larger of a and the magnitude of b     clamped(v, lo, hi) = min(max(v, lo), hi)
     ceiling(v)   chosen(a, b, x, y) = x where a <= b, else y   turned4(v) = i v, for two complex numbers re, im, re, im
     joined(a, b)   eight lanes from four and four   low(v)   high(v)   the first and the last four of eight
-    store_fives(a, i, v)   lane k five times, a[i + 5 k : i + 5 k + 5]
+    store_fives(a, i, v)   lane k five times, a[i + 5 k : i + 5 k + 5]   store_rows(a, i, step, v)   v[k] at i + k step
+    rows4(a, i, n)   n times four lanes, one behind the other, as a tuple; joined and chosen take tuples, each of them
     four(a, b, c, d)   pair(a, b) = a, a, b, b   splat4, load4, store4   lane(v, k) = v[k], k a constant    four lanes
 totals4(a, b, c, d)   four lanes: the sum over all eight of each
 
@@ -56,9 +57,18 @@ if DISABLED:
         """a in the first two lanes, b in the others."""
         return np.array((a, a, b, b))
 
+    def store_rows(a, i, step, values):
+        """values[k] at a[i + k step]."""
+        for k, v in enumerate(values):
+            a[i + k * step : i + k * step + len(v)] = v
+
+    def rows4(a, i, count):
+        """`count` times four lanes, one behind the other."""
+        return tuple(load4(a, i + 4 * k) for k in range(count))
+
     def joined(a, b):
-        """Eight lanes from four and four."""
-        return np.concatenate([a, b])
+        """Eight lanes from four and four, or a tuple of such from two tuples."""
+        return tuple(map(joined, a, b)) if isinstance(a, tuple) else np.concatenate([a, b])
 
     def low(v):
         """The first four of eight lanes."""
@@ -77,8 +87,8 @@ if DISABLED:
         return np.array((-v[1], v[0], -v[3], v[2]))
 
     def chosen(a, b, x, y):
-        """x where a <= b, else y."""
-        return np.where(a <= b, x, y)
+        """x where a <= b, else y; each of tuples."""
+        return tuple(chosen(a, b, *pair) for pair in zip(x, y)) if isinstance(x, tuple) else np.where(a <= b, x, y)
 
     def lane(v, k):
         """Lane k."""
@@ -120,11 +130,13 @@ else:
         load4,
         low,
         pair,
+        rows4,
         splat,
         splat4,
         store,
         store4,
         store_fives,
+        store_rows,
         totals4,
         turned4,
     )

@@ -15,12 +15,12 @@ LANES, FIVE = 8, 5
 
 
 class Vector(types.Type):
-    """Numba's type of `lanes` doubles in one register."""
+    """Numba's type of `lanes` numbers in one register."""
 
-    def __init__(self, lanes):
+    def __init__(self, name, number, lanes):
         self.lanes = lanes
-        self.native = ir.VectorType(ir.DoubleType(), lanes)
-        super().__init__(name=f"vector{lanes}")
+        self.native = ir.VectorType(number, lanes)
+        super().__init__(name=f"{name}{lanes}")
 
 
 @register_default(Vector)
@@ -29,21 +29,35 @@ class _VectorModel(models.PrimitiveModel):
         super().__init__(manager, kind, kind.native)
 
 
-VECTOR, QUAD = Vector(LANES), Vector(4)
+VECTOR, QUAD = Vector("vector", ir.DoubleType(), LANES), Vector("vector", ir.DoubleType(), 4)
+INTEGERS = Vector("integers", ir.IntType(64), LANES)
 _INT32 = ir.IntType(32)
 
 
-def _pointer(context, builder, signature, args, native):
+def _shuffled(builder, x, y, places):
+    return builder.shuffle_vector(x, y, ir.Constant(ir.VectorType(_INT32, len(places)), list(places)))
+
+
+def _pointer(context, builder, signature, args, native, offset=0):
     array = context.make_array(signature.args[0])(context, builder, args[0])
     index = context.cast(builder, args[1], signature.args[1], types.intp)
-    return builder.bitcast(builder.gep(array.data, [index]), native.as_pointer())
+    place = builder.gep(array.data, [builder.add(index, offset) if offset else index])
+    return builder.bitcast(place, native.as_pointer())
+
+
+def _each(context, builder, result, apply, *args):
+    """`apply` of registers, or of each of tuples of them."""
+    if not isinstance(result, types.BaseTuple):
+        return apply(*args)
+    items = [apply(*(builder.extract_value(a, k) for a in args)) for k in range(len(result))]
+    return context.make_tuple(builder, result, items)
 
 
 def _loader(kind):
     @intrinsic
     def load(typingctx, a, i):
         def codegen(context, builder, signature, args):
-            # aligned as a double only: the caller's row may start anywhere
+            # aligned as a number only: the caller's row may start anywhere
             return builder.load(_pointer(context, builder, signature, args, kind.native), align=8)
 
         return kind(a, i), codegen
@@ -51,30 +65,55 @@ def _loader(kind):
     return load
 
 
-def _storer(kind):
-    @intrinsic
-    def store(typingctx, a, i, v):
-        def codegen(context, builder, signature, args):
-            builder.store(args[2], _pointer(context, builder, signature, args, kind.native), align=8)
-            return context.get_dummy_value()
+@intrinsic
+def store(typingctx, a, i, v):
+    def codegen(context, builder, signature, args):
+        builder.store(args[2], _pointer(context, builder, signature, args, v.native), align=8)
+        return context.get_dummy_value()
 
-        return types.void(a, i, kind), codegen
-
-    return store
+    return types.void(a, i, v), codegen
 
 
-def _splatter(kind):
+def _splatter(kind, number):
     @intrinsic
     def splat(typingctx, x):
         def codegen(context, builder, signature, args):
             empty = ir.Constant(kind.native, ir.Undefined)
             first = builder.insert_element(empty, args[0], ir.Constant(_INT32, 0))
-            mask = ir.Constant(ir.VectorType(_INT32, kind.lanes), [0] * kind.lanes)
-            return builder.shuffle_vector(first, empty, mask)
+            return _shuffled(builder, first, empty, [0] * kind.lanes)
 
-        return kind(types.float64), codegen
+        return kind(number), codegen
 
     return splat
+
+
+@intrinsic
+def store_rows(typingctx, a, i, step, values):
+    def codegen(context, builder, signature, args):
+        step = context.cast(builder, args[2], signature.args[2], types.intp)
+        for k, kind in enumerate(values):
+            offset = builder.mul(step, ir.Constant(step.type, k))
+            pointer = _pointer(context, builder, signature, args, kind.native, offset)
+            builder.store(builder.extract_value(args[3], k), pointer, align=8)
+        return context.get_dummy_value()
+
+    return types.void(a, i, step, values), codegen
+
+
+@intrinsic
+def rows4(typingctx, a, i, count):
+    if not isinstance(count, types.IntegerLiteral):
+        return None
+    rows = types.UniTuple(QUAD, count.literal_value)
+
+    def codegen(context, builder, signature, args):
+        pointers = (
+            _pointer(context, builder, signature, args, QUAD.native, ir.Constant(ir.IntType(64), QUAD.lanes * k))
+            for k in range(len(rows))
+        )
+        return context.make_tuple(builder, rows, [builder.load(pointer, align=8) for pointer in pointers])
+
+    return rows(a, i, count), codegen
 
 
 def _gathered(places):
@@ -90,17 +129,17 @@ def _gathered(places):
 
 
 @intrinsic
-def _four_native(typingctx, a, b, c, d):
+def four(typingctx, a, b, c, d):
     return QUAD(types.float64, types.float64, types.float64, types.float64), _gathered((0, 1, 2, 3))
 
 
 @intrinsic
-def _pair_native(typingctx, a, b):
+def pair(typingctx, a, b):
     return QUAD(types.float64, types.float64), _gathered((0, 0, 1, 1))
 
 
 @intrinsic
-def _lane_native(typingctx, v, k):
+def lane(typingctx, v, k):
     def codegen(context, builder, signature, args):
         return builder.extract_element(args[0], builder.trunc(args[1], _INT32))
 
@@ -108,7 +147,7 @@ def _lane_native(typingctx, v, k):
 
 
 @intrinsic
-def _ceiling_native(typingctx, v):
+def ceiling(typingctx, v):
     def codegen(context, builder, signature, args):
         kind = ir.FunctionType(v.native, [v.native])
         return builder.call(cgutils.get_or_insert_function(builder.module, kind, f"llvm.ceil.v{v.lanes}f64"), args)
@@ -116,44 +155,105 @@ def _ceiling_native(typingctx, v):
     return v(v), codegen
 
 
-def _shuffler(kind, source, places):
+@intrinsic
+def joined(typingctx, a, b):
+    whole = types.UniTuple(VECTOR, len(a)) if isinstance(a, types.BaseTuple) else VECTOR
+
     def codegen(context, builder, signature, args):
-        return builder.shuffle_vector(args[0], args[-1], ir.Constant(ir.VectorType(_INT32, len(places)), places))
+        return _each(context, builder, whole, lambda x, y: _shuffled(builder, x, y, range(8)), *args)
 
-    return lambda count: (kind(*[source] * count), codegen)
-
-
-@intrinsic
-def _joined_native(typingctx, a, b):
-    return _shuffler(VECTOR, QUAD, list(range(8)))(2)
+    return whole(a, b), codegen
 
 
-@intrinsic
-def _low_native(typingctx, v):
-    return _shuffler(QUAD, VECTOR, [0, 1, 2, 3])(1)
+def _half(first):
+    @intrinsic
+    def half(typingctx, v):
+        def codegen(context, builder, signature, args):
+            return _shuffled(builder, args[0], args[0], range(first, first + 4))
 
+        return QUAD(VECTOR), codegen
 
-@intrinsic
-def _high_native(typingctx, v):
-    return _shuffler(QUAD, VECTOR, [4, 5, 6, 7])(1)
+    return half
 
 
 @intrinsic
-def _turned_native(typingctx, v):
+def turned4(typingctx, v):
     def codegen(context, builder, signature, args):
-        places = ir.Constant(ir.VectorType(_INT32, 4), [1, 0, 3, 2])
-        swapped = builder.shuffle_vector(args[0], args[0], places)
+        swapped = _shuffled(builder, args[0], args[0], (1, 0, 3, 2))
         return builder.fmul(swapped, ir.Constant(QUAD.native, [-1.0, 1.0, -1.0, 1.0]))
 
     return QUAD(QUAD), codegen
 
 
 @intrinsic
-def _chosen_native(typingctx, a, b, x, y):
+def chosen(typingctx, a, b, x, y):
     def codegen(context, builder, signature, args):
-        return builder.select(builder.fcmp_ordered("<=", args[0], args[1]), args[2], args[3])
+        test = builder.fcmp_ordered("<=", args[0], args[1])
+        return _each(context, builder, x, lambda u, v: builder.select(test, u, v), *args[2:])
 
     return x(a, a, x, x), codegen
+
+
+@intrinsic
+def larger(typingctx, a, b):
+    def codegen(context, builder, signature, args):
+        top, b = args
+        zero = ir.Constant(VECTOR.native, [0.0] * LANES)
+        magnitude = builder.select(builder.fcmp_ordered("<", b, zero), builder.fsub(zero, b), b)
+        return builder.select(builder.fcmp_ordered(">", magnitude, top), magnitude, top)
+
+    return VECTOR(VECTOR, VECTOR), codegen
+
+
+@intrinsic
+def store_fives(typingctx, a, i, v):
+    def codegen(context, builder, signature, args):
+        for first in range(0, FIVE * LANES, LANES):
+            pointer = _pointer(context, builder, signature, args, VECTOR.native, ir.Constant(ir.IntType(64), first))
+            places = [(first + k) // FIVE for k in range(LANES)]
+            builder.store(_shuffled(builder, args[2], args[2], places), pointer, align=8)
+        return context.get_dummy_value()
+
+    return types.void(a, types.int64, v), codegen
+
+
+@intrinsic
+def totals4(typingctx, a, b, c, d):
+    def codegen(context, builder, signature, args):
+        def added(x, y, low, high):
+            return builder.fadd(_shuffled(builder, x, y, low), _shuffled(builder, x, y, high))
+
+        a, b, c, d = (added(v, v, (0, 1, 2, 3), (4, 5, 6, 7)) for v in args)
+        a, c = added(a, b, (0, 4, 2, 6), (1, 5, 3, 7)), added(c, d, (0, 4, 2, 6), (1, 5, 3, 7))
+        return added(a, c, (0, 1, 4, 5), (2, 3, 6, 7))
+
+    return QUAD(VECTOR, VECTOR, VECTOR, VECTOR), codegen
+
+
+@intrinsic
+def clamped(typingctx, v, lo, hi):
+    def codegen(context, builder, signature, args):
+        v, lo, hi = args
+        v = builder.select(builder.fcmp_ordered("<", v, lo), lo, v)
+        return builder.select(builder.fcmp_ordered(">", v, hi), hi, v)
+
+    return VECTOR(VECTOR, VECTOR, VECTOR), codegen
+
+
+load, load4, integers = _loader(VECTOR), _loader(QUAD), _loader(INTEGERS)
+store4 = store
+splat, splat4 = _splatter(VECTOR, types.float64), _splatter(QUAD, types.float64)
+low, high = _half(0), _half(4)
+
+
+# ---- + - * / and the operations on bits ------------------------------------------------------------------------------
+
+_splat_integer = _splatter(INTEGERS, types.int64)
+
+
+@intrinsic
+def _as_doubles(typingctx, v):
+    return VECTOR(INTEGERS), lambda context, builder, signature, args: builder.sitofp(args[0], VECTOR.native)
 
 
 def _operation(name):
@@ -169,115 +269,21 @@ def _overloaded(symbol, name):
 
     @overload(symbol)
     def _typed(a, b):
-        if isinstance(a, Vector) and a == b:
+        if a in (VECTOR, QUAD) and a == b:
             return lambda a, b: apply(a, b)
-        if isinstance(a, Vector) and isinstance(b, types.Float):
-            spread = _SPLATS[a.lanes]
+        if a in (VECTOR, QUAD) and isinstance(b, types.Float):
+            spread = splat if a == VECTOR else splat4
             return lambda a, b: apply(a, spread(b))
-        if isinstance(b, Vector) and isinstance(a, types.Float):
-            spread = _SPLATS[b.lanes]
+        if b in (VECTOR, QUAD) and isinstance(a, types.Float):
+            spread = splat if b == VECTOR else splat4
             return lambda a, b: apply(spread(a), b)
         if a == VECTOR and b == INTEGERS:
             return lambda a, b: apply(a, _as_doubles(b))
         return None
 
 
-class Integers(types.Type):
-    """Numba's type of eight int64 in one register."""
-
-    native = ir.VectorType(ir.IntType(64), LANES)
-
-    def __init__(self):
-        super().__init__(name="integers8")
-
-
-@register_default(Integers)
-class _IntegersModel(models.PrimitiveModel):
-    def __init__(self, manager, kind):
-        super().__init__(manager, kind, kind.native)
-
-
-INTEGERS = Integers()
-
-
-@intrinsic
-def _integers_native(typingctx, a, i):
-    def codegen(context, builder, signature, args):
-        return builder.load(_pointer(context, builder, signature, args, INTEGERS.native), align=8)
-
-    return INTEGERS(a, i), codegen
-
-
-@intrinsic
-def _splat_integer(typingctx, x):
-    def codegen(context, builder, signature, args):
-        empty = ir.Constant(INTEGERS.native, ir.Undefined)
-        first = builder.insert_element(empty, args[0], ir.Constant(_INT32, 0))
-        return builder.shuffle_vector(first, empty, ir.Constant(ir.VectorType(_INT32, LANES), [0] * LANES))
-
-    return INTEGERS(types.int64), codegen
-
-
-@intrinsic
-def _as_doubles(typingctx, v):
-    return VECTOR(INTEGERS), lambda context, builder, signature, args: builder.sitofp(args[0], VECTOR.native)
-
-
-@intrinsic
-def _larger_native(typingctx, a, b):
-    def codegen(context, builder, signature, args):
-        top, b = args
-        zero = ir.Constant(VECTOR.native, [0.0] * LANES)
-        magnitude = builder.select(builder.fcmp_ordered("<", b, zero), builder.fsub(zero, b), b)
-        return builder.select(builder.fcmp_ordered(">", magnitude, top), magnitude, top)
-
-    return VECTOR(VECTOR, VECTOR), codegen
-
-
-@intrinsic
-def _store_fives_native(typingctx, a, i, v):
-    def codegen(context, builder, signature, args):
-        array = context.make_array(signature.args[0])(context, builder, args[0])
-        for first in range(0, FIVE * LANES, LANES):
-            places = ir.Constant(ir.VectorType(_INT32, LANES), [(first + k) // FIVE for k in range(LANES)])
-            at = builder.add(args[1], ir.Constant(args[1].type, first))
-            pointer = builder.bitcast(builder.gep(array.data, [at]), VECTOR.native.as_pointer())
-            builder.store(builder.shuffle_vector(args[2], args[2], places), pointer, align=8)
-        return context.get_dummy_value()
-
-    return types.void(a, types.int64, v), codegen
-
-
-@intrinsic
-def _totals_native(typingctx, a, b, c, d):
-    def codegen(context, builder, signature, args):
-        def shuffled(x, y, *places):
-            return builder.shuffle_vector(x, y, ir.Constant(ir.VectorType(_INT32, 4), list(places)))
-
-        def added(x, y, low, high):
-            return builder.fadd(shuffled(x, y, *low), shuffled(x, y, *high))
-
-        a, b, c, d = (added(v, v, (0, 1, 2, 3), (4, 5, 6, 7)) for v in args)
-        a, c = added(a, b, (0, 4, 2, 6), (1, 5, 3, 7)), added(c, d, (0, 4, 2, 6), (1, 5, 3, 7))
-        return added(a, c, (0, 1, 4, 5), (2, 3, 6, 7))
-
-    return QUAD(VECTOR, VECTOR, VECTOR, VECTOR), codegen
-
-
-@intrinsic
-def _clamped_native(typingctx, v, lo, hi):
-    def codegen(context, builder, signature, args):
-        v, lo, hi = args
-        v = builder.select(builder.fcmp_ordered("<", v, lo), lo, v)
-        return builder.select(builder.fcmp_ordered(">", v, hi), hi, v)
-
-    return VECTOR(VECTOR, VECTOR, VECTOR), codegen
-
-
 def _overloaded_integers(symbol, name):
-    @intrinsic
-    def apply(typingctx, a, b):
-        return INTEGERS(INTEGERS, INTEGERS), lambda context, builder, signature, args: getattr(builder, name)(*args)
+    apply = _operation(name)
 
     @overload(symbol)
     def _typed(a, b):
@@ -292,29 +298,10 @@ def _overloaded_integers(symbol, name):
         return None
 
 
-_SPLATS = {kind.lanes: _splatter(kind) for kind in (VECTOR, QUAD)}
-for _symbol, _name in (
-    (operator.add, "fadd"),
-    (operator.sub, "fsub"),
-    (operator.mul, "fmul"),
-    (operator.truediv, "fdiv"),
-):
+_FLOATS = {operator.add: "fadd", operator.sub: "fsub", operator.mul: "fmul", operator.truediv: "fdiv"}
+_INTEGERS = {operator.add: "add", operator.sub: "sub", operator.mul: "mul"}
+_INTEGERS |= {operator.and_: "and_", operator.xor: "xor", operator.rshift: "ashr"}
+for _symbol, _name in _FLOATS.items():
     _overloaded(_symbol, _name)
-for _symbol, _name in (
-    (operator.add, "add"),
-    (operator.sub, "sub"),
-    (operator.mul, "mul"),
-    (operator.and_, "and_"),
-    (operator.xor, "xor"),
-    (operator.rshift, "ashr"),
-):
+for _symbol, _name in _INTEGERS.items():
     _overloaded_integers(_symbol, _name)
-
-load, store, splat = _loader(VECTOR), _storer(VECTOR), _SPLATS[LANES]
-load4, store4, splat4 = _loader(QUAD), _storer(QUAD), _SPLATS[4]
-four, pair, lane = _four_native, _pair_native, _lane_native
-ceiling, chosen, turned4 = _ceiling_native, _chosen_native, _turned_native
-joined, low, high = _joined_native, _low_native, _high_native
-totals4 = _totals_native
-integers, larger, clamped = _integers_native, _larger_native, _clamped_native
-store_fives = _store_fives_native

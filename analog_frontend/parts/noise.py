@@ -243,26 +243,12 @@ def fill_rows(p, q, counter, stride, w, first, second, n):
         steps = integers(ORDER, 0) * stride
         four = n - n % (4 * LANES)
         for i in range(0, four, 4 * LANES):
-            at = counter + i * stride
+            at, eight = counter + i * stride, LANES * stride
             keys0, keys1 = (p.key0, p.key0, p.key0, p.key0), (p.key1, p.key1, p.key1, p.key1)
-            a, b, c, d = words4(
-                keys0,
-                keys1,
-                (
-                    steps + at,
-                    steps + (at + LANES * stride),
-                    steps + (at + 2 * LANES * stride),
-                    steps + (at + 3 * LANES * stride),
-                ),
-            )
-            store(w, first + i, p.sigma * ih4(a[0]))
-            store(w, second + i, q.sigma * ih4(a[1]))
-            store(w, first + i + LANES, p.sigma * ih4(b[0]))
-            store(w, second + i + LANES, q.sigma * ih4(b[1]))
-            store(w, first + i + 2 * LANES, p.sigma * ih4(c[0]))
-            store(w, second + i + 2 * LANES, q.sigma * ih4(c[1]))
-            store(w, first + i + 3 * LANES, p.sigma * ih4(d[0]))
-            store(w, second + i + 3 * LANES, q.sigma * ih4(d[1]))
+            counters = (steps + at, steps + (at + eight), steps + (at + 2 * eight), steps + (at + 3 * eight))
+            for k, (x, y) in enumerate(words4(keys0, keys1, counters)):
+                store(w, first + i + k * LANES, p.sigma * ih4(x))
+                store(w, second + i + k * LANES, q.sigma * ih4(y))
         for i in range(four, n, LANES):
             x, y = words(p.key0, p.key1, steps + (counter + i * stride))
             store(w, first + i, p.sigma * ih4(x))

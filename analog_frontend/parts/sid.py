@@ -204,15 +204,22 @@ def factors(u):
 
 
 @inlined
-def _segment(caps, d, ref, n, e, e2, e3, s1, s2, s3, q1, q2, q3, f1, f2, f3):
-    """The group of `ref` over a piece with these factors, at whose ends the response is f and q; mutates `caps`."""
+def _segment(caps, d, ref, n, piece, start, end):
+    """The group of `ref` over a piece with these `factors`, from response `start` to `end`; mutates `caps`."""
     g = 0 if ref else STAGES
-    w1 = caps[d, g] - f1
-    w2 = caps[d, g + 1] - f2
-    w3 = caps[d, g + 2] - f3
-    caps[d, g] = e * w1 + (q1 + n * s1)
-    caps[d, g + 1] = e * w2 + (e2 * w1 + (q2 + n * s2))
-    caps[d, g + 2] = e * w3 + (e2 * w2 + (e3 * w1 + (q3 + n * s3)))
+    e, e2, e3, s1, s2, s3 = piece
+    w1 = caps[d, g] - start[0]
+    w2 = caps[d, g + 1] - start[1]
+    w3 = caps[d, g + 2] - start[2]
+    caps[d, g] = e * w1 + (end[0] + n * s1)
+    caps[d, g + 1] = e * w2 + (e2 * w1 + (end[1] + n * s2))
+    caps[d, g + 2] = e * w3 + (e2 * w2 + (e3 * w1 + (end[2] + n * s3)))
+
+
+@inlined
+def _lanes(v, k):
+    """Lane `k` of six registers."""
+    return lane(v[0], k), lane(v[1], k), lane(v[2], k), lane(v[3], k), lane(v[4], k), lane(v[5], k)
 
 
 @inlined
@@ -227,47 +234,13 @@ def _open(p, caps, d, ref):
 def edge(p, caps, d, ref, tau_s, n, p1, p2, p3, v0, dv0, v1, dv1):
     """One tick of demodulator `d` whose reference changes to `ref` at `tau_s` (0 <= tau_s < h). Mutates `caps`."""
     s = tau_s / p.h_s
-    q1, q2, q3 = response(p, v0, dv0, v1, dv1, s)
+    q = response(p, v0, dv0, v1, dv1, s)
     # both pieces at once, in the first two lanes
-    e, e2, e3, s1, s2, s3 = factors(four(p.r * s, p.r * (1.0 - s), 0.0, 0.0))
+    pieces = factors(four(p.r * s, p.r * (1.0 - s), 0.0, 0.0))
     old = 0 if ref else 1
-    _segment(
-        caps,
-        d,
-        old,
-        n,
-        lane(e, 0),
-        lane(e2, 0),
-        lane(e3, 0),
-        lane(s1, 0),
-        lane(s2, 0),
-        lane(s3, 0),
-        q1,
-        q2,
-        q3,
-        0,
-        0,
-        0,
-    )
+    _segment(caps, d, old, n, _lanes(pieces, 0), (0.0, 0.0, 0.0), q)
     _open(p, caps, d, old)
-    _segment(
-        caps,
-        d,
-        ref,
-        n,
-        lane(e, 1),
-        lane(e2, 1),
-        lane(e3, 1),
-        lane(s1, 1),
-        lane(s2, 1),
-        lane(s3, 1),
-        p1,
-        p2,
-        p3,
-        q1,
-        q2,
-        q3,
-    )
+    _segment(caps, d, ref, n, _lanes(pieces, 1), q, (p1, p2, p3))
 
 
 @kernel
@@ -276,17 +249,13 @@ def edges(p, caps, d, ref, taus_s, count, n, p1, p2, p3, v0, dv0, v1, dv1):
 
     Returns the reference at the end of the tick. With count = 1 the same bits as `edge`. Mutates `caps`.
     """
-    s = 0.0
-    q1, q2, q3 = 0.0, 0.0, 0.0
+    s, q = 0.0, (0.0, 0.0, 0.0)
     for i in range(count):
         t = taus_s[i] / p.h_s
-        f1, f2, f3 = q1, q2, q3
-        q1, q2, q3 = response(p, v0, dv0, v1, dv1, t)
-        e, e2, e3, s1, s2, s3 = factors(p.r * (t - s))
-        _segment(caps, d, ref, n, e, e2, e3, s1, s2, s3, q1, q2, q3, f1, f2, f3)
+        before, q = q, response(p, v0, dv0, v1, dv1, t)
+        _segment(caps, d, ref, n, factors(p.r * (t - s)), before, q)
         _open(p, caps, d, ref)
         ref = 0 if ref else 1
         s = t
-    e, e2, e3, s1, s2, s3 = factors(p.r * (1.0 - s))
-    _segment(caps, d, ref, n, e, e2, e3, s1, s2, s3, p1, p2, p3, q1, q2, q3)
+    _segment(caps, d, ref, n, factors(p.r * (1.0 - s)), q, (p1, p2, p3))
     return ref

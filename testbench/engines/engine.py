@@ -231,24 +231,13 @@ def sent_codes(faults, clock):
 
 @outlined
 def _record_pins(row, p, s, chips):
-    row[0] = chips.adc.drdy_n
-    row[1] = adc_serial.dout(chips.adc)
-    row[2] = s.adc.cs_n
-    row[3] = s.adc.sclk
-    row[4] = references.pins(p.references, s.references)
-    row[5] = s.drive_dac.sync_n
-    row[6] = s.drive_dac.sclk_en
-    row[7] = spi_dac.sdin(p.drive_dac, s.drive_dac)
-    row[8] = s.sense_dac.sync_n
-    row[9] = s.sense_dac.sclk_en
-    row[10] = spi_dac.sdin(p.sense_dac, s.sense_dac)
-    row[11] = s.sense_dac.ldac_n
-    row[12] = s.quadrature_dac.sync_n
-    row[13] = s.quadrature_dac.sclk_en
-    row[14] = spi_dac.sdin(p.quadrature_dac, s.quadrature_dac)
-    row[15] = chips.drive.code
-    row[16] = chips.sense.code
-    row[17] = chips.quadrature.code
+    d, e, q = s.drive_dac, s.sense_dac, s.quadrature_dac
+    adc_pins = chips.adc.drdy_n, adc_serial.dout(chips.adc), s.adc.cs_n, s.adc.sclk
+    drive = d.sync_n, d.sclk_en, spi_dac.sdin(p.drive_dac, d)
+    sense = e.sync_n, e.sclk_en, spi_dac.sdin(p.sense_dac, e), e.ldac_n
+    quadrature = q.sync_n, q.sclk_en, spi_dac.sdin(p.quadrature_dac, q)
+    codes = chips.drive.code, chips.sense.code, chips.quadrature.code
+    store(row, (adc_pins, references.pins(p.references, s.references), drive, sense, quadrature, codes))
 
 
 @inner
@@ -261,25 +250,11 @@ def frame_codes(p, sid_codes, channels):
 
 @outlined
 def record_frame(row, truth, c, codes, drive_code, sense_code, quadrature_code, z, temp_degc, rate_rad_s):
-    """One row of both streams: control `c`, five `codes`, the chips' output codes, the plant's state `z`."""
-    row[0] = codes[0]
-    row[1] = codes[1]
-    row[2] = codes[2]
-    row[3] = codes[3]
-    row[4] = codes[4]
-    row[5] = c.frequency_tracker.word
-    row[6] = c.agc.loop.y
-    row[7] = c.rate_loop.loop.y
-    row[8] = c.quadrature_loop.root.y
-    row[9] = c.cordic.magnitude
-    row[10] = c.cordic.phase
-    row[11] = c.sequencer.state
-    row[12] = c.sequencer.lock.locked
-    row[13] = c.sequencer.faults.flags
-    row[14] = c.rate_output.y
-    row[15] = drive_code
-    row[16] = sense_code
-    row[17] = quadrature_code
+    """One row of both streams: control `c`, the first five of `codes`, the chips' output codes, the plant's state `z`."""
+    words = c.frequency_tracker.word, c.agc.loop.y, c.rate_loop.loop.y, c.quadrature_loop.root.y
+    state = c.sequencer.state, c.sequencer.lock.locked, c.sequencer.faults.flags
+    dacs = drive_code, sense_code, quadrature_code
+    store(row, (codes[:5], words, c.cordic.magnitude, c.cordic.phase, state, c.rate_output.y, dacs))
     truth[0] = z[plant.X]
     truth[1] = z[plant.VX]
     truth[2] = z[plant.Y]

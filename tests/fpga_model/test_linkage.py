@@ -47,7 +47,7 @@ def tree(tmp_path):
     """A package with a unit and a caller of it, and a cache of its own."""
     package = tmp_path / "tree" / "fpga_model"
     package.mkdir(parents=True)
-    for name in ("__init__", "jit", "linkage"):
+    for name in ("__init__", "jit", "linkage", "replacing"):
         (package / f"{name}.py").write_text((ROOT / "fpga_model" / f"{name}.py").read_text())
     for name, text in MODULES.items():
         (package / f"{name}.py").write_text(textwrap.dedent(text))

@@ -12,7 +12,7 @@ from testbench import flatten
 from testbench.golden.stimulus import blocks, stimulus
 from tests.testbench.golden.benching import made
 
-NOT_BLOCKS = {"fixed", "jit", "linkage", "rounding_aliases", "top", "control"}
+NOT_BLOCKS = {"fixed", "jit", "linkage", "replacing", "rounding_aliases", "top", "control"}
 CASES = [(stem, case) for stem, block in blocks.BLOCKS.items() for case in block.cases]
 
 
