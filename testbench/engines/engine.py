@@ -250,7 +250,7 @@ def frame_codes(p, sid_codes, channels):
 
 @outlined
 def record_frame(row, truth, c, codes, drive_code, sense_code, quadrature_code, z, temp_degc, rate_rad_s):
-    """One row of both streams: control `c`, the first five of `codes`, the chips' output codes, the plant's state `z`."""
+    """One row of both streams: control `c`, the first five of `codes`, the chips' codes, the plant's state `z`."""
     words = c.frequency_tracker.word, c.agc.loop.y, c.rate_loop.loop.y, c.quadrature_loop.root.y
     state = c.sequencer.state, c.sequencer.lock.locked, c.sequencer.faults.flags
     dacs = drive_code, sense_code, quadrature_code
