@@ -26,7 +26,6 @@ PHASE = Fmt(0, 0, 48)
 TURN_BIT = PHASE.width - 1
 MAX_ALIGN = 3
 LATENCY = 1
-DRIVE_SIN, DRIVE_COS, SENSE_SIN, SENSE_COS = 0, 1, 2, 3
 
 
 class Params(NamedTuple):

@@ -15,5 +15,4 @@ DOC = "bias that grows with the amplitude: F = -d x^2 vx on the sense mode"
 
 
 def terms(value, device):
-    """Laws of a size in N s/m^3."""
     return (f"force_y = {-value!r} x^2 vx",)

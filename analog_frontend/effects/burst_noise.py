@@ -15,5 +15,4 @@ DOC = "burst noise of the sense C/V chain: two levels, drawn anew every 10 ms"
 
 
 def terms(value, device):
-    """Laws of a size in V."""
     return (f"cv_y = {value!r} flip(0.01) u",)

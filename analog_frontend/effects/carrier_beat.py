@@ -17,5 +17,4 @@ DOC = "DAC image at 8 MHz against the carrier: rebalance voltage in the sense C/
 
 
 def terms(value, device):
-    """Laws of a size in V/V."""
     return (f"cv_y = {value!r} cos({min(8.0 * abs(device.carrier_ppm - device.clock_ppm), 1000.0)!r}) w",)

@@ -15,5 +15,4 @@ DOC = "mains ripple on the carrier: gain of both C/V outputs times 1 + a cos(2 p
 
 
 def terms(value, device):
-    """Laws of a size in 1."""
     return (f"cv_x = {value!r} cos(50.0) cx", f"cv_y = {value!r} cos(50.0) cy")

@@ -15,7 +15,6 @@ DOC = "centrifugal softening of both modes, 1 is that of a point mass: F = c m r
 
 
 def terms(value, device):
-    """Laws of a size in 1."""
     return (
         f"force_x = {value * device.mass_kg!r} rate^2 x",
         f"force_y = {value * device.mass_kg!r} rate^2 y",

@@ -15,5 +15,4 @@ DOC = "dry friction of the drive mode: F = -Fc sgn(vx)"
 
 
 def terms(value, device):
-    """Laws of a size in N."""
     return (f"force_x = {-value!r} sgn(vx)",)

@@ -17,7 +17,6 @@ DOC = "coupling stiffness that grows over plant.warm_up_tau_s from power-on"
 
 
 def terms(value, device):
-    """Laws of a size in N/m."""
     return (
         f"force_y = {-value!r} lag({device.warm_up_tau_s!r}) x",
         f"force_x = {-value!r} lag({device.warm_up_tau_s!r}) y",

@@ -15,5 +15,4 @@ DOC = "damping that couples drive velocity into sense, beside plant.dxy_ratio: F
 
 
 def terms(value, device):
-    """Laws of a size in N s/m."""
     return (f"force_y = {-value!r} vx",)

@@ -15,5 +15,4 @@ DOC = "damping of the drive mode that grows with x squared: F = -d3 x^2 vx"
 
 
 def terms(value, device):
-    """Laws of a size in N s/m^3."""
     return (f"force_x = {-value!r} x^2 vx",)

@@ -15,5 +15,4 @@ DOC = "turbulent damping of the drive mode: F = -d2 |vx| vx"
 
 
 def terms(value, device):
-    """Laws of a size in N s^2/m^2."""
     return (f"force_x = {-value!r} abs(vx) vx",)

@@ -15,5 +15,4 @@ DOC = "stiffness of each mode that follows the other's square: F_y = -k x^2 y, F
 
 
 def terms(value, device):
-    """Laws of a size in N/m^3."""
     return (f"force_y = {-value!r} x^2 y", f"force_x = {-value!r} x y^2")

@@ -15,5 +15,4 @@ DOC = "drive electrode voltage that reaches the drive C/V output"
 
 
 def terms(value, device):
-    """Laws of a size in V/V."""
     return (f"cv_x = {value!r} u",)

@@ -15,5 +15,4 @@ DOC = "random walk of the drive mode's stiffness, sd after one second"
 
 
 def terms(value, device):
-    """Laws of a size in N/m."""
     return (f"force_x = {-value!r} walk(1.0) x",)

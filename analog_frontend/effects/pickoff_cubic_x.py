@@ -18,5 +18,4 @@ DOC = "cubic term of the drive C/V output: V -> V + e V^3"
 
 
 def terms(value, device):
-    """Laws of a size in 1/V^2."""
     return (f"cv_x = {value!r} cx^3",)

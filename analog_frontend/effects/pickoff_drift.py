@@ -15,5 +15,4 @@ DOC = "gain of both C/V outputs that follows temperature, beside the diode law"
 
 
 def terms(value, device):
-    """Laws of a size in 1/K."""
     return (f"cv_x = {value!r} temp cx", f"cv_y = {value!r} temp cy")

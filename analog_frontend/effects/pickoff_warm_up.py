@@ -15,7 +15,6 @@ DOC = "gain of both C/V outputs that creeps over plant.warm_up_tau_s from power-
 
 
 def terms(value, device):
-    """Laws of a size in 1."""
     return (
         f"cv_x = {value!r} lag({device.warm_up_tau_s!r}) cx",
         f"cv_y = {value!r} lag({device.warm_up_tau_s!r}) cy",

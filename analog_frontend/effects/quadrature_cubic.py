@@ -15,5 +15,4 @@ DOC = "quadrature that grows with the amplitude: F = -k x^3 on the sense mode"
 
 
 def terms(value, device):
-    """Laws of a size in N/m^3."""
     return (f"force_y = {-value!r} x^3",)

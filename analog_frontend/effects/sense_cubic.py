@@ -15,5 +15,4 @@ DOC = "cubic term of the rebalance electrode: F = c w^3"
 
 
 def terms(value, device):
-    """Laws of a size in N/V^3."""
     return (f"force_y = {value!r} w^3",)

@@ -15,5 +15,4 @@ DOC = "electrostatic softening of the drive mode by its own drive voltage: F = e
 
 
 def terms(value, device):
-    """Laws of a size in N/m/V^2."""
     return (f"force_x = {value!r} u^2 x",)

@@ -15,5 +15,4 @@ DOC = "electrostatic softening of the sense mode by the rebalance voltage: F = e
 
 
 def terms(value, device):
-    """Laws of a size in N/m/V^2."""
     return (f"force_y = {value!r} w^2 y",)

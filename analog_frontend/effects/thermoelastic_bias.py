@@ -17,5 +17,4 @@ DOC = "damping coupling with dT/dt of the warm-up: fades with plant.warm_up_tau_
 
 
 def terms(value, device):
-    """Laws of a size in N s/m."""
     return (f"force_y = {-value!r} vx", f"force_y = {value!r} lag({device.warm_up_tau_s!r}) vx")

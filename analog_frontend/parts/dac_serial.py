@@ -25,20 +25,20 @@ SHIFT_MASK = (1 << 24) - 1
 
 
 class Params(NamedTuple):
-    """One part; use DAC8811, AD5791 or DAC82002."""
+    """One part; use DAC8811, AD5791 or DAC82002. By default 24 bits, straight binary, and 0 put out at power-on."""
 
-    bits: int
-    exact: int
-    has_ldac: int
     address_mask: int
     address_value: int
-    control_value: int
-    clamp_mask: int
     data_mask: int
-    flip: int
-    sign_bit: int
-    power_on_code: int
-    needs_control: int
+    bits: int = 24
+    exact: int = 1
+    has_ldac: int = 0
+    control_value: int = -1
+    clamp_mask: int = 0
+    flip: int = 0
+    sign_bit: int = 0
+    power_on_code: int = 0
+    needs_control: int = 0
 
 
 class State(NamedTuple):
@@ -55,48 +55,19 @@ class State(NamedTuple):
     updated: int = 0
 
 
-DAC8811 = Params(
-    bits=16,
-    exact=0,
-    has_ldac=0,
-    address_mask=0,
-    address_value=0,
-    control_value=-1,
-    clamp_mask=0,
-    data_mask=0xFFFF,
-    flip=0x8000,
-    sign_bit=0x8000,
-    power_on_code=-32768,
-    needs_control=0,
-)
+DAC8811 = Params(0, 0, 0xFFFF, bits=16, exact=0, flip=0x8000, sign_bit=0x8000, power_on_code=-32768)
 AD5791 = Params(
-    bits=24,
-    exact=1,
+    0xF << 20,
+    0x1 << 20,
+    0xFFFFF,
     has_ldac=1,
-    address_mask=0xF << 20,
-    address_value=0x1 << 20,
     control_value=0x2 << 20,
     clamp_mask=1 << 3 | 1 << 2,
-    data_mask=0xFFFFF,
-    flip=0,
     sign_bit=0x80000,
     power_on_code=-(1 << 19),
     needs_control=1,
 )
-DAC82002 = Params(
-    bits=24,
-    exact=1,
-    has_ldac=0,
-    address_mask=0xFF << 16,
-    address_value=0x08 << 16,
-    control_value=-1,
-    clamp_mask=0,
-    data_mask=0xFFFF,
-    flip=0,
-    sign_bit=0,
-    power_on_code=0,
-    needs_control=0,
-)
+DAC82002 = Params(0xFF << 16, 0x08 << 16, 0xFFFF)
 
 
 def reset(p):

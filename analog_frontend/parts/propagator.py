@@ -93,13 +93,10 @@ class Plant(NamedTuple):
     sense_jitter: np.ndarray
     drive_carry: np.ndarray  # (26,) whole ticks by which the instant falls later
     sense_carry: np.ndarray
-    sid_decay: np.ndarray  # (3,) w_n' = sum_m decay[m] w_(n-m) over a tick without input
-    sid_step: np.ndarray  # (3,) response over a tick to a constant input of 1
     pickoff: np.ndarray  # (2, 4, 6) [channel; x, x'/W, and both a tick later; c_1 c_2 c_3 p_1 p_2 p_3]
     tick_s: float
     kxy_n_per_m: float
     kq_n_per_m_per_v2: float
-    kick_m_per_n_s: float
     drive_gain_v_per_m: float  # x to the first C/V pole, before the signal gain
     sense_gain_v_per_m: float
     drive_ring_s: float
@@ -334,14 +331,6 @@ def _pickoff(entries, tick, norm):
     return np.array(found)
 
 
-def _cascade(duration, rc):
-    """Decay and unit step response of three equal poles over `duration`."""
-    a = duration / rc
-    e = MP.exp(-a)
-    decay = (e, a * e, a * a / 2 * e)
-    return [float(d) for d in decay], [float(1 - sum(decay[: n + 1])) for n in range(3)]
-
-
 def build(device, temp_degc, chain=None):
     """Tables of `device` (as it is at temp_ref) at `temp_degc`; `chain` replaces `cv_chain`."""
     warm = thermal.at_temperature(device, temp_degc)
@@ -396,19 +385,15 @@ def build(device, temp_degc, chain=None):
         jitters.append(jitter)
         carries.append(carry)
 
-    sid_decay, sid_step = _cascade(tick, rc)
     return Plant(
         g_jet,
         *steps,
         *jitters,
         *carries,
-        np.array(sid_decay),
-        np.array(sid_step),
         _pickoff(entries, tick, norm),
         tick_s=float(tick),
         kxy_n_per_m=warm.kxy_n_per_m,
         kq_n_per_m_per_v2=warm.kq_n_per_m_per_v2,
-        kick_m_per_n_s=resonator.kick_m_per_n_s(warm),
         drive_gain_v_per_m=float(drive_gain),
         sense_gain_v_per_m=float(sense_gain),
         drive_ring_s=float(drive_ring),

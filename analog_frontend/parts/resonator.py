@@ -57,13 +57,3 @@ def block(device):
         stiffness={(VX, Y): -per_force, (VY, X): -per_force},
         force={(VX, FX): per_force, (VY, FY): per_force},
     )
-
-
-def kick_m_per_n_s(device):
-    """Jump of v/W (m) for an impulse of 1 N s: how a port force enters at an instant."""
-    return float(1 / (MP.mpf(device.mass_kg) * W))
-
-
-def ring_down_s(device):
-    """Time constant (s) of the drive mode's amplitude, 2 Q / w = Q / (pi f)."""
-    return float(MP.mpf(device.qx) / (MP.pi * MP.mpf(device.fx_hz)))

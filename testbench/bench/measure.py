@@ -11,17 +11,13 @@ those of the clocked engine. A tool that is not there leaves its key null and it
 import contextlib
 import itertools
 import json
-import platform
 import statistics
 import tempfile
 from functools import partial
-from pathlib import Path
-
-import numpy as np
 
 from analog_frontend.parts.noise import HOLD
 from fpga_model.rates import FRAME_TICKS, TICK_HZ
-from testbench.bench import kernels, many, peers, stages
+from testbench.bench import kernels, many, peers, portability, stages
 from testbench.console.markdown import ROOT, markdown, replaced
 from testbench.console.table import Table, fixed
 from testbench.storage.files import write_text
@@ -232,35 +228,17 @@ def growth(repeats=GROWTH_REPEATS):
     return result
 
 
-def cpu():
-    """Name of the processor."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-        return next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
-    except (OSError, StopIteration):
-        return platform.processor() or platform.machine()
-
-
-def versions():
-    """What the numbers depend on."""
-    import llvmlite
-    import numba
-
-    own = {
-        "python": platform.python_version(),
-        "numba": numba.__version__,
-        "llvmlite": llvmlite.__version__,
-        "numpy": np.__version__,
-    }
-    return own | peers.versions()
-
-
 def measure():
     """The whole measurement."""
     with tempfile.TemporaryDirectory() as folder:
         first = {key: kernels.first_call_s(folder) for key, _ in FIRST_CALLS}
     result = speeds(ROOT / "build" / "bench")
-    result |= first | {"growth": growth(), "stages_ns": stages.measure(), "versions": versions(), "cpu": cpu()}
+    result |= first | {
+        "growth": growth(),
+        "stages_ns": stages.measure(),
+        "versions": portability.versions() | peers.versions(),
+        "cpu": portability.cpu(),
+    }
     return result | {"cores": many.cores(), "memory_bytes_per_lane": many.memory(), "run_cpu_s": many.run()}
 
 

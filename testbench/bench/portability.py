@@ -176,8 +176,17 @@ def compiled_texts(modules):
                     yield from (result.library.get_asm_str() for result in item.overloads.values())
 
 
+def cpu():
+    """Name of the processor."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        return next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
+    except (OSError, StopIteration):
+        return platform.processor() or platform.machine()
+
+
 def versions():
-    """What the codes must not depend on."""
+    """What the codes must not depend on, and speeds may."""
     import llvmlite
     import numba
     import scipy
@@ -408,7 +417,6 @@ def main(given=None):
         print(line, file=sys.stderr, flush=True)
 
     # not needed by the children, which another environment may run
-    from testbench.bench.measure import cpu
     from testbench.console.show import print_tables
 
     runs = measure(interpreters, options.engine, ticks, say)

@@ -1,6 +1,6 @@
 """Configuration of a run: `load` a TOML file, `changed` for a variant, `to_toml` to keep it."""
 
-from testbench.config.load import (
+from testbench.config.load import (  # noqa: F401
     Config,
     Effects,
     Firmware,
@@ -17,21 +17,3 @@ from testbench.config.load import (
     sections,
     to_toml,
 )
-
-__all__ = [
-    "Config",
-    "Effects",
-    "Firmware",
-    "Noise",
-    "Output",
-    "Override",
-    "Plant",
-    "Scenario",
-    "changed",
-    "from_dict",
-    "load",
-    "parse_set",
-    "phase_word",
-    "sections",
-    "to_toml",
-]

@@ -181,10 +181,7 @@ class Simulation:
         tick, self.state = self.tick, state
         if self.keep_codes:
             words = streams.frames[:, :HASHED_COLUMNS]
-            if self.averaged:
-                self.hash.add_words(tick, state.tick - tick, words)
-            else:
-                self.hash.add(tick, streams.drive_code, streams.sense_code, words)
+            self.hash.add(tick, state.tick - tick, streams.drive_code, streams.sense_code, words)
             self._keep_tail(streams.drive_code, streams.sense_code)
         if len(streams.frames):
             if self.keep_rows:

@@ -110,7 +110,7 @@ def _child(part):
 
 @functools.cache
 def _frame_child():
-    """The child that compiles the frame engine: one for all gyroscopes, and kept, so that nobody drops it unfinished."""
+    """The child that compiles the frame engine: one for all gyroscopes, kept so that nobody drops it unfinished."""
     return _child("frame")
 
 

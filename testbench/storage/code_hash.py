@@ -36,25 +36,16 @@ class CodeHash:
         self._digests = [hashlib.sha256() for _ in KINDS]
         self._open = []  # the codes themselves, for a checkpoint; arrays of the engine, not copies
 
-    def add(self, tick, drive, sense, words):
-        """Codes of the ticks from `tick` on, and one row of `words` for each frame begun in them."""
-        while len(drive):
-            take = min(len(drive), BLOCK_TICKS - tick % BLOCK_TICKS)
-            rows = frames_begun(tick, take)
-            self._feed(drive[:take], sense[:take], words[:rows])
-            drive, sense, words, tick = drive[take:], sense[take:], words[rows:], tick + take
-            if tick % BLOCK_TICKS == 0:
-                self._chain = self._digest()
-                self._begin_block()
+    def add(self, tick, ticks, drive, sense, words):
+        """Codes of `ticks` ticks from `tick` on, and one row of `words` for each frame begun in them.
 
-    def add_words(self, tick, ticks, words):
-        """As `add`, for an engine that knows no DAC codes of `ticks` ticks from `tick` on."""
-        nothing = np.zeros(0, np.int64)
+        drive, sense  empty from an engine that knows no codes of single ticks
+        """
         while ticks:
             take = min(ticks, BLOCK_TICKS - tick % BLOCK_TICKS)
             rows = frames_begun(tick, take)
-            self._feed(nothing, nothing, words[:rows])
-            words, tick, ticks = words[rows:], tick + take, ticks - take
+            self._feed(drive[:take], sense[:take], words[:rows])
+            drive, sense, words, tick, ticks = drive[take:], sense[take:], words[rows:], tick + take, ticks - take
             if tick % BLOCK_TICKS == 0:
                 self._chain = self._digest()
                 self._begin_block()

@@ -46,7 +46,7 @@ def hashed(tick, columns, cuts, restart=()):
             values, whole = whole.dump(), CodeHash()
             whole.restore(values)
         rows = frames_begun(tick + begin, end - begin)
-        whole.add(tick + begin, drive[begin:end], sense[begin:end], words[row : row + rows])
+        whole.add(tick + begin, end - begin, drive[begin:end], sense[begin:end], words[row : row + rows])
         begin, row = end, row + rows
     return whole.hexdigest()
 
@@ -85,7 +85,7 @@ def test_nothing_yet_is_a_hash_too():
 def test_what_is_kept_of_a_run_does_not_grow():
     whole = CodeHash()
     for k in range(30):
-        whole.add(k * 100_000, *codes(k * 100_000, 100_000))
+        whole.add(k * 100_000, 100_000, *codes(k * 100_000, 100_000))
         kept = sum(values.nbytes for values in whole.dump().values())
         assert kept <= BLOCK_TICKS * 6 + BLOCK_TICKS // 125 * 72 + 32
 
