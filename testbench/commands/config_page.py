@@ -1,7 +1,5 @@
 """The generated tables of docs/configuration.md: keys with their limits, and faults."""
 
-import re
-
 from testbench.config import scenario, sections
 from testbench.config.config_errors import choices_of, limits_of, plain, unit_of
 from testbench.config.toml_text import toml_value
@@ -37,11 +35,3 @@ def faults_table():
             value = f"{fault.lo} .. {fault.hi} {fault.unit}" if fault.hi else "0"
         lines.append(f"| `{kind}` | {', '.join(fault.channels)} | {value} | {fault.doc} |")
     return "\n".join(lines)
-
-
-def documented(page):
-    """The text of docs/configuration.md with its generated tables renewed."""
-    for name, table in (("faults", faults_table()), ("keys", markdown_table())):
-        head = re.search(rf"<!-- {name}: .*? -->\n", page).end()
-        page = page[:head] + "\n" + table.strip() + "\n\n" + page[page.index("<!-- end -->", head) :]
-    return page

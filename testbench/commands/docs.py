@@ -1,7 +1,7 @@
 """Generated parts of the pages: what the code knows is written by the code.
 
     docs/blocks/registers.md    the register map                   fpga_model.registers.table_markdown
-    docs/configuration.md       keys, limits, faults               testbench.commands.config_page.documented
+    docs/configuration.md       keys, limits, faults               testbench.commands.config_page
     docs/phases.md              phase budget of the defaults       testbench.run.budget, testbench.run.tables
     docs/ranges.md              proven ranges                      testbench.golden.ranges.range_report
     docs/README.md              index of the pages                 their titles
@@ -116,24 +116,6 @@ def rivals_part():
     return f"{markdown(Table('', heads, rows, numeric=(1, 2, 3, 4)))}\n\n{tables.FITTED}"
 
 
-def phases(page):
-    """docs/phases.md with its generated parts renewed."""
-    for name, part in (("budget", budget_part), ("lock", lock_part), ("rivals", rivals_part)):
-        page = replaced(page, name, part())
-    return page
-
-
-def proven_ranges(page):
-    """docs/ranges.md with its generated parts renewed."""
-    for name, part in (
-        ("cases", range_report.summary_part),
-        ("instances", range_report.wiring_part),
-        ("registers", range_report.registers_part),
-    ):
-        page = replaced(page, name, part())
-    return page
-
-
 # ---- index -----------------------------------------------------------------------------------------------------------
 
 
@@ -173,13 +155,27 @@ def effects_part():
 
 # ---- pages -----------------------------------------------------------------------------------------------------------
 
+
+def with_parts(**parts):
+    """Function that renews the named parts of a page by what these functions return."""
+
+    def renewed(page):
+        for name, part in parts.items():
+            page = replaced(page, name, part())
+        return page
+
+    return renewed
+
+
 PAGES = {
     "docs/blocks/registers.md": register_map,
-    "docs/configuration.md": config_page.documented,
-    "docs/phases.md": phases,
-    "docs/ranges.md": proven_ranges,
-    "docs/README.md": lambda page: replaced(page, "index", index_part()),
-    "docs/effects/README.md": lambda page: replaced(page, "effects", effects_part()),
+    "docs/configuration.md": with_parts(faults=config_page.faults_table, keys=config_page.markdown_table),
+    "docs/phases.md": with_parts(budget=budget_part, lock=lock_part, rivals=rivals_part),
+    "docs/ranges.md": with_parts(
+        cases=range_report.summary_part, instances=range_report.wiring_part, registers=range_report.registers_part
+    ),
+    "docs/README.md": with_parts(index=index_part),
+    "docs/effects/README.md": with_parts(effects=effects_part),
 }
 OF_EFFECTS = ("docs/configuration.md", "docs/README.md", "docs/effects/README.md")
 

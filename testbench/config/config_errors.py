@@ -93,15 +93,10 @@ def _some(names):
 
 def _not_a_number(path, value, info, key):
     """Line for a value that is no number: a text with a unit gets the number to write."""
-    lo, hi = limits_of(info)
     integer = info.annotation is int
-    kind = "an integer" if integer else "a number"
-    span = (
-        f" ({lo if integer else plain(lo)} to {hi if integer else plain(hi)}{unit_of(info)})" if hi is not None else ""
-    )
     found = WRITTEN.fullmatch(value) if isinstance(value, str) else None
     if not found:
-        return f"{path} = {shown(value)} is not {kind}{span}"
+        return f"{path} = {shown(value)} is not {'an integer' if integer else 'a number'}{_span(info)}"
     magnitude, unit = float(found[1]), found[2] or ""
     have = unit.lower().replace("/", "_per_").replace("^", "").replace("°", "deg").replace("µ", "u")
     same = not unit or unit == unit_of(info).strip()

@@ -45,20 +45,16 @@ def other(default, doc, unit=""):
     return Field(default, description=doc, json_schema_extra={"unit": unit})
 
 
-def _profile(lo, hi, unit):
-    def check(value):
-        scenario.profile_points(value, lo, hi, unit)
-        return value
-
-    return AfterValidator(check)
-
-
 def _checked(function):
     def check(value):
         function(value)
         return value
 
     return AfterValidator(check)
+
+
+def _profile(lo, hi, unit):
+    return _checked(lambda value: scenario.profile_points(value, lo, hi, unit))
 
 
 class Firmware(Section):

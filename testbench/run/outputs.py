@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from testbench.errors import FileError
-from testbench.storage.files import explain
 
 
 class Result(NamedTuple):
@@ -110,6 +109,3 @@ def _pictures(result, folder):
             figure = getattr(report, name)(**result.plots[name])
             pictures.append((caption, report.save(figure, folder / f"{name}.png")))
     return pictures
-
-
-__all__ = ["CAPTIONS", "Result", "check_folder", "explain", "write"]

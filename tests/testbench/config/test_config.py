@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from analog_frontend.parts.device import Device
 from testbench import config
-from testbench.commands import config_page
+from testbench.commands import docs
 from testbench.config import config_errors
 from testbench.config.toml_text import toml_key, toml_value
 from testbench.errors import ConfigError
@@ -286,7 +286,7 @@ def test_a_damaged_file_is_refused_in_one_line(tmp_path_factory, data):
 
 def test_the_documented_tables_are_the_code():
     page = (ROOT / "docs" / "configuration.md").read_text()
-    assert page == config_page.documented(page), "run: python -m testbench.commands.docs"
+    assert page == docs.PAGES["docs/configuration.md"](page), "run: python -m testbench.commands.docs"
     assert all(f"| `{path.split('.')[1]}` |" in page for path in KEYS)
 
 
