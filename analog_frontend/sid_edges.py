@@ -6,6 +6,10 @@ A tick without an edge is one step of the capacitors (`sid.between`, `sid.full`)
 Source    docs/parts/sid.md, docs/parts/top.md
 """
 
+from typing import NamedTuple
+
+import numpy as np
+
 from analog_frontend import effects, linear
 from analog_frontend.effects import law
 from analog_frontend.linear import (
@@ -76,10 +80,20 @@ def demodulate(p, s, tick, n, edge_count, edges, driver_s):
             t += 1
 
 
+class Switches(NamedTuple):
+    """How the analog switches follow the reference edges; arrays as in `Params` of the plant."""
+
+    tau_s: np.ndarray
+    carry: np.ndarray
+    jitter: noise.Source
+    h_s: float
+
+
 @inlined
-def acting(switch_tau_s, switch_carry, jitter, h_s, tick, t, d, ref, first, last, edges, late_tau_s, late_count, taus):
+def acting(p, tick, t, d, ref, first, last, edges, late_tau_s, late_count, taus):
     """Instants within `tick`, tick `t` of a block, at which the switches of demodulator `d` move: how many, in `taus`.
 
+    p            Switches
     ref          where the switches stand at the tick's begin
     first, last  the tick's reference edges in `edges`. An edge whose switch acts in the next tick is kept in
     `late_tau_s`; those kept before act now. Returns also how many are kept. Mutates `taus` and `late_tau_s`
@@ -92,12 +106,12 @@ def acting(switch_tau_s, switch_carry, jitter, h_s, tick, t, d, ref, first, last
         if edges[k, 1] == d:
             cycle = edges[k, 0] - TICK_CYCLES * t
             ref = 0 if ref else 1
-            tau = switch_tau_s[ref, cycle] + noise.white(jitter, JITTERED * tick + 1 + d)
-            if switch_carry[ref, cycle] != 0:
+            tau = p.tau_s[ref, cycle] + noise.white(p.jitter, JITTERED * tick + 1 + d)
+            if p.carry[ref, cycle] != 0:
                 late_tau_s[late] = max(tau, 0.0)
                 late += 1
             else:
-                taus[count] = min(max(tau, 0.0), h_s)
+                taus[count] = min(max(tau, 0.0), p.h_s)
                 count += 1
     return count, late
 
@@ -113,30 +127,17 @@ def switched(p, caps, d, ref, taus, count, n, p1, p2, p3, v0, dv0, v1, dv1):
 
 
 @inner
-def _switch(p, s, tick, t, first_edge, last_edge, edges, added, driver_s):
+def _switch(p, s, tick, t, first, last, edges, added, driver_s):
     """Tick `t` of a block, in which a reference changes, now or by an edge of the tick before.
 
     Returns how many edges act in the next tick.
     """
     taus, w = s.work.taus_s, s.work.w
+    switches = Switches(p.switch_tau_s, p.switch_carry, p.noise.edge_jitter, p.sid.h_s)
     kept = 0
     for d in range(DEMODULATORS):
-        count, late = acting(
-            p.switch_tau_s,
-            p.switch_carry,
-            p.noise.edge_jitter,
-            p.sid.h_s,
-            tick,
-            t,
-            d,
-            s.switch[d],
-            first_edge,
-            last_edge,
-            edges,
-            s.late_tau_s[d],
-            s.late_count[d],
-            taus,
-        )
+        waiting = s.late_count[d]
+        count, late = acting(switches, tick, t, d, s.switch[d], first, last, edges, s.late_tau_s[d], waiting, taus)
         s.late_count[d] = late
         kept += late
         path = (PATH if d < 2 else PATH + 3) * STRIDE + t

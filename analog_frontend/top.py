@@ -41,7 +41,8 @@ from analog_frontend.linear import (
     STATE_ROWS,
     STRIDE,
 )
-from analog_frontend.numeric.vector import LANES, aligned, load, store
+from analog_frontend.numeric.shapes import doubles, int64s, zeros
+from analog_frontend.numeric.vector import LANES, load, store
 from analog_frontend.parts import adc, dac, noise, propagator, sid
 from analog_frontend.parts.propagator import (
     DU_DRIVE,
@@ -113,34 +114,34 @@ class Params(NamedTuple):
 class Work(NamedTuple):
     """What a block is told and what it computes with; nothing in it outlives the block."""
 
-    drive_codes: np.ndarray  # DAC codes at the end of each tick
-    sense_codes: np.ndarray
-    w: np.ndarray  # rows of linear.py
-    demodulated: np.ndarray  # output of demodulator d at the start of tick t at 4 t + d
-    taus_s: np.ndarray  # (MAX_EDGES,)
-    gains: np.ndarray  # (law.SLOTS,)
+    drive_codes: int64s(linear.BLOCK)  # DAC codes at the end of each tick
+    sense_codes: int64s(linear.BLOCK)
+    w: doubles(linear.ROWS * STRIDE)  # rows of linear.py
+    demodulated: doubles(4 * STRIDE)  # output of demodulator d at the start of tick t at 4 t + d
+    taus_s: doubles(MAX_EDGES)
+    gains: doubles(law.SLOTS)
 
 
 class State(NamedTuple):
     """Arrays, mutated in place."""
 
-    z: np.ndarray  # (16,) linear state
-    g: np.ndarray  # (24, 24) the matrix of this frame
-    jet: np.ndarray  # (6, 24, 24) its jet at this temperature
-    column_jet: np.ndarray  # (4, 6, 24) step and jitter columns of both DACs at their clocks
-    pickoff: np.ndarray  # (2, 4, 6) from both ends of a tick to C/V and SID path, at this temperature
-    now: np.ndarray  # (6,) rate, k_xy, temperature, driver pole, clocks that g was made for
-    volts: np.ndarray  # (2,) DAC outputs now
-    coming_v: np.ndarray  # (2,) DAC outputs that act in the next tick: those of a late step, or the same
-    late_area: np.ndarray  # (2,) impulse (jitter, glitch) of a late step, V s
-    codes: np.ndarray  # (2,) DAC codes now
-    cycles: np.ndarray  # (2,) clock of each DAC's last step
-    caps: np.ndarray  # (4, 6) capacitors of the SID
-    switch: np.ndarray  # (4,) references as the analog switches see them
-    late_tau_s: np.ndarray  # (4, MAX_EDGES) edges whose switch acts in the next tick
-    late_count: np.ndarray  # (4,)
+    z: doubles(STATES)
+    g: doubles(INPUTS, OUTPUTS)  # the matrix of this frame
+    jet: doubles(propagator.JETS, INPUTS, OUTPUTS)  # its jet at this temperature
+    column_jet: doubles(4, propagator.JETS, OUTPUTS)  # step and jitter columns of both DACs at their clocks
+    pickoff: doubles(2, 4, 6)  # from both ends of a tick to C/V and SID path, at this temperature
+    now: doubles(6)  # rate, k_xy, temperature, driver pole, clocks that g was made for
+    volts: doubles(2)  # DAC outputs now
+    coming_v: doubles(2)  # DAC outputs that act in the next tick: those of a late step, or the same
+    late_area: doubles(2)  # impulse (jitter, glitch) of a late step, V s
+    codes: int64s(2)  # DAC codes now
+    cycles: int64s(2)  # clock of each DAC's last step
+    caps: doubles(DEMODULATORS, sid.CAPACITORS)
+    switch: int64s(DEMODULATORS)  # references as the analog switches see them
+    late_tau_s: doubles(DEMODULATORS, MAX_EDGES)  # edges whose switch acts in the next tick
+    late_count: int64s(DEMODULATORS)
     adc: adc.State
-    sar: np.ndarray  # (2,) samples taken one tick ago, which the converters hand over now
+    sar: int64s(2)  # samples taken one tick ago, which the converters hand over now
     work: Work
 
 
@@ -154,18 +155,6 @@ class Pins(NamedTuple):
     edge_count: int
 
 
-def workspace():
-    """Room for a block."""
-    return Work(
-        drive_codes=np.zeros(linear.BLOCK, np.int64),
-        sense_codes=np.zeros(linear.BLOCK, np.int64),
-        w=aligned(linear.ROWS * STRIDE),
-        demodulated=aligned(4 * STRIDE),
-        taus_s=np.zeros(MAX_EDGES),
-        gains=np.zeros(law.SLOTS),
-    )
-
-
 def _held(part, levels, code):
     error = dac_levels.volts(levels, code) if levels.on else 0.0
     return dac.volts(part, code) + error
@@ -173,28 +162,11 @@ def _held(part, levels, code):
 
 def reset(p, drive_code, sense_code, temp_degc):
     """Everything at rest: DAC outputs at their power-on codes, settled; capacitors empty."""
-    s = State(
-        z=np.zeros(STATES),
-        g=aligned(INPUTS * OUTPUTS).reshape(INPUTS, OUTPUTS),
-        jet=aligned(propagator.JETS * INPUTS * OUTPUTS).reshape(propagator.JETS, INPUTS, OUTPUTS),
-        column_jet=aligned(4 * propagator.JETS * OUTPUTS).reshape(4, propagator.JETS, OUTPUTS),
-        pickoff=np.zeros((2, 4, 6)),
-        now=np.full(6, np.inf),
-        volts=np.array(
-            [_held(p.drive_dac, p.drive_levels, drive_code), _held(p.sense_dac, p.sense_levels, sense_code)]
-        ),
-        coming_v=np.zeros(2),
-        late_area=np.zeros(2),
-        codes=np.array([drive_code, sense_code]),
-        cycles=np.zeros(2, np.int64),
-        caps=sid.reset(),
-        switch=np.zeros(DEMODULATORS, np.int64),
-        late_tau_s=np.zeros((DEMODULATORS, MAX_EDGES)),
-        late_count=np.zeros(DEMODULATORS, np.int64),
-        adc=adc.reset(p.adc),
-        sar=np.zeros(2, np.int64),
-        work=workspace(),
-    )
+    s = zeros(State, adc=adc.reset(p.adc), work=zeros(Work))
+    s.now[:] = np.inf
+    s.codes[:] = drive_code, sense_code
+    s.volts[DRIVE] = _held(p.drive_dac, p.drive_levels, drive_code)
+    s.volts[SENSE] = _held(p.sense_dac, p.sense_levels, sense_code)
     s.coming_v[:] = s.volts
     s.z[0:3] = s.volts[DRIVE]
     s.z[3:6] = s.volts[SENSE]
@@ -206,7 +178,7 @@ def copy(s):
 
     def own(item):
         if isinstance(item, Work):
-            return workspace()
+            return zeros(Work)
         return adc.State(*map(np.copy, item)) if isinstance(item, adc.State) else np.copy(item)
 
     return State(*map(own, s))
@@ -221,21 +193,17 @@ def _blend(p, s, temp_degc):
     after = min(index + 1, p.temp_count - 1)
     t = p.tables
     d, e = s.cycles[DRIVE], s.cycles[SENSE]
+    columns = (t.drive_step, d), (t.sense_step, e), (t.drive_jitter, d), (t.sense_jitter, e)
     for j in range(propagator.JETS):
         for i in range(INPUTS):
             # what the pickoff's cubic stands for is left zero: no engine reads it
             for o in range(OUTPUTS if FIRST_CV <= i < STATES else FIRST_CV):
                 a = t.g_jet[index, j, i, o]
                 s.jet[j, i, o] = a + weight * (t.g_jet[after, j, i, o] - a)
-        for o in range(FIRST_CV):
-            a = t.drive_step[index, j, d, o]
-            s.column_jet[0, j, o] = a + weight * (t.drive_step[after, j, d, o] - a)
-            a = t.sense_step[index, j, e, o]
-            s.column_jet[1, j, o] = a + weight * (t.sense_step[after, j, e, o] - a)
-            a = t.drive_jitter[index, j, d, o]
-            s.column_jet[2, j, o] = a + weight * (t.drive_jitter[after, j, d, o] - a)
-            a = t.sense_jitter[index, j, e, o]
-            s.column_jet[3, j, o] = a + weight * (t.sense_jitter[after, j, e, o] - a)
+        for k, (table, clock) in enumerate(columns):
+            for o in range(FIRST_CV):
+                a = table[index, j, clock, o]
+                s.column_jet[k, j, o] = a + weight * (table[after, j, clock, o] - a)
     for c in range(2):
         for i in range(4):
             for o in range(6):

@@ -31,6 +31,7 @@ from analog_frontend.averaged.averaged_modes import (
     unit,
 )
 from analog_frontend.effects import law
+from analog_frontend.numeric.shapes import doubles
 from analog_frontend.numeric.vector import lane, load4, store4, turned4
 from analog_frontend.top import CV_X, CV_Y, STATES, V_DRIVE, V_SENSE, X
 from fpga_model.jit import outlined
@@ -57,22 +58,16 @@ class Params(NamedTuple):
 class Room(NamedTuple):
     """Scratch."""
 
-    cosines: np.ndarray  # (STATES,) states where theta is 0
-    sines: np.ndarray  # a quarter turn later
-    z: np.ndarray
-    gains: np.ndarray  # (SLOTS,)
-    force: np.ndarray  # (4,) re, im of F at x and y
-    volts: np.ndarray  # (4,) re, im at the C/V outputs of x and y
-    harmonics: np.ndarray  # (6,)
-    push: np.ndarray  # (4,) re, im of what F adds to a_x', a_y' (per tick)
-    grown: np.ndarray  # (4,) to a_x, a_y in a frame
-    slope: np.ndarray  # (4,) to a_x', a_y' at its end
-
-
-def room():
-    """Room for a run."""
-    sizes = (STATES, STATES, STATES, SLOTS, 4, 4, 6, 4, 4, 4)
-    return Room(*(np.zeros(n) for n in sizes))
+    cosines: doubles(STATES)  # states where theta is 0
+    sines: doubles(STATES)  # a quarter turn later
+    z: doubles(STATES)
+    gains: doubles(SLOTS)
+    force: doubles(4)  # re, im of F at x and y
+    volts: doubles(4)  # re, im at the C/V outputs of x and y
+    harmonics: doubles(6)
+    push: doubles(4)  # re, im of what F adds to a_x', a_y' (per tick)
+    grown: doubles(4)  # to a_x, a_y in a frame
+    slope: doubles(4)  # to a_x', a_y' at its end
 
 
 def design(effects, laws, reference_turns):

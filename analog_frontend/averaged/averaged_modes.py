@@ -230,15 +230,17 @@ def _growth(now, place, zero, delta, dr, di, sr, si):
 
 
 @inner
-def frame(now, m, delta_old, delta_new, turn_ticks, fdr, fdi, fsr, fsi, growth, at, cos, sin, changed, cubic):
+def frame(now, m, deltas, turn_ticks, force, growth, at, cos, sin, changed, cubic):
     """A frame from its first instant to the next one's, and the cubics of both C/V outputs. Mutates `m` and `cubic`.
 
-    delta_*       phase per tick less phi0, before and from `turn_ticks` on (rad)
-    fdr .. fsi    F of both DACs after their words have changed; m holds those before
+    deltas        phase per tick less phi0, before and from `turn_ticks` on (rad)
+    force         F of both DACs after their words have changed, four numbers; m holds those before
     growth, at    growth by noise, four numbers; cos, sin of theta at the next frame's first instant
     changed       cos, sin of 2 theta at the change of the drive's word, and of the sense word's
     cubic         (16,) coefficients of tau^0 .. tau^3: x re, x im, y re, y im; tau in frames
     """
+    delta_old, delta_new = deltas
+    fdr, fdi, fsr, fsi = force
     xr, xi, yr, yi = m[A], m[A + 1], m[A + 2], m[A + 3]
     odr, odi, osr, osi = m[F], m[F + 1], m[F + 2], m[F + 3]
     a = load4(m, A)

@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analog_frontend.numeric.vector import LANES, aligned, integers, load, splat, store, store4, totals4
+from analog_frontend.numeric.shapes import doubles, int64s
+from analog_frontend.numeric.vector import LANES, integers, load, splat, store, store4, totals4
 from analog_frontend.parts import adc, noise
 from analog_frontend.parts.noise import HOLD
 from fpga_model.jit import inlined, outlined
@@ -31,28 +32,14 @@ GAINS = np.array([noise.GAIN[4 * b + h] for h in range(4) for _ in range(2) for 
 class Drawn(NamedTuple):
     """Noise of a batch of frames; arrays, mutated in place."""
 
-    volts: np.ndarray  # (2 ROW,) C/V samples of x, of y
-    sums: np.ndarray  # (2 ROW,) integral up to each of them (V samples)
-    force: np.ndarray  # (4 ROW,) forces on x and y, DAC outputs of drive and sense
-    growth: np.ndarray  # (4 BATCH,) of a_x and a_y, re and im
-    converter: np.ndarray  # (5 BATCH,) V, of each channel's conversions
-    first: np.ndarray  # (1,) number of the first conversion
-    poles: np.ndarray  # states of the 1/f sources, two channels in a register, and two of scratch
-    keys: np.ndarray  # their keys
-
-
-def room():
-    """`Drawn` of zeros."""
-    return Drawn(
-        aligned(2 * ROW),
-        aligned(2 * ROW),
-        aligned(4 * ROW),
-        aligned(4 * BATCH),
-        aligned(adc.CHANNELS * BATCH),
-        np.zeros(1, np.int64),
-        aligned(10 * LANES),
-        np.zeros(32, np.int64),
-    )
+    volts: doubles(2 * ROW)  # C/V samples of x, of y
+    sums: doubles(2 * ROW)  # integral up to each of them (V samples)
+    force: doubles(4 * ROW)  # forces on x and y, DAC outputs of drive and sense
+    growth: doubles(4 * BATCH)  # of a_x and a_y, re and im
+    converter: doubles(adc.CHANNELS * BATCH)  # V, of each channel's conversions
+    first: int64s(1)  # number of the first conversion
+    poles: doubles(10 * LANES)  # states of the 1/f sources, two channels in a register, and two of scratch
+    keys: int64s(32)  # their keys
 
 
 def table(force):

@@ -251,19 +251,19 @@ def _keep(q, s):
 
 
 @inner
-def demodulate(
-    p, q, phase, word_old, turn_clock, turn_phase, word_new, offsets, base, v, poles, volts, sums, row, begin
-):
+def demodulate(p, q, before, turn, offsets, base, v, poles, noise, begin):
     """All edges of a frame, the four demodulators side by side. Mutates `q`.
 
-    phase, turn_phase   DDS phase at the frame's first clock, and at `turn_clock`, from which on the word is `word_new`
-    offsets             reference words of drive and sense
-    base                (8,) e^(i theta) at the ideal edge to 1: four re, four im
-    v                   (16,) cubics of V~ (averaged_modes.frame)
-    poles               p, p^2, p^3 as pairs
-    volts, sums, row    noise of both channels, its integrals, and how long a channel's row is
-    begin               sample of the noise with which the frame begins
+    before, turn  DDS phase and word at the frame's first clock; clock, phase and word where the word changes
+    offsets       reference words of drive and sense
+    base          (8,) e^(i theta) at the ideal edge to 1: four re, four im
+    v             (16,) cubics of V~ (averaged_modes.frame)
+    poles         p, p^2, p^3 as pairs
+    noise         of both channels, its integrals, and how long a channel's row is
+    begin         sample of the noise with which the frame begins
     """
+    phase, word_old = before
+    turn_clock, turn_phase, word_new = turn
     left, later = _left(phase, offsets), _left(turn_phase, offsets)
     zero, one = splat4(0.0), splat4(1.0)
     old, new = (float(word_old), 1.0 / word_old, 0.0), (float(word_new), 1.0 / word_new, float(turn_clock))
@@ -280,7 +280,6 @@ def demodulate(
         pair(v[13], v[15]),
     )
     s = _kept(q)
-    noise = (volts, sums, row)
     s = _two_edges(p, s, waiting, early, old, new, left, later, joined(tilde, tilde), poles, noise, begin)
     s = _last_edge(p, s, waiting, early, new, later, tilde, poles, noise, begin)
     _keep(q, s)

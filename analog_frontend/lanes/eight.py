@@ -20,8 +20,9 @@ import numpy as np
 from analog_frontend import effects
 from analog_frontend.effects import law
 from analog_frontend.linear import BLOCK, INPUTS
-from analog_frontend.numeric.arena import doubles, int64s, places
+from analog_frontend.numeric.arena import places
 from analog_frontend.numeric.records import split
+from analog_frontend.numeric.shapes import doubles, int64s
 from analog_frontend.numeric.vector import LANES
 from analog_frontend.parts.propagator import DU_DRIVE, DU_SENSE, JIT_DRIVE, JIT_SENSE, PX1, PY1, U_DRIVE, U_SENSE
 from analog_frontend.top import DEMODULATORS, MAX_EDGES, STATES, TICK_CYCLES

@@ -12,7 +12,8 @@ import numpy as np
 
 from analog_frontend.lanes import eight
 from analog_frontend.lanes.eight import LANES, TICKS
-from analog_frontend.numeric.arena import doubles, int64s, places
+from analog_frontend.numeric.arena import places
+from analog_frontend.numeric.shapes import doubles, int64s
 from analog_frontend.numeric.vector import integers, load, splat, store
 from analog_frontend.parts import adc, noise
 from analog_frontend.parts.adc import CHANNELS, COUNT, DUE, FRAC, FRAMES, PENDING, SAMPLE, TEMPERATURE, TICK_UNITS

@@ -25,7 +25,7 @@ from analog_frontend.lanes.eight import (
 from analog_frontend.numeric.vector import clamped, integers, load, splat, store, store_rows
 from analog_frontend.parts import noise, sid
 from analog_frontend.parts.sid import STAGES, TERMS
-from analog_frontend.sid_edges import DEMODULATORS, JITTERED, TICK_CYCLES, acting, switched
+from analog_frontend.sid_edges import DEMODULATORS, JITTERED, TICK_CYCLES, Switches, acting, switched
 from fpga_model.jit import inlined, outlined
 
 LATER = 1 << 40
@@ -233,25 +233,12 @@ def _alone(floats, ints, tick, t, row, plant, moved):
     jitter = noise.Source(v.keys[at], v.keys[at + LANES], v.sigma[at], on, 0)
     q = v.sid_numbers[plant]
     p = sid.Params(q[0], q[1], q[2], q[3], q[4], q[5], q[6], q[7], v.sid_inject[plant], v.sid_taylor[plant])
+    switches = Switches(v.switch_tau_s[plant], v.switch_carry[plant], jitter, p.h_s)
     gain, driver_s, w, k = v.slope_gain[plant], v.driver_s[plant], v.w, row * LANES + plant
     kept = 0
     for d in range(DEMODULATORS):
-        count, late = acting(
-            v.switch_tau_s[plant],
-            v.switch_carry[plant],
-            jitter,
-            p.h_s,
-            tick + t,
-            t,
-            d,
-            v.switch[plant, d],
-            first,
-            last,
-            edges,
-            v.late_tau_s[plant, d],
-            v.late_count[plant, d],
-            v.taus_s,
-        )
+        ref, late_tau_s, waiting = v.switch[plant, d], v.late_tau_s[plant, d], v.late_count[plant, d]
+        count, late = acting(switches, tick + t, t, d, ref, first, last, edges, late_tau_s, waiting, v.taus_s)
         v.late_count[plant, d] = late
         kept += late
         if count > 0:
@@ -259,7 +246,6 @@ def _alone(floats, ints, tick, t, row, plant, moved):
             p1, p2, p3 = w[path], w[path + ROW], w[path + 2 * ROW]
             before, v0, after, v1 = w[cv], w[cv + ROW], w[cv + LANES], w[cv + ROW + LANES]
             dv0, dv1 = (gain * before - v0) / driver_s, (gain * after - v1) / driver_s
-            ref = v.switch[plant, d]
             _grouped(v, plant, d, ref)
             ref = switched(p, v.caps, d, ref, v.taus_s, count, n, p1, p2, p3, v0, dv0, v1, dv1)
             v.switch[plant, d] = ref

@@ -1,9 +1,6 @@
 """Records of arrays that stand in two flat arrays, one of doubles and one of int64.
 
-    class Record(NamedTuple):
-        z: doubles(16, 8)                    the type of a field is what its array holds, and its shape
-        switch: int64s(8, 4)
-    AT = places(Record, first)               where each array stands, aligned to a register of eight
+    AT = places(Record, first)               where each array of a record of shapes.py stands, aligned to eight
     v = AT.opened(floats, integers)          the record, its arrays views of the two
 
     int32_at(address, n), int64_at, float64_at              n numbers of somebody else's, at the address of the first
@@ -22,28 +19,11 @@ from numba import types
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array, populate_array
 
+from analog_frontend.numeric.shapes import FLOAT, INTEGER
 from analog_frontend.numeric.vector import LANES, aligned
 from fpga_model.jit import DISABLED
 
-FLOAT, INTEGER = 0, 1
 ITEM_BYTES = 8
-
-
-class Shaped(NamedTuple):
-    """Type of a field of a record of arrays: FLOAT or INTEGER, and the shape."""
-
-    kind: int
-    shape: tuple
-
-
-def doubles(*shape):
-    """An array of doubles."""
-    return Shaped(FLOAT, shape)
-
-
-def int64s(*shape):
-    """An array of int64."""
-    return Shaped(INTEGER, shape)
 
 
 class Places(NamedTuple):

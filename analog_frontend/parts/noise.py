@@ -25,7 +25,7 @@ from typing import NamedTuple
 import mpmath
 import numpy as np
 
-from analog_frontend.numeric.vector import FIVE, LANES, integers, store, store_fives
+from analog_frontend.numeric.vector import FIVE, LANES, integers, store, store_fives, store_rows
 from fpga_model.jit import inlined, kernel, outlined
 
 ORDER = np.arange(LANES, dtype=np.int64)
@@ -246,9 +246,11 @@ def fill_rows(p, q, counter, stride, w, first, second, n):
             at, eight = counter + i * stride, LANES * stride
             keys0, keys1 = (p.key0, p.key0, p.key0, p.key0), (p.key1, p.key1, p.key1, p.key1)
             counters = (steps + at, steps + (at + eight), steps + (at + 2 * eight), steps + (at + 3 * eight))
-            for k, (x, y) in enumerate(words4(keys0, keys1, counters)):
-                store(w, first + i + k * LANES, p.sigma * ih4(x))
-                store(w, second + i + k * LANES, q.sigma * ih4(y))
+            a, b, c, d = words4(keys0, keys1, counters)
+            for_p = (p.sigma * ih4(a[0]), p.sigma * ih4(b[0]), p.sigma * ih4(c[0]), p.sigma * ih4(d[0]))
+            for_q = (q.sigma * ih4(a[1]), q.sigma * ih4(b[1]), q.sigma * ih4(c[1]), q.sigma * ih4(d[1]))
+            store_rows(w, first + i, LANES, for_p)
+            store_rows(w, second + i, LANES, for_q)
         for i in range(four, n, LANES):
             x, y = words(p.key0, p.key1, steps + (counter + i * stride))
             store(w, first + i, p.sigma * ih4(x))

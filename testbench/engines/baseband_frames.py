@@ -72,33 +72,20 @@ def _moved(p, u, b, c, bank, tick, batch, rate, temp, words, turn_clock, turn_ph
     """Both modes through a frame; `words` of the DDS before and after `turn_clock`. Mutates `b`."""
     word_old, word = words
     volts = averaged_codes.rounded(control.amplitude(p.fpga.control, c) * u.drive_volts, u.drive_lsb_v)
-    fdr, fdi = turned_force(volts, bank.phase_drive_sine)
-    fsr, fsi = turned_force(c.rate_loop.loop.y * u.sense_volts, bank.phase_sense_sine)
+    drive = turned_force(volts, bank.phase_drive_sine)
+    sense = turned_force(c.rate_loop.loop.y * u.sense_volts, bank.phase_sense_sine)
     lawful = u.laws.force + u.laws.cv > 0
     if lawful:
         refs = bank.phase_drive_ref, bank.phase_sense_ref
         averaged_laws.act(u.laws, b.now, b.m, b.laws, rate, temp, tick * p.plant.sid.h_s, refs[0], refs[1])
     changed_cos, changed_sin = unit((turn_phase + u.drive_change * word) << 1 & TURN_MASK)
     later_cos, later_sin = averaged_modes.times(changed_cos, changed_sin, u.sense_later[0], u.sense_later[1])
-    averaged_modes.frame(
-        b.now,
-        b.m,
-        (word_old - u.word0) * RAD_PER_TICK,
-        (word - u.word0) * RAD_PER_TICK,
-        turn_clock / TICK_CYCLES,
-        fdr,
-        fdi,
-        fsr,
-        fsi,
-        b.drawn.growth,
-        4 * batch,
-        cos,
-        sin,
-        (changed_cos, changed_sin, later_cos, later_sin),
-        b.cubic,
-    )
+    changed = changed_cos, changed_sin, later_cos, later_sin
+    deltas = (word_old - u.word0) * RAD_PER_TICK, (word - u.word0) * RAD_PER_TICK
+    turn, growth = turn_clock / TICK_CYCLES, b.drawn.growth
+    averaged_modes.frame(b.now, b.m, deltas, turn, drive + sense, growth, 4 * batch, cos, sin, changed, b.cubic)
     if lawful:
-        averaged_laws.grow(b.now, b.m, b.laws, (word - u.word0) * RAD_PER_TICK, b.cubic)
+        averaged_laws.grow(b.now, b.m, b.laws, deltas[1], b.cubic)
 
 
 @hot
@@ -141,23 +128,10 @@ def frames(p, u, b, c, bank, phase, word, quadrature, old, new, chunk, tick, cou
         _moved(p, u, b, c, bank, tick, batch, rate, temp, (word_old, word), turn_clock, turn_phase, cos, sin)
         poles = poles_at(u, word)
         _tilde(u, b.cubic, poles[0], poles[1])
-        averaged_sid.demodulate(
-            u.sid,
-            q,
-            phase,
-            word_old,
-            turn_clock,
-            turn_phase,
-            word,
-            (bank.phase_drive_ref, bank.phase_sense_ref),
-            b.base,
-            b.cubic,
-            poles,
-            drawn.volts,
-            drawn.sums,
-            ROW,
-            float(FRAME_SAMPLES * batch),
-        )
+        before, after_turn = (phase, word_old), (turn_clock, turn_phase, word)
+        offsets, noise = (bank.phase_drive_ref, bank.phase_sense_ref), (drawn.volts, drawn.sums, ROW)
+        begin = float(FRAME_SAMPLES * batch)
+        averaged_sid.demodulate(u.sid, q, before, after_turn, offsets, b.base, b.cubic, poles, noise, begin)
         old = new
         new = _convert(p.plant.adc, u, q, clock, sums, drawn.converter, batch, temp)
         tick += FRAME_TICKS

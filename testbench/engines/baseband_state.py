@@ -7,8 +7,6 @@ Neither is exact: the averaged plant knows neither the rounding of the DAC codes
 Source    docs/parts/averaged.md
 """
 
-from __future__ import annotations  # a field may bear the name of its module
-
 from typing import NamedTuple
 
 import numpy as np
@@ -53,6 +51,7 @@ from analog_frontend.averaged.averaged_sid import (
     SIGN,
     WAITING,
 )
+from analog_frontend.numeric.shapes import doubles, zeros
 from analog_frontend.numeric.vector import lane, splat4, turned4
 from analog_frontend.parts import adc, dac
 from fpga_model import control, watchdog
@@ -70,28 +69,21 @@ RECENT = 8  # ticks whose codes the blocks are given back
 class Slow(NamedTuple):
     """State of the averaged plant; arrays, mutated in place."""
 
-    now: np.ndarray
-    m: np.ndarray
-    q: np.ndarray
-    cubic: np.ndarray
-    z: np.ndarray  # (16,) as plant.State.z
-    base: np.ndarray
+    now: doubles(averaged_modes.NOW_SIZE)
+    m: doubles(averaged_modes.M_SIZE)
+    q: doubles(4 * averaged_sid.Q_ROWS)
+    cubic: doubles(16)
+    z: doubles(plant.STATES)
+    base: doubles(8)
     drawn: averaged_noise.Drawn
     laws: averaged_laws.Room
 
 
 def slow():
     """Room for a run."""
-    return Slow(
-        np.full(averaged_modes.NOW_SIZE, np.inf),
-        np.zeros(averaged_modes.M_SIZE),
-        np.zeros(4 * averaged_sid.Q_ROWS),
-        np.zeros(16),
-        np.zeros(16),
-        np.zeros(8),
-        averaged_noise.room(),
-        averaged_laws.room(),
-    )
+    b = zeros(Slow, drawn=zeros(averaged_noise.Drawn), laws=zeros(averaged_laws.Room))
+    b.now[:] = np.inf
+    return b
 
 
 @inner

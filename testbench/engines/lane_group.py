@@ -18,8 +18,9 @@ from analog_frontend import top as plant
 from analog_frontend.effects import law
 from analog_frontend.lanes import eight, eight_adc, eight_top
 from analog_frontend.lanes.eight import MOVING, STILL
-from analog_frontend.numeric.arena import doubles, float64_at, int32_at, int64_at, int64s, places
+from analog_frontend.numeric.arena import float64_at, int32_at, int64_at, places
 from analog_frontend.numeric.records import taken
+from analog_frontend.numeric.shapes import doubles, int64s
 from analog_frontend.numeric.vector import LANES, load, store
 from analog_frontend.parts import adc, dac, propagator, sid
 from fpga_model import control, digital_sid, registers, watchdog
@@ -145,20 +146,12 @@ def _blended(c, floats, ints, p, k, temp_degc):
 
 
 @inlined
-def _at(p, knots, what, temp_degc):
-    if p.temp_count == 1:
-        return knots[0, what]
-    index, weight = propagator.locate(p.temp_lo_degc, p.temp_step_k, p.temp_count, temp_degc)
-    return knots[index, what] + weight * (knots[index + 1, what] - knots[index, what])
-
-
-@inlined
 def _tuned(c, floats, ints, p, k, rate_rad_s, quad_code, temp_degc):
     """Rate, coupling and temperature of one plant's next frame; 1 if its matrix changes. Mutates both arrays."""
     q = opened(floats, ints)
     volts = quad_code * p.quad_lsb_v
-    kq = _at(p, c.knots[k], 1, temp_degc)
-    stiffness = _at(p, c.knots[k], 2, temp_degc) - kq * (volts * volts)
+    kq = plant.blended(p, c.knots[k, :, 1], temp_degc)
+    stiffness = plant.blended(p, c.knots[k, :, 2], temp_degc) - kq * (volts * volts)
     moved = q.now[TEMP * LANES + k] != temp_degc
     same = q.now[RATE * LANES + k] == rate_rad_s and q.now[STIFFNESS * LANES + k] == stiffness
     if not moved and same:

@@ -8,10 +8,9 @@ Source    docs/architecture.md, docs/blocks/references.md, docs/blocks/modulator
 
 from typing import NamedTuple
 
-import numpy as np
-
 from analog_frontend import linear
 from analog_frontend import top as plant
+from analog_frontend.numeric.shapes import int64s, zeros
 from fpga_model import modulator, sine
 from fpga_model.jit import inner
 from fpga_model.rates import TICK_CYCLES
@@ -20,29 +19,25 @@ from testbench.engines.window import HISTORY
 
 SINE_CLOCKS = 1 + sine.LATENCY  # from the phase to the sine
 REFERENCE_CLOCKS = 2  # from the phase to the pins
+ROOM = linear.BLOCK + HISTORY
 
 
 class Buffers(NamedTuple):
     """Scratch of a block: one place per tick, codes and loads with HISTORY places before it."""
 
-    amplitude: np.ndarray
-    rate: np.ndarray
-    control_load: np.ndarray
-    drive: np.ndarray
-    sense: np.ndarray
-    refs: np.ndarray  # the four pins before each tick's first edge
-    sar: np.ndarray  # (2, ticks)
-    edges: np.ndarray
+    amplitude: int64s(ROOM)
+    rate: int64s(ROOM)
+    control_load: int64s(ROOM)
+    drive: int64s(ROOM)
+    sense: int64s(ROOM)
+    refs: int64s(ROOM)  # the four pins before each tick's first edge
+    sar: int64s(2, ROOM)
+    edges: int64s(plant.MAX_EDGES * ROOM, 2)
 
 
 def buffers():
     """Scratch of a run."""
-    n = linear.BLOCK + HISTORY
-    return Buffers(
-        *(np.zeros(n, np.int64) for _ in range(6)),
-        np.zeros((2, n), np.int64),
-        np.zeros((plant.MAX_EDGES * n, 2), np.int64),
-    )
+    return zeros(Buffers)
 
 
 @inner

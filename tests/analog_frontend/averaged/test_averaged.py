@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from analog_frontend import top as plant
 from analog_frontend.averaged import averaged, averaged_codes, averaged_modes, averaged_noise, averaged_sid
 from analog_frontend.averaged.averaged_modes import M_SIZE, NOW_SIZE, NOW_TEMP, A, F
+from analog_frontend.numeric.shapes import zeros
 from analog_frontend.parts import adc, noise
 from fpga_model import dds, references
 from fpga_model.jit import hot
@@ -111,7 +112,7 @@ def test_the_converter_has_the_samples_and_flicker_states_of_the_other_engines(p
     rng = np.random.default_rng(1)
     sums = np.zeros((adc.CHANNELS, adc.FRAMES + noise.POLES))
     sums[:, adc.FRAMES :] = rng.normal(size=(adc.CHANNELS, noise.POLES))
-    own, room = sums.copy(), averaged_noise.room()
+    own, room = sums.copy(), zeros(averaged_noise.Drawn)
     for first, frames in ((0, batch), (7 * batch, batch - 3), (3_000_000_000, 2)):
         want = np.zeros((adc.CHANNELS, frames))
         _convert(p, room, own, first, frames)
@@ -123,7 +124,7 @@ def test_the_converter_has_the_samples_and_flicker_states_of_the_other_engines(p
 
 
 def test_cv_and_force_samples_are_the_held_ones(params, setup):
-    on, room = params.plant.noise, averaged_noise.room()
+    on, room = params.plant.noise, zeros(averaged_noise.Drawn)
     tick = 125 * 1234
     _draw(on, setup.force, room, tick, 3)
     count = 3 * averaged_noise.FRAME_SAMPLES
@@ -150,9 +151,8 @@ WORD, TURN_CLOCK, TURN = dds.word_of_hz(11_001.1001), 461, 1 << dds.WIDTH
 
 @hot
 def _demodulate(p, q, phase, old, turn_clock, turn_phase, new, offsets, base, cubic, poles, volts, sums):
-    averaged_sid.demodulate(
-        p, q, phase, old, turn_clock, turn_phase, new, offsets, base, cubic, poles, volts, sums, 100, 0.0
-    )
+    turn, noise = (turn_clock, turn_phase, new), (volts, sums, 100)
+    averaged_sid.demodulate(p, q, (phase, old), turn, offsets, base, cubic, poles, noise, 0.0)
 
 
 def _pins(p, phase, words, offsets):

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from analog_frontend.numeric import arena
-from analog_frontend.numeric.arena import FLOAT, INTEGER, doubles, int64s
+from analog_frontend.numeric.shapes import FLOAT, INTEGER, doubles, int64s
 from analog_frontend.numeric.vector import LANES
 from fpga_model.jit import hot
 
