@@ -44,8 +44,8 @@ test: $(VENV)/.test ## the suite in minutes: every claim of the README once; pri
 	@.ci/timed "kernels compiled" $(BIN)/python -m testbench.run.warmup lanes baseband
 	@.ci/timed "suite" $(PYTEST) -n 2 --dist loadfile --benchmark-disable
 
-test-slow: $(VENV)/.test ## what `make test` leaves out: long studies, every simulator, every case
-	@.ci/timed "slow tests" $(PYTEST) -n 2 --dist worksteal --benchmark-disable -m slow
+test-slow: $(VENV)/.test ## what `make test` leaves out: long studies, every simulator, every case; MINUTES=20 for a part
+	@.ci/timed "slow tests" $(PYTEST) -n 2 --dist worksteal --benchmark-disable -m slow $(if $(MINUTES),--minutes $(MINUTES))
 
 test-all: export HYPOTHESIS_PROFILE = thorough
 test-all: test test-slow test-nojit ## everything: within an hour

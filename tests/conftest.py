@@ -5,8 +5,13 @@ Hypothesis has no deadline, because the first call of a kernel compiles it. CI d
 """
 
 import os
+import random
 import signal
+import subprocess
+import time
+from pathlib import Path
 
+import pytest
 from hypothesis import HealthCheck, settings
 
 import fpga_model.jit  # noqa: F401  with its compiler, whichever command a test calls first
@@ -23,3 +28,25 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE") or ("ci" if os.enviro
 
 # a shell that starts a suite in the background has it ignore Ctrl-C, and the tests that send one would wait for ever
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+BEGAN = time.monotonic()
+
+
+def pytest_addoption(parser):
+    parser.addoption("--minutes", type=float, help="draw the order of files by the commit, and begin no test later")
+
+
+def pytest_collection_modifyitems(config, items):
+    """Under a limit of time another commit tests other files first, so that none is left out for ever."""
+    if config.option.minutes is None:
+        return
+    head = subprocess.run(["git", "rev-parse", "HEAD"], cwd=Path(__file__).parent, capture_output=True, text=True)
+    draw = random.Random(head.stdout)
+    place = {path: draw.random() for path in sorted({item.path for item in items})}
+    items.sort(key=lambda item: place[item.path])
+
+
+def pytest_runtest_setup(item):
+    limit = item.config.option.minutes
+    if limit is not None and time.monotonic() - BEGAN > 60 * limit:
+        pytest.skip(f"--minutes {limit:g} are over")
