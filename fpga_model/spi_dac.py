@@ -12,7 +12,7 @@
 Formats   word, shift, header, control [0,24,0]   flip, data_mask [0,20,0]   left [0,5,0]   lead [0,2,0]   pins [0,1,0]
 Latency   `latch_cycles`: lead + bits + ldac clocks from the load edge to the edge that changes the output
 Rounding  none
-Overflow  none: loads must be more than `latch_cycles` apart; one restarts a frame in progress
+Overflow  none: the period between loads must be at least `period_cycles`; a load restarts a frame in progress
 Source    docs/blocks/spi_dac.md, docs/parts/dac_serial.md
 
 SCLK is the 26 MHz clock gated by sclk_en, so the DAC samples SDIN in the middle of the clock; SDIN is the MSB of shift.
@@ -128,3 +128,8 @@ def sdin(p, s):
 def latch_cycles(p):
     """Clocks from the load edge to the edge after which the DAC is told to change its output."""
     return p.lead + p.bits + p.ldac
+
+
+def period_cycles(p):
+    """Least clocks between loads: SYNC and LDAC must be high for one clock or more."""
+    return latch_cycles(p) + 1

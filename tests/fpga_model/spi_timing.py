@@ -10,11 +10,6 @@ SENSE_PERIOD_CYCLES = TICK_CYCLES
 QUADRATURE_PERIOD_CYCLES = 2 * TICK_CYCLES
 
 
-def period_cycles(p):
-    """Least clocks between loads: SYNC and LDAC must be high for one clock or more."""
-    return spi_dac.latch_cycles(p) + 1
-
-
 # name: ns, least, from the data sheets (docs/parts/dac_serial.md says which are confirmed)
 DAC8811_LIMITS_NS = {
     "SCLK period": 20,
@@ -59,8 +54,10 @@ def timing_report(p, period_clocks):
     period_clocks  26 MHz clocks between loads
     SCLK has 50 % duty; pin-to-pin skew and rise times are not counted. Raises ValueError if frames would overlap.
     """
-    if period_clocks < period_cycles(p):
-        raise ValueError(f"period_clocks: {period_clocks} is below {period_cycles(p)} clocks, the length of a frame")
+    if period_clocks < spi_dac.period_cycles(p):
+        raise ValueError(
+            f"period_clocks: {period_clocks} is below {spi_dac.period_cycles(p)} clocks, the length of a frame"
+        )
     half = Fraction(1, 2)
     clocks = {
         "SCLK period": 1,

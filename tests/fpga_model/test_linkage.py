@@ -55,8 +55,9 @@ def tree(tmp_path):
 
 
 def said(tree, code=ANSWER):
+    # -B: an edit of the same length within a second would leave Python's own bytecode valid
     environment = {"PATH": "/usr/bin:/bin", "GYRO_CACHE": str(tree / "cache"), "HOME": str(tree)}
-    done = subprocess.run([sys.executable, "-c", code], cwd=tree, env=environment, capture_output=True, text=True)
+    done = subprocess.run([sys.executable, "-B", "-c", code], cwd=tree, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return done.stdout.split()
 

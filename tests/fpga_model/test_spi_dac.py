@@ -98,8 +98,8 @@ def test_least_period_is_the_shortest_that_keeps_every_latch_edge(p):
         pin = rows[:, LDAC_N] if p.ldac else 1 - rows[:, SYNC_N]
         return int((np.diff(pin) == -1).sum())
 
-    assert latch_edges(spi_timing.period_cycles(p)) == 4
-    assert latch_edges(spi_timing.period_cycles(p) - 1) == 1
+    assert latch_edges(spi_dac.period_cycles(p)) == 4
+    assert latch_edges(spi_dac.period_cycles(p) - 1) == 1
 
 
 @pytest.mark.parametrize("code", [-32768, -32767, -1, 0, 1, 32767])
@@ -181,6 +181,6 @@ def test_report_agrees_with_the_pins(p):
 
 @by_part
 def test_frames_may_not_overlap(p):
-    spi_timing.timing_report(p, spi_timing.period_cycles(p))
+    spi_timing.timing_report(p, spi_dac.period_cycles(p))
     with pytest.raises(ValueError, match="period_clocks"):
-        spi_timing.timing_report(p, spi_timing.period_cycles(p) - 1)
+        spi_timing.timing_report(p, spi_dac.period_cycles(p) - 1)

@@ -10,7 +10,6 @@ from fpga_model import spi_dac
 from fpga_model.jit import kernel
 from testbench.flatten import store
 from tests import naive
-from tests.fpga_model import spi_timing
 from tests.rows import assert_same_rows
 
 PARTS = {
@@ -110,7 +109,7 @@ def test_codes_through_the_master_arrive_at_latch_cycles(name):
     rng = np.random.default_rng(8811)
     lo, hi = RANGE[name]
     codes = [lo, hi, 0, lo + 1, hi - 1, -1 if lo else 1, 1, *rng.integers(lo, hi + 1, 200).tolist()]
-    period, latch = spi_timing.period_cycles(p), spi_dac.latch_cycles(p)
+    period, latch = spi_dac.period_cycles(p), spi_dac.latch_cycles(p)
     load = np.zeros(len(codes) * period, np.int64)
     load[::period] = 1
     code = np.repeat(codes, period)

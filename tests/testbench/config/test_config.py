@@ -70,6 +70,10 @@ MISTAKES = [
         "[plant]\nadc_clock_ppm = 3",
         'plant.adc_clock_ppm = 3 needs firmware.adc_clock = "free_running"; it is "synchronous"',
     ),
+    (
+        "[effects]\nadc_curve = [0.05]",
+        "effects.adc_curve = [0.05] is not a list of up to 13 numbers within -0.01 .. 0.01",
+    ),
     ("[effect]\nx = 1", "[effect] is not a known section; did you mean [effects]?"),
     (
         "[wobble]\nx = 1",

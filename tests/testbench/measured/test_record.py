@@ -95,6 +95,12 @@ def swapped_edges(record):
     record.tables["stimulus/rate"]["edge"] = TableColumn(edges, "edge")
 
 
+def edge_before(record):
+    edges = record.tables["stimulus/rate"]["edge"].data.copy()
+    edges[1] = edges[0] - 1
+    record.tables["stimulus/rate"]["edge"] = TableColumn(edges, "edge")
+
+
 def same_group(record):
     table = record.tables["segments"]
     k = table["role"].data.tolist().index("validate")
@@ -149,6 +155,7 @@ SPOILT = {
         "R04 /streams/dac_ftr expected bits = 20",
     ),
     "R05": (lambda r: stream(r, "adc_xI", data=r.streams["adc_xI"].data[:-1]), "R05 /streams/adc_xI expected"),
+    "R06 by one": (edge_before, "R06 /stimulus/rate/edge expected rising edges"),
     "R06": (swapped_edges, "R06 /stimulus/rate/edge expected rising edges"),
     "R07": (lambda r: dropped(r, 5000), "R07 /streams/nco_pword expected the phase to follow the word"),
     "R08": (lambda r: stream(r, "adc_xI", den=3251), "R08 /streams/adc_xI expected rate 1/3250"),

@@ -110,6 +110,11 @@ def test_more_laws_cost_more_by_themselves():
     assert few == pytest.approx(1 / (1 + 5 * np.exp(-5.0)))
 
 
+def test_odds_of_models_that_are_all_unlikely_are_those_of_their_difference():
+    found = [evidence.Candidate((), -1e6, 0, True), evidence.Candidate(("a",), -1e6 + 2.0, 0, True)]
+    assert evidence.posterior(found, {"a": 0.0}) == pytest.approx([1 / (1 + np.exp(2.0)), 1 / (1 + np.exp(-2.0))])
+
+
 def test_priors_of_a_catalogue_and_of_a_library_are_ninety_and_ten_percent():
     catalogue, library = tuple("abc"), tuple("defghij")
     priors = evidence.log_priors(catalogue, library)
