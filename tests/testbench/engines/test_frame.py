@@ -212,14 +212,6 @@ def test_a_word_that_changes_twice_in_one_window(locked, delay_us):
     pair.advance(500)
 
 
-def test_a_window_cut_by_every_tick_takes_a_register_in_the_same_slot(locked):
-    pair = Pair(*locked)
-    pair.advance(1, host=write("fault_clear", 255))
-    for _ in range(130):
-        pair.advance(1)
-    assert pair.frame.fpga.registers.fault_clear == 0
-
-
 @pytest.mark.parametrize("frequency_hz", [0.0, 1.0, 12_345.678, 100_000.0, 3e6])
 def test_any_frequency_word(locked, frequency_hz):
     """Open loop at frequencies that no gyroscope has; where quarter turns come too fast, clocked ticks take over."""
