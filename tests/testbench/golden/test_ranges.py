@@ -26,7 +26,9 @@ from testbench.golden.stimulus.runners import store
 from tests.testbench.golden.benching import made
 
 CASES = [(stem, case) for stem, block in blocks.BLOCKS.items() for case in block.cases]
-FAST_CASES = [pytest.param(stem, case, marks=pytest.mark.slow if case == "fastest" else ()) for stem, case in CASES]
+# the sequencer's second case takes seconds to prove; the pinned manifests hold what comes out
+LONG = ("sequencer", "fastest")
+FAST_CASES = [pytest.param(*case, marks=pytest.mark.slow if case == LONG else ()) for case in CASES]
 
 
 def proven(stem, case=None):
@@ -66,7 +68,7 @@ def test_vectors_stay_inside(stem, case):
 
 
 @settings(max_examples=60)
-@given(st.sampled_from(CASES), st.integers(0, 2**32), st.sampled_from((0.02, 0.3, 0.9)))
+@given(st.sampled_from(sorted({*CASES} - {LONG})), st.integers(0, 2**32), st.sampled_from((0.02, 0.3, 0.9)))
 def test_random_simulation_stays_inside(which, seed, busy):
     """Corners and noise in every input, control inputs busy or rare."""
     stem, case = which
