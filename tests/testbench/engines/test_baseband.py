@@ -13,8 +13,6 @@ from analog_frontend.averaged.averaged import LIMIT_HZ
 from fpga_model import registers, sequencer
 from fpga_model.rates import FRAME_CYCLES, FRAME_TICKS, MASTER_HZ, TICK_CYCLES, TICK_HZ
 from testbench import config
-from testbench.bench import baseband_accuracy
-from testbench.bench.baseband_accuracy import DEG, Case, compare, failures
 from testbench.campaign.plan import engines
 from testbench.engines import baseband, engine
 from testbench.engines.baseband_setup import DRIVE_HZ, JITTER_LIMIT_S, RATE_LIMIT_DEG_S
@@ -24,6 +22,8 @@ from testbench.paper.calibration import boards
 from testbench.run import simulate
 from testbench.run.simulation import FRAME, Simulation
 from tests.testbench.bench_setup import configured, open_loop, quiet
+from tests.testbench.engines import baseband_accuracy
+from tests.testbench.engines.baseband_accuracy import DEG, Case, compare, failures
 
 needs_compiler = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="closed loop: too slow interpreted")
 TEMP_DEGC = 25.0

@@ -1,9 +1,9 @@
 """Baseband against the frame engine: start-up, rate steps, a temperature ramp, phase words at reset, partly, fully set.
 
-    python -m testbench.bench.baseband_accuracy [case ..]                   prints the table of docs/parts/averaged.md
-    python -m testbench.bench.baseband_accuracy [case ..] --not-retimed     with references that leave at any clock
-    python -m testbench.bench.baseband_accuracy [case ..] --anew            the baseband engine anew every half second
-    python -m testbench.bench.baseband_accuracy [case ..] --twins           frame engines among themselves, too
+    python -m tests.testbench.engines.baseband_accuracy [case ..]     prints the table of docs/parts/averaged.md
+        --not-retimed     with references that leave at any clock
+        --anew            the baseband engine anew every half second
+        --twins           frame engines among themselves, too
 
 Both engines run the same gyroscope with all noise on, from power-on or from one locked state. Per 8 kHz stream: mean
 and rms of the difference in units of sigma, the stream's own noise: the frame engine's, about its course at constant

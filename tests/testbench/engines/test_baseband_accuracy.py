@@ -14,8 +14,9 @@ import pytest
 
 from fpga_model.rates import FRAME_CYCLES, FRAME_HZ
 from testbench import config
-from testbench.bench import baseband_accuracy
-from testbench.bench.baseband_accuracy import (
+from testbench.paper.calibration import boards
+from tests.testbench.engines import baseband_accuracy
+from tests.testbench.engines.baseband_accuracy import (
     CASES,
     DEG,
     PHASE_LIMIT_DEG,
@@ -32,7 +33,6 @@ from testbench.bench.baseband_accuracy import (
     table,
     twins,
 )
-from testbench.paper.calibration import boards
 
 BEYOND = {
     "temperature ramp": {"adc_drive_cos: rms", "amplitude_word: rms", "magnitude: rms"},
