@@ -60,7 +60,7 @@ bench: $(VENV)/.test ## speed, as a table in docs/speed.md and build/bench.json
 	$(BIN)/python -m testbench.bench
 
 portability: $(VENV)/.run ## one hash of all codes: three kinds of processor, no compiler, lowest versions
-	$(BIN)/python -m testbench.bench.portability --make-old build/oldest --page
+	$(BIN)/python -m tests.testbench.bench.portability --make-old build/oldest --page
 
 lint: $(VENV)/.test ## ruff
 	$(BIN)/ruff check fpga_model analog_frontend testbench tests

@@ -17,7 +17,7 @@ from functools import partial
 
 from analog_frontend.parts.noise import HOLD
 from fpga_model.rates import FRAME_TICKS, TICK_HZ
-from testbench.bench import kernels, many, peers, portability, stages
+from testbench.bench import kernels, machine, many, peers, stages
 from testbench.console.markdown import ROOT, markdown, replaced
 from testbench.console.table import Table, fixed
 from testbench.storage.files import write_text
@@ -236,8 +236,8 @@ def measure():
     result |= first | {
         "growth": growth(),
         "stages_ns": stages.measure(),
-        "versions": portability.versions() | peers.versions(),
-        "cpu": portability.cpu(),
+        "versions": machine.versions() | peers.versions(),
+        "cpu": machine.cpu(),
     }
     return result | {"cores": many.cores(), "memory_bytes_per_lane": many.memory(), "run_cpu_s": many.run()}
 

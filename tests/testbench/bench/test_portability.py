@@ -12,11 +12,11 @@ import pytest
 from numba import njit
 
 from analog_frontend.effects import catalogue
-from testbench.bench import portability
-from testbench.bench.portability import CASES, TARGETS, Target
 from testbench.commands import docs
 from testbench.config import Config
 from testbench.run.simulation import Simulation
+from tests.testbench.bench import portability
+from tests.testbench.bench.portability import CASES, TARGETS, Target
 
 compiled = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="looks at machine code, or runs a closed loop")
 ONE, OTHER = ["a" * 64, "b" * 64], ["c" * 64, "b" * 64]
@@ -252,12 +252,12 @@ def test_the_tables_are_the_measurement():
     short = run_of("B", "interpreted", {"10000": ONE})
     short["code"]["bits"] = 0
     part = portability.page_part(result_of([run_of(), short]))
-    assert "`python -m testbench.bench.portability --engine frame --seconds 60` on A processor." in part
+    assert "`python -m tests.testbench.bench.portability --engine frame --seconds 60` on A processor." in part
     assert "| B | 3.11.7 | 0.61.0 | 0.44.0 | 2.0.0 | 1.13.0 |" in part
     assert "| A | native | 512 | 0 | aaaaaaaa | aaaaaaaa |" in part
     assert "| B | interpreted | | | aaaaaaaa | |" in part
     assert part.endswith("All hashes equal, and so is every register and every double of the state at each mark.")
-    page = "before\n<!-- portability: written by testbench.bench.portability -->\nold\n<!-- end -->\nafter"
+    page = "before\n<!-- portability: written by tests.testbench.bench.portability -->\nold\n<!-- end -->\nafter"
     once = docs.replaced(page, "portability", part)
     assert docs.replaced(once, "portability", part) == once
 
@@ -273,7 +273,7 @@ def test_a_failed_run_shows():
 def test_the_exit_code_says_whether_all_are_equal(tmp_path, monkeypatch, capsys, marks, code):
     (tmp_path / "docs").mkdir()
     page = tmp_path / "docs" / "portability.md"
-    page.write_text("<!-- portability: written by testbench.bench.portability -->\n<!-- end -->\n")
+    page.write_text("<!-- portability: written by tests.testbench.bench.portability -->\n<!-- end -->\n")
     monkeypatch.setattr(portability, "ROOT", tmp_path)
     monkeypatch.setattr(portability, "measure", lambda *_: [run_of(), run_of("B", marks=marks)])
     assert portability.main(["--engine", "clocked", "--also", sys.executable]) == code
@@ -303,7 +303,7 @@ def test_a_mistake_is_one_line(given, line, capsys):
 def test_the_page_holds_a_measurement():
     """docs/portability.md holds the tables, written by the command that it names, and no difference."""
     page = (docs.ROOT / "docs" / "portability.md").read_text()
-    assert "Measured with `python -m testbench.bench.portability" in page
+    assert "Measured with `python -m tests.testbench.bench.portability" in page
     assert "All hashes equal" in page
     for target in TARGETS:
         assert f"| A | {target.name} |" in page

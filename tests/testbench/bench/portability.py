@@ -8,7 +8,7 @@
 Each runs in a fresh process with an empty cache of its own, in this interpreter and in others (`--also`, `--make-old`).
 What is compared: every DAC and ADC code and word of the loops, and at each mark every register and double of the state.
 
-    python -m testbench.bench.portability [--seconds 60] [--engine frame] [--also PYTHON ...] [--make-old DIR] [--page]
+    python -m tests.testbench.bench.portability [--seconds 60] [--engine frame] [--also PYTHON ..] [--make-old DIR] [--page]
 
 prints a table and writes build/portability.json; exit code 1 if anything differs.
 Source  docs/portability.md
@@ -32,13 +32,14 @@ from typing import Any, NamedTuple, get_args
 import numpy as np
 
 from fpga_model.rates import FRAME_TICKS, TICK_HZ
+from testbench.bench.machine import cpu, versions
 from testbench.config import Config, Scenario, changed
 from testbench.console.markdown import ROOT, markdown, replaced
 from testbench.console.table import Table
 from testbench.run.simulation import Simulation
 from testbench.storage.files import write_text
 
-COMMAND = "python -m testbench.bench.portability"
+COMMAND = "python -m tests.testbench.bench.portability"
 SECONDS, SECONDS_LIMIT = 60.0, 3600.0
 INTERPRETED_TICKS = 10_000
 VARIED_TICKS = 2_000_000
@@ -176,25 +177,6 @@ def compiled_texts(modules):
                     yield from (result.library.get_asm_str() for result in item.overloads.values())
 
 
-def cpu():
-    """Name of the processor."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-        return next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
-    except (OSError, StopIteration):
-        return platform.processor() or platform.machine()
-
-
-def versions():
-    """What the codes must not depend on, and speeds may."""
-    import llvmlite
-    import numba
-    import scipy
-
-    named = (("numba", numba), ("llvmlite", llvmlite), ("numpy", np), ("scipy", scipy))
-    return {"python": platform.python_version()} | {name: module.__version__ for name, module in named}
-
-
 def child(engine, ticks):
     """Run all cases in this process and print what came out as one JSON object."""
     cases = {case.name: hashes(case, engine, ticks) for case in CASES}
@@ -203,7 +185,7 @@ def child(engine, ticks):
 
 # ---- many processes --------------------------------------------------------------------------------------------------
 
-CHILD = "import sys; from testbench.bench.portability import child; child(sys.argv[1], int(sys.argv[2]))"
+CHILD = "import sys; from tests.testbench.bench.portability import child; child(sys.argv[1], int(sys.argv[2]))"
 
 
 def targets(machine):
@@ -382,7 +364,7 @@ def _engines():
 def arguments(given):
     """Checked arguments; exits with one line and code 2."""
     parser = argparse.ArgumentParser(
-        prog="python -m testbench.bench.portability", description="The same bits everywhere?"
+        prog="python -m tests.testbench.bench.portability", description="The same bits everywhere?"
     )
     parser.add_argument("--seconds", type=float, default=SECONDS, help="simulated time of the default configuration")
     parser.add_argument("--engine", default="frame", help="engine of all runs")
