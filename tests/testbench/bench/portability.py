@@ -8,7 +8,8 @@
 Each runs in a fresh process with an empty cache of its own, in this interpreter and in others (`--also`, `--make-old`).
 What is compared: every DAC and ADC code and word of the loops, and at each mark every register and double of the state.
 
-    python -m tests.testbench.bench.portability [--seconds 60] [--engine frame] [--also PYTHON ..] [--make-old DIR] [--page]
+    python -m tests.testbench.bench.portability [--seconds 60] [--engine NAME] [--also PYTHON ..]
+        [--make-old DIR] [--page]
 
 prints a table and writes build/portability.json; exit code 1 if anything differs.
 Source  docs/portability.md
