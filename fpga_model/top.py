@@ -30,7 +30,7 @@ from fpga_model import (
     watchdog,
 )
 from fpga_model.fixed import bits, formats, signed
-from fpga_model.jit import inner
+from fpga_model.jit import inlined, inner
 
 CODE = signed(24)
 TEMPERATURE_CHANNEL = 4
@@ -87,9 +87,49 @@ class Inputs(NamedTuple):
     data: registers.DATA
 
 
+class Pins(NamedTuple):
+    """Output pins; all come from registers alone."""
+
+    adc_cs_n: bits(1)
+    adc_sclk: bits(1)
+    refs: bits(4)
+    drive_sync_n: bits(1)
+    drive_sclk_en: bits(1)
+    drive_sdin: bits(1)
+    sense_sync_n: bits(1)
+    sense_sclk_en: bits(1)
+    sense_sdin: bits(1)
+    sense_ldac_n: bits(1)
+    quadrature_sync_n: bits(1)
+    quadrature_sclk_en: bits(1)
+    quadrature_sdin: bits(1)
+
+
 INPUTS_FMT = formats(Inputs)
+PINS_FMT = formats(Pins)
 PARAMS_FMT = formats(Params)
 STATE_FMT = formats(State)
+
+
+@inlined
+def pins(p, s):
+    """What the pins show."""
+    d, e, q = s.drive_dac, s.sense_dac, s.quadrature_dac
+    return Pins(
+        s.adc.cs_n,
+        s.adc.sclk,
+        references.pins(p.references, s.references),
+        d.sync_n,
+        d.sclk_en,
+        spi_dac.sdin(p.drive_dac, d),
+        e.sync_n,
+        e.sclk_en,
+        spi_dac.sdin(p.sense_dac, e),
+        e.ldac_n,
+        q.sync_n,
+        q.sclk_en,
+        spi_dac.sdin(p.quadrature_dac, q),
+    )
 
 
 @inner

@@ -19,7 +19,7 @@ import numpy as np
 from analog_frontend import tick as plant_tick
 from analog_frontend import top as plant
 from analog_frontend.parts import adc, adc_serial, dac_serial
-from fpga_model import references, spi_dac
+from fpga_model import references
 from fpga_model import top as fpga
 from fpga_model.fixed import Fmt, bits, signed
 from fpga_model.jit import hot, inner, outlined
@@ -145,26 +145,8 @@ class Chunk(NamedTuple):
     edges: np.ndarray  # scratch
 
 
-PIN_COLUMNS = (
-    "drdy_n",
-    "dout",
-    "adc_cs_n",
-    "adc_sclk",
-    "refs",
-    "drive_sync_n",
-    "drive_sclk_en",
-    "drive_sdin",
-    "sense_sync_n",
-    "sense_sclk_en",
-    "sense_sdin",
-    "sense_ldac_n",
-    "quadrature_sync_n",
-    "quadrature_sclk_en",
-    "quadrature_sdin",
-    "drive_code",
-    "sense_code",
-    "quadrature_code",
-)
+CODE_COLUMNS = ("drive_code", "sense_code", "quadrature_code")
+PIN_COLUMNS = ("drdy_n", "dout", *fpga.Pins._fields, *CODE_COLUMNS)
 
 
 def streams(ticks=0, frames=0, edges=0, probe_ticks=0, register_count=0):
@@ -196,21 +178,16 @@ def reset(params, temp_degc):
 
 
 @inner
-def _chips(p, s, chips, loaded, status, codes):
-    """The converters' digital sides after an edge of the firmware, with its pins."""
-    d, e, q = s.drive_dac, s.sense_dac, s.quadrature_dac
+def chips_after(chips, pins, loaded, status, codes):
+    """The converters' digital sides after an edge that left these `fpga.Pins`; two of the DACs have no LDAC."""
+    q = pins.quadrature_sync_n, pins.quadrature_sclk_en, pins.quadrature_sdin
+    d = pins.drive_sync_n, pins.drive_sclk_en, pins.drive_sdin
+    s = pins.sense_sync_n, pins.sense_sclk_en, pins.sense_sdin
     return Chips(
-        dac_serial.step(dac_serial.DAC8811, chips.drive, d.sync_n, d.sclk_en, spi_dac.sdin(p.drive_dac, d), d.ldac_n),
-        dac_serial.step(dac_serial.AD5791, chips.sense, e.sync_n, e.sclk_en, spi_dac.sdin(p.sense_dac, e), e.ldac_n),
-        dac_serial.step(
-            dac_serial.DAC82002,
-            chips.quadrature,
-            q.sync_n,
-            q.sclk_en,
-            spi_dac.sdin(p.quadrature_dac, q),
-            q.ldac_n,
-        ),
-        adc_serial.step(chips.adc, s.adc.cs_n, s.adc.sclk, loaded, status, codes),
+        dac_serial.step(dac_serial.DAC8811, chips.drive, d[0], d[1], d[2], 1),
+        dac_serial.step(dac_serial.AD5791, chips.sense, s[0], s[1], s[2], pins.sense_ldac_n),
+        dac_serial.step(dac_serial.DAC82002, chips.quadrature, q[0], q[1], q[2], 1),
+        adc_serial.step(chips.adc, pins.adc_cs_n, pins.adc_sclk, loaded, status, codes),
     )
 
 
@@ -231,13 +208,8 @@ def sent_codes(faults, clock):
 
 @outlined
 def _record_pins(row, p, s, chips):
-    d, e, q = s.drive_dac, s.sense_dac, s.quadrature_dac
-    adc_pins = chips.adc.drdy_n, adc_serial.dout(chips.adc), s.adc.cs_n, s.adc.sclk
-    drive = d.sync_n, d.sclk_en, spi_dac.sdin(p.drive_dac, d)
-    sense = e.sync_n, e.sclk_en, spi_dac.sdin(p.sense_dac, e), e.ldac_n
-    quadrature = q.sync_n, q.sclk_en, spi_dac.sdin(p.quadrature_dac, q)
     codes = chips.drive.code, chips.sense.code, chips.quadrature.code
-    store(row, (adc_pins, references.pins(p.references, s.references), drive, sense, quadrature, codes))
+    store(row, (chips.adc.drdy_n, adc_serial.dout(chips.adc), fpga.pins(p, s), codes))
 
 
 @inner
@@ -318,7 +290,7 @@ def _probe(o, k, f, a):
 
 
 @inner
-def _edges(edges, count, o, probed, c, theta, refs, now):
+def changed_references(edges, count, o, probed, c, theta, refs, now):
     """Edges of the reference pins at clock `c` of a tick; returns how many the tick has had."""
     for d in range(4):
         if ((now ^ refs) >> d) & 1 and count < MAX_EDGES:
@@ -332,6 +304,34 @@ def _edges(edges, count, o, probed, c, theta, refs, now):
                 e[2] = (now >> d) & 1
                 o.edge_count[0] += 1
     return count
+
+
+@inner
+def end_tick(p, chips, a, chunk, tick, drive_cycle, sense_cycle, edge_count):
+    """The plant's tick, with what the chips put out or a fault holds: clock of DRDY, codes of drive and sense.
+
+    Mutates `a`, the codes' streams and the peak.
+    """
+    faults, o, k = chunk.faults, chunk.o, tick - chunk.begin
+    drive_code = faults.dac_code[0] if faults.dac[0] else chips.drive.code
+    sense_code = faults.dac_code[1] if faults.dac[1] else chips.sense.code
+    if faults.dac[0] and drive_code != a.codes[0]:
+        drive_cycle = max(drive_cycle, 0)
+    if faults.dac[1] and sense_code != a.codes[1]:
+        sense_cycle = max(sense_cycle, 0)
+    if faults.nan[0]:
+        a.z[plant.X] = np.nan
+    if faults.nan[1]:
+        a.z[plant.Y] = np.nan
+    pins = plant.Pins(drive_code, drive_cycle, sense_code, sense_cycle, edge_count)
+    drdy_cycle = plant_tick.step(p.plant, a, tick, pins, chunk.edges)
+    if k < o.drive_code.shape[0]:
+        o.drive_code[k] = drive_code
+        o.sense_code[k] = sense_code
+    x = abs(a.z[plant.X])
+    if x > o.peak_x[0]:
+        o.peak_x[0] = x
+    return drdy_cycle, drive_code, sense_code
 
 
 @hot
@@ -371,40 +371,23 @@ def run_ticks(p, f, chips, a, chunk, first, end, drdy_cycle, closed):
                 ),
             )
             loaded = 1 if c == drdy_cycle and faults.silent == 0 else 0
-            chips = _chips(p.fpga, f, chips, loaded, faults.status, codes)
+            chips = chips_after(chips, fpga.pins(p.fpga, f), loaded, faults.status, codes)
             if chips.drive.updated:
                 drive_cycle = c
             if chips.sense.updated:
                 sense_cycle = c
             now = references.pins(p.fpga.references, f.references)
             if now != refs:
-                edge_count = _edges(edges, edge_count, o, probed, c, theta, refs, now)
+                edge_count = changed_references(edges, edge_count, o, probed, c, theta, refs, now)
                 refs = now
         if not closed:
             continue
-        drive_code = faults.dac_code[0] if faults.dac[0] else chips.drive.code
-        sense_code = faults.dac_code[1] if faults.dac[1] else chips.sense.code
-        if faults.dac[0] and drive_code != a.codes[0]:
-            drive_cycle = max(drive_cycle, 0)
-        if faults.dac[1] and sense_code != a.codes[1]:
-            sense_cycle = max(sense_cycle, 0)
-        if faults.nan[0]:
-            a.z[plant.X] = np.nan
-        if faults.nan[1]:
-            a.z[plant.Y] = np.nan
         before_drive, before_sense = a.volts[0], a.volts[1]
-        drdy_cycle = plant_tick.step(
-            p.plant, a, tick, plant.Pins(drive_code, drive_cycle, sense_code, sense_cycle, edge_count), edges
-        )
+        moved = end_tick(p, chips, a, chunk, tick, drive_cycle, sense_cycle, edge_count)
+        drdy_cycle = moved[0]
         if probed:
-            o.probe_ints[k, 2] = drive_code
-            o.probe_ints[k, 3] = sense_code
+            o.probe_ints[k, 2] = moved[1]
+            o.probe_ints[k, 3] = moved[2]
             o.probe_floats[k, 11] = a.volts[0] - before_drive
             o.probe_floats[k, 13] = a.volts[1] - before_sense
-        if k < o.drive_code.shape[0]:
-            o.drive_code[k] = drive_code
-            o.sense_code[k] = sense_code
-        x = abs(a.z[plant.X])
-        if x > o.peak_x[0]:
-            o.peak_x[0] = x
     return f, chips, drdy_cycle

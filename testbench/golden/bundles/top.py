@@ -63,7 +63,7 @@ def block(params):
         inputs=tuple(Port(name, fmt) for name, fmt in zip(top.Inputs._fields, top.INPUTS_FMT)),
         state=top.State(),
         registers=tuple(registers),
-        pins=tuple(Port(name, fmt) for name, fmt in zip(replay.PINS, replay.PIN_FMT)),
+        pins=tuple(Port(name, fmt) for name, fmt in zip(top.Pins._fields, top.PINS_FMT)),
         cases=params,
         run=None,
         latency={"adc_valid": spi_adc.READ_CYCLES},

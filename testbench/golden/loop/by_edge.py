@@ -2,7 +2,7 @@
 
     plant = Plant(config)           power-on
     plant.inputs()                  inputs of the design at the next edge: {name: value}, unsigned
-    plant.edge(pins)                after the edge: output pins {name: value}, names of `replay.PINS`
+    plant.edge(pins)                after the edge: output pins {name: value}, names of `fpga_model.top.Pins`
     model = Model(plant)            the firmware's model, given the same inputs
     model.expected()                {port: unsigned value} of every register and pin before the next edge
     model.edge(inputs)              one edge
@@ -23,8 +23,7 @@ from fpga_model.jit import kernel
 from fpga_model.rates import FRAME_TICKS, TICK_CYCLES
 from testbench.engines import engine
 from testbench.flatten import leaves
-from testbench.golden.loop import library, lockstep
-from testbench.golden.recording import replay
+from testbench.golden.loop import library
 from testbench.run import build
 
 DEG = math.pi / 180
@@ -35,7 +34,7 @@ _MASKS = tuple((1 << fmt.width) - 1 for fmt in library.FORMATS)
 
 @kernel
 def _chips(chips, pins, loaded, status, codes):
-    return lockstep.chips_after(chips, pins, loaded, status, codes)
+    return engine.chips_after(chips, pins, loaded, status, codes)
 
 
 @kernel
@@ -60,7 +59,7 @@ def _step(p, s, i):
 
 @kernel
 def _pins(p, s):
-    return replay.pins(p, s)
+    return fpga.pins(p, s)
 
 
 class Plant:
@@ -78,7 +77,7 @@ class Plant:
         self._writes = [(registers.BY_NAME[name], raw) for name, raw in build.register_writes(config)]
         self._edges = np.zeros((engine.MAX_EDGES, 2), np.int64)
         self.clock, self._drdy_cycle = 0, -1
-        self._refs = replay.pins(self.firmware, fpga.State())[replay.PINS.index("refs")]
+        self._refs = fpga.pins(self.firmware, fpga.State()).refs
         self._begin_tick()
 
     @property
@@ -113,14 +112,12 @@ class Plant:
 
     def edge(self, pins):
         """The converters, and at the end of a tick the gyroscope, after an edge that left these output pins."""
-        c, word = self.clock % TICK_CYCLES, 0
-        for name, at in zip(replay.PINS, library.PIN_AT, strict=True):
-            word |= int(pins[name]) << at
+        c, pins = self.clock % TICK_CYCLES, fpga.Pins(**{name: int(pins[name]) for name in fpga.Pins._fields})
         loaded = int(c == self._drdy_cycle)
-        self.chips = _chips(self.chips, word, loaded, STATUS, self._codes)
+        self.chips = _chips(self.chips, pins, loaded, STATUS, self._codes)
         self._drive_cycle = c if self.chips.drive.updated else self._drive_cycle
         self._sense_cycle = c if self.chips.sense.updated else self._sense_cycle
-        changed, self._refs = int(pins["refs"]) ^ self._refs, int(pins["refs"])
+        changed, self._refs = pins.refs ^ self._refs, pins.refs
         for d in range(4):
             if changed >> d & 1 and self._edge_count < engine.MAX_EDGES:
                 self._edges[self._edge_count] = c, d

@@ -21,12 +21,12 @@ from testbench.errors import ConfigError, FileError
 from testbench.flatten import format_leaves
 from testbench.golden.bundles import benches
 from testbench.golden.recording import board
-from testbench.golden.recording.replay import PIN_FMT, PINS
 from testbench.golden.stimulus.blocks import RESET_INPUT, flat
 from testbench.tool import run_tool
 
 INPUTS = (RESET_INPUT, *top.Inputs._fields)
-FORMATS = (*(fmt for _, fmt in format_leaves(top.STATE_FMT)), *PIN_FMT)
+PINS = top.Pins._fields
+FORMATS = (*(fmt for _, fmt in format_leaves(top.STATE_FMT)), *top.PINS_FMT)
 # Dotted as in the model; the port of a register is r_ and the name with its dots as underscores, that of a pin o_
 REGISTERS = tuple(name for name, _ in format_leaves(top.STATE_FMT))
 NAMES = (*REGISTERS, *PINS)

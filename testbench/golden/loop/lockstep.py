@@ -17,23 +17,18 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic, register_jitable
 
-from analog_frontend import tick as plant_tick
 from analog_frontend import top as plant
-from analog_frontend.parts import adc_serial, dac_serial
+from analog_frontend.parts import adc_serial
 from fpga_model import top as fpga
 from fpga_model.jit import DISABLED, hot, inlined
 from fpga_model.rates import FRAME_TICKS, TICK_CYCLES
 from testbench.engines import engine
 from testbench.flatten import store
 from testbench.golden.loop.library import INPUTS, NAMES, REFS_AT, REGISTERS
-from testbench.golden.recording import replay
-from testbench.golden.recording.replay import PINS
 
 KEPT = 8  # rows that stay, for a report: a power of two
 COUNT, PLACES = len(REGISTERS), len(NAMES)
 GIVEN = len(INPUTS)
-(CS_N, SCLK, DRIVE_SYNC, DRIVE_EN, DRIVE_SDIN, SENSE_SYNC, SENSE_EN, SENSE_SDIN, SENSE_LDAC, QUAD_SYNC, QUAD_EN,
- QUAD_SDIN) = (PINS.index(name) for name in PINS if name != "refs")  # fmt: skip
 REFS_MASK = 15
 
 
@@ -79,29 +74,22 @@ else:
 
 
 @inlined
-def _pin(pins, place):
-    return (pins >> place) & 1
-
-
-@inlined
-def chips_after(chips, pins, loaded, status, codes):
-    """The converters' digital sides after an edge, with the pins of the RTL."""
-    return engine.Chips(
-        dac_serial.step(
-            dac_serial.DAC8811, chips.drive, _pin(pins, DRIVE_SYNC), _pin(pins, DRIVE_EN), _pin(pins, DRIVE_SDIN), 1
-        ),
-        dac_serial.step(
-            dac_serial.AD5791,
-            chips.sense,
-            _pin(pins, SENSE_SYNC),
-            _pin(pins, SENSE_EN),
-            _pin(pins, SENSE_SDIN),
-            _pin(pins, SENSE_LDAC),
-        ),
-        dac_serial.step(
-            dac_serial.DAC82002, chips.quadrature, _pin(pins, QUAD_SYNC), _pin(pins, QUAD_EN), _pin(pins, QUAD_SDIN), 1
-        ),
-        adc_serial.step(chips.adc, _pin(pins, CS_N), _pin(pins, SCLK), loaded, status, codes),
+def _unpacked(word):
+    """`fpga.Pins` of the word that `gyro_edge` returns: a bit for each pin at its place, the four of refs last."""
+    return fpga.Pins(
+        word & 1,
+        (word >> 1) & 1,
+        (word >> REFS_AT) & REFS_MASK,
+        (word >> 3) & 1,
+        (word >> 4) & 1,
+        (word >> 5) & 1,
+        (word >> 6) & 1,
+        (word >> 7) & 1,
+        (word >> 8) & 1,
+        (word >> 9) & 1,
+        (word >> 10) & 1,
+        (word >> 11) & 1,
+        (word >> 12) & 1,
     )
 
 
@@ -111,11 +99,10 @@ def ticks(p, f, chips, a, chunk, end, drdy_cycle, rtl):
 
     Ends early, with rtl.found, at the first row in which the RTL differs.
     """
-    begin, faults, o, edges = chunk.begin, chunk.faults, chunk.o, chunk.edges
+    begin, faults = chunk.begin, chunk.faults
     pins = rtl.found[2]
     refs = (pins >> REFS_AT) & REFS_MASK
     for tick in range(begin, end):
-        k = tick - begin
         if tick % FRAME_TICKS == 0:
             engine.begin_frame(p, f, chips, a, chunk, tick)
         # the aperture is the tick's first instant; the codes arrive a tick later
@@ -129,7 +116,7 @@ def ticks(p, f, chips, a, chunk, end, drdy_cycle, rtl):
             at = tick * TICK_CYCLES + c
             row = rtl.rows[at & (KEPT - 1)]
             store(row, f)
-            store(row[COUNT:], replay.pins(p.fpga, f))
+            store(row[COUNT:], fpga.pins(p.fpga, f))
             place = call(rtl.differs, rtl.handle, row)
             if place >= 0:
                 rtl.found[0], rtl.found[1] = at, place
@@ -143,39 +130,16 @@ def ticks(p, f, chips, a, chunk, end, drdy_cycle, rtl):
             rtl.given[0] = 0
             pins = call(rtl.edge, rtl.handle, rtl.given)
             loaded = 1 if c == drdy_cycle and faults.silent == 0 else 0
-            chips = chips_after(chips, pins, loaded, faults.status, codes)
+            chips = engine.chips_after(chips, _unpacked(pins), loaded, faults.status, codes)
             if chips.drive.updated:
                 drive_cycle = c
             if chips.sense.updated:
                 sense_cycle = c
             now = (pins >> REFS_AT) & REFS_MASK
-            changed = now ^ refs
-            if changed:
-                for d in range(4):
-                    if (changed >> d) & 1 and edge_count < engine.MAX_EDGES:
-                        edges[edge_count, 0] = c
-                        edges[edge_count, 1] = d
-                        edge_count += 1
+            if now != refs:
+                edge_count = engine.changed_references(chunk.edges, edge_count, chunk.o, False, c, 0, refs, now)
                 refs = now
-        drive_code = faults.dac_code[0] if faults.dac[0] else chips.drive.code
-        sense_code = faults.dac_code[1] if faults.dac[1] else chips.sense.code
-        if faults.dac[0] and drive_code != a.codes[0]:
-            drive_cycle = max(drive_cycle, 0)
-        if faults.dac[1] and sense_code != a.codes[1]:
-            sense_cycle = max(sense_cycle, 0)
-        if faults.nan[0]:
-            a.z[plant.X] = np.nan
-        if faults.nan[1]:
-            a.z[plant.Y] = np.nan
-        drdy_cycle = plant_tick.step(
-            p.plant, a, tick, plant.Pins(drive_code, drive_cycle, sense_code, sense_cycle, edge_count), edges
-        )
-        if k < o.drive_code.shape[0]:
-            o.drive_code[k] = drive_code
-            o.sense_code[k] = sense_code
-        x = abs(a.z[plant.X])
-        if x > o.peak_x[0]:
-            o.peak_x[0] = x
+        drdy_cycle = engine.end_tick(p, chips, a, chunk, tick, drive_cycle, sense_cycle, edge_count)[0]
     rtl.found[2] = pins
     rtl.found[3] += (end - begin) * TICK_CYCLES
     return f, chips, drdy_cycle

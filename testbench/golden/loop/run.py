@@ -14,13 +14,13 @@ from typing import NamedTuple
 import numpy as np
 
 from fpga_model import fault_monitor, sequencer
+from fpga_model import top as fpga
 from fpga_model.rates import MASTER_HZ, TICK_CYCLES, TICK_HZ
 from testbench.config import Config, changed, scenario
 from testbench.engines import engine
 from testbench.errors import ConfigError
 from testbench.flatten import leaves
 from testbench.golden.loop import library, lockstep
-from testbench.golden.recording import replay
 from testbench.run import build, simulate
 from testbench.run.simulation import FRAME, Simulation
 
@@ -118,7 +118,7 @@ class Loop(Simulation):
     def finish(self):
         """Compare what the last edge left; raises Difference."""
         s = self.state
-        values = [int(value) for _, value in leaves(s.fpga)] + [int(v) for v in replay.pins(self.params.fpga, s.fpga)]
+        values = [int(value) for _, value in leaves(s.fpga)] + [int(v) for v in fpga.pins(self.params.fpga, s.fpga)]
         row = s.tick * TICK_CYCLES
         self.rtl.rows[row % lockstep.KEPT] = values
         if not np.array_equal(self.design.read(), values):

@@ -190,7 +190,7 @@ class _Design:
                 literals.append(following[leaf - graph.in_count - 1])
                 after = _packed(rows[1:, column], bit)
                 wanted.append(np.resize(~after if flip else after, leaves.shape[1]))
-        for column, (name, fmt) in enumerate(zip(replay.PINS, replay.PIN_FMT, strict=True)):
+        for column, (name, fmt) in enumerate(zip(top.Pins._fields, top.PINS_FMT, strict=True)):
             for bit, place in enumerate(graph.outputs[f"o_{name}"]):
                 literals.append(outs[place])
                 wanted.append(_packed(pins[:, column], bit))

@@ -11,7 +11,6 @@ from pathlib import Path
 from fpga_model import top
 from testbench.flatten import format_leaves, leaves
 from testbench.golden.bundles.benches import rom_files
-from testbench.golden.recording.replay import PIN_FMT, PINS
 from testbench.golden.stimulus.blocks import BLOCKS, RESET_INPUT, flat
 from testbench.storage.files import write_text
 
@@ -40,7 +39,7 @@ def ports():
     """[(direction, name, width)] of the board, clock first."""
     listed = [("input", "clk", 1), ("input", RESET_INPUT, 1)]
     listed += [("input", name, fmt.width) for name, fmt in zip(top.Inputs._fields, top.INPUTS_FMT)]
-    return listed + [("output", f"o_{name}", fmt.width) for name, fmt in zip(PINS, PIN_FMT)]
+    return listed + [("output", f"o_{name}", fmt.width) for name, fmt in zip(top.Pins._fields, top.PINS_FMT)]
 
 
 def text(params):

@@ -15,31 +15,14 @@ from typing import NamedTuple
 import numpy as np
 
 from analog_frontend.parts import adc_serial
-from fpga_model import references, spi_adc, spi_dac, top
-from fpga_model.fixed import bits
-from fpga_model.jit import hot, inlined
+from fpga_model import spi_adc, top
+from fpga_model.jit import hot
 from fpga_model.rates import FRAME_CYCLES, TICK_CYCLES
 from testbench.flatten import format_leaves, leaves, store
 from testbench.golden.recording import signature
 
-PINS = (
-    "adc_cs_n",
-    "adc_sclk",
-    "refs",
-    "drive_sync_n",
-    "drive_sclk_en",
-    "drive_sdin",
-    "sense_sync_n",
-    "sense_sclk_en",
-    "sense_sdin",
-    "sense_ldac_n",
-    "quadrature_sync_n",
-    "quadrature_sclk_en",
-    "quadrature_sdin",
-)
-PIN_FMT = tuple(bits(4) if name == "refs" else bits(1) for name in PINS)
 REGISTER_FMT = tuple(fmt for _, fmt in format_leaves(top.STATE_FMT))
-ROW_WIDTH = sum(fmt.width for fmt in (*REGISTER_FMT, *PIN_FMT))
+ROW_WIDTH = sum(fmt.width for fmt in (*REGISTER_FMT, *top.PINS_FMT))
 REGISTERS = len(REGISTER_FMT)
 INPUTS = 1 + len(top.Inputs._fields)  # rst first
 
@@ -48,7 +31,7 @@ ROW_WORDS = signature.padded(ROW_WIDTH) // signature.DEGREE
 BUFFER = 64 * ROW_WORDS + WORDS  # a remainder moves down by a row at each clock, and is moved up again when it cannot
 RESET_CS_N, RESET_SCLK = spi_adc.State().cs_n, spi_adc.State().sclk
 
-_append = signature.appender([fmt.width for fmt in (*REGISTER_FMT, *PIN_FMT)])
+_append = signature.appender([fmt.width for fmt in (*REGISTER_FMT, *top.PINS_FMT)])
 
 
 class Stimulus(NamedTuple):
@@ -73,27 +56,6 @@ class Rows(NamedTuple):
     pins: np.ndarray
     remainders: np.ndarray  # (frames, signature.WORDS) of all rows of a frame
     window_at: np.ndarray  # clock at which the 8 kHz window opens in a frame, or -1
-
-
-@inlined
-def pins(p, s):
-    """Output pins, in the order of PINS; all come from registers alone."""
-    d, e, q = s.drive_dac, s.sense_dac, s.quadrature_dac
-    return (
-        s.adc.cs_n,
-        s.adc.sclk,
-        references.pins(p.references, s.references),
-        d.sync_n,
-        d.sclk_en,
-        spi_dac.sdin(p.drive_dac, d),
-        e.sync_n,
-        e.sclk_en,
-        spi_dac.sdin(p.sense_dac, e),
-        e.ldac_n,
-        q.sync_n,
-        q.sclk_en,
-        spi_dac.sdin(p.quadrature_dac, q),
-    )
 
 
 class Place(NamedTuple):
@@ -127,7 +89,7 @@ def _run(p, s, chip, place, stimulus, o, buffer):
             else:
                 write, address, data = 1, host[event, 2], host[event, 3]
             event += 1
-        out = pins(p, s)
+        out = top.pins(p, s)
         if base < ROW_WORDS:
             for j in range(WORDS - 1, -1, -1):
                 buffer[BUFFER - WORDS + j] = buffer[base + j]
@@ -181,7 +143,7 @@ def run(params, stimulus, frames, at):
         at,
         np.zeros((count, INPUTS), np.int64),
         np.zeros((count, REGISTERS), np.int64),
-        np.zeros((count, len(PINS)), np.int64),
+        np.zeros((count, len(top.Pins._fields)), np.int64),
         np.zeros((frames, signature.WORDS), np.int64),
         np.full(frames, -1, np.int64),
     )

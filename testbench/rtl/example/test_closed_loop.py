@@ -23,9 +23,9 @@ TICKS = int(os.environ.get("TICKS") or 40)
 
 @cocotb.test()
 async def closed_loop(dut):
+    from fpga_model.top import Pins
     from testbench.config import Config
     from testbench.golden.loop.by_edge import Model, Plant
-    from testbench.golden.recording.replay import PINS
 
     plant = Plant(Config())
     model = Model(plant)
@@ -63,7 +63,7 @@ async def closed_loop(dut):
         drive(given)
         await clock()
         model.edge(given)
-        plant.edge({name: int(getattr(dut, f"o_{name}").value) for name in PINS})
+        plant.edge({name: int(getattr(dut, f"o_{name}").value) for name in Pins._fields})
     print(f"PASS {plant.clock} edges, {len(handles)} registers and pins at each", flush=True)
 
 

@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 
 from fpga_model import fault_monitor, registers, sequencer, top
 from fpga_model.rates import FRAME_HZ, TICK_CYCLES
+from fpga_model.top import Pins
 from testbench.commands.main import app
 from testbench.config import Config, changed, scenario
 from testbench.engines.engine import PIN_COLUMNS
@@ -21,7 +22,6 @@ from testbench.flatten import leaves
 from testbench.golden.loop import library, lockstep, run
 from testbench.golden.loop.by_edge import Model, Plant
 from testbench.golden.recording import record
-from testbench.golden.recording.replay import PINS
 from testbench.run import build, simulate
 from testbench.run.simulation import Simulation
 from tests.testbench.rtl.test_rtl import RTL, icarus
@@ -128,7 +128,9 @@ def test_a_design_with_another_parameter_is_caught_at_its_first_effect(quick):
     config, firmware, path = quick
     other = firmware._replace(watchdog=firmware.watchdog._replace(limit=50))
     config = changed(config, {"scenario.seconds": 0.001, "scenario.faults": [], "scenario.rate_dps": 0.0})
-    kept = [len(PIN_COLUMNS) + k for k in range(len(library.REGISTERS))] + [PIN_COLUMNS.index(name) for name in PINS]
+    kept = [len(PIN_COLUMNS) + k for k in range(len(library.REGISTERS))] + [
+        PIN_COLUMNS.index(name) for name in Pins._fields
+    ]
     right, wrong = (alone(config, p, "clocked", (0, SLIP_TICKS)).rows[:, kept] for p in (other, firmware))
     first = int(np.flatnonzero(np.any(right != wrong, axis=1))[0])
     assert first > 50 * TICK_CYCLES
@@ -308,7 +310,7 @@ def test_plant_by_edge_is_the_plant_of_the_loop():
             held, given = model.expected(), plant.inputs()
             model.edge(given)
             after = model.expected()
-            plant.edge({name: after[f"o_{name}"] for name in PINS})
+            plant.edge({name: after[f"o_{name}"] for name in Pins._fields})
             assert len(held) == 226
         codes.append((plant.chips.drive.code, plant.chips.sense.code))
     config = run.story(0.001)

@@ -105,7 +105,7 @@ def test_every_register_of_the_design_is_a_port_with_its_rules(design):
     assert rules["drive_modulator_code"] == ("half_up", "saturate")
     assert rules["dds_phase"] == (None, "wrap")
     assert rules["control_sequencer_faults_bad_frames"] == (None, "saturate")
-    assert [p.name for p in design.pins] == [name for name in engine.PIN_COLUMNS if name in replay.PINS]
+    assert [p.name for p in design.pins] == [name for name in engine.PIN_COLUMNS if name in firmware.Pins._fields]
 
 
 def test_pins_are_those_of_the_clocked_engine():
@@ -120,7 +120,7 @@ def test_pins_are_those_of_the_clocked_engine():
     rows = replay.run(params.fpga, replay.Stimulus(adc[adc[:, 0] < 6500], *none), 2, np.arange(6500))
     assert np.array_equal(rows.registers, streams.registers)
     at = {name: k for k, name in enumerate(engine.PIN_COLUMNS)}
-    assert np.array_equal(rows.pins, streams.pins[:, [at[name] for name in replay.PINS]])
+    assert np.array_equal(rows.pins, streams.pins[:, [at[name] for name in firmware.Pins._fields]])
     assert np.array_equal(rows.inputs[:, 1:3], streams.pins[:, [at["drdy_n"], at["dout"]]])
 
 
