@@ -7,7 +7,7 @@ BIN := $(VENV)/bin
 OUT ?= out
 PYTEST := $(BIN)/python -m pytest
 
-.PHONY: help run paper measured golden rtl budget test test-slow test-all test-nojit test-bounds bench portability lint docs clean
+.PHONY: help run paper measured golden rtl budget test test-slow test-all test-nojit test-bounds bench portability lint pages docs clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -20,6 +20,10 @@ $(VENV)/.run: pyproject.toml
 $(VENV)/.test: pyproject.toml
 	@.ci/venv "$(PYTHON)" "$(VENV)" ".[test]"
 	@.ci/tools
+	@touch $@ $(VENV)/.run
+
+$(VENV)/.docs: pyproject.toml
+	@.ci/venv "$(PYTHON)" "$(VENV)" ".[docs]"
 	@touch $@ $(VENV)/.run
 
 run: $(VENV)/.run ## the main job: power-on to lock at 100 deg/s, phase errors beside the budget and the paper
@@ -63,11 +67,15 @@ portability: $(VENV)/.run ## one hash of all codes: three kinds of processor, no
 	$(BIN)/python -m tests.testbench.bench.portability --make-old build/oldest --page
 
 lint: $(VENV)/.test ## ruff
-	$(BIN)/ruff check fpga_model analog_frontend testbench tests
-	$(BIN)/ruff format --check fpga_model analog_frontend testbench tests
+	$(BIN)/ruff check docs fpga_model analog_frontend testbench tests
+	$(BIN)/ruff format --check docs fpga_model analog_frontend testbench tests
 
-docs: $(VENV)/.run ## write the generated pages again (register map, configuration, budget)
+pages: $(VENV)/.run ## write the generated pages again (register map, configuration, budget)
 	$(BIN)/python -m testbench.commands.docs
+
+docs: $(VENV)/.docs ## the site, in build/site: all pages and the API; a warning or a stale page is an error
+	$(BIN)/python -m testbench.commands.docs --check
+	$(BIN)/python -m sphinx --quiet --fail-on-warning --doctree-dir build/doctrees docs build/site
 
 clean: ## remove what the targets made
 	rm -rf $(VENV) build out .pytest_cache .hypothesis .ruff_cache .benchmarks *.egg-info
