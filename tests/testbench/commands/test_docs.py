@@ -22,7 +22,9 @@ from testbench.run import budget, build, simulate, summary, tables
 from tests.test_architecture import rooms
 
 ROOT = Path(__file__).resolve().parents[3]
-PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
+# `make docs` writes docs/api
+WRITTEN = [path for path in sorted((ROOT / "docs").rglob("*.md")) if path.parent.name != "api"]
+PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *WRITTEN]
 needs_compiler = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="closed loop: too slow interpreted")
 
 
@@ -146,7 +148,7 @@ def test_the_table_of_rooms_is_that_of_the_tree():
 
 def test_every_page_is_in_the_index():
     index = (ROOT / "docs" / "README.md").read_text()
-    for path in (ROOT / "docs").rglob("*.md"):
+    for path in WRITTEN:
         name = path.relative_to(ROOT / "docs").as_posix()
         assert f"({name})" in index or name == "README.md", name
 
