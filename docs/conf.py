@@ -24,9 +24,9 @@ myst_heading_anchors = 4
 # the generated index has headings of the third level
 suppress_warnings = ["myst.header"]
 CHAPTERS = {
-    "First": ("conventions", "architecture", "phases", "configuration", "api"),
+    "First": ("first_run", "limits", "conventions", "architecture", "phases", "configuration", "api"),
     "Experiments": ("paper", "loop", "campaigns", "record"),
-    "Verification of RTL": ("golden", "rtl", "ranges", "portability", "speed"),
+    "Verification": ("verification", "golden", "rtl", "ranges", "portability", "speed"),
     "Measured data": ("measured", "measured_parts", "measured_resonators", "tracing"),
     "Firmware": ("blocks/*",),
     "Plant": ("parts/*",),

@@ -176,20 +176,33 @@ def test_the_changelog_puts_numerical_output_first():
 # ---- README ----------------------------------------------------------------------------------------------------------
 
 
-def blocks(language):
-    return re.findall(rf"```{language}\n(.*?)```", (ROOT / "README.md").read_text(), re.S)
+def blocks(name, language):
+    return re.findall(rf"```{language}\n(.*?)```", (ROOT / name).read_text(), re.S)
+
+
+def test_the_readme_is_short():
+    assert len((ROOT / "README.md").read_text().splitlines()) <= 120
+
+
+def test_every_claim_names_tests_that_exist():
+    rows = re.findall(r"^\| (.+) \| (.+) \| (.+) \|$", (ROOT / "docs" / "verification.md").read_text(), re.M)[2:]
+    assert len(rows) > 20
+    for claim, _, where in rows:
+        named = re.findall(r"`(tests/[\w/.]+)`", where)
+        assert named, claim
+        assert all((ROOT / name).exists() for name in named), claim
 
 
 @needs_compiler
-def test_the_example_of_the_readme_prints_what_it_says(capsys):
-    (code,) = blocks("python")
+def test_the_example_of_the_api_prints_what_it_says(capsys):
+    (code,) = blocks("docs/api.md", "python")
     assert len([line for line in code.splitlines() if line]) <= 10
-    exec(compile(code, "README.md", "exec"), {})
-    assert capsys.readouterr().out == blocks("text")[1]
+    exec(compile(code, "api.md", "exec"), {})
+    assert capsys.readouterr().out == blocks("docs/api.md", "text")[0]
 
 
-def test_the_output_of_the_readme_is_of_this_version():
-    shown = blocks("text")[0]
+def test_the_output_of_the_first_run_is_of_this_version():
+    (shown,) = blocks("docs/first_run.md", "text")
     planned = budget.budget(Config()).node_deg()
     for node, paper_deg in budget.PAPER_DEG.items():
         (row,) = re.findall(rf"^ +{node} .*$", shown, re.M)
@@ -212,7 +225,7 @@ def test_what_stands_beside_the_paper_says_how_the_latencies_were_found():
     )
     assert all(tables.FITTED in table.note for table in tables.budget_tables(*budget.budgets(Config())))
     says("docs/phases.md", tables.FITTED)
-    for name in ("README.md", "docs/phases.md"):
+    for name in ("README.md", "docs/limits.md", "docs/phases.md"):
         says(name, "best fit", "of a search over discrete assumptions")
     for path in (*PAGES, *(ROOT / "testbench").rglob("*.py")):
         assert "latency was tuned" not in path.read_text(), path
@@ -224,7 +237,7 @@ def test_the_counts_of_sources_are_those_of_the_device():
     count = {mark: marks.count(mark) for mark in "SDMA"}
     assert sum(count.values()) == len(device.Device._fields)
     says(
-        "README.md",
+        "docs/limits.md",
         f"Of the {len(marks)} numbers of the device {count['S']} were read in a source, "
         f"{count['D']} are derived from others, "
         f"{count['M']} are remembered from a data sheet and {count['A']} are assumed",
@@ -238,7 +251,7 @@ def test_the_gaps_to_the_paper_are_those_of_the_budget():
         for node, deg in planned.node_deg().items()
     }
     assert max(abs(gap_ns[node]) for node in ("xe1", "xe2", "ye2")) < 6.05
-    says("README.md", "Three are met within 6 ns", f"ye1 is {gap_ns['ye1']:.0f} ns longer")
+    says("docs/limits.md", "Three are met within 6 ns", f"ye1 is {gap_ns['ye1']:.0f} ns longer")
 
 
 # ---- phases ----------------------------------------------------------------------------------------------------------
