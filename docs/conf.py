@@ -24,7 +24,7 @@ myst_heading_anchors = 4
 # the generated index has headings of the third level
 suppress_warnings = ["myst.header"]
 CHAPTERS = {
-    "First": ("first_run", "limits", "conventions", "architecture", "phases", "configuration", "api"),
+    "First": ("first_run", "limits", "glossary", "conventions", "architecture", "phases", "configuration", "api"),
     "Experiments": ("paper", "loop", "campaigns", "record"),
     "Verification": ("verification", "golden", "rtl", "ranges", "portability", "speed"),
     "Measured data": ("measured", "measured_parts", "measured_resonators", "tracing"),
