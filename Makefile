@@ -66,9 +66,11 @@ bench: $(VENV)/.test ## speed, as a table in docs/speed.md and build/bench.json
 portability: $(VENV)/.run ## one hash of all codes: three kinds of processor, no compiler, lowest versions
 	$(BIN)/python -m tests.testbench.bench.portability --make-old build/oldest --page
 
-lint: $(VENV)/.test ## ruff
+lint: $(VENV)/.test ## ruff, codespell, and the language of pages, docstrings and messages
 	$(BIN)/ruff check docs fpga_model analog_frontend testbench tests
 	$(BIN)/ruff format --check docs fpga_model analog_frontend testbench tests
+	$(BIN)/codespell README.md CHANGELOG.md Makefile docs fpga_model analog_frontend testbench tests
+	$(BIN)/python docs/language.py
 
 pages: $(VENV)/.run ## write the generated pages again (register map, configuration, budget)
 	$(BIN)/python -m testbench.commands.docs

@@ -1,8 +1,8 @@
 """From blocks back to every register: the end of a chunk of the frame engine.
 
 What the blocks do not carry along (pipelines, shift registers, counters) has a memory of less than FLUSH ticks. So the
-firmware is put together FLUSH ticks before the tick that the blocks have come to, from what they carry, the rest being
-whatever it was; the clocked firmware runs up to that tick; and then it must be where the blocks are.
+firmware is put together FLUSH ticks before the tick that the blocks have reached, from what they carry. The other
+registers keep whatever they held. The clocked firmware then runs up to that tick and must agree with the blocks.
 
     blocks --> Arrived --(rebuilt)--> f, FLUSH ticks ago --(clocked ticks)--(completed)--> every register, if `arrived`
 

@@ -93,8 +93,8 @@ def edge_errors_turns(edges, reference):
 def pin_lag_turns(errors):
     """Mean error of a reference's edges, Hann weighted.
 
-    Edges sit on a grid, and their errors walk through it with a beat of some milliseconds: a plain mean over a broken
-    number of beats errs by up to 0.05 deg, the weighted one by less than 0.001 deg from three beats on.
+    Edges are on a grid, and their errors repeat with a beat of some milliseconds. A plain mean over a number of beats
+    that is not whole errs by up to 0.05 deg. The weighted mean errs by less than 0.001 deg from three beats on.
     """
     weights = np.sin(np.pi * (np.arange(len(errors)) + 0.5) / len(errors)) ** 2
     return float(weights @ errors / weights.sum())

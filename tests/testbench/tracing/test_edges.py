@@ -113,7 +113,7 @@ def test_a_model_that_cannot_be_predicted_is_a_verdict_not_a_crash():
 @pytest.mark.parametrize(
     ("change", "text"),
     [
-        ({"laws": (*LAWS, LAWS[0])}, "law duffing: is there twice"),
+        ({"laws": (*LAWS, LAWS[0])}, "duplicate law duffing"),
         ({"laws": (LAWS[0]._replace(scale=0.0),)}, r"law duffing: scale 0\.0 Hz"),
         ({"nuisances": (Nuisance("f0", "Hz", math.nan, 1.0),)}, "nuisance f0: value nan"),
         ({"segments": ()}, "toy: no segment with the role fit"),

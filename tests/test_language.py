@@ -1,0 +1,55 @@
+"""The checker of language finds planted offences, and nothing in text that is plain."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.append(str(ROOT / "docs"))
+
+import language  # noqa: E402
+
+LONG = "The exporter writes " + "one file and " * 12 + "one more."
+LAID_OUT = f"| {LONG} |\n\n```text\n{LONG}\n```\n\n<!-- a: written by b -->\n{LONG}\n<!-- end -->\n"
+
+
+def found(tmp_path, name, text):
+    path = tmp_path / name
+    path.write_text(text)
+    return [line.removeprefix(f"{path}: ") for line in language.findings(path)]
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "line"),
+    [
+        ("a.md", f"# Page\n\nShort. {LONG}\n", "41 words, limit 35: The exporter writes"),
+        ("a.md", "The two were measured once.\n", "'measured once': write the lab notebook"),
+        ("a.py", f'"""Does it.\n\n{LONG}\n"""\n', "41 words, limit 35"),
+        ("a.py", "def f(n):\n    raise ValueError(f'{n}: is there twice')\n", "'is there twice': write duplicate"),
+    ],
+)
+def test_a_planted_offence_is_found(tmp_path, name, text, line):
+    (only,) = found(tmp_path, name, text)
+    assert only.startswith(line)
+
+
+def test_code_tables_and_generated_parts_are_not_read(tmp_path):
+    assert found(tmp_path, "a.md", LAID_OUT) == []
+    assert found(tmp_path, "a.py", f'"""Equations.\n\n    {LONG}\n\nShape   {LONG}\n"""\n') == []
+
+
+def test_lists_and_paragraphs_are_sentences_of_their_own(tmp_path):
+    assert found(tmp_path, "a.md", "\n".join(f"- {'one item and ' * 6}" for _ in range(6))) == []
+
+
+def test_a_file_that_has_no_finding_leaves_the_list(tmp_path, monkeypatch, capsys):
+    (tmp_path / "README.md").write_text("Plain.\n")
+    (tmp_path / "CHANGELOG.md").write_text("Plain.\n")
+    (tmp_path / "pending").write_text("README.md\n")
+    monkeypatch.setattr(language, "ROOT", tmp_path)
+    monkeypatch.setattr(language, "PENDING", tmp_path / "pending")
+    assert language.main([]) == 1
+    assert capsys.readouterr().out.startswith("README.md: has no finding any more")
+    (tmp_path / "pending").write_text("")
+    assert language.main([]) == 0
