@@ -52,7 +52,7 @@ def stated_config(record):
 
 def log(record):
     table = record.tables["registers"]
-    for k, (name, addr, raw) in enumerate(zip(*(table[key].data.tolist() for key in ("name", "addr", "raw")))):
+    for k, (name, addr, raw) in enumerate(schema.rows(table, "name", "addr", "raw")):
         known = registers.BY_NAME.get(name)
         if known is None or known.access == "ro" or known.address != addr:
             yield Finding("R11", "/registers", f"expected a writable register, found {name} at {addr} in row {k}")
@@ -64,8 +64,7 @@ def log(record):
 def segments(record):
     table, span = record.tables["segments"], span_edges(record)
     last, ids = 0, set()
-    keys = ("id", "edge_a", "edge_b", "kind", "role")
-    for name, a, b, kind, role in zip(*(table[key].data.tolist() for key in keys)):
+    for name, a, b, kind, role in schema.rows(table, "id", "edge_a", "edge_b", "kind", "role"):
         path = f"/segments/{name}"
         if not 0 <= a < b <= span:
             yield Finding("R12", path, f"expected edges within 0 .. {span}, found {a} .. {b}")
@@ -82,9 +81,8 @@ def segments(record):
 
 
 def repeats(record):
-    table = record.tables["segments"]
     groups = {}
-    for group, role in zip(table["repeat_group"].data.tolist(), table["role"].data.tolist()):
+    for group, role in schema.rows(record.tables["segments"], "repeat_group", "role"):
         groups.setdefault(group, []).append(role)
     for group, roles in groups.items():
         if {"fit", "validate"} <= set(roles):
@@ -100,7 +98,7 @@ def priors(record):
     for name in wanted:
         if name not in table["param"].data.tolist():
             yield Finding("R17", f"/priors/{name}", "expected a prior of a declared nuisance, found none")
-    for name, dist, sd in zip(*(table[key].data.tolist() for key in ("param", "dist", "sd"))):
+    for name, dist, sd in schema.rows(table, "param", "dist", "sd"):
         if dist not in schema.DISTRIBUTIONS:
             found = f"expected {', '.join(schema.DISTRIBUTIONS)}, found {dist}"
             yield Finding("R17", f"/priors/{name}", found)
@@ -116,7 +114,7 @@ def counters(record):
         if name.partition("/")[2] not in schema.COUNTER_PAIRS:
             yield Finding("R02", f"/{name}", f"expected one of {', '.join(schema.COUNTER_PAIRS)}, found another pair")
             continue
-        missing = [key for key in schema.COUNTER_COLUMNS if key not in table]
+        missing = [key for key in schema.columns_of(name) if key not in table]
         for key in missing:
             rule = "R18" if key == "edge" else "R02"
             yield Finding(rule, f"/{name}/{key}", "expected a column, found nothing")

@@ -41,10 +41,8 @@ def _complete(record):
     for name, stream in schema.STREAMS.items():
         if stream.required and name not in record.streams:
             yield Finding("R02", f"/streams/{name}", "expected a stream, found nothing")
-    for name, columns in schema.TABLES.items():
-        yield from _columns(record, name, columns)
-    for name, columns in schema.OPTIONAL_TABLES.items():
-        if name in record.tables:
+    for name, columns in (schema.TABLES | schema.OPTIONAL_TABLES).items():
+        if name in schema.TABLES or name in record.tables:
             yield from _columns(record, name, columns)
     if record.provenance not in ("measured", "simulated", "sealed"):
         yield Finding("R02", "/", f"expected provenance measured, simulated or sealed, found {record.provenance}")
@@ -61,21 +59,10 @@ def _columns(record, name, columns):
     rows = {key: len(column.data) for key, column in table.items()}
     if len(set(rows.values())) > 1:
         yield Finding("R05", f"/{name}", f"expected columns of one length, found {sorted(set(rows.values()))}")
-    texts = TEXTS.get(name, ())
-    for key in columns:
-        if key in table and (table[key].data.dtype.kind == "U") != (key in texts):
-            kind = "texts" if key in texts else "numbers"
+    for key, unit in columns.items():
+        if key in table and (table[key].data.dtype.kind == "U") != (unit == ""):
+            kind = "texts" if unit == "" else "numbers"
             yield Finding("R04", f"/{name}/{key}", f"expected {kind}, found {table[key].data.dtype}")
-
-
-TEXTS = {
-    "registers": ("name",),
-    "segments": ("id", "kind", "loops", "repeat_group", "role"),
-    "gaps": ("streams", "reason"),
-    "stimulus/temperature": ("where",),
-    "priors": ("param", "dist", "unit", "source", "correlation_group"),
-    "initial": ("name",),
-}
 
 
 def _units(record):
@@ -85,33 +72,10 @@ def _units(record):
             yield Finding("R03", f"/streams/{name}", f"expected unit {wanted.unit}, found {column.unit}")
     for name, table in record.tables.items():
         for key, column in table.items():
-            wanted = _table_unit(name, key)
-            if wanted is not None and column.unit != wanted and column.data.dtype.kind != "U":
+            wanted = "edge" if key.startswith("edge") else schema.columns_of(name).get(key)
+            if wanted not in (None, "", "1", column.unit) and column.data.dtype.kind != "U":
                 rule = "R18" if name.startswith("counter/") and key == "edge" else "R03"
                 yield Finding(rule, f"/{name}/{key}", f"expected unit {wanted}, found {column.unit}")
-
-
-def _table_unit(name, key):
-    if key.startswith("edge"):
-        return "edge"
-    if name.startswith("counter/"):
-        value = schema.COUNTER_PAIRS.get(name.partition("/")[2])
-        return {"value": value, "unc": value, "gate": "s"}.get(key)
-    return TABLE_UNITS.get((name, key))
-
-
-TABLE_UNITS = {
-    ("segments", "a_set"): "um",
-    ("segments", "detune"): "deg",
-    ("segments", "temp_set"): "degC",
-    ("segments", "rate_set"): "deg/s",
-    ("stimulus/rate", "rate"): "deg/s",
-    ("stimulus/rate", "unc"): "ppm",
-    ("stimulus/temperature", "temperature"): "degC",
-    ("stimulus/temperature", "unc"): "K",
-    ("registers", "raw"): "word",
-    ("initial", "raw"): "word",
-}
 
 
 def _codes(record):
@@ -192,7 +156,7 @@ def _ordered(record):
 
 def _gaps(record):
     table, span = record.tables["gaps"], span_edges(record)
-    for k, (a, b, what) in enumerate(zip(*(table[key].data.tolist() for key in ("edge_a", "edge_b", "streams")))):
+    for k, (a, b, what) in enumerate(schema.rows(table, "edge_a", "edge_b", "streams")):
         if not 0 <= a < b <= span or what not in schema.GAP_STREAMS:
             yield Finding("R07", "/gaps", f"expected a gap within 0 .. {span}, found {a} .. {b} of {what} in row {k}")
     edges = record.tables["power_on"]["edge"].data
@@ -206,7 +170,7 @@ def _gaps(record):
     error = (np.diff(phase) - expected + (TURN >> 1)) % TURN - (TURN >> 1)
     wrong = np.abs(error) > tolerance
     first = np.arange(len(word) - 1) * FRAME_CYCLES
-    for a, b, what in zip(*(table[key].data.tolist() for key in ("edge_a", "edge_b", "streams"))):
+    for a, b, what in schema.rows(table, "edge_a", "edge_b", "streams"):
         if what == "all":
             wrong &= (first + FRAME_CYCLES < a) | (first >= b)
     wrong[(edges[(edges > 0) & (edges < span)] // FRAME_CYCLES - 1)] = False
@@ -226,7 +190,7 @@ def phase_steps(record):
 
 def _alive(record):
     table, edge0 = record.tables["segments"], record.streams["adc_xI"].edge0
-    for name, a, b, role in zip(*(table[key].data.tolist() for key in ("id", "edge_a", "edge_b", "role"))):
+    for name, a, b, role in schema.rows(table, "id", "edge_a", "edge_b", "role"):
         if role != "fit":
             continue
         rows = slice(max(0, -(-(a - edge0) // FRAME_CYCLES)), max(0, -(-(b - edge0) // FRAME_CYCLES)))

@@ -242,63 +242,43 @@ def _lsb_v(config):
     }
 
 
-def _table(columns, units):
-    """Rows as columns; texts where the first value is one."""
-    out = {}
-    for (name, unit), values in zip(units.items(), columns):
-        if unit == "":
-            out[name] = TableColumn(np.array(list(values), str), "")
-        else:
-            out[name] = TableColumn(np.array(list(values), np.int64 if unit == "edge" else None), unit)
-    return out
+def _table(name, rows):
+    """A table of the schema from its rows."""
+    units = schema.columns_of(name)
+    columns = zip(*rows) if rows else [()] * len(units)
+    kinds = {"": str, "edge": np.int64}
+    return {
+        key: TableColumn(np.array(values, kinds.get(unit)), unit) for (key, unit), values in zip(units.items(), columns)
+    }
 
 
 def _tables(plan, sittings, starts):
-    tables = {}
-    count = len(sittings)
-    tables["power_on"] = {"edge": TableColumn(np.array(starts[:count], np.int64), "edge")}
-    log = [(a + edge, name, raw) for r, a in zip(sittings, starts) for edge, name, raw in r.board.log]
-    entries = [registers.BY_NAME[name] for _, name, _ in log]
-    tables["registers"] = {
-        "edge": TableColumn(np.array([row[0] for row in log], np.int64), "edge"),
-        "name": TableColumn(np.array([row[1] for row in log], str), ""),
-        "addr": TableColumn(np.array([e.address for e in entries], np.int64), "1"),
-        "width": TableColumn(np.array([e.fmt.width for e in entries], np.int64), "1"),
-        "frac_bits": TableColumn(np.array([e.fmt.f for e in entries], np.int64), "1"),
-        "signed": TableColumn(np.array([e.fmt.s for e in entries], np.int64), "1"),
-        "raw": TableColumn(np.array([row[2] for row in log], np.int64), "word"),
+    """Every table; the edges of a sitting count from where it starts in the record."""
+    begun = list(zip(sittings, starts))
+    rows = {
+        "power_on": [(a,) for _, a in begun],
+        "registers": [(a + edge, *_register(name), raw) for r, a in begun for edge, name, raw in r.board.log],
+        "segments": [
+            (name, a + begin, a + end, kind, "drv pll ftr qsc")
+            + (c.a_um, c.detune_deg, c.temperature_degc, c.rate_dps, group, role)
+            for r, a in begun
+            for name, begin, end, kind, c, group, role in r.segments
+        ],
+        "gaps": [(a, a + FRAME_CYCLES, "adc", UNSEEN) for _, a in begun],
+        "stimulus/rate": [(a + edge, float(v), RATE_UNC_PPM) for r, a in begun for edge, v in r.rates],
+        "stimulus/temperature": [(a + edge, float(v), "ambient", TEMP_UNC_K) for r, a in begun for edge, v in r.temps],
+        "priors": [
+            (p.param, p.dist, float(p.mean), float(p.sd), p.unit, p.source, p.correlation_group) for p in plan.priors
+        ],
     }
-    rows = [
-        (name, a + begin, a + end, kind, "drv pll ftr qsc", *_set(c), group, role)
-        for r, a in zip(sittings, starts)
-        for name, begin, end, kind, c, group, role in r.segments
-    ]
-    units = dict.fromkeys(schema.TABLES["segments"], "")
-    units |= {"edge_a": "edge", "edge_b": "edge", "a_set": "um", "detune": "deg", "temp_set": "degC"}
-    units["rate_set"] = "deg/s"
-    tables["segments"] = _table(zip(*rows), units)
-    gaps = [(a, a + FRAME_CYCLES, "adc", UNSEEN) for a in starts[:count]]
-    tables["gaps"] = _table(zip(*gaps), {"edge_a": "edge", "edge_b": "edge", "streams": "", "reason": ""})
-    rate = [(a + edge, float(v), RATE_UNC_PPM) for r, a in zip(sittings, starts) for edge, v in r.rates]
-    tables["stimulus/rate"] = _table(zip(*rate), {"edge": "edge", "rate": "deg/s", "unc": "ppm"})
-    temp = [(a + edge, float(v), "ambient", TEMP_UNC_K) for r, a in zip(sittings, starts) for edge, v in r.temps]
-    units = {"edge": "edge", "temperature": "degC", "where": "", "unc": "K"}
-    tables["stimulus/temperature"] = _table(zip(*temp), units)
-    tables["priors"] = _priors(plan.priors)
-    for pair, unit in schema.COUNTER_PAIRS.items():
-        read = [(a + c[1], *c[2:]) for r, a in zip(sittings, starts) for c in r.counters if c[0] == pair]
+    for pair in schema.COUNTER_PAIRS:
+        read = [(a + edge, *values) for r, a in begun for its, edge, *values in r.counters if its == pair]
         if read:
-            tables[f"counter/{pair}"] = _table(zip(*read), {"edge": "edge", "value": unit, "gate": "s", "unc": unit})
-    return tables
+            rows[f"counter/{pair}"] = read
+    return {name: _table(name, found) for name, found in rows.items()}
 
 
-def _set(c):
-    return c.a_um, c.detune_deg, c.temperature_degc, c.rate_dps
-
-
-def _priors(priors):
-    texts = ("param", "dist", "unit", "source", "correlation_group")
-    table = {key: TableColumn(np.array([getattr(p, key) for p in priors], str), "") for key in texts}
-    for key in ("mean", "sd"):
-        table[key] = TableColumn(np.array([getattr(p, key) for p in priors], float), "1")
-    return {key: table[key] for key in schema.TABLES["priors"]}
+def _register(name):
+    """Name, address and format of a register, as the log states them."""
+    entry = registers.BY_NAME[name]
+    return name, entry.address, entry.fmt.width, entry.fmt.f, int(entry.fmt.s)

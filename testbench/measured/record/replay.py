@@ -24,8 +24,7 @@ from testbench.engines.pins import SINE_CLOCKS
 from testbench.engines.turn import TURN_MASK, Turn, phase_at
 from testbench.engines.window import FIRST_CHANNEL_CLOCKS, LAST_ODD_TICK, VALID_CLOCKS
 
-WORDS = (
-    "frequency_word",
+WINDOW_WORDS = (
     "amplitude_word",
     "rate_word",
     "quadrature_code",
@@ -35,6 +34,10 @@ WORDS = (
     "lock",
     "flags",
     "rate_output",
+)
+WORDS = (
+    "frequency_word",
+    *WINDOW_WORDS,
     "agc_acc",
     "pll_acc",
     "ftr_acc",

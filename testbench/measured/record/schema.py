@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from fpga_model import registers
 from fpga_model.rates import FRAME_CYCLES, TICK_CYCLES
-from testbench.measured.record.replay import WORDS
+from testbench.measured.record.replay import WINDOW_WORDS, WORDS
 
 SCHEMA = "gyrorec/1.0"
 REFUSED, DOWNGRADED, BLOCKED = "refused", "downgraded", "blocked"
@@ -77,20 +77,7 @@ WORD_OF = {
     "dac_ftr": "sense_dac_code",
     "dac_qsc": "quadrature_dac_code",
     "nco_fword": "frequency_word",
-    **{
-        name: name
-        for name in (
-            "amplitude_word",
-            "rate_word",
-            "quadrature_code",
-            "magnitude",
-            "phase",
-            "state",
-            "lock",
-            "flags",
-            "rate_output",
-        )
-    },
+    **{name: name for name in WINDOW_WORDS},
 }
 PER_FRAME, PER_TICK = (1, FRAME_CYCLES), (1, TICK_CYCLES)
 
@@ -105,29 +92,37 @@ ROOT_KEYS = (
     "roles_sha256",
     "nuisances",
 )
+# Columns of each table with their units: "" of a text, "1" of a number whose unit is free
 TABLES = {
-    "power_on": ("edge",),
-    "registers": ("edge", "name", "addr", "width", "frac_bits", "signed", "raw"),
-    "segments": (
-        "id",
-        "edge_a",
-        "edge_b",
-        "kind",
-        "loops",
-        "a_set",
-        "detune",
-        "temp_set",
-        "rate_set",
-        "repeat_group",
-        "role",
-    ),
-    "gaps": ("edge_a", "edge_b", "streams", "reason"),
-    "stimulus/rate": ("edge", "rate", "unc"),
-    "stimulus/temperature": ("edge", "temperature", "where", "unc"),
-    "priors": ("param", "dist", "mean", "sd", "unit", "source", "correlation_group"),
+    "power_on": {"edge": "edge"},
+    "registers": {
+        "edge": "edge",
+        "name": "",
+        "addr": "1",
+        "width": "1",
+        "frac_bits": "1",
+        "signed": "1",
+        "raw": "word",
+    },
+    "segments": {
+        "id": "",
+        "edge_a": "edge",
+        "edge_b": "edge",
+        "kind": "",
+        "loops": "",
+        "a_set": "um",
+        "detune": "deg",
+        "temp_set": "degC",
+        "rate_set": "deg/s",
+        "repeat_group": "",
+        "role": "",
+    },
+    "gaps": {"edge_a": "edge", "edge_b": "edge", "streams": "", "reason": ""},
+    "stimulus/rate": {"edge": "edge", "rate": "deg/s", "unc": "ppm"},
+    "stimulus/temperature": {"edge": "edge", "temperature": "degC", "where": "", "unc": "K"},
+    "priors": {"param": "", "dist": "", "mean": "1", "sd": "1", "unit": "", "source": "", "correlation_group": ""},
 }
-OPTIONAL_TABLES = {"initial": ("name", "raw")}
-COUNTER_COLUMNS = ("edge", "value", "gate", "unc")
+OPTIONAL_TABLES = {"initial": {"name": "", "raw": "word"}}
 COUNTER_PAIRS = {
     "Vxm_vs_sgnsin": "deg",
     "Vxm_vs_sgncos": "deg",
@@ -141,6 +136,19 @@ DISTRIBUTIONS = ("normal", "lognormal", "uniform")
 GAP_STREAMS = ("adc", "all")
 MOST_SATURATED = 1e-3  # part of the rows of a fit segment
 UNCERTAIN = {"stimulus/rate": "unc", "stimulus/temperature": "unc"}  # columns that state an uncertainty
+
+
+def columns_of(name):
+    """{column: unit} of a table; a counter of an unknown pair has units None, an unknown table no columns."""
+    if name.startswith("counter/"):
+        unit = COUNTER_PAIRS.get(name.partition("/")[2])
+        return {"edge": "edge", "value": unit, "gate": "s", "unc": unit}
+    return TABLES.get(name) or OPTIONAL_TABLES.get(name, {})
+
+
+def rows(table, *keys):
+    """Values of some columns of a table, row by row."""
+    return zip(*(table[key].data.tolist() for key in keys))
 
 
 class Finding(NamedTuple):
@@ -174,6 +182,4 @@ def bitstream_sha256(firmware):
 
 def roles_sha256(segments):
     """Hash of who is fitted and who is held out: fixed before any analysis."""
-    keys = ("id", "edge_a", "edge_b", "repeat_group", "role")
-    columns = [segments[key].data.tolist() for key in keys]
-    return sha256_of([list(row) for row in zip(*columns)])
+    return sha256_of([list(row) for row in rows(segments, "id", "edge_a", "edge_b", "repeat_group", "role")])

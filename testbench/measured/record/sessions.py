@@ -59,10 +59,8 @@ def sessions(record):
 
 def segments(record):
     """Every `Segment` of a checked record, in order."""
-    table = record.tables["segments"]
-    rows = zip(*(table[key].data.tolist() for key in schema.TABLES["segments"]))
     out = []
-    for name, a, b, *rest in rows:
+    for name, a, b, *rest in schema.rows(record.tables["segments"], *schema.TABLES["segments"]):
         first = -(-a // FRAME_CYCLES)
         out.append(Segment(name, first, b // FRAME_CYCLES - first, *rest))
     return out
@@ -73,8 +71,7 @@ def seen(record, session):
     edge0 = record.streams["adc_xI"].edge0
     edges = edge0 + FRAME_CYCLES * np.arange(session.first, session.first + session.frames, dtype=np.int64)
     saw, lost = np.ones(session.frames, bool), np.zeros(session.frames, bool)
-    table = record.tables["gaps"]
-    for a, b, reason in zip(*(table[key].data.tolist() for key in ("edge_a", "edge_b", "reason"))):
+    for a, b, reason in schema.rows(record.tables["gaps"], "edge_a", "edge_b", "reason"):
         inside = (edges >= a) & (edges < b)
         saw &= ~inside
         if reason != UNSEEN:
@@ -99,10 +96,9 @@ def stimulus(record, session):
 def writes(record, session):
     """(n, 3) edge, address, data on the bus, of the register log within a session."""
     begin, end = FRAME_CYCLES * session.first, FRAME_CYCLES * (session.first + session.frames)
-    table = record.tables["registers"]
     out = [
         (edge - begin, registers.BY_NAME[name].address, registers.to_bus(raw, registers.BY_NAME[name].fmt))
-        for edge, name, raw in zip(*(table[key].data.tolist() for key in ("edge", "name", "raw")))
+        for edge, name, raw in schema.rows(record.tables["registers"], "edge", "name", "raw")
         if begin <= edge < end
     ]
     return np.array(out, np.int64).reshape(-1, 3)

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from analog_frontend.parts import device
 from testbench.errors import ConfigError
+from testbench.measured.record.schema import rows
 
 LOGARITHMIC = ("qx", "qy", "k_vf_drive_n_per_v", "k_vf_sense_n_per_v", "dcdx_f_per_m", "dcdy_f_per_m", "mass_kg")
 LIMITS = {f"plant.{field.name}": field for field in device.FIELDS}
@@ -42,9 +43,8 @@ class Parameter(NamedTuple):
 
 def declared(record):
     """`Parameter`s of the table /priors, in its order; ConfigError for one that no plant has."""
-    table = record.tables["priors"]
     out = []
-    for key, dist, mean, sd in zip(*(table[name].data.tolist() for name in ("param", "dist", "mean", "sd"))):
+    for key, dist, mean, sd in rows(record.tables["priors"], "param", "dist", "mean", "sd"):
         if key not in LIMITS:
             raise ConfigError(f"/priors {key}: is no key of [plant]; only those can be fitted")
         field = LIMITS[key]
