@@ -98,7 +98,8 @@ def _resident():
 
 def memory(groups=MEMORY_GROUPS, ticks=MEMORY_TICKS):
     """Bytes of a gyroscope in lanes: `arrays` of the group, and `process`, by which a process grows."""
-    few, many = (json.loads(kernels.output(GROWN.format(n, ticks))) for n in groups)
+    # the first process may have to compile, which takes memory of its own
+    _, few, many = (json.loads(kernels.output(GROWN.format(n, ticks))) for n in (groups[0], *groups))
     more = LANES * (groups[1] - groups[0])
     return {"arrays": many["arrays"], "process": (many["process"] - few["process"]) / more}
 
