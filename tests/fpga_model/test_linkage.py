@@ -76,6 +76,7 @@ def test_a_caller_from_the_cache_finds_what_it_calls_and_compiles_what_is_gone(t
     assert said(tree) == ["22", "0"]
 
 
+@pytest.mark.slow
 def test_threads_that_call_at_once_leave_the_list_whole(tree):
     said(tree)
     assert said(tree, THREADS) == ["22"]

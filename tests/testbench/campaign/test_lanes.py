@@ -133,7 +133,8 @@ def test_points_of_one_group_share_a_call(tmp_path):
     assert lengths == [[0.5] * 3, [60.0] * 3]
 
 
-@pytest.mark.parametrize("where", ["--workers", pytest.param("--cluster", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("where", ["--workers", "--cluster"])
 def test_the_mates_of_a_point_that_kills_its_worker_finish(tmp_path, where):
     """A batch whose worker dies is played again point by point, so only the point at fault fails."""
     path = tmp_path / "p.toml"

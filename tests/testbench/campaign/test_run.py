@@ -245,6 +245,7 @@ def test_a_full_disk_is_one_line_and_loses_nothing(tmp_path):
     assert {name: now[name] for name in before} == before
 
 
+@pytest.mark.slow
 def test_results_on_a_full_disk_leave_the_points(tmp_path):
     plan = plan_file(tmp_path)
     run_json(plan, "--out", tmp_path / "s")

@@ -75,6 +75,7 @@ for limit in (firmware.watchdog.limit, 5):
 """
 
 
+@pytest.mark.slow
 def test_some_ticks_interpreted_and_a_parameter_that_differs(quick):
     done = subprocess.run(
         [sys.executable, "-c", INTERPRETED, str(quick[2])],

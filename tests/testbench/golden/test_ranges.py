@@ -326,6 +326,7 @@ def test_a_register_is_one_name_in_every_form():
 # ---- the whole design ------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_proofs_hold_together_in_the_whole_design():
     found = wiring.instances()
     assert {one.stem for one in found.values()} == set(blocks.BLOCKS) - {"pi", "isqrt", "lock_monitor", "fault_monitor"}

@@ -355,7 +355,8 @@ def test_bench_names_clock_register_and_both_values(out, played, design, tmp_pat
     assert "frame 0" in text
 
 
-@pytest.mark.parametrize("sim", ["icarus", pytest.param("verilator", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("sim", ["icarus", "verilator"])
 def test_signature_finds_the_frame_and_its_window_the_register(out, played, design, tmp_path, sim):
     at = bundle.read(out / CASE).at
     assert QUIET not in at

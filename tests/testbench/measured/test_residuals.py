@@ -28,9 +28,8 @@ def model(tree):
     return plan.from_dict(tree).model
 
 
-@pytest.mark.parametrize(
-    "exact", [pytest.param(True, marks=pytest.mark.slow), False], ids=["replayed words", "recorded words"]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("exact", [True, False], ids=["replayed words", "recorded words"])
 def test_the_true_plant_with_its_own_noise_gives_the_recorded_codes(small, tree, model, exact):
     engine, firmware = simulator.FrameSimulator(), build.firmware(model)
     for k, session in enumerate(sessions(small)[:2]):

@@ -121,6 +121,7 @@ def test_boards_are_the_same_however_many_are_drawn():
         assert 120.0 <= config.plant.fx_hz - config.plant.fy_hz <= 160.0
 
 
+@pytest.mark.slow
 def test_phases_over_temperature_follow_the_parts():
     """Op amps slow down: xe2 and ye2 rise. Registers turn with the frequency: xe1 falls by 27 ppm/K."""
     found = temperature.phases(configured(), (0.0, 50.0))

@@ -88,6 +88,7 @@ def test_50_random_plants_lock_and_stay_for_20_s(seed):
     locked_run(configured(**random_plant(seed)), 25.0, stay_s=20.0)
 
 
+@pytest.mark.slow
 def test_the_other_board_locks_too():
     checked = configured(firmware__board="digital_sid")
     sim = locked_run(checked, 25.0)

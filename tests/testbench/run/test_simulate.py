@@ -71,6 +71,7 @@ def test_measured_phases_with_noise_are_within_their_spread(run_json):
         )
 
 
+@pytest.mark.slow
 def test_measured_phases_without_noise_equal_the_budget(silent):
     for node in NODES:
         assert silent["phase_deg"][node] == pytest.approx(silent["budget_deg"][node], abs=0.003), node
