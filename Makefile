@@ -5,7 +5,8 @@ VENV := .venv
 PYTHON ?= python3
 BIN := $(VENV)/bin
 OUT ?= out
-PYTEST := $(BIN)/python -m pytest
+# a worker that crashes ends the run and names its test; a new one in its place can wait for ever
+PYTEST := $(BIN)/python -m pytest --max-worker-restart 0
 
 .PHONY: help run paper measured golden rtl budget test test-slow test-all test-nojit test-bounds bench portability lint pages docs clean
 
