@@ -71,14 +71,14 @@ def chain_waveform(z, held, step, poles_s, instant_s, tick_s):
         free = (inverse @ (expm(a * t_s) - np.eye(3)))[2]
         return free, t_s - free.sum()
 
-    out = np.empty((len(z), CYCLES))
+    means = np.empty((5, CYCLES))  # of z, held and step
     clock_s = tick_s / CYCLES
     for i in range(CYCLES):
         begin, end = i * clock_s, (i + 1) * clock_s
         (free0, settled0), (free1, settled1) = integral(begin), integral(end)
         late = integral(end - instant_s)[1] - integral(begin - instant_s)[1]
-        out[:, i] = (z @ (free1 - free0) + (settled1 - settled0) * held + late * step) / clock_s
-    return out
+        means[:, i] = (*(free1 - free0), settled1 - settled0, late)
+    return np.column_stack([z, held, step]) @ (means / clock_s)
 
 
 def edge_errors_turns(edges, reference):
@@ -109,17 +109,14 @@ def read(probe):
     phase, sigma, amplitude, counter, resolution, lag = {}, {}, {}, {}, {}, {}
     pins = {k: edge_errors_turns(probe.edges, k) for k in range(4)}
     chains = (("xe1", "d", "drive", 0, 0), ("ye1", "s", "sense", 1, 2))
-    for node, letter, name, which, reference in chains:
+    waves = []
+    for _, letter, name, which, _ in chains:
         z = np.stack([probe.column(f"{letter}{k}") for k in (1, 2, 3)], axis=1)
-        wave = chain_waveform(
-            z,
-            probe.column(f"u_{name}"),
-            probe.column(f"du_{name}"),
-            probe.chains_s[which],
-            probe.instants_s[which],
-            probe.tick_s,
-        ).ravel()
-        force = phase_meter.fit(fine, wave)
+        held, rise = probe.column(f"u_{name}"), probe.column(f"du_{name}")
+        waves.append(
+            chain_waveform(z, held, rise, probe.chains_s[which], probe.instants_s[which], probe.tick_s).ravel()
+        )
+    for (node, _, _, which, reference), wave, force in zip(chains, waves, phase_meter.fits(fine, waves)):
         pin_lag_deg = 360.0 * pin_lag_turns(pins[reference])
         turned_deg = 180.0 if which == 1 and probe.sense_sign < 0 else 0.0
         phase[node] = wrap_deg(force.lag_deg - pin_lag_deg - turned_deg)
@@ -134,8 +131,7 @@ def read(probe):
     free_x = (probe.fx_hz * probe.tick_s * ticks) % 1.0 if probe.fx_hz else None
     free_y = (probe.fy_hz * probe.tick_s * ticks) % 1.0
     for node, before, after, line in (("xe2", "x", "cv_x", free_x), ("ye2", "y", "cv_y", free_y)):
-        first = phase_meter.fit(theta, probe.column(before), line)
-        second = phase_meter.fit(theta, probe.column(after), line)
+        first, second = phase_meter.fits(theta, [probe.column(before), probe.column(after)], line)
         phase[node] = wrap_deg(second.lag_deg - first.lag_deg)
         lag[after] = second.lag_deg
         sigma[node] = float(np.hypot(first.sigma_deg, second.sigma_deg))

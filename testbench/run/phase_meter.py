@@ -45,34 +45,43 @@ def turns(phase_word):
     return np.asarray(phase_word, np.int64) / PHASE_TURN
 
 
-def fit(theta_turns, samples, free_turns=None):
-    """Joint least squares of sine, cosine and offset at theta, and of one free line if its phase is given.
+def fits(theta_turns, nodes, free_turns=None):
+    """Joint least squares of sine, cosine and offset at theta, and of one free line if its phase is given, per node.
 
     theta_turns  reference phase at each sample (turns)
-    samples      node values
+    nodes        list of node values, one array each
     free_turns   phase of a second line (turns), such as the ringing sense mode, or None
-    Raises ValueError on fewer than 16 samples or values that are not finite.
+    Returns a `Reading` for each node. Raises ValueError on fewer than 16 samples or values that are not finite.
     """
-    samples = np.asarray(samples, float)
+    angle = 2 * np.pi * np.asarray(theta_turns)
+    rows = [np.cos(angle), np.sin(angle), np.ones_like(angle)]
+    if free_turns is not None:
+        free = 2 * np.pi * np.asarray(free_turns)
+        cosine, sine, ramp = np.cos(free), np.sin(free), np.linspace(-1.0, 1.0, free.size)
+        rows += [cosine, sine, ramp * cosine, ramp * sine]
+    basis = np.array(rows)
+    gram = basis @ basis.T
+    return [_reading(basis, gram, np.asarray(samples, float)) for samples in nodes]
+
+
+def _reading(basis, gram, samples):
     if samples.size < 16 or not np.all(np.isfinite(samples)):
         raise ValueError(f"phase fit: needs at least 16 finite samples, got {samples.size}")
     scale = np.max(np.abs(samples)) or 1.0
-    angle = 2 * np.pi * np.asarray(theta_turns)
-    columns = [np.cos(angle), np.sin(angle), np.ones_like(angle)]
-    if free_turns is not None:
-        free = 2 * np.pi * np.asarray(free_turns)
-        ramp = np.linspace(-1.0, 1.0, free.size)
-        columns += [np.cos(free), np.sin(free), ramp * np.cos(free), ramp * np.sin(free)]
-    basis = np.stack(columns, axis=1)
-    gram = basis.T @ basis
-    coefficients = np.linalg.solve(gram, basis.T @ (samples / scale))
-    residual = samples / scale - basis @ coefficients
-    variance = residual @ residual / max(samples.size - len(columns), 1)
+    scaled = samples / scale
+    coefficients = np.linalg.solve(gram, basis @ scaled)
+    residual = scaled - coefficients @ basis
+    variance = residual @ residual / max(samples.size - len(basis), 1)
     amplitude = np.hypot(coefficients[0], coefficients[1])
     covariance = np.linalg.inv(gram)
     sigma = np.sqrt(variance * max(covariance[0, 0], covariance[1, 1])) / amplitude if amplitude > 0 else np.inf
     lag = np.degrees(np.arctan2(-coefficients[0], coefficients[1]))
     return Reading(float(lag), float(np.degrees(sigma)), float(amplitude * scale), samples.size)
+
+
+def fit(theta_turns, samples, free_turns=None):
+    """`fits` of a single node."""
+    return fits(theta_turns, [samples], free_turns)[0]
 
 
 def count(theta_turns_at_crossings):
