@@ -98,7 +98,9 @@ def _solve(diode, temp_degc, c0, cref, period, stray=None, cp=None):
         x = c0 + own
         tail = x / (1 + x / cref) + forward + reverse
         u = is_a * period / (2 * nvt * tail)
-        vf = -nvt * mpmath.log(mpmath.tanh(u))
+        before, vf = vf, -nvt * mpmath.log(mpmath.tanh(u))
+        if vf == before:  # every further pass gives these very bits again
+            break
         if not vf < vj:
             raise ValueError(f"ring_diode: a drop of {float(vf):g} V exceeds the junction's {float(vj):g} V")
     return vf, nvt, own, x, x + loading, reverse, u

@@ -12,6 +12,7 @@ import io
 from pathlib import Path
 
 import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from testbench.storage.files import replacing, write_text
@@ -74,9 +75,15 @@ def _note(axis, text, at, offset, color, **more):
 
 def save(figure, path):
     """Write a figure as PNG."""
-    with replacing(path) as part:
-        figure.savefig(part, format="png", dpi=DPI)
+    with replacing(path) as part, open(part, "wb") as file:
+        _draw(figure, file, DPI)
     return Path(path)
+
+
+def _draw(figure, file, dpi):
+    """PNG of a figure that is laid out and drawn once; `savefig` does both twice."""
+    figure.set_dpi(dpi)
+    FigureCanvasAgg(figure).print_png(file)
 
 
 def startup(
@@ -280,7 +287,7 @@ def _table_html(table):
 def png(figure, alt="", dpi=DPI):
     """<img> with a matplotlib figure inside."""
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=dpi)
+    _draw(figure, buffer, dpi)
     return _image(buffer.getvalue(), alt)
 
 
