@@ -16,6 +16,7 @@ Source  docs/conventions.md (rows)
 import hashlib
 import json
 import os
+import re
 import shutil
 from pathlib import Path, PurePosixPath
 from typing import NamedTuple
@@ -59,27 +60,34 @@ def total(ports):
     return sum(port["width"] for port in ports)
 
 
+def _places(widths):
+    """Bytes of a row of columns that end at its last bit, and (byte, bit within it, bits unused of 64) per column."""
+    size = -(-sum(widths) // 8)
+    ends = 8 * size - np.cumsum(widths[::-1])[::-1]
+    return size, [(*divmod(int(at), 8), 64 - width) for at, width in zip(ends, widths)]
+
+
 def pack(rows, widths):
     """One Python integer per row: the columns side by side, the first in the most significant bits."""
-    masks = [(1 << width) - 1 for width in widths]
-    words = []
-    for row in rows.tolist():
-        word = 0
-        for value, width, mask in zip(row, widths, masks, strict=True):
-            word = word << width | (value & mask)
-        words.append(word)
-    return words
+    size, places = _places(widths)
+    packed = np.zeros((len(rows), size + 8), np.uint8)
+    for column, (byte, bit, unused) in zip(rows.T, places, strict=True):
+        left = column.astype(np.uint64) << unused
+        packed[:, byte : byte + 8] |= (left >> bit).astype(">u8").view(np.uint8).reshape(-1, 8)
+        packed[:, byte + 8] |= (left << 8 - bit).astype(np.uint8) if bit else 0
+    return [int.from_bytes(row.tobytes(), "big") for row in packed[:, :size]]
 
 
 def unpack(words, ports):
     """int64 rows from packed words; the inverse of `pack`."""
-    rows = np.zeros((len(words), len(ports)), np.int64)
-    for n, word in enumerate(words):
-        for k in range(len(ports) - 1, -1, -1):
-            width, signed = ports[k]["width"], ports[k]["signed"]
-            value = word & ((1 << width) - 1)
-            rows[n, k] = value - (1 << width) if signed and value >> (width - 1) else value
-            word >>= width
+    size, places = _places([port["width"] for port in ports])
+    rows, packed = np.zeros((len(words), len(ports)), np.int64), np.zeros((len(words), size + 8), np.uint8)
+    whole = np.frombuffer(b"".join([word.to_bytes(size, "big") for word in words]), np.uint8)
+    packed[:, :size] = whole.reshape(len(words), size)
+    for k, (byte, bit, unused) in enumerate(places):
+        left = packed[:, byte : byte + 8].copy().view(">u8")[:, 0].astype(np.uint64) << bit
+        left |= packed[:, byte + 8] >> 8 - bit if bit else np.uint8(0)
+        rows[:, k] = left.view(np.int64) >> unused if ports[k]["signed"] else left >> unused
     return rows
 
 
@@ -244,14 +252,14 @@ def _words(path, width, count):
     if len(lines) != count:
         raise FileError(f"{path}: {len(lines)} rows, expected {count}")
     expected = digits(width)
-    words = []
-    for n, line in enumerate(lines):
-        if len(line) != expected or not set(line) <= set("0123456789abcdef"):
-            raise FileError(f"{path}: line {n + 1}: {line[:80]!r} is not {expected} lower-case hexadecimal digits")
-        word = int(line, 16)
+    if not re.fullmatch(rf"(?:[0-9a-f]{{{expected}}}\n)*", text):
+        bad = next(n for n, line in enumerate(lines) if not re.fullmatch(rf"[0-9a-f]{{{expected}}}", line))
+        shown = f"{lines[bad][:80]!r} is not {expected} lower-case hexadecimal digits"
+        raise FileError(f"{path}: line {bad + 1}: {shown}")
+    words = [int(line, 16) for line in lines]
+    for n, word in enumerate(words):
         if word >> width:
             raise FileError(f"{path}: line {n + 1}: more than {width} bits")
-        words.append(word)
     return words
 
 
