@@ -336,6 +336,7 @@ def test_the_proofs_hold_together_in_the_whole_design():
         assert all(link.fits for link in one.links), name
 
 
+@pytest.mark.slow
 def test_a_wire_that_brings_too_much_is_seen(monkeypatch):
     block = blocks.BLOCKS["agc"]
     inputs = tuple(p._replace(fmt=bits(24)) if p.name == "magnitude" else p for p in block.inputs)
@@ -400,7 +401,7 @@ def test_hints_name_registers_that_exist():
 def test_every_kernel_of_the_blocks_was_read():
     """The widest results come from the blocks themselves: none is skipped by a hook."""
     for stem, case in CASES:
-        if stem != "delay":
+        if stem != "delay" and (stem, case) != LONG:
             modules = {result.function.split(".")[0] for result in ranges.of_case(stem, case).results}
             assert modules & {stem, "fixed", "pi"}, stem
     step = importlib.import_module("fpga_model.pi").step
