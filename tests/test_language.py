@@ -24,7 +24,7 @@ def found(tmp_path, name, text):
     ("name", "text", "line"),
     [
         ("a.md", f"# Page\n\nShort. {LONG}\n", "41 words, limit 35: The exporter writes"),
-        ("a.md", "The two were measured once.\n", "'measured once': write the lab notebook"),
+        ("a.md", "The two were measured once.\n", "'measured once': write the figure into the lab notebook"),
         ("a.py", f'"""Does it.\n\n{LONG}\n"""\n', "41 words, limit 35"),
         ("a.py", "def f(n):\n    raise ValueError(f'{n}: is there twice')\n", "'is there twice': write duplicate"),
     ],
@@ -43,13 +43,19 @@ def test_lists_and_paragraphs_are_sentences_of_their_own(tmp_path):
     assert found(tmp_path, "a.md", "\n".join(f"- {'one item and ' * 6}" for _ in range(6))) == []
 
 
-def test_a_file_that_has_no_finding_leaves_the_list(tmp_path, monkeypatch, capsys):
-    (tmp_path / "README.md").write_text("Plain.\n")
-    (tmp_path / "CHANGELOG.md").write_text("Plain.\n")
-    (tmp_path / "pending").write_text("README.md\n")
+def test_only_the_notebook_says_what_was_measured_once(tmp_path, monkeypatch):
+    text = "The two were measured once.\n"
+    assert len(found(tmp_path, "notebook.md", text)) == 1
+    monkeypatch.setattr(language, "NOTEBOOK", tmp_path / "notebook.md")
+    assert found(tmp_path, "notebook.md", text) == []
+    assert len(found(tmp_path, "other.md", text)) == 1
+
+
+def test_every_file_is_read_and_the_exit_code_says_so(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(language, "ROOT", tmp_path)
-    monkeypatch.setattr(language, "PENDING", tmp_path / "pending")
+    (tmp_path / "README.md").write_text("Plain.\n")
+    (tmp_path / "CHANGELOG.md").write_text(LONG + "\n")
     assert language.main([]) == 1
-    assert capsys.readouterr().out.startswith("README.md: has no finding any more")
-    (tmp_path / "pending").write_text("")
+    assert capsys.readouterr().out.startswith("CHANGELOG.md: 41 words")
+    (tmp_path / "CHANGELOG.md").write_text("Plain.\n")
     assert language.main([]) == 0
