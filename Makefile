@@ -5,6 +5,8 @@ VENV := .venv
 PYTHON ?= python3
 BIN := $(VENV)/bin
 OUT ?= out
+# without bytecode every process that the tests start compiles all sources again
+unexport PYTHONDONTWRITEBYTECODE
 # a worker that crashes ends the run and names its test; a new one in its place can wait for ever
 PYTEST := $(BIN)/python -m pytest --max-worker-restart 0
 
