@@ -24,9 +24,10 @@ myst_heading_anchors = 4
 # the generated index has headings of the third level
 suppress_warnings = ["myst.header"]
 CHAPTERS = {
-    "First": ("first_run", "limits", "glossary", "conventions", "architecture", "phases", "configuration", "api"),
+    "Tutorials": tuple(f"tutorials/{stem}" for stem in ("first_run", "your_rtl", "your_board", "your_recording")),
+    "First": ("limits", "glossary", "conventions", "architecture", "phases", "configuration", "api"),
     "Experiments": ("paper", "loop", "campaigns", "record"),
-    "Verification": ("verification", "golden", "rtl", "ranges", "portability", "speed"),
+    "Verification": ("verification", "golden", "rtl", "ranges", "portability", "speed", "notebook"),
     "Measured data": ("measured", "measured_parts", "measured_resonators", "tracing"),
     "Firmware": ("blocks/*",),
     "Plant": ("parts/*",),

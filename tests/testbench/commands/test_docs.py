@@ -201,22 +201,6 @@ def test_the_example_of_the_api_prints_what_it_says(capsys):
     assert capsys.readouterr().out == blocks("docs/api.md", "text")[0]
 
 
-def test_the_output_of_the_first_run_is_of_this_version():
-    (shown,) = blocks("docs/first_run.md", "text")
-    planned = budget.budget(Config()).node_deg()
-    for node, paper_deg in budget.PAPER_DEG.items():
-        (row,) = re.findall(rf"^ +{node} .*$", shown, re.M)
-        measured, sigma, budgeted, _, paper, _ = map(float, row.split()[-6:])
-        assert budgeted == pytest.approx(planned[node], abs=6e-5)
-        assert paper == paper_deg
-        assert measured == pytest.approx(planned[node], abs=0.003 + 4 * sigma)
-    for text, _, _, _ in tables.NUMBERS.values():
-        assert text in shown, text
-    notes = summary.notes(Config(), {"locked": True, "phase_deg": planned}, budget.budget(Config()))
-    bare = [re.sub(r"[-+]?[\d.]+ (deg|ns)", "#", line) for line in (*notes, *re.findall(r"^  - (.*)$", shown, re.M))]
-    assert bare[: len(notes)] == bare[len(notes) :]
-
-
 def test_what_stands_beside_the_paper_says_how_the_latencies_were_found():
     planned = budget.budget(Config())
     assert any(

@@ -207,7 +207,7 @@ def test_sizes_on_the_pages():
     assert f"so two hours of them are {frames * row / 1e9:.1f} GB" in page
     assert f"Two hours of all columns at 100 Hz (n = 80) are {frames / 80 * summed / 1e6:.0f} MB" in page
     assert f"Two hours of `rate_word` alone are {one:.0f} MB" in page
-    assert f"# {one:.0f} MB before compression" in (ROOT / "docs" / "first_run.md").read_text()
+    assert f"# {one:.0f} MB before compression" in (ROOT / "docs" / "tutorials" / "first_run.md").read_text()
     for rule, names in (
         ("first", "`state`, DAC codes of drive and sense, truth"),
         ("any", "`flags`"),

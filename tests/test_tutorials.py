@@ -1,0 +1,57 @@
+"""Every tutorial is done word for word; the runner finds an output that a page does not say."""
+
+import shutil
+from pathlib import Path
+
+import numba
+import pytest
+
+from tests import tutorials
+
+FOLDER = Path(__file__).resolve().parents[1] / "docs" / "tutorials"
+NEEDED = {"your_rtl": ("iverilog",)}
+PAGES = sorted(path.stem for path in FOLDER.glob("*.md"))
+
+
+@pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="closed loop: too slow interpreted")
+@pytest.mark.parametrize("stem", PAGES)
+def test_a_tutorial_does_what_it_says(stem, tmp_path):
+    absent = [tool for tool in NEEDED.get(stem, ()) if shutil.which(tool) is None]
+    if absent:
+        pytest.skip(f"not installed: {', '.join(absent)}")
+    tutorials.follow(FOLDER / f"{stem}.md", tmp_path)
+
+
+def test_all_four_are_there():
+    assert PAGES == ["first_run", "your_board", "your_recording", "your_rtl"]
+    for stem in PAGES:
+        assert any(isinstance(step, tutorials.Command) for step in tutorials.steps(FOLDER / f"{stem}.md"))
+
+
+PAGE = """# Page
+<!-- file: a.txt -->
+```text
+one
+two
+```
+```console
+$ cat a.txt
+one
+{second}
+$ echo "took 12 s" >&2; true
+took ... s
+```
+"""
+
+
+@pytest.mark.parametrize("second", ["two", "t...", "..."])
+def test_outputs_with_any_text_are_compared(second, tmp_path):
+    (tmp_path / "page.md").write_text(PAGE.format(second=second))
+    tutorials.follow(tmp_path / "page.md", tmp_path)
+
+
+@pytest.mark.parametrize("second", ["three", "two\nthree", "two two", "t...e"])
+def test_a_planted_difference_is_found_with_its_line(second, tmp_path):
+    (tmp_path / "page.md").write_text(PAGE.format(second=second))
+    with pytest.raises(tutorials.Different, match=r"page.md:8: \$ cat a.txt\nthe page says\none\n"):
+        tutorials.follow(tmp_path / "page.md", tmp_path)
