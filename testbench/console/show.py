@@ -31,8 +31,10 @@ def print_tables(shown):
     from rich.table import Table
 
     console = _console()
-    for table in shown:
-        grid = Table(title=table.title, title_justify="left", box=box.SIMPLE_HEAD, caption=table.note or None)
+    for table, after in zip(shown, [*shown[1:], None]):
+        # a note that the next table has, too, stands behind that one
+        note = None if after and after.note == table.note else table.note or None
+        grid = Table(title=table.title, title_justify="left", box=box.SIMPLE_HEAD, caption=note)
         grid.caption_justify = "left"
         for k, head in enumerate(table.heads):
             grid.add_column(head, justify="right" if k in table.numeric else "left", no_wrap=k in table.numeric)

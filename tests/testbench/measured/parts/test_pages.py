@@ -61,7 +61,7 @@ def test_numbers_in_the_text_on_the_crystals():
     (h,) = narrow["heldout"].values()
     assert f"wrong by {h['before']:.0f} parts in 1000" in text
     assert f"(Duffing, {found['duffing']['value']:.0f} Hz at full response" in text
-    assert f"the path steps by {found['path_step_im']['value']:.4f}" in text
+    assert f"The path steps by {found['path_step_im']['value']:.4f}" in text
     assert f"misses the first {100 * found['receiver_wait']['value']:.0f} % of a step" in text
     assert f"pauses for {-found['kick_re']['value']:.0f} us at each step" in text
     assert f"that is {h['floor'] / h['noise']:.0f} times the receiver's noise" in text
@@ -86,11 +86,11 @@ def test_numbers_in_the_text_on_the_parts():
     assert all(abs(a["value"] - b["value"]) < 2 * np.hypot(a["sd"], b["sd"]) for a, b in pairs)
     assert (len(two_laws) - len(common), set(one_laws) - set(common)) == (3, {"element 23/32"})
     assert "element 12/16" in set(two_laws) - set(common)
-    assert f"{ratios(one)['level']:.1f} floors are left" in text
+    assert f"{ratios(one)['level']:.1f} floors remain" in text
     share, start, stop, shared = re.search(
         r"(\d+) % of its power .* (\S+) \.\. (\S+);.* (\S+)$", one["rest"]["level"]
     ).groups()
-    assert f"{share} % of it lies in codes 41 000 to 47 500" in text
+    assert f"{share} % of this residual lies in codes 41 000 to 47 500" in text
     assert (round(float(start), -3), round(float(stop) / 500) * 500) == (41000, 47500)
     assert f"correlates with {shared}:" in text
     assert not second["effects"]
@@ -98,8 +98,8 @@ def test_numbers_in_the_text_on_the_parts():
     first, first_settles, other, other_settles = gyro["effects"]
     assert f"a peak that settles at {first['hz']:.1f} Hz, from {100 * first_settles['value']:.0f} % above" in text
     assert first_settles["law"].endswith("settling in 3000 s")
-    assert f"a weaker one at {other['hz']:.1f} Hz" in text
-    assert f"{other['law'].split()[-2]} Hz; from {100 * other_settles['value']:.0f} % above it" in text
+    weaker = f"A weaker peak settles at {other['hz']:.1f} Hz from {100 * other_settles['value']:.0f} % above;"
+    assert f"{weaker} its law is named after the nearest frequency that was tried, {other['law'].split()[-2]} Hz" in text
 
 
 def test_numbers_in_the_text_on_the_meters():
