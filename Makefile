@@ -36,10 +36,10 @@ golden: $(VENV)/.run ## golden vectors and benches of every block, for the HDL e
 	$(BIN)/gyro golden export all --out $(OUT)/golden
 
 rtl: $(VENV)/.test ## the RTL: bundles, plant around it for 3 s, proofs, synthesis, mutation scores; PARTS="loop proofs" for some
-	$(BIN)/python -m testbench.golden.whole_rtl $(PARTS) --out $(OUT)/golden
+	$(BIN)/python -m testbench.golden.rtl_verification $(PARTS) --out $(OUT)/golden
 
 measured: $(VENV)/.run ## real recordings of parts against the model: one page, build/measured.html and .json; SETS="..." for some
-	$(BIN)/python -m testbench.measured.all_sets --out build $(if $(SETS),--only $(SETS))
+	$(BIN)/python -m testbench.measured.sets_report --out build $(if $(SETS),--only $(SETS))
 
 paper: $(VENV)/.run ## the paper's experiments: calibration, five cases at three temperatures, one page; continues when started again
 	$(BIN)/gyro report paper --out $(OUT)/paper

@@ -74,7 +74,7 @@ def test_indices_are_those_of_the_catalogue():
 @pytest.mark.parametrize("effect", catalogue.LAWS, ids=lambda e: e.INFO.name)
 def test_a_page_says_physics_source_fingerprint_and_what_it_changes(effect):
     page = (FOLDER / f"{effect.INFO.name}.md").read_text()
-    assert effects_pages.renewed(effect, page) == page
+    assert effects_pages.renew(effect, page) == page
     for text in ("**Source.**", "**Applied**", "**Fingerprint.**", effect.INFO.fingerprint, "| change |"):
         assert text in page
     for term in effect.terms(effect.EXAMPLE, device.Device()):
@@ -162,7 +162,7 @@ WALK = """
 import sys
 import pytest
 from testbench.commands import effects_pages
-effects_pages.measured = lambda names: {name: (0.0,) * 5 for name in names}  # needs an engine: the test below
+effects_pages.measure_table = lambda names: {name: (0.0,) * 5 for name in names}  # needs an engine: the test below
 assert effects_pages.main(sys.argv[1:]) == 0
 checks = "own or exists or indices or page_says"
 sys.exit(pytest.main(["-v", "-p", "no:cacheprovider", "-k", checks, "tests/test_catalogue_pages.py"]))
@@ -210,11 +210,11 @@ from analog_frontend import effects
 effects.__path__.append(sys.argv[1])
 from fpga_model import jit
 from testbench.commands import effects_pages
-effects_pages.measured(["damping_cubic"])  # whatever an engine still lacks
+effects_pages.measure_table(["damping_cubic"])  # whatever an engine still lacks
 folder = jit.cache_folder(jit.Path(jit.__file__).resolve()).parents[1]
 before = set(folder.rglob("*.nbi"))
 start = time.monotonic()
-(change,) = effects_pages.measured([sys.argv[2]]).values()
+(change,) = effects_pages.measure_table([sys.argv[2]]).values()
 assert set(folder.rglob("*.nbi")) == before, "an engine was compiled"
 print(time.monotonic() - start, change[0])
 """

@@ -64,7 +64,7 @@ def run(
     except KeyboardInterrupt:
         typer.echo("gyro: what is finished is kept: the same command continues", err=True)
         raise
-    _tell(report, as_json)
+    _print_report(report, as_json)
     if report.failures:
         raise typer.Exit(EXIT_FAILED)
 
@@ -81,7 +81,7 @@ def _executor(workers, scheduler, cluster):
     return Pool(workers or os.cpu_count() or 1)
 
 
-def _tell(report, as_json):
+def _print_report(report, as_json):
     if as_json:
         failures = [{"point": address, "error": text} for address, text in report.failures]
         data = {**report._asdict(), "failures": failures, "files": [str(path) for path in report.files]}
@@ -130,7 +130,7 @@ def status(store: StorePath, as_json: Json = False):
     last = {event["point"]: event for event in events if "point" in event}
     plans = []
     for name in collect.plan_names(found):
-        addresses = set(collect.stored(found, name).addresses)
+        addresses = set(collect.stored_points(found, name).addresses)
         ended = {a for a in addresses if found.has(a)}
         failed = [(a, last[a]["error"]) for a in sorted(addresses - ended) if last.get(a, {}).get("event") == "fail"]
         plans.append({"name": name, "points": len(addresses), "finished": len(ended), "failed": failed})
@@ -165,7 +165,7 @@ def show(store: StorePath, name: Name = None, as_json: Json = False):
 
     found = Store.at(store)
     name = _only(found, name)
-    wanted = collect.stored(found, name)
+    wanted = collect.stored_points(found, name)
     heads, table = collect.rows(wanted, collect.load(found, wanted.addresses))
     first = 3 + sum(len(a.values) + bool(a.cases) for a in wanted.plan.axes)
     numbers = {}

@@ -28,7 +28,7 @@ from testbench.storage.files import GuardedFile, discard, explain, part_of, publ
 SCHEMA = "gyrocampaign/1"
 
 
-class Stored(NamedTuple):
+class StoredPoint(NamedTuple):
     """A plan as the store keeps it."""
 
     plan: plans.Plan
@@ -45,7 +45,7 @@ def plan_names(store):
     return sorted(path.stem for path in (store.path / "plans").glob("*.json"))
 
 
-def stored(store, name):
+def stored_points(store, name):
     """`Stored` plan of a name."""
     path = plan_path(store, name)
     try:
@@ -56,7 +56,7 @@ def stored(store, name):
     except ValueError:
         raise FileError(f"{path}: is damaged; run the campaign again") from None
     addresses = data.pop("points")
-    return Stored(plans.from_data(data, str(path)), tuple(addresses))
+    return StoredPoint(plans.from_data(data, str(path)), tuple(addresses))
 
 
 def results(store, name):
@@ -310,7 +310,7 @@ def _write_table(wanted, found, path):
 
 def write(store, name):
     """Make the results of a plan anew; returns the paths."""
-    wanted = stored(store, name)
+    wanted = stored_points(store, name)
     netcdf, table = results(store, name)
     found = load(store, wanted.addresses)
     _write_netcdf(store, wanted, found, netcdf)
@@ -325,7 +325,7 @@ def write_parquet(store, name, path):
         from pyarrow import parquet
     except ImportError:
         raise FileError(f"{path}: pyarrow is not installed; pip install 'ftr-gyro[campaign]'") from None
-    wanted = stored(store, name)
+    wanted = stored_points(store, name)
     heads, table = rows(wanted, load(store, wanted.addresses))
     columns = {head: [row[k] for row in table] for k, head in enumerate(heads)}
     sink = io.BytesIO()

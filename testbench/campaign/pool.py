@@ -106,7 +106,7 @@ class Pool:
                     if tries < TRIES:  # alone from now on: one of them may be the cause
                         ahead += [(one, tries + 1) for one in batch.alone()]
                         continue
-                    yield died(batch, tries, process.exitcode)
+                    yield death_notice(batch, tries, process.exitcode)
                     continue
                 lost = 0
                 self._idle.append((connection, process))
@@ -120,7 +120,7 @@ class Pool:
         self._busy[connection] = process, batch, tries
 
 
-def died(batch, tries, code):
+def death_notice(batch, tries, code):
     """Outcomes of a batch whose workers died."""
     text = f"the worker process died {tries} times while it ran this point (exit code {code})"
     return [work.Outcome(address, work.FAILED, text) for address in batch.addresses]

@@ -57,7 +57,7 @@ def changes(off, on):
     )
 
 
-def measured(names, bench=None):
+def measure_table(names, bench=None):
     """{name: changes} of effects at the sizes of their pages."""
     bench = bench or loop_runs.Bench()
     base, out = config.Config(), {}
@@ -122,7 +122,7 @@ def parts(effect):
     }
 
 
-def renewed(effect, page=None):
+def renew(effect, page=None):
     """The page with what the module says; made if it is None. Its measured table stays as it is."""
     said = parts(effect)
     if page is None:
@@ -141,9 +141,9 @@ def main(names):
         print(f"{', '.join(sorted(unknown))}: not among {', '.join(known)}", file=sys.stderr)
         return 2
     chosen = names or list(known)
-    for name, values in measured(chosen).items():
+    for name, values in measure_table(chosen).items():
         path = FOLDER / f"{name}.md"
-        page = renewed(known[name], path.read_text() if path.exists() else None)
+        page = renew(known[name], path.read_text() if path.exists() else None)
         write_text(path, replaced(page, "measured", table(known[name], values)))
     docs.renew(docs.OF_EFFECTS)
     return 0

@@ -9,7 +9,7 @@ import math
 import re
 from typing import Literal, get_args, get_origin
 
-from testbench.config.toml_text import shown, toml_value
+from testbench.config.toml_text import toml_of, toml_value
 
 # Unit suffix of a key -> quantity and factor to its SI unit; what a mistaken unit can be converted with.
 SUFFIXES = {
@@ -96,7 +96,7 @@ def _not_a_number(path, value, info, key):
     integer = info.annotation is int
     found = WRITTEN.fullmatch(value) if isinstance(value, str) else None
     if not found:
-        return f"{path} = {shown(value)} is not {'an integer' if integer else 'a number'}{_span(info)}"
+        return f"{path} = {toml_of(value)} is not {'an integer' if integer else 'a number'}{_span(info)}"
     magnitude, unit = float(found[1]), found[2] or ""
     have = unit.lower().replace("/", "_per_").replace("^", "").replace("°", "deg").replace("µ", "u")
     same = not unit or unit == unit_of(info).strip()
@@ -106,7 +106,7 @@ def _not_a_number(path, value, info, key):
     else:
         write = f"write {key} = {plain(int(converted) if integer else converted)}"
     in_unit = unit_of(info) and f" in{unit_of(info)}"
-    return f"{path} = {shown(value)} is text; the key wants the bare number{in_unit}: {write}"
+    return f"{path} = {toml_of(value)} is text; the key wants the bare number{in_unit}: {write}"
 
 
 def explain(error, sections, source, origin):
@@ -133,23 +133,23 @@ def explain(error, sections, source, origin):
     if kind == "extra_forbidden":
         return f"{label}: {_unknown(sections, section, loc[1], value, path)}"
     if kind in ("model_type", "model_attributes_type") or info is None:
-        return f"{label}: {path} = {shown(value)} is not a section; write [{path}] and its keys below"
+        return f"{label}: {path} = {toml_of(value)} is not a section; write [{path}] and its keys below"
     if kind == "greater_than_equal":
-        return f"{label}: {path} = {shown(value)} is below the limit {plain(error['ctx']['ge'])}{unit_of(info)}"
+        return f"{label}: {path} = {toml_of(value)} is below the limit {plain(error['ctx']['ge'])}{unit_of(info)}"
     if kind == "less_than_equal":
-        return f"{label}: {path} = {shown(value)} is above the limit {plain(error['ctx']['le'])}{unit_of(info)}"
+        return f"{label}: {path} = {toml_of(value)} is above the limit {plain(error['ctx']['le'])}{unit_of(info)}"
     if kind == "finite_number":
-        return f"{label}: {path} = {shown(value)} is not finite{_span(info)}"
+        return f"{label}: {path} = {toml_of(value)} is not finite{_span(info)}"
     if kind == "literal_error":
         choices = choices_of(info)
         near = difflib.get_close_matches(str(value), [str(c) for c in choices], n=1, cutoff=0.5)
         hint = f"; did you mean {near[0]}?" if near else ""
         known = " | ".join(map(toml_value, choices))
-        return f"{label}: {path} = {shown(value)} is none of {known}{unit_of(info)}{hint}"
+        return f"{label}: {path} = {toml_of(value)} is none of {known}{unit_of(info)}{hint}"
     if kind == "bool_type":
-        return f"{label}: {path} = {shown(value)} is not true or false"
+        return f"{label}: {path} = {toml_of(value)} is not true or false"
     if kind == "string_type":
-        return f"{label}: {path} = {shown(value)} is not a text in quotes"
+        return f"{label}: {path} = {toml_of(value)} is not a text in quotes"
     return f"{label}: {_not_a_number(path, value, info, loc[1])}"
 
 

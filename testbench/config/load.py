@@ -23,7 +23,7 @@ from analog_frontend.effects import catalogue
 from analog_frontend.parts import adc, device
 from testbench.config import law_file, scenario
 from testbench.config.config_errors import explain
-from testbench.config.toml_text import read_toml, shown, toml_value
+from testbench.config.toml_text import read_toml, toml_of, toml_value
 from testbench.errors import ConfigError
 
 PHASE_WORD_BITS = 48
@@ -102,10 +102,10 @@ class Firmware(Section):
 def _levels(bits):
     def check(value):
         if not isinstance(value, (list, tuple)):
-            raise scenario.Problem("", f"= {shown(value)} is not a list of texts")
+            raise scenario.Problem("", f"= {toml_of(value)} is not a list of texts")
         for k, text in enumerate(value):
             if not isinstance(text, str):
-                raise scenario.Problem(f"[{k}]", f"= {shown(text)} is not a text")
+                raise scenario.Problem(f"[{k}]", f"= {toml_of(text)} is not a text")
             try:
                 dac_levels.table([text[:80]], bits)
             except ValueError as problem:
@@ -118,7 +118,7 @@ def _curve(value):
     numbers = isinstance(value, (list, tuple)) and all(isinstance(v, float) for v in value)
     if not numbers or len(value) > adc.CURVE or not all(abs(v) <= 1e-2 for v in value):
         limits = f"a list of up to {adc.CURVE} numbers within -0.01 .. 0.01"
-        raise scenario.Problem("", f"= {shown(value)} is not {limits}")
+        raise scenario.Problem("", f"= {toml_of(value)} is not {limits}")
 
 
 class _EffectsBase(Section):
@@ -293,7 +293,7 @@ def parse_set(text):
 
 def _names(value, path):
     if not isinstance(value, list) or not all(isinstance(name, str) for name in value):
-        raise ConfigError(f"{path}: effects.files = {shown(value)} is not a list of names of law files")
+        raise ConfigError(f"{path}: effects.files = {toml_of(value)} is not a list of names of law files")
     return value
 
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from testbench.config.toml_text import shown
+from testbench.config.toml_text import toml_of
 
 TICK_HZ = 1_000_000
 FRAME_TICKS = 125
@@ -113,19 +113,19 @@ class Timeline(NamedTuple):
 
 def _finite(value, where, what):
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise Problem(where, f"= {shown(value)}: {what} is not a number")
+        raise Problem(where, f"= {toml_of(value)}: {what} is not a number")
     try:
         number = float(value)
     except OverflowError:
         number = math.inf
     if not math.isfinite(number):
-        raise Problem(where, f"= {shown(value)}: {what} is not finite")
+        raise Problem(where, f"= {toml_of(value)}: {what} is not finite")
     return number
 
 
 def _row(item, where, length, shape):
     if not isinstance(item, (list, tuple)) or len(item) != length:
-        raise Problem(where, f"= {shown(item)} is not of the form {shape}")
+        raise Problem(where, f"= {toml_of(item)} is not of the form {shape}")
     return item
 
 
@@ -172,7 +172,7 @@ def writable_registers():
 def check_register_writes(value):
     """((t_s, name, raw), ...) of [[t_s, register, raw value], ...]."""
     if not isinstance(value, (list, tuple)):
-        raise Problem("", f"= {shown(value)} is not a list of [t_s, register, raw value]")
+        raise Problem("", f"= {toml_of(value)} is not a list of [t_s, register, raw value]")
     known = writable_registers() if value else {}
     writes = []
     for k, item in enumerate(value):
@@ -180,9 +180,9 @@ def check_register_writes(value):
         t_s, name, raw = _row(item, where, 3, "[t_s, register, raw value]")
         t_s = _finite(t_s, where, "the time")
         if not isinstance(name, str) or name not in known:
-            raise Problem(where, f"= {shown(name)} is not a writable register; {_nearest(name, known)}")
+            raise Problem(where, f"= {toml_of(name)} is not a writable register; {_nearest(name, known)}")
         if isinstance(raw, bool) or not isinstance(raw, int):
-            raise Problem(where, f"= {shown(raw)}: the value of {name} is not an integer; registers take raw words")
+            raise Problem(where, f"= {toml_of(raw)}: the value of {name} is not an integer; registers take raw words")
         fmt = known[name]
         if not fmt.holds(raw):
             side, limit = ("above", fmt.hi) if raw > fmt.hi else ("below", fmt.lo)
@@ -196,7 +196,7 @@ def check_laws(value):
     from analog_frontend.effects import law
 
     if not isinstance(value, (list, tuple)) or not all(isinstance(text, str) for text in value):
-        raise Problem("", f'= {shown(value)} is not a list of texts such as "force_x = -2.5e9 x^3"')
+        raise Problem("", f'= {toml_of(value)} is not a list of texts such as "force_x = -2.5e9 x^3"')
     if len(value) > law.SLOTS:
         raise Problem("", f"has {len(value)} laws, above the limit {law.SLOTS}")
     try:
@@ -208,19 +208,21 @@ def check_laws(value):
 def check_faults(value):
     """((t_s, kind, channel, value, duration_s), ...) of the list in the file."""
     if not isinstance(value, (list, tuple)):
-        raise Problem("", f"= {shown(value)} is not a list of [t_s, kind, channel, value, duration_s]")
+        raise Problem("", f"= {toml_of(value)} is not a list of [t_s, kind, channel, value, duration_s]")
     faults = []
     for k, item in enumerate(value):
         where = f"[{k}]"
         t_s, kind, channel, level, duration_s = _row(item, where, 5, "[t_s, kind, channel, value, duration_s]")
         t_s = _finite(t_s, where, "the time")
         if not isinstance(kind, str) or kind not in FAULTS:
-            raise Problem(where, f"= {shown(kind)} is not a kind of fault; {_nearest(kind, FAULTS)}")
+            raise Problem(where, f"= {toml_of(kind)} is not a kind of fault; {_nearest(kind, FAULTS)}")
         fault = FAULTS[kind]
         if channel not in fault.channels:
-            raise Problem(where, f"= {shown(channel)} is not a channel of {kind}; {_nearest(channel, fault.channels)}")
+            raise Problem(
+                where, f"= {toml_of(channel)} is not a channel of {kind}; {_nearest(channel, fault.channels)}"
+            )
         if isinstance(level, bool) or not isinstance(level, int):
-            raise Problem(where, f"= {shown(level)}: the value of {kind} is not an integer")
+            raise Problem(where, f"= {toml_of(level)}: the value of {kind} is not an integer")
         lo, hi = DAC_CODES[channel] if kind == "dac_stuck" else (fault.lo, fault.hi)
         if not lo <= level <= hi:
             side, limit = ("above", hi) if level > hi else ("below", lo)
@@ -228,7 +230,7 @@ def check_faults(value):
         if kind == "adc_over_range" and level == 0:
             raise Problem(where, "= 0: the value of adc_over_range is -1 or 1, the sign of the rail")
         if isinstance(duration_s, bool) or not isinstance(duration_s, (int, float)) or not duration_s > 0:
-            raise Problem(where, f"= {shown(duration_s)}: the duration is not a number above 0 s (inf: to the end)")
+            raise Problem(where, f"= {toml_of(duration_s)}: the duration is not a number above 0 s (inf: to the end)")
         faults.append((t_s, kind, channel, level, float(duration_s)))
     return tuple(faults)
 
@@ -236,13 +238,13 @@ def check_faults(value):
 def check_columns(value):
     """The list of columns of the record as a tuple of names."""
     if not isinstance(value, (list, tuple)):
-        raise Problem("", f"= {shown(value)} is not a list of names")
+        raise Problem("", f"= {toml_of(value)} is not a list of names")
     if value:
         from testbench.storage.spool import FIELDS
 
         for k, name in enumerate(value):
             if not isinstance(name, str) or name not in FIELDS:
-                raise Problem(f"[{k}]", f"= {shown(name)} is not a column of the record; {_nearest(name, FIELDS)}")
+                raise Problem(f"[{k}]", f"= {toml_of(name)} is not a column of the record; {_nearest(name, FIELDS)}")
     return tuple(value)
 
 

@@ -31,7 +31,7 @@ def toml_key(key):
     return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else toml_value(key)
 
 
-def shown(value):
+def toml_of(value):
     """A value as TOML, shortened to fit a line."""
     try:
         text = toml_value(value)

@@ -24,8 +24,8 @@ from fpga_model.rates import FRAME_TICKS, MASTER_HZ, TICK_CYCLES
 from testbench.engines import engine, frame
 from testbench.engines.baseband_frames import frames
 from testbench.engines.baseband_setup import RATE_LIMIT_DEG_S, setup
-from testbench.engines.baseband_state import given, slow, taken
-from testbench.engines.frame import begun, enter, leave, onward, put_down
+from testbench.engines.baseband_state import give_state, slow, take_state
+from testbench.engines.frame import begin, enter, leave, onward, put_down
 from testbench.engines.pins import buffers
 from testbench.engines.turn import phase_at
 from testbench.errors import ConfigError
@@ -51,13 +51,13 @@ def _run(p, u, b, f, chips, a, chunk, end, drdy_cycle, w):
     f, chips, drdy_cycle, tick = enter(p, f, chips, a, chunk, end, drdy_cycle)
     if tick == end:
         return f, chips, drdy_cycle, ZERO, ZERO
-    g = begun(p, f, chips, a, chunk.faults, tick, drdy_cycle, w)
+    g = begin(p, f, chips, a, chunk.faults, tick, drdy_cycle, w)
     last = (end - TAIL_TICKS) // FRAME_TICKS * FRAME_TICKS
     far = ZERO
     while tick < last - FRAME_TICKS:
         g, tick = onward(p, a, chunk, g, tick, end, (tick // FRAME_TICKS + 1) * FRAME_TICKS, w)
         if _ready(p, u, g, a.adc.clock, tick):
-            taken(p, u, b, g, a, tick)
+            take_state(p, u, b, g, a, tick)
             c, bank, turn, quadrature, old, new, tick = frames(
                 p,
                 u,
@@ -76,7 +76,7 @@ def _run(p, u, b, f, chips, a, chunk, end, drdy_cycle, w):
                 a.adc.sums,
             )
             far = ZERO if tick == last else turn.word
-            g = given(p, u, b, g, a, c, bank, turn, quadrature, old, new, tick, w)
+            g = give_state(p, u, b, g, a, c, bank, turn, quadrature, old, new, tick, w)
             break
     g, tick = onward(p, a, chunk, g, tick, end, end, w)
     f, chips, drdy_cycle, failed = leave(p, put_down(f, chips, g, tick, chunk.faults.status), a, chunk, end)
@@ -93,7 +93,7 @@ class _Kept(threading.local):
 _KEPT = _Kept()
 
 
-def prepared(p, made=None):
+def prepare(p, made=None):
     """(Setup, Slow) of engine.Params, made once while few take turns; `made`: a Setup that is at hand.
 
     ConfigError outside the averaged plant's validity.
@@ -113,7 +113,7 @@ def run(p, s, ticks, rate_rad_s, temp_degc, host, faults, o):
     """
     if faults != QUIET:
         raise ConfigError('scenario.faults: scenario.engine = "baseband" cannot run them, "frame" can')
-    u, b = prepared(p)
+    u, b = prepare(p)
     fastest = math.degrees(float(np.abs(rate_rad_s).max()))
     if not fastest <= RATE_LIMIT_DEG_S:
         raise ConfigError(

@@ -1,7 +1,7 @@
 """Baseband engine, frame by frame: the firmware's own 8 kHz window, and the averaged plant in between.
 
     first instant   tables for rate, V_q, temperature; one row
-    window          codes of the last conversion in, words out: window.whole, bit for bit
+    window          codes of the last conversion in, words out: window.run_window, bit for bit
     125 ticks       modes, demodulators, converter: averaged_modes, averaged_sid
 
 Source    docs/parts/averaged.md, docs/decisions/0014-baseband.md
@@ -28,7 +28,7 @@ from testbench.engines import engine
 from testbench.engines.baseband_setup import FRAME_CLOCKS
 from testbench.engines.baseband_state import poles_at, turned_force
 from testbench.engines.turn import TURN_MASK, Turn
-from testbench.engines.window import SLOT_WORD, whole
+from testbench.engines.window import SLOT_WORD, run_window
 
 ZERO, ONE = np.int64(0), np.int64(1)
 RECENT = 8  # ticks whose codes the blocks are given back
@@ -118,7 +118,7 @@ def frames(p, u, b, c, bank, phase, word, quadrature, old, new, chunk, tick, cou
         # the window
         word_old = word
         i = control.Inputs(new[0], new[1], new[2], new[3], new[4], ONE, ZERO)
-        c, word_between = whole(p.fpga.control, c, i, bank)
+        c, word_between = run_window(p.fpga.control, c, i, bank)
         quadrature = c.quadrature_loop.root.y
         word = c.frequency_tracker.word
         turn_phase = (phase + (turn_clock - between) * word_old + between * word_between) & TURN_MASK

@@ -1,7 +1,7 @@
 """Baseband engine, ways in and out: from the plant's state of the frame engine to the slow one, and back.
 
-    taken    modes projected on their slow amplitudes, capacitors less the particular solution, switches on their way
-    given    all states at a frame's first instant, codes of the last ticks, what the blocks carry (carried.py)
+    take_state   modes projected on their slow amplitudes, capacitors less the particular solution, switches on their way
+    give_state   all states at a frame's first instant, codes of the last ticks, block state
 
 Neither is exact: the averaged plant knows neither the rounding of the DAC codes nor the ripple of the chains.
 Source    docs/parts/averaged.md
@@ -58,7 +58,7 @@ from fpga_model import control, watchdog
 from fpga_model.jit import inner, outlined
 from fpga_model.rates import FRAME_TICKS, TICK_CYCLES
 from testbench.engines import pins
-from testbench.engines.carried import Carried
+from testbench.engines.block_state import BlockState
 from testbench.engines.turn import phase_at
 from testbench.engines.window import HISTORY, VALID_CLOCKS, Window
 
@@ -107,7 +107,7 @@ def turned_force(volts, word_offset):
 
 
 @outlined
-def taken(p, u, b, g, a, tick):
+def take_state(p, u, b, g, a, tick):
     """The slow state at a frame's first instant, from the plant's own; no edge may be on its way. Mutates `b`."""
     now, m, q = b.now, b.m, b.q
     # the tables of the frame that has just ended
@@ -157,7 +157,7 @@ def taken(p, u, b, g, a, tick):
 
 
 @outlined
-def given(p, u, b, g, a, c, bank, turn, quadrature, old, new, tick, w):
+def give_state(p, u, b, g, a, c, bank, turn, quadrature, old, new, tick, w):
     """Back to the plant's own state and to what the blocks carry, at a frame's first instant. Mutates `a` and `w`."""
     now, m, q = b.now, b.m, b.q
     phase = phase_at(turn, TICK_CYCLES * tick)
@@ -204,7 +204,7 @@ def given(p, u, b, g, a, c, bank, turn, quadrature, old, new, tick, w):
         w.control_load[k] = 0
     pins.dac_codes(p.fpga, bank, turn, tick - RECENT, RECENT, w)
     drive, sense = a.work.drive_codes, a.work.sense_codes
-    enabled, staged = pins.told(p.fpga, drive, sense, RECENT, g.enabled, g.staged, False, w)
+    enabled, staged = pins.words_of_ticks(p.fpga, drive, sense, RECENT, g.enabled, g.staged, False, w)
     _put_out(a, plant.DRIVE, p.plant.drive_dac, p.plant.tables.drive_carry[0, a.cycles[plant.DRIVE]], drive)
     _put_out(a, plant.SENSE, p.plant.sense_dac, p.plant.tables.sense_carry[0, a.cycles[plant.SENSE]], sense)
     a.adc.clock[adc.DUE], a.adc.clock[adc.SAMPLE], a.adc.clock[adc.PENDING] = 0, 0, adc.NOT_PENDING
@@ -213,7 +213,7 @@ def given(p, u, b, g, a, c, bank, turn, quadrature, old, new, tick, w):
     at = TICK_CYCLES * tick
     age = FRAME_TICKS - 1 - u.valid // TICK_CYCLES
     s = Window(c, bank, watchdog.State(age, ZERO), turn, ZERO, quadrature)
-    return Carried(
+    return BlockState(
         g.sid,
         s,
         refs,

@@ -4,7 +4,7 @@ What the blocks do not carry along (pipelines, shift registers, counters) has a 
 firmware is put together FLUSH ticks before the tick that the blocks have reached, from what they carry. The other
 registers keep whatever they held. The clocked firmware then runs up to that tick and must agree with the blocks.
 
-    blocks --> Arrived --(rebuilt)--> f, FLUSH ticks ago --(clocked ticks)--(completed)--> every register, if `arrived`
+    blocks --> Arrival --(rebuilt)--> f, FLUSH ticks ago --(clocked ticks)--(complete)--> every register, if `arrive`
 
 Source    docs/architecture.md, docs/decisions/0007-frame-engine.md
 """
@@ -49,12 +49,12 @@ def rebuilt(f, chips, s, sid, enabled, staged, tick, read, codes, status):
 
 
 @outlined
-def completed(f, sid, dog):
+def complete(f, sid, dog):
     """After the flush: what has a long memory and moved during it, from the blocks."""
     return f._replace(sid=sid._replace(refs=f.sid.refs), watchdog=dog)
 
 
-class Arrived(NamedTuple):
+class Arrival(NamedTuple):
     """Where the blocks have come to: the tick, the firmware and chips FLUSH ticks before it, and what must be then."""
 
     tick: int
@@ -70,7 +70,7 @@ class Arrived(NamedTuple):
 
 
 @inner
-def arrived(p, f, chips, x):
+def arrive(p, f, chips, x):
     """1 when the flushed firmware is where the blocks are."""
     same = f.dds.phase == x.phase and references.pins(p.references, f.references) == x.refs
     return same and chips.drive.code == x.drive_code and chips.sense.code == x.sense_code

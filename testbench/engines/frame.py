@@ -4,9 +4,9 @@
                    a few codes, and everything until the next event is a closed form of them
     events         8 kHz window (a valid ADC frame, or stale at ce_8k), frame boundary, DRDY; blocks of ticks in between
 
-    for each block:  carried.ahead             words of its ticks, DAC codes, reference edges
+    for each block:  block_state.before_ticks  words of its ticks, DAC codes, reference edges
                      plant.block               the same step that the clocked engine calls with one tick
-                     carried.behind            what the converter has read and begun
+                     block_state.after_ticks   frames that the converter has completed
     chunk          clocked ticks to a quiet one | blocks | FLUSH clocked ticks without plant | clocked ticks to the end
 
 What the blocks do not carry along (shift registers, counters, pipelines) has a memory of less than FLUSH ticks: running
@@ -25,18 +25,18 @@ from fpga_model import spi_dac
 from fpga_model.jit import hot, inner, outlined, unit
 from fpga_model.rates import FRAME_TICKS, TICK_CYCLES
 from testbench.engines import engine
-from testbench.engines.carried import (
-    ahead,
-    behind,
+from testbench.engines.block_state import (
+    after_ticks,
+    before_ticks,
     codes_at,
-    demodulated,
+    demodulate,
     history,
-    horizon,
     last_quiet,
     ready_clock,
-    taken_up,
+    take_up,
+    ticks_to_event,
 )
-from testbench.engines.flush import CHANNEL_MASK, FLUSH, Arrived, arrived, completed, rebuilt
+from testbench.engines.flush import CHANNEL_MASK, FLUSH, Arrival, arrive, complete, rebuilt
 from testbench.engines.pins import buffers
 from testbench.engines.turn import WORD_LIMIT, phase_at, word_at
 from testbench.engines.window import LAST_ODD_TICK
@@ -148,14 +148,14 @@ def onward(p, a, chunk, g, tick, end, limit, b):
     """
     faults, o = chunk.faults, chunk.o
     while tick < limit:
-        until = min(horizon(p.plant.adc, a.adc.clock, faults.silent, g, tick, end), limit)
+        until = min(ticks_to_event(p.plant.adc, a.adc.clock, faults.silent, g, tick, end), limit)
         if until == tick:
             break
         n = until - tick
         if tick % FRAME_TICKS == 0:
             _frame(p, a, chunk, tick, g)
         refs = g.refs
-        g, count = ahead(p.fpga, g, faults, tick, n, a.sar, a.work.drive_codes, a.work.sense_codes, b)
+        g, count = before_ticks(p.fpga, g, faults, tick, n, a.sar, a.work.drive_codes, a.work.sense_codes, b)
         fell = plant.block(p.plant, a, tick, n, DRIVE_CLOCK, SENSE_CLOCK, count, b.edges)
         # streams
         row = tick - chunk.begin
@@ -169,27 +169,27 @@ def onward(p, a, chunk, g, tick, end, limit, b):
         sid = g.sid
         if p.fpga.digital:
             _sampled(p.plant, a, count, n, refs, b)
-            sid = demodulated(p.fpga, sid, tick, 1 if tick % FRAME_TICKS == 0 else 0, n, b)
-        g = behind(g, faults, a.adc.clock, tick, until, fell, sid)
+            sid = demodulate(p.fpga, sid, tick, 1 if tick % FRAME_TICKS == 0 else 0, n, b)
+        g = after_ticks(g, faults, a.adc.clock, tick, until, fell, sid)
         tick = until
     return g, tick
 
 
 @inner
-def begun(p, f, chips, a, faults, tick, drdy_cycle, b):
+def begin(p, f, chips, a, faults, tick, drdy_cycle, b):
     """What blocks from a quiet `tick` on carry. Mutates `a` and `b`."""
     history(f, b)
     if faults.nan[0]:
         a.z[plant.X] = np.nan
     if faults.nan[1]:
         a.z[plant.Y] = np.nan
-    return taken_up(p.fpga, f, chips, tick, drdy_cycle)
+    return take_up(p.fpga, f, chips, tick, drdy_cycle)
 
 
 @hot
 def blocks(p, f, chips, a, chunk, tick, end, drdy_cycle, b):
     """From a quiet `tick` to the last quiet one before `end`. Mutates `a` and the streams."""
-    g = begun(p, f, chips, a, chunk.faults, tick, drdy_cycle, b)
+    g = begin(p, f, chips, a, chunk.faults, tick, drdy_cycle, b)
     g, tick = onward(p, a, chunk, g, tick, end, end, b)
     return put_down(f, chips, g, tick, chunk.faults.status)
 
@@ -200,7 +200,7 @@ def put_down(f, chips, g, tick, status):
     status = status & CHANNEL_MASK
     phase = phase_at(g.s.turn, TICK_CYCLES * tick)
     f, chips = rebuilt(f, chips, g.s, g.sid, g.enabled, g.staged, tick - FLUSH, g.read, g.channels, status)
-    return Arrived(tick, g.drdy_cycle, f, chips, g.sid, g.s.dog, phase, g.refs, g.drive_code, g.sense_code)
+    return Arrival(tick, g.drdy_cycle, f, chips, g.sid, g.s.dog, phase, g.refs, g.drive_code, g.sense_code)
 
 
 @unit
@@ -233,8 +233,8 @@ def leave(p, x, a, chunk, end):
     Returns firmware, chips, clock of DRDY, and 0, or the tick at which the flush met other registers.
     """
     f, chips, _ = engine.run_ticks(p, x.fpga, x.chips, a, chunk, x.tick - FLUSH, x.tick, -ONE, ZERO)
-    f = completed(f, x.sid, x.dog)
-    if not arrived(p.fpga, f, chips, x):
+    f = complete(f, x.sid, x.dog)
+    if not arrive(p.fpga, f, chips, x):
         return f, chips, x.drdy_cycle, x.tick
     f, chips, drdy_cycle = engine.run_ticks(p, f, chips, a, chunk, x.tick, end, x.drdy_cycle, ONE)
     return f, chips, drdy_cycle, ZERO

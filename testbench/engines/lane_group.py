@@ -1,10 +1,10 @@
 """Eight gyroscopes in arrays, and the compiled loop that moves them from event to event; see lanes.py.
 
-    blocks of all eight    up to the nearest event of any of them                  carried.horizon
-        each               words, codes, edges                                     carried.played, carried.told
-        all at once        plants, converters                                      eight_top.block, eight_adc.block
-        each               what has been read                                      carried.behind
-    in front and behind    clocked ticks, gyroscope by gyroscope                   frame.enter, frame.leave
+    blocks of all eight   up to the nearest event of any of them     block_state.ticks_to_event
+        each              words, codes, edges                        block_state.play, words_of_ticks
+        all together      plants, converters                         side_by_side_top.block, side_by_side_adc.block
+        each              frames that the converter has completed    block_state.after_ticks
+    before and after      clocked ticks, gyroscope by gyroscope      frame.enter, frame.leave
 
 Source    docs/architecture.md, docs/decisions/0012-lanes.md
 """
@@ -16,8 +16,8 @@ import numpy as np
 from analog_frontend import linear
 from analog_frontend import top as plant
 from analog_frontend.effects import law
-from analog_frontend.lanes import eight, eight_adc, eight_top
-from analog_frontend.lanes.eight import MOVING, STILL
+from analog_frontend.lanes import side_by_side, side_by_side_adc, side_by_side_top
+from analog_frontend.lanes.side_by_side import MOVING, STILL
 from analog_frontend.numeric.arena import float64_at, int32_at, int64_at, places
 from analog_frontend.numeric.records import taken
 from analog_frontend.numeric.shapes import doubles, int64s
@@ -28,7 +28,17 @@ from fpga_model import top as fpga
 from fpga_model.jit import hot, inlined, outlined
 from fpga_model.rates import FRAME_TICKS
 from testbench.engines import engine, pins
-from testbench.engines.carried import Carried, awaited, behind, codes_at, history, horizon, played, taken_up, told
+from testbench.engines.block_state import (
+    BlockState,
+    after_ticks,
+    await_frame,
+    codes_at,
+    history,
+    play,
+    take_up,
+    ticks_to_event,
+    words_of_ticks,
+)
 from testbench.engines.frame import enter, leave, put_down
 from testbench.engines.turn import Turn
 from testbench.engines.window import HISTORY, Window
@@ -73,14 +83,14 @@ class Together(NamedTuple):
 def _carried():
     s = Window(control.State(), registers.State(), watchdog.State(), Turn(0, 0, 0, 0, 0, 0), 0, 0)
     eight_zeros = (0,) * 8
-    return Carried(digital_sid.State(), s, 0, 0, 0, 0, 0, 0, 0, eight_zeros, eight_zeros, 0, 0, 0, 0)
+    return BlockState(digital_sid.State(), s, 0, 0, 0, 0, 0, 0, 0, eight_zeros, eight_zeros, 0, 0, 0, 0)
 
 
-CARRIED = _carried()
-CARRIED_COUNT = sum(1 for _ in leaves(CARRIED))
-SID = sum(1 for _ in leaves(CARRIED.sid))
+BLOCK_STATE = _carried()
+BLOCK_STATE_COUNT = sum(1 for _ in leaves(BLOCK_STATE))
+SID = sum(1 for _ in leaves(BLOCK_STATE.sid))
 # a row begins with what only a window changes
-HEAD = sum(1 for part in (CARRIED.sid, CARRIED.s.control, CARRIED.s.bank) for _ in leaves(part))
+HEAD = sum(1 for part in (BLOCK_STATE.sid, BLOCK_STATE.s.control, BLOCK_STATE.s.bank) for _ in leaves(part))
 FAULTS = engine.Faults()
 ROOM = linear.BLOCK + HISTORY
 
@@ -90,7 +100,7 @@ class Group(NamedTuple):
 
     jet: doubles(propagator.JETS * MOVED * LANES)  # jets at each one's temperature, lanes side by side
     now: doubles(3 * LANES)  # rate, stiffness, temperature that the matrix was made for, lanes side by side
-    carried: int64s(LANES, CARRIED_COUNT)  # rows of Carried
+    block_states: int64s(LANES, BLOCK_STATE_COUNT)  # rows of BlockState
     faults: int64s(LANES, sum(1 for _ in leaves(FAULTS)))  # rows of engine.Faults
     amplitude: int64s(LANES, ROOM)  # buffers of pins.py
     rate: int64s(LANES, ROOM)
@@ -111,7 +121,7 @@ class Group(NamedTuple):
     caps: doubles(LANES, plant.DEMODULATORS, sid.CAPACITORS)
 
 
-AT = places(Group, eight_adc.AT.sizes)
+AT = places(Group, side_by_side_adc.AT.sizes)
 opened = AT.opened
 
 
@@ -129,7 +139,7 @@ def _buffers(q, v, k):
 @outlined
 def _blended(c, floats, ints, p, k, temp_degc):
     """Jets and fixed entries of one plant at a temperature. Mutates both arrays."""
-    v, q = eight.opened(floats, ints), opened(floats, ints)
+    v, q = side_by_side.opened(floats, ints), opened(floats, ints)
     index, weight = 0, 0.0
     if p.temp_count > 1:
         index, weight = propagator.locate(p.temp_lo_degc, p.temp_step_k, p.temp_count, temp_degc)
@@ -167,7 +177,7 @@ def _tuned(c, floats, ints, p, k, rate_rad_s, quad_code, temp_degc):
 @outlined
 def _combined(floats, ints):
     """The moving entries of all eight matrices, as `propagator.combine`. Mutates them."""
-    v, q = eight.opened(floats, ints), opened(floats, ints)
+    v, q = side_by_side.opened(floats, ints), opened(floats, ints)
     o, s = load(q.now, RATE * LANES), load(q.now, STIFFNESS * LANES)
     size = MOVED * LANES
     for e in range(MOVED):
@@ -175,13 +185,13 @@ def _combined(floats, ints):
         small = (s * s) * load(q.jet, at + 5 * size) + (o * s) * load(q.jet, at + 4 * size)
         small = small + (o * o) * load(q.jet, at + 3 * size)
         whole = load(q.jet, at) + (o * load(q.jet, at + size) + (s * load(q.jet, at + 2 * size) + small))
-        store(v.g, eight.AT_MODES + at, whole)
+        store(v.g, side_by_side.AT_MODES + at, whole)
 
 
 @outlined
 def _laws(floats, ints, tick):
     """What the laws of all eight come to in the frame of `tick`. Mutates them."""
-    v, q = eight.opened(floats, ints), opened(floats, ints)
+    v, q = side_by_side.opened(floats, ints), opened(floats, ints)
     for k in range(LANES):
         force, cv = v.law_counts[k, 0], v.law_counts[k, 1]
         if force or cv:
@@ -194,8 +204,8 @@ def _laws(floats, ints, tick):
 @outlined
 def _framed(part, parts_i, parts_f, floats, ints, c, k, tick):
     """A frame of one gyroscope begins: its matrix, and its row. 1 if the matrix changes. Mutates the streams of `c`."""
-    v, q = eight.opened(floats, ints), opened(floats, ints)
-    p, g = taken(part, parts_i[k], parts_f[k]), taken(CARRIED, q.carried[k], parts_f[k])
+    v, q = side_by_side.opened(floats, ints), opened(floats, ints)
+    p, g = taken(part, parts_i[k], parts_f[k]), taken(BLOCK_STATE, q.block_states[k], parts_f[k])
     faults = taken(FAULTS, q.faults[k], parts_f[k])
     n = tick // FRAME_TICKS - c.begin // FRAME_TICKS
     rate_rad_s, temp_degc = c.rate_rad_s[k, n], c.temp_degc[k, n]
@@ -226,7 +236,7 @@ def _put(v, q, k, which, part, carry, codes, n):
         v.codes[(2 * (new + t) + which) * LANES + k] = codes[t]
     if not carry:
         v.codes[(2 * (n + 1) + which) * LANES + k] = codes[n - 1]
-    if v.flags[eight.GLITCHES]:
+    if v.flags[side_by_side.GLITCHES]:
         old = q.acting[k, which, 1]
         v.throws[which * LANES + k] = 0.0
         for t in range(n):
@@ -244,8 +254,8 @@ def _put(v, q, k, which, part, carry, codes, n):
 @outlined
 def _joined(part, parts_i, parts_f, floats, ints, c, k):
     """A gyroscope enters: its matrix, linear states and capacitors into the registers of eight. Mutates both arrays."""
-    v, q = eight.opened(floats, ints), opened(floats, ints)
-    eight_adc.entered(eight_adc.opened(floats, ints), k)
+    v, q = side_by_side.opened(floats, ints), opened(floats, ints)
+    side_by_side_adc.enter(side_by_side_adc.opened(floats, ints), k)
     _blended(c, floats, ints, taken(part, parts_i[k], parts_f[k]), k, q.now[TEMP * LANES + k])
     v.peak[k] = 0.0
     for which in range(2):
@@ -265,7 +275,7 @@ def _joined(part, parts_i, parts_f, floats, ints, c, k):
 @outlined
 def _parted(floats, ints, k):
     """A gyroscope leaves: the reverse of `_joined`. Mutates both arrays."""
-    v, q = eight.opened(floats, ints), opened(floats, ints)
+    v, q = side_by_side.opened(floats, ints), opened(floats, ints)
     for i in range(plant.STATES):
         q.z[k, i] = v.z[i * LANES + k]
     for d in range(plant.DEMODULATORS):
@@ -274,7 +284,7 @@ def _parted(floats, ints, k):
             at = (3 * d + i) * LANES + k
             q.caps[k, d, i if ref else 3 + i] = v.on[at]
             q.caps[k, d, 3 + i if ref else i] = v.off[at]
-    eight_adc.left(eight_adc.opened(floats, ints), k)
+    side_by_side_adc.leave(side_by_side_adc.opened(floats, ints), k)
     q.late_area[k, DRIVE] = v.late_area[k]
     q.late_area[k, SENSE] = v.late_area[LANES + k]
 
@@ -285,16 +295,16 @@ def _parted(floats, ints, k):
 @outlined
 def _nearest(part, parts_i, parts_f, floats, ints, tick):
     """The tick of the nearest event of any of the eight, FAR when all have left. Mutates `left` of those that leave."""
-    a, q = eight_adc.opened(floats, ints), opened(floats, ints)
+    a, q = side_by_side_adc.opened(floats, ints), opened(floats, ints)
     until = FAR
     for k in range(LANES):
         if tick < q.entered[k]:
             until = min(until, q.entered[k])
         elif q.left[k] < 0:
             p = taken(part, parts_i[k], parts_f[k])
-            g = taken(CARRIED, q.carried[k], parts_f[k])
+            g = taken(BLOCK_STATE, q.block_states[k], parts_f[k])
             faults = taken(FAULTS, q.faults[k], parts_f[k])
-            found = horizon(p.adc, a.clock[k], faults.silent, g, tick, q.ends[k])
+            found = ticks_to_event(p.adc, a.clock[k], faults.silent, g, tick, q.ends[k])
             if found == tick:
                 q.left[k] = tick
             else:
@@ -303,28 +313,28 @@ def _nearest(part, parts_i, parts_f, floats, ints, tick):
 
 
 @outlined
-def _played(part, parts_i, parts_f, floats, ints, k, tick, n):
+def _play(part, parts_i, parts_f, floats, ints, k, tick, n):
     """The 8 kHz side of one gyroscope in a block, if it has work there. Mutates both arrays."""
-    v, q = eight.opened(floats, ints), opened(floats, ints)
-    p, g = taken(part, parts_i[k], parts_f[k]), taken(CARRIED, q.carried[k], parts_f[k])
+    v, q = side_by_side.opened(floats, ints), opened(floats, ints)
+    p, g = taken(part, parts_i[k], parts_f[k]), taken(BLOCK_STATE, q.block_states[k], parts_f[k])
     q.known[k] = 0
-    if awaited(p.fpga, g, tick):
-        s, _, known = played(p.fpga, g, tick, n, q.sar[k, :, 0], _buffers(q, v, k))
-        store_row(q.carried[k, SID:], s)
+    if await_frame(p.fpga, g, tick):
+        s, _, known = play(p.fpga, g, tick, n, q.sar[k, :, 0], _buffers(q, v, k))
+        store_row(q.block_states[k, SID:], s)
         q.known[k] = known
 
 
 @outlined
-def _tell(part, parts_i, parts_f, floats, ints, k, tick, n):
+def _write_words(part, parts_i, parts_f, floats, ints, k, tick, n):
     """One gyroscope's codes and edges for a block of `n` ticks. Mutates both arrays."""
-    v, q = eight.opened(floats, ints), opened(floats, ints)
+    v, q = side_by_side.opened(floats, ints), opened(floats, ints)
     p = taken(part, parts_i[k], parts_f[k])
-    g = taken(CARRIED, q.carried[k], parts_f[k])
+    g = taken(BLOCK_STATE, q.block_states[k], parts_f[k])
     faults = taken(FAULTS, q.faults[k], parts_f[k])
     drive_codes, sense_codes = q.drive_codes[k], q.sense_codes[k]
     b = _buffers(q, v, k)
-    g, count = told(p.fpga, g, g.s, g.sid, q.known[k], faults, tick, n, drive_codes, sense_codes, b)
-    store_row(q.carried[k, HEAD:], (g.s[2:], g[2:]))
+    g, count = words_of_ticks(p.fpga, g, g.s, g.sid, q.known[k], faults, tick, n, drive_codes, sense_codes, b)
+    store_row(q.block_states[k, HEAD:], (g.s[2:], g[2:]))
     v.edge_counts[k] = count
     _put(v, q, k, DRIVE, p.drive_dac, v.carry[k] == 1.0, drive_codes, n)
     _put(v, q, k, SENSE, p.sense_dac, v.carry[2 * LANES + k] == 1.0, sense_codes, n)
@@ -333,33 +343,33 @@ def _tell(part, parts_i, parts_f, floats, ints, k, tick, n):
 @outlined
 def _converted(part, parts_i, parts_f, floats, ints, n):
     """All converters over a block of `n` ticks: what adc.block returns is left in `fell`. Mutates both arrays."""
-    v, a, q = eight.opened(floats, ints), eight_adc.opened(floats, ints), opened(floats, ints)
+    v, a, q = side_by_side.opened(floats, ints), side_by_side_adc.opened(floats, ints), opened(floats, ints)
     first = LANES
     for k in range(LANES):
         a.sensor_v[k] = adc.temperature_volts(q.now[TEMP * LANES + k])
         if v.active[k]:
             first = min(first, k)
-    if eight_adc.in_step(a, v.active):
-        eight_adc.block(floats, ints, taken(part, parts_i[first], parts_f[first]).adc, first, n)
+    if side_by_side_adc.in_step(a, v.active):
+        side_by_side_adc.block(floats, ints, taken(part, parts_i[first], parts_f[first]).adc, first, n)
     else:
         for k in range(LANES):
             if v.active[k]:
-                eight_adc.own(a, v.out, k, n)
-                eight_adc.left(a, k)
+                side_by_side_adc.own(a, v.out, k, n)
+                side_by_side_adc.leave(a, k)
                 p = taken(part, parts_i[k], parts_f[k]).adc
                 a.fell[k] = adc.block(p, a.clock[k], a.own_sums[k], a.row, n, a.sensor_v[k])
-                eight_adc.entered(a, k)
+                side_by_side_adc.enter(a, k)
 
 
 @outlined
 def _hear(part, parts_i, parts_f, floats, ints, k, tick, until):
     """What the firmware of one gyroscope has read in a block. Mutates both arrays."""
-    v, a, q = eight.opened(floats, ints), eight_adc.opened(floats, ints), opened(floats, ints)
-    g = taken(CARRIED, q.carried[k], parts_f[k])
+    v, a, q = side_by_side.opened(floats, ints), side_by_side_adc.opened(floats, ints), opened(floats, ints)
+    g = taken(BLOCK_STATE, q.block_states[k], parts_f[k])
     faults = taken(FAULTS, q.faults[k], parts_f[k])
-    g = behind(g, faults, a.clock[k], tick, until, a.fell[k], g.sid)
-    store_row(q.carried[k, HEAD:], (g.s[2:], g[2:]))
-    if v.flags[eight.GLITCHES]:
+    g = after_ticks(g, faults, a.clock[k], tick, until, a.fell[k], g.sid)
+    store_row(q.block_states[k, HEAD:], (g.s[2:], g[2:]))
+    if v.flags[side_by_side.GLITCHES]:
         for which in range(2):
             v.late_area[which * LANES + k] = v.late_area[which * LANES + k] - q.late_area[k, which]
             q.late_area[k, which] = 0.0
@@ -383,7 +393,7 @@ def blocks(part, effect, parts_i, parts_f, floats, ints, c):
 
     part, effect  Kind of a Part and of an effects.Params. Mutates both arrays and the streams of `c`
     """
-    v, q = eight.opened(floats, ints), opened(floats, ints)
+    v, q = side_by_side.opened(floats, ints), opened(floats, ints)
     tick = FAR
     for k in range(LANES):
         tick = min(tick, q.entered[k])
@@ -401,21 +411,21 @@ def blocks(part, effect, parts_i, parts_f, floats, ints, c):
             if v.active[k]:
                 if tick % FRAME_TICKS == 0:
                     changed += _framed(part, parts_i, parts_f, floats, ints, c, k, tick)
-                _played(part, parts_i, parts_f, floats, ints, k, tick, n)
+                _play(part, parts_i, parts_f, floats, ints, k, tick, n)
                 busy += 1
             elif q.left[k] == tick and q.entered[k] < tick:
                 _parted(floats, ints, k)
                 c.peak_x[k] = v.peak[k]
         for k in range(LANES):
             if v.active[k]:
-                _tell(part, parts_i, parts_f, floats, ints, k, tick, n)
+                _write_words(part, parts_i, parts_f, floats, ints, k, tick, n)
                 _kept(c, floats, ints, k, tick - c.begin, n)
         if changed:
             _combined(floats, ints)
-        if v.flags[eight.LAWS] and (changed or tick % FRAME_TICKS == 0):
+        if v.flags[side_by_side.LAWS] and (changed or tick % FRAME_TICKS == 0):
             _laws(floats, ints, tick)
         if busy:
-            eight_top.block(effect, floats, ints, tick, n)
+            side_by_side_top.block(effect, floats, ints, tick, n)
             _converted(part, parts_i, parts_f, floats, ints, n)
         for k in range(LANES):
             if v.active[k]:
@@ -424,18 +434,18 @@ def blocks(part, effect, parts_i, parts_f, floats, ints, c):
 
 
 @hot
-def entered(p, f, chips, a, chunk, end, drdy_cycle, row, b):
+def enter_lane(p, f, chips, a, chunk, end, drdy_cycle, row, b):
     """Clocked ticks up to the blocks; what is carried from there goes into `row`, the last codes into `b`."""
     f, chips, drdy_cycle, tick = enter(p, f, chips, a, chunk, end, drdy_cycle)
     if tick < end:
-        store_row(row, taken_up(p.fpga, f, chips, tick, drdy_cycle))
+        store_row(row, take_up(p.fpga, f, chips, tick, drdy_cycle))
         history(f, b)
     return f, chips, drdy_cycle, tick
 
 
 @hot
-def left(p, f, chips, a, chunk, end, row, tick, now):
+def leave_lane(p, f, chips, a, chunk, end, row, tick, now):
     """From the end of the blocks to that of the chunk. `now`: rate, stiffness and temperature of the present frame."""
     plant.tune(p.plant, a, now[RATE], now[STIFFNESS], now[TEMP])
-    g = taken(CARRIED, row, now)
+    g = taken(BLOCK_STATE, row, now)
     return leave(p, put_down(f, chips, g, tick, chunk.faults.status), a, chunk, end)

@@ -1,11 +1,11 @@
 """Lanes engine: gyroscopes side by side, eight in the registers of one core, with the bits of the frame engine.
 
-    for each gyroscope     clocked ticks to its first quiet one                                    frame.enter
-    blocks of all eight    up to the nearest event of any of them                                  carried.horizon
-        gyroscope by gyroscope: words, codes, edges      carried.played, carried.told
-        all eight at once: plants, converters            eight_top.block, eight_adc.block
-        gyroscope by gyroscope: what has been read       carried.behind
-    for each gyroscope     from its last quiet tick: flush, clocked ticks to the end               frame.leave
+    for each gyroscope    clocked ticks to its first quiet one                  frame.enter
+    blocks of all eight   up to the nearest event of any of them                block_state.ticks_to_event
+        each              words, codes, edges                                   block_state.play, words_of_ticks
+        all together      plants, converters                                    side_by_side_top.block
+        each              frames that the converter has completed               block_state.after_ticks
+    for each gyroscope    from its last quiet tick: flush, clocked ticks to the end    frame.leave
 
 Nothing of a gyroscope depends on which others stand beside it. Each has its own parameters, registers, profiles, noise
 and effects; each enters and leaves by itself, so that their converters need not run in step.
@@ -20,8 +20,8 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 import numpy as np
 
 from analog_frontend import top as plant
-from analog_frontend.lanes import eight, eight_adc
-from analog_frontend.lanes.eight import ENTRIES, MOVING
+from analog_frontend.lanes import side_by_side, side_by_side_adc
+from analog_frontend.lanes.side_by_side import ENTRIES, MOVING
 from analog_frontend.numeric import arena
 from analog_frontend.numeric.records import Kind, split
 from analog_frontend.numeric.vector import LANES
@@ -30,7 +30,7 @@ from fpga_model.rates import FRAME_TICKS
 from testbench import interrupts
 from testbench.engines import engine, lane_group, pins
 from testbench.engines.frame import DRIVE_CLOCK, SENSE_CLOCK
-from testbench.engines.lane_group import FAR, Part, Together, blocks, entered, left
+from testbench.engines.lane_group import FAR, Part, Together, blocks, enter_lane, leave_lane
 from testbench.errors import ConfigError
 
 CHUNK_TICKS = 1_000_000
@@ -123,10 +123,10 @@ class Engine:
         tables = zip(*(_tables(p.plant) for p in params))
         self.tables = [_padded(table) for table in tables]
         self.floats, self.ints = arena.room(lane_group.AT.sizes)
-        self.v = arena.views(eight.Eight, eight.AT, self.floats, self.ints)
+        self.v = arena.views(side_by_side.SideBySide, side_by_side.AT, self.floats, self.ints)
         self.q = arena.views(lane_group.Group, lane_group.AT, self.floats, self.ints)
-        self.a = arena.views(eight_adc.Converters, eight_adc.AT, self.floats, self.ints)
-        eight_adc.fill(self.a, [p.plant.adc for p in params])
+        self.a = arena.views(side_by_side_adc.Converters, side_by_side_adc.AT, self.floats, self.ints)
+        side_by_side_adc.fill(self.a, [p.plant.adc for p in params])
         self.v.effects_i[:], self.v.effects_f[:] = _rows([p.plant.effects for p in params])
         for k, p in enumerate(params):
             self._constants(k, p.plant)
@@ -146,13 +146,13 @@ class Engine:
                 v.flags[pair] |= source.on
             v.keys[2 * pair * LANES + k] = sources[0].key0
             v.keys[(2 * pair + 1) * LANES + k] = sources[0].key1
-        v.flags[eight.GLITCHES] |= p.drive_dac.glitch_v_s != 0.0 or p.sense_dac.glitch_v_s != 0.0
-        v.flags[eight.FORCE_EFFECTS] |= p.effects.any_force or p.laws.force > 0
-        v.flags[eight.CV_EFFECTS] |= p.effects.any_cv or p.laws.cv > 0
-        v.flags[eight.LAWS] |= p.laws.force + p.laws.cv > 0
+        v.flags[side_by_side.GLITCHES] |= p.drive_dac.glitch_v_s != 0.0 or p.sense_dac.glitch_v_s != 0.0
+        v.flags[side_by_side.FORCE_EFFECTS] |= p.effects.any_force or p.laws.force > 0
+        v.flags[side_by_side.CV_EFFECTS] |= p.effects.any_cv or p.laws.cv > 0
+        v.flags[side_by_side.LAWS] |= p.laws.force + p.laws.cv > 0
         v.law_counts[k] = p.laws.force, p.laws.cv
         v.law_tables[k], v.law_numbers[k], v.law_temps[k] = p.laws.table, p.laws.numbers, p.laws.temp_ref_degc
-        v.flags[eight.BOWS] |= p.drive_dac.bow != 0.0 or p.sense_dac.bow != 0.0
+        v.flags[side_by_side.BOWS] |= p.drive_dac.bow != 0.0 or p.sense_dac.bow != 0.0
         carries = (p.tables.drive_carry[0, DRIVE_CLOCK], p.tables.sense_carry[0, SENSE_CLOCK])
         for which, (part, carry) in enumerate(zip((p.drive_dac, p.sense_dac), carries)):
             numbers = (part.lsb_v, part.offset_v, part.bow, part.full_code, 1.0 / part.full_code)
@@ -162,7 +162,7 @@ class Engine:
             v.carry[(2 * which + 1) * LANES + k] = 1.0 - float(carry)
         for i, name in enumerate(("e1", "e2", "e3", "s1", "s2", "s3")):
             v.sid[i * LANES + k] = getattr(p.sid, name)
-        v.sid_numbers[k] = p.sid[: eight.NUMBERS]
+        v.sid_numbers[k] = p.sid[: side_by_side.NUMBERS]
         v.sid_inject[k], v.sid_taylor[k] = p.sid.inject, p.sid.taylor
         v.h_s[k], v.r[k], v.taylor[k::LANES] = p.sid.h_s, p.sid.r, p.sid.taylor
         v.switch_tau_s[k], v.switch_carry[k] = p.switch_tau_s, p.switch_carry
@@ -185,8 +185,8 @@ class Engine:
         for k, (p, s) in enumerate(zip(self.params, states)):
             edges = np.zeros((engine.MAX_EDGES, 2), np.int64)
             chunks.append(engine.Chunk(begin, rate_rad_s[k], temp_degc[k], 0, 0, 0, faults[k], streams[k], edges))
-            f, chips, drdy_cycle, tick = entered(
-                p, s.fpga, s.chips, s.plant, chunks[k], end, s.drdy_cycle, q.carried[k], self._buffers(k)
+            f, chips, drdy_cycle, tick = enter_lane(
+                p, s.fpga, s.chips, s.plant, chunks[k], end, s.drdy_cycle, q.block_states[k], self._buffers(k)
             )
             begun.append((f, chips, drdy_cycle))
             if tick < end:
@@ -211,8 +211,8 @@ class Engine:
                 self._unload(k, a)
                 streams[k].peak_x[0] = max(streams[k].peak_x[0], told.peak_x[k])
                 now = q.now.reshape(3, LANES)[:, k].copy()
-                f, chips, drdy_cycle, failed = left(
-                    self.params[k], f, chips, a, chunks[k], end, q.carried[k], q.left[k], now
+                f, chips, drdy_cycle, failed = leave_lane(
+                    self.params[k], f, chips, a, chunks[k], end, q.block_states[k], q.left[k], now
                 )
             if failed:
                 raise RuntimeError(f"lanes engine: the registers of tick {failed} are not those of the clocked engine")
@@ -237,7 +237,7 @@ class Engine:
             q.acting[k, which] = (_code_of(part, a.volts[which]), a.codes[which])
 
     def _unload(self, k, a):
-        """A plant's state out of the group; its matrix is left to `lane_group.left`."""
+        """A plant's state out of the group; its matrix is left to `lane_group.leave_lane`."""
         v, q, p = self.v, self.q, self.params[k].plant
         a.z[:], a.caps[:], a.late_area[:] = q.z[k], q.caps[k], q.late_area[k]
         a.late_tau_s[:], a.late_count[:], a.switch[:] = v.late_tau_s[k], v.late_count[k], v.switch[k]

@@ -92,7 +92,7 @@ def dac_codes(p, bank, turn, first, n, b):
 
 
 @inner
-def told(p, drive_codes, sense_codes, n, enabled, staged, mixed, b):
+def words_of_ticks(p, drive_codes, sense_codes, n, enabled, staged, mixed, b):
     """What the DACs put out at the end of each tick; returns the sense DAC's output switch and its data register.
 
     A code is loaded in its own tick, or `frames` later; the sense DAC follows a tick after its load, and a control word

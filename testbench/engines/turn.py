@@ -55,7 +55,7 @@ def steady(turn, clock):
 
 
 @inner
-def turned(turn, clock, word):
+def turn_of(turn, clock, word):
     """The word has another value from `clock` on, if it has."""
     if word == turn.word:
         return turn

@@ -3,7 +3,7 @@
     DRDY ---- read of the ADC, word by word ---- valid ---- slots 1 .. SLOTS ---- rest
                                                    ^ or the watchdog's stale, at ce_8k
 
-`play` walks a window tick by tick and leaves what the DACs take from it; `received` says what a read has brought.
+`play` walks a window tick by tick and leaves what the DACs take from it; `receive` returns what a read has brought.
 Source    docs/architecture.md, docs/blocks/control.md
 """
 
@@ -27,8 +27,8 @@ from fpga_model import (
 from fpga_model.control import SLOT_PI
 from fpga_model.jit import inner, outlined
 from fpga_model.rates import FRAME_CYCLES, FRAME_TICKS, SLOT_ROOT, SLOT_SEQUENCER, SLOTS, TICK_CYCLES
-from testbench.engines import at_once, engine
-from testbench.engines.turn import Turn, turned
+from testbench.engines import closed_form, engine
+from testbench.engines.turn import Turn, turn_of
 
 SLOT_WORD = SLOT_PI + 2  # after it the frequency word holds what the loop has found
 VALID_CLOCKS = 1 + spi_adc.READ_CYCLES  # from the clock in which DRDY falls to the one that sees the frame
@@ -41,7 +41,7 @@ HISTORY = 3  # places before a block's first tick in the buffers of codes and lo
 
 
 @inner
-def received(old, new, ready, clock):
+def receive(old, new, ready, clock):
     """The eight channel registers before `clock`, while a frame whose DRDY fell at `ready` is read word by word."""
     if clock > ready + VALID_CLOCKS:
         return new
@@ -74,7 +74,7 @@ class Window(NamedTuple):
 @inner
 def _inputs(p, sid_codes, old, new, ready, ok, new_ok, valid, clock, stale):
     """What the window sees at the edge `clock`."""
-    codes = engine.frame_codes(p, sid_codes, received(old, new, ready, clock))
+    codes = engine.frame_codes(p, sid_codes, receive(old, new, ready, clock))
     if p.digital:
         return control.Inputs(codes[0], codes[1], codes[2], codes[3], 0, 1, stale)
     return control.Inputs(codes[0], codes[1], codes[2], codes[3], codes[4], new_ok if clock >= valid else ok, stale)
@@ -93,32 +93,32 @@ def edge(p, s, i, clock, valid, host):
         c,
         registers.step(s.bank, host[0], host[1], host[2], 1 if s.slot == SLOT_SEQUENCER else 0),
         watchdog.step(p.watchdog, s.dog, 1 if clock % TICK_CYCLES == 0 else 0, valid),
-        turned(s.turn, clock + 1, c.frequency_tracker.word),
+        turn_of(s.turn, clock + 1, c.frequency_tracker.word),
         slot,
         s.quadrature,
     )
 
 
 @inner
-def whole(p, s, i, bank):
+def run_window(p, s, i, bank):
     """Control after all slots of a window that began with everything at rest, and the frequency word after SLOT_PI.
 
     What has nothing to do in a slot is at rest there: CORDIC first, then the sequencer, the loops, root and output.
     """
-    s = s._replace(cordic=at_once.rotated(s.cordic, cordic.negated(i.drive_cos), i.drive_sin))
+    s = s._replace(cordic=closed_form.rotate(s.cordic, cordic.negated(i.drive_cos), i.drive_sin))
     s = s._replace(sequencer=control.sequenced(p, s, i, bank))
-    s, word = at_once.looped(p, s, i, bank)
-    out = at_once.scaled(control.output_params(bank), s.rate_output)
-    loop = s.quadrature_loop._replace(root=at_once.rooted(s.quadrature_loop.root))
+    s, word = closed_form.close_loops(p, s, i, bank)
+    out = closed_form.scale_rate(control.output_params(bank), s.rate_output)
+    loop = s.quadrature_loop._replace(root=closed_form.root(s.quadrature_loop.root))
     return s._replace(quadrature_loop=loop, rate_output=out), word
 
 
 @inner
-def undisturbed(p, s, i, valid):
+def run_undisturbed(p, s, i, valid):
     """The 8 kHz side after a window of its own, and the frequency word after SLOT_PI; the watchdog is as before."""
-    after, word = whole(p.control, s.control, i, s.bank)
-    turn = turned(s.turn, valid + SLOT_PI + 1, word)
-    turn = turned(turn, valid + SLOT_WORD + 1, after.frequency_tracker.word)
+    after, word = run_window(p.control, s.control, i, s.bank)
+    turn = turn_of(s.turn, valid + SLOT_PI + 1, word)
+    turn = turn_of(turn, valid + SLOT_WORD + 1, after.frequency_tracker.word)
     return Window(after, registers.step(s.bank, ZERO, ZERO, ZERO, ONE), s.dog, turn, ZERO, s.quadrature), word
 
 
@@ -136,7 +136,7 @@ def play(p, s, sid_codes, old, new, ready, ok, new_ok, valid, tick, n, b):
         return _played(p, s, sid_codes, old, new, ready, ok, new_ok, valid, tick, n, b)
     i = _inputs(p, sid_codes, old, new, ready, ok, new_ok, valid, valid + 1, ZERO)
     c, dog = s.control, s.dog
-    window, _ = undisturbed(p, s, i, valid)
+    window, _ = run_undisturbed(p, s, i, valid)
     after = window.control
     was, now = sequencer.outputs(c.sequencer), sequencer.outputs(after.sequencer)
     amplitudes = (

@@ -263,9 +263,9 @@ def _pairs(option):
 @takes(TraceOptions)
 def trace(o):
     """Trace what the model cannot explain to an effect, and say how the error on held-out data changes."""
-    from testbench.measured import traced
+    from testbench.measured import trace_recording
     from testbench.measured.closed_loop import loop_trace
-    from testbench.measured.exam import tell
+    from testbench.measured.exam import part_page
     from testbench.measured.models.part_problem import PartProblem
     from testbench.measured.openers import open_problem
     from testbench.tracing import report as page
@@ -274,15 +274,15 @@ def trace(o):
 
     given = _pairs(o.option)
     with _progress(False) as progress:
-        found, name = traced.whole(o.files, given), "numbers"
+        found, name = trace_recording.trace_table(o.files, given), "numbers"
         if not found:
             problem = open_problem(o.files, given)
             most = o.most or (problem.most_laws if isinstance(problem, PartProblem) else Options.max_laws)
             options = Options(o.alpha, o.looks, seed=o.seed, max_laws=most)
-            found, name = traced.of_problem(problem, options, progress), problem.name
+            found, name = trace_recording.of_problem(problem, options, progress), problem.name
         if found:
-            _write(o.json_file, traced.text(found[0]))
-            _write(o.report, tell.page(name, traced.section("Verdict", *found)) if o.report else "")
+            _write(o.json_file, trace_recording.text(found[0]))
+            _write(o.report, part_page.page(name, trace_recording.section("Verdict", *found)) if o.report else "")
             return _print_trace(found[0])
         tracer, result = loop_trace.run(problem, options, progress, o.checkpoint)
     _write(o.json_file, result.text())

@@ -3,7 +3,7 @@
     rates      0, then +100, then -100 deg/s; bias and scale factor from the means behind each step, noise from the rest
     paired     both runs have the same noise sample by sample: the difference is the effect's alone
     mapping    a converter's error goes in as parts of full scale, a DAC's in its LSB, a rate as a rate; a resonator's
-               law as `gyro_laws.carried` writes it for the drive mode: as strong at 5 um as it was in the part
+               law as `gyro_laws.laws_of_loop` writes it for the drive mode: as strong at 5 um as it was in the part
     meters     of each kind of law, the meter that has most of it; a law of temperature at WARM_DEGC
                where the loop does not lock with it, a tenth, a hundredth .. of it
     control    springs too weak to matter: what two runs differ by of themselves, as codes flip; the largest counts
@@ -20,7 +20,7 @@ import numpy as np
 from analog_frontend.effects import rate_vibration
 from analog_frontend.parts.adc import CURVE
 from testbench import config
-from testbench.measured.exam import tell
+from testbench.measured.exam import part_page
 from testbench.measured.models.gyro_laws import AMPLITUDE_M
 from testbench.measured.parts import adc_linearity
 from testbench.run import simulate
@@ -255,18 +255,18 @@ def section(sets):
             f"{base.rms_dps:.3g} deg/s rms). Above {BEYOND:g} times the controls: {', '.join(beyond) or 'nothing'}."
         )
         words.append(
-            f"<h3>{html.escape(case.name)}</h3><p>{html.escape(sentence)}</p><figure>{tell.png(figure)}<figcaption>"
+            f"<h3>{html.escape(case.name)}</h3><p>{html.escape(sentence)}</p><figure>{part_page.png(figure)}<figcaption>"
             "Rate of the run with the effect less that without, same noise; steps show scale factor, the first second "
             "bias.</figcaption></figure>"
         )
     head = ("effect", "scale factor (ppm)", "bias (deg/h)", "noise at rest (%)")
     left, more = not_run(sets), ""
     if left:
-        more = "<p>Named effects without a counterpart in the board's plant, not run:</p>" + tell.table(
+        more = "<p>Named effects without a counterpart in the board's plant, not run:</p>" + part_page.table(
             ("set", "job", "law", "port", "kind"), left
         )
     intro = (
         "<h2>The same effects in the closed loop</h2><p>Pairs of runs of the gyroscope, with and without the effect, "
         "the same noise sample by sample. The first rows are controls: what is not larger is no effect.</p>"
     )
-    return intro + tell.table(head, rows, (1, 2, 3)) + "".join(words) + more, data
+    return intro + part_page.table(head, rows, (1, 2, 3)) + "".join(words) + more, data

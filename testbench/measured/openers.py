@@ -11,7 +11,7 @@ def closed_loop(paths, options):
     """Records of the closed loop (gyrorec)."""
     from testbench.measured.closed_loop import loop_record
 
-    return loop_record.opened(paths, options)
+    return loop_record.open_record(paths, options)
 
 
 def single_part(paths, options):

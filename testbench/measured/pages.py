@@ -12,8 +12,8 @@ from pathlib import Path
 
 from testbench.console.markdown import ROOT, markdown, replaced
 from testbench.console.table import Table
-from testbench.measured.all_sets import rest_words
-from testbench.measured.exam.tell import above, number
+from testbench.measured.exam.part_page import above, number
+from testbench.measured.sets_report import rest_words
 from testbench.storage.files import write_text
 
 KEPT = ROOT / "docs" / "measured_parts.json"
@@ -81,7 +81,7 @@ def rest_part(kept, sets):
     return "\n".join(lines)
 
 
-def renewed():
+def renew():
     """{path: text} of the pages with their tables from the kept numbers."""
     kept = json.loads(KEPT.read_text())
     resonators, parts = (ROOT / "docs" / name for name in ("measured_resonators.md", "measured_parts.md"))
@@ -101,7 +101,7 @@ def main(arguments=None):
     for path in arguments:
         data = json.loads(Path(path).read_text())
         write_text(KEPT, json.dumps(summary(data), indent=1, sort_keys=True) + "\n")
-    for path, text in renewed().items():
+    for path, text in renew().items():
         write_text(path, text)
     return 0
 

@@ -38,7 +38,7 @@ from fpga_model import (
 )
 from fpga_model import top as fpga
 from fpga_model.rates import MASTER_HZ
-from testbench.config.toml_text import shown
+from testbench.config.toml_text import toml_of
 from testbench.engines import engine
 
 RAD_PER_DEG = math.pi / 180
@@ -241,7 +241,7 @@ def adc_part(config, d, tick_s):
     on, e = config.noise, config.effects
     for name in ("adc_curve", "adc_turnover", "adc_gain_tc_per_k", "adc_memory"):
         if getattr(e, name) and config.firmware.board == "digital_sid":
-            raise ValueError(f'effects.{name} = {shown(getattr(e, name))} needs firmware.board = "analog_sid"')
+            raise ValueError(f'effects.{name} = {toml_of(getattr(e, name))} needs firmware.board = "analog_sid"')
     drive, sense = d.adc_noise_drive_v, d.adc_noise_sense_v
     flicker = d.sid_flicker_v_per_rthz if on.flicker else 0.0
     free_ppm = d.adc_clock_ppm if config.firmware.adc_clock == "free_running" else 0.0

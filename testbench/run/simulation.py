@@ -77,7 +77,7 @@ class Simulation:
         if self.engine == "baseband":
             from testbench.engines import baseband
 
-            baseband.prepared(self.params)
+            baseband.prepare(self.params)
         self.state = clocked.reset(self.params, temp_lo_degc)
         self.window = window
         self.rows = None

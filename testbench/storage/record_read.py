@@ -33,7 +33,7 @@ HIDDEN = {"units", "DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME", "_Netcdf
 DAMAGED = (OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeError, OverflowError, MemoryError)
 
 
-def opened(path):
+def open_file(path):
     path = Path(path)
     try:
         whole = seal_holds(path)
@@ -49,7 +49,7 @@ def opened(path):
 
 def read_record(path):
     """Checked `Record`; raises RecordError with one finding `Rnn path expected, found` per thing that is wrong."""
-    with opened(path) as file:
+    with open_file(path) as file:
         findings = []
         try:
             record = _read(file, findings)

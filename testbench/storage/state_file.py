@@ -12,7 +12,7 @@ import numpy as np
 from testbench.interrupts import held
 from testbench.storage.files import GuardedFile, replacing, seal
 from testbench.storage.record import KINDS, RecordError, digest_of, plain, versions
-from testbench.storage.record_read import DAMAGED, opened
+from testbench.storage.record_read import DAMAGED, open_file
 
 STATE_SCHEMA = "gyrostate/1.0"
 
@@ -50,7 +50,7 @@ def save_state(path, values, source_format, meta=None):
 
 def load_state(path, source_format):
     """(values, meta) of a state file; RecordError if it is damaged or of another layout."""
-    with opened(path) as file:
+    with open_file(path) as file:
         try:
             if file.attrs.get("schema") != STATE_SCHEMA:
                 found = file.attrs.get("schema", "nothing")

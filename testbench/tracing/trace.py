@@ -7,10 +7,10 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from testbench.tracing import next_experiment, tell, verdict
+from testbench.tracing import next_experiment, outcome, verdict
 from testbench.tracing.fit import calibrate as calibration
 from testbench.tracing.fit import discover, heldout, identify
-from testbench.tracing.fit.alike import exchanges
+from testbench.tracing.fit.equivalents import exchanges
 from testbench.tracing.fit.evidence import log_prior
 from testbench.tracing.fit.rank import Signatures, rank
 from testbench.tracing.fit.rivals import open_rivals
@@ -128,7 +128,7 @@ class Tracer:
         """Alarms again with the effects added; held-out chi2 within its band, held-out rms at the floor."""
         self.say(f"checking {' + '.join(fit.model.names)}")
         found = self.alarm(fit, self.rankings(fit))
-        p = verdict.corrected(found.p_deterministic, self.options.looks)
+        p = verdict.correct_p(found.p_deterministic, self.options.looks)
         why = {"p": p}
         ok = p >= self.options.alpha
         if self.held.size:
@@ -201,7 +201,7 @@ class Tracer:
 
     def run(self):
         """`Result`."""
-        return self.decide() or self.told()
+        return self.decide() or self.conclude()
 
     def decide(self):
         """Calibrate, alarm, search, judge. A `Result` where nothing of it can be done, None else."""
@@ -218,7 +218,7 @@ class Tracer:
         self.first = self.ranked = self.rankings(self.base.fit)
         self.say("alarms")
         self.alarms = self.alarm(self.base.fit, self.first)
-        alarm, self.p = verdict.detected(self.alarms, options.alpha, options.looks)
+        alarm, self.p = verdict.detection(self.alarms, options.alpha, options.looks)
         self.found, self.posterior = None, ([()], [1.0])
         self.decision = verdict.without_tracing(alarm, self.alarms, self.noise, options.alpha, self.p)
         if self.decision is None:
@@ -227,11 +227,11 @@ class Tracer:
         self.weigh()
         return None
 
-    def told(self):
+    def conclude(self):
         """`Result` of what has been decided, with what the reader needs besides."""
         self.compare()
         self.plan()
-        return tell.result(self, self.decision)
+        return outcome.result(self, self.decision)
 
     def plan(self):
         """Power of this record, and what to measure next."""
@@ -251,7 +251,7 @@ class Tracer:
                 c.fit for c in known if c.refitted and not (self.found.best and set(self.found.best) < set(c.names))
             ]
             if len(rivals) > 1:
-                offered, count = self.problem.experiments, tell.rivals_kept(self)
+                offered, count = self.problem.experiments, outcome.rivals_kept(self)
                 self.experiments = next_experiment.table(rivals, self.problem, offered, count, self.store)
 
     def arrived(self):

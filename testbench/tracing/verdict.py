@@ -42,13 +42,13 @@ def free_d(fit, identifiability):
     return out
 
 
-def detected(alarms, alpha, looks):
+def detection(alarms, alpha, looks):
     """(deterministic misfit?, p corrected for the looks that the caller declares)."""
-    p = corrected(alarms.p_deterministic, looks)
+    p = correct_p(alarms.p_deterministic, looks)
     return p < alpha, p
 
 
-def blocked(problem, converged):
+def blocks(problem, converged):
     """Why nothing may be named: "before" is not certified, or the engine's own error is too large; "" if neither."""
     if not converged:
         return "the calibration has not converged"
@@ -61,7 +61,7 @@ def blocked(problem, converged):
     return ""
 
 
-def corrected(p, looks):
+def correct_p(p, looks):
     """Sidak: p of the smallest of `looks` such p."""
     return float(-np.expm1(looks * np.log1p(-min(p, 1 - 1e-15)))) if looks > 1 else float(p)
 

@@ -123,10 +123,10 @@ def test_zero_coefficient_is_off_and_too_many_are_refused():
 
 
 def test_every_state_has_a_place_in_both_arenas():
-    from analog_frontend.lanes import eight
+    from analog_frontend.lanes import side_by_side
 
-    assert len(linear.PLACES) == len(eight.PLACES) == 16
-    assert len(set(linear.PLACES.tolist())) == len(set(eight.PLACES.tolist())) == 16
+    assert len(linear.PLACES) == len(side_by_side.PLACES) == 16
+    assert len(set(linear.PLACES.tolist())) == len(set(side_by_side.PLACES.tolist())) == 16
 
 
 # the catalogue --------------------------------------------------------------------------------------------------------

@@ -15,7 +15,7 @@ import math
 from fractions import Fraction
 from statistics import NormalDist
 
-from testbench.config.toml_text import shown
+from testbench.config.toml_text import toml_of
 from testbench.errors import ConfigError
 
 ATTEMPTS = 1000
@@ -74,7 +74,7 @@ class Spec:
         if isinstance(value, dict):
             self._read(value)
         elif not isinstance(value, list):
-            self._fail(f"= {shown(value)} is no list of values; forms: {', '.join(FORMS)}")
+            self._fail(f"= {toml_of(value)} is no list of values; forms: {', '.join(FORMS)}")
         elif not value:
             self._fail("= [] has no values; an axis needs one at least")
 
@@ -85,14 +85,14 @@ class Spec:
         forms = [key for key in value if key in FORMS]
         other = [key for key in value if key not in (*FORMS, "limits")]
         if other:
-            self._fail(f"= {shown(value)}: {other[0]} is none of {', '.join(FORMS)}, limits")
+            self._fail(f"= {toml_of(value)}: {other[0]} is none of {', '.join(FORMS)}, limits")
         if len(forms) != 1:
-            self._fail(f"= {shown(value)}: give one of {', '.join(FORMS)}")
+            self._fail(f"= {toml_of(value)}: give one of {', '.join(FORMS)}")
         self.form = forms[0]
         self.numbers = value[self.form]
         wanted = (2, 3) if self.form == "range" else (3,) if self.form.endswith("space") else (2,)
         if not isinstance(self.numbers, list) or len(self.numbers) not in wanted:
-            self._fail(f"= {shown(value)} is not of the form {{ {self.form} = {FORMS[self.form]} }}")
+            self._fail(f"= {toml_of(value)} is not of the form {{ {self.form} = {FORMS[self.form]} }}")
         whole = self.form in ("range", "integers")
         for number in self.numbers:
             self._check_number(number, value, whole)
@@ -102,35 +102,35 @@ class Spec:
 
     def _check_number(self, number, value, whole):
         if isinstance(number, bool) or not isinstance(number, int if whole else (int, float)):
-            self._fail(f"= {shown(value)}: {shown(number)} is not {'an integer' if whole else 'a number'}")
+            self._fail(f"= {toml_of(value)}: {toml_of(number)} is not {'an integer' if whole else 'a number'}")
         if not math.isfinite(number):
-            self._fail(f"= {shown(value)}: {shown(number)} is not finite")
+            self._fail(f"= {toml_of(value)}: {toml_of(number)} is not finite")
 
     def _check_sense(self, value):
         a, b = self.numbers[:2]
         if self.form.endswith("space"):
             count = self.numbers[2]
             if not isinstance(count, int) or count < 1:
-                self._fail(f"= {shown(value)}: the count {shown(count)} is not an integer above 0")
+                self._fail(f"= {toml_of(value)}: the count {toml_of(count)} is not an integer above 0")
             if self.form == "logspace" and not (a > 0 and b > 0):
-                self._fail(f"= {shown(value)}: a logarithmic axis needs both ends above 0")
+                self._fail(f"= {toml_of(value)}: a logarithmic axis needs both ends above 0")
         elif self.form == "range":
             step = self.numbers[2] if len(self.numbers) == 3 else 1
             if not range(a, b + (1 if step > 0 else -1), step or 1) or step == 0:
-                self._fail(f"= {shown(value)} has no values")
+                self._fail(f"= {toml_of(value)} has no values")
         elif self.form in ("uniform", "integers") and b < a:
-            self._fail(f"= {shown(value)}: low is above high")
+            self._fail(f"= {toml_of(value)}: low is above high")
         elif self.form in ("normal", "lognormal") and b < 0:
-            self._fail(f"= {shown(value)}: the spread {b:g} is below 0")
+            self._fail(f"= {toml_of(value)}: the spread {b:g} is below 0")
         if self.form == "lognormal" and a <= 0:
-            self._fail(f"= {shown(value)}: the median {a:g} is not above 0")
+            self._fail(f"= {toml_of(value)}: the median {a:g} is not above 0")
 
     def _check_limits(self, value):
         limits = value["limits"]
         if self.form not in DRAWN:
-            self._fail(f"= {shown(value)}: limits belong to draws ({', '.join(DRAWN)})")
+            self._fail(f"= {toml_of(value)}: limits belong to draws ({', '.join(DRAWN)})")
         if not isinstance(limits, list) or len(limits) != 2:
-            self._fail(f"= {shown(value)}: limits are [low, high]")
+            self._fail(f"= {toml_of(value)}: limits are [low, high]")
         for number in limits:
             self._check_number(number, value, False)
         self.limits = limits
@@ -162,5 +162,5 @@ class Spec:
             return [float(a), *inner[1:-1], float(b)] if n > 1 else [float(a)]
         out = [drawn(self.form, a, b, seed, self.path, k, self.limits) for k in range(count)]
         if None in out:
-            self._fail(f"= {self.form} {shown(self.numbers)} does not fall within limits {shown(self.limits)}")
+            self._fail(f"= {self.form} {toml_of(self.numbers)} does not fall within limits {toml_of(self.limits)}")
         return out

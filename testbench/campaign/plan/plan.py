@@ -22,7 +22,7 @@ from testbench.campaign.plan import engines
 from testbench.campaign.plan.draws import Spec
 from testbench.campaign.plan.measure import FRAME_S, STATISTICS, Keep
 from testbench.campaign.plan.points import Point, address_of, identity_of
-from testbench.config.toml_text import read_toml, shown
+from testbench.config.toml_text import read_toml, toml_of
 from testbench.errors import ConfigError
 from testbench.storage.spool import FIELDS
 
@@ -91,7 +91,7 @@ def _flat(tree, where):
 def _table(value, where):
     if not isinstance(value, dict):
         raise ConfigError(
-            f"{where} = {shown(value)} is not a table; write [{where.split(': ')[-1]}] and its keys below"
+            f"{where} = {toml_of(value)} is not a table; write [{where.split(': ')[-1]}] and its keys below"
         )
     return value
 
@@ -106,11 +106,11 @@ def read(path, sets=()):
             raise ConfigError(f"{path}: {key} is not a key of a plan{hint}")
     name = tree.get("name", path.stem)
     if not isinstance(name, str) or not NAME.fullmatch(name):
-        raise ConfigError(f"{path}: name = {shown(name)} is not made of letters, digits, dot, dash and underscore")
+        raise ConfigError(f"{path}: name = {toml_of(name)} is not made of letters, digits, dot, dash and underscore")
     base, origin = {}, {}
     if "base" in tree:
         if not isinstance(tree["base"], str):
-            raise ConfigError(f"{path}: base = {shown(tree['base'])} is not the name of a file")
+            raise ConfigError(f"{path}: base = {toml_of(tree['base'])} is not the name of a file")
         base_path = path.parent / tree["base"]
         base = read_toml(base_path)
         configuration.from_dict(base, str(base_path))
@@ -169,7 +169,7 @@ def _axes(tree, path, given):
 def _integer(table, key, default, lo, where):
     value = table.get(key, default)
     if isinstance(value, bool) or not isinstance(value, int) or value < lo:
-        raise ConfigError(f"{where} {key} = {shown(value)} is not an integer from {lo} on")
+        raise ConfigError(f"{where} {key} = {toml_of(value)} is not an integer from {lo} on")
     return value
 
 
@@ -208,12 +208,12 @@ def _cases(name, table, where):
     if other:
         raise ConfigError(f"{where} has cases and {other[0]}; parameters of cases stand in the cases")
     if not isinstance(cases, list) or not cases or not all(isinstance(case, dict) for case in cases):
-        raise ConfigError(f"{where} cases = {shown(cases)} is not a list of tables with one at least")
+        raise ConfigError(f"{where} cases = {toml_of(cases)} is not a list of tables with one at least")
     names, rows = [], []
     for k, case in enumerate(cases):
         title = case.get("name")
         if not isinstance(title, str) or not title or title in names:
-            raise ConfigError(f"{where} cases[{k}].name = {shown(title)} is not a text of its own")
+            raise ConfigError(f"{where} cases[{k}].name = {toml_of(title)} is not a text of its own")
         names.append(title)
         rows.append(_flat({key: v for key, v in case.items() if key != "name"}, f"{where} cases[{k}]"))
         if ENGINE in rows[-1]:
@@ -242,11 +242,11 @@ def _keep(tree, path):
             raise ConfigError(f"{path}: [keep.streams] {column} is above the limit {MOST_FRAMES} frames")
     for column, kinds in statistics.items():
         if not isinstance(kinds, list) or not kinds:
-            raise ConfigError(f"{path}: [keep.statistics] {column} = {shown(kinds)} is not a list of names")
+            raise ConfigError(f"{path}: [keep.statistics] {column} = {toml_of(kinds)} is not a list of names")
         for kind in kinds:
             if kind not in STATISTICS:
                 raise ConfigError(
-                    f"{path}: [keep.statistics] {column}: {shown(kind)} is none; {_near(kind, STATISTICS)}"
+                    f"{path}: [keep.statistics] {column}: {toml_of(kind)} is none; {_near(kind, STATISTICS)}"
                 )
     tau_s = _taus(tree.get("tau_s", []), frames, where)
     if not tau_s and any("adev" in kinds for kinds in statistics.values()):
@@ -256,11 +256,11 @@ def _keep(tree, path):
 
 def _taus(values, frames, where):
     if not isinstance(values, list):
-        raise ConfigError(f"{where} tau_s = {shown(values)} is not a list of seconds")
+        raise ConfigError(f"{where} tau_s = {toml_of(values)} is not a list of seconds")
     step_s = frames * FRAME_S
     for value in values:
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0 < value < math.inf:
-            raise ConfigError(f"{where} tau_s: {shown(value)} is not a number above 0 s")
+            raise ConfigError(f"{where} tau_s: {toml_of(value)} is not a number above 0 s")
         ratio = value / step_s
         if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-6:
             raise ConfigError(f"{where} tau_s: {value:g} s is no multiple of {frames} frames of 125 us ({step_s:g} s)")

@@ -90,7 +90,7 @@ def export_case(block, case, out, seed=stimulus.SEED):
     manifest = _manifest(block, case, stim, exp, families, seed)
     manifest["ranges"] = range_report.entry(block, case, regs, pins)
     files["RANGES.md"] = range_report.text(f"{block.stem}/{case}", manifest["ranges"])
-    return bundle.write(Path(out) / block.stem / case, manifest, files, [_waves(block, stim, exp)], scores.noted)
+    return bundle.write(Path(out) / block.stem / case, manifest, files, [_waves(block, stim, exp)], scores.note_score)
 
 
 def chosen(name, others=()):

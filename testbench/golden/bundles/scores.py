@@ -49,23 +49,23 @@ def entry(outcome, of_vectors, of_design, cpu_s):
     }  # fmt: skip
 
 
-def known():
+def known_scores():
     """What is stored."""
     return json.loads(FILE.read_text())
 
 
-def left(out):
+def missing_scores(out):
     """Entries that a measurement left in a folder, else those that are stored."""
     path = out / MUTATION
-    return json.loads(path.read_text()) if path.is_file() else known()["mutation"]
+    return json.loads(path.read_text()) if path.is_file() else known_scores()["mutation"]
 
 
 @functools.cache
 def _entries():
-    return {(e["block"], case): e for e in known()["mutation"] for case in e["vectors"]}
+    return {(e["block"], case): e for e in known_scores()["mutation"] for case in e["vectors"]}
 
 
-def noted(manifest):
+def note_score(manifest):
     """Entry for a sealed manifest's provenance: its score, if these very vectors were scored; else empty."""
     found = _entries().get((manifest["block"], manifest["case"]))
     if found is None or found["vectors"][manifest["case"]] != vectors(manifest):
@@ -107,14 +107,14 @@ def write_page():
     """Both tables of the page, from scores.json."""
     from testbench.console.markdown import replaced
 
-    found = known()
+    found = known_scores()
     text = replaced(PAGE.read_text(), "mutation", table(found["mutation"]))
     write_text(PAGE, replaced(text, "times", times(found["times"])))
 
 
 def main(arguments):
     """Take over the files of a folder that are there."""
-    out, found = Path(arguments[0] if arguments else "out") / "golden", known()
+    out, found = Path(arguments[0] if arguments else "out") / "golden", known_scores()
     fresh = {key: out / name for key, name in (("mutation", MUTATION), ("times", TIMES)) if (out / name).is_file()}
     if not fresh:
         print(f"gyro: {out}: neither {MUTATION} nor {TIMES}: run make rtl first", file=sys.stderr)

@@ -180,7 +180,7 @@ def write(r, folder):
         **top_benches.texts(design, r.name, len(at), counts),
     }
     waves = _waves(design, r.windows, at, np.column_stack([stim, exp]))
-    return bundle.write(Path(folder), _manifest(design, r, at, counts), files, [waves], scores.noted)
+    return bundle.write(Path(folder), _manifest(design, r, at, counts), files, [waves], scores.note_score)
 
 
 def export_case(case, out):

@@ -57,20 +57,20 @@ def side_by_side(regs, pins):
     return np.column_stack([regs, pins])
 
 
-def named(block):
+def goal_name(block):
     """Registers and pins, the pins with the prefix of their port."""
     return (*block.registers, *(port._replace(name=f"o_{port.name}") for port in block.pins))
 
 
 def goals(block, case):
     """Every goal (kind, place, outcome) of a case, whether it can be met or not, in a fixed order."""
-    return toggle_goals(named(block)) + probes.probed(block, case).goals()
+    return toggle_goals(goal_name(block)) + probes.probed(block, case).goals()
 
 
-def seen(block, case, rows, results=None):
+def coverage_of(block, case, rows, results=None):
     """Goals that a stimulus meets; `results` are the registers and pins of the model if they are known."""
     if results is None:
         results = side_by_side(*blocks.run(block, case, rows))
     probed = probes.probed(block, case)
     probes.follow(block, case, probed, np.asarray(rows).tolist())
-    return toggles_seen(named(block), results) | probed.seen()
+    return toggles_seen(goal_name(block), results) | probed.seen()

@@ -17,9 +17,9 @@ KINDS = ("branch", "compare", "round", "cut", "clamp", "wrap")
 
 def summary(block, case, rows, results):
     """The entry of one case; `results` are registers and pins of the model for these rows."""
-    met, dead = coverage.seen(block, case, rows, results), unreachable.reasons(block, case)
+    met, dead = coverage.coverage_of(block, case, rows, results), unreachable.reasons(block, case)
     missing = corners.stored(block.stem)["missing"]
-    toggles = {port.name: [0, 0] for port in coverage.named(block)}
+    toggles = {port.name: [0, 0] for port in coverage.goal_name(block)}
     outcomes = {kind: [0, 0] for kind in KINDS}
     not_met = {}
     for goal in coverage.goals(block, case):

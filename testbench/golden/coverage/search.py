@@ -105,7 +105,7 @@ class Judge:
         expanded = corners.expanded(self.block, self.case, rows)
         if self.probed is None:
             results = results_of(self.block, self.case, expanded)
-            return self.goal in coverage.toggles_seen(coverage.named(self.block), results)
+            return self.goal in coverage.toggles_seen(coverage.goal_name(self.block), results)
         self.probed.clear()
         probes.follow(self.block, self.case, self.probed, expanded.tolist())
         if self.goal in self.probed.seen():
@@ -142,7 +142,7 @@ def missing(block):
     met, wanted = set(), {}
     for case in block.cases:
         rows, _ = stimulus.directed(block, case)
-        met |= coverage.seen(block, case, rows)
+        met |= coverage.coverage_of(block, case, rows)
         dead = unreachable.reasons(block, case)
         for goal in coverage.goals(block, case):
             if goal not in dead:
@@ -162,7 +162,7 @@ def explore(block, examples=EXAMPLES, say=print):
             rows, count = search(block, case, goal, examples)
             tried += count
             if rows is not None:
-                met |= coverage.seen(block, case, corners.expanded(block, case, rows))
+                met |= coverage.coverage_of(block, case, corners.expanded(block, case, rows))
                 found.setdefault(case, []).append({"goal": name, "rows": rows})
                 say(f"{block.stem}/{case}: found in {tried}: {name}", flush=True)
         if goal not in met:

@@ -182,7 +182,7 @@ def bounds(block, case):
 
 def _steady(block, case):
     intervals, multiples = bounds(block, case)
-    for port in coverage.named(block):
+    for port in coverage.goal_name(block):
         least, most, why = intervals.get(port.name, (port.fmt.lo, port.fmt.hi, ""))
         power, gain = multiples.get(port.name, (1, ""))
         for k in range(port.width):

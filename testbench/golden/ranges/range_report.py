@@ -18,7 +18,7 @@ def _ends(pair):
     return None if pair is None else list(pair)
 
 
-def seen(rows):
+def seen_range(rows):
     """[lowest, highest] of each column; None without rows."""
     if not len(rows):
         return [None] * rows.shape[1]
@@ -32,7 +32,7 @@ def entry(block, case, regs, pins):
     """
     found = ranges.of_case(block.stem, case)
     listed = []
-    for one, held in zip((*found.registers, *found.pins), seen(np.column_stack([regs, pins])), strict=True):
+    for one, held in zip((*found.registers, *found.pins), seen_range(np.column_stack([regs, pins])), strict=True):
         listed.append(
             {
                 "name": one.name,

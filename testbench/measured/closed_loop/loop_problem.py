@@ -167,7 +167,7 @@ class LoopProblem(Anchored, adds=MEMBERS):
 
     # ---- models and runs ----
 
-    def told(self, theta, effects):
+    def model_at(self, theta, effects):
         """`loop_runs.Model` of a point; PredictionFailed outside the limits of a key."""
         values = {p.key: float(t) for p, t in zip(self.parameters, theta)}
         laws = []
@@ -205,7 +205,7 @@ class LoopProblem(Anchored, adds=MEMBERS):
         for m, c, draw, above_hz in wanted:
             place, start = self.place[c.id], None
             if not power_on:
-                start = loop_runs.told(self.moved_hz(Model(self.model), place))
+                start = loop_runs.model_key(self.moved_hz(Model(self.model), place))
             told = self.moved_hz(m, place - above_hz + jitter_hz(draw))
             runs.append(Run(told, c, FIRST_DRAW + 10_000 * index[c.id] + draw, start, int(LATER[draw]), smooth))
         try:
@@ -240,7 +240,7 @@ class LoopProblem(Anchored, adds=MEMBERS):
         Of the conditions with a role, or of all. The drive frequency is held, so that edges slip at the same instants
         and the noise cancels.
         """
-        model = self.told(theta, effects)
+        model = self.model_at(theta, effects)
         told = "exact", model.config.model_dump_json(), model.laws
         chosen = [c for c in self.recorded.conditions if role in (None, c.role)]
         keys = {c.id: self.key(*told, c._replace(role=""), self.place[c.id]) for c in chosen}

@@ -41,7 +41,7 @@ def _before(record, edge):
     return float(rates[max(0, int(np.searchsorted(edges, edge, side="left")) - 1)])
 
 
-def measured(record, name, hashes):
+def measured_features(record, name, hashes):
     """`loop_problem.Measured` of the segments with a role."""
     lsb = {key: s.attrs["lsb_V"] for key, s in record.streams.items() if "lsb_V" in s.attrs}
     all_ = segments(record)
@@ -72,7 +72,7 @@ def measured(record, name, hashes):
     return loop_problem.Measured(name, tuple(groups.values()), out, hashes)
 
 
-def opened(paths, options):
+def open_record(paths, options):
     """`LoopProblem` of one record, or None if the content is no record. Options: grammar = no, threads = N."""
     if len(paths) != 1 or not is_record(paths[0]):
         return None
@@ -81,7 +81,7 @@ def opened(paths, options):
     model = check_tables.stated_config(record)
     wanted = parameters.declared(record)
     hashes = {"record": record.attrs.get("content_sha256", ""), "roles": record.attrs.get("roles_sha256", "")}
-    data = measured(record, paths[0].name, hashes)
+    data = measured_features(record, paths[0].name, hashes)
     library = () if options.get("grammar") == "no" else loop_laws.from_grammar()
     bench = loop_runs.Bench(int(options.get("threads", loop_runs.THREADS)))
     problem = loop_problem.LoopProblem(data, model, wanted, loop_laws.from_catalogue(), library, bench)

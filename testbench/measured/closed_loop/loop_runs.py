@@ -105,16 +105,16 @@ def lsb_volts(model):
     return volts | {"dac_qsc": d.quad_dac_span_v / 2**16, "quadrature_code": d.quad_dac_span_v / 2**16}
 
 
-def told(model):
+def model_key(model):
     """The configuration of a model with its laws in place."""
     effects = model.config.effects
     laws = effects.model_copy(update={"laws": [*effects.laws, *model.laws]})
     return model.config.model_copy(update={"effects": laws})
 
 
-def configured(model, seed):
+def configuration_of(model, seed):
     """The configuration of a model with the noise of a seed."""
-    cfg = told(model)
+    cfg = model_key(model)
     return cfg.model_copy(update={"noise": cfg.noise.model_copy(update={"seed": seed})})
 
 
@@ -163,7 +163,7 @@ def switched_on(cfg, condition):
     return sim
 
 
-def powered(sims, ticks):
+def power_on(sims, ticks):
     """engine.State of boards that have been switched on under one condition, at a tick: side by side if they may."""
     now, like = [sim.now for sim in sims], {(sim.tick, lanes.kind(sim.params)) for sim in sims}
     if len(sims) >= LEAST_LANES and len(like) == 1 and like.pop()[1] is not None:
@@ -211,7 +211,7 @@ class Bench:
         )
 
         def power():
-            return _sure(*powered([switched_on(cfg, condition)], START_TICKS), condition)
+            return _sure(*power_on([switched_on(cfg, condition)], START_TICKS), condition)
 
         s = _once(self._locked, key, MOST_LOCKED, power)
         # the matrix of the next frame is made anew: it may be that of another plant
@@ -258,7 +258,7 @@ class Bench:
         try:
             with DESIGN:
                 p = _params(run)
-                baseband.prepared(p, self.setup(run, p))
+                baseband.prepare(p, self.setup(run, p))
             return _alone(run, p, state, baseband.run)
         except ConfigError:
             if lenient:
@@ -273,8 +273,8 @@ class Bench:
                 own.setdefault(r.condition.id, []).append(k)
 
         def power(members):
-            sims = [switched_on(configured(runs[k].model, runs[k].seed), runs[k].condition) for k in members]
-            made.update(zip(members, powered(sims, EARLY_TICKS)))
+            sims = [switched_on(configuration_of(runs[k].model, runs[k].seed), runs[k].condition) for k in members]
+            made.update(zip(members, power_on(sims, EARLY_TICKS)))
 
         self._each(power, [g[i : i + LANES] for g in own.values() for i in range(0, len(g), LANES)])
         return [made[k] if k in made else self.locked(r.start, r.condition) for k, r in enumerate(runs)]
@@ -286,7 +286,7 @@ class Bench:
 
 def _params(run):
     temp = run.condition.temperature_degc
-    return build.params(configured(run.model, run.seed), temp, temp)
+    return build.params(configuration_of(run.model, run.seed), temp, temp)
 
 
 def _grouped(runs, params):

@@ -184,7 +184,7 @@ class Tangents:
         hertz = hertz or [dict.fromkeys(of.conditions, 0.0)] * len(points)
         for theta, effects in points:
             try:
-                told = of.told(theta, effects)
+                told = of.model_at(theta, effects)
                 models.append(told._replace(config=even(told.config)))
             except PredictionFailed:
                 models.append(None)

@@ -41,7 +41,7 @@ def run(problem, options=None, progress=None, checkpoint=None):
     for round_ in range(ROUNDS):
         tracer, blocked = decided()
         if blocked or not isinstance(problem, Anchored):
-            return tracer, blocked or tracer.told()
+            return tracer, blocked or tracer.conclude()
         theta, effects = tracer.arrived()
         if not round_:
             _looked(problem, problem.distance(theta, effects), theta, effects)
@@ -62,6 +62,6 @@ def run(problem, options=None, progress=None, checkpoint=None):
         # the core names nothing on a model that is not the engine's
         problem.numerical_certificate = certificate
         tracer, blocked = decided()
-    result = blocked or tracer.told()
+    result = blocked or tracer.conclude()
     result.certificates["numerical"] = certificate
     return tracer, result

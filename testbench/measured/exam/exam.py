@@ -11,9 +11,9 @@ from dataclasses import replace
 import numpy as np
 
 from analog_frontend.parts.device import Device
-from testbench.measured.exam import tell
-from testbench.measured.exam.staged import DECISIVE, NOTHING, SUPPORTED, Round, Staged, absorbed, summary
-from testbench.measured.models.gyro_laws import carried
+from testbench.measured.exam import part_page
+from testbench.measured.exam.staged import DECISIVE, NOTHING, SUPPORTED, Round, StagedResult, absorb, summary
+from testbench.measured.models.gyro_laws import laws_of_loop
 from testbench.tracing.fit import heldout
 from testbench.tracing.fit.evidence import linear_gain, log_evidence
 from testbench.tracing.fit.rank import one_sided
@@ -84,7 +84,7 @@ def stage(problem, most=None, say=None, settings=QUICK):
     rounds, names, refused, last, at = [], [], set(), first, {}
     alarmed = first.verdict not in NOTHING or (first.p_global is not None and first.p_global < settings.alpha)
     while alarmed and len(names) < most:
-        tracer = Tracer(settled(problem, names, at), settings, None, None)
+        tracer = Tracer(settle(problem, names, at), settings, None, None)
         tracer.dropped = {}
         if not tracer.calibrate() or _at_floor(tracer, tracer.base.fit):
             break
@@ -96,13 +96,13 @@ def stage(problem, most=None, say=None, settings=QUICK):
             break
         names.append(tried[-1].law)
     if names:
-        last = Tracer(settled(problem, names, at), settings, None, None).run()
-    return Staged(first, rounds, last, summary(problem, first, rounds, last))
+        last = Tracer(settle(problem, names, at), settings, None, None).run()
+    return StagedResult(first, rounds, last, summary(problem, first, rounds, last))
 
 
-def settled(problem, names, at):
+def settle(problem, names, at):
     """The problem with laws as part of the model, to be calibrated from where the last round has settled."""
-    now = absorbed(problem, list(names))
+    now = absorb(problem, list(names))
     if names:
         now.nuisances = tuple(n._replace(value=at.get(n.name, n.value)) for n in now.nuisances)
     return now
@@ -118,19 +118,19 @@ def fits(problem, names):
     """Fits with none, one, two .. of the laws, each from where the one before has settled."""
     at, out = {}, []
     for count in range(len(names) + 1):
-        tracer = Tracer(settled(problem, names[:count], at), QUICK, None, None)
+        tracer = Tracer(settle(problem, names[:count], at), QUICK, None, None)
         tracer.calibrate()
         out.append(tracer.base.fit)
         at = _place(refit(out[-1], (names[count],), tracer.table)) if count < len(names) else at
     return out
 
 
-def judged(problem, names, found):
+def judge(problem, names, found):
     """{segment: {unit, floor, before, after_one_law, after, *_ci}} of all validating and examining segments."""
     out = {}
     for label, count in zip(LABELS, (0, min(1, len(names)), len(names))):
         for shown in (problem, problem.exam()):
-            now = absorbed(shown, list(names[:count]))
+            now = absorb(shown, list(names[:count]))
             space = Space(now, "validate")
             if not space.size:
                 continue
@@ -142,14 +142,14 @@ def judged(problem, names, found):
 
 
 def residuals(problem, names, found):
-    """{(segment, observable): `tell.Left`} of all segments, at the first and the last of the fits."""
+    """{(segment, observable): `part_page.Residual`} of all segments, at the first and the last of the fits."""
     out = {}
     for shown in (problem, problem.exam()):
-        both = (shown, found[0]), (absorbed(shown, list(names)), found[-1])
+        both = (shown, found[0]), (absorb(shown, list(names)), found[-1])
         for k, segment in enumerate(shown.segments):
             before, after = (shown.measured(k) - now.predict([(f.point.theta, {})], [k])[0][0] for now, f in both)
             (o,) = segment.observables
-            out[segment.name, o.name] = tell.Left(segment.role, o.unit, shown.floor(k)[o.name], before, after)
+            out[segment.name, o.name] = part_page.Residual(segment.role, o.unit, shown.floor(k)[o.name], before, after)
     return out
 
 
@@ -167,7 +167,7 @@ def report(problem, settings=None, progress=None):
     coefficients = dict(zip(names, found[-1].point.theta[len(problem.nuisances) :]))
     rows = residuals(problem, names, found)
     data = dict(staged.json)
-    data["heldout"] = plain(judged(problem, names, found))
+    data["heldout"] = plain(judge(problem, names, found))
     for name, floor in problem.repeatability(values, coefficients).items():
         mine = data["heldout"][name]
         mine |= {"noise": mine["floor"], "floor": max(floor, mine["floor"])}
@@ -178,9 +178,9 @@ def report(problem, settings=None, progress=None):
     for key, row in rows.items():
         if row.role == "validate":
             where = problem.where(pieces[key[0]], row.after, values, coefficients)
-            data["left"].append(tell.left(problem, key, rows) | ({"where": where} if where else {}))
-    data["gyroscope"] = [c._asdict() for c in carried(data["effects"], problem.working_at(values), Device())]
-    return plain(tell.in_part(data)), tell.picture(problem, rows)
+            data["left"].append(part_page.residual_of(problem, key, rows) | ({"where": where} if where else {}))
+    data["gyroscope"] = [c._asdict() for c in laws_of_loop(data["effects"], problem.working_at(values), Device())]
+    return plain(part_page.in_part(data)), part_page.picture(problem, rows)
 
 
 def nulls(problem, count, seed=0, say=None):

@@ -47,7 +47,7 @@ class Round(NamedTuple):
     heldout: dict  # {observable: (before, after)}
 
 
-class Staged(NamedTuple):
+class StagedResult(NamedTuple):
     """Trace before, laws that were tried, trace after, and the JSON of the whole."""
 
     first: object
@@ -56,7 +56,7 @@ class Staged(NamedTuple):
     json: dict
 
 
-def known(problem, names):
+def known_laws(problem, names):
     """A copy of a problem in which some laws are nuisances: already part of the model."""
     laws, plain = all_laws(problem), len(problem.nuisances)
     made = copy.copy(problem)
@@ -124,7 +124,7 @@ def _pruned(problem, names, options):
     """Laws that are still clear, and what they were, beside all the others; the least certain goes first."""
     names, least = list(names), norm.isf(CHANCE / 2 / max(len(all_laws(problem)), 1))
     while names:
-        now = absorbed(problem, names)
+        now = absorb(problem, names)
         tracer = Tracer(now, options, None, None)
         if not tracer.calibrate():
             break
@@ -144,9 +144,9 @@ def _strayed(own, nuisances, theta):
     return any(abs(t - n.value) > STRAYED * n.prior_sd for n, t in zip(nuisances, theta) if n.name in own)
 
 
-def absorbed(problem, names):
+def absorb(problem, names):
     """The problem with some laws as part of the model: its own way (a law may bring more nuisances), or `known`."""
-    return (problem.absorbed(names) or known(problem, tuple(names))) if names else problem
+    return (problem.absorbed(names) or known_laws(problem, tuple(names))) if names else problem
 
 
 def _misfit_without_repeats(first, options):
@@ -158,7 +158,7 @@ def _forward(problem, names, refused, most, options, progress):
     """`Round`s of laws that were tried beside `names`, until none is decisive. Adds to `names` and `refused`."""
     rounds = []
     while len(names) < most:
-        tracer = Tracer(absorbed(problem, names), options, None, None)
+        tracer = Tracer(absorb(problem, names), options, None, None)
         tracer.dropped = {}
         if progress:
             progress(f"laws so far: {len(names)}", len(names), most)
@@ -174,7 +174,7 @@ def _forward(problem, names, refused, most, options, progress):
     return rounds
 
 
-def staged(problem, options=None, most=12, progress=None):
+def add_in_stages(problem, options=None, most=12, progress=None):
     """`Staged` of a problem; `most` laws are added at most."""
     options = options or Options()
     quick = replace(options, max_laws=1, n_null=min(options.n_null, QUICK), power=False, experiments=False)
@@ -186,8 +186,8 @@ def staged(problem, options=None, most=12, progress=None):
     superseded = [name for name in added if name not in names]
     rounds = [r._replace(kept=r.law in names) for r in rounds]
     if names:
-        last = Tracer(absorbed(problem, names), quick, progress, None).run()
-    return Staged(first, rounds, last, summary(problem, first, rounds, last, superseded))
+        last = Tracer(absorb(problem, names), quick, progress, None).run()
+    return StagedResult(first, rounds, last, summary(problem, first, rounds, last, superseded))
 
 
 def _before(rounds, row):
@@ -198,7 +198,7 @@ def _before(rounds, row):
 def summary(problem, first, rounds, last, superseded=()):
     """JSON of all together: the keys of a trace, with one entry per law that was kept."""
     kept = [r for r in rounds if r.kept]
-    laws = {name: law for r in rounds for name, law in all_laws(absorbed(problem, _before(rounds, r))).items()}
+    laws = {name: law for r in rounds for name, law in all_laws(absorb(problem, _before(rounds, r))).items()}
     fitted, effects, data = {row["name"]: row for row in last.nuisances}, [], {}
     for r in kept:
         law, row = laws[r.law], fitted[r.law]

@@ -22,7 +22,7 @@ POWERS = {"damping_cubic": 2.0, "damping_quadratic": 1.5, "damping_quintic": 3.0
 SHAPES = {"damping_cubic": "x^2 vx", "damping_quadratic": "abs(vx) vx", "damping_quintic": "x^4 vx"}
 
 
-class Carried(NamedTuple):
+class LawOfLoop(NamedTuple):
     """One law for the gyroscope: text, and how strong it is there, over what it adds to."""
 
     name: str
@@ -31,7 +31,7 @@ class Carried(NamedTuple):
     of: str
 
 
-def carried(effects, working, device, amplitude_m=AMPLITUDE_M):
+def laws_of_loop(effects, working, device, amplitude_m=AMPLITUDE_M):
     """`Carried` of those effects (as in a report's JSON) that are laws of the plant."""
     out = []
     m, w = device.mass_kg, 2 * np.pi * device.fx_hz
@@ -63,5 +63,5 @@ def carried(effects, working, device, amplitude_m=AMPLITUDE_M):
             text, of = f"force_x = {-float(share * k / amplitude_m**2)!r} x^3", "spring"
         else:
             continue
-        out.append(Carried(name, text.replace("--", ""), float(share), of))
+        out.append(LawOfLoop(name, text.replace("--", ""), float(share), of))
     return out

@@ -9,7 +9,7 @@ Source    docs/measured_parts.md, docs/phases.md
 
 import html
 
-from testbench.measured.exam import tell
+from testbench.measured.exam import part_page
 from testbench.measured.formats.paper_numbers import AGREE, HEAD, Numbers
 from testbench.measured.parts.paper_questions import rows
 
@@ -55,10 +55,10 @@ def _html(found, data):
         verdict = "agrees" if r.explained else "not explained"
         first = True
         for rival in r.rivals:
-            model = tell.number(r.model) if r.model is not None else "-"
-            spread = tell.number(r.spread, 2) if r.spread is not None else "not printed"
-            head = (r.name, f"{tell.number(r.paper, 5)} {r.unit}", spread, model, verdict) if first else ("",) * 5
+            model = part_page.number(r.model) if r.model is not None else "-"
+            spread = part_page.number(r.spread, 2) if r.spread is not None else "not printed"
+            head = (r.name, f"{part_page.number(r.paper, 5)} {r.unit}", spread, model, verdict) if first else ("",) * 5
             cells.append((*head, rival.name, rival.predicts, rival.experiment))
             first = False
     head = ("number", "paper", "its spread", "model", "", "explanation", "predicts", "experiment that would decide")
-    return f"<h3>The paper's numbers</h3><p>{html.escape(data['sentence'])}</p>" + tell.table(head, cells)
+    return f"<h3>The paper's numbers</h3><p>{html.escape(data['sentence'])}</p>" + part_page.table(head, cells)

@@ -19,7 +19,7 @@ def span_edges(record):
     return len(record.streams["nco_fword"].data) * FRAME_CYCLES
 
 
-def known(record):
+def known_tables(record):
     wanted = schema.regmap_sha256()
     if record.attrs["regmap_sha256"] != wanted:
         yield Finding("R11", "/", f"expected regmap_sha256 {wanted}, found {record.attrs['regmap_sha256']}")

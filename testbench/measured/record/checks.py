@@ -212,7 +212,7 @@ LATE = (
     _ordered,
     _gaps,
     _alive,
-    check_tables.known,
+    check_tables.known_tables,
     check_tables.log,
     check_tables.segments,
     check_tables.repeats,

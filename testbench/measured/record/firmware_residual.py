@@ -19,7 +19,7 @@ from fpga_model.rates import FRAME_CYCLES, FRAME_TICKS, TICK_CYCLES
 from testbench import flatten
 from testbench.engines.turn import Turn
 from testbench.measured.record import check_tables, replay, schema
-from testbench.measured.record.sessions import seen, sessions, stimulus
+from testbench.measured.record.sessions import seen_rows, sessions, stimulus
 from testbench.run import build
 
 BLOCK_FRAMES = 400_000
@@ -104,7 +104,7 @@ def _undecided(record, config):
     for session in sessions(record):
         if not session.powered and _initial(record) is None:
             return f"frame {session.first} is no power-on, and /initial does not name every register"
-        _, lost = seen(record, session)
+        _, lost = seen_rows(record, session)
         if lost.any():
             row = int(np.flatnonzero(lost)[0]) + session.first
             return f"codes of frame {row} are lost in a gap"

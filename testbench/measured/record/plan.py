@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from testbench import config as configuration
-from testbench.config.toml_text import read_toml, shown
+from testbench.config.toml_text import read_toml, toml_of
 from testbench.errors import ConfigError
 from testbench.measured.record import schema
 
@@ -97,20 +97,20 @@ def _known(tree, keys, where):
 def _number(value, lo, hi, unit, where):
     good = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
     if not (good and lo <= value <= hi):
-        raise ConfigError(f"{where} = {shown(value)} is outside {lo:g} .. {hi:g} {unit}".rstrip())
+        raise ConfigError(f"{where} = {toml_of(value)} is outside {lo:g} .. {hi:g} {unit}".rstrip())
     return float(value)
 
 
 def _text(value, choices, where):
     if not isinstance(value, str) or (choices and value not in choices):
         wanted = " | ".join(choices) if choices else "a text"
-        raise ConfigError(f"{where} = {shown(value)} is not {wanted}")
+        raise ConfigError(f"{where} = {toml_of(value)} is not {wanted}")
     return value
 
 
 def _dotted(table, where):
     if not isinstance(table, dict):
-        raise ConfigError(f"{where} = {shown(table)} is not a table of section.key = value")
+        raise ConfigError(f"{where} = {toml_of(table)} is not a table of section.key = value")
     out = {}
     for key, value in table.items():
         items = {f"{key}.{name}": item for name, item in value.items()} if isinstance(value, dict) else {key: value}
@@ -175,7 +175,7 @@ def from_dict(tree, where="plan"):
     truth = _changed(model, hidden, f"{where}: [truth]")
     priors = tree.get("prior", [])
     if not isinstance(priors, list):
-        raise ConfigError(f"{where}: prior = {shown(priors)} is not a list; write [[prior]]")
+        raise ConfigError(f"{where}: prior = {toml_of(priors)} is not a list; write [[prior]]")
     return Plan(
         name=_text(tree.get("name", "record"), (), f"{where}: name"),
         head={key: _text(tree.get(key, "unknown"), (), f"{where}: {key}") for key in HEAD},

@@ -4,7 +4,7 @@
     register writes with their edges -------------------'                                              '--> DAC codes
 
     advance   edge by edge (`window.edge`) where something happens: a write, a stale window, one window cut short
-              otherwise from event to event, a window at once (`window.undisturbed`)
+              otherwise from event to event, a window at once (`window.run_undisturbed`)
 
 A row holds what the registers hold before its edge, as in every trace; a DAC code in it is that of the chip's output.
 Source    docs/measured.md, docs/architecture.md
@@ -118,7 +118,7 @@ def _channels(x, k):
 @inner
 def _inputs(p, s, clock):
     """What a window sees at an edge; channels change word by word while a frame is read."""
-    c = window.received(s.old, s.new, s.valid - VALID_CLOCKS, clock)
+    c = window.receive(s.old, s.new, s.valid - VALID_CLOCKS, clock)
     return control.Inputs(c[0], c[1], c[2], c[3], c[4], s.ok, s.w.dog.stale)
 
 
@@ -159,7 +159,7 @@ def _window(p, s, x, row):
     """A window that nothing disturbs, at once, from the edge that sees its frame valid. Mutates `row`."""
     clock, end = s.clock, s.clock + SLOTS + 1
     i = control.Inputs(s.new[0], s.new[1], s.new[2], s.new[3], s.new[4], x.ok[s.conversion], ZERO)
-    w, word = window.undisturbed(p, s.w, i, clock)
+    w, word = window.run_undisturbed(p, s.w, i, clock)
     row[0] = clock
     row[1] = word
     row[3] = control.agc.amplitude(p.control.agc, s.w.control.agc, sequencer.outputs(w.control.sequencer).agc_mode)
@@ -187,7 +187,7 @@ def _moved(p, s, clock):
 @inner
 def _read(x, s):
     """The read of the next frame has begun: its words come in one by one."""
-    old, k = window.received(s.old, s.new, s.valid - VALID_CLOCKS, s.clock), s.conversion
+    old, k = window.receive(s.old, s.new, s.valid - VALID_CLOCKS, s.clock), s.conversion
     return Side(s.clock, s.w, old, _channels(x, k), x.valid[k], s.ok, k, s.write)
 
 

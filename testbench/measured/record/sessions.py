@@ -66,7 +66,7 @@ def segments(record):
     return out
 
 
-def seen(record, session):
+def seen_rows(record, session):
     """(rows,) of bool: conversions of a session that the firmware saw, and (rows,) those that nobody recorded."""
     edge0 = record.streams["adc_xI"].edge0
     edges = edge0 + FRAME_CYCLES * np.arange(session.first, session.first + session.frames, dtype=np.int64)
@@ -81,7 +81,7 @@ def seen(record, session):
 
 def stimulus(record, session):
     """`Stimulus` of a session, edges from its own power-on; raises KeyError where a stream is missing."""
-    saw, _ = seen(record, session)
+    saw, _ = seen_rows(record, session)
     names = ("adc_xI", "adc_xQ", "adc_yI", "adc_yQ", "adc_temperature")
     codes = np.zeros((int(saw.sum()), CODES), np.int64)
     for k, name in enumerate(names):

@@ -22,7 +22,7 @@ from fpga_model.jit import hot, inner
 from fpga_model.rates import FRAME_TICKS, SLOT_SEQUENCER, TICK_CYCLES
 from testbench.engines import pins
 from testbench.engines.frame import DRIVE_CLOCK, SENSE_CLOCK
-from testbench.engines.turn import QUARTER_BITS, TURN_MASK, Turn, turned
+from testbench.engines.turn import QUARTER_BITS, TURN_MASK, Turn, turn_of
 from testbench.engines.window import SLOT_WORD
 from testbench.measured.record.replay import CODES, DRIVEN
 
@@ -57,7 +57,7 @@ def _block(p, a, bank, turn, refs, staged, tick, n, b):
     """`n` ticks of the plant; returns the reference pins and the sense DAC's data register. Mutates `a` and `b`."""
     codes = a.work
     pins.dac_codes(p.fpga, bank, turn, tick, n, b)
-    _, staged = pins.told(p.fpga, codes.drive_codes, codes.sense_codes, n, ONE, staged, False, b)
+    _, staged = pins.words_of_ticks(p.fpga, codes.drive_codes, codes.sense_codes, n, ONE, staged, False, b)
     count, refs = pins.reference_edges(p.fpga.references, turn, bank, tick, tick + n, refs, b)
     units.block(p.plant, a, tick, n, DRIVE_CLOCK, SENSE_CLOCK, count, b.edges)
     return refs, staged
@@ -81,8 +81,8 @@ def _run(p, a, d, refs, b, codes):
             _words(b, old, new, tick, head)
             refs, staged = _block(p, a, d.bank, turn, refs, staged, tick, head, b)
         if head < FRAME_TICKS:
-            turn = turned(turn, new[VALID] + SLOT_PI + 1, new[WORD_MID])
-            turn = turned(turn, new[VALID] + SLOT_WORD + 1, new[WORD])
+            turn = turn_of(turn, new[VALID] + SLOT_PI + 1, new[WORD_MID])
+            turn = turn_of(turn, new[VALID] + SLOT_WORD + 1, new[WORD])
             _words(b, old, new, tick + head, FRAME_TICKS - head)
             refs, staged = _block(p, a, d.bank, turn, refs, staged, tick + head, FRAME_TICKS - head, b)
         old = new

@@ -85,7 +85,7 @@ class Readings(NamedTuple):
         return Estimate(middle, math.hypot(factor / math.sqrt(w.sum()), FACTOR * self.common_deg))
 
 
-def joined(first, second):
+def join_passes(first, second):
     """`Readings` of both."""
     return Readings(np.append(first.deg, second.deg), np.append(first.grid_deg, second.grid_deg), second.common_deg)
 
@@ -107,7 +107,7 @@ class Calibration(NamedTuple):
     uncertainty_deg: dict
 
 
-class Turned:
+class TurnedReading:
     """The drive sine turned on purpose. The drive frequency follows by some ten millihertz, x and y do not.
 
     Edges on the 1 MHz grid have a bias that depends on the frequency to a millihertz, and that no repeat at one
@@ -153,7 +153,7 @@ def rung(bench, rows, omega):
 
 def interval(bench, channel, turns_deg=COUNTER_TURNS_DEG):
     """`Readings` of the lag of an electrode voltage behind its undisplaced sgn(sin); sgn(cos) is read as well."""
-    turned, found, left = Turned(bench), [], []
+    turned, found, left = TurnedReading(bench), [], []
     behind = bench.phases_deg()[f"phase_{channel}_ref"]
     for turn in turns_deg:
         turned.to(turn)
@@ -178,7 +178,7 @@ def detune(bench, angles_deg=DETUNE_DEG):
     by w/Q tan(theta) between the sides: 1/(2 Q) of angle. The frequency loop holds x where signal and offset of its
     demodulator cancel, so the offset's angle is added; it follows a late pin, so the force is ahead by as much.
     """
-    turned, angles, left = Turned(bench), [], []
+    turned, angles, left = TurnedReading(bench), [], []
     side = 1.0
     for theta in angles_deg:
         level, pin = {}, {}
@@ -286,7 +286,7 @@ def chop(bench, turns_deg=CHOP_TURNS_DEG):
     y rings after each chop. Where a line of lateness meets the ring the mean of the codes is off: `rung`.
     """
     word, u = _fix_sense(bench, NULL_S)
-    turned, angles, left, opened, closed, rings = Turned(bench), [], [], [], [], []
+    turned, angles, left, opened, closed, rings = TurnedReading(bench), [], [], [], [], []
     for turn in turns_deg:
         turned.to(turn)
         levels, records = [], []
@@ -360,7 +360,7 @@ def one_pass(bench, compare, say=None, before=None):
         found[node] = readings.estimate()
         kept[node] = readings.moved(there)
         if before:
-            kept[node] = joined(before[node], kept[node])
+            kept[node] = join_passes(before[node], kept[node])
         best[node] = kept[node].estimate()
         bench.advance_phase_deg(REGISTER[node], WORDS[node][REGISTER[node]] * (best[node].deg - there))
         bench.wait(SETTLE_S)

@@ -1,8 +1,8 @@
 """The simulated loop beside the linear one: rate profiles for gyroscopes, words of 8 kHz back.
 
     multisine   sum of A_i sin(2 pi f_i t + phi_i), all f_i multiples of 1/window, read by least squares over the window
-    played      each gyroscope from power-on to lock, then its profile
-    exchanged   a locked gyroscope goes on with other parts or another register: what is unstable would never lock
+    play_run    each gyroscope from power-on to lock, then its profile
+    exchange    a locked gyroscope goes on with other parts or another register: what is unstable would never lock
 Source    docs/loop.md
 """
 
@@ -21,7 +21,7 @@ LINES_HZ = (1, 2, 4, 7, 11, 15, 18, 21, 24, 26, 28, 30, 35, 42, 50, 60)
 SETTLE_S, WINDOW_S, LINE_DPS = 2.5, 2.0, 4.0
 
 
-class Played(NamedTuple):
+class PlayedRun(NamedTuple):
     """Rows of a profile from its first frame on, and whether the gyroscope was in lock all the time."""
 
     time_s: np.ndarray
@@ -41,10 +41,10 @@ def _play(config, rate_dps):
     sim.advance(len(rate_dps) * FRAME_TICKS, rate_dps * DEG, temp_degc)
     columns = sim.columns()
     lock = columns["lock"]
-    return Played(np.arange(len(lock)) / FRAME_HZ, columns, bool(np.all(lock == lock[0])) and sim.locked)
+    return PlayedRun(np.arange(len(lock)) / FRAME_HZ, columns, bool(np.all(lock == lock[0])) and sim.locked)
 
 
-def played(configs, profiles_dps):
+def play_run(configs, profiles_dps):
     """[`Played`, ...]; profiles are deg/s per frame of 125 us. ConfigError if a gyroscope does not lock."""
     return [_play(c, np.asarray(r, float)) for c, r in zip(configs, profiles_dps)]
 
@@ -65,7 +65,7 @@ def lines(time_s, values, lines_hz):
     return found[:n] - 1j * found[n : 2 * n]
 
 
-def measured_response(run: Played, rate_dps, lines_hz=LINES_HZ, window_s=WINDOW_S):
+def measured_response(run: PlayedRun, rate_dps, lines_hz=LINES_HZ, window_s=WINDOW_S):
     """Word (LSB) per rate (deg/s) of a played multisine at its lines; phase against the row's time."""
     count = round(window_s * FRAME_HZ)
     t = run.time_s[-count:]
@@ -76,7 +76,7 @@ def measured_response(run: Played, rate_dps, lines_hz=LINES_HZ, window_s=WINDOW_
 QUIET = {f"noise.{name}": False for name in ("thermomechanical", "cv", "dac", "adc", "flicker", "jitter")}
 
 
-def exchanged(config, after, seconds, settle_s=2.0, writes=()):
+def exchange(config, after, seconds, settle_s=2.0, writes=()):
     """Rows of `seconds` with the parts of `after`, from the locked and settled state of `config`.
 
     after   configuration of the same firmware

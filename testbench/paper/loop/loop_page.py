@@ -51,7 +51,7 @@ class Study:
         count = round((STEP_BEFORE_S + STEP_AFTER_S) * FRAME_HZ)
         step = np.where(np.arange(count) < round(STEP_BEFORE_S * FRAME_HZ), 0.0, STEP_DPS)
         quiet = changed(self.config, confirm.QUIET)
-        runs = confirm.played([self.config, quiet, quiet], [sine, step, np.zeros(count)])
+        runs = confirm.play_run([self.config, quiet, quiet], [sine, step, np.zeros(count)])
         self.simulated = confirm.measured_response(runs[0], sine)
         word, begin = runs[1].columns["rate_word"], round(STEP_BEFORE_S * FRAME_HZ)
         before, after = (float(np.mean(word[k - 400 : k])) for k in (begin, count))

@@ -155,7 +155,7 @@ def observe(config, p: Parts | None = None):
     }
 
 
-def moved(config, parameter: Parameter, sign):
+def move_parameter(config, parameter: Parameter, sign):
     """(configuration, parts, distance moved in the parameter's own unit) for one step up or down."""
     section, key = parameter.name.split(".")
     if section == "parts":
@@ -185,12 +185,12 @@ def rows(config, parameters=PARAMETERS, progress=None):
     base = observe(config)
     out = []
     for n, parameter in enumerate(parameters):
-        up, p_up, h_up = moved(config, parameter, 1)
+        up, p_up, h_up = move_parameter(config, parameter, 1)
         high = observe(up, p_up)
         if parameter.one_sided:
             low, h = base, h_up
         else:
-            down, p_down, h_down = moved(config, parameter, -1)
+            down, p_down, h_down = move_parameter(config, parameter, -1)
             low, h = observe(down, p_down), h_up - h_down
         whole = {name: _difference(name, high[name], low[name], base["scale_factor"]) for name in OBSERVABLES}
         derivative = {name: value / h for name, value in whole.items()}

@@ -19,7 +19,7 @@ WORTH = np.log(20.0)  # log odds from which one more law is tried although the m
 CREDIBLE = 0.95
 
 
-class Found(NamedTuple):
+class SearchResult(NamedTuple):
     """All sets that were looked at, and the best one."""
 
     candidates: dict  # names: Candidate
@@ -117,7 +117,7 @@ class Search:
                 break
         best = self._best()
         adequate = bool(best) and self._is_adequate(best)
-        return Found(dict(self.candidates), dict(self.failed), best, adequate, list(self.checks), pool)
+        return SearchResult(dict(self.candidates), dict(self.failed), best, adequate, list(self.checks), pool)
 
     def _grow(self, best, ranking, pool):
         """Refit sets with one law more than `best`, and their subsets; False if it is adequate and no more law pays."""

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from testbench.tracing.fit.rank import Projection, prior_z, rank
-from testbench.tracing.noise.looks import Looks, ranks
+from testbench.tracing.noise.statistics import Statistics, ranks
 from testbench.tracing.problem.checkpoint import digest
 from testbench.tracing.problem.problem import all_laws, draws_of
 
@@ -41,7 +41,7 @@ class Alarms(NamedTuple):
     p_deterministic: float
     model_based: bool  # True: no repeats
     reference: np.ndarray  # null statistics of the refined (or declared) test, for power
-    looks: Looks
+    looks: Statistics
 
 
 def batches(draws, rows):
@@ -94,7 +94,7 @@ def rotation_test(space, rankings, fit, draws, rng):
         label: rank(fit, r.names, np.where(mask[:, None], space.declared(r.signatures), 0.0), inside, z)
         for label, r in rankings.items()
     }
-    looks = Looks(space, own, laws, groups)
+    looks = Statistics(space, own, laws, groups)
     left = inside.full(z[:, None], prior_z(fit)[:, None])[:, 0]
     observed = looks.evaluate(left[: space.size, None])[:, 0]
     found = []
@@ -122,7 +122,7 @@ def refined_view(fit, rankings, noise):
     again = noise.whitener(fit.model.space)
     z, projection = again(fit.z), Projection(again(fit.jacobian), fit.model.prior_columns())
     own = {label: rank(fit, r.names, again(r.signatures), projection, z) for label, r in rankings.items()}
-    return projection, z, Looks(fit.model.space, own, all_laws(fit.model.problem)), own
+    return projection, z, Statistics(fit.model.space, own, all_laws(fit.model.problem)), own
 
 
 def alarms(store, fit, rankings, noise, draws, seed):
@@ -133,7 +133,7 @@ def alarms(store, fit, rankings, noise, draws, seed):
     space, prior = fit.model.space, prior_z(fit)[:, None]
     rng = np.random.default_rng([seed, 3])
     projection = Projection(fit.jacobian, fit.model.prior_columns())
-    views = [(projection, fit.z, Looks(space, rankings, all_laws(fit.model.problem)), declared_draws)]
+    views = [(projection, fit.z, Statistics(space, rankings, all_laws(fit.model.problem)), declared_draws)]
     if noise.octaves:
         views.append((*refined_view(fit, rankings, noise)[:3], noise.draws))
 

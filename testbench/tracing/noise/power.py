@@ -15,7 +15,7 @@ from scipy.stats import beta
 from testbench.tracing.fit.rank import Projection
 from testbench.tracing.noise import noise as noises
 from testbench.tracing.noise.alarms import declared_draws, null_statistics, refined_view
-from testbench.tracing.noise.looks import tail_p
+from testbench.tracing.noise.statistics import tail_p
 
 Z90 = 1.2816
 TRIALS = 200

@@ -149,4 +149,4 @@ def test_a_batch_alone():
     batch = work.Batch("frame", ["a", "b"])
     assert [one.identities for one in batch.alone()] == [["a"], ["b"]]
     assert [one.engine for one in batch.alone()] == ["frame"] * 2
-    assert [outcome.address for outcome in pool.died(batch, 3, -9)] == batch.addresses
+    assert [outcome.address for outcome in pool.death_notice(batch, 3, -9)] == batch.addresses

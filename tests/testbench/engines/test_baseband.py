@@ -313,5 +313,5 @@ def test_far_off_resonance_is_refused():
 
 def test_what_a_run_needs_is_made_once():
     sim = Simulation(configured(), TEMP_DEGC, TEMP_DEGC, engine="baseband")
-    assert baseband.prepared(sim.params)[0] is baseband.prepared(sim.params)[0]
+    assert baseband.prepare(sim.params)[0] is baseband.prepare(sim.params)[0]
     assert FRAME["rate_word"] < 9, "the hash of words takes it"

@@ -19,7 +19,7 @@ FITS_EXACTLY = ("compare", "isqrt: pair >= trial", "0")
 def test_a_boundary_is_found_shrunk_and_found_again():
     rows, tried = search.search(ISQRT, "default", FITS_EXACTLY, examples=500)
     assert 1 <= tried <= 1000
-    assert FITS_EXACTLY in coverage.seen(ISQRT, "default", corners.expanded(ISQRT, "default", rows))
+    assert FITS_EXACTLY in coverage.coverage_of(ISQRT, "default", corners.expanded(ISQRT, "default", rows))
     starts = [values for _, values, _ in rows if values.get("start")]
     assert len(starts) == 1, "one operation is enough"
     assert search.search(ISQRT, "default", FITS_EXACTLY, examples=500) == (rows, tried)
@@ -52,7 +52,7 @@ print(search.search(blocks.BLOCKS["pi"], "frequency", {goal!r}, examples=2000)[0
 """
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     rows = ast.literal_eval(done.stdout)
-    assert goal in coverage.seen(block, "frequency", corners.expanded(block, "frequency", rows))
+    assert goal in coverage.coverage_of(block, "frequency", corners.expanded(block, "frequency", rows))
 
 
 def test_nothing_is_missing_where_the_directed_families_have_it_all():

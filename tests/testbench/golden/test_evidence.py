@@ -28,7 +28,7 @@ def met():
         if (stem, case) not in known:
             block = blocks.BLOCKS[stem]
             rows, _ = made(stem, case)
-            known[stem, case] = coverage.seen(block, case, rows, results(block, case, rows))
+            known[stem, case] = coverage.coverage_of(block, case, rows, results(block, case, rows))
         return known[stem, case]
 
     return of
@@ -71,7 +71,7 @@ def test_other_random_rows_do_not_meet_what_is_proved_out_of_reach(stem, case, s
     block = blocks.BLOCKS[stem]
     rows, families = stimulus.directed(block, case, seed=seed)
     first = next(first for name, first, _ in families if name.startswith(("random", "held", "controls")))
-    assert not coverage.seen(block, case, rows[first:]) & set(unreachable.reasons(block, case))
+    assert not coverage.coverage_of(block, case, rows[first:]) & set(unreachable.reasons(block, case))
 
 
 def test_the_counters_that_are_left_out_are_the_only_ones(met):
@@ -88,12 +88,12 @@ def test_the_counters_that_are_left_out_are_the_only_ones(met):
 @pytest.mark.parametrize(("stem", "case"), [(stem, case) for stem in STEMS for case in corners.stored(stem)["found"]])
 def test_found_corners_meet_their_goals(stem, case):
     block = blocks.BLOCKS[stem]
-    directed = coverage.seen(block, case, stimulus.directed(block, case)[0])
+    directed = coverage.coverage_of(block, case, stimulus.directed(block, case)[0])
     for entry in corners.stored(stem)["found"][case]:
         goal = tuple(entry["goal"].split(" | "))
         rows = corners.expanded(block, case, entry["rows"])
         assert rows[0, 0] == 1
-        assert goal in coverage.seen(block, case, rows), entry["goal"]
+        assert goal in coverage.coverage_of(block, case, rows), entry["goal"]
         assert goal not in directed, f"{entry['goal']}: a directed family has it"
     assert stimulus.make(block, case)[1][-1][0] == corners.FAMILY
 
@@ -102,7 +102,7 @@ def test_toggles_count_what_a_plain_loop_counts():
     block = blocks.BLOCKS["modulator"]
     rows, _ = stimulus.make(block, "dac16")
     table = results(block, "dac16", rows[:300])
-    for k, found in enumerate(coverage.toggles(coverage.named(block), table)):
+    for k, found in enumerate(coverage.toggles(coverage.goal_name(block), table)):
         rose = fell = 0
         values = [int(v) & ((1 << found.width) - 1) for v in table[:, k]]
         for before, after in itertools.pairwise(values):

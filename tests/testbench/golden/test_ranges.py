@@ -39,7 +39,7 @@ def proven(stem, case=None):
 def assert_inside(stem, case, regs, pins):
     found = ranges.of_case(stem, case)
     for one, ends in zip(
-        (*found.registers, *found.pins), range_report.seen(np.column_stack([regs, pins])), strict=True
+        (*found.registers, *found.pins), range_report.seen_range(np.column_stack([regs, pins])), strict=True
     ):
         assert one.proven[0] <= ends[0], (stem, case, one.name, ends)
         assert ends[1] <= one.proven[1], (stem, case, one.name, ends)
@@ -260,7 +260,7 @@ def test_wrong_hints_make_no_false_claim(monkeypatch, stem):
     found = ranges.analyse(block, params)
     stim, _ = made(stem, case)
     regs, _ = blocks.run(block, case, stim)
-    for one, ends in zip(found.registers, range_report.seen(regs), strict=True):
+    for one, ends in zip(found.registers, range_report.seen_range(regs), strict=True):
         assert one.proven is None or one.proven[0] <= ends[0] <= ends[1] <= one.proven[1]
 
 

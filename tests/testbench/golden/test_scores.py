@@ -13,8 +13,8 @@ from testbench.golden.stimulus import blocks
 from tests.testbench.golden.test_synthesis import part
 from tests.testbench.rtl.test_rtl import RTL
 
-MEASURE = "python -m testbench.golden.whole_rtl mutation --only BLOCK; python -m testbench.golden.bundles.scores"
-ENTRIES = {e["block"]: e for e in scores.known()["mutation"]}
+MEASURE = "python -m testbench.golden.rtl_verification mutation --only BLOCK; python -m testbench.golden.bundles.scores"
+ENTRIES = {e["block"]: e for e in scores.known_scores()["mutation"]}
 
 
 def test_every_block_and_the_wiring_meet_their_limits():
@@ -46,9 +46,9 @@ def test_the_score_of_the_wiring_is_of_these_recordings_and_of_this_design():
 
 def test_other_vectors_have_no_score(bundles):
     manifest = bundle.verify(bundles("delay") / "depth3")
-    assert scores.noted(manifest)
+    assert scores.note_score(manifest)
     for other in (manifest | {"case": "depth8"}, manifest | {"block": "tiny"}, manifest | {"params": []}):
-        assert scores.noted(other) == {}
+        assert scores.note_score(other) == {}
 
 
 def test_comments_and_spaces_are_no_part_of_a_design(tmp_path):
@@ -62,13 +62,13 @@ def test_comments_and_spaces_are_no_part_of_a_design(tmp_path):
 
 
 def test_the_page_holds_what_was_measured():
-    found = scores.known()
+    found = scores.known_scores()
     assert part("mutation") == scores.table(found["mutation"])
     assert part("times") == scores.times(found["times"])
 
 
 def test_what_was_left_is_taken_over(tmp_path, monkeypatch, capsys):
-    kept, page, before = tmp_path / "scores.json", tmp_path / "rtl.md", scores.known()["times"]
+    kept, page, before = tmp_path / "scores.json", tmp_path / "rtl.md", scores.known_scores()["times"]
     shutil.copy(scores.FILE, kept)
     shutil.copy(scores.PAGE, page)
     monkeypatch.setattr(scores, "FILE", kept)
@@ -81,5 +81,5 @@ def test_what_was_left_is_taken_over(tmp_path, monkeypatch, capsys):
     assert scores.main([str(tmp_path)]) == 0
     assert json.loads(kept.read_text())["times"] == before | times
     assert json.loads(kept.read_text())["mutation"] == list(ENTRIES.values())
-    assert scores.times(scores.known()["times"]) in page.read_text()
+    assert scores.times(scores.known_scores()["times"]) in page.read_text()
     assert "| loop | passed | 1 | 2 |" in page.read_text()

@@ -219,7 +219,7 @@ def drawn(bank, problem, kind, seed, d_range=(8.0, 60.0)):
 
 def recorded(bank, problem, kind, seed, theta, effects, texts):
     """{condition: features of its repeats} in the exact engine; ConfigError where a board loses its lock."""
-    board = problem.told(theta, effects)
+    board = problem.model_at(theta, effects)
     if kind == "flicker":
         level = "plant.sid_flicker_v_per_rthz"
         louder = {level: FLICKER * bank.model.plant.sid_flicker_v_per_rthz}

@@ -73,7 +73,7 @@ def test_candidates_have_one_name_and_one_law_each():
 def test_a_coefficient_of_zero_is_the_model_itself(bank, blank):
     c = bank.conditions[0]
     theta = np.array([n.value for n in blank.nuisances])
-    told = [blank.told(theta, {}), blank.told(theta, {"bias_cubic": 0.0})]
+    told = [blank.model_at(theta, {}), blank.model_at(theta, {"bias_cubic": 0.0})]
     for kind in (EXACT, FAST):
         a, b = bank.bench.run([Run(m, c, 5, bank.model) for m in told], kind)
         assert (a == b).all()
@@ -101,7 +101,7 @@ def test_the_averaged_plant_moves_as_the_exact_one_does(whole_bank, whole_blank)
     # what the tangents do not see is tried at its largest
     most = {n: blank.tangents.largest(n) for n in names}
     tried = {n: min(300.0 / size[n], most[n]) if size[n] else most[n] for n in names}
-    models = [Model(bank.model)] + [blank.told(theta, {n: tried[n]}) for n in names]
+    models = [Model(bank.model)] + [blank.model_at(theta, {n: tried[n]}) for n in names]
     # a change of frequency moves the slips of the reference edges, in each engine at its own instants: so draws
     runs = [Run(m, c, 60 + k, bank.model) for m in models for k in range(16)]
     k, moved = blank._rows[c.id], {}
@@ -164,10 +164,10 @@ def test_a_law_that_the_data_do_not_see_changes_no_bit_of_a_prediction(whole_bla
 
 def test_boards_power_on_side_by_side_as_alone(bank):
     c = bank.conditions[0]
-    told = [loop_runs.configured(problem, k) for k, problem in enumerate([Model(bank.model)] * 3)]
+    told = [loop_runs.configuration_of(problem, k) for k, problem in enumerate([Model(bank.model)] * 3)]
     ticks = 400 * FRAME_TICKS
-    together = loop_runs.powered([loop_runs.switched_on(cfg, c) for cfg in told], ticks)
-    alone = [loop_runs.powered([loop_runs.switched_on(cfg, c)], ticks)[0] for cfg in told]
+    together = loop_runs.power_on([loop_runs.switched_on(cfg, c) for cfg in told], ticks)
+    alone = [loop_runs.power_on([loop_runs.switched_on(cfg, c)], ticks)[0] for cfg in told]
     for a, b in zip(together, alone):
         assert a.tick == b.tick == ticks
         assert list(flatten.leaves(a.fpga)) == list(flatten.leaves(b.fpga))

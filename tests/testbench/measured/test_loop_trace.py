@@ -46,8 +46,8 @@ def _trace(monkeypatch, problem, arrived):
         def arrived(self):
             return self.where, {"law": 1.0}
 
-        def told(self):
-            return Result("x", "unexplained" if verdict.blocked(problem, True) else "named", "")
+        def conclude(self):
+            return Result("x", "unexplained" if verdict.blocks(problem, True) else "named", "")
 
     monkeypatch.setattr(loop_trace, "Tracer", Tracer)
     return loop_trace.run(problem)[1]

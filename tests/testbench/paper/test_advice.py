@@ -158,7 +158,7 @@ def test_derivatives_are_those_that_formulas_give():
 
 def test_every_parameter_exists_and_can_be_moved():
     for p in sensitivity.PARAMETERS:
-        _, after, h = sensitivity.moved(CONFIG, p, 1)
+        _, after, h = sensitivity.move_parameter(CONFIG, p, 1)
         assert h
         assert after != DEFAULT or p.name.startswith(("plant.drive", "plant.adc_delay"))
     said = f"{len(sensitivity.PARAMETERS)} parameters against {len(sensitivity.OBSERVABLES)} observables"

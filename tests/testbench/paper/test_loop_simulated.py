@@ -34,7 +34,7 @@ def runs():
     """All cases under a multisine, and three under a step."""
     sine = confirm.multisine()
     steps = [CASES["default"], CASES["references at 26 MHz"], changed(QUIET, {"plant.sid_charge_c": 0.0})]
-    done = confirm.played([*CASES.values(), *steps], [sine] * len(CASES) + [STEP] * len(steps))
+    done = confirm.play_run([*CASES.values(), *steps], [sine] * len(CASES) + [STEP] * len(steps))
     for run in done:
         assert run.locked
     names = [*CASES, "step", "step at 26 MHz", "step without charge"]
@@ -102,7 +102,7 @@ def test_without_noise_the_loops_rest_in_the_dead_band(runs):
     ],
 )
 def test_what_is_unstable_grows_as_its_pole_says(after, writes):
-    words = confirm.exchanged(QUIET, changed(QUIET, after), 0.3, writes=writes)["rate_word"]
+    words = confirm.exchange(QUIET, changed(QUIET, after), 0.3, writes=writes)["rate_word"]
     p = parts(changed(QUIET, after))
     if writes:
         p = p._replace(sense_turn_rad=math.pi, ye1_rad=p.ye1_rad + math.pi)
@@ -121,7 +121,7 @@ def test_the_other_order_of_modes_runs_away():
     config = changed(QUIET, other)
     assert advisor.analyse(parts(config)).growth_hz == 0.0
     try:
-        (run,) = confirm.played([config], [np.zeros(4000)])
+        (run,) = confirm.play_run([config], [np.zeros(4000)])
     except ConfigError:
         return  # it did not even lock
     assert np.all(np.abs(run.columns["rate_word"][-400:]) == 2**23 - 1)
@@ -137,15 +137,17 @@ def test_the_three_strongest_sensitivities_are_simulated(observable):
     for row in first:
         whole = row.parameter.name.startswith("firmware.") and row.parameter.step >= 1
         configs.append(
-            sensitivity.moved(QUIET, row.parameter._replace(step=row.parameter.step * (1 if whole else 5)), 1)[0]
+            sensitivity.move_parameter(QUIET, row.parameter._replace(step=row.parameter.step * (1 if whole else 5)), 1)[
+                0
+            ]
         )
     if observable == "scale_factor":
-        done = confirm.played(configs, [STEP] * len(configs))
+        done = confirm.play_run(configs, [STEP] * len(configs))
         words = [run.columns["rate_word"] for run in done]
         seen = [(w[-800:].mean() - w[STEP_AT - 800 : STEP_AT].mean()) / STEP_DPS for w in words]
     else:
         sine = confirm.multisine()
-        done = confirm.played(configs, [sine] * len(configs))
+        done = confirm.play_run(configs, [sine] * len(configs))
         seen = []
         for config, run in zip(configs, done):
             loop = lp.close(parts(config))

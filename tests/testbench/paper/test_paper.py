@@ -86,7 +86,7 @@ def test_where_edges_slide_on_their_grid_the_stamps_say_so():
     """Board 7 of seed 5 runs beside 9 MHz/818: the loop slides, x stands up to 0.1 deg off, and detuning finds psi."""
     bench = Bench(boards.draw(configured(), 5, 7), engine="baseband")
     truth = Judge(bench).residuals().deg
-    turned = calibrate.Turned(bench)
+    turned = calibrate.TurnedReading(bench)
     turned.to(55.0)
     rows = bench.stamped(3.0)
     assert calibrate.late(bench, rows, np.ones(len(rows))).deg > 0.05

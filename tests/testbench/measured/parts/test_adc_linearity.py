@@ -5,7 +5,7 @@ import pytest
 
 from analog_frontend.parts import adc
 from testbench.errors import FileError
-from testbench.measured.exam.staged import staged
+from testbench.measured.exam.staged import add_in_stages
 from testbench.measured.formats import meters_csv
 from testbench.measured.nulls import nulls
 from testbench.measured.openers import open_problem
@@ -19,7 +19,7 @@ def plain(volts, warmth):
 def test_one_meters_turnover_is_that_meters(tmp_path):
     laws = {"p": plain, "q": lambda v, w: 4.0 * abs(v) / 10, "r": plain}
     path = made.meters(tmp_path / "no name.txt", np.random.default_rng(1), laws)
-    found = staged(open_problem([path], {}), most=6).json
+    found = add_in_stages(open_problem([path], {}), most=6).json
     assert (found["verdict"], found["effects"][0]["law"]) == ("named", "q: turnover")
     assert abs(found["effects"][0]["value"] - 4.0) < 4 * found["effects"][0]["sd"]
     assert all(row["after"] < 1.5 * row["floor"] for row in found["heldout"].values())
@@ -28,7 +28,7 @@ def test_one_meters_turnover_is_that_meters(tmp_path):
 def test_an_error_in_all_meters_is_the_sources(tmp_path):
     laws = {"p": plain, "q": plain, "r": plain}
     path = made.meters(tmp_path / "k2001.csv", np.random.default_rng(2), laws, sign_uv=1.5, order="sweep")
-    found = staged(open_problem([path], {}), most=6).json
+    found = add_in_stages(open_problem([path], {}), most=6).json
     assert found["effects"][0]["law"] == "source: polarity offset"
     assert found["effects"][0]["kind"] == "instrument"
 
@@ -36,7 +36,7 @@ def test_an_error_in_all_meters_is_the_sources(tmp_path):
 def test_gain_with_temperature_is_told_from_a_curve(tmp_path):
     laws = {"p": lambda v, w: 6.0 * w * v / 10, "q": plain}
     path = made.meters(tmp_path / "a", np.random.default_rng(3), laws)
-    assert staged(open_problem([path], {}), most=6).json["effects"][0]["law"] == "p: gain with temp"
+    assert add_in_stages(open_problem([path], {}), most=6).json["effects"][0]["law"] == "p: gain with temp"
 
 
 def test_meters_without_an_effect_gain_none(tmp_path):
@@ -46,7 +46,7 @@ def test_meters_without_an_effect_gain_none(tmp_path):
 
 def test_one_meter_alone_cannot_say_whose_it_is(tmp_path):
     path = made.meters(tmp_path / "a", np.random.default_rng(5), {"p": lambda v, w: 4.0 * abs(v) / 10})
-    found = staged(open_problem([path], {}), most=2).json
+    found = add_in_stages(open_problem([path], {}), most=2).json
     assert (found["verdict"], found["effects"][0]["port"]) == ("confounded", "adc or source")
 
 

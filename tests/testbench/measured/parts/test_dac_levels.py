@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from analog_frontend import dac_levels as kernel
-from testbench.measured.exam.staged import staged
+from testbench.measured.exam.staged import add_in_stages
 from testbench.measured.nulls import nulls
 from testbench.measured.openers import open_problem
 from testbench.measured.parts import dac_levels
@@ -38,7 +38,7 @@ def sessions(folder, seed, **law):
 
 def test_an_element_is_named_whatever_the_files_are_called(tmp_path):
     problem = open_problem(sessions(tmp_path, 1, elements=[(3, 8, 1.5)]), {})
-    found = staged(problem, most=4).json
+    found = add_in_stages(problem, most=4).json
     first = found["effects"][0]
     assert (found["verdict"], first["law"], first["port"]) == ("named", "element 3/8", "dac")
     assert abs(first["value"] - 1.5) < 4 * first["sd"] + 0.02
@@ -47,7 +47,7 @@ def test_an_element_is_named_whatever_the_files_are_called(tmp_path):
 
 
 def test_another_effect_is_another_name(tmp_path):
-    found = staged(open_problem(sessions(tmp_path, 2, bits_lsb=[(7, 0.8)], variable="B"), {}), most=4).json
+    found = add_in_stages(open_problem(sessions(tmp_path, 2, bits_lsb=[(7, 0.8)], variable="B"), {}), most=4).json
     assert found["effects"][0]["law"] == "bit 7"
 
 
@@ -57,7 +57,7 @@ def test_sessions_without_an_effect_gain_none(tmp_path):
 
 
 def test_one_session_alone_is_traced_by_turns(tmp_path):
-    found = staged(open_problem(sessions(tmp_path, 4, elements=[(3, 8, 1.5)])[:1], {}), most=2).json
+    found = add_in_stages(open_problem(sessions(tmp_path, 4, elements=[(3, 8, 1.5)])[:1], {}), most=2).json
     assert found["effects"][0]["law"] == "element 3/8"
 
 

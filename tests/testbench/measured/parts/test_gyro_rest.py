@@ -5,7 +5,7 @@ import pytest
 
 from analog_frontend.effects import rate_vibration
 from testbench.errors import FileError
-from testbench.measured.exam.staged import staged
+from testbench.measured.exam.staged import add_in_stages
 from testbench.measured.formats import gyro_npz
 from testbench.measured.openers import open_problem
 from testbench.measured.parts import gyro_rest
@@ -14,7 +14,7 @@ from tests.testbench.measured.parts import made
 
 def test_a_vibration_is_found_on_its_axis(tmp_path):
     path = made.rest(tmp_path / "a.zip", np.random.default_rng(1), (1, 12.0, 15.0, 0.2), axes=2)
-    found = staged(open_problem([path.with_name("a.zip.npz")], {}), most=1).json
+    found = add_in_stages(open_problem([path.with_name("a.zip.npz")], {}), most=1).json
     law = found["effects"][0]["law"]
     assert law.startswith("y: vibration")
     assert abs(np.log(float(law.split()[-2]) / 12.0)) < 0.07
@@ -26,7 +26,7 @@ def test_a_vibration_is_found_on_its_axis(tmp_path):
 def test_a_broad_hump_is_not_the_vibration_that_was_tried(tmp_path):
     """Noise of quality 0.6: a line's frequency and width are carried out of their priors by it."""
     made.rest(tmp_path / "h", np.random.default_rng(1), (1, 9.0, 0.6, 0.4), axes=2)
-    found = staged(open_problem([tmp_path / "h.npz"], {}), most=1).json
+    found = add_in_stages(open_problem([tmp_path / "h.npz"], {}), most=1).json
     assert found["effects"] == []
     assert found["superseded"][0].startswith("y: vibration")
     assert found["verdict"] in ("unexplained", "noise-model")
@@ -34,7 +34,7 @@ def test_a_broad_hump_is_not_the_vibration_that_was_tried(tmp_path):
 
 def test_white_noise_gains_no_effect(tmp_path):
     made.rest(tmp_path / "b", np.random.default_rng(2), axes=1)
-    assert staged(open_problem([tmp_path / "b.npz"], {}), most=1).json["effects"] == []
+    assert add_in_stages(open_problem([tmp_path / "b.npz"], {}), most=1).json["effects"] == []
 
 
 def test_a_line_has_its_power():

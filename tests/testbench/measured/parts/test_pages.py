@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from testbench.measured import in_loop, pages
-from testbench.measured.exam.tell import above
+from testbench.measured.exam.part_page import above
 
 KEPT = json.loads(pages.KEPT.read_text())
 TEXT = {
@@ -29,7 +29,7 @@ def ratios(job):
 
 
 def test_the_tables_are_those_of_the_run():
-    for path, text in pages.renewed().items():
+    for path, text in pages.renew().items():
         assert path.read_text() == text, "stale; run: python -m testbench.measured.pages"
 
 
@@ -99,7 +99,9 @@ def test_numbers_in_the_text_on_the_parts():
     assert f"a peak that settles at {first['hz']:.1f} Hz, from {100 * first_settles['value']:.0f} % above" in text
     assert first_settles["law"].endswith("settling in 3000 s")
     weaker = f"A weaker peak settles at {other['hz']:.1f} Hz from {100 * other_settles['value']:.0f} % above;"
-    assert f"{weaker} its law is named after the nearest frequency that was tried, {other['law'].split()[-2]} Hz" in text
+    assert (
+        f"{weaker} its law is named after the nearest frequency that was tried, {other['law'].split()[-2]} Hz" in text
+    )
 
 
 def test_numbers_in_the_text_on_the_meters():

@@ -9,7 +9,7 @@ import shutil
 
 import pytest
 
-from testbench.measured import all_sets
+from testbench.measured import sets_report
 from testbench.measured.exam import exam
 from testbench.measured.formats import registry
 from testbench.measured.openers import open_problem
@@ -21,7 +21,10 @@ pytestmark = [
 
 
 def traced(set_name):
-    return {label: all_sets.one(paths, options)[0] for label, paths, options in all_sets.jobs(registry.paths(set_name))}
+    return {
+        label: sets_report.trace_job(paths, options)[0]
+        for label, paths, options in sets_report.jobs(registry.paths(set_name))
+    }
 
 
 def test_driven_resonator_official_split():
@@ -62,7 +65,7 @@ def test_the_sweeps_are_too_fast_for_the_crystal():
 
 
 def test_names_of_files_and_folders_change_nothing(tmp_path):
-    _, paths, options = all_sets.jobs(registry.paths("mems_ringdown"))[0]
+    _, paths, options = sets_report.jobs(registry.paths("mems_ringdown"))[0]
     copies = [tmp_path / f"recording{k}.bin" for k in range(len(paths))]
     for a, b in zip(paths, copies):
         shutil.copyfile(a, b)
@@ -72,6 +75,6 @@ def test_names_of_files_and_folders_change_nothing(tmp_path):
 
 @pytest.mark.parametrize("set_name", ["mems_ringdown", "quartz_vna", "silverbox"])
 def test_a_hundred_nulls_name_an_effect_at_most_once(set_name):
-    _, paths, options = all_sets.jobs(registry.paths(set_name))[-1 if set_name == "quartz_vna" else 0]
+    _, paths, options = sets_report.jobs(registry.paths(set_name))[-1 if set_name == "quartz_vna" else 0]
     found = exam.nulls(open_problem(paths, options), 100)
     assert sum(bool(names) for names in found) <= 1

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from testbench.measured.exam.staged import staged
+from testbench.measured.exam.staged import add_in_stages
 from testbench.measured.openers import open_problem
 from testbench.measured.parts import paper
 
@@ -23,7 +23,7 @@ def renamed(folder, pattern, where):
 @pytest.mark.parametrize(("chooses", "limit"), [("1", 2.0), ("2", 1.5)])
 def test_the_dacs_sessions_name_the_same_elements(tmp_path, chooses, limit):
     problem = open_problem(renamed("dac16_levels", "*.mat", tmp_path), {"fit": chooses})
-    found = staged(problem, most=30).json
+    found = add_in_stages(problem, most=30).json
     row, effects = found["heldout"]["level"], {e["law"]: e["value"] for e in found["effects"]}
     assert found["effects"][0]["law"] == "element 5/8"
     assert effects["element 5/8"] == pytest.approx(-2.0, abs=0.2)
@@ -35,7 +35,7 @@ def test_the_dacs_sessions_name_the_same_elements(tmp_path, chooses, limit):
 @pytest.mark.slow
 def test_the_meters_have_errors_of_their_own_and_one_is_broken(tmp_path):
     (path,) = renamed("dmm_linearity", "*.dsv", tmp_path)
-    found = staged(open_problem([path], {}), most=36).json
+    found = add_in_stages(open_problem([path], {}), most=36).json
     ratio = {name: row["after"] / row["floor"] for name, row in found["heldout"].items()}
     broken = [name for name, r in ratio.items() if r > 1.5]
     before = {name: row["before"] for name, row in found["heldout"].items()}
@@ -47,7 +47,7 @@ def test_the_meters_have_errors_of_their_own_and_one_is_broken(tmp_path):
 @pytest.mark.slow
 def test_the_gyroscopes_third_axis_vibrates_and_settles(tmp_path):
     (path,) = renamed("gyro_static", "*.npz", tmp_path)
-    found = staged(open_problem([path], {}), most=2).json
+    found = add_in_stages(open_problem([path], {}), most=2).json
     assert [e["law"].split(": ")[0] for e in found["effects"]] == ["z", "z"]
     assert "settling" in found["effects"][1]["law"]
     row = found["heldout"]["spectrum z"]

@@ -1,7 +1,7 @@
 """Eight plants side by side: their arrays, and where in them everything stands. Lane l of a register is plant l.
 
-    eight_linear.py   inputs, chains, modes, C/V           eight_sid.py   demodulators, reference edges
-    eight_top.py      a block of ticks of all eight
+    side_by_side_linear.py   inputs, chains, modes, C/V           side_by_side_sid.py   demodulators, reference edges
+    side_by_side_top.py      a block of ticks of all eight
 
     g       entries of the plants' matrices in the order of ENTRIES       z   linear states, order of top.State.z
     codes   of the DACs: row 2 t + which holds what is put out at the beginning of tick t of the block
@@ -77,11 +77,11 @@ PLACES = np.concatenate([PLACES, [CX1 + k * ROW for k in range(3)], [CY1 + k * R
 FORCED_BY = (D1, D1 + ROW, D1 + 2 * ROW, S1, S1 + ROW, S1 + 2 * ROW, UD, DUD, US, DUS, AD, AS, FX, FY)
 NUMBERS = 8  # scalars of sid.Params
 SLOTS = 16  # most edges of a plant in a strip that go together
-GIVEN, FACTORS = 9, 15  # rows of a slot, see eight_sid.py
+GIVEN, FACTORS = 9, 15  # rows of a slot, see side_by_side_sid.py
 EFFECT_INTEGERS, EFFECT_NUMBERS = (len(part) for part in split(effects.OFF))
 
 
-class Eight(NamedTuple):
+class SideBySide(NamedTuple):
     """Arrays of eight plants, mutated in place; a first axis of eight, or lanes side by side in a flat array."""
 
     g: doubles(SIZE)
@@ -137,5 +137,5 @@ class Eight(NamedTuple):
     place: int64s(LANES)  # scratch: its place in the list
 
 
-AT = places(Eight)
+AT = places(SideBySide)
 opened = AT.opened

@@ -1,8 +1,8 @@
-"""What one gyroscope carries from event to event, and what happens in front of and behind the plant's ticks.
+"""State of one gyroscope between two blocks, and the firmware's work before and after the plant's ticks.
 
-    horizon   how many ticks nothing new can happen that is not known already
-    ahead     words of those ticks, DAC codes, reference edges: what the plant is told (`played`, then `told`)
-    behind    the converter's frame that was read, and the one that begins to be
+    ticks_to_event   ticks until the next event
+    before_ticks     words, DAC codes and reference edges of these ticks (`play`, then `words_of_ticks`)
+    after_ticks      frames that the converter has completed, and the one that it begins
 
     8 kHz window (a valid ADC frame, or stale at ce_8k), frame boundary, DRDY: the events; ticks in between are blocks
 
@@ -34,7 +34,7 @@ DUMP_CLOCKS = digital_sid.LATENCY
 FAR, ZERO, ONE = np.int64(1 << 62), np.int64(0), np.int64(1)
 
 
-class Carried(NamedTuple):
+class BlockState(NamedTuple):
     """Integers only, so that a row of int64 holds it. Clocks count from power-on; FAR where nothing comes."""
 
     sid: digital_sid.State
@@ -55,7 +55,7 @@ class Carried(NamedTuple):
 
 
 @inner
-def taken_up(p, f, chips, tick, drdy_cycle):
+def take_up(p, f, chips, tick, drdy_cycle):
     """What a quiet firmware carries."""
     word = f.control.frequency_tracker.word
     quadrature = chips.quadrature.code if tick % FRAME_TICKS == 0 else f.control.quadrature_loop.root.y
@@ -67,7 +67,7 @@ def taken_up(p, f, chips, tick, drdy_cycle):
         ZERO,
         quadrature,
     )
-    return Carried(
+    return BlockState(
         f.sid,
         s,
         references.pins(p.references, f.references),
@@ -114,7 +114,7 @@ def last_quiet(end, ready):
 
 
 @inner
-def horizon(converter, clock, silent, g, tick, end):
+def ticks_to_event(converter, clock, silent, g, tick, end):
     """The tick up to which a block from `tick` on may go; `tick` itself when it is the last quiet one before `end`.
 
     converter, clock  of the ADC; silent  its DRDY never falls
@@ -134,7 +134,7 @@ def horizon(converter, clock, silent, g, tick, end):
 @inner
 def codes_at(p, g, tick):
     """The five codes that the firmware holds at the first clock of a tick."""
-    return engine.frame_codes(p, g.sid.codes, window.received(g.channels, g.coming, g.falls, TICK_CYCLES * tick))
+    return engine.frame_codes(p, g.sid.codes, window.receive(g.channels, g.coming, g.falls, TICK_CYCLES * tick))
 
 
 @inner
@@ -148,7 +148,7 @@ def _loaded(p, s, tick, known, n):
 
 
 @outlined
-def demodulated(p, sid, tick, first, end, b):
+def demodulate(p, sid, tick, first, end, b):
     """The FPGA's own demodulator over ticks `first` .. `end` - 1 of a block that begins at `tick`.
 
     One edge a tick, and at a dump those until its codes are out.
@@ -170,14 +170,14 @@ def _aged(p, dog, ticks):
 
 
 @inner
-def awaited(p, g, tick):
+def await_frame(p, g, tick):
     """Whether a window begins, or goes on, in the block that begins at `tick`."""
     starts = tick % FRAME_TICKS == 0 and (p.digital or g.s.dog.stale)
     return g.s.slot != 0 or starts or (not p.digital and g.valid < TICK_CYCLES * (tick + 1))
 
 
 @inner
-def played(p, g, tick, n, sar, b):
+def play(p, g, tick, n, sar, b):
     """The 8 kHz side over the window of a block, the FPGA's own demodulator, and the ticks in which words are known.
 
     sar  the two samples of the demodulator. Mutates `b`
@@ -189,7 +189,7 @@ def played(p, g, tick, n, sar, b):
         if tick % FRAME_TICKS == 0:
             b.sar[0, 0], b.sar[1, 0] = sar[0], sar[1]
             b.refs[0] = g.refs
-            sid = demodulated(p, sid, tick, 0, 1, b)
+            sid = demodulate(p, sid, tick, 0, 1, b)
             window_at = at + DUMP_CLOCKS
     elif g.valid < at + TICK_CYCLES:
         window_at = g.valid
@@ -198,19 +198,19 @@ def played(p, g, tick, n, sar, b):
 
 
 @inner
-def ahead(p, g, faults, tick, n, sar, drive_codes, sense_codes, b):
+def before_ticks(p, g, faults, tick, n, sar, drive_codes, sense_codes, b):
     """`n` ticks from `tick` on, up to the plant: what is carried, and the number of reference edges.
 
     sar  as for `played`. Mutates both codes (those at the end of each tick) and `b`
     """
     s, sid, known = g.s, g.sid, 0
-    if awaited(p, g, tick):
-        s, sid, known = played(p, g, tick, n, sar, b)
-    return told(p, g, s, sid, known, faults, tick, n, drive_codes, sense_codes, b)
+    if await_frame(p, g, tick):
+        s, sid, known = play(p, g, tick, n, sar, b)
+    return words_of_ticks(p, g, s, sid, known, faults, tick, n, drive_codes, sense_codes, b)
 
 
 @inner
-def told(p, g, s, sid, known, faults, tick, n, drive_codes, sense_codes, b):
+def words_of_ticks(p, g, s, sid, known, faults, tick, n, drive_codes, sense_codes, b):
     """The second half of `ahead`: what the pins show, of the 8 kHz side `s`, whose first `known` ticks are in `b`."""
     amplitude, rate = control.amplitude(p.control, s.control), s.control.rate_loop.loop.y
     init = sequencer.outputs(s.control.sequencer).dac_init
@@ -223,7 +223,7 @@ def told(p, g, s, sid, known, faults, tick, n, drive_codes, sense_codes, b):
     s = s._replace(dog=_aged(p.watchdog, s.dog, n - known), quadrature=_loaded(p, s, tick, known, n))
     pins.dac_codes(p, s.bank, s.turn, tick, n, b)
     mixed = known > 0 or init == 1
-    enabled, staged = pins.told(p, drive_codes, sense_codes, n, g.enabled, g.staged, mixed, b)
+    enabled, staged = pins.words_of_ticks(p, drive_codes, sense_codes, n, g.enabled, g.staged, mixed, b)
     drive_code, sense_code = drive_codes[n - 1], sense_codes[n - 1]
     if faults.dac[0] or faults.dac[1]:
         for k in range(n):
@@ -235,7 +235,7 @@ def told(p, g, s, sid, known, faults, tick, n, drive_codes, sense_codes, b):
 
 
 @inner
-def behind(g, faults, clock, tick, until, fell, sid):
+def after_ticks(g, faults, clock, tick, until, fell, sid):
     """After the plant's ticks up to `until`: the frame that was read, DRDY of this block, and of the tick after it.
 
     clock  of the ADC; fell  what the plant's block returned; sid  the FPGA's own demodulator by now

@@ -1,6 +1,6 @@
-"""Trace of one part and its page: JSON, table, and pictures of what is left on held-out data before and after.
+"""Trace of one part and its page: JSON, table, and pictures of the residuals on held-out data before and after.
 
-A problem says `most_laws` if its laws are many and small: they are then added one after the other (`staged`).
+A problem says `most_laws` if its laws are many and small: they are then added one after the other (`add_in_stages`).
 Figures are SVG in the page; they are drawn from the held-out groups alone.
 """
 
@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from testbench.console import report
-from testbench.measured.exam.staged import absorbed, staged
+from testbench.measured.exam.staged import absorb, add_in_stages
 from testbench.tracing.report import number
 from testbench.tracing.trace import Options, Tracer
 
@@ -25,7 +25,7 @@ h2{margin-top:2em;border-top:2px solid #888;padding-top:.6em}.bad{color:#a00}.go
 .part{color:#a60}code{background:#eee}"""
 
 
-class Left(NamedTuple):
+class Residual(NamedTuple):
     """Measured less predicted of one observable of one segment."""
 
     role: str
@@ -38,10 +38,10 @@ class Left(NamedTuple):
 def run(problem, options=None, progress=None):
     """(JSON, {observable: (measured, before, after) of held-out rows}, caption data) of a part's problem."""
     options = options or Options()
-    found = staged(problem, options, problem.most_laws, progress)
+    found = add_in_stages(problem, options, problem.most_laws, progress)
     rows = residuals(problem, found)
     judging = {key: row for key, row in rows.items() if row.role == "validate"}
-    return in_part(found.json | {"left": [left(problem, key, rows) for key in judging]}), judging
+    return in_part(found.json | {"left": [residual_of(problem, key, rows) for key in judging]}), judging
 
 
 def above(row):
@@ -63,7 +63,7 @@ def residuals(problem, found):
     names = [r.law for r in found.rounds if r.kept]
     quick = Options(n_null=199, max_laws=1, power=False, experiments=False)
     fits = []
-    for now in (problem, absorbed(problem, names)):
+    for now in (problem, absorb(problem, names)):
         tracer = Tracer(now, quick, None, None)
         fits.append((now, tracer.base.fit if tracer.calibrate() else None))
     out = {}
@@ -76,11 +76,11 @@ def residuals(problem, found):
             left.append(y - now.predict([(fit.point.theta, dict(zip(fit.model.names, fit.point.c)))], [k])[0][0])
         for o in segment.observables:
             rms = floor.get(o.name)
-            out[segment.name, o.name] = Left(segment.role, o.unit, rms, left[0][o.rows], left[1][o.rows])
+            out[segment.name, o.name] = Residual(segment.role, o.unit, rms, left[0][o.rows], left[1][o.rows])
     return out
 
 
-def left(problem, key, rows):
+def residual_of(problem, key, rows):
     """What the rest on held-out data looks like, for one observable of one segment: numbers for a sentence.
 
     neighbours  correlation of neighbouring rows along the abscissa, p of it by shuffling: is the rest a curve?

@@ -10,9 +10,9 @@ from testbench.tracing.fit.evidence import log_prior
 from testbench.tracing.fit.rank import one_sided
 from testbench.tracing.fit.rivals import CLEAR
 from testbench.tracing.fit.search import CREDIBLE, credible, inclusion
-from testbench.tracing.noise.looks import SHORT
 from testbench.tracing.noise.noise import bridge
 from testbench.tracing.noise.power import limits
+from testbench.tracing.noise.statistics import SHORT
 from testbench.tracing.problem.result import Result
 
 
@@ -167,7 +167,7 @@ def result(tracer, decision):
         certified = f"P = {', '.join(f'{probability[law]:.3f}' for law in best)}"
         rejected = tracer.noise.p < tracer.options.alpha
         doubtful = "no repeats" if tracer.alarms.model_based else "declared noise rejected" if rejected else ""
-        stopped = verdict.blocked(problem, tracer.base.converged)
+        stopped = verdict.blocks(problem, tracer.base.converged)
         decision = verdict.with_search(found, probability, free, confirmed, doubtful, stopped, certified)
     out = Result(problem.name, decision.verdict, decision.sentence)
     if found is not None and found.best and decision.verdict in ("named", "confounded", "unexplained"):

@@ -7,7 +7,7 @@ Source    docs/decisions/0012-lanes.md
 
 from analog_frontend import effects
 from analog_frontend.effects import law
-from analog_frontend.lanes.eight import (
+from analog_frontend.lanes.side_by_side import (
     AD,
     AS,
     AT_CV,
@@ -195,7 +195,7 @@ def _modes(v, kind, floats, ints, n):
     for t in range(0, n * LANES, LANES):
         if v.flags[FORCE_EFFECTS]:
             store_rows(w, X + t, ROW, (x, vx, y, vy))
-            pushed(kind, floats, ints, t)
+            push(kind, floats, ints, t)
             vx, vy = load(w, VX + t), load(w, VY + t)
         store_rows(w, X + t, ROW, (x, vx, y, vy))
         x_ = _mode(g, 0, x, vx, y, vy, load(w, F + t))
@@ -243,7 +243,7 @@ def _pickoff(v, at, cv, z, x, vx, end_vx, row, path, n):
 
 
 @outlined
-def pushed(kind, floats, ints, at):
+def push(kind, floats, ints, at):
     """Impulses of effects and laws on eight pairs of velocities of the tick at `at`. Mutates v.w."""
     v = opened(floats, ints)
     w = v.w
@@ -260,7 +260,7 @@ def pushed(kind, floats, ints, at):
 
 
 @outlined
-def added(kind, floats, ints, n):
+def add_rows(kind, floats, ints, n):
     """What effects and laws add to the C/V noise of `n` ticks. Mutates its rows."""
     v = opened(floats, ints)
     w = v.w
@@ -290,4 +290,4 @@ def linear(kind, floats, ints, tick, first, n):
     _pickoff(v, AT_PICKOFF, AT_CV, 80, X, VX, END_VX, CX1, PATH_X, n)
     _pickoff(v, AT_PICKOFF + 192, AT_CV + CV, 104, Y, VY, END_VY, CY1, PATH_Y, n)
     if v.flags[CV_EFFECTS]:
-        added(kind, floats, ints, n)
+        add_rows(kind, floats, ints, n)

@@ -1,19 +1,19 @@
-"""A recording of a part, traced and told: one way for `gyro measured trace` and for the page of all sets.
+"""Trace a recording of a part, and describe the result: one way for `gyro measured trace` and for the page of all sets.
 
-    whole       files of a kind that is no problem of the core, such as a table of numbers
-    of_problem  segments that set themselves up: `exam.report`; many small laws: `tell.run`
+    trace_table   files of a kind that is no problem of the core, such as a table of numbers
+    of_problem    segments that set themselves up: `exam.report`; many small laws: `part_page.run`
 Source    docs/measured_parts.md
 """
 
 import json
 
 from testbench.measured import kinds
-from testbench.measured.exam import exam, tell
+from testbench.measured.exam import exam, part_page
 from testbench.measured.models.part_problem import PartProblem
 from testbench.measured.parts.part import Part
 
 
-def whole(paths, options):
+def trace_table(paths, options):
     """(JSON, picture) of files that a kind reports by itself; None if none does."""
     return kinds.first(kind.report(paths, options) for kind in kinds.KINDS)
 
@@ -24,8 +24,8 @@ def of_problem(problem, settings=None, progress=None):
         return exam.report(problem, settings, progress)
     if not isinstance(problem, PartProblem):
         return None
-    data, rows = tell.run(problem, settings, progress)
-    return data, tell.picture(problem, rows) if rows else ""
+    data, rows = part_page.run(problem, settings, progress)
+    return data, part_page.picture(problem, rows) if rows else ""
 
 
 def text(data):
@@ -36,4 +36,4 @@ def text(data):
 
 def section(label, data, image):
     """Part of a page: the report's own, or the usual one."""
-    return data.get("html") or tell.section(label, data, image)
+    return data.get("html") or part_page.section(label, data, image)

@@ -3,9 +3,9 @@
 Source    docs/decisions/0012-lanes.md
 """
 
-from analog_frontend.lanes.eight import STRIP
-from analog_frontend.lanes.eight_linear import linear
-from analog_frontend.lanes.eight_sid import begun, demodulated
+from analog_frontend.lanes.side_by_side import STRIP
+from analog_frontend.lanes.side_by_side_linear import linear
+from analog_frontend.lanes.side_by_side_sid import begin, demodulate
 from fpga_model.jit import outlined
 
 
@@ -15,8 +15,8 @@ def block(kind, floats, ints, tick, n):
 
     kind  of an effects.Params. v.codes holds what the DACs put out, v.edges the reference edges
     """
-    begun(floats, ints)
+    begin(floats, ints)
     for first in range(0, n, STRIP):
         count = min(STRIP, n - first)
         linear(kind, floats, ints, tick, first, count)
-        demodulated(floats, ints, tick, first, count)
+        demodulate(floats, ints, tick, first, count)

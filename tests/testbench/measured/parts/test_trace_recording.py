@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from testbench.measured import all_sets, cli, in_loop, pages, traced
+from testbench.measured import cli, in_loop, pages, sets_report, trace_recording
 from testbench.measured.formats import registry
 from tests.testbench.measured.parts import made, recordings
 
@@ -33,7 +33,7 @@ def copies(paths, where):
 
 def same(paths, options, where, name):
     """The report of files, the same by the page's way and by the command line's under other names."""
-    first = json.loads(traced.text(all_sets.one(paths, options)[0]))
+    first = json.loads(trace_recording.text(sets_report.trace_job(paths, options)[0]))
     assert told(copies(paths, where / name), options, where, name) == first
     return first
 
@@ -82,7 +82,7 @@ def test_of_each_kind_of_law_the_worst_meter_runs_and_the_rest_is_listed():
 @pytest.mark.skipif(not os.environ.get(registry.FOLDER), reason=f"{registry.FOLDER} is not set")
 @pytest.mark.parametrize("name", [*registry.SETS])
 def test_published_sets(tmp_path, name):
-    for k, (label, paths, options) in enumerate(all_sets.jobs(registry.paths(name))):
+    for k, (label, paths, options) in enumerate(sets_report.jobs(registry.paths(name))):
         data = same(paths, options, tmp_path, f"job{k}")
         (kept,) = (job for job in json.loads(pages.KEPT.read_text())[name]["jobs"] if job["label"] == label)
         assert (data["verdict"], [e["law"] for e in data["effects"]]) == (

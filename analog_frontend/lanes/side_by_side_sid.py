@@ -6,7 +6,7 @@ capacitors change one by one. Strips that differ (an edge that acts a tick later
 Source    docs/decisions/0012-lanes.md
 """
 
-from analog_frontend.lanes.eight import (
+from analog_frontend.lanes.side_by_side import (
     CX1,
     CY1,
     FACTORS,
@@ -54,7 +54,7 @@ def _output(v, d):
 
 
 @outlined
-def begun(floats, ints):
+def begin(floats, ints):
     """The first tick of a block at which the switches of each plant move. Mutates `v.due`, `v.place`, `v.out`."""
     v = opened(floats, ints)
     for plant in range(LANES):
@@ -148,7 +148,7 @@ def _answered(v, slot):
 
 
 @outlined
-def gathered(floats, ints, tick, first, n):
+def gather(floats, ints, tick, first, n):
     """All edges of a strip into slots, and what they give. Returns the tick of the block at which a switch moves."""
     v = opened(floats, ints)
     soonest, most = LATER, 0
@@ -292,10 +292,10 @@ def _feed(v, t, path, noise_row):
 
 
 @outlined
-def demodulated(floats, ints, tick, first, n):
+def demodulate(floats, ints, tick, first, n):
     """The demodulators over a strip of `n` ticks from tick `first` of the block on, which begins at `tick`."""
     v = opened(floats, ints)
-    soonest = gathered(floats, ints, tick, first, n)
+    soonest = gather(floats, ints, tick, first, n)
     for t in range(n):
         moved = 0
         if first + t == soonest:

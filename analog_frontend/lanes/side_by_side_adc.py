@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analog_frontend.lanes import eight
-from analog_frontend.lanes.eight import LANES, TICKS
+from analog_frontend.lanes import side_by_side
+from analog_frontend.lanes.side_by_side import LANES, TICKS
 from analog_frontend.numeric.arena import places
 from analog_frontend.numeric.shapes import doubles, int64s
 from analog_frontend.numeric.vector import integers, load, splat, store
@@ -49,7 +49,7 @@ class Converters(NamedTuple):
     counts: int64s(LANES)  # scratch
 
 
-AT = places(Converters, eight.AT.sizes)
+AT = places(Converters, side_by_side.AT.sizes)
 opened = AT.opened
 
 
@@ -101,7 +101,7 @@ def in_step(a, active):
 
 
 @inlined
-def entered(a, k):
+def enter(a, k):
     """The sums of one converter into the registers of eight. Mutates `a`."""
     for c in range(CHANNELS):
         for j in range(WIDTH):
@@ -109,7 +109,7 @@ def entered(a, k):
 
 
 @inlined
-def left(a, k):
+def leave(a, k):
     """The reverse. Mutates `a`."""
     for c in range(CHANNELS):
         for j in range(WIDTH):
@@ -176,7 +176,7 @@ def _flicker(a, c, counts):
 @outlined
 def _converted(floats, ints, normal):
     """The end of a frame of all eight, as adc.convert. Mutates both arrays."""
-    a, active = opened(floats, ints), eight.opened(floats, ints).active
+    a, active = opened(floats, ints), side_by_side.opened(floats, ints).active
     for k in range(LANES):
         a.counts[k] = a.clock[k, COUNT]
     counts = integers(a.counts, 0)
@@ -206,7 +206,7 @@ def block(floats, ints, p, first, ticks):
 
     What adc.block returns is left in `fell`. Mutates both arrays
     """
-    a, v = opened(floats, ints), eight.opened(floats, ints)
+    a, v = opened(floats, ints), side_by_side.opened(floats, ints)
     due, m, end = a.clock[first, DUE], a.clock[first, SAMPLE], ticks * TICK_UNITS
     pending = a.clock[first, PENDING]
     while due < end:

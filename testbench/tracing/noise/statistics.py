@@ -18,7 +18,7 @@ LAGS = 4
 SHORT, LINES = 8, 16  # rows that a CUSUM and a periodogram need
 
 
-class Looks:
+class Statistics:
     """Statistics of a space (or some of its groups), with the signatures of laws at hand."""
 
     def __init__(self, space, rankings, laws, groups=None):

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from testbench.errors import ConfigError, FileError
-from testbench.golden import whole_rtl
+from testbench.golden import rtl_verification
 from testbench.golden.bundles import scores
 from testbench.golden.mutation import mutate
 from testbench.golden.mutation.mutate import Outcome
@@ -22,9 +22,9 @@ ROOT = Path(__file__).resolve().parents[3]
 def test_times_and_exit_code(tmp_path, monkeypatch, capsys):
     seen = []
     parts = {"good": lambda *_: seen.append("good") or True, "bad": lambda *_: False}
-    monkeypatch.setattr(whole_rtl, "PARTS", parts)
-    assert whole_rtl.main(["good", "--out", str(tmp_path)]) == 0
-    assert whole_rtl.main(["--out", str(tmp_path)]) == 1
+    monkeypatch.setattr(rtl_verification, "PARTS", parts)
+    assert rtl_verification.main(["good", "--out", str(tmp_path)]) == 0
+    assert rtl_verification.main(["--out", str(tmp_path)]) == 1
     assert seen == ["good", "good"]
     said = capsys.readouterr().out.splitlines()
     assert re.fullmatch(r"PASS  good +\d+\.\d s", said[-3])
@@ -36,7 +36,7 @@ def test_times_and_exit_code(tmp_path, monkeypatch, capsys):
 
 
 def test_what_cannot_be_done_is_one_line(tmp_path, monkeypatch, capsys):
-    assert whole_rtl.main(["everything"]) == 2
+    assert rtl_verification.main(["everything"]) == 2
     assert capsys.readouterr().err == (
         "gyro: part: 'everything' is not one of bundles, loop, proofs, synthesis, mutation\n"
     )
@@ -44,45 +44,47 @@ def test_what_cannot_be_done_is_one_line(tmp_path, monkeypatch, capsys):
     def refuse(*_):
         raise FileError("no such thing")
 
-    monkeypatch.setitem(whole_rtl.PARTS, "proofs", refuse)
-    assert whole_rtl.main(["proofs", "--out", str(tmp_path)]) == 2
+    monkeypatch.setitem(rtl_verification.PARTS, "proofs", refuse)
+    assert rtl_verification.main(["proofs", "--out", str(tmp_path)]) == 2
     assert capsys.readouterr().err == "gyro: no such thing\n"
 
 
 def test_make_rtl_does_all_of_it():
     text = (ROOT / "Makefile").read_text()
-    assert re.search(r"^rtl: .*\n\t\$\(BIN\)/python -m testbench\.golden\.whole_rtl \$\(PARTS\)", text, re.M)
-    assert list(whole_rtl.PARTS) == ["bundles", "loop", "proofs", "synthesis", "mutation"]
-    assert whole_rtl.COUNT >= 150
-    assert all(case in blocks.BLOCKS[stem].cases for stem, case in whole_rtl.SCORED.items())
+    assert re.search(r"^rtl: .*\n\t\$\(BIN\)/python -m testbench\.golden\.rtl_verification \$\(PARTS\)", text, re.M)
+    assert list(rtl_verification.PARTS) == ["bundles", "loop", "proofs", "synthesis", "mutation"]
+    assert rtl_verification.COUNT >= 150
+    assert all(case in blocks.BLOCKS[stem].cases for stem, case in rtl_verification.SCORED.items())
 
 
 def test_proofs_and_scores_must_all_hold(tmp_path, monkeypatch):
     proof = formal.Proof("dds", "default", ("a",), True, 1, "", 0.0)
-    monkeypatch.setattr(whole_rtl.formal, "CASES", {"dds": ("default",), "pi": ("rate",)})
-    monkeypatch.setattr(whole_rtl.formal, "prove", lambda stem, case, rtl: proof._replace(proven=stem == "dds"))
-    assert not whole_rtl.proofs(RTL, tmp_path, None)
-    monkeypatch.setattr(whole_rtl.formal, "prove", lambda stem, case, rtl: proof)
-    assert whole_rtl.proofs(RTL, tmp_path, None)
+    monkeypatch.setattr(rtl_verification.formal, "CASES", {"dds": ("default",), "pi": ("rate",)})
+    monkeypatch.setattr(rtl_verification.formal, "prove", lambda stem, case, rtl: proof._replace(proven=stem == "dds"))
+    assert not rtl_verification.proofs(RTL, tmp_path, None)
+    monkeypatch.setattr(rtl_verification.formal, "prove", lambda stem, case, rtl: proof)
+    assert rtl_verification.proofs(RTL, tmp_path, None)
 
 
 def test_scores_are_noted_left_and_must_all_be_whole(tmp_path, monkeypatch):
     noted, options = [], SimpleNamespace(count=150, only=[])
     outcome = Outcome("x", "y", 1, 150, 150, 0, 0, [])
-    monkeypatch.setattr(whole_rtl.export, "export", lambda stem, out: None)
-    monkeypatch.setattr(whole_rtl.bundle, "verify", lambda folder: {"block": folder.parent.name})
-    monkeypatch.setattr(whole_rtl.measured, "vectors", lambda manifest: f"of {manifest['block']}")
+    monkeypatch.setattr(rtl_verification.export, "export", lambda stem, out: None)
+    monkeypatch.setattr(rtl_verification.bundle, "verify", lambda folder: {"block": folder.parent.name})
+    monkeypatch.setattr(rtl_verification.measured, "vectors", lambda manifest: f"of {manifest['block']}")
     monkeypatch.setattr(mutate, "score", lambda folder, *_: outcome._replace(block=folder.parent.name))
     monkeypatch.setattr(mutate, "record", lambda folder, outcome: noted.append(folder.name))
-    monkeypatch.setattr(whole_rtl.mutate_top, "score", lambda rtl, count: outcome._replace(block="top"))
-    assert whole_rtl.scores(RTL, tmp_path, options)
+    monkeypatch.setattr(rtl_verification.mutate_top, "score", lambda rtl, count: outcome._replace(block="top"))
+    assert rtl_verification.scores(RTL, tmp_path, options)
     assert len(noted) == len(blocks.BLOCKS)
     left = json.loads((tmp_path / scores.MUTATION).read_text())
     assert [e["block"] for e in left] == [*blocks.BLOCKS, "top"]
     assert all(f"of {e['block']}" in e["vectors"].values() for e in left[:-1])
-    assert set(left[-1]["vectors"]) == set(whole_rtl.mutate_top.CASES)
-    monkeypatch.setattr(whole_rtl.mutate_top, "score", lambda rtl, count: outcome._replace(block="top", killed=149))
-    assert not whole_rtl.scores(RTL, tmp_path, options)
+    assert set(left[-1]["vectors"]) == set(rtl_verification.mutate_top.CASES)
+    monkeypatch.setattr(
+        rtl_verification.mutate_top, "score", lambda rtl, count: outcome._replace(block="top", killed=149)
+    )
+    assert not rtl_verification.scores(RTL, tmp_path, options)
 
 
 @pytest.mark.parametrize(
@@ -94,10 +96,12 @@ def test_no_fault_may_be_alive_and_few_undecided(killed, equivalent, undecided, 
 
 
 def test_one_score_alone_keeps_the_others(tmp_path, monkeypatch):
-    monkeypatch.setattr(whole_rtl.mutate_top, "score", lambda rtl, count: Outcome("top", "y", 1, count, 7, 0, 0, []))
-    whole_rtl.scores(RTL, tmp_path, SimpleNamespace(count=9, only=["top"]))
+    monkeypatch.setattr(
+        rtl_verification.mutate_top, "score", lambda rtl, count: Outcome("top", "y", 1, count, 7, 0, 0, [])
+    )
+    rtl_verification.scores(RTL, tmp_path, SimpleNamespace(count=9, only=["top"]))
     left = json.loads((tmp_path / scores.MUTATION).read_text())
-    assert left[:-1] == scores.known()["mutation"][:-1]
+    assert left[:-1] == scores.known_scores()["mutation"][:-1]
     assert (left[-1]["mutants"], left[-1]["killed"]) == (9, 7)
     with pytest.raises(ConfigError, match="--only: 'ddds' is not one of dds, sine"):
-        whole_rtl.scores(RTL, tmp_path, SimpleNamespace(count=9, only=["ddds"]))
+        rtl_verification.scores(RTL, tmp_path, SimpleNamespace(count=9, only=["ddds"]))

@@ -18,9 +18,9 @@ import time
 from pathlib import Path
 
 from testbench.errors import ConfigError, FileError
-from testbench.measured import kinds, traced
+from testbench.measured import kinds, trace_recording
 from testbench.measured.closed_loop import loop_trace
-from testbench.measured.exam import tell
+from testbench.measured.exam import part_page
 from testbench.measured.openers import open_problem
 from testbench.storage.files import write_text
 
@@ -50,12 +50,12 @@ def jobs(paths):
     return out + [(path.stem, [path], {}) for path in paths if path not in taken]
 
 
-def one(paths, options):
+def trace_job(paths, options):
     """(JSON, picture) of one job."""
-    found = traced.whole(paths, options)
+    found = trace_recording.trace_table(paths, options)
     if found is None:
         problem = open_problem(paths, options)
-        found = traced.of_problem(problem) or (loop_trace.run(problem)[1].to_json(), "")
+        found = trace_recording.of_problem(problem) or (loop_trace.run(problem)[1].to_json(), "")
     return found
 
 
@@ -67,7 +67,7 @@ def run(sets, say=print):
         for label, chosen, options in jobs(paths):
             start = time.monotonic()
             try:
-                data, image = one(chosen, options)
+                data, image = trace_job(chosen, options)
             except Exception as problem:  # unattended: one job's defect is a row of the page, not the end of the others
                 text = str(problem) if isinstance(problem, (ConfigError, FileError)) else repr(problem)
                 failures.append((name, label, text))
@@ -78,11 +78,11 @@ def run(sets, say=print):
             say(f"{name}: {label}: {data['verdict']}, {len(data['effects'])} law(s), {seconds:.0f} s")
         shown[name] = rows
         if rows:
-            out[name] = joined(rows)
+            out[name] = join_reports(rows)
     return out, shown, failures
 
 
-def joined(rows):
+def join_reports(rows):
     """JSON of a set from its jobs."""
     speaks = min((data for _, data, _ in rows), key=lambda data: UNSETTLED.index(data["verdict"]))
     heldout = {}
@@ -105,15 +105,15 @@ def overview(out):
         for part, h in data["heldout"].items():
             ratio = None if not h.get("floor") else h["after"] / h["floor"]
             rows.append(
-                (name, part, h["unit"], tell.number(h.get("floor")), tell.number(h["before"]))
-                + (tell.number(h.get("after_one_law")), tell.number(h["after"]), tell.number(ratio, 3))
+                (name, part, h["unit"], part_page.number(h.get("floor")), part_page.number(h["before"]))
+                + (part_page.number(h.get("after_one_law")), part_page.number(h["after"]), part_page.number(ratio, 3))
             )
     head = ("set", "held out", "unit", "floor", "before", "after one law", "after", "after / floor")
-    return tell.table(head, rows, (3, 4, 5, 6, 7))
+    return part_page.table(head, rows, (3, 4, 5, 6, 7))
 
 
 def rest_words(data, part):
-    """One sentence on what is left of a held-out part, from the tests in `tell.left`."""
+    """One sentence on what is left of a held-out part, from the tests in `part_page.residual_of`."""
     for r in data.get("left", []):
         if part in (r["observable"], r["segment"], f"{r['segment']} {r['observable']}"):
             if r.get("where"):
@@ -141,29 +141,31 @@ def page(out, shown, failures, loop=""):
     ]
     if failures:
         rows = [(s, label, text) for s, label, text in failures]
-        words += ["<h2>What could not be traced</h2>", tell.table(("set", "file", "why"), rows)]
+        words += ["<h2>What could not be traced</h2>", part_page.table(("set", "file", "why"), rows)]
     above = [
         (name, label, part, f"{h['after'] / h['floor']:.2f}", rest_words(data, part))
         for name, rows in shown.items()
         for label, data, _ in rows
         for part, h in data["heldout"].items()
-        if tell.above(h)
+        if part_page.above(h)
     ]
     if above:
         words += [
             "<h2>Not explained: held-out error above 1.5 floors</h2>",
-            tell.table(("set", "job", "held out", "after / floor", "what the rest is like"), above, (3,)),
+            part_page.table(("set", "job", "held out", "after / floor", "what the rest is like"), above, (3,)),
         ]
     for name, rows in shown.items():
         words.append(f"<h2>{html.escape(name)}</h2>")
         for label, data, image in rows:
-            words.append(traced.section(label, data, image))
-    return tell.page("Measured parts", "".join(words) + loop)
+            words.append(trace_recording.section(label, data, image))
+    return part_page.page("Measured parts", "".join(words) + loop)
 
 
 def main(arguments=None):
     """Command line; 0 if all jobs ran."""
-    parser = argparse.ArgumentParser(prog="python -m testbench.measured.all_sets", description=__doc__.split("\n")[0])
+    parser = argparse.ArgumentParser(
+        prog="python -m testbench.measured.sets_report", description=__doc__.split("\n")[0]
+    )
     parser.add_argument("--data", default=os.environ.get("GYRO_DATA_DIR", ""), help="folder of the sets")
     parser.add_argument("--out", type=Path, default=Path("build"), help="where measured.html and measured.json go")
     parser.add_argument("--only", nargs="*", help="names of sets")

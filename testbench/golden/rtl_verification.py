@@ -6,7 +6,8 @@
     synthesis  both boards: no latch, no undriven net; ECP5 and iCE40 of the default one
     mutation   scores of the bundles, written into their manifests, and into OUT/mutation.json
 
-    python -m testbench.golden.whole_rtl [PART ...] [--rtl DIR] [--out DIR] [--seconds S] [--count N] [--only BLOCK ..]
+    python -m testbench.golden.rtl_verification [PART ...] [--rtl DIR] [--out DIR] [--seconds S] [--count N]
+                                                [--only BLOCK ..]
 
 Exit code 0 if every part passed. Source  docs/rtl.md
 """
@@ -132,7 +133,7 @@ def scores(rtl, out, options):
     for stem in options.only:
         if stem not in stems:
             raise ConfigError(f"--only: {stem!r} is not one of {', '.join(stems)}")
-    known = {e["block"]: e for e in measured.left(out)} if options.only else {}
+    known = {e["block"]: e for e in measured.missing_scores(out)} if options.only else {}
     for stem in options.only or stems:
         began = cpu_s()
         outcome, vectors, files = (
@@ -151,7 +152,9 @@ PARTS = {"bundles": bundles, "loop": closed_loop, "proofs": proofs, "synthesis":
 
 def main(arguments=None):
     """Run the parts that are named, or all; returns the exit code."""
-    parser = argparse.ArgumentParser(prog="python -m testbench.golden.whole_rtl", description=__doc__.split("\n")[0])
+    parser = argparse.ArgumentParser(
+        prog="python -m testbench.golden.rtl_verification", description=__doc__.split("\n")[0]
+    )
     parser.add_argument("parts", nargs="*", metavar="PART", help=f"{', '.join(PARTS)}; all if none")
     parser.add_argument("--rtl", type=Path, default=synthesis.RTL, help="folder of the design")
     parser.add_argument("--out", type=Path, default=Path("out/golden"), help="folder of the bundles")

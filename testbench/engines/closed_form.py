@@ -1,11 +1,11 @@
-"""Blocks that work through many clocks, at once: their registers after the slots of a window.
+"""Closed-form window: the registers of blocks that need many clocks, after the slots of a window.
 
-    rotated    24 micro-rotations without a branch: a guess at the sign of y is wrong half the time
-    rooted     floor of the root in double precision, exact below 2^52, in place of 16 trial subtractions
-    looped     the four loops: errors, PI, output, frequency word; a PI at rest gives the same y at every edge
-    scaled     the rate output until its stages are empty: 6 clocks, all others hold
+    rotate        24 micro-rotations without a branch: the sign of y is not predictable
+    root          floor of the root in double precision, exact below 2^52, instead of 16 trial subtractions
+    close_loops   the four loops: errors, PI, output, frequency word; a PI at rest gives the same y at every edge
+    scale_rate    the rate output until its stages are empty: 6 clocks, all others hold
 
-Bit for bit what `step` gives, clock by clock: tests/testbench/engines/test_at_once.py.
+Bit for bit what `step` gives, clock by clock: tests/testbench/engines/test_closed_form.py.
 Source    docs/blocks/cordic.md, docs/blocks/isqrt.md, docs/decisions/0007-frame-engine.md
 """
 
@@ -33,7 +33,7 @@ SIGN_BIT = 63
 
 
 @inner
-def rotated(s, x_in, y_in):
+def rotate(s, x_in, y_in):
     """A CORDIC at rest, some clocks after a start with this vector and at least two after its result."""
     flip = x_in >> SIGN_BIT
     x = ((x_in ^ flip) - flip) << cordic.GUARD
@@ -61,7 +61,7 @@ def rotated(s, x_in, y_in):
 
 
 @inner
-def rooted(s):
+def root(s):
     """The square root that has been started, after its result has come out."""
     u = s.radicand
     root = int(math.sqrt(float(u)))
@@ -69,7 +69,7 @@ def rooted(s):
 
 
 @inner
-def scaled(p, s):
+def scale_rate(p, s):
     """The rate output that has been given a word, after it has come through."""
     for _ in range(SCALED_CLOCKS):
         s = rate_output.step(p, s, 0, 0, 0)
@@ -77,7 +77,7 @@ def scaled(p, s):
 
 
 @inner
-def looped(p, s, i, bank):
+def close_loops(p, s, i, bank):
     """Control at rest after SLOT_LOOPS .. SLOT_ROOT, and the frequency word after SLOT_PI."""
     o = sequencer.outputs(s.sequencer)
     amplitude = bank.amplitude_fixed if o.fix_drive else 0
