@@ -1,6 +1,6 @@
 """Baseband engine, ways in and out: from the plant's state of the frame engine to the slow one, and back.
 
-    take_state   modes projected on their slow amplitudes, capacitors less the particular solution, switches on their way
+    take_state   modes projected on slow amplitudes, capacitors less the particular solution, switches on their way
     give_state   all states at a frame's first instant, codes of the last ticks, block state
 
 Neither is exact: the averaged plant knows neither the rounding of the DAC codes nor the ripple of the chains.
