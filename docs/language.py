@@ -2,6 +2,7 @@
 
     a sentence of more than WORDS words
     a phrase of FORBIDDEN, with the one to use instead
+    a message of an error that is not `PLACE: WHAT` in one line
 
 Code, tables, generated parts and headings are left out. Of a Python file the docstrings and the texts of raised errors
 are read, except what is indented or laid out in columns. Without arguments all pages and sources are read. Only the lab
@@ -16,6 +17,9 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 NOTEBOOK = ROOT / "docs" / "notebook.md"
 WORDS = 35
+# of a tool that failed, what it said stands below
+PLAIN = re.compile(r"[^\n!]*[^\n!.](\n\{.*\})?")
+ERRORS = ("ConfigError", "FileError", "ClusterError")
 NOTED = r"measured once\b"
 FORBIDDEN = {
     NOTED: "the figure into the lab notebook, or name the command that measures it",
@@ -59,9 +63,38 @@ def texts_of_python(source):
             yield " ".join(parts)
 
 
+def messages(source):
+    """Texts of our own errors that are raised with a text, values as {expression}."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call) and node.exc.args:
+            name, text = ast.unparse(node.exc.func).split(".")[-1], node.exc.args[0]
+            if name in ERRORS and isinstance(text, ast.Constant):
+                yield str(text.value)
+            elif name in ERRORS and isinstance(text, ast.JoinedStr):
+                yield "".join(
+                    v.value if isinstance(v, ast.Constant) else f"{{{ast.unparse(v.value)}}}" for v in text.values
+                )
+
+
+def is_error(text):
+    """Whether a message has the form of all: a place, a colon or ' = ', what is wrong; one line, without a full stop.
+
+    A value at the begin may hold place and colon itself.
+    """
+    place, colon, what = text.partition(": ")
+    if not colon:
+        place, colon, what = text.partition(" = ")
+    if not colon and text.startswith("{"):
+        place, colon, what = text.partition("} ")
+    return bool(place and what.strip()) and PLAIN.fullmatch(text) is not None
+
+
 def findings(path):
     """Lines about one file."""
     source = Path(path).read_text()
+    for text in messages(source) if Path(path).suffix == ".py" else ():
+        if not is_error(text):
+            yield f"{path}: an error is one line 'PLACE: WHAT' without a full stop: {text}"
     texts = texts_of_python(source) if Path(path).suffix == ".py" else [source]
     for text in texts:
         for sentence in sentences(text):

@@ -34,6 +34,22 @@ def test_a_planted_offence_is_found(tmp_path, name, text, line):
     assert only.startswith(line)
 
 
+@pytest.mark.parametrize(
+    "text",
+    ['"the design did not lock"', 'f"give {n} or none"', '"plan.toml: x is missing."', '"a: b\\nc"', '"plan.toml: "'],
+)
+def test_an_error_of_another_form_is_found(tmp_path, text):
+    (only,) = found(tmp_path, "a.py", f"def f(n):\n    raise ConfigError({text})\n")
+    assert only.startswith("an error is one line 'PLACE: WHAT' without a full stop")
+
+
+@pytest.mark.parametrize(
+    "text", ['f"{path} line {n}: 6 numbers, not 9"', '"--clock: not a number"', 'f"rate_dps = {n} is"']
+)
+def test_an_error_of_the_form_passes(tmp_path, text):
+    assert found(tmp_path, "a.py", f"def f(n):\n    raise FileError({text})\n") == []
+
+
 def test_code_tables_and_generated_parts_are_not_read(tmp_path):
     assert found(tmp_path, "a.md", LAID_OUT) == []
     assert found(tmp_path, "a.py", f'"""Equations.\n\n    {LONG}\n\nShape   {LONG}\n"""\n') == []

@@ -101,7 +101,8 @@ class Pool:
                     lost += 1
                     if lost > LOST_AT_ONCE:
                         raise FileError(
-                            f"{lost} worker processes died before any point was finished (exit code {process.exitcode})"
+                            f"workers: {lost} worker processes died before any point was finished"
+                            f" (exit code {process.exitcode})"
                         ) from None
                     if tries < TRIES:  # alone from now on: one of them may be the cause
                         ahead += [(one, tries + 1) for one in batch.alone()]

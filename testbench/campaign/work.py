@@ -127,7 +127,9 @@ def _run(store, batch):
         engine = _prepared(batch.engine, str(store.path))
         for task in tasks:
             if task.code != engines.code_of(engine):
-                raise FileError(f"its sources ({engines.code_of(engine)[:12]}) are not the campaign's {task.code[:12]}")
+                raise FileError(
+                    f"worker: its sources ({engines.code_of(engine)[:12]}) are not the campaign's {task.code[:12]}"
+                )
         for _, address, _ in ahead:
             store.journal("start", point=address)
         began = time.perf_counter()

@@ -79,7 +79,7 @@ def window(
     from testbench.golden.bundles.top import window as write
 
     if (clock is None) == (frame is None):
-        raise ConfigError("give either --clock or --frame")
+        raise ConfigError("--clock, --frame: one of them is needed, not both")
     first = frame * FRAME_CYCLES if clock is None else clock
     written, manifest = write(folder, first, FRAME_CYCLES if count is None else count, out)
     typer.echo(f"{written}  {manifest['n']} rows  {manifest['manifest_sha256'][:16]}")

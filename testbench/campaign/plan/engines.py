@@ -65,9 +65,9 @@ def load(name):
     try:
         found = getattr(importlib.import_module(module), attribute)
     except (ImportError, AttributeError, ValueError) as problem:
-        raise ConfigError(f"engine {name!r} cannot be loaded: {problem}") from None
+        raise ConfigError(f"engine = {name!r} cannot be loaded: {problem}") from None
     if not isinstance(found, Engine):
-        raise ConfigError(f"engine {name!r} is a {type(found).__name__}, not an Engine")
+        raise ConfigError(f"engine = {name!r} is a {type(found).__name__}, not an Engine")
     return found
 
 

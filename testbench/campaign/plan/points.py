@@ -75,7 +75,7 @@ def task_of(identity, states):
     """`Task` of an identity; `states` is the folder of state files by hash."""
     data = json.loads(identity)
     if data.get("schema") != SCHEMA:
-        raise FileError(f"a point of schema {data.get('schema')!r}; this version reads {SCHEMA}")
+        raise FileError(f"point: schema {data.get('schema')!r} is not that of this version, {SCHEMA}")
     tree, keep = data["config"], data["keep"]
     resume = tree["scenario"]["resume"]
     if resume:

@@ -81,7 +81,7 @@ def bits_of(rows, columns, places, count):
         have = len(places.get(name, ()))
         if have != width:
             what = f"has {have} bits, not {width}" if have else "is missing"
-            raise FileError(f"the design's port {name} {what}")
+            raise FileError(f"design: port {name} {what}")
         for k, place in enumerate(places[name]):
             found[:, place] = rows[:, column] >> k & 1
     return found

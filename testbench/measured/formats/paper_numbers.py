@@ -47,7 +47,7 @@ class Numbers:
         except (OSError, UnicodeDecodeError) as problem:
             raise FileError(f"{path}: cannot be read: {problem}") from None
         if not text.startswith(HEAD):
-            raise FileError(f"{path}: line 1: expected {HEAD}...")
+            raise FileError(f"{path}: line 1: expected a line that begins with {HEAD}")
         self.rows = list(csv.DictReader(text.splitlines()))
 
     def get(self, symbol, case, temperature=ROOM):

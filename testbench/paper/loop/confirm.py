@@ -35,7 +35,7 @@ def _play(config, rate_dps):
     sim = Simulation(config, temp_degc, temp_degc)
     sim.keep_codes = sim.keep_rows = False
     if simulate.start(config, sim, float(rate_dps[0]) * DEG, temp_degc) is None:
-        raise ConfigError("the gyroscope did not lock")
+        raise ConfigError("confirm: the gyroscope did not lock")
     sim.advance(-sim.tick % FRAME_TICKS, float(rate_dps[0]) * DEG, temp_degc)
     sim.keep_rows = True
     sim.advance(len(rate_dps) * FRAME_TICKS, rate_dps * DEG, temp_degc)

@@ -159,7 +159,7 @@ def draws_of(problem, k, count, rng):
 def _unique(what, names):
     twice = sorted({n for n in names if list(names).count(n) > 1})
     if twice:
-        raise ConfigError(f"duplicate {what} {twice[0]}")
+        raise ConfigError(f"problem: duplicate {what} {twice[0]}")
 
 
 def check(problem):
