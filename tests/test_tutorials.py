@@ -1,5 +1,6 @@
 """Every tutorial is done word for word; the runner finds an output that a page does not say."""
 
+import re
 import shutil
 from pathlib import Path
 
@@ -27,6 +28,14 @@ def test_all_four_are_there():
     assert PAGES == ["first_run", "your_board", "your_recording", "your_rtl"]
     for stem in PAGES:
         assert any(isinstance(step, tutorials.Command) for step in tutorials.steps(FOLDER / f"{stem}.md"))
+
+
+def test_the_glossary_defines_every_abbreviation():
+    """Of the README and the tutorials, outside of code."""
+    known = set(re.findall(r"\b[A-Z][A-Z0-9]+\b", (FOLDER.parent / "glossary.md").read_text()))
+    for page in (FOLDER.parents[1] / "README.md", *sorted(FOLDER.glob("*.md"))):
+        text = re.sub(r"^```.*?^```$|`[^`]*`|\]\([^)]*\)|^ {4}.*$", "", page.read_text(), flags=re.M | re.S)
+        assert set(re.findall(r"\b[A-Z][A-Z]+\b", text)) <= known, page
 
 
 PAGE = """# Page
