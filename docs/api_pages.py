@@ -34,30 +34,30 @@ def prose(node):
     return "\n\n".join(parts)
 
 
-def signature(node):
-    """`name(arguments)` of a function; of a record its name and fields with what their types say."""
+def signature(node, lines):
+    """`name(arguments)` of a function; of a record its name and fields, each with its comment: that holds the unit."""
     if isinstance(node, ast.FunctionDef):
         return f"{node.name}({ast.unparse(node.args)})"
     fields = [item for item in node.body if isinstance(item, ast.AnnAssign)]
-    return "\n".join([f"class {node.name}", *(f"    {ast.unparse(item)}" for item in fields)])
+    return "\n".join([f"class {node.name}", *("\n".join(lines[f.lineno - 1 : f.end_lineno]) for f in fields)])
 
 
 def members(body):
-    """Public functions and classes with a docstring, methods behind their class."""
+    """Public functions and classes, methods behind their class."""
     for node in body:
         if isinstance(node, (ast.FunctionDef, ast.ClassDef)) and not node.name.startswith("_"):
-            if ast.get_docstring(node):
-                yield node
+            yield node
             if isinstance(node, ast.ClassDef):
                 yield from members(node.body)
 
 
 def page(name, path):
     """Markdown of a module."""
-    tree = ast.parse(path.read_text())
+    source = path.read_text()
+    tree = ast.parse(source)
     lines = [f"# {name}", prose(tree)]
     for node in members(tree.body):
-        lines += [f"## {node.name}", f"```python\n{signature(node)}\n```", prose(node)]
+        lines += [f"## {node.name}", f"```python\n{signature(node, source.splitlines())}\n```", prose(node)]
     return "\n\n".join(lines) + "\n"
 
 
