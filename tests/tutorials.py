@@ -56,7 +56,8 @@ def steps(page):
 def environment():
     """Of a reader whose window has COLUMNS characters: the commands of this Python are found first."""
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
-    return {**os.environ, "PATH": path, "COLUMNS": str(COLUMNS), "PYTHONPATH": str(ROOT), "MPLBACKEND": "Agg"}
+    kept = {name: value for name, value in os.environ.items() if not name.startswith("MAKE")}
+    return {**kept, "PATH": path, "COLUMNS": str(COLUMNS), "PYTHONPATH": str(ROOT), "MPLBACKEND": "Agg"}
 
 
 def printed(command, folder):

@@ -62,6 +62,7 @@ def said(tree, code=ANSWER):
     return done.stdout.split()
 
 
+@pytest.mark.slow
 def test_a_caller_from_the_cache_finds_what_it_calls_and_compiles_what_is_gone(tree):
     assert said(tree) == ["22", "0"]
     assert said(tree) == ["22", "1"]

@@ -80,7 +80,7 @@ class Anchored(Problem, adds="anchor distance check at draws"):
 
 MEMBERS = (
     "recorded model parameters progress bench kept candidates conditions per_hz slope place anchors tangent tangents "
-    "first base told moved_hz smooth key exact hertz linear size column axis settle pseudo"
+    "first base model_at moved_hz smooth key exact hertz linear size column axis settle pseudo"
 )
 
 

@@ -62,6 +62,7 @@ def test_the_rtl_in_icarus_equals_the_clocked_engine(exported):
     checked(codes, exported.short, SHORT)
 
 
+@pytest.mark.slow
 @needs("g++", "make", "verilator")
 def test_the_rtl_in_verilator_equals_the_clocked_engine(exported):
     codes = peers.run("verilator", peers.build_verilator(exported.folder, QUICK), exported.folder, TICKS)

@@ -44,6 +44,7 @@ def files(folder):
     return sorted(p for p in Path(folder).rglob("*") if p.is_file() and p.suffix != ".part")
 
 
+@pytest.mark.slow
 def test_a_killed_trace_goes_on_and_ends_the_same(tmp_path):
     whole = trace(problem(), OPTIONS, checkpoint=tmp_path / "whole").text()
     steps = len(files(tmp_path / "whole"))
