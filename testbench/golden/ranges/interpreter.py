@@ -226,12 +226,12 @@ class Interpreter:
 
     def plain(self, node, path):
         """Value of an expression that does not fork by itself."""
-        if isinstance(node, ast.Constant):
-            return node.value
-        if isinstance(node, ast.Name):
+        if isinstance(node, ast.Name):  # the most frequent first
             return self.name(node, path)
         if isinstance(node, ast.Attribute):
             return getattr(self.single(node.value, path), node.attr)
+        if isinstance(node, ast.Constant):
+            return node.value
         if isinstance(node, ast.Tuple):
             return tuple(self.single(item, path) for item in node.elts)
         if isinstance(node, ast.Subscript):

@@ -358,14 +358,16 @@ def join(found, env=None):
         return (path if env is None else path.copy(env)), value
     paths = [path for path, _ in found]
     bounds = {}
-    for atom, (lo, hi) in paths[0].bounds.items():
-        for other in paths[1:]:
-            ends = other.bounds.get(atom)
-            if ends is None:
+    others = [path.bounds for path in paths[1:]]
+    for atom, ends in paths[0].bounds.items():
+        for other in others:
+            theirs = other.get(atom)
+            if theirs is None:
                 break
-            lo, hi = min(lo, ends[0]), max(hi, ends[1])
+            if theirs is not ends:  # most atoms are the same tuple in all paths
+                ends = (min(ends[0], theirs[0]), max(ends[1], theirs[1]))
         else:
-            bounds[atom] = (lo, hi)
+            bounds[atom] = ends
     kept = tuple(r for r in paths[0].relations if all(r in other.relations for other in paths[1:]))
     joined = Path(paths[0].run, {}, bounds, kept)
     if env is None:
