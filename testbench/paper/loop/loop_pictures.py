@@ -20,15 +20,24 @@ def _lags(values):
     return degrees - 360 * np.ceil((degrees[0] - 1e-9) / 360)
 
 
+def _distance(axis, x, ends, text, offset):
+    """A line with two heads between two levels at a frequency, and its length as a text `offset` points away."""
+    axis.annotate(
+        "", (x, ends[0]), (x, ends[1]), arrowprops={"arrowstyle": "<->", "color": GREEN, "linewidth": 1.8}, zorder=3
+    )
+    place = {"textcoords": "offset points", "ha": "left" if offset[0] > 0 else "right", "va": "center"}
+    axis.annotate(text, (x, np.mean(ends)), offset, fontsize=FONT["small"], color=GREEN, **place)
+
+
 def bode(p, advice):
-    """Open loop L at the force word: magnitude and phase, crossings marked."""
+    """Open loop L at the force word: magnitude and phase, with the margins at |L| = 1 and where L is negative."""
     f = np.unique(np.concatenate([np.geomspace(0.3, 1000, 700), p.split_hz + np.linspace(-6, 6, 1201)]))
     values = lp.return_ratio(p, f)
     figure, axes = axes_of("Open loop, broken at the force word", 7.5, 2, sharex=True)
     top, bottom = axes[:, 0]
-    top.semilogx(f, 20 * np.log10(np.abs(values)), color=BLUE, linewidth=1.6, label="|L|")
+    level_db, phase = 20 * np.log10(np.abs(values)), _lags(values)
+    top.semilogx(f, level_db, color=BLUE, linewidth=1.6, label="|L|")
     top.axhline(0, color=GREY, linewidth=1)
-    phase = _lags(values)
     bottom.semilogx(f, phase, color=BLUE, linewidth=1.6, label="phase of L")
     for level in (-180, -540):
         bottom.axhline(
@@ -38,16 +47,20 @@ def bode(p, advice):
         at = np.interp(c.hz, f, phase)
         bottom.plot(c.hz, at, "o", color=VERMILION, markersize=7, label="|L| = 1" if not k else None)
         top.plot(c.hz, 0, "o", color=VERMILION, markersize=7)
-        bottom.annotate(
-            f"{c.hz:.1f} Hz: {c.lag_deg:.0f} lag / {c.lead_deg:.0f} lead",
-            (c.hz, at),
-            xytext=(-8, 10 - 22 * (k % 2)),
-            textcoords="offset points",
-            ha="right",
-            fontsize=FONT["small"],
-        )
-    name_axes(top, y="magnitude (dB)", legend="upper right")
-    name_axes(bottom, "frequency (Hz)", "phase (deg)", "lower left")
+        margin = min(c.lag_deg, c.lead_deg)
+        near = at + (c.lead_deg if c.lead_deg < c.lag_deg else -c.lag_deg)
+        # the curve falls: left of it and below, right of it and above is place for a text
+        side = (-8, 0) if near < at else (8, 0)
+        _distance(bottom, c.hz, (at, near), f"phase margin {margin:.0f} deg\nat {c.hz:.1f} Hz", side)
+    if advice.gain_margin_up_db is not None:
+        # the first frequency at which more gain would bring L to -1
+        past = np.argmax(phase < -180)
+        hz = np.interp(180, -phase[past - 1 : past + 1], f[past - 1 : past + 1])
+        text = f"gain margin {advice.gain_margin_up_db:.1f} dB\nat {hz:.1f} Hz"
+        _distance(top, hz, (-advice.gain_margin_up_db, 0), text, (-8, -34))
+    top.set_ylim(bottom=-80)
+    name_axes(top, y="magnitude (dB)", legend="lower left")
+    name_axes(bottom, "frequency (Hz)", "phase (deg)", "center left")
     return figure
 
 
