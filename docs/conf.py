@@ -25,7 +25,7 @@ myst_heading_anchors = 4
 suppress_warnings = ["myst.header"]
 CHAPTERS = {
     "Tutorials": tuple(f"tutorials/{stem}" for stem in ("first_run", "your_rtl", "your_board", "your_recording")),
-    "First": ("limits", "glossary", "conventions", "architecture", "phases", "configuration", "api"),
+    "First": ("limits", "glossary", "conventions", "architecture", "phases", "configuration", "api", "references"),
     "Experiments": ("paper", "loop", "campaigns", "record"),
     "Verification": ("verification", "golden", "rtl", "ranges", "portability", "speed", "notebook"),
     "Measured data": ("measured", "measured_parts", "measured_resonators", "tracing"),

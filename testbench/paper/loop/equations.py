@@ -10,8 +10,9 @@
       (14)   phi_iq                its angle, from in-phase and quadrature amplitude
 
 Phases    here as in the paper **leads**, in rad; the other pages of this project have lags
-Source    doi:10.1038/s41378-025-01144-6. Its formulas are pictures: form and sign here are those that its text and a
-          derivation give; `misprints` has the places where the two do not agree
+The formulas of the paper are pictures: form and sign here follow from its text and a derivation. `misprints` lists the
+places where the two differ.
+Source    doi:10.1038/s41378-025-01144-6
 """
 
 import math
