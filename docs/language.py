@@ -24,6 +24,9 @@ NOTED = r"measured once\b"
 FORBIDDEN = {
     NOTED: "the figure into the lab notebook, or name the command that measures it",
     r"\bout of nothing\b": "spurious",
+    r"\btold apart\b": "distinguished",
+    r"\bfor certain\b": "significantly, with the level",
+    r"\blook(s|ed) at\b": "test, evaluate or use",
     r"\bnobody types\b": "is no input",
     r"\bis there twice\b": "duplicate",
     r"\bloudly\b": "with a message",

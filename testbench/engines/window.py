@@ -1,4 +1,4 @@
-"""The 8 kHz window for the frame engine: the firmware's own slots, computed when somebody looks at what they change.
+"""The 8 kHz window for the frame engine: the firmware's own slots, computed when something reads what they change.
 
     DRDY ---- read of the ADC, word by word ---- valid ---- slots 1 .. SLOTS ---- rest
                                                    ^ or the watchdog's stale, at ce_8k

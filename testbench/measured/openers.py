@@ -1,4 +1,4 @@
-"""What `gyro measured trace` can open: each opener looks at the content of the files, never at their names.
+"""What `gyro measured trace` can open: each opener reads the content of the files, never their names.
 
     opener(paths, options) -> testbench.tracing.problem.problem.Problem, or None if the content is not its kind
 `options` is a dictionary of what the command line was given with --option KEY=VALUE, as text.

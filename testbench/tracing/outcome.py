@@ -29,7 +29,7 @@ def effects(fit, probability):
 
 
 def nearly_all(rows):
-    """True if 99 % of the excess held-out power is gone for every observable that had some, and it fell for certain."""
+    """True if 99 % of the excess held-out power is gone for every observable that had some, and it fell significantly."""
     excess = [row for row in rows.values() if row["floor"] and row["before"] > 1.06 * row["floor"]]
     return bool(excess) and all((row["excess_removed"] or 0) >= 0.99 and row["gain_ci"][0] > 0 for row in excess)
 
@@ -89,7 +89,7 @@ def _cosine(tracer, a, b):
 
 
 def rivals_kept(tracer):
-    """How many of the most probable models must be told apart: the 95 % set, at least two, at most four."""
+    """How many of the most probable models must be distinguished: the 95 % set, at least two, at most four."""
     return int(np.clip(len(credible(*tracer.posterior)), 2, 4))
 
 

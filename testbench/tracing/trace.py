@@ -32,7 +32,7 @@ FEWEST_DRAWS = 199
 
 @dataclass(frozen=True)
 class Options:
-    """Thresholds and effort. looks: how often the caller looks at data like these; it widens every p."""
+    """Thresholds and effort. looks: how many traces like this one the caller makes; it widens every p."""
 
     alpha: float = 0.01
     looks: int = 1

@@ -1,4 +1,4 @@
-"""Published file formats of recordings that others made, one loader each; a loader looks at the content, not at a name.
+"""Published file formats of recordings that others made, one loader each; a loader reads the content, not a name.
 
 Source  docs/measured_parts.md
 """

@@ -148,7 +148,7 @@ def chi2_sets(space, root, rng):
 
 
 def above_floor(rows):
-    """Names of the rows whose error cannot be FLOOR_FACTOR times the expected one, all looked at together."""
+    """Names of the rows whose error cannot be FLOOR_FACTOR times the expected one, all tested together."""
     known = {k: r["p_floor"] for k, r in rows.items() if r["p_floor"] is not None}
     return [k for k, p in known.items() if 1 - (1 - p) ** len(known) < ABOVE]
 

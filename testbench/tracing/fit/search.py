@@ -20,7 +20,7 @@ CREDIBLE = 0.95
 
 
 class SearchResult(NamedTuple):
-    """All sets that were looked at, and the best one."""
+    """All sets that were tried, and the best one."""
 
     candidates: dict  # names: Candidate
     failed: dict  # names: reason

@@ -1,4 +1,4 @@
-"""The statistics that are looked at, on projected whitened residuals; all draws at once.
+"""The statistics of the alarms, on projected whitened residuals; all draws at once.
 
     chi2                total                           catalogue, library  largest |t| (one-sided for laws with a sign)
     group, observable   largest (chi2 - n) / sqrt(2n)   whiteness           lag products 1 .. 4 of e and of e^2 - 1

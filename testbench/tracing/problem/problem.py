@@ -53,7 +53,7 @@ class Observable(NamedTuple):
 
 
 class Segment(NamedTuple):
-    """One stretch of data; the role is fixed before anything is looked at."""
+    """One stretch of data; the role is fixed before any analysis."""
 
     name: str
     condition: dict
