@@ -89,7 +89,7 @@ def _cosine(tracer, a, b):
 
 
 def rivals_kept(tracer):
-    """How many of the most probable models must be distinguished: the 95 % set, at least two, at most four."""
+    """Number of the most probable models to distinguish: the 95 % set, at least two, at most four."""
     return int(np.clip(len(credible(*tracer.posterior)), 2, 4))
 
 
