@@ -29,7 +29,7 @@ def effects(fit, probability):
 
 
 def nearly_all(rows):
-    """True if 99 % of the excess held-out power is gone for every observable that had some, and it fell significantly."""
+    """True if 99 % of the excess held-out power is gone of every observable with some, and significantly."""
     excess = [row for row in rows.values() if row["floor"] and row["before"] > 1.06 * row["floor"]]
     return bool(excess) and all((row["excess_removed"] or 0) >= 0.99 and row["gain_ci"][0] > 0 for row in excess)
 
