@@ -14,6 +14,7 @@ import hashlib
 import os
 import re
 import shutil
+import time
 from pathlib import Path
 
 import fpga_model
@@ -39,7 +40,7 @@ IMPORT = re.compile(
     rf"|import[ \t]+((?:{'|'.join(PACKAGES)})[\w.]*))",
     re.MULTILINE,
 )
-KEPT_CACHES = 4
+KEPT_CACHES, KEPT_S = 4, 3600.0  # of other versions of the sources; another process may still use a younger one
 DISABLED = not fpga_model.COMPILED or bool(numba.config.DISABLE_JIT)
 
 
@@ -105,7 +106,8 @@ def cache_folder(path):
         os.utime(folder)
         if new:
             for old in sorted(home.glob("?" * 16), key=lambda p: p.stat().st_mtime)[:-KEPT_CACHES]:
-                shutil.rmtree(old, ignore_errors=True)
+                if time.time() - old.stat().st_mtime > KEPT_S:
+                    shutil.rmtree(old, ignore_errors=True)
     except OSError:
         return None
     return folder
@@ -161,6 +163,8 @@ def _unit(func, buried=False, **options):
         with global_compiler_lock:
             if arguments in dispatcher.overloads:
                 return dispatcher.overloads[arguments].entry_point
+            if folder is not None:  # it may have been removed since the function was decorated
+                os.makedirs(dispatcher._cache.cache_path, exist_ok=True)
             with _alone(folder, func), _uncollected():
                 if folder is not None:
                     linkage.load_units(folder, dispatcher, arguments)

@@ -62,6 +62,20 @@ def said(tree, code=ANSWER):
     return done.stdout.split()
 
 
+REMOVED = """
+import shutil
+from fpga_model import high
+print(high.answer(2))
+shutil.rmtree(CACHE)
+print(high.answer(2.0))
+"""
+
+
+def test_a_cache_that_is_removed_meanwhile_is_made_anew(tree):
+    assert said(tree, REMOVED.replace("CACHE", repr(str(tree / "cache")))) == ["22", "22.0"]
+    assert list((tree / "cache").rglob("high.answer-*.nbc"))
+
+
 @pytest.mark.slow
 def test_a_caller_from_the_cache_finds_what_it_calls_and_compiles_what_is_gone(tree):
     assert said(tree) == ["22", "0"]
