@@ -37,7 +37,8 @@ def test_every_picture_is_shown_has_a_text_and_is_written_by_one_command():
     for page, text, _ in shown():
         assert len(text.split()) >= 8, (page, "alternative text")
     for page, _, path in shown():
-        if page.name != "README.md":
+        # the other two are what the commands of their pages write and print
+        if path.stem not in ("startup", "phase_budget"):
             assert f"`python docs/pictures.py {path.stem}`" in page.read_text()
 
 
