@@ -25,8 +25,10 @@ myst_heading_anchors = 4
 suppress_warnings = ["myst.header"]
 CHAPTERS = {
     "Tutorials": tuple(f"tutorials/{stem}" for stem in ("first_run", "your_rtl", "your_board", "your_recording")),
-    "First": ("limits", "glossary", "conventions", "architecture", "phases", "configuration", "api", "references"),
-    "Experiments": ("paper", "loop", "campaigns", "record"),
+    "How-to guides": ("how_to/*",),
+    "First": ("limits", "conventions", "architecture", "phases"),
+    "Reference": ("references", "glossary", "configuration", "record", "api"),
+    "Experiments": ("paper", "loop", "campaigns"),
     "Verification": ("verification", "golden", "rtl", "ranges", "portability", "speed", "notebook"),
     "Measured data": ("measured", "measured_parts", "measured_resonators", "tracing"),
     "Firmware": ("blocks/*",),

@@ -1,1 +1,1 @@
-"""The paper's experiments and analysis: equations, loops, calibration, what is measured."""
+"""The paper's experiments and analysis (docs/paper.md): equations, loops, calibration, what is measured."""

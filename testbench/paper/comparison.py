@@ -5,7 +5,7 @@
     not reproduced    the model gives another number; the reason is stated
     not comparable    the model has no such number, or the number is an input of both
 
-Source    testbench/paper/measured_numbers.csv (the paper's text; its tables and raw data are not available)
+Source    testbench/paper/measured_numbers.csv (the paper's text), docs/references.md
 """
 
 import csv

@@ -7,6 +7,7 @@ Every phase is a lag against the DDS phase theta, in degrees, positive when late
 
 The counter sees instants only, as the instrument does; its `resolution_deg` is two standard errors of the mean that the
 spread of its instants allows. The fit uses every sample; its `sigma_deg` follows from the residual.
+Plain correlation over a broken number of periods would err by up to 2.5 mdeg.
 Source  docs/phases.md
 """
 

@@ -5,6 +5,7 @@
 Every element of a signal has a number; a port on a slice lists the numbers of that slice, so elements are looked up one
 by one and never taken as neighbours. Paths are those of GHDL's VCD; parts of a record follow a dot, elements of an
 array of vectors stand in parentheses: tb.dut.pair.code, tb.dut.words(2). What is not foreseen is an error.
+Checked against the VCD of the same runs.
 Source  GHDL 2.0, src/grt/grt-waves.adb (what is written)
 """
 

@@ -4,7 +4,8 @@
     else                   pooch downloads from the origin into its cache (or GYRO_DATA_CACHE), and checks the hash
 A file that is not the published one is refused. What is found in a file never depends on its name or set.
 The list is `published.csv` in this folder, a `File` a row; the set silverbox is that of nonlinearbenchmark.org.
-Source    docs/measured_resonators.md
+The licences of the data are their owners', mostly not stated.
+Source    docs/measured_resonators.md, docs/references.md
 """
 
 import csv

@@ -1,7 +1,7 @@
 """Noise of a measured segment: autoregressive, with a level that may change from row to row.
 
     e_n = s_n r_n      r_n = sum_j a_j r_(n-j) + b w_n,  w white, r of unit variance      order 0: r = w
-whiten(e) = w.   Source    Box & Jenkins, Time Series Analysis (1976), ch. 3; Levinson-Durbin
+whiten(e) = w.   Source    Box & Jenkins, Time Series Analysis (1976), ch. 3 (Levinson-Durbin)
 """
 
 import itertools

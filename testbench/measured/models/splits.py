@@ -1,7 +1,7 @@
 """Which samples of a driven record fit, validate and examine. A published record has its official split, by its bytes.
 
 Half open, from 0. Test samples decide nothing. Another record is split in time: 60 % fit, 20 % validate, 20 % exam.
-Source    nonlinearbenchmark.org/benchmarks/silverbox; package nonlinear_benchmarks
+Source    nonlinearbenchmark.org/benchmarks/silverbox (package nonlinear_benchmarks)
 """
 
 from typing import NamedTuple

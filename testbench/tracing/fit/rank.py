@@ -4,7 +4,7 @@
     d_k per unit = |P s_k|          t_k = s_k' P z / |P s_k|      c_k = t_k / |P s_k|, sd 1 / |P s_k|
     Gram G_kl = s_k' P s_l          cosine C_kl = G_kl / sqrt(G_kk G_ll)
 t has unit variance when nothing is missing; d of an effect c is |c| |P s|. Sets of laws come from the same G.
-Source    Ljung, System Identification (1999), 16.6; docs/tracing.md
+Source    Ljung, System Identification (1999), 16.6 (Rao's score test); docs/tracing.md
 """
 
 from typing import NamedTuple

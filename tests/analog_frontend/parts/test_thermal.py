@@ -1,4 +1,4 @@
-"""Temperature laws against exact rationals and Decimal, and against the paper's quadrature voltages."""
+"""Temperature laws against exact rationals and Decimal, and against the paper's quadrature voltages (docs/paper.md)."""
 
 from decimal import Decimal, localcontext
 from fractions import Fraction

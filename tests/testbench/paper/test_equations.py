@@ -1,4 +1,4 @@
-"""The paper's equations against their derivation: motion, demodulation, and misprints that are misprints."""
+"""Equations of the paper (docs/loop.md) against their derivation: motion, demodulation, and misprints."""
 
 import math
 
