@@ -335,7 +335,7 @@ def test_the_page_says_what_the_hold_leaves_out():
         weighed(lambda n: (n * CARRIER_HZ > 1e5) * share_of_density(n)),
     )
     assert f"{100 * beyond[0]:.1f} % of the demodulated power of white noise, {100 * beyond[1]:.1f} % of that" in page
-    assert f"sees {100 * (math.sqrt(share_of_density(1)) - 1):.1f} % more volts per rtHz at 11 kHz" in page
+    assert f"has {100 * (math.sqrt(share_of_density(1)) - 1):.1f} % more volts per rtHz at 11 kHz" in page
     split = np.sinc(10863.3 * HOLD_S) ** 2 / at_carrier - 1
     assert f"at f_y it is {split * 1e4:.1f}e-4 higher" in page
     # demodulated by sums of samples, one a tick: the triangle in steps
