@@ -241,7 +241,7 @@ def divergence(before=7, after=24):
     bottom.bar(rows, got - expected, color=report.VERMILION, width=0.7)
     bottom.set_yticks(range(min(got - expected), 1))
     report.name_axes(bottom, f"row (edge of the {FAST} clock)", "got - expected (LSB)")
-    text = f"row {first}:\nexpected {expected[before]}, got {got[before]}  "
+    text = f"row {first}: expected {expected[before]}, got {got[before]}  "
     top.text(first, -1e3, text, ha="right", fontsize=SMALL, color=report.GREEN)
     for axis in (top, bottom):
         axis.axvline(first, color=report.GREEN, linestyle="-.", linewidth=1.6)
