@@ -1,6 +1,7 @@
 """Citations lead somewhere: to a file of the repository, or to an entry of docs/references.md that names its users."""
 
 import ast
+import functools
 import re
 from pathlib import Path
 
@@ -28,6 +29,12 @@ KNOWN = {"RANGES.md", *(path.name for path in PAGES), "CHANGELOG.md"}  # the fir
 LEADS_TO_THE_PAPER = re.compile(
     r"(?:docs/)?\b(?:paper|references|phases|loop|measured_parts)\.md|10\.1038/s41378-025-01144-6"
 )
+
+
+@functools.cache
+def tree(path):
+    """Syntax tree of a source."""
+    return ast.parse(path.read_text())
 
 
 def entries():
@@ -78,7 +85,7 @@ def test_keys_of_entries_are_unique():
 def test_sources_of_docstrings_exist():
     seen = 0
     for path in SOURCES:
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in ast.walk(tree(path)):
             if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef)) and (text := ast.get_docstring(node)):
                 clauses = list(source_clauses(text))
                 seen += len(clauses)
@@ -103,7 +110,7 @@ def test_who_speaks_of_the_paper_leads_to_it():
     for path in [*PAGES, *SOURCES]:
         text = path.read_text()
         if path.suffix == ".py":
-            text = ast.get_docstring(ast.parse(text)) or ""
+            text = ast.get_docstring(tree(path)) or ""
         # what commands print, and parts that the code writes, use its words
         text = re.sub(r"^```.*?^```$|<!-- .*?written by.*?<!-- end -->", "", text, flags=re.M | re.S)
         if THE_PAPER.search(text):

@@ -12,11 +12,11 @@ from tests import tutorials
 FOLDER = Path(__file__).resolve().parents[1] / "docs" / "tutorials"
 NEEDED = {"your_rtl": ("iverilog",)}
 PAGES = sorted(path.stem for path in FOLDER.glob("*.md"))
-FAST = ("first_run", "your_rtl")
 
 
 @pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="closed loop: too slow interpreted")
-@pytest.mark.parametrize("stem", [pytest.param(s, marks=() if s in FAST else pytest.mark.slow) for s in PAGES])
+@pytest.mark.slow  # .ci/run does all four
+@pytest.mark.parametrize("stem", PAGES)
 def test_a_tutorial_does_what_it_says(stem, tmp_path):
     absent = [tool for tool in NEEDED.get(stem, ()) if shutil.which(tool) is None]
     if absent:

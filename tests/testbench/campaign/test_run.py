@@ -218,6 +218,7 @@ def test_failed_points_leave_the_others_and_are_tried_again(tmp_path):
     assert (again["reused"], again["done"], len(again["failures"])) == (2, 0, 2)
 
 
+@pytest.mark.slow
 def test_a_full_disk_is_one_line_and_loses_nothing(tmp_path):
     path = tmp_path / "p.toml"
     path.write_text(
