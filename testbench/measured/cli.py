@@ -164,7 +164,8 @@ def residuals(
         (r.group, r.role, r.observable, r.unit, f"{r.floor:.3g}", f"{r.rms:.3g}", f"{r.chi2_per_bin:.3g}")
         for r in study.rows
     ]
-    note = f"noise from {study.dof} deviations between repeats; {study.engine} engine"
+    noise = f"{study.dof} deviation{'s' if study.dof != 1 else ''}"
+    note = f"noise from {noise} between repeats; {study.engine} engine"
     from testbench.console.show import print_tables
 
     print_tables([Table(f"{kind}: recorded less predicted", heads, rows, numeric=(4, 5, 6), note=note)])

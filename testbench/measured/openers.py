@@ -33,4 +33,4 @@ def open_problem(paths, options):
         problem = opener(paths, options)
         if problem is not None:
             return problem
-    raise FileError(f"{paths[0]}: content of no known kind ({len(OPENERS)} kinds were tried)")
+    raise FileError(f"{paths[0]}: content of no known kind; docs/measured_parts.md lists those that can be read")

@@ -220,7 +220,9 @@ def _manifest(folder):
     try:
         manifest = json.loads(path.read_text("utf-8"))
     except OSError as problem:
-        raise FileError(f"{path}: cannot be read: {problem.strerror or problem}") from None
+        raise FileError(
+            f"{path}: cannot be read: {problem.strerror or problem}; a bundle is a folder DIR/BLOCK/CASE"
+        ) from None
     except (ValueError, RecursionError) as problem:
         raise FileError(f"{path}: is not JSON: {problem}") from None
     found = manifest.get("schema") if isinstance(manifest, dict) else None

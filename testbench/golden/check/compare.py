@@ -28,7 +28,10 @@ class Column(NamedTuple):
 
 
 class Divergence(NamedTuple):
-    """The first row that differs. `got` is None where the design's value was unknown; `error_lsb` is got - expected."""
+    """The first row that differs. `got` is None where the design's value was unknown; `error_lsb` is got - expected.
+
+    Of a register that wraps it is taken modulo its width, nearest to zero.
+    """
 
     cycle: int
     time_ns: float
@@ -141,6 +144,14 @@ def _column(value):
     return Column(values, np.ones(len(values), bool))
 
 
+def _error_lsb(manifest, name, width, want, have):
+    """Difference of two values of a port; of a register that wraps, modulo its width and nearest to zero."""
+    ports = manifest["inputs"] + manifest["registers"] + manifest["outputs"]
+    wraps = any(port["name"] == name and port.get("overflow") == "wrap" for port in ports)
+    half = 1 << (width - 1)
+    return (have - want + half) % (2 * half) - half if wraps else have - want
+
+
 def compare(manifest, inputs, expected, got, care=None, before=BEFORE):
     """Compare a log with golden rows.
 
@@ -192,7 +203,7 @@ def compare(manifest, inputs, expected, got, care=None, before=BEFORE):
         got=have,
         expected_value=want * scale,
         got_value=None if have is None else have * scale,
-        error_lsb=None if have is None else have - want,
+        error_lsb=None if have is None else _error_lsb(manifest, port, fmts[port].width, want, have),
         also=tuple(there[1:]),
         before=shown,
     )

@@ -58,6 +58,18 @@ def test_the_first_divergence_is_exact():
     assert report.diagnosis.cause == "unknown"
 
 
+def test_the_error_of_a_register_that_wraps_is_the_shorter_way_round():
+    manifest, inputs, expected, got = golden()
+    (code,) = (port for port in manifest["registers"] if port["name"] == "code")
+    turn = 1 << code["width"]
+    for error, overflow, shown in ((turn - 4, "wrap", -4), (4 - turn, "wrap", 4), (turn - 4, "saturate", turn - 4)):
+        code["overflow"] = overflow
+        wrong = got["code"].copy()
+        wrong[41] += error
+        d = compare(manifest, inputs, expected, {"code": wrong}).divergence
+        assert (d.cycle, d.port, d.error_lsb) == (41, "code", shown)
+
+
 def test_values_are_decoded_by_their_format():
     manifest, inputs, expected, got = golden()
     got["product"][7] = 1 << 39

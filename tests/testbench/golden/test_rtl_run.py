@@ -167,7 +167,7 @@ def test_a_design_that_hangs_is_killed(out, tmp_path):
 
 def test_what_is_not_there_is_said(out, tmp_path, monkeypatch):
     folder = out / "pi" / "rate"
-    with pytest.raises(FileError, match=r"no design, nor pi\.vhd"):
+    with pytest.raises(FileError, match=r"no design: neither pi\.v nor pi\.vhd"):
         rtl_run.check(folder, tmp_path)
     with pytest.raises(FileError, match=r"pi\.vhd: no design"):
         rtl_run.check(folder, tmp_path, "ghdl")
