@@ -158,7 +158,7 @@ def choose(sim, rtl, block):
         raise ConfigError(f"sim: {sim!r} is not one of {', '.join(SIMULATORS)}")
     names = [sim] if sim else [k for k, s in SIMULATORS.items() if (Path(rtl) / f"{block}.{s.suffix}").is_file()]
     if not names:
-        raise FileError(f"{Path(rtl)}: no design: neither {block}.v nor {block}.vhd, with module or entity gyro_{block}")
+        raise FileError(f"{Path(rtl)}: no design: neither {block}.v nor {block}.vhd with module or entity gyro_{block}")
     for name in names:
         if shutil.which(SIMULATORS[name].program):
             return name
