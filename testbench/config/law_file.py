@@ -15,9 +15,10 @@ Source    docs/parts/ports.md
 import re
 from typing import NamedTuple
 
-from testbench.config.toml_text import read_toml, toml_key, toml_of, toml_value
+from testbench.config.toml_text import toml_key, toml_of, toml_value
 from testbench.errors import ConfigError
 from testbench.storage.files import write_text
+from testbench.storage.inputs import read_toml
 
 SCHEMA = "gyrolaw/1.0"
 KEYS = ("schema", "name", "laws", "sd", "provenance")

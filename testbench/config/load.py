@@ -23,8 +23,9 @@ from analog_frontend.effects import catalogue
 from analog_frontend.parts import adc, device
 from testbench.config import law_file, scenario
 from testbench.config.config_errors import explain
-from testbench.config.toml_text import read_toml, toml_of, toml_value
+from testbench.config.toml_text import toml_of, toml_value
 from testbench.errors import ConfigError
+from testbench.storage.inputs import read_toml
 
 PHASE_WORD_BITS = 48
 

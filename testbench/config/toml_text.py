@@ -2,10 +2,6 @@
 
 import math
 import re
-import tomllib
-from pathlib import Path
-
-from testbench.errors import ConfigError
 
 SHOWN_CHARACTERS = 60
 
@@ -38,16 +34,3 @@ def toml_of(value):
     except ValueError:  # an integer of more than 4300 digits
         text = "a number too long to print"
     return text if len(text) <= SHOWN_CHARACTERS else text[: SHOWN_CHARACTERS - 3] + "..."
-
-
-def read_toml(path):
-    """TOML file as a dict; unreadable, undecodable or malformed files are a `ConfigError`."""
-    path = Path(path)
-    try:
-        return tomllib.loads(path.read_bytes().decode())
-    except OSError as problem:
-        raise ConfigError(f"{path}: cannot be read: {problem.strerror or problem}") from None
-    except UnicodeDecodeError as problem:
-        raise ConfigError(f"{path}: is not UTF-8 text (byte {problem.start})") from None
-    except (tomllib.TOMLDecodeError, RecursionError) as problem:
-        raise ConfigError(f"{path}: is not TOML: {problem}") from None

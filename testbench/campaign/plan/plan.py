@@ -22,8 +22,9 @@ from testbench.campaign.plan import engines
 from testbench.campaign.plan.draws import Spec
 from testbench.campaign.plan.measure import FRAME_S, STATISTICS, Keep
 from testbench.campaign.plan.points import Point, address_of, identity_of
-from testbench.config.toml_text import read_toml, toml_of
+from testbench.config.toml_text import toml_of
 from testbench.errors import ConfigError
+from testbench.storage.inputs import read_toml
 from testbench.storage.spool import FIELDS
 
 MAX_POINTS = 100_000

@@ -11,9 +11,9 @@ import pytest
 from testbench.campaign import collect, store
 from testbench.commands import main as cli
 from testbench.config import from_dict
-from testbench.config.toml_text import read_toml
 from testbench.measured.record import load
 from testbench.storage import record_read
+from testbench.storage.inputs import read_toml
 
 WRITTEN = Path(__file__).resolve().parents[2] / "data" / "written_by_0.1.0"
 closed_loop = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="closed loop: too slow interpreted")
