@@ -75,6 +75,10 @@ class RunOptions(NamedTuple):
         str | None,
         typer.Option(metavar="DIR", help="Continue the interrupted run in DIR; its configuration is kept there."),
     ] = None
+    discard: Annotated[bool, typer.Option("--discard", help="Discard an unfinished run in the folder.")] = False
+    across_versions: Annotated[
+        bool, typer.Option("--across-versions", help="Continue what another version saved; the record says so.")
+    ] = False
     gyrorec: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write the run as a measurement record too, from power-on.")
     ] = None
@@ -86,11 +90,15 @@ class RunOptions(NamedTuple):
 def run(o):
     """Close the loop from power-on, lock, run the scenario, and say what was measured."""
     if o.resume_run is not None:
-        if any(o._replace(resume_run=None, as_json=False)):
-            raise ConfigError("--resume-run: the interrupted run keeps its configuration; no other option but --json")
-        from testbench.storage.checkpoint import stored_config
+        if any(o._replace(resume_run=None, as_json=False, across_versions=False)):
+            raise ConfigError(
+                "--resume-run: the interrupted run keeps its configuration; no other option but --json and "
+                "--across-versions"
+            )
+        from testbench.storage.checkpoint import unfinished
 
-        _run(load(stored_config(o.resume_run), ()), o.resume_run, True, o.as_json)
+        partial = unfinished(o.resume_run)
+        _run(load(partial.config, overrides(None, *_across(o))), partial, True, o.as_json)
         return
     given = overrides(
         o.sets,
@@ -101,6 +109,7 @@ def run(o):
         ("scenario.resume", o.resume, "--resume"),
         ("noise.seed", o.seed, "--seed"),
         ("output.directory", o.out, "--out"),
+        *_across(o),
         *_window(o.vcd),
         *(_silence() if o.no_noise else ()),
     )
@@ -109,7 +118,9 @@ def run(o):
         from testbench.measured.record import from_run
 
         from_run.plan_of(checked)  # refused before anything runs
-    _run(checked, checked.output.directory, False, o.as_json)
+    from testbench.storage.checkpoint import Partial
+
+    _run(checked, Partial(checked.output.directory), False, o.as_json, o.discard)
     if o.gyrorec is not None:
         with Progress(quiet=o.as_json) as progress:
             digest = from_run.write(checked, o.gyrorec, progress)
@@ -117,30 +128,37 @@ def run(o):
             typer.echo(f"{o.gyrorec}  {digest[:16]}")
 
 
-def _run(config, directory, resume, as_json):
+def _across(o):
+    """Overrides of `--across-versions`."""
+    return [("scenario.across_versions", True, "--across-versions")] if o.across_versions else []
+
+
+def _run(config, partial, resume, as_json, discard=False):
     """Do a run, or the rest of one, and show it; what is left of an interrupted one can be continued."""
     from testbench.run import outputs
-    from testbench.storage.checkpoint import Partial
 
+    directory = partial.folder.parent
     outputs.check_folder(directory)
-    partial = Partial(directory)
-    try:
-        with Progress(quiet=as_json) as progress:
-            progress("loading the engine", 0, 1)
-            from testbench.run import simulate, tables
-            from testbench.run.budget import budgets
+    with partial:
+        if not resume:
+            partial.refuse_unfinished(discard)
+        try:
+            with Progress(quiet=as_json) as progress:
+                progress("loading the engine", 0, 1)
+                from testbench.run import simulate, tables
+                from testbench.run.budget import budgets
 
-            result = simulate.run(config, progress=progress, directory=directory, resume=resume)
-            shown = [tables.phases(result.summary), tables.numbers(result.summary)]
-            report = shown + tables.budget_tables(*budgets(config))
-            paths = [str(path) for path in outputs.write(result, config, report, progress, directory)]
-    except BaseException as problem:
-        if not partial.resumable():
-            partial.clear()
-        elif isinstance(problem, KeyboardInterrupt):
-            _say(f"to continue: gyro run --resume-run {directory}")
-        raise
-    partial.clear()
+                result = simulate.run(config, progress, partial, resume, discard=discard)
+                shown = [tables.phases(result.summary), tables.numbers(result.summary)]
+                report = shown + tables.budget_tables(*budgets(config))
+                paths = [str(path) for path in outputs.write(result, config, report, progress, directory)]
+        except BaseException as problem:
+            if not partial.resumable():
+                partial.clear()
+            elif isinstance(problem, KeyboardInterrupt):
+                _say(f"to continue: gyro run --resume-run {directory}")
+            raise
+        partial.clear()
     if as_json:
         print_json({**result.summary, "files": paths})
         return

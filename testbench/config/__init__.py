@@ -14,6 +14,7 @@ from testbench.config.load import (  # noqa: F401
     load,
     parse_set,
     phase_word,
+    placeless,
     sections,
     to_toml,
 )

@@ -194,6 +194,7 @@ class Scenario(Section):
     )
     diagnose: bool = other(True, "end with a rate step and an open sense loop, which show scale factor and all phases")
     resume: str = other("", "state file to start from instead of power-on")
+    across_versions: bool = other(False, "continue what another version of the code saved; a record of both says so")
 
     @model_validator(mode="after")
     def _consistent(self):
@@ -344,6 +345,11 @@ def changed(config, values):
         section, key = path.split(".")
         tree.setdefault(section, {})[key] = value
     return from_dict(tree, "changed")
+
+
+def placeless(config):
+    """The same configuration without where its output lies: what a record and a state keep, the same in any folder."""
+    return changed(config, {"output.directory": Output().directory})
 
 
 @functools.cache

@@ -11,6 +11,7 @@ written at ends of chunks, from which an interrupted run continues to the same b
 Source    docs/architecture.md, docs/phases.md, docs/record.md
 """
 
+import json
 import math
 import time
 import tomllib
@@ -21,13 +22,13 @@ import numpy as np
 
 from fpga_model import quadrature_loop, sequencer
 from fpga_model.rates import FRAME_TICKS, TICK_HZ
-from testbench.config import from_dict, scenario, to_toml
+from testbench.config import changed, from_dict, placeless, scenario, to_toml
 from testbench.engines import engine
 from testbench.errors import FileError
 from testbench.run import build, nodes, summary
 from testbench.run.simulation import CHUNK_TICKS, DEG, FRAME, Simulation
 from testbench.run.tally import StartUp, Tally
-from testbench.storage import checkpoint
+from testbench.storage import checkpoint, identity, inputs
 from testbench.storage.spool import Recording, Spool
 
 LOCK_LIMIT_S = 5.0
@@ -220,11 +221,13 @@ def diagnose(sim, rate_rad_s, temp_degc, progress=None):
 class Run:
     """Everything that a run consists of; what a checkpoint keeps is `parts`.
 
-    directory  where rows and checkpoints are kept until the run is done; None keeps the rows in memory
+    directory  where rows and checkpoints are kept until the run is done: a folder, or its `checkpoint.Partial`;
+               None keeps the rows in memory
     resume     continue the run that was interrupted there
+    discard    an interrupted run there may be discarded
     """
 
-    def __init__(self, config, directory=None, resume=False):
+    def __init__(self, config, directory=None, resume=False, discard=False):
         self.config = config
         self.timeline = scenario.expand(config.scenario)
         self.temp_before_degc, self.rate_before_rad_s = self.timeline.temp_before_degc, self.timeline.rate_before_rad_s
@@ -235,28 +238,52 @@ class Run:
         self.sim = Simulation(config, min(lo, self.temp_before_degc), max(hi, self.temp_before_degc), window)
         self.tally, self.start_up = Tally(build.clock_hz(config)), StartUp()
         self.position, self.segments = Position(), dict.fromkeys(SEGMENTS, -1)
-        self.partial = None if directory is None else checkpoint.Partial(directory)
+        self.partial = directory
+        if directory is not None and not isinstance(directory, checkpoint.Partial):
+            self.partial = checkpoint.Partial(directory)
         self.tick_before, self.spent_before_s = 0, 0.0  # where the scenario begins
         self._every_ticks = round(config.output.checkpoint_s * TICK_HZ)
-        parts, meta = self.partial.load(self.sim.layout()) if resume else ({}, {})
-        # compared as configurations: another version's text may have other keys, in another order
-        if resume and from_dict(tomllib.loads(meta["config_toml"])) != config:
-            raise FileError(f"{self.partial.checkpoint}: belongs to another configuration than {self.partial.config}")
+        self.others = []  # identities of other versions that this run continues
+        parts, meta = self._load() if resume else ({}, {})
         if self.partial and not resume:
-            self.partial.begin(to_toml(config))
+            self.partial.begin(to_toml(config), discard)
         self.recording = None
         if config.output.record:
             rows = parts["spool"]["rows"] if resume else None
             path = self.partial.rows if self.partial else None
             spool = Spool(config.output.columns, config.output.decimate, path, rows)
             self.recording = Recording(
-                spool, to_toml(config), config.plant.clock_ppm, meta.get("record_id"), meta.get("created_utc")
+                spool,
+                to_toml(placeless(config)),
+                config.plant.clock_ppm,
+                meta.get("record_id"),
+                meta.get("created_utc"),
             )
+            self.recording.codes, self.recording.partial = self.sim.hash, self.partial
         self.sim.keep_rows = False
         self.sim.sinks = [self.start_up, self.tally] + ([self.recording.spool] if self.recording else [])
         if resume:
-            self._restore(parts)
+            self._restore(parts, meta)
         self._next_tick = self.sim.tick + self._every_ticks
+
+    def _load(self):
+        """(parts, meta) of the checkpoint, which must be of this configuration and, unless allowed, of this version."""
+        self.partial.hold()
+        parts, meta = self.partial.load(self.sim.layout())
+        # compared as configurations: another version's text may have other keys, in another order
+        saved = from_dict(tomllib.loads(meta["config_toml"]))
+        across = self.config.scenario.across_versions
+        if changed(saved, {"scenario.across_versions": across}) != self.config:
+            raise FileError(f"{self.partial.checkpoint}: belongs to another configuration than {self.partial.config}")
+        self.others = inputs.parse_json(meta.get("others", "[]"), self.partial.checkpoint, list)
+        saved = inputs.parse_json(meta.get("identity", "{}"), self.partial.checkpoint)
+        self._continues(identity.check(self.partial.checkpoint, saved, across))
+        return parts, meta
+
+    def _continues(self, other):
+        """Note the identity of another version whose state goes on here."""
+        if other is not None:
+            self.others.append(other)
 
     def begin(self, segment):
         """Note where a segment begins."""
@@ -267,7 +294,7 @@ class Run:
         wanted, sim = self.config.scenario, self.sim
         sim.now = (np.array([self.rate_before_rad_s]), np.array([self.temp_before_degc]))
         if wanted.resume:
-            sim.restore(wanted.resume)
+            self._continues(sim.restore(wanted.resume))
         else:
             self.begin("start_up")
             if wanted.origin == "lock":
@@ -286,9 +313,12 @@ class Run:
         if not (self.partial and self._every_ticks) or sim.tick < self._next_tick or sim.in_window:
             return
         self._next_tick = sim.tick + self._every_ticks
-        if sim.rows is not None:
-            self.partial.keep_window(sim.rows)
-        meta = {"config_toml": to_toml(self.config)}
+        meta = {
+            "config_toml": to_toml(self.config),
+            "identity": json.dumps(identity.identity()),
+            "others": json.dumps(self.others),
+            "window_sha256": "" if sim.rows is None else self.partial.keep_window(sim.rows),
+        }
         parts = {
             "sim": sim.dump_all(),
             "tally": self.tally.dump(),
@@ -302,7 +332,7 @@ class Run:
             meta |= {"record_id": self.recording.record_id, "created_utc": self.recording.created_utc}
         self.partial.save(sim.layout(), parts, meta)
 
-    def _restore(self, parts):
+    def _restore(self, parts, meta):
         sim = self.sim
         sim.restore_all(parts["sim"])
         self.tally.restore(parts["tally"])
@@ -313,7 +343,8 @@ class Run:
         self.spent_before_s, self.tick_before = parts["before"]["spent_s"], parts["before"]["tick"]
         if self.recording:
             self.recording.spool.restore(parts["spool"])
-        sim.rows = self.partial.load_window(len(engine.PIN_COLUMNS) + sim.register_count)
+        columns = len(engine.PIN_COLUMNS) + sim.register_count
+        sim.rows = self.partial.load_window(columns, meta.get("window_sha256", ""))
 
     def play(self, progress):
         """The scenario, or what is left of it."""
@@ -333,17 +364,18 @@ class Run:
         )
 
 
-def run(config, progress=None, directory=None, resume=False, sinks=()):
+def run(config, progress=None, directory=None, resume=False, sinks=(), discard=False):
     """Do a whole run; returns `Result`.
 
     directory  where rows and checkpoints are kept meanwhile; None: rows stay in memory, for runs of seconds
     resume     continue the interrupted run in `directory`, of the same configuration
+    discard    an interrupted run in `directory` may be discarded
     sinks      objects that get the rows of the scenario, and of nothing else (`simulation`)
     """
     if progress:
         progress("compiling", 0, 1)
     began = time.perf_counter()
-    job = Run(config, directory, resume)
+    job = Run(config, directory, resume, discard)
     if not resume:
         job.start(progress)
     job.sim.sinks.extend(sinks)
@@ -359,6 +391,8 @@ def run(config, progress=None, directory=None, resume=False, sinks=()):
         names = [name for name in SEGMENTS if job.segments[name] >= 0]
         edges = np.array([job.segments[name] for name in names], np.int64)
         job.recording.tables["segments"] = {"name": ("", np.array(names)), "edge": ("edge", edges)}
+        if job.others:
+            job.recording.attrs["continues"] = json.dumps(job.others)
     return summary.result(job, end, reading, time.perf_counter() - began)
 
 

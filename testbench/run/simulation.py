@@ -11,6 +11,7 @@ Source    docs/architecture.md
 """
 
 import hashlib
+import json
 import math
 import time
 import tomllib
@@ -22,12 +23,12 @@ from analog_frontend.parts import thermal
 from fpga_model import registers, sequencer
 from fpga_model.rates import FRAME_TICKS, TICK_HZ
 from testbench import flatten, interrupts
-from testbench.config import to_toml
+from testbench.config import placeless, to_toml
 from testbench.engines import engine as clocked
 from testbench.errors import ConfigError
 from testbench.run import build, nodes, warmup
-from testbench.storage import state_file
-from testbench.storage.code_hash import CodeHash, frames_begun
+from testbench.storage import identity, inputs, state_file
+from testbench.storage.code_hash import WORDS, CodeHash, frames_begun
 
 DEG = math.pi / 180
 CHUNK_TICKS = 100_000
@@ -35,7 +36,6 @@ BASEBAND_CHUNK_TICKS = 2_000_000  # its ends cost what some hundred frames cost;
 SPECTRUM_TICKS = 1 << 17
 STATE_FORMAT = "engine-1"
 SCRATCH = "work"  # field of the plant's state that holds nothing from one tick to the next
-HASHED_COLUMNS = 9  # ADC codes and words of the loops
 FRAME = {name: k for k, (name, _, _) in enumerate(clocked.FRAME_COLUMNS)}
 TRUTH = {name: k for k, (name, _) in enumerate(clocked.TRUTH_COLUMNS)}
 
@@ -180,7 +180,7 @@ class Simulation:
         """An engine has come to `state` and filled `streams`; `inside` the register window."""
         tick, self.state = self.tick, state
         if self.keep_codes:
-            words = streams.frames[:, :HASHED_COLUMNS]
+            words = streams.frames[:, :WORDS]
             self.hash.add(tick, state.tick - tick, streams.drive_code, streams.sense_code, words)
             self._keep_tail(streams.drive_code, streams.sense_code)
         if len(streams.frames):
@@ -268,7 +268,8 @@ class Simulation:
 
     def dump(self):
         """(values, format, meta) for `state_file.save_state`."""
-        return self.state_values(), self.layout(), {"config_toml": to_toml(self.config)}
+        meta = {"config_toml": to_toml(placeless(self.config)), "identity": json.dumps(identity.identity())}
+        return self.state_values(), self.layout(), meta
 
     def state_values(self):
         """The state as numbers by name; copies, because the arrays of a state move on in place."""
@@ -300,10 +301,16 @@ class Simulation:
                     raise ConfigError(f"{path}: was saved with {section}.{key} = {was}; it cannot continue with {now}")
 
     def restore(self, path):
-        """Continue from a state file; RecordError if it is damaged or of another layout."""
+        """Continue from a state file; RecordError if it is damaged or of another layout.
+
+        Returns the identity of the code that saved it if it is another one's (`identity.check`), else None.
+        """
         values, meta = state_file.load_state(path, self.layout())
         self._check_same_gyroscope(path, meta)
+        saved = inputs.parse_json(meta.get("identity", "{}"), path)
+        other = identity.check(path, saved, self.config.scenario.across_versions)
         self.set_state(values)
+        return other
 
     def set_state(self, values):
         """Continue from what `state_values` gave."""

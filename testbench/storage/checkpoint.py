@@ -4,20 +4,24 @@
     run.partial/rows.bin        rows of the record so far (`spool`)
     run.partial/checkpoint.h5   state, hash, sums and positions at one tick; whole or absent
     run.partial/window.bin      registers of the waveform window, once it is complete
+    run.partial/lock            locked by the one process at work here (flock: a killed process holds no lock)
 
 A checkpoint is written beside the one before it and renamed. What rows.bin holds beyond it is cut off when the run
-continues, and simulated again to the same bytes. All of it is removed when the run's files are written.
+continues, and simulated again to the same bytes. All of it is removed when the run's files are written. Where the file
+system has no locks, rows of a second writer are found by their hashes.
 Source  docs/record.md
 """
 
 import contextlib
+import hashlib
 from pathlib import Path
 
 import numpy as np
 
 from testbench.errors import FileError
 from testbench.storage import spool
-from testbench.storage.files import discard, explain, write_bytes, write_text
+from testbench.storage.files import discard, explain, lock, write_bytes, write_text
+from testbench.storage.inputs import read_bytes
 
 FOLDER = "run.partial"
 FORMAT = "run-1"
@@ -32,14 +36,45 @@ class Partial:
         self.rows = self.folder / "rows.bin"
         self.window = self.folder / "window.bin"
         self.checkpoint = self.folder / "checkpoint.h5"
+        self._lock = None
 
-    def begin(self, config_toml):
-        """Start anew; what another run left here is gone."""
-        self.clear()
+    def __enter__(self):
+        self.hold()
+        return self
+
+    def __exit__(self, kind, value, traceback):
+        self.release()
+
+    def __del__(self):
+        self.release()
+
+    def hold(self):
+        """Be the one process at work in this folder until `clear`, or the end; FileError if another one is."""
+        if self._lock is not None:
+            return
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
+            self._lock = lock(self.folder / "lock")
+        except FileNotFoundError:  # removed by a run that has just ended
+            self.hold()
         except OSError as problem:
             raise explain(self.folder, problem) from None
+        if self._lock is None:
+            raise FileError(f"{self.folder.parent}: another run is at work in this folder")
+
+    def refuse_unfinished(self, discard=False):
+        """FileError if an unfinished run lies here, unless it may be discarded."""
+        if self.resumable() and not discard:
+            raise FileError(
+                f"{self.folder.parent}: holds an unfinished run; --resume-run {self.folder.parent} continues it, "
+                "--discard starts anew"
+            )
+
+    def begin(self, config_toml, discard=False):
+        """Start anew; FileError if an unfinished run lies here, unless it may be discarded."""
+        self.hold()
+        self.refuse_unfinished(discard)
+        self._remove()
         write_text(self.config, config_toml)
 
     def resumable(self):
@@ -71,27 +106,47 @@ class Partial:
             raise FileError(f"{self.folder.parent}: holds no interrupted run with a checkpoint; start it again")
 
     def keep_window(self, rows):
-        """Keep the registers of the window, once."""
+        """Keep the registers of the window, once; returns their SHA-256."""
+        data = rows.astype("<i8").tobytes()
         if not self.window.exists():
-            write_bytes(self.window, rows.astype("<i8").tobytes())
+            write_bytes(self.window, data)
+        return hashlib.sha256(data).hexdigest()
 
-    def load_window(self, columns):
-        """The registers that `keep_window` kept, or None."""
-        if not self.window.exists():
+    def load_window(self, columns, digest):
+        """The registers that `keep_window` kept, by their SHA-256; None if it kept none ("")."""
+        if not digest:
             return None
-        return np.fromfile(self.window, "<i8").reshape(-1, columns)
+        data = read_bytes(self.window)
+        if hashlib.sha256(data).hexdigest() != digest:
+            raise FileError(f"{self.window}: is not what was written; start the run again with --discard")
+        return np.frombuffer(data, "<i8").reshape(-1, columns)
 
     def clear(self):
-        """Remove everything."""
+        """Remove everything, and let others in."""
+        self._remove()
+        with contextlib.suppress(OSError):
+            (self.folder / "lock").unlink()
+            self.folder.rmdir()
+        self.release()
+
+    def release(self):
+        """Let others in; what is here stays."""
+        if self._lock is not None:
+            self._lock.close()
+            self._lock = None
+
+    def _remove(self):
         for path in (self.checkpoint, self.rows, self.window, self.config):
             discard(path)
             spool.remove(path)
-        with contextlib.suppress(OSError):
-            self.folder.rmdir()
 
 
-def stored_config(directory):
-    """Path of the configuration of an interrupted run."""
+def unfinished(directory):
+    """The interrupted run of a folder, held by this process."""
     partial = Partial(directory)
     partial.check()
-    return partial.config
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(partial)
+        partial.check()  # the process that was at work here may have ended it
+        stack.pop_all()
+    return partial

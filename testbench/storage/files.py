@@ -1,5 +1,7 @@
 """Output files that are whole or absent: written as PATH.part, renamed when complete, removed when anything fails.
 
+PATH.part is locked while it is written (flock, which a killed process does not hold): of two processes that write one
+file the second is refused. A file system without locks is taken as it is.
 A seal is the file's own SHA-256 behind its end: damage is found before a library reads it, which with HDF5 may take
 for ever on a damaged heap. `GuardedFile` is for HDF5 too, which leaves a file open for good when a write fails during
 close: it remembers the first failure, swallows what the library still writes, and lets the owner raise afterwards.
@@ -14,6 +16,13 @@ from pathlib import Path
 
 from testbench.errors import FileError
 
+try:
+    import fcntl
+except ImportError:  # no POSIX, no locks
+    fcntl = None
+
+NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS)
+
 
 def explain(path, problem):
     """`FileError` for an operating-system error on `path`."""
@@ -24,6 +33,43 @@ def part_of(path):
     """Name under which `path` is written."""
     path = Path(path)
     return path.with_name(path.name + ".part")
+
+
+def lock(path):
+    """Open file, locked by this process and made if need be; None if another one holds it.
+
+    Who holds the lock may remove the file; then it is made anew.
+    """
+    while True:
+        file = open(path, "a+b")
+        try:
+            if fcntl is not None:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if os.path.samestat(os.fstat(file.fileno()), os.stat(path)):
+                return file
+        except BlockingIOError:
+            file.close()
+            return None
+        except FileNotFoundError:
+            pass
+        except OSError as problem:
+            if problem.errno in NO_LOCKS:
+                return file
+            file.close()
+            raise
+        file.close()
+
+
+def lock_part(path):
+    """The locked PATH.part; FileError if another process writes the file."""
+    try:
+        Path(path).parent.mkdir(parents=True, exist_ok=True)
+        file = lock(part_of(path))
+    except OSError as problem:
+        raise explain(path, problem) from None
+    if file is None:
+        raise FileError(f"{path}: another process writes this file")
+    return file
 
 
 def publish(path):
@@ -78,14 +124,14 @@ def discard(path):
 def replacing(path):
     """Yield the name to write to; the file takes its place when the block ends well, and vanishes when it does not."""
     path = Path(path)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        yield part_of(path)
-        publish(path)
-    except OSError as problem:
-        raise explain(path, problem) from None
-    finally:
-        discard(path)
+    with lock_part(path):
+        try:
+            yield part_of(path)
+            publish(path)
+        except OSError as problem:
+            raise explain(path, problem) from None
+        finally:
+            discard(path)
 
 
 def write_bytes(path, data):

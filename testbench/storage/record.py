@@ -29,7 +29,7 @@ import numpy as np
 
 from testbench.errors import FileError
 from testbench.interrupts import held
-from testbench.storage.files import GuardedFile, discard, explain, part_of, publish, seal
+from testbench.storage.files import GuardedFile, discard, explain, lock_part, part_of, publish, seal
 from testbench.version import VERSION
 
 SCHEMA = "gyrorec/1.0"
@@ -213,8 +213,8 @@ class RecordWriter:
         self._axes = {}
         self._tables = {}
         self.content_sha256 = ""
+        self._lock = lock_part(self.path)
         try:
-            self.path.parent.mkdir(parents=True, exist_ok=True)
             self._guard = GuardedFile(part_of(self.path))
         except OSError as problem:
             raise explain(self.path, problem) from None
@@ -241,6 +241,7 @@ class RecordWriter:
                 self._file.close()
             self._guard.close()
             discard(self.path)
+            self._lock.close()
 
     def stream(self, name, unit, dtype, num=1, den=1, edge0=0, *, compress=True, **attrs):
         """Declare a stream: numbers of `unit`, num / den rows per clock edge, row 0 at edge `edge0`."""

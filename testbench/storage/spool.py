@@ -4,6 +4,8 @@
 
 A plain file of rows, not HDF5: one that was killed in the middle of a write is cut to the length that the last
 checkpoint names and continued. The HDF5 file is made from it in one pass and does not show how often that happened.
+A SHA-256 of every block of READ_ROWS rows is kept in memory and in the checkpoint: rows that another program has
+changed are found when the run continues and when the record is made.
 
 With `decimate` a row stands for n frames. Codes and words are summed exactly, which keeps their Allan deviation at
 multiples of n frames what it is; their name gets the ending "_sum", so that nobody takes them for single codes. Of the
@@ -12,7 +14,9 @@ the locks those that held throughout. A last group of fewer than n frames is lef
 Source  docs/record.md
 """
 
+import collections
 import contextlib
+import hashlib
 import os
 from datetime import UTC, datetime
 from pathlib import Path
@@ -24,6 +28,8 @@ import numpy as np
 from fpga_model.rates import FRAME_TICKS
 from testbench.engines import engine
 from testbench.errors import FileError
+from testbench.storage import inputs
+from testbench.storage.code_hash import WORDS
 from testbench.storage.files import explain
 from testbench.storage.record import Column, RecordWriter
 
@@ -65,6 +71,7 @@ def _truth_fields():
         yield Field(f"truth_{name}", k, True, unit, np.dtype("<f8"), {"tap": "truth"}, FIRST)
 
 
+HASHED = tuple(name for name, _, _ in engine.FRAME_COLUMNS[:WORDS])  # what the hash of codes covers
 FIELDS = {field.name: field for field in (*_register_fields(), *_truth_fields())}
 
 
@@ -111,6 +118,7 @@ class Spool:
         self.rows = 0
         self._held, self._held_rows = [], 0
         self._memory = []
+        self._digests, self._open, self._open_rows = [], hashlib.sha256(), 0
         if path is None:
             return
         try:
@@ -151,6 +159,7 @@ class Spool:
         if self.path is None:
             self._memory.append(rows)
             return
+        self._hash(rows)
         try:
             with open(self.path, "r+b", buffering=0) as file:
                 file.seek(0, os.SEEK_END)
@@ -159,6 +168,30 @@ class Spool:
                     left = left[file.write(left) :]
         except OSError as problem:
             raise explain(self.path, problem) from None
+
+    def _hash(self, rows):
+        """Add rows to the digests of their blocks."""
+        while len(rows):
+            take = rows[: READ_ROWS - self._open_rows]
+            self._open.update(take.data)
+            self._open_rows, rows = self._open_rows + len(take), rows[len(take) :]
+            if self._open_rows == READ_ROWS:
+                self._digests.append(self._open.digest())
+                self._open, self._open_rows = hashlib.sha256(), 0
+
+    def _read(self):
+        """(rows, SHA-256) of every block in the file."""
+        with inputs.opened(self.path) as file:
+            while block := file.read(READ_ROWS * self.dtype.itemsize):
+                yield np.frombuffer(block, self.dtype), hashlib.sha256(block).digest()
+
+    def _compare(self, k, found, kept):
+        """FileError if block k is another than the one that was written."""
+        if found != kept:
+            raise FileError(
+                f"{self.path}: rows {k * READ_ROWS} .. {min((k + 1) * READ_ROWS, self.rows) - 1} are not those that "
+                "were written: another program changed the file; start the run again with --discard"
+            )
 
     def blocks(self):
         """Rows from the first one on, in arrays of READ_ROWS; the last one may be shorter."""
@@ -170,9 +203,10 @@ class Spool:
         found, wanted = os.path.getsize(self.path), self.rows * self.dtype.itemsize
         if found != wanted:
             raise FileError(f"{self.path}: holds {found} bytes, {wanted} were written: another run in this folder?")
-        with open(self.path, "rb") as file:
-            while block := file.read(READ_ROWS * self.dtype.itemsize):
-                yield np.frombuffer(block, self.dtype)
+        kept = [*self._digests, self._open.digest()]
+        for k, (rows, digest) in enumerate(self._read()):
+            self._compare(k, digest, kept[k])
+            yield rows
 
     # ---- checkpoints -------------------------------------------------------------------------------------------------
 
@@ -186,11 +220,18 @@ class Spool:
             except OSError as problem:
                 raise explain(self.path, problem) from None
         frames, truth = self._held[0] if self._held else (np.zeros((0, 1), np.int64), np.zeros((0, 1)))
-        return {"rows": self.rows, "first_frame": self.first_frame, "frames": frames, "truth": truth}
+        digests = b"".join([*self._digests, self._open.digest()])
+        kept = {"rows": self.rows, "first_frame": self.first_frame, "frames": frames, "truth": truth}
+        return kept | {"sha256": np.frombuffer(digests, np.uint8)}
 
     def restore(self, values):
-        """Continue where `dump` was, in a file that was opened with its `rows`."""
+        """Continue where `dump` was, in a file that was opened with its `rows`; FileError if they are others."""
         self.rows, self.first_frame = values["rows"], values["first_frame"]
+        if self.path is not None:
+            kept = values.get("sha256", np.zeros(0, np.uint8)).tobytes()  # version 0.1.0 kept none
+            for k, (rows, digest) in enumerate(self._read()):
+                self._compare(k, digest, kept[32 * k : 32 * k + 32] if kept else digest)
+                self._hash(rows)
         if len(values["frames"]):
             self._held, self._held_rows = [(values["frames"], values["truth"])], len(values["frames"])
 
@@ -202,6 +243,9 @@ class Recording:
         self.spool = spool
         self.config_toml = config_toml
         self.clock_ppm = clock_ppm
+        self.attrs = {}
+        self.codes = None  # `CodeHash` of the run, if the record is to be checked against it
+        self.partial = None  # who holds the folder as long as these rows are needed
         self.record_id = record_id or str(uuid4())
         self.created_utc = created_utc or datetime.now(UTC).isoformat(timespec="seconds")
         self.tables = {}
@@ -220,20 +264,35 @@ class Recording:
         """num, den, edge0 of every column."""
         return 1, FRAME_EDGES * self.spool.decimate, FRAME_EDGES * max(self.spool.first_frame, 0)
 
+    def _append(self, writer, progress):
+        """Write all rows, and yield them block by block."""
+        done = 0
+        for rows in self.spool.blocks():
+            writer.append(**{name: rows[name] for name in self.spool.fields})
+            done += len(rows)
+            if progress:
+                progress("record", done, self.spool.rows)
+            yield rows
+
+    def _check_codes(self, path, blocks):
+        """FileError if rows that were written are not those of the hash of codes; compared where all words are kept."""
+        complete = self.spool.decimate == 1 and set(HASHED) <= set(self.spool.fields)
+        if self.codes is None or not self.codes.complete or not complete:
+            collections.deque(blocks, 0)
+            return
+        words = (np.stack([rows[name] for name in HASHED], axis=1) for rows in blocks)
+        if not self.codes.has_words(words):
+            raise FileError(f"{path}: its rows are not those of codes_sha256; it was not written")
+
     def write(self, path, progress=None):
-        """Write the record; returns its content hash."""
-        head = {"record_id": self.record_id, "created_utc": self.created_utc}
+        """Write the record, whose rows must be those of the hash of codes; returns its content hash."""
+        head = {"attrs": self.attrs, "record_id": self.record_id, "created_utc": self.created_utc}
         with RecordWriter(path, self.config_toml, "simulated", self.clock_ppm, **head) as writer:
             for name, field in self.spool.fields.items():
                 num, den, edge0 = self._rate()
                 compress = field.dtype.kind != "f"  # noise does not compress, and takes the longest to try
                 writer.stream(name, field.unit, field.dtype, num, den, edge0, compress=compress, **field.attrs)
-            done = 0
-            for rows in self.spool.blocks():
-                writer.append(**{name: rows[name] for name in self.spool.fields})
-                done += len(rows)
-                if progress:
-                    progress("record", done, self.spool.rows)
+            self._check_codes(path, self._append(writer, progress))
             for name, columns in self.tables.items():
                 writer.table(name, columns)
         return writer.content_sha256

@@ -12,11 +12,14 @@ from pathlib import Path
 
 import h5py
 import numba
+import numpy as np
 import pytest
 
+from testbench import config
 from testbench.commands import main as cli
+from testbench.errors import ConfigError, FileError
 from testbench.run import simulate
-from testbench.storage import checkpoint, files, record_read, state_file
+from testbench.storage import checkpoint, files, identity, record_read, state_file
 from tests.testbench.bench_setup import configured
 from tests.testbench.command import gyro
 
@@ -238,11 +241,138 @@ def test_a_damaged_checkpoint_is_refused(capsys, interrupted, tmp_path):
     assert re.search(r"checkpoint\.h5: R15 / expected the file that was written, found damage\n", said)
 
 
-def test_a_new_run_in_the_folder_starts_anew(locked, interrupted, tmp_path):
+def test_a_new_run_in_the_folder_of_an_unfinished_one_is_refused_unless_told(locked, interrupted, tmp_path, capsys):
     shutil.copytree(interrupted, tmp_path / "out")
+    kept = contents(tmp_path / "out")
     argv = ["run", "--resume", str(locked[0]), "--seconds", "0.01", "--set", "scenario.diagnose=false", "--out", "out"]
-    run_here(tmp_path, argv)
+    got = gyro(*argv, folder=tmp_path)
+    assert (got.returncode, got.stdout) == (2, "")
+    assert got.stderr == "gyro: out: holds an unfinished run; --resume-run out continues it, --discard starts anew\n"
+    assert contents(tmp_path / "out") == kept
+    run_here(tmp_path, [*argv, "--discard"])
     assert checkpoint.FOLDER not in os.listdir(tmp_path / "out")
+
+
+def contents(folder):
+    """{path: bytes} of all files but the lock."""
+    return {p: p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file() and p.name != "lock"}
+
+
+@pytest.mark.parametrize("argv", [["--resume-run", "out"], ["--seconds", "0.01", "--discard", "--out", "out"]])
+def test_a_living_run_has_its_folder_alone(interrupted, tmp_path, argv):
+    shutil.copytree(interrupted, tmp_path / "out")
+    kept = contents(tmp_path / "out")
+    living = checkpoint.Partial(tmp_path / "out")
+    living.hold()
+    got = gyro("run", *argv, folder=tmp_path)
+    assert (got.returncode, got.stdout) == (2, "")
+    assert got.stderr == "gyro: out: another run is at work in this folder\n"
+    assert contents(tmp_path / "out") == kept
+    living.release()
+
+
+FLIPS = 60  # bits; the slow set tries 500
+
+
+def flipped(path, rng, end=None):
+    """Change one bit of a file, before byte `end`."""
+    data = bytearray(path.read_bytes())
+    bit = int(rng.integers(8 * (end or len(data))))
+    data[bit // 8] ^= 1 << bit % 8
+    path.write_bytes(data)
+    return bit // 8
+
+
+@pytest.mark.parametrize("count", [FLIPS, pytest.param(500, marks=pytest.mark.slow)])
+def test_one_bit_flipped_in_any_file_of_an_unfinished_run_is_refused_or_without_effect(interrupted, tmp_path, count):
+    """What is read is what was written, or nothing is read: rows, checkpoint, window and configuration."""
+    whole = reading(interrupted)
+    assert whole.recording.spool.rows > 100
+    want = [rows.tobytes() for rows in whole.recording.spool.blocks()]
+    names = sorted(path.name for path in (interrupted / checkpoint.FOLDER).iterdir() if path.name != "lock")
+    assert names == ["checkpoint.h5", "config.toml", "rows.bin", "window.bin"]
+    rng, refusals = np.random.default_rng(count), dict.fromkeys(names, 0)
+    size = whole.recording.spool.rows * whole.recording.spool.dtype.itemsize
+    for k in range(count):
+        folder = tmp_path / str(k)
+        shutil.copytree(interrupted, folder)
+        name = names[k % len(names)]
+        flipped(folder / checkpoint.FOLDER / name, rng, size if name == "rows.bin" else None)
+        try:
+            job = reading(folder)
+        except (FileError, ConfigError):
+            refusals[name] += 1
+            continue
+        finally:
+            shutil.rmtree(folder)
+        assert job.sim.codes_sha256() == whole.sim.codes_sha256()
+        assert (job.config, job.position, job.sim.tick) == (whole.config, whole.position, whole.sim.tick)
+        assert np.array_equal(job.sim.rows, whole.sim.rows)
+        assert name != "rows.bin"
+    assert refusals["rows.bin"] == refusals["window.bin"] == count // len(names)
+    assert len(want) == 1
+
+
+def reading(folder):
+    """`simulate.Run` as it continues in a folder."""
+    partial = checkpoint.unfinished(folder)
+    try:
+        return simulate.Run(config.load(partial.config), partial, resume=True)
+    finally:
+        partial.release()
+
+
+def test_rows_that_change_while_a_run_is_at_work_are_found_before_the_record_is_sealed(interrupted, tmp_path):
+    shutil.copytree(interrupted, tmp_path / "out")
+    job = reading(tmp_path / "out")
+    flipped(job.partial.rows, np.random.default_rng(1))
+    with pytest.raises(FileError, match=r"rows\.bin: rows 0 \.\. \d+ are not those that were written"):
+        job.recording.write(tmp_path / "run.h5")
+    assert not (tmp_path / "run.h5").exists()
+
+
+def test_a_record_whose_rows_are_not_those_of_the_hash_is_not_written(locked, tmp_path):
+    checked = config.load(
+        overrides=["scenario.seconds=0.02", "scenario.diagnose=false", f"scenario.resume={locked[0]}"]
+    )
+    result = simulate.run(checked)
+    spool = result.record.spool
+    spool.flush()
+    spool._memory[0]["rate_word"][7] += 1
+    with pytest.raises(FileError, match=r"run\.h5: its rows are not those of codes_sha256; it was not written"):
+        result.record.write(tmp_path / "run.h5")
+    spool._memory[0]["rate_word"][7] -= 1
+    result.record.write(tmp_path / "run.h5")
+
+
+def test_what_another_version_saved_is_continued_only_if_told_and_the_record_says_so(
+    locked, interrupted, tmp_path, monkeypatch
+):
+    mine = identity.identity()
+    monkeypatch.setattr(identity, "identity", lambda: mine | {"code": "f" * 64, "numpy": "9.9"})
+    shutil.copytree(interrupted, tmp_path / "out")
+    short = ["run", "--resume", str(locked[0]), "--seconds", "0.01", "--set", "scenario.diagnose=false", "--out", "two"]
+    for argv in (["run", "--resume-run", "out"], short):
+        got = gyro(*argv, folder=tmp_path)
+        assert got.returncode == 2
+        said = f"was saved by code {mine['code'][:12]}, numpy {mine['numpy']}, this is code {'f' * 12}, numpy 9.9; "
+        assert said + "--across-versions continues all the same" in got.stderr
+    for argv, folder in ((["run", "--resume-run", "out"], "out"), (short, "two")):
+        run_here(tmp_path, [*argv, "--across-versions"])
+        record = record_read.read_record(tmp_path / folder / "run.h5")
+        assert json.loads(record.attrs["continues"]) == [mine]
+        assert "across_versions = true" in record.config_toml
+
+
+def test_content_does_not_depend_on_where_the_output_lies(locked, tmp_path):
+    short = ["run", "--resume", str(locked[0]), "--seconds", "0.01", "--set", "scenario.diagnose=false"]
+    for folder in ("one", "two/deeper"):
+        run_here(tmp_path, [*short, "--out", folder])
+    one, two = (record_read.read_record(tmp_path / folder / "run.h5") for folder in ("one", "two/deeper"))
+    assert one.content_sha256 == two.content_sha256
+    layout = simulate.Simulation(configured(), 25.0, 25.0).layout()
+    states = [state_file.load_state(tmp_path / folder / "state.h5", layout)[1] for folder in ("one", "two/deeper")]
+    assert states[0] == states[1]
 
 
 # ---- memory ----------------------------------------------------------------------------------------------------------

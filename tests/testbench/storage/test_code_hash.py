@@ -86,8 +86,26 @@ def test_what_is_kept_of_a_run_does_not_grow():
     whole = CodeHash()
     for k in range(30):
         whole.add(k * 100_000, 100_000, *codes(k * 100_000, 100_000))
-        kept = sum(values.nbytes for values in whole.dump().values())
-        assert kept <= BLOCK_TICKS * 6 + BLOCK_TICKS // 125 * 72 + 32
+        kept = sum(np.asarray(values).nbytes for values in whole.dump().values())
+        assert kept <= BLOCK_TICKS * 6 + BLOCK_TICKS // 125 * 72 + 2 * 32 + 2 * 8
+
+
+@settings(max_examples=20)
+@given(
+    st.integers(0, 300_000), st.integers(1, 300_000), st.lists(st.integers(0, 2400), max_size=4), st.integers(0, 10**6)
+)
+def test_rows_are_those_that_were_hashed_or_not(tick, ticks, cuts, place):
+    """However they are cut; one changed bit, one row less and one more are seen."""
+    drive, sense, words = codes(tick, ticks)
+    whole = CodeHash()
+    whole.add(tick, ticks, drive, sense, words)
+    assert whole.has_words(np.split(words, sorted(min(cut, len(words)) for cut in cuts)))
+    if len(words):
+        other = words.copy()
+        other.ravel()[place % other.size] ^= 1 << place % 48
+        assert not whole.has_words([other])
+        assert not whole.has_words([words[:-1]])
+    assert not whole.has_words([np.concatenate([words, np.zeros((1, 9), np.int64)])])
 
 
 def test_frames_begun():

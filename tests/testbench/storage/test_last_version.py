@@ -10,7 +10,7 @@ import pytest
 
 from testbench.campaign import collect, store
 from testbench.commands import main as cli
-from testbench.config import from_dict
+from testbench.config import changed, from_dict
 from testbench.measured.record import load
 from testbench.storage import record_read
 from testbench.storage.inputs import read_toml
@@ -61,14 +61,16 @@ def test_a_measurement_record_is_read_and_checked():
 def test_a_state_is_continued_to_the_same_codes(folder, capsys):
     settings = ("scenario.diagnose=false", "output.pictures=false", "output.html=false")
     sets = [part for text in settings for part in ("--set", text)]
-    found = json.loads(said(capsys, "run", "--resume", "state.h5", "--seconds", "0.005", *sets, "--json"))
+    found = json.loads(
+        said(capsys, "run", "--resume", "state.h5", "--seconds", "0.005", *sets, "--across-versions", "--json")
+    )
     assert found["locked"]
     assert found["codes_sha256"] == "00bc5f4329447d2b322b791d9d82d548603d5f7bdc21024f0652986f9a7bb2de"
 
 
 @closed_loop
 def test_an_interrupted_run_is_continued_to_the_bytes_of_an_uncut_one(folder, capsys):
-    found = json.loads(said(capsys, "run", "--resume-run", "interrupted", "--json"))
+    found = json.loads(said(capsys, "run", "--resume-run", "interrupted", "--across-versions", "--json"))
     wanted = json.loads((folder / "uncut.json").read_text())
     of_the_wall = ("wall_s", "real_time_factor", "files")
     assert {k: v for k, v in found.items() if k not in of_the_wall} == {
@@ -78,9 +80,10 @@ def test_an_interrupted_run_is_continued_to_the_bytes_of_an_uncut_one(folder, ca
     assert have.streams.keys() == want.streams.keys()
     for name, column in want.streams.items():
         np.testing.assert_array_equal(have.streams[name].data, column.data)
-    # the configuration of another folder, else the same
+    # the configuration of another folder, with the flag; else the same
     one, other = (configured(folder / "config.toml", record.config_toml) for record in (have, want))
-    assert one.model_copy(update={"output": other.output}) == other
+    assert one.scenario.across_versions
+    assert changed(one, {"output.directory": other.output.directory, "scenario.across_versions": False}) == other
 
 
 def test_a_campaign_store_is_listed_and_collected_to_the_same_results(folder, capsys):

@@ -5,8 +5,9 @@ import shutil
 import pytest
 
 from fpga_model import jit
-from testbench.campaign.plan import engines, sources
+from testbench.campaign.plan import engines
 from testbench.errors import ConfigError
+from testbench.storage import sources
 
 
 def test_the_frame_engine_reaches_firmware_plant_and_statistics():

@@ -1,0 +1,47 @@
+"""Which code made a file that is continued: hash of the sources that a run reaches, and versions of what runs them.
+
+    {"code": SHA-256, "ftr-gyro": ..., "python": ..., "numpy": ..., "numba": ..., "h5py": ...}
+
+Bits of two versions may differ, and a run of both is a run of neither. So what another one saved is continued only
+where `scenario.across_versions` says so, which the record keeps with its configuration, and with this identity.
+Source  docs/record.md
+"""
+
+import functools
+
+from testbench.errors import FileError
+from testbench.storage.record import versions
+from testbench.storage.sources import code_sha256
+
+RUN = "testbench.run.simulate"
+SHOWN = 12  # hex digits of a hash in a message
+
+
+@functools.cache
+def identity():
+    """This process's identity; the machine is none of it: all processors give the same bits."""
+    found = {key: version for key, version in versions().items() if key != "machine"}
+    return {"code": code_sha256(RUN), **found}
+
+
+def check(path, saved, allowed):
+    """FileError that names both, if `saved` is not of this identity ({}: a version that kept none) and not `allowed`.
+
+    Returns the identity that was saved if it is another, else None.
+    """
+    mine = identity()
+    if saved == mine:
+        return None
+    if not allowed:
+        raise FileError(
+            f"{path}: was saved by {_text(saved, mine)}, this is {_text(mine, saved)}; "
+            "--across-versions continues all the same"
+        )
+    return saved
+
+
+def _text(one, other):
+    """What of an identity is not the other's."""
+    if not one:
+        return "a version without identity"
+    return ", ".join(f"{key} {str(one.get(key))[:SHOWN]}" for key in (one | other) if one.get(key) != other.get(key))
