@@ -81,8 +81,11 @@ def test_two_copies_of_the_same_sources_do_not_disturb_each_other_in_one_cache(t
     """The list of what a caller links to is that of its own copy: symbols of the other one are not there."""
     copy = tmp_path / "copy"
     shutil.copytree(tree, copy)
+    cached = "from fpga_model import high, jit; print(jit.is_cached(high.answer))"
+    assert said(tree, cached, tmp_path / "both") == ["False"]
     other = "import numba; numba.njit(lambda x: x)(1); " + ANSWER  # symbols are numbered: these get others
     assert [said(one, code, tmp_path / "both")[1] for one, code in ((tree, ANSWER), (copy, other))] == ["0", "0"]
+    assert said(tree, cached, tmp_path / "both") == ["True"]
     assert [said(one, cache=tmp_path / "both") for one in (tree, copy, tree)] == [["22", "1"]] * 3
 
 
