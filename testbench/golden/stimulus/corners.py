@@ -3,7 +3,7 @@
     BLOCK.json    {"schema", "block", "found": {case: [{"goal", "rows"}]}, "missing": {goal: reason}}
     rows          [times, {input: value}, [inputs that count up by 1 from row to row]]; others are idle
 
-An export only replays them, so it needs no search and is the same everywhere. `python -m testbench.golden.coverage`
+An export only replays them, so it needs no search and is the same everywhere. `python -m tests.testbench.golden.corners_search`
 searches again.
 Source  docs/golden.md
 """

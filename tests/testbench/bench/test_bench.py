@@ -12,8 +12,9 @@ import pytest
 from analog_frontend import linear
 from analog_frontend.effects import catalogue
 from fpga_model import sequencer
-from testbench.bench import kernels, many, measure, peers, ports_off, stages
+from testbench.bench import kernels, many, measure, peers, stages
 from testbench.console import markdown
+from tests.testbench.bench import ports_off
 
 pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="closed loop: too slow interpreted")
 TICKS = 25_000

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from testbench.golden.coverage import __main__ as command
-from testbench.golden.coverage import coverage, search
+from testbench.golden.coverage import coverage
 from testbench.golden.stimulus import blocks, corners
+from tests.testbench.golden import corners_search as search
 
 ROOT = Path(__file__).resolve().parents[3]
 ISQRT = blocks.BLOCKS["isqrt"]
@@ -46,7 +46,7 @@ def test_the_distance_leads_to_a_place_that_chance_does_not_find():
     goal = ("clamp", "pi: clamp(preset, p.lo, p.hi)", "hi+1")
     # a process of its own: Hypothesis draws constants from whatever modules have been imported before
     code = f"""
-from testbench.golden.coverage import search
+from tests.testbench.golden import corners_search as search
 from testbench.golden.stimulus import blocks
 print(search.search(blocks.BLOCKS["pi"], "frequency", {goal!r}, examples=2000)[0])
 """
@@ -63,5 +63,5 @@ def test_nothing_is_missing_where_the_directed_families_have_it_all():
 def test_an_unknown_block_is_one_clear_error(capsys, monkeypatch):
     monkeypatch.setattr("sys.argv", ["corners", "ddds"])
     with pytest.raises(SystemExit, match="2"):
-        command.main()
+        search.main()
     assert "block: 'ddds' is not one of dds, sine" in capsys.readouterr().err

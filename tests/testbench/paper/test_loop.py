@@ -8,9 +8,10 @@ from scipy.linalg import expm
 
 from testbench.config import Config, load
 from testbench.errors import ConfigError
-from testbench.paper.loop import advisor, switched_rc
+from testbench.paper.loop import advisor
 from testbench.paper.loop import loop as lp
 from testbench.paper.loop.parts import FRAME_S, parts
+from tests.testbench.paper import switched_rc
 from tests.testbench.paper.carrier import Carrier
 
 DEFAULT = parts(Config())

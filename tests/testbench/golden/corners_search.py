@@ -1,10 +1,15 @@
 """Search for short rows that meet goals which the directed families of a block miss; the search is Hypothesis's.
 
+    python -m tests.testbench.golden.corners_search [BLOCK ...] [--examples N]      all blocks, or those named: minutes
+
+The result replaces testbench/golden/stimulus/corners_found/BLOCK.json, which an export replays.
+
 A candidate is a reset and a few pieces: an operation with values of its inputs, repeated. The distance of a place's
 operands from the wanted outcome leads the search (`target`), and what is found is shrunk before it is stored.
 Source  docs/golden.md; MacIver, Donaldson, ECOOP 2020 (shrinking)
 """
 
+import argparse
 import math
 import random
 from typing import NamedTuple
@@ -169,3 +174,20 @@ def explore(block, examples=EXAMPLES, say=print):
             not_found[goal] = f"not found in {tried} examples"
             say(f"{block.stem}: not found in {tried}: {name}", flush=True)
     return found, {corners.spelled(goal): why for goal, why in not_found.items() if goal not in met}
+
+
+def main():
+    """Search again for the corners of the named blocks, and store them."""
+    parser = argparse.ArgumentParser(description="Search for stimulus corners that the directed families miss.")
+    parser.add_argument("blocks", nargs="*", metavar="BLOCK", help="blocks to search; all if none is named")
+    parser.add_argument("--examples", type=int, default=EXAMPLES, help="candidates for each goal")
+    given = parser.parse_args()
+    unknown = sorted(set(given.blocks) - set(blocks.BLOCKS))
+    if unknown:
+        parser.error(f"block: {unknown[0]!r} is not one of {', '.join(blocks.BLOCKS)}")
+    for stem in given.blocks or blocks.BLOCKS:
+        corners.store(stem, *explore(blocks.BLOCKS[stem], given.examples))
+
+
+if __name__ == "__main__":
+    main()
