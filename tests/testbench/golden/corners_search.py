@@ -10,6 +10,7 @@ Source  docs/golden.md; MacIver, Donaldson, ECOOP 2020 (shrinking)
 """
 
 import argparse
+import json
 import math
 import random
 from typing import NamedTuple
@@ -21,6 +22,7 @@ from hypothesis.errors import NoSuchExample
 from fpga_model import sequencer
 from testbench.golden.coverage import coverage, probes, unreachable
 from testbench.golden.stimulus import blocks, corners, stimulus
+from testbench.storage.files import write_text
 
 EXAMPLES = 3000
 SEED = 1
@@ -139,7 +141,7 @@ def search(block, case, goal, examples=EXAMPLES):
         found = find(candidates(block), judge, settings=chosen, random=random.Random(SEED))
     except NoSuchExample:
         return None, judge.examples
-    return corners.tidy(block, found), judge.examples
+    return tidy(block, found), judge.examples
 
 
 def missing(block):
@@ -156,7 +158,7 @@ def missing(block):
 
 
 def explore(block, examples=EXAMPLES, say=print):
-    """What `corners.store` takes: found rows by case, and the goals that were not found."""
+    """What `store` takes: found rows by case, and the goals that were not found."""
     found, not_found, met = {}, {}, set()
     for goal, cases in missing(block).items():
         name, tried = corners.spelled(goal), 0
@@ -176,6 +178,22 @@ def explore(block, examples=EXAMPLES, say=print):
     return found, {corners.spelled(goal): why for goal, why in not_found.items() if goal not in met}
 
 
+def tidy(block, rows):
+    """Rows without values that are idle anyway."""
+    idle = {port.name: block.idle.get(port.name, 0) for port in block.inputs}
+    return [[times, {k: v for k, v in values.items() if v != idle[k]}, counting] for times, values, counting in rows]
+
+
+def store(stem, found, missing):
+    """Write what a search has found; a block with nothing to say has no file."""
+    if not found and not missing:
+        corners.path_of(stem).unlink(missing_ok=True)
+        return
+    data = {"schema": corners.SCHEMA, "block": stem, "found": found, "missing": missing}
+    write_text(corners.path_of(stem), json.dumps(data, indent=1) + "\n")
+    corners.stored.cache_clear()
+
+
 def main():
     """Search again for the corners of the named blocks, and store them."""
     parser = argparse.ArgumentParser(description="Search for stimulus corners that the directed families miss.")
@@ -186,7 +204,7 @@ def main():
     if unknown:
         parser.error(f"block: {unknown[0]!r} is not one of {', '.join(blocks.BLOCKS)}")
     for stem in given.blocks or blocks.BLOCKS:
-        corners.store(stem, *explore(blocks.BLOCKS[stem], given.examples))
+        store(stem, *explore(blocks.BLOCKS[stem], given.examples))
 
 
 if __name__ == "__main__":

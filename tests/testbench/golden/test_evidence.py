@@ -9,6 +9,7 @@ import pytest
 from testbench.golden.bundles import provenance
 from testbench.golden.coverage import coverage, evidence, unreachable
 from testbench.golden.stimulus import blocks, corners, stimulus
+from tests.testbench.golden import corners_search
 from tests.testbench.golden.benching import made
 
 STEMS = tuple(blocks.BLOCKS)
@@ -172,11 +173,11 @@ def test_stored_rows_keep_what_they_say(tmp_path, monkeypatch):
     corners.stored.cache_clear()
     try:
         rows = [[2, {"word": 3}, []], [3, {"word": 7}, ["word"]]]
-        corners.store("dds", {"default": [{"goal": "a | b | c", "rows": rows}]}, {})
+        corners_search.store("dds", {"default": [{"goal": "a | b | c", "rows": rows}]}, {})
         found = corners.expanded(blocks.BLOCKS["dds"], "default", corners.stored("dds")["found"]["default"][0]["rows"])
         assert found[:, :2].tolist() == [[1, 0], [0, 3], [0, 3], [0, 7], [0, 8], [0, 9]]
         assert not np.any(found[:, 2:])
-        corners.store("dds", {}, {})
+        corners_search.store("dds", {}, {})
         assert not (tmp_path / "dds.json").exists()
     finally:
         corners.stored.cache_clear()
