@@ -20,7 +20,6 @@ from typing import NamedTuple
 
 from testbench.errors import ConfigError, FileError
 from testbench.golden.bundles import benches, bundle
-from testbench.golden.check import loggers
 from testbench.golden.mutation import aig, judge
 from testbench.golden.mutation.miter import compact
 from testbench.golden.ranges import ranges
@@ -102,6 +101,15 @@ def sources(manifest, rtl):
     return found
 
 
+def parameters(manifest):
+    """[(name, width, raw bits)] of the case."""
+    listed = []
+    for entry in manifest["params"]:
+        width = sum(entry["fmt"])
+        listed.append((entry["name"], width, entry["raw"] & ((1 << width) - 1)))
+    return listed
+
+
 def prepare(folder, manifest, files, work):
     """Write base.il: the design of the case, flat, with `$dff` and multiplexers alone."""
     stem = manifest["block"]
@@ -111,7 +119,7 @@ def prepare(folder, manifest, files, work):
         for rom in sorted((folder / "rom").glob("*.hex")) if (folder / "rom").is_dir() else ():
             text = text.replace('ROM_FILE = ""', f'ROM_FILE = "{rom.resolve()}"')
         (work / path.name).write_text(text)
-    given = "".join(f" -chparam {name} {width}'h{raw:x}" for name, width, _, raw in loggers.parameters(manifest))
+    given = "".join(f" -chparam {name} {width}'h{raw:x}" for name, width, raw in parameters(manifest))
     *parts, top = (path.name for path in files)
     steps = [f"read_verilog {name}" for name in parts]
     steps += [

@@ -12,8 +12,6 @@ import functools
 import json
 from pathlib import Path
 
-import numpy as np
-
 FOLDER = Path(__file__).with_name("corners_found")
 SCHEMA = "gyro-corners/1.0"
 FAMILY = "corners_found"
@@ -55,13 +53,3 @@ def replay(w):
         w.family(FAMILY)
     for entry in entries:
         play(w, entry["rows"])
-
-
-def expanded(block, case, rows):
-    """int64 rows of one entry, a reset first."""
-    from testbench.golden.stimulus.writer import Writer
-
-    w = Writer(block, case)
-    w.family(FAMILY)
-    play(w, rows)
-    return np.array(w.rows, np.int64)

@@ -235,11 +235,6 @@ class Judge:
         )
 
 
-def words_of(phases_deg):
-    """{register: raw word} of phases in degrees."""
-    return {name: dds.offset_of_deg(value) for name, value in phases_deg.items()}
-
-
 def log_cosine_ratio(theta_deg, ratio_log):
     """Angle psi (deg) with ln[cos(psi + theta)/cos(psi - theta)] = ratio_log."""
     return math.degrees(math.atan(-math.tanh(ratio_log / 2) / math.tan(math.radians(theta_deg))))

@@ -15,6 +15,7 @@ import math
 import random
 from typing import NamedTuple
 
+import numpy as np
 from hypothesis import HealthCheck, Phase, find, settings, target
 from hypothesis import strategies as st
 from hypothesis.errors import NoSuchExample
@@ -22,6 +23,7 @@ from hypothesis.errors import NoSuchExample
 from fpga_model import sequencer
 from testbench.golden.coverage import coverage, probes, unreachable
 from testbench.golden.stimulus import blocks, corners, stimulus
+from testbench.golden.stimulus.writer import Writer
 from testbench.storage.files import write_text
 
 EXAMPLES = 3000
@@ -109,17 +111,25 @@ class Judge:
 
     def __call__(self, rows):
         self.examples += 1
-        expanded = corners.expanded(self.block, self.case, rows)
+        every = expanded(self.block, self.case, rows)
         if self.probed is None:
-            results = results_of(self.block, self.case, expanded)
+            results = results_of(self.block, self.case, every)
             return self.goal in coverage.toggles_seen(coverage.goal_name(self.block), results)
         self.probed.clear()
-        probes.follow(self.block, self.case, self.probed, expanded.tolist())
+        probes.follow(self.block, self.case, self.probed, every.tolist())
         if self.goal in self.probed.seen():
             return True
         if self.probed.nearest is not None:
             target(-math.log2(1 + self.probed.nearest))
         return False
+
+
+def expanded(block, case, rows):
+    """int64 rows of one entry, a reset first."""
+    w = Writer(block, case)
+    w.family(corners.FAMILY)
+    corners.play(w, rows)
+    return np.array(w.rows, np.int64)
 
 
 def results_of(block, case, rows):
@@ -169,7 +179,7 @@ def explore(block, examples=EXAMPLES, say=print):
             rows, count = search(block, case, goal, examples)
             tried += count
             if rows is not None:
-                met |= coverage.coverage_of(block, case, corners.expanded(block, case, rows))
+                met |= coverage.coverage_of(block, case, expanded(block, case, rows))
                 found.setdefault(case, []).append({"goal": name, "rows": rows})
                 say(f"{block.stem}/{case}: found in {tried}: {name}", flush=True)
         if goal not in met:
