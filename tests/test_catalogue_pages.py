@@ -22,7 +22,7 @@ from analog_frontend.effects import (
 from analog_frontend.parts import device
 from fpga_model import jit
 from testbench import config
-from testbench.campaign.plan import sources
+from testbench.storage import sources
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.append(str(ROOT / "docs"))
