@@ -76,10 +76,10 @@ lint: $(VENV)/.test ## ruff, codespell, and the language of pages, docstrings an
 	$(BIN)/python docs/language.py
 
 pages: $(VENV)/.run ## write the generated pages again (register map, configuration, budget)
-	$(BIN)/python -m testbench.commands.docs
+	$(BIN)/python docs/pages.py
 
 docs: $(VENV)/.docs ## the site, in build/site: all pages and the API; a warning or a stale page is an error
-	$(BIN)/python -m testbench.commands.docs --check
+	$(BIN)/python docs/pages.py --check
 	$(BIN)/python -m sphinx --quiet --fail-on-warning --doctree-dir build/doctrees docs build/site
 
 clean: ## remove what the targets made

@@ -22,10 +22,14 @@ from analog_frontend.effects import (
 from analog_frontend.parts import device
 from fpga_model import jit
 from testbench import config
-from testbench.commands import docs, effects_pages
 from testbench.storage import sources
 
 ROOT = Path(__file__).resolve().parents[1]
+sys.path.append(str(ROOT / "docs"))
+
+import effects_pages  # noqa: E402
+import pages  # noqa: E402
+
 FOLDER = ROOT / "docs" / "effects"
 README = (FOLDER / "README.md").read_text()
 
@@ -68,7 +72,7 @@ def test_order_of_the_catalogue_is_kept_and_an_unknown_name_is_refused(capsys):
 
 
 def test_indices_are_those_of_the_catalogue():
-    assert docs.stale(docs.OF_EFFECTS) == {}
+    assert pages.stale(pages.OF_EFFECTS) == {}
 
 
 @pytest.mark.parametrize("effect", catalogue.LAWS, ids=lambda e: e.INFO.name)
@@ -161,7 +165,8 @@ def contents(folder):
 WALK = """
 import sys
 import pytest
-from testbench.commands import effects_pages
+sys.path.append("docs")
+import effects_pages
 effects_pages.measure_table = lambda names: {name: (0.0,) * 5 for name in names}  # needs an engine: the test below
 assert effects_pages.main(sys.argv[1:]) == 0
 checks = "own or exists or indices or page_says"
@@ -186,8 +191,8 @@ def test_a_new_effect_is_one_file(tmp_path):
     assert not [name for name in compiled if re.match(r"testbench|analog_frontend\.(top|tick|lanes|averaged)", name)]
     written = {f"analog_frontend/effects/{NEW}.py", f"docs/effects/{NEW}.md"}
     assert after.keys() - before.keys() == written
-    assert {name for name in before if after.get(name) != before[name]} == set(docs.OF_EFFECTS)
-    for name in docs.OF_EFFECTS:
+    assert {name for name in before if after.get(name) != before[name]} == set(pages.OF_EFFECTS)
+    for name in pages.OF_EFFECTS:
         assert NEW in (tmp_path / name).read_text()
 
 
@@ -209,7 +214,8 @@ import sys, time
 from analog_frontend import effects
 effects.__path__.append(sys.argv[1])
 from fpga_model import jit
-from testbench.commands import effects_pages
+sys.path.append("docs")
+import effects_pages
 effects_pages.measure_table(["damping_cubic"])  # whatever an engine still lacks
 folder = jit.cache_folder(jit.Path(jit.__file__).resolve()).parents[1]
 before = set(folder.rglob("*.nbi"))

@@ -55,6 +55,8 @@ def test_commands_exist_with_their_options(guide):
             assert all((ROOT / name).is_file() for name in files), line
         elif words[:2] == ["python", "-m"]:
             assert (ROOT / (words[2].replace(".", "/") + ".py")).is_file(), line
+        elif words[0] == "python":
+            assert (ROOT / words[1]).is_file(), line
         else:
             assert words[0] == "make", line
 

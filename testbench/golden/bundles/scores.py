@@ -1,11 +1,9 @@
 """Mutation scores and times of `make rtl` as they were measured last, with what they belong to.
 
     scores.json    one entry per bundle, with hashes of its vectors and of the design; times of the parts
-    docs/rtl.md    two tables, made from it
     manifests      an export notes the score of a bundle whose vectors and design are those that were scored
 
-    python -m testbench.golden.bundles.scores OUT     take over what `make rtl` left in OUT/golden; write the tables
-
+`python docs/rtl_page.py scores OUT` takes over what `make rtl` left in OUT/golden.
 Source  docs/rtl.md, docs/golden.md (how good the vectors are)
 """
 
@@ -13,14 +11,11 @@ import functools
 import hashlib
 import json
 import re
-import sys
 from pathlib import Path
 
 from testbench.golden.bundles import bundle
-from testbench.storage.files import write_text
 
 FILE = Path(__file__).with_name("scores.json")
-PAGE = Path(__file__).resolve().parents[3] / "docs" / "rtl.md"
 MUTATION, TIMES = "mutation.json", "rtl.json"
 KEYS = ("block", "case", "seed", "mutants", "killed", "equivalent", "undecided", "score")
 
@@ -71,61 +66,3 @@ def note_score(manifest):
     if found is None or found["vectors"][manifest["case"]] != vectors(manifest):
         return {}
     return {"mutation": {k: v for k, v in found.items() if k not in ("vectors", "cpu_s")}}
-
-
-# ---- docs/rtl.md ---------------------------------------------------------------------------------------------------
-
-
-def table(entries):
-    """Markdown of the scores, then of every fault that is neither killed nor proved equivalent."""
-    heads = ("bundle", "mutants", "killed", "equivalent", "undecided", "score", "CPU s")
-    lines = [f"| {' | '.join(heads)} |", f"|---|{'---:|' * (len(heads) - 1)}"]
-    for e in entries:
-        counts = " | ".join(str(e[k]) for k in heads[1:5])
-        lines.append(f"| `{e['block']}/{e['case']}` | {counts} | {100 * e['score']:.2f} % | {e['cpu_s']:.0f} |")
-    seeds = ", ".join(sorted({str(e["seed"]) for e in entries}))
-    lines += ["", f"Seed {seeds}. Neither killed nor proved equivalent:", ""]
-    left = [(f"{e['block']}/{e['case']}", s) for e in entries for s in e["left"]]
-    for where, s in left:
-        fault, why = re.sub(r"-module \S+ ", "", s["fault"]), s["why"].replace("`", "")
-        lines.append(f"- `{where}`, {s['verdict']}: `{fault}` at `{s['source']}`: {why}")
-    return "\n".join(lines if left else [*lines, "- none"])
-
-
-def times(took):
-    """Markdown of the parts, each from the last run that had it."""
-    lines = ["| part | outcome | time s | CPU s |", "|---|---|---:|---:|"]
-    lines += [
-        f"| {name} | {'passed' if t['passed'] else 'not all passed'} | {t['seconds']:.0f} | {t['cpu_s']:.0f} |"
-        for name, t in took.items()
-    ]
-    total = (sum(t[k] for t in took.values()) for k in ("seconds", "cpu_s"))
-    return "\n".join([*lines, "| all | | " + " | ".join(f"{t:.0f}" for t in total) + " |"])
-
-
-def write_page():
-    """Both tables of the page, from scores.json."""
-    from testbench.console.markdown import replaced
-
-    found = known_scores()
-    text = replaced(PAGE.read_text(), "mutation", table(found["mutation"]))
-    write_text(PAGE, replaced(text, "times", times(found["times"])))
-
-
-def main(arguments):
-    """Take over the files of a folder that are there."""
-    out, found = Path(arguments[0] if arguments else "out") / "golden", known_scores()
-    fresh = {key: out / name for key, name in (("mutation", MUTATION), ("times", TIMES)) if (out / name).is_file()}
-    if not fresh:
-        print(f"gyro: {out}: neither {MUTATION} nor {TIMES}: run make rtl first", file=sys.stderr)
-        return 2
-    fresh = {key: json.loads(path.read_text()) for key, path in fresh.items()}
-    found = {"mutation": fresh.get("mutation", found["mutation"]), "times": found["times"] | fresh.get("times", {})}
-    write_text(FILE, json.dumps(found, indent=1) + "\n")
-    write_page()
-    print(f"written: {FILE.name}, {PAGE.name}")
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))

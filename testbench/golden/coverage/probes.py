@@ -21,7 +21,6 @@ import textwrap
 from typing import NamedTuple
 
 from fpga_model import fixed
-from testbench import flatten
 
 ORDER = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">="}
 SAME = {ast.Eq: "==", ast.NotEq: "!="}
@@ -365,8 +364,3 @@ def follow(block, case, found, rows, state=None):
     for row in rows:
         state = block.state if row[0] else one(state, row[1:])
     return state
-
-
-def registers_of(state):
-    """Registers of a state in the order of the ports."""
-    return [int(value) for _, value in flatten.leaves(state)]

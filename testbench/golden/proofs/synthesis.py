@@ -7,14 +7,11 @@
 The counts are a proxy for the Cyclone IV E of the board: yosys cannot size that part (docs/rtl.md). Memories, carry
 chains and multipliers are of other shapes there.
 Source  docs/rtl.md
-
-    python -m testbench.golden.proofs.synthesis     measure, and write the table of docs/rtl.md
 """
 
 import json
 import re
 import shutil
-import sys
 import tempfile
 import time
 from pathlib import Path
@@ -28,21 +25,11 @@ from testbench.run import build
 from testbench.storage.files import write_text
 from testbench.tool import run_tool
 
-ROOT = Path(__file__).resolve().parents[3]
-RTL = ROOT / "testbench" / "rtl"
-PAGE = ROOT / "docs" / "rtl.md"
+RTL = Path(__file__).resolve().parents[2] / "rtl"
 MAPPERS = {"ecp5": "synth_ecp5", "ice40": "synth_ice40 -dsp"}
 BOARDS = {"analog": "analog_sid", "digital": "digital_sid"}
 FORBIDDEN = "t:$dlatch t:$adff t:$adffe t:$dffsr t:$dffsre t:$aldff t:$aldffe t:$dlatchsr t:$adlatch t:$sr"
 MAPPED_LATCHES = "t:$_DLATCH* t:$_SR_*"
-# Rows of the table: what is counted, and the cells of each family
-ROWS = (
-    ("4-input tables", {"ecp5": r"LUT4", "ice40": r"SB_LUT4"}),
-    ("carry cells (2 bits in ECP5, 1 in iCE40)", {"ecp5": r"CCU2C", "ice40": r"SB_CARRY"}),
-    ("flip-flops", {"ecp5": r"TRELLIS_FF", "ice40": r"SB_DFF\w*"}),
-    ("multipliers (18 x 18, 16 x 16)", {"ecp5": r"MULT18X18D", "ice40": r"SB_MAC16"}),
-    ("block memories (18 kbit, 4 kbit)", {"ecp5": r"DP16KD", "ice40": r"SB_RAM40_4K\w*"}),
-)
 
 
 class Netlist(NamedTuple):
@@ -106,29 +93,3 @@ def synthesise(rtl, family=None, name="analog", folder=None):
         cells = json.loads((work / "cells.json").read_text()) if family else None
     found = cells["modules"][f"\\{board.MODULE}"]["num_cells_by_type"] if cells else {}
     return Netlist(family, name, found, cells["creator"] if cells else "", time.perf_counter() - began)
-
-
-def table(netlists):
-    """Markdown of the counts, a column per netlist."""
-    heads = [f"{n.family}, {n.board} SID" for n in netlists]
-    lines = [f"| proxy | {' | '.join(heads)} |", f"|---|{'---:|' * len(heads)}"]
-    lines += [f"| {text} | {' | '.join(str(n.count(cells[n.family])) for n in netlists)} |" for text, cells in ROWS]
-    version = re.match(r"Yosys \S+", netlists[0].yosys)[0]
-    return "\n".join(lines) + f"\n\n{version}; parameters of the default configuration; not placed, not routed."
-
-
-def main():
-    """Measure and write the page."""
-    from testbench.console.markdown import replaced
-
-    netlists = []
-    for family in MAPPERS:
-        netlists.append(synthesise(RTL, family))
-        print(netlists[-1].text(), flush=True)
-    write_text(PAGE, replaced(PAGE.read_text(), "resources", table(netlists)))
-    print(f"written: {PAGE.relative_to(ROOT)}")
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -3,16 +3,14 @@
     BLOCK.json    {"schema", "block", "found": {case: [{"goal", "rows"}]}, "missing": {goal: reason}}
     rows          [times, {input: value}, [inputs that count up by 1 from row to row]]; others are idle
 
-An export only replays them, so it needs no search and is the same everywhere. `python -m testbench.golden.coverage`
-searches again.
+An export only replays them, so it needs no search and is the same everywhere. To search again:
+`python -m tests.testbench.golden.corners_search`.
 Source  docs/golden.md
 """
 
 import functools
 import json
 from pathlib import Path
-
-import numpy as np
 
 FOLDER = Path(__file__).with_name("corners_found")
 SCHEMA = "gyro-corners/1.0"
@@ -35,18 +33,6 @@ def stored(stem):
     return data
 
 
-def store(stem, found, missing):
-    """Write what a search has found; a block with nothing to say has no file."""
-    from testbench.storage.files import write_text
-
-    if not found and not missing:
-        path_of(stem).unlink(missing_ok=True)
-        return
-    data = {"schema": SCHEMA, "block": stem, "found": found, "missing": missing}
-    write_text(path_of(stem), json.dumps(data, indent=1) + "\n")
-    stored.cache_clear()
-
-
 def spelled(goal):
     """A goal as it is stored: kind, place and outcome."""
     return " | ".join(goal)
@@ -67,19 +53,3 @@ def replay(w):
         w.family(FAMILY)
     for entry in entries:
         play(w, entry["rows"])
-
-
-def expanded(block, case, rows):
-    """int64 rows of one entry, a reset first."""
-    from testbench.golden.stimulus.writer import Writer
-
-    w = Writer(block, case)
-    w.family(FAMILY)
-    play(w, rows)
-    return np.array(w.rows, np.int64)
-
-
-def tidy(block, rows):
-    """Rows without values that are idle anyway."""
-    idle = {port.name: block.idle.get(port.name, 0) for port in block.inputs}
-    return [[times, {k: v for k, v in values.items() if v != idle[k]}, counting] for times, values, counting in rows]

@@ -60,16 +60,6 @@ class Noise(NamedTuple):
         return self.sd * np.concatenate(out)
 
 
-def autocorrelation(pieces, order):
-    """Autocorrelation at lags 0 .. order of pieces of one process, each without its mean, and the variance."""
-    total, count = np.zeros(order + 1), 0
-    for v in pieces:
-        v = np.asarray(v, float) - np.mean(v)
-        total += np.array([v[: len(v) - k] @ v[k:] for k in range(order + 1)])
-        count += len(v)
-    return total / total[0], total[0] / count
-
-
 def neighbours(ratio):
     """Correlation r from row to row, by the mean square of second differences over one row and over far more.
 

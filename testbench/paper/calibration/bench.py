@@ -17,7 +17,7 @@ from fpga_model import dds, registers, sequencer
 from fpga_model.rates import FRAME_TICKS, TICK_CYCLES, TICK_HZ
 from testbench.errors import ConfigError
 from testbench.paper.calibration import counter
-from testbench.run import budget, build, nodes, simulate
+from testbench.run import budget, build, simulate
 from testbench.run.simulation import DEG, FRAME, Simulation
 
 FRAME_S = FRAME_TICKS / TICK_HZ
@@ -200,10 +200,10 @@ class Residuals(NamedTuple):
 
 
 class Judge:
-    """Truth of a board on a bench: what the words have left of each phase, by the budget, and where the pins are now.
+    """Truth of a board on a bench: what the words have left of each phase, by the budget.
 
     A budget's pins are where they are in the long run. At one frequency the grid holds them some millidegrees beside
-    that; `pins_deg` says where.
+    that.
     """
 
     def __init__(self, bench):
@@ -233,25 +233,6 @@ class Judge:
             },
             frequency_hz,
         )
-
-    def pins_deg(self):
-        """Mean lag of each reference's edges behind where the budget has them, in the next COUNTED_S (deg)."""
-        edges = np.concatenate([probe.edges for _, probe in self._bench._gates(COUNTED_S)])
-        config, words = self._sim.config, self._bench.phases_deg()
-        frequency_hz = self._bench.read("frequency") * build.clock_hz(config) / 2**48
-        known = budget.budget(config, self.temp_degc, frequency_hz)
-        out = []
-        for k, (node, channel) in enumerate((("xe1", "drive"), ("xe1", "drive"), ("ye1", "sense"), ("ye1", "sense"))):
-            rows = [row for row in known.rows[node] if row.what.startswith("reference")]
-            lag = -sum(row.degrees for row in rows) - words[f"phase_{channel}_ref"]
-            clock = 360.0 * frequency_hz / build.clock_hz(config)  # theta at an edge is that of the clock before
-            out.append(360.0 * nodes.pin_lag_turns(nodes.edge_errors_turns(edges, k)) + clock - lag)
-        return out
-
-
-def words_of(phases_deg):
-    """{register: raw word} of phases in degrees."""
-    return {name: dds.offset_of_deg(value) for name, value in phases_deg.items()}
 
 
 def log_cosine_ratio(theta_deg, ratio_log):

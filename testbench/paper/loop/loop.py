@@ -5,7 +5,7 @@
     x           -Ax e^(j xe2'), because the drive's demodulator sees it in quadrature
     force on y  k_vf v - (2 m_c Omega + d_xy) x' - kappa x;  v behind the chain's poles, kappa = k_xy - kq V_q^2
     SID         RC at half its rate: o_1' = 2 pi f3 (4/pi Re(S j e^(j sw)) - o_1), two more; cosine: Re(S e^(j sw));
-                S = V - j V'/w: the first capacitor is read while it is being charged (`switched_rc`)
+                S = V - j V'/w: the first capacitor is read while it is being charged
     ADC         190 taps of sinc3 at the modulator's instants, 64 a frame, in three sums as the part has them
     firmware    word = kp e + acc, acc += ki e, acts at `word_acts_s` of the next frame; u += ki_q e, acts a frame later
 

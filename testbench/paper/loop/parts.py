@@ -72,12 +72,6 @@ class Parts(NamedTuple):
     def split_hz(self):
         return (self.w_rad_s - self.wy_rad_s) / (2 * math.pi)
 
-    @property
-    def lsb_per_dps_ideal(self):
-        """Scale factor (word LSB per deg/s) without any phase error."""
-        coriolis = 2 * self.coriolis_mass_kg * self.w_rad_s * self.amplitude_m * math.pi / 180
-        return coriolis / (self.k_vf_n_per_v * self.volts_per_word)
-
 
 def _check(config):
     device = config.device()

@@ -12,8 +12,9 @@ import pytest
 from analog_frontend import linear
 from analog_frontend.effects import catalogue
 from fpga_model import sequencer
-from testbench.bench import kernels, many, measure, peers, ports_off, stages
-from testbench.commands import docs
+from testbench.bench import kernels, many, measure, peers, stages
+from testbench.console import markdown
+from tests.testbench.bench import ports_off
 
 pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="closed loop: too slow interpreted")
 TICKS = 25_000
@@ -162,8 +163,8 @@ def test_the_tables_are_the_measurement():
     assert "takes 0.100 s of CPU." in part
     assert "not measured" in measure.speed_part(RESULT | {"peak_pairs_per_s": None})
     page = "before\n<!-- speed: written by testbench.bench -->\nold\n<!-- end -->\nafter"
-    once = docs.replaced(page, "speed", part)
-    assert docs.replaced(once, "speed", part) == once
+    once = markdown.replaced(page, "speed", part)
+    assert markdown.replaced(once, "speed", part) == once
     assert once.startswith("before\n")
     assert once.endswith("<!-- end -->\nafter")
 
@@ -268,7 +269,7 @@ def test_growth_covers_every_source_and_effect():
 
 def test_the_documented_numbers_come_from_a_measurement():
     """docs/speed.md holds a table with every key, written by the command that it names."""
-    page = (docs.ROOT / "docs" / "speed.md").read_text()
+    page = (markdown.ROOT / "docs" / "speed.md").read_text()
     assert f"Measured with `{measure.COMMAND}`" in page
     for key, _ in (*measure.SPEEDS, *measure.FIRST_CALLS):
         assert f"| {key} |" in page

@@ -9,7 +9,7 @@ import pytest
 
 from fpga_model.rates import FRAME_TICKS
 from testbench.bench import kernels, peers
-from testbench.commands import docs
+from testbench.console import markdown
 from testbench.golden.loop import library
 
 pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="closed loop: too slow interpreted")
@@ -117,7 +117,7 @@ def test_a_difference_is_named(exported):
 
 
 def test_what_is_compared_is_what_the_page_says():
-    page = " ".join((docs.ROOT / "docs" / "speed.md").read_text().split())
+    page = " ".join((markdown.ROOT / "docs" / "speed.md").read_text().split())
     assert f"every one of the {len(library.REGISTERS)} registers at the end" in page
     assert f"the plant's {peers.PLANT_STATES} voltages and displacements" in page
 

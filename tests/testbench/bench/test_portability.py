@@ -12,8 +12,8 @@ import pytest
 from numba import njit
 
 from analog_frontend.effects import catalogue
-from testbench.commands import docs
 from testbench.config import Config
+from testbench.console import markdown
 from testbench.run.simulation import Simulation
 from tests.testbench.bench import portability
 from tests.testbench.bench.portability import CASES, TARGETS, Target
@@ -218,9 +218,9 @@ def test_lower_bounds_become_versions():
 
 
 def test_every_dependency_has_a_lower_bound_and_no_upper_one_without_a_reason():
-    pinned = portability.lowest((docs.ROOT / "pyproject.toml").read_text())
+    pinned = portability.lowest((markdown.ROOT / "pyproject.toml").read_text())
     assert {"numba", "numpy", "scipy", "h5py"} <= {text.split("==")[0] for text in pinned}
-    capped = [line for line in (docs.ROOT / "pyproject.toml").read_text().splitlines() if ",<" in line]
+    capped = [line for line in (markdown.ROOT / "pyproject.toml").read_text().splitlines() if ",<" in line]
     assert [line.split(">=")[0].strip(' "') for line in capped] == ["cocotb"]
     assert all("# " in line for line in capped), "an upper bound has its reason behind it"
 
@@ -258,8 +258,8 @@ def test_the_tables_are_the_measurement():
     assert "| B | interpreted | | | aaaaaaaa | |" in part
     assert part.endswith("All hashes equal, and so is every register and every double of the state at each mark.")
     page = "before\n<!-- portability: written by tests.testbench.bench.portability -->\nold\n<!-- end -->\nafter"
-    once = docs.replaced(page, "portability", part)
-    assert docs.replaced(once, "portability", part) == once
+    once = markdown.replaced(page, "portability", part)
+    assert markdown.replaced(once, "portability", part) == once
 
 
 def test_a_failed_run_shows():
@@ -302,7 +302,7 @@ def test_a_mistake_is_one_line(given, line, capsys):
 
 def test_the_page_holds_a_measurement():
     """docs/portability.md holds the tables, written by the command that it names, and no difference."""
-    page = (docs.ROOT / "docs" / "portability.md").read_text()
+    page = (markdown.ROOT / "docs" / "portability.md").read_text()
     assert "Measured with `python -m tests.testbench.bench.portability" in page
     assert "All hashes equal" in page
     for target in TARGETS:

@@ -3,6 +3,7 @@
 import math
 import re
 import shutil
+import sys
 from pathlib import Path
 
 import numba
@@ -15,13 +16,16 @@ from fpga_model import control, dds, lock_monitor, rates, references, registers,
 from fpga_model import top as fpga
 from fpga_model.jit import kernel
 from testbench import config, flatten
-from testbench.commands import docs
 from testbench.config import Config
 from testbench.engines import engine
 from testbench.run import budget, build, simulate, summary, tables
 from tests.test_architecture import rooms
 
 ROOT = Path(__file__).resolve().parents[3]
+sys.path.append(str(ROOT / "docs"))
+
+import pages  # noqa: E402
+
 # `make docs` writes docs/api
 WRITTEN = [path for path in sorted((ROOT / "docs").rglob("*.md")) if path.parent.name != "api"]
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *WRITTEN]
@@ -50,17 +54,17 @@ def says(name, *texts):
 RANGES = "docs/ranges.md"  # proves every range anew: fifteen seconds
 
 
-@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow if n == RANGES else ()) for n in docs.PAGES])
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow if n == RANGES else ()) for n in pages.PAGES])
 def test_generated_parts_are_current(name):
-    assert list(docs.stale([name])) == [], "run: python -m testbench.commands.docs"
+    assert list(pages.stale([name])) == [], "run: python docs/pages.py"
 
 
 def test_a_stale_part_is_named_and_mended(tmp_path, monkeypatch, capsys):
     shutil.copytree(ROOT / "docs", tmp_path / "docs")
     (tmp_path / "analog_frontend").symlink_to(ROOT / "analog_frontend")
-    monkeypatch.setattr(docs, "ROOT", tmp_path)
-    monkeypatch.delitem(docs.PAGES, RANGES)
-    assert docs.main(["--check"]) == 0
+    monkeypatch.setattr(pages, "ROOT", tmp_path)
+    monkeypatch.delitem(pages.PAGES, RANGES)
+    assert pages.main(["--check"]) == 0
     spoilt = {
         "docs/phases.md": ("949.23", "949.24"),
         "docs/blocks/registers.md": ("0x97C3F3", "0x97C3F4"),
@@ -71,21 +75,21 @@ def test_a_stale_part_is_named_and_mended(tmp_path, monkeypatch, capsys):
         text = (tmp_path / name).read_text()
         assert old in text
         (tmp_path / name).write_text(text.replace(old, new))
-    assert docs.main(["--check"]) == 1
+    assert pages.main(["--check"]) == 1
     named = capsys.readouterr().err
     assert all(f"{name} is stale" in named for name in spoilt)
-    assert docs.main([]) == 0
-    assert docs.main(["--check"]) == 0
+    assert pages.main([]) == 0
+    assert pages.main(["--check"]) == 0
     assert (tmp_path / "docs" / "phases.md").read_text() == (ROOT / "docs" / "phases.md").read_text()
 
 
 def test_a_page_without_the_part_is_an_error():
     with pytest.raises(ValueError, match="no part 'budget'"):
-        docs.replaced("nothing here", "budget", "text")
+        pages.replaced("nothing here", "budget", "text")
 
 
 def test_other_arguments_are_refused(capsys):
-    assert docs.main(["--chekc"]) == 2
+    assert pages.main(["--chekc"]) == 2
     assert "usage" in capsys.readouterr().err
 
 
@@ -319,7 +323,7 @@ def test_differences_of_the_paper_as_times():
 
 def test_what_the_experiments_would_see():
     deg = budget.PAPER_DEG["ye1"]
-    pole_s = dict(docs.RIVALS[2][1])["plant.sense_pole_1_s"]
+    pole_s = dict(pages.RIVALS[2][1])["plant.sense_pole_1_s"]
     assert 1 / (2 * math.pi * pole_s) == pytest.approx(162e3, rel=0.005)
     pole_deg = math.degrees(math.atan(2 * math.pi * F_HZ * pole_s))
     drift_deg = [pole_deg * ppm * 1e-6 * 70 for ppm in (100, 300)]
@@ -333,7 +337,7 @@ def test_what_the_experiments_would_see():
 
 
 def test_the_rivals_are_what_their_names_say():
-    for text, values in docs.RIVALS:
+    for text, values in pages.RIVALS:
         firmware = config.changed(Config(), values).firmware
         assert ("no extra frame" in text) == (firmware.frame_latency_sense == 0)
         assert ("references at 26 MHz" in text) == (not firmware.reference_retimed)

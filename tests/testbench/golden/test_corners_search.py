@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from testbench.golden.coverage import __main__ as command
-from testbench.golden.coverage import coverage, search
-from testbench.golden.stimulus import blocks, corners
+from testbench.golden.coverage import coverage
+from testbench.golden.stimulus import blocks
+from tests.testbench.golden import corners_search as search
 
 ROOT = Path(__file__).resolve().parents[3]
 ISQRT = blocks.BLOCKS["isqrt"]
@@ -19,7 +19,7 @@ FITS_EXACTLY = ("compare", "isqrt: pair >= trial", "0")
 def test_a_boundary_is_found_shrunk_and_found_again():
     rows, tried = search.search(ISQRT, "default", FITS_EXACTLY, examples=500)
     assert 1 <= tried <= 1000
-    assert FITS_EXACTLY in coverage.coverage_of(ISQRT, "default", corners.expanded(ISQRT, "default", rows))
+    assert FITS_EXACTLY in coverage.coverage_of(ISQRT, "default", search.expanded(ISQRT, "default", rows))
     starts = [values for _, values, _ in rows if values.get("start")]
     assert len(starts) == 1, "one operation is enough"
     assert search.search(ISQRT, "default", FITS_EXACTLY, examples=500) == (rows, tried)
@@ -28,7 +28,7 @@ def test_a_boundary_is_found_shrunk_and_found_again():
 def test_a_toggle_is_found():
     goal = ("toggle", "y", "rise 15")
     rows, _ = search.search(ISQRT, "default", goal, examples=500)
-    expanded = corners.expanded(ISQRT, "default", rows)
+    expanded = search.expanded(ISQRT, "default", rows)
     assert goal in coverage.toggles_seen(ISQRT.registers, search.results_of(ISQRT, "default", expanded))
 
 
@@ -46,13 +46,13 @@ def test_the_distance_leads_to_a_place_that_chance_does_not_find():
     goal = ("clamp", "pi: clamp(preset, p.lo, p.hi)", "hi+1")
     # a process of its own: Hypothesis draws constants from whatever modules have been imported before
     code = f"""
-from testbench.golden.coverage import search
+from tests.testbench.golden import corners_search as search
 from testbench.golden.stimulus import blocks
 print(search.search(blocks.BLOCKS["pi"], "frequency", {goal!r}, examples=2000)[0])
 """
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     rows = ast.literal_eval(done.stdout)
-    assert goal in coverage.coverage_of(block, "frequency", corners.expanded(block, "frequency", rows))
+    assert goal in coverage.coverage_of(block, "frequency", search.expanded(block, "frequency", rows))
 
 
 def test_nothing_is_missing_where_the_directed_families_have_it_all():
@@ -63,5 +63,5 @@ def test_nothing_is_missing_where_the_directed_families_have_it_all():
 def test_an_unknown_block_is_one_clear_error(capsys, monkeypatch):
     monkeypatch.setattr("sys.argv", ["corners", "ddds"])
     with pytest.raises(SystemExit, match="2"):
-        command.main()
+        search.main()
     assert "block: 'ddds' is not one of dds, sine" in capsys.readouterr().err

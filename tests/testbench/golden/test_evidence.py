@@ -9,6 +9,7 @@ import pytest
 from testbench.golden.bundles import provenance
 from testbench.golden.coverage import coverage, evidence, unreachable
 from testbench.golden.stimulus import blocks, corners, stimulus
+from tests.testbench.golden import corners_search
 from tests.testbench.golden.benching import made
 
 STEMS = tuple(blocks.BLOCKS)
@@ -91,7 +92,7 @@ def test_found_corners_meet_their_goals(stem, case):
     directed = coverage.coverage_of(block, case, stimulus.directed(block, case)[0])
     for entry in corners.stored(stem)["found"][case]:
         goal = tuple(entry["goal"].split(" | "))
-        rows = corners.expanded(block, case, entry["rows"])
+        rows = corners_search.expanded(block, case, entry["rows"])
         assert rows[0, 0] == 1
         assert goal in coverage.coverage_of(block, case, rows), entry["goal"]
         assert goal not in directed, f"{entry['goal']}: a directed family has it"
@@ -172,11 +173,13 @@ def test_stored_rows_keep_what_they_say(tmp_path, monkeypatch):
     corners.stored.cache_clear()
     try:
         rows = [[2, {"word": 3}, []], [3, {"word": 7}, ["word"]]]
-        corners.store("dds", {"default": [{"goal": "a | b | c", "rows": rows}]}, {})
-        found = corners.expanded(blocks.BLOCKS["dds"], "default", corners.stored("dds")["found"]["default"][0]["rows"])
+        corners_search.store("dds", {"default": [{"goal": "a | b | c", "rows": rows}]}, {})
+        found = corners_search.expanded(
+            blocks.BLOCKS["dds"], "default", corners.stored("dds")["found"]["default"][0]["rows"]
+        )
         assert found[:, :2].tolist() == [[1, 0], [0, 3], [0, 3], [0, 7], [0, 8], [0, 9]]
         assert not np.any(found[:, 2:])
-        corners.store("dds", {}, {})
+        corners_search.store("dds", {}, {})
         assert not (tmp_path / "dds.json").exists()
     finally:
         corners.stored.cache_clear()

@@ -2,6 +2,8 @@
 
 import json
 import shutil
+import sys
+from pathlib import Path
 
 import pytest
 
@@ -13,7 +15,11 @@ from testbench.golden.stimulus import blocks
 from tests.testbench.golden.test_synthesis import part
 from tests.testbench.rtl.test_rtl import RTL
 
-MEASURE = "python -m testbench.golden.rtl_verification mutation --only BLOCK; python -m testbench.golden.bundles.scores"
+sys.path.append(str(Path(__file__).resolve().parents[3] / "docs"))
+
+import rtl_page
+
+MEASURE = "python -m testbench.golden.rtl_verification mutation --only BLOCK; python docs/rtl_page.py scores"
 ENTRIES = {e["block"]: e for e in scores.known_scores()["mutation"]}
 
 
@@ -63,23 +69,23 @@ def test_comments_and_spaces_are_no_part_of_a_design(tmp_path):
 
 def test_the_page_holds_what_was_measured():
     found = scores.known_scores()
-    assert part("mutation") == scores.table(found["mutation"])
-    assert part("times") == scores.times(found["times"])
+    assert part("mutation") == rtl_page.scores_table(found["mutation"])
+    assert part("times") == rtl_page.times(found["times"])
 
 
 def test_what_was_left_is_taken_over(tmp_path, monkeypatch, capsys):
     kept, page, before = tmp_path / "scores.json", tmp_path / "rtl.md", scores.known_scores()["times"]
     shutil.copy(scores.FILE, kept)
-    shutil.copy(scores.PAGE, page)
+    shutil.copy(rtl_page.PAGE, page)
     monkeypatch.setattr(scores, "FILE", kept)
-    monkeypatch.setattr(scores, "PAGE", page)
-    assert scores.main([str(tmp_path)]) == 2
+    monkeypatch.setattr(rtl_page, "PAGE", page)
+    assert rtl_page.main(["scores", str(tmp_path)]) == 2
     assert "run make rtl first" in capsys.readouterr().err
     (tmp_path / "golden").mkdir()
     times = {"loop": {"passed": True, "seconds": 1.0, "cpu_s": 2.0}}
     (tmp_path / "golden" / scores.TIMES).write_text(json.dumps(times))
-    assert scores.main([str(tmp_path)]) == 0
+    assert rtl_page.main(["scores", str(tmp_path)]) == 0
     assert json.loads(kept.read_text())["times"] == before | times
     assert json.loads(kept.read_text())["mutation"] == list(ENTRIES.values())
-    assert scores.times(scores.known_scores()["times"]) in page.read_text()
+    assert rtl_page.times(scores.known_scores()["times"]) in page.read_text()
     assert "| loop | passed | 1 | 2 |" in page.read_text()

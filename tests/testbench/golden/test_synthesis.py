@@ -4,6 +4,8 @@ import json
 import re
 import shutil
 import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
@@ -17,12 +19,16 @@ from testbench.golden.recording import board
 from testbench.run import build
 from tests.testbench.rtl.test_rtl import RTL, tool, yosys
 
+sys.path.append(str(Path(__file__).resolve().parents[3] / "docs"))
+
+import rtl_page
+
 QUARTUS = RTL / "quartus"
 tclsh = tool("tclsh")
 
 
 def part(name):
-    page = synthesis.PAGE.read_text()
+    page = rtl_page.PAGE.read_text()
     return page.split(f"<!-- {name}: ", 1)[1].split("-->\n", 1)[1].split("<!-- end -->", 1)[0].strip()
 
 
@@ -73,7 +79,7 @@ def test_the_table_counts_cells_of_each_family():
         synthesis.Netlist("ecp5", "analog", {"LUT4": 7, "LUT4X": 9, "TRELLIS_FF": 3}, "Yosys 0.23 (git)", 1.0),
         synthesis.Netlist("ice40", "analog", {"SB_DFF": 2, "SB_DFFER": 3, "SB_LUT4": 1}, "Yosys 0.23 (git)", 1.0),
     ]
-    lines = synthesis.table(netlists).splitlines()
+    lines = rtl_page.netlists_table(netlists).splitlines()
     assert lines[0] == "| proxy | ecp5, analog SID | ice40, analog SID |"
     assert "| 4-input tables | 7 | 1 |" in lines
     assert "| flip-flops | 3 | 5 |" in lines
@@ -145,4 +151,4 @@ def test_the_page_holds_what_a_synthesis_gives():
     netlists = [synthesis.synthesise(RTL, family) for family in synthesis.MAPPERS]
     if netlists[0].yosys.split()[1] not in part("resources"):
         pytest.skip(f"the table is of another yosys than {netlists[0].yosys}")
-    assert synthesis.table(netlists) == part("resources")
+    assert rtl_page.netlists_table(netlists) == part("resources")

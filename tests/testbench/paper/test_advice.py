@@ -9,10 +9,10 @@ import pytest
 
 from testbench.commands import main as cli
 from testbench.config import Config, changed
-from testbench.paper.loop import advisor, confirm, limit_cycles, loop_page, notch, sensitivity
+from testbench.paper.loop import advisor, limit_cycles, loop_page, notch, sensitivity
 from testbench.paper.loop import loop as lp
 from testbench.paper.loop.parts import parts
-from tests.testbench.paper import browser
+from tests.testbench.paper import browser, growing
 
 CONFIG = Config()
 DEFAULT = parts(CONFIG)
@@ -106,11 +106,11 @@ def test_a_notch_is_one_at_rest_and_refuses_nonsense():
 def test_growth_reads_what_grows(tau_s, hz):
     t = np.arange(4000) / 8000
     words = 100 * (np.exp(t / tau_s) * np.cos(2 * math.pi * hz * t) - 1)
-    found = confirm.growth(words)
+    found = growing.growth(words)
     assert found[0] == pytest.approx(tau_s, rel=0.05)
     assert found[1] == pytest.approx(hz, abs=0.5)
     with pytest.raises(ValueError, match="growth"):
-        confirm.growth(np.zeros(4000))
+        growing.growth(np.zeros(4000))
 
 
 # ---- sensitivity -----------------------------------------------------------------------------------------------------

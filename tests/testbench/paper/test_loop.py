@@ -8,9 +8,10 @@ from scipy.linalg import expm
 
 from testbench.config import Config, load
 from testbench.errors import ConfigError
-from testbench.paper.loop import advisor, switched_rc
+from testbench.paper.loop import advisor
 from testbench.paper.loop import loop as lp
 from testbench.paper.loop.parts import FRAME_S, parts
+from tests.testbench.paper import switched_rc
 from tests.testbench.paper.carrier import Carrier
 
 DEFAULT = parts(Config())
@@ -97,7 +98,9 @@ def test_scale_factor_bias_and_v_q_are_those_of_the_forces():
     p = DEFAULT
     loop = lp.close(p)
     turn = p.ye1_rad + p.xe2_rad
-    assert advisor.rest_gain(loop) * lp.DEG == pytest.approx(p.lsb_per_dps_ideal / math.cos(turn), rel=2e-5)
+    # the scale factor (word LSB per deg/s) without any phase error, turned
+    ideal = 2 * p.coriolis_mass_kg * p.w_rad_s * p.amplitude_m * lp.DEG / (p.k_vf_n_per_v * p.volts_per_word)
+    assert advisor.rest_gain(loop) * lp.DEG == pytest.approx(ideal / math.cos(turn), rel=2e-5)
     still = lp.rest(loop, (0.0, p.kxy_n_per_m, 0.0, 0.0))
     assert abs(still[lp.WORD]) < 0.01
     null = 4.52

@@ -12,6 +12,7 @@ from testbench.errors import ConfigError
 from testbench.paper.loop import advisor, confirm, notch, sensitivity
 from testbench.paper.loop import loop as lp
 from testbench.paper.loop.parts import parts
+from tests.testbench.paper import growing
 
 pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="closed loop: too slow interpreted")
 
@@ -102,13 +103,13 @@ def test_without_noise_the_loops_rest_in_the_dead_band(runs):
     ],
 )
 def test_what_is_unstable_grows_as_its_pole_says(after, writes):
-    words = confirm.exchange(QUIET, changed(QUIET, after), 0.3, writes=writes)["rate_word"]
+    words = growing.exchange(QUIET, changed(QUIET, after), 0.3, writes=writes)["rate_word"]
     p = parts(changed(QUIET, after))
     if writes:
         p = p._replace(sense_turn_rad=math.pi, ye1_rad=p.ye1_rad + math.pi)
     want = advisor.analyse(p)
     assert not want.stable
-    tau_s, hz = confirm.growth(words)
+    tau_s, hz = growing.growth(words)
     assert tau_s == pytest.approx(want.growth_tau_s, rel=0.15)
     assert hz == pytest.approx(want.growth_hz, abs=1.0)
     assert np.max(np.abs(words)) == 2**23 - 1

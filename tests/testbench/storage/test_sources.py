@@ -24,7 +24,6 @@ def test_the_frame_engine_reaches_firmware_plant_and_statistics():
         "testbench.commands.main",
         "testbench.bench.measure",
         "testbench.campaign.pool",
-        "testbench.commands.docs",
     } & set(found)
 
 

@@ -7,52 +7,12 @@ Source  docs/golden.md, docs/conventions.md (rows)
 """
 
 from testbench.golden.bundles.benches.cocotb import cocotb_test, cocotb_top
-from testbench.golden.bundles.benches.layout import (
-    HALF_PS,
-    PARTS,
-    PERIOD_PS,
-    RESET_CYCLES,
-    SHOWN,
-    results,
-    rom_name,
-    rom_parameters,
-    slices,
-)
+from testbench.golden.bundles.benches.layout import HALF_PS, PARTS, RESET_CYCLES, SHOWN, results, rom_name, slices  # noqa: F401
 from testbench.golden.bundles.benches.makefile import check_script, makefile
-from testbench.golden.bundles.benches.params import params_pkg, params_svh, params_vh, rom_files, vhdl_type
-from testbench.golden.bundles.benches.verilog import instance, span, verilog_bench
-from testbench.golden.bundles.benches.vhdl import component, vhdl_bench, vhdl_slice
+from testbench.golden.bundles.benches.params import params_pkg, params_svh, params_vh, rom_files, vhdl_type  # noqa: F401
+from testbench.golden.bundles.benches.verilog import instance, span, verilog_bench  # noqa: F401
+from testbench.golden.bundles.benches.vhdl import component, vhdl_bench, vhdl_slice  # noqa: F401
 from testbench.golden.bundles.benches.vunit import vunit_bench, vunit_run
-
-__all__ = [
-    "HALF_PS",
-    "PARTS",
-    "PERIOD_PS",
-    "RESET_CYCLES",
-    "SHOWN",
-    "check_script",
-    "cocotb_test",
-    "cocotb_top",
-    "component",
-    "instance",
-    "makefile",
-    "params_pkg",
-    "params_svh",
-    "params_vh",
-    "results",
-    "rom_files",
-    "rom_name",
-    "rom_parameters",
-    "slices",
-    "span",
-    "texts",
-    "verilog_bench",
-    "vhdl_bench",
-    "vhdl_slice",
-    "vhdl_type",
-    "vunit_bench",
-    "vunit_run",
-]
 
 
 def texts(block, case, count):

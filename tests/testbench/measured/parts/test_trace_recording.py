@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from testbench.measured import cli, in_loop, pages, sets_report, trace_recording
+from testbench.measured import cli, in_loop, sets_report, trace_recording
 from testbench.measured.formats import registry
 from tests.testbench.measured.parts import made, recordings
+from tests.testbench.measured.parts.test_pages import KEPT
 
 
 def told(paths, options, where, name):
@@ -84,7 +85,7 @@ def test_of_each_kind_of_law_the_worst_meter_runs_and_the_rest_is_listed():
 def test_published_sets(tmp_path, name):
     for k, (label, paths, options) in enumerate(sets_report.jobs(registry.paths(name))):
         data = same(paths, options, tmp_path, f"job{k}")
-        (kept,) = (job for job in json.loads(pages.KEPT.read_text())[name]["jobs"] if job["label"] == label)
+        (kept,) = (job for job in KEPT[name]["jobs"] if job["label"] == label)
         assert (data["verdict"], [e["law"] for e in data["effects"]]) == (
             kept["verdict"],
             [e["law"] for e in kept["effects"]],

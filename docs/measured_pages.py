@@ -1,7 +1,7 @@
 """Numbers of the pages on measured parts: taken from a run of all sets, kept beside the pages, and written into them.
 
-    python -m testbench.measured.pages build/measured.json     docs/measured_parts.json from a run, and the tables
-    python -m testbench.measured.pages                         the tables alone
+    python docs/measured_pages.py build/measured.json     docs/measured_parts.json from a run, and the tables
+    python docs/measured_pages.py                         the tables alone
     summary     of each job: verdict, effects, held-out errors, what is left; of each set: the closed loop
 Source    docs/measured_parts.md, docs/measured_resonators.md
 """
@@ -10,11 +10,14 @@ import json
 import sys
 from pathlib import Path
 
-from testbench.console.markdown import ROOT, markdown, replaced
-from testbench.console.table import Table
-from testbench.measured.exam.part_page import above, number
-from testbench.measured.sets_report import rest_words
-from testbench.storage.files import write_text
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from testbench.console.markdown import markdown, replaced  # noqa: E402
+from testbench.console.table import Table  # noqa: E402
+from testbench.measured.exam.part_page import above, number  # noqa: E402
+from testbench.measured.sets_report import rest_words  # noqa: E402
+from testbench.storage.files import write_text  # noqa: E402
 
 KEPT = ROOT / "docs" / "measured_parts.json"
 EFFECT = ("law", "port", "value", "sd", "unit", "kind", "status", "hz", "quality")
@@ -96,7 +99,7 @@ def main(arguments=None):
     """Keep a run's numbers, if one is given, and write the pages."""
     arguments = sys.argv[1:] if arguments is None else arguments
     if len(arguments) > 1:
-        print("usage: python -m testbench.measured.pages [build/measured.json]", file=sys.stderr)
+        print("usage: python docs/measured_pages.py [build/measured.json]", file=sys.stderr)
         return 2
     for path in arguments:
         data = json.loads(Path(path).read_text())

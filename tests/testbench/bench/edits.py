@@ -1,6 +1,6 @@
 """How long an edit takes to its first result: wall time of whole processes, on a copy of the tree with its own cache.
 
-    python -m testbench.bench.edits [ROUNDS]
+    python -m tests.testbench.bench.edits [ROUNDS]
 
     first call     gyro run --seconds 1 --rate-dps 100 --seed 1, nothing compiled
     effect         a tenth of a second from lock after an edit of an effect's law, the effect on

@@ -1,14 +1,14 @@
 """Generated parts of the pages: what the code knows is written by the code.
 
     docs/blocks/registers.md    the register map                   fpga_model.registers.table_markdown
-    docs/configuration.md       keys, limits, faults               testbench.commands.config_page
+    docs/configuration.md       keys, limits, faults               docs/config_page.py
     docs/phases.md              phase budget of the defaults       testbench.run.budget, testbench.run.tables
-    docs/ranges.md              proven ranges                      testbench.golden.ranges.range_report
+    docs/ranges.md              proven ranges                      docs/ranges_page.py
     docs/README.md              index of the pages                 their titles
     docs/effects/README.md      index of the effects               analog_frontend.effects.catalogue
 
-    python -m testbench.commands.docs            write what is stale
-    python -m testbench.commands.docs --check    name what is stale, exit code 1
+    python docs/pages.py            write what is stale
+    python docs/pages.py --check    name what is stale, exit code 1
 
 A part stands between `<!-- NAME: written by ... -->` and `<!-- end -->`; the register map is known by its head.
 Source  docs/README.md
@@ -17,18 +17,23 @@ Source  docs/README.md
 import ast
 import math
 import sys
+from pathlib import Path
 
-from analog_frontend.effects import catalogue
-from fpga_model import registers
-from testbench import config
-from testbench.commands import config_page
-from testbench.config import Config
-from testbench.console.markdown import ROOT, markdown, replaced
-from testbench.console.table import Table, fixed
-from testbench.golden.ranges import range_report
-from testbench.run import budget, tables
-from testbench.run.budget import NODES, PAPER_DEG
-from testbench.storage.files import write_text
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+import config_page  # noqa: E402
+import ranges_page  # noqa: E402
+
+from analog_frontend.effects import catalogue  # noqa: E402
+from fpga_model import registers  # noqa: E402
+from testbench import config  # noqa: E402
+from testbench.config import Config  # noqa: E402
+from testbench.console.markdown import markdown, replaced  # noqa: E402
+from testbench.console.table import Table, fixed  # noqa: E402
+from testbench.run import budget, tables  # noqa: E402
+from testbench.run.budget import NODES, PAPER_DEG  # noqa: E402
+from testbench.storage.files import write_text  # noqa: E402
 
 FOLDERS = (
     ("Firmware, a page per block", "blocks", "fpga_model"),
@@ -172,7 +177,7 @@ PAGES = {
     "docs/configuration.md": with_parts(faults=config_page.faults_table, keys=config_page.markdown_table),
     "docs/phases.md": with_parts(budget=budget_part, lock=lock_part, rivals=rivals_part),
     "docs/ranges.md": with_parts(
-        cases=range_report.summary_part, instances=range_report.wiring_part, registers=range_report.registers_part
+        cases=ranges_page.summary_part, instances=ranges_page.wiring_part, registers=ranges_page.registers_part
     ),
     "docs/README.md": with_parts(index=index_part),
     "docs/effects/README.md": with_parts(effects=effects_part),
@@ -199,12 +204,12 @@ def main(arguments=None):
     """Write stale pages, or with --check only name them; returns the exit code."""
     arguments = sys.argv[1:] if arguments is None else arguments
     if arguments not in ([], ["--check"]):
-        print("usage: python -m testbench.commands.docs [--check]", file=sys.stderr)
+        print("usage: python docs/pages.py [--check]", file=sys.stderr)
         return 2
     if arguments:
         changed = list(stale())
         for name in changed:
-            print(f"{name} is stale; run: python -m testbench.commands.docs", file=sys.stderr)
+            print(f"{name} is stale; run: python docs/pages.py", file=sys.stderr)
         return 1 if changed else 0
     for name in renew():
         print(f"written: {name}")

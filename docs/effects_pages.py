@@ -1,4 +1,4 @@
-"""Pages of the catalogue, and their indices: python -m testbench.commands.effects_pages [NAME ...]
+"""Pages of the catalogue, and their indices: python docs/effects_pages.py [NAME ...]
 
 A page that is missing is made; of one that exists, what the module says is renewed and all else stays. The table shows
 what the effect changes, measured: the default gyroscope in the baseband engine at 5 um, off and on with the same noise:
@@ -7,19 +7,24 @@ frequency, drive word, bias, scale factor, V_q.
 
 import re
 import sys
+from pathlib import Path
 
 import numpy as np
 
-from analog_frontend.effects import catalogue
-from analog_frontend.parts import device
-from testbench import config
-from testbench.commands import docs
-from testbench.console.markdown import ROOT, replaced
-from testbench.measured.closed_loop import loop_runs
-from testbench.measured.closed_loop.loop_runs import FAST, Model, Run
-from testbench.measured.closed_loop.loop_tangents import even
-from testbench.measured.record.plan import Condition
-from testbench.storage.files import write_text
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+import pages  # noqa: E402
+
+from analog_frontend.effects import catalogue  # noqa: E402
+from analog_frontend.parts import device  # noqa: E402
+from testbench import config  # noqa: E402
+from testbench.console.markdown import replaced  # noqa: E402
+from testbench.measured.closed_loop import loop_runs  # noqa: E402
+from testbench.measured.closed_loop.loop_runs import FAST, Model, Run  # noqa: E402
+from testbench.measured.closed_loop.loop_tangents import even  # noqa: E402
+from testbench.measured.record.plan import Condition  # noqa: E402
+from testbench.storage.files import write_text  # noqa: E402
 
 FOLDER = ROOT / "docs" / "effects"
 SETTLE_S, DWELL_S, RATE_DPS, SEED = 1.5, 1.0, 50.0, 3
@@ -84,7 +89,7 @@ def table(effect, values):
     lines = [f"| off to {effect.EXAMPLE:g} {effect.INFO.unit}, A = 5 um{temp} | change |", "|---|---:|"]
     for (what, unit, _, factor, digits), value in zip(ROWS, values):
         lines.append(f"| {what} | {factor * value:+.{digits}f} {unit} |")
-    how = "baseband engine, edges that leave evenly, codes not rounded, `python -m testbench.commands.effects_pages`"
+    how = "baseband engine, edges that leave evenly, codes not rounded, `python docs/effects_pages.py`"
     lines += ["", f"Measured 1.5 to 2.5 s after a locked state, {how}."]
     return "\n".join(lines)
 
@@ -101,7 +106,7 @@ PAGE = """# {name}
 
 **Fingerprint.** {fingerprint}.
 
-<!-- measured: python -m testbench.commands.effects_pages -->
+<!-- measured: python docs/effects_pages.py -->
 
 <!-- end -->
 """
@@ -145,7 +150,7 @@ def main(names):
         path = FOLDER / f"{name}.md"
         page = renew(known[name], path.read_text() if path.exists() else None)
         write_text(path, replaced(page, "measured", table(known[name], values)))
-    docs.renew(docs.OF_EFFECTS)
+    pages.renew(pages.OF_EFFECTS)
     return 0
 
 

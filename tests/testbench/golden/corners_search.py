@@ -1,14 +1,21 @@
 """Search for short rows that meet goals which the directed families of a block miss; the search is Hypothesis's.
 
+    python -m tests.testbench.golden.corners_search [BLOCK ...] [--examples N]      all blocks, or those named: minutes
+
+The result replaces testbench/golden/stimulus/corners_found/BLOCK.json, which an export replays.
+
 A candidate is a reset and a few pieces: an operation with values of its inputs, repeated. The distance of a place's
 operands from the wanted outcome leads the search (`target`), and what is found is shrunk before it is stored.
 Source  docs/golden.md; MacIver, Donaldson, ECOOP 2020 (shrinking)
 """
 
+import argparse
+import json
 import math
 import random
 from typing import NamedTuple
 
+import numpy as np
 from hypothesis import HealthCheck, Phase, find, settings, target
 from hypothesis import strategies as st
 from hypothesis.errors import NoSuchExample
@@ -16,6 +23,8 @@ from hypothesis.errors import NoSuchExample
 from fpga_model import sequencer
 from testbench.golden.coverage import coverage, probes, unreachable
 from testbench.golden.stimulus import blocks, corners, stimulus
+from testbench.golden.stimulus.writer import Writer
+from testbench.storage.files import write_text
 
 EXAMPLES = 3000
 SEED = 1
@@ -102,17 +111,25 @@ class Judge:
 
     def __call__(self, rows):
         self.examples += 1
-        expanded = corners.expanded(self.block, self.case, rows)
+        every = expanded(self.block, self.case, rows)
         if self.probed is None:
-            results = results_of(self.block, self.case, expanded)
+            results = results_of(self.block, self.case, every)
             return self.goal in coverage.toggles_seen(coverage.goal_name(self.block), results)
         self.probed.clear()
-        probes.follow(self.block, self.case, self.probed, expanded.tolist())
+        probes.follow(self.block, self.case, self.probed, every.tolist())
         if self.goal in self.probed.seen():
             return True
         if self.probed.nearest is not None:
             target(-math.log2(1 + self.probed.nearest))
         return False
+
+
+def expanded(block, case, rows):
+    """int64 rows of one entry, a reset first."""
+    w = Writer(block, case)
+    w.family(corners.FAMILY)
+    corners.play(w, rows)
+    return np.array(w.rows, np.int64)
 
 
 def results_of(block, case, rows):
@@ -134,7 +151,7 @@ def search(block, case, goal, examples=EXAMPLES):
         found = find(candidates(block), judge, settings=chosen, random=random.Random(SEED))
     except NoSuchExample:
         return None, judge.examples
-    return corners.tidy(block, found), judge.examples
+    return tidy(block, found), judge.examples
 
 
 def missing(block):
@@ -151,7 +168,7 @@ def missing(block):
 
 
 def explore(block, examples=EXAMPLES, say=print):
-    """What `corners.store` takes: found rows by case, and the goals that were not found."""
+    """What `store` takes: found rows by case, and the goals that were not found."""
     found, not_found, met = {}, {}, set()
     for goal, cases in missing(block).items():
         name, tried = corners.spelled(goal), 0
@@ -162,10 +179,43 @@ def explore(block, examples=EXAMPLES, say=print):
             rows, count = search(block, case, goal, examples)
             tried += count
             if rows is not None:
-                met |= coverage.coverage_of(block, case, corners.expanded(block, case, rows))
+                met |= coverage.coverage_of(block, case, expanded(block, case, rows))
                 found.setdefault(case, []).append({"goal": name, "rows": rows})
                 say(f"{block.stem}/{case}: found in {tried}: {name}", flush=True)
         if goal not in met:
             not_found[goal] = f"not found in {tried} examples"
             say(f"{block.stem}: not found in {tried}: {name}", flush=True)
     return found, {corners.spelled(goal): why for goal, why in not_found.items() if goal not in met}
+
+
+def tidy(block, rows):
+    """Rows without values that are idle anyway."""
+    idle = {port.name: block.idle.get(port.name, 0) for port in block.inputs}
+    return [[times, {k: v for k, v in values.items() if v != idle[k]}, counting] for times, values, counting in rows]
+
+
+def store(stem, found, missing):
+    """Write what a search has found; a block with nothing to say has no file."""
+    if not found and not missing:
+        corners.path_of(stem).unlink(missing_ok=True)
+        return
+    data = {"schema": corners.SCHEMA, "block": stem, "found": found, "missing": missing}
+    write_text(corners.path_of(stem), json.dumps(data, indent=1) + "\n")
+    corners.stored.cache_clear()
+
+
+def main():
+    """Search again for the corners of the named blocks, and store them."""
+    parser = argparse.ArgumentParser(description="Search for stimulus corners that the directed families miss.")
+    parser.add_argument("blocks", nargs="*", metavar="BLOCK", help="blocks to search; all if none is named")
+    parser.add_argument("--examples", type=int, default=EXAMPLES, help="candidates for each goal")
+    given = parser.parse_args()
+    unknown = sorted(set(given.blocks) - set(blocks.BLOCKS))
+    if unknown:
+        parser.error(f"block: {unknown[0]!r} is not one of {', '.join(blocks.BLOCKS)}")
+    for stem in given.blocks or blocks.BLOCKS:
+        store(stem, *explore(blocks.BLOCKS[stem], given.examples))
+
+
+if __name__ == "__main__":
+    main()

@@ -4,7 +4,7 @@ Where the code comes to lie moves the engine's time by more than an effect that 
 instructions, by Valgrind, is the same in every run. Both trees are compiled for the same processor, so that Valgrind
 knows its instructions; the difference of two runs of different length leaves out the start.
 
-    python -m testbench.bench.ports_off       some ten minutes
+    python -m tests.testbench.bench.ports_off       some ten minutes
 """
 
 import os
