@@ -140,15 +140,17 @@ def _run(config, partial, resume, as_json, discard=False):
     directory = partial.folder.parent
     outputs.check_folder(directory)
     with partial:
+        if discard:
+            partial.discard()
         if not resume:
-            partial.refuse_unfinished(discard)
+            partial.refuse_unfinished()
         try:
             with Progress(quiet=as_json) as progress:
                 progress("loading the engine", 0, 1)
                 from testbench.run import simulate, tables
                 from testbench.run.budget import budgets
 
-                result = simulate.run(config, progress, partial, resume, discard=discard)
+                result = simulate.run(config, progress=progress, directory=partial, resume=resume)
                 shown = [tables.phases(result.summary), tables.numbers(result.summary)]
                 report = shown + tables.budget_tables(*budgets(config))
                 paths = [str(path) for path in outputs.write(result, config, report, progress, directory)]

@@ -224,10 +224,9 @@ class Run:
     directory  where rows and checkpoints are kept until the run is done: a folder, or its `checkpoint.Partial`;
                None keeps the rows in memory
     resume     continue the run that was interrupted there
-    discard    an interrupted run there may be discarded
     """
 
-    def __init__(self, config, directory=None, resume=False, discard=False):
+    def __init__(self, config, directory=None, resume=False):
         self.config = config
         self.timeline = scenario.expand(config.scenario)
         self.temp_before_degc, self.rate_before_rad_s = self.timeline.temp_before_degc, self.timeline.rate_before_rad_s
@@ -246,7 +245,7 @@ class Run:
         self.others = []  # identities of other versions that this run continues
         parts, meta = self._load() if resume else ({}, {})
         if self.partial and not resume:
-            self.partial.begin(to_toml(config), discard)
+            self.partial.begin(to_toml(config))
         self.recording = None
         if config.output.record:
             rows = parts["spool"]["rows"] if resume else None
@@ -364,18 +363,17 @@ class Run:
         )
 
 
-def run(config, progress=None, directory=None, resume=False, sinks=(), discard=False):
+def run(config, progress=None, directory=None, resume=False, sinks=()):
     """Do a whole run; returns `Result`.
 
     directory  where rows and checkpoints are kept meanwhile; None: rows stay in memory, for runs of seconds
     resume     continue the interrupted run in `directory`, of the same configuration
-    discard    an interrupted run in `directory` may be discarded
     sinks      objects that get the rows of the scenario, and of nothing else (`simulation`)
     """
     if progress:
         progress("compiling", 0, 1)
     began = time.perf_counter()
-    job = Run(config, directory, resume, discard)
+    job = Run(config, directory, resume)
     if not resume:
         job.start(progress)
     job.sim.sinks.extend(sinks)

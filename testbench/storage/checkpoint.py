@@ -62,20 +62,26 @@ class Partial:
         if self._lock is None:
             raise FileError(f"{self.folder.parent}: another run is at work in this folder")
 
-    def refuse_unfinished(self, discard=False):
-        """FileError if an unfinished run lies here, unless it may be discarded."""
-        if self.resumable() and not discard:
+    def begin(self, config_toml):
+        """Start anew; FileError if an unfinished run lies here."""
+        self.hold()
+        self.refuse_unfinished()
+        self.discard()
+        write_text(self.config, config_toml)
+
+    def refuse_unfinished(self):
+        """FileError if an unfinished run lies here."""
+        if self.resumable():
             raise FileError(
                 f"{self.folder.parent}: holds an unfinished run; --resume-run {self.folder.parent} continues it, "
                 "--discard starts anew"
             )
 
-    def begin(self, config_toml, discard=False):
-        """Start anew; FileError if an unfinished run lies here, unless it may be discarded."""
-        self.hold()
-        self.refuse_unfinished(discard)
-        self._remove()
-        write_text(self.config, config_toml)
+    def discard(self):
+        """Remove what an unfinished run keeps here."""
+        for path in (self.checkpoint, self.rows, self.window, self.config):
+            discard(path)
+            spool.remove(path)
 
     def resumable(self):
         """True if there is something to continue."""
@@ -123,7 +129,7 @@ class Partial:
 
     def clear(self):
         """Remove everything, and let others in."""
-        self._remove()
+        self.discard()
         with contextlib.suppress(OSError):
             (self.folder / "lock").unlink()
             self.folder.rmdir()
@@ -134,11 +140,6 @@ class Partial:
         if self._lock is not None:
             self._lock.close()
             self._lock = None
-
-    def _remove(self):
-        for path in (self.checkpoint, self.rows, self.window, self.config):
-            discard(path)
-            spool.remove(path)
 
 
 def unfinished(directory):
