@@ -75,7 +75,7 @@ def phase_budget():
             right += max(deg, 0.0)
         total = planned.node_deg()[name]
         axis.plot([total, total], [place - 0.45, place + 0.45], color="black", linewidth=2.5)
-        axis.annotate(f"{total:.2f} deg", (max(right, total) + 0.15, place), va="center", fontsize=12)
+        axis.annotate(f"sum {total:.2f} deg", (max(right, total) + 0.15, place), va="center", fontsize=12)
     axis.set_yticks(range(4), [TITLES[name] for name in planned.rows], fontsize=12)
     axis.invert_yaxis()
     axis.set_xlabel("phase lag at 11 kHz, deg (black line: sum)", fontsize=13)
