@@ -61,7 +61,7 @@ def check(
     replay: Annotated[bool, typer.Option(help="Replay the firmware on the recorded codes, too (R16).")] = True,
     as_json: Json = False,
 ):
-    """Check a record by rules R01 to R20: one line per finding, exit code 2 if it is refused."""
+    """Check a record by rules R01 to R33: one line per finding, exit code 2 if it is refused."""
     from testbench.measured.record import load
     from testbench.storage.record import RecordError
 
