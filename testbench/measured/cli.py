@@ -288,6 +288,8 @@ def trace(o):
         tracer, result = loop_trace.run(problem, options, progress, o.checkpoint)
     _write(o.json_file, result.text())
     _write(o.report, page.html(result, all_figures(tracer)) if o.report else "")
+    for text in problem.warnings:
+        typer.echo(f"{text} (warned)")
     return _print_trace(vars(result))
 
 

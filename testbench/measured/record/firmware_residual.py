@@ -8,6 +8,8 @@ answer is "not decidable", and why.
 Source    docs/measured.md
 """
 
+import dataclasses
+import itertools
 import time
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -173,6 +175,18 @@ def residual(record, progress=None, firmware=None):
         _session(record, session, p, streams, ticked, out, progress)
     out.seconds = time.perf_counter() - began
     return out
+
+
+def exchanged(record, found):
+    """Two ADC streams with whose codes exchanged the firmware is the model's, or (): the record swaps them."""
+    if not found.decidable or found.first is None:
+        return ()
+    for pair in itertools.combinations(schema.ADC, 2):
+        a, b = pair
+        streams = record.streams | {a: record.streams[b], b: record.streams[a]}
+        if residual(dataclasses.replace(record, streams=streams)).first is None:
+            return pair
+    return ()
 
 
 def _session(record, session, p, streams, ticked, out, progress):
