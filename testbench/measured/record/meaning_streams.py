@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from analog_frontend.parts import adc
+from analog_frontend.parts import adc, propagator
 from fpga_model import cordic, sequencer
 from fpga_model.rates import FRAME_CYCLES
 from testbench.measured.record import check_tables, schema
@@ -55,11 +55,15 @@ def drive(record):
         size, where = math.hypot(*means) * float(cordic.GAIN), f"rows {rows.start} to {rows.stop - 1}"
         if raw and "drv" in loops and abs(size - raw) > DRIVE_SHARE * raw and source not in seen:
             seen.add(source)
-            text = f"expected a magnitude of {raw} within {100 * DRIVE_SHARE:g} % by {source}, found {size:.0f} in {where}"
+            text = (
+                f"expected a magnitude of {raw} within {100 * DRIVE_SHARE:g} % by {source}, found {size:.0f} in {where}"
+            )
             yield Finding("R25", "/registers/amplitude_setpoint", text, WARNED)
         angle = math.atan2(means[0], -means[1])
         if "pll" in loops and abs(angle) > DRIVE_PHASE:
-            text = f"expected a drive within {DRIVE_PHASE} rad of minus cosine, found {angle:.3g} rad in {where}"
+            text = (
+                f"expected minus cosine in adc_xQ and adc_xI within {DRIVE_PHASE} rad, found {angle:.3g} rad in {where}"
+            )
             yield Finding("R25", "/streams/adc_xI", text, REFUSED)
             return
 
@@ -82,7 +86,9 @@ def force(record):
     """R26."""
     rate, config = Stated(record, "rate"), check_tables.stated_config(record)
     d, seen = config.device(), set()
-    w = 2 * math.pi * d.fx_hz
+    gain, _ = propagator.cv_chain(d, "drive", d.temp_ref_degc)
+    metres = d.adc_vref_v / d.adc_pga_drive / 2**23 / (gain * d.signal_gain * 4 / math.pi)  # of a drive code
+    newtons = 2 * d.coriolis_mass_kg * 2 * math.pi * d.fx_hz * metres * math.pi / 180  # of a code and 1 deg/s
     settle = SETTLED / (2 * math.pi * config.firmware.ftr_crossover_hz) * 8000
     for _, s, rows in halves(record):
         a, b = FRAME_CYCLES * rows.start, FRAME_CYCLES * rows.stop
@@ -93,8 +99,8 @@ def force(record):
         calm = steady and rate.spread(recent) <= rate_limit(rate, row)
         if not calm or row in seen or "ftr" not in s["loops"].split() or not d.k_vf_sense_n_per_v:
             continue
-        volts = 2 * d.coriolis_mass_kg * w * s["a_set"] * 1e-6 * math.pi / 180 / d.k_vf_sense_n_per_v
-        found = _force(record, rows) * 10 / 2**23 / volts
+        drive = math.hypot(*(record.streams[name].data[rows].mean() for name in ("adc_xI", "adc_xQ")))
+        found = _force(record, rows) * 10 / 2**23 * d.k_vf_sense_n_per_v / (newtons * drive) if drive else 0.0
         stated = float(np.mean(rate.values[held.start : held.stop]))
         limit = FORCE_SHARE * abs(stated) + FORCE_DPS
         if abs(found - stated) > limit:
@@ -144,11 +150,12 @@ def copies(record):
     names = list(channels)
     for k, name in enumerate(names):
         for other in names[:k]:
-            for first, length in runs(channels[name] == channels[other])[:1]:
-                codes = channels[name][first : first + length]
-                if length >= COPIED_ROWS and len(np.unique(codes)) >= COPIED_CODES:
+            equal = [run for run in runs(channels[name] == channels[other]) if run[1] >= COPIED_ROWS]
+            for first, length in equal:
+                if len(np.unique(channels[name][first : first + length])) >= COPIED_CODES:
                     text = f"expected codes of its own, found those of {other} in rows {first} to {first + length - 1}"
                     yield Finding("R28", f"/streams/{name}", text)
+                    break
 
 
 def _locked(record):
