@@ -65,9 +65,9 @@ def load(path, replay=True, progress=None):
         first = loaded.residual.first
         if first is not None:
             override = record.attrs.get(OVERRIDE, "")
-            pair = firmware_residual.exchanged(record, loaded.residual)
+            mistake = firmware_residual.explanation(record, loaded.residual)
             text = f"expected 0 LSB, found {first}"
-            text += f"; 0 LSB with {pair[0]} and {pair[1]} exchanged" if pair else ""
+            text += f"; 0 LSB if it is {mistake}" if mistake else ""
             text += f"; overridden: {override}" if override else ""
             level = schema.DOWNGRADED if override else BLOCKED
             loaded.findings.append(Finding("R16", f"/streams/{first.stream}", text, level))

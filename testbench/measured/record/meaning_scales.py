@@ -16,7 +16,6 @@ from analog_frontend.parts import device
 from fpga_model import registers
 from fpga_model.rates import FRAME_CYCLES, MASTER_HZ
 from testbench.config import changed
-from testbench.errors import ConfigError
 from testbench.measured.record import check_tables, schema
 from testbench.measured.record.meaning_segments import BEYOND, bank
 from testbench.measured.record.plan import LIMITS

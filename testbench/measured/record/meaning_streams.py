@@ -19,7 +19,6 @@ from testbench.measured.record import check_tables, schema
 from testbench.measured.record.meaning_segments import BEYOND, CONDITIONS, Stated, bank, rate_limit, segments
 from testbench.measured.record.schema import REFUSED, WARNED, Finding
 from testbench.measured.record.sessions import UNSEEN, seen_rows, sessions
-from testbench.run import build
 
 LEAST_FRAMES = 64  # of the half of a segment
 DRIVE_SHARE = 0.05  # of the set-point: what a lock of the amplitude loop may leave, several times
@@ -31,6 +30,7 @@ COPIED_ROWS, COPIED_CODES = 16, 8  # equal rows of two channels in a row, and di
 REST_ROWS, REST_TIMES = 20, 5  # rows that rest, and times the next longer rest
 CHANCE = 1e-5  # that all channels repeat in a session's last row
 STEP_FRAMES, STEP_SHARE = 3, 0.05  # a sinc3 filter has settled after three conversions
+MOST_BAD = 0.01  # part of the frames of a locked loop with a bad status word
 CHANNELS = (*schema.ADC, "adc_temperature")
 
 
@@ -188,6 +188,18 @@ def rests(record):
             yield Finding("R28", "/streams/adc_xI", text, WARNED)
 
 
+def bad_frames(record):
+    """R28: loops stay locked only on frames whose status is good."""
+    if "adc_ok" not in record.streams:
+        return
+    bad, locked = record.streams["adc_ok"].data == 0, _locked(record)
+    share = bad[locked].mean() if locked.any() else 0.0
+    if share > MOST_BAD:
+        row = int(np.flatnonzero(bad & locked)[0])
+        text = f"expected at most {100 * MOST_BAD:g} % of 0 behind the start-up"
+        yield Finding("R28", "/streams/adc_ok", f"{text}, found {100 * share:.3g} % from row {row} on", WARNED)
+
+
 def first_rows(record):
     """R28: rows without a conversion hold nothing new; behind a power-on the sensor's filter settles."""
     channels = _channels(record)
@@ -213,4 +225,4 @@ def first_rows(record):
                 yield Finding("R28", "/streams/adc_temperature", text, WARNED)
 
 
-RULES = (drive, force, sensor, copies, rests, first_rows)
+RULES = (drive, force, sensor, copies, rests, bad_frames, first_rows)

@@ -313,7 +313,7 @@ def segment_rate_size(rng, r):
 
 
 def segment_rate_radians(rng, r):
-    row = pick(rng, moving(r))
+    pick(rng, moving(r))
     put(r, "segments", "rate_set", None, column(r, "segments", "rate_set") * math.pi / 180)
     return "segments", None
 
@@ -551,6 +551,29 @@ def copied(rng, r):
     return f"{a}|{b}", None
 
 
+def ok_inverted(rng, r):
+    """0 for good."""
+    if "adc_ok" not in r.streams:
+        raise Unfit
+    codes(r, "adc_ok", 1 - r.streams["adc_ok"].data)
+    return "adc_ok", None
+
+
+def negated(rng, r):
+    """A channel with its inputs exchanged."""
+    if "adc_ok" not in r.streams or (column(r, "gaps", "reason") == "overrun").any():
+        raise Unfit
+    name = str(rng.choice(list(schema.ADC)))
+    codes(r, name, -r.streams[name].data)
+    return name, None
+
+
+def segments_in_ticks(rng, r):
+    for key in ("edge_a", "edge_b"):
+        put(r, "segments", key, None, column(r, "segments", key) // TICK_CYCLES)
+    return "segments", None
+
+
 def stuck_end(rng, r):
     """The recorder repeats its last row."""
     names = [name for name in (*schema.ADC, "adc_temperature") if name in r.streams]
@@ -616,7 +639,8 @@ MISTAKES = (
     segment_rate_sign, segment_rate_size, segment_rate_radians, stimulus_rate_sign, both_rates_radians, both_rates_sign,
     amplitude, temperature_unit, temperature_set, both_temperatures, detune, step_without, dwell_during_step,
     over_power_on, lsb, lsb_unc, clock, rate_unc, counter, prior_mean, prior_unit, prior_name, prior_sd, exchanged,
-    copied, stuck_end, shifted_sensor, sensor_elsewhere, register_format, register_unit, stimulus_ticks,
+    copied, ok_inverted, negated, segments_in_ticks, stuck_end, shifted_sensor, sensor_elsewhere, register_format,
+    register_unit, stimulus_ticks,
 )  # fmt: skip
 
 

@@ -10,8 +10,8 @@ from numba import config as numba_config
 from typer.testing import CliRunner
 
 from testbench.errors import ConfigError
-from testbench.measured.closed_loop import loop_record
 from testbench.measured.cli import app
+from testbench.measured.closed_loop import loop_record
 from testbench.measured.record import checks, load, schema
 from testbench.measured.residual import residuals
 from testbench.storage.record import RecordError
@@ -63,7 +63,8 @@ def test_right_records_have_no_finding(small):
 
 
 # what two conditions at one temperature, without a step, can have, and what needs no replay of the firmware
-FITTING = [m for m in meanings.MISTAKES if m.__name__ not in ("dwell_during_step", "exchanged", "over_power_on")]
+ELSEWHERE = ("dwell_during_step", "over_power_on", "exchanged", "negated")
+FITTING = [m for m in meanings.MISTAKES if m.__name__ not in ELSEWHERE]
 
 
 def test_each_mistake_is_named(small):
@@ -83,21 +84,32 @@ def test_eighty_wrong_and_two_hundred_right_records(tmp_path, capsys):
     misses = missed(records, SEED, mistakes, lambda record: findings(tmp_path / "a.h5", record))
     kinds = len(collections.Counter(m.__name__ for m in mistakes))
     with capsys.disabled():
-        print(
-            f"\n{WRONG - len(misses)} of {WRONG} wrong records of {kinds} kinds named; {len(false)} of {RIGHT} right ones"
-        )
+        print(f"\n{WRONG - len(misses)} of {WRONG} wrong records of {kinds} kinds named")
+        print(f"{len(false)} of {RIGHT} right records with a finding")
         for miss in misses:
             print("  missed:", *miss)
     assert false == {}
     assert len(misses) <= 0.05 * WRONG
 
 
-def test_the_replay_names_channels_that_are_exchanged(own, tmp_path):
-    one, other = own.streams["adc_yI"], own.streams["adc_yQ"]
-    own.streams |= {"adc_yI": one._replace(data=other.data), "adc_yQ": other._replace(data=one.data)}
-    (line,) = findings(tmp_path / "a.h5", own)
+@pytest.mark.parametrize("words", ["adc_yI and adc_yQ exchanged", "adc_yQ negated", "adc_yQ +1 row off"])
+def test_the_replay_names_one_mistake_in_the_streams_of_the_converter(own, tmp_path, words):
+    one, other = (own.streams[name].data for name in ("adc_yI", "adc_yQ"))
+    if "exchanged" in words:
+        meanings.codes(own, "adc_yI", other)
+    told = {"a": one, "d": -other, "f": np.roll(other, 1)}[words[-1]] if "exchanged" not in words else one
+    meanings.codes(own, "adc_yQ", told)
+    line = findings(tmp_path / "a.h5", own)[-1]
     assert line.startswith("R16 /streams/")
-    assert line.endswith("; 0 LSB with adc_yI and adc_yQ exchanged")
+    assert line.endswith(f"; 0 LSB if it is {words}")
+
+
+def test_two_mistakes_are_no_single_one(own, tmp_path):
+    for name in ("adc_yI", "adc_yQ"):
+        meanings.codes(own, name, -own.streams[name].data)
+    line = findings(tmp_path / "a.h5", own)[-1]
+    assert line.startswith("R16 /streams/")
+    assert "0 LSB if" not in line
 
 
 def test_what_is_implausible_is_a_warning_that_every_reader_sees(own, tmp_path):
