@@ -2,7 +2,7 @@
 
     R25  drive at lock: its amplitude is the set-point's, its code is all cosine
     R26  force word against /stimulus/rate, in sign and size        R27  temperature sensor against its stimulus
-    R28  ADC rows that no replay of the firmware sees: copies, rests, rows without a conversion, the last one
+    R28  ADC rows that no replay of the firmware sees: copies, rests, rows without a conversion, the last ones
 
 Means are over the second half of a segment, when the loops have settled.
 Source    docs/measured.md
@@ -28,7 +28,7 @@ SETTLED = 10.0  # time constants of the rate loop from a step to where its force
 SENSOR_K = 10.0  # the sensor's own error, and a die that is warmer than its surroundings
 COPIED_ROWS, COPIED_CODES = 16, 8  # equal rows of two channels in a row, and different codes among them
 REST_ROWS, REST_TIMES = 20, 5  # rows that rest, and times the next longer rest
-CHANCE = 1e-5  # that all channels repeat in a session's last row
+CHANCE = 1e-5  # that all channels repeat in a session's last rows
 STEP_FRAMES, STEP_SHARE = 3, 0.05  # a sinc3 filter has settled after three conversions
 MOST_BAD = 0.01  # part of the frames of a locked loop with a bad status word
 CHANNELS = (*schema.ADC, "adc_temperature")
@@ -170,7 +170,7 @@ def _locked(record):
 
 
 def rests(record):
-    """R28: a channel that rests far longer than it does elsewhere, and a last row in which all repeat."""
+    """R28: a channel that rests far longer than it does elsewhere, and last rows in which all repeat."""
     if not check_tables.stated_config(record).noise.adc:
         return
     channels, locked = _channels(record), _locked(record)
@@ -181,10 +181,13 @@ def rests(record):
             text = f"expected rests of at most {max(REST_ROWS, REST_TIMES * others[0][1])} rows"
             yield Finding("R28", f"/streams/{name}", f"{text}, found rows {first} to {first + length}", WARNED)
     chance = math.prod(float(equal[locked[1:]].mean()) if locked[1:].any() else 1.0 for equal in still.values())
+    together = np.logical_and.reduce(list(still.values()))
     for session in sessions(record):
         last = session.first + session.frames - 1
-        if chance < CHANCE and last > session.first and all(equal[last - 1] for equal in still.values()):
-            text = f"expected new codes of {', '.join(channels)}, found those of row {last - 1} in row {last}"
+        moved = np.flatnonzero(~together[session.first : last])
+        repeats = last - session.first - (int(moved[-1]) + 1 if len(moved) else 0)
+        if chance**repeats < CHANCE:
+            text = f"expected new codes of {', '.join(channels)}, found those of row {last - repeats} up to row {last}"
             yield Finding("R28", "/streams/adc_xI", text, WARNED)
 
 
