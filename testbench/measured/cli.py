@@ -61,7 +61,7 @@ def check(
     replay: Annotated[bool, typer.Option(help="Replay the firmware on the recorded codes, too (R16).")] = True,
     as_json: Json = False,
 ):
-    """Check a record by rules R01 to R20: one line per finding, exit code 2 if it is refused."""
+    """Check a record by rules R01 to R33: one line per finding, exit code 2 if it is refused."""
     from testbench.measured.record import load
     from testbench.storage.record import RecordError
 
@@ -288,6 +288,8 @@ def trace(o):
         tracer, result = loop_trace.run(problem, options, progress, o.checkpoint)
     _write(o.json_file, result.text())
     _write(o.report, page.html(result, all_figures(tracer)) if o.report else "")
+    for text in problem.warnings:
+        typer.echo(f"{text} (warned)")
     return _print_trace(vars(result))
 
 

@@ -61,7 +61,7 @@ class Tracer:
         # laws of the library that cost a run each wait until the catalogue has failed
         self.waiting = self.library if problem.library_late else ()
         self.draws = max(FEWEST_DRAWS, min(options.n_null, ROWS_OF_DRAWS // max(self.space.size, 1)))
-        self.notes, self.selections, self.rivals, self.alike = [], [], [], []
+        self.notes, self.selections, self.rivals, self.alike = list(problem.warnings), [], [], []
 
     def say(self, text, done=0, total=1):
         self.predictor.text = text
@@ -206,7 +206,7 @@ class Tracer:
     def decide(self):
         """Calibrate, alarm, search, judge. A `Result` where nothing of it can be done, None else."""
         problem, options = self.problem, self.options
-        known = {"hashes": dict(problem.hashes), "options": asdict(options)}
+        known = {"hashes": dict(problem.hashes), "options": asdict(options), "notes": self.notes}
         if problem.firmware:
             return Result(problem.name, "firmware", str(problem.firmware), **known)
         if not self.calibrate():

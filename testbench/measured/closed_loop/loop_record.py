@@ -16,7 +16,7 @@ from testbench.measured.closed_loop import loop_laws, loop_problem, loop_runs
 from testbench.measured.record import check_tables, load, schema
 from testbench.measured.record.plan import Condition
 from testbench.measured.record.sessions import segments
-from testbench.measured.residual import parameters
+from testbench.measured.residual import features, parameters
 from testbench.storage.record import SCHEMA
 
 FRAME_HZ = 8000
@@ -43,6 +43,8 @@ def _before(record, edge):
 
 def measured_features(record, name, hashes):
     """`loop_problem.Measured` of the segments with a role."""
+    per_frame = {key: s.data for key, s in record.streams.items() if (s.num, s.den) == schema.PER_FRAME}
+    features.demand(per_frame, loop_runs.NAMES)
     lsb = {key: s.attrs["lsb_V"] for key, s in record.streams.items() if "lsb_V" in s.attrs}
     all_ = segments(record)
     ends = {s.first + s.frames: s for s in all_ if s.kind == "settle"}
@@ -62,13 +64,12 @@ def measured_features(record, name, hashes):
         )  # fmt: skip
         groups[c.id] = c._replace(seconds=min(c.seconds, groups.get(c.id, c).seconds))
         values.setdefault(c.id, []).append(s)
-    per_frame = {name: x.data for name, x in record.streams.items() if (x.num, x.den) == schema.PER_FRAME}
 
-    def features(c, s):
+    def of_segment(c, s):
         columns = {name: data[s.first : s.first + s.frames] for name, data in per_frame.items()}
         return loop_runs.feature_vector(c, columns, lsb, fine=True)
 
-    out = {key: np.array([features(groups[key], s) for s in members]) for key, members in values.items()}
+    out = {key: np.array([of_segment(groups[key], s) for s in members]) for key, members in values.items()}
     return loop_problem.Measured(name, tuple(groups.values()), out, hashes)
 
 
@@ -85,6 +86,7 @@ def open_record(paths, options):
     library = () if options.get("grammar") == "no" else loop_laws.from_grammar()
     bench = loop_runs.Bench(int(options.get("threads", loop_runs.THREADS)))
     problem = loop_problem.LoopProblem(data, model, wanted, loop_laws.from_catalogue(), library, bench)
+    problem.warnings = loaded.warnings
     if loaded.blocked:
         problem.firmware = next(str(f) for f in loaded.findings if f.rule == "R16")
     r0 = loaded.residual

@@ -1,10 +1,10 @@
-"""The rules of a measurement record, R01 to R20: one finding per line, no guess, no partial load.
+"""The rules of a measurement record, R01 to R33: one finding per line, no guess, no partial load.
 
     refused      the record is not loaded          downgraded   loaded, but less can be concluded from it
-    blocked      loaded, but tracing of physics waits for an override in writing
+    warned       loaded, but implausible           blocked      loaded, but tracing waits for an override in writing
 
 What concerns the file itself (R01, R02, R03, R05, R08, R15, R20 of columns) is found by its reader; this module
-judges what was read. R16 needs a replay and is added by `load`.
+judges the form of what was read, and the modules `meaning_*` what it says. R16 needs a replay and is added by `load`.
 Source    docs/measured.md
 """
 
@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from fpga_model.rates import FRAME_CYCLES, SLOTS
-from testbench.measured.record import check_tables, schema
+from testbench.measured.record import check_tables, meaning_scales, meaning_segments, meaning_streams, schema
 from testbench.measured.record.check_tables import span_edges
 from testbench.measured.record.schema import PER_FRAME, PER_TICK, Finding
 
@@ -29,6 +29,8 @@ def check(record):
             if any(f.level == schema.REFUSED for f in found) and rule in LATE:
                 continue
             found += rule(record)
+        if not any(f.level == schema.REFUSED for f in found):
+            found += [f for rule in MEANING for f in rule(record)]
     except (ValueError, TypeError, OverflowError, KeyError, RecursionError) as problem:
         found.append(Finding("R01", "/", f"expected a complete record, found damage: {' '.join(str(problem).split())}"))
     return found
@@ -221,3 +223,5 @@ LATE = (
     check_tables.uncertain,
 )
 RULES = (_complete, _units, _codes, _finite, *LATE)
+# Rules about what a record of sound form says; none relies on another
+MEANING = (*meaning_segments.RULES, *meaning_streams.RULES, *meaning_scales.RULES)

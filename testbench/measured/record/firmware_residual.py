@@ -8,6 +8,8 @@ answer is "not decidable", and why.
 Source    docs/measured.md
 """
 
+import dataclasses
+import itertools
 import time
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -25,6 +27,7 @@ from testbench.run import build
 BLOCK_FRAMES = 400_000
 TICK_BLOCK_FRAMES = 4000
 LATE_TICKS = 3  # at most, from a modulator's code to the DAC
+MORE_FRAMES = 8000  # behind a difference, in which a mistake undone must explain everything
 UNKNOWN_TICKS = LATE_TICKS  # whose codes were decided before the record begins
 # In the order in which a window computes them, and the register that each is
 REGISTERS = {
@@ -173,6 +176,37 @@ def residual(record, progress=None, firmware=None):
         _session(record, session, p, streams, ticked, out, progress)
     out.seconds = time.perf_counter() - began
     return out
+
+
+def explanation(record, found):
+    """What makes the firmware the model's again, if one mistake in the ADC streams does: two of them exchanged, one
+    negated, one a row off; "" else. It is judged up to MORE_FRAMES behind the first difference.
+    """
+    if not found.decidable or found.first is None:
+        return ""
+    frame = found.first.edge // FRAME_CYCLES
+    session = next(s for s in sessions(record) if s.first <= frame < s.first + s.frames)
+    session = session._replace(frames=min(session.frames, frame - session.first + MORE_FRAMES))
+    p = build.firmware(check_tables.stated_config(record))
+    for text, changed in _mistakes({name: record.streams[name].data for name in schema.ADC}):
+        streams = {name: record.streams[name]._replace(data=data) for name, data in changed.items()}
+        other = dataclasses.replace(record, streams=record.streams | streams)
+        out = Residual(found.compared, {}, "", 0, {}, None, 0.0)
+        frames = [name for name in found.compared if record.streams[name].den == FRAME_CYCLES]
+        _session(other, session, p, frames, [], out, None)
+        if out.first is None:
+            return text
+    return ""
+
+
+def _mistakes(codes):
+    """(words, {stream: codes}) of each mistake undone."""
+    for a, b in itertools.combinations(codes, 2):
+        yield f"{a} and {b} exchanged", {a: codes[b], b: codes[a]}
+    for name, data in codes.items():
+        yield f"{name} negated", {name: -data}
+        for rows in (1, -1):
+            yield f"{name} {rows:+d} row off", {name: np.roll(data, -rows)}
 
 
 def _session(record, session, p, streams, ticked, out, progress):

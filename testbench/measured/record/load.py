@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from testbench.measured.record import bundle, checks, schema
-from testbench.measured.record.schema import BLOCKED, REFUSED, Finding
+from testbench.measured.record.schema import BLOCKED, REFUSED, WARNED, Finding
 from testbench.storage import record as records
 from testbench.storage import record_read
 from testbench.storage.record import RecordError
@@ -27,6 +27,11 @@ class Loaded:
     record: records.Record
     findings: list = field(default_factory=list)
     residual: object = None  # firmware residual, where it was asked for
+
+    @property
+    def warnings(self):
+        """What is implausible, one line each."""
+        return tuple(str(f) for f in self.findings if f.level == WARNED)
 
     @property
     def blocked(self):
@@ -60,7 +65,10 @@ def load(path, replay=True, progress=None):
         first = loaded.residual.first
         if first is not None:
             override = record.attrs.get(OVERRIDE, "")
-            text = f"expected 0 LSB, found {first}" + (f"; overridden: {override}" if override else "")
+            mistake = firmware_residual.explanation(record, loaded.residual)
+            text = f"expected 0 LSB, found {first}"
+            text += f"; 0 LSB if it is {mistake}" if mistake else ""
+            text += f"; overridden: {override}" if override else ""
             level = schema.DOWNGRADED if override else BLOCKED
             loaded.findings.append(Finding("R16", f"/streams/{first.stream}", text, level))
     return loaded

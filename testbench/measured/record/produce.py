@@ -103,7 +103,8 @@ class Sitting:
 
     def _run(self):
         c, board, temp = self.condition, self.board, self.condition.temperature_degc
-        rate, before = c.rate_dps * DEG, (c.rate_dps if c.from_dps is None else c.from_dps) * DEG
+        first = c if c.from_dps is None else c._replace(rate_dps=c.from_dps)  # until the dwell begins
+        rate, before = c.rate_dps * DEG, first.rate_dps * DEG
         where = f"condition {c.id}, repeat {self.repeat}"
         self._stimulus(before)
         if simulate.start(self.config, board, before, temp) is None:
@@ -111,11 +112,11 @@ class Sitting:
         left = -board.tick % FRAME_TICKS
         if left:
             board.advance(left, before, temp)
-        self._segment("startup", 0, "startup", "none")
+        self._segment("startup", 0, first, "startup", "none")
         if c.settle_s:
             begin = board.tick
             board.advance(_ticks(c.settle_s), before, temp)
-            self._segment("settle", begin, "settle", "none")
+            self._segment("settle", begin, first, "settle", "none")
         begin = board.tick
         if rate != before:
             self._stimulus(rate)
@@ -126,7 +127,7 @@ class Sitting:
             self._count(probe, rate, temp)
         if not board.locked:
             raise ConfigError(f"{where}: lock is lost")
-        self._segment("", begin, c.kind, c.role)
+        self._segment("", begin, c, c.kind, c.role)
         self.frames = board.tick // FRAME_TICKS
         # one tick of the next frame: its row holds the last codes
         board.advance(1, rate, temp)
@@ -137,8 +138,7 @@ class Sitting:
         self.rates.append((edge, rate_rad_s / DEG))
         self.temps.append((edge, self.condition.temperature_degc))
 
-    def _segment(self, part, begin, kind, role):
-        c = self.condition
+    def _segment(self, part, begin, c, kind, role):
         edges = (TICK_CYCLES * begin, TICK_CYCLES * self.board.tick)
         group = f"{c.id}.{part}" if part else c.id
         self.segments.append((f"{group}.{self.repeat}", *edges, kind, c, group, role))
@@ -235,8 +235,8 @@ def _lsb_v(config):
     return {
         **{name: adc[name[4]] for name in schema.ADC},
         "adc_temperature": adc["x"],
-        "dac_drv": d.drive_dac_span_v / 2**16,
-        "dac_ftr": d.sense_dac_span_v / 2**20,
+        "dac_drv": d.drive_dac_span_v / 2**15,
+        "dac_ftr": d.sense_dac_span_v / 2**19,
         "dac_qsc": d.quad_dac_span_v / 2**16,
         "quadrature_code": d.quad_dac_span_v / 2**16,
     }

@@ -2,7 +2,7 @@
 
     streams   raw codes and words at exact rates of the 26 MHz clock; row n is the value before edge edge0 + n den / num
     tables    register log, segments, gaps, stimuli, counters, priors
-    findings  `Rnn path expected ..., found ...`, each a refusal, a downgrade, or a block
+    findings  `Rnn path expected ..., found ...`, each a refusal, a warning, a downgrade, or a block
 
 Edges count from the record's first power-on; a frame is 3250 of them, a tick 26.
 Source    docs/measured.md
@@ -17,7 +17,7 @@ from fpga_model.rates import FRAME_CYCLES, TICK_CYCLES
 from testbench.measured.record.replay import WINDOW_WORDS, WORDS
 
 SCHEMA = "gyrorec/1.0"
-REFUSED, DOWNGRADED, BLOCKED = "refused", "downgraded", "blocked"
+REFUSED, WARNED, DOWNGRADED, BLOCKED = "refused", "warned", "downgraded", "blocked"
 
 
 class Stream(NamedTuple):

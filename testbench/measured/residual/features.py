@@ -11,6 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from testbench.errors import ConfigError
+
 FIRST_BIN = 16  # frames
 WORD_V = 10.0 / 2**23
 HZ = 26e6 / 2**48
@@ -44,6 +46,14 @@ def physical(name, raw, lsb_v):
     if name in ("amplitude", "force"):
         return values * WORD_V
     return (values * lsb_v) ** 2 if name == "v_q2" else values * lsb_v
+
+
+def demand(streams, names):
+    """ConfigError if the stream of an observable is not among those that were recorded."""
+    for name in names:
+        if OBSERVABLES[name].stream not in streams:
+            text = f"expected a stream with one row a frame, found none; the observable {name} is made of it"
+            raise ConfigError(f"/streams/{OBSERVABLES[name].stream}: {text}")
 
 
 def bins(frames, width=FIRST_BIN):

@@ -16,7 +16,7 @@ import numpy as np
 from testbench.measured.record import check_tables, firmware_residual
 from testbench.measured.record.sessions import segments, sessions
 from testbench.measured.residual import simulator
-from testbench.measured.residual.features import OBSERVABLES, bins, features
+from testbench.measured.residual.features import OBSERVABLES, bins, demand, features
 from testbench.measured.residual.noise_floor import Group, floor
 from testbench.run import build
 
@@ -92,11 +92,12 @@ def study(record, kind, config=None, engine=None, draws=None, progress=None):
     """
     if kind not in ("R1", "R2"):
         raise ValueError(f"kind = {kind!r} is neither R1 nor R2")
+    names = [name for name, o in OBSERVABLES.items() if o.driven or kind == "R2"]
+    demand(record.streams, names)
     config = config or check_tables.stated_config(record)
     engine = engine or simulator.FrameSimulator()
     draws = (DRAWS if kind == "R2" else 0) if draws is None else draws
     predicted, exact = predictions(record, config, kind, engine, draws, progress)
-    names = [name for name, o in OBSERVABLES.items() if o.driven or kind == "R2"]
     groups, roles = differences(record, predicted, names)
     noise, rows = floor(groups), []
     for g in groups:

@@ -89,7 +89,7 @@ class Problem:
     noise_from_repeats, prediction_noise = False, 0.0
     heldout_by, heldout_view = "observable", None
     firmware = firmware_certificate = numerical_certificate = None
-    experiments = None
+    experiments, warnings = None, ()
     _members = frozenset(("name", "nuisances", "laws", "segments", "hashes"))
 
     def __init_subclass__(cls, adds="", **more):

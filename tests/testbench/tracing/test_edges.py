@@ -102,6 +102,14 @@ def test_firmware_comes_first():
     assert (result.verdict, result.sentence) == ("firmware", "R0 differs: agc_acc at tick 26000")
 
 
+def test_what_is_implausible_about_the_data_is_the_first_note_of_every_outcome():
+    problem = Toy(3, {})
+    problem.warnings = ("R26 /stimulus/rate expected 100 deg/s, found 57 in row 3",)
+    assert trace(problem, QUICK).notes[0] == problem.warnings[0]
+    problem.firmware = "R0 differs: agc_acc at tick 26000"
+    assert trace(problem, QUICK).notes == list(problem.warnings)
+
+
 def test_a_model_that_cannot_be_predicted_is_a_verdict_not_a_crash():
     problem = Line(0.5, laws=SLOPE)
     problem.predict = lambda points, which: [[np.full(3, np.nan) for _ in which] for _ in points]
