@@ -302,8 +302,14 @@ def read(folder):
     return Bundle(manifest, stim, exp, mask, np.arange(count))
 
 
+def replayed_words(folder, manifest, name):
+    """Words of a file of `REPLAYED`, of a bundle that was verified."""
+    width, key = REPLAYED[name]
+    return _words(Path(folder) / f"{name}.hex", width, manifest[key])
+
+
 def _read_replay(folder, manifest, results):
-    words = {name: _words(folder / f"{name}.hex", width, manifest[key]) for name, (width, key) in REPLAYED.items()}
+    words = {name: replayed_words(folder, manifest, name) for name in REPLAYED}
     at, end = np.array(words["at"], np.int64), manifest["frames"] * manifest["frame_cycles"]
     if len(at) and (at[-1] >= end or (np.diff(at) <= 0).any()):
         raise FileError(f"{folder / 'at.hex'}: the clocks do not rise within 0 .. {end - 1}")
