@@ -1,4 +1,4 @@
-"""Where compiled kernels are kept: by a user without home, name or permission, and never in a folder of somebody else."""
+"""Where compiled kernels are kept: by a user without home or name, and never in a folder of somebody else."""
 
 import os
 import stat
@@ -21,7 +21,9 @@ def shown(tmp, before="", **environment):
     given = {"PATH": os.environ["PATH"], "PYTHONPATH": str(ROOT), "TMPDIR": str(tmp), **environment}
     # a user id without an entry in passwd, as `Path.home` sees it; nobody here needs the permission to become one
     nameless = "import pathlib\ndef home(): raise RuntimeError\npathlib.Path.home = home\n" + before
-    done = subprocess.run([sys.executable, "-c", nameless + SHOW], env=given, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", nameless + SHOW], env=given, capture_output=True, text=True, check=True
+    )
     return done.stdout.split(), done.stderr
 
 
