@@ -23,7 +23,7 @@ from fpga_model import registers
 from testbench import config
 from testbench.commands import config_page
 from testbench.config import Config
-from testbench.console.markdown import ROOT, markdown, replaced
+from testbench.console.markdown import ROOT, markdown, need_repository, replaced
 from testbench.console.table import Table, fixed
 from testbench.golden.ranges import range_report
 from testbench.run import budget, tables
@@ -201,6 +201,7 @@ def main(arguments=None):
     if arguments not in ([], ["--check"]):
         print("usage: python -m testbench.commands.docs [--check]", file=sys.stderr)
         return 2
+    need_repository()
     if arguments:
         changed = list(stale())
         for name in changed:

@@ -14,7 +14,7 @@ from analog_frontend.effects import catalogue
 from analog_frontend.parts import device
 from testbench import config
 from testbench.commands import docs
-from testbench.console.markdown import ROOT, replaced
+from testbench.console.markdown import ROOT, need_repository, replaced
 from testbench.measured.closed_loop import loop_runs
 from testbench.measured.closed_loop.loop_runs import FAST, Model, Run
 from testbench.measured.closed_loop.loop_tangents import even
@@ -140,6 +140,7 @@ def main(names):
     if unknown := set(names) - set(known):
         print(f"{', '.join(sorted(unknown))}: not among {', '.join(known)}", file=sys.stderr)
         return 2
+    need_repository()
     chosen = names or list(known)
     for name, values in measure_table(chosen).items():
         path = FOLDER / f"{name}.md"

@@ -10,7 +10,7 @@ import json
 import sys
 from pathlib import Path
 
-from testbench.console.markdown import ROOT, markdown, replaced
+from testbench.console.markdown import ROOT, markdown, need_repository, replaced
 from testbench.console.table import Table
 from testbench.measured.exam.part_page import above, number
 from testbench.measured.sets_report import rest_words
@@ -98,6 +98,7 @@ def main(arguments=None):
     if len(arguments) > 1:
         print("usage: python -m testbench.measured.pages [build/measured.json]", file=sys.stderr)
         return 2
+    need_repository()
     for path in arguments:
         data = json.loads(Path(path).read_text())
         write_text(KEPT, json.dumps(summary(data), indent=1, sort_keys=True) + "\n")

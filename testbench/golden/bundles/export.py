@@ -133,6 +133,8 @@ def export(name, out, progress=None):
             progress(f"{block.stem}/{case}", n, len(todo))
         manifest = top.export_case(case, out) if block.stem == top.STEM else export_case(block, case, out)
         done.append((Path(out) / block.stem / case, manifest))
+        makefile = Path(out) / block.stem / "Makefile"
         if case == list(block.cases)[-1]:
-            write_text(Path(out) / block.stem / "Makefile", folder_makefile(block))
+            with bundle.alone(makefile):
+                write_text(makefile, folder_makefile(block))
     return done

@@ -114,6 +114,9 @@ def write_page():
 
 def main(arguments):
     """Take over the files of a folder that are there."""
+    from testbench.console.markdown import need_repository
+
+    need_repository()
     out, found = Path(arguments[0] if arguments else "out") / "golden", known_scores()
     fresh = {key: out / name for key, name in (("mutation", MUTATION), ("times", TIMES)) if (out / name).is_file()}
     if not fresh:

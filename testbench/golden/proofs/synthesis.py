@@ -119,8 +119,9 @@ def table(netlists):
 
 def main():
     """Measure and write the page."""
-    from testbench.console.markdown import replaced
+    from testbench.console.markdown import need_repository, replaced
 
+    need_repository()
     netlists = []
     for family in MAPPERS:
         netlists.append(synthesise(RTL, family))
