@@ -95,9 +95,10 @@ def interpreter(given=None):
     )
 
 
-def ran(command, **more):
-    """Standard output of a command that must work."""
-    done = subprocess.run([*map(str, command)], capture_output=True, text=True, **more)
+def ran(command):
+    """Standard output of a command that must work; it sees nothing of this checkout."""
+    given = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
+    done = subprocess.run([*map(str, command)], capture_output=True, text=True, cwd="/", env=given)
     if done.returncode:
         lines = [line for line in (done.stderr or done.stdout).splitlines() if line.strip()]
         raise Failed(f"{' '.join(map(str, command))[:80]}: {lines[-1] if lines else done.returncode}")
