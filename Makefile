@@ -66,8 +66,8 @@ test-bounds: $(VENV)/.test ## the suite with Numba checking every index
 bench: $(VENV)/.test ## speed, as a table in docs/speed.md and build/bench.json
 	$(BIN)/python -m testbench.bench
 
-portability: $(VENV)/.run ## one hash of all codes: three kinds of processor, no compiler, lowest versions
-	$(BIN)/python -m tests.testbench.bench.portability --make-old build/oldest --page
+portability: $(VENV)/.test ## one hash of all codes, and the tests of the core: three kinds of processor, lowest versions
+	$(BIN)/python -m tests.testbench.bench.portability --make-old build/oldest --tests --page
 
 packages: $(VENV)/.run ## wheel and sdist in environments of their own, run by a user without name, home and permission to write
 	$(BIN)/python -m tests.packages
