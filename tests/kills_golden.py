@@ -1,4 +1,8 @@
-"""Two starts at once, and kills, of `golden export` and `measured trace`: nothing lost, nothing wrong in silence.
+"""Two starts at once, and kills, of `golden export` and of traces: nothing lost, nothing wrong in silence.
+
+    golden    `gyro golden export`
+    trace     `gyro measured trace` of the smallest record, a minute or more each
+    tracing   the same core on the toy problem of its tests: every phase of a trace in seconds
 
     pair(seed, folder)           two starts of one command in one folder, the second after a time drawn by the seed
     kill(seed, folder, number)   a signal after a time drawn by the seed, then the same command again
@@ -9,12 +13,14 @@ the command is refused with one line. A command that was killed leaves whole res
 
 import functools
 import random
+import subprocess
+import sys
 import tempfile
 import time
 from pathlib import Path
 from typing import NamedTuple
 
-from tests.processes import difference, ended, killed_after, run_to_end, start, tree_of, wrong_end
+from tests.processes import difference, ended, environment, killed_after, run_to_end, start, tree_of, wrong_end
 
 BLOCK = "pi"
 EXPORT = ("golden", "export", BLOCK, "--out", "golden")
@@ -32,8 +38,8 @@ a_um = 4.0
 from_dps = -150.0
 rate_dps = -150.0
 temperature_degc = 25.0
-settle_s = 2.0
-seconds = 0.3
+settle_s = 3.0
+seconds = 0.6
 
 [[condition]]
 id = "held"
@@ -41,8 +47,8 @@ a_um = 5.0
 from_dps = -100.0
 rate_dps = 100.0
 temperature_degc = 25.0
-settle_s = 2.0
-seconds = 0.3
+settle_s = 3.0
+seconds = 0.6
 role = "validate"
 
 [[prior]]
@@ -54,6 +60,12 @@ unit = "Hz"
 TRACE = ("measured", "trace", "record.h5", "--max-laws", "1", "--checkpoint", "kept", "--json", "trace.json",
          "--report", "trace.html")  # fmt: skip
 TRACE_S = 900.0
+TOY = """
+from testbench.storage.files import write_text
+from testbench.tracing.trace import trace
+from tests.testbench.tracing.test_resume import OPTIONS, problem
+write_text("trace.json", trace(problem(), OPTIONS, checkpoint="kept").text())
+"""
 
 
 class Undisturbed(NamedTuple):
@@ -69,8 +81,20 @@ def _results(folder, ignore=UNFINISHED):
     return {name: digest for name, digest in found.items() if not name.endswith(".toml")}
 
 
-def _undisturbed(arguments, folder):
-    done = run_to_end(arguments, folder, TRACE_S)
+def _begin(what, folder):
+    """Process of a command line, or of a Python text."""
+    if not isinstance(what, str):
+        return start(what, folder)
+    quiet = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    process = subprocess.Popen(
+        [sys.executable, "-c", what], cwd=folder, env=environment(), start_new_session=True, **quiet
+    )
+    process.began = time.monotonic()
+    return process
+
+
+def _undisturbed(what, folder):
+    done = ended(_begin(what, folder), TRACE_S)
     if done.code != 0:
         raise AssertionError(f"undisturbed: exit code {done.code}: {done.err[-300:]}")
     return Undisturbed(_results(folder, ()), done.wall_s)
@@ -118,11 +142,11 @@ def _torn(whole, folder):
     return None
 
 
-def _two(arguments, whole, seed, folder):
+def _two(what, whole, seed, folder):
     """Two starts at once in a folder that is prepared."""
-    processes = [start(arguments, folder)]
+    processes = [_begin(what, folder)]
     time.sleep(random.Random(seed).uniform(0.0, whole.wall_s))
-    processes.append(start(arguments, folder))
+    processes.append(_begin(what, folder))
     ends = [ended(process, TRACE_S) for process in processes]
     for done in ends:
         if (wrong := wrong_end(done, (0, 2))) is not None:
@@ -132,15 +156,15 @@ def _two(arguments, whole, seed, folder):
     return difference(whole.tree, _results(folder, ()))
 
 
-def _killed(arguments, whole, seed, folder, number):
+def _killed(what, whole, seed, folder, number):
     """A kill, then the same command again, in a folder that is prepared."""
     moment = random.Random(seed).uniform(0.0, 1.05 * whole.wall_s)
-    done = killed_after(start(arguments, folder), moment, number, TRACE_S)
+    done = killed_after(_begin(what, folder), moment, number, TRACE_S)
     # a signal while Python itself starts ends the process with Python's own words
     wrong = (None if done.code == -number else wrong_end(done, (0, 130))) or _torn(whole, folder)
     if wrong is not None:
         return f"killed after {moment:.2f} s: {wrong}"
-    again = run_to_end(arguments, folder, TRACE_S)
+    again = ended(_begin(what, folder), TRACE_S)
     if again.code != 0:
         return f"killed after {moment:.2f} s, then exit code {again.code}: {again.err[-300:]!r}"
     wrong = difference(whole.tree, _results(folder, ()))
@@ -171,4 +195,24 @@ def trace_kill(seed, folder, number):
     return _killed(TRACE, whole, seed, folder, number)
 
 
-CASES = {"golden": (golden_pair, golden_kill), "trace": (trace_pair, trace_kill)}
+@functools.cache
+def _toy():
+    with tempfile.TemporaryDirectory() as folder:
+        return _undisturbed(TOY, folder)
+
+
+def tracing_pair(seed, folder):
+    """Two traces of the toy problem with one folder of checkpoints."""
+    return _two(TOY, _toy(), seed, folder)
+
+
+def tracing_kill(seed, folder, number):
+    """A trace of the toy problem that gets a signal, and one that goes on."""
+    return _killed(TOY, _toy(), seed, folder, number)
+
+
+CASES = {
+    "golden": (golden_pair, golden_kill),
+    "trace": (trace_pair, trace_kill),
+    "tracing": (tracing_pair, tracing_kill),
+}

@@ -1,7 +1,7 @@
 """Predictions and stages that are done, kept under the hash of what they were made from: a killed trace goes on.
 
     STORE/CODE/ab/ab12...npz   arrays of one point (no pickle)       STORE/CODE/ab/ab12...json   result of a stage
-CODE is the hash of all sources and of the libraries' versions: what another version left is computed again. Everything
+CODE is the hash of our sources and of the libraries' versions: what another version left is computed again. Everything
 else of a trace follows from these by deterministic algebra, so the same result comes out. Each file is sealed with its
 own SHA-256; a damaged one is not believed: it is computed again.
 """
@@ -18,10 +18,11 @@ from pathlib import Path
 
 import numpy as np
 
-from fpga_model import jit
 from testbench.errors import FileError
+from testbench.storage import sources
 from testbench.storage.files import SEAL, SEAL_BYTES
 
+COMPUTES = ("testbench.measured.openers", "testbench.tracing.trace")
 LIBRARIES = ("numba", "numpy", "scipy")
 
 
@@ -40,10 +41,8 @@ def digest(*parts):
 
 @functools.cache
 def code_sha256():
-    """Hash of everything that computes: our sources, and the versions of the libraries below them."""
-    files = sorted(path for package in jit.PACKAGES for path in (jit.ROOT / package).rglob("*.py"))
-    named = [(path.relative_to(jit.ROOT).as_posix(), hashlib.sha256(path.read_bytes()).hexdigest()) for path in files]
-    return digest(named, [metadata.version(name) for name in LIBRARIES])
+    """Hash of everything that computes: our sources that a trace reaches, and the versions of the libraries below."""
+    return digest(sources.code_sha256(*COMPUTES), [metadata.version(name) for name in LIBRARIES])
 
 
 class Store:
