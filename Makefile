@@ -10,7 +10,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # a worker that crashes ends the run and names its test; a new one in its place can wait for ever
 PYTEST := $(BIN)/python -m pytest --max-worker-restart 0
 
-.PHONY: help run paper measured golden rtl budget test test-slow test-all test-nojit test-bounds bench portability lint pages docs clean
+.PHONY: help run paper measured golden rtl budget test test-slow test-all test-nojit test-bounds bench portability packages lock lint pages docs clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -66,8 +66,14 @@ test-bounds: $(VENV)/.test ## the suite with Numba checking every index
 bench: $(VENV)/.test ## speed, as a table in docs/speed.md and build/bench.json
 	$(BIN)/python -m testbench.bench
 
-portability: $(VENV)/.run ## one hash of all codes: three kinds of processor, no compiler, lowest versions
-	$(BIN)/python -m tests.testbench.bench.portability --make-old build/oldest --page
+portability: $(VENV)/.test ## one hash of all codes, and the tests of the core: three kinds of processor, lowest versions
+	$(BIN)/python -m tests.testbench.bench.portability --make-old build/oldest --tests --page
+
+packages: $(VENV)/.run ## wheel and sdist in environments of their own, run by a user without name, home and permission to write
+	$(BIN)/python -m tests.packages
+
+lock: ## write .ci/constraints.txt again, with the newest versions that pyproject.toml allows
+	@.ci/lock "$(PYTHON)"
 
 lint: $(VENV)/.test ## ruff, codespell, and the language of pages, docstrings and messages
 	$(BIN)/ruff check docs fpga_model analog_frontend testbench tests

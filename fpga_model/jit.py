@@ -3,8 +3,9 @@
 Numba's disk cache stamps a function by its own file only, so an edited callee is not seen. The cache folder of a kernel
 is therefore named by a hash over its module and every module that this one imports, directly or not: see `sources_of`.
 A process that finds a kernel being compiled by another one waits, and takes what that one has stored.
-`GYRO_CACHE=0` switches the cache off; `GYRO_CACHE=DIR` moves it. Where `fpga_model.COMPILED` is set to False before
-anything is imported, as by commands that run no kernel, Numba is not loaded and functions stay Python.
+`GYRO_CACHE=0` switches the cache off; `GYRO_CACHE=DIR` moves it. A user without a home that can be written gets a
+private folder among the temporary files. Where `fpga_model.COMPILED` is set to False before anything is imported, as by
+commands that run no kernel, Numba is not loaded and functions stay Python.
 """
 
 import contextlib
@@ -14,6 +15,9 @@ import hashlib
 import os
 import re
 import shutil
+import stat
+import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -91,14 +95,53 @@ def source_digest(path):
     return digest.hexdigest()
 
 
+def _users_root():
+    """The cache folder that the user names or has, if it can be written; None otherwise."""
+    named = os.environ.get("GYRO_CACHE") or os.environ.get("XDG_CACHE_HOME")
+    try:
+        root = Path(named) if named else Path.home() / ".cache"
+        root.mkdir(parents=True, exist_ok=True)
+    except (OSError, RuntimeError):  # RuntimeError: neither HOME nor an entry in passwd
+        return None
+    return root if os.access(root, os.W_OK | os.X_OK) else None
+
+
+def _private_root():
+    """A folder among the temporary files that only this user can enter; None if somebody else has its name."""
+    root = Path(tempfile.gettempdir()) / f"ftr-gyro-{os.getuid()}"
+    try:
+        with contextlib.suppress(FileExistsError):
+            root.mkdir(mode=0o700)
+        found = root.lstat()
+    except OSError:
+        return None
+    private = stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not found.st_mode & 0o077
+    return root if private else None
+
+
+@functools.cache
+def cache_root():
+    """Folder that all caches lie in, or None; where the user has none, libraries and children use the private one."""
+    root = _users_root()
+    if root is not None or not hasattr(os, "getuid"):
+        return root
+    root = _private_root()
+    if root is None:
+        print("gyro: no folder for compiled kernels can be written: each process compiles them again", file=sys.stderr)
+    else:
+        print(f"gyro: no home that can be written: compiled kernels are kept in {root}", file=sys.stderr)
+        os.environ["GYRO_CACHE"] = os.environ["XDG_CACHE_HOME"] = str(root)
+        os.environ.setdefault("MPLCONFIGDIR", str(root))
+    return root
+
+
 @functools.cache
 def cache_folder(path):
     """The folder that only kernels of these very sources use; None when caching is off or not possible."""
-    where = os.environ.get("GYRO_CACHE", "")
-    if where == "0" or DISABLED or numba.config.BOUNDSCHECK:
+    if os.environ.get("GYRO_CACHE") == "0" or DISABLED or numba.config.BOUNDSCHECK or cache_root() is None:
         return None
     name = os.path.relpath(path, ROOT).removesuffix(".py").replace(os.sep, ".").lstrip(".")
-    home = Path(where or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "ftr-gyro" / name
+    home = cache_root() / "ftr-gyro" / name
     folder = home / source_digest(path)[:16]
     try:
         new = not folder.is_dir()

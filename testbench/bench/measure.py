@@ -18,7 +18,7 @@ from functools import partial
 from analog_frontend.parts.noise import HOLD
 from fpga_model.rates import FRAME_TICKS, TICK_HZ
 from testbench.bench import kernels, machine, many, peers, stages
-from testbench.console.markdown import ROOT, markdown, replaced
+from testbench.console.markdown import ROOT, markdown, need_repository, replaced
 from testbench.console.table import Table, fixed
 from testbench.storage.files import write_text
 
@@ -310,6 +310,7 @@ def main():
     """Measure, print, write."""
     from testbench.console.show import print_tables
 
+    need_repository()
     result = measure()
     print_tables([table(result), stage_table(result), growth_table(result), many.cores_table(result)])
     (ROOT / "build").mkdir(exist_ok=True)

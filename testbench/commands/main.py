@@ -13,6 +13,7 @@ from typing import Annotated, NamedTuple
 import typer
 
 from testbench.campaign import cli as campaign_cli
+from testbench.console import standard
 from testbench.console.options import ConfigFile, Json, Sets, Temperature, load, overrides, takes
 from testbench.console.progress import Progress
 from testbench.console.show import print_json, print_list, print_tables
@@ -209,28 +210,34 @@ def _say(text):
     print(f"gyro: {' '.join(str(text).split())}", file=sys.stderr)
 
 
-def main(argv=None):
-    """Run the command line and exit; errors that a person can mend are one line."""
+def _ended(argv):
+    """Exit code of a command line."""
     try:
+        if argv is None:
+            standard.settle()
         code = app(args=argv, prog_name="gyro", standalone_mode=False)
+        sys.stdout.flush()
+        return code if isinstance(code, int) else 0
     except (ConfigError, FileError) as problem:
         _say(problem)
-        code = EXIT_MENDABLE
     except KeyboardInterrupt:
-        code = EXIT_INTERRUPTED
-    except BrokenPipeError:
-        sys.stderr.close()
-        code = 0
+        return EXIT_INTERRUPTED
     except Exception as problem:
         # usage errors of the argument parser, whose class typer keeps private, know their exit code and their line
         if type(problem).__name__ == "Abort":
-            code = EXIT_INTERRUPTED
-        elif hasattr(problem, "format_message"):
-            _say(problem.format_message() or "no command; try gyro --help")
-            code = EXIT_MENDABLE
-        else:
+            return EXIT_INTERRUPTED
+        if not hasattr(problem, "format_message"):
             raise
-    code = code if isinstance(code, int) else 0
+        _say(problem.format_message() or "no command; try gyro --help")
+    return EXIT_MENDABLE
+
+
+def main(argv=None):
+    """Run the command line and exit; errors that a person can mend are one line.
+
+    argv  arguments; None: those of this process, whose standard streams are settled first
+    """
+    code = _ended(argv)
     if code == EXIT_INTERRUPTED:
         _say("interrupted")
     sys.exit(code)

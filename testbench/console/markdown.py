@@ -1,9 +1,20 @@
 """Generated parts of pages: between `<!-- NAME: written by ... -->` and `<!-- end -->`."""
 
 import re
+import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
+
+
+def need_repository():
+    """End the process with one line where only the package is installed: pages lie in the repository."""
+    if not (ROOT / "docs" / "conventions.md").is_file():
+        print(
+            f"gyro: {ROOT / 'docs'}: no such folder: this command is for the repository, not for the package",
+            file=sys.stderr,
+        )
+        sys.exit(2)
 
 
 def replaced(page, name, text):

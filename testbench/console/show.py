@@ -5,6 +5,7 @@ import math
 import sys
 
 PLAIN_WIDTH = 120  # columns where standard output is no terminal
+WORDS_WIDTH = 12  # columns that a cell of words needs at least
 
 
 def _finite(value):
@@ -26,21 +27,51 @@ def _console():
     return Console(highlight=False, width=None if sys.stdout.isatty() else PLAIN_WIDTH)
 
 
-def print_tables(shown):
+def _needed(table):
+    """Columns of the terminal below which numbers would be cut or words stand one letter to a line."""
+    width = 2
+    for k, head in enumerate(table.heads):
+        longest = max(len(str(cell)) for cell in (head, *(row[k] for row in table.rows)))
+        width += 2 + (longest if k in table.numeric else min(longest, WORDS_WIDTH))
+    return width
+
+
+def _print_rows(console, table, note):
+    """A table whose columns do not fit side by side: each cell behind its head, a blank line between rows."""
+    console.print(table.title, markup=False)
+    for row in table.rows:
+        console.print()
+        for head, cell in zip(table.heads, row):
+            if str(cell):
+                console.print(f"{head}: {cell}" if head else str(cell), markup=False)
+    if note:
+        console.print(f"\n{note}", markup=False)
+    console.print()
+
+
+def _grid(table, note):
     from rich import box
     from rich.table import Table
 
+    grid = Table(title=table.title, title_justify="left", box=box.SIMPLE_HEAD, caption=note)
+    grid.caption_justify = "left"
+    for k, head in enumerate(table.heads):
+        grid.add_column(head, justify="right" if k in table.numeric else "left", no_wrap=k in table.numeric)
+    for k, row in enumerate(table.rows):
+        grid.add_row(*row, style="bold" if k in table.sums else None)
+    return grid
+
+
+def print_tables(shown):
+    """Print tables on standard output, as grids or, on a terminal that is too narrow, cell by cell."""
     console = _console()
     for table, after in zip(shown, [*shown[1:], None]):
         # a note that the next table has, too, stands behind that one
         note = None if after and after.note == table.note else table.note or None
-        grid = Table(title=table.title, title_justify="left", box=box.SIMPLE_HEAD, caption=note)
-        grid.caption_justify = "left"
-        for k, head in enumerate(table.heads):
-            grid.add_column(head, justify="right" if k in table.numeric else "left", no_wrap=k in table.numeric)
-        for k, row in enumerate(table.rows):
-            grid.add_row(*row, style="bold" if k in table.sums else None)
-        console.print(grid, markup=False)
+        if _needed(table) > console.width:
+            _print_rows(console, table, note)
+        else:
+            console.print(_grid(table, note), markup=False)
 
 
 def print_list(head, items):

@@ -13,6 +13,7 @@ what $readmemh, hread and Python read alike. The hash of the manifest leaves `pr
 Source  docs/conventions.md (rows)
 """
 
+import contextlib
 import hashlib
 import json
 import os
@@ -24,6 +25,11 @@ from typing import NamedTuple
 import numpy as np
 
 from testbench.errors import FileError
+
+try:
+    import fcntl
+except ImportError:  # no POSIX: two exports at once into one folder are not kept apart
+    fcntl = None
 
 SCHEMA = "gyro-golden/1.0"
 REPLAY_SCHEMA = "gyro-golden-replay/1.0"
@@ -136,6 +142,41 @@ def seal(manifest):
     return hashlib.sha256(canonical(kept).encode()).hexdigest()
 
 
+@contextlib.contextmanager
+def alone(folder):
+    """Only one process writes beside `folder` at a time; others wait. The lock ends with its process."""
+    parent = Path(folder).parent
+    parent.mkdir(parents=True, exist_ok=True)
+    handle = os.open(parent, os.O_RDONLY)
+    try:
+        if fcntl is not None:
+            with contextlib.suppress(OSError):  # a file system that locks no folders
+                fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(handle)
+
+
+def _fill(part, manifest, files, trees, noted):
+    """Write a bundle into the new folder `part`; returns the whole manifest."""
+    for name, text in files.items():
+        path = part / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(text.encode())
+    for more in trees:
+        more(part)
+    hashes = {}
+    for path in sorted(part.rglob("*")):
+        if path.is_file():
+            hashes[path.relative_to(part).as_posix()] = hashlib.sha256(path.read_bytes()).hexdigest()
+    full = {**manifest, "sha256": hashes}
+    full["manifest_sha256"] = seal(full)
+    if noted is not None:
+        full["provenance"] = {**full["provenance"], **noted(full)}
+    (part / MANIFEST).write_bytes((json.dumps(full, indent=1, ensure_ascii=True) + "\n").encode())
+    return full
+
+
 def write(folder, manifest, files, trees=(), noted=None):
     """Write a bundle beside `folder` and rename it; a bundle that was there is replaced.
 
@@ -147,32 +188,21 @@ def write(folder, manifest, files, trees=(), noted=None):
     folder = Path(folder)
     part, old = folder.with_name(folder.name + ".part"), folder.with_name(folder.name + ".old")
     try:
-        shutil.rmtree(part, ignore_errors=True)
-        part.mkdir(parents=True)
-        for name, text in files.items():
-            path = part / name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(text.encode())
-        for more in trees:
-            more(part)
-        hashes = {}
-        for path in sorted(part.rglob("*")):
-            if path.is_file():
-                hashes[path.relative_to(part).as_posix()] = hashlib.sha256(path.read_bytes()).hexdigest()
-        full = {**manifest, "sha256": hashes}
-        full["manifest_sha256"] = seal(full)
-        if noted is not None:
-            full["provenance"] = {**full["provenance"], **noted(full)}
-        (part / MANIFEST).write_bytes((json.dumps(full, indent=1, ensure_ascii=True) + "\n").encode())
-        shutil.rmtree(old, ignore_errors=True)
-        if folder.exists():
-            os.replace(folder, old)
-        os.replace(part, folder)
-        shutil.rmtree(old, ignore_errors=True)
+        with alone(folder):
+            try:
+                # a process that was killed may have left both
+                shutil.rmtree(part, ignore_errors=True)
+                shutil.rmtree(old, ignore_errors=True)
+                part.mkdir()
+                full = _fill(part, manifest, files, trees, noted)
+                if folder.exists():
+                    os.replace(folder, old)
+                os.replace(part, folder)
+                shutil.rmtree(old, ignore_errors=True)
+            finally:
+                shutil.rmtree(part, ignore_errors=True)
     except OSError as problem:
         raise FileError(f"{folder}: cannot be written: {problem.strerror or problem}") from None
-    finally:
-        shutil.rmtree(part, ignore_errors=True)
     return full
 
 
@@ -302,8 +332,14 @@ def read(folder):
     return Bundle(manifest, stim, exp, mask, np.arange(count))
 
 
+def replayed_words(folder, manifest, name):
+    """Words of a file of `REPLAYED`, of a bundle that was verified."""
+    width, key = REPLAYED[name]
+    return _words(Path(folder) / f"{name}.hex", width, manifest[key])
+
+
 def _read_replay(folder, manifest, results):
-    words = {name: _words(folder / f"{name}.hex", width, manifest[key]) for name, (width, key) in REPLAYED.items()}
+    words = {name: replayed_words(folder, manifest, name) for name in REPLAYED}
     at, end = np.array(words["at"], np.int64), manifest["frames"] * manifest["frame_cycles"]
     if len(at) and (at[-1] >= end or (np.diff(at) <= 0).any()):
         raise FileError(f"{folder / 'at.hex'}: the clocks do not rise within 0 .. {end - 1}")

@@ -81,16 +81,21 @@ def _waves(block, stim, exp):
     return write
 
 
-def export_case(block, case, out, seed=stimulus.SEED):
-    """Write the bundle of one case to OUT/<block>/<case>; returns its manifest."""
-    stim, families = stimulus.make(block, case, seed)
+def write(block, case, stim, families, seed, folder):
+    """Bundle of a case with these rows of stimulus, written to `folder`; returns its manifest."""
     regs, pins = blocks.run(block, case, stim)
     exp = np.column_stack([regs, pins])
     files = {**_tables(block, stim, exp), **benches.texts(block, case, len(stim))}
     manifest = _manifest(block, case, stim, exp, families, seed)
     manifest["ranges"] = range_report.entry(block, case, regs, pins)
     files["RANGES.md"] = range_report.text(f"{block.stem}/{case}", manifest["ranges"])
-    return bundle.write(Path(out) / block.stem / case, manifest, files, [_waves(block, stim, exp)], scores.note_score)
+    return bundle.write(folder, manifest, files, [_waves(block, stim, exp)], scores.note_score)
+
+
+def export_case(block, case, out, seed=stimulus.SEED):
+    """Write the bundle of one case to OUT/<block>/<case>; returns its manifest."""
+    stim, families = stimulus.make(block, case, seed)
+    return write(block, case, stim, families, seed, Path(out) / block.stem / case)
 
 
 def chosen(name, others=()):
@@ -128,6 +133,8 @@ def export(name, out, progress=None):
             progress(f"{block.stem}/{case}", n, len(todo))
         manifest = top.export_case(case, out) if block.stem == top.STEM else export_case(block, case, out)
         done.append((Path(out) / block.stem / case, manifest))
+        makefile = Path(out) / block.stem / "Makefile"
         if case == list(block.cases)[-1]:
-            write_text(Path(out) / block.stem / "Makefile", folder_makefile(block))
+            with bundle.alone(makefile):
+                write_text(makefile, folder_makefile(block))
     return done

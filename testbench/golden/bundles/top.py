@@ -13,6 +13,7 @@ Source  docs/golden.md (the whole design)
 """
 
 import hashlib
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -26,12 +27,29 @@ from testbench.golden.bundles.top_benches.layout import CLOCK_BITS
 from testbench.golden.recording import recording, replay, signature
 from testbench.golden.stimulus import blocks
 from testbench.golden.stimulus.blocks import Port, flat
-from testbench.storage import vcd
+from testbench.storage import inputs, vcd
 from testbench.version import VERSION
 
 STEM = "top"
 CASES = ("reset", "story", "story_digital", "power_on")
 MAX_WINDOW = 100_000  # rows of `window`: 440 MB of registers in hexadecimal would be no help
+
+
+@dataclass
+class Param:
+    """Entry of a parameter in a manifest."""
+
+    name: str
+    raw: int
+
+
+@dataclass
+class Place:
+    """Entry of a window in a manifest."""
+
+    clock: int
+    rows: int
+    shows: str
 
 
 def _rules():
@@ -84,14 +102,41 @@ def _hex(rows, widths):
     return bundle.hex_text(bundle.pack(rows, widths), sum(widths))
 
 
+# Columns of the words that a bench replays: bits of each, and how many of them, from the first, have no sign
+REPLAYED = {
+    "adc": ((CLOCK_BITS, *[24] * (recording.ADC_COLUMNS - 1)), 2),
+    "host": ((CLOCK_BITS, 4, 8, 48), 4),
+    "sar": ((18, 18), 0),
+}
+
+
 def _inputs_hex(stimulus):
     """{path: text} of what the bench replays."""
-    adc = [CLOCK_BITS] + [24] * (recording.ADC_COLUMNS - 1)
-    return {
-        "adc.hex": _hex(stimulus.adc, adc),
-        "host.hex": _hex(stimulus.host, [CLOCK_BITS, 4, 8, 48]),
-        "sar.hex": _hex(stimulus.sar, [18, 18]),
-    }
+    return {f"{name}.hex": _hex(getattr(stimulus, name), widths) for name, (widths, _) in REPLAYED.items()}
+
+
+def replayed(folder, manifest):
+    """The recording that a bundle was made from, as its own files and manifest say; FileError where they cannot be one.
+
+    folder    a bundle of the whole design that was read
+    """
+    path = Path(folder) / bundle.MANIFEST
+    stimulus = {}
+    for name, (widths, unsigned) in REPLAYED.items():
+        ports = [{"width": width, "signed": k >= unsigned} for k, width in enumerate(widths)]
+        words = bundle.replayed_words(folder, manifest, name)
+        stimulus[name] = np.ascontiguousarray(bundle.unpack(words, ports)).reshape(-1, len(widths))
+    params = inputs.checked(manifest.get("params"), list[Param], path)
+    names = [flat(name) for name in recording.param_names()]
+    if [p.name for p in params] != names:
+        raise FileError(f"{path}: params: are not the {len(names)} parameters of this version's design")
+    windows = inputs.checked(manifest["windows"], list[Place], path)
+    found = recording.Recording(
+        manifest["case"], recording.params_from([p.raw for p in params]), manifest["frames"], 1,
+        replay.Stimulus(**stimulus), tuple(recording.Window(w.clock, w.rows, w.shows) for w in windows), "",
+    )  # fmt: skip
+    recording.check(path, found)
+    return found
 
 
 def _waves(design, windows, at, rows):
@@ -152,16 +197,16 @@ def _manifest(design, r, at, counts):
     }
 
 
-def write(r, folder):
-    """Replay a recording and write its bundle to `folder`; returns the manifest."""
+def write(r, folder, at=None):
+    """Replay a recording and write its bundle, with rows at the clocks `at` (None: its own); returns the manifest."""
     design = block({r.name: r.params})
-    at = clocks_of(r)
+    at = clocks_of(r) if at is None else at
     rows = replay.run(r.params, r.stimulus, r.frames, at)
     blocks.check(design.columns, rows.inputs, f"{STEM}: stimulus")
     blocks.check(design.registers, rows.registers, f"{STEM}: register")
     blocks.check(design.pins, rows.pins, f"{STEM}: output")
     stim, exp = rows.inputs, np.column_stack([rows.registers, rows.pins])
-    inputs, found = [(p.name, p) for p in design.columns], benches.results(design)
+    driven, found = [(p.name, p) for p in design.columns], benches.results(design)
     counts = {
         "frames": r.frames,
         "conversions": len(r.stimulus.adc),
@@ -171,12 +216,12 @@ def write(r, folder):
     }
     files = {
         "at.hex": _hex(at[:, None], [CLOCK_BITS]),
-        "stim.hex": _hex(stim, [p.width for _, p in inputs]),
+        "stim.hex": _hex(stim, [p.width for _, p in driven]),
         "exp.hex": _hex(exp, [p.width for _, p in found]),
         "sig.hex": bundle.hex_text([signature.of_remainder(words) for words in rows.remainders], signature.DEGREE),
         **_inputs_hex(r.stimulus),
-        **bundle.port_files([*inputs, *found], np.column_stack([stim, exp])),
-        "vec.csv": bundle.csv_text("clock", at, [name for name, _ in inputs + found], np.column_stack([stim, exp])),
+        **bundle.port_files([*driven, *found], np.column_stack([stim, exp])),
+        "vec.csv": bundle.csv_text("clock", at, [name for name, _ in driven + found], np.column_stack([stim, exp])),
         **top_benches.texts(design, r.name, len(at), counts),
     }
     waves = _waves(design, r.windows, at, np.column_stack([stim, exp]))
@@ -186,6 +231,18 @@ def write(r, folder):
 def export_case(case, out):
     """Write the bundle of one case to OUT/top/<case>; returns its manifest."""
     return write(recording.load(case), Path(out) / STEM / case)
+
+
+def begun(r, frames, windows):
+    """The first frames of a recording, with rows at these windows and at the first clock."""
+    adc, host, sar = r.stimulus
+    end = frames * FRAME_CYCLES
+    return r._replace(
+        frames=frames,
+        row_every=frames,
+        windows=windows,
+        stimulus=replay.Stimulus(adc[adc[:, 0] < end], host[host[:, 0] < end], sar[: end // TICK_CYCLES]),
+    )
 
 
 def window(folder, clock, count, out=None):
@@ -212,15 +269,6 @@ def window(folder, clock, count, out=None):
     if not 0 <= clock <= end - count:
         raise ConfigError(f"--clock: {clock} .. {clock + count - 1} is outside 0 .. {end - 1}, the clocks of {r.name}")
     frames = -(-(clock + count) // FRAME_CYCLES)
-    cut = r._replace(
-        frames=frames,
-        row_every=frames,
-        windows=(recording.Window(clock, count, "asked for"),),
-        stimulus=replay.Stimulus(
-            r.stimulus.adc[r.stimulus.adc[:, 0] < frames * FRAME_CYCLES],
-            r.stimulus.host[r.stimulus.host[:, 0] < frames * FRAME_CYCLES],
-            r.stimulus.sar[: frames * FRAME_CYCLES // TICK_CYCLES],
-        ),
-    )
+    cut = begun(r, frames, (recording.Window(clock, count, "asked for"),))
     out = folder.with_name(f"{folder.name}_{clock}") if out is None else Path(out)
     return out, write(cut, out)

@@ -59,7 +59,7 @@ class Recording(NamedTuple):
     closed: str
 
 
-def _params(raw):
+def params_from(raw):
     """Params of the whole design from raw integers in the order of their formats."""
     values = iter(raw)
 
@@ -149,14 +149,14 @@ def load(name, folder=FOLDER):
     )
     windows = tuple(Window(int(a), int(n), str(what)) for (a, n), what in zip(data["windows"], data["shows"]))
     recording = Recording(
-        name, _params(data["params"].tolist()), int(data["frames"]), int(data["row_every"]), stimulus, windows,
+        name, params_from(data["params"].tolist()), int(data["frames"]), int(data["row_every"]), stimulus, windows,
         str(data["closed"]),
     )  # fmt: skip
-    _check(path, recording)
+    check(path, recording)
     return recording
 
 
-def _check(path, r):
+def check(path, r):
     """Raise FileError if anything of a recording is outside its limits."""
 
     def need(ok, what):

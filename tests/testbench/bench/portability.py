@@ -7,9 +7,10 @@
 
 Each runs in a fresh process with an empty cache of its own, in this interpreter and in others (`--also`, `--make-old`).
 What is compared: every DAC and ADC code and word of the loops, and at each mark every register and double of the state.
+With `--tests` each interpreter also runs the fast tests of CORE: at the lowest versions and at those at hand.
 
     python -m tests.testbench.bench.portability [--seconds 60] [--engine NAME] [--also PYTHON ..]
-        [--make-old DIR] [--page]
+        [--make-old DIR] [--tests] [--page]
 
 prints a table and writes build/portability.json; exit code 1 if anything differs.
 Source  docs/portability.md
@@ -264,6 +265,28 @@ def problems(runs):
     return found
 
 
+# Firmware, plant, engines, files and configuration: what a version of a library can change
+CORE = ("tests/fpga_model", "tests/analog_frontend", "tests/testbench/engines", "tests/testbench/storage",
+        "tests/testbench/config")  # fmt: skip
+# lowest versions meet the newest of what they depend on, which warns them
+PYTEST = ("-m", "pytest", "-q", "-p", "no:cacheprovider", "-n", "2", "--dist", "loadfile", "--benchmark-disable",
+          "-W", "ignore::DeprecationWarning")  # fmt: skip
+
+
+def core_tests(interpreters, say=print, core=CORE):
+    """[{"environment": letter, "passed": bool, "tests": last line of pytest}], one interpreter after the other."""
+    found = []
+    for letter, interpreter in zip("ABCDEFGHIJKLMNOPQRSTUVWXYZ", interpreters):
+        environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+        done = subprocess.run(
+            [str(interpreter), *PYTEST, *core], env=environment, cwd=ROOT, capture_output=True, text=True
+        )
+        lines = [line for line in done.stdout.splitlines() if line.strip()] or [failure(done)]
+        found.append({"environment": letter, "passed": done.returncode == 0, "tests": lines[-1].strip("= ")})
+        say(f"{letter} tests: {lines[-1]}")
+    return found
+
+
 # ---- the lowest versions ---------------------------------------------------------------------------------------------
 
 
@@ -344,6 +367,10 @@ def result_tables(result):
     lines = result["problems"] or [
         "All hashes equal, and so is every register and every double of the state at each mark."
     ]
+    tested = {test["environment"]: test["tests"] for test in result.get("tests", ())}
+    if tested:
+        names = [*names, "fast tests of the core"]
+        environments = [(*row, tested.get(row[0], "")) for row in environments]
     return [
         Table("Environments", ("", *names), environments, numeric=()),
         Table("Hash of all codes, first digits", heads, rows, " ".join(lines), tuple(range(2, len(heads)))),
@@ -371,6 +398,7 @@ def arguments(given):
     parser.add_argument("--engine", default="frame", help="engine of all runs")
     parser.add_argument("--also", nargs="+", default=[], metavar="PYTHON", help="interpreters of other environments")
     parser.add_argument("--make-old", metavar="DIR", help="make an environment of the lowest versions, and run it too")
+    parser.add_argument("--tests", action="store_true", help="run the fast tests of the core in each of them, too")
     parser.add_argument("--page", action="store_true", help="write the tables in docs/portability.md")
     options = parser.parse_args(given)
     least = INTERPRETED_TICKS / TICK_HZ
@@ -403,12 +431,14 @@ def main(given=None):
     from testbench.console.show import print_tables
 
     runs = measure(interpreters, options.engine, ticks, say)
+    tests = core_tests(interpreters, say) if options.tests else []
     result = {
         "cpu": cpu(),
         "engine": options.engine,
         "seconds": options.seconds,
-        "problems": problems(runs),
+        "problems": problems(runs) + [f"{t['environment']} tests: {t['tests']}" for t in tests if not t["passed"]],
         "runs": runs,
+        "tests": tests,
     }
     print_tables(result_tables(result))
     (ROOT / "build").mkdir(exist_ok=True)

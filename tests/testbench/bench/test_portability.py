@@ -133,6 +133,17 @@ def test_a_child_inherits_no_setting(monkeypatch):
     assert (haswell["NUMBA_CPU_NAME"], haswell["NUMBA_CPU_FEATURES"]) == ("haswell", "")
 
 
+def test_tests_of_the_core_are_run_and_a_failure_is_a_problem(tmp_path):
+    good, bad = tmp_path / "test_good.py", tmp_path / "test_bad.py"
+    good.write_text("def test_one():\n    pass\n")
+    bad.write_text("def test_one():\n    assert False\n")
+    said = []
+    found = [portability.core_tests([sys.executable], said.append, [str(path)])[0] for path in (good, bad)]
+    assert [one["passed"] for one in found] == [True, False]
+    assert [one["tests"][:8] for one in found] == ["1 passed", "1 failed"]
+    assert len(said) == 2
+
+
 def test_haswell_exists_on_its_architecture_only():
     assert [t.name for t in portability.targets("x86_64")] == ["native", "haswell", "generic", "interpreted"]
     assert [t.name for t in portability.targets("AMD64")] == ["native", "haswell", "generic", "interpreted"]

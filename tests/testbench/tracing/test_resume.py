@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from testbench.errors import ConfigError, FileError
+from testbench.tracing.problem import checkpoint
 from testbench.tracing.problem.checkpoint import Store, digest
 from testbench.tracing.problem.predictor import Failed, Predictor
 from testbench.tracing.problem.problem import PredictionFailed
@@ -130,3 +131,31 @@ def test_a_failure_is_remembered_too(tmp_path):
     assert Predictor(toy, Store(tmp_path))([(toy.theta, {})], (0,)) == [Failed("stuck")]
     toy.predict = lambda points, which: pytest.fail("asked again")
     assert Predictor(toy, Store(tmp_path))([(toy.theta, {})], (0,)) == [Failed("stuck")]
+
+
+def test_work_of_other_sources_is_computed_again(tmp_path, monkeypatch):
+    whole = trace(problem(), OPTIONS, checkpoint=tmp_path).text()
+    monkeypatch.setattr(checkpoint, "code_sha256", lambda: "0" * 64)
+    again, asked = problem(), []
+    plain = again.predict
+    again.predict = lambda points, which: asked.append(len(points)) or plain(points, which)
+    assert trace(again, OPTIONS, checkpoint=tmp_path).text() == whole
+    assert asked
+
+
+def test_one_changed_bit_anywhere_is_not_believed(tmp_path):
+    store = Store(tmp_path)
+    store.save_arrays("ab12", [np.arange(3.0)])
+    assert store.stage("cd34", lambda: {"p": 0.25}) == {"p": 0.25}
+    rng = random.Random(1)
+    for path in files(tmp_path):
+        whole = path.read_bytes()
+        for bit in rng.sample(range(8 * len(whole)), 200):
+            damaged = bytearray(whole)
+            damaged[bit // 8] ^= 1 << bit % 8
+            path.write_bytes(damaged)
+            if path.suffix == ".npz":
+                assert store.load_arrays("ab12") is None
+            else:
+                assert store.stage("cd34", lambda: "computed again") == "computed again"
+        path.write_bytes(whole)

@@ -1,0 +1,77 @@
+"""Where compiled kernels are kept: by a user without home or name, and never in a folder of somebody else."""
+
+import os
+import stat
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+SHOW = """
+from fpga_model import jit
+import os
+print(jit.cache_root(), jit.CACHE, os.environ.get("GYRO_CACHE"))
+"""
+
+
+def shown(tmp, before="", **environment):
+    """(root, whether there is a cache, GYRO_CACHE afterwards), and standard error, of a process without HOME."""
+    given = {"PATH": os.environ["PATH"], "PYTHONPATH": str(ROOT), "TMPDIR": str(tmp), **environment}
+    # a user id without an entry in passwd, as `Path.home` sees it; nobody here needs the permission to become one
+    nameless = "import pathlib\ndef home(): raise RuntimeError\npathlib.Path.home = home\n" + before
+    done = subprocess.run(
+        [sys.executable, "-c", nameless + SHOW], env=given, capture_output=True, text=True, check=True
+    )
+    return done.stdout.split(), done.stderr
+
+
+def private(tmp):
+    return tmp / f"ftr-gyro-{os.getuid()}"
+
+
+def test_without_a_home_kernels_are_kept_in_a_private_folder_and_one_line_says_so(tmp_path):
+    found, said = shown(tmp_path)
+    assert found == [str(private(tmp_path)), "True", str(private(tmp_path))]
+    assert stat.S_IMODE(private(tmp_path).stat().st_mode) == 0o700
+    assert said == f"gyro: no home that can be written: compiled kernels are kept in {private(tmp_path)}\n"
+    # a child inherits the folder and says nothing
+    assert shown(tmp_path, GYRO_CACHE=found[2])[1] == ""
+
+
+def test_a_home_that_cannot_be_written_is_none(tmp_path):
+    blocked = tmp_path / "file"
+    blocked.write_text("")
+    found, _ = shown(tmp_path, XDG_CACHE_HOME=str(blocked))
+    assert found[0] == str(private(tmp_path))
+
+
+@pytest.mark.parametrize("kind", ["open", "link", "file"])
+def test_a_folder_that_others_may_have_made_is_not_used(tmp_path, kind):
+    place = private(tmp_path)
+    if kind == "open":
+        place.mkdir()
+        place.chmod(0o777)
+    elif kind == "link":
+        (tmp_path / "elsewhere").mkdir(mode=0o700)
+        place.symlink_to(tmp_path / "elsewhere")
+    else:
+        place.write_text("")
+    found, said = shown(tmp_path)
+    assert found == ["None", "False", "None"]
+    assert said == "gyro: no folder for compiled kernels can be written: each process compiles them again\n"
+
+
+def test_a_folder_of_another_user_is_not_used(tmp_path):
+    (tmp_path / f"ftr-gyro-{os.getuid() + 1}").mkdir(mode=0o700)
+    other = f"import os\nos.getuid = lambda: {os.getuid() + 1}\n"
+    found, _ = shown(tmp_path, other)
+    assert found[:2] == ["None", "False"]
+
+
+def test_a_cache_that_is_named_needs_no_home(tmp_path):
+    found, said = shown(tmp_path, GYRO_CACHE=str(tmp_path / "mine"))
+    assert (found[0], said) == (str(tmp_path / "mine"), "")
+    found, said = shown(tmp_path, GYRO_CACHE="0")
+    assert (found[1], said) == ("False", "")
