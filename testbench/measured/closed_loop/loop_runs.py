@@ -20,7 +20,7 @@ import numpy as np
 from analog_frontend import top as plant
 from analog_frontend.averaged import averaged_laws
 from analog_frontend.numeric.vector import LANES
-from fpga_model import agc, sequencer
+from fpga_model import agc, references, sequencer
 from fpga_model.rates import FRAME_TICKS, TICK_HZ
 from testbench import config
 from testbench.config import phase_word
@@ -301,8 +301,20 @@ def _streams(run):
     return engine.streams(0, frames_begun(_from(run), ticks_of(run)), 0, 0, 0)
 
 
+def switched(p, s):
+    """A state as a board with other references goes on from it: its analog switches follow its own pins.
+
+    An edge that has left one board's pins and not yet the other's would be missed, and a channel inverted for good.
+    """
+    refs = references.pins(p.fpga.references, s.fpga.references)
+    for d in range(plant.DEMODULATORS):
+        s.plant.switch[d] = (refs >> d & 1) ^ (s.plant.late_count[d] & 1)
+    return s
+
+
 def _side_by_side(members):
     """Rows of up to eight runs in the lanes engine."""
+    members = [(r, p, switched(p, s)) for r, p, s in members]
     ticks = ticks_of(members[0][0])
     profiles = [_profiles(r) for r, _, _ in members]
     outs = [_streams(r) for r, _, _ in members]
@@ -317,7 +329,7 @@ def _side_by_side(members):
 def _alone(run, p, state, play):
     """Rows of a run in an engine by itself; `frame.run` has the bits of the lanes."""
     out = _streams(run)
-    after = play(p, state, ticks_of(run), *_profiles(run), engine.NO_WRITE, engine.Faults(), out)
+    after = play(p, switched(p, state), ticks_of(run), *_profiles(run), engine.NO_WRITE, engine.Faults(), out)
     _sure(after, run.condition)
     return out.frames
 

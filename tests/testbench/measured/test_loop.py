@@ -11,15 +11,20 @@ import numpy as np
 import pytest
 from numba import config as numba_config
 
+from analog_frontend import top as plant
 from analog_frontend.effects import law
+from fpga_model import references
 from fpga_model.rates import FRAME_TICKS
 from testbench import config as configuration
 from testbench import flatten
 from testbench.config import law_file
+from testbench.engines import baseband, engine
 from testbench.errors import ConfigError
 from testbench.golden.bundles import bundle, effect
-from testbench.measured.closed_loop import loop_laws, loop_noise, loop_problem, loop_runs, loop_trace
+from testbench.measured.closed_loop import loop_laws, loop_noise, loop_problem, loop_runs, loop_tangents, loop_trace
 from testbench.measured.closed_loop.loop_runs import EXACT, FAST, Model, Run
+from testbench.run import build, simulate
+from testbench.run.simulation import Simulation
 from testbench.tracing.problem.result import Result
 from testbench.tracing.problem.space import Space
 from testbench.tracing.trace import SAME
@@ -160,6 +165,28 @@ def test_a_law_that_the_data_do_not_see_changes_no_bit_of_a_prediction(whole_bla
         for names in (list(others)[:3], list(others)[::-1])
     )
     assert (without[0] == beside[0]).all()
+
+
+def test_a_board_with_even_references_goes_on_from_any_tick_of_one_without():
+    """An edge between both boards' pins is not missed: 45 ticks are half a period. On its own nothing changes."""
+    own = configuration.Config()
+    boards = [build.params(c, 25.0, 25.0) for c in (own, loop_tangents.even(own))]
+    sim = Simulation(own, 25.0, 25.0)
+    assert simulate.start(own, sim, 0.0, 25.0) is not None
+    differ, rate, temp = 0, np.zeros(17), np.full(17, 25.0)
+    for _ in range(46):
+        sim.advance(1, 0.0, 25.0)
+        pins = [references.pins(p.fpga.references, sim.state.fpga.references) for p in boards]
+        differ += pins[0] != pins[1]
+        before = sim.state.plant.switch.copy()
+        loop_runs.switched(boards[0], sim.state)
+        np.testing.assert_array_equal(sim.state.plant.switch, before)
+        s = sim.state._replace(plant=plant.copy(sim.state.plant))
+        out = engine.streams(0, 17, 0, 0, 0)
+        s = loop_runs.switched(boards[1], s)
+        # raises where a reference is not what the clocked engine makes of it
+        baseband.run(boards[1], s, 2000, rate, temp, engine.NO_WRITE, engine.Faults(), out)
+    assert differ >= 2
 
 
 def test_boards_power_on_side_by_side_as_alone(bank):
