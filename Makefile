@@ -10,7 +10,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # a worker that crashes ends the run and names its test; a new one in its place can wait for ever
 PYTEST := $(BIN)/python -m pytest --max-worker-restart 0
 
-.PHONY: help run paper measured golden rtl budget test test-slow test-all test-nojit test-bounds bench portability packages lock lint pages docs clean
+.PHONY: help run paper measured golden rtl budget test test-slow test-all test-nojit test-bounds kills bench portability packages lock lint pages docs clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -56,6 +56,9 @@ test-slow: $(VENV)/.test ## what `make test` leaves out: long studies, every sim
 
 test-all: export HYPOTHESIS_PROFILE = thorough
 test-all: test test-slow test-nojit ## everything: within an hour
+
+kills: $(VENV)/.test ## concurrent starts and kills of every command that writes; MINUTES=2 for a part
+	$(BIN)/python -m tests.kills $(if $(MINUTES),--minutes $(MINUTES))
 
 test-nojit: $(VENV)/.test ## the firmware's tests with every kernel interpreted
 	NUMBA_DISABLE_JIT=1 $(PYTEST) -n 2 --benchmark-disable tests/fpga_model

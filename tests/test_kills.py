@@ -1,0 +1,28 @@
+"""A few concurrent starts and kills of every command that writes; `make kills` does all of them."""
+
+import numba
+import pytest
+
+from tests import kills
+
+pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="closed loop: too slow interpreted")
+
+
+def test_a_run_survives_a_second_start_and_a_kill():
+    done, wrong = kills.run(["run"], seed=11, minutes=0.05)
+    assert wrong == []
+    assert done
+
+
+@pytest.mark.slow
+def test_all_commands_for_two_minutes():
+    done, wrong = kills.run(list(kills.CASES), seed=7, minutes=2.0)
+    assert wrong == []
+    assert {name for name, _ in done} == set(kills.CASES)
+
+
+def test_every_case_is_drawn_as_often_as_the_page_says():
+    for name, (pairs, kills_of) in kills.COUNTS.items():
+        found = [kind for kind, _, _ in kills.drawn(name, 1)]
+        assert found.count("pair") == pairs
+        assert [found.count(number.name) for number in kills.SIGNALS] == [kills_of // 3] * 3
