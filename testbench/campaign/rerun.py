@@ -3,11 +3,11 @@
 Source  docs/campaigns.md
 """
 
-import json
 from typing import NamedTuple
 
 from testbench.campaign import collect, shard, work
 from testbench.campaign.plan import engines
+from testbench.campaign.plan.points import parsed
 from testbench.campaign.store import Store
 from testbench.errors import ConfigError, FileError
 from testbench.storage.files import write_bytes
@@ -36,11 +36,11 @@ def rerun(path, prefix, out=None):
     store = Store.at(path)
     address = find(store, prefix)
     identity, before = collect.read_point(store, address)
-    data = json.loads(identity)
-    code = engines.code_of(engines.load(data["engine"]))
-    if code != data["code"]:
+    data = parsed(identity)
+    code = engines.code_of(engines.load(data.engine))
+    if code != data.code:
         raise FileError(
-            f"{store.point(address)}: was made by sources {data['code'][:12]}, these are {code[:12]}: "
+            f"{store.point(address)}: was made by sources {data.code[:12]}, these are {code[:12]}: "
             "only the same sources give the same bytes"
         )
     made, _ = work.compute(identity, store.path / "states")

@@ -329,15 +329,3 @@ def value_at(plan, axis, dotted, k):
     section, key = dotted.split(".")
     given = plan.tree.get(section, {})
     return given[key] if key in given else getattr(getattr(configuration.Config(), section), key)
-
-
-def as_data(plan):
-    """Plain data that `from_data` reads back: what the store keeps of a plan."""
-    axes = [axis._asdict() for axis in plan.axes]
-    return {"name": plan.name, "engine": plan.engine, "set": plan.tree, "axes": axes, "keep": plan.keep._asdict()}
-
-
-def from_data(data, source):
-    """`Plan` of what the store keeps."""
-    axes = tuple(Axis(a["name"], a["length"], a["values"], tuple(a["cases"])) for a in data["axes"])
-    return Plan(data["name"], data["engine"], data["set"], axes, Keep(**data["keep"]), source, Path("/"), {})

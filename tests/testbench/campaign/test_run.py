@@ -17,7 +17,7 @@ from tests.testbench.campaign.helpers import INSTANT, LANES, campaign, child, fi
 
 
 def starts(store):
-    return [event for event in Store.at(store).events() if event["event"] == "start"]
+    return [event for event in Store.at(store).events() if event.event == "start"]
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +79,7 @@ def test_finished_points_are_not_run_again_also_by_other_plans(tiny, tmp_path):
     larger.write_text(larger.read_text().replace('"tiny"', '"larger"'))
     report = run_json(larger, "--out", tiny / "store")
     assert (report["points"], report["done"], report["reused"]) == (20, 8, 12)
-    ran = [event["point"] for event in starts(tiny / "store")]
+    ran = [event.point for event in starts(tiny / "store")]
     assert len(ran) == count + 8 == len(set(ran))
     assert {k: v for k, v in finished(tiny / "store").items() if k in before} == before
     code, out, _ = campaign("status", tiny / "store", "--json")

@@ -1,0 +1,28 @@
+"""What is finished, what failed last and what is damaged in a store.
+
+Source  docs/campaigns.md
+"""
+
+from testbench.campaign import collect, verify
+from testbench.errors import FileError
+
+
+def status_of(store):
+    """(plans, damaged, lines): a dictionary for each plan that can be read, one line of text for each plan or point
+    that is damaged, and one for each line of a journal that cannot be read."""
+    lines = []
+    events = store.events(lines)
+    last = {event.point: event for event in events}
+    written = store.written(events)
+    plans, damaged, faults = [], [], {}
+    for name in collect.plan_names(store):
+        try:
+            addresses = set(collect.stored_points(store, name).addresses)
+        except FileError as problem:
+            damaged.append(str(problem))
+            continue
+        faults |= verify.faults(store, addresses - faults.keys(), written)
+        ended = {a for a in addresses - faults.keys() if store.has(a)}
+        failed = [(a, last[a].error) for a in sorted(addresses - ended) if a in last and last[a].event == "fail"]
+        plans.append({"name": name, "points": len(addresses), "finished": len(ended), "failed": failed})
+    return plans, damaged + [faults[address] for address in sorted(faults)], lines
