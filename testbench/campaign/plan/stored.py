@@ -92,7 +92,7 @@ def _check(stored, axes, path):
     sections = configuration.sections()
     for axis in axes:
         lengths = {len(values) for values in axis.values.values()} | ({len(axis.cases)} if axis.cases else set())
-        if lengths - {axis.length}:
+        if lengths != {axis.length}:
             raise FileError(f"{path}: axis {axis.name}: has {axis.length} places and values for {sorted(lengths)}")
         for dotted in axis.values:
             section, _, key = dotted.partition(".")
