@@ -99,14 +99,18 @@ def wrong_end(found, codes=(0, 2, 130)):
     return None
 
 
-def tree_of(folder, ignore=()):
-    """{relative path: SHA-256} of the files below a folder; `ignore` are patterns of relative paths, as fnmatch."""
+def tree_of(folder, ignore=(), content=Path.read_bytes):
+    """{relative path: SHA-256} of the files below a folder.
+
+    ignore   patterns of relative paths, as fnmatch
+    content  (path) -> bytes that must be the same, where a file holds times too
+    """
     folder = Path(folder)
     out = {}
     for path in sorted(folder.rglob("*")):
         name = path.relative_to(folder).as_posix()
         if path.is_file() and not any(fnmatch.fnmatch(name, pattern) for pattern in ignore):
-            out[name] = hashlib.sha256(path.read_bytes()).hexdigest()
+            out[name] = hashlib.sha256(content(path)).hexdigest()
     return out
 
 

@@ -194,7 +194,7 @@ def show(store: StorePath, name: Name = None, as_json: Json = False):
     finished = sum(row[2] for row in table)
     if as_json:
         print_json({"name": name, "points": len(table), "finished": finished, "axes": axes, "numbers": numbers})
-        _end(faults)
+        return _end(faults)
     axis_rows = [(a["name"], str(a["length"]), ", ".join(a["parameters"])) for a in axes]
     lines = [
         (head, str(n["count"]), *(f"{n[key]:.8g}" for key in ("mean", "std", "min", "max")))

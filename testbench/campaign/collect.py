@@ -155,11 +155,12 @@ class _Layout(NamedTuple):
 
 def _layouts(plan, found):
     """{name: _Layout} over all finished points."""
-    out, taken = {}, {axis.name for axis in plan.axes} | {p for axis in plan.axes for p in axis.values}
+    out, taken = {}, {"finished", "point"} | {name for axis in plan.axes for name in (axis.name, *axis.values)}
     for address, variables in found.items():
+        taken |= {dim for variable in variables.values() for dim in variable.dims}
         for name, (dims, data, attrs) in variables.items():
-            if name in taken or plans.TAKEN.fullmatch(name):
-                raise FileError(f"{store_name(address)}: {name} is no name of a result")
+            if name in taken:
+                raise FileError(f"{store_name(address)}: {name} is a dimension or a parameter, and no name of a result")
             if dims == ("tau_s",) and np.shape(data) != (len(plan.keep.tau_s),):
                 raise FileError(f"{store_name(address)}: {name} is of other tau_s than the plan's")
             text = isinstance(data, str)

@@ -24,26 +24,22 @@ import hashlib
 import json
 import os
 import socket
-import stat
 import time
 import uuid
 import zlib
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from testbench.errors import FileError
-from testbench.storage import inputs
+from testbench.storage import inputs, lock
 from testbench.storage.files import explain
 
 SCHEMA = "gyrostore/1"
-LOCK_PATIENCE_S = 0.5
 FOLDERS = ("points", "states", "plans", "results", "journal", "claims", "tmp")
 MOST_LINE_BYTES = 1 << 16  # of a journal
-MOST_OWNER_BYTES = 200
 CRC = ', "crc": "'
 
 Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
@@ -67,18 +63,6 @@ class Event(BaseModel):
     point: Sha256
     error: str = ""
     sha256: Sha256 | None = None
-
-
-def _own_file(path, flags=os.O_RDWR | os.O_CREAT):
-    """Descriptor of a regular file of the store; a FIFO or a device in its place is refused and not waited for."""
-    try:
-        handle = os.open(path, flags | os.O_CLOEXEC | os.O_NONBLOCK, 0o666)
-    except OSError as problem:
-        raise explain(path, problem) from None
-    if not stat.S_ISREG(os.fstat(handle).st_mode):
-        os.close(handle)
-        raise FileError(f"{path}: is no regular file")
-    return handle
 
 
 class Store:
@@ -162,7 +146,7 @@ class Store:
     def claim(self, address):
         """Keep every other process from this point; waits while another one has it."""
         path = self.path / "claims" / address
-        with open(_own_file(path), "wb") as file:
+        with open(lock.regular(path), "wb") as file:
             fcntl.flock(file, fcntl.LOCK_EX)
             yield
             # whoever waited for this file sees the point, and needs no claim
@@ -187,7 +171,7 @@ class Store:
         """Append a line to this process's journal; one write, so that a line is whole or absent."""
         text = json.dumps({"t": round(time.time(), 6), "event": event, "pid": os.getpid()} | what)[:-1]
         path = self.path / "journal" / f"{socket.gethostname()}-{os.getpid()}.jsonl"
-        with open(_own_file(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND), "ab", buffering=0) as file:
+        with open(lock.regular(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND), "ab", buffering=0) as file:
             try:
                 file.write(f'{text}{CRC}{zlib.crc32(text.encode()):08x}"}}\n'.encode())
             except OSError as problem:
@@ -221,56 +205,25 @@ class Store:
     @contextlib.contextmanager
     def locked(self):
         """Be the one campaign at work here, or FileError that says who is."""
-        path = self.path / "lock"
-        with open(_own_file(path), "r+") as file:
-            self._take(file)
-            since = datetime.now(UTC).isoformat(timespec="seconds")
+        with lock.alone(self.path / "lock", f"{self.path}: another campaign is at work here"):
             try:
-                file.truncate(0)
-                file.write(f"process {os.getpid()} on {socket.gethostname()} since {since}")
-                file.flush()
                 for folder in ("tmp", "results"):  # copies without empty folders lack them
                     (self.path / folder).mkdir(exist_ok=True)
                 parts = list((self.path / "tmp").iterdir())
             except OSError as problem:
-                raise explain(problem.filename or path, problem) from None
+                raise explain(problem.filename or self.path, problem) from None
             for part in parts:
                 with contextlib.suppress(OSError):
                     part.unlink()
             yield
 
-    def _take(self, file):
-        """The lock; `busy` may hold it for a moment, so it is tried for a while."""
-        until = time.monotonic() + LOCK_PATIENCE_S
-        while True:
-            try:
-                return fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                if time.monotonic() > until:
-                    raise FileError(f"{self.path}: another campaign is at work here: {self.owner()}") from None
-                time.sleep(0.05)
-            except OSError as problem:
-                raise explain(file.name, problem) from None
-
     def owner(self):
-        """Text in the lock: who is, or was last, at work here."""
-        try:
-            with inputs.opened(self.path / "lock") as file:
-                text = file.read(MOST_OWNER_BYTES).decode(errors="replace")
-        except FileError:
-            return "unknown"
-        return "".join(c for c in text if c.isprintable()) or "unknown"
+        """Who is, or was last, at work here."""
+        return lock.owner(self.path / "lock")
 
     def busy(self):
         """True while a campaign is at work here."""
-        try:
-            with open(_own_file(self.path / "lock", os.O_RDONLY)) as file:
-                fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return True
-        except (OSError, FileError):
-            return False
-        return False
+        return lock.busy(self.path / "lock")
 
 
 def _event(line, place):

@@ -1,8 +1,8 @@
 """Predictions and stages that are done, kept under the hash of what they were made from: a killed trace goes on.
 
     STORE/ab/ab12...npz   arrays of one point (no pickle)       STORE/ab/ab12...json   result of a stage
-Everything else of a trace follows from these by deterministic algebra, so the same result comes out. A damaged file
-is not believed: it is computed again.
+Everything else of a trace follows from these by deterministic algebra, so the same result comes out. A file ends with
+the SHA-256 of its key and contents. One that is damaged, or is another key's, is not believed: it is computed again.
 """
 
 import hashlib
@@ -10,12 +10,13 @@ import io
 import json
 import os
 import tempfile
-import zipfile
 from pathlib import Path
 
 import numpy as np
 
 from testbench.errors import FileError
+from testbench.storage import inputs
+from testbench.storage.files import SEAL, SEAL_BYTES
 
 
 def digest(*parts):
@@ -45,14 +46,14 @@ class Store:
     def _file(self, key, ending):
         return self.path / key[:2] / (key + ending)
 
-    def _write(self, key, ending, write):
+    def _write(self, key, ending, data):
         target = self._file(key, ending)
         try:
             target.parent.mkdir(parents=True, exist_ok=True)
             handle, part = tempfile.mkstemp(dir=target.parent, suffix=".part")
             try:
                 with os.fdopen(handle, "wb") as file:
-                    write(file)
+                    file.write(data + _seal(key, data))
                 os.replace(part, target)
             except BaseException:
                 os.unlink(part)
@@ -60,18 +61,27 @@ class Store:
         except OSError as problem:
             raise FileError(f"{target}: cannot be written: {problem.strerror}") from None
 
+    def _read(self, key, ending):
+        """Bytes that were written under this key; FileError if there are none, or others."""
+        path = self._file(key, ending)
+        data = inputs.read_bytes(path)
+        body, seal = data[:-SEAL_BYTES], data[-SEAL_BYTES:]
+        if seal != _seal(key, body):
+            raise FileError(f"{path}: is damaged, or of another key")
+        return body
+
     def load_arrays(self, key):
         """Arrays of a point; None if they are not there or damaged."""
         if self.path is None:
             return None
         try:
-            whole = io.BytesIO(self._file(key, ".npz").read_bytes())
-            with np.load(whole, allow_pickle=False) as data:
-                if "failed" in data:
-                    return str(data["failed"])
-                return [data[f"a{i}"] for i in range(len(data.files))]
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+            body = self._read(key, ".npz")
+        except FileError:
             return None
+        with np.load(io.BytesIO(body), allow_pickle=False) as data:
+            if "failed" in data:
+                return str(data["failed"])
+            return [data[f"a{i}"] for i in range(len(data.files))]
 
     def save_arrays(self, key, arrays):
         """Keep the arrays of a point, or the reason (str) why it failed."""
@@ -79,16 +89,23 @@ class Store:
             named = (
                 {"failed": np.array(arrays)} if isinstance(arrays, str) else {f"a{i}": a for i, a in enumerate(arrays)}
             )
-            self._write(key, ".npz", lambda file: np.savez(file, **named))
+            buffer = io.BytesIO()
+            np.savez(buffer, **named)
+            self._write(key, ".npz", buffer.getvalue())
 
     def stage(self, key, compute):
         """Result of `compute()`, JSON-able, from the store if it is there."""
         if self.path is None:
             return compute()
         try:
-            return json.loads(self._file(key, ".json").read_text())
-        except (OSError, ValueError):
+            return json.loads(self._read(key, ".json"))
+        except FileError:
             pass
         text = json.dumps(compute())
-        self._write(key, ".json", lambda file: file.write(text.encode()))
+        self._write(key, ".json", text.encode())
         return json.loads(text)
+
+
+def _seal(key, data):
+    """Of the contents and their key: a file that was copied from another key is not believed."""
+    return SEAL % hashlib.sha256(key.encode() + b"\0" + data).hexdigest().encode()
