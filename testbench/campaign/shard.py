@@ -22,6 +22,7 @@ from testbench.storage.files import SEAL, SEAL_BYTES
 
 TEXT = h5py.string_dtype()
 DIMENSION = re.compile(r"tau_s|time_[1-9]\d{0,5}")
+STORED_AS = (h5py.h5d.CONTIGUOUS, h5py.h5d.COMPACT)
 UNITS = (
     ("_lsb_per_dps", "LSB/(deg/s)"),
     ("_lsb", "LSB"),
@@ -106,17 +107,17 @@ def decode(data, path):
 
 def _datasets(file, path, size):
     """{name: dataset} of an open point; FileError for what `encode` never makes, before any of it is followed."""
-    out = {}
+    out, total = {}, 0
     for name in file:
-        if not isinstance(file.get(name, getlink=True), h5py.HardLink) or not isinstance(file[name], h5py.Dataset):
+        item = out[name] = file[name] if isinstance(file.get(name, getlink=True), h5py.HardLink) else None
+        if not isinstance(item, h5py.Dataset):
             raise FileError(f"{path}: /{name}: is no dataset of its own")
-        item = out[name] = file[name]
-        text = h5py.check_string_dtype(item.dtype) is not None
-        if item.chunks or item.external or item.is_virtual or item.ndim > 1:
+        created = item.id.get_create_plist()
+        if created.get_layout() not in STORED_AS or created.get_external_count() or item.ndim > 1:
             raise FileError(f"{path}: /{name}: is stored in another way than the data of a point")
-        if item.dtype.kind not in "iufb" and not (text and item.shape == ()):
+        if item.dtype.kind not in "iufb" and not (item.ndim == 0 and h5py.check_string_dtype(item.dtype)):
             raise FileError(f"{path}: /{name}: {item.dtype} of shape {item.shape} is no number, row of numbers or text")
-    total = sum(item.nbytes for item in out.values())
+        total += item.nbytes
     if total > size:
         raise FileError(f"{path}: {total} bytes of data do not fit a file of {size} bytes")
     return out
@@ -125,10 +126,11 @@ def _datasets(file, path, size):
 def _variable(dataset, place):
     value = dataset[()]
     value = value.decode() if isinstance(value, bytes) else value
-    names = [name for name in dataset.attrs if name != "DIMENSION_LIST"]
-    if any(dataset.attrs.get_id(name).shape for name in names):
+    kept = dataset.attrs
+    names = [name for name in kept if name != "DIMENSION_LIST"]
+    if any(kept.get_id(name).shape for name in names):
         raise FileError(f"{place}: an attribute is no number or text")
-    dims = tuple(dim[0].name.removeprefix("/") for dim in dataset.dims)
+    dims = tuple(dim[0].name.removeprefix("/") for dim in dataset.dims) if dataset.ndim else ()
     if not all(DIMENSION.fullmatch(dim) for dim in dims):
         raise FileError(f"{place}: {dims} are not the dimensions of a point")
-    return Variable(dims, value, {name: dataset.attrs[name] for name in names})
+    return Variable(dims, value, {name: kept[name] for name in names})

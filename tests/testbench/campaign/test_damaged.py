@@ -18,7 +18,7 @@ import pytest
 
 from testbench.campaign import collect, shard
 from testbench.campaign.plan.points import canonical
-from testbench.campaign.store import Store
+from testbench.campaign.store import FOLDERS, Store
 from testbench.storage.files import SEAL, SEAL_BYTES
 from tests.testbench.campaign.helpers import campaign, finished, plan_file, run_json
 
@@ -50,6 +50,12 @@ def sound(tmp_path_factory):
     folder = tmp_path_factory.mktemp("sound")
     run_json(plan_file(folder, 2, 1, 2), "--out", folder / "store")
     return folder
+
+
+def forget(store):
+    """A store without journals, as of an earlier version."""
+    shutil.rmtree(store.path / "journal")
+    (store.path / "journal").mkdir()
 
 
 @pytest.fixture
@@ -105,7 +111,7 @@ def proved(sound, store, tmp_path, bad=(), refused=False):
 
 CONTENTS = {
     "empty": lambda data: b"",
-    "half": lambda data: data[: len(data) // 2],
+    "half": lambda data: data[: len(data) // 2].rstrip(b"\n"),
     "list": lambda data: b"[]",
     "null": lambda data: b"null\n",
     "other_types": lambda data: b'{"schema": 3, "name": [], "t": "x", "points": {}, "axes": 1}\n',
@@ -149,6 +155,11 @@ DAMAGES = {
 }
 
 
+def some(names, *fast):
+    """Parameters, of which `make test` takes those that are named."""
+    return [pytest.param(name, marks=() if name in fast else pytest.mark.slow) for name in names]
+
+
 def first(pattern):
     """A file of the store."""
     return lambda store: sorted(store.path.glob(pattern))[0]
@@ -180,7 +191,7 @@ def test_store_json(sound, store, tmp_path, damage):
     proved(sound, store, tmp_path, refused=True)
 
 
-@pytest.mark.parametrize("damage", DAMAGES)
+@pytest.mark.parametrize("damage", some(DAMAGES, "half", "list", "null", "huge_integer", "fifo", "folder"))
 def test_a_plan(sound, store, tmp_path, damage):
     path = store.path / "plans" / "tiny.json"
     DAMAGES[damage](path)
@@ -195,7 +206,7 @@ def test_a_plan(sound, store, tmp_path, damage):
     proved(sound, store, tmp_path)
 
 
-@pytest.mark.parametrize("damage", DAMAGES)
+@pytest.mark.parametrize("damage", some(DAMAGES, "half", "list", "other_types", "deep", "fifo", "folder"))
 def test_a_journal(sound, store, tmp_path, damage):
     DAMAGES[damage](first("journal/*.jsonl")(store))
     proved(sound, store, tmp_path)
@@ -203,7 +214,7 @@ def test_a_journal(sound, store, tmp_path, damage):
         assert "of journals cannot be read" in lines("status", store, tmp_path)[2]
 
 
-@pytest.mark.parametrize("damage", DAMAGES)
+@pytest.mark.parametrize("damage", some(DAMAGES, "no_text", "fifo"))
 def test_a_lock(sound, store, tmp_path, damage):
     DAMAGES[damage](store.path / "lock")
     code, err, out = lines("status", store, tmp_path)
@@ -217,7 +228,7 @@ def test_a_lock(sound, store, tmp_path, damage):
     proved(sound, store, tmp_path)
 
 
-@pytest.mark.parametrize("damage", SHAPES)
+@pytest.mark.parametrize("damage", some(SHAPES, "fifo"))
 def test_a_claim(sound, store, tmp_path, damage):
     address = store.addresses()[0]
     SHAPES[damage](claim(store))
@@ -229,8 +240,8 @@ def test_a_claim(sound, store, tmp_path, damage):
     assert len(store.addresses()) == 3 + (damage == "dangling")
 
 
-@pytest.mark.parametrize("damage", DAMAGES)
-@pytest.mark.parametrize("name", ["tiny.nc", "tiny.csv"])
+@pytest.mark.parametrize("damage", some(DAMAGES, "fifo", "folder"))
+@pytest.mark.parametrize("name", some(["tiny.nc", "tiny.csv"], "tiny.nc"))
 def test_results(sound, store, tmp_path, name, damage):
     DAMAGES[damage](store.path / "results" / name)
     if damage == "folder":
@@ -240,8 +251,10 @@ def test_results(sound, store, tmp_path, name, damage):
     proved(sound, store, tmp_path)
 
 
-@pytest.mark.parametrize("name", ["points", "plans", "journal", "claims", "results", "tmp", "states"])
-@pytest.mark.parametrize("shape", ["file", "fifo"])
+@pytest.mark.parametrize(
+    "name", some(["points", "plans", "journal", "claims", "results", "tmp", "states"], "points", "journal")
+)
+@pytest.mark.parametrize("shape", some(["file", "fifo"], "file"))
 def test_a_folder(sound, store, tmp_path, name, shape):
     path = store.path / name
     shutil.rmtree(path)
@@ -310,17 +323,13 @@ HOSTILE = {
 
 
 @pytest.mark.parametrize("what", HOSTILE)
-@pytest.mark.parametrize("journal", [True, False])
+@pytest.mark.parametrize("journal", some([True, False], False))
 def test_a_point_that_was_sealed_again(sound, store, tmp_path, what, journal):
-    """Without its journal a number that was edited cannot be told; everything else is found by the point itself."""
+    """The journal alone can tell a number that was edited; everything else the point itself tells."""
     address = store.addresses()[2]
     resealed(store.point(address), HOSTILE[what])
-    if not journal:
-        if what == "edited":
-            return
-        shutil.rmtree(store.path / "journal")
-    if not journal:
-        (store.path / "journal").mkdir()
+    if not journal and what != "edited":
+        forget(store)
     proved(sound, store, tmp_path, bad=[address])
 
 
@@ -328,8 +337,7 @@ def test_a_point_that_was_sealed_again(sound, store, tmp_path, what, journal):
 def test_swapped_points(sound, store, tmp_path, journal):
     a, b = store.addresses()[:2]
     if not journal:
-        shutil.rmtree(store.path / "journal")
-        (store.path / "journal").mkdir()
+        forget(store)
     one, other = store.point(a).read_bytes(), store.point(b).read_bytes()
     store.point(a).write_bytes(other)
     store.point(b).write_bytes(one)
@@ -340,8 +348,7 @@ def test_swapped_points(sound, store, tmp_path, journal):
 def test_a_copy_of_another_point(sound, store, tmp_path, journal):
     a, b = store.addresses()[1:3]
     if not journal:
-        shutil.rmtree(store.path / "journal")
-        (store.path / "journal").mkdir()
+        forget(store)
     store.point(a).write_bytes(store.point(b).read_bytes())
     proved(sound, store, tmp_path, bad=[a])
 
@@ -352,8 +359,7 @@ def test_a_point_of_other_sources(sound, store, tmp_path):
     identity, variables = collect.read_point(store, address)
     other = canonical(json.loads(identity) | {"code": "f" * 64})
     store.point(address).write_bytes(shard.encode(other, variables, [0.000125, 0.0005]))
-    shutil.rmtree(store.path / "journal")
-    (store.path / "journal").mkdir()
+    forget(store)
     proved(sound, store, tmp_path, bad=[address])
 
 
@@ -367,7 +373,7 @@ PLACES = (
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("place", PLACES, ids=lambda place: ".".join(map(str, place)))
+@pytest.mark.parametrize("place", some(PLACES, ("axes",), ("axes", 0, "values"), ("points",)), ids=str)
 def test_wrong_values_in_a_plan(store, tmp_path, place):
     """Sealed again with wrong values, which is another plan or none: one line, or results."""
     path = store.path / "plans" / "tiny.json"
@@ -413,9 +419,9 @@ def flips(sound, store, tmp_path, tries, seed):
 
 
 def test_a_flipped_bit_changes_no_row(sound, store, tmp_path):
-    same, refused = flips(sound, store, tmp_path, 40, seed=1)
-    assert same + refused == 40
-    assert refused > 10
+    same, refused = flips(sound, store, tmp_path, 20, seed=1)
+    assert same + refused == 20
+    assert refused > 5
 
 
 @pytest.mark.slow
