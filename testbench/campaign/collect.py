@@ -26,7 +26,7 @@ from testbench.campaign.plan import stored
 from testbench.campaign.plan.measure import Variable
 from testbench.campaign.verify import read_point
 from testbench.errors import FileError
-from testbench.storage.files import GuardedFile, discard, explain, part_of, publish, write_text
+from testbench.storage.files import GuardedFile, clear, discard, explain, part_of, publish, write_text
 
 SCHEMA = "gyrocampaign/1"
 
@@ -53,10 +53,7 @@ def stored_points(store, name):
     if name not in plan_names(store):
         known = ", ".join(plan_names(store)) or "none"
         raise FileError(f"{store.path}: has no plan {name!r}; known: {known}")
-    try:
-        return StoredPoint(*stored.read(plan_path(store, name)))
-    except FileError as problem:
-        raise FileError(f"{problem}; run the campaign again") from None
+    return StoredPoint(*stored.read(plan_path(store, name)))
 
 
 def results(store, name):
@@ -247,6 +244,7 @@ def _write_streams(file, store, wanted, found, streams, whole):
 @contextlib.contextmanager
 def _hdf5(path):
     """HDF5 file that is whole or absent, also when the disk is full."""
+    clear(path)
     try:
         guard = GuardedFile(part_of(path))
     except OSError as problem:

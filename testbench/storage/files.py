@@ -68,6 +68,12 @@ def seal_holds(path):
     return found == SEAL % digest.hexdigest().encode()
 
 
+def clear(path):
+    """Remove what is no regular file under the name PATH.part: to open a FIFO would wait for a reader."""
+    if part_of(path).exists() and not part_of(path).is_file():
+        discard(path)
+
+
 def discard(path):
     """Remove PATH.part if there is one."""
     with contextlib.suppress(OSError):
@@ -80,6 +86,7 @@ def replacing(path):
     path = Path(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+        clear(path)
         yield part_of(path)
         publish(path)
     except OSError as problem:

@@ -109,16 +109,21 @@ class Task(NamedTuple):
     code: str
 
 
+def state_of(data, states):
+    """Path of the state file that a parsed identity starts from, or None."""
+    resume = str(data.config.get("scenario", {}).get("resume", ""))
+    named = STATE_NAME.fullmatch(resume)
+    if resume and not named:
+        raise FileError(f"point: scenario.resume: {resume[:80]!r} is no hash of a state file")
+    return Path(states) / f"{named[1]}.h5" if named else None
+
+
 def task_of(identity, states):
     """`Task` of an identity; `states` is the folder of state files by hash."""
     data = parsed(identity)
     tree, keep = data.config, data.keep
-    resume = str(tree.get("scenario", {}).get("resume", ""))
-    if resume:
-        named = STATE_NAME.fullmatch(resume)
-        if not named:
-            raise FileError(f"point: scenario.resume: {resume[:80]!r} is no hash of a state file")
-        tree["scenario"]["resume"] = str(Path(states) / f"{named[1]}.h5")
+    if state := state_of(data, states):
+        tree["scenario"]["resume"] = str(state)
     # a campaign keeps its own files, so a run writes none and takes no checkpoints
     tree["output"] = {"record": False, "pictures": False, "html": False, "state": False, "checkpoint_s": 0.0}
     try:

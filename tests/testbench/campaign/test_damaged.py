@@ -251,9 +251,7 @@ def test_results(sound, store, tmp_path, name, damage):
     proved(sound, store, tmp_path)
 
 
-@pytest.mark.parametrize(
-    "name", some(["points", "plans", "journal", "claims", "results", "tmp", "states"], "points", "journal")
-)
+@pytest.mark.parametrize("name", some(FOLDERS, "points", "journal"))
 @pytest.mark.parametrize("shape", some(["file", "fifo"], "file"))
 def test_a_folder(sound, store, tmp_path, name, shape):
     path = store.path / name
@@ -266,6 +264,13 @@ def test_a_folder(sound, store, tmp_path, name, shape):
         lines(command, store, tmp_path)
     code, _, err = campaign("run", plan_file(sound, 2, 1, 2), "--out", store.path, "--workers", 0)
     assert (code, err.count("\n")) == (2, 1)
+
+
+@pytest.mark.parametrize("name", ["plans/tiny.json", "results/tiny.nc", "results/tiny.csv"])
+def test_what_a_file_is_written_as(sound, store, tmp_path, name):
+    """A FIFO under the name of an unfinished file is not waited for."""
+    os.mkfifo(store.path / f"{name}.part")
+    proved(sound, store, tmp_path)
 
 
 # ---- points that are whole, and not what their address says ----------------------------------------------------------
