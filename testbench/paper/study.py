@@ -21,7 +21,7 @@ from pydantic import Field
 
 from testbench.campaign import collect, execute
 from testbench.campaign.plan import plan
-from testbench.campaign.plan.sources import code_sha256
+from testbench.storage.sources import code_sha256
 from testbench.campaign.pool import Here, Pool
 from testbench.campaign.store import Store
 from testbench.errors import FileError
