@@ -20,13 +20,13 @@ import tempfile
 from pathlib import Path
 from typing import NamedTuple
 
-from tests.processes import difference, ended, killed_after, run_to_end, start, tree_of, wrong_end
+from tests.processes import before_sources, difference, ended, killed_after, run_to_end, start, tree_of, wrong_end
 from tests.testbench.campaign.helpers import plan_file
 
 AT_ONCE_S = 0.3
 WALL_CLOCK = re.compile(rb"Wall-clock \(s\): [^<]*")
 NOT_RESULTS = ("journal/*", "claims/*", "lock", "store.json*", "*/journal/*", "*/claims/*", "*/lock", "*/store.json*")
-ENDS = {signal.SIGTERM: (-signal.SIGTERM,), signal.SIGKILL: (-signal.SIGKILL,), signal.SIGINT: (130,)}
+ENDS = {signal.SIGTERM: (-signal.SIGTERM,), signal.SIGKILL: (-signal.SIGKILL,), signal.SIGINT: (130, -signal.SIGINT)}
 
 
 class Case(NamedTuple):
@@ -112,9 +112,8 @@ def kill_of(name, seed, folder, number):
     delay = rng.uniform(0, seconds)
     what = f"kill {seed} by {signal.Signals(number).name} after {delay:.2f} s"
     done = killed_after(case.run(folder), delay, number, case.timeout_s)
-    # an interpreter that has not come to our sources says that in its own way
-    ours = number != signal.SIGINT or "Traceback" not in done.err or "testbench" in done.err
-    if ours and (wrong := wrong_end(done, (0, *ENDS[number]))):
+    early = number == signal.SIGINT and before_sources(done)
+    if not early and (wrong := wrong_end(done, (0, *ENDS[number]))):
         return f"{what}: {wrong}"
     before = kept(case, folder)
     again = case.run(folder, run_to_end)
