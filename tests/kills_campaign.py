@@ -20,7 +20,7 @@ import tempfile
 from pathlib import Path
 from typing import NamedTuple
 
-from tests.processes import before_sources, difference, ended, killed_after, run_to_end, start, tree_of, wrong_end
+from tests.processes import before_sources, difference, ended, killed_after, start, tree_of, wrong_end
 from tests.testbench.campaign.helpers import plan_file
 
 AT_ONCE_S = 0.3
@@ -44,9 +44,13 @@ class Case(NamedTuple):
     env: dict
     timeout_s: float = 120.0
 
-    def run(self, folder, process=start):
-        """Start it, or run it to its end, with `folder` as working directory."""
-        return process(self.arguments(folder), folder, **self.env)
+    def start(self, folder):
+        """Start it with `folder` as working directory."""
+        return start(self.arguments(folder), folder, **self.env)
+
+    def run_to_end(self, folder):
+        """The same, waited for."""
+        return ended(self.start(folder), self.timeout_s)
 
 
 def timeless(path):
@@ -70,7 +74,7 @@ def undisturbed(case_name):
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     for name in ("first", "second"):
         (folder / name).mkdir()
-        done = case.run(folder / name, run_to_end)
+        done = case.run_to_end(folder / name)
         if done.code != 0:
             raise AssertionError(f"{case_name}: {wrong_end(done) or done.err}")
     if different := difference(tree(folder / "first"), tree(folder / "second")):
@@ -88,11 +92,11 @@ def pair_of(name, seed, folder):
     case, rng = BY_NAME[name], random.Random(seed)
     expected, seconds = undisturbed(name)
     folder.mkdir(parents=True, exist_ok=True)
-    first = case.run(folder)
+    first = case.start(folder)
     delay = rng.uniform(0, AT_ONCE_S) if rng.random() < 0.5 else rng.uniform(0, seconds)
     with contextlib.suppress(subprocess.TimeoutExpired):
         first.wait(delay)
-    second = case.run(folder)
+    second = case.start(folder)
     ends = [ended(process, case.timeout_s) for process in (first, second)]
     for done in ends:
         if wrong := wrong_end(done, (0, 2)):
@@ -111,12 +115,12 @@ def kill_of(name, seed, folder, number):
     folder.mkdir(parents=True, exist_ok=True)
     delay = rng.uniform(0, seconds)
     what = f"kill {seed} by {signal.Signals(number).name} after {delay:.2f} s"
-    done = killed_after(case.run(folder), delay, number, case.timeout_s)
+    done = killed_after(case.start(folder), delay, number, case.timeout_s)
     early = number == signal.SIGINT and before_sources(done)
     if not early and (wrong := wrong_end(done, (0, *ENDS[number]))):
         return f"{what}: {wrong}"
     before = kept(case, folder)
-    again = case.run(folder, run_to_end)
+    again = case.run_to_end(folder)
     if again.code != 0 or wrong_end(again):
         return f"{what}: the same command {wrong_end(again) or again.err.strip()[-300:]}"
     now = kept(case, folder)

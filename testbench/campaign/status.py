@@ -23,6 +23,10 @@ def status_of(store):
             continue
         faults |= verify.faults(store, addresses - faults.keys(), written)
         ended = {a for a in addresses - faults.keys() if store.has(a)}
-        failed = [(a, last[a].error) for a in sorted(addresses - ended) if a in last and last[a].event == "fail"]
+        failed = [
+            (a, " ".join(last[a].error.split()))
+            for a in sorted(addresses - ended)
+            if a in last and last[a].event == "fail"
+        ]
         plans.append({"name": name, "points": len(addresses), "finished": len(ended), "failed": failed})
     return plans, damaged + [faults[address] for address in sorted(faults)], lines

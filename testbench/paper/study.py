@@ -21,7 +21,6 @@ from pydantic import Field
 
 from testbench.campaign import collect, execute
 from testbench.campaign.plan import plan
-from testbench.storage.sources import code_sha256
 from testbench.campaign.pool import Here, Pool
 from testbench.campaign.store import Store
 from testbench.errors import FileError
@@ -32,6 +31,7 @@ from testbench.paper.measure import record_phases
 from testbench.paper.measure.characterise import unflat
 from testbench.storage import inputs, lock
 from testbench.storage.files import explain, write_text
+from testbench.storage.sources import code_sha256
 
 
 class Size(NamedTuple):

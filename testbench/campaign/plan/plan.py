@@ -23,8 +23,8 @@ from testbench.campaign.plan.draws import Spec
 from testbench.campaign.plan.measure import FRAME_S, STATISTICS, Keep
 from testbench.campaign.plan.points import Point, address_of, identity_of
 from testbench.config.toml_text import toml_of
-from testbench.errors import ConfigError
-from testbench.storage.inputs import read_toml
+from testbench.errors import ConfigError, FileError
+from testbench.storage.inputs import opened, read_toml
 from testbench.storage.spool import FIELDS
 
 MAX_POINTS = 100_000
@@ -313,10 +313,10 @@ def _checked(plan, tree, number):
 def _state(plan, name):
     path = plan.folder / name
     try:
-        with open(path, "rb") as file:
+        with opened(path) as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError as problem:
-        raise ConfigError(f"{plan.source}: scenario.resume: {path} cannot be read: {problem.strerror}") from None
+    except FileError as problem:
+        raise ConfigError(f"{plan.source}: scenario.resume: {problem}") from None
 
 
 def value_at(plan, axis, dotted, k):

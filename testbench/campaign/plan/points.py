@@ -97,7 +97,7 @@ def parsed(identity):
     data = inputs.parse_json(identity, "point")
     if data.get("schema") != SCHEMA:
         raise FileError(f"point: schema {str(data.get('schema'))[:40]!r} is not that of this version, {SCHEMA}")
-    return inputs.checked(data, _Identity, "point")
+    return inputs.checked(data, _Identity, "a point that this version cannot read")
 
 
 class Task(NamedTuple):
