@@ -177,28 +177,28 @@ class Store:
             except OSError as problem:
                 raise explain(path, problem) from None
 
-    def events(self, faults=None):
-        """All whole lines of all journals, by time; `faults` takes one line of text for each that cannot be read."""
-        out, faults = [], [] if faults is None else faults
+    def lines(self, faults):
+        """`Event`s of all journals, in no order; `faults` takes one line of text for each that cannot be read."""
         for path in sorted((self.path / "journal").glob("*.jsonl")):
             try:
                 with inputs.opened(path, inputs.most_bytes()) as file:
                     for number, line in enumerate(iter(lambda f=file: f.readline(MOST_LINE_BYTES), b""), 1):
                         try:
-                            out.append(_event(line, f"{path}:{number}"))
+                            event = _event(line, f"{path}:{number}")
                         except FileError as problem:
                             faults.append(str(problem))
+                        else:
+                            yield event
             except FileError as problem:
                 faults.append(str(problem))
-        return sorted(out, key=lambda event: event.t)
 
-    def written(self, events=None):
-        """{address: {SHA-256 of a file that was written as this point}} of all journals, or of these events."""
-        out = {}
-        for event in self.events() if events is None else events:
-            if event.sha256:
-                out.setdefault(event.point, set()).add(event.sha256)
-        return out
+    def events(self):
+        """All whole lines of all journals, by time."""
+        return sorted(self.lines([]), key=lambda event: event.t)
+
+    def written(self):
+        """{address: {SHA-256 of a file that was written as this point}} of all journals."""
+        return declared(self.lines([]))
 
     # ---- one campaign at a time --------------------------------------------------------------------------------------
 
@@ -224,6 +224,15 @@ class Store:
     def busy(self):
         """True while a campaign is at work here."""
         return lock.busy(self.path / "lock")
+
+
+def declared(events):
+    """{address: {SHA-256 of a file that was written as this point}} of events."""
+    out = {}
+    for event in events:
+        if event.sha256:
+            out.setdefault(event.point, set()).add(event.sha256)
+    return out
 
 
 def _event(line, place):
