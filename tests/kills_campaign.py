@@ -91,6 +91,7 @@ def pair_of(name, seed, folder):
     """Two starts in one folder."""
     case, rng = BY_NAME[name], random.Random(seed)
     expected, seconds = undisturbed(name)
+    folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     first = case.start(folder)
     delay = rng.uniform(0, AT_ONCE_S) if rng.random() < 0.5 else rng.uniform(0, seconds)
@@ -112,6 +113,7 @@ def kill_of(name, seed, folder, number):
     """One start that gets a signal, and the same command again."""
     case, rng = BY_NAME[name], random.Random(f"{seed} {int(number)}")
     expected, seconds = undisturbed(name)
+    folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     delay = rng.uniform(0, seconds)
     what = f"kill {seed} by {signal.Signals(number).name} after {delay:.2f} s"
