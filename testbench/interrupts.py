@@ -1,4 +1,5 @@
 """Ctrl-C while compiled code runs: held back until it has returned. `held()` is for `with` and for functions.
+While modules are loaded it is one line, as it is afterwards: `during_import()`.
 
 Compiled code that makes Python objects on its way out, or calls Python to write a file, does not expect an exception
 there: the process dies of it, or a file is damaged. A second Ctrl-C does not wait: it may be a compilation that the
@@ -6,8 +7,25 @@ user is tired of.
 """
 
 import contextlib
+import os
 import signal
+import sys
 import threading
+
+EXIT_INTERRUPTED = 130
+
+
+def during_import():
+    """Say in one line, instead of a traceback, that Ctrl-C came before a command could catch it."""
+    before = sys.excepthook
+
+    def hook(kind, problem, trace):
+        if not issubclass(kind, KeyboardInterrupt):
+            return before(kind, problem, trace)
+        print("gyro: interrupted", file=sys.stderr, flush=True)
+        os._exit(EXIT_INTERRUPTED)
+
+    sys.excepthook = hook
 
 
 @contextlib.contextmanager

@@ -99,6 +99,12 @@ def wrong_end(found, codes=(0, 2, 130)):
     return None
 
 
+def before_sources(found):
+    """True if Ctrl-C came while the interpreter itself was loaded, which says so in its own way."""
+    first = "testbench/commands/__init__.py"  # from its end on it is one line
+    return "KeyboardInterrupt" in found.err and (first in found.err or "testbench/" not in found.err)
+
+
 def tree_of(folder, ignore=(), content=Path.read_bytes):
     """{relative path: SHA-256} of the files below a folder.
 

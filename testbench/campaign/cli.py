@@ -83,9 +83,12 @@ def _executor(workers, scheduler, cluster):
 
 def _print_report(report, as_json):
     if as_json:
-        failures = [{"point": address, "error": text} for address, text in report.failures]
-        data = {**report._asdict(), "failures": failures, "files": [str(path) for path in report.files]}
-        print_json(data)
+        rejected, failures = (
+            [{"point": address, "error": text} for address, text in found]
+            for found in (report.rejected, report.failures)
+        )
+        files = [str(path) for path in report.files]
+        print_json({**report._asdict(), "rejected": rejected, "failures": failures, "files": files})
         return
     typer.echo(f"{report.name}: {report.points} points, {report.reused} finished before, {report.done} now")
     if report.failures:
@@ -121,29 +124,33 @@ def check(
 
 @app.command()
 def status(store: StorePath, as_json: Json = False):
-    """Say what is finished of every plan in a store, what failed last, and whether a campaign is at work."""
-    from testbench.campaign import collect
+    """Say what is finished of every plan in a store, what failed last, what is damaged, and who is at work."""
+    from testbench.campaign.status import status_of
     from testbench.campaign.store import Store
 
     found = Store.at(store)
-    events = found.events()
-    last = {event["point"]: event for event in events if "point" in event}
-    plans = []
-    for name in collect.plan_names(found):
-        addresses = set(collect.stored_points(found, name).addresses)
-        ended = {a for a in addresses if found.has(a)}
-        failed = [(a, last[a]["error"]) for a in sorted(addresses - ended) if last.get(a, {}).get("event") == "fail"]
-        plans.append({"name": name, "points": len(addresses), "finished": len(ended), "failed": failed})
+    plans, damaged, lines = status_of(found)
     busy = found.busy()
     if as_json:
-        print_json({"busy": busy, "owner": found.owner() if busy else "", "plans": plans})
-        return
+        owner = found.owner() if busy else ""
+        print_json({"busy": busy, "owner": owner, "plans": plans, "damaged": damaged, "journal": lines})
+    else:
+        _print_status(plans, damaged, lines)
+        typer.echo(f"at work: {found.owner()}" if busy else "nobody is at work here")
+    if damaged:
+        raise typer.Exit(EXIT_FAILED)
+
+
+def _print_status(plans, damaged, lines):
     for item in plans:
         failed = f", {len(item['failed'])} failed" if item["failed"] else ""
         typer.echo(f"{item['name']:<20} {item['finished']}/{item['points']} points finished{failed}")
         for address, text in item["failed"][:SHOWN_FAILURES]:
             typer.echo(f"  {address[:12]}  {text}")
-    typer.echo(f"at work: {found.owner()}" if busy else "nobody is at work here")
+    for text in damaged:
+        typer.echo(text)
+    if lines:
+        typer.echo(f"{len(lines)} lines of journals cannot be read and do not count: {lines[0]}")
 
 
 def _only(store, name):
@@ -166,7 +173,8 @@ def show(store: StorePath, name: Name = None, as_json: Json = False):
     found = Store.at(store)
     name = _only(found, name)
     wanted = collect.stored_points(found, name)
-    heads, table = collect.rows(wanted, collect.load(found, wanted.addresses))
+    points, faults = collect.load(found, wanted.addresses)
+    heads, table = collect.rows(wanted, points)
     first = 3 + sum(len(a.values) + bool(a.cases) for a in wanted.plan.axes)
     numbers = {}
     for k, head in enumerate(heads[first:], first):
@@ -186,7 +194,7 @@ def show(store: StorePath, name: Name = None, as_json: Json = False):
     finished = sum(row[2] for row in table)
     if as_json:
         print_json({"name": name, "points": len(table), "finished": finished, "axes": axes, "numbers": numbers})
-        return
+        return _end(faults)
     axis_rows = [(a["name"], str(a["length"]), ", ".join(a["parameters"])) for a in axes]
     lines = [
         (head, str(n["count"]), *(f"{n[key]:.8g}" for key in ("mean", "std", "min", "max")))
@@ -199,6 +207,15 @@ def show(store: StorePath, name: Name = None, as_json: Json = False):
             Table("Numbers", ("name", "points", "mean", "std", "min", "max"), lines, numeric=(1, 2, 3, 4, 5)),
         ]
     )
+    _end(faults)
+
+
+def _end(faults):
+    """Say which finished points did not count, one line each; the exit code says that there are some."""
+    for text in faults.values():
+        typer.echo(f"{text}; gyro campaign run makes it again", err=True)
+    if faults:
+        raise typer.Exit(EXIT_FAILED)
 
 
 @app.command(name="collect")
@@ -209,8 +226,10 @@ def collect_command(store: StorePath, name: Name = None):
 
     found = Store.at(store)
     with found.locked():
-        for path in collect.write(found, _only(found, name)):
-            typer.echo(path)
+        paths, faults = collect.write(found, _only(found, name))
+    for path in paths:
+        typer.echo(path)
+    _end(faults)
 
 
 @app.command()
@@ -224,8 +243,9 @@ def table(
     from testbench.campaign.store import Store
 
     found = Store.at(store)
-    collect.write_parquet(found, _only(found, name), out)
+    faults = collect.write_parquet(found, _only(found, name), out)
     typer.echo(out)
+    _end(faults)
 
 
 @app.command()

@@ -15,11 +15,14 @@ import time
 
 from testbench.campaign import work
 from testbench.errors import ConfigError
+from testbench.interrupts import held
 
 ADDRESS = re.compile(r"((tcp|tls|ws|wss)://)?([\w.-]+|\[[0-9a-fA-F:]+\]):\d{1,5}")
 CONNECT_S = 5.0
 NO_WORKER_S = 30.0
 POLL_S = 0.5
+SILENT = logging.CRITICAL + 1
+WORKER_LOG = "distributed.nanny.pre-spawn-environ.DASK_LOGGING__DISTRIBUTED"
 TRIES = 3
 INSTALL = "Dask is not installed; pip install 'ftr-gyro[campaign]'"
 
@@ -45,7 +48,7 @@ class Cluster:
         # what Dask says about lost connections is said here, in one line
         for name in [*logging.root.manager.loggerDict, "tornado.application", "asyncio"]:
             if name.split(".")[0] in ("distributed", "tornado", "asyncio"):
-                logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+                logging.getLogger(name).setLevel(SILENT)
         try:
             if self.address is None:
                 self.address = self._own(distributed)
@@ -65,10 +68,14 @@ class Cluster:
         return self
 
     def _own(self, distributed):
-        cluster = distributed.LocalCluster(
-            n_workers=self.workers, threads_per_worker=1, processes=True, dashboard_address=None
-        )
-        return self._stack.enter_context(cluster).scheduler_address
+        import dask
+
+        # half a cluster cannot be closed, so Ctrl-C waits until it stands
+        with dask.config.set({WORKER_LOG: "critical"}), held():
+            cluster = distributed.LocalCluster(
+                n_workers=self.workers, threads_per_worker=1, processes=True, dashboard_address=None
+            )
+            return self._stack.enter_context(cluster).scheduler_address
 
     def _wait_for_workers(self):
         until = time.monotonic() + NO_WORKER_S

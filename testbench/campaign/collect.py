@@ -4,7 +4,8 @@
                        coordinates: the lone number of an axis; else names of cases, or places counted from 0
     results/NAME.csv   number, address, finished or not, parameters, numbers
 
-Both are functions of the plan and of which points are finished: no times, no versions, one order.
+Both are functions of the plan and of which points are finished: no times, no versions, one order. A point that is not
+what its address says (`verify`) counts as missing.
 Source  docs/campaigns.md
 """
 
@@ -21,9 +22,11 @@ import numpy as np
 from testbench import config as configuration
 from testbench.campaign import shard
 from testbench.campaign.plan import plan as plans
+from testbench.campaign.plan import stored
 from testbench.campaign.plan.measure import Variable
+from testbench.campaign.verify import read_point
 from testbench.errors import FileError
-from testbench.storage.files import GuardedFile, discard, explain, part_of, publish, write_text
+from testbench.storage.files import GuardedFile, clear, discard, explain, part_of, publish, write_text
 
 SCHEMA = "gyrocampaign/1"
 
@@ -46,31 +49,16 @@ def plan_names(store):
 
 
 def stored_points(store, name):
-    """`Stored` plan of a name."""
-    path = plan_path(store, name)
-    try:
-        data = json.loads(path.read_text())
-    except OSError:
+    """`StoredPoint`s of a name."""
+    if name not in plan_names(store):
         known = ", ".join(plan_names(store)) or "none"
-        raise FileError(f"{store.path}: has no plan {name!r}; known: {known}") from None
-    except ValueError:
-        raise FileError(f"{path}: is damaged; run the campaign again") from None
-    addresses = data.pop("points")
-    return StoredPoint(plans.from_data(data, str(path)), tuple(addresses))
+        raise FileError(f"{store.path}: has no plan {name!r}; known: {known}")
+    return StoredPoint(*stored.read(plan_path(store, name)))
 
 
 def results(store, name):
     """(netCDF, table): where the results of a plan are."""
     return store.path / "results" / f"{name}.nc", store.path / "results" / f"{name}.csv"
-
-
-def read_point(store, address):
-    """(identity, variables) of a finished point."""
-    path = store.point(address)
-    try:
-        return shard.decode(path.read_bytes(), path)
-    except OSError as problem:
-        raise FileError(f"{path}: cannot be read: {problem.strerror or problem}") from None
 
 
 # ---- coordinates -----------------------------------------------------------------------------------------------------
@@ -123,13 +111,24 @@ class Stub(NamedTuple):
     dtype: np.dtype
 
 
+class Loaded(NamedTuple):
+    """{address: {name: Variable}} of finished points, and {address: what is wrong} of those that cannot count."""
+
+    points: dict
+    faults: dict
+
+
 def load(store, addresses):
-    """{address: {name: Variable}} of the finished points; streams are `Stub`s, so that an hour of each fits."""
-    out = {}
+    """`Loaded` finished points; streams are `Stub`s, so that an hour of each fits."""
+    out, written = Loaded({}, {}), store.written()
     for address in dict.fromkeys(addresses):
         if store.has(address):
-            _, variables = read_point(store, address)
-            out[address] = {name: _light(variable) for name, variable in variables.items()}
+            try:
+                _, variables = read_point(store, address, written)
+            except FileError as problem:
+                out.faults[address] = str(problem)
+                continue
+            out.points[address] = {name: _light(variable) for name, variable in variables.items()}
     return out
 
 
@@ -151,11 +150,16 @@ class _Layout(NamedTuple):
     attrs: dict
 
 
-def _layouts(found):
+def _layouts(plan, found):
     """{name: _Layout} over all finished points."""
-    out = {}
+    out, taken = {}, {"finished", "point"} | {name for axis in plan.axes for name in (axis.name, *axis.values)}
     for address, variables in found.items():
+        taken |= {dim for variable in variables.values() for dim in variable.dims}
         for name, (dims, data, attrs) in variables.items():
+            if name in taken:
+                raise FileError(f"{store_name(address)}: {name} is a dimension or a parameter, and no name of a result")
+            if dims == ("tau_s",) and np.shape(data) != (len(plan.keep.tau_s),):
+                raise FileError(f"{store_name(address)}: {name} is of other tau_s than the plan's")
             text = isinstance(data, str)
             known = data if isinstance(data, Stub) else np.asarray(data)
             shape, dtype = known.shape, np.dtype(object) if text else known.dtype
@@ -178,7 +182,7 @@ def _write_netcdf(store, wanted, found, path):
     """Write results/NAME.nc; streams go through the memory one point at a time."""
     plan, addresses = wanted
     dims = tuple(axis.name for axis in plan.axes)
-    layouts = _layouts(found)
+    layouts = _layouts(plan, found)
     whole = all(address in found and layouts.keys() == found[address].keys() for address in addresses)
     scales, parameters = coordinates(plan)
     empty = {name: Variable(layout.dims, np.broadcast_to(0, layout.shape), {}) for name, layout in layouts.items()}
@@ -240,6 +244,7 @@ def _write_streams(file, store, wanted, found, streams, whole):
 @contextlib.contextmanager
 def _hdf5(path):
     """HDF5 file that is whole or absent, also when the disk is full."""
+    clear(path)
     try:
         guard = GuardedFile(part_of(path))
     except OSError as problem:
@@ -309,27 +314,29 @@ def _write_table(wanted, found, path):
 
 
 def write(store, name):
-    """Make the results of a plan anew; returns the paths."""
+    """Make the results of a plan anew; returns ([path, ...], {address: what is wrong} of points that do not count)."""
     wanted = stored_points(store, name)
     netcdf, table = results(store, name)
-    found = load(store, wanted.addresses)
+    found, faults = load(store, wanted.addresses)
     _write_netcdf(store, wanted, found, netcdf)
     _write_table(wanted, found, table)
-    return [netcdf, table]
+    return [netcdf, table], faults
 
 
 def write_parquet(store, name, path):
-    """The table as Parquet; needs pyarrow."""
+    """The table as Parquet, for which pyarrow is needed; returns {address: what is wrong} as `write`."""
     try:
         import pyarrow
         from pyarrow import parquet
     except ImportError:
         raise FileError(f"{path}: pyarrow is not installed; pip install 'ftr-gyro[campaign]'") from None
     wanted = stored_points(store, name)
-    heads, table = rows(wanted, load(store, wanted.addresses))
+    found, faults = load(store, wanted.addresses)
+    heads, table = rows(wanted, found)
     columns = {head: [row[k] for row in table] for k, head in enumerate(heads)}
     sink = io.BytesIO()
     parquet.write_table(pyarrow.table(columns), sink)
     from testbench.storage.files import write_bytes
 
     write_bytes(path, sink.getvalue())
+    return faults

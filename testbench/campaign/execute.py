@@ -3,26 +3,28 @@
 Source  docs/campaigns.md
 """
 
+import hashlib
 import math
 import shutil
 import time
 from typing import NamedTuple
 
-from testbench.campaign import collect, work
-from testbench.campaign.plan import engines, plan
-from testbench.campaign.plan.points import canonical, task_of
+from testbench.campaign import collect, verify, work
+from testbench.campaign.plan import engines, plan, stored
+from testbench.campaign.plan.points import task_of
 from testbench.campaign.store import Store
 from testbench.errors import FileError
 from testbench.storage.files import replacing, write_text
 
 
 class Report(NamedTuple):
-    """What a run of a campaign came to."""
+    """What a run of a campaign came to; `rejected` are points that were there and were not what their address says."""
 
     name: str
     points: int
     reused: int
     done: int
+    rejected: list  # (address, text)
     failures: list  # (address, text)
     files: list
     wall_s: float
@@ -56,10 +58,12 @@ def run(wanted, path, executor, progress):
     store = Store.at(path, create=True)
     with store.locked():
         for digest, state in states.items():
-            with replacing(store.path / "states" / f"{digest}.h5") as part:
-                shutil.copyfile(state, part)
+            _keep_state(store, digest, state)
         addresses = [point.address for point in points]
-        write_text(collect.plan_path(store, wanted.name), canonical(plan.as_data(wanted) | {"points": addresses}))
+        write_text(collect.plan_path(store, wanted.name), stored.text_of(wanted, addresses))
+        rejected = verify.reject(store, addresses, store.written())
+        for text in rejected.values():
+            progress.note(f"{text}; this point is run again")
         missing = {p.address: p for p in points if not store.has(p.address)}
         failures, done = {}, 0
         unique = len(set(addresses))
@@ -76,9 +80,20 @@ def run(wanted, path, executor, progress):
                             failures[outcome.address] = outcome.error
                         done += outcome.status in (work.DONE, work.FOUND)
                         progress.add(outcome)
-        files = collect.write(store, wanted.name)
+        files, faults = collect.write(store, wanted.name)
+        failures |= faults
     listed = [(address, failures[address]) for address in dict.fromkeys(addresses) if address in failures]
-    return Report(wanted.name, len(points), unique - len(missing), done, listed, files, time.monotonic() - began)
+    reused, wall_s = unique - len(missing), time.monotonic() - began
+    return Report(wanted.name, len(points), reused, done, list(rejected.items()), listed, files, wall_s)
+
+
+def _keep_state(store, digest, state):
+    """Copy a state file into the store, under its hash."""
+    with replacing(store.path / "states" / f"{digest}.h5") as part:
+        shutil.copyfile(state, part)
+        with open(part, "rb") as file:
+            if hashlib.file_digest(file, "sha256").hexdigest() != digest:
+                raise FileError(f"{state}: was changed while it was copied")
 
 
 def _kept(text, store, addresses):

@@ -63,6 +63,11 @@ class Progress:
         if not self._quiet:
             self._say(f"{total} points, {reused} of them finished before")
 
+    def note(self, text):
+        """A line of its own."""
+        if not self._quiet:
+            self._say(text)
+
     def __enter__(self):
         self._began = self._line = self._now()
         if not self._quiet and self._terminal:

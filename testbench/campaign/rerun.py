@@ -3,13 +3,15 @@
 Source  docs/campaigns.md
 """
 
-import json
+import hashlib
 from typing import NamedTuple
 
 from testbench.campaign import collect, shard, work
 from testbench.campaign.plan import engines
+from testbench.campaign.plan.points import parsed, state_of
 from testbench.campaign.store import Store
 from testbench.errors import ConfigError, FileError
+from testbench.storage import inputs
 from testbench.storage.files import write_bytes
 
 
@@ -36,13 +38,16 @@ def rerun(path, prefix, out=None):
     store = Store.at(path)
     address = find(store, prefix)
     identity, before = collect.read_point(store, address)
-    data = json.loads(identity)
-    code = engines.code_of(engines.load(data["engine"]))
-    if code != data["code"]:
+    data = parsed(identity)
+    code = engines.code_of(engines.load(data.engine))
+    if code != data.code:
         raise FileError(
-            f"{store.point(address)}: was made by sources {data['code'][:12]}, these are {code[:12]}: "
+            f"{store.point(address)}: was made by sources {data.code[:12]}, these are {code[:12]}: "
             "only the same sources give the same bytes"
         )
+    state = state_of(data, store.path / "states")
+    if state is not None and hashlib.sha256(inputs.read_bytes(state)).hexdigest() != state.stem:
+        raise FileError(f"{state}: is damaged: its SHA-256 is not its name; run the campaign again")
     made, _ = work.compute(identity, store.path / "states")
     if out is not None:
         write_bytes(out, made)

@@ -10,15 +10,19 @@ Source  docs/campaigns.md
 
 import hashlib
 import io
+import re
 
 import h5py
 import numpy as np
 
 from testbench.campaign.plan.measure import FRAME_S, Variable
 from testbench.errors import FileError
+from testbench.storage import inputs
 from testbench.storage.files import SEAL, SEAL_BYTES
 
 TEXT = h5py.string_dtype()
+DIMENSION = re.compile(r"tau_s|time_[1-9]\d{0,5}")
+STORED_AS = (h5py.h5d.CONTIGUOUS, h5py.h5d.COMPACT)
 UNITS = (
     ("_lsb_per_dps", "LSB/(deg/s)"),
     ("_lsb", "LSB"),
@@ -87,18 +91,46 @@ def encode(identity, variables, tau_s=()):
 
 
 def decode(data, path):
-    """(identity, {name: Variable}) of the bytes of a file; FileError if they were damaged."""
+    """(identity, {name: Variable}) of the bytes of a file; FileError if they were damaged, or never were a point."""
     body, seal = data[:-SEAL_BYTES], data[-SEAL_BYTES:]
     if seal != SEAL % hashlib.sha256(body).hexdigest().encode():
-        raise FileError(f"{path}: is damaged; delete it and run the campaign again")
-    with h5py.File(io.BytesIO(body), "r") as file:
-        variables = {}
-        for name, dataset in file.items():
-            if name == "identity" or dataset.is_scale:
-                continue
-            value = dataset[()]
-            value = value.decode() if isinstance(value, bytes) else value
-            attrs = {k: v for k, v in dataset.attrs.items() if k != "DIMENSION_LIST"}
-            dims = tuple(dim[0].name.removeprefix("/") for dim in dataset.dims)
-            variables[name] = Variable(dims, value, attrs)
+        raise FileError(f"{path}: is damaged: its seal does not hold")
+    with inputs.parsing(path, "point"), h5py.File(io.BytesIO(body), "r") as file:
+        datasets = _datasets(file, path, len(body))
+        variables = {
+            name: _variable(dataset, f"{path}: /{name}")
+            for name, dataset in datasets.items()
+            if name != "identity" and not dataset.is_scale
+        }
         return file["identity"][()].decode(), variables
+
+
+def _datasets(file, path, size):
+    """{name: dataset} of an open point; FileError for what `encode` never makes, before any of it is followed."""
+    out, total = {}, 0
+    for name in file:
+        item = out[name] = file[name] if isinstance(file.get(name, getlink=True), h5py.HardLink) else None
+        if not isinstance(item, h5py.Dataset):
+            raise FileError(f"{path}: /{name}: is no dataset of its own")
+        created = item.id.get_create_plist()
+        if created.get_layout() not in STORED_AS or created.get_external_count() or item.ndim > 1:
+            raise FileError(f"{path}: /{name}: is stored in another way than the data of a point")
+        if item.dtype.kind not in "iufb" and not (item.ndim == 0 and h5py.check_string_dtype(item.dtype)):
+            raise FileError(f"{path}: /{name}: {item.dtype} of shape {item.shape} is no number, row of numbers or text")
+        total += item.nbytes
+    if total > size:
+        raise FileError(f"{path}: {total} bytes of data do not fit a file of {size} bytes")
+    return out
+
+
+def _variable(dataset, place):
+    value = dataset[()]
+    value = value.decode() if isinstance(value, bytes) else value
+    kept = dataset.attrs
+    names = [name for name in kept if name != "DIMENSION_LIST"]
+    if any(kept.get_id(name).shape for name in names):
+        raise FileError(f"{place}: an attribute is no number or text")
+    dims = tuple(dim[0].name.removeprefix("/") for dim in dataset.dims) if dataset.ndim else ()
+    if not all(DIMENSION.fullmatch(dim) for dim in dims):
+        raise FileError(f"{place}: {dims} are not the dimensions of a point")
+    return Variable(dims, value, {name: kept[name] for name in names})

@@ -5,11 +5,14 @@
     states/HASH.h5            state files that points start from
     plans/NAME.json           plans that were run here
     results/NAME.nc, .csv     their results, made anew from the points at the end of each run
-    journal/HOST-PID.jsonl    who began and finished what, when
+    journal/HOST-PID.jsonl    who began, wrote and finished what, when: a line each, with a checksum
+    rejected/                 points that were not what their address says; computed again
     claims/ADDRESS            locked by the process that is at work on the point
     tmp/                      files that are being written
     lock                      locked by the one campaign that may be at work here
 
+What a process is about to write as a point it declares in its journal, with the SHA-256 of the file. A point that was
+changed afterwards is found by that (`verify`), and what a damaged line declared is found by the point's own contents.
 Locks are those of the operating system (flock): a process that is killed has none. A claim is what makes a point run
 once, even if a worker of a campaign that was killed is still at it: the next one waits, then finds the point there.
 Source  docs/campaigns.md
@@ -17,20 +20,49 @@ Source  docs/campaigns.md
 
 import contextlib
 import fcntl
+import hashlib
 import json
 import os
 import socket
 import time
 import uuid
-from datetime import UTC, datetime
+import zlib
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
 
 from testbench.errors import FileError
+from testbench.storage import inputs, lock
 from testbench.storage.files import explain
 
 SCHEMA = "gyrostore/1"
-LOCK_PATIENCE_S = 0.5
 FOLDERS = ("points", "states", "plans", "results", "journal", "claims", "tmp")
+MOST_LINE_BYTES = 1 << 16  # of a journal
+CRC = ', "crc": "'
+
+Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
+
+
+@dataclass
+class Head:
+    """store.json."""
+
+    schema: str
+    name: Annotated[str, Field(pattern="^[0-9a-f]{32}$")]
+
+
+class Event(BaseModel):
+    """A line of a journal: when, what, which process, of which point; `sha256` of the file that is about to be it."""
+
+    model_config = ConfigDict(strict=True)
+    t: Annotated[float, Field(allow_inf_nan=False)]
+    event: Literal["start", "write", "finish", "fail"]
+    pid: int
+    point: Sha256
+    error: str = ""
+    sha256: Sha256 | None = None
 
 
 class Store:
@@ -50,19 +82,19 @@ class Store:
             if create:
                 for folder in FOLDERS:
                     (path / folder).mkdir(exist_ok=True)
-            data = json.loads(head.read_text())
         except OSError as problem:
-            raise explain(path, problem) from None
-        except ValueError:
-            raise FileError(f"{head}: is damaged") from None
+            raise explain(problem.filename or path, problem) from None
+        data = inputs.read_json(head)
         if data.get("schema") != SCHEMA:
-            raise FileError(f"{head}: schema {data.get('schema')!r}; this version reads {SCHEMA}")
-        return cls(path, data["name"])
+            raise FileError(f"{head}: schema {str(data.get('schema'))[:40]!r}; this version reads {SCHEMA}")
+        return cls(path, inputs.checked(data, Head, head).name)
 
     @staticmethod
     def _begin(path, head, create):
         """Make store.json; of two that do so at once the first one counts."""
         strange = path.is_dir() and any(not p.name.startswith(head.name) for p in path.iterdir())
+        if head.exists():
+            return  # made by another process a moment ago, and with it what else is here
         if strange or (path.exists() and not path.is_dir()):
             raise FileError(f"{path}: is not empty and no store of campaigns; choose another folder")
         if not create:
@@ -92,9 +124,10 @@ class Store:
         return sorted(f"{p.parent.name}{p.stem}" for p in (self.path / "points").glob("??/*.h5"))
 
     def publish(self, address, data):
-        """Write a point beside and rename it; nothing is left if the disk is full."""
+        """Declare a point in the journal, write it beside and rename it; nothing is left if the disk is full."""
         path = self.point(address)
         part = self.path / "tmp" / f"{address[:16]}.{uuid.uuid4().hex[:8]}.part"
+        self.journal("write", point=address, sha256=hashlib.sha256(data).hexdigest())
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             with open(part, "wb", buffering=0) as file:
@@ -113,11 +146,7 @@ class Store:
     def claim(self, address):
         """Keep every other process from this point; waits while another one has it."""
         path = self.path / "claims" / address
-        try:
-            file = open(path, "a")
-        except OSError as problem:
-            raise explain(path, problem) from None
-        with file:
+        with open(lock.regular(path), "wb") as file:
             fcntl.flock(file, fcntl.LOCK_EX)
             yield
             # whoever waited for this file sees the point, and needs no claim
@@ -125,76 +154,90 @@ class Store:
                 with contextlib.suppress(OSError):
                     path.unlink()
 
+    def reject(self, address):
+        """Move what stands in the place of a point to rejected/, whatever it is; returns where it is now."""
+        folder = self.path / "rejected"
+        aside = folder / f"{address}.{uuid.uuid4().hex[:8]}"
+        try:
+            folder.mkdir(exist_ok=True)
+            os.rename(self.point(address), aside)
+        except OSError as problem:
+            raise explain(self.point(address), problem) from None
+        return aside
+
+    # ---- journal -----------------------------------------------------------------------------------------------------
+
     def journal(self, event, **what):
         """Append a line to this process's journal; one write, so that a line is whole or absent."""
-        head = {"t": round(time.time(), 6), "event": event, "pid": os.getpid()}
+        text = json.dumps({"t": round(time.time(), 6), "event": event, "pid": os.getpid()} | what)[:-1]
         path = self.path / "journal" / f"{socket.gethostname()}-{os.getpid()}.jsonl"
-        try:
-            with open(path, "ab", buffering=0) as file:
-                file.write((json.dumps(head | what) + "\n").encode())
-        except OSError as problem:
-            raise explain(path, problem) from None
+        with open(lock.regular(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND), "ab", buffering=0) as file:
+            try:
+                file.write(f'{text}{CRC}{zlib.crc32(text.encode()):08x}"}}\n'.encode())
+            except OSError as problem:
+                raise explain(path, problem) from None
+
+    def lines(self, faults):
+        """`Event`s of all journals, in no order; `faults` takes one line of text for each that cannot be read."""
+        for path in sorted((self.path / "journal").glob("*.jsonl")):
+            try:
+                with inputs.opened(path, inputs.most_bytes()) as file:
+                    for number, line in enumerate(iter(lambda f=file: f.readline(MOST_LINE_BYTES), b""), 1):
+                        try:
+                            event = _event(line, f"{path}:{number}")
+                        except FileError as problem:
+                            faults.append(str(problem))
+                        else:
+                            yield event
+            except FileError as problem:
+                faults.append(str(problem))
 
     def events(self):
         """All whole lines of all journals, by time."""
-        out = []
-        for path in (self.path / "journal").glob("*.jsonl"):
-            for line in path.read_text().splitlines():
-                with contextlib.suppress(ValueError):  # a line that a full disk cut
-                    out.append(json.loads(line))
-        return sorted(out, key=lambda event: event["t"])
+        return sorted(self.lines([]), key=lambda event: event.t)
+
+    def written(self):
+        """{address: {SHA-256 of a file that was written as this point}} of all journals."""
+        return declared(self.lines([]))
 
     # ---- one campaign at a time --------------------------------------------------------------------------------------
 
     @contextlib.contextmanager
     def locked(self):
         """Be the one campaign at work here, or FileError that says who is."""
-        path = self.path / "lock"
-        try:
-            file = open(path, "a+")
-        except OSError as problem:
-            raise explain(path, problem) from None
-        with file:
-            self._take(file)
-            since = datetime.now(UTC).isoformat(timespec="seconds")
+        with lock.alone(self.path / "lock", f"{self.path}: another campaign is at work here"):
             try:
-                file.truncate(0)
-                file.write(f"process {os.getpid()} on {socket.gethostname()} since {since}")
-                file.flush()
+                for folder in ("tmp", "results"):  # copies without empty folders lack them
+                    (self.path / folder).mkdir(exist_ok=True)
+                parts = list((self.path / "tmp").iterdir())
             except OSError as problem:
-                raise explain(path, problem) from None
-            (self.path / "tmp").mkdir(exist_ok=True)  # copies without empty folders lack it
-            for part in (self.path / "tmp").iterdir():
+                raise explain(problem.filename or self.path, problem) from None
+            for part in parts:
                 with contextlib.suppress(OSError):
                     part.unlink()
             yield
 
-    def _take(self, file):
-        """The lock; `busy` may hold it for a moment, so it is tried for a while."""
-        until = time.monotonic() + LOCK_PATIENCE_S
-        while True:
-            try:
-                return fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                if time.monotonic() > until:
-                    raise FileError(f"{self.path}: another campaign is at work here: {self.owner()}") from None
-                time.sleep(0.05)
-            except OSError as problem:
-                raise explain(file.name, problem) from None
-
     def owner(self):
-        """Text in the lock: who is, or was last, at work here."""
-        with contextlib.suppress(OSError):
-            return (self.path / "lock").read_text() or "unknown"
-        return "unknown"
+        """Who is, or was last, at work here."""
+        return lock.owner(self.path / "lock")
 
     def busy(self):
         """True while a campaign is at work here."""
-        try:
-            with open(self.path / "lock") as file:
-                fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return True
-        except OSError:
-            return False
-        return False
+        return lock.busy(self.path / "lock")
+
+
+def declared(events):
+    """{address: {SHA-256 of a file that was written as this point}} of events."""
+    out = {}
+    for event in events:
+        if event.sha256:
+            out.setdefault(event.point, set()).add(event.sha256)
+    return out
+
+
+def _event(line, place):
+    """`Event` of a line of a journal; FileError if its checksum, its form or its end is not as it was written."""
+    text, _, crc = line.partition(CRC.encode())
+    if not line.endswith(b"\n") or (crc and crc != b'%08x"}\n' % zlib.crc32(text)):
+        raise FileError(f"{place}: is damaged: its checksum does not hold")
+    return inputs.parse_json(line, place, Event)

@@ -19,6 +19,7 @@ from testbench.campaign.plan.measure import Keeper
 from testbench.campaign.plan.points import address_of, task_of
 from testbench.campaign.store import Store
 from testbench.errors import ConfigError, FileError
+from testbench.version import VERSION
 
 # mpmath has one precision for a whole process: threads of a Dask worker take turns
 ALONE = threading.Lock()
@@ -144,6 +145,7 @@ def _run(store, batch):
                 out.append(Outcome(address, FAILED, _reason(problem)))
                 continue
             store.publish(address, data)
-            store.journal("finish", point=address, wall_s=round(wall_s, 6), python=platform.python_version())
+            made_by = {"version": VERSION, "python": platform.python_version()}
+            store.journal("finish", point=address, wall_s=round(wall_s, 6), **made_by)
             out.append(Outcome(address, DONE, "", numbers, wall_s, task.config.scenario.seconds))
     return out

@@ -112,7 +112,8 @@ def paper(o):
         given = {"boards": o.boards, "rest_s": o.rest_s, "record_s": o.record_s}
         size = size._replace(**{k: v for k, v in given.items() if v is not None})
         job = study.Study(checked, o.out, size, workers=o.workers, progress=progress)
-        path, verdicts = page.write(job)
+        with job.alone():
+            path, verdicts = page.write(job)
     if o.as_json:
         print_json({"page": str(path), "verdicts": verdicts, "seconds": job.seconds})
         return

@@ -5,26 +5,32 @@
     law.json           scale factor over ye1, drive loop over xe1, shares of the noise
     record.json        phases over two hours
 
-A stage's file names what it was made from: configuration, sizes and sources of the code. Kill it and start it again.
+A stage's file names what it was made from: configuration, sizes and sources of the code, and has the SHA-256 of its
+result. A damaged one is done again. Kill it and start it again; `lock` keeps a second process out.
 Source    docs/paper.md
 """
 
 import hashlib
 import json
 import time
+from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Annotated, Any, NamedTuple
+
+from pydantic import Field
 
 from testbench.campaign import collect, execute
 from testbench.campaign.plan import plan
 from testbench.campaign.pool import Here, Pool
 from testbench.campaign.store import Store
+from testbench.errors import FileError
 from testbench.paper import cases, law
 from testbench.paper.calibration import calibrations
 from testbench.paper.loop import sensitivity
 from testbench.paper.measure import record_phases
 from testbench.paper.measure.characterise import unflat
-from testbench.storage.files import write_text
+from testbench.storage import inputs, lock
+from testbench.storage.files import explain, write_text
 from testbench.storage.sources import code_sha256
 
 
@@ -46,14 +52,44 @@ FULL = Size()
 SMALL = Size(boards=0, rest_s=20.0, temperatures_degc=(25.0,), case_numbers=(1, 5), noise_s=0.0, record_s=0.0)
 
 
+@dataclass
+class Kept:
+    """The file of a stage: what it was made from, how long it took, the result and its SHA-256."""
+
+    made_from: str
+    seconds: Annotated[float, Field(ge=0, allow_inf_nan=False)]
+    result: Any
+    sha256: str
+
+
+def _sha256(result):
+    return hashlib.sha256(json.dumps(result, sort_keys=True).encode()).hexdigest()
+
+
+def _kept(path):
+    """`Kept` stage; None if there is none, or if it is damaged: then it is done again."""
+    try:
+        kept = inputs.read_json(path, Kept, inputs.most_bytes())
+        return kept if kept.sha256 == _sha256(kept.result) else None
+    except FileError:
+        return None
+
+
 class Study:
     """Folder of a study, and its stages."""
 
     def __init__(self, config, directory, size=FULL, seed=4, workers=None, progress=None):
         self.config, self.directory, self.size, self.seed = config, Path(directory), size, seed
         self.workers, self.progress = workers, progress
-        self.directory.mkdir(parents=True, exist_ok=True)
+        try:
+            self.directory.mkdir(parents=True, exist_ok=True)
+        except OSError as problem:
+            raise explain(self.directory, problem) from None
         self.seconds = {}
+
+    def alone(self):
+        """Be the one process at work in the folder, or FileError that says who is; for `with`."""
+        return lock.alone(self.directory / "lock", f"{self.directory}: another study is at work here")
 
     def _stage(self, name, key, work):
         """Result of a stage: from its file if that was made from the same things."""
@@ -73,18 +109,14 @@ class Study:
         )
         digest = hashlib.sha256(text.encode()).hexdigest()
         path = self.directory / f"{name}.json"
-        if path.exists():
-            kept = json.loads(path.read_text())
-            if kept.get("made_from") == digest:
-                self.seconds[name] = kept["seconds"]
-                return kept["result"]
-        began = time.monotonic()
-        result = work()
-        self.seconds[name] = time.monotonic() - began
-        write_text(
-            path, json.dumps({"made_from": digest, "seconds": self.seconds[name], "result": result}, default=float)
-        )
-        return json.loads(path.read_text())["result"]
+        kept = _kept(path)
+        if kept is None or kept.made_from != digest:
+            began = time.monotonic()
+            result = json.loads(json.dumps(work(), default=float))
+            kept = Kept(digest, time.monotonic() - began, result, _sha256(result))
+            write_text(path, json.dumps(vars(kept)))
+        self.seconds[name] = kept.seconds
+        return kept.result
 
     def calibration(self):
         """The base board, calibrated from words at zero, with the minimum of A_d beside the detuning."""
@@ -126,7 +158,7 @@ class Study:
         report = execute.run(told, self.directory / "store", executor, show or Progress(quiet=True))
         self.seconds["campaign"] = time.monotonic() - began
         for address, text in report.failures:
-            raise RuntimeError(f"campaign: point {address[:12]} failed: {text}")
+            raise FileError(f"{self.directory / 'store'}: point {address[:12]} failed: {text}")
         store = Store.at(self.directory / "store")
         found, _ = plan.points(told)
         out = {}

@@ -64,6 +64,7 @@ def lock_part(path):
     """The locked PATH.part; FileError if another process writes the file."""
     try:
         Path(path).parent.mkdir(parents=True, exist_ok=True)
+        clear(path)
         file = lock(part_of(path))
     except OSError as problem:
         raise explain(path, problem) from None
@@ -112,6 +113,12 @@ def seal_holds(path):
             digest.update(block)
             left -= len(block)
     return found == SEAL % digest.hexdigest().encode()
+
+
+def clear(path):
+    """Remove what is no regular file under the name PATH.part: to open a FIFO would wait for a reader."""
+    if part_of(path).exists() and not part_of(path).is_file():
+        discard(path)
 
 
 def discard(path):

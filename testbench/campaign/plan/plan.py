@@ -23,8 +23,8 @@ from testbench.campaign.plan.draws import Spec
 from testbench.campaign.plan.measure import FRAME_S, STATISTICS, Keep
 from testbench.campaign.plan.points import Point, address_of, identity_of
 from testbench.config.toml_text import toml_of
-from testbench.errors import ConfigError
-from testbench.storage.inputs import read_toml
+from testbench.errors import ConfigError, FileError
+from testbench.storage.inputs import opened, read_toml
 from testbench.storage.spool import FIELDS
 
 MAX_POINTS = 100_000
@@ -313,10 +313,10 @@ def _checked(plan, tree, number):
 def _state(plan, name):
     path = plan.folder / name
     try:
-        with open(path, "rb") as file:
+        with opened(path) as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError as problem:
-        raise ConfigError(f"{plan.source}: scenario.resume: {path} cannot be read: {problem.strerror}") from None
+    except FileError as problem:
+        raise ConfigError(f"{plan.source}: scenario.resume: {problem}") from None
 
 
 def value_at(plan, axis, dotted, k):
@@ -329,15 +329,3 @@ def value_at(plan, axis, dotted, k):
     section, key = dotted.split(".")
     given = plan.tree.get(section, {})
     return given[key] if key in given else getattr(getattr(configuration.Config(), section), key)
-
-
-def as_data(plan):
-    """Plain data that `from_data` reads back: what the store keeps of a plan."""
-    axes = [axis._asdict() for axis in plan.axes]
-    return {"name": plan.name, "engine": plan.engine, "set": plan.tree, "axes": axes, "keep": plan.keep._asdict()}
-
-
-def from_data(data, source):
-    """`Plan` of what the store keeps."""
-    axes = tuple(Axis(a["name"], a["length"], a["values"], tuple(a["cases"])) for a in data["axes"])
-    return Plan(data["name"], data["engine"], data["set"], axes, Keep(**data["keep"]), source, Path("/"), {})

@@ -12,16 +12,23 @@ Source  docs/campaigns.md
 
 import hashlib
 import json
+import re
+from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Annotated, Any, NamedTuple
+
+from pydantic import Field
 
 from testbench import config as configuration
 from testbench.campaign.plan import engines
 from testbench.campaign.plan.measure import Keep
 from testbench.errors import ConfigError, FileError
+from testbench.storage import inputs
 
 SCHEMA = "gyropoint/1"
 STATE = "sha256:"
+STATE_NAME = re.compile("sha256:([0-9a-f]{64})")
+Frames = Annotated[int, Field(strict=True, ge=1, le=1 << 31)]
 PROFILES = ("rate_dps", "temperature_degc")  # may hold integers, which are no other profile than floats
 
 
@@ -62,6 +69,37 @@ def identity_of(config, engine, keep, state_sha256=""):
     return canonical({"schema": SCHEMA, "config": tree, "engine": kept_as, "keep": keep._asdict(), "code": code})
 
 
+@dataclass
+class KeepData:
+    """`Keep` as plain data."""
+
+    streams: dict[str, Frames]
+    statistics: dict[str, list[str]]
+    frames: Frames
+    tau_s: list[Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]]
+
+    def keep(self):
+        """As a `Keep`."""
+        return Keep(self.streams, self.statistics, self.frames, self.tau_s)
+
+
+@dataclass
+class _Identity:
+    schema: str
+    config: dict[str, dict[str, Any]]
+    engine: str
+    keep: KeepData
+    code: str
+
+
+def parsed(identity):
+    """Identity as an object; FileError for what is none of this version's."""
+    data = inputs.parse_json(identity, "point")
+    if data.get("schema") != SCHEMA:
+        raise FileError(f"point: schema {str(data.get('schema'))[:40]!r} is not that of this version, {SCHEMA}")
+    return inputs.checked(data, _Identity, "a point that this version cannot read")
+
+
 class Task(NamedTuple):
     """A point as a worker needs it."""
 
@@ -71,22 +109,26 @@ class Task(NamedTuple):
     code: str
 
 
+def state_of(data, states):
+    """Path of the state file that a parsed identity starts from, or None."""
+    resume = str(data.config.get("scenario", {}).get("resume", ""))
+    named = STATE_NAME.fullmatch(resume)
+    if resume and not named:
+        raise FileError(f"point: scenario.resume: {resume[:80]!r} is no hash of a state file")
+    return Path(states) / f"{named[1]}.h5" if named else None
+
+
 def task_of(identity, states):
     """`Task` of an identity; `states` is the folder of state files by hash."""
-    data = json.loads(identity)
-    if data.get("schema") != SCHEMA:
-        raise FileError(f"point: schema {data.get('schema')!r} is not that of this version, {SCHEMA}")
-    tree, keep = data["config"], data["keep"]
-    resume = tree["scenario"]["resume"]
-    if resume:
-        tree["scenario"]["resume"] = str(Path(states) / f"{resume.removeprefix(STATE)}.h5")
+    data = parsed(identity)
+    tree, keep = data.config, data.keep
+    if state := state_of(data, states):
+        tree["scenario"]["resume"] = str(state)
     # a campaign keeps its own files, so a run writes none and takes no checkpoints
     tree["output"] = {"record": False, "pictures": False, "html": False, "state": False, "checkpoint_s": 0.0}
     try:
         config = configuration.from_dict(tree, "point")
     except ConfigError as problem:
         raise FileError(f"a point that this version cannot read: {problem}") from None
-    statistics = {name: tuple(kinds) for name, kinds in keep["statistics"].items()}
-    return Task(
-        config, data["engine"], Keep(keep["streams"], statistics, keep["frames"], tuple(keep["tau_s"])), data["code"]
-    )
+    statistics = {name: tuple(kinds) for name, kinds in keep.statistics.items()}
+    return Task(config, data.engine, keep.keep()._replace(statistics=statistics, tau_s=tuple(keep.tau_s)), data.code)

@@ -2,8 +2,8 @@
 
     STORE/CODE/ab/ab12...npz   arrays of one point (no pickle)       STORE/CODE/ab/ab12...json   result of a stage
 CODE is the hash of our sources and of the libraries' versions: what another version left is computed again. Everything
-else of a trace follows from these by deterministic algebra, so the same result comes out. Each file is sealed with its
-own SHA-256; a damaged one is not believed: it is computed again.
+else of a trace follows from these by deterministic algebra, so the same result comes out. A file ends with the SHA-256
+of its key and contents. One that is damaged, or is another key's, is not believed: it is computed again.
 """
 
 import functools
@@ -12,14 +12,13 @@ import io
 import json
 import os
 import tempfile
-import zipfile
 from importlib import metadata
 from pathlib import Path
 
 import numpy as np
 
 from testbench.errors import FileError
-from testbench.storage import sources
+from testbench.storage import inputs, sources
 from testbench.storage.files import SEAL, SEAL_BYTES
 
 COMPUTES = ("testbench.measured.openers", "testbench.tracing.trace")
@@ -59,15 +58,6 @@ class Store:
     def _file(self, key, ending):
         return self.path / key[:2] / (key + ending)
 
-    def _read(self, key, ending):
-        """Contents of a file whose seal holds, else None."""
-        try:
-            whole = self._file(key, ending).read_bytes()
-        except OSError:
-            return None
-        data = whole[:-SEAL_BYTES]
-        return data if whole[-SEAL_BYTES:] == SEAL % hashlib.sha256(data).hexdigest().encode() else None
-
     def _write(self, key, ending, data):
         target = self._file(key, ending)
         try:
@@ -75,7 +65,7 @@ class Store:
             handle, part = tempfile.mkstemp(dir=target.parent, suffix=".part")
             try:
                 with os.fdopen(handle, "wb") as file:
-                    file.write(data + SEAL % hashlib.sha256(data).hexdigest().encode())
+                    file.write(data + _seal(key, data))
                 os.replace(part, target)
             except BaseException:
                 os.unlink(part)
@@ -83,18 +73,27 @@ class Store:
         except OSError as problem:
             raise FileError(f"{target}: cannot be written: {problem.strerror}") from None
 
+    def _read(self, key, ending):
+        """Bytes that were written under this key; FileError if there are none, or others."""
+        path = self._file(key, ending)
+        data = inputs.read_bytes(path)
+        body, seal = data[:-SEAL_BYTES], data[-SEAL_BYTES:]
+        if seal != _seal(key, body):
+            raise FileError(f"{path}: is damaged, or of another key")
+        return body
+
     def load_arrays(self, key):
         """Arrays of a point; None if they are not there or damaged."""
-        whole = None if self.path is None else self._read(key, ".npz")
-        if whole is None:
+        if self.path is None:
             return None
         try:
-            with np.load(io.BytesIO(whole), allow_pickle=False) as data:
-                if "failed" in data:
-                    return str(data["failed"])
-                return [data[f"a{i}"] for i in range(len(data.files))]
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+            body = self._read(key, ".npz")
+        except FileError:
             return None
+        with np.load(io.BytesIO(body), allow_pickle=False) as data:
+            if "failed" in data:
+                return str(data["failed"])
+            return [data[f"a{i}"] for i in range(len(data.files))]
 
     def save_arrays(self, key, arrays):
         """Keep the arrays of a point, or the reason (str) why it failed."""
@@ -102,16 +101,23 @@ class Store:
             named = (
                 {"failed": np.array(arrays)} if isinstance(arrays, str) else {f"a{i}": a for i, a in enumerate(arrays)}
             )
-            packed = io.BytesIO()
-            np.savez(packed, **named)
-            self._write(key, ".npz", packed.getvalue())
+            buffer = io.BytesIO()
+            np.savez(buffer, **named)
+            self._write(key, ".npz", buffer.getvalue())
 
     def stage(self, key, compute):
         """Result of `compute()`, JSON-able, from the store if it is there."""
         if self.path is None:
             return compute()
-        if (known := self._read(key, ".json")) is not None:
-            return json.loads(known)
+        try:
+            return json.loads(self._read(key, ".json"))
+        except FileError:
+            pass
         text = json.dumps(compute())
         self._write(key, ".json", text.encode())
         return json.loads(text)
+
+
+def _seal(key, data):
+    """Of the contents and their key: a file that was copied from another key is not believed."""
+    return SEAL % hashlib.sha256(key.encode() + b"\0" + data).hexdigest().encode()

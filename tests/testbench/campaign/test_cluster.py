@@ -20,7 +20,7 @@ def test_a_cluster_of_two_workers_equals_the_local_run(tmp_path):
     assert code == 0, err
     assert "40 points, 0 finished before, 40 now" in out
     assert finished(tmp_path / "dask") == finished(tmp_path / "local")
-    pids = {event["pid"] for event in Store.at(tmp_path / "dask").events()}
+    pids = {event.pid for event in Store.at(tmp_path / "dask").events()}
     assert len(pids) == 2
 
 

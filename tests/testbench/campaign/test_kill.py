@@ -81,12 +81,12 @@ class Watched:
         store = Store.at(self.path)
         ended, written = {}, {}
         for event in store.events():
-            if event["event"] == "finish":
-                assert event["point"] not in ended, f"{event['point']} was finished twice"
-                ended[event["point"]] = event["t"]
-            if event["event"] == "start":
-                assert event["point"] not in ended, f"{event['point']} began again after it was finished"
-                written[event["point"]] = event["t"]
+            if event.event == "finish":
+                assert event.point not in ended, f"{event.point} was finished twice"
+                ended[event.point] = event.t
+            if event.event == "start":
+                assert event.point not in ended, f"{event.point} began again after it was finished"
+                written[event.point] = event.t
         assert sorted(written) == store.addresses()
         for address, began in written.items():
             assert store.point(address).stat().st_mtime > began - 0.05, "the last start is the one that was finished"

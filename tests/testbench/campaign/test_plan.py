@@ -6,6 +6,7 @@ import pytest
 
 from testbench.campaign.plan import plan as plans
 from testbench.campaign.plan import points as point
+from testbench.campaign.plan import stored
 from testbench.campaign.plan.points import address_of, task_of
 from testbench.commands import main as cli
 from testbench.config import load
@@ -124,7 +125,10 @@ def test_a_plan_comes_back_from_the_store(tmp_path):
         'statistics.rate_word = ["adev"]\n[[axes.c.cases]]\nname = "x"\n'
     )
     plan = plans.read(written(tmp_path, text))
-    back = plans.from_data(json.loads(json.dumps(plans.as_data(plan))), "there")
+    addresses = [point.address for point in plans.points(plan)[0]]
+    (tmp_path / f"{plan.name}.json").write_text(stored.text_of(plan, addresses))
+    back, kept = stored.read(tmp_path / f"{plan.name}.json")
+    assert kept == tuple(addresses)
     assert back.axes == plan.axes
     assert back.keep == plan.keep
     assert back.shape == (2, 1)

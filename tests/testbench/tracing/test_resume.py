@@ -26,12 +26,12 @@ from tests.testbench.tracing.test_resume import OPTIONS, problem
 from testbench.tracing.problem import checkpoint
 from testbench.tracing.trace import trace
 left = int(sys.argv[2])
-def writing(self, key, ending, write, plain=checkpoint.Store._write):
+def writing(self, key, ending, data, plain=checkpoint.Store._write):
     global left
     left -= 1
     if left == 0:
         os.kill(os.getpid(), signal.SIGKILL)
-    plain(self, key, ending, write)
+    plain(self, key, ending, data)
 checkpoint.Store._write = writing
 trace(problem(), OPTIONS, checkpoint=sys.argv[1])
 """
@@ -159,3 +159,31 @@ def test_one_changed_bit_anywhere_is_not_believed(tmp_path):
             else:
                 assert store.stage("cd34", lambda: "computed again") == "computed again"
         path.write_bytes(whole)
+
+
+@pytest.mark.parametrize("ending", [".json", ".npz"])
+@pytest.mark.parametrize("damage", ["swapped", "bit", "empty", "list", "fifo", "folder"])
+def test_a_file_that_is_not_what_was_kept_is_not_believed(tmp_path, ending, damage):
+    store, key, other = Store(tmp_path), digest("one"), digest("other")
+    for k, name in enumerate((key, other)):
+        store.stage(name, lambda k=k: {"x": k})
+        store.save_arrays(name, [np.arange(3.0) + k])
+    path, foreign = (next(tmp_path.rglob(f"{name}{ending}")) for name in (key, other))
+    data = bytearray(path.read_bytes())
+    data[len(data) // 3] ^= 4
+    path.unlink()
+    if damage == "fifo":
+        os.mkfifo(path)
+    elif damage == "folder":
+        path.mkdir()
+    else:
+        path.write_bytes({"swapped": foreign.read_bytes(), "bit": data, "empty": b"", "list": b"[]"}[damage])
+    if ending == ".npz":
+        assert store.load_arrays(key) is None
+    elif damage == "folder":
+        with pytest.raises(FileError, match="cannot be written"):
+            store.stage(key, lambda: {"x": 0})
+    else:
+        assert store.stage(key, lambda: {"x": "again"}) == {"x": "again"}
+    assert store.load_arrays(other)[0].tolist() == [1.0, 2.0, 3.0]
+    assert store.stage(other, lambda: pytest.fail("asked again")) == {"x": 1}
