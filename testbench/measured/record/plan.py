@@ -19,9 +19,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 from testbench import config as configuration
-from testbench.config.toml_text import read_toml, toml_of
+from testbench.config.toml_text import toml_of
 from testbench.errors import ConfigError
 from testbench.measured.record import schema
+from testbench.storage.inputs import read_toml
 
 MOST_REPEATS, MOST_CONDITIONS = 64, 256
 

@@ -6,16 +6,16 @@ is not believed: it is computed again.
 """
 
 import hashlib
-import io
 import json
 import os
 import tempfile
-import zipfile
 from pathlib import Path
 
 import numpy as np
 
 from testbench.errors import FileError
+from testbench.storage.inputs import read_bytes, read_json
+from testbench.storage.npz_input import read_npz
 
 
 def digest(*parts):
@@ -64,13 +64,11 @@ class Store:
         """Arrays of a point; None if they are not there or damaged."""
         if self.path is None:
             return None
+        path = self._file(key, ".npz")
         try:
-            whole = io.BytesIO(self._file(key, ".npz").read_bytes())
-            with np.load(whole, allow_pickle=False) as data:
-                if "failed" in data:
-                    return str(data["failed"])
-                return [data[f"a{i}"] for i in range(len(data.files))]
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+            data = read_npz(read_bytes(path), path)
+            return str(data["failed"]) if "failed" in data else [data[f"a{i}"] for i in range(len(data))]
+        except (FileError, KeyError):
             return None
 
     def save_arrays(self, key, arrays):
@@ -86,8 +84,8 @@ class Store:
         if self.path is None:
             return compute()
         try:
-            return json.loads(self._file(key, ".json").read_text())
-        except (OSError, ValueError):
+            return read_json(self._file(key, ".json"), object)
+        except FileError:
             pass
         text = json.dumps(compute())
         self._write(key, ".json", lambda file: file.write(text.encode()))

@@ -179,7 +179,7 @@ def test_a_map_is_read(tmp_path):
         (GOOD + "[reset]\nactive = 1\n", "reset.signal"),
         (GOOD + '[reset]\nsignal = "r"\nactive = 2\n', "reset.active"),
         (GOOD.replace('q = "tb.dut.q"', ""), "ports"),
-        ("[", "as TOML"),
+        ("[", "is not TOML"),
     ],
 )
 def test_a_broken_map_is_one_clear_line(tmp_path, text, said):
