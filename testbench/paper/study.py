@@ -9,6 +9,7 @@ A stage's file names what it was made from: configuration, sizes and sources of 
 Source    docs/paper.md
 """
 
+import contextlib
 import hashlib
 import json
 import time
@@ -20,12 +21,14 @@ from testbench.campaign.plan import plan
 from testbench.campaign.plan.sources import code_sha256
 from testbench.campaign.pool import Here, Pool
 from testbench.campaign.store import Store
+from testbench.errors import FileError
 from testbench.paper import cases, law
 from testbench.paper.calibration import calibrations
 from testbench.paper.loop import sensitivity
 from testbench.paper.measure import record_phases
 from testbench.paper.measure.characterise import unflat
 from testbench.storage.files import write_text
+from testbench.storage.inputs import read_json
 
 
 class Size(NamedTuple):
@@ -73,9 +76,9 @@ class Study:
         )
         digest = hashlib.sha256(text.encode()).hexdigest()
         path = self.directory / f"{name}.json"
-        if path.exists():
-            kept = json.loads(path.read_text())
-            if kept.get("made_from") == digest:
+        with contextlib.suppress(FileError):  # absent, or damaged: made again
+            kept = read_json(path)
+            if kept.get("made_from") == digest and {"seconds", "result"} <= set(kept):
                 self.seconds[name] = kept["seconds"]
                 return kept["result"]
         began = time.monotonic()

@@ -21,11 +21,7 @@ from testbench.storage.files import seal_holds
 from testbench.storage.record import RecordError
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
-FILTERS = {
-    h5py.h5z.FILTER_DEFLATE: "gzip",
-    h5py.h5z.FILTER_SHUFFLE: "shuffle",
-    h5py.h5z.FILTER_FLETCHER32: "fletcher32",
-}
+FILTERS = {1: "gzip", 2: "shuffle", 3: "fletcher32"}  # by their numbers in the HDF5 library
 LAYOUTS = (h5py.h5d.COMPACT, h5py.h5d.CONTIGUOUS, h5py.h5d.CHUNKED)
 MOST_OBJECTS = 10_000  # groups, datasets and attributes
 MOST_DEPTH = 16

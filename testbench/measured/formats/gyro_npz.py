@@ -35,9 +35,8 @@ def looks_like(path):
 
 
 def _scalar(path, held, ending):
-    found = [
-        name for name, v in held.items() if v.size == 1 and v.dtype.kind in "iuf" and name.lower().endswith(ending)
-    ]
+    numbers = [name for name, v in held.items() if v.size == 1 and v.dtype.kind in "iuf"]
+    found = [name for name in numbers if name.lower().endswith(ending)]
     if len(found) != 1:
         raise FileError(f"{path}: expected one number named ...{ending}, found {len(found)}")
     value = float(held[found[0]].item())
