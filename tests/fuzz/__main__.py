@@ -5,6 +5,7 @@ Kinds take turns in batches of one process each, two processes at a time. Input 
 """
 
 import argparse
+import contextlib
 import json
 import os
 import select
@@ -67,6 +68,9 @@ def batch(folder, kind, first, count):
                 if len(line) == 3:
                     done, accepted, first = done + 1, accepted + line[2], at + 1
                     findings += [Finding(kind, at, line[1])] if line[1] else []
+            if problem is None:
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    process.wait(10)
             process.kill()
         if process.returncode and first < end:
             findings.append(Finding(kind, at, problem or f"the process ended with {process.returncode}"))

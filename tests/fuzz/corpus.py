@@ -56,8 +56,8 @@ end;
 CAMPAIGN = {
     "name": "small",
     "set": {"scenario.seconds": 0.05, "scenario.diagnose": False},
-    "axes": {"rate": {"scenario.rate_dps": [0, 100]}, "part": {"plant.fx_hz": {"normal": [11002.3, 1.0], "points": 3}}},
-    "keep": {"streams.rate_word": 8, "statistics.rate_word": ["mean", "std"]},
+    "axes": {"rate": {"scenario.rate_dps": [0, 100]}, "part": {"plant.fx_hz": {"linspace": [11000.0, 11004.0, 3]}}},
+    "keep": {"streams": {"rate_word": 8}, "statistics": {"rate_word": ["mean", "std"]}},
 }
 MEASURED = {
     "name": "small",

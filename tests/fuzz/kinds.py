@@ -4,6 +4,7 @@ A third of the inputs has damaged bytes; the others are valid files with somethi
 seals were made again, so that what is wrong passes the check of integrity.
 """
 
+import contextlib
 import hashlib
 import io
 import json
@@ -45,7 +46,8 @@ def _array(rng, array):
     elif how == 4 and array.size:
         array = np.full_like(array, array.flat[0])
     elif how == 5:
-        array = array.astype(rng.choice(("i1", "u8", "f4", "f8", "c16", "U9", "?", ">i4", "S3")))
+        with contextlib.suppress(ValueError, OverflowError):
+            array = array.astype(rng.choice(("i1", "u8", "f4", "f8", "c16", "U9", "?", ">i4", "S3")))
     elif how == 6:
         array = np.stack([array] * rng.choice((1, 2, 3)))
     elif how == 7:
@@ -76,7 +78,8 @@ def _hostile_hdf5(rng, path):
         file.visit(places.append)
         for _ in range(rng.choice((1, 1, 2))):
             place = rng.choice(places)
-            if place in file:
+            # a place may be gone, and what the library itself refuses is no input
+            with contextlib.suppress(KeyError, ValueError, OSError, TypeError):
                 _change_item(rng, file, place)
     if rng.random() < 0.7:
         _sealed(path)
@@ -114,7 +117,7 @@ def _change_item(rng, file, place):
     elif how == 8:
         file.create_dataset(place, data=np.zeros(20_000_000 if rng.random() < 0.2 else 1000, "i8"), compression="lzf")
     elif how == 9:
-        texts = np.array(["x" * 1000] * 50 + ["\0"], object)
+        texts = np.array(["x" * 1000] * 50 + [""], object)
         file.create_dataset(place, data=texts, dtype=h5py.string_dtype())
     elif how == 10:
         file.create_dataset(place, data=np.zeros(5, [("a", "f8"), ("b", "i4", (3,))]))
@@ -203,10 +206,8 @@ def record(rng, corpus, folder):
 
 def _made(write):
     """What this project itself refuses to write is no input: the file stays as it was."""
-    try:
+    with contextlib.suppress(ValueError, TypeError, OverflowError):
         write()
-    except (ValueError, TypeError, OverflowError, UnicodeError):
-        pass
 
 
 def parquet(rng, corpus, folder):

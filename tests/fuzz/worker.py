@@ -28,7 +28,10 @@ def one(corpus, kind, number):
 
     rng = random.Random(f"{kind} {number}")
     with tempfile.TemporaryDirectory(prefix="fuzz-") as folder:
-        read = KINDS[kind](rng, corpus, Path(folder))
+        try:
+            read = KINDS[kind](rng, corpus, Path(folder))
+        except Exception as error:
+            return "the input cannot be made: " + "".join(traceback.format_exception(error)), False
         began = time.monotonic()
         try:
             with warnings.catch_warnings():
