@@ -22,8 +22,8 @@ from analog_frontend.effects import (
 from analog_frontend.parts import device
 from fpga_model import jit
 from testbench import config
-from testbench.storage import sources
 from testbench.commands import docs, effects_pages
+from testbench.storage import sources
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / "docs" / "effects"

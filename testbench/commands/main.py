@@ -201,6 +201,10 @@ def main(argv=None):
     except BrokenPipeError:
         sys.stderr.close()
         code = 0
+    except OSError as problem:
+        # a name that is too long, a disk that is full: the system's word on a file
+        _say(f"{problem.filename or 'gyro'}: {problem.strerror or problem}")
+        code = EXIT_MENDABLE
     except Exception as problem:
         # usage errors of the argument parser, whose class typer keeps private, know their exit code and their line
         if type(problem).__name__ == "Abort":

@@ -5,14 +5,13 @@ something the user can mend, 3 a record that loads but whose firmware is not the
 Source  docs/measured.md
 """
 
-import contextlib
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
 import typer
 
 from testbench.console.options import takes
-from testbench.errors import ConfigError, FileError
+from testbench.errors import ConfigError
 
 app = typer.Typer(
     name="measured",
@@ -261,17 +260,6 @@ def _pairs(option):
     return out
 
 
-@contextlib.contextmanager
-def _determined(files):
-    """Data that fix no model end in the linear algebra: one line."""
-    from numpy.linalg import LinAlgError
-
-    try:
-        yield
-    except LinAlgError as problem:
-        raise FileError(f"{files[0]}: the data do not determine the model: {problem}") from None
-
-
 @app.command()
 @takes(TraceOptions)
 def trace(o):
@@ -280,13 +268,13 @@ def trace(o):
     from testbench.measured.closed_loop import loop_trace
     from testbench.measured.exam import part_page
     from testbench.measured.models.part_problem import PartProblem
-    from testbench.measured.openers import open_problem
+    from testbench.measured.openers import determined, open_problem
     from testbench.tracing import report as page
     from testbench.tracing.figures import all_figures
     from testbench.tracing.trace import Options
 
     given = _pairs(o.option)
-    with _progress(False) as progress, _determined(o.files):
+    with _progress(False) as progress, determined(o.files):
         found, name = trace_recording.trace_table(o.files, given), "numbers"
         if not found:
             problem = open_problem(o.files, given)

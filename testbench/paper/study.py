@@ -18,7 +18,6 @@ from typing import NamedTuple
 
 from testbench.campaign import collect, execute
 from testbench.campaign.plan import plan
-from testbench.storage.sources import code_sha256
 from testbench.campaign.pool import Here, Pool
 from testbench.campaign.store import Store
 from testbench.errors import FileError
@@ -29,6 +28,7 @@ from testbench.paper.measure import record_phases
 from testbench.paper.measure.characterise import unflat
 from testbench.storage.files import write_text
 from testbench.storage.inputs import read_json
+from testbench.storage.sources import code_sha256
 
 
 class Size(NamedTuple):

@@ -14,7 +14,7 @@ from pathlib import Path
 from testbench.errors import FileError
 from testbench.storage.inputs import MOST_EXPANSION
 
-LONGEST_S, BYTES_PER_S = 20.0, 1 << 20  # time: at least, and more for large files
+LONGEST_S, BYTES_PER_S = 15.0, 1 << 20  # time: at least, and more for large files
 MOST_MEMORY = 1 << 31  # address space (bytes), libraries included; more for large files
 REFUSED = 3
 ROOT = str(Path(__file__).resolve().parents[2])

@@ -89,6 +89,8 @@ def run(folder, chosen, seed, minutes=None, count=None, size=BATCH):
         inputs[kind] += done
         accepted[kind] += taken
         findings.extend(found)
+        for finding in found:
+            print(finding.text(), flush=True)
 
     with ThreadPoolExecutor(2) as pool:
         number = 0
@@ -112,8 +114,6 @@ def main(argv=None):
         chosen = [k for k in given.kind or KINDS if (Path(folder) / kinds.NEEDED.get(k, "")).exists()]
         minutes = None if given.count else given.minutes
         inputs, accepted, findings = run(Path(folder), chosen, given.seed, minutes, given.count)
-    for finding in findings:
-        print(finding.text())
     for kind in chosen:
         found = sum(finding.kind == kind for finding in findings)
         print(f"{kind:<12} {inputs[kind]:>6} inputs  {accepted[kind]:>6} read  {found:>3} findings")

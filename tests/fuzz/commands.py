@@ -15,7 +15,8 @@ BLOCKED = 3  # of `measured check`: a record whose firmware is not the model's
 HEAVY = (
     "testbench.run.simulate:run", "testbench.paper.calibration.calibrations:many", "testbench.paper.page:write",
     "testbench.paper.measure.characterise:characterise", "testbench.campaign.execute:run",
-    "testbench.campaign.rerun:rerun", "testbench.golden.bundles.export:export", "testbench.golden.bundles.effect:export",
+    "testbench.campaign.rerun:rerun", "testbench.golden.bundles.export:export",
+    "testbench.golden.bundles.effect:export",
     "testbench.golden.mutation.mutate:score", "testbench.golden.loop.run:run", "testbench.golden.proofs.formal:prove",
     "testbench.golden.proofs.synthesis:synthesise", "testbench.golden.ranges.range_report:of_vectors",
     "testbench.golden.check.rtl_run:check", "testbench.measured.record.produce:record",
@@ -25,10 +26,13 @@ HEAVY = (
     "testbench.measured.closed_loop.loop_trace:run",
 )  # fmt: skip
 WORDS = (
-    "", "x", "-1", "0", "1", "2", "1e400", "nan", "inf", "-inf", "9" * 5000, "0.5", "1e-320", "\n", "°ü", "a=b", "=", "plant.fx_hz=1",
+    "", "x", "-1", "0", "1", "2", "1e400", "nan", "inf", "-inf", "9" * 5000, "0.5", "1e-320", "\n", "°ü", "a=b", "=",
+    "plant.fx_hz=1",
     "plant.fx_hz=[[[[", "scenario.seconds=1e400", "noise.seed=" + "9" * 5000, "scenario.rate_dps=" + "[" * 3000,
     "1:2", "nan:nan", "-5:1e9", "all", "top", "dds", "pi", "frame", "baseband", "icarus", "R1", "--help", "--", "-",
 )  # fmt: skip
+# parts of the names of options whose file is written
+WRITTEN = ("out", "report", "json_file", "envelope", "checkpoint", "gyrorec", "build")
 _READY = []
 
 
@@ -101,9 +105,7 @@ def options(rng, corpus, folder):
         if param.name == "help" or not (rng.random() < (0.95 if wanted else 0.25)):
             continue
         # what is written lies in the folder of this input, whatever it is called
-        writes = any(
-            name in param.name for name in ("out", "report", "json_file", "envelope", "checkpoint", "gyrorec", "build")
-        )
+        writes = any(name in param.name for name in WRITTEN)
         value = (
             str(folder / rng.choice(("new", "dir", "empty", "empty/below", "x" * 300, "a\nb", "°ü.h5")))
             if writes else rng.choice(paths) if rng.random() < 0.5 else rng.choice(WORDS)
@@ -126,30 +128,24 @@ def _inside(folder, argv):
 
 READERS = (
     ("run", "--config"), ("run", "--resume"), ("run", "--resume-run"), ("budget", "--config"), ("loop", "--config"),
-    ("golden", "verify"), ("golden", "window", "--frame", "0"), ("measured", "check", "--no-replay"), ("measured", "convert"),
-    ("measured", "record"), ("measured", "residuals"), ("measured", "calibrate"), ("measured", "trace"),
-    ("campaign", "check"), ("campaign", "run"), ("campaign", "status"), ("campaign", "show"), ("campaign", "collect"),
+    ("golden", "verify"), ("golden", "window", "--out", "new", "--frame", "0"), ("golden", "check", "LOG"),
+    ("measured", "check", "--no-replay"), ("measured", "convert"), ("measured", "record", "--out", "new"),
+    ("measured", "residuals"), ("measured", "calibrate"), ("measured", "trace"), ("campaign", "check"),
+    ("campaign", "run", "--out", "new"), ("campaign", "status"), ("campaign", "show"), ("campaign", "collect"),
 )  # fmt: skip
 
 
 def paths(rng, corpus, folder):
     """A command that reads a file, with a directory, a FIFO, a device, a link to one, a file of another kind."""
     _prepare()
-    argv = [*rng.choice(READERS), rng.choice(_paths(corpus, folder))]
+    known = _paths(corpus, folder)
+    argv = [*rng.choice(READERS), rng.choice(known)]
     if argv[:2] == ["measured", "convert"]:
-        argv.append(str(folder / rng.choice(("new", "new.h5", "dir", "empty/x"))))
-    if argv[:2] in (["measured", "record"], ["campaign", "run"]):
-        argv += ["--out", str(folder / "new")]
-    if argv[:2] == ["golden", "window"]:
-        argv += ["--out", str(folder / "new")]
+        argv.append(rng.choice(("new", "new.h5", "dir", "empty/x")))
+    if argv[:2] == ["golden", "check"]:
+        signals = rng.choice([*known, *[str(corpus / "map.toml")] * len(known)])
+        argv[2:] = [str(corpus / "toy"), "--log", argv[3], "--map", signals]
     return lambda: _inside(folder, argv)
 
 
-def logs(rng, corpus, folder):
-    """`golden check` with hostile paths as log and map."""
-    _prepare()
-    log, signals = rng.choice(_paths(corpus, folder)), rng.choice([*_paths(corpus, folder), str(corpus / "map.toml")])
-    return lambda: _inside(folder, ["golden", "check", str(corpus / "toy"), "--log", log, "--map", signals])
-
-
-KINDS = {"options": options, "paths": paths, "logs": logs}
+KINDS = {"options": options, "paths": paths}

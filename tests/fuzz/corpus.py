@@ -80,8 +80,17 @@ rate_dps = [[0.0, 0.0], [0.2, 100.0]]
 register_writes = [[0.1, "phase_drive_sine", 5]]
 faults = [[0.2, "adc_stuck", "drive_sin", 3, 0.1]]
 """
-LAW = 'schema = "gyrolaw/1.0"\nname = "x_cubed"\nlaws = ["force_x = -2.5e9 x^3"]\nsd = [1.2e7]\n[provenance]\nrecord = "a"\n'
+LAW = """schema = "gyrolaw/1.0"
+name = "x_cubed"
+laws = ["force_x = -2.5e9 x^3"]
+sd = [1.2e7]
+[provenance]
+record = "a"
+"""
 ROOM = "room temperature (value not stated)"
+PARTS = (
+    "levels.mat", "driven.mat", "meters.csv", "rest.npz", "ring.txt", "spectrum.txt", "sweep.s2p", "paper.csv",
+)  # fmt: skip
 PAPER = "quantity,symbol,case,temperature_C,value,std_or_max_fluctuation\n"
 
 

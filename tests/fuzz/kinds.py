@@ -206,7 +206,7 @@ def record(rng, corpus, folder):
 
 def _made(write):
     """What this project itself refuses to write is no input: the file stays as it was."""
-    with contextlib.suppress(ValueError, TypeError, OverflowError):
+    with contextlib.suppress(ValueError, TypeError, OverflowError, AttributeError):
         write()
 
 
@@ -307,7 +307,8 @@ def _simulation():
 # ---- golden vectors and dumps ----------------------------------------------------------------------------------------
 
 
-def _against(corpus, folder=None, log=None, signals=None):
+def against(corpus, folder=None, log=None, signals=None):
+    """What compares a log with a bundle."""
     from testbench.golden.check import waves
 
     def read():
@@ -346,7 +347,7 @@ def _golden_read(corpus, path, signals):
 
     def read():
         bundle.verify(path)
-        _against(corpus, path, corpus / "toy.csv", signals)()
+        against(corpus, path, corpus / "toy.csv", signals)()
 
     return read
 
@@ -373,14 +374,14 @@ def vcd(rng, corpus, folder):
     """VCD dump."""
     path, source = folder / f"a{rng.choice(('.vcd', '.vcd', '.vcd', '.fst', '.ghw'))}", corpus / "toy.vcd"
     _bytes_or(rng, source, path, lambda: hostile.retyped(rng, source.read_text()).encode("utf-8", "replace"))
-    return _against(corpus, log=path, signals=corpus / "map.toml")
+    return against(corpus, log=path, signals=corpus / "map.toml")
 
 
 def fst(rng, corpus, folder):
     """FST dump; some under another ending."""
     path = folder / f"a{rng.choice(('.fst', '.fst', '.fst', '.fst', '.vcd'))}"
     path.write_bytes(hostile.damaged(rng, (corpus / "toy.fst").read_bytes()))
-    return _against(corpus, log=path, signals=corpus / "map.toml")
+    return against(corpus, log=path, signals=corpus / "map.toml")
 
 
 def ghw(rng, corpus, folder):
@@ -393,20 +394,20 @@ def ghw(rng, corpus, folder):
         path.write_bytes(data)
     else:
         path.write_bytes(hostile.damaged(rng, data))
-    return _against(corpus, log=path, signals=corpus / "map.toml")
+    return against(corpus, log=path, signals=corpus / "map.toml")
 
 
 def csv_log(rng, corpus, folder):
     """Log as CSV."""
     path, source = folder / "a.csv", corpus / "toy.csv"
     _bytes_or(rng, source, path, lambda: hostile.retyped(rng, source.read_text(), ",").encode("utf-8", "replace"))
-    return _against(corpus, log=path, signals=_csv_map(folder))
+    return against(corpus, log=path, signals=_csv_map(folder))
 
 
 def signal_map(rng, corpus, folder):
     """Map from port to signal, TOML."""
     path = _toml(rng, folder, (corpus / "map.toml").read_text())
-    return _against(corpus, log=corpus / rng.choice(("toy.vcd", "toy.csv")), signals=path)
+    return against(corpus, log=corpus / rng.choice(("toy.vcd", "toy.csv")), signals=path)
 
 
 def recording(rng, corpus, folder):
@@ -499,7 +500,8 @@ def store(rng, corpus, folder):
 # ---- recordings of parts ---------------------------------------------------------------------------------------------
 
 
-def _part(path):
+def part(path):
+    """What opens a recording of a part."""
     from testbench.measured import openers, trace_recording
 
     def read():
@@ -521,7 +523,7 @@ def _text_part(name, separators):
                 path,
                 lambda: hostile.retyped(rng, source.read_text(), separators).encode("utf-8", "replace"),
             )
-        return _part(path)
+        return part(path)
 
     kind.__doc__ = f"{name}: text with hostile words, or a column that is the same in every row."
     return kind
@@ -584,7 +586,7 @@ def _lying_header(rng):
 def rest(rng, corpus, folder):
     """Gyroscope at rest, npz."""
     _npz(rng, corpus / "rest.npz", folder / "a.npz")
-    return _part(folder / "a.npz")
+    return part(folder / "a.npz")
 
 
 def checkpoint(rng, corpus, folder):
@@ -624,7 +626,7 @@ def mat(rng, corpus, folder):
         body = hostile.damaged(rng, data[128:]) if how == 4 else bytes(300_000_000 if rng.random() < 0.1 else 100_000)
         packed = zlib.compress(body, 1)
         path.write_bytes(data[:128] + struct.pack("<II", 15, len(packed)) + packed)
-    return _part(path)
+    return part(path)
 
 
 KINDS = {

@@ -1,4 +1,4 @@
-"""Many inputs in one process: `python -m tests.fuzz.worker CORPUS KIND FIRST COUNT` prints a line of JSON before and after.
+"""Many inputs in one process: `python -m tests.fuzz.worker CORPUS KIND FIRST COUNT`, a line of JSON before and after.
 
 An input is made by its kind and its number alone. The process ends after a finding that leaves traces in it.
 """
@@ -35,7 +35,8 @@ def one(corpus, kind, number):
         began = time.monotonic()
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore", ResourceWarning)
+                warnings.simplefilter("ignore")
+                warnings.simplefilter("error", RuntimeWarning)
                 read()
             problem, accepted = "", True
         except (ConfigError, FileError) as refusal:
@@ -49,9 +50,6 @@ def one(corpus, kind, number):
     seconds = time.monotonic() - began
     if seconds > LONGEST_S:
         problem = problem or f"took {seconds:.0f} s"
-    peak = max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
-    if peak > MOST_KB:
-        problem = problem or f"took {peak / 1e6:.2f} GB"
     return problem, accepted
 
 
@@ -64,6 +62,9 @@ def main(corpus, kind, first, count):
     for number in range(first, first + count):
         print(json.dumps([number]), file=out, flush=True)
         problem, accepted = one(corpus, kind, number)
+        peak = max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+        if peak > MOST_KB:
+            problem = problem or f"took {peak / 1e6:.2f} GB"
         print(json.dumps([number, problem, accepted]), file=out, flush=True)
         if problem.endswith(" GB"):
             break  # the peak of a process stays

@@ -14,8 +14,8 @@ import importlib
 from collections.abc import Callable
 from typing import NamedTuple
 
-from testbench.storage.sources import code_sha256
 from testbench.errors import ConfigError
+from testbench.storage.sources import code_sha256
 
 
 def _all_together(config):

@@ -218,7 +218,7 @@ def words_of(manifest):
 
 def _manifest(folder):
     path = folder / MANIFEST
-    if not path.exists():
+    if not os.path.exists(path):
         raise FileError(f"{path}: cannot be read: no such file; a bundle is a folder DIR/BLOCK/CASE")
     manifest = read_json(path)
     found = manifest.get("schema")

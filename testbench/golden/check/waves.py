@@ -19,7 +19,6 @@ Source    docs/golden.md
 """
 
 import csv
-import re
 from pathlib import Path
 from typing import NamedTuple
 
@@ -30,11 +29,11 @@ from testbench.errors import FileError
 from testbench.golden.bundles import bundle
 from testbench.golden.check import ghw, vcd_log
 from testbench.golden.check.compare import BEFORE, Column, against, formats
+from testbench.golden.check.signal_paths import listed_signals, wanted_signal
 from testbench.storage import inputs, trial
 from testbench.storage.inputs import parse_json
 
 SCHEMA = "gyro-map/1.0"
-SLICE = re.compile(r"^(.*?)\s*\[(\d{1,6})(?::(\d{1,6}))?\]$")
 MOST_WIDTH = 1 << 12  # bits of a signal
 FST = (bytes([0]) + (329).to_bytes(8, "big"), bytes([254]))  # first bytes: header block, or all of it in one gzip block
 # VHDL's weak levels are levels; everything else is unknown
@@ -95,58 +94,14 @@ def read_map(path):
 # Dumps: a reader gives {path: (times, texts, width, hi, lo)} of the wanted signals ------------------------------------
 
 
-def _spelled(name):
-    """A path without what only some tools write: the backslash of an escaped name, a dot before an index."""
-    return re.sub(r"(^|\.)\\", r"\1", name).replace(".[", "[")
-
-
-def _listed(pairs):
-    """{path: signal} of (path, signal); None where two signals have one path."""
-    known = {}
-    for name, signal in pairs:
-        name = _spelled(name)
-        known[name] = signal if known.get(name, signal) == signal else None
-    return known
-
-
-def _wanted(path, known, where):
-    """(signal, hi, lo) of a path of the map: the whole signal, or a slice of it.
-
-    Verilator puts everything below TOP, and GHDL leaves the top out of an FST: both may be missing in the map.
-    """
-    spelled = _spelled(path)
-    head, _, rest = spelled.partition(".")
-    ways = [spelled, f"TOP.{spelled}"]
-    if rest and not any(name.startswith(f"{head}.") for name in known):
-        ways.append(rest)
-    for way in ways:
-        found = SLICE.match(way)
-        if way in known:
-            name, hi, lo = way, None, None
-        elif found and found[1] in known:
-            name, hi = found[1], int(found[2])
-            lo = hi if found[3] is None else int(found[3])
-            if hi < lo:
-                raise FileError(f"{where}: slice {path}: {hi} is below {lo}")
-        else:
-            continue
-        if known[name] is None:
-            raise FileError(f"{where}: signal {path} is there more than once")
-        return name, hi, lo
-    tail = spelled.rsplit(".", 1)[-1].split("[")[0]
-    near = sorted(name for name in known if name.rsplit(".", 1)[-1] == tail)[:4]
-    hint = f"; there is {', '.join(near)}" if near else ""
-    raise FileError(f"{where}: no signal {path}{hint}")
-
-
 def _vcd(path, paths):
     """Changes of the wanted signals of a VCD file, and the slices."""
     found, taken = {}, {}
 
     def choose(known):
-        known = _listed(known)
+        known = listed_signals(known)
         for wanted in paths:
-            signal, hi, lo = _wanted(wanted, known, path)
+            signal, hi, lo = wanted_signal(wanted, known, path)
             identifier, width, kind = known[signal]
             if kind in ("real", "realtime", "string", "event"):
                 raise FileError(f"{path}: signal {signal} is a {kind}, not bits")
@@ -169,33 +124,14 @@ def _fst(path, paths):
     return parse_json(said, path, dict[str, tuple[list[int], list[str], int, int | None, int | None]])
 
 
-def changes_of(path, wave, paths):
-    """As `_vcd`, of an open `pywellen.Waveform`."""
-    variables = list(wave.all_vars())
-    known = _listed((var.full_name, str(var.signal_ref)) for var in variables)
-    by_signal = {str(var.signal_ref): var for var in variables}
-    out = {}
-    for wanted in paths:
-        signal, hi, lo = _wanted(wanted, known, path)
-        var = by_signal[known[signal]]
-        if var.bitwidth is None:
-            raise FileError(f"{path}: signal {signal} is not bits")
-        times, texts = [], []
-        for time, value in var.signal:
-            times.append(int(time))
-            texts.append(f"{value:0{var.bitwidth}b}" if isinstance(value, int) else str(value))
-        out[wanted] = (times, texts, int(var.bitwidth), hi, lo)
-    return out
-
-
 def _ghw(path, paths):
     """As `_vcd`, for GHW."""
     found = {}
 
     def choose(known):
-        listed = _listed((name, name) for name in known)
+        listed = listed_signals((name, name) for name in known)
         for wanted in paths:
-            signal, hi, lo = _wanted(wanted, listed, path)
+            signal, hi, lo = wanted_signal(wanted, listed, path)
             found[wanted] = listed[signal], hi, lo
             if not known[listed[signal]] or known[listed[signal]] > MOST_WIDTH:
                 raise FileError(f"{path}: signal {signal} is not bits, or more than {MOST_WIDTH}")

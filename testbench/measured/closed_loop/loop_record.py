@@ -7,6 +7,8 @@
 Source    docs/measured.md
 """
 
+import os
+
 import numpy as np
 
 from fpga_model.rates import FRAME_CYCLES
@@ -25,8 +27,8 @@ LEAST_SETTLE_S = 2.0
 
 def is_record(path):
     """True if the content is a closed-loop record."""
-    if path.is_dir():
-        return (path / "record.json").exists()
+    if os.path.isdir(path):
+        return os.path.exists(path / "record.json")
     if not looks_like_hdf5(path):
         return False
     with open_hdf5(path) as file:

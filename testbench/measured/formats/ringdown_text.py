@@ -14,7 +14,7 @@ from testbench.errors import FileError
 from testbench.storage.inputs import read_lines
 
 SHORTEST = 64
-MOST = 1e12  # of any number
+MOST, MOST_DBM = 1e12, 1e3  # of s or Hz, and of dBm
 
 
 class Trace(NamedTuple):
@@ -63,8 +63,8 @@ def load(path):
             x, power = (float(field) for field in line.split(","))
         except ValueError:
             raise FileError(f"{path}: line {number}: {line[:80]!r} is not 'number, number'") from None
-        if not (abs(x) < MOST and abs(power) < MOST):
-            raise FileError(f"{path}: line {number}: a number is not finite, or above {MOST:g}")
+        if not (abs(x) < MOST and abs(power) < MOST_DBM):
+            raise FileError(f"{path}: line {number}: not finite, or above {MOST:g} s or Hz, {MOST_DBM:g} dBm")
         rows.append((x, power))
     if not kind:
         raise FileError(f"{path}: no line '% time [s], power [dBm]' or '% frequency [Hz], power [dBm]'")

@@ -15,7 +15,7 @@ from testbench.errors import FileError
 from testbench.storage.inputs import read_lines
 
 UNITS = {"hz": 1.0, "khz": 1e3, "mhz": 1e6, "ghz": 1e9}
-MOST = 1e15  # of any number
+MOST, MOST_S, MOST_DB = 1e15, 1e6, 200.0  # of any number, and of a parameter
 ORDERS = {1: ("s11",), 2: ("s11", "s21", "s12", "s22")}
 
 
@@ -39,7 +39,7 @@ def is_one(head):
 def _pairs(kind, a, b):
     if kind == "ri":
         return a + 1j * b
-    size = 10.0 ** (a / 20.0) if kind == "db" else a
+    size = 10.0 ** (np.minimum(a, MOST_DB) / 20.0) if kind == "db" else a
     return size * np.exp(1j * np.deg2rad(b))
 
 
@@ -77,8 +77,8 @@ def load(path):
     frequency, regular = _grid(path, frequency, rounding)
     s = {name: _pairs(kind, data[:, 1 + 2 * k], data[:, 2 + 2 * k]) for k, name in enumerate(ORDERS[ports])}
     for name, value in s.items():
-        if not np.all(np.isfinite(value)):
-            raise FileError(f"{path}: {name} is beyond what a number can hold")
+        if not np.all(np.abs(value) < MOST_S):
+            raise FileError(f"{path}: {name} is above {MOST_S:g}")
     return Sweep(str(path), tuple(comments), frequency, s, ohm, regular, rounding)
 
 

@@ -13,7 +13,6 @@ from testbench.errors import FileError
 from testbench.storage import files, hdf5_input, inputs, trial
 from testbench.storage.record import RecordError
 
-
 MOST_OBJECTS = 100  # to write ten thousand takes long
 
 
@@ -91,7 +90,7 @@ def test_a_plain_file_is_read_with_a_seal_and_without(tmp_path):
 def test_large_files_may_unpack_to_more(tmp_path, monkeypatch):
     monkeypatch.setenv("GYRO_INPUT_MB", "1")
     make = lambda file: file.create_dataset("a", data=np.zeros(1 << 18), chunks=True, compression=1)  # noqa: E731
-    with pytest.raises(RecordError, match="20971.. bytes unpacked"):
+    with pytest.raises(RecordError, match=r"20971.. bytes unpacked"):
         hdf5_input.open_hdf5(write(tmp_path / "a.h5", make))
     monkeypatch.setenv("GYRO_INPUT_MB", "3")
     hdf5_input.open_hdf5(tmp_path / "a.h5").close()

@@ -6,8 +6,8 @@ import pytest
 
 from fpga_model import jit
 from testbench.campaign.plan import engines
-from testbench.storage import sources
 from testbench.errors import ConfigError
+from testbench.storage import sources
 
 
 def test_the_frame_engine_reaches_firmware_plant_and_statistics():
