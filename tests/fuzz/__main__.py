@@ -60,9 +60,9 @@ def batch(folder, kind, first, count):
         env = os.environ | {"PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1", "MPLBACKEND": "Agg"}
         with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=env) as process:
             at, problem = first, None
-            for line in _lines(process, 2 * LONGEST_S):
+            for line in _lines(process, 3 * LONGEST_S):
                 if line is None:
-                    problem = f"no end within {2 * LONGEST_S:g} s"
+                    problem = f"no end within {3 * LONGEST_S:g} s"
                     break
                 at = line[0]
                 if len(line) == 3:

@@ -289,7 +289,8 @@ def state(rng, corpus, folder):
         if rng.random() < 0.2:
             meta["config_toml"] = hostile.retyped(rng, str(meta.get("config_toml")), "= ,")
         _made(lambda: save_state(path, values, layout, meta))
-    return lambda: _simulation().restore(path)
+    simulation = _simulation()
+    return lambda: simulation.restore(path)
 
 
 _KEPT = []

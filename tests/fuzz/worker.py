@@ -9,7 +9,6 @@ import random
 import resource
 import sys
 import tempfile
-import time
 import traceback
 import warnings
 from pathlib import Path
@@ -32,7 +31,7 @@ def one(corpus, kind, number):
             read = KINDS[kind](rng, corpus, Path(folder))
         except Exception as error:
             return "the input cannot be made: " + "".join(traceback.format_exception(error)), False
-        began = time.monotonic()
+        began = os.times()[:4]
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
@@ -47,7 +46,8 @@ def one(corpus, kind, number):
             if isinstance(error, KeyboardInterrupt):
                 raise
             problem, accepted = "".join(traceback.format_exception(error)), False
-    seconds = time.monotonic() - began
+    # of this process and its children: other processes on the machine do not count; the parent limits the wall clock
+    seconds = sum(os.times()[:4]) - sum(began)
     if seconds > LONGEST_S:
         problem = problem or f"took {seconds:.0f} s"
     return problem, accepted
