@@ -1,6 +1,6 @@
 """HDF5 files of others: nothing outside of the file, only what this project writes, and no more than fits.
 
-    open_hdf5(path)         h5py.File whose links, datasets and attributes have all been looked at
+    open_hdf5(path)         h5py.File whose links, datasets and attributes are checked
     open_bytes(data, path)  the same of the contents of a file
 
 Refused are soft, external and circular links, external storage, virtual datasets, filters other than FILTERS, more
@@ -76,7 +76,7 @@ def _refused(path, found):
 
 
 def _sizes(path, file, packed):
-    """Yield (object, bytes that it unpacks to) of everything in the file, each looked at first."""
+    """Yield (object, bytes that it unpacks to) of everything in the file, each checked first."""
     found, waiting = 0, [("", file)]
     while waiting:
         place, item = waiting.pop()

@@ -68,13 +68,15 @@ class Record(NamedTuple):
     count: int | None = None
 
 
-def _array(element, dimensions, ranges=None):
+def array_of(element, dimensions, ranges=None):
+    """Array with the number of its scalars."""
     if ranges is None or _open(element):
         return Array(element, dimensions, ranges)
     return Array(element, dimensions, ranges, math.prod(ranges) * element.count)
 
 
-def _record(fields):
+def record_of(fields):
+    """Record with the number of its scalars."""
     counts = [part.count for _, part in fields]
     return Record(fields, None if None in counts else sum(counts))
 
@@ -167,8 +169,8 @@ def _bounded(r, kind):
     """The type with the bounds that follow in the file: its own ranges, then those of open elements."""
     if isinstance(kind, Array):
         ranges = tuple(_range(r) for _ in range(kind.dimensions))
-        return _array(_bounded(r, kind.element) if _open(kind.element) else kind.element, kind.dimensions, ranges)
-    return _record(tuple((name, _bounded(r, part) if _open(part) else part) for name, part in kind.fields))
+        return array_of(_bounded(r, kind.element) if _open(kind.element) else kind.element, kind.dimensions, ranges)
+    return record_of(tuple((name, _bounded(r, part) if _open(part) else part) for name, part in kind.fields))
 
 
 def _known(r, types):
@@ -204,9 +206,9 @@ def _types(r, strings):
             r.need(dimensions > 0, f"array {name} has no dimension")
             for _ in range(dimensions):
                 earlier()
-            out.append(_array(element, dimensions))
+            out.append(array_of(element, dimensions))
         elif kind in (RECORD, OPEN_RECORD):
-            out.append(_record(tuple((strings[r.unsigned()], earlier()) for _ in range(r.unsigned()))))
+            out.append(record_of(tuple((strings[r.unsigned()], earlier()) for _ in range(r.unsigned()))))
         elif kind in (SUB_ARRAY, SUB_RECORD):
             base = earlier()
             r.need(not isinstance(base, Scalar), f"type {name} has no elements")
@@ -219,7 +221,7 @@ def _types(r, strings):
     return out
 
 
-def _leaves(path, kind, numbers):
+def leaves_of(path, kind, numbers):
     """Yield (path, scalar, numbers) of what has a value: scalars and vectors of bits."""
     if kind.count == 0:
         return
@@ -227,14 +229,14 @@ def _leaves(path, kind, numbers):
         yield path, kind, numbers
     elif isinstance(kind, Record):
         for name, part in kind.fields:
-            yield from _leaves(f"{path}.{name}", part, numbers[: part.count])
+            yield from leaves_of(f"{path}.{name}", part, numbers[: part.count])
             numbers = numbers[part.count :]
     elif isinstance(kind.element, Scalar) and kind.element.is_bit and len(kind.ranges) == 1:
         yield path, kind.element, numbers
     elif len(kind.ranges) == 1:
         count = len(numbers) // kind.ranges[0]
         for k in range(kind.ranges[0]):
-            yield from _leaves(f"{path}({k})", kind.element, numbers[k * count : (k + 1) * count])
+            yield from leaves_of(f"{path}({k})", kind.element, numbers[k * count : (k + 1) * count])
 
 
 def _scalars(kind):
@@ -277,7 +279,7 @@ def _hierarchy(r, strings, types):
             numbers = tuple(r.unsigned() for _ in range(of.count))
             stored.update(zip(numbers, _scalars(of)))
             path = ".".join([*scopes, name])
-            found.update((leaf, (scalar, part)) for leaf, scalar, part in _leaves(path, of, numbers))
+            found.update((leaf, (scalar, part)) for leaf, scalar, part in leaves_of(path, of, numbers))
         else:
             raise ValueError(f"{name} is of kind {kind} in the hierarchy")
     r.need(not scopes, "a scope does not end")
