@@ -595,13 +595,13 @@ def checkpoint(rng, corpus, folder):
     from testbench.tracing.problem.checkpoint import Store
 
     kept = Store(folder)
-    (folder / "ab").mkdir()
-    _npz(rng, corpus / "point.npz", folder / "ab" / "abc.npz")
-    (folder / "ab" / "abd.json").write_bytes(hostile.damaged(rng, b'{"a": [1, 2.5, "x"]}'))
+    (folder / "ke").mkdir()
+    _npz(rng, corpus / "point.npz", folder / "ke" / "key.npz")
+    (folder / "ke" / "key.json").write_bytes(hostile.damaged(rng, b'{"a": [1, 2.5, "x"]}'))
 
     def read():
-        kept.load_arrays("abc")
-        kept.stage("abd", lambda: 1)
+        kept.load_arrays("key")
+        kept.stage("key", lambda: 1)
 
     return read
 
