@@ -234,9 +234,10 @@ def _manifest(folder):
             raise FileError(f"{path}: a port lacks name, width or sign: {str(port)[:80]}")
         if not 1 <= port["width"] <= 63:
             raise FileError(f"{path}: port {port['name']}: width {port['width']} is outside 1 .. 63 bits")
-    names = [port["name"] for port in ports]
-    if len(set(names)) != len(names):
-        raise FileError(f"{path}: duplicate port {next(name for name in names if names.count(name) > 1)}")
+    for group in ("inputs", "registers", "outputs"):
+        names = [port["name"] for port in manifest[group]]
+        if len(set(names)) != len(names):
+            raise FileError(f"{path}: {group}: duplicate port {max(names, key=names.count)}")
     for key in ("n", *(key for _, key in REPLAYED.values() if found == REPLAY_SCHEMA)):
         if manifest[key] < 0:
             raise FileError(f"{path}: {key} is {manifest[key]}, below 0 rows")
