@@ -11,7 +11,7 @@ from typing import Annotated, NamedTuple
 import typer
 
 from testbench.console.options import takes
-from testbench.errors import ConfigError
+from testbench.errors import ConfigError, one_line
 
 app = typer.Typer(
     name="measured",
@@ -83,7 +83,7 @@ def check(
             typer.echo(f"{text} ({level})")
         if residual is not None:
             typer.echo(residual.verdict)
-        typer.echo(f"{file}: {'refused' if refused else 'accepted'}")
+        typer.echo(one_line(f"{file}: {'refused' if refused else 'accepted'}"))
     if refused or blocked:
         raise typer.Exit(EXIT_REFUSED if refused else EXIT_BLOCKED)
 
