@@ -222,6 +222,8 @@ def _ended(argv):
         _say(problem)
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED
+    except OSError as problem:  # a name that is too long, a disk that is full: the system's word on a file
+        _say(f"{problem.filename or 'gyro'}: {problem.strerror or problem}")
     except Exception as problem:
         # usage errors of the argument parser, whose class typer keeps private, know their exit code and their line
         if type(problem).__name__ == "Abort":

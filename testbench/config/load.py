@@ -289,7 +289,7 @@ def parse_set(text):
         raise ConfigError(f"--set: {text!r} is not of the form section.key=value, such as plant.fx_hz=11010")
     try:
         return Override(path, tomllib.loads(f"value = {value.strip()}")["value"])
-    except tomllib.TOMLDecodeError:
+    except (ValueError, RecursionError):
         return Override(path, value.strip())
 
 

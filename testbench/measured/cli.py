@@ -11,7 +11,7 @@ from typing import Annotated, NamedTuple
 import typer
 
 from testbench.console.options import takes
-from testbench.errors import ConfigError
+from testbench.errors import ConfigError, one_line
 
 app = typer.Typer(
     name="measured",
@@ -83,7 +83,7 @@ def check(
             typer.echo(f"{text} ({level})")
         if residual is not None:
             typer.echo(residual.verdict)
-        typer.echo(f"{file}: {'refused' if refused else 'accepted'}")
+        typer.echo(one_line(f"{file}: {'refused' if refused else 'accepted'}"))
     if refused or blocked:
         raise typer.Exit(EXIT_REFUSED if refused else EXIT_BLOCKED)
 
@@ -268,13 +268,13 @@ def trace(o):
     from testbench.measured.closed_loop import loop_trace
     from testbench.measured.exam import part_page
     from testbench.measured.models.part_problem import PartProblem
-    from testbench.measured.openers import open_problem
+    from testbench.measured.openers import determined, open_problem
     from testbench.tracing import report as page
     from testbench.tracing.figures import all_figures
     from testbench.tracing.trace import Options
 
     given = _pairs(o.option)
-    with _progress(False) as progress:
+    with _progress(False) as progress, determined(o.files):
         found, name = trace_recording.trace_table(o.files, given), "numbers"
         if not found:
             problem = open_problem(o.files, given)

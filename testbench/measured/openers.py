@@ -4,6 +4,11 @@
 `options` is a dictionary of what the command line was given with --option KEY=VALUE, as text.
 """
 
+import contextlib
+import os
+
+from numpy.linalg import LinAlgError
+
 from testbench.errors import FileError
 
 
@@ -21,16 +26,26 @@ def single_part(paths, options):
     return kinds.first(kind.opener(paths, options) for kind in kinds.KINDS)
 
 
+@contextlib.contextmanager
+def determined(paths):
+    """Data that fix no model end in the linear algebra: one line."""
+    try:
+        yield
+    except LinAlgError as problem:
+        raise FileError(f"{paths[0]}: the data do not determine the model: {problem}") from None
+
+
 OPENERS = [closed_loop, single_part]
 
 
 def open_problem(paths, options):
     """`Problem` of the first opener that knows the content; FileError if none does."""
     for path in paths:
-        if not path.exists():
+        if not os.path.exists(path):
             raise FileError(f"{path}: no such file")
-    for opener in OPENERS:
-        problem = opener(paths, options)
-        if problem is not None:
-            return problem
+    with determined(paths):
+        for opener in OPENERS:
+            problem = opener(paths, options)
+            if problem is not None:
+                return problem
     raise FileError(f"{paths[0]}: content of no known kind; docs/measured_parts.md lists those that can be read")

@@ -21,20 +21,24 @@ import numpy as np
 
 from analog_frontend.parts import thermal
 from fpga_model import registers, sequencer
-from fpga_model.rates import FRAME_TICKS, TICK_HZ
+from fpga_model import top as fpga
+from fpga_model.rates import FRAME_TICKS, TICK_CYCLES, TICK_HZ
 from testbench import flatten, interrupts
 from testbench.config import placeless, to_toml
 from testbench.engines import engine as clocked
-from testbench.errors import ConfigError
+from testbench.errors import ConfigError, FileError
 from testbench.run import build, nodes, warmup
-from testbench.storage import identity, inputs, state_file
+from testbench.storage import identity, state_file
 from testbench.storage.code_hash import WORDS, CodeHash, frames_begun
+from testbench.storage.inputs import checked, parse_json, parse_toml
 
 DEG = math.pi / 180
 CHUNK_TICKS = 100_000
 BASEBAND_CHUNK_TICKS = 2_000_000  # its ends cost what some hundred frames cost; its rows stay in the cache
 SPECTRUM_TICKS = 1 << 17
 STATE_FORMAT = "engine-1"
+SAME = ("firmware", "plant")  # sections of the configuration in which a state and what continues it are one
+MOST_TICKS = 1 << 48  # nine years
 SCRATCH = "work"  # field of the plant's state that holds nothing from one tick to the next
 FRAME = {name: k for k, (name, _, _) in enumerate(clocked.FRAME_COLUMNS)}
 TRUTH = {name: k for k, (name, _) in enumerate(clocked.TRUTH_COLUMNS)}
@@ -293,10 +297,12 @@ class Simulation:
 
     def _check_same_gyroscope(self, path, meta):
         """A state continues the firmware and the plant that made it; only noise, effects and scenario may differ."""
-        saved, mine = tomllib.loads(meta["config_toml"]), tomllib.loads(to_toml(self.config))
-        for section in ("firmware", "plant"):
-            for key in sorted(mine[section] | saved.get(section, {})):
-                was, now = saved.get(section, {}).get(key), mine[section].get(key)
+        saved = parse_toml(str(meta.get("config_toml", "")), f"{path}: config_toml", FileError)
+        saved = checked({key: saved.get(key, {}) for key in SAME}, dict[str, dict], path)
+        mine = tomllib.loads(to_toml(self.config))
+        for section in SAME:
+            for key in sorted(mine[section] | saved[section]):
+                was, now = saved[section].get(key), mine[section].get(key)
                 if was != now:
                     raise ConfigError(f"{path}: was saved with {section}.{key} = {was}; it cannot continue with {now}")
 
@@ -305,10 +311,15 @@ class Simulation:
 
         Returns the identity of the code that saved it if it is another one's (`identity.check`), else None.
         """
-        values, meta = state_file.load_state(path, self.layout())
+        values, meta = state_file.load_state(path, self.layout(), self.state_values())
         self._check_same_gyroscope(path, meta)
-        saved = inputs.parse_json(meta.get("identity", "{}"), path)
-        other = identity.check(path, saved, self.config.scenario.across_versions)
+        other = identity.check(path, parse_json(meta.get("identity", "{}"), path), self.config.scenario.across_versions)
+        formats = flatten.format_leaves(fpga.STATE_FMT)
+        for (name, fmt), value in zip(formats, values["fpga"].tolist(), strict=True):
+            if not fmt.holds(value):
+                raise FileError(f"{path}: register {name} = {value} is outside its format {fmt}")
+        if not (0 <= values["tick"] < MOST_TICKS and -1 <= values["drdy_cycle"] < TICK_CYCLES):
+            raise FileError(f"{path}: tick {values['tick']} or drdy_cycle {values['drdy_cycle']} is outside its range")
         self.set_state(values)
         return other
 

@@ -1,17 +1,20 @@
 """Every file that somebody hands over is opened here: regular files only, of a limited size, one line for each error.
 
     opened     binary file object        read_bytes, read_text   contents
+    head       first bytes               read_lines              (number, line)
     read_json  checked against a type    read_toml               a dictionary
     parsing    what a library raises inside becomes one FileError
 
 A FIFO, a device or a directory is refused before anything is read, so that nothing waits and nothing is endless. Limits
 hold before reading; what expands (archives, HDF5, Parquet) is limited by `expansion` before it is unpacked.
 `GYRO_INPUT_MB` sets another limit than `MOST_BYTES`, for files that are meant to be larger.
-Source  docs/record.md
+Source  docs/inputs.md
 """
 
 import contextlib
 import functools
+import hashlib
+import io
 import json
 import os
 import stat
@@ -22,6 +25,8 @@ from testbench.errors import ConfigError, FileError
 
 MOST_BYTES = 1 << 28  # of a file that is read as a whole
 MOST_TEXT_BYTES = 1 << 24  # of a JSON or TOML text
+MOST_TABLE_BYTES = 1 << 25  # of a table of numbers in text
+LONGEST_LINE = 1 << 16  # characters
 MOST_EXPANSION = 50  # bytes unpacked for each byte of a file, beyond MOST_BYTES
 
 
@@ -79,6 +84,32 @@ def read_text(path, limit=None, encoding="utf-8", error=FileError):
         raise error(f"{path}: is not {encoding.upper()} text (byte {problem.start})") from None
 
 
+def head(path, count):
+    """The first bytes of a regular file, at most `count`."""
+    with opened(path) as file:
+        return file.read(count)
+
+
+def sha256_of(path):
+    """SHA-256 of a regular file, hexadecimal."""
+    with opened(path) as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def read_lines(path, encoding="utf-8", errors="strict"):
+    """Yield (number, line) of a table in text; a line that is too long is an error with its number."""
+    text = read_bytes(path, MOST_TABLE_BYTES)
+    try:
+        text = text.decode(encoding, errors)
+    except UnicodeDecodeError as problem:
+        number = text.count(b"\n", 0, problem.start) + 1
+        raise FileError(f"{path}: line {number}: is not {encoding.upper()} text") from None
+    for number, line in enumerate(io.StringIO(text, newline=None), 1):
+        if len(line) > LONGEST_LINE:
+            raise FileError(f"{path}: line {number}: {len(line)} characters are more than the limit of {LONGEST_LINE}")
+        yield number, line
+
+
 @contextlib.contextmanager
 def parsing(place, what, error=FileError):
     """What a library raises about damaged input becomes one line: PLACE: is no WHAT that can be read: REASON.
@@ -94,9 +125,14 @@ def parsing(place, what, error=FileError):
         raise error(f"{place}: is no {what} that can be read: {reason[:200]}") from None
 
 
+def most_expansion(packed):
+    """Most bytes that a file of `packed` bytes may unpack to."""
+    return max(most_bytes(), MOST_EXPANSION * packed)
+
+
 def expansion(place, expanded, packed):
     """FileError if `packed` bytes would become `expanded` bytes beyond what is allowed."""
-    limit = max(most_bytes(), MOST_EXPANSION * packed)
+    limit = most_expansion(packed)
     if expanded > limit:
         raise FileError(f"{place}: {expanded} bytes unpacked are more than the limit of {limit} (GYRO_INPUT_MB)")
 
@@ -134,11 +170,15 @@ def read_json(path, kind=dict, limit=MOST_TEXT_BYTES, error=FileError):
     return parse_json(read_text(path, limit, error=error), path, kind, error)
 
 
-def read_toml(path, limit=MOST_TEXT_BYTES, error=ConfigError):
-    """TOML file as a dictionary."""
-    path = Path(path)
-    text = read_text(path, limit, error=error)
+def parse_toml(text, place, error=ConfigError):
+    """TOML text as a dictionary."""
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as problem:
-        raise error(f"{path}: is not TOML: {str(problem)[:200]}") from None
+        raise error(f"{place}: is not TOML: {str(problem)[:200]}") from None
+
+
+def read_toml(path, limit=MOST_TEXT_BYTES, error=ConfigError):
+    """TOML file as a dictionary."""
+    path = Path(path)
+    return parse_toml(read_text(path, limit, error=error), path, error)

@@ -3,14 +3,15 @@
 Source  docs/record.md
 """
 
-import json
-from pathlib import Path
+from typing import Annotated
 
 import h5py
 import numpy as np
+from pydantic import Field
 
 from testbench.errors import FileError
-from testbench.storage.files import seal_holds
+from testbench.storage.hdf5_input import open_hdf5
+from testbench.storage.inputs import parse_json
 from testbench.storage.record import (
     CLOCK_HZ,
     KINDS,
@@ -30,35 +31,31 @@ from testbench.storage.record import (
 )
 
 HIDDEN = {"units", "DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME", "_Netcdf4Dimid", "_Netcdf4Coordinates"}
-DAMAGED = (OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeError, OverflowError, MemoryError)
-
-
-def open_file(path):
-    path = Path(path)
-    try:
-        whole = seal_holds(path)
-    except OSError as problem:
-        raise FileError(f"{path}: cannot be read: {problem.strerror or problem}") from None
-    if whole is False:
-        raise RecordError(path, ["R15 / expected the file that was written, found damage"])
-    try:
-        return h5py.File(path, "r")
-    except OSError:
-        raise RecordError(path, ["R01 / expected an HDF5 file, found something else"]) from None
+DAMAGED = (OSError, RuntimeError, LookupError, ValueError, TypeError, AttributeError, ArithmeticError, MemoryError)
+# An attribute: text or number that HDF5 and NumPy can hold, too
+Value = str | Annotated[int, Field(ge=-(1 << 63), lt=1 << 63)] | float
 
 
 def read_record(path):
     """Checked `Record`; raises RecordError with one finding `Rnn path expected, found` per thing that is wrong."""
-    with open_file(path) as file:
+    with open_hdf5(path) as file:
         findings = []
         try:
             record = _read(file, findings)
-        except DAMAGED as problem:
+        except (FileError, *DAMAGED) as problem:
             if not findings:
                 findings.append(f"R01 / expected a complete record, found damage: {' '.join(str(problem).split())}")
     if findings:
         raise RecordError(path, findings)
     return record
+
+
+def text_of(value):
+    """A text attribute; ValueError if it is a number."""
+    value = plain(value)
+    if not isinstance(value, str):
+        raise ValueError(f"expected a text, found {value}")
+    return value
 
 
 def _read(file, findings):
@@ -77,12 +74,12 @@ def _read(file, findings):
         return None
     listed = dict(zip(*(file["integrity"][key].asstr()[:].tolist() for key in ("path", "sha256"))))
     record = Record(
-        config_toml=plain(file.attrs["config_toml"]),
-        provenance=plain(file.attrs["provenance"]),
+        config_toml=text_of(file.attrs["config_toml"]),
+        provenance=text_of(file.attrs["provenance"]),
         clock_ppm=float(file["clock"].attrs["ppm"]),
-        attrs=json.loads(file.attrs["attributes"]),
-        versions=json.loads(file.attrs["versions"]),
-        content_sha256=plain(file.attrs["content_sha256"]),
+        attrs=parse_json(file.attrs["attributes"], "attributes", dict[str, Value]),
+        versions=parse_json(file.attrs["versions"], "versions", dict[str, str]),
+        content_sha256=text_of(file.attrs["content_sha256"]),
     )
     if file["clock"].attrs["f_xtal_nominal_Hz"] != CLOCK_HZ:
         findings.append(f"R08 /clock expected f_xtal_nominal_Hz {CLOCK_HZ}")

@@ -9,10 +9,13 @@ import json
 import h5py
 import numpy as np
 
+from testbench.errors import FileError
 from testbench.interrupts import held
 from testbench.storage.files import GuardedFile, replacing, seal
+from testbench.storage.hdf5_input import open_hdf5
+from testbench.storage.inputs import parse_json
 from testbench.storage.record import KINDS, RecordError, digest_of, plain, versions
-from testbench.storage.record_read import DAMAGED, open_file
+from testbench.storage.record_read import DAMAGED, Value, text_of
 
 STATE_SCHEMA = "gyrostate/1.0"
 
@@ -48,27 +51,47 @@ def save_state(path, values, source_format, meta=None):
         seal(part)
 
 
-def load_state(path, source_format):
-    """(values, meta) of a state file; RecordError if it is damaged or of another layout."""
-    with open_file(path) as file:
+def load_state(path, source_format, like=None):
+    """(values, meta) of a state file; RecordError if it is damaged or of another layout.
+
+    like  name -> value that a state of this layout has; other names, shapes and types are refused
+    """
+    with open_hdf5(path) as file:
         try:
             if file.attrs.get("schema") != STATE_SCHEMA:
                 found = file.attrs.get("schema", "nothing")
                 raise RecordError(path, [f"R01 / expected schema {STATE_SCHEMA}, found {found}"])
-            saved = plain(file.attrs["source_format"])
+            saved = text_of(file.attrs["source_format"])
             if saved != source_format:
                 finding = f"R11 / expected state layout {source_format}, found {saved}: saved by another version"
                 raise RecordError(path, [finding])
-            meta = json.loads(file.attrs["meta"])
+            meta = parse_json(file.attrs["meta"], "meta", dict[str, Value])
             arrays = {name: dataset[()] for name, dataset in file["state"].items()}
             scalars = {name for name, dataset in file["state"].items() if dataset.attrs["scalar"]}
             digest = _state_digest({k: np.asarray(v) for k, v in arrays.items()}, saved, meta)
-            if digest != plain(file.attrs["content_sha256"]):
+            if digest != text_of(file.attrs["content_sha256"]):
                 raise RecordError(path, ["R15 /state expected another content_sha256: the file is damaged"])
-        except DAMAGED as problem:
+            values = {name: array.item() if name in scalars else array for name, array in arrays.items()}
+        except RecordError:
+            raise
+        except (FileError, *DAMAGED) as problem:
             text = " ".join(str(problem).split())
             raise RecordError(path, [f"R01 / expected a complete state, found damage: {text}"]) from None
-    return {name: array.item() if name in scalars else array for name, array in arrays.items()}, meta
+    if like is not None:
+        _check_like(path, values, like)
+    return values, meta
+
+
+def _check_like(path, values, like):
+    """RecordError unless every value has the type and shape of its namesake."""
+    if set(values) != set(like):
+        strange = min(set(values) ^ set(like))
+        raise RecordError(path, [f"R02 /state/{strange} expected the values of this layout, found more or fewer"])
+    for name, wanted in like.items():
+        have, want = np.asarray(values[name]), np.asarray(wanted)
+        if (have.shape, have.dtype.kind) != (want.shape, want.dtype.kind):
+            found = f"expected {want.dtype} {want.shape}, found {have.dtype} {have.shape}"
+            raise RecordError(path, [f"R04 /state/{name} {found}"])
 
 
 def _state_digest(arrays, source_format, meta):

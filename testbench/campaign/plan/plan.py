@@ -137,7 +137,9 @@ def read(path, sets=()):
 
 
 def _put(tree, dotted, value, where):
-    section, key = dotted.split(".")
+    section, _, key = dotted.partition(".")
+    if not section or not key or "." in key:
+        raise ConfigError(f"{where} {dotted}: is not of the form section.key")
     node = tree.setdefault(section, {})
     if not isinstance(node, dict):
         raise ConfigError(f"{where} {dotted}: {section} is a value, not a section")

@@ -25,6 +25,7 @@ from typing import NamedTuple
 import numpy as np
 
 from testbench.errors import FileError
+from testbench.storage.inputs import checked, read_json, read_text, sha256_of
 
 try:
     import fcntl
@@ -247,25 +248,26 @@ def words_of(manifest):
 
 def _manifest(folder):
     path = folder / MANIFEST
-    try:
-        manifest = json.loads(path.read_text("utf-8"))
-    except OSError as problem:
-        raise FileError(
-            f"{path}: cannot be read: {problem.strerror or problem}; a bundle is a folder DIR/BLOCK/CASE"
-        ) from None
-    except (ValueError, RecursionError) as problem:
-        raise FileError(f"{path}: is not JSON: {problem}") from None
-    found = manifest.get("schema") if isinstance(manifest, dict) else None
+    if not os.path.exists(path):
+        raise FileError(f"{path}: cannot be read: no such file; a bundle is a folder DIR/BLOCK/CASE")
+    manifest = read_json(path)
+    found = manifest.get("schema")
     if found not in (SCHEMA, REPLAY_SCHEMA):
         raise FileError(f"{path}: schema is {found!r}, not {SCHEMA!r}")
     for key, kind in (REQUIRED | (REPLAY_REQUIRED if found == REPLAY_SCHEMA else {})).items():
         if not isinstance(manifest.get(key), kind) or isinstance(manifest.get(key), bool):
             raise FileError(f"{path}: {key} is missing or not of type {kind.__name__}")
-    for port in manifest["inputs"] + manifest["registers"] + manifest["outputs"]:
+    checked(manifest["sha256"], dict[str, str], f"{path}: sha256")
+    ports = manifest["inputs"] + manifest["registers"] + manifest["outputs"]
+    for port in ports:
         if not isinstance(port, dict) or any(type(port.get(k)) is not kind for k, kind in PORT_KEYS.items()):
-            raise FileError(f"{path}: a port lacks name, width or sign: {port!r}")
+            raise FileError(f"{path}: a port lacks name, width or sign: {str(port)[:80]}")
         if not 1 <= port["width"] <= 63:
             raise FileError(f"{path}: port {port['name']}: width {port['width']} is outside 1 .. 63 bits")
+    for group in ("inputs", "registers", "outputs"):
+        names = [port["name"] for port in manifest[group]]
+        if len(set(names)) != len(names):
+            raise FileError(f"{path}: {group}: duplicate port {max(names, key=names.count)}")
     for key in ("n", *(key for _, key in REPLAYED.values() if found == REPLAY_SCHEMA)):
         if manifest[key] < 0:
             raise FileError(f"{path}: {key} is {manifest[key]}, below 0 rows")
@@ -274,10 +276,7 @@ def _manifest(folder):
 
 def _words(path, width, count):
     """Words of a hex file; raises FileError at the first line that is not one."""
-    try:
-        text = path.read_bytes().decode("ascii")
-    except (OSError, UnicodeDecodeError) as problem:
-        raise FileError(f"{path}: cannot be read: {problem}") from None
+    text = read_text(path, encoding="ascii")
     if not text.endswith("\n") and count:
         raise FileError(f"{path}: truncated: no newline at its end")
     lines = text.split("\n")[:-1]
@@ -309,7 +308,7 @@ def verify(folder, strict=True):
             raise FileError(f"{folder / MANIFEST}: {name} is not listed")
     for name, expected in manifest["sha256"].items():
         path = _inside(folder, name)
-        if hashlib.sha256(path.read_bytes()).hexdigest() != expected:
+        if sha256_of(path) != expected:
             raise FileError(f"{path}: SHA-256 does not match the manifest: the file was changed")
     for path in _strangers(folder, manifest) if strict else ():
         raise FileError(f"{path}: is not of this bundle: move it, or keep it in {BUILD}/")

@@ -9,13 +9,15 @@ Checked against the VCD of the same runs.
 Source  GHDL 2.0, src/grt/grt-waves.adb (what is written)
 """
 
+import math
 import struct
-from pathlib import Path
 from typing import NamedTuple
 
 from testbench.errors import FileError
+from testbench.storage.inputs import read_bytes
 
 MAGIC = b"GHDLwave\n"
+MOST_TIME = 1 << 62  # fs
 B2, E8, I32, I64, F64, P32, P64 = 22, 23, 25, 26, 27, 28, 29
 ARRAY, RECORD, OPEN_RECORD = 31, 32, 33
 SUB_SCALAR, SUB_ARRAY, SUB_OPEN_ARRAY, SUB_RECORD, SUB_OPEN_RECORD = 34, 35, 37, 38, 39
@@ -28,6 +30,7 @@ class Scalar(NamedTuple):
 
     kind: int
     literals: tuple = ()
+    count: int = 1
 
     @property
     def width(self):
@@ -50,15 +53,36 @@ class Scalar(NamedTuple):
 
 
 class Array(NamedTuple):
-    """`ranges` is None while a dimension is open; `element` too may be open then."""
+    """`ranges` and `count` (of scalars) are None while a dimension is open; `element` too may be open then."""
 
     element: object
     dimensions: int
     ranges: tuple | None = None
+    count: int | None = None
 
 
 class Record(NamedTuple):
+    """`count` of scalars is None while a field is open. Counts are kept: types of types may be walked for ever."""
+
     fields: tuple
+    count: int | None = None
+
+
+def array_of(element, dimensions, ranges=None):
+    """Array with the number of its scalars."""
+    if ranges is None or _open(element):
+        return Array(element, dimensions, ranges)
+    return Array(element, dimensions, ranges, math.prod(ranges) * element.count)
+
+
+def record_of(fields):
+    """Record with the number of its scalars."""
+    counts = [part.count for _, part in fields]
+    return Record(fields, None if None in counts else sum(counts))
+
+
+def _open(kind):
+    return kind.count is None
 
 
 class _Reader:
@@ -141,18 +165,12 @@ def _range(r):
     return max(0, (left - right if down else right - left) + 1)
 
 
-def _open(kind):
-    return (isinstance(kind, Array) and kind.ranges is None) or (
-        isinstance(kind, Record) and any(_open(part) for _, part in kind.fields)
-    )
-
-
 def _bounded(r, kind):
     """The type with the bounds that follow in the file: its own ranges, then those of open elements."""
     if isinstance(kind, Array):
         ranges = tuple(_range(r) for _ in range(kind.dimensions))
-        return kind._replace(ranges=ranges, element=_bounded(r, kind.element) if _open(kind.element) else kind.element)
-    return Record(tuple((name, _bounded(r, part) if _open(part) else part) for name, part in kind.fields))
+        return array_of(_bounded(r, kind.element) if _open(kind.element) else kind.element, kind.dimensions, ranges)
+    return record_of(tuple((name, _bounded(r, part) if _open(part) else part) for name, part in kind.fields))
 
 
 def _known(r, types):
@@ -185,11 +203,12 @@ def _types(r, strings):
             _range(r)
         elif kind == ARRAY:
             element, dimensions = earlier(), r.unsigned()
+            r.need(dimensions > 0, f"array {name} has no dimension")
             for _ in range(dimensions):
                 earlier()
-            out.append(Array(element, dimensions))
+            out.append(array_of(element, dimensions))
         elif kind in (RECORD, OPEN_RECORD):
-            out.append(Record(tuple((strings[r.unsigned()], earlier()) for _ in range(r.unsigned()))))
+            out.append(record_of(tuple((strings[r.unsigned()], earlier()) for _ in range(r.unsigned()))))
         elif kind in (SUB_ARRAY, SUB_RECORD):
             base = earlier()
             r.need(not isinstance(base, Scalar), f"type {name} has no elements")
@@ -202,44 +221,33 @@ def _types(r, strings):
     return out
 
 
-def _count(kind):
-    if isinstance(kind, Scalar):
-        return 1
-    if isinstance(kind, Record):
-        return sum(_count(part) for _, part in kind.fields)
-    if kind.ranges is None:
-        raise ValueError("a signal without bounds")
-    total = _count(kind.element)
-    for length in kind.ranges:
-        total *= length
-    return total
-
-
-def _leaves(path, kind, numbers):
+def leaves_of(path, kind, numbers):
     """Yield (path, scalar, numbers) of what has a value: scalars and vectors of bits."""
+    if kind.count == 0:
+        return
     if isinstance(kind, Scalar):
         yield path, kind, numbers
     elif isinstance(kind, Record):
         for name, part in kind.fields:
-            count = _count(part)
-            yield from _leaves(f"{path}.{name}", part, numbers[:count])
-            numbers = numbers[count:]
+            yield from leaves_of(f"{path}.{name}", part, numbers[: part.count])
+            numbers = numbers[part.count :]
     elif isinstance(kind.element, Scalar) and kind.element.is_bit and len(kind.ranges) == 1:
         yield path, kind.element, numbers
-    elif len(kind.ranges) == 1 and kind.ranges[0]:
+    elif len(kind.ranges) == 1:
         count = len(numbers) // kind.ranges[0]
         for k in range(kind.ranges[0]):
-            yield from _leaves(f"{path}({k})", kind.element, numbers[k * count : (k + 1) * count])
+            yield from leaves_of(f"{path}({k})", kind.element, numbers[k * count : (k + 1) * count])
 
 
 def _scalars(kind):
     """The scalar of every element, in the order of their numbers."""
+    if kind.count == 0:
+        return []
     if isinstance(kind, Scalar):
         return [kind]
     if isinstance(kind, Record):
         return [scalar for _, part in kind.fields for scalar in _scalars(part)]
-    each = _scalars(kind.element)
-    return each * (_count(kind) // len(each)) if each else []
+    return _scalars(kind.element) * (kind.count // kind.element.count)
 
 
 def _hierarchy(r, strings, types):
@@ -266,12 +274,12 @@ def _hierarchy(r, strings, types):
             scopes.append(f"{name}({_value(r, scalar.kind)})")
         elif SIGNAL <= kind <= LAST_PORT:
             of = _known(r, types)
-            count = _count(of)
-            r.need(count <= len(r.data) - r.at, f"signal {name} has {count} elements")
-            numbers = tuple(r.unsigned() for _ in range(count))
+            r.need(not _open(of), f"signal {name} has no bounds")
+            r.need(of.count <= len(r.data) - r.at, f"signal {name} has {of.count} elements")
+            numbers = tuple(r.unsigned() for _ in range(of.count))
             stored.update(zip(numbers, _scalars(of)))
             path = ".".join([*scopes, name])
-            found.update((leaf, (scalar, part)) for leaf, scalar, part in _leaves(path, of, numbers))
+            found.update((leaf, (scalar, part)) for leaf, scalar, part in leaves_of(path, of, numbers))
         else:
             raise ValueError(f"{name} is of kind {kind} in the hierarchy")
     r.need(not scopes, "a scope does not end")
@@ -348,7 +356,7 @@ def _columns(r, known, stored, wanted):
             watched.setdefault(number, []).append((path, place))
     before = None
     for time, path, place, value in _changes(r, stored, watched):
-        r.need(before is None or time >= before, "time runs backwards")
+        r.need((before is None or time >= before) and abs(time) < MOST_TIME, "time runs backwards, or too far")
         before = time
         scalar = known[path][0]
         r.need(not scalar.literals or value < len(scalar.literals), f"{path} has a value that its type lacks")
@@ -369,10 +377,7 @@ def read(path, choose):
     choose  function of {path: width, None where a signal has no bits} that gives the paths that are wanted
     Raises FileError with one line if the file cannot be read, is damaged, or is not of this format.
     """
-    try:
-        data = Path(path).read_bytes()
-    except OSError as problem:
-        raise FileError(f"{path}: cannot be read: {problem.strerror or problem}") from None
+    data = read_bytes(path)
     if not data.startswith(MAGIC):
         raise FileError(f"{path}: not a GHW file")
     r = _Reader(data)
@@ -395,7 +400,7 @@ def read(path, choose):
     wanted = choose(widths)
     try:
         columns = _columns(r, known, stored, wanted)
-    except (IndexError, struct.error, ValueError) as problem:
+    except (IndexError, struct.error, ValueError, TypeError) as problem:
         raise _damaged(path, r, problem) from None
     return {name: (*columns[name], widths[name]) for name in wanted}
 

@@ -19,8 +19,6 @@ Source    docs/golden.md
 """
 
 import csv
-import re
-import tomllib
 from pathlib import Path
 from typing import NamedTuple
 
@@ -29,11 +27,15 @@ import numpy as np
 from fpga_model.fixed import bits
 from testbench.errors import FileError
 from testbench.golden.bundles import bundle
-from testbench.golden.check import ghw
+from testbench.golden.check import ghw, vcd_log
 from testbench.golden.check.compare import BEFORE, Column, against, formats
+from testbench.golden.check.signal_paths import listed_signals, wanted_signal
+from testbench.storage import inputs, trial
+from testbench.storage.inputs import parse_json
 
 SCHEMA = "gyro-map/1.0"
-SLICE = re.compile(r"^(.*?)\s*\[(\d+)(?::(\d+))?\]$")
+MOST_WIDTH = 1 << 12  # bits of a signal
+FST = (bytes([0]) + (329).to_bytes(8, "big"), bytes([254]))  # first bytes: header block, or all of it in one gzip block
 # VHDL's weak levels are levels; everything else is unknown
 LEVELS = str.maketrans("LlHh", "0011")
 
@@ -51,10 +53,7 @@ class Map(NamedTuple):
 def read_map(path):
     """Read and check a map; raises FileError naming the key."""
     path = Path(path)
-    try:
-        tree = tomllib.loads(path.read_text("utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as problem:
-        raise FileError(f"{path}: cannot be read as TOML: {problem}") from None
+    tree = inputs.read_toml(path, error=FileError)
 
     def need(ok, key, value, limit):
         if not ok:
@@ -95,152 +94,34 @@ def read_map(path):
 # Dumps: a reader gives {path: (times, texts, width, hi, lo)} of the wanted signals ------------------------------------
 
 
-def _bare(name):
-    """A signal name without the range that a declaration carries."""
-    found = SLICE.match(name)
-    return found[1] if found else name
-
-
-def _spelled(name):
-    """A path without what only some tools write: the backslash of an escaped name, a dot before an index."""
-    return re.sub(r"(^|\.)\\", r"\1", name).replace(".[", "[")
-
-
-def _listed(pairs):
-    """{path: signal} of (path, signal); None where two signals have one path."""
-    known = {}
-    for name, signal in pairs:
-        name = _spelled(name)
-        known[name] = signal if known.get(name, signal) == signal else None
-    return known
-
-
-def _wanted(path, known, where):
-    """(signal, hi, lo) of a path of the map: the whole signal, or a slice of it.
-
-    Verilator puts everything below TOP, and GHDL leaves the top out of an FST: both may be missing in the map.
-    """
-    spelled = _spelled(path)
-    head, _, rest = spelled.partition(".")
-    ways = [spelled, f"TOP.{spelled}"]
-    if rest and not any(name.startswith(f"{head}.") for name in known):
-        ways.append(rest)
-    for way in ways:
-        found = SLICE.match(way)
-        if way in known:
-            name, hi, lo = way, None, None
-        elif found and found[1] in known:
-            name, hi = found[1], int(found[2])
-            lo = hi if found[3] is None else int(found[3])
-            if hi < lo:
-                raise FileError(f"{where}: slice {path}: {hi} is below {lo}")
-        else:
-            continue
-        if known[name] is None:
-            raise FileError(f"{where}: signal {path} is there more than once")
-        return name, hi, lo
-    tail = spelled.rsplit(".", 1)[-1].split("[")[0]
-    near = sorted(name for name in known if name.rsplit(".", 1)[-1] == tail)[:4]
-    hint = f"; there is {', '.join(near)}" if near else ""
-    raise FileError(f"{where}: no signal {path}{hint}")
-
-
 def _vcd(path, paths):
-    """Changes of the wanted signals of a VCD file, and the slices; strict: anything unforeseen is an error."""
-    try:
-        text = Path(path).read_text("ascii")
-    except (OSError, UnicodeDecodeError) as problem:
-        raise FileError(f"{path}: cannot be read: {problem}") from None
-    head, mark, body = text.partition("$enddefinitions")
-    if not mark:
-        raise FileError(f"{path}: not a VCD file: no $enddefinitions")
-    scopes, known = [], []
-    tokens = iter(head.split())
-    for token in tokens:
-        if not token.startswith("$"):
-            raise FileError(f"{path}: header: {token[:40]!r} is outside any section")
-        words = []
-        for word in tokens:
-            if word == "$end":
-                break
-            words.append(word)
-        else:
-            raise FileError(f"{path}: header: section {token} has no $end")
-        if token == "$scope" and len(words) == 2:
-            scopes.append(words[1])
-        elif token == "$upscope" and scopes:
-            scopes.pop()
-        elif token == "$var" and len(words) >= 4 and words[1].isdigit():
-            # one bit of an array is a signal of its own; a range is only how the signal was declared
-            name = re.sub(r" (\[[^ ]*\])$", r"\1", " ".join(words[3:]))
-            if int(words[1]) > 1 or ":" in name.rpartition("[")[2]:
-                name = _bare(name)
-            known.append((".".join([*scopes, name]), (words[2], int(words[1]), words[0])))
-        elif token in ("$scope", "$upscope", "$var"):
-            raise FileError(f"{path}: header: broken {token} {' '.join(words)[:40]}")
-    known = _listed(known)
-    found = {wanted: _wanted(wanted, known, path) for wanted in paths}
-    for signal, _, _ in found.values():
-        if known[signal][2] in ("real", "realtime", "string", "event"):
-            raise FileError(f"{path}: signal {signal} is a {known[signal][2]}, not bits")
-    changes = {known[signal][0]: ([], []) for signal, _, _ in found.values()}
-    time = 0
-    words = iter(body.split())
-    for word in words:
-        first = word[0]
-        if first == "#":
-            if not word[1:].isdigit() or int(word[1:]) < time:
-                raise FileError(f"{path}: time {word} after #{time} is not a later time")
-            time = int(word[1:])
-        elif first in "bBrRsS":
-            name = next(words, None)
-            if name is None:
-                raise FileError(f"{path}: the file ends inside a value")
-            if name in changes and first in "bB":
-                changes[name][0].append(time)
-                changes[name][1].append(word[1:])
-        elif first in "01xXzZuUwWlLhH-":
-            if word[1:] in changes:
-                changes[word[1:]][0].append(time)
-                changes[word[1:]][1].append(first)
-        elif word == "$comment":
-            for other in words:
-                if other == "$end":
-                    break
-        elif first != "$":
-            raise FileError(f"{path}: {word[:40]!r} at #{time} is not a VCD value")
-    return {
-        wanted: (*changes[known[signal][0]], known[signal][1], hi, lo) for wanted, (signal, hi, lo) in found.items()
-    }
+    """Changes of the wanted signals of a VCD file, and the slices."""
+    found, taken = {}, {}
+
+    def choose(known):
+        known = listed_signals(known)
+        for wanted in paths:
+            signal, hi, lo = wanted_signal(wanted, known, path)
+            identifier, width, kind = known[signal]
+            if kind in ("real", "realtime", "string", "event"):
+                raise FileError(f"{path}: signal {signal} is a {kind}, not bits")
+            found[wanted] = identifier
+            taken[wanted] = (width, hi, lo)
+        return found.values()
+
+    changes = vcd_log.read(path, choose)
+    return {wanted: (*changes[identifier], *taken[wanted]) for wanted, identifier in found.items()}
 
 
-def _wellen(path, paths):
-    """As `_vcd`, for FST."""
+def _fst(path, paths):
+    """As `_vcd`, for FST: read in a process of its own, because damage can end the library's process."""
     try:
-        import pywellen
+        import pywellen  # noqa: F401
     except ImportError:
         raise FileError(f"{path}: FST needs pywellen: pip install pywellen, or dump VCD") from None
-    if not Path(path).is_file():
-        raise FileError(f"{path}: cannot be read: no such file")
-    try:
-        wave = pywellen.Waveform(str(path))
-        variables = list(wave.all_vars())
-        known = _listed((var.full_name, str(var.signal_ref)) for var in variables)
-    except (RuntimeError, ValueError, OSError) as problem:
-        raise FileError(f"{path}: cannot be read: {problem}") from None
-    by_signal = {str(var.signal_ref): var for var in variables}
-    out = {}
-    for wanted in paths:
-        signal, hi, lo = _wanted(wanted, known, path)
-        var = by_signal[known[signal]]
-        if var.bitwidth is None:
-            raise FileError(f"{path}: signal {signal} is not bits")
-        times, texts = [], []
-        for time, value in var.signal:
-            times.append(int(time))
-            texts.append(f"{value:0{var.bitwidth}b}" if isinstance(value, int) else str(value))
-        out[wanted] = (times, texts, int(var.bitwidth), hi, lo)
-    return out
+    with inputs.opened(path):
+        said = trial.tried("testbench.golden.check.fst_log", path, "FST file", *paths)
+    return parse_json(said, path, dict[str, tuple[list[int], list[str], int, int | None, int | None]])
 
 
 def _ghw(path, paths):
@@ -248,16 +129,19 @@ def _ghw(path, paths):
     found = {}
 
     def choose(known):
-        listed = _listed((name, name) for name in known)
+        listed = listed_signals((name, name) for name in known)
         for wanted in paths:
-            signal, hi, lo = _wanted(wanted, listed, path)
+            signal, hi, lo = wanted_signal(wanted, listed, path)
             found[wanted] = listed[signal], hi, lo
-            if known[listed[signal]] is None:
-                raise FileError(f"{path}: signal {signal} is not bits")
+            if not known[listed[signal]] or known[listed[signal]] > MOST_WIDTH:
+                raise FileError(f"{path}: signal {signal} is not bits, or more than {MOST_WIDTH}")
         return list(dict.fromkeys(signal for signal, _, _ in found.values()))
 
     columns = ghw.read(path, choose)
     return {wanted: (*columns[signal], hi, lo) for wanted, (signal, hi, lo) in found.items()}
+
+
+READERS = {".vcd": _vcd, ".fst": _fst, ".ghw": _ghw, ".csv": None}
 
 
 def _extended(text, width):
@@ -277,6 +161,8 @@ def _number(text, signed):
 def _sampled(change, at, port, fmt, where):
     """Column of a signal just before the times `at`."""
     times, texts, width, hi, lo = change
+    if width > MOST_WIDTH:
+        raise FileError(f"{where}: port {port}: a signal of {width} bits, above the limit {MOST_WIDTH}")
     if hi is not None and hi >= width:
         raise FileError(f"{where}: port {port}: bit {hi} of a signal of {width} bits")
     taken = width if hi is None else hi - lo + 1
@@ -341,11 +227,8 @@ def _from_dump(path, reader, signals, fmts):
 
 
 def _from_csv(path, signals, fmts):
-    try:
-        with open(path, newline="", encoding="utf-8") as file:
-            rows = list(csv.reader(file))
-    except (OSError, UnicodeDecodeError, csv.Error) as problem:
-        raise FileError(f"{path}: cannot be read: {problem}") from None
+    with inputs.parsing(path, "CSV file"):
+        rows = list(csv.reader(line for _, line in inputs.read_lines(path)))
     if len(rows) < 2:
         raise FileError(f"{path}: a header and at least one row are needed")
     header = [name.strip() for name in rows[0]]
@@ -388,15 +271,14 @@ def read_log(path, signals, fmts):
     strange = sorted(set(signals.ports) - set(fmts))
     if strange:
         raise FileError(f"map: port {strange[0]} is not in the manifest; there is {', '.join(list(fmts)[:12])}")
-    kind = Path(path).suffix.lower()
+    kind, first = Path(path).suffix.lower(), inputs.head(path, len(ghw.MAGIC))
+    content = ".fst" if first.startswith(FST) else ".ghw" if first == ghw.MAGIC else kind
+    if kind in READERS and content != kind:
+        raise FileError(f"{path}: the content is of a {content} file: give it that ending")
     if kind == ".csv":
         return _from_csv(path, signals, fmts)
-    if kind == ".vcd":
-        return _from_dump(path, _vcd, signals, fmts)
-    if kind == ".ghw":
-        return _from_dump(path, _ghw, signals, fmts)
-    if kind == ".fst":
-        return _from_dump(path, _wellen, signals, fmts)
+    if kind in READERS:
+        return _from_dump(path, READERS[kind], signals, fmts)
     raise FileError(f"{path}: the file type {kind or '(none)'} is not .vcd, .fst, .ghw or .csv")
 
 

@@ -15,8 +15,6 @@ Source  docs/golden.md (recordings)
 
 import hashlib
 import io
-import zipfile
-import zlib
 from pathlib import Path
 from typing import NamedTuple
 
@@ -29,6 +27,8 @@ from testbench.errors import FileError
 from testbench.flatten import format_leaves, leaves
 from testbench.golden.recording.replay import Stimulus
 from testbench.storage.files import write_bytes
+from testbench.storage.inputs import read_bytes
+from testbench.storage.npz_input import read_npz
 
 FOLDER = Path(__file__).parent / "recordings"
 SCHEMA = "gyro-recording/1.0"
@@ -36,7 +36,12 @@ SCHEMA = "gyro-recording/1.0"
 PREDICTOR_SHIFT = 14
 PREDICTOR = 32690
 ADC_COLUMNS = 10
-KEYS = ("schema", "param_names", "params", "frames", "row_every", "adc", "host", "sar", "windows", "shows", "closed")
+# What a file holds: its shape (None: any length), and NumPy's letters of its types
+KEYS = {
+    "schema": ((), "U"), "param_names": ((None,), "U"), "params": ((None,), "i"), "frames": ((), "i"),
+    "row_every": ((), "i"), "adc": ((ADC_COLUMNS, None), "i"), "host": ((None, 4), "i"), "sar": ((2, None), "i"),
+    "windows": ((None, 2), "i"), "shows": ((None,), "U"), "closed": ((), "U"),
+}  # fmt: skip
 
 
 class Window(NamedTuple):
@@ -125,15 +130,14 @@ def save(recording, folder=FOLDER):
 def load(name, folder=FOLDER):
     """Read a recording; raises FileError if it is damaged or of another design."""
     path = Path(folder) / f"{name}.npz"
-    try:
-        # from memory: NumPy leaves a file open that it cannot read
-        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
-            missing = [key for key in KEYS if key not in file.files]
-            if missing:
-                raise FileError(f"{path}: {missing[0]} is missing")
-            data = {key: file[key] for key in KEYS}
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as problem:
-        raise FileError(f"{path}: cannot be read as a recording: {problem}") from None
+    data = read_npz(read_bytes(path), path)
+    for key, (shape, kind) in KEYS.items():
+        if key not in data:
+            raise FileError(f"{path}: {key} is missing")
+        have = data[key]
+        fits = have.ndim == len(shape) and all(n in (None, m) for n, m in zip(shape, have.shape))
+        if not fits or have.dtype.kind != kind or (key == "sar" and have.dtype.itemsize > 4):
+            raise FileError(f"{path}: {key} is {have.dtype} {have.shape}, expected shape {shape} of kind {kind}")
     if str(data["schema"]) != SCHEMA:
         raise FileError(f"{path}: schema is {str(data['schema'])!r}, not {SCHEMA!r}")
     names = param_names()

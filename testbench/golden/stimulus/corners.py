@@ -9,8 +9,9 @@ Source  docs/golden.md
 """
 
 import functools
-import json
 from pathlib import Path
+
+from testbench.storage.inputs import read_json
 
 FOLDER = Path(__file__).with_name("corners_found")
 SCHEMA = "gyro-corners/1.0"
@@ -27,7 +28,7 @@ def stored(stem):
     path = path_of(stem)
     if not path.is_file():
         return {"found": {}, "missing": {}}
-    data = json.loads(path.read_text("ascii"))
+    data = read_json(path)
     if data.get("schema") != SCHEMA or data.get("block") != stem:
         raise ValueError(f"{path}: schema {data.get('schema')!r} of {data.get('block')!r}, not {SCHEMA!r} of {stem!r}")
     return data

@@ -7,7 +7,8 @@
 Source    docs/measured.md
 """
 
-import h5py
+import os
+
 import numpy as np
 
 from fpga_model.rates import FRAME_CYCLES
@@ -17,6 +18,7 @@ from testbench.measured.record import check_tables, load, schema
 from testbench.measured.record.plan import Condition
 from testbench.measured.record.sessions import segments
 from testbench.measured.residual import features, parameters
+from testbench.storage.hdf5_input import looks_like_hdf5, open_hdf5
 from testbench.storage.record import SCHEMA
 
 FRAME_HZ = 8000
@@ -25,13 +27,12 @@ LEAST_SETTLE_S = 2.0
 
 def is_record(path):
     """True if the content is a closed-loop record."""
-    if path.is_dir():
-        return (path / "record.json").exists()
-    try:
-        with h5py.File(path, "r") as file:
-            return str(file.attrs.get("schema", "")).startswith(SCHEMA.partition("/")[0]) and "segments" in file
-    except OSError:
+    if os.path.isdir(path):
+        return os.path.exists(path / "record.json")
+    if not looks_like_hdf5(path):
         return False
+    with open_hdf5(path) as file:
+        return str(file.attrs.get("schema", "")).startswith(SCHEMA.partition("/")[0]) and "segments" in file
 
 
 def _before(record, edge):

@@ -3,6 +3,8 @@
 Source  docs/measured_parts.md
 """
 
+from testbench.storage import inputs
+
 HEAD_BYTES = 4096
 
 
@@ -10,8 +12,7 @@ def recognised(paths, form):
     """[(path, content)] of the files whose first bytes a module of this folder knows, and whose content it has."""
     out = []
     for path in paths:
-        with open(path, "rb") as file:
-            known = form.is_one(file.read(HEAD_BYTES))
+        known = form.is_one(inputs.head(path, HEAD_BYTES))
         content = form.load(path) if known else None
         if content is not None:
             out.append((path, content))

@@ -5,16 +5,18 @@ Errors  FileError: no archive, an array of objects, no such array or numbers, fe
 """
 
 import hashlib
-import zipfile
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from testbench.errors import FileError
+from testbench.storage import inputs
+from testbench.storage.npz_input import read_npz
 
 MIN_SAMPLES = 20_000
 MAX_AXES = 6
+MAGIC = b"PK\x03\x04"
 
 
 class Rest(NamedTuple):
@@ -28,21 +30,16 @@ class Rest(NamedTuple):
 
 
 def looks_like(path):
-    """True if the file is an archive that `read` takes."""
-    try:
-        if not zipfile.is_zipfile(path):
-            return False
-        read(path)
-    except (FileError, OSError):
-        return False
-    return True
+    """True if the file is an archive; what is in it only `read` can say."""
+    return inputs.head(path, len(MAGIC)) == MAGIC
 
 
 def _scalar(path, held, ending):
-    found = [name for name, v in held.items() if v.size == 1 and name.lower().endswith(ending)]
+    numbers = [name for name, v in held.items() if v.size == 1 and v.dtype.kind in "iuf"]
+    found = [name for name in numbers if name.lower().endswith(ending)]
     if len(found) != 1:
         raise FileError(f"{path}: expected one number named ...{ending}, found {len(found)}")
-    value = float(held[found[0]])
+    value = float(held[found[0]].item())
     if not (np.isfinite(value) and value > 0):
         raise FileError(f"{path}: {found[0]} = {value} is not positive")
     return value
@@ -51,19 +48,15 @@ def _scalar(path, held, ending):
 def read(path):
     """`Rest` of a file; see the module."""
     path = Path(path)
-    try:
-        data = path.read_bytes()
-        with np.load(path, allow_pickle=False) as archive:
-            held = {name: archive[name] for name in archive.files}
-    except OSError as problem:
-        raise FileError(f"{path}: cannot be read: {problem.strerror or problem}") from None
-    except (ValueError, zipfile.BadZipFile, KeyError) as problem:
-        raise FileError(f"{path}: no archive of plain arrays: {problem}") from None
+    data = inputs.read_bytes(path)
+    held = read_npz(data, path)
     arrays = [v for v in held.values() if v.ndim == 2 and v.dtype.kind in "iu" and 1 <= min(v.shape) <= MAX_AXES]
     if len(arrays) != 1:
         raise FileError(f"{path}: expected one integer array (samples, axes), found {len(arrays)}")
     counts = arrays[0] if arrays[0].shape[1] <= MAX_AXES else arrays[0].T
     if len(counts) < MIN_SAMPLES:
         raise FileError(f"{path}: {len(counts)} samples, at least {MIN_SAMPLES} wanted")
+    if np.any(np.ptp(counts, axis=0) == 0):
+        raise FileError(f"{path}: axis {int(np.argmin(np.ptp(counts, axis=0)))} is the same in all samples")
     digest = hashlib.sha256(data).hexdigest()
     return Rest(path, digest, counts, _scalar(path, held, "_deg_s"), _scalar(path, held, "_hz"))

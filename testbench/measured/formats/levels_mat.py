@@ -5,17 +5,17 @@
 Errors  FileError: not such a file, no vector of 2^N finite numbers
 """
 
-import hashlib
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from scipy.io import loadmat
 
 from testbench.errors import FileError
+from testbench.measured.formats import mat_file
+from testbench.storage import inputs
 
-MAGIC = b"MATLAB 5.0 MAT-file"
 BITS = range(8, 19)
+MOST_V = 1e6
 MIN_RISE = 0.95  # rank correlation of a level with its code would be 1; a signal in time is far from it
 
 
@@ -30,6 +30,8 @@ class Levels(NamedTuple):
 
 def looks_like(path):
     """True if the file is of this format and holds at least one table of levels."""
+    if not mat_file.is_mat(inputs.head(path, len(mat_file.MAGIC))):
+        return False
     try:
         return bool(read(path).channels)
     except FileError:
@@ -45,26 +47,17 @@ def _rises(v):
 def read(path):
     """`Levels` of a file; see the module."""
     path = Path(path)
-    try:
-        data = path.read_bytes()
-    except OSError as problem:
-        raise FileError(f"{path}: cannot be read: {problem.strerror}") from None
-    if not data.startswith(MAGIC):
-        raise FileError(f"{path}: expected a MATLAB 5 file, found other first bytes")
-    try:
-        held = loadmat(path, variable_names=None)
-    except Exception as problem:  # scipy raises what its parts raise: zlib, struct, ValueError, TypeError
-        raise FileError(f"{path}: damaged MATLAB file: {problem}") from None
+    held, digest = mat_file.read_mat(path)
     channels = {}
     for name, value in held.items():
-        if name.startswith("__") or not isinstance(value, np.ndarray) or value.dtype.kind not in "fiu":
+        if value.dtype.kind not in "fiu":
             continue
         v = np.asarray(value, float).ravel()
-        if len(v) in [1 << b for b in BITS] and np.all(np.isfinite(v)) and _rises(v):
+        if len(v) in [1 << b for b in BITS] and np.all(np.abs(v) < MOST_V) and _rises(v):
             channels[name] = v
     if not channels:
         raise FileError(f"{path}: expected a vector of 2^8 .. 2^18 rising levels (V), found none")
     lengths = {len(v) for v in channels.values()}
     if len(lengths) != 1:
         raise FileError(f"{path}: channels of {sorted(lengths)} levels, expected one length")
-    return Levels(path, hashlib.sha256(data).hexdigest(), lengths.pop().bit_length() - 1, channels)
+    return Levels(path, digest, lengths.pop().bit_length() - 1, channels)

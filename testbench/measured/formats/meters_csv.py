@@ -6,8 +6,6 @@ Readings are the columns that are no known name and follow the source; the k-th 
 Errors  FileError: another header, a row of another length, what is no number, fewer than 20 points
 """
 
-import hashlib
-import math
 import re
 from datetime import datetime
 from pathlib import Path
@@ -16,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from testbench.errors import FileError
+from testbench.storage import inputs
 
 HEAD = "date;source;"
 DATE = "%m%d%Y-%H:%M:%S"
@@ -23,6 +22,7 @@ ENVIRONMENT = re.compile(r"(temp|room|hum|pres)\w*$", re.I)
 SPREAD = re.compile(r"sdev\d*$", re.I)
 MIN_POINTS = 20
 MAX_POINTS = 1_000_000
+MOST = 1e9  # of any number
 
 
 class Meters(NamedTuple):
@@ -40,21 +40,13 @@ class Meters(NamedTuple):
 
 def looks_like(path):
     """True if the first line is that of this format."""
-    try:
-        with open(path, "rb") as file:
-            return file.read(len(HEAD)).decode("ascii", "replace").lower() == HEAD
-    except OSError:
-        return False
+    return inputs.head(path, len(HEAD)).decode("ascii", "replace").lower() == HEAD
 
 
 def read(path):
     """`Meters` of a file; see the module."""
     path = Path(path)
-    try:
-        data = path.read_bytes()
-    except OSError as problem:
-        raise FileError(f"{path}: cannot be read: {problem.strerror}") from None
-    lines = data.decode("ascii", "replace").splitlines()
+    lines = [line for _, line in inputs.read_lines(path, "ascii", "replace")]
     if not lines or not lines[0].lower().startswith(HEAD):
         raise FileError(f"{path}: line 1: expected {HEAD}..., found {lines[0][:40] if lines else 'nothing'}")
     head = [h.strip() for h in lines[0].strip().rstrip(";").split(";")]
@@ -70,8 +62,8 @@ def read(path):
             values = [float(c) for c in cells[1:]]
         except ValueError as problem:
             raise FileError(f"{path}: line {number}: {problem}") from None
-        if not all(math.isfinite(v) for v in values):
-            raise FileError(f"{path}: line {number}: a value is not finite")
+        if not all(abs(v) < MOST for v in values):
+            raise FileError(f"{path}: line {number}: a value is not finite, or above {MOST:g}")
         rows.append(values)
     if not MIN_POINTS <= len(rows) <= MAX_POINTS:
         raise FileError(f"{path}: {len(rows)} points are outside {MIN_POINTS} .. {MAX_POINTS}")
@@ -83,9 +75,12 @@ def read(path):
     seconds = np.array([(t - when[0]).total_seconds() for t in when])
     if np.any(np.diff(seconds) < 0):
         raise FileError(f"{path}: line {2 + int(np.argmax(np.diff(seconds) < 0)) + 1}: the time falls")
+    for name, fixed in (("time", seconds), ("source", table[:, 0]), *((columns[i], table[:, i]) for i in meters)):
+        if np.all(fixed == fixed[0]):
+            raise FileError(f"{path}: {name} is the same in all {len(rows)} points")
     return Meters(
         path,
-        hashlib.sha256(data).hexdigest(),
+        inputs.sha256_of(path),
         seconds,
         table[:, 0],
         tuple(columns[i] for i in meters),

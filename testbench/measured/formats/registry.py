@@ -9,12 +9,12 @@ Source    docs/measured_resonators.md, docs/references.md
 """
 
 import csv
-import hashlib
 import os
 from pathlib import Path
 from typing import NamedTuple
 
 from testbench.errors import FileError
+from testbench.storage.inputs import sha256_of
 
 FOLDER, CACHE = "GYRO_DATA_DIR", "GYRO_DATA_CACHE"
 
@@ -34,15 +34,6 @@ class File(NamedTuple):
 with open(Path(__file__).with_name("published.csv"), encoding="utf-8", newline="") as _table:
     FILES = tuple(File(**row | {"bytes": int(row["bytes"])}) for row in csv.DictReader(_table))
 SETS = tuple(dict.fromkeys(f.set for f in FILES))
-
-
-def sha256_of(path):
-    """SHA-256 of a file, hexadecimal; FileError if it cannot be read."""
-    try:
-        with open(path, "rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError as problem:
-        raise FileError(f"{path}: cannot be read: {problem.strerror or problem}") from None
 
 
 def files(set_name):

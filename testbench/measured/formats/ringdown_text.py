@@ -11,8 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from testbench.errors import FileError
+from testbench.storage.inputs import read_lines
 
 SHORTEST = 64
+MOST, MOST_DBM = 1e12, 1e3  # of s or Hz, and of dBm
 
 
 class Trace(NamedTuple):
@@ -44,40 +46,36 @@ def is_one(head):
 def load(path):
     """`Trace` of a file; FileError says line and reason."""
     header, kind, rows = {}, "", []
-    try:
-        with open(path, encoding="utf-8", errors="replace") as file:
-            for number, line in enumerate(file, 1):
-                line = line.strip()
-                if not line:
-                    continue
-                if line.startswith("%"):
-                    text = line.lstrip("% ").strip()
-                    columns = re.fullmatch(r"(time|frequency) \[(s|Hz)\],\s*power \[dBm\]", text)
-                    if columns:
-                        kind = "ringdown" if columns[1] == "time" else "spectrum"
-                    elif ":" in text:
-                        name, _, value = text.partition(":")
-                        header[name.strip().lower()] = value.strip()
-                    continue
-                fields = line.split(",")
-                try:
-                    rows.append((float(fields[0]), float(fields[1])))
-                    if len(fields) != 2:
-                        raise ValueError
-                except (ValueError, IndexError):
-                    raise FileError(f"{path} line {number}: {line!r} is not 'number, number'") from None
-    except OSError as problem:
-        raise FileError(f"{path}: cannot be read: {problem.strerror or problem}") from None
+    for number, line in read_lines(path, errors="replace"):
+        line = line.strip()
+        if not line:
+            continue
+        if line.startswith("%"):
+            text = line.lstrip("% ").strip()
+            columns = re.fullmatch(r"(time|frequency) \[(s|Hz)\],\s*power \[dBm\]", text)
+            if columns:
+                kind = "ringdown" if columns[1] == "time" else "spectrum"
+            elif ":" in text:
+                name, _, value = text.partition(":")
+                header[name.strip().lower()] = value.strip()
+            continue
+        try:
+            x, power = (float(field) for field in line.split(","))
+        except ValueError:
+            raise FileError(f"{path}: line {number}: {line[:80]!r} is not 'number, number'") from None
+        if not (abs(x) < MOST and abs(power) < MOST_DBM):
+            raise FileError(f"{path}: line {number}: not finite, or above {MOST:g} s or Hz, {MOST_DBM:g} dBm")
+        rows.append((x, power))
     if not kind:
         raise FileError(f"{path}: no line '% time [s], power [dBm]' or '% frequency [Hz], power [dBm]'")
     if len(rows) < SHORTEST:
         raise FileError(f"{path}: {len(rows)} rows, {SHORTEST} or more wanted")
     x, power = np.array(rows).T
-    if not (np.all(np.isfinite(x)) and np.all(np.isfinite(power))):
-        raise FileError(f"{path}: holds what is not finite")
     steps = np.diff(x)
     if np.any(steps < 0) or (kind == "ringdown" and np.any(steps == 0)):
         raise FileError(f"{path}: the first column falls or stands still")
+    if x[-1] == x[0] or np.all(power == power[0]):
+        raise FileError(f"{path}: a column is the same in every row")
     if kind == "spectrum":
         x = np.linspace(x[0], x[-1], len(x))
     return Trace(str(path), header, kind, x, power)

@@ -12,8 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from testbench.errors import FileError
+from testbench.storage.inputs import read_lines
 
 UNITS = {"hz": 1.0, "khz": 1e3, "mhz": 1e6, "ghz": 1e9}
+MOST, MOST_S, MOST_DB = 1e15, 1e6, 200.0  # of any number, and of a parameter
 ORDERS = {1: ("s11",), 2: ("s11", "s21", "s12", "s22")}
 
 
@@ -37,7 +39,7 @@ def is_one(head):
 def _pairs(kind, a, b):
     if kind == "ri":
         return a + 1j * b
-    size = 10.0 ** (a / 20.0) if kind == "db" else a
+    size = 10.0 ** (np.minimum(a, MOST_DB) / 20.0) if kind == "db" else a
     return size * np.exp(1j * np.deg2rad(b))
 
 
@@ -50,27 +52,20 @@ def _digits(token):
 def load(path):
     """`Sweep` of a file; FileError says line and reason."""
     comments, options, rows, last = [], None, [], 0.0
-    try:
-        with open(path, encoding="latin-1") as file:
-            for number, line in enumerate(file, 1):
-                line, _, comment = line.partition("!")
-                if comment.strip():
-                    comments.append(comment.strip())
-                fields = line.split()
-                if not fields:
-                    continue
-                if fields[0].startswith("#"):
-                    options = options or _options(path, number, line)
-                    continue
-                try:
-                    rows.append([float(f) for f in fields])
-                except ValueError:
-                    raise FileError(f"{path} line {number}: {line.strip()!r} is not a row of numbers") from None
-                if len(rows[-1]) != len(rows[0]):
-                    raise FileError(f"{path} line {number}: {len(rows[-1])} numbers, the first row has {len(rows[0])}")
-                last = max(last, 10.0 ** _digits(fields[0]))
-    except OSError as problem:
-        raise FileError(f"{path}: cannot be read: {problem.strerror or problem}") from None
+    for number, line in read_lines(path, "latin-1"):
+        line, _, comment = line.partition("!")
+        if comment.strip():
+            comments.append(comment.strip())
+        fields = line.split()
+        if not fields:
+            continue
+        if fields[0].startswith("#"):
+            options = options or _options(path, number, line)
+            continue
+        rows.append(_row(path, number, fields))
+        if len(rows[-1]) != len(rows[0]):
+            raise FileError(f"{path}: line {number}: {len(rows[-1])} numbers, the first row has {len(rows[0])}")
+        last = max(last, 10.0 ** _digits(fields[0]))
     if options is None or len(rows) < 16:
         raise FileError(f"{path}: {len(rows)} rows and {'no' if options is None else 'an'} option line; not a sweep")
     unit, kind, ohm = options
@@ -78,25 +73,37 @@ def load(path):
     ports = {3: 1, 9: 2}.get(data.shape[1])
     if ports is None:
         raise FileError(f"{path}: {data.shape[1]} columns; 3 (one port) or 9 (two ports) wanted")
-    if not np.all(np.isfinite(data)):
-        raise FileError(f"{path}: holds what is not finite")
     frequency, rounding = data[:, 0] * unit, last * unit
     frequency, regular = _grid(path, frequency, rounding)
     s = {name: _pairs(kind, data[:, 1 + 2 * k], data[:, 2 + 2 * k]) for k, name in enumerate(ORDERS[ports])}
+    for name, value in s.items():
+        if not np.all(np.abs(value) < MOST_S):
+            raise FileError(f"{path}: {name} is above {MOST_S:g}")
     return Sweep(str(path), tuple(comments), frequency, s, ohm, regular, rounding)
+
+
+def _row(path, number, fields):
+    """Numbers of a line: all finite, the first one a frequency above 0."""
+    try:
+        values = [float(f) for f in fields]
+    except ValueError:
+        raise FileError(f"{path}: line {number}: {' '.join(fields)[:80]!r} is not a row of numbers") from None
+    if not all(abs(value) < MOST for value in values) or not values[0] >= 0:
+        raise FileError(f"{path}: line {number}: a number is not finite, above {MOST:g}, or the frequency is below 0")
+    return values
 
 
 def _options(path, number, line):
     found = re.fullmatch(r"\s*#\s*(\w+)\s+(\w)\s+(\w+)\s+R\s+(\S+)\s*", line, re.I)
     unit, kind = (found[1].lower(), found[3].lower()) if found else ("", "")
     if unit not in UNITS or found[2].lower() != "s" or kind not in ("db", "ma", "ri"):
-        raise FileError(f"{path} line {number}: {line.strip()!r}: expected '# Hz S dB R 50' or its kin")
+        raise FileError(f"{path}: line {number}: {line.strip()!r}: expected '# Hz S dB R 50' or its kin")
     try:
         ohm = float(found[4])
     except ValueError:
         ohm = math.nan
     if not 0 < ohm < 1e6:
-        raise FileError(f"{path} line {number}: reference {found[4]} ohm")
+        raise FileError(f"{path}: line {number}: reference {found[4]} ohm")
     return UNITS[unit], kind, ohm
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from analog_frontend.parts import adc
+from testbench.errors import FileError
 from testbench.measured.formats import meters_csv
 from testbench.measured.models.linear import Common, LinearProblem, Stretch
 from testbench.tracing.problem.problem import Law, Nuisance, Observable, Segment
@@ -24,6 +25,7 @@ PAGE = "docs/parts/adc.md"
 WARM_S = (120.0, 600.0, 1800.0)
 SETTLE_S = (1200.0, 2400.0)  # a meter follows the room with a delay
 LAWS_PER_METER = 4  # at most, on average
+LEAST_UV = 1e-6  # of the noise of readings
 SHUFFLED = 0.5  # correlation of time and source below which the order is random
 READINGS = 3  # behind one point, where the file gives their spread
 
@@ -103,7 +105,12 @@ def saturated(data):
     error = (data.readings_v - data.source_v[:, None]) * 1e6
     q, s, _ = np.linalg.svd(a, full_matrices=False)
     q = q[:, s > 1e-9 * s[0]]
-    return (error - q @ (q.T @ error)) * np.sqrt(len(u) / (len(u) - q.shape[1]))
+    if len(u) <= q.shape[1]:
+        raise FileError(f"{data.path}: {len(u)} points, more than {q.shape[1]} wanted")
+    left = (error - q @ (q.T @ error)) * np.sqrt(len(u) / (len(u) - q.shape[1]))
+    if not np.all(robust(left) > LEAST_UV):
+        raise FileError(f"{data.path}: readings without noise above {LEAST_UV:g} uV; measured ones wanted")
+    return left
 
 
 def noise_sd(data):

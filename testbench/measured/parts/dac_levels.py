@@ -28,6 +28,7 @@ BLOCKS = 1024
 STRINGS = (2, 4, 8, 16, 32)
 PAGE = "docs/parts/dac_levels.md"
 MOST_LAWS = 30
+LEAST_LSB = 1e-9  # of the noise of levels that were measured
 LOCAL = 32  # blocks over which the slow noise is of one size
 ALTERNATE = 8  # blocks that change roles together where there is one session
 
@@ -149,6 +150,12 @@ def problem(sessions, bits, name="levels of a DAC", hashes=None, fit=None):
     """`LinearProblem` of sessions; `fit`: indices of those that choose (default: the first half)."""
     if bits < 9:
         raise ConfigError(f"{name}: {bits} bits, at least 9 wanted")
+    for a, b in pairwise(sessions):
+        if np.array_equal(a.error_lsb, b.error_lsb):
+            raise ConfigError(f"{name}: {a.name} and {b.name} have the same levels; sessions of their own wanted")
+    for s in sessions:
+        if not white_sd(s.error_lsb) > LEAST_LSB:
+            raise ConfigError(f"{name}: {s.name} has no noise above {LEAST_LSB:g} LSB; measured levels wanted")
     laws, shapes = catalogue(bits)
     size, blocks = block_codes(bits), min(BLOCKS, 1 << bits)
     nuisances = (Nuisance("bow", "LSB", 0.0, np.inf, 1.0),)

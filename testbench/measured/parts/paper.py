@@ -12,15 +12,12 @@ import html
 from testbench.measured.exam import part_page
 from testbench.measured.formats.paper_numbers import AGREE, HEAD, Numbers
 from testbench.measured.parts.paper_questions import rows
+from testbench.storage import inputs
 
 
 def looks_like(path):
     """True if the first line is that of the list of numbers."""
-    try:
-        with open(path, "rb") as file:
-            return file.read(len(HEAD)).decode("ascii", "replace") == HEAD
-    except OSError:
-        return False
+    return inputs.head(path, len(HEAD)).decode("ascii", "replace") == HEAD
 
 
 def jobs(paths):

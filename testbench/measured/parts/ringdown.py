@@ -235,6 +235,8 @@ def of_trace(trace, fitted, background_dbm=None):
         notes.append(f"{number}: from {t[b - 1]:.2f} s on too near to its background{what}: left out")
     t, p = t[a:b] - t[a], p[a:b]
     sd, rho = fluctuation(t, p, background_dbm)
+    if not (0 < sd < np.inf and np.polyfit(t, p, 1)[0] < 0):
+        raise FileError(f"{trace.path}: no noise in it, or no decay")
     if fitted:
         scored, setup = np.arange(len(t)), np.arange(0)
     else:

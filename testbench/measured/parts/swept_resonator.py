@@ -26,6 +26,8 @@ from testbench.measured.parts.part import Part, Piece
 from testbench.tracing.problem.problem import Law, Nuisance
 
 WIDEST = 3000  # points used, two thirds of them behind the peak, where it still rings
+LEAST_PEAK = 1e-6  # of the largest response
+FEWEST = 32  # points around the peak
 SUBSTEPS = 4  # of a step, if the mode is not linear
 SLOWEST = 1e-9  # points per s: below, the mode is always settled
 TWO_PI = 2 * np.pi
@@ -377,7 +379,11 @@ def _piece(sweep, number, role):
     if "s21" not in sweep.s:
         raise FileError(f"{sweep.path}: one port; S21 wanted")
     s, f = sweep.s["s21"], sweep.frequency_hz
+    if noise_sd(s) == 0 or np.ptp(np.abs(s)) < LEAST_PEAK * np.max(np.abs(s)):
+        raise FileError(f"{sweep.path}: S21 has no noise, or the same size at all frequencies")
     a, b = window(s, f)
+    if b - a < FEWEST or noise_sd(s[a:b]) == 0 or f[a] <= 0:
+        raise FileError(f"{sweep.path}: {b - a} points around the peak at {f[a]:g} Hz, {FEWEST} with noise wanted")
     step = analyser_step(sweep.s["s11"])
     behind = np.zeros(len(f))
     if step is not None:

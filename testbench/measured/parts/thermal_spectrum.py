@@ -10,6 +10,7 @@ Noise: differences over more points than the analyser's filter joins; frequencie
 import numpy as np
 from scipy.special import wofz
 
+from testbench.errors import FileError
 from testbench.measured.formats import recognised, ringdown_text
 from testbench.measured.models.noise import Noise, neighbours, starts_of, turns
 from testbench.measured.models.working import Working
@@ -17,6 +18,7 @@ from testbench.measured.parts.part import Part, Piece
 from testbench.tracing.problem.problem import Law, Nuisance
 
 BLOCKS = 24
+SHORTEST = 256
 LAG = 8  # points, beyond the filter of the analyser
 DB = 10.0 / np.log(10.0)
 LAWS = (
@@ -69,7 +71,11 @@ def problem(trace):
     from testbench.measured.formats.registry import sha256_of
 
     f, p = trace.x, trace.power_dbm
+    if len(p) < SHORTEST:
+        raise FileError(f"{trace.path}: {len(p)} points, {SHORTEST} or more wanted")
     sd, rho = noise_of(p)
+    if not 0 < sd < np.inf:
+        raise FileError(f"{trace.path}: the spectrum has no noise")
     pieces = []
     for name, role, scored in zip(("even", "odd"), ("fit", "validate"), turns(len(f), BLOCKS)):
         noise = Noise.from_autocorrelation([1.0, rho], sd, starts_of(scored))

@@ -5,7 +5,8 @@
     TABLE.csv              slow logs; the slash of stimulus/rate is a dot in the file's name
 
 The same `Record` as HDF5 gives, with the same content hash. A file is parsed only if its bytes have
-the hash that record.json states, so that no library meets damage; names that leave the folder are refused.
+the hash that record.json states, so that no library meets damage; names that leave the folder are refused, and
+what unpacks to more than `inputs.expansion` allows.
 Source    docs/measured.md
 """
 
@@ -20,18 +21,22 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
+from pydantic import BaseModel
 
 from testbench.errors import FileError
 from testbench.measured.record.schema import SCHEMA
+from testbench.storage import inputs
 from testbench.storage import record as records
 from testbench.storage.files import discard, explain, part_of, write_bytes
 from testbench.storage.record import Column, Record, RecordError, TableColumn
-from testbench.storage.record_read import DAMAGED
+from testbench.storage.record_read import DAMAGED, Value
 
 HEAD = "record.json"
 NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
 DTYPES = ("i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "f4", "f8")
 MOST_BYTES = 1 << 24  # of record.json
+WIDTHS = {"BOOLEAN": 1, "INT32": 4, "INT64": 8, "FLOAT": 4, "DOUBLE": 8}  # bytes of Parquet's plain types
+BATCH_ROWS = 1 << 16
 
 
 def _parquet():
@@ -143,14 +148,44 @@ def _head(record, files, tables):
 # ---- reading ---------------------------------------------------------------------------------------------------------
 
 
+class _Files(BaseModel):
+    sha256: str
+    columns: list[str]
+
+
+class _Table(BaseModel):
+    file: str
+    sha256: str
+    columns: list[dict[str, str]]
+
+
+class _Clock(BaseModel):
+    f_xtal_nominal_Hz: float
+    ppm: float
+
+
+class _Head(BaseModel):
+    """record.json; what a stream states besides its keys is an attribute of it."""
+
+    provenance: str
+    config_toml: str
+    attributes: dict[str, Value]
+    clock: _Clock
+    content_sha256: str
+    files: dict[str, _Files]
+    streams: dict[str, dict[str, Value]]
+    tables: dict[str, _Table]
+    versions: dict[str, str] = {}
+
+
 def read(path):
     """`Record` of a folder; RecordError with one finding per thing that is wrong."""
     path, findings = Path(path), []
     try:
         record = _read(path, findings)
-    except FileError:
-        raise
-    except (*DAMAGED, RecursionError, csv.Error) as problem:
+    except (FileError, RecursionError, csv.Error, *DAMAGED) as problem:
+        if isinstance(problem, RecordError):
+            raise
         text = f"R01 / expected a complete record, found damage: {' '.join(str(problem).split())}"
         raise RecordError(path, [*findings, text]) from None
     if findings:
@@ -158,37 +193,31 @@ def read(path):
     return record
 
 
+def _head_of(path):
+    """`_Head` of a folder."""
+    try:
+        data = inputs.read_json(path / HEAD, limit=MOST_BYTES)
+    except FileError as problem:
+        raise RecordError(path, [f"R01 / expected JSON in {HEAD}, found {problem}"]) from None
+    if data.get("schema") != SCHEMA:
+        raise RecordError(path, [f"R01 / expected schema {SCHEMA}, found {str(data.get('schema', 'nothing'))[:40]}"])
+    missing = [key for key, field in _Head.model_fields.items() if field.is_required() and key not in data]
+    if missing:
+        raise RecordError(path, [f"R02 / expected {key}, found nothing" for key in missing])
+    return inputs.checked(data, _Head, path / HEAD)
+
+
 def _read(path, findings):
-    try:
-        data = (path / HEAD).read_bytes()
-    except OSError as problem:
-        raise FileError(f"{path / HEAD}: cannot be read: {problem.strerror or problem}") from None
-    if len(data) > MOST_BYTES:
-        findings.append(f"R01 / expected {HEAD} of at most {MOST_BYTES} bytes, found {len(data)}")
-        return None
-    try:
-        head = json.loads(data)
-    except (ValueError, RecursionError):
-        findings.append(f"R01 / expected JSON in {HEAD}, found something else")
-        return None
-    if not isinstance(head, dict) or head.get("schema") != SCHEMA:
-        found = head.get("schema", "nothing") if isinstance(head, dict) else "no object"
-        findings.append(f"R01 / expected schema {SCHEMA}, found {found}")
-        return None
-    for key in ("provenance", "config_toml", "attributes", "clock", "content_sha256", "files", "streams", "tables"):
-        if key not in head:
-            findings.append(f"R02 / expected {key}, found nothing")
-    if findings:
-        return None
-    if head["clock"]["f_xtal_nominal_Hz"] != records.CLOCK_HZ:
+    head = _head_of(path)
+    if head.clock.f_xtal_nominal_Hz != records.CLOCK_HZ:
         findings.append(f"R08 /clock expected f_xtal_nominal_Hz {records.CLOCK_HZ}")
     record = Record(
-        config_toml=str(head["config_toml"]),
-        provenance=str(head["provenance"]),
-        clock_ppm=float(head["clock"]["ppm"]),
-        attrs=dict(head["attributes"]),
-        versions=dict(head.get("versions", {})),
-        content_sha256=str(head["content_sha256"]),
+        config_toml=head.config_toml,
+        provenance=head.provenance,
+        clock_ppm=head.clock.ppm,
+        attrs=head.attributes,
+        versions=head.versions,
+        content_sha256=head.content_sha256,
     )
     _read_streams(path, head, record, findings)
     _read_tables(path, head, record, findings)
@@ -199,15 +228,15 @@ def _read(path, findings):
     return record
 
 
-def _bytes(path, file, digest, findings):
+def _bytes(path, file, digest, limit, findings):
     """Bytes of a file of the bundle, or None with a finding."""
     if not NAME.fullmatch(file):
         findings.append(f"R01 /{file} expected the name of a file in the folder, found another")
         return None
     try:
-        data = (path / file).read_bytes()
-    except OSError:
-        findings.append(f"R02 /{file} expected a file, found nothing")
+        data = inputs.read_bytes(path / file, limit)
+    except FileError as problem:
+        findings.append(f"R02 /{file} expected a file, found none: {problem}")
         return None
     if _sha256(data) != digest:
         findings.append(f"R15 /{file} expected sha256 {digest}, found {_sha256(data)}")
@@ -215,24 +244,43 @@ def _bytes(path, file, digest, findings):
     return data
 
 
-def _read_streams(path, head, record, findings):
+def _columns(data, wanted, place):
+    """{name: array} of a Parquet file's plain columns of numbers, read in pieces; nothing larger than is allowed."""
     _, parquet = _parquet()
-    for file, item in head["files"].items():
-        data = _bytes(path, file, item["sha256"], findings)
+    with inputs.parsing(place, "Parquet file"), parquet.ParquetFile(io.BytesIO(data)) as file:
+        rows, schema = file.metadata.num_rows, file.schema
+        plain = {
+            schema.column(k).path: WIDTHS[schema.column(k).physical_type]
+            for k in range(len(schema))
+            if schema.column(k).physical_type in WIDTHS and not schema.column(k).max_repetition_level
+        }
+        names = [name for name in wanted if name in plain]
+        inputs.expansion(place, rows * sum(plain[name] for name in names), len(data))
+        found = {name: [] for name in names}
+        left = rows
+        for batch in file.iter_batches(BATCH_ROWS, columns=names) if names else ():
+            left -= len(batch)
+            if left < 0:
+                raise FileError(f"{place}: more rows than the {rows} that its head states")
+            for name in names:
+                found[name].append(batch.column(name).to_numpy(zero_copy_only=False))
+        return {name: np.concatenate(parts) for name, parts in found.items() if parts}
+
+
+def _read_streams(path, head, record, findings):
+    for file, item in head.files.items():
+        data = _bytes(path, file, item.sha256, None, findings)
         if data is None:
             continue
-        table = parquet.read_table(io.BytesIO(data))
-        for name in item["columns"]:
-            if name not in table.column_names or name not in head["streams"]:
-                findings.append(f"R02 /streams/{name} expected a column, found nothing")
-                continue
-            stated = dict(head["streams"][name])
-            array = table.column(name).to_numpy()
-            if array.dtype.kind not in records.KINDS:
-                findings.append(f"R04 /streams/{name} expected a column of numbers, found {array.dtype}")
-                continue
-            _stream(name, array, stated, record, findings)
-    for name in sorted(set(head["streams"]) - set(record.streams)):
+        found = _columns(data, item.columns, path / file)
+        for name in item.columns:
+            if name not in found or name not in head.streams:
+                findings.append(f"R02 /streams/{name} expected a column of numbers, found nothing")
+            elif found[name].dtype.kind not in records.KINDS:
+                findings.append(f"R04 /streams/{name} expected a column of numbers, found {found[name].dtype}")
+            else:
+                _stream(name, found[name], dict(head.streams[name]), record, findings)
+    for name in sorted(set(head.streams) - set(record.streams)):
         if not findings:
             findings.append(f"R02 /streams/{name} expected a column, found nothing")
 
@@ -254,12 +302,12 @@ def _stream(name, array, stated, record, findings):
 
 
 def _read_tables(path, head, record, findings):
-    for name, item in head["tables"].items():
-        data = _bytes(path, item["file"], item["sha256"], findings)
+    for name, item in head.tables.items():
+        data = _bytes(path, item.file, item.sha256, inputs.MOST_TABLE_BYTES, findings)
         if data is None:
             continue
         rows = list(csv.reader(io.StringIO(data.decode())))
-        columns = item["columns"]
+        columns = item.columns
         if (
             not rows
             or rows[0] != [stated["name"] for stated in columns]

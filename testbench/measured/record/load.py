@@ -7,6 +7,7 @@
 Source    docs/measured.md
 """
 
+import os
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -42,7 +43,7 @@ class Loaded:
 def read(path):
     """`Record` of an HDF5 file or of a bundle; RecordError with its findings."""
     path = Path(path)
-    return bundle.read(path) if path.is_dir() else record_read.read_record(path)
+    return bundle.read(path) if os.path.isdir(path) else record_read.read_record(path)
 
 
 def write(path, record):

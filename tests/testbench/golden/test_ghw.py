@@ -293,3 +293,13 @@ def test_what_is_no_ghw_file_is_refused(tmp_path):
     path.write_bytes(ghw.MAGIC + bytes([16, 1, 0, 1, 4, 1, 0]))
     with pytest.raises(FileError, match="version"):
         everything(path)
+
+
+def test_types_of_types_are_not_walked_for_ever():
+    """A record of two records of two records ..., sixty deep: the number of its elements is known, not counted."""
+    kind = ghw.Scalar(ghw.E8, ("'0'", "'1'"))
+    for _ in range(60):
+        kind = ghw.record_of((("a", kind), ("b", kind)))
+    assert kind.count == 1 << 60
+    empty = ghw.array_of(kind, 1, (0,))
+    assert list(ghw.leaves_of("x", ghw.record_of((("a", empty), ("b", empty))), ())) == []

@@ -8,6 +8,7 @@ import pytest
 
 from fpga_model.fixed import Fmt, bits, signed
 from testbench.errors import FileError
+from testbench.golden.check import vcd_log
 from testbench.golden.check.waves import Map, check, read_log, read_map
 
 RTL = Path(__file__).resolve().parents[3] / "testbench" / "rtl"
@@ -159,6 +160,50 @@ def test_a_missing_or_foreign_file_is_one_clear_line(tmp_path, name):
         read_log(tmp_path / name, asked(), {"q": bits(4)})
 
 
+@pytest.mark.parametrize(
+    ("first", "kind"),
+    [(b"\0" + (329).to_bytes(8, "big"), ".fst"), (bytes([254]), ".fst"), (b"GHDLwave\n", ".ghw")],
+)
+def test_the_content_of_a_dump_decides_what_it_is(tmp_path, first, kind):
+    path = tmp_path / "a.vcd"
+    path.write_bytes(first + bytes(100))
+    with pytest.raises(FileError, match=f"the content is of a {kind} file: give it that ending"):
+        read_log(path, asked(), {"q": bits(4)})
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("$var reg 4 #", "$var reg 99999999 #", "port q: a signal of 99999999 bits, above the limit 4096"),
+        ("#20", "#" + "9" * 5000, "is not a later time"),
+        ("b0 #", "b #", "a value without bits"),
+        ("b0 #", "x" * 3_000_000, "a word of more than 65536 characters"),
+        ("b0 #", "\udcff", "is not ASCII"),
+    ],
+)
+def test_hostile_values_in_a_dump_are_one_line(tmp_path, old, new, said):
+    path = tmp_path / "a.vcd"
+    path.write_text(VCD.replace(old, new), errors="surrogateescape")
+    with pytest.raises(FileError, match=said):
+        read_log(path, asked(), {"q": bits(4)})
+
+
+def test_a_dump_is_read_in_pieces(tmp_path, monkeypatch):
+    whole = read_log(vcd(tmp_path), asked(), {"q": bits(4)})["q"]
+    for size in (1, 7, 64):
+        monkeypatch.setattr(vcd_log, "BLOCK_BYTES", size)
+        found = read_log(vcd(tmp_path), asked(), {"q": bits(4)})["q"]
+        assert found.values.tolist() == whole.values.tolist()
+
+
+def test_a_damaged_fst_is_one_line(tmp_path):
+    pytest.importorskip("pywellen")
+    path = tmp_path / "a.fst"
+    path.write_bytes(b"\0" + (329).to_bytes(8, "big") + bytes(400))
+    with pytest.raises(FileError, match="is no FST file that can be read"):
+        read_log(path, asked(), {"q": bits(4)})
+
+
 GOOD = 'schema = "gyro-map/1.0"\n[clock]\nsignal = "tb.clk"\n[ports]\nq = "tb.dut.q"\n'
 
 
@@ -179,7 +224,7 @@ def test_a_map_is_read(tmp_path):
         (GOOD + "[reset]\nactive = 1\n", "reset.signal"),
         (GOOD + '[reset]\nsignal = "r"\nactive = 2\n', "reset.active"),
         (GOOD.replace('q = "tb.dut.q"', ""), "ports"),
-        ("[", "as TOML"),
+        ("[", "is not TOML"),
     ],
 )
 def test_a_broken_map_is_one_clear_line(tmp_path, text, said):

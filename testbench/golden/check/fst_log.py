@@ -1,0 +1,44 @@
+"""An FST dump, read in a process of its own: `python -m testbench.golden.check.fst_log PATH SIGNAL...` prints JSON.
+
+Source    docs/golden.md
+"""
+
+import json
+import sys
+
+from testbench.errors import FileError
+from testbench.golden.check.signal_paths import listed_signals, wanted_signal
+from testbench.storage import inputs, trial
+
+
+def changes_of(path, paths):
+    """{wanted path: (times, texts of bits, width, high bit of a slice, low bit)} of an FST file."""
+    import pywellen
+
+    wave = pywellen.Waveform(str(path))
+    variables = list(wave.all_vars())
+    known = listed_signals((var.full_name, str(var.signal_ref)) for var in variables)
+    by_signal = {str(var.signal_ref): var for var in variables}
+    out = {}
+    for wanted in paths:
+        signal, hi, lo = wanted_signal(wanted, known, path)
+        var = by_signal[known[signal]]
+        if var.bitwidth is None:
+            raise FileError(f"{path}: signal {signal} is not bits")
+        times, texts = [], []
+        for time, value in var.signal:
+            times.append(int(time))
+            texts.append(f"{value:0{var.bitwidth}b}" if isinstance(value, int) else str(value))
+        out[wanted] = (times, texts, int(var.bitwidth), hi, lo)
+    return out
+
+
+def main(path):
+    """Print the changes of the signals that the command line names."""
+    with inputs.parsing(path, "FST file"):
+        found = changes_of(path, sys.argv[2:])
+    json.dump(found, sys.stdout)
+
+
+if __name__ == "__main__":
+    trial.main(main)

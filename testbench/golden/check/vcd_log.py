@@ -1,0 +1,131 @@
+"""VCD dumps of simulators: changes of some signals, read in pieces; strict: anything unforeseen is an error.
+
+    read(path, choose)   {identifier: (times, texts)} of the signals that `choose` takes from the header
+
+Errors  FileError: not VCD, a time that falls, a value or a section that is none
+Source  IEEE 1364-2005, section 18.2
+"""
+
+import re
+
+from testbench.errors import FileError
+from testbench.storage.inputs import opened
+
+BLOCK_BYTES = 1 << 20
+MOST_HEADER = 1 << 26  # bytes
+LONGEST_WORD = 1 << 16  # characters
+MOST_TIME = 1 << 62
+RANGE = re.compile(r"\s*\[\d+(?::\d+)?\]$")
+VALUES = frozenset("01xXzZuUwWlLhH-")
+LONG_VALUES = frozenset("bBrRsS")
+
+
+def _words(path, file):
+    """Words of the rest of a file."""
+    left = b""
+    while block := file.read(BLOCK_BYTES):
+        words = (left + block).split()
+        left = words.pop() if words and not block[-1:].isspace() else b""
+        if len(left) > LONGEST_WORD:
+            raise FileError(f"{path}: a word of more than {LONGEST_WORD} characters")
+        yield from words
+    if left:
+        yield left
+
+
+def _texts(path, file):
+    """Words as text; `header` and `changes` share the generator."""
+    for word in _words(path, file):
+        try:
+            yield word.decode("ascii")
+        except UnicodeDecodeError:
+            raise FileError(f"{path}: is not a VCD file: {word[:20]!r} is not ASCII") from None
+
+
+def _section(path, token, words):
+    """Words of a section up to its $end."""
+    found = []
+    for word in words:
+        if word == "$end":
+            return found
+        found.append(word)
+    raise FileError(f"{path}: header: section {token} has no $end")
+
+
+def _declared(words):
+    """(name, identifier, width, kind) of a $var."""
+    # one bit of an array is a signal of its own; a range is only how the signal was declared
+    name = re.sub(r" (\[[^ ]*\])$", r"\1", " ".join(words[3:]))
+    width = int(words[1])
+    if width > 1 or ":" in name.rpartition("[")[2]:
+        name = RANGE.sub("", name)
+    return name, words[2], width, words[0]
+
+
+def _header(path, words):
+    """[(path of a signal, (identifier, width, kind))]."""
+    scopes, known, size = [], [], 0
+    for token in words:
+        if not token.startswith("$"):
+            raise FileError(f"{path}: is not a VCD file: no $enddefinitions before {token[:40]!r}")
+        found = _section(path, token, words)
+        size += sum(map(len, found)) + len(token)
+        if size > MOST_HEADER:
+            raise FileError(f"{path}: the header is longer than {MOST_HEADER} characters")
+        if token == "$enddefinitions":
+            return known
+        if token == "$scope" and len(found) == 2:
+            scopes.append(found[1])
+        elif token == "$upscope" and scopes:
+            scopes.pop()
+        elif token == "$var" and len(found) >= 4 and re.fullmatch(r"\d{1,9}", found[1]):
+            name, *rest = _declared(found)
+            known.append((".".join([*scopes, name]), tuple(rest)))
+        elif token in ("$scope", "$upscope", "$var"):
+            raise FileError(f"{path}: header: broken {token} {' '.join(found)[:40]}")
+    raise FileError(f"{path}: is not a VCD file: no $enddefinitions")
+
+
+def read(path, choose):
+    """{identifier: (times, texts)} of the signals that are wanted.
+
+    choose  function of [(path, (identifier, width, kind))] that gives the identifiers
+    """
+    with opened(path) as file:
+        words = _texts(path, file)
+        wanted = choose(_header(path, words))
+        return _changes(path, words, {identifier: ([], []) for identifier in wanted})
+
+
+def _later(path, word, time):
+    if not re.fullmatch(r"#\d{1,19}", word) or not time <= int(word[1:]) < MOST_TIME:
+        raise FileError(f"{path}: time {word[:40]} after #{time} is not a later time")
+    return int(word[1:])
+
+
+def _changes(path, words, found):
+    time = 0
+    for word in words:
+        first = word[0]
+        if first == "#":
+            time = _later(path, word, time)
+        elif first in LONG_VALUES:
+            name = next(words, None)
+            if name is None:
+                raise FileError(f"{path}: the file ends inside a value")
+            if len(word) < 2:
+                raise FileError(f"{path}: {word} {name[:40]} at #{time} is a value without bits")
+            if name in found and first in "bB":
+                found[name][0].append(time)
+                found[name][1].append(word[1:])
+        elif first in VALUES:
+            if word[1:] in found:
+                found[word[1:]][0].append(time)
+                found[word[1:]][1].append(first)
+        elif word == "$comment":
+            for other in words:
+                if other == "$end":
+                    break
+        elif first != "$":
+            raise FileError(f"{path}: {word[:40]!r} at #{time} is not a VCD value")
+    return found

@@ -1,0 +1,59 @@
+"""MATLAB 5 files: variables that are plain arrays of numbers, their sizes known before anything is unpacked.
+
+    read_mat(path, wanted)   ({name: array}, SHA-256): numbers of the variables in `wanted`, or of all
+
+Other kinds of variables (structures, cells, texts, sparse matrices) are left alone.
+Errors  FileError: damaged, or larger unpacked than `inputs.expansion` allows
+"""
+
+import hashlib
+import io
+import math
+import warnings
+import zlib
+
+from testbench.errors import FileError
+from testbench.storage import inputs
+
+MAGIC = b"MATLAB 5.0 MAT-file"
+HEADER_BYTES = 128
+COMPRESSED = 15
+KINDS = ("double", "single", "logical", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)))
+PIECE = 1 << 20
+
+
+def is_mat(head):
+    """True if the first bytes are those of a MATLAB 5 file."""
+    return head.startswith(MAGIC)
+
+
+def _limited(data, place):
+    """FileError if the compressed elements unpack to more than is allowed."""
+    at, total = HEADER_BYTES, 0
+    order = "little" if data[126:128] == b"IM" else "big"
+    while at + 8 <= len(data):
+        kind, size = (int.from_bytes(data[k : k + 4], order) for k in (at, at + 4))
+        if kind == COMPRESSED:
+            unpacker, rest = zlib.decompressobj(), data[at + 8 : at + 8 + size]
+            while rest and not unpacker.eof:
+                total += len(unpacker.decompress(rest, PIECE))
+                rest = unpacker.unconsumed_tail
+                inputs.expansion(place, total, len(data))
+        at += 8 + size
+
+
+def read_mat(path, wanted=None):
+    """({name: array}, SHA-256 of the file); FileError with one line."""
+    import scipy.io
+
+    data = inputs.read_bytes(path)
+    if not is_mat(data):
+        raise FileError(f"{path}: expected a MATLAB 5 file, found other first bytes")
+    with inputs.parsing(path, "MATLAB 5 file"), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of names that stand twice: the last one counts
+        _limited(data, path)
+        listed = [(name, shape) for name, shape, kind in scipy.io.whosmat(io.BytesIO(data)) if kind in KINDS]
+        names = [name for name, _ in listed if wanted is None or name in wanted]
+        inputs.expansion(path, sum(8 * math.prod(shape) for name, shape in listed if name in names), len(data))
+        found = scipy.io.loadmat(io.BytesIO(data), variable_names=names) if names else {}
+    return {name: found[name] for name in names if name in found}, hashlib.sha256(data).hexdigest()

@@ -1,0 +1,48 @@
+"""NumPy archives of others: plain arrays, their sizes known before anything is unpacked.
+
+    read_npz(data, place)   {name: array} of the bytes of an .npz file
+
+Refused are encrypted members, compression other than deflate, more than MOST_MEMBERS members, objects, a header that
+states another size than its member has, and contents larger than `inputs.expansion` allows.
+Source  docs/inputs.md
+"""
+
+import io
+import math
+import zipfile
+
+import numpy as np
+from numpy.lib import format as npy
+
+from testbench.errors import FileError
+from testbench.storage import inputs
+
+MOST_MEMBERS = 64
+ENCRYPTED = 1  # bit of the flags of a member
+HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
+
+
+def read_npz(data, place):
+    """Arrays of an archive by name; FileError with one line."""
+    with inputs.parsing(place, "archive of arrays"), zipfile.ZipFile(io.BytesIO(data)) as archive:
+        members = archive.infolist()
+        if len(members) > MOST_MEMBERS:
+            raise FileError(f"{place}: {len(members)} members are more than the limit of {MOST_MEMBERS}")
+        inputs.expansion(place, sum(member.file_size for member in members), len(data))
+        return {member.filename.removesuffix(".npy"): _array(archive, member, place) for member in members}
+
+
+def _array(archive, member, place):
+    name = f"{place}: member {member.filename}"
+    if member.flag_bits & ENCRYPTED or member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        raise FileError(f"{name}: is encrypted, or compressed otherwise than by deflate")
+    with archive.open(member) as file:
+        version = npy.read_magic(file)
+        if version not in HEADERS:
+            raise FileError(f"{name}: is of .npy version {version[0]}.{version[1]}, expected 1.0 or 2.0")
+        shape, fortran, dtype = HEADERS[version](file)
+        stated, there = math.prod(shape) * dtype.itemsize, member.file_size - file.tell()
+        if dtype.hasobject or dtype.names or stated != there or min(shape, default=0) < 0:
+            raise FileError(f"{name}: {dtype} {shape} are {stated} bytes, the member holds {there}")
+        array = np.frombuffer(file.read(), dtype) if stated else np.zeros(0, dtype)
+    return array.reshape(shape, order="F" if fortran else "C").copy()

@@ -1,0 +1,65 @@
+"""A first reading in a process of its own, for libraries that damage can stop, crash or make take all memory.
+
+    tried(module, path, what, *more)   runs `python -m MODULE PATH MORE...`, whose __main__ calls `main(read)`
+
+A process that ends otherwise than well, or takes more time or memory than such a file may, is one line.
+Source  docs/inputs.md
+"""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from testbench.errors import FileError
+from testbench.storage.inputs import MOST_EXPANSION
+
+LONGEST_S, BYTES_PER_S = 15.0, 1 << 20  # time: at least, and more for large files
+MOST_MEMORY = 1 << 31  # address space (bytes), libraries included; more for large files
+REFUSED = 3
+ROOT = str(Path(__file__).resolve().parents[2])
+
+
+def tried(module, path, what, *more):
+    """Standard output of `module`; FileError unless it reads the file to its end within the limits."""
+    longest_s = LONGEST_S + os.path.getsize(path) / BYTES_PER_S
+    # threads of the linear algebra would take most of the address space
+    quiet = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "RAYON_NUM_THREADS": "1"}
+    paths = os.pathsep.join(filter(None, (ROOT, os.environ.get("PYTHONPATH"))))
+    command = [sys.executable, "-P", "-m", module, str(path), *more]
+    try:
+        done = subprocess.run(
+            command,
+            env=os.environ | quiet | {"PYTHONPATH": paths},
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            timeout=longest_s,
+        )
+    except subprocess.TimeoutExpired:
+        raise FileError(f"{path}: is no {what} that can be read: it takes longer than {longest_s:.0f} s") from None
+    except (OSError, ValueError) as problem:
+        raise FileError(f"{path}: cannot be read: {problem}") from None
+    if done.returncode == REFUSED:
+        raise FileError(done.stderr.decode("utf-8", "replace"))
+    if done.returncode:
+        how = f"signal {-done.returncode}" if done.returncode < 0 else f"exit code {done.returncode}"
+        raise FileError(f"{path}: is no {what} that can be read: the library fails ({how})")
+    return done.stdout
+
+
+def main(read):
+    """Body of the process: limits, then `read(path)`; a FileError goes to standard error as one line."""
+    path = Path(sys.argv[1])
+    try:
+        import resource
+
+        most = MOST_MEMORY + MOST_EXPANSION * path.stat().st_size
+        resource.setrlimit(resource.RLIMIT_AS, (most, most))
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    except (ImportError, ValueError, OSError):
+        pass  # no such limits here: the limit of time is left
+    try:
+        read(path)
+    except FileError as problem:
+        print(problem, file=sys.stderr)
+        sys.exit(REFUSED)

@@ -1,0 +1,151 @@
+"""Options of every command, and paths that are no files: hostile values for each, in one process.
+
+What a command would compute is left out (HEAVY): its function refuses at once, so that options alone are tried.
+"""
+
+import contextlib
+import importlib
+import io
+import os
+
+from testbench.errors import FileError
+
+ALLOWED = (0, 1, 2)
+BLOCKED = 3  # of `measured check`: a record whose firmware is not the model's
+HEAVY = (
+    "testbench.run.simulate:run", "testbench.paper.calibration.calibrations:many", "testbench.paper.page:write",
+    "testbench.paper.measure.characterise:characterise", "testbench.campaign.execute:run",
+    "testbench.campaign.rerun:rerun", "testbench.golden.bundles.export:export",
+    "testbench.golden.bundles.effect:export",
+    "testbench.golden.mutation.mutate:score", "testbench.golden.loop.run:run", "testbench.golden.proofs.formal:prove",
+    "testbench.golden.proofs.synthesis:synthesise", "testbench.golden.ranges.range_report:of_vectors",
+    "testbench.golden.check.rtl_run:check", "testbench.measured.record.produce:record",
+    "testbench.measured.record.from_run:write", "testbench.paper.loop.loop_page:write",
+    "testbench.measured.residual.residuals:study", "testbench.measured.residual.calibrate:calibrate",
+    "testbench.measured.record.firmware_residual:residual", "testbench.measured.trace_recording:of_problem",
+    "testbench.measured.closed_loop.loop_trace:run",
+)  # fmt: skip
+WORDS = (
+    "", "x", "-1", "0", "1", "2", "1e400", "nan", "inf", "-inf", "9" * 5000, "0.5", "1e-320", "\n", "°ü", "a=b", "=",
+    "plant.fx_hz=1",
+    "plant.fx_hz=[[[[", "scenario.seconds=1e400", "noise.seed=" + "9" * 5000, "scenario.rate_dps=" + "[" * 3000,
+    "1:2", "nan:nan", "-5:1e9", "all", "top", "dds", "pi", "frame", "baseband", "icarus", "R1", "--help", "--", "-",
+)  # fmt: skip
+# parts of the names of options whose file is written
+WRITTEN = ("out", "report", "json_file", "envelope", "checkpoint", "gyrorec", "build")
+_READY = []
+
+
+def _refused(*_, **__):
+    raise FileError("not computed here")
+
+
+def said(argv):
+    """Exit code of the command line; an exception that is no SystemExit is the caller's."""
+    from testbench.commands import main
+
+    with contextlib.redirect_stdout(io.StringIO()) as out, contextlib.redirect_stderr(io.StringIO()) as err:
+        try:
+            main.main(argv)
+        except SystemExit as ended:
+            code = ended.code
+    allowed = (*ALLOWED, BLOCKED) if argv[:2] == ["measured", "check"] else ALLOWED
+    if code not in allowed:
+        raise AssertionError(
+            f"exit code {code} of {[a[:80] for a in argv]}: {out.getvalue()[-500:]} {err.getvalue()[-500:]}"
+        )
+    return code
+
+
+def _prepare():
+    """{command: its parameters}, and what is heavy put out of action, once in a process."""
+    if _READY:
+        return _READY[0]
+    import typer
+
+    from testbench.commands import main
+
+    for place in HEAVY:
+        module, _, name = place.partition(":")
+        setattr(importlib.import_module(module), name, _refused)
+    found = {}
+
+    def walk(command, words):
+        for name, inner in getattr(command, "commands", {}).items():
+            walk(inner, [*words, name])
+        if not hasattr(command, "commands"):
+            found[tuple(words)] = command.params
+
+    walk(typer.main.get_command(main.app), [])
+    _READY.append(found)
+    return found
+
+
+def _paths(corpus, folder):
+    """Files of every kind, and what is no file."""
+    (folder / "dir").mkdir(exist_ok=True)
+    (folder / "link").unlink(missing_ok=True)
+    (folder / "link").symlink_to("/dev/zero")
+    with contextlib.suppress(FileExistsError):
+        os.mkfifo(folder / "fifo")
+    (folder / "a\nb.toml").write_text("x = [")
+    (folder / "empty").write_text("")
+    strange = ["dir", "link", "fifo", "a\nb.toml", "empty", "none", "empty/below", "x" * 300]
+    return [*map(str, sorted(p for p in corpus.iterdir() if p.name != "done")), *(str(folder / s) for s in strange),
+            "/dev/zero", "/dev/null", "/proc/self/mem", "", "a\0b"]  # fmt: skip
+
+
+def options(rng, corpus, folder):
+    """A command with a few of its options, hostile values in them."""
+    found = _prepare()
+    words = rng.choice(sorted(found))
+    argv, paths = list(words), _paths(corpus, folder)
+    for param in found[words]:
+        wanted = param.param_type_name == "argument" or param.required
+        if param.name == "help" or not (rng.random() < (0.95 if wanted else 0.25)):
+            continue
+        # what is written lies in the folder of this input, whatever it is called
+        writes = any(name in param.name for name in WRITTEN)
+        value = (
+            str(folder / rng.choice(("new", "dir", "empty", "empty/below", "x" * 300, "a\nb", "°ü.h5")))
+            if writes else rng.choice(paths) if rng.random() < 0.5 else rng.choice(WORDS)
+        )  # fmt: skip
+        if param.param_type_name == "argument":
+            argv.append(value)
+        else:
+            argv += [param.opts[0]] if getattr(param, "is_flag", False) else [param.opts[0], value]
+    return lambda: _inside(folder, argv)
+
+
+def _inside(folder, argv):
+    before = os.getcwd()
+    os.chdir(folder)
+    try:
+        said(argv)
+    finally:
+        os.chdir(before)
+
+
+READERS = (
+    ("run", "--config"), ("run", "--resume"), ("run", "--resume-run"), ("budget", "--config"), ("loop", "--config"),
+    ("golden", "verify"), ("golden", "window", "--out", "new", "--frame", "0"), ("golden", "check", "LOG"),
+    ("measured", "check", "--no-replay"), ("measured", "convert"), ("measured", "record", "--out", "new"),
+    ("measured", "residuals"), ("measured", "calibrate"), ("measured", "trace"), ("campaign", "check"),
+    ("campaign", "run", "--out", "new"), ("campaign", "status"), ("campaign", "show"), ("campaign", "collect"),
+)  # fmt: skip
+
+
+def paths(rng, corpus, folder):
+    """A command that reads a file, with a directory, a FIFO, a device, a link to one, a file of another kind."""
+    _prepare()
+    known = _paths(corpus, folder)
+    argv = [*rng.choice(READERS), rng.choice(known)]
+    if argv[:2] == ["measured", "convert"]:
+        argv.append(rng.choice(("new", "new.h5", "dir", "empty/x")))
+    if argv[:2] == ["golden", "check"]:
+        signals = rng.choice([*known, *[str(corpus / "map.toml")] * len(known)])
+        argv[2:] = [str(corpus / "toy"), "--log", argv[3], "--map", signals]
+    return lambda: _inside(folder, argv)
+
+
+KINDS = {"options": options, "paths": paths}
