@@ -33,7 +33,7 @@ def test_a_small_parquet_file_of_gigabytes_is_refused_before_it_is_unpacked(smal
     bundle.write(tmp_path / "a", small)
     rows = 1 << 24
     data = parquet_bytes({name: np.zeros(rows, np.int64) for name in ("adc_xI", "adc_xQ", "adc_yI")})
-    assert len(data) < 100_000
+    assert 1000 * len(data) < 3 * 8 * rows
     resealed(tmp_path / "a", "streams_1_3250.parquet", data)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     with pytest.raises(RecordError, match="402653184 bytes unpacked are more than the limit"):
@@ -53,7 +53,7 @@ def test_columns_that_are_no_plain_numbers_are_refused(small, tmp_path):
     ("change", "said"),
     [
         (lambda head: head.update(attributes=[]), "attributes: Input should be a valid dictionary"),
-        (lambda head: head["attributes"].update(lab=10**30), "attributes.lab"),
+        (lambda head: head["attributes"].update(lab=[10]), "attributes.lab"),
         (lambda head: head.update(streams={"adc_xI": 3}), "streams.adc_xI"),
         (lambda head: head["clock"].update(ppm="x"), "clock.ppm"),
         (lambda head: head.update(tables={"a": {}}), "tables.a.file"),
