@@ -116,6 +116,11 @@ def cache_folder(path):
 CACHE = cache_folder(Path(__file__).resolve()) is not None
 
 
+def is_cached(dispatcher):
+    """Whether the cache has machine code of a function, made from this copy of its source."""
+    return any(Path(dispatcher._cache.cache_path).glob(f"*.{dispatcher.py_func.__name__}-*.nbi"))
+
+
 @contextlib.contextmanager
 def _alone(folder, func):
     """Only one process compiles a function; others wait, and load it. Nothing calls itself, so none waits in a ring."""
@@ -152,6 +157,8 @@ def _unit(func, buried=False, **options):
     if not options.get("_nrt", True):
         options["pipeline_class"] = linkage.UnitCompiler
     dispatcher = njit(cache=folder is not None, **options)(func)
+    if folder is not None:  # Numba's own folder in it: two copies of the same sources have one each
+        folder = Path(dispatcher._cache.cache_path)
     if buried:
         _bury(dispatcher, _refused)
     linkage.forget_constants(dispatcher)
@@ -164,7 +171,7 @@ def _unit(func, buried=False, **options):
             if arguments in dispatcher.overloads:
                 return dispatcher.overloads[arguments].entry_point
             if folder is not None:  # it may have been removed since the function was decorated
-                os.makedirs(dispatcher._cache.cache_path, exist_ok=True)
+                folder.mkdir(parents=True, exist_ok=True)
             with _alone(folder, func), _uncollected():
                 if folder is not None:
                     linkage.load_units(folder, dispatcher, arguments)

@@ -18,7 +18,7 @@ import numpy as np
 
 from analog_frontend import tick
 from analog_frontend import top as plant
-from fpga_model.jit import CACHE, cache_folder
+from fpga_model.jit import CACHE, is_cached
 from fpga_model.rates import FRAME_TICKS
 from testbench.engines import engine as clocked
 
@@ -27,12 +27,6 @@ TIMEOUT_S = 600
 ROOT = Path(__file__).resolve().parents[2]
 QUIET = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
 EDGE_TICKS = 1000  # of a chunk that reaches every function of an engine
-
-
-def _cached(function):
-    """Whether the kernel cache has this function."""
-    folder = cache_folder(Path(function.__code__.co_filename).resolve())
-    return any(folder.rglob(f"*.{function.__name__}-*.nbi"))
 
 
 def _possible():
@@ -132,7 +126,7 @@ def frame_run():
     """`run` of the frame engine, or what stands in for it while it is compiled."""
     from testbench.engines import frame
 
-    return Standby() if _possible() and not _cached(frame.blocks) else frame.run
+    return Standby() if _possible() and not is_cached(frame.blocks) else frame.run
 
 
 def warm_up(*others):
@@ -142,7 +136,7 @@ def warm_up(*others):
     """
     from testbench.engines import frame
 
-    if not _possible() or (_cached(frame.blocks) and not others):
+    if not _possible() or (is_cached(frame.blocks) and not others):
         return
     children = [_child(part) for part in ("frame", "clocked", *others)]
     try:

@@ -1,6 +1,7 @@
 """Parts and units: what is included, what is linked to, and that what is linked to is there."""
 
 import json
+import shutil
 import subprocess
 import sys
 import textwrap
@@ -54,9 +55,9 @@ def tree(tmp_path):
     return tmp_path / "tree"
 
 
-def said(tree, code=ANSWER):
+def said(tree, code=ANSWER, cache=None):
     # -B: an edit of the same length within a second would leave Python's own bytecode valid
-    environment = {"PATH": "/usr/bin:/bin", "GYRO_CACHE": str(tree / "cache"), "HOME": str(tree)}
+    environment = {"PATH": "/usr/bin:/bin", "GYRO_CACHE": str(cache or tree / "cache"), "HOME": str(tree)}
     done = subprocess.run([sys.executable, "-B", "-c", code], cwd=tree, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return done.stdout.split()
@@ -74,6 +75,15 @@ print(high.answer(2.0))
 def test_a_cache_that_is_removed_meanwhile_is_made_anew(tree):
     assert said(tree, REMOVED.replace("CACHE", repr(str(tree / "cache")))) == ["22", "22.0"]
     assert list((tree / "cache").rglob("high.answer-*.nbc"))
+
+
+def test_two_copies_of_the_same_sources_do_not_disturb_each_other_in_one_cache(tree, tmp_path):
+    """The list of what a caller links to is that of its own copy: symbols of the other one are not there."""
+    copy = tmp_path / "copy"
+    shutil.copytree(tree, copy)
+    other = "import numba; numba.njit(lambda x: x)(1); " + ANSWER  # symbols are numbered: these get others
+    assert [said(one, code, tmp_path / "both")[1] for one, code in ((tree, ANSWER), (copy, other))] == ["0", "0"]
+    assert [said(one, cache=tmp_path / "both") for one in (tree, copy, tree)] == [["22", "1"]] * 3
 
 
 @pytest.mark.slow

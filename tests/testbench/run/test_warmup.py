@@ -30,13 +30,13 @@ class Child:
 
 
 @pytest.fixture
-def children(monkeypatch, tmp_path):
-    """Commands of the children that would be started; the cache is an empty folder."""
+def children(monkeypatch):
+    """Commands of the children that would be started; the cache is empty."""
     monkeypatch.setattr(Child, "started", [])
     monkeypatch.setattr(warmup.subprocess, "Popen", Child)
     monkeypatch.setattr(warmup, "CACHE", True)
     monkeypatch.setattr(warmup.os, "cpu_count", lambda: 2)
-    monkeypatch.setattr(warmup, "cache_folder", lambda _: tmp_path)
+    monkeypatch.setattr(warmup, "is_cached", lambda _: False)
     return Child.started
 
 
