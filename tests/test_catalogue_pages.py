@@ -22,7 +22,7 @@ from analog_frontend.effects import (
 from analog_frontend.parts import device
 from fpga_model import jit
 from testbench import config
-from testbench.campaign.plan import sources
+from testbench.storage import sources
 from testbench.commands import docs, effects_pages
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 from testbench.campaign import collect, execute
 from testbench.campaign.plan import plan
-from testbench.campaign.plan.sources import code_sha256
+from testbench.storage.sources import code_sha256
 from testbench.campaign.pool import Here, Pool
 from testbench.campaign.store import Store
 from testbench.paper import cases, law

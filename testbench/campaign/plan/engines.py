@@ -14,7 +14,7 @@ import importlib
 from collections.abc import Callable
 from typing import NamedTuple
 
-from testbench.campaign.plan.sources import code_sha256
+from testbench.storage.sources import code_sha256
 from testbench.errors import ConfigError
 
 

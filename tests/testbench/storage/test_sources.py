@@ -5,7 +5,8 @@ import shutil
 import pytest
 
 from fpga_model import jit
-from testbench.campaign.plan import engines, sources
+from testbench.campaign.plan import engines
+from testbench.storage import sources
 from testbench.errors import ConfigError
 
 
