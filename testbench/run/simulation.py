@@ -20,6 +20,7 @@ import numpy as np
 
 from analog_frontend.parts import thermal
 from fpga_model import registers, sequencer
+from fpga_model import top as fpga
 from fpga_model.rates import FRAME_TICKS, TICK_HZ
 from testbench import flatten, interrupts
 from testbench.config import to_toml
@@ -34,6 +35,8 @@ CHUNK_TICKS = 100_000
 BASEBAND_CHUNK_TICKS = 2_000_000  # its ends cost what some hundred frames cost; its rows stay in the cache
 SPECTRUM_TICKS = 1 << 17
 STATE_FORMAT = "engine-1"
+# registers that version 0.1.0 did not have; a state without them continues with their reset values
+ADDED = ("sid.last.0", "sid.last.1", "sid.still", "sid.ok")
 SCRATCH = "work"  # field of the plant's state that holds nothing from one tick to the next
 HASHED_COLUMNS = 9  # ADC codes and words of the loops
 FRAME = {name: k for k, (name, _, _) in enumerate(clocked.FRAME_COLUMNS)}
@@ -61,9 +64,11 @@ class Simulation:
 
     def __init__(self, config, temp_lo_degc, temp_hi_degc, window=None, engine=None):
         self.config = config
-        if config.firmware.board == "digital_sid" and any(f[1].startswith("adc_") for f in config.scenario.faults):
+        foreign = {"digital_sid": "adc_", "analog_sid": "sample_"}[config.firmware.board]
+        if any(fault[1].startswith(foreign) for fault in config.scenario.faults):
+            board = {"adc_": "analog_sid", "sample_": "digital_sid"}[foreign]
             raise ConfigError(
-                'scenario.faults: adc_* faults need firmware.board = "analog_sid"; the other has no such ADC'
+                f'scenario.faults: {foreign}* faults need firmware.board = "{board}"; the other has no such ADC'
             )
         self.engine = engine or config.scenario.engine
         self.heating = thermal.design(config.device(), FRAME_TICKS / TICK_HZ)
@@ -284,11 +289,16 @@ class Simulation:
                 values[f"plant.{name}"] = np.copy(item)
         return values
 
-    def layout(self):
-        """Text that names the registers and arrays of a state."""
+    def layout(self, left_out=()):
+        """Text that names the registers and arrays of a state, but for those `left_out`."""
         arrays = [f"{name}{np.shape(v)}" for part, item in _kept(self.state.plant) for name, v in _leaves(part, item)]
-        text = " ".join(flatten.names(self.state.fpga) + flatten.names(self.state.chips) + arrays)
+        held = [name for name in flatten.names(self.state.fpga) if name not in left_out]
+        text = " ".join(held + flatten.names(self.state.chips) + arrays)
         return f"{STATE_FORMAT} {hashlib.sha256(text.encode()).hexdigest()[:12]}"
+
+    def layouts(self):
+        """Layouts of the states that can be continued, this version's first."""
+        return self.layout(), self.layout(ADDED)
 
     def _check_same_gyroscope(self, path, meta):
         """A state continues the firmware and the plant that made it; only noise, effects and scenario may differ."""
@@ -301,7 +311,7 @@ class Simulation:
 
     def restore(self, path):
         """Continue from a state file; RecordError if it is damaged or of another layout."""
-        values, meta = state_file.load_state(path, self.layout())
+        values, meta = state_file.load_state(path, *self.layouts())
         self._check_same_gyroscope(path, meta)
         self.set_state(values)
 
@@ -314,8 +324,12 @@ class Simulation:
             else:
                 plant[name] = np.array(values[f"plant.{name}"])
         self.rise_k = float(values["rise_k"])
+        held = values["fpga"].tolist()
+        if len(held) < self.register_count:
+            saved = iter(held)
+            held = [v if name in ADDED else next(saved) for name, v in flatten.leaves(fpga.State())]
         self.state = clocked.State(
-            flatten.rebuild(self.state.fpga, values["fpga"].tolist()),
+            flatten.rebuild(self.state.fpga, held),
             flatten.rebuild(self.state.chips, values["chips"].tolist()),
             self.state.plant._replace(**plant),
             int(values["tick"]),

@@ -48,15 +48,15 @@ def save_state(path, values, source_format, meta=None):
         seal(part)
 
 
-def load_state(path, source_format):
-    """(values, meta) of a state file; RecordError if it is damaged or of another layout."""
+def load_state(path, source_format, *earlier):
+    """(values, meta) of a state file; RecordError if it is damaged or of a layout that is not among those given."""
     with open_file(path) as file:
         try:
             if file.attrs.get("schema") != STATE_SCHEMA:
                 found = file.attrs.get("schema", "nothing")
                 raise RecordError(path, [f"R01 / expected schema {STATE_SCHEMA}, found {found}"])
             saved = plain(file.attrs["source_format"])
-            if saved != source_format:
+            if saved not in (source_format, *earlier):
                 finding = f"R11 / expected state layout {source_format}, found {saved}: saved by another version"
                 raise RecordError(path, [finding])
             meta = json.loads(file.attrs["meta"])
