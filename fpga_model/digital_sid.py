@@ -4,19 +4,22 @@
     at dump       acc'   = +-x,  pole1' = pole1 + round(alpha*(acc - pole1))
     1 clock on    pole2' = pole2 + round(alpha*(pole1 - pole2))
     2 clocks on   pole3' = pole3 + round(alpha*(pole2 - pole3))
-    3 clocks on   code'  = clamp(round(gain*pole3)),  valid' = 1
+    3 clocks on   code'  = clamp(round(gain*pole3)),  valid' = 1,  ok' = 0 if still is at its limit, else 1
+    every ce_1m   still' = min(still + 1, limit) if a sample is that of the tick before, else 0
 
     sample --(+-)--(+)--[acc]--[pole1]--[pole2]--[pole3]--(x gain)--[code]-->     [..] register, four of each
     refs --[refs]---^
 
 Formats   samples [1,17,0] of 5 V   refs 4 bits   acc [1,24,0]   pole1..3 [1,24,16]   alpha [0,0,20]
-          gain [0,4,17]   codes [1,23,0]   valid [0,1,0]
+          gain [0,4,17]   codes [1,23,0]   still, limit [0,12,0] ticks   valid, ok [0,1,0]
 Latency   4 clocks from dump to valid; valid lasts one clock, the codes stay
 Rounding  ties toward +inf in each pole and in the code; 16 fraction bits keep the dead zone below 0.01 code
-Overflow  acc saturates (never with 125 samples); the poles cannot overflow; the codes saturate
+Overflow  acc saturates (never with 125 samples); the poles cannot overflow; codes and still saturate
 Source    docs/blocks/digital_sid.md
 
 Order of the four: drive sin, drive cos, sense sin, sense cos, as in the reference word. `dump` acts with ce_1m only.
+A limit of 0 switches the check off. One count is for both samples: a frozen one rests in every tick, noise lets one of
+them rest for few ticks in a row. The codes are filtered and cannot tell.
 The gain makes a code mean what it means on the board with the analogue demodulator: volts * 4/pi * PGA / 4 V * 2**23.
 """
 
@@ -33,6 +36,8 @@ POLE = Fmt(1, 24, 16)
 ALPHA = Fmt(0, 0, 20)
 GAIN = Fmt(0, 4, 17)
 CODE = signed(24)
+STILL = bits(12)
+STILL_TICKS = 4000
 MAX_DELAY = 4
 LATENCY = 4
 PI = Decimal("3.14159265358979323846264338327950288")
@@ -50,6 +55,7 @@ class Params(NamedTuple):
     gain_x: GAIN
     gain_y: GAIN
     ref_delay: bits(3)
+    still: STILL
 
 
 class State(NamedTuple):
@@ -63,6 +69,9 @@ class State(NamedTuple):
     stage: bits(2) = 0
     codes: [CODE] * 4 = (0, 0, 0, 0)
     valid: bits(1) = 0
+    last: [SAMPLE] * 2 = (0, 0)
+    still: STILL = 0
+    ok: bits(1) = 0
 
 
 PARAMS_FMT = formats(Params)
@@ -86,6 +95,8 @@ def design(
 ):
     """Pole and gains; the mean of sign x sine is 2/pi, so a factor 2 gives the 4/pi of the analogue board.
 
+    `still` is STILL_TICKS; where the samples have too little noise, and may really rest, it must be 0.
+
     pole_hz              each of the three poles (Hz)
     pga_x, pga_y         PGA gains of the board whose codes these shall equal
     adc_full_scale_v     its ADC full scale at PGA 1 (V)
@@ -106,6 +117,7 @@ def design(
         gain_x=quantize(per_sum * pga_x, GAIN, "gain_x (code per summed sample)"),
         gain_y=quantize(per_sum * pga_y, GAIN, "gain_y (code per summed sample)"),
         ref_delay=ref_delay_ticks,
+        still=STILL_TICKS,
     )
 
 
@@ -143,7 +155,7 @@ def _code(gain, y):
 def step(p, s, ce_1m, dump, refs, sample_x, sample_y):
     """One clock edge: every right-hand side reads the old registers."""
     line, acc, pole1, pole2, pole3, codes = s.refs, s.acc, s.pole1, s.pole2, s.pole3, s.codes
-    stage, valid = 0, 0
+    stage, valid, last, still, ok = 0, 0, s.last, s.still, s.ok
     if s.stage == 1:
         pole2 = _poles(p.alpha, s.pole2, s.pole1)
         stage = 2
@@ -154,8 +166,12 @@ def step(p, s, ce_1m, dump, refs, sample_x, sample_y):
         y = s.pole3
         codes = (_code(p.gain_x, y[0]), _code(p.gain_x, y[1]), _code(p.gain_y, y[2]), _code(p.gain_y, y[3]))
         valid = 1
+        ok = 0 if p.still > 0 and s.still == p.still else 1
     if ce_1m:
         now = refs if p.ref_delay == 0 else s.refs[p.ref_delay - 1]
+        last = (sample_x, sample_y)
+        rests = sample_x == s.last[0] or sample_y == s.last[1]
+        still = clamp(s.still + 1, 0, p.still) if rests else 0
         line = (refs, s.refs[0], s.refs[1], s.refs[2])
         x = (_signed(now, 0, sample_x), _signed(now, 1, sample_x), _signed(now, 2, sample_y), _signed(now, 3, sample_y))
         if dump:
@@ -166,4 +182,4 @@ def step(p, s, ce_1m, dump, refs, sample_x, sample_y):
             stage = 1
         else:
             acc = (_sum(s.acc[0], x[0]), _sum(s.acc[1], x[1]), _sum(s.acc[2], x[2]), _sum(s.acc[3], x[3]))
-    return State(line, acc, pole1, pole2, pole3, stage, codes, valid)
+    return State(line, acc, pole1, pole2, pole3, stage, codes, valid, last, still, ok)

@@ -8,7 +8,7 @@
 
     OVER_RANGE       a code at or beyond +-0x7FFF00           LOST_LOCK, SEARCH_FAILED   levels from the sequencer
     STALE            no valid frame; no debounce              DRIVE_SATURATED            amplitude at its ceiling
-    STUCK            no code moved since the last frame       RATE_SATURATED             rate word at a limit
+    STUCK            a code is that of the last frame         RATE_SATURATED             rate word at a limit
                                                               QSC_RAIL                   u at 0 or at the rail
     bad   = STALE or STUCK;   bad_frames, good_frames count the frames in a row, up to `top`
 
@@ -17,6 +17,9 @@ Latency   1 clock from en to flags; frames_k frames from the symptom
 Rounding  none
 Overflow  the counts saturate
 Source    docs/blocks/fault_monitor.md
+
+STUCK has one count for all four codes: a frozen one repeats in every frame, noise repeats some code in few frames in a
+row. A code at its limit is clipped and may rest: it counts for OVER_RANGE alone.
 
 Without `armed` everything stays at its reset value, but the codes. A frame that is not valid tells nothing about
 its codes: OVER_RANGE and STUCK start again.
@@ -82,7 +85,7 @@ STATE_FMT = formats(State)
 
 
 def design(over_range_s=0.001, stuck_s=0.004, drive_s=0.001, rate_s=0.001, rail_s=0.01, top=LONG.hi, frame_hz=FRAME_HZ):
-    """Debounce times (s); 0 switches a fault off (STUCK in a model without noise, whose codes may really rest).
+    """Debounce times (s); 0 switches a fault off (STUCK where the codes have too little noise, and may really rest).
 
     top       of the counts of good and bad frames (frames)
     frame_hz  rate of the frames (Hz)
@@ -108,15 +111,22 @@ def _at_range(code):
 
 
 @inlined
+def _rests(code, before, extreme):
+    return 1 if code == before and not extreme else 0
+
+
+@inlined
 def step(p, s, en, armed, fresh, codes, drive, rate, rail, watch_stuck, levels, clear):
     """One clock edge: every right-hand side reads the old registers; `levels` is LOST_LOCK and SEARCH_FAILED."""
     if not en:
         return s
     if not armed:
         return State(codes, 0, 0, 0, 0, 0, 0, 0, 0, 0)
-    extreme = _at_range(codes[0]) | _at_range(codes[1]) | _at_range(codes[2]) | _at_range(codes[3])
-    over = _count(s.over_range, fresh and extreme, p.over_range)
-    stuck = _count(s.stuck, fresh and watch_stuck and codes == s.codes, p.stuck)
+    e = _at_range(codes[0]), _at_range(codes[1]), _at_range(codes[2]), _at_range(codes[3])
+    first = _rests(codes[0], s.codes[0], e[0]) | _rests(codes[1], s.codes[1], e[1])
+    rest = first | _rests(codes[2], s.codes[2], e[2]) | _rests(codes[3], s.codes[3], e[3])
+    over = _count(s.over_range, fresh and (e[0] | e[1] | e[2] | e[3]), p.over_range)
+    stuck = _count(s.stuck, fresh and watch_stuck and rest, p.stuck)
     drive_count = _count(s.drive, drive, p.drive)
     rate_count = _count(s.rate, rate, p.rate)
     rail_count = _count(s.rail, rail, p.rail)

@@ -15,7 +15,7 @@ Rounding  ties toward +inf in correction; the 95 % product is exact
 Overflow  timer and attempts saturate; rotation and correction cannot overflow
 Source    docs/blocks/sequencer.md (states, modes, what each fault does)
 
-A frame is usable when it is valid and the codes are not STUCK. An unusable one holds the loops; in ACQUIRE it switches
+A frame is usable when it is valid and no code is STUCK. An unusable one holds the loops; in ACQUIRE it switches
 the drive off, where holding would keep the full force on; in DECAY and SEARCH it starts DECAY again.
 """
 
@@ -67,6 +67,7 @@ PHASE_BITS = PHASE.width
 ROTATION = Fmt(1, 11, PHASE.f)
 GAIN = Fmt(0, 8, 16)
 CORRECTION = frequency_tracker.CORRECTION
+DOUBTFUL = fault_monitor.OVER_RANGE | fault_monitor.BAD | fault_monitor.RATE_SATURATED  # no rate is good then
 FRACTION = bits(17)  # of 2**16: 1.0 itself included
 LATENCY = 1
 assert MAX_SEARCH_FRAMES * -PHASE.lo <= ROTATION.hi, "the rotation must fit its register"
@@ -359,7 +360,6 @@ def outputs(s):
         ftr_mode = pi.OFF if control & FIX_FTR else _mode(bad, control & HOLD_FTR, pi.RUN)
         qsc_mode = pi.OFF if control & FIX_QSC else _mode(bad, control & HOLD_QSC, pi.RUN)
     fixable = state == OPEN or state >= BALANCE
-    doubtful = fault_monitor.OVER_RANGE | fault_monitor.BAD | fault_monitor.RATE_SATURATED
     return Outputs(
         agc_mode=agc_mode,
         pll_mode=pll_mode,
@@ -373,5 +373,5 @@ def outputs(s):
         adjust=1 if state == RETUNE and s.timer == 0 else 0,
         drive_locked=1 if state >= BALANCE else 0,
         locked=1 if state == LOCKED else 0,
-        rate_good=1 if state == LOCKED and not s.faults.flags & doubtful else 0,
+        rate_good=1 if state == LOCKED and not s.faults.flags & DOUBTFUL else 0,
     )

@@ -137,7 +137,7 @@ def codes(p, s):
     """The frame of codes that the 8 kHz work reads."""
     if p.digital:
         c = s.sid.codes
-        return control.Inputs(c[0], c[1], c[2], c[3], 0, 1, s.watchdog.stale)
+        return control.Inputs(c[0], c[1], c[2], c[3], 0, s.sid.ok, s.watchdog.stale)
     c = s.adc.channels
     return control.Inputs(c[0], c[1], c[2], c[3], c[TEMPERATURE_CHANNEL], s.adc.ok, s.watchdog.stale)
 

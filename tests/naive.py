@@ -3,6 +3,7 @@
 Each is meant to be read and believed. It goes about its job in another way than the kernel it judges.
 """
 
+import itertools
 import math
 from fractions import Fraction
 
@@ -593,21 +594,26 @@ def nearest(value, unit):
     return math.floor(Fraction(value) / unit + Fraction(1, 2)) * unit
 
 
-def digital_sid(alpha, gains, ref_delay, inputs):
-    """Rows (refs, acc, pole1, pole2, pole3, stage, codes, valid), each lane in plain values; alpha and gains Fractions.
+def digital_sid(alpha, gains, ref_delay, limit, inputs):
+    """Rows (refs, acc, pole1, pole2, pole3, stage, codes, valid, last, still, ok), each lane in plain values.
 
+    alpha and gains are Fractions.
     A dump leaves a list of errands, and every clock does the first of them.
     """
     lsb = Fraction(1, 2**16)
     seen, acc = [0, 0, 0, 0], [0] * 4
     poles, codes = [[Fraction(0)] * 4 for _ in range(3)], [0] * 4
-    errands, rows = [], []
+    errands, rows, samples, ok = [], [], [(0, 0)], 0
+
+    def still():
+        changed = [any(a == b for a, b in zip(*pair)) for pair in itertools.pairwise(samples)]
+        return min(run_length(changed), limit)
 
     def row(valid):
         raw = [tuple(int(v / lsb) for v in pole) for pole in poles]
         # the number of errands left tells the stage: three after a dump
         stage = (4 - len(errands)) % 4 if errands else 0
-        return (tuple(seen[:4]), tuple(acc), *raw, stage, tuple(codes), valid)
+        return (tuple(seen[:4]), tuple(acc), *raw, stage, tuple(codes), valid, samples[-1], still(), ok)
 
     rows.append(row(0))
     for ce_1m, dump, refs, sample_x, sample_y in inputs:
@@ -618,8 +624,9 @@ def digital_sid(alpha, gains, ref_delay, inputs):
             poles[errand] = [y + nearest(alpha * (x - y), lsb) for x, y in pairs]
         elif errand == 3:
             codes = [max(-(2**23), min(2**23 - 1, nearest(g * y, 1))) for g, y in zip(gains, poles[2], strict=True)]
-            valid = 1
+            valid, ok = 1, int(not limit or still() < limit)
         if ce_1m:
+            samples.append((sample_x, sample_y))
             aperture = ([refs] + seen)[ref_delay]
             lanes = [sample_x, sample_x, sample_y, sample_y]
             lanes = [v if (aperture >> k) % 2 else -v for k, v in enumerate(lanes)]
@@ -732,7 +739,7 @@ class Faults:
             return
         symptoms = {
             "over_range": fresh and max(map(abs, codes)) >= 8388608 - 256,
-            "stuck": fresh and watch_stuck and codes == self.codes,
+            "stuck": fresh and watch_stuck and any(a == b and abs(a) < 8388352 for a, b in zip(codes, self.codes)),
             "drive": drive,
             "rate": rate,
             "rail": rail,

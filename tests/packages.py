@@ -205,7 +205,7 @@ def commands(user, package):
         found = "ends well" if process.returncode == 0 else f"exit code {process.returncode} {' '.join(lines[-1:])}"
         yield Check(package, f"gyro {' '.join(arguments)}", found, process.returncode == 0 and not lines)
     done = subprocess.run(
-        [user.binaries / "python", "-m", "testbench.commands.docs", "--check"],
+        [user.binaries / "python", "-m", "testbench.bench"],
         cwd=user.folder, env={"GYRO_CACHE": "0"}, capture_output=True, text=True, **identity(),
     )  # fmt: skip
     refused = done.returncode == 2 and len(done.stderr.splitlines()) == 1

@@ -22,7 +22,9 @@ TICK_HZ = 1_000_000
 FRAME_TICKS = 125
 DEG = math.pi / 180
 
-ADC_CHANNELS = ("drive_sin", "drive_cos", "sense_sin", "sense_cos")
+ADC_CHANNELS = ("drive_sin", "drive_cos", "sense_sin", "sense_cos", "temperature")
+SAMPLES = ("x", "y")
+CODE_LO, CODE_HI = -(1 << 23), (1 << 23) - 1
 DAC_CODES = {
     "drive": (-(1 << 15), (1 << 15) - 1),
     "sense": (-(1 << 19), (1 << 19) - 1),
@@ -50,11 +52,18 @@ class FaultKind(NamedTuple):
 
 
 FAULTS = {
-    "adc_stuck": FaultKind(ADC_CHANNELS, -(1 << 23), (1 << 23) - 1, "code", "the channel repeats this code"),
+    "adc_stuck": FaultKind(ADC_CHANNELS, CODE_LO, CODE_HI, "code", "the channel repeats this code"),
+    "adc_frozen": FaultKind(ADC_CHANNELS, 0, 0, "", "the channel repeats the code of the frame before"),
     "adc_over_range": FaultKind(ADC_CHANNELS, -1, 1, "sign", "the channel sits at its negative or positive rail"),
+    "adc_offset": FaultKind(ADC_CHANNELS, CODE_LO, CODE_HI, "code", "the value is added to the channel's code"),
+    "adc_gain": FaultKind(ADC_CHANNELS, -0xFFFF, 0xFFFF, "/ 65536", "the channel's code times this"),
+    "adc_swapped": FaultKind(ADC_CHANNELS, 0, len(ADC_CHANNELS) - 1, "", "the code of the channel of this number"),
+    "adc_lost_bit": FaultKind(("adc",), 25, 143, "bit", "the bits of a frame behind this one come one bit early"),
     "adc_silent": FaultKind(("adc",), 0, 0, "", "DRDY_N never falls"),
     "adc_bad_status": FaultKind(("adc",), 0, (1 << 24) - 1, "word", "every frame starts with this status word"),
     "dac_stuck": FaultKind(tuple(DAC_CODES), -(1 << 19), (1 << 19) - 1, "code", "the output repeats this code"),
+    "sample_stuck": FaultKind(SAMPLES, -(1 << 17), (1 << 17) - 1, "code", "the C/V sample repeats this code"),
+    "sample_frozen": FaultKind(SAMPLES, 0, 0, "", "the C/V sample repeats that of the tick before"),
     "plant_nan": FaultKind(("x", "y"), 0, 0, "", "the displacement is not a number"),
 }
 

@@ -193,7 +193,7 @@ def play(p, g, tick, n, sar, b):
             window_at = at + DUMP_CLOCKS
     elif g.valid < at + TICK_CYCLES:
         window_at = g.valid
-    s, known = window.play(p, s, sid.codes, g.channels, g.coming, g.falls, g.ok, g.new_ok, window_at, tick, n, b)
+    s, known = window.play(p, s, sid, g.channels, g.coming, g.falls, g.ok, g.new_ok, window_at, tick, n, b)
     return s, sid, known
 
 
@@ -253,7 +253,7 @@ def after_ticks(g, faults, clock, tick, until, fell, sid):
         fell_at = at + fell
     if fallen and not faults.silent:
         new_ok = 1 if (faults.status & CHANNEL_MASK) >> spi_adc.HEAD_SHIFT == spi_adc.HEAD else 0
-        coming = engine.sent_codes(faults, clock)
+        coming = engine.sent_codes(faults, clock, g.coming[:5])
         g = g._replace(falls=fell_at, valid=fell_at + VALID_CLOCKS, coming=coming, new_ok=new_ok)
     turn = g.s.turn
     if TICK_CYCLES * until - turn.clock > 64:

@@ -21,7 +21,7 @@ from analog_frontend import top as plant
 from analog_frontend.parts import adc, adc_serial, dac_serial
 from fpga_model import references
 from fpga_model import top as fpga
-from fpga_model.fixed import Fmt, bits, signed
+from fpga_model.fixed import Fmt, bits, clamp, signed, wrap
 from fpga_model.jit import hot, inner, outlined
 from fpga_model.rates import FRAME_TICKS, TICK_CYCLES
 from testbench.flatten import store
@@ -29,6 +29,10 @@ from testbench.flatten import store
 PHASE = Fmt(0, 0, 48)
 MAX_EDGES = plant.MAX_EDGES
 CODES = adc.CODES
+WORD_BITS = 24
+CODE_LO, CODE_HI = signed(WORD_BITS).lo, signed(WORD_BITS).hi
+# typed: Numba compiles a function anew for every constant that it is called with
+ZERO = np.int64(0)
 
 
 class Chips(NamedTuple):
@@ -62,11 +66,19 @@ class Faults(NamedTuple):
 
     silent: int = 0  # DRDY_N never falls
     status: int = adc_serial.status_word()
-    stuck: tuple = (0, 0, 0, 0)  # 1: the channel sends `code` instead
-    code: tuple = (0, 0, 0, 0)
+    channel: tuple = (0, 0, 0, 0, 0)  # what is wrong with each channel of the ADC: 0, or one of WRONG from 1 on
+    value: tuple = (0, 0, 0, 0, 0)  # of what is wrong
+    lost_bit: int = 0  # the bits of a frame behind this one come one early; 0: all bits come
     dac: tuple = (0, 0, 0)  # 1: the output keeps `dac_code`
     dac_code: tuple = (0, 0, 0)
     nan: tuple = (0, 0)  # 1: x or y is not a number
+    sample: tuple = (0, 0)  # of C/V x and y: 1: it is `sample_code`, 2: that of the tick before
+    sample_code: tuple = (0, 0)
+
+
+# What a faulty channel of the ADC sends: a code, its last one, its own plus a value, times value / 2^16, or another's
+WRONG = ("stuck", "frozen", "offset", "gain", "swapped")
+STUCK, FROZEN, OFFSET, GAIN, SWAPPED = range(1, len(WRONG) + 1)
 
 
 # One row per frame, in this order. Codes and words are raw; widths as in the blocks' formats.
@@ -192,18 +204,70 @@ def chips_after(chips, pins, loaded, status, codes):
 
 
 @inner
-def sent_codes(faults, clock):
-    """What the ADC sends on its eight channels: its last conversion, or what a fault puts in its place."""
+def _sent(faults, k, clock, before):
+    """Code of channel `k`; `before` are those of the frame before."""
+    wrong, value, code = faults.channel[k], faults.value[k], clock[CODES + k]
+    if wrong == STUCK:
+        return value
+    if wrong == FROZEN:
+        return before[k]
+    if wrong == OFFSET:
+        return clamp(code + value, CODE_LO, CODE_HI)
+    if wrong == GAIN:
+        return (code * value) >> 16
+    return clock[CODES + value] if wrong == SWAPPED else code
+
+
+@inner
+def _early(lost_bit, k, code, following):
+    """Code of channel `k` if the frame has lost a bit: those behind it come one early, then one of `following`."""
+    left = min(WORD_BITS * (k + 2) - lost_bit, WORD_BITS)
+    if lost_bit == 0 or left <= 0:
+        return code
+    early = ((code << 1) | ((following >> (WORD_BITS - 1)) & 1)) & ((1 << left) - 1)
+    return wrap(((code >> left) << left) | early, WORD_BITS)
+
+
+@outlined
+def sent_codes(faults, clock, before):
+    """What the ADC sends on its eight channels: its last conversion, or what a fault puts in its place.
+
+    before  the codes that it sent in the frame before
+    """
+    c0, c1 = _sent(faults, 0, clock, before), _sent(faults, 1, clock, before)
+    c2, c3 = _sent(faults, 2, clock, before), _sent(faults, 3, clock, before)
+    c4, lost = _sent(faults, 4, clock, before), faults.lost_bit
     return (
-        faults.code[0] if faults.stuck[0] else clock[CODES],
-        faults.code[1] if faults.stuck[1] else clock[CODES + 1],
-        faults.code[2] if faults.stuck[2] else clock[CODES + 2],
-        faults.code[3] if faults.stuck[3] else clock[CODES + 3],
-        clock[CODES + 4],
-        0,
-        0,
-        0,
+        _early(lost, 0, c0, c1),
+        _early(lost, 1, c1, c2),
+        _early(lost, 2, c2, c3),
+        _early(lost, 3, c3, c4),
+        _early(lost, 4, c4, ZERO),
+        ZERO,
+        ZERO,
+        ZERO,
     )
+
+
+@inner
+def codes_before(chips):
+    """The codes that the ADC sent last."""
+    w = chips.adc.result
+    return (
+        wrap(w[1], WORD_BITS),
+        wrap(w[2], WORD_BITS),
+        wrap(w[3], WORD_BITS),
+        wrap(w[4], WORD_BITS),
+        wrap(w[5], WORD_BITS),
+    )
+
+
+@inner
+def taken_sample(faults, k, sample, before):
+    """Sample of a C/V output, x or y, or what a fault puts in its place; `before` is that of the tick before."""
+    if faults.sample[k] == 1:
+        return faults.sample_code[k]
+    return before if faults.sample[k] else sample
 
 
 @outlined
@@ -349,12 +413,12 @@ def run_ticks(p, f, chips, a, chunk, first, end, drdy_cycle, closed):
         # the aperture is the tick's first instant; the codes arrive a tick later
         sample_x, sample_y = a.sar[0], a.sar[1]
         if p.fpga.digital and closed:
-            a.sar[0] = plant_tick.sar_code(p.plant, a, tick, 0)
-            a.sar[1] = plant_tick.sar_code(p.plant, a, tick, 1)
+            a.sar[0] = taken_sample(faults, 0, plant_tick.sar_code(p.plant, a, tick, 0), sample_x)
+            a.sar[1] = taken_sample(faults, 1, plant_tick.sar_code(p.plant, a, tick, 1), sample_y)
         probed = closed and k < o.probe_ints.shape[0]
         if probed:
             _probe(o, k, f, a)
-        codes = sent_codes(faults, a.adc.clock)
+        codes = sent_codes(faults, a.adc.clock, codes_before(chips))
         drive_cycle, sense_cycle, edge_count = -1, -1, 0
         for c in range(TICK_CYCLES):
             at = k * TICK_CYCLES + c

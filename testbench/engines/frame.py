@@ -88,7 +88,7 @@ def _frame(p, a, chunk, tick, g):
 
 
 @outlined
-def _sampled(p, a, count, n, refs, b):
+def _sampled(p, a, faults, count, n, refs, b):
     """Samples and reference pins of the block's ticks, for the FPGA's own demodulator. Mutates `a` and `b`."""
     w = a.work.w
     x, y, drive = linear.CX3 * linear.STRIDE, linear.CY3 * linear.STRIDE, linear.D3 * linear.STRIDE
@@ -101,8 +101,8 @@ def _sampled(p, a, count, n, refs, b):
         b.refs[t] = refs
         v = w[drive + t]
         noise_x, noise_y = plant.aperture_noise(p, a.work, t, v)
-        b.sar[0, t + 1] = plant.sampled(p, w[x + t] + noise_x)
-        b.sar[1, t + 1] = plant.sampled(p, w[y + t] + noise_y)
+        b.sar[0, t + 1] = engine.taken_sample(faults, 0, plant.sampled(p, w[x + t] + noise_x), b.sar[0, t])
+        b.sar[1, t + 1] = engine.taken_sample(faults, 1, plant.sampled(p, w[y + t] + noise_y), b.sar[1, t])
     a.sar[0], a.sar[1] = b.sar[0, n], b.sar[1, n]
 
 
@@ -168,7 +168,7 @@ def onward(p, a, chunk, g, tick, end, limit, b):
         o.peak_x[0] = max(o.peak_x[0], linear.largest(a.work.w, n, linear.X))
         sid = g.sid
         if p.fpga.digital:
-            _sampled(p.plant, a, count, n, refs, b)
+            _sampled(p.plant, a, faults, count, n, refs, b)
             sid = demodulate(p.fpga, sid, tick, 1 if tick % FRAME_TICKS == 0 else 0, n, b)
         g = after_ticks(g, faults, a.adc.clock, tick, until, fell, sid)
         tick = until

@@ -72,11 +72,11 @@ class Window(NamedTuple):
 
 
 @inner
-def _inputs(p, sid_codes, old, new, ready, ok, new_ok, valid, clock, stale):
+def _inputs(p, sid, old, new, ready, ok, new_ok, valid, clock, stale):
     """What the window sees at the edge `clock`."""
-    codes = engine.frame_codes(p, sid_codes, receive(old, new, ready, clock))
+    codes = engine.frame_codes(p, sid.codes, receive(old, new, ready, clock))
     if p.digital:
-        return control.Inputs(codes[0], codes[1], codes[2], codes[3], 0, 1, stale)
+        return control.Inputs(codes[0], codes[1], codes[2], codes[3], 0, sid.ok, stale)
     return control.Inputs(codes[0], codes[1], codes[2], codes[3], codes[4], new_ok if clock >= valid else ok, stale)
 
 
@@ -123,7 +123,7 @@ def run_undisturbed(p, s, i, valid):
 
 
 @inner
-def play(p, s, sid_codes, old, new, ready, ok, new_ok, valid, tick, n, b):
+def play(p, s, sid, old, new, ready, ok, new_ok, valid, tick, n, b):
     """At most `n` ticks from `tick` on, until the window has ended; returns the state and the number of ticks.
 
     A window that nothing disturbs, in ticks that hold it whole, is computed at once; what the DACs take from it changes
@@ -133,8 +133,8 @@ def play(p, s, sid_codes, old, new, ready, ok, new_ok, valid, tick, n, b):
     count = (valid + SLOTS + 1 - begin + TICK_CYCLES - 1) // TICK_CYCLES
     disturbed = s.slot != 0 or s.dog.stale == 1 or count > n
     if disturbed or valid < begin or valid >= begin + TICK_CYCLES:
-        return _played(p, s, sid_codes, old, new, ready, ok, new_ok, valid, tick, n, b)
-    i = _inputs(p, sid_codes, old, new, ready, ok, new_ok, valid, valid + 1, ZERO)
+        return _played(p, s, sid, old, new, ready, ok, new_ok, valid, tick, n, b)
+    i = _inputs(p, sid, old, new, ready, ok, new_ok, valid, valid + 1, ZERO)
     c, dog = s.control, s.dog
     window, _ = run_undisturbed(p, s, i, valid)
     after = window.control
@@ -165,7 +165,7 @@ def play(p, s, sid_codes, old, new, ready, ok, new_ok, valid, tick, n, b):
 
 
 @outlined
-def _played(p, s, sid_codes, old, new, ready, ok, new_ok, valid, tick, n, b):
+def _played(p, s, sid, old, new, ready, ok, new_ok, valid, tick, n, b):
     """As `play`, for any window, edge by edge."""
     for k in range(n):
         if k > 0 and s.slot == 0 and valid // TICK_CYCLES != tick + k:
@@ -179,6 +179,6 @@ def _played(p, s, sid_codes, old, new, ready, ok, new_ok, valid, tick, n, b):
                 b.control_load[HISTORY + k] = sequencer.outputs(s.control.sequencer).dac_init
                 if frame_tick <= LAST_ODD_TICK and (p.quadrature_fast == 1 or frame_tick & 1 == 1):
                     s = s._replace(quadrature=s.control.quadrature_loop.root.y)
-            i = _inputs(p, sid_codes, old, new, ready, ok, new_ok, valid, clock, s.dog.stale)
+            i = _inputs(p, sid, old, new, ready, ok, new_ok, valid, clock, s.dog.stale)
             s = edge(p, s, i, clock, 1 if clock == valid else 0, NO_HOST)
     return s, n

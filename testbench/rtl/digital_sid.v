@@ -1,14 +1,16 @@
 // Synchronous integral demodulator: sign x sample, integrate and dump, then three one-pole low-passes and a gain.
 //   at dump: pole1 += round(alpha*(acc - pole1)), acc = +-x; then pole2, pole3, codes one clock each
+//   ok with the codes: no sample has rested for `still` ticks; 0 switches that off
 // Latency: 4 clocks from dump to valid.   Rounding: ties toward +inf in each pole and in the codes.
-// Overflow: acc and codes saturate; the poles cannot overflow. dump acts with ce_1m only.
+// Overflow: acc, codes and still saturate; the poles cannot overflow. dump acts with ce_1m only.
 // Order: 0 drive sin, 1 drive cos, 2 sense sin, 3 sense cos.
 /* verilator lint_off DECLFILENAME */ // waived: a file has the stem of its block, the module a prefix against clashes
 module gyro_digital_sid #(
     parameter [19:0] alpha     = 20'd0,      // [0,0,20]
     parameter [20:0] gain_x    = 21'd0,      // [0,4,17]
     parameter [20:0] gain_y    = 21'd0,      // [0,4,17]
-    parameter  [2:0] ref_delay = 3'd0        // 0 .. 4 ticks
+    parameter  [2:0] ref_delay = 3'd0,       // 0 .. 4 ticks
+    parameter [11:0] still     = 12'd0       // [0,12,0] ticks
 ) (
     input  wire               clk,
     input  wire               rst,           // synchronous, active high
@@ -42,7 +44,11 @@ module gyro_digital_sid #(
     output reg  signed [23:0] r_codes_1,
     output reg  signed [23:0] r_codes_2,
     output reg  signed [23:0] r_codes_3,
-    output reg                r_valid
+    output reg                r_valid,
+    output reg  signed [17:0] r_last_0,      // [1,17,0] samples of the tick before
+    output reg  signed [17:0] r_last_1,
+    output reg         [11:0] r_still,       // [0,12,0]
+    output reg                r_ok
 );
 
     localparam signed [25:0] ACC_LO = -26'sd16777216, ACC_HI = 26'sd16777215;
@@ -103,6 +109,7 @@ module gyro_digital_sid #(
                      (ref_delay == 3'd1) ? r_refs_0 :
                      (ref_delay == 3'd2) ? r_refs_1 :
                      (ref_delay == 3'd3) ? r_refs_2 : r_refs_3;
+    wire rests = (sample_x == r_last_0) || (sample_y == r_last_1);
     wire signed [18:0] x_0 = with_sign(now[0], sample_x);
     wire signed [18:0] x_1 = with_sign(now[1], sample_x);
     wire signed [18:0] x_2 = with_sign(now[2], sample_y);
@@ -136,6 +143,10 @@ module gyro_digital_sid #(
             r_codes_2 <= 24'sd0;
             r_codes_3 <= 24'sd0;
             r_valid   <= 1'b0;
+            r_last_0  <= 18'sd0;
+            r_last_1  <= 18'sd0;
+            r_still   <= 12'd0;
+            r_ok      <= 1'b0;
         end else begin
             r_stage <= 2'd0;
             r_valid <= 1'b0;
@@ -160,6 +171,7 @@ module gyro_digital_sid #(
                     r_codes_2 <= code_of(GAIN_Y, r_pole3_2);
                     r_codes_3 <= code_of(GAIN_Y, r_pole3_3);
                     r_valid   <= 1'b1;
+                    r_ok      <= !(still != 12'd0 && r_still == still);
                 end
                 default: ;
             endcase
@@ -168,6 +180,9 @@ module gyro_digital_sid #(
                 r_refs_1 <= r_refs_0;
                 r_refs_2 <= r_refs_1;
                 r_refs_3 <= r_refs_2;
+                r_last_0 <= sample_x;
+                r_last_1 <= sample_y;
+                r_still  <= !rests ? 12'd0 : (r_still >= still) ? still : r_still + 12'd1;
                 if (dump) begin
                     r_acc_0   <= {{6{x_0[18]}}, x_0};
                     r_acc_1   <= {{6{x_1[18]}}, x_1};

@@ -65,7 +65,9 @@ module gyro_fault_monitor #(
     endfunction
 
     wire any_extreme = extreme(codes_0) || extreme(codes_1) || extreme(codes_2) || extreme(codes_3);
-    wire same = (codes_0 == r_codes_0) && (codes_1 == r_codes_1) && (codes_2 == r_codes_2) && (codes_3 == r_codes_3);
+    // a code at its limit is clipped, and may rest
+    wire same = ((codes_0 == r_codes_0) && !extreme(codes_0)) || ((codes_1 == r_codes_1) && !extreme(codes_1)) ||
+                ((codes_2 == r_codes_2) && !extreme(codes_2)) || ((codes_3 == r_codes_3) && !extreme(codes_3));
 
     wire [11:0] next_over_range = counted(r_over_range, fresh && any_extreme, over_range);
     wire [11:0] next_stuck = counted(r_stuck, fresh && watch_stuck && same, stuck);

@@ -43,6 +43,7 @@ module gyro_top #(
     parameter        [20:0] sid_gain_x                          = 21'd0,   // [0,4,17]
     parameter        [20:0] sid_gain_y                          = 21'd0,   // [0,4,17]
     parameter         [2:0] sid_ref_delay                       = 3'd0,    // [0,3,0]
+    parameter        [11:0] sid_still                           = 12'd0,   // [0,12,0]
     parameter         [9:0] watchdog_limit                      = 10'd0,   // [0,10,0]
     parameter signed [33:0] control_agc_loop_kp                 = 34'sd0,  // [1,9,24]
     parameter signed [33:0] control_agc_loop_ki                 = 34'sd0,  // [1,9,24]
@@ -228,6 +229,10 @@ module gyro_top #(
     output wire signed [23:0] r_sid_codes_2,                             // [1,23,0]
     output wire signed [23:0] r_sid_codes_3,                             // [1,23,0]
     output wire               r_sid_valid,
+    output wire signed [17:0] r_sid_last_0,                              // [1,17,0]
+    output wire signed [17:0] r_sid_last_1,                              // [1,17,0]
+    output wire        [11:0] r_sid_still,                               // [0,12,0]
+    output wire               r_sid_ok,
     output wire         [9:0] r_watchdog_age,                            // [0,10,0]
     output wire               r_watchdog_stale,
     output wire         [8:0] r_registers_control,                       // [0,9,0]
@@ -355,7 +360,7 @@ module gyro_top #(
     wire signed [23:0] code_sense_sin = digital ? r_sid_codes_2 : r_adc_channels_2;
     wire signed [23:0] code_sense_cos = digital ? r_sid_codes_3 : r_adc_channels_3;
     wire signed [23:0] code_temperature = digital ? 24'sd0 : r_adc_channels_4;
-    wire code_ok = digital ? 1'b1 : r_adc_ok;
+    wire code_ok = digital ? r_sid_ok : r_adc_ok;
 
     wire signed [17:0] drive_carrier, sense_carrier;
     wire signed [23:0] amplitude;
@@ -638,7 +643,8 @@ module gyro_top #(
         .alpha    (sid_alpha),
         .gain_x   (sid_gain_x),
         .gain_y   (sid_gain_y),
-        .ref_delay(sid_ref_delay)
+        .ref_delay(sid_ref_delay),
+        .still    (sid_still)
     ) sid (
         .clk      (clk),
         .rst      (rst),
@@ -672,7 +678,11 @@ module gyro_top #(
         .r_codes_1(r_sid_codes_1),
         .r_codes_2(r_sid_codes_2),
         .r_codes_3(r_sid_codes_3),
-        .r_valid  (r_sid_valid)
+        .r_valid  (r_sid_valid),
+        .r_last_0 (r_sid_last_0),
+        .r_last_1 (r_sid_last_1),
+        .r_still  (r_sid_still),
+        .r_ok     (r_sid_ok)
     );
 
     gyro_watchdog #(

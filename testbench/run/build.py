@@ -40,6 +40,7 @@ from fpga_model import top as fpga
 from fpga_model.rates import MASTER_HZ
 from testbench.config.toml_text import toml_of
 from testbench.engines import engine
+from testbench.run import resting
 
 RAD_PER_DEG = math.pi / 180
 KNOT_K = 0.5
@@ -87,7 +88,8 @@ def nominal(config):
 def firmware(config):
     """Parameters of the FPGA."""
     f, n = config.firmware, nominal(config)
-    noisy = any(getattr(config.noise, name) for name in ("adc", "cv"))
+    samples_move = resting.sar_alarm(config) < resting.LIMIT
+    codes_move = f.board == "analog_sid" and resting.adc_alarm(config) < resting.LIMIT
     code_per_deg_s = n["code_v_per_deg_s"] / n["adc_sense_v"] * 2**23
     return fpga.Params(
         digital=1 if f.board == "digital_sid" else 0,
@@ -99,7 +101,7 @@ def firmware(config):
         drive_dac=spi_dac.DAC8811,
         sense_dac=spi_dac.AD5791,
         quadrature_dac=spi_dac.DAC82002,
-        sid=digital_sid.design(),
+        sid=digital_sid.design()._replace(still=digital_sid.STILL_TICKS if samples_move else 0),
         watchdog=watchdog.design(),
         control=control.Params(
             agc=agc.design(f.agc_crossover_hz, f.agc_zero_hz, plant_fs_per_s=n["plant_fs_per_s"]),
@@ -120,8 +122,8 @@ def firmware(config):
             ),
             sequencer=sequencer.design(
                 lock=lock_monitor.design(code_per_deg_s=code_per_deg_s),
-                # without any noise four codes may rest for good: nothing is stuck then
-                faults=fault_monitor.design() if noisy else fault_monitor.design(stuck_s=0),
+                # codes with too little noise may rest, and filtered ones do: nothing is stuck then
+                faults=fault_monitor.design() if codes_move else fault_monitor.design(stuck_s=0),
             ),
         ),
     )

@@ -26,6 +26,7 @@ from testbench.config import changed, from_dict, placeless, scenario, to_toml
 from testbench.engines import engine
 from testbench.errors import FileError
 from testbench.run import build, nodes, summary
+from testbench.run.doubts import Doubts
 from testbench.run.simulation import CHUNK_TICKS, DEG, FRAME, Simulation
 from testbench.run.tally import StartUp, Tally
 from testbench.storage import checkpoint, identity, inputs
@@ -68,22 +69,32 @@ class Watch:
 def faults_of(active):
     """`engine.Faults` from the list of (kind, channel, value) in force."""
     silent, status = 0, engine.Faults().status
-    stuck, code, dac, dac_code, nan = [0] * 4, [0] * 4, [0] * 3, [0] * 3, [0] * 2
-    for kind, channel, value in active:
+    channel, level, dac, dac_code = [0] * 5, [0] * 5, [0] * 3, [0] * 3
+    nan, sample, sample_code, lost_bit = [0] * 2, [0] * 2, [0] * 2, 0
+    for kind, name, value in active:
         if kind == "adc_silent":
             silent = 1
         elif kind == "adc_bad_status":
             status = value
         elif kind == "dac_stuck":
-            k = list(scenario.DAC_CODES).index(channel)
+            k = list(scenario.DAC_CODES).index(name)
             dac[k], dac_code[k] = 1, value
         elif kind == "plant_nan":
-            nan["xy".index(channel)] = 1
+            nan["xy".index(name)] = 1
+        elif kind == "adc_lost_bit":
+            lost_bit = value
+        elif kind.startswith("sample_"):
+            k = scenario.SAMPLES.index(name)
+            sample[k], sample_code[k] = 1 if kind == "sample_stuck" else 2, value
+        elif kind == "adc_over_range":
+            k = scenario.ADC_CHANNELS.index(name)
+            channel[k], level[k] = engine.STUCK, scenario.CODE_HI if value > 0 else scenario.CODE_LO
         else:
-            k = scenario.ADC_CHANNELS.index(channel)
-            stuck[k] = 1
-            code[k] = value if kind == "adc_stuck" else ((1 << 23) - 1 if value > 0 else -(1 << 23))
-    return engine.Faults(silent, status, tuple(stuck), tuple(code), tuple(dac), tuple(dac_code), tuple(nan))
+            k = scenario.ADC_CHANNELS.index(name)
+            channel[k], level[k] = 1 + engine.WRONG.index(kind.removeprefix("adc_")), value
+    lists = channel, level, dac, dac_code, nan, sample, sample_code
+    channel, level, dac, dac_code, nan, sample, sample_code = (tuple(item) for item in lists)
+    return engine.Faults(silent, status, channel, level, lost_bit, dac, dac_code, nan, sample, sample_code)
 
 
 def start(config, sim, rate_rad_s, temp_degc, progress=None, limit_s=LOCK_LIMIT_S):
@@ -235,7 +246,7 @@ class Run:
         if config.output.vcd_length_us:
             window = (round(config.output.vcd_start_us), max(1, round(config.output.vcd_length_us)))
         self.sim = Simulation(config, min(lo, self.temp_before_degc), max(hi, self.temp_before_degc), window)
-        self.tally, self.start_up = Tally(build.clock_hz(config)), StartUp()
+        self.tally, self.start_up, self.doubts = Tally(build.clock_hz(config)), StartUp(), Doubts()
         self.position, self.segments = Position(), dict.fromkeys(SEGMENTS, -1)
         self.partial = directory
         if directory is not None and not isinstance(directory, checkpoint.Partial):
@@ -260,7 +271,7 @@ class Run:
             )
             self.recording.codes, self.recording.partial = self.sim.hash, self.partial
         self.sim.keep_rows = False
-        self.sim.sinks = [self.start_up, self.tally] + ([self.recording.spool] if self.recording else [])
+        self.sim.sinks = [self.start_up, self.tally, self.doubts] + ([self.recording.spool] if self.recording else [])
         if resume:
             self._restore(parts, meta)
         self._next_tick = self.sim.tick + self._every_ticks
@@ -268,7 +279,7 @@ class Run:
     def _load(self):
         """(parts, meta) of the checkpoint, which must be of this configuration and, unless allowed, of this version."""
         self.partial.hold()
-        parts, meta = self.partial.load(self.sim.layout())
+        parts, meta = self.partial.load(*self.sim.layouts())
         # compared as configurations: another version's text may have other keys, in another order
         saved = from_dict(tomllib.loads(meta["config_toml"]))
         across = self.config.scenario.across_versions
@@ -304,7 +315,7 @@ class Run:
         self.begin("scenario")
         self._next_tick = sim.tick + self._every_ticks
         self.spent_before_s, self.tick_before = sim.seconds_spent, sim.tick
-        self.tally.active = True
+        self.tally.active = self.doubts.active = True
 
     def checkpoint_if_due(self):
         """Write a checkpoint where one is due; not inside the register window, whose rows are kept when complete."""
@@ -321,6 +332,7 @@ class Run:
         parts = {
             "sim": sim.dump_all(),
             "tally": self.tally.dump(),
+            "doubts": self.doubts.dump(),
             "start_up": self.start_up.dump(),
             "position": vars(self.position),
             "segments": self.segments,
@@ -335,7 +347,9 @@ class Run:
         sim = self.sim
         sim.restore_all(parts["sim"])
         self.tally.restore(parts["tally"])
-        self.tally.active = True
+        # a checkpoint of version 0.1.0 has none: what it gathered is not looked at
+        self.doubts.restore(parts.get("doubts", {}))
+        self.tally.active = self.doubts.active = True
         self.start_up.restore(parts["start_up"])
         self.position = Position(**parts["position"])
         self.segments = parts["segments"]
@@ -348,7 +362,7 @@ class Run:
     def play(self, progress):
         """The scenario, or what is left of it."""
         play(self.sim, self.timeline, progress, self.position, self.checkpoint_if_due)
-        self.tally.active = False
+        self.tally.active = self.doubts.active = False
 
     def end(self):
         """What holds at the end of the scenario: `summary.End`."""

@@ -39,6 +39,8 @@ SPECTRUM_TICKS = 1 << 17
 STATE_FORMAT = "engine-1"
 SAME = ("firmware", "plant")  # sections of the configuration in which a state and what continues it are one
 MOST_TICKS = 1 << 48  # nine years
+# registers that version 0.1.0 did not have; a state without them continues with their reset values
+ADDED = ("sid.last.0", "sid.last.1", "sid.still", "sid.ok")
 SCRATCH = "work"  # field of the plant's state that holds nothing from one tick to the next
 FRAME = {name: k for k, (name, _, _) in enumerate(clocked.FRAME_COLUMNS)}
 TRUTH = {name: k for k, (name, _) in enumerate(clocked.TRUTH_COLUMNS)}
@@ -65,9 +67,11 @@ class Simulation:
 
     def __init__(self, config, temp_lo_degc, temp_hi_degc, window=None, engine=None):
         self.config = config
-        if config.firmware.board == "digital_sid" and any(f[1].startswith("adc_") for f in config.scenario.faults):
+        foreign = {"digital_sid": "adc_", "analog_sid": "sample_"}[config.firmware.board]
+        if any(fault[1].startswith(foreign) for fault in config.scenario.faults):
+            board = {"adc_": "analog_sid", "sample_": "digital_sid"}[foreign]
             raise ConfigError(
-                'scenario.faults: adc_* faults need firmware.board = "analog_sid"; the other has no such ADC'
+                f'scenario.faults: {foreign}* faults need firmware.board = "{board}"; the other has no such ADC'
             )
         self.engine = engine or config.scenario.engine
         self.heating = thermal.design(config.device(), FRAME_TICKS / TICK_HZ)
@@ -289,11 +293,16 @@ class Simulation:
                 values[f"plant.{name}"] = np.copy(item)
         return values
 
-    def layout(self):
-        """Text that names the registers and arrays of a state."""
+    def layout(self, left_out=()):
+        """Text that names the registers and arrays of a state, but for those `left_out`."""
         arrays = [f"{name}{np.shape(v)}" for part, item in _kept(self.state.plant) for name, v in _leaves(part, item)]
-        text = " ".join(flatten.names(self.state.fpga) + flatten.names(self.state.chips) + arrays)
+        held = [name for name in flatten.names(self.state.fpga) if name not in left_out]
+        text = " ".join(held + flatten.names(self.state.chips) + arrays)
         return f"{STATE_FORMAT} {hashlib.sha256(text.encode()).hexdigest()[:12]}"
+
+    def layouts(self):
+        """Layouts of the states that can be continued, this version's first."""
+        return self.layout(), self.layout(ADDED)
 
     def _check_same_gyroscope(self, path, meta):
         """A state continues the firmware and the plant that made it; only noise, effects and scenario may differ."""
@@ -311,7 +320,9 @@ class Simulation:
 
         Returns the identity of the code that saved it if it is another one's (`identity.check`), else None.
         """
-        values, meta = state_file.load_state(path, self.layout(), self.state_values())
+        values, meta = state_file.load_state(path, *self.layouts())
+        values = self._with_added(values)
+        state_file.check_like(path, values, self.state_values())
         self._check_same_gyroscope(path, meta)
         other = identity.check(path, parse_json(meta.get("identity", "{}"), path), self.config.scenario.across_versions)
         formats = flatten.format_leaves(fpga.STATE_FMT)
@@ -323,8 +334,17 @@ class Simulation:
         self.set_state(values)
         return other
 
+    def _with_added(self, values):
+        """A state with all registers of this version."""
+        held = values["fpga"].tolist() if np.ndim(values["fpga"]) == 1 else []
+        if len(held) + len(ADDED) != self.register_count:
+            return values
+        saved, reset = iter(held), flatten.leaves(fpga.State())
+        return values | {"fpga": np.array([v if name in ADDED else next(saved) for name, v in reset], np.int64)}
+
     def set_state(self, values):
         """Continue from what `state_values` gave."""
+        values = self._with_added(values)
         plant = {}
         for name, item in _kept(self.state.plant):
             if hasattr(item, "_fields"):

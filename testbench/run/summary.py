@@ -58,6 +58,7 @@ def result(job, end, reading, wall_s):
         "rate_word_mean_lsb": tally.mean("rate_word"),
         "quadrature_v": tally.mean("quadrature_code") * device.quad_dac_span_v / 2**16,
         "flags": [name for k, name in enumerate(fault_monitor.NAMES) if tally.flags >> k & 1],
+        "warnings": list(job.doubts.warnings(config)),
         "window_missing": 0 if not sim.window else 26 * sim.window[1] - (0 if sim.rows is None else len(sim.rows)),
         "real_time_factor": end.real_time_factor,
         "simulated_s": sim.tick / TICK_HZ,
@@ -89,6 +90,7 @@ def notes(config, summary, planned):
         said.append(f"The waveform window lacks {summary['window_missing']} clocks: run or phase reading cut it.")
     if summary.get("flags"):
         said.append(f"Fault flags raised: {', '.join(summary['flags'])}; see docs/blocks/fault_monitor.md")
+    said += [f"Warning: {text}" for text in summary.get("warnings", ())]
     if config.firmware.reference_retimed:
         said.append(
             "Assumed, not known: the references leave on the 1 MHz grid (firmware.reference_retimed), which takes "

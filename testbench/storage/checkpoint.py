@@ -94,12 +94,12 @@ class Partial:
         values = {f"{part}.{name}": value for part, items in parts.items() for name, value in items.items()}
         save_state(self.checkpoint, values, f"{FORMAT} {layout}", meta)
 
-    def load(self, layout):
+    def load(self, *layouts):
         """(parts, meta) of the checkpoint."""
         from testbench.storage.state_file import load_state
 
         self.check()
-        values, meta = load_state(self.checkpoint, f"{FORMAT} {layout}")
+        values, meta = load_state(self.checkpoint, *(f"{FORMAT} {layout}" for layout in layouts))
         parts = {}
         for place, value in values.items():
             part, _, name = place.partition(".")

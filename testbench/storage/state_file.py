@@ -51,19 +51,16 @@ def save_state(path, values, source_format, meta=None):
         seal(part)
 
 
-def load_state(path, source_format, like=None):
-    """(values, meta) of a state file; RecordError if it is damaged or of another layout.
-
-    like  name -> value that a state of this layout has; other names, shapes and types are refused
-    """
+def load_state(path, *layouts):
+    """(values, meta) of a state file; RecordError if it is damaged or of a layout that is not among those given."""
     with open_hdf5(path) as file:
         try:
             if file.attrs.get("schema") != STATE_SCHEMA:
                 found = file.attrs.get("schema", "nothing")
                 raise RecordError(path, [f"R01 / expected schema {STATE_SCHEMA}, found {found}"])
             saved = text_of(file.attrs["source_format"])
-            if saved != source_format:
-                finding = f"R11 / expected state layout {source_format}, found {saved}: saved by another version"
+            if saved not in layouts:
+                finding = f"R11 / expected state layout {layouts[0]}, found {saved}: saved by another version"
                 raise RecordError(path, [finding])
             meta = parse_json(file.attrs["meta"], "meta", dict[str, Value])
             arrays = {name: dataset[()] for name, dataset in file["state"].items()}
@@ -77,12 +74,10 @@ def load_state(path, source_format, like=None):
         except (FileError, *DAMAGED) as problem:
             text = " ".join(str(problem).split())
             raise RecordError(path, [f"R01 / expected a complete state, found damage: {text}"]) from None
-    if like is not None:
-        _check_like(path, values, like)
     return values, meta
 
 
-def _check_like(path, values, like):
+def check_like(path, values, like):
     """RecordError unless every value has the type and shape of its namesake."""
     if set(values) != set(like):
         strange = min(set(values) ^ set(like))

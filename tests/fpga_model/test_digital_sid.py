@@ -23,8 +23,8 @@ edge = st.tuples(
     st.sampled_from([0, 1]),
     st.sampled_from([0, 0, 0, 1]),
     st.integers(0, 15),
-    raws(digital_sid.SAMPLE),
-    raws(digital_sid.SAMPLE),
+    st.one_of(st.sampled_from([0, 7]), raws(digital_sid.SAMPLE)),
+    st.one_of(st.sampled_from([0, 7]), raws(digital_sid.SAMPLE)),
 )
 
 
@@ -55,6 +55,7 @@ params = st.builds(
     st.one_of(st.just(P.gain_x), raws(digital_sid.GAIN)),
     st.one_of(st.just(P.gain_y), raws(digital_sid.GAIN)),
     st.integers(0, digital_sid.MAX_DELAY),
+    st.sampled_from([0, 1, 2, 5, P.still]),
 )
 
 
@@ -62,7 +63,7 @@ params = st.builds(
 def test_step_is_the_documented_equation(p, inputs):
     found = rows(lambda s, *i: digital_sid.step(p, s, *i), RESET, inputs)
     gains = [Fraction(g, 2**17) for g in (p.gain_x, p.gain_x, p.gain_y, p.gain_y)]
-    expected = naive.digital_sid(Fraction(p.alpha, 2**20), gains, p.ref_delay, inputs)
+    expected = naive.digital_sid(Fraction(p.alpha, 2**20), gains, p.ref_delay, p.still, inputs)
     assert_rows(found, expected, digital_sid.STATE_FMT)
 
 
@@ -72,7 +73,7 @@ def test_a_sum_that_is_never_dumped_saturates(sample):
     p = P._replace(ref_delay=0, gain_x=digital_sid.GAIN.hi, alpha=digital_sid.ALPHA.hi)
     found = rows(lambda s, *i: digital_sid.step(p, s, *i), RESET, inputs)
     gains = [Fraction(g, 2**17) for g in (p.gain_x, p.gain_x, p.gain_y, p.gain_y)]
-    assert_rows(found, naive.digital_sid(Fraction(p.alpha, 2**20), gains, 0, inputs), digital_sid.STATE_FMT)
+    assert_rows(found, naive.digital_sid(Fraction(p.alpha, 2**20), gains, 0, p.still, inputs), digital_sid.STATE_FMT)
     assert set(found[140].acc) == {digital_sid.ACC.lo, digital_sid.ACC.hi}
 
 
@@ -84,6 +85,19 @@ def test_codes_saturate_at_the_ends_of_24_bits():
 def test_latency():
     found = rows(lambda s, *i: digital_sid.step(P, s, *i), RESET, [(1, 1, 0, 0, 0)] + [(0, 0, 0, 0, 0)] * 6)
     assert [s.valid for s in found] == [int(n == digital_sid.LATENCY) for n in range(8)]
+
+
+@pytest.mark.parametrize("frozen", [(1, 0), (0, 1), (1, 1), (0, 0)])
+def test_a_frozen_sample_makes_the_frame_invalid(frozen):
+    """`still` ticks after the last change, whichever sample it is, and valid again with the first that moves."""
+    p = P._replace(still=300)
+    ticks = [(1, int(n % 125 == 0), 0, 0 if frozen[0] else n % 9, 5 if frozen[1] else -(n % 7)) for n in range(1001)]
+    ticks = [row for tick in ticks for row in (tick, *[(0, 0, 0, 0, 0)] * 4)]
+    found = rows(
+        lambda s, *i: digital_sid.step(p, s, *i), RESET, ticks + [(1, 0, 0, 8, 9), (1, 1, 0, 9, 8)] + ticks[1:5]
+    )
+    said = [s.ok for s in found if s.valid]
+    assert said == ([1, 1, 1] + [0] * 6 + [1] if any(frozen) else [1] * 10)
 
 
 def test_dc_gain_to_1e_5():
@@ -147,7 +161,14 @@ def test_alpha_is_the_exact_map():
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"pole_hz": 0}, {"pole_hz": 2000}, {"ref_delay_ticks": 5}, {"samples_per_dump": 129}, {"pga_y": 13}]
+    "wrong",
+    [
+        {"pole_hz": 0},
+        {"pole_hz": 2000},
+        {"ref_delay_ticks": 5},
+        {"samples_per_dump": 129},
+        {"pga_y": 13},
+    ],
 )
 def test_design_refuses(wrong):
     with pytest.raises(ValueError, match=r"pole_hz|ref_delay_ticks|samples_per_dump|gain_y"):

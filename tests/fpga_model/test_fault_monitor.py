@@ -54,7 +54,7 @@ def frame(fresh=1, codes=(1, 2, 3, 4), drive=0, rate=0, rail=0, watch=1, levels=
 
 def moving(n, **what):
     """Frames whose codes change."""
-    return [frame(codes=(k, 2, 3, 4), **what) for k in range(n)]
+    return [frame(codes=(k, 2 + k, 3 + k, 4 + k), **what) for k in range(n)]
 
 
 @given(st.sampled_from([SMALL, fm.Params(0, 0, 0, 0, 0, 1), fm.design()]), st.lists(edge, max_size=25))
@@ -82,13 +82,27 @@ def test_over_range_of_every_channel(code, lane):
     assert not any(s.flags for s in run(p, [frame(codes=below)] * 9))
 
 
-def test_stuck_needs_all_four_codes():
+@pytest.mark.parametrize("frozen", [(lane,) for lane in range(4)] + [(0, 1, 2, 3)])
+def test_stuck_is_any_code_that_rests(frozen):
+    def moved(n):
+        return frame(codes=tuple(c + (0 if k in frozen else n) for k, c in enumerate((1, 2, 3, 4))))
+
     # the first frame moves the codes from their reset values
-    still = [s.flags for s in run(SMALL, [frame()] * 6)]
-    assert still == [0] * 5 + [fm.STUCK] * 2
-    for lane in range(4):
-        wobble = [frame(codes=tuple(c + (n if k == lane else 0) for k, c in enumerate((1, 2, 3, 4)))) for n in range(9)]
-        assert not any(s.flags for s in run(SMALL, wobble))
+    found = [s.flags for s in run(SMALL, [moved(n) for n in range(6)] + [frame(codes=(70, 70, 70, 70))])]
+    assert found == [0] * 5 + [fm.STUCK] * 2 + [0]
+
+
+def test_codes_that_move_or_are_clipped_are_not_stuck():
+    assert not any(s.flags for s in run(SMALL, [frame(codes=(n, -n, 3 * n, 7 - n)) for n in range(9)]))
+    for limit in (fm.RANGE_LIMIT, -fm.RANGE_LIMIT, 2**23 - 1, -(2**23)):
+        found = run(SMALL._replace(over_range=0), [frame(codes=(n, limit, 3 * n, 7 - n)) for n in range(9)])
+        assert not any(s.flags for s in found)
+
+
+def test_one_frame_in_which_all_codes_move_starts_the_count_again():
+    # of SMALL.stuck = 4 frames
+    turns = [frame(codes=(n if k == 3 else 1, 2 * n, 3 * n, 4 * n)) for n, k in enumerate([0, 1, 2, 3] * 4)]
+    assert not any(s.flags for s in run(SMALL, turns))
 
 
 def test_stale_counts_and_recovery():

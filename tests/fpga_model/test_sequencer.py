@@ -36,12 +36,19 @@ STAYS = [3, 2, 1, 2, 2, 3, 5, 2, 1, 3, 4]  # in PATH; the two good frames that e
 LOCK_TIME = sum(STAYS)
 
 
+def _away(code, step):
+    """A code one step further from zero in every second frame; a clipped one stays."""
+    return code if abs(code) >= fault_monitor.RANGE_LIMIT else code + (-step if code < 0 else step)
+
+
 def frames(n, first=0, moving=True, turn=0, **what):
     """n frames of HEALTHY with changes; codes move, and the phase by `turn` a frame."""
     for k in range(n):
         i = HEALTHY._replace(**what)
         if moving:
-            i = i._replace(drive_sin=(first + k) % 50 + 1)
+            n = (first + k) % 50 + 1
+            away = {name: _away(getattr(i, name), k % 2) for name in ("sense_sin", "sense_cos")}
+            i = i._replace(drive_sin=n, drive_cos=-n, **away)
         if turn:
             i = i._replace(phase=((first + k) * turn + 2**23) % 2**24 - 2**23)
         yield i
@@ -129,8 +136,8 @@ def test_search_finds_the_frequency(hz):
     phases = [round((k + 1) * hz / 8000 * 2**24) for k in range(p.search)]
     magnitude = p.min_magnitude
     inputs = [
-        HEALTHY._replace(phase=(v + 2**23) % 2**24 - 2**23, drive_sin=k, magnitude=magnitude)
-        for k, v in enumerate(phases)
+        i._replace(phase=(v + 2**23) % 2**24 - 2**23, magnitude=magnitude)
+        for i, v in zip(frames(p.search), phases, strict=True)
     ]
     last = run(inputs, p, s)[-1]
     assert last.state == sequencer.RETUNE

@@ -484,7 +484,7 @@ TUNED = {
     "lock_monitor": dict.fromkeys(_LOCK, LIMIT),
     "fault_monitor": dict.fromkeys(_FAULTS, LIMIT),
     "watchdog": {"limit": LIMIT},
-    "digital_sid": dict.fromkeys(("alpha", "gain_x", "gain_y"), COEFFICIENT),
+    "digital_sid": {**dict.fromkeys(("alpha", "gain_x", "gain_y"), COEFFICIENT), "still": LIMIT},
     "sequencer": dict.fromkeys([*_TIMES, "reached", "min_magnitude", "search_limit"], LIMIT)
     | dict.fromkeys([f"lock_{name}" for name in _LOCK] + [f"faults_{name}" for name in _FAULTS], LIMIT),
 }

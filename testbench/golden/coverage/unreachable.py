@@ -89,6 +89,7 @@ CLAIMS = (
     Claim(("registers",), ("wrap_unsigned(data, _)",), ("under",), UNSIGNED),
     Claim(("registers",), ("wrap(data, _)",), ("under", "lo"), UNSIGNED),
     Claim(("spi_adc",), ("wrap(shift, _)",), ("under", "lo"), UNSIGNED),
+    Claim(("digital_sid",), ("clamp(s.still + 1, _, _)",), ("lo-1", "lo"), COUNTS),
     Claim(("watchdog",), ("clamp(s.age + 1, _, _)",), ("lo-1", "lo"), COUNTS),
     Claim(("rate_output",), ("clamp(p.decimation, _, _)",), ("lo-1",), UNSIGNED),
     Claim(("cordic",), ("s.i < ITERATIONS",), ("+1",), "i stops at ITERATIONS"),

@@ -108,9 +108,9 @@ def ticks(p, f, chips, a, chunk, end, drdy_cycle, rtl):
         # the aperture is the tick's first instant; the codes arrive a tick later
         sample_x, sample_y = a.sar[0], a.sar[1]
         if p.fpga.digital:
-            a.sar[0] = plant.sar_code(p.plant, a, tick, 0)
-            a.sar[1] = plant.sar_code(p.plant, a, tick, 1)
-        codes = engine.sent_codes(faults, a.adc.clock)
+            a.sar[0] = engine.taken_sample(faults, 0, plant.sar_code(p.plant, a, tick, 0), sample_x)
+            a.sar[1] = engine.taken_sample(faults, 1, plant.sar_code(p.plant, a, tick, 1), sample_y)
+        codes = engine.sent_codes(faults, a.adc.clock, engine.codes_before(chips))
         drive_cycle, sense_cycle, edge_count = -1, -1, 0
         for c in range(TICK_CYCLES):
             at = tick * TICK_CYCLES + c

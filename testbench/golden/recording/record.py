@@ -52,6 +52,7 @@ TEMP_DEGC = 25.0
 POLE_HZ = 306.0
 FORCE = 4.0
 SPLIT = 3.0
+STILL_FRAMES = 8
 QUICK = {
     "plant.sid_c_f": 26e-9,
     "plant.k_vf_drive_n_per_v": FORCE * 2.72e-7,
@@ -104,10 +105,11 @@ def quick_firmware(settings):
             lock=lock_monitor.design(
                 **locks, ftr_in_deg_s=15.0, qsc_in_deg_s=15.0, code_per_deg_s=code_v / n["adc_sense_v"] * 2**23
             ),
-            faults=fault_monitor.design(**frames(over_range=4, stuck=8, drive=8, rate=8, rail=20)),
+            # the codes of the digital demodulator are filtered, and rest
+            faults=fault_monitor.design(**frames(over_range=4, stuck=0 if p.digital else 8, drive=8, rate=8, rail=20)),
         ),
     )
-    return p._replace(control=loops, sid=digital_sid.design(POLE_HZ))
+    return p._replace(control=loops, sid=digital_sid.design(POLE_HZ)._replace(still=STILL_FRAMES * FRAME_TICKS))
 
 
 RATES = ((0, 0.0), (540, 300.0), (600, -300.0), (660, 0.0), (700, 1500.0), (750, 0.0))
@@ -141,8 +143,7 @@ CASES = {
         faults=(
             (820, 827, "adc_over_range", "sense_sin", 1),
             (840, 845, "adc_bad_status", "adc", 0x400000),
-            *((860, 873, "adc_stuck", channel, 1000 * k) for k, channel in enumerate(("drive_sin", "drive_cos"))),
-            *((860, 873, "adc_stuck", channel, -70 * k) for k, channel in enumerate(("sense_sin", "sense_cos"))),
+            (860, 873, "adc_stuck", "drive_cos", 1000),
             (890, 909, "adc_silent", "adc", 0),
         ),
     ),
@@ -153,6 +154,7 @@ CASES = {
         row_every=1,
         rate_dps=RATES,
         writes=((400, "decimation", 1), (790, "control", 0)),
+        faults=((762, 775, "sample_frozen", "y", 0),),
     ),
     "power_on": Case(config={}, firmware=build.firmware, frames=9400, row_every=50),
 }

@@ -279,13 +279,17 @@ LISTED = (
         ],
         runners.run_digital_sid,
         {"codes": digital_sid.LATENCY, "valid": digital_sid.LATENCY},
-        {"default": digital_sid.design(), "delay0": digital_sid.design(ref_delay_ticks=0, pole_hz=1900.0)},
+        {
+            "default": digital_sid.design(),
+            "delay0": digital_sid.design(ref_delay_ticks=0, pole_hz=1900.0)._replace(still=5),
+        },
         rules={
             "acc": (None, "saturate"),
             "pole1": ("half_up", None),
             "pole2": ("half_up", None),
             "pole3": ("half_up", None),
             "codes": ("half_up", "saturate"),
+            "still": (None, "saturate"),
         },
         strobes=("ce_1m", "dump"),
         wait=4,

@@ -10,6 +10,9 @@ import numpy as np
 
 from fpga_model import digital_sid
 from testbench.golden.stimulus.edges_pi import even_part
+from testbench.golden.stimulus.writer import wrapped
+
+SHORT = 16  # ticks of rest
 
 
 def _samples(w, rows):
@@ -47,9 +50,30 @@ def edges_digital_sid(w):
         for total in sums:
             _sum(w, total)
             w.operation({"refs": 15})
+    _rests(w, w.block.cases[w.case].still)
     for gap in range(1, 8):
         w.row({"ce_1m": 1, "dump": 1, **w.some()})
         w.row({"refs": 3}, times=gap)
+
+
+def _rests(w, limit):
+    """Samples at rest for as long as is allowed, and one tick more or less, until a dump; then each of them alone."""
+    for times in (limit - 1, limit, limit + 1) if limit <= SHORT else (limit + 1,):
+        w.row({"ce_1m": 1, "sample_x": 1 + times, "sample_y": -times})
+        w.row({"ce_1m": 1, "sample_x": 3, "sample_y": -3})
+        w.row({"ce_1m": 1, "sample_x": 3, "sample_y": -3}, times=times - 1)
+        w.operation({"sample_x": 3, "sample_y": -3})
+        w.operation({"sample_x": 4, "sample_y": -4})
+    for name in ("sample_x", "sample_y"):
+        for k in range(min(limit, SHORT) + 2):
+            w.row({"ce_1m": 1, "sample_x": 9, "sample_y": 9, name: k})
+        w.operation({"sample_x": 9, "sample_y": 9, name: -1})
+    # one bit of one sample after the other: each alone is another sample
+    values = {"sample_x": 0, "sample_y": 0}
+    for bit in range(digital_sid.SAMPLE.width):
+        values = {name: wrapped(v ^ (1 << bit), digital_sid.SAMPLE) for name, v in values.items()}
+        w.row({"ce_1m": 1, **values})
+        w.row({"ce_1m": 1, **values, "sample_x": wrapped(~values["sample_x"], digital_sid.SAMPLE)})
 
 
 def _moved(alpha, y, x):

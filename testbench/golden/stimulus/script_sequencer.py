@@ -12,6 +12,8 @@ from testbench.golden.stimulus.blocks import ALL_ONES
 from testbench.golden.stimulus.writer import LONG_ROWS, around
 
 SETPOINT = 1 << 23
+FAR = 1 << 20
+CHANNELS = ("drive_sin", "drive_cos", "sense_sin", "sense_cos")
 PATIENCE = 120  # frames within which a state has to come
 HELD = sequencer.HOLD_AGC | sequencer.HOLD_PLL | sequencer.HOLD_FTR
 CUT = sequencer.GAIN.f
@@ -29,10 +31,17 @@ class Walk:
         self.w.row({"en": 1, "i_control": sequencer.RUN}, rst=1)
         self.state = sequencer.State()
 
-    def run(self, times=1, control=sequencer.RUN, alive=True, **more):
+    def run(self, times=1, control=sequencer.RUN, rests=(), **more):
+        """Frames; the codes of the channels in `rests` do not move."""
         for _ in range(times):
-            given = {"control": control, "adc_ok": 1, "drive_sin": next(self.frames) if alive else 7}
+            frame = next(self.frames)
+            given = {"control": control, "adc_ok": 1, "drive_sin": frame, "drive_cos": -frame}
             given |= {"magnitude": SETPOINT, "setpoint": SETPOINT, **more}
+            # a code near its limit is exact
+            for name in ("sense_sin", "sense_cos"):
+                value = given.get(name, 0)
+                given[name] = value ^ (frame & 1) if value == 0 or abs(value) >= FAR else value
+            given |= dict.fromkeys(rests, 7)
             self.w.row({"en": 1, **{f"i_{name}": value for name, value in given.items()}})
             self.state = sequencer.step(self.p, self.state, 1, sequencer.Inputs(**given))
 
@@ -63,10 +72,13 @@ def _walks(walk):
     run(20, sense_sin=1 << 22)
     run(10)
     run(20, sense_cos=-(1 << 22), qsc_rail=1)
-    run(10, drive_saturated=1, rate_saturated=1)
+    for k in range(fault_monitor.FLAGS.width):
+        run(6, drive_saturated=1, rate_saturated=1, qsc_rail=1, drive_cos=0x7FFFFF)
+        run(2, clear=1 << k)
     run(10, drive_cos=0x7FFFFF)
-    run(20, alive=False)
-    run(80)
+    for rests in (CHANNELS, *((name,) for name in CHANNELS)):
+        run(20, rests=rests)
+        run(80)
     run(3, adc_ok=0)
     run(5)
     run(33, stale=1)
@@ -152,7 +164,7 @@ def _limits(walk):
         # a setpoint whose product with the limit has all ones in the bits that are cut
         walk.run(1, setpoint=(1 << 20) | (-pow(table[0], -1, 1 << 16) % (1 << 16)))
     for near, sign in itertools.product((-1, 0, 1), (1, -1)):
-        for name in ("drive_sin", "drive_cos", "sense_sin", "sense_cos"):
+        for name in CHANNELS:
             walk.run(1, **{name: sign * (fault_monitor.RANGE_LIMIT + near)})
 
 

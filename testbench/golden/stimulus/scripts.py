@@ -76,6 +76,25 @@ def _script_lock_monitor(w):
         w.row(common, rst=1)
 
 
+def _rests(w, p, common):
+    """Codes at rest, all or one, clipped or not, one frame short of the debounce or longer; and by one bit at rest."""
+    names = [f"codes_{k}" for k in range(4)]
+    for times in (p.stuck, p.stuck + 1, p.stuck + 2):
+        w.row({**common, "codes_2": times}, times=times)
+    limit = fault_monitor.RANGE_LIMIT
+    for name, code in itertools.product(names, (5, limit - 1, limit, 1 - limit, -limit)):
+        for times in (p.stuck, p.stuck + 1, p.stuck + 2):
+            for row in range(times):
+                w.row({**common, **dict.fromkeys(names, 16 * times + row), name: code})
+    # one bit of one code after the other, while all others move: it alone makes the code another, at both of its values
+    code = 0
+    for _ in range(2):
+        for name, bit in itertools.product(names, range(fault_monitor.CODE.width)):
+            w.row({**common, **dict.fromkeys(names, 2 * bit), name: code})
+            code = wrapped(code ^ (1 << bit), fault_monitor.CODE)
+            w.row({**common, **dict.fromkeys(names, 2 * bit + 1), name: code})
+
+
 def _script_fault_monitor(w):
     """Every code around its limit, every symptom one frame short of its debounce, just as long, and longer."""
     p = w.block.cases[w.case]
@@ -102,14 +121,7 @@ def _script_fault_monitor(w):
             for row in range(times):
                 w.row({**common, "codes_0": row, f"i_{name}": 1})
             w.row({**common, "codes_0": -1})
-    for times in (p.stuck, p.stuck + 1, p.stuck + 2):
-        w.row({**common, "codes_2": times}, times=times)
-    # one bit of one code after the other: each alone makes a frame another one, at both values of its neighbours
-    codes = dict.fromkeys((f"codes_{k}" for k in range(4)), 0)
-    for _ in range(2):
-        for name, bit in itertools.product(codes, range(fault_monitor.CODE.width)):
-            codes[name] = wrapped(codes[name] ^ (1 << bit), fault_monitor.CODE)
-            w.row({**common, **codes})
+    _rests(w, p, common)
     w.row({**common, "fresh": 0}, times=5)
     for word in range(8):
         w.row({**common, "codes_1": word, "clear": 1 << word})

@@ -137,7 +137,7 @@ def test_a_wrong_profile_is_refused_with_its_place(value, where, words):
     assert words in caught.value.text
 
 
-GOOD = {"adc_stuck": 1, "adc_over_range": -1, "adc_bad_status": 0xFFFFFF, "dac_stuck": 1}
+GOOD = {"adc_stuck": 1, "adc_over_range": -1, "adc_bad_status": 0xFFFFFF, "dac_stuck": 1, "adc_lost_bit": 25}
 
 
 def test_every_fault_kind_can_be_written_on_every_channel():

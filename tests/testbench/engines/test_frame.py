@@ -9,6 +9,7 @@ from fpga_model import dds, registers, sequencer
 from fpga_model.rates import FRAME_TICKS, TICK_HZ
 from testbench import flatten
 from testbench.engines import engine, frame
+from testbench.engines.engine import FROZEN, GAIN, OFFSET, STUCK, SWAPPED
 from testbench.run import build
 from tests.testbench.bench_setup import configured
 
@@ -158,7 +159,13 @@ FAULTS = {
     "silent": QUIET._replace(silent=1),
     "bad status": QUIET._replace(status=0),
     "lead off": QUIET._replace(status=adc_serial.status_word(lead_off_p=5)),
-    "stuck channel": QUIET._replace(stuck=(0, 1, 0, 1), code=(0, -77, 0, 123456)),
+    "stuck channel": QUIET._replace(channel=(0, STUCK, 0, STUCK, 0), value=(0, -77, 0, 123456, 0)),
+    "wrong channels": QUIET._replace(
+        channel=(FROZEN, OFFSET, SWAPPED, GAIN, FROZEN), value=(0, -(1 << 21), 3, -9999, 0)
+    ),
+    "lost bit": QUIET._replace(lost_bit=60, channel=(0, 0, FROZEN, 0, 0)),
+    "sample stuck": QUIET._replace(sample=(1, 2), sample_code=(-131072, 0)),
+    "sample frozen": QUIET._replace(sample=(2, 0)),
     "drive stuck": QUIET._replace(dac=(1, 0, 0), dac_code=(-3000, 0, 0)),
     "sense stuck": QUIET._replace(dac=(0, 1, 0), dac_code=(0, 100_000, 0)),
     "V_q stuck": QUIET._replace(dac=(0, 0, 1), dac_code=(0, 0, 30_000)),

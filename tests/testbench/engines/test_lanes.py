@@ -7,6 +7,7 @@ from analog_frontend.numeric.vector import LANES
 from fpga_model import sequencer
 from fpga_model.rates import FRAME_TICKS
 from testbench.engines import engine, frame, lanes
+from testbench.engines.engine import FROZEN, OFFSET, STUCK
 from testbench.errors import ConfigError
 from testbench.run import build, simulate
 from tests.testbench.bench_setup import configured
@@ -137,7 +138,7 @@ def test_faults_of_their_own(locked):
     faults = [
         QUIET,
         QUIET._replace(silent=1),
-        QUIET._replace(stuck=(0, 1, 0, 0), code=(0, 77, 0, 0)),
+        QUIET._replace(channel=(FROZEN, STUCK, 0, OFFSET, 0), value=(0, 77, 0, -500, 0), lost_bit=100),
         QUIET._replace(dac=(1, 0, 1), dac_code=(1234, 0, 3000)),
         QUIET._replace(status=0),
         QUIET._replace(nan=(1, 0)),

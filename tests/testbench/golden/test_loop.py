@@ -120,7 +120,7 @@ def test_no_register_differs_from_power_on_through_lock_rate_and_fault(quick):
     assert {"KICK", "SEARCH", "ACQUIRE", "BALANCE", "LOCKED"} <= set(outcome.states)
     assert "STALE" in outcome.flags
     assert outcome.codes_sha256 == alone(config, firmware, "frame").codes_sha256()
-    assert outcome.text().startswith(f"PASS {outcome.rows} rows of 213 registers and 13 pins, no difference")
+    assert outcome.text().startswith(f"PASS {outcome.rows} rows of 217 registers and 13 pins, no difference")
 
 
 @pytest.mark.slow
@@ -249,7 +249,7 @@ def test_the_command_prints_json(tmp_path):
     found = json.loads(done.output)
     assert found["difference"] is None
     assert found["rows"] == round(found["seconds"] * 26e6) + 1
-    assert (found["registers"], found["pins"]) == (213, 13)
+    assert (found["registers"], found["pins"]) == (217, 13)
 
 
 @pytest.mark.slow

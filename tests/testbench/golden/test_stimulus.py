@@ -230,6 +230,8 @@ def limits_of(block, case, name):
         if name == "attempts":
             return 0, sequencer.ATTEMPTS_TOP, 0
         return 0, getattr(faults, name.removeprefix("faults_")), 0
+    if block.stem == "digital_sid" and name == "still":
+        return 0, p.still, 0
     return port.fmt.lo, port.fmt.hi, 0
 
 
