@@ -1,15 +1,20 @@
 """docs/faults.md: every row against an experiment and against what is expected of the fault; hours without one."""
 
 import math
+import sys
+from pathlib import Path
 
 import numba
 import numpy as np
 import pytest
 
 from fpga_model import fault_monitor, sequencer
-from testbench.commands import faults_page
 from testbench.run.simulation import FRAME
 from tests.testbench.run import fault_table
+
+sys.path.append(str(Path(__file__).resolve().parents[3] / "docs"))
+
+import faults_page
 
 pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="closed loop: too slow interpreted")
 CASES = {f"{case.board}: {case.name}": case for case in fault_table.cases()}

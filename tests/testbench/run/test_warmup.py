@@ -32,6 +32,7 @@ class Child:
 @pytest.fixture
 def children(monkeypatch):
     """Commands of the children that would be started; the cache is empty."""
+    warmup._frame_child.cache_clear()  # an earlier test may have had one
     monkeypatch.setattr(Child, "started", [])
     monkeypatch.setattr(warmup.subprocess, "Popen", Child)
     monkeypatch.setattr(warmup, "CACHE", True)
