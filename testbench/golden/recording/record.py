@@ -142,7 +142,9 @@ CASES = {
         ),
         faults=(
             (820, 827, "adc_over_range", "sense_sin", 1),
-            (840, 845, "adc_bad_status", "adc", 0x400000),
+            # every bit of a status word at both values
+            (840, 842, "adc_bad_status", "adc", 0x43A5C6),
+            (843, 845, "adc_bad_status", "adc", 0x4C5A39),
             (860, 873, "adc_stuck", "drive_cos", 1000),
             (890, 909, "adc_silent", "adc", 0),
         ),
