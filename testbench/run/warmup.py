@@ -18,9 +18,10 @@ import numpy as np
 
 from analog_frontend import tick
 from analog_frontend import top as plant
-from fpga_model.jit import CACHE, is_cached
+from fpga_model.jit import CACHE, cache_root, is_cached
 from fpga_model.rates import FRAME_TICKS
 from testbench.engines import engine as clocked
+from testbench.storage.files import lock
 
 CHILD = "from testbench.run import warmup; warmup.compile_{}()"
 TIMEOUT_S = 600
@@ -108,15 +109,26 @@ def _frame_child():
     return _child("frame")
 
 
+@functools.cache
+def _turn():
+    """A lock that one process of a user holds; None: another one has it."""
+    return lock(cache_root() / "standby.lock")
+
+
 class Standby:
-    """As `frame.run`; the clocked engine does it, to the same bits, until a child has compiled the frame engine."""
+    """As `frame.run`; the clocked engine does it, to the same bits, until a child has compiled the frame engine.
+
+    It does so in one process. Others wait: they would take the time of what compiles for all of them.
+    """
 
     def __init__(self):
         self.child = _frame_child()
 
     def __call__(self, *chunk):
         if self.child.poll() is None:
-            return clocked.run(*chunk)
+            if _turn() is not None:
+                return clocked.run(*chunk)
+            self.child.wait(TIMEOUT_S)
         from testbench.engines import frame
 
         return frame.run(*chunk)

@@ -7,6 +7,7 @@ import pytest
 
 from testbench.engines import engine, frame
 from testbench.run import warmup
+from testbench.storage import files
 
 
 class Child:
@@ -30,15 +31,20 @@ class Child:
 
 
 @pytest.fixture
-def children(monkeypatch):
+def children(monkeypatch, tmp_path):
     """Commands of the children that would be started; the cache is empty."""
     warmup._frame_child.cache_clear()  # an earlier test may have had one
+    warmup._turn.cache_clear()
+    monkeypatch.setattr(warmup, "cache_root", lambda: tmp_path)
     monkeypatch.setattr(Child, "started", [])
     monkeypatch.setattr(warmup.subprocess, "Popen", Child)
     monkeypatch.setattr(warmup, "CACHE", True)
     monkeypatch.setattr(warmup.os, "cpu_count", lambda: 2)
     monkeypatch.setattr(warmup, "is_cached", lambda _: False)
-    return Child.started
+    yield Child.started
+    if warmup._turn.cache_info().currsize and (file := warmup._turn()):
+        file.close()
+    warmup._turn.cache_clear()
 
 
 def test_an_empty_cache_is_filled_by_children(children):
@@ -57,6 +63,15 @@ def test_the_clocked_engine_stands_in_until_the_frame_engine_is_compiled(childre
     assert run(1, 2) == ("clocked", (1, 2))
     run.child.running = False
     assert run(3) == ("frame", (3,))
+
+
+def test_of_two_processes_on_an_empty_cache_one_stands_in_and_the_other_waits(children, monkeypatch, tmp_path):
+    monkeypatch.setattr(warmup.clocked, "run", lambda *chunk: pytest.fail("two processes stand in"))
+    monkeypatch.setattr(frame, "run", lambda *chunk: ("frame", chunk))
+    with files.lock(tmp_path / "standby.lock"):
+        run = warmup.frame_run()
+        assert run(1, 2) == ("frame", (1, 2))
+        assert not run.child.running
 
 
 def test_a_filled_cache_needs_none(children, monkeypatch):
