@@ -20,6 +20,7 @@ from tests import kills_campaign, kills_golden, kills_run
 CASES = {**kills_run.CASES, **kills_campaign.CASES, **kills_golden.CASES}
 MANY, FEW = (60, 60), (12, 15)  # pairs, kills
 COUNTS = {name: MANY if name in ("run", "campaign") else FEW for name in CASES}
+QUICK = ("run", "campaign", "golden", "tracing", "dask")  # a case takes seconds, of the others a minute
 SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGKILL)
 
 
