@@ -26,6 +26,7 @@ from testbench.campaign.plan import stored
 from testbench.campaign.plan.measure import Variable
 from testbench.campaign.verify import read_point
 from testbench.errors import FileError
+from testbench.interrupts import held
 from testbench.storage.files import GuardedFile, clear, discard, explain, part_of, publish, write_text
 
 SCHEMA = "gyrocampaign/1"
@@ -178,6 +179,7 @@ def store_name(address):
     return f"{address[:2]}/{address[2:]}"
 
 
+@held()  # the HDF5 library calls Python to write, and knows no exceptions
 def _write_netcdf(store, wanted, found, path):
     """Write results/NAME.nc; streams go through the memory one point at a time."""
     plan, addresses = wanted

@@ -17,6 +17,7 @@ import numpy as np
 
 from testbench.campaign.plan.measure import FRAME_S, Variable
 from testbench.errors import FileError
+from testbench.interrupts import held
 from testbench.storage import inputs
 from testbench.storage.files import SEAL, SEAL_BYTES
 
@@ -90,6 +91,7 @@ def encode(identity, variables, tau_s=()):
     return data + SEAL % hashlib.sha256(data).hexdigest().encode()
 
 
+@held()  # h5py forgets objects in callbacks, in which Python ignores a Ctrl-C
 def decode(data, path):
     """(identity, {name: Variable}) of the bytes of a file; FileError if they were damaged, or never were a point."""
     body, seal = data[:-SEAL_BYTES], data[-SEAL_BYTES:]

@@ -19,12 +19,13 @@ from testbench.console.progress import Progress
 from testbench.console.show import print_json, print_list, print_tables
 from testbench.errors import ConfigError, FileError
 from testbench.golden import cli as golden_cli
+from testbench.interrupts import EXIT_INTERRUPTED
 from testbench.measured import cli as measured_cli
 from testbench.paper import cli as paper_cli
 from testbench.paper.loop import loop_cli
 from testbench.version import VERSION
 
-EXIT_MENDABLE, EXIT_INTERRUPTED = 2, 130
+EXIT_MENDABLE = 2
 
 app = typer.Typer(
     name="gyro",

@@ -21,7 +21,7 @@ import numpy as np
 from testbench.errors import FileError
 from testbench.storage import spool
 from testbench.storage.files import discard, explain, lock, write_bytes, write_text
-from testbench.storage.inputs import read_bytes
+from testbench.storage.inputs import opened
 
 FOLDER = "run.partial"
 FORMAT = "run-1"
@@ -122,7 +122,8 @@ class Partial:
         """The registers that `keep_window` kept, by their SHA-256; None if it kept none ("")."""
         if not digest:
             return None
-        data = read_bytes(self.window)
+        with opened(self.window) as file:  # a window of 10 ms is larger than what users may hand over
+            data = file.read()
         if hashlib.sha256(data).hexdigest() != digest:
             raise FileError(f"{self.window}: is not what was written; start the run again with --discard")
         return np.frombuffer(data, "<i8").reshape(-1, columns)
@@ -146,8 +147,6 @@ def unfinished(directory):
     """The interrupted run of a folder, held by this process."""
     partial = Partial(directory)
     partial.check()
-    with contextlib.ExitStack() as stack:
-        stack.enter_context(partial)
-        partial.check()  # the process that was at work here may have ended it
-        stack.pop_all()
+    partial.hold()
+    partial.check()  # the process that was at work here may have ended it
     return partial

@@ -217,6 +217,7 @@ class RecordWriter:
         try:
             self._guard = GuardedFile(part_of(self.path))
         except OSError as problem:
+            self._lock.close()
             raise explain(self.path, problem) from None
         self._file = h5py.File(self._guard, "w")
 

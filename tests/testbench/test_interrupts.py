@@ -3,11 +3,14 @@
 import os
 import signal
 import threading
+import weakref
 
 import numpy as np
 import pytest
 
 from testbench import interrupts
+from testbench.campaign import shard
+from testbench.campaign.plan.measure import Variable
 from testbench.storage import files, state_file
 
 
@@ -76,3 +79,19 @@ def test_a_record_is_whole_or_absent_after_an_interrupt(tmp_path, monkeypatch):
             state_file.save_state(path, {"a": np.zeros(100_000)}, "layout")
         assert np.array_equal(state_file.load_state(path, "layout")[0]["a"], np.zeros(100_000))
     assert len(os.listdir(tmp_path)) == 3
+
+
+def test_ctrl_c_while_a_point_is_read_is_not_swallowed(monkeypatch):
+    """h5py forgets its objects in callbacks of weak references, where Python ignores exceptions."""
+    data, plain = shard.encode('{"a": 1}', {"x": Variable((), 1.0, {})}), shard._variable
+
+    def struck(*arguments):
+        forgotten = threading.Event()
+        watch = weakref.ref(forgotten, lambda _: strike())
+        del forgotten
+        assert watch() is None
+        return plain(*arguments)
+
+    monkeypatch.setattr(shard, "_variable", struck)
+    with pytest.raises(KeyboardInterrupt):
+        shard.decode(data, "point")

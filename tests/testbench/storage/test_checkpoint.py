@@ -401,3 +401,13 @@ def test_memory_does_not_grow_with_simulated_time(locked, tmp_path):
     early_kb, late_kb, rows = map(int, got.stdout.split())
     assert rows > 10 * 8000 - 8192
     assert late_kb - early_kb < 3000
+
+
+def test_a_window_larger_than_what_users_may_hand_over_is_read_back(tmp_path, monkeypatch):
+    partial = checkpoint.Partial(tmp_path)
+    rows = np.arange(200_000).reshape(-1, 4)
+    partial.hold()
+    digest = partial.keep_window(rows)
+    monkeypatch.setenv("GYRO_INPUT_MB", "1")
+    np.testing.assert_array_equal(partial.load_window(4, digest), rows)
+    partial.release()
