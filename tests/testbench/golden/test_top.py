@@ -23,6 +23,7 @@ from testbench.golden.recording import recording, replay, signature
 from testbench.golden.stimulus import blocks
 from tests.testbench.golden import standin
 from tests.testbench.golden.benching import NEEDS, RTL, make, need
+from tests.testbench.golden.resealing import reseal
 
 PINNED = Path(__file__).with_name("golden_sha256.json")
 PLAYED = 3  # frames that the stand-in plays
@@ -199,17 +200,6 @@ def test_the_page_states_the_cases_and_the_frames_that_are_run():
 @pytest.fixture
 def copy(out, tmp_path):
     return Path(shutil.copytree(out / CASE, tmp_path / CASE, ignore=shutil.ignore_patterns("build")))
-
-
-def reseal(folder, change=lambda manifest: None):
-    """Give a bundle the hashes of what it now holds, as somebody who edits on purpose would."""
-    path = folder / bundle.MANIFEST
-    data = json.loads(path.read_text())
-    change(data)
-    for name in data["sha256"]:
-        data["sha256"][name] = hashlib.sha256((folder / name).read_bytes()).hexdigest()
-    data["manifest_sha256"] = bundle.seal(data)
-    path.write_text(json.dumps(data))
 
 
 @pytest.mark.parametrize("name", ["at", "stim", "exp", "sig", "adc", "host", "sar"])
