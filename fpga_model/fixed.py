@@ -13,6 +13,7 @@ Source    docs/blocks/fixed.md (truth table, and what each tool calls each rule)
 from fractions import Fraction
 from typing import NamedTuple, get_type_hints
 
+from fpga_model.design_record import DEFAULT, at, most
 from fpga_model.jit import inlined
 
 MAX_WIDTH = 63
@@ -43,16 +44,20 @@ class Fmt(NamedTuple):
     def holds(self, raw):
         return self.lo <= raw <= self.hi
 
+    def at(self, design):
+        """The format at another design."""
+        return Fmt(*(at(bits, design) for bits in self))
 
-def formats(record):
+
+def formats(record, design=DEFAULT):
     """`record` filled with the formats of its registers, which are the types of its fields; a list for a tuple."""
-    return record(*map(_format, get_type_hints(record).values()))
+    return record(*(_format(hint, design) for hint in get_type_hints(record).values()))
 
 
-def _format(hint):
+def _format(hint, design):
     if isinstance(hint, type):
-        return formats(hint)
-    return tuple(hint) if isinstance(hint, list) else hint
+        return formats(hint, design)
+    return tuple(fmt.at(design) for fmt in hint) if isinstance(hint, list) else hint.at(design)
 
 
 def bits(n):
@@ -72,12 +77,12 @@ def mul_fmt(a, b):
 
 def add_fmt(a, b):
     """Format that holds every sum exactly."""
-    return Fmt(max(a.s, b.s), max(a.i, b.i) + 1, max(a.f, b.f))
+    return Fmt(max(a.s, b.s), most(a.i, b.i) + 1, most(a.f, b.f))
 
 
 def sub_fmt(a, b):
     """Format that holds every difference exactly; always signed."""
-    return Fmt(1, max(a.i, b.i) + (1 if a.s or b.s else 0), max(a.f, b.f))
+    return Fmt(1, most(a.i, b.i) + (1 if a.s or b.s else 0), most(a.f, b.f))
 
 
 def quantize(value, fmt, name="value"):
