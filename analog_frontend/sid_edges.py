@@ -27,10 +27,9 @@ from analog_frontend.linear import (
     STRIDE,
 )
 from analog_frontend.numeric.vector import LANES, load, splat, store
-from analog_frontend.parts import adc, noise, sid
+from analog_frontend.parts import noise, sid
 from fpga_model.jit import inlined, inner
 
-TICK_CYCLES = adc.TICK_CYCLES
 DEMODULATORS = sid.DEMODULATORS
 JITTERED = 1 + DEMODULATORS  # hashes of edge jitter per tick: one for both DACs, one for an edge of each demodulator
 
@@ -62,18 +61,18 @@ def demodulate(p, s, tick, n, edge_count, edges, driver_s):
             store(w, feed + 2 * STRIDE + t, load(w, path + 2 * STRIDE + t) + v * s3)
     for d in range(DEMODULATORS):
         out[d] = sid.output(s.caps, d)
-    t, k = 0, 0
+    t, k, clocks = 0, 0, p.adc.tick_clocks
     late = s.late_count[0] + s.late_count[1] + s.late_count[2] + s.late_count[3]
     while t < n:
         until = t
         if late == 0:
-            until = min(edges[k, 0] // TICK_CYCLES, n) if k < edge_count else n
+            until = min(edges[k, 0] // clocks, n) if k < edge_count else n
         if until > t:
             sid.between(p.sid, s.caps, s.switch, w, FEED, STRIDE, t, until, out)
             t = until
         else:
             last = k
-            while last < edge_count and edges[last, 0] < (t + 1) * TICK_CYCLES:
+            while last < edge_count and edges[last, 0] < (t + 1) * clocks:
                 last += 1
             late = _switch(p, s, tick + t, t, k, last, edges, added, driver_s)
             k = last
@@ -87,6 +86,7 @@ class Switches(NamedTuple):
     carry: np.ndarray
     jitter: noise.Source
     h_s: float
+    tick_clocks: int
 
 
 @inlined
@@ -104,7 +104,7 @@ def acting(p, tick, t, d, ref, first, last, edges, late_tau_s, late_count, taus)
         ref = 0 if ref else 1
     for k in range(first, last):
         if edges[k, 1] == d:
-            cycle = edges[k, 0] - TICK_CYCLES * t
+            cycle = edges[k, 0] - p.tick_clocks * t
             ref = 0 if ref else 1
             tau = p.tau_s[ref, cycle] + noise.white(p.jitter, JITTERED * tick + 1 + d)
             if p.carry[ref, cycle] != 0:
@@ -133,7 +133,7 @@ def _switch(p, s, tick, t, first, last, edges, added, driver_s):
     Returns how many edges act in the next tick.
     """
     taus, w = s.work.taus_s, s.work.w
-    switches = Switches(p.switch_tau_s, p.switch_carry, p.noise.edge_jitter, p.sid.h_s)
+    switches = Switches(p.switch_tau_s, p.switch_carry, p.noise.edge_jitter, p.sid.h_s, p.adc.tick_clocks)
     kept = 0
     for d in range(DEMODULATORS):
         waiting = s.late_count[d]

@@ -61,8 +61,6 @@ from fpga_model.jit import inner, outlined
 
 STATES = 16
 V_DRIVE, V_SENSE, X, VX, Y, VY, FIRST_CV, CV_X, CV_Y = 2, 5, 6, 7, 8, 9, 10, 12, 15
-TICK_CYCLES = adc.TICK_CYCLES
-FRAME_TICKS = 125  # the surroundings of a law are those of a frame's first instant
 ONE = np.int64(1)  # typed: Numba compiles a function anew for every constant that it is called with
 DEMODULATORS = sid.DEMODULATORS
 MAX_EDGES = sid.MAX_EDGES
@@ -96,12 +94,13 @@ class Params(NamedTuple):
     drive_levels: dac_levels.Params
     sense_levels: dac_levels.Params
     quad_lsb_v: float
+    frame_ticks: int  # the surroundings of a law are those of a frame's first instant
     tables: propagator.Plant  # stacked over temperature knots, one or more
     temp_lo_degc: float
     temp_step_k: float
     temp_count: int
-    switch_tau_s: np.ndarray  # (2, 26) instant in its tick of the analog switch after a fall or rise at clock c
-    switch_carry: np.ndarray  # (2, 26) 1 if that tick is the next one
+    switch_tau_s: np.ndarray  # (2, clocks) instant in its tick of the switch after a fall or rise at clock c
+    switch_carry: np.ndarray  # (2, clocks) 1 if that tick is the next one
     sid: sid.Params
     adc: adc.Params
     noise: Noise
@@ -323,7 +322,7 @@ def step(p, s, tick, pins, edges):
     s.work.drive_codes[0] = pins.drive_code
     s.work.sense_codes[0] = pins.sense_code
     ready = block(p, s, tick, ONE, pins.drive_cycle, pins.sense_cycle, pins.edge_count, edges)
-    return ready - TICK_CYCLES if ready >= 0 else -1
+    return ready - p.adc.tick_clocks if ready >= 0 else -1
 
 
 @inner
@@ -360,7 +359,7 @@ def block(p, s, tick, n, drive_cycle, sense_cycle, edge_count, edges):
     laws = p.laws
     if laws.force or laws.cv:
         rate, temp = s.now[NOW_RATE], s.now[NOW_TEMP]
-        t_s = (tick // FRAME_TICKS) * FRAME_TICKS * p.sid.h_s
+        t_s = (tick // p.frame_ticks) * p.frame_ticks * p.sid.h_s
         law.gains(laws.force, laws.cv, laws.temp_ref_degc, laws.table, laws.numbers, rate, temp, t_s, s.work.gains)
     linear.modes(s.g, w, n, p.effects, laws, s.work.gains)
     linear.pickoffs(s.g, s.pickoff, w, n, p.effects.any_force or laws.force)

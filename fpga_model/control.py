@@ -47,6 +47,11 @@ class State(NamedTuple):
     sequencer: sequencer.State = sequencer.State()
 
 
+def reset(d):
+    """The registers of a design at power-on."""
+    return State(frequency_tracker=frequency_tracker.reset(d))
+
+
 class Inputs(NamedTuple):
     """A frame of codes and what is known of it."""
 
@@ -85,7 +90,7 @@ def output_params(bank):
 
 
 @inner
-def loops(p, s, slot, i, bank):
+def loops(d, p, s, slot, i, bank):
     """One clock edge within the slots for all but the sequencer."""
     at_loops = 1 if slot == rates.SLOT_LOOPS else 0
     at_pi = 1 if slot == SLOT_PI else 0
@@ -108,6 +113,7 @@ def loops(p, s, slot, i, bank):
             amplitude_preset,
         ),
         frequency_tracker=frequency_tracker.step(
+            d,
             p.frequency_tracker,
             s.frequency_tracker,
             at_loops,
@@ -176,9 +182,9 @@ def sequenced(p, s, i, bank):
 
 
 @outlined
-def step(p, s, slot, i, bank):
-    """One clock edge within the slots; `bank` is the register bank."""
-    after = loops(p, s, slot, i, bank)
+def step(d, p, s, slot, i, bank):
+    """One clock edge of a design `d` within the slots; `bank` is the register bank."""
+    after = loops(d, p, s, slot, i, bank)
     if slot != rates.SLOT_SEQUENCER:
         return after
     return State(

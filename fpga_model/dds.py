@@ -1,4 +1,4 @@
-"""Direct digital synthesis: one 48-bit phase accumulator and four outputs with a phase offset each.
+"""Direct digital synthesis: one phase accumulator and four outputs with a phase offset each.
 
     phase[n+1]  = phase[n] + word     mod 1 turn
     output[n+1] = phase[n] + offset   mod 1 turn      for drive_sine, sense_sine, drive_ref, sense_ref
@@ -8,24 +8,23 @@
                          +--(+ offset)--[drive_ref]
                          '--(+ offset)--[sense_ref]          [..] register
 
-Formats   word, offsets, phase and outputs [0,0,48], unsigned turns
+Formats   word, offsets, phase and outputs [0,0,48] (`dds_bits`), unsigned turns
 Latency   1 clock from phase to an output, from an offset to its output, and from word to phase
 Rounding  none
 Overflow  every sum wraps at one turn: phase arithmetic is modular
 Source    docs/blocks/dds.md
 
-A positive offset advances its output. Frequency = word * 26 MHz / 2**48, so the LSB of word is 92.4 nHz.
+A positive offset advances its output. Frequency = word * 26 MHz / 2**48: the LSB of word is 92.4 nHz (32 bits: 6 mHz).
 """
 
 from fractions import Fraction
 from typing import NamedTuple
 
+from fpga_model.design_record import DEFAULT, width
 from fpga_model.fixed import Fmt, add_fmt, formats, quantize, wrap_unsigned
 from fpga_model.jit import inlined
-from fpga_model.rates import MASTER_HZ
 
-PHASE = Fmt(0, 0, 48)
-WIDTH = PHASE.width
+PHASE = Fmt(0, 0, width("dds_bits"))
 LATENCY = 1
 assert add_fmt(PHASE, PHASE).width <= 63, "the sum must fit int64 before it wraps"
 
@@ -43,32 +42,34 @@ class State(NamedTuple):
 STATE_FMT = formats(State)
 
 
-def word_of_hz(frequency_hz):
-    """Frequency word nearest to `frequency_hz`; raises ValueError outside 0 .. 26 MHz."""
-    if not 0 <= frequency_hz < MASTER_HZ:
-        raise ValueError(f"frequency_hz: {frequency_hz} Hz is not from 0 to below {MASTER_HZ} Hz")
-    return quantize(Fraction(frequency_hz) / MASTER_HZ, PHASE, "frequency_hz / 26 MHz (turns per clock)")
+def word_of_hz(frequency_hz, d=DEFAULT):
+    """Frequency word of a design nearest to `frequency_hz`; raises ValueError outside 0 .. its master clock."""
+    if not 0 <= frequency_hz < d.master_hz:
+        raise ValueError(f"frequency_hz: {frequency_hz} Hz is not from 0 to below {d.master_hz} Hz")
+    name = f"frequency_hz / {d.master_hz / 1e6:g} MHz (turns per clock)"
+    return quantize(Fraction(frequency_hz) / d.master_hz, PHASE.at(d), name)
 
 
-def hz_of_word(word):
+def hz_of_word(word, d=DEFAULT):
     """Exact frequency of a word, as a Fraction (Hz)."""
-    return Fraction(word * MASTER_HZ, 1 << PHASE.f)
+    return Fraction(word * d.master_hz, 1 << d.dds_bits)
 
 
-def offset_of_deg(offset_deg):
+def offset_of_deg(offset_deg, d=DEFAULT):
     """Offset word nearest to `offset_deg`, taken modulo one turn; a positive offset advances the output."""
     if not abs(offset_deg) < float("inf"):
         raise ValueError(f"offset_deg: {offset_deg} deg is not a finite number")
-    return round(Fraction(offset_deg) / 360 * (1 << PHASE.f)) % (1 << PHASE.f)
+    return round(Fraction(offset_deg) / 360 * (1 << d.dds_bits)) % (1 << d.dds_bits)
 
 
 @inlined
-def step(s, word, off_drive_sine, off_sense_sine, off_drive_ref, off_sense_ref):
-    """One clock edge: every right-hand side reads the old registers."""
+def step(d, s, word, off_drive_sine, off_sense_sine, off_drive_ref, off_sense_ref):
+    """One clock edge of a design `d`: every right-hand side reads the old registers."""
+    n = d.dds_bits
     return State(
-        phase=wrap_unsigned(s.phase + word, WIDTH),
-        drive_sine=wrap_unsigned(s.phase + off_drive_sine, WIDTH),
-        sense_sine=wrap_unsigned(s.phase + off_sense_sine, WIDTH),
-        drive_ref=wrap_unsigned(s.phase + off_drive_ref, WIDTH),
-        sense_ref=wrap_unsigned(s.phase + off_sense_ref, WIDTH),
+        phase=wrap_unsigned(s.phase + word, n),
+        drive_sine=wrap_unsigned(s.phase + off_drive_sine, n),
+        sense_sine=wrap_unsigned(s.phase + off_sense_sine, n),
+        drive_ref=wrap_unsigned(s.phase + off_drive_ref, n),
+        sense_ref=wrap_unsigned(s.phase + off_sense_ref, n),
     )

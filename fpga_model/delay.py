@@ -16,11 +16,12 @@ With depth 0 there is no register and the taps stay at reset. Otherwise all eigh
 
 from typing import NamedTuple
 
-from fpga_model.fixed import Fmt, bits, formats, quantize
+from fpga_model import sine
+from fpga_model.fixed import bits, formats, quantize
 from fpga_model.jit import inlined
 
 MAX_DEPTH = 8
-X = Fmt(1, 0, 17)
+X = sine.OUT
 
 
 class Params(NamedTuple):

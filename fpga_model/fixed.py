@@ -3,7 +3,9 @@
     value = raw * 2**-f,   -s * 2**(i+f) <= raw < 2**(i+f),   width = s + i + f
 
 Raw values are int64. Formats are data: `mul_fmt` and `add_fmt` hold every result exactly, and a block asserts at
-import that its widest intermediate stays within 63 bits, so that no kernel can overflow silently.
+import that its widest intermediate stays within 63 bits, so that no kernel can overflow silently. A format may depend
+on the design record: its widths are ints of the default design that remember their rule, and `Fmt.at(design)` has
+those of another one. Sums, differences and `most` of widths keep the rule; any other operation gives a plain int.
 
 Rounding  `n` LSBs are dropped, 0 <= n <= 62; the names say what happens to ties (`half_*`) or to everything else
 Overflow  `clamp` saturates, `wrap` keeps the low bits (two's complement), `wrap_unsigned` for phase-like words
@@ -13,10 +15,54 @@ Source    docs/blocks/fixed.md (truth table, and what each tool calls each rule)
 from fractions import Fraction
 from typing import NamedTuple, get_type_hints
 
-from fpga_model.design_record import DEFAULT, at, most
 from fpga_model.jit import inlined
 
 MAX_WIDTH = 63
+
+
+# Widths that the design decides ---------------------------------------------------------------------------------------
+
+
+class Width(int):
+    """A number of bits that the design decides; `at(design)` is the number at that design."""
+
+    def __new__(cls, default, rule):
+        self = super().__new__(cls, default)
+        self.rule = rule
+        return self
+
+    def at(self, design):
+        """The number at a design."""
+        return int(self.rule(design))
+
+    def __add__(self, other):
+        return Width(int(self) + int(other), lambda d: at(self, d) + at(other, d))
+
+    __radd__ = __add__
+
+    def __sub__(self, other):
+        return Width(int(self) - int(other), lambda d: at(self, d) - at(other, d))
+
+    def __rsub__(self, other):
+        return Width(int(other) - int(self), lambda d: at(other, d) - at(self, d))
+
+    def __neg__(self):
+        return 0 - self
+
+
+def at(number, design):
+    """A width, or a plain number, at a design."""
+    return number.at(design) if isinstance(number, Width) else number
+
+
+def most(*numbers):
+    """The largest of some widths."""
+    if any(isinstance(n, Width) for n in numbers):
+        return Width(max(map(int, numbers)), lambda d: max(at(n, d) for n in numbers))
+    return max(numbers)
+
+
+# Formats --------------------------------------------------------------------------------------------------------------
 
 
 class Fmt(NamedTuple):
@@ -46,11 +92,14 @@ class Fmt(NamedTuple):
 
     def at(self, design):
         """The format at another design."""
-        return Fmt(*(at(bits, design) for bits in self))
+        return self if design is None else Fmt(*(at(bits, design) for bits in self))
 
 
-def formats(record, design=DEFAULT):
-    """`record` filled with the formats of its registers, which are the types of its fields; a list for a tuple."""
+def formats(record, design=None):
+    """`record` filled with the formats of its registers, which are the types of its fields; a list for a tuple.
+
+    design  a design record; None for the default one
+    """
     return record(*(_format(hint, design) for hint in get_type_hints(record).values()))
 
 

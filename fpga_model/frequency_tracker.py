@@ -2,7 +2,7 @@
 
     en            error' = phase;  centre' = preset if load, centre + correction if adjust
     en_pi         the PI of pi.py acts on error, in its mode (preset 0)
-    every edge    word' = centre + loop.y  mod 2**48
+    every edge    word' = centre + loop.y  mod 2**48     48: `dds_bits`
 
     phase --[error]--(pi)--[loop.y]--(+)--[word]-->     [..] register
     preset, correction --[centre]---^
@@ -20,15 +20,13 @@ from math import pi as PI
 from typing import NamedTuple
 
 from fpga_model import cordic, dds, pi
+from fpga_model.design_record import DEFAULT
 from fpga_model.fixed import Fmt, formats, wrap_unsigned
 from fpga_model.jit import inlined
-from fpga_model.rates import FRAME_HZ, MASTER_HZ
 
 WORD = dds.PHASE
-WORD_BITS = WORD.width
 CORRECTION = Fmt(1, -1, WORD.f)
 ERROR = cordic.PHASE
-WORD_PER_HZ = 2.0**WORD.f / MASTER_HZ
 LATENCY = 4
 assert pi.ERR.width >= ERROR.width, "the phase must fit the input of the PI"
 
@@ -55,32 +53,43 @@ PARAMS_FMT = formats(Params)
 STATE_FMT = formats(State)
 
 
-def design(crossover_hz=3.0, zero_hz=0.6, limit_hz=100.0, frame_hz=FRAME_HZ):
+def reset(d=DEFAULT):
+    """The registers of a design at power-on: the nominal frequency in its words."""
+    word = dds.word_of_hz(NOMINAL_HZ, d)
+    return State(centre=word, word=word)
+
+
+def word_per_hz(d=DEFAULT):
+    """Frequency words of a design to one Hz, as a float."""
+    return 2.0**d.dds_bits / d.master_hz
+
+
+def design(crossover_hz=3.0, zero_hz=0.6, limit_hz=100.0, d=DEFAULT):
     """Gains from the plant d(phase)/dt = fx - f (turns per second and Hz).
 
     crossover_hz  frequency of unit gain of the proportional part (Hz)
     zero_hz       PI zero (Hz)
     limit_hz      largest distance of the word from its centre (Hz)
-    frame_hz      rate of the enables (Hz)
+    d             the design record
     """
-    if not 0 < limit_hz < MASTER_HZ / 4:
-        raise ValueError(f"limit_hz: {limit_hz} Hz is outside 0 .. {MASTER_HZ / 4:g} Hz")
-    kp = 2 * PI * crossover_hz * WORD_PER_HZ * 2.0**-ERROR.f
-    limit = round(limit_hz * WORD_PER_HZ)
-    return Params(loop=pi.design(kp, kp * 2 * PI * zero_hz, frame_hz, -limit, limit))
+    if not 0 < limit_hz < d.master_hz / 4:
+        raise ValueError(f"limit_hz: {limit_hz} Hz is outside 0 .. {d.master_hz / 4:g} Hz")
+    kp = 2 * PI * crossover_hz * word_per_hz(d) * 2.0**-ERROR.f
+    limit = round(limit_hz * word_per_hz(d))
+    return Params(loop=pi.design(kp, kp * 2 * PI * zero_hz, d.frame_hz, -limit, limit))
 
 
 @inlined
-def step(p, s, en, en_pi, mode, phase, load, adjust, correction, preset):
-    """One clock edge: every right-hand side reads the old registers."""
+def step(d, p, s, en, en_pi, mode, phase, load, adjust, correction, preset):
+    """One clock edge of a design `d`: every right-hand side reads the old registers."""
     centre = s.centre
     if en and load:
         centre = preset
     elif en and adjust:
-        centre = wrap_unsigned(s.centre + correction, WORD_BITS)
+        centre = wrap_unsigned(s.centre + correction, d.dds_bits)
     return State(
         error=phase if en else s.error,
         centre=centre,
-        word=wrap_unsigned(s.centre + s.loop.y, WORD_BITS),
+        word=wrap_unsigned(s.centre + s.loop.y, d.dds_bits),
         loop=pi.step(p.loop, s.loop, en_pi, mode, s.error, 0),
     )

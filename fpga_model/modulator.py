@@ -19,11 +19,13 @@ A code of n bits has full scale 2**(n-1), so shift = 40 - (n-1): 25 for 16 bits,
 
 from typing import NamedTuple
 
+from fpga_model import sine as table
+from fpga_model.design_record import DEFAULT
 from fpga_model.fixed import Fmt, bits, clamp, formats, half_up, mul_fmt, quantize, signed
 from fpga_model.jit import inlined
 
 AMPLITUDE = Fmt(1, 0, 23)
-SINE = Fmt(1, 0, 17)
+SINE = table.OUT
 PRODUCT = mul_fmt(AMPLITUDE, SINE)
 MAX_CODE_BITS = 20
 CODE = signed(MAX_CODE_BITS)
@@ -53,15 +55,18 @@ PARAMS_FMT = formats(Params)
 STATE_FMT = formats(State)
 
 
-def design(code_bits, frames=0):
-    """Modulator for a DAC of `code_bits` (2 .. 20 bits) with `frames` (0 .. 2 conversion periods) of extra delay."""
+def design(code_bits, frames=0, d=DEFAULT):
+    """Modulator for a DAC of `code_bits` (2 .. 20 bits) with `frames` (0 .. 2 conversion periods) of extra delay.
+
+    d  the design, whose sine it multiplies
+    """
     if code_bits not in range(2, MAX_CODE_BITS + 1):
         raise ValueError(f"code_bits: {code_bits} is not from 2 to {MAX_CODE_BITS} bits")
     if frames not in (0, 1, 2):
         raise ValueError(f"frames: {frames} is not 0, 1 or 2 conversion periods")
     code = signed(code_bits)
     return Params(
-        shift=quantize(PRODUCT.f - (code_bits - 1), PARAMS_FMT.shift, "shift (bits)"),
+        shift=quantize(PRODUCT.at(d).f - (code_bits - 1), PARAMS_FMT.shift, "shift (bits)"),
         lo=code.lo,
         hi=code.hi,
         frames=int(frames),

@@ -1,7 +1,7 @@
 """Clock enables of the one clock domain: 26 MHz, 1 MHz ticks, 8 kHz frames, and the slots of the 8 kHz work.
 
-    tick[n+1]  = tick[n] + 1 mod 26
-    frame[n+1] = frame[n] + 1 mod 125 when tick wraps, else held
+    tick[n+1]  = tick[n] + 1 mod 26                                   26: `tick_clocks` of the design
+    frame[n+1] = frame[n] + 1 mod 125 when tick wraps, else held     125: `frame_ticks`
     slot[n+1]  = 1 if go, else slot[n] + 1 while 1 <= slot[n] < SLOTS, else 0
 
     [tick] --(== 25)--> en [frame]        go --> [slot]        ce_1m = (tick == 0), ce_8k = ce_1m and (frame == 0)
@@ -15,13 +15,15 @@ Source    docs/blocks/rates.md
 
 from typing import NamedTuple
 
+from fpga_model.design_record import DEFAULT, count_width
 from fpga_model.fixed import bits, formats
 from fpga_model.jit import inlined
 
-MASTER_HZ = 26_000_000
-TICK_CYCLES = 26
+# those of the default design
+MASTER_HZ = DEFAULT.master_hz
+TICK_CYCLES = DEFAULT.tick_clocks
 TICK_HZ = MASTER_HZ // TICK_CYCLES
-FRAME_TICKS = 125
+FRAME_TICKS = DEFAULT.frame_ticks
 FRAME_CYCLES = FRAME_TICKS * TICK_CYCLES
 FRAME_HZ = MASTER_HZ // FRAME_CYCLES
 LATENCY = 1
@@ -37,27 +39,24 @@ SLOTS = 60
 class State(NamedTuple):
     """The registers: formats and reset values."""
 
-    tick: bits(5) = 0
-    frame: bits(7) = 0
+    tick: bits(count_width("tick_clocks")) = 0
+    frame: bits(count_width("frame_ticks")) = 0
     slot: bits(6) = 0
 
 
 STATE_FMT = formats(State)
-assert TICK_HZ * TICK_CYCLES == FRAME_HZ * FRAME_CYCLES == MASTER_HZ, "the rates must divide exactly"
-assert STATE_FMT.tick.holds(TICK_CYCLES - 1)
-assert STATE_FMT.frame.holds(FRAME_TICKS - 1)
 assert STATE_FMT.slot.holds(SLOTS)
 assert SLOT_CORDIC < SLOT_SEQUENCER < SLOT_LOOPS < SLOT_ROOT < SLOTS < FRAME_CYCLES
 
 
 @inlined
-def step(s, go):
-    """One clock edge: every right-hand side reads the old registers."""
+def step(d, s, go):
+    """One clock edge of a design `d`: every right-hand side reads the old registers."""
     tick = s.tick + 1
     frame = s.frame
-    if tick == TICK_CYCLES:
+    if tick == d.tick_clocks:
         tick = 0
-        frame = s.frame + 1 if s.frame != FRAME_TICKS - 1 else 0
+        frame = s.frame + 1 if s.frame != d.frame_ticks - 1 else 0
     slot = 0
     if go == 1:
         slot = 1

@@ -8,7 +8,7 @@
                                        '---------'-----------'-----------'--(align)--+--[retimed]--(retimed)-- pins
                                                                                      '------------------'
 
-Formats   drive_ref, sense_ref [0,0,48]   signs, aligned, retimed, pins [0,4,0]   align [0,2,0]   retimed [0,1,0]
+Formats   drive_ref, sense_ref as in dds.py   signs, aligned, retimed, pins [0,4,0]   align [0,2,0]   retimed [0,1,0]
 Latency   1 + align clocks from a phase to its pin; with retimed, 1 more clock and up to 25 of waiting for ce_1m
 Rounding  none
 Overflow  none
@@ -19,11 +19,9 @@ Packed words: bit 0 drive sgn(sin), bit 1 drive sgn(cos), bit 2 sense sgn(sin), 
 
 from typing import NamedTuple
 
-from fpga_model.fixed import Fmt, bits, formats, quantize
+from fpga_model.fixed import bits, formats, quantize
 from fpga_model.jit import inlined
 
-PHASE = Fmt(0, 0, 48)
-TURN_BIT = PHASE.width - 1
 MAX_ALIGN = 3
 LATENCY = 1
 
@@ -56,10 +54,10 @@ def design(align_clocks=0, retimed=True):
 
 
 @inlined
-def signs_of(phase):
+def signs_of(d, phase):
     """Bit 0 sgn(sin), bit 1 sgn(cos) of a phase."""
-    half = (phase >> TURN_BIT) & 1
-    quarter = (phase >> (TURN_BIT - 1)) & 1
+    half = (phase >> (d.dds_bits - 1)) & 1
+    quarter = (phase >> (d.dds_bits - 2)) & 1
     return (half ^ 1) | ((half ^ quarter ^ 1) << 1)
 
 
@@ -73,13 +71,13 @@ def picked(p, s):
 
 
 @inlined
-def step(p, s, drive_ref, sense_ref, ce_1m):
-    """One clock edge: every right-hand side reads the old registers."""
+def step(d, p, s, drive_ref, sense_ref, ce_1m):
+    """One clock edge of a design `d`: every right-hand side reads the old registers."""
     retimed = s.retimed
     if ce_1m == 1:
         retimed = picked(p, s)
     return State(
-        signs=signs_of(drive_ref) | (signs_of(sense_ref) << 2),
+        signs=signs_of(d, drive_ref) | (signs_of(d, sense_ref) << 2),
         aligned=(s.signs,) + s.aligned[:-1],
         retimed=retimed,
     )

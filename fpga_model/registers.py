@@ -19,6 +19,7 @@ from collections import namedtuple
 from typing import NamedTuple
 
 from fpga_model import agc, cordic, dds, fault_monitor, frequency_tracker, isqrt, rate_loop, rate_output, sequencer
+from fpga_model.design_record import DEFAULT
 from fpga_model.fixed import Fmt, bits, formats, wrap, wrap_unsigned
 from fpga_model.jit import inlined
 
@@ -114,6 +115,11 @@ State.__annotations__ = {r.name: r.fmt for r in WRITABLE}
 STATE_FMT = formats(State)
 
 
+def reset(d=DEFAULT):
+    """The registers of a design at power-on: the nominal frequency in its words."""
+    return State(frequency_fixed=frequency_tracker.reset(d).word)
+
+
 @inlined
 def _load(k, old, write, address, data):
     if write and address == k:
@@ -122,20 +128,25 @@ def _load(k, old, write, address, data):
 
 
 @inlined
-def step(s, write, address, data, taken):
-    """One clock edge: every right-hand side reads the old registers."""
+def _turn(d, k, old, write, address, data):
+    return wrap_unsigned(data, d.dds_bits) if write and address == k else old
+
+
+@inlined
+def step(d, s, write, address, data, taken):
+    """One clock edge of a design `d`: every right-hand side reads the old registers."""
     if not write and not taken:
         return s
     pending = 0 if taken else s.fault_clear
     return State(
         control=_load(0, s.control, write, address, data),
         fault_clear=_load(1, pending, write, address, data),
-        phase_drive_sine=_load(2, s.phase_drive_sine, write, address, data),
-        phase_sense_sine=_load(3, s.phase_sense_sine, write, address, data),
-        phase_drive_ref=_load(4, s.phase_drive_ref, write, address, data),
-        phase_sense_ref=_load(5, s.phase_sense_ref, write, address, data),
+        phase_drive_sine=_turn(d, 2, s.phase_drive_sine, write, address, data),
+        phase_sense_sine=_turn(d, 3, s.phase_sense_sine, write, address, data),
+        phase_drive_ref=_turn(d, 4, s.phase_drive_ref, write, address, data),
+        phase_sense_ref=_turn(d, 5, s.phase_sense_ref, write, address, data),
         amplitude_setpoint=_load(6, s.amplitude_setpoint, write, address, data),
-        frequency_fixed=_load(7, s.frequency_fixed, write, address, data),
+        frequency_fixed=_turn(d, 7, s.frequency_fixed, write, address, data),
         amplitude_fixed=_load(8, s.amplitude_fixed, write, address, data),
         rate_fixed=_load(9, s.rate_fixed, write, address, data),
         quadrature_fixed=_load(10, s.quadrature_fixed, write, address, data),

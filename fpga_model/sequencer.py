@@ -22,9 +22,9 @@ the drive off, where holding would keep the full force on; in DECAY and SEARCH i
 from typing import NamedTuple
 
 from fpga_model import agc, cordic, fault_monitor, frequency_tracker, lock_monitor, pi
+from fpga_model.design_record import DEFAULT
 from fpga_model.fixed import Fmt, add_fmt, bits, clamp, formats, half_up, mul_fmt, quantize, wrap
 from fpga_model.jit import inlined, kernel
-from fpga_model.rates import FRAME_HZ
 
 STATES = (
     "POWER_UP",
@@ -160,7 +160,7 @@ class Design(NamedTuple):
     reached           part of the setpoint at which ACQUIRE ends
     min_amplitude_um  less than this after the kick counts as nothing found (um)
     search_limit_hz   largest correction that is believed (Hz)
-    frame_hz          rate of the frames (Hz)
+    record            the design record
     lock, faults      Params of lock_monitor and fault_monitor; their defaults if None
     """
 
@@ -176,7 +176,7 @@ class Design(NamedTuple):
     reached: float = 0.95
     min_amplitude_um: float = 0.01
     search_limit_hz: float = 80.0
-    frame_hz: float = FRAME_HZ
+    record: object = DEFAULT
     lock: object = None
     faults: object = None
 
@@ -186,27 +186,28 @@ def design(**values):
     d = Design(**values)
     faults = fault_monitor.design() if d.faults is None else d.faults
     times_s = [getattr(d, f"{name}_s") for name in Params._fields[:9]]
-    frames = [quantize(v * d.frame_hz, TIMER, f"{k}_s (frames)") for k, v in zip(Params._fields, times_s, strict=False)]
-    for name, time_s, n in zip(Params._fields, times_s, frames, strict=False):
+    named_s = list(zip(Params._fields, times_s, strict=False))
+    frames = [quantize(v * d.record.frame_hz, TIMER, f"{k}_s (frames)") for k, v in named_s]
+    for (name, time_s), n in zip(named_s, frames):
         if n < 1:
-            raise ValueError(f"{name}_s: {time_s} s is shorter than one frame, {1 / d.frame_hz} s")
+            raise ValueError(f"{name}_s: {time_s} s is shorter than one frame, {1 / d.record.frame_hz} s")
     search = frames[Params._fields.index("search")]
     if search > MAX_SEARCH_FRAMES:
-        raise ValueError(f"search_s: {d.search_s} s is longer than {MAX_SEARCH_FRAMES / d.frame_hz} s")
+        raise ValueError(f"search_s: {d.search_s} s is longer than {MAX_SEARCH_FRAMES / d.record.frame_hz} s")
     if not 0 < d.reached <= 1:
         raise ValueError(f"reached: {d.reached} is outside 0 .. 1 of the setpoint")
-    hz_per_turn = d.frame_hz / search
+    hz_per_turn = d.record.frame_hz / search
     waits = max(frames[Params._fields.index(name)] for name in ("offline", "recover"))
     if faults.top < waits:
         raise ValueError(f"faults: frames are counted up to {faults.top}; offline_s and recover_s need {waits}")
-    gain = hz_per_turn * frequency_tracker.WORD_PER_HZ * 2.0**-PHASE.f
-    limit = d.search_limit_hz * frequency_tracker.WORD_PER_HZ * 2.0**-CORRECTION.f
+    gain = hz_per_turn * frequency_tracker.word_per_hz(d.record) * 2.0**-PHASE.f
+    limit = d.search_limit_hz * frequency_tracker.word_per_hz(d.record) * 2.0 ** -CORRECTION.at(d.record).f
     return Params(
         *frames,
         reached=quantize(d.reached * 2**16, FRACTION, "reached"),
         min_magnitude=agc.setpoint(d.min_amplitude_um),
         gain=quantize(gain, GAIN, "gain (word LSB per phase LSB)"),
-        search_limit=quantize(limit, CORRECTION, "search_limit_hz (turn per clock)"),
+        search_limit=quantize(limit, CORRECTION.at(d.record), "search_limit_hz (turn per clock)"),
         lock=lock_monitor.design() if d.lock is None else d.lock,
         faults=faults,
     )

@@ -17,32 +17,31 @@ away the mean delay that cutting the phase would add. Full scale is 2**17 - 1. T
 """
 
 from fractions import Fraction
+from functools import cache
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
+from fpga_model.dds import PHASE
+from fpga_model.design_record import DEFAULT, width
 from fpga_model.fixed import Fmt, add_fmt, bits, formats, half_up, mul_fmt
 from fpga_model.jit import inlined
 
-PHASE = Fmt(0, 0, 48)
-ADDRESS_BITS = 10
-FRACTION_BITS = 10
-CUT = PHASE.width - 2 - ADDRESS_BITS - FRACTION_BITS
-BASE = Fmt(0, 17, 6)
-SLOPE = Fmt(0, 8, 5)
+ADDRESS_BITS, FRACTION_BITS, BITS = width("sine_address_bits"), width("sine_fraction_bits"), width("sine_bits")
+BASE_GUARD, SLOPE_GUARD = 6, 5  # bits of the table below an LSB of y
+BASE = Fmt(0, BITS - 1, BASE_GUARD)
+SLOPE = Fmt(0, BITS - ADDRESS_BITS, SLOPE_GUARD)
 MIDDLE = Fmt(0, 0, FRACTION_BITS + 1)
 PRODUCT = mul_fmt(SLOPE, MIDDLE)
+CUT = PHASE.width - 2 - ADDRESS_BITS - FRACTION_BITS
 ALIGN = PRODUCT.f - BASE.f
-SIGN_BIT = PHASE.width - 1
-SLOPE_BITS, SLOPE_MASK = SLOPE.width, SLOPE.hi
-PRODUCT_BITS = PRODUCT.f
-OUT = Fmt(1, 0, 17)
+PRODUCT_GUARD = SLOPE_GUARD + 1  # bits of the product below an LSB of y, beside those of the fraction
+OUT = Fmt(1, 0, BITS - 1)
 FULL_SCALE = OUT.hi
 LATENCY = 3
 ROWS = 1 << ADDRESS_BITS
 assert add_fmt(BASE, PRODUCT).width + 1 <= 63, "base + product and the rounding constant must fit int64"
-assert BASE.width + SLOPE.width == 36, "one table row is one 36-bit memory word"
 
 # Derived in docs/blocks/sine.md, in LSB of y: what each stage may be wrong by at most. 355/113 is just above pi.
 PI_ABOVE = Fraction(355, 113)
@@ -50,7 +49,7 @@ INTERPOLATION_LSB = FULL_SCALE * (PI_ABOVE / 2 / ROWS) ** 2 / 8
 TABLE_LSB = Fraction(1, 2 << BASE.f) + Fraction(1, 2 << SLOPE.f)
 ROUNDING_LSB = Fraction(1, 2)
 MAX_ERROR_LSB = INTERPOLATION_LSB + TABLE_LSB + ROUNDING_LSB
-PHASE_CUT_LSB = FULL_SCALE * PI_ABOVE / (1 << (PHASE.width - CUT))
+PHASE_CUT_LSB = FULL_SCALE * PI_ABOVE / (1 << (2 + ADDRESS_BITS + FRACTION_BITS))
 
 
 class State(NamedTuple):
@@ -95,9 +94,10 @@ def quarter_wave(rows, guard_bits=128):
     return [sine(half_pi * k // rows) for k in range(rows + 1)]
 
 
-def _tables(guard_bits=128):
-    """BASE and SLOPE: the sine at the start of each step, and the chord to the next."""
-    exact = [FULL_SCALE * x for x in quarter_wave(ROWS, guard_bits)]
+@cache
+def tables(d=DEFAULT, guard_bits=128):
+    """BASE and SLOPE of a design: the sine at the start of each step, and the chord to the next."""
+    exact = [OUT.at(d).hi * x for x in quarter_wave(1 << d.sine_address_bits, guard_bits)]
 
     def rounded(x, fmt):
         dropped = guard_bits - fmt.f
@@ -108,25 +108,45 @@ def _tables(guard_bits=128):
     return base, slope
 
 
-TABLE_BASE, TABLE_SLOPE = _tables()
-# One row is one 36-bit memory word: base above slope
-ROM = np.array([b << SLOPE_BITS | s for b, s in zip(TABLE_BASE, TABLE_SLOPE)], np.int64)
-ROM.flags.writeable = False
+@cache
+def rom(d=DEFAULT):
+    """The table of a design as one row to a memory word, base above slope; int64, read only."""
+    words = np.array([b << SLOPE.at(d).width | s for b, s in zip(*tables(d))], np.int64)
+    words.flags.writeable = False
+    return words
+
+
+ROM = rom()
 
 
 @inlined
-def step(s, phase):
-    """One clock edge: every right-hand side reads the old registers."""
-    place = phase >> CUT
-    if place & (1 << (ADDRESS_BITS + FRACTION_BITS)):
+def standard(d):
+    """Whether a design has the sizes of the default one, and so the table ROM."""
+    sizes = d.sine_address_bits == ADDRESS_BITS and d.sine_fraction_bits == FRACTION_BITS and d.sine_bits == BITS
+    return sizes and d.dds_bits == DEFAULT.dds_bits
+
+
+@inlined
+def step(d, table, s, phase):
+    """One clock edge of a design `d` with its `rom`: every right-hand side reads the old registers."""
+    if standard(d):
+        return _step(DEFAULT, ROM, s, phase)  # constants take a twentieth of the clocked engine's time less
+    return _step(d, table, s, phase)
+
+
+@inlined
+def _step(d, table, s, phase):
+    place = phase >> (d.dds_bits - 2 - d.sine_address_bits - d.sine_fraction_bits)
+    if place & (1 << (d.sine_address_bits + d.sine_fraction_bits)):
         place = ~place
-    row = int(ROM[(place >> FRACTION_BITS) & (ROWS - 1)])
-    magnitude = half_up((s.base2 << ALIGN) + s.product, PRODUCT.f)
+    row = int(table[(place >> d.sine_fraction_bits) & ((1 << d.sine_address_bits) - 1)])
+    slope_bits = d.sine_bits - d.sine_address_bits + SLOPE_GUARD
+    magnitude = half_up((s.base2 << d.sine_fraction_bits) + s.product, d.sine_fraction_bits + PRODUCT_GUARD)
     return State(
-        sign=(phase >> SIGN_BIT) & 1,
-        base=row >> SLOPE_BITS,
-        slope=row & SLOPE_MASK,
-        fraction=place & ((1 << FRACTION_BITS) - 1),
+        sign=(phase >> (d.dds_bits - 1)) & 1,
+        base=row >> slope_bits,
+        slope=row & ((1 << slope_bits) - 1),
+        fraction=place & ((1 << d.sine_fraction_bits) - 1),
         sign2=s.sign,
         base2=s.base,
         product=s.slope * (2 * s.fraction + 1),
@@ -135,13 +155,15 @@ def step(s, phase):
 
 
 @inlined
-def at(phase):
+def at(d, table, phase):
     """y of a phase: what `step` gives LATENCY clocks later."""
-    place = phase >> CUT
-    if place & (1 << (ADDRESS_BITS + FRACTION_BITS)):
+    fraction_bits = d.sine_fraction_bits
+    place = phase >> (d.dds_bits - 2 - d.sine_address_bits - fraction_bits)
+    if place & (1 << (d.sine_address_bits + fraction_bits)):
         place = ~place
-    row = ROM[(place >> FRACTION_BITS) & (ROWS - 1)]
-    fraction = place & ((1 << FRACTION_BITS) - 1)
-    product = (row & SLOPE_MASK) * (2 * fraction + 1)
-    magnitude = half_up(((row >> SLOPE_BITS) << ALIGN) + product, PRODUCT_BITS)
-    return -magnitude if (phase >> SIGN_BIT) & 1 else magnitude
+    row = table[(place >> fraction_bits) & ((1 << d.sine_address_bits) - 1)]
+    fraction = place & ((1 << fraction_bits) - 1)
+    slope_bits = d.sine_bits - d.sine_address_bits + SLOPE_GUARD
+    product = (row & ((1 << slope_bits) - 1)) * (2 * fraction + 1)
+    magnitude = half_up(((row >> slope_bits) << fraction_bits) + product, fraction_bits + PRODUCT_GUARD)
+    return -magnitude if (phase >> (d.dds_bits - 1)) & 1 else magnitude

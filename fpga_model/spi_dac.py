@@ -125,9 +125,16 @@ def sdin(p, s):
     return (s.shift >> (p.bits - 1)) & 1
 
 
+@inlined
 def latch_cycles(p):
     """Clocks from the load edge to the edge after which the DAC is told to change its output."""
     return p.lead + p.bits + p.ldac
+
+
+@inlined
+def late_ticks(d, p):
+    """Ticks of a design `d` from that of the load to that in which the output is told to change: 0 or 1."""
+    return 1 if LOAD_TICK + latch_cycles(p) >= d.tick_clocks else 0
 
 
 def period_cycles(p):

@@ -19,6 +19,7 @@ from fpga_model import (
     control,
     dds,
     delay,
+    design_record,
     digital_sid,
     modulator,
     rates,
@@ -37,7 +38,10 @@ TEMPERATURE_CHANNEL = 4
 
 
 class Params(NamedTuple):
-    """Parameters of the blocks, by the role of each; `quadrature_fast` = 1 sends V_q at every tick."""
+    """Parameters of the blocks, by the role of each; `quadrature_fast` = 1 sends V_q at every tick.
+
+    design  rates and word lengths of all blocks
+    """
 
     digital: bits(1)
     quadrature_fast: bits(1)
@@ -51,6 +55,7 @@ class Params(NamedTuple):
     sid: digital_sid.Params
     watchdog: watchdog.Params
     control: control.Params
+    design: design_record.Design
 
 
 class State(NamedTuple):
@@ -105,9 +110,14 @@ class Pins(NamedTuple):
     quadrature_sdin: bits(1)
 
 
+def reset(d):
+    """Every register of a design at power-on."""
+    return State(registers=registers.reset(d), control=control.reset(d))
+
+
 INPUTS_FMT = formats(Inputs)
 PINS_FMT = formats(Pins)
-PARAMS_FMT = formats(Params)
+PARAMS_FMT = formats(Params)._replace(design=())  # the design is structure
 STATE_FMT = formats(State)
 
 
@@ -143,9 +153,9 @@ def codes(p, s):
 
 
 @inner
-def step(p, s, i):
-    """One clock edge: every right-hand side reads the old registers."""
-    r, bank, d = s.rates, s.registers, s.dds
+def step(p, rom, s, i):
+    """One clock edge: every right-hand side reads the old registers. `rom`: `sine.rom` of the design."""
+    r, bank, angles, d = s.rates, s.registers, s.dds, p.design
     ce_1m = rates.ce_1m(r)
     ce_8k = rates.ce_8k(r)
     frame = s.sid.valid if p.digital else s.adc.valid
@@ -167,27 +177,28 @@ def step(p, s, i):
     taken = 1 if r.slot == rates.SLOT_SEQUENCER else 0
     work = c
     if r.slot:
-        work = control.step(p.control, c, r.slot, codes(p, s), bank)
+        work = control.step(d, p.control, c, r.slot, codes(p, s), bank)
     sid = s.sid
     if p.digital:
         sid = digital_sid.step(
             p.sid, s.sid, ce_1m, ce_8k, references.pins(p.references, s.references), i.sample_x, i.sample_y
         )
     return State(  # by position: Numba 0.68 refuses so many keywords
-        rates.step(r, go),
+        rates.step(d, r, go),
         dds.step(
             d,
+            angles,
             c.frequency_tracker.word,
             bank.phase_drive_sine,
             bank.phase_sense_sine,
             bank.phase_drive_ref,
             bank.phase_sense_ref,
         ),
-        sine.step(s.drive_sine, d.drive_sine),
-        sine.step(s.sense_sine, d.sense_sine),
+        sine.step(d, rom, s.drive_sine, angles.drive_sine),
+        sine.step(d, rom, s.sense_sine, angles.sense_sine),
         delay.step(p.pipe, s.drive_pipe, s.drive_sine.y),
         delay.step(p.pipe, s.sense_pipe, s.sense_sine.y),
-        references.step(p.references, s.references, d.drive_ref, d.sense_ref, ce_1m),
+        references.step(d, p.references, s.references, angles.drive_ref, angles.sense_ref, ce_1m),
         modulator.step(
             p.drive_modulator,
             s.drive_modulator,
@@ -210,6 +221,6 @@ def step(p, s, i):
         spi_adc.step(s.adc, i.drdy_n, i.dout),
         sid,
         watchdog.step(p.watchdog, s.watchdog, ce_1m, frame),
-        registers.step(bank, i.write, i.address, i.data, taken),
+        registers.step(d, bank, i.write, i.address, i.data, taken),
         work,
     )

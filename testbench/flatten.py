@@ -8,11 +8,17 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic, register_jitable
 
+from fpga_model.design_record import Design
 from fpga_model.jit import DISABLED
 
 
 def leaves(record, path=""):
-    """Yield (dotted name, leaf) depth first; a plain tuple of registers is numbered."""
+    """Yield (dotted name, leaf) depth first; a plain tuple of registers is numbered.
+
+    A design record is structure: it has no leaves.
+    """
+    if isinstance(record, Design):
+        return
     if hasattr(record, "_fields"):
         pairs = zip(record._fields, record)
     elif isinstance(record, tuple):

@@ -25,7 +25,7 @@ from analog_frontend.numeric.records import split
 from analog_frontend.numeric.shapes import doubles, int64s
 from analog_frontend.numeric.vector import LANES
 from analog_frontend.parts.propagator import DU_DRIVE, DU_SENSE, JIT_DRIVE, JIT_SENSE, PX1, PY1, U_DRIVE, U_SENSE
-from analog_frontend.top import DEMODULATORS, MAX_EDGES, STATES, TICK_CYCLES
+from analog_frontend.top import DEMODULATORS, MAX_EDGES, STATES
 
 TICKS = BLOCK + 1
 D, S, MODE, DRIVE_CV, SENSE_CV = 0, 3, 6, 10, 13  # first states in z
@@ -76,6 +76,7 @@ PLACES = np.concatenate([PLACES, [CX1 + k * ROW for k in range(3)], [CY1 + k * R
 # rows of the inputs of the modes, in the order of linear.INPUTS
 FORCED_BY = (D1, D1 + ROW, D1 + 2 * ROW, S1, S1 + ROW, S1 + 2 * ROW, UD, DUD, US, DUS, AD, AS, FX, FY)
 NUMBERS = 8  # scalars of sid.Params
+MOST_CLOCKS = 32  # to a tick
 SLOTS = 16  # most edges of a plant in a strip that go together
 GIVEN, FACTORS = 9, 15  # rows of a slot, see side_by_side_sid.py
 EFFECT_INTEGERS, EFFECT_NUMBERS = (len(part) for part in split(effects.OFF))
@@ -101,14 +102,15 @@ class SideBySide(NamedTuple):
     w: doubles(ROWS * ROW)  # scratch: rows of a strip
     peak: doubles(LANES)  # largest |x|
     flags: int64s(9)  # noise pair in use, four of them; any glitch, force effect, C/V effect, bow, law
-    switch_tau_s: doubles(LANES, 2, TICK_CYCLES)
-    switch_carry: int64s(LANES, 2, TICK_CYCLES)
+    switch_tau_s: doubles(LANES, 2, MOST_CLOCKS)
+    switch_carry: int64s(LANES, 2, MOST_CLOCKS)
     late_tau_s: doubles(LANES, DEMODULATORS, MAX_EDGES)
     late_count: int64s(LANES, DEMODULATORS)
     switch: int64s(LANES, DEMODULATORS)
     driver_s: doubles(LANES)
     slope_gain: doubles(LANES)
     h_s: doubles(LANES)
+    clocks: int64s(1)  # master clocks to a tick, the same for all
     r: doubles(LANES)
     taylor: doubles(64 * LANES)
     sid_numbers: doubles(LANES, NUMBERS)

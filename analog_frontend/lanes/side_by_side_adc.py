@@ -16,7 +16,7 @@ from analog_frontend.numeric.arena import places
 from analog_frontend.numeric.shapes import doubles, int64s
 from analog_frontend.numeric.vector import integers, load, splat, store
 from analog_frontend.parts import adc, noise
-from analog_frontend.parts.adc import CHANNELS, COUNT, DUE, FRAC, FRAMES, PENDING, SAMPLE, TEMPERATURE, TICK_UNITS
+from analog_frontend.parts.adc import CHANNELS, COUNT, DUE, FRAMES, PENDING, SAMPLE, TEMPERATURE
 from analog_frontend.parts.noise import DECAY, GAIN, HALF, LOW, POLES
 from fpga_model.jit import inlined, outlined
 
@@ -136,9 +136,13 @@ def _added(a, c, w0, w1, w2, v):
 def _summed(a, out, p, due, m, end):
     """Samples from `due` to `end`, or to the last of a conversion; returns when the next is due, and its place."""
     sensor = load(a.sensor_v, 0)
+    tick = due // p.tick_units
+    rest = due - tick * p.tick_units
     while due < end and m < p.decimation:
-        tick = due // TICK_UNITS
-        frac = splat((due - tick * TICK_UNITS) * FRAC)
+        while rest >= p.tick_units:
+            rest = rest - p.tick_units
+            tick += 1
+        frac = splat(rest * p.per_tick)
         w0, w1, w2 = adc.weights(p.decimation, m)
         w0, w1, w2 = splat(w0), splat(w1), splat(w2)
         for c in range(TEMPERATURE):
@@ -147,6 +151,7 @@ def _summed(a, out, p, due, m, end):
         _added(a, TEMPERATURE, w0, w1, w2, sensor)
         m += 1
         due = due + p.period
+        rest = rest + p.period
     return due, m
 
 
@@ -207,7 +212,7 @@ def block(floats, ints, p, first, ticks):
     What adc.block returns is left in `fell`. Mutates both arrays
     """
     a, v = opened(floats, ints), side_by_side.opened(floats, ints)
-    due, m, end = a.clock[first, DUE], a.clock[first, SAMPLE], ticks * TICK_UNITS
+    due, m, end = a.clock[first, DUE], a.clock[first, SAMPLE], ticks * p.tick_units
     pending = a.clock[first, PENDING]
     while due < end:
         due, m = _summed(a, v.out, p, due, m, end)
@@ -217,4 +222,4 @@ def block(floats, ints, p, first, ticks):
     for k in range(LANES):
         if v.active[k]:
             a.clock[k, DUE], a.clock[k, SAMPLE], a.clock[k, PENDING] = due - end, m, pending
-            a.fell[k] = adc.ready(a.clock[k], ticks)
+            a.fell[k] = adc.ready(p, a.clock[k], ticks)

@@ -25,7 +25,7 @@ from analog_frontend.lanes.side_by_side import (
 from analog_frontend.numeric.vector import clamped, integers, load, splat, store, store_rows
 from analog_frontend.parts import noise, sid
 from analog_frontend.parts.sid import STAGES, TERMS
-from analog_frontend.sid_edges import DEMODULATORS, JITTERED, TICK_CYCLES, Switches, acting, switched
+from analog_frontend.sid_edges import DEMODULATORS, JITTERED, Switches, acting, switched
 from fpga_model.jit import inlined, outlined
 
 LATER = 1 << 40
@@ -59,7 +59,7 @@ def begin(floats, ints):
     v = opened(floats, ints)
     for plant in range(LANES):
         v.place[plant] = 0
-        v.due[plant] = v.edges[plant, 0, 0] // TICK_CYCLES if v.edge_counts[plant] > 0 else LATER
+        v.due[plant] = v.edges[plant, 0, 0] // v.clocks[0] if v.edge_counts[plant] > 0 else LATER
         # of one that has left, or is to come, an edge that waits is for its own next tick
         for d in range(DEMODULATORS):
             if v.active[plant] and v.late_count[plant, d] > 0:
@@ -82,10 +82,10 @@ def _gathered(v, tick, first, n, plant):
             return -1
     slot, w = 0, v.w
     for k in range(v.place[plant], v.edge_counts[plant]):
-        t = v.edges[plant, k, 0] // TICK_CYCLES - first
+        t = v.edges[plant, k, 0] // v.clocks[0] - first
         if t >= n:
             break
-        cycle = v.edges[plant, k, 0] - TICK_CYCLES * (first + t)
+        cycle = v.edges[plant, k, 0] - v.clocks[0] * (first + t)
         d, row = v.edges[plant, k, 1], t * LANES + plant
         ref = v.switch[plant, d]
         for i in range(v.place[plant], k + 1):
@@ -181,7 +181,7 @@ def _applied(v, t, plant, moved):
     Leaves what they give in v.fixed and v.touched.
     """
     k = v.place[plant]
-    while k < v.edge_counts[plant] and v.edges[plant, k, 0] < (t + 1) * TICK_CYCLES:
+    while k < v.edge_counts[plant] and v.edges[plant, k, 0] < (t + 1) * v.clocks[0]:
         d, slot = v.edges[plant, k, 1], v.slot[plant]
         x, f, at = slot * GIVEN * LANES + plant, slot * FACTORS * LANES + plant, 3 * d * LANES + plant
         ref, n = v.switch[plant, d], v.given[x + ADDED * LANES]
@@ -203,7 +203,7 @@ def _applied(v, t, plant, moved):
         moved += 1
         k += 1
     v.place[plant] = k
-    v.due[plant] = v.edges[plant, k, 0] // TICK_CYCLES if k < v.edge_counts[plant] else LATER
+    v.due[plant] = v.edges[plant, k, 0] // v.clocks[0] if k < v.edge_counts[plant] else LATER
     return moved
 
 
@@ -226,14 +226,14 @@ def _alone(floats, ints, tick, t, row, plant, moved):
     edge_count, edges = v.edge_counts[plant], v.edges[plant]
     first = v.place[plant]
     last = first
-    while last < edge_count and edges[last, 0] < (t + 1) * TICK_CYCLES:
+    while last < edge_count and edges[last, 0] < (t + 1) * v.clocks[0]:
         last += 1
     v.place[plant] = last
     at, on = 2 * LANES * JITTER + plant, 1 if v.flags[JITTER] else 0
     jitter = noise.Source(v.keys[at], v.keys[at + LANES], v.sigma[at], on, 0)
     q = v.sid_numbers[plant]
     p = sid.Params(q[0], q[1], q[2], q[3], q[4], q[5], q[6], q[7], v.sid_inject[plant], v.sid_taylor[plant])
-    switches = Switches(v.switch_tau_s[plant], v.switch_carry[plant], jitter, p.h_s)
+    switches = Switches(v.switch_tau_s[plant], v.switch_carry[plant], jitter, p.h_s, v.clocks[0])
     gain, driver_s, w, k = v.slope_gain[plant], v.driver_s[plant], v.w, row * LANES + plant
     kept = 0
     for d in range(DEMODULATORS):
@@ -255,7 +255,7 @@ def _alone(floats, ints, tick, t, row, plant, moved):
                 v.fixed[place, STAGES + i] = v.caps[d, STAGES + i if ref else i]
             v.touched[moved] = place
             moved += 1
-    v.due[plant] = edges[last, 0] // TICK_CYCLES if last < edge_count else LATER
+    v.due[plant] = edges[last, 0] // v.clocks[0] if last < edge_count else LATER
     if kept > 0:
         v.due[plant] = t + 1
     return moved

@@ -33,11 +33,9 @@ CHANNELS = 5  # drive sin, drive cos, sense sin, sense cos, temperature
 TEMPERATURE = 4
 UNIT_BITS = 32
 UNITS_PER_CYCLE = 1 << UNIT_BITS
-TICK_CYCLES = 26
-TICK_UNITS = TICK_CYCLES << UNIT_BITS
-FRAC = 1.0 / TICK_UNITS
+TICK_CLOCKS = 26
 SYNCHRONOUS_PERIOD = 1625 << (UNIT_BITS - 5)  # 26 MHz / 512 kHz = 1625/32 cycles
-assert SYNCHRONOUS_PERIOD * 64 == 125 * TICK_UNITS, "64 modulator periods must be one frame"
+assert SYNCHRONOUS_PERIOD * 64 == 125 * (TICK_CLOCKS << UNIT_BITS), "64 modulator periods must be one frame"
 
 FULL_CODE = 1 << 23
 CODE_HI = FULL_CODE - 1
@@ -59,6 +57,9 @@ SENSOR_V_PER_K = 490e-6
 class Params(NamedTuple):
     """Times in units of 1/2^32 cycle; tuples have one entry per channel."""
 
+    tick_clocks: int
+    tick_units: int
+    per_tick: float  # 1 / tick_units
     period: int
     delay: int
     decimation: int
@@ -100,7 +101,8 @@ class Design(NamedTuple):
 
     noise_v             rms of one conversion (V)
     flicker_v_per_rthz  one-sided density at 1 Hz (V/rtHz)
-    conversion_delay_s  last modulator sample to the fall of DRDY (s); must be at least one tick of 26 cycles
+    conversion_delay_s  last modulator sample to the fall of DRDY (s); must be at least one tick
+    tick_clocks         master clocks to a plant tick
     inl                 peak of the cubic as a fraction of full scale, divided by 0.385
     turnover            gain of positive less that of negative voltages, halved
     gain_tc_per_k       relative change of the gain per kelvin of the sensor channel
@@ -116,6 +118,7 @@ class Design(NamedTuple):
     period: int = SYNCHRONOUS_PERIOD
     conversion_delay_s: float = 1.5e-6
     master_hz: float = 26e6
+    tick_clocks: int = TICK_CLOCKS
     noise_v: tuple = (0.0,) * CHANNELS
     flicker_v_per_rthz: tuple = (0.0,) * CHANNELS
     offset_v: tuple = (0.0,) * CHANNELS
@@ -144,14 +147,14 @@ def _check(d):
         )
     if not 16 <= d.decimation <= 1024:
         raise ValueError(f"adc decimation: {d.decimation} is outside 16 .. 1024 samples")
-    if not d.period > TICK_UNITS:
+    if not d.period > d.tick_clocks << UNIT_BITS:
         raise ValueError(
-            f"adc period: {d.period / UNITS_PER_CYCLE:g} cycles; a tick of {TICK_CYCLES} cycles may hold one sample"
+            f"adc period: {d.period / UNITS_PER_CYCLE:g} cycles; a tick of {d.tick_clocks} cycles may hold one sample"
         )
     delay = _delay(d)
-    if not TICK_UNITS <= delay < (d.decimation - 1) * d.period:
+    if not d.tick_clocks << UNIT_BITS <= delay < (d.decimation - 1) * d.period:
         raise ValueError(
-            f"adc conversion_delay_s: {d.conversion_delay_s} s is outside {TICK_CYCLES / d.master_hz:g} s .. one "
+            f"adc conversion_delay_s: {d.conversion_delay_s} s is outside {d.tick_clocks / d.master_hz:g} s .. one "
             "frame; DRDY falls in a later tick than the last sample"
         )
 
@@ -169,7 +172,11 @@ def design(**values):
         Fraction(g) * FULL_CODE / (Fraction(d.vref_v) * d.step_code) * (1 + Fraction(e))
         for g, e in zip(d.pga, d.gain_error)
     ]
+    tick_units = int(d.tick_clocks) << UNIT_BITS
     return Params(
+        tick_clocks=int(d.tick_clocks),
+        tick_units=tick_units,
+        per_tick=1.0 / tick_units,
         period=int(d.period),
         delay=_delay(d),
         decimation=int(d.decimation),
@@ -279,13 +286,13 @@ def weights(n, m):
 
 
 @inlined
-def ready(clock, ticks):
+def ready(p, clock, ticks):
     """Behind a block of `ticks`: what `block` returns. Mutates `clock`."""
     if clock[PENDING] == NOT_PENDING:
         return -1
     cycle = (clock[PENDING] + (UNITS_PER_CYCLE - 1)) >> UNIT_BITS
-    seen = cycle < (ticks + 1) * TICK_CYCLES
-    clock[PENDING] = NOT_PENDING if seen else clock[PENDING] - ticks * TICK_UNITS
+    seen = cycle < (ticks + 1) * p.tick_clocks
+    clock[PENDING] = NOT_PENDING if seen else clock[PENDING] - ticks * p.tick_units
     return cycle if seen else -1
 
 
@@ -299,15 +306,19 @@ def block(p, clock, sums, out, ticks, sensor_v):
     one tick and more after the block's beginning. At most one conversion may become ready in a block.
     """
     due = clock[DUE]
-    end = ticks * TICK_UNITS
+    end = ticks * p.tick_units
     if due < end:
         a0, a1, a2 = _column(sums, 0), _column(sums, 1), _column(sums, 2)
         t0, t1, t2 = sums[TEMPERATURE, 0], sums[TEMPERATURE, 1], sums[TEMPERATURE, 2]
         n = p.decimation
         m = clock[SAMPLE]
+        # the tick of a sample by subtraction: a division for each would cost a twentieth of the plant
+        tick, rest = 0, due
         while due < end:
-            tick = due // TICK_UNITS
-            frac = (due - tick * TICK_UNITS) * FRAC
+            while rest >= p.tick_units:
+                rest = rest - p.tick_units
+                tick += 1
+            frac = rest * p.per_tick
             w0, w1, w2 = weights(n, m)
             start = load4(out, 4 * tick)
             v = start + splat4(frac) * (load4(out, 4 * tick + 4) - start)
@@ -328,12 +339,13 @@ def block(p, clock, sums, out, ticks, sensor_v):
                 a0, a1, a2 = _column(sums, 0), _column(sums, 1), _column(sums, 2)
                 t0, t1, t2 = sums[TEMPERATURE, 0], sums[TEMPERATURE, 1], sums[TEMPERATURE, 2]
             due = due + p.period
+            rest = rest + p.period
         clock[SAMPLE] = m
         _put(sums, 0, a0, t0)
         _put(sums, 1, a1, t1)
         _put(sums, 2, a2, t2)
     clock[DUE] = due - end
-    return ready(clock, ticks)
+    return ready(p, clock, ticks)
 
 
 @inlined

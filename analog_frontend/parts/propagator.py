@@ -46,8 +46,6 @@ from analog_frontend.numeric.vector import load, splat, store
 from analog_frontend.parts import resonator, thermal
 from fpga_model.jit import inlined, kernel
 
-MASTER_HZ = 26_000_000
-CYCLES = 26
 INPUTS = 24
 OUTPUTS = 24
 JETS = 6
@@ -294,10 +292,10 @@ def _columns(columns):
     return hi, lo
 
 
-def instants(delay, cycle_time):
-    """Where cycle c + delay falls: whole cycles of the delay, its rest, and the carries of c = 0 .. 25."""
+def instants(delay, cycle_time, clocks=26):
+    """Where cycle c + delay falls: whole cycles of the delay, its rest, and the carries of c = 0 .. clocks - 1."""
     whole = int(MP.floor(delay / cycle_time))
-    carry = np.array([(c + whole) // CYCLES for c in range(CYCLES)], np.int64)
+    carry = np.array([(c + whole) // clocks for c in range(clocks)], np.int64)
     return whole, delay - whole * cycle_time, carry
 
 
@@ -331,7 +329,27 @@ def _pickoff(entries, tick, norm):
     return np.array(found)
 
 
-def build(device, temp_degc, chain=None):
+class Clock(NamedTuple):
+    """The master clock and its cycles to a tick."""
+
+    master_hz: int = 26_000_000
+    cycles: int = 26
+
+
+DEFAULT_CLOCK = Clock()
+
+
+def _power(one, n):
+    """A double-double matrix to the power n, by the bits of n from the left."""
+    found = one
+    for bit in bin(n)[3:]:
+        found = multiply(*found, *found)
+        if bit == "1":
+            found = multiply(*found, *one)
+    return found
+
+
+def build(device, temp_degc, chain=None, clock=DEFAULT_CLOCK):
     """Tables of `device` (as it is at temp_ref) at `temp_degc`; `chain` replaces `cv_chain`."""
     warm = thermal.at_temperature(device, temp_degc)
     chain = chain or cv_chain
@@ -341,8 +359,8 @@ def build(device, temp_degc, chain=None):
     per_gain = 1 / (2 * MP.pi * MP.mpf(warm.opamp_gbw_hz))
     amplifiers = (MP.mpf(warm.ina_noise_gain) * per_gain, MP.mpf(warm.driver_noise_gain) * per_gain)
     rc = MP.mpf(warm.sid_r_ohm) * MP.mpf(warm.sid_c_f)
-    cycle_time = 1 / (MASTER_HZ * (1 + MP.mpf(warm.clock_ppm) / 10**6))
-    tick = CYCLES * cycle_time
+    cycle_time = 1 / (clock.master_hz * (1 + MP.mpf(warm.clock_ppm) / 10**6))
+    tick = clock.cycles * cycle_time
     entries = _generator(warm, gains, rings, amplifiers, rc)
     # twice the fastest rate bounds the norm once every state is measured in units of its own size
     rates = [-v for (row, col, _), v in entries.items() if row == col]
@@ -353,19 +371,14 @@ def build(device, temp_degc, chain=None):
     per_cycle = taylor(place, value, MATRIX_TERMS, *_columns([{row: MP.mpf(1)} for row in range(SIZE)]))
     for _ in range(halvings):
         per_cycle = multiply(*per_cycle, *per_cycle)
-    cycles_2 = multiply(*per_cycle, *per_cycle)
-    cycles_3 = multiply(*cycles_2, *per_cycle)
-    cycles_6 = multiply(*cycles_3, *cycles_3)
-    cycles_12 = multiply(*cycles_6, *cycles_6)
-    cycles_13 = multiply(*cycles_12, *per_cycle)
-    whole_tick, _ = multiply(*cycles_13, *cycles_13)
+    whole_tick, _ = _power(per_cycle, clock.cycles)
     g_jet = np.zeros((JETS, INPUTS, OUTPUTS))
     for col, row in zip(KEPT, KEPT_INPUT):
         g_jet[:, row, :HELD_DRIVE] = whole_tick[:, :HELD_DRIVE, col]
 
     steps, jitters, carries = [], [], []
     for held, delay_s in ((HELD_DRIVE, warm.drive_dac_delay_s), (HELD_SENSE, warm.sense_dac_delay_s)):
-        whole, rest, carry = instants(MP.mpf(delay_s), cycle_time)
+        whole, rest, carry = instants(MP.mpf(delay_s), cycle_time, clock.cycles)
         shortest = cycle_time - rest
         pieces = max(1, int(MP.ceil(norm * shortest / 4)))
         place, value = _sparse(entries, shortest / pieces)
@@ -373,10 +386,10 @@ def build(device, temp_degc, chain=None):
         x = _columns([{held: MP.mpf(1)}, {row: v for (row, col, _), v in entries.items() if col == held}])
         for _ in range(pieces):
             x = taylor(place, value, COLUMN_TERMS, *x)
-        step = np.zeros((JETS, CYCLES, OUTPUTS))
-        jitter = np.zeros((JETS, CYCLES, OUTPUTS))
-        for late in range(CYCLES - 1, -1, -1):
-            c = (late - whole) % CYCLES
+        step = np.zeros((JETS, clock.cycles, OUTPUTS))
+        jitter = np.zeros((JETS, clock.cycles, OUTPUTS))
+        for late in range(clock.cycles - 1, -1, -1):
+            c = (late - whole) % clock.cycles
             step[:, c, :HELD_DRIVE] = x[0][:, :HELD_DRIVE, 0]
             # a later instant is a shorter duration: minus
             jitter[:, c, :HELD_DRIVE] = 0.0 - x[0][:, :HELD_DRIVE, 1]
@@ -414,13 +427,13 @@ class Knots(NamedTuple):
     stacks: Plant
 
 
-def knots(device, temp_lo_degc, temp_hi_degc, step_k=0.5, chain=None):
+def knots(device, temp_lo_degc, temp_hi_degc, step_k=0.5, chain=None, clock=DEFAULT_CLOCK):
     """Knots that cover the range; temp_ref is one of them, because the law of k_xy has its corner there.
 
     A range of one temperature gives one knot, at exactly that temperature.
     """
     if temp_lo_degc == temp_hi_degc:
-        return Knots(float(temp_lo_degc), 1.0, 1, Plant(*map(np.stack, zip(build(device, temp_lo_degc, chain)))))
+        return Knots(float(temp_lo_degc), 1.0, 1, Plant(*map(np.stack, zip(build(device, temp_lo_degc, chain, clock)))))
     if not 0.0 < step_k <= 10.0:
         raise ValueError(f"step_k = {step_k!r} is outside 0 .. 10 (unit K)")
     if not thermal.check(temp_lo_degc) < thermal.check(temp_hi_degc):
@@ -428,6 +441,6 @@ def knots(device, temp_lo_degc, temp_hi_degc, step_k=0.5, chain=None):
     ref, step = MP.mpf(device.temp_ref_degc), MP.mpf(step_k)
     first = int(MP.floor((MP.mpf(temp_lo_degc) - ref) / step))
     last = int(MP.ceil((MP.mpf(temp_hi_degc) - ref) / step))
-    plants = [build(device, float(ref + n * step), chain) for n in range(first, last + 1)]
+    plants = [build(device, float(ref + n * step), chain, clock) for n in range(first, last + 1)]
     stacks = Plant(*map(np.stack, zip(*plants)))
     return Knots(float(ref + first * step), float(step_k), len(plants), stacks)

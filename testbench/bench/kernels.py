@@ -88,14 +88,14 @@ class SideBySide:
 
 
 @hot
-def firmware_alone(p, f, chip, ticks, codes):
+def firmware_alone(p, rom, f, chip, ticks, codes):
     """`ticks` of the firmware; the ADC repeats `codes`, a step up in every other frame (equal ones are a fault)."""
     for k in range(ticks):
         up = 10 * ((k // FRAME_TICKS) & 1)
         sent = (codes[0] + up, codes[1] + up, codes[2] + up, codes[3] + up, codes[4], 0, 0, 0)
         ready = 1 if k % FRAME_TICKS == 0 else 0
         for c in range(TICK_CYCLES):
-            f = fpga.step(p, f, fpga.Inputs(chip.drdy_n, adc_serial.dout(chip), 0, 0, 0, 0, 0))
+            f = fpga.step(p, rom, f, fpga.Inputs(chip.drdy_n, adc_serial.dout(chip), 0, 0, 0, 0, 0))
             loaded = ready if c == DRDY_CYCLE else 0
             chip = adc_serial.step(chip, f.adc.cs_n, f.adc.sclk, loaded, adc_serial.packed(0xC00000, sent)[0], sent)
     return f, chip
@@ -146,7 +146,7 @@ class Bench:
 
     def firmware(self):
         """The firmware alone."""
-        self.digital = firmware_alone(self.sim.params.fpga, *self.digital, self.ticks, self.codes)
+        self.digital = firmware_alone(self.sim.params.fpga, self.sim.params.rom, *self.digital, self.ticks, self.codes)
 
     def plant_only(self):
         """The plant alone."""

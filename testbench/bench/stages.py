@@ -13,7 +13,7 @@ from fpga_model.jit import hot
 from fpga_model.rates import FRAME_TICKS
 from testbench.bench import kernels
 from testbench.engines import pins, window
-from testbench.engines.turn import Turn
+from testbench.engines.turn import still
 
 STAGES = (
     ("noise, eight sources", "noise"),
@@ -34,7 +34,7 @@ WINDOW_TICKS = 20
 
 
 @hot
-def repeat(p, a, control, bank, dog, turn, b, stage, frames, rate_rad_s, quad_code, temp_degc, edges, edge_count):
+def repeat(p, a, sid, control, bank, dog, turn, b, stage, frames, rate_rad_s, quad_code, temp_degc, edges, edge_count):
     """`frames` times one stage over a frame; returns something that depends on all of it."""
     w, n, total = a.work.w, FRAME_TICKS, 0.0
     for k in range(frames):
@@ -59,14 +59,14 @@ def repeat(p, a, control, bank, dog, turn, b, stage, frames, rate_rad_s, quad_co
         elif stage == MATRIX:
             plant.retune(p.plant, a, rate_rad_s, quad_code + (k & 1), temp_degc)
         elif stage == CODES:
-            pins.dac_codes(p.fpga, bank, turn, 0, n, b)
+            pins.dac_codes(p.fpga, p.rom, bank, turn, 0, n, b)
         elif stage == TURNS:
-            total += pins.reference_edges(p.fpga.references, turn, bank, 0, n, 0, b)[0]
+            total += pins.reference_edges(p.fpga.design, p.fpga.references, turn, bank, 0, n, 0, b)[0]
         else:
             s = window.Window(control, bank, dog, turn, 0, quad_code)
             zeros = (0, 0, 0, 0, 0, 0, 0, 0)
             s, ticks = window.play(
-                p.fpga, s, zeros[:4], zeros, zeros, -window.VALID_CLOCKS, 1, 1, WINDOW_CLOCK, 15, WINDOW_TICKS, b
+                p.fpga, s, sid, zeros, zeros, -window.VALID_CLOCKS, 1, 1, WINDOW_CLOCK, 15, WINDOW_TICKS, b
             )
             total += ticks + s.control.agc.loop.y
     return total
@@ -80,8 +80,7 @@ def measure(repeats=7, frames=400):
     a = plant.copy(sim.state.plant)
     b = pins.buffers()
     b.amplitude[:], b.rate[:] = f.control.agc.loop.y, f.control.rate_loop.loop.y
-    word = f.control.frequency_tracker.word
-    turn = Turn(0, f.dds.phase, word, word, 0, word)
+    turn = still(0, f.dds.phase, f.control.frequency_tracker.word, sim.design.dds_bits)
     count, _ = _edges(sim.params, turn, f.registers, b)
     quad_code = f.control.quadrature_loop.root.y
     kernels.advance(sim, FRAME_TICKS)
@@ -91,6 +90,7 @@ def measure(repeats=7, frames=400):
         return repeat(
             sim.params,
             a,
+            f.sid,
             f.control,
             f.registers,
             f.watchdog,
@@ -119,4 +119,4 @@ def measure(repeats=7, frames=400):
 
 @hot
 def _edges(p, turn, bank, b):
-    return pins.reference_edges(p.fpga.references, turn, bank, 0, FRAME_TICKS, 0, b)
+    return pins.reference_edges(p.fpga.design, p.fpga.references, turn, bank, 0, FRAME_TICKS, 0, b)

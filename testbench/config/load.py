@@ -21,13 +21,13 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 from analog_frontend import dac_levels
 from analog_frontend.effects import catalogue
 from analog_frontend.parts import adc, device
+from fpga_model import design_record
+from fpga_model.design_record import DEFAULT
 from testbench.config import law_file, scenario
 from testbench.config.config_errors import explain
 from testbench.config.toml_text import toml_of, toml_value
 from testbench.errors import ConfigError
 from testbench.storage.inputs import read_toml
-
-PHASE_WORD_BITS = 48
 
 
 class Section(BaseModel):
@@ -56,6 +56,18 @@ def _checked(function):
 
 def _profile(lo, hi, unit):
     return _checked(lambda value: scenario.profile_points(value, lo, hi, unit))
+
+
+class Design(Section):
+    """Rates and word lengths of the firmware; what each means: docs/blocks/design_record.md."""
+
+    master_hz: int = number(DEFAULT.master_hz, "Hz", 1_000_000, 200_000_000, "master clock")
+    tick_clocks: int = number(DEFAULT.tick_clocks, "clocks", 16, 32, "master clocks to an update of the DACs")
+    frame_ticks: int = number(DEFAULT.frame_ticks, "ticks", 50, 500, "updates of the DACs to a frame of the ADC")
+    dds_bits: int = number(DEFAULT.dds_bits, "bits", 24, 48, "phase, frequency words and phase words of the DDS")
+    sine_address_bits: int = number(DEFAULT.sine_address_bits, "bits", 4, 12, "address of the quarter-wave table")
+    sine_fraction_bits: int = number(DEFAULT.sine_fraction_bits, "bits", 1, 12, "interpolation between its rows")
+    sine_bits: int = number(DEFAULT.sine_bits, "bits", 10, 20, "sine, its sign included")
 
 
 class Firmware(Section):
@@ -89,15 +101,15 @@ class Firmware(Section):
         "synchronous", "converter clock: 26 MHz / 3250, or its own oscillator (plant.adc_clock_ppm)"
     )
 
-    def phase_words(self):
-        """The four 48-bit compensation words: drive sine, sense sine, drive references, sense references."""
+    def phase_words(self, bits=DEFAULT.dds_bits):
+        """The four compensation words of `bits`: drive sine, sense sine, drive references, sense references."""
         degrees = (
             self.phase_drive_sine_deg,
             self.phase_sense_sine_deg,
             self.phase_drive_ref_deg,
             self.phase_sense_ref_deg,
         )
-        return tuple(phase_word(angle_deg) for angle_deg in degrees)
+        return tuple(phase_word(angle_deg, bits) for angle_deg in degrees)
 
 
 def _levels(bits):
@@ -244,6 +256,7 @@ Plant = create_model(
 class Config(Section):
     """Everything a run depends on."""
 
+    design: Design = Design()
     firmware: Firmware = Firmware()
     plant: Plant = Plant()
     effects: Effects = Effects()
@@ -260,14 +273,18 @@ class Config(Section):
             )
         return self
 
+    def design_record(self):
+        """Rates and word lengths of the firmware as the record that all of it is built from."""
+        return design_record.Design(**self.design.model_dump())
+
     def device(self):
         """The plant's parameters as the record that the plant is built from."""
         return device.Device(**self.plant.model_dump())
 
 
-def phase_word(angle_deg):
-    """Angle as an unsigned 48-bit word, to the nearest LSB; exact, so that 90 deg is 2**46."""
-    return round(Fraction(angle_deg) * (1 << PHASE_WORD_BITS) / 360) % (1 << PHASE_WORD_BITS)
+def phase_word(angle_deg, bits=DEFAULT.dds_bits):
+    """Angle as an unsigned word of `bits`, to the nearest LSB; exact, so that 90 deg is a quarter of 2**bits."""
+    return round(Fraction(angle_deg) * (1 << bits) / 360) % (1 << bits)
 
 
 # ---- reading ---------------------------------------------------------------------------------------------------------

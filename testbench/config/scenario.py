@@ -16,10 +16,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fpga_model.design_record import DEFAULT
 from testbench.config.toml_text import toml_of
 
-TICK_HZ = 1_000_000
-FRAME_TICKS = 125
 DEG = math.pi / 180
 
 ADC_CHANNELS = ("drive_sin", "drive_cos", "sense_sin", "sense_cos", "temperature")
@@ -87,19 +86,20 @@ class Profile(NamedTuple):
     steps: bool
     factor: float  # to the unit wanted
     frames: int
+    frame_s: float
 
     def at(self, first, count=1):
         """Values of frames first .. first + count - 1; before and after the profile its first and last one."""
         if len(self.points) == 1:
             return np.full(count, self.points[0][1] * self.factor)
         frame = np.clip(np.arange(first, first + count), 0, self.frames - 1)
-        return sample(self.points, (frame + 0.5) * (FRAME_TICKS / TICK_HZ), self.steps) * self.factor
+        return sample(self.points, (frame + 0.5) * self.frame_s, self.steps) * self.factor
 
     def limits(self):
         """(least, greatest) value of all frames: between its points a profile is monotone."""
         near = {0, self.frames - 1}
         for t_s, _ in self.points:
-            frame = min(int(t_s * TICK_HZ / FRAME_TICKS), self.frames)
+            frame = min(int(t_s / self.frame_s), self.frames)
             near |= {k for k in range(frame - 2, frame + 3) if 0 <= k < self.frames}
         values = [float(self.at(k)[0]) for k in near]
         return min(values), max(values)
@@ -282,33 +282,33 @@ def sample(points, t_s, steps=False):
     return np.interp(t_s, times, values)
 
 
-def events_of(scenario, ticks):
+def events_of(scenario, ticks, tick_hz):
     """Events sorted by tick; those at one tick keep the order of the file, ends before beginnings."""
     events = [
-        Event(round(t_s * TICK_HZ), WRITE, name, "", raw)
+        Event(round(t_s * tick_hz), WRITE, name, "", raw)
         for t_s, name, raw in check_register_writes(scenario.register_writes)
     ]
     for t_s, kind, channel, level, duration_s in check_faults(scenario.faults):
-        on = round(t_s * TICK_HZ)
-        off = on + max(1, round(min(duration_s * TICK_HZ, ticks + 1)))
+        on = round(t_s * tick_hz)
+        off = on + max(1, round(min(duration_s * tick_hz, ticks + 1)))
         events.append(Event(on, FAULT_ON, kind, channel, level))
         if off < ticks:
             events.append(Event(off, FAULT_OFF, kind, channel, 0))
     return tuple(sorted(events, key=lambda event: (event.tick, event.action != FAULT_OFF)))
 
 
-def expand(scenario):
-    """`Timeline` of a checked [scenario] section."""
-    ticks = round(scenario.seconds * TICK_HZ)
-    frames = -(-ticks // FRAME_TICKS)
+def expand(scenario, design=DEFAULT):
+    """`Timeline` of a checked [scenario] section, in ticks and frames of a design record."""
+    ticks, frame_s = round(scenario.seconds * design.tick_hz), design.frame_ticks / design.tick_hz
+    frames = -(-ticks // design.frame_ticks)
     rate = profile_points(scenario.rate_dps, -math.inf, math.inf, "deg/s")
     temp = profile_points(scenario.temperature_degc, -math.inf, math.inf, "degC")
     return Timeline(
         ticks,
         frames,
-        Profile(rate, scenario.rate_shape == "steps", DEG, frames),
-        Profile(temp, False, 1.0, frames),
+        Profile(rate, scenario.rate_shape == "steps", DEG, frames, frame_s),
+        Profile(temp, False, 1.0, frames, frame_s),
         rate[0][1] * DEG,
         temp[0][1],
-        events_of(scenario, ticks),
+        events_of(scenario, ticks, design.tick_hz),
     )

@@ -20,14 +20,14 @@ import numpy as np
 from analog_frontend.parts import adc
 from fpga_model import sequencer
 from fpga_model.jit import hot, inner
-from fpga_model.rates import FRAME_TICKS, MASTER_HZ, TICK_CYCLES
+from fpga_model.rates import FRAME_TICKS, TICK_CYCLES
 from testbench.engines import engine, frame
 from testbench.engines.baseband_frames import frames
 from testbench.engines.baseband_setup import RATE_LIMIT_DEG_S, setup
 from testbench.engines.baseband_state import give_state, slow, take_state
 from testbench.engines.frame import begin, enter, leave, onward, put_down
 from testbench.engines.pins import buffers
-from testbench.engines.turn import phase_at
+from testbench.engines.turn import WIDEST, phase_at, widened
 from testbench.errors import ConfigError
 
 TAIL_TICKS = 250  # of a chunk, for the way back to every register
@@ -51,6 +51,7 @@ def _run(p, u, b, f, chips, a, chunk, end, drdy_cycle, w):
     f, chips, drdy_cycle, tick = enter(p, f, chips, a, chunk, end, drdy_cycle)
     if tick == end:
         return f, chips, drdy_cycle, ZERO, ZERO
+    d = p.fpga.design
     g = begin(p, f, chips, a, chunk.faults, tick, drdy_cycle, w)
     last = (end - TAIL_TICKS) // FRAME_TICKS * FRAME_TICKS
     far = ZERO
@@ -64,8 +65,8 @@ def _run(p, u, b, f, chips, a, chunk, end, drdy_cycle, w):
                 b,
                 g.s.control,
                 g.s.bank,
-                phase_at(g.s.turn, TICK_CYCLES * tick),
-                g.s.turn.word,
+                widened(d, phase_at(g.s.turn, TICK_CYCLES * tick)),
+                widened(d, g.s.turn.word),
                 g.s.quadrature,
                 g.channels,
                 g.coming,
@@ -75,11 +76,11 @@ def _run(p, u, b, f, chips, a, chunk, end, drdy_cycle, w):
                 a.adc.clock,
                 a.adc.sums,
             )
-            far = ZERO if tick == last else turn.word
+            far = ZERO if tick == last else widened(d, turn.word)
             g = give_state(p, u, b, g, a, c, bank, turn, quadrature, old, new, tick, w)
             break
     g, tick = onward(p, a, chunk, g, tick, end, end, w)
-    f, chips, drdy_cycle, failed = leave(p, put_down(f, chips, g, tick, chunk.faults.status), a, chunk, end)
+    f, chips, drdy_cycle, failed = leave(p, put_down(d, f, chips, g, tick, chunk.faults.status), a, chunk, end)
     return f, chips, drdy_cycle, failed, far
 
 
@@ -129,10 +130,11 @@ def run(p, s, ticks, rate_rad_s, temp_degc, host, faults, o):
     if failed:
         raise RuntimeError(f"baseband engine: the registers of tick {failed} are not those of the clocked engine")
     if far:
-        hz = (far - u.word0) * MASTER_HZ / 2**48
+        lsb_hz = p.fpga.design.master_hz / 2**WIDEST
+        hz = (far - u.word0) * lsb_hz
         raise ConfigError(
             f"frequency_word: {hz:+.1f} Hz from the drive mode is beyond the averaged plant's "
-            f"{u.limit * MASTER_HZ / 2**48:g} Hz, within {ticks} ticks from {s.tick}; "
+            f"{u.limit * lsb_hz:g} Hz, within {ticks} ticks from {s.tick}; "
             'scenario.engine = "frame" can run it'
         )
     return engine.State(f, chips, s.plant, end, drdy_cycle)

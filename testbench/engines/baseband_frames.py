@@ -22,12 +22,13 @@ from analog_frontend.numeric.vector import load4, store4, turned4
 from analog_frontend.parts import adc
 from fpga_model import control, modulator, registers, sine
 from fpga_model.control import SLOT_PI
+from fpga_model.fixed import wrap_unsigned
 from fpga_model.jit import hot, inner
 from fpga_model.rates import FRAME_TICKS, TICK_CYCLES
 from testbench.engines import engine
 from testbench.engines.baseband_setup import FRAME_CLOCKS
 from testbench.engines.baseband_state import poles_at, turned_force
-from testbench.engines.turn import TURN_MASK, Turn
+from testbench.engines.turn import TURN_MASK, narrowed, still, widened
 from testbench.engines.window import SLOT_WORD, run_window
 
 ZERO, ONE = np.int64(0), np.int64(1)
@@ -44,15 +45,18 @@ def _tilde(u, cubic, pr, pi):
 
 
 @inner
-def _row(p, u, c, bank, phase, word, codes, quadrature, z, temp_degc, rate_rad_s, frames, truth, row):
+def _row(p, rom, u, c, bank, phase, word, codes, quadrature, z, temp_degc, rate_rad_s, frames, truth, row):
     """One row of both streams; the DAC codes are those that words and phase have made in the last ticks."""
     if row >= frames.shape[0]:
         return
-    late = phase - u.drive_late * word
+    d = p.design
+    late = narrowed(d, phase - u.drive_late * word)
     amplitude = control.amplitude(p.control, c)
-    drive = modulator.at(p.drive_modulator, amplitude, sine.at((late + bank.phase_drive_sine) & TURN_MASK))
-    late = phase - u.sense_late * word
-    sense = modulator.at(p.sense_modulator, c.rate_loop.loop.y, sine.at((late + bank.phase_sense_sine) & TURN_MASK))
+    y = sine.at(d, rom, wrap_unsigned(late + bank.phase_drive_sine, d.dds_bits))
+    drive = modulator.at(p.drive_modulator, amplitude, y)
+    late = narrowed(d, phase - u.sense_late * word)
+    y = sine.at(d, rom, wrap_unsigned(late + bank.phase_sense_sine, d.dds_bits))
+    sense = modulator.at(p.sense_modulator, c.rate_loop.loop.y, y)
     engine.record_frame(frames[row], truth[row], c, codes, drive, sense, quadrature, z, temp_degc, rate_rad_s)
 
 
@@ -72,11 +76,12 @@ def _moved(p, u, b, c, bank, tick, batch, rate, temp, words, turn_clock, turn_ph
     """Both modes through a frame; `words` of the DDS before and after `turn_clock`. Mutates `b`."""
     word_old, word = words
     volts = averaged_codes.rounded(control.amplitude(p.fpga.control, c) * u.drive_volts, u.drive_lsb_v)
-    drive = turned_force(volts, bank.phase_drive_sine)
-    sense = turned_force(c.rate_loop.loop.y * u.sense_volts, bank.phase_sense_sine)
+    d = p.fpga.design
+    drive = turned_force(volts, widened(d, bank.phase_drive_sine))
+    sense = turned_force(c.rate_loop.loop.y * u.sense_volts, widened(d, bank.phase_sense_sine))
     lawful = u.laws.force + u.laws.cv > 0
     if lawful:
-        refs = bank.phase_drive_ref, bank.phase_sense_ref
+        refs = widened(d, bank.phase_drive_ref), widened(d, bank.phase_sense_ref)
         averaged_laws.act(u.laws, b.now, b.m, b.laws, rate, temp, tick * p.plant.sid.h_s, refs[0], refs[1])
     changed_cos, changed_sin = unit((turn_phase + u.drive_change * word) << 1 & TURN_MASK)
     later_cos, later_sin = averaged_modes.times(changed_cos, changed_sin, u.sense_later[0], u.sense_later[1])
@@ -93,10 +98,11 @@ def frames(p, u, b, c, bank, phase, word, quadrature, old, new, chunk, tick, cou
     """`count` frames from the one that begins at `tick`. Mutates `b`, the converter's arrays and the streams.
 
     old, new  the converter's frame before the last, and the last, which is being read
+    phase, word  in turns / 2^48
     Returns control, register bank, turn, V_q's code, both frames, and the tick, earlier than asked for where the
     frequency word has left the range of the tables.
     """
-    now, m, q, drawn = b.now, b.m, b.q, b.drawn
+    now, m, q, drawn, d = b.now, b.m, b.q, b.drawn, p.fpga.design
     cos, sin = unit(phase)
     top, batch = 0.0, 0
     turn_clock = u.valid + SLOT_WORD + 1
@@ -114,13 +120,13 @@ def frames(p, u, b, c, bank, phase, word, quadrature, old, new, chunk, tick, cou
             u.knots, p.plant.temp_lo_degc, p.plant.temp_step_k, now, m, rate, v_q * v_q, temp, cos, sin, b.z, plant.X
         )
         o = chunk.o
-        _row(p.fpga, u, c, bank, phase, word, old, quadrature, b.z, temp, rate, o.frames, o.truth, first_row + n)
+        _row(p.fpga, p.rom, u, c, bank, phase, word, old, quadrature, b.z, temp, rate, o.frames, o.truth, first_row + n)
         # the window
         word_old = word
         i = control.Inputs(new[0], new[1], new[2], new[3], new[4], ONE, ZERO)
-        c, word_between = run_window(p.fpga.control, c, i, bank)
+        c, word_between = run_window(d, p.fpga.control, c, i, bank)
         quadrature = c.quadrature_loop.root.y
-        word = c.frequency_tracker.word
+        word, word_between = widened(d, c.frequency_tracker.word), widened(d, word_between)
         turn_phase = (phase + (turn_clock - between) * word_old + between * word_between) & TURN_MASK
         after = (turn_phase + (FRAME_CLOCKS - turn_clock) * word) & TURN_MASK
         # the plant
@@ -129,21 +135,22 @@ def frames(p, u, b, c, bank, phase, word, quadrature, old, new, chunk, tick, cou
         poles = poles_at(u, word)
         _tilde(u, b.cubic, poles[0], poles[1])
         before, after_turn = (phase, word_old), (turn_clock, turn_phase, word)
-        offsets, noise = (bank.phase_drive_ref, bank.phase_sense_ref), (drawn.volts, drawn.sums, ROW)
+        offsets = widened(d, bank.phase_drive_ref), widened(d, bank.phase_sense_ref)
+        noise = (drawn.volts, drawn.sums, ROW)
         begin = float(FRAME_SAMPLES * batch)
         averaged_sid.demodulate(u.sid, q, before, after_turn, offsets, b.base, b.cubic, poles, noise, begin)
         old = new
         new = _convert(p.plant.adc, u, q, clock, sums, drawn.converter, batch, temp)
         tick += FRAME_TICKS
         phase = after
-        bank = registers.step(bank, ZERO, ZERO, ZERO, ONE)
+        bank = registers.step(d, bank, ZERO, ZERO, ZERO, ONE)
         top = max(top, m[A] * m[A] + m[A + 1] * m[A + 1])
         if not abs(word - u.word0) <= u.limit:
             break
-    for d in range(4):
-        q[4 * NOISE + d] -= drawn.sums[(d >> 1) * ROW + FRAME_SAMPLES * (batch + 1)]
+    for k in range(4):
+        q[4 * NOISE + k] -= drawn.sums[(k >> 1) * ROW + FRAME_SAMPLES * (batch + 1)]
     chunk.o.peak_x[0] = max(chunk.o.peak_x[0], math.sqrt(top))
-    turn = Turn(TICK_CYCLES * tick, phase, word, word, TICK_CYCLES * tick, word)
+    turn = still(TICK_CYCLES * tick, narrowed(d, phase), narrowed(d, word), d.dds_bits)
     return c, bank, turn, quadrature, old, new, tick
 
 

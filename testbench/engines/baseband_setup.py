@@ -14,11 +14,12 @@ import numpy as np
 
 from analog_frontend.averaged import averaged, averaged_laws, averaged_noise, averaged_sid
 from analog_frontend.parts import adc, noise, resonator
-from fpga_model import dds, rates, sine
+from fpga_model import rates, sine, spi_dac
 from fpga_model.control import SLOT_PI
 from fpga_model.rates import FRAME_TICKS, TICK_CYCLES
-from testbench.engines.frame import DRIVE_CLOCK, SENSE_CLOCK
+from testbench.engines.frame import dac_clocks
 from testbench.engines.pins import REFERENCE_CLOCKS, SINE_CLOCKS
+from testbench.engines.turn import WIDEST
 from testbench.engines.window import SLOT_WORD, VALID_CLOCKS
 from testbench.errors import ConfigError
 
@@ -73,9 +74,12 @@ def _mode_hz(table, mode):
 def check(p):
     """ConfigError for what is outside the validity of the averaged plant; engine.Params."""
     a, t = p.plant, p.plant.tables
+    for key, value in (("tick_clocks", TICK_CYCLES), ("frame_ticks", FRAME_TICKS)):
+        if getattr(p.fpga.design, key) != value:
+            _refuse(f"design.{key}", f"{getattr(p.fpga.design, key)} is not {value}, its only value here")
     if p.fpga.digital:
         _refuse('firmware.board = "digital_sid"', "its demodulator is firmware at 1 MHz")
-    if a.adc.period * a.adc.decimation != FRAME_TICKS * adc.TICK_UNITS:
+    if a.adc.period * a.adc.decimation != FRAME_TICKS * a.adc.tick_units:
         _refuse("firmware.adc_clock, plant.adc_decimation", "a conversion is not one frame of 125 us")
     for name, part, levels in (("drive", a.drive_dac, a.drive_levels), ("sense", a.sense_dac, a.sense_levels)):
         for field, value in (("bow", part.bow), ("glitch_v_s", part.glitch_v_s)):
@@ -108,21 +112,28 @@ def check(p):
         _refuse("plant.sid_r_ohm, plant.sid_c_f", f"a corner of {corner:g} Hz is above {CORNER_LIMIT_HZ:g} Hz")
 
 
+def _late(f):
+    """Ticks by which the outputs of both DACs follow their loads; fpga.Params."""
+    return tuple(spi_dac.late_ticks(f.design, part) for part in (f.drive_dac, f.sense_dac))
+
+
 def _lags(p, valid):
     """averaged.Lags of a firmware whose converter's frame is valid at clock `valid` of a frame."""
     t, f = p.plant.tables, p.fpga
+    drive_clock, sense_clock = dac_clocks(f)
+    late = _late(f)
     # the first tick whose product takes the words of this window
     changed = next(k for k in range(FRAME_TICKS) if TICK_CYCLES * k - 1 - valid > SLOT_PI)
     code, change = [], []
     for frames_late, clock, carry in (
-        (f.drive_modulator.frames, int(DRIVE_CLOCK), t.drive_carry[0]),
-        (f.sense_modulator.frames + 1, int(SENSE_CLOCK), t.sense_carry[0]),
+        (f.drive_modulator.frames + late[0], drive_clock, t.drive_carry[0]),
+        (f.sense_modulator.frames + late[1], sense_clock, t.sense_carry[0]),
     ):
         ticks_late = frames_late + int(carry[clock])
         code.append((SINE_CLOCKS + f.pipe.depth) / TICK_CYCLES + ticks_late)
         change.append(changed + ticks_late + clock / TICK_CYCLES)
     turn = (valid + SLOT_WORD + 1) / TICK_CYCLES
-    return averaged.Lags(tuple(code), (int(DRIVE_CLOCK), int(SENSE_CLOCK)), tuple(change), turn)
+    return averaged.Lags(tuple(code), (drive_clock, sense_clock), tuple(change), turn)
 
 
 def _moments(converter):
@@ -145,7 +156,7 @@ def setup(p):
         _refuse("plant.adc_delay_s", f"a frame of codes is valid {valid} clocks after the frame's begin")
     tick_s = float(t.tick_s[0])
     turns_per_tick = _mode_hz(t, 0)[0] * tick_s
-    word0 = round(turns_per_tick / TICK_CYCLES * 2**48)
+    word0 = round(turns_per_tick / TICK_CYCLES * 2**WIDEST)
     tables = averaged.design(t, word0, _lags(p, valid), noise.HOLD, resonator.W_RAD_PER_S)
     changes, turn = tables.change_ticks, valid + SLOT_WORD + 1
     later = 4 * math.pi * turns_per_tick * (changes[1] - changes[0])
@@ -158,7 +169,7 @@ def setup(p):
         switch=(float(p.plant.switch_tau_s[1, 0]) / tick_s + int(p.plant.switch_carry[1, 0])) * TICK_CYCLES,
         middle=middle,
         sampled=middle + SAMPLED_LATER,
-        charge_slope=float(inject[2] - inject[5]) * word0 / 2**48,
+        charge_slope=float(inject[2] - inject[5]) * word0 / 2**WIDEST,
         charge=tuple(float(v) for v in charge),
         delay=REFERENCE_CLOCKS + p.fpga.references.align,
         retimed=int(p.fpga.references.retimed),
@@ -168,9 +179,10 @@ def setup(p):
     # re-timed edges wait half a tick in the mean
     late = sid.delay + sid.switch + (TICK_CYCLES - 1) / 2 * sid.retimed
     # chords of the sine's table make its amplitude smaller by step^2 / 12
-    table_gain = 1.0 - (math.pi / 2 / sine.ROWS) ** 2 / 12
+    d = p.fpga.design
+    table_gain = 1.0 - (math.pi / 2 / (1 << d.sine_address_bits)) ** 2 / 12
     drive, sense = (
-        part.lsb_v * sine.FULL_SCALE * table_gain / 2.0**modulator.shift
+        part.lsb_v * sine.OUT.at(d).hi * table_gain / 2.0**modulator.shift
         for part, modulator in (
             (p.plant.drive_dac, p.fpga.drive_modulator),
             (p.plant.sense_dac, p.fpga.sense_modulator),
@@ -189,10 +201,10 @@ def setup(p):
         rc_ticks,
         rc_ticks / FRAME_TICKS,
         tick_s / TICK_CYCLES,
-        TICK_CYCLES * (1 + p.fpga.drive_modulator.frames) + SINE_CLOCKS + p.fpga.pipe.depth,
-        TICK_CYCLES * (2 + p.fpga.sense_modulator.frames) + SINE_CLOCKS + p.fpga.pipe.depth,
+        TICK_CYCLES * (1 + p.fpga.drive_modulator.frames + _late(p.fpga)[0]) + SINE_CLOCKS + p.fpga.pipe.depth,
+        TICK_CYCLES * (1 + p.fpga.sense_modulator.frames + _late(p.fpga)[1]) + SINE_CLOCKS + p.fpga.pipe.depth,
         averaged_laws.design(p.plant.effects, p.plant.laws, averaged_laws.reference_turns(late, word0)),
         round(TICK_CYCLES * changes[0]) - turn,
         (math.cos(later), math.sin(later)),
-        dds.word_of_hz(averaged.LIMIT_HZ),
+        round(averaged.LIMIT_HZ * 2**WIDEST / p.fpga.design.master_hz),
     )

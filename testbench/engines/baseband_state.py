@@ -59,7 +59,7 @@ from fpga_model.jit import inner, outlined
 from fpga_model.rates import FRAME_TICKS, TICK_CYCLES
 from testbench.engines import pins
 from testbench.engines.block_state import BlockState
-from testbench.engines.turn import phase_at
+from testbench.engines.turn import phase_at, widened
 from testbench.engines.window import HISTORY, VALID_CLOCKS, Window
 
 ZERO, ONE = np.int64(0), np.int64(1)
@@ -118,16 +118,18 @@ def take_state(p, u, b, g, a, tick):
     averaged_modes.fixed(
         u.knots, p.plant.temp_lo_degc, p.plant.temp_step_k, now, a.now[plant.NOW_RATE], stiffness, a.now[plant.NOW_TEMP]
     )
-    bank = g.s.bank
-    averaged_sid.bases(bank.phase_drive_ref, bank.phase_sense_ref, b.base)
+    bank, design = g.s.bank, p.fpga.design
+    ref_drive, ref_sense = widened(design, bank.phase_drive_ref), widened(design, bank.phase_sense_ref)
+    averaged_sid.bases(ref_drive, ref_sense, b.base)
     amplitude = control.amplitude(p.fpga.control, g.s.control)
     volts = averaged_codes.rounded(amplitude * u.drive_volts, u.drive_lsb_v)
-    m[F], m[F + 1] = turned_force(volts, bank.phase_drive_sine)
-    m[F + 2], m[F + 3] = turned_force(g.s.control.rate_loop.loop.y * u.sense_volts, bank.phase_sense_sine)
-    phase = phase_at(g.s.turn, TICK_CYCLES * tick)
+    m[F], m[F + 1] = turned_force(volts, widened(design, bank.phase_drive_sine))
+    sense_volts = g.s.control.rate_loop.loop.y * u.sense_volts
+    m[F + 2], m[F + 3] = turned_force(sense_volts, widened(design, bank.phase_sense_sine))
+    phase = widened(design, phase_at(g.s.turn, TICK_CYCLES * tick))
     cos, sin = unit(phase)
     averaged_modes.projected(now, m, cos, sin, a.z[6], a.z[7], a.z[8], a.z[9])
-    word = g.s.turn.word
+    word = widened(design, g.s.turn.word)
     delta = (word - u.word0) * RAD_PER_TICK
     poles = poles_at(u, word)
     outputs = _outputs(u, now, m, delta, poles[0], poles[1], cos, sin)
@@ -149,7 +151,7 @@ def take_state(p, u, b, g, a, tick):
         q[4 * NOISE + d] = 0.0
         q[4 * SIGN + d] = 1.0 if ref else -1.0
         # an edge that the phase has made but the switch has not followed yet
-        offset = (bank.phase_sense_ref if c else bank.phase_drive_ref) + ((HALF >> 1) if d & 1 else 0)
+        offset = (ref_sense if c else ref_drive) + ((HALF >> 1) if d & 1 else 0)
         left = (phase + offset) & HALF_MASK
         t = lane(averaged_sid.switched(u.sid, splat4(-float(left // word))), 0)
         q[4 * WAITING + d] = t if t >= 0.0 else -1.0
@@ -160,7 +162,8 @@ def take_state(p, u, b, g, a, tick):
 def give_state(p, u, b, g, a, c, bank, turn, quadrature, old, new, tick, w):
     """Back to the plant's own state and to what the blocks carry, at a frame's first instant. Mutates `a` and `w`."""
     now, m, q = b.now, b.m, b.q
-    phase = phase_at(turn, TICK_CYCLES * tick)
+    design = p.fpga.design
+    phase, word = widened(design, phase_at(turn, TICK_CYCLES * tick)), widened(design, turn.word)
     cos, sin = unit(phase)
     motion(now, m, cos, sin, a.z, plant.X)
     for k in range(3):
@@ -170,8 +173,8 @@ def give_state(p, u, b, g, a, c, bank, turn, quadrature, old, new, tick, w):
             a.z[3 * d + k] = e * cos - f * sin
             at = averaged.CV + 6 * d + 2 * k
             a.z[10 + 3 * d + k] = now[at] * a.z[6 + 2 * d] + now[at + 1] * a.z[7 + 2 * d]
-    delta = (turn.word - u.word0) * RAD_PER_TICK
-    poles = poles_at(u, turn.word)
+    delta = (word - u.word0) * RAD_PER_TICK
+    poles = poles_at(u, word)
     outputs = _outputs(u, now, m, delta, poles[0], poles[1], cos, sin)
     refs = 0
     for d in range(4):
@@ -202,7 +205,7 @@ def give_state(p, u, b, g, a, c, bank, turn, quadrature, old, new, tick, w):
         w.rate[k] = rate
     for k in range(RECENT + HISTORY):
         w.control_load[k] = 0
-    pins.dac_codes(p.fpga, bank, turn, tick - RECENT, RECENT, w)
+    pins.dac_codes(p.fpga, p.rom, bank, turn, tick - RECENT, RECENT, w)
     drive, sense = a.work.drive_codes, a.work.sense_codes
     enabled, staged = pins.words_of_ticks(p.fpga, drive, sense, RECENT, g.enabled, g.staged, False, w)
     _put_out(a, plant.DRIVE, p.plant.drive_dac, p.plant.tables.drive_carry[0, a.cycles[plant.DRIVE]], drive)

@@ -21,15 +21,14 @@ from analog_frontend import linear
 from analog_frontend.parts import adc
 from fpga_model import control, digital_sid, references, sequencer, spi_adc, watchdog
 from fpga_model.jit import inner, outlined
-from fpga_model.rates import FRAME_TICKS, TICK_CYCLES
+from fpga_model.rates import SLOTS
 from testbench.engines import engine, pins, window
-from testbench.engines.flush import CHANNEL_MASK
-from testbench.engines.turn import Turn, steady
-from testbench.engines.window import HISTORY, LAST_ODD_TICK, VALID_CLOCKS, Window
+from testbench.engines.flush import CHANNEL_MASK, FLUSH
+from testbench.engines.turn import steady, still
+from testbench.engines.window import HISTORY, VALID_CLOCKS, Window, last_load_tick
 
-READ_TICKS = 30  # from DRDY to a quiet tick: read, window, flush
-WINDOW_TICKS = 12  # from a window at a frame boundary to a quiet tick
 DUMP_CLOCKS = digital_sid.LATENCY
+NEAR_TICKS = 128  # `last_quiet` is never earlier than this before an end: twice `busy_ticks` at most
 # typed: Numba compiles a function anew for every constant that it is called with
 FAR, ZERO, ONE = np.int64(1 << 62), np.int64(0), np.int64(1)
 
@@ -57,13 +56,13 @@ class BlockState(NamedTuple):
 @inner
 def take_up(p, f, chips, tick, drdy_cycle):
     """What a quiet firmware carries."""
-    word = f.control.frequency_tracker.word
-    quadrature = chips.quadrature.code if tick % FRAME_TICKS == 0 else f.control.quadrature_loop.root.y
+    d = p.design
+    quadrature = chips.quadrature.code if tick % d.frame_ticks == 0 else f.control.quadrature_loop.root.y
     s = Window(
         f.control,
         f.registers,
         f.watchdog,
-        Turn(TICK_CYCLES * tick, f.dds.phase, word, word, TICK_CYCLES * tick, word),
+        still(d.tick_clocks * tick, f.dds.phase, f.control.frequency_tracker.word, d.dds_bits),
         ZERO,
         quadrature,
     )
@@ -95,54 +94,68 @@ def history(f, b):
 
 
 @inner
-def ready_clock(converter, clock, silent, drdy_cycle, tick):
+def ready_clock(d, converter, clock, silent, drdy_cycle, tick):
     """Clock at which DRDY falls next, from a quiet tick on; FAR if it never does."""
     if silent:
         return FAR
-    return TICK_CYCLES * tick + (drdy_cycle if drdy_cycle >= 0 else adc.clocks_to_ready(converter, clock, ZERO))
+    return d.tick_clocks * tick + (drdy_cycle if drdy_cycle >= 0 else adc.clocks_to_ready(converter, clock, ZERO))
 
 
 @inner
-def last_quiet(end, ready):
+def busy_ticks(d):
+    """Ticks to a quiet one, flushed: from DRDY, by read and window; from a window at a frame boundary."""
+    return (VALID_CLOCKS + SLOTS) // d.tick_clocks + FLUSH + 3, SLOTS // d.tick_clocks + FLUSH + 2
+
+
+@inner
+def last_quiet(d, end, ready):
     """The last tick before `end` at which the firmware is quiet and has been for FLUSH ticks; DRDY falls at `ready`."""
+    read_ticks, window_ticks = busy_ticks(d)
     for _ in range(2):
-        if ready // TICK_CYCLES < end < ready // TICK_CYCLES + READ_TICKS:
-            end = ready // TICK_CYCLES
-        if 0 < end % FRAME_TICKS < WINDOW_TICKS:
-            end = end - end % FRAME_TICKS
+        if d.tick_clocks * (end - read_ticks + 1) <= ready < d.tick_clocks * end:
+            end = ready // d.tick_clocks
+        if 0 < end % d.frame_ticks < window_ticks:
+            end = end - end % d.frame_ticks
     return end
 
 
 @inner
-def ticks_to_event(converter, clock, silent, g, tick, end):
+def ticks_to_event(d, converter, clock, silent, g, tick, end):
     """The tick up to which a block from `tick` on may go; `tick` itself when it is the last quiet one before `end`.
 
     converter, clock  of the ADC; silent  its DRDY never falls
     """
-    ready = ready_clock(converter, clock, silent, g.drdy_cycle, tick)
-    stop = last_quiet(end, ready)
-    if tick >= stop:
-        return tick
-    until = min(stop, (tick // FRAME_TICKS + 1) * FRAME_TICKS, tick + linear.BLOCK)
-    if g.valid // TICK_CYCLES > tick:
-        until = min(until, g.valid // TICK_CYCLES)
-    if not silent:
-        until = min(until, (ready + VALID_CLOCKS) // TICK_CYCLES)
-    return min(until, tick + adc.clocks_to_ready(converter, clock, ONE) // TICK_CYCLES)
+    ready = ready_clock(d, converter, clock, silent, g.drdy_cycle, tick)
+    clocks, frame_ticks = d.tick_clocks, d.frame_ticks
+    until = tick + min(frame_ticks - tick % frame_ticks, linear.BLOCK)
+    # divisions only where an event may come first: one by a number that is not known when this is compiled is slow
+    if until > end - NEAR_TICKS:
+        stop = last_quiet(d, end, ready)
+        if tick >= stop:
+            return tick
+        until = min(until, stop)
+    if clocks * (tick + 1) <= g.valid < clocks * until:
+        until = g.valid // clocks
+    if not silent and ready + VALID_CLOCKS < clocks * until:
+        until = (ready + VALID_CLOCKS) // clocks
+    following = adc.clocks_to_ready(converter, clock, ONE)
+    return tick + following // clocks if following < clocks * (until - tick) else until
 
 
 @inner
 def codes_at(p, g, tick):
     """The five codes that the firmware holds at the first clock of a tick."""
-    return engine.frame_codes(p, g.sid.codes, window.receive(g.channels, g.coming, g.falls, TICK_CYCLES * tick))
+    clock = p.design.tick_clocks * tick
+    return engine.frame_codes(p, g.sid.codes, window.receive(g.channels, g.coming, g.falls, clock))
 
 
 @inner
 def _loaded(p, s, tick, known, n):
     """Code of V_q's DAC at the frame's end, after ticks `known` .. `n` - 1 of a block outside of a window."""
+    first = tick % p.design.frame_ticks  # a block ends with the frame
     for k in range(known, n):
-        frame_tick = (tick + k) % FRAME_TICKS
-        if frame_tick <= LAST_ODD_TICK and (p.quadrature_fast == 1 or frame_tick & 1 == 1):
+        frame_tick = first + k
+        if frame_tick <= last_load_tick(p) and (p.quadrature_fast == 1 or frame_tick & 1 == 1):
             return s.control.quadrature_loop.root.y
     return s.quadrature
 
@@ -153,8 +166,9 @@ def demodulate(p, sid, tick, first, end, b):
 
     One edge a tick, and at a dump those until its codes are out.
     """
+    frame_tick = tick % p.design.frame_ticks
     for k in range(first, end):
-        dump = 1 if (tick + k) % FRAME_TICKS == 0 else 0
+        dump = 1 if frame_tick + k == 0 else 0
         sid = digital_sid.step(p.sid, sid, 1, dump, b.refs[k], b.sar[0, k], b.sar[1, k])
         if dump:
             for _ in range(DUMP_CLOCKS):
@@ -172,8 +186,9 @@ def _aged(p, dog, ticks):
 @inner
 def await_frame(p, g, tick):
     """Whether a window begins, or goes on, in the block that begins at `tick`."""
-    starts = tick % FRAME_TICKS == 0 and (p.digital or g.s.dog.stale)
-    return g.s.slot != 0 or starts or (not p.digital and g.valid < TICK_CYCLES * (tick + 1))
+    d = p.design
+    starts = tick % d.frame_ticks == 0 and (p.digital or g.s.dog.stale)
+    return g.s.slot != 0 or starts or (not p.digital and g.valid < d.tick_clocks * (tick + 1))
 
 
 @inner
@@ -182,23 +197,23 @@ def play(p, g, tick, n, sar, b):
 
     sar  the two samples of the demodulator. Mutates `b`
     """
-    at = TICK_CYCLES * tick
+    at = p.design.tick_clocks * tick
     s, sid = g.s, g.sid
     window_at = FAR
     if p.digital:
-        if tick % FRAME_TICKS == 0:
+        if tick % p.design.frame_ticks == 0:
             b.sar[0, 0], b.sar[1, 0] = sar[0], sar[1]
             b.refs[0] = g.refs
             sid = demodulate(p, sid, tick, 0, 1, b)
             window_at = at + DUMP_CLOCKS
-    elif g.valid < at + TICK_CYCLES:
+    elif g.valid < at + p.design.tick_clocks:
         window_at = g.valid
     s, known = window.play(p, s, sid, g.channels, g.coming, g.falls, g.ok, g.new_ok, window_at, tick, n, b)
     return s, sid, known
 
 
 @inner
-def before_ticks(p, g, faults, tick, n, sar, drive_codes, sense_codes, b):
+def before_ticks(p, rom, g, faults, tick, n, sar, drive_codes, sense_codes, b):
     """`n` ticks from `tick` on, up to the plant: what is carried, and the number of reference edges.
 
     sar  as for `played`. Mutates both codes (those at the end of each tick) and `b`
@@ -206,11 +221,11 @@ def before_ticks(p, g, faults, tick, n, sar, drive_codes, sense_codes, b):
     s, sid, known = g.s, g.sid, 0
     if await_frame(p, g, tick):
         s, sid, known = play(p, g, tick, n, sar, b)
-    return words_of_ticks(p, g, s, sid, known, faults, tick, n, drive_codes, sense_codes, b)
+    return words_of_ticks(p, rom, g, s, sid, known, faults, tick, n, drive_codes, sense_codes, b)
 
 
 @inner
-def words_of_ticks(p, g, s, sid, known, faults, tick, n, drive_codes, sense_codes, b):
+def words_of_ticks(p, rom, g, s, sid, known, faults, tick, n, drive_codes, sense_codes, b):
     """The second half of `ahead`: what the pins show, of the 8 kHz side `s`, whose first `known` ticks are in `b`."""
     amplitude, rate = control.amplitude(p.control, s.control), s.control.rate_loop.loop.y
     init = sequencer.outputs(s.control.sequencer).dac_init
@@ -221,7 +236,7 @@ def words_of_ticks(p, g, s, sid, known, faults, tick, n, drive_codes, sense_code
             b.rate[k] = rate
             b.control_load[HISTORY + k] = init
     s = s._replace(dog=_aged(p.watchdog, s.dog, n - known), quadrature=_loaded(p, s, tick, known, n))
-    pins.dac_codes(p, s.bank, s.turn, tick, n, b)
+    pins.dac_codes(p, rom, s.bank, s.turn, tick, n, b)
     mixed = known > 0 or init == 1
     enabled, staged = pins.words_of_ticks(p, drive_codes, sense_codes, n, g.enabled, g.staged, mixed, b)
     drive_code, sense_code = drive_codes[n - 1], sense_codes[n - 1]
@@ -229,25 +244,25 @@ def words_of_ticks(p, g, s, sid, known, faults, tick, n, drive_codes, sense_code
         for k in range(n):
             drive_codes[k] = faults.dac_code[0] if faults.dac[0] else drive_codes[k]
             sense_codes[k] = faults.dac_code[1] if faults.dac[1] else sense_codes[k]
-    count, refs = pins.reference_edges(p.references, s.turn, s.bank, tick, tick + n, g.refs, b)
+    count, refs = pins.reference_edges(p.design, p.references, s.turn, s.bank, tick, tick + n, g.refs, b)
     pins_now = g._replace(refs=refs, enabled=enabled, staged=staged, drive_code=drive_code, sense_code=sense_code)
     return pins_now._replace(sid=sid, s=s), count
 
 
 @inner
-def after_ticks(g, faults, clock, tick, until, fell, sid):
+def after_ticks(d, g, faults, clock, tick, until, fell, sid):
     """After the plant's ticks up to `until`: the frame that was read, DRDY of this block, and of the tick after it.
 
     clock  of the ADC; fell  what the plant's block returned; sid  the FPGA's own demodulator by now
     """
-    at = TICK_CYCLES * tick
-    if g.valid < TICK_CYCLES * until:
+    at, span = d.tick_clocks * tick, d.tick_clocks * (until - tick)
+    if g.valid < at + span:
         g = g._replace(channels=g.coming, ok=g.new_ok, read=1, falls=FAR, valid=FAR)
     fallen = g.drdy_cycle >= 0
     fell_at = at + g.drdy_cycle
     drdy_cycle = -1
-    if fell >= TICK_CYCLES * (until - tick):
-        drdy_cycle = fell - TICK_CYCLES * (until - tick)
+    if fell >= span:
+        drdy_cycle = fell - span
     elif fell >= 0:
         fallen = True
         fell_at = at + fell
@@ -256,6 +271,6 @@ def after_ticks(g, faults, clock, tick, until, fell, sid):
         coming = engine.sent_codes(faults, clock, g.coming[:5])
         g = g._replace(falls=fell_at, valid=fell_at + VALID_CLOCKS, coming=coming, new_ok=new_ok)
     turn = g.s.turn
-    if TICK_CYCLES * until - turn.clock > 64:
-        turn = steady(turn, TICK_CYCLES * until)
+    if at + span - turn.clock > 64:
+        turn = steady(turn, at + span)
     return g._replace(sid=sid, s=g.s._replace(turn=turn), drdy_cycle=drdy_cycle)

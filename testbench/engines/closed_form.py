@@ -77,7 +77,7 @@ def scale_rate(p, s):
 
 
 @inner
-def close_loops(p, s, i, bank):
+def close_loops(d, p, s, i, bank):
     """Control at rest after SLOT_LOOPS .. SLOT_ROOT, and the frequency word after SLOT_PI."""
     o = sequencer.outputs(s.sequencer)
     amplitude = bank.amplitude_fixed if o.fix_drive else 0
@@ -90,6 +90,7 @@ def close_loops(p, s, i, bank):
     for at_loops, at_pi in ((1, 0), (0, 1), (0, 0)):
         a = agc.step(p.agc, a, at_loops, at_pi, o.agc_mode, magnitude, setpoint, amplitude)
         f = frequency_tracker.step(
+            d,
             p.frequency_tracker,
             f,
             at_loops,
@@ -104,7 +105,7 @@ def close_loops(p, s, i, bank):
         word = f.word if at_pi else word
         r = rate_loop.step(p.rate_loop, r, at_loops, at_pi, o.ftr_mode, i.sense_sin, rate)
         q = quadrature_loop.step(p.quadrature_loop, q, at_loops, at_pi, 0, o.qsc_mode, i.sense_cos, quadrature)
-    f = frequency_tracker.step(p.frequency_tracker, f, 0, 0, o.pll_mode, 0, o.load, o.adjust, 0, 0)
+    f = frequency_tracker.step(d, p.frequency_tracker, f, 0, 0, o.pll_mode, 0, o.load, o.adjust, 0, 0)
     q = quadrature_loop.step(p.quadrature_loop, q, 0, 0, 1, o.qsc_mode, 0, 0)
     out = rate_output.step(control.output_params(bank), s.rate_output, 1, r.loop.y, i.temperature)
     return s._replace(agc=a, frequency_tracker=f, rate_loop=r, quadrature_loop=q, rate_output=out), word

@@ -19,14 +19,12 @@ import numpy as np
 from analog_frontend import tick as plant_tick
 from analog_frontend import top as plant
 from analog_frontend.parts import adc, adc_serial, dac_serial
-from fpga_model import references
+from fpga_model import dds, references
 from fpga_model import top as fpga
-from fpga_model.fixed import Fmt, bits, clamp, signed, wrap
+from fpga_model.fixed import bits, clamp, signed, wrap
 from fpga_model.jit import hot, inner, outlined
-from fpga_model.rates import FRAME_TICKS, TICK_CYCLES
 from testbench.flatten import store
 
-PHASE = Fmt(0, 0, 48)
 MAX_EDGES = plant.MAX_EDGES
 CODES = adc.CODES
 WORD_BITS = 24
@@ -45,10 +43,11 @@ class Chips(NamedTuple):
 
 
 class Params(NamedTuple):
-    """Firmware and plant; the chips' own parameters are those of the real parts."""
+    """Firmware, plant and the firmware's table of the sine; the chips' own parameters are those of the real parts."""
 
     fpga: fpga.Params
     plant: plant.Params
+    rom: np.ndarray
 
 
 class State(NamedTuple):
@@ -88,7 +87,7 @@ FRAME_COLUMNS = (
     ("adc_sense_sin", "code", signed(24)),
     ("adc_sense_cos", "code", signed(24)),
     ("adc_temperature", "code", signed(24)),
-    ("frequency_word", "turn/2^48", PHASE),
+    ("frequency_word", "turn/2^{dds_bits}", dds.PHASE),
     ("amplitude_word", "10 V/2^23", signed(24)),
     ("rate_word", "10 V/2^23", signed(24)),
     ("quadrature_code", "5.5 V/2^16", bits(16)),
@@ -186,7 +185,8 @@ def reset(params, temp_degc):
         dac_serial.reset(dac_serial.DAC82002),
         adc_serial.State(),
     )
-    return State(fpga.State(), chips, plant.reset(params.plant, chips.drive.code, chips.sense.code, temp_degc), 0, -1)
+    rest = plant.reset(params.plant, chips.drive.code, chips.sense.code, temp_degc)
+    return State(fpga.reset(params.fpga.design), chips, rest, 0, -1)
 
 
 @inner
@@ -317,8 +317,9 @@ def run(p, s, ticks, rate_rad_s, temp_degc, host, faults, o):
 @inner
 def begin_frame(p, f, chips, a, chunk, tick):
     """A frame begins: the plant's matrix for it, and a row of both streams. Mutates `a` and the streams."""
-    n = tick // FRAME_TICKS - chunk.begin // FRAME_TICKS
-    row = n if chunk.begin % FRAME_TICKS == 0 else n - 1
+    frame_ticks = p.fpga.design.frame_ticks
+    n = tick // frame_ticks - chunk.begin // frame_ticks
+    row = n if chunk.begin % frame_ticks == 0 else n - 1
     rate_rad_s, temp_degc, o = chunk.rate_rad_s[n], chunk.temp_degc[n], chunk.o
     v_q = chunk.faults.dac_code[2] if chunk.faults.dac[2] else chips.quadrature.code
     plant_tick.retune(p.plant, a, rate_rad_s, v_q, temp_degc)
@@ -405,10 +406,11 @@ def run_ticks(p, f, chips, a, chunk, first, end, drdy_cycle, closed):
     closed  0: firmware and chips alone, nothing recorded, no plant
     """
     begin, faults, o, edges = chunk.begin, chunk.faults, chunk.o, chunk.edges
+    clocks, frame_ticks = p.fpga.design.tick_clocks, p.fpga.design.frame_ticks
     refs = references.pins(p.fpga.references, f.references)
     for tick in range(first, end):
         k = tick - begin
-        if tick % FRAME_TICKS == 0 and closed:
+        if tick % frame_ticks == 0 and closed:
             begin_frame(p, f, chips, a, chunk, tick)
         # the aperture is the tick's first instant; the codes arrive a tick later
         sample_x, sample_y = a.sar[0], a.sar[1]
@@ -420,8 +422,8 @@ def run_ticks(p, f, chips, a, chunk, first, end, drdy_cycle, closed):
             _probe(o, k, f, a)
         codes = sent_codes(faults, a.adc.clock, codes_before(chips))
         drive_cycle, sense_cycle, edge_count = -1, -1, 0
-        for c in range(TICK_CYCLES):
-            at = k * TICK_CYCLES + c
+        for c in range(clocks):
+            at = k * clocks + c
             if at < o.registers.shape[0] and closed:
                 store(o.registers[at], f)
                 _record_pins(o.pins[at], p.fpga, f, chips)
@@ -429,6 +431,7 @@ def run_ticks(p, f, chips, a, chunk, first, end, drdy_cycle, closed):
             theta = f.dds.phase
             f = fpga.step(
                 p.fpga,
+                p.rom,
                 f,
                 fpga.Inputs(
                     chips.adc.drdy_n, adc_serial.dout(chips.adc), sample_x, sample_y, host, chunk.address, chunk.data

@@ -17,7 +17,6 @@ from analog_frontend.parts import adc_serial
 from fpga_model import digital_sid, rates, references, spi_adc, watchdog
 from fpga_model import top as fpga
 from fpga_model.jit import inner, outlined
-from fpga_model.rates import FRAME_TICKS, TICK_CYCLES
 from testbench.engines import engine
 from testbench.engines.turn import phase_at
 
@@ -26,7 +25,7 @@ CHANNEL_MASK = spi_adc.WORD_MASK
 
 
 @outlined
-def rebuilt(f, chips, s, sid, enabled, staged, tick, read, codes, status):
+def rebuilt(d, f, chips, s, sid, enabled, staged, tick, read, codes, status):
     """Firmware and chips of a quiet `tick` from what the blocks carry; registers of a short memory are those of `f`."""
     ok = 1 if status >> spi_adc.HEAD_SHIFT == spi_adc.HEAD else 0
     master, chip = f.adc, chips.adc
@@ -37,8 +36,8 @@ def rebuilt(f, chips, s, sid, enabled, staged, tick, read, codes, status):
         chip = adc_serial.State(1, 0, 1, 0, 0, 0, 0, 0, sent, sent)
     sense = chips.sense._replace(staged=staged, latch=staged, enabled=enabled)
     f = f._replace(
-        rates=rates.State(0, tick % FRAME_TICKS, 0),
-        dds=f.dds._replace(phase=phase_at(s.turn, TICK_CYCLES * tick)),
+        rates=rates.State(0, tick % d.frame_ticks, 0),
+        dds=f.dds._replace(phase=phase_at(s.turn, d.tick_clocks * tick)),
         adc=master,
         sid=sid,
         watchdog=s.dog,

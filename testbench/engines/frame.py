@@ -23,7 +23,6 @@ from analog_frontend import linear
 from analog_frontend import top as plant
 from fpga_model import spi_dac
 from fpga_model.jit import hot, inner, outlined, unit
-from fpga_model.rates import FRAME_TICKS, TICK_CYCLES
 from testbench.engines import engine
 from testbench.engines.block_state import (
     after_ticks,
@@ -38,35 +37,45 @@ from testbench.engines.block_state import (
 )
 from testbench.engines.flush import CHANNEL_MASK, FLUSH, Arrival, arrive, complete, rebuilt
 from testbench.engines.pins import buffers
-from testbench.engines.turn import WORD_LIMIT, phase_at, word_at
-from testbench.engines.window import LAST_ODD_TICK
+from testbench.engines.turn import phase_at, word_at, word_limit
+from testbench.engines.window import last_load_tick
 
 SETTLED_TICKS = 8  # before this tick after power-on the DACs have not had two frames
 SHORTEST = 3 * FLUSH
 # typed: Numba compiles a function anew for every constant that it is called with
 ZERO, ONE = np.int64(0), np.int64(1)
-DRIVE_CLOCK = np.int64(spi_dac.LOAD_TICK + spi_dac.latch_cycles(spi_dac.DAC8811))
-SENSE_CLOCK = np.int64(spi_dac.LOAD_TICK + spi_dac.latch_cycles(spi_dac.AD5791) - TICK_CYCLES)
-assert 0 < DRIVE_CLOCK < TICK_CYCLES, "the drive DAC follows in the tick of its load"
-assert 0 <= SENSE_CLOCK < TICK_CYCLES, "the sense DAC follows in the tick after its load"
 
 
 @inner
-def _quiet(f, chips, tick):
+def dac_clocks(f):
+    """Clocks of a tick at which the outputs of the drive and the sense DAC are told to change; `f`: fpga.Params."""
+    clocks = f.design.tick_clocks
+    drive, sense = spi_dac.latch_cycles(f.drive_dac), spi_dac.latch_cycles(f.sense_dac)
+    return (spi_dac.LOAD_TICK + drive) % clocks, (spi_dac.LOAD_TICK + sense) % clocks
+
+
+@inner
+def _quiet(p, f, chips, tick):
     """1 when nothing is in flight that the blocks do not know."""
-    word = f.control.frequency_tracker.word
+    d, word = p.design, f.control.frequency_tracker.word
     calm = f.rates.slot == 0 and f.adc.busy == 0 and f.adc.valid == 0 and f.adc.meta == 1 and f.adc.sync == 1
     calm = calm and f.adc.seen == 1 and chips.adc.drdy_n == 1 and chips.adc.pulse == 0
     # V_q's last load of a frame may have gone out before the root was done, if a window has just ended
-    calm = calm and f.sid.stage == 0 and f.sid.valid == 0 and tick % FRAME_TICKS != LAST_ODD_TICK + 1
-    return calm and tick >= SETTLED_TICKS and 0 < word < WORD_LIMIT
+    calm = (
+        calm
+        and f.sid.stage == 0
+        and f.sid.valid == 0
+        and tick % d.frame_ticks != (last_load_tick(p) + 1) % d.frame_ticks
+    )
+    return calm and tick >= SETTLED_TICKS and 0 < word < word_limit(d.dds_bits)
 
 
 @inner
 def _frame(p, a, chunk, tick, g):
     """A frame begins: the plant's matrix for it, and a row of both streams. Mutates `a` and the streams."""
-    n = tick // FRAME_TICKS - chunk.begin // FRAME_TICKS
-    row = n if chunk.begin % FRAME_TICKS == 0 else n - 1
+    frame_ticks = p.fpga.design.frame_ticks
+    n = tick // frame_ticks - chunk.begin // frame_ticks
+    row = n if chunk.begin % frame_ticks == 0 else n - 1
     rate_rad_s, temp_degc = chunk.rate_rad_s[n], chunk.temp_degc[n]
     v_q = chunk.faults.dac_code[2] if chunk.faults.dac[2] else g.s.quadrature
     plant.retune(p.plant, a, rate_rad_s, v_q, temp_degc)
@@ -88,14 +97,14 @@ def _frame(p, a, chunk, tick, g):
 
 
 @outlined
-def _sampled(p, a, faults, count, n, refs, b):
+def _sampled(d, p, a, faults, count, n, refs, b):
     """Samples and reference pins of the block's ticks, for the FPGA's own demodulator. Mutates `a` and `b`."""
     w = a.work.w
     x, y, drive = linear.CX3 * linear.STRIDE, linear.CY3 * linear.STRIDE, linear.D3 * linear.STRIDE
     b.sar[0, 0], b.sar[1, 0] = a.sar[0], a.sar[1]
     k = 0
     for t in range(n):
-        while k < count and b.edges[k, 0] < TICK_CYCLES * t:
+        while k < count and b.edges[k, 0] < d.tick_clocks * t:
             refs = refs ^ (1 << b.edges[k, 1])
             k += 1
         b.refs[t] = refs
@@ -107,15 +116,15 @@ def _sampled(p, a, faults, count, n, refs, b):
 
 
 @outlined
-def _probe(o, first, n, turn, a, tick, b, count, refs):
+def _probe(d, o, first, n, turn, a, tick, b, count, refs):
     """Rows of the phase meter for a block whose first tick is row `first`."""
     w, stride = a.work.w, linear.STRIDE
     for t in range(n):
         if first + t >= o.probe_ints.shape[0]:
             break
         ints, values = o.probe_ints[first + t], o.probe_floats[first + t]
-        ints[0] = phase_at(turn, TICK_CYCLES * (tick + t))
-        ints[1] = word_at(turn, TICK_CYCLES * (tick + t))
+        ints[0] = phase_at(turn, d.tick_clocks * (tick + t))
+        ints[1] = word_at(turn, d.tick_clocks * (tick + t))
         ints[2] = a.work.drive_codes[t]
         ints[3] = a.work.sense_codes[t]
         for k in range(6):
@@ -131,10 +140,10 @@ def _probe(o, first, n, turn, a, tick, b, count, refs):
     for k in range(count):
         clock, which = b.edges[k, 0], b.edges[k, 1]
         refs = refs ^ (1 << which)
-        inside = first + clock // TICK_CYCLES < o.probe_ints.shape[0]
+        inside = first + clock // d.tick_clocks < o.probe_ints.shape[0]
         if inside and o.edge_count[0] < o.edges.shape[0]:
             row = o.edges[o.edge_count[0]]
-            row[0] = phase_at(turn, TICK_CYCLES * tick + clock)
+            row[0] = phase_at(turn, d.tick_clocks * tick + clock)
             row[1] = which
             row[2] = (refs >> which) & 1
             o.edge_count[0] += 1
@@ -146,21 +155,22 @@ def onward(p, a, chunk, g, tick, end, limit, b):
 
     Mutates `a`, `b` and the streams.
     """
-    faults, o = chunk.faults, chunk.o
+    faults, o, d = chunk.faults, chunk.o, p.fpga.design
+    drive_clock, sense_clock = dac_clocks(p.fpga)
     while tick < limit:
-        until = min(ticks_to_event(p.plant.adc, a.adc.clock, faults.silent, g, tick, end), limit)
+        until = min(ticks_to_event(d, p.plant.adc, a.adc.clock, faults.silent, g, tick, end), limit)
         if until == tick:
             break
         n = until - tick
-        if tick % FRAME_TICKS == 0:
+        if tick % d.frame_ticks == 0:
             _frame(p, a, chunk, tick, g)
         refs = g.refs
-        g, count = before_ticks(p.fpga, g, faults, tick, n, a.sar, a.work.drive_codes, a.work.sense_codes, b)
-        fell = plant.block(p.plant, a, tick, n, DRIVE_CLOCK, SENSE_CLOCK, count, b.edges)
+        g, count = before_ticks(p.fpga, p.rom, g, faults, tick, n, a.sar, a.work.drive_codes, a.work.sense_codes, b)
+        fell = plant.block(p.plant, a, tick, n, drive_clock, sense_clock, count, b.edges)
         # streams
         row = tick - chunk.begin
         if row < o.probe_ints.shape[0]:
-            _probe(o, row, n, g.s.turn, a, tick, b, count, refs)
+            _probe(d, o, row, n, g.s.turn, a, tick, b, count, refs)
         for k in range(n):
             if row + k < o.drive_code.shape[0]:
                 o.drive_code[row + k] = a.work.drive_codes[k]
@@ -168,9 +178,9 @@ def onward(p, a, chunk, g, tick, end, limit, b):
         o.peak_x[0] = max(o.peak_x[0], linear.largest(a.work.w, n, linear.X))
         sid = g.sid
         if p.fpga.digital:
-            _sampled(p.plant, a, faults, count, n, refs, b)
-            sid = demodulate(p.fpga, sid, tick, 1 if tick % FRAME_TICKS == 0 else 0, n, b)
-        g = after_ticks(g, faults, a.adc.clock, tick, until, fell, sid)
+            _sampled(d, p.plant, a, faults, count, n, refs, b)
+            sid = demodulate(p.fpga, sid, tick, 1 if tick % d.frame_ticks == 0 else 0, n, b)
+        g = after_ticks(d, g, faults, a.adc.clock, tick, until, fell, sid)
         tick = until
     return g, tick
 
@@ -191,15 +201,15 @@ def blocks(p, f, chips, a, chunk, tick, end, drdy_cycle, b):
     """From a quiet `tick` to the last quiet one before `end`. Mutates `a` and the streams."""
     g = begin(p, f, chips, a, chunk.faults, tick, drdy_cycle, b)
     g, tick = onward(p, a, chunk, g, tick, end, end, b)
-    return put_down(f, chips, g, tick, chunk.faults.status)
+    return put_down(p.fpga.design, f, chips, g, tick, chunk.faults.status)
 
 
 @inner
-def put_down(f, chips, g, tick, status):
+def put_down(d, f, chips, g, tick, status):
     """Where blocks end: firmware and chips FLUSH ticks before `tick`, and what they must have come to by then."""
     status = status & CHANNEL_MASK
-    phase = phase_at(g.s.turn, TICK_CYCLES * tick)
-    f, chips = rebuilt(f, chips, g.s, g.sid, g.enabled, g.staged, tick - FLUSH, g.read, g.channels, status)
+    phase = phase_at(g.s.turn, d.tick_clocks * tick)
+    f, chips = rebuilt(d, f, chips, g.s, g.sid, g.enabled, g.staged, tick - FLUSH, g.read, g.channels, status)
     return Arrival(tick, g.drdy_cycle, f, chips, g.sid, g.s.dog, phase, g.refs, g.drive_code, g.sense_code)
 
 
@@ -209,7 +219,7 @@ def enter(p, f, chips, a, chunk, end, drdy_cycle):
 
     Returns firmware, chips, clock of DRDY, and that tick.
     """
-    first, until = chunk.begin, chunk.begin
+    d, first, until = p.fpga.design, chunk.begin, chunk.begin
     if chunk.o.registers.shape[0] > 0:
         until = end
     while True:
@@ -217,9 +227,9 @@ def enter(p, f, chips, a, chunk, end, drdy_cycle):
         if until == end:
             return f, chips, drdy_cycle, until
         # two ticks at least: what a window did in the tick before the chunk has then been seen by the DACs
-        if until >= chunk.begin + 2 and _quiet(f, chips, until):
-            ready = ready_clock(p.plant.adc, a.adc.clock, chunk.faults.silent, drdy_cycle, until)
-            if last_quiet(end, ready) - until >= SHORTEST:
+        if until >= chunk.begin + 2 and _quiet(p.fpga, f, chips, until):
+            ready = ready_clock(d, p.plant.adc, a.adc.clock, chunk.faults.silent, drdy_cycle, until)
+            if last_quiet(d, end, ready) - until >= SHORTEST:
                 return f, chips, drdy_cycle, until
             first, until = until, end
         else:

@@ -26,7 +26,6 @@ from analog_frontend.parts import adc, dac, propagator, sid
 from fpga_model import control, digital_sid, registers, watchdog
 from fpga_model import top as fpga
 from fpga_model.jit import hot, inlined, outlined
-from fpga_model.rates import FRAME_TICKS
 from testbench.engines import engine, pins
 from testbench.engines.block_state import (
     BlockState,
@@ -40,7 +39,7 @@ from testbench.engines.block_state import (
     words_of_ticks,
 )
 from testbench.engines.frame import enter, leave, put_down
-from testbench.engines.turn import Turn
+from testbench.engines.turn import still
 from testbench.engines.window import HISTORY, Window
 from testbench.flatten import leaves
 from testbench.flatten import store as store_row
@@ -78,10 +77,12 @@ class Together(NamedTuple):
     code_ticks: np.ndarray  # (8,) length of the first two
     rows: np.ndarray  # (8,) length of the others
     peak_x: np.ndarray  # (8,)
+    frame_ticks: int
+    rom: np.ndarray
 
 
 def _carried():
-    s = Window(control.State(), registers.State(), watchdog.State(), Turn(0, 0, 0, 0, 0, 0), 0, 0)
+    s = Window(control.State(), registers.State(), watchdog.State(), still(0, 0, 0, 0), 0, 0)
     eight_zeros = (0,) * 8
     return BlockState(digital_sid.State(), s, 0, 0, 0, 0, 0, 0, 0, eight_zeros, eight_zeros, 0, 0, 0, 0)
 
@@ -189,14 +190,14 @@ def _combined(floats, ints):
 
 
 @outlined
-def _laws(floats, ints, tick):
+def _laws(floats, ints, tick, frame_ticks):
     """What the laws of all eight come to in the frame of `tick`. Mutates them."""
     v, q = side_by_side.opened(floats, ints), opened(floats, ints)
     for k in range(LANES):
         force, cv = v.law_counts[k, 0], v.law_counts[k, 1]
         if force or cv:
             rate, temp = q.now[RATE * LANES + k], q.now[TEMP * LANES + k]
-            t_s = (tick // FRAME_TICKS) * FRAME_TICKS * v.h_s[k]
+            t_s = (tick // frame_ticks) * frame_ticks * v.h_s[k]
             table, numbers = v.law_tables[k], v.law_numbers[k]
             law.gains(force, cv, v.law_temps[k], table, numbers, rate, temp, t_s, v.law_gains[k])
 
@@ -207,11 +208,11 @@ def _framed(part, parts_i, parts_f, floats, ints, c, k, tick):
     v, q = side_by_side.opened(floats, ints), opened(floats, ints)
     p, g = taken(part, parts_i[k], parts_f[k]), taken(BLOCK_STATE, q.block_states[k], parts_f[k])
     faults = taken(FAULTS, q.faults[k], parts_f[k])
-    n = tick // FRAME_TICKS - c.begin // FRAME_TICKS
+    n = tick // c.frame_ticks - c.begin // c.frame_ticks
     rate_rad_s, temp_degc = c.rate_rad_s[k, n], c.temp_degc[k, n]
     v_q = faults.dac_code[2] if faults.dac[2] else g.s.quadrature
     changed = _tuned(c, floats, ints, p, k, rate_rad_s, v_q, temp_degc)
-    row = n if c.begin % FRAME_TICKS == 0 else n - 1
+    row = n if c.begin % c.frame_ticks == 0 else n - 1
     if row < c.rows[k]:
         z = q.z[k]
         for i in range(plant.X, plant.VY + 1):
@@ -304,7 +305,7 @@ def _nearest(part, parts_i, parts_f, floats, ints, tick):
             p = taken(part, parts_i[k], parts_f[k])
             g = taken(BLOCK_STATE, q.block_states[k], parts_f[k])
             faults = taken(FAULTS, q.faults[k], parts_f[k])
-            found = ticks_to_event(p.adc, a.clock[k], faults.silent, g, tick, q.ends[k])
+            found = ticks_to_event(p.fpga.design, p.adc, a.clock[k], faults.silent, g, tick, q.ends[k])
             if found == tick:
                 q.left[k] = tick
             else:
@@ -325,7 +326,7 @@ def _play(part, parts_i, parts_f, floats, ints, k, tick, n):
 
 
 @outlined
-def _write_words(part, parts_i, parts_f, floats, ints, k, tick, n):
+def _write_words(part, parts_i, parts_f, floats, ints, c, k, tick, n):
     """One gyroscope's codes and edges for a block of `n` ticks. Mutates both arrays."""
     v, q = side_by_side.opened(floats, ints), opened(floats, ints)
     p = taken(part, parts_i[k], parts_f[k])
@@ -333,7 +334,7 @@ def _write_words(part, parts_i, parts_f, floats, ints, k, tick, n):
     faults = taken(FAULTS, q.faults[k], parts_f[k])
     drive_codes, sense_codes = q.drive_codes[k], q.sense_codes[k]
     b = _buffers(q, v, k)
-    g, count = words_of_ticks(p.fpga, g, g.s, g.sid, q.known[k], faults, tick, n, drive_codes, sense_codes, b)
+    g, count = words_of_ticks(p.fpga, c.rom, g, g.s, g.sid, q.known[k], faults, tick, n, drive_codes, sense_codes, b)
     store_row(q.block_states[k, HEAD:], (g.s[2:], g[2:]))
     v.edge_counts[k] = count
     _put(v, q, k, DRIVE, p.drive_dac, v.carry[k] == 1.0, drive_codes, n)
@@ -367,7 +368,8 @@ def _hear(part, parts_i, parts_f, floats, ints, k, tick, until):
     v, a, q = side_by_side.opened(floats, ints), side_by_side_adc.opened(floats, ints), opened(floats, ints)
     g = taken(BLOCK_STATE, q.block_states[k], parts_f[k])
     faults = taken(FAULTS, q.faults[k], parts_f[k])
-    g = after_ticks(g, faults, a.clock[k], tick, until, a.fell[k], g.sid)
+    d = taken(part, parts_i[k], parts_f[k]).fpga.design
+    g = after_ticks(d, g, faults, a.clock[k], tick, until, a.fell[k], g.sid)
     store_row(q.block_states[k, HEAD:], (g.s[2:], g[2:]))
     if v.flags[side_by_side.GLITCHES]:
         for which in range(2):
@@ -409,7 +411,7 @@ def blocks(part, effect, parts_i, parts_f, floats, ints, c):
             v.edge_counts[k] = 0
             v.active[k] = 1 if q.entered[k] <= tick and q.left[k] < 0 else 0
             if v.active[k]:
-                if tick % FRAME_TICKS == 0:
+                if tick % c.frame_ticks == 0:
                     changed += _framed(part, parts_i, parts_f, floats, ints, c, k, tick)
                 _play(part, parts_i, parts_f, floats, ints, k, tick, n)
                 busy += 1
@@ -418,12 +420,12 @@ def blocks(part, effect, parts_i, parts_f, floats, ints, c):
                 c.peak_x[k] = v.peak[k]
         for k in range(LANES):
             if v.active[k]:
-                _write_words(part, parts_i, parts_f, floats, ints, k, tick, n)
+                _write_words(part, parts_i, parts_f, floats, ints, c, k, tick, n)
                 _kept(c, floats, ints, k, tick - c.begin, n)
         if changed:
             _combined(floats, ints)
-        if v.flags[side_by_side.LAWS] and (changed or tick % FRAME_TICKS == 0):
-            _laws(floats, ints, tick)
+        if v.flags[side_by_side.LAWS] and (changed or tick % c.frame_ticks == 0):
+            _laws(floats, ints, tick, c.frame_ticks)
         if busy:
             side_by_side_top.block(effect, floats, ints, tick, n)
             _converted(part, parts_i, parts_f, floats, ints, n)
@@ -448,4 +450,4 @@ def leave_lane(p, f, chips, a, chunk, end, row, tick, now):
     """From the end of the blocks to that of the chunk. `now`: rate, stiffness and temperature of the present frame."""
     plant.tune(p.plant, a, now[RATE], now[STIFFNESS], now[TEMP])
     g = taken(BLOCK_STATE, row, now)
-    return leave(p, put_down(f, chips, g, tick, chunk.faults.status), a, chunk, end)
+    return leave(p, put_down(p.fpga.design, f, chips, g, tick, chunk.faults.status), a, chunk, end)

@@ -26,10 +26,9 @@ from analog_frontend.numeric import arena
 from analog_frontend.numeric.records import Kind, split
 from analog_frontend.numeric.vector import LANES
 from analog_frontend.parts import dac, propagator
-from fpga_model.rates import FRAME_TICKS
 from testbench import interrupts
 from testbench.engines import engine, lane_group, pins
-from testbench.engines.frame import DRIVE_CLOCK, SENSE_CLOCK
+from testbench.engines.frame import dac_clocks
 from testbench.engines.lane_group import FAR, Part, Together, blocks, enter_lane, leave_lane
 from testbench.errors import ConfigError
 
@@ -37,13 +36,14 @@ CHUNK_TICKS = 1_000_000
 STREAMS = ("drive_code", "sense_code", "frames", "truth")
 
 
-def _column(tables, row, out):
+def _column(tables, clocks, row, out):
     """Jets (knots, 6) of one entry of G at the clocks of the DACs."""
+    drive_clock, sense_clock = clocks
     clocked = {
-        propagator.DU_DRIVE: (tables.drive_step, DRIVE_CLOCK),
-        propagator.DU_SENSE: (tables.sense_step, SENSE_CLOCK),
-        propagator.JIT_DRIVE: (tables.drive_jitter, DRIVE_CLOCK),
-        propagator.JIT_SENSE: (tables.sense_jitter, SENSE_CLOCK),
+        propagator.DU_DRIVE: (tables.drive_step, drive_clock),
+        propagator.DU_SENSE: (tables.sense_step, sense_clock),
+        propagator.JIT_DRIVE: (tables.drive_jitter, drive_clock),
+        propagator.JIT_SENSE: (tables.sense_jitter, sense_clock),
     }
     if row in clocked:
         table, clock = clocked[row]
@@ -51,11 +51,11 @@ def _column(tables, row, out):
     return tables.g_jet[:, :, row, out]
 
 
-def _tables(p):
-    """(moving, still, knots) of a plant, as in Group without its first axis."""
+def _tables(p, clocks):
+    """(moving, still, knots) of a plant, as in Group without its first axis; `clocks` of its DACs."""
     t = p.tables
-    moving = np.stack([_column(t, *entry) for entry in MOVING], axis=-1)
-    still = np.stack([_column(t, *entry) for entry in ENTRIES], axis=-1)
+    moving = np.stack([_column(t, clocks, *entry) for entry in MOVING], axis=-1)
+    still = np.stack([_column(t, clocks, *entry) for entry in ENTRIES], axis=-1)
     if still[:, 1:].any():
         raise RuntimeError("an entry of a chain follows the rate: lanes would not")
     still = np.concatenate([still[:, 0], t.pickoff.reshape(len(t.pickoff), -1)], axis=1)
@@ -97,7 +97,9 @@ def _alone(params):
 
 def kind(params):
     """What gyroscopes must have in common to stand side by side: the types of their parts; None for one that cannot."""
-    return None if _alone(params) else _types((_part(params), params.plant.effects))
+    if _alone(params):
+        return None
+    return _types((_part(params), params.plant.effects)), params.fpga.design, dac_clocks(params.fpga)
 
 
 def _types(item):
@@ -117,10 +119,13 @@ class Engine:
             raise ConfigError('lanes: firmware.board = "digital_sid" is run by the frame engine only')
         if any(_alone(p) for p in params):
             raise ConfigError("lanes: levels of a DAC and errors of the converter are run by the frame engine only")
+        self.design, self.clocks = params[0].fpga.design, dac_clocks(params[0].fpga)
+        if any(p.fpga.design != self.design or dac_clocks(p.fpga) != self.clocks for p in params):
+            raise ConfigError("lanes: gyroscopes side by side need the same [design]")
         self.params = params
         self.part, self.effect = Kind(_part(params[0])), Kind(params[0].plant.effects)
         self.parts_i, self.parts_f = _rows([_part(p) for p in params])
-        tables = zip(*(_tables(p.plant) for p in params))
+        tables = zip(*(_tables(p.plant, self.clocks) for p in params))
         self.tables = [_padded(table) for table in tables]
         self.floats, self.ints = arena.room(lane_group.AT.sizes)
         self.v = arena.views(side_by_side.SideBySide, side_by_side.AT, self.floats, self.ints)
@@ -128,6 +133,7 @@ class Engine:
         self.a = arena.views(side_by_side_adc.Converters, side_by_side_adc.AT, self.floats, self.ints)
         side_by_side_adc.fill(self.a, [p.plant.adc for p in params])
         self.v.effects_i[:], self.v.effects_f[:] = _rows([p.plant.effects for p in params])
+        self.v.clocks[0] = self.design.tick_clocks
         for k, p in enumerate(params):
             self._constants(k, p.plant)
 
@@ -153,7 +159,7 @@ class Engine:
         v.law_counts[k] = p.laws.force, p.laws.cv
         v.law_tables[k], v.law_numbers[k], v.law_temps[k] = p.laws.table, p.laws.numbers, p.laws.temp_ref_degc
         v.flags[side_by_side.BOWS] |= p.drive_dac.bow != 0.0 or p.sense_dac.bow != 0.0
-        carries = (p.tables.drive_carry[0, DRIVE_CLOCK], p.tables.sense_carry[0, SENSE_CLOCK])
+        carries = (p.tables.drive_carry[0, self.clocks[0]], p.tables.sense_carry[0, self.clocks[1]])
         for which, (part, carry) in enumerate(zip((p.drive_dac, p.sense_dac), carries)):
             numbers = (part.lsb_v, part.offset_v, part.bow, part.full_code, 1.0 / part.full_code)
             for i, number in enumerate(numbers):
@@ -165,7 +171,8 @@ class Engine:
         v.sid_numbers[k] = p.sid[: side_by_side.NUMBERS]
         v.sid_inject[k], v.sid_taylor[k] = p.sid.inject, p.sid.taylor
         v.h_s[k], v.r[k], v.taylor[k::LANES] = p.sid.h_s, p.sid.r, p.sid.taylor
-        v.switch_tau_s[k], v.switch_carry[k] = p.switch_tau_s, p.switch_carry
+        clocks = p.adc.tick_clocks
+        v.switch_tau_s[k, :, :clocks], v.switch_carry[k, :, :clocks] = p.switch_tau_s, p.switch_carry
         v.slope_gain[k] = p.slope_gain
 
     def run(self, states, ticks, rate_rad_s, temp_degc, faults, streams):
@@ -200,6 +207,8 @@ class Engine:
             np.array([[getattr(o, name).ctypes.data for name in STREAMS] for o in streams], np.int64),
             *(np.array([len(getattr(o, name)) for o in streams], np.int64) for name in ("drive_code", "frames")),
             np.zeros(LANES),
+            self.design.frame_ticks,
+            self.params[0].rom,
         )
         q.faults[:] = _rows(faults)[0]
         blocks(self.part, self.effect, self.parts_i, self.parts_f, self.floats, self.ints, told)
@@ -242,7 +251,7 @@ class Engine:
         a.z[:], a.caps[:], a.late_area[:] = q.z[k], q.caps[k], q.late_area[k]
         a.late_tau_s[:], a.late_count[:], a.switch[:] = v.late_tau_s[k], v.late_count[k], v.switch[k]
         a.adc.clock[:], a.adc.sums[:] = self.a.clock[k], self.a.own_sums[k]
-        a.cycles[:] = (DRIVE_CLOCK, SENSE_CLOCK)
+        a.cycles[:] = self.clocks
         a.now[:] = np.inf
         for which, part in enumerate((p.drive_dac, p.sense_dac)):
             now, coming = q.acting[k, which].tolist()
@@ -293,7 +302,8 @@ def _advance(engine_, sims, first, ticks, told, progress, stop):
     done = 0
     while done < ticks and not stop.is_set():
         step = min(CHUNK_TICKS, ticks - done)
-        begun = sims[0].tick // FRAME_TICKS - (sims[0].tick - done) // FRAME_TICKS
+        frame_ticks = engine_.design.frame_ticks
+        begun = sims[0].tick // frame_ticks - (sims[0].tick - done) // frame_ticks
         rates, temps, streams = zip(
             *(
                 sim.chunk(step, rate[min(begun, len(rate) - 1) :], temp[min(begun, len(temp) - 1) :])

@@ -11,10 +11,11 @@ from typing import NamedTuple
 from analog_frontend import linear
 from analog_frontend import top as plant
 from analog_frontend.numeric.shapes import int64s, zeros
-from fpga_model import modulator, sine
+from fpga_model import modulator, sine, spi_dac
+from fpga_model.design_record import DEFAULT
+from fpga_model.fixed import wrap_unsigned
 from fpga_model.jit import inner
-from fpga_model.rates import TICK_CYCLES
-from testbench.engines.turn import QUARTER_BITS, TURN_MASK, next_quarter, phase_at
+from testbench.engines.turn import next_quarter, phase_at
 from testbench.engines.window import HISTORY
 
 SINE_CLOCKS = 1 + sine.LATENCY  # from the phase to the sine
@@ -41,27 +42,27 @@ def buffers():
 
 
 @inner
-def reference_edges(p, turn, bank, first, end, refs, b):
+def reference_edges(d, p, turn, bank, first, end, refs, b):
     """Reference edges of the pins in ticks `first` .. `end` - 1 (clocks from the first), and the pins after them."""
-    delay = REFERENCE_CLOCKS + p.align
+    delay, clocks = REFERENCE_CLOCKS + p.align, d.tick_clocks
     retimed = p.retimed
     # what the pins show before the first edge is the phase `delay` clocks before, or before the tick's first edge
-    seen = TICK_CYCLES * (first - 1 if retimed else first) - delay
+    seen = clocks * (first - 1 if retimed else first) - delay
     at_drive = next_quarter(turn, bank.phase_drive_ref, seen)
     at_sense = next_quarter(turn, bank.phase_sense_ref, seen)
     count = 0
-    base, limit = TICK_CYCLES * first, TICK_CYCLES * end
+    base, limit = clocks * first, clocks * end
     while True:
         sense = 1 if at_sense < at_drive else 0
         at = at_sense if sense else at_drive
         offset = bank.phase_sense_ref if sense else bank.phase_drive_ref
         if retimed:
-            edge = (at + delay + TICK_CYCLES - 1) // TICK_CYCLES * TICK_CYCLES
+            edge = (at + delay + clocks - 1) // clocks * clocks
         else:
             edge = at + delay - 1
         if edge >= limit:
             return count, refs
-        quarter = ((phase_at(turn, at) + offset) & TURN_MASK) >> QUARTER_BITS
+        quarter = wrap_unsigned(phase_at(turn, at) + offset, turn.bits) >> (turn.bits - 2)
         which = 2 * sense + (quarter & 1)
         place = count
         if count > 0 and b.edges[count - 1, 0] == edge - base and b.edges[count - 1, 1] > which:
@@ -80,14 +81,23 @@ def reference_edges(p, turn, bank, first, end, refs, b):
 
 
 @inner
-def dac_codes(p, bank, turn, first, n, b):
+def dac_codes(p, rom, bank, turn, first, n, b):
     """Modulator codes of `n` ticks into b.drive and b.sense, after their history. Mutates `b`."""
-    lag = SINE_CLOCKS + p.pipe.depth
+    if sine.standard(p.design):
+        # sizes and table as constants: only then LLVM computes eight ticks at a time
+        _codes(DEFAULT, p, sine.ROM, bank, turn, first, n, b)
+    else:
+        _codes(p.design, p, rom, bank, turn, first, n, b)
+
+
+@inner
+def _codes(d, p, rom, bank, turn, first, n, b):
+    lag, clocks = SINE_CLOCKS + p.pipe.depth, p.design.tick_clocks
     for k in range(n):
-        phase = phase_at(turn, TICK_CYCLES * (first + k) - lag)
-        y = sine.at((phase + bank.phase_drive_sine) & TURN_MASK)
+        phase = phase_at(turn, clocks * (first + k) - lag)
+        y = sine.at(d, rom, wrap_unsigned(phase + bank.phase_drive_sine, d.dds_bits))
         b.drive[HISTORY + k] = modulator.at(p.drive_modulator, b.amplitude[k], y)
-        y = sine.at((phase + bank.phase_sense_sine) & TURN_MASK)
+        y = sine.at(d, rom, wrap_unsigned(phase + bank.phase_sense_sine, d.dds_bits))
         b.sense[HISTORY + k] = modulator.at(p.sense_modulator, b.rate[k], y)
 
 
@@ -95,16 +105,18 @@ def dac_codes(p, bank, turn, first, n, b):
 def words_of_ticks(p, drive_codes, sense_codes, n, enabled, staged, mixed, b):
     """What the DACs put out at the end of each tick; returns the sense DAC's output switch and its data register.
 
-    A code is loaded in its own tick, or `frames` later; the sense DAC follows a tick after its load, and a control word
-    in place of a code only opens it. mixed: there are control words among the loads. Mutates both codes and `b`.
+    A code is loaded in its own tick, or `frames` later; a DAC follows in the tick of its load, or in the next. A
+    control word in place of a code only opens it. mixed: there are control words among the loads. Mutates its arrays.
     """
-    drive, sense = b.drive[HISTORY - p.drive_modulator.frames :], b.sense[HISTORY - 1 - p.sense_modulator.frames :]
+    late = spi_dac.late_ticks(p.design, p.sense_dac)
+    first = HISTORY - p.drive_modulator.frames - spi_dac.late_ticks(p.design, p.drive_dac)
+    drive, sense = b.drive[first:], b.sense[HISTORY - late - p.sense_modulator.frames :]
     for k in range(n):
         drive_codes[k] = drive[k]
         sense_codes[k] = sense[k]
-    if mixed or enabled == 0 or b.control_load[HISTORY - 1] == 1:
+    if mixed or enabled == 0 or b.control_load[HISTORY - 1] * late == 1:
         for k in range(n):
-            if b.control_load[HISTORY + k - 1] == 1:
+            if b.control_load[HISTORY + k - late] == 1:
                 enabled = 1
             else:
                 staged = sense[k]

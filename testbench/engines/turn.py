@@ -7,13 +7,11 @@ Source    docs/architecture.md, docs/blocks/dds.md
 
 from typing import NamedTuple
 
-from fpga_model import dds
-from fpga_model.jit import inner
+from fpga_model.fixed import wrap_unsigned
+from fpga_model.jit import inlined, inner
 
-TURN_MASK = (1 << dds.WIDTH) - 1
-QUARTER_BITS = dds.WIDTH - 2
-QUARTER_MASK = (1 << QUARTER_BITS) - 1
-WORD_LIMIT = 1 << (QUARTER_BITS - 6)  # at most one quarter turn in 64 clocks
+WIDEST = 48  # bits of a turn in the averaged plant
+TURN_MASK = (1 << WIDEST) - 1
 
 
 class Turn(NamedTuple):
@@ -28,6 +26,7 @@ class Turn(NamedTuple):
     old: int
     since: int
     oldest: int
+    bits: int  # of a turn
 
 
 @inner
@@ -39,7 +38,7 @@ def phase_at(turn, clock):
         moved = (clock - turn.clock) * turn.old
     else:
         moved = (turn.since - turn.clock) * turn.old + (clock - turn.since) * turn.oldest
-    return (turn.phase + moved) & TURN_MASK
+    return wrap_unsigned(turn.phase + moved, turn.bits)
 
 
 @inner
@@ -49,9 +48,33 @@ def word_at(turn, clock):
 
 
 @inner
-def steady(turn, clock):
+def widened(d, word):
+    """A phase or frequency word of a design in turns / 2^48."""
+    return word << (WIDEST - d.dds_bits)
+
+
+@inner
+def narrowed(d, word):
+    """The word of a design that a number of turns / 2^48 stands for."""
+    return word >> (WIDEST - d.dds_bits)
+
+
+@inner
+def word_limit(bits):
+    """Words from here on turn by more than a quarter in 64 clocks."""
+    return 1 << (bits - 8)
+
+
+@inlined
+def still(clock, phase, word, bits):
     """A turn without a past, at `clock`."""
-    return Turn(clock, phase_at(turn, clock), turn.word, turn.word, clock, turn.word)
+    return Turn(clock, phase, word, word, clock, word, bits)
+
+
+@inner
+def steady(turn, clock):
+    """The turn from `clock` on, its past forgotten."""
+    return still(clock, phase_at(turn, clock), turn.word, turn.bits)
 
 
 @inner
@@ -59,13 +82,13 @@ def turn_of(turn, clock, word):
     """The word has another value from `clock` on, if it has."""
     if word == turn.word:
         return turn
-    return Turn(clock, phase_at(turn, clock), word, turn.word, turn.clock, turn.old)
+    return Turn(clock, phase_at(turn, clock), word, turn.word, turn.clock, turn.old, turn.bits)
 
 
 @inner
 def _crossing(turn, offset, clock, word):
     """First clock after `clock` that would see another quarter turn at this word."""
-    left = QUARTER_MASK + 1 - ((phase_at(turn, clock) + offset) & QUARTER_MASK)
+    left = (1 << (turn.bits - 2)) - wrap_unsigned(phase_at(turn, clock) + offset, turn.bits - 2)
     return clock + (left + word - 1) // word
 
 

@@ -26,7 +26,7 @@ from fpga_model import (
 )
 from fpga_model.control import SLOT_PI
 from fpga_model.jit import inner, outlined
-from fpga_model.rates import FRAME_CYCLES, FRAME_TICKS, SLOT_ROOT, SLOT_SEQUENCER, SLOTS, TICK_CYCLES
+from fpga_model.rates import SLOT_ROOT, SLOT_SEQUENCER, SLOTS
 from testbench.engines import closed_form, engine
 from testbench.engines.turn import Turn, turn_of
 
@@ -34,10 +34,15 @@ SLOT_WORD = SLOT_PI + 2  # after it the frequency word holds what the loop has f
 VALID_CLOCKS = 1 + spi_adc.READ_CYCLES  # from the clock in which DRDY falls to the one that sees the frame
 WORD_CLOCKS = 2 * spi_adc.WORD_BITS
 FIRST_CHANNEL_CLOCKS = VALID_CLOCKS - spi_adc.CHANNELS * WORD_CLOCKS + WORD_CLOCKS
-LAST_ODD_TICK = FRAME_TICKS - 2  # the last load of V_q that is out when the frame ends
 ZERO, ONE = np.int64(0), np.int64(1)
 NO_HOST = (ZERO, ZERO, ZERO)  # write, address, data
 HISTORY = 3  # places before a block's first tick in the buffers of codes and loads
+
+
+@inner
+def last_load_tick(p):
+    """The tick of a frame behind which no load of V_q is out when the frame ends; fpga.Params."""
+    return p.design.frame_ticks - 1 - spi_dac.late_ticks(p.design, p.quadrature_dac)
 
 
 @inner
@@ -83,16 +88,16 @@ def _inputs(p, sid, old, new, ready, ok, new_ok, valid, clock, stale):
 @inner
 def edge(p, s, i, clock, valid, host):
     """The 8 kHz side after the edge `clock`, wired as in fpga_model.top; `host` is (write, address, data)."""
-    c = s.control
+    c, d = s.control, p.design
     if s.slot != 0:
-        c = control.step(p.control, c, s.slot, i, s.bank)
+        c = control.step(d, p.control, c, s.slot, i, s.bank)
     slot = s.slot + 1 if 0 < s.slot < SLOTS else 0
-    if valid == 1 or (clock % FRAME_CYCLES == 0 and s.dog.stale == 1):
+    if valid == 1 or (clock % (d.tick_clocks * d.frame_ticks) == 0 and s.dog.stale == 1):
         slot = 1
     return Window(
         c,
-        registers.step(s.bank, host[0], host[1], host[2], 1 if s.slot == SLOT_SEQUENCER else 0),
-        watchdog.step(p.watchdog, s.dog, 1 if clock % TICK_CYCLES == 0 else 0, valid),
+        registers.step(d, s.bank, host[0], host[1], host[2], 1 if s.slot == SLOT_SEQUENCER else 0),
+        watchdog.step(p.watchdog, s.dog, 1 if clock % d.tick_clocks == 0 else 0, valid),
         turn_of(s.turn, clock + 1, c.frequency_tracker.word),
         slot,
         s.quadrature,
@@ -100,14 +105,14 @@ def edge(p, s, i, clock, valid, host):
 
 
 @inner
-def run_window(p, s, i, bank):
+def run_window(d, p, s, i, bank):
     """Control after all slots of a window that began with everything at rest, and the frequency word after SLOT_PI.
 
     What has nothing to do in a slot is at rest there: CORDIC first, then the sequencer, the loops, root and output.
     """
     s = s._replace(cordic=closed_form.rotate(s.cordic, cordic.negated(i.drive_cos), i.drive_sin))
     s = s._replace(sequencer=control.sequenced(p, s, i, bank))
-    s, word = closed_form.close_loops(p, s, i, bank)
+    s, word = closed_form.close_loops(d, p, s, i, bank)
     out = closed_form.scale_rate(control.output_params(bank), s.rate_output)
     loop = s.quadrature_loop._replace(root=closed_form.root(s.quadrature_loop.root))
     return s._replace(quadrature_loop=loop, rate_output=out), word
@@ -116,10 +121,11 @@ def run_window(p, s, i, bank):
 @inner
 def run_undisturbed(p, s, i, valid):
     """The 8 kHz side after a window of its own, and the frequency word after SLOT_PI; the watchdog is as before."""
-    after, word = run_window(p.control, s.control, i, s.bank)
+    after, word = run_window(p.design, p.control, s.control, i, s.bank)
     turn = turn_of(s.turn, valid + SLOT_PI + 1, word)
     turn = turn_of(turn, valid + SLOT_WORD + 1, after.frequency_tracker.word)
-    return Window(after, registers.step(s.bank, ZERO, ZERO, ZERO, ONE), s.dog, turn, ZERO, s.quadrature), word
+    bank = registers.step(p.design, s.bank, ZERO, ZERO, ZERO, ONE)
+    return Window(after, bank, s.dog, turn, ZERO, s.quadrature), word
 
 
 @inner
@@ -129,10 +135,11 @@ def play(p, s, sid, old, new, ready, ok, new_ok, valid, tick, n, b):
     A window that nothing disturbs, in ticks that hold it whole, is computed at once; what the DACs take from it changes
     after certain slots.
     """
-    begin = TICK_CYCLES * tick
-    count = (valid + SLOTS + 1 - begin + TICK_CYCLES - 1) // TICK_CYCLES
+    clocks, frame_ticks = p.design.tick_clocks, p.design.frame_ticks
+    begin = clocks * tick
+    count = (valid + SLOTS + 1 - begin + clocks - 1) // clocks
     disturbed = s.slot != 0 or s.dog.stale == 1 or count > n
-    if disturbed or valid < begin or valid >= begin + TICK_CYCLES:
+    if disturbed or valid < begin or valid >= begin + clocks:
         return _played(p, s, sid, old, new, ready, ok, new_ok, valid, tick, n, b)
     i = _inputs(p, sid, old, new, ready, ok, new_ok, valid, valid + 1, ZERO)
     c, dog = s.control, s.dog
@@ -145,18 +152,19 @@ def play(p, s, sid, old, new, ready, ok, new_ok, valid, tick, n, b):
         agc.amplitude(p.control.agc, after.agc, now.agc_mode),
     )
     quadrature = s.quadrature
+    first = tick % frame_ticks
     dog = watchdog.step(p.watchdog, dog, 1, 1 if valid == begin else 0)
     if valid > begin:
         dog = watchdog.step(p.watchdog, dog, 0, 1)
     for k in range(count):
         # the last slot whose edge comes before the tick's first, and before that of its load
-        slot = begin + TICK_CYCLES * k - 1 - valid
+        slot = begin + clocks * k - 1 - valid
         b.amplitude[k] = amplitudes[0 if slot < SLOT_SEQUENCER else (1 if slot <= SLOT_PI else 2)]
         b.rate[k] = c.rate_loop.loop.y if slot <= SLOT_PI else after.rate_loop.loop.y
         slot += spi_dac.LOAD_TICK
         b.control_load[HISTORY + k] = was.dac_init if slot < SLOT_SEQUENCER else now.dac_init
-        frame_tick = (tick + k) % FRAME_TICKS
-        if frame_tick <= LAST_ODD_TICK and (p.quadrature_fast == 1 or frame_tick & 1 == 1):
+        frame_tick = first + k
+        if frame_tick <= last_load_tick(p) and (p.quadrature_fast == 1 or frame_tick & 1 == 1):
             done = slot >= SLOT_ROOT + isqrt.LATENCY - 1
             quadrature = after.quadrature_loop.root.y if done else c.quadrature_loop.root.y
         if k > 0:
@@ -167,17 +175,18 @@ def play(p, s, sid, old, new, ready, ok, new_ok, valid, tick, n, b):
 @outlined
 def _played(p, s, sid, old, new, ready, ok, new_ok, valid, tick, n, b):
     """As `play`, for any window, edge by edge."""
+    clocks, frame_ticks = p.design.tick_clocks, p.design.frame_ticks
     for k in range(n):
-        if k > 0 and s.slot == 0 and valid // TICK_CYCLES != tick + k:
+        if k > 0 and s.slot == 0 and valid // clocks != tick + k:
             return s, k
-        frame_tick = (tick + k) % FRAME_TICKS
+        frame_tick = (tick + k) % frame_ticks
         b.amplitude[k] = control.amplitude(p.control, s.control)
         b.rate[k] = s.control.rate_loop.loop.y
-        for e in range(TICK_CYCLES):
-            clock = TICK_CYCLES * (tick + k) + e
+        for e in range(clocks):
+            clock = clocks * (tick + k) + e
             if e == spi_dac.LOAD_TICK:
                 b.control_load[HISTORY + k] = sequencer.outputs(s.control.sequencer).dac_init
-                if frame_tick <= LAST_ODD_TICK and (p.quadrature_fast == 1 or frame_tick & 1 == 1):
+                if frame_tick <= last_load_tick(p) and (p.quadrature_fast == 1 or frame_tick & 1 == 1):
                     s = s._replace(quadrature=s.control.quadrature_loop.root.y)
             i = _inputs(p, sid, old, new, ready, ok, new_ok, valid, clock, s.dog.stale)
             s = edge(p, s, i, clock, 1 if clock == valid else 0, NO_HOST)

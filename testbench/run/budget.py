@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from analog_frontend.parts import propagator, thermal
 from fpga_model import dds, references, sine, spi_dac
-from fpga_model.rates import MASTER_HZ, TICK_CYCLES
+from fpga_model.design_record import DEFAULT
 from testbench.config import changed
 from testbench.errors import ConfigError
 
@@ -31,10 +31,11 @@ class Row(NamedTuple):
     seconds: float
     degrees: float
     assumed: str = ""
+    clock_hz: float = DEFAULT.master_hz  # nominal
 
     @property
     def clocks(self):
-        return self.seconds * MASTER_HZ
+        return self.seconds * self.clock_hz
 
     @property
     def ns(self):
@@ -42,23 +43,24 @@ class Row(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """Makes the rows of a budget at a frequency (Hz), with the firmware's clock (Hz)."""
+    """Makes the rows of a budget at a frequency (Hz), with the firmware's clock (Hz): the true one, the nominal one."""
 
     f: float
     clock_hz: float
+    nominal_hz: float
 
     def delay(self, what, seconds, assumed=""):
-        return Row(what, seconds, 360.0 * self.f * seconds, assumed)
+        return Row(what, seconds, 360.0 * self.f * seconds, assumed, self.nominal_hz)
 
     def clocks(self, what, count, assumed=""):
         return self.delay(what, count / self.clock_hz, assumed)
 
     def pole(self, what, tau_s, assumed=""):
         angle = math.atan(2 * math.pi * self.f * tau_s)
-        return Row(what, angle / (2 * math.pi * self.f), math.degrees(angle), assumed)
+        return Row(what, angle / (2 * math.pi * self.f), math.degrees(angle), assumed, self.nominal_hz)
 
     def word(self, what, degrees):
-        return Row(what, degrees / 360.0 / self.f, degrees)
+        return Row(what, degrees / 360.0 / self.f, degrees, "", self.nominal_hz)
 
 
 class Budget(NamedTuple):
@@ -88,10 +90,11 @@ def budget(config, temp_degc=None, frequency_hz=None):
         temp_degc = start if isinstance(start, (int, float)) else start[0][1]
     firmware, base = config.firmware, config.device()
     device = thermal.at_temperature(base, temp_degc)
-    clock_hz = MASTER_HZ * (1 + 1e-6 * device.clock_ppm)
+    design = config.design_record()
+    tick_clocks, clock_hz = design.tick_clocks, design.master_hz * (1 + 1e-6 * device.clock_ppm)
     f = frequency_hz or device.fx_hz
 
-    at = Rows(f, clock_hz)
+    at = Rows(f, clock_hz, design.master_hz)
 
     def signal(channel, chip, frames, delay_s, words_deg):
         sine_deg, ref_deg = words_deg
@@ -104,8 +107,8 @@ def budget(config, temp_degc=None, frequency_hz=None):
             at.clocks("product and code registers", PRODUCT_AND_CODE_CLOCKS),
             at.clocks("SPI load register", 1),
             at.clocks("SPI frame to latch", spi_dac.latch_cycles(chip)),
-            at.clocks("extra 1 us frames", frames * TICK_CYCLES, "one frame in the sense path" if frames else ""),
-            at.clocks("hold of the 1 MHz update, half a period", TICK_CYCLES / 2),
+            at.clocks("extra 1 us frames", frames * tick_clocks, "one frame in the sense path" if frames else ""),
+            at.clocks("hold of the 1 MHz update, half a period", tick_clocks / 2),
             at.delay("DAC response after its latch", delay_s, "from memory of a datasheet" if delay_s else ""),
             *(at.pole(f"output pole {n}", tau, "typical value") for n, tau in enumerate(poles, 1)),
             at.clocks("reference: DDS output register", -dds.LATENCY),
@@ -115,7 +118,7 @@ def budget(config, temp_degc=None, frequency_hz=None):
         ]
         if firmware.reference_retimed:
             rows.append(
-                at.clocks("reference: wait for the 1 MHz grid, mean", -(TICK_CYCLES + 1) / 2, "re-timed references")
+                at.clocks("reference: wait for the 1 MHz grid, mean", -(tick_clocks + 1) / 2, "re-timed references")
             )
         if sine_deg or ref_deg:
             rows.append(at.word("compensation words (sine, reference)", ref_deg - sine_deg))
@@ -135,7 +138,7 @@ def budget(config, temp_degc=None, frequency_hz=None):
         mean_s = device.sid_switch_s + device.sid_fall_s / 2
         switch = [at.delay("reference: analog switch", -mean_s, "from memory of a datasheet")]
     elif firmware.reference_retimed:
-        switch = [at.clocks("reference: sampled one tick after the grid, less half a sample", -TICK_CYCLES / 2)]
+        switch = [at.clocks("reference: sampled one tick after the grid, less half a sample", -tick_clocks / 2)]
     else:
         switch = [at.clocks("reference: mean wait for the sample, less half a sample", -0.5)]
     drive_words = (firmware.phase_drive_sine_deg, firmware.phase_drive_ref_deg)

@@ -18,7 +18,6 @@ from analog_frontend.effects import catalogue, drive_cubic, duffing, feedthrough
 from analog_frontend.effects.ports import CV_PORTS
 from analog_frontend.parts import adc, dac, noise, propagator, resonator, sid, thermal
 from analog_frontend.parts.device import Device
-from analog_frontend.parts.propagator import CYCLES
 from fpga_model import (
     agc,
     control,
@@ -33,11 +32,11 @@ from fpga_model import (
     rate_loop,
     references,
     sequencer,
+    sine,
     spi_dac,
     watchdog,
 )
 from fpga_model import top as fpga
-from fpga_model.rates import MASTER_HZ
 from testbench.config.toml_text import toml_of
 from testbench.engines import engine
 from testbench.run import resting
@@ -87,7 +86,10 @@ def nominal(config):
 
 def firmware(config):
     """Parameters of the FPGA."""
-    f, n = config.firmware, nominal(config)
+    f, n, d = config.firmware, nominal(config), config.design_record()
+    sid_part = digital_sid.design()
+    if f.board == "digital_sid":
+        sid_part = digital_sid.design(samples_per_dump=d.frame_ticks, frame_hz=d.frame_hz)
     samples_move = resting.sar_alarm(config) < resting.LIMIT
     codes_move = f.board == "analog_sid" and resting.adc_alarm(config) < resting.LIMIT
     code_per_deg_s = n["code_v_per_deg_s"] / n["adc_sense_v"] * 2**23
@@ -96,22 +98,23 @@ def firmware(config):
         quadrature_fast=1 if f.quadrature_update_khz == 1000 else 0,
         pipe=delay.design(f.pipeline_registers),
         references=references.design(f.reference_registers, f.reference_retimed),
-        drive_modulator=modulator.design(16, f.frame_latency_drive),
-        sense_modulator=modulator.design(20, f.frame_latency_sense),
+        drive_modulator=modulator.design(16, f.frame_latency_drive, d),
+        sense_modulator=modulator.design(20, f.frame_latency_sense, d),
         drive_dac=spi_dac.DAC8811,
         sense_dac=spi_dac.AD5791,
         quadrature_dac=spi_dac.DAC82002,
-        sid=digital_sid.design()._replace(still=digital_sid.STILL_TICKS if samples_move else 0),
+        sid=sid_part._replace(still=digital_sid.STILL_TICKS if samples_move else 0),
         watchdog=watchdog.design(),
         control=control.Params(
-            agc=agc.design(f.agc_crossover_hz, f.agc_zero_hz, plant_fs_per_s=n["plant_fs_per_s"]),
-            frequency_tracker=frequency_tracker.design(f.pll_crossover_hz, f.pll_zero_hz),
+            agc=agc.design(f.agc_crossover_hz, f.agc_zero_hz, plant_fs_per_s=n["plant_fs_per_s"], frame_hz=d.frame_hz),
+            frequency_tracker=frequency_tracker.design(f.pll_crossover_hz, f.pll_zero_hz, d=d),
             rate_loop=rate_loop.design(
                 f.ftr_crossover_hz,
                 f.ftr_zero_hz,
                 code_v_per_deg_s=n["code_v_per_deg_s"],
                 adc_full_scale_v=n["adc_sense_v"],
                 word_v_per_deg_s=n["word_v_per_deg_s"],
+                frame_hz=d.frame_hz,
             ),
             quadrature_loop=quadrature_loop.design(
                 f.qsc_crossover_hz,
@@ -119,13 +122,16 @@ def firmware(config):
                 adc_full_scale_v=n["adc_sense_v"],
                 null_deg_per_s=n["null_deg_per_s"],
                 null_v=n["null_v"],
+                frame_hz=d.frame_hz,
             ),
             sequencer=sequencer.design(
-                lock=lock_monitor.design(code_per_deg_s=code_per_deg_s),
+                lock=lock_monitor.design(code_per_deg_s=code_per_deg_s, frame_hz=d.frame_hz),
                 # codes with too little noise may rest, and filtered ones do: nothing is stuck then
-                faults=fault_monitor.design() if codes_move else fault_monitor.design(stuck_s=0),
+                faults=fault_monitor.design(frame_hz=d.frame_hz, **({} if codes_move else {"stuck_s": 0})),
+                record=d,
             ),
         ),
+        design=d,
     )
 
 
@@ -134,9 +140,9 @@ def register_writes(config):
     f, n = config.firmware, nominal(config)
     names = ("phase_drive_sine", "phase_sense_sine", "phase_drive_ref", "phase_sense_ref")
     return (
-        ("frequency_fixed", dds.word_of_hz(f.nominal_frequency_hz)),
+        ("frequency_fixed", dds.word_of_hz(f.nominal_frequency_hz, config.design_record())),
         ("amplitude_setpoint", agc.setpoint(f.amplitude_um, n["v_per_um"], n["adc_drive_v"])),
-        *((name, word) for name, word in zip(names, f.phase_words()) if word),
+        *((name, word) for name, word in zip(names, f.phase_words(config.design_record().dds_bits)) if word),
     )
 
 
@@ -144,11 +150,11 @@ _knots = functools.lru_cache(maxsize=256)(propagator.knots)
 
 
 @functools.lru_cache(maxsize=256)
-def _switch_instants(name, delay_s, tick_s):
-    """Instant within its tick, and 1 for the next tick, of a switch `delay_s` after an edge at clock 0 .. 25."""
+def _switch_instants(name, delay_s, tick_s, clocks):
+    """Instant within its tick, and 1 for the next, of a switch `delay_s` after an edge at clock 0 .. `clocks` - 1."""
     if not 0.0 <= delay_s < tick_s:
         raise ValueError(f"{name} = {delay_s:g} is outside 0 .. {tick_s:g} s, one plant tick")
-    instants = [Fraction(delay_s) + Fraction(tick_s) * c / CYCLES for c in range(CYCLES)]
+    instants = [Fraction(delay_s) + Fraction(tick_s) * c / clocks for c in range(clocks)]
     carry = [int(t >= Fraction(tick_s)) for t in instants]
     return np.array([float(t - c * Fraction(tick_s)) for t, c in zip(instants, carry)]), np.array(carry)
 
@@ -158,17 +164,19 @@ def analog(config, temp_lo_degc, temp_hi_degc):
 
     Densities of the mechanical noise and the impulses of the effects are those of the lowest temperature.
     """
-    d = config.device()
+    d, record = config.device(), config.design_record()
+    clocks = record.tick_clocks
     for name, reason in NOT_READ.items():
         if getattr(d, name) != Device._field_defaults[name]:
             raise ValueError(f"plant.{name} = {getattr(d, name):g} would change nothing: {reason}")
     if d.sid_rc_tc_per_k and temp_lo_degc != temp_hi_degc:
         raise ValueError(f"plant.sid_rc_tc_per_k = {d.sid_rc_tc_per_k:g} needs a constant temperature, not a profile")
     for name in ("drive_dac_delay_s", "sense_dac_delay_s"):
-        if getattr(d, name) >= 1e-6:
-            raise ValueError(f"plant.{name} = {getattr(d, name):g} is above the limit 1e-06 s, one plant tick")
+        if getattr(d, name) >= 1 / record.tick_hz:
+            limit = f"the limit {1 / record.tick_hz:g} s, one plant tick"
+            raise ValueError(f"plant.{name} = {getattr(d, name):g} is above {limit}")
     warm = thermal.at_temperature(d, temp_lo_degc)
-    knots = _knots(d, temp_lo_degc, temp_hi_degc, KNOT_K)
+    knots = _knots(d, temp_lo_degc, temp_hi_degc, KNOT_K, clock=propagator.Clock(record.master_hz, clocks))
     tables = knots.stacks
     tick_s = float(tables.tick_s[0])
     on, seed = config.noise, config.noise.seed
@@ -181,14 +189,15 @@ def analog(config, temp_lo_degc, temp_hi_degc):
     damping_x = warm.mass_kg * w * warm.fx_hz / warm.qx
     damping_y = warm.mass_kg * w * warm.fy_hz / warm.qy
     cv_density = noise.cv_density(d) * abs(d.signal_gain)
-    rise = _switch_instants("plant.sid_switch_s", d.sid_switch_s, tick_s)
-    fall = _switch_instants("plant.sid_switch_s + plant.sid_fall_s", d.sid_switch_s + d.sid_fall_s, tick_s)
+    rise = _switch_instants("plant.sid_switch_s", d.sid_switch_s, tick_s, clocks)
+    fall = _switch_instants("plant.sid_switch_s + plant.sid_fall_s", d.sid_switch_s + d.sid_fall_s, tick_s, clocks)
     return plant.Params(
         drive_dac=dac.design(16, d.drive_dac_span_v, bow=d.drive_dac_bow, glitch_v_s=d.drive_dac_glitch_v_s),
         sense_dac=dac.design(20, d.sense_dac_span_v, bow=d.sense_dac_bow, glitch_v_s=d.sense_dac_glitch_v_s),
         drive_levels=dac_levels.design(config.effects.drive_dac_levels, 16, d.drive_dac_span_v / 2**15),
         sense_levels=dac_levels.design(config.effects.sense_dac_levels, 20, d.sense_dac_span_v / 2**19),
         quad_lsb_v=d.quad_dac_span_v / 2**16,
+        frame_ticks=record.frame_ticks,
         tables=tables,
         temp_lo_degc=knots.temp_lo_degc,
         temp_step_k=knots.step_k,
@@ -240,7 +249,7 @@ def _laws(config, device, tick_s):
 
 def adc_part(config, d, tick_s):
     """The converter: PGA 1 for the two drive channels and the sensor, the sense gain for the others."""
-    on, e = config.noise, config.effects
+    on, e, record = config.noise, config.effects, config.design_record()
     for name in ("adc_curve", "adc_turnover", "adc_gain_tc_per_k", "adc_memory"):
         if getattr(e, name) and config.firmware.board == "digital_sid":
             raise ValueError(f'effects.{name} = {toml_of(getattr(e, name))} needs firmware.board = "analog_sid"')
@@ -253,7 +262,9 @@ def adc_part(config, d, tick_s):
         vref_v=d.adc_vref_v,
         step_code=d.adc_step_code,
         decimation=d.adc_decimation,
-        period=adc.modulator_period(free_ppm, d.adc_modulator_hz),
+        period=adc.modulator_period(free_ppm, d.adc_modulator_hz, record.master_hz),
+        master_hz=record.master_hz,
+        tick_clocks=record.tick_clocks,
         conversion_delay_s=CONVERSION_DELAY_S + d.adc_delay_s,
         noise_v=(drive, drive, sense, sense, drive) if on.adc else (0.0,) * adc.CHANNELS,
         flicker_v_per_rthz=(flicker,) * 4 + (0.0,),
@@ -266,9 +277,14 @@ def adc_part(config, d, tick_s):
 
 def params(config, temp_lo_degc, temp_hi_degc):
     """Parameters of the engine."""
-    return engine.Params(firmware(config), analog(config, temp_lo_degc, temp_hi_degc))
+    return engine.Params(firmware(config), analog(config, temp_lo_degc, temp_hi_degc), sine.rom(config.design_record()))
+
+
+def lsb_hz(config):
+    """True frequency of one LSB of the DDS word."""
+    return clock_hz(config) / 2**config.design.dds_bits
 
 
 def clock_hz(config):
     """True frequency of the master clock."""
-    return MASTER_HZ * (1 + 1e-6 * config.plant.clock_ppm)
+    return config.design_record().master_hz * (1 + 1e-6 * config.plant.clock_ppm)

@@ -14,10 +14,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import expm
 
-from analog_frontend.parts.propagator import CYCLES
+from fpga_model.design_record import DEFAULT
 from testbench.engines.engine import PROBE_FLOATS, PROBE_INTS
 from testbench.run import phase_meter
-from testbench.run.phase_meter import PHASE_TURN, wrap_deg
+from testbench.run.phase_meter import wrap_deg
 
 EDGE_TURNS = {(0, 1): 0.0, (0, 0): 0.5, (1, 1): 0.75, (1, 0): 0.25}  # (sin or cos, level) -> ideal theta
 
@@ -33,6 +33,7 @@ class Probe(NamedTuple):
     tick_s: float
     fy_hz: float
     sense_sign: int = 1  # of the rate word: a negative word turns the force over, which is no phase
+    design: object = DEFAULT  # the design record of the firmware
     fx_hz: float = 0.0  # free line of the drive mode, 0 when the loop holds it on theta
 
     def column(self, name):
@@ -53,8 +54,8 @@ class Readings(NamedTuple):
     edges: dict
 
 
-def chain_waveform(z, held, step, poles_s, instant_s, tick_s):
-    """Mean electrode voltage over each of the 26 clocks of each tick, (ticks, 26).
+def chain_waveform(z, held, step, poles_s, instant_s, tick_s, clocks=DEFAULT.tick_clocks):
+    """Mean electrode voltage over each of the clocks of each tick, (ticks, clocks).
 
     Means, not samples: a chain faster than a clock would fold its images back (19 mdeg with three poles of 5 ns).
 
@@ -71,9 +72,9 @@ def chain_waveform(z, held, step, poles_s, instant_s, tick_s):
         free = (inverse @ (expm(a * t_s) - np.eye(3)))[2]
         return free, t_s - free.sum()
 
-    means = np.empty((5, CYCLES))  # of z, held and step
-    clock_s = tick_s / CYCLES
-    for i in range(CYCLES):
+    means = np.empty((5, clocks))  # of z, held and step
+    clock_s = tick_s / clocks
+    for i in range(clocks):
         begin, end = i * clock_s, (i + 1) * clock_s
         (free0, settled0), (free1, settled1) = integral(begin), integral(end)
         late = integral(end - instant_s)[1] - integral(begin - instant_s)[1]
@@ -81,13 +82,13 @@ def chain_waveform(z, held, step, poles_s, instant_s, tick_s):
     return np.column_stack([z, held, step]) @ (means / clock_s)
 
 
-def edge_errors_turns(edges, reference):
-    """theta of each edge of a reference (0..3) less the ideal one, in turns, in time order."""
+def edge_errors_turns(edges, reference, bits=DEFAULT.dds_bits):
+    """theta (`bits` to a turn) of each edge of a reference (0..3) less the ideal one, in turns, in time order."""
     mine = edges[edges[:, 1] == reference]
     if not len(mine):
         return np.zeros(0)
     ideal = np.array([EDGE_TURNS[reference & 1, int(level)] for level in mine[:, 2]])
-    return (mine[:, 0] / PHASE_TURN - ideal + 0.5) % 1.0 - 0.5
+    return (mine[:, 0] / (1 << bits) - ideal + 0.5) % 1.0 - 0.5
 
 
 def pin_lag_turns(errors):
@@ -102,19 +103,20 @@ def pin_lag_turns(errors):
 
 def read(probe):
     """`Readings` of a probe; nodes without a tone come out with a large sigma."""
-    theta = probe.column("theta") / PHASE_TURN
-    step = probe.column("word") / PHASE_TURN
-    offsets = np.arange(CYCLES) + 0.5
+    clocks, turn = probe.design.tick_clocks, 1 << probe.design.dds_bits
+    theta = probe.column("theta") / turn
+    step = probe.column("word") / turn
+    offsets = np.arange(clocks) + 0.5
     fine = (theta[:, None] + offsets[None, :] * step[:, None]).ravel()
     phase, sigma, amplitude, counter, resolution, lag = {}, {}, {}, {}, {}, {}
-    pins = {k: edge_errors_turns(probe.edges, k) for k in range(4)}
+    pins = {k: edge_errors_turns(probe.edges, k, probe.design.dds_bits) for k in range(4)}
     chains = (("xe1", "d", "drive", 0, 0), ("ye1", "s", "sense", 1, 2))
     waves = []
     for _, letter, name, which, _ in chains:
         z = np.stack([probe.column(f"{letter}{k}") for k in (1, 2, 3)], axis=1)
         held, rise = probe.column(f"u_{name}"), probe.column(f"du_{name}")
         waves.append(
-            chain_waveform(z, held, rise, probe.chains_s[which], probe.instants_s[which], probe.tick_s).ravel()
+            chain_waveform(z, held, rise, probe.chains_s[which], probe.instants_s[which], probe.tick_s, clocks).ravel()
         )
     for (node, _, _, which, reference), wave, force in zip(chains, waves, phase_meter.fits(fine, waves)):
         pin_lag_deg = 360.0 * pin_lag_turns(pins[reference])
@@ -123,7 +125,7 @@ def read(probe):
         sigma[node] = force.sigma_deg
         amplitude[node] = force.amplitude
         crossings = phase_meter.count(phase_meter.rising_crossings(fine, wave))
-        rising = probe.edges[(probe.edges[:, 1] == reference) & (probe.edges[:, 2] == 1), 0] / PHASE_TURN
+        rising = probe.edges[(probe.edges[:, 1] == reference) & (probe.edges[:, 2] == 1), 0] / turn
         edges = phase_meter.count(rising)
         counter[node] = wrap_deg(crossings.lag_deg - edges.lag_deg - turned_deg)
         resolution[node] = float(np.hypot(crossings.resolution_deg, edges.resolution_deg))

@@ -15,8 +15,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-PHASE_TURN = 1 << 48
-
 
 class Reading(NamedTuple):
     """One phase reading (degrees of lag)."""
@@ -39,11 +37,6 @@ class Crossings(NamedTuple):
 def wrap_deg(angle_deg):
     """Angle in [-180, 180)."""
     return (angle_deg + 180.0) % 360.0 - 180.0
-
-
-def turns(phase_word):
-    """48-bit phase words as turns in [0, 1)."""
-    return np.asarray(phase_word, np.int64) / PHASE_TURN
 
 
 def fits(theta_turns, nodes, free_turns=None):

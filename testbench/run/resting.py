@@ -13,7 +13,6 @@ import math
 
 from analog_frontend.parts import noise
 from fpga_model import digital_sid, fault_monitor
-from fpga_model.rates import TICK_HZ
 
 LIMIT = 1e-12  # of a false alarm, per frame: one in four years
 FULL_CODE = 1 << 23
@@ -43,7 +42,7 @@ def sar_repeats(config):
     """`repeats` of both samples of the board without the analog SID, from one sample of the noise to the next."""
     d = config.device()
     density = noise.cv_density(d) * abs(d.signal_gain) if config.noise.cv else 0.0
-    sigma_v = noise.sigma_demodulated(density, d.fx_hz, 1 / TICK_HZ)
+    sigma_v = noise.sigma_demodulated(density, d.fx_hz, 1 / config.design_record().tick_hz)
     return (repeats(sigma_v * SAR_CODES / d.sar_span_v),) * 2
 
 

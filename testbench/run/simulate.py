@@ -21,7 +21,6 @@ from typing import NamedTuple
 import numpy as np
 
 from fpga_model import quadrature_loop, sequencer
-from fpga_model.rates import FRAME_TICKS, TICK_HZ
 from testbench.config import changed, from_dict, placeless, scenario, to_toml
 from testbench.engines import engine
 from testbench.errors import FileError
@@ -100,11 +99,11 @@ def faults_of(active):
 def start(config, sim, rate_rad_s, temp_degc, progress=None, limit_s=LOCK_LIMIT_S):
     """From power-on to lock: writes what the configuration sets, then waits. Returns the time of lock (s) or None."""
     sim.now = (np.array([rate_rad_s]), np.array([temp_degc]))
-    seen = StartUp()
+    seen = StartUp(sim.design.frame_hz)
     sim.sinks.append(seen)
     for name, raw in sim.first_writes:
         sim.write(name, raw)
-    limit = round(limit_s * TICK_HZ)
+    limit = round(limit_s * sim.design.tick_hz)
     while not sim.locked and sim.tick < limit:
         sim.advance(min(LOCK_STEP_TICKS, limit - sim.tick), rate_rad_s, temp_degc)
         if progress:
@@ -113,7 +112,7 @@ def start(config, sim, rate_rad_s, temp_degc, progress=None, limit_s=LOCK_LIMIT_
     if not sim.locked:
         return None
     # a lock in the middle of the last frame has no row yet
-    return seen.lock_s if seen.lock_s is not None else sim.tick / TICK_HZ
+    return seen.lock_s if seen.lock_s is not None else sim.tick / sim.design.tick_hz
 
 
 @dataclass
@@ -140,7 +139,7 @@ def play(sim, timeline, progress=None, position=None, after_chunk=None):
                 break
             if event.action == scenario.WRITE:
                 # a write takes its own tick; those at the very end lengthen the scenario by theirs
-                sim.now = _profiles(timeline, position, sim.tick, 1)
+                sim.now = _profiles(timeline, position, sim, 1)
                 sim.write(event.name, event.value)
                 position.done += 1
             active = _in_force(active, event)
@@ -150,7 +149,7 @@ def play(sim, timeline, progress=None, position=None, after_chunk=None):
         until = min(ahead[0].tick if ahead else timeline.ticks, timeline.ticks)
         if until > position.done:
             step = min(until - position.done, sim.chunk_ticks)
-            sim.advance(step, *_profiles(timeline, position, sim.tick, step))
+            sim.advance(step, *_profiles(timeline, position, sim, step))
             position.done += step
         if progress:
             progress("scenario", position.done, timeline.ticks)
@@ -168,10 +167,10 @@ def _in_force(active, event):
     return active
 
 
-def _profiles(timeline, position, tick, ticks):
+def _profiles(timeline, position, sim, ticks):
     """Rate and temperature for the frames of a chunk, the first for the frame in progress."""
-    frame = tick // FRAME_TICKS - position.begin // FRAME_TICKS
-    return tuple(p.at(frame, ticks // FRAME_TICKS + 2) for p in (timeline.rate_rad_s, timeline.temp_degc))
+    frame = sim.frame_of(sim.tick) - sim.frame_of(position.begin)
+    return tuple(p.at(frame, sim.frame_of(ticks) + 2) for p in (timeline.rate_rad_s, timeline.temp_degc))
 
 
 def diagnose(sim, rate_rad_s, temp_degc, progress=None):
@@ -186,20 +185,21 @@ def diagnose(sim, rate_rad_s, temp_degc, progress=None):
     after_rate = before_rate - math.copysign(STEP_DPS, before_rate)
     if abs(after_rate) < LEAST_DPS:
         after_rate -= math.copysign(LEAST_DPS, before_rate)
-    tail = round(STEP_TAIL_S * TICK_HZ)
+    tick_hz, frame_ticks = sim.design.tick_hz, sim.design.frame_ticks
+    tail = round(STEP_TAIL_S * tick_hz)
     watch = Watch("rate_word")
     sim.sinks.append(watch)
     sim.advance(tail, rate_rad_s, temp_degc)
     head = len(watch.values())
-    frames = tail // FRAME_TICKS
-    sim.advance(round(STEP_S * TICK_HZ), after_rate * DEG, temp_degc)
+    frames = tail // frame_ticks
+    sim.advance(round(STEP_S * tick_hz), after_rate * DEG, temp_degc)
     sim.sinks.remove(watch)
     word = watch.values().astype(float)
     mean_before, mean_after = word[head - frames : head].mean(), word[-frames:].mean()
     scale = (mean_after - mean_before) / (after_rate - before_rate)
-    before, after = (round(seconds * TICK_HZ / FRAME_TICKS) for seconds in SHOWN_S)
+    before, after = (round(seconds * tick_hz / frame_ticks) for seconds in SHOWN_S)
     shown = slice(head - before, head + after)
-    time_s = (np.arange(len(word)) - head)[shown] * FRAME_TICKS / TICK_HZ
+    time_s = (np.arange(len(word)) - head)[shown] * frame_ticks / tick_hz
     offset = mean_before / scale - before_rate
     step = {
         "time_s": time_s,
@@ -214,9 +214,9 @@ def diagnose(sim, rate_rad_s, temp_degc, progress=None):
     open_u = u - OPEN_DPS * per_dps if u > OPEN_DPS * per_dps else u + OPEN_DPS * per_dps
     sim.write("quadrature_fixed", int(min(open_u, 2**32 - 1)))
     sim.write("control", bank.control | sequencer.HOLD_FTR | sequencer.FIX_QSC)
-    sim.advance(round(OPEN_S * TICK_HZ), after_rate * DEG, temp_degc)
+    sim.advance(round(OPEN_S * tick_hz), after_rate * DEG, temp_degc)
     say(2)
-    ticks = round(PROBE_S * TICK_HZ)
+    ticks = round(PROBE_S * tick_hz)
     streams = sim.advance(ticks, after_rate * DEG, temp_degc, probe_ticks=ticks)
     probe = sim.read_out(streams, temp_degc)
     say(3)
@@ -239,20 +239,25 @@ class Run:
 
     def __init__(self, config, directory=None, resume=False):
         self.config = config
-        self.timeline = scenario.expand(config.scenario)
+        self.timeline = scenario.expand(config.scenario, config.design_record())
         self.temp_before_degc, self.rate_before_rad_s = self.timeline.temp_before_degc, self.timeline.rate_before_rad_s
         lo, hi = self.timeline.temp_degc.limits()
         window = None
         if config.output.vcd_length_us:
-            window = (round(config.output.vcd_start_us), max(1, round(config.output.vcd_length_us)))
+            us = 1e-6 * config.design_record().tick_hz
+            window = (round(config.output.vcd_start_us * us), max(1, round(config.output.vcd_length_us * us)))
         self.sim = Simulation(config, min(lo, self.temp_before_degc), max(hi, self.temp_before_degc), window)
-        self.tally, self.start_up, self.doubts = Tally(build.clock_hz(config)), StartUp(), Doubts()
+        self.tally, self.start_up, self.doubts = (
+            Tally(build.lsb_hz(config)),
+            StartUp(self.sim.design.frame_hz),
+            Doubts(),
+        )
         self.position, self.segments = Position(), dict.fromkeys(SEGMENTS, -1)
         self.partial = directory
         if directory is not None and not isinstance(directory, checkpoint.Partial):
             self.partial = checkpoint.Partial(directory)
         self.tick_before, self.spent_before_s = 0, 0.0  # where the scenario begins
-        self._every_ticks = round(config.output.checkpoint_s * TICK_HZ)
+        self._every_ticks = round(config.output.checkpoint_s * self.sim.design.tick_hz)
         self.others = []  # identities of other versions that this run continues
         parts, meta = self._load() if resume else ({}, {})
         if self.partial and not resume:
@@ -261,7 +266,7 @@ class Run:
         if config.output.record:
             rows = parts["spool"]["rows"] if resume else None
             path = self.partial.rows if self.partial else None
-            spool = Spool(config.output.columns, config.output.decimate, path, rows)
+            spool = Spool(config.output.columns, config.output.decimate, path, rows, self.sim.design)
             self.recording = Recording(
                 spool,
                 to_toml(placeless(config)),
@@ -297,7 +302,7 @@ class Run:
 
     def begin(self, segment):
         """Note where a segment begins."""
-        self.segments[segment] = 26 * self.sim.tick
+        self.segments[segment] = self.sim.design.tick_clocks * self.sim.tick
 
     def start(self, progress):
         """From power-on or from a state file to where the scenario begins."""
@@ -367,7 +372,7 @@ class Run:
     def end(self):
         """What holds at the end of the scenario: `summary.End`."""
         sim = self.sim
-        simulated_s = (sim.tick - self.tick_before) / TICK_HZ
+        simulated_s = (sim.tick - self.tick_before) / sim.design.tick_hz
         return summary.End(
             locked=bool(sim.locked),
             codes_sha256=sim.codes_sha256(),

@@ -22,12 +22,11 @@ import numpy as np
 from analog_frontend.parts import thermal
 from fpga_model import registers, sequencer
 from fpga_model import top as fpga
-from fpga_model.rates import FRAME_TICKS, TICK_CYCLES, TICK_HZ
 from testbench import flatten, interrupts
 from testbench.config import placeless, to_toml
 from testbench.engines import engine as clocked
 from testbench.errors import ConfigError, FileError
-from testbench.run import build, nodes, warmup
+from testbench.run import build, design_check, nodes, warmup
 from testbench.storage import identity, state_file
 from testbench.storage.code_hash import WORDS, CodeHash, frames_begun
 from testbench.storage.inputs import checked, parse_json, parse_toml
@@ -37,7 +36,7 @@ CHUNK_TICKS = 100_000
 BASEBAND_CHUNK_TICKS = 2_000_000  # its ends cost what some hundred frames cost; its rows stay in the cache
 SPECTRUM_TICKS = 1 << 17
 STATE_FORMAT = "engine-1"
-SAME = ("firmware", "plant")  # sections of the configuration in which a state and what continues it are one
+SAME = ("design", "firmware", "plant")  # sections of the configuration in which a state and what continues it are one
 MOST_TICKS = 1 << 48  # nine years
 # registers that version 0.1.0 did not have; a state without them continues with their reset values
 ADDED = ("sid.last.0", "sid.last.1", "sid.still", "sid.ok")
@@ -74,9 +73,11 @@ class Simulation:
                 f'scenario.faults: {foreign}* faults need firmware.board = "{board}"; the other has no such ADC'
             )
         self.engine = engine or config.scenario.engine
-        self.heating = thermal.design(config.device(), FRAME_TICKS / TICK_HZ)
+        self.design = config.design_record()
+        self.heating = thermal.design(config.device(), self.design.frame_ticks / self.design.tick_hz)
         self.rise_k = 0.0
         temp_hi_degc += config.plant.self_heating_k
+        design_check.check(config)
         try:
             self.params = build.params(config, temp_lo_degc, temp_hi_degc)
             self.first_writes = build.register_writes(config)
@@ -92,7 +93,7 @@ class Simulation:
         self.sinks = []
         self.keep_rows, self.keep_codes = True, True
         self.frames, self.truth = [], []
-        self.hash = CodeHash()
+        self.hash = CodeHash(self.design.frame_ticks)
         self._tail, self._tail_ticks = deque(), 0
         self.faults = clocked.Faults()
         self.peak_x = 0.0
@@ -123,6 +124,10 @@ class Simulation:
     def tick(self):
         return self.state.tick
 
+    def frame_of(self, tick):
+        """The frame that a tick belongs to."""
+        return tick // self.design.frame_ticks
+
     @property
     def locked(self):
         return self.state.fpga.control.sequencer.state == sequencer.LOCKED
@@ -138,7 +143,7 @@ class Simulation:
         done, streams = 0, None
         while done < ticks:
             step = ticks if probe_ticks else self._to_window(min(self.chunk_ticks, ticks - done))
-            first = self.tick // FRAME_TICKS - (self.tick - done) // FRAME_TICKS
+            first = self.frame_of(self.tick) - self.frame_of(self.tick - done)
             streams = self._advance(
                 step, rate[min(first, len(rate) - 1) :], temp[min(first, len(temp) - 1) :], probe_ticks=probe_ticks
             )
@@ -171,14 +176,14 @@ class Simulation:
 
     def chunk(self, ticks, rate, temp, probe_ticks=0):
         """What an engine is told for the next `ticks`: rates (rad/s) and temperatures (degC) per frame, and Streams."""
-        need = ticks // FRAME_TICKS + 2
+        need = self.frame_of(ticks) + 2
         rate, temp = _lengthened(rate, need), _lengthened(temp, need)
         self.now = (rate[-1:], temp[-1:])
         inside = self.in_window and not probe_ticks
         streams = clocked.streams(
             ticks if self.keep_codes and not self.averaged else 0,
-            frames_begun(self.tick, ticks),
-            26 * ticks if inside else 0,
+            frames_begun(self.tick, ticks, self.design.frame_ticks),
+            self.design.tick_clocks * ticks if inside else 0,
             probe_ticks,
             self.register_count if inside else 0,
         )
@@ -196,7 +201,7 @@ class Simulation:
                 self.frames.append(streams.frames)
                 self.truth.append(streams.truth)
             for sink in self.sinks:
-                sink.add(-(-tick // FRAME_TICKS), streams.frames, streams.truth)
+                sink.add(-self.frame_of(-tick), streams.frames, streams.truth)
         self.peak_x = max(self.peak_x, float(streams.peak_x[0]))
         if inside:
             rows = np.concatenate([streams.pins, streams.registers], axis=1)
@@ -222,7 +227,7 @@ class Simulation:
             return temp_degc
         warmed = np.array(temp_degc, float)
         for n in range(len(warmed)):
-            frame_tick = (self.tick // FRAME_TICKS + n) * FRAME_TICKS
+            frame_tick = (self.frame_of(self.tick) + n) * self.design.frame_ticks
             if self.tick <= frame_tick < self.tick + ticks:
                 self.rise_k = thermal.step(self.heating, self.rise_k)
             warmed[n] += self.rise_k
@@ -257,7 +262,7 @@ class Simulation:
         tick_s = float(tables.tick_s[0])
         cycles = self.state.plant.cycles
         instants = [
-            (float(c) * tick_s / 26 + delay_s) % tick_s
+            (float(c) * tick_s / self.design.tick_clocks + delay_s) % tick_s
             for c, delay_s in zip(cycles, (device.drive_dac_delay_s, device.sense_dac_delay_s))
         ]
         chains = [[getattr(warm, f"{name}_pole_{n}_s") for n in (1, 2, 3)] for name in ("drive", "sense")]
@@ -270,6 +275,7 @@ class Simulation:
             tick_s,
             warm.fy_hz,
             -1 if self.state.fpga.control.rate_loop.loop.y < 0 else 1,
+            self.design,
         )
 
     # ---- state files -------------------------------------------------------------------------------------------------
@@ -325,11 +331,11 @@ class Simulation:
         state_file.check_like(path, values, self.state_values())
         self._check_same_gyroscope(path, meta)
         other = identity.check(path, parse_json(meta.get("identity", "{}"), path), self.config.scenario.across_versions)
-        formats = flatten.format_leaves(fpga.STATE_FMT)
+        formats = flatten.format_leaves(fpga.formats(fpga.State, self.design))
         for (name, fmt), value in zip(formats, values["fpga"].tolist(), strict=True):
             if not fmt.holds(value):
                 raise FileError(f"{path}: register {name} = {value} is outside its format {fmt}")
-        if not (0 <= values["tick"] < MOST_TICKS and -1 <= values["drdy_cycle"] < TICK_CYCLES):
+        if not (0 <= values["tick"] < MOST_TICKS and -1 <= values["drdy_cycle"] < self.design.tick_clocks):
             raise FileError(f"{path}: tick {values['tick']} or drdy_cycle {values['drdy_cycle']} is outside its range")
         self.set_state(values)
         return other
@@ -339,7 +345,7 @@ class Simulation:
         held = values["fpga"].tolist() if np.ndim(values["fpga"]) == 1 else []
         if len(held) + len(ADDED) != self.register_count:
             return values
-        saved, reset = iter(held), flatten.leaves(fpga.State())
+        saved, reset = iter(held), flatten.leaves(fpga.reset(self.design))
         return values | {"fpga": np.array([v if name in ADDED else next(saved) for name, v in reset], np.int64)}
 
     def set_state(self, values):

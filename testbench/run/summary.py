@@ -11,7 +11,6 @@ import numpy as np
 from analog_frontend.parts import thermal
 from fpga_model import fault_monitor, sequencer
 from fpga_model import top as fpga
-from fpga_model.rates import TICK_HZ
 from testbench import flatten
 from testbench.engines import engine
 from testbench.run import budget, build, nodes
@@ -41,7 +40,7 @@ def result(job, end, reading, wall_s):
     summary = {
         "locked": end.locked,
         "lock_time_s": lock_s,
-        "drive_frequency_hz": tally.mean("frequency_word") * clock_hz / 2**48,
+        "drive_frequency_hz": tally.mean("frequency_word") * build.lsb_hz(config),
         "expected_frequency_hz": budget.lock_frequency_hz(
             warm.fx_hz, warm.qx, planned.node_deg()["xe1"], planned.loop_deg()["xe2"]
         ),
@@ -59,9 +58,11 @@ def result(job, end, reading, wall_s):
         "quadrature_v": tally.mean("quadrature_code") * device.quad_dac_span_v / 2**16,
         "flags": [name for k, name in enumerate(fault_monitor.NAMES) if tally.flags >> k & 1],
         "warnings": list(job.doubts.warnings(config)),
-        "window_missing": 0 if not sim.window else 26 * sim.window[1] - (0 if sim.rows is None else len(sim.rows)),
+        "window_missing": 0
+        if not sim.window
+        else sim.design.tick_clocks * sim.window[1] - (0 if sim.rows is None else len(sim.rows)),
         "real_time_factor": end.real_time_factor,
-        "simulated_s": sim.tick / TICK_HZ,
+        "simulated_s": sim.tick / sim.design.tick_hz,
         "wall_s": wall_s,
         "codes_sha256": end.codes_sha256,
         "seed": config.noise.seed,
@@ -125,9 +126,9 @@ def _plots(job, tail, summary, reading, clock_hz):
     plots = {
         "startup": {
             "time_s": c["time_s"],
-            "amplitude_um": amplitude_m(c["x"], c["vx"], c["frequency_word"], clock_hz) * 1e6,
+            "amplitude_um": amplitude_m(c["x"], c["vx"], c["frequency_word"], build.lsb_hz(config)) * 1e6,
             "phase_deg": c["phase"] / 2**24 * 360,
-            "frequency_error_hz": c["frequency_word"] * clock_hz / 2**48 - summary["expected_frequency_hz"],
+            "frequency_error_hz": c["frequency_word"] * build.lsb_hz(config) - summary["expected_frequency_hz"],
             "state": c["state"],
             "state_names": sequencer.STATES,
             "lock_time_s": summary["lock_time_s"],
@@ -140,10 +141,14 @@ def _plots(job, tail, summary, reading, clock_hz):
     if reading is not None:
         names = ("drive sgn(sin)", "drive sgn(cos)", "sense sgn(sin)", "sense sgn(cos)")
         f = summary["drive_frequency_hz"]
-        errors = {n: nodes.edge_errors_turns(reading.edges, k) / f * 1e9 for k, n in enumerate(names)}
+        errors = {
+            n: nodes.edge_errors_turns(reading.edges, k, config.design.dds_bits) / f * 1e9 for k, n in enumerate(names)
+        }
         plots["jitter"] = {
             "edges_ns": errors,
-            "grid_ns": 1000.0 if config.firmware.reference_retimed else 1e9 / clock_hz,
+            "grid_ns": 1e9 * config.design.tick_clocks / clock_hz
+            if config.firmware.reference_retimed
+            else 1e9 / clock_hz,
         }
         plots["rate_step"] = reading.step
     return plots
@@ -157,5 +162,5 @@ def _window(sim):
         Signal(f"pins.{name}", 24 if name.endswith("code") else (4 if name == "refs" else 1), name.endswith("code"))
         for name in engine.PIN_COLUMNS
     ]
-    formats = [fmt for _, fmt in flatten.format_leaves(fpga.STATE_FMT)]
-    return sim.rows, pins + signals(flatten.names(sim.state.fpga), formats), sim.window[0] * 26
+    formats = [fmt for _, fmt in flatten.format_leaves(fpga.formats(fpga.State, sim.design))]
+    return sim.rows, pins + signals(flatten.names(sim.state.fpga), formats), sim.window[0] * sim.design.tick_clocks

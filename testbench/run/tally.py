@@ -9,25 +9,27 @@ import numpy as np
 
 from analog_frontend.parts import resonator
 from fpga_model import sequencer
-from fpga_model.rates import FRAME_TICKS, TICK_HZ
+from fpga_model.design_record import DEFAULT
 from testbench.run.simulation import FRAME, TRUTH
 
-FRAMES_PER_S = TICK_HZ // FRAME_TICKS
 SUMMED = ("frequency_word", "rate_word", "quadrature_code")
 START_LIMIT_S = 10.0  # of rows kept from the first one on, where lock does not come
 AFTER_LOCK_S = 0.5
 
 
-def amplitude_m(x, vx, frequency_word, clock_hz):
-    """Amplitude of the drive mode (m) from its state at one instant and the DDS word; vx is x' / W of the resonator."""
-    return np.sqrt(x**2 + (vx * resonator.SCALE_HZ / (frequency_word * clock_hz / 2**48)) ** 2)
+def amplitude_m(x, vx, frequency_word, lsb_hz):
+    """Amplitude of the drive mode (m) from its state at one instant and the DDS word; vx is x' / W of the resonator.
+
+    lsb_hz  frequency of one LSB of the word (Hz)
+    """
+    return np.sqrt(x**2 + (vx * resonator.SCALE_HZ / (frequency_word * lsb_hz)) ** 2)
 
 
 class Tally:
     """Sums over the rows while `active`."""
 
-    def __init__(self, clock_hz):
-        self.clock_hz = clock_hz
+    def __init__(self, lsb_hz):
+        self.lsb_hz = lsb_hz  # of the frequency word
         self.active = False
         self.rows = 0
         self.sums = np.zeros(len(SUMMED), np.int64)
@@ -42,7 +44,7 @@ class Tally:
         self.rows += len(frames)
         self.sums += frames[:, [FRAME[name] for name in SUMMED]].sum(axis=0)
         x, vx = truth[:, TRUTH["x"]], truth[:, TRUTH["vx"]]
-        self.amplitude_sum_m += float(amplitude_m(x, vx, frames[:, FRAME["frequency_word"]], self.clock_hz).sum())
+        self.amplitude_sum_m += float(amplitude_m(x, vx, frames[:, FRAME["frequency_word"]], self.lsb_hz).sum())
         self.flags |= int(np.bitwise_or.reduce(frames[:, FRAME["flags"]]))
         self.temp_degc = float(truth[-1, TRUTH["temperature"]])
 
@@ -57,7 +59,7 @@ class Tally:
 
     def dump(self):
         """What a checkpoint keeps."""
-        return {name: value for name, value in vars(self).items() if name not in ("active", "clock_hz")}
+        return {name: value for name, value in vars(self).items() if name not in ("active", "lsb_hz")}
 
     def restore(self, values):
         """Continue where `dump` was."""
@@ -69,7 +71,8 @@ class StartUp:
 
     COLUMNS = ("frequency_word", "phase", "state", "x", "vx")  # each exact as a double
 
-    def __init__(self):
+    def __init__(self, frame_hz=DEFAULT.frame_hz):
+        self.frame_hz = frame_hz
         self.first_frame = -1
         self.lock_frame = -1
         self._pieces = []
@@ -89,20 +92,20 @@ class StartUp:
             self._count += len(frames)
 
     def _wanted(self):
-        rows = START_LIMIT_S * FRAMES_PER_S
+        rows = START_LIMIT_S * self.frame_hz
         if self.lock_frame >= 0:
-            rows = min(rows, self.lock_frame - self.first_frame + AFTER_LOCK_S * FRAMES_PER_S)
+            rows = min(rows, self.lock_frame - self.first_frame + AFTER_LOCK_S * self.frame_hz)
         return int(rows)
 
     @property
     def lock_s(self):
         """Time from power-on to the first lock, or None."""
-        return None if self.lock_frame < 0 else self.lock_frame / FRAMES_PER_S
+        return None if self.lock_frame < 0 else self.lock_frame / self.frame_hz
 
     def columns(self):
         """The rows that were kept as {name: array of doubles}, and their time from power-on (s)."""
         rows = np.concatenate(self._pieces)[: self._wanted()] if self._pieces else np.zeros((0, len(self.COLUMNS)))
-        time_s = (max(self.first_frame, 0) + np.arange(len(rows))) / FRAMES_PER_S
+        time_s = (max(self.first_frame, 0) + np.arange(len(rows))) / self.frame_hz
         return {"time_s": time_s} | {name: rows[:, k] for k, name in enumerate(self.COLUMNS)}
 
     def dump(self):

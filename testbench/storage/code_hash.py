@@ -15,7 +15,7 @@ import hashlib
 
 import numpy as np
 
-from fpga_model.rates import FRAME_TICKS
+from fpga_model.design_record import DEFAULT
 
 BLOCK_TICKS = 125_000
 WORDS = 9  # columns of a frame: ADC codes and words of the loops
@@ -23,15 +23,16 @@ KINDS = ("<i2", "<i4", "<i8")  # drive, sense, frames
 NO_CODES, NO_WORDS = np.zeros(0, np.int64), np.zeros((0, WORDS), np.int64)
 
 
-def frames_begun(tick, ticks):
+def frames_begun(tick, ticks, frame_ticks=DEFAULT.frame_ticks):
     """Number of frames whose first tick lies in `ticks` ticks from `tick` on."""
-    return (tick + ticks - 1) // FRAME_TICKS - (tick - 1) // FRAME_TICKS
+    return (tick + ticks - 1) // frame_ticks - (tick - 1) // frame_ticks
 
 
 class CodeHash:
     """The chain, and the codes of the block that has begun."""
 
-    def __init__(self):
+    def __init__(self, frame_ticks=DEFAULT.frame_ticks):
+        self.frame_ticks = frame_ticks
         self._chain, self._words = bytes(32), bytes(32)
         self.begin_tick = self.end_tick = -1
         self.complete = True  # False behind a checkpoint of version 0.1.0, which lacks the second chain
@@ -51,7 +52,7 @@ class CodeHash:
         self.end_tick = tick + ticks
         while ticks:
             take = min(ticks, BLOCK_TICKS - tick % BLOCK_TICKS)
-            rows = frames_begun(tick, take)
+            rows = frames_begun(tick, take, self.frame_ticks)
             self._feed(drive[:take], sense[:take], words[:rows])
             drive, sense, words, tick, ticks = drive[take:], sense[take:], words[rows:], tick + take, ticks - take
             if tick % BLOCK_TICKS == 0:
@@ -76,9 +77,9 @@ class CodeHash:
 
     def has_words(self, blocks):
         """True if these are all the rows of words that were added, in arrays of any length."""
-        again, tick = CodeHash(), self.begin_tick
+        again, tick = CodeHash(self.frame_ticks), self.begin_tick
         for rows in filter(len, blocks):
-            until = FRAME_TICKS * ((tick - 1) // FRAME_TICKS + len(rows)) + 1
+            until = self.frame_ticks * ((tick - 1) // self.frame_ticks + len(rows)) + 1
             again.add(tick, until - tick, NO_CODES, NO_CODES, rows)
             tick = until
         if tick > self.end_tick:

@@ -25,7 +25,7 @@ from uuid import uuid4
 
 import numpy as np
 
-from fpga_model.rates import FRAME_TICKS
+from fpga_model.design_record import DEFAULT
 from testbench.engines import engine
 from testbench.errors import FileError
 from testbench.storage import inputs
@@ -33,7 +33,6 @@ from testbench.storage.code_hash import WORDS
 from testbench.storage.files import explain
 from testbench.storage.record import Column, RecordWriter
 
-FRAME_EDGES = 26 * FRAME_TICKS
 BLOCK_ROWS = 8192  # frames gathered before they are written
 READ_ROWS = 1 << 16
 SUM, FIRST, ANY, ALL = "sum", "first", "any", "all"
@@ -58,8 +57,9 @@ class Field(NamedTuple):
     rule: str
 
 
-def _register_fields():
+def _register_fields(design):
     for k, (name, lsb, fmt) in enumerate(engine.FRAME_COLUMNS):
+        lsb, fmt = lsb.format(**design._asdict()), fmt.at(design)
         unit = "code" if "code" in name or name.startswith("adc") else "word"
         narrow = fmt.lo >= -(1 << 31) and fmt.hi < 1 << 31
         dtype = np.dtype("<i4" if narrow else "<i8")
@@ -72,12 +72,13 @@ def _truth_fields():
 
 
 HASHED = tuple(name for name, _, _ in engine.FRAME_COLUMNS[:WORDS])  # what the hash of codes covers
-FIELDS = {field.name: field for field in (*_register_fields(), *_truth_fields())}
+FIELDS = {field.name: field for field in (*_register_fields(DEFAULT), *_truth_fields())}
 
 
-def chosen(names, decimate):
+def chosen(names, decimate, design=DEFAULT):
     """{name in the record: Field} of `[output] columns` (none: all) with rows of `decimate` frames."""
-    fields = [FIELDS[name] for name in FIELDS if not names or name in names]
+    known = {field.name: field for field in (*_register_fields(design), *_truth_fields())}
+    fields = [known[name] for name in FIELDS if not names or name in names]
     if decimate == 1:
         return {field.name: field for field in fields}
     out = {}
@@ -107,10 +108,12 @@ class Spool:
     columns, decimate  of [output]
     path               the file; None keeps the rows in memory
     rows               if not None, the file exists already and continues behind so many rows
+    design             design record of the firmware
     """
 
-    def __init__(self, columns=(), decimate=1, path=None, rows=None):
-        self.fields = chosen(columns, decimate)
+    def __init__(self, columns=(), decimate=1, path=None, rows=None, design=DEFAULT):
+        self.fields = chosen(columns, decimate, design)
+        self.frame_clocks = design.frame_clocks
         self.dtype = np.dtype([(name, field.dtype) for name, field in self.fields.items()])
         self.decimate = decimate
         self.path = path
@@ -262,7 +265,11 @@ class Recording:
 
     def _rate(self):
         """num, den, edge0 of every column."""
-        return 1, FRAME_EDGES * self.spool.decimate, FRAME_EDGES * max(self.spool.first_frame, 0)
+        return (
+            1,
+            self.spool.frame_clocks * self.spool.decimate,
+            self.spool.frame_clocks * max(self.spool.first_frame, 0),
+        )
 
     def _append(self, writer, progress):
         """Write all rows, and yield them block by block."""

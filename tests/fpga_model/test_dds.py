@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fpga_model import dds
+from fpga_model.design_record import DEFAULT
 from fpga_model.jit import DISABLED, kernel
 from testbench.flatten import store
 from tests import naive
@@ -23,7 +24,7 @@ def trace(s, words, offsets):
     for n in range(len(words)):
         store(rows[n], s)
         a, b, c, d = int(offsets[n, 0]), int(offsets[n, 1]), int(offsets[n, 2]), int(offsets[n, 3])
-        s = dds.step(s, int(words[n]), a, b, c, d)
+        s = dds.step(DEFAULT, s, int(words[n]), a, b, c, d)
     store(rows[len(words)], s)
     return rows
 

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fpga_model import dds, frequency_tracker, pi
+from fpga_model.design_record import DEFAULT
 from tests import naive
 from tests.fpga_model.records import assert_rows, raws, rows
 
@@ -27,7 +28,7 @@ edge = st.tuples(
 
 
 def run(inputs):
-    return rows(lambda s, *i: frequency_tracker.step(P, s, *i), frequency_tracker.State(), inputs)
+    return rows(lambda s, *i: frequency_tracker.step(DEFAULT, P, s, *i), frequency_tracker.State(), inputs)
 
 
 @given(st.lists(edge, max_size=40))

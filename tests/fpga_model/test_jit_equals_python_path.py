@@ -16,6 +16,7 @@ import numpy as np
 
 from analog_frontend.parts import adc_serial, dac_serial
 from fpga_model import dds, delay, modulator, rates, references, sine, spi_adc, spi_dac
+from fpga_model.design_record import DEFAULT
 from fpga_model.jit import kernel
 from testbench.flatten import names, store
 
@@ -91,11 +92,11 @@ def step(p, s, word, offset, amplitude, codes):
     adc = spi_adc.step(s.adc, s.adc_chip.drdy_n, adc_serial.dout(s.adc_chip))
     loaded = 1 if (r.tick == 5 and r.frame == 1) or (r.tick == 9 and r.frame == 30) else 0
     return Chain(
-        rates.step(r, s.adc.valid),
-        dds.step(s.dds, word, offset, 0, 0, offset),
-        sine.step(s.sine, s.dds.drive_sine),
+        rates.step(DEFAULT, r, s.adc.valid),
+        dds.step(DEFAULT, s.dds, word, offset, 0, 0, offset),
+        sine.step(DEFAULT, sine.ROM, s.sine, s.dds.drive_sine),
         delay.step(p.pipe, s.pipe, s.sine.y),
-        references.step(p.references, s.references, s.dds.drive_ref, s.dds.sense_ref, rates.ce_1m(r)),
+        references.step(DEFAULT, p.references, s.references, s.dds.drive_ref, s.dds.sense_ref, rates.ce_1m(r)),
         modulator.step(p.drive, s.drive, rates.ce_1m(r), at_code, amplitude, y),
         modulator.step(p.sense, s.sense, rates.ce_1m(r), at_code, -amplitude, y),
         a,

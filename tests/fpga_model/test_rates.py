@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fpga_model import rates
+from fpga_model.design_record import DEFAULT
 from fpga_model.jit import kernel
 from testbench.flatten import store
 from tests import naive
@@ -20,7 +21,7 @@ def trace(s, go):
     for n in range(len(go)):
         store(rows[n], s)
         enables[n, 0], enables[n, 1], enables[n, 2] = rates.ce_1m(s), rates.ce_8k(s), rates.at(s, 2)
-        s = rates.step(s, int(go[n]))
+        s = rates.step(DEFAULT, s, int(go[n]))
     store(rows[len(go)], s)
     return rows, enables
 

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fpga_model import references
+from fpga_model.design_record import DEFAULT
 from fpga_model.jit import kernel
 from testbench.flatten import store
 from tests import naive
@@ -24,7 +25,7 @@ def trace(p, s, drive, sense, enable):
     for n in range(len(drive)):
         store(rows[n], s)
         pins[n] = references.pins(p, s)
-        s = references.step(p, s, int(drive[n]), int(sense[n]), int(enable[n]))
+        s = references.step(DEFAULT, p, s, int(drive[n]), int(sense[n]), int(enable[n]))
     store(rows[len(drive)], s)
     return rows, pins
 

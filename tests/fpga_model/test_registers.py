@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fpga_model import agc, fault_monitor, frequency_tracker, rate_loop, registers, sequencer
+from fpga_model.design_record import DEFAULT
 from tests.fpga_model.records import assert_rows, raws, rows
 
 PAGE = Path(__file__).parents[2] / "docs" / "blocks" / "registers.md"
@@ -35,14 +36,14 @@ def expected_rows(inputs):
 
 @given(st.lists(write, max_size=30))
 def test_step_is_the_documented_equation(inputs):
-    found = rows(lambda s, *i: registers.step(s, *i), registers.State(), inputs)
+    found = rows(lambda s, *i: registers.step(DEFAULT, s, *i), registers.State(), inputs)
     assert_rows(found, expected_rows(inputs), registers.STATE_FMT)
 
 
 @pytest.mark.parametrize("data", [0x5555_5555_5555, 0xAAAA_AAAA_AAAA, 0, 2**48 - 1])
 def test_every_address_writes_its_own_register_and_no_other(data):
     inputs = [(1, address, data, 0) for address in range(256)]
-    found = rows(lambda s, *i: registers.step(s, *i), registers.State(), inputs)
+    found = rows(lambda s, *i: registers.step(DEFAULT, s, *i), registers.State(), inputs)
     assert_rows(found, expected_rows(inputs), registers.STATE_FMT)
 
 

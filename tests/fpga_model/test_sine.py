@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fpga_model import sine
+from fpga_model.design_record import DEFAULT
 from fpga_model.jit import DISABLED, kernel
 from testbench.flatten import store
 from tests import naive
@@ -29,7 +30,7 @@ def trace(s, phases):
     rows = np.empty((len(phases) + 1, 8), np.int64)
     for n in range(len(phases)):
         store(rows[n], s)
-        s = sine.step(s, int(phases[n]))
+        s = sine.step(DEFAULT, sine.ROM, s, int(phases[n]))
     store(rows[len(phases)], s)
     return rows
 
@@ -42,7 +43,7 @@ def tone(s, word, start, count):
     for n in range(count + sine.LATENCY):
         if n >= sine.LATENCY:
             y[n - sine.LATENCY] = s.y
-        s = sine.step(s, phase)
+        s = sine.step(DEFAULT, sine.ROM, s, phase)
         phase = (phase + word) & ((1 << 48) - 1)
     return y
 
@@ -72,7 +73,7 @@ def test_step_is_the_documented_equation(inputs):
 def closed(phases):
     y = np.empty(len(phases), np.int64)
     for n in range(len(phases)):
-        y[n] = sine.at(int(phases[n]))
+        y[n] = sine.at(DEFAULT, sine.ROM, int(phases[n]))
     return y
 
 
@@ -95,9 +96,9 @@ def test_tables_are_the_sine_to_all_their_bits():
     with mpmath.workprec(200):
         full = 2**17 - 1
         exact = [full * mpmath.sin(mpmath.pi / 2 * k / 1024) for k in range(1025)]
-        assert list(sine.TABLE_BASE) == [int(mpmath.nint(x * 64)) for x in exact[:-1]]
-        assert list(sine.TABLE_SLOPE) == [int(mpmath.nint((b - a) * 32)) for a, b in pairwise(exact)]
-    assert sine.ROM.tolist() == [b * 2**13 + s for b, s in zip(sine.TABLE_BASE, sine.TABLE_SLOPE)]
+        assert list(sine.tables()[0]) == [int(mpmath.nint(x * 64)) for x in exact[:-1]]
+        assert list(sine.tables()[1]) == [int(mpmath.nint((b - a) * 32)) for a, b in pairwise(exact)]
+    assert sine.ROM.tolist() == [b * 2**13 + s for b, s in zip(*sine.tables())]
 
 
 def test_latency_from_phase_to_y():

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from fpga_model import agc, fault_monitor, frequency_tracker, quadrature_loop, rate_loop, registers, sequencer
+from fpga_model.design_record import DEFAULT
 from fpga_model.jit import kernel
 
 # every block is compared with its oracle in both modes; interpreted, this loop of 200000 frames takes minutes
@@ -103,6 +104,7 @@ def run(p, z, bank, mechanics, plant, rate, quadrature, ok, noise, log):
             at_loop, at_pi = 1 if slot == 0 else 0, 1 if slot == 1 else 0
             a = agc.step(p.agc, a, at_loop, at_pi, o.agc_mode, magnitude, bank.amplitude_setpoint, 0)
             t = frequency_tracker.step(
+                DEFAULT,
                 p.tracker,
                 t,
                 at_loop,

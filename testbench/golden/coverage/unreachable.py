@@ -318,7 +318,7 @@ def _sine_places(block, case, places):
         if place.like("row >> SLOPE_BITS"):
             if goal[2] == "zero" and slopes.all():
                 yield goal, "no slope of the table is 0"
-            if goal[2] == "ones" and (slopes != sine.SLOPE_MASK).all():
+            if goal[2] == "ones" and (slopes != sine.SLOPE.hi).all():
                 yield goal, "no slope of the table is all ones"
 
 

@@ -20,7 +20,6 @@ from analog_frontend.parts import adc_serial
 from fpga_model import registers
 from fpga_model import top as fpga
 from fpga_model.jit import kernel
-from fpga_model.rates import FRAME_TICKS, TICK_CYCLES
 from testbench.engines import engine
 from testbench.flatten import leaves
 from testbench.golden.loop import library
@@ -53,8 +52,8 @@ def _samples(p, a, tick):
 
 
 @kernel
-def _step(p, s, i):
-    return fpga.step(p, s, i)
+def _step(p, rom, s, i):
+    return fpga.step(p, rom, s, i)
 
 
 @kernel
@@ -71,23 +70,24 @@ class Plant:
     def __init__(self, config, rate_dps=0.0, temp_degc=25.0, firmware=None):
         self.params = build.params(config, temp_degc, temp_degc)
         self.firmware = firmware or self.params.fpga
+        self.design = self.firmware.design
         self._rate_rad_s, self._temp_degc = rate_dps * DEG, temp_degc
         state = engine.reset(self.params, temp_degc)
         self.chips, self._analog = state.chips, state.plant
         self._writes = [(registers.BY_NAME[name], raw) for name, raw in build.register_writes(config)]
         self._edges = np.zeros((engine.MAX_EDGES, 2), np.int64)
         self.clock, self._drdy_cycle = 0, -1
-        self._refs = fpga.pins(self.firmware, fpga.State()).refs
+        self._refs = fpga.pins(self.firmware, fpga.reset(self.design)).refs
         self._begin_tick()
 
     @property
     def tick(self):
         """Ticks since power-on."""
-        return self.clock // TICK_CYCLES
+        return self.clock // self.design.tick_clocks
 
     def _begin_tick(self):
         a, p = self._analog, self.params.plant
-        if self.tick % FRAME_TICKS == 0:
+        if self.tick % self.design.frame_ticks == 0:
             _retune(p, a, self._rate_rad_s, self.chips.quadrature.code, self._temp_degc)
         self._given = int(a.sar[0]), int(a.sar[1])
         if self.firmware.digital:
@@ -99,7 +99,7 @@ class Plant:
 
     def inputs(self):
         """Inputs of the design at the next edge; the host writes one register of the configuration per tick."""
-        tick, c = divmod(self.clock, TICK_CYCLES)
+        tick, c = divmod(self.clock, self.design.tick_clocks)
         write, address, data = 0, 0, 0
         if tick < len(self._writes):
             entry, raw = self._writes[tick]
@@ -112,7 +112,8 @@ class Plant:
 
     def edge(self, pins):
         """The converters, and at the end of a tick the gyroscope, after an edge that left these output pins."""
-        c, pins = self.clock % TICK_CYCLES, fpga.Pins(**{name: int(pins[name]) for name in fpga.Pins._fields})
+        clocks = self.design.tick_clocks
+        c, pins = self.clock % clocks, fpga.Pins(**{name: int(pins[name]) for name in fpga.Pins._fields})
         loaded = int(c == self._drdy_cycle)
         self.chips = _chips(self.chips, pins, loaded, STATUS, self._codes)
         self._drive_cycle = c if self.chips.drive.updated else self._drive_cycle
@@ -122,13 +123,13 @@ class Plant:
             if changed >> d & 1 and self._edge_count < engine.MAX_EDGES:
                 self._edges[self._edge_count] = c, d
                 self._edge_count += 1
-        if c == TICK_CYCLES - 1:
+        if c == clocks - 1:
             moved = plant.Pins(
                 self.chips.drive.code, self._drive_cycle, self.chips.sense.code, self._sense_cycle, self._edge_count
             )
             self._drdy_cycle = _tick(self.params.plant, self._analog, self.tick, moved, self._edges)
         self.clock += 1
-        if self.clock % TICK_CYCLES == 0:
+        if self.clock % clocks == 0:
             self._begin_tick()
 
 
@@ -136,7 +137,8 @@ class Model:
     """The firmware's own model beside a `Plant`, from reset."""
 
     def __init__(self, plant):
-        self._params, self.state = plant.firmware, fpga.State()
+        self._params, self._rom = plant.firmware, plant.params.rom
+        self.state = fpga.reset(self._params.design)
 
     def expected(self):
         """{port of gyro_top: unsigned value} of every register and output pin before the next edge."""
@@ -149,4 +151,4 @@ class Model:
             value - (1 << fmt.width) if fmt.s and value > fmt.hi else value
             for value, fmt in zip(inputs.values(), fpga.INPUTS_FMT, strict=True)
         ]
-        self.state = _step(self._params, self.state, fpga.Inputs(*signed))
+        self.state = _step(self._params, self._rom, self.state, fpga.Inputs(*signed))

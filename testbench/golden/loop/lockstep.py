@@ -21,7 +21,6 @@ from analog_frontend import top as plant
 from analog_frontend.parts import adc_serial
 from fpga_model import top as fpga
 from fpga_model.jit import DISABLED, hot, inlined
-from fpga_model.rates import FRAME_TICKS, TICK_CYCLES
 from testbench.engines import engine
 from testbench.flatten import store
 from testbench.golden.loop.library import INPUTS, NAMES, REFS_AT, REGISTERS
@@ -100,10 +99,11 @@ def ticks(p, f, chips, a, chunk, end, drdy_cycle, rtl):
     Ends early, with rtl.found, at the first row in which the RTL differs.
     """
     begin, faults = chunk.begin, chunk.faults
+    clocks, frame_ticks = p.fpga.design.tick_clocks, p.fpga.design.frame_ticks
     pins = rtl.found[2]
     refs = (pins >> REFS_AT) & REFS_MASK
     for tick in range(begin, end):
-        if tick % FRAME_TICKS == 0:
+        if tick % frame_ticks == 0:
             engine.begin_frame(p, f, chips, a, chunk, tick)
         # the aperture is the tick's first instant; the codes arrive a tick later
         sample_x, sample_y = a.sar[0], a.sar[1]
@@ -112,8 +112,8 @@ def ticks(p, f, chips, a, chunk, end, drdy_cycle, rtl):
             a.sar[1] = engine.taken_sample(faults, 1, plant.sar_code(p.plant, a, tick, 1), sample_y)
         codes = engine.sent_codes(faults, a.adc.clock, engine.codes_before(chips))
         drive_cycle, sense_cycle, edge_count = -1, -1, 0
-        for c in range(TICK_CYCLES):
-            at = tick * TICK_CYCLES + c
+        for c in range(clocks):
+            at = tick * clocks + c
             row = rtl.rows[at & (KEPT - 1)]
             store(row, f)
             store(row[COUNT:], fpga.pins(p.fpga, f))
@@ -121,11 +121,11 @@ def ticks(p, f, chips, a, chunk, end, drdy_cycle, rtl):
             if place >= 0:
                 rtl.found[0], rtl.found[1] = at, place
                 return f, chips, drdy_cycle
-            write = chunk.write if at == begin * TICK_CYCLES else 0
+            write = chunk.write if at == begin * clocks else 0
             i = fpga.Inputs(
                 chips.adc.drdy_n, adc_serial.dout(chips.adc), sample_x, sample_y, write, chunk.address, chunk.data
             )
-            f = fpga.step(p.fpga, f, i)
+            f = fpga.step(p.fpga, p.rom, f, i)
             store(rtl.given[1:], i)
             rtl.given[0] = 0
             pins = call(rtl.edge, rtl.handle, rtl.given)
@@ -141,5 +141,5 @@ def ticks(p, f, chips, a, chunk, end, drdy_cycle, rtl):
                 refs = now
         drdy_cycle = engine.end_tick(p, chips, a, chunk, tick, drive_cycle, sense_cycle, edge_count)[0]
     rtl.found[2] = pins
-    rtl.found[3] += (end - begin) * TICK_CYCLES
+    rtl.found[3] += (end - begin) * clocks
     return f, chips, drdy_cycle

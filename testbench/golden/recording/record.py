@@ -37,6 +37,7 @@ from fpga_model import (
 from fpga_model.fault_monitor import CODE
 from fpga_model.fixed import signed
 from fpga_model.rates import FRAME_CYCLES, FRAME_HZ, FRAME_TICKS, TICK_CYCLES
+from fpga_model.sine import ROM
 from testbench import config
 from testbench.engines import engine
 from testbench.errors import FileError
@@ -170,7 +171,7 @@ def _level(points, frame):
 def closed_loop(name, case, progress=None):
     """Run a case tick by tick; `Recording` without windows."""
     settings = config.changed(config.Config(), case.config)
-    params = engine.Params(case.firmware(settings), build.analog(settings, TEMP_DEGC, TEMP_DEGC))
+    params = engine.Params(case.firmware(settings), build.analog(settings, TEMP_DEGC, TEMP_DEGC), ROM)
     state = engine.reset(params, TEMP_DEGC)
     streams, temp = engine.streams(), np.full(2, TEMP_DEGC)
     pending = [(k, *write) for k, write in enumerate(build.register_writes(settings))]

@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fpga_model import top
+from fpga_model.design_record import DEFAULT
 from fpga_model.digital_sid import SAMPLE
 from fpga_model.rates import FRAME_CYCLES, TICK_CYCLES
 from testbench.errors import FileError
@@ -74,7 +75,7 @@ def params_from(raw):
         items = [build(item) for item in fmt]
         return type(fmt)(*items) if hasattr(fmt, "_fields") else tuple(items)
 
-    return build(top.PARAMS_FMT)
+    return build(top.PARAMS_FMT)._replace(design=DEFAULT)
 
 
 def param_names():

@@ -18,6 +18,7 @@ from analog_frontend.parts import adc_serial
 from fpga_model import spi_adc, top
 from fpga_model.jit import hot
 from fpga_model.rates import FRAME_CYCLES, TICK_CYCLES
+from fpga_model.sine import ROM  # of the default design, the only one that recordings are of
 from testbench.flatten import format_leaves, leaves, store
 from testbench.golden.recording import signature
 
@@ -106,7 +107,7 @@ def _run(p, s, chip, place, stimulus, o, buffer):
             store(o.registers[row], s)
             store(o.pins[row], out)
             row += 1
-        s = top.step(p, s, top.Inputs(drdy_n, dout, sample_x, sample_y, write, address, data))
+        s = top.step(p, ROM, s, top.Inputs(drdy_n, dout, sample_x, sample_y, write, address, data))
         loaded, status = 0, 0
         codes = (0, 0, 0, 0, 0, 0, 0, 0)
         if conversion < adc.shape[0] and adc[conversion, 0] == n:

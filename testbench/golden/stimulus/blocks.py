@@ -37,6 +37,7 @@ from fpga_model import (
     spi_dac,
     watchdog,
 )
+from fpga_model.design_record import DEFAULT
 from fpga_model.fixed import Fmt, bits
 from testbench.flatten import format_leaves, leaves
 from testbench.golden.stimulus import runners
@@ -538,7 +539,7 @@ def run(block, case, stimulus):
     regs = np.zeros((len(stimulus), len(block.registers)), np.int64)
     pins = np.zeros((len(stimulus), len(block.pins)), np.int64)
     params = block.cases[case]
-    block.run(0 if params is None else params, block.state, stimulus, regs, pins)
+    block.run(DEFAULT if params is None else params, block.state, stimulus, regs, pins)
     check(block.registers, regs, f"{block.stem}: register")
     check(block.pins, pins, f"{block.stem}: output")
     return regs, pins

@@ -36,7 +36,7 @@ def _edges_dds(w):
 def _edges_sine(w):
     """The edges of the phase, then places for each edge of the rounding out of all 2**20, in all quadrants."""
     _edges_phase(w)
-    base, slope = np.array(sine.TABLE_BASE, np.int64), np.array(sine.TABLE_SLOPE, np.int64)
+    base, slope = np.array(sine.tables(), np.int64)
     middle = 2 * np.arange(1 << sine.FRACTION_BITS) + 1
     total = (base[:, None] << sine.ALIGN) + slope[:, None] * middle
     cut = sine.PRODUCT.f

@@ -31,6 +31,7 @@ from fpga_model import (
     spi_dac,
     watchdog,
 )
+from fpga_model.design_record import DEFAULT
 from fpga_model.jit import kernel
 from testbench.flatten import store
 
@@ -41,7 +42,7 @@ def run_dds(p, s, stim, regs, pins):
     for n in range(stim.shape[0]):
         r = stim[n]
         store(regs[n], s)
-        s = reset if r[0] == 1 else dds.step(s, r[1], r[2], r[3], r[4], r[5])
+        s = reset if r[0] == 1 else dds.step(p, s, r[1], r[2], r[3], r[4], r[5])
 
 
 @kernel
@@ -50,7 +51,7 @@ def run_sine(p, s, stim, regs, pins):
     for n in range(stim.shape[0]):
         r = stim[n]
         store(regs[n], s)
-        s = reset if r[0] == 1 else sine.step(s, r[1])
+        s = reset if r[0] == 1 else sine.step(p, sine.ROM, s, r[1])
 
 
 @kernel
@@ -70,7 +71,7 @@ def run_references(p, s, stim, regs, pins):
         r = stim[n]
         store(regs[n], s)
         pins[n, 0] = references.pins(p, s)
-        s = reset if r[0] == 1 else references.step(p, s, r[1], r[2], r[3])
+        s = reset if r[0] == 1 else references.step(DEFAULT, p, s, r[1], r[2], r[3])
 
 
 @kernel
@@ -155,7 +156,10 @@ def run_frequency_tracker(p, s, stim, regs, pins):
     for n in range(stim.shape[0]):
         r = stim[n]
         store(regs[n], s)
-        s = reset if r[0] == 1 else frequency_tracker.step(p, s, r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8])
+        if r[0] == 1:
+            s = reset
+        else:
+            s = frequency_tracker.step(DEFAULT, p, s, r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8])
 
 
 @kernel
@@ -238,7 +242,7 @@ def run_registers(p, s, stim, regs, pins):
     for n in range(stim.shape[0]):
         r = stim[n]
         store(regs[n], s)
-        s = reset if r[0] == 1 else registers.step(s, r[1], r[2], r[3], r[4])
+        s = reset if r[0] == 1 else registers.step(p, s, r[1], r[2], r[3], r[4])
 
 
 @kernel
@@ -258,4 +262,4 @@ def run_rates(p, s, stim, regs, pins):
         store(regs[n], s)
         pins[n, 0] = rates.ce_1m(s)
         pins[n, 1] = rates.ce_8k(s)
-        s = reset if r[0] == 1 else rates.step(s, r[1])
+        s = reset if r[0] == 1 else rates.step(p, s, r[1])

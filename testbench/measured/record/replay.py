@@ -17,12 +17,14 @@ from typing import NamedTuple
 import numpy as np
 
 from fpga_model import control, modulator, registers, sequencer, sine, spi_dac, watchdog
+from fpga_model.design_record import DEFAULT
+from fpga_model.fixed import wrap_unsigned
 from fpga_model.jit import hot, inner, outlined
 from fpga_model.rates import FRAME_CYCLES, FRAME_TICKS, SLOTS, TICK_CYCLES
 from testbench.engines import window
 from testbench.engines.pins import SINE_CLOCKS
-from testbench.engines.turn import TURN_MASK, Turn, phase_at
-from testbench.engines.window import FIRST_CHANNEL_CLOCKS, LAST_ODD_TICK, VALID_CLOCKS
+from testbench.engines.turn import phase_at, still
+from testbench.engines.window import FIRST_CHANNEL_CLOCKS, VALID_CLOCKS, last_load_tick
 
 WINDOW_WORDS = (
     "amplitude_word",
@@ -53,6 +55,7 @@ CODES = 5  # of a conversion: four demodulators, temperature
 FAR = np.int64(1 << 62)
 ZERO, ONE = np.int64(0), np.int64(1)
 AMPLITUDE, RATE, QUADRATURE = range(3)
+ROM = sine.rom()  # of the default design, the only one that records are of
 
 
 class Side(NamedTuple):
@@ -92,7 +95,7 @@ def power_on():
     c = control.State()
     word = c.frequency_tracker.word
     zero = (0,) * 8
-    w = window.Window(c, registers.State(), watchdog.State(), Turn(0, 0, word, word, 0, word), 0, 0)
+    w = window.Window(c, registers.State(), watchdog.State(), still(0, 0, word, DEFAULT.dds_bits), 0, 0)
     return Side(0, w, zero, zero, -1, 0, 0, 0)
 
 
@@ -243,7 +246,8 @@ def advance(p, s, x, until, plain, row):
 @inner
 def _sine(p, s, tick, offset):
     """Sine that a modulator takes in `tick`."""
-    return sine.at((phase_at(s.w.turn, TICK_CYCLES * tick - SINE_CLOCKS - p.pipe.depth) + offset) & TURN_MASK)
+    phase = phase_at(s.w.turn, TICK_CYCLES * tick - SINE_CLOCKS - p.pipe.depth)
+    return sine.at(p.design, ROM, wrap_unsigned(phase + offset, p.design.dds_bits))
 
 
 @inner
@@ -325,5 +329,5 @@ def order(p):
     """(3, 2): when the codes at a frame's end were decided, in clocks before it, and which (`run`)."""
     ticks = ((1 + p.drive_modulator.frames, AMPLITUDE), (2 + p.sense_modulator.frames, RATE))
     found = [(TICK_CYCLES * n, kind) for n, kind in ticks]
-    found.append((TICK_CYCLES * (FRAME_TICKS - LAST_ODD_TICK) - spi_dac.LOAD_TICK, QUADRATURE))
+    found.append((TICK_CYCLES * (FRAME_TICKS - last_load_tick(p)) - spi_dac.LOAD_TICK, QUADRATURE))
     return np.array(sorted(found, reverse=True), np.int64)

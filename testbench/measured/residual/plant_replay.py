@@ -18,11 +18,12 @@ from analog_frontend import top as plant
 from analog_frontend.parts import adc, dac_serial
 from fpga_model import registers
 from fpga_model.control import SLOT_PI
+from fpga_model.design_record import DEFAULT
 from fpga_model.jit import hot, inner
 from fpga_model.rates import FRAME_TICKS, SLOT_SEQUENCER, TICK_CYCLES
 from testbench.engines import pins
-from testbench.engines.frame import DRIVE_CLOCK, SENSE_CLOCK
-from testbench.engines.turn import QUARTER_BITS, TURN_MASK, Turn, turn_of
+from testbench.engines.frame import dac_clocks
+from testbench.engines.turn import still, turn_of
 from testbench.engines.window import SLOT_WORD
 from testbench.measured.record.replay import CODES, DRIVEN
 
@@ -56,10 +57,11 @@ def _words(b, old, new, tick, n):
 def _block(p, a, bank, turn, refs, staged, tick, n, b):
     """`n` ticks of the plant; returns the reference pins and the sense DAC's data register. Mutates `a` and `b`."""
     codes = a.work
-    pins.dac_codes(p.fpga, bank, turn, tick, n, b)
+    pins.dac_codes(p.fpga, p.rom, bank, turn, tick, n, b)
     _, staged = pins.words_of_ticks(p.fpga, codes.drive_codes, codes.sense_codes, n, ONE, staged, False, b)
-    count, refs = pins.reference_edges(p.fpga.references, turn, bank, tick, tick + n, refs, b)
-    units.block(p.plant, a, tick, n, DRIVE_CLOCK, SENSE_CLOCK, count, b.edges)
+    count, refs = pins.reference_edges(p.fpga.design, p.fpga.references, turn, bank, tick, tick + n, refs, b)
+    drive_clock, sense_clock = dac_clocks(p.fpga)
+    units.block(p.plant, a, tick, n, drive_clock, sense_clock, count, b.edges)
     return refs, staged
 
 
@@ -75,7 +77,7 @@ def _run(p, a, d, refs, b, codes):
             codes[n, c] = a.adc.clock[adc.CODES + c]
         units.retune(p.plant, a, d.rate_rad_s[n], old[QUADRATURE], d.temp_degc[n])
         clock = TICK_CYCLES * tick
-        turn = Turn(clock, d.phase[n], old[WORD], old[WORD], clock, old[WORD])
+        turn = still(clock, d.phase[n], old[WORD], p.fpga.design.dds_bits)
         head = FRAME_TICKS if new[VALID] < 0 else new[VALID] // TICK_CYCLES - tick
         if head > 0:
             _words(b, old, new, tick, head)
@@ -105,6 +107,7 @@ def run(params, drive, temp_degc):
 def first_pins(bank):
     """The four reference pins just before phase 0."""
     sin_cos = {0: 0b11, 1: 0b01, 2: 0b00, 3: 0b10}  # levels in each quarter turn
-    words = ((word - 1) & TURN_MASK for word in (bank.phase_drive_ref, bank.phase_sense_ref))
-    drive, sense = (sin_cos[word >> QUARTER_BITS] for word in words)
+    bits = DEFAULT.dds_bits
+    words = ((word - 1) % (1 << bits) for word in (bank.phase_drive_ref, bank.phase_sense_ref))
+    drive, sense = (sin_cos[word >> (bits - 2)] for word in words)
     return drive | sense << 2

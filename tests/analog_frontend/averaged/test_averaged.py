@@ -14,6 +14,7 @@ from analog_frontend.averaged.averaged_modes import M_SIZE, NOW_SIZE, NOW_TEMP, 
 from analog_frontend.numeric.shapes import zeros
 from analog_frontend.parts import adc, noise
 from fpga_model import dds, references
+from fpga_model.design_record import DEFAULT
 from fpga_model.jit import hot
 from fpga_model.rates import FRAME_CYCLES, TICK_CYCLES
 from testbench import config
@@ -146,7 +147,7 @@ def test_cv_and_force_samples_are_the_held_ones(params, setup):
 
 # ---- edges -----------------------------------------------------------------------------------------------------------
 
-WORD, TURN_CLOCK, TURN = dds.word_of_hz(11_001.1001), 461, 1 << dds.WIDTH
+WORD, TURN_CLOCK, TURN = dds.word_of_hz(11_001.1001), 461, 1 << dds.PHASE.width
 
 
 @hot
@@ -161,8 +162,8 @@ def _pins(p, phase, words, offsets):
     for old, new in itertools.pairwise(words):
         for clock in range(FRAME_CYCLES):
             out.append(references.pins(p, r))
-            r = references.step(p, r, d.drive_ref, d.sense_ref, int(clock % TICK_CYCLES == 0))
-            d = dds.step(d, old if clock < TURN_CLOCK else new, 0, 0, *offsets)
+            r = references.step(DEFAULT, p, r, d.drive_ref, d.sense_ref, int(clock % TICK_CYCLES == 0))
+            d = dds.step(DEFAULT, d, old if clock < TURN_CLOCK else new, 0, 0, *offsets)
     return np.array(out)[:, None] >> np.arange(4) & 1
 
 

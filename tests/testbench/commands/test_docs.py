@@ -14,6 +14,7 @@ from analog_frontend import top as plant
 from analog_frontend.parts import adc, device, sid
 from fpga_model import control, dds, lock_monitor, rates, references, registers, sequencer, sine, spi_adc, spi_dac
 from fpga_model import top as fpga
+from fpga_model.design_record import DEFAULT
 from fpga_model.jit import kernel
 from testbench import config, flatten
 from testbench.config import Config
@@ -426,7 +427,7 @@ def test_instants_of_a_frame_on_the_page_of_the_architecture():
 def step_through_slots(p, s, inputs, bank, rows):
     """Row n of `rows` becomes the registers after slot n."""
     for slot in range(1, rows.shape[0]):
-        s = control.step(p, s, slot, inputs, bank)
+        s = control.step(DEFAULT, p, s, slot, inputs, bank)
         flatten.store(rows[slot], s)
 
 

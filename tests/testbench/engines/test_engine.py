@@ -12,6 +12,7 @@ from fpga_model import fault_monitor, rates, sequencer
 from fpga_model import top as fpga
 from fpga_model.jit import kernel
 from fpga_model.rates import TICK_HZ
+from fpga_model.sine import ROM
 from testbench import flatten
 from testbench.engines import engine
 from testbench.run import simulate
@@ -88,7 +89,7 @@ def test_jitted_equals_interpreted(locked_file):
 
 @kernel
 def one_edge(p, s, i):
-    return fpga.step(p, s, i)
+    return fpga.step(p, ROM, s, i)
 
 
 def test_a_trace_is_the_registers_before_each_edge(locked_file):

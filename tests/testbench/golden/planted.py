@@ -94,7 +94,7 @@ def step_sine(f, p, s, phase):
     minus = s.sign2 if not f.on("sign", "y") else 1 - s.sign2
     return type(s)(
         sign=turn >> 1 if not f.on("sign", "sign") else 1 - (turn >> 1),
-        base=sine.TABLE_BASE[place >> 10],
+        base=sine.tables()[0][place >> 10],
         slope=sine.TABLE_SLOPE[place >> 10],
         fraction=place & 1023,
         sign2=s.sign,
@@ -186,7 +186,7 @@ MODULES = {
 def sine_ties():
     """Phases whose magnitude lies midway between two codes."""
     found = []
-    for a, (base, slope) in enumerate(zip(sine.TABLE_BASE, sine.TABLE_SLOPE)):
+    for a, (base, slope) in enumerate(zip(*sine.tables())):
         for fraction in np.flatnonzero(((base << 10) + slope * (2 * np.arange(1024) + 1)) % (1 << 16) == 1 << 15):
             found += [(q << 20 | (a << 10 | int(fraction)) ^ (((1 << 20) - 1) * (q & 1))) << 26 for q in range(4)]
     return found

@@ -59,10 +59,10 @@ def any_row(formats):
 
 def sine_ties():
     """Phases at which rounding meets an exact half: the slope must be a multiple of 1024, so there are few."""
-    ties = []
-    for a in (k for k, slope in enumerate(sine.TABLE_SLOPE) if slope % sine.ROWS == 0):
+    ties, (base, slope) = [], sine.tables()
+    for a in (k for k, rise in enumerate(slope) if rise % sine.ROWS == 0):
         for f in range(1 << sine.FRACTION_BITS):
-            total = (sine.TABLE_BASE[a] << sine.ALIGN) + sine.TABLE_SLOPE[a] * (2 * f + 1)
+            total = (base[a] << sine.FRACTION_BITS) + slope[a] * (2 * f + 1)
             if total % (1 << sine.PRODUCT.f) == 1 << (sine.PRODUCT.f - 1):
                 ties.append((a << sine.FRACTION_BITS | f) << sine.CUT)
     return ties
@@ -74,7 +74,7 @@ def sine_row():
 
     def draw(rng, s):
         if rng.random() < 0.1:
-            return (rng.choice(ties) | rng.getrandbits(1) << sine.SIGN_BIT,)
+            return (rng.choice(ties) | rng.getrandbits(1) << (sine.PHASE.width - 1),)
         return anywhere(rng, s)
 
     return draw

@@ -31,6 +31,7 @@ from fpga_model import top as fpga
 from fpga_model.fixed import bits
 from fpga_model.jit import kernel
 from fpga_model.rates import FRAME_HZ
+from fpga_model.sine import ROM
 from testbench.config import Config
 from testbench.engines import engine
 from testbench.flatten import format_leaves, leaves, store
@@ -192,7 +193,7 @@ def record(p, reset, adc, host, ready, codes, noise, stim, regs, pins):
         if s.rates.tick == 0:
             x = noise[n, 0] + (-88_000 if refs & 2 else 88_000)
             y = noise[n, 1]
-        s = reset if h[0] == 1 else fpga.step(p, s, i)
+        s = reset if h[0] == 1 else fpga.step(p, ROM, s, i)
         status = 0xC00000 if count % 7 != 5 else 0x400000
         c = codes[count]
         adc = adc_serial.step(

@@ -1,0 +1,61 @@
+"""What a design record may not ask for: refused before anything is built, with the reason, the value and the limit.
+
+    serial frames   a DAC is loaded at every tick (V_q: at every second one), and a clock is a bit: its frame must fit
+    serial clocks   the master clock is SCLK of the DACs
+    sine            the phase must hold quadrant, address and fraction; a row must rise by more than nothing
+
+Gains that no format holds are refused by the designers of the loops, sample rates by that of the converter.
+Source    docs/blocks/design_record.md
+"""
+
+from typing import NamedTuple
+
+from fpga_model import spi_dac
+from testbench.errors import ConfigError
+
+
+class Chip(NamedTuple):
+    """A DAC on the board: its name, its serial frame, and the fastest SCLK of its data sheet (Hz)."""
+
+    name: str
+    frame: spi_dac.Params
+    most_hz: int
+
+
+CHIPS = {
+    "drive": Chip("DAC8811", spi_dac.DAC8811, 50_000_000),
+    "sense": Chip("AD5791", spi_dac.AD5791, 35_000_000),
+    "V_q": Chip("DAC82002", spi_dac.DAC82002, 50_000_000),
+}
+
+
+def check(config):
+    """Raise ConfigError for a design that cannot work; one line with key, value, limit and unit."""
+    d = config.design
+    fast = config.firmware.quadrature_update_khz == 1000
+    for role, chip in CHIPS.items():
+        if d.master_hz > chip.most_hz:
+            bits = chip.frame.bits
+            raise ConfigError(
+                f"design.master_hz = {d.master_hz} Hz is above {chip.most_hz} Hz, the SCLK limit of the {role} DAC "
+                f"{chip.name}: its {bits} bits take {1e9 * bits / chip.most_hz:.0f} ns or more"
+            )
+        room = d.tick_clocks * (2 if role == "V_q" and not fast else 1)
+        # at 1000 kHz V_q's SYNC is not high for a clock: configuration.md says so, and the part is loaded all the same
+        need = spi_dac.latch_cycles(chip.frame) if role == "V_q" else spi_dac.period_cycles(chip.frame)
+        if need > room:
+            raise ConfigError(
+                f"design.tick_clocks = {d.tick_clocks} clocks: the serial frame of the {role} DAC {chip.name} takes "
+                f"{need} clocks, and there are {room} between two loads"
+            )
+    needed = 2 + d.sine_address_bits + d.sine_fraction_bits
+    if d.dds_bits < needed:
+        raise ConfigError(
+            f"design.dds_bits = {d.dds_bits} bits is below {needed}, the quadrant, sine_address_bits and "
+            "sine_fraction_bits of the sine"
+        )
+    if d.sine_bits <= d.sine_address_bits:
+        raise ConfigError(
+            f"design.sine_address_bits = {d.sine_address_bits} bits is not below sine_bits = {d.sine_bits}: "
+            "neighbouring rows of the table would be equal"
+        )
