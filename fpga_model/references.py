@@ -19,9 +19,11 @@ Packed words: bit 0 drive sgn(sin), bit 1 drive sgn(cos), bit 2 sense sgn(sin), 
 
 from typing import NamedTuple
 
+from fpga_model import dds
 from fpga_model.fixed import bits, formats, quantize
 from fpga_model.jit import inlined
 
+PHASE = dds.PHASE
 MAX_ALIGN = 3
 LATENCY = 1
 

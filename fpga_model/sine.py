@@ -23,11 +23,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fpga_model.dds import PHASE
+from fpga_model import dds
 from fpga_model.design_record import DEFAULT, width
 from fpga_model.fixed import Fmt, add_fmt, bits, formats, half_up, mul_fmt
 from fpga_model.jit import inlined
 
+PHASE = dds.PHASE
 ADDRESS_BITS, FRACTION_BITS, BITS = width("sine_address_bits"), width("sine_fraction_bits"), width("sine_bits")
 BASE_GUARD, SLOPE_GUARD = 6, 5  # bits of the table below an LSB of y
 BASE = Fmt(0, BITS - 1, BASE_GUARD)
