@@ -20,7 +20,18 @@ from __future__ import annotations  # a field may bear the name of its module
 
 from typing import NamedTuple
 
-from fpga_model import agc, cordic, frequency_tracker, quadrature_loop, rate_loop, rate_output, rates, sequencer
+from fpga_model import (
+    agc,
+    cordic,
+    fault_monitor,
+    frequency_tracker,
+    quadrature_loop,
+    rate_loop,
+    rate_output,
+    rates,
+    sequencer,
+)
+from fpga_model.block import BIT
 from fpga_model.fixed import formats
 from fpga_model.jit import inner, outlined
 
@@ -50,13 +61,13 @@ class State(NamedTuple):
 class Inputs(NamedTuple):
     """A frame of codes and what is known of it."""
 
-    drive_sin: int
-    drive_cos: int
-    sense_sin: int
-    sense_cos: int
-    temperature: int
-    adc_ok: int
-    stale: int
+    drive_sin: fault_monitor.CODE
+    drive_cos: fault_monitor.CODE
+    sense_sin: rate_loop.CODE
+    sense_cos: quadrature_loop.CODE
+    temperature: rate_output.CODE
+    adc_ok: BIT
+    stale: BIT
 
 
 PARAMS_FMT = formats(Params)

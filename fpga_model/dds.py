@@ -20,6 +20,7 @@ A positive offset advances its output. Frequency = word * 26 MHz / 2**48, so the
 from fractions import Fraction
 from typing import NamedTuple
 
+from fpga_model.block import Block
 from fpga_model.fixed import Fmt, add_fmt, formats, quantize, wrap_unsigned
 from fpga_model.jit import inlined
 from fpga_model.rates import MASTER_HZ
@@ -72,3 +73,11 @@ def step(s, word, off_drive_sine, off_sense_sine, off_drive_ref, off_sense_ref):
         drive_ref=wrap_unsigned(s.phase + off_drive_ref, WIDTH),
         sense_ref=wrap_unsigned(s.phase + off_sense_ref, WIDTH),
     )
+
+
+BLOCK = Block(
+    place=10,
+    inputs={"word": PHASE} | {f"off_{name}": PHASE for name in ("drive_sine", "sense_sine", "drive_ref", "sense_ref")},
+    latency=dict.fromkeys(State._fields, LATENCY),
+    rules=dict.fromkeys(State._fields, (None, "wrap")),
+)

@@ -19,6 +19,7 @@ from collections import namedtuple
 from typing import NamedTuple
 
 from fpga_model import agc, cordic, dds, fault_monitor, frequency_tracker, isqrt, rate_loop, rate_output, sequencer
+from fpga_model.block import BIT, Block
 from fpga_model.fixed import Fmt, bits, formats, wrap, wrap_unsigned
 from fpga_model.jit import inlined
 
@@ -180,3 +181,12 @@ def table_markdown():
         unit = r.unit or "-"
         lines.append(f"| 0x{r.address:02X} | {r.name.upper()} | {r.fmt} | {reset} | {r.access} | {unit} | {r.doc} |")
     return "\n".join(lines)
+
+
+BLOCK = Block(
+    place=200,
+    inputs={"write": BIT, "address": ADDRESS, "data": DATA, "taken": BIT},
+    latency=dict.fromkeys(State._fields, LATENCY),
+    rules=dict.fromkeys(State._fields, (None, "wrap")),
+    strobes=("write",),
+)

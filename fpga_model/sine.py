@@ -22,6 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fpga_model.block import Block, Rom
 from fpga_model.fixed import Fmt, add_fmt, bits, formats, half_up, mul_fmt
 from fpga_model.jit import inlined
 
@@ -145,3 +146,13 @@ def at(phase):
     product = (row & SLOPE_MASK) * (2 * fraction + 1)
     magnitude = half_up(((row >> SLOPE_BITS) << ALIGN) + product, PRODUCT_BITS)
     return -magnitude if (phase >> SIGN_BIT) & 1 else magnitude
+
+
+BLOCK = Block(
+    place=20,
+    inputs={"phase": PHASE},
+    latency={"y": LATENCY},
+    rules={"y": ("half_away", None), "fraction": ("floor", None)},
+    roms=(Rom("sine", BASE.width + SLOPE.width, tuple(ROM.tolist())),),
+    relations=({"base": 1 << ALIGN, "slope": MIDDLE.hi}, {"base2": 1 << ALIGN, "product": 1}),
+)

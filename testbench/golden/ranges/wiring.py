@@ -11,6 +11,7 @@ from functools import cache
 from typing import NamedTuple
 
 from fpga_model import control, top
+from fpga_model.block import flat
 from fpga_model.fixed import MAX_WIDTH
 from testbench.config import Config
 from testbench.flatten import format_leaves, leaves
@@ -18,7 +19,6 @@ from testbench.golden.ranges import ranges
 from testbench.golden.ranges.interpreter import Interpreter, source
 from testbench.golden.ranges.intervals import Path, Run
 from testbench.golden.stimulus import blocks
-from testbench.golden.stimulus.blocks import flat
 from testbench.run import build
 
 
