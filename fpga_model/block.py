@@ -1,6 +1,6 @@
 """What a block declares of itself at the end of its file: `BLOCK`. Ports, runners, proofs and wiring come from it.
 
-    inputs    arguments of `step` after p and s: a format, [format] * n of a tuple, or `formats` of a record
+    inputs    arguments of `step` after p and s: a format, [format] * n of a tuple, or a record of formats
     outputs   functions that are pins:  out(p, s, inputs by name)
     functions combinational parts that wiring calls: {name: ({argument: format}, format of the result)}
 
@@ -40,6 +40,7 @@ class Block(NamedTuple):
 
     place           along the signal: the order of tables and lists
     latency         {register or pin: clocks, or a text}
+    holds           {register: format} of what a register of a general block holds here, where it is narrower
     cases           {name: Params} of the golden vectors; None is `design()`
     rules           {register or its tuple: (rounding, overflow)}
     strobes         1-bit inputs that start an operation
@@ -60,6 +61,7 @@ class Block(NamedTuple):
     latency: dict
     outputs: dict = NOTHING
     functions: dict = NOTHING
+    holds: dict = NOTHING
     cases: dict | None = None
     rules: dict = NOTHING
     strobes: tuple = ()
@@ -72,6 +74,16 @@ class Block(NamedTuple):
     relations: tuple = ()
     stops: tuple = ()
     apart: bool = False
+
+
+class Cast(NamedTuple):
+    """A wire whose ends are meant to have different formats, and why."""
+
+    source: str
+    source_fmt: Fmt
+    target: str
+    target_fmt: Fmt
+    why: str
 
 
 @functools.cache
@@ -114,7 +126,9 @@ def flat(name):
 
 
 def at_design(shape, design):
-    """The formats of a shape at a design."""
+    """The formats of a shape at a design; a record is named by its type."""
+    if isinstance(shape, type):
+        return formats(shape, design)
     return filled(shape, lambda fmt: fmt.at(design))
 
 
@@ -157,25 +171,22 @@ def pins(module, design=DEFAULT):
     """[(flat name, format)] of the output pins; those of a record have the names of its fields."""
     found = []
     for name, shape in module.BLOCK.outputs.items():
-        prefix = name if isinstance(shape, Fmt) else ""
+        prefix = "" if isinstance(shape, type) else name
         found += [(flat(path), fmt) for path, fmt in leaves(at_design(shape, design), prefix)]
     return found
 
 
-def parts(module):
-    """{field of the state: module} of the blocks within a block."""
-    found = ((name, getattr(kind, "__module__", "")) for name, kind in get_type_hints(module.State).items())
-    return {
-        name: importlib.import_module(own)
-        for name, own in found
-        if own.startswith("fpga_model.") and own != Fmt.__module__
-    }
+def parts_of(state):
+    """{field: module} of the states of other modules in a state."""
+    hints = get_type_hints(state) if hasattr(state, "_fields") else {}
+    kinds = {name: kind for name, kind in hints.items() if isinstance(kind, type)}
+    return {name: importlib.import_module(kind.__module__) for name, kind in kinds.items()}
 
 
 def inherited(module, get):
     """{prefix: value of `get`} of a block and of those within it that declare themselves."""
     found = {"": get(module.BLOCK)}
-    for field, part in parts(module).items():
+    for field, part in parts_of(module.State).items():
         found |= {f"{field}_{prefix}": value for prefix, value in inherited(part, get).items()}
     return found
 

@@ -29,9 +29,10 @@ from fpga_model import (
     rate_loop,
     rate_output,
     rates,
+    registers,
     sequencer,
 )
-from fpga_model.block import BIT
+from fpga_model.block import BIT, Cast
 from fpga_model.fixed import formats
 from fpga_model.jit import inner, outlined
 
@@ -201,3 +202,10 @@ def step(p, s, slot, i, bank):
         after.rate_output,
         sequenced(p, s, i, bank),
     )
+
+
+AMPLITUDE = agc.AMPLITUDE
+INPUTS = {"slot": rates.SLOT, "i": Inputs, "bank": registers.State}
+CASTS = (
+    Cast("rate_loop.loop.y", rate_loop.WORD, "rate_output.word", rate_output.CODE, "bias and scale count its LSB"),
+)

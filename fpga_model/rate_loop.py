@@ -94,6 +94,7 @@ BLOCK = Block(
     place=140,
     inputs={"en": BIT, "en_pi": BIT, "mode": pi.MODE, "sense_sin": CODE, "preset": WORD},
     outputs={"saturated": BIT},
+    holds={"loop.y": WORD},
     latency={"error": 1, "loop_y": LATENCY},
     strobes=("en", "en_pi"),
 )

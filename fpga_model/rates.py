@@ -85,6 +85,8 @@ def ce_8k(s):
     return 1 if s.tick == 0 and s.frame == 0 else 0
 
 
+SLOT = State.__annotations__["slot"]
+
 BLOCK = Block(
     place=220,
     inputs={"go": BIT},

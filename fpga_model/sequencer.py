@@ -391,8 +391,8 @@ QUICK = design(
 
 BLOCK = Block(
     place=180,
-    inputs={"en": BIT, "i": formats(Inputs)},
-    outputs={"outputs": formats(Outputs)},
+    inputs={"en": BIT, "i": Inputs},
+    outputs={"outputs": Outputs},
     latency={"state": LATENCY},
     cases={
         "quick": QUICK,

@@ -20,6 +20,7 @@ from fpga_model import (
     dds,
     delay,
     digital_sid,
+    isqrt,
     modulator,
     rates,
     references,
@@ -29,6 +30,7 @@ from fpga_model import (
     spi_dac,
     watchdog,
 )
+from fpga_model.block import Cast
 from fpga_model.fixed import bits, formats, signed
 from fpga_model.jit import inlined, inner
 
@@ -166,7 +168,7 @@ def step(p, s, i):
 
     taken = 1 if r.slot == rates.SLOT_SEQUENCER else 0
     work = c
-    if r.slot:
+    if r.slot != 0:
         work = control.step(p.control, c, r.slot, codes(p, s), bank)
     sid = s.sid
     if p.digital:
@@ -213,3 +215,15 @@ def step(p, s, i):
         registers.step(bank, i.write, i.address, i.data, taken),
         work,
     )
+
+
+INPUTS = {"i": Inputs}
+CASTS = (
+    Cast(
+        "control.quadrature_loop.root.y",
+        isqrt.ROOT,
+        "quadrature_dac.frame.code",
+        spi_dac.CODE,
+        "a positive code; the frame keeps its low 16 bits",
+    ),
+)

@@ -35,6 +35,7 @@ from fpga_model import (
     sequencer,
     spi_dac,
     watchdog,
+    wiring,
 )
 from fpga_model import top as fpga
 from fpga_model.rates import MASTER_HZ
@@ -86,7 +87,8 @@ def nominal(config):
 
 
 def firmware(config):
-    """Parameters of the FPGA."""
+    """Parameters of the FPGA. Raises ValueError if two ends of a wire have different formats."""
+    wiring.check()
     f, n = config.firmware, nominal(config)
     samples_move = resting.sar_alarm(config) < resting.LIMIT
     codes_move = f.board == "analog_sid" and resting.adc_alarm(config) < resting.LIMIT
