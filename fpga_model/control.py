@@ -83,6 +83,12 @@ def amplitude(p, s):
 
 
 @inner
+def dac_init(s):
+    """1 while the DAC masters send the control word."""
+    return sequencer.outputs(s.sequencer).dac_init
+
+
+@inner
 def output_params(bank):
     """Parameters of the rate output, which are registers of the host."""
     return rate_output.Params(
@@ -204,8 +210,8 @@ def step(p, s, slot, i, bank):
     )
 
 
-AMPLITUDE = agc.AMPLITUDE
 INPUTS = {"slot": rates.SLOT, "i": Inputs, "bank": registers.State}
+OUTPUTS = {"amplitude": agc.AMPLITUDE, "dac_init": BIT}
 CASTS = (
     Cast("rate_loop.loop.y", rate_loop.WORD, "rate_output.word", rate_output.CODE, "bias and scale count its LSB"),
 )

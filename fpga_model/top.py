@@ -161,7 +161,7 @@ def step(p, s, i):
     if ce_1m:
         amplitude = control.amplitude(p.control, c)
     if at_load:
-        init = control.sequencer.outputs(c.sequencer).dac_init
+        init = control.dac_init(c)
         drive_word = spi_dac.frame(p.drive_dac, modulator.out(p.drive_modulator, s.drive_modulator), init)
         sense_word = spi_dac.frame(p.sense_dac, modulator.out(p.sense_modulator, s.sense_modulator), init)
         quadrature_word = spi_dac.frame(p.quadrature_dac, c.quadrature_loop.root.y, init)

@@ -97,13 +97,17 @@ def within(state, path=""):
 
 
 class Trace:
-    """One edge of a module over signals; `wires` are all that arrive somewhere, `pins` those of `pins`."""
+    """One edge of a module over signals.
+
+    wires      all that arrive somewhere
+    instances  {instance: (module, path of its parameters or None)}
+    gated      instances that are stepped only where a condition holds
+    """
 
     def __init__(self, module, design):
         self.module, self.design = module, design
         self.wires, self.instances, self.names, self.kept = [], {}, {}, []
-        self.blocks = {python_of(m.step): m for m in declared().values()}
-        self.stem = module.__name__.rpartition(".")[2]
+        self.gated, self.depth = set(), 0
         held = {f"{at}.{name}": fmt.at(design) for at, m in within(module.State)
                 for name, fmt in m.BLOCK.holds.items()}  # fmt: skip
         self.state = self.record(formats(module.State, design), "", "register", held)
@@ -147,6 +151,8 @@ class Trace:
         """A block's step: its inputs and parameters arrive, its registers are what they are."""
         instance = self.names[id(given["s"])]
         self.instances[instance] = module, self.names.get(id(given.get("p")))
+        if self.depth:
+            self.gated.add(instance)
         shapes = block.shapes(module, self.design)
         values = [value for name in shapes for _, value in leaves(given[name])]
         for (port, fmt), value in zip(block.inputs(module, self.design), values, strict=True):
@@ -181,10 +187,11 @@ class Trace:
             for argument, fmt in arguments.items():
                 self.arrive(given[argument], f"{owner}.{name}", argument, fmt.at(self.design))
             return logic(f"{owner}.{name}", result.at(self.design))
-        if func is python_of(control.step) and self.module is not control:
-            return self.part(control, given)
-        if func is python_of(control.amplitude) and self.module is not control:
-            return direct("control.amplitude", control.AMPLITUDE.at(self.design), "pin")
+        if self.module is not control and func.__module__ == control.__name__:
+            if name == "step":
+                return self.part(control, given)
+            if name in control.OUTPUTS:
+                return direct(f"{self.names[id(given['s'])]}.{name}", control.OUTPUTS[name].at(self.design), "pin")
         return self.function(func, given)
 
     def part(self, module, given):
@@ -222,7 +229,9 @@ class Trace:
             elif isinstance(node, ast.If):
                 self.condition(node.test, env, where)
                 on, off = dict(env), dict(env)
+                self.depth += 1
                 returned += self.run(node.body, on, where) + self.run(node.orelse, off, where)
+                self.depth -= 1
                 if not isinstance(node.body[-1], ast.Return):
                     for name in on.keys() | off.keys():
                         both = joined(on.get(name, off.get(name)), off.get(name, on.get(name)))
