@@ -4,6 +4,7 @@
     docs/configuration.md       keys, limits, faults               docs/config_page.py
     docs/phases.md              phase budget of the defaults       testbench.run.budget, testbench.run.tables
     docs/ranges.md              proven ranges                      docs/ranges_page.py
+    docs/blocks/STEM.md         ports of each block                docs/blocks_page.py
     docs/README.md              index of the pages                 their titles
     docs/effects/README.md      index of the effects               analog_frontend.effects.catalogue
 
@@ -22,6 +23,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
+import blocks_page  # noqa: E402
 import config_page  # noqa: E402
 import ranges_page  # noqa: E402
 
@@ -172,8 +174,14 @@ def with_parts(**parts):
     return renewed
 
 
+def block_page(stem):
+    """Function that renews the page of a block."""
+    ports = with_parts(ports=lambda: blocks_page.ports_part(stem))
+    return (lambda page: ports(register_map(page))) if stem == "registers" else ports
+
+
 PAGES = {
-    "docs/blocks/registers.md": register_map,
+    **{f"docs/blocks/{stem}.md": block_page(stem) for stem in blocks_page.stems()},
     "docs/configuration.md": with_parts(faults=config_page.faults_table, keys=config_page.markdown_table),
     "docs/phases.md": with_parts(budget=budget_part, lock=lock_part, rivals=rivals_part),
     "docs/ranges.md": with_parts(

@@ -18,6 +18,7 @@ from math import pi as PI
 from typing import NamedTuple
 
 from fpga_model import cordic, pi
+from fpga_model.block import BIT, Block
 from fpga_model.fixed import Fmt, bits, formats, quantize, sub_fmt
 from fpga_model.jit import inlined
 from fpga_model.rates import FRAME_HZ
@@ -111,3 +112,21 @@ def amplitude(p, s, mode):
 def saturated(p, s):
     """1 when the loop asks for all it may have."""
     return 1 if s.loop.y >= p.loop.hi else 0
+
+
+MODE = bits(3)
+
+BLOCK = Block(
+    place=120,
+    inputs={
+        "en": BIT,
+        "en_pi": BIT,
+        "mode": MODE,
+        "magnitude": cordic.MAGNITUDE,
+        "setpoint": SETPOINT,
+        "preset": AMPLITUDE,
+    },
+    outputs={"amplitude": AMPLITUDE, "saturated": BIT},
+    latency={"error": 1, "loop_y": LATENCY},
+    strobes=("en", "en_pi"),
+)

@@ -20,7 +20,19 @@ from __future__ import annotations  # a field may bear the name of its module
 
 from typing import NamedTuple
 
-from fpga_model import agc, cordic, frequency_tracker, quadrature_loop, rate_loop, rate_output, rates, sequencer
+from fpga_model import (
+    agc,
+    cordic,
+    fault_monitor,
+    frequency_tracker,
+    quadrature_loop,
+    rate_loop,
+    rate_output,
+    rates,
+    registers,
+    sequencer,
+)
+from fpga_model.block import BIT, Cast
 from fpga_model.fixed import formats
 from fpga_model.jit import inner, outlined
 
@@ -55,13 +67,13 @@ def reset(d):
 class Inputs(NamedTuple):
     """A frame of codes and what is known of it."""
 
-    drive_sin: int
-    drive_cos: int
-    sense_sin: int
-    sense_cos: int
-    temperature: int
-    adc_ok: int
-    stale: int
+    drive_sin: fault_monitor.CODE
+    drive_cos: fault_monitor.CODE
+    sense_sin: rate_loop.CODE
+    sense_cos: quadrature_loop.CODE
+    temperature: rate_output.CODE
+    adc_ok: BIT
+    stale: BIT
 
 
 PARAMS_FMT = formats(Params)
@@ -73,6 +85,12 @@ SLOT_PI = rates.SLOT_LOOPS + 1
 def amplitude(p, s):
     """Amplitude word of the drive modulator."""
     return agc.amplitude(p.agc, s.agc, sequencer.outputs(s.sequencer).agc_mode)
+
+
+@inner
+def dac_init(s):
+    """1 while the DAC masters send the control word."""
+    return sequencer.outputs(s.sequencer).dac_init
 
 
 @inner
@@ -196,3 +214,10 @@ def step(d, p, s, slot, i, bank):
         after.rate_output,
         sequenced(p, s, i, bank),
     )
+
+
+INPUTS = {"slot": rates.SLOT, "i": Inputs, "bank": registers.State}
+OUTPUTS = {"amplitude": agc.AMPLITUDE, "dac_init": BIT}
+CASTS = (
+    Cast("rate_loop.loop.y", rate_loop.WORD, "rate_output.word", rate_output.CODE, "bias and scale count its LSB"),
+)

@@ -26,6 +26,7 @@ from fractions import Fraction
 from math import isqrt, prod
 from typing import NamedTuple
 
+from fpga_model.block import BIT, Block, Rom
 from fpga_model.fixed import Fmt, bits, clamp, formats, half_up, signed, wrap
 from fpga_model.jit import inlined
 
@@ -131,3 +132,22 @@ def step(s, start, x_in, y_in):
         # only the zero vector leaves x at 0, and then the angle register holds the sum of the table
         phase=0 if s.x == 0 else wrap(half_up(s.angle, GUARD), PHASE_BITS),
     )
+
+
+BLOCK = Block(
+    place=100,
+    inputs={"start": BIT, "x_in": INPUT, "y_in": INPUT},
+    functions={"negated": ({"x": INPUT}, INPUT)},
+    latency={"magnitude": LATENCY, "phase": LATENCY, "done": LATENCY},
+    rules={
+        "x": ("half_up", None),
+        "y": ("half_up", None),
+        "angle": (None, "wrap"),
+        "magnitude": ("half_up", None),
+        "phase": ("half_up", "wrap"),
+    },
+    strobes=("start",),
+    wait=LATENCY,
+    roms=(Rom("cordic_atan", ANGLE.width, ATAN),),
+    split=("busy", "i"),
+)

@@ -20,6 +20,7 @@ A positive offset advances its output. Frequency = word * 26 MHz / 2**48: the LS
 from fractions import Fraction
 from typing import NamedTuple
 
+from fpga_model.block import Block
 from fpga_model.design_record import DEFAULT, width
 from fpga_model.fixed import Fmt, add_fmt, formats, quantize, wrap_unsigned
 from fpga_model.jit import inlined
@@ -73,3 +74,11 @@ def step(d, s, word, off_drive_sine, off_sense_sine, off_drive_ref, off_sense_re
         drive_ref=wrap_unsigned(s.phase + off_drive_ref, n),
         sense_ref=wrap_unsigned(s.phase + off_sense_ref, n),
     )
+
+
+BLOCK = Block(
+    place=10,
+    inputs={"word": PHASE} | {f"off_{name}": PHASE for name in ("drive_sine", "sense_sine", "drive_ref", "sense_ref")},
+    latency=dict.fromkeys(State._fields, LATENCY),
+    rules=dict.fromkeys(State._fields, (None, "wrap")),
+)

@@ -17,6 +17,7 @@ With depth 0 there is no register and the taps stay at reset. Otherwise all eigh
 from typing import NamedTuple
 
 from fpga_model import sine
+from fpga_model.block import Block
 from fpga_model.fixed import bits, formats, quantize
 from fpga_model.jit import inlined
 
@@ -76,3 +77,12 @@ def out(p, s, x):
     if p.depth != 0:
         y = s.taps[p.depth - 1]
     return y
+
+
+BLOCK = Block(
+    place=30,
+    inputs={"x": X},
+    outputs={"out": X},
+    latency={"out": "depth"},
+    cases={f"depth{k}": design(k) for k in (0, 1, 3, MAX_DEPTH)},
+)

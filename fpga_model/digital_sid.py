@@ -26,6 +26,7 @@ The gain makes a code mean what it means on the board with the analogue demodula
 from decimal import Decimal
 from typing import NamedTuple
 
+from fpga_model.block import BIT, Block
 from fpga_model.fixed import Fmt, add_fmt, bits, clamp, formats, half_up, mul_fmt, quantize, signed, sub_fmt
 from fpga_model.jit import inlined
 from fpga_model.rates import FRAME_HZ, FRAME_TICKS
@@ -183,3 +184,22 @@ def step(p, s, ce_1m, dump, refs, sample_x, sample_y):
         else:
             acc = (_sum(s.acc[0], x[0]), _sum(s.acc[1], x[1]), _sum(s.acc[2], x[2]), _sum(s.acc[3], x[3]))
     return State(line, acc, pole1, pole2, pole3, stage, codes, valid, last, still, ok)
+
+
+BLOCK = Block(
+    place=90,
+    inputs={"ce_1m": BIT, "dump": BIT, "refs": bits(4), "sample_x": SAMPLE, "sample_y": SAMPLE},
+    latency={"codes": LATENCY, "valid": LATENCY},
+    cases={"default": design(), "delay0": design(ref_delay_ticks=0, pole_hz=1900.0)._replace(still=5)},
+    rules={
+        "acc": (None, "saturate"),
+        "pole1": ("half_up", None),
+        "pole2": ("half_up", None),
+        "pole3": ("half_up", None),
+        "codes": ("half_up", "saturate"),
+        "still": (None, "saturate"),
+    },
+    strobes=("ce_1m", "dump"),
+    wait=4,
+    stops=(ACC_HI << POLE.f,),
+)

@@ -27,6 +27,7 @@ its codes: OVER_RANGE and STUCK start again.
 
 from typing import NamedTuple
 
+from fpga_model.block import BIT, Block
 from fpga_model.fixed import bits, clamp, formats, quantize, signed
 from fpga_model.jit import inlined
 from fpga_model.rates import FRAME_HZ
@@ -152,3 +153,31 @@ def step(p, s, en, armed, fresh, codes, drive, rate, rail, watch_stuck, levels, 
         flags=flags,
         latch=(s.latch & ~clear) | flags,
     )
+
+
+QUICK_TOP = 1023  # of the counters of frames in the quick case: every bit below it decides
+QUICK = Params(over_range=2, stuck=4, drive=3, rate=3, rail=5, top=QUICK_TOP)
+
+BLOCK = Block(
+    place=170,
+    inputs={
+        "en": BIT,
+        "armed": BIT,
+        "fresh": BIT,
+        "codes": [CODE] * 4,
+        **dict.fromkeys(("drive", "rate", "rail", "watch_stuck"), BIT),
+        "levels": FLAGS,
+        "clear": FLAGS,
+    },
+    latency={"flags": LATENCY, "latch": LATENCY},
+    cases={
+        "default": design(),
+        "quick": QUICK,
+        "longest": Params(*[COUNT.hi] * 5, top=LONG.hi),
+        "off": Params(over_range=1, stuck=0, drive=0, rate=1, rail=0, top=1),
+    },
+    rules=dict.fromkeys(
+        ("over_range", "stuck", "drive", "rate", "rail", "bad_frames", "good_frames"), (None, "saturate")
+    ),
+    strobes=("en", "armed"),
+)

@@ -91,8 +91,8 @@ class Fmt(NamedTuple):
         return self.lo <= raw <= self.hi
 
     def at(self, design):
-        """The format at another design."""
-        return self if design is None else Fmt(*(at(bits, design) for bits in self))
+        """The format at a design, in plain ints; None for the default one."""
+        return Fmt(*(int(bits) if design is None else at(bits, design) for bits in self))
 
 
 def formats(record, design=None):

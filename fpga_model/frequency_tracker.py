@@ -20,6 +20,7 @@ from math import pi as PI
 from typing import NamedTuple
 
 from fpga_model import cordic, dds, pi
+from fpga_model.block import BIT, Block
 from fpga_model.design_record import DEFAULT
 from fpga_model.fixed import Fmt, formats, wrap_unsigned
 from fpga_model.jit import inlined
@@ -93,3 +94,23 @@ def step(d, p, s, en, en_pi, mode, phase, load, adjust, correction, preset):
         word=wrap_unsigned(s.centre + s.loop.y, d.dds_bits),
         loop=pi.step(p.loop, s.loop, en_pi, mode, s.error, 0),
     )
+
+
+BLOCK = Block(
+    place=130,
+    inputs={
+        "en": BIT,
+        "en_pi": BIT,
+        "mode": pi.MODE,
+        "phase": ERROR,
+        "load": BIT,
+        "adjust": BIT,
+        "correction": CORRECTION,
+        "preset": WORD,
+    },
+    latency={"error": 1, "word": LATENCY},
+    # the limits of the design are 22,000 frames away: those of the second case are near
+    cases={"default": design(), "narrow": design(limit_hz=0.05)},
+    rules={"centre": (None, "wrap"), "word": (None, "wrap")},
+    strobes=("en", "en_pi"),
+)

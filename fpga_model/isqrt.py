@@ -23,6 +23,7 @@ A start while busy abandons the running value and loads the new one.
 
 from typing import NamedTuple
 
+from fpga_model.block import BIT, Block
 from fpga_model.fixed import bits, formats, wrap_unsigned
 from fpga_model.jit import inlined
 
@@ -73,3 +74,16 @@ def step(s, start, u):
         done=last,
         y=root if last else s.y,
     )
+
+
+BLOCK = Block(
+    place=110,
+    inputs={"start": BIT, "u": RADICAND},
+    latency={"y": LATENCY, "done": LATENCY},
+    rules={"y": ("floor", None), "radicand": (None, "wrap")},
+    strobes=("start",),
+    wait=LATENCY,
+    split=("busy", "i"),
+    relations=({"remainder": 1, "root": -2},),
+    apart=True,
+)

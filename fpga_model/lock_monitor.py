@@ -20,6 +20,8 @@ bit and its count.
 
 from typing import NamedTuple
 
+from fpga_model import agc, cordic, rate_loop
+from fpga_model.block import BIT, Block
 from fpga_model.fixed import bits, formats, mul_fmt, quantize
 from fpga_model.jit import inlined
 from fpga_model.rates import FRAME_HZ
@@ -138,3 +140,29 @@ def step(p, s, en, enable, judged, agc_error, setpoint, phase, sense_sin, sense_
     b2, c2 = _judge(p, s, 2, enable, judged, 1 if ftr <= p.limit_in[2] else 0, 1 if ftr > p.limit_out[2] else 0)
     b3, c3 = _judge(p, s, 3, enable, judged, q_good, q_lost)
     return State(b0 | b1 | b2 | b3, (c0, c1, c2, c3))
+
+
+# a few frames to lock and to lose it, so that vectors walk through all states
+QUICK = design(**{f"{loop}_{way}_s": 3 / FRAME_HZ for loop in ("agc", "pll", "ftr", "qsc") for way in ("in", "out")})
+
+BLOCK = Block(
+    place=160,
+    inputs={
+        "en": BIT,
+        "enable": bits(4),
+        "judged": bits(4),
+        "agc_error": agc.ERROR,
+        "setpoint": agc.SETPOINT,
+        "phase": cordic.PHASE,
+        "sense_sin": rate_loop.CODE,
+        "sense_cos": rate_loop.CODE,
+        "rail": BIT,
+    },
+    latency={"locked": LATENCY},
+    cases={
+        "default": design(),
+        "quick": QUICK,
+        "longest": design()._replace(frames_in=(COUNT.hi,) * 4, frames_out=(COUNT.hi,) * 4),
+    },
+    strobes=("en",),
+)

@@ -20,6 +20,7 @@ A code of n bits has full scale 2**(n-1), so shift = 40 - (n-1): 25 for 16 bits,
 from typing import NamedTuple
 
 from fpga_model import sine as table
+from fpga_model.block import BIT, Block
 from fpga_model.design_record import DEFAULT
 from fpga_model.fixed import Fmt, bits, clamp, formats, half_up, mul_fmt, quantize, signed
 from fpga_model.jit import inlined
@@ -101,3 +102,22 @@ def out(p, s):
 def at(p, amplitude, sine):
     """Code of an amplitude and a sine: what the two enables of one conversion period make of them."""
     return clamp(half_up(amplitude * sine, p.shift), p.lo, p.hi)
+
+
+BLOCK = Block(
+    place=50,
+    inputs={"en_product": BIT, "en_code": BIT, "amplitude": AMPLITUDE, "sine": SINE},
+    outputs={"out": CODE},
+    latency={"product": 1, "code": LATENCY},
+    cases={
+        "dac16": design(16),
+        "dac20": design(20),
+        "dac16_frames1": design(16, 1),
+        "dac20_frames2": design(20, 2),
+        "dac2": design(2),
+        # the negative limit of a real DAC is out of reach of the product: this one is not
+        "narrow": Params(shift=25, lo=-20001, hi=19998, frames=0),
+    },
+    rules={"code": ("half_up", "saturate")},
+    strobes=("en_product", "en_code"),
+)

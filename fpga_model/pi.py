@@ -23,7 +23,8 @@ moves acc by ki at every enable, and y by one LSB within 2**24 / abs(ki) enables
 
 from typing import NamedTuple
 
-from fpga_model.fixed import Fmt, add_fmt, clamp, formats, half_up, mul_fmt, quantize
+from fpga_model.block import BIT, Block
+from fpga_model.fixed import Fmt, add_fmt, bits, clamp, formats, half_up, mul_fmt, quantize
 from fpga_model.jit import inlined
 
 ERR = Fmt(1, 25, 0)
@@ -97,3 +98,21 @@ def step(p, s, en, mode, e, preset):
             prop = p.kp * e
             acc = clamp(s.acc + p.ki * e, p.lo << SHIFT, p.hi << SHIFT)
     return State(prop=prop, acc=acc, y=clamp(half_up(s.prop + s.acc, SHIFT), p.lo, p.hi))
+
+
+MODE = bits(2)
+
+BLOCK = Block(
+    place=60,
+    inputs={"en": BIT, "mode": MODE, "e": ERR, "preset": OUT},
+    latency={"prop": 1, "acc": 1, "y": LATENCY},
+    cases={
+        # the defaults of rate_loop and frequency_tracker, which are built from this block
+        "rate": Params(kp=14937228, ki=1173167, lo=-8388607, hi=8388607),
+        "frequency": Params(kp=204064551, ki=96163, lo=-1082596064, hi=1082596064),
+        "odd": Params(kp=-((1 << 24) + 12345), ki=(1 << 22) + 77777, lo=-1000, hi=999),
+        "extreme": Params(kp=COEF.lo, ki=COEF.hi, lo=OUT.lo, hi=OUT.hi),
+    },
+    rules={"acc": (None, "saturate"), "y": ("half_up", "saturate")},
+    strobes=("en",),
+)

@@ -19,6 +19,7 @@ from math import pi as PI
 from typing import NamedTuple
 
 from fpga_model import isqrt, pi
+from fpga_model.block import BIT, Block
 from fpga_model.fixed import formats, quantize, signed
 from fpga_model.jit import inlined
 from fpga_model.rates import FRAME_HZ
@@ -96,3 +97,20 @@ def step(p, s, en, en_pi, en_root, mode, sense_cos, preset):
 def railed(p, s):
     """1 when u is at 0 or at the rail."""
     return 1 if s.loop.y <= p.loop.lo or s.loop.y >= p.loop.hi else 0
+
+
+BLOCK = Block(
+    place=150,
+    inputs={
+        "en": BIT,
+        "en_pi": BIT,
+        "en_root": BIT,
+        "mode": pi.MODE,
+        "sense_cos": CODE,
+        "preset": isqrt.RADICAND,
+    },
+    outputs={"railed": BIT},
+    latency={"error": 1, "loop_y": LATENCY, "root_y": isqrt.LATENCY},
+    strobes=("en", "en_pi", "en_root"),
+    wait=20,
+)

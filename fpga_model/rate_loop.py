@@ -18,6 +18,7 @@ from math import pi as PI
 from typing import NamedTuple
 
 from fpga_model import pi
+from fpga_model.block import BIT, Block
 from fpga_model.fixed import Fmt, formats, signed
 from fpga_model.jit import inlined
 from fpga_model.rates import FRAME_HZ
@@ -87,3 +88,13 @@ def step(p, s, en, en_pi, mode, sense_sin, preset):
 def saturated(p, s):
     """1 when the word is at one of its limits."""
     return 1 if s.loop.y >= p.loop.hi or s.loop.y <= p.loop.lo else 0
+
+
+BLOCK = Block(
+    place=140,
+    inputs={"en": BIT, "en_pi": BIT, "mode": pi.MODE, "sense_sin": CODE, "preset": WORD},
+    outputs={"saturated": BIT},
+    holds={"loop.y": WORD},
+    latency={"error": 1, "loop_y": LATENCY},
+    strobes=("en", "en_pi"),
+)

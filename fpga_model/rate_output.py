@@ -21,6 +21,7 @@ With s0 = 2**12 / 8651 the output is in deg/s. One `en` in any six clocks: a sam
 
 from typing import NamedTuple
 
+from fpga_model.block import BIT, Block
 from fpga_model.fixed import Fmt, add_fmt, bits, clamp, formats, half_up, mul_fmt, quantize, signed, sub_fmt
 from fpga_model.jit import inlined
 
@@ -162,3 +163,26 @@ def step(p, s, en, word, temperature):
         y=y,
         valid=valid,
     )
+
+
+BLOCK = Block(
+    place=190,
+    inputs={"en": BIT, "word": CODE, "temperature": CODE},
+    latency={"y": LATENCY, "valid": LATENCY},
+    cases={"default": None},
+    rules={
+        "t": ("floor", None),
+        "t2": ("half_up", None),
+        "scale": ("half_up", "saturate"),
+        "corrected": ("half_up", "saturate"),
+        "scaled": ("half_up", "saturate"),
+        "y": ("half_up", None),
+    },
+    strobes=("en",),
+    wait=LATENCY,
+    dense=False,
+    runtime_params=True,
+    split=("k", "count?"),
+    relations=({"acc": 1, "count": -OUT.hi}, {"acc": 1, "count": -OUT.lo}),
+    stops=tuple(1 << k for k in range(MAX_K + 1)),
+)

@@ -15,6 +15,7 @@ Source    docs/blocks/rates.md
 
 from typing import NamedTuple
 
+from fpga_model.block import BIT, Block
 from fpga_model.design_record import DEFAULT, count_width
 from fpga_model.fixed import bits, formats
 from fpga_model.jit import inlined
@@ -81,3 +82,18 @@ def ce_1m(s):
 def ce_8k(s):
     """8 kHz enable: the first edge of a frame."""
     return 1 if s.tick == 0 and s.frame == 0 else 0
+
+
+SLOT = State.__annotations__["slot"]
+
+BLOCK = Block(
+    place=220,
+    inputs={"go": BIT},
+    outputs={"ce_1m": BIT, "ce_8k": BIT},
+    functions={"at": ({}, BIT)},
+    latency={"slot": LATENCY},
+    rules={"tick": (None, "wrap"), "frame": (None, "wrap")},
+    strobes=("go",),
+    wait=SLOTS,
+    stops=(TICK_CYCLES, FRAME_TICKS, SLOTS),
+)

@@ -20,6 +20,7 @@ Packed words: bit 0 drive sgn(sin), bit 1 drive sgn(cos), bit 2 sense sgn(sin), 
 from typing import NamedTuple
 
 from fpga_model import dds
+from fpga_model.block import BIT, Block
 from fpga_model.fixed import bits, formats, quantize
 from fpga_model.jit import inlined
 
@@ -89,3 +90,16 @@ def step(d, p, s, drive_ref, sense_ref, ce_1m):
 def pins(p, s):
     """The packed word on the four pins."""
     return s.retimed if p.retimed == 1 else picked(p, s)
+
+
+BLOCK = Block(
+    place=40,
+    inputs={"drive_ref": PHASE, "sense_ref": PHASE, "ce_1m": BIT},
+    outputs={"pins": bits(4)},
+    latency={"signs": LATENCY, "pins": "1 + align, and 1 .. 26 more when retimed"},
+    cases={
+        f"align{k}_{'retimed' if retimed else 'direct'}": design(k, retimed)
+        for k, retimed in ((0, True), (0, False), (1, False), (2, True), (3, False))
+    },
+    strobes=("ce_1m",),
+)

@@ -19,6 +19,7 @@ from collections import namedtuple
 from typing import NamedTuple
 
 from fpga_model import agc, cordic, dds, fault_monitor, frequency_tracker, isqrt, rate_loop, rate_output, sequencer
+from fpga_model.block import BIT, Block
 from fpga_model.design_record import DEFAULT
 from fpga_model.fixed import Fmt, bits, formats, wrap, wrap_unsigned
 from fpga_model.jit import inlined
@@ -121,15 +122,10 @@ def reset(d=DEFAULT):
 
 
 @inlined
-def _load(k, old, write, address, data):
+def _load(k, width, old, write, address, data):
     if write and address == k:
-        return wrap(data, WIDTHS[k]) if SIGNED[k] else wrap_unsigned(data, WIDTHS[k])
+        return wrap(data, width) if SIGNED[k] else wrap_unsigned(data, width)
     return old
-
-
-@inlined
-def _turn(d, k, old, write, address, data):
-    return wrap_unsigned(data, d.dds_bits) if write and address == k else old
 
 
 @inlined
@@ -137,26 +133,26 @@ def step(d, s, write, address, data, taken):
     """One clock edge of a design `d`: every right-hand side reads the old registers."""
     if not write and not taken:
         return s
-    pending = 0 if taken else s.fault_clear
+    pending, turn = 0 if taken else s.fault_clear, d.dds_bits
     return State(
-        control=_load(0, s.control, write, address, data),
-        fault_clear=_load(1, pending, write, address, data),
-        phase_drive_sine=_turn(d, 2, s.phase_drive_sine, write, address, data),
-        phase_sense_sine=_turn(d, 3, s.phase_sense_sine, write, address, data),
-        phase_drive_ref=_turn(d, 4, s.phase_drive_ref, write, address, data),
-        phase_sense_ref=_turn(d, 5, s.phase_sense_ref, write, address, data),
-        amplitude_setpoint=_load(6, s.amplitude_setpoint, write, address, data),
-        frequency_fixed=_turn(d, 7, s.frequency_fixed, write, address, data),
-        amplitude_fixed=_load(8, s.amplitude_fixed, write, address, data),
-        rate_fixed=_load(9, s.rate_fixed, write, address, data),
-        quadrature_fixed=_load(10, s.quadrature_fixed, write, address, data),
-        rate_bias=_load(11, s.rate_bias, write, address, data),
-        rate_bias_t1=_load(12, s.rate_bias_t1, write, address, data),
-        rate_bias_t2=_load(13, s.rate_bias_t2, write, address, data),
-        rate_scale=_load(14, s.rate_scale, write, address, data),
-        rate_scale_t1=_load(15, s.rate_scale_t1, write, address, data),
-        rate_scale_t2=_load(16, s.rate_scale_t2, write, address, data),
-        decimation=_load(17, s.decimation, write, address, data),
+        control=_load(0, WIDTHS[0], s.control, write, address, data),
+        fault_clear=_load(1, WIDTHS[1], pending, write, address, data),
+        phase_drive_sine=_load(2, turn, s.phase_drive_sine, write, address, data),
+        phase_sense_sine=_load(3, turn, s.phase_sense_sine, write, address, data),
+        phase_drive_ref=_load(4, turn, s.phase_drive_ref, write, address, data),
+        phase_sense_ref=_load(5, turn, s.phase_sense_ref, write, address, data),
+        amplitude_setpoint=_load(6, WIDTHS[6], s.amplitude_setpoint, write, address, data),
+        frequency_fixed=_load(7, turn, s.frequency_fixed, write, address, data),
+        amplitude_fixed=_load(8, WIDTHS[8], s.amplitude_fixed, write, address, data),
+        rate_fixed=_load(9, WIDTHS[9], s.rate_fixed, write, address, data),
+        quadrature_fixed=_load(10, WIDTHS[10], s.quadrature_fixed, write, address, data),
+        rate_bias=_load(11, WIDTHS[11], s.rate_bias, write, address, data),
+        rate_bias_t1=_load(12, WIDTHS[12], s.rate_bias_t1, write, address, data),
+        rate_bias_t2=_load(13, WIDTHS[13], s.rate_bias_t2, write, address, data),
+        rate_scale=_load(14, WIDTHS[14], s.rate_scale, write, address, data),
+        rate_scale_t1=_load(15, WIDTHS[15], s.rate_scale_t1, write, address, data),
+        rate_scale_t2=_load(16, WIDTHS[16], s.rate_scale_t2, write, address, data),
+        decimation=_load(17, WIDTHS[17], s.decimation, write, address, data),
     )
 
 
@@ -191,3 +187,12 @@ def table_markdown():
         unit = r.unit or "-"
         lines.append(f"| 0x{r.address:02X} | {r.name.upper()} | {r.fmt} | {reset} | {r.access} | {unit} | {r.doc} |")
     return "\n".join(lines)
+
+
+BLOCK = Block(
+    place=200,
+    inputs={"write": BIT, "address": ADDRESS, "data": DATA, "taken": BIT},
+    latency=dict.fromkeys(State._fields, LATENCY),
+    rules=dict.fromkeys(State._fields, (None, "wrap")),
+    strobes=("write",),
+)

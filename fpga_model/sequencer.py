@@ -22,6 +22,7 @@ the drive off, where holding would keep the full force on; in DECAY and SEARCH i
 from typing import NamedTuple
 
 from fpga_model import agc, cordic, fault_monitor, frequency_tracker, lock_monitor, pi
+from fpga_model.block import BIT, Block
 from fpga_model.design_record import DEFAULT
 from fpga_model.fixed import Fmt, add_fmt, bits, clamp, formats, half_up, mul_fmt, quantize, wrap
 from fpga_model.jit import inlined, kernel
@@ -114,38 +115,38 @@ class State(NamedTuple):
 class Inputs(NamedTuple):
     """What the sequencer sees in a frame: registers, and this frame's codes with their magnitude and phase."""
 
-    control: int = 0
-    clear: int = 0
-    adc_ok: int = 0
-    stale: int = 0
-    drive_sin: int = 0
-    drive_cos: int = 0
-    sense_sin: int = 0
-    sense_cos: int = 0
-    magnitude: int = 0
-    phase: int = 0
-    setpoint: int = 0
-    drive_saturated: int = 0
-    rate_saturated: int = 0
-    qsc_rail: int = 0
+    control: CONTROL = 0
+    clear: fault_monitor.FLAGS = 0
+    adc_ok: BIT = 0
+    stale: BIT = 0
+    drive_sin: fault_monitor.CODE = 0
+    drive_cos: fault_monitor.CODE = 0
+    sense_sin: fault_monitor.CODE = 0
+    sense_cos: fault_monitor.CODE = 0
+    magnitude: cordic.MAGNITUDE = 0
+    phase: PHASE = 0
+    setpoint: agc.SETPOINT = 0
+    drive_saturated: BIT = 0
+    rate_saturated: BIT = 0
+    qsc_rail: BIT = 0
 
 
 class Outputs(NamedTuple):
     """Modes of the loops (`agc.KICK` included), and flags; valid from one frame to the next."""
 
-    agc_mode: int
-    pll_mode: int
-    ftr_mode: int
-    qsc_mode: int
-    fix_drive: int
-    fix_ftr: int
-    fix_qsc: int
-    dac_init: int
-    load: int
-    adjust: int
-    drive_locked: int
-    locked: int
-    rate_good: int
+    agc_mode: agc.MODE
+    pll_mode: pi.MODE
+    ftr_mode: pi.MODE
+    qsc_mode: pi.MODE
+    fix_drive: BIT
+    fix_ftr: BIT
+    fix_qsc: BIT
+    dac_init: BIT
+    load: BIT
+    adjust: BIT
+    drive_locked: BIT
+    locked: BIT
+    rate_good: BIT
 
 
 PARAMS_FMT = formats(Params)
@@ -376,3 +377,31 @@ def outputs(s):
         locked=1 if state == LOCKED else 0,
         rate_good=1 if state == LOCKED and not s.faults.flags & DOUBTFUL else 0,
     )
+
+
+QUICK = design(
+    **{f"{name}_s": 3 / DEFAULT.frame_hz for name in ("init", "kick", "retune", "recover")},
+    **{f"{name}_s": 4 / DEFAULT.frame_hz for name in ("power_up", "decay")},
+    search_s=24 / DEFAULT.frame_hz,
+    timeout_s=12 / DEFAULT.frame_hz,
+    offline_s=6 / DEFAULT.frame_hz,
+    search_limit_hz=800.0,
+    lock=lock_monitor.QUICK,
+    faults=fault_monitor.QUICK,
+)
+
+BLOCK = Block(
+    place=180,
+    inputs={"en": BIT, "i": Inputs},
+    outputs={"outputs": Outputs},
+    latency={"state": LATENCY},
+    cases={
+        "quick": QUICK,
+        # every time one frame: 255 failed attempts in a few hundred rows
+        "fastest": QUICK._replace(**dict.fromkeys(Params._fields[:9], 1)),
+    },
+    rules={"timer": (None, "saturate"), "attempts": (None, "saturate"), "correction": ("half_up", None)},
+    strobes=("en", "i_adc_ok"),
+    split=("state",),
+    relations=({"rotation": 1, "timer": PHASE.lo}, {"rotation": 1, "timer": -PHASE.lo}),
+)

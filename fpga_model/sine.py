@@ -24,6 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fpga_model import dds
+from fpga_model.block import Block, Rom
 from fpga_model.design_record import DEFAULT, width
 from fpga_model.fixed import Fmt, add_fmt, bits, formats, half_up, mul_fmt
 from fpga_model.jit import inlined
@@ -110,14 +111,14 @@ def tables(d=DEFAULT, guard_bits=128):
 
 
 @cache
-def rom(d=DEFAULT):
+def table(d=DEFAULT):
     """The table of a design as one row to a memory word, base above slope; int64, read only."""
     words = np.array([b << SLOPE.at(d).width | s for b, s in zip(*tables(d))], np.int64)
     words.flags.writeable = False
     return words
 
 
-ROM = rom()
+ROM = table()
 
 
 @inlined
@@ -128,19 +129,12 @@ def standard(d):
 
 
 @inlined
-def step(d, table, s, phase):
+def step(d, rom, s, phase):
     """One clock edge of a design `d` with its `rom`: every right-hand side reads the old registers."""
-    if standard(d):
-        return _step(DEFAULT, ROM, s, phase)  # constants take a twentieth of the clocked engine's time less
-    return _step(d, table, s, phase)
-
-
-@inlined
-def _step(d, table, s, phase):
     place = phase >> (d.dds_bits - 2 - d.sine_address_bits - d.sine_fraction_bits)
     if place & (1 << (d.sine_address_bits + d.sine_fraction_bits)):
         place = ~place
-    row = int(table[(place >> d.sine_fraction_bits) & ((1 << d.sine_address_bits) - 1)])
+    row = int(rom[(place >> d.sine_fraction_bits) & ((1 << d.sine_address_bits) - 1)])
     slope_bits = d.sine_bits - d.sine_address_bits + SLOPE_GUARD
     magnitude = half_up((s.base2 << d.sine_fraction_bits) + s.product, d.sine_fraction_bits + PRODUCT_GUARD)
     return State(
@@ -156,15 +150,25 @@ def _step(d, table, s, phase):
 
 
 @inlined
-def at(d, table, phase):
+def at(d, rom, phase):
     """y of a phase: what `step` gives LATENCY clocks later."""
     fraction_bits = d.sine_fraction_bits
     place = phase >> (d.dds_bits - 2 - d.sine_address_bits - fraction_bits)
     if place & (1 << (d.sine_address_bits + fraction_bits)):
         place = ~place
-    row = table[(place >> fraction_bits) & ((1 << d.sine_address_bits) - 1)]
+    row = rom[(place >> fraction_bits) & ((1 << d.sine_address_bits) - 1)]
     fraction = place & ((1 << fraction_bits) - 1)
     slope_bits = d.sine_bits - d.sine_address_bits + SLOPE_GUARD
     product = (row & ((1 << slope_bits) - 1)) * (2 * fraction + 1)
     magnitude = half_up(((row >> slope_bits) << fraction_bits) + product, fraction_bits + PRODUCT_GUARD)
     return -magnitude if (phase >> (d.dds_bits - 1)) & 1 else magnitude
+
+
+BLOCK = Block(
+    place=20,
+    inputs={"phase": PHASE},
+    latency={"y": LATENCY},
+    rules={"y": ("half_away", None), "fraction": ("floor", None)},
+    roms=(Rom("sine", BASE.width + SLOPE.width, tuple(ROM.tolist())),),
+    relations=({"base": 1 << ALIGN, "slope": MIDDLE.hi}, {"base2": 1 << ALIGN, "product": 1}),
+)

@@ -19,6 +19,7 @@ Channels change one by one while a frame is read: all are of one conversion from
 
 from typing import NamedTuple
 
+from fpga_model.block import BIT, Block
 from fpga_model.fixed import Fmt, bits, formats, wrap
 from fpga_model.jit import inlined
 
@@ -122,3 +123,15 @@ def step(s, drdy_n, dout):
         valid=valid,
         ok=ok,
     )
+
+
+BLOCK = Block(
+    place=80,
+    inputs={"drdy_n": BIT, "dout": BIT},
+    latency={"valid": READ_CYCLES},
+    rules={"shift": (None, "wrap")},
+    idle={"drdy_n": 1},
+    wait=READ_CYCLES + TAIL_CYCLES,
+    split=("word",),
+    stops=(WORD_BITS, TAIL_CYCLES),
+)

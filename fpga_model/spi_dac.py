@@ -21,7 +21,8 @@ The code is signed for the drive and sense DACs and unsigned for the quadrature 
 
 from typing import NamedTuple
 
-from fpga_model.fixed import bits, formats
+from fpga_model.block import BIT, Block
+from fpga_model.fixed import bits, formats, signed
 from fpga_model.jit import inlined
 
 PRODUCT_TICK, CODE_TICK, LOAD_TICK = 0, 1, 2
@@ -140,3 +141,20 @@ def late_ticks(d, p):
 def period_cycles(p):
     """Least clocks between loads: SYNC and LDAC must be high for one clock or more."""
     return latch_cycles(p) + 1
+
+
+CODE = signed(20)
+
+BLOCK = Block(
+    place=70,
+    inputs={"load": BIT, "word": WORD},
+    outputs={"sdin": BIT},
+    functions={"frame": ({"code": CODE, "init": BIT}, WORD)},
+    latency={"sdin": "lead + 1 .. lead + bits", "ldac_n": "lead + bits + ldac"},
+    cases={"dac8811": DAC8811, "ad5791": AD5791, "dac82002": DAC82002},
+    rules={"shift": (None, "wrap")},
+    strobes=("load",),
+    wait=27,
+    split=("sclk_en", "lead"),
+    stops=(1,),
+)

@@ -21,6 +21,7 @@ from fpga_model import (
     delay,
     design_record,
     digital_sid,
+    isqrt,
     modulator,
     rates,
     references,
@@ -30,6 +31,7 @@ from fpga_model import (
     spi_dac,
     watchdog,
 )
+from fpga_model.block import Cast
 from fpga_model.fixed import bits, formats, signed
 from fpga_model.jit import inlined, inner
 
@@ -154,7 +156,7 @@ def codes(p, s):
 
 @inner
 def step(p, rom, s, i):
-    """One clock edge: every right-hand side reads the old registers. `rom`: `sine.rom` of the design."""
+    """One clock edge: every right-hand side reads the old registers. `rom`: `sine.table` of the design."""
     r, bank, angles, d = s.rates, s.registers, s.dds, p.design
     ce_1m = rates.ce_1m(r)
     ce_8k = rates.ce_8k(r)
@@ -169,14 +171,14 @@ def step(p, rom, s, i):
     if ce_1m:
         amplitude = control.amplitude(p.control, c)
     if at_load:
-        init = control.sequencer.outputs(c.sequencer).dac_init
+        init = control.dac_init(c)
         drive_word = spi_dac.frame(p.drive_dac, modulator.out(p.drive_modulator, s.drive_modulator), init)
         sense_word = spi_dac.frame(p.sense_dac, modulator.out(p.sense_modulator, s.sense_modulator), init)
         quadrature_word = spi_dac.frame(p.quadrature_dac, c.quadrature_loop.root.y, init)
 
     taken = 1 if r.slot == rates.SLOT_SEQUENCER else 0
     work = c
-    if r.slot:
+    if r.slot != 0:
         work = control.step(d, p.control, c, r.slot, codes(p, s), bank)
     sid = s.sid
     if p.digital:
@@ -224,3 +226,15 @@ def step(p, rom, s, i):
         registers.step(d, bank, i.write, i.address, i.data, taken),
         work,
     )
+
+
+INPUTS = {"i": Inputs}
+CASTS = (
+    Cast(
+        "control.quadrature_loop.root.y",
+        isqrt.ROOT,
+        "quadrature_dac.frame.code",
+        spi_dac.CODE,
+        "a positive code; the frame keeps its low 16 bits",
+    ),
+)

@@ -17,6 +17,7 @@ window. The limit of 2.4 frame periods is the debounce on the way in; the first 
 
 from typing import NamedTuple
 
+from fpga_model.block import BIT, Block
 from fpga_model.fixed import bits, clamp, formats, quantize
 from fpga_model.jit import inlined
 
@@ -62,3 +63,12 @@ def step(p, s, ce_1m, frame):
         age = clamp(s.age + 1, 0, AGE_TOP)
         return State(age=age, stale=1 if age > p.limit else s.stale)
     return State(age=s.age, stale=s.stale)
+
+
+BLOCK = Block(
+    place=210,
+    inputs={"ce_1m": BIT, "frame": BIT},
+    latency={"stale": "1 after frame; limit + 1 ticks without one"},
+    cases={"default": design(), "limit250": design(250)},
+    rules={"age": (None, "saturate")},
+)

@@ -8,36 +8,10 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic, register_jitable
 
-from fpga_model.design_record import Design
+from fpga_model.block import filled, leaves
 from fpga_model.jit import DISABLED
 
-
-def leaves(record, path=""):
-    """Yield (dotted name, leaf) depth first; a plain tuple of registers is numbered.
-
-    A design record is structure: it has no leaves.
-    """
-    if isinstance(record, Design):
-        return
-    if hasattr(record, "_fields"):
-        pairs = zip(record._fields, record)
-    elif isinstance(record, tuple):
-        pairs = ((str(k), item) for k, item in enumerate(record))
-    else:
-        yield path, record
-        return
-    for name, item in pairs:
-        yield from leaves(item, f"{path}.{name}" if path else name)
-
-
-def format_leaves(fmt, path=""):
-    """As `leaves` for a tree of formats: a `Fmt` is a leaf although it is a tuple."""
-    if hasattr(fmt, "width"):
-        yield path, fmt
-        return
-    pairs = zip(fmt._fields, fmt) if hasattr(fmt, "_fields") else ((str(k), item) for k, item in enumerate(fmt))
-    for name, item in pairs:
-        yield from format_leaves(item, f"{path}.{name}" if path else name)
+format_leaves = leaves  # of a tree of formats, where a `Fmt` is a leaf
 
 
 def names(record):
@@ -48,15 +22,7 @@ def names(record):
 def rebuild(like, row):
     """Record of the same shape as `like` from a row of integers; the inverse of `store`."""
     values = iter(row)
-
-    def build(node):
-        if hasattr(node, "_fields"):
-            return type(node)(*[build(item) for item in node])
-        if isinstance(node, tuple):
-            return tuple(build(item) for item in node)
-        return int(next(values))
-
-    return build(like)
+    return filled(like, lambda _: int(next(values)))
 
 
 def _store_python(row, record):

@@ -35,6 +35,7 @@ from fpga_model import (
     sine,
     spi_dac,
     watchdog,
+    wiring,
 )
 from fpga_model import top as fpga
 from testbench.config.toml_text import toml_of
@@ -85,7 +86,8 @@ def nominal(config):
 
 
 def firmware(config):
-    """Parameters of the FPGA."""
+    """Parameters of the FPGA. Raises ValueError if two ends of a wire have different formats."""
+    wiring.check()
     f, n, d = config.firmware, nominal(config), config.design_record()
     sid_part = digital_sid.design()
     if f.board == "digital_sid":
@@ -277,7 +279,9 @@ def adc_part(config, d, tick_s):
 
 def params(config, temp_lo_degc, temp_hi_degc):
     """Parameters of the engine."""
-    return engine.Params(firmware(config), analog(config, temp_lo_degc, temp_hi_degc), sine.rom(config.design_record()))
+    return engine.Params(
+        firmware(config), analog(config, temp_lo_degc, temp_hi_degc), sine.table(config.design_record())
+    )
 
 
 def lsb_hz(config):

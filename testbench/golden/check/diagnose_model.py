@@ -2,7 +2,7 @@
 
     row n of the design  -->  one edge of the block's own runner  -->  golden row n + 1, and golden pins of row n
 
-Source  testbench/golden/stimulus/runners.py
+Source  fpga_model/block.py
 """
 
 import numpy as np

@@ -20,7 +20,9 @@ import itertools
 import textwrap
 from typing import NamedTuple
 
+from fpga_model import block as registry
 from fpga_model import fixed
+from testbench.golden.stimulus import blocks
 
 ORDER = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">="}
 SAME = {ast.Eq: "==", ast.NotEq: "!="}
@@ -338,23 +340,21 @@ class Probed:
 
 def probed(block, case, watched=None):
     """Probed step of a golden block for one case; `watched` is a goal whose nearest miss is kept in `nearest`."""
+    module = importlib.import_module(f"fpga_model.{block.stem}")
     fixed = {} if block.runtime_params or block.cases[case] is None else {"p": block.cases[case]}
-    return Probed(importlib.import_module(f"fpga_model.{block.stem}"), fixed, watched)
+    return Probed(module, fixed | registry.structure(module), watched)
 
 
 def edge(block, case, step):
     """Function (state, row of inputs without rst) -> next state, by the given step."""
-    module, params = importlib.import_module(f"fpga_model.{block.stem}"), block.cases[case]
-    if block.runtime_params:
-        count = len(module.Params._fields)
-        return lambda s, row: step(module.Params(*row[:count]), s, *row[count:])
-    if block.stem == "sequencer":
-        return lambda s, row: step(params, s, row[0], module.Inputs(*row[1:]))
-    if block.stem == "fault_monitor":
-        return lambda s, row: step(params, s, *row[:3], tuple(row[3:7]), *row[7:])
-    if params is None:
-        return lambda s, row: step(s, *row)
-    return lambda s, row: step(params, s, *row)
+    names = registry.arguments(registry.declared()[block.stem])
+    place, params = names.index("s"), block.cases[case]
+
+    def one(s, row):
+        given = blocks.given(block, params, row)
+        return step(*given[:place], s, *given[place:])
+
+    return one
 
 
 def follow(block, case, found, rows, state=None):

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fpga_model import cordic, modulator, pi, rate_output, registers, sequencer, sine
+from fpga_model import cordic, fault_monitor, modulator, pi, rate_output, registers, sequencer, sine
 from testbench.golden.coverage import coverage, probes
 from testbench.golden.stimulus import blocks
 from testbench.golden.stimulus.edges_pi import ERRORS, ONE, Loop, even_part, half_up
@@ -313,9 +313,9 @@ def _register_places(block, case, places):
 
 
 def _sine_places(block, case, places):
-    slopes = np.array(sine.TABLE_SLOPE)
+    slopes = np.array(sine.tables()[1])
     for goal, place in places:
-        if place.like("row >> SLOPE_BITS"):
+        if place.like("row >> slope_bits"):
             if goal[2] == "zero" and slopes.all():
                 yield goal, "no slope of the table is 0"
             if goal[2] == "ones" and (slopes != sine.SLOPE.hi).all():
@@ -409,7 +409,7 @@ def left_out(block, goal):
     for name in LEFT_OUT.get(block.stem, ()):
         bit = int(goal[2].split()[1]) if goal[0] == "toggle" and goal[1] == name else 0
         timer = name == "timer" and goal[0] == "clamp" and goal[2][:2] == "hi" and _at_timer(goal)
-        if timer or bit >= blocks.ALL_ONES.bit_length():
+        if timer or bit >= fault_monitor.QUICK_TOP.bit_length():
             return f"left out: {name} takes up to 65535 frames to get there, more rows than a bundle has"
     return None
 

@@ -52,12 +52,17 @@ def source(func):
     """Tree of a function, compiled or not."""
     plain = getattr(func, "py_func", func)
     text = textwrap.dedent(inspect.getsource(plain))
-    tree = ast.parse(text).body[0]
     name = f"{plain.__module__.rpartition('.')[2]}.{plain.__name__}"
+    return source_of_text(text, plain.__globals__, name, plain.__code__.co_firstlineno - 1)
+
+
+def source_of_text(text, names, name="run", first=0):
+    """Tree of the source of a function; `names` are those of its module."""
+    tree = ast.parse(text).body[0]
     tests = [part.test for part in ast.walk(tree) if isinstance(part, (ast.If, ast.IfExp))]
     tests += [part for part in ast.walk(tree) if isinstance(part, (ast.BoolOp, ast.Compare))]
     tested = frozenset(part.id for test in tests for part in ast.walk(test) if isinstance(part, ast.Name))
-    return Source(name, tree, plain.__globals__, text, plain.__code__.co_firstlineno - 1, tested)
+    return Source(name, tree, names, text, first, tested)
 
 
 @cache

@@ -2,62 +2,29 @@
 
     X[0] = reset        X = what the registers may hold, a box per control state        X[n+1] = X[n] join F(X[n])
 
-F runs one clock edge of the block's runner (`runners.run_BLOCK`, the very code that makes the vectors) over intervals,
+F runs one clock edge of the block's runner (`block.runner_text`, the very code that makes the vectors) over intervals,
 with every input anywhere in its format and reset at any edge. Widening makes the iteration end, narrowing takes back
 what it gave away, and a last pass checks the induction: reset in X, F(X) in X, X in the formats. A register whose step
 leaves its format is reported as not proven, and every other result is then conditional on its width.
 
-SPLIT, RELATIONS, APART and STOPS are hints: they change how tight a proof is, never whether it holds.
+A block's split, relations, stops and apart are hints: they change how tight a proof is, never whether it holds.
 Source  docs/ranges.md
 """
 
 import ast
 import itertools
 from bisect import bisect_left, bisect_right
-from functools import cache, lru_cache
+from functools import lru_cache
 from typing import NamedTuple
 
-from fpga_model import digital_sid, isqrt, rate_output, rates, sine, spi_adc
+from fpga_model.block import declared, filled, flat, leaves, structure
 from fpga_model.fixed import MAX_WIDTH
-from testbench.flatten import leaves
-from testbench.golden.ranges.interpreter import PLACES, Interpreter, source
+from testbench.golden.ranges.interpreter import PLACES, Interpreter, source_of_text
 from testbench.golden.ranges.intervals import Lin, Path, Run
 from testbench.golden.stimulus import blocks
-from testbench.golden.stimulus.blocks import flat
-from testbench.golden.stimulus.runners import store
 
-# Registers whose value has a box of its own; `name?` only tells 0 from the rest
-SPLIT = {
-    "cordic": ("busy", "i"),
-    "isqrt": ("busy", "i"),
-    "quadrature_loop": ("root_busy", "root_i"),
-    "spi_adc": ("word",),
-    "spi_dac": ("sclk_en", "lead"),
-    "sequencer": ("state",),
-    "rate_output": ("k", "count?"),
-}
-# Sums of registers that are kept as tightly as the registers themselves
-_ROOT = {"remainder": 1, "root": -2}
-RELATIONS = {
-    "isqrt": (_ROOT,),
-    "quadrature_loop": ({f"root_{name}": coef for name, coef in _ROOT.items()},),
-    "sequencer": ({"rotation": 1, "timer": -(1 << 23)}, {"rotation": 1, "timer": 1 << 23}),
-    "rate_output": ({"acc": 1, "count": -rate_output.OUT.hi}, {"acc": 1, "count": -rate_output.OUT.lo}),
-    "sine": (
-        {"base": 1 << sine.ALIGN, "slope": sine.MIDDLE.hi},
-        {"base2": 1 << sine.ALIGN, "product": 1},
-    ),
-}
 # Parts of a block whose control state the block's own boxes know
-APART = (isqrt.step,)
-# Where a widened bound may stop before the end of its format: counters that are compared with ==, filters
-STOPS = {
-    "rates": (rates.TICK_CYCLES, rates.FRAME_TICKS, rates.SLOTS),
-    "spi_adc": (spi_adc.WORD_BITS, spi_adc.TAIL_CYCLES),
-    "rate_output": tuple(1 << k for k in range(rate_output.MAX_K + 1)),
-    "spi_dac": (1,),
-    "digital_sid": (digital_sid.ACC_HI << digital_sid.POLE.f,),
-}
+APART = tuple(module.step for module in declared().values() if module.BLOCK.apart)
 PLAIN_JOINS = 3  # joins of a box before it is widened
 NARROWINGS = 5
 FAR = 1 << 62
@@ -116,17 +83,10 @@ def width(lo, hi, signed):
 
 def relations_text(stem):
     """The sums of registers that are proven along, as texts."""
-    return [" + ".join(f"{coef}*{name}" for name, coef in sums.items()) for sums in RELATIONS.get(stem, ())]
+    return [" + ".join(f"{coef}*{name}" for name, coef in sums.items()) for sums in blocks.BLOCKS[stem].relations]
 
 
 # ---- one edge -----------------------------------------------------------------------------------------------------
-
-
-@cache
-def _edge(runner):
-    """Statements of a runner's loop."""
-    (loop,) = [node for node in source(runner).tree.body if isinstance(node, ast.For)]
-    return loop.body
 
 
 class Edge:
@@ -134,23 +94,26 @@ class Edge:
 
     def __init__(self, block, params):
         self.block, self.params = block, params
+        module = declared().get(block.stem)
+        self.structure = structure(module) if module else {}
         self.names = [flat(path) for path, _ in leaves(block.state)]
         self.fmts = [port.fmt for port in block.registers]
         place = {name: k for k, name in enumerate(self.names)}
-        self.split = [(place[name.rstrip("?")], name.endswith("?")) for name in SPLIT.get(block.stem, ())]
-        self.relations = [
-            [(place[name], coef) for name, coef in sums.items()] for sums in RELATIONS.get(block.stem, ())
-        ]
-        self.kept = frozenset(name.rstrip("?").rpartition("_")[2] for name in SPLIT.get(block.stem, ()))
-        self.kept |= {name.rstrip("?") for name in SPLIT.get(block.stem, ())}
-        self.tied = frozenset(name for sums in RELATIONS.get(block.stem, ()) for name in sums)
+        self.split = [(place[name.rstrip("?")], name.endswith("?")) for name in block.split]
+        self.relations = [[(place[name], coef) for name, coef in sums.items()] for sums in block.relations]
+        self.kept = frozenset(name.rstrip("?").rpartition("_")[2] for name in block.split)
+        self.kept |= {name.rstrip("?") for name in block.split}
+        self.tied = frozenset(name for sums in block.relations for name in sums)
+        self.source = source_of_text(*block.source)
+        (loop,) = [node for node in self.source.tree.body if isinstance(node, ast.For)]
+        self.body = loop.body
         self.reset = [int(value) for _, value in leaves(block.state)]
         self.run = Run()
         self.begin()
 
     def begin(self):
         """Forget what was noted: pins, writes, arithmetic."""
-        self.pins, self.interpreter = {}, Interpreter({store: self._store}, self._stored, APART, self.kept, self.tied)
+        self.pins, self.interpreter = {}, Interpreter({}, self._stored, APART, self.kept, self.tied)
         self.written = [(x, x) for x in self.reset]
 
     def key(self, row):
@@ -169,28 +132,15 @@ class Edge:
             if not path.assume(_total(path, values, sums), lo, hi):
                 return None
         given = iter([path.value(x) for x in values])
-
-        def build(node):
-            if isinstance(node, tuple):
-                items = [build(item) for item in node]
-                return type(node)(*items) if hasattr(node, "_fields") else tuple(items)
-            return next(given)
-
-        return build(self.block.state)
+        return filled(self.block.state, lambda _: next(given))
 
     def _stored(self, name, index, value, path):
-        if name == "pins":
+        if name == "_pins":
             self._pin(index[1], path.span(value))
 
     def _pin(self, k, ends):
         lo, hi = self.pins.get(k, ends)
         self.pins[k] = (min(lo, ends[0]), max(hi, ends[1]))
-
-    def _store(self, path, target, record):
-        if target == "pins":
-            for k, (_, value) in enumerate(leaves(record)):
-                self._pin(k, path.span(value))
-        return 0
 
     def __call__(self, box):
         """[(control state, box)] after one edge from a box; an edge that holds everything adds nothing."""
@@ -200,16 +150,17 @@ class Edge:
             return []
         inputs = tuple(path.new(p.fmt.lo, p.fmt.hi, key=("input", p.name)) for p in self.block.columns)
         path.env = {
+            **{"d": 0, "rom": 0} | self.structure,
             "p": self.params,
             "s": state,
             "reset": self.block.state,
             "stim": (inputs,),
-            "regs": ("regs",),
-            "pins": ("pins",),
+            "_regs": ("regs",),
+            "_pins": ("pins",),
             "n": 0,
         }
-        self.interpreter.where = [source(self.block.run)]
-        ends, _ = self.interpreter.run(_edge(self.block.run), [path])
+        self.interpreter.where = [self.source]
+        ends, _ = self.interpreter.run(self.body, [path])
         before = [value for _, value in leaves(state)]
         found = []
         for end in ends:
@@ -294,7 +245,7 @@ def _invariant(edge):
     What `edge` has noted at the end is of one pass over X alone.
     """
     boxes, visits = edge.first(), {}
-    stops = {value + k for value in STOPS.get(edge.block.stem, ()) for k in (-1, 0, 1)} | {0}
+    stops = {value + k for value in edge.block.stops for k in (-1, 0, 1)} | {0}
     sides = [sorted({*stops, fmt.lo, fmt.hi}) for fmt in edge.fmts] + [[-FAR, 0, FAR]] * len(edge.relations)
     todo = list(boxes)
     while todo:

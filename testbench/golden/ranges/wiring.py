@@ -6,19 +6,19 @@ the proofs hold together: at every edge each block gets what its proof assumes, 
 Source  docs/ranges.md, docs/blocks/top.md
 """
 
-import importlib
 from functools import cache
+from operator import attrgetter
 from typing import NamedTuple
 
-from fpga_model import control, top
+from fpga_model import control, sine, top
+from fpga_model import wiring as wires
+from fpga_model.block import declared, filled, flat, leaves
 from fpga_model.fixed import MAX_WIDTH
 from testbench.config import Config
-from testbench.flatten import format_leaves, leaves
 from testbench.golden.ranges import ranges
 from testbench.golden.ranges.interpreter import Interpreter, source
 from testbench.golden.ranges.intervals import Path, Run
 from testbench.golden.stimulus import blocks
-from testbench.golden.stimulus.blocks import flat
 from testbench.run import build
 
 
@@ -48,28 +48,11 @@ class Instance(NamedTuple):
     links: tuple
 
 
-STEPS = {importlib.import_module(f"fpga_model.{stem}").step: stem for stem in blocks.BLOCKS}
-PARAMS = {"drive_pipe": "pipe", "sense_pipe": "pipe", "adc": None}
+STEPS = {module.step: stem for stem, module in declared().items()}
 
 
-def _parts():
-    """{instance: (stem, record of the reset)} of top and control."""
-    found = {}
-    by_type = {type(block.state): stem for stem, block in blocks.BLOCKS.items()}
-    for name, record in zip(top.State._fields, top.State()):
-        if isinstance(record, control.State):
-            for inner, item in zip(control.State._fields, record):
-                found[f"control.{inner}"] = (by_type[type(item)], item)
-        else:
-            found[name] = (by_type[type(record)], record)
-    return found
-
-
-def _params(p, name):
-    """Parameters of an instance in those of top, or None."""
-    at, _, inner = name.rpartition(".")
-    holder = p.control if at else p
-    return getattr(holder, PARAMS.get(inner, inner) or "", None)
+def _stem(module):
+    return module.__name__.rpartition(".")[2]
 
 
 class _Check:
@@ -78,23 +61,21 @@ class _Check:
     def __init__(self, p):
         self.path, self.spans = Path(Run()), {}
         self.analyses, self.records, self.names = {}, {}, {}
-        for name, (stem, reset) in _parts().items():
-            params = _params(p, name)
-            self.analyses[name] = ranges.analyse_once(stem, params)
-            self.records[name] = record = self._record(name, reset)
+        for name, (module, path) in wires.instances().items():
+            # what is not given as parameters is an input
+            params = attrgetter(path)(p) if path else None
+            self.analyses[name] = ranges.analyse_once(_stem(module), params)
+            self.records[name] = record = self._record(name, attrgetter(name)(top.State()))
             self.names[id(record)] = name
 
     def _record(self, name, reset):
         found = iter(self.analyses[name].registers)
 
-        def build_from(node):
-            if isinstance(node, tuple):
-                items = [build_from(item) for item in node]
-                return type(node)(*items) if hasattr(node, "_fields") else tuple(items)
+        def span(_):
             one = next(found)
             return self.path.new(*(one.proven or (one.fmt.lo, one.fmt.hi)), key=("register", name, one.name))
 
-        return build_from(reset)
+        return filled(reset, span)
 
     def arrives(self, func, path, given, named):
         """A block's step: note what it gets, return its registers as they were proven."""
@@ -104,6 +85,8 @@ class _Check:
         name = self.names[id(record)]
         if not blocks.BLOCKS[STEPS[func]].runtime_params:
             bound.pop("p", None)
+        for key in ("d", "rom"):
+            bound.pop(key, None)
         for key, value in bound.items():
             # a record of inputs stands for its fields: `i` with its name, runtime parameters without
             prefix = "" if key == "p" else key
@@ -117,13 +100,11 @@ class _Check:
 
     def run(self, p):
         hooks = {func: lambda path, *a, func=func, **k: self.arrives(func, path, a, k) for func in STEPS}
-        inputs = top.Inputs(
-            *(self.path.new(fmt.lo, fmt.hi, key=("input", at)) for at, fmt in format_leaves(top.INPUTS_FMT))
-        )
+        inputs = top.Inputs(*(self.path.new(fmt.lo, fmt.hi, key=("input", at)) for at, fmt in leaves(top.INPUTS_FMT)))
         inner = control.State(*(self.records[f"control.{name}"] for name in control.State._fields))
         state = top.State(*(inner if name == "control" else self.records[name] for name in top.State._fields))
         interpreter = Interpreter(hooks)
-        interpreter.function(top.step, [p, state, inputs], {}, self.path.copy())
+        interpreter.function(top.step, [p, sine.ROM, state, inputs], {}, self.path.copy())
         return interpreter
 
 
@@ -147,7 +128,8 @@ def instances():
                 old = spans.setdefault(name, {}).get(port, (lo, hi))
                 spans[name][port] = (min(old[0], lo), max(old[1], hi))
     found = {}
-    for name, (stem, _) in _parts().items():
+    for name, (module, _) in wires.instances().items():
+        stem = _stem(module)
         links = [Link(p.name, p.fmt, *spans[name][p.name]) for p in blocks.BLOCKS[stem].inputs]
         found[name] = Instance(stem, check.analyses[name], tuple(links))
     return found

@@ -1,5 +1,7 @@
 """Edges that the formats do not say: truncation carries, ties, saturation edges +-1 LSB, solved per block and case.
 
+`edges_STEM` belongs to the block STEM.
+
 Source  docs/blocks/ (the limits)
 """
 
@@ -8,9 +10,9 @@ import itertools
 import numpy as np
 
 from fpga_model import dds, modulator, registers, sine, spi_dac
-from testbench.golden.stimulus.edges_digital_sid import edges_digital_sid
-from testbench.golden.stimulus.edges_pi import edges_loop, edges_pi
-from testbench.golden.stimulus.edges_rate_output import edges_rate_output
+from testbench.golden.stimulus.edges_digital_sid import edges_digital_sid  # noqa: F401
+from testbench.golden.stimulus.edges_pi import edges_loop, edges_pi  # noqa: F401
+from testbench.golden.stimulus.edges_rate_output import edges_rate_output  # noqa: F401
 from testbench.golden.stimulus.writer import around, wrapped
 
 ALTERNATE = int("01" * 24, 2)
@@ -20,7 +22,7 @@ def _inverse(odd, n):
     return pow(odd, -1, 1 << n)
 
 
-def _edges_dds(w):
+def edges_dds(w):
     """Every sum at all ones, just over and at 0: with the phase at 0, at all ones and in between."""
     top = dds.PHASE.hi
     offsets = [port.name for port in w.wide if port.name != "word"]
@@ -33,7 +35,7 @@ def _edges_dds(w):
     _edges_phase(w)
 
 
-def _edges_sine(w):
+def edges_sine(w):
     """The edges of the phase, then places for each edge of the rounding out of all 2**20, in all quadrants."""
     _edges_phase(w)
     base, slope = np.array(sine.tables(), np.int64)
@@ -60,7 +62,7 @@ def _edges_phase(w):
         w.operation({port.name: value for port in w.wide})
 
 
-def _edges_modulator(w):
+def edges_modulator(w):
     """Products whose dropped bits are 0, 1, a half +-1, all ones; and codes at both limits +-1 LSB."""
     p = w.block.cases[w.case]
     both = {"en_product": 1, "en_code": 1}
@@ -87,7 +89,7 @@ def _edges_modulator(w):
     w.row(times=3)
 
 
-def _edges_cordic(w):
+def edges_cordic(w):
     lo, hi = -(1 << 23), (1 << 23) - 1
     for x, y in itertools.product((lo, lo + 1, -1, 0, 1, hi), repeat=2):
         w.operation({"x_in": x, "y_in": y})
@@ -97,13 +99,13 @@ def _edges_cordic(w):
         w.operation({"x_in": x, "y_in": y})
 
 
-def _edges_isqrt(w):
+def edges_isqrt(w):
     for root in (1, 2, 3, 255, 256, 257, 4095, 46340, 65534, 65535):
         for u in (root * root - 1, root * root, root * root + 1):
             w.operation({"u": u})
 
 
-def _edges_registers(w):
+def edges_registers(w):
     for address in [*range(len(registers.WRITABLE) + 2), registers.FIRST_READ_ONLY, 255]:
         found = registers.BY_ADDRESS.get(address)
         top = found.fmt.hi if found else 0
@@ -116,7 +118,7 @@ def _edges_registers(w):
         w.row(times=1)
 
 
-def _edges_spi_dac(w):
+def edges_spi_dac(w):
     """Frames as the modulator makes them: header and code in both formats, and the control word."""
     p = w.block.cases[w.case]
     make = getattr(spi_dac.frame, "py_func", spi_dac.frame)
@@ -125,20 +127,5 @@ def _edges_spi_dac(w):
     w.operation({"word": make(p, 0, 1)})
 
 
-EDGES = {
-    "dds": _edges_dds,
-    "sine": _edges_sine,
-    "references": _edges_phase,
-    "modulator": _edges_modulator,
-    "pi": edges_pi,
-    "agc": edges_loop,
-    "frequency_tracker": edges_loop,
-    "rate_loop": edges_loop,
-    "quadrature_loop": edges_loop,
-    "cordic": _edges_cordic,
-    "isqrt": _edges_isqrt,
-    "registers": _edges_registers,
-    "digital_sid": edges_digital_sid,
-    "rate_output": edges_rate_output,
-    "spi_dac": _edges_spi_dac,
-}
+edges_references = _edges_phase
+edges_agc = edges_frequency_tracker = edges_rate_loop = edges_quadrature_loop = edges_loop

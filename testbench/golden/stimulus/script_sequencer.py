@@ -8,7 +8,6 @@ import itertools
 
 from fpga_model import fault_monitor, lock_monitor, sequencer
 from fpga_model.fixed import signed
-from testbench.golden.stimulus.blocks import ALL_ONES
 from testbench.golden.stimulus.writer import LONG_ROWS, around
 
 SETPOINT = 1 << 23
@@ -284,9 +283,9 @@ def _long(walk):
     """
     walk.run(1, control=0, stale=1)
     for stale in (0, 1):
-        walk.run(ALL_ONES, control=0, stale=stale)
+        walk.run(fault_monitor.QUICK_TOP, control=0, stale=stale)
         walk.w.row({"i_stale": 1 - stale}, times=2)
-        walk.run(LONG_ROWS - ALL_ONES, control=0, stale=stale)
+        walk.run(LONG_ROWS - fault_monitor.QUICK_TOP, control=0, stale=stale)
     walk.run(3, control=0)
 
 

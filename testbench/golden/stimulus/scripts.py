@@ -1,5 +1,7 @@
 """Scripts: long inputs that walk a block through its states: debouncing, frames, start-up, loss and recovery.
 
+`script_STEM` belongs to the block STEM.
+
 Source  docs/blocks/
 """
 
@@ -7,8 +9,7 @@ import itertools
 
 from fpga_model import fault_monitor, lock_monitor, rates, spi_adc
 from fpga_model.fixed import signed
-from testbench.golden.stimulus.blocks import ALL_ONES
-from testbench.golden.stimulus.script_sequencer import script_sequencer
+from testbench.golden.stimulus.script_sequencer import script_sequencer  # noqa: F401
 from testbench.golden.stimulus.writer import LONG_ROWS, around, frame, wrapped
 
 LONG = 1000  # debounce in frames above which a script takes each way once
@@ -27,7 +28,7 @@ def _one_bit_beside(limit):
     return found + [0] * (168 - len(found))
 
 
-def _script_lock_monitor(w):
+def script_lock_monitor(w):
     """The errors at both of their limits +-1 LSB, long enough to lock and to lose lock; then each bit alone."""
     p = w.block.cases[w.case]
     common = {"en": 1, "enable": 15, "judged": 15}
@@ -95,7 +96,7 @@ def _rests(w, p, common):
             w.row({**common, **dict.fromkeys(names, 2 * bit + 1), name: code})
 
 
-def _script_fault_monitor(w):
+def script_fault_monitor(w):
     """Every code around its limit, every symptom one frame short of its debounce, just as long, and longer."""
     p = w.block.cases[w.case]
     common = {"en": 1, "armed": 1, "fresh": 1, "watch_stuck": 1}
@@ -142,13 +143,13 @@ def _script_fault_monitor(w):
     # the counters of good and bad frames: through every carry below LONG_ROWS, in the quick case to their top
     w.row({**common, "fresh": 0})
     for fresh in (1, 0):
-        w.row({**common, "fresh": fresh, "watch_stuck": 0}, times=ALL_ONES)
+        w.row({**common, "fresh": fresh, "watch_stuck": 0}, times=fault_monitor.QUICK_TOP)
         w.row({"fresh": 1 - fresh}, times=2)
-        w.row({**common, "fresh": fresh, "watch_stuck": 0}, times=LONG_ROWS - ALL_ONES)
+        w.row({**common, "fresh": fresh, "watch_stuck": 0}, times=LONG_ROWS - fault_monitor.QUICK_TOP)
     w.row({**common, "watch_stuck": 0}, times=2)
 
 
-def _script_spi_adc(w):
+def script_spi_adc(w):
     for status in (0xC00000, 0xCFFFFF, 0x800000, 0x400000, 0xD00000, 0xFFFFFF, 0):
         frame(w, w.random, status)
     for word in (0, 1, 0x800000, 0x7FFFFF, 0xFFFFFF, 0x555555, 0xAAAAAA):
@@ -166,7 +167,7 @@ def _script_spi_adc(w):
         w.row(times=500)
 
 
-def _script_watchdog(w):
+def script_watchdog(w):
     p = w.block.cases[w.case]
     for ticks in (p.limit - 1, p.limit, p.limit + 1):
         w.row({"ce_1m": 1}, times=ticks)
@@ -179,7 +180,7 @@ def _script_watchdog(w):
     w.row({"ce_1m": 1}, times=3)
 
 
-def _script_rates(w):
+def script_rates(w):
     w.row(times=rates.FRAME_CYCLES + 30)
     w.row({"go": 1}, times=3)
     w.row(times=rates.SLOTS + 3)
@@ -188,13 +189,3 @@ def _script_rates(w):
     w.row(times=rates.FRAME_CYCLES - 1)
     w.row({"go": 1}, rst=1)
     w.row(times=3)
-
-
-SCRIPTS = {
-    "lock_monitor": _script_lock_monitor,
-    "fault_monitor": _script_fault_monitor,
-    "spi_adc": _script_spi_adc,
-    "watchdog": _script_watchdog,
-    "rates": _script_rates,
-    "sequencer": script_sequencer,
-}

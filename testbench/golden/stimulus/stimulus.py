@@ -14,9 +14,7 @@ Source  docs/golden.md
 import numpy as np
 
 from testbench.golden.stimulus import corners as found_corners
-from testbench.golden.stimulus import families
-from testbench.golden.stimulus.edges import EDGES
-from testbench.golden.stimulus.scripts import SCRIPTS
+from testbench.golden.stimulus import edges, families, scripts
 from testbench.golden.stimulus.writer import SEED, Random, Writer, corners
 
 __all__ = ["SEED", "Random", "corners", "directed", "make"]
@@ -42,10 +40,11 @@ def _directed(block, case, seed):
     w = Writer(block, case, seed)
     w.family("idle")
     families.idle(w)
-    for name, table in (("edges", EDGES), ("script", SCRIPTS)):
-        if block.stem in table:
+    for name, module in (("edges", edges), ("script", scripts)):
+        written = getattr(module, f"{name}_{block.stem}", None)
+        if written:
             w.family(name)
-            table[block.stem](w)
+            written(w)
     parts = (families.of_values if w.wide else ()) + families.of_strobes
     for part in parts:
         part(w)

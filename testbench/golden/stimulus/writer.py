@@ -4,13 +4,13 @@ The generator is splitmix64 on Python integers, so that no library can change a 
 Source  docs/golden.md; Steele, Lea, Flood, OOPSLA 2014 (splitmix64)
 """
 
-from fpga_model import spi_adc
+from fpga_model import fault_monitor, spi_adc
 from testbench.golden.stimulus import blocks
 
 MASK64 = (1 << 64) - 1
 ALTERNATE = int("01" * 32, 2)
 SEED = 20260131
-LONG_ROWS = blocks.ALL_ONES + 7  # frames that are all good, then all bad: to a count of ten ones, and beyond
+LONG_ROWS = fault_monitor.QUICK_TOP + 7  # frames that are all good, then all bad: to a count of ten ones, and beyond
 
 
 class Random:

@@ -55,7 +55,7 @@ CODES = 5  # of a conversion: four demodulators, temperature
 FAR = np.int64(1 << 62)
 ZERO, ONE = np.int64(0), np.int64(1)
 AMPLITUDE, RATE, QUADRATURE = range(3)
-ROM = sine.rom()  # of the default design, the only one that records are of
+ROM = sine.table()  # of the default design, the only one that records are of
 
 
 class Side(NamedTuple):

@@ -10,6 +10,7 @@ import random
 import numpy as np
 
 from fpga_model import dds, delay, modulator, pi, references, sine, spi_adc, spi_dac
+from fpga_model.block import structure
 from testbench import flatten
 from testbench.golden.check.diagnose import Port
 
@@ -95,7 +96,7 @@ def step_sine(f, p, s, phase):
     return type(s)(
         sign=turn >> 1 if not f.on("sign", "sign") else 1 - (turn >> 1),
         base=sine.tables()[0][place >> 10],
-        slope=sine.TABLE_SLOPE[place >> 10],
+        slope=sine.tables()[1][place >> 10],
         fraction=place & 1023,
         sign2=s.sign,
         base2=s.base,
@@ -295,7 +296,7 @@ def case(block, seed, fault, golden=None):
         got = simulate(block, p, rows, fault)[1]
     module = MODULES[block]
     step = getattr(module.step, "py_func", module.step)
-    inputs = [name for name in inspect.signature(step).parameters if name not in ("p", "s")]
+    inputs = [name for name in inspect.signature(step).parameters if name not in ("d", "rom", "p", "s")]
     columns = dict(zip(inputs, np.array(rows, np.int64).T))
     ports = {
         name: Port(fmt, value)
@@ -408,5 +409,5 @@ def model_rows(block, seed):
     state, out = module.State(), []
     for given in rows:
         out.append([value for _, value in flatten.leaves(state)])
-        state = step(*(() if p is None else (p,)), state, *given)
+        state = step(*structure(module).values(), *(() if p is None else (p,)), state, *given)
     return np.array(out, np.int64)

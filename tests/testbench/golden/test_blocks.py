@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 import fpga_model
+from fpga_model import sine
+from fpga_model.design_record import DEFAULT
 from testbench import flatten
 from testbench.golden.stimulus import blocks, stimulus
 from tests.testbench.golden.benching import made
 
-NOT_BLOCKS = {"fixed", "jit", "linkage", "replacing", "rounding_aliases", "top", "control"}
 CASES = [(stem, case) for stem, block in blocks.BLOCKS.items() for case in block.cases]
 
 
@@ -35,13 +36,25 @@ def slow_step(stem, params, state, values):
         values = [values[0], module.Inputs(*values[1:])]
     if stem == "fault_monitor":
         values = [*values[:3], tuple(values[3:7]), *values[7:]]
-    given = [state, *values] if params is None else [params, state, *values]
-    return module.step(*given)
+    structure = {"d": DEFAULT, "rom": sine.ROM}
+    own = {"p": params, "s": state}
+    before = [(structure | own)[name] for name in arguments(stem) if name in structure or name == "s"]
+    if params is not None:
+        before.insert(-1, params)
+    return module.step(*before, *values)
 
 
 def test_every_block_of_the_firmware_is_there():
-    stems = {info.name for info in pkgutil.iter_modules(fpga_model.__path__)} - NOT_BLOCKS
-    assert stems == set(blocks.BLOCKS)
+    stems = {info.name for info in pkgutil.iter_modules(fpga_model.__path__) if hasattr(module_of(info.name), "step")}
+    assert stems - {"top", "control"} == set(blocks.BLOCKS)
+
+
+def test_the_pi_has_the_gains_of_the_loops_made_of_it():
+    cases = module_of("pi").BLOCK.cases
+    loops = {"rate": "rate_loop", "frequency": "frequency_tracker"}
+    assert {case: cases[case] for case in loops} == {
+        case: module_of(stem).design().loop for case, stem in loops.items()
+    }
 
 
 def parameter_names(stem):
@@ -61,7 +74,7 @@ def test_parameters_and_ports_have_names_of_their_own(stem):
 @pytest.mark.parametrize("stem", blocks.BLOCKS)
 def test_inputs_are_the_arguments_of_step(stem):
     block = blocks.BLOCKS[stem]
-    names = [name for name in arguments(stem) if name not in ("p", "s")]
+    names = [name for name in arguments(stem) if name not in ("d", "rom", "p", "s")]
     found = [port.name for port in block.inputs]
     if block.runtime_params:
         names = list(module_of(stem).Params._fields) + names

@@ -22,7 +22,6 @@ from testbench.golden.ranges.interpreter import Interpreter, Unsupported, source
 from testbench.golden.ranges.intervals import Lin, Path, Run
 from testbench.golden.stimulus import blocks
 from testbench.golden.stimulus.blocks import Block, Port
-from testbench.golden.stimulus.runners import store
 from tests.testbench.golden.benching import made
 
 CASES = [(stem, case) for stem, block in blocks.BLOCKS.items() for case in block.cases]
@@ -184,12 +183,12 @@ def _counts(s, x):
     return Bad(a=0 if s.a == 100 else s.a + 1, b=x)
 
 
-def _run_bad(p, s, stim, regs, pins):
+RUNNER = """def run(p, s, stim, _regs, _pins):
     reset = s
     for n in range(stim.shape[0]):
         r = stim[n]
-        store(regs[n], s)
         s = reset if r[0] == 1 else p(s, r[1])
+"""
 
 
 def planted(step):
@@ -201,7 +200,8 @@ def planted(step):
         registers=(Port("a", fmt, 0), Port("b", fmt, 0)),
         pins=(),
         cases={"default": None},
-        run=_run_bad,
+        run=None,
+        source=(RUNNER, {}),
         latency={},
     )
     return ranges.analyse(block, step)
@@ -243,21 +243,18 @@ def test_what_is_not_understood_is_refused_by_name_and_line():
 
 
 @pytest.mark.parametrize(("stem", "name"), [("sine", "y"), ("isqrt", "remainder"), ("rate_output", "y")])
-def test_without_its_relation_a_proof_fails_and_says_so(monkeypatch, stem, name):
-    monkeypatch.setattr(ranges, "RELATIONS", {})
-    found = ranges.analyse(blocks.BLOCKS[stem], None)
+def test_without_its_relation_a_proof_fails_and_says_so(stem, name):
+    found = ranges.analyse(blocks.BLOCKS[stem]._replace(relations=()), None)
     assert any(text.startswith(f"{name}: ") for text in found.problems)
 
 
 @pytest.mark.parametrize("stem", ["isqrt", "rates", "spi_dac"])
-def test_wrong_hints_make_no_false_claim(monkeypatch, stem):
+def test_wrong_hints_make_no_false_claim(stem):
     block = blocks.BLOCKS[stem]
     case, params = next(iter(block.cases.items()))
     names = [port.name for port in block.registers]
-    monkeypatch.setattr(ranges, "SPLIT", {stem: (f"{names[-1]}?",)})
-    monkeypatch.setattr(ranges, "RELATIONS", {stem: ({names[0]: 1, names[1]: -7},)})
-    monkeypatch.setattr(ranges, "STOPS", {stem: (3, 5)})
-    found = ranges.analyse(block, params)
+    relation = {names[0]: 1, names[1]: -7}
+    found = ranges.analyse(block._replace(split=(f"{names[-1]}?",), relations=(relation,), stops=(3, 5)), params)
     stim, _ = made(stem, case)
     regs, _ = blocks.run(block, case, stim)
     for one, ends in zip(found.registers, range_report.seen_range(regs), strict=True):
@@ -370,8 +367,8 @@ def test_the_bundle_holds_the_report(tmp_path):
 
 def test_a_register_without_proof_is_shown_as_width_only(monkeypatch):
     block = blocks.BLOCKS["rates"]
-    monkeypatch.setattr(ranges, "STOPS", {})
-    monkeypatch.setattr(ranges, "analyse_once", lambda stem, p: ranges.analyse(block._replace(registers=narrow), p))
+    hinted = block._replace(stops=())
+    monkeypatch.setattr(ranges, "analyse_once", lambda stem, p: ranges.analyse(hinted._replace(registers=narrow), p))
     narrow = tuple(p._replace(fmt=bits(5)) if p.name == "slot" else p for p in block.registers)
     data = range_report.of_vectors(block, "default")
     assert not data["proven"]
@@ -390,12 +387,10 @@ def test_command_line():
 
 
 def test_hints_name_registers_that_exist():
-    for table in (ranges.SPLIT, ranges.RELATIONS, ranges.STOPS):
-        assert set(table) <= set(blocks.BLOCKS)
-    for stem, names in ranges.SPLIT.items():
-        assert {name.rstrip("?") for name in names} <= {port.name for port in blocks.BLOCKS[stem].registers}
-    for stem, sums in ranges.RELATIONS.items():
-        assert {name for one in sums for name in one} <= {port.name for port in blocks.BLOCKS[stem].registers}
+    for block in blocks.BLOCKS.values():
+        names = {port.name for port in block.registers}
+        assert {name.rstrip("?") for name in block.split} <= names
+        assert {name for one in block.relations for name in one} <= names
 
 
 def test_every_kernel_of_the_blocks_was_read():

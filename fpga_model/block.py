@@ -1,0 +1,278 @@
+"""What a block declares of itself at the end of its file: `BLOCK`. Ports, runners, proofs and wiring come from it.
+
+    inputs    arguments of `step` after p and s: a format, [format] * n of a tuple, or a record of formats
+    outputs   functions that are pins:  out(p, s, inputs by name)
+    functions combinational parts that wiring calls: {name: ({argument: format}, format of the result)}
+
+A port has a flat name: dots and numbers are joined by `_`. A field of a record of inputs begins with the name of the
+argument, and an input with the name of a parameter begins with `i_`. Registers of a block within a block inherit its
+rules and hints.
+Source    docs/how_to/add_a_block.md
+"""
+
+import functools
+import importlib
+import inspect
+import itertools
+import pkgutil
+from types import MappingProxyType
+from typing import NamedTuple, get_type_hints
+
+import fpga_model
+from fpga_model.design_record import DEFAULT, Design
+from fpga_model.fixed import Fmt, bits, formats
+from fpga_model.jit import kernel
+
+BIT = bits(1)
+NOTHING = MappingProxyType({})
+
+
+class Rom(NamedTuple):
+    """A table that the RTL loads: words of `width` bits."""
+
+    name: str
+    width: int
+    words: tuple
+
+
+class Block(NamedTuple):
+    """A declaration; formats are those of the module, so that they follow the design.
+
+    place           along the signal: the order of tables and lists
+    latency         {register or pin: clocks, or a text}
+    holds           {register: format} of what a register of a general block holds here, where it is narrower
+    cases           {name: Params} of the golden vectors; None is `design()`
+    rules           {register or its tuple: (rounding, overflow)}
+    strobes         1-bit inputs that start an operation
+    wait            clocks that an operation takes before the next one is usual; 0 for a pipeline
+    dense           whether an operation may start before `wait` has passed
+    idle            {input: value} of the quiet state, 0 if not named
+    runtime_params  whether the parameters are inputs of the RTL
+
+    Hints of the range proofs (docs/ranges.md); they decide how tight a proof is, never whether it holds:
+    split           registers whose value has a box of its own; `name?` only tells 0 from the rest
+    relations       sums {register: coefficient} that are kept as tightly as the registers
+    stops           values where a widened bound may stop before the end of its format
+    apart           whether the ways through `step` stay apart
+    """
+
+    place: int
+    inputs: dict
+    latency: dict
+    outputs: dict = NOTHING
+    functions: dict = NOTHING
+    holds: dict = NOTHING
+    cases: dict | None = None
+    rules: dict = NOTHING
+    strobes: tuple = ()
+    wait: int = 0
+    dense: bool = True
+    idle: dict = NOTHING
+    roms: tuple = ()
+    runtime_params: bool = False
+    split: tuple = ()
+    relations: tuple = ()
+    stops: tuple = ()
+    apart: bool = False
+
+
+class Cast(NamedTuple):
+    """A wire whose ends are meant to have different formats, and why."""
+
+    source: str
+    source_fmt: Fmt
+    target: str
+    target_fmt: Fmt
+    why: str
+
+
+@functools.cache
+def declared():
+    """{stem: module} of the blocks, by their place."""
+    names = sorted(info.name for info in pkgutil.iter_modules(fpga_model.__path__))
+    modules = [importlib.import_module(f"fpga_model.{name}") for name in names]
+    blocks = sorted((m for m in modules if hasattr(m, "BLOCK")), key=lambda m: m.BLOCK.place)
+    return {module.__name__.rpartition(".")[2]: module for module in blocks}
+
+
+# ---- records as flat lists -------------------------------------------------------------------------------------------
+
+
+def _items(node):
+    """(name, item) of a record or a tuple."""
+    return zip(node._fields, node) if hasattr(node, "_fields") else ((str(k), item) for k, item in enumerate(node))
+
+
+def leaves(record, path=""):
+    """Yield (dotted name, leaf) depth first; a plain tuple of registers is numbered, a `Fmt` is a leaf.
+
+    A design record is structure: it has no leaves.
+    """
+    if isinstance(record, Design):
+        return
+    if not isinstance(record, (tuple, list)) or isinstance(record, Fmt):
+        yield path, record
+        return
+    for name, item in _items(record):
+        yield from leaves(item, f"{path}.{name}" if path else name)
+
+
+def filled(shape, take):
+    """The shape with `take(leaf)` at each leaf, depth first; a list becomes a tuple."""
+    if isinstance(shape, Design):
+        return shape
+    if isinstance(shape, (tuple, list)) and not isinstance(shape, Fmt):
+        items = [filled(item, take) for item in shape]
+        return type(shape)(*items) if hasattr(shape, "_fields") else tuple(items)
+    return take(shape)
+
+
+def flat(name):
+    """Name of a port from a dotted name."""
+    return name.replace(".", "_")
+
+
+def at_design(shape, design):
+    """The formats of a shape at a design; a record is named by its type."""
+    if isinstance(shape, type):
+        return formats(shape, design)
+    return filled(shape, lambda fmt: fmt.at(design))
+
+
+# ---- ports -----------------------------------------------------------------------------------------------------------
+
+
+def python_of(function):
+    """The Python function behind a compiled one."""
+    return getattr(function, "py_func", function)
+
+
+def arguments(module):
+    """Names of the arguments of `step`."""
+    return list(inspect.signature(python_of(module.step)).parameters)
+
+
+def structure(module, design=DEFAULT):
+    """{argument: value} of what `step` takes of a design: the record `d` itself, and `rom`, the module's `table`."""
+    names = arguments(module)
+    found = {"d": design} if "d" in names else {}
+    return found | ({"rom": module.table(design)} if "rom" in names else {})
+
+
+def shapes(module, design=DEFAULT):
+    """{argument: formats} of what a row of inputs is made of, in order; `p` if the parameters are inputs."""
+    found = {"p": formats(module.Params, design)} if module.BLOCK.runtime_params else {}
+    return found | {name: at_design(shape, design) for name, shape in module.BLOCK.inputs.items()}
+
+
+def parameters(module, design=DEFAULT):
+    """{flat name: format} of the parameters of the RTL."""
+    if module.BLOCK.runtime_params or not hasattr(module, "Params"):
+        return {}
+    return {flat(path): fmt for path, fmt in leaves(formats(module.Params, design))}
+
+
+def inputs(module, design=DEFAULT):
+    """[(flat name, format)] of the input ports."""
+    given, found = parameters(module, design), []
+    for name, shape in shapes(module, design).items():
+        prefix = "" if name == "p" else f"i_{name}" if name in given else name
+        found += [(flat(path), fmt) for path, fmt in leaves(shape, prefix)]
+    return found
+
+
+def pins(module, design=DEFAULT):
+    """[(flat name, format)] of the output pins; those of a record have the names of its fields."""
+    found = []
+    for name, shape in module.BLOCK.outputs.items():
+        prefix = "" if isinstance(shape, type) else name
+        found += [(flat(path), fmt) for path, fmt in leaves(at_design(shape, design), prefix)]
+    return found
+
+
+def parts_of(state):
+    """{field: module} of the states of other modules in a state."""
+    hints = get_type_hints(state) if hasattr(state, "_fields") else {}
+    kinds = {name: kind for name, kind in hints.items() if isinstance(kind, type)}
+    return {name: importlib.import_module(kind.__module__) for name, kind in kinds.items()}
+
+
+def inherited(module, get):
+    """{prefix: value of `get`} of a block and of those within it that declare themselves."""
+    found = {"": get(module.BLOCK)}
+    for field, part in parts_of(module.State).items():
+        found |= {f"{field}_{prefix}": value for prefix, value in inherited(part, get).items()}
+    return found
+
+
+def rules(module):
+    """{register: (rounding, overflow)}, with those of the blocks within."""
+    return {prefix + name: rule for prefix, found in inherited(module, lambda b: b.rules).items()
+            for name, rule in found.items()}  # fmt: skip
+
+
+def cases(module):
+    """{name: Params, or None where there are none}."""
+    if module.BLOCK.cases is not None:
+        return module.BLOCK.cases
+    return {"default": module.design() if parameters(module) else None}
+
+
+# ---- runners ---------------------------------------------------------------------------------------------------------
+
+
+def _text(shape, column):
+    """Source of an argument from the columns of a row `r`."""
+    if isinstance(shape, Fmt):
+        return f"r[{next(column)}]"
+    listed = ", ".join(_text(item, column) for item in shape)
+    return f"{type(shape).__name__}({listed})" if hasattr(shape, "_fields") else f"({listed},)"
+
+
+def _paths(record, text):
+    """Sources of the leaves of a record, depth first."""
+    if not isinstance(record, tuple):
+        yield text
+    elif hasattr(record, "_fields"):
+        for name, item in zip(record._fields, record):
+            yield from _paths(item, f"{text}.{name}")
+    else:
+        for k, item in enumerate(record):
+            yield from _paths(item, f"{text}[{k}]")
+
+
+def runner_text(module):
+    """Source of the block's runner: stimulus rows in, all registers before each edge and the pins out.
+
+    run(d, rom, p, s, stim, _regs, _pins)
+
+    Row n: _regs[n], _pins[n] before edge n; then the edge, or reset if stim[n, 0] = 1.
+    """
+    column = itertools.count(1)
+    given = {name: name for name in ("d", "rom", "p", "s")} | {
+        name: _text(shape, column) for name, shape in shapes(module).items()
+    }
+    lines = [f"_regs[n, {k}] = {text}" for k, text in enumerate(_paths(module.State(), "s"))]
+    number = itertools.count()
+    for name, shape in module.BLOCK.outputs.items():
+        names = inspect.signature(python_of(getattr(module, name))).parameters
+        call = f"{name}({', '.join(given[k] for k in names)})"
+        fields = [""] if isinstance(shape, Fmt) else [f".{field}" for field in shape._fields]
+        lines += [f"_pins[n, {next(number)}] = {call}{field}" for field in fields]
+    call = f"step({', '.join(given[name] for name in arguments(module))})"
+    lines.append(f"s = reset if r[0] == 1 else {call}")
+    head = "def run(d, rom, p, s, stim, _regs, _pins):\n    reset = s\n"
+    loop = "    for n in range(stim.shape[0]):\n        r = stim[n]\n"
+    return head + loop + "".join(f"        {line}\n" for line in lines)
+
+
+@functools.cache
+def runner(stem):
+    """The compiled runner of a block.
+
+    It counts as a function of the block's own file, so its machine code is cached with what it is made from.
+    """
+    module = declared()[stem]
+    names = dict(vars(module))
+    exec(compile(runner_text(module), module.__file__, "exec"), names)
+    return kernel(names["run"])

@@ -1,0 +1,349 @@
+"""Wires of `control` and `top`, derived from their source; two ends of a wire must have one format.
+
+The syntax tree of `step` is run over signals instead of numbers. A signal knows every register, pin, parameter and
+input that it may come from. Where it arrives at a port of a block, each of them is a wire to that port.
+
+    check(design)    raises ValueError that names both ends of each wire whose width, sign or binary point differ
+    trace(module)    the wires; an intended difference is declared by `CASTS` of the module
+
+The declaration of a block (`fpga_model.block`) says what its `step`, outputs and functions take and give. Every other
+function is run. A condition is one bit or a comparison.
+Source    docs/blocks/top.md
+"""
+
+import ast
+import functools
+import inspect
+import itertools
+import textwrap
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+from fpga_model import block, control, top
+from fpga_model.block import BIT, declared, filled, flat, leaves, python_of
+from fpga_model.design_record import DEFAULT
+from fpga_model.fixed import Fmt, bits, formats
+
+BITWISE = {ast.BitAnd: "&", ast.BitOr: "|"}
+
+
+class Leaf(NamedTuple):
+    """Where a signal comes from. `kind`: register, pin, parameter, input, logic or constant; `value` of a constant."""
+
+    name: str
+    fmt: Fmt | None
+    kind: str
+    value: int = 0
+
+
+@dataclass(frozen=True)
+class Signal:
+    """All leaves that it may come from; `label` is the name of the logic between them and it, or None for a leaf."""
+
+    leaves: tuple
+    label: str | None = None
+
+
+class Wire(NamedTuple):
+    """A signal and the port that it arrives at, as instance and port."""
+
+    signal: Signal
+    instance: str
+    port: str
+    fmt: Fmt
+
+    @property
+    def target(self):
+        return f"{self.instance}.{self.port}"
+
+
+class Unsupported(Exception):
+    """Something that no wiring uses."""
+
+
+def direct(name, fmt, kind):
+    """The signal of one leaf."""
+    return Signal((Leaf(name, fmt, kind),))
+
+
+def logic(name, fmt):
+    """The signal of an expression."""
+    return Signal((Leaf(name, fmt, "logic"),), "")
+
+
+def signal_of(value):
+    """A signal of a value, which may be a constant."""
+    return value if isinstance(value, Signal) else Signal((Leaf(str(value), None, "constant", value),))
+
+
+def joined(a, b):
+    """A signal that comes from either or both."""
+    if a == b:
+        return a
+    if isinstance(a, tuple):
+        items = [joined(x, y) for x, y in zip(a, b, strict=True)]
+        return type(a)(*items) if hasattr(a, "_fields") else tuple(items)
+    a, b = signal_of(a), signal_of(b)
+    return Signal(tuple(dict.fromkeys(a.leaves + b.leaves)), "")
+
+
+def within(state, path=""):
+    """(path, module) of all blocks in a state, also of those within blocks."""
+    for field, module in block.parts_of(state).items():
+        at = f"{path}.{field}" if path else field
+        if hasattr(module, "BLOCK"):
+            yield at, module
+        yield from within(module.State, at)
+
+
+class Trace:
+    """One edge of a module over signals.
+
+    wires      all that arrive somewhere
+    instances  {instance: (module, path of its parameters or None)}
+    gated      instances that are stepped only where a condition holds
+    """
+
+    def __init__(self, module, design):
+        self.module, self.design = module, design
+        self.wires, self.instances, self.names, self.kept = [], {}, {}, []
+        self.gated, self.depth = set(), 0
+        held = {f"{at}.{name}": fmt.at(design) for at, m in within(module.State)
+                for name, fmt in m.BLOCK.holds.items()}  # fmt: skip
+        self.state = self.record(formats(module.State, design), "", "register", held)
+        self.params = self.record(formats(module.Params, design), "", "parameter")
+        given = {name: self.record(block.at_design(shape, design), self.prefix(name), "input")
+                 for name, shape in module.INPUTS.items()}  # fmt: skip
+        structure = {name: None for name in ("d", "rom") if name in block.arguments(module)}
+        self.function(python_of(module.step), {**structure, "p": self.params, "s": self.state, **given})
+        if hasattr(module, "Pins"):
+            shown = self.function(python_of(module.pins), {"p": self.params, "s": self.state})
+            for (name, fmt), (_, value) in zip(leaves(formats(module.Pins, design)), leaves(shown), strict=True):
+                self.arrive(value, "pins", name, fmt)
+        self.wires = list(dict.fromkeys(self.wires))
+
+    @staticmethod
+    def prefix(name):
+        """Inputs of a record have the names of its fields; those of the bank keep its name."""
+        return "" if name == "i" else name
+
+    def record(self, shape, path, kind, held=block.NOTHING):
+        """A record of signals, known by its path; `held` has the formats of what some of them hold."""
+        found = iter([direct(name, held.get(name, fmt), kind) for name, fmt in leaves(shape, path)])
+        made = filled(shape, lambda _: next(found))
+        self.name(made, path)
+        return made
+
+    def name(self, made, path):
+        """Remember the names of a record and of the records in it."""
+        if hasattr(made, "_fields"):
+            self.names[id(made)] = path
+            self.kept.append(made)
+            for field, item in zip(made._fields, made):
+                self.name(item, f"{path}.{field}" if path else field)
+
+    # ---- ends of wires -----------------------------------------------------------------------------------------------
+
+    def arrive(self, value, instance, port, fmt):
+        """A value arrives at a port."""
+        self.wires.append(Wire(signal_of(value), instance, port, fmt))
+
+    def step(self, module, given):
+        """A block's step: its inputs and parameters arrive, its registers are what they are."""
+        instance = self.names[id(given["s"])]
+        self.instances[instance] = module, self.names.get(id(given.get("p")))
+        if self.depth:
+            self.gated.add(instance)
+        shapes = block.shapes(module, self.design)
+        values = [value for name in shapes for _, value in leaves(given[name])]
+        for (port, fmt), value in zip(block.inputs(module, self.design), values, strict=True):
+            self.arrive(value, instance, port, fmt)
+        if "p" not in shapes and "p" in given:
+            values = [value for _, value in leaves(given["p"])]
+            for (name, fmt), value in zip(block.parameters(module, self.design).items(), values, strict=True):
+                self.arrive(value, instance, name, fmt)
+        return given["s"]
+
+    def output(self, module, name, shape, given):
+        """A block's output: a pin, or a record of them."""
+        instance = self.names[id(given["s"])]
+        for port, fmt in block.inputs(module, self.design):
+            if port in given:
+                self.arrive(given[port], instance, port, fmt)
+        if isinstance(shape, type):
+            return self.record(formats(shape, self.design), instance, "pin")
+        return direct(f"{instance}.{name}", shape.at(self.design), "pin")
+
+    def call(self, func, given):
+        """What a call returns: of a block by its declaration, of anything else by running it."""
+        module = next((m for m in declared().values() if m.__name__ == func.__module__), None)
+        name = func.__name__
+        if module and name == "step":
+            return self.step(module, given)
+        if module and name in module.BLOCK.outputs:
+            return self.output(module, name, module.BLOCK.outputs[name], given)
+        if module and name in module.BLOCK.functions:
+            arguments, result = module.BLOCK.functions[name]
+            owner = self.names.get(id(given.get("p")), module.__name__.rpartition(".")[2])
+            for argument, fmt in arguments.items():
+                self.arrive(given[argument], f"{owner}.{name}", argument, fmt.at(self.design))
+            return logic(f"{owner}.{name}", result.at(self.design))
+        if self.module is not control and func.__module__ == control.__name__:
+            if name == "step":
+                return self.part(control, given)
+            if name in control.OUTPUTS:
+                return direct(f"{self.names[id(given['s'])]}.{name}", control.OUTPUTS[name].at(self.design), "pin")
+        return self.function(func, given)
+
+    def part(self, module, given):
+        """A module within this one, traced by itself: its inputs arrive."""
+        instance = self.names[id(given["s"])]
+        self.instances[instance] = module, self.names[id(given["p"])]
+        for name, shape in module.INPUTS.items():
+            pairs = leaves(block.at_design(shape, self.design), self.prefix(name))
+            for (port, fmt), (_, value) in zip(pairs, leaves(given[name]), strict=True):
+                self.arrive(value, instance, flat(port), fmt)
+        pairs = leaves(formats(module.Params, self.design))
+        for (port, fmt), (_, value) in zip(pairs, leaves(given["p"]), strict=True):
+            self.arrive(value, instance, flat(port), fmt)
+        return given["s"]
+
+    # ---- running the source ------------------------------------------------------------------------------------------
+
+    def function(self, func, given):
+        """Run a function of the wiring."""
+        tree = ast.parse(textwrap.dedent(inspect.getsource(func))).body[0]
+        returned = self.run(
+            tree.body, dict(given), (func.__globals__, f"{func.__module__.rpartition('.')[2]}.{func.__name__}")
+        )
+        return functools.reduce(joined, returned)
+
+    def run(self, body, env, where):
+        """Run statements in `env`; returns what they return."""
+        returned = []
+        for node in body:
+            if isinstance(node, ast.Return):
+                return [*returned, self.value(node.value, env, where)]
+            if isinstance(node, ast.Assign):
+                (target,) = node.targets
+                self.assign(target, self.value(node.value, env, where), env)
+            elif isinstance(node, ast.If):
+                self.condition(node.test, env, where)
+                on, off = dict(env), dict(env)
+                self.depth += 1
+                returned += self.run(node.body, on, where) + self.run(node.orelse, off, where)
+                self.depth -= 1
+                if not isinstance(node.body[-1], ast.Return):
+                    for name in on.keys() | off.keys():
+                        both = joined(on.get(name, off.get(name)), off.get(name, on.get(name)))
+                        self.assign(ast.Name(name), both, env)
+            elif not (isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)):
+                raise self.refused(node, where)
+        return returned
+
+    def assign(self, target, value, env):
+        if isinstance(target, ast.Tuple):
+            for part, item in zip(target.elts, value, strict=True):
+                self.assign(part, item, env)
+        else:
+            nameless = isinstance(value, Signal) and value.label == ""
+            env[target.id] = replace(value, label=target.id) if nameless else value
+
+    def condition(self, node, env, where):
+        """The signals of a condition arrive where it decides."""
+        value = self.value(node, env, where)
+        if isinstance(value, Signal):
+            self.arrive(value, where[1], f"if {ast.unparse(node)}", BIT)
+        return value
+
+    def value(self, node, env, where):
+        """Value of an expression."""
+        if isinstance(node, ast.Constant):
+            return node.value
+        if isinstance(node, ast.Name):
+            return env[node.id] if node.id in env else where[0][node.id]
+        if isinstance(node, ast.Attribute):
+            return getattr(self.value(node.value, env, where), node.attr)
+        if isinstance(node, ast.Tuple):
+            return tuple(self.value(item, env, where) for item in node.elts)
+        if isinstance(node, ast.Subscript):
+            return self.value(node.value, env, where)[self.value(node.slice, env, where)]
+        if isinstance(node, ast.Compare):
+            return logic(ast.unparse(node), BIT)
+        if isinstance(node, ast.IfExp):
+            self.condition(node.test, env, where)
+            a, b = self.value(node.body, env, where), self.value(node.orelse, env, where)
+            if isinstance(a, int) and isinstance(b, int):
+                return logic(ast.unparse(node), bits(max(a, b).bit_length()))
+            return joined(a, b)
+        if isinstance(node, ast.BinOp) and type(node.op) in BITWISE:
+            return self.bitwise(node, self.value(node.left, env, where), self.value(node.right, env, where))
+        if isinstance(node, ast.Call):
+            func = self.value(node.func, env, where)
+            given = [self.value(item, env, where) for item in node.args]
+            named = {item.arg: self.value(item.value, env, where) for item in node.keywords}
+            if isinstance(func, type):
+                return func(*given, **named)
+            func = python_of(func)
+            return self.call(func, inspect.signature(func).bind(*given, **named).arguments)
+        raise self.refused(node, where)
+
+    def bitwise(self, node, a, b):
+        """Bits of two signals, or some low bits of one."""
+        if isinstance(b, int):
+            return logic(ast.unparse(node), bits(b.bit_length()))
+        return Signal(tuple(dict.fromkeys(a.leaves + b.leaves)), "")
+
+    def refused(self, node, where):
+        return Unsupported(f"{where[1]}: {ast.unparse(node)} is not understood as wiring")
+
+
+# ---- what is found ---------------------------------------------------------------------------------------------------
+
+
+@functools.cache
+def trace(module, design=DEFAULT):
+    """`Trace` of control or top."""
+    return Trace(module, design)
+
+
+def instances():
+    """{instance: (module, path of its parameters or None)} of every block in control and top."""
+    found = {}
+    for name, (module, path) in trace(top).instances.items():
+        if module is not control:
+            found[name] = module, path
+            continue
+        for inner, (part, at) in trace(control).instances.items():
+            found[f"{name}.{inner}"] = part, at and f"{path}.{at}"
+    return {name: found[name] for name, _ in within(top.State) if name in found}
+
+
+def meant(wire, leaf, casts, design):
+    """Whether the two formats of a wire are as they should be."""
+    if leaf.kind == "constant":
+        return wire.fmt.holds(leaf.value)
+    return leaf.fmt == wire.fmt or any(
+        (cast.source, cast.source_fmt.at(design), cast.target, cast.target_fmt.at(design))
+        == (leaf.name, leaf.fmt, wire.target, wire.fmt)
+        for cast in casts
+    )
+
+
+def mismatches(module, design=DEFAULT):
+    """One line "source format -> target format" for each wire of a module whose formats differ."""
+    found = []
+    for wire in trace(module, design).wires:
+        for leaf in wire.signal.leaves:
+            if not meant(wire, leaf, module.CASTS, design):
+                source = f"{leaf.name} {leaf.fmt or ''}".strip()
+                found.append(f"{source} -> {wire.target} {wire.fmt}")
+    return found
+
+
+@functools.cache
+def check(design=DEFAULT):
+    """Raise ValueError if a wire of the firmware has two formats."""
+    found = list(itertools.chain(mismatches(control, design), mismatches(top, design)))
+    if found:
+        raise ValueError(f"wiring: formats differ: {'; '.join(found)}")

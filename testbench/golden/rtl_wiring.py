@@ -1,0 +1,227 @@
+"""Heads and instances of `testbench/rtl/top.v` and `control.v`, written from declarations and wires.
+
+    python -m testbench.golden.rtl_wiring            write what is stale
+    python -m testbench.golden.rtl_wiring --check    name what is stale, exit code 1
+
+Written: parameters and ports of the module with widths and formats; parameters and ports of every instance, and what
+they connect to. By hand stay the logic between instances, notes beside ports, defaults of parameters, the names of the
+nets that pins drive, and the connection of a port that logic drives. A new instance begins as `gyro_NAME ROLE ();`.
+Source  docs/how_to/add_a_block.md
+"""
+
+import re
+import sys
+from pathlib import Path
+
+from fpga_model import block, control, top, wiring
+from fpga_model.block import flat, leaves
+from fpga_model.fixed import bits, formats
+from testbench.errors import FileError
+from testbench.storage.files import write_text
+
+RTL = Path(__file__).resolve().parents[1] / "rtl"
+FILES = {"control.v": control, "top.v": top}
+BIT = bits(1)
+FORMAT = r"\[-?\d+,-?\d+,-?\d+\]"
+INSTANCE = r"^    gyro_{stem}(?: #\((?:.(?!\n    \);))*?\n    \))? {role} \(.*?\);\n"
+ROMS = {"sine": "SINE_ROM_FILE", "cordic": "CORDIC_ROM_FILE"}
+
+
+def _stem(module):
+    return module.__name__.rpartition(".")[2]
+
+
+def _ports(module):
+    """[(port, format)] of an instance: inputs, registers and pins, without clock and reset."""
+    if module in FILES.values():
+        return _ports_of_design(module)
+    registers = [(f"r_{flat(path)}", fmt) for path, fmt in leaves(formats(module.State))]
+    return [*block.inputs(module), *registers, *((f"o_{name}", fmt) for name, fmt in block.pins(module))]
+
+
+def _ports_of_design(module):
+    """The same of control or top; of the bank only what is read."""
+    read = {leaf.name for wire in wiring.trace(module).wires for leaf in wire.signal.leaves}
+    found = []
+    for name, shape in module.INPUTS.items():
+        for path, fmt in leaves(block.at_design(shape, wiring.DEFAULT), "" if name == "i" else name):
+            if name != "bank" or path in read:
+                found.append((flat(path), fmt))
+    found += [(f"r_{flat(path)}", fmt) for path, fmt in leaves(formats(module.State))]
+    pins = formats(module.Pins)._asdict() if hasattr(module, "Pins") else module.OUTPUTS
+    return [*found, *((f"o_{name}", fmt) for name, fmt in pins.items())]
+
+
+def _parameters(module):
+    """[(name, format)] of the parameters, tables last with no format."""
+    if module not in FILES.values():
+        return [*block.parameters(module).items(), *(("ROM_FILE", None) for _ in module.BLOCK.roms)]
+    stems = {_stem(part) for part, _ in wiring.trace(module).instances.values()}
+    if module is top:
+        stems |= {_stem(part) for part, _ in wiring.trace(control).instances.values()}
+    found = [(flat(path), fmt) for path, fmt in leaves(formats(module.Params))]
+    return [*found, *((name, None) for stem, name in ROMS.items() if stem in stems)]
+
+
+# ---- head ------------------------------------------------------------------------------------------------------------
+
+
+def _kind(fmt):
+    """Sign and range of a declaration, in columns."""
+    span = f"[{fmt.width - 1}:0]" if fmt and fmt.width > 1 else ""
+    return f"{'signed' if fmt and fmt.s else '':<6} {span:>6}"
+
+
+def _noted(line, fmt, note):
+    """A line with its note by hand, or its format; a note may begin with it."""
+    own = str(fmt) if fmt.width > 1 else ""
+    text = re.sub(f"^{FORMAT}", own, note or own)
+    return f"{line} // {text}" if text else line.rstrip()
+
+
+def _notes(head):
+    """{name: note by hand} and {parameter: default} of a head."""
+    notes, defaults = {}, {}
+    for line in head.splitlines():
+        code, _, comment = line.partition("//")
+        name = re.search(r"(\w+)\s*(?:=\s*([^,\s]+)\s*)?,?\s*$", code)
+        if name:
+            notes[name[1]] = comment.strip()
+            defaults[name[1]] = name[2]
+    return notes, defaults
+
+
+def head(module, text):
+    """Parameters and ports of the module; notes and defaults are those of `text`, its head so far."""
+    notes, defaults = _notes(text)
+    parameters, lines = _parameters(module), []
+    pad = max(len(name) for name, _ in parameters)
+    for name, fmt in parameters:
+        value = defaults.get(name)
+        if fmt is None:
+            lines.append(f"    parameter {_kind(None)} {name:<{pad}} = {value or chr(34) * 2},")
+            continue
+        zero = f"{fmt.width}'{'s' if fmt.s else ''}d0"
+        value = value if value and value.startswith(f"{fmt.width}'") else zero
+        span = f"{'signed' if fmt.s else '':<6} {f'[{fmt.width - 1}:0]':>6}"
+        lines.append(_noted(f"    parameter {span} {name:<{pad}} = {value + ',':<8}", fmt, notes.get(name)))
+    lines[-1] = lines[-1].rstrip(",")
+    lines.append(") (")
+    ports = [("clk", BIT), ("rst", BIT), *_ports(module)]
+    pad = max(len(name) for name, _ in ports) + 2
+    for k, (name, fmt) in enumerate(ports):
+        way = "output" if name.startswith(("r_", "o_")) else "input"
+        end = "," if k < len(ports) - 1 else ""
+        lines.append(_noted(f"    {way:<6} wire {_kind(fmt)} {name + end:<{pad}}", fmt, notes.get(name)))
+    return "\n".join(lines)
+
+
+# ---- instances -------------------------------------------------------------------------------------------------------
+
+
+def _connections(text):
+    """{port: what it is connected to} of an instance as it stands."""
+    return {port: " ".join(to.split()) for port, to in re.findall(r"\.(\w+)\s*\(((?:[^()]|\([^()]*\))*)\)", text)}
+
+
+class Design:
+    """A module with the text of its file."""
+
+    def __init__(self, module, path):
+        self.module, self.path, self.text = module, path, path.read_text()
+        self.trace = wiring.trace(module)
+        self.widths = {path: fmt.width for path, fmt in leaves(formats(module.State))}
+        self.old = {role: _connections(self.region(role)) for role in self.trace.instances}
+
+    def pattern(self, role):
+        return re.compile(INSTANCE.format(stem=_stem(self.trace.instances[role][0]), role=role), re.M | re.S)
+
+    def region(self, role):
+        """Text of an instance; FileError if there is none."""
+        found = self.pattern(role).search(self.text)
+        if not found:
+            stem = _stem(self.trace.instances[role][0])
+            raise FileError(f"{self.path}: no instance {role}; write `gyro_{stem} {role} ();` where it shall stand")
+        return found[0]
+
+    def net(self, leaf, fmt):
+        """What a leaf is called in Verilog: a part of a register where the port has fewer bits."""
+        if leaf.kind == "register":
+            cut = f"[{fmt.width - 1}:0]" if fmt.width < self.widths[leaf.name] else ""
+            return f"r_{flat(leaf.name)}{cut}"
+        if leaf.kind == "pin":
+            role, _, pin = leaf.name.rpartition(".")
+            return self.old[role].get(f"o_{pin}", f"{role}_{pin}")
+        return flat(leaf.name)
+
+    def connection(self, role, port, fmt, wires):
+        """What a port is connected to: a net where nothing but a wire is between, else what is written by hand."""
+        module = self.trace.instances[role][0]
+        if port in ("clk", "rst"):
+            return port
+        if port == "ROM_FILE":
+            return ROMS[_stem(module)]
+        if port.startswith("r_"):
+            return f"r_{flat(role)}_{port[2:]}"
+        if port.startswith("o_"):
+            return self.old[role].get(port, f"{role}_{port[2:]}")
+        wire = wires.get((role, port))
+        if wire is None:  # a table of control
+            return port
+        (leaf, *others), strobes = wire.signal.leaves, getattr(module, "BLOCK", None) and module.BLOCK.strobes
+        by_hand = others or wire.signal.label is not None or leaf.kind == "constant"
+        if by_hand or (role in self.trace.gated and port in strobes):
+            return self.old[role].get(port, wire.signal.label or f"{role}_{port}")
+        return self.net(leaf, fmt)
+
+    def listed(self, role, ports, wires):
+        """Lines of connections, in columns."""
+        pad = max(len(name) for name, _ in ports)
+        lines = [f"        .{name:<{pad}}({self.connection(role, name, fmt, wires)})" for name, fmt in ports]
+        return ",\n".join(lines)
+
+    def instance(self, role):
+        """Text of an instance."""
+        module = self.trace.instances[role][0]
+        wires = {(wire.instance, wire.port): wire for wire in self.trace.wires}
+        given = _parameters(module)
+        values = f" #(\n{self.listed(role, given, wires)}\n    )" if given else ""
+        ports = self.listed(role, [("clk", BIT), ("rst", BIT), *_ports(module)], wires)
+        return f"    gyro_{_stem(module)}{values} {role} (\n{ports}\n    );\n"
+
+    def renewed(self):
+        """The file with head and instances as they should be."""
+        text = self.text
+        begin = text.index(f"module gyro_{_stem(self.module)} #(\n")
+        begin = text.index("\n", begin) + 1
+        end = text.index("\n);\n", begin)
+        text = text[:begin] + head(self.module, text[begin:end]) + text[end:]
+        for role in self.trace.instances:
+            text = self.pattern(role).sub(lambda _, role=role: self.instance(role), text, count=1)
+        return text
+
+
+def stale(rtl=RTL):
+    """{path: renewed text} of the files that are not what declarations and wires say."""
+    designs = [Design(module, Path(rtl) / name) for name, module in FILES.items()]
+    return {one.path: text for one in designs if (text := one.renewed()) != one.text}
+
+
+def main(arguments=None):
+    """Write stale files, or with --check only name them; returns the exit code."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    if arguments not in ([], ["--check"]):
+        print("usage: python -m testbench.golden.rtl_wiring [--check]", file=sys.stderr)
+        return 2
+    found = stale()
+    for path, text in found.items():
+        if arguments:
+            print(f"{path.name} is stale; run: python -m testbench.golden.rtl_wiring", file=sys.stderr)
+        else:
+            write_text(path, text)
+            print(f"written: {path.name}")
+    return 1 if found and arguments else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
