@@ -1,6 +1,6 @@
 """The generated tables of docs/configuration.md: keys with their limits, and faults."""
 
-from testbench.config import scenario, sections
+from testbench.config import Nominal, Plant, scenario, sections
 from testbench.config.config_errors import choices_of, limits_of, plain, unit_of
 from testbench.config.toml_text import toml_value
 
@@ -16,6 +16,8 @@ def markdown_table():
             "|---|---|---|---|" + "---|" * described,
         ]
         for key, info in model.model_fields.items():
+            if model is Nominal and key in Plant.model_fields:
+                continue
             lo, hi = limits_of(info)
             limits = f"{plain(lo)} .. {plain(hi)}" if hi is not None else ""
             limits = " or ".join(toml_value(choice) for choice in choices_of(info)) or limits

@@ -1,8 +1,8 @@
 """From a checked configuration to the parameters of the engine: the one place where firmware and plant are designed
 together, each by its own `design` functions.
 
-What the firmware's designers know of the gyroscope (`nominal`): the default device at 25 degC. The simulated plant
-may differ; its tolerances are what the loops must stand.
+What the firmware's designers know of the gyroscope (`nominal`): the section [nominal], at its temp_ref_degc. The
+simulated plant may differ; the tolerances of [nominal] are what the loops must stand.
 Source    docs/architecture.md
 """
 
@@ -57,8 +57,8 @@ CONVERSION_DELAY_S = 1.5e-6  # A  the decimator's last steps; DRDY must not fall
 
 
 def nominal(config):
-    """Scale factors that the loops are designed with, from the nominal device (SI units, some per deg/s)."""
-    d = Device()
+    """Scale factors that the loops are designed with, from the nominal board (SI units, some per deg/s)."""
+    d = config.nominal_device()
     w = 2 * math.pi * d.fx_hz
     amplitude_m = config.firmware.amplitude_um * 1e-6
     gain, _ = propagator.cv_chain(d, "drive", d.temp_ref_degc)
