@@ -67,6 +67,9 @@ class Firmware(Section):
     search_limit_hz: float = number(80.0, "Hz", 0.1, 4000.0, "largest correction of the frequency that is believed")
     search_min_v: float = number(0.00576, "V", 1e-6, 1.0, "pickoff signal at the ADC below which nothing is found")
     retune_s: float = number(0.03, "s", 0.000125, 8.0, "wait behind the search at the corrected frequency")
+    acquire_share: float = number(
+        0.95, "", 0.1, 1.0, "part of the set-point at which the ring-up ends; without its integrator the loop must reach it"
+    )
     acquire_timeout_s: float = number(2.0, "s", 0.1, 8.0, "longest ring-up to the set-point, and longest settling")
     drive_ceiling_v: float = number(
         10.0, "V", 1e-3, 20.0, "largest drive voltage of the amplitude loop; follows nominal.drive_dac_span_v"
@@ -242,6 +245,11 @@ class Config(Section):
     def nominal_device(self):
         """Likewise of the board that the firmware is designed for."""
         return self.nominal.device()
+
+    @property
+    def of_paper(self):
+        """True if the firmware is designed for the paper's board, the default one: only then do we compare with it."""
+        return self.nominal_device() == Nominal().device()
 
 
 def phase_word(angle_deg):

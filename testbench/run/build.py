@@ -172,6 +172,7 @@ def _sequencer(f, n, codes_move):
         search_s=f.search_s,
         retune_s=f.retune_s,
         timeout_s=f.acquire_timeout_s,
+        reached=f.acquire_share,
         search_min_v=f.search_min_v,
         adc_full_scale_v=n["adc_drive_v"],
         search_limit_hz=f.search_limit_hz,
