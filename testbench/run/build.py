@@ -198,6 +198,16 @@ def register_writes(config):
     )
 
 
+def lsb(config):
+    """{column of a record: LSB as text} of the words that a converter of the board turns into volts."""
+    d = config.device()
+    return {
+        "amplitude_word": f"{d.drive_dac_span_v:g} V/2^23",
+        "rate_word": f"{d.sense_dac_span_v:g} V/2^23",
+        "quadrature_code": f"{d.quad_dac_span_v:g} V/2^16",
+    }
+
+
 _knots = functools.lru_cache(maxsize=256)(propagator.knots)
 
 
