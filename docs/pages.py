@@ -5,6 +5,7 @@
     docs/phases.md              phase budget of the defaults       testbench.run.budget, testbench.run.tables
     docs/ranges.md              proven ranges                      docs/ranges_page.py
     docs/blocks/STEM.md         ports of each block                docs/blocks_page.py
+    docs/boards/paper.toml      the default board, sourced     docs/config_page.py
     docs/README.md              index of the pages                 their titles
     docs/effects/README.md      index of the effects               analog_frontend.effects.catalogue
 
@@ -183,6 +184,7 @@ def block_page(stem):
 PAGES = {
     **{f"docs/blocks/{stem}.md": block_page(stem) for stem in blocks_page.stems()},
     "docs/configuration.md": with_parts(faults=config_page.faults_table, keys=config_page.markdown_table),
+    "docs/boards/paper.toml": config_page.paper_board,
     "docs/phases.md": with_parts(budget=budget_part, lock=lock_part, rivals=rivals_part),
     "docs/ranges.md": with_parts(
         cases=ranges_page.summary_part, instances=ranges_page.wiring_part, registers=ranges_page.registers_part

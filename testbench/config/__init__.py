@@ -5,6 +5,7 @@ from testbench.config.load import (  # noqa: F401
     Effects,
     Firmware,
     Noise,
+    Nominal,
     Output,
     Override,
     Plant,

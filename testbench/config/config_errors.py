@@ -78,12 +78,16 @@ def _unknown(sections, section, key, value, path):
             fits = suffix and isinstance(value, (int, float)) and not isinstance(value, bool)
             converted = convert(value, suffix, known_suffix) if fits else None
             return line if converted is None else f"{line} = {plain(converted)}"
-    for name, model in sections.items():
-        if key in model.model_fields and name != section:
-            return f"{path} is not a known key; {key} belongs in [{name}]"
+    if homes := _homes(sections, key):
+        return f"{path} is not a known key; {key} belongs in {homes}"
     near = difflib.get_close_matches(key, fields, n=1, cutoff=0.5)
     hint = f"; did you mean {section}.{near[0]}?" if near else f"; [{section}] knows {_some(fields)}"
     return f"{path} is not a known key{hint}"
+
+
+def _homes(sections, key):
+    """Text that names the sections with a key, or ""."""
+    return " or ".join(f"[{name}]" for name, model in sections.items() if key in model.model_fields)
 
 
 def _some(names):
@@ -123,9 +127,9 @@ def explain(error, sections, source, origin):
         return f"{origin.get(path.split('[')[0], label)}: {path} {problem.text}"
     if kind == "extra_forbidden" and len(loc) == 1:
         near = difflib.get_close_matches(section, sections, n=1, cutoff=0.5)
-        homes = [name for name, model in sections.items() if section in model.model_fields]
+        homes = _homes(sections, section)
         if homes:
-            hint = f"{section} belongs in [{homes[0]}]"
+            hint = f"{section} belongs in {homes}"
         else:
             hint = f"did you mean [{near[0]}]?" if near else f"known: {', '.join(sections)}"
         what = f"[{section}] is not a known section" if isinstance(value, dict) else f"{section} is not in a section"

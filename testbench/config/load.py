@@ -1,8 +1,9 @@
 """Configuration: TOML in, checked values out, one clear line for everything that is wrong.
 
     [firmware]  what the FPGA is built with           [noise]     sources, one switch each, and the seed
-    [plant]     any plant parameter by its name       [scenario]  what happens, in seconds from lock
-    [effects]   imperfections, off by default         [output]    what is written where
+    [nominal]   the board that it is designed for     [scenario]  what happens, in seconds from lock
+    [plant]     the board that it meets               [output]    what is written where
+    [effects]   imperfections, off by default
 
 Every key carries its unit in its name, its limits and a sentence; `docs/configuration.md` and the error lines are made
 from these. Nothing is guessed: a text "5 um" is refused with the number to write instead.
@@ -16,46 +17,24 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, create_model, model_validator
+from pydantic import ValidationError, create_model, model_validator
 
 from analog_frontend import dac_levels
 from analog_frontend.effects import catalogue
-from analog_frontend.parts import adc, device
+from analog_frontend.parts import adc
 from fpga_model import design_record
 from fpga_model.design_record import DEFAULT
 from testbench.config import law_file, scenario
+from testbench.config.board import Nominal, Plant, followed, released
 from testbench.config.config_errors import explain
+from testbench.config.section import Section, checked, number, other
 from testbench.config.toml_text import toml_of, toml_value
 from testbench.errors import ConfigError
 from testbench.storage.inputs import read_toml
 
 
-class Section(BaseModel):
-    """A TOML table: unknown keys are errors, nothing is converted silently, values cannot be changed afterwards."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False, validate_default=True)
-
-
-def number(default, unit, lo, hi, doc):
-    """A key that holds a number of `unit` within lo..hi."""
-    return Field(default, ge=lo, le=hi, description=doc, json_schema_extra={"unit": unit})
-
-
-def other(default, doc, unit=""):
-    """A key that holds a switch, a choice, a text or a profile."""
-    return Field(default, description=doc, json_schema_extra={"unit": unit})
-
-
-def _checked(function):
-    def check(value):
-        function(value)
-        return value
-
-    return AfterValidator(check)
-
-
 def _profile(lo, hi, unit):
-    return _checked(lambda value: scenario.profile_points(value, lo, hi, unit))
+    return checked(lambda value: scenario.profile_points(value, lo, hi, unit))
 
 
 class Design(Section):
@@ -84,15 +63,41 @@ class Firmware(Section):
     quadrature_update_khz: Literal[500, 1000] = other(
         500, "frames of the quadrature DAC; 1000 violates its SYNC high time", "kHz"
     )
-    agc_crossover_hz: float = number(3.0, "Hz", 0.1, 20.0, "drive amplitude loop: crossover")
-    agc_zero_hz: float = number(0.6, "Hz", 0.01, 20.0, "drive amplitude loop: zero of the PI")
-    pll_crossover_hz: float = number(3.0, "Hz", 0.1, 20.0, "drive frequency loop: crossover")
-    pll_zero_hz: float = number(0.6, "Hz", 0.01, 20.0, "drive frequency loop: zero of the PI")
-    ftr_crossover_hz: float = number(15.0, "Hz", 0.1, 60.0, "force-to-rebalance loop: crossover of the integrator")
-    ftr_zero_hz: float = number(100.0, "Hz", 1.0, 1000.0, "force-to-rebalance loop: zero of the PI")
-    qsc_crossover_hz: float = number(1.0, "Hz", 0.01, 10.0, "quadrature loop: crossover of the integrator")
-    amplitude_um: float = number(5.0, "um", 0.1, 10.0, "drive amplitude set-point")
-    nominal_frequency_hz: float = number(11002.3, "Hz", 5000.0, 20000.0, "frequency word at power-on")
+    agc_crossover_hz: float = number(3.0, "Hz", 0.01, 100.0, "drive amplitude loop: crossover")
+    agc_zero_hz: float = number(0.6, "Hz", 0.001, 100.0, "drive amplitude loop: zero of the PI")
+    pll_crossover_hz: float = number(3.0, "Hz", 0.01, 100.0, "drive frequency loop: crossover")
+    pll_zero_hz: float = number(0.6, "Hz", 0.001, 100.0, "drive frequency loop: zero of the PI")
+    ftr_crossover_hz: float = number(15.0, "Hz", 0.001, 200.0, "force-to-rebalance loop: crossover of the integrator")
+    ftr_zero_hz: float = number(100.0, "Hz", 0.01, 4000.0, "force-to-rebalance loop: zero of the PI")
+    qsc_crossover_hz: float = number(1.0, "Hz", 0.0001, 50.0, "quadrature loop: crossover of the integrator")
+    amplitude_um: float = number(5.0, "um", 1e-3, 100.0, "drive amplitude set-point")
+    nominal_frequency_hz: float = number(11002.3, "Hz", 1e3, 50e3, "frequency word at power-on; follows nominal.fx_hz")
+    kick_v: float = number(10.0, "V", 1e-3, 20.0, "drive voltage of the kick; follows nominal.drive_dac_span_v")
+    kick_s: float = number(0.006, "s", 0.000125, 8.0, "length of the kick")
+    decay_s: float = number(0.035, "s", 0.000125, 8.0, "drive off behind the kick, until the demodulators have settled")
+    search_s: float = number(0.06, "s", 0.000125, 0.511, "length of the search: rotation of the drive signal")
+    search_limit_hz: float = number(80.0, "Hz", 0.1, 4000.0, "largest correction of the frequency that is believed")
+    search_min_v: float = number(0.00576, "V", 1e-6, 1.0, "pickoff signal at the ADC below which nothing is found")
+    retune_s: float = number(0.03, "s", 0.000125, 8.0, "wait behind the search at the corrected frequency")
+    acquire_share: float = number(
+        0.95,
+        "",
+        0.1,
+        1.0,
+        "part of the set-point that ends the ring-up; the loop must reach it without its integrator",
+    )
+    acquire_timeout_s: float = number(2.0, "s", 0.1, 8.0, "longest ring-up to the set-point, and longest settling")
+    drive_ceiling_v: float = number(
+        10.0, "V", 1e-3, 20.0, "largest drive voltage of the amplitude loop; follows nominal.drive_dac_span_v"
+    )
+    pll_limit_hz: float = number(100.0, "Hz", 0.01, 4000.0, "largest distance of the frequency from the search's")
+    quadrature_ceiling_v: float = number(
+        5.5, "V", 1e-3, 20.0, "largest V_q of the quadrature loop; follows nominal.quad_dac_span_v"
+    )
+    sense_lock_dps: float = number(
+        5.0, "deg/s", 1e-3, 1e4, "residual rate and quadrature below which their loops count as locked"
+    )
+    sense_lost_dps: float = number(100.0, "deg/s", 1e-3, 1e5, "residual above which they have lost lock")
     phase_drive_sine_deg: float = number(0.0, "deg", -180.0, 180.0, "added to the DDS phase of the drive sine")
     phase_sense_sine_deg: float = number(0.0, "deg", -180.0, 180.0, "added to the DDS phase of the sense sine")
     phase_drive_ref_deg: float = number(0.0, "deg", -180.0, 180.0, "added to the DDS phase of the drive references")
@@ -124,7 +129,7 @@ def _levels(bits):
             except ValueError as problem:
                 raise scenario.Problem(f"[{k}]", f"= {problem}") from None
 
-    return _checked(check)
+    return checked(check)
 
 
 def _curve(value):
@@ -144,7 +149,7 @@ class _EffectsBase(Section):
         [], 'errors of its levels: texts such as "element 5/8 = -2.2", "step 2/8 = 0.2", "bit 11 = 0.09"', "LSB"
     )
     sense_dac_levels: Annotated[Any, _levels(20)] = other([], "likewise of the sense DAC", "LSB")
-    adc_curve: Annotated[Any, _checked(_curve)] = other(
+    adc_curve: Annotated[Any, checked(_curve)] = other(
         [], "its transfer's curve: up to 13 parts of full scale, by Chebyshev's T2, T3, .. T14", "1"
     )
     adc_turnover: float = number(0.0, "V/V", -1e-3, 1e-3, "of the four demodulator channels: v + c |v|")
@@ -152,7 +157,7 @@ class _EffectsBase(Section):
         0.0, "1/K", -1e-3, 1e-3, "gain of the four channels with the sensor's temperature"
     )
     adc_memory: float = number(0.0, "V/V", -1e-3, 1e-3, "part of the conversion before that is left in the next")
-    laws: Annotated[Any, _checked(scenario.check_laws)] = other(
+    laws: Annotated[Any, checked(scenario.check_laws)] = other(
         [], 'laws of one\'s own, texts such as "force_x = -2.5e9 x^3"; docs/parts/ports.md'
     )
 
@@ -198,10 +203,10 @@ class Scenario(Section):
     rate_shape: Literal["linear", "steps"] = other(
         "linear", "points of rate_dps: joined by straight lines (equal times jump), or held until the next"
     )
-    register_writes: Annotated[Any, _checked(scenario.check_register_writes)] = other(
+    register_writes: Annotated[Any, checked(scenario.check_register_writes)] = other(
         [], "[[t_s, register, raw value], ...]"
     )
-    faults: Annotated[Any, _checked(scenario.check_faults)] = other(
+    faults: Annotated[Any, checked(scenario.check_faults)] = other(
         [], "[[t_s, kind, channel, value, duration_s], ...]; kinds below"
     )
     diagnose: bool = other(True, "end with a rate step and an open sense loop, which show scale factor and all phases")
@@ -219,7 +224,7 @@ class Output(Section):
 
     directory: str = other("out", "folder for all files of a run")
     record: bool = other(True, "HDF5 record, run.h5")
-    columns: Annotated[Any, _checked(scenario.check_columns)] = other([], "columns of the record; none named: all")
+    columns: Annotated[Any, checked(scenario.check_columns)] = other([], "columns of the record; none named: all")
     decimate: int = number(1, "frames", 1, 8000, "frames to a row of the record; codes and words are then sums")
     checkpoint_s: float = number(60.0, "s", 0.0, 36000.0, "simulated time between checkpoints; 0 writes none")
     pictures: bool = other(True, "PNG pictures")
@@ -229,35 +234,12 @@ class Output(Section):
     vcd_length_us: float = number(0.0, "us", 0.0, 10000.0, "length of the waveform window; 0 writes none")
 
 
-class _PlantBase(Section):
-    """Plant parameters, SI units; what each is, with its source: docs/parts/device.md."""
-
-    @model_validator(mode="after")
-    def _consistent(self):
-        try:
-            device.validate(device.Device(**self.model_dump()))
-        except ValueError as problem:
-            name, _, text = str(problem).partition(" ")
-            raise scenario.Problem(f".{name}", text) from None
-        return self
-
-
-def _plant_key(field):
-    default = device.Device._field_defaults[field.name]
-    unit = "" if field.unit == "1" else field.unit
-    return type(default), number(default, unit, field.lo, field.hi, "")
-
-
-Plant = create_model(
-    "Plant", __base__=_PlantBase, __doc__=_PlantBase.__doc__, **{f.name: _plant_key(f) for f in device.FIELDS}
-)
-
-
 class Config(Section):
     """Everything a run depends on."""
 
     design: Design = Design()
     firmware: Firmware = Firmware()
+    nominal: Nominal = Nominal()
     plant: Plant = Plant()
     effects: Effects = Effects()
     noise: Noise = Noise()
@@ -279,7 +261,16 @@ class Config(Section):
 
     def device(self):
         """The plant's parameters as the record that the plant is built from."""
-        return device.Device(**self.plant.model_dump())
+        return self.plant.device()
+
+    def nominal_device(self):
+        """Likewise of the board that the firmware is designed for."""
+        return self.nominal.device()
+
+    @property
+    def of_paper(self):
+        """True if the firmware is designed for the paper's board, the default one: only then do we compare with it."""
+        return self.nominal_device() == Nominal().device()
 
 
 def phase_word(angle_deg, bits=DEFAULT.dds_bits):
@@ -346,18 +337,28 @@ def load(path=None, overrides=()):
 
 def from_dict(tree, source="config", origin=None):
     """Checked `Config` from nested dicts; `origin` names the option that gave a dotted path, if not `source`."""
+    tree, filled = followed(tree)
     try:
         return Config.model_validate(tree)
     except ValidationError as problem:
-        errors = problem.errors(include_url=False)
+        errors = [e for e in problem.errors(include_url=False) if _place(e) not in filled]
         lines = [explain(error, sections(), source, origin or {}) for error in errors]
         more = f" (and {len(lines) - 1} more)" if len(lines) > 1 else ""
         raise ConfigError(lines[0] + more) from None
 
 
+def _place(error):
+    """(section, key) that an error of pydantic is about."""
+    section, *key = (*error["loc"], *([error["ctx"]["error"].where] if error["type"] == "value_error" else []))
+    return section, ".".join(map(str, key)).strip(".")
+
+
 def changed(config, values):
-    """The same configuration with {"section.key": value, ...} in place, checked as a file would be."""
-    tree = config.model_dump()
+    """The same configuration with {"section.key": value, ...} in place, checked as a file would be.
+
+    What equals a key of [nominal] that changes follows it, as what a file does not give would.
+    """
+    tree = released(config.model_dump(), values)
     for path, value in values.items():
         section, key = path.split(".")
         tree.setdefault(section, {})[key] = value

@@ -1,8 +1,8 @@
 """From a checked configuration to the parameters of the engine: the one place where firmware and plant are designed
 together, each by its own `design` functions.
 
-What the firmware's designers know of the gyroscope (`nominal`): the default device at 25 degC. The simulated plant
-may differ; its tolerances are what the loops must stand.
+What the firmware's designers know of the gyroscope (`nominal`): the section [nominal], at its temp_ref_degc. The
+simulated plant may differ; the tolerances of [nominal] are what the loops must stand.
 Source    docs/architecture.md
 """
 
@@ -30,6 +30,7 @@ from fpga_model import (
     modulator,
     quadrature_loop,
     rate_loop,
+    rate_output,
     references,
     sequencer,
     sine,
@@ -57,15 +58,20 @@ CONVERSION_DELAY_S = 1.5e-6  # A  the decimator's last steps; DRDY must not fall
 
 
 def nominal(config):
-    """Scale factors that the loops are designed with, from the nominal device (SI units, some per deg/s)."""
-    d = Device()
+    """Scale factors that the loops are designed with, from the nominal board (SI units, some per deg/s).
+
+    What a rate gives in the sense code changes its sign with that of fx - fy, and of the sense pickoff. The gains of
+    both sense loops follow it. Raises ValueError for a board that these loops cannot hold.
+    """
+    d = config.nominal_device()
     w = 2 * math.pi * d.fx_hz
     amplitude_m = config.firmware.amplitude_um * 1e-6
     gain, _ = propagator.cv_chain(d, "drive", d.temp_ref_degc)
     sense_gain, _ = propagator.cv_chain(d, "sense", d.temp_ref_degc)
     sid_gain = 4 / math.pi
     coriolis_n = 2 * d.coriolis_mass_kg * w * amplitude_m * RAD_PER_DEG
-    stiffness = d.mass_kg * abs((2 * math.pi * d.fy_hz) ** 2 - w**2)
+    stiffness = -d.mass_kg * ((2 * math.pi * d.fy_hz) ** 2 - w**2)
+    _check_nominal(d, gain * d.signal_gain, sense_gain * d.signal_gain)
     return {
         "v_per_um": gain * d.signal_gain * sid_gain * 1e-6,
         "code_v_per_deg_s": coriolis_n / stiffness * sense_gain * d.signal_gain * sid_gain,
@@ -85,38 +91,66 @@ def nominal(config):
     }
 
 
+def _check_nominal(d, drive_gain, sense_gain):
+    """ValueError, naming the key of [nominal], for a board whose loops have no gain or the wrong sign."""
+    for names, positive, reason in (
+        ("k_vf_drive_n_per_v * signal_gain * dcdx_f_per_m", d.k_vf_drive_n_per_v * drive_gain, "the drive loop's sign"),
+        ("kxy_n_per_m", d.kxy_n_per_m, "V_q takes a positive stiffness away, and adds none"),
+        ("kq_n_per_m_per_v2", d.kq_n_per_m_per_v2, "V_q must act on the coupling"),
+        ("coriolis_mass_kg", d.coriolis_mass_kg, "a rate must act on the sense mode"),
+    ):
+        if not positive > 0:
+            raise ValueError(f"nominal.{names} = {positive:g} is not above 0: {reason}")
+    for names, other_than_0 in (
+        ("fx_hz - fy_hz", d.fx_hz - d.fy_hz),
+        ("k_vf_sense_n_per_v", d.k_vf_sense_n_per_v),
+        ("signal_gain * dcdy_f_per_m", sense_gain),
+    ):
+        if not other_than_0:
+            raise ValueError(f"nominal.{names} = 0: the sense loops need another value, whose sign sets that of gains")
+
+
 def firmware(config):
     """Parameters of the FPGA. Raises ValueError if two ends of a wire have different formats."""
     wiring.check()
-    f, n, d = config.firmware, nominal(config), config.design_record()
+    f, n, d = config.firmware, nominal(config), config.nominal_device()
+    record = config.design_record()
     sid_part = digital_sid.design()
     if f.board == "digital_sid":
-        sid_part = digital_sid.design(samples_per_dump=d.frame_ticks, frame_hz=d.frame_hz)
+        sid_part = digital_sid.design(samples_per_dump=record.frame_ticks, frame_hz=record.frame_hz)
     samples_move = resting.sar_alarm(config) < resting.LIMIT
     codes_move = f.board == "analog_sid" and resting.adc_alarm(config) < resting.LIMIT
-    code_per_deg_s = n["code_v_per_deg_s"] / n["adc_sense_v"] * 2**23
     return fpga.Params(
         digital=1 if f.board == "digital_sid" else 0,
         quadrature_fast=1 if f.quadrature_update_khz == 1000 else 0,
         pipe=delay.design(f.pipeline_registers),
         references=references.design(f.reference_registers, f.reference_retimed),
-        drive_modulator=modulator.design(16, f.frame_latency_drive, d),
-        sense_modulator=modulator.design(20, f.frame_latency_sense, d),
+        drive_modulator=modulator.design(16, f.frame_latency_drive, record),
+        sense_modulator=modulator.design(20, f.frame_latency_sense, record),
         drive_dac=spi_dac.DAC8811,
         sense_dac=spi_dac.AD5791,
         quadrature_dac=spi_dac.DAC82002,
         sid=sid_part._replace(still=digital_sid.STILL_TICKS if samples_move else 0),
         watchdog=watchdog.design(),
         control=control.Params(
-            agc=agc.design(f.agc_crossover_hz, f.agc_zero_hz, plant_fs_per_s=n["plant_fs_per_s"], frame_hz=d.frame_hz),
-            frequency_tracker=frequency_tracker.design(f.pll_crossover_hz, f.pll_zero_hz, d=d),
+            agc=agc.design(
+                f.agc_crossover_hz,
+                f.agc_zero_hz,
+                plant_fs_per_s=n["plant_fs_per_s"],
+                ceiling_v=f.drive_ceiling_v,
+                kick_v=f.kick_v,
+                full_scale_v=d.drive_dac_span_v,
+                frame_hz=record.frame_hz,
+            ),
+            frequency_tracker=frequency_tracker.design(f.pll_crossover_hz, f.pll_zero_hz, f.pll_limit_hz, record),
             rate_loop=rate_loop.design(
                 f.ftr_crossover_hz,
                 f.ftr_zero_hz,
                 code_v_per_deg_s=n["code_v_per_deg_s"],
                 adc_full_scale_v=n["adc_sense_v"],
                 word_v_per_deg_s=n["word_v_per_deg_s"],
-                frame_hz=d.frame_hz,
+                dac_full_scale_v=d.sense_dac_span_v,
+                frame_hz=record.frame_hz,
             ),
             quadrature_loop=quadrature_loop.design(
                 f.qsc_crossover_hz,
@@ -124,28 +158,64 @@ def firmware(config):
                 adc_full_scale_v=n["adc_sense_v"],
                 null_deg_per_s=n["null_deg_per_s"],
                 null_v=n["null_v"],
-                frame_hz=d.frame_hz,
+                full_scale_v=d.quad_dac_span_v,
+                rail_v=f.quadrature_ceiling_v,
+                frame_hz=record.frame_hz,
             ),
-            sequencer=sequencer.design(
-                lock=lock_monitor.design(code_per_deg_s=code_per_deg_s, frame_hz=d.frame_hz),
-                # codes with too little noise may rest, and filtered ones do: nothing is stuck then
-                faults=fault_monitor.design(frame_hz=d.frame_hz, **({} if codes_move else {"stuck_s": 0})),
-                record=d,
-            ),
+            sequencer=_sequencer(f, n, codes_move, record),
         ),
-        design=d,
+        design=record,
+    )
+
+
+def _sequencer(f, n, codes_move, record):
+    """Start-up and lock of a [firmware] section, by the scale factors `n`."""
+    residual = {
+        f"{loop}_{side}_deg_s": value
+        for loop in ("ftr", "qsc")
+        for side, value in (("in", f.sense_lock_dps), ("out", f.sense_lost_dps))
+    }
+    code_per_deg_s = abs(n["code_v_per_deg_s"]) / n["adc_sense_v"] * 2**23
+    return sequencer.design(
+        kick_s=f.kick_s,
+        decay_s=f.decay_s,
+        search_s=f.search_s,
+        retune_s=f.retune_s,
+        timeout_s=f.acquire_timeout_s,
+        reached=f.acquire_share,
+        search_min_v=f.search_min_v,
+        adc_full_scale_v=n["adc_drive_v"],
+        search_limit_hz=f.search_limit_hz,
+        lock=lock_monitor.design(code_per_deg_s=code_per_deg_s, frame_hz=record.frame_hz, **residual),
+        # codes with too little noise may rest, and filtered ones do: nothing is stuck then
+        faults=fault_monitor.design(frame_hz=record.frame_hz, **({} if codes_move else {"stuck_s": 0})),
+        record=record,
     )
 
 
 def register_writes(config):
     """Host writes of the first microseconds: (name, raw) of what the configuration sets in the register map."""
     f, n = config.firmware, nominal(config)
+    word_per_deg_s = n["word_v_per_deg_s"] / config.nominal.sense_dac_span_v * 2**23
+    # its reset value is that of the paper's board
+    scale = () if config.of_paper else (("rate_scale", rate_output.design(word_per_deg_s).scale),)
     names = ("phase_drive_sine", "phase_sense_sine", "phase_drive_ref", "phase_sense_ref")
     return (
         ("frequency_fixed", dds.word_of_hz(f.nominal_frequency_hz, config.design_record())),
         ("amplitude_setpoint", agc.setpoint(f.amplitude_um, n["v_per_um"], n["adc_drive_v"])),
         *((name, word) for name, word in zip(names, f.phase_words(config.design_record().dds_bits)) if word),
+        *scale,
     )
+
+
+def lsb(config):
+    """{column of a record: LSB as text} of the words that a converter of the board turns into volts."""
+    d = config.device()
+    return {
+        "amplitude_word": f"{d.drive_dac_span_v:g} V/2^23",
+        "rate_word": f"{d.sense_dac_span_v:g} V/2^23",
+        "quadrature_code": f"{d.quad_dac_span_v:g} V/2^16",
+    }
 
 
 _knots = functools.lru_cache(maxsize=256)(propagator.knots)

@@ -14,7 +14,6 @@ import hashlib
 import json
 import math
 import time
-import tomllib
 from collections import deque
 
 import numpy as np
@@ -23,7 +22,7 @@ from analog_frontend.parts import thermal
 from fpga_model import registers, sequencer
 from fpga_model import top as fpga
 from testbench import flatten, interrupts
-from testbench.config import placeless, to_toml
+from testbench.config import from_dict, placeless, to_toml
 from testbench.engines import engine as clocked
 from testbench.errors import ConfigError, FileError
 from testbench.run import build, design_check, nodes, warmup
@@ -36,7 +35,8 @@ CHUNK_TICKS = 100_000
 BASEBAND_CHUNK_TICKS = 2_000_000  # its ends cost what some hundred frames cost; its rows stay in the cache
 SPECTRUM_TICKS = 1 << 17
 STATE_FORMAT = "engine-1"
-SAME = ("design", "firmware", "plant")  # sections of the configuration in which a state and what continues it are one
+# sections of the configuration in which a state and what continues it are one
+SAME = ("design", "firmware", "nominal", "plant")
 MOST_TICKS = 1 << 48  # nine years
 # registers that version 0.1.0 did not have; a state without them continues with their reset values
 ADDED = ("sid.last.0", "sid.last.1", "sid.still", "sid.ok")
@@ -314,12 +314,13 @@ class Simulation:
         """A state continues the firmware and the plant that made it; only noise, effects and scenario may differ."""
         saved = parse_toml(str(meta.get("config_toml", "")), f"{path}: config_toml", FileError)
         saved = checked({key: saved.get(key, {}) for key in SAME}, dict[str, dict], path)
-        mine = tomllib.loads(to_toml(self.config))
+        # what an earlier version did not have is at its default
+        saved = from_dict(saved, f"{path}: config_toml")
         for section in SAME:
-            for key in sorted(mine[section] | saved[section]):
-                was, now = saved[section].get(key), mine[section].get(key)
-                if was != now:
-                    raise ConfigError(f"{path}: was saved with {section}.{key} = {was}; it cannot continue with {now}")
+            was, now = getattr(saved, section).model_dump(), getattr(self.config, section).model_dump()
+            for key in sorted(key for key in now if was[key] != now[key]):
+                what = f"{section}.{key} = {was[key]}"
+                raise ConfigError(f"{path}: was saved with {what}; it cannot continue with {now[key]}")
 
     def restore(self, path):
         """Continue from a state file; RecordError if it is damaged or of another layout.

@@ -52,7 +52,7 @@ def result(job, end, reading, wall_s):
         "budget_deg": planned.node_deg(),
         "loop_phase_deg": None if found is None else _loop_phases(found.phase_deg, planned),
         "budget_loop_deg": planned.loop_deg(),
-        "paper_deg": dict(budget.PAPER_DEG),
+        "paper_deg": dict(planned.paper_deg),
         "rate_lsb_per_dps": None if reading is None else reading.lsb_per_dps,
         "rate_word_mean_lsb": tally.mean("rate_word"),
         "quadrature_v": tally.mean("quadrature_code") * device.quad_dac_span_v / 2**16,
@@ -87,6 +87,7 @@ def notes(config, summary, planned):
     said = []
     if not summary["locked"]:
         said.append("NOT LOCKED at the end of the scenario; see docs/blocks/sequencer.md")
+        said += _out_of_reach(config)
     if summary.get("window_missing"):
         said.append(f"The waveform window lacks {summary['window_missing']} clocks: run or phase reading cut it.")
     if summary.get("flags"):
@@ -100,7 +101,7 @@ def notes(config, summary, planned):
     if config.firmware.frame_latency_sense:
         said.append("Assumed, not known: one extra 1 us frame in the sense path (firmware.frame_latency_sense).")
     measured = summary["phase_deg"]
-    if measured:
+    if measured and config.of_paper:
         gap = {k: (measured[k] - v) / 360.0 / planned.frequency_hz * 1e9 for k, v in budget.PAPER_DEG.items()}
         said.append(
             "Unexplained beside the paper: "
@@ -118,6 +119,16 @@ def notes(config, summary, planned):
             "printed above are less the assumed 80 ns of the analog switch."
         )
     return tuple(said)
+
+
+def _out_of_reach(config):
+    """What to do where the search cannot find the drive mode."""
+    f, fx_hz = config.firmware, config.plant.fx_hz
+    if abs(fx_hz - f.nominal_frequency_hz) > f.search_limit_hz:
+        yield (
+            f"plant.fx_hz = {fx_hz:g} Hz is beyond firmware.search_limit_hz = {f.search_limit_hz:g} Hz of "
+            f"firmware.nominal_frequency_hz = {f.nominal_frequency_hz:g} Hz: state the board in [nominal]"
+        )
 
 
 def _plots(job, tail, summary, reading, clock_hz):

@@ -75,10 +75,14 @@ HASHED = tuple(name for name, _, _ in engine.FRAME_COLUMNS[:WORDS])  # what the 
 FIELDS = {field.name: field for field in (*_register_fields(DEFAULT), *_truth_fields())}
 
 
-def chosen(names, decimate, design=DEFAULT):
-    """{name in the record: Field} of `[output] columns` (none: all) with rows of `decimate` frames."""
+def chosen(names, decimate, design=DEFAULT, lsb=None):
+    """{name in the record: Field} of `[output] columns` (none: all) with rows of `decimate` frames.
+
+    lsb  {name: text} of columns whose LSB depends on the board
+    """
     known = {field.name: field for field in (*_register_fields(design), *_truth_fields())}
     fields = [known[name] for name in FIELDS if not names or name in names]
+    fields = [f._replace(attrs=f.attrs | {"lsb": lsb[f.name]}) if f.name in (lsb or {}) else f for f in fields]
     if decimate == 1:
         return {field.name: field for field in fields}
     out = {}
@@ -109,10 +113,11 @@ class Spool:
     path               the file; None keeps the rows in memory
     rows               if not None, the file exists already and continues behind so many rows
     design             design record of the firmware
+    lsb                {name: text} of columns whose LSB depends on the board
     """
 
-    def __init__(self, columns=(), decimate=1, path=None, rows=None, design=DEFAULT):
-        self.fields = chosen(columns, decimate, design)
+    def __init__(self, columns=(), decimate=1, path=None, rows=None, design=DEFAULT, lsb=None):
+        self.fields = chosen(columns, decimate, design, lsb)
         self.frame_clocks = design.frame_clocks
         self.dtype = np.dtype([(name, field.dtype) for name, field in self.fields.items()])
         self.decimate = decimate

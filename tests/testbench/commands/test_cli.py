@@ -15,7 +15,7 @@ import pytest
 
 from testbench.commands import main as cli
 from testbench.console import progress as progress_bar
-from testbench.run.budget import Budget, Row
+from testbench.run.budget import PAPER_DEG, Budget, Row
 from testbench.run.outputs import Result
 from testbench.storage.record import Column, Record
 from testbench.storage.record_read import read_record
@@ -41,6 +41,7 @@ SUMMARY = {
     "drive_frequency_hz": 11002.2976,
     "amplitude_m": 5.0001e-6,
     "phase_deg": {"xe1": 3.7612, "xe2": 1.25, "ye1": 9.23, "ye2": 1.56},
+    "paper_deg": dict(PAPER_DEG),
     "budget_deg": {"xe1": 3.7611, "xe2": 1.2501, "ye1": 9.2299, "ye2": 1.56},
     "loop_phase_deg": {"xe2": 0.93, "ye2": 1.24},
     "rate_lsb_per_dps": 8651.2,
@@ -56,7 +57,7 @@ def fake_budget(config, temp_degc=None):
     )
     rows = [Row("pipeline", 1e-7, 0.4), extra]
     loop = [Row("switch", -80e-9, -0.32)]
-    return Budget(11002.3, dict.fromkeys(("xe1", "xe2", "ye1", "ye2"), rows), {"xe2": loop, "ye2": loop})
+    return Budget(11002.3, dict.fromkeys(PAPER_DEG, rows), {"xe2": loop, "ye2": loop}, dict(PAPER_DEG))
 
 
 @pytest.fixture
