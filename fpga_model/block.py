@@ -15,7 +15,7 @@ import importlib
 import inspect
 import itertools
 import pkgutil
-from types import MappingProxyType
+from types import MappingProxyType, UnionType
 from typing import NamedTuple, get_type_hints
 
 import fpga_model
@@ -104,7 +104,9 @@ def _items(node):
 
 
 def leaves(record, path=""):
-    """Yield (dotted name, leaf) depth first; a plain tuple of registers is numbered, a `Fmt` is a leaf."""
+    """Yield (dotted name, leaf) depth first; a plain tuple is numbered, a `Fmt` is a leaf, None has none."""
+    if record is None:
+        return
     if not isinstance(record, (tuple, list)) or isinstance(record, Fmt):
         yield path, record
         return
@@ -113,7 +115,9 @@ def leaves(record, path=""):
 
 
 def filled(shape, take):
-    """The shape with `take(leaf)` at each leaf, depth first; a list becomes a tuple."""
+    """The shape with `take(leaf)` at each leaf, depth first; a list becomes a tuple, None stays."""
+    if shape is None:
+        return None
     if isinstance(shape, (tuple, list)) and not isinstance(shape, Fmt):
         items = [filled(item, take) for item in shape]
         return type(shape)(*items) if hasattr(shape, "_fields") else tuple(items)
@@ -130,6 +134,17 @@ def at_design(shape, design):
     if isinstance(shape, type):
         return formats(shape, design)
     return filled(shape, lambda fmt: fmt.at(design))
+
+
+def reset(state, params):
+    """A reset state with the optional parts `Record | None` that the parameters have."""
+    found = {}
+    for name, module in parts_of(type(state)).items():
+        own = getattr(params, name, None)
+        if own is not None and hasattr(own, "_fields"):
+            part = getattr(state, name)
+            found[name] = reset(module.State() if part is None else part, own)
+    return state._replace(**found)
 
 
 # ---- ports -----------------------------------------------------------------------------------------------------------
@@ -180,6 +195,7 @@ def parts_of(state):
     """{field: module} of the states of other modules in a state."""
     hints = get_type_hints(state) if hasattr(state, "_fields") else {}
     kinds = {name: kind for name, kind in hints.items() if isinstance(kind, type)}
+    kinds |= {name: kind.__args__[0] for name, kind in hints.items() if isinstance(kind, UnionType)}
     return {name: importlib.import_module(kind.__module__) for name, kind in kinds.items()}
 
 

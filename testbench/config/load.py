@@ -78,6 +78,8 @@ class Firmware(Section):
     pll_zero_hz: float = number(0.6, "Hz", 0.01, 20.0, "drive frequency loop: zero of the PI")
     ftr_crossover_hz: float = number(15.0, "Hz", 0.1, 60.0, "force-to-rebalance loop: crossover of the integrator")
     ftr_zero_hz: float = number(100.0, "Hz", 1.0, 1000.0, "force-to-rebalance loop: zero of the PI")
+    notch_hz: float = number(0.0, "Hz", 0.0, 1999.0, "notch in the rate output: centre; 0 is no notch")
+    notch_width_hz: float = number(20.0, "Hz", 0.1, 1000.0, "notch in the rate output: width at -3 dB")
     qsc_crossover_hz: float = number(1.0, "Hz", 0.01, 10.0, "quadrature loop: crossover of the integrator")
     amplitude_um: float = number(5.0, "um", 0.1, 10.0, "drive amplitude set-point")
     nominal_frequency_hz: float = number(11002.3, "Hz", 5000.0, 20000.0, "frequency word at power-on")

@@ -19,7 +19,7 @@ import numpy as np
 from analog_frontend import tick as plant_tick
 from analog_frontend import top as plant
 from analog_frontend.parts import adc, adc_serial, dac_serial
-from fpga_model import references
+from fpga_model import block, references
 from fpga_model import top as fpga
 from fpga_model.fixed import Fmt, bits, clamp, signed, wrap
 from fpga_model.jit import hot, inner, outlined
@@ -186,7 +186,8 @@ def reset(params, temp_degc):
         dac_serial.reset(dac_serial.DAC82002),
         adc_serial.State(),
     )
-    return State(fpga.State(), chips, plant.reset(params.plant, chips.drive.code, chips.sense.code, temp_degc), 0, -1)
+    firmware = block.reset(fpga.State(), params.fpga)
+    return State(firmware, chips, plant.reset(params.plant, chips.drive.code, chips.sense.code, temp_degc), 0, -1)
 
 
 @inner

@@ -29,6 +29,7 @@ from fpga_model import (
     frequency_tracker,
     lock_monitor,
     modulator,
+    notch,
     quadrature_loop,
     rate_loop,
     references,
@@ -127,6 +128,7 @@ def firmware(config):
                 # codes with too little noise may rest, and filtered ones do: nothing is stuck then
                 faults=fault_monitor.design() if codes_move else fault_monitor.design(stuck_s=0),
             ),
+            notch=notch.design(f.notch_hz, f.notch_width_hz) if f.notch_hz else None,
         ),
     )
 

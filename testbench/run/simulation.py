@@ -20,11 +20,11 @@ from collections import deque
 import numpy as np
 
 from analog_frontend.parts import thermal
-from fpga_model import registers, sequencer
+from fpga_model import fixed, registers, sequencer
 from fpga_model import top as fpga
 from fpga_model.rates import FRAME_TICKS, TICK_CYCLES, TICK_HZ
 from testbench import flatten, interrupts
-from testbench.config import placeless, to_toml
+from testbench.config import Config, placeless, to_toml
 from testbench.engines import engine as clocked
 from testbench.errors import ConfigError, FileError
 from testbench.run import build, nodes, warmup
@@ -308,10 +308,11 @@ class Simulation:
         """A state continues the firmware and the plant that made it; only noise, effects and scenario may differ."""
         saved = parse_toml(str(meta.get("config_toml", "")), f"{path}: config_toml", FileError)
         saved = checked({key: saved.get(key, {}) for key in SAME}, dict[str, dict], path)
-        mine = tomllib.loads(to_toml(self.config))
+        mine, default = tomllib.loads(to_toml(self.config)), tomllib.loads(to_toml(Config()))
         for section in SAME:
             for key in sorted(mine[section] | saved[section]):
-                was, now = saved[section].get(key), mine[section].get(key)
+                # a key that the file's version did not have was at what is now its default
+                was, now = saved[section].get(key, default[section].get(key)), mine[section].get(key)
                 if was != now:
                     raise ConfigError(f"{path}: was saved with {section}.{key} = {was}; it cannot continue with {now}")
 
@@ -325,7 +326,7 @@ class Simulation:
         state_file.check_like(path, values, self.state_values())
         self._check_same_gyroscope(path, meta)
         other = identity.check(path, parse_json(meta.get("identity", "{}"), path), self.config.scenario.across_versions)
-        formats = flatten.format_leaves(fpga.STATE_FMT)
+        formats = flatten.leaves(fixed.formats(fpga.State, like=self.state.fpga))
         for (name, fmt), value in zip(formats, values["fpga"].tolist(), strict=True):
             if not fmt.holds(value):
                 raise FileError(f"{path}: register {name} = {value} is outside its format {fmt}")

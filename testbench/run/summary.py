@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from analog_frontend.parts import thermal
-from fpga_model import fault_monitor, sequencer
+from fpga_model import fault_monitor, fixed, sequencer
 from fpga_model import top as fpga
 from fpga_model.rates import TICK_HZ
 from testbench import flatten
@@ -157,5 +157,5 @@ def _window(sim):
         Signal(f"pins.{name}", 24 if name.endswith("code") else (4 if name == "refs" else 1), name.endswith("code"))
         for name in engine.PIN_COLUMNS
     ]
-    formats = [fmt for _, fmt in flatten.format_leaves(fpga.STATE_FMT)]
+    formats = [fmt for _, fmt in flatten.leaves(fixed.formats(fpga.State, like=sim.state.fpga))]
     return sim.rows, pins + signals(flatten.names(sim.state.fpga), formats), sim.window[0] * 26
