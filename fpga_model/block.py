@@ -15,7 +15,7 @@ import importlib
 import inspect
 import itertools
 import pkgutil
-from types import MappingProxyType
+from types import MappingProxyType, UnionType
 from typing import NamedTuple, get_type_hints
 
 import fpga_model
@@ -104,11 +104,11 @@ def _items(node):
 
 
 def leaves(record, path=""):
-    """Yield (dotted name, leaf) depth first; a plain tuple of registers is numbered, a `Fmt` is a leaf.
+    """Yield (dotted name, leaf) depth first; a plain tuple is numbered, a `Fmt` is a leaf, None has none.
 
     A design record is structure: it has no leaves.
     """
-    if isinstance(record, Design):
+    if record is None or isinstance(record, Design):
         return
     if not isinstance(record, (tuple, list)) or isinstance(record, Fmt):
         yield path, record
@@ -118,8 +118,8 @@ def leaves(record, path=""):
 
 
 def filled(shape, take):
-    """The shape with `take(leaf)` at each leaf, depth first; a list becomes a tuple."""
-    if isinstance(shape, Design):
+    """The shape with `take(leaf)` at each leaf, depth first; a list becomes a tuple, None and a design stay."""
+    if shape is None or isinstance(shape, Design):
         return shape
     if isinstance(shape, (tuple, list)) and not isinstance(shape, Fmt):
         items = [filled(item, take) for item in shape]
@@ -137,6 +137,17 @@ def at_design(shape, design):
     if isinstance(shape, type):
         return formats(shape, design)
     return filled(shape, lambda fmt: fmt.at(design))
+
+
+def reset(state, params):
+    """A reset state with the optional parts `Record | None` that the parameters have."""
+    found = {}
+    for name, module in parts_of(type(state)).items():
+        own = getattr(params, name, None)
+        if own is not None and hasattr(own, "_fields"):
+            part = getattr(state, name)
+            found[name] = reset(module.State() if part is None else part, own)
+    return state._replace(**found)
 
 
 # ---- ports -----------------------------------------------------------------------------------------------------------
@@ -194,6 +205,7 @@ def parts_of(state):
     """{field: module} of the states of other modules in a state."""
     hints = get_type_hints(state) if hasattr(state, "_fields") else {}
     kinds = {name: kind for name, kind in hints.items() if isinstance(kind, type)}
+    kinds |= {name: kind.__args__[0] for name, kind in hints.items() if isinstance(kind, UnionType)}
     return {name: importlib.import_module(kind.__module__) for name, kind in kinds.items()}
 
 

@@ -4,11 +4,12 @@
     SLOT_CORDIC             magnitude and phase of (-drive_cos, drive_sin)
     SLOT_SEQUENCER          sequencer: what each loop does with this very frame
     SLOT_LOOPS, next        errors, then the four PIs
+    SLOT_NOTCH              notch of the rate, where there is one
     SLOT_ROOT               V_q = sqrt(u); output word of the rate
 
     codes --[cordic]--+--[agc]---------------> amplitude        [..] block
                       +--[frequency_tracker]-> DDS word
-          ------------+--[rate_loop]---------> force word --[rate_output]--> rate
+          ------------+--[rate_loop]---------> force word --[notch]--[rate_output]--> rate
                       +--[quadrature_loop]---> V_q code
                       '--[sequencer]--> modes of all
 
@@ -25,6 +26,7 @@ from fpga_model import (
     cordic,
     fault_monitor,
     frequency_tracker,
+    notch,
     quadrature_loop,
     rate_loop,
     rate_output,
@@ -45,6 +47,7 @@ class Params(NamedTuple):
     rate_loop: rate_loop.Params
     quadrature_loop: quadrature_loop.Params
     sequencer: sequencer.Params
+    notch: notch.Params | None = None
 
 
 class State(NamedTuple):
@@ -57,6 +60,7 @@ class State(NamedTuple):
     quadrature_loop: quadrature_loop.State = quadrature_loop.State()
     rate_output: rate_output.State = rate_output.State()
     sequencer: sequencer.State = sequencer.State()
+    notch: notch.State | None = None
 
 
 def reset(d):
@@ -79,6 +83,7 @@ class Inputs(NamedTuple):
 PARAMS_FMT = formats(Params)
 STATE_FMT = formats(State)
 SLOT_PI = rates.SLOT_LOOPS + 1
+SLOT_NOTCH = rates.SLOT_ROOT - 1
 
 
 @inner
@@ -105,6 +110,22 @@ def output_params(bank):
         bank.rate_scale_t2,
         bank.decimation,
     )
+
+
+@inner
+def filtered(p, s, at_notch, word):
+    """The notch after a clock edge; None where there is none."""
+    if s is None:
+        return s
+    return notch.step(p, s, at_notch, word)
+
+
+@inner
+def rate_word(s, word):
+    """What the rate output takes: the word of the loop, or what the notch makes of it."""
+    if s is None:
+        return word
+    return notch.out(s)
 
 
 @inner
@@ -166,10 +187,11 @@ def loops(d, p, s, slot, i, bank):
             output_params(bank),
             s.rate_output,
             at_root,
-            s.rate_loop.loop.y,
+            rate_word(s.notch, s.rate_loop.loop.y),
             i.temperature,
         ),
         sequencer=s.sequencer,
+        notch=filtered(p.notch, s.notch, 1 if slot == SLOT_NOTCH else 0, s.rate_loop.loop.y),
     )
 
 
@@ -213,6 +235,7 @@ def step(d, p, s, slot, i, bank):
         after.quadrature_loop,
         after.rate_output,
         sequenced(p, s, i, bank),
+        after.notch,
     )
 
 
@@ -220,4 +243,5 @@ INPUTS = {"slot": rates.SLOT, "i": Inputs, "bank": registers.State}
 OUTPUTS = {"amplitude": agc.AMPLITUDE, "dac_init": BIT}
 CASTS = (
     Cast("rate_loop.loop.y", rate_loop.WORD, "rate_output.word", rate_output.CODE, "bias and scale count its LSB"),
+    Cast("notch.out", notch.WORD, "rate_output.word", rate_output.CODE, "bias and scale count its LSB"),
 )

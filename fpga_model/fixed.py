@@ -13,6 +13,7 @@ Source    docs/blocks/fixed.md (truth table, and what each tool calls each rule)
 """
 
 from fractions import Fraction
+from types import UnionType
 from typing import NamedTuple, get_type_hints
 
 from fpga_model.jit import inlined
@@ -95,17 +96,22 @@ class Fmt(NamedTuple):
         return Fmt(*(int(bits) if design is None else at(bits, design) for bits in self))
 
 
-def formats(record, design=None):
+def formats(record, design=None, like=None):
     """`record` filled with the formats of its registers, which are the types of its fields; a list for a tuple.
+
+    A part `Record | None` is None, unless a record `like` has it.
 
     design  a design record; None for the default one
     """
-    return record(*(_format(hint, design) for hint in get_type_hints(record).values()))
+    hints = get_type_hints(record).items()
+    return record(*(_format(hint, design, getattr(like, name, None)) for name, hint in hints))
 
 
-def _format(hint, design):
+def _format(hint, design, like):
+    if isinstance(hint, UnionType):
+        return None if like is None else formats(hint.__args__[0], design, like)
     if isinstance(hint, type):
-        return formats(hint, design)
+        return formats(hint, design, like)
     return tuple(fmt.at(design) for fmt in hint) if isinstance(hint, list) else hint.at(design)
 
 

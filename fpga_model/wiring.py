@@ -96,22 +96,30 @@ def within(state, path=""):
         yield from within(module.State, at)
 
 
+class Everything:
+    """A record that has every optional part, for `formats`."""
+
+    def __getattr__(self, name):
+        return self
+
+
 class Trace:
     """One edge of a module over signals.
 
     wires      all that arrive somewhere
     instances  {instance: (module, path of its parameters or None)}
     gated      instances that are stepped only where a condition holds
+    like       a record with the optional parts that are there; none without it
     """
 
-    def __init__(self, module, design):
+    def __init__(self, module, design, like=None):
         self.module, self.design = module, design
         self.wires, self.instances, self.names, self.kept = [], {}, {}, []
         self.gated, self.depth = set(), 0
         held = {f"{at}.{name}": fmt.at(design) for at, m in within(module.State)
                 for name, fmt in m.BLOCK.holds.items()}  # fmt: skip
-        self.state = self.record(formats(module.State, design), "", "register", held)
-        self.params = self.record(formats(module.Params, design), "", "parameter")
+        self.state = self.record(formats(module.State, design, like), "", "register", held)
+        self.params = self.record(formats(module.Params, design, like), "", "parameter")
         given = {name: self.record(block.at_design(shape, design), self.prefix(name), "input")
                  for name, shape in module.INPUTS.items()}  # fmt: skip
         structure = {name: None for name in ("d", "rom") if name in block.arguments(module)}
@@ -203,7 +211,7 @@ class Trace:
             pairs = leaves(block.at_design(shape, self.design), self.prefix(name))
             for (port, fmt), (_, value) in zip(pairs, leaves(given[name]), strict=True):
                 self.arrive(value, instance, flat(port), fmt)
-        pairs = leaves(formats(module.Params, self.design))
+        pairs = leaves(formats(module.Params, self.design, given["p"]))
         for (port, fmt), (_, value) in zip(pairs, leaves(given["p"]), strict=True):
             self.arrive(value, instance, flat(port), fmt)
         return given["s"]
@@ -228,7 +236,12 @@ class Trace:
                 (target,) = node.targets
                 self.assign(target, self.value(node.value, env, where), env)
             elif isinstance(node, ast.If):
-                self.condition(node.test, env, where)
+                known = self.condition(node.test, env, where)
+                if isinstance(known, bool):
+                    inner = self.run(node.body if known else node.orelse, env, where)
+                    if inner:
+                        return returned + inner
+                    continue
                 on, off = dict(env), dict(env)
                 self.depth += 1
                 returned += self.run(node.body, on, where) + self.run(node.orelse, off, where)
@@ -269,6 +282,8 @@ class Trace:
         if isinstance(node, ast.Subscript):
             return self.value(node.value, env, where)[self.value(node.slice, env, where)]
         if isinstance(node, ast.Compare):
+            if isinstance(node.ops[0], ast.Is):  # an optional part is there, or not
+                return self.value(node.left, env, where) is self.value(node.comparators[0], env, where)
             return logic(ast.unparse(node), BIT)
         if isinstance(node, ast.IfExp):
             self.condition(node.test, env, where)
@@ -302,9 +317,9 @@ class Trace:
 
 
 @functools.cache
-def trace(module, design=DEFAULT):
-    """`Trace` of control or top."""
-    return Trace(module, design)
+def trace(module, design=DEFAULT, whole=False):
+    """`Trace` of control or top; `whole` with all optional parts."""
+    return Trace(module, design, Everything() if whole else None)
 
 
 def instances():
@@ -331,9 +346,9 @@ def meant(wire, leaf, casts, design):
 
 
 def mismatches(module, design=DEFAULT):
-    """One line "source format -> target format" for each wire of a module whose formats differ."""
+    """One line "source format -> target format" for each wire whose formats differ, with optional parts or without."""
     found = []
-    for wire in trace(module, design).wires:
+    for wire in dict.fromkeys(trace(module, design).wires + trace(module, design, True).wires):
         for leaf in wire.signal.leaves:
             if not meant(wire, leaf, module.CASTS, design):
                 source = f"{leaf.name} {leaf.fmt or ''}".strip()

@@ -38,6 +38,8 @@ def _store_native(typingctx, row, record):
 
         def put(kind, value):
             nonlocal position
+            if isinstance(kind, types.NoneType):
+                return
             if isinstance(kind, types.BaseTuple):
                 for k, item in enumerate(kind.types):
                     put(item, builder.extract_value(value, k))

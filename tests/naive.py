@@ -555,6 +555,26 @@ def watchdog(limit, inputs):
     return rows
 
 
+def notch(g, c, inputs):
+    """Rows (x1, x2, y1, y2) for inputs (en, x): words as fractions of full scale, the difference equation as it is.
+
+    y is the nearest multiple of 2^-33, ties up, of the value that the coefficients g / 2^22 and c / 2^22 give.
+    """
+    gain, cosine = Fraction(g, 1 << 22), Fraction(c, 1 << 22)
+    x, y = [Fraction(0)] * 2, [Fraction(0)] * 2
+    rows = [(0, 0, 0, 0)]
+    for en, word in inputs:
+        if en:
+            now = Fraction(word, 1 << 23)
+            exact = gain * now + cosine * x[0] + gain * x[1] - cosine * y[0] - (2 * gain - 1) * y[1]
+            steps = math.floor(exact * (1 << 33) + Fraction(1, 2))
+            top = Fraction((1 << 23) - 1, 1 << 23)
+            y = [max(Fraction(-1), min(top, Fraction(steps, 1 << 33))), y[0]]
+            x = [now, x[0]]
+        rows.append((int(x[0] * (1 << 23)), int(x[1] * (1 << 23)), int(y[0] * (1 << 33)), int(y[1] * (1 << 33))))
+    return rows
+
+
 # the four loops: what their PI is given -----------------------------------------------------------------------------
 
 

@@ -45,7 +45,7 @@ def _unboxed(kind, item, c):
 
 
 def split(record):
-    """(integers, floats) of a record, depth first."""
+    """(integers, floats) of a record, depth first; a part that is None has neither."""
     ints, floats = [], []
 
     def walk(node):
@@ -54,7 +54,7 @@ def split(record):
                 walk(item)
         elif isinstance(node, float):
             floats.append(node)
-        else:
+        elif node is not None:
             ints.append(int(node))
 
     walk(record)
@@ -68,6 +68,8 @@ def _taken_python(kind, ints, floats):
         if isinstance(node, tuple):
             items = [build(item) for item in node]
             return type(node)(*items) if hasattr(node, "_fields") else tuple(items)
+        if node is None:
+            return None
         return float(next(floats)) if isinstance(node, float) else int(next(ints))
 
     return build(kind.record if isinstance(kind, Kind) else kind)
@@ -95,6 +97,8 @@ def _taken_native(typingctx, kind, ints, floats):
                 for k, item in enumerate(kind.types):
                     whole = builder.insert_value(whole, build(item), k)
                 return whole
+            if isinstance(kind, types.NoneType):
+                return context.get_dummy_value()
             return get(1 if isinstance(kind, types.Float) else 0, kind)
 
         return build(record)

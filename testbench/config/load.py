@@ -69,6 +69,8 @@ class Firmware(Section):
     pll_zero_hz: float = number(0.6, "Hz", 0.001, 100.0, "drive frequency loop: zero of the PI")
     ftr_crossover_hz: float = number(15.0, "Hz", 0.001, 200.0, "force-to-rebalance loop: crossover of the integrator")
     ftr_zero_hz: float = number(100.0, "Hz", 0.01, 4000.0, "force-to-rebalance loop: zero of the PI")
+    notch_hz: float = number(0.0, "Hz", 0.0, 1999.0, "notch in the rate output: centre; 0 is no notch")
+    notch_width_hz: float = number(20.0, "Hz", 0.1, 1000.0, "notch in the rate output: width at -3 dB")
     qsc_crossover_hz: float = number(1.0, "Hz", 0.0001, 50.0, "quadrature loop: crossover of the integrator")
     amplitude_um: float = number(5.0, "um", 1e-3, 100.0, "drive amplitude set-point")
     nominal_frequency_hz: float = number(11002.3, "Hz", 1e3, 50e3, "frequency word at power-on; follows nominal.fx_hz")

@@ -107,5 +107,7 @@ def close_loops(d, p, s, i, bank):
         q = quadrature_loop.step(p.quadrature_loop, q, at_loops, at_pi, 0, o.qsc_mode, i.sense_cos, quadrature)
     f = frequency_tracker.step(d, p.frequency_tracker, f, 0, 0, o.pll_mode, 0, o.load, o.adjust, 0, 0)
     q = quadrature_loop.step(p.quadrature_loop, q, 0, 0, 1, o.qsc_mode, 0, 0)
-    out = rate_output.step(control.output_params(bank), s.rate_output, 1, r.loop.y, i.temperature)
-    return s._replace(agc=a, frequency_tracker=f, rate_loop=r, quadrature_loop=q, rate_output=out), word
+    n = control.filtered(p.notch, s.notch, 1, r.loop.y)
+    given = control.rate_word(n, r.loop.y)
+    out = rate_output.step(control.output_params(bank), s.rate_output, 1, given, i.temperature)
+    return s._replace(agc=a, frequency_tracker=f, rate_loop=r, quadrature_loop=q, rate_output=out, notch=n), word

@@ -19,7 +19,7 @@ import numpy as np
 from analog_frontend import tick as plant_tick
 from analog_frontend import top as plant
 from analog_frontend.parts import adc, adc_serial, dac_serial
-from fpga_model import dds, references
+from fpga_model import block, dds, references
 from fpga_model import top as fpga
 from fpga_model.fixed import bits, clamp, signed, wrap
 from fpga_model.jit import hot, inner, outlined
@@ -185,8 +185,9 @@ def reset(params, temp_degc):
         dac_serial.reset(dac_serial.DAC82002),
         adc_serial.State(),
     )
+    firmware = block.reset(fpga.reset(params.fpga.design), params.fpga)
     rest = plant.reset(params.plant, chips.drive.code, chips.sense.code, temp_degc)
-    return State(fpga.reset(params.fpga.design), chips, rest, 0, -1)
+    return State(firmware, chips, rest, 0, -1)
 
 
 @inner

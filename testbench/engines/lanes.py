@@ -117,6 +117,8 @@ class Engine:
             raise ValueError(f"lanes: {len(params)} gyroscopes, a group has 1 to {LANES}")
         if any(p.fpga.digital for p in params):
             raise ConfigError('lanes: firmware.board = "digital_sid" is run by the frame engine only')
+        if any(p.fpga.control.notch is not None for p in params):
+            raise ConfigError("lanes: firmware.notch_hz is run by the other engines only")
         if any(_alone(p) for p in params):
             raise ConfigError("lanes: levels of a DAC and errors of the converter are run by the frame engine only")
         self.design, self.clocks = params[0].fpga.design, dac_clocks(params[0].fpga)

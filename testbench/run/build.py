@@ -28,6 +28,7 @@ from fpga_model import (
     frequency_tracker,
     lock_monitor,
     modulator,
+    notch,
     quadrature_loop,
     rate_loop,
     rate_output,
@@ -163,6 +164,7 @@ def firmware(config):
                 frame_hz=record.frame_hz,
             ),
             sequencer=_sequencer(f, n, codes_move, record),
+            notch=notch.design(f.notch_hz, f.notch_width_hz, record.frame_hz) if f.notch_hz else None,
         ),
         design=record,
     )

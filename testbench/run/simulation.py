@@ -19,7 +19,7 @@ from collections import deque
 import numpy as np
 
 from analog_frontend.parts import thermal
-from fpga_model import registers, sequencer
+from fpga_model import fixed, registers, sequencer
 from fpga_model import top as fpga
 from testbench import flatten, interrupts
 from testbench.config import from_dict, placeless, to_toml
@@ -332,7 +332,7 @@ class Simulation:
         state_file.check_like(path, values, self.state_values())
         self._check_same_gyroscope(path, meta)
         other = identity.check(path, parse_json(meta.get("identity", "{}"), path), self.config.scenario.across_versions)
-        formats = flatten.format_leaves(fpga.formats(fpga.State, self.design))
+        formats = flatten.leaves(fixed.formats(fpga.State, self.design, self.state.fpga))
         for (name, fmt), value in zip(formats, values["fpga"].tolist(), strict=True):
             if not fmt.holds(value):
                 raise FileError(f"{path}: register {name} = {value} is outside its format {fmt}")

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from analog_frontend.parts import thermal
-from fpga_model import fault_monitor, sequencer
+from fpga_model import fault_monitor, fixed, sequencer
 from fpga_model import top as fpga
 from testbench import flatten
 from testbench.engines import engine
@@ -173,5 +173,5 @@ def _window(sim):
         Signal(f"pins.{name}", 24 if name.endswith("code") else (4 if name == "refs" else 1), name.endswith("code"))
         for name in engine.PIN_COLUMNS
     ]
-    formats = [fmt for _, fmt in flatten.format_leaves(fpga.formats(fpga.State, sim.design))]
+    formats = [fmt for _, fmt in flatten.leaves(fixed.formats(fpga.State, sim.design, sim.state.fpga))]
     return sim.rows, pins + signals(flatten.names(sim.state.fpga), formats), sim.window[0] * sim.design.tick_clocks

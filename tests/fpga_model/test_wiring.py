@@ -79,7 +79,11 @@ def test_every_input_of_every_block_is_a_wire():
                 wanted = [*block.inputs(target), *block.parameters(target).items()]
                 assert {(instance, name) for name, _ in wanted} <= ends, instance
     blocks = {path for path, _ in wiring.within(top.State) if path.count(".") == path.startswith("control.")}
-    assert set(wiring.instances()) == blocks
+    assert set(wiring.instances()) == blocks - {"control.notch"}
+    whole = wiring.trace(control, whole=True)
+    assert set(whole.instances) - set(wiring.trace(control).instances) == {"notch"}
+    ends = {(wire.target, leaf.name) for wire in whole.wires for leaf in wire.signal.leaves}
+    assert {("notch.x", "rate_loop.loop.y"), ("rate_output.word", "notch.out"), ("notch.g", "notch.g")} <= ends
 
 
 DRAWN = [(list(CHANGES)[k % 3], k) for k in range(DRAWS)]
@@ -116,7 +120,8 @@ def test_the_message_names_block_port_and_both_formats(monkeypatch):
 
 
 def test_a_declared_difference_is_bound_to_its_two_formats(monkeypatch):
-    assert [cast.target for cast in (*control.CASTS, *top.CASTS)] == ["rate_output.word", "quadrature_dac.frame.code"]
+    targets = [cast.target for cast in (*control.CASTS, *top.CASTS)]
+    assert targets == ["rate_output.word", "rate_output.word", "quadrature_dac.frame.code"]
     plant(monkeypatch, rate_loop.BLOCK.holds, "loop.y", CHANGES["width"])
     with pytest.raises(ValueError, match=r"rate_loop\.loop\.y \[1,1,23\] -> rate_output\.word \[1,23,0\]"):
         wiring.check()

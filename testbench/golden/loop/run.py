@@ -192,6 +192,8 @@ def run(config, rtl, folder=None, progress=None, firmware=None, level=2):
     does not build.
     """
     firmware = firmware or build.firmware(config)
+    if firmware.control.notch is not None:
+        raise ConfigError("firmware.notch_hz: the Verilog of the whole design has no notch; set it to 0")
     with tempfile.TemporaryDirectory(prefix="gyro-loop-") as temporary:
         if progress:
             progress("building the design", 0, 1)

@@ -163,6 +163,9 @@ class Interpreter:
                     done += false if isinstance(node.op, ast.And) else true
                 on = following
             return (on, done) if isinstance(node.op, ast.And) else (done, on)
+        if isinstance(node, ast.Compare) and isinstance(node.ops[0], ast.Is):  # an optional part is there, or not
+            there = self.single(node.left, path) is not self.single(node.comparators[0], path)
+            return ([], [path]) if there else ([path], [])
         if isinstance(node, ast.Compare):
             if len(node.ops) != 1 or type(node.ops[0]) not in COMPARE:
                 raise self.refused(node)

@@ -101,7 +101,7 @@ class _Check:
     def run(self, p):
         hooks = {func: lambda path, *a, func=func, **k: self.arrives(func, path, a, k) for func in STEPS}
         inputs = top.Inputs(*(self.path.new(fmt.lo, fmt.hi, key=("input", at)) for at, fmt in leaves(top.INPUTS_FMT)))
-        inner = control.State(*(self.records[f"control.{name}"] for name in control.State._fields))
+        inner = control.State(*(self.records.get(f"control.{name}") for name in control.State._fields))
         state = top.State(*(inner if name == "control" else self.records[name] for name in top.State._fields))
         interpreter = Interpreter(hooks)
         interpreter.function(top.step, [p, sine.ROM, state, inputs], {}, self.path.copy())

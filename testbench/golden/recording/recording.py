@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fpga_model import top
+from fpga_model.block import filled
 from fpga_model.design_record import DEFAULT
 from fpga_model.digital_sid import SAMPLE
 from fpga_model.rates import FRAME_CYCLES, TICK_CYCLES
@@ -68,14 +69,7 @@ class Recording(NamedTuple):
 def params_from(raw):
     """Params of the whole design from raw integers in the order of their formats."""
     values = iter(raw)
-
-    def build(fmt):
-        if hasattr(fmt, "width"):
-            return int(next(values))
-        items = [build(item) for item in fmt]
-        return type(fmt)(*items) if hasattr(fmt, "_fields") else tuple(items)
-
-    return build(top.PARAMS_FMT)._replace(design=DEFAULT)
+    return filled(top.PARAMS_FMT, lambda _: int(next(values)))._replace(design=DEFAULT)
 
 
 def param_names():

@@ -118,6 +118,8 @@ def appender(widths):
             values = []
 
             def walk(kind, value):
+                if isinstance(kind, types.NoneType):
+                    return
                 if isinstance(kind, types.BaseTuple):
                     for k, item in enumerate(kind.types):
                         walk(item, builder.extract_value(value, k))

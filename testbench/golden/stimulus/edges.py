@@ -6,16 +6,18 @@ Source  docs/blocks/ (the limits)
 """
 
 import itertools
+import math
 
 import numpy as np
 
-from fpga_model import dds, modulator, registers, sine, spi_dac
+from fpga_model import dds, modulator, notch, registers, sine, spi_dac
 from testbench.golden.stimulus.edges_digital_sid import edges_digital_sid  # noqa: F401
 from testbench.golden.stimulus.edges_pi import edges_loop, edges_pi  # noqa: F401
 from testbench.golden.stimulus.edges_rate_output import edges_rate_output  # noqa: F401
 from testbench.golden.stimulus.writer import around, wrapped
 
 ALTERNATE = int("01" * 24, 2)
+EDGE_WORDS = 4000  # words that are tried for an edge of the notch
 
 
 def _inverse(odd, n):
@@ -125,6 +127,49 @@ def edges_spi_dac(w):
     for code in (0, 1, -1, p.data_mask >> 1, -(p.data_mask >> 1) - 1, p.data_mask):
         w.operation({"word": make(p, code, 0)})
     w.operation({"word": make(p, 0, 1)})
+
+
+def edges_notch(w):
+    """Words after a reset: the last makes the sum what it shall be, the one before is searched until it can."""
+    p, kept = w.block.cases[w.case], notch.COEF_BITS
+    step, half = p.g << notch.SHIFT, 1 << (kept - 1)
+
+    def rest_after(*words):
+        """What the sum holds beside the next word."""
+        x1 = x2 = y1 = y2 = rest = 0
+        for x in words:
+            y = min(max((step * x + rest + half) >> kept, notch.Y_LO), notch.Y_HI)
+            x1, x2, y1, y2 = x, x1, y, y1
+            rest = step * x2 + p.c * ((x1 << notch.SHIFT) - y1) - (2 * p.g - notch.ONE) * y2
+        return rest
+
+    def play(*words):
+        w.row(rst=1)
+        for x in words:
+            w.row({"en": 1, "x": x})
+        w.row(times=2)
+
+    # an LSB of the last word adds `step`: sums modulo twice what is dropped repeat after `period` words
+    turns = math.gcd(step, 2 << kept)
+    period = (2 << kept) // turns
+    inverse = _inverse(step // turns, period.bit_length() - 1)
+    for low, odd, sign in itertools.product((0, 1, half - 1, half, half + 1, 2 * half - 1), (0, 1), (1, -1)):
+        for first in range(0, 4 * EDGE_WORDS, 3):
+            missing = (odd << kept) + low - rest_after(first)
+            if missing % turns == 0:
+                play(first, missing // turns * inverse % period + sign * (1 << 22) // period * period)
+                break
+    top = notch.WORD.hi
+    ways = [(end, *before) for end in (1, -1) for before in ((), (top,), (-top,))]
+    for edge, near, (end, *before) in itertools.product((notch.Y_LO, notch.Y_HI), (-1, 0, 1), ways):
+        for word in range(end * top, end * (top - EDGE_WORDS), -end):
+            rest = rest_after(*before, word)
+            last = ((edge + near) * (1 << kept) - rest) // step
+            if not notch.WORD.holds(last):
+                break
+            if (step * last + rest + half) >> kept == edge + near:
+                play(*before, word, last)
+                break
 
 
 edges_references = _edges_phase

@@ -25,6 +25,7 @@ from testbench.engines import window
 from testbench.engines.pins import SINE_CLOCKS
 from testbench.engines.turn import phase_at, still
 from testbench.engines.window import FIRST_CHANNEL_CLOCKS, VALID_CLOCKS, last_load_tick
+from testbench.errors import ConfigError
 
 WINDOW_WORDS = (
     "amplitude_word",
@@ -326,7 +327,12 @@ def run(p, s, x, o, order, plain):
 
 
 def order(p):
-    """(3, 2): when the codes at a frame's end were decided, in clocks before it, and which (`run`)."""
+    """(3, 2): when the codes at a frame's end were decided, in clocks before it, and which (`run`).
+
+    Raises ConfigError for a firmware with a notch, which a replay does not have.
+    """
+    if p.control.notch is not None:
+        raise ConfigError("firmware.notch_hz: the replay of a record has no notch; set it to 0")
     ticks = ((1 + p.drive_modulator.frames, AMPLITUDE), (2 + p.sense_modulator.frames, RATE))
     found = [(TICK_CYCLES * n, kind) for n, kind in ticks]
     found.append((TICK_CYCLES * (FRAME_TICKS - last_load_tick(p)) - spi_dac.LOAD_TICK, QUADRATURE))

@@ -43,7 +43,11 @@ class Study:
         self.parts = parts(config)
         self.advice = advisor.advise(self.parts, advisor.BAND_HZ if config.of_paper else (0.0, math.inf))
         self.rest = limit_cycles.resolution(self.parts) if self.advice.stable else None
-        self.notch = notch.effect(self.parts) if self.advice.stable else None
+        own = config.firmware
+        # a notch of the firmware, or one at the ring
+        self.in_firmware = own.notch_hz > 0
+        self.notch_at = (own.notch_width_hz, own.notch_hz) if self.in_firmware else (notch.WIDTH_HZ, None)
+        self.notch = notch.effect(self.parts, *self.notch_at) if self.advice.stable else None
         self.simulated = self.step = self.still = None
         self.slower = simulate.rate_loop_pace(config)
         self.lines_hz = tuple(f / self.slower for f in confirm.LINES_HZ) if self.slower > 1 else confirm.LINES_HZ
@@ -109,7 +113,8 @@ def tables(study):
             ("delay added", "0", f"{n.delay_ms:.3f}", "ms"),
             *((f"left when the ring is {off} Hz off", "0", f"{left:.1f}", "dB") for off, left in n.left_db.items()),
         ]
-        title = f"A notch in the rate output, {n.centre_hz:.1f} Hz, {n.width_hz:g} Hz wide"
+        whose = "The firmware's notch" if study.in_firmware else "A notch"
+        title = f"{whose} in the rate output, {n.centre_hz:.1f} Hz, {n.width_hz:g} Hz wide"
         shown.append(Table(title, ("what", "without", "with", "unit"), rows, numeric=(1, 2)))
     if study.simulated is not None:
         db, deg = study.difference()
@@ -133,7 +138,7 @@ def as_json(study):
     out["split_hz"], out["sid_hz"] = study.parts.split_hz, study.parts.sid_hz
     out["poles"] = [{"hz": q.hz, "tau_s": q.tau_s} for q in lp.poles(lp.close(study.parts))[:8]]
     out["rounding"] = study.rest._asdict() if study.rest else None
-    out["notch"] = study.notch._asdict() if study.notch else None
+    out["notch"] = study.notch._asdict() | {"in_firmware": study.in_firmware} if study.notch else None
     out["simulated"] = None
     if study.simulated is not None:
         db, deg = study.difference()
@@ -227,7 +232,7 @@ def write(study, folder, progress=None, coarse=1, parameters=sensitivity.PARAMET
             (
                 "A rate step excites the split: a few tenths of a percent ring for a third of a second. A notch in the "
                 "output takes it away, if it stands where the ring is.",
-                draw.step(p, study.step),
+                draw.step(p, study.step, *study.notch_at),
             ),
             (
                 "Sense phase errors from -9 to 9 deg and -6 to 6 deg: the bandwidth falls by half a hertz with ye1 "

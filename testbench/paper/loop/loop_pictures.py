@@ -97,10 +97,10 @@ def closed(p, simulated=None, lines_hz=confirm.LINES_HZ):
     return figure
 
 
-def step(p, simulated=None, width_hz=20.0):
+def step(p, simulated=None, width_hz=notch.WIDTH_HZ, centre_hz=None):
     """Rate step: the word with and without a notch, and the ring enlarged; `simulated` is (time s, words per final)."""
     time_s, words = notch.step_words(p)
-    effect = notch.effect(p, width_hz)
+    effect = notch.effect(p, width_hz, centre_hz)
     figure, axes = axes_of("Rate step: the ring at the split, and a notch in the rate output", 7.5, 2)
     for axis in axes[:, 0]:
         axis.plot(time_s, words, color=BLUE, linewidth=1.3, label="analysis")

@@ -1,7 +1,8 @@
 """A notch in the rate output: what it takes from the ring at the split, and what it costs.
 
-    H(z)   second order at `centre`, -3 dB over `width`, 1 at 0 Hz, on the words of 8 kHz; outside of the loop, so it
-           changes no margin
+    H(z)   that of `fpga_model.notch`: second order at `centre`, -3 dB over `width`, 1 at 0 Hz, on the words of 8 kHz;
+           behind the loop, so it changes no margin
+    inside in front of the PI it takes away the feedback that damps the sense mode (`inside`)
     cost   bandwidth and delay of the output; and it must meet the ring, which moves with the split
 
 Source    docs/loop.md
@@ -11,13 +12,15 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy.signal import freqz, iirnotch, lfilter
+from scipy.signal import freqz, lfilter
 
+from fpga_model import notch as firmware
 from fpga_model.rates import FRAME_HZ
 from testbench.paper.loop import advisor
 from testbench.paper.loop import loop as lp
 from testbench.paper.loop.parts import Parts
 
+WIDTH_HZ = 20.0  # of a notch that nobody has chosen
 AFTER_S = 0.2  # by then a step's own response is over, the ring is not
 
 
@@ -29,10 +32,10 @@ class Filter(NamedTuple):
 
 
 def design(centre_hz, width_hz):
-    """`Filter`; ValueError unless 0 < width < centre < 4 kHz."""
-    if not 0 < width_hz < centre_hz < FRAME_HZ / 2:
-        raise ValueError(f"notch: width {width_hz:g} Hz, centre {centre_hz:g} Hz are not 0 < width < centre < 4000 Hz")
-    return Filter(*iirnotch(centre_hz, centre_hz / width_hz, fs=FRAME_HZ))
+    """`Filter` of the firmware's quantised coefficients; ValueError for what the firmware refuses."""
+    p = firmware.design(centre_hz, width_hz, FRAME_HZ)
+    g, c = p.g / firmware.ONE, p.c / firmware.ONE
+    return Filter(np.array([g, c, g]), np.array([1.0, c, 2 * g - 1]))
 
 
 def gain(notch: Filter, f_hz):
@@ -63,6 +66,28 @@ def ring_share(time_s, words, final=1.0, after_s=AFTER_S, before_s=np.inf):
     slow = np.convolve(tail, np.ones(span) / span, "valid")
     middle = tail[span // 2 : span // 2 + len(slow)]
     return float(np.max(np.abs(middle - slow)))
+
+
+def inside(p: Parts, notch: Filter):
+    """`Loop` with the notch in front of the PI of the rate, where the firmware does not have it."""
+    fr, k = lp.frame(p), lp.gains(p)
+    a, b, codes, codes_b = lp.assemble(fr, k)
+    size, (g, c, _), (_, _, d) = len(a), notch.b, notch.a
+    wide, inputs = np.zeros((size + 2, size + 2)), np.zeros((size + 2, 4))
+    # two states of the filter before all others, which keep their places from the end
+    wide[2:, 2:], inputs[2:] = a, b
+    code = np.concatenate([[0.0, 0.0], codes[0]])
+    out, out_b = g * code, g * codes_b[0]
+    out[0] += 1.0
+    wide[0], inputs[0] = c * code - c * out, c * codes_b[0] - c * out_b
+    wide[0, 1] += 1.0
+    wide[1], inputs[1] = g * code - d * out, g * codes_b[0] - d * out_b
+    wide[lp.ACC], inputs[lp.ACC] = k.ki * out, k.ki * out_b
+    wide[lp.ACC, lp.ACC] += 1.0
+    wide[lp.WORD], inputs[lp.WORD] = wide[lp.ACC] + k.kp * out, inputs[lp.ACC] + k.kp * out_b
+    row = np.zeros(size + 2)
+    row[lp.WORD_BEFORE] = 1.0
+    return lp.Loop(wide, inputs, row, None, None)
 
 
 class Effect(NamedTuple):

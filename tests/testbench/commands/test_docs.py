@@ -373,7 +373,8 @@ def test_register_bits_of_the_wiring():
     widths = [sum(map(width, group)) for group in groups]
     assert sum(widths) == total
     says("docs/blocks/top.md", f"| {' | '.join(map(str, widths))} |")
-    parts = ", ".join(f"{name} {width(fmt)}" for name, fmt in zip(control.State._fields, control.STATE_FMT))
+    always = [(name, fmt) for name, fmt in zip(control.State._fields, control.STATE_FMT) if fmt is not None]
+    parts = ", ".join(f"{name} {width(fmt)}" for name, fmt in always)
     says("docs/blocks/control.md", f"Cost: {width(control.STATE_FMT)} register bits: {parts}.")
 
 

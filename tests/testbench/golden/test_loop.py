@@ -225,6 +225,8 @@ def test_bad_input_is_one_clear_error(tmp_path, monkeypatch):
     path.write_text(re.sub(r"\br_rates_slot\b", "r_rates_solt", path.read_text()))
     with pytest.raises(FileError, match=r"top\.v: port r_rates_slot is missing"):
         library.build(tmp_path / "rtl", build.firmware(Config()), tmp_path / "built")
+    with pytest.raises(ConfigError, match=r"firmware\.notch_hz: the Verilog of the whole design has no notch"):
+        run.run(changed(Config(), {"firmware.notch_hz": 139.0}), RTL)
     with pytest.raises(ConfigError, match=r"scenario\.origin: the loop around RTL begins at power-on"):
         run.closed(Config(), None, None)
     monkeypatch.setattr(library.shutil, "which", lambda name: None if name == "verilator" else name)

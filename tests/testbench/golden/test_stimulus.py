@@ -9,7 +9,7 @@ import itertools
 import numpy as np
 import pytest
 
-from fpga_model import fault_monitor, modulator, rates, sequencer, sine, spi_adc, spi_dac
+from fpga_model import fault_monitor, modulator, notch, rates, sequencer, sine, spi_adc, spi_dac
 from fpga_model.fixed import Fmt, bits
 from testbench.golden.coverage import unreachable
 from testbench.golden.stimulus import blocks, stimulus
@@ -230,6 +230,8 @@ def limits_of(block, case, name):
         if name == "attempts":
             return 0, sequencer.ATTEMPTS_TOP, 0
         return 0, getattr(faults, name.removeprefix("faults_")), 0
+    if block.stem == "notch":
+        return notch.Y_LO, notch.Y_HI, 0
     if block.stem == "digital_sid" and name == "still":
         return 0, p.still, 0
     return port.fmt.lo, port.fmt.hi, 0

@@ -6,6 +6,7 @@ import pytest
 from fpga_model import registers, sequencer
 from testbench.config import Config, changed
 from testbench.engines import engine
+from testbench.errors import ConfigError
 from testbench.measured.record import replay, timing
 from testbench.run import build, simulate
 from testbench.run.simulation import FRAME, Simulation
@@ -188,3 +189,8 @@ def test_codes_at_every_tick_are_the_boards(board):
     replay.run(p, replay.power_on(), x, o, replay.order(p), True)
     assert np.abs(wanted[-ticks:]).max(axis=0).min() > 1000
     assert np.array_equal(o.codes[1:], wanted[1:])
+
+
+def test_a_firmware_with_a_notch_is_refused():
+    with pytest.raises(ConfigError, match=r"firmware\.notch_hz: the replay of a record has no notch"):
+        replay.order(build.firmware(changed(Config(), {"firmware.notch_hz": 139.0})))

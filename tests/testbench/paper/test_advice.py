@@ -90,11 +90,34 @@ def test_a_notch_takes_the_ring_where_it_stands():
     assert e.left_db[2] == pytest.approx(-14, abs=1)
 
 
+def test_in_front_of_the_pi_a_notch_takes_the_damping_of_the_ring_away():
+    """So it stands behind the loop: the ring lasts 13 times as long, although the loop is stable."""
+    loop, inside = lp.close(DEFAULT), notch.inside(DEFAULT, notch.design(139.0, 20.0))
+    assert lp.radius(inside) < 1
+    split = DEFAULT.split_hz
+    assert advisor.ring(loop, split).tau_s == pytest.approx(0.308, abs=0.01)
+    assert advisor.ring(inside, split).tau_s == pytest.approx(4.13, abs=0.1)
+    # far away and narrow, it changes nothing
+    harmless = notch.inside(DEFAULT, notch.design(1900.0, 0.5))
+    assert advisor.bandwidth(harmless)[0] == pytest.approx(advisor.bandwidth(loop)[0], abs=0.01)
+
+
+def test_the_analysis_knows_the_notch_of_the_firmware():
+    assert not loop_page.Study(CONFIG).in_firmware
+    study = loop_page.Study(changed(CONFIG, {"firmware.notch_hz": 137.0, "firmware.notch_width_hz": 8.0}))
+    assert (study.notch.centre_hz, study.notch.width_hz) == (137.0, 8.0)
+    assert loop_page.as_json(study)["notch"]["in_firmware"]
+    titles = [table.title for table in loop_page.tables(study)]
+    assert "The firmware's notch in the rate output, 137.0 Hz, 8 Hz wide" in titles
+    # it stands behind the loop: no margin is another
+    assert study.advice == loop_page.Study(CONFIG).advice
+
+
 def test_a_notch_is_one_at_rest_and_refuses_nonsense():
     n = notch.design(139.0, 20.0)
     assert abs(notch.gain(n, 0.001)[0]) == pytest.approx(1.0, abs=1e-9)
     assert notch.applied(n, np.full(50, 7.0)).tolist() == pytest.approx([7.0] * 50)
-    with pytest.raises(ValueError, match="width"):
+    with pytest.raises(ValueError, match="notch_width_hz: 200 Hz is outside"):
         notch.design(139.0, 200.0)
     assert notch.effect(advisor.varied(DEFAULT, sid_hz=400.0)) is None
 

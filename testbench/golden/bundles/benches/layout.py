@@ -3,6 +3,8 @@
 Source  docs/golden.md (what a design must look like)
 """
 
+from fpga_model import wiring
+from fpga_model.block import declared, parts_of
 from fpga_model.rates import MASTER_HZ
 from testbench.golden.stimulus.blocks import BLOCKS, RESET_INPUT
 
@@ -10,15 +12,19 @@ PERIOD_PS = (1_000_000_000_000 + MASTER_HZ // 2) // MASTER_HZ
 HALF_PS = PERIOD_PS // 2
 RESET_CYCLES = 2
 SHOWN = 10  # rows that a bench reports in full
-# Blocks that a design may build from others of the same folder
-PARTS = {
-    "agc": ("pi",),
-    "frequency_tracker": ("pi",),
-    "rate_loop": ("pi",),
-    "quadrature_loop": ("pi", "isqrt"),
-    "sequencer": ("lock_monitor", "fault_monitor"),
-    "top": (*BLOCKS, "control"),
-}
+
+
+def _parts():
+    """{stem: blocks that a design may build from}; an optional block is no part of the whole design."""
+    found = {
+        stem: tuple(p.__name__.rpartition(".")[2] for p in parts_of(m.State).values()) for stem, m in declared().items()
+    }
+    used = {module.__name__.rpartition(".")[2] for module, _ in wiring.instances().values()}
+    used |= {part for stem in used for part in found[stem]}
+    return found | {"top": (*(stem for stem in BLOCKS if stem in used), "control")}
+
+
+PARTS = _parts()
 
 # Parameters of the whole design that name a table; a block has one, ROM_FILE
 TOP_ROMS = {"SINE_ROM_FILE": "rom/sine.hex", "CORDIC_ROM_FILE": "rom/cordic_atan.hex"}
