@@ -1,0 +1,231 @@
+"""From a TARGET to a configuration, and what it will do: each step chooses some keys or says which limit stops it.
+
+    1  amplitude    from the scale, from the user, or the largest that the ranges hold
+    2  rate loop    SID capacitor, crossover, zero: `rate_loop`
+    3  drive loops  crossovers at DRIVE_BY_SID of the SID's corner, zeros a fifth of that
+    4  quadrature   crossover at a 25th of the bandwidth, faster if the start-up needs it
+    5  phase words  if the target wants them: from the phase budget
+    6  prediction   `advisor`, `start_up`, `ranges`, `frequency_plan`, `budget` of the finished configuration
+
+A key that [firmware] of the TARGET has is never changed.
+Source  docs/design_of_loops.md
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from analog_frontend.parts import sid
+from testbench.config import changed
+from testbench.config import from_dict as config_of
+from testbench.design import frequency_plan, rate_loop, ranges, start_up
+from testbench.errors import ConfigError
+from testbench.paper.loop import advisor, limit_cycles
+from testbench.paper.loop import loop as lp
+from testbench.paper.loop.parts import parts
+from testbench.run.budget import budget, lock_frequency_hz
+
+DRIVE_BY_SID, ZERO_BY_CROSSOVER = 0.06, 0.2
+QUADRATURE_BY_BANDWIDTH = (0.04, 0.08, 0.16)
+AMPLITUDE_STEP_UM = 0.01
+WIDER = (1.02, 1.2, 1.5, 2.0)  # times the split that would be in proportion to the bandwidth
+PEAK_ROOM, BANDWIDTH_ROOM = 0.3, 0.03  # by which a prediction may be missed (dB, part)
+
+
+class Result(NamedTuple):
+    """A finished design: the configuration and everything that is predicted of it."""
+
+    config: object
+    choice: rate_loop.Choice
+    advice: advisor.Advice
+    rest: limit_cycles.Rest
+    nominal: start_up.StartUp
+    slowest: start_up.StartUp
+    promised_s: float
+    ranges: list
+    plan: list
+    budget: object
+    amplitude_bound: str
+
+    @property
+    def warnings(self):
+        """What to mind, one line each."""
+        said = [f"{m.what}: {m.distance_hz:.4g} Hz is below {m.least_hz:.4g} Hz: {m.effect}" for m in self.plan if not m.kept]
+        return (*said, *(w for w in self.advice.warnings if not w.startswith("bandwidth ")))
+
+
+class _Draft:
+    """A configuration in the making; keys of [firmware] that the user has fixed stay."""
+
+    def __init__(self, source, file):
+        self.source, self.target = source, file.target
+        self.fixed = set(file.firmware.model_fields_set)
+        nominal = file.nominal.model_dump()
+        firmware = {k: getattr(file.firmware, k) for k in self.fixed}
+        if nominal["fy_hz"] > nominal["fx_hz"] and "phase_sense_ref_deg" not in firmware:
+            firmware["phase_sense_ref_deg"] = 180.0
+        self.config = config_of({"nominal": nominal, "firmware": firmware}, source)
+
+    def set(self, **keys):
+        """Change keys of [firmware] that are not fixed; keys of both boards are written `nominal__key`."""
+        values = {}
+        for key, value in keys.items():
+            if key.startswith("nominal__"):
+                values["nominal." + key.removeprefix("nominal__")] = value
+            elif key not in self.fixed:
+                values[f"firmware.{key}"] = value
+        self.config = changed(self.config, values)
+
+    def refuse(self, text):
+        """ConfigError with the file's name in front."""
+        raise ConfigError(f"{self.source}: {text}")
+
+
+def _within(section, key, value):
+    """The value, within the limits of its key."""
+    low, high = (next(getattr(m, end) for m in section.model_fields[key].metadata if hasattr(m, end)) for end in ("ge", "le"))
+    return min(max(value, low), high)
+
+
+def _tolerances(nominal):
+    return rate_loop.Tolerances(
+        nominal.f_tolerance, nominal.q_tolerance, nominal.transducer_tolerance, nominal.capacitor_tolerance,
+        nominal.split_tolerance,
+    )  # fmt: skip
+
+
+def _amplitude(draft):
+    """Choose the amplitude; returns what bounds it."""
+    target, config = draft.target, draft.config
+    if "amplitude_um" in draft.fixed:
+        return "[firmware]"
+    now = config.firmware.amplitude_um
+    most, bound = ranges.most_amplitude_um(ranges.ranges(config, target), now)
+    wanted = target.amplitude_um
+    scale = target.scale_lsb_per_deg_s or (target.full_scale_deg_s and 2**23 / target.full_scale_deg_s)
+    if scale:
+        wanted = scale / abs(advisor.rest_gain(lp.close(parts(config))) * lp.DEG) * now
+    if wanted is None:
+        wanted, reason = math.floor(most / AMPLITUDE_STEP_UM) * AMPLITUDE_STEP_UM, bound
+    else:
+        reason = "[target]"
+    draft.set(amplitude_um=_within(type(config.firmware), "amplitude_um", wanted))
+    return reason
+
+
+def _compensate(draft):
+    """Phase words from the budget: force in phase with sin(theta), references behind x and y."""
+    plain = changed(draft.config, {f"firmware.{k}": 0.0 for k in WORDS})
+    phases = budget(plain, frequency_hz=_lock_hz(plain))
+    node, loop = phases.node_deg(), phases.loop_deg()
+    turned = 180.0 if draft.config.nominal.fy_hz > draft.config.nominal.fx_hz else 0.0
+    words = (node["xe1"], node["ye1"], -loop["xe2"], turned - loop["ye2"])
+    draft.set(**dict(zip(WORDS, words)))
+
+
+def _lock_hz(config):
+    """Drive frequency at which the frequency loop comes to rest (Hz)."""
+    first, d = budget(config), config.device()
+    return lock_frequency_hz(d.fx_hz, d.qx, first.node_deg()["xe1"], first.loop_deg()["xe2"])
+
+
+WORDS = ("phase_drive_sine_deg", "phase_sense_sine_deg", "phase_drive_ref_deg", "phase_sense_ref_deg")
+
+
+def _check_ranges(draft):
+    for r in ranges.ranges(draft.config, draft.target):
+        if not r.kept:
+            draft.refuse(f"{r.what}: {r.value:.4g} {r.unit} is above the limit {r.limit:.4g} {r.unit}; {r.remedy}")
+
+
+def _rate_loop(draft):
+    """Choose SID capacitor, crossover and zero of the rate loop; refuse with the constraint that stops it."""
+    target, config = draft.target, draft.config
+    tolerances = _tolerances(config.nominal)
+    limits = rate_loop.Limits(target.peak_db - PEAK_ROOM / 2, target.modulus_margin)
+    if target.keep_sid:
+        bands = [rate_loop.board(config, config.nominal.sid_c_f, tolerances, target.bandwidth_hz)]
+    else:
+        bands = rate_loop.boards(config, tolerances, target.bandwidth_hz)
+    choice = rate_loop.choose(config, bands, target.bandwidth_hz, limits)
+    if choice is None:
+        draft.refuse(_why(draft, tolerances, limits))
+    draft.set(ftr_crossover_hz=choice.crossover_hz, ftr_zero_hz=choice.zero_hz, nominal__sid_c_f=choice.sid_c_f)
+    return choice
+
+
+def _why(draft, tolerances, limits):
+    """Line for a bandwidth that no rate loop reaches: what is possible, and which constraint stops it."""
+    target, config = draft.target, draft.config
+    split = abs(config.nominal.fx_hz - config.nominal.fy_hz)
+    wanted = target.bandwidth_hz
+    bands = rate_loop.boards(config, tolerances, *(rate_loop.BANDWIDTHS_BY_SPLIT * split))
+    most = rate_loop.most(bands, limits)
+    text = f"target.bandwidth_hz = {wanted:g} Hz is above {most:.3g} Hz, the most that this board allows"
+    for by in WIDER if most else ():
+        by *= wanted / most
+        other = changed(config, {"nominal.fy_hz": config.nominal.fx_hz - by * (config.nominal.fx_hz - config.nominal.fy_hz)})
+        if rate_loop.choose(other, rate_loop.boards(other, tolerances, wanted), wanted, limits):
+            need = f"{by * split:.3g} Hz would do"
+            return f"{text}: the split fx_hz - fy_hz of {split:.4g} Hz of [nominal] is the constraint; {need}"
+    return f"{text}: the delay of the converter's frames is the constraint"
+
+
+def _drive_loops(draft):
+    """Crossovers and zeros of amplitude and frequency loop, by the SID's corner."""
+    n = draft.config.nominal
+    crossover = DRIVE_BY_SID * sid.corner_hz(n.sid_r_ohm * n.sid_c_f)
+    kind = type(draft.config.firmware)
+    for loop in ("agc", "pll"):
+        draft.set(**{f"{loop}_crossover_hz": _within(kind, f"{loop}_crossover_hz", crossover)})
+        draft.set(**{f"{loop}_zero_hz": _within(kind, f"{loop}_zero_hz", ZERO_BY_CROSSOVER * crossover)})
+
+
+def _start_up(draft):
+    """Choose the quadrature loop's crossover; returns (nominal, slowest, promised) of the start-up."""
+    target, kind, found = draft.target, type(draft.config.firmware), None
+    for ratio in QUADRATURE_BY_BANDWIDTH:
+        draft.set(qsc_crossover_hz=_within(kind, "qsc_crossover_hz", ratio * target.bandwidth_hz))
+        found = start_up.promise(draft.config)
+        if found[2] is not None and found[2] <= target.startup_s:
+            return found
+    nominal, slowest, promised = found
+    if promised is None:
+        draft.refuse(f"start-up: {slowest.failure} on a board of the tolerances")
+    draft.refuse(
+        f"target.startup_s = {target.startup_s:g} s is below {promised:.3g} s, what the slowest board of the tolerances "
+        f"needs; power-up to search {slowest.reached_s:.2g} s, drive locked {slowest.drive_s:.3g} s"
+    )
+
+
+def design(file, source="target"):
+    """`Result` for a `TargetFile`. Raises ConfigError with the constraint that stops it."""
+    draft = _Draft(source, file)
+    target = draft.target
+    bound = _amplitude(draft)
+    if target.compensate:
+        _compensate(draft)
+    choice = _rate_loop(draft)
+    _drive_loops(draft)
+    _check_ranges(draft)
+    nominal, slowest, promised = _start_up(draft)
+    config = draft.config
+    p = parts(config)
+    advice = advisor.advise(p)
+    if not advice.stable:
+        draft.refuse(advice.warnings[0])
+    n = config.nominal
+    return Result(
+        config,
+        choice,
+        advice,
+        limit_cycles.resolution(p),
+        nominal,
+        slowest,
+        promised,
+        ranges.ranges(config, target),
+        frequency_plan.plan(n.device(), target.bandwidth_hz, n.f_tolerance),
+        budget(config, frequency_hz=_lock_hz(config)),
+        bound,
+    )

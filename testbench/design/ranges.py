@@ -1,0 +1,94 @@
+"""Ranges: what each part of the chain must hold at the largest rate and quadrature, and how much it has.
+
+    force        (rate + bias) / cos(ye1 + xe2') in volts at the sense electrode, against the sense converter's span
+    hold         m w^2 A / Q in volts at the drive electrode, for the least Q, against HOLD_SHARE of the drive's span
+    V_q          quadrature +- rate tan(ye1 + xe2'), as a square of V_q: between 0 and the rail
+    drive code   the set-point at the converter, which its loop holds whatever the pickoff's gain is
+    sense code   rate, and quadrature, before their loops close
+    x            A times nominal over true gain of the pickoff, against the gap
+    y            the larger of rate and quadrature through the sense mode's stiffness, before the loops close
+
+Each is linear in the amplitude A but V_q, which does not depend on it: `most_amplitude_um` follows at once.
+Source  docs/design_of_loops.md
+"""
+
+import math
+from typing import NamedTuple
+
+from testbench.paper.loop.parts import parts
+from testbench.run import build
+
+ROOM = 0.9  # of a range, for noise, overshoot and temperature
+HOLD_SHARE = 0.25  # of the drive's span: the rest starts the resonator
+LARGEST_UM = 10.0
+
+
+class Range(NamedTuple):
+    """One range: what, its value, its limit, the unit, whether it grows with the amplitude, what to do."""
+
+    what: str
+    value: float
+    limit: float
+    unit: str
+    by_amplitude: bool
+    remedy: str
+
+    @property
+    def kept(self):
+        return self.value <= self.limit * (1 + 1e-9)
+
+    @property
+    def share(self):
+        return self.value / self.limit if self.limit > 0 else math.inf
+
+
+def leak_deg(config):
+    """ye1 + xe2' (deg): the angle by which rate leaks into quadrature."""
+    p = parts(config)
+    return math.degrees(p.ye1_rad + p.xe2_rad)
+
+
+def ranges(config, target):
+    """[Range, ...] of a configuration at the largest rate and quadrature of a target."""
+    n, known, p = config.nominal, build.nominal(config), parts(config)
+    angle = p.ye1_rad + p.xe2_rad
+    root, by = math.sqrt(n.q_tolerance), 1 + n.transducer_tolerance
+    rate = target.max_rate_deg_s
+    bias = abs(p.dxy_n_s_per_m / (2 * p.coriolis_mass_kg)) * 180 / math.pi * root
+    own = known["null_deg_per_s"]
+    quadrature = own if target.max_quadrature_deg_s is None else target.max_quadrature_deg_s
+    leak = rate * abs(math.tan(angle))
+    full = (n.quad_dac_span_v / known["null_v"]) ** 2 * own if known["null_v"] else math.inf
+    w = 2 * math.pi * n.fx_hz
+    hold_v = n.mass_kg * w**2 * config.firmware.amplitude_um * 1e-6 / n.qx * root / n.k_vf_drive_n_per_v
+    code_v = known["code_v_per_deg_s"] * by / (1 - n.split_tolerance)
+    um_per_dps = 1e6 * known["code_v_per_deg_s"] / (p.cv_v_per_m * 4 / math.pi) / (1 - n.split_tolerance)
+    found = [
+        Range("force at the sense electrode", (rate + bias) / abs(math.cos(angle)) * known["word_v_per_deg_s"] * by,
+              ROOM * n.sense_dac_span_v, "V", True, "lower max_rate_deg_s or the amplitude"),
+        Range("force that holds the drive", hold_v * by, HOLD_SHARE * n.drive_dac_span_v, "V", True, "lower the amplitude"),
+        Range("quadrature and leaking rate against V_q's rail", quadrature + leak, ROOM * full, "deg/s", False,
+              "compensate = true, or lower max_rate_deg_s or max_quadrature_deg_s"),
+        Range("leaking rate against V_q = 0", leak, ROOM * own, "deg/s", False, "compensate = true, or lower max_rate_deg_s"),
+        Range("drive signal at the converter", config.firmware.amplitude_um * known["v_per_um"],
+              ROOM * known["adc_drive_v"], "V", True, "lower the amplitude or nominal.adc_pga_drive"),
+        Range("rate at the sense converter, loop open", rate * code_v, ROOM * known["adc_sense_v"], "V", True,
+              "lower nominal.adc_pga_sense"),
+        Range("quadrature at the sense converter, loop open", quadrature * code_v, ROOM * known["adc_sense_v"], "V", True,
+              "lower nominal.adc_pga_sense"),
+    ]  # fmt: skip
+    if target.gap_um is not None:
+        most = target.gap_share * target.gap_um
+        moved = max(rate, quadrature) * um_per_dps
+        x_um = config.firmware.amplitude_um / (1 - n.transducer_tolerance)
+        found.append(Range("displacement x against the gap", x_um, most, "um", True, "lower the amplitude"))
+        found.append(Range("displacement y against the gap, loop open", moved, most, "um", True, "lower the amplitude"))
+    return found
+
+
+def most_amplitude_um(found, amplitude_um):
+    """(largest amplitude (um) that the ranges hold, name of the range that bounds it)."""
+    growing = [r for r in found if r.by_amplitude]
+    tightest = max(growing, key=lambda r: r.share)
+    most = amplitude_um / tightest.share
+    return (most, tightest.what) if most < LARGEST_UM else (LARGEST_UM, "firmware.amplitude_um")

@@ -1,0 +1,199 @@
+"""Start-up predicted: the drive's envelope through the sequencer's states, then the linear loops of the sense mode.
+
+    a        drive signal at the converter (magnitude LSB), complex, in the frame of the DDS:
+             a' = -(w/2Q + j 2 pi (f_word - f_x)) a + G V,   V the amplitude word
+    seen     three SID poles, the converter's (1, 4, 1)/6 over three frames
+    states   KICK, DECAY, SEARCH, RETUNE, ACQUIRE, SETTLE with the firmware's own Params; BALANCE by `paper.loop.loop`
+    promise  slowest corner of the tolerances, and MARGIN for noise and what is left out
+
+Left out   noise, phase of the drive path (a few degrees), interaction of drive and sense
+Source     docs/design_of_loops.md
+"""
+
+import cmath
+import itertools
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from analog_frontend.parts import sid
+from fpga_model import cordic, frequency_tracker, pi
+from fpga_model.rates import FRAME_HZ
+from testbench.config import changed
+from testbench.paper.loop import loop as lp
+from testbench.paper.loop.parts import FRAME_S, parts
+from testbench.run import build
+
+MARGIN = 1.1
+LIMIT_S = 60.0
+COEF = 2.0**pi.COEF.f
+
+
+class StartUp(NamedTuple):
+    """Instants (s from power-on) at which states end, or what failed; `lock_s` is None then."""
+
+    found_hz: float | None  # correction of the search
+    magnitude_um: float  # seen at the end of the search
+    reached_s: float | None  # 95 % of the set-point
+    drive_s: float | None  # drive locked
+    lock_s: float | None
+    failure: str = ""
+
+
+class _Drive:
+    """Envelope of the drive with the demodulator behind it, a frame a step."""
+
+    def __init__(self, config, setpoint):
+        d = config.device()
+        own = changed(config, {f"nominal.{k}": v for k, v in config.plant.model_dump().items()})
+        self.gain = build.nominal(own)["plant_fs_per_s"] * float(cordic.GAIN)
+        self.fx_hz, self.decay = d.fx_hz, math.pi * d.fx_hz / d.qx
+        self.stage = -math.expm1(-2 * math.pi * sid.corner_hz(d.sid_r_ohm * d.sid_c_f) * FRAME_S)
+        self.a, self.o, self.past = 0j, [0j] * 3, [0j] * 2
+        self.setpoint = setpoint
+
+    def step(self, word_hz, amplitude):
+        """One frame; the signal that the firmware has in the next one."""
+        rate = -self.decay - 2j * math.pi * (word_hz - self.fx_hz)
+        grown = cmath.exp(rate * FRAME_S)
+        self.a = self.a * grown + self.gain * amplitude * (grown - 1) / rate
+        signal = self.a
+        for n in range(3):
+            self.o[n] += self.stage * (signal - self.o[n])
+            signal = self.o[n]
+        seen = (self.past[0] + 4 * self.past[1] + signal) / 6
+        self.past = [self.past[1], signal]
+        return seen
+
+
+def _turns(z):
+    return cmath.phase(z) / (2 * math.pi)
+
+
+class _Pi:
+    """pi.py in floating point."""
+
+    def __init__(self, p):
+        self.kp, self.ki, self.lo, self.hi, self.acc = p.kp / COEF, p.ki / COEF, p.lo, p.hi, 0.0
+
+    def step(self, e, run=True):
+        """The output for an error; without `run` the integrator is held."""
+        if run:
+            self.acc = min(max(self.acc + self.ki * e, self.lo), self.hi)
+        return min(max(self.kp * e + self.acc, self.lo), self.hi)
+
+
+def _searched(p, drive, word_hz, kick):
+    """(frames, correction Hz, magnitude): from the kick to the end of the search."""
+    seen = 0j
+    for n in range(p.kick + p.decay):
+        seen = drive.step(word_hz, kick if n < p.kick else 0)
+    rotation = 0.0
+    for _ in range(p.search):
+        before, seen = seen, drive.step(word_hz, 0)
+        rotation += _turns(seen / before)
+    return p.kick + p.decay + p.search, rotation / p.search * FRAME_HZ, abs(seen)
+
+
+def _drive_locked(p, control, drive, word_hz, setpoint):
+    """(frames to 95 %, frames to drive lock) from ACQUIRE on; None where a state takes longer than its limit."""
+    agc, pll = _Pi(control.agc.loop), _Pi(control.frequency_tracker.loop)
+    limit_agc, limit_pll = p.lock.limit_in[0] / 2**16 * setpoint, p.lock.limit_in[1]
+    amplitude, offset, reached, good = 0.0, 0.0, None, [0, 0]
+    for n in range(2 * p.timeout):
+        seen = drive.step(word_hz + offset, amplitude)
+        error, phase = setpoint - abs(seen), _turns(seen) * 2**24
+        amplitude = agc.step(error, reached is not None)
+        offset = pll.step(phase) / frequency_tracker.WORD_PER_HZ
+        if reached is None:
+            if abs(seen) * 2**16 >= setpoint * p.reached:
+                reached = n
+            elif n >= p.timeout:
+                return None, None
+            continue
+        good = [good[0] + 1 if abs(error) <= limit_agc else 0, good[1] + 1 if abs(phase) <= limit_pll else 0]
+        if good[0] >= p.lock.frames_in[0] and good[1] >= p.lock.frames_in[1]:
+            return reached, n
+        if n - reached >= p.timeout:
+            break
+    return reached, None
+
+
+def _balanced(p, config):
+    """Frames from BALANCE to all four in lock; None if it takes longer than LIMIT_S."""
+    q = parts(config)
+    loop = lp.close(q)
+    inputs = np.array([q.dxy_n_s_per_m / (2 * q.coriolis_mass_kg), q.kxy_n_per_m, *q.sid_offset_v])
+    still = lp.Loop(*lp.assemble(lp.frame(q), lp.gains(q), 0.0, 0.0)[:2], None, None, None)
+    state, forced = lp.rest(still, inputs), loop.b @ inputs
+    codes_forced = loop.codes_b @ inputs
+    good, locked = [0, 0], [False, False]
+    for n in range(round(LIMIT_S * FRAME_HZ)):
+        codes = np.abs(loop.codes @ state + codes_forced)
+        for k in range(2):
+            good[k] = good[k] + 1 if codes[k] <= p.lock.limit_in[2 + k] else 0
+            locked[k] = good[k] >= p.lock.frames_in[2 + k] or (locked[k] and codes[k] <= p.lock.limit_out[2 + k])
+        if all(locked):
+            return n
+        state = loop.a @ state + forced
+    return None
+
+
+def predict(config):
+    """`StartUp` of the board [plant] with the firmware of [nominal]."""
+    firmware = build.firmware(config)
+    control = firmware.control
+    p = control.sequencer
+    setpoint = _setpoint(config)
+    drive = _Drive(config, setpoint)
+    word_hz = config.firmware.nominal_frequency_hz
+    before = p.power_up + p.init + p.recover + 3
+    taken, found_hz, magnitude = _searched(p, drive, word_hz, control.agc.kick)
+    seen_um = magnitude / setpoint * config.firmware.amplitude_um
+    limit_hz = p.search_limit / frequency_tracker.WORD_PER_HZ
+    if magnitude < p.min_magnitude:
+        return StartUp(found_hz, seen_um, None, None, None, "the search finds no signal")
+    if abs(found_hz) > limit_hz:
+        return StartUp(found_hz, seen_um, None, None, None, "the search's correction is above its limit")
+    word_hz += found_hz
+    for _ in range(p.retune):
+        drive.step(word_hz, 0)
+    frames = before + taken + p.retune
+    reached, settled = _drive_locked(p, control, drive, word_hz, setpoint)
+    if settled is None:
+        what = "the amplitude does not reach its set-point" if reached is None else "the drive loops do not settle"
+        return StartUp(found_hz, seen_um, None, None, None, what)
+    rest = _balanced(p, config)
+    ends = [(frames + n) * FRAME_S for n in (reached, settled)]
+    if rest is None:
+        return StartUp(found_hz, seen_um, *ends, None, "the sense loops do not settle")
+    return StartUp(found_hz, seen_um, *ends, ends[1] + rest * FRAME_S)
+
+
+def _setpoint(config):
+    return dict(build.register_writes(config))["amplitude_setpoint"]
+
+
+def corners(config):
+    """Configurations whose [plant] stands at corners of the tolerances of [nominal]."""
+    n = config.nominal
+    root = math.sqrt(n.q_tolerance)
+    found = []
+    for f, transducer, capacitor in itertools.product((-1, 1), (-1, 1), (-1, 1)):
+        fx = n.fx_hz * (1 + f * n.f_tolerance)
+        split = (n.fx_hz - n.fy_hz) * (1 + transducer * n.split_tolerance)
+        by, c = 1 + transducer * n.transducer_tolerance, 1 + capacitor * n.capacitor_tolerance
+        values = {"fx_hz": fx, "fy_hz": fx - split, "sid_c_f": n.sid_c_f * c}
+        values |= {k: getattr(n, k) * by for k in ("k_vf_drive_n_per_v", "k_vf_sense_n_per_v", "dcdx_f_per_m", "dcdy_f_per_m")}
+        values |= {k: getattr(n, k) * root ** (-f) for k in ("qx", "qy")}
+        found.append(changed(config, {f"plant.{key}": value for key, value in values.items()}))
+    return found
+
+
+def promise(config):
+    """(StartUp of the nominal board, slowest StartUp of the corners, promised seconds or None)."""
+    nominal = predict(config)
+    every = [nominal, *(predict(c) for c in corners(config))]
+    slowest = max(every, key=lambda s: math.inf if s.lock_s is None else s.lock_s)
+    return nominal, slowest, None if slowest.lock_s is None else MARGIN * slowest.lock_s
