@@ -158,7 +158,8 @@ class Design(NamedTuple):
     *_s               how long each state lasts (s); timeout_s ends ACQUIRE and SETTLE, offline_s is how long the ADC
                       may be bad before the drive stops, recover_s how long it must be good before the drive starts
     reached           part of the setpoint at which ACQUIRE ends
-    min_amplitude_um  less than this after the kick counts as nothing found (um)
+    search_min_v      a pickoff signal (V at the ADC) below this after the kick counts as nothing found
+    adc_full_scale_v  ADC full scale at the PGA gain of the drive channel (V)
     search_limit_hz   largest correction that is believed (Hz)
     frame_hz          rate of the frames (Hz)
     lock, faults      Params of lock_monitor and fault_monitor; their defaults if None
@@ -174,7 +175,8 @@ class Design(NamedTuple):
     offline_s: float = 0.1
     recover_s: float = 0.01
     reached: float = 0.95
-    min_amplitude_um: float = 0.01
+    search_min_v: float = 0.00576
+    adc_full_scale_v: float = 4.0
     search_limit_hz: float = 80.0
     frame_hz: float = FRAME_HZ
     lock: object = None
@@ -204,7 +206,7 @@ def design(**values):
     return Params(
         *frames,
         reached=quantize(d.reached * 2**16, FRACTION, "reached"),
-        min_magnitude=agc.setpoint(d.min_amplitude_um),
+        min_magnitude=agc.setpoint(d.search_min_v, 1.0, d.adc_full_scale_v),
         gain=quantize(gain, GAIN, "gain (word LSB per phase LSB)"),
         search_limit=quantize(limit, CORRECTION, "search_limit_hz (turn per clock)"),
         lock=lock_monitor.design() if d.lock is None else d.lock,

@@ -67,7 +67,12 @@ Plant = create_model("Plant", __base__=_Plant, __doc__=_Plant.__doc__, **_KEYS)
 Nominal = create_model("Nominal", __base__=_Nominal, __doc__=_Nominal.__doc__, **_KEYS)
 
 # (section, key) -> the key of [nominal] whose value it takes where a file does not give it
-FOLLOWS = {("plant", name): name for name in _KEYS} | {("firmware", "nominal_frequency_hz"): "fx_hz"}
+FOLLOWS = {("plant", name): name for name in _KEYS} | {
+    ("firmware", "nominal_frequency_hz"): "fx_hz",
+    ("firmware", "kick_v"): "drive_dac_span_v",
+    ("firmware", "drive_ceiling_v"): "drive_dac_span_v",
+    ("firmware", "quadrature_ceiling_v"): "quad_dac_span_v",
+}
 
 
 def followed(tree):

@@ -51,17 +51,37 @@ class Firmware(Section):
     quadrature_update_khz: Literal[500, 1000] = other(
         500, "frames of the quadrature DAC; 1000 violates its SYNC high time", "kHz"
     )
-    agc_crossover_hz: float = number(3.0, "Hz", 0.1, 20.0, "drive amplitude loop: crossover")
-    agc_zero_hz: float = number(0.6, "Hz", 0.01, 20.0, "drive amplitude loop: zero of the PI")
-    pll_crossover_hz: float = number(3.0, "Hz", 0.1, 20.0, "drive frequency loop: crossover")
-    pll_zero_hz: float = number(0.6, "Hz", 0.01, 20.0, "drive frequency loop: zero of the PI")
-    ftr_crossover_hz: float = number(15.0, "Hz", 0.1, 60.0, "force-to-rebalance loop: crossover of the integrator")
-    ftr_zero_hz: float = number(100.0, "Hz", 1.0, 1000.0, "force-to-rebalance loop: zero of the PI")
-    qsc_crossover_hz: float = number(1.0, "Hz", 0.01, 10.0, "quadrature loop: crossover of the integrator")
-    amplitude_um: float = number(5.0, "um", 0.1, 10.0, "drive amplitude set-point")
-    nominal_frequency_hz: float = number(
-        11002.3, "Hz", 1e3, 50e3, "frequency word at power-on; where a file does not give it: nominal.fx_hz"
+    agc_crossover_hz: float = number(3.0, "Hz", 0.01, 100.0, "drive amplitude loop: crossover")
+    agc_zero_hz: float = number(0.6, "Hz", 0.001, 100.0, "drive amplitude loop: zero of the PI")
+    pll_crossover_hz: float = number(3.0, "Hz", 0.01, 100.0, "drive frequency loop: crossover")
+    pll_zero_hz: float = number(0.6, "Hz", 0.001, 100.0, "drive frequency loop: zero of the PI")
+    ftr_crossover_hz: float = number(15.0, "Hz", 0.001, 200.0, "force-to-rebalance loop: crossover of the integrator")
+    ftr_zero_hz: float = number(100.0, "Hz", 0.01, 4000.0, "force-to-rebalance loop: zero of the PI")
+    qsc_crossover_hz: float = number(1.0, "Hz", 0.0001, 50.0, "quadrature loop: crossover of the integrator")
+    amplitude_um: float = number(5.0, "um", 1e-3, 100.0, "drive amplitude set-point")
+    nominal_frequency_hz: float = number(11002.3, "Hz", 1e3, 50e3, "frequency word at power-on; follows nominal.fx_hz")
+    kick_v: float = number(10.0, "V", 1e-3, 20.0, "drive voltage of the kick; follows nominal.drive_dac_span_v")
+    kick_s: float = number(0.006, "s", 0.000125, 8.0, "length of the kick")
+    decay_s: float = number(0.035, "s", 0.000125, 8.0, "drive off behind the kick, until the demodulators have settled")
+    search_s: float = number(0.06, "s", 0.000125, 0.511, "length of the search: rotation of the drive signal")
+    search_limit_hz: float = number(80.0, "Hz", 0.1, 4000.0, "largest correction of the frequency that is believed")
+    search_min_v: float = number(0.00576, "V", 1e-6, 1.0, "pickoff signal at the ADC below which nothing is found")
+    retune_s: float = number(0.03, "s", 0.000125, 8.0, "wait behind the search at the corrected frequency")
+    acquire_share: float = number(
+        0.95, "", 0.1, 1.0, "part of the set-point at which the ring-up ends; without its integrator the loop must reach it"
     )
+    acquire_timeout_s: float = number(2.0, "s", 0.1, 8.0, "longest ring-up to the set-point, and longest settling")
+    drive_ceiling_v: float = number(
+        10.0, "V", 1e-3, 20.0, "largest drive voltage of the amplitude loop; follows nominal.drive_dac_span_v"
+    )
+    pll_limit_hz: float = number(100.0, "Hz", 0.01, 4000.0, "largest distance of the frequency from the search's")
+    quadrature_ceiling_v: float = number(
+        5.5, "V", 1e-3, 20.0, "largest V_q of the quadrature loop; follows nominal.quad_dac_span_v"
+    )
+    sense_lock_dps: float = number(
+        5.0, "deg/s", 1e-3, 1e4, "residual rate and quadrature below which their loops count as locked"
+    )
+    sense_lost_dps: float = number(100.0, "deg/s", 1e-3, 1e5, "residual above which they have lost lock")
     phase_drive_sine_deg: float = number(0.0, "deg", -180.0, 180.0, "added to the DDS phase of the drive sine")
     phase_sense_sine_deg: float = number(0.0, "deg", -180.0, 180.0, "added to the DDS phase of the sense sine")
     phase_drive_ref_deg: float = number(0.0, "deg", -180.0, 180.0, "added to the DDS phase of the drive references")
@@ -225,6 +245,11 @@ class Config(Section):
     def nominal_device(self):
         """Likewise of the board that the firmware is designed for."""
         return self.nominal.device()
+
+    @property
+    def of_paper(self):
+        """True if the firmware is designed for the paper's board, the default one: only then do we compare with it."""
+        return self.nominal_device() == Nominal().device()
 
 
 def phase_word(angle_deg):

@@ -67,13 +67,18 @@ class Budget(NamedTuple):
     frequency_hz: float
     rows: dict
     loop_rows: dict
+    paper_deg: dict  # what the paper measured; None for each node of another board
 
     def node_deg(self):
-        return {node: sum(row.degrees for row in self.rows[node]) for node in self.rows}
+        return {node: _wrapped(sum(row.degrees for row in self.rows[node])) for node in self.rows}
 
     def loop_deg(self):
         node = self.node_deg()
-        return {name: node[name] + sum(row.degrees for row in rows) for name, rows in self.loop_rows.items()}
+        return {name: _wrapped(node[name] + sum(r.degrees for r in rows)) for name, rows in self.loop_rows.items()}
+
+
+def _wrapped(deg):
+    return deg if -180.0 <= deg <= 180.0 else (deg + 180.0) % 360.0 - 180.0
 
 
 def lock_frequency_hz(fx_hz, qx, xe1_deg, xe2_loop_deg):
@@ -151,6 +156,7 @@ def budget(config, temp_degc=None, frequency_hz=None):
             "ye2": forward("sense"),
         },
         {"xe2": switch, "ye2": switch},
+        dict(PAPER_DEG) if config.of_paper else dict.fromkeys(NODES),
     )
 
 

@@ -57,7 +57,11 @@ CONVERSION_DELAY_S = 1.5e-6  # A  the decimator's last steps; DRDY must not fall
 
 
 def nominal(config):
-    """Scale factors that the loops are designed with, from the nominal board (SI units, some per deg/s)."""
+    """Scale factors that the loops are designed with, from the nominal board (SI units, some per deg/s).
+
+    What a rate gives in the sense code changes its sign with that of fx - fy, and of the sense pickoff. The gains of
+    both sense loops follow it. Raises ValueError for a board that these loops cannot hold.
+    """
     d = config.nominal_device()
     w = 2 * math.pi * d.fx_hz
     amplitude_m = config.firmware.amplitude_um * 1e-6
@@ -65,7 +69,8 @@ def nominal(config):
     sense_gain, _ = propagator.cv_chain(d, "sense", d.temp_ref_degc)
     sid_gain = 4 / math.pi
     coriolis_n = 2 * d.coriolis_mass_kg * w * amplitude_m * RAD_PER_DEG
-    stiffness = d.mass_kg * abs((2 * math.pi * d.fy_hz) ** 2 - w**2)
+    stiffness = -d.mass_kg * ((2 * math.pi * d.fy_hz) ** 2 - w**2)
+    _check_nominal(d, gain * d.signal_gain, sense_gain * d.signal_gain)
     return {
         "v_per_um": gain * d.signal_gain * sid_gain * 1e-6,
         "code_v_per_deg_s": coriolis_n / stiffness * sense_gain * d.signal_gain * sid_gain,
@@ -85,12 +90,30 @@ def nominal(config):
     }
 
 
+def _check_nominal(d, drive_gain, sense_gain):
+    """ValueError, naming the key of [nominal], for a board whose loops have no gain or the wrong sign."""
+    for names, positive, reason in (
+        ("k_vf_drive_n_per_v * signal_gain * dcdx_f_per_m", d.k_vf_drive_n_per_v * drive_gain, "the drive loop's sign"),
+        ("kxy_n_per_m", d.kxy_n_per_m, "V_q takes a positive stiffness away, and adds none"),
+        ("kq_n_per_m_per_v2", d.kq_n_per_m_per_v2, "V_q must act on the coupling"),
+        ("coriolis_mass_kg", d.coriolis_mass_kg, "a rate must act on the sense mode"),
+    ):
+        if not positive > 0:
+            raise ValueError(f"nominal.{names} = {positive:g} is not above 0: {reason}")
+    for names, other_than_0 in (
+        ("fx_hz - fy_hz", d.fx_hz - d.fy_hz),
+        ("k_vf_sense_n_per_v", d.k_vf_sense_n_per_v),
+        ("signal_gain * dcdy_f_per_m", sense_gain),
+    ):
+        if not other_than_0:
+            raise ValueError(f"nominal.{names} = 0: the sense loops need another value, whose sign sets that of gains")
+
+
 def firmware(config):
     """Parameters of the FPGA."""
-    f, n = config.firmware, nominal(config)
+    f, n, d = config.firmware, nominal(config), config.nominal_device()
     samples_move = resting.sar_alarm(config) < resting.LIMIT
     codes_move = f.board == "analog_sid" and resting.adc_alarm(config) < resting.LIMIT
-    code_per_deg_s = n["code_v_per_deg_s"] / n["adc_sense_v"] * 2**23
     return fpga.Params(
         digital=1 if f.board == "digital_sid" else 0,
         quadrature_fast=1 if f.quadrature_update_khz == 1000 else 0,
@@ -104,14 +127,22 @@ def firmware(config):
         sid=digital_sid.design()._replace(still=digital_sid.STILL_TICKS if samples_move else 0),
         watchdog=watchdog.design(),
         control=control.Params(
-            agc=agc.design(f.agc_crossover_hz, f.agc_zero_hz, plant_fs_per_s=n["plant_fs_per_s"]),
-            frequency_tracker=frequency_tracker.design(f.pll_crossover_hz, f.pll_zero_hz),
+            agc=agc.design(
+                f.agc_crossover_hz,
+                f.agc_zero_hz,
+                plant_fs_per_s=n["plant_fs_per_s"],
+                ceiling_v=f.drive_ceiling_v,
+                kick_v=f.kick_v,
+                full_scale_v=d.drive_dac_span_v,
+            ),
+            frequency_tracker=frequency_tracker.design(f.pll_crossover_hz, f.pll_zero_hz, f.pll_limit_hz),
             rate_loop=rate_loop.design(
                 f.ftr_crossover_hz,
                 f.ftr_zero_hz,
                 code_v_per_deg_s=n["code_v_per_deg_s"],
                 adc_full_scale_v=n["adc_sense_v"],
                 word_v_per_deg_s=n["word_v_per_deg_s"],
+                dac_full_scale_v=d.sense_dac_span_v,
             ),
             quadrature_loop=quadrature_loop.design(
                 f.qsc_crossover_hz,
@@ -119,13 +150,35 @@ def firmware(config):
                 adc_full_scale_v=n["adc_sense_v"],
                 null_deg_per_s=n["null_deg_per_s"],
                 null_v=n["null_v"],
+                full_scale_v=d.quad_dac_span_v,
+                rail_v=f.quadrature_ceiling_v,
             ),
-            sequencer=sequencer.design(
-                lock=lock_monitor.design(code_per_deg_s=code_per_deg_s),
-                # codes with too little noise may rest, and filtered ones do: nothing is stuck then
-                faults=fault_monitor.design() if codes_move else fault_monitor.design(stuck_s=0),
-            ),
+            sequencer=_sequencer(f, n, codes_move),
         ),
+    )
+
+
+def _sequencer(f, n, codes_move):
+    """Start-up and lock of a [firmware] section, by the scale factors `n`."""
+    residual = {
+        f"{loop}_{side}_deg_s": value
+        for loop in ("ftr", "qsc")
+        for side, value in (("in", f.sense_lock_dps), ("out", f.sense_lost_dps))
+    }
+    code_per_deg_s = abs(n["code_v_per_deg_s"]) / n["adc_sense_v"] * 2**23
+    return sequencer.design(
+        kick_s=f.kick_s,
+        decay_s=f.decay_s,
+        search_s=f.search_s,
+        retune_s=f.retune_s,
+        timeout_s=f.acquire_timeout_s,
+        reached=f.acquire_share,
+        search_min_v=f.search_min_v,
+        adc_full_scale_v=n["adc_drive_v"],
+        search_limit_hz=f.search_limit_hz,
+        lock=lock_monitor.design(code_per_deg_s=code_per_deg_s, **residual),
+        # codes with too little noise may rest, and filtered ones do: nothing is stuck then
+        faults=fault_monitor.design() if codes_move else fault_monitor.design(stuck_s=0),
     )
 
 

@@ -53,7 +53,7 @@ def result(job, end, reading, wall_s):
         "budget_deg": planned.node_deg(),
         "loop_phase_deg": None if found is None else _loop_phases(found.phase_deg, planned),
         "budget_loop_deg": planned.loop_deg(),
-        "paper_deg": dict(budget.PAPER_DEG),
+        "paper_deg": dict(planned.paper_deg),
         "rate_lsb_per_dps": None if reading is None else reading.lsb_per_dps,
         "rate_word_mean_lsb": tally.mean("rate_word"),
         "quadrature_v": tally.mean("quadrature_code") * device.quad_dac_span_v / 2**16,
@@ -99,7 +99,7 @@ def notes(config, summary, planned):
     if config.firmware.frame_latency_sense:
         said.append("Assumed, not known: one extra 1 us frame in the sense path (firmware.frame_latency_sense).")
     measured = summary["phase_deg"]
-    if measured:
+    if measured and config.of_paper:
         gap = {k: (measured[k] - v) / 360.0 / planned.frequency_hz * 1e9 for k, v in budget.PAPER_DEG.items()}
         said.append(
             "Unexplained beside the paper: "

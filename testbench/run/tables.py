@@ -5,7 +5,8 @@ Source  docs/phases.md
 """
 
 from testbench.console.table import Table, fixed
-from testbench.run.budget import NODES, PAPER_DEG
+from testbench.run.budget import NODES
+from testbench.run.phase_meter import wrap_deg
 
 # stands wherever a phase of the paper stands beside one of ours
 FITTED = (
@@ -23,24 +24,25 @@ NODE_TEXT = {
 def phases(summary):
     """Measured phases beside the budget and the paper."""
     measured, budget = summary.get("phase_deg") or {}, summary.get("budget_deg", {})
-    spread = summary.get("phase_sigma_deg") or {}
+    spread, published = summary.get("phase_sigma_deg") or {}, summary.get("paper_deg") or {}
     rows = []
     for node in NODES:
-        have, want, paper = measured.get(node), budget.get(node), PAPER_DEG[node]
-        rows.append(
-            (
-                node,
-                NODE_TEXT[node],
-                fixed(have, 4),
-                fixed(spread.get(node), 4),
-                fixed(want, 4),
-                fixed(None if have is None or want is None else have - want, 4),
-                fixed(paper, 4),
-                fixed(None if have is None else have - paper, 4),
-            )
+        have, want, paper = measured.get(node), budget.get(node), published.get(node)
+        row = (
+            node,
+            NODE_TEXT[node],
+            fixed(have, 4),
+            fixed(spread.get(node), 4),
+            fixed(want, 4),
+            fixed(None if have is None or want is None else wrap_deg(have - want), 4),
+            fixed(paper, 4),
+            fixed(None if have is None or paper is None else have - paper, 4),
         )
+        rows.append(row)
     heads = ("phase", "from .. to", "measured deg", "1 sigma", "budget deg", "difference", "paper deg", "difference")
-    return Table("Phase errors (lags, positive)", heads, rows, numeric=(2, 3, 4, 5, 6, 7))
+    shown = len(heads) if any(v is not None for v in published.values()) else len(heads) - 2
+    rows = [row[:shown] for row in rows]
+    return Table("Phase errors (lags, positive)", heads[:shown], rows, numeric=tuple(range(2, shown)))
 
 
 # Key of the summary -> (text, unit, digits, factor).
@@ -85,10 +87,14 @@ def budget_node(budget, node, plain_deg=None):
         rows.append((row.what, fixed(row.clocks, 2), fixed(row.ns, 2), fixed(row.degrees, 4), row.assumed))
     if plain_deg is not None:
         rows.append(("without re-timed references and extra frames", "", "", fixed(plain_deg, 4), ""))
-    rows.append(("the paper measured", "", "", fixed(PAPER_DEG[node], 4), ""))
+    paper = budget.paper_deg[node]
+    if paper is not None:
+        rows.append(("the paper measured", "", "", fixed(paper, 4), ""))
     sums = tuple(k for k, (row, _) in enumerate(listed) if row is None)
     title = f"{node}  {NODE_TEXT[node]}, at {budget.frequency_hz:.1f} Hz"
-    note = f"Entries with a text on the right are assumptions, not facts about the paper's board. {FITTED}"
+    note = "Entries with a text on the right are assumptions, not facts about the board."
+    if paper is not None:
+        note = f"Entries with a text on the right are assumptions, not facts about the paper's board. {FITTED}"
     return Table(title, ("contribution", "clocks", "ns", "deg", "assumed"), rows, note, (1, 2, 3), sums)
 
 
@@ -114,7 +120,7 @@ def budget_json(budget, plain=None):
         "frequency_hz": budget.frequency_hz,
         "phase_deg": budget.node_deg(),
         "loop_phase_deg": budget.loop_deg(),
-        "paper_deg": dict(PAPER_DEG),
+        "paper_deg": dict(budget.paper_deg),
         **({"without_assumptions_deg": plain.node_deg()} if plain else {}),
         "rows": {node: [row(item) for item in rows] for node, rows in budget.rows.items()},
         "loop_rows": {node: [row(item) for item in rows] for node, rows in budget.loop_rows.items()},

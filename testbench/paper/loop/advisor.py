@@ -186,23 +186,24 @@ WARN = {
     "peak_db": 3.0,
     "ring_tau_s": 0.5,
     "split_db": 3.0,
-    "bandwidth_low_hz": 24.0,
-    "bandwidth_high_hz": 30.0,
     "leak_deg": 5.0,
     "dither_steps": 0.5,
 }
 
 
-def warnings(p: Parts, a: Advice):
+BAND_HZ = 24.0, 30.0  # of the paper's board
+
+
+def warnings(p: Parts, a: Advice, band_hz=BAND_HZ):
     """What to mind, one line each: number, limit, reason."""
     said = []
     if not a.stable:
         kind = f"oscillates at {a.growth_hz:.1f} Hz" if a.growth_hz > 0.5 else "runs away"
         said.append(f"unstable: {kind}, growing by e every {1e3 * a.growth_tau_s:.3g} ms")
-        if p.split_hz < 0:
+        if p.split_hz * p.word_ki * p.cv_v_per_m * p.k_vf_n_per_v < 0:
             said.append(
-                f"split {p.split_hz:.1f} Hz is negative: with f_x below f_y the force of a word has the other sign; "
-                "the loops are made for f_x above f_y"
+                f"split {p.split_hz:.1f} Hz has the other sign than that of the nominal board, for which the loops "
+                "are made"
             )
         return tuple(said)
     lag = p.sid_stages * math.degrees(math.atan(abs(p.split_hz) / p.sid_hz))
@@ -217,14 +218,14 @@ def warnings(p: Parts, a: Advice):
         )
     if a.peak_db is not None and a.peak_db > WARN["peak_db"]:
         said.append(f"closed-loop peak {a.peak_db:.1f} dB at {a.peak_hz:.1f} Hz is above {WARN['peak_db']:g} dB")
-    low_hz, high_hz = WARN["bandwidth_low_hz"], WARN["bandwidth_high_hz"]
+    low_hz, high_hz = band_hz
     if a.bandwidth_hz is not None and not low_hz <= a.bandwidth_hz <= high_hz:
         said.append(f"bandwidth {a.bandwidth_hz:.1f} Hz is outside {low_hz:g} .. {high_hz:g} Hz")
     if a.ring_tau_s is not None and a.ring_tau_s > WARN["ring_tau_s"]:
         said.append(f"the split rings for {a.ring_tau_s:.2f} s (tau), longer than {WARN['ring_tau_s']:g} s")
     if a.split_db is not None and a.split_db > WARN["split_db"]:
         said.append(f"{a.split_db:+.1f} dB at {a.ring_hz:.1f} Hz is above {WARN['split_db']:g} dB: vibration will show")
-    turn_deg = math.degrees(p.ye1_rad + p.xe2_rad)
+    turn_deg = math.remainder(math.degrees(p.ye1_rad - p.sense_turn_rad + p.xe2_rad), 360.0)
     if abs(turn_deg) > WARN["leak_deg"]:
         off, leak = 100 / math.cos(lp.DEG * turn_deg) - 100, 100 * math.tan(lp.DEG * turn_deg)
         said.append(
@@ -240,10 +241,10 @@ def warnings(p: Parts, a: Advice):
     return tuple(said)
 
 
-def advise(p: Parts):
-    """`Advice` with its warnings."""
+def advise(p: Parts, band_hz=BAND_HZ):
+    """`Advice` with its warnings; `band_hz` is where the bandwidth should be."""
     a = analyse(p)
-    return a._replace(warnings=warnings(p, a))
+    return a._replace(warnings=warnings(p, a, band_hz))
 
 
 # ---- maps ------------------------------------------------------------------------------------------------------------

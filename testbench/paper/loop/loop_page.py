@@ -40,7 +40,7 @@ class Study:
     def __init__(self, config):
         self.config = config
         self.parts = parts(config)
-        self.advice = advisor.advise(self.parts)
+        self.advice = advisor.advise(self.parts, advisor.BAND_HZ if config.of_paper else (0.0, math.inf))
         self.rest = limit_cycles.resolution(self.parts) if self.advice.stable else None
         self.notch = notch.effect(self.parts) if self.advice.stable else None
         self.simulated = self.step = self.still = None
@@ -182,11 +182,14 @@ def misprint_table(y, w_d, m_c, ye1_rad):
     return Table("Misprints of the paper", heads, rows, numeric=(4, 5))
 
 
-MAPS = (
-    ("sid_hz", np.geomspace(20, 400, 26), "split_hz", np.geomspace(30, 400, 26)),
-    ("crossover", np.geomspace(0.2, 6, 26), "sid_hz", np.geomspace(20, 400, 26)),
-    ("zero", np.geomspace(0.1, 10, 26), "crossover", np.geomspace(0.2, 6, 26)),
-)
+
+
+def maps(p):
+    """(x, values, y, values) of the three maps: the SID corner beside the split, and factors on the loop."""
+    split = np.geomspace(0.22, 2.9, 26) * p.split_hz
+    sid = np.geomspace(0.14, 2.9, 26) * abs(p.split_hz)
+    gain, zero = np.geomspace(0.2, 6, 26), np.geomspace(0.1, 10, 26)
+    return ("sid_hz", sid, "split_hz", split), ("crossover", gain, "sid_hz", sid), ("zero", zero, "crossover", gain)
 
 
 def write(study, folder, progress=None, coarse=1, parameters=sensitivity.PARAMETERS):
@@ -196,7 +199,7 @@ def write(study, folder, progress=None, coarse=1, parameters=sensitivity.PARAMET
 
     p, a = study.parts, study.advice
     pictures, shown = [], tables(study)
-    found = [advisor.stability_map(p, x, xs[::coarse], y, ys[::coarse], progress) for x, xs, y, ys in MAPS]
+    found = [advisor.stability_map(p, x, xs[::coarse], y, ys[::coarse], progress) for x, xs, y, ys in maps(p)]
     here = {"sid_hz": p.sid_hz, "split_hz": p.split_hz, "crossover": 1.0, "zero": 1.0}
     pictures.append(
         (

@@ -78,13 +78,17 @@ class Effect(NamedTuple):
     left_db: dict  # ring frequency off by so many Hz -> what is left of it (dB)
 
 
-def effect(p: Parts, width_hz=20.0, centre_hz=None, off_hz=(0, 1, 2, 5, 10)):
-    """`Effect` of a notch at `centre_hz`, or at the ring of these parts; None if they do not ring or are unstable."""
+def effect(p: Parts, width_hz=None, centre_hz=None, off_hz=(0, 1, 2, 5, 10)):
+    """`Effect` of a notch at `centre_hz`, or at the ring of these parts; None if they do not ring or are unstable.
+
+    width_hz  of the notch; 20 Hz, or half the centre where that is less
+    """
     loop = lp.close(p)
     ring = advisor.ring(loop, p.split_hz)
     if ring is None or lp.radius(loop) >= 1:
         return None
     centre_hz = centre_hz or ring.hz
+    width_hz = width_hz or min(20.0, centre_hz / 2)
     notch = design(centre_hz, width_hz)
     time_s, words = step_words(p)
     dc = abs(advisor.rest_gain(loop))
