@@ -16,17 +16,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analog_frontend.parts import sid
 from testbench.config import changed
 from testbench.config import from_dict as config_of
-from testbench.design import frequency_plan, rate_loop, ranges, start_up
+from testbench.design import drive_loops, frequency_plan, rate_loop, ranges, start_up
 from testbench.errors import ConfigError
 from testbench.paper.loop import advisor, limit_cycles
 from testbench.paper.loop import loop as lp
 from testbench.paper.loop.parts import parts
 from testbench.run.budget import budget, lock_frequency_hz
 
-DRIVE_BY_SID, ZERO_BY_CROSSOVER = 0.06, 0.2
 QUADRATURE_BY_BANDWIDTH = (0.04, 0.08, 0.16)
 AMPLITUDE_STEP_UM = 0.01
 WIDER = (1.02, 1.2, 1.5, 2.0)  # times the split that would be in proportion to the bandwidth
@@ -63,8 +61,6 @@ class _Draft:
         self.fixed = set(file.firmware.model_fields_set)
         nominal = file.nominal.model_dump()
         firmware = {k: getattr(file.firmware, k) for k in self.fixed}
-        if nominal["fy_hz"] > nominal["fx_hz"] and "phase_sense_ref_deg" not in firmware:
-            firmware["phase_sense_ref_deg"] = 180.0
         self.config = config_of({"nominal": nominal, "firmware": firmware}, source)
 
     def set(self, **keys):
@@ -119,8 +115,7 @@ def _compensate(draft):
     plain = changed(draft.config, {f"firmware.{k}": 0.0 for k in WORDS})
     phases = budget(plain, frequency_hz=_lock_hz(plain))
     node, loop = phases.node_deg(), phases.loop_deg()
-    turned = 180.0 if draft.config.nominal.fy_hz > draft.config.nominal.fx_hz else 0.0
-    words = (node["xe1"], node["ye1"], -loop["xe2"], turned - loop["ye2"])
+    words = (node["xe1"], node["ye1"], -loop["xe2"], -loop["ye2"])
     draft.set(**dict(zip(WORDS, words)))
 
 
@@ -173,13 +168,12 @@ def _why(draft, tolerances, limits):
 
 
 def _drive_loops(draft):
-    """Crossovers and zeros of amplitude and frequency loop, by the SID's corner."""
-    n = draft.config.nominal
-    crossover = DRIVE_BY_SID * sid.corner_hz(n.sid_r_ohm * n.sid_c_f)
-    kind = type(draft.config.firmware)
-    for loop in ("agc", "pll"):
-        draft.set(**{f"{loop}_crossover_hz": _within(kind, f"{loop}_crossover_hz", crossover)})
-        draft.set(**{f"{loop}_zero_hz": _within(kind, f"{loop}_zero_hz", ZERO_BY_CROSSOVER * crossover)})
+    """Drive loops and words of the start-up."""
+    found = drive_loops.words(draft.config)
+    if found.failure:
+        draft.refuse(found.failure)
+    draft.set(**{key: _within(type(draft.config.firmware), key, value) for key, value in found.keys.items()})
+    return found
 
 
 def _start_up(draft):

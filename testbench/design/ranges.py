@@ -42,16 +42,21 @@ class Range(NamedTuple):
         return self.value / self.limit if self.limit > 0 else math.inf
 
 
+def _leak_rad(p):
+    # node phase ye1 counts from the sense pin, which the references' words turn against the drive's
+    return p.ye1_rad + p.xe2_rad - p.sense_turn_rad
+
+
 def leak_deg(config):
     """ye1 + xe2' (deg): the angle by which rate leaks into quadrature."""
     p = parts(config)
-    return math.degrees(p.ye1_rad + p.xe2_rad)
+    return math.degrees(_leak_rad(p))
 
 
 def ranges(config, target):
     """[Range, ...] of a configuration at the largest rate and quadrature of a target."""
     n, known, p = config.nominal, build.nominal(config), parts(config)
-    angle = p.ye1_rad + p.xe2_rad
+    angle = _leak_rad(p)
     root, by = math.sqrt(n.q_tolerance), 1 + n.transducer_tolerance
     rate = target.max_rate_deg_s
     bias = abs(p.dxy_n_s_per_m / (2 * p.coriolis_mass_kg)) * 180 / math.pi * root
@@ -61,8 +66,8 @@ def ranges(config, target):
     full = (n.quad_dac_span_v / known["null_v"]) ** 2 * own if known["null_v"] else math.inf
     w = 2 * math.pi * n.fx_hz
     hold_v = n.mass_kg * w**2 * config.firmware.amplitude_um * 1e-6 / n.qx * root / n.k_vf_drive_n_per_v
-    code_v = known["code_v_per_deg_s"] * by / (1 - n.split_tolerance)
-    um_per_dps = 1e6 * known["code_v_per_deg_s"] / (p.cv_v_per_m * 4 / math.pi) / (1 - n.split_tolerance)
+    code_v = abs(known["code_v_per_deg_s"]) * by / (1 - n.split_tolerance)
+    um_per_dps = 1e6 * abs(known["code_v_per_deg_s"]) / (p.cv_v_per_m * 4 / math.pi) / (1 - n.split_tolerance)
     found = [
         Range("force at the sense electrode", (rate + bias) / abs(math.cos(angle)) * known["word_v_per_deg_s"] * by,
               ROOM * n.sense_dac_span_v, "V", True, "lower max_rate_deg_s or the amplitude"),

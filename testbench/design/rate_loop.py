@@ -33,7 +33,7 @@ CORNER_BY_SPLIT = 0.2, 1.2
 ZEROS_BY_SPLIT = np.geomspace(0.15, 3.0, 14)
 BANDWIDTHS_BY_SPLIT = np.geomspace(0.004, 0.8, 60)
 HALF_POWER_DB = 20 * math.log10(0.5) / 2
-QSC_BY_BANDWIDTH = 1 / 25
+NEARLY = 0.9
 
 
 class Limits(NamedTuple):
@@ -109,14 +109,14 @@ def opened(p, hz):
     return Opened(hz, word, rate, float(abs(low[1][0] / low[0][0])), p, frame)
 
 
-def controller(hz, zero_hz):
-    """C(z) for an integral gain of 1 word per code and second."""
-    z = np.exp(2j * math.pi * np.asarray(hz) * FRAME_S)
-    return 1 / (2 * math.pi * zero_hz) + FRAME_S / (1 - 1 / z)
+def controller(o, zero_hz):
+    """C(z) for an integral gain of 1 word per code and second, with the sign that the board's firmware has."""
+    z = np.exp(2j * math.pi * o.hz * FRAME_S)
+    return math.copysign(1.0, o.p.word_ki) * (1 / (2 * math.pi * zero_hz) + FRAME_S / (1 - 1 / z))
 
 
 def gain_of_bandwidth(o, c, at):
-    """Integral gain at which the response at grid point `at` is 3 dB below rest; NaN if there is none."""
+    """Size of the integral gain at which the response at grid point `at` is 3 dB below rest; NaN if there is none."""
     cp, cd = c[at] * o.word[at], c[at] * o.rate[at]
     square = 2 * abs(cd) ** 2 / o.rest**2 - abs(cp) ** 2
     roots = np.roots([square, 2 * cp.real, -1.0])
@@ -135,7 +135,8 @@ def modulus(o, c, gain):
 
 
 def with_gains(p, gain, zero_hz):
-    """Parts with a PI of this integral gain (word per code and second) and zero (Hz)."""
+    """Parts with a PI of this integral gain (word per code and second, without its sign) and zero (Hz)."""
+    gain = math.copysign(gain, p.word_ki)
     return p._replace(word_ki=gain * FRAME_S, word_kp=gain / (2 * math.pi * zero_hz))
 
 
@@ -193,7 +194,7 @@ class Met(NamedTuple):
 def point(b, zero_hz, at, limits):
     """`Met` for a board, a zero and the grid point of the bandwidth; None where no gain gives that bandwidth."""
     o = b.nominal
-    c = controller(o.hz, zero_hz)
+    c = controller(o, zero_hz)
     gain = gain_of_bandwidth(o, c, at)
     if not gain > 0:
         return None
@@ -221,16 +222,21 @@ def worst_modulus(met):
     """Least |1 + L| over the corners of the tolerances, gains kept; 0 if a corner is unstable."""
     least = met.modulus
     for o, factor in met.board.corners:
-        least = min(least, modulus(o, controller(o.hz, met.zero_hz), met.gain * factor))
+        least = min(least, modulus(o, controller(o, met.zero_hz), met.gain * factor))
     return least
 
 
 def best(mets, limits):
-    """(Met, least |1 + L| at the corners) of the most robust of some points, or None."""
-    ranked = sorted(((worst_modulus(m), m) for m in mets), key=lambda pair: -pair[0])
+    """(Met, least |1 + L| at the corners) of the best of some points, or None.
+
+    Of those within NEARLY of the most robust, the one with the fastest SID: start-up and drive loops wait for it.
+    """
+    found = [(worst_modulus(m), m) for m in mets]
+    enough = max(NEARLY * max((worst for worst, _ in found), default=0.0), limits.modulus_at_corners)
+    ranked = sorted(found, key=lambda pair: (pair[0] < enough, pair[1].board.sid_c_f, -pair[0]))
     for worst, m in ranked:
         if worst < limits.modulus_at_corners:
-            return None
+            continue
         stable = [is_stable(m.board.nominal, m.gain, m.zero_hz)]
         stable += [is_stable(o, m.gain * factor, m.zero_hz) for o, factor in m.board.corners]
         if all(stable):
@@ -244,8 +250,8 @@ def choose(config, bands, bandwidth_hz, limits):
     if found is None:
         return None
     m, worst = found
-    per_hz = m.board.nominal.p.word_ki / FRAME_S / config.firmware.ftr_crossover_hz
-    return Choice(m.board.sid_c_f, m.gain / per_hz, m.zero_hz, m.bandwidth_hz, m.peak_db, m.modulus, worst)
+    per_hz = abs(m.board.nominal.p.word_ki) / FRAME_S / config.firmware.ftr_crossover_hz
+    return Choice(m.board.sid_c_f, float(m.gain / per_hz), m.zero_hz, m.bandwidth_hz, m.peak_db, m.modulus, worst)
 
 
 def most(bands, limits):
