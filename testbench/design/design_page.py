@@ -3,8 +3,11 @@
 Source  docs/design_of_loops.md
 """
 
+import numpy as np
+
+from testbench.config import to_toml
 from testbench.console.table import Table
-from testbench.design import ranges
+from testbench.design import ranges, rate_loop
 
 CHOSEN = (
     "amplitude_um",
@@ -108,3 +111,29 @@ def as_json(result):
         "plan": [{**m._asdict(), "kept": m.kept} for m in result.plan],
         "warnings": list(result.warnings),
     }
+
+
+def write(result, folder, progress=None, cells=9):
+    """design.html in `folder`: tables, open and closed loop, margins over bandwidth and split."""
+    from testbench.console import report
+    from testbench.design import design_pictures
+    from testbench.paper.loop import loop_pictures
+    from testbench.paper.loop.parts import parts
+
+    config, p = result.config, parts(result.config)
+    split, bandwidth = abs(config.nominal.fx_hz - config.nominal.fy_hz), result.choice.bandwidth_hz
+    reach = np.geomspace(1 / 4, 4, cells)
+    found = rate_loop.margin_map(config, bandwidth * reach, split * reach, result.limits, progress)
+    pictures = [
+        (
+            "The best loop for each bandwidth and split, its SID capacitor included. Grey: no loop is stable within the "
+            "peak and the modulus margin. Star: this design.",
+            design_pictures.margins(found, (bandwidth, split)),
+        ),
+        ("Open loop of this design, with its margins.", loop_pictures.bode(p, result.advice)),
+        ("Closed loop of this design.", loop_pictures.closed(p)),
+    ]
+    path = folder / "design.html"
+    notes = result.warnings or ("nothing to mind",)
+    report.write_html(path, "Design", tables(result), pictures, notes, [("configuration", to_toml(config))])
+    return path

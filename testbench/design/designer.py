@@ -14,8 +14,6 @@ Source  docs/design_of_loops.md
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from testbench.config import changed
 from testbench.config import from_dict as config_of
 from testbench.design import drive_loops, frequency_plan, rate_loop, ranges, start_up
@@ -28,7 +26,6 @@ from testbench.run.budget import budget, lock_frequency_hz
 QUADRATURE_BY_BANDWIDTH = (0.04, 0.08, 0.16)
 AMPLITUDE_STEP_UM = 0.01
 WIDER = (1.02, 1.2, 1.5, 2.0)  # times the split that would be in proportion to the bandwidth
-PEAK_ROOM, BANDWIDTH_ROOM = 0.3, 0.03  # by which a prediction may be missed (dB, part)
 
 
 class Result(NamedTuple):
@@ -45,6 +42,7 @@ class Result(NamedTuple):
     plan: list
     budget: object
     amplitude_bound: str
+    limits: rate_loop.Limits
 
     @property
     def warnings(self):
@@ -134,11 +132,15 @@ def _check_ranges(draft):
             draft.refuse(f"{r.what}: {r.value:.4g} {r.unit} is above the limit {r.limit:.4g} {r.unit}; {r.remedy}")
 
 
+def _limits(target):
+    return rate_loop.Limits(target.peak_db, target.modulus_margin)
+
+
 def _rate_loop(draft):
     """Choose SID capacitor, crossover and zero of the rate loop; refuse with the constraint that stops it."""
     target, config = draft.target, draft.config
     tolerances = _tolerances(config.nominal)
-    limits = rate_loop.Limits(target.peak_db - PEAK_ROOM / 2, target.modulus_margin)
+    limits = _limits(target)
     if target.keep_sid:
         bands = [rate_loop.board(config, config.nominal.sid_c_f, tolerances, target.bandwidth_hz)]
     else:
@@ -178,18 +180,22 @@ def _drive_loops(draft):
 
 def _start_up(draft):
     """Choose the quadrature loop's crossover; returns (nominal, slowest, promised) of the start-up."""
-    target, kind, found = draft.target, type(draft.config.firmware), None
+    target, kind = draft.target, type(draft.config.firmware)
+    drives = [start_up.driven(c) for c in (draft.config, *start_up.corners(draft.config))]
     for ratio in QUADRATURE_BY_BANDWIDTH:
         draft.set(qsc_crossover_hz=_within(kind, "qsc_crossover_hz", ratio * target.bandwidth_hz))
-        found = start_up.promise(draft.config)
-        if found[2] is not None and found[2] <= target.startup_s:
-            return found
-    nominal, slowest, promised = found
+        boards = (draft.config, *start_up.corners(draft.config))
+        found = [start_up.completed(*pair) for pair in zip(drives, boards)]
+        slowest = start_up.slowest(found)
+        promised = start_up.promised_s(slowest)
+        if promised is not None and promised <= target.startup_s:
+            return found[0], slowest, promised
     if promised is None:
         draft.refuse(f"start-up: {slowest.failure} on a board of the tolerances")
     draft.refuse(
-        f"target.startup_s = {target.startup_s:g} s is below {promised:.3g} s, what the slowest board of the tolerances "
-        f"needs; power-up to search {slowest.reached_s:.2g} s, drive locked {slowest.drive_s:.3g} s"
+        f"target.startup_s = {target.startup_s:g} s is below {promised:.3g} s, which the slowest board of the tolerances "
+        f"needs: {slowest.reached_s:.3g} s to {100 * draft.config.firmware.acquire_share:.0f} % of the amplitude, "
+        f"{slowest.drive_s:.3g} s to the drive's lock"
     )
 
 
@@ -222,4 +228,5 @@ def design(file, source="target"):
         frequency_plan.plan(n.device(), target.bandwidth_hz, n.f_tolerance),
         budget(config, frequency_hz=_lock_hz(config)),
         bound,
+        _limits(target),
     )

@@ -1,12 +1,13 @@
 """Ranges: what each part of the chain must hold at the largest rate and quadrature, and how much it has.
 
-    force        (rate + bias) / cos(ye1 + xe2') in volts at the sense electrode, against the sense converter's span
+    force        (rate + bias) / cos(ye1 + xe2') in volts at the sense electrode, for the weakest transducer and pickoff,
+                 against the sense converter's span
     hold         m w^2 A / Q in volts at the drive electrode, for the least Q, against HOLD_SHARE of the drive's span
     V_q          quadrature +- rate tan(ye1 + xe2'), as a square of V_q: between 0 and the rail
     drive code   the set-point at the converter, which its loop holds whatever the pickoff's gain is
     sense code   rate, and quadrature, before their loops close
-    x            A times nominal over true gain of the pickoff, against the gap
-    y            the larger of rate and quadrature through the sense mode's stiffness, before the loops close
+    x            A times nominal over least gain of the pickoff, against the gap
+    y            rate and quadrature, a quarter of a turn apart, through the sense mode's stiffness, before the loops close
 
 Each is linear in the amplitude A but V_q, which does not depend on it: `most_amplitude_um` follows at once.
 Source  docs/design_of_loops.md
@@ -57,7 +58,11 @@ def ranges(config, target):
     """[Range, ...] of a configuration at the largest rate and quadrature of a target."""
     n, known, p = config.nominal, build.nominal(config), parts(config)
     angle = _leak_rad(p)
-    root, by = math.sqrt(n.q_tolerance), 1 + n.transducer_tolerance
+    root = math.sqrt(n.q_tolerance)
+    # signals are held, so a weak pickoff moves further; a weak transducer needs more volts
+    further = (1 + n.capacitor_tolerance) / (1 - n.transducer_tolerance)
+    volts = further / (1 - n.transducer_tolerance)
+    seen = further * (1 + n.transducer_tolerance) / (1 - n.capacitor_tolerance) / (1 - n.split_tolerance)
     rate = target.max_rate_deg_s
     bias = abs(p.dxy_n_s_per_m / (2 * p.coriolis_mass_kg)) * 180 / math.pi * root
     own = known["null_deg_per_s"]
@@ -66,12 +71,12 @@ def ranges(config, target):
     full = (n.quad_dac_span_v / known["null_v"]) ** 2 * own if known["null_v"] else math.inf
     w = 2 * math.pi * n.fx_hz
     hold_v = n.mass_kg * w**2 * config.firmware.amplitude_um * 1e-6 / n.qx * root / n.k_vf_drive_n_per_v
-    code_v = abs(known["code_v_per_deg_s"]) * by / (1 - n.split_tolerance)
-    um_per_dps = 1e6 * abs(known["code_v_per_deg_s"]) / (p.cv_v_per_m * 4 / math.pi) / (1 - n.split_tolerance)
+    code_v = abs(known["code_v_per_deg_s"]) * seen
+    um_per_dps = 1e6 * abs(known["code_v_per_deg_s"]) / abs(p.cv_v_per_m * p.sid_gain) * further / (1 - n.split_tolerance)
     found = [
-        Range("force at the sense electrode", (rate + bias) / abs(math.cos(angle)) * known["word_v_per_deg_s"] * by,
+        Range("force at the sense electrode", (rate + bias) / abs(math.cos(angle)) * abs(known["word_v_per_deg_s"]) * volts,
               ROOM * n.sense_dac_span_v, "V", True, "lower max_rate_deg_s or the amplitude"),
-        Range("force that holds the drive", hold_v * by, HOLD_SHARE * n.drive_dac_span_v, "V", True, "lower the amplitude"),
+        Range("force that holds the drive", abs(hold_v) * volts, HOLD_SHARE * n.drive_dac_span_v, "V", True, "lower the amplitude"),
         Range("quadrature and leaking rate against V_q's rail", quadrature + leak, ROOM * full, "deg/s", False,
               "compensate = true, or lower max_rate_deg_s or max_quadrature_deg_s"),
         Range("leaking rate against V_q = 0", leak, ROOM * own, "deg/s", False, "compensate = true, or lower max_rate_deg_s"),
@@ -84,8 +89,8 @@ def ranges(config, target):
     ]  # fmt: skip
     if target.gap_um is not None:
         most = target.gap_share * target.gap_um
-        moved = max(rate, quadrature) * um_per_dps
-        x_um = config.firmware.amplitude_um / (1 - n.transducer_tolerance)
+        moved = math.hypot(rate, quadrature) * um_per_dps
+        x_um = config.firmware.amplitude_um * further
         found.append(Range("displacement x against the gap", x_um, most, "um", True, "lower the amplitude"))
         found.append(Range("displacement y against the gap, loop open", moved, most, "um", True, "lower the amplitude"))
     return found

@@ -8,7 +8,7 @@
     admitted             first crossing of -3 dB is at f, peak and least |1 + L| within their limits, poles inside
     chosen               the largest least |1 + L| over the corners of the tolerances
 
-    corners     of split, SID capacitors, and loop gain (two transducers, the capacitor's charge not counted)
+    corners     of split, SID capacitors, and loop gain (force transducer, pickoff with its capacitors)
     capacitors  E12, for the board's resistor: corners from a fifth of the split to 1.2 times it
 
 At the split the integrator lags by 90 deg and the SID by 3 atan(split / corner). Together they must lie between 180 and
@@ -159,17 +159,22 @@ def with_capacitor(config, sid_c_f):
     return changed(config, {"nominal.sid_c_f": sid_c_f})
 
 
+def gain_factors(tolerances):
+    """Least and largest loop gain over nominal: force transducer, and pickoff with its capacitors."""
+    t, c = tolerances.transducer, tolerances.capacitor
+    return (1 - t) ** 2 / (1 + c), (1 + t) ** 2 / (1 - c)
+
+
 def board(config, sid_c_f, tolerances, *more_hz):
-    """`Board` of a configuration."""
+    """`Board` of a configuration; without tolerances it has no corners."""
     p = parts(with_capacitor(config, sid_c_f))
     o = opened(p, grid(p, *more_hz))
     corners = []
-    for split_by, sid_by in itertools.product((-1, 1), (-1, 1)):
-        q = advisor.varied(
-            p, split_hz=p.split_hz * (1 + split_by * tolerances.split), sid_hz=p.sid_hz / (1 + sid_by * tolerances.capacitor)
-        )
+    for split_by, sid_by in itertools.product((-1, 1), (-1, 1)) if tolerances else ():
+        split_hz, sid_hz = p.split_hz * (1 + split_by * tolerances.split), p.sid_hz / (1 + sid_by * tolerances.capacitor)
+        q = advisor.varied(p, split_hz=split_hz, sid_hz=sid_hz)
         at = opened(q, grid(q))
-        corners += [(at, (1 + by * tolerances.transducer) ** 2) for by in (-1, 1)]
+        corners += [(at, factor) for factor in gain_factors(tolerances)]
     return Board(sid_c_f, o, corners)
 
 
@@ -262,3 +267,58 @@ def most(bands, limits):
         if best(kept(bands, ratio * split, limits), limits):
             return float(ratio * split)
     return 0.0
+
+
+# ---- margins on a grid -----------------------------------------------------------------------------------------------
+
+
+class Margins(NamedTuple):
+    """Gain margin upwards (dB) and least phase margin (deg) of a loop; infinite where nothing is crossed."""
+
+    gain_db: float
+    phase_deg: float
+
+
+def margins(o, zero_hz, gain):
+    """`Margins` of an opened loop, linear between the points of its grid."""
+    back = -gain * controller(o, zero_hz) * o.word
+    size, turn = np.log(np.abs(back)), np.angle(-back)
+    k = np.flatnonzero(np.sign(size[1:]) != np.sign(size[:-1]))
+    part = size[k] / (size[k] - size[k + 1])
+    phase = np.abs(turn[k] + part * np.angle(back[k + 1] / back[k]))
+    j = np.flatnonzero((np.sign(turn[1:]) != np.sign(turn[:-1])) & (np.abs(turn[1:] - turn[:-1]) < math.pi))
+    share = turn[j] / (turn[j] - turn[j + 1])
+    level = size[j] + share * (size[j + 1] - size[j])
+    up = -level[level < 0]
+    return Margins(
+        float(np.min(up) * 20 / math.log(10)) if len(up) else math.inf,
+        float(np.degrees(np.min(phase))) if len(phase) else math.inf,
+    )
+
+
+class MarginMap(NamedTuple):
+    """Margins of the best loop for each (split, bandwidth); NaN where no loop keeps the peak and is stable."""
+
+    bandwidth_hz: np.ndarray
+    split_hz: np.ndarray
+    gain_db: np.ndarray  # (split, bandwidth)
+    phase_deg: np.ndarray
+
+
+def margin_map(config, bandwidths_hz, splits_hz, limits, progress=None):
+    """`MarginMap` of a board with other splits: each cell is designed, SID capacitor included."""
+    shape = len(splits_hz), len(bandwidths_hz)
+    found = MarginMap(np.asarray(bandwidths_hz), np.asarray(splits_hz), np.full(shape, np.nan), np.full(shape, np.nan))
+    sign = math.copysign(1.0, config.nominal.fx_hz - config.nominal.fy_hz)
+    for row, split in enumerate(splits_hz):
+        other = changed(config, {"nominal.fy_hz": float(config.nominal.fx_hz - sign * split)})
+        bands = boards(other, None, *bandwidths_hz)
+        for column, bandwidth in enumerate(bandwidths_hz):
+            ranked = sorted(kept(bands, bandwidth, limits), key=lambda m: -m.modulus)
+            m = next((m for m in ranked if is_stable(m.board.nominal, m.gain, m.zero_hz)), None)
+            if m is not None:
+                at = margins(m.board.nominal, m.zero_hz, m.gain)
+                found.gain_db[row, column], found.phase_deg[row, column] = at
+        if progress:
+            progress("margins over bandwidth and split", row + 1, len(splits_hz))
+    return found

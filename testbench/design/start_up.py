@@ -27,6 +27,8 @@ from testbench.run import build
 
 MARGIN = 1.1
 LIMIT_S = 60.0
+BLOCK = 64  # frames that one product plays
+BETWEEN_STATES = 3  # frames from power-up to the kick that no timer counts
 COEF = 2.0**pi.COEF.f
 
 
@@ -120,55 +122,87 @@ def _drive_locked(p, control, drive, word_hz, setpoint):
     return reached, None
 
 
+def _sense_codes(config):
+    """Yield |sine and cosine code| (BLOCK, 2) of the linear loops, frame by frame from BALANCE on."""
+    q = parts(config)
+    frame, gains = lp.frame(q), lp.gains(q)
+    a, b, codes, codes_b = lp.assemble(frame, gains)
+    inputs = np.array([q.dxy_n_s_per_m / (2 * q.coriolis_mass_kg), q.kxy_n_per_m, *q.sid_offset_v])
+    still = lp.Loop(*lp.assemble(frame, gains, 0.0, 0.0)[:2], None, None, None)
+    n = len(a)
+    # constant inputs as one more state, so that a block of frames is one product
+    whole, seen = np.eye(n + 1), np.zeros((2, n + 1))
+    whole[:n, :n], whole[:n, n] = a, b @ inputs
+    seen[:, :n], seen[:, n] = codes, codes_b @ inputs
+    rows, power = [], np.eye(n + 1)
+    for _ in range(BLOCK):
+        rows.append(seen @ power)
+        power = whole @ power
+    state = np.append(lp.rest(still, inputs), 1.0)
+    for _ in range(round(LIMIT_S * FRAME_HZ / BLOCK)):
+        yield np.abs(np.stack(rows) @ state)
+        state = power @ state
+
+
 def _balanced(p, config):
     """Frames from BALANCE to all four in lock; None if it takes longer than LIMIT_S."""
-    q = parts(config)
-    loop = lp.close(q)
-    inputs = np.array([q.dxy_n_s_per_m / (2 * q.coriolis_mass_kg), q.kxy_n_per_m, *q.sid_offset_v])
-    still = lp.Loop(*lp.assemble(lp.frame(q), lp.gains(q), 0.0, 0.0)[:2], None, None, None)
-    state, forced = lp.rest(still, inputs), loop.b @ inputs
-    codes_forced = loop.codes_b @ inputs
-    good, locked = [0, 0], [False, False]
-    for n in range(round(LIMIT_S * FRAME_HZ)):
-        codes = np.abs(loop.codes @ state + codes_forced)
-        for k in range(2):
-            good[k] = good[k] + 1 if codes[k] <= p.lock.limit_in[2 + k] else 0
-            locked[k] = good[k] >= p.lock.frames_in[2 + k] or (locked[k] and codes[k] <= p.lock.limit_out[2 + k])
-        if all(locked):
-            return n
-        state = loop.a @ state + forced
+    good, locked, n = [0, 0], [False, False], 0
+    for block in _sense_codes(config):
+        for codes in block:
+            for k in range(2):
+                good[k] = good[k] + 1 if codes[k] <= p.lock.limit_in[2 + k] else 0
+                held = locked[k] and codes[k] <= p.lock.limit_out[2 + k]
+                locked[k] = held or good[k] >= p.lock.frames_in[2 + k]
+            if all(locked):
+                return n
+            n += 1
     return None
+
+
+class Driven(NamedTuple):
+    """The drive's part of a start-up: what does not depend on the sense loops."""
+
+    so_far: StartUp
+    frames: int
+
+
+def driven(config):
+    """`Driven` of the board [plant]: from power-on to the lock of the drive."""
+    control = build.firmware(config).control
+    p, setpoint = control.sequencer, _setpoint(config)
+    drive = _Drive(config, setpoint)
+    word_hz = config.firmware.nominal_frequency_hz
+    taken, found_hz, magnitude = _searched(p, drive, word_hz, control.agc.kick)
+    first = StartUp(found_hz, magnitude / setpoint * config.firmware.amplitude_um, None, None, None)
+    if magnitude < p.min_magnitude:
+        return Driven(first._replace(failure="the search finds no signal"), 0)
+    if abs(found_hz) > p.search_limit / frequency_tracker.WORD_PER_HZ:
+        return Driven(first._replace(failure="the search's correction is above its limit"), 0)
+    word_hz += found_hz
+    for _ in range(p.retune):
+        drive.step(word_hz, 0)
+    frames = p.power_up + p.init + p.recover + BETWEEN_STATES + taken + p.retune
+    reached, settled = _drive_locked(p, control, drive, word_hz, setpoint)
+    if settled is None:
+        what = "the amplitude does not reach its set-point" if reached is None else "the drive loops do not settle"
+        return Driven(first._replace(failure=what), 0)
+    ends = [(frames + n) * FRAME_S for n in (reached, settled)]
+    return Driven(first._replace(reached_s=ends[0], drive_s=ends[1]), frames + settled)
+
+
+def completed(before, config):
+    """`StartUp` behind a `Driven`, with the sense loops of a configuration."""
+    if before.so_far.failure:
+        return before.so_far
+    rest = _balanced(build.firmware(config).control.sequencer, config)
+    if rest is None:
+        return before.so_far._replace(failure="the sense loops do not settle")
+    return before.so_far._replace(lock_s=(before.frames + rest) * FRAME_S)
 
 
 def predict(config):
     """`StartUp` of the board [plant] with the firmware of [nominal]."""
-    firmware = build.firmware(config)
-    control = firmware.control
-    p = control.sequencer
-    setpoint = _setpoint(config)
-    drive = _Drive(config, setpoint)
-    word_hz = config.firmware.nominal_frequency_hz
-    before = p.power_up + p.init + p.recover + 3
-    taken, found_hz, magnitude = _searched(p, drive, word_hz, control.agc.kick)
-    seen_um = magnitude / setpoint * config.firmware.amplitude_um
-    limit_hz = p.search_limit / frequency_tracker.WORD_PER_HZ
-    if magnitude < p.min_magnitude:
-        return StartUp(found_hz, seen_um, None, None, None, "the search finds no signal")
-    if abs(found_hz) > limit_hz:
-        return StartUp(found_hz, seen_um, None, None, None, "the search's correction is above its limit")
-    word_hz += found_hz
-    for _ in range(p.retune):
-        drive.step(word_hz, 0)
-    frames = before + taken + p.retune
-    reached, settled = _drive_locked(p, control, drive, word_hz, setpoint)
-    if settled is None:
-        what = "the amplitude does not reach its set-point" if reached is None else "the drive loops do not settle"
-        return StartUp(found_hz, seen_um, None, None, None, what)
-    rest = _balanced(p, config)
-    ends = [(frames + n) * FRAME_S for n in (reached, settled)]
-    if rest is None:
-        return StartUp(found_hz, seen_um, *ends, None, "the sense loops do not settle")
-    return StartUp(found_hz, seen_um, *ends, ends[1] + rest * FRAME_S)
+    return completed(driven(config), config)
 
 
 def _setpoint(config):
@@ -191,9 +225,11 @@ def corners(config):
     return found
 
 
-def promise(config):
-    """(StartUp of the nominal board, slowest StartUp of the corners, promised seconds or None)."""
-    nominal = predict(config)
-    every = [nominal, *(predict(c) for c in corners(config))]
-    slowest = max(every, key=lambda s: math.inf if s.lock_s is None else s.lock_s)
-    return nominal, slowest, None if slowest.lock_s is None else MARGIN * slowest.lock_s
+def slowest(found):
+    """The latest lock of some start-ups; one that fails is later than all."""
+    return max(found, key=lambda s: math.inf if s.lock_s is None else s.lock_s)
+
+
+def promised_s(start_up):
+    """Time of lock (s) that the slowest start-up allows to promise; None if it fails."""
+    return None if start_up.lock_s is None else MARGIN * start_up.lock_s
