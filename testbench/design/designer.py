@@ -21,10 +21,12 @@ from testbench.errors import ConfigError
 from testbench.paper.loop import advisor, limit_cycles
 from testbench.paper.loop import loop as lp
 from testbench.paper.loop.parts import parts
+from testbench.run import build
 from testbench.run.budget import budget, lock_frequency_hz
 
 QUADRATURE_BY_BANDWIDTH = (0.04, 0.08, 0.16)
-AMPLITUDE_STEP_UM = 0.01
+STEPS_PER_UM = 100
+BANDWIDTH_ROOM, PEAK_ROOM_DB, MODULUS_ROOM = 0.03, 0.1, 0.95  # rounded coefficients and the grid of the search
 WIDER = (1.02, 1.2, 1.5, 2.0)  # times the split that would be in proportion to the bandwidth
 
 
@@ -60,6 +62,9 @@ class _Draft:
         nominal = file.nominal.model_dump()
         firmware = {k: getattr(file.firmware, k) for k in self.fixed}
         self.config = config_of({"nominal": nominal, "firmware": firmware}, source)
+        # gains that the formats hold, to begin with
+        self.set(ftr_crossover_hz=0.6 * file.target.bandwidth_hz, ftr_zero_hz=10 * file.target.bandwidth_hz)
+        self.set_quadrature(QUADRATURE_BY_BANDWIDTH[0] * file.target.bandwidth_hz)
 
     def set(self, **keys):
         """Change keys of [firmware] that are not fixed; keys of both boards are written `nominal__key`."""
@@ -68,8 +73,18 @@ class _Draft:
             if key.startswith("nominal__"):
                 values["nominal." + key.removeprefix("nominal__")] = value
             elif key not in self.fixed:
-                values[f"firmware.{key}"] = value
+                values[f"firmware.{key}"] = _within(type(self.config.firmware), key, value)
         self.config = changed(self.config, values)
+
+    def set_quadrature(self, crossover_hz):
+        """Set the quadrature loop's crossover, at most what the format of its gain holds."""
+        for halvings in range(12):
+            self.set(qsc_crossover_hz=crossover_hz / 2**halvings)
+            try:
+                return build.firmware(self.config)
+            except ValueError as problem:
+                said = problem
+        return self.refuse(str(said))
 
     def refuse(self, text):
         """ConfigError with the file's name in front."""
@@ -101,10 +116,10 @@ def _amplitude(draft):
     if scale:
         wanted = scale / abs(advisor.rest_gain(lp.close(parts(config))) * lp.DEG) * now
     if wanted is None:
-        wanted, reason = math.floor(most / AMPLITUDE_STEP_UM) * AMPLITUDE_STEP_UM, bound
+        wanted, reason = math.floor(most * STEPS_PER_UM) / STEPS_PER_UM, bound
     else:
         reason = "[target]"
-    draft.set(amplitude_um=_within(type(config.firmware), "amplitude_um", wanted))
+    draft.set(amplitude_um=wanted)
     return reason
 
 
@@ -137,7 +152,10 @@ def _limits(target):
 
 
 def _rate_loop(draft):
-    """Choose SID capacitor, crossover and zero of the rate loop; refuse with the constraint that stops it."""
+    """Choose SID capacitor, crossover and zero of the rate loop, and the drive loops with them.
+
+    Where a slow SID stops the drive's start-up, a faster one with less margin is tried.
+    """
     target, config = draft.target, draft.config
     tolerances = _tolerances(config.nominal)
     limits = _limits(target)
@@ -145,11 +163,16 @@ def _rate_loop(draft):
         bands = [rate_loop.board(config, config.nominal.sid_c_f, tolerances, target.bandwidth_hz)]
     else:
         bands = rate_loop.boards(config, tolerances, target.bandwidth_hz)
-    choice = rate_loop.choose(config, bands, target.bandwidth_hz, limits)
-    if choice is None:
-        draft.refuse(_why(draft, tolerances, limits))
-    draft.set(ftr_crossover_hz=choice.crossover_hz, ftr_zero_hz=choice.zero_hz, nominal__sid_c_f=choice.sid_c_f)
-    return choice
+    failure = ""
+    for nearly in rate_loop.NEARLY:
+        choice = rate_loop.choose(config, bands, target.bandwidth_hz, limits, nearly)
+        if choice is None:
+            draft.refuse(_why(draft, tolerances, limits))
+        draft.set(ftr_crossover_hz=choice.crossover_hz, ftr_zero_hz=choice.zero_hz, nominal__sid_c_f=choice.sid_c_f)
+        failure = _drive_loops(draft)
+        if not failure:
+            return choice
+    return draft.refuse(failure)
 
 
 def _why(draft, tolerances, limits):
@@ -170,20 +193,19 @@ def _why(draft, tolerances, limits):
 
 
 def _drive_loops(draft):
-    """Drive loops and words of the start-up."""
+    """Set drive loops and words of the start-up; returns what stops them, or ""."""
     found = drive_loops.words(draft.config)
-    if found.failure:
-        draft.refuse(found.failure)
-    draft.set(**{key: _within(type(draft.config.firmware), key, value) for key, value in found.keys.items()})
-    return found
+    if not found.failure:
+        draft.set(**found.keys)
+    return found.failure
 
 
 def _start_up(draft):
     """Choose the quadrature loop's crossover; returns (nominal, slowest, promised) of the start-up."""
-    target, kind = draft.target, type(draft.config.firmware)
+    target = draft.target
     drives = [start_up.driven(c) for c in (draft.config, *start_up.corners(draft.config))]
     for ratio in QUADRATURE_BY_BANDWIDTH:
-        draft.set(qsc_crossover_hz=_within(kind, "qsc_crossover_hz", ratio * target.bandwidth_hz))
+        draft.set_quadrature(ratio * target.bandwidth_hz)
         boards = (draft.config, *start_up.corners(draft.config))
         found = [start_up.completed(*pair) for pair in zip(drives, boards)]
         slowest = start_up.slowest(found)
@@ -199,22 +221,46 @@ def _start_up(draft):
     )
 
 
+def _check_loop(draft, advice):
+    """Refuse what the finished loop does not keep: a key that the user has fixed stands in the way."""
+    target = draft.target
+    fixed = ", ".join(sorted(draft.fixed)) or "none"
+    if not advice.stable:
+        draft.refuse(f"rate loop: {advice.warnings[0]}; fixed keys of [firmware]: {fixed}")
+    off = abs(advice.bandwidth_hz / target.bandwidth_hz - 1)
+    for what, value, limit, unit in (
+        ("off target.bandwidth_hz, as a part", off, BANDWIDTH_ROOM, ""),
+        ("closed-loop peak", advice.peak_db, target.peak_db + PEAK_ROOM_DB, " dB"),
+        ("1 - modulus margin", 1 - advice.modulus_margin, 1 - MODULUS_ROOM * target.modulus_margin, ""),
+    ):
+        if value > limit:
+            draft.refuse(
+                f"rate loop: {what}: {value:.3g}{unit} is above the limit {limit:.3g}{unit}; fixed keys of [firmware]: {fixed}"
+            )
+
+
 def design(file, source="target"):
     """`Result` for a `TargetFile`. Raises ConfigError with the constraint that stops it."""
+    try:
+        return _designed(file, source)
+    except ValueError as problem:  # of the designers of blocks and parts, too: name, value, limit
+        text = str(problem)
+        raise ConfigError(text if text.startswith(f"{source}: ") else f"{source}: {text}") from None
+
+
+def _designed(file, source):
     draft = _Draft(source, file)
     target = draft.target
     bound = _amplitude(draft)
     if target.compensate:
         _compensate(draft)
-    choice = _rate_loop(draft)
-    _drive_loops(draft)
     _check_ranges(draft)
+    choice = _rate_loop(draft)
     nominal, slowest, promised = _start_up(draft)
     config = draft.config
     p = parts(config)
     advice = advisor.advise(p)
-    if not advice.stable:
-        draft.refuse(advice.warnings[0])
+    _check_loop(draft, advice)
     n = config.nominal
     return Result(
         config,

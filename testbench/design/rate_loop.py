@@ -33,7 +33,7 @@ CORNER_BY_SPLIT = 0.2, 1.2
 ZEROS_BY_SPLIT = np.geomspace(0.15, 3.0, 14)
 BANDWIDTHS_BY_SPLIT = np.geomspace(0.004, 0.8, 60)
 HALF_POWER_DB = 20 * math.log10(0.5) / 2
-NEARLY = 0.9
+NEARLY = (0.9, 0.6, 0.0)  # parts of the most robust choice that are tried, one after the other
 
 
 class Limits(NamedTuple):
@@ -231,13 +231,13 @@ def worst_modulus(met):
     return least
 
 
-def best(mets, limits):
+def best(mets, limits, nearly=NEARLY[0]):
     """(Met, least |1 + L| at the corners) of the best of some points, or None.
 
-    Of those within NEARLY of the most robust, the one with the fastest SID: start-up and drive loops wait for it.
+    Of those within `nearly` of the most robust, the one with the fastest SID: start-up and drive loops wait for it.
     """
     found = [(worst_modulus(m), m) for m in mets]
-    enough = max(NEARLY * max((worst for worst, _ in found), default=0.0), limits.modulus_at_corners)
+    enough = max(nearly * max((worst for worst, _ in found), default=0.0), limits.modulus_at_corners)
     ranked = sorted(found, key=lambda pair: (pair[0] < enough, pair[1].board.sid_c_f, -pair[0]))
     for worst, m in ranked:
         if worst < limits.modulus_at_corners:
@@ -249,9 +249,9 @@ def best(mets, limits):
     return None
 
 
-def choose(config, bands, bandwidth_hz, limits):
+def choose(config, bands, bandwidth_hz, limits, nearly=NEARLY[0]):
     """`Choice` for a bandwidth that the boards have at a grid point, or None if no point keeps the limits."""
-    found = best(kept(bands, bandwidth_hz, limits), limits)
+    found = best(kept(bands, bandwidth_hz, limits), limits, nearly)
     if found is None:
         return None
     m, worst = found
@@ -262,7 +262,6 @@ def choose(config, bands, bandwidth_hz, limits):
 def most(bands, limits):
     """Largest bandwidth (Hz) of the boards' common range that keeps the limits; 0.0 if none does."""
     split = abs(bands[0].nominal.p.split_hz)
-    low, high = 0, len(BANDWIDTHS_BY_SPLIT) - 1
     for ratio in BANDWIDTHS_BY_SPLIT[::-1]:
         if best(kept(bands, ratio * split, limits), limits):
             return float(ratio * split)

@@ -25,7 +25,7 @@ from testbench.paper.loop import loop as lp
 from testbench.paper.loop.parts import FRAME_S, parts
 from testbench.run import build
 
-MARGIN = 1.1
+MARGIN = 1.05
 LIMIT_S = 60.0
 BLOCK = 64  # frames that one product plays
 BETWEEN_STATES = 3  # frames from power-up to the kick that no timer counts
