@@ -68,7 +68,11 @@ class Firmware(Section):
     search_min_v: float = number(0.00576, "V", 1e-6, 1.0, "pickoff signal at the ADC below which nothing is found")
     retune_s: float = number(0.03, "s", 0.000125, 8.0, "wait behind the search at the corrected frequency")
     acquire_share: float = number(
-        0.95, "", 0.1, 1.0, "part of the set-point at which the ring-up ends; without its integrator the loop must reach it"
+        0.95,
+        "",
+        0.1,
+        1.0,
+        "part of the set-point that ends the ring-up; the loop must reach it without its integrator",
     )
     acquire_timeout_s: float = number(2.0, "s", 0.1, 8.0, "longest ring-up to the set-point, and longest settling")
     drive_ceiling_v: float = number(

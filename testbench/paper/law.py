@@ -76,8 +76,8 @@ def _drive(config):
     return {
         "deg": deg,
         "frequency_hz": rows.mean("frequency_word") * MASTER_HZ / 2**48,
-        "drive_v": rows.mean("amplitude_word") / 2**23 * 10.0,
-        "quadrature_v": (rows.mean("quadrature_code") + 0.5) / 2**16 * 5.5,
+        "drive_v": rows.mean("amplitude_word") / 2**23 * config.plant.drive_dac_span_v,
+        "quadrature_v": (rows.mean("quadrature_code") + 0.5) / 2**16 * config.plant.quad_dac_span_v,
         "rate_word": rows.hann("rate_word"),
     }
 

@@ -1,9 +1,11 @@
 """A run from a configuration: power-on, lock, the scenario, and two diagnostic segments at its end.
 
-    start-up     until all four loops are locked (or `LOCK_LIMIT_S`), at the scenario's first rate and temperature
+    start-up     until all four loops are locked (or `lock_limit_s`), at the scenario's first rate and temperature
     scenario     its profiles, register writes and faults; time counts from lock
     rate step    150 deg/s, through zero if it can: scale factor and step response; 50 deg/s of force are left for ye1
     ye2          FTR word held, quadrature left open by 60 deg/s: a tone at y, and all four node phases are read
+
+These rates are smaller where the nominal board's range is, and times longer where its loops are slower (`pace`).
 
 The two segments are the diagnosis that a bench makes after its measurement; `[scenario] diagnose = false` omits them.
 Memory does not grow with the scenario: rows go to the disk, means to a tally. During the scenario checkpoints are
@@ -32,11 +34,12 @@ from testbench.run.tally import StartUp, Tally
 from testbench.storage import checkpoint, identity, inputs
 from testbench.storage.spool import Recording, Spool
 
-LOCK_LIMIT_S = 5.0
+LOCK_LIMIT_S = 5.0  # at the default loops' pace
 LOCK_STEP_TICKS = 25_000  # the scenario begins at the first multiple after lock
 STEP_DPS, STEP_S, STEP_TAIL_S = 150.0, 0.6, 0.25
 LEAST_DPS = 50.0  # of force, for ye1 to be read from
 OPEN_DPS, OPEN_S, PROBE_S = 60.0, 0.1, 0.3
+RANGE_PART = 0.2  # of the largest rate, and of the converter's range: no step is beyond it
 SHOWN_S = 0.05, 0.3  # of the rate step in the picture: before and after it
 SEGMENTS = ("start_up", "scenario", "diagnosis")
 
@@ -97,14 +100,33 @@ def faults_of(active):
     return engine.Faults(silent, status, channel, level, lost_bit, dac, dac_code, nan, sample, sample_code)
 
 
-def start(config, sim, rate_rad_s, temp_degc, progress=None, limit_s=LOCK_LIMIT_S):
+def pace(config):
+    """How many times longer than the default's loops the slowest of these takes to settle, 1 or more."""
+    default = type(config.firmware)()
+    names = (
+        "agc_crossover_hz",
+        "agc_zero_hz",
+        "pll_crossover_hz",
+        "pll_zero_hz",
+        "ftr_crossover_hz",
+        "qsc_crossover_hz",
+    )
+    return max(1.0, *(getattr(default, name) / getattr(config.firmware, name) for name in names))
+
+
+def lock_limit_s(config):
+    """How long a run waits for lock from power-on (s)."""
+    return LOCK_LIMIT_S * pace(config)
+
+
+def start(config, sim, rate_rad_s, temp_degc, progress=None, limit_s=None):
     """From power-on to lock: writes what the configuration sets, then waits. Returns the time of lock (s) or None."""
     sim.now = (np.array([rate_rad_s]), np.array([temp_degc]))
     seen = StartUp()
     sim.sinks.append(seen)
     for name, raw in sim.first_writes:
         sim.write(name, raw)
-    limit = round(limit_s * TICK_HZ)
+    limit = round((limit_s or lock_limit_s(config)) * TICK_HZ)
     while not sim.locked and sim.tick < limit:
         sim.advance(min(LOCK_STEP_TICKS, limit - sim.tick), rate_rad_s, temp_degc)
         if progress:
@@ -182,17 +204,20 @@ def diagnose(sim, rate_rad_s, temp_degc, progress=None):
             progress("diagnosis", part, 4)
 
     say(0)
+    known, device, slower = build.nominal(sim.config), sim.config.nominal_device(), pace(sim.config)
+    step_dps = min(STEP_DPS, RANGE_PART * device.sense_dac_span_v / abs(known["word_v_per_deg_s"]))
+    least_dps = LEAST_DPS / STEP_DPS * step_dps
     before_rate = rate_rad_s / DEG
-    after_rate = before_rate - math.copysign(STEP_DPS, before_rate)
-    if abs(after_rate) < LEAST_DPS:
-        after_rate -= math.copysign(LEAST_DPS, before_rate)
+    after_rate = before_rate - math.copysign(step_dps, before_rate)
+    if abs(after_rate) < least_dps:
+        after_rate -= math.copysign(least_dps, before_rate)
     tail = round(STEP_TAIL_S * TICK_HZ)
     watch = Watch("rate_word")
     sim.sinks.append(watch)
     sim.advance(tail, rate_rad_s, temp_degc)
     head = len(watch.values())
     frames = tail // FRAME_TICKS
-    sim.advance(round(STEP_S * TICK_HZ), after_rate * DEG, temp_degc)
+    sim.advance(round(STEP_S * slower * TICK_HZ), after_rate * DEG, temp_degc)
     sim.sinks.remove(watch)
     word = watch.values().astype(float)
     mean_before, mean_after = word[head - frames : head].mean(), word[-frames:].mean()
@@ -209,9 +234,9 @@ def diagnose(sim, rate_rad_s, temp_degc, progress=None):
     say(1)
     bank = sim.state.fpga.registers
     u = sim.state.fpga.control.quadrature_loop.loop.y
-    known = build.nominal(sim.config)
-    per_dps = quadrature_loop.u_of_volts(known["null_v"]) / known["null_deg_per_s"]
-    open_u = u - OPEN_DPS * per_dps if u > OPEN_DPS * per_dps else u + OPEN_DPS * per_dps
+    per_dps = quadrature_loop.u_of_volts(known["null_v"], device.quad_dac_span_v) / known["null_deg_per_s"]
+    open_dps = min(OPEN_DPS, RANGE_PART * known["adc_sense_v"] / abs(known["code_v_per_deg_s"]))
+    open_u = u - open_dps * per_dps if u > open_dps * per_dps else u + open_dps * per_dps
     sim.write("quadrature_fixed", int(min(open_u, 2**32 - 1)))
     sim.write("control", bank.control | sequencer.HOLD_FTR | sequencer.FIX_QSC)
     sim.advance(round(OPEN_S * TICK_HZ), after_rate * DEG, temp_degc)

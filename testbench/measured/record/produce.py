@@ -108,7 +108,7 @@ class Sitting:
         where = f"condition {c.id}, repeat {self.repeat}"
         self._stimulus(before)
         if simulate.start(self.config, board, before, temp) is None:
-            raise ConfigError(f"{where}: no lock within {simulate.LOCK_LIMIT_S:g} s")
+            raise ConfigError(f"{where}: no lock within {simulate.lock_limit_s(self.config):g} s")
         left = -board.tick % FRAME_TICKS
         if left:
             board.advance(left, before, temp)

@@ -25,6 +25,7 @@ PHASE_REGISTERS = ("phase_drive_sine", "phase_sense_sine", "phase_drive_ref", "p
 GATE_S, COUNTED_S, STAMP_S = 0.25, 1.0, 0.5
 OFFSET_HZ, OFFSET_WAIT_S, OFFSET_S = 80.0, 0.6, 1.0
 READY_S = 4.0  # all boards that lock are at this time together
+LARGEST_DPS, RANGE_PART = 500.0, 0.52  # largest rate of the procedures; part of a board's range that it may be
 
 
 class _Rows:
@@ -67,19 +68,28 @@ class Rows:
 class Bench:
     """One powered board.
 
-    config  what the board is; the procedure on the bench does not look into it
-    engine  name of an engine instead of that of the configuration
+    config   what the board is; the procedure on the bench does not look into it
+    engine   name of an engine instead of that of the configuration
+    drawing  the nominal board: what the procedure may know of the board
+    pace     how many times longer than the default's loops the slowest of this board takes to settle
+    slower   how many times slower than the default's the rate loop is, a whole number
+    part     part of the default's rates that is within this board's range
     Raises ConfigError if the board does not lock.
     """
 
     def __init__(self, config, rate_dps=0.0, temp_degc=25.0, engine=None):
         self._sim = Simulation(config, temp_degc, temp_degc, engine=engine)
         self._sim.keep_codes = self._sim.keep_rows = False
+        default = type(config.firmware)()
+        self.drawing, self.pace = config.nominal_device(), simulate.pace(config)
+        self.slower = max(1, round(default.ftr_crossover_hz / config.firmware.ftr_crossover_hz))
+        largest_dps = self.drawing.sense_dac_span_v / abs(build.nominal(config)["word_v_per_deg_s"])
+        self.part = min(1.0, RANGE_PART * largest_dps / LARGEST_DPS)
         self.rate_dps, self.temp_degc = rate_dps, temp_degc
         self.offset_codes = self._offsets(config)
         if simulate.start(config, self._sim, rate_dps * DEG, temp_degc) is None:
-            raise ConfigError("bench: the board does not lock within 5 s")
-        ready = round(READY_S * TICK_HZ)
+            raise ConfigError(f"bench: the board does not lock within {simulate.lock_limit_s(config):g} s")
+        ready = round(READY_S * self.pace * TICK_HZ)
         if self._sim.tick < ready:
             self._run(ready - self._sim.tick)
 
@@ -113,6 +123,10 @@ class Bench:
     def wait(self, seconds):
         """Let time pass."""
         self._run(round(seconds * TICK_HZ))
+
+    def settle(self, seconds):
+        """Wait as long as this board's loops need where the default's need `seconds`."""
+        self.wait(seconds * self.pace)
 
     def record(self, seconds, rate_dps=None):
         """`Rows` of the next seconds; `rate_dps` an array of one value per frame, or the table's rate."""

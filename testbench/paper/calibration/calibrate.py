@@ -21,7 +21,6 @@ from scipy import stats
 from scipy.optimize import brentq
 
 from analog_frontend.parts import sid
-from analog_frontend.parts.device import Device
 from fpga_model import cordic, sequencer
 from fpga_model.rates import MASTER_HZ
 from testbench.paper.calibration import grid
@@ -34,7 +33,7 @@ DETUNE_DEG, DETUNE_S = (35.0, 55.0, 45.0, 40.0, 50.0, 30.0), 3.0
 SCAN_DEG, SCAN_S = (-24.0, -16.0, -8.0, 0.0, 8.0, 16.0, 24.0), 1.0
 FORCE_WORD = 1 << 21  # a quarter of full scale
 COUNTER_TURNS_DEG = (-45.0, -15.0, 20.0, 50.0)
-SID_HZ = sid.corner_hz(Device().sid_r_ohm * Device().sid_c_f)  # of the drawing
+RING_PARTS = 0.29, 2.15  # of the drawing's split: where the ring is looked for
 NULL_S, CHOP_S, CHOP_SETTLE_S = 6.0, 5.0, 0.5
 CHOP_TURNS_DEG = (-50.0, -35.0, -20.0, 0.0, 15.0, 30.0, 45.0, 55.0)
 # at 95 % a batch of 20 boards has 19 covered with a probability of 0.74 only, at 99 % of 0.98
@@ -122,7 +121,7 @@ class TurnedReading:
         if degrees != self.at_deg:
             self.bench.advance_phase_deg("phase_drive_sine", degrees - self.at_deg)
             self.at_deg = degrees
-            self.bench.wait(SETTLE_S)
+            self.bench.settle(SETTLE_S)
 
 
 def _stamped(bench, rows, of="drive"):
@@ -146,7 +145,8 @@ def rung(bench, rows, omega):
     words, begun = _stamped(bench, rows)
     weights, step, x = grid.hann(len(rows)), omega * FRAME_S, rows["adc_sense_cos"].astype(float)
     seen = 2 * abs(np.sum(weights * (x - x.mean()) * np.exp(-1j * step * np.arange(len(x))))) / weights.sum()
-    ahead = abs(1 + 1j * omega / (2 * math.pi * SID_HZ)) ** sid.STAGES
+    corner_hz = sid.corner_hz(bench.drawing.sid_r_ohm * bench.drawing.sid_c_f)
+    ahead = abs(1 + 1j * omega / (2 * math.pi * corner_hz)) ** sid.STAGES
     line = grid.line_deg(words, weights, begun, bench.read("phase_sense_ref"), bench.grid_clocks, step)
     return seen * ahead * math.radians(line) / math.sqrt(2)
 
@@ -201,13 +201,13 @@ def minimum(bench):
     levels, turns, at = [], [], 0.0
     for turn in (*SCAN_DEG, *reversed(SCAN_DEG)):
         at = _stepped(bench, at, turn)
-        bench.wait(SETTLE_S - 0.5)
+        bench.settle(SETTLE_S - 0.5)
         rows = bench.stamped(SCAN_S)
         levels.append(math.log(rows.mean("amplitude_word")))
         turns.append(turn - late(bench, rows, np.ones(len(rows))).deg)
     _stepped(bench, at, 0.0)
     bench.set_control(0)
-    bench.wait(SETTLE_S)
+    bench.settle(SETTLE_S)
     # ln A_d = c - ln cos(psi + turn): linear in tan(psi) once the known cosine is taken out
     turn = np.radians(turns)
     y = np.array(levels) + np.log(np.cos(turn))
@@ -230,7 +230,7 @@ def _stepped(bench, at, turn):
     while abs(turn - at) > 1e-9:
         step = math.copysign(min(abs(turn - at), 12.0), turn - at)
         bench.advance_phase_deg("phase_drive_ref", step)
-        bench.wait(0.5)
+        bench.settle(0.5)
         at += step
     return at
 
@@ -250,21 +250,20 @@ def force_interval(bench, turns_deg=COUNTER_TURNS_DEG):
     """ye1 with a fixed sine of a quarter of full scale on the electrode."""
     _fix_sense(bench, 1.0)
     bench.write("rate_fixed", FORCE_WORD)
-    bench.wait(0.2)
+    bench.settle(0.2)
     found = interval(bench, "sense", turns_deg)
     bench.set_control(0)
-    bench.wait(SETTLE_S)
+    bench.settle(SETTLE_S)
     return found
 
 
-def ring(codes, frame_s=FRAME_S):
-    """Split (rad/s) and decay time (s) of the line that rings in a record; codes without their mean."""
+def ring(codes, split_hz, frame_s=FRAME_S):
+    """Split (rad/s) and decay time (s) of the line that rings in a record of codes, near the drawing's split."""
     x = codes - codes.mean()
     n = len(x)
     window = np.sin(np.pi * (np.arange(n) + 0.5) / n) ** 2
     spectrum = np.abs(np.fft.rfft(x * window, 4 * n))
-    low = int(40.0 * 4 * n * frame_s)
-    high = int(300.0 * 4 * n * frame_s)
+    low, high = (int(part * split_hz * 4 * n * frame_s) for part in RING_PARTS)
     top = low + int(np.argmax(spectrum[low:high]))
     a, b, c = np.log(spectrum[top - 1 : top + 2])
     omega = 2 * math.pi * (top + 0.5 * (a - c) / (a - 2 * b + c)) / (4 * n * frame_s)
@@ -285,14 +284,15 @@ def chop(bench, turns_deg=CHOP_TURNS_DEG):
     x stands on the drive's references, y is read by the sense's: the lateness of both counts, only while V_q is 0.
     y rings after each chop. Where a line of lateness meets the ring the mean of the codes is off: `rung`.
     """
-    word, u = _fix_sense(bench, NULL_S)
+    word, u = _fix_sense(bench, NULL_S * bench.pace)
+    split_hz = bench.drawing.fx_hz - bench.drawing.fy_hz
     turned, angles, left, opened, closed, rings = TurnedReading(bench), [], [], [], [], []
     for turn in turns_deg:
         turned.to(turn)
         levels, records = [], []
         for value in (u, 0, u):
             bench.write("quadrature_fixed", value)
-            bench.wait(CHOP_SETTLE_S)
+            bench.settle(CHOP_SETTLE_S)
             rows = bench.stamped(CHOP_S / 2 if value else CHOP_S)
             levels.append((rows.hann("adc_sense_sin"), rows.hann("adc_sense_cos")))
             records.append(rows)
@@ -301,22 +301,23 @@ def chop(bench, turns_deg=CHOP_TURNS_DEG):
         weights = grid.hann(len(records[1]))
         x, y = (late(bench, records[1], weights, channel) for channel in ("drive", "sense"))
         angles.append(math.degrees(math.atan((i1 - (i0 + i2) / 2) / moved)) - x.deg + y.deg)
-        rings.append(ring(records[1]["adc_sense_cos"].astype(float)))
+        rings.append(ring(records[1]["adc_sense_cos"].astype(float), abs(split_hz)))
         off = [share * rung(bench, rows, rings[-1][0]) for share, rows in zip((0.5, 1.0, 0.5), records)]
         left.append(math.hypot(x.sd_deg, y.sd_deg, math.degrees(math.hypot(*off) / moved)))
         opened.append(abs(q1))
         closed.append(abs(i0))
     turned.to(0.0)
     bench.set_control(0)
-    bench.wait(SETTLE_S)
+    bench.settle(SETTLE_S)
     split, decay_s = (float(np.median([r[j] for r in rings])) for j in range(2))
     drive = 2 * math.pi * bench.read("frequency") * MASTER_HZ / 2**48
+    split = math.copysign(split, split_hz)
     lead_deg = math.degrees(2 * drive / (decay_s * split * (2 * drive - split)))
     decay_spread = float(np.std([r[1] for r in rings])) / decay_s
     found = Readings(np.array(angles) + lead_deg - offset_deg(bench), np.array(left), lead_deg * decay_spread)
     seen = {
         "force_word": word,
-        "null_v": math.sqrt(u / 2**32) * 5.5,
+        "null_v": math.sqrt(u / 2**32) * bench.drawing.quad_dac_span_v,
         "quadrature_code": float(np.mean(opened)),
         "in_phase_code": float(np.mean(closed)),
         "split_hz": split / (2 * math.pi),
@@ -363,7 +364,7 @@ def one_pass(bench, compare, say=None, before=None):
             kept[node] = join_passes(before[node], kept[node])
         best[node] = kept[node].estimate()
         bench.advance_phase_deg(REGISTER[node], WORDS[node][REGISTER[node]] * (best[node].deg - there))
-        bench.wait(SETTLE_S)
+        bench.settle(SETTLE_S)
     # xe2 counts from x's force, ye2 from where x stands: their uncertainties add
     u = {node: e.uncertainty_deg for node, e in best.items()}
     total = u | {"xe2": math.hypot(u["xe2"], u["xe1"]), "ye2": math.hypot(u["ye2"], u["xe2"], u["xe1"])}

@@ -182,8 +182,6 @@ def misprint_table(y, w_d, m_c, ye1_rad):
     return Table("Misprints of the paper", heads, rows, numeric=(4, 5))
 
 
-
-
 def maps(p):
     """(x, values, y, values) of the three maps: the SID corner beside the split, and factors on the loop."""
     split = np.geomspace(0.22, 2.9, 26) * p.split_hz

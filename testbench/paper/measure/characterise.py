@@ -19,8 +19,6 @@ from testbench.paper.calibration.bench import Bench
 from testbench.paper.calibration.calibrate import SETTLE_S
 from testbench.paper.measure import measure_allan, measure_bandwidth, measure_scale
 
-QUAD_SPAN_V = 5.5  # full scale of the quadrature DAC, from its data sheet
-WORD_FULL_SCALE_V = 10.0
 WARM_S = 4.0
 PIECE_S = 20.0
 CURVES = ("scale_residual_ppm", "scale_words", "quadrature_v_of_rate", "tau_s", "adev_dps", "response_hz",
@@ -57,15 +55,16 @@ def characterise(config, say=None, engine=None, rest_s=None, temp_degc=None):
 
     told("start-up")
     bench = Bench(config, 0.0, temp_degc, engine)
-    bench.wait(WARM_S)
+    drawing = bench.drawing
+    bench.settle(WARM_S)
     told("22 rates")
     words, codes, flags = measure_scale.sweep(bench)
-    scale = measure_scale.fit(measure_scale.RATES_DPS, words)
+    scale = measure_scale.fit(measure_scale.rates_dps(bench), words)
     told("multisine and sweep")
     lines = measure_bandwidth.multisine(bench, scale.lsb_per_dps)
-    bench.wait(SETTLE_S)
+    bench.settle(SETTLE_S)
     swept = measure_bandwidth.swept(bench, scale.lsb_per_dps)
-    bench.wait(SETTLE_S)
+    bench.settle(SETTLE_S)
     told(f"{rest_s:g} s at rest")
     rest, means = at_rest(bench, rest_s)
     rate = rest / scale.lsb_per_dps
@@ -77,18 +76,18 @@ def characterise(config, say=None, engine=None, rest_s=None, temp_degc=None):
         "scale_sigma_lsb_per_dps": scale.sigma_lsb_per_dps,
         "nonlinearity_ppm": scale.nonlinearity_ppm,
         "asymmetry_ppm": scale.asymmetry_ppm,
-        "quadrature_v": (means["quadrature_code"] + 0.5) / 2**16 * QUAD_SPAN_V,
+        "quadrature_v": (means["quadrature_code"] + 0.5) / 2**16 * drawing.quad_dac_span_v,
         "bias_dps": float(rate.mean()),
         "bias_sigma_dps": None,
         "frequency_hz": means["frequency_word"] * MASTER_HZ / 2**48,
-        "drive_v": means["amplitude_word"] / 2**23 * WORD_FULL_SCALE_V,
+        "drive_v": means["amplitude_word"] / 2**23 * drawing.drive_dac_span_v,
         "bandwidth_hz": lines.bandwidth_hz,
         "bandwidth_swept_hz": swept.bandwidth_hz,
         "peak_db": max(lines.gain_db),
         "quadrature_railed": int(bool(flags & 1 << 6)),
         "scale_residual_ppm": list(scale.residual_ppm),
         "scale_words": words.tolist(),
-        "quadrature_v_of_rate": ((codes + 0.5) / 2**16 * QUAD_SPAN_V).tolist(),
+        "quadrature_v_of_rate": ((codes + 0.5) / 2**16 * drawing.quad_dac_span_v).tolist(),
         "response_hz": list(lines.frequency_hz),
         "response_db": list(lines.gain_db),
         "response_deg": list(lines.phase_deg),

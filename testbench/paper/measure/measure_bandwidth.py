@@ -3,6 +3,8 @@
     H(f) = word(f) / rate(f) / K              the rate of a frame counts at its middle, its row at its beginning
     bandwidth                                 where |H| passes -3.01 dB downwards, interpolated in log f
 
+Lines and sweep are those of the default's rate loop; with a loop n times slower they are n times lower and longer.
+
 The multisine has whole cycles in its record, so that its lines do not leak; phases are Schroeder's, for a low peak.
 Source    docs/paper.md
 """
@@ -43,14 +45,19 @@ def crossing_hz(frequency_hz, gain_db, level_db=HALF_DB):
     return math.nan
 
 
-def multisine_dps(frames, first=0):
+def multisine_dps(frames, first=0, slower=1):
     """Rate per frame of the multisine (deg/s), at the middle of each frame."""
     t = (first + np.arange(frames) + 0.5) * FRAME_S
     count = len(LINES_HZ)
     out = np.zeros(frames)
-    for k, f in enumerate(LINES_HZ):
+    for k, f in enumerate(lines_hz(slower)):
         out += LINE_DPS * np.cos(2 * np.pi * f * t - math.pi * k * (k - 1) / count)
     return out
+
+
+def lines_hz(slower=1):
+    """Lines of the multisine for a rate loop so many times slower than the default's."""
+    return np.array(LINES_HZ) / slower
 
 
 def _response(f, h, lsb_per_dps):
@@ -62,25 +69,26 @@ def _response(f, h, lsb_per_dps):
 
 def multisine(bench, lsb_per_dps):
     """`Response` from the multisine; gains are relative to `lsb_per_dps`."""
-    lead, frames = round(LEAD_S / FRAME_S), round(LINES_S / FRAME_S)
-    rows = bench.record(LEAD_S + LINES_S, multisine_dps(lead + frames + 2))
+    slower = bench.slower
+    lead, frames = slower * round(LEAD_S / FRAME_S), slower * round(LINES_S / FRAME_S)
+    rows = bench.record(slower * (LEAD_S + LINES_S), bench.part * multisine_dps(lead + frames + 2, 0, slower))
     words = rows["rate_word"][lead : lead + frames].astype(float)
     # rows of a segment begin with the first frame that begins in it
     k = lead + np.arange(frames)
-    f = np.array(LINES_HZ)
+    f = lines_hz(slower)
     word = np.exp(-2j * np.pi * np.outer(f, k * FRAME_S)) @ (words - words.mean())
-    rate = np.exp(-2j * np.pi * np.outer(f, (k + 0.5) * FRAME_S)) @ multisine_dps(frames, lead)
-    return _response(f, word / rate, lsb_per_dps)
+    rate = np.exp(-2j * np.pi * np.outer(f, (k + 0.5) * FRAME_S)) @ multisine_dps(frames, lead, slower)
+    return _response(f, word / (bench.part * rate), lsb_per_dps)
 
 
 def swept(bench, lsb_per_dps):
     """`Response` from a rate that is swept through the band; spectra smoothed over SMOOTH_HZ."""
-    frames = round(SWEEP_S / FRAME_S)
-    t = (np.arange(frames + 2) + 0.5) * FRAME_S
-    rate = SWEEP_DPS * signal.chirp(t, SWEEP_HZ[0], SWEEP_S, SWEEP_HZ[1], method="linear")
-    still = round(SWEEP_REST_S / FRAME_S)
+    slower = bench.slower
+    frames, still = slower * round(SWEEP_S / FRAME_S), slower * round(SWEEP_REST_S / FRAME_S)
+    t = (np.arange(frames + 2) + 0.5) * FRAME_S / slower
+    rate = bench.part * SWEEP_DPS * signal.chirp(t, SWEEP_HZ[0], SWEEP_S, SWEEP_HZ[1], method="linear")
     rate = np.concatenate([rate[:frames], np.zeros(still + 2)])
-    rows = bench.record(SWEEP_S + SWEEP_REST_S, rate)
+    rows = bench.record(slower * (SWEEP_S + SWEEP_REST_S), rate)
     words = rows["rate_word"].astype(float)
     n = min(len(words), frames + still)
     words = words[:n] - words[-still // 4 :].mean()
@@ -88,8 +96,8 @@ def swept(bench, lsb_per_dps):
     x, y = np.fft.rfft(rate[:n]), np.fft.rfft(words)
     # the rate of a frame counts at its middle
     cross = y * np.conj(x) * np.exp(1j * np.pi * f * FRAME_S)
-    width = max(1, round(SMOOTH_HZ * n * FRAME_S))
+    width = max(1, round(SMOOTH_HZ / slower * n * FRAME_S))
     window = np.ones(width) / width
     h = np.convolve(cross, window, "same") / np.convolve(np.abs(x) ** 2, window, "same")
-    centre = np.flatnonzero((f >= 2.0) & (f <= 60.0))[:: max(1, width // 2)]
+    centre = np.flatnonzero((f >= 2.0 / slower) & (f <= 60.0 / slower))[:: max(1, width // 2)]
     return _response(f[centre], h[centre], lsb_per_dps)

@@ -51,16 +51,21 @@ def fit(rates_dps, words):
     )
 
 
-def sweep(bench, rates_dps=RATES_DPS, settle_s=SETTLE_S, read_s=READ_S):
+def rates_dps(bench):
+    """The 22 rates, or the part of them that is within the board's range."""
+    return tuple(bench.part * rate for rate in RATES_DPS)
+
+
+def sweep(bench, settle_s=SETTLE_S, read_s=READ_S):
     """(mean words, mean V_q codes, flags seen) at each rate, lowest first; the table stands still afterwards."""
     words, codes, flags = [], [], 0
-    for rate in rates_dps:
+    for rate in rates_dps(bench):
         bench.rate_dps = rate
-        bench.wait(settle_s)
+        bench.settle(settle_s)
         rows = bench.record(read_s)
         words.append(rows.hann("rate_word"))
         codes.append(rows.mean("quadrature_code"))
         flags |= int(np.bitwise_or.reduce(rows["flags"]))
     bench.rate_dps = 0.0
-    bench.wait(settle_s)
+    bench.settle(settle_s)
     return np.array(words), np.array(codes), flags
