@@ -25,7 +25,7 @@ from testbench.run import build
 from testbench.run.budget import budget, lock_frequency_hz
 
 QUADRATURE_BY_BANDWIDTH = (0.04, 0.08, 0.16)
-STEPS_PER_UM = 100
+STEPS_PER_UM, AMPLITUDES_UM = 100, (0.01, 100.0)
 BANDWIDTH_ROOM, PEAK_ROOM_DB, MODULUS_ROOM = 0.03, 0.1, 0.95  # rounded coefficients and the grid of the search
 WIDER = (1.02, 1.2, 1.5, 2.0)  # times the split that would be in proportion to the bandwidth
 
@@ -119,6 +119,9 @@ def _amplitude(draft):
         wanted, reason = math.floor(most * STEPS_PER_UM) / STEPS_PER_UM, bound
     else:
         reason = "[target]"
+    if not AMPLITUDES_UM[0] <= wanted <= AMPLITUDES_UM[1]:
+        low, high = AMPLITUDES_UM
+        draft.refuse(f"amplitude: {wanted:.4g} um, bounded by {reason}, is outside {low:g} .. {high:g} um")
     draft.set(amplitude_um=wanted)
     return reason
 
@@ -167,7 +170,7 @@ def _rate_loop(draft):
     for nearly in rate_loop.NEARLY:
         choice = rate_loop.choose(config, bands, target.bandwidth_hz, limits, nearly)
         if choice is None:
-            draft.refuse(_why(draft, tolerances, limits))
+            draft.refuse(_why(draft, bands, tolerances, limits))
         draft.set(ftr_crossover_hz=choice.crossover_hz, ftr_zero_hz=choice.zero_hz, nominal__sid_c_f=choice.sid_c_f)
         failure = _drive_loops(draft)
         if not failure:
@@ -175,13 +178,22 @@ def _rate_loop(draft):
     return draft.refuse(failure)
 
 
-def _why(draft, tolerances, limits):
+def _why(draft, bands, tolerances, limits):
     """Line for a bandwidth that no rate loop reaches: what is possible, and which constraint stops it."""
     target, config = draft.target, draft.config
     split = abs(config.nominal.fx_hz - config.nominal.fy_hz)
     wanted = target.bandwidth_hz
-    bands = rate_loop.boards(config, tolerances, *(rate_loop.BANDWIDTHS_BY_SPLIT * split))
     most = rate_loop.most(bands, limits)
+    if target.keep_sid:
+        return (
+            f"target.bandwidth_hz = {wanted:g} Hz does not go with nominal.sid_c_f = {config.nominal.sid_c_f:g} F, which "
+            f"allows at most {most:.3g} Hz; keep_sid = false lets the design choose it"
+        )
+    if wanted <= most:
+        return (
+            f"target.bandwidth_hz = {wanted:g} Hz is below what keeps a modulus margin of {limits.modulus:g}, although "
+            f"{most:.3g} Hz does; another bandwidth, or a lower modulus_margin"
+        )
     text = f"target.bandwidth_hz = {wanted:g} Hz is above {most:.3g} Hz, the most that this board allows"
     for by in WIDER if most else ():
         by *= wanted / most
@@ -213,7 +225,7 @@ def _start_up(draft):
         if promised is not None and promised <= target.startup_s:
             return found[0], slowest, promised
     if promised is None:
-        draft.refuse(f"start-up: {slowest.failure} on a board of the tolerances")
+        draft.refuse(f"start-up of a board of the tolerances: {slowest.failure}")
     draft.refuse(
         f"target.startup_s = {target.startup_s:g} s is below {promised:.3g} s, which the slowest board of the tolerances "
         f"needs: {slowest.reached_s:.3g} s to {100 * draft.config.firmware.acquire_share:.0f} % of the amplitude, "

@@ -3,10 +3,11 @@
     frequency loop   crossover DRIVE_BY_SID of the SID's corner, zero a fifth of it
     amplitude loop   the same; its proportional part alone comes to r = 2 pi f_c / (2 pi f_c + w/2Q) of the set-point
     acquire share    0.95, or REACH_ROOM r at the least gains and the least Q, where that is less
-    search limit     tolerance and temperature, SEARCH_ROOM of it
+    search limit     tolerance and temperature, SEARCH_ROOM of it, and how far the first word is off
     kick             half a turn at the search limit: sinc leaves 0.64 of the force there; at most KICK_SHARE of the set-point
     decay            until three SID poles have left SETTLED of the weakest signal: e^-x (1 + x + x^2/2) = SETTLED s
-    weakest signal   s = sinc(limit kick) (1 + (limit / corner)^2)^-1.5 of the kick, at the least gains
+    weakest signal   s = sinc(limit kick) (1 + (limit / corner)^2)^-1.5 of the kick, at the least gains, and
+                     fallen with the least Q until the search ends
     search           so long that noise at both ends turns it by less than a tenth of the frequency loop's crossover
     retune           until three SID poles have SETTLED
 Source  docs/design_of_loops.md
@@ -67,15 +68,20 @@ def words(config):
     pull = 2 * math.pi * crossover * least
     reach = REACH_ROOM * pull / (pull + decay)
     limit = SEARCH_ROOM * n.fx_hz * (n.f_tolerance + abs(n.tcf_per_k) * TEMPERATURE_K)
+    limit += abs(config.firmware.nominal_frequency_hz - n.fx_hz)
     kick_s = 0.5 / limit
     full_v = known["adc_drive_v"]
     volts_per_s = known["plant_fs_per_s"] * full_v  # at the whole drive span
     setpoint_v = config.firmware.amplitude_um * known["v_per_um"]
     share = min(1.0, KICK_SHARE * setpoint_v / (volts_per_s * kick_s))
     left = math.sin(math.pi / 2) / (math.pi / 2) * (1 + (limit / corner) ** 2) ** -1.5
+    decay_s = _settling(SETTLED * left) * tau
+    fallen = math.exp(-decay * (decay_s + MOST_SEARCH_S))
     weakest = least * share * volts_per_s * kick_s * left
     noise = math.hypot(n.adc_noise_drive_v, 2 * cv_density(n.device()) * n.signal_gain * math.sqrt(corner))
-    search = math.sqrt(2) * noise / weakest / (2 * math.pi) / (0.1 * crossover)
+    search = math.sqrt(2) * noise / (weakest * fallen) / (2 * math.pi) / (0.1 * crossover)
+    search_s = min(max(search, LEAST_SEARCH_S), MOST_SEARCH_S)
+    weakest *= math.exp(-decay * (decay_s + search_s))
     failure = ""
     if reach < LEAST_SHARE:
         failure = (
@@ -85,7 +91,7 @@ def words(config):
     elif weakest < NOISE_ROOM * noise:
         failure = (
             f"search: the kick leaves {1e6 * weakest:.3g} uV at {limit:.3g} Hz from the drive's frequency, below "
-            f"{NOISE_ROOM:g} times the noise of {1e6 * noise:.3g} uV; lower nominal.f_tolerance"
+            f"{NOISE_ROOM:g} times the noise of {1e6 * noise:.3g} uV; lower nominal.f_tolerance, or a larger qx or split"
         )
     keys = {
         **{f"{loop}_crossover_hz": crossover for loop in ("agc", "pll")},
@@ -97,9 +103,9 @@ def words(config):
         "kick_v": share * n.drive_dac_span_v,
         "drive_ceiling_v": n.drive_dac_span_v,
         "quadrature_ceiling_v": n.quad_dac_span_v,
-        "decay_s": _settling(SETTLED * left) * tau,
+        "decay_s": decay_s,
         "retune_s": _settling(SETTLED) * tau,
-        "search_s": min(max(search, LEAST_SEARCH_S), MOST_SEARCH_S),
+        "search_s": search_s,
         "search_min_v": weakest / 2,
         "acquire_timeout_s": min(max(2.0, 10 / (2 * math.pi * zero)), 8.0),
     }

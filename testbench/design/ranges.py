@@ -101,4 +101,4 @@ def most_amplitude_um(found, amplitude_um):
     growing = [r for r in found if r.by_amplitude]
     tightest = max(growing, key=lambda r: r.share)
     most = amplitude_um / tightest.share
-    return (most, tightest.what) if most < LARGEST_UM else (LARGEST_UM, "firmware.amplitude_um")
+    return (most, tightest.what) if most < LARGEST_UM else (LARGEST_UM, f"{LARGEST_UM:g} um, the largest that is chosen")

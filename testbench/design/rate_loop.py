@@ -86,11 +86,11 @@ def capacitors(split_hz, r_ohm):
 
 
 def grid(p, *more_hz):
-    """Frequencies (Hz): logarithmic up to 1.5 kHz, dense around the split, and `more_hz`."""
+    """Frequencies (Hz): logarithmic up to 1.5 kHz, dense around the split, BANDWIDTHS_BY_SPLIT, and `more_hz`."""
     split, width = abs(p.split_hz), p.wy_rad_s / (4 * math.pi * p.qy)
     reach = np.geomspace(max(width, 1e-3) / 5, split / 2, 70)
     rough = np.geomspace(min(0.05, split / 300), 1500.0, 130)
-    return np.unique(np.concatenate([rough, split - reach, split + reach, [split], more_hz]))
+    return np.unique(np.concatenate([rough, split - reach, split + reach, [split], split * BANDWIDTHS_BY_SPLIT, more_hz]))
 
 
 def opened(p, hz):

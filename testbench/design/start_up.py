@@ -1,12 +1,12 @@
 """Start-up predicted: the drive's envelope through the sequencer's states, then the linear loops of the sense mode.
 
     a        drive signal at the converter (magnitude LSB), complex, in the frame of the DDS:
-             a' = -(w/2Q + j 2 pi (f_word - f_x)) a + G V,   V the amplitude word
+             a' = -(w/2Q + j 2 pi (f_word - f_x)) a + G V e^(-j (xe1 + xe2')),   V the amplitude word
     seen     three SID poles, the converter's (1, 4, 1)/6 over three frames
     states   KICK, DECAY, SEARCH, RETUNE, ACQUIRE, SETTLE with the firmware's own Params; BALANCE by `paper.loop.loop`
     promise  slowest corner of the tolerances, and MARGIN for noise and what is left out
 
-Left out   noise, phase of the drive path (a few degrees), interaction of drive and sense
+Left out   noise, interaction of drive and sense
 Source     docs/design_of_loops.md
 """
 
@@ -24,6 +24,7 @@ from testbench.config import changed
 from testbench.paper.loop import loop as lp
 from testbench.paper.loop.parts import FRAME_S, parts
 from testbench.run import build
+from testbench.run.budget import budget
 
 MARGIN = 1.05
 LIMIT_S = 60.0
@@ -49,7 +50,9 @@ class _Drive:
     def __init__(self, config, setpoint):
         d = config.device()
         own = changed(config, {f"nominal.{k}": v for k, v in config.plant.model_dump().items()})
-        self.gain = build.nominal(own)["plant_fs_per_s"] * float(cordic.GAIN)
+        phases = budget(config)
+        lag = math.radians(phases.node_deg()["xe1"] + phases.loop_deg()["xe2"])
+        self.gain = build.nominal(own)["plant_fs_per_s"] * float(cordic.GAIN) * cmath.exp(-1j * lag)
         self.fx_hz, self.decay = d.fx_hz, math.pi * d.fx_hz / d.qx
         self.stage = -math.expm1(-2 * math.pi * sid.corner_hz(d.sid_r_ohm * d.sid_c_f) * FRAME_S)
         self.a, self.o, self.past = 0j, [0j] * 3, [0j] * 2
@@ -174,17 +177,22 @@ def driven(config):
     word_hz = config.firmware.nominal_frequency_hz
     taken, found_hz, magnitude = _searched(p, drive, word_hz, control.agc.kick)
     first = StartUp(found_hz, magnitude / setpoint * config.firmware.amplitude_um, None, None, None)
+    limit_hz = p.search_limit / frequency_tracker.WORD_PER_HZ
     if magnitude < p.min_magnitude:
-        return Driven(first._replace(failure="the search finds no signal"), 0)
-    if abs(found_hz) > p.search_limit / frequency_tracker.WORD_PER_HZ:
-        return Driven(first._replace(failure="the search's correction is above its limit"), 0)
+        needed = p.min_magnitude / setpoint * config.firmware.amplitude_um
+        text = f"search: signal of {first.magnitude_um:.3g} um is below {needed:.3g} um (firmware.search_min_v)"
+        return Driven(first._replace(failure=text), 0)
+    if abs(found_hz) > limit_hz:
+        text = f"search: correction of {found_hz:.4g} Hz is above firmware.search_limit_hz = {limit_hz:.4g} Hz"
+        return Driven(first._replace(failure=text), 0)
     word_hz += found_hz
     for _ in range(p.retune):
         drive.step(word_hz, 0)
     frames = p.power_up + p.init + p.recover + BETWEEN_STATES + taken + p.retune
     reached, settled = _drive_locked(p, control, drive, word_hz, setpoint)
     if settled is None:
-        what = "the amplitude does not reach its set-point" if reached is None else "the drive loops do not settle"
+        state = "the amplitude does not reach firmware.acquire_share" if reached is None else "the drive does not settle"
+        what = f"{state} within firmware.acquire_timeout_s = {p.timeout * FRAME_S:g} s"
         return Driven(first._replace(failure=what), 0)
     ends = [(frames + n) * FRAME_S for n in (reached, settled)]
     return Driven(first._replace(reached_s=ends[0], drive_s=ends[1]), frames + settled)
@@ -196,7 +204,7 @@ def completed(before, config):
         return before.so_far
     rest = _balanced(build.firmware(config).control.sequencer, config)
     if rest is None:
-        return before.so_far._replace(failure="the sense loops do not settle")
+        return before.so_far._replace(failure=f"the sense loops do not settle within {LIMIT_S:g} s")
     return before.so_far._replace(lock_s=(before.frames + rest) * FRAME_S)
 
 
