@@ -1,5 +1,9 @@
-"""The generated tables of docs/configuration.md: keys with their limits, and faults."""
+"""The generated tables of docs/configuration.md, keys with their limits and faults, and docs/boards/paper.toml."""
 
+import inspect
+import re
+
+from analog_frontend.parts.device import Device
 from testbench.config import Nominal, Plant, scenario, sections
 from testbench.config.config_errors import choices_of, limits_of, plain, unit_of
 from testbench.config.toml_text import toml_value
@@ -37,3 +41,22 @@ def faults_table():
             value = f"{fault.lo} .. {fault.hi} {fault.unit}" if fault.hi else "0"
         lines.append(f"| `{kind}` | {', '.join(fault.channels)} | {value} | {fault.doc} |")
     return "\n".join(lines)
+
+
+PAPER_HEAD = """\
+# The paper's board: the defaults of [nominal], written by docs/pages.py from analog_frontend/parts/device.py.
+# S: in a source   D: derived   A: assumed   M: memory of a datasheet
+
+[nominal]
+"""
+
+
+def paper_board(_):
+    """docs/boards/paper.toml: every default of the nominal board with its source."""
+    text = inspect.getsource(Device)
+    comments = dict(re.findall(r"^    (\w+): Limits.*?  # (.*)$", text, re.MULTILINE))
+    lines = []
+    for key, info in Nominal.model_fields.items():
+        comment = comments[key] if key in Device._fields else f"A  {info.description}"
+        lines.append(f"{key} = {toml_value(info.default)}  # {comment}")
+    return PAPER_HEAD + "\n".join(lines) + "\n"

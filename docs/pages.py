@@ -4,6 +4,7 @@
     docs/configuration.md       keys, limits, faults               docs/config_page.py
     docs/phases.md              phase budget of the defaults       testbench.run.budget, testbench.run.tables
     docs/ranges.md              proven ranges                      docs/ranges_page.py
+    docs/boards/paper.toml      the default board, sourced     docs/config_page.py
     docs/README.md              index of the pages                 their titles
     docs/effects/README.md      index of the effects               analog_frontend.effects.catalogue
 
@@ -175,6 +176,7 @@ def with_parts(**parts):
 PAGES = {
     "docs/blocks/registers.md": register_map,
     "docs/configuration.md": with_parts(faults=config_page.faults_table, keys=config_page.markdown_table),
+    "docs/boards/paper.toml": config_page.paper_board,
     "docs/phases.md": with_parts(budget=budget_part, lock=lock_part, rivals=rivals_part),
     "docs/ranges.md": with_parts(
         cases=ranges_page.summary_part, instances=ranges_page.wiring_part, registers=ranges_page.registers_part

@@ -6,8 +6,8 @@
                and by more than SIGMAS of what its blocks scatter
 
 The last two need a constant rate and temperature: changes of these explain them.
-Rows in LOCKED count, without those of the first SETTLE_FRAMES. Sums are kept by blocks of frames, whose length doubles
-when there are BLOCKS of them: their number does not grow with the run.
+Rows in LOCKED count, without those of the first SETTLE_FRAMES, or more where loops are slower. Sums are kept by
+blocks of frames, whose length doubles when there are BLOCKS of them: their number does not grow with the run.
 Source  docs/faults.md
 """
 
@@ -33,9 +33,13 @@ QUARTER = 4
 
 
 class Doubts:
-    """A sink of rows: longest runs of equal codes, and sums of blocks."""
+    """A sink of rows: longest runs of equal codes, and sums of blocks.
 
-    def __init__(self):
+    pace  how many times longer than the default's loops these take to settle
+    """
+
+    def __init__(self, pace=1.0):
+        self.settle = round(SETTLE_FRAMES * pace)
         self.active = False
         self.locked = 0  # frames in a row
         self.frames = 0  # that count
@@ -55,7 +59,7 @@ class Doubts:
         self._rest(frames[:, [FRAME[name] for name in CODES]], locked)
         after = _in_a_row(locked, self.locked)
         self.locked = int(after[-1])
-        counted = frames[after > SETTLE_FRAMES][:, [FRAME[name] for name in SUMMED]]
+        counted = frames[after > self.settle][:, [FRAME[name] for name in SUMMED]]
         self.frames += len(counted)
         while len(counted):
             piece = counted[: self.length - self.count]
@@ -82,7 +86,7 @@ class Doubts:
 
     def dump(self):
         """What a checkpoint keeps."""
-        return {name: value for name, value in vars(self).items() if name != "active"}
+        return {name: value for name, value in vars(self).items() if name not in ("active", "settle")}
 
     def restore(self, values):
         """Continue where `dump` was."""

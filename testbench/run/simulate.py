@@ -211,7 +211,7 @@ def diagnose(sim, rate_rad_s, temp_degc, progress=None):
     after_rate = before_rate - math.copysign(step_dps, before_rate)
     if abs(after_rate) < least_dps:
         after_rate -= math.copysign(least_dps, before_rate)
-    tail = round(STEP_TAIL_S * TICK_HZ)
+    tail = round(STEP_TAIL_S * slower * TICK_HZ)
     watch = Watch("rate_word")
     sim.sinks.append(watch)
     sim.advance(tail, rate_rad_s, temp_degc)
@@ -271,7 +271,7 @@ class Run:
         if config.output.vcd_length_us:
             window = (round(config.output.vcd_start_us), max(1, round(config.output.vcd_length_us)))
         self.sim = Simulation(config, min(lo, self.temp_before_degc), max(hi, self.temp_before_degc), window)
-        self.tally, self.start_up, self.doubts = Tally(build.clock_hz(config)), StartUp(), Doubts()
+        self.tally, self.start_up, self.doubts = Tally(build.clock_hz(config)), StartUp(), Doubts(pace(config))
         self.position, self.segments = Position(), dict.fromkeys(SEGMENTS, -1)
         self.partial = directory
         if directory is not None and not isinstance(directory, checkpoint.Partial):

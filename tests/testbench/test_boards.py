@@ -1,0 +1,272 @@
+"""Boards of docs/boards: each locks from power-on, and does what the linear loop and the phase budget say.
+
+Noise is off, and plants are those of the frame engine. Drawn plants lie within the tolerances of [nominal].
+"""
+
+import math
+import re
+from pathlib import Path
+
+import numba
+import numpy as np
+import pytest
+
+from fpga_model import agc
+from fpga_model.rates import TICK_HZ
+from testbench import config as configuration
+from testbench.errors import ConfigError
+from testbench.paper.loop import advisor, confirm, parts
+from testbench.paper.loop import loop as loops
+from testbench.run import budget, build, simulate, tolerances
+from testbench.run.phase_meter import wrap_deg
+from testbench.run.simulation import DEG, FRAME, TRUTH, Simulation
+from testbench.run.tally import amplitude_m
+
+FOLDER = Path(__file__).resolve().parents[2] / "docs" / "boards"
+NAMES = ("published_3k9", "disk_14khz", "disk_14khz_fy_above")
+SILENT = {f"noise.{name}": False for name in ("thermomechanical", "cv", "dac", "adc", "flicker", "jitter")}
+RATE_DPS, READ_S = 20.0, 0.5
+closed_loop = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="closed loop: too slow interpreted")
+
+
+def board(name, *sets):
+    """Configuration of a board without noise."""
+    return configuration.changed(configuration.load(FOLDER / f"{name}.toml", sets), SILENT)
+
+
+class Lab:
+    """A board from power-on to lock and on; rows of its last seconds."""
+
+    def __init__(self, config):
+        self.config = config
+        self.sim = Simulation(config, 25.0, 25.0)
+        self.sim.keep_codes = self.sim.keep_rows = False
+        self.lock_s = simulate.start(config, self.sim, 0.0, 25.0)
+
+    def wait(self, seconds, rate_dps=0.0):
+        self.sim.advance(round(seconds * TICK_HZ), rate_dps * DEG, 25.0)
+
+    def mean(self, name, seconds=READ_S, rate_dps=0.0):
+        """Hann-weighted mean of a column of the next seconds."""
+        return self.means((name,), seconds, rate_dps)[0]
+
+    def means(self, names, seconds=READ_S, rate_dps=0.0):
+        watch = Rows(names)
+        self.sim.sinks.append(watch)
+        self.wait(seconds, rate_dps)
+        self.sim.sinks.remove(watch)
+        rows = np.concatenate(watch.pieces)
+        weights = np.sin(np.pi * (np.arange(len(rows)) + 0.5) / len(rows)) ** 2
+        return weights @ rows / weights.sum()
+
+
+class Rows:
+    """A sink that keeps columns; `x` is the drive amplitude in metres."""
+
+    def __init__(self, names):
+        self.names, self.pieces = names, []
+
+    def add(self, first_frame, frames, truth):
+        x = amplitude_m(truth[:, TRUTH["x"]], truth[:, TRUTH["vx"]], frames[:, FRAME["frequency_word"]], 26e6)
+        columns = [x if name == "x" else frames[:, FRAME[name]].astype(float) for name in self.names]
+        self.pieces.append(np.stack(columns, axis=1))
+
+
+def settled(config):
+    """`Lab` of a board in lock whose loops have settled."""
+    lab = Lab(config)
+    assert lab.lock_s is not None, "no lock"
+    lab.wait(2.5 * simulate.pace(config))
+    return lab
+
+
+def check_rest_and_scale(config):
+    """Amplitude, frequency, V_q and scale factor of one board against what is derived from its configuration."""
+    lab, known = settled(config), build.nominal(config)
+    p = parts.parts(config)
+    closed = loops.close(p)
+    magnitude, x_m, word, quadrature = lab.means(("magnitude", "x", "frequency_word", "quadrature_code"))
+    wanted = agc.setpoint(config.firmware.amplitude_um, known["v_per_um"], known["adc_drive_v"])
+    assert magnitude / wanted == pytest.approx(1.0, abs=1e-4)
+    assert x_m / p.amplitude_m == pytest.approx(1.0, abs=1e-4)
+    assert word * 26e6 / 2**48 == pytest.approx(p.w_rad_s / (2 * math.pi), abs=2e-3)
+    still = loops.rest(closed, (p.dxy_n_s_per_m / (2 * p.coriolis_mass_kg), p.kxy_n_per_m, *p.sid_offset_v))
+    v_q = quadrature / 2**16 * config.plant.quad_dac_span_v
+    assert v_q == pytest.approx(advisor.volts(p, still[loops.U]), abs=5e-3)
+    settle_s = 1.5 * simulate.pace(config)
+    lab.wait(settle_s, RATE_DPS)
+    plus = lab.mean("rate_word", rate_dps=RATE_DPS)
+    lab.wait(settle_s, -RATE_DPS)
+    minus = lab.mean("rate_word", rate_dps=-RATE_DPS)
+    assert lab.sim.locked
+    scale = (plus - minus) / (2 * RATE_DPS)
+    assert scale / (advisor.rest_gain(closed) * DEG) == pytest.approx(1.0, abs=1e-3)
+    return lab
+
+
+# ---- files -----------------------------------------------------------------------------------------------------------
+
+
+def test_every_board_of_the_folder_is_listed_and_tested():
+    page = (FOLDER / "README.md").read_text()
+    files = {path.stem for path in FOLDER.glob("*.toml")}
+    assert files == {"paper", *NAMES}
+    assert all(f"]({name}.toml)" in page for name in files)
+
+
+def test_the_paper_board_is_the_default():
+    assert configuration.load(FOLDER / "paper.toml") == configuration.Config()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_board_states_itself_once(name):
+    """The plant and the word at power-on follow [nominal]."""
+    config = board(name)
+    assert config.device() == config.nominal_device()
+    assert config.firmware.nominal_frequency_hz == config.nominal.fx_hz
+    assert not config.of_paper
+
+
+def test_both_disks_differ_in_the_sign_of_the_split():
+    below, above = board("disk_14khz"), board("disk_14khz_fy_above")
+    assert configuration.changed(above, {"nominal.fy_hz": below.nominal.fy_hz}) == below
+    gains = [build.firmware(c).control for c in (below, above)]
+    for loop in ("rate_loop", "quadrature_loop"):
+        one, other = (getattr(g, loop).loop for g in gains)
+        assert one.ki > 0 > other.ki
+        assert -other.ki / one.ki == pytest.approx(1.0, abs=2e-3)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_loops_of_a_board_are_stable(name):
+    advice = advisor.advise(parts.parts(board(name)))
+    assert advice.stable
+    assert advice.gain_margin_up_db > 9.0
+    assert advice.peak_db < 1.0
+
+
+@pytest.mark.parametrize(
+    ("values", "line"),
+    [
+        ({"nominal.kxy_n_per_m": -0.05}, "nominal.kxy_n_per_m = -0.05 is not above 0"),
+        ({"nominal.kq_n_per_m_per_v2": 0.0}, "nominal.kq_n_per_m_per_v2 = 0 is not above 0"),
+        ({"nominal.coriolis_mass_kg": 0.0}, "nominal.coriolis_mass_kg = 0 is not above 0"),
+        ({"nominal.fy_hz": 11002.3}, "nominal.fx_hz - fy_hz = 0"),
+        ({"nominal.k_vf_sense_n_per_v": 0.0}, "nominal.k_vf_sense_n_per_v = 0"),
+        ({"nominal.k_vf_drive_n_per_v": -2e-7}, "nominal.k_vf_drive_n_per_v * signal_gain * dcdx_f_per_m = "),
+        ({"firmware.kick_v": 12.0}, "kick_v: 12.0 V is outside 0 .. 10.0 V"),
+        ({"firmware.quadrature_ceiling_v": 6.0}, "V_q: 6.0 V is outside 0 .. 5.5 V"),
+    ],
+)
+def test_a_board_that_these_loops_cannot_hold_is_refused(values, line):
+    with pytest.raises(ValueError, match=f"^{re.escape(line)}"):
+        build.firmware(configuration.changed(configuration.Config(), values))
+
+
+def test_draws_are_within_the_tolerances_and_the_same_however_many():
+    config = board("disk_14khz_fy_above")
+    nominal, draws = config.nominal, [tolerances.draw(config, 3, k) for k in range(40)]
+    assert draws[7] == tolerances.draw(config, 3, 7)
+    assert all(c.nominal == nominal and c.firmware == config.firmware for c in draws)
+    spans = {
+        "fx_hz": (1 - nominal.f_tolerance, 1 + nominal.f_tolerance),
+        "qx": (nominal.q_tolerance**-0.5, nominal.q_tolerance**0.5),
+        "dcdy_f_per_m": (1 - nominal.transducer_tolerance, 1 + nominal.transducer_tolerance),
+        "sid_c_f": (1 - nominal.capacitor_tolerance, 1 + nominal.capacitor_tolerance),
+    }
+    for name, (low, high) in spans.items():
+        ratios = [getattr(c.plant, name) / getattr(nominal, name) for c in draws]
+        assert low <= min(ratios) < low + 0.2 * (high - low) < high - 0.2 * (high - low) < max(ratios) <= high
+    splits = [(c.plant.fx_hz - c.plant.fy_hz) / (nominal.fx_hz - nominal.fy_hz) for c in draws]
+    assert 0.9 <= min(splits) < 0.95 < 1.05 < max(splits) <= 1.1
+
+
+# ---- runs ------------------------------------------------------------------------------------------------------------
+
+
+@closed_loop
+@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * (n == "disk_14khz")) for n in NAMES])
+def test_a_board_locks_and_rests_where_its_configuration_says(name):
+    check_rest_and_scale(board(name))
+
+
+@closed_loop
+@pytest.mark.slow
+@pytest.mark.parametrize("number", range(20))
+@pytest.mark.parametrize("name", NAMES)
+def test_a_drawn_plant_locks_and_rests_where_it_should(name, number):
+    check_rest_and_scale(tolerances.draw(board(name), 24, number))
+
+
+@closed_loop
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [None, 1, 2])
+@pytest.mark.parametrize("name", NAMES)
+def test_bandwidth_and_peak_are_those_of_the_linear_loop(name, number):
+    """Lines up to twice the bandwidth: within 3 % in frequency and 0.3 dB in the peak."""
+    config = board(name) if number is None else tolerances.draw(board(name), 24, number)
+    p = parts.parts(config)
+    advice = advisor.analyse(p)
+    lines = np.geomspace(0.1, 2.0, 24) * advice.bandwidth_hz
+    window_s = round(20 / lines[0]) / 1.0
+    rate = confirm.multisine(lines, 0.5, 4.0 * simulate.pace(config), window_s)
+    [run] = confirm.play_run([config], [rate])
+    assert run.locked
+    seen = confirm.measured_response(run, rate, lines, window_s)
+    level = 20 * np.log10(np.abs(seen) / (advisor.rest_gain(loops.close(p)) * DEG))
+    below = int(np.argmax(level < -3.0103))
+    edge = np.interp(3.0103, -level[below - 1 : below + 1], lines[below - 1 : below + 1])
+    assert edge == pytest.approx(advice.bandwidth_hz, rel=0.03)
+    assert level[:below].max() == pytest.approx(advice.peak_db, abs=0.3)
+
+
+@closed_loop
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
+def test_phases_of_a_board_are_those_of_its_budget(name):
+    """Mean of 8 seeds with all noise, within 0.003 deg and twice the mean's standard error."""
+    quiet = configuration.load(FOLDER / f"{name}.toml", ["scenario.seconds=0.5", "output.record=false"])
+    found = []
+    for seed in range(1, 9):
+        result = simulate.run(configuration.changed(quiet, {"noise.seed": seed}))
+        assert result.summary["locked"]
+        found.append(result.summary["phase_deg"])
+    wanted = budget.budget(quiet).node_deg()
+    for node, deg in wanted.items():
+        off = np.array([wrap_deg(one[node] - deg) for one in found])
+        limit = 0.003 + 2 * off.std(ddof=1) / math.sqrt(len(off))
+        assert abs(off.mean()) <= limit, (node, off.mean(), limit)
+
+
+@closed_loop
+@pytest.mark.parametrize("name", NAMES)
+def test_frame_and_clocked_engine_agree_on_a_board(name):
+    """Registers and codes of 0.7 s from power-on: kick, search, ring-up."""
+    states = []
+    for engine in ("frame", "clocked"):
+        config = configuration.changed(board(name), {"scenario.engine": engine})
+        sim = Simulation(config, 25.0, 25.0)
+        sim.now = (np.array([0.0]), np.array([25.0]))
+        for register, raw in sim.first_writes:
+            sim.write(register, raw)
+        sim.advance(700_000, 0.0, 25.0)
+        states.append((sim.state_values(), sim.codes_sha256()))
+    assert states[0][1] == states[1][1]
+    for key, value in states[0][0].items():
+        np.testing.assert_array_equal(value, states[1][0][key], err_msg=key)
+
+
+def test_paper_numbers_are_left_out_beside_another_board():
+    config = board("published_3k9")
+    planned = budget.budget(config)
+    assert planned.paper_deg == dict.fromkeys(budget.NODES)
+    assert budget.budget(configuration.Config()).paper_deg == budget.PAPER_DEG
+
+
+def test_a_bench_that_does_not_lock_says_how_long_it_waited(monkeypatch):
+    from testbench.paper.calibration.bench import Bench
+
+    monkeypatch.setattr(simulate, "start", lambda *_, **__: None)
+    monkeypatch.setattr(Bench, "_offsets", lambda *_: {})
+    with pytest.raises(ConfigError, match=r"the board does not lock within 37\.5 s"):
+        Bench(board("disk_14khz"))
