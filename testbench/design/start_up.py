@@ -2,7 +2,7 @@
 
     a        drive signal at the converter (magnitude LSB), complex, in the frame of the DDS:
              a' = -(w/2Q + j 2 pi (f_word - f_x)) a + G V e^(-j (xe1 + xe2')),   V the amplitude word
-    seen     three SID poles, the converter's (1, 4, 1)/6 over three frames
+    seen     three SID poles, the converter's (1, 4, 1)/6 over three frames, the SID's offset
     states   KICK, DECAY, SEARCH, RETUNE, ACQUIRE, SETTLE with the firmware's own Params; BALANCE by `paper.loop.loop`
     promise  slowest corner of the tolerances, and MARGIN for noise and what is left out
 
@@ -47,7 +47,7 @@ class StartUp(NamedTuple):
 class _Drive:
     """Envelope of the drive with the demodulator behind it, a frame a step."""
 
-    def __init__(self, config, setpoint):
+    def __init__(self, config):
         d = config.device()
         own = changed(config, {f"nominal.{k}": v for k, v in config.plant.model_dump().items()})
         phases = budget(config)
@@ -56,7 +56,8 @@ class _Drive:
         self.fx_hz, self.decay = d.fx_hz, math.pi * d.fx_hz / d.qx
         self.stage = -math.expm1(-2 * math.pi * sid.corner_hz(d.sid_r_ohm * d.sid_c_f) * FRAME_S)
         self.a, self.o, self.past = 0j, [0j] * 3, [0j] * 2
-        self.setpoint = setpoint
+        sine_v, cosine_v = parts(config).sid_offset_v  # both pairs of channels have the same switches
+        self.offset = complex(-cosine_v, sine_v) * d.adc_pga_drive / d.adc_vref_v * 2**23 * float(cordic.GAIN)
 
     def step(self, word_hz, amplitude):
         """One frame; the signal that the firmware has in the next one."""
@@ -69,7 +70,7 @@ class _Drive:
             signal = self.o[n]
         seen = (self.past[0] + 4 * self.past[1] + signal) / 6
         self.past = [self.past[1], signal]
-        return seen
+        return seen + self.offset
 
 
 def _turns(z):
@@ -173,7 +174,7 @@ def driven(config):
     """`Driven` of the board [plant]: from power-on to the lock of the drive."""
     control = build.firmware(config).control
     p, setpoint = control.sequencer, _setpoint(config)
-    drive = _Drive(config, setpoint)
+    drive = _Drive(config)
     word_hz = config.firmware.nominal_frequency_hz
     taken, found_hz, magnitude = _searched(p, drive, word_hz, control.agc.kick)
     first = StartUp(found_hz, magnitude / setpoint * config.firmware.amplitude_um, None, None, None)
@@ -218,17 +219,21 @@ def _setpoint(config):
 
 
 def corners(config):
-    """Configurations whose [plant] stands at corners of the tolerances of [nominal]."""
+    """Configurations whose [plant] stands at corners of the tolerances of [nominal].
+
+    Signs of frequency (with it Q), of the SID's capacitor, and of what makes the quadrature loop slow: a small pickoff
+    gain of y, a small amplitude of x, a large split.
+    """
     n = config.nominal
     root = math.sqrt(n.q_tolerance)
     found = []
-    for f, transducer, capacitor in itertools.product((-1, 1), (-1, 1), (-1, 1)):
+    for f, fast, capacitor in itertools.product((-1, 1), (-1, 1), (-1, 1)):
         fx = n.fx_hz * (1 + f * n.f_tolerance)
-        split = (n.fx_hz - n.fy_hz) * (1 + transducer * n.split_tolerance)
-        by, c = 1 + transducer * n.transducer_tolerance, 1 + capacitor * n.capacitor_tolerance
-        values = {"fx_hz": fx, "fy_hz": fx - split, "sid_c_f": n.sid_c_f * c}
-        values |= {k: getattr(n, k) * by for k in ("k_vf_drive_n_per_v", "k_vf_sense_n_per_v", "dcdx_f_per_m", "dcdy_f_per_m")}
-        values |= {k: getattr(n, k) * root ** (-f) for k in ("qx", "qy")}
+        split = (n.fx_hz - n.fy_hz) * (1 - fast * n.split_tolerance)
+        values = {"fx_hz": fx, "fy_hz": fx - split, "sid_c_f": n.sid_c_f * (1 + capacitor * n.capacitor_tolerance)}
+        for sign, names in ((fast, ("k_vf_drive_n_per_v", "k_vf_sense_n_per_v", "dcdy_f_per_m")), (-fast, ("dcdx_f_per_m",))):
+            values |= {name: getattr(n, name) * (1 + sign * n.transducer_tolerance) for name in names}
+        values |= {name: getattr(n, name) * root ** (-f) for name in ("qx", "qy")}
         found.append(changed(config, {f"plant.{key}": value for key, value in values.items()}))
     return found
 

@@ -50,5 +50,6 @@ def test_corners_stand_at_the_tolerances():
     found = [c.plant for c in start_up.corners(Config())]
     assert {round(p.fx_hz / n.fx_hz, 6) for p in found} == {0.995, 1.005}
     assert {round(p.sid_c_f / n.sid_c_f, 6) for p in found} == {0.9, 1.1}
+    assert {round(p.dcdy_f_per_m / p.dcdx_f_per_m, 6) for p in found} == {round(0.9 / 1.1, 6), round(1.1 / 0.9, 6)}
     assert {round((p.fx_hz - p.fy_hz) / (n.fx_hz - n.fy_hz), 6) for p in found} == {0.9, 1.1}
     assert np.ptp([np.log(p.qx) for p in found]) == pytest.approx(np.log(n.q_tolerance))
