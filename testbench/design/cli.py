@@ -21,6 +21,9 @@ def design(
     report: Annotated[
         Path | None, typer.Option("--report", metavar="DIR", help="Write design.html: predictions, margins, plan.")
     ] = None,
+    simulate: Annotated[
+        bool, typer.Option("--simulate", help="Play power-on and a multisine of rate through the engine, and compare.")
+    ] = False,
     as_json: Json = False,
 ):
     """Design the loops for a board: a configuration that locks, what it will do, or which limit stops it."""
@@ -32,10 +35,13 @@ def design(
         outputs.check_folder(report)
     with Progress(quiet=as_json) as progress:
         progress("design", 0, 1)
-        from testbench.design import design_page, designer
+        from testbench.design import confirm, design_page, designer
         from testbench.design import target as targets
 
         result = designer.design(targets.load(target), str(target))
+        if simulate:
+            progress("simulation", 0, 1)
+            result = result._replace(simulated=confirm.of_result(result))
         written = []
         if out is not None:
             write_text(out, to_toml(result.config))

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fpga_model.rates import FRAME_HZ, FRAME_TICKS
+from testbench.config import changed
 from testbench.errors import ConfigError
 from testbench.paper.loop import confirm
 from testbench.run import simulate
@@ -47,7 +48,7 @@ def measure(config, bandwidth_hz, settle_s=SETTLE_S):
     sim.keep_codes = sim.keep_rows = False
     lock_s = simulate.start(config, sim, 0.0, 25.0, limit_s=LOCK_LIMIT_S)
     if lock_s is None:
-        raise ConfigError(f"the gyroscope does not lock within {LOCK_LIMIT_S:g} s")
+        raise ConfigError(f"simulation: the gyroscope does not lock within {LOCK_LIMIT_S:g} s")
     sim.advance(-sim.tick % FRAME_TICKS, 0.0, 25.0)
     lines, window = _lines(bandwidth_hz)
     rate = confirm.multisine(lines, LINE_DPS, settle_s, window)
@@ -56,7 +57,7 @@ def measure(config, bandwidth_hz, settle_s=SETTLE_S):
     columns = sim.columns()
     run = confirm.PlayedRun(np.arange(len(rate)) / FRAME_HZ, columns, bool(sim.locked))
     if not run.locked:
-        raise ConfigError("the gyroscope loses lock under the lines of rate")
+        raise ConfigError("simulation: the gyroscope loses lock under the lines of rate")
     size = np.abs(confirm.measured_response(run, rate, lines, window))
     level = 20 * np.log10(size / size[0])
     below = np.flatnonzero(level < -3.0103)
@@ -67,3 +68,9 @@ def measure(config, bandwidth_hz, settle_s=SETTLE_S):
         part = (level[k - 1] + 3.0103) / (level[k - 1] - level[k])
         edge = float(lines[k - 1] * (lines[k] / lines[k - 1]) ** part)
     return Measured(float(lock_s), edge, max(float(inside.max()), 0.0), float(size[0]))
+
+
+def of_result(result):
+    """`Measured` of a design's own board, noise off."""
+    settle_s = max(SETTLE_S, 5 * (result.advice.ring_tau_s or 0.0))
+    return measure(changed(result.config, confirm.QUIET), result.advice.bandwidth_hz, settle_s)

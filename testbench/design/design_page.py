@@ -79,7 +79,11 @@ def tables(result):
     f, n, rest = result.config.firmware, result.config.nominal, result.rest
     chosen = [("sid_c_f of [nominal]", _number(n.sid_c_f), "F")]
     chosen += [(name, _number(getattr(f, name)), unit_of(name)) for name in CHOSEN]
-    predicted = [(name, _number(value), unit_of(name)) for name, value in predictions(result).items()]
+    seen = result.simulated._asdict() if result.simulated else {}
+    predicted = [
+        (name, _number(value), _number(seen[name]) if name in seen else "", unit_of(name))
+        for name, value in predictions(result).items()
+    ]
     rounding = [
         ("half a step of the converter, without noise", _number(rest.adc_dead_band_dps), "deg/s"),
         ("one LSB of the force word", _number(rest.word_lsb_dps), "deg/s"),
@@ -93,7 +97,7 @@ def tables(result):
     ]
     return [
         Table("Chosen", ("key", "value", "unit"), chosen, f"amplitude bounded by: {result.amplitude_bound}"),
-        Table("Predicted", ("what", "value", "unit"), predicted, "nominal board, noise off"),
+        Table("Predicted", ("what", "value", "simulated", "unit"), predicted, "nominal board, noise off", (1, 2)),
         Table("Rounding and limit cycles", ("what", "value", "unit"), rounding),
         Table("Ranges", ("what", "needs", "limit", "unit", "used"), held, numeric=(1, 2, 4)),
         Table("Frequency plan", ("what", "Hz", "at least Hz", "kept", "effect"), plan, numeric=(1, 2)),
@@ -105,6 +109,7 @@ def as_json(result):
     return {
         "chosen": {"sid_c_f": result.config.nominal.sid_c_f, **{k: getattr(result.config.firmware, k) for k in CHOSEN}},
         "predicted": predictions(result),
+        "simulated": result.simulated._asdict() if result.simulated else None,
         "rounding": {k: float(v) for k, v in result.rest._asdict().items()},
         "start_up": {"nominal": result.nominal._asdict(), "slowest": result.slowest._asdict()},
         "ranges": [{**r._asdict(), "kept": r.kept} for r in result.ranges],
@@ -126,8 +131,8 @@ def write(result, folder, progress=None, cells=9):
     found = rate_loop.margin_map(config, bandwidth * reach, split * reach, result.limits, progress)
     pictures = [
         (
-            "The best loop for each bandwidth and split, its SID capacitor included. Grey: no loop is stable within the "
-            "peak and the modulus margin. Star: this design.",
+            "The best loop for each bandwidth and split, its SID capacitor included. Grey: no loop is stable within "
+            "the peak and the modulus margin. Star: this design.",
             design_pictures.margins(found, (bandwidth, split)),
         ),
         ("Open loop of this design, with its margins.", loop_pictures.bode(p, result.advice)),

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from testbench.config import changed
 from testbench.config import from_dict as config_of
-from testbench.design import drive_loops, frequency_plan, rate_loop, ranges, start_up
+from testbench.design import drive_loops, frequency_plan, ranges, rate_loop, start_up
 from testbench.errors import ConfigError
 from testbench.paper.loop import advisor, limit_cycles
 from testbench.paper.loop import loop as lp
@@ -45,11 +45,16 @@ class Result(NamedTuple):
     budget: object
     amplitude_bound: str
     limits: rate_loop.Limits
+    simulated: object = None  # `confirm.Measured`, if the engine was asked
 
     @property
     def warnings(self):
         """What to mind, one line each."""
-        said = [f"{m.what}: {m.distance_hz:.4g} Hz is below {m.least_hz:.4g} Hz: {m.effect}" for m in self.plan if not m.kept]
+        said = [
+            f"{m.what}: {m.distance_hz:.4g} Hz is below {m.least_hz:.4g} Hz: {m.effect}"
+            for m in self.plan
+            if not m.kept
+        ]
         return (*said, *(w for w in self.advice.warnings if not w.startswith("bandwidth ")))
 
 
@@ -93,7 +98,9 @@ class _Draft:
 
 def _within(section, key, value):
     """The value, within the limits of its key."""
-    low, high = (next(getattr(m, end) for m in section.model_fields[key].metadata if hasattr(m, end)) for end in ("ge", "le"))
+    low, high = (
+        next(getattr(m, end) for m in section.model_fields[key].metadata if hasattr(m, end)) for end in ("ge", "le")
+    )
     return min(max(value, low), high)
 
 
@@ -186,8 +193,8 @@ def _why(draft, bands, tolerances, limits):
     most = rate_loop.most(bands, limits)
     if target.keep_sid:
         return (
-            f"target.bandwidth_hz = {wanted:g} Hz does not go with nominal.sid_c_f = {config.nominal.sid_c_f:g} F, which "
-            f"allows at most {most:.3g} Hz; keep_sid = false lets the design choose it"
+            f"target.bandwidth_hz = {wanted:g} Hz does not go with nominal.sid_c_f = {config.nominal.sid_c_f:g} F, "
+            f"which allows at most {most:.3g} Hz; keep_sid = false lets the design choose it"
         )
     if wanted <= most:
         return (
@@ -197,7 +204,9 @@ def _why(draft, bands, tolerances, limits):
     text = f"target.bandwidth_hz = {wanted:g} Hz is above {most:.3g} Hz, the most that this board allows"
     for by in WIDER if most else ():
         by *= wanted / most
-        other = changed(config, {"nominal.fy_hz": config.nominal.fx_hz - by * (config.nominal.fx_hz - config.nominal.fy_hz)})
+        other = changed(
+            config, {"nominal.fy_hz": config.nominal.fx_hz - by * (config.nominal.fx_hz - config.nominal.fy_hz)}
+        )
         if rate_loop.choose(other, rate_loop.boards(other, tolerances, wanted), wanted, limits):
             need = f"{by * split:.3g} Hz would do"
             return f"{text}: the split fx_hz - fy_hz of {split:.4g} Hz of [nominal] is the constraint; {need}"
@@ -227,8 +236,8 @@ def _start_up(draft):
     if promised is None:
         draft.refuse(f"start-up of a board of the tolerances: {slowest.failure}")
     draft.refuse(
-        f"target.startup_s = {target.startup_s:g} s is below {promised:.3g} s, which the slowest board of the tolerances "
-        f"needs: {slowest.reached_s:.3g} s to {100 * draft.config.firmware.acquire_share:.0f} % of the amplitude, "
+        f"target.startup_s = {target.startup_s:g} s is below {promised:.3g} s, which the slowest board of the "
+        f"tolerances needs: {slowest.reached_s:.3g} s to {100 * draft.config.firmware.acquire_share:.0f} % of the amplitude, "
         f"{slowest.drive_s:.3g} s to the drive's lock"
     )
 
@@ -247,7 +256,8 @@ def _check_loop(draft, advice):
     ):
         if value > limit:
             draft.refuse(
-                f"rate loop: {what}: {value:.3g}{unit} is above the limit {limit:.3g}{unit}; fixed keys of [firmware]: {fixed}"
+                f"rate loop: {what}: {value:.3g}{unit} is above the limit {limit:.3g}{unit}; "
+                f"fixed keys of [firmware]: {fixed}"
             )
 
 

@@ -106,6 +106,11 @@ def plan(device, bandwidth_hz, f_tolerance=0.0, design=DEFAULT):
     half_width = f / (2 * device.qx)
     turn = math.degrees(math.atan(step / 2 / half_width))
     found.append(
-        Meeting(f"f/2Q against {LEAST_STEPS} steps of the DDS", half_width, LEAST_STEPS * step, f"half a step turns by {turn:.2g} deg")
+        Meeting(
+            f"f/2Q against {LEAST_STEPS} steps of the DDS",
+            half_width,
+            LEAST_STEPS * step,
+            f"half a step turns by {turn:.2g} deg",
+        )
     )
     return found

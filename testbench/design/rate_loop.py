@@ -22,7 +22,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analog_frontend.parts import sid
 from testbench.config import changed
 from testbench.paper.loop import advisor
 from testbench.paper.loop import loop as lp
@@ -90,7 +89,9 @@ def grid(p, *more_hz):
     split, width = abs(p.split_hz), p.wy_rad_s / (4 * math.pi * p.qy)
     reach = np.geomspace(max(width, 1e-3) / 5, split / 2, 70)
     rough = np.geomspace(min(0.05, split / 300), 1500.0, 130)
-    return np.unique(np.concatenate([rough, split - reach, split + reach, [split], split * BANDWIDTHS_BY_SPLIT, more_hz]))
+    return np.unique(
+        np.concatenate([rough, split - reach, split + reach, [split], split * BANDWIDTHS_BY_SPLIT, more_hz])
+    )
 
 
 def opened(p, hz):
@@ -171,7 +172,10 @@ def board(config, sid_c_f, tolerances, *more_hz):
     o = opened(p, grid(p, *more_hz))
     corners = []
     for split_by, sid_by in itertools.product((-1, 1), (-1, 1)) if tolerances else ():
-        split_hz, sid_hz = p.split_hz * (1 + split_by * tolerances.split), p.sid_hz / (1 + sid_by * tolerances.capacitor)
+        split_hz, sid_hz = (
+            p.split_hz * (1 + split_by * tolerances.split),
+            p.sid_hz / (1 + sid_by * tolerances.capacitor),
+        )
         q = advisor.varied(p, split_hz=split_hz, sid_hz=sid_hz)
         at = opened(q, grid(q))
         corners += [(at, factor) for factor in gain_factors(tolerances)]

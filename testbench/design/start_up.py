@@ -192,7 +192,9 @@ def driven(config):
     frames = p.power_up + p.init + p.recover + BETWEEN_STATES + taken + p.retune
     reached, settled = _drive_locked(p, control, drive, word_hz, setpoint)
     if settled is None:
-        state = "the amplitude does not reach firmware.acquire_share" if reached is None else "the drive does not settle"
+        state = (
+            "the amplitude does not reach firmware.acquire_share" if reached is None else "the drive does not settle"
+        )
         what = f"{state} within firmware.acquire_timeout_s = {p.timeout * FRAME_S:g} s"
         return Driven(first._replace(failure=what), 0)
     ends = [(frames + n) * FRAME_S for n in (reached, settled)]
@@ -231,7 +233,10 @@ def corners(config):
         fx = n.fx_hz * (1 + f * n.f_tolerance)
         split = (n.fx_hz - n.fy_hz) * (1 - fast * n.split_tolerance)
         values = {"fx_hz": fx, "fy_hz": fx - split, "sid_c_f": n.sid_c_f * (1 + capacitor * n.capacitor_tolerance)}
-        for sign, names in ((fast, ("k_vf_drive_n_per_v", "k_vf_sense_n_per_v", "dcdy_f_per_m")), (-fast, ("dcdx_f_per_m",))):
+        for sign, names in (
+            (fast, ("k_vf_drive_n_per_v", "k_vf_sense_n_per_v", "dcdy_f_per_m")),
+            (-fast, ("dcdx_f_per_m",)),
+        ):
             values |= {name: getattr(n, name) * (1 + sign * n.transducer_tolerance) for name in names}
         values |= {name: getattr(n, name) * root ** (-f) for name in ("qx", "qy")}
         found.append(changed(config, {f"plant.{key}": value for key, value in values.items()}))

@@ -31,7 +31,7 @@ class Target(Section):
     full_scale_deg_s: float | None = wanted("deg/s", 1.0, 1e5, "rate of the largest force word; decides the amplitude")
     max_rate_deg_s: float = number(300.0, "deg/s", 0.1, 1e5, "largest rate that the ranges must hold")
     max_quadrature_deg_s: float | None = wanted("deg/s", 0.0, 1e5, "largest quadrature; absent: that of [nominal]")
-    amplitude_um: float | None = wanted("um", 0.1, 10.0, "drive amplitude; absent: the largest that the ranges hold")
+    amplitude_um: float | None = wanted("um", 1e-3, 100.0, "drive amplitude; absent: the largest that the ranges hold")
     gap_um: float | None = wanted("um", 0.1, 1e3, "gap of the electrodes; absent: displacement is not checked")
     gap_share: float = number(1 / 3, "", 0.01, 1.0, "largest displacement, as a part of the gap")
     compensate: bool = other(True, "phase words from the phase budget: force and rate in phase")

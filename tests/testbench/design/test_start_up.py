@@ -32,17 +32,20 @@ def test_lock_is_when_the_engine_locks(name):
 
 def test_what_the_search_cannot_find_is_said():
     far = start_up.predict(changed(QUIET, {"plant.fx_hz": 11100.0, "plant.fy_hz": 10961.0}))
-    assert far.lock_s is None and "firmware.search_limit_hz = 80" in far.failure
+    assert far.lock_s is None
+    assert "firmware.search_limit_hz = 80" in far.failure
     assert far.found_hz == pytest.approx(97.7, abs=0.5)
     deaf = start_up.predict(changed(QUIET, {"plant.dcdx_f_per_m": 1e-9}))
-    assert deaf.lock_s is None and "firmware.search_min_v" in deaf.failure
+    assert deaf.lock_s is None
+    assert "firmware.search_min_v" in deaf.failure
 
 
 def test_the_slowest_is_the_last_and_a_failure_is_later_than_all():
     found = [start_up.StartUp(0.0, 0.4, 0.5, 0.6, t) for t in (1.0, 2.0)]
     assert start_up.slowest(found).lock_s == 2.0
     failed = start_up.StartUp(0.0, 0.4, None, None, None, "nothing")
-    assert start_up.slowest([*found, failed]) is failed and start_up.promised_s(failed) is None
+    assert start_up.slowest([*found, failed]) is failed
+    assert start_up.promised_s(failed) is None
 
 
 def test_corners_stand_at_the_tolerances():
