@@ -31,8 +31,8 @@ def design(
     from testbench.run import outputs
     from testbench.storage.files import write_text
 
-    if report is not None:
-        outputs.check_folder(report)
+    for folder in ([report] if report else []) + ([out.parent] if out else []):
+        outputs.check_folder(folder)
     with Progress(quiet=as_json) as progress:
         progress("design", 0, 1)
         from testbench.design import confirm, design_page, designer

@@ -237,7 +237,7 @@ def _start_up(draft):
         draft.refuse(f"start-up of a board of the tolerances: {slowest.failure}")
     draft.refuse(
         f"target.startup_s = {target.startup_s:g} s is below {promised:.3g} s, which the slowest board of the "
-        f"tolerances needs: {slowest.reached_s:.3g} s to {100 * draft.config.firmware.acquire_share:.0f} % of the amplitude, "
+        f"tolerances needs: {slowest.reached_s:.3g} s to firmware.acquire_share of the amplitude, "
         f"{slowest.drive_s:.3g} s to the drive's lock"
     )
 

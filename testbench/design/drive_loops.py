@@ -3,8 +3,8 @@
     frequency loop   crossover DRIVE_BY_SID of the SID's corner, zero a fifth of it
     amplitude loop   the same; its proportional part alone comes to r = 2 pi f_c / (2 pi f_c + w/2Q) of the set-point
     acquire share    0.95, or REACH_ROOM r at the least gains and the least Q, where that is less
-    search limit     SEARCH_ROOM times d and the resolution;  d: tolerance of the frequency, and how far the first word is
-                     off
+    d                tolerance of the frequency, and how far the first word is off
+    search limit     SEARCH_ROOM d and the resolution
     kick             half a turn at d: sinc leaves 0.64 of the force there; at most KICK_SHARE of the set-point
     decay            until three SID poles have left SETTLED of the weakest signal: e^-x (1 + x + x^2/2) = SETTLED s
     weakest signal   s = sinc(d kick) (1 + (d / corner)^2)^-1.5 of the kick, at the least gains, and
@@ -93,10 +93,11 @@ def words(config):
             f"{n.qx:g} is too low for the SID's corner of {corner:.3g} Hz; a larger nominal.qx or split would do"
         )
     elif weakest < NOISE_ROOM * noise + 2 * offset:
+        least_v = NOISE_ROOM * noise + 2 * offset
         failure = (
             f"search: the kick leaves {1e6 * weakest:.3g} uV at {off:.3g} Hz from the first frequency, below "
-            f"{1e6 * (NOISE_ROOM * noise + 2 * offset):.3g} uV, {NOISE_ROOM:g} times the noise and twice the SID's offset"
-            "; a lower nominal.f_tolerance, or a larger nominal.qx or split would do"
+            f"{1e6 * least_v:.3g} uV, {NOISE_ROOM:g} times the noise and twice the SID's offset; "
+            "a lower nominal.f_tolerance, or a larger nominal.qx or split would do"
         )
     keys = {
         **{f"{loop}_crossover_hz": crossover for loop in ("agc", "pll")},
