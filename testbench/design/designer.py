@@ -1,10 +1,10 @@
 """From a TARGET to a configuration, and what it will do: each step chooses some keys or says which limit stops it.
 
-    1  amplitude    from the scale, from the user, or the largest that the ranges hold
-    2  rate loop    SID capacitor, crossover, zero: `rate_loop`
-    3  drive loops  crossovers at DRIVE_BY_SID of the SID's corner, zeros a fifth of that
-    4  quadrature   crossover at a 25th of the bandwidth, faster if the start-up needs it
-    5  phase words  if the target wants them: from the phase budget
+    1  phase words  if the target wants them: from the phase budget
+    2  amplitude    from the scale, from the user, or the largest that the ranges hold
+    3  rate loop    SID capacitor, crossover, zero: `rate_loop`
+    4  drive loops  and words of the search: `drive_loops`
+    5  quadrature   crossover at a 25th of the bandwidth, faster if the start-up needs it
     6  prediction   `advisor`, `start_up`, `ranges`, `frequency_plan`, `budget` of the finished configuration
 
 A key that [firmware] of the TARGET has is never changed.
@@ -273,9 +273,9 @@ def design(file, source="target"):
 def _designed(file, source):
     draft = _Draft(source, file)
     target = draft.target
-    bound = _amplitude(draft)
     if target.compensate:
         _compensate(draft)
+    bound = _amplitude(draft)
     _check_ranges(draft)
     choice = _rate_loop(draft)
     nominal, slowest, promised = _start_up(draft)

@@ -30,7 +30,7 @@ from testbench.paper.loop.parts import FRAME_S, parts
 E12 = (1.0, 1.2, 1.5, 1.8, 2.2, 2.7, 3.3, 3.9, 4.7, 5.6, 6.8, 8.2)
 CORNER_BY_SPLIT = 0.2, 1.2
 ZEROS_BY_SPLIT = np.geomspace(0.15, 3.0, 14)
-BANDWIDTHS_BY_SPLIT = np.geomspace(0.004, 0.8, 60)
+BANDWIDTHS_BY_SPLIT = np.geomspace(0.01, 0.8, 110)  # steps of 4 %
 HALF_POWER_DB = 20 * math.log10(0.5) / 2
 NEARLY = (0.9, 0.6, 0.0)  # parts of the most robust choice that are tried, one after the other
 
