@@ -6,6 +6,9 @@
              w_1 = e^-u r_1 + W_1      w_2 = e^-u (r_2 + u r_1) + W_2      w_3 = e^-u (r_3 + u r_2 + u^2/2 r_1) + W_3
     noise  q_1 = (its integral over the closed time)/RC, spread over the stages as a constant voltage is
 
+With two or three edges in a frame, the first two are done side by side; with any other number, one after the other.
+A frame without one continues the line of the frame before it.
+
 At an edge the same W closes one group and opens the other. Edges stand at the firmware's own clocks, re-timed or not.
     s      output of a frame at its middle: the chord between two edges;   s' = +-((w_2 - w_3) - (h_2 - h_3)) / 2RC
     sinc3  sums of three frames at once, as adc.py has them: sum_j += K_j s + M_j s', K and M the moments of its weights
@@ -62,6 +65,7 @@ class Params(NamedTuple):
     retimed: int
     inverse_noise: float  # samples of C/V noise per clock
     noise_gain: float  # length of a sample / RC
+    edges: int  # most edges of a frame and one more; 0: two or three in every frame
 
 
 @inlined
@@ -207,6 +211,55 @@ def _last_edge(p, s, waiting, early, new, later, tilde, poles, noise, begin):
 
 
 @inlined
+def _edge(p, s, n, waiting, early, old, new, left, later, tilde, poles, noise, begin):
+    """Edge n of the frame, counted from 0, where there is one, or what waits for the next frame; returns the state."""
+    (r1, r2, r3, h1, h2, h3, opened, opened_2, closed_at, drawn, sign, area, began, waits, past_waits, picked) = s
+    zero, one, end = splat4(0.0), splat4(1.0), splat4(FRAME_CLOCKS)
+    number = splat4(float(n)) - waiting
+    # the first that crosses in this frame may do so before the word has changed
+    first = chosen(number, zero, early, zero)
+    word = chosen(one, first, splat4(old[0]), splat4(new[0]))
+    inverse = chosen(one, first, splat4(old[1]), splat4(new[1]))
+    base = chosen(one, first, zero, splat4(new[2]))
+    ahead = chosen(one, first, left, later + (number - early) * float(HALF))
+    crossed = base + ceiling(ahead * inverse)
+    t = switched(p, crossed)
+    past = (t - base) * word - ahead
+    # one whose switch has not followed in the frame before
+    came = chosen(number, splat4(-0.5), one, zero)
+    t, past = chosen(one, came, waits, t), chosen(one, came, past_waits, past)
+    acts = chosen(t, end - 1e-6, one, zero)
+    late = chosen(one, acts, zero, chosen(crossed, end, one, zero))
+    # beyond the frame nothing is read
+    t_read = chosen(t, end, t, end)
+    total = _integral(noise, begin, t_read * p.inverse_noise)
+    swept = _swept(p, sign, closed_at, drawn, t_read, past, tilde, poles, total)
+    w1, w2, w3, u, _, _ = swept
+    a1, a2, a3 = _grown(swept, r1, r2, r3)
+    under, slope = _under(p, sign, u, a2, a3, h2, h3, opened, opened_2, t_read, closed_at)
+    # the first from `sampled` on, or the last of those before it
+    pick = chosen(closed_at, splat4(p.sampled - 1e-6), acts, zero)
+    picked = chosen(one, pick, (area + under, began, t_read, slope), picked)
+    a1, a2, a3 = _charged(p, sign, a1, a2, a3)
+    after = (h1 - w1, h2 - w2, h3 - w3, a1, a2, a3, h3, h2, t_read, total, zero - sign, under, closed_at)
+    # what had waited has acted
+    kept = chosen(one, late, (t - end, past), chosen(one, came, (zero - one, zero), (waits, past_waits)))
+    return chosen(one, acts, after, s[:13]) + kept + (picked,)
+
+
+@inlined
+def _all_edges(p, q, s, waiting, early, old, new, left, later, tilde, poles, noise, begin):
+    """Any number of edges, one after the other; returns the state `s`."""
+    slope = load4(q, 4 * SLOPE)
+    # a frame without an edge goes on as the frame before it: one clock long, so that its area is its value
+    line = (load4(q, 4 * S) + slope * FRAME_CLOCKS, splat4(p.middle - 0.5), splat4(p.middle + 0.5), slope)
+    s = s[:15] + (line,)
+    for n in range(p.edges):
+        s = _edge(p, s, n, waiting, early, old, new, left, later, tilde, poles, noise, begin)
+    return s
+
+
+@inlined
 def _integral(noise, begin, t):
     """Integral of held noise up to `t` samples from `begin` on; sums[k] up to sample k, volts[k] the sample."""
     volts, sums, row = noise
@@ -280,8 +333,11 @@ def demodulate(p, q, before, turn, offsets, base, v, poles, noise, begin):
         pair(v[13], v[15]),
     )
     s = _kept(q)
-    s = _two_edges(p, s, waiting, early, old, new, left, later, joined(tilde, tilde), poles, noise, begin)
-    s = _last_edge(p, s, waiting, early, new, later, tilde, poles, noise, begin)
+    if p.edges:
+        s = _all_edges(p, q, s, waiting, early, old, new, left, later, tilde, poles, noise, begin)
+    else:
+        s = _two_edges(p, s, waiting, early, old, new, left, later, joined(tilde, tilde), poles, noise, begin)
+        s = _last_edge(p, s, waiting, early, new, later, tilde, poles, noise, begin)
     _keep(q, s)
     total, since, until, slope = s[-1]
     # one division for all four

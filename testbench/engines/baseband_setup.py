@@ -23,13 +23,17 @@ from testbench.engines.window import SLOT_WORD, VALID_CLOCKS
 from testbench.errors import ConfigError
 
 FRAME_CLOCKS = FRAME_TICKS * TICK_CYCLES
+FRAME_S = 1 / rates.FRAME_HZ
 SAMPLED_LATER = 200  # clocks behind the middle of the converter's samples: the two half periods stand around it
 JITTER_LIMIT_S = 1e-11
 # two or three edges in a frame, never four: three half periods, a tick less, are longer, 150 Hz beside the mode, too
-DRIVE_HZ = (9_500.0, 11_750.0)
+SIDE_BY_SIDE_HZ = (9_500.0, 11_750.0)
+# below, an output is continued over more than two frames; above, two edges may come before the word changes
+DRIVE_HZ = (3_000.0, 22_000.0)
 SPLIT_HZ = 500.0  # 0.4 rad a frame: the cubic of an envelope
 RING_LIMIT_HZ = 5.0  # half width of a mode
 CORNER_LIMIT_HZ = 100.0  # of the demodulators
+CORNER_PART = 1 / 32  # of the drive frequency: a half period is at most 0.2 of RC
 RATE_LIMIT_DEG_S = 1000.0
 
 
@@ -103,9 +107,9 @@ def check(p):
     for key, wide in (("plant.qx", wide_x), ("plant.qy", wide_y)):
         if not wide <= RING_LIMIT_HZ:
             _refuse(key, f"a half width of {wide:g} Hz is above {RING_LIMIT_HZ:g} Hz")
-    corner = 1 / (4 * math.pi * float(t.sid_rc_s[0]))
-    if not corner <= CORNER_LIMIT_HZ:
-        _refuse("plant.sid_r_ohm, plant.sid_c_f", f"a corner of {corner:g} Hz is above {CORNER_LIMIT_HZ:g} Hz")
+    corner, limit = 1 / (4 * math.pi * float(t.sid_rc_s[0])), min(CORNER_LIMIT_HZ, CORNER_PART * fx)
+    if not corner <= limit:
+        _refuse("plant.sid_r_ohm, plant.sid_c_f", f"a corner of {corner:g} Hz is above {limit:g} Hz")
 
 
 def _lags(p, valid):
@@ -135,6 +139,14 @@ def _moments(converter):
     return np.array([[w.sum(), (w * (at - middle)).sum()] for w in weights]), middle
 
 
+def most_edges(drive_hz):
+    """Most edges of a demodulator in a frame, and one that waits; 0 where they are two or three."""
+    if SIDE_BY_SIDE_HZ[0] <= drive_hz <= SIDE_BY_SIDE_HZ[1]:
+        return 0
+    half_period_s = 0.5 / (drive_hz + averaged.LIMIT_HZ)
+    return math.floor(FRAME_S / half_period_s) + 2
+
+
 def setup(p):
     """`Setup` of engine.Params; ConfigError for what the averaged plant does not cover."""
     check(p)
@@ -162,6 +174,7 @@ def setup(p):
         charge=tuple(float(v) for v in charge),
         delay=REFERENCE_CLOCKS + p.fpga.references.align,
         retimed=int(p.fpga.references.retimed),
+        edges=most_edges(turns_per_tick / tick_s),
         inverse_noise=1.0 / (noise.HOLD * TICK_CYCLES),
         noise_gain=noise.HOLD / rc_ticks,
     )

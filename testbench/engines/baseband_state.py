@@ -49,7 +49,9 @@ from analog_frontend.averaged.averaged_sid import (
     R2,
     R3,
     SIGN,
+    SLOPE,
     WAITING,
+    S,
 )
 from analog_frontend.numeric.shapes import doubles, zeros
 from analog_frontend.numeric.vector import lane, splat4, turned4
@@ -145,6 +147,8 @@ def take_state(p, u, b, g, a, tick):
         # as if the output had been what it is for a half period
         q[4 * BEGAN + d] = -float(HALF // word)
         q[4 * AREA + d] = (1.0 if ref else -1.0) * (q[4 * OPENED + d] - q[4 * (H1 + 2) + d]) * -q[4 * BEGAN + d]
+        q[4 * S + d] = (1.0 if ref else -1.0) * (q[4 * OPENED + d] - q[4 * (H1 + 2) + d])
+        q[4 * SLOPE + d] = 0.0
         q[4 * OPENED_2 + d] = a.caps[d, on + 1]
         q[4 * NOISE + d] = 0.0
         q[4 * SIGN + d] = 1.0 if ref else -1.0

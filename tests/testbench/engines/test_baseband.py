@@ -14,12 +14,13 @@ from fpga_model import registers, sequencer
 from fpga_model.rates import FRAME_CYCLES, FRAME_TICKS, MASTER_HZ, TICK_CYCLES, TICK_HZ
 from testbench import config
 from testbench.campaign.plan import engines
-from testbench.engines import baseband, engine
-from testbench.engines.baseband_setup import DRIVE_HZ, JITTER_LIMIT_S, RATE_LIMIT_DEG_S
+from testbench.engines import baseband, baseband_setup, engine
+from testbench.engines.baseband_setup import DRIVE_HZ, JITTER_LIMIT_S, RATE_LIMIT_DEG_S, SIDE_BY_SIDE_HZ, most_edges
+from testbench.engines.window import SLOT_WORD
 from testbench.errors import ConfigError
 from testbench.measured.residual import simulator
 from testbench.paper.calibration import boards
-from testbench.run import simulate
+from testbench.run import build, simulate
 from testbench.run.simulation import FRAME, Simulation
 from tests.testbench.bench_setup import configured, open_loop, quiet
 from tests.testbench.engines import baseband_accuracy
@@ -256,7 +257,7 @@ OUTSIDE = {
     "plant.drive_dac_bow": {"plant__drive_dac_bow": 1e-5},
     "plant.sense_dac_glitch_v_s": {"plant__sense_dac_glitch_v_s": 1e-9},
     "plant.clock_jitter_s": {"plant__clock_jitter_s": 2 * JITTER_LIMIT_S},
-    "plant.fx_hz": {"plant__fx_hz": 11_800.0, "plant__fy_hz": 11_661.0},
+    "plant.fx_hz": {"plant__fx_hz": 22_100.0, "plant__fy_hz": 21_961.0},
     "plant.fy_hz": {"plant__fy_hz": 10_400.0},
     "plant.qx": {"plant__qx": 1000.0},
     "plant.sid_r_ohm": {"plant__sid_c_f": 30e-9},
@@ -284,9 +285,19 @@ def test_what_it_cannot_do_is_refused_with_one_line(key):
 
 def test_no_frame_has_a_fourth_edge():
     """Re-timed edges three half periods apart, a tick early, at the fastest word that the limits let through."""
-    fastest = DRIVE_HZ[1] + LIMIT_HZ
+    fastest = SIDE_BY_SIDE_HZ[1] + LIMIT_HZ
     assert 3 * MASTER_HZ / (2 * fastest) - TICK_CYCLES > FRAME_CYCLES
     assert 3 * MASTER_HZ / (2 * (fastest + 10.0)) - TICK_CYCLES < FRAME_CYCLES, "not far from it"
+
+
+@pytest.mark.parametrize("drive_hz", [DRIVE_HZ[0], SIDE_BY_SIDE_HZ[0] - 1, SIDE_BY_SIDE_HZ[1] + 1, DRIVE_HZ[1]])
+def test_there_is_room_for_every_edge_outside_of_that_range(drive_hz):
+    """Edges of one frame at the fastest word, and the one that waits; one crossing at most before the word changes."""
+    half = MASTER_HZ / (2 * (drive_hz + LIMIT_HZ))
+    assert most_edges(drive_hz) >= (FRAME_CYCLES + TICK_CYCLES) / half + 1
+    setup = baseband_setup.setup(build.params(configured(), TEMP_DEGC, TEMP_DEGC))
+    assert half > setup.valid + SLOT_WORD + 1
+    assert most_edges(sum(SIDE_BY_SIDE_HZ) / 2) == 0
 
 
 def test_faults_are_refused(locked):
