@@ -31,7 +31,9 @@ def _distance(axis, x, ends, text, offset):
 
 def bode(p, advice):
     """Open loop L at the force word: magnitude and phase, with the margins at |L| = 1 and where L is negative."""
-    f = np.unique(np.concatenate([np.geomspace(0.3, 1000, 700), p.split_hz + np.linspace(-6, 6, 1201)]))
+    split = abs(p.split_hz)
+    near = split + min(6.0, split / 4) * np.linspace(-1, 1, 1201)
+    f = np.unique(np.concatenate([np.geomspace(min(0.3, split / 50), 1000, 700), near]))
     values = lp.return_ratio(p, f)
     figure, axes = axes_of("Open loop, broken at the force word", 7.5, 2, sharex=True)
     top, bottom = axes[:, 0]
@@ -68,7 +70,9 @@ def closed(p, simulated=None):
     """Closed loop: word per rate, with the lines of a simulated multisine and their difference if there are any."""
     loop = lp.close(p)
     dc = advisor.rest_gain(loop)
-    f = np.unique(np.concatenate([np.geomspace(0.5, 400, 500), p.split_hz + np.linspace(-4, 4, 401)]))
+    split = abs(p.split_hz)
+    near = split + min(4.0, split / 4) * np.linspace(-1, 1, 401)
+    f = np.unique(np.concatenate([np.geomspace(min(0.5, split / 50), 400, 500), near]))
     values = lp.response(loop, f) / dc
     figure, axes = axes_of("Closed loop: recorded word per rate", 9.0, 3 if simulated is not None else 2)
     top, middle = axes[0, 0], axes[1, 0]
