@@ -5,8 +5,8 @@
           drive references are delayed by psi. Compared with the minimum of A_d over turned references
     ye1   force word fixed, interval from sgn(sin) and sgn(cos) to Vy-; the sense sine is advanced by it
     ye2   force word fixed where A_I is null, V_q chopped between null and 0: tan(psi) = dI/dQ of the codes, plus the
-          sense mode's own lead 2 w_d / (tau (w_d^2 - w_y^2)), which its ring after each chop shows; the sense
-          references follow
+          sense mode's own lead, of tangent 2 w_d / (tau (w_d^2 - w_y^2)), which its ring after each chop shows; the
+          sense references follow
 
 Cases 1 to 5 are the register sets before, and after each of these. The drive sine turns the force and leaves x where
 its reference holds it, so nothing of y moves while xe2 is measured.
@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy import stats
-from scipy.optimize import brentq
+from scipy.optimize import brentq, least_squares
 
 from analog_frontend.parts import sid
 from fpga_model import cordic, sequencer
@@ -33,6 +33,7 @@ DETUNE_DEG, DETUNE_S = (35.0, 55.0, 45.0, 40.0, 50.0, 30.0), 3.0
 SCAN_DEG, SCAN_S = (-24.0, -16.0, -8.0, 0.0, 8.0, 16.0, 24.0), 1.0
 FORCE_WORD = 1 << 21  # a quarter of full scale
 COUNTER_TURNS_DEG = (-45.0, -15.0, 20.0, 50.0)
+STEP_SKIPPED, STEP_DECAYS = 12.0, 6.0  # time constants: of the demodulator, then of the ring
 RING_PARTS = 0.29, 2.15  # of the drawing's split: where the ring is looked for
 NULL_S, CHOP_S, CHOP_SETTLE_S = 6.0, 5.0, 0.5
 CHOP_TURNS_DEG = (-50.0, -35.0, -20.0, 0.0, 15.0, 30.0, 45.0, 55.0)
@@ -278,6 +279,24 @@ def ring(codes, split_hz, frame_s=FRAME_S):
     return omega, -1.0 / float(np.polyfit(t, level, 1)[0])
 
 
+def ring_of_step(codes, split_hz, decay_s, rc_s, frame_s=FRAME_S):
+    """As `ring`, of a line that has gone before the codes are read: from the codes right after a chop.
+
+    decay_s  of the drawing;  rc_s  of the demodulator, whose own transient is left out
+    """
+    first = round(STEP_SKIPPED * rc_s / frame_s)
+    x = codes[first : first + round(STEP_DECAYS * decay_s / frame_s)]
+    t = np.arange(len(x)) * frame_s
+
+    def residual(v):
+        line = np.exp((1j * v[0] * 2 * math.pi * split_hz - 1 / (v[1] * decay_s)) * t)
+        basis = np.stack([line.real, line.imag, np.ones_like(t)], axis=1)
+        return basis @ np.linalg.lstsq(basis, x, rcond=None)[0] - x
+
+    found = least_squares(residual, (1.0, 1.0), bounds=((RING_PARTS[0], 0.1), (RING_PARTS[1], 10.0))).x
+    return found[0] * 2 * math.pi * split_hz, found[1] * decay_s
+
+
 def chop(bench, turns_deg=CHOP_TURNS_DEG):
     """psi of the sense pickoff: what V_q = 0 does to both codes, the force word fixed at A_I = 0; (Readings, seen).
 
@@ -285,14 +304,17 @@ def chop(bench, turns_deg=CHOP_TURNS_DEG):
     y rings after each chop. Where a line of lateness meets the ring the mean of the codes is off: `rung`.
     """
     word, u = _fix_sense(bench, NULL_S * bench.pace)
-    split_hz = bench.drawing.fx_hz - bench.drawing.fy_hz
+    drawing = bench.drawing
+    split_hz, decay_s = drawing.fx_hz - drawing.fy_hz, drawing.qy / (math.pi * drawing.fy_hz)
+    rc_s = 2 * drawing.sid_r_ohm * drawing.sid_c_f  # of a group that is closed half the time
     turned, angles, left, opened, closed, rings = TurnedReading(bench), [], [], [], [], []
     for turn in turns_deg:
         turned.to(turn)
-        levels, records = [], []
+        levels, records, steps = [], [], []
         for value in (u, 0, u):
             bench.write("quadrature_fixed", value)
-            bench.settle(CHOP_SETTLE_S)
+            settling = bench.record(CHOP_SETTLE_S * bench.pace)
+            steps.append(settling["adc_sense_cos"].astype(float))
             rows = bench.stamped(CHOP_S / 2 if value else CHOP_S)
             levels.append((rows.hann("adc_sense_sin"), rows.hann("adc_sense_cos")))
             records.append(rows)
@@ -301,7 +323,10 @@ def chop(bench, turns_deg=CHOP_TURNS_DEG):
         weights = grid.hann(len(records[1]))
         x, y = (late(bench, records[1], weights, channel) for channel in ("drive", "sense"))
         angles.append(math.degrees(math.atan((i1 - (i0 + i2) / 2) / moved)) - x.deg + y.deg)
-        rings.append(ring(records[1]["adc_sense_cos"].astype(float), abs(split_hz)))
+        if decay_s < CHOP_SETTLE_S * bench.pace / 4:
+            rings.append(ring_of_step(steps[1], abs(split_hz), decay_s, rc_s))
+        else:
+            rings.append(ring(records[1]["adc_sense_cos"].astype(float), abs(split_hz)))
         off = [share * rung(bench, rows, rings[-1][0]) for share, rows in zip((0.5, 1.0, 0.5), records)]
         left.append(math.hypot(x.sd_deg, y.sd_deg, math.degrees(math.hypot(*off) / moved)))
         opened.append(abs(q1))
@@ -312,7 +337,7 @@ def chop(bench, turns_deg=CHOP_TURNS_DEG):
     split, decay_s = (float(np.median([r[j] for r in rings])) for j in range(2))
     drive = 2 * math.pi * bench.read("frequency") * MASTER_HZ / 2**48
     split = math.copysign(split, split_hz)
-    lead_deg = math.degrees(2 * drive / (decay_s * split * (2 * drive - split)))
+    lead_deg = math.degrees(math.atan(2 * drive / (decay_s * split * (2 * drive - split))))
     decay_spread = float(np.std([r[1] for r in rings])) / decay_s
     found = Readings(np.array(angles) + lead_deg - offset_deg(bench), np.array(left), lead_deg * decay_spread)
     seen = {
