@@ -29,13 +29,18 @@ class Measured(NamedTuple):
     lock_s: float
     bandwidth_hz: float | None
     peak_db: float
-    lsb_per_dps: float
+    lsb_per_dps: float  # of the lowest line, `lowest_hz`
 
 
 def _lines(bandwidth_hz):
     """(lines Hz, window s)."""
     window = max(LEAST_WINDOW_S, math.ceil(PERIODS / bandwidth_hz * 8) / 8)
     return np.unique(np.round(np.array(SHARES) * bandwidth_hz * window)) / window, window
+
+
+def lowest_hz(bandwidth_hz):
+    """The line (Hz) that stands for rest."""
+    return float(_lines(bandwidth_hz)[0][0])
 
 
 def measure(config, bandwidth_hz, settle_s=SETTLE_S):

@@ -97,7 +97,13 @@ def tables(result):
     ]
     return [
         Table("Chosen", ("key", "value", "unit"), chosen, f"amplitude bounded by: {result.amplitude_bound}"),
-        Table("Predicted", ("what", "value", "simulated", "unit"), predicted, "nominal board, noise off", (1, 2)),
+        Table(
+            "Predicted",
+            ("what", "value", "simulated", "unit"),
+            predicted,
+            "nominal board, noise off; simulated scale: of a line at 2 % of the bandwidth",
+            (1, 2),
+        ),
         Table("Rounding and limit cycles", ("what", "value", "unit"), rounding),
         Table("Ranges", ("what", "needs", "limit", "unit", "used"), held, numeric=(1, 2, 4)),
         Table("Frequency plan", ("what", "Hz", "at least Hz", "kept", "effect"), plan, numeric=(1, 2)),

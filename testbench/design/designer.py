@@ -26,6 +26,7 @@ from testbench.run.budget import budget, lock_frequency_hz
 
 QUADRATURE_BY_BANDWIDTH = (0.04, 0.08, 0.16)
 STEPS_PER_UM, AMPLITUDES_UM = 100, (0.01, 100.0)
+FIRST_AMPLITUDES_UM = (5.0, 1.0, 0.2, 0.04, 25.0)
 BANDWIDTH_ROOM, PEAK_ROOM_DB, MODULUS_ROOM = 0.03, 0.1, 0.95  # rounded coefficients and the grid of the search
 WIDER = (1.02, 1.2, 1.5, 2.0)  # times the split that would be in proportion to the bandwidth
 
@@ -67,9 +68,18 @@ class _Draft:
         nominal = file.nominal.model_dump()
         firmware = {k: getattr(file.firmware, k) for k in self.fixed}
         self.config = config_of({"nominal": nominal, "firmware": firmware}, source)
-        # gains that the formats hold, to begin with
-        self.set(ftr_crossover_hz=0.6 * file.target.bandwidth_hz, ftr_zero_hz=10 * file.target.bandwidth_hz)
-        self.set_quadrature(QUADRATURE_BY_BANDWIDTH[0] * file.target.bandwidth_hz)
+        self._begin(file.target.bandwidth_hz)
+
+    def _begin(self, bandwidth_hz):
+        """Gains and an amplitude that the firmware's formats hold, to begin with."""
+        self.set(ftr_crossover_hz=0.6 * bandwidth_hz, ftr_zero_hz=10 * bandwidth_hz)
+        for amplitude_um in FIRST_AMPLITUDES_UM:
+            self.set(amplitude_um=amplitude_um)
+            try:
+                return self.set_quadrature(QUADRATURE_BY_BANDWIDTH[0] * bandwidth_hz)
+            except ConfigError as problem:
+                said = problem
+        raise said
 
     def set(self, **keys):
         """Change keys of [firmware] that are not fixed; keys of both boards are written `nominal__key`."""
@@ -78,7 +88,7 @@ class _Draft:
             if key.startswith("nominal__"):
                 values["nominal." + key.removeprefix("nominal__")] = value
             elif key not in self.fixed:
-                values[f"firmware.{key}"] = _within(type(self.config.firmware), key, value)
+                values[f"firmware.{key}"] = _within(type(self.config.firmware), key, float(f"{value:.6g}"))
         self.config = changed(self.config, values)
 
     def set_quadrature(self, crossover_hz):
@@ -88,8 +98,10 @@ class _Draft:
             try:
                 return build.firmware(self.config)
             except ValueError as problem:
+                if "fit format" not in str(problem):
+                    raise
                 said = problem
-        return self.refuse(str(said))
+        return self.refuse(f"the firmware's formats do not hold this board's gains: {said}")
 
     def refuse(self, text):
         """ConfigError with the file's name in front."""
@@ -130,6 +142,7 @@ def _amplitude(draft):
         low, high = AMPLITUDES_UM
         draft.refuse(f"amplitude: {wanted:.4g} um, bounded by {reason}, is outside {low:g} .. {high:g} um")
     draft.set(amplitude_um=wanted)
+    draft.set_quadrature(config.firmware.qsc_crossover_hz)  # its gain goes with 1 / amplitude
     return reason
 
 
@@ -196,13 +209,19 @@ def _why(draft, bands, tolerances, limits):
             f"target.bandwidth_hz = {wanted:g} Hz does not go with nominal.sid_c_f = {config.nominal.sid_c_f:g} F, "
             f"which allows at most {most:.3g} Hz; keep_sid = false lets the design choose it"
         )
+    if not most:
+        return (
+            f"rate loop: no bandwidth keeps target.modulus_margin = {limits.modulus:g} and target.peak_db = "
+            f"{limits.peak_db:g} dB within the tolerances of [nominal], with a split of {split:.4g} Hz; smaller "
+            "tolerances or a smaller modulus_margin would do"
+        )
     if wanted <= most:
         return (
             f"target.bandwidth_hz = {wanted:g} Hz is below what keeps a modulus margin of {limits.modulus:g}, although "
             f"{most:.3g} Hz does; another bandwidth, or a lower modulus_margin"
         )
-    text = f"target.bandwidth_hz = {wanted:g} Hz is above {most:.3g} Hz, the most that this board allows"
-    for by in WIDER if most else ():
+    text = f"target.bandwidth_hz = {wanted:g} Hz is above {most:.3g} Hz, the most that a rate loop of this board allows"
+    for by in WIDER:
         by *= wanted / most
         other = changed(
             config, {"nominal.fy_hz": config.nominal.fx_hz - by * (config.nominal.fx_hz - config.nominal.fy_hz)}

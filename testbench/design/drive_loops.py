@@ -31,6 +31,7 @@ SEARCH_ROOM, LEAST_OFF_HZ = 1.1, 20.0
 KICK_SHARE, SETTLED = 0.3, 0.01
 LEAST_SEARCH_S, MOST_SEARCH_S = 0.06, 0.5
 NOISE_ROOM, FOUND_SHARE, CAPTURE = 8.0, 0.4, 0.25  # weakest signal over rms noise, beside the SID's offset
+LEAST_SIGNAL_V = 1e-15  # stands for none
 LOOP_DELAY_S = 4.5e-4  # converter, frame, word, hold
 
 
@@ -83,7 +84,7 @@ def words(config):
     noise = math.hypot(n.adc_noise_drive_v, 2 * cv_density(n.device()) * n.signal_gain * math.sqrt(corner))
     offset = math.hypot(*parts(config).sid_offset_v)
     disturbed = math.sqrt(2) * noise + 2 * offset
-    search = disturbed / (weakest * fallen) / (2 * math.pi) / (CAPTURE * crossover)
+    search = disturbed / max(weakest * fallen, LEAST_SIGNAL_V) / (2 * math.pi) / (CAPTURE * crossover)
     search_s = min(max(search, LEAST_SEARCH_S), MOST_SEARCH_S)
     weakest *= math.exp(-decay * (decay_s + search_s))
     failure = ""

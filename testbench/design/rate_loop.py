@@ -32,6 +32,7 @@ CORNER_BY_SPLIT = 0.2, 1.2
 ZEROS_BY_SPLIT = np.geomspace(0.15, 3.0, 14)
 BANDWIDTHS_BY_SPLIT = np.geomspace(0.01, 0.8, 110)  # steps of 4 %
 HALF_POWER_DB = 20 * math.log10(0.5) / 2
+COARSE = 5  # bandwidths between two of the first look for the largest
 NEARLY = (0.9, 0.6, 0.0)  # parts of the most robust choice that are tried, one after the other
 
 
@@ -264,12 +265,14 @@ def choose(config, bands, bandwidth_hz, limits, nearly=NEARLY[0]):
 
 
 def most(bands, limits):
-    """Largest bandwidth (Hz) of the boards' common range that keeps the limits; 0.0 if none does."""
+    """Largest bandwidth (Hz) of BANDWIDTHS_BY_SPLIT that keeps the limits; 0.0 if none of every COARSE does."""
     split = abs(bands[0].nominal.p.split_hz)
-    for ratio in BANDWIDTHS_BY_SPLIT[::-1]:
-        if best(kept(bands, ratio * split, limits), limits):
-            return float(ratio * split)
-    return 0.0
+    falling = [float(ratio * split) for ratio in BANDWIDTHS_BY_SPLIT[::-1]]
+    first = next((k for k in range(0, len(falling), COARSE) if best(kept(bands, falling[k], limits), limits)), None)
+    if first is None:
+        return 0.0
+    finer = falling[max(first - COARSE + 1, 0) : first]
+    return next((hz for hz in finer if best(kept(bands, hz, limits), limits)), falling[first])
 
 
 # ---- margins on a grid -----------------------------------------------------------------------------------------------

@@ -98,7 +98,7 @@ def _searched(p, drive, word_hz, kick):
     rotation = 0.0
     for _ in range(p.search):
         before, seen = seen, drive.step(word_hz, 0)
-        rotation += _turns(seen / before)
+        rotation += _turns(seen * before.conjugate())
     return p.kick + p.decay + p.search, rotation / p.search * FRAME_HZ, abs(seen)
 
 

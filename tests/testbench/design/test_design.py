@@ -11,6 +11,7 @@ from testbench.config import changed, load
 from testbench.design import confirm, design_page, designer, ranges, target
 from testbench.paper.loop import advisor
 from testbench.paper.loop import confirm as quiet
+from testbench.paper.loop import loop as lp
 from testbench.paper.loop.parts import parts
 from testbench.run import simulate
 from testbench.run.simulation import Simulation
@@ -27,8 +28,8 @@ TARGETS = {
 DRAWS = 20
 
 
-def designed(name, **more):
-    board = tomllib.loads((BOARDS / f"{name}.toml").read_text()).get("nominal", {})
+def designed(name, f_tolerance=0.005, **more):
+    board = tomllib.loads((BOARDS / f"{name}.toml").read_text()).get("nominal", {}) | {"f_tolerance": f_tolerance}
     return designer.design(target.from_dict({"target": TARGETS[name] | more, "nominal": board}), name)
 
 
@@ -43,7 +44,10 @@ def check_predictions(result):
     assert seen.lock_s == pytest.approx(result.nominal.lock_s, rel=0.02)
     assert seen.bandwidth_hz == pytest.approx(a.bandwidth_hz, rel=0.03)
     assert seen.peak_db == pytest.approx(max(a.peak_db, 0.0), abs=0.3)
-    assert seen.lsb_per_dps == pytest.approx(a.lsb_per_dps, rel=1e-3)
+    line_hz = confirm.lowest_hz(a.bandwidth_hz)
+    scale = abs(lp.response(lp.close(parts(result.config)), line_hz)[0]) * lp.DEG
+    assert seen.lsb_per_dps == pytest.approx(scale, rel=5e-4)
+    assert scale == pytest.approx(a.lsb_per_dps, rel=5e-3)
     assert all(r.kept for r in result.ranges)
 
 
@@ -95,7 +99,8 @@ def test_the_largest_bandwidth_is_reached_and_no_more():
     with pytest.raises(designer.ConfigError, match=r"is above 9\.") as refused:
         designed("disk_14khz", bandwidth_hz=25.0)
     most = float(str(refused.value).split("is above ")[1].split(" Hz")[0])
-    check_predictions(designed("disk_14khz", bandwidth_hz=most, startup_s=60.0))
+    # at this bandwidth the SID is too slow for a search over 0.5 %
+    check_predictions(designed("disk_14khz", f_tolerance=0.002, bandwidth_hz=most, startup_s=60.0))
     with pytest.raises(designer.ConfigError, match="split"):
         designed("disk_14khz", bandwidth_hz=1.05 * most, startup_s=60.0)
 
