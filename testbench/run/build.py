@@ -31,6 +31,7 @@ from fpga_model import (
     modulator,
     quadrature_loop,
     rate_loop,
+    rate_output,
     references,
     sequencer,
     spi_dac,
@@ -185,12 +186,26 @@ def _sequencer(f, n, codes_move):
 def register_writes(config):
     """Host writes of the first microseconds: (name, raw) of what the configuration sets in the register map."""
     f, n = config.firmware, nominal(config)
+    word_per_deg_s = n["word_v_per_deg_s"] / config.nominal.sense_dac_span_v * 2**23
+    # its reset value is that of the paper's board
+    scale = () if config.of_paper else (("rate_scale", rate_output.design(word_per_deg_s).scale),)
     names = ("phase_drive_sine", "phase_sense_sine", "phase_drive_ref", "phase_sense_ref")
     return (
         ("frequency_fixed", dds.word_of_hz(f.nominal_frequency_hz)),
         ("amplitude_setpoint", agc.setpoint(f.amplitude_um, n["v_per_um"], n["adc_drive_v"])),
         *((name, word) for name, word in zip(names, f.phase_words()) if word),
+        *scale,
     )
+
+
+def lsb(config):
+    """{column of a record: LSB as text} of the words that a converter of the board turns into volts."""
+    d = config.device()
+    return {
+        "amplitude_word": f"{d.drive_dac_span_v:g} V/2^23",
+        "rate_word": f"{d.sense_dac_span_v:g} V/2^23",
+        "quadrature_code": f"{d.quad_dac_span_v:g} V/2^16",
+    }
 
 
 _knots = functools.lru_cache(maxsize=256)(propagator.knots)

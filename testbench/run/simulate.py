@@ -114,6 +114,11 @@ def pace(config):
     return max(1.0, *(getattr(default, name) / getattr(config.firmware, name) for name in names))
 
 
+def rate_loop_pace(config):
+    """How many times slower than the default's the rate loop is: a whole number, 1 or more."""
+    return max(1, round(type(config.firmware)().ftr_crossover_hz / config.firmware.ftr_crossover_hz))
+
+
 def lock_limit_s(config):
     """How long a run waits for lock from power-on (s)."""
     return LOCK_LIMIT_S * pace(config)
@@ -286,7 +291,7 @@ class Run:
         if config.output.record:
             rows = parts["spool"]["rows"] if resume else None
             path = self.partial.rows if self.partial else None
-            spool = Spool(config.output.columns, config.output.decimate, path, rows)
+            spool = Spool(config.output.columns, config.output.decimate, path, rows, build.lsb(config))
             self.recording = Recording(
                 spool,
                 to_toml(placeless(config)),

@@ -86,6 +86,7 @@ def notes(config, summary, planned):
     said = []
     if not summary["locked"]:
         said.append("NOT LOCKED at the end of the scenario; see docs/blocks/sequencer.md")
+        said += _out_of_reach(config)
     if summary.get("window_missing"):
         said.append(f"The waveform window lacks {summary['window_missing']} clocks: run or phase reading cut it.")
     if summary.get("flags"):
@@ -117,6 +118,16 @@ def notes(config, summary, planned):
             "printed above are less the assumed 80 ns of the analog switch."
         )
     return tuple(said)
+
+
+def _out_of_reach(config):
+    """What to do where the search cannot find the drive mode."""
+    f, fx_hz = config.firmware, config.plant.fx_hz
+    if abs(fx_hz - f.nominal_frequency_hz) > f.search_limit_hz:
+        yield (
+            f"plant.fx_hz = {fx_hz:g} Hz is beyond firmware.search_limit_hz = {f.search_limit_hz:g} Hz of "
+            f"firmware.nominal_frequency_hz = {f.nominal_frequency_hz:g} Hz: state the board in [nominal]"
+        )
 
 
 def _plots(job, tail, summary, reading, clock_hz):

@@ -75,9 +75,13 @@ HASHED = tuple(name for name, _, _ in engine.FRAME_COLUMNS[:WORDS])  # what the 
 FIELDS = {field.name: field for field in (*_register_fields(), *_truth_fields())}
 
 
-def chosen(names, decimate):
-    """{name in the record: Field} of `[output] columns` (none: all) with rows of `decimate` frames."""
+def chosen(names, decimate, lsb=None):
+    """{name in the record: Field} of `[output] columns` (none: all) with rows of `decimate` frames.
+
+    lsb  {name: text} of columns whose LSB depends on the board
+    """
     fields = [FIELDS[name] for name in FIELDS if not names or name in names]
+    fields = [f._replace(attrs=f.attrs | {"lsb": lsb[f.name]}) if f.name in (lsb or {}) else f for f in fields]
     if decimate == 1:
         return {field.name: field for field in fields}
     out = {}
@@ -107,10 +111,11 @@ class Spool:
     columns, decimate  of [output]
     path               the file; None keeps the rows in memory
     rows               if not None, the file exists already and continues behind so many rows
+    lsb                {name: text} of columns whose LSB depends on the board
     """
 
-    def __init__(self, columns=(), decimate=1, path=None, rows=None):
-        self.fields = chosen(columns, decimate)
+    def __init__(self, columns=(), decimate=1, path=None, rows=None, lsb=None):
+        self.fields = chosen(columns, decimate, lsb)
         self.dtype = np.dtype([(name, field.dtype) for name, field in self.fields.items()])
         self.decimate = decimate
         self.path = path

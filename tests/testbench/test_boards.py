@@ -21,6 +21,7 @@ from testbench.run import budget, build, simulate, tolerances
 from testbench.run.phase_meter import wrap_deg
 from testbench.run.simulation import DEG, FRAME, TRUTH, Simulation
 from testbench.run.tally import amplitude_m
+from testbench.storage import spool
 
 FOLDER = Path(__file__).resolve().parents[2] / "docs" / "boards"
 NAMES = ("published_3k9", "disk_14khz", "disk_14khz_fy_above")
@@ -296,6 +297,14 @@ def test_the_engine_for_hours_runs_a_board(name):
         scale = frame.max() if column == "magnitude" else np.ptp(frame)
         assert np.abs(slow - frame).max() < part * scale, column
         assert abs((slow - frame).mean()) < 0.1 * part * scale, column
+
+
+def test_a_record_states_the_volts_of_its_own_board():
+    config = configuration.changed(configuration.Config(), {"nominal.quad_dac_span_v": 8.0})
+    fields = spool.Spool(lsb=build.lsb(config)).fields
+    texts = [fields[name].attrs["lsb"] for name in ("amplitude_word", "rate_word", "quadrature_code")]
+    assert texts == ["10 V/2^23", "10 V/2^23", "8 V/2^16"]
+    assert spool.Spool(lsb=build.lsb(configuration.Config())).fields == spool.Spool().fields
 
 
 def test_paper_numbers_are_left_out_beside_another_board():

@@ -80,9 +80,8 @@ class Bench:
     def __init__(self, config, rate_dps=0.0, temp_degc=25.0, engine=None):
         self._sim = Simulation(config, temp_degc, temp_degc, engine=engine)
         self._sim.keep_codes = self._sim.keep_rows = False
-        default = type(config.firmware)()
         self.drawing, self.pace = config.nominal_device(), simulate.pace(config)
-        self.slower = max(1, round(default.ftr_crossover_hz / config.firmware.ftr_crossover_hz))
+        self.slower = simulate.rate_loop_pace(config)
         largest_dps = self.drawing.sense_dac_span_v / abs(build.nominal(config)["word_v_per_deg_s"])
         self.part = min(1.0, RANGE_PART * largest_dps / LARGEST_DPS)
         self.rate_dps, self.temp_degc = rate_dps, temp_degc

@@ -13,6 +13,7 @@ from testbench.console.table import Table, fixed
 from testbench.paper.loop import advisor, confirm, equations, limit_cycles, notch, sensitivity
 from testbench.paper.loop import loop as lp
 from testbench.paper.loop.parts import parts
+from testbench.run import simulate
 
 STEP_DPS, STEP_BEFORE_S, STEP_AFTER_S = 100.0, 2.5, 1.0
 # field of Advice -> (text, unit, digits, factor)
@@ -44,16 +45,20 @@ class Study:
         self.rest = limit_cycles.resolution(self.parts) if self.advice.stable else None
         self.notch = notch.effect(self.parts) if self.advice.stable else None
         self.simulated = self.step = self.still = None
+        self.slower = simulate.rate_loop_pace(config)
+        self.lines_hz = tuple(f / self.slower for f in confirm.LINES_HZ) if self.slower > 1 else confirm.LINES_HZ
 
     def simulate(self):
         """Play a multisine, a step, and rest without noise."""
-        sine = confirm.multisine()
-        count = round((STEP_BEFORE_S + STEP_AFTER_S) * FRAME_HZ)
-        step = np.where(np.arange(count) < round(STEP_BEFORE_S * FRAME_HZ), 0.0, STEP_DPS)
+        settle_s, window_s = confirm.SETTLE_S * simulate.pace(self.config), confirm.WINDOW_S * self.slower
+        sine = confirm.multisine(self.lines_hz, settle_s=settle_s, window_s=window_s)
+        before_s, after_s = STEP_BEFORE_S * simulate.pace(self.config), STEP_AFTER_S * self.slower
+        count = round((before_s + after_s) * FRAME_HZ)
+        step = np.where(np.arange(count) < round(before_s * FRAME_HZ), 0.0, STEP_DPS)
         quiet = changed(self.config, confirm.QUIET)
         runs = confirm.play_run([self.config, quiet, quiet], [sine, step, np.zeros(count)])
-        self.simulated = confirm.measured_response(runs[0], sine)
-        word, begin = runs[1].columns["rate_word"], round(STEP_BEFORE_S * FRAME_HZ)
+        self.simulated = confirm.measured_response(runs[0], sine, self.lines_hz, window_s)
+        word, begin = runs[1].columns["rate_word"], round(before_s * FRAME_HZ)
         before, after = (float(np.mean(word[k - 400 : k])) for k in (begin, count))
         self.step = (np.arange(count) - begin) / FRAME_HZ, (word - before) / (after - before)
         self.still = runs[2].columns["rate_word"][begin:], runs[2].columns["quadrature_code"][begin:]
@@ -62,7 +67,7 @@ class Study:
         """Largest (dB, deg) between simulated and linear response, or None."""
         if self.simulated is None:
             return None
-        ratio = self.simulated / (lp.response(lp.close(self.parts), confirm.LINES_HZ) * lp.DEG)
+        ratio = self.simulated / (lp.response(lp.close(self.parts), self.lines_hz) * lp.DEG)
         return float(np.max(np.abs(20 * np.log10(np.abs(ratio))))), float(np.max(np.abs(np.degrees(np.angle(ratio)))))
 
 
@@ -108,10 +113,10 @@ def tables(study):
         shown.append(Table(title, ("what", "without", "with", "unit"), rows, numeric=(1, 2)))
     if study.simulated is not None:
         db, deg = study.difference()
-        ratio = study.simulated / (lp.response(lp.close(p), confirm.LINES_HZ) * lp.DEG)
+        ratio = study.simulated / (lp.response(lp.close(p), study.lines_hz) * lp.DEG)
         rows = [
             (f"{f:g}", f"{20 * math.log10(abs(r)):+.4f}", f"{math.degrees(np.angle(r)):+.3f}")
-            for f, r in zip(confirm.LINES_HZ, ratio)
+            for f, r in zip(study.lines_hz, ratio)
         ]
         note = f"largest {db:.4f} dB, {deg:.3f} deg; without noise the words rest within {np.ptp(study.still[0])} LSB"
         heads = ("Hz", "dB", "deg")
@@ -133,7 +138,7 @@ def as_json(study):
     if study.simulated is not None:
         db, deg = study.difference()
         out["simulated"] = {
-            "f_hz": list(confirm.LINES_HZ),
+            "f_hz": list(study.lines_hz),
             "lsb_per_dps": np.abs(study.simulated).tolist(),
             "phase_deg": np.degrees(np.angle(study.simulated)).tolist(),
             "largest_db": db,
@@ -217,7 +222,7 @@ def write(study, folder, progress=None, coarse=1, parameters=sensitivity.PARAMET
             (
                 "Word per rate: flat to the bandwidth, then three poles; the spike at the split is the sense mode. "
                 "Below, if simulated: what the engine's lines differ by.",
-                draw.closed(p, study.simulated),
+                draw.closed(p, study.simulated, study.lines_hz),
             ),
             (
                 "A rate step excites the split: a few tenths of a percent ring for a third of a second. A notch in the "

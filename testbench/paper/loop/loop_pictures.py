@@ -29,11 +29,15 @@ def _distance(axis, x, ends, text, offset):
     axis.annotate(text, (x, np.mean(ends)), offset, fontsize=FONT["small"], color=GREEN, **place)
 
 
+def _beside(p, reach_hz, count):
+    """Frequencies around the split, none below a tenth of it."""
+    hz = abs(p.split_hz)
+    return hz + np.linspace(max(-reach_hz, -0.9 * hz), reach_hz, count)
+
+
 def bode(p, advice):
     """Open loop L at the force word: magnitude and phase, with the margins at |L| = 1 and where L is negative."""
-    split = abs(p.split_hz)
-    near = split + min(6.0, split / 4) * np.linspace(-1, 1, 1201)
-    f = np.unique(np.concatenate([np.geomspace(min(0.3, split / 50), 1000, 700), near]))
+    f = np.unique(np.concatenate([np.geomspace(0.3, 1000, 700), _beside(p, 6, 1201)]))
     values = lp.return_ratio(p, f)
     figure, axes = axes_of("Open loop, broken at the force word", 7.5, 2, sharex=True)
     top, bottom = axes[:, 0]
@@ -66,13 +70,11 @@ def bode(p, advice):
     return figure
 
 
-def closed(p, simulated=None):
+def closed(p, simulated=None, lines_hz=confirm.LINES_HZ):
     """Closed loop: word per rate, with the lines of a simulated multisine and their difference if there are any."""
     loop = lp.close(p)
     dc = advisor.rest_gain(loop)
-    split = abs(p.split_hz)
-    near = split + min(4.0, split / 4) * np.linspace(-1, 1, 401)
-    f = np.unique(np.concatenate([np.geomspace(min(0.5, split / 50), 400, 500), near]))
+    f = np.unique(np.concatenate([np.geomspace(0.5, 400, 500), _beside(p, 4, 401)]))
     values = lp.response(loop, f) / dc
     figure, axes = axes_of("Closed loop: recorded word per rate", 9.0, 3 if simulated is not None else 2)
     top, middle = axes[0, 0], axes[1, 0]
@@ -80,7 +82,7 @@ def closed(p, simulated=None):
     middle.semilogx(f, _lags(values), color=BLUE, linewidth=1.6, label="analysis")
     top.axhline(-3.01, color=GREY, linestyle=":", linewidth=1.2, label="-3 dB")
     if simulated is not None:
-        lines = np.array(confirm.LINES_HZ, float)
+        lines = np.array(lines_hz, float)
         seen = simulated / (dc * lp.DEG)
         want = lp.response(loop, lines) / dc
         top.plot(lines, 20 * np.log10(np.abs(seen)), "o", color=VERMILION, markersize=5, label="simulated, multisine")
