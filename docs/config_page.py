@@ -1,4 +1,6 @@
-"""The generated tables of docs/configuration.md, keys with their limits and faults, and docs/boards/paper.toml."""
+"""The generated tables of docs/configuration.md and docs/design_of_loops.md, keys with their limits and faults, and
+docs/boards/paper.toml.
+"""
 
 import inspect
 import re
@@ -7,6 +9,7 @@ from analog_frontend.parts.device import Device
 from testbench.config import Nominal, Plant, scenario, sections
 from testbench.config.config_errors import choices_of, limits_of, plain, unit_of
 from testbench.config.toml_text import toml_value
+from testbench.design.target import Target
 
 
 def markdown_table():
@@ -28,6 +31,17 @@ def markdown_table():
             row = f"| `{key}` | `{toml_value(info.default)}` | {limits} |{unit_of(info)} |"
             lines.append(row + f" {info.description} |" * described)
         lines.append("")
+    return "\n".join(lines)
+
+
+def target_table():
+    """The table of keys of a target for docs/design_of_loops.md."""
+    lines = ["| key | default | limits | unit | meaning |", "|---|---|---|---|---|"]
+    for key, info in Target.model_fields.items():
+        lo, hi = limits_of(info)
+        limits = f"{plain(lo)} .. {plain(hi)}" if hi is not None else ""
+        default = "" if info.default is None else f"`{toml_value(info.default)}`"
+        lines.append(f"| `{key}` | {default} | {limits} |{unit_of(info)} | {info.description} |")
     return "\n".join(lines)
 
 

@@ -2,6 +2,7 @@
 
     docs/blocks/registers.md    the register map                   fpga_model.registers.table_markdown
     docs/configuration.md       keys, limits, faults               docs/config_page.py
+    docs/design_of_loops.md     keys of a target                   docs/config_page.py
     docs/phases.md              phase budget of the defaults       testbench.run.budget, testbench.run.tables
     docs/ranges.md              proven ranges                      docs/ranges_page.py
     docs/blocks/STEM.md         ports of each block                docs/blocks_page.py
@@ -185,6 +186,7 @@ PAGES = {
     **{f"docs/blocks/{stem}.md": block_page(stem) for stem in blocks_page.stems()},
     "docs/configuration.md": with_parts(faults=config_page.faults_table, keys=config_page.markdown_table),
     "docs/boards/paper.toml": config_page.paper_board,
+    "docs/design_of_loops.md": with_parts(target=config_page.target_table),
     "docs/phases.md": with_parts(budget=budget_part, lock=lock_part, rivals=rivals_part),
     "docs/ranges.md": with_parts(
         cases=ranges_page.summary_part, instances=ranges_page.wiring_part, registers=ranges_page.registers_part

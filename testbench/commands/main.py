@@ -17,6 +17,7 @@ from testbench.console import standard
 from testbench.console.options import ConfigFile, Json, Sets, Temperature, load, overrides, takes
 from testbench.console.progress import Progress
 from testbench.console.show import print_json, print_list, print_tables
+from testbench.design import cli as design_cli
 from testbench.errors import ConfigError, FileError
 from testbench.golden import cli as golden_cli
 from testbench.interrupts import EXIT_INTERRUPTED
@@ -40,6 +41,7 @@ app.add_typer(campaign_cli.app)
 app.add_typer(measured_cli.app)
 paper_cli.add(app)
 app.command()(loop_cli.loop)
+app.command()(design_cli.design)
 
 
 def _version(wanted: bool):

@@ -128,6 +128,7 @@ def _inside(folder, argv):
 
 READERS = (
     ("run", "--config"), ("run", "--resume"), ("run", "--resume-run"), ("budget", "--config"), ("loop", "--config"),
+    ("design",),
     ("golden", "verify"), ("golden", "window", "--out", "new", "--frame", "0"), ("golden", "check", "LOG"),
     ("measured", "check", "--no-replay"), ("measured", "convert"), ("measured", "record", "--out", "new"),
     ("measured", "residuals"), ("measured", "calibrate"), ("measured", "trace"), ("campaign", "check"),

@@ -46,7 +46,7 @@ class Study:
         own = config.firmware
         # a notch of the firmware, or one at the ring
         self.in_firmware = own.notch_hz > 0
-        self.notch_at = (own.notch_width_hz, own.notch_hz) if self.in_firmware else (notch.WIDTH_HZ, None)
+        self.notch_at = (own.notch_width_hz, own.notch_hz) if self.in_firmware else (None, None)
         self.notch = notch.effect(self.parts, *self.notch_at) if self.advice.stable else None
         self.simulated = self.step = self.still = None
         self.slower = simulate.rate_loop_pace(config)

@@ -97,7 +97,7 @@ def closed(p, simulated=None, lines_hz=confirm.LINES_HZ):
     return figure
 
 
-def step(p, simulated=None, width_hz=notch.WIDTH_HZ, centre_hz=None):
+def step(p, simulated=None, width_hz=None, centre_hz=None):
     """Rate step: the word with and without a notch, and the ring enlarged; `simulated` is (time s, words per final)."""
     time_s, words = notch.step_words(p)
     effect = notch.effect(p, width_hz, centre_hz)
@@ -105,8 +105,8 @@ def step(p, simulated=None, width_hz=notch.WIDTH_HZ, centre_hz=None):
     for axis in axes[:, 0]:
         axis.plot(time_s, words, color=BLUE, linewidth=1.3, label="analysis")
         if effect:
-            behind = notch.applied(notch.design(effect.centre_hz, width_hz), words)
-            label = f"behind a notch, {effect.centre_hz:.1f} Hz, {width_hz:g} Hz wide"
+            behind = notch.applied(notch.design(effect.centre_hz, effect.width_hz), words)
+            label = f"behind a notch, {effect.centre_hz:.1f} Hz, {effect.width_hz:g} Hz wide"
             axis.plot(time_s, behind, color=VERMILION, linestyle="--", linewidth=1.3, label=label)
         if simulated is not None:
             axis.plot(*simulated, color=GREEN, linestyle=":", linewidth=1.6, label="simulated")

@@ -20,7 +20,7 @@ from testbench.paper.loop import advisor
 from testbench.paper.loop import loop as lp
 from testbench.paper.loop.parts import Parts
 
-WIDTH_HZ = 20.0  # of a notch that nobody has chosen
+WIDTH_HZ = 20.0  # of a notch that nobody has chosen, at most half its centre
 AFTER_S = 0.2  # by then a step's own response is over, the ring is not
 
 
@@ -113,7 +113,7 @@ def effect(p: Parts, width_hz=None, centre_hz=None, off_hz=(0, 1, 2, 5, 10)):
     if ring is None or lp.radius(loop) >= 1:
         return None
     centre_hz = centre_hz or ring.hz
-    width_hz = width_hz or min(20.0, centre_hz / 2)
+    width_hz = width_hz or min(WIDTH_HZ, centre_hz / 2)
     notch = design(centre_hz, width_hz)
     time_s, words = step_words(p)
     dc = abs(advisor.rest_gain(loop))

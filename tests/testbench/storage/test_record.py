@@ -3,6 +3,7 @@
 import errno
 import hashlib
 import os
+import stat
 import subprocess
 import sys
 import textwrap
@@ -450,3 +451,10 @@ def test_a_text_file_is_whole_or_absent(tmp_path):
     with pytest.raises(RuntimeError, match="stop"):
         begin_and_fail()
     assert (path.read_text(), os.listdir(path.parent)) == ("one", ["a.txt"])
+
+
+def test_a_device_or_a_pipe_is_not_replaced(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(FileError, match="is no regular file; it is not replaced"):
+        files.write_text(tmp_path / "pipe", "one")
+    assert stat.S_ISFIFO(os.stat(tmp_path / "pipe").st_mode)

@@ -1,0 +1,57 @@
+"""`gyro design`: arguments and what is printed; no computing. `testbench.commands.main` adds this command to its own.
+
+Source  docs/design_of_loops.md
+"""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from testbench.console.options import Json
+from testbench.console.progress import Progress
+from testbench.console.show import print_json, print_list, print_tables
+
+
+def design(
+    target: Annotated[Path, typer.Argument(metavar="TARGET.toml", help="Board, and what it must reach.")],
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="Write the configuration there, as TOML.")
+    ] = None,
+    report: Annotated[
+        Path | None, typer.Option("--report", metavar="DIR", help="Write design.html: predictions, margins, plan.")
+    ] = None,
+    simulate: Annotated[
+        bool, typer.Option("--simulate", help="Play power-on and a multisine of rate through the engine, and compare.")
+    ] = False,
+    as_json: Json = False,
+):
+    """Design the loops for a board: a configuration that locks, what it will do, or which limit stops it."""
+    from testbench.config import to_toml
+    from testbench.run import outputs
+    from testbench.storage.files import write_text
+
+    for folder in ([report] if report else []) + ([out.parent] if out else []):
+        outputs.check_folder(folder)
+    with Progress(quiet=as_json) as progress:
+        progress("design", 0, 1)
+        from testbench.design import confirm, design_page, designer
+        from testbench.design import target as targets
+
+        result = designer.design(targets.load(target), str(target))
+        if simulate:
+            progress("simulation", 0, 1)
+            result = result._replace(simulated=confirm.of_result(result))
+        written = []
+        if out is not None:
+            write_text(out, to_toml(result.config))
+            written.append(str(out))
+        if report is not None:
+            report.mkdir(parents=True, exist_ok=True)
+            written.append(str(design_page.write(result, report, progress)))
+    if as_json:
+        print_json({**design_page.as_json(result), "files": written})
+        return
+    print_tables(design_page.tables(result))
+    print_list("To mind:", result.warnings or ("nothing",))
+    print_list("Written:", written)

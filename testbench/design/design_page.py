@@ -1,0 +1,150 @@
+"""What `gyro design` prints and writes: tables of the choice and its predictions, the page, one object for machines.
+
+Source  docs/design_of_loops.md
+"""
+
+import numpy as np
+
+from testbench.config import to_toml
+from testbench.console.table import Table
+from testbench.design import ranges, rate_loop
+
+CHOSEN = (
+    "amplitude_um",
+    "ftr_crossover_hz",
+    "ftr_zero_hz",
+    "qsc_crossover_hz",
+    "agc_crossover_hz",
+    "agc_zero_hz",
+    "pll_crossover_hz",
+    "pll_zero_hz",
+    "kick_s",
+    "kick_v",
+    "decay_s",
+    "search_s",
+    "search_limit_hz",
+    "search_min_v",
+    "retune_s",
+    "acquire_share",
+    "pll_limit_hz",
+    "phase_drive_sine_deg",
+    "phase_sense_sine_deg",
+    "phase_drive_ref_deg",
+    "phase_sense_ref_deg",
+)
+
+
+def predictions(result):
+    """{name: value} of what a run of the design is expected to show, nominal board, noise off."""
+    a, budget = result.advice, result.budget
+    node, loop = budget.node_deg(), budget.loop_deg()
+    nearest = min((min(c.lag_deg, c.lead_deg) for c in a.crossings), default=None)
+    return {
+        "bandwidth_hz": a.bandwidth_hz,
+        "peak_db": max(a.peak_db, 0.0),
+        "gain_margin_db": a.gain_margin_up_db,
+        "phase_margin_deg": nearest,
+        "modulus_margin": a.modulus_margin,
+        "modulus_margin_of_tolerances": result.choice.worst_modulus,
+        "lsb_per_dps": a.lsb_per_dps,
+        "full_scale_deg_s": 2**23 / abs(a.lsb_per_dps),
+        "bias_dps": a.bias_dps,
+        "v_q": a.v_q,
+        "ring_tau_s": a.ring_tau_s,
+        "lock_s": result.nominal.lock_s,
+        "promised_lock_s": result.promised_s,
+        "drive_frequency_hz": budget.frequency_hz,
+        "amplitude_um": result.config.firmware.amplitude_um,
+        **{f"{name}_deg": node[name] for name in node},
+        **{f"{name}_loop_deg": loop[name] for name in loop},
+        "leak_deg": ranges.leak_deg(result.config),
+    }
+
+
+UNITS = (("_hz", "Hz"), ("_db", "dB"), ("_deg_s", "deg/s"), ("lsb_per_dps", "LSB/(deg/s)"), ("_dps", "deg/s"),
+         ("_deg", "deg"), ("_um", "um"), ("_s", "s"), ("_v", "V"), ("v_q", "V"))  # fmt: skip
+
+
+def unit_of(name):
+    """Unit that a name ends in."""
+    return next((unit for end, unit in UNITS if name.endswith(end)), "")
+
+
+def _number(value):
+    return "-" if value is None else f"{value:.6g}"
+
+
+def tables(result):
+    """Tables for the terminal and the page."""
+    f, n, rest = result.config.firmware, result.config.nominal, result.rest
+    chosen = [("sid_c_f of [nominal]", _number(n.sid_c_f), "F")]
+    chosen += [(name, _number(getattr(f, name)), unit_of(name)) for name in CHOSEN]
+    seen = result.simulated._asdict() if result.simulated else {}
+    predicted = [
+        (name, _number(value), _number(seen[name]) if name in seen else "", unit_of(name))
+        for name, value in predictions(result).items()
+    ]
+    rounding = [
+        ("half a step of the converter, without noise", _number(rest.adc_dead_band_dps), "deg/s"),
+        ("one LSB of the force word", _number(rest.word_lsb_dps), "deg/s"),
+        ("one LSB of the force DAC", _number(rest.dac_lsb_dps), "deg/s"),
+        ("one code of V_q, as quadrature", _number(rest.v_q_lsb_dps), "deg/s"),
+        ("noise at the converter by its step", _number(rest.dither), "rms steps"),
+    ]
+    held = [(r.what, f"{r.value:.4g}", f"{r.limit:.4g}", r.unit, f"{100 * r.share:.0f} %") for r in result.ranges]
+    plan = [
+        (m.what, f"{m.distance_hz:.6g}", f"{m.least_hz:.4g}", "yes" if m.kept else "no", m.effect) for m in result.plan
+    ]
+    return [
+        Table("Chosen", ("key", "value", "unit"), chosen, f"amplitude bounded by: {result.amplitude_bound}"),
+        Table(
+            "Predicted",
+            ("what", "value", "simulated", "unit"),
+            predicted,
+            "nominal board, noise off; simulated scale: of a line at 2 % of the bandwidth",
+            (1, 2),
+        ),
+        Table("Rounding and limit cycles", ("what", "value", "unit"), rounding),
+        Table("Ranges", ("what", "needs", "limit", "unit", "used"), held, numeric=(1, 2, 4)),
+        Table("Frequency plan", ("what", "Hz", "at least Hz", "kept", "effect"), plan, numeric=(1, 2)),
+    ]
+
+
+def as_json(result):
+    """One object with every number."""
+    return {
+        "chosen": {"sid_c_f": result.config.nominal.sid_c_f, **{k: getattr(result.config.firmware, k) for k in CHOSEN}},
+        "predicted": predictions(result),
+        "simulated": result.simulated._asdict() if result.simulated else None,
+        "rounding": {k: float(v) for k, v in result.rest._asdict().items()},
+        "start_up": {"nominal": result.nominal._asdict(), "slowest": result.slowest._asdict()},
+        "ranges": [{**r._asdict(), "kept": r.kept} for r in result.ranges],
+        "plan": [{**m._asdict(), "kept": m.kept} for m in result.plan],
+        "warnings": list(result.warnings),
+    }
+
+
+def write(result, folder, progress=None, cells=9):
+    """design.html in `folder`: tables, open and closed loop, margins over bandwidth and split."""
+    from testbench.console import report
+    from testbench.design import design_pictures
+    from testbench.paper.loop import loop_pictures
+    from testbench.paper.loop.parts import parts
+
+    config, p = result.config, parts(result.config)
+    split, bandwidth = abs(config.nominal.fx_hz - config.nominal.fy_hz), result.choice.bandwidth_hz
+    reach = np.geomspace(1 / 4, 4, cells)
+    found = rate_loop.margin_map(config, bandwidth * reach, split * reach, result.limits, progress)
+    pictures = [
+        (
+            "The best loop for each bandwidth and split, its SID capacitor included. Grey: no loop is stable within "
+            "the peak and the modulus margin. Star: this design.",
+            design_pictures.margins(found, (bandwidth, split)),
+        ),
+        ("Open loop of this design, with its margins.", loop_pictures.bode(p, result.advice)),
+        ("Closed loop of this design.", loop_pictures.closed(p)),
+    ]
+    path = folder / "design.html"
+    notes = result.warnings or ("nothing to mind",)
+    report.write_html(path, "Design", tables(result), pictures, notes, [("configuration", to_toml(config))])
+    return path

@@ -1,0 +1,119 @@
+"""Drive loops and search: crossovers by the SID's corner and the resonator's decay, words of the start-up by both.
+
+    frequency loop   crossover DRIVE_BY_SID of the SID's corner, zero a fifth of it
+    amplitude loop   the same; its proportional part alone comes to r = 2 pi f_c / (2 pi f_c + w/2Q) of the set-point
+    acquire share    0.95, or REACH_ROOM r at the least gains and the least Q, where that is less
+    d                tolerance of the frequency, and how far the first word is off
+    search limit     SEARCH_ROOM d and the resolution
+    kick             half a turn at d: sinc leaves 0.64 of the force there; at most KICK_SHARE of the set-point
+    decay            until three SID poles have left SETTLED of the weakest signal: e^-x (1 + x + x^2/2) = SETTLED s
+    weakest signal   s = sinc(d kick) (1 + (d / corner)^2)^-1.5 of the kick, at the least gains, and
+                     fallen with the least Q until the search ends
+    search           noise and the SID's offset turn it by less than CAPTURE of the frequency loop's crossover:
+                     (sqrt 2 noise + 2 offset) / s / (2 pi T);  found if above FOUND_SHARE s
+    retune           until three SID poles have SETTLED
+Source  docs/design_of_loops.md
+"""
+
+import math
+from typing import NamedTuple
+
+from scipy.optimize import brentq
+
+from analog_frontend.parts import sid
+from analog_frontend.parts.noise import cv_density
+from testbench.paper.loop.parts import parts
+from testbench.run import build
+
+DRIVE_BY_SID, ZERO_BY_CROSSOVER = 0.06, 0.2
+MOST_SHARE, REACH_ROOM, LEAST_SHARE = 0.95, 0.95, 0.5
+SEARCH_ROOM, LEAST_OFF_HZ = 1.1, 20.0
+KICK_SHARE, SETTLED = 0.3, 0.01
+LEAST_SEARCH_S, MOST_SEARCH_S = 0.06, 0.5
+NOISE_ROOM, FOUND_SHARE, CAPTURE = 8.0, 0.4, 0.25  # weakest signal over rms noise, beside the SID's offset
+LEAST_SIGNAL_V = 1e-15  # stands for none
+LOOP_DELAY_S = 4.5e-4  # converter, frame, word, hold
+
+
+class Words(NamedTuple):
+    """Keys of [firmware] that the drive's loops and its start-up need, and what stops them ("" if nothing)."""
+
+    keys: dict
+    margin_deg: float
+    weakest_v: float
+    noise_v: float
+    failure: str
+
+
+def _settling(part):
+    """x at which three equal poles have settled to `part`."""
+    return brentq(lambda x: math.exp(-x) * (1 + x + x * x / 2) - part, 1e-6, 200.0)
+
+
+def phase_margin_deg(crossover_hz, zero_hz, corner_hz, decay_per_s):
+    """Phase margin (deg) of a drive loop at its crossover."""
+    w = 2 * math.pi * crossover_hz
+    plant = math.degrees(math.atan2(w, decay_per_s))
+    lag = math.degrees(math.atan(zero_hz / crossover_hz) + 3 * math.atan(crossover_hz / corner_hz))
+    return 180 - plant - lag - 360 * crossover_hz * LOOP_DELAY_S
+
+
+def words(config):
+    """`Words` of the nominal board and its tolerances."""
+    n, known = config.nominal, build.nominal(config)
+    corner = sid.corner_hz(n.sid_r_ohm * n.sid_c_f)
+    tau = 1 / (2 * math.pi * corner * (1 - n.capacitor_tolerance))
+    root, least = math.sqrt(n.q_tolerance), (1 - n.transducer_tolerance) ** 2
+    decay = math.pi * n.fx_hz / n.qx * root
+    crossover = DRIVE_BY_SID * corner
+    zero = ZERO_BY_CROSSOVER * crossover
+    margin = phase_margin_deg(crossover, zero, corner, 0.0)
+    pull = 2 * math.pi * crossover * least
+    reach = REACH_ROOM * pull / (pull + decay)
+    off = n.fx_hz * n.f_tolerance + abs(config.firmware.nominal_frequency_hz - n.fx_hz)
+    limit = SEARCH_ROOM * off + 1 / LEAST_SEARCH_S / 10
+    kick_s = 0.5 / max(off, LEAST_OFF_HZ)
+    full_v = known["adc_drive_v"]
+    volts_per_s = known["plant_fs_per_s"] * full_v  # at the whole drive span
+    setpoint_v = config.firmware.amplitude_um * known["v_per_um"]
+    share = min(1.0, KICK_SHARE * setpoint_v / (volts_per_s * kick_s))
+    left = math.sin(math.pi / 2) / (math.pi / 2) * (1 + (off / corner) ** 2) ** -1.5
+    decay_s = _settling(SETTLED * left) * tau
+    fallen = math.exp(-decay * (decay_s + MOST_SEARCH_S))
+    weakest = least * share * volts_per_s * kick_s * left
+    noise = math.hypot(n.adc_noise_drive_v, 2 * cv_density(n.device()) * n.signal_gain * math.sqrt(corner))
+    offset = math.hypot(*parts(config).sid_offset_v)
+    disturbed = math.sqrt(2) * noise + 2 * offset
+    search = disturbed / max(weakest * fallen, LEAST_SIGNAL_V) / (2 * math.pi) / (CAPTURE * crossover)
+    search_s = min(max(search, LEAST_SEARCH_S), MOST_SEARCH_S)
+    weakest *= math.exp(-decay * (decay_s + search_s))
+    failure = ""
+    if reach < LEAST_SHARE:
+        failure = (
+            f"amplitude loop: its proportional part reaches {reach:.2g} of the set-point, below {LEAST_SHARE:g}: Q of "
+            f"{n.qx:g} is too low for the SID's corner of {corner:.3g} Hz; a larger nominal.qx or split would do"
+        )
+    elif weakest < NOISE_ROOM * noise + 2 * offset:
+        least_v = NOISE_ROOM * noise + 2 * offset
+        failure = (
+            f"search: the kick leaves {1e6 * weakest:.3g} uV at {off:.3g} Hz from the first frequency, below "
+            f"{1e6 * least_v:.3g} uV, {NOISE_ROOM:g} times the noise and twice the SID's offset; "
+            "a lower nominal.f_tolerance, or a larger nominal.qx or split would do"
+        )
+    keys = {
+        **{f"{loop}_crossover_hz": crossover for loop in ("agc", "pll")},
+        **{f"{loop}_zero_hz": zero for loop in ("agc", "pll")},
+        "acquire_share": min(MOST_SHARE, reach),
+        "pll_limit_hz": 1.25 * limit,
+        "search_limit_hz": limit,
+        "kick_s": kick_s,
+        "kick_v": share * n.drive_dac_span_v,
+        "drive_ceiling_v": n.drive_dac_span_v,
+        "quadrature_ceiling_v": n.quad_dac_span_v,
+        "decay_s": decay_s,
+        "retune_s": _settling(SETTLED) * tau,
+        "search_s": search_s,
+        "search_min_v": FOUND_SHARE * weakest,
+        "acquire_timeout_s": min(max(2.0, 10 / (2 * math.pi * zero)), 8.0),
+    }
+    return Words({k: float(f"{v:.4g}") for k, v in keys.items()}, margin, weakest, noise, failure)

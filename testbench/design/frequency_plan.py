@@ -1,0 +1,116 @@
+"""Frequency plan: where the drive frequency, its harmonics, carrier and converters meet, before anything runs.
+
+    ticks     f_tick / 2f = p / q: re-timed edges repeat q places of the tick. Near it their mean lateness is a sawtooth
+              of 1/q tick with the beat |q f_tick - 2 p f|
+    frames    the SID's ripple at h f, h = 1 and 2, is seen at its distance to a multiple of f_frame, weakened by three
+              poles of the SID and by the converter's sinc3
+    carrier   the DAC's image k f_tick +- f reaches the drive frequency by the carrier, off by |f_carrier - k f_tick|
+    DDS       half a step of the word turns the drive by atan((step / 2) / (f / 2Q)) until the loop takes the next word
+
+Mean of a sawtooth of 1 peak to peak and beat b over T: within min(1/2, 1/(8 b T)).
+Source    docs/design_of_loops.md
+"""
+
+import math
+from typing import NamedTuple
+
+from analog_frontend.parts import sid
+from fpga_model.design_record import DEFAULT
+
+MOST_PLACES = 24  # of a tick: at 11 kHz what is finer wanders by less than a sixth of a degree
+HARMONICS = (1, 2)
+LEAST_STEPS = 4  # of the DDS within the half bandwidth f / 2Q
+SEEN_DB = -100.0  # of the sense signal: a weaker alias is below a millionth of it
+
+
+class Meeting(NamedTuple):
+    """One line of the plan: what meets, the distance that it has and should have (Hz), and what it does."""
+
+    what: str
+    distance_hz: float
+    least_hz: float
+    effect: str
+
+    @property
+    def kept(self):
+        return self.distance_hz >= self.least_hz
+
+
+class Slide(NamedTuple):
+    """A ratio of ticks to half turns: places of the tick, its exact frequency, beat, wander (deg peak to peak)."""
+
+    places: int
+    exact_hz: float
+    beat_hz: float
+    wander_deg: float
+
+
+def slides(f_hz, design=DEFAULT):
+    """[Slide, ...] of all ratios up to MOST_PLACES near a drive frequency, the slowest beat first."""
+    found = []
+    for q in range(1, MOST_PLACES + 1):
+        p = round(q * design.tick_hz / (2 * f_hz))
+        if p and math.gcd(p, q) == 1:
+            beat = abs(q * design.tick_hz - 2 * p * f_hz)
+            found.append(Slide(q, q * design.tick_hz / (2 * p), beat, 360 * f_hz / design.tick_hz / q))
+    return sorted(found, key=lambda s: s.beat_hz)
+
+
+def slide_deg(f_hz, seconds, design=DEFAULT):
+    """Largest error (deg) that re-timed edges leave of a phase's mean over `seconds`."""
+    return max(s.wander_deg * min(0.5, 1 / max(8 * s.beat_hz * seconds, 1e-9)) for s in slides(f_hz, design))
+
+
+def alias_hz(f_hz, rate_hz):
+    """Where a tone is seen after sampling (Hz, 0 .. half the rate)."""
+    return abs(f_hz - round(f_hz / rate_hz) * rate_hz)
+
+
+def ripple_db(f_hz, device):
+    """What three poles of the SID and the converter's sinc3 leave of a tone (dB)."""
+    n, modulator = device.adc_decimation, device.adc_modulator_hz
+    corner = sid.corner_hz(device.sid_r_ohm * device.sid_c_f)
+    angle = math.pi * f_hz / modulator
+    sinc = abs(math.sin(n * angle) / (n * math.sin(angle))) if math.sin(angle) else 1.0
+    return 60 * math.log10(max(sinc, 1e-9)) - 30 * math.log10(1 + (f_hz / corner) ** 2)
+
+
+def plan(device, bandwidth_hz, f_tolerance=0.0, design=DEFAULT):
+    """[Meeting, ...] of a board whose rate loop has a bandwidth (Hz)."""
+    f = device.fx_hz
+    slow = slides(f, design)[0]
+    ratio = f"edges on the tick, {slow.places} places, exact at {slow.exact_hz:.1f} Hz"
+    found = [Meeting(ratio, slow.beat_hz, bandwidth_hz, f"references wander by {slow.wander_deg:.3f} deg")]
+    for h in HARMONICS:
+        level = ripple_db(h * f, device)
+        seen = max(alias_hz(h * f, design.frame_hz) - h * f * f_tolerance, 0.0)
+        found.append(
+            Meeting(
+                f"{h} f at the frames of {design.frame_hz:g} Hz, tolerance included",
+                seen,
+                bandwidth_hz if level > SEEN_DB else 0.0,
+                f"ripple of {level:.0f} dB of the sense signal",
+            )
+        )
+    carrier = device.carrier_hz * (1 + 1e-6 * device.carrier_ppm)
+    k = max(round(carrier / design.tick_hz), 1)
+    found.append(
+        Meeting(
+            f"carrier at image {k} of the DAC",
+            abs(carrier - k * design.tick_hz),
+            bandwidth_hz,
+            f"image of {20 * math.log10(f / (k * design.tick_hz)):.0f} dB of the force, by stray coupling",
+        )
+    )
+    step = design.master_hz / 2**design.dds_bits
+    half_width = f / (2 * device.qx)
+    turn = math.degrees(math.atan(step / 2 / half_width))
+    found.append(
+        Meeting(
+            f"f/2Q against {LEAST_STEPS} steps of the DDS",
+            half_width,
+            LEAST_STEPS * step,
+            f"half a step turns by {turn:.2g} deg",
+        )
+    )
+    return found
