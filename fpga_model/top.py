@@ -45,6 +45,7 @@ class Params(NamedTuple):
     design  rates and word lengths of all blocks
     """
 
+    design: design_record.Design
     digital: bits(1)
     quadrature_fast: bits(1)
     pipe: delay.Params
@@ -57,7 +58,6 @@ class Params(NamedTuple):
     sid: digital_sid.Params
     watchdog: watchdog.Params
     control: control.Params
-    design: design_record.Design
 
 
 class State(NamedTuple):

@@ -111,7 +111,7 @@ def _drive_locked(p, control, drive, word_hz, setpoint):
         seen = drive.step(word_hz + offset, amplitude)
         error, phase = setpoint - abs(seen), _turns(seen) * 2**24
         amplitude = agc.step(error, reached is not None)
-        offset = pll.step(phase) / frequency_tracker.WORD_PER_HZ
+        offset = pll.step(phase) / frequency_tracker.word_per_hz()
         if reached is None:
             if abs(seen) * 2**16 >= setpoint * p.reached:
                 reached = n
@@ -178,7 +178,7 @@ def driven(config):
     word_hz = config.firmware.nominal_frequency_hz
     taken, found_hz, magnitude = _searched(p, drive, word_hz, control.agc.kick)
     first = StartUp(found_hz, magnitude / setpoint * config.firmware.amplitude_um, None, None, None)
-    limit_hz = p.search_limit / frequency_tracker.WORD_PER_HZ
+    limit_hz = p.search_limit / frequency_tracker.word_per_hz()
     if magnitude < p.min_magnitude:
         needed = p.min_magnitude / setpoint * config.firmware.amplitude_um
         text = f"search: signal of {first.magnitude_um:.3g} um is below {needed:.3g} um (firmware.search_min_v)"

@@ -22,7 +22,7 @@ import numpy as np
 from analog_frontend import linear
 from analog_frontend import top as plant
 from fpga_model import spi_dac
-from fpga_model.jit import hot, inner, outlined, unit
+from fpga_model.jit import hot, inlined, inner, outlined, unit
 from testbench.engines import engine
 from testbench.engines.block_state import (
     after_ticks,
@@ -46,7 +46,7 @@ SHORTEST = 3 * FLUSH
 ZERO, ONE = np.int64(0), np.int64(1)
 
 
-@inner
+@inlined
 def dac_clocks(f):
     """Clocks of a tick at which the outputs of the drive and the sense DAC are told to change; `f`: fpga.Params."""
     clocks = f.design.tick_clocks

@@ -25,7 +25,7 @@ from fpga_model import (
     watchdog,
 )
 from fpga_model.control import SLOT_PI
-from fpga_model.jit import inner, outlined
+from fpga_model.jit import inlined, inner, outlined
 from fpga_model.rates import SLOT_ROOT, SLOT_SEQUENCER, SLOTS
 from testbench.engines import closed_form, engine
 from testbench.engines.turn import Turn, turn_of
@@ -39,7 +39,7 @@ NO_HOST = (ZERO, ZERO, ZERO)  # write, address, data
 HISTORY = 3  # places before a block's first tick in the buffers of codes and loads
 
 
-@inner
+@inlined
 def last_load_tick(p):
     """The tick of a frame behind which no load of V_q is out when the frame ends; fpga.Params."""
     return p.design.frame_ticks - 1 - spi_dac.late_ticks(p.design, p.quadrature_dac)

@@ -68,7 +68,7 @@ class Rows:
         self.names, self.pieces = names, []
 
     def add(self, first_frame, frames, truth):
-        x = amplitude_m(truth[:, TRUTH["x"]], truth[:, TRUTH["vx"]], frames[:, FRAME["frequency_word"]], 26e6)
+        x = amplitude_m(truth[:, TRUTH["x"]], truth[:, TRUTH["vx"]], frames[:, FRAME["frequency_word"]], 26e6 / 2**48)
         columns = [x if name == "x" else frames[:, FRAME[name]].astype(float) for name in self.names]
         self.pieces.append(np.stack(columns, axis=1))
 

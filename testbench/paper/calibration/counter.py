@@ -18,9 +18,8 @@ import numpy as np
 from scipy.linalg import expm
 
 from fpga_model.jit import kernel
-from fpga_model.rates import TICK_CYCLES
 from testbench.run.nodes import edge_errors_turns
-from testbench.run.phase_meter import PHASE_TURN, wrap_deg
+from testbench.run.phase_meter import wrap_deg
 
 RESOLUTION_S = 20e-12  # a good bench counter
 LEVELS = 31
@@ -61,12 +60,13 @@ def crossings_turns(probe, channel):
     z = np.stack([probe.column(f"{letter}{k}") for k in (1, 2, 3)], axis=1)
     held, step = probe.column(f"u_{channel}"), probe.column(f"du_{channel}")
     tables = _responses(tuple(probe.chains_s[which]), probe.instants_s[which], probe.tick_s)
-    theta, word = probe.column("theta") / PHASE_TURN, probe.column("word") / PHASE_TURN
+    turn = 1 << probe.design.dds_bits
+    theta, word = probe.column("theta") / turn, probe.column("word") / turn
     amplitude = np.sqrt(2.0) * z[:, 2].std()
     levels = SPAN * amplitude * np.linspace(-1.0, 1.0, LEVELS)
     ticks, part, level, rising = _crossings(z, held, step, levels, *tables)
     part = np.round(part * probe.tick_s / RESOLUTION_S) * RESOLUTION_S / probe.tick_s
-    at = theta[ticks] + part * TICK_CYCLES * word[ticks]
+    at = theta[ticks] + part * probe.design.tick_clocks * word[ticks]
     turned = 0.5 if which == 1 and probe.sense_sign < 0 else 0.0
     shift = np.arcsin(level / amplitude) / (2 * np.pi)
     ideal = np.where(rising, shift, 0.5 - shift) + turned
@@ -109,10 +109,11 @@ def stamps(probe, channel):
     """Clocks since the segment's first at which the edges of a channel's sgn(sin) have left, both slopes."""
     mine = probe.edges[probe.edges[:, 1] == PINS[channel], 0]
     theta, word = probe.column("theta"), probe.column("word")
-    begun = np.concatenate([[0], np.cumsum((np.diff(theta)) % PHASE_TURN)])
-    since = np.cumsum(np.concatenate([(mine[:1] - theta[0]) % PHASE_TURN, np.diff(mine) % PHASE_TURN]))
+    turn = 1 << probe.design.dds_bits
+    begun = np.concatenate([[0], np.cumsum((np.diff(theta)) % turn)])
+    since = np.cumsum(np.concatenate([(mine[:1] - theta[0]) % turn, np.diff(mine) % turn]))
     tick = np.searchsorted(begun, since, "right") - 1
-    return TICK_CYCLES * tick + np.round((since - begun[tick]) / word[tick]).astype(np.int64)
+    return probe.design.tick_clocks * tick + np.round((since - begun[tick]) / word[tick]).astype(np.int64)
 
 
 def gate(probe, channel):

@@ -80,7 +80,7 @@ MISTAKES = [
     ("[effect]\nx = 1", "[effect] is not a known section; did you mean [effects]?"),
     (
         "[wobble]\nx = 1",
-        "[wobble] is not a known section; known: firmware, nominal, plant, effects, noise, scenario, output",
+        "[wobble] is not a known section; known: design, firmware, nominal, plant, effects, noise, scenario, output",
     ),
     ("seconds = 3", "seconds is not in a section; seconds belongs in [scenario]"),
     ("firmware = 3", "firmware = 3 is not a section; write [firmware] and its keys below"),

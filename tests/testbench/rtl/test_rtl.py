@@ -15,6 +15,7 @@ from typing import NamedTuple
 import pytest
 
 from fpga_model import dds, delay, modulator, pi, references, sine, spi_adc, spi_dac
+from fpga_model.block import structure
 from fpga_model.fixed import bits
 from testbench.flatten import format_leaves, leaves
 from testbench.golden.stimulus import blocks as golden_blocks
@@ -208,7 +209,7 @@ def model(stem, k, seed=1):
     fmt_in = [BIT, *block.inputs.values()]
     fmt_out = [*block.registers.values(), *(fmt for fmt, _ in block.pins.values())]
     resets = {0, 1, *(rng.randrange(2, block.rows) for _ in range(5))}
-    first, s = (() if p is None else (p,)), block.module.State()
+    first, s = (*structure(block.module).values(), *(() if p is None else (p,))), block.module.State()
     stimulus, expected = [], []
     for n in range(block.rows):
         rst, row = int(n in resets), draw(rng, s)
@@ -462,7 +463,8 @@ def test_ports_are_those_of_the_model(name):
     stem, language = name.split(".")
     block, text = BLOCKS[stem], (RTL / name).read_text()
     step = block.module.step
-    arguments = [a for a in inspect.signature(getattr(step, "py_func", step)).parameters if a not in ("p", "s")]
+    names = inspect.signature(getattr(step, "py_func", step)).parameters
+    arguments = [a for a in names if a not in ("d", "rom", "p", "s")]
     assert list(block.inputs) == arguments
     inputs = [("clk", BIT), ("rst", BIT), *block.inputs.items()]
     out = [(f"r_{k}", fmt) for k, fmt in block.registers.items()]

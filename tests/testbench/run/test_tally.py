@@ -10,7 +10,7 @@ from testbench.run import tally
 from testbench.run.simulation import FRAME, TRUTH
 from testbench.run.tally import StartUp, Tally
 
-CLOCK_HZ = 26e6
+LSB_HZ = 26e6 / 2**48
 
 
 def rows(count, lock_at=None, seed=1):
@@ -28,7 +28,7 @@ def fed(sink, frames, truth, cuts, first_frame=0, restart=()):
     """The sink after all rows in pieces; a new one takes over before the pieces in `restart`."""
     for k, (begin, end) in enumerate(zip([0, *cuts], [*cuts, len(frames)])):
         if k in restart:
-            values, sink = sink.dump(), type(sink)(*([CLOCK_HZ] if isinstance(sink, Tally) else []))
+            values, sink = sink.dump(), type(sink)(*([LSB_HZ] if isinstance(sink, Tally) else []))
             sink.restore(values)
             sink.active = True
         if end > begin:
@@ -40,21 +40,21 @@ def fed(sink, frames, truth, cuts, first_frame=0, restart=()):
 @given(st.lists(st.integers(1, 4999), max_size=4).map(sorted), st.sets(st.integers(0, 4)))
 def test_means_of_pieces_are_those_of_the_whole(cuts, restart):
     frames, truth = rows(5000)
-    sums = Tally(CLOCK_HZ)
+    sums = Tally(LSB_HZ)
     sums.active = True
     sums = fed(sums, frames, truth, cuts, restart=restart)
     for name in tally.SUMMED:
         assert sums.mean(name) == sum(frames[:, FRAME[name]].tolist()) / 5000
     assert sums.flags == 0b111
     assert sums.temp_degc == truth[-1, TRUTH["temperature"]]
-    ratio = 11000.0 / (frames[:, FRAME["frequency_word"]] * CLOCK_HZ / 2**48)
+    ratio = 11000.0 / (frames[:, FRAME["frequency_word"]] * LSB_HZ)
     amplitude = np.sqrt(truth[:, TRUTH["x"]] ** 2 + (truth[:, TRUTH["vx"]] * ratio) ** 2)
     assert sums.amplitude_m == pytest.approx(np.mean(amplitude), rel=1e-12)
 
 
 def test_only_the_scenario_counts():
     frames, truth = rows(100)
-    sums = Tally(CLOCK_HZ)
+    sums = Tally(LSB_HZ)
     sums.add(0, frames, truth)
     assert sums.rows == 0
 

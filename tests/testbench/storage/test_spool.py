@@ -40,7 +40,7 @@ def test_columns_come_out_as_they_went_in():
     for k, (name, lsb, fmt) in enumerate(engine.FRAME_COLUMNS):
         column = streams[name]
         assert np.array_equal(column.data, frames[:, k])
-        assert column.attrs == {"lsb": lsb, "format": str(fmt)}
+        assert column.attrs == {"lsb": lsb.format(dds_bits=48), "format": str(fmt)}
         assert (column.num, column.den, column.edge0) == (1, 3250, 40 * 3250)
         assert column.data.dtype == (np.int64 if name == "frequency_word" else np.int32)
     for k, (name, unit) in enumerate(engine.TRUTH_COLUMNS):
