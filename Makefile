@@ -10,7 +10,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # a worker that crashes ends the run and names its test; a new one in its place can wait for ever
 PYTEST := $(BIN)/python -m pytest --max-worker-restart 0
 
-.PHONY: help run paper measured golden rtl budget test test-slow test-all test-nojit test-bounds kills fuzz bench portability packages lock lint pages docs clean
+.PHONY: help run paper measured golden rtl budget test test-slow test-all test-nojit test-bounds kills fuzz designs bench portability packages lock lint pages docs clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -68,6 +68,9 @@ test-bounds: $(VENV)/.test ## the suite with Numba checking every index
 
 fuzz: $(VENV)/.test ## hostile files of every kind and hostile options, counts by kind; MINUTES=20 for longer, SEED=7 for others
 	$(BIN)/python -m tests.fuzz --minutes $(or $(MINUTES),5) --seed $(or $(SEED),1) $(if $(KIND),--kind $(KIND))
+
+designs: $(VENV)/.test ## random designs over all keys of [design]: both engines have the same registers and codes; COUNT=40 SEED=1
+	$(BIN)/python -m tests.testbench.engines.test_designs $(or $(COUNT),40) $(or $(SEED),1)
 
 bench: $(VENV)/.test ## speed, as a table in docs/speed.md and build/bench.json
 	$(BIN)/python -m testbench.bench

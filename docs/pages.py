@@ -5,8 +5,8 @@
     docs/design_of_loops.md     keys of a target                   docs/config_page.py
     docs/phases.md              phase budget of the defaults       testbench.run.budget, testbench.run.tables
     docs/ranges.md              proven ranges                      docs/ranges_page.py
-    docs/blocks/STEM.md         ports of each block                docs/blocks_page.py
-    docs/boards/paper.toml      the default board, sourced     docs/config_page.py
+    docs/blocks/                ports of each block                docs/blocks_page.py
+    docs/boards/paper.toml      the default board, sourced         docs/config_page.py
     docs/README.md              index of the pages                 their titles
     docs/effects/README.md      index of the effects               analog_frontend.effects.catalogue
 

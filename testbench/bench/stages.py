@@ -13,7 +13,7 @@ from fpga_model.jit import hot
 from fpga_model.rates import FRAME_TICKS
 from testbench.bench import kernels
 from testbench.engines import pins, window
-from testbench.engines.turn import still
+from testbench.engines.turn import Turn
 
 STAGES = (
     ("noise, eight sources", "noise"),
@@ -80,7 +80,8 @@ def measure(repeats=7, frames=400):
     a = plant.copy(sim.state.plant)
     b = pins.buffers()
     b.amplitude[:], b.rate[:] = f.control.agc.loop.y, f.control.rate_loop.loop.y
-    turn = still(0, f.dds.phase, f.control.frequency_tracker.word, sim.design.dds_bits)
+    word = f.control.frequency_tracker.word
+    turn = Turn(0, f.dds.phase, word, word, 0, word, sim.design.dds_bits)
     count, _ = _edges(sim.params, turn, f.registers, b)
     quad_code = f.control.quadrature_loop.root.y
     kernels.advance(sim, FRAME_TICKS)

@@ -39,7 +39,7 @@ from testbench.engines.block_state import (
     words_of_ticks,
 )
 from testbench.engines.frame import enter, leave, put_down
-from testbench.engines.turn import still
+from testbench.engines.turn import Turn
 from testbench.engines.window import HISTORY, Window
 from testbench.flatten import leaves
 from testbench.flatten import store as store_row
@@ -82,7 +82,7 @@ class Together(NamedTuple):
 
 
 def _carried():
-    s = Window(control.State(), registers.State(), watchdog.State(), still(0, 0, 0, 0), 0, 0)
+    s = Window(control.State(), registers.State(), watchdog.State(), Turn(0, 0, 0, 0, 0, 0, 0), 0, 0)
     eight_zeros = (0,) * 8
     return BlockState(digital_sid.State(), s, 0, 0, 0, 0, 0, 0, 0, eight_zeros, eight_zeros, 0, 0, 0, 0)
 

@@ -8,7 +8,7 @@ Source    docs/architecture.md, docs/blocks/dds.md
 from typing import NamedTuple
 
 from fpga_model.fixed import wrap_unsigned
-from fpga_model.jit import inlined, inner
+from fpga_model.jit import inner
 
 WIDEST = 48  # bits of a turn in the averaged plant
 TURN_MASK = (1 << WIDEST) - 1
@@ -65,7 +65,7 @@ def word_limit(bits):
     return 1 << (bits - 8)
 
 
-@inlined
+@inner
 def still(clock, phase, word, bits):
     """A turn without a past, at `clock`."""
     return Turn(clock, phase, word, word, clock, word, bits)

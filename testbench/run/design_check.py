@@ -11,6 +11,7 @@ Source    docs/blocks/design_record.md
 from typing import NamedTuple
 
 from fpga_model import spi_dac
+from fpga_model.design_record import DEFAULT
 from testbench.errors import ConfigError
 
 
@@ -27,6 +28,17 @@ CHIPS = {
     "sense": Chip("AD5791", spi_dac.AD5791, 35_000_000),
     "V_q": Chip("DAC82002", spi_dac.DAC82002, 50_000_000),
 }
+
+
+RATES = ("master_hz", "tick_clocks", "frame_ticks")
+
+
+def default_only(config, what, keys=DEFAULT._fields):
+    """Raise ConfigError for another design than the default one, in what is made for it alone; `keys` that matter."""
+    for key in keys:
+        found, default = getattr(config.design, key), getattr(DEFAULT, key)
+        if found != default:
+            raise ConfigError(f"design.{key} = {found}: {what} is of the default design, {default}, alone")
 
 
 def check(config):

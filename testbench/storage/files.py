@@ -62,8 +62,8 @@ def lock(path):
 
 def lock_part(path):
     """The locked PATH.part; FileError if another process writes the file."""
-    if Path(path).exists() and not (Path(path).is_file() or Path(path).is_dir()):
-        raise FileError(f"{path}: is no regular file; it is not replaced")
+    if Path(path).is_char_device() or Path(path).is_block_device():
+        raise FileError(f"{path}: is a device; it is not replaced")
     try:
         Path(path).parent.mkdir(parents=True, exist_ok=True)
         clear(path)

@@ -21,7 +21,7 @@ from testbench.engines import engine
 from testbench.errors import ConfigError
 from testbench.flatten import leaves
 from testbench.golden.loop import library, lockstep
-from testbench.run import build, simulate
+from testbench.run import build, design_check, simulate
 from testbench.run.simulation import FRAME, Simulation
 
 SECONDS = 3.0
@@ -157,6 +157,7 @@ def closed(config, design, firmware, progress=None):
 
     Raises ConfigError for a scenario that does not begin at power-on.
     """
+    design_check.default_only(config, "the loop around RTL")
     if config.scenario.origin != "power_on" or config.scenario.resume:
         raise ConfigError('scenario.origin: the loop around RTL begins at power-on; set origin = "power_on"')
     timeline = scenario.expand(config.scenario)

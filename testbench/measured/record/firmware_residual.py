@@ -20,7 +20,7 @@ from fpga_model import registers, watchdog
 from fpga_model.design_record import DEFAULT
 from fpga_model.rates import FRAME_CYCLES, FRAME_TICKS, TICK_CYCLES
 from testbench import flatten
-from testbench.engines.turn import still
+from testbench.engines.turn import Turn
 from testbench.measured.record import check_tables, replay, schema
 from testbench.measured.record.sessions import seen_rows, sessions, stimulus
 from testbench.run import build
@@ -151,7 +151,8 @@ def started(row):
     rest, count = row[len(flatten.names(c)) :], len(registers.State._fields)
     bank, dog = registers.State(*rest[:count]), watchdog.State(*rest[count:-1])
     word = c.frequency_tracker.word
-    return s._replace(w=s.w._replace(control=c, bank=bank, dog=dog, turn=still(0, rest[-1], word, DEFAULT.dds_bits)))
+    turn = Turn(0, rest[-1], word, word, 0, word, DEFAULT.dds_bits)
+    return s._replace(w=s.w._replace(control=c, bank=bank, dog=dog, turn=turn))
 
 
 def residual(record, progress=None, firmware=None):

@@ -19,7 +19,7 @@ from testbench.engines.window import SLOT_WORD
 from testbench.errors import ConfigError
 from testbench.measured.record import schema, timing
 from testbench.measured.record.sessions import UNSEEN
-from testbench.run import build, simulate
+from testbench.run import build, design_check, simulate
 from testbench.run.simulation import Simulation
 from testbench.storage.record import Column, Record, TableColumn
 from testbench.version import VERSION
@@ -34,6 +34,7 @@ class Board(Simulation):
     """A simulated board whose writes are logged and whose phase accumulator is known at every frame."""
 
     def __init__(self, config, lo_degc, hi_degc, ticked):
+        design_check.default_only(config, "a measurement record")
         super().__init__(config, lo_degc, hi_degc)
         self.log, self.codes, self.ticked = [], [], ticked
         self._before, self._anchors = timing.valid_clock(config), []

@@ -23,7 +23,7 @@ from fpga_model.jit import hot, inner, outlined
 from fpga_model.rates import FRAME_CYCLES, FRAME_TICKS, SLOTS, TICK_CYCLES
 from testbench.engines import window
 from testbench.engines.pins import SINE_CLOCKS
-from testbench.engines.turn import phase_at, still
+from testbench.engines.turn import Turn, phase_at
 from testbench.engines.window import FIRST_CHANNEL_CLOCKS, VALID_CLOCKS, last_load_tick
 from testbench.errors import ConfigError
 
@@ -96,7 +96,7 @@ def power_on():
     c = control.State()
     word = c.frequency_tracker.word
     zero = (0,) * 8
-    w = window.Window(c, registers.State(), watchdog.State(), still(0, 0, word, DEFAULT.dds_bits), 0, 0)
+    w = window.Window(c, registers.State(), watchdog.State(), Turn(0, 0, word, word, 0, word, DEFAULT.dds_bits), 0, 0)
     return Side(0, w, zero, zero, -1, 0, 0, 0)
 
 

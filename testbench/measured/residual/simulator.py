@@ -21,7 +21,7 @@ from testbench.errors import ConfigError
 from testbench.measured.record import replay, schema
 from testbench.measured.record.sessions import stimulus, writes
 from testbench.measured.residual import plant_replay
-from testbench.run import build
+from testbench.run import build, design_check
 from testbench.run.simulation import Simulation
 
 DEG = math.pi / 180
@@ -159,6 +159,7 @@ class FrameSimulator:
         return plant_replay.run(params, drive, float(temps.min()))
 
     def free(self, config, task):
+        design_check.default_only(config, "a measurement record")
         sim = Simulation(config, float(task.temp_degc.min()), float(task.temp_degc.max()), engine=self.name)
         sim.now = (task.rate_rad_s[:1], task.temp_degc[:1])
         for edge, address, data in task.writes.tolist():

@@ -17,7 +17,7 @@ from fpga_model import dds, registers, sequencer
 from fpga_model.rates import FRAME_TICKS, TICK_CYCLES, TICK_HZ
 from testbench.errors import ConfigError
 from testbench.paper.calibration import counter
-from testbench.run import budget, build, simulate
+from testbench.run import budget, build, design_check, simulate
 from testbench.run.simulation import DEG, FRAME, Simulation
 
 FRAME_S = FRAME_TICKS / TICK_HZ
@@ -78,6 +78,7 @@ class Bench:
     """
 
     def __init__(self, config, rate_dps=0.0, temp_degc=25.0, engine=None):
+        design_check.default_only(config, "the bench of calibration")
         self._sim = Simulation(config, temp_degc, temp_degc, engine=engine)
         self._sim.keep_codes = self._sim.keep_rows = False
         self.drawing, self.pace = config.nominal_device(), simulate.pace(config)

@@ -16,7 +16,7 @@ from analog_frontend.parts.noise import cv_density, thermomechanical_density
 from fpga_model import isqrt, modulator, pi, rates, spi_adc, spi_dac
 from fpga_model.rates import FRAME_TICKS, MASTER_HZ, TICK_CYCLES, TICK_HZ
 from testbench.errors import ConfigError
-from testbench.run import build
+from testbench.run import build, design_check
 from testbench.run.budget import budget, lock_frequency_hz
 
 FRAME_S = FRAME_TICKS / TICK_HZ
@@ -74,6 +74,7 @@ class Parts(NamedTuple):
 
 
 def _check(config):
+    design_check.default_only(config, "the loop analysis")
     device = config.device()
     if config.firmware.board != "analog_sid":
         raise ConfigError(

@@ -15,6 +15,9 @@ from fpga_model.fixed import formats
 from testbench import config
 from testbench.errors import ConfigError
 from testbench.flatten import format_leaves, leaves
+from testbench.measured.record import produce
+from testbench.paper.calibration import bench
+from testbench.paper.loop import parts
 from testbench.run import design_check
 from testbench.run.simulation import Simulation
 
@@ -117,6 +120,22 @@ def test_a_random_design(number):
 def test_designs_that_cannot_work(values, said):
     with pytest.raises(ConfigError, match=said):
         Simulation(config.changed(config.Config(), values), TEMP_DEGC, TEMP_DEGC)
+
+
+@pytest.mark.parametrize("key", ["master_hz", "tick_clocks", "dds_bits", "sine_bits"])
+def test_what_is_of_the_default_design_alone_refuses_another(key):
+    cfg = config.changed(config.Config(), {f"design.{key}": getattr(DEFAULT, key) + 1 - 2 * (key == "dds_bits")})
+    for made in (parts.parts, bench.Bench, lambda c: produce.Board(c, 25.0, 25.0, False)):
+        with pytest.raises(ConfigError, match=f"design.{key} = .* of the default design"):
+            made(cfg)
+
+
+def test_the_averaged_plant_takes_word_lengths_and_no_other_rate():
+    short = config.changed(config.Config(), {"design.dds_bits": 32, "design.sine_address_bits": 7})
+    Simulation(short, TEMP_DEGC, TEMP_DEGC, engine="baseband")
+    slow = config.changed(config.Config(), {"design.tick_clocks": 28})
+    with pytest.raises(ConfigError, match=r"design\.tick_clocks: 28 is not 26"):
+        Simulation(slow, TEMP_DEGC, TEMP_DEGC, engine="baseband")
 
 
 def test_the_default_design_is_checked_too():
