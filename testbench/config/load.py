@@ -47,6 +47,11 @@ class Design(Section):
     sine_address_bits: int = number(DEFAULT.sine_address_bits, "bits", 4, 12, "address of the quarter-wave table")
     sine_fraction_bits: int = number(DEFAULT.sine_fraction_bits, "bits", 1, 12, "interpolation between its rows")
     sine_bits: int = number(DEFAULT.sine_bits, "bits", 10, 20, "sine, its sign included")
+    drive_dac: Literal["DAC8811", "generic"] = other("DAC8811", "chip of the drive DAC")
+    sense_dac: Literal["AD5791", "DAC8811", "generic"] = other("AD5791", "chip of the sense DAC")
+    quadrature_dac: Literal["DAC82002", "generic"] = other("DAC82002", "chip of V_q's DAC, 16 bits")
+    drive_dac_bits: int = number(16, "bits", 8, 16, 'code of a "generic" drive DAC, and its frame')
+    sense_dac_bits: int = number(20, "bits", 8, 20, 'code of a "generic" sense DAC, and its frame')
 
 
 class Firmware(Section):
@@ -259,7 +264,7 @@ class Config(Section):
 
     def design_record(self):
         """Rates and word lengths of the firmware as the record that all of it is built from."""
-        return design_record.Design(**self.design.model_dump())
+        return design_record.Design(*(getattr(self.design, key) for key in design_record.Design._fields))
 
     def device(self):
         """The plant's parameters as the record that the plant is built from."""
@@ -272,7 +277,7 @@ class Config(Section):
     @property
     def of_paper(self):
         """True if the firmware is designed for the paper's board, the default one: only then do we compare with it."""
-        return self.nominal_device() == Nominal().device()
+        return self.nominal_device() == Nominal().device() and self.design == Design()
 
 
 def phase_word(angle_deg, bits=DEFAULT.dds_bits):

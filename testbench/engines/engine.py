@@ -23,6 +23,7 @@ from fpga_model import block, dds, references
 from fpga_model import top as fpga
 from fpga_model.fixed import bits, clamp, signed, wrap
 from fpga_model.jit import hot, inner, outlined
+from testbench.engines import chips as board
 from testbench.flatten import store
 
 MAX_EDGES = plant.MAX_EDGES
@@ -43,11 +44,12 @@ class Chips(NamedTuple):
 
 
 class Params(NamedTuple):
-    """Firmware, plant and the firmware's table of the sine; the chips' own parameters are those of the real parts."""
+    """Firmware, plant and the firmware's table of the sine; the DACs' own parameters."""
 
     fpga: fpga.Params
     plant: plant.Params
     rom: np.ndarray
+    chips: board.Chips
 
 
 class State(NamedTuple):
@@ -180,9 +182,7 @@ def streams(ticks=0, frames=0, edges=0, probe_ticks=0, register_count=0):
 def reset(params, temp_degc):
     """Power-on."""
     chips = Chips(
-        dac_serial.reset(dac_serial.DAC8811),
-        dac_serial.reset(dac_serial.AD5791),
-        dac_serial.reset(dac_serial.DAC82002),
+        *map(dac_serial.reset, params.chips),
         adc_serial.State(),
     )
     firmware = block.reset(fpga.reset(params.fpga.design), params.fpga)
@@ -191,15 +191,15 @@ def reset(params, temp_degc):
 
 
 @inner
-def chips_after(chips, pins, loaded, status, codes):
+def chips_after(parts, chips, pins, loaded, status, codes):
     """The converters' digital sides after an edge that left these `fpga.Pins`; two of the DACs have no LDAC."""
     q = pins.quadrature_sync_n, pins.quadrature_sclk_en, pins.quadrature_sdin
     d = pins.drive_sync_n, pins.drive_sclk_en, pins.drive_sdin
     s = pins.sense_sync_n, pins.sense_sclk_en, pins.sense_sdin
     return Chips(
-        dac_serial.step(dac_serial.DAC8811, chips.drive, d[0], d[1], d[2], 1),
-        dac_serial.step(dac_serial.AD5791, chips.sense, s[0], s[1], s[2], pins.sense_ldac_n),
-        dac_serial.step(dac_serial.DAC82002, chips.quadrature, q[0], q[1], q[2], 1),
+        dac_serial.step(parts.drive, chips.drive, d[0], d[1], d[2], 1),
+        dac_serial.step(parts.sense, chips.sense, s[0], s[1], s[2], pins.sense_ldac_n),
+        dac_serial.step(parts.quadrature, chips.quadrature, q[0], q[1], q[2], 1),
         adc_serial.step(chips.adc, pins.adc_cs_n, pins.adc_sclk, loaded, status, codes),
     )
 
@@ -439,7 +439,7 @@ def run_ticks(p, f, chips, a, chunk, first, end, drdy_cycle, closed):
                 ),
             )
             loaded = 1 if c == drdy_cycle and faults.silent == 0 else 0
-            chips = chips_after(chips, fpga.pins(p.fpga, f), loaded, faults.status, codes)
+            chips = chips_after(p.chips, chips, fpga.pins(p.fpga, f), loaded, faults.status, codes)
             if chips.drive.updated:
                 drive_cycle = c
             if chips.sense.updated:

@@ -114,7 +114,8 @@ def words_of_ticks(p, drive_codes, sense_codes, n, enabled, staged, mixed, b):
     for k in range(n):
         drive_codes[k] = drive[k]
         sense_codes[k] = sense[k]
-    if mixed or enabled == 0 or b.control_load[HISTORY - 1] * late == 1:
+    opened = p.sense_dac.control != 0  # by a control word
+    if opened and (mixed or enabled == 0 or b.control_load[HISTORY - 1] * late == 1):
         for k in range(n):
             if b.control_load[HISTORY + k - late] == 1:
                 enabled = 1

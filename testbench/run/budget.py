@@ -17,6 +17,7 @@ from analog_frontend.parts import propagator, thermal
 from fpga_model import dds, references, sine, spi_dac
 from fpga_model.design_record import DEFAULT
 from testbench.config import changed
+from testbench.engines import chips
 from testbench.errors import ConfigError
 
 PAPER_DEG = {"xe1": 3.7647, "xe2": 1.2459, "ye1": 8.8814, "ye2": 1.5560}
@@ -95,7 +96,7 @@ def budget(config, temp_degc=None, frequency_hz=None):
         temp_degc = start if isinstance(start, (int, float)) else start[0][1]
     firmware, base = config.firmware, config.device()
     device = thermal.at_temperature(base, temp_degc)
-    design = config.design_record()
+    design, board = config.design_record(), chips.of(config.design)
     tick_clocks, clock_hz = design.tick_clocks, design.master_hz * (1 + 1e-6 * device.clock_ppm)
     f = frequency_hz or device.fx_hz
 
@@ -152,10 +153,12 @@ def budget(config, temp_degc=None, frequency_hz=None):
         f,
         {
             "xe1": signal(
-                "drive", spi_dac.DAC8811, firmware.frame_latency_drive, device.drive_dac_delay_s, drive_words
+                "drive", board.drive.master, firmware.frame_latency_drive, device.drive_dac_delay_s, drive_words
             ),
             "xe2": forward("drive"),
-            "ye1": signal("sense", spi_dac.AD5791, firmware.frame_latency_sense, device.sense_dac_delay_s, sense_words),
+            "ye1": signal(
+                "sense", board.sense.master, firmware.frame_latency_sense, device.sense_dac_delay_s, sense_words
+            ),
             "ye2": forward("sense"),
         },
         {"xe2": switch, "ye2": switch},

@@ -35,13 +35,12 @@ from fpga_model import (
     references,
     sequencer,
     sine,
-    spi_dac,
     watchdog,
     wiring,
 )
 from fpga_model import top as fpga
 from testbench.config.toml_text import toml_of
-from testbench.engines import engine
+from testbench.engines import chips, engine
 from testbench.run import resting
 
 RAD_PER_DEG = math.pi / 180
@@ -115,7 +114,7 @@ def firmware(config):
     """Parameters of the FPGA. Raises ValueError if two ends of a wire have different formats."""
     wiring.check()
     f, n, d = config.firmware, nominal(config), config.nominal_device()
-    record = config.design_record()
+    record, board = config.design_record(), chips.of(config.design)
     sid_part = digital_sid.design()
     if f.board == "digital_sid":
         sid_part = digital_sid.design(samples_per_dump=record.frame_ticks, frame_hz=record.frame_hz)
@@ -126,11 +125,11 @@ def firmware(config):
         quadrature_fast=1 if f.quadrature_update_khz == 1000 else 0,
         pipe=delay.design(f.pipeline_registers),
         references=references.design(f.reference_registers, f.reference_retimed),
-        drive_modulator=modulator.design(16, f.frame_latency_drive, record),
-        sense_modulator=modulator.design(20, f.frame_latency_sense, record),
-        drive_dac=spi_dac.DAC8811,
-        sense_dac=spi_dac.AD5791,
-        quadrature_dac=spi_dac.DAC82002,
+        drive_modulator=modulator.design(board.drive.bits, f.frame_latency_drive, record),
+        sense_modulator=modulator.design(board.sense.bits, f.frame_latency_sense, record),
+        drive_dac=board.drive.master,
+        sense_dac=board.sense.master,
+        quadrature_dac=board.quadrature.master,
         sid=sid_part._replace(still=digital_sid.STILL_TICKS if samples_move else 0),
         watchdog=watchdog.design(),
         control=control.Params(
@@ -265,11 +264,15 @@ def analog(config, temp_lo_degc, temp_hi_degc):
     cv_density = noise.cv_density(d) * abs(d.signal_gain)
     rise = _switch_instants("plant.sid_switch_s", d.sid_switch_s, tick_s, clocks)
     fall = _switch_instants("plant.sid_switch_s + plant.sid_fall_s", d.sid_switch_s + d.sid_fall_s, tick_s, clocks)
+    board = chips.of(config.design)
+    converters = (
+        dac.design(board.drive.bits, d.drive_dac_span_v, bow=d.drive_dac_bow, glitch_v_s=d.drive_dac_glitch_v_s),
+        dac.design(board.sense.bits, d.sense_dac_span_v, bow=d.sense_dac_bow, glitch_v_s=d.sense_dac_glitch_v_s),
+    )
+    levels = config.effects.drive_dac_levels, config.effects.sense_dac_levels
     return plant.Params(
-        drive_dac=dac.design(16, d.drive_dac_span_v, bow=d.drive_dac_bow, glitch_v_s=d.drive_dac_glitch_v_s),
-        sense_dac=dac.design(20, d.sense_dac_span_v, bow=d.sense_dac_bow, glitch_v_s=d.sense_dac_glitch_v_s),
-        drive_levels=dac_levels.design(config.effects.drive_dac_levels, 16, d.drive_dac_span_v / 2**15),
-        sense_levels=dac_levels.design(config.effects.sense_dac_levels, 20, d.sense_dac_span_v / 2**19),
+        *converters,
+        *(dac_levels.design(level, chip.bits, part.lsb_v) for level, chip, part in zip(levels, board, converters)),
         quad_lsb_v=d.quad_dac_span_v / 2**16,
         frame_ticks=record.frame_ticks,
         tables=tables,
@@ -351,9 +354,9 @@ def adc_part(config, d, tick_s):
 
 def params(config, temp_lo_degc, temp_hi_degc):
     """Parameters of the engine."""
-    return engine.Params(
-        firmware(config), analog(config, temp_lo_degc, temp_hi_degc), sine.table(config.design_record())
-    )
+    plant_params = analog(config, temp_lo_degc, temp_hi_degc)
+    parts = chips.parts(chips.of(config.design))
+    return engine.Params(firmware(config), plant_params, sine.table(config.design_record()), parts)
 
 
 def lsb_hz(config):

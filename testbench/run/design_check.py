@@ -8,35 +8,18 @@ Gains that no format holds are refused by the designers of the loops, sample rat
 Source    docs/blocks/design_record.md
 """
 
-from typing import NamedTuple
-
 from fpga_model import spi_dac
-from fpga_model.design_record import DEFAULT
+from testbench.engines import chips
 from testbench.errors import ConfigError
-
-
-class Chip(NamedTuple):
-    """A DAC on the board: its name, its serial frame, and the fastest SCLK of its data sheet (Hz)."""
-
-    name: str
-    frame: spi_dac.Params
-    most_hz: int
-
-
-CHIPS = {
-    "drive": Chip("DAC8811", spi_dac.DAC8811, 50_000_000),
-    "sense": Chip("AD5791", spi_dac.AD5791, 35_000_000),
-    "V_q": Chip("DAC82002", spi_dac.DAC82002, 50_000_000),
-}
-
 
 RATES = ("master_hz", "tick_clocks", "frame_ticks")
 
 
-def default_only(config, what, keys=DEFAULT._fields):
+def default_only(config, what, keys=None):
     """Raise ConfigError for another design than the default one, in what is made for it alone; `keys` that matter."""
-    for key in keys:
-        found, default = getattr(config.design, key), getattr(DEFAULT, key)
+    standard = type(config.design)()
+    for key in keys or type(config.design).model_fields:
+        found, default = getattr(config.design, key), getattr(standard, key)
         if found != default:
             raise ConfigError(f"design.{key} = {found}: {what} is of the default design, {default}, alone")
 
@@ -45,16 +28,16 @@ def check(config):
     """Raise ConfigError for a design that cannot work; one line with key, value, limit and unit."""
     d = config.design
     fast = config.firmware.quadrature_update_khz == 1000
-    for role, chip in CHIPS.items():
+    for role, chip in zip(("drive", "sense", "V_q"), chips.of(d)):
         if d.master_hz > chip.most_hz:
-            bits = chip.frame.bits
+            bits = chip.master.bits
             raise ConfigError(
                 f"design.master_hz = {d.master_hz} Hz is above {chip.most_hz} Hz, the SCLK limit of the {role} DAC "
                 f"{chip.name}: its {bits} bits take {1e9 * bits / chip.most_hz:.0f} ns or more"
             )
         room = d.tick_clocks * (2 if role == "V_q" and not fast else 1)
         # at 1000 kHz V_q's SYNC is not high for a clock: configuration.md says so, and the part is loaded all the same
-        need = spi_dac.latch_cycles(chip.frame) if role == "V_q" else spi_dac.period_cycles(chip.frame)
+        need = spi_dac.latch_cycles(chip.master) if role == "V_q" else spi_dac.period_cycles(chip.master)
         if need > room:
             raise ConfigError(
                 f"design.tick_clocks = {d.tick_clocks} clocks: the serial frame of the {role} DAC {chip.name} takes "

@@ -12,7 +12,7 @@ from analog_frontend.parts import thermal
 from fpga_model import fault_monitor, fixed, sequencer
 from fpga_model import top as fpga
 from testbench import flatten
-from testbench.engines import engine
+from testbench.engines import chips, engine
 from testbench.run import budget, build, nodes
 from testbench.run.outputs import Result
 from testbench.run.tables import FITTED
@@ -148,7 +148,10 @@ def _plots(job, tail, summary, reading, clock_hz):
     }
     # the baseband engine knows no codes of single ticks
     if tail.shape[1]:
-        plots["spectra"] = {"outputs": {"drive (16 bit)": (tail[0], 16), "sense (20 bit)": (tail[1], 20)}}
+        board = chips.of(config.design)
+        bits = {"drive": board.drive.bits, "sense": board.sense.bits}
+        outputs = {f"{name} ({n} bit)": (codes, n) for (name, n), codes in zip(bits.items(), tail)}
+        plots["spectra"] = {"outputs": outputs}
     if reading is not None:
         names = ("drive sgn(sin)", "drive sgn(cos)", "sense sgn(sin)", "sense sgn(cos)")
         f = summary["drive_frequency_hz"]

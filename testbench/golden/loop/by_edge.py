@@ -20,6 +20,7 @@ from analog_frontend.parts import adc_serial
 from fpga_model import registers
 from fpga_model import top as fpga
 from fpga_model.jit import kernel
+from testbench.engines import chips as board
 from testbench.engines import engine
 from testbench.flatten import leaves
 from testbench.golden.loop import library
@@ -31,9 +32,12 @@ SENT = 5  # channels of the ADC that are connected
 _MASKS = tuple((1 << fmt.width) - 1 for fmt in library.FORMATS)
 
 
+PARTS = board.parts(board.DEFAULT)
+
+
 @kernel
 def _chips(chips, pins, loaded, status, codes):
-    return engine.chips_after(chips, pins, loaded, status, codes)
+    return engine.chips_after(PARTS, chips, pins, loaded, status, codes)
 
 
 @kernel

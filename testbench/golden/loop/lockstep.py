@@ -130,7 +130,7 @@ def ticks(p, f, chips, a, chunk, end, drdy_cycle, rtl):
             rtl.given[0] = 0
             pins = call(rtl.edge, rtl.handle, rtl.given)
             loaded = 1 if c == drdy_cycle and faults.silent == 0 else 0
-            chips = engine.chips_after(chips, _unpacked(pins), loaded, faults.status, codes)
+            chips = engine.chips_after(p.chips, chips, _unpacked(pins), loaded, faults.status, codes)
             if chips.drive.updated:
                 drive_cycle = c
             if chips.sense.updated:

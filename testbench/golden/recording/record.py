@@ -39,7 +39,7 @@ from fpga_model.fixed import signed
 from fpga_model.rates import FRAME_CYCLES, FRAME_HZ, FRAME_TICKS, TICK_CYCLES
 from fpga_model.sine import ROM
 from testbench import config
-from testbench.engines import engine
+from testbench.engines import chips, engine
 from testbench.errors import FileError
 from testbench.flatten import leaves, names
 from testbench.golden.recording import recording, replay
@@ -171,7 +171,9 @@ def _level(points, frame):
 def closed_loop(name, case, progress=None):
     """Run a case tick by tick; `Recording` without windows."""
     settings = config.changed(config.Config(), case.config)
-    params = engine.Params(case.firmware(settings), build.analog(settings, TEMP_DEGC, TEMP_DEGC), ROM)
+    params = engine.Params(
+        case.firmware(settings), build.analog(settings, TEMP_DEGC, TEMP_DEGC), ROM, chips.parts(chips.DEFAULT)
+    )
     state = engine.reset(params, TEMP_DEGC)
     streams, temp = engine.streams(), np.full(2, TEMP_DEGC)
     pending = [(k, *write) for k, write in enumerate(build.register_writes(settings))]

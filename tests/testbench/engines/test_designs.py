@@ -5,10 +5,12 @@ python -m tests.testbench.engines.test_designs [COUNT] [SEED]    more of them, a
 
 import random
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from analog_frontend.parts import resonator
 from fpga_model import top as fpga
 from fpga_model.design_record import DEFAULT
 from fpga_model.fixed import formats
@@ -18,9 +20,10 @@ from testbench.flatten import format_leaves, leaves
 from testbench.measured.record import produce
 from testbench.paper.calibration import bench
 from testbench.paper.loop import parts
-from testbench.run import design_check
+from testbench.run import build, design_check
 from testbench.run.simulation import Simulation
 
+BOARDS = Path(__file__).parents[3] / "docs" / "boards"
 SEED, COUNT = 20261, 4
 TICKS_S = 0.05
 LOCK_S = 2.5
@@ -28,10 +31,13 @@ RATE_RAD_S, TEMP_DEGC = 0.5, 25.0
 
 
 def drawn(seed):
-    """Values of [design], and the ADC's decimation that keeps a conversion as long as a frame."""
+    """Values of [design], and the ADC's modulator that keeps a conversion as long as a frame."""
     rng = random.Random(seed)
-    tick_clocks = rng.randint(26, 32)
-    master_hz = rng.randrange(24_000_000, 35_000_000, tick_clocks * 4)
+    sense_dac = rng.choice(("AD5791", "DAC8811", "generic"))
+    fast = sense_dac == "generic" and rng.random() < 0.5
+    tick_clocks = rng.randint({"AD5791": 26, "DAC8811": 18, "generic": 22}[sense_dac], 32)
+    slowest, fastest = (51_000_000, 56_000_000) if fast else (20_000_000, 35_000_000)
+    master_hz = rng.randrange(slowest, fastest, tick_clocks * 4)
     frame_ticks = rng.choice((100, 125, 150, 200, 250))
     tick_hz = master_hz / tick_clocks
     values = {
@@ -42,6 +48,11 @@ def drawn(seed):
         "design.sine_address_bits": rng.randint(5, 11),
         "design.sine_fraction_bits": rng.randint(1, 12),
         "design.sine_bits": rng.randint(13, 20),
+        "design.sense_dac": sense_dac,
+        "design.sense_dac_bits": rng.randint(14, 20),
+        "design.drive_dac": "generic" if fast else rng.choice(("DAC8811", "generic")),
+        "design.drive_dac_bits": rng.randint(12, 16),
+        "design.quadrature_dac": "generic" if fast else rng.choice(("DAC82002", "generic")),
     }
     return values | {"plant.adc_decimation": 64, "plant.adc_modulator_hz": 64 * tick_hz / frame_ticks}
 
@@ -49,9 +60,11 @@ def drawn(seed):
 def fits(values):
     """The rules of design_check, written down again."""
     d = {name.split(".")[1]: value for name, value in values.items()}
+    frame = {"AD5791": 26, "DAC8811": 18, "generic": d["sense_dac_bits"] + 1}[d["sense_dac"]]
     return (
-        d["master_hz"] <= 35e6
-        and d["tick_clocks"] >= 26
+        d["master_hz"] <= {"AD5791": 35e6, "DAC8811": 50e6, "generic": 200e6}[d["sense_dac"]]
+        and (d["drive_dac"] == d["quadrature_dac"] == "generic" or d["master_hz"] <= 50e6)
+        and d["tick_clocks"] >= max(frame, 18 if d["drive_dac"] == "DAC8811" else d["drive_dac_bits"] + 1)
         and d["dds_bits"] >= 2 + d["sine_address_bits"] + d["sine_fraction_bits"]
         and d["sine_bits"] > d["sine_address_bits"]
     )
@@ -115,11 +128,32 @@ def test_a_random_design(number):
         ({"design.tick_clocks": 25}, "AD5791 takes 26 clocks, and there are 25 between two loads"),
         ({"design.dds_bits": 24, "design.sine_fraction_bits": 12, "design.sine_address_bits": 12}, "is below 26"),
         ({"design.sine_bits": 10, "design.sine_address_bits": 10}, "not below sine_bits = 10"),
+        ({"design.master_hz": 52_000_000, "design.sense_dac": "generic"}, "SCLK limit of the drive DAC DAC8811"),
+        ({"design.tick_clocks": 16, "design.sense_dac": "DAC8811"}, "DAC8811 takes 18 clocks, and there are 16"),
     ],
 )
 def test_designs_that_cannot_work(values, said):
     with pytest.raises(ConfigError, match=said):
         Simulation(config.changed(config.Config(), values), TEMP_DEGC, TEMP_DEGC)
+
+
+@pytest.mark.parametrize("name", ["low_cost", "fast_dacs"])
+def test_a_board_of_another_design(name):
+    """It locks, rests at its amplitude, and gives the rate; both engines have the same bits, from power-on and lock."""
+    cfg = config.changed(config.load(BOARDS / f"{name}.toml"), {"output.record": False})
+    frame, clocked = moved(cfg, "frame"), moved(cfg, "clocked")
+    assert same(frame, clocked)
+    locked = moved(cfg, "frame", seconds=LOCK_S)
+    assert locked.locked
+    x, vx = (locked.columns()[f"truth_{name}"][-2000:] for name in ("x", "vx"))
+    amplitude = np.sqrt(np.mean(x**2 + (vx * resonator.SCALE_HZ / 11002.3) ** 2))
+    assert abs(amplitude * 1e6 / cfg.firmware.amplitude_um - 1) < 2e-3
+    state, word = locked.state_values(), locked.columns()["rate_word"][-2000:].mean()
+    locked.advance(round(0.5 * locked.design.tick_hz), -RATE_RAD_S, TEMP_DEGC)
+    per_dps = (word - locked.columns()["rate_word"][-1000:].mean()) / np.degrees(2 * RATE_RAD_S)
+    nominal = build.nominal(cfg)["word_v_per_deg_s"] / cfg.nominal.sense_dac_span_v * 2**23
+    assert abs(per_dps / nominal - 1) < 0.03, "phase errors cost up to two per cent"
+    assert same(moved(cfg, "frame", state), moved(cfg, "clocked", state))
 
 
 @pytest.mark.parametrize("key", ["master_hz", "tick_clocks", "dds_bits", "sine_bits"])
