@@ -87,7 +87,7 @@ class Loop(Simulation):
     def __init__(self, config, temp_lo_degc, temp_hi_degc, design, firmware):
         super().__init__(config, temp_lo_degc, temp_hi_degc, engine="clocked")
         self.params = self.params._replace(fpga=firmware)
-        self.design = design
+        self.library = design
         self.rtl = lockstep.rtl_of(design)
         self._run = self._lockstep
         self.keep_rows = False
@@ -109,7 +109,7 @@ class Loop(Simulation):
         return engine.State(f, chips, s.plant, end, drdy_cycle)
 
     def _stop(self, row):
-        expected, got = self.rtl.rows[row % lockstep.KEPT], self.design.read()
+        expected, got = self.rtl.rows[row % lockstep.KEPT], self.library.read()
         wrong = [(name, int(expected[k]), int(got[k])) for k, name in enumerate(library.NAMES) if expected[k] != got[k]]
         first = max(0, row - lockstep.KEPT + 1)
         before = np.stack([self.rtl.rows[n % lockstep.KEPT] for n in range(first, row + 1)])
@@ -121,7 +121,7 @@ class Loop(Simulation):
         values = [int(value) for _, value in leaves(s.fpga)] + [int(v) for v in fpga.pins(self.params.fpga, s.fpga)]
         row = s.tick * TICK_CYCLES
         self.rtl.rows[row % lockstep.KEPT] = values
-        if not np.array_equal(self.design.read(), values):
+        if not np.array_equal(self.library.read(), values):
             self._stop(row)
         self.rtl.found[3] += 1
 

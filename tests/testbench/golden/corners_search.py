@@ -137,7 +137,7 @@ def results_of(block, case, rows):
     return coverage.side_by_side(regs, pins)
 
 
-def search(block, case, goal, examples=EXAMPLES):
+def search(block, case, goal, examples=EXAMPLES, seed=SEED):
     """(stored rows that meet the goal, or None; candidates tried)."""
     judge = Judge(block, case, goal)
     chosen = settings(
@@ -148,7 +148,7 @@ def search(block, case, goal, examples=EXAMPLES):
         phases=[Phase.generate, Phase.target, Phase.shrink],
     )
     try:
-        found = find(candidates(block), judge, settings=chosen, random=random.Random(SEED))
+        found = find(candidates(block), judge, settings=chosen, random=random.Random(seed))
     except NoSuchExample:
         return None, judge.examples
     return tidy(block, found), judge.examples

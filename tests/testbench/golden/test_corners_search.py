@@ -41,14 +41,15 @@ def test_what_cannot_be_is_not_found_and_the_tries_are_counted():
 
 @pytest.mark.slow
 def test_the_distance_leads_to_a_place_that_chance_does_not_find():
-    """A difference of two 48-bit words that is exactly one less than the limit."""
+    """A difference of two 48-bit words that is exactly one less than the limit; about two seeds of three find one."""
     block = blocks.BLOCKS["pi"]
     goal = ("clamp", "pi: clamp(preset, p.lo, p.hi)", "hi+1")
     # a process of its own: Hypothesis draws constants from whatever modules have been imported before
     code = f"""
 from tests.testbench.golden import corners_search as search
 from testbench.golden.stimulus import blocks
-print(search.search(blocks.BLOCKS["pi"], "frequency", {goal!r}, examples=2000)[0])
+tries = (search.search(blocks.BLOCKS["pi"], "frequency", {goal!r}, examples=2000, seed=k)[0] for k in range(8))
+print(next(rows for rows in tries if rows is not None))
 """
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     rows = ast.literal_eval(done.stdout)

@@ -283,7 +283,7 @@ def test_the_example_closes_the_loop_from_cocotb():
     pytest.importorskip("cocotb")
     code, said = example(RTL, 4)
     assert code == 0, said
-    assert "PASS 104 edges, 226 registers and pins at each" in said
+    assert "PASS 104 edges, 230 registers and pins at each" in said
 
 
 @icarus
@@ -314,7 +314,7 @@ def test_plant_by_edge_is_the_plant_of_the_loop():
             model.edge(given)
             after = model.expected()
             plant.edge({name: after[f"o_{name}"] for name in Pins._fields})
-            assert len(held) == 226
+            assert len(held) == 230
         codes.append((plant.chips.drive.code, plant.chips.sense.code))
     config = run.story(0.001)
     sim = Simulation(config, 25.0, 25.0, engine="clocked")
