@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from analog_frontend.parts.device import Device
@@ -19,8 +19,11 @@ def lateness_deg(f_hz, seconds, start=0.0):
 
 
 @given(st.floats(3000, 20000), st.floats(0, 1))
+@example(11750.0, 0.0)
 def test_no_mean_of_edges_is_further_off(f_hz, start):
-    assert abs(lateness_deg(f_hz, 0.25, start)) <= frequency_plan.slide_deg(f_hz, 0.25) + 0.03
+    # a ratio of more places than the plan looks at wanders by half of one such place at most
+    beyond = 180 * f_hz / DEFAULT.tick_hz / (frequency_plan.MOST_PLACES + 1)
+    assert abs(lateness_deg(f_hz, 0.25, start)) <= frequency_plan.slide_deg(f_hz, 0.25) + beyond
 
 
 @pytest.mark.parametrize(("f_hz", "places"), [(11000.0, 11), (12500.0, 1), (10000.0, 1), (15000.0, 3)])
