@@ -5,8 +5,8 @@
 
     ce_1m --(+1)--[age]--(> limit)--[stale]-->     [..] register; frame clears both
 
-Formats   age, limit [0,10,0] us   stale [0,1,0]
-Latency   1 clock from a frame to stale = 0; limit + 1 ticks of 1 us without a frame to stale = 1
+Formats   age, limit [0,10,0] ticks   stale [0,1,0]
+Latency   1 clock from a frame to stale = 0; limit + 1 ticks without a frame to stale = 1
 Rounding  none
 Overflow  age saturates at the top of its format
 Source    docs/blocks/watchdog.md
@@ -18,6 +18,7 @@ window. The limit of 2.4 frame periods is the debounce on the way in; the first 
 from typing import NamedTuple
 
 from fpga_model.block import BIT, Block
+from fpga_model.design_record import DEFAULT
 from fpga_model.fixed import bits, clamp, formats, quantize
 from fpga_model.jit import inlined
 
@@ -43,15 +44,17 @@ PARAMS_FMT = formats(Params)
 STATE_FMT = formats(State)
 
 
-def design(limit_us=300):
-    """Quantise the longest gap between two frames that is still healthy.
+def design(d=DEFAULT, limit_frames=2.4):
+    """Quantise the longest gap between two frames of a design that is still healthy.
 
-    limit_us  (us), below the top of `age`, or stale could never rise; at least two periods of 125 us
+    limit_frames  (frames), two at least: one lost frame is not stale. In ticks it must stay below the top of `age`,
+                  or stale could never rise
     """
-    limit = quantize(limit_us, AGE, "limit_us (us)")
-    if not 250 <= limit < AGE.hi:
-        raise ValueError(f"limit_us: {limit_us} us is outside 250 .. {AGE.hi - 1} us")
-    return Params(limit)
+    limit = round(limit_frames * d.frame_ticks)
+    if not 2 * d.frame_ticks <= limit < AGE.hi:
+        room = f"{2 * d.frame_ticks} .. {AGE.hi - 1} ticks"
+        raise ValueError(f"watchdog: a gap of {limit_frames:g} frames of {d.frame_ticks} ticks is outside {room}")
+    return Params(quantize(limit, AGE, "limit (ticks)"))
 
 
 @inlined
@@ -69,6 +72,6 @@ BLOCK = Block(
     place=210,
     inputs={"ce_1m": BIT, "frame": BIT},
     latency={"stale": "1 after frame; limit + 1 ticks without one"},
-    cases={"default": design(), "limit250": design(250)},
+    cases={"default": design(), "limit250": design(limit_frames=2)},
     rules={"age": (None, "saturate")},
 )

@@ -42,7 +42,7 @@ class Design(Section):
 
     master_hz: int = number(DEFAULT.master_hz, "Hz", 1_000_000, 200_000_000, "master clock")
     tick_clocks: int = number(DEFAULT.tick_clocks, "clocks", 16, 32, "master clocks to an update of the DACs")
-    frame_ticks: int = number(DEFAULT.frame_ticks, "ticks", 50, 500, "updates of the DACs to a frame of the ADC")
+    frame_ticks: int = number(DEFAULT.frame_ticks, "ticks", 50, 426, "updates of the DACs to a frame of the ADC")
     dds_bits: int = number(DEFAULT.dds_bits, "bits", 24, 48, "phase, frequency words and phase words of the DDS")
     sine_address_bits: int = number(DEFAULT.sine_address_bits, "bits", 4, 12, "address of the quarter-wave table")
     sine_fraction_bits: int = number(DEFAULT.sine_fraction_bits, "bits", 1, 12, "interpolation between its rows")

@@ -112,9 +112,9 @@ def _check_nominal(d, drive_gain, sense_gain):
 
 def firmware(config):
     """Parameters of the FPGA. Raises ValueError if two ends of a wire have different formats."""
-    wiring.check()
     f, n, d = config.firmware, nominal(config), config.nominal_device()
     record, board = config.design_record(), chips.of(config.design)
+    wiring.check(record)
     sid_part = digital_sid.design()
     if f.board == "digital_sid":
         sid_part = digital_sid.design(samples_per_dump=record.frame_ticks, frame_hz=record.frame_hz)
@@ -131,7 +131,7 @@ def firmware(config):
         sense_dac=board.sense.master,
         quadrature_dac=board.quadrature.master,
         sid=sid_part._replace(still=digital_sid.STILL_TICKS if samples_move else 0),
-        watchdog=watchdog.design(),
+        watchdog=watchdog.design(record),
         control=control.Params(
             agc=agc.design(
                 f.agc_crossover_hz,

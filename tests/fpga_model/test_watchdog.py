@@ -5,6 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fpga_model import watchdog
+from fpga_model.design_record import DEFAULT
 from fpga_model.rates import FRAME_TICKS
 from tests import naive
 from tests.fpga_model.records import assert_rows, rows
@@ -37,7 +38,12 @@ def test_two_frames_may_be_late_but_not_missing():
     assert run(p, [(1, 1)], found[-1])[-1] == (0, 0), "a frame wins over a tick, and one is enough"
 
 
-@pytest.mark.parametrize("limit_us", [249, 1023, -1])
-def test_design_refuses(limit_us):
-    with pytest.raises(ValueError, match=r"limit_us.*us"):
-        watchdog.design(limit_us)
+@pytest.mark.parametrize(("frame_ticks", "limit"), [(100, 240), (125, 300), (250, 600), (426, 1022)])
+def test_the_limit_is_the_same_count_of_frames_in_every_design(frame_ticks, limit):
+    assert watchdog.design(DEFAULT._replace(frame_ticks=frame_ticks)).limit == limit
+
+
+@pytest.mark.parametrize(("frame_ticks", "limit_frames"), [(125, 1.99), (125, 8.184), (125, -1), (427, 2.4)])
+def test_design_refuses(frame_ticks, limit_frames):
+    with pytest.raises(ValueError, match=rf"gap of .* frames of {frame_ticks} ticks is outside .* 1022 ticks"):
+        watchdog.design(DEFAULT._replace(frame_ticks=frame_ticks), limit_frames)
