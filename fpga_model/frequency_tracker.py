@@ -77,7 +77,10 @@ def design(crossover_hz=3.0, zero_hz=0.6, limit_hz=100.0, d=DEFAULT):
         raise ValueError(f"limit_hz: {limit_hz} Hz is outside 0 .. {d.master_hz / 4:g} Hz")
     kp = 2 * PI * crossover_hz * word_per_hz(d) * 2.0**-ERROR.f
     limit = round(limit_hz * word_per_hz(d))
-    return Params(loop=pi.design(kp, kp * 2 * PI * zero_hz, d.frame_hz, -limit, limit))
+    try:
+        return Params(loop=pi.design(kp, kp * 2 * PI * zero_hz, d.frame_hz, -limit, limit))
+    except ValueError as problem:
+        raise ValueError(f"frequency loop with dds_bits = {d.dds_bits} bits: {problem}") from None
 
 
 @inlined

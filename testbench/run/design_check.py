@@ -26,7 +26,11 @@ def default_only(config, what, keys=None):
 
 def check(config):
     """Raise ConfigError for a design that cannot work; one line with key, value, limit and unit."""
-    d = config.design
+    d, standard = config.design, type(config.design)()
+    for role in ("drive", "sense"):
+        key = f"{role}_dac_bits"
+        if getattr(d, f"{role}_dac") != chips.GENERIC and getattr(d, key) != getattr(standard, key):
+            raise ConfigError(f'design.{key} = {getattr(d, key)} bits needs design.{role}_dac = "generic"')
     fast = config.firmware.quadrature_update_khz == 1000
     for role, chip in zip(("drive", "sense", "V_q"), chips.of(d)):
         if d.master_hz > chip.most_hz:

@@ -3,6 +3,7 @@
 python -m tests.testbench.engines.test_designs [COUNT] [SEED]    more of them, a line each
 """
 
+import collections
 import random
 import sys
 from pathlib import Path
@@ -24,7 +25,7 @@ from testbench.run import build, design_check
 from testbench.run.simulation import Simulation
 
 BOARDS = Path(__file__).parents[3] / "docs" / "boards"
-SEED, COUNT = 20261, 4
+SEED, COUNT, WIDE = 20261, 4, 120
 TICKS_S = 0.05
 LOCK_S = 2.5
 RATE_RAD_S, TEMP_DEGC = 0.5, 25.0
@@ -33,8 +34,8 @@ RATE_RAD_S, TEMP_DEGC = 0.5, 25.0
 def drawn(seed):
     """Values of [design], and the ADC's modulator that keeps a conversion as long as a frame."""
     rng = random.Random(seed)
-    sense_dac = rng.choice(("AD5791", "DAC8811", "generic"))
-    fast = sense_dac == "generic" and rng.random() < 0.5
+    sense_dac, drive_dac = rng.choice(("AD5791", "DAC8811", "generic")), rng.choice(("DAC8811", "generic"))
+    fast = sense_dac == drive_dac == "generic" and rng.random() < 0.5
     tick_clocks = rng.randint({"AD5791": 26, "DAC8811": 18, "generic": 22}[sense_dac], 32)
     slowest, fastest = (51_000_000, 56_000_000) if fast else (20_000_000, 35_000_000)
     master_hz = rng.randrange(slowest, fastest, tick_clocks * 4)
@@ -49,25 +50,61 @@ def drawn(seed):
         "design.sine_fraction_bits": rng.randint(1, 12),
         "design.sine_bits": rng.randint(13, 20),
         "design.sense_dac": sense_dac,
-        "design.sense_dac_bits": rng.randint(14, 20),
-        "design.drive_dac": "generic" if fast else rng.choice(("DAC8811", "generic")),
-        "design.drive_dac_bits": rng.randint(12, 16),
+        "design.sense_dac_bits": rng.randint(14, 20) if sense_dac == "generic" else 20,
+        "design.drive_dac": drive_dac,
+        "design.drive_dac_bits": rng.randint(12, 16) if drive_dac == "generic" else 16,
         "design.quadrature_dac": "generic" if fast else rng.choice(("DAC82002", "generic")),
     }
     return values | {"plant.adc_decimation": 64, "plant.adc_modulator_hz": 64 * tick_hz / frame_ticks}
 
 
-def fits(values):
-    """The rules of design_check, written down again."""
+def drawn_wide(seed):
+    """As `drawn`, of the whole range of each key and past what works: about every third design can be built."""
+    rng = random.Random(seed)
+    sense_dac, drive_dac = rng.choice(("AD5791", "DAC8811", "generic", "generic")), rng.choice(("DAC8811", "generic"))
+    tick_clocks, frame_ticks, wrong = rng.randint(16, 32), rng.randint(60, 426), rng.random() < 0.1
+    master_hz = rng.randint(10_000_000, 60_000_000)
+    return {
+        "design.master_hz": master_hz,
+        "design.tick_clocks": tick_clocks,
+        "design.frame_ticks": frame_ticks,
+        "design.dds_bits": rng.randint(24, 48),
+        "design.sine_address_bits": rng.randint(4, 12),
+        "design.sine_fraction_bits": rng.randint(1, 12),
+        "design.sine_bits": rng.randint(10, 20),
+        "design.sense_dac": sense_dac,
+        "design.sense_dac_bits": rng.randint(8, 20) if sense_dac == "generic" or wrong else 20,
+        "design.drive_dac": drive_dac,
+        "design.drive_dac_bits": rng.randint(8, 16) if drive_dac == "generic" or wrong else 16,
+        "design.quadrature_dac": rng.choice(("DAC82002", "generic")),
+        "plant.adc_decimation": 64,
+        "plant.adc_modulator_hz": 64 * master_hz / tick_clocks / frame_ticks,
+    }
+
+
+def refusals(values):
+    """Why a design cannot work: the rules of data sheets, arithmetic and formats, written down again."""
     d = {name.split(".")[1]: value for name, value in values.items()}
-    frame = {"AD5791": 26, "DAC8811": 18, "generic": d["sense_dac_bits"] + 1}[d["sense_dac"]]
-    return (
-        d["master_hz"] <= {"AD5791": 35e6, "DAC8811": 50e6, "generic": 200e6}[d["sense_dac"]]
-        and (d["drive_dac"] == d["quadrature_dac"] == "generic" or d["master_hz"] <= 50e6)
-        and d["tick_clocks"] >= max(frame, 18 if d["drive_dac"] == "DAC8811" else d["drive_dac_bits"] + 1)
-        and d["dds_bits"] >= 2 + d["sine_address_bits"] + d["sine_fraction_bits"]
-        and d["sine_bits"] > d["sine_address_bits"]
-    )
+    clock_s = 1 / d["master_hz"]
+    tick_s, kinds = d["tick_clocks"] * clock_s, (d["drive_dac"], d["sense_dac"], d["quadrature_dac"])
+    least_s = {"AD5791": 1 / 35e6, "DAC8811": 1 / 50e6, "DAC82002": 1 / 50e6, "generic": 1 / 200e6}
+    frames = {"AD5791": 26, "DAC8811": 18}
+    pll_ki = (2 * np.pi) ** 2 * 3.0 * 0.6 * 2.0 ** (d["dds_bits"] - 24) * clock_s * tick_s * d["frame_ticks"]
+    rules = {
+        "bits of a named part": (kinds[0] != "generic" and d["drive_dac_bits"] != 16)
+        or (kinds[1] != "generic" and d["sense_dac_bits"] != 20),
+        "serial clock": any(clock_s < least_s[kind] for kind in kinds),
+        "serial frame": any(
+            d["tick_clocks"] < frames.get(kind, d[f"{role}_dac_bits"] + 1)
+            for role, kind in zip(("drive", "sense"), kinds)
+        ),
+        "phase word": d["dds_bits"] - 2 < d["sine_address_bits"] + d["sine_fraction_bits"],
+        "rows of the table": d["sine_bits"] <= d["sine_address_bits"],
+        "integral gain of the frequency loop": pll_ki < 2.0**-25,
+        "DRDY in the tick of the last sample": d["adc_conversion_delay_s"] < tick_s,
+        "two samples of the modulator in a tick": d["frame_ticks"] <= 64,
+    }
+    return [name for name, broken in rules.items() if broken]
 
 
 def moved(cfg, engine, state=None, seconds=TICKS_S):
@@ -113,12 +150,22 @@ def examine(values):
 
 @pytest.mark.parametrize("number", range(COUNT))
 def test_a_random_design(number):
-    values = drawn(SEED + number)
-    if not fits(values):
-        with pytest.raises(ConfigError):
-            design_check.check(config.changed(config.Config(), values))
-        return
-    assert examine(values) == ""
+    assert examine(drawn(SEED + number)) == ""
+
+
+def test_what_is_refused_cannot_work_and_what_can_is_not_refused():
+    why = collections.Counter()
+    for seed in range(SEED, SEED + WIDE):
+        values = drawn_wide(seed)
+        expected, said = refusals(values | {"plant.adc_conversion_delay_s": 1.5e-6}), ""
+        try:
+            Simulation(config.changed(config.Config(), values), TEMP_DEGC, TEMP_DEGC)
+        except (ConfigError, ValueError) as problem:
+            said = str(problem)
+        assert bool(expected) == bool(said), (seed, values, expected, said)
+        why.update(expected or ["built"])
+    assert why.pop("built") >= WIDE // 4, why
+    assert sum(why.values()) >= 20, why
 
 
 @pytest.mark.parametrize(
@@ -130,10 +177,14 @@ def test_a_random_design(number):
         ({"design.sine_bits": 10, "design.sine_address_bits": 10}, "not below sine_bits = 10"),
         ({"design.master_hz": 52_000_000, "design.sense_dac": "generic"}, "SCLK limit of the drive DAC DAC8811"),
         ({"design.tick_clocks": 16, "design.sense_dac": "DAC8811"}, "DAC8811 takes 18 clocks, and there are 16"),
+        ({"design.sense_dac_bits": 18}, 'sense_dac_bits = 18 bits needs design.sense_dac = "generic"'),
+        ({"design.dds_bits": 25, "design.sine_address_bits": 8}, "frequency loop with dds_bits = 25 bits: ki_per_s: "),
+        ({"design.frame_ticks": 64, "plant.adc_decimation": 64, "plant.adc_modulator_hz": 1e6}, "may hold one sample"),
+        ({"design.master_hz": 16_000_000, "plant.adc_modulator_hz": 512e3 * 16 / 26}, "outside 1.625e-06 s"),
     ],
 )
 def test_designs_that_cannot_work(values, said):
-    with pytest.raises(ConfigError, match=said):
+    with pytest.raises((ConfigError, ValueError), match=said):
         Simulation(config.changed(config.Config(), values), TEMP_DEGC, TEMP_DEGC)
 
 
