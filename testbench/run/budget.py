@@ -89,6 +89,16 @@ def lock_frequency_hz(fx_hz, qx, xe1_deg, xe2_loop_deg):
     return fx_hz - fx_hz / (2 * qx) * math.tan(math.radians(xe1_deg + xe2_loop_deg))
 
 
+def _switch(firmware, device, tick_clocks, at):
+    """The row that makes a loop phase of a node: where the demodulator switches."""
+    if firmware.board == "analog_sid":
+        mean_s = device.sid_switch_s + device.sid_fall_s / 2
+        return at.delay("reference: analog switch", -mean_s, "from memory of a datasheet")
+    if firmware.reference_retimed:
+        return at.clocks("reference: sampled one tick after the grid, less half a sample", -tick_clocks / 2)
+    return at.clocks("reference: mean wait for the sample, less half a sample", -0.5)
+
+
 def budget(config, temp_degc=None, frequency_hz=None):
     """Budget of a configuration at `temp_degc` (default: the scenario's first) and at a frequency (default: f_x)."""
     start = config.scenario.temperature_degc
@@ -98,6 +108,7 @@ def budget(config, temp_degc=None, frequency_hz=None):
     device = thermal.at_temperature(base, temp_degc)
     design, board = config.design_record(), chips.of(config.design)
     tick_clocks, clock_hz = design.tick_clocks, design.master_hz * (1 + 1e-6 * device.clock_ppm)
+    tick_us, grid = f"{1e6 / design.tick_hz:g} us", f"{1e-6 * design.tick_hz:g} MHz"
     f = frequency_hz or device.fx_hz
 
     at = Rows(f, clock_hz, design.master_hz)
@@ -113,8 +124,8 @@ def budget(config, temp_degc=None, frequency_hz=None):
             at.clocks("product and code registers", PRODUCT_AND_CODE_CLOCKS),
             at.clocks("SPI load register", 1),
             at.clocks("SPI frame to latch", spi_dac.latch_cycles(chip)),
-            at.clocks("extra 1 us frames", frames * tick_clocks, "one frame in the sense path" if frames else ""),
-            at.clocks("hold of the 1 MHz update, half a period", tick_clocks / 2),
+            at.clocks(f"extra {tick_us} frames", frames * tick_clocks, "one frame in the sense path" if frames else ""),
+            at.clocks(f"hold of the {grid} update, half a period", tick_clocks / 2),
             at.delay("DAC response after its latch", delay_s, "from memory of a datasheet" if delay_s else ""),
             *(at.pole(f"output pole {n}", tau, "typical value") for n, tau in enumerate(poles, 1)),
             at.clocks("reference: DDS output register", -dds.LATENCY),
@@ -123,9 +134,8 @@ def budget(config, temp_degc=None, frequency_hz=None):
             at.clocks("reference: edge quantisation, mean", -0.5),
         ]
         if firmware.reference_retimed:
-            rows.append(
-                at.clocks("reference: wait for the 1 MHz grid, mean", -(tick_clocks + 1) / 2, "re-timed references")
-            )
+            wait = f"reference: wait for the {grid} grid, mean"
+            rows.append(at.clocks(wait, -(tick_clocks + 1) / 2, "re-timed references"))
         if sine_deg or ref_deg:
             rows.append(at.word("compensation words (sine, reference)", ref_deg - sine_deg))
         return rows
@@ -140,13 +150,7 @@ def budget(config, temp_degc=None, frequency_hz=None):
             at.pole("unity driver", device.driver_noise_gain / (2 * math.pi * device.opamp_gbw_hz), "gain split"),
         ]
 
-    if firmware.board == "analog_sid":
-        mean_s = device.sid_switch_s + device.sid_fall_s / 2
-        switch = [at.delay("reference: analog switch", -mean_s, "from memory of a datasheet")]
-    elif firmware.reference_retimed:
-        switch = [at.clocks("reference: sampled one tick after the grid, less half a sample", -tick_clocks / 2)]
-    else:
-        switch = [at.clocks("reference: mean wait for the sample, less half a sample", -0.5)]
+    switch = [_switch(firmware, device, tick_clocks, at)]
     drive_words = (firmware.phase_drive_sine_deg, firmware.phase_drive_ref_deg)
     sense_words = (firmware.phase_sense_sine_deg, firmware.phase_sense_ref_deg)
     return Budget(

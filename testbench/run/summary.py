@@ -12,6 +12,7 @@ from analog_frontend.parts import thermal
 from fpga_model import fault_monitor, fixed, sequencer
 from fpga_model import top as fpga
 from testbench import flatten
+from testbench.config import Firmware, Plant
 from testbench.engines import chips, engine
 from testbench.run import budget, build, nodes
 from testbench.run.outputs import Result
@@ -93,13 +94,15 @@ def notes(config, summary, planned):
     if summary.get("flags"):
         said.append(f"Fault flags raised: {', '.join(summary['flags'])}; see docs/blocks/fault_monitor.md")
     said += [f"Warning: {text}" for text in summary.get("warnings", ())]
+    design = config.design_record()
     if config.firmware.reference_retimed:
         said.append(
-            "Assumed, not known: the references leave on the 1 MHz grid (firmware.reference_retimed), which takes "
-            "13.5 clocks off xe1 and ye1."
+            f"Assumed, not known: the references leave on the {1e-6 * design.tick_hz:g} MHz grid "
+            f"(firmware.reference_retimed), which takes {(design.tick_clocks + 1) / 2:g} clocks off xe1 and ye1."
         )
-    if config.firmware.frame_latency_sense:
-        said.append("Assumed, not known: one extra 1 us frame in the sense path (firmware.frame_latency_sense).")
+    if count := config.firmware.frame_latency_sense:
+        frames = f"one extra {1e6 / design.tick_hz:g} us frame" if count == 1 else f"{count} extra frames"
+        said.append(f"Assumed, not known: {frames} in the sense path (firmware.frame_latency_sense).")
     measured = summary["phase_deg"]
     if measured and config.of_paper:
         gap = {k: (measured[k] - v) / 360.0 / planned.frequency_hz * 1e9 for k, v in budget.PAPER_DEG.items()}
@@ -109,7 +112,7 @@ def notes(config, summary, planned):
             + "."
         )
         said.append(f"{FITTED} See docs/phases.md.")
-    if measured and config.firmware == type(config.firmware)() and config.plant == type(config.plant)():
+    if measured and config.of_paper and config.firmware == Firmware() and config.plant == Plant():
         said.append(
             "Most of the difference is in ye1. Two alternatives: part of the DAC's 130 ns is inside its output poles, "
             "or a pole near 170 kHz is there instead of the frame. Their drift with temperature differs."
