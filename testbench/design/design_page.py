@@ -7,7 +7,7 @@ import numpy as np
 
 from testbench.config import to_toml
 from testbench.console.table import Table
-from testbench.design import ranges, rate_loop
+from testbench.design import margins, ranges
 
 CHOSEN = (
     "amplitude_um",
@@ -134,7 +134,7 @@ def write(result, folder, progress=None, cells=9):
     config, p = result.config, parts(result.config)
     split, bandwidth = abs(config.nominal.fx_hz - config.nominal.fy_hz), result.choice.bandwidth_hz
     reach = np.geomspace(1 / 4, 4, cells)
-    found = rate_loop.margin_map(config, bandwidth * reach, split * reach, result.limits, progress)
+    found = margins.margin_map(config, bandwidth * reach, split * reach, result.limits, progress)
     pictures = [
         (
             "The best loop for each bandwidth and split, its SID capacitor included. Grey: no loop is stable within "

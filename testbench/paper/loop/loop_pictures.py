@@ -13,6 +13,9 @@ from testbench.console.report import BLUE, FONT, GREEN, GREY, VERMILION, axes_of
 from testbench.paper.loop import advisor, confirm, limit_cycles, notch, sensitivity
 from testbench.paper.loop import loop as lp
 
+UNSTABLE = "#9a9a9a"
+STAR = {"marker": "*", "color": "white", "markeredgecolor": "black", "linestyle": "none"}
+
 
 def _lags(values):
     """Phase in degrees, unwrapped, beginning between -180 and 0."""
@@ -141,31 +144,35 @@ def phase_influence(p, ye1_deg=(-9, 0, 9), ye2_deg=(-6, 0, 6)):
     return figure
 
 
+def on_log_plane(axis, here):
+    """A map over two logarithmic rulers, grey where it has no value, with a star at the point `here`."""
+    axis.grid(False)
+    axis.set_facecolor(UNSTABLE)
+    axis.plot(*here, markersize=16, **STAR)
+    axis.set_xscale("log")
+    axis.set_yscale("log")
+    for ruler in (axis.xaxis, axis.yaxis):
+        ruler.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        ruler.set_major_formatter("{x:g}")
+        ruler.set_minor_formatter(NullFormatter())
+
+
 def maps(found, here):
     """Stability maps side by side; `here` is (x, y) of the configuration in each."""
     figure, axes = axes_of("Stability: closed-loop maximum, grey where unstable", 4.6, 1, len(found))
     for axis, m, point in zip(axes[0], found, here):
-        axis.grid(False)
         shown = np.where(np.isfinite(m.peak_db), np.clip(m.peak_db, -1, 12), np.nan)
-        axis.set_facecolor("#9a9a9a")
         mesh = axis.pcolormesh(m.x_values, m.y_values, shown, cmap="viridis_r", vmin=-1, vmax=12, shading="nearest")
         edge = np.where(np.isfinite(m.peak_db), 0.0, 1.0)
         if 0 < edge.mean() < 1:
             axis.contour(m.x_values, m.y_values, edge, levels=[0.5], colors=[VERMILION], linewidths=2)
-        axis.plot(*point, marker="*", color="white", markeredgecolor="black", markersize=16, linestyle="none")
-        axis.set_xscale("log")
-        axis.set_yscale("log")
-        for ruler in (axis.xaxis, axis.yaxis):
-            ruler.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-            ruler.set_major_formatter("{x:g}")
-            ruler.set_minor_formatter(NullFormatter())
+        on_log_plane(axis, point)
         name_axes(axis, "{} ({})".format(*advisor.AXES[m.x]), "{} ({})".format(*advisor.AXES[m.y]))
     figure.colorbar(mesh, ax=list(axes[0]), label="maximum over rest (dB)")
-    star = {"marker": "*", "color": "white", "markeredgecolor": "black", "markersize": 14, "linestyle": "none"}
     marks = [
-        (Line2D([], [], **star), "this configuration"),
+        (Line2D([], [], markersize=14, **STAR), "this configuration"),
         (Line2D([], [], color=VERMILION, linewidth=2), "border of stability"),
-        (Patch(color="#9a9a9a"), "unstable"),
+        (Patch(color=UNSTABLE), "unstable"),
     ]
     figure.legend(*zip(*marks), loc="outside lower center", ncols=3, fontsize=FONT["small"], frameon=False)
     return figure

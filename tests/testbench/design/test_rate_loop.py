@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from testbench.config import Config, changed
-from testbench.design import rate_loop
+from testbench.design import margins, rate_loop
 from testbench.paper.loop import advisor
 from testbench.paper.loop import loop as lp
 from testbench.paper.loop.parts import parts
@@ -49,7 +49,7 @@ def test_the_closed_loop_is_that_of_the_matrix(point):
 
 def test_margins_are_those_of_the_poles(point):
     config, met = point
-    found = rate_loop.margins(met.board.nominal, met.zero_hz, met.gain)
+    found = margins.margins(met.board.nominal, met.zero_hz, met.gain)
     a = advisor.analyse(parts(config))
     assert found.gain_db == pytest.approx(a.gain_margin_up_db, abs=0.1)
     assert found.phase_deg == pytest.approx(min(min(c.lag_deg, c.lead_deg) for c in a.crossings), abs=0.5)
