@@ -41,6 +41,8 @@ OUT = Fmt(1, 11, 20)
 MAX_K = 6
 ACC = Fmt(1, OUT.i + MAX_K, OUT.f)
 SCALED_CUT = SCALE.f
+# below it (word LSB per deg/s) no scale gives deg/s
+LEAST_WORD_PER_DEG_S = 2.0 ** (OUT.f - CORRECTED.f) / (SCALE.hi * 2.0**-SCALE.f)
 STAGES = (1 << 5) - 1
 SCALE_LO, SCALE_HI = SCALE.lo, SCALE.hi
 CORRECTED_LO, CORRECTED_HI = CORRECTED.lo, CORRECTED.hi

@@ -56,7 +56,8 @@ class Result(NamedTuple):
             for m in self.plan
             if not m.kept
         ]
-        return (*said, *(w for w in self.advice.warnings if not w.startswith("bandwidth ")))
+        said += [w for w in self.advice.warnings if not w.startswith("bandwidth ")]
+        return (*said, *build.no_rate_output(self.config))
 
 
 class _Draft:

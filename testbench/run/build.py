@@ -194,12 +194,31 @@ def _sequencer(f, n, codes_move, record):
     )
 
 
+def word_per_deg_s(config):
+    """Scale factor of the nominal board (word LSB per deg/s)."""
+    return nominal(config)["word_v_per_deg_s"] / config.nominal.sense_dac_span_v * 2**23
+
+
+def rate_scale(config):
+    """RATE_SCALE of the nominal board, or 0 where none that the register holds gives deg/s."""
+    found = word_per_deg_s(config)
+    return rate_output.design(found).scale if abs(found) >= rate_output.LEAST_WORD_PER_DEG_S else 0
+
+
+def no_rate_output(config):
+    """Lines: that the rate output reads 0, and why."""
+    if not config.of_paper and rate_scale(config) == 0:
+        yield (
+            f"the rate output reads 0: {word_per_deg_s(config):.4g} LSB of the force word per deg/s are below "
+            f"{rate_output.LEAST_WORD_PER_DEG_S:.4g}, the least that RATE_SCALE holds; the force word has the rate"
+        )
+
+
 def register_writes(config):
     """Host writes of the first microseconds: (name, raw) of what the configuration sets in the register map."""
     f, n = config.firmware, nominal(config)
-    word_per_deg_s = n["word_v_per_deg_s"] / config.nominal.sense_dac_span_v * 2**23
     # its reset value is that of the paper's board
-    scale = () if config.of_paper else (("rate_scale", rate_output.design(word_per_deg_s).scale),)
+    scale = () if config.of_paper else (("rate_scale", rate_scale(config)),)
     names = ("phase_drive_sine", "phase_sense_sine", "phase_drive_ref", "phase_sense_ref")
     return (
         ("frequency_fixed", dds.word_of_hz(f.nominal_frequency_hz, config.design_record())),

@@ -58,7 +58,7 @@ def result(job, end, reading, wall_s):
         "rate_word_mean_lsb": tally.mean("rate_word"),
         "quadrature_v": tally.mean("quadrature_code") * device.quad_dac_span_v / 2**16,
         "flags": [name for k, name in enumerate(fault_monitor.NAMES) if tally.flags >> k & 1],
-        "warnings": list(job.doubts.warnings(config)),
+        "warnings": [*job.doubts.warnings(config), *build.no_rate_output(config)],
         "window_missing": 0
         if not sim.window
         else sim.design.tick_clocks * sim.window[1] - (0 if sim.rows is None else len(sim.rows)),

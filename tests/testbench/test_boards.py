@@ -308,6 +308,20 @@ def test_a_record_states_the_volts_of_its_own_board():
     assert spool.Spool(lsb=build.lsb(configuration.Config())).fields == spool.Spool().fields
 
 
+@pytest.mark.parametrize(("force", "written"), [(4.2, True), (4.25, False)])
+def test_a_force_too_large_for_the_rate_output_is_said_and_the_output_reads_0(force, written):
+    """8651 LSB per deg/s of the paper's board over the force: RATE_SCALE holds 2, that of 2048 LSB."""
+    strong = 2.72e-7 * force
+    config = configuration.changed(
+        configuration.Config(), {"nominal.k_vf_sense_n_per_v": strong, "plant.k_vf_sense_n_per_v": strong}
+    )
+    raw = dict(build.register_writes(config))["rate_scale"]
+    assert raw == pytest.approx(2.0**40 * force / 8651, rel=1e-3) if written else raw == 0
+    said = list(build.no_rate_output(config))
+    assert [] == said if written else "LSB of the force word per deg/s are below 2048" in said[0]
+    Simulation(config, 25.0, 25.0).advance(10, 0.0, 25.0)
+
+
 def test_paper_numbers_are_left_out_beside_another_board():
     config = board("published_3k9")
     planned = budget.budget(config)

@@ -202,7 +202,7 @@ def test_a_board_of_another_design(name):
     state, word = locked.state_values(), locked.columns()["rate_word"][-2000:].mean()
     locked.advance(round(0.5 * locked.design.tick_hz), -RATE_RAD_S, TEMP_DEGC)
     per_dps = (word - locked.columns()["rate_word"][-1000:].mean()) / np.degrees(2 * RATE_RAD_S)
-    nominal = build.nominal(cfg)["word_v_per_deg_s"] / cfg.nominal.sense_dac_span_v * 2**23
+    nominal = build.word_per_deg_s(cfg)
     assert abs(per_dps / nominal - 1) < 0.03, "phase errors cost up to two per cent"
     assert same(moved(cfg, "frame", state), moved(cfg, "clocked", state))
 
