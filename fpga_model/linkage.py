@@ -151,23 +151,33 @@ def store_units(folder, dispatcher, arguments):
 
 
 def load_units(folder, dispatcher, arguments):
-    """Load what a cached function calls; where a symbol is missing, the function leaves the cache."""
+    """Load what a cached function calls; where a symbol is missing, it leaves the cache for these arguments."""
     path = _list_of_units(folder, dispatcher.py_func, arguments)
     try:
         wanted = json.loads(path.read_text())
     except (OSError, ValueError):
-        return dispatcher._cache.flush()
+        return _forget(dispatcher, arguments)
     for module, name, symbol in wanted:
         try:
             unit = getattr(importlib.import_module(module), name)
         except (ImportError, AttributeError):  # of a script, or within a function: nobody else can find it
-            return dispatcher._cache.flush()
+            return _forget(dispatcher, arguments)
+        for signature, *_ in unit._cache._cache_file._load_index():
+            if symbol in _symbols(unit):
+                break
+            unit.compile(signature)
         if symbol not in _symbols(unit):
-            for signature, *_ in unit._cache._cache_file._load_index():
-                unit.compile(signature)
-        if symbol not in _symbols(unit):
-            return dispatcher._cache.flush()
+            return _forget(dispatcher, arguments)
     return None
+
+
+def _forget(dispatcher, arguments):
+    """Take a function with these arguments out of the cache; with others it stays."""
+    file = dispatcher._cache._cache_file
+    found = file._load_index()
+    kept = {key: name for key, name in found.items() if arguments_of(key[0]) != arguments}
+    if len(kept) < len(found):
+        file._save_index(kept)
 
 
 def _symbols(dispatcher):

@@ -104,6 +104,12 @@ def test_a_caller_from_the_cache_finds_what_it_calls_and_compiles_what_is_gone(t
     assert said(tree) == ["22", "0"]
 
 
+def test_other_arguments_leave_what_is_in_the_cache(tree):
+    said(tree)
+    assert said(tree, ANSWER.replace("answer(2)", "answer(2.0)")) == ["22.0", "0"]
+    assert said(tree, ANSWER.replace("answer(2)", "answer(2), high.answer(2.0)")) == ["22", "22.0", "2"]
+
+
 @pytest.mark.slow
 def test_threads_that_call_at_once_leave_the_list_whole(tree):
     said(tree)

@@ -133,6 +133,7 @@ def test_a_child_inherits_no_setting(monkeypatch):
     assert (haswell["NUMBA_CPU_NAME"], haswell["NUMBA_CPU_FEATURES"]) == ("haswell", "")
 
 
+@pytest.mark.slow
 def test_tests_of_the_core_are_run_and_a_failure_is_a_problem(tmp_path):
     good, bad = tmp_path / "test_good.py", tmp_path / "test_bad.py"
     good.write_text("def test_one():\n    pass\n")

@@ -322,7 +322,8 @@ def damaged(rng, k, clean):
     return data
 
 
-def test_two_hundred_damaged_files_give_two_hundred_refusals(own, tmp_path):
+@pytest.mark.parametrize("count", [20, pytest.param(100, marks=pytest.mark.slow)])
+def test_damaged_files_give_refusals(own, tmp_path, count):
     small = cut(own)
     rng = np.random.default_rng(11)
     h5, folder = tmp_path / "a.h5", tmp_path / "a"
@@ -331,17 +332,17 @@ def test_two_hundred_damaged_files_give_two_hundred_refusals(own, tmp_path):
     clean = h5.read_bytes()
     files = {path.name: path.read_bytes() for path in folder.iterdir()}
     refused = 0
-    for k in range(100):
+    for k in range(count):
         h5.write_bytes(damaged(rng, k, clean))
         refused += loaded_or_refused(h5, small)
-    for k in range(100):
+    for k in range(count):
         name = sorted(files)[k % len(files)]
         (folder / name).write_bytes(damaged(rng, k // len(files), files[name]))
         refused += loaded_or_refused(folder, small)
         (folder / name).write_bytes(files[name])
     assert loaded_or_refused(folder, small) == 0, "and undamaged it loads"
     # a byte of record.json may be white space, of its versions or its date; one of an HDF5 file may mark its seal
-    assert refused >= 196
+    assert refused >= 0.98 * 2 * count
 
 
 VALUES = (None, -1, 0, 1.5, 1e400, "x", [], {}, [1], {"a": 1}, 2**70, True)

@@ -63,6 +63,7 @@ def test_engines_agree_and_the_force_does_not_pass_it():
     assert {without for _, without in seen} == set(WORDS)
 
 
+@pytest.mark.slow  # the frame engine is compiled for it; tests/fpga_model/test_notch.py has its slot
 def test_the_rate_output_takes_the_filtered_words():
     """Frame by frame: the oracle on the loop's words gives the registers and what the rate output has taken."""
     params, state = begun(ON)

@@ -298,13 +298,14 @@ def read_or_line(path):
         return str(problem)
 
 
-def test_two_hundred_damaged_files_are_refused_or_unharmed(tmp_path):
+@pytest.mark.parametrize("count", [40, pytest.param(200, marks=pytest.mark.slow)])
+def test_damaged_files_are_refused_or_unharmed(tmp_path, count):
     path = tmp_path / "run.h5"
     record.write_record(path, sample(rows=200))
     clean, want = path.read_bytes(), record_read.read_record(path)
     rng = np.random.default_rng(7)
     refused = 0
-    for k in range(200):
+    for k in range(count):
         data = bytearray(clean)
         if k % 4 == 0:
             data = data[: rng.integers(len(data))]
@@ -319,7 +320,7 @@ def test_two_hundred_damaged_files_are_refused_or_unharmed(tmp_path):
         else:
             assert have.content_sha256 == want.content_sha256
             assert all(same(have.streams[name].data, want.streams[name].data) for name in want.streams)
-    assert refused >= 195, "only damage to the few bytes that mark the seal goes unseen, and harms nothing"
+    assert refused >= 0.975 * count, "only damage to the few bytes that mark the seal goes unseen, and harms nothing"
 
 
 def test_nothing_here_can_execute_what_it_reads():
