@@ -42,23 +42,22 @@ def test_what_numpy_writes_is_read():
 
 
 @pytest.mark.parametrize(
-    ("data", "said"),
+    ("made", "said"),
     [
-        (b"x", "is no archive of arrays"),
-        (archive({"a.npy": member("(1000000000000,)")}), "8000000000000 bytes, the member holds 16"),
-        (archive({"a.npy": member("(-2,)")}), "the member holds 16"),
-        (archive({"a.npy": member("(2,)", "'|O'")}), "object"),
-        (archive({"a.npy": member("__import__('os')")}), "is no archive of arrays"),
-        (archive({"a.npy": member()}, zipfile.ZIP_LZMA), "compressed otherwise than by deflate"),
-        (archive({f"{k}.npy": member() for k in range(65)}), "65 members"),
-        (archive({"a.npy": bytes(1 << 29)}), "536870912 bytes unpacked are more"),
-        (archive({"a.npy": member()})[:60], "is no archive of arrays"),
+        (lambda: b"x", "is no archive of arrays"),
+        (lambda: archive({"a.npy": member("(1000000000000,)")}), "8000000000000 bytes, the member holds 16"),
+        (lambda: archive({"a.npy": member("(-2,)")}), "the member holds 16"),
+        (lambda: archive({"a.npy": member("(2,)", "'|O'")}), "object"),
+        (lambda: archive({"a.npy": member("__import__('os')")}), "is no archive of arrays"),
+        (lambda: archive({"a.npy": member()}, zipfile.ZIP_LZMA), "compressed otherwise than by deflate"),
+        (lambda: archive({f"{k}.npy": member() for k in range(65)}), "65 members"),
+        (lambda: archive({"a.npy": bytes(1 << 29)}), "536870912 bytes unpacked are more"),
+        (lambda: archive({"a.npy": member()})[:60], "is no archive of arrays"),
     ],
-    ids=range(9),  # archives hold the time, which is another in each process
 )
-def test_what_no_writer_makes_is_one_line(data, said):
+def test_what_no_writer_makes_is_one_line(made, said):
     with pytest.raises(FileError, match=said) as caught:
-        read_npz(data, "a.npz")
+        read_npz(made(), "a.npz")
     assert str(caught.value).startswith("a.npz: ")
 
 
