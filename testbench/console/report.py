@@ -32,7 +32,6 @@ STYLES = ("-", "--", "-.", ":")
 DPI = 100
 WIDTH_IN = 12.0
 FONT = {"title": 15, "label": 13, "tick": 12, "small": 11}
-TICK_HZ = 1_000_000
 VISIBLE = 0.02  # share of the largest amplitude below which a phase means nothing
 
 
@@ -160,7 +159,7 @@ def _thin(frequency_hz, level_db, per_decade=300):
     return frequency_hz[first], np.maximum.reduceat(level_db, first)
 
 
-def spectra(outputs, rate_hz=TICK_HZ, images=3):
+def spectra(outputs, rate_hz, images=3):
     """Spectra of DAC outputs, one panel each, with the images that the hold leaves marked.
 
     outputs  name -> (codes, bits); equidistant codes at `rate_hz`

@@ -16,7 +16,6 @@ import math
 import numpy as np
 
 from fpga_model import sequencer
-from fpga_model.rates import FRAME_HZ
 from testbench.run import resting
 from testbench.run.simulation import FRAME
 
@@ -102,9 +101,10 @@ class Doubts:
     def _repeated(self, config):
         if config.firmware.board != "analog_sid" or not self.frames:
             return
+        frame_ms = 1e3 / config.design_record().frame_hz
         for name, p, longest in zip(CODES, resting.adc_repeats(config), self.longest.tolist()):
             if p**longest * self.frames < REPEATED:
-                yield f"{name} repeated one code for {longest + 1} frames ({1e3 * longest / FRAME_HZ:.3g} ms): frozen?"
+                yield f"{name} repeated one code for {longest + 1} frames ({longest * frame_ms:.3g} ms): frozen?"
 
     def _not_null(self):
         for name, what in NULLED.items():

@@ -154,7 +154,7 @@ def _plots(job, tail, summary, reading, clock_hz):
         board = chips.of(config.design)
         bits = {"drive": board.drive.bits, "sense": board.sense.bits}
         outputs = {f"{name} ({n} bit)": (codes, n) for (name, n), codes in zip(bits.items(), tail)}
-        plots["spectra"] = {"outputs": outputs}
+        plots["spectra"] = {"outputs": outputs, "rate_hz": config.design_record().tick_hz}
     if reading is not None:
         names = ("drive sgn(sin)", "drive sgn(cos)", "sense sgn(sin)", "sense sgn(cos)")
         f = summary["drive_frequency_hz"]

@@ -207,6 +207,12 @@ def test_draws_are_within_the_tolerances_and_the_same_however_many():
 
 
 @closed_loop
+def test_spectra_of_codes_are_drawn_over_the_rate_of_the_board():
+    short = {"scenario.seconds": 0.002, "scenario.diagnose": False}
+    assert simulate.run(configuration.changed(board("fast_dacs"), short)).plots["spectra"]["rate_hz"] == 2e6
+
+
+@closed_loop
 @pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * (n == "disk_14khz")) for n in NAMES])
 def test_a_board_locks_and_rests_where_its_configuration_says(name):
     check_rest_and_scale(board(name))

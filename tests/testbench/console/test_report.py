@@ -40,7 +40,7 @@ def figures():
             0.2,
             5.0,
         ),
-        "spectra": report.spectra({"drive DAC, 16 bit": (codes, 16), "sense DAC, 20 bit": (codes * 16, 20)}),
+        "spectra": report.spectra({"drive DAC, 16 bit": (codes, 16), "sense DAC, 20 bit": (codes * 16, 20)}, 1e6),
         "jitter": report.jitter({"drive": rng.uniform(0, 38.5, 500), "sense": rng.uniform(0, 38.5, 500)}, 38.46),
         "rate_step": report.rate_step(time_s, np.ones(2000), np.ones(2000), 25.6),
     }
@@ -91,7 +91,7 @@ def test_a_sine_between_two_bins_leaks_less_than_the_window_promises():
 
 
 def test_the_images_have_the_size_of_the_hold():
-    figure = report.spectra({"drive": (sine(1 << 16, 1 << 14, 721), 16)}, images=3)
+    figure = report.spectra({"drive": (sine(1 << 16, 1 << 14, 721), 16)}, 1e6, images=3)
     marks = next(line for line in figure.axes[0].lines if line.get_marker() == "v")
     line_hz = 721 * 1e6 / (1 << 16)
     level = 20 * np.log10(0.5)

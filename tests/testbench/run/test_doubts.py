@@ -52,6 +52,8 @@ def test_a_code_that_repeats(name):
     frames[6000:6020, FRAME[name]] = 30
     (said,) = warned(frames)
     assert said == f"{name} repeated one code for 20 frames (2.38 ms): frozen?"
+    (said,) = warned(frames, changed(Config(), {"design.frame_ticks": 250}))
+    assert "20 frames (4.75 ms)" in said
     frames[6000:6020, FRAME["state"]] = sequencer.KICK
     assert warned(frames) == ()
 
