@@ -2,6 +2,7 @@
 
 from testbench.config.load import (  # noqa: F401
     Config,
+    Design,
     Effects,
     Firmware,
     Noise,

@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fpga_model.rates import FRAME_HZ, FRAME_TICKS
 from testbench.config import changed
 from testbench.errors import ConfigError
 from testbench.paper.loop import confirm
@@ -54,13 +53,13 @@ def measure(config, bandwidth_hz, settle_s=SETTLE_S):
     lock_s = simulate.start(config, sim, 0.0, 25.0, limit_s=LOCK_LIMIT_S)
     if lock_s is None:
         raise ConfigError(f"simulation: the gyroscope does not lock within {LOCK_LIMIT_S:g} s")
-    sim.advance(-sim.tick % FRAME_TICKS, 0.0, 25.0)
+    frame_ticks, frame_hz = sim.design.frame_ticks, sim.design.frame_hz
+    sim.advance(-sim.tick % frame_ticks, 0.0, 25.0)
     lines, window = _lines(bandwidth_hz)
-    rate = confirm.multisine(lines, LINE_DPS, settle_s, window)
+    rate = confirm.multisine(lines, LINE_DPS, settle_s, window, frame_hz)
     sim.keep_rows = True
-    sim.advance(len(rate) * FRAME_TICKS, rate * DEG, 25.0)
-    columns = sim.columns()
-    run = confirm.PlayedRun(np.arange(len(rate)) / FRAME_HZ, columns, bool(sim.locked))
+    sim.advance(len(rate) * frame_ticks, rate * DEG, 25.0)
+    run = confirm.PlayedRun(1 / frame_hz, sim.columns(), bool(sim.locked))
     if not run.locked:
         raise ConfigError("simulation: the gyroscope loses lock under the lines of rate")
     size = np.abs(confirm.measured_response(run, rate, lines, window))

@@ -7,7 +7,7 @@
     5  quadrature   crossover at a 25th of the bandwidth, faster if the start-up needs it
     6  prediction   `advisor`, `start_up`, `ranges`, `frequency_plan`, `budget` of the finished configuration
 
-A key that [firmware] of the TARGET has is never changed.
+Rates and word lengths are those of [design]. A key that [firmware] of the TARGET has is never changed.
 Source  docs/design_of_loops.md
 """
 
@@ -21,7 +21,7 @@ from testbench.errors import ConfigError
 from testbench.paper.loop import advisor, limit_cycles
 from testbench.paper.loop import loop as lp
 from testbench.paper.loop.parts import parts
-from testbench.run import build
+from testbench.run import build, design_check
 from testbench.run.budget import budget, lock_frequency_hz
 
 QUADRATURE_BY_BANDWIDTH = (0.04, 0.08, 0.16)
@@ -68,7 +68,11 @@ class _Draft:
         self.fixed = set(file.firmware.model_fields_set)
         nominal = file.nominal.model_dump()
         firmware = {k: getattr(file.firmware, k) for k in self.fixed}
-        self.config = config_of({"nominal": nominal, "firmware": firmware}, source)
+        # a record is of the default clock alone (`simulate.Run`)
+        output = {"record": file.design.master_hz == type(file.design)().master_hz}
+        tree = {"design": file.design.model_dump(), "nominal": nominal, "firmware": firmware, "output": output}
+        self.config = config_of(tree, source)
+        design_check.check(self.config)
         self._begin(file.target.bandwidth_hz)
 
     def _begin(self, bandwidth_hz):
@@ -313,7 +317,7 @@ def _designed(file, source):
         slowest,
         promised,
         ranges.ranges(config, target),
-        frequency_plan.plan(n.device(), target.bandwidth_hz, n.f_tolerance),
+        frequency_plan.plan(n.device(), target.bandwidth_hz, n.f_tolerance, config.design_record()),
         budget(config, frequency_hz=_lock_hz(config)),
         bound,
         _limits(target),

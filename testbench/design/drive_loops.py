@@ -32,7 +32,7 @@ KICK_SHARE, SETTLED = 0.3, 0.01
 LEAST_SEARCH_S, MOST_SEARCH_S = 0.06, 0.5
 NOISE_ROOM, FOUND_SHARE, CAPTURE = 8.0, 0.4, 0.25  # weakest signal over rms noise, beside the SID's offset
 LEAST_SIGNAL_V = 1e-15  # stands for none
-LOOP_DELAY_S = 4.5e-4  # converter, frame, word, hold
+LOOP_DELAY_FRAMES = 3.6  # converter, frame, word, hold
 
 
 class Words(NamedTuple):
@@ -50,12 +50,10 @@ def _settling(part):
     return brentq(lambda x: math.exp(-x) * (1 + x + x * x / 2) - part, 1e-6, 200.0)
 
 
-def phase_margin_deg(crossover_hz, zero_hz, corner_hz, decay_per_s):
+def phase_margin_deg(crossover_hz, zero_hz, corner_hz, frame_hz):
     """Phase margin (deg) of a drive loop at its crossover."""
-    w = 2 * math.pi * crossover_hz
-    plant = math.degrees(math.atan2(w, decay_per_s))
     lag = math.degrees(math.atan(zero_hz / crossover_hz) + 3 * math.atan(crossover_hz / corner_hz))
-    return 180 - plant - lag - 360 * crossover_hz * LOOP_DELAY_S
+    return 90 - lag - 360 * crossover_hz * LOOP_DELAY_FRAMES / frame_hz
 
 
 def words(config):
@@ -67,7 +65,7 @@ def words(config):
     decay = math.pi * n.fx_hz / n.qx * root
     crossover = DRIVE_BY_SID * corner
     zero = ZERO_BY_CROSSOVER * crossover
-    margin = phase_margin_deg(crossover, zero, corner, 0.0)
+    margin = phase_margin_deg(crossover, zero, corner, config.design_record().frame_hz)
     pull = 2 * math.pi * crossover * least
     reach = REACH_ROOM * pull / (pull + decay)
     off = n.fx_hz * n.f_tolerance + abs(config.firmware.nominal_frequency_hz - n.fx_hz)

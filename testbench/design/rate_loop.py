@@ -1,7 +1,7 @@
 """Rate loop: demodulator, crossover and zero for a bandwidth, by an exhaustive search over real parts.
 
     P, D     code per word and per rate of the sampled loop, FTR open and QSC closed, from `paper.loop.loop`
-    C(z)     g (1/(2 pi f_zero) + T / (1 - 1/z)): the PI for the gain g
+    C(z)     g (1/(2 pi f_zero) + T / (1 - 1/z)): the PI for the gain g, T one frame
     L = -C P,   word = C D / (1 - C P) rate
     g of a bandwidth f   |C D / (1 - C P)| at f is 1/sqrt(2) of |D / P| at rest; with C = g c a quadratic:
                          g^2 (2 |c D|^2 / T0^2 - |c P|^2) + 2 g Re(c P) - 1 = 0,   its least positive root
@@ -25,7 +25,7 @@ import numpy as np
 from testbench.config import changed
 from testbench.paper.loop import advisor
 from testbench.paper.loop import loop as lp
-from testbench.paper.loop.parts import FRAME_S, parts
+from testbench.paper.loop.parts import parts
 
 E12 = (1.0, 1.2, 1.5, 1.8, 2.2, 2.7, 3.3, 3.9, 4.7, 5.6, 6.8, 8.2)
 CORNER_BY_SPLIT = 0.2, 1.2
@@ -86,10 +86,10 @@ def capacitors(split_hz, r_ohm):
 
 
 def grid(p, *more_hz):
-    """Frequencies (Hz): logarithmic up to 1.5 kHz, dense around the split, BANDWIDTHS_BY_SPLIT, and `more_hz`."""
+    """Frequencies (Hz): logarithmic to 3/16 of the frame rate, dense at the split, BANDWIDTHS_BY_SPLIT, `more_hz`."""
     split, width = abs(p.split_hz), p.wy_rad_s / (4 * math.pi * p.qy)
     reach = np.geomspace(max(width, 1e-3) / 5, split / 2, 70)
-    rough = np.geomspace(min(0.05, split / 300), 1500.0, 130)
+    rough = np.geomspace(min(0.05, split / 300), 0.1875 / p.frame_s, 130)
     return np.unique(
         np.concatenate([rough, split - reach, split + reach, [split], split * BANDWIDTHS_BY_SPLIT, more_hz])
     )
@@ -105,16 +105,16 @@ def opened(p, hz):
         found = codes[0] @ np.linalg.solve(z[:, None, None] * np.eye(len(a)) - a, both)
         return found[:, 0], found[:, 1] + codes_b[0, lp.RATE]
 
-    word, rate = responses(np.exp(2j * math.pi * hz * FRAME_S))
+    word, rate = responses(np.exp(2j * math.pi * hz * p.frame_s))
     # not 0 Hz itself: the opened integrator of u stands there
-    low = responses(np.exp(2j * math.pi * np.array([1e-4]) * FRAME_S))
+    low = responses(np.exp(2j * math.pi * np.array([1e-4]) * p.frame_s))
     return Opened(hz, word, rate, float(abs(low[1][0] / low[0][0])), p, frame)
 
 
 def controller(o, zero_hz):
     """C(z) for an integral gain of 1 word per code and second, with the sign that the board's firmware has."""
-    z = np.exp(2j * math.pi * o.hz * FRAME_S)
-    return math.copysign(1.0, o.p.word_ki) * (1 / (2 * math.pi * zero_hz) + FRAME_S / (1 - 1 / z))
+    z = np.exp(2j * math.pi * o.hz * o.p.frame_s)
+    return math.copysign(1.0, o.p.word_ki) * (1 / (2 * math.pi * zero_hz) + o.p.frame_s / (1 - 1 / z))
 
 
 def gain_of_bandwidth(o, c, at):
@@ -139,7 +139,7 @@ def modulus(o, c, gain):
 def with_gains(p, gain, zero_hz):
     """Parts with a PI of this integral gain (word per code and second, without its sign) and zero (Hz)."""
     gain = math.copysign(gain, p.word_ki)
-    return p._replace(word_ki=gain * FRAME_S, word_kp=gain / (2 * math.pi * zero_hz))
+    return p._replace(word_ki=gain * p.frame_s, word_kp=gain / (2 * math.pi * zero_hz))
 
 
 def is_stable(o, gain, zero_hz):
@@ -260,7 +260,8 @@ def choose(config, bands, bandwidth_hz, limits, nearly=NEARLY[0]):
     if found is None:
         return None
     m, worst = found
-    per_hz = abs(m.board.nominal.p.word_ki) / FRAME_S / config.firmware.ftr_crossover_hz
+    p = m.board.nominal.p
+    per_hz = abs(p.word_ki) / p.frame_s / config.firmware.ftr_crossover_hz
     return Choice(m.board.sid_c_f, float(m.gain / per_hz), m.zero_hz, m.bandwidth_hz, m.peak_db, m.modulus, worst)
 
 

@@ -19,10 +19,9 @@ import numpy as np
 
 from analog_frontend.parts import sid
 from fpga_model import cordic, frequency_tracker, pi
-from fpga_model.rates import FRAME_HZ
 from testbench.config import changed
 from testbench.paper.loop import loop as lp
-from testbench.paper.loop.parts import FRAME_S, parts
+from testbench.paper.loop.parts import parts
 from testbench.run import build
 from testbench.run.budget import budget
 
@@ -48,13 +47,14 @@ class _Drive:
     """Envelope of the drive with the demodulator behind it, a frame a step."""
 
     def __init__(self, config):
-        d = config.device()
+        d, self.design = config.device(), config.design_record()
+        self.frame_s = 1 / self.design.frame_hz
         own = changed(config, {f"nominal.{k}": v for k, v in config.plant.model_dump().items()})
         phases = budget(config)
         lag = math.radians(phases.node_deg()["xe1"] + phases.loop_deg()["xe2"])
         self.gain = build.nominal(own)["plant_fs_per_s"] * float(cordic.GAIN) * cmath.exp(-1j * lag)
         self.fx_hz, self.decay = d.fx_hz, math.pi * d.fx_hz / d.qx
-        self.stage = -math.expm1(-2 * math.pi * sid.corner_hz(d.sid_r_ohm * d.sid_c_f) * FRAME_S)
+        self.stage = -math.expm1(-2 * math.pi * sid.corner_hz(d.sid_r_ohm * d.sid_c_f) * self.frame_s)
         self.a, self.o, self.past = 0j, [0j] * 3, [0j] * 2
         sine_v, cosine_v = parts(config).sid_offset_v  # both pairs of channels have the same switches
         self.offset = complex(-cosine_v, sine_v) * d.adc_pga_drive / d.adc_vref_v * 2**23 * float(cordic.GAIN)
@@ -62,7 +62,7 @@ class _Drive:
     def step(self, word_hz, amplitude):
         """One frame; the signal that the firmware has in the next one."""
         rate = -self.decay - 2j * math.pi * (word_hz - self.fx_hz)
-        grown = cmath.exp(rate * FRAME_S)
+        grown = cmath.exp(rate * self.frame_s)
         self.a = self.a * grown + self.gain * amplitude * (grown - 1) / rate
         signal = self.a
         for n in range(3):
@@ -99,7 +99,7 @@ def _searched(p, drive, word_hz, kick):
     for _ in range(p.search):
         before, seen = seen, drive.step(word_hz, 0)
         rotation += _turns(seen * before.conjugate())
-    return p.kick + p.decay + p.search, rotation / p.search * FRAME_HZ, abs(seen)
+    return p.kick + p.decay + p.search, rotation / p.search / drive.frame_s, abs(seen)
 
 
 def _drive_locked(p, control, drive, word_hz, setpoint):
@@ -107,11 +107,12 @@ def _drive_locked(p, control, drive, word_hz, setpoint):
     agc, pll = _Pi(control.agc.loop), _Pi(control.frequency_tracker.loop)
     limit_agc, limit_pll = p.lock.limit_in[0] / 2**16 * setpoint, p.lock.limit_in[1]
     amplitude, offset, reached, good = 0.0, 0.0, None, [0, 0]
+    per_hz = frequency_tracker.word_per_hz(drive.design)
     for n in range(2 * p.timeout):
         seen = drive.step(word_hz + offset, amplitude)
         error, phase = setpoint - abs(seen), _turns(seen) * 2**24
         amplitude = agc.step(error, reached is not None)
-        offset = pll.step(phase) / frequency_tracker.word_per_hz()
+        offset = pll.step(phase) / per_hz
         if reached is None:
             if abs(seen) * 2**16 >= setpoint * p.reached:
                 reached = n
@@ -132,7 +133,7 @@ def _sense_codes(config):
     frame, gains = lp.frame(q), lp.gains(q)
     a, b, codes, codes_b = lp.assemble(frame, gains)
     inputs = np.array([q.dxy_n_s_per_m / (2 * q.coriolis_mass_kg), q.kxy_n_per_m, *q.sid_offset_v])
-    still = lp.Loop(*lp.assemble(frame, gains, 0.0, 0.0)[:2], None, None, None)
+    still = lp.Loop(*lp.assemble(frame, gains, 0.0, 0.0)[:2], None, None, None, q.frame_s)
     n = len(a)
     # constant inputs as one more state, so that a block of frames is one product
     whole, seen = np.eye(n + 1), np.zeros((2, n + 1))
@@ -143,7 +144,7 @@ def _sense_codes(config):
         rows.append(seen @ power)
         power = whole @ power
     state = np.append(lp.rest(still, inputs), 1.0)
-    for _ in range(round(LIMIT_S * FRAME_HZ / BLOCK)):
+    for _ in range(round(LIMIT_S / q.frame_s / BLOCK)):
         yield np.abs(np.stack(rows) @ state)
         state = power @ state
 
@@ -178,7 +179,7 @@ def driven(config):
     word_hz = config.firmware.nominal_frequency_hz
     taken, found_hz, magnitude = _searched(p, drive, word_hz, control.agc.kick)
     first = StartUp(found_hz, magnitude / setpoint * config.firmware.amplitude_um, None, None, None)
-    limit_hz = p.search_limit / frequency_tracker.word_per_hz()
+    limit_hz = p.search_limit / frequency_tracker.word_per_hz(drive.design)
     if magnitude < p.min_magnitude:
         needed = p.min_magnitude / setpoint * config.firmware.amplitude_um
         text = f"search: signal of {first.magnitude_um:.3g} um is below {needed:.3g} um (firmware.search_min_v)"
@@ -195,9 +196,9 @@ def driven(config):
         state = (
             "the amplitude does not reach firmware.acquire_share" if reached is None else "the drive does not settle"
         )
-        what = f"{state} within firmware.acquire_timeout_s = {p.timeout * FRAME_S:g} s"
+        what = f"{state} within firmware.acquire_timeout_s = {p.timeout * drive.frame_s:g} s"
         return Driven(first._replace(failure=what), 0)
-    ends = [(frames + n) * FRAME_S for n in (reached, settled)]
+    ends = [(frames + n) * drive.frame_s for n in (reached, settled)]
     return Driven(first._replace(reached_s=ends[0], drive_s=ends[1]), frames + settled)
 
 
@@ -208,7 +209,7 @@ def completed(before, config):
     rest = _balanced(build.firmware(config).control.sequencer, config)
     if rest is None:
         return before.so_far._replace(failure=f"the sense loops do not settle within {LIMIT_S:g} s")
-    return before.so_far._replace(lock_s=(before.frames + rest) * FRAME_S)
+    return before.so_far._replace(lock_s=(before.frames + rest) / config.design_record().frame_hz)
 
 
 def predict(config):

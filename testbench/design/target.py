@@ -3,12 +3,13 @@
     [target]     bandwidth, peak, start-up time, scale, largest rate and quadrature, amplitude, gap: one unit to a name
     [nominal]    the board, as in a configuration, with its tolerances
     [firmware]   keys that the design must not choose
+    [design]     rates and word lengths of the firmware
 Source  docs/design_of_loops.md
 """
 
 from pydantic import Field, ValidationError, model_validator
 
-from testbench.config import Firmware, Nominal, scenario
+from testbench.config import Design, Firmware, Nominal, scenario
 from testbench.config.config_errors import explain
 from testbench.config.section import Section, number, other
 from testbench.errors import ConfigError
@@ -51,6 +52,7 @@ class TargetFile(Section):
     target: Target = Target()
     nominal: Nominal = Nominal()
     firmware: Firmware = Firmware()
+    design: Design = Design()
 
 
 SECTIONS = {name: info.annotation for name, info in TargetFile.model_fields.items()}

@@ -16,9 +16,8 @@ from scipy.optimize import brentq
 
 from testbench.paper.loop import limit_cycles
 from testbench.paper.loop import loop as lp
-from testbench.paper.loop.parts import FRAME_S, Parts
+from testbench.paper.loop.parts import Parts
 
-GRID_HZ = np.geomspace(0.05, 3000.0, 900)
 GAIN_LIMIT_DB = 60.0
 
 
@@ -58,14 +57,15 @@ class Advice(NamedTuple):
     warnings: tuple
 
 
-def _fine_grid(a):
-    """Frequencies (Hz): logarithmic, and dense around every lightly damped pole."""
-    grid = [GRID_HZ]
+def _fine_grid(a, frame_s):
+    """Frequencies (Hz): logarithmic up to 3/8 of the frame rate, and dense around every lightly damped pole."""
+    most_hz = 0.375 / frame_s
+    grid = [np.geomspace(0.05, most_hz, 900)]
     for z in np.linalg.eigvals(a):
         if abs(z) > 0.5 and z.imag > 1e-9:
-            s = np.log(z) / FRAME_S
+            s = np.log(z) / frame_s
             hz, width = s.imag / (2 * math.pi), max(abs(s.real) / (2 * math.pi), 1e-3)
-            if hz < GRID_HZ[-1]:
+            if hz < most_hz:
                 reach = np.geomspace(width / 10, hz / 2, 200)
                 grid += [hz - reach, hz + reach, [hz]]
     return np.unique(np.concatenate(grid))
@@ -86,12 +86,12 @@ def _margin(make, up):
     return None
 
 
-def _crossings(a, word_in, word):
+def _crossings(a, word_in, word, frame_s):
     def ratio(hz):
-        z = np.exp(2j * math.pi * np.atleast_1d(hz) * FRAME_S)
+        z = np.exp(2j * math.pi * np.atleast_1d(hz) * frame_s)
         return -lp.resolvent(a, z, word_in) @ word
 
-    grid = _fine_grid(a)
+    grid = _fine_grid(a, frame_s)
     values = ratio(grid)
     size = np.log(np.abs(values))
     found = []
@@ -109,7 +109,7 @@ def bandwidth(loop):
     def level_db(hz):
         return 20 * np.log10(np.abs(lp.response(loop, hz)) / dc)
 
-    grid = np.geomspace(0.2, 2000.0, 400)
+    grid = np.geomspace(0.2, 0.25 / loop.frame_s, 400)
     levels = level_db(grid)
     below = np.flatnonzero(levels < -3.0103)
     if not len(below) or below[0] == 0:
@@ -139,14 +139,14 @@ def analyse(p: Parts):
     row[lp.WORD_BEFORE] = 1.0
 
     def made(ftr=1.0, qsc=1.0):
-        return lp.Loop(*lp.assemble(fr, k, ftr, qsc)[:2], row, None, None)
+        return lp.Loop(*lp.assemble(fr, k, ftr, qsc)[:2], row, None, None, p.frame_s)
 
     loop = made()
     worst = lp.poles(loop)[0]
     if abs(worst.z) >= 1:
         return Advice(False, -worst.tau_s, worst.hz, *(None,) * 3, (), *(None,) * 11, ())
     a, _, _, _, word_in, word = lp.assemble(fr, k, broken=True)
-    crossings, modulus = _crossings(a, word_in, word)
+    crossings, modulus = _crossings(a, word_in, word, p.frame_s)
     edge, peak_db, peak_hz = bandwidth(loop)
     shaken = ring(loop, p.split_hz)
     lsb = rest_gain(loop) * lp.DEG

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fpga_model.rates import FRAME_HZ, FRAME_TICKS
+from fpga_model.design_record import DEFAULT
 from testbench.errors import ConfigError
 from testbench.run import simulate
 from testbench.run.simulation import Simulation
@@ -23,9 +23,14 @@ SETTLE_S, WINDOW_S, LINE_DPS = 2.5, 2.0, 4.0
 class PlayedRun(NamedTuple):
     """Rows of a profile from its first frame on, and whether the gyroscope was in lock all the time."""
 
-    time_s: np.ndarray
+    frame_s: float
     columns: dict
     locked: bool
+
+    @property
+    def time_s(self):
+        """Instants of the rows, 0 the profile's first."""
+        return np.arange(len(self.columns["lock"])) * self.frame_s
 
 
 def _play(config, rate_dps):
@@ -35,23 +40,24 @@ def _play(config, rate_dps):
     sim.keep_codes = sim.keep_rows = False
     if simulate.start(config, sim, float(rate_dps[0]) * DEG, temp_degc) is None:
         raise ConfigError("confirm: the gyroscope did not lock")
-    sim.advance(-sim.tick % FRAME_TICKS, float(rate_dps[0]) * DEG, temp_degc)
+    frame_ticks = sim.design.frame_ticks
+    sim.advance(-sim.tick % frame_ticks, float(rate_dps[0]) * DEG, temp_degc)
     sim.keep_rows = True
-    sim.advance(len(rate_dps) * FRAME_TICKS, rate_dps * DEG, temp_degc)
+    sim.advance(len(rate_dps) * frame_ticks, rate_dps * DEG, temp_degc)
     columns = sim.columns()
     lock = columns["lock"]
-    return PlayedRun(np.arange(len(lock)) / FRAME_HZ, columns, bool(np.all(lock == lock[0])) and sim.locked)
+    return PlayedRun(1 / sim.design.frame_hz, columns, bool(np.all(lock == lock[0])) and sim.locked)
 
 
 def play_run(configs, profiles_dps):
-    """[`Played`, ...]; profiles are deg/s per frame of 125 us. ConfigError if a gyroscope does not lock."""
+    """[`Played`, ...]; profiles are deg/s per frame. ConfigError if a gyroscope does not lock."""
     return [_play(c, np.asarray(r, float)) for c, r in zip(configs, profiles_dps)]
 
 
-def multisine(lines_hz=LINES_HZ, line_dps=LINE_DPS, settle_s=SETTLE_S, window_s=WINDOW_S, seed=1):
+def multisine(lines_hz=LINES_HZ, line_dps=LINE_DPS, settle_s=SETTLE_S, window_s=WINDOW_S, frame_hz=DEFAULT.frame_hz):
     """Rate (deg/s) per frame, settling time first: value in the middle of each frame."""
-    t = (np.arange(round((settle_s + window_s) * FRAME_HZ)) + 0.5) / FRAME_HZ - settle_s
-    phase = np.random.default_rng(seed).uniform(0, 2 * math.pi, len(lines_hz))
+    t = (np.arange(round((settle_s + window_s) * frame_hz)) + 0.5) / frame_hz - settle_s
+    phase = np.random.default_rng(1).uniform(0, 2 * math.pi, len(lines_hz))
     return line_dps * np.sin(2 * math.pi * np.outer(t, lines_hz) + phase).sum(axis=1)
 
 
@@ -66,9 +72,9 @@ def lines(time_s, values, lines_hz):
 
 def measured_response(run: PlayedRun, rate_dps, lines_hz=LINES_HZ, window_s=WINDOW_S):
     """Word (LSB) per rate (deg/s) of a played multisine at its lines; phase against the row's time."""
-    count = round(window_s * FRAME_HZ)
+    count = round(window_s / run.frame_s)
     t = run.time_s[-count:]
-    rate = lines(t + 0.5 / FRAME_HZ, np.asarray(rate_dps)[-count:], lines_hz)
+    rate = lines(t + 0.5 * run.frame_s, np.asarray(rate_dps)[-count:], lines_hz)
     return lines(t, run.columns["rate_word"][-count:], lines_hz) / rate
 
 

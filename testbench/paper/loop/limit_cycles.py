@@ -2,8 +2,8 @@
 
     converter   10 floor(v / 10 LSB + 1/2)             a dead band of +-5 codes, 0.0035 deg/s, if nothing dithers it
     PI          kp e + acc, ties up, exact integers    no dead zone of its own
-    force       codes of word * sine, rounded to 20 bits: in phase it gives N(word) of the describing function
-                    a = 4/pi sum over k of sqrt(1 - ((k - 1/2)/A)^2), (k - 1/2) < A,   A = |word| / 16
+    force       codes of word * sine, rounded to the converter's bits: in phase it gives N(word) of the describing
+                function a = 4/pi sum over k of sqrt(1 - ((k - 1/2)/A)^2), (k - 1/2) < A,   A = |word| / word_per_code
                 nothing below half an LSB, 1.27 times too much at 0.71 LSB, 1 far above
     V_q         floor(sqrt(u)) of 16 bits: one code is 2 V_q dV kq / k_xy of the quadrature
 
@@ -19,18 +19,17 @@ from testbench.paper.loop import loop as lp
 from testbench.paper.loop.parts import Parts, parts
 from testbench.run import build
 
-WORD_PER_CODE = 16  # 24-bit word, 20-bit converter
 FAR_CODES = 256  # beyond it rounding is lost in the sine's own sweep
 
 
-def force_amplitude(word):
+def force_amplitude(word, word_per_code):
     """In-phase amplitude (word LSB) of the rounded staircase of a sine of this amplitude (word LSB)."""
-    size = abs(word) / WORD_PER_CODE
+    size = abs(word) / word_per_code
     if size > FAR_CODES:
         return float(word)
     k = np.arange(0.5, size, 1.0)
     return (
-        math.copysign(4 / math.pi * WORD_PER_CODE * float(np.sum(np.sqrt(1 - (k / size) ** 2))), word)
+        math.copysign(4 / math.pi * word_per_code * float(np.sum(np.sqrt(1 - (k / size) ** 2))), word)
         if len(k)
         else 0.0
     )
@@ -54,7 +53,7 @@ def quantised(config, rate_dps, seconds, code_noise=0.0, seed=1, p: Parts | None
     fr = lp.frame(p)
     firmware = build.firmware(config).control
     ftr, qsc = firmware.rate_loop.loop, firmware.quadrature_loop.loop
-    frames = round(seconds / lp.FRAME_S)
+    frames = round(seconds / p.frame_s)
     rates = np.broadcast_to(np.asarray(rate_dps, float), frames) * lp.DEG + p.dxy_n_s_per_m / (2 * p.coriolis_mass_kg)
     noise = np.random.default_rng(seed).normal(0.0, 1.0, (frames, 2)) * code_noise
     loop = lp.close(p)
@@ -73,7 +72,8 @@ def quantised(config, rate_dps, seconds, code_noise=0.0, seed=1, p: Parts | None
     for k in range(frames):
         out.word[k], out.quadrature_code[k] = word_before, root_before
         kappa = p.kxy_n_per_m - per_volt[0] * (root_before / per_volt[1]) ** 2
-        inputs[:] = rates[k], kappa, force_amplitude(word_before), force_amplitude(word), *p.sid_offset_v
+        forces = (force_amplitude(w, p.word_per_code) for w in (word_before, word))
+        inputs[:] = rates[k], kappa, *forces, *p.sid_offset_v
         seen = (gains_c @ z + gains_d @ inputs).reshape(3, 2)
         z = fr.f @ z + fr.g @ inputs
         volts, ending, later = ending + seen[0], later + seen[1], seen[2]
@@ -104,7 +104,7 @@ def resolution(p: Parts):
     """`Rest` from the parts alone."""
     loop = lp.close(p)
     lsb = float(loop.row @ lp.rest(loop, (lp.DEG, 0, 0, 0)))
-    open_loop = lp.Loop(*lp.assemble(lp.frame(p), lp.gains(p), 0.0, 0.0)[:2], None, None, None)
+    open_loop = lp.Loop(*lp.assemble(lp.frame(p), lp.gains(p), 0.0, 0.0)[:2], None, None, None, p.frame_s)
     codes, codes_b = lp.assemble(lp.frame(p), lp.gains(p), 0.0, 0.0)[2:]
     still = lp.rest(open_loop, (lp.DEG, 0, 0, 0))
     code_per_dps = abs((codes @ still + codes_b[:, lp.RATE] * lp.DEG)[0])
@@ -116,7 +116,7 @@ def resolution(p: Parts):
     return Rest(
         p.step_code / 2 / code_per_dps,
         1 / lsb,
-        WORD_PER_CODE / lsb,
+        p.word_per_code / lsb,
         2 * at * full_dps / 2**16,
         volts * p.code_per_v,
         volts * p.code_per_v / p.step_code,

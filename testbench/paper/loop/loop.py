@@ -6,7 +6,7 @@
     force on y  k_vf v - (2 m_c Omega + d_xy) x' - kappa x;  v behind the chain's poles, kappa = k_xy - kq V_q^2
     SID         RC at half its rate: o_1' = 2 pi f3 (4/pi Re(S j e^(j sw)) - o_1), two more; cosine: Re(S e^(j sw));
                 S = V - j V'/w: the first capacitor is read while it is being charged
-    ADC         190 taps of sinc3 at the modulator's instants, 64 a frame, in three sums as the part has them
+    ADC         190 taps of sinc3 at the modulator's instants, 64 a frame by default, in three sums as the part has them
     firmware    word = kp e + acc, acc += ki e, acts at `word_acts_s` of the next frame; u += ki_q e, acts a frame later
 
     frame k     z(k+1) = F z(k) + G (Omega, kappa, word before, word after word_acts_s, offsets)        by expm
@@ -23,9 +23,8 @@ import numpy as np
 from scipy.linalg import block_diag, expm, matrix_balance
 
 from analog_frontend.parts import adc
-from testbench.paper.loop.parts import FRAME_S, MODULATOR_PERIODS, Parts
+from testbench.paper.loop.parts import Parts
 
-SAMPLE_S = FRAME_S / MODULATOR_PERIODS
 RATE, STIFFNESS, OFFSET_SIN, OFFSET_COS = range(4)  # what acts on the loop: rad/s, N/m, V, V
 DEG = math.pi / 180
 # columns of the frame's inputs
@@ -94,18 +93,19 @@ def _piece(a, b, seconds):
 
 
 def frame(p: Parts):
-    """`Frame` of the parts: samples at m times 1.953 us, the word changing at `word_acts_s`."""
+    """`Frame` of the parts: samples at equal distances, 1.953 us by default, the word changing at `word_acts_s`."""
     a, b, out = _plant(p)
+    sample_s = p.frame_s / p.samples
     old, new = np.zeros((len(a), 6)), np.zeros((len(a), 6))
     for wide, column in ((old, IN_BEFORE), (new, IN_AFTER)):
         wide[:, [IN_RATE, IN_KAPPA, column]] = b
-    at, rest = divmod(p.word_acts_s, SAMPLE_S)
-    plain, change = _piece(a, old, SAMPLE_S), (_piece(a, old, rest), _piece(a, new, SAMPLE_S - rest))
-    after = _piece(a, new, SAMPLE_S)
+    at, rest = divmod(p.word_acts_s, sample_s)
+    plain, change = _piece(a, old, sample_s), (_piece(a, old, rest), _piece(a, new, sample_s - rest))
+    after = _piece(a, new, sample_s)
     f, g = np.eye(len(a)), np.zeros((len(a), 6))
     c, d = np.zeros((3, 2, len(a))), np.zeros((3, 2, 6))
-    for m in range(MODULATOR_PERIODS):
-        weights = [w / MODULATOR_PERIODS**3 for w in reversed(adc.weights.py_func(MODULATOR_PERIODS, m))]
+    for m in range(p.samples):
+        weights = [w / p.samples**3 for w in reversed(adc.weights.py_func(p.samples, m))]
         for k, weight in enumerate(weights):
             c[k] += weight * (out @ f)
             d[k] += weight * (out @ g)
@@ -138,6 +138,7 @@ class Loop(NamedTuple):
     row: np.ndarray
     codes: np.ndarray  # (2, n) of the state
     codes_b: np.ndarray  # (2, 4) of the inputs
+    frame_s: float
 
 
 NEXT_SIN, NEXT_COS, LATER_SIN, LATER_COS, WORD, WORD_BEFORE, ACC, U, U_BEFORE = range(-9, 0)
@@ -192,7 +193,7 @@ def close(p: Parts, ftr=1.0, qsc=1.0):
     a, b, codes, codes_b = assemble(frame(p), gains(p), ftr, qsc)
     row = np.zeros(len(a))
     row[WORD_BEFORE] = 1.0
-    return Loop(a, b, row, codes, codes_b)
+    return Loop(a, b, row, codes, codes_b, p.frame_s)
 
 
 def response(loop: Loop, f_hz, column=RATE):
@@ -200,7 +201,7 @@ def response(loop: Loop, f_hz, column=RATE):
 
     The input is a staircase, constant over each frame at its value in the middle: what an engine is told.
     """
-    z = np.exp(2j * math.pi * np.atleast_1d(f_hz) * FRAME_S)
+    z = np.exp(2j * math.pi * np.atleast_1d(f_hz) * loop.frame_s)
     return resolvent(loop.a, z, loop.b[:, column]) @ loop.row * np.sqrt(z)
 
 
@@ -213,7 +214,7 @@ def resolvent(a, z, column):
 def return_ratio(p: Parts, f_hz, qsc=1.0):
     """L of the FTR loop, broken at the word with the quadrature loop closed; the distance to L = -1 is the margin."""
     a, _, _, _, word_in, word = assemble(frame(p), gains(p), 1.0, qsc, broken=True)
-    z = np.exp(2j * math.pi * np.atleast_1d(f_hz) * FRAME_S)
+    z = np.exp(2j * math.pi * np.atleast_1d(f_hz) * p.frame_s)
     return -resolvent(a, z, word_in) @ word
 
 
@@ -235,7 +236,7 @@ def poles(loop: Loop):
     found = []
     for z in np.linalg.eigvals(loop.a):
         if abs(z) > 1e-6 and z.imag >= -1e-12:
-            s = np.log(z) / FRAME_S
+            s = np.log(z) / loop.frame_s
             found.append(
                 Pole(float(abs(s.imag)) / (2 * math.pi), float(-1 / s.real) if s.real else math.inf, complex(z))
             )

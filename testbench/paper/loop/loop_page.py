@@ -7,7 +7,6 @@ import math
 
 import numpy as np
 
-from fpga_model.rates import FRAME_HZ
 from testbench.config import changed
 from testbench.console.table import Table, fixed
 from testbench.paper.loop import advisor, confirm, equations, limit_cycles, notch, sensitivity
@@ -15,7 +14,7 @@ from testbench.paper.loop import loop as lp
 from testbench.paper.loop.parts import parts
 from testbench.run import simulate
 
-STEP_DPS, STEP_BEFORE_S, STEP_AFTER_S = 100.0, 2.5, 1.0
+STEP_DPS, STEP_BEFORE_S, STEP_AFTER_S, MEAN_S = 100.0, 2.5, 1.0, 0.05
 # field of Advice -> (text, unit, digits, factor)
 NUMBERS = {
     "bandwidth_hz": ("bandwidth, -3 dB", "Hz", 2, 1),
@@ -55,16 +54,17 @@ class Study:
     def simulate(self):
         """Play a multisine, a step, and rest without noise."""
         settle_s, window_s = confirm.SETTLE_S * simulate.pace(self.config), confirm.WINDOW_S * self.slower
-        sine = confirm.multisine(self.lines_hz, settle_s=settle_s, window_s=window_s)
+        frame_hz = self.config.design_record().frame_hz
+        sine = confirm.multisine(self.lines_hz, settle_s=settle_s, window_s=window_s, frame_hz=frame_hz)
         before_s, after_s = STEP_BEFORE_S * simulate.pace(self.config), STEP_AFTER_S * self.slower
-        count = round((before_s + after_s) * FRAME_HZ)
-        step = np.where(np.arange(count) < round(before_s * FRAME_HZ), 0.0, STEP_DPS)
+        count = round((before_s + after_s) * frame_hz)
+        step = np.where(np.arange(count) < round(before_s * frame_hz), 0.0, STEP_DPS)
         quiet = changed(self.config, confirm.QUIET)
         runs = confirm.play_run([self.config, quiet, quiet], [sine, step, np.zeros(count)])
         self.simulated = confirm.measured_response(runs[0], sine, self.lines_hz, window_s)
-        word, begin = runs[1].columns["rate_word"], round(before_s * FRAME_HZ)
-        before, after = (float(np.mean(word[k - 400 : k])) for k in (begin, count))
-        self.step = (np.arange(count) - begin) / FRAME_HZ, (word - before) / (after - before)
+        word, begin = runs[1].columns["rate_word"], round(before_s * frame_hz)
+        before, after = (float(np.mean(word[k - round(MEAN_S * frame_hz) : k])) for k in (begin, count))
+        self.step = (np.arange(count) - begin) / frame_hz, (word - before) / (after - before)
         self.still = runs[2].columns["rate_word"][begin:], runs[2].columns["quadrature_code"][begin:]
 
     def difference(self):

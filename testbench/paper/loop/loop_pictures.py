@@ -40,7 +40,7 @@ def _beside(p, reach_hz, count):
 
 def bode(p, advice):
     """Open loop L at the force word: magnitude and phase, with the margins at |L| = 1 and where L is negative."""
-    f = np.unique(np.concatenate([np.geomspace(0.3, 1000, 700), _beside(p, 6, 1201)]))
+    f = np.unique(np.concatenate([np.geomspace(0.3, min(1000, 0.4 / p.frame_s), 700), _beside(p, 6, 1201)]))
     values = lp.return_ratio(p, f)
     figure, axes = axes_of("Open loop, broken at the force word", 7.5, 2, sharex=True)
     top, bottom = axes[:, 0]
@@ -108,7 +108,7 @@ def step(p, simulated=None, width_hz=None, centre_hz=None):
     for axis in axes[:, 0]:
         axis.plot(time_s, words, color=BLUE, linewidth=1.3, label="analysis")
         if effect:
-            behind = notch.applied(notch.design(effect.centre_hz, effect.width_hz), words)
+            behind = notch.applied(notch.design(effect.centre_hz, effect.width_hz, 1 / p.frame_s), words)
             label = f"behind a notch, {effect.centre_hz:.1f} Hz, {effect.width_hz:g} Hz wide"
             axis.plot(time_s, behind, color=VERMILION, linestyle="--", linewidth=1.3, label=label)
         if simulated is not None:
@@ -181,14 +181,14 @@ def maps(found, here):
 def rounding(config, p):
     """Force of a rounded sine, and the quantised loops at rest without noise: this converter, and one of step 1."""
     figure, axes = axes_of("Rounding without noise", 7.5, 2)
-    word = np.linspace(0.01, 64, 1200)
-    force = np.array([limit_cycles.force_amplitude(w) for w in word])
-    axes[0, 0].plot(word / 16, force / 16, color=BLUE, label="in-phase force of 20-bit codes")
-    axes[0, 0].plot(word / 16, word / 16, color=GREY, linestyle="--", label="without rounding")
-    name_axes(axes[0, 0], "amplitude of the word (LSB of the 20-bit DAC)", "force (LSB)", "upper left")
+    codes = np.linspace(0.01, 64, 1200) / 16
+    force = np.array([limit_cycles.force_amplitude(c, 1) for c in codes])
+    axes[0, 0].plot(codes, force, color=BLUE, label="in-phase force of rounded codes")
+    axes[0, 0].plot(codes, codes, color=GREY, linestyle="--", label="without rounding")
+    name_axes(axes[0, 0], "amplitude of the word (LSB of the force DAC)", "force (LSB)", "upper left")
     for colour, step_code, style in ((BLUE, p.step_code, "-"), (VERMILION, 1.0, "-")):
         run = limit_cycles.quantised(config, 0.0, 3.0, p=p._replace(step_code=step_code))
-        time_s = np.arange(len(run.word)) * lp.FRAME_S
+        time_s = np.arange(len(run.word)) * p.frame_s
         swing = run.word - np.median(run.word)
         axes[1, 0].plot(time_s, swing, style, color=colour, linewidth=1, label=f"converter in steps of {step_code:g}")
     name_axes(axes[1, 0], "time (s)", "force word about\nits median (LSB)", "upper right")

@@ -1,7 +1,7 @@
 """A notch in the rate output: what it takes from the ring at the split, and what it costs.
 
-    H(z)   that of `fpga_model.notch`: second order at `centre`, -3 dB over `width`, 1 at 0 Hz, on the words of 8 kHz;
-           behind the loop, so it changes no margin
+    H(z)   that of `fpga_model.notch`: second order at `centre`, -3 dB over `width`, 1 at 0 Hz, on the words of the
+           frames; behind the loop, so it changes no margin
     inside in front of the PI it takes away the feedback that damps the sense mode (`inside`)
     cost   bandwidth and delay of the output; and it must meet the ring, which moves with the split
 
@@ -15,7 +15,7 @@ import numpy as np
 from scipy.signal import freqz, lfilter
 
 from fpga_model import notch as firmware
-from fpga_model.rates import FRAME_HZ
+from fpga_model.design_record import DEFAULT
 from testbench.paper.loop import advisor
 from testbench.paper.loop import loop as lp
 from testbench.paper.loop.parts import Parts
@@ -29,18 +29,19 @@ class Filter(NamedTuple):
 
     b: np.ndarray
     a: np.ndarray
+    frame_hz: float
 
 
-def design(centre_hz, width_hz):
+def design(centre_hz, width_hz, frame_hz=DEFAULT.frame_hz):
     """`Filter` of the firmware's quantised coefficients; ValueError for what the firmware refuses."""
-    p = firmware.design(centre_hz, width_hz, FRAME_HZ)
+    p = firmware.design(centre_hz, width_hz, frame_hz)
     g, c = p.g / firmware.ONE, p.c / firmware.ONE
-    return Filter(np.array([g, c, g]), np.array([1.0, c, 2 * g - 1]))
+    return Filter(np.array([g, c, g]), np.array([1.0, c, 2 * g - 1]), frame_hz)
 
 
 def gain(notch: Filter, f_hz):
     """Complex gain at frequencies (Hz)."""
-    return freqz(notch.b, notch.a, worN=np.atleast_1d(f_hz), fs=FRAME_HZ)[1]
+    return freqz(notch.b, notch.a, worN=np.atleast_1d(f_hz), fs=notch.frame_hz)[1]
 
 
 def applied(notch: Filter, words):
@@ -52,7 +53,7 @@ def applied(notch: Filter, words):
 def step_words(p: Parts, seconds=1.0, before_s=0.01):
     """(time from the step s, words per final word) of a rate step from rest."""
     loop = lp.close(p)
-    time_s = np.arange(round(-before_s * FRAME_HZ), round(seconds * FRAME_HZ)) / FRAME_HZ
+    time_s = np.arange(round(-before_s / p.frame_s), round(seconds / p.frame_s)) * p.frame_s
     inputs = np.zeros((len(time_s), 4))
     inputs[time_s >= 0, lp.RATE] = 1.0
     return time_s, lp.play(loop, inputs)[0] / advisor.rest_gain(loop)
@@ -62,7 +63,7 @@ def ring_share(time_s, words, final=1.0, after_s=AFTER_S, before_s=np.inf):
     """Largest swing about the slow rest, from `after_s` to `before_s` after the step, as a share of the step."""
     late = (time_s >= after_s) & (time_s < before_s)
     tail = np.asarray(words)[late] / final
-    span = round(FRAME_HZ / 50)
+    span = round(1 / 50 / (time_s[1] - time_s[0]))
     slow = np.convolve(tail, np.ones(span) / span, "valid")
     middle = tail[span // 2 : span // 2 + len(slow)]
     return float(np.max(np.abs(middle - slow)))
@@ -87,7 +88,7 @@ def inside(p: Parts, notch: Filter):
     wide[lp.WORD], inputs[lp.WORD] = wide[lp.ACC] + k.kp * out, inputs[lp.ACC] + k.kp * out_b
     row = np.zeros(size + 2)
     row[lp.WORD_BEFORE] = 1.0
-    return lp.Loop(wide, inputs, row, None, None)
+    return lp.Loop(wide, inputs, row, None, None, p.frame_s)
 
 
 class Effect(NamedTuple):
@@ -114,7 +115,7 @@ def effect(p: Parts, width_hz=None, centre_hz=None, off_hz=(0, 1, 2, 5, 10)):
         return None
     centre_hz = centre_hz or ring.hz
     width_hz = width_hz or min(WIDTH_HZ, centre_hz / 2)
-    notch = design(centre_hz, width_hz)
+    notch = design(centre_hz, width_hz, 1 / p.frame_s)
     time_s, words = step_words(p)
     dc = abs(advisor.rest_gain(loop))
     grid = np.linspace(1.0, 100.0, 2000)

@@ -13,14 +13,12 @@ from typing import NamedTuple
 
 from analog_frontend.parts import propagator, sid, thermal
 from analog_frontend.parts.noise import cv_density, thermomechanical_density
-from fpga_model import isqrt, modulator, pi, rates, spi_adc, spi_dac
-from fpga_model.rates import FRAME_TICKS, MASTER_HZ, TICK_CYCLES, TICK_HZ
+from fpga_model import isqrt, modulator, pi, rates, sine, spi_adc, spi_dac
+from testbench.engines import chips
 from testbench.errors import ConfigError
 from testbench.run import build, design_check
 from testbench.run.budget import budget, lock_frequency_hz
 
-FRAME_S = FRAME_TICKS / TICK_HZ
-MODULATOR_PERIODS = 64
 WORD_STANDS_SLOT = rates.SLOT_LOOPS + 2  # error, then PI; the sum stands one clock later
 PRODUCT_AND_CODE_CLOCKS, LOAD_CLOCKS = 2, 1
 RAW_GAIN = 2.0**pi.COEF.f
@@ -29,6 +27,9 @@ RAW_GAIN = 2.0**pi.COEF.f
 class Parts(NamedTuple):
     """Numbers of the loops; angles in rad, lags positive; reference: the drive's sgn(sin) pin, mean instant."""
 
+    tick_hz: float  # updates of the DACs
+    frame_s: float  # one conversion, one step of the controllers
+    samples: int  # of the converter's modulator, in a frame
     w_rad_s: float  # drive frequency, where the frequency loop holds it
     wy_rad_s: float
     qy: float
@@ -41,6 +42,7 @@ class Parts(NamedTuple):
     chain_s: tuple  # three poles of the sense output
     volts_per_word: float  # electrode voltage per LSB of the force word, droop of the hold included
     dac_lsb_v: float  # of the sense converter
+    word_per_code: int  # LSB of the force word to one of the sense converter
     k_vf_n_per_v: float
     cv_v_per_m: float
     cv_s: tuple  # ring diode, instrumentation amplifier, driver
@@ -74,8 +76,8 @@ class Parts(NamedTuple):
 
 
 def _check(config):
-    design_check.default_only(config, "the loop analysis")
-    device = config.device()
+    design_check.check(config)
+    device, needed_s = config.device(), 1 / config.design_record().frame_hz
     if config.firmware.board != "analog_sid":
         raise ConfigError(
             f'firmware.board = "{config.firmware.board}": the loop analysis is of the demodulator in '
@@ -84,10 +86,10 @@ def _check(config):
     if config.firmware.adc_clock != "synchronous":
         raise ConfigError(f'firmware.adc_clock = "{config.firmware.adc_clock}": the loop analysis needs "synchronous"')
     frame_s = device.adc_decimation / device.adc_modulator_hz
-    if abs(frame_s - FRAME_S) > 1e-12:
+    if abs(frame_s - needed_s) > 1e-12:
         raise ConfigError(
             f"plant.adc_decimation = {device.adc_decimation}: a conversion every {1e6 * frame_s:g} us; "
-            f"the loop analysis needs {1e6 * FRAME_S:g} us"
+            f"the loop analysis needs {1e6 * needed_s:g} us, one frame of [design]"
         )
     return device
 
@@ -95,27 +97,43 @@ def _check(config):
 def word_acts_s(config):
     """Instant in a frame at which the word of the conversion before it begins to act at the sense DAC's output (s).
 
-    last sample, DRDY, serial read, slots to the PI's sum; next 1 MHz product; registers, frames, latch, response
+    last sample, DRDY, serial read, slots to the PI's sum; next product; registers, frames, latch, response
     """
-    device = config.device()
-    last_sample_clock = (MODULATOR_PERIODS - 1) * MASTER_HZ / device.adc_modulator_hz
-    ready = math.ceil(last_sample_clock + (build.CONVERSION_DELAY_S + device.adc_delay_s) * MASTER_HZ)
+    device, record, chip = config.device(), config.design_record(), chips.of(config.design).sense
+    last_sample_clock = (device.adc_decimation - 1) * record.master_hz / device.adc_modulator_hz
+    ready = math.ceil(last_sample_clock + (build.CONVERSION_DELAY_S + device.adc_delay_s) * record.master_hz)
     stands = ready + spi_adc.READ_CYCLES + WORD_STANDS_SLOT
-    product = math.ceil(stands / TICK_CYCLES) * TICK_CYCLES
+    product = math.ceil(stands / record.tick_clocks) * record.tick_clocks
     clocks = (
         product
         + PRODUCT_AND_CODE_CLOCKS
-        + config.firmware.frame_latency_sense * TICK_CYCLES
+        + config.firmware.frame_latency_sense * record.tick_clocks
         + LOAD_CLOCKS
-        + spi_dac.latch_cycles(spi_dac.AD5791)
+        + spi_dac.latch_cycles(chip.master)
     )
-    return clocks / MASTER_HZ - FRAME_S + device.sense_dac_delay_s
+    return (clocks - record.frame_clocks) / record.master_hz + device.sense_dac_delay_s
+
+
+def _by_design(config, device, f_hz):
+    """(fields of `Parts` that [design] decides, what the hold over a tick leaves of a tone at f)."""
+    record, code_bits = config.design_record(), chips.of(config.design).sense.bits
+    turn, full_sine = math.pi * f_hz / record.tick_hz, sine.OUT.at(record)
+    grid = math.sin(turn) / turn
+    return {
+        "tick_hz": record.tick_hz,
+        "frame_s": 1 / record.frame_hz,
+        "samples": device.adc_decimation,
+        "volts_per_word": device.sense_dac_span_v / 2**23 * grid * full_sine.hi / 2**full_sine.f,
+        "dac_lsb_v": device.sense_dac_span_v / 2 ** (code_bits - 1),
+        "word_per_code": 2 ** (modulator.AMPLITUDE.width - code_bits),
+    }, grid
 
 
 def parts(config, temp_degc=None):
     """`Parts` of a configuration at `temp_degc` (default: the scenario's first temperature).
 
-    Raises ConfigError for the board or the converter clock that this analysis is not made for.
+    Raises ConfigError for the board or the converter clock that this analysis is not made for, and for a [design]
+    that cannot work.
     """
     device = _check(config)
     start = config.scenario.temperature_degc
@@ -132,7 +150,7 @@ def parts(config, temp_degc=None):
     amplifiers = (warm.ina_noise_gain * per_gbw, warm.driver_noise_gain * per_gbw)
     drive_gain, drive_ring = propagator.cv_chain(device, "drive", temp_degc)
     sense_gain, sense_ring = propagator.cv_chain(device, "sense", temp_degc)
-    grid = math.sin(math.pi * f_hz / TICK_HZ) / (math.pi * f_hz / TICK_HZ)
+    by_design, grid = _by_design(config, device, f_hz)
     edges = grid if config.firmware.reference_retimed else 1.0
     passed = math.prod(math.cos(math.atan(w * tau)) for tau in (drive_ring, *amplifiers))
     seen_v_per_um = drive_gain * device.signal_gain * passed * 4 / math.pi * edges * 1e-6
@@ -148,6 +166,7 @@ def parts(config, temp_degc=None):
     damping = warm.mass_kg * 2 * math.pi * warm.fy_hz / warm.qy
     force_noise = thermomechanical_density(damping, temp_degc)
     return Parts(
+        **by_design,
         w_rad_s=w,
         wy_rad_s=2 * math.pi * warm.fy_hz,
         qy=warm.qy,
@@ -158,8 +177,6 @@ def parts(config, temp_degc=None):
         ye1_rad=math.radians(node["ye1"]),
         sense_turn_rad=math.radians(words.phase_sense_ref_deg - words.phase_drive_ref_deg),
         chain_s=tuple(getattr(warm, f"sense_pole_{n}_s") for n in (1, 2, 3)),
-        volts_per_word=device.sense_dac_span_v / 2**23 * grid,
-        dac_lsb_v=device.sense_dac_span_v / 2 ** (modulator.MAX_CODE_BITS - 1),
         k_vf_n_per_v=warm.k_vf_sense_n_per_v,
         cv_v_per_m=sense_gain * device.signal_gain,
         cv_s=(sense_ring, *amplifiers),

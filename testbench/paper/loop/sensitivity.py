@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fpga_model.rates import FRAME_HZ, TICK_HZ
 from testbench.config import changed
 from testbench.paper.loop import advisor
 from testbench.paper.loop import loop as lp
@@ -75,8 +74,8 @@ def _shares(kind, names, section="plant", share=0.01):
 PARAMETERS = (
     Parameter("firmware.pipeline_registers", "latency", 1, "register", one_sided=True),
     Parameter("firmware.reference_registers", "latency", 1, "register"),
-    Parameter("firmware.frame_latency_drive", "latency", 1, "frame of 1 us", one_sided=True),
-    Parameter("firmware.frame_latency_sense", "latency", 1, "frame of 1 us"),
+    Parameter("firmware.frame_latency_drive", "latency", 1, "tick", one_sided=True),
+    Parameter("firmware.frame_latency_sense", "latency", 1, "tick"),
     Parameter("plant.drive_dac_delay_s", "latency", 10e-9, "10 ns", one_sided=True),
     Parameter("plant.sense_dac_delay_s", "latency", 10e-9, "10 ns"),
     Parameter("plant.sid_switch_s", "latency", 10e-9, "10 ns"),
@@ -108,7 +107,7 @@ def density_dps(p: Parts, loop=None, f_hz=ARW_HZ):
     loop = loop or lp.close(p)
     lsb = advisor.rest_gain(loop) * lp.DEG
     behind_sid = math.hypot(*(abs(lp.response(loop, f_hz, c)[0]) for c in (lp.OFFSET_SIN, lp.OFFSET_COS))) / lsb
-    per_frame = math.sqrt(2 / FRAME_HZ)
+    per_frame = math.sqrt(2 * p.frame_s)
     # a tone's in-phase amplitude has twice the density of the voltage around it
     force_v = math.sqrt(2) / (p.volts_per_word * lsb)
     coriolis = 2 * p.coriolis_mass_kg * p.w_rad_s * p.amplitude_m * lp.DEG
@@ -121,7 +120,7 @@ def density_dps(p: Parts, loop=None, f_hz=ARW_HZ):
         "adc": behind_sid * p.adc_noise_v * per_frame,
         "adc_rounding": behind_sid * step_v / math.sqrt(12) * per_frame,
         "dac": force_v * p.dac_noise_v_per_rthz,
-        "dac_rounding": force_v * p.dac_lsb_v / math.sqrt(12) * math.sqrt(2 / TICK_HZ),
+        "dac_rounding": force_v * p.dac_lsb_v / math.sqrt(12) * math.sqrt(2 / p.tick_hz),
         "v_q_rounding": float(by_stiffness) * code_n_per_m / math.sqrt(12) * per_frame,
         "thermomechanical": math.sqrt(2) * p.force_noise_n_per_rthz / coriolis,
     }

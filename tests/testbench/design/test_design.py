@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from testbench.config import changed, load
-from testbench.design import confirm, design_page, designer, ranges, target
+from testbench.design import confirm, design_page, designer, ranges, start_up, target
 from testbench.paper.loop import advisor
 from testbench.paper.loop import confirm as quiet
 from testbench.paper.loop import loop as lp
@@ -24,13 +24,28 @@ TARGETS = {
     "disk_14khz": {"bandwidth_hz": 3.5, "startup_s": 10.0, "gap_um": 2.0},
     "disk_14khz_fy_above": {"bandwidth_hz": 3.5, "startup_s": 10.0, "gap_um": 2.0},
     "published_3k9": {"bandwidth_hz": 20.0},
+    "low_cost": {"bandwidth_hz": 25.0},
+    "fast_dacs": {"bandwidth_hz": 25.0},
+}
+# boards of another [design]; the last has another frame rate, too
+OTHER_DESIGNS = {
+    "low_cost": {},
+    "fast_dacs": {},
+    "paper": {
+        "design.master_hz": 30_000_000,
+        "design.tick_clocks": 30,
+        "design.frame_ticks": 100,
+        "nominal.adc_modulator_hz": 640e3,
+    },
 }
 DRAWS = 20
 
 
 def designed(name, f_tolerance=0.005, **more):
-    board = tomllib.loads((BOARDS / f"{name}.toml").read_text()).get("nominal", {}) | {"f_tolerance": f_tolerance}
-    return designer.design(target.from_dict({"target": TARGETS[name] | more, "nominal": board}), name)
+    file = tomllib.loads((BOARDS / f"{name}.toml").read_text())
+    board = file.get("nominal", {}) | {"f_tolerance": f_tolerance}
+    tree = {"target": TARGETS[name] | more, "nominal": board, "design": file.get("design", {})}
+    return designer.design(target.from_dict(tree, name), name)
 
 
 def locked_s(config):
@@ -63,6 +78,19 @@ def test_the_command_writes_what_locks(tmp_path):
     assert seen.lock_s == pytest.approx(said["lock_s"], rel=0.02)
     assert seen.bandwidth_hz == pytest.approx(30.0, rel=0.03)
     assert seen.peak_db <= 1.3
+
+
+@pytest.mark.parametrize("name", OTHER_DESIGNS)
+def test_the_default_loops_on_another_design_do_what_is_predicted(name):
+    config = changed(load(BOARDS / f"{name}.toml"), OTHER_DESIGNS[name] | quiet.QUIET)
+    p = parts(config)
+    a = advisor.analyse(p)
+    seen = confirm.measure(config, a.bandwidth_hz)
+    assert seen.lock_s == pytest.approx(start_up.predict(config).lock_s, rel=0.02)
+    assert seen.bandwidth_hz == pytest.approx(a.bandwidth_hz, rel=0.03)
+    assert seen.peak_db == pytest.approx(a.peak_db, abs=0.3)
+    scale = abs(lp.response(lp.close(p), confirm.lowest_hz(a.bandwidth_hz))[0]) * lp.DEG
+    assert seen.lsb_per_dps == pytest.approx(scale, rel=1e-3)
 
 
 @pytest.mark.slow

@@ -22,7 +22,7 @@ def point(request):
     b = rate_loop.board(config, 100e-9, None, BANDWIDTH_HZ)
     at = int(np.argmin(np.abs(b.nominal.hz - BANDWIDTH_HZ)))
     met = rate_loop.point(b, 180.0, at, rate_loop.Limits(3.0, 0.3))
-    per_hz = abs(b.nominal.p.word_ki) / rate_loop.FRAME_S / config.firmware.ftr_crossover_hz
+    per_hz = abs(b.nominal.p.word_ki) / b.nominal.p.frame_s / config.firmware.ftr_crossover_hz
     keys = {"nominal.sid_c_f": 100e-9, "firmware.ftr_zero_hz": 180.0, "firmware.ftr_crossover_hz": met.gain / per_hz}
     return changed(config, keys), met
 

@@ -42,6 +42,8 @@ RANGES = {
     ),
     "coupling": ({"nominal": {"kxy_n_per_m": -0.01}}, ("nominal.kxy_n_per_m = -0.01", "above 0")),
     "no split": ({"nominal": {"fy_hz": 11002.3}}, ("nominal.fx_hz - fy_hz = 0",)),
+    "serial clock": ({"design": {"master_hz": 52_000_000}}, ("52000000 Hz", "DAC8811", "50000000 Hz")),
+    "frame rate": ({"design": {"frame_ticks": 100}}, ("a conversion every 125 us", "needs 100 us", "[design]")),
     "demodulator": ({"firmware": {"board": "digital_sid"}}, ("firmware.board", "analog_sid")),
 }
 # what the search finds impossible

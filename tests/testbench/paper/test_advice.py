@@ -25,14 +25,16 @@ DEFAULT = parts(CONFIG)
 def test_force_of_a_rounded_sine_is_its_first_harmonic(size):
     turns = (np.arange(200_000) + 0.5) / 200_000
     sine = np.sin(2 * math.pi * turns)
-    want = 2 * np.mean(np.floor(size * sine + 0.5) * sine) * 16
-    assert limit_cycles.force_amplitude(16 * size) == pytest.approx(want, abs=0.02)
-    assert limit_cycles.force_amplitude(-16 * size) == -limit_cycles.force_amplitude(16 * size)
+    for words in (16, 256):  # to a code of 20 bits, of 16 bits
+        want = 2 * np.mean(np.floor(size * sine + 0.5) * sine) * words
+        found = limit_cycles.force_amplitude(words * size, words)
+        assert found == pytest.approx(want, abs=1.25e-3 * words)
+        assert limit_cycles.force_amplitude(-words * size, words) == -found
 
 
 def test_rounding_vanishes_in_a_large_sine():
     for size in (200.3, 255.9):
-        assert limit_cycles.force_amplitude(16 * size) == pytest.approx(16 * size, abs=0.5)
+        assert limit_cycles.force_amplitude(16 * size, 16) == pytest.approx(16 * size, abs=0.5)
 
 
 def test_the_dead_band_is_half_a_step_of_the_converter():
@@ -44,11 +46,19 @@ def test_the_dead_band_is_half_a_step_of_the_converter():
     assert rest.dither == pytest.approx(5.2, abs=0.3)
 
 
+def test_the_step_of_the_force_is_that_of_the_design():
+    """16 bits instead of 20; nothing else of the rounding depends on the force DAC."""
+    short = changed(CONFIG, {"design.sense_dac": "DAC8811"})
+    fine, coarse = limit_cycles.resolution(DEFAULT), limit_cycles.resolution(parts(short))
+    assert coarse.dac_lsb_dps == pytest.approx(16 * fine.dac_lsb_dps, rel=0.01)
+    assert coarse.adc_dead_band_dps == pytest.approx(fine.adc_dead_band_dps, rel=1e-3)
+
+
 def test_quantised_loops_follow_the_linear_ones_and_rest_within_the_dead_band():
     """From the linear rest a rate step of 0.1 deg/s: the word arrives within the dead band, then nothing moves."""
     frames = 16_000
     rate = np.where(np.arange(frames) < 4000, 0.0, 0.1)
-    run = limit_cycles.quantised(CONFIG, rate, frames * lp.FRAME_S)
+    run = limit_cycles.quantised(CONFIG, rate, frames * DEFAULT.frame_s)
     assert np.ptp(run.word[:4000]) == 0
     late = run.word[-2000:]
     moved = (late.mean() - run.word[0]) / (advisor.rest_gain(lp.close(DEFAULT)) * lp.DEG)

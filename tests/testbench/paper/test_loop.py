@@ -10,7 +10,7 @@ from testbench.config import Config, load
 from testbench.errors import ConfigError
 from testbench.paper.loop import advisor
 from testbench.paper.loop import loop as lp
-from testbench.paper.loop.parts import FRAME_S, parts
+from testbench.paper.loop.parts import parts
 from tests.testbench.paper import switched_rc
 from tests.testbench.paper.carrier import Carrier
 
@@ -51,7 +51,7 @@ def test_open_loop_is_that_of_the_circuits_at_the_carrier(word, rate_dps):
     want = np.array([oracle.frame(word, rate_dps * lp.DEG) for _ in range(60)])
     a, b, out = lp._plant(DEFAULT)
     inputs, n = b @ np.array([rate_dps * lp.DEG, 0.0, word]), len(a)
-    phi = expm(np.block([[a, inputs[:, None]], [np.zeros((1, n + 1))]]) * FRAME_S)
+    phi = expm(np.block([[a, inputs[:, None]], [np.zeros((1, n + 1))]]) * DEFAULT.frame_s)
     state, found = np.append(np.zeros(n), 1.0), np.zeros((60, 2))
     for k in range(60):
         state = phi @ state
@@ -66,7 +66,7 @@ def test_closed_loop_is_that_of_the_circuits_at_the_carrier(stages):
     """Three stages of 50 Hz settle as the loop says; one plain pole of 500 Hz grows as its pole says."""
     p = DEFAULT if stages == 3 else DEFAULT._replace(sid_stages=1, sid_hz=500.0, sid_switched=False)
     # the oracle's word acts at the end of the frame after the conversion's
-    p = p._replace(word_acts_s=FRAME_S - 1e-9)
+    p = p._replace(word_acts_s=DEFAULT.frame_s - 1e-9)
     frames = 400
     want = Carrier(p, stages).closed(frames, 1.0 * lp.DEG)
     loop = lp.close(p, qsc=0.0)
@@ -79,13 +79,13 @@ def test_closed_loop_is_that_of_the_circuits_at_the_carrier(stages):
     if stages == 1:
         pole = lp.poles(loop)[0]
         swing = [np.ptp(want[k : k + 60]) for k in (200, 335)]
-        assert math.log(swing[1] / swing[0]) == pytest.approx(-135 * FRAME_S / pole.tau_s, rel=0.1)
+        assert math.log(swing[1] / swing[0]) == pytest.approx(-135 * DEFAULT.frame_s / pole.tau_s, rel=0.1)
 
 
 def test_the_frame_is_the_matrix_exponential_of_its_parts():
     fr = lp.frame(DEFAULT)
     a, _, _ = lp._plant(DEFAULT)
-    np.testing.assert_allclose(fr.f, expm(a * FRAME_S), rtol=0, atol=1e-9 * np.max(np.abs(fr.f)))
+    np.testing.assert_allclose(fr.f, expm(a * DEFAULT.frame_s), rtol=0, atol=1e-9 * np.max(np.abs(fr.f)))
     # weights of the converter: its three frames add up to a gain of one
     assert np.sum(fr.d[:, 0, lp.IN_SIN]) == pytest.approx(1.0, abs=1e-12)
 
@@ -259,6 +259,6 @@ def test_step_and_response_are_of_one_loop():
     words, _ = lp.play(loop, inputs)
     impulse = np.diff(words, prepend=0.0)
     for f in (1.0, 20.0, 60.0):
-        z = np.exp(2j * math.pi * f * FRAME_S)
+        z = np.exp(2j * math.pi * f * DEFAULT.frame_s)
         direct = np.sum(impulse * z ** -np.arange(frames)) * np.sqrt(z)
         assert decibel(direct / lp.response(loop, f)[0]) == pytest.approx(0, abs=1e-3)

@@ -9,7 +9,7 @@ import pytest
 from fpga_model.rates import FRAME_HZ
 from testbench.config import Config, changed, phase_word
 from testbench.errors import ConfigError
-from testbench.paper.loop import advisor, confirm, notch, sensitivity
+from testbench.paper.loop import advisor, confirm, limit_cycles, notch, sensitivity
 from testbench.paper.loop import loop as lp
 from testbench.paper.loop.parts import parts
 from tests.testbench.paper import growing
@@ -93,6 +93,22 @@ def test_without_noise_the_loops_rest_in_the_dead_band(runs):
             assert np.ptp(found[case].columns[name][still]) == 0, (case, name)
     moved = found["step"].columns["rate_word"][STEP_AT - 16000 : STEP_AT]
     assert 20 < np.ptp(moved) < 200
+
+
+def test_a_force_below_a_step_of_a_short_dac_is_what_rounding_makes_of_it():
+    """16 bits, 0.8 codes of force: a sine of 0.64 codes makes it, and the simulated word comes to rest there."""
+    settings = {"design.sense_dac": "DAC8811", "firmware.reference_retimed": False}
+    config = changed(QUIET, settings)
+    p = parts(config)
+    a, rest = advisor.analyse(p), limit_cycles.resolution(p)
+    rate_dps = 0.8 * rest.dac_lsb_dps - a.bias_dps
+    (run,) = confirm.play_run([config], [np.full(round(3.0 * FRAME_HZ), rate_dps)])
+    word = run.columns["rate_word"][-4000:].mean()
+    hunted = limit_cycles.quantised(config, rate_dps, 3.0, p=p).word[-4000:].mean()
+    band = rest.adc_dead_band_dps * a.lsb_per_dps
+    for found in (word, hunted):
+        assert limit_cycles.force_amplitude(found, 256) == pytest.approx(0.8 * 256, abs=1.1 * band)
+        assert found < 0.7 * 256
 
 
 @pytest.mark.parametrize(
