@@ -12,7 +12,6 @@ import math
 
 import numpy as np
 
-from fpga_model.rates import MASTER_HZ
 from testbench import config as configuration
 from testbench.paper.calibration.bench import Bench, Judge
 from testbench.paper.loop import advisor, parts, sensitivity
@@ -75,7 +74,7 @@ def _drive(config):
     deg = Judge(bench).residuals().deg
     return {
         "deg": deg,
-        "frequency_hz": rows.mean("frequency_word") * MASTER_HZ / 2**48,
+        "frequency_hz": rows.mean("frequency_word") * bench.lsb_hz,
         "drive_v": rows.mean("amplitude_word") / 2**23 * config.plant.drive_dac_span_v,
         "quadrature_v": (rows.mean("quadrature_code") + 0.5) / 2**16 * config.plant.quad_dac_span_v,
         "rate_word": rows.hann("rate_word"),
@@ -124,7 +123,7 @@ def _quiet_allan(config, seconds, lsb_per_dps):
     for _ in range(max(1, round(seconds / 10.0))):
         pieces.append(measure_allan.averaged(bench.record(10.0)["rate_word"].astype(float)))
     rate = np.concatenate(pieces) / lsb_per_dps
-    found = measure_allan.analyse(rate, measure_allan.BASE_FRAMES * 125e-6)
+    found = measure_allan.analyse(rate, measure_allan.BASE_FRAMES * bench.frame_s)
     return {"arw_deg_per_rt_h": found.arw_deg_per_rt_h, "instability_deg_per_h": found.instability_deg_per_h}
 
 

@@ -1,18 +1,25 @@
 """Short cuts that tests of the closed loop share: an open-loop bench without start-up, quiet configurations."""
 
+from pathlib import Path
+
 import numpy as np
 
 from fpga_model import dds, frequency_tracker, rate_loop, sequencer
-from fpga_model.rates import TICK_HZ
 from testbench import config
 from testbench.run import nodes, simulate
 
+BOARDS = Path(__file__).resolve().parents[2] / "docs" / "boards"
 QUIET = {f"noise.{name}": False for name in ("thermomechanical", "cv", "dac", "adc", "flicker", "jitter")}
 
 
 def configured(**values):
     """A checked configuration; dots in the names are written as two underscores."""
     return config.changed(config.Config(), {key.replace("__", "."): value for key, value in values.items()})
+
+
+def board(name):
+    """Configuration of a file of docs/boards."""
+    return config.load(BOARDS / f"{name}.toml")
 
 
 def quiet(**values):
@@ -24,7 +31,7 @@ def open_loop(checked, frequency_hz, drive=0.7, sense=0.6):
     """A bench in state OPEN with fixed words: no start-up, no loop; both modes driven at `frequency_hz`."""
     sim = simulate.Simulation(checked, 25.0, 25.0)
     s = sim.state
-    word = dds.word_of_hz(frequency_hz)
+    word = dds.word_of_hz(frequency_hz, sim.design)
     control = s.fpga.control
     amplitude, rate = round(drive * 2**23), round(sense * 2**23)
     bank = s.fpga.registers._replace(
@@ -35,7 +42,7 @@ def open_loop(checked, frequency_hz, drive=0.7, sense=0.6):
         **dict(
             zip(
                 ("phase_drive_sine", "phase_sense_sine", "phase_drive_ref", "phase_sense_ref"),
-                checked.firmware.phase_words(),
+                checked.firmware.phase_words(sim.design.dds_bits),
             )
         ),
     )
@@ -53,8 +60,8 @@ def open_loop(checked, frequency_hz, drive=0.7, sense=0.6):
 def read_open_loop(checked, frequency_hz, settle_s=0.02, seconds=0.12):
     """Node phases of an open-loop bench."""
     sim = open_loop(checked, frequency_hz)
-    sim.advance(round(settle_s * TICK_HZ), 0.0, 25.0)
-    ticks = round(seconds * TICK_HZ)
+    sim.advance(round(settle_s * sim.design.tick_hz), 0.0, 25.0)
+    ticks = round(seconds * sim.design.tick_hz)
     streams = sim.advance(ticks, 0.0, 25.0, probe_ticks=ticks)
     probe = sim.read_out(streams, 25.0)
     return nodes.read(probe._replace(fx_hz=checked.plant.fx_hz))

@@ -1,6 +1,6 @@
 """What a laboratory has in hand: one board on a rate table in an oven, its host port, and a counter.
 
-    write, read    the register map                        rows     codes and words at 8 kHz, as the host reads them
+    write, read    the register map                        rows     codes and words of each frame, as a host reads them
     rate, oven     what the table and the oven are set to  counter  interval between a reference pin and a voltage
 
 No truth leaves this module but through `Judge`, which a procedure is never given.
@@ -14,13 +14,12 @@ from typing import NamedTuple
 import numpy as np
 
 from fpga_model import dds, registers, sequencer
-from fpga_model.rates import FRAME_TICKS, TICK_CYCLES, TICK_HZ
 from testbench.errors import ConfigError
 from testbench.paper.calibration import counter
-from testbench.run import budget, build, design_check, simulate
+from testbench.paper.calibration.grid import Grid
+from testbench.run import budget, build, simulate
 from testbench.run.simulation import DEG, FRAME, Simulation
 
-FRAME_S = FRAME_TICKS / TICK_HZ
 PHASE_REGISTERS = ("phase_drive_sine", "phase_sense_sine", "phase_drive_ref", "phase_sense_ref")
 GATE_S, COUNTED_S, STAMP_S = 0.25, 1.0, 0.5
 OFFSET_HZ, OFFSET_WAIT_S, OFFSET_S = 80.0, 0.6, 1.0
@@ -39,7 +38,7 @@ class _Rows:
 
 
 class Rows:
-    """8 kHz rows of a segment: `rows["rate_word"]`.
+    """Rows of a segment, one a frame: `rows["rate_word"]`.
 
     stamps  instants of the reference grid, from the first row's on, at which edges of a sgn(sin) have left
     """
@@ -71,6 +70,7 @@ class Bench:
     config   what the board is; the procedure on the bench does not look into it
     engine   name of an engine instead of that of the configuration
     drawing  the nominal board: what the procedure may know of the board
+    design   rates and word lengths of its firmware
     pace     how many times longer than the default's loops the slowest of this board takes to settle
     slower   how many times slower than the default's the rate loop is, a whole number
     part     part of the default's rates that is within this board's range
@@ -78,9 +78,9 @@ class Bench:
     """
 
     def __init__(self, config, rate_dps=0.0, temp_degc=25.0, engine=None):
-        design_check.default_only(config, "the bench of calibration")
         self._sim = Simulation(config, temp_degc, temp_degc, engine=engine)
         self._sim.keep_codes = self._sim.keep_rows = False
+        self.design = self._sim.design
         self.drawing, self.pace = config.nominal_device(), simulate.pace(config)
         self.slower = simulate.rate_loop_pace(config)
         largest_dps = self.drawing.sense_dac_span_v / abs(build.nominal(config)["word_v_per_deg_s"])
@@ -89,7 +89,7 @@ class Bench:
         self.offset_codes = self._offsets(config)
         if simulate.start(config, self._sim, rate_dps * DEG, temp_degc) is None:
             raise ConfigError(f"bench: the board does not lock within {simulate.lock_limit_s(config):g} s")
-        ready = round(READY_S * self.pace * TICK_HZ)
+        ready = self._ticks(READY_S * self.pace)
         if self._sim.tick < ready:
             self._run(ready - self._sim.tick)
 
@@ -100,12 +100,15 @@ class Bench:
         """
         self._sim.now = (np.array([self.rate_dps * DEG]), np.array([self.temp_degc]))
         self.write("control", 0)
-        self.write("frequency_fixed", dds.word_of_hz(config.firmware.nominal_frequency_hz + OFFSET_HZ))
+        self.write("frequency_fixed", dds.word_of_hz(config.firmware.nominal_frequency_hz + OFFSET_HZ, self.design))
         self.wait(OFFSET_WAIT_S)
         rows = self.record(OFFSET_S)
         found = {name: rows.hann(name) for name in ("adc_drive_sin", "adc_drive_cos", "adc_sense_sin", "adc_sense_cos")}
         self.write("control", sequencer.RUN)
         return found
+
+    def _ticks(self, seconds):
+        return round(seconds * self.design.tick_hz)
 
     def _run(self, ticks):
         self._sim.advance(ticks, self.rate_dps * DEG, self.temp_degc)
@@ -113,7 +116,17 @@ class Bench:
     @property
     def time_s(self):
         """Time since power-on."""
-        return self._sim.tick / TICK_HZ
+        return self._sim.tick / self.design.tick_hz
+
+    @property
+    def frame_s(self):
+        """Time from row to row."""
+        return 1 / self.design.frame_hz
+
+    @property
+    def lsb_hz(self):
+        """Nominal frequency of one LSB of the DDS."""
+        return self.design.master_hz / 2**self.design.dds_bits
 
     @property
     def locked(self):
@@ -122,7 +135,7 @@ class Bench:
 
     def wait(self, seconds):
         """Let time pass."""
-        self._run(round(seconds * TICK_HZ))
+        self._run(self._ticks(seconds))
 
     def settle(self, seconds):
         """Wait as long as this board's loops need where the default's need `seconds`."""
@@ -132,7 +145,7 @@ class Bench:
         """`Rows` of the next seconds; `rate_dps` an array of one value per frame, or the table's rate."""
         with self._rows() as sink:
             rate = np.atleast_1d(self.rate_dps if rate_dps is None else rate_dps) * DEG
-            self._sim.advance(round(seconds * TICK_HZ), rate, self.temp_degc)
+            self._sim.advance(self._ticks(seconds), rate, self.temp_degc)
         return Rows(sink.pieces)
 
     def stamped(self, seconds):
@@ -154,11 +167,11 @@ class Bench:
 
     def _first_row(self):
         """Tick at which the next row begins."""
-        return -(-self._sim.tick // FRAME_TICKS) * FRAME_TICKS
+        return -(-self._sim.tick // self.design.frame_ticks) * self.design.frame_ticks
 
     def _gates(self, seconds):
         """(first tick, `nodes.Probe`) of gates of GATE_S, one after the other."""
-        ticks = round(GATE_S * TICK_HZ)
+        ticks = self._ticks(GATE_S)
         for _ in range(round(seconds / GATE_S)):
             first = self._sim.tick
             streams = self._sim.advance(ticks, self.rate_dps * DEG, self.temp_degc, probe_ticks=ticks)
@@ -166,7 +179,7 @@ class Bench:
 
     def _stamps(self, ticks, probe, channel):
         """Instants of the grid of a segment that begins `ticks` after the first row."""
-        return (TICK_CYCLES * ticks + counter.stamps(probe, channel)) // self.grid_clocks
+        return (self.design.tick_clocks * ticks + counter.stamps(probe, channel)) // self.grid.clocks
 
     def write(self, name, raw):
         """Host write of a register."""
@@ -183,12 +196,11 @@ class Bench:
 
     def advance_phase_deg(self, name, degrees):
         """Add to a phase word; positive advances its output."""
-        width = registers.BY_NAME[name].fmt.width
-        self.write(name, (self.read(name) + dds.offset_of_deg(degrees)) % (1 << width))
+        self.write(name, (self.read(name) + dds.offset_of_deg(degrees, self.design)) % self.grid.turn)
 
     def phases_deg(self):
         """The four phase words, degrees within -180 .. 180."""
-        turn = 1 << registers.BY_NAME[PHASE_REGISTERS[0]].fmt.width
+        turn = self.grid.turn
         return {n: ((self.read(n) + turn // 2) % turn - turn // 2) * 360.0 / turn for n in PHASE_REGISTERS}
 
     def counter(self, channel):
@@ -201,9 +213,9 @@ class Bench:
         return counter.read(gates), Rows(sink.pieces, np.concatenate(stamps))
 
     @property
-    def grid_clocks(self):
-        """Grid of the reference edges, as the firmware is built."""
-        return TICK_CYCLES if self._sim.config.firmware.reference_retimed else 1
+    def grid(self):
+        """`Grid` of the reference edges, as the firmware is built."""
+        return Grid(self.design.tick_clocks if self._sim.config.firmware.reference_retimed else 1, self.design)
 
 
 class Residuals(NamedTuple):
@@ -232,7 +244,7 @@ class Judge:
         """`Residuals` of the registers as they are."""
         config, bench = self._sim.config, self._bench
         words = bench.phases_deg()
-        frequency_hz = bench.read("frequency") * build.clock_hz(config) / 2**48
+        frequency_hz = bench.read("frequency") * build.lsb_hz(config)
         bare = config.model_copy(
             update={"firmware": config.firmware.model_copy(update={f"{n}_deg": 0.0 for n in PHASE_REGISTERS})}
         )

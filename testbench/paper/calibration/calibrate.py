@@ -22,9 +22,8 @@ from scipy.optimize import brentq, least_squares
 
 from analog_frontend.parts import sid
 from fpga_model import cordic, sequencer
-from fpga_model.rates import MASTER_HZ
 from testbench.paper.calibration import grid
-from testbench.paper.calibration.bench import FRAME_S, PHASE_REGISTERS, log_cosine_ratio
+from testbench.paper.calibration.bench import PHASE_REGISTERS, log_cosine_ratio
 
 NODES = ("xe1", "xe2", "ye1", "ye2")
 REGISTER = dict(zip(NODES, ("phase_drive_sine", "phase_drive_ref", "phase_sense_sine", "phase_sense_ref")))
@@ -128,14 +127,14 @@ class TurnedReading:
 def _stamped(bench, rows, of="drive"):
     """(words, `grid.Start`) of rows in which the pin of a channel was stamped."""
     words = rows["frequency_word"]
-    return words, grid.start(words, rows.stamps, bench.read(f"phase_{of}_ref"), bench.grid_clocks)
+    return words, grid.start(words, rows.stamps, bench.read(f"phase_{of}_ref"), bench.grid)
 
 
 def late(bench, rows, weights, channel="drive", of="drive", cosine=False):
     """`grid.Late` of a channel's sgn(sin) or sgn(cos) over stamped rows; `of` the channel whose pin was stamped."""
     words, begun = _stamped(bench, rows, of)
-    offset = bench.read(f"phase_{channel}_ref") + cosine * grid.TURN // 4
-    return grid.late(words, weights, begun, offset, bench.grid_clocks)
+    offset = bench.read(f"phase_{channel}_ref") + cosine * bench.grid.turn // 4
+    return grid.late(words, weights, begun, offset, bench.grid)
 
 
 def rung(bench, rows, omega):
@@ -144,11 +143,11 @@ def rung(bench, rows, omega):
     The ring, 20 times as large before the demodulator, times a line of the reference's lateness at the same place.
     """
     words, begun = _stamped(bench, rows)
-    weights, step, x = grid.hann(len(rows)), omega * FRAME_S, rows["adc_sense_cos"].astype(float)
+    weights, step, x = grid.hann(len(rows)), omega * bench.frame_s, rows["adc_sense_cos"].astype(float)
     seen = 2 * abs(np.sum(weights * (x - x.mean()) * np.exp(-1j * step * np.arange(len(x))))) / weights.sum()
     corner_hz = sid.corner_hz(bench.drawing.sid_r_ohm * bench.drawing.sid_c_f)
     ahead = abs(1 + 1j * omega / (2 * math.pi * corner_hz)) ** sid.STAGES
-    line = grid.line_deg(words, weights, begun, bench.read("phase_sense_ref"), bench.grid_clocks, step)
+    line = grid.line_deg(words, weights, begun, bench.read("phase_sense_ref"), bench.grid, step)
     return seen * ahead * math.radians(line) / math.sqrt(2)
 
 
@@ -258,7 +257,7 @@ def force_interval(bench, turns_deg=COUNTER_TURNS_DEG):
     return found
 
 
-def ring(codes, split_hz, frame_s=FRAME_S):
+def ring(codes, split_hz, frame_s):
     """Split (rad/s) and decay time (s) of the line that rings in a record of codes, near the drawing's split."""
     x = codes - codes.mean()
     n = len(x)
@@ -279,7 +278,7 @@ def ring(codes, split_hz, frame_s=FRAME_S):
     return omega, -1.0 / float(np.polyfit(t, level, 1)[0])
 
 
-def ring_of_step(codes, split_hz, decay_s, rc_s, frame_s=FRAME_S):
+def ring_of_step(codes, split_hz, decay_s, rc_s, frame_s):
     """As `ring`, of a line that has gone before the codes are read: from the codes right after a chop.
 
     decay_s  of the drawing;  rc_s  of the demodulator, whose own transient is left out
@@ -324,9 +323,9 @@ def chop(bench, turns_deg=CHOP_TURNS_DEG):
         x, y = (late(bench, records[1], weights, channel) for channel in ("drive", "sense"))
         angles.append(math.degrees(math.atan((i1 - (i0 + i2) / 2) / moved)) - x.deg + y.deg)
         if decay_s < CHOP_SETTLE_S * bench.pace / 4:
-            rings.append(ring_of_step(steps[1], abs(split_hz), decay_s, rc_s))
+            rings.append(ring_of_step(steps[1], abs(split_hz), decay_s, rc_s, bench.frame_s))
         else:
-            rings.append(ring(records[1]["adc_sense_cos"].astype(float), abs(split_hz)))
+            rings.append(ring(records[1]["adc_sense_cos"].astype(float), abs(split_hz), bench.frame_s))
         off = [share * rung(bench, rows, rings[-1][0]) for share, rows in zip((0.5, 1.0, 0.5), records)]
         left.append(math.hypot(x.sd_deg, y.sd_deg, math.degrees(math.hypot(*off) / moved)))
         opened.append(abs(q1))
@@ -335,7 +334,7 @@ def chop(bench, turns_deg=CHOP_TURNS_DEG):
     bench.set_control(0)
     bench.settle(SETTLE_S)
     split, decay_s = (float(np.median([r[j] for r in rings])) for j in range(2))
-    drive = 2 * math.pi * bench.read("frequency") * MASTER_HZ / 2**48
+    drive = 2 * math.pi * bench.read("frequency") * bench.lsb_hz
     split = math.copysign(split, split_hz)
     lead_deg = math.degrees(math.atan(2 * drive / (decay_s * split * (2 * drive - split))))
     decay_spread = float(np.std([r[1] for r in rings])) / decay_s

@@ -37,7 +37,7 @@ def one(config, temp_degc, compare, say, engine=None):
         "second_pass_uncertainty_deg": {
             node: math.hypot(again[node].uncertainty_deg, done.first.left_deg[node]) for node in NODES
         },
-        "registers": {name: offset_of_deg(value) for name, value in words.items()},
+        "registers": {name: offset_of_deg(value, bench.design) for name, value in words.items()},
         "phases_deg": words,
         "cases_deg": {str(case): values for case, values in done.cases.items()},
         "frequency_hz": truth.frequency_hz,

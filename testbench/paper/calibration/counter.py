@@ -121,8 +121,7 @@ def gate(probe, channel):
     pin = PINS[channel]
     return Gate(
         crossings_turns(probe, channel),
-        edge_errors_turns(probe.edges, pin),
-        edge_errors_turns(probe.edges, pin + 1),
+        *(edge_errors_turns(probe.edges, pin + cosine, probe.design.dds_bits) for cosine in (0, 1)),
     )
 
 

@@ -13,11 +13,11 @@ import math
 
 import numpy as np
 
-from fpga_model.rates import MASTER_HZ
 from testbench.campaign.plan.engines import Engine
 from testbench.paper.calibration.bench import Bench
 from testbench.paper.calibration.calibrate import SETTLE_S
 from testbench.paper.measure import measure_allan, measure_bandwidth, measure_scale
+from testbench.run import design_check
 
 WARM_S = 4.0
 PIECE_S = 20.0
@@ -68,7 +68,7 @@ def characterise(config, say=None, engine=None, rest_s=None, temp_degc=None):
     told(f"{rest_s:g} s at rest")
     rest, means = at_rest(bench, rest_s)
     rate = rest / scale.lsb_per_dps
-    base_s = measure_allan.BASE_FRAMES * 125e-6
+    base_s = measure_allan.BASE_FRAMES * bench.frame_s
     out = {
         "locked": int(bench.locked),
         "temperature_degc": temp_degc,
@@ -79,7 +79,7 @@ def characterise(config, say=None, engine=None, rest_s=None, temp_degc=None):
         "quadrature_v": (means["quadrature_code"] + 0.5) / 2**16 * drawing.quad_dac_span_v,
         "bias_dps": float(rate.mean()),
         "bias_sigma_dps": None,
-        "frequency_hz": means["frequency_word"] * MASTER_HZ / 2**48,
+        "frequency_hz": means["frequency_word"] * bench.lsb_hz,
         "drive_v": means["amplitude_word"] / 2**23 * drawing.drive_dac_span_v,
         "bandwidth_hz": lines.bandwidth_hz,
         "bandwidth_swept_hz": swept.bandwidth_hz,
@@ -133,8 +133,8 @@ def play(configs, sinks):
 def engine_of(config):
     """The engine for hours, unless the configuration asks for the clocked one or for what only the others can do."""
     plain = config.firmware.board == "analog_sid" and config.firmware.adc_clock == "synchronous"
-    off = type(config.effects)() == config.effects
-    return "baseband" if plain and off and config.scenario.engine != "clocked" else config.scenario.engine
+    off, rates = type(config.effects)() == config.effects, design_check.has_default_rates(config)
+    return "baseband" if plain and off and rates and config.scenario.engine != "clocked" else config.scenario.engine
 
 
 def _compile():

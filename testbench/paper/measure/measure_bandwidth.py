@@ -15,8 +15,6 @@ from typing import NamedTuple
 import numpy as np
 from scipy import signal
 
-from testbench.paper.calibration.bench import FRAME_S
-
 LINES_S = 8.0  # record; lines are multiples of 1/8 Hz
 LINES_HZ = (0.5, 1.0, 2.0, 4.0, 6.0, 8.0, 10.0, 13.0, 16.0, 19.0, 22.0, 24.0, 25.0, 26.0, 27.0, 28.0, 30.0, 33.0, 37.0,
             42.0, 48.0, 54.0, 60.0, 75.0, 100.0, 125.0)  # fmt: skip
@@ -45,9 +43,9 @@ def crossing_hz(frequency_hz, gain_db, level_db=HALF_DB):
     return math.nan
 
 
-def multisine_dps(frames, first=0, slower=1):
+def multisine_dps(frames, frame_s, first=0, slower=1):
     """Rate per frame of the multisine (deg/s), at the middle of each frame."""
-    t = (first + np.arange(frames) + 0.5) * FRAME_S
+    t = (first + np.arange(frames) + 0.5) * frame_s
     count = len(LINES_HZ)
     out = np.zeros(frames)
     for k, f in enumerate(lines_hz(slower)):
@@ -69,34 +67,35 @@ def _response(f, h, lsb_per_dps):
 
 def multisine(bench, lsb_per_dps):
     """`Response` from the multisine; gains are relative to `lsb_per_dps`."""
-    slower = bench.slower
-    lead, frames = slower * round(LEAD_S / FRAME_S), slower * round(LINES_S / FRAME_S)
-    rows = bench.record(slower * (LEAD_S + LINES_S), bench.part * multisine_dps(lead + frames + 2, 0, slower))
+    slower, frame_s = bench.slower, bench.frame_s
+    lead, frames = slower * round(LEAD_S / frame_s), slower * round(LINES_S / frame_s)
+    played = bench.part * multisine_dps(lead + frames + 2, frame_s, 0, slower)
+    rows = bench.record(slower * (LEAD_S + LINES_S), played)
     words = rows["rate_word"][lead : lead + frames].astype(float)
     # rows of a segment begin with the first frame that begins in it
     k = lead + np.arange(frames)
     f = lines_hz(slower)
-    word = np.exp(-2j * np.pi * np.outer(f, k * FRAME_S)) @ (words - words.mean())
-    rate = np.exp(-2j * np.pi * np.outer(f, (k + 0.5) * FRAME_S)) @ multisine_dps(frames, lead, slower)
+    word = np.exp(-2j * np.pi * np.outer(f, k * frame_s)) @ (words - words.mean())
+    rate = np.exp(-2j * np.pi * np.outer(f, (k + 0.5) * frame_s)) @ multisine_dps(frames, frame_s, lead, slower)
     return _response(f, word / (bench.part * rate), lsb_per_dps)
 
 
 def swept(bench, lsb_per_dps):
     """`Response` from a rate that is swept through the band; spectra smoothed over SMOOTH_HZ."""
-    slower = bench.slower
-    frames, still = slower * round(SWEEP_S / FRAME_S), slower * round(SWEEP_REST_S / FRAME_S)
-    t = (np.arange(frames + 2) + 0.5) * FRAME_S / slower
+    slower, frame_s = bench.slower, bench.frame_s
+    frames, still = slower * round(SWEEP_S / frame_s), slower * round(SWEEP_REST_S / frame_s)
+    t = (np.arange(frames + 2) + 0.5) * frame_s / slower
     rate = bench.part * SWEEP_DPS * signal.chirp(t, SWEEP_HZ[0], SWEEP_S, SWEEP_HZ[1], method="linear")
     rate = np.concatenate([rate[:frames], np.zeros(still + 2)])
     rows = bench.record(slower * (SWEEP_S + SWEEP_REST_S), rate)
     words = rows["rate_word"].astype(float)
     n = min(len(words), frames + still)
     words = words[:n] - words[-still // 4 :].mean()
-    f = np.fft.rfftfreq(n, FRAME_S)
+    f = np.fft.rfftfreq(n, frame_s)
     x, y = np.fft.rfft(rate[:n]), np.fft.rfft(words)
     # the rate of a frame counts at its middle
-    cross = y * np.conj(x) * np.exp(1j * np.pi * f * FRAME_S)
-    width = max(1, round(SMOOTH_HZ / slower * n * FRAME_S))
+    cross = y * np.conj(x) * np.exp(1j * np.pi * f * frame_s)
+    width = max(1, round(SMOOTH_HZ / slower * n * frame_s))
     window = np.ones(width) / width
     h = np.convolve(cross, window, "same") / np.convolve(np.abs(x) ** 2, window, "same")
     centre = np.flatnonzero((f >= 2.0 / slower) & (f <= 60.0 / slower))[:: max(1, width // 2)]

@@ -19,8 +19,6 @@ from testbench import config
 from testbench.errors import ConfigError
 from testbench.flatten import format_leaves, leaves
 from testbench.measured.record import produce
-from testbench.paper.calibration import bench
-from testbench.paper.loop import parts
 from testbench.run import build, design_check
 from testbench.run.simulation import Simulation
 
@@ -210,9 +208,8 @@ def test_a_board_of_another_design(name):
 @pytest.mark.parametrize("key", ["master_hz", "tick_clocks", "dds_bits", "sine_bits"])
 def test_what_is_of_the_default_design_alone_refuses_another(key):
     cfg = config.changed(config.Config(), {f"design.{key}": getattr(DEFAULT, key) + 1 - 2 * (key == "dds_bits")})
-    for made in (parts.parts, bench.Bench, lambda c: produce.Board(c, 25.0, 25.0, False)):
-        with pytest.raises(ConfigError, match=f"design.{key} = .* of the default design"):
-            made(cfg)
+    with pytest.raises(ConfigError, match=f"design.{key} = .* of the default design"):
+        produce.Board(cfg, 25.0, 25.0, False)
 
 
 def test_the_averaged_plant_takes_word_lengths_and_no_other_rate():

@@ -7,10 +7,12 @@ import pytest
 
 from testbench.paper import comparison, temperature
 from testbench.paper.calibration import boards
-from testbench.paper.calibration.bench import FRAME_S, log_cosine_ratio
+from testbench.paper.calibration.bench import log_cosine_ratio
 from testbench.paper.calibration.calibrate import Readings, ring, ring_of_step
 from testbench.paper.measure import measure_allan, measure_bandwidth, measure_scale
 from tests.testbench.bench_setup import configured
+
+FRAME_S = 125e-6
 
 allantools = pytest.importorskip("allantools")
 
@@ -27,7 +29,7 @@ def test_ring_gives_split_and_decay_back():
     t = np.arange(40000) * FRAME_S
     rng = np.random.default_rng(1)
     x = 143000 + 3000 * np.exp(-t / 5.8) * np.cos(2 * np.pi * 139.0 * t + 0.3) + 100 * rng.normal(size=len(t))
-    split, decay_s = ring(x, 130.0)
+    split, decay_s = ring(x, 130.0, FRAME_S)
     assert split / (2 * math.pi) == pytest.approx(139.0, abs=0.002)
     assert decay_s == pytest.approx(5.8, rel=0.01)
 
@@ -39,7 +41,7 @@ def test_a_ring_that_is_soon_gone_is_read_from_the_step(decay_s):
     noise = 60 * np.random.default_rng(2).normal(size=len(t))
     line = 1e5 * np.exp(-t / decay_s) * np.cos(2 * np.pi * 53.2 * t - 0.4)
     own = 9e4 * (t / 3.2e-3) ** 2 * np.exp(-t / 3.2e-3)
-    split, found_s = ring_of_step(-2e5 + line + own + noise, 48.0, 0.036, 3.2e-3)
+    split, found_s = ring_of_step(-2e5 + line + own + noise, 48.0, 0.036, 3.2e-3, FRAME_S)
     assert split / (2 * math.pi) == pytest.approx(53.2, rel=3e-3)
     assert found_s == pytest.approx(decay_s, rel=0.02)
 
@@ -107,7 +109,7 @@ def test_bandwidth_of_a_pole():
     """A pole at 26 Hz behind the multisine: gain and phase, and where it crosses -3.01 dB."""
 
     class Bench:
-        slower, part = 1, 1.0
+        slower, part, frame_s = 1, 1.0, FRAME_S
 
         def record(self, seconds, rate_dps):
             n = round(seconds / FRAME_S)
