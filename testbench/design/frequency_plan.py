@@ -1,7 +1,8 @@
 """Frequency plan: where the drive frequency, its harmonics, carrier and converters meet, before anything runs.
 
     ticks     f_tick / 2f = p / q: re-timed edges repeat q places of the tick. Near it their mean lateness is a sawtooth
-              of 1/q tick with the beat |q f_tick - 2 p f|
+              of 1/q tick with the beat |q f_tick - 2 p f|. A step of the frequency word moves the beat by 2 p steps,
+              and the loop takes both words next to f
     frames    the SID's ripple at h f, h = 1 and 2, is seen at its distance to a multiple of f_frame, weakened by three
               poles of the SID and by the converter's sinc3
     carrier   the DAC's image k f_tick +- f reaches the drive frequency by the carrier, off by |f_carrier - k f_tick|
@@ -47,11 +48,11 @@ class Slide(NamedTuple):
 
 def slides(f_hz, design=DEFAULT):
     """[Slide, ...] of all ratios up to MOST_PLACES near a drive frequency, the slowest beat first."""
-    found = []
+    found, step_hz = [], design.master_hz / 2**design.dds_bits
     for q in range(1, MOST_PLACES + 1):
         p = round(q * design.tick_hz / (2 * f_hz))
         if p and math.gcd(p, q) == 1:
-            beat = abs(q * design.tick_hz - 2 * p * f_hz)
+            beat = max(abs(q * design.tick_hz - 2 * p * f_hz) - 2 * p * step_hz, 0.0)
             found.append(Slide(q, q * design.tick_hz / (2 * p), beat, 360 * f_hz / design.tick_hz / q))
     return sorted(found, key=lambda s: s.beat_hz)
 

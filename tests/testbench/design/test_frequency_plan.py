@@ -34,6 +34,15 @@ def test_at_an_exact_ratio_edges_stand_still(f_hz, places):
     assert np.ptp(seen) == pytest.approx(slow.wander_deg, rel=0.03)
 
 
+def test_near_a_ratio_a_coarse_word_takes_them_there():
+    """Words of 32 bits on either side of f: one of them is nearer to the exact ratio than the other is to f."""
+    d = DEFAULT._replace(dds_bits=32)
+    step_hz = d.master_hz / 2**32
+    assert frequency_plan.slides(12500.0 + 0.9 * step_hz, d)[0].beat_hz == 0.0
+    fine = frequency_plan.slides(12500.0 + 2.5 * step_hz)[0].beat_hz
+    assert frequency_plan.slides(12500.0 + 2.5 * step_hz, d)[0].beat_hz == pytest.approx(0.6 * fine, rel=1e-4)
+
+
 def test_near_a_ratio_they_wander_with_the_beat():
     f_hz = 12500.0 + 0.02
     slow = frequency_plan.slides(f_hz)[0]
