@@ -113,6 +113,7 @@ def _complaints(said, bench, manifest):
     widths = {p["name"]: p["width"] for p in manifest["inputs"]}
     widths |= {name: p["width"] for name, p in loggers.results(manifest)}
     widths |= {name: width for name, width, _, _ in loggers.parameters(manifest)}
+    widths |= {key["name"]: 32 for key in loggers.keys(manifest)}
     out = {}
     # only what is said of the bench: a part inside the design may have ports of the same names
     for line in (line for line in said.splitlines() if re.search(r"(^|\s)log\.v(hd)?:\d", line)):

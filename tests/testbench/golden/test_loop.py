@@ -293,8 +293,8 @@ def test_the_example_names_tick_and_clock_of_a_slip(tmp_path):
     shutil.copytree(RTL, tmp_path / "rtl")
     path = tmp_path / "rtl" / "rates.v"
     text = path.read_text()
-    (right,) = re.findall(r"LAST_CYCLE = 5'd25", text)
-    path.write_text(text.replace(right, "LAST_CYCLE = 5'd24"))
+    (right,) = re.findall(r"LAST_CYCLE = TICK_CLOCKS - 1", text)
+    path.write_text(text.replace(right, "LAST_CYCLE = TICK_CLOCKS - 2"))
     code, said = example(tmp_path / "rtl", 4)
     assert code == 1
     assert re.search(
