@@ -130,6 +130,8 @@ def export(name, out, progress=None, config=None, frames=top.BOARD_FRAMES):
 
     settings, firmware = (None, None) if config is None else design_entry.board(config)
     known = blocks.BLOCKS if config is None else blocks.of_firmware(firmware)
+    if config is not None and name in ("all", top.STEM):
+        top.check_board(firmware, frames)
     listed = [] if name == top.STEM else chosen(name, [top.STEM], known)
     if name in ("all", top.STEM):
         listed.append(top.block(dict.fromkeys(top.CASES if config is None else top.BOARD_CASES)))

@@ -243,7 +243,20 @@ def export_case(case, out):
 
 
 BOARD_CASES = ("reset", "power_on")
-BOARD_FRAMES = 400  # of the loop that is closed for an export
+BOARD_FRAMES, MOST_FRAMES = 400, 80_000  # of a loop that is closed for an export
+
+
+def check_frames(frames):
+    """Raise ConfigError for a length of which no loop is closed."""
+    if not 1 <= frames <= MOST_FRAMES:
+        raise ConfigError(f"--frames = {frames} is outside 1 .. {MOST_FRAMES}")
+
+
+def check_board(firmware, frames):
+    """Raise ConfigError for what `export_board` cannot write."""
+    check_frames(frames)
+    if firmware.control.notch is not None:
+        raise ConfigError("firmware.notch_hz: the Verilog of the whole design has no notch; set it to 0")
 
 
 def export_board(firmware, config, case, out, frames=BOARD_FRAMES, progress=None):
@@ -251,13 +264,15 @@ def export_board(firmware, config, case, out, frames=BOARD_FRAMES, progress=None
 
     reset     codes of the shipped case, in the frames of the board: no plant
     power_on  the loop of the board is closed for so many frames from power-on
+    Raises ConfigError for a firmware that the RTL of the whole design has not.
     """
+    check_board(firmware, frames)
     from testbench.golden.recording import record  # it knows plant and engine, which no other export does
 
     if case == "reset":
         r = record.reset_case(recording.load("story"), firmware)
     else:
-        made = record.Case(config=config, firmware=lambda _: firmware, frames=frames, row_every=1)
+        made = record.Case(config, lambda _: firmware, frames, row_every=max(1, frames // BOARD_FRAMES))
         r = record.closed_loop(case, made, progress)
     return write(r._replace(windows=record.windows_of(r)), Path(out) / STEM / case, of_board=True)
 

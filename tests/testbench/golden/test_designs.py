@@ -1,14 +1,17 @@
 """Bundles and reference RTL of other designs: boards of the repository, random designs, constants left in the RTL."""
 
+import inspect
 import re
 import shutil
 
 import pytest
+from typer.testing import CliRunner
 
 from fpga_model.block import keys
 from fpga_model.design_record import DEFAULT, Design
 from testbench import config
 from testbench.errors import ConfigError, FileError
+from testbench.golden import cli
 from testbench.golden.bundles import bundle, design_entry, export, recompute, top
 from testbench.golden.check import rtl_run
 from testbench.golden.recording import record, recording
@@ -316,13 +319,33 @@ def test_a_design_without_the_key_is_named(low_cost, tmp_path):
         ("[design]\ndds_bits = 60\n", "design.dds_bits"),
         ("[design]\nmaster_hz = 36000000\n", "design.master_hz = 36000000 Hz is above 35000000 Hz"),
         ("[design]\ndds_bits = 24\nsine_address_bits = 4\n", "frequency loop with dds_bits = 24 bits"),
+        ("[firmware]\nnotch_hz = 139.0\n", "firmware.notch_hz: the Verilog of the whole design has no notch"),
     ],
 )
 def test_a_design_that_cannot_work_is_one_clear_line(text, said, tmp_path):
     (tmp_path / "board.toml").write_text(text)
     with pytest.raises(ConfigError, match=said):
-        export.export("dds", tmp_path / "out", config=tmp_path / "board.toml")
+        export.export("all", tmp_path / "out", config=tmp_path / "board.toml")
     assert not (tmp_path / "out").exists()
+
+
+def test_options_that_do_not_fit_are_one_clear_line(tmp_path):
+    def said(*words):
+        done = CliRunner().invoke(cli.app, words)
+        assert isinstance(done.exception, ConfigError)
+        return str(done.exception)
+
+    given = ("export", "top", "--out", str(tmp_path), "--config", str(LOW_COST))
+    assert said(*given, "--frames", "0") == "--frames = 0 is outside 1 .. 80000"
+    assert said("loop", "--rtl", str(RTL), "--set", "scenario.seconds=1") == "--set: needs --config"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_page_states_what_is_exported_of_a_board():
+    page = (BOARDS.parent / "golden.md").read_text()
+    assert all(f"| `top/{case}` |" in page for case in top.BOARD_CASES)
+    assert f"from power-on for {top.BOARD_FRAMES} frames" in page
+    assert inspect.signature(cli.export).parameters["frames"].default == top.BOARD_FRAMES
 
 
 EDITS = [
