@@ -47,8 +47,8 @@ def registers_part():
             cells.append((name, str(fmt), str(lo), str(hi), str(found[0].headroom)))
         heads = ("register", "format", "proven min", "proven max", "headroom bits")
         parts.append(f"### {block.stem}, case {case}\n\n{_markdown(heads, cells, (2, 3, 4))}")
-        if ranges.relations_text(block.stem):
-            parts[-1] += f"\n\nRelations: {'; '.join(f'`{one}`' for one in ranges.relations_text(block.stem))}."
+        if ranges.relations_text(block):
+            parts[-1] += f"\n\nRelations: {'; '.join(f'`{one}`' for one in ranges.relations_text(block))}."
     return "\n\n".join(parts)
 
 

@@ -20,19 +20,28 @@ from typing import NamedTuple, get_type_hints
 
 import fpga_model
 from fpga_model.design_record import DEFAULT, Design
-from fpga_model.fixed import Fmt, bits, formats
+from fpga_model.fixed import Fmt, at, bits, formats
 from fpga_model.jit import kernel
 
 BIT = bits(1)
 NOTHING = MappingProxyType({})
 
 
+def of_design(value, design):
+    """A value, or what a function of the design makes of it."""
+    return value(design) if callable(value) else value
+
+
 class Rom(NamedTuple):
-    """A table that the RTL loads: words of `width` bits."""
+    """A table that the RTL loads: `words` of `width` bits, or a function of the design that gives them."""
 
     name: str
     width: int
-    words: tuple
+    words: object
+
+    def at(self, design):
+        """The table of a design, in plain numbers."""
+        return Rom(self.name, int(at(self.width, design)), tuple(map(int, of_design(self.words, design))))
 
 
 class Block(NamedTuple):
@@ -49,6 +58,8 @@ class Block(NamedTuple):
     idle            {input: value} of the quiet state, 0 if not named
     runtime_params  whether the parameters are inputs of the RTL
 
+    Cases, relations and stops that follow the design are functions of its record.
+
     Hints of the range proofs (docs/ranges.md); they decide how tight a proof is, never whether it holds:
     split           registers whose value has a box of its own; `name?` only tells 0 from the rest
     relations       sums {register: coefficient} that are kept as tightly as the registers
@@ -62,7 +73,7 @@ class Block(NamedTuple):
     outputs: dict = NOTHING
     functions: dict = NOTHING
     holds: dict = NOTHING
-    cases: dict | None = None
+    cases: object = None
     rules: dict = NOTHING
     strobes: tuple = ()
     wait: int = 0
@@ -71,8 +82,8 @@ class Block(NamedTuple):
     roms: tuple = ()
     runtime_params: bool = False
     split: tuple = ()
-    relations: tuple = ()
-    stops: tuple = ()
+    relations: object = ()
+    stops: object = ()
     apart: bool = False
 
 
@@ -223,11 +234,36 @@ def rules(module):
             for name, rule in found.items()}  # fmt: skip
 
 
-def cases(module):
+def cases(module, design=DEFAULT):
     """{name: Params, or None where there are none}."""
     if module.BLOCK.cases is not None:
-        return module.BLOCK.cases
+        return of_design(module.BLOCK.cases, design)
     return {"default": module.design() if parameters(module) else None}
+
+
+class _Noted:
+    """The default design, which notes the keys that are read."""
+
+    def __init__(self):
+        self.read = set()
+
+    def __getattr__(self, name):
+        self.read.add(name)
+        return getattr(DEFAULT, name)
+
+
+def at_reset(module, design=DEFAULT):
+    """The registers of a block of a design at power-on."""
+    return module.reset(design) if hasattr(module, "reset") else module.State()
+
+
+def keys(module):
+    """The keys of the design that formats and reset values of a block depend on: parameters of its RTL, in capitals."""
+    noted = _Noted()
+    for of in (parameters, inputs, pins, at_reset):
+        of(module, noted)
+    formats(module.State, noted)
+    return tuple(key for key in Design._fields if key in noted.read)
 
 
 # ---- runners ---------------------------------------------------------------------------------------------------------

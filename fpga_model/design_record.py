@@ -6,9 +6,10 @@ Formats   each field unsigned, of the bits in its annotation
 Source    docs/blocks/design_record.md (what each field means, and its limits)
 """
 
+from functools import cache
 from typing import NamedTuple
 
-from fpga_model.fixed import Width, bits
+from fpga_model.fixed import Term, Width, bits
 
 
 class Design(NamedTuple):
@@ -41,11 +42,17 @@ class Design(NamedTuple):
 DEFAULT = Design()
 
 
+@cache
 def width(key):
     """The width that a key of the design holds."""
-    return Width(getattr(DEFAULT, key), lambda design: getattr(design, key))
+    return Width(0, {Term(key.upper(), getattr(DEFAULT, key), lambda design: getattr(design, key)): 1})
 
 
+@cache
 def count_width(key):
     """The width of a counter that runs from 0 to below what a key of the design holds."""
-    return Width((getattr(DEFAULT, key) - 1).bit_length(), lambda design: (getattr(design, key) - 1).bit_length())
+
+    def rule(design):
+        return (getattr(design, key) - 1).bit_length()
+
+    return Width(0, {Term(f"$clog2({key.upper()})", rule(DEFAULT), rule): 1})

@@ -24,31 +24,55 @@ MAX_WIDTH = 63
 # Widths that the design decides ---------------------------------------------------------------------------------------
 
 
-class Width(int):
-    """A number of bits that the design decides; `at(design)` is the number at that design."""
+class Term(NamedTuple):
+    """What the design decides of a width: its expression in the RTL, its default, and rule(design)."""
 
-    def __new__(cls, default, rule):
-        self = super().__new__(cls, default)
-        self.rule = rule
+    text: str
+    default: int
+    rule: object
+
+
+class Width(int):
+    """A number of bits that the design decides: a constant and terms {Term: how often}.
+
+    at(design)  the number at that design
+    text        the expression that gives it in the RTL
+    """
+
+    def __new__(cls, constant, terms):
+        self = super().__new__(cls, constant + sum(count * term.default for term, count in terms.items()))
+        self.constant, self.terms = constant, {term: count for term, count in terms.items() if count}
         return self
 
     def at(self, design):
         """The number at a design."""
-        return int(self.rule(design))
+        return int(self.constant + sum(count * term.rule(design) for term, count in self.terms.items()))
+
+    @property
+    def text(self):
+        """As `2*A-B+5`."""
+        signs = {1: "+", -1: "-"}
+        parts = [signs.get(count, f"{count:+d}*") + term.text for term, count in self.terms.items()]
+        return "".join([*parts, f"{self.constant:+d}" if self.constant else ""]).removeprefix("+")
 
     def __add__(self, other):
-        return Width(int(self) + int(other), lambda d: at(self, d) + at(other, d))
+        more = other if isinstance(other, Width) else Width(int(other), {})
+        terms = {term: self.terms.get(term, 0) + more.terms.get(term, 0) for term in (*self.terms, *more.terms)}
+        return Width(self.constant + more.constant, terms)
 
     __radd__ = __add__
 
+    def __neg__(self):
+        return Width(-self.constant, {term: -count for term, count in self.terms.items()})
+
     def __sub__(self, other):
-        return Width(int(self) - int(other), lambda d: at(self, d) - at(other, d))
+        return self + -other
 
     def __rsub__(self, other):
-        return Width(int(other) - int(self), lambda d: at(other, d) - at(self, d))
+        return other + -self
 
-    def __neg__(self):
-        return 0 - self
+
+RULES = object()  # in place of a design: widths stay as they are
 
 
 def at(number, design):
@@ -59,7 +83,8 @@ def at(number, design):
 def most(*numbers):
     """The largest of some widths."""
     if any(isinstance(n, Width) for n in numbers):
-        return Width(max(map(int, numbers)), lambda d: max(at(n, d) for n in numbers))
+        text = ", ".join(n.text if isinstance(n, Width) else str(n) for n in numbers)
+        return Width(0, {Term(f"max({text})", max(map(int, numbers)), lambda d: max(at(n, d) for n in numbers)): 1})
     return max(numbers)
 
 
@@ -92,8 +117,8 @@ class Fmt(NamedTuple):
         return self.lo <= raw <= self.hi
 
     def at(self, design):
-        """The format at a design, in plain ints; None for the default one."""
-        return Fmt(*(int(bits) if design is None else at(bits, design) for bits in self))
+        """The format at a design, in plain ints; None for the default one, `RULES` for widths that know their rule."""
+        return self if design is RULES else Fmt(*(int(bits) if design is None else at(bits, design) for bits in self))
 
 
 def formats(record, design=None, like=None):
@@ -101,7 +126,7 @@ def formats(record, design=None, like=None):
 
     A part `Record | None` is None, unless a record `like` has it.
 
-    design  a design record; None for the default one
+    design  as in `Fmt.at`
     """
     hints = get_type_hints(record).items()
     return record(*(_format(hint, design, getattr(like, name, None)) for name, hint in hints))

@@ -109,14 +109,14 @@ BLOCK = Block(
     inputs={"en_product": BIT, "en_code": BIT, "amplitude": AMPLITUDE, "sine": SINE},
     outputs={"out": CODE},
     latency={"product": 1, "code": LATENCY},
-    cases={
-        "dac16": design(16),
-        "dac20": design(20),
-        "dac16_frames1": design(16, 1),
-        "dac20_frames2": design(20, 2),
-        "dac2": design(2),
+    cases=lambda d: {
+        "dac16": design(16, d=d),
+        "dac20": design(20, d=d),
+        "dac16_frames1": design(16, 1, d),
+        "dac20_frames2": design(20, 2, d),
+        "dac2": design(2, d=d),
         # the negative limit of a real DAC is out of reach of the product: this one is not
-        "narrow": Params(shift=25, lo=-20001, hi=19998, frames=0),
+        "narrow": design(16, d=d)._replace(lo=-20001, hi=19998),
     },
     rules={"code": ("half_up", "saturate")},
     strobes=("en_product", "en_code"),

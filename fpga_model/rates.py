@@ -95,5 +95,5 @@ BLOCK = Block(
     rules={"tick": (None, "wrap"), "frame": (None, "wrap")},
     strobes=("go",),
     wait=SLOTS,
-    stops=(TICK_CYCLES, FRAME_TICKS, SLOTS),
+    stops=lambda d: (d.tick_clocks, d.frame_ticks, SLOTS),
 )

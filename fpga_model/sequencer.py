@@ -381,26 +381,31 @@ def outputs(s):
     )
 
 
-QUICK = design(
-    **{f"{name}_s": 3 / DEFAULT.frame_hz for name in ("init", "kick", "retune", "recover")},
-    **{f"{name}_s": 4 / DEFAULT.frame_hz for name in ("power_up", "decay")},
-    search_s=24 / DEFAULT.frame_hz,
-    timeout_s=12 / DEFAULT.frame_hz,
-    offline_s=6 / DEFAULT.frame_hz,
-    search_limit_hz=800.0,
-    lock=lock_monitor.QUICK,
-    faults=fault_monitor.QUICK,
-)
+def quick(d):
+    """Params of a design whose states last a few frames; the gain is an LSB at least."""
+    p = design(
+        **{f"{name}_s": 3 / d.frame_hz for name in ("init", "kick", "retune", "recover")},
+        **{f"{name}_s": 4 / d.frame_hz for name in ("power_up", "decay")},
+        search_s=24 / d.frame_hz,
+        timeout_s=12 / d.frame_hz,
+        offline_s=6 / d.frame_hz,
+        search_limit_hz=800.0,
+        record=d,
+        lock=lock_monitor.QUICK,
+        faults=fault_monitor.QUICK,
+    )
+    return p._replace(gain=max(p.gain, 1))
+
 
 BLOCK = Block(
     place=180,
     inputs={"en": BIT, "i": Inputs},
     outputs={"outputs": Outputs},
     latency={"state": LATENCY},
-    cases={
-        "quick": QUICK,
+    cases=lambda d: {
+        "quick": quick(d),
         # every time one frame: 255 failed attempts in a few hundred rows
-        "fastest": QUICK._replace(**dict.fromkeys(Params._fields[:9], 1)),
+        "fastest": quick(d)._replace(**dict.fromkeys(Params._fields[:9], 1)),
     },
     rules={"timer": (None, "saturate"), "attempts": (None, "saturate"), "correction": ("half_up", None)},
     strobes=("en", "i_adc_ok"),

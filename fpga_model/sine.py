@@ -169,6 +169,9 @@ BLOCK = Block(
     inputs={"phase": PHASE},
     latency={"y": LATENCY},
     rules={"y": ("half_away", None), "fraction": ("floor", None)},
-    roms=(Rom("sine", BASE.width + SLOPE.width, tuple(ROM.tolist())),),
-    relations=({"base": 1 << ALIGN, "slope": MIDDLE.hi}, {"base2": 1 << ALIGN, "product": 1}),
+    roms=(Rom("sine", BASE.width + SLOPE.width, table),),
+    relations=lambda d: (
+        {"base": 1 << d.sine_fraction_bits, "slope": MIDDLE.at(d).hi},
+        {"base2": 1 << d.sine_fraction_bits, "product": 1},
+    ),
 )

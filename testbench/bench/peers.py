@@ -134,7 +134,7 @@ def export(sim, rate_rad_s, folder):
     _check(sim)
     words = list(_words(sim, rate_rad_s))
     raw = b"".join(np.array(w, "<f8" if isinstance(w, float) else "<i8").tobytes() for w in words)
-    registers = zip(flatten.leaves(sim.state.fpga), library.FORMATS, strict=False)
+    registers = zip(flatten.leaves(sim.state.fpga), library.formats_of(sim.design), strict=False)
     state = [f"{int(value) & ((1 << fmt.width) - 1):x}" for (_, value), fmt in registers]
     folder.mkdir(parents=True, exist_ok=True)
     board.write_roms(folder)

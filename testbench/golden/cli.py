@@ -21,12 +21,16 @@ app = typer.Typer(
 def export(
     block: Annotated[str, typer.Argument(help="Block, such as dds, or top, or all.")],
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the bundles.")],
+    config: Annotated[
+        Path | None, typer.Option("--config", "-c", metavar="FILE", help="Configuration: its design and parameters.")
+    ] = None,
+    frames: Annotated[int, typer.Option(help="With --config: frames of top from power-on.")] = 400,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of lines.")] = False,
 ):
     """Write the golden bundles of a block, one folder per case: DIR/BLOCK/CASE."""
     from testbench.golden.bundles.export import export as write
 
-    done = write(block, out)
+    done = write(block, out, config=config, frames=frames)
     if as_json:
         listed = [{"folder": str(folder), "rows": m["n"], "sha256": m["manifest_sha256"]} for folder, m in done]
         typer.echo(json.dumps({"bundles": listed}))
@@ -76,21 +80,22 @@ def verify(
 def window(
     folder: Annotated[Path, typer.Argument(help="Folder of a bundle of the whole design: DIR/top/CASE.")],
     clock: Annotated[int | None, typer.Option("--clock", help="First clock, counted from row 0.")] = None,
-    count: Annotated[int | None, typer.Option("--count", help="Clocks; 3250 if not given.")] = None,
+    count: Annotated[int | None, typer.Option("--count", help="Clocks; a frame if not given.")] = None,
     frame: Annotated[int | None, typer.Option("--frame", help="The whole frame of this number instead.")] = None,
     out: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="Folder to write; FOLDER_CLOCK if none.")
     ] = None,
 ):
     """Write every clock of one place as a bundle of its own: where a signature differs, it finds the register."""
-    from fpga_model.rates import FRAME_CYCLES
     from testbench.errors import ConfigError
+    from testbench.golden.bundles import bundle
     from testbench.golden.bundles.top import window as write
 
     if (clock is None) == (frame is None):
         raise ConfigError("--clock, --frame: one of them is needed, not both")
-    first = frame * FRAME_CYCLES if clock is None else clock
-    written, manifest = write(folder, first, FRAME_CYCLES if count is None else count, out)
+    frame_clocks = bundle.verify(folder).get("frame_cycles", 0)
+    first = frame * frame_clocks if clock is None else clock
+    written, manifest = write(folder, first, frame_clocks if count is None else count, out)
     typer.echo(f"{written}  {manifest['n']} rows  {manifest['manifest_sha256'][:16]}")
 
 
@@ -167,15 +172,21 @@ def loop(
         typer.Option("--config", "-c", metavar="FILE", help="Scenario from power-on; else the story."),
     ] = None,
     seconds: Annotated[float | None, typer.Option(help="Simulated seconds from power-on.")] = None,
+    sets: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="With --config: key of the configuration.")
+    ] = None,
     build: Annotated[Path | None, typer.Option("--build", metavar="DIR", help="Folder that keeps the library.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")] = False,
 ):
     """Close the loop of plant and RTL, and compare every register with the model at every edge of 26 MHz."""
     from testbench.config import Override, load
     from testbench.console.progress import Progress
+    from testbench.errors import ConfigError
     from testbench.golden.loop import run
 
-    given = [] if seconds is None else [Override("scenario.seconds", seconds, "--seconds")]
+    if sets and config is None:
+        raise ConfigError("--set: needs --config")
+    given = [*(sets or ()), *([] if seconds is None else [Override("scenario.seconds", seconds, "--seconds")])]
     if config is None:
         chosen = run.story(run.SECONDS if seconds is None else load(None, given).scenario.seconds)
     else:

@@ -3,9 +3,10 @@
     python -m testbench.golden.rtl_wiring            write what is stale
     python -m testbench.golden.rtl_wiring --check    name what is stale, exit code 1
 
-Written: parameters and ports of the module with widths and formats; parameters and ports of every instance, and what
-they connect to. By hand stay the logic between instances, notes beside ports, defaults of parameters, the names of the
-nets that pins drive, and the connection of a port that logic drives. A new instance begins as `gyro_NAME ROLE ();`.
+Written: parameters and ports of the module with widths and the formats of the default design; parameters and ports of
+every instance, and what they connect to. Keys of the design are parameters in capitals; widths are expressions in them.
+By hand stay the logic between instances, notes beside ports, defaults of parameters, the names of the nets that pins
+drive, and the connection of a port that logic drives. A new instance begins as `gyro_NAME ROLE ();`.
 Source  docs/how_to/add_a_block.md
 """
 
@@ -15,7 +16,8 @@ from pathlib import Path
 
 from fpga_model import block, control, top, wiring
 from fpga_model.block import flat, leaves
-from fpga_model.fixed import bits, formats
+from fpga_model.design_record import DEFAULT
+from fpga_model.fixed import RULES, Width, bits, formats
 from testbench.errors import FileError
 from testbench.storage.files import write_text
 
@@ -35,8 +37,8 @@ def _ports(module):
     """[(port, format)] of an instance: inputs, registers and pins, without clock and reset."""
     if module in FILES.values():
         return _ports_of_design(module)
-    registers = [(f"r_{flat(path)}", fmt) for path, fmt in leaves(formats(module.State))]
-    return [*block.inputs(module), *registers, *((f"o_{name}", fmt) for name, fmt in block.pins(module))]
+    registers = [(f"r_{flat(path)}", fmt) for path, fmt in leaves(formats(module.State, RULES))]
+    return [*block.inputs(module, RULES), *registers, *((f"o_{name}", fmt) for name, fmt in block.pins(module, RULES))]
 
 
 def _ports_of_design(module):
@@ -44,31 +46,44 @@ def _ports_of_design(module):
     read = {leaf.name for wire in wiring.trace(module).wires for leaf in wire.signal.leaves}
     found = []
     for name, shape in module.INPUTS.items():
-        for path, fmt in leaves(block.at_design(shape, wiring.DEFAULT), "" if name == "i" else name):
+        for path, fmt in leaves(block.at_design(shape, RULES), "" if name == "i" else name):
             if name != "bank" or path in read:
                 found.append((flat(path), fmt))
-    found += [(f"r_{flat(path)}", fmt) for path, fmt in leaves(formats(module.State))]
+    found += [(f"r_{flat(path)}", fmt) for path, fmt in leaves(formats(module.State, RULES))]
     pins = formats(module.Pins)._asdict() if hasattr(module, "Pins") else module.OUTPUTS
     return [*found, *((f"o_{name}", fmt) for name, fmt in pins.items())]
 
 
-def _parameters(module):
-    """[(name, format)] of the parameters, tables last with no format."""
+def _blocks(module):
+    """The blocks in control or top; a block itself."""
     if module not in FILES.values():
-        return [*block.parameters(module).items(), *(("ROM_FILE", None) for _ in module.BLOCK.roms)]
-    stems = {_stem(part) for part, _ in wiring.trace(module).instances.values()}
-    if module is top:
-        stems |= {_stem(part) for part, _ in wiring.trace(control).instances.values()}
-    found = [(flat(path), fmt) for path, fmt in leaves(formats(module.Params))]
-    return [*found, *((name, None) for stem, name in ROMS.items() if stem in stems)]
+        return {module}
+    return {block for part, _ in wiring.trace(module).instances.values() for block in _blocks(part)}
+
+
+def _parameters(module):
+    """[(name, format)] of the parameters: keys of the design first and tables last, both with no format."""
+    parts = _blocks(module)
+    used = {key for part in parts for key in block.keys(part)}
+    found = [(key.upper(), None) for key in DEFAULT._fields if key in used]
+    if module not in FILES.values():
+        return [*found, *block.parameters(module, RULES).items(), *(("ROM_FILE", None) for _ in module.BLOCK.roms)]
+    found += [(flat(path), fmt) for path, fmt in leaves(formats(module.Params, RULES))]
+    return [*found, *((name, None) for stem, name in ROMS.items() if stem in map(_stem, parts))]
 
 
 # ---- head ------------------------------------------------------------------------------------------------------------
 
 
+def _span(width):
+    """Range of a declaration."""
+    high = width - 1
+    return f"[{high.text if isinstance(high, Width) else high}:0]"
+
+
 def _kind(fmt):
     """Sign and range of a declaration, in columns."""
-    span = f"[{fmt.width - 1}:0]" if fmt and fmt.width > 1 else ""
+    span = _span(fmt.width) if fmt and fmt.width > 1 else ""
     return f"{'signed' if fmt and fmt.s else '':<6} {span:>6}"
 
 
@@ -99,12 +114,19 @@ def head(module, text):
     for name, fmt in parameters:
         value = defaults.get(name)
         if fmt is None:
-            lines.append(f"    parameter {_kind(None)} {name:<{pad}} = {value or chr(34) * 2},")
+            value = getattr(DEFAULT, name.lower(), value or '""')
+            span = ""
+            if name == "MASTER_HZ":  # Verilator takes no parameter without a width into the division that it is for
+                span, value = "[31:0]", f"32'd{value}"
+            lines.append(f"    parameter {'':<6} {span:>6} {name:<{pad}} = {value},")
             continue
-        zero = f"{fmt.width}'{'s' if fmt.s else ''}d0"
-        value = value if value and value.startswith(f"{fmt.width}'") else zero
-        span = f"{'signed' if fmt.s else '':<6} {f'[{fmt.width - 1}:0]':>6}"
-        lines.append(_noted(f"    parameter {span} {name:<{pad}} = {value + ',':<8}", fmt, notes.get(name)))
+        if isinstance(fmt.width, Width):
+            value = "0"
+        elif not value or not value.startswith(f"{fmt.width}'"):
+            value = f"{fmt.width}'{'s' if fmt.s else ''}d0"
+        span = f"{'signed' if fmt.s else '':<6} {_span(fmt.width):>6}"
+        left = f"    parameter {span} {name}"
+        lines.append(_noted(f"{left:<{pad + 28}} = {value + ',':<8}", fmt, notes.get(name)))
     lines[-1] = lines[-1].rstrip(",")
     lines.append(") (")
     ports = [("clk", BIT), ("rst", BIT), *_ports(module)]
@@ -112,7 +134,8 @@ def head(module, text):
     for k, (name, fmt) in enumerate(ports):
         way = "output" if name.startswith(("r_", "o_")) else "input"
         end = "," if k < len(ports) - 1 else ""
-        lines.append(_noted(f"    {way:<6} wire {_kind(fmt)} {name + end:<{pad}}", fmt, notes.get(name)))
+        left = f"    {way:<6} wire {_kind(fmt)} {name + end}"
+        lines.append(_noted(f"{left:<{pad + 30}}", fmt, notes.get(name)))
     return "\n".join(lines)
 
 

@@ -5,6 +5,8 @@
 // so that what still runs loads what it holds. For this the limits of each loop must include 0, its output at reset.
 /* verilator lint_off DECLFILENAME */ // waived: a file has the stem of its block, the module a prefix against clashes
 module gyro_control #(
+    parameter        [31:0] MASTER_HZ                   = 32'd26000000,
+    parameter               DDS_BITS                    = 48,
     parameter signed [33:0] agc_loop_kp                 = 34'sd0,  // [1,9,24]
     parameter signed [33:0] agc_loop_ki                 = 34'sd0,  // [1,9,24]
     parameter signed [35:0] agc_loop_lo                 = 36'sd0,  // [1,35,0]
@@ -34,7 +36,7 @@ module gyro_control #(
     parameter        [16:0] sequencer_reached           = 17'd0,   // [0,17,0]
     parameter        [24:0] sequencer_min_magnitude     = 25'd0,   // [0,25,0]
     parameter        [23:0] sequencer_gain              = 24'd0,   // [0,8,16]
-    parameter signed [47:0] sequencer_search_limit      = 48'sd0,  // [1,-1,48]
+    parameter signed [DDS_BITS-1:0] sequencer_search_limit = 0,       // [1,-1,48]
     parameter        [23:0] sequencer_lock_limit_in_0   = 24'd0,   // [0,24,0]
     parameter        [23:0] sequencer_lock_limit_in_1   = 24'd0,   // [0,24,0]
     parameter        [23:0] sequencer_lock_limit_in_2   = 24'd0,   // [0,24,0]
@@ -72,7 +74,7 @@ module gyro_control #(
     input  wire         [8:0] bank_control,                      // [0,9,0]
     input  wire         [7:0] bank_fault_clear,                  // [0,8,0]
     input  wire        [23:0] bank_amplitude_setpoint,           // [0,24,0]
-    input  wire        [47:0] bank_frequency_fixed,              // [0,0,48]
+    input  wire        [DDS_BITS-1:0] bank_frequency_fixed,      // [0,0,48]
     input  wire signed [23:0] bank_amplitude_fixed,              // [1,0,23]
     input  wire signed [23:0] bank_rate_fixed,                   // [1,0,23]
     input  wire        [31:0] bank_quadrature_fixed,             // [0,32,0]
@@ -96,8 +98,8 @@ module gyro_control #(
     output wire signed [59:0] r_agc_loop_acc,                    // [1,35,24]
     output wire signed [35:0] r_agc_loop_y,                      // [1,35,0]
     output wire signed [23:0] r_frequency_tracker_error,         // [1,-1,24]
-    output wire        [47:0] r_frequency_tracker_centre,        // [0,0,48]
-    output wire        [47:0] r_frequency_tracker_word,          // [0,0,48]
+    output wire        [DDS_BITS-1:0] r_frequency_tracker_centre, // [0,0,48]
+    output wire        [DDS_BITS-1:0] r_frequency_tracker_word,  // [0,0,48]
     output wire signed [59:0] r_frequency_tracker_loop_prop,     // [1,35,24]
     output wire signed [59:0] r_frequency_tracker_loop_acc,      // [1,35,24]
     output wire signed [35:0] r_frequency_tracker_loop_y,        // [1,35,0]
@@ -134,7 +136,7 @@ module gyro_control #(
     output wire         [8:0] r_sequencer_control,               // [0,9,0]
     output wire signed [23:0] r_sequencer_last_phase,            // [1,-1,24]
     output wire signed [35:0] r_sequencer_rotation,              // [1,11,24]
-    output wire signed [47:0] r_sequencer_correction,            // [1,-1,48]
+    output wire signed [DDS_BITS-1:0] r_sequencer_correction,    // [1,-1,48]
     output wire         [7:0] r_sequencer_attempts,              // [0,8,0]
     output wire               r_sequencer_lost,
     output wire               r_sequencer_failed,
@@ -199,6 +201,7 @@ module gyro_control #(
     );
 
     gyro_sequencer #(
+        .DDS_BITS         (DDS_BITS),
         .power_up         (sequencer_power_up),
         .init             (sequencer_init),
         .kick             (sequencer_kick),
@@ -318,10 +321,12 @@ module gyro_control #(
     );
 
     gyro_frequency_tracker #(
-        .loop_kp(frequency_tracker_loop_kp),
-        .loop_ki(frequency_tracker_loop_ki),
-        .loop_lo(frequency_tracker_loop_lo),
-        .loop_hi(frequency_tracker_loop_hi)
+        .MASTER_HZ(MASTER_HZ),
+        .DDS_BITS (DDS_BITS),
+        .loop_kp  (frequency_tracker_loop_kp),
+        .loop_ki  (frequency_tracker_loop_ki),
+        .loop_lo  (frequency_tracker_loop_lo),
+        .loop_hi  (frequency_tracker_loop_hi)
     ) frequency_tracker (
         .clk        (clk),
         .rst        (rst),

@@ -2,20 +2,21 @@
 // Latency: depth clocks from x to o_out.   With depth 0 the taps stay at reset, as in the model.
 /* verilator lint_off DECLFILENAME */ // waived: a file has the stem of its block, the module a prefix against clashes
 module gyro_delay #(
-    parameter [3:0] depth = 4'd0            // 0 .. 8
+    parameter       SINE_BITS = 18,   // width of the words
+    parameter [3:0] depth     = 4'd0  // 0 .. 8
 ) (
-    input  wire               clk,
-    input  wire               rst,          // synchronous, active high
-    input  wire signed [17:0] x,            // [1,0,17]
-    output reg  signed [17:0] r_taps_0,     // [1,0,17]
-    output reg  signed [17:0] r_taps_1,
-    output reg  signed [17:0] r_taps_2,
-    output reg  signed [17:0] r_taps_3,
-    output reg  signed [17:0] r_taps_4,
-    output reg  signed [17:0] r_taps_5,
-    output reg  signed [17:0] r_taps_6,
-    output reg  signed [17:0] r_taps_7,
-    output wire signed [17:0] o_out
+    input  wire                        clk,
+    input  wire                        rst,       // synchronous, active high
+    input  wire signed [SINE_BITS-1:0] x,         // [1,0,SINE_BITS-1]
+    output reg  signed [SINE_BITS-1:0] r_taps_0,  // [1,0,SINE_BITS-1]
+    output reg  signed [SINE_BITS-1:0] r_taps_1,
+    output reg  signed [SINE_BITS-1:0] r_taps_2,
+    output reg  signed [SINE_BITS-1:0] r_taps_3,
+    output reg  signed [SINE_BITS-1:0] r_taps_4,
+    output reg  signed [SINE_BITS-1:0] r_taps_5,
+    output reg  signed [SINE_BITS-1:0] r_taps_6,
+    output reg  signed [SINE_BITS-1:0] r_taps_7,
+    output wire signed [SINE_BITS-1:0] o_out
 );
 
     assign o_out = (depth == 4'd0) ? x :
@@ -29,14 +30,14 @@ module gyro_delay #(
 
     always @(posedge clk) begin
         if (rst) begin
-            r_taps_0 <= 18'sd0;
-            r_taps_1 <= 18'sd0;
-            r_taps_2 <= 18'sd0;
-            r_taps_3 <= 18'sd0;
-            r_taps_4 <= 18'sd0;
-            r_taps_5 <= 18'sd0;
-            r_taps_6 <= 18'sd0;
-            r_taps_7 <= 18'sd0;
+            r_taps_0 <= {SINE_BITS{1'b0}};
+            r_taps_1 <= {SINE_BITS{1'b0}};
+            r_taps_2 <= {SINE_BITS{1'b0}};
+            r_taps_3 <= {SINE_BITS{1'b0}};
+            r_taps_4 <= {SINE_BITS{1'b0}};
+            r_taps_5 <= {SINE_BITS{1'b0}};
+            r_taps_6 <= {SINE_BITS{1'b0}};
+            r_taps_7 <= {SINE_BITS{1'b0}};
         end else if (depth != 4'd0) begin
             r_taps_0 <= x;
             r_taps_1 <= r_taps_0;

@@ -7,16 +7,17 @@ use ieee.std_logic_1164.all;
 
 entity gyro_references is
     generic (
-        align   : std_logic_vector(1 downto 0);             -- further registers, 0 .. 3
-        retimed : std_logic                                 -- 1: pins change on the 1 MHz grid only
+        DDS_BITS : natural := 48;                 -- width of a phase
+        align    : std_logic_vector(1 downto 0);  -- further registers, 0 .. 3
+        retimed  : std_logic                      -- 1: pins change on the 1 MHz grid only
     );
     port (
         clk         : in  std_logic;
-        rst         : in  std_logic;                        -- synchronous, active high
-        drive_ref   : in  std_logic_vector(47 downto 0);    -- [0,0,48] turns
-        sense_ref   : in  std_logic_vector(47 downto 0);    -- [0,0,48] turns
+        rst         : in  std_logic;                                -- synchronous, active high
+        drive_ref   : in  std_logic_vector(DDS_BITS - 1 downto 0);  -- [0,0,DDS_BITS] turns
+        sense_ref   : in  std_logic_vector(DDS_BITS - 1 downto 0);  -- [0,0,DDS_BITS] turns
         ce_1m       : in  std_logic;
-        r_signs     : out std_logic_vector(3 downto 0);     -- [0,4,0]
+        r_signs     : out std_logic_vector(3 downto 0);             -- [0,4,0]
         r_aligned_0 : out std_logic_vector(3 downto 0);
         r_aligned_1 : out std_logic_vector(3 downto 0);
         r_aligned_2 : out std_logic_vector(3 downto 0);
@@ -47,8 +48,8 @@ begin
                 r_retimed   <= (others => '0');
             else
                 -- half a turn: sin < 0; the second and the third quarter: cos < 0
-                r_signs     <= (sense_ref(47) xnor sense_ref(46)) & (not sense_ref(47))
-                               & (drive_ref(47) xnor drive_ref(46)) & (not drive_ref(47));
+                r_signs     <= (sense_ref(DDS_BITS - 1) xnor sense_ref(DDS_BITS - 2)) & (not sense_ref(DDS_BITS - 1))
+                               & (drive_ref(DDS_BITS - 1) xnor drive_ref(DDS_BITS - 2)) & (not drive_ref(DDS_BITS - 1));
                 r_aligned_0 <= r_signs;
                 r_aligned_1 <= r_aligned_0;
                 r_aligned_2 <= r_aligned_1;

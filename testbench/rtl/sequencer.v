@@ -3,101 +3,103 @@
 //   in SEARCH: rotation += wrap(phase - last_phase); correction = round(rotation*gain)
 // Latency: 1 clock from en to the outputs, which are decoded from the registers; decisions read the bits of the frame
 // before.   Rounding: ties toward +inf in correction.   Overflow: timer and attempts saturate; no other can overflow.
+// Formats are those of the default design.
 /* verilator lint_off DECLFILENAME */ // waived: a file has the stem of its block, the module a prefix against clashes
 module gyro_sequencer #(
-    parameter        [15:0] power_up          = 16'd0,         // [0,16,0] frames
-    parameter        [15:0] init              = 16'd0,
-    parameter        [15:0] kick              = 16'd0,
-    parameter        [15:0] decay             = 16'd0,
-    parameter        [15:0] search            = 16'd0,
-    parameter        [15:0] retune            = 16'd0,
-    parameter        [15:0] timeout           = 16'd0,
-    parameter        [15:0] offline           = 16'd0,
-    parameter        [15:0] recover           = 16'd0,
-    parameter        [16:0] reached           = 17'd0,         // [0,17,0] 2**-16 of the setpoint
-    parameter        [24:0] min_magnitude     = 25'd0,         // [0,25,0]
-    parameter        [23:0] gain              = 24'd0,         // [0,8,16]
-    parameter signed [47:0] search_limit      = 48'sd0,        // [1,-1,48] turns per clock
-    parameter        [23:0] lock_limit_in_0   = 24'd0,         // as gyro_lock_monitor
-    parameter        [23:0] lock_limit_in_1   = 24'd0,
-    parameter        [23:0] lock_limit_in_2   = 24'd0,
-    parameter        [23:0] lock_limit_in_3   = 24'd0,
-    parameter        [23:0] lock_limit_out_0  = 24'd0,
-    parameter        [23:0] lock_limit_out_1  = 24'd0,
-    parameter        [23:0] lock_limit_out_2  = 24'd0,
-    parameter        [23:0] lock_limit_out_3  = 24'd0,
-    parameter        [11:0] lock_frames_in_0  = 12'd0,
-    parameter        [11:0] lock_frames_in_1  = 12'd0,
-    parameter        [11:0] lock_frames_in_2  = 12'd0,
-    parameter        [11:0] lock_frames_in_3  = 12'd0,
-    parameter        [11:0] lock_frames_out_0 = 12'd0,
-    parameter        [11:0] lock_frames_out_1 = 12'd0,
-    parameter        [11:0] lock_frames_out_2 = 12'd0,
-    parameter        [11:0] lock_frames_out_3 = 12'd0,
-    parameter        [11:0] faults_over_range = 12'd0,         // [0,12,0] frames, as gyro_fault_monitor
-    parameter        [11:0] faults_stuck      = 12'd0,
-    parameter        [11:0] faults_drive      = 12'd0,
-    parameter        [11:0] faults_rate       = 12'd0,
-    parameter        [11:0] faults_rail       = 12'd0,
-    parameter        [15:0] faults_top        = 16'hFFFF       // [0,16,0] frames
+    parameter                       DDS_BITS          = 48,       // width of a word
+    parameter                [15:0] power_up          = 16'd0,    // [0,16,0] frames
+    parameter                [15:0] init              = 16'd0,
+    parameter                [15:0] kick              = 16'd0,
+    parameter                [15:0] decay             = 16'd0,
+    parameter                [15:0] search            = 16'd0,
+    parameter                [15:0] retune            = 16'd0,
+    parameter                [15:0] timeout           = 16'd0,
+    parameter                [15:0] offline           = 16'd0,
+    parameter                [15:0] recover           = 16'd0,
+    parameter                [16:0] reached           = 17'd0,    // [0,17,0] 2**-16 of the setpoint
+    parameter                [24:0] min_magnitude     = 25'd0,    // [0,25,0]
+    parameter                [23:0] gain              = 24'd0,    // [0,8,16]
+    parameter signed [DDS_BITS-1:0] search_limit      = 0,        // [1,-1,48] turns per clock
+    parameter                [23:0] lock_limit_in_0   = 24'd0,    // as gyro_lock_monitor
+    parameter                [23:0] lock_limit_in_1   = 24'd0,
+    parameter                [23:0] lock_limit_in_2   = 24'd0,
+    parameter                [23:0] lock_limit_in_3   = 24'd0,
+    parameter                [23:0] lock_limit_out_0  = 24'd0,
+    parameter                [23:0] lock_limit_out_1  = 24'd0,
+    parameter                [23:0] lock_limit_out_2  = 24'd0,
+    parameter                [23:0] lock_limit_out_3  = 24'd0,
+    parameter                [11:0] lock_frames_in_0  = 12'd0,
+    parameter                [11:0] lock_frames_in_1  = 12'd0,
+    parameter                [11:0] lock_frames_in_2  = 12'd0,
+    parameter                [11:0] lock_frames_in_3  = 12'd0,
+    parameter                [11:0] lock_frames_out_0 = 12'd0,
+    parameter                [11:0] lock_frames_out_1 = 12'd0,
+    parameter                [11:0] lock_frames_out_2 = 12'd0,
+    parameter                [11:0] lock_frames_out_3 = 12'd0,
+    parameter                [11:0] faults_over_range = 12'd0,    // [0,12,0] frames, as gyro_fault_monitor
+    parameter                [11:0] faults_stuck      = 12'd0,
+    parameter                [11:0] faults_drive      = 12'd0,
+    parameter                [11:0] faults_rate       = 12'd0,
+    parameter                [11:0] faults_rail       = 12'd0,
+    parameter                [15:0] faults_top        = 16'hFFFF  // [0,16,0] frames
 ) (
-    input  wire               clk,
-    input  wire               rst,                   // synchronous, active high
-    input  wire               en,
-    input  wire         [8:0] i_control,
-    input  wire         [7:0] i_clear,
-    input  wire               i_adc_ok,
-    input  wire               i_stale,
-    input  wire signed [23:0] i_drive_sin,           // [1,23,0]
-    input  wire signed [23:0] i_drive_cos,
-    input  wire signed [23:0] i_sense_sin,
-    input  wire signed [23:0] i_sense_cos,
-    input  wire        [24:0] i_magnitude,           // [0,25,0]
-    input  wire signed [23:0] i_phase,               // [1,-1,24] turn
-    input  wire        [23:0] i_setpoint,            // [0,24,0]
-    input  wire               i_drive_saturated,
-    input  wire               i_rate_saturated,
-    input  wire               i_qsc_rail,
-    output reg          [3:0] r_state,
-    output reg         [15:0] r_timer,               // [0,16,0] frames
-    output reg          [8:0] r_control,
-    output reg  signed [23:0] r_last_phase,          // [1,-1,24] turn
-    output reg  signed [35:0] r_rotation,            // [1,11,24] turn
-    output reg  signed [47:0] r_correction,          // [1,-1,48] turns per clock
-    output reg          [7:0] r_attempts,            // [0,8,0]
-    output reg                r_lost,
-    output reg                r_failed,
-    output wire         [3:0] r_lock_locked,
-    output wire        [11:0] r_lock_count_0,
-    output wire        [11:0] r_lock_count_1,
-    output wire        [11:0] r_lock_count_2,
-    output wire        [11:0] r_lock_count_3,
-    output wire signed [23:0] r_faults_codes_0,
-    output wire signed [23:0] r_faults_codes_1,
-    output wire signed [23:0] r_faults_codes_2,
-    output wire signed [23:0] r_faults_codes_3,
-    output wire        [11:0] r_faults_over_range,
-    output wire        [11:0] r_faults_stuck,
-    output wire        [11:0] r_faults_drive,
-    output wire        [11:0] r_faults_rate,
-    output wire        [11:0] r_faults_rail,
-    output wire        [15:0] r_faults_bad_frames,
-    output wire        [15:0] r_faults_good_frames,
-    output wire         [7:0] r_faults_flags,
-    output wire         [7:0] r_faults_latch,
-    output reg          [2:0] o_agc_mode,
-    output reg          [1:0] o_pll_mode,
-    output reg          [1:0] o_ftr_mode,
-    output reg          [1:0] o_qsc_mode,
-    output wire               o_fix_drive,
-    output wire               o_fix_ftr,
-    output wire               o_fix_qsc,
-    output wire               o_dac_init,
-    output wire               o_load,
-    output wire               o_adjust,
-    output wire               o_drive_locked,
-    output wire               o_locked,
-    output wire               o_rate_good
+    input  wire                       clk,
+    input  wire                       rst,                   // synchronous, active high
+    input  wire                       en,
+    input  wire                 [8:0] i_control,
+    input  wire                 [7:0] i_clear,
+    input  wire                       i_adc_ok,
+    input  wire                       i_stale,
+    input  wire signed         [23:0] i_drive_sin,           // [1,23,0]
+    input  wire signed         [23:0] i_drive_cos,
+    input  wire signed         [23:0] i_sense_sin,
+    input  wire signed         [23:0] i_sense_cos,
+    input  wire                [24:0] i_magnitude,           // [0,25,0]
+    input  wire signed         [23:0] i_phase,               // [1,-1,24] turn
+    input  wire                [23:0] i_setpoint,            // [0,24,0]
+    input  wire                       i_drive_saturated,
+    input  wire                       i_rate_saturated,
+    input  wire                       i_qsc_rail,
+    output reg                  [3:0] r_state,
+    output reg                 [15:0] r_timer,               // [0,16,0] frames
+    output reg                  [8:0] r_control,
+    output reg  signed         [23:0] r_last_phase,          // [1,-1,24] turn
+    output reg  signed         [35:0] r_rotation,            // [1,11,24] turn
+    output reg  signed [DDS_BITS-1:0] r_correction,          // [1,-1,48] turns per clock
+    output reg                  [7:0] r_attempts,            // [0,8,0]
+    output reg                        r_lost,
+    output reg                        r_failed,
+    output wire                 [3:0] r_lock_locked,
+    output wire                [11:0] r_lock_count_0,
+    output wire                [11:0] r_lock_count_1,
+    output wire                [11:0] r_lock_count_2,
+    output wire                [11:0] r_lock_count_3,
+    output wire signed         [23:0] r_faults_codes_0,
+    output wire signed         [23:0] r_faults_codes_1,
+    output wire signed         [23:0] r_faults_codes_2,
+    output wire signed         [23:0] r_faults_codes_3,
+    output wire                [11:0] r_faults_over_range,
+    output wire                [11:0] r_faults_stuck,
+    output wire                [11:0] r_faults_drive,
+    output wire                [11:0] r_faults_rate,
+    output wire                [11:0] r_faults_rail,
+    output wire                [15:0] r_faults_bad_frames,
+    output wire                [15:0] r_faults_good_frames,
+    output wire                 [7:0] r_faults_flags,
+    output wire                 [7:0] r_faults_latch,
+    output reg                  [2:0] o_agc_mode,
+    output reg                  [1:0] o_pll_mode,
+    output reg                  [1:0] o_ftr_mode,
+    output reg                  [1:0] o_qsc_mode,
+    output wire                       o_fix_drive,
+    output wire                       o_fix_ftr,
+    output wire                       o_fix_qsc,
+    output wire                       o_dac_init,
+    output wire                       o_load,
+    output wire                       o_adjust,
+    output wire                       o_drive_locked,
+    output wire                       o_locked,
+    output wire                       o_rate_good
 );
 
     localparam [3:0] POWER_UP = 4'd0, INIT = 4'd1, IDLE = 4'd2, STANDBY = 4'd3, OPEN = 4'd4, KICK = 4'd5, DECAY = 4'd6,
@@ -125,11 +127,12 @@ module gyro_sequencer #(
     wire signed [23:0] turned = i_phase - r_last_phase;
     wire signed [35:0] rotation = (r_state == SEARCH && usable) ? r_rotation + {{12{turned[23]}}, turned} : 36'sd0;
     wire signed [59:0] scaled = $signed({36'd0, gain}) * {{24{rotation[35]}}, rotation} + 60'sd32768;
-    wire signed [47:0] correction = {{4{scaled[59]}}, scaled[59:16]};
-    /* verilator lint_off UNUSED */                  // waived: what rounding drops
+    /* verilator lint_off UNUSED */                  // waived: what rounding drops, and the sign above a narrow word
     wire [15:0] dropped = scaled[15:0];
+    wire [47:0] rounded = {{4{scaled[59]}}, scaled[59:16]};
     /* verilator lint_on UNUSED */
-    wire signed [47:0] shift = correction[47] ? -correction : correction;
+    wire signed [DDS_BITS-1:0] correction = rounded[DDS_BITS-1:0];
+    wire signed [DDS_BITS-1:0] shift = correction[DDS_BITS-1] ? -correction : correction;
     wire found = (shift <= search_limit) && (i_magnitude >= min_magnitude);
 
     wire [40:0] wanted = {17'd0, i_setpoint} * {24'd0, reached};
@@ -188,7 +191,7 @@ module gyro_sequencer #(
             r_control    <= 9'd0;
             r_last_phase <= 24'sd0;
             r_rotation   <= 36'sd0;
-            r_correction <= 48'sd0;
+            r_correction <= {DDS_BITS{1'b0}};
             r_attempts   <= 8'd0;
             r_lost       <= 1'b0;
             r_failed     <= 1'b0;

@@ -5,6 +5,13 @@
 // Parameters and ports have the flattened names of the model's; SINE_ROM_FILE, CORDIC_ROM_FILE are the two tables.
 /* verilator lint_off DECLFILENAME */ // waived: a file has the stem of its block, the module a prefix against clashes
 module gyro_top #(
+    parameter        [31:0] MASTER_HZ                           = 32'd26000000,
+    parameter               TICK_CLOCKS                         = 26,
+    parameter               FRAME_TICKS                         = 125,
+    parameter               DDS_BITS                            = 48,
+    parameter               SINE_ADDRESS_BITS                   = 10,
+    parameter               SINE_FRACTION_BITS                  = 10,
+    parameter               SINE_BITS                           = 18,
     parameter         [0:0] digital                             = 1'd0,
     parameter         [0:0] quadrature_fast                     = 1'd0,
     parameter         [3:0] pipe_depth                          = 4'd0,    // [0,4,0]
@@ -74,7 +81,7 @@ module gyro_top #(
     parameter        [16:0] control_sequencer_reached           = 17'd0,   // [0,17,0]
     parameter        [24:0] control_sequencer_min_magnitude     = 25'd0,   // [0,25,0]
     parameter        [23:0] control_sequencer_gain              = 24'd0,   // [0,8,16]
-    parameter signed [47:0] control_sequencer_search_limit      = 48'sd0,  // [1,-1,48]
+    parameter signed [DDS_BITS-1:0] control_sequencer_search_limit = 0,       // [1,-1,48]
     parameter        [23:0] control_sequencer_lock_limit_in_0   = 24'd0,   // [0,24,0]
     parameter        [23:0] control_sequencer_lock_limit_in_1   = 24'd0,   // [0,24,0]
     parameter        [23:0] control_sequencer_lock_limit_in_2   = 24'd0,   // [0,24,0]
@@ -109,56 +116,56 @@ module gyro_top #(
     input  wire               write,                                     // bus of the host: one write a clock
     input  wire         [7:0] address,                                   // [0,8,0]
     input  wire        [47:0] data,                                      // [0,48,0]
-    output wire         [4:0] r_rates_tick,                              // [0,5,0]
-    output wire         [6:0] r_rates_frame,                             // [0,7,0]
+    output wire        [$clog2(TICK_CLOCKS)-1:0] r_rates_tick,           // [0,5,0]
+    output wire        [$clog2(FRAME_TICKS)-1:0] r_rates_frame,          // [0,7,0]
     output wire         [5:0] r_rates_slot,                              // [0,6,0]
-    output wire        [47:0] r_dds_phase,                               // [0,0,48]
-    output wire        [47:0] r_dds_drive_sine,                          // [0,0,48]
-    output wire        [47:0] r_dds_sense_sine,                          // [0,0,48]
-    output wire        [47:0] r_dds_drive_ref,                           // [0,0,48]
-    output wire        [47:0] r_dds_sense_ref,                           // [0,0,48]
+    output wire        [DDS_BITS-1:0] r_dds_phase,                       // [0,0,48]
+    output wire        [DDS_BITS-1:0] r_dds_drive_sine,                  // [0,0,48]
+    output wire        [DDS_BITS-1:0] r_dds_sense_sine,                  // [0,0,48]
+    output wire        [DDS_BITS-1:0] r_dds_drive_ref,                   // [0,0,48]
+    output wire        [DDS_BITS-1:0] r_dds_sense_ref,                   // [0,0,48]
     output wire               r_drive_sine_sign,
-    output wire        [22:0] r_drive_sine_base,                         // [0,17,6]
-    output wire        [12:0] r_drive_sine_slope,                        // [0,8,5]
-    output wire         [9:0] r_drive_sine_fraction,                     // [0,0,10]
+    output wire        [SINE_BITS+4:0] r_drive_sine_base,                // [0,17,6]
+    output wire        [SINE_BITS-SINE_ADDRESS_BITS+4:0] r_drive_sine_slope, // [0,8,5]
+    output wire        [SINE_FRACTION_BITS-1:0] r_drive_sine_fraction,   // [0,0,10]
     output wire               r_drive_sine_sign2,
-    output wire        [22:0] r_drive_sine_base2,                        // [0,17,6]
-    output wire        [23:0] r_drive_sine_product,                      // [0,8,16]
-    output wire signed [17:0] r_drive_sine_y,                            // [1,0,17]
+    output wire        [SINE_BITS+4:0] r_drive_sine_base2,               // [0,17,6]
+    output wire        [SINE_BITS-SINE_ADDRESS_BITS+SINE_FRACTION_BITS+5:0] r_drive_sine_product, // [0,8,16]
+    output wire signed [SINE_BITS-1:0] r_drive_sine_y,                   // [1,0,17]
     output wire               r_sense_sine_sign,
-    output wire        [22:0] r_sense_sine_base,                         // [0,17,6]
-    output wire        [12:0] r_sense_sine_slope,                        // [0,8,5]
-    output wire         [9:0] r_sense_sine_fraction,                     // [0,0,10]
+    output wire        [SINE_BITS+4:0] r_sense_sine_base,                // [0,17,6]
+    output wire        [SINE_BITS-SINE_ADDRESS_BITS+4:0] r_sense_sine_slope, // [0,8,5]
+    output wire        [SINE_FRACTION_BITS-1:0] r_sense_sine_fraction,   // [0,0,10]
     output wire               r_sense_sine_sign2,
-    output wire        [22:0] r_sense_sine_base2,                        // [0,17,6]
-    output wire        [23:0] r_sense_sine_product,                      // [0,8,16]
-    output wire signed [17:0] r_sense_sine_y,                            // [1,0,17]
-    output wire signed [17:0] r_drive_pipe_taps_0,                       // [1,0,17]
-    output wire signed [17:0] r_drive_pipe_taps_1,                       // [1,0,17]
-    output wire signed [17:0] r_drive_pipe_taps_2,                       // [1,0,17]
-    output wire signed [17:0] r_drive_pipe_taps_3,                       // [1,0,17]
-    output wire signed [17:0] r_drive_pipe_taps_4,                       // [1,0,17]
-    output wire signed [17:0] r_drive_pipe_taps_5,                       // [1,0,17]
-    output wire signed [17:0] r_drive_pipe_taps_6,                       // [1,0,17]
-    output wire signed [17:0] r_drive_pipe_taps_7,                       // [1,0,17]
-    output wire signed [17:0] r_sense_pipe_taps_0,                       // [1,0,17]
-    output wire signed [17:0] r_sense_pipe_taps_1,                       // [1,0,17]
-    output wire signed [17:0] r_sense_pipe_taps_2,                       // [1,0,17]
-    output wire signed [17:0] r_sense_pipe_taps_3,                       // [1,0,17]
-    output wire signed [17:0] r_sense_pipe_taps_4,                       // [1,0,17]
-    output wire signed [17:0] r_sense_pipe_taps_5,                       // [1,0,17]
-    output wire signed [17:0] r_sense_pipe_taps_6,                       // [1,0,17]
-    output wire signed [17:0] r_sense_pipe_taps_7,                       // [1,0,17]
+    output wire        [SINE_BITS+4:0] r_sense_sine_base2,               // [0,17,6]
+    output wire        [SINE_BITS-SINE_ADDRESS_BITS+SINE_FRACTION_BITS+5:0] r_sense_sine_product, // [0,8,16]
+    output wire signed [SINE_BITS-1:0] r_sense_sine_y,                   // [1,0,17]
+    output wire signed [SINE_BITS-1:0] r_drive_pipe_taps_0,              // [1,0,17]
+    output wire signed [SINE_BITS-1:0] r_drive_pipe_taps_1,              // [1,0,17]
+    output wire signed [SINE_BITS-1:0] r_drive_pipe_taps_2,              // [1,0,17]
+    output wire signed [SINE_BITS-1:0] r_drive_pipe_taps_3,              // [1,0,17]
+    output wire signed [SINE_BITS-1:0] r_drive_pipe_taps_4,              // [1,0,17]
+    output wire signed [SINE_BITS-1:0] r_drive_pipe_taps_5,              // [1,0,17]
+    output wire signed [SINE_BITS-1:0] r_drive_pipe_taps_6,              // [1,0,17]
+    output wire signed [SINE_BITS-1:0] r_drive_pipe_taps_7,              // [1,0,17]
+    output wire signed [SINE_BITS-1:0] r_sense_pipe_taps_0,              // [1,0,17]
+    output wire signed [SINE_BITS-1:0] r_sense_pipe_taps_1,              // [1,0,17]
+    output wire signed [SINE_BITS-1:0] r_sense_pipe_taps_2,              // [1,0,17]
+    output wire signed [SINE_BITS-1:0] r_sense_pipe_taps_3,              // [1,0,17]
+    output wire signed [SINE_BITS-1:0] r_sense_pipe_taps_4,              // [1,0,17]
+    output wire signed [SINE_BITS-1:0] r_sense_pipe_taps_5,              // [1,0,17]
+    output wire signed [SINE_BITS-1:0] r_sense_pipe_taps_6,              // [1,0,17]
+    output wire signed [SINE_BITS-1:0] r_sense_pipe_taps_7,              // [1,0,17]
     output wire         [3:0] r_references_signs,                        // [0,4,0]
     output wire         [3:0] r_references_aligned_0,                    // [0,4,0]
     output wire         [3:0] r_references_aligned_1,                    // [0,4,0]
     output wire         [3:0] r_references_aligned_2,                    // [0,4,0]
     output wire         [3:0] r_references_retimed,                      // [0,4,0]
-    output wire signed [41:0] r_drive_modulator_product,                 // [1,1,40]
+    output wire signed [SINE_BITS+23:0] r_drive_modulator_product,       // [1,1,40]
     output wire signed [19:0] r_drive_modulator_code,                    // [1,19,0]
     output wire signed [19:0] r_drive_modulator_held1,                   // [1,19,0]
     output wire signed [19:0] r_drive_modulator_held2,                   // [1,19,0]
-    output wire signed [41:0] r_sense_modulator_product,                 // [1,1,40]
+    output wire signed [SINE_BITS+23:0] r_sense_modulator_product,       // [1,1,40]
     output wire signed [19:0] r_sense_modulator_code,                    // [1,19,0]
     output wire signed [19:0] r_sense_modulator_held1,                   // [1,19,0]
     output wire signed [19:0] r_sense_modulator_held2,                   // [1,19,0]
@@ -237,12 +244,12 @@ module gyro_top #(
     output wire               r_watchdog_stale,
     output wire         [8:0] r_registers_control,                       // [0,9,0]
     output wire         [7:0] r_registers_fault_clear,                   // [0,8,0]
-    output wire        [47:0] r_registers_phase_drive_sine,              // [0,0,48]
-    output wire        [47:0] r_registers_phase_sense_sine,              // [0,0,48]
-    output wire        [47:0] r_registers_phase_drive_ref,               // [0,0,48]
-    output wire        [47:0] r_registers_phase_sense_ref,               // [0,0,48]
+    output wire        [DDS_BITS-1:0] r_registers_phase_drive_sine,      // [0,0,48]
+    output wire        [DDS_BITS-1:0] r_registers_phase_sense_sine,      // [0,0,48]
+    output wire        [DDS_BITS-1:0] r_registers_phase_drive_ref,       // [0,0,48]
+    output wire        [DDS_BITS-1:0] r_registers_phase_sense_ref,       // [0,0,48]
     output wire        [23:0] r_registers_amplitude_setpoint,            // [0,24,0]
-    output wire        [47:0] r_registers_frequency_fixed,               // [0,0,48]
+    output wire        [DDS_BITS-1:0] r_registers_frequency_fixed,       // [0,0,48]
     output wire signed [23:0] r_registers_amplitude_fixed,               // [1,0,23]
     output wire signed [23:0] r_registers_rate_fixed,                    // [1,0,23]
     output wire        [31:0] r_registers_quadrature_fixed,              // [0,32,0]
@@ -266,8 +273,8 @@ module gyro_top #(
     output wire signed [59:0] r_control_agc_loop_acc,                    // [1,35,24]
     output wire signed [35:0] r_control_agc_loop_y,                      // [1,35,0]
     output wire signed [23:0] r_control_frequency_tracker_error,         // [1,-1,24]
-    output wire        [47:0] r_control_frequency_tracker_centre,        // [0,0,48]
-    output wire        [47:0] r_control_frequency_tracker_word,          // [0,0,48]
+    output wire        [DDS_BITS-1:0] r_control_frequency_tracker_centre, // [0,0,48]
+    output wire        [DDS_BITS-1:0] r_control_frequency_tracker_word,  // [0,0,48]
     output wire signed [59:0] r_control_frequency_tracker_loop_prop,     // [1,35,24]
     output wire signed [59:0] r_control_frequency_tracker_loop_acc,      // [1,35,24]
     output wire signed [35:0] r_control_frequency_tracker_loop_y,        // [1,35,0]
@@ -304,7 +311,7 @@ module gyro_top #(
     output wire         [8:0] r_control_sequencer_control,               // [0,9,0]
     output wire signed [23:0] r_control_sequencer_last_phase,            // [1,-1,24]
     output wire signed [35:0] r_control_sequencer_rotation,              // [1,11,24]
-    output wire signed [47:0] r_control_sequencer_correction,            // [1,-1,48]
+    output wire signed [DDS_BITS-1:0] r_control_sequencer_correction,    // [1,-1,48]
     output wire         [7:0] r_control_sequencer_attempts,              // [0,8,0]
     output wire               r_control_sequencer_lost,
     output wire               r_control_sequencer_failed,
@@ -362,7 +369,7 @@ module gyro_top #(
     wire signed [23:0] code_temperature = digital ? 24'sd0 : r_adc_channels_4;
     wire code_ok = digital ? r_sid_ok : r_adc_ok;
 
-    wire signed [17:0] drive_carrier, sense_carrier;
+    wire signed [SINE_BITS-1:0] drive_carrier, sense_carrier;
     wire signed [23:0] amplitude;
     wire signed [19:0] drive_code, sense_code;
     wire dac_init;
@@ -395,7 +402,10 @@ module gyro_top #(
     assign o_quadrature_sync_n = r_quadrature_dac_sync_n;
     assign o_quadrature_sclk_en = r_quadrature_dac_sclk_en;
 
-    gyro_rates rates (
+    gyro_rates #(
+        .TICK_CLOCKS(TICK_CLOCKS),
+        .FRAME_TICKS(FRAME_TICKS)
+    ) rates (
         .clk    (clk),
         .rst    (rst),
         .go     (go),
@@ -406,7 +416,9 @@ module gyro_top #(
         .o_ce_8k(ce_8k)
     );
 
-    gyro_dds dds (
+    gyro_dds #(
+        .DDS_BITS(DDS_BITS)
+    ) dds (
         .clk           (clk),
         .rst           (rst),
         .word          (r_control_frequency_tracker_word),
@@ -422,7 +434,11 @@ module gyro_top #(
     );
 
     gyro_sine #(
-        .ROM_FILE(SINE_ROM_FILE)
+        .DDS_BITS          (DDS_BITS),
+        .SINE_ADDRESS_BITS (SINE_ADDRESS_BITS),
+        .SINE_FRACTION_BITS(SINE_FRACTION_BITS),
+        .SINE_BITS         (SINE_BITS),
+        .ROM_FILE          (SINE_ROM_FILE)
     ) drive_sine (
         .clk       (clk),
         .rst       (rst),
@@ -438,7 +454,11 @@ module gyro_top #(
     );
 
     gyro_sine #(
-        .ROM_FILE(SINE_ROM_FILE)
+        .DDS_BITS          (DDS_BITS),
+        .SINE_ADDRESS_BITS (SINE_ADDRESS_BITS),
+        .SINE_FRACTION_BITS(SINE_FRACTION_BITS),
+        .SINE_BITS         (SINE_BITS),
+        .ROM_FILE          (SINE_ROM_FILE)
     ) sense_sine (
         .clk       (clk),
         .rst       (rst),
@@ -454,7 +474,8 @@ module gyro_top #(
     );
 
     gyro_delay #(
-        .depth(pipe_depth)
+        .SINE_BITS(SINE_BITS),
+        .depth    (pipe_depth)
     ) drive_pipe (
         .clk     (clk),
         .rst     (rst),
@@ -471,7 +492,8 @@ module gyro_top #(
     );
 
     gyro_delay #(
-        .depth(pipe_depth)
+        .SINE_BITS(SINE_BITS),
+        .depth    (pipe_depth)
     ) sense_pipe (
         .clk     (clk),
         .rst     (rst),
@@ -488,8 +510,9 @@ module gyro_top #(
     );
 
     gyro_references #(
-        .align  (references_align),
-        .retimed(references_retimed)
+        .DDS_BITS(DDS_BITS),
+        .align   (references_align),
+        .retimed (references_retimed)
     ) references (
         .clk        (clk),
         .rst        (rst),
@@ -505,10 +528,11 @@ module gyro_top #(
     );
 
     gyro_modulator #(
-        .shift (drive_modulator_shift),
-        .lo    (drive_modulator_lo),
-        .hi    (drive_modulator_hi),
-        .frames(drive_modulator_frames)
+        .SINE_BITS(SINE_BITS),
+        .shift    (drive_modulator_shift),
+        .lo       (drive_modulator_lo),
+        .hi       (drive_modulator_hi),
+        .frames   (drive_modulator_frames)
     ) drive_modulator (
         .clk       (clk),
         .rst       (rst),
@@ -524,10 +548,11 @@ module gyro_top #(
     );
 
     gyro_modulator #(
-        .shift (sense_modulator_shift),
-        .lo    (sense_modulator_lo),
-        .hi    (sense_modulator_hi),
-        .frames(sense_modulator_frames)
+        .SINE_BITS(SINE_BITS),
+        .shift    (sense_modulator_shift),
+        .lo       (sense_modulator_lo),
+        .hi       (sense_modulator_hi),
+        .frames   (sense_modulator_frames)
     ) sense_modulator (
         .clk       (clk),
         .rst       (rst),
@@ -696,7 +721,10 @@ module gyro_top #(
         .r_stale(r_watchdog_stale)
     );
 
-    gyro_registers registers (
+    gyro_registers #(
+        .MASTER_HZ(MASTER_HZ),
+        .DDS_BITS (DDS_BITS)
+    ) registers (
         .clk                 (clk),
         .rst                 (rst),
         .write               (write),
@@ -724,6 +752,8 @@ module gyro_top #(
     );
 
     gyro_control #(
+        .MASTER_HZ                  (MASTER_HZ),
+        .DDS_BITS                   (DDS_BITS),
         .agc_loop_kp                (control_agc_loop_kp),
         .agc_loop_ki                (control_agc_loop_ki),
         .agc_loop_lo                (control_agc_loop_lo),

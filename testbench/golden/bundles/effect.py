@@ -13,14 +13,12 @@ from testbench.golden.bundles import top
 from testbench.golden.recording import record
 from testbench.run import build
 
-MOST_FRAMES = 80_000
 MOST_ROWS = 200  # with one row each
 
 
 def case(laws=(), sets=(), frames=9400):
     """`record.Case` of law files and `section.key=value` texts; ConfigError for what no engine runs."""
-    if not 1 <= frames <= MOST_FRAMES:
-        raise ConfigError(f"--frames = {frames} is outside 1 .. {MOST_FRAMES}")
+    top.check_frames(frames)
     values = dict(parse_set(text)[:2] for text in sets)
     texts = [text for path in laws for text in law_file.read(path).laws]
     if texts:

@@ -9,9 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fpga_model.rates import MASTER_HZ
 from testbench.errors import ConfigError
-from testbench.golden.bundles import benches, bundle, provenance, scores, top
+from testbench.golden.bundles import benches, bundle, design_entry, provenance, scores, top
 from testbench.golden.coverage import evidence
 from testbench.golden.ranges import range_report
 from testbench.golden.stimulus import blocks, stimulus
@@ -26,23 +25,25 @@ def _manifest(block, case, stim, exp, families, seed):
         "registers": [bundle.port(p) for p in block.registers],
         "outputs": [bundle.port(p) for p in block.pins],
     }
-    identity = bundle.canonical({"block": block.stem, "case": case, "params": params, **ports})
+    identity = {"block": block.stem, "case": case, "params": params, **ports, **design_entry.entry(block)}
     return {
         "schema": bundle.SCHEMA,
         "block": block.stem,
         "case": case,
-        "clock": {"name": "clk", "hz": MASTER_HZ},
+        "clock": {"name": "clk", "hz": block.record.master_hz},
         "reset": {"name": blocks.RESET_INPUT, "active": 1, "cycles": benches.RESET_CYCLES},
         "sample": "before rising edge",
         "n": len(stim),
         **ports,
         "params": params,
+        **design_entry.entry(block),
         "rules": block.rules,
         "latency": block.latency,
         "seed": seed,
         "families": [list(found) for found in families],
-        "coverage": evidence.summary(block, case, stim, exp),
-        "config_sha256": hashlib.sha256(identity.encode()).hexdigest(),
+        # arguments that goals cannot be met are of the default design
+        **({} if block.design else {"coverage": evidence.summary(block, case, stim, exp)}),
+        "config_sha256": hashlib.sha256(bundle.canonical(identity).encode()).hexdigest(),
         "provenance": provenance.provenance(),
     }
 
@@ -98,13 +99,13 @@ def export_case(block, case, out, seed=stimulus.SEED):
     return write(block, case, stim, families, seed, Path(out) / block.stem / case)
 
 
-def chosen(name, others=()):
+def chosen(name, others=(), known=blocks.BLOCKS):
     """Blocks of a name or `all`; raises ConfigError otherwise. `others` are names that the caller knows besides."""
     if name == "all":
-        return list(blocks.BLOCKS.values())
-    if name not in blocks.BLOCKS:
-        raise ConfigError(f"block: {name!r} is not one of all, {', '.join([*blocks.BLOCKS, *others])}")
-    return [blocks.BLOCKS[name]]
+        return list(known.values())
+    if name not in known:
+        raise ConfigError(f"block: {name!r} is not one of all, {', '.join([*known, *others])}")
+    return [known[name]]
 
 
 def folder_makefile(block):
@@ -119,19 +120,31 @@ check clean:
 """
 
 
-def export(name, out, progress=None):
-    """Write the bundles of a block, of `top`, or of all; returns [(folder, manifest)]."""
+def export(name, out, progress=None, config=None, frames=top.BOARD_FRAMES):
+    """Write the bundles of a block, of `top`, or of all; returns [(folder, manifest)].
+
+    config  path of a configuration: the blocks of its design, also with its parameters
+    frames  of the whole design of a configuration from power-on
+    """
     from testbench.storage.files import write_text
 
-    done = []
-    listed = [] if name == top.STEM else chosen(name, [top.STEM])
+    settings, firmware = (None, None) if config is None else design_entry.board(config)
+    known = blocks.BLOCKS if config is None else blocks.of_firmware(firmware)
+    if config is not None and name in ("all", top.STEM):
+        top.check_board(firmware, frames)
+    listed = [] if name == top.STEM else chosen(name, [top.STEM], known)
     if name in ("all", top.STEM):
-        listed.append(top.block(dict.fromkeys(top.CASES)))
-    todo = [(block, case) for block in listed for case in block.cases]
+        listed.append(top.block(dict.fromkeys(top.CASES if config is None else top.BOARD_CASES)))
+    done, todo = [], [(block, case) for block in listed for case in block.cases]
     for n, (block, case) in enumerate(todo):
         if progress is not None:
             progress(f"{block.stem}/{case}", n, len(todo))
-        manifest = top.export_case(case, out) if block.stem == top.STEM else export_case(block, case, out)
+        if block.stem != top.STEM:
+            manifest = export_case(block, case, out)
+        elif config is None:
+            manifest = top.export_case(case, out)
+        else:
+            manifest = top.export_board(firmware, settings, case, out, frames)
         done.append((Path(out) / block.stem / case, manifest))
         makefile = Path(out) / block.stem / "Makefile"
         if case == list(block.cases)[-1]:

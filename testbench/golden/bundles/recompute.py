@@ -9,21 +9,36 @@ Source  docs/golden.md
 
 import fnmatch
 import tempfile
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from fpga_model import block as registry
+from fpga_model.fixed import Fmt, formats
+from testbench import flatten
 from testbench.errors import FileError
-from testbench.golden.bundles import bundle, export, top
+from testbench.golden.bundles import bundle, design_entry, export, top
 from testbench.golden.recording import recording
 from testbench.golden.stimulus import blocks
+from testbench.storage import inputs
 
 NUMBERS = ("*.hex", "rom/*", "vec.csv", "params*")  # files that carry rows, tables or parameters
 CODE = ("version", "git")
 # What a manifest must share with that of this version, whatever wrote it
-IDENTITY = ("schema", "clock", "reset", "n", "inputs", "registers", "outputs", "params", "signature")
+IDENTITY = ("schema", "clock", "reset", "n", "inputs", "registers", "outputs", "params", "design", "design_params",
+            "signature")  # fmt: skip
 UNSEALED = ("provenance", "sha256", "manifest_sha256")
+
+
+@dataclass
+class Param:
+    """Entry of a parameter in a manifest."""
+
+    name: str
+    raw: int
+    fmt: list[int]
 
 
 class Proof(NamedTuple):
@@ -53,13 +68,31 @@ def _same_entry(path, key, given, own):
     raise FileError(f"{path}: {key}: {str(given)[:120]} is not {str(own)[:120]}, as this version computes it")
 
 
+def _block(path, manifest):
+    """The block of a manifest, with its case; FileError where this version has none such."""
+    stem, case = manifest["block"], manifest["case"]
+    design = design_entry.of_manifest(path, manifest)
+    block = (blocks.BLOCKS if design is None else blocks.of_record(design)).get(stem)
+    if block is None or (case not in block.cases and design is None):
+        raise FileError(f"{path}: {stem}/{case} is no block and case of this version")
+    if case in block.cases:
+        return block
+    # parameters of a board: what the manifest says, in this version's formats
+    own = registry.leaves(formats(registry.declared()[stem].Params, design))
+    wanted = [{"name": registry.flat(name), "fmt": list(fmt)} for name, fmt in own]
+    given = inputs.checked(manifest.get("params"), list[Param], path)
+    _same_entry(path, "params", [{"name": p.name, "fmt": p.fmt} for p in given], wanted)
+    for p in given:
+        if not Fmt(*p.fmt).holds(p.raw):
+            raise FileError(f"{path}: params: {p.name} = {p.raw} is outside its format {Fmt(*p.fmt)}")
+    like = next(iter(block.cases.values()))
+    return block._replace(cases={case: flatten.rebuild(like, [p.raw for p in given])})
+
+
 def _block_again(found, path, folder):
     """Write the bundle of a block again from the rows of one that was read."""
     manifest = found.manifest
-    stem, case = manifest["block"], manifest["case"]
-    block = blocks.BLOCKS.get(stem)
-    if block is None or case not in block.cases:
-        raise FileError(f"{path}: {stem}/{case} is no block and case of this version")
+    case, block = manifest["case"], _block(path, manifest)
     ports = {"inputs": block.columns, "registers": block.registers, "outputs": block.pins}
     for key, own in ports.items():
         _same_entry(path, key, manifest[key], [bundle.port(p) for p in own])
@@ -71,10 +104,11 @@ def _block_again(found, path, folder):
 def _top_again(found, path, folder):
     """The same for a bundle of the whole design: its recording, replayed."""
     r = top.replayed(path.parent, found.manifest)
-    shipped = recording.load(r.name) if r.name in top.CASES else None
+    of_board = "design" in found.manifest
+    shipped = recording.load(r.name) if r.name in top.CASES and not of_board else None
     if shipped is not None and shipped.frames == r.frames and recording.sha256(shipped) != recording.sha256(r):
         raise FileError(f"{path}: is of another recording of {r.name} than this version has")
-    top.write(r, folder, found.at)
+    top.write(r, folder, found.at, of_board)
 
 
 def _same_rows(folder, name, given, own, at, ports):

@@ -2,7 +2,7 @@
 
     at.hex                 clocks of the rows: dense windows, and first clocks of frames
     stim.hex, exp.hex      inputs, and registers with pins, at these clocks; ports/ and vec.csv hold the same
-    sig.hex                signature of all registers and pins in all clocks of each frame of 3250
+    sig.hex                signature of all registers and pins in all clocks of each frame
     adc.hex                per conversion: clock (32 bits), status (24), eight codes (24 each)
     host.hex               per event: clock (32), 1 for a reset or 0 for a write (4), address (8), data (48)
     sar.hex                per tick: sample x, sample y (18 each); empty where both rest at 0
@@ -19,10 +19,11 @@ from pathlib import Path
 import numpy as np
 
 from fpga_model import spi_adc, top
-from fpga_model.rates import FRAME_CYCLES, MASTER_HZ, TICK_CYCLES
+from fpga_model.design_record import DEFAULT
+from fpga_model.fixed import formats
 from testbench.errors import ConfigError, FileError
 from testbench.flatten import format_leaves, leaves
-from testbench.golden.bundles import benches, bundle, provenance, scores, top_benches
+from testbench.golden.bundles import benches, bundle, design_entry, provenance, scores, top_benches
 from testbench.golden.bundles.top_benches.layout import CLOCK_BITS
 from testbench.golden.recording import recording, replay, signature
 from testbench.golden.stimulus import blocks
@@ -69,30 +70,32 @@ def _rules():
     return found
 
 
-def block(params):
-    """The whole design as a `blocks.Block`; `params` are {case: Params or None}."""
-    rules = _rules()
+def block(params, design=None):
+    """The whole design as a `blocks.Block`; `params` are {case: Params or None}, `design` as there."""
+    rules, record = _rules(), design or DEFAULT
+    state, known = top.reset(record), blocks.of_record(record)
     registers = [
         Port(flat(path), fmt, int(reset), *rules.get(flat(path), (None, None)))
-        for (path, reset), (_, fmt) in zip(leaves(top.State()), format_leaves(top.STATE_FMT), strict=True)
+        for (path, reset), (_, fmt) in zip(leaves(state), format_leaves(formats(top.State, record)), strict=True)
     ]
     return blocks.Block(
         stem=STEM,
+        design=design,
         inputs=tuple(Port(name, fmt) for name, fmt in zip(top.Inputs._fields, top.INPUTS_FMT)),
-        state=top.State(),
+        state=state,
         registers=tuple(registers),
         pins=tuple(Port(name, fmt) for name, fmt in zip(top.Pins._fields, top.PINS_FMT)),
         cases=params,
         run=None,
         latency={"adc_valid": spi_adc.READ_CYCLES},
         idle={"drdy_n": 1},
-        roms=(*blocks.BLOCKS["sine"].roms, *blocks.BLOCKS["cordic"].roms),
+        roms=(*known["sine"].roms, *known["cordic"].roms),
     )
 
 
 def clocks_of(r):
     """Clocks of the rows of a recording: its windows, and the first clock of every `row_every`th frame."""
-    pieces = [np.arange(0, r.frames, r.row_every) * FRAME_CYCLES]
+    pieces = [np.arange(0, r.frames, r.row_every) * r.params.design.frame_clocks]
     pieces += [np.arange(w.first, w.first + w.count) for w in r.windows]
     return np.unique(np.concatenate(pieces))
 
@@ -127,12 +130,13 @@ def replayed(folder, manifest):
         words = bundle.replayed_words(folder, manifest, name)
         stimulus[name] = np.ascontiguousarray(bundle.unpack(words, ports)).reshape(-1, len(widths))
     params = inputs.checked(manifest.get("params"), list[Param], path)
+    design = design_entry.of_manifest(path, manifest) or DEFAULT
     names = [flat(name) for name in recording.param_names()]
     if [p.name for p in params] != names:
         raise FileError(f"{path}: params: are not the {len(names)} parameters of this version's design")
     windows = inputs.checked(manifest["windows"], list[Place], path)
     found = recording.Recording(
-        manifest["case"], recording.params_from([p.raw for p in params]), manifest["frames"], 1,
+        manifest["case"], recording.params_from([p.raw for p in params], design), manifest["frames"], 1,
         replay.Stimulus(**stimulus), tuple(recording.Window(w.clock, w.rows, w.shows) for w in windows), "",
     )  # fmt: skip
     recording.check(path, found)
@@ -165,19 +169,19 @@ def _manifest(design, r, at, counts):
         "outputs": [bundle.port(p) for p in design.pins],
     }
     params = [{"name": name, "raw": raw, "fmt": list(fmt)} for name, raw, fmt in blocks.params_of(design, r.name)]
-    recorded = recording.sha256(r)
-    identity = bundle.canonical({"block": STEM, "case": r.name, "params": params, "recording": recorded, **ports})
+    recorded, d, entry = recording.sha256(r), design.record, design_entry.entry(design)
+    identity = {"block": STEM, "case": r.name, "params": params, "recording": recorded, **ports, **entry}
     return {
         "schema": bundle.REPLAY_SCHEMA,
         "block": STEM,
         "case": r.name,
-        "clock": {"name": "clk", "hz": MASTER_HZ},
+        "clock": {"name": "clk", "hz": d.master_hz},
         "reset": {"name": blocks.RESET_INPUT, "active": 1, "cycles": benches.RESET_CYCLES},
         "sample": "before rising edge",
         "n": len(at),
         "frames": r.frames,
-        "frame_cycles": FRAME_CYCLES,
-        "tick_cycles": TICK_CYCLES,
+        "frame_cycles": d.frame_clocks,
+        "tick_cycles": d.tick_clocks,
         "conversions": counts["conversions"],
         "host_events": counts["host_events"],
         "samples": counts["samples"],
@@ -189,17 +193,22 @@ def _manifest(design, r, at, counts):
         "windows": [{"clock": w.first, "rows": w.count, "shows": w.shows} for w in r.windows],
         **ports,
         "params": params,
+        **entry,
         "latency": design.latency,
         "recording_sha256": recorded,
         "seed": None,
-        "config_sha256": hashlib.sha256(identity.encode()).hexdigest(),
+        "config_sha256": hashlib.sha256(bundle.canonical(identity).encode()).hexdigest(),
         "provenance": provenance.provenance(),
     }
 
 
-def write(r, folder, at=None):
-    """Replay a recording and write its bundle, with rows at the clocks `at` (None: its own); returns the manifest."""
-    design = block({r.name: r.params})
+def write(r, folder, at=None, of_board=False):
+    """Replay a recording and write its bundle, with rows at the clocks `at` (None: its own); returns the manifest.
+
+    of_board  the manifest names the design, even if it is the default one
+    """
+    d = r.params.design
+    design = block({r.name: r.params}, d if of_board or d != DEFAULT else None)
     at = clocks_of(r) if at is None else at
     rows = replay.run(r.params, r.stimulus, r.frames, at)
     blocks.check(design.columns, rows.inputs, f"{STEM}: stimulus")
@@ -233,15 +242,51 @@ def export_case(case, out):
     return write(recording.load(case), Path(out) / STEM / case)
 
 
+BOARD_CASES = ("reset", "power_on")
+BOARD_FRAMES, MOST_FRAMES = 400, 80_000  # of a loop that is closed for an export
+
+
+def check_frames(frames):
+    """Raise ConfigError for a length of which no loop is closed."""
+    if not 1 <= frames <= MOST_FRAMES:
+        raise ConfigError(f"--frames = {frames} is outside 1 .. {MOST_FRAMES}")
+
+
+def check_board(firmware, frames):
+    """Raise ConfigError for what `export_board` cannot write."""
+    check_frames(frames)
+    if firmware.control.notch is not None:
+        raise ConfigError("firmware.notch_hz: the Verilog of the whole design has no notch; set it to 0")
+
+
+def export_board(firmware, config, case, out, frames=BOARD_FRAMES, progress=None):
+    """Write the bundle of one of BOARD_CASES of a board to OUT/top/<case>; returns its manifest.
+
+    reset     codes of the shipped case, in the frames of the board: no plant
+    power_on  the loop of the board is closed for so many frames from power-on
+    Raises ConfigError for a firmware that the RTL of the whole design has not.
+    """
+    check_board(firmware, frames)
+    from testbench.golden.recording import record  # it knows plant and engine, which no other export does
+
+    if case == "reset":
+        r = record.reset_case(recording.load("story"), firmware)
+    else:
+        made = record.Case(config, lambda _: firmware, frames, row_every=max(1, frames // BOARD_FRAMES))
+        r = record.closed_loop(case, made, progress)
+    return write(r._replace(windows=record.windows_of(r)), Path(out) / STEM / case, of_board=True)
+
+
 def begun(r, frames, windows):
     """The first frames of a recording, with rows at these windows and at the first clock."""
     adc, host, sar = r.stimulus
-    end = frames * FRAME_CYCLES
+    d = r.params.design
+    end = frames * d.frame_clocks
     return r._replace(
         frames=frames,
         row_every=frames,
         windows=windows,
-        stimulus=replay.Stimulus(adc[adc[:, 0] < end], host[host[:, 0] < end], sar[: end // TICK_CYCLES]),
+        stimulus=replay.Stimulus(adc[adc[:, 0] < end], host[host[:, 0] < end], sar[: end // d.tick_clocks]),
     )
 
 
@@ -258,17 +303,23 @@ def window(folder, clock, count, out=None):
     manifest = bundle.verify(folder)
     if manifest["schema"] != bundle.REPLAY_SCHEMA:
         raise ConfigError(f"{folder}: has every clock of {manifest['block']} already")
-    if manifest["case"] not in CASES:
-        raise FileError(f"{folder}: case {manifest['case']!r} is not one of {', '.join(CASES)}")
-    r = recording.load(manifest["case"])
-    if recording.sha256(r) != manifest["recording_sha256"]:
-        raise FileError(f"{folder}: is of another recording of {r.name} than this version has; export it again")
+    r = _shipped(folder, manifest) if "design" not in manifest else replayed(folder, manifest)
     end = manifest["frames"] * manifest["frame_cycles"]
     if not 1 <= count <= MAX_WINDOW:
         raise ConfigError(f"--count: {count} is outside 1 .. {MAX_WINDOW} clocks")
     if not 0 <= clock <= end - count:
         raise ConfigError(f"--clock: {clock} .. {clock + count - 1} is outside 0 .. {end - 1}, the clocks of {r.name}")
-    frames = -(-(clock + count) // FRAME_CYCLES)
+    frames = -(-(clock + count) // manifest["frame_cycles"])
     cut = begun(r, frames, (recording.Window(clock, count, "asked for"),))
     out = folder.with_name(f"{folder.name}_{clock}") if out is None else Path(out)
-    return out, write(cut, out)
+    return out, write(cut, out, of_board="design" in manifest)
+
+
+def _shipped(folder, manifest):
+    """The recording of this version that a bundle is of; FileError if it is of another."""
+    if manifest["case"] not in CASES:
+        raise FileError(f"{folder}: case {manifest['case']!r} is not one of {', '.join(CASES)}")
+    r = recording.load(manifest["case"])
+    if recording.sha256(r) != manifest["recording_sha256"]:
+        raise FileError(f"{folder}: is of another recording of {r.name} than this version has; export it again")
+    return r

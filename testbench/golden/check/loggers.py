@@ -11,6 +11,7 @@ Source  docs/golden.md (what a design must look like)
 import re
 
 from testbench.errors import FileError
+from testbench.golden.bundles.design_entry import told
 
 TOP = "gyro_log"
 ROWS = "rows.txt"
@@ -24,7 +25,7 @@ def results(manifest):
 
 def _checked(manifest):
     names = [manifest["block"]] + [p["name"] for kind in ("inputs", "registers", "outputs") for p in manifest[kind]]
-    names += [p["name"] for p in manifest.get("params", [])]
+    names += [p["name"] for p in manifest.get("params", [])] + [name for name, _ in told(manifest)]
     for name in names:
         if not NAME.fullmatch(str(name)):
             raise FileError(f"manifest: {name!r} is no name of a port, a parameter or a block")
@@ -56,7 +57,8 @@ def verilog(manifest, rom=None):
     _checked(manifest)
     inputs, found = manifest["inputs"], results(manifest)
     width, half = sum(p["width"] for p in inputs), _half_ps(manifest)
-    given = [f".{name}({bits}'{'s' * signed}h{raw:x})" for name, bits, signed, raw in parameters(manifest)]
+    given = [f".{name}({value})" for name, value in told(manifest)]
+    given += [f".{name}({bits}'{'s' * signed}h{raw:x})" for name, bits, signed, raw in parameters(manifest)]
     given += [f'.ROM_FILE("{rom}")'] if rom else []
     ports = [".clk(clk)", *(f".{p['name']}(now[{hi}:{lo}])" for p, hi, lo in _slices(inputs))]
     ports += [f".{name}({name})" for name, _ in found]
@@ -109,7 +111,8 @@ def vhdl(manifest, rom=None):
     def part(hi, lo):
         return f"({hi})" if hi == lo else f"({hi} downto {lo})"
 
-    given = [f"{name} => {literal(raw, bits)}" for name, bits, _, raw in parameters(manifest)]
+    given = [f"{name} => {value}" for name, value in told(manifest)]
+    given += [f"{name} => {literal(raw, bits)}" for name, bits, _, raw in parameters(manifest)]
     given += [f'ROM_FILE => "{rom}"'] if rom else []
     ports = ["clk => clk", *(f"{p['name']} => now{part(hi, lo)}" for p, hi, lo in _slices(inputs))]
     ports += [f"{p['name']} => got{part(hi, lo)}" for p, hi, lo in outs]

@@ -20,7 +20,6 @@ from analog_frontend.parts import adc_serial
 from fpga_model import registers
 from fpga_model import top as fpga
 from fpga_model.jit import kernel
-from testbench.engines import chips as board
 from testbench.engines import engine
 from testbench.flatten import leaves
 from testbench.golden.loop import library
@@ -29,15 +28,11 @@ from testbench.run import build
 DEG = math.pi / 180
 STATUS = adc_serial.status_word()
 SENT = 5  # channels of the ADC that are connected
-_MASKS = tuple((1 << fmt.width) - 1 for fmt in library.FORMATS)
-
-
-PARTS = board.parts(board.DEFAULT)
 
 
 @kernel
-def _chips(chips, pins, loaded, status, codes):
-    return engine.chips_after(PARTS, chips, pins, loaded, status, codes)
+def _chips(parts, chips, pins, loaded, status, codes):
+    return engine.chips_after(parts, chips, pins, loaded, status, codes)
 
 
 @kernel
@@ -119,7 +114,7 @@ class Plant:
         clocks = self.design.tick_clocks
         c, pins = self.clock % clocks, fpga.Pins(**{name: int(pins[name]) for name in fpga.Pins._fields})
         loaded = int(c == self._drdy_cycle)
-        self.chips = _chips(self.chips, pins, loaded, STATUS, self._codes)
+        self.chips = _chips(self.params.chips, self.chips, pins, loaded, STATUS, self._codes)
         self._drive_cycle = c if self.chips.drive.updated else self._drive_cycle
         self._sense_cycle = c if self.chips.sense.updated else self._sense_cycle
         changed, self._refs = pins.refs ^ self._refs, pins.refs
@@ -142,12 +137,13 @@ class Model:
 
     def __init__(self, plant):
         self._params, self._rom = plant.firmware, plant.params.rom
+        self._masks = tuple((1 << fmt.width) - 1 for fmt in library.formats_of(plant.design))
         self.state = fpga.reset(self._params.design)
 
     def expected(self):
         """{port of gyro_top: unsigned value} of every register and output pin before the next edge."""
         values = [value for _, value in leaves(self.state)] + list(_pins(self._params, self.state))
-        return {port: int(v) & mask for port, v, mask in zip(library.PORTS, values, _MASKS, strict=True)}
+        return {port: int(v) & mask for port, v, mask in zip(library.PORTS, values, self._masks, strict=True)}
 
     def edge(self, inputs):
         """One edge, with what `Plant.inputs` gave."""

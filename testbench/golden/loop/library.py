@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from fpga_model import top
+from fpga_model.fixed import formats
 from testbench.errors import ConfigError, FileError
 from testbench.flatten import format_leaves
 from testbench.golden.bundles import benches
@@ -26,7 +27,6 @@ from testbench.tool import run_tool
 
 INPUTS = (RESET_INPUT, *top.Inputs._fields)
 PINS = top.Pins._fields
-FORMATS = (*(fmt for _, fmt in format_leaves(top.STATE_FMT)), *top.PINS_FMT)
 # Dotted as in the model; the port of a register is r_ and the name with its dots as underscores, that of a pin o_
 REGISTERS = tuple(name for name, _ in format_leaves(top.STATE_FMT))
 NAMES = (*REGISTERS, *PINS)
@@ -41,22 +41,28 @@ def _mask(fmt):
     return (1 << fmt.width) - 1
 
 
-def driver():
+def formats_of(design):
+    """Formats of registers and pins, in the order of NAMES."""
+    return (*(fmt for _, fmt in format_leaves(formats(top.State, design))), *top.PINS_FMT)
+
+
+def driver(design):
     """Text of the C++ around Verilator's class."""
+    found_formats = formats_of(design)
     given = "\n".join(f"    top.{name} = in[{k}];" for k, name in enumerate(INPUTS))
     packed = " |\n           ".join(f"(int64_t)top.o_{name} << {at}" for name, at in zip(PINS, PIN_AT, strict=True))
     tests = "\n".join(
         f"    d |= ((uint64_t)row[{k}] & {_mask(fmt):#x}u) ^ top.{port};"
-        for k, (port, fmt) in enumerate(zip(PORTS, FORMATS, strict=True))
+        for k, (port, fmt) in enumerate(zip(PORTS, found_formats, strict=True))
     )
     found = "\n".join(
         f"    if (((uint64_t)row[{k}] & {_mask(fmt):#x}u) != top.{port}) return {k};"
-        for k, (port, fmt) in enumerate(zip(PORTS, FORMATS, strict=True))
+        for k, (port, fmt) in enumerate(zip(PORTS, found_formats, strict=True))
     )
     reads = "\n".join(
         f"    row[{k}] = " + (f"(int64_t)((uint64_t)top.{port} << {64 - fmt.width}) >> {64 - fmt.width};" if fmt.s
                               else f"(int64_t)top.{port};")
-        for k, (port, fmt) in enumerate(zip(PORTS, FORMATS, strict=True))
+        for k, (port, fmt) in enumerate(zip(PORTS, found_formats, strict=True))
     )  # fmt: skip
     return f"""// Generated: one edge, comparison and read-out of gyro_top
 #include <cstdint>
@@ -127,9 +133,9 @@ def build(rtl, params, folder, level=2):
             raise ConfigError(f"{name}: not installed; the loop around RTL needs {', '.join(TOOLS)}")
     files, folder = sources(rtl), Path(folder).resolve()
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "driver.cpp").write_text(driver())
+    (folder / "driver.cpp").write_text(driver(params.design))
     given = [f"-G{name}={width}'h{raw:x}" for name, width, raw in board.settings(params)]
-    given += [f'-G{name}="{path}"' for name, path in board.write_roms(folder).items()]
+    given += [f'-G{name}="{path}"' for name, path in board.write_roms(folder, params.design).items()]
     command = "verilator --cc --exe --build -O3 --x-initial 0 -Wno-fatal -Wno-lint -Wno-style".split()
     command += ["-MAKEFLAGS", f"OPT_FAST=-O{level} OPT_SLOW=-O0 OPT_GLOBAL=-O{level}"]
     command += "-CFLAGS -fPIC -LDFLAGS -shared --top-module gyro_top --Mdir built -o gyro_top.so".split()

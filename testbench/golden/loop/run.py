@@ -15,13 +15,13 @@ import numpy as np
 
 from fpga_model import fault_monitor, sequencer
 from fpga_model import top as fpga
-from fpga_model.rates import MASTER_HZ, TICK_CYCLES, TICK_HZ
+from fpga_model.design_record import DEFAULT
 from testbench.config import Config, changed, scenario
 from testbench.engines import engine
 from testbench.errors import ConfigError
 from testbench.flatten import leaves
 from testbench.golden.loop import library, lockstep
-from testbench.run import build, design_check, simulate
+from testbench.run import build, simulate
 from testbench.run.simulation import FRAME, Simulation
 
 SECONDS = 3.0
@@ -42,19 +42,20 @@ class Difference(Exception):
     """The RTL is not the model.
 
     row     clocks since power-on; the values stand before this edge
+    design  record of the design
     wrong   [(name, expected, got)] of every register and pin that differs there, in the model's order
     before  int64 (rows, values): the model's rows up to this one, the last one last
     """
 
-    def __init__(self, row, wrong, before):
-        self.row, self.wrong, self.before = row, wrong, before
-        self.tick, self.clock = divmod(row, TICK_CYCLES)
+    def __init__(self, row, wrong, before, design=DEFAULT):
+        self.row, self.wrong, self.before, self.us = row, wrong, before, row / design.master_hz * 1e6
+        self.tick, self.clock = divmod(row, design.tick_clocks)
         super().__init__(self.text())
 
     def text(self):
         """First line: when and which; then the other registers, and what the first one held before."""
         name, expected, got = self.wrong[0]
-        lines = [f"tick {self.tick}, clock {self.clock} ({self.row / MASTER_HZ * 1e6:.3f} us): {name}: "
+        lines = [f"tick {self.tick}, clock {self.clock} ({self.us:.3f} us): {name}: "
                  f"expected {expected}, got {got}"]  # fmt: skip
         lines += [f"  also {name}: expected {expected}, got {got}" for name, expected, got in self.wrong[1:SHOWN]]
         if len(self.wrong) > SHOWN:
@@ -113,13 +114,13 @@ class Loop(Simulation):
         wrong = [(name, int(expected[k]), int(got[k])) for k, name in enumerate(library.NAMES) if expected[k] != got[k]]
         first = max(0, row - lockstep.KEPT + 1)
         before = np.stack([self.rtl.rows[n % lockstep.KEPT] for n in range(first, row + 1)])
-        raise Difference(row, wrong, before.copy())
+        raise Difference(row, wrong, before.copy(), self.design)
 
     def finish(self):
         """Compare what the last edge left; raises Difference."""
         s = self.state
         values = [int(value) for _, value in leaves(s.fpga)] + [int(v) for v in fpga.pins(self.params.fpga, s.fpga)]
-        row = s.tick * TICK_CYCLES
+        row = s.tick * self.design.tick_clocks
         self.rtl.rows[row % lockstep.KEPT] = values
         if not np.array_equal(self.library.read(), values):
             self._stop(row)
@@ -157,10 +158,9 @@ def closed(config, design, firmware, progress=None):
 
     Raises ConfigError for a scenario that does not begin at power-on.
     """
-    design_check.default_only(config, "the loop around RTL")
     if config.scenario.origin != "power_on" or config.scenario.resume:
         raise ConfigError('scenario.origin: the loop around RTL begins at power-on; set origin = "power_on"')
-    timeline = scenario.expand(config.scenario)
+    timeline = scenario.expand(config.scenario, config.design_record())
     sim = Loop(config, *timeline.temp_degc.limits(), design, firmware)
     sim.now = (np.array([timeline.rate_before_rad_s]), np.array([timeline.temp_before_degc]))
     difference, began = None, time.perf_counter()
@@ -173,7 +173,7 @@ def closed(config, design, firmware, progress=None):
         difference = found
     return Outcome(
         rows=sim.compared,
-        seconds=sim.tick / TICK_HZ,
+        seconds=sim.tick / sim.design.tick_hz,
         states=tuple(name for k, name in enumerate(sequencer.STATES) if sim.seen.states >> k & 1),
         locked=bool(sim.locked),
         flags=tuple(name for k, name in enumerate(fault_monitor.NAMES) if sim.seen.flags >> k & 1),

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from testbench.errors import ConfigError, FileError
-from testbench.golden.bundles import benches, bundle
+from testbench.golden.bundles import benches, bundle, design_entry
 from testbench.golden.mutation import aig, judge
 from testbench.golden.mutation.miter import compact
 from testbench.golden.ranges import ranges
@@ -102,8 +102,8 @@ def sources(manifest, rtl):
 
 
 def parameters(manifest):
-    """[(name, width, raw bits)] of the case."""
-    listed = []
+    """[(name, width, raw bits)] of the case, and keys of its design."""
+    listed = [(name, 32, value) for name, value in design_entry.told(manifest)]
     for entry in manifest["params"]:
         width = sum(entry["fmt"])
         listed.append((entry["name"], width, entry["raw"] & ((1 << width) - 1)))
@@ -187,7 +187,7 @@ def simulate(folder, manifest, graph, numbers):
 def ranges_of(manifest):
     """{port: (signed, lo, hi)} of the registers as the model is proven to keep them; empty for a foreign block."""
     stem, case = manifest["block"], manifest["case"]
-    if stem not in blocks.BLOCKS or case not in blocks.BLOCKS[stem].cases:
+    if "design" in manifest or stem not in blocks.BLOCKS or case not in blocks.BLOCKS[stem].cases:
         return {}
     return {f"r_{r.name}": (r.fmt.s == 1, *r.proven) for r in ranges.of_case(stem, case).registers if r.proven}
 

@@ -156,7 +156,7 @@ class _Design:
         for column, name in enumerate((RESET_INPUT, *top.Inputs._fields)):
             found += [((column, bit, 0), 1 + place) for bit, place in enumerate(graph.inputs.get(name, ()))]
         first, seen = 1 + graph.in_count, set()
-        for column, (port, fmt) in enumerate(zip(library.PORTS, library.FORMATS, strict=True)):
+        for column, (port, fmt) in enumerate(zip(library.PORTS, library.formats_of(self.r.params.design), strict=True)):
             places = graph.outputs.get(port, ())
             if len(places) != fmt.width:
                 raise FileError(f"top.v: port {port} has {len(places)} bits, not {fmt.width}")

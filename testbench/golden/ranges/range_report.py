@@ -28,7 +28,7 @@ def entry(block, case, regs, pins):
 
     regs, pins  what the case's vectors made of them, a column each
     """
-    found = ranges.of_case(block.stem, case)
+    found = ranges.analyse_once(block.stem, block.cases[case], block.design)
     listed = []
     for one, held in zip((*found.registers, *found.pins), seen_range(np.column_stack([regs, pins])), strict=True):
         listed.append(
@@ -44,7 +44,7 @@ def entry(block, case, regs, pins):
     widest = found.widest
     return {
         "ports": listed,
-        "relations": ranges.relations_text(block.stem),
+        "relations": ranges.relations_text(block),
         "widest": widest and {"bits": widest.bits, "lo": widest.lo, "hi": widest.hi, "in": widest.function,
                               "expression": widest.text},
         "limit_bits": MAX_WIDTH,

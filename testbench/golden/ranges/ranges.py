@@ -81,9 +81,9 @@ def width(lo, hi, signed):
     return hi.bit_length()
 
 
-def relations_text(stem):
+def relations_text(block):
     """The sums of registers that are proven along, as texts."""
-    return [" + ".join(f"{coef}*{name}" for name, coef in sums.items()) for sums in blocks.BLOCKS[stem].relations]
+    return [" + ".join(f"{coef}*{name}" for name, coef in sums.items()) for sums in block.relations]
 
 
 # ---- one edge -----------------------------------------------------------------------------------------------------
@@ -95,7 +95,7 @@ class Edge:
     def __init__(self, block, params):
         self.block, self.params = block, params
         module = declared().get(block.stem)
-        self.structure = structure(module) if module else {}
+        self.structure = structure(module, block.record) if module else {}
         self.names = [flat(path) for path, _ in leaves(block.state)]
         self.fmts = [port.fmt for port in block.registers]
         place = {name: k for k, name in enumerate(self.names)}
@@ -328,9 +328,9 @@ def _inside(after, boxes):
 
 
 @lru_cache(maxsize=256)
-def analyse_once(stem, params):
-    """`analyse` of a block of the registry, remembered."""
-    return analyse(blocks.BLOCKS[stem], params)
+def analyse_once(stem, params, design=None):
+    """`analyse` of a block of the registry, or of one of a design, remembered."""
+    return analyse((blocks.of_record(design) if design else blocks.BLOCKS)[stem], params)
 
 
 def of_case(stem, case):

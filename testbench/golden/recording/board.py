@@ -9,9 +9,11 @@ Source  docs/rtl.md
 from pathlib import Path
 
 from fpga_model import top
+from fpga_model.design_record import DEFAULT
+from fpga_model.fixed import formats
 from testbench.flatten import format_leaves, leaves
 from testbench.golden.bundles.benches import rom_files
-from testbench.golden.stimulus.blocks import BLOCKS, RESET_INPUT, flat
+from testbench.golden.stimulus.blocks import BLOCKS, RESET_INPUT, flat, of_record
 from testbench.storage.files import write_text
 
 MODULE = "gyro_board"
@@ -19,16 +21,19 @@ ROMS = (("sine", "SINE_ROM_FILE"), ("cordic", "CORDIC_ROM_FILE"))
 
 
 def settings(params):
-    """[(name, width, raw bits)] of the parameters of gyro_top, from `fpga_model.top.Params`."""
-    pairs = zip(leaves(params), format_leaves(top.PARAMS_FMT), strict=True)
-    return [(flat(name), fmt.width, int(raw) & ((1 << fmt.width) - 1)) for (name, raw), (_, fmt) in pairs]
+    """[(name, width, raw bits)] of the parameters of gyro_top, from `fpga_model.top.Params`; its design first."""
+    d = params.design
+    told = {name: value for block in of_record(d).values() for name, value in block.keys.items()}
+    pairs = zip(leaves(params), format_leaves(formats(top.Params, d)), strict=True)
+    given = [(flat(name), fmt.width, int(raw) & ((1 << fmt.width) - 1)) for (name, raw), (_, fmt) in pairs]
+    return [*((name, 32, value) for name, value in told.items()), *given]
 
 
-def write_roms(folder):
-    """{parameter of gyro_top: path} of the tables, written into a folder."""
+def write_roms(folder, design=DEFAULT):
+    """{parameter of gyro_top: path} of the tables of a design, written into a folder."""
     paths = {}
     for stem, parameter in ROMS:
-        for name, text in rom_files(BLOCKS[stem]).items():
+        for name, text in rom_files(of_record(design)[stem]).items():
             if name.endswith(".hex"):
                 paths[parameter] = Path(folder) / Path(name).name
                 write_text(paths[parameter], text)
@@ -72,5 +77,5 @@ def write(folder, params):
     """Write the board's files; returns the path of gyro_board.v."""
     path = Path(folder) / f"{MODULE}.v"
     write_text(path, text(params))
-    write_roms(folder)
+    write_roms(folder, params.design)
     return path

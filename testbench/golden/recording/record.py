@@ -26,7 +26,6 @@ from fpga_model import (
     fault_monitor,
     frequency_tracker,
     lock_monitor,
-    modulator,
     quadrature_loop,
     rate_loop,
     references,
@@ -36,10 +35,9 @@ from fpga_model import (
 )
 from fpga_model.fault_monitor import CODE
 from fpga_model.fixed import signed
-from fpga_model.rates import FRAME_CYCLES, FRAME_HZ, FRAME_TICKS, TICK_CYCLES
-from fpga_model.sine import ROM
+from fpga_model.rates import FRAME_CYCLES, FRAME_HZ, FRAME_TICKS
 from testbench import config
-from testbench.engines import chips, engine
+from testbench.engines import engine
 from testbench.errors import FileError
 from testbench.flatten import leaves, names
 from testbench.golden.recording import recording, replay
@@ -71,14 +69,14 @@ BEFORE = 10
 class Case(NamedTuple):
     """A closed loop to be recorded; times in frames.
 
-    config    changes of the default configuration
+    config    a configuration, or changes of the default one
     firmware  function from the configuration to the parameters of the FPGA
     rate_dps  (first frame, deg/s), each in force until the next
     writes    (frame, register, raw)
     faults    (first frame, last frame, kind, channel, value) as in a scenario
     """
 
-    config: dict
+    config: object
     firmware: object
     frames: int
     row_every: int
@@ -170,18 +168,19 @@ def _level(points, frame):
 
 def closed_loop(name, case, progress=None):
     """Run a case tick by tick; `Recording` without windows."""
-    settings = config.changed(config.Config(), case.config)
-    params = engine.Params(
-        case.firmware(settings), build.analog(settings, TEMP_DEGC, TEMP_DEGC), ROM, chips.parts(chips.DEFAULT)
-    )
+    settings = case.config
+    if not isinstance(settings, config.Config):
+        settings = config.changed(config.Config(), settings)
+    params = build.params(settings, TEMP_DEGC, TEMP_DEGC)._replace(fpga=case.firmware(settings))
+    d = params.fpga.design
     state = engine.reset(params, TEMP_DEGC)
     streams, temp = engine.streams(), np.full(2, TEMP_DEGC)
     pending = [(k, *write) for k, write in enumerate(build.register_writes(settings))]
-    pending += [(frame * FRAME_TICKS, *write) for frame, *write in case.writes]
+    pending += [(frame * d.frame_ticks, *write) for frame, *write in case.writes]
     adc, host, sar, closed = [], [], [], hashlib.sha256()
-    for tick in range(case.frames * FRAME_TICKS):
-        frame = tick // FRAME_TICKS
-        if tick % FRAME_TICKS == 0:
+    for tick in range(case.frames * d.frame_ticks):
+        frame = tick // d.frame_ticks
+        if tick % d.frame_ticks == 0:
             row = np.array([int(value) for _, value in leaves(state.fpga)], "<i8")
             closed.update(row.tobytes())
             rate = np.full(2, _level(case.rate_dps, frame) * DEG)
@@ -193,14 +192,14 @@ def closed_loop(name, case, progress=None):
             _, register, raw = pending.pop(0)
             entry = registers.BY_NAME[register]
             write = (1, entry.address, registers.to_bus(int(raw), entry.fmt))
-            host.append((tick * TICK_CYCLES, 0, *write[1:]))
+            host.append((tick * d.tick_clocks, 0, *write[1:]))
         sar.append((int(state.plant.sar[0]), int(state.plant.sar[1])))
         ends = -1 if faults.silent else state.drdy_cycle
         state = engine.run(params, state, 1, rate, temp, write, faults, streams)
         if ends >= 0:
             words = [int(word) for word in state.chips.adc.result]
             codes = [word - (1 << 24) if word >> 23 else word for word in words[1:]]
-            adc.append((tick * TICK_CYCLES + ends, words[0], *codes))
+            adc.append((tick * d.tick_clocks + ends, words[0], *codes))
     stimulus = replay.Stimulus(
         np.array(adc, np.int64),
         np.array(host, np.int64).reshape(-1, 4),
@@ -218,7 +217,7 @@ RESETS = (
     (27, 1, "reset in the frames of the DACs"),
     (28, 33, "reset two clocks long"),
     (28, 34, ""),
-    (29, 3300, "reset while the ADC is read"),
+    (29, FRAME_CYCLES + 50, "reset while the ADC is read"),
     (31, 700, "reset in the 8 kHz work"),
     (32, 2000, "reset between"),
 )
@@ -238,37 +237,52 @@ CONTROLS = (
 FIXED = range(37, 63)
 
 
-def _fixed_words(random):
+def _reset_clocks(frame_clocks):
+    """[(clock, what it interrupts)] of RESETS in frames of so many clocks."""
+    return [
+        (frame * frame_clocks + (at if at < FRAME_CYCLES else at - FRAME_CYCLES + frame_clocks), what)
+        for frame, at, what in RESETS
+    ]
+
+
+def _fixed_words(random, frame_clocks):
     """Host writes of CONTROLS, and of a random word to every register they put in force, in each frame of FIXED."""
-    found = [(frame * FRAME_CYCLES + 100, 0, 0, control) for frame, control in CONTROLS]
+    found = [(frame * frame_clocks + 100, 0, 0, control) for frame, control in CONTROLS]
     kept = {"control", "fault_clear", "amplitude_setpoint", "frequency_fixed"}
     for frame in FIXED:
         for k, register in enumerate(r for r in registers.WRITABLE if r.name not in kept):
-            clock = frame * FRAME_CYCLES + 400 + 150 * k + random.below(150)
+            clock = frame * frame_clocks + 400 + 150 * k + random.below(150)
             word = random.raw(register.fmt)
             found.append((clock, 0, register.address, registers.to_bus(word, register.fmt)))
     return {row[0]: row for row in found}
 
 
-def reset_case(story):
-    """Recording of the case `reset`, from the locked part of the story."""
+def reset_case(story, firmware=None):
+    """Recording of the case `reset`, from the locked part of the story.
+
+    firmware  of another design: with it the sequencer keeps the limits of the story, which its codes meet
+    """
+    q = story.params.control.sequencer
     p = story.params
+    if firmware is not None:
+        own = firmware.control.sequencer
+        q = q._replace(gain=own.gain, search_limit=own.search_limit)
+        p = firmware
+    frame_clocks = p.design.frame_clocks
     one = dict.fromkeys(("power_up", "init", "kick", "decay", "search", "retune", "recover"), 1)
-    lock = p.control.sequencer.lock._replace(
-        **{name: tuple(1 for _ in getattr(p.control.sequencer.lock, name)) for name in ("frames_in", "frames_out")}
-    )
-    quick = p.control.sequencer._replace(**one, search_limit=p.control.sequencer.search_limit // 16, lock=lock)
+    lock = q.lock._replace(**{name: tuple(1 for _ in getattr(q.lock, name)) for name in ("frames_in", "frames_out")})
+    quick = q._replace(**one, search_limit=q.search_limit // 16, lock=lock)
     params = p._replace(
         quadrature_fast=1,
         pipe=delay.design(3),
         references=references.design(2, False),
-        sense_modulator=modulator.design(20, 2),
+        sense_modulator=p.sense_modulator._replace(frames=2),
         control=p.control._replace(sequencer=quick._replace(faults=quick.faults._replace(rail=1))),
     )
-    end = RESET_FRAMES * FRAME_CYCLES
     adc = story.stimulus.adc.copy()
     adc[:, 0] -= RESET_FROM * FRAME_CYCLES
-    adc = adc[(adc[:, 0] >= 0) & (adc[:, 0] < end)]
+    adc = adc[(adc[:, 0] >= 0) & (adc[:, 0] < RESET_FRAMES * FRAME_CYCLES)]
+    adc[:, 0] = adc[:, 0] * frame_clocks // FRAME_CYCLES
     random = Random(RESET_SEED)
     for frame in WILD:
         adc[frame, 2:6] = [random.raw(signed(23)) for _ in range(4)]
@@ -278,13 +292,13 @@ def reset_case(story):
     host = {}
     for place in range(256):
         # every address that exists, several times, with bits above its register; the clocks fall everywhere
-        clock = 200 + random.below(26 * FRAME_CYCLES - 200)
+        clock = 200 + random.below(26 * frame_clocks - 200)
         address = place % 24 if place < 240 else 24 + random.below(232)
         if address != 0 and address not in (6, 7):  # RUN, set-point and frequency stay: the walk goes on
             host[clock] = (clock, 0, address, random.below(1 << 48))
-    for place, at, _ in RESETS:
-        host[place * FRAME_CYCLES + at] = (place * FRAME_CYCLES + at, 1, 0, 0)
-    host |= _fixed_words(random)
+    for clock, _ in _reset_clocks(frame_clocks):
+        host[clock] = (clock, 1, 0, 0)
+    host |= _fixed_words(random, frame_clocks)
     rows = np.array([host[clock] for clock in sorted(host)], np.int64)
     stimulus = replay.Stimulus(adc, rows, np.zeros((0, 2), np.int64))
     return Recording("reset", params, RESET_FRAMES, 1, stimulus, (), "")
@@ -310,8 +324,9 @@ def merged(windows, end):
 
 def windows_of(r):
     """What is worth every clock of a recording, found by replaying it."""
-    dense = FRAME_CYCLES if r.name == "reset" else SHOWN
-    starts = np.arange(r.frames) * FRAME_CYCLES
+    frame_clocks = r.params.design.frame_clocks
+    dense = frame_clocks if r.name == "reset" else SHOWN
+    starts = np.arange(r.frames) * frame_clocks
     rows = replay.run(r.params, r.stimulus, r.frames, starts)
     column = {name: rows.registers[:, k] for k, name in enumerate(names(top.State()))}
     state, lock = column["control.sequencer.state"], column["control.sequencer.lock.locked"]
@@ -342,16 +357,16 @@ def windows_of(r):
         work(int(railed[0]) - 1, "rate word reaches its limit")
     for clock, reset, address, _ in r.stimulus.host.tolist():
         if reset:
-            shows = [what for frame, at, what in RESETS if frame * FRAME_CYCLES + at == clock and what]
+            shows = [what for at, what in _reset_clocks(frame_clocks) if at == clock and what]
             found.append(Window(clock - BEFORE, SHOWN, shows[0] if shows else ""))
         elif address == registers.BY_NAME["control"].address:
             found.append(Window(clock - 4, 16, "host write"))
-    return merged(found, r.frames * FRAME_CYCLES)
+    return merged(found, r.frames * frame_clocks)
 
 
 def is_current(r):
     """Whether today's firmware, given the recorded inputs, does what that of the closed loop did."""
-    rows = replay.run(r.params, r.stimulus, r.frames, np.arange(r.frames) * FRAME_CYCLES)
+    rows = replay.run(r.params, r.stimulus, r.frames, np.arange(r.frames) * r.params.design.frame_clocks)
     return hashlib.sha256(rows.registers.astype("<i8").tobytes()).hexdigest() == r.closed
 
 

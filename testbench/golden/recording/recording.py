@@ -24,7 +24,7 @@ from fpga_model import top
 from fpga_model.block import filled
 from fpga_model.design_record import DEFAULT
 from fpga_model.digital_sid import SAMPLE
-from fpga_model.rates import FRAME_CYCLES, TICK_CYCLES
+from fpga_model.fixed import formats
 from testbench.errors import FileError
 from testbench.flatten import format_leaves, leaves
 from testbench.golden.recording.replay import Stimulus
@@ -66,10 +66,10 @@ class Recording(NamedTuple):
     closed: str
 
 
-def params_from(raw):
+def params_from(raw, design=DEFAULT):
     """Params of the whole design from raw integers in the order of their formats."""
     values = iter(raw)
-    return filled(top.PARAMS_FMT, lambda _: int(next(values)))._replace(design=DEFAULT)
+    return filled(top.PARAMS_FMT, lambda _: int(next(values)))._replace(design=design)
 
 
 def param_names():
@@ -162,7 +162,8 @@ def check(path, r):
         if not ok:
             raise FileError(f"{path}: {what}")
 
-    end = r.frames * FRAME_CYCLES
+    d = r.params.design
+    end = r.frames * d.frame_clocks
     need(r.frames >= 1 and r.row_every >= 1, f"frames = {r.frames}, row_every = {r.row_every}: at least 1 each")
     for name, rows in (("adc", r.stimulus.adc), ("host", r.stimulus.host)):
         clocks = rows[:, 0]
@@ -175,12 +176,12 @@ def check(path, r):
     need(((host[:, 2] >= 0) & (host[:, 2] < 1 << 8)).all(), "host: an address is outside 8 bits")
     need(((host[:, 3] >= 0) & (host[:, 3] < 1 << 48)).all(), "host: data outside 48 bits")
     sar = r.stimulus.sar
-    need(len(sar) in (0, end // TICK_CYCLES), f"sar: {len(sar)} samples, expected {end // TICK_CYCLES} or none")
+    need(len(sar) in (0, end // d.tick_clocks), f"sar: {len(sar)} samples, expected {end // d.tick_clocks} or none")
     need(((sar >= SAMPLE.lo) & (sar <= SAMPLE.hi)).all(), f"sar: a sample is outside {SAMPLE.lo} .. {SAMPLE.hi}")
     for window in r.windows:
         inside = window.first >= 0 and window.count >= 1 and window.first + window.count <= end
         need(inside, f"window {window.shows}: clocks {window.first} + {window.count} are outside 0 .. {end - 1}")
-    for (name, value), (_, fmt) in zip(leaves(r.params), format_leaves(top.PARAMS_FMT)):
+    for (name, value), (_, fmt) in zip(leaves(r.params), format_leaves(formats(top.Params, d))):
         need(fmt.holds(value), f"parameter {name}: {value} is outside its format {fmt}")
 
 
@@ -192,6 +193,7 @@ def sha256(recording):
         np.array([int(value) for _, value in leaves(r.params)], np.int64),
         np.array([r.frames], np.int64),
         *r.stimulus,
+        *([] if r.params.design == DEFAULT else [np.array(r.params.design, np.int64)]),
     ):
         rows = np.ascontiguousarray(values, "<i8")
         found.update(f"{rows.shape}".encode())

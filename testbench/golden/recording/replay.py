@@ -1,8 +1,8 @@
 """The whole firmware on recorded inputs, clock by clock, in integers only: what its golden vectors are made of.
 
     before edge n   a listed host event drives rst, or write, for one clock; address and data stay afterwards
-                    the samples of the SAR converters are those of tick n // 26
-                    registers and pins make row n, and every row goes into the signature of its frame of 3250 clocks
+                    the samples of the SAR converters are those of the tick of n
+                    registers and pins make row n, and every row goes into the signature of its frame
     edge n          the firmware, or its reset
     after edge n    the ADS1298 sees CS_N and SCLK as they are then; a conversion listed at n ends: DRDY_N, DOUT
 
@@ -15,10 +15,10 @@ from typing import NamedTuple
 import numpy as np
 
 from analog_frontend.parts import adc_serial
-from fpga_model import spi_adc, top
+from fpga_model import sine, spi_adc, top
+from fpga_model.design_record import DEFAULT
+from fpga_model.fixed import formats
 from fpga_model.jit import hot
-from fpga_model.rates import FRAME_CYCLES, TICK_CYCLES
-from fpga_model.sine import ROM  # of the default design, the only one that recordings are of
 from testbench.flatten import format_leaves, leaves, store
 from testbench.golden.recording import signature
 
@@ -32,6 +32,7 @@ ROW_WORDS = signature.padded(ROW_WIDTH) // signature.DEGREE
 BUFFER = 64 * ROW_WORDS + WORDS  # a remainder moves down by a row at each clock, and is moved up again when it cannot
 RESET_CS_N, RESET_SCLK = spi_adc.State().cs_n, spi_adc.State().sclk
 
+# compiled for the rows of the default design; those of others are signed by `signature.of_rows`
 _append = signature.appender([fmt.width for fmt in (*REGISTER_FMT, *top.PINS_FMT)])
 
 
@@ -72,13 +73,17 @@ class Place(NamedTuple):
 
 
 @hot
-def _run(p, s, chip, place, stimulus, o, buffer):
-    """Clocks up to the end, or up to and with one whose reset is active; then the State returned is void."""
+def _run(p, rom, s, chip, place, end, stimulus, o, buffer):
+    """Clocks up to `end`, or up to and with one whose reset is active; then the State returned is void.
+
+    buffer  of the remainder; empty: no signature
+    """
     adc, host, sar = stimulus.adc, stimulus.host, stimulus.sar
     n, conversion, event, row, address, data, base = place
-    end = o.remainders.shape[0] * FRAME_CYCLES
-    frame, left, cycle = n // FRAME_CYCLES, FRAME_CYCLES - n % FRAME_CYCLES, n % TICK_CYCLES
-    k = n // TICK_CYCLES
+    tick_clocks = p.design.tick_clocks
+    frame_clocks = tick_clocks * p.design.frame_ticks
+    frame, left, cycle = n // frame_clocks, frame_clocks - n % frame_clocks, n % tick_clocks
+    k, signed = n // tick_clocks, buffer.shape[0] > 0
     sample_x, sample_y, rst = 0, 0, 0
     while n < end and rst == 0:
         if k < sar.shape[0]:
@@ -91,12 +96,13 @@ def _run(p, s, chip, place, stimulus, o, buffer):
                 write, address, data = 1, host[event, 2], host[event, 3]
             event += 1
         out = top.pins(p, s)
-        if base < ROW_WORDS:
-            for j in range(WORDS - 1, -1, -1):
-                buffer[BUFFER - WORDS + j] = buffer[base + j]
-            base = BUFFER - WORDS
-        _append(buffer, base, (s, out))
-        base -= ROW_WORDS
+        if signed:
+            if base < ROW_WORDS:
+                for j in range(WORDS - 1, -1, -1):
+                    buffer[BUFFER - WORDS + j] = buffer[base + j]
+                base = BUFFER - WORDS
+            _append(buffer, base, (s, out))
+            base -= ROW_WORDS
         if s.rates.slot == 1:
             o.window_at[frame] = n
         drdy_n, dout = chip.drdy_n, adc_serial.dout(chip)
@@ -107,7 +113,7 @@ def _run(p, s, chip, place, stimulus, o, buffer):
             store(o.registers[row], s)
             store(o.pins[row], out)
             row += 1
-        s = top.step(p, ROM, s, top.Inputs(drdy_n, dout, sample_x, sample_y, write, address, data))
+        s = top.step(p, rom, s, top.Inputs(drdy_n, dout, sample_x, sample_y, write, address, data))
         loaded, status = 0, 0
         codes = (0, 0, 0, 0, 0, 0, 0, 0)
         if conversion < adc.shape[0] and adc[conversion, 0] == n:
@@ -121,26 +127,24 @@ def _run(p, s, chip, place, stimulus, o, buffer):
         chip = adc_serial.step(chip, cs_n, sclk, loaded, status, codes)
         n += 1
         cycle += 1
-        if cycle == TICK_CYCLES:
+        if cycle == tick_clocks:
             cycle = 0
             k += 1
         left -= 1
         if left == 0:
-            for j in range(WORDS):
-                o.remainders[frame, j] = buffer[base + j]
-                buffer[base + j] = 0
-            left = FRAME_CYCLES
+            if signed:
+                for j in range(WORDS):
+                    o.remainders[frame, j] = buffer[base + j]
+                    buffer[base + j] = 0
+            left = frame_clocks
             frame += 1
-    return s, chip, Place(n, conversion, event, row, address, data, base)
+    return s, chip, Place(n, conversion, event, row, address, data, base), rst
 
 
-def run(params, stimulus, frames, at):
-    """Replay `frames` frames from power-on; `Rows` at the clocks `at`."""
-    at, end = np.ascontiguousarray(at, np.int64), frames * FRAME_CYCLES
-    if len(at) and (at[0] < 0 or at[-1] >= end or (np.diff(at) <= 0).any()):
-        raise ValueError(f"clocks of rows do not rise within 0 .. {end - 1}")
+def _rows(at, frames):
+    """Empty `Rows`."""
     count = len(at)
-    o = Rows(
+    return Rows(
         at,
         np.zeros((count, INPUTS), np.int64),
         np.zeros((count, REGISTERS), np.int64),
@@ -148,9 +152,41 @@ def run(params, stimulus, frames, at):
         np.zeros((frames, signature.WORDS), np.int64),
         np.full(frames, -1, np.int64),
     )
+
+
+def run(params, stimulus, frames, at):
+    """Replay `frames` frames from power-on; `Rows` at the clocks `at`."""
+    d = params.design
+    at, end = np.ascontiguousarray(at, np.int64), frames * d.frame_clocks
+    if len(at) and (at[0] < 0 or at[-1] >= end or (np.diff(at) <= 0).any()):
+        raise ValueError(f"clocks of rows do not rise within 0 .. {end - 1}")
+    o, rom, fresh = _rows(at, frames), sine.table(d), top.reset(d)
+    if d != DEFAULT:
+        return _run_by_frame(params, rom, fresh, stimulus, o)
     chip, place, buffer = adc_serial.State(), Place(), np.zeros(BUFFER, np.int64)
     while place.clock < end:
-        _, chip, place = _run(params, top.State(), chip, place, stimulus, o, buffer)
+        _, chip, place, _ = _run(params, rom, fresh, chip, place, end, stimulus, o, buffer)
+    return o
+
+
+def _run_by_frame(params, rom, fresh, stimulus, o):
+    """The same for any design: all rows of a frame, then their signature; it takes some ten times as long."""
+    d = params.design
+    widths = [fmt.width for _, fmt in format_leaves(formats(top.State, d))] + [fmt.width for fmt in top.PINS_FMT]
+    s, chip, place, unsigned = fresh, adc_serial.State(), Place(), np.zeros(0, np.int64)
+    for frame in range(len(o.remainders)):
+        first, end = frame * d.frame_clocks, (frame + 1) * d.frame_clocks
+        part = _rows(np.arange(first, end), len(o.remainders))
+        place = place._replace(row=0)
+        while place.clock < end:
+            s, chip, place, rst = _run(params, rom, s, chip, place, end, stimulus, part, unsigned)
+            s = fresh if rst else s
+        sig = signature.of_rows(np.column_stack([part.registers, part.pins]), widths)
+        o.remainders[frame, 0] = sig - (1 << signature.DEGREE) if sig >> (signature.DEGREE - 1) else sig
+        o.window_at[frame] = part.window_at[frame]
+        kept = slice(*np.searchsorted(o.at, (first, end)))
+        for name in ("inputs", "registers", "pins"):
+            getattr(o, name)[kept] = getattr(part, name)[o.at[kept] - first]
     return o
 
 

@@ -17,6 +17,7 @@ remainder S moves w words up, and what leaves it, t, comes back 0, 2, 6 and 8 wo
 Source  docs/golden.md (signatures)
 """
 
+import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
@@ -63,6 +64,50 @@ def of_remainder(words):
     for k, value in enumerate(words.tolist()):
         word |= (value & MASK) << (DEGREE * k)
     return reduced(word, DEGREE * len(words))
+
+
+# ---- any layout of rows, in NumPy ------------------------------------------------------------------------------------
+
+
+def _times(a, b):
+    """Product of two signatures, as polynomials modulo P."""
+    word = 0
+    for k in range(DEGREE):
+        word ^= (a << k) * (b >> k & 1)
+    return reduced(word, 2 * DEGREE)
+
+
+def _power(k):
+    """x^k modulo P."""
+    found, square = 1, 2
+    while k:
+        found = _times(found, square) if k & 1 else found
+        square, k = _times(square, square), k >> 1
+    return found
+
+
+def of_rows(rows, widths):
+    """Signature of int64 rows with columns of these widths: every row alone, then rows in pairs, pairs of pairs."""
+    words = [np.zeros(len(rows), np.uint64) for _ in _plan(widths)]
+    for word, parts in zip(words, _plan(widths), strict=True):
+        for leaf, right, taken, left in parts:
+            word |= ((rows[:, leaf].astype(np.uint64) >> right) & ((1 << taken) - 1)) << left
+    sig, half = np.zeros(len(rows), np.uint64), DEGREE // 2
+    for chunk in (part for word in words[::-1] for part in (word >> half, word & ((1 << half) - 1))):
+        high = sig >> half
+        high ^= high << 1
+        sig = (sig << half) ^ chunk ^ high ^ (high << 3)
+    step = DEGREE * len(words)
+    while len(sig) > 1:
+        sig = np.concatenate([np.zeros(len(sig) % 2, np.uint64), sig])
+        moved, factor = np.zeros(len(sig) // 2, np.uint64), _power(step)
+        for k in range(DEGREE):
+            moved ^= ((sig[::2] >> k) & 1) * np.uint64(_times(factor, 1 << k))
+        sig, step = moved ^ sig[1::2], 2 * step
+    return int(sig[0])
+
+
+# ---- compiled for one layout -----------------------------------------------------------------------------------------
 
 
 def _plan(widths):

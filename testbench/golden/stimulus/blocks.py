@@ -6,7 +6,9 @@ dots and numbers joined by `_`: exactly the ports of the RTL after the prefixes 
 Source  docs/conventions.md, docs/blocks/
 """
 
+import functools
 import importlib
+import operator
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import NamedTuple
@@ -14,9 +16,10 @@ from typing import NamedTuple
 import numpy as np
 
 from fpga_model import block as registry
-from fpga_model import top
-from fpga_model.block import BIT, declared, filled, flat, leaves
-from fpga_model.fixed import Fmt
+from fpga_model import top, wiring
+from fpga_model.block import BIT, declared, filled, flat, leaves, of_design
+from fpga_model.design_record import DEFAULT, Design
+from fpga_model.fixed import Fmt, formats
 
 RESET_INPUT = "rst"
 
@@ -42,6 +45,7 @@ class Port(NamedTuple):
 class Block(NamedTuple):
     """What the exporter has to know of a block; what is not named here is as in `fpga_model.block.Block`.
 
+    design      record of the design that a file gives; None for the blocks that are exported without one
     inputs      ports of `step`, in order, without `rst`
     run         kernel(params, reset state, stimulus, registers, pins)
     source      (text of its source, names in it)
@@ -65,10 +69,24 @@ class Block(NamedTuple):
     split: tuple = ()
     relations: tuple = ()
     stops: tuple = ()
+    design: Design | None = None
 
     @property
     def module(self):
         return f"gyro_{self.stem}"
+
+    @property
+    def record(self):
+        """The design record."""
+        return self.design or DEFAULT
+
+    @property
+    def keys(self):
+        """{NAME: value} of the keys of the design that the RTL is told: those that are not its defaults."""
+        parts = [declared()[self.stem]] if self.stem in declared() else declared().values()
+        used = {key for part in parts for key in registry.keys(part)}
+        told = {key for key in used if getattr(self.record, key) != getattr(DEFAULT, key)}
+        return {key.upper(): getattr(self.record, key) for key in Design._fields if key in told}
 
     @property
     def columns(self):
@@ -90,48 +108,71 @@ def rule_of(rules, name):
     return rules.get(name) or rules.get(name.rstrip("0123456789").rstrip("_")) or (None, None)
 
 
-def _hints(module):
+def _hints(module, design):
     """Hints of the range proofs, with those of the blocks within."""
     found = registry.inherited(module, lambda b: b)
     return {
         "split": tuple(prefix + name for prefix, b in found.items() for name in b.split),
         "relations": tuple(
-            {prefix + name: k for name, k in sums.items()} for prefix, b in found.items() for sums in b.relations
+            {prefix + name: k for name, k in sums.items()}
+            for prefix, b in found.items()
+            for sums in of_design(b.relations, design)
         ),
-        "stops": tuple(value for b in found.values() for value in b.stops),
+        "stops": tuple(value for b in found.values() for value in of_design(b.stops, design)),
     }
 
 
-def _block(stem, module):
+def _block(stem, module, design=None):
     """A block with flat ports."""
-    own, rules, structure = module.BLOCK, registry.rules(module), registry.structure(module)
+    record = design or DEFAULT
+    own, rules, structure = module.BLOCK, registry.rules(module), registry.structure(module, record)
+    state = registry.at_reset(module, record)
     kept = [
         Port(flat(path), fmt, int(reset), *rule_of(rules, flat(path)))
-        for (path, reset), (_, fmt) in zip(leaves(module.State()), leaves(module.STATE_FMT), strict=True)
+        for (path, reset), (_, fmt) in zip(leaves(state), leaves(formats(module.State, record)), strict=True)
     ]
     return Block(
         stem=stem,
-        inputs=tuple(Port(*found) for found in registry.inputs(module)),
-        state=module.State(),
+        design=design,
+        inputs=tuple(Port(*found) for found in registry.inputs(module, record)),
+        state=state,
         registers=tuple(kept),
-        pins=tuple(Port(*found) for found in registry.pins(module)),
-        cases=registry.cases(module),
+        pins=tuple(Port(*found) for found in registry.pins(module, record)),
+        cases=registry.cases(module, record),
+        roms=tuple(rom.at(record) for rom in own.roms),
         run=lambda *given: registry.runner(stem)(structure.get("d", 0), structure.get("rom", 0), *given),
         source=(registry.runner_text(module), vars(module)),
-        **{name: getattr(own, name) for name in ("latency", "strobes", "wait", "dense", "idle", "roms")},
+        **{name: getattr(own, name) for name in ("latency", "strobes", "wait", "dense", "idle")},
         runtime_params=own.runtime_params,
-        **_hints(module),
+        **_hints(module, record),
     )
 
 
 BLOCKS = {stem: _block(stem, module) for stem, module in declared().items()}
 
 
+@functools.lru_cache(maxsize=8)
+def of_record(design):
+    """{stem: Block} of a design."""
+    return {stem: _block(stem, module, design) for stem, module in declared().items()}
+
+
+def of_firmware(params):
+    """{stem: Block} of a firmware (`top.Params`): a case more for each instance, its name that of its role."""
+    found = of_record(params.design)
+    cases = {stem: dict(block.cases) for stem, block in found.items()}
+    for role, (module, path) in wiring.instances().items():
+        stem = module.__name__.rpartition(".")[2]
+        if path is not None and not found[stem].runtime_params:
+            cases[stem][role.rpartition(".")[2]] = operator.attrgetter(path)(params)
+    return {stem: block._replace(cases=cases[stem]) for stem, block in found.items()}
+
+
 def given(block, params, values):
     """Arguments of `step` but for s, from the flat values of its inputs; structure and parameters first, if any."""
     value = iter(values)
     module = declared()[block.stem]
-    shapes, structure = registry.shapes(module), registry.structure(module).values()
+    shapes, structure = registry.shapes(module), registry.structure(module, block.record).values()
     found = [filled(shape, lambda _: next(value)) for shape in shapes.values()]
     return [*structure, *found] if block.runtime_params or params is None else [*structure, params, *found]
 
@@ -141,8 +182,8 @@ def params_of(block, case):
     params = block.cases[case]
     if params is None:
         return []
-    fmt = (top if block.stem == "top" else declared()[block.stem]).PARAMS_FMT
-    pairs = zip(leaves(params), leaves(fmt), strict=True)
+    module = top if block.stem == "top" else declared()[block.stem]
+    pairs = zip(leaves(params), leaves(formats(module.Params, block.record)), strict=True)
     return [(flat(path), int(raw), found) for (path, raw), (_, found) in pairs]
 
 

@@ -26,9 +26,9 @@ def _inverse(odd, n):
 
 def edges_dds(w):
     """Every sum at all ones, just over and at 0: with the phase at 0, at all ones and in between."""
-    top = dds.PHASE.hi
+    top = dds.PHASE.at(w.block.record).hi
     offsets = [port.name for port in w.wide if port.name != "word"]
-    for phase in (0, 1, top, top - 1, 1 << 47, (1 << 47) - 1):
+    for phase in (0, 1, top, top - 1, (top + 1) >> 1, top >> 1):
         for total in (top - 1, top, top + 1, top + 2):
             w.row(rst=1)
             w.row({"word": phase})
@@ -38,47 +38,50 @@ def edges_dds(w):
 
 
 def edges_sine(w):
-    """The edges of the phase, then places for each edge of the rounding out of all 2**20, in all quadrants."""
+    """The edges of the phase, then places for each edge of the rounding out of all, in all quadrants."""
     _edges_phase(w)
-    base, slope = np.array(sine.tables(), np.int64)
-    middle = 2 * np.arange(1 << sine.FRACTION_BITS) + 1
-    total = (base[:, None] << sine.ALIGN) + slope[:, None] * middle
-    cut = sine.PRODUCT.f
+    d = w.block.record
+    base, slope = np.array(sine.tables(d), np.int64)
+    middle = 2 * np.arange(1 << d.sine_fraction_bits) + 1
+    total = (base[:, None] << d.sine_fraction_bits) + slope[:, None] * middle
+    cut, kept_bits = sine.PRODUCT.at(d).f, d.sine_address_bits + d.sine_fraction_bits
     low, odd, half = total & ((1 << cut) - 1), (total >> cut) & 1, 1 << (cut - 1)
     places = [np.flatnonzero(low == wanted)[:2] for wanted in (0, 1, half - 1, half + 1, 2 * half - 1)]
     places += [np.flatnonzero((low == half) & (odd == kept)) for kept in (0, 1)]
     for place in np.concatenate(places).tolist():
         for quadrant in range(4):
-            mirrored = place if quadrant % 2 == 0 else ~place & ((1 << 20) - 1)
-            w.row({"phase": ((quadrant << 20) | mirrored) << sine.CUT})
+            mirrored = place if quadrant % 2 == 0 else ~place & ((1 << kept_bits) - 1)
+            w.row({"phase": ((quadrant << kept_bits) | mirrored) << (d.dds_bits - 2 - kept_bits)})
     w.row(times=3)
 
 
 def _edges_phase(w):
     """The quadrant edges and the edges of what is cut below them, +-1 LSB, in every phase input."""
-    values = []
+    values, d = [], w.block.record
+    turn, quarter = 1 << d.dds_bits, 1 << (d.dds_bits - 2)
+    cell = quarter >> (d.sine_address_bits + d.sine_fraction_bits)
+    row = cell << d.sine_fraction_bits
     for quadrant in range(4):
-        for near in (0, 1, 1 << 25, (1 << 26) - 1, 1 << 26, (1 << 36) - 1, 1 << 36):
-            values += [((quadrant << 46) + near) % (1 << 48), ((quadrant << 46) - near) % (1 << 48)]
+        for near in (0, 1, cell >> 1, cell - 1, cell, row - 1, row):
+            values += [(quadrant * quarter + near) % turn, (quadrant * quarter - near) % turn]
     for value in values:
         w.operation({port.name: value for port in w.wide})
 
 
 def edges_modulator(w):
     """Products whose dropped bits are 0, 1, a half +-1, all ones; and codes at both limits +-1 LSB."""
-    p = w.block.cases[w.case]
-    both = {"en_product": 1, "en_code": 1}
+    p, carrier = w.block.cases[w.case], modulator.SINE.at(w.block.record)
+    both, full = {"en_product": 1, "en_code": 1}, carrier.hi
     for low in (0, 1, (1 << (p.shift - 1)) - 1, 1 << (p.shift - 1), (1 << (p.shift - 1)) + 1, (1 << p.shift) - 1):
-        for factor in (1, 3, 65535, 131071, -1, -65537, -131071):
+        for factor in (1, 3, full >> 1, full, -1, -(full >> 1) - 2, -full):
             solved = low * _inverse(factor, p.shift) % (1 << min(p.shift, 24))
             for lift in (0, 1 << 23):
                 w.row({**both, "amplitude": wrapped(solved + lift, modulator.AMPLITUDE), "sine": factor})
-    full = modulator.SINE.hi
     for limit in (p.lo, p.hi):
         for near in range(-2, 3):
             for tie in (-1, 0, 1):
                 wanted = ((limit + near) << p.shift) + (1 << (p.shift - 1)) + tie
-                for factor in (full, modulator.SINE.lo):
+                for factor in (full, carrier.lo):
                     amplitude = wanted // factor
                     for step in (0, 1):
                         if modulator.AMPLITUDE.holds(amplitude + step):
@@ -110,7 +113,7 @@ def edges_isqrt(w):
 def edges_registers(w):
     for address in [*range(len(registers.WRITABLE) + 2), registers.FIRST_READ_ONLY, 255]:
         found = registers.BY_ADDRESS.get(address)
-        top = found.fmt.hi if found else 0
+        top = found.fmt.at(w.block.record).hi if found else 0
         for data in (0, 1, top, min(top + 1, registers.DATA.hi), registers.DATA.hi, 1 << 47, ALTERNATE, ALTERNATE << 1):
             w.row({"write": 1, "address": address, "data": data})
             w.row({"address": address, "data": data ^ registers.DATA.hi})

@@ -14,6 +14,7 @@ SETPOINT = 1 << 23
 FAR = 1 << 20
 CHANNELS = ("drive_sin", "drive_cos", "sense_sin", "sense_cos")
 PATIENCE = 120  # frames within which a state has to come
+MOST_FRAMES = 20_000  # of a start-up with the times of a board
 HELD = sequencer.HOLD_AGC | sequencer.HOLD_PLL | sequencer.HOLD_FTR
 CUT = sequencer.GAIN.f
 
@@ -320,8 +321,20 @@ def _resets(walk):
             walk.reset()
 
 
+def _start_up(walk):
+    """Once through all states, with times that let no more than that into a bundle."""
+    for _ in range(MOST_FRAMES):
+        if walk.state.state == sequencer.LOCKED:
+            break
+        walk.run()
+    walk.run(20, sense_sin=1 << 22)
+
+
 def script_sequencer(w):
     walk = Walk(w)
+    if walk.p.power_up > PATIENCE:
+        _start_up(walk)
+        return
     before = (
         _walks,
         _attempts,

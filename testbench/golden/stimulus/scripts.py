@@ -181,11 +181,12 @@ def script_watchdog(w):
 
 
 def script_rates(w):
-    w.row(times=rates.FRAME_CYCLES + 30)
+    frame_clocks = w.block.record.frame_clocks
+    w.row(times=frame_clocks + 30)
     w.row({"go": 1}, times=3)
     w.row(times=rates.SLOTS + 3)
     # a reset in the last clock of a frame, where everything is about to wrap
     w.row(rst=1)
-    w.row(times=rates.FRAME_CYCLES - 1)
+    w.row(times=frame_clocks - 1)
     w.row({"go": 1}, rst=1)
     w.row(times=3)

@@ -11,7 +11,7 @@ project_new gyro -overwrite
 set_global_assignment -name FAMILY "Cyclone IV E"
 set_global_assignment -name DEVICE EP4CE115F23I7
 set_global_assignment -name TOP_LEVEL_ENTITY gyro_board
-set_global_assignment -name VERILOG_INPUT_VERSION VERILOG_2001
+set_global_assignment -name VERILOG_INPUT_VERSION SYSTEMVERILOG_2005
 set_global_assignment -name PROJECT_OUTPUT_DIRECTORY output
 set_global_assignment -name VERILOG_FILE gyro_board.v
 foreach source [lsort [glob -directory $rtl *.v]] {

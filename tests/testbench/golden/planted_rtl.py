@@ -89,6 +89,7 @@ def early(file, case, port, reset, assign, more=()):
 
 # dds.v ---------------------------------------------------------------------------------------------------------------
 
+ZERO = "{DDS_BITS{1'b0}}"
 OFFSETS = ("drive_sine", "sense_sine", "drive_ref", "sense_ref")
 for n in OFFSETS:
     assign = f"r_{n} <= r_phase + off_{n};"
@@ -102,15 +103,15 @@ for n in OFFSETS:
         "saturate",
         (f"r_phase + off_{n}", f"(off_{n} > ~r_phase) ? {{48{{1'b1}}}} : r_phase + off_{n}"),
     )
-    fault("dds.v", "default", "reset", (f"r_{n} <= 48'd0;", f"r_{n} <= 48'h{len(n):x}00000000000;"))
+    fault("dds.v", "default", "reset", (f"r_{n} <= {ZERO};", f"r_{n} <= 48'h{len(n):x}00000000000;"))
     for k in (1, 2, 3):
-        late("dds.v", "default", f"r_{n} <= 48'd0;", assign, k, "[47:0]")
-    early("dds.v", "default", f"output reg  [47:0] r_{n}", f"r_{n} <= 48'd0;", assign)
+        late("dds.v", "default", f"r_{n} <= {ZERO};", assign, k, "[47:0]")
+    early("dds.v", "default", f"output reg [DDS_BITS-1:0] r_{n}", f"r_{n} <= {ZERO};", assign)
 fault("dds.v", "default", "sign", ("r_phase + word", "r_phase - word"))
 fault("dds.v", "default", "gain", ("r_phase + word", "r_phase + {word[46:0], 1'b0}"))
 fault("dds.v", "default", "gain", ("r_phase + word", "r_phase + {1'b0, word[47:1]}"))
 fault("dds.v", "default", "saturate", ("r_phase + word", "(word > ~r_phase) ? {48{1'b1}} : r_phase + word"))
-fault("dds.v", "default", "reset", ("r_phase      <= 48'd0", "r_phase <= 48'd1"))
+fault("dds.v", "default", "reset", (f"r_phase <= {ZERO}", "r_phase <= 48'd1"))
 stranger("dds.v", "default", ("r_phase + word", "(r_phase + word) | 48'd2"))
 stranger("dds.v", "default", ("r_phase + off_drive_ref", "(r_phase + off_drive_ref) & ~48'd1024"))
 stranger("dds.v", "default", ("r_phase + off_sense_sine", "r_drive_sine + off_sense_sine"))
@@ -122,13 +123,13 @@ stranger("dds.v", "default", ("r_phase + off_sense_ref", "r_phase[46:0] + off_se
 
 # sine.v --------------------------------------------------------------------------------------------------------------
 
-HALF = "+ 34'd32768;"
+HALF = "+ HALF;"
 Y = "r_sign2 ? -magnitude : magnitude"
 fault("sine.v", "default", "rounding", (HALF, "+ 34'd0;"), what="floor")
 fault("sine.v", "default", "rounding", (HALF, "+ 34'd65535;"), what="ceil")
 fault("sine.v", "default", "rounding", (HALF, "+ 34'd32767;"), what="half_down")
-SUM = "{1'b0, r_base2, 10'd0} + {10'd0, r_product}"
-EVEN = (SUM + " + 34'd32768;", f"even + 34'd32767 + {{33'd0, even[16]}};\n    wire [33:0] even = {SUM};")
+SUM = "scaled + {{SINE_ADDRESS_BITS{1'b0}}, r_product}"
+EVEN = (f"{SUM} + HALF;", f"even + 34'd32767 + {{33'd0, even[16]}};\n    wire [33:0] even = {SUM};")
 fault("sine.v", "default", "rounding", EVEN, what="half_even")
 SIGNED = "    wire signed [34:0] exact = {1'b0, " + SUM + "};\n    wire signed [34:0] minus = -exact;\n"
 for rule, text in (
@@ -149,33 +150,41 @@ for rule, text in (
 fault("sine.v", "default", "sign", (Y, "r_sign2 ? magnitude : -magnitude"))
 fault("sine.v", "default", "sign", (Y, "magnitude"))
 fault("sine.v", "default", "sign", (Y, "-magnitude"))
-fault("sine.v", "default", "sign", ("r_sign     <= phase[47]", "r_sign     <= ~phase[47]"))
+fault("sine.v", "default", "sign", ("r_sign <= phase[DDS_BITS-1]", "r_sign <= ~phase[DDS_BITS-1]"))
 fault("sine.v", "default", "sign", ("r_sign2    <= r_sign", "r_sign2    <= ~r_sign"))
 fault("sine.v", "default", "sign", ("r_product  <= product", "r_product  <= -product"))
 fault("sine.v", "default", "gain", ("r_product  <= product", "r_product  <= product << 1"))
 fault("sine.v", "default", "gain", ("r_product  <= product", "r_product  <= product >> 1"))
-fault("sine.v", "default", "gain", ("<= row[12:0]", "<= row[12:0] >> 1"))
-fault("sine.v", "default", "gain", ("<= row[35:13]", "<= {row[34:13], 1'b0}"))
-fault("sine.v", "default", "gain", ("= sum[33:16]", "= sum[33:17]"))
-fault(
-    "sine.v", "default", "gain", ("r_base2, 10'd0} + {10'd0, r_product}", "r_base2, 10'd0} + {9'd0, r_product, 1'b0}")
+fault("sine.v", "default", "gain", ("<= row[SLOPE-1:0]", "<= row[SLOPE-1:0] >> 1"))
+fault("sine.v", "default", "gain", ("<= row[SINE_BITS+SLOPE+4:SLOPE]", "<= {row[34:13], 1'b0}"))
+fault("sine.v", "default", "gain", ("= sum[SUM-1:DROPPED]", "= sum[33:17]"))
+fault("sine.v", "default", "gain", ("+ {{SINE_ADDRESS_BITS{1'b0}}, r_product}", "+ {9'd0, r_product, 1'b0}"))
+fault("sine.v", "default", "gain", ("{1'b0, r_base2, {SINE_FRACTION_BITS{1'b0}}}", "{2'b0, r_base2, 9'd0}"))
+BASE, FRACTION = "SINE_BITS+5", "SINE_FRACTION_BITS"
+for name, kind, value in (("sign", "", "1'b0"), ("base", "[22:0]", BASE), ("slope", "[12:0]", "SLOPE"),
+                          ("fraction", "[9:0]", FRACTION), ("sign2", "", "1'b0"), ("base2", "[22:0]", BASE),
+                          ("product", "[23:0]", "PRODUCT"), ("y", "signed [17:0]", "SINE_BITS")):  # fmt: skip
+    reset = f"r_{name} <= {value if kind == '' else f'{{{value}{{1{chr(39)}b0}}}}'};"
+    fault("sine.v", "default", "reset", (reset, f"r_{name} <= 1;"))
+    source = {"sign": "phase[DDS_BITS-1]", "base": "row[SINE_BITS+SLOPE+4:SLOPE]", "slope": "row[SLOPE-1:0]",
+              "fraction": "place[SINE_FRACTION_BITS-1:0]", "sign2": "r_sign", "base2": "r_base", "product": "product",
+              "y": Y}[name]  # fmt: skip
+    late("sine.v", "default", reset, f"r_{name} <= {source};", 1, kind)
+late("sine.v", "default", "r_y <= {SINE_BITS{1'b0}};", f"r_y <= {Y};", 2, "signed [17:0]")
+early("sine.v", "default", "output reg signed [SINE_BITS-1:0] r_y ", "r_y <= {SINE_BITS{1'b0}};", f"r_y <= {Y};")
+early(
+    "sine.v",
+    "default",
+    "output reg [SINE_BITS-SINE_ADDRESS_BITS+SINE_FRACTION_BITS+5:0] r_product",
+    "r_product <= {PRODUCT{1'b0}};",
+    "r_product <= product;",
 )
-fault("sine.v", "default", "gain", ("{1'b0, r_base2, 10'd0}", "{2'b0, r_base2, 9'd0}"))
-for name, width, value in (("sign", "", "1'b0"), ("base", "[22:0]", "23'd0"), ("slope", "[12:0]", "13'd0"),
-                           ("fraction", "[9:0]", "10'd0"), ("sign2", "", "1'b0"), ("base2", "[22:0]", "23'd0"),
-                           ("product", "[23:0]", "24'd0"), ("y", "signed [17:0]", "18'sd0")):  # fmt: skip
-    reset = f"r_{name} <= {value};"
-    fault("sine.v", "default", "reset", (reset, f"r_{name} <= {value[:-1]}1;"))
-    source = {"sign": "phase[47]", "base": "row[35:13]", "slope": "row[12:0]", "fraction": "place[9:0]",
-              "sign2": "r_sign", "base2": "r_base", "product": "product", "y": Y}[name]  # fmt: skip
-    late("sine.v", "default", reset, f"r_{name} <= {source};", 1, width)
-late("sine.v", "default", "r_y        <= 18'sd0;", f"r_y        <= {Y};", 2, "signed [17:0]")
-early("sine.v", "default", "output reg  signed [17:0] r_y ", "r_y        <= 18'sd0;", f"r_y        <= {Y};")
-early("sine.v", "default", "output reg         [23:0] r_product", "r_product  <= 24'd0;", "r_product  <= product;")
 stranger("sine.v", "default", ("{r_fraction, 1'b1}", "{r_fraction, 1'b0}"))
-stranger("sine.v", "default", ("phase[46] ? ~phase[45:26] : phase[45:26]", "phase[46] ? -phase[45:26] : phase[45:26]"))
-stranger("sine.v", "default", ("rom[place[19:10]]", "rom[place[19:10] + 10'd1]"))
-stranger("sine.v", "default", ("phase[46] ? ~phase[45:26] : phase[45:26]", "phase[45:26]"))
+stranger("sine.v", "default", ("phase[DDS_BITS-2] ? ~kept : kept", "phase[DDS_BITS-2] ? -kept : kept"))
+stranger(
+    "sine.v", "default", ("rom[place[PLACE-1:SINE_FRACTION_BITS]]", "rom[place[PLACE-1:SINE_FRACTION_BITS] + 10'd1]")
+)
+stranger("sine.v", "default", ("phase[DDS_BITS-2] ? ~kept : kept", "kept"))
 stranger("sine.v", "default", ("r_y        <= r_sign2", "r_y        <= r_sign"))
 stranger("sine.v", "default", (HALF, "+ 34'd32000;"))
 
@@ -196,22 +205,27 @@ for k in (1, 2):
 early(REF, "align0_retimed", "output reg   [3:0] r_signs", "r_signs     <= 4'd0;", "r_signs     <= signs;")
 early(REF, "align3_direct", "output reg   [3:0] r_aligned_2", "r_aligned_2 <= 4'd0;", "r_aligned_2 <= r_aligned_1;")
 stranger(REF, "align0_retimed", ("if (ce_1m)", "if (!ce_1m)"))
-stranger(REF, "align2_retimed", ("{~(sense_ref[47] ^ sense_ref[46])", "{~(sense_ref[47] & sense_ref[46])"))
+stranger(
+    REF,
+    "align2_retimed",
+    ("sense_ref[DDS_BITS-1] ^ sense_ref[DDS_BITS-2]", "sense_ref[DDS_BITS-1] & sense_ref[DDS_BITS-2]"),
+)
 stranger(REF, "align0_retimed", ("r_retimed <= picked", "r_retimed <= picked | 4'd1"))
 stranger(REF, "align0_retimed", ("r_signs     <= signs", "r_signs     <= {signs[1:0], signs[3:2]}"))
 stranger(REF, "align0_retimed", ("r_aligned_1 <= r_aligned_0", "r_aligned_1 <= r_retimed"))
 
 # delay.v -------------------------------------------------------------------------------------------------------------
 
+WORD = "{SINE_BITS{1'b0}}"
 for n in (0, 3, 7):
     source = "x" if n == 0 else f"r_taps_{n - 1}"
     assign = f"r_taps_{n} <= {source};"
     fault("delay.v", "depth8", "sign", (assign, f"r_taps_{n} <= -{source};"))
     fault("delay.v", "depth8", "gain", (assign, f"r_taps_{n} <= {source} <<< 1;"))
     fault("delay.v", "depth8", "gain", (assign, f"r_taps_{n} <= {source} >>> 1;"))
-    fault("delay.v", "depth8", "reset", (f"r_taps_{n} <= 18'sd0;", f"r_taps_{n} <= -18'sd{n + 1};"))
-    late("delay.v", "depth8", f"r_taps_{n} <= 18'sd0;", assign, 1, "signed [17:0]")
-    late("delay.v", "depth8", f"r_taps_{n} <= 18'sd0;", assign, 2, "signed [17:0]")
+    fault("delay.v", "depth8", "reset", (f"r_taps_{n} <= {WORD};", f"r_taps_{n} <= -18'sd{n + 1};"))
+    late("delay.v", "depth8", f"r_taps_{n} <= {WORD};", assign, 1, "signed [17:0]")
+    late("delay.v", "depth8", f"r_taps_{n} <= {WORD};", assign, 2, "signed [17:0]")
 fault("delay.v", "depth0", "sign", ("? x :", "? -x :"))
 fault("delay.v", "depth3", "late", ("? r_taps_2 :", "? r_taps_3 :"), what="1 clock")
 fault("delay.v", "depth8", "early", ("r_taps_6 : r_taps_7", "r_taps_6 : r_taps_6"), what="1 clock")
@@ -237,7 +251,7 @@ MOD_RULES = {
     "half_away": "(wide_product + (wide_product[42] ? LESS : HALF)) >>> shift;",
     "half_zero": "(wide_product + (wide_product[42] ? HALF : LESS)) >>> shift;",
 }
-WIDE = "    wire signed [42:0] wide_product ="
+WIDE = "    wire signed [PRODUCT:0] wide_product ="
 for rule, text in MOD_RULES.items():
     for case in ("dac16", "dac20"):
         fault(MOD, case, "rounding", (ROUND, text), (WIDE, ONE + WIDE), what=rule)
@@ -252,15 +266,15 @@ fault(MOD, "narrow", "limit", ("(rounded < LO) ? lo", "(rounded < LO) ? lo + 20'
 fault(MOD, "narrow", "limit", ("(rounded < LO) ? lo", "(rounded <= LO) ? lo + 20'sd1"))
 fault(MOD, "narrow", "limit", ("(rounded < LO) ? lo", "(rounded < LO - 43'sd1) ? lo - 20'sd1"))
 fault(MOD, "dac16", "sign", ("wide_amplitude * wide_sine", "-(wide_amplitude * wide_sine)"))
-fault(MOD, "dac16", "sign", ("= {r_product[41], r_product}", "= -{r_product[41], r_product}"))
+fault(MOD, "dac16", "sign", ("= {r_product[PRODUCT-1], r_product}", "= -{r_product[PRODUCT-1], r_product}"))
 fault(MOD, "dac16", "sign", ("r_held1 <= r_code", "r_held1 <= -r_code"))
 fault(MOD, "dac16", "gain", ("wide_amplitude * wide_sine", "(wide_amplitude * wide_sine) <<< 1"))
 fault(MOD, "dac16", "gain", ("wide_amplitude * wide_sine", "(wide_amplitude * wide_sine) >>> 1"))
 fault(MOD, "dac16", "gain", (ROUND, "(wide_product + (HALF <<< 1)) >>> (shift + 1);"))
 fault(MOD, "dac16", "gain", (ROUND, "(wide_product + (HALF >>> 1)) >>> (shift - 1);"))
 fault(MOD, "dac20", "gain", (ROUND, "(wide_product + (HALF <<< 1)) >>> (shift + 1);"))
-for name, value in (("product", "42'sd0"), ("code   ", "20'sd0"), ("held1  ", "20'sd0"), ("held2  ", "20'sd0")):
-    fault(MOD, "dac16", "reset", (f"r_{name} <= {value};", f"r_{name} <= {value[:-1]}3;"))
+for name, value in (("product", "{PRODUCT{1'b0}}"), ("code", "20'sd0"), ("held1", "20'sd0"), ("held2", "20'sd0")):
+    fault(MOD, "dac16", "reset", (f"r_{name} <= {value};", f"r_{name} <= 3;"))
 for k in (1, 2):
     late(MOD, "dac16", "r_held2 <= 20'sd0;", "r_held2 <= r_held1;", k, "signed [19:0]", what="enable")
 late(REF, "align0_retimed", "r_retimed <= 4'd0;", "r_retimed <= picked;", 1, "[3:0]", what="enable")
@@ -268,7 +282,7 @@ stranger(MOD, "dac16", ("r_held2 <= r_held1", "r_held2 <= r_held1 ^ 20'sd8"))
 stranger(MOD, "dac16", ("if (en_product)", "if (en_product | en_code)"))
 stranger(MOD, "dac16", ("r_product <= wide", "r_product <= 42'sd64 | wide"))
 stranger(MOD, "narrow", ("(rounded > HI) ? hi", "(rounded > HI) ? lo"))
-stranger(MOD, "dac16", ("{{24{sine[17]}}, sine}", "{{24{1'b0}}, sine}"))
+stranger(MOD, "dac16", ("{{24{sine[SINE_BITS-1]}}, sine}", "{{24{1'b0}}, sine}"))
 stranger(MOD, "dac16", (ROUND, "(wide_product + (HALF >>> 1)) >>> shift;"))
 
 # pi.v ----------------------------------------------------------------------------------------------------------------
@@ -400,13 +414,13 @@ fault("dds.vhd", "default", "sign", ("turns(r_phase, word)", "std_logic_vector(u
 fault("dds.vhd", "default", "gain", ("turns(r_phase, word)", "turns(r_phase, '0' & word(47 downto 1))"))
 stranger("dds.vhd", "default", ("turns(r_phase, word)", "turns(r_drive_sine, word)"))
 stranger("dds.vhd", "default", ("turns(r_phase, off_sense_ref)", 'turns(r_phase, off_sense_ref) or x"000000000100"'))
-for name in ("(not sense_ref(47))", "(not drive_ref(47))"):
+for name in ("(not sense_ref(DDS_BITS - 1))", "(not drive_ref(DDS_BITS - 1))"):
     fault("references.vhd", "align2_retimed", "sign", (name, name.replace("not ", "")))
 fault(
     "references.vhd",
     "align2_retimed",
     "sign",
-    ("(drive_ref(47) xnor drive_ref(46))", "(drive_ref(47) xor drive_ref(46))"),
+    ("(drive_ref(DDS_BITS - 1) xnor drive_ref(DDS_BITS - 2))", "(drive_ref(47) xor drive_ref(46))"),
 )
 fault("references.vhd", "align0_retimed", "reset", ("r_retimed   <= (others => '0')", "r_retimed   <= (others => '1')"))
 fault("references.vhd", "align0_retimed", "sign", ("r_retimed <= picked;", "r_retimed <= not picked;"))
@@ -468,17 +482,12 @@ fault("quadrature_loop.v", "default", "limit", ("r_loop_y <= loop_lo", "r_loop_y
 stranger("quadrature_loop.v", "default", (".u(r_loop_y[31:0])", ".u({r_loop_y[31:1], 1'b0})"))
 TRACKER = "frequency_tracker.v"
 fault(TRACKER, "default", "sign", ("r_centre + correction", "r_centre - correction"))
-fault(
-    TRACKER,
-    "default",
-    "sign",
-    ("r_centre + {{12{r_loop_y[35]}}, r_loop_y}", "r_centre - {{12{r_loop_y[35]}}, r_loop_y}"),
-)
+fault(TRACKER, "default", "sign", ("r_centre + wide_y", "r_centre - wide_y"))
 fault(TRACKER, "default", "gain", ("r_centre + correction", "r_centre + (correction <<< 1)"))
 fault(TRACKER, "default", "reset", ("r_word <= NOMINAL_WORD;\n end", "r_word <= 48'd0;\n end"))
-fault(TRACKER, "default", "reset", ("48'd119085567070", "48'd119085567071"))
+fault(TRACKER, "default", "reset", ("TWICE[DDS_BITS:1];", "TWICE[DDS_BITS:1] + 48'd1;"))
 fault(TRACKER, "default", "sign", ("r_error <= phase", "r_error <= -phase"))
-stranger(TRACKER, "default", ("r_centre + {{12{r_loop_y[35]}}, r_loop_y}", "r_centre + {12'd0, r_loop_y}"))
+stranger(TRACKER, "default", ("{{12{r_loop_y[35]}}, r_loop_y}", "{12'd0, r_loop_y}"))
 stranger(TRACKER, "default", ("if (load)", "if (load & ~adjust)"))
 for loop in ("agc", "rate_loop", "quadrature_loop", "frequency_tracker"):
     fault("pi.v", "default", "rounding", ("+ 62'sd8388608", "+ 62'sd0"), what="floor", inside=loop)

@@ -35,7 +35,7 @@ def no_run(state):
 # Block, case: {property: edits (right, wrong) of the block's file that break it}
 PLANTED = {
     ("dds", "default"): {
-        "resets": (("r_phase      <= 48'd0", "r_phase      <= 48'd1"),),
+        "resets": (("r_phase      <= {DDS_BITS{1'b0}}", "r_phase      <= 48'd1"),),
         "advances_by_word": (("r_phase + word", "r_phase - word"),),
         "skips_no_quarter": (("r_phase + word", "r_phase + {word[46:0], 1'b0}"),),
         "sines_apart": (("r_phase + off_sense_sine", "r_phase + off_drive_sine"),),

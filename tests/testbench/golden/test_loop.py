@@ -15,7 +15,7 @@ from fpga_model import fault_monitor, registers, sequencer, top
 from fpga_model.rates import FRAME_HZ, TICK_CYCLES
 from fpga_model.top import Pins
 from testbench.commands.main import app
-from testbench.config import Config, changed, scenario
+from testbench.config import Config, changed, load, scenario
 from testbench.engines.engine import PIN_COLUMNS
 from testbench.errors import ConfigError, FileError
 from testbench.flatten import leaves
@@ -24,6 +24,7 @@ from testbench.golden.loop.by_edge import Model, Plant
 from testbench.golden.recording import record
 from testbench.run import build, simulate
 from testbench.run.simulation import Simulation
+from tests.testbench.engines.test_designs import BOARDS
 from tests.testbench.rtl.test_rtl import RTL, icarus
 from tests.testbench.rtl.test_rtl_top import INPUTS, OUTPUTS, Board, hexed, under_icarus
 
@@ -268,6 +269,40 @@ def test_three_seconds_without_a_difference(tmp_path):
     assert set(outcome.flags) <= set(fault_monitor.NAMES)
 
 
+def of_board(name, seconds):
+    """Configuration of a board of the repository from power-on, with 100 deg/s behind lock if there is time."""
+    values = {"origin": "power_on", "seconds": seconds, "rate_dps": [[0.0, 0.0], [1.7, 100.0]], "rate_shape": "steps"}
+    return changed(load(BOARDS / f"{name}.toml"), {f"scenario.{key}": value for key, value in values.items()})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(path.stem for path in BOARDS.glob("*.toml")))
+def test_no_register_of_any_board_differs_for_half_a_second(name):
+    config = of_board(name, 0.5)
+    outcome = run.run(config, RTL)
+    assert outcome.difference is None, outcome.text()
+    assert outcome.seconds >= 0.5
+    assert outcome.rows == round(outcome.seconds * config.design.master_hz) + 1
+    assert set(outcome.states) >= {"POWER_UP", "KICK"}
+
+
+@pytest.mark.slow
+def test_a_board_of_another_design_locks_around_the_rtl_and_takes_a_step():
+    outcome = run.run(of_board("low_cost", 1.9), RTL)
+    assert outcome.difference is None, outcome.text()
+    assert outcome.locked
+    assert "LOCKED" in outcome.states
+
+
+@pytest.mark.slow
+def test_a_slip_in_another_design_is_caught_at_its_tick_and_time(tmp_path):
+    shutil.copytree(RTL, tmp_path / "rtl")
+    path = tmp_path / "rtl" / "top.v"
+    path.write_text(path.read_text().replace(".FRAME_TICKS(FRAME_TICKS)", ".FRAME_TICKS(125)"))
+    outcome = run.run(of_board("fast_dacs", 0.002), tmp_path / "rtl", level=0)
+    assert outcome.difference.text().startswith("tick 125, clock 0 (62.500 us): rates.frame: expected 125, got 0")
+
+
 def example(rtl, ticks):
     """Exit code and output of the cocotb example around the design in a folder."""
     path = RTL / "example" / "test_closed_loop.py"
@@ -293,8 +328,8 @@ def test_the_example_names_tick_and_clock_of_a_slip(tmp_path):
     shutil.copytree(RTL, tmp_path / "rtl")
     path = tmp_path / "rtl" / "rates.v"
     text = path.read_text()
-    (right,) = re.findall(r"LAST_CYCLE = 5'd25", text)
-    path.write_text(text.replace(right, "LAST_CYCLE = 5'd24"))
+    (right,) = re.findall(r"LAST_CYCLE = TICK_CLOCKS - 1", text)
+    path.write_text(text.replace(right, "LAST_CYCLE = TICK_CLOCKS - 2"))
     code, said = example(tmp_path / "rtl", 4)
     assert code == 1
     assert re.search(
@@ -303,24 +338,24 @@ def test_the_example_names_tick_and_clock_of_a_slip(tmp_path):
 
 
 @pytest.mark.slow
-def test_plant_by_edge_is_the_plant_of_the_loop():
+@pytest.mark.parametrize("name", ["paper", "low_cost"])
+def test_plant_by_edge_is_the_plant_of_the_loop(name):
     """Codes of 300 ticks, edge by edge with the model's own pins, against the clocked engine."""
-    ticks = 300
-    plant = Plant(Config())
+    ticks, config = 300, of_board(name, 0.001)
+    plant = Plant(config)
     model, codes = Model(plant), []
     for _ in range(ticks):
-        for _ in range(TICK_CYCLES):
+        for _ in range(config.design.tick_clocks):
             held, given = model.expected(), plant.inputs()
             model.edge(given)
             after = model.expected()
             plant.edge({name: after[f"o_{name}"] for name in Pins._fields})
             assert len(held) == 230
         codes.append((plant.chips.drive.code, plant.chips.sense.code))
-    config = run.story(0.001)
     sim = Simulation(config, 25.0, 25.0, engine="clocked")
     sim.now = (np.zeros(1), np.full(1, 25.0))
-    for name, raw in sim.first_writes:
-        sim.write(name, raw)
+    for register, raw in sim.first_writes:
+        sim.write(register, raw)
     done = sim.tick
     streams = sim.advance(ticks - done, 0.0, 25.0)
     assert codes[done:] == list(zip(streams.drive_code.tolist(), streams.sense_code.tolist()))

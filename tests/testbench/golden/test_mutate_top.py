@@ -96,7 +96,7 @@ def test_equivalent_in_every_case_or_not_at_all():
 def test_ranges_that_are_tried_are_those_of_the_loops():
     params = recording.load("reset").params
     tried = mutate_top._ranges(params)
-    ports = dict(zip(library.PORTS, library.FORMATS, strict=True))
+    ports = dict(zip(library.PORTS, library.formats_of(params.design), strict=True))
     limit = params.control.agc.loop.hi
     assert tried["r_control_agc_loop_y"] == (True, 0, limit)
     assert tried["r_control_agc_loop_acc"] == (True, 0, limit << 24)

@@ -369,7 +369,7 @@ def test_the_bundle_holds_the_report(tmp_path):
 def test_a_register_without_proof_is_shown_as_width_only(monkeypatch):
     block = blocks.BLOCKS["rates"]
     hinted = block._replace(stops=())
-    monkeypatch.setattr(ranges, "analyse_once", lambda stem, p: ranges.analyse(hinted._replace(registers=narrow), p))
+    monkeypatch.setattr(ranges, "analyse_once", lambda _, p, __: ranges.analyse(hinted._replace(registers=narrow), p))
     narrow = tuple(p._replace(fmt=bits(5)) if p.name == "slot" else p for p in block.registers)
     data = range_report.of_vectors(block, "default")
     assert not data["proven"]

@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 from fpga_model import registers
+from fpga_model.block import declared, keys
 from fpga_model.rates import MASTER_HZ
 from testbench.golden.loop import library, run
 from testbench.golden.proofs import formal
@@ -20,6 +21,17 @@ def says(*texts):
 def test_rows_and_clock():
     says(f"A row is {len(library.REGISTERS)} registers and {len(library.PINS)} pins.")
     says(f"{1e9 / MASTER_HZ:.2f} ns", f"({5e8 / MASTER_HZ:.2f} ns)")
+
+
+def test_parameters_of_the_design():
+    """The table of keys, row by row; what is not in it depends on none."""
+    table = (RTL.parents[1] / "docs" / "rtl.md").read_text().partition("| block | parameters |")[2].partition("\n\n")[0]
+    rows = [[re.findall(r"`(\w+)`", cell) for cell in line.split("|")[1:3]] for line in table.splitlines()[2:]]
+    found = {stem: [name.lower() for name in names] for stems, names in rows for stem in stems}
+    modules = {stem: keys(module) for stem, module in declared().items()}
+    assert found.pop("top") == [], "all of these"
+    assert {tuple(found.pop("control"))} == {modules["frequency_tracker"]}
+    assert found == {stem: list(names) for stem, names in modules.items() if names}
 
 
 def test_the_story():

@@ -187,7 +187,7 @@ def test_an_unknown_bit_makes_the_value_unknown(out, tmp_path):
     """A register that is never reset holds x until it is loaded, which no two-state log could show."""
     installed("icarus")
     report = rtl_run.check(out / "dds" / "default", design(tmp_path, "dds", "v",
-                           ("r_phase      <= 48'd0;", "")), "icarus")  # fmt: skip
+                           ("r_phase      <= {DDS_BITS{1'b0}};", "")), "icarus")  # fmt: skip
     assert (report.divergence.cycle, report.divergence.port, report.divergence.got) == (0, "phase", None)
     assert report.diagnosis.cause == "unknown"
 

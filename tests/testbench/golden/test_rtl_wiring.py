@@ -27,9 +27,9 @@ def test_nothing_is_stale():
 
 
 WRONG = [
-    ("top.v", "[47:0] r_dds_phase,  ", "[46:0] r_dds_phase,  "),
+    ("top.v", "[DDS_BITS-1:0] r_dds_phase,  ", "[DDS_BITS-2:0] r_dds_phase,  "),
     ("top.v", ".off_sense_ref (r_registers_phase_sense_ref)", ".off_sense_ref (r_registers_phase_drive_ref)"),
-    ("top.v", ".depth(pipe_depth)", ".depth(4'd3)"),
+    ("top.v", ".depth    (pipe_depth)", ".depth    (4'd3)"),
     ("top.v", ".amplitude (r_control_rate_loop_loop_y[23:0])", ".amplitude (r_control_rate_loop_loop_y)"),
     ("control.v", "        .adjust     (adjust),\n", ""),
     ("control.v", "output wire signed [35:0] r_agc_loop_y", "output wire        [35:0] r_agc_loop_y"),

@@ -108,3 +108,24 @@ def test_two_wrong_bits_of_a_frame_never_cancel(data):
     a = data.draw(st.integers(0, bits - 1))
     b = data.draw(st.integers(0, bits - 1).filter(lambda k: k != a))
     assert power(a) ^ power(b) != 0
+
+
+@given(st.data())
+def test_rows_of_any_layout_in_pairs(data):
+    """`of_rows` against the definition, for widths that no kernel is compiled for, and any number of rows."""
+    widths = data.draw(st.lists(st.integers(1, 63), min_size=1, max_size=12))
+    count = data.draw(st.integers(1, 9))
+    rows = [[data.draw(st.integers(0, (1 << width) - 1)) for width in widths] for _ in range(count)]
+    words = []
+    for row in rows:
+        word = 0
+        for value, width in zip(row, widths):
+            word = word << width | value
+        words.append(word)
+    assert signature.of_rows(np.array(rows, np.int64), widths) == signature.signature(words, sum(widths))
+
+
+def test_negative_values_enter_by_their_low_bits():
+    rows = np.array([[-1, 5], [-7, 0]], np.int64)
+    words = [(0x3F << 3) | 5, ((-7 & 0x3F) << 3)]
+    assert signature.of_rows(rows, [6, 3]) == signature.signature(words, 9)

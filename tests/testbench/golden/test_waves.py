@@ -282,7 +282,7 @@ def test_the_reference_rtl_passes_from_its_dump(bundles, tmp_path, kind):
 CASES = {
     "offset subtracted": ("dds", "default", "r_phase + off_sense_ref", "r_phase - off_sense_ref", "sign"),
     "word doubled": ("dds", "default", "r_phase + word", "r_phase + {word[46:0], 1'b0}", "gain"),
-    "reset value": ("dds", "default", "r_sense_ref  <= 48'd0", "r_sense_ref  <= 48'd1", "reset"),
+    "reset value": ("dds", "default", "r_sense_ref  <= {DDS_BITS{1'b0}}", "r_sense_ref  <= 48'd1", "reset"),
     "limit": ("pi", "rate", "(rounded > Y_HI) ? hi", "(rounded >= Y_HI) ? hi - 36'sd1", "limit"),
     "saturated value": ("pi", "rate", "(rounded > Y_HI) ? hi", "(rounded > Y_HI) ? hi - 36'sd1", "limit"),
     "wraps": ("pi", "rate", "(rounded < Y_LO) ? lo : (rounded > Y_HI) ? hi : rounded", "rounded", "wrap"),

@@ -14,8 +14,10 @@ from typing import NamedTuple
 
 import pytest
 
-from fpga_model import dds, delay, modulator, pi, references, sine, spi_adc, spi_dac
+from fpga_model import block as registry
+from fpga_model import dds, delay, modulator, pi, references, sine, spi_adc, spi_dac, wiring
 from fpga_model.block import structure
+from fpga_model.design_record import DEFAULT
 from fpga_model.fixed import bits
 from testbench.flatten import format_leaves, leaves
 from testbench.golden.stimulus import blocks as golden_blocks
@@ -409,12 +411,12 @@ def test_vhdl_holds_what_the_model_holds(stem, k, tmp_path):
 PLANTED = [
     ("dds.v", 0, "r_phase + word", "r_drive_sine + word"),
     ("dds.v", 0, "r_phase + off_sense_ref", "r_phase - off_sense_ref"),
-    ("sine.v", 0, "34'd32768", "34'd32767"),
+    ("sine.v", 0, "+ HALF;", "+ HALF - 34'd1;"),
     ("sine.v", 0, "{r_fraction, 1'b1}", "{r_fraction, 1'b0}"),
     ("sine.v", 0, "r_sign2 ? -", "r_sign ? -"),
     ("references.v", 1, "if (ce_1m)", "if (!ce_1m)"),
     ("references.v", 2, "r_aligned_0 :", "r_aligned_1 :"),
-    ("modulator.v", 0, ">>> 1;", ">>> 2;"),
+    ("modulator.v", 0, ">> 1;", ">> 2;"),
     ("modulator.v", 0, "(rounded > HI) ? hi", "(rounded > HI) ? rounded[19:0]"),
     ("modulator.v", 1, "r_held2 <= r_held1", "r_held2 <= r_code"),
     ("pi.v", 1, "62'sd8388608", "62'sd8388607"),
@@ -447,15 +449,50 @@ def test_a_planted_fault_is_seen(name, k, right, wrong, tmp_path):
     assert difference(stem, found, expected) is not None
 
 
-def declared(text, kind, language):
-    """Names, widths and signs of the declared inputs, outputs or parameters, in order."""
+def evaluated(high, design):
+    """Number of an expression in keys of the design, in capitals."""
+    keys = {key.upper(): value for key, value in design._asdict().items()}
+    return eval((high or "0").replace("$", ""), {"clog2": lambda n: (n - 1).bit_length()}, keys)
+
+
+def declared(text, kind, language, design=DEFAULT):
+    """Names, widths and signs of the declared inputs, outputs or parameters of a design, in order.
+
+    Keys of the design are no parameters here.
+    """
     if language == "v":
         head = {"input": r"input +wire", "output": r"output +(?:reg|wire)", "parameter": "parameter"}[kind]
-        found = re.findall(rf"^\s*{head}( +signed)? *(?:\[(\d+):0\])? *(\w+)", text, re.M)
-        return [(name, int(high or 0) + 1, bool(signed)) for signed, high, name in found]
+        found = re.findall(rf"^\s*{head}( +signed)? *(?:\[(\S+):0\])? *(\w+)", text, re.M)
+        listed = [(name, evaluated(high, design) + 1, bool(signed)) for signed, high, name in found]
+        return [entry for entry in listed if entry[0].lower() not in design._fields]
     sort = {"input": r"in +", "output": r"out +", "parameter": ""}[kind]
-    found = re.findall(rf"^\s*(\w+)\s*:\s*{sort}std_logic(?:_vector\((\d+) downto 0\))?[;\s]", text, re.M)
-    return [(name, int(high or 0) + 1) for name, high in found]
+    found = re.findall(rf"^\s*(\w+)\s*:\s*{sort}std_logic(?:_vector\((.+) downto 0\))?[;\s]", text, re.M)
+    return [(name, evaluated(high, design) + 1) for name, high in found]
+
+
+def keys(text):
+    """{key of the design: default} of the parameters or generics of a file, in order."""
+    known = "|".join(key.upper() for key in DEFAULT._fields)
+    found = re.findall(rf"^ +(?:parameter +(?:\[31:0\] )?)?({known}) +(?:: natural :)?= (?:32'd)?(\d+)", text, re.M)
+    return {name.lower(): int(value) for name, value in found}
+
+
+@pytest.mark.parametrize("path", sorted(RTL.glob("*.v*")), ids=lambda path: path.name)
+def test_keys_of_the_design_are_parameters_with_its_values(path):
+    """All that the formats and reset values of a block, or of what it holds, depend on; no others."""
+    modules = blocks_within(path.stem)
+    wanted = {key for module in modules for key in registry.keys(module)}
+    found = keys(path.read_text())
+    assert found == {key: value for key, value in DEFAULT._asdict().items() if key in wanted}
+    assert list(found) == [key for key in DEFAULT._fields if key in wanted]
+
+
+def blocks_within(stem):
+    """The block, or those in control or top."""
+    if stem in golden_blocks.BLOCKS:
+        return [registry.declared()[stem]]
+    where = {"control": "control.", "top": ""}[stem]
+    return [module for role, (module, _) in wiring.instances().items() if role.startswith(where)]
 
 
 @pytest.mark.parametrize("name", [*(f"{stem}.v" for stem in VERILOG), *(f"{stem}.vhd" for stem in VHDL)])

@@ -4,8 +4,6 @@ The ports, no warning of a linter, no latch and no undriven net. Every register 
 Verilator: `golden/test_benches.py`. Blocks that `test_rtl.py` tries with stimulus of its own are left out.
 """
 
-import re
-
 import pytest
 
 from testbench.golden.bundles import benches
@@ -82,11 +80,3 @@ def test_yosys_synthesises_without_latches(stem, case, tmp_path):
         "check -assert",
     )
     ran(["yosys", "-q", "-p", "; ".join(steps)], tmp_path)
-
-
-def test_reset_values_stand_once():
-    """A reset value that is no zero is a number in the RTL: it is the model's."""
-    block = blocks.BLOCKS["frequency_tracker"]
-    text = (RTL / "frequency_tracker.v").read_text()
-    (word,) = re.findall(r"NOMINAL_WORD = 48'd(\d+);", text)
-    assert {port.reset for port in block.registers if port.name in ("centre", "word")} == {int(word)}

@@ -16,6 +16,7 @@ from analog_frontend.parts import adc_serial
 from fpga_model import (
     agc,
     control,
+    dds,
     digital_sid,
     fault_monitor,
     lock_monitor,
@@ -28,6 +29,7 @@ from fpga_model import (
 )
 from fpga_model import references as references_block
 from fpga_model import top as fpga
+from fpga_model.design_record import DEFAULT
 from fpga_model.fixed import bits
 from fpga_model.jit import kernel
 from fpga_model.rates import FRAME_HZ
@@ -38,7 +40,7 @@ from testbench.flatten import format_leaves, leaves, store
 from testbench.golden.bundles import benches
 from testbench.golden.stimulus import blocks
 from testbench.run import build
-from tests.testbench.rtl.test_rtl import BIT, RTL, declared, icarus, ran, verilator, yosys
+from tests.testbench.rtl.test_rtl import BIT, RTL, declared, evaluated, icarus, ran, verilator, yosys
 
 PARTS = sorted({path.name for path in RTL.glob("*.v")} - {"top.v"})
 PINS = tuple(
@@ -448,8 +450,7 @@ def test_constants_are_those_of_the_model():
     ticks = (spi_dac.CODE_TICK, spi_dac.LOAD_TICK, rates.SLOT_SEQUENCER)
     assert (found["CODE_TICK"], found["LOAD_TICK"], found["SLOT_SEQUENCER"]) == ticks
     found = constants("rates")
-    lengths = (rates.TICK_CYCLES - 1, rates.FRAME_TICKS - 1, rates.SLOTS)
-    assert (found["LAST_CYCLE"], found["LAST_TICK"], found["SLOTS"]) == lengths
+    assert found["SLOTS"] == rates.SLOTS
     found = constants("sequencer")
     assert [found[name] for name in sequencer.STATES] == list(range(len(sequencer.STATES)))
     assert constants("fault_monitor")["RANGE_HI"] == fault_monitor.RANGE_LIMIT
@@ -460,12 +461,13 @@ def test_register_bank_is_the_map():
     text = (RTL / "registers.v").read_text()
     head, _, body = text.partition("if (rst) begin")
     reset, _, decoded = body.partition("end else begin")
+    # resets of words of the DDS are expressions: the bundle tells their values
     resets = re.findall(r"r_(\w+) +<= (\d+)'s?h(\w+);", reset)
     assert [(name, int(width), int(raw, 16)) for name, width, raw in resets] == [
-        (r.name, r.fmt.width, registers.to_bus(r.reset, r.fmt)) for r in registers.WRITABLE
+        (r.name, r.fmt.width, registers.to_bus(r.reset, r.fmt)) for r in registers.WRITABLE if r.fmt != dds.PHASE
     ]
-    cases = re.findall(r"8'h(\w+): r_(\w+) +<= data(?:\[(\d+):0\])?;", decoded)
-    assert [(int(address, 16), name, int(high or 47) + 1) for address, name, high in cases] == [
+    cases = re.findall(r"8'h(\w+): r_(\w+) +<= data\[(\S+):0\];", decoded)
+    assert [(int(address, 16), name, evaluated(high, DEFAULT) + 1) for address, name, high in cases] == [
         (r.address, r.name, r.fmt.width) for r in registers.WRITABLE
     ]
     comments = re.findall(r"r_(\w+),? +// 0x(\w+) (\S+)", head)

@@ -3,7 +3,7 @@
 Source  docs/golden.md (using a bench in your own flow)
 """
 
-from testbench.golden.bundles.benches.layout import HALF_PS, PARTS, SHOWN, inputs_of, results
+from testbench.golden.bundles.benches.layout import PARTS, SHOWN, half_ps, inputs_of, results
 from testbench.golden.bundles.benches.template import filled
 from testbench.golden.bundles.benches.verilog import instance, span
 
@@ -31,7 +31,7 @@ def cocotb_test(block, case):
         title=f"{block.stem}/{case}",
         stem=block.stem,
         sources=repr((*PARTS.get(block.stem, ()), block.stem)),
-        half_ps=HALF_PS,
+        half_ps=half_ps(block),
         shown=SHOWN,
         ports=len(results(block)),
     )

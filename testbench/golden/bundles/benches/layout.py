@@ -5,11 +5,8 @@ Source  docs/golden.md (what a design must look like)
 
 from fpga_model import wiring
 from fpga_model.block import declared, parts_of
-from fpga_model.rates import MASTER_HZ
 from testbench.golden.stimulus.blocks import BLOCKS, RESET_INPUT
 
-PERIOD_PS = (1_000_000_000_000 + MASTER_HZ // 2) // MASTER_HZ
-HALF_PS = PERIOD_PS // 2
 RESET_CYCLES = 2
 SHOWN = 10  # rows that a bench reports in full
 
@@ -65,12 +62,18 @@ def inputs_of(block):
     return [(port.name, port) for port in block.columns]
 
 
+def half_ps(block):
+    """Half a period of the clock (ps)."""
+    hz = block.record.master_hz
+    return (1_000_000_000_000 + hz // 2) // hz // 2
+
+
 def constants(block, count):
     """(name, integer) that every language gets."""
     listed = [
         ("N_ROWS", count),
         ("RESET_CYCLES", RESET_CYCLES),
-        ("HALF_PS", HALF_PS),
+        ("HALF_PS", half_ps(block)),
         ("IN_WIDTH", width_of(inputs_of(block))),
         ("OUT_WIDTH", width_of(results(block))),
     ]

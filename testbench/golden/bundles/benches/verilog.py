@@ -14,7 +14,7 @@ def span(width):
 
 def instance(block, case, inputs):
     """Instance `dut`; `inputs` gives the net of an input port."""
-    generics = [f".{name}(P_{name})" for name, _, _ in params_of(block, case)]
+    generics = [f".{name}(P_{name})" for name in (*block.keys, *(name for name, _, _ in params_of(block, case)))]
     generics += [f'.{name}("{path}")' for name, path in rom_parameters(block).items()]
     ports = [".clk(clk)", *(f".{name}({inputs(name)})" for name, _ in inputs_of(block))]
     ports += [f".{name}({name})" for name, _ in results(block)]

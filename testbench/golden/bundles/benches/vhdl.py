@@ -16,8 +16,9 @@ def vhdl_slice(width, hi, lo):
 def component(block, case, fed):
     """Declaration and instance of the design for a template: inputs come from signal `fed`, results go to `got`."""
     inputs, found, given = inputs_of(block), results(block), params_of(block, case)
-    generics = [f"            {key} : {vhdl_type(fmt.width)}" for key, _, fmt in given]
-    maps = [f"            {key} => P_{key}" for key, _, _ in given]
+    generics = [f"            {key} : natural" for key in block.keys]
+    generics += [f"            {key} : {vhdl_type(fmt.width)}" for key, _, fmt in given]
+    maps = [f"            {key} => P_{key}" for key in (*block.keys, *(key for key, _, _ in given))]
     for key, path in rom_parameters(block).items():
         generics.append(f"            {key} : string")
         maps.append(f'            {key} => DIR & "{path}"')

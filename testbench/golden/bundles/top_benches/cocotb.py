@@ -5,7 +5,7 @@ Source  docs/golden.md (the whole design), testbench/golden/recording/signature.
 
 from analog_frontend.parts import adc_serial
 from testbench.golden.bundles import benches
-from testbench.golden.bundles.benches import HALF_PS, PARTS
+from testbench.golden.bundles.benches import PARTS
 from testbench.golden.bundles.benches.template import filled
 from testbench.golden.bundles.top_benches.layout import DEFAULT_FRAMES, PART_BITS, SHOWN_ROWS
 from testbench.golden.recording import signature
@@ -21,7 +21,7 @@ def cocotb_test(block, case):
         case=case,
         sources=repr((*PARTS[stem], stem)),
         default_frames=DEFAULT_FRAMES["cocotb"],
-        half_ps=HALF_PS,
+        half_ps=benches.half_ps(block),
         word_bits=adc_serial.WORD_BITS * adc_serial.WORDS,
         pulse=adc_serial.PULSE,
         row_bits=signature.padded(width),

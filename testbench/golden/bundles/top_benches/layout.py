@@ -4,7 +4,6 @@ Source  docs/golden.md (the whole design)
 """
 
 from analog_frontend.parts import adc_serial
-from fpga_model.rates import FRAME_CYCLES, TICK_CYCLES
 from testbench.golden.bundles import benches
 from testbench.golden.recording import signature
 
@@ -19,8 +18,8 @@ PART_BITS = 1024  # of a word that cocotb reads; Verilator's VPI gives 2048 at m
 DEFAULT_FRAMES = {"icarus": 300, "verilator": 0, "ghdl": 20, "cocotb": 20, "cocotb-verilator": 60, "vunit": 20}
 
 
-def constants(counts):
-    """(name, integer) of a replay, beside those of every bench.
+def constants(design, counts):
+    """(name, integer) of a replay of a design, beside those of every bench.
 
     counts  {frames, conversions, host_events, samples}
     """
@@ -30,8 +29,8 @@ def constants(counts):
         ("N_ADC", counts["conversions"]),
         ("N_HOST", counts["host_events"]),
         ("N_SAR", counts["samples"]),
-        ("FRAME_CYCLES", FRAME_CYCLES),
-        ("TICK_CYCLES", TICK_CYCLES),
+        ("FRAME_CYCLES", design.frame_clocks),
+        ("TICK_CYCLES", design.tick_clocks),
         ("ADC_BITS", ADC_BITS),
         ("HOST_BITS", HOST_BITS),
         ("SAR_BITS", SAR_BITS),
@@ -48,7 +47,7 @@ def _with(text, before, lines):
 
 def parameters(block, case, rows, counts):
     """{path: text} of params.vh, params.svh and params_pkg.vhd."""
-    extra = constants(counts)
+    extra = constants(block.record, counts)
     return {
         "params.vh": benches.params_vh(block, case, rows) + "".join(f"localparam {k} = {v};\n" for k, v in extra),
         "params.svh": _with(

@@ -1,0 +1,73 @@
+"""The design that a bundle is of: what a configuration makes of the blocks, and the entries of a manifest.
+
+    design         {key: value} of the whole record; without it a bundle is of the default design
+    design_params  keys that the RTL takes as parameters, in capitals: [{name, value}]; none at the default design
+
+Source  docs/golden.md (another design)
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from fpga_model import design_record
+from testbench.errors import ConfigError, FileError
+from testbench.golden.stimulus import blocks
+from testbench.storage.inputs import checked
+
+
+def entry(block):
+    """Entries of the manifest of a `blocks.Block`; none for a block that no file gave a design."""
+    if block.design is None:
+        return {}
+    given = [{"name": name, "value": value} for name, value in block.keys.items()]
+    return {"design": block.design._asdict(), "design_params": given}
+
+
+@dataclass
+class Key:
+    """Entry of `design_params`."""
+
+    name: str
+    value: int
+
+
+def told(manifest):
+    """[(NAME, value)] of the keys that the RTL of a bundle takes; FileError where the entry is none."""
+    listed = checked(manifest.get("design_params", []), list[Key], "manifest: design_params")
+    return [(key.name, key.value) for key in listed]
+
+
+def of_manifest(path, manifest):
+    """Design record of a manifest, or None; FileError where it is none of this version."""
+    if "design" not in manifest:
+        return None
+    from testbench.config.load import Design
+
+    given = checked(manifest["design"], dict[str, int], f"{path}: design")
+    keys = design_record.Design._fields
+    if list(given) != list(keys):
+        raise FileError(f"{path}: design: has the keys {', '.join(given)}, not {', '.join(keys)}")
+    values = checked(given, Design, f"{path}: design")
+    if given["dds_bits"] < 2 + given["sine_address_bits"] + given["sine_fraction_bits"]:
+        raise FileError(f"{path}: design: dds_bits = {given['dds_bits']} do not hold quadrant, address and fraction")
+    if given["sine_bits"] <= given["sine_address_bits"]:
+        raise FileError(f"{path}: design: sine_bits = {given['sine_bits']} is not above sine_address_bits")
+    return design_record.Design(*(getattr(values, key) for key in keys))
+
+
+def board(path):
+    """(Config, `top.Params`) of a configuration file; ConfigError where it cannot be built."""
+    from testbench.config import load
+    from testbench.run import build, design_check  # they know plant and engine, which no other export does
+
+    config = load(Path(path))
+    design_check.check(config)
+    try:
+        return config, build.firmware(config)
+    except ValueError as problem:
+        raise ConfigError(f"{path}: {problem}") from None
+
+
+def blocks_of(path):
+    """{stem: Block} of a configuration file, with its parameters as cases."""
+    return blocks.of_firmware(board(path)[1])
