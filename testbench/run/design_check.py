@@ -12,8 +12,6 @@ from fpga_model import spi_dac
 from testbench.engines import chips
 from testbench.errors import ConfigError
 
-RATES = ("master_hz", "tick_clocks", "frame_ticks")
-
 
 def default_only(config, what, keys=None):
     """Raise ConfigError for another design than the default one, in what is made for it alone; `keys` that matter."""
