@@ -85,6 +85,8 @@ design.sine_bits = 16
 design.drive_dac = "generic"\ndesign.drive_dac_bits = 14
 design.sense_dac = "generic"\ndesign.sense_dac_bits = 18
 design.quadrature_dac = "generic"
+design.adc = "generic"\ndesign.adc_bits = 18
+design.coefficient_fraction_bits = 18
 """
 
 
