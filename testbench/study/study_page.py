@@ -3,8 +3,18 @@
 Source    docs/word_lengths.md
 """
 
+from testbench.console.markdown import markdown
 from testbench.console.table import Table
+from testbench.storage.files import write_text
 from testbench.study import prediction, study
+
+COSTS = ("registers", "multipliers", "tables")
+
+
+def _keeps(p, s):
+    if s.locked < s.runs:
+        return f"{s.runs - s.locked} not locked"
+    return "no" if not s.keeps else "yes" if p["holds"] else "yes*"
 
 
 def _verdict(result):
@@ -81,12 +91,12 @@ def _compared(result):
 
 def _figures(result):
     heads = ("design", "keeps", "ARW %", "adev %", "scale ppm", "pred.", "bandwidth Hz", "pred.", "bias dps", "pred.",
-             "quadrature dps", "registers", "multipliers", "tables")  # fmt: skip
+             "quadrature mdps", "registers", "multipliers", "tables")  # fmt: skip
     first = next(iter(result.rows))[1]
     rows = [
         (
             case,
-            "yes" if s.keeps else "no" if s.locked == s.runs else f"{s.runs - s.locked} not locked",
+            _keeps(p, s),
             f"{100 * s.arw_rise:+.2f}",
             f"{100 * s.adev_rise:+.2f}",
             f"{s.scale_ppm:+.0f}",
@@ -95,7 +105,7 @@ def _figures(result):
             f"{p['bandwidth_hz']:.2f}",
             f"{s.bias_dps:.4f}",
             f"{p['bias_dps']:.4f}",
-            f"{s.quadrature_dps:+.5f}",
+            f"{1e3 * s.quadrature_dps:+.4f}",
             str(c.registers),
             str(c.multipliers),
             str(c.tables),
@@ -104,15 +114,17 @@ def _figures(result):
     ]
     note = (
         f"ARW and Allan deviation at {study.TAU_S:g} s: rise over the first design, same noise. Keeps: both up by at "
-        f"most {100 * study.KEEP_SHARE:g} %, scale factor by {study.KEEP_PPM:g} ppm, bandwidth by {study.KEEP_HZ:g} Hz"
+        f"most {100 * study.KEEP_SHARE:g} %, scale factor by {study.KEEP_PPM:g} ppm, bandwidth by "
+        f"{study.KEEP_HZ:g} Hz. "
+        "*: outside the rule, where a loop may rest in a dead band and look quiet"
     )
     return Table("Figures and cost", heads, rows, note, tuple(range(2, len(heads))))
 
 
 def _fronts(result):
-    rows = list(result.rows)
+    rows = [row for row in result.rows if row[1]["holds"]]
     lines = []
-    for kind in ("registers", "multipliers", "tables"):
+    for kind in COSTS:
         price = [getattr(row[2], kind) for row in rows]
         for text, loss in (
             ("ARW rise", [max(row[3].arw_rise, 0.0) for row in rows]),
@@ -120,7 +132,11 @@ def _fronts(result):
         ):
             best = study.front(price, loss)
             lines.append((kind, text, "; ".join(f"{rows[k][0]} ({price[k]})" for k in best)))
-    return Table("Pareto fronts", ("cost in bits of", "loss", "designs, cheapest first"), lines, numeric=())
+        kept = [row for row in rows if row[3].keeps]
+        if kept:
+            least = min(kept, key=lambda row: getattr(row[2], kind))
+            lines.append((kind, "least that keeps the figures", f"{least[0]} ({getattr(least[2], kind)})"))
+    return Table("Pareto fronts", ("cost in bits of", "loss", "designs"), lines, "Of the designs under the rule.", ())
 
 
 def tables(result):
@@ -147,7 +163,7 @@ def as_json(result):
 
 
 def write(result, folder):
-    """NAME.html in `folder`: tables and pictures."""
+    """NAME.html in `folder`, tables and pictures; the tables alone in NAME.md."""
     from testbench.console import report
     from testbench.study import study_pictures
 
@@ -162,9 +178,10 @@ def write(result, folder):
             study_pictures.fronts(result),
         ),
     ]
-    missed = [
-        f"{row[0]}: outside its rule; ARW {100 * row[4].arw:+.1f} %" for row in result.rows if not row[1]["holds"]
-    ]
+    said = [f"{row[0]}: outside the rule; ARW {100 * row[4].arw:+.1f} %" for row in result.rows if not row[1]["holds"]]
+    shown = tables(result)
+    text = "\n\n".join(f"## {table.title}\n\n{markdown(table)}\n\n{table.note}" for table in shown)
+    write_text(folder / f"{result.name}.md", text + "\n")
     path = folder / f"{result.name}.html"
-    report.write_html(path, "Word lengths", tables(result), pictures, missed or ("nothing to mind",))
+    report.write_html(path, "Word lengths", shown, pictures, said or ("nothing to mind",))
     return path

@@ -48,14 +48,15 @@ def fronts(result):
         ("ARW rise (%)", [max(100 * row[3].arw_rise, 1e-2) for row in rows], 100 * KEEP_SHARE),
         ("scale factor moved (ppm)", [max(abs(row[3].scale_ppm), 1.0) for row in rows], KEEP_PPM),
     )
-    keeps = np.array([row[3].keeps for row in rows])
+    keeps, holds = (np.array([pick(row) for row in rows]) for pick in (lambda r: r[3].keeps, lambda r: r[1]["holds"]))
     figure, axes = axes_of("Cost against loss", 9.0, len(losses), len(COSTS))
     for line, (label, loss, limit) in zip(axes, losses):
         for axis, (kind, text) in zip(line, COSTS):
             price = np.array([getattr(row[2], kind) for row in rows])
             loss = np.array(loss)
-            best = front(price.tolist(), loss.tolist())
-            axis.plot(price[best], loss[best], "-", color=GREY, drawstyle="steps-post", label="front")
+            under = np.flatnonzero(holds)
+            best = under[front(price[under].tolist(), loss[under].tolist())]
+            axis.plot(price[best], loss[best], "-", color=GREY, drawstyle="steps-post", label="front, under the rule")
             axis.plot(price[keeps], loss[keeps], "o", color=BLUE, label="keeps all figures")
             axis.plot(price[~keeps], loss[~keeps], "o", mfc="white", color=VERMILION, label="does not")
             axis.axhline(limit, color=GREY, linestyle=":")
