@@ -21,6 +21,7 @@ No mode change makes acc jump but OFF, whose preset is the hand-over value. Ther
 moves acc by ki at every enable, and y by one LSB within 2**24 / abs(ki) enables (ki raw).
 """
 
+from fractions import Fraction
 from typing import NamedTuple
 
 from fpga_model.block import BIT, Block
@@ -34,6 +35,7 @@ OUT = Fmt(1, ACC.i, 0)
 SHIFT = ACC.f - OUT.f
 LATENCY = 2
 OFF, P_ONLY, RUN, HOLD = 0, 1, 2, 3
+LARGEST_SHARE = Fraction(1, 20)  # of a gain, by which fewer fraction bits may move it
 assert add_fmt(ACC, ACC).width + 1 <= 63, "prop + acc and its rounding constant must fit int64"
 
 
@@ -82,6 +84,25 @@ def design(kp, ki_per_s, frame_hz, lo, hi):
         smallest = frame_hz * 2.0**-COEF.f
         raise ValueError(f"ki_per_s: {ki_per_s:g} LSB per LSB and second rounds to zero; the smallest is {smallest:g}")
     return p
+
+
+def narrowed(p, fraction_bits):
+    """The same `Params` with kp and ki rounded to `fraction_bits`, ties to even: what a narrower multiplier holds.
+
+    They stay in their format, so that prop and acc end in COEF.f - fraction_bits zeros. Raises ValueError if a gain
+    moves by more than LARGEST_SHARE of itself.
+    """
+    unit = 1 << (COEF.f - fraction_bits)
+    gains = {name: round(Fraction(getattr(p, name), unit)) * unit for name in ("kp", "ki")}
+    for name, gain in gains.items():
+        exact = getattr(p, name)
+        if abs(gain - exact) > LARGEST_SHARE * abs(exact):
+            off = 100 * abs(gain / exact - 1)
+            raise ValueError(
+                f"{name} = {exact / 2**COEF.f:.4g} is {off:.3g} % off in {fraction_bits} fraction bits; the limit is "
+                f"{float(100 * LARGEST_SHARE):g} %"
+            )
+    return p._replace(**gains)
 
 
 @inlined

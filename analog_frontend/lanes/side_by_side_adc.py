@@ -45,6 +45,7 @@ class Converters(NamedTuple):
     inl: doubles(LANES, CHANNELS)
     full_steps: doubles(LANES)
     step_code: int64s(LANES)
+    code_hi: int64s(LANES)
     volts: doubles(CHANNELS * LANES)  # scratch
     counts: int64s(LANES)  # scratch
 
@@ -61,13 +62,14 @@ class Transfer(NamedTuple):
     inl: np.ndarray
     full_steps: float
     step_code: int
+    code_hi: int
 
 
 def fill(a, converters):
     """Constants of up to eight adc.Params into `a`."""
     p = converters[0]
     a.one_clock[:] = len({(c.period, c.delay, c.decimation) for c in converters}) == 1
-    for name in ("offset_v", "steps_per_v", "inl", "full_steps", "step_code"):
+    for name in ("offset_v", "steps_per_v", "inl", "full_steps", "step_code", "code_hi"):
         for k, p in enumerate(converters):
             getattr(a, name)[k] = getattr(p, name)
     for name, size in (("white", "sigma"), ("flicker", "level")):
@@ -200,7 +202,7 @@ def _converted(floats, ints, normal):
     for k in range(LANES):
         if active[k]:
             a.clock[k, COUNT] = a.clock[k, COUNT] + 1
-            p = Transfer(a.offset_v[k], a.steps_per_v[k], a.inl[k], a.full_steps[k], a.step_code[k])
+            p = Transfer(a.offset_v[k], a.steps_per_v[k], a.inl[k], a.full_steps[k], a.step_code[k], a.code_hi[k])
             for c in range(CHANNELS):
                 a.clock[k, adc.CODES + c] = adc.code(p, c, a.volts[c * LANES + k])
 

@@ -3,7 +3,8 @@
     sample    v_m = start + (end - start) frac     at the modulator's instant in the tick, linear between tick ends
     filter    three frames of N samples run at once, weights w_j(m) with sum N^3:
               w0 = m (m - 1)/2   w1 = (N + m - 1)(N + m)/2 - 3 m (m - 1)/2   w2 = (N - m)(N - m + 1)/2,  m = 0 .. N - 1
-    code      clamp(step floor(x + 1/2)),  x = (v + offset + noise) gain PGA 2^23 / (VREF step), bent by the INL cubic
+    code      clamp(step floor(x + 1/2)),  x = (v + offset + noise) gain PGA 2^23 / (VREF step), bent by the INL cubic;
+              a converter of n bits, left justified: step = 2^(24 - n), largest code 2^23 - step
 
     v --(+offset +white +flicker)--(x PGA/VREF)--(INL)--[w0|w1|w2 accumulators]--(round to 10 codes, clamp)--> code
 
@@ -14,7 +15,7 @@ Ready     DRDY falls `delay` after the last sample, at least one tick: `block` r
           sees it low, in a later tick than the sample's, else -1. The codes stay until the next conversion
 Between   the chord errs by h^2/8 |v''| <= h^2 A/(8 w (RC)^3) = 1.3e-9 V behind a settled 50 Hz SID at A = 2.88 V
 Rounding  nearest multiple of `step`, ties toward plus infinity
-Overflow  clamps to -0x800000 .. 0x7FFFFF in float before it becomes an int; NaN reads as plus full scale
+Overflow  clamps to -0x800000 .. code_hi (the part's: 0x7FFFFF) before it becomes an int; NaN reads as code_hi
 State     two arrays, **mutated in place**
 Source    docs/parts/adc.md
 """
@@ -37,7 +38,8 @@ TICK_CLOCKS = 26
 SYNCHRONOUS_PERIOD = 1625 << (UNIT_BITS - 5)  # 26 MHz / 512 kHz = 1625/32 cycles
 assert SYNCHRONOUS_PERIOD * 64 == 125 * (TICK_CLOCKS << UNIT_BITS), "64 modulator periods must be one frame"
 
-FULL_CODE = 1 << 23
+CODE_BITS = 24
+FULL_CODE = 1 << (CODE_BITS - 1)
 CODE_HI = FULL_CODE - 1
 CODE_LO = -FULL_CODE
 NOT_PENDING = -(1 << 61)
@@ -65,6 +67,7 @@ class Params(NamedTuple):
     decimation: int
     step_code: int
     normal: float  # 1 / N^3
+    code_hi: int  # largest code
     full_steps: float  # 2^23 / step
     offset_v: tuple
     steps_per_v: tuple  # PGA gain (1 + error) 2^23 / (VREF step)
@@ -103,6 +106,7 @@ class Design(NamedTuple):
     flicker_v_per_rthz  one-sided density at 1 Hz (V/rtHz)
     conversion_delay_s  last modulator sample to the fall of DRDY (s); must be at least one tick
     tick_clocks         master clocks to a plant tick
+    code_hi             largest code
     inl                 peak of the cubic as a fraction of full scale, divided by 0.385
     turnover            gain of positive less that of negative voltages, halved
     gain_tc_per_k       relative change of the gain per kelvin of the sensor channel
@@ -114,6 +118,7 @@ class Design(NamedTuple):
     pga: tuple = (1, 1, 12, 12, 1)
     vref_v: float = 4.0
     step_code: int = 10
+    code_hi: int = CODE_HI
     decimation: int = 64
     period: int = SYNCHRONOUS_PERIOD
     conversion_delay_s: float = 1.5e-6
@@ -182,6 +187,7 @@ def design(**values):
         decimation=int(d.decimation),
         normal=1.0 / d.decimation**3,
         step_code=int(d.step_code),
+        code_hi=int(d.code_hi),
         full_steps=FULL_CODE / d.step_code,
         offset_v=tuple(float(v) for v in d.offset_v),
         steps_per_v=tuple(float(v) for v in scale),
@@ -228,11 +234,11 @@ def code(p, channel, volts):
         u = x / p.full_steps
         x = x + p.inl[channel] * p.full_steps * (u * u * u - u)
     if x != x or x >= p.full_steps:
-        return CODE_HI
+        return p.code_hi
     if x <= -p.full_steps:
         return CODE_LO
     rounded = math.floor(x + 0.5) * p.step_code
-    return CODE_HI if rounded > CODE_HI else (CODE_LO if rounded < CODE_LO else rounded)
+    return p.code_hi if rounded > p.code_hi else (CODE_LO if rounded < CODE_LO else rounded)
 
 
 @inlined

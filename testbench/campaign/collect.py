@@ -187,7 +187,7 @@ def _write_netcdf(store, wanted, found, path):
     layouts = _layouts(plan, found)
     whole = all(address in found and layouts.keys() == found[address].keys() for address in addresses)
     scales, parameters = coordinates(plan)
-    empty = {name: Variable(layout.dims, np.broadcast_to(0, layout.shape), {}) for name, layout in layouts.items()}
+    empty = {name: Variable(v.dims, np.broadcast_to(0, v.shape), v.attrs) for name, v in layouts.items()}
     scales |= shard.scales_of(empty, plan.keep.tau_s)
     # a convention by which xarray knows parameters from results
     said = {"coordinates": " ".join(parameters)} if parameters else {}

@@ -15,7 +15,8 @@ import re
 import h5py
 import numpy as np
 
-from testbench.campaign.plan.measure import FRAME_S, Variable
+from fpga_model.design_record import DEFAULT
+from testbench.campaign.plan.measure import STEP, Variable
 from testbench.errors import FileError
 from testbench.interrupts import held
 from testbench.storage import inputs
@@ -69,14 +70,16 @@ def write_variables(file, variables, scales):
 def scales_of(variables, tau_s):
     """Dimension scales that these variables need: tau_s, and time_N counted from the first frame of the scenario."""
     lengths = {dim: np.shape(v.data)[k] for v in variables.values() for k, dim in enumerate(v.dims)}
+    steps_s = {dim: v.attrs[STEP] for v in variables.values() for dim in v.dims if STEP in v.attrs}
     out = {}
     for dim in sorted(lengths):
         if dim == "tau_s":
             out[dim] = Variable((dim,), np.array(tau_s, float), {"units": "s"})
         elif dim.startswith("time_"):
-            step = int(dim.removeprefix("time_"))
+            # points of earlier versions have no step: they are of the default design
+            step_s = steps_s.get(dim, int(dim.removeprefix("time_")) / DEFAULT.frame_hz)
             attrs = {"units": "s", "long_name": "time from the beginning of the scenario"}
-            out[dim] = Variable((dim,), np.arange(lengths[dim]) * step * FRAME_S, attrs)
+            out[dim] = Variable((dim,), np.arange(lengths[dim]) * step_s, attrs)
     return out
 
 

@@ -52,6 +52,9 @@ class Design(Section):
     quadrature_dac: Literal["DAC82002", "generic"] = other("DAC82002", "chip of V_q's DAC, 16 bits")
     drive_dac_bits: int = number(16, "bits", 8, 16, 'code of a "generic" drive DAC, and its frame')
     sense_dac_bits: int = number(20, "bits", 8, 20, 'code of a "generic" sense DAC, and its frame')
+    adc: Literal["ADS1298", "generic"] = other("ADS1298", "steps of the ADC: plant.adc_step_code, or those of adc_bits")
+    adc_bits: int = number(24, "bits", 16, 24, 'codes of a "generic" ADC, left justified in its words of 24 bits')
+    coefficient_fraction_bits: int = number(24, "bits", 8, 24, "kp and ki of the four loops")
 
 
 class Firmware(Section):
@@ -267,8 +270,11 @@ class Config(Section):
         return design_record.Design(*(getattr(self.design, key) for key in design_record.Design._fields))
 
     def device(self):
-        """The plant's parameters as the record that the plant is built from."""
-        return self.plant.device()
+        """The plant's parameters as the record that the plant is built from; the steps of a "generic" ADC included."""
+        device = self.plant.device()
+        if self.design.adc == "generic":
+            return device._replace(adc_step_code=1 << (adc.CODE_BITS - self.design.adc_bits))
+        return device
 
     def nominal_device(self):
         """Likewise of the board that the firmware is designed for."""

@@ -29,6 +29,7 @@ from fpga_model import (
     lock_monitor,
     modulator,
     notch,
+    pi,
     quadrature_loop,
     rate_loop,
     rate_output,
@@ -120,7 +121,7 @@ def firmware(config):
         sid_part = digital_sid.design(samples_per_dump=record.frame_ticks, frame_hz=record.frame_hz)
     samples_move = resting.sar_alarm(config) < resting.LIMIT
     codes_move = f.board == "analog_sid" and resting.adc_alarm(config) < resting.LIMIT
-    return fpga.Params(
+    made = fpga.Params(
         digital=1 if f.board == "digital_sid" else 0,
         quadrature_fast=1 if f.quadrature_update_khz == 1000 else 0,
         pipe=delay.design(f.pipeline_registers),
@@ -167,6 +168,18 @@ def firmware(config):
         ),
         design=record,
     )
+    return made._replace(control=_narrowed(made.control, config.design.coefficient_fraction_bits))
+
+
+def _narrowed(loops, fraction_bits):
+    """The parameters of the four loops, their gains in so many fraction bits."""
+    for name in ("agc", "frequency_tracker", "rate_loop", "quadrature_loop"):
+        one = getattr(loops, name)
+        try:
+            loops = loops._replace(**{name: one._replace(loop=pi.narrowed(one.loop, fraction_bits))})
+        except ValueError as problem:
+            raise ValueError(f"design.coefficient_fraction_bits: {name}: {problem}") from None
+    return loops
 
 
 def _sequencer(f, n, codes_move, record):
@@ -357,6 +370,7 @@ def adc_part(config, d, tick_s):
         pga=(d.adc_pga_drive, d.adc_pga_drive, d.adc_pga_sense, d.adc_pga_sense, d.adc_pga_drive),
         vref_v=d.adc_vref_v,
         step_code=d.adc_step_code,
+        code_hi=adc.FULL_CODE - d.adc_step_code if config.design.adc == chips.GENERIC else adc.CODE_HI,
         decimation=d.adc_decimation,
         period=adc.modulator_period(free_ppm, d.adc_modulator_hz, record.master_hz),
         master_hz=record.master_hz,

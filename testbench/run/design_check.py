@@ -8,11 +8,10 @@ Gains that no format holds are refused by the designers of the loops, sample rat
 Source    docs/blocks/design_record.md
 """
 
+from analog_frontend.parts.device import Device
 from fpga_model import spi_dac
 from testbench.engines import chips
 from testbench.errors import ConfigError
-
-RATES = ("master_hz", "tick_clocks", "frame_ticks")
 
 
 def default_only(config, what, keys=None):
@@ -36,6 +35,13 @@ def check(config):
         key = f"{role}_dac_bits"
         if getattr(d, f"{role}_dac") != chips.GENERIC and getattr(d, key) != getattr(standard, key):
             raise ConfigError(f'design.{key} = {getattr(d, key)} bits needs design.{role}_dac = "generic"')
+    if d.adc != chips.GENERIC and d.adc_bits != standard.adc_bits:
+        raise ConfigError(f'design.adc_bits = {d.adc_bits} bits needs design.adc = "generic"')
+    step_code, part = config.plant.adc_step_code, Device._field_defaults["adc_step_code"]
+    if d.adc == chips.GENERIC and step_code != part:
+        raise ConfigError(
+            f'plant.adc_step_code = {step_code} needs design.adc = "ADS1298", not "generic": adc_bits says'
+        )
     fast = config.firmware.quadrature_update_khz == 1000
     for role, chip in zip(("drive", "sense", "V_q"), chips.of(d)):
         if d.master_hz > chip.most_hz:

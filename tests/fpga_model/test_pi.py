@@ -189,6 +189,33 @@ def test_design_allows_a_gain_of_exactly_zero():
     assert pi.design(0, 0, 8000, -1, 1) == (0, 0, -1, 1)
 
 
+@given(
+    st.integers(8, 24),
+    st.integers(pi.COEF.lo, pi.COEF.hi),
+    st.integers(-(10**7), 10**7),
+)
+def test_gains_of_fewer_fraction_bits(fraction_bits, kp, ki):
+    p = pi.Params(kp, ki, -5, 5)
+    lsb = Fraction(1, 2**fraction_bits)
+    nearest = [round(Fraction(k, ONE) / lsb) * lsb for k in (kp, ki)]
+    moved = [abs(n - Fraction(k, ONE)) > Fraction(abs(k), 20 * ONE) for n, k in zip(nearest, (kp, ki))]
+    if any(moved):
+        with pytest.raises(ValueError, match=rf"k[pi] = .* % off in {fraction_bits} fraction bits; the limit is 5 %"):
+            pi.narrowed(p, fraction_bits)
+        return
+    found = pi.narrowed(p, fraction_bits)
+    assert [Fraction(k, ONE) for k in (found.kp, found.ki)] == nearest
+    assert (found.lo, found.hi) == (-5, 5)
+    assert fraction_bits < 24 or found == p
+
+
+def test_prop_and_acc_of_fewer_fraction_bits_end_in_zeros():
+    p = pi.narrowed(pi.Params(3 << 20, 1 << 21, -(1 << 30), 1 << 30), 8)
+    rows = drive(p, [(1, pi.RUN, e, 0) for e in (5, -7, 11, 100003)])
+    assert all(value % (1 << 16) == 0 for value in rows[:, :2].ravel())
+    assert np.any(rows[:, 1])
+
+
 def test_header_states_formats_and_latency():
     text = " ".join(pi.__doc__.split())
     for names, fmt in {

@@ -20,7 +20,7 @@ from typing import NamedTuple
 from testbench import config as configuration
 from testbench.campaign.plan import engines
 from testbench.campaign.plan.draws import Spec
-from testbench.campaign.plan.measure import FRAME_S, STATISTICS, Keep
+from testbench.campaign.plan.measure import STATISTICS, Keep
 from testbench.campaign.plan.points import Point, address_of, identity_of
 from testbench.config.toml_text import toml_of
 from testbench.errors import ConfigError, FileError
@@ -251,22 +251,18 @@ def _keep(tree, path):
                 raise ConfigError(
                     f"{path}: [keep.statistics] {column}: {toml_of(kind)} is none; {_near(kind, STATISTICS)}"
                 )
-    tau_s = _taus(tree.get("tau_s", []), frames, where)
+    tau_s = _taus(tree.get("tau_s", []), where)
     if not tau_s and any("adev" in kinds for kinds in statistics.values()):
         raise ConfigError(f"{where} adev needs tau_s, a list of averaging times such as tau_s = [0.01, 0.1]")
     return Keep(dict(streams), {name: list(kinds) for name, kinds in statistics.items()}, frames, tau_s)
 
 
-def _taus(values, frames, where):
+def _taus(values, where):
     if not isinstance(values, list):
         raise ConfigError(f"{where} tau_s = {toml_of(values)} is not a list of seconds")
-    step_s = frames * FRAME_S
     for value in values:
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0 < value < math.inf:
             raise ConfigError(f"{where} tau_s: {toml_of(value)} is not a number above 0 s")
-        ratio = value / step_s
-        if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-6:
-            raise ConfigError(f"{where} tau_s: {value:g} s is no multiple of {frames} frames of 125 us ({step_s:g} s)")
     return [float(value) for value in values]
 
 
@@ -290,10 +286,13 @@ def tree_of(plan, index):
 
 def points(plan):
     """(points, {hash: path} of the state files they start from); ConfigError for the first that cannot be."""
-    out, states, known = [], {}, {}
+    from testbench.run import design_check
+
+    out, states, known, rates = [], {}, {}, set()
     for number, index in enumerate(itertools.product(*(range(n) for n in plan.shape))):
         tree, engine = tree_of(plan, index)
-        config = _checked(plan, tree, number)
+        config = _checked(plan, tree, number, design_check.check)
+        rates.add(config.design_record().frame_hz)
         digest = ""
         if config.scenario.resume:
             digest = known.get(config.scenario.resume) or _state(plan, config.scenario.resume)
@@ -301,15 +300,34 @@ def points(plan):
             states[digest] = plan.folder / config.scenario.resume
         identity = identity_of(config, engine, plan.keep, digest)
         out.append(Point(number, index, identity, address_of(identity), engine))
+    if len(rates) > 1 and plan.keep.streams:
+        found = ", ".join(f"{rate:g}" for rate in sorted(rates))
+        raise ConfigError(f"{plan.source}: [keep.streams]: points of {found} frames a second have no time in common")
     return out, states
 
 
-def _checked(plan, tree, number):
+def _checked(plan, tree, number, check):
     try:
-        return configuration.from_dict(tree, plan.source, plan.origin)
+        config = configuration.from_dict(tree, plan.source, plan.origin)
+        check(config)
+        _check_taus(plan, config.design_record())
+        return config
     except ConfigError as problem:
         text = str(problem)
     raise ConfigError(f"{text} (point {number})" if plan.axes else text)
+
+
+def _check_taus(plan, design):
+    """Averaging times are whole numbers of rows of each point's own frame rate."""
+    frames = plan.keep.frames
+    step_s = frames / design.frame_hz
+    for value in plan.keep.tau_s:
+        ratio = value / step_s
+        if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-6:
+            raise ConfigError(
+                f"{plan.source}: [keep] tau_s: {value:g} s is no multiple of {frames} frames of "
+                f"{1e6 / design.frame_hz:g} us ({step_s:g} s)"
+            )
 
 
 def _state(plan, name):

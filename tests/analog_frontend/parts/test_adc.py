@@ -144,6 +144,16 @@ def test_codes_round_to_the_nearest_step_and_clamp(volts, step_code, pga):
         assert abs(got - exact) <= Fraction(step_code, 2) + clamped + Fraction(1, 10**6)
 
 
+@given(st.integers(16, 24), st.floats(-4.5, 4.5))
+def test_codes_of_a_narrower_converter_are_left_justified(bits, volts):
+    step = 2 ** (24 - bits)
+    p = adc.design(step_code=step, code_hi=2**23 - step, pga=(1,) * 5)
+    got = adc.code(p, 0, volts)
+    nearest = math.floor(Fraction(volts) / 4 * 2 ** (bits - 1) + Fraction(1, 2))
+    lo, hi = -(2 ** (bits - 1)), 2 ** (bits - 1) - 1
+    assert got == step * min(max(nearest, lo), hi)
+
+
 def test_ties_go_up():
     p = adc.design(step_code=8, pga=(1,) * 5, vref_v=4.0)
     lsb = 4.0 / 2**23

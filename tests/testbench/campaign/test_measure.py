@@ -8,9 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from testbench.campaign.plan.measure import FRAME_S, Keep, Keeper, adev, mean, rms, slope, std
+from testbench.campaign.plan.measure import Keep, Keeper, adev, mean, rms, slope, std
 from testbench.engines import engine
 from testbench.run.simulation import FRAME, TRUTH
+
+FRAME_S = 125e-6
 
 words = st.lists(st.integers(-(1 << 48), 1 << 48), min_size=2, max_size=40)
 

@@ -10,7 +10,8 @@ import xarray
 from testbench.campaign import played
 from testbench.campaign.plan.measure import Keep, Keeper
 from testbench.campaign.store import Store
-from testbench.config import from_dict
+from testbench.config import from_dict, sections
+from testbench.engines import engine
 from testbench.run import simulate
 from tests.testbench.campaign.helpers import campaign, plan_file, run_json
 
@@ -70,3 +71,72 @@ def test_rows_of_the_scenario_alone_reach_a_sink():
     keeper = Keeper(Keep({"truth_temperature": 1, "rate_word": 1}, {}))
     simulate.run(config, sinks=(keeper,))
     assert len(keeper.variables()["rate_word"].data) == 16
+
+
+# one case for each key of [design]; the modulator keeps a conversion as long as a frame
+DESIGNS = r"""
+design.master_hz = 24_000_000\nplant.adc_modulator_hz = 472615.38461538462
+design.tick_clocks = 32\nplant.adc_modulator_hz = 416000.0
+design.frame_ticks = 100\nplant.adc_modulator_hz = 640000.0
+design.dds_bits = 40
+design.sine_address_bits = 8
+design.sine_fraction_bits = 8
+design.sine_bits = 16
+design.drive_dac = "generic"\ndesign.drive_dac_bits = 14
+design.sense_dac = "generic"\ndesign.sense_dac_bits = 18
+design.quadrature_dac = "generic"
+design.adc = "generic"\ndesign.adc_bits = 18
+design.coefficient_fraction_bits = 18
+"""
+
+
+def designs_plan(folder, keep):
+    cases = [text.replace("\\n", "\n") for text in DESIGNS.strip().splitlines()]
+    path = folder / "designs.toml"
+    path.write_text(
+        "[set]\nscenario.seconds = 1.5\nscenario.origin = 'power_on'\nscenario.diagnose = false\n"
+        + "".join(f"[[axes.design.cases]]\nname = 'case {k}'\n{text}\n" for k, text in enumerate(cases))
+        + keep
+    )
+    return path, cases
+
+
+@needs_compiler
+def test_every_key_of_a_design_is_swept(tmp_path):
+    path, cases = designs_plan(tmp_path, "[keep]\nstatistics.rate_word = ['slope', 'mean']\n")
+    swept = {line.split(" = ")[0] for text in cases for line in text.splitlines()}
+    assert {name for name in swept if name.startswith("design.")} == {
+        f"design.{key}" for key in sections()["design"].model_fields
+    }
+    assert run_json(path, "--out", tmp_path / "s")["done"] == len(cases)
+    with xarray.open_dataset(tmp_path / "s" / "results" / "designs.nc") as data:
+        assert len(set(data.codes_sha256.values.tolist())) == len(cases), "each key changes codes"
+        rates = {name.split(".")[1]: data[name].values for name in data.coords if name.startswith("design.")}
+        tick_s = rates["tick_clocks"] / rates["master_hz"]
+        ticks = data.simulated_s.values / tick_s
+        np.testing.assert_allclose(ticks, np.round(ticks), rtol=0, atol=1e-6)
+
+
+def test_frames_of_another_length_have_their_own_time(tmp_path):
+    keep = Keep({"rate_word": 4}, {"rate_word": ["slope"]})
+    design = from_dict({"design": {"frame_ticks": 250, "dds_bits": 40}}).design_record()
+    long, short = Keeper(keep, design), Keeper(keep)
+    frames = np.arange(64)[:, None] * np.ones((1, len(engine.FRAME_COLUMNS)), np.int64)
+    for keeper in (long, short):
+        keeper.add(0, frames, np.zeros((64, len(engine.TRUTH_COLUMNS))))
+    assert short.variables()["rate_word.slope"].data == pytest.approx(8000.0)
+    assert long.variables()["rate_word.slope"].data == pytest.approx(4000.0)
+    assert long.variables()["rate_word"].attrs["step_s"] == 0.001
+
+
+def test_what_a_plan_of_designs_may_not_ask(tmp_path):
+    for keep, said in (
+        ("[keep.streams]\nrate_word = 8\n", "frames a second have no time in common"),
+        ("[keep]\ntau_s = [0.000125]\n", "tau_s: 0.000125 s is no multiple of 1 frames of 135.417 us"),
+    ):
+        path, _ = designs_plan(tmp_path, keep)
+        code, _, err = campaign("check", path)
+        assert (code, said in err) == (2, True), err
+    path.write_text("[axes.dac]\ndesign.sense_dac_bits = [20, 18]\n")
+    code, _, err = campaign("check", path)
+    assert (code, 'needs design.sense_dac = "generic" (point 1)' in err) == (2, True), err

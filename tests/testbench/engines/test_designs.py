@@ -27,6 +27,7 @@ SEED, COUNT, WIDE = 20261, 4, 120
 TICKS_S = 0.05
 LOCK_S = 2.5
 RATE_RAD_S, TEMP_DEGC = 0.5, 25.0
+GAINS = (16099211, 7587), (15032895, 1180681), (0, 263936067)  # kp, ki (2^-24) of AGC, FTR, QSC at 8 kHz frames
 
 
 def drawn(seed):
@@ -52,6 +53,9 @@ def drawn(seed):
         "design.drive_dac": drive_dac,
         "design.drive_dac_bits": rng.randint(12, 16) if drive_dac == "generic" else 16,
         "design.quadrature_dac": "generic" if fast else rng.choice(("DAC82002", "generic")),
+        "design.adc": (adc := rng.choice(("ADS1298", "generic"))),
+        "design.adc_bits": rng.randint(16, 24) if adc == "generic" else 24,
+        "design.coefficient_fraction_bits": rng.randint(20, 24),
     }
     return values | {"plant.adc_decimation": 64, "plant.adc_modulator_hz": 64 * tick_hz / frame_ticks}
 
@@ -62,6 +66,7 @@ def drawn_wide(seed):
     sense_dac, drive_dac = rng.choice(("AD5791", "DAC8811", "generic", "generic")), rng.choice(("DAC8811", "generic"))
     tick_clocks, frame_ticks, wrong = rng.randint(16, 32), rng.randint(60, 426), rng.random() < 0.1
     master_hz = rng.randint(10_000_000, 60_000_000)
+    adc = rng.choice(("ADS1298", "generic"))
     return {
         "design.master_hz": master_hz,
         "design.tick_clocks": tick_clocks,
@@ -75,6 +80,9 @@ def drawn_wide(seed):
         "design.drive_dac": drive_dac,
         "design.drive_dac_bits": rng.randint(8, 16) if drive_dac == "generic" or wrong else 16,
         "design.quadrature_dac": rng.choice(("DAC82002", "generic")),
+        "design.adc": adc,
+        "design.adc_bits": rng.randint(16, 24) if adc == "generic" or wrong else 24,
+        "design.coefficient_fraction_bits": rng.choice((24, 24, 20, rng.randint(8, 24))),
         "plant.adc_decimation": 64,
         "plant.adc_modulator_hz": 64 * master_hz / tick_clocks / frame_ticks,
     }
@@ -87,10 +95,15 @@ def refusals(values):
     tick_s, kinds = d["tick_clocks"] * clock_s, (d["drive_dac"], d["sense_dac"], d["quadrature_dac"])
     least_s = {"AD5791": 1 / 35e6, "DAC8811": 1 / 50e6, "DAC82002": 1 / 50e6, "generic": 1 / 200e6}
     frames = {"AD5791": 26, "DAC8811": 18}
-    pll_ki = (2 * np.pi) ** 2 * 3.0 * 0.6 * 2.0 ** (d["dds_bits"] - 24) * clock_s * tick_s * d["frame_ticks"]
+    pll_kp = 2 * np.pi * 3.0 * 2.0 ** (d["dds_bits"] - 24) * clock_s
+    pll_ki = pll_kp * 2 * np.pi * 0.6 * tick_s * d["frame_ticks"]
+    slower = tick_s * d["frame_ticks"] / 125e-6
+    gains = [kp for kp, _ in GAINS] + [ki * slower for _, ki in GAINS] + [pll_kp * 2**24, pll_ki * 2**24]
+    unit = 2 ** (24 - d["coefficient_fraction_bits"])
     rules = {
         "bits of a named part": (kinds[0] != "generic" and d["drive_dac_bits"] != 16)
-        or (kinds[1] != "generic" and d["sense_dac_bits"] != 20),
+        or (kinds[1] != "generic" and d["sense_dac_bits"] != 20)
+        or (d["adc"] != "generic" and d["adc_bits"] != 24),
         "serial clock": any(clock_s < least_s[kind] for kind in kinds),
         "serial frame": any(
             d["tick_clocks"] < frames.get(kind, d[f"{role}_dac_bits"] + 1)
@@ -99,6 +112,7 @@ def refusals(values):
         "phase word": d["dds_bits"] - 2 < d["sine_address_bits"] + d["sine_fraction_bits"],
         "rows of the table": d["sine_bits"] <= d["sine_address_bits"],
         "integral gain of the frequency loop": pll_ki < 2.0**-25,
+        "gains in few bits": any(abs(round(k / unit) * unit - k) > k / 20 for k in map(round, gains)),
         "DRDY in the tick of the last sample": d["adc_conversion_delay_s"] < tick_s,
         "two samples of the modulator in a tick": d["frame_ticks"] <= 64,
     }
@@ -176,6 +190,13 @@ def test_what_is_refused_cannot_work_and_what_can_is_not_refused():
         ({"design.master_hz": 52_000_000, "design.sense_dac": "generic"}, "SCLK limit of the drive DAC DAC8811"),
         ({"design.tick_clocks": 16, "design.sense_dac": "DAC8811"}, "DAC8811 takes 18 clocks, and there are 16"),
         ({"design.sense_dac_bits": 18}, 'sense_dac_bits = 18 bits needs design.sense_dac = "generic"'),
+        ({"design.adc_bits": 18}, 'adc_bits = 18 bits needs design.adc = "generic"'),
+        ({"design.adc": "generic", "plant.adc_step_code": 1}, 'adc_step_code = 1 needs design.adc = "ADS1298"'),
+        (
+            {"design.coefficient_fraction_bits": 14},
+            "agc: ki = 0.0004522 is 5.52 % off in 14 fraction bits; the limit is 5",
+        ),
+        ({"design.coefficient_fraction_bits": 10}, "agc: ki = 0.0004522 is 100 % off in 10 fraction bits"),
         ({"design.dds_bits": 25, "design.sine_address_bits": 8}, "frequency loop with dds_bits = 25 bits: ki_per_s: "),
         ({"design.frame_ticks": 64, "plant.adc_decimation": 64, "plant.adc_modulator_hz": 1e6}, "may hold one sample"),
         ({"design.master_hz": 16_000_000, "plant.adc_modulator_hz": 512e3 * 16 / 26}, "outside 1.625e-06 s"),
