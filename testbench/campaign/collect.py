@@ -188,7 +188,7 @@ def _write_netcdf(store, wanted, found, path):
     whole = all(address in found and layouts.keys() == found[address].keys() for address in addresses)
     scales, parameters = coordinates(plan)
     empty = {name: Variable(layout.dims, np.broadcast_to(0, layout.shape), {}) for name, layout in layouts.items()}
-    scales |= shard.scales_of(empty, plan.keep.tau_s)
+    scales |= shard.scales_of(empty, plan.keep.tau_s, plans.frame_s(plan))
     # a convention by which xarray knows parameters from results
     said = {"coordinates": " ".join(parameters)} if parameters else {}
     here = np.array([address in found for address in addresses], np.int8).reshape(plan.shape)

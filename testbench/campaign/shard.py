@@ -15,7 +15,8 @@ import re
 import h5py
 import numpy as np
 
-from testbench.campaign.plan.measure import FRAME_S, Variable
+from fpga_model.design_record import DEFAULT
+from testbench.campaign.plan.measure import Variable
 from testbench.errors import FileError
 from testbench.interrupts import held
 from testbench.storage import inputs
@@ -66,8 +67,8 @@ def write_variables(file, variables, scales):
             dataset.dims[axis].attach_scale(file[dim])
 
 
-def scales_of(variables, tau_s):
-    """Dimension scales that these variables need: tau_s, and time_N counted from the first frame of the scenario."""
+def scales_of(variables, tau_s, frame_s):
+    """Dimension scales that these variables need: tau_s, and time_N in frames from the first one of the scenario on."""
     lengths = {dim: np.shape(v.data)[k] for v in variables.values() for k, dim in enumerate(v.dims)}
     out = {}
     for dim in sorted(lengths):
@@ -76,17 +77,17 @@ def scales_of(variables, tau_s):
         elif dim.startswith("time_"):
             step = int(dim.removeprefix("time_"))
             attrs = {"units": "s", "long_name": "time from the beginning of the scenario"}
-            out[dim] = Variable((dim,), np.arange(lengths[dim]) * step * FRAME_S, attrs)
+            out[dim] = Variable((dim,), np.arange(lengths[dim]) * step * frame_s, attrs)
     return out
 
 
-def encode(identity, variables, tau_s=()):
+def encode(identity, variables, tau_s=(), frame_s=1 / DEFAULT.frame_hz):
     """Bytes of the file."""
     buffer = io.BytesIO()
     with h5py.File(buffer, "w") as file:
         file.attrs["schema"] = "gyropoint/1"
         file.create_dataset("identity", data=identity, dtype=TEXT)
-        write_variables(file, variables, scales_of(variables, tau_s))
+        write_variables(file, variables, scales_of(variables, tau_s, frame_s))
     data = buffer.getvalue()
     return data + SEAL % hashlib.sha256(data).hexdigest().encode()
 

@@ -72,7 +72,7 @@ def compute(identity, states):
     """(bytes of the point's file, numbers) of one point, alone; the identity's code is not compared."""
     task = task_of(identity, states)
     engine = engines.load(task.engine)
-    keeper = Keeper(task.keep)
+    keeper = Keeper(task.keep, task.config.design_record())
     (numbers,) = engine.play([task.config], [keeper])
     if isinstance(numbers, BaseException):
         raise numbers
@@ -80,7 +80,7 @@ def compute(identity, states):
 
 
 def _encoded(identity, task, keeper, numbers):
-    return shard.encode(identity, shard.variables_of(numbers) | keeper.variables(), task.keep.tau_s)
+    return shard.encode(identity, shard.variables_of(numbers) | keeper.variables(), task.keep.tau_s, keeper.frame_s)
 
 
 def _reason(problem):
@@ -89,7 +89,7 @@ def _reason(problem):
 
 def _play(engine, tasks):
     """[(keeper, numbers or exception), ...]; if a call of several fails as a whole, each is played alone."""
-    keepers = [Keeper(task.keep) for task in tasks]
+    keepers = [Keeper(task.keep, task.config.design_record()) for task in tasks]
     try:
         return list(zip(keepers, engine.play([task.config for task in tasks], keepers)))
     except Exception as problem:

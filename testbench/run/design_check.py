@@ -12,13 +12,11 @@ from fpga_model import spi_dac
 from testbench.engines import chips
 from testbench.errors import ConfigError
 
-RATES = ("master_hz", "tick_clocks", "frame_ticks")
 
-
-def default_only(config, what, keys=None):
-    """Raise ConfigError for another design than the default one, in what is made for it alone; `keys` that matter."""
+def default_only(config, what):
+    """Raise ConfigError for another design than the default one, in what is made for it alone."""
     standard = type(config.design)()
-    for key in keys or type(config.design).model_fields:
+    for key in type(config.design).model_fields:
         found, default = getattr(config.design, key), getattr(standard, key)
         if found != default:
             raise ConfigError(f"design.{key} = {found}: {what} is of the default design, {default}, alone")

@@ -15,10 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fpga_model.rates import FRAME_TICKS, TICK_HZ
+from fpga_model.design_record import DEFAULT
 from testbench.storage.spool import FIELDS, SUM, Spool
 
-FRAME_S = FRAME_TICKS / TICK_HZ
 STATISTICS = ("mean", "std", "rms", "slope", "min", "max", "first", "last", "adev")
 
 
@@ -97,15 +96,15 @@ class Keep(NamedTuple):
 
 
 class Keeper:
-    """A sink that keeps what `keep` says; `variables()` at the end."""
+    """A sink that keeps what `keep` says of rows of a design; `variables()` at the end."""
 
-    def __init__(self, keep):
-        self.keep = keep
+    def __init__(self, keep, design=DEFAULT):
+        self.keep, self.frame_s = keep, 1 / design.frame_hz
         self.spools = {}
         wanted = [(frames, name) for name, frames in keep.streams.items()]
         wanted += [(keep.frames, name) for name in keep.statistics]
         for frames in sorted({frames for frames, _ in wanted}):
-            self.spools[frames] = Spool(tuple({name for f, name in wanted if f == frames}), frames)
+            self.spools[frames] = Spool(tuple({name for f, name in wanted if f == frames}), frames, design=design)
 
     def add(self, first_frame, frames, truth):
         """Rows of consecutive frames."""
@@ -142,7 +141,7 @@ class Keeper:
         return out
 
     def _statistics(self, name, x, divisor, attrs):
-        step_s, out = self.keep.frames * FRAME_S, {}
+        step_s, out = self.keep.frames * self.frame_s, {}
         for kind in self.keep.statistics[name]:
             if kind == "adev":
                 tau = [round(t / step_s) for t in self.keep.tau_s]

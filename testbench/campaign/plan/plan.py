@@ -20,7 +20,7 @@ from typing import NamedTuple
 from testbench import config as configuration
 from testbench.campaign.plan import engines
 from testbench.campaign.plan.draws import Spec
-from testbench.campaign.plan.measure import FRAME_S, STATISTICS, Keep
+from testbench.campaign.plan.measure import STATISTICS, Keep
 from testbench.campaign.plan.points import Point, address_of, identity_of
 from testbench.config.toml_text import toml_of
 from testbench.errors import ConfigError, FileError
@@ -251,23 +251,39 @@ def _keep(tree, path):
                 raise ConfigError(
                     f"{path}: [keep.statistics] {column}: {toml_of(kind)} is none; {_near(kind, STATISTICS)}"
                 )
-    tau_s = _taus(tree.get("tau_s", []), frames, where)
+    tau_s = _taus(tree.get("tau_s", []), where)
     if not tau_s and any("adev" in kinds for kinds in statistics.values()):
         raise ConfigError(f"{where} adev needs tau_s, a list of averaging times such as tau_s = [0.01, 0.1]")
     return Keep(dict(streams), {name: list(kinds) for name, kinds in statistics.items()}, frames, tau_s)
 
 
-def _taus(values, frames, where):
+def _taus(values, where):
     if not isinstance(values, list):
         raise ConfigError(f"{where} tau_s = {toml_of(values)} is not a list of seconds")
-    step_s = frames * FRAME_S
     for value in values:
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0 < value < math.inf:
             raise ConfigError(f"{where} tau_s: {toml_of(value)} is not a number above 0 s")
+    return [float(value) for value in values]
+
+
+def _check_frames(plan, frame_s, first_s, number):
+    """ConfigError for a point whose frames do not fit the streams and averaging times that all points share."""
+    where, frames = f"{plan.source}: [keep]", plan.keep.frames
+    if plan.keep.streams and frame_s != first_s:
+        text = f"frames of {1e6 * first_s:g} us, and of {1e6 * frame_s:g} us in point {number}"
+        raise ConfigError(f"{where} streams: {text}; streams need one frame rate (design) in all points")
+    step_s = frames * frame_s
+    for value in plan.keep.tau_s:
         ratio = value / step_s
         if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-6:
-            raise ConfigError(f"{where} tau_s: {value:g} s is no multiple of {frames} frames of 125 us ({step_s:g} s)")
-    return [float(value) for value in values]
+            text = f"{value:g} s is no multiple of {frames} frames of {1e6 * frame_s:g} us ({step_s:g} s)"
+            raise ConfigError(f"{where} tau_s: {text}" + (f" (point {number})" if plan.axes else ""))
+
+
+def frame_s(plan):
+    """Length of a frame (s) of the first point; streams need the same of all."""
+    tree, _ = tree_of(plan, (0,) * len(plan.axes))
+    return 1 / _checked(plan, tree, 0).design_record().frame_hz
 
 
 # ---- points ----------------------------------------------------------------------------------------------------------
@@ -290,10 +306,13 @@ def tree_of(plan, index):
 
 def points(plan):
     """(points, {hash: path} of the state files they start from); ConfigError for the first that cannot be."""
-    out, states, known = [], {}, {}
+    out, states, known, first_s = [], {}, {}, None
     for number, index in enumerate(itertools.product(*(range(n) for n in plan.shape))):
         tree, engine = tree_of(plan, index)
         config = _checked(plan, tree, number)
+        length_s = 1 / config.design_record().frame_hz
+        first_s = first_s or length_s
+        _check_frames(plan, length_s, first_s, number)
         digest = ""
         if config.scenario.resume:
             digest = known.get(config.scenario.resume) or _state(plan, config.scenario.resume)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from testbench.campaign.plan.measure import FRAME_S, Keep, Keeper, adev, mean, rms, slope, std
+from testbench.campaign.plan.measure import Keep, Keeper, adev, mean, rms, slope, std
 from testbench.engines import engine
 from testbench.run.simulation import FRAME, TRUTH
 
@@ -89,7 +89,7 @@ def test_streams_and_statistics_are_those_of_the_rows():
         "mean": pairs.mean(),
         "std": pairs.std(ddof=1),
         "rms": np.sqrt((pairs**2).mean()),
-        "slope": np.polyfit(np.arange(501) * 2 * FRAME_S, pairs, 1)[0],
+        "slope": np.polyfit(np.arange(501) * 2 * 125e-6, pairs, 1)[0],
         "min": pairs.min(),
         "max": pairs.max(),
         "first": pairs[0],
