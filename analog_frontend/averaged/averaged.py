@@ -1,4 +1,4 @@
-"""Averaged plant, set-up: what a frame of 125 ticks does to the slow amplitudes of the two modes, as tables.
+"""Averaged plant, set-up: what a frame of n ticks (125) does to the slow amplitudes of the two modes, as tables.
 
     x = Re(X e^(i theta)), y likewise; theta the DDS phase.  A state is T (a_x, a_y, two slaved parts) e^(i theta)
     a     slow amplitudes (m) of the two modes; the two counter-rotating parts follow them: S(O, K) a + s F
@@ -6,7 +6,7 @@
 
     tick     z' = M z + beta(phi) F e^(i theta)           M(O, K), beta: from the tick tables (propagator.py) alone
     slow     a' = L a + b F,   S D - D_- S = N_-+         N = T^-1 M T in blocks, second order in O and K
-    frame    a(125) = rotor E(O, K) a + J(delta) F        E = (L e^(-i phi0))^125, J: sum over 125 ticks
+    frame    a(n) = rotor E(O, K) a + J(delta) F          E = (L e^(-i phi0))^n, J: sum over n ticks
     outputs  V = (alpha x + beta x'/W) T (a, S a + s F)   complex amplitude at the C/V outputs, exact at phi0
 
 phi0      phase per tick of a fixed word, the drive mode's own; delta = phi - phi0, J a polynomial of degree 4 in it
@@ -23,12 +23,10 @@ from analog_frontend.numeric.exact import MP
 from analog_frontend.numeric.small_algebra import exp, log, plus, solved, times, unit
 from analog_frontend.parts.propagator import F_X, F_Y, JETS, POWERS, U_DRIVE, U_SENSE
 
-FRAME_TICKS = 125
 MODE = (6, 7, 8, 9)  # x, x'/W, y, y'/W among the states of a tick
 DEGREE = 4
-DELTA_HZ = 100.0  # nodes of the polynomials in delta reach this far
-LIMIT_HZ = 150.0  # beyond it the polynomials are not used
-
+# of a turn a frame, 100 and 150 Hz at 8 kHz: nodes of the polynomials in delta, and where they are used no more
+DELTA_TURNS, LIMIT_TURNS = 0.0125, 0.01875
 
 # Places in a row of a knot. Pairs are (re, im); a matrix stands column by column, each (x or a_x, y or a_y)
 ETA = 0  # 4: log of the tick's eigenvalues less i phi0, drive mode then sense mode
@@ -41,7 +39,7 @@ SLAVED = 132  # (2, 4): slaved parts from F of the drive, of the sense DAC
 RATES = 140  # (2, 4): growth per tick from F of the drive, of the sense DAC
 OLD = 148  # (DEGREE + 1, 8): J of both DACs before their words change
 NEW = 188  # the same after it
-KXY, KQ = 228, 229  # k_xy (N/m), k_q (N/m/V^2): numbers
+KXY, KQ, TICKS = 228, 229, 230  # k_xy (N/m), k_q (N/m/V^2), ticks to a frame: numbers
 BACK = 232  # (2, 8): x+, y+ from x, x'/W, y, y'/W
 CHAIN = 248  # (6, 2): output chain states from F of their DAC
 LEVEL = 260  # (2, 2): DAC outputs from F
@@ -52,8 +50,11 @@ SIZE = 316
 
 
 class Lags(NamedTuple):
-    """What the firmware and the DACs add between the phase register and a DAC's output; one value per DAC."""
+    """Rates, and lags of firmware and DACs from the phase register to an output; tuples: one value per DAC."""
 
+    tick_clocks: int
+    frame_ticks: int
+    frame_hz: float
     code_ticks: tuple  # phase register to the tick in which the code acts, in ticks, whole and fraction
     cycle: tuple  # clock within that tick
     change_ticks: tuple  # when a changed word acts on the DAC's output, from the frame's first instant, in ticks
@@ -65,7 +66,7 @@ class Averaged(NamedTuple):
 
     word0: int
     knots: np.ndarray  # (knots, SIZE)
-    force: np.ndarray  # (4, 2, 25): growth per N or V of noise held: x by force, y by force, x by DAC, y by DAC; re, im
+    force: np.ndarray  # (ticks since a sample began, 4, samples, 2): `_held`
     change_ticks: tuple  # when the modes see a changed word of each DAC, from the frame's first instant
 
 
@@ -183,7 +184,7 @@ def _knot(t, n, w_tick, phi0, lags):
     turned = unit(-phi0)
     per_tick = [[[turned * v for v in r] for r in m] for m in slow]
     power = [[[complex(k == 0 and i == j) for j in range(2)] for i in range(2)] for k in range(JETS)]
-    for bit in bin(FRAME_TICKS)[2:]:
+    for bit in bin(lags.frame_ticks)[2:]:
         power = _jet_product(power, power)
         if bit == "1":
             power = _jet_product(power, per_tick)
@@ -208,7 +209,7 @@ def _knot(t, n, w_tick, phi0, lags):
         # an impulse acts before the tick's step: beta is its column of M
         slaved = [w * inverse[2 + i][speed] / (unit(phi0) - w) for i, w in enumerate(minus)]
         row[LAWS + 4 * j : LAWS + 4 * j + 4] = _real(slaved)
-    row[KXY], row[KQ] = t.kxy_n_per_m[n], t.kq_n_per_m_per_v2[n]
+    row[KXY], row[KQ], row[TICKS] = t.kxy_n_per_m[n], t.kq_n_per_m_per_v2[n], lags.frame_ticks
     return row, inverse, values, changes
 
 
@@ -217,14 +218,14 @@ def _share(change, k):
     return min(max(change - k, 0.0), 1.0)
 
 
-def _crossing(b, pull, own, coupling, phi0, change, d):
+def _crossing(b, pull, own, coupling, phi0, shares, d):
     """Growth in a frame of the mode that is not that of DAC `d`, per rate or stiffness: by F before, by F after."""
     turned, i = unit(-phi0), 1 - d
     out = []
     for new in (False, True):
         a, c = b[d] * 0, b[d] * 0
-        for k in range(FRAME_TICKS):
-            f = 1 - _share(change, k) if new else _share(change, k)
+        for share in shares:
+            f = 1 - share if new else share
             a, c = turned * (own[d][d] * a + b[d] * f), turned * (own[i][i] * c + coupling[i][d] * a + pull[i] * f)
         out.append(c)
     return out
@@ -245,7 +246,7 @@ def _forces(row, t, n, g, lags, modes):
     """Places SLAVED, RATES, OLD and NEW of a row: what the two DACs do; returns `Averaged.change_ticks`."""
     inverse, values, eta, phi0, slow, across = modes
     changes = []
-    nodes = [DELTA_HZ * k / 2 for k in range(-2, 3)]
+    ticks, nodes = lags.frame_ticks, [DELTA_TURNS * lags.frame_hz * k / 2 for k in range(-2, 3)]
     tick = t.tick_s[n]
     steps = (t.drive_step[n][0][lags.cycle[0]], t.sense_step[n][0][lags.cycle[1]])
     for d, (first, held) in enumerate(((0, U_DRIVE), (3, U_SENSE))):
@@ -254,6 +255,7 @@ def _forces(row, t, n, g, lags, modes):
         behind = sum(g[i][speed] for i in range(first, first + 3))
         change = lags.change_ticks[d] + float(behind / (g[held][speed] + behind))
         changes.append(change)
+        shares = [_share(change, k) for k in range(ticks)]
         olds, news = [[], []], [[], []]
         for hz in nodes:
             delta = 2 * MP.pi * MP.mpf(hz) * MP.mpf(tick)
@@ -269,19 +271,18 @@ def _forces(row, t, n, g, lags, modes):
                 row[SLAVED + 4 * d : SLAVED + 4 * d + 4] = _real(slaved)
                 for jet in (1, 2):
                     pull = [sum(across[jet][i][k] * slaved[k] for k in range(2)) for i in range(2)]
-                    found = _crossing(b, pull, slow[0], slow[jet], phi0, change, d)
+                    found = _crossing(b, pull, slow[0], slow[jet], phi0, shares, d)
                     for piece, value in enumerate(found):
                         at = CROSS + 16 * (jet - 1) + 8 * piece + 4 * d + 2 * (1 - d)
                         row[at : at + 2] = _real([value])
                 for i in range(2):
                     rate = b[i] * unit(-phi0) * (1 - eta[i] / 2)
                     row[RATES + 4 * d + 2 * i : RATES + 4 * d + 2 * i + 2] = _real([rate])
-            back = unit(delta * (FRAME_TICKS - MP.mpf(lags.turn_ticks)))
+            back = unit(delta * (ticks - MP.mpf(lags.turn_ticks)))
             for i in range(2):
                 old = new = 0j
                 grown, per_tick = b[i] * unit(-phi), values[i] * unit(-phi)
-                for k in range(FRAME_TICKS - 1, -1, -1):
-                    share = _share(change, k)
+                for share in reversed(shares):
                     old += share * grown
                     new += (1 - share) * grown
                     grown *= per_tick
@@ -304,7 +305,7 @@ def design(tables, word0, lags, hold, w_rad_per_s):
     hold         ticks over which a noise sample of force or DAC is held
     w_rad_per_s  W of x'/W
     """
-    phi0 = 2 * MP.pi * 26 * MP.mpf(word0) / 2**48
+    phi0 = 2 * MP.pi * lags.tick_clocks * MP.mpf(word0) / 2**48
     rows = []
     for n in range(len(tables.tick_s)):
         w_tick = w_rad_per_s * float(tables.tick_s[n])
@@ -313,18 +314,27 @@ def design(tables, word0, lags, hold, w_rad_per_s):
         if n == len(tables.tick_s) // 2:
             middle = (tables.g_jet[n][0], inverse, values, changes)
     g, inverse, values, changes = middle
-    force = np.zeros((4, FRAME_TICKS // hold, 2))
     exciting = (
         [g[F_X][k] for k in MODE],
         [g[F_Y][k] for k in MODE],
         _noise(g, 0, U_DRIVE, phi0),
         _noise(g, 3, U_SENSE, phi0),
     )
-    growths = [log(value) for value in values[:2]]
-    grown = [[exp(growth * (FRAME_TICKS - 1 - k)) for k in range(FRAME_TICKS)] for growth in growths]
-    for s, vector in enumerate(exciting):
-        mode = s % 2
-        gain = 2 * sum(inverse[mode][k] * vector[k] for k in range(4))
-        for j in range(FRAME_TICKS // hold):
-            force[s, j] = _real([gain * sum(grown[mode][hold * j : hold * (j + 1)], 0j)])
-    return Averaged(word0, np.array(rows), np.ascontiguousarray(force), changes)
+    gains = [2 * sum(inverse[s % 2][k] * vector[k] for k in range(4)) for s, vector in enumerate(exciting)]
+    return Averaged(word0, np.array(rows), _held(gains, values, lags.frame_ticks, hold), changes)
+
+
+def _held(gains, values, ticks, hold):
+    """Growth in a frame per N or V of each sample of noise: x by force, y by force, x by DAC, y by DAC; re, im.
+
+    A frame may begin `since` ticks behind the first tick of a sample, if no whole number of them fills it.
+    """
+    grown = [[exp(growth * (ticks - 1 - k)) for k in range(ticks)] for growth in map(log, values[:2])]
+    begins = range(hold if ticks % hold else 1)
+    out = np.zeros((len(begins), 4, -(-(begins[-1] + ticks) // hold), 2))
+    for since in begins:
+        for s, gain in enumerate(gains):
+            for j in range(-(-(since + ticks) // hold)):
+                part = slice(max(hold * j - since, 0), hold * (j + 1) - since)
+                out[since, s, j] = _real([gain * sum(grown[s % 2][part], 0j)])
+    return out

@@ -2,7 +2,7 @@
 
     f(theta_n) from the states at POINTS phases of one turn, or at every FEW-th of them where only products are taken
     force   F = 2/N sum f e^(-i theta), one impulse a tick, turning with theta through a frame: as a DAC's staircase
-            a_j' = g a_j + B_j F g e^g / (e^g - 1) a tick, g = eta_j - i delta;  a_j += S_j B_j F after 125 of them
+            a_j' = g a_j + B_j F g e^g / (e^g - 1) a tick, g = eta_j - i delta;  a_j += S_j B_j F after a frame of them
             where a sign or an absolute value is taken, the points begin at that state's crest
     C/V     as a square-wave demodulator sees it: C - i S, C = c1 - c3/3 + c5/5, S = s1 + s3/3 + s5/5, about the
             phase of its references
@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analog_frontend.averaged.averaged import BACK, CHAIN, ETA, FRAME_TICKS, LAWS, PICK
+from analog_frontend.averaged.averaged import BACK, CHAIN, ETA, LAWS, PICK, TICKS
 from analog_frontend.averaged.averaged_modes import (
     NOW_D,
     NOW_L,
@@ -181,11 +181,11 @@ def act(p, now, m, r, rate_rad_s, temp_degc, t_s, drive_ref, sense_ref):
 @outlined
 def grow(now, m, r, delta, cubic):
     """What r.force does in a frame whose phase per tick is phi0 + delta, behind `frame`. Mutates `m` and `cubic`."""
-    push, grown = r.push, r.grown
+    push, grown, ticks = r.push, r.grown, now[TICKS]
     for j in range(2):
         re, im = now[ETA + 2 * j], now[ETA + 2 * j + 1] - delta
-        c, s = small_turn(0.5 * (FRAME_TICKS + 1) * im)
-        size = FRAME_TICKS * (1.0 + 0.5 * (FRAME_TICKS + 1) * re - (FRAME_TICKS * im) * (FRAME_TICKS * im) * (1.0 / 24))
+        c, s = small_turn(0.5 * (ticks + 1.0) * im)
+        size = ticks * (1.0 + 0.5 * (ticks + 1.0) * re - (ticks * im) * (ticks * im) * (1.0 / 24))
         at = BACK + 8 * j
         kr, ki = times(now[at + 2], now[at + 3], r.force[0], r.force[1])
         hr, hi = times(now[at + 6], now[at + 7], r.force[2], r.force[3])
@@ -194,9 +194,9 @@ def grow(now, m, r, delta, cubic):
     slaved = product(now, LAWS, r.force[0], r.force[1], r.force[2], r.force[3])
     seen = product(now, PICK + 8, lane(slaved, 0), lane(slaved, 1), lane(slaved, 2), lane(slaved, 3))
     rise = on(now, NOW_O, grown, 0)
-    begins = on(now, NOW_O, push, 0) * float(FRAME_TICKS)
+    begins = on(now, NOW_O, push, 0) * ticks
     store4(r.slope, 0, load4(push, 0) + on(now, NOW_L, grown, 0) - turned4(load4(grown, 0)) * delta)
-    ends = on(now, NOW_O, r.slope, 0) * float(FRAME_TICKS)
+    ends = on(now, NOW_O, r.slope, 0) * ticks
     store4(cubic, 0, load4(cubic, 0) + seen + load4(r.volts, 0))
     store4(cubic, 4, load4(cubic, 4) + begins)
     store4(cubic, 8, load4(cubic, 8) + (rise * 3.0 - begins * 2.0 - ends))

@@ -1,9 +1,9 @@
-"""Averaged plant, in time: the slow amplitudes of both modes over frames of 125 ticks.
+"""Averaged plant, in time: the slow amplitudes of both modes over frames of n ticks.
 
     retune    tables of this rate, stiffness and temperature; z is continuous, so that what the slaved parts and the
               basis do at a jump a must take back: a <- a + 2 e^(-i theta) (T^-1 (z - z of a in the new tables))+
     frame     a' = rotor E (a - conj(e^(2 i theta) s (F_new - F_old))) + J_old F_old + J_new F_new + noise
-              rotor = e^(-i (theta advance - phi0 125)); theta at the instant of the change, where z is continuous too
+              rotor = e^(-i (theta advance - phi0 n)); theta at the instant of the change, where z is continuous too
     envelope  V(tau) of both C/V outputs over the frame: the cubic through value and slope at both ends
 
 State       `m`, float64, mutated in place: A (a_x, a_y), F (both DACs, V); complex numbers are pairs (re, im)
@@ -17,7 +17,6 @@ from analog_frontend.averaged.averaged import (
     CROSS,
     DEGREE,
     ETA,
-    FRAME_TICKS,
     KQ,
     KXY,
     NEW,
@@ -27,6 +26,7 @@ from analog_frontend.averaged.averaged import (
     ROWS,
     SIZE,
     SLAVED,
+    TICKS,
     E,
     L,
     S,
@@ -37,7 +37,6 @@ from fpga_model.jit import inlined, inner, outlined
 TURN = 1 << 48
 RAD_PER_LSB = 6.283185307179586 / TURN
 CONJUGATE = np.array((1.0, -1.0, 1.0, -1.0))
-RAD_PER_TICK = 26 * RAD_PER_LSB  # of a frequency word
 
 # Places in `m`: 2 pairs each
 A, F = 0, 4
@@ -137,7 +136,7 @@ def _at_temperature(knots, lo_degc, step_k, temp_degc, now):
     for i in range(SIZE):
         now[i] = knots[index, i] + weight * (knots[after, i] - knots[index, i])
     for k in range(2):
-        re, im = _exponential(FRAME_TICKS * now[ETA + 2 * k], FRAME_TICKS * now[ETA + 2 * k + 1])
+        re, im = _exponential(now[TICKS] * now[ETA + 2 * k], now[TICKS] * now[ETA + 2 * k + 1])
         now[NOW_DIAGONAL + 2 * k] = re
         now[NOW_DIAGONAL + 2 * k + 1] = im
         at = SLAVED + 4 * k
@@ -246,8 +245,8 @@ def frame(now, m, deltas, turn_ticks, force, growth, at, cos, sin, changed, cubi
     a = load4(m, A)
     slope = product(now, NOW_L, xr, xi, yr, yi) + product(now, RATES, odr, odi, osr, osi) - turned4(a) * delta_old
     v0 = product(now, NOW_O, xr, xi, yr, yi) + product(now, NOW_D, odr, odi, osr, osi)
-    d0 = _on_register(now, NOW_O, slope) * float(FRAME_TICKS)
-    rest = delta_new * (FRAME_TICKS - turn_ticks)
+    d0 = _on_register(now, NOW_O, slope) * now[TICKS]
+    rest = delta_new * (now[TICKS] - turn_ticks)
     # a jump of F is one of what follows it; the modes themselves go on
     pr, pi = times(fdr - odr, fdi - odi, changed[0], changed[1])
     qr, qi = times(fsr - osr, fsi - osi, changed[2], changed[3])
@@ -268,7 +267,7 @@ def frame(now, m, deltas, turn_ticks, force, growth, at, cos, sin, changed, cubi
     m[F], m[F + 1], m[F + 2], m[F + 3] = fdr, fdi, fsr, fsi
     slope = _on_register(now, NOW_L, a) + product(now, RATES, fdr, fdi, fsr, fsi) - turned4(a) * delta_new
     v1 = _on_register(now, NOW_O, a) + product(now, NOW_D, fdr, fdi, fsr, fsi)
-    d1 = _on_register(now, NOW_O, slope) * float(FRAME_TICKS)
+    d1 = _on_register(now, NOW_O, slope) * now[TICKS]
     rise = v1 - v0
     store4(cubic, 0, v0)
     store4(cubic, 4, d0)

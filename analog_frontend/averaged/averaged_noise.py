@@ -1,7 +1,7 @@
 """Averaged plant, noise: the very samples of the other engines, drawn for many frames at once.
 
     C/V            samples and their integral: a half period of a demodulator takes a difference of the integral
-    forces, DACs   growth of a mode in a frame: sum over its 25 samples of n_k c_k, c_k from averaged.py
+    forces, DACs   growth of a mode in a frame: sum over its samples of n_k c_k, c_k from averaged.py
     converter      white_fine and flicker of each conversion, with the counters and states of adc.py
 
 Source    docs/parts/noise.md, docs/parts/averaged.md
@@ -17,12 +17,11 @@ from analog_frontend.parts import adc, noise
 from analog_frontend.parts.noise import HOLD
 from fpga_model.jit import inlined, outlined
 
-FRAME_SAMPLES = 125 // HOLD
-BATCH = 64  # frames
-ROW = FRAME_SAMPLES * BATCH + 32
-ROOM = 32  # of a frame's table of c_k, in whole registers
+BATCH = 64  # frames, most
+ROW = 1632  # samples, most: of 64 frames of 125 ticks, and what is read behind them
+PIECE = 4 * LANES  # of a frame's table, unrolled
 SCRATCH = 8 * LANES
-assert ROW % (4 * LANES) == 0, "rows are filled in whole registers, four at a time"
+assert ROW % PIECE == 0, "rows are filled in whole registers, four at a time"
 BLOCKS = np.array([0, 1, 2, 3] * 2, np.int64)  # hashes of one conversion
 # of half h of a hash, at 8 h: two channels, four hashes
 DECAYS = np.array([noise.DECAY[4 * b + h] for h in range(4) for _ in range(2) for b in range(4)])
@@ -37,22 +36,47 @@ class Drawn(NamedTuple):
     force: doubles(4 * ROW)  # forces on x and y, DAC outputs of drive and sense
     growth: doubles(4 * BATCH)  # of a_x and a_y, re and im
     converter: doubles(adc.CHANNELS * BATCH)  # V, of each channel's conversions
+    begin: doubles(1)  # place among the samples at which the batch begins
     first: int64s(1)  # number of the first conversion
     poles: doubles(10 * LANES)  # states of the 1/f sources, two channels in a register, and two of scratch
     keys: int64s(32)  # their keys
 
 
 def table(force):
-    """(4, 2, ROOM): averaged.Averaged.force, padded with zeros."""
-    out = np.zeros((4, 2, ROOM))
-    out[:, :, :FRAME_SAMPLES] = force.transpose(0, 2, 1)
+    """(ticks since a sample began, 4, 2, room): averaged.Averaged.force, padded with zeros to whole pieces."""
+    out = np.zeros((len(force), 4, 2, -(-force.shape[2] // PIECE) * PIECE))
+    out[:, :, :, : force.shape[2]] = force.transpose(0, 1, 3, 2)
     return out
 
 
+def batch(table, frame_ticks):
+    """Frames of a batch, a power of two, and samples that are drawn for it: those of a frame and more behind it."""
+    frame, more = -(-frame_ticks // HOLD), table.shape[3]
+    frames = min(BATCH, 1 << ((ROW - more) // frame).bit_length() - 1)
+    return frames, -(-(frames * frame + more) // PIECE) * PIECE
+
+
 @inlined
-def _integrate(volts, sums, first):
+def integral(d, row, place):
+    """Integral of the samples of a row of C/V noise up to `place` (V samples)."""
+    k = int(place)
+    return d.sums[row + k] + d.volts[row + k] * (place - k)
+
+
+@outlined
+def integrate(q, at, d, place, sign):
+    """Add the integral of both rows up to `place` to q[at ..]: x, x, y, y. Mutates `q`."""
+    x, y = sign * integral(d, 0, place), sign * integral(d, ROW, place)
+    q[at] += x
+    q[at + 1] += x
+    q[at + 2] += y
+    q[at + 3] += y
+
+
+@inlined
+def _integrate(volts, sums, first, samples):
     """sums[k + 1] = sums[k] + volts[k]: four stretches side by side, because each waits for its last sum."""
-    n = ROW // 4
+    n = samples // 4
     a, b, c, d = 0.0, 0.0, 0.0, 0.0
     for k in range(first, first + n):
         sums[k] = a
@@ -74,31 +98,35 @@ def _integrate(volts, sums, first):
 
 
 @outlined
-def draw(on, table, d, tick, frames):
-    """Noise of `frames` frames from the one that begins at `tick`. Mutates `d`.
+def draw(on, table, d, tick, frames, frame_ticks, samples):
+    """Noise of `frames` frames of `frame_ticks` from the one that begins at `tick`. Mutates `d`.
 
-    on  top.Noise
+    on       top.Noise
+    samples  of each row
     """
     first = tick // HOLD
     if on.cv_x.on or on.cv_y.on:
-        noise.fill_rows(on.cv_x, on.cv_y, first, 1, d.volts, 0, ROW, ROW)
-        _integrate(d.volts, d.sums, 0)
-        _integrate(d.volts, d.sums, ROW)
+        noise.fill_rows(on.cv_x, on.cv_y, first, 1, d.volts, 0, ROW, samples)
+        _integrate(d.volts, d.sums, 0, samples)
+        _integrate(d.volts, d.sums, ROW, samples)
     if not (on.force_x.on or on.force_y.on or on.drive_dac.on or on.sense_dac.on):
         return
-    noise.fill_rows(on.force_x, on.force_y, first, 1, d.force, 0, ROW, ROW)
-    noise.fill_rows(on.drive_dac, on.sense_dac, first, 1, d.force, 2 * ROW, 3 * ROW, ROW)
-    c = table.reshape(-1)
+    noise.fill_rows(on.force_x, on.force_y, first, 1, d.force, 0, ROW, samples)
+    noise.fill_rows(on.drive_dac, on.sense_dac, first, 1, d.force, 2 * ROW, 3 * ROW, samples)
+    c, room = table.reshape(-1), table.shape[3]
     for n in range(frames):
-        at = FRAME_SAMPLES * n
+        begins = tick + n * frame_ticks
+        at, row = begins // HOLD - first, 8 * room * (begins % HOLD)
         xr, xi, yr, yi = splat(0.0), splat(0.0), splat(0.0), splat(0.0)
-        for k in range(0, ROOM, LANES):
-            fx, fy = load(d.force, at + k), load(d.force, ROW + at + k)
-            dx, dy = load(d.force, 2 * ROW + at + k), load(d.force, 3 * ROW + at + k)
-            xr = xr + (load(c, k) * fx + load(c, 4 * ROOM + k) * dx)
-            xi = xi + (load(c, ROOM + k) * fx + load(c, 5 * ROOM + k) * dx)
-            yr = yr + (load(c, 2 * ROOM + k) * fy + load(c, 6 * ROOM + k) * dy)
-            yi = yi + (load(c, 3 * ROOM + k) * fy + load(c, 7 * ROOM + k) * dy)
+        for piece in range(0, room, PIECE):
+            for k in range(piece, piece + PIECE, LANES):
+                fx, fy = load(d.force, at + k), load(d.force, ROW + at + k)
+                dx, dy = load(d.force, 2 * ROW + at + k), load(d.force, 3 * ROW + at + k)
+                i = row + k
+                xr = xr + (load(c, i) * fx + load(c, i + 4 * room) * dx)
+                xi = xi + (load(c, i + room) * fx + load(c, i + 5 * room) * dx)
+                yr = yr + (load(c, i + 2 * room) * fy + load(c, i + 6 * room) * dy)
+                yi = yi + (load(c, i + 3 * room) * fy + load(c, i + 7 * room) * dy)
         store4(d.growth, 4 * n, totals4(xr, xi, yr, yi))
 
 

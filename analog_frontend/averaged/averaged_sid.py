@@ -40,8 +40,6 @@ from analog_frontend.numeric.vector import (
 from fpga_model.jit import inlined, inner
 
 DEMODULATORS = 4
-FRAME_CLOCKS = 3250.0
-TICK_CLOCKS = 26.0
 HALF = 1 << 47
 HALF_MASK = HALF - 1
 TURN_MASK = 2 * HALF - 1
@@ -66,6 +64,10 @@ class Params(NamedTuple):
     inverse_noise: float  # samples of C/V noise per clock
     noise_gain: float  # length of a sample / RC
     edges: int  # most edges of a frame and one more; 0: two or three in every frame
+    frame_clocks: float
+    inverse_frame: float
+    tick_clocks: float
+    inverse_tick: float
 
 
 @inlined
@@ -80,8 +82,8 @@ def decay(u):
 def switched(p, crossed):
     """When the switch follows a reference phase that enters a new half turn before clock `crossed`; lanes."""
     if p.retimed:
-        # half a clock off, so that the product with 1/26 cannot pass a whole number by its rounding
-        return ceiling((crossed + (p.delay - 0.5)) * (1.0 / TICK_CLOCKS)) * TICK_CLOCKS + p.switch
+        # half a clock off, so that the product cannot pass a whole number by its rounding
+        return ceiling((crossed + (p.delay - 0.5)) * p.inverse_tick) * p.tick_clocks + p.switch
     return crossed + (p.delay - 1.0 + p.switch)
 
 
@@ -93,7 +95,7 @@ def _swept(p, sign, closed_at, drawn, t, past, tilde, poles, total):
     c = 1.0 - q * 0.5 * (1.0 - q * (1.0 / 12) * (1.0 - q * (1.0 / 30)))
     d = angle * (1.0 - q * (1.0 / 6) * (1.0 - q * (1.0 / 20) * (1.0 - q * (1.0 / 42))))
     base_r, base_i, v0r, v0i, v1r, v1i, v2r, v2i, v3r, v3i = tilde
-    tau = t * (1.0 / FRAME_CLOCKS)
+    tau = t * p.inverse_frame
     vr = v0r + tau * (v1r + tau * (v2r + tau * v3r))
     vi = v0i + tau * (v1i + tau * (v2i + tau * v3i))
     er, ei = c * base_r - d * base_i, c * base_i + d * base_r
@@ -194,7 +196,7 @@ def _last_edge(p, s, waiting, early, new, later, tilde, poles, noise, begin):
     crossed = base + ceiling(ahead * inverse)
     t = switched(p, crossed)
     past = (t - base) * word - ahead
-    end = splat4(FRAME_CLOCKS)
+    end = splat4(p.frame_clocks)
     acts = chosen(t, end - 1e-6, one, zero)
     # what crosses in this frame and acts in the next one
     late = chosen(one, acts, zero, chosen(crossed, end, one, zero))
@@ -214,7 +216,7 @@ def _last_edge(p, s, waiting, early, new, later, tilde, poles, noise, begin):
 def _edge(p, s, n, waiting, early, old, new, left, later, tilde, poles, noise, begin):
     """Edge n of the frame, counted from 0, where there is one, or what waits for the next frame; returns the state."""
     (r1, r2, r3, h1, h2, h3, opened, opened_2, closed_at, drawn, sign, area, began, waits, past_waits, picked) = s
-    zero, one, end = splat4(0.0), splat4(1.0), splat4(FRAME_CLOCKS)
+    zero, one, end = splat4(0.0), splat4(1.0), splat4(p.frame_clocks)
     number = splat4(float(n)) - waiting
     # the first that crosses in this frame may do so before the word has changed
     first = chosen(number, zero, early, zero)
@@ -252,7 +254,7 @@ def _all_edges(p, q, s, waiting, early, old, new, left, later, tilde, poles, noi
     """Any number of edges, one after the other; returns the state `s`."""
     slope = load4(q, 4 * SLOPE)
     # a frame without an edge goes on as the frame before it: one clock long, so that its area is its value
-    line = (load4(q, 4 * S) + slope * FRAME_CLOCKS, splat4(p.middle - 0.5), splat4(p.middle + 0.5), slope)
+    line = (load4(q, 4 * S) + slope * p.frame_clocks, splat4(p.middle - 0.5), splat4(p.middle + 0.5), slope)
     s = s[:15] + (line,)
     for n in range(p.edges):
         s = _edge(p, s, n, waiting, early, old, new, left, later, tilde, poles, noise, begin)
@@ -296,11 +298,11 @@ def _kept(q):
 
 
 @inner
-def _keep(q, s):
+def _keep(p, q, s):
     """The same from frame to frame, clocks counted from the end of this one. Mutates `q`."""
     store_rows(q, 0, 4, s[:15])
-    store4(q, 4 * CLOSED_AT, s[CLOSED_AT] - FRAME_CLOCKS)
-    store4(q, 4 * BEGAN, s[BEGAN] - FRAME_CLOCKS)
+    store4(q, 4 * CLOSED_AT, s[CLOSED_AT] - p.frame_clocks)
+    store4(q, 4 * BEGAN, s[BEGAN] - p.frame_clocks)
 
 
 @inner
@@ -338,7 +340,7 @@ def demodulate(p, q, before, turn, offsets, base, v, poles, noise, begin):
     else:
         s = _two_edges(p, s, waiting, early, old, new, left, later, joined(tilde, tilde), poles, noise, begin)
         s = _last_edge(p, s, waiting, early, new, later, tilde, poles, noise, begin)
-    _keep(q, s)
+    _keep(p, q, s)
     total, since, until, slope = s[-1]
     # one division for all four
     length = until - since

@@ -20,7 +20,6 @@ import numpy as np
 from analog_frontend.parts import adc
 from fpga_model import sequencer
 from fpga_model.jit import hot, inner
-from fpga_model.rates import FRAME_TICKS, TICK_CYCLES
 from testbench.engines import engine, frame
 from testbench.engines.baseband_frames import frames
 from testbench.engines.baseband_setup import RATE_LIMIT_DEG_S, setup
@@ -30,7 +29,7 @@ from testbench.engines.pins import buffers
 from testbench.engines.turn import WIDEST, phase_at, widened
 from testbench.errors import ConfigError
 
-TAIL_TICKS = 250  # of a chunk, for the way back to every register
+TAIL_FRAMES = 2  # of a chunk, for the way back to every register
 ZERO = np.int64(0)
 QUIET = engine.Faults()
 
@@ -38,7 +37,7 @@ QUIET = engine.Faults()
 @inner
 def _ready(p, u, g, clock, tick):
     """1 when the averaged plant may go on from a frame's first instant: the firmware is up, one conversion a frame."""
-    at = TICK_CYCLES * tick
+    at = p.fpga.design.tick_clocks * tick
     calm = g.enabled == 1 and g.s.slot == 0 and g.s.dog.stale == 0 and g.new_ok == 1
     calm = calm and sequencer.outputs(g.s.control.sequencer).dac_init == 0
     return calm and g.valid == at + u.valid and clock[adc.DUE] == 0 and clock[adc.SAMPLE] == 0
@@ -51,12 +50,12 @@ def _run(p, u, b, f, chips, a, chunk, end, drdy_cycle, w):
     f, chips, drdy_cycle, tick = enter(p, f, chips, a, chunk, end, drdy_cycle)
     if tick == end:
         return f, chips, drdy_cycle, ZERO, ZERO
-    d = p.fpga.design
+    d, frame_ticks = p.fpga.design, p.fpga.design.frame_ticks
     g = begin(p, f, chips, a, chunk.faults, tick, drdy_cycle, w)
-    last = (end - TAIL_TICKS) // FRAME_TICKS * FRAME_TICKS
+    last = (end // frame_ticks - TAIL_FRAMES) * frame_ticks
     far = ZERO
-    while tick < last - FRAME_TICKS:
-        g, tick = onward(p, a, chunk, g, tick, end, (tick // FRAME_TICKS + 1) * FRAME_TICKS, w)
+    while tick < last - frame_ticks:
+        g, tick = onward(p, a, chunk, g, tick, end, (tick // frame_ticks + 1) * frame_ticks, w)
         if _ready(p, u, g, a.adc.clock, tick):
             take_state(p, u, b, g, a, tick)
             c, bank, turn, quadrature, old, new, tick = frames(
@@ -65,14 +64,14 @@ def _run(p, u, b, f, chips, a, chunk, end, drdy_cycle, w):
                 b,
                 g.s.control,
                 g.s.bank,
-                widened(d, phase_at(g.s.turn, TICK_CYCLES * tick)),
+                widened(d, phase_at(g.s.turn, d.tick_clocks * tick)),
                 widened(d, g.s.turn.word),
                 g.s.quadrature,
                 g.channels,
                 g.coming,
                 chunk,
                 tick,
-                (last - tick) // FRAME_TICKS,
+                (last - tick) // frame_ticks,
                 a.adc.clock,
                 a.adc.sums,
             )

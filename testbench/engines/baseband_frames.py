@@ -2,7 +2,7 @@
 
     first instant   tables for rate, V_q, temperature; one row
     window          codes of the last conversion in, words out: window.run_window, bit for bit
-    125 ticks       modes, demodulators, converter: averaged_modes, averaged_sid
+    its ticks       modes, demodulators, converter: averaged_modes, averaged_sid
 
 Source    docs/parts/averaged.md, docs/decisions/0014-baseband.md
 """
@@ -15,19 +15,18 @@ import numpy as np
 
 from analog_frontend import top as plant
 from analog_frontend.averaged import averaged_codes, averaged_laws, averaged_modes, averaged_noise, averaged_sid
-from analog_frontend.averaged.averaged_modes import RAD_PER_TICK, A, motion, unit
-from analog_frontend.averaged.averaged_noise import BATCH, FRAME_SAMPLES, ROW
+from analog_frontend.averaged.averaged_modes import A, motion, unit
+from analog_frontend.averaged.averaged_noise import BATCH, ROW
 from analog_frontend.averaged.averaged_sid import NOISE, SLOPE, S
 from analog_frontend.numeric.vector import load4, store4, turned4
 from analog_frontend.parts import adc
+from analog_frontend.parts.noise import HOLD
 from fpga_model import control, modulator, registers, sine
 from fpga_model.control import SLOT_PI
 from fpga_model.fixed import wrap_unsigned
 from fpga_model.jit import hot, inner
-from fpga_model.rates import FRAME_TICKS, TICK_CYCLES
 from testbench.engines import engine
-from testbench.engines.baseband_setup import FRAME_CLOCKS
-from testbench.engines.baseband_state import poles_at, turned_force
+from testbench.engines.baseband_state import poles_at, rate_volts, turned_force
 from testbench.engines.turn import TURN_MASK, narrowed, still, widened
 from testbench.engines.window import SLOT_WORD, run_window
 
@@ -61,24 +60,24 @@ def _row(p, rom, u, c, bank, phase, word, codes, quadrature, z, temp_degc, rate_
 
 
 @inner
-def _drawn(p, u, b, tick, n, count, clock, sums):
-    """The noise of the next batch of frames. Mutates `b`."""
-    if n > 0:
-        # integrals begin anew
-        for d in range(4):
-            b.q[4 * NOISE + d] -= b.drawn.sums[(d >> 1) * ROW + FRAME_SAMPLES * BATCH]
-    averaged_noise.draw(p.plant.noise, u.force, b.drawn, tick, min(BATCH, count - n))
-    averaged_noise.convert(p.plant.adc, b.drawn, sums, clock[adc.COUNT], min(BATCH, count - n))
+def _drawn(p, u, b, tick, end, count, clock, sums):
+    """The noise of the next batch of frames, `count` at most, behind that up to place `end`. Mutates `b`."""
+    d, count = b.drawn, min(u.batch_mask + 1, count)
+    averaged_noise.integrate(b.q, 4 * NOISE, d, end, -1.0)
+    averaged_noise.draw(p.plant.noise, u.force, d, tick, count, p.fpga.design.frame_ticks, u.batch_samples)
+    averaged_noise.convert(p.plant.adc, d, sums, clock[adc.COUNT], count)
+    d.begin[0] = tick % HOLD / HOLD
+    averaged_noise.integrate(b.q, 4 * NOISE, d, d.begin[0], 1.0)
 
 
 @inner
-def _moved(p, u, b, c, bank, tick, batch, rate, temp, words, turn_clock, turn_phase, cos, sin):
-    """Both modes through a frame; `words` of the DDS before and after `turn_clock`. Mutates `b`."""
+def _moved(p, u, b, c, bank, tick, batch, rate, temp, words, turn_phase, cos, sin):
+    """Both modes through a frame; `words` of the DDS before and after its turn. Mutates `b`."""
     word_old, word = words
     volts = averaged_codes.rounded(control.amplitude(p.fpga.control, c) * u.drive_volts, u.drive_lsb_v)
     d = p.fpga.design
     drive = turned_force(volts, widened(d, bank.phase_drive_sine))
-    sense = turned_force(c.rate_loop.loop.y * u.sense_volts, widened(d, bank.phase_sense_sine))
+    sense = turned_force(rate_volts(u, c), widened(d, bank.phase_sense_sine))
     lawful = u.laws.force + u.laws.cv > 0
     if lawful:
         refs = widened(d, bank.phase_drive_ref), widened(d, bank.phase_sense_ref)
@@ -86,8 +85,8 @@ def _moved(p, u, b, c, bank, tick, batch, rate, temp, words, turn_clock, turn_ph
     changed_cos, changed_sin = unit((turn_phase + u.drive_change * word) << 1 & TURN_MASK)
     later_cos, later_sin = averaged_modes.times(changed_cos, changed_sin, u.sense_later[0], u.sense_later[1])
     changed = changed_cos, changed_sin, later_cos, later_sin
-    deltas = (word_old - u.word0) * RAD_PER_TICK, (word - u.word0) * RAD_PER_TICK
-    turn, growth = turn_clock / TICK_CYCLES, b.drawn.growth
+    deltas = (word_old - u.word0) * u.rad_per_word, (word - u.word0) * u.rad_per_word
+    turn, growth = u.turn_ticks, b.drawn.growth
     averaged_modes.frame(b.now, b.m, deltas, turn, drive + sense, growth, 4 * batch, cos, sin, changed, b.cubic)
     if lawful:
         averaged_laws.grow(b.now, b.m, b.laws, deltas[1], b.cubic)
@@ -105,14 +104,15 @@ def frames(p, u, b, c, bank, phase, word, quadrature, old, new, chunk, tick, cou
     now, m, q, drawn, d = b.now, b.m, b.q, b.drawn, p.fpga.design
     cos, sin = unit(phase)
     top, batch = 0.0, 0
-    turn_clock = u.valid + SLOT_WORD + 1
+    turn_clock = u.turn_clock
     between = SLOT_WORD - SLOT_PI  # clocks in which a new centre shows before the loop does
-    first = tick // FRAME_TICKS - chunk.begin // FRAME_TICKS
-    first_row = first - (1 if chunk.begin % FRAME_TICKS else 0)
+    first = tick // d.frame_ticks - chunk.begin // d.frame_ticks
+    first_row = first - (1 if chunk.begin % d.frame_ticks else 0)
     for n in range(count):
-        batch = n % BATCH
+        batch = n & u.batch_mask
         if batch == 0:
-            _drawn(p, u, b, tick, n, count, clock, sums)
+            end = drawn.begin[0] + u.frame_samples * (u.batch_mask + 1) if n > 0 else 0.0
+            _drawn(p, u, b, tick, end, count - n, clock, sums)
         rate, temp = chunk.rate_rad_s[first + n], chunk.temp_degc[first + n]
         v_q = quadrature * p.plant.quad_lsb_v
         motion(now, m, cos, sin, b.z, plant.X)
@@ -128,29 +128,28 @@ def frames(p, u, b, c, bank, phase, word, quadrature, old, new, chunk, tick, cou
         quadrature = c.quadrature_loop.root.y
         word, word_between = widened(d, c.frequency_tracker.word), widened(d, word_between)
         turn_phase = (phase + (turn_clock - between) * word_old + between * word_between) & TURN_MASK
-        after = (turn_phase + (FRAME_CLOCKS - turn_clock) * word) & TURN_MASK
+        after = (turn_phase + (u.frame_clocks - turn_clock) * word) & TURN_MASK
         # the plant
         cos, sin = unit(after)
-        _moved(p, u, b, c, bank, tick, batch, rate, temp, (word_old, word), turn_clock, turn_phase, cos, sin)
+        _moved(p, u, b, c, bank, tick, batch, rate, temp, (word_old, word), turn_phase, cos, sin)
         poles = poles_at(u, word)
         _tilde(u, b.cubic, poles[0], poles[1])
         before, after_turn = (phase, word_old), (turn_clock, turn_phase, word)
         offsets = widened(d, bank.phase_drive_ref), widened(d, bank.phase_sense_ref)
         noise = (drawn.volts, drawn.sums, ROW)
-        begin = float(FRAME_SAMPLES * batch)
+        begin = drawn.begin[0] + u.frame_samples * batch
         averaged_sid.demodulate(u.sid, q, before, after_turn, offsets, b.base, b.cubic, poles, noise, begin)
         old = new
         new = _convert(p.plant.adc, u, q, clock, sums, drawn.converter, batch, temp)
-        tick += FRAME_TICKS
+        tick += d.frame_ticks
         phase = after
         bank = registers.step(d, bank, ZERO, ZERO, ZERO, ONE)
         top = max(top, m[A] * m[A] + m[A + 1] * m[A + 1])
         if not abs(word - u.word0) <= u.limit:
             break
-    for k in range(4):
-        q[4 * NOISE + k] -= drawn.sums[(k >> 1) * ROW + FRAME_SAMPLES * (batch + 1)]
+    averaged_noise.integrate(q, 4 * NOISE, drawn, drawn.begin[0] + u.frame_samples * (batch + 1), -1.0)
     chunk.o.peak_x[0] = max(chunk.o.peak_x[0], math.sqrt(top))
-    turn = still(TICK_CYCLES * tick, narrowed(d, phase), narrowed(d, word), d.dds_bits)
+    turn = still(d.tick_clocks * tick, narrowed(d, phase), narrowed(d, word), d.dds_bits)
     return c, bank, turn, quadrature, old, new, tick
 
 

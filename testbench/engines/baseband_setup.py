@@ -12,28 +12,28 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analog_frontend.averaged import averaged, averaged_laws, averaged_noise, averaged_sid
+from analog_frontend.averaged import averaged, averaged_laws, averaged_modes, averaged_noise, averaged_sid
 from analog_frontend.parts import adc, noise, resonator
 from fpga_model import rates, sine, spi_dac
 from fpga_model.control import SLOT_PI
-from fpga_model.rates import FRAME_TICKS, TICK_CYCLES
 from testbench.engines.frame import dac_clocks
 from testbench.engines.pins import REFERENCE_CLOCKS, SINE_CLOCKS
 from testbench.engines.turn import WIDEST
 from testbench.engines.window import SLOT_WORD, VALID_CLOCKS
 from testbench.errors import ConfigError
 
-FRAME_CLOCKS = FRAME_TICKS * TICK_CYCLES
-FRAME_S = 1 / rates.FRAME_HZ
-SAMPLED_LATER = 200  # clocks behind the middle of the converter's samples: the two half periods stand around it
+SAMPLED_LATER = 4 / 65  # of a frame behind the middle of the converter's samples: two half periods stand around it
 JITTER_LIMIT_S = 1e-11
-# two or three edges in a frame, never four: three half periods, a tick less, are longer, 150 Hz beside the mode, too
-SIDE_BY_SIDE_HZ = (9_500.0, 11_750.0)
+# Limits in turns a frame: Hz at 8 kHz.
+# two or three edges in a frame, never four, and one of them behind `SAMPLED_LATER`, 150 Hz beside the mode, too
+SIDE_BY_SIDE = (1.1875, 1.46875)  # 9500 .. 11750 Hz
 # below, an output is continued over more than two frames; above, two edges may come before the word changes
-DRIVE_HZ = (3_000.0, 22_000.0)
-SPLIT_HZ = 500.0  # 0.4 rad a frame: the cubic of an envelope
-RING_LIMIT_HZ = 5.0  # half width of a mode
-CORNER_LIMIT_HZ = 100.0  # of the demodulators
+DRIVE = (0.375, 2.75)  # 3 .. 22 kHz
+DRIVE_TICK = 0.022  # turns a tick, 22 kHz at 1 MHz: an edge is carried by a small angle
+SPLIT = 0.0625  # 500 Hz, 0.4 rad: the cubic of an envelope
+RING = 0.000625  # 5 Hz, half width of a mode
+CORNER = 0.0125  # 100 Hz, of the demodulators
+ROUNDED_BELOW = 1 << 18  # codes of the sense DAC: those of 20 bits are not rounded
 CORNER_PART = 1 / 32  # of the drive frequency: a half period is at most 0.2 of RC
 RATE_LIMIT_DEG_S = 1000.0
 
@@ -50,6 +50,7 @@ class Setup(NamedTuple):
     drive_volts: float  # F of a DAC per LSB of its word
     drive_lsb_v: float  # of its codes; 0: not rounded
     sense_volts: float
+    sense_lsb_v: float
     rc_ticks: float
     rc_frames: float
     clock_s: float
@@ -59,6 +60,13 @@ class Setup(NamedTuple):
     drive_change: int  # clocks from the change of the frequency word to that of the drive's force
     sense_later: tuple  # cos, sin of twice the phase from there to the change of the sense force
     limit: int  # largest distance of the frequency word from word0
+    frame_clocks: int
+    turn_clock: int  # the frequency word changes
+    turn_ticks: float
+    rad_per_word: float  # phase of a tick per frequency word (turns / 2^48)
+    batch_mask: int  # frames whose noise is drawn at once, a power of two, less 1
+    batch_samples: int
+    frame_samples: float
 
 
 def _refuse(key, text):
@@ -77,14 +85,11 @@ def _mode_hz(table, mode):
 
 def check(p):
     """ConfigError for what is outside the validity of the averaged plant; engine.Params."""
-    a, t = p.plant, p.plant.tables
-    for key, value in (("tick_clocks", TICK_CYCLES), ("frame_ticks", FRAME_TICKS)):
-        if getattr(p.fpga.design, key) != value:
-            _refuse(f"design.{key}", f"{getattr(p.fpga.design, key)} is not {value}, its only value here")
+    a, t, d = p.plant, p.plant.tables, p.fpga.design
     if p.fpga.digital:
         _refuse('firmware.board = "digital_sid"', "its demodulator is firmware at 1 MHz")
-    if a.adc.period * a.adc.decimation != FRAME_TICKS * a.adc.tick_units:
-        _refuse("firmware.adc_clock, plant.adc_decimation", "a conversion is not one frame of 125 us")
+    if a.adc.period * a.adc.decimation != d.frame_ticks * a.adc.tick_units:
+        _refuse("firmware.adc_clock, plant.adc_decimation", f"a conversion is not one frame of {1e6 / d.frame_hz:g} us")
     for name, part, levels in (("drive", a.drive_dac, a.drive_levels), ("sense", a.sense_dac, a.sense_levels)):
         for field, value in (("bow", part.bow), ("glitch_v_s", part.glitch_v_s)):
             if value:
@@ -104,16 +109,33 @@ def check(p):
     if jitter.on and jitter.sigma > JITTER_LIMIT_S:
         _refuse("plant.clock_jitter_s", f"{jitter.sigma:g} s is above {JITTER_LIMIT_S:g} s, what may be left out")
     (fx, wide_x), (fy, wide_y) = _mode_hz(t, 0), _mode_hz(t, 2)
-    if not DRIVE_HZ[0] <= fx <= DRIVE_HZ[1]:
-        _refuse("plant.fx_hz", f"{fx:g} Hz is outside {DRIVE_HZ[0]:g} .. {DRIVE_HZ[1]:g} Hz")
-    if not abs(fy - fx) <= SPLIT_HZ:
-        _refuse("plant.fy_hz", f"{fy:g} Hz is more than {SPLIT_HZ:g} Hz from the drive mode")
+    lo, hi = drive_hz(d, _valid(p) + SLOT_WORD + 1)
+    if not lo <= fx <= hi:
+        _refuse("plant.fx_hz", f"{fx:g} Hz is outside {lo:g} .. {hi:g} Hz")
+    if not abs(fy - fx) <= SPLIT * d.frame_hz:
+        _refuse("plant.fy_hz", f"{fy:g} Hz is more than {SPLIT * d.frame_hz:g} Hz from the drive mode")
     for key, wide in (("plant.qx", wide_x), ("plant.qy", wide_y)):
-        if not wide <= RING_LIMIT_HZ:
-            _refuse(key, f"a half width of {wide:g} Hz is above {RING_LIMIT_HZ:g} Hz")
-    corner, limit = 1 / (4 * math.pi * float(t.sid_rc_s[0])), min(CORNER_LIMIT_HZ, CORNER_PART * fx)
+        if not wide <= RING * d.frame_hz:
+            _refuse(key, f"a half width of {wide:g} Hz is above {RING * d.frame_hz:g} Hz")
+    corner, limit = 1 / (4 * math.pi * float(t.sid_rc_s[0])), min(CORNER * d.frame_hz, CORNER_PART * fx)
     if not corner <= limit:
         _refuse("plant.sid_r_ohm, plant.sid_c_f", f"a corner of {corner:g} Hz is above {limit:g} Hz")
+
+
+def drive_hz(d, turn_clock):
+    """Least and largest frequency (Hz) of the drive mode in a design whose word changes at this clock of a frame."""
+    one_edge = d.master_hz / (2 * turn_clock) - averaged.LIMIT_TURNS * d.frame_hz
+    return DRIVE[0] * d.frame_hz, min(DRIVE[1] * d.frame_hz, DRIVE_TICK * d.tick_hz, one_edge)
+
+
+def _valid(p):
+    """Clock of a frame at which the converter's codes are valid; ConfigError if the window does not fit behind it."""
+    converter, clocks = p.plant.adc, p.fpga.design.frame_clocks
+    last = (converter.decimation - 1) * converter.period + converter.delay
+    valid = -(-last // adc.UNITS_PER_CYCLE) - clocks + VALID_CLOCKS
+    if not 0 < valid < clocks - 2 * rates.SLOTS:
+        _refuse("plant.adc_delay_s", f"a frame of codes is valid {valid} clocks after the frame's begin")
+    return valid
 
 
 def _late(f):
@@ -123,21 +145,23 @@ def _late(f):
 
 def _lags(p, valid):
     """averaged.Lags of a firmware whose converter's frame is valid at clock `valid` of a frame."""
-    t, f = p.plant.tables, p.fpga
+    t, f, d = p.plant.tables, p.fpga, p.fpga.design
     drive_clock, sense_clock = dac_clocks(f)
     late = _late(f)
     # the first tick whose product takes the words of this window
-    changed = next(k for k in range(FRAME_TICKS) if TICK_CYCLES * k - 1 - valid > SLOT_PI)
+    changed = next(k for k in range(d.frame_ticks) if d.tick_clocks * k - 1 - valid > SLOT_PI)
     code, change = [], []
     for frames_late, clock, carry in (
         (f.drive_modulator.frames + late[0], drive_clock, t.drive_carry[0]),
         (f.sense_modulator.frames + late[1], sense_clock, t.sense_carry[0]),
     ):
         ticks_late = frames_late + int(carry[clock])
-        code.append((SINE_CLOCKS + f.pipe.depth) / TICK_CYCLES + ticks_late)
-        change.append(changed + ticks_late + clock / TICK_CYCLES)
-    turn = (valid + SLOT_WORD + 1) / TICK_CYCLES
-    return averaged.Lags(tuple(code), (drive_clock, sense_clock), tuple(change), turn)
+        code.append((SINE_CLOCKS + f.pipe.depth) / d.tick_clocks + ticks_late)
+        change.append(changed + ticks_late + clock / d.tick_clocks)
+    turn = (valid + SLOT_WORD + 1) / d.tick_clocks
+    return averaged.Lags(
+        d.tick_clocks, d.frame_ticks, d.frame_hz, tuple(code), (drive_clock, sense_clock), tuple(change), turn
+    )
 
 
 def _moments(converter):
@@ -150,74 +174,94 @@ def _moments(converter):
     return np.array([[w.sum(), (w * (at - middle)).sum()] for w in weights]), middle
 
 
-def most_edges(drive_hz):
-    """Most edges of a demodulator in a frame, and one that waits; 0 where they are two or three."""
-    if SIDE_BY_SIDE_HZ[0] <= drive_hz <= SIDE_BY_SIDE_HZ[1]:
+def most_edges(d, drive_hz):
+    """Most edges of a demodulator in a frame of a design, and one that waits; 0 where they are two or three."""
+    turns, tick = drive_hz / d.frame_hz, 1 / d.frame_ticks
+    least, most = (0.5 / (turns + s * averaged.LIMIT_TURNS) for s in (1, -1))  # half periods, in frames
+    if SIDE_BY_SIDE[0] <= turns <= SIDE_BY_SIDE[1] and 3 * least - tick > 1 > 0.5 + SAMPLED_LATER + most + tick:
         return 0
-    half_period_s = 0.5 / (drive_hz + averaged.LIMIT_HZ)
-    return math.floor(FRAME_S / half_period_s) + 2
+    return math.floor((1 + tick) / least) + 2
 
 
 def setup(p):
     """`Setup` of engine.Params; ConfigError for what the averaged plant does not cover."""
     check(p)
-    t, converter = p.plant.tables, p.plant.adc
-    last = (converter.decimation - 1) * converter.period + converter.delay
-    valid = -(-last // adc.UNITS_PER_CYCLE) - FRAME_CLOCKS + VALID_CLOCKS
-    if not 0 < valid < FRAME_CLOCKS - 2 * rates.SLOTS:
-        _refuse("plant.adc_delay_s", f"a frame of codes is valid {valid} clocks after the frame's begin")
+    t, f, d = p.plant.tables, p.fpga, p.fpga.design
+    valid = _valid(p)
     tick_s = float(t.tick_s[0])
     turns_per_tick = _mode_hz(t, 0)[0] * tick_s
-    word0 = round(turns_per_tick / TICK_CYCLES * 2**WIDEST)
-    tables = averaged.design(t, word0, _lags(p, valid), noise.HOLD, resonator.W_RAD_PER_S)
+    word0 = round(turns_per_tick / d.tick_clocks * 2**WIDEST)
+    lags = _lags(p, valid)
+    tables = averaged.design(t, word0, lags, noise.HOLD, resonator.W_RAD_PER_S)
     changes, turn = tables.change_ticks, valid + SLOT_WORD + 1
     later = 4 * math.pi * turns_per_tick * (changes[1] - changes[0])
-    moments, middle = _moments(converter)
+    moments, middle = _moments(p.plant.adc)
     rc_ticks = float(t.sid_rc_s[0]) / tick_s
-    inject = p.plant.sid.inject
-    charge = np.concatenate([(inject[:3] + inject[3:]) / 2, (inject[:3] - inject[3:]) / 2])
-    sid = averaged_sid.Params(
-        inverse_rc=1.0 / (rc_ticks * TICK_CYCLES),
-        switch=(float(p.plant.switch_tau_s[1, 0]) / tick_s + int(p.plant.switch_carry[1, 0])) * TICK_CYCLES,
-        middle=middle,
-        sampled=middle + SAMPLED_LATER,
-        charge_slope=float(inject[2] - inject[5]) * word0 / 2**WIDEST,
-        charge=tuple(float(v) for v in charge),
-        delay=REFERENCE_CLOCKS + p.fpga.references.align,
-        retimed=int(p.fpga.references.retimed),
-        edges=most_edges(turns_per_tick / tick_s),
-        inverse_noise=1.0 / (noise.HOLD * TICK_CYCLES),
-        noise_gain=noise.HOLD / rc_ticks,
-    )
+    sid = _demodulators(p, word0, turns_per_tick / tick_s, middle)
     # re-timed edges wait half a tick in the mean
-    late = sid.delay + sid.switch + (TICK_CYCLES - 1) / 2 * sid.retimed
+    late = sid.delay + sid.switch + (d.tick_clocks - 1) / 2 * sid.retimed
     # chords of the sine's table make its amplitude smaller by step^2 / 12
-    d = p.fpga.design
     table_gain = 1.0 - (math.pi / 2 / (1 << d.sine_address_bits)) ** 2 / 12
     drive, sense = (
         part.lsb_v * sine.OUT.at(d).hi * table_gain / 2.0**modulator.shift
-        for part, modulator in (
-            (p.plant.drive_dac, p.fpga.drive_modulator),
-            (p.plant.sense_dac, p.fpga.sense_modulator),
-        )
+        for part, modulator in ((p.plant.drive_dac, f.drive_modulator), (p.plant.sense_dac, f.sense_modulator))
     )
+    drive_late, sense_late = (
+        d.tick_clocks * (1 + modulator.frames + ticks) + SINE_CLOCKS + f.pipe.depth
+        for modulator, ticks in zip((f.drive_modulator, f.sense_modulator), _late(f))
+    )
+    force = averaged_noise.table(tables.force)
+    frames, samples = averaged_noise.batch(force, d.frame_ticks)
     return Setup(
         word0,
         tables.knots,
-        averaged_noise.table(tables.force),
+        force,
         sid,
         moments,
         valid,
         drive,
         p.plant.drive_dac.lsb_v,
         sense,
+        p.plant.sense_dac.lsb_v if f.sense_modulator.hi < ROUNDED_BELOW else 0.0,
         rc_ticks,
-        rc_ticks / FRAME_TICKS,
-        tick_s / TICK_CYCLES,
-        TICK_CYCLES * (1 + p.fpga.drive_modulator.frames + _late(p.fpga)[0]) + SINE_CLOCKS + p.fpga.pipe.depth,
-        TICK_CYCLES * (1 + p.fpga.sense_modulator.frames + _late(p.fpga)[1]) + SINE_CLOCKS + p.fpga.pipe.depth,
+        rc_ticks / d.frame_ticks,
+        tick_s / d.tick_clocks,
+        drive_late,
+        sense_late,
         averaged_laws.design(p.plant.effects, p.plant.laws, averaged_laws.reference_turns(late, word0)),
-        round(TICK_CYCLES * changes[0]) - turn,
+        round(d.tick_clocks * changes[0]) - turn,
         (math.cos(later), math.sin(later)),
-        round(averaged.LIMIT_HZ * 2**WIDEST / p.fpga.design.master_hz),
+        round(averaged.LIMIT_TURNS * d.frame_hz * 2**WIDEST / d.master_hz),
+        d.frame_clocks,
+        turn,
+        lags.turn_ticks,
+        d.tick_clocks * averaged_modes.RAD_PER_LSB,
+        frames - 1,
+        samples,
+        d.frame_ticks / noise.HOLD,
+    )
+
+
+def _demodulators(p, word0, drive_hz, middle):
+    """averaged_sid.Params; `middle`: mean instant of the converter's samples (clocks)."""
+    t, d, references = p.plant.tables, p.fpga.design, p.fpga.references
+    tick_s, inject = float(t.tick_s[0]), p.plant.sid.inject
+    rc_ticks = float(t.sid_rc_s[0]) / tick_s
+    charge = np.concatenate([(inject[:3] + inject[3:]) / 2, (inject[:3] - inject[3:]) / 2])
+    return averaged_sid.Params(
+        inverse_rc=1.0 / (rc_ticks * d.tick_clocks),
+        switch=(float(p.plant.switch_tau_s[1, 0]) / tick_s + int(p.plant.switch_carry[1, 0])) * d.tick_clocks,
+        middle=middle,
+        sampled=middle + SAMPLED_LATER * d.frame_clocks,
+        charge_slope=float(inject[2] - inject[5]) * word0 / 2**WIDEST,
+        charge=tuple(float(v) for v in charge),
+        delay=REFERENCE_CLOCKS + references.align,
+        retimed=int(references.retimed),
+        edges=most_edges(d, drive_hz),
+        inverse_noise=1.0 / (noise.HOLD * d.tick_clocks),
+        noise_gain=noise.HOLD / rc_ticks,
+        frame_clocks=float(d.frame_clocks),
+        inverse_frame=1.0 / d.frame_clocks,
+        tick_clocks=float(d.tick_clocks),
+        inverse_tick=1.0 / d.tick_clocks,
     )

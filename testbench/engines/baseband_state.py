@@ -7,6 +7,7 @@ Neither is exact: the averaged plant knows neither the rounding of the DAC codes
 Source    docs/parts/averaged.md
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -24,7 +25,6 @@ from analog_frontend.averaged.averaged_modes import (
     NOW_D,
     NOW_O,
     NOW_TEMP,
-    RAD_PER_TICK,
     A,
     F,
     motion,
@@ -58,7 +58,6 @@ from analog_frontend.numeric.vector import lane, splat4, turned4
 from analog_frontend.parts import adc, dac
 from fpga_model import control, watchdog
 from fpga_model.jit import inner, outlined
-from fpga_model.rates import FRAME_TICKS, TICK_CYCLES
 from testbench.engines import pins
 from testbench.engines.block_state import BlockState
 from testbench.engines.turn import phase_at, widened
@@ -91,12 +90,21 @@ def slow():
 @inner
 def poles_at(u, word):
     """p, p^2, p^3 at a frequency word."""
-    s = word * RAD_PER_TICK * u.rc_ticks
+    s = word * u.rad_per_word * u.rc_ticks
     r = 1.0 / (1.0 + s * s)
     i = -s * r
     r2, i2 = times(r, i, r, i)
     r3, i3 = times(r2, i2, r, i)
     return r, i, r2, i2, r3, i3
+
+
+@inner
+def rate_volts(u, c):
+    """Amplitude (V) of what the sense DAC puts out, with the sign of the rate word; control.State."""
+    volts = c.rate_loop.loop.y * u.sense_volts
+    if u.sense_lsb_v > 0.0:
+        volts = math.copysign(averaged_codes.rounded(abs(volts), u.sense_lsb_v), volts)
+    return volts
 
 
 @inner
@@ -126,13 +134,13 @@ def take_state(p, u, b, g, a, tick):
     amplitude = control.amplitude(p.fpga.control, g.s.control)
     volts = averaged_codes.rounded(amplitude * u.drive_volts, u.drive_lsb_v)
     m[F], m[F + 1] = turned_force(volts, widened(design, bank.phase_drive_sine))
-    sense_volts = g.s.control.rate_loop.loop.y * u.sense_volts
+    sense_volts = rate_volts(u, g.s.control)
     m[F + 2], m[F + 3] = turned_force(sense_volts, widened(design, bank.phase_sense_sine))
-    phase = widened(design, phase_at(g.s.turn, TICK_CYCLES * tick))
+    phase = widened(design, phase_at(g.s.turn, design.tick_clocks * tick))
     cos, sin = unit(phase)
     averaged_modes.projected(now, m, cos, sin, a.z[6], a.z[7], a.z[8], a.z[9])
     word = widened(design, g.s.turn.word)
-    delta = (word - u.word0) * RAD_PER_TICK
+    delta = (word - u.word0) * u.rad_per_word
     poles = poles_at(u, word)
     outputs = _outputs(u, now, m, delta, poles[0], poles[1], cos, sin)
     for d in range(4):
@@ -167,7 +175,7 @@ def give_state(p, u, b, g, a, c, bank, turn, quadrature, old, new, tick, w):
     """Back to the plant's own state and to what the blocks carry, at a frame's first instant. Mutates `a` and `w`."""
     now, m, q = b.now, b.m, b.q
     design = p.fpga.design
-    phase, word = widened(design, phase_at(turn, TICK_CYCLES * tick)), widened(design, turn.word)
+    phase, word = widened(design, phase_at(turn, design.tick_clocks * tick)), widened(design, turn.word)
     cos, sin = unit(phase)
     motion(now, m, cos, sin, a.z, plant.X)
     for k in range(3):
@@ -177,7 +185,7 @@ def give_state(p, u, b, g, a, c, bank, turn, quadrature, old, new, tick, w):
             a.z[3 * d + k] = e * cos - f * sin
             at = averaged.CV + 6 * d + 2 * k
             a.z[10 + 3 * d + k] = now[at] * a.z[6 + 2 * d] + now[at + 1] * a.z[7 + 2 * d]
-    delta = (word - u.word0) * RAD_PER_TICK
+    delta = (word - u.word0) * u.rad_per_word
     poles = poles_at(u, word)
     outputs = _outputs(u, now, m, delta, poles[0], poles[1], cos, sin)
     refs = 0
@@ -217,8 +225,8 @@ def give_state(p, u, b, g, a, c, bank, turn, quadrature, old, new, tick, w):
     a.adc.clock[adc.DUE], a.adc.clock[adc.SAMPLE], a.adc.clock[adc.PENDING] = 0, 0, adc.NOT_PENDING
     for k in range(adc.CHANNELS):
         a.adc.sums[k, 0] = 0.0
-    at = TICK_CYCLES * tick
-    age = FRAME_TICKS - 1 - u.valid // TICK_CYCLES
+    at = design.tick_clocks * tick
+    age = design.frame_ticks - 1 - u.valid // design.tick_clocks
     s = Window(c, bank, watchdog.State(age, ZERO), turn, ZERO, quadrature)
     return BlockState(
         g.sid,

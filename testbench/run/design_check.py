@@ -23,11 +23,6 @@ def default_only(config, what, keys=None):
             raise ConfigError(f"design.{key} = {found}: {what} is of the default design, {default}, alone")
 
 
-def has_default_rates(config):
-    """Whether clock, ticks and frames are those of the default design."""
-    return all(getattr(config.design, key) == getattr(type(config.design)(), key) for key in RATES)
-
-
 def check(config):
     """Raise ConfigError for a design that cannot work; one line with key, value, limit and unit."""
     d, standard = config.design, type(config.design)()

@@ -17,7 +17,7 @@ class Result(NamedTuple):
     notes    sentences for a person: what is assumed, what remains unexplained
     record   what `write(path, progress)` makes a record of: `record.Record`, `spool.Recording`, or None
     plots    name -> keyword arguments of the function of that name in `report`
-    window   (rows, signals, first edge) of the waveform window, or None
+    window   (rows, signals, first edge, master clock in Hz) of the waveform window, or None
     state    (values, source format, meta) of `state_file.save_state`, or None
     """
 
@@ -74,8 +74,7 @@ def write(result, config, tables=(), progress=None, directory=None):
         step("waveforms")
         from testbench.storage.vcd import write_window
 
-        rows, signals, first_edge = result.window
-        files += write_window(folder / "run.vcd", rows, signals, first_edge, analog=CURVES)
+        files += write_window(folder / "run.vcd", *result.window, analog=CURVES)
     pictures = []
     if wanted.pictures or wanted.html:
         step("pictures")

@@ -26,7 +26,7 @@ from fpga_model import quadrature_loop, sequencer
 from testbench.config import changed, from_dict, placeless, scenario, to_toml
 from testbench.engines import engine
 from testbench.errors import FileError
-from testbench.run import build, design_check, nodes, summary
+from testbench.run import build, nodes, summary
 from testbench.run.doubts import Doubts
 from testbench.run.simulation import CHUNK_TICKS, DEG, FRAME, Simulation
 from testbench.run.tally import StartUp, Tally
@@ -294,7 +294,6 @@ class Run:
             self.partial.begin(to_toml(config))
         self.recording = None
         if config.output.record:
-            design_check.default_only(config, "a record (output.record)", ("master_hz",))
             rows = parts["spool"]["rows"] if resume else None
             path = self.partial.rows if self.partial else None
             spool = Spool(config.output.columns, config.output.decimate, path, rows, self.sim.design, build.lsb(config))

@@ -180,4 +180,5 @@ def _window(sim):
         for name in engine.PIN_COLUMNS
     ]
     formats = [fmt for _, fmt in flatten.leaves(fixed.formats(fpga.State, sim.design, sim.state.fpga))]
-    return sim.rows, pins + signals(flatten.names(sim.state.fpga), formats), sim.window[0] * sim.design.tick_clocks
+    listed, d = pins + signals(flatten.names(sim.state.fpga), formats), sim.design
+    return sim.rows, listed, sim.window[0] * d.tick_clocks, d.master_hz

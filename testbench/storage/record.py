@@ -14,6 +14,7 @@ Source  docs/record.md
 
 import hashlib
 import json
+import math
 import platform
 import re
 import uuid
@@ -33,7 +34,7 @@ from testbench.storage.files import GuardedFile, discard, explain, lock_part, pa
 from testbench.version import VERSION
 
 SCHEMA = "gyrorec/1.0"
-CLOCK_HZ = 26_000_000
+CLOCK_HZ = 26_000_000  # of the default design
 UNITS = frozenset(
     "1 code word edge tick s ms us ns Hz kHz turn deg rad deg/s rad/s degC K V A F N m um pm N/m ppm "
     "LSB LSB/(deg/s)".split()
@@ -55,7 +56,7 @@ class RecordError(FileError):
 
 
 class Column(NamedTuple):
-    """A stream: values at clock edges edge0 + n * den / num of the 26 MHz clock."""
+    """A stream: values at edges edge0 + n * den / num of the master clock."""
 
     data: np.ndarray
     unit: str
@@ -63,16 +64,17 @@ class Column(NamedTuple):
     den: int = 1
     edge0: int = 0
     attrs: Mapping = NO_ATTRS
+    clock_hz: int = CLOCK_HZ
 
     @property
     def rate_hz(self):
         """Nominal rate; `num` and `den` are the exact one."""
-        return CLOCK_HZ * self.num / self.den
+        return self.clock_hz * self.num / self.den
 
     @property
     def time_s(self):
         """Nominal time of each row, from power-on."""
-        return (self.edge0 + np.arange(len(self.data)) * (self.den / self.num)) / CLOCK_HZ
+        return (self.edge0 + np.arange(len(self.data)) * (self.den / self.num)) / self.clock_hz
 
 
 class TableColumn(NamedTuple):
@@ -94,6 +96,7 @@ class Record:
     attrs: dict = field(default_factory=dict)
     versions: dict = field(default_factory=dict)
     content_sha256: str = ""
+    clock_hz: int = CLOCK_HZ
 
     def write(self, path, progress=None):
         """Write it; returns its content hash."""
@@ -136,9 +139,11 @@ def _update(digest, array):
         digest.update(np.ascontiguousarray(array, array.dtype.newbyteorder("<")).data)
 
 
-def content_digest(streams, tables, config_toml, provenance, clock_ppm, attrs):
+def content_digest(streams, tables, config_toml, provenance, clock_ppm, attrs, clock_hz=CLOCK_HZ):
     """Hash of everything that was simulated or measured; not of when, where and by which version."""
-    text = json.dumps([SCHEMA, streams, tables, config_toml, provenance, clock_ppm, attrs], sort_keys=True)
+    # records had one clock once: theirs is not in their hash
+    clock = clock_ppm if clock_hz == CLOCK_HZ else [clock_hz, clock_ppm]
+    text = json.dumps([SCHEMA, streams, tables, config_toml, provenance, clock, attrs], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
@@ -169,9 +174,17 @@ def plain(value):
     return value
 
 
-def axis_name(num, den, edge0):
+def clock_of(hz, findings):
+    """Nominal frequency (Hz) of a record's master clock; a finding, and that of the default design, for none."""
+    if math.isfinite(hz) and hz >= 1 and hz == int(hz):
+        return int(hz)
+    findings.append(f"R08 /clock expected f_xtal_nominal_Hz in whole hertz, found {hz}")
+    return CLOCK_HZ
+
+
+def axis_name(num, den, edge0, clock_hz=CLOCK_HZ):
     """Name of the dimension of a rate: time_8k, time_1M, or the ratio."""
-    hz, left = divmod(CLOCK_HZ * num, den)
+    hz, left = divmod(clock_hz * num, den)
     for unit, suffix in ((10**6, "M"), (10**3, "k"), (1, "")):
         if not left and hz % unit == 0:
             name = f"time_{hz // unit}{suffix}"
@@ -204,8 +217,10 @@ class RecordWriter:
         attrs=None,
         record_id=None,
         created_utc=None,
+        clock_hz=CLOCK_HZ,
     ):
         self.path = Path(path)
+        self._clock_hz = clock_hz
         self._record_id, self._created_utc = record_id, created_utc
         self._head = (config_toml, provenance, float(clock_ppm), {k: plain(v) for k, v in (attrs or {}).items()})
         self._streams = {}
@@ -250,7 +265,7 @@ class RecordWriter:
             raise ValueError(f"stream {name}: unit {unit!r} is not in the table of units")
         if name in self._streams or num < 1 or den < 1:
             raise ValueError(f"stream {name}: declared twice, or rate {num}/{den} is not a ratio of positive integers")
-        axis = axis_name(num, den, edge0)
+        axis = axis_name(num, den, edge0, self._clock_hz)
         if axis not in self._axes:
             self._axes[axis] = (num, den, edge0)
         empty = np.empty(0, np.dtype(dtype))
@@ -328,7 +343,7 @@ class RecordWriter:
                 self._extend(scale.name, _edges(num, den, edge0, first, count), digest)
             listed[scale.name] = digest.hexdigest()
             scale.attrs["unit"], scale.attrs["units"] = "edge", "s"
-            scale.attrs["scale_factor"] = 1.0 / CLOCK_HZ
+            scale.attrs["scale_factor"] = 1.0 / self._clock_hz
             scale.attrs["long_name"] = "time from power-on"
             scale.make_scale(axis)
             for name in names:
@@ -345,7 +360,7 @@ class RecordWriter:
             name: described(column, self._digests[name].hexdigest(), len(self._file[f"streams/{name}"]))
             for name, column in self._streams.items()
         }
-        self.content_sha256 = content_digest(streams, described_tables(self._tables), *self._head)
+        self.content_sha256 = content_digest(streams, described_tables(self._tables), *self._head, self._clock_hz)
         root = self._file.attrs
         root["schema"] = SCHEMA
         root["record_id"] = self._record_id or str(uuid.uuid4())
@@ -356,7 +371,7 @@ class RecordWriter:
         root["attributes"] = json.dumps(attrs)
         root["content_sha256"] = self.content_sha256
         clock = self._file.create_group("clock")
-        clock.attrs["f_xtal_nominal_Hz"] = float(CLOCK_HZ)
+        clock.attrs["f_xtal_nominal_Hz"] = float(self._clock_hz)
         clock.attrs["ppm"] = clock_ppm
 
 
@@ -379,7 +394,8 @@ def described_tables(tables):
 
 def write_record(path, record):
     """Write a record that is in memory; returns its content hash."""
-    with RecordWriter(path, record.config_toml, record.provenance, record.clock_ppm, record.attrs) as writer:
+    head = record.config_toml, record.provenance, record.clock_ppm, record.attrs
+    with RecordWriter(path, *head, clock_hz=record.clock_hz) as writer:
         for name, column in record.streams.items():
             writer.stream(name, column.unit, column.data.dtype, column.num, column.den, column.edge0, **column.attrs)
             writer.append(**{name: column.data})

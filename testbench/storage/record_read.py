@@ -13,7 +13,6 @@ from testbench.errors import FileError
 from testbench.storage.hdf5_input import open_hdf5
 from testbench.storage.inputs import parse_json
 from testbench.storage.record import (
-    CLOCK_HZ,
     KINDS,
     SCHEMA,
     STREAM_KEYS,
@@ -22,6 +21,7 @@ from testbench.storage.record import (
     RecordError,
     TableColumn,
     axis_name,
+    clock_of,
     content_digest,
     described,
     described_tables,
@@ -81,8 +81,7 @@ def _read(file, findings):
         versions=parse_json(file.attrs["versions"], "versions", dict[str, str]),
         content_sha256=text_of(file.attrs["content_sha256"]),
     )
-    if file["clock"].attrs["f_xtal_nominal_Hz"] != CLOCK_HZ:
-        findings.append(f"R08 /clock expected f_xtal_nominal_Hz {CLOCK_HZ}")
+    record.clock_hz = clock_of(float(file["clock"].attrs["f_xtal_nominal_Hz"]), findings)
     found = []
     file.visititems(lambda name, item: found.append(f"/{name}") if isinstance(item, h5py.Dataset) else None)
     for place in found:
@@ -102,6 +101,7 @@ def _read(file, findings):
             record.provenance,
             record.clock_ppm,
             record.attrs,
+            record.clock_hz,
         )
         if content != record.content_sha256:
             findings.append(f"R15 / expected content_sha256 {record.content_sha256}, found {content}")
@@ -143,9 +143,9 @@ def _read_column(file, place, record, listed, findings):
                 f"R08 {place} expected {', '.join(STREAM_KEYS[1:])}: a ratio of the clock, found {num}/{den}"
             )
             return
-        axis = f"streams/{axis_name(num, den, edge0)}"
+        axis = f"streams/{axis_name(num, den, edge0, record.clock_hz)}"
         if axis not in file or len(file[axis]) != len(data):
             findings.append(f"R05 {place} expected {axis} of {len(data)} rows, found another length")
             return
         own = {key: value for key, value in attrs.items() if key not in STREAM_KEYS}
-        record.streams[name] = Column(data, unit, num, den, edge0, own)
+        record.streams[name] = Column(data, unit, num, den, edge0, own, record.clock_hz)

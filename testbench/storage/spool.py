@@ -118,7 +118,7 @@ class Spool:
 
     def __init__(self, columns=(), decimate=1, path=None, rows=None, design=DEFAULT, lsb=None):
         self.fields = chosen(columns, decimate, design, lsb)
-        self.frame_clocks = design.frame_clocks
+        self.frame_clocks, self.clock_hz = design.frame_clocks, design.master_hz
         self.dtype = np.dtype([(name, field.dtype) for name, field in self.fields.items()])
         self.decimate = decimate
         self.path = path
@@ -264,7 +264,7 @@ class Recording:
         blocks = list(self.spool.blocks())
         rows = np.concatenate(blocks) if blocks else np.zeros(0, self.spool.dtype)
         return {
-            name: Column(np.ascontiguousarray(rows[name]), field.unit, *self._rate(), field.attrs)
+            name: Column(np.ascontiguousarray(rows[name]), field.unit, *self._rate(), field.attrs, self.spool.clock_hz)
             for name, field in self.spool.fields.items()
         }
 
@@ -299,6 +299,7 @@ class Recording:
     def write(self, path, progress=None):
         """Write the record, whose rows must be those of the hash of codes; returns its content hash."""
         head = {"attrs": self.attrs, "record_id": self.record_id, "created_utc": self.created_utc}
+        head["clock_hz"] = self.spool.clock_hz
         with RecordWriter(path, self.config_toml, "simulated", self.clock_ppm, **head) as writer:
             for name, field in self.spool.fields.items():
                 num, den, edge0 = self._rate()

@@ -7,15 +7,16 @@ Source  docs/record.md
 """
 
 import math
+from fractions import Fraction
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from fpga_model.design_record import DEFAULT
 from testbench.storage.files import replacing, write_text
 from testbench.version import VERSION
 
-CLOCK_PS = (500_000, 13)  # period of 26 MHz as a ratio of picoseconds
 BLOCK_ROWS = 4096
 CLOCK_NAME = "clk_26m"
 
@@ -43,15 +44,15 @@ def _identifier(index):
     return text
 
 
-def picoseconds(edges):
+def picoseconds(edges, clock_hz=DEFAULT.master_hz):
     """Time of clock edges, rounded to the nearest picosecond."""
-    num, den = CLOCK_PS
+    num, den = Fraction(10**12, clock_hz).as_integer_ratio()
     return (2 * num * np.asarray(edges, np.int64) + den) // (2 * den)
 
 
-def _half_after(edges):
+def _half_after(edges, clock_hz):
     """Time half a clock after each edge."""
-    num, den = CLOCK_PS
+    num, den = Fraction(10**12, clock_hz).as_integer_ratio()
     return (num * (2 * np.asarray(edges, np.int64) + 1) + den) // (2 * den)
 
 
@@ -151,7 +152,7 @@ def _check(rows, listed):
                 )
 
 
-def write_vcd(path, rows, listed, first_edge=0, top="gyro", edges=None):
+def write_vcd(path, rows, listed, first_edge=0, top="gyro", edges=None, clock_hz=DEFAULT.master_hz):
     """Write a window as VCD.
 
     rows        int64, one row per clock edge, one column per signal
@@ -160,6 +161,7 @@ def write_vcd(path, rows, listed, first_edge=0, top="gyro", edges=None):
     top         outermost scope
     edges       edges that sample the rows, counted from `first_edge` and rising; None: one row after the other.
                 Between them nothing is known: the clock rests, and values stay as they were
+    clock_hz    nominal frequency of the master clock
     """
     rows = np.asarray(rows)
     edges = np.arange(len(rows)) if edges is None else np.asarray(edges, np.int64)
@@ -168,7 +170,9 @@ def write_vcd(path, rows, listed, first_edge=0, top="gyro", edges=None):
     clock = Signal(CLOCK_NAME, 1)
     tree = _tree([clock, *listed], top)
     ids = {signal.name: _identifier(k) for k, signal in enumerate([clock, *listed])}
-    comment = f"Time 0 is one clock before edge {first_edge}; edge n is at (n + 1 - {first_edge}) / 26 MHz."
+    comment = (
+        f"Time 0 is one clock before edge {first_edge}; edge n is at (n + 1 - {first_edge}) / {clock_hz / 1e6:.9g} MHz."
+    )
     with replacing(path) as part, open(part, "wb") as file:
         file.write(_header(tree, ids, comment).encode())
         before = None
@@ -183,13 +187,13 @@ def write_vcd(path, rows, listed, first_edge=0, top="gyro", edges=None):
                 changed[0] = block[0] != before
             before = block[-1].copy()
             rise, fall = (_lines_of(np.full(count, level), 1, ids[CLOCK_NAME]) for level in (1, 0))
-            groups = [*_stamps(picoseconds(index)), (every, rise)]
+            groups = [*_stamps(picoseconds(index, clock_hz)), (every, rise)]
             for k, signal in enumerate(listed):
                 at = np.flatnonzero(changed[:, k])
                 groups.append((at, _lines_of(block[at, k], signal.width, ids[signal.name])))
-            groups += [*_stamps(_half_after(index)), (every, fall)]
+            groups += [*_stamps(_half_after(index, clock_hz)), (every, fall)]
             file.write(_layout(groups, count))
-        file.write(f"#{int(picoseconds(edges[-1] + 1))}\n1{ids[CLOCK_NAME]}\n".encode())
+        file.write(f"#{int(picoseconds(edges[-1] + 1, clock_hz))}\n1{ids[CLOCK_NAME]}\n".encode())
 
 
 # ---- set-ups of viewers ----------------------------------------------------------------------------------------------
@@ -266,10 +270,10 @@ def write_sucl(path, vcd_path, listed, top="gyro"):
     write_text(path, "\n".join(lines) + "\n")
 
 
-def write_window(path, rows, listed, first_edge=0, top="gyro", analog=()):
+def write_window(path, rows, listed, first_edge=0, clock_hz=DEFAULT.master_hz, top="gyro", analog=()):
     """VCD, GTKWave and Surfer files side by side; returns their paths."""
     path = Path(path)
-    write_vcd(path, rows, listed, first_edge, top)
+    write_vcd(path, rows, listed, first_edge, top, clock_hz=clock_hz)
     write_gtkw(path.with_suffix(".gtkw"), path, listed, top, analog)
     write_sucl(path.with_suffix(".sucl"), path, listed, top)
     return [path, path.with_suffix(".gtkw"), path.with_suffix(".sucl")]

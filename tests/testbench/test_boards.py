@@ -3,6 +3,7 @@
 Noise is off, and plants are those of the frame engine. Drawn plants lie within the tolerances of [nominal].
 """
 
+import json
 import math
 import re
 from pathlib import Path
@@ -21,7 +22,8 @@ from testbench.run import budget, build, simulate, tolerances
 from testbench.run.phase_meter import wrap_deg
 from testbench.run.simulation import DEG, FRAME, TRUTH, Simulation
 from testbench.run.tally import amplitude_m
-from testbench.storage import spool
+from testbench.storage import record_read, spool
+from tests.testbench.command import gyro
 
 FOLDER = Path(__file__).resolve().parents[2] / "docs" / "boards"
 OTHER_DESIGNS = ("low_cost", "fast_dacs")  # of the paper's board; tests/testbench/engines/test_designs.py, too
@@ -312,8 +314,11 @@ def test_frame_and_clocked_engine_agree_on_a_board(name):
         np.testing.assert_array_equal(value, states[1][0][key], err_msg=key)
 
 
+HOURS = (*NAMES, "fast_dacs")  # low_cost, of 16 bits: tests/testbench/engines/test_baseband.py
+
+
 @closed_loop
-@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * (n != "published_3k9")) for n in NAMES])
+@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * n.startswith("disk")) for n in HOURS])
 def test_the_engine_for_hours_runs_a_board(name):
     """From one state in lock, a step of rate in between: words and sense codes of both engines."""
     config = board(name)
@@ -332,6 +337,37 @@ def test_the_engine_for_hours_runs_a_board(name):
         scale = frame.max() if column == "magnitude" else np.ptp(frame)
         assert np.abs(slow - frame).max() < part * scale, column
         assert abs((slow - frame).mean()) < 0.1 * part * scale, column
+
+
+def said(folder, *argv):
+    """The object that `gyro run --json` prints of 50 ms behind lock."""
+    done = gyro("run", *argv, "--seconds", "0.05", "--set", "output.pictures=false", "--json", "--out", folder)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def keys_of(found):
+    return {name: set(value) if isinstance(value, dict) else None for name, value in found.items()}
+
+
+@pytest.fixture(scope="module")
+def default_keys(tmp_path_factory):
+    return keys_of(said(tmp_path_factory.mktemp("default")))
+
+
+@closed_loop
+@pytest.mark.parametrize("name", [*NAMES, *OTHER_DESIGNS])
+def test_a_run_of_every_board_prints_the_same_keys_and_leaves_a_record(name, tmp_path, default_keys):
+    config, found = configuration.load(FOLDER / f"{name}.toml"), said(tmp_path, "--config", FOLDER / f"{name}.toml")
+    assert keys_of(found) == default_keys
+    assert found["locked"] is True
+    record = record_read.read_record(tmp_path / "run.h5")
+    d, column = config.design_record(), record.streams["frequency_word"]
+    assert record.clock_hz == d.master_hz
+    assert column.rate_hz == pytest.approx(d.frame_hz, rel=1e-12)
+    assert len(column.data) == pytest.approx(found["simulated_s"] * d.frame_hz, abs=2)
+    hz = column.data[-1] * d.master_hz / 2**d.dds_bits
+    assert hz == pytest.approx(config.plant.fx_hz, abs=1.0), "the word and the clock of the record are of one design"
 
 
 def test_a_record_states_the_volts_of_its_own_board():

@@ -128,6 +128,7 @@ def _head(record, files, tables):
         record.provenance,
         record.clock_ppm,
         record.attrs,
+        record.clock_hz,
     )
     return {
         "schema": SCHEMA,
@@ -137,7 +138,7 @@ def _head(record, files, tables):
         "config_toml": record.config_toml,
         "versions": records.versions(),
         "attributes": record.attrs,
-        "clock": {"f_xtal_nominal_Hz": float(records.CLOCK_HZ), "ppm": record.clock_ppm},
+        "clock": {"f_xtal_nominal_Hz": float(record.clock_hz), "ppm": record.clock_ppm},
         "content_sha256": content,
         "files": files,
         "streams": described,
@@ -209,8 +210,6 @@ def _head_of(path):
 
 def _read(path, findings):
     head = _head_of(path)
-    if head.clock.f_xtal_nominal_Hz != records.CLOCK_HZ:
-        findings.append(f"R08 /clock expected f_xtal_nominal_Hz {records.CLOCK_HZ}")
     record = Record(
         config_toml=head.config_toml,
         provenance=head.provenance,
@@ -218,6 +217,7 @@ def _read(path, findings):
         attrs=head.attributes,
         versions=head.versions,
         content_sha256=head.content_sha256,
+        clock_hz=records.clock_of(head.clock.f_xtal_nominal_Hz, findings),
     )
     _read_streams(path, head, record, findings)
     _read_tables(path, head, record, findings)
@@ -298,7 +298,7 @@ def _stream(name, array, stated, record, findings):
         findings.append(f"R15 /streams/{name} expected sha256 {digest}, found {records.digest_of(array)}")
     else:
         attrs = {key: records.plain(value) for key, value in stated.items()}
-        record.streams[name] = Column(array, unit, num, den, edge0, attrs)
+        record.streams[name] = Column(array, unit, num, den, edge0, attrs, record.clock_hz)
 
 
 def _read_tables(path, head, record, findings):

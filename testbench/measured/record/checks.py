@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from fpga_model.rates import FRAME_CYCLES, SLOTS
+from fpga_model.rates import FRAME_CYCLES, MASTER_HZ, SLOTS
 from testbench.measured.record import check_tables, meaning_scales, meaning_segments, meaning_streams, schema
 from testbench.measured.record.check_tables import span_edges
 from testbench.measured.record.schema import PER_FRAME, PER_TICK, Finding
@@ -119,6 +119,8 @@ def _finite(record):
 
 
 def _rates(record):
+    if record.clock_hz != MASTER_HZ:
+        yield Finding("R08", "/clock", f"expected f_xtal_nominal_Hz {MASTER_HZ}, found {record.clock_hz}")
     frames = len(record.streams["nco_fword"].data)
     adc_edge = record.streams["adc_xI"].edge0
     if not 0 < adc_edge < FRAME_CYCLES:

@@ -17,7 +17,6 @@ from testbench.campaign.plan.engines import Engine
 from testbench.paper.calibration.bench import Bench
 from testbench.paper.calibration.calibrate import SETTLE_S
 from testbench.paper.measure import measure_allan, measure_bandwidth, measure_scale
-from testbench.run import design_check
 
 WARM_S = 4.0
 PIECE_S = 20.0
@@ -133,8 +132,8 @@ def play(configs, sinks):
 def engine_of(config):
     """The engine for hours, unless the configuration asks for the clocked one or for what only the others can do."""
     plain = config.firmware.board == "analog_sid" and config.firmware.adc_clock == "synchronous"
-    off, rates = type(config.effects)() == config.effects, design_check.has_default_rates(config)
-    return "baseband" if plain and off and rates and config.scenario.engine != "clocked" else config.scenario.engine
+    off = type(config.effects)() == config.effects
+    return "baseband" if plain and off and config.scenario.engine != "clocked" else config.scenario.engine
 
 
 def _compile():

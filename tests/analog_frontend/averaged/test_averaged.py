@@ -92,8 +92,13 @@ def _convert(p, room, own, first, frames):
 
 
 @hot
-def _draw(on, table, room, tick, frames):
-    averaged_noise.draw(on, table, room, tick, frames)
+def _draw(on, table, room, tick, frames, frame_ticks, samples):
+    averaged_noise.draw(on, table, room, tick, frames, frame_ticks, samples)
+
+
+@hot
+def _integral(room, row, place):
+    return averaged_noise.integral(room, row, place)
 
 
 @hot
@@ -124,25 +129,34 @@ def test_the_converter_has_the_samples_and_flicker_states_of_the_other_engines(p
         assert np.ptp(want) > 0
 
 
-def test_cv_and_force_samples_are_the_held_ones(params, setup):
-    on, room = params.plant.noise, zeros(averaged_noise.Drawn)
-    tick = 125 * 1234
-    _draw(on, setup.force, room, tick, 3)
-    count = 3 * averaged_noise.FRAME_SAMPLES
-    samples = {}
-    for name in ("cv_x", "cv_y", "force_x", "force_y", "drive_dac", "sense_dac"):
-        source = getattr(on, name)
-        samples[name] = np.array([noise.held(source, tick + noise.HOLD * k) for k in range(count)])
-    assert np.array_equal(room.volts[:count], samples["cv_x"])
-    assert np.array_equal(room.volts[averaged_noise.ROW :][:count], samples["cv_y"])
-    begun = np.concatenate([[0.0], np.cumsum(samples["cv_y"])])
-    assert room.sums[averaged_noise.ROW :][: count + 1] == pytest.approx(begun, abs=1e-12 * np.abs(begun).max())
-    table = setup.force[:, :, : averaged_noise.FRAME_SAMPLES]
-    for n in range(3):
-        part = slice(25 * n, 25 * n + 25)
-        x = table[0] @ samples["force_x"][part] + table[2] @ samples["drive_dac"][part]
-        y = table[1] @ samples["force_y"][part] + table[3] @ samples["sense_dac"][part]
-        assert room.growth[4 * n : 4 * n + 4] == pytest.approx(np.concatenate([x, y]), rel=1e-9)
+def _held_growths(ticks, hz):
+    """Growth of a mode (times e^(-i phase)) in a frame from a unit of force in each of its ticks, undamped."""
+    return np.exp(2j * np.pi * hz * 1e-6 * (ticks - 1 - np.arange(ticks)))
+
+
+@pytest.mark.parametrize("frame_ticks", [50, 123, 125, 250, 426])
+def test_cv_and_force_samples_are_the_held_ones(params, frame_ticks):
+    """A sample stands for five ticks from a multiple of five on, however many of them a frame has."""
+    on, room, tick = params.plant.noise, zeros(averaged_noise.Drawn), frame_ticks * 1234
+    grown = [_held_growths(frame_ticks, hz) for hz in (11_002.0, 10_863.0)]
+    values = [np.exp(2j * np.pi * hz * 1e-6) for hz in (11_002.0, 10_863.0)]
+    force = averaged._held([3.0, 1j, 2.0, 5.0 - 1j], values, frame_ticks, noise.HOLD)
+    table = averaged_noise.table(force)
+    frames, samples = averaged_noise.batch(table, frame_ticks)
+    _draw(on, table, room, tick, frames, frame_ticks, samples)
+    names = ("cv_x", "cv_y", "force_x", "force_y", "drive_dac", "sense_dac")
+    ticks = range(tick, tick + frames * frame_ticks)
+    held = {name: np.array([noise.held(getattr(on, name), t) for t in ticks]) for name in names}
+    for row, name in ((0, "cv_x"), (averaged_noise.ROW, "cv_y")):
+        begun = tick % noise.HOLD / noise.HOLD
+        seen = [_integral(room, row, begun + n * frame_ticks / noise.HOLD) for n in range(frames + 1)]
+        wanted = held[name].reshape(frames, frame_ticks).sum(axis=1) / noise.HOLD
+        assert np.diff(seen) == pytest.approx(wanted, abs=1e-11 * np.abs(wanted).max())
+    for n in range(frames):
+        part = slice(n * frame_ticks, (n + 1) * frame_ticks)
+        x = grown[0] @ (3.0 * held["force_x"][part] + 2.0 * held["drive_dac"][part])
+        y = grown[1] @ (1j * held["force_y"][part] + (5.0 - 1j) * held["sense_dac"][part])
+        assert room.growth[4 * n : 4 * n + 4] == pytest.approx([x.real, x.imag, y.real, y.imag], rel=1e-8), n
 
 
 # ---- edges -----------------------------------------------------------------------------------------------------------
@@ -185,7 +199,7 @@ def test_edges_are_those_of_the_firmware_clock_by_clock(setup, retimed, drive_hz
     """Where the words agree the edges agree: no reference slips a tick in one engine and not in another."""
     align = setup.sid.delay - 2
     p = references.design(align, retimed)
-    sid = setup.sid._replace(retimed=int(retimed), edges=baseband_setup.most_edges(drive_hz))
+    sid = setup.sid._replace(retimed=int(retimed), edges=baseband_setup.most_edges(DEFAULT, drive_hz))
     for phase, words, offsets in _cases(dds.word_of_hz(drive_hz)):
         pins = _pins(p, phase, words, offsets)
         q = np.zeros(4 * averaged_sid.Q_ROWS)

@@ -91,7 +91,7 @@ def test_streams_and_statistics_are_those_of_the_rows():
         "mean": pairs.mean(),
         "std": pairs.std(ddof=1),
         "rms": np.sqrt((pairs**2).mean()),
-        "slope": np.polyfit(np.arange(501) * 2 * FRAME_S, pairs, 1)[0],
+        "slope": np.polyfit(np.arange(501) * 2 * 125e-6, pairs, 1)[0],
         "min": pairs.min(),
         "max": pairs.max(),
         "first": pairs[0],

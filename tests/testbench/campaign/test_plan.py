@@ -180,6 +180,14 @@ MISTAKES = [
     ("[keep]\ntau_s = [0.0001]", "0.0001 s is no multiple of 1 frames of 125 us"),
     ("[keep]\nframes = 8\ntau_s = [0.0005]", "no multiple of 8 frames"),
     ("[keep]\ntau_s = ['1 s']", "is not a number above 0 s"),
+    (
+        "[axes.a]\ndesign.frame_ticks = [125, 100]\n[keep]\nstreams.rate_word = 1",
+        "[keep.streams]: points of 8000, 10000 frames a second have no time in common",
+    ),
+    (
+        "[axes.a]\ndesign.frame_ticks = [125, 100]\n[keep]\ntau_s = [0.125, 0.000375]",
+        "0.000375 s is no multiple of 1 frames of 100 us (0.0001 s) (point 1)",
+    ),
     ("[set]\nscenario.resume = 'nowhere.h5'", "scenario.resume"),
 ]
 

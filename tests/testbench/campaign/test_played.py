@@ -13,7 +13,7 @@ from testbench.campaign.store import Store
 from testbench.config import from_dict, sections
 from testbench.engines import engine
 from testbench.run import simulate
-from tests.testbench.campaign.helpers import campaign, plan_file, run_json
+from tests.testbench.campaign.helpers import ROOT, campaign, plan_file, run_json
 
 needs_compiler = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="closed loop: too slow interpreted")
 
@@ -58,6 +58,41 @@ def test_points_are_those_of_single_runs(tmp_path):
         assert data.codes_sha256[0] != data.codes_sha256[1], "two seeds"
     code, out, err = campaign("rerun", tmp_path / "s", store.addresses()[0])
     assert (code, "identical" in out) == (0, True), err
+
+
+OTHER_RATES = {
+    "24 MHz": ("base = '{boards}/low_cost.toml'\n", "", 125e-6),
+    "10 kHz": ("", "design.frame_ticks = 100\nplant.adc_modulator_hz = 640e3\nplant.sid_c_f = 2e-7\n", 100e-6),
+}
+
+
+@needs_compiler
+@pytest.mark.parametrize("rate", OTHER_RATES)
+@pytest.mark.parametrize("engine", ["frame", "baseband"])
+def test_a_campaign_of_another_rate_is_that_of_its_runs(tmp_path, rate, engine):
+    """Streams on the time of their own frames, statistics per second; numbers those of `gyro run`."""
+    base, more, frame_s = OTHER_RATES[rate]
+    text = f'name = "rates"\nengine = "{engine}"\n{base.format(boards=ROOT / "docs" / "boards")}[set]\n{more}'
+    text += "scenario.seconds = 0.3\nscenario.rate_dps = 20.0\nscenario.diagnose = false\n"
+    text += "[axes.seed]\nnoise.seed = [1, 2]\n"
+    text += "[keep]\nframes = 2\nstreams.rate_word = 4\nstatistics.rate_word = ['slope']\n"
+    (tmp_path / "plan.toml").write_text(text)
+    run_json(tmp_path / "plan.toml", "--out", tmp_path / "s")
+    store = Store.at(tmp_path / "s")
+    with xarray.open_dataset(tmp_path / "s" / "results" / "rates.nc") as data:
+        assert np.allclose(np.diff(data.time_4), 4 * frame_s, rtol=1e-12)
+        one = data.isel(seed=1)
+        with xarray.open_dataset(store.point(str(one.point.values))) as point:
+            tree = json.loads(str(point.identity.values))["config"]
+        tree["scenario"]["engine"] = engine
+        result = simulate.run(from_dict({**tree, "output": {"decimate": 1}}))
+        assert str(one.codes_sha256.values) == result.summary["codes_sha256"]
+        word = result.record.streams["rate_word"].data
+        scenario = round(0.3 / frame_s)
+        np.testing.assert_array_equal(one["rate_word"], word[-scenario:].reshape(-1, 4).mean(axis=1))
+        pairs = word[-scenario:].reshape(-1, 2).mean(axis=1)
+        slope = np.polyfit(np.arange(len(pairs)) * 2 * frame_s, pairs, 1)[0]
+        assert float(one["rate_word.slope"]) == pytest.approx(slope, rel=1e-6)
 
 
 @needs_compiler

@@ -70,7 +70,9 @@ def fakes(monkeypatch):
         progress("run", 1, 2)
         time_s = np.arange(100) / 8000
         record = Record({"adc_yI": Column(np.arange(100, dtype=np.int32), "code", 1, 3250)}, config_toml="# text")
-        window = (np.zeros((5, 1), np.int64), [Signal("pins.a", 1)], 0) if config.output.vcd_length_us else None
+        window = (
+            (np.zeros((5, 1), np.int64), [Signal("pins.a", 1)], 0, 26_000_000) if config.output.vcd_length_us else None
+        )
         plots = {"rate_step": {"time_s": time_s, "rate_dps": time_s, "stimulus_dps": time_s}}
         return Result(SUMMARY, ("ye2 is unexplained by 0.004 deg",), record, plots, window, ({"a": 1}, "layout", {}))
 

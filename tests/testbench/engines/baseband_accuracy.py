@@ -2,6 +2,7 @@
 
     python -m tests.testbench.engines.baseband_accuracy [case ..]     prints the table of docs/parts/averaged.md
         --not-retimed     with references that leave at any clock
+        --board=FILE      a board of docs/boards in place of the default gyroscope
         --anew            the baseband engine anew every half second
         --twins           frame engines among themselves, too
 
@@ -27,7 +28,7 @@ from typing import NamedTuple
 import numpy as np
 
 from analog_frontend import top as plant
-from fpga_model.rates import FRAME_CYCLES, FRAME_TICKS, MASTER_HZ, TICK_HZ
+from fpga_model.design_record import Design
 from testbench import config
 from testbench.engines.baseband_setup import setup
 from testbench.engines.window import SLOT_WORD
@@ -55,6 +56,7 @@ STEP_S = 0.5
 QUIET_FRAMES = 32_000  # four seconds
 MOVING = 0.01  # of the largest magnitude: below it the phase is that of noise
 NOT_RETIMED = "--not-retimed"
+BOARD = "--board="  # a configuration file
 ANEW, AMONG = "--anew", "--twins"
 TWINS, TWINS_RAD = 12, (1e-8, 1e-7, 1e-6)  # how many, and the largest angle between two of them
 LATE_FRAMES = 4000  # half a second
@@ -95,11 +97,13 @@ class Start(NamedTuple):
     values: dict
     sigmas: dict
     turn_clock: int
+    design: Design
 
 
-def configuration(case, **values):
-    """The default gyroscope with the case's phase words; `values` are changed keys, dots as two underscores."""
-    base = config.changed(config.Config(), {key.replace("__", "."): value for key, value in values.items()})
+def configuration(case, board=None, **values):
+    """The default gyroscope or a board with the case's phase words; `values`: changed keys, dots as two underscores."""
+    base = board or config.Config()
+    base = config.changed(base, {key.replace("__", "."): value for key, value in values.items()})
     if not case.compensation:
         return base
     planned = budget.budget(base, 25.0)
@@ -113,9 +117,9 @@ def configuration(case, **values):
     return config.changed(base, {f"firmware.{key}": case.compensation * deg for key, deg in words.items()})
 
 
-def _profiles(case):
+def _profiles(case, d):
     """Rate (rad/s) and temperature (degC) of every frame."""
-    n = round(STEP_S * TICK_HZ) // FRAME_TICKS
+    n = round(STEP_S * d.frame_hz)
     rate = np.repeat(np.array(case.rates_deg_s) * DEG, n)
     return rate, np.linspace(*case.temps_degc, len(rate))
 
@@ -137,14 +141,15 @@ def start_of(case, checked):
     rate, temp = (case.rates_deg_s or (0.0,))[0] * DEG, case.temps_degc[0]
     sim = _simulation(case, checked, "frame")
     simulate.start(checked, sim, rate, temp)
-    sim.advance(round(SETTLED_S * TICK_HZ), rate, temp)
+    d = sim.design
+    sim.advance(round(SETTLED_S * simulate.pace(checked) * d.tick_hz), rate, temp)
     values = None if case.start_up_s else sim.state_values()
-    sim.advance(QUIET_FRAMES * FRAME_TICKS, rate, temp)
+    sim.advance(QUIET_FRAMES * d.frame_ticks, rate, temp)
     quiet, at, sigmas = sim.columns(), np.arange(QUIET_FRAMES), {}
     for name in STREAMS:
         last = quiet[name][-QUIET_FRAMES:].astype(float)
         sigmas[name] = float(np.std(last - np.polyval(np.polyfit(at, last, 3), at)))
-    return Start(values, sigmas, setup(sim.params).valid + SLOT_WORD + 1)
+    return Start(values, sigmas, setup(sim.params).valid + SLOT_WORD + 1, d)
 
 
 def _powered_on(case, checked, engine):
@@ -153,19 +158,19 @@ def _powered_on(case, checked, engine):
     sim.now = (np.zeros(1), np.full(1, case.temps_degc[0]))
     for name, raw in sim.first_writes:
         sim.write(name, raw)
-    sim.advance(round(case.start_up_s * TICK_HZ), 0.0, case.temps_degc[0])
+    sim.advance(round(case.start_up_s * sim.design.tick_hz), 0.0, case.temps_degc[0])
     return sim.columns()
 
 
 def lived(case, checked, engine, *states):
     """Columns of a case from lock, in an engine that takes one of `states` after the other, for equal times."""
     sim = _simulation(case, checked, engine)
-    rate, temp = _profiles(case)
+    rate, temp = _profiles(case, sim.design)
     frames = len(rate) // len(states)
     for k, values in enumerate(states):
         part = slice(k * frames, (k + 1) * frames)
         sim.set_state(values)
-        sim.advance(frames * FRAME_TICKS, rate[part], temp[part])
+        sim.advance(frames * sim.design.frame_ticks, rate[part], temp[part])
     return sim.columns()
 
 
@@ -173,19 +178,20 @@ def _states(case, checked, values):
     """States of the frame engine at the begin of every STEP_S of a case."""
     sim = _simulation(case, checked, "frame")
     sim.set_state(values)
-    rate, temp = _profiles(case)
+    rate, temp = _profiles(case, sim.design)
     frames = len(rate) // len(case.rates_deg_s)
     for k in range(len(case.rates_deg_s)):
         yield sim.state_values()
         part = slice(k * frames, (k + 1) * frames)
-        sim.advance(frames * FRAME_TICKS, rate[part], temp[part])
+        sim.advance(frames * sim.design.frame_ticks, rate[part], temp[part])
 
 
-def _lag_deg(columns, turn_clock):
+def _lag_deg(columns, turn_clock, d):
     """Lag of x on theta per frame (deg, modulo 360); theta is the sum of the words from the first row on."""
     word = columns["frequency_word"]
-    advance = turn_clock * word[:-1] + (FRAME_CYCLES - turn_clock) * word[1:]
-    theta = np.concatenate([[0], np.cumsum(advance % (1 << 48))]) % (1 << 48) / 2**48
+    advance = turn_clock * word[:-1] + (d.frame_clocks - turn_clock) * word[1:]
+    turn = 1 << d.dds_bits
+    theta = np.concatenate([[0], np.cumsum(advance % turn)]) % turn / turn
     x = columns["truth_x"] - 1j * columns["truth_vx"]
     return -np.angle(x * np.exp(-2j * np.pi * theta), deg=True)
 
@@ -199,11 +205,12 @@ def _found(start, frame, other, since=0):
             difference = difference[frame["magnitude"] > MOVING * frame["magnitude"].max()]
         streams[name] = (sigma, difference.mean() / sigma, float(np.sqrt((difference**2).mean())) / sigma)
     late = slice(-LATE_FRAMES, None)
-    lags = [_lag_deg({n: v[since:] for n, v in run.items()}, start.turn_clock) for run in (other, frame)]
+    lags = [_lag_deg({n: v[since:] for n, v in run.items()}, start.turn_clock, start.design) for run in (other, frame)]
     lag = (lags[0] - lags[1] + 180.0) % 360.0 - 180.0
     word = (other["frequency_word"] - frame["frequency_word"])[late].mean()
     states = int(sum((other[name] != frame[name]).sum() for name in STATES))
-    return Found(streams, float(lag[late].mean()), float(word) * MASTER_HZ / 2**48, states)
+    lsb_hz = start.design.master_hz / 2**start.design.dds_bits
+    return Found(streams, float(lag[late].mean()), float(word) * lsb_hz, states)
 
 
 def compare(case, checked=None, anew=False):
@@ -294,11 +301,12 @@ def main(names):
     """Run the named cases, or all, and print the table and what is beyond the limits."""
     values = {"firmware__reference_retimed": False} if NOT_RETIMED in names else {}
     anew, pairs = ANEW in names, AMONG in names
-    chosen = [name for name in names if name not in (NOT_RETIMED, ANEW, AMONG)]
+    boards = [config.load(name.removeprefix(BOARD)) for name in names if name.startswith(BOARD)]
+    chosen = [name for name in names if not name.startswith("--")]
     chosen = [name for name in chosen or CASES if not ((anew or pairs) and CASES[name].start_up_s)]
     results = {}
     for name in chosen:
-        case, checked = CASES[name], configuration(CASES[name], **values)
+        case, checked = CASES[name], configuration(CASES[name], *boards, **values)
         results[name] = compare(case, checked, anew)
         if pairs:
             found = among(results[name], {rad: twins(case, checked, rad) for rad in TWINS_RAD})

@@ -233,14 +233,6 @@ def test_what_is_of_the_default_design_alone_refuses_another(key):
         produce.Board(cfg, 25.0, 25.0, False)
 
 
-def test_the_averaged_plant_takes_word_lengths_and_no_other_rate():
-    short = config.changed(config.Config(), {"design.dds_bits": 32, "design.sine_address_bits": 7})
-    Simulation(short, TEMP_DEGC, TEMP_DEGC, engine="baseband")
-    slow = config.changed(config.Config(), {"design.tick_clocks": 28})
-    with pytest.raises(ConfigError, match=r"design\.tick_clocks: 28 is not 26"):
-        Simulation(slow, TEMP_DEGC, TEMP_DEGC, engine="baseband")
-
-
 def test_the_default_design_is_checked_too():
     design_check.check(config.Config())
     assert config.Config().design_record() == DEFAULT

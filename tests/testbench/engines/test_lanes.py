@@ -1,18 +1,21 @@
 """The lanes engine against the frame engine: every register, the whole plant, every code, whoever stands beside."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from analog_frontend.numeric.vector import LANES
 from fpga_model import sequencer
-from fpga_model.rates import FRAME_TICKS
+from testbench import config
 from testbench.engines import engine, frame, lanes
 from testbench.engines.engine import FROZEN, OFFSET, STUCK
 from testbench.errors import ConfigError
-from testbench.run import build, simulate
+from testbench.run import build, simulate, tolerances
 from tests.testbench.bench_setup import configured
 from tests.testbench.engines.test_frame import QUIET, advanced, different, drawn, own
 
+BOARDS = Path(__file__).resolve().parents[3] / "docs" / "boards"
 # what lanes run: no digital board, no errors of the converters' levels
 ANALOG = {"firmware__board": "analog_sid"}
 ANALOG |= {f"effects__{key}": [] for key in ("drive_dac_levels", "sense_dac_levels", "adc_curve")}
@@ -54,7 +57,7 @@ class Group:
     def advance(self, ticks, rates, temps=None, faults=None):
         begin, count = self.lanes[0].tick, len(self.params)
         faults = faults or [QUIET] * count
-        frames = ticks // FRAME_TICKS + 2
+        frames = ticks // self.params[0].fpga.design.frame_ticks + 2
         rates = [np.resize(np.asarray(rate, float), frames) for rate in rates]
         temps = [np.resize(np.asarray(temp, float), frames) for temp in temps or [25.0] * count]
         streams = [[engine.streams(ticks, frames) for _ in range(count)] for _ in range(2)]
@@ -115,6 +118,22 @@ def test_power_on():
     group = Group(params, [engine.reset(p, 25.0) for p in params])
     for ticks in (1, 3, 700, 12_345):
         group.advance(ticks, [0.0] * 4)
+
+
+@pytest.mark.parametrize("path", sorted(BOARDS.glob("*.toml")), ids=lambda path: path.stem)
+def test_a_board_of_any_design(path):
+    """Plants drawn within its tolerances, from power-on through kick and search."""
+    board = config.load(path)
+    params = [build.params(tolerances.draw(board, 5, k), 25.0, 25.0) for k in range(3)]
+    group = Group(params, [engine.reset(p, 25.0) for p in params])
+    for ticks in (1, 777, 20_000, 60_000):
+        group.advance(ticks, [0.3] * 3)
+
+
+def test_boards_of_two_designs_are_refused():
+    boards = [config.load(BOARDS / f"{name}.toml") for name in ("paper", "low_cost")]
+    with pytest.raises(ConfigError, match=r"side by side need the same \[design\]"):
+        lanes.Engine([build.params(board, 25.0, 25.0) for board in boards])
 
 
 def test_temperatures_of_their_own(locked):

@@ -61,7 +61,7 @@ def test_what_goes_in_comes_out(path):
     for name, column in want.streams.items():
         got = have.streams[name]
         assert same(got.data, column.data)
-        assert got[1:] == (*column[1:5], dict(column.attrs))
+        assert got[1:] == (*column[1:5], dict(column.attrs), record.CLOCK_HZ)
     for name, columns in want.tables.items():
         for key, column in columns.items():
             got = have.tables[name][key]
@@ -87,6 +87,19 @@ def test_xarray_reads_every_group_with_units_and_seconds(path):
         assert tree["registers"]["name"].values.tolist() == ["control", "phase °"]
         assert tree["stimulus/rate"]["rate"].attrs["units"] == "deg/s"
         assert tree.attrs["config_toml"] == sample().config_toml
+
+
+def test_a_record_of_another_clock_has_its_seconds(tmp_path):
+    """Rows of 8 kHz from 24 MHz: the same numbers at 3000 clocks a row, and in seconds."""
+    rows = np.arange(40, dtype=np.int32)
+    record.write_record(tmp_path / "a.h5", Record({"a": Column(rows, "code", 1, 3000)}, clock_hz=24_000_000))
+    have = record_read.read_record(tmp_path / "a.h5")
+    column = have.streams["a"]
+    assert (have.clock_hz, column.clock_hz, column.rate_hz) == (24_000_000, 24_000_000, 8000.0)
+    assert column.time_s == pytest.approx(rows / 8000, rel=1e-15)
+    with xr.open_dataset(tmp_path / "a.h5", group="streams", engine="h5netcdf") as streams:
+        assert streams["a"].dims == ("time_8k",)
+        assert np.allclose(streams["time_8k"].values, rows / 8000, rtol=1e-15, atol=0)
 
 
 @settings(max_examples=30)
@@ -119,6 +132,7 @@ def test_the_content_hash_is_of_the_content_alone(tmp_path):
         lambda r: r.tables["registers"]["raw"].data.__setitem__(0, 0),
         lambda r: setattr(r, "config_toml", ""),
         lambda r: setattr(r, "clock_ppm", 0.0),
+        lambda r: setattr(r, "clock_hz", 24_000_000),
         lambda r: setattr(r, "provenance", "measured"),
         lambda r: r.attrs.update(lab="bench 3"),
     ]
@@ -251,7 +265,11 @@ EDITS = [
     (set_attr("streams/adc_yI", "fs_den", 0), "R08 /streams/adc_yI expected fs_num, fs_den, edge0"),
     (set_attr("streams/adc_yI", "fs_den", 3250.0), "R08 /streams/adc_yI expected fs_num, fs_den, edge0"),
     (set_attr("streams/adc_yI", "fs_den", 3251), "R05 /streams/adc_yI expected streams/time_1_3251_from_26"),
-    (set_attr("clock", "f_xtal_nominal_Hz", 25e6), "R08 /clock expected f_xtal_nominal_Hz"),
+    (set_attr("clock", "f_xtal_nominal_Hz", 26e6 + 0.5), "R08 /clock expected f_xtal_nominal_Hz in whole hertz, found"),
+    (
+        set_attr("clock", "f_xtal_nominal_Hz", 52e6),
+        "R05 /streams/adc_yI expected streams/time_16k_from_26 of 3000 rows",
+    ),
     (set_attr("clock", "ppm", 2.0), "R15 / expected content_sha256"),
     (set_attr("/", "config_toml", ""), "R15 / expected content_sha256"),
     (set_attr("/", "attributes", "{"), "R01 / expected a complete record, found damage"),

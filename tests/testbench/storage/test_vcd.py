@@ -92,6 +92,14 @@ def test_times_are_the_nearest_picoseconds_far_from_the_start():
     assert vcd.picoseconds(edges).tolist() == [naive.edge_picoseconds(k) for k in edges]
 
 
+def test_the_clock_of_another_design(tmp_path):
+    vcd.write_vcd(tmp_path / "run.vcd", np.arange(5)[:, None], [Signal("a", 4)], clock_hz=24_000_000)
+    _, changes = parse(tmp_path / "run.vcd")
+    _, clock = changes["gyro.clk_26m"]
+    assert [t for t, level in clock if level] == [0, 41_667, 83_333, 125_000, 166_667, 208_333]
+    assert "/ 24 MHz" in (tmp_path / "run.vcd").read_text()
+
+
 def test_many_signals_have_short_unique_identifiers():
     ids = [vcd._identifier(k) for k in range(10_000)]
     assert len(set(ids)) == len(ids)
