@@ -45,6 +45,11 @@ class Board:
             raise ConfigError(f"study: no lock within {simulate.lock_limit_s(config):g} s")
         self.wait(SETTLE_S)
 
+    @property
+    def frame_s(self):
+        """Time from row to row."""
+        return 1 / self.sim.design.frame_hz
+
     def wait(self, seconds, rate_dps=0.0):
         """Let time pass at a rate, or one value per frame."""
         rate = np.atleast_1d(rate_dps) * DEG

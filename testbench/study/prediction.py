@@ -34,6 +34,7 @@ RULE_LSB = 0.4
 BAND_HZ = 0.5, 5.0
 TAU_S = 10.0
 LAGS = 4000
+FRAME_S = 1 / DEFAULT.frame_hz
 GRID_HZ = np.concatenate([np.arange(0.05, 300.0, 0.1), np.arange(300.0, 4000.0, 4.0)])
 INPUTS = (lp.RATE, lp.OFFSET_SIN, lp.OFFSET_COS)
 
@@ -100,7 +101,7 @@ class Word(NamedTuple):
 
 def word_spectrum(p, loop):
     """`Word` of the linear loop: all sources of noise, and the ADC's rounding."""
-    z = np.exp(2j * math.pi * GRID_HZ * lp.FRAME_S)
+    z = np.exp(2j * math.pi * GRID_HZ * FRAME_S)
     left = lp.resolvent(loop.a.T, z, loop.row)
     rate, by_sin, by_cos = (np.abs(left @ loop.b[:, column]) ** 2 for column in INPUTS)
     # what a conversion adds behind the filter reaches word and V_q at once
@@ -109,7 +110,7 @@ def word_spectrum(p, loop):
     code_cos[lp.U] = -p.u_ki
     per_code = np.abs(left @ code_sin) ** 2 + np.abs(left @ code_cos) ** 2
     per_volt = (by_sin + by_cos) / (1 + (GRID_HZ / p.sid_hz) ** 2) ** p.sid_stages
-    a_frame = 2 * lp.FRAME_S
+    a_frame = 2 * FRAME_S
     flicker = per_code * (p.flicker_v_per_rthz * p.code_per_v) ** 2 / GRID_HZ
     coriolis = 2 * p.coriolis_mass_kg * p.w_rad_s * p.amplitude_m
     lsb = advisor.rest_gain(loop)
@@ -125,7 +126,7 @@ def word_spectrum(p, loop):
 
 @functools.lru_cache(maxsize=1)
 def _cosines(lags):
-    return np.cos(2 * math.pi * lp.FRAME_S * np.outer(np.arange(lags), GRID_HZ))
+    return np.cos(2 * math.pi * FRAME_S * np.outer(np.arange(lags), GRID_HZ))
 
 
 def covariance(density, lags=LAGS):
@@ -184,7 +185,7 @@ def predict(config):
     spread = moved / dac_lsb**2
     rms = math.sqrt(spread[0])
     error = rounding.in_phase_error(bias_word / dac_lsb, rms) * dac_lsb
-    rounded = 4 / 12 / DEFAULT.tick_hz + rounding.error_density(bias_word / dac_lsb, spread, lp.FRAME_S)
+    rounded = 4 / 12 / DEFAULT.tick_hz + rounding.error_density(bias_word / dac_lsb, spread, FRAME_S)
     density = word.density + rounded * dac_lsb**2 * (word.per_dps / lsb) ** 2
     passed_hz = math.pi / 2 * p.sid_hz * 3 / 8
     cv_v = cv_density(config.device()) * abs(config.device().signal_gain) if config.noise.cv else 0.0
@@ -192,9 +193,8 @@ def predict(config):
     adc_input = min(at_sense, drive_noise_codes(config)) / p.step_code
     dds_input = dds_input_lsb(config)
     harmonic, spur = largest_spur(config, p)
-    open_loop = lp.Loop(*lp.assemble(lp.frame(p), lp.gains(p), 0.0, 0.0)[:2], None, None, None)
-    codes, codes_b = lp.assemble(lp.frame(p), lp.gains(p), 0.0, 0.0)[2:]
-    per_dps = float(abs((codes @ lp.rest(open_loop, (lp.DEG, 0, 0, 0)) + codes_b[:, lp.RATE] * lp.DEG)[0]))
+    opened = lp.close(p, 0.0, 0.0)
+    per_dps = float(abs((opened.codes @ lp.rest(opened, (lp.DEG, 0, 0, 0)) + opened.codes_b[:, lp.RATE] * lp.DEG)[0]))
     # 2 ln 2 h for flicker of density h/f, S/2 tau for white noise of density S; both at the low end of the grid
     allan = 2 * math.log(2) * word.flicker[0] * GRID_HZ[0] + (density - word.flicker)[0] / 2 / TAU_S
     return Prediction(
