@@ -11,6 +11,7 @@ Source  docs/golden.md (what a design must look like)
 import re
 
 from testbench.errors import FileError
+from testbench.golden.bundles.design_entry import told
 
 TOP = "gyro_log"
 ROWS = "rows.txt"
@@ -24,7 +25,7 @@ def results(manifest):
 
 def _checked(manifest):
     names = [manifest["block"]] + [p["name"] for kind in ("inputs", "registers", "outputs") for p in manifest[kind]]
-    names += [p["name"] for p in (*manifest.get("params", []), *keys(manifest))]
+    names += [p["name"] for p in manifest.get("params", [])] + [name for name, _ in told(manifest)]
     for name in names:
         if not NAME.fullmatch(str(name)):
             raise FileError(f"manifest: {name!r} is no name of a port, a parameter or a block")
@@ -44,11 +45,6 @@ def _half_ps(manifest):
     return round(1e12 / manifest["clock"]["hz"]) // 2
 
 
-def keys(manifest):
-    """[{name, value}] of the keys of a design that the RTL takes."""
-    return manifest.get("design_params", [])
-
-
 def parameters(manifest):
     """(name, width, signed, raw bits) of the parameters."""
     for p in manifest.get("params", []):
@@ -61,7 +57,7 @@ def verilog(manifest, rom=None):
     _checked(manifest)
     inputs, found = manifest["inputs"], results(manifest)
     width, half = sum(p["width"] for p in inputs), _half_ps(manifest)
-    given = [f".{key['name']}({key['value']})" for key in keys(manifest)]
+    given = [f".{name}({value})" for name, value in told(manifest)]
     given += [f".{name}({bits}'{'s' * signed}h{raw:x})" for name, bits, signed, raw in parameters(manifest)]
     given += [f'.ROM_FILE("{rom}")'] if rom else []
     ports = [".clk(clk)", *(f".{p['name']}(now[{hi}:{lo}])" for p, hi, lo in _slices(inputs))]
@@ -115,7 +111,7 @@ def vhdl(manifest, rom=None):
     def part(hi, lo):
         return f"({hi})" if hi == lo else f"({hi} downto {lo})"
 
-    given = [f"{key['name']} => {key['value']}" for key in keys(manifest)]
+    given = [f"{name} => {value}" for name, value in told(manifest)]
     given += [f"{name} => {literal(raw, bits)}" for name, bits, _, raw in parameters(manifest)]
     given += [f'ROM_FILE => "{rom}"'] if rom else []
     ports = ["clk => clk", *(f"{p['name']} => now{part(hi, lo)}" for p, hi, lo in _slices(inputs))]

@@ -22,7 +22,7 @@ import numpy as np
 
 from fpga_model.fixed import Fmt
 from testbench.errors import ConfigError, FileError
-from testbench.golden.bundles import bundle
+from testbench.golden.bundles import bundle, design_entry
 from testbench.golden.bundles.benches import PARTS
 from testbench.golden.check import loggers
 from testbench.golden.check.compare import BEFORE, Column, against
@@ -113,7 +113,7 @@ def _complaints(said, bench, manifest):
     widths = {p["name"]: p["width"] for p in manifest["inputs"]}
     widths |= {name: p["width"] for name, p in loggers.results(manifest)}
     widths |= {name: width for name, width, _, _ in loggers.parameters(manifest)}
-    widths |= {key["name"]: 32 for key in loggers.keys(manifest)}
+    widths |= {name: 32 for name, _ in design_entry.told(manifest)}
     out = {}
     # only what is said of the bench: a part inside the design may have ports of the same names
     for line in (line for line in said.splitlines() if re.search(r"(^|\s)log\.v(hd)?:\d", line)):

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from testbench.errors import ConfigError, FileError
-from testbench.golden.bundles import benches, bundle
+from testbench.golden.bundles import benches, bundle, design_entry
 from testbench.golden.mutation import aig, judge
 from testbench.golden.mutation.miter import compact
 from testbench.golden.ranges import ranges
@@ -103,7 +103,7 @@ def sources(manifest, rtl):
 
 def parameters(manifest):
     """[(name, width, raw bits)] of the case, and keys of its design."""
-    listed = [(key["name"], 32, key["value"]) for key in manifest.get("design_params", [])]
+    listed = [(name, 32, value) for name, value in design_entry.told(manifest)]
     for entry in manifest["params"]:
         width = sum(entry["fmt"])
         listed.append((entry["name"], width, entry["raw"] & ((1 << width) - 1)))

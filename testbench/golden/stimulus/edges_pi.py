@@ -283,7 +283,8 @@ def _errors_of(stem, e):
     """Inputs that make the error of a loop."""
     if stem == "agc":
         return {"setpoint": max(e, 0), "magnitude": max(-e, 0)}
-    return {"frequency_tracker": {"phase": e}, "rate_loop": {"sense_sin": e}, "quadrature_loop": {"sense_cos": -e}}[
+    cos = min(-e, ERRORS[stem].hi)  # minus full scale has no opposite
+    return {"frequency_tracker": {"phase": e}, "rate_loop": {"sense_sin": e}, "quadrature_loop": {"sense_cos": cos}}[
         stem
     ]
 

@@ -367,6 +367,23 @@ def test_a_manifest_with_another_design_is_refused(values, said, low_cost, tmp_p
         recompute.recompute(folder)
 
 
+@icarus
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ([{"name": "DDS_BITS", "value": "32);"}], "design_params: 0.value: Input should be a valid integer"),
+        ([{"name": "DDS BITS", "value": 32}], "'DDS BITS' is no name of a port, a parameter or a block"),
+        ("DDS_BITS", "design_params: content: Input should be a valid list"),
+    ],
+)
+def test_keys_that_are_none_are_refused(given, said, low_cost, tmp_path):
+    folder = tmp_path / "bundle"
+    shutil.copytree(low_cost("dds") / "default", folder)
+    reseal(folder, lambda manifest: manifest.update(design_params=given))
+    with pytest.raises(FileError, match=said):
+        rtl_run.check(folder, RTL, "icarus")
+
+
 def test_a_parameter_of_a_board_outside_its_format_is_refused(low_cost, tmp_path):
     folder = tmp_path / "bundle"
     shutil.copytree(low_cost("frequency_tracker") / "frequency_tracker", folder)
