@@ -159,6 +159,10 @@ SPOILT = {
     "R06": (swapped_edges, "R06 /stimulus/rate/edge expected rising edges"),
     "R07": (lambda r: dropped(r, 5000), "R07 /streams/nco_pword expected the phase to follow the word"),
     "R08": (lambda r: stream(r, "adc_xI", den=3251), "R08 /streams/adc_xI expected rate 1/3250"),
+    "R08 clock": (
+        lambda r: setattr(r, "clock_hz", 24_000_000),
+        "R08 /clock expected f_xtal_nominal_Hz 26000000, found 24000000",
+    ),
     "R08 edge": (lambda r: stream(r, "adc_xQ", edge0=1), "R08 /streams/adc_xQ expected edge0"),
     "R09": (nan_rate, "R09 /stimulus/rate/rate expected finite numbers"),
     "R10 stuck": (lambda r: codes(r, "adc_yQ", fit_rows(r), 3), "R10 /streams/adc_yQ expected a living stream"),
@@ -248,7 +252,9 @@ def test_the_file_formats_refuse_by_themselves(small, tmp_path):
         "R03": lambda h: h["streams"]["adc_xI"].update(unit="furlong"),
         "R05": lambda h: h["streams"]["adc_xI"].update(rows=3),
         "R08": lambda h: h["streams"]["adc_xI"].update(fs_den=0),
+        "R08 ": lambda h: h["clock"].update(f_xtal_nominal_Hz=26e6 + 0.5),
         "R15": lambda h: h["streams"]["adc_xI"].update(bits=25),
+        "R15 ": lambda h: h["clock"].update(f_xtal_nominal_Hz=24e6),
         "R20": lambda h: h["tables"]["segments"]["columns"][1].update(dtype=">i8"),
     }
     for rule, edit in cases.items():
