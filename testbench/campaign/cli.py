@@ -74,6 +74,11 @@ def _executor(workers, scheduler, cluster):
         from testbench.campaign.cluster import Cluster
 
         return Cluster(scheduler, cluster or 0)
+    return local(workers)
+
+
+def local(workers):
+    """Executor of so many processes on this machine; 0: this one, None: one to a core."""
     from testbench.campaign.pool import Here, Pool
 
     if workers == 0:

@@ -24,6 +24,7 @@ from testbench.interrupts import EXIT_INTERRUPTED
 from testbench.measured import cli as measured_cli
 from testbench.paper import cli as paper_cli
 from testbench.paper.loop import loop_cli
+from testbench.study import cli as study_cli
 from testbench.version import VERSION
 
 EXIT_MENDABLE = 2
@@ -42,6 +43,7 @@ app.add_typer(measured_cli.app)
 paper_cli.add(app)
 app.command()(loop_cli.loop)
 app.command()(design_cli.design)
+app.command()(study_cli.study)
 
 
 def _version(wanted: bool):

@@ -1,0 +1,42 @@
+"""`gyro study`: arguments and what is printed; no computing. `testbench.commands.main` adds this command to its own.
+
+Source  docs/word_lengths.md
+"""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from testbench.campaign.cli import Sets
+from testbench.console.options import Json
+from testbench.console.show import print_json, print_list, print_tables
+
+
+def study(
+    plan: Annotated[Path, typer.Argument(metavar="PLAN.toml", help="Plan with an axis of designs and one of seeds.")],
+    out: Annotated[Path, typer.Option("--out", metavar="STORE", help="Folder of points, predictions and page.")],
+    sets: Sets = None,
+    workers: Annotated[
+        int | None, typer.Option(min=0, help="Processes here, 0: this one; all cores if left out.")
+    ] = None,
+    as_json: Json = False,
+):
+    """Study word lengths: predict, run, compare. The same command continues after any interruption."""
+    from testbench.campaign.cli import local
+    from testbench.campaign.progress import Progress
+    from testbench.study import study as studies
+    from testbench.study import study_page
+
+    result, report = studies.run(plan, out, local(workers), Progress(quiet=as_json), sets or ())
+    page = study_page.write(result, out / "results")
+    files = [*map(str, report.files), str(page)]
+    if as_json:
+        print_json({**study_page.as_json(result), "files": files})
+    else:
+        print_tables(study_page.tables(result))
+        print_list("Written:", files)
+    if report.failures:
+        for _, text in report.failures[:5]:
+            typer.echo(f"gyro: failed: {text}", err=True)
+        raise typer.Exit(2)
