@@ -7,7 +7,7 @@
                          g_m = 2/(pi m) sqrt(J_1^2 + Y_1^2)(2 pi m A), the envelope of J_1
     largest line         near n = 2 pi A, where J_n is at its first maximum: 0.675 n^(-1/3)
 
-Source    docs/word_lengths.md; B. Widrow, I. Kollar, Quantization Noise (2008), chapters 5 and 20 (quantised sine)
+Source    docs/word_lengths.md
 """
 
 import functools

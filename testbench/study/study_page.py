@@ -163,7 +163,7 @@ def as_json(result):
 
 
 def write(result, folder):
-    """NAME.html in `folder`, tables and pictures; the tables alone in NAME.md."""
+    """NAME.html in `folder`, tables and pictures; the tables alone as Markdown beside it."""
     from testbench.console import report
     from testbench.study import study_pictures
 

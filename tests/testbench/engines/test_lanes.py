@@ -155,14 +155,16 @@ def test_transfers_of_their_own(locked):
 
 def test_converters_of_other_bits_beside_the_part(locked):
     """Steps and largest codes of their own; a reference below the signal makes the drive's codes clip."""
-    others = [{"design__adc_bits": 24}, {"design__adc_bits": 16}, {"design__adc_bits": 17, "plant__adc_vref_v": 2.5}]
+    clips = {"design__adc_bits": 17, "plant__adc_vref_v": 2.5}
+    others = [{"design__adc_bits": 24}, {"design__adc_bits": 16}, clips, clips | {"plant__signal_gain": -5.0}]
     configs = [configured(), *(configured(design__adc="generic", **other) for other in others)]
     params = [build.params(config, 25.0, 25.0) for config in configs]
     group = Group(params, [locked] * len(params))
-    group.advance(6000, [0.5] * len(params))
-    codes = [max(abs(c) for c in state.fpga.adc.channels[:2]) for state in group.lanes]
-    assert [code % 2**8 for code in codes[2:]] == [0, 2**7]
-    assert codes[3] in (2**23 - 2**7, 2**23)
+    group.advance(36000, [0.5] * len(params))
+    codes = [state.fpga.adc.channels[:2] for state in group.lanes]
+    assert all(code % 2**8 == 0 for code in codes[2])
+    assert min(codes[3]) == -(2**23)
+    assert max(codes[4]) == 2**23 - 2**7
 
 
 def test_faults_of_their_own(locked):
