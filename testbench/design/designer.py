@@ -68,9 +68,7 @@ class _Draft:
         self.fixed = set(file.firmware.model_fields_set)
         nominal = file.nominal.model_dump()
         firmware = {k: getattr(file.firmware, k) for k in self.fixed}
-        # a record is of the default clock alone (`simulate.Run`)
-        output = {"record": file.design.master_hz == type(file.design)().master_hz}
-        tree = {"design": file.design.model_dump(), "nominal": nominal, "firmware": firmware, "output": output}
+        tree = {"design": file.design.model_dump(), "nominal": nominal, "firmware": firmware}
         self.config = config_of(tree, source)
         design_check.check(self.config)
         self._begin(file.target.bandwidth_hz)

@@ -20,14 +20,13 @@ import numpy as np
 
 from analog_frontend.parts import adc
 from analog_frontend.parts.noise import cv_density
-from fpga_model import cordic, spi_dac
+from fpga_model import cordic
 from fpga_model.design_record import DEFAULT
-from testbench import config as configuration
 from testbench.engines import chips
 from testbench.paper.loop import advisor
 from testbench.paper.loop import loop as lp
 from testbench.paper.loop.parts import RAW_GAIN, parts
-from testbench.run import budget, build
+from testbench.run import build
 from testbench.study import rounding
 
 RULE_LSB = 0.4
@@ -59,32 +58,15 @@ class Prediction(NamedTuple):
 
 
 def linear_parts(config):
-    """`Parts` of a configuration: gains, steps, phases and force per word are those of its design."""
-    standard = {f"design.{key}": value for key, value in type(config.design)().model_dump().items()}
-    words = {f"firmware.phase_{name}_deg": 0.0 for name in ("drive_sine", "sense_sine", "drive_ref", "sense_ref")}
-    p = parts(configuration.changed(config, standard | words))
-    loops, device = build.firmware(config).control, config.device()
-    board = chips.of(config.design)
-    at = budget.budget(config, frequency_hz=p.w_rad_s / (2 * math.pi))
-    later = spi_dac.latch_cycles(board.sense.master) - spi_dac.latch_cycles(chips.DEFAULT.sense.master)
-    return p._replace(
-        ye1_rad=math.radians(at.node_deg()["ye1"]),
-        xe2_rad=math.radians(at.loop_deg()["xe2"]),
-        volts_per_word=p.volts_per_word * force_per_word(config.design) / force_per_word(type(config.design)()),
-        dac_lsb_v=device.sense_dac_span_v / 2 ** (board.sense.bits - 1),
-        step_code=float(device.adc_step_code),
-        word_kp=loops.rate_loop.loop.kp / RAW_GAIN,
-        word_ki=loops.rate_loop.loop.ki / RAW_GAIN,
-        u_ki=loops.quadrature_loop.loop.ki / RAW_GAIN,
-        word_acts_s=p.word_acts_s + later / DEFAULT.master_hz,
-    )
+    """`Parts` of a configuration, with the force that the sine's table leaves of a word."""
+    p = parts(config)
+    return p._replace(volts_per_word=p.volts_per_word * table_gain(config.design))
 
 
-def force_per_word(design):
-    """Fundamental of the sine by full scale: its last code, chords below the arc, cells of phase."""
+def table_gain(design):
+    """Fundamental of the sine by its last code: chords below the arc, cells of phase."""
     row = 2.0 ** -(2 + design.sine_address_bits)
-    cell = row * 2.0**-design.sine_fraction_bits
-    return (1 - 2.0 ** (1 - design.sine_bits)) * float(np.sinc(row) ** 2 * np.sinc(cell))
+    return float(np.sinc(row) ** 2 * np.sinc(row * 2.0**-design.sine_fraction_bits))
 
 
 class Word(NamedTuple):
@@ -185,7 +167,7 @@ def predict(config):
     spread = moved / dac_lsb**2
     rms = math.sqrt(spread[0])
     error = rounding.in_phase_error(bias_word / dac_lsb, rms) * dac_lsb
-    rounded = 4 / 12 / DEFAULT.tick_hz + rounding.error_density(bias_word / dac_lsb, spread, FRAME_S)
+    rounded = 4 / 12 / p.tick_hz + rounding.error_density(bias_word / dac_lsb, spread, FRAME_S)
     density = word.density + rounded * dac_lsb**2 * (word.per_dps / lsb) ** 2
     passed_hz = math.pi / 2 * p.sid_hz * 3 / 8
     cv_v = cv_density(config.device()) * abs(config.device().signal_gain) if config.noise.cv else 0.0

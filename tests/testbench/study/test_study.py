@@ -96,7 +96,9 @@ def test_force_per_word_is_the_fundamental_of_a_table(sizes):
     config = changed(sine_address_bits=a, sine_fraction_bits=f, sine_bits=b)
     # rounding of a quarter's cells, 3 sigma; a quarter is all that differs
     sigma = 2 * math.sqrt(1 / 6 / cells) / 2 ** (b - 1)
-    assert prediction.force_per_word(config.design) == pytest.approx(fundamental, abs=3 * sigma + 1e-8)
+    p = prediction.linear_parts(config)
+    held = config.device().sense_dac_span_v / 2**23 * np.sinc(p.w_rad_s / (2 * np.pi) / 1e6)
+    assert p.volts_per_word / held == pytest.approx(fundamental, abs=3 * sigma + 1e-8)
 
 
 def test_steps_of_a_converter_are_white_under_the_rule():
