@@ -10,14 +10,18 @@ With two or three edges in a frame, the first two are done side by side; with an
 A frame without one continues the line of the frame before it.
 
 At an edge the same W closes one group and opens the other. Edges stand at the firmware's own clocks, re-timed or not.
-    s      output of a frame at its middle: the chord between two edges;   s' = +-((w_2 - w_3) - (h_2 - h_3)) / 2RC
+    s      output of a frame at its middle, from its mean over two half periods
+    s'     its slope, +-((w_2 - w_3) - (h_2 - h_3) - d (w_3 - h_3)) / 2RC; at rest w_2 - w_3 = d w_3 at an edge
+    mean   int w_3 dt/RC = [W_4] + r_1 + r_2 + r_3 - e^-u (r_1 + r_2 + r_3 + u (r_1 + r_2) + u^2/2 r_1),   closed for u
+           W_4 = Re(p^3 V~ e^(i theta)/(i w RC)), which changes its sign from edge to edge
     sinc3  sums of three frames at once, as adc.py has them: sum_j += K_j s + M_j s', K and M the moments of its weights
 
-Left out  d^2V/dt^2 in W (1.6e-4 of what rings 139 Hz beside theta), ripple of the output within a half period (1e-6)
+Left out  d^2V/dt^2 in W (1.6e-4 of what rings 139 Hz beside theta)
 State     `q`, float64, mutated in place: rows of four demodulators
 Source    docs/parts/averaged.md
 """
 
+import math
 from typing import NamedTuple
 
 from analog_frontend.averaged.averaged_modes import RAD_PER_LSB, unit
@@ -44,16 +48,18 @@ HALF = 1 << 47
 HALF_MASK = HALF - 1
 TURN_MASK = 2 * HALF - 1
 PLACES = 0xFFFF  # more than the noise of a batch
-# Rows of `q`, the first fifteen as the demodulators keep them from frame to frame
-R1, R2, R3, H1, H2, H3, OPENED, OPENED_2, CLOSED_AT, NOISE, SIGN, AREA, BEGAN, WAITING, PAST = range(15)
-S, SLOPE, LENGTH, TOTAL = range(15, 19)
-Q_ROWS = 19
+# Rows of `q`, the first thirteen as the demodulators keep them from frame to frame
+R1, R2, R3, H1, H2, H3, CLOSED_AT, NOISE, SIGN, AREA, BEGAN, WAITING, PAST = range(13)
+S, SLOPE, LENGTH, TOTAL = range(13, 17)
+Q_ROWS = 17
 
 
 class Params(NamedTuple):
     """Times in clocks; arrays are read only."""
 
+    rc: float
     inverse_rc: float
+    droop: float  # d, of a signal in phase
     switch: float  # reference pin to analog switch
     middle: float  # where in a frame the mean of the converter's samples stands
     sampled: float  # a frame's output is that of the two half periods that end with the first edge from here on
@@ -68,6 +74,17 @@ class Params(NamedTuple):
     inverse_frame: float
     tick_clocks: float
     inverse_tick: float
+
+
+def droop(u):
+    """(w_2 - w_3)/w_3 at the edge that opens a group, of a constant signal in phase with half periods of u RC."""
+    e, p = math.exp(-u), 1.0 / (1.0 + 1j * math.pi / u)
+    w1, w2, w3 = p.imag, (p * p).imag, (p * p * p).imag
+    # a group closes with what it opened with, and W has changed its sign
+    r1 = -2.0 * w1 / (1.0 - e)
+    r2 = (e * u * r1 - 2.0 * w2) / (1.0 - e)
+    r3 = (e * u * (r2 + 0.5 * u * r1) - 2.0 * w3) / (1.0 - e)
+    return (r2 + w2) / (r3 + w3) - 1.0
 
 
 @inlined
@@ -100,16 +117,16 @@ def _swept(p, sign, closed_at, drawn, t, past, tilde, poles, total):
     vi = v0i + tau * (v1i + tau * (v2i + tau * v3i))
     er, ei = c * base_r - d * base_i, c * base_i + d * base_r
     gr, gi = 0.0 - sign * (vr * er - vi * ei), 0.0 - sign * (vr * ei + vi * er)
-    p1r, p1i, p2r, p2i, p3r, p3i = poles
+    p1r, p1i, p2r, p2i, p3r, p3i, p4r, p4i = poles
     w1, w2, w3 = gr * p1r - gi * p1i, gr * p2r - gi * p2i, gr * p3r - gi * p3i
     u = (t - closed_at) * p.inverse_rc
-    return w1, w2, w3, u, decay(u), (total - drawn) * p.noise_gain
+    return w1, w2, w3, gr * p4r - gi * p4i, u, decay(u), (total - drawn) * p.noise_gain
 
 
 @inlined
 def _grown(swept, r1, r2, r3):
     """Capacitors of the closed group at the edge that opens it."""
-    w1, w2, w3, u, e, n = swept
+    w1, w2, w3, _, u, e, n = swept
     a1 = e * r1 + w1 + n * (1.0 - 0.5 * u)
     a2 = e * (r2 + u * r1) + w2 + n * u * 0.5
     return a1, a2, e * (r3 + u * (r2 + u * r1 * 0.5)) + w3 + n * u * u * (1.0 / 6)
@@ -126,11 +143,13 @@ def _charged(p, sign, a1, a2, a3):
 
 
 @inlined
-def _under(p, sign, u, a2, a3, h2, h3, opened, opened_2, t, closed_at):
+def _under(p, sign, swept, r1, r2, r3, a2, a3, h2, h3, t, closed_at):
     """Area under the output since the last edge, and its slope; the charge makes it a staircase from edge to edge."""
-    bend = ((a2 - a3) - (opened_2 - opened)) * u * (1.0 / 12)
-    slope = sign * ((a2 - a3) - (h2 - h3)) * (0.5 * p.inverse_rc) + p.charge_slope
-    return sign * ((opened + a3) * 0.5 - bend - h3) * (t - closed_at), slope
+    _, _, _, w4, u, e, _ = swept
+    r12 = r1 + r2
+    closed = 2.0 * w4 + ((r12 + r3) - e * ((r12 + r3) + u * (r12 + 0.5 * u * r1)))
+    slope = sign * ((a2 - a3) - (h2 - h3) - p.droop * (a3 - h3)) * (0.5 * p.inverse_rc) + p.charge_slope
+    return sign * (closed * p.rc - h3 * (t - closed_at)), slope
 
 
 @inlined
@@ -141,7 +160,7 @@ def _two_edges(p, s, waiting, early, old, new, left, later, tilde, poles, noise,
     What the second edge needs of the first are its time and the capacitors that it has opened, so nearly all of both is
     done side by side.
     """
-    (r1, r2, r3, h1, h2, h3, opened, opened_2, closed_at, drawn, sign, area, began, waits, past_waits, picked) = s
+    (r1, r2, r3, h1, h2, h3, closed_at, drawn, sign, area, began, waits, past_waits, picked) = s
     zero, one = splat(0.0), splat(1.0)
     number = joined(splat4(0.0), splat4(1.0)) - joined(waiting, waiting)
     both = joined(early, early)
@@ -162,34 +181,23 @@ def _two_edges(p, s, waiting, early, old, new, left, later, tilde, poles, noise,
     )
     signs, since = joined(sign, 0.0 - sign), joined(closed_at, low(t))
     swept = _swept(p, signs, since, joined(drawn, low(total)), t, past, tilde, poles, total)
-    w1, w2, w3, u, _, _ = swept
-    a1, a2, a3 = _grown(swept, joined(r1, h1 - low(w1)), joined(r2, h2 - low(w2)), joined(r3, h3 - low(w3)))
+    w1, w2, w3 = swept[:3]
+    r1, r2, r3 = joined(r1, h1 - low(w1)), joined(r2, h2 - low(w2)), joined(r3, h3 - low(w3))
+    a1, a2, a3 = _grown(swept, r1, r2, r3)
     b1, b2, b3 = _charged(p, signs, a1, a2, a3)
-    under, slope = _under(
-        p,
-        signs,
-        u,
-        a2,
-        a3,
-        joined(h2, low(b2)),
-        joined(h3, low(b3)),
-        joined(opened, h3),
-        joined(opened_2, h2),
-        t,
-        since,
-    )
+    under, slope = _under(p, signs, swept, r1, r2, r3, a2, a3, joined(h2, low(b2)), joined(h3, low(b3)), t, since)
     pick = chosen(splat(p.sampled), t, chosen(since, splat(p.sampled - 1e-6), one, zero), zero)
     picked = chosen(splat4(1.0), low(pick), (area + low(under), began, low(t), low(slope)), picked)
     picked = chosen(splat4(1.0), high(pick), (low(under) + high(under), closed_at, high(t), high(slope)), picked)
     closes = (low(b1) - high(w1), low(b2) - high(w2), low(b3) - high(w3))
-    opens = (high(b1), high(b2), high(b3), low(b3), low(b2))
+    opens = (high(b1), high(b2), high(b3))
     return closes + opens + (high(t), high(total), sign, high(under), low(t), waits, past_waits, picked)
 
 
 @inlined
 def _last_edge(p, s, waiting, early, new, later, tilde, poles, noise, begin):
     """The third edge of the frame where there is one, and what waits for the next frame; returns the state `s`."""
-    (r1, r2, r3, h1, h2, h3, opened, opened_2, closed_at, drawn, sign, area, began, _, _, picked) = s
+    (r1, r2, r3, h1, h2, h3, closed_at, drawn, sign, area, began, _, _, picked) = s
     zero, one = splat4(0.0), splat4(1.0)
     word, inverse, base = splat4(new[0]), splat4(new[1]), splat4(new[2])
     ahead = later + ((2.0 - waiting) - early) * float(HALF)
@@ -202,20 +210,20 @@ def _last_edge(p, s, waiting, early, new, later, tilde, poles, noise, begin):
     late = chosen(one, acts, zero, chosen(crossed, end, one, zero))
     total = _integral(noise, begin, t * p.inverse_noise)
     swept = _swept(p, sign, closed_at, drawn, t, past, tilde, poles, total)
-    w1, w2, w3, u, _, _ = swept
+    w1, w2, w3 = swept[:3]
     a1, a2, a3 = _grown(swept, r1, r2, r3)
-    under, slope = _under(p, sign, u, a2, a3, h2, h3, opened, opened_2, t, closed_at)
+    under, slope = _under(p, sign, swept, r1, r2, r3, a2, a3, h2, h3, t, closed_at)
     pick = chosen(splat4(p.sampled), t, chosen(closed_at, splat4(p.sampled - 1e-6), acts, zero), zero)
     picked = chosen(one, pick, (area + under, began, t, slope), picked)
     a1, a2, a3 = _charged(p, sign, a1, a2, a3)
-    after = (h1 - w1, h2 - w2, h3 - w3, a1, a2, a3, h3, h2, t, total, zero - sign, under, closed_at)
-    return chosen(one, acts, after, s[:13]) + chosen(one, late, (t - end, past), (zero - one, zero)) + (picked,)
+    after = (h1 - w1, h2 - w2, h3 - w3, a1, a2, a3, t, total, zero - sign, under, closed_at)
+    return chosen(one, acts, after, s[:11]) + chosen(one, late, (t - end, past), (zero - one, zero)) + (picked,)
 
 
 @inlined
 def _edge(p, s, n, waiting, early, old, new, left, later, tilde, poles, noise, begin):
     """Edge n of the frame, counted from 0, where there is one, or what waits for the next frame; returns the state."""
-    (r1, r2, r3, h1, h2, h3, opened, opened_2, closed_at, drawn, sign, area, began, waits, past_waits, picked) = s
+    (r1, r2, r3, h1, h2, h3, closed_at, drawn, sign, area, began, waits, past_waits, picked) = s
     zero, one, end = splat4(0.0), splat4(1.0), splat4(p.frame_clocks)
     number = splat4(float(n)) - waiting
     # the first that crosses in this frame may do so before the word has changed
@@ -236,17 +244,17 @@ def _edge(p, s, n, waiting, early, old, new, left, later, tilde, poles, noise, b
     t_read = chosen(t, end, t, end)
     total = _integral(noise, begin, t_read * p.inverse_noise)
     swept = _swept(p, sign, closed_at, drawn, t_read, past, tilde, poles, total)
-    w1, w2, w3, u, _, _ = swept
+    w1, w2, w3 = swept[:3]
     a1, a2, a3 = _grown(swept, r1, r2, r3)
-    under, slope = _under(p, sign, u, a2, a3, h2, h3, opened, opened_2, t_read, closed_at)
+    under, slope = _under(p, sign, swept, r1, r2, r3, a2, a3, h2, h3, t_read, closed_at)
     # the first from `sampled` on, or the last of those before it
     pick = chosen(closed_at, splat4(p.sampled - 1e-6), acts, zero)
     picked = chosen(one, pick, (area + under, began, t_read, slope), picked)
     a1, a2, a3 = _charged(p, sign, a1, a2, a3)
-    after = (h1 - w1, h2 - w2, h3 - w3, a1, a2, a3, h3, h2, t_read, total, zero - sign, under, closed_at)
+    after = (h1 - w1, h2 - w2, h3 - w3, a1, a2, a3, t_read, total, zero - sign, under, closed_at)
     # what had waited has acted
     kept = chosen(one, late, (t - end, past), chosen(one, came, (zero - one, zero), (waits, past_waits)))
-    return chosen(one, acts, after, s[:13]) + kept + (picked,)
+    return chosen(one, acts, after, s[:11]) + kept + (picked,)
 
 
 @inlined
@@ -255,7 +263,7 @@ def _all_edges(p, q, s, waiting, early, old, new, left, later, tilde, poles, noi
     slope = load4(q, 4 * SLOPE)
     # a frame without an edge goes on as the frame before it: one clock long, so that its area is its value
     line = (load4(q, 4 * S) + slope * p.frame_clocks, splat4(p.middle - 0.5), splat4(p.middle + 0.5), slope)
-    s = s[:15] + (line,)
+    s = s[:13] + (line,)
     for n in range(p.edges):
         s = _edge(p, s, n, waiting, early, old, new, left, later, tilde, poles, noise, begin)
     return s
@@ -294,13 +302,13 @@ def _left(phase, offsets):
 def _kept(q):
     """Rows R1 .. PAST, and what a frame picks: nothing yet."""
     zero, one = splat4(0.0), splat4(1.0)
-    return rows4(q, 0, 15) + ((zero, zero, one, zero),)
+    return rows4(q, 0, 13) + ((zero, zero, one, zero),)
 
 
 @inner
 def _keep(p, q, s):
     """The same from frame to frame, clocks counted from the end of this one. Mutates `q`."""
-    store_rows(q, 0, 4, s[:15])
+    store_rows(q, 0, 4, s[:13])
     store4(q, 4 * CLOSED_AT, s[CLOSED_AT] - p.frame_clocks)
     store4(q, 4 * BEGAN, s[BEGAN] - p.frame_clocks)
 
@@ -313,7 +321,7 @@ def demodulate(p, q, before, turn, offsets, base, v, poles, noise, begin):
     offsets       reference words of drive and sense
     base          (8,) e^(i theta) at the ideal edge to 1: four re, four im
     v             (16,) cubics of V~ (averaged_modes.frame)
-    poles         p, p^2, p^3 as pairs
+    poles         p, p^2, p^3 and p^3/(i w RC) as pairs
     noise         of both channels, its integrals, and how long a channel's row is
     begin         sample of the noise with which the frame begins
     """

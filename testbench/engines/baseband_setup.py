@@ -249,7 +249,9 @@ def _demodulators(p, word0, drive_hz, middle):
     rc_ticks = float(t.sid_rc_s[0]) / tick_s
     charge = np.concatenate([(inject[:3] + inject[3:]) / 2, (inject[:3] - inject[3:]) / 2])
     return averaged_sid.Params(
+        rc=rc_ticks * d.tick_clocks,
         inverse_rc=1.0 / (rc_ticks * d.tick_clocks),
+        droop=averaged_sid.droop(1.0 / (2.0 * drive_hz * float(t.sid_rc_s[0]))),
         switch=(float(p.plant.switch_tau_s[1, 0]) / tick_s + int(p.plant.switch_carry[1, 0])) * d.tick_clocks,
         middle=middle,
         sampled=middle + SAMPLED_LATER * d.frame_clocks,

@@ -42,8 +42,6 @@ from analog_frontend.averaged.averaged_sid import (
     HALF,
     HALF_MASK,
     NOISE,
-    OPENED,
-    OPENED_2,
     PAST,
     R1,
     R2,
@@ -89,13 +87,13 @@ def slow():
 
 @inner
 def poles_at(u, word):
-    """p, p^2, p^3 at a frequency word."""
+    """p, p^2, p^3 and p^3/(i w RC) at a frequency word."""
     s = word * u.rad_per_word * u.rc_ticks
     r = 1.0 / (1.0 + s * s)
     i = -s * r
     r2, i2 = times(r, i, r, i)
     r3, i3 = times(r2, i2, r, i)
-    return r, i, r2, i2, r3, i3
+    return r, i, r2, i2, r3, i3, i3 / s, -r3 / s
 
 
 @inner
@@ -152,14 +150,12 @@ def take_state(p, u, b, g, a, tick):
             w = poles[2 * k] * wr - poles[2 * k + 1] * wi
             q[4 * (R1 + k) + d] = a.caps[d, on + k] - w
             q[4 * (H1 + k) + d] = a.caps[d, off + k]
-        q[4 * OPENED + d] = a.caps[d, on + 2]
         q[4 * CLOSED_AT + d] = 0.0
         # as if the output had been what it is for a half period
         q[4 * BEGAN + d] = -float(HALF // word)
-        q[4 * AREA + d] = (1.0 if ref else -1.0) * (q[4 * OPENED + d] - q[4 * (H1 + 2) + d]) * -q[4 * BEGAN + d]
-        q[4 * S + d] = (1.0 if ref else -1.0) * (q[4 * OPENED + d] - q[4 * (H1 + 2) + d])
+        q[4 * S + d] = (1.0 if ref else -1.0) * (a.caps[d, on + 2] - a.caps[d, off + 2])
+        q[4 * AREA + d] = q[4 * S + d] * -q[4 * BEGAN + d]
         q[4 * SLOPE + d] = 0.0
-        q[4 * OPENED_2 + d] = a.caps[d, on + 1]
         q[4 * NOISE + d] = 0.0
         q[4 * SIGN + d] = 1.0 if ref else -1.0
         # an edge that the phase has made but the switch has not followed yet

@@ -65,6 +65,32 @@ def rounded(volts, lsb_v):
     return averaged_codes.rounded(volts, lsb_v)
 
 
+@pytest.mark.parametrize("u", [0.03, 0.08, 0.2])
+def test_droop_is_that_of_a_ladder_stepped_in_small_steps(u):
+    """Runge-Kutta through one half period; the state that returns to itself, the signal being linear in it."""
+
+    def over(w, volts, steps=400):
+        h, rate = u / steps, math.pi / u
+        for k in range(steps):
+            w = _kutta(w, k * h, h, lambda s, w: (volts * math.sin(rate * s) - w[0], w[0] - w[1], w[1] - w[2]))
+        return np.array(w)
+
+    pushed = over((0.0, 0.0, 0.0), 1.0)
+    carried = np.column_stack([over(np.eye(3)[k], 0.0) for k in range(3)])
+    w = np.linalg.solve(np.eye(3) - carried, pushed)
+    assert averaged_sid.droop(u) == pytest.approx(w[1] / w[2] - 1.0, rel=1e-4)
+
+
+def _kutta(w, s, h, slope):
+    """One step of fourth order."""
+    w = np.array(w)
+    k1 = np.array(slope(s, w))
+    k2 = np.array(slope(s + h / 2, w + h / 2 * k1))
+    k3 = np.array(slope(s + h / 2, w + h / 2 * k2))
+    k4 = np.array(slope(s + h, w + h * k3))
+    return w + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+
+
 @pytest.mark.parametrize(("codes", "bound"), [(0.3, 0.0), (0.8, 1e-4), (3.51, 1e-4), (8.2, 2e-3), (30.7, 1e-4)])
 def test_the_fundamental_of_rounded_codes(codes, bound):
     """Against a sine that is rounded at two million phases, ties toward plus infinity as the modulator has them."""

@@ -4,6 +4,7 @@ All five cases with every limit: test_baseband_accuracy.py, slow.
 """
 
 import json
+import math
 from pathlib import Path
 
 import numba
@@ -24,7 +25,7 @@ from testbench.measured.residual import simulator
 from testbench.paper.calibration import boards
 from testbench.run import build, simulate
 from testbench.run.simulation import FRAME, Simulation
-from tests.testbench.bench_setup import configured, open_loop, quiet
+from tests.testbench.bench_setup import QUIET, configured, open_loop, quiet
 from tests.testbench.engines import baseband_accuracy
 from tests.testbench.engines.baseband_accuracy import (
     DEG,
@@ -72,16 +73,34 @@ def lived(engine_name, values, *pieces):
 @needs_compiler
 def test_open_loop_codes_are_those_of_the_plant_of_every_tick():
     """Fixed words, no noise: what is left, DAC codes and the clock of edges, is 1e-5 of the motion."""
-    found = {}
-    for name in ("frame", "baseband"):
-        sim = open_loop(quiet(), 11001.5, 0.7, 0.3)
-        sim.engine = name
-        sim.advance(TICK_HZ // 2, 0.7, TEMP_DEGC)
-        found[name] = sim.columns()
+    found = _open_loop(quiet(), 11001.5, 0.7, 0.3, 0.5)
     late = slice(-2000, None)
     for drive, names in ((True, ("adc_drive_sin", "adc_drive_cos")), (False, ("adc_sense_sin", "adc_sense_cos"))):
         frame, slow = (np.array([found[e][n][late].mean() for n in names], float) for e in ("frame", "baseband"))
         assert np.hypot(*(slow - frame)) < 1e-5 * np.hypot(*frame), drive
+
+
+@needs_compiler
+def test_one_edge_a_frame_and_a_short_rc_do_not_change_the_gain():
+    """At 3.9 kHz a half period is a twelfth of RC: the slope of an output at an edge is not that of its mean."""
+    board = config.changed(config.load(BOARDS / "published_3k9.toml"), QUIET)
+    found = _open_loop(config.changed(board, {"firmware.reference_retimed": False}), 3925.3, 0.125, 0.0, 4.0)
+    late, gain = slice(-4000, None), {}
+    for name, columns in found.items():
+        volts = math.hypot(*(columns[n][late].mean() for n in ("adc_drive_sin", "adc_drive_cos")))
+        gain[name] = volts / np.hypot(columns["truth_x"][late], columns["truth_vx"][late]).mean()
+    assert gain["baseband"] == pytest.approx(gain["frame"], rel=1e-7)
+
+
+def _open_loop(checked, frequency_hz, drive, sense, seconds):
+    """Columns of both engines at 0.7 rad/s."""
+    found = {}
+    for name in ("frame", "baseband"):
+        sim = open_loop(checked, frequency_hz, drive, sense)
+        sim.engine = name
+        sim.advance(round(seconds * TICK_HZ), 0.7, TEMP_DEGC)
+        found[name] = sim.columns()
+    return found
 
 
 @needs_compiler

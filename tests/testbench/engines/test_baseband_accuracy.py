@@ -8,6 +8,7 @@ a limit. So do two frame engines; and where the baseband engine begins anew ever
 """
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -34,6 +35,7 @@ from tests.testbench.engines.baseband_accuracy import (
     twins,
 )
 
+BOARDS = Path(__file__).resolve().parents[3] / "docs" / "boards"
 BEYOND = {
     "temperature ramp": {"adc_drive_cos: rms", "amplitude_word: rms", "magnitude: rms"},
     "half compensated": {"quadrature_code: mean"},
@@ -49,6 +51,16 @@ def test_every_stream_is_within_the_limits(case, retimed):
     print(table({case: found}))
     assert found.states == 0
     assert beyond(found) <= (BEYOND.get(case, set()) if retimed else set())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("board", ["disk_14khz", "disk_14khz_fy_above", "published_3k9", "fast_dacs"])
+def test_every_board_is_within_the_limits(board):
+    """References at any clock; low_cost: test_baseband.py."""
+    case = Case((0.0, 30.0))
+    found = compare(case, configuration(case, config.load(BOARDS / f"{board}.toml"), firmware__reference_retimed=False))
+    assert failures(found) == []
+    assert found.states == 0
 
 
 @pytest.mark.slow
