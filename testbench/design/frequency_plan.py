@@ -16,7 +16,7 @@ Mean of a sawtooth of 1 peak to peak and beat b over T: within min(1/2, 1/(8 b T
     within min(1/2, m + (1/8 + sum of |G_n|/(pi n)^2) / (B T)),   1/2 where there is no B: edges lock on the grid
 
 Between two of its falls the loop is linear, so m is exact while the wave falls once a beat. A slower one falls to and
-fro at its end, and stands off by less.
+fro at its end: there the bound is compared with a loop that is computed edge by edge.
 Source    docs/design_of_loops.md
 """
 
@@ -114,7 +114,7 @@ def plan(device, bandwidth_hz, f_tolerance=0.0, design=DEFAULT, loop=None):
     slow = slides(f, design)[0]
     ratio = f"edges on the tick, {slow.places} places, exact at {slow.exact_hz:.1f} Hz"
     off_deg = slow.wander_deg * dwell(slow.beat_hz, math.inf, loop)
-    effect = f"references wander by {slow.wander_deg:.3f} deg, about a mean that is {off_deg:.2g} deg off"
+    effect = f"references wander by {slow.wander_deg:.3f} deg, about a mean that is {off_deg:.3f} deg off"
     found = [Meeting(ratio, slow.beat_hz, bandwidth_hz, effect)]
     for h in HARMONICS:
         level = ripple_db(h * f, device)

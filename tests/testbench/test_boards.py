@@ -242,7 +242,7 @@ def drawn(name, number):
 
 def draws(quick, few=FEW, more=()):
     """[pytest.param(name, number), ...]: boards, their first draws, and `more`; all but those of `quick` are slow."""
-    every = [(name, number) for name in EVERY for number in (None, *range(max(few, DRAWS)))]
+    every = [(name, number) for name in ("paper", *EVERY) for number in (None, *range(max(few, DRAWS)))]
     every += [pair for pair in more if pair not in every]
     return [pytest.param(*pair, marks=[pytest.mark.slow] * (pair not in quick)) for pair in every]
 

@@ -1,6 +1,7 @@
 """The frequency plan against edges, tones and samples counted one by one."""
 
 import math
+import re
 from collections import deque
 
 import numpy as np
@@ -10,6 +11,7 @@ from hypothesis import strategies as st
 
 from analog_frontend.parts.device import Device
 from fpga_model.design_record import DEFAULT
+from testbench.config import Config
 from testbench.design import drive_loops, frequency_plan
 
 
@@ -175,6 +177,17 @@ def test_what_the_plan_minds():
     slow = line(frequency_plan.plan(Device(fx_hz=8001.0), 25.0), "1 f")
     assert slow.kept
     assert slow.distance_hz == 1.0
+
+
+def test_the_plan_says_where_the_loop_leaves_the_edges():
+    """The line has the mean beside the wander; a word that stands still leaves none."""
+    loop, near = drive_loops.frequency_loop(Config()), Device(fx_hz=12499.9)
+    assert loop.half_width_hz == pytest.approx(near.fx_hz / (2 * near.qx), rel=0.2)
+    still, moved = (line(frequency_plan.plan(near, 25.0, loop=one), "edges").effect for one in (None, loop))
+    assert still.endswith("about a mean that is 0.000 deg off")
+    off_deg = float(re.search(r"mean that is (\S+) deg", moved)[1])
+    late = dwelling(near.fx_hz, 1e6, 3.0, loop.corner_hz, loop.half_width_hz, 12.0)[6 * 12500 :]
+    assert off_deg == pytest.approx(float(np.average(late, weights=hann(len(late)))), rel=0.02)
 
 
 def test_rates_are_those_of_the_design():
