@@ -240,15 +240,15 @@ def drawn(name, number):
     return board(name) if number is None else tolerances.draw(board(name), SEED, number)
 
 
-def draws(quick, few=FEW, more=()):
+def draws(quick, few=FEW, more=(), names=("paper", *EVERY)):
     """[pytest.param(name, number), ...]: boards, their first draws, and `more`; all but those of `quick` are slow."""
-    every = [(name, number) for name in ("paper", *EVERY) for number in (None, *range(max(few, DRAWS)))]
+    every = [(name, number) for name in names for number in (None, *range(max(few, DRAWS)))]
     every += [pair for pair in more if pair not in every]
     return [pytest.param(*pair, marks=[pytest.mark.slow] * (pair not in quick)) for pair in every]
 
 
 @closed_loop
-@pytest.mark.parametrize(("name", "number"), draws(QUICK))
+@pytest.mark.parametrize(("name", "number"), draws(QUICK, names=EVERY))
 def test_a_plant_locks_and_rests_where_its_configuration_says(name, number):
     check_rest_and_scale(drawn(name, number))
 
