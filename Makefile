@@ -10,7 +10,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # a worker that crashes ends the run and names its test; a new one in its place can wait for ever
 PYTEST := $(BIN)/python -m pytest --max-worker-restart 0
 
-.PHONY: help run paper measured golden rtl budget test test-slow test-all test-nojit test-bounds kills fuzz designs bench portability packages lock lint pages docs clean
+.PHONY: help run paper measured golden rtl budget test test-slow test-all test-nojit test-bounds kills fuzz designs boards bench portability packages lock lint pages docs clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -71,6 +71,9 @@ fuzz: $(VENV)/.test ## hostile files of every kind and hostile options, counts b
 
 designs: $(VENV)/.test ## random designs over all keys of [design]: both engines have the same registers and codes; COUNT=40 SEED=1
 	$(BIN)/python -m tests.testbench.engines.test_designs $(or $(COUNT),40) $(or $(SEED),1)
+
+boards: $(VENV)/.test ## plants of each board, drawn within its tolerances: lock, rest, scale factor, bandwidth, phases; COUNT=20
+	BOARD_DRAWS=$(or $(COUNT),20) $(PYTEST) -n 2 --dist worksteal --benchmark-disable -m "slow or not slow" -k a_plant tests/testbench/test_boards.py
 
 bench: $(VENV)/.test ## speed, as a table in docs/speed.md and build/bench.json
 	$(BIN)/python -m testbench.bench

@@ -315,7 +315,9 @@ def _designed(file, source):
         slowest,
         promised,
         ranges.ranges(config, target),
-        frequency_plan.plan(n.device(), target.bandwidth_hz, n.f_tolerance, config.design_record()),
+        frequency_plan.plan(
+            n.device(), target.bandwidth_hz, n.f_tolerance, config.design_record(), drive_loops.frequency_loop(config)
+        ),
         budget(config, frequency_hz=_lock_hz(config)),
         bound,
         _limits(target),

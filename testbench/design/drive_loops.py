@@ -15,9 +15,11 @@
 Source  docs/design_of_loops.md
 """
 
+import cmath
 import math
 from typing import NamedTuple
 
+import numpy as np
 from scipy.optimize import brentq
 
 from analog_frontend.parts import sid
@@ -50,10 +52,36 @@ def _settling(part):
     return brentq(lambda x: math.exp(-x) * (1 + x + x * x / 2) - part, 1e-6, 200.0)
 
 
-def phase_margin_deg(crossover_hz, zero_hz, corner_hz, frame_hz):
-    """Phase margin (deg) of a drive loop at its crossover."""
-    lag = math.degrees(math.atan(zero_hz / crossover_hz) + 3 * math.atan(crossover_hz / corner_hz))
-    return 90 - lag - 360 * crossover_hz * LOOP_DELAY_FRAMES / frame_hz
+class DriveLoop(NamedTuple):
+    """What a drive loop is made of (Hz): its controller, the SID's corner, f/2Q of the drive, rate of the frames."""
+
+    crossover_hz: float
+    zero_hz: float
+    corner_hz: float
+    half_width_hz: float
+    frame_hz: float
+
+
+def frequency_loop(config):
+    """`DriveLoop` of the frequency, of a configuration and the plant that it has."""
+    f, d = config.firmware, config.device()
+    corner_hz, half_width_hz = sid.corner_hz(d.sid_r_ohm * d.sid_c_f), d.fx_hz / (2 * d.qx)
+    return DriveLoop(f.pll_crossover_hz, f.pll_zero_hz, corner_hz, half_width_hz, config.design_record().frame_hz)
+
+
+def turns_per_turn(hz, loop):
+    """By how much the DDS turns for a turn of error at a frequency or an array of them (Hz), complex.
+
+    w_c (1 + w_z/s)/s, three poles of the SID, and LOOP_DELAY_FRAMES.
+    """
+    s = 2j * math.pi * hz
+    controller = 2 * math.pi * loop.crossover_hz * (1 + 2 * math.pi * loop.zero_hz / s) / s
+    return controller / (1 + 1j * hz / loop.corner_hz) ** 3 * np.exp(-s * LOOP_DELAY_FRAMES / loop.frame_hz)
+
+
+def phase_margin_deg(loop):
+    """Phase margin (deg) of a drive loop at its crossover, far above f/2Q."""
+    return math.degrees(cmath.phase(-turns_per_turn(loop.crossover_hz, loop)))
 
 
 def words(config):
@@ -65,7 +93,7 @@ def words(config):
     decay = math.pi * n.fx_hz / n.qx * root
     crossover = DRIVE_BY_SID * corner
     zero = ZERO_BY_CROSSOVER * crossover
-    margin = phase_margin_deg(crossover, zero, corner, config.design_record().frame_hz)
+    drive = DriveLoop(crossover, zero, corner, n.fx_hz / (2 * n.qx), config.design_record().frame_hz)
     pull = 2 * math.pi * crossover * least
     reach = REACH_ROOM * pull / (pull + decay)
     off = n.fx_hz * n.f_tolerance + abs(config.firmware.nominal_frequency_hz - n.fx_hz)
@@ -114,4 +142,4 @@ def words(config):
         "search_min_v": FOUND_SHARE * weakest,
         "acquire_timeout_s": min(max(2.0, 10 / (2 * math.pi * zero)), 8.0),
     }
-    return Words({k: float(f"{v:.4g}") for k, v in keys.items()}, margin, weakest, noise, failure)
+    return Words({k: float(f"{v:.4g}") for k, v in keys.items()}, phase_margin_deg(drive), weakest, noise, failure)

@@ -2,24 +2,37 @@
 
     ticks     f_tick / 2f = p / q: re-timed edges repeat q places of the tick. Near it their mean lateness is a sawtooth
               of 1/q tick with the beat |q f_tick - 2 p f|. A step of the frequency word moves the beat by 2 p steps,
-              and the loop takes both words next to f
+              and the loop takes both words next to f. The loop answers the sawtooth by the word, which pulls the beat:
+              edges dwell late below the ratio and early above it
     frames    the SID's ripple at h f, h = 1 and 2, is seen at its distance to a multiple of f_frame, weakened by three
               poles of the SID and by the converter's sinc3
     carrier   the DAC's image k f_tick +- f reaches the drive frequency by the carrier, off by |f_carrier - k f_tick|
     DDS       half a step of the word turns the drive by atan((step / 2) / (f / 2Q)) until the loop takes the next word
 
-Mean of a sawtooth of 1 peak to peak and beat b over T: within min(1/2, 1/(8 b T)).
+Mean of a sawtooth of 1 peak to peak and beat b over T: within min(1/2, 1/(8 b T)). Answered by the loop, with d = f/2Q:
+
+    s = j 2 pi n B,   L = `drive_loops.turns_per_turn` at n B,   G_n = L / (1 - L 2 pi d/(s + 2 pi d))
+    m = |sum of Im G_n / (pi n)|, n = 1, 2, ..        B = b - 2 pi d m
+    within min(1/2, m + (1/8 + sum of |G_n|/(pi n)^2) / (B T)),   1/2 where there is no B: edges lock on the grid
+
+Between two of its falls the loop is linear, so m is exact while the wave falls once a beat. A slower one falls to and
+fro at its end: there the bound is compared with a loop that is computed edge by edge.
 Source    docs/design_of_loops.md
 """
 
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from analog_frontend.parts import sid
 from fpga_model.design_record import DEFAULT
+from testbench.design import drive_loops
 
 MOST_PLACES = 24  # of a tick: at 11 kHz what is finer wanders by less than a sixth of a degree
 HARMONICS = (1, 2)
+LINES = np.arange(1, 65)  # of the beat: the SID leaves nothing of higher ones where the bound is below 1/2
+ROUNDS = 20  # from the slowest beat that the loop can make, each nearer to its own
 LEAST_STEPS = 4  # of the DDS within the half bandwidth f / 2Q
 SEEN_DB = -100.0  # of the sense signal: a weaker alias is below a millionth of it
 
@@ -57,9 +70,28 @@ def slides(f_hz, design=DEFAULT):
     return sorted(found, key=lambda s: s.beat_hz)
 
 
-def slide_deg(f_hz, seconds, design=DEFAULT):
-    """Largest error (deg) that re-timed edges leave of a phase's mean over `seconds`."""
-    return max(s.wander_deg * min(0.5, 1 / max(8 * s.beat_hz * seconds, 1e-9)) for s in slides(f_hz, design))
+def dwell(beat_hz, seconds, loop=None):
+    """Largest distance from 0 of the mean over `seconds` of a sawtooth of 1 peak to peak, which a `DriveLoop` answers.
+
+    Without a loop the frequency word stands still, and the sawtooth is even.
+    """
+    if loop is None:
+        return min(0.5, 1 / (8 * beat_hz * seconds)) if beat_hz else 0.5
+    mean, decay = 0.5, 2 * math.pi * loop.half_width_hz
+    for _ in range(ROUNDS):
+        pulled_hz = beat_hz - decay * mean
+        if pulled_hz <= 0:
+            return 0.5
+        gain, s = drive_loops.turns_per_turn(pulled_hz * LINES, loop), 2j * math.pi * pulled_hz * LINES
+        gain = gain / (1 - gain * decay / (s + decay))
+        mean = min(0.5, float(abs(np.sum(gain.imag / (math.pi * LINES)))))
+    swing = 1 / 8 + float(np.sum(np.abs(gain) / (math.pi * LINES) ** 2))
+    return min(0.5, mean + swing / (pulled_hz * seconds))
+
+
+def slide_deg(f_hz, seconds, design=DEFAULT, loop=None):
+    """Largest error (deg) that re-timed edges leave of a phase's mean over `seconds`; `loop` as in `dwell`."""
+    return max(s.wander_deg * dwell(s.beat_hz, seconds, loop) for s in slides(f_hz, design))
 
 
 def alias_hz(f_hz, rate_hz):
@@ -76,12 +108,14 @@ def ripple_db(f_hz, device):
     return 60 * math.log10(max(sinc, 1e-9)) - 30 * math.log10(1 + (f_hz / corner) ** 2)
 
 
-def plan(device, bandwidth_hz, f_tolerance=0.0, design=DEFAULT):
-    """[Meeting, ...] of a board whose rate loop has a bandwidth (Hz)."""
+def plan(device, bandwidth_hz, f_tolerance=0.0, design=DEFAULT, loop=None):
+    """[Meeting, ...] of a board whose rate loop has a bandwidth (Hz); `loop` as in `dwell`."""
     f = device.fx_hz
     slow = slides(f, design)[0]
     ratio = f"edges on the tick, {slow.places} places, exact at {slow.exact_hz:.1f} Hz"
-    found = [Meeting(ratio, slow.beat_hz, bandwidth_hz, f"references wander by {slow.wander_deg:.3f} deg")]
+    off_deg = slow.wander_deg * dwell(slow.beat_hz, math.inf, loop)
+    effect = f"references wander by {slow.wander_deg:.3f} deg, about a mean that is {off_deg:.3f} deg off"
+    found = [Meeting(ratio, slow.beat_hz, bandwidth_hz, effect)]
     for h in HARMONICS:
         level = ripple_db(h * f, device)
         seen = max(alias_hz(h * f, design.frame_hz) - h * f * f_tolerance, 0.0)

@@ -5,6 +5,7 @@ Noise is off, and plants are those of the frame engine. Drawn plants lie within 
 
 import json
 import math
+import os
 import re
 from pathlib import Path
 
@@ -14,11 +15,11 @@ import pytest
 
 from fpga_model import agc
 from testbench import config as configuration
-from testbench.design import frequency_plan
+from testbench.design import drive_loops, frequency_plan
 from testbench.errors import ConfigError
 from testbench.paper.loop import advisor, confirm, parts
 from testbench.paper.loop import loop as loops
-from testbench.run import budget, build, simulate, tolerances
+from testbench.run import budget, build, nodes, simulate, tolerances
 from testbench.run.phase_meter import wrap_deg
 from testbench.run.simulation import DEG, FRAME, TRUTH, Simulation
 from testbench.run.tally import amplitude_m
@@ -31,7 +32,9 @@ NAMES = ("published_3k9", "disk_14khz", "disk_14khz_fy_above")
 EVERY = (*NAMES, *OTHER_DESIGNS)
 SILENT = {f"noise.{name}": False for name in ("thermomechanical", "cv", "dac", "adc", "flicker", "jitter")}
 RATE_DPS, READ_S = 20.0, 0.5
-SEED, DRAWS = 24, 20
+SEED, FEW = 24, 2
+DRAWS = int(os.environ.get("BOARD_DRAWS", "0"))  # of each board: `make boards`
+PULLED = (("published_3k9", 16), ("published_3k9", 19), ("fast_dacs", 12))  # their edges dwell
 QUICK = (*((name, None) for name in EVERY if name != "disk_14khz"), *((n, k) for n in OTHER_DESIGNS for k in (0, 1)))
 PHASE_DEG = 0.003
 closed_loop = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="closed loop: too slow interpreted")
@@ -237,21 +240,22 @@ def drawn(name, number):
     return board(name) if number is None else tolerances.draw(board(name), SEED, number)
 
 
-def draws(quick, count=DRAWS):
-    """[pytest.param(name, number), ...] of all boards; those of `quick` are in the quick suite."""
-    every = [(name, number) for name in EVERY for number in (None, *range(count))]
+def draws(quick, few=FEW, more=(), names=("paper", *EVERY)):
+    """[pytest.param(name, number), ...]: boards, their first draws, and `more`; all but those of `quick` are slow."""
+    every = [(name, number) for name in names for number in (None, *range(max(few, DRAWS)))]
+    every += [pair for pair in more if pair not in every]
     return [pytest.param(*pair, marks=[pytest.mark.slow] * (pair not in quick)) for pair in every]
 
 
 @closed_loop
-@pytest.mark.parametrize(("name", "number"), draws(QUICK))
+@pytest.mark.parametrize(("name", "number"), draws(QUICK, names=EVERY))
 def test_a_plant_locks_and_rests_where_its_configuration_says(name, number):
     check_rest_and_scale(drawn(name, number))
 
 
 @closed_loop
 @pytest.mark.parametrize(("name", "number"), draws((("fast_dacs", 0),)))
-def test_bandwidth_and_peak_are_those_of_the_linear_loop(name, number):
+def test_bandwidth_and_peak_of_a_plant_are_those_of_the_linear_loop(name, number):
     """Lines up to twice the bandwidth: within 3 % in frequency and 0.3 dB in the peak."""
     config = drawn(name, number)
     p = parts.parts(config)
@@ -270,14 +274,18 @@ def test_bandwidth_and_peak_are_those_of_the_linear_loop(name, number):
 
 
 def slide_deg(config):
-    """What edges that slide on the tick grid may leave of a pin's mean: the rule names a draw where it is above 0."""
+    """What edges that slide on the tick grid, and the loop that follows them, may leave of a pin's mean.
+
+    The rule names a draw where it is above 0.
+    """
     f_hz = parts.parts(config).w_rad_s / (2 * math.pi)
-    bound = frequency_plan.slide_deg(f_hz, simulate.PROBE_S, config.design_record())
+    loop = drive_loops.frequency_loop(config)
+    bound = frequency_plan.slide_deg(f_hz, simulate.PROBE_S, config.design_record(), loop)
     return bound if bound > PHASE_DEG else 0.0
 
 
 @closed_loop
-@pytest.mark.parametrize(("name", "number"), draws(()))
+@pytest.mark.parametrize(("name", "number"), draws((), 1, PULLED))
 def test_phases_of_a_plant_are_those_of_its_budget(name, number):
     """Mean of 8 seeds with all noise, within 0.003 deg and twice the mean's standard error."""
     loud = {f"noise.{key}": value for key, value in configuration.Noise().model_dump().items()}
@@ -294,6 +302,57 @@ def test_phases_of_a_plant_are_those_of_its_budget(name, number):
         limit = PHASE_DEG + 2 * off.std(ddof=1) / math.sqrt(len(off))
         limit += slide if node in ("xe1", "ye1") else 0.0
         assert abs(off.mean()) <= limit, (node, off.mean(), limit)
+
+
+PULL_S, SHARES = 4.0, (1.0, 0.25, 0.0)
+
+
+def pin_errors_deg(lab, places, seconds=PULL_S):
+    """Errors of the drive's sgn(sin) edges over the next seconds, each the mean of the `places` that repeat."""
+    found, ticks = [], round(0.5 * lab.sim.design.tick_hz)
+    for _ in range(round(seconds / 0.5)):
+        streams = lab.sim.advance(ticks, 0.0, 25.0, probe_ticks=ticks)
+        edges = streams.edges[: int(streams.edge_count[0])]
+        found.append(360 * nodes.edge_errors_turns(edges, 0, lab.sim.design.dds_bits))
+    return np.convolve(np.concatenate(found), np.ones(places) / places, "valid")
+
+
+def scale_frequency_loop(sim, share):
+    """The gains of the frequency loop of a running simulation; 0 holds the word where its integrator is."""
+    control = sim.params.fpga.control
+    loop = control.frequency_tracker.loop
+    loop = loop._replace(kp=round(loop.kp * share), ki=round(loop.ki * share))
+    tracker = control.frequency_tracker._replace(loop=loop)
+    control = control._replace(frequency_tracker=tracker)
+    sim.params = sim.params._replace(fpga=sim.params.fpga._replace(control=control))
+
+
+@closed_loop
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "number"), PULLED)
+def test_the_frequency_loop_makes_the_edges_of_a_plant_dwell(name, number):
+    """Mean lateness of the pin beyond that with the word held: within 3 % of the closed form, and as the page says."""
+    config = drawn(name, number)
+    f_hz, loop = parts.parts(config).w_rad_s / (2 * math.pi), drive_loops.frequency_loop(config)
+    slide = frequency_plan.slides(f_hz, config.design_record())[0]
+    lab, late_deg, fullest = settled(config), [], []
+    for share in SHARES:
+        scale_frequency_loop(lab.sim, share)
+        lab.wait(1.0)
+        errors = pin_errors_deg(lab, slide.places)
+        late_deg.append(360 * nodes.pin_lag_turns(errors / 360))
+        fullest.append(np.histogram(errors, 10)[0].max() / len(errors))
+    assert fullest[0] > 0.25
+    broken = 2 / (PULL_S * slide.beat_hz)  # a beat at each end
+    assert fullest[-1] == pytest.approx(0.1, rel=broken), "edges are even"
+    found = np.array(late_deg[:-1]) - late_deg[-1]
+    slower = [loop._replace(crossover_hz=share * loop.crossover_hz) for share in SHARES[:-1]]
+    predicted = [slide.wander_deg * frequency_plan.dwell(slide.beat_hz, math.inf, one) for one in slower]
+    assert found * math.copysign(1, slide.exact_hz - f_hz) == pytest.approx(predicted, rel=0.03)
+    page = (FOLDER.parent / "design_of_loops.md").read_text()
+    row = f"| {name}, {number} | {slide.places}, {slide.wander_deg:.3f} deg, {slide.beat_hz:.1f} Hz |"
+    cells = page.partition(row)[2].partition("\n")[0].strip(" |").split(" | ")
+    assert [float(cell) for cell in cells] == pytest.approx([predicted[0], found[0], predicted[1], found[1]], abs=1e-4)
 
 
 @closed_loop

@@ -1,15 +1,18 @@
 """The frequency plan against edges, tones and samples counted one by one."""
 
 import math
+import re
+from collections import deque
 
 import numpy as np
 import pytest
-from hypothesis import example, given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from analog_frontend.parts.device import Device
 from fpga_model.design_record import DEFAULT
-from testbench.design import frequency_plan
+from testbench.config import Config
+from testbench.design import drive_loops, frequency_plan
 
 
 def lateness_deg(f_hz, seconds, start=0.0):
@@ -32,6 +35,90 @@ def test_at_an_exact_ratio_edges_stand_still(f_hz, places):
     assert (slow.places, slow.beat_hz) == (places, 0.0)
     seen = [lateness_deg(f_hz, 0.1, s) for s in np.linspace(0, 1, 400)]
     assert np.ptp(seen) == pytest.approx(slow.wander_deg, rel=0.03)
+
+
+PULLED = [  # f (Hz), ticks a second, crossover (Hz), SID's corner (Hz), f/2Q (Hz)
+    (10994.26232, 2e6, 3.0, 48.1, 0.0281),
+    (3910.32144, 1e6, 3.0, 52.4, 0.526),
+    (3936.98333, 1e6, 3.0, 55.1, 0.495),
+    (12499.975, 1e6, 0.6, 11.0, 0.087),
+    (11000.006, 1e6, 3.0, 50.0, 0.05),
+]
+DELAY_S = 3.6 / 8000
+
+
+def dwelling(f_hz, tick_hz, crossover_hz, corner_hz, half_width_hz, seconds):
+    """Lateness (deg, less half a tick) of edges that leave at the next tick, of a frequency that follows them.
+
+    Edge by edge: phase of the resonator, three poles, PI (zero at a fifth of its crossover), delay.
+    """
+    step_s, kp = 0.5 / f_hz, 2 * math.pi * crossover_hz
+    pole, ki = -math.expm1(-2 * math.pi * corner_hz * step_s), kp * 2 * math.pi * crossover_hz / 5 * step_s
+    waiting = deque([0.0] * round(DELAY_S / step_s))
+    at, lead, acc, one, two, three, late = 0.3, 0.0, 0.0, 0.0, 0.0, 0.0, []
+    for _ in range(int(seconds / step_s)):
+        late.append(math.ceil(at) - at - 0.5)
+        one += pole * (lead + late[-1] * f_hz / tick_hz - one)
+        two += pole * (one - two)
+        three += pole * (two - three)
+        acc += ki * three
+        waiting.append(kp * three + acc)
+        off_hz = waiting.popleft()
+        at += tick_hz / (2 * (f_hz + off_hz))
+        lead -= step_s * (off_hz + 2 * math.pi * half_width_hz * lead)
+    return np.array(late) * 360 * f_hz / tick_hz
+
+
+def bounds(f_hz, tick_hz, crossover_hz, corner_hz, half_width_hz, seconds):
+    """`slide_deg` of a frequency word that stands still, and of one that its loop moves."""
+    d = DEFAULT._replace(tick_clocks=round(26e6 / tick_hz), frame_ticks=round(tick_hz / 8000))
+    loop = drive_loops.DriveLoop(crossover_hz, crossover_hz / 5, corner_hz, half_width_hz, d.frame_hz)
+    return frequency_plan.slide_deg(f_hz, seconds, d), frequency_plan.slide_deg(f_hz, seconds, d, loop)
+
+
+def worst_mean(late, weights):
+    """Largest distance from 0 of a weighted mean, wherever it begins."""
+    return float(np.abs(np.convolve(late, weights / weights.sum(), "valid")).max())
+
+
+def hann(n):
+    return np.sin(np.pi * (np.arange(n) + 0.5) / n) ** 2
+
+
+@pytest.mark.parametrize("board", PULLED)
+def test_a_loop_that_follows_its_edges_makes_them_dwell_as_far_as_the_bound_says(board):
+    """Means of 0.3 s, even ones and the phase meter's, are beyond the bound of a word that stands still."""
+    late = dwelling(*board, 12.0)[int(6 * board[0]) :]
+    length = int(0.3 * 2 * board[0])
+    still, moved = bounds(*board, 0.3)
+    assert still < worst_mean(late, np.ones(length)) <= moved
+    assert worst_mean(late, hann(length)) <= moved
+    # the map goes by half periods: two of them, 0.26 ms, turn a beat of 7 Hz by 0.7 deg, and its mean by 1 to 2 %
+    in_the_long_run = float(np.average(late, weights=hann(len(late))))
+    assert abs(in_the_long_run) == pytest.approx(bounds(*board, math.inf)[1], rel=0.02)
+
+
+@settings(max_examples=12)
+@given(
+    st.sampled_from([(12500.0, 40), (11000.0, 500), (15000.0, 100)]),
+    st.floats(-25, 25),
+    st.floats(1, 5),
+    st.floats(0.01, 1),
+)
+@example((12500.0, 40), 0.0, 3.0, 0.5)  # edges lock on the grid
+@example((12500.0, 40), 2.5, 3.0, 0.5)  # they fall to and fro
+def test_no_mean_that_a_loop_makes_is_further_off(ratio, beat_hz, crossover_hz, half_width_hz):
+    exact_hz, p = ratio
+    board = (exact_hz + beat_hz / (2 * p), 1e6, crossover_hz, crossover_hz / 0.06, half_width_hz)
+    late = dwelling(*board, 3.0)[int(2 * board[0]) :]
+    beyond = 180 * board[0] / DEFAULT.tick_hz / (frequency_plan.MOST_PLACES + 1)
+    assert worst_mean(late, np.ones(int(0.3 * 2 * board[0]))) <= bounds(*board, 0.3)[1] + beyond
+
+
+def test_far_from_ratios_no_loop_moves_the_bound():
+    """At 11002 Hz the slowest beat is 364 Hz."""
+    still, moved = bounds(11002.0, 1e6, 3.0, 50.0, 0.05, 0.3)
+    assert still < moved == pytest.approx(still, rel=0.01)
 
 
 def test_near_a_ratio_a_coarse_word_takes_them_there():
@@ -90,6 +177,17 @@ def test_what_the_plan_minds():
     slow = line(frequency_plan.plan(Device(fx_hz=8001.0), 25.0), "1 f")
     assert slow.kept
     assert slow.distance_hz == 1.0
+
+
+def test_the_plan_says_where_the_loop_leaves_the_edges():
+    """The line has the mean beside the wander; a word that stands still leaves none."""
+    loop, near = drive_loops.frequency_loop(Config()), Device(fx_hz=12499.9)
+    assert loop.half_width_hz == pytest.approx(near.fx_hz / (2 * near.qx), rel=0.2)
+    still, moved = (line(frequency_plan.plan(near, 25.0, loop=one), "edges").effect for one in (None, loop))
+    assert still.endswith("about a mean that is 0.000 deg off")
+    off_deg = float(re.search(r"mean that is (\S+) deg", moved)[1])
+    late = dwelling(near.fx_hz, 1e6, 3.0, loop.corner_hz, loop.half_width_hz, 12.0)[6 * 12500 :]
+    assert off_deg == pytest.approx(float(np.average(late, weights=hann(len(late)))), rel=0.02)
 
 
 def test_rates_are_those_of_the_design():
