@@ -48,7 +48,7 @@ budget: $(VENV)/.run ## where the four phase errors come from, in clocks, ns and
 	$(BIN)/gyro budget
 
 test: $(VENV)/.test ## the suite in minutes: every claim of the README once; prints how long kernels and suite took
-	@.ci/timed "kernels compiled" $(BIN)/python -m testbench.run.warmup lanes baseband
+	@.ci/timed "kernels compiled" $(BIN)/python -m tests.warm
 	@.ci/timed "suite" $(PYTEST) -n 2 --dist loadfile --no-loadscope-reorder --benchmark-disable
 
 test-slow: $(VENV)/.test ## what `make test` leaves out: long studies, every simulator, every case; MINUTES=20 for a part

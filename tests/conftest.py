@@ -4,6 +4,7 @@ Hypothesis has no deadline, because the first call of a kernel compiles it. CI d
 (`CI` is set there), so that a red run can be repeated; at a desk each run draws new ones. `make test-all` draws more.
 """
 
+import gc
 import os
 import random
 import signal
@@ -14,11 +15,12 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
-import fpga_model.jit  # noqa: F401  with its compiler, whichever command a test calls first
-
 os.environ.setdefault("MPLBACKEND", "Agg")
-# matrices here are small: threads of the linear algebra cost three times the work that they share
+# matrices here are small: threads of the linear algebra cost three times the work that they share, and more under load;
+# said before NumPy is loaded, which reads it once
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import fpga_model.jit  # noqa: F401  with its compiler, whichever command a test calls first
 
 COMMON = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow, HealthCheck.data_too_large]}
 settings.register_profile("thorough", **COMMON)
@@ -29,15 +31,18 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE") or ("ci" if os.enviro
 # a shell that starts a suite in the background has it ignore Ctrl-C, and the tests that send one would wait for ever
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
-# files of ten seconds and more begin first: no worker ends with one of them while the other has nothing to do
+# files of five seconds and more begin first, in this order: no worker ends with one while the other has nothing to do
 LONG = (
-    *("test_kills.py", "test_benches.py", "test_checkpoint.py", "test_evidence.py", "test_frame.py", "test_top.py"),
-    *("test_loop.py", "test_paper.py", "test_record.py", "test_damaged.py", "test_boards.py", "test_recompute.py"),
-    *("test_baseband.py", "test_linkage.py", "test_designs.py", "test_streams.py", "test_kill.py", "test_blocks.py"),
-    *("test_residuals.py", "test_stimulus.py", "test_ranges.py"),
+    *("test_benches.py", "test_top.py", "test_designs.py", "test_loop.py", "test_residuals.py", "test_boards.py"),
+    *("test_recompute.py", "test_checkpoint.py", "test_damaged.py", "test_kills.py", "test_frame.py", "test_paper.py"),
+    *("test_baseband.py", "test_streams.py", "test_fuzz.py", "test_linkage.py", "test_rtl_top.py", "test_record.py"),
+    *("test_evidence.py", "test_blocks.py", "test_stimulus.py", "test_ranges.py", "test_engine.py", "test_kill.py"),
 )
+PLACE = {name: place for place, name in enumerate(LONG)}
 
 BEGAN = time.monotonic()
+# modules and tests stay until the end: the collector need not look at them, neither while they are made nor later
+gc.disable()
 
 
 def pytest_addoption(parser):
@@ -47,12 +52,17 @@ def pytest_addoption(parser):
 def pytest_collection_modifyitems(config, items):
     """Long files first; under a limit of time another commit tests others first, so that none is left out for ever."""
     if config.option.minutes is None:
-        items.sort(key=lambda item: item.path.name not in LONG)
+        items.sort(key=lambda item: PLACE.get(item.path.name, len(LONG)))
         return
     head = subprocess.run(["git", "rev-parse", "HEAD"], cwd=Path(__file__).parent, capture_output=True, text=True)
     draw = random.Random(head.stdout)
     place = {path: draw.random() for path in sorted({item.path for item in items})}
     items.sort(key=lambda item: place[item.path])
+
+
+def pytest_collection_finish():
+    gc.freeze()
+    gc.enable()
 
 
 def pytest_runtest_setup(item):

@@ -19,7 +19,8 @@ from typing import NamedTuple
 from tests.processes import difference, ended, killed_after, run_to_end, start, tree_of, wrong_end
 
 OUT = "same"
-TO_LOCK = ("run", "--seconds", "0.01", "--set", "scenario.diagnose=false", "--out", "locked")
+NO_PICTURES = ("--set", "output.pictures=false", "--set", "output.html=false")
+TO_LOCK = ("run", "--seconds", "0.01", "--set", "scenario.diagnose=false", *NO_PICTURES, "--out", "locked")
 # checkpoints, a write, a fault and a diagnosis: every phase of a run
 SETS = ("output.checkpoint_s=0.05", 'scenario.register_writes=[[0.2, "phase_drive_sine", 29300000000]]',
         'scenario.faults=[[0.1, "adc_stuck", "sense_cos", 5, 0.001]]')  # fmt: skip

@@ -166,6 +166,21 @@ def test_a_room_can_be_seen_at_once():
             assert len(files) <= MOST_FILES or name in CATALOGUES, (name, len(files))
 
 
+def test_the_table_of_rooms_is_that_of_the_tree():
+    """A row for every folder with sources; a room of testbench imports from rooms above it."""
+    listed = re.findall(r"^\| `(testbench/[\w/]+)` \|", (ROOT / "docs" / "architecture.md").read_text(), re.M)
+    there = {
+        p.parent.relative_to(ROOT).as_posix() for p in (ROOT / "testbench").rglob("*") if p.suffix in (".py", ".v")
+    }
+    assert sorted(listed) == sorted(there - {"testbench"})
+    order = [name for name in listed if name.count("/") == 1]
+    for room, others in rooms().items():
+        name = "/".join(room.relative_to(ROOT).parts[:2])
+        if name in order:
+            own = {"/".join(other.relative_to(ROOT).parts[:2]) for other in others} & set(order)
+            assert own <= set(order[: order.index(name) + 1]), (room, own)
+
+
 NAMEDTUPLE = {"_replace", "_asdict", "_fields", "_field_defaults", "_make"}
 
 

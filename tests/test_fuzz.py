@@ -8,7 +8,7 @@ from testbench.errors import FileError
 from tests.fuzz import __main__ as fuzz
 from tests.fuzz import commands, corpus, kinds, worker
 
-COUNT = 6
+COUNT = 3
 FIRST = 100
 DUMPS = (".vcd", ".fst", ".ghw")
 

@@ -47,7 +47,7 @@ def test_a_home_that_cannot_be_written_is_none(tmp_path):
     assert found[0] == str(private(tmp_path))
 
 
-@pytest.mark.parametrize("kind", ["open", "link", "file"])
+@pytest.mark.parametrize("kind", ["open", *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("link", "file"))])
 def test_a_folder_that_others_may_have_made_is_not_used(tmp_path, kind):
     place = private(tmp_path)
     if kind == "open":

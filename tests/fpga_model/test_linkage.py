@@ -77,6 +77,7 @@ def test_a_cache_that_is_removed_meanwhile_is_made_anew(tree):
     assert list((tree / "cache").rglob("high.answer-*.nbc"))
 
 
+@pytest.mark.slow
 def test_two_copies_of_the_same_sources_do_not_disturb_each_other_in_one_cache(tree, tmp_path):
     """The list of what a caller links to is that of its own copy: symbols of the other one are not there."""
     copy = tmp_path / "copy"
@@ -104,6 +105,7 @@ def test_a_caller_from_the_cache_finds_what_it_calls_and_compiles_what_is_gone(t
     assert said(tree) == ["22", "0"]
 
 
+@pytest.mark.slow
 def test_other_arguments_leave_what_is_in_the_cache(tree):
     said(tree)
     assert said(tree, ANSWER.replace("answer(2)", "answer(2.0)")) == ["22.0", "0"]

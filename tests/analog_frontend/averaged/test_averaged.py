@@ -136,6 +136,7 @@ def _one_by_one(p, state, number, frames, out):
 
 
 @pytest.mark.parametrize("silent", ["", "white", "flicker"])
+@pytest.mark.slow
 def test_the_converter_has_the_samples_and_flicker_states_of_the_other_engines(params, silent):
     p, batch = params.plant.adc, averaged_noise.BATCH
     if silent:
@@ -291,6 +292,7 @@ def moving(params, setup):
     return now, m, cos, sin
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("rate", "volts_squared", "temp", "bound"),
     [(3.0, 20.0, 25.3, 1e-8), (0.5, 18.0, 25.3, 1e-8), (0.5, 20.0, 25.3 + 3e-4, 1e-11), (1.0, 19.0, 25.31, 1e-9)],

@@ -90,7 +90,7 @@ class Case:
         return ticks, time - ticks * self.numbers["tick"]
 
 
-CASES = ("default", "random 1", pytest.param("random 2", marks=pytest.mark.slow))
+CASES = ("random 1", *(pytest.param(name, marks=pytest.mark.slow) for name in ("default", "random 2")))
 
 
 @pytest.fixture(scope="module", params=CASES)

@@ -80,6 +80,7 @@ def test_twenty_seconds_of_the_frame_engine_equal_the_rtl(tmp_path):
     checked(codes, joined(parts), 200 * TICKS)
 
 
+@pytest.mark.slow
 @needs("g++", "iverilog")
 def test_a_constant_that_is_one_off_would_be_seen(exported, tmp_path):
     for path in exported.folder.glob("*.*"):

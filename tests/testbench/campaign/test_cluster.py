@@ -74,6 +74,7 @@ except cluster.ClusterError:
 """
 
 
+@pytest.mark.slow
 def test_connecting_gives_up_in_time():
     """In a process of its own: a Dask client that finds nobody leaves a thread behind."""
     command = [sys.executable, "-c", UNREACHABLE.format(closed_port())]

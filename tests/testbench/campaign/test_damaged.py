@@ -173,7 +173,7 @@ def claim(store):
     return path
 
 
-@pytest.mark.parametrize("damage", DAMAGES)
+@pytest.mark.parametrize("damage", some(DAMAGES, "empty", "half", "no_text", "fifo", "folder", "dangling", "endless"))
 def test_a_point(sound, store, tmp_path, damage):
     address = store.addresses()[1]
     DAMAGES[damage](store.point(address))
@@ -185,13 +185,13 @@ def test_a_point(sound, store, tmp_path, damage):
     assert len(list((store.path / "rejected").iterdir())) == 1, "what was there is kept"
 
 
-@pytest.mark.parametrize("damage", DAMAGES)
+@pytest.mark.parametrize("damage", some(DAMAGES, "half", "null", "other_types", "nan", "deep", "fifo", "folder"))
 def test_store_json(sound, store, tmp_path, damage):
     DAMAGES[damage](store.path / "store.json")
     proved(sound, store, tmp_path, refused=True)
 
 
-@pytest.mark.parametrize("damage", some(DAMAGES, "half", "list", "null", "huge_integer", "fifo", "folder"))
+@pytest.mark.parametrize("damage", some(DAMAGES, "half", "huge_integer", "fifo", "folder"))
 def test_a_plan(sound, store, tmp_path, damage):
     path = store.path / "plans" / "tiny.json"
     DAMAGES[damage](path)
@@ -206,7 +206,7 @@ def test_a_plan(sound, store, tmp_path, damage):
     proved(sound, store, tmp_path)
 
 
-@pytest.mark.parametrize("damage", some(DAMAGES, "half", "list", "other_types", "deep", "fifo", "folder"))
+@pytest.mark.parametrize("damage", some(DAMAGES, "half", "other_types", "deep", "fifo", "folder"))
 def test_a_journal(sound, store, tmp_path, damage):
     DAMAGES[damage](first("journal/*.jsonl")(store))
     proved(sound, store, tmp_path)
@@ -327,7 +327,10 @@ HOSTILE = {
 }
 
 
-@pytest.mark.parametrize("what", HOSTILE)
+SEEN = ("edited", "another_schema", "group", "external_link", "dangling_link", "huge", "packed", "no_dimension")
+
+
+@pytest.mark.parametrize("what", some(HOSTILE, *SEEN))
 @pytest.mark.parametrize("journal", some([True, False], False))
 def test_a_point_that_was_sealed_again(sound, store, tmp_path, what, journal):
     """The journal alone can tell a number that was edited; everything else the point itself tells."""

@@ -20,7 +20,6 @@ from testbench import config, flatten
 from testbench.config import Config
 from testbench.engines import engine
 from testbench.run import budget, build, simulate, summary, tables
-from tests.test_architecture import rooms
 
 ROOT = Path(__file__).resolve().parents[3]
 sys.path.append(str(ROOT / "docs"))
@@ -134,21 +133,6 @@ def test_files_that_are_named_exist():
             assert (ROOT / name).exists(), (path.name, name)
         for name in re.findall(r"`(test_\w+\.py)`", text):
             assert name in tests, (path.name, name)
-
-
-def test_the_table_of_rooms_is_that_of_the_tree():
-    """A row for every folder with sources; a room of testbench imports from rooms above it."""
-    listed = re.findall(r"^\| `(testbench/[\w/]+)` \|", (ROOT / "docs" / "architecture.md").read_text(), re.M)
-    there = {
-        p.parent.relative_to(ROOT).as_posix() for p in (ROOT / "testbench").rglob("*") if p.suffix in (".py", ".v")
-    }
-    assert sorted(listed) == sorted(there - {"testbench"})
-    order = [name for name in listed if name.count("/") == 1]
-    for room, others in rooms().items():
-        name = "/".join(room.relative_to(ROOT).parts[:2])
-        if name in order:
-            own = {"/".join(other.relative_to(ROOT).parts[:2]) for other in others} & set(order)
-            assert own <= set(order[: order.index(name) + 1]), (room, own)
 
 
 def test_every_page_is_in_the_index():

@@ -166,7 +166,7 @@ CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shuti
 
 
 @pytest.mark.skipif(not CHROMIUM, reason="no Chromium: the report was not looked at in a browser")
-@pytest.mark.parametrize("dark", [False, True])
+@pytest.mark.parametrize("dark", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_a_real_browser_shows_the_report(tmp_path, figures, dark):
     tables = [Table("Numbers", ("name", "value"), [("a", "1.5")])]
     path = report.write_html(tmp_path / "run.html", "A run", tables, [("a step", figures["rate_step"])])

@@ -77,6 +77,7 @@ print(fingerprint(sim.state))
 """
 
 
+@pytest.mark.slow  # firmware, plant and rounding one by one: test_jit_equals_python_*.py, test_portable.py
 def test_jitted_equals_interpreted(locked_file):
     ticks = 160  # a whole frame: ADC read, loops, sequencer
     sim = resumed(locked_file)
@@ -92,6 +93,7 @@ def one_edge(p, s, i):
     return fpga.step(p, ROM, s, i)
 
 
+@pytest.mark.slow  # one edge of the whole firmware is compiled for it; tests/testbench/storage/test_vcd.py has windows
 def test_a_trace_is_the_registers_before_each_edge(locked_file):
     """Each row, stepped once with the pins that it shows, is the next row."""
     sim = resumed(locked_file)

@@ -140,7 +140,7 @@ def test_random_configurations(locked, seed):
     pair.advance(2000, rng.uniform(-5, 5, 17))
 
 
-@pytest.mark.parametrize("board", ["analog_sid", "digital_sid"])
+@pytest.mark.parametrize("board", rarely(["analog_sid", "digital_sid"], 1))
 def test_power_on_and_start_up(board):
     """From reset through power-up, DAC initialisation, kick, search, retune and acquisition; chunks of all lengths."""
     rng = np.random.default_rng(7)
@@ -174,8 +174,15 @@ FAULTS = {
 }
 
 
-@pytest.mark.parametrize("board", ["analog_sid", "digital_sid"])
-@pytest.mark.parametrize("name", FAULTS)
+def on_boards():
+    """Each fault on each board; slow where it acts as on the other one, or not at all."""
+    for name, fault in FAULTS.items():
+        for board in ("analog_sid", "digital_sid"):
+            chosen = name == "silent" or (board == "digital_sid") == any(fault.sample)
+            yield pytest.param(name, board, marks=() if chosen else pytest.mark.slow)
+
+
+@pytest.mark.parametrize(("name", "board"), list(on_boards()))
 def test_faults(locked, name, board):
     """Each fault while it lasts, and what follows: silence restarts the window from the watchdog, then from both."""
     params = build.params(configured(firmware__board=board), 25.0, 25.0)

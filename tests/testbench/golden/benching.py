@@ -25,6 +25,22 @@ NEEDS = {
 }
 
 
+# Blocks that count frames have long vectors, whose proofs take seconds: the fast set runs them in the whole design
+COUNTING = {"fault_monitor", "frequency_tracker", "lock_monitor", "sequencer"}
+
+
+def but_counting(which):
+    """Blocks, or (block, case), as parameters; slow if the block counts frames."""
+    rows = [(one,) if isinstance(one, str) else one for one in which]
+    return [pytest.param(*row, marks=[pytest.mark.slow] * (row[0] in COUNTING)) for row in rows]
+
+
+def one_case(cases):
+    """(block, case) as parameters, slow but for the first case of each block."""
+    first = dict(reversed(cases))
+    return [pytest.param(*row, marks=[pytest.mark.slow] * (first[row[0]] != row[1])) for row in cases]
+
+
 @functools.cache
 def made(stem, case):
     """`stimulus.make`, once for all tests of a process: nobody writes into the rows."""

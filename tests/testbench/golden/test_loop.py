@@ -211,6 +211,7 @@ def test_the_difference_says_what_stood_before():
     assert found.to_dict()["differs"][0] == {"register": "dds.drive_sine", "expected": 9, "got": -9}
 
 
+@pytest.mark.slow
 def test_after_reset_the_design_holds_the_reset_values(quick):
     with library.Design(quick[2]) as design:
         values = design.read()

@@ -11,7 +11,7 @@ from testbench.golden.bundles import bundle
 from testbench.golden.stimulus.blocks import BLOCKS
 from tests.testbench.golden.benching import RTL, check, need, seed
 
-CHOSEN = ("dds", "sine", "pi", "sequencer")
+CHOSEN = ("dds", "sine", "pi")
 OLD_VERILATOR = "Verilator 5.006 "
 
 

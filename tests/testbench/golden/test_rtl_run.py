@@ -160,8 +160,8 @@ def test_verilator_says_it_in_the_same_words(out, tmp_path, change, sim, said):
 def test_a_design_that_hangs_is_killed(out, tmp_path):
     installed("icarus")
     begun = time.monotonic()
-    with pytest.raises(FileError, match=r"vvp: stopped after 2 s: the design hangs or is slow"):
-        rtl_run.check(out / "pi" / "rate", design(tmp_path, "pi", "v", ("endmodule", HANG)), "icarus", timeout_s=2.0)
+    with pytest.raises(FileError, match=r"vvp: stopped after 1 s: the design hangs or is slow"):
+        rtl_run.check(out / "pi" / "rate", design(tmp_path, "pi", "v", ("endmodule", HANG)), "icarus", timeout_s=1.0)
     assert time.monotonic() - begun < 20
 
 

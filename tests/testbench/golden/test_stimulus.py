@@ -13,7 +13,7 @@ from fpga_model import fault_monitor, modulator, notch, rates, sequencer, sine, 
 from fpga_model.fixed import Fmt, bits
 from testbench.golden.coverage import unreachable
 from testbench.golden.stimulus import blocks, stimulus
-from tests.testbench.golden.benching import made
+from tests.testbench.golden.benching import but_counting, made, one_case
 
 CASES = [(stem, case) for stem, block in blocks.BLOCKS.items() for case in block.cases]
 LONGEST = 22_000
@@ -69,13 +69,11 @@ def test_corners_hold_the_ends():
         assert all(fmt.holds(v) for v in found)
 
 
-# the lock monitor counts frames to 65 535: its quick case says the same in CI
-LONG = {("lock_monitor", "default")}
+# both monitors count frames to 65 535 by default: their quick cases say the same in CI
+LONG = {("lock_monitor", "default"), ("fault_monitor", "default")}
 
 
-@pytest.mark.parametrize(
-    ("stem", "case"), [pytest.param(*c, marks=pytest.mark.slow) if tuple(c) in LONG else c for c in CASES]
-)
+@pytest.mark.parametrize(("stem", "case"), one_case(sorted(CASES, key=LONG.__contains__)))
 def test_families_follow_one_another_and_repeat_exactly(stem, case):
     block = blocks.BLOCKS[stem]
     rows, families = made(stem, case)
@@ -355,7 +353,7 @@ def test_counters_wrap_or_saturate():
     assert int(np.bitwise_or.reduce(regs["locked"])) == 15
 
 
-@pytest.mark.parametrize("stem", blocks.BLOCKS)
+@pytest.mark.parametrize("stem", but_counting(blocks.BLOCKS))
 def test_every_bit_of_every_register_rises_and_falls_in_some_case(stem):
     """But those that are proved not to, and the upper bits of the counters of 65535 frames."""
     block, rose, fell = blocks.BLOCKS[stem], {}, {}

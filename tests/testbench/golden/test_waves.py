@@ -289,10 +289,11 @@ CASES = {
     "no rounding": ("pi", "odd", "62'sd8388608", "62'sd0", "rounding"),
     "half down": ("pi", "rate", "62'sd8388608", "62'sd8388607", "rounding"),
 }
+FAST = ("offset subtracted", "limit", "no rounding")
 
 
 @needs("iverilog")
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", [n if n in FAST else pytest.param(n, marks=pytest.mark.slow) for n in CASES])
 def test_a_fault_in_real_rtl_is_named(bundles, tmp_path, name):
     block, case, old, new, cause = CASES[name]
     registers = REGISTERS if block == "dds" else ("prop", "acc", "y")
@@ -302,7 +303,7 @@ def test_a_fault_in_real_rtl_is_named(bundles, tmp_path, name):
 
 
 @needs("ghdl")
-@pytest.mark.parametrize("kind", ["vcd", "fst", "ghw"])
+@pytest.mark.parametrize("kind", [pytest.param("vcd", marks=pytest.mark.slow), "fst", "ghw"])
 def test_a_dump_of_ghdl_passes(bundles, tmp_path, kind):
     """With one map: GHDL leaves the top out of the paths of an FST, and only there."""
     if kind == "fst":

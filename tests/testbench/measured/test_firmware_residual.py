@@ -142,6 +142,7 @@ def words(middle, tmp_path_factory):
     return dict(np.load(folder / "out.npz"))
 
 
+@pytest.mark.slow
 def test_interpreted_and_compiled_firmware_agree(middle, words):
     assert firmware_residual.residual(worded(middle, words["none"])).first is None
 

@@ -121,13 +121,10 @@ def test_the_averaged_plant_moves_as_the_exact_one_does(whole_bank, whole_blank)
         assert noise < 2.0, name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("fixture", "law"),
-    [
-        ("bank", "damping_cubic"),
-        pytest.param("whole_bank", "damping_coupling", marks=pytest.mark.slow),
-        pytest.param("whole_bank", "pickoff_drift", marks=pytest.mark.slow),
-    ],
+    [("bank", "damping_cubic"), ("whole_bank", "damping_coupling"), ("whole_bank", "pickoff_drift")],
 )
 def test_the_way_from_an_anchor_bounds_what_the_engine_differs_by(request, fixture, law):
     """The certificate takes a whole way for an error: the exact engine at its end finds a fifth of it and less."""
@@ -230,6 +227,7 @@ def test_laws_of_one_first_harmonic_are_one_law(blank):
     assert abs(a @ b) > SAME * np.linalg.norm(a) * np.linalg.norm(b)
 
 
+@pytest.mark.slow
 def test_whitened_noise_is_white(bank, blank):
     """Power-ons of the exact engine, with frequencies and phases of their own, have one sigma per feature."""
     c, rng = bank.conditions[1], np.random.default_rng(9)

@@ -164,11 +164,11 @@ def test_the_true_model_leaves_the_noise(bench, kind):
     ("kind", "values", "seen"),
     [
         ("R1", {"plant.fx_hz": 11002.3005}, "adc_xI"),
-        ("R1", {"plant.qx": 200200.0}, "adc_xQ"),
+        pytest.param("R1", {"plant.qx": 200200.0}, "adc_xQ", marks=pytest.mark.slow),
         ("R1", {"plant.kxy_n_per_m": 0.0562}, "adc_yQ"),
         ("R2", {"plant.fx_hz": 11002.3015}, "f_word"),
-        ("R2", {"plant.qx": 200200.0}, "amplitude"),
-        ("R2", {"plant.kxy_n_per_m": 0.0562}, "v_q2"),
+        pytest.param("R2", {"plant.qx": 200200.0}, "amplitude", marks=pytest.mark.slow),
+        pytest.param("R2", {"plant.kxy_n_per_m": 0.0562}, "v_q2", marks=pytest.mark.slow),
         ("R2", {"plant.k_vf_sense_n_per_v": 1.001}, "force"),
     ],
 )

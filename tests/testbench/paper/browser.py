@@ -49,9 +49,6 @@ def parsed(source):
 def seen(path, folder):
     """(`Text` of the page as the browser has it, path of a screenshot)."""
     common = [BROWSER, "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={folder}/profile"]
-    dom = subprocess.run([*common, "--dump-dom", path.as_uri()], capture_output=True, text=True, timeout=120).stdout
     picture = folder / "page.png"
-    subprocess.run(
-        [*common, f"--screenshot={picture}", "--window-size=1300,6000", path.as_uri()], capture_output=True, timeout=120
-    )
-    return parsed(dom), picture
+    command = [*common, "--dump-dom", f"--screenshot={picture}", "--window-size=1300,6000", path.as_uri()]
+    return parsed(subprocess.run(command, capture_output=True, text=True, timeout=120).stdout), picture

@@ -234,7 +234,8 @@ def test_a_board_without_this_analysis_is_one_line(capsys):
     assert err.count("\n") == 1
 
 
-@pytest.mark.parametrize("stable", [pytest.param(True, marks=pytest.mark.slow), False])
+@pytest.mark.slow
+@pytest.mark.parametrize("stable", [True, False])
 def test_the_page_is_written_whole(tmp_path, stable):
     config = CONFIG if stable else changed(CONFIG, {"plant.sid_c_f": 25e-9})
     path = loop_page.write(

@@ -438,7 +438,10 @@ PLANTED = [
 
 @icarus
 @ghdl
-@pytest.mark.parametrize(("name", "k", "right", "wrong"), PLANTED)
+@pytest.mark.parametrize(
+    ("name", "k", "right", "wrong"),
+    [pytest.param(*fault, marks=pytest.mark.slow) if n % 3 else fault for n, fault in enumerate(PLANTED)],
+)
 def test_a_planted_fault_is_seen(name, k, right, wrong, tmp_path):
     stem, language = name.split(".")
     text = (RTL / name).read_text()
@@ -557,6 +560,7 @@ def test_ghdl_has_no_warning(stem, tmp_path):
 
 
 @yosys
+@pytest.mark.slow  # the whole design is synthesised in tests/testbench/golden/test_synthesis.py
 @pytest.mark.parametrize("stem", VERILOG)
 def test_yosys_synthesises_without_latches(stem, tmp_path):
     block = BLOCKS[stem]

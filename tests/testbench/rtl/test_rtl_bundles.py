@@ -58,6 +58,7 @@ def test_verilator_has_no_warning(stem, case, tmp_path):
 
 
 @yosys
+@pytest.mark.slow  # the whole design is synthesised in tests/testbench/golden/test_synthesis.py
 @pytest.mark.parametrize(("stem", "case"), CASES)
 def test_yosys_synthesises_without_latches(stem, case, tmp_path):
     block = blocks.BLOCKS[stem]

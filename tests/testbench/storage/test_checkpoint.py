@@ -2,6 +2,7 @@
 
 import json
 import os
+import pickle
 import re
 import shutil
 import signal
@@ -18,7 +19,7 @@ import pytest
 from testbench import config
 from testbench.commands import main as cli
 from testbench.errors import ConfigError, FileError
-from testbench.run import simulate
+from testbench.run import outputs, simulate
 from testbench.storage import checkpoint, files, identity, record_read, state_file
 from tests.testbench.bench_setup import configured
 from tests.testbench.command import gyro
@@ -70,6 +71,21 @@ cli.main(sys.argv[3:])
 """
 
 
+def numbers_drawn(result, folder):
+    """Instead of pictures, which take longer than the runs, files with what they would show."""
+    paths = [(name, folder / f"{name}.png") for name in result.plots]
+    for name, path in paths:
+        path.write_bytes(pickle.dumps(result.plots[name]))
+    return paths
+
+
+@pytest.fixture(scope="module", autouse=True)
+def undrawn():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(outputs, "_pictures", numbers_drawn)
+        yield
+
+
 @pytest.fixture(scope="module")
 def locked(tmp_path_factory):
     """(state file, tick) of a gyroscope that has just locked."""
@@ -93,6 +109,11 @@ def command(locked, *more):
     )
     sets = [part for text in settings for part in ("--set", text)]
     return ["run", "--resume", str(state), "--seconds", "0.5", "--vcd", f"{tick + 30_000}:12", *sets, *more]
+
+
+def short(locked, *more):
+    """A run of 10 ms."""
+    return ["run", "--resume", str(locked[0]), "--seconds", "0.01", "--set", "scenario.diagnose=false", *more]
 
 
 def done(folder, argv, *prefix):
@@ -244,7 +265,7 @@ def test_a_damaged_checkpoint_is_refused(capsys, interrupted, tmp_path):
 def test_a_new_run_in_the_folder_of_an_unfinished_one_is_refused_unless_told(locked, interrupted, tmp_path, capsys):
     shutil.copytree(interrupted, tmp_path / "out")
     kept = contents(tmp_path / "out")
-    argv = ["run", "--resume", str(locked[0]), "--seconds", "0.01", "--set", "scenario.diagnose=false", "--out", "out"]
+    argv = short(locked, "--out", "out")
     got = gyro(*argv, folder=tmp_path)
     assert (got.returncode, got.stdout) == (2, "")
     assert got.stderr == "gyro: out: holds an unfinished run; --resume-run out continues it, --discard starts anew\n"
@@ -351,13 +372,13 @@ def test_what_another_version_saved_is_continued_only_if_told_and_the_record_say
     mine = identity.identity()
     monkeypatch.setattr(identity, "identity", lambda: mine | {"code": "f" * 64, "numpy": "9.9"})
     shutil.copytree(interrupted, tmp_path / "out")
-    short = ["run", "--resume", str(locked[0]), "--seconds", "0.01", "--set", "scenario.diagnose=false", "--out", "two"]
-    for argv in (["run", "--resume-run", "out"], short):
+    new = short(locked, "--out", "two")
+    for argv in (["run", "--resume-run", "out"], new):
         got = gyro(*argv, folder=tmp_path)
         assert got.returncode == 2
         said = f"was saved by code {mine['code'][:12]}, numpy {mine['numpy']}, this is code {'f' * 12}, numpy 9.9; "
         assert said + "--across-versions continues all the same" in got.stderr
-    for argv, folder in ((["run", "--resume-run", "out"], "out"), (short, "two")):
+    for argv, folder in ((["run", "--resume-run", "out"], "out"), (new, "two")):
         run_here(tmp_path, [*argv, "--across-versions"])
         record = record_read.read_record(tmp_path / folder / "run.h5")
         assert json.loads(record.attrs["continues"]) == [mine]
@@ -365,9 +386,8 @@ def test_what_another_version_saved_is_continued_only_if_told_and_the_record_say
 
 
 def test_content_does_not_depend_on_where_the_output_lies(locked, tmp_path):
-    short = ["run", "--resume", str(locked[0]), "--seconds", "0.01", "--set", "scenario.diagnose=false"]
     for folder in ("one", "two/deeper"):
-        run_here(tmp_path, [*short, "--out", folder])
+        run_here(tmp_path, short(locked, "--out", folder))
     one, two = (record_read.read_record(tmp_path / folder / "run.h5") for folder in ("one", "two/deeper"))
     assert one.content_sha256 == two.content_sha256
     layout = simulate.Simulation(configured(), 25.0, 25.0).layout()

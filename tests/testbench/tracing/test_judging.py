@@ -211,6 +211,7 @@ def test_input_estimates_of_the_problem_are_used():
     assert asked
 
 
+@pytest.mark.slow
 def test_the_page_is_whole_and_needs_nothing_else():
     tracer = Tracer(Toy(5, {"feed": 0.2}), Options(n_null=299), None, None)
     result = tracer.run()

@@ -79,6 +79,7 @@ def test_a_finished_trace_asks_the_problem_nothing_and_a_damaged_file_is_compute
     assert trace(problem(), OPTIONS, checkpoint=tmp_path).text() == whole
 
 
+@pytest.mark.slow
 def test_other_data_do_not_find_this_ones_predictions(tmp_path):
     trace(problem(), OPTIONS, checkpoint=tmp_path)
     other = Toy(6, {"feed": 0.2, "duffing": 0.08})
@@ -133,6 +134,7 @@ def test_a_failure_is_remembered_too(tmp_path):
     assert Predictor(toy, Store(tmp_path))([(toy.theta, {})], (0,)) == [Failed("stuck")]
 
 
+@pytest.mark.slow
 def test_work_of_other_sources_is_computed_again(tmp_path, monkeypatch):
     whole = trace(problem(), OPTIONS, checkpoint=tmp_path).text()
     monkeypatch.setattr(checkpoint, "code_sha256", lambda: "0" * 64)

@@ -69,6 +69,7 @@ def test_a_planted_law_is_found_under_any_file_name(tmp_path, law, c):
     assert all(r["after"] < 0.5 * r["before"] for r in row.values())
 
 
+@pytest.mark.slow
 def test_nothing_is_found_where_nothing_is(tmp_path):
     """Six recordings of a linear mode: none has an effect."""
     for seed in range(6):

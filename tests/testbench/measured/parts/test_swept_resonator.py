@@ -39,12 +39,13 @@ def sweeps(folder, names, seed, **law):
     return out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("law", "name", "value"),
     [
         ({"points_per_s": 800.0}, "sweep_rate", 800.0),
-        pytest.param({"stiff": 30.0}, "duffing", 30.0, marks=pytest.mark.slow),
-        pytest.param({"damp": 200.0}, "damping_cubic", 200.0, marks=pytest.mark.slow),
+        ({"stiff": 30.0}, "duffing", 30.0),
+        ({"damp": 200.0}, "damping_cubic", 200.0),
     ],
 )
 def test_a_planted_law_is_found_under_any_file_name(tmp_path, law, name, value):

@@ -39,6 +39,7 @@ def same(paths, options, where, name):
     return first
 
 
+@pytest.mark.slow
 def test_a_ring_down(tmp_path):
     rng, t, paths = np.random.default_rng(3), np.linspace(0.0, 40.0, 240), []
     for k, level in enumerate((1.0, 0.7)):
