@@ -128,6 +128,25 @@ def leaves(record, path=""):
         yield from leaves(item, f"{path}.{name}" if path else name)
 
 
+def later(shape, path=""):
+    """{dotted name: default} of the parameters of a shape of formats that have a default: those that came later."""
+    found = {}
+    for name, item in _items(shape):
+        place = f"{path}.{name}" if path else name
+        if isinstance(item, Fmt):
+            own = getattr(type(shape), "_field_defaults", NOTHING)
+            found |= {place: own[name]} if name in own else {}
+        elif item:
+            found |= later(item, place)
+    return found
+
+
+def told(params, shape):
+    """(dotted name, value, format) of parameters, without those that came later and have their default."""
+    formats_of, defaults = dict(leaves(shape)), later(shape)
+    return [(name, int(v), formats_of[name]) for name, v in leaves(params) if defaults.get(name) != v]
+
+
 def filled(shape, take):
     """The shape with `take(leaf)` at each leaf, depth first; a list becomes a tuple, None and a design stay."""
     if shape is None or isinstance(shape, Design):

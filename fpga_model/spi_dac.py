@@ -1,21 +1,25 @@
-"""SPI master for the three DACs: one bit per 26 MHz clock, and the pin edge at which the code takes effect.
+"""SPI master for the three DACs: one bit per `gap` + 1 clocks, and the pin edge at which the code takes effect.
 
-    load:      shift = word, left = bits, SYNC low; SCLK runs after `lead` clocks
-    SCLK on:   shift <<= 1, left -= 1 each clock; after the last bit SYNC rises and SCLK stops
-    ldac = 1:  LDAC is low for one clock, one clock after SYNC has risen
+    load:        shift = word, left = bits, SYNC low; the first bit comes after `lead` clocks
+    bit:         SCLK for one clock, shift <<= 1, left -= 1, then `gap` clocks without; after the last SYNC rises
+    ldac = 1:    LDAC is low for one clock, one clock after SYNC has risen
+    strobe = 1:  LDAC is low for one clock, the first after a load, and puts out the code of the load before
 
     clock     0     1     2    ...  bits-1  bits  bits+1  bits+2     (lead 0, ldac 1; clock 0 follows the load edge)
     SYNC_N  __low_____________________________|-high--------------
     SDIN     MSB   ...               LSB
     LDAC_N  ----------------------------------------|_low__|------
 
-Formats   word, shift, header, control [0,24,0]   flip, data_mask [0,20,0]   left [0,5,0]   lead [0,2,0]   pins [0,1,0]
-Latency   `latch_cycles`: lead + bits + ldac clocks from the load edge to the edge that changes the output
+Formats   word, shift, header, control [0,24,0]   flip, data_mask [0,20,0]   left [0,5,0]   tail [0,4,0]
+          lead, gap [0,2,0]   pins, ldac, strobe [0,1,0]
+Latency   `latch_cycles`: lead + bits (gap + 1) + ldac clocks from the load edge to the edge that changes the output;
+          with strobe those to the next load
 Rounding  none
 Overflow  none: the period between loads must be at least `period_cycles`; a load restarts a frame in progress
 Source    docs/blocks/spi_dac.md, docs/parts/dac_serial.md
 
-SCLK is the 26 MHz clock gated by sclk_en, so the DAC samples SDIN in the middle of the clock; SDIN is the MSB of shift.
+SCLK is the clock gated by sclk_en, so the DAC samples SDIN in the middle of the clock; SDIN is the MSB of shift. Its
+rate is that of the clock over gap + 1. The register lead counts the clocks before the first bit and between bits.
 The code is signed for the drive and sense DACs and unsigned for the quadrature DAC.
 """
 
@@ -30,7 +34,10 @@ WORD = bits(24)
 
 
 class Params(NamedTuple):
-    """One DAC's frame; use DAC8811, AD5791 or DAC82002."""
+    """One DAC's frame; use DAC8811, AD5791 or DAC82002.
+
+    The code stands `tail` bits above the frame's end. What has a default came later: lists leave it out at its default.
+    """
 
     bits: bits(5)
     lead: bits(2)
@@ -39,6 +46,9 @@ class Params(NamedTuple):
     header: WORD
     control: WORD
     data_mask: bits(20)
+    tail: bits(4) = 0
+    gap: bits(2) = 0
+    strobe: bits(1) = 0
 
 
 class State(NamedTuple):
@@ -74,11 +84,15 @@ AD5791 = Params(
 )
 DAC82002 = Params(bits=24, lead=0, ldac=0, flip=0, header=DAC82002_DAC_A << 16, control=0, data_mask=0xFFFF)
 
+# No parts: two and three clocks to a bit, the code within command and tail
+DIVIDED = Params(bits=10, lead=3, ldac=1, flip=0, header=0x280, control=0, data_mask=0x7F, gap=1)
+STROBED = Params(bits=8, lead=0, ldac=0, flip=0x10, header=0x80, control=0, data_mask=0x1F, tail=1, gap=2, strobe=1)
+
 
 @inlined
 def frame(p, code, init):
     """The word of a frame: the control word if `init` (and the part has one), else header and code."""
-    word = p.header | ((code ^ p.flip) & p.data_mask)
+    word = p.header | (((code ^ p.flip) & p.data_mask) << p.tail)
     if init == 1 and p.control != 0:
         word = p.control
     return word
@@ -94,7 +108,7 @@ def step(p, s, load, word):
             lead=p.lead,
             sync_n=0,
             sclk_en=1 if p.lead == 0 else 0,
-            ldac_n=1,
+            ldac_n=p.strobe ^ 1,
             ldac_wait=0,
         )
     shift, left, lead, sync_n, sclk_en = s.shift, s.left, s.lead, s.sync_n, s.sclk_en
@@ -102,13 +116,21 @@ def step(p, s, load, word):
     if s.sclk_en == 1:
         shift = (s.shift << 1) & ((1 << p.bits) - 1)
         left = s.left - 1
-        if s.left == 1:
+        lead = p.gap
+        if p.gap != 0:
+            sclk_en = 0
+        elif s.left == 1:
             sync_n = 1
             sclk_en = 0
             ldac_wait = p.ldac
     elif s.lead != 0:
         lead = s.lead - 1
-        sclk_en = 1 if s.lead == 1 else 0
+        if s.lead == 1:
+            if s.left == 0:
+                sync_n = 1
+                ldac_wait = p.ldac
+            else:
+                sclk_en = 1
     return State(
         shift=shift,
         left=left,
@@ -127,20 +149,27 @@ def sdin(p, s):
 
 
 @inlined
-def latch_cycles(p):
-    """Clocks from the load edge to the edge after which the DAC is told to change its output."""
-    return p.lead + p.bits + p.ldac
+def frame_cycles(p):
+    """Clocks from the load edge to the edge that ends the frame, and with it LDAC's way behind it."""
+    return p.lead + p.bits * (p.gap + 1) + p.ldac
 
 
 @inlined
-def late_ticks(d, p):
-    """Ticks of a design `d` from that of the load to that in which the output is told to change: 0 or 1."""
-    return 1 if LOAD_TICK + latch_cycles(p) >= d.tick_clocks else 0
+def latch_cycles(p, period):
+    """Clocks from the load edge to the edge after which the DAC is told to change; `period` clocks between loads."""
+    return period if p.strobe == 1 else frame_cycles(p)
+
+
+@inlined
+def late_ticks(d, p, every=1):
+    """Ticks of a design `d` from a load to the one in which the output is told to change; a load `every` ticks."""
+    clock = LOAD_TICK + latch_cycles(p, every * d.tick_clocks)
+    return (1 if clock >= d.tick_clocks else 0) + (1 if clock >= 2 * d.tick_clocks else 0)
 
 
 def period_cycles(p):
     """Least clocks between loads: SYNC and LDAC must be high for one clock or more."""
-    return latch_cycles(p) + 1
+    return frame_cycles(p) + 1
 
 
 CODE = signed(20)
@@ -150,8 +179,8 @@ BLOCK = Block(
     inputs={"load": BIT, "word": WORD},
     outputs={"sdin": BIT},
     functions={"frame": ({"code": CODE, "init": BIT}, WORD)},
-    latency={"sdin": "lead + 1 .. lead + bits", "ldac_n": "lead + bits + ldac"},
-    cases={"dac8811": DAC8811, "ad5791": AD5791, "dac82002": DAC82002},
+    latency={"sdin": "lead + 1 .. lead + bits (gap + 1)", "ldac_n": "lead + bits (gap + 1) + ldac; with strobe 1"},
+    cases={"dac8811": DAC8811, "ad5791": AD5791, "dac82002": DAC82002, "divided": DIVIDED, "strobed": STROBED},
     rules={"shift": (None, "wrap")},
     strobes=("load",),
     wait=27,

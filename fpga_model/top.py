@@ -144,6 +144,12 @@ def pins(p, s):
     )
 
 
+@inlined
+def other_ldacs(s):
+    """LDAC_N of the drive and of V_q's DAC: registers, no pins, as no part of the default board has the pin."""
+    return s.drive_dac.ldac_n, s.quadrature_dac.ldac_n
+
+
 @inner
 def codes(p, s):
     """The frame of codes that the 8 kHz work reads."""

@@ -285,7 +285,7 @@ def modulator(shift, lo, hi, inputs):
 # spi_dac, dac_serial ------------------------------------------------------------------------------------------------
 
 
-def spi_dac(bits, lead, ldac, inputs):
+def spi_dac(bits, lead, ldac, inputs, gap=0, strobe=0):
     """Register rows (shift, left, lead, sync_n, sclk_en, ldac_n, ldac_wait) before each edge, and after the last.
 
     inputs  (load, word) at each edge; each row follows from the time since the last load alone
@@ -298,14 +298,17 @@ def spi_dac(bits, lead, ldac, inputs):
             continue
         word = inputs[loads[-1]][1]
         clock = n - 1 - loads[-1]
-        sent = min(max(clock - lead, 0), bits)
-        after = clock - lead - bits
+        # a bit is a period of gap + 1 clocks: SCLK in its first, what is left of it counted down in the others
+        period, place = divmod(max(clock - lead, 0), gap + 1)
+        after = clock - lead - bits * (gap + 1)
+        sent = min(period + (place > 0), bits)
         text = f"{word:0{bits}b}"[sent:].ljust(bits, "0")
-        running = clock >= lead and after < 0
-        pulse = ldac and after == 1
+        running = clock >= lead and after < 0 and place == 0
+        to_come = lead - clock if clock < lead else gap + 1 - place if place and after < 0 else 0
+        pulse = (ldac and after == 1) or (strobe and clock == 0)
         waiting = ldac and after == 0
         pins = (int(after >= 0), int(running), int(not pulse))
-        rows.append((int(text, 2), bits - sent, max(lead - clock, 0), *pins, int(waiting)))
+        rows.append((int(text, 2), bits - sent, to_come, *pins, int(waiting)))
     return rows
 
 

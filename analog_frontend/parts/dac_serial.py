@@ -25,7 +25,10 @@ SHIFT_MASK = (1 << 24) - 1
 
 
 class Params(NamedTuple):
-    """One part; use DAC8811, AD5791 or DAC82002. By default 24 bits, straight binary, and 0 put out at power-on."""
+    """One part; use DAC8811, AD5791 or DAC82002. By default 24 bits, straight binary, and 0 put out at power-on.
+
+    The data stand `tail` bits above the frame's end.
+    """
 
     address_mask: int
     address_value: int
@@ -39,6 +42,7 @@ class Params(NamedTuple):
     sign_bit: int = 0
     power_on_code: int = 0
     needs_control: int = 0
+    tail: int = 0
 
 
 class State(NamedTuple):
@@ -84,7 +88,7 @@ def reset(p):
 @inlined
 def decoded(p, word):
     """The signed code in a word's data bits."""
-    data = (word & p.data_mask) ^ p.flip
+    data = ((word >> p.tail) & p.data_mask) ^ p.flip
     return data - ((data & p.sign_bit) << 1)
 
 

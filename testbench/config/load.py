@@ -37,8 +37,8 @@ def _profile(lo, hi, unit):
     return checked(lambda value: scenario.profile_points(value, lo, hi, unit))
 
 
-class Design(Section):
-    """Rates and word lengths of the firmware; what each means: docs/blocks/design_record.md."""
+class _DesignBase(Section):
+    """Rates, word lengths and converters of the firmware; what each means: docs/blocks/design_record.md."""
 
     master_hz: int = number(DEFAULT.master_hz, "Hz", 1_000_000, 200_000_000, "master clock")
     tick_clocks: int = number(DEFAULT.tick_clocks, "clocks", 16, 32, "master clocks to an update of the DACs")
@@ -50,23 +50,46 @@ class Design(Section):
     drive_dac: Literal["DAC8811", "generic"] = other("DAC8811", "chip of the drive DAC")
     sense_dac: Literal["AD5791", "DAC8811", "generic"] = other("AD5791", "chip of the sense DAC")
     quadrature_dac: Literal["DAC82002", "generic"] = other("DAC82002", "chip of V_q's DAC, 16 bits")
-    drive_dac_bits: int = number(16, "bits", 8, 16, 'code of a "generic" drive DAC, and its frame')
-    sense_dac_bits: int = number(20, "bits", 8, 20, 'code of a "generic" sense DAC, and its frame')
+    drive_dac_bits: int = number(16, "bits", 8, 16, 'code of a "generic" drive DAC')
+    sense_dac_bits: int = number(20, "bits", 8, 20, 'code of a "generic" sense DAC')
     adc: Literal["ADS1298", "generic"] = other("ADS1298", "steps of the ADC: plant.adc_step_code, or those of adc_bits")
     adc_bits: int = number(24, "bits", 16, 24, 'codes of a "generic" ADC, left justified in its words of 24 bits')
     coefficient_fraction_bits: int = number(24, "bits", 8, 24, "kp and ki of the four loops")
+
+
+def _dac_keys(role, of):
+    """Keys of the serial frame of a DAC; but for the divider they need "generic"."""
+    latches = Literal["SYNC", "LDAC", "load"]
+    return {
+        f"{role}_dac_divider": (int, number(1, "clocks", 1, 4, f"master clocks to a bit of {of} DAC: its SCLK")),
+        f"{role}_dac_frame_bits": (int, number(0, "bits", 0, 24, "its frame; 0 for no more than code and tail")),
+        f"{role}_dac_command": (int, number(0, "", 0, 65535, "number in the bits of the frame before the code")),
+        f"{role}_dac_tail_bits": (int, number(0, "bits", 0, 15, "bits of the frame behind the code, 0")),
+        f"{role}_dac_lead_clocks": (int, number(0, "clocks", 0, 3, "from SYNC low to the clock of the first bit")),
+        f"{role}_dac_latch": (latches, other("SYNC", "what puts the code out: docs/blocks/spi_dac.md")),
+    }
+
+
+Design = create_model(
+    "Design",
+    __base__=_DesignBase,
+    __doc__=_DesignBase.__doc__,
+    **_dac_keys("drive", "the drive"),
+    **_dac_keys("sense", "the sense"),
+    **_dac_keys("quadrature", "V_q's"),
+)
 
 
 class Firmware(Section):
     """What the FPGA is built with: structure, loop settings, compensation words."""
 
     board: Literal["analog_sid", "digital_sid"] = other(
-        "analog_sid", "demodulation: by the board's analog SID, or in the FPGA behind 1 MS/s converters"
+        "analog_sid", "demodulation: by the board's analog SID, or in the FPGA behind converters of one sample a tick"
     )
-    pipeline_registers: int = number(0, "registers", 0, 8, "extra 26 MHz registers between sine and modulator")
-    reference_registers: int = number(1, "registers", 0, 3, "26 MHz registers before the reference pins")
-    reference_retimed: bool = other(True, "references leave on the 1 MHz grid (an assumption about the paper)")
-    frame_latency_drive: int = number(0, "frames", 0, 2, "1 us frames that a drive code waits before it is sent")
+    pipeline_registers: int = number(0, "registers", 0, 8, "extra registers between sine and modulator, one clock each")
+    reference_registers: int = number(1, "registers", 0, 3, "registers before the reference pins, one clock each")
+    reference_retimed: bool = other(True, "references leave on the grid of the ticks (an assumption about the paper)")
+    frame_latency_drive: int = number(0, "frames", 0, 2, "ticks, each a frame of the DAC, that a drive code waits")
     frame_latency_sense: int = number(1, "frames", 0, 2, "likewise for the sense code (1 is an assumption)")
     quadrature_update_khz: Literal[500, 1000] = other(
         500, "frames of the quadrature DAC; 1000 violates its SYNC high time", "kHz"
@@ -113,7 +136,7 @@ class Firmware(Section):
     phase_drive_ref_deg: float = number(0.0, "deg", -180.0, 180.0, "added to the DDS phase of the drive references")
     phase_sense_ref_deg: float = number(0.0, "deg", -180.0, 180.0, "added to the DDS phase of the sense references")
     adc_clock: Literal["synchronous", "free_running"] = other(
-        "synchronous", "converter clock: 26 MHz / 3250, or its own oscillator (plant.adc_clock_ppm)"
+        "synchronous", "converter clock: from the master clock, or its own oscillator (plant.adc_clock_ppm)"
     )
 
     def phase_words(self, bits=DEFAULT.dds_bits):
@@ -197,7 +220,7 @@ class Noise(Section):
 
 
 class Scenario(Section):
-    """What happens. Times count from lock unless `origin` says otherwise, in seconds of the 26 MHz clock."""
+    """What happens. Times count from lock unless `origin` says otherwise, in seconds of the master clock."""
 
     engine: Literal["frame", "clocked", "baseband"] = other(
         "frame", "engine that runs it: frame and clocked have the same bits; baseband, for hours, averages the plant"

@@ -19,7 +19,7 @@ from fpga_model.control import SLOT_PI
 from testbench.engines.frame import dac_clocks
 from testbench.engines.pins import REFERENCE_CLOCKS, SINE_CLOCKS
 from testbench.engines.turn import WIDEST
-from testbench.engines.window import SLOT_WORD, VALID_CLOCKS
+from testbench.engines.window import SLOT_WORD, VALID_CLOCKS, last_load_tick
 from testbench.errors import ConfigError
 
 SAMPLED_LATER = 4 / 65  # of a frame behind the middle of the converter's samples: two half periods stand around it
@@ -133,7 +133,9 @@ def _valid(p):
     converter, clocks = p.plant.adc, p.fpga.design.frame_clocks
     last = (converter.decimation - 1) * converter.period + converter.delay
     valid = -(-last // adc.UNITS_PER_CYCLE) - clocks + VALID_CLOCKS
-    if not 0 < valid < clocks - 2 * rates.SLOTS:
+    # the last load of V_q of the frame takes what the window has left
+    loaded = p.fpga.design.tick_clocks * last_load_tick(p.fpga)
+    if not 0 < valid < min(clocks - 2 * rates.SLOTS, loaded - rates.SLOTS):
         _refuse("plant.adc_delay_s", f"a frame of codes is valid {valid} clocks after the frame's begin")
     return valid
 

@@ -191,15 +191,15 @@ def reset(params, temp_degc):
 
 
 @inner
-def chips_after(parts, chips, pins, loaded, status, codes):
-    """The converters' digital sides after an edge that left these `fpga.Pins`; two of the DACs have no LDAC."""
+def chips_after(parts, chips, pins, ldacs, loaded, status, codes):
+    """The converters' digital sides after an edge that left these `fpga.Pins` and `fpga.other_ldacs`."""
     q = pins.quadrature_sync_n, pins.quadrature_sclk_en, pins.quadrature_sdin
     d = pins.drive_sync_n, pins.drive_sclk_en, pins.drive_sdin
     s = pins.sense_sync_n, pins.sense_sclk_en, pins.sense_sdin
     return Chips(
-        dac_serial.step(parts.drive, chips.drive, d[0], d[1], d[2], 1),
+        dac_serial.step(parts.drive, chips.drive, d[0], d[1], d[2], ldacs[0]),
         dac_serial.step(parts.sense, chips.sense, s[0], s[1], s[2], pins.sense_ldac_n),
-        dac_serial.step(parts.quadrature, chips.quadrature, q[0], q[1], q[2], 1),
+        dac_serial.step(parts.quadrature, chips.quadrature, q[0], q[1], q[2], ldacs[1]),
         adc_serial.step(chips.adc, pins.adc_cs_n, pins.adc_sclk, loaded, status, codes),
     )
 
@@ -439,7 +439,8 @@ def run_ticks(p, f, chips, a, chunk, first, end, drdy_cycle, closed):
                 ),
             )
             loaded = 1 if c == drdy_cycle and faults.silent == 0 else 0
-            chips = chips_after(p.chips, chips, fpga.pins(p.fpga, f), loaded, faults.status, codes)
+            pins, ldacs = fpga.pins(p.fpga, f), fpga.other_ldacs(f)
+            chips = chips_after(p.chips, chips, pins, ldacs, loaded, faults.status, codes)
             if chips.drive.updated:
                 drive_cycle = c
             if chips.sense.updated:

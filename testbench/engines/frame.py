@@ -50,7 +50,7 @@ ZERO, ONE = np.int64(0), np.int64(1)
 def dac_clocks(f):
     """Clocks of a tick at which the outputs of the drive and the sense DAC are told to change; `f`: fpga.Params."""
     clocks = f.design.tick_clocks
-    drive, sense = spi_dac.latch_cycles(f.drive_dac), spi_dac.latch_cycles(f.sense_dac)
+    drive, sense = spi_dac.latch_cycles(f.drive_dac, clocks), spi_dac.latch_cycles(f.sense_dac, clocks)
     return (spi_dac.LOAD_TICK + drive) % clocks, (spi_dac.LOAD_TICK + sense) % clocks
 
 
@@ -61,12 +61,7 @@ def _quiet(p, f, chips, tick):
     calm = f.rates.slot == 0 and f.adc.busy == 0 and f.adc.valid == 0 and f.adc.meta == 1 and f.adc.sync == 1
     calm = calm and f.adc.seen == 1 and chips.adc.drdy_n == 1 and chips.adc.pulse == 0
     # V_q's last load of a frame may have gone out before the root was done, if a window has just ended
-    calm = (
-        calm
-        and f.sid.stage == 0
-        and f.sid.valid == 0
-        and tick % d.frame_ticks != (last_load_tick(p) + 1) % d.frame_ticks
-    )
+    calm = calm and f.sid.stage == 0 and f.sid.valid == 0 and tick % d.frame_ticks <= last_load_tick(p)
     return calm and tick >= SETTLED_TICKS and 0 < word < word_limit(d.dds_bits)
 
 

@@ -41,8 +41,9 @@ HISTORY = 3  # places before a block's first tick in the buffers of codes and lo
 
 @inlined
 def last_load_tick(p):
-    """The tick of a frame behind which no load of V_q is out when the frame ends; fpga.Params."""
-    return p.design.frame_ticks - 1 - spi_dac.late_ticks(p.design, p.quadrature_dac)
+    """The tick of a frame whose load of V_q is the last that is out when the frame ends; fpga.Params."""
+    last = p.design.frame_ticks - 1 - spi_dac.late_ticks(p.design, p.quadrature_dac, 2 - p.quadrature_fast)
+    return last if p.quadrature_fast == 1 or last & 1 == 1 else last - 1
 
 
 @inner

@@ -1,6 +1,7 @@
-// SPI master for the DACs: one bit per clock, MSB first; SCLK is clk gated by r_sclk_en, SDIN the MSB of the register.
-// Latency: lead + bits + ldac clocks from the load edge to the edge that changes the DAC's output.
-// A load restarts a frame in progress. The word comes ready: flip, header, control and data_mask, of which it is
+// SPI master for the DACs: a bit every gap + 1 clocks, MSB first; SCLK is clk gated by r_sclk_en, SDIN the MSB of the
+// register. r_lead counts the clocks before the first bit and those between bits.
+// Latency: lead + bits (gap + 1) + ldac clocks from the load edge to the edge that changes the DAC's output.
+// A load restarts a frame in progress. The word comes ready: flip, header, control, data_mask and tail, of which it is
 // built, are parameters of the frame and kept here so that the list is that of the block.
 /* verilator lint_off DECLFILENAME */ // waived: a file has the stem of its block, the module a prefix against clashes
 module gyro_spi_dac #(
@@ -11,8 +12,11 @@ module gyro_spi_dac #(
     parameter [19:0] flip      = 20'd0,
     parameter [23:0] header    = 24'd0,
     parameter [23:0] control   = 24'd0,
-    parameter [19:0] data_mask = 20'd0
+    parameter [19:0] data_mask = 20'd0,
+    parameter [3:0]  tail      = 4'd0,
     /* verilator lint_on UNUSED */
+    parameter [1:0]  gap       = 2'd0,   // clocks without SCLK behind each bit
+    parameter [0:0]  strobe    = 1'b0    // 1: LDAC falls with the next load
 ) (
     input  wire        clk,
     input  wire        rst,              // synchronous, active high
@@ -33,6 +37,9 @@ module gyro_spi_dac #(
 
     assign o_sdin = |(r_shift & MSB);
 
+    // the last clock of the last bit
+    wire ends = r_sclk_en ? gap == 2'd0 && (r_left == 5'd1) : r_lead == 2'd1 && r_left == 5'd0;
+
     always @(posedge clk) begin
         if (rst) begin
             r_shift     <= 24'd0;
@@ -48,7 +55,7 @@ module gyro_spi_dac #(
             r_lead      <= lead;
             r_sync_n    <= 1'b0;
             r_sclk_en   <= (lead == 2'd0);
-            r_ldac_n    <= 1'b1;
+            r_ldac_n    <= ~strobe;
             r_ldac_wait <= 1'b0;
         end else begin
             // LDAC falls one clock after SYNC has risen, for one clock
@@ -57,14 +64,17 @@ module gyro_spi_dac #(
             if (r_sclk_en) begin
                 r_shift <= {r_shift[22:0], 1'b0} & MASK;
                 r_left  <= r_left - 5'd1;
-                if (r_left == 5'd1) begin
-                    r_sync_n    <= 1'b1;
-                    r_sclk_en   <= 1'b0;
-                    r_ldac_wait <= ldac;
-                end
+                r_lead  <= gap;
+                if (gap != 2'd0)
+                    r_sclk_en <= 1'b0;
             end else if (r_lead != 2'd0) begin
                 r_lead    <= r_lead - 2'd1;
                 r_sclk_en <= (r_lead == 2'd1);
+            end
+            if (ends) begin
+                r_sync_n    <= 1'b1;
+                r_sclk_en   <= 1'b0;
+                r_ldac_wait <= ldac;
             end
         end
     end

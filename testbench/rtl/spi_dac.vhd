@@ -1,6 +1,7 @@
--- SPI master for the DACs: one bit per clock, MSB first; SCLK is clk gated by r_sclk_en, SDIN the MSB of the register.
--- Latency: lead + bits + ldac clocks from the load edge to the edge that changes the DAC's output.
--- A load restarts a frame in progress. The word comes ready: flip, header, control and data_mask, of which it is
+-- SPI master for the DACs: a bit every gap + 1 clocks, MSB first; SCLK is clk gated by r_sclk_en, SDIN the MSB of the
+-- register. r_lead counts the clocks before the first bit and those between bits.
+-- Latency: lead + bits (gap + 1) + ldac clocks from the load edge to the edge that changes the DAC's output.
+-- A load restarts a frame in progress. The word comes ready: flip, header, control, data_mask and tail, of which it is
 -- built, are generics so that the list is that of the block. VHDL-2008 (outputs are read back).
 library ieee;
 use ieee.std_logic_1164.all;
@@ -14,7 +15,10 @@ entity gyro_spi_dac is
         flip      : std_logic_vector(19 downto 0);
         header    : std_logic_vector(23 downto 0);
         control   : std_logic_vector(23 downto 0);
-        data_mask : std_logic_vector(19 downto 0)
+        data_mask : std_logic_vector(19 downto 0);
+        tail      : std_logic_vector(3 downto 0) := "0000";
+        gap       : std_logic_vector(1 downto 0) := "00";  -- clocks without SCLK behind each bit
+        strobe    : std_logic := '0'                       -- 1: LDAC falls with the next load
     );
     port (
         clk         : in  std_logic;
@@ -40,8 +44,14 @@ architecture rtl of gyro_spi_dac is
     begin
         return std_logic_vector(resize(unsigned(x(LENGTH - 1 downto 0)), 24));
     end function;
+
+    -- the last clock of the last bit
+    signal ends : boolean;
 begin
     o_sdin <= r_shift(LENGTH - 1);
+
+    ends <= unsigned(gap) = 0 and unsigned(r_left) = 1 when r_sclk_en = '1'
+            else unsigned(r_lead) = 1 and unsigned(r_left) = 0;
 
     process (clk)
     begin
@@ -60,7 +70,7 @@ begin
                 r_lead      <= lead;
                 r_sync_n    <= '0';
                 r_sclk_en   <= '1' when unsigned(lead) = 0 else '0';
-                r_ldac_n    <= '1';
+                r_ldac_n    <= not strobe;
                 r_ldac_wait <= '0';
             else
                 -- LDAC falls one clock after SYNC has risen, for one clock
@@ -69,14 +79,18 @@ begin
                 if r_sclk_en = '1' then
                     r_shift <= kept(r_shift(22 downto 0) & '0');
                     r_left  <= std_logic_vector(unsigned(r_left) - 1);
-                    if unsigned(r_left) = 1 then
-                        r_sync_n    <= '1';
-                        r_sclk_en   <= '0';
-                        r_ldac_wait <= ldac;
+                    r_lead  <= gap;
+                    if unsigned(gap) /= 0 then
+                        r_sclk_en <= '0';
                     end if;
                 elsif unsigned(r_lead) /= 0 then
                     r_lead    <= std_logic_vector(unsigned(r_lead) - 1);
                     r_sclk_en <= '1' when unsigned(r_lead) = 1 else '0';
+                end if;
+                if ends then
+                    r_sync_n    <= '1';
+                    r_sclk_en   <= '0';
+                    r_ldac_wait <= ldac;
                 end if;
             end if;
         end if;

@@ -32,6 +32,9 @@ module gyro_top #(
     parameter        [23:0] drive_dac_header                    = 24'd0,   // [0,24,0]
     parameter        [23:0] drive_dac_control                   = 24'd0,   // [0,24,0]
     parameter        [19:0] drive_dac_data_mask                 = 20'd0,   // [0,20,0]
+    parameter         [3:0] drive_dac_tail                      = 4'd0,    // [0,4,0]
+    parameter         [1:0] drive_dac_gap                       = 2'd0,    // [0,2,0]
+    parameter         [0:0] drive_dac_strobe                    = 1'd0,
     parameter         [4:0] sense_dac_bits                      = 5'd0,    // [0,5,0]
     parameter         [1:0] sense_dac_lead                      = 2'd0,    // [0,2,0]
     parameter         [0:0] sense_dac_ldac                      = 1'd0,
@@ -39,6 +42,9 @@ module gyro_top #(
     parameter        [23:0] sense_dac_header                    = 24'd0,   // [0,24,0]
     parameter        [23:0] sense_dac_control                   = 24'd0,   // [0,24,0]
     parameter        [19:0] sense_dac_data_mask                 = 20'd0,   // [0,20,0]
+    parameter         [3:0] sense_dac_tail                      = 4'd0,    // [0,4,0]
+    parameter         [1:0] sense_dac_gap                       = 2'd0,    // [0,2,0]
+    parameter         [0:0] sense_dac_strobe                    = 1'd0,
     parameter         [4:0] quadrature_dac_bits                 = 5'd0,    // [0,5,0]
     parameter         [1:0] quadrature_dac_lead                 = 2'd0,    // [0,2,0]
     parameter         [0:0] quadrature_dac_ldac                 = 1'd0,
@@ -46,6 +52,9 @@ module gyro_top #(
     parameter        [23:0] quadrature_dac_header               = 24'd0,   // [0,24,0]
     parameter        [23:0] quadrature_dac_control              = 24'd0,   // [0,24,0]
     parameter        [19:0] quadrature_dac_data_mask            = 20'd0,   // [0,20,0]
+    parameter         [3:0] quadrature_dac_tail                 = 4'd0,    // [0,4,0]
+    parameter         [1:0] quadrature_dac_gap                  = 2'd0,    // [0,2,0]
+    parameter         [0:0] quadrature_dac_strobe               = 1'd0,
     parameter        [19:0] sid_alpha                           = 20'd0,   // [0,0,20]
     parameter        [20:0] sid_gain_x                          = 21'd0,   // [0,4,17]
     parameter        [20:0] sid_gain_y                          = 21'd0,   // [0,4,17]
@@ -381,16 +390,19 @@ module gyro_top #(
         input [23:0] header;
         input [19:0] flip;
         input [19:0] data_mask;
+        input  [3:0] tail;
         input [19:0] code;
-        dac_word = (init && control_word != 24'd0) ? control_word : header | {4'd0, (code ^ flip) & data_mask};
+        dac_word = (init && control_word != 24'd0) ? control_word :
+                   header | ({4'd0, (code ^ flip) & data_mask} << tail);
     endfunction
 
     wire [23:0] drive_word = dac_word(dac_init, drive_dac_control, drive_dac_header, drive_dac_flip,
-                                      drive_dac_data_mask, drive_code);
+                                      drive_dac_data_mask, drive_dac_tail, drive_code);
     wire [23:0] sense_word = dac_word(dac_init, sense_dac_control, sense_dac_header, sense_dac_flip,
-                                      sense_dac_data_mask, sense_code);
+                                      sense_dac_data_mask, sense_dac_tail, sense_code);
     wire [23:0] quadrature_word = dac_word(dac_init, quadrature_dac_control, quadrature_dac_header, quadrature_dac_flip,
-                                           quadrature_dac_data_mask, {4'd0, r_control_quadrature_loop_root_y});
+                                           quadrature_dac_data_mask, quadrature_dac_tail,
+                                           {4'd0, r_control_quadrature_loop_root_y});
 
     assign o_adc_cs_n = r_adc_cs_n;
     assign o_adc_sclk = r_adc_sclk;
@@ -574,7 +586,10 @@ module gyro_top #(
         .flip     (drive_dac_flip),
         .header   (drive_dac_header),
         .control  (drive_dac_control),
-        .data_mask(drive_dac_data_mask)
+        .data_mask(drive_dac_data_mask),
+        .tail     (drive_dac_tail),
+        .gap      (drive_dac_gap),
+        .strobe   (drive_dac_strobe)
     ) drive_dac (
         .clk        (clk),
         .rst        (rst),
@@ -597,7 +612,10 @@ module gyro_top #(
         .flip     (sense_dac_flip),
         .header   (sense_dac_header),
         .control  (sense_dac_control),
-        .data_mask(sense_dac_data_mask)
+        .data_mask(sense_dac_data_mask),
+        .tail     (sense_dac_tail),
+        .gap      (sense_dac_gap),
+        .strobe   (sense_dac_strobe)
     ) sense_dac (
         .clk        (clk),
         .rst        (rst),
@@ -620,7 +638,10 @@ module gyro_top #(
         .flip     (quadrature_dac_flip),
         .header   (quadrature_dac_header),
         .control  (quadrature_dac_control),
-        .data_mask(quadrature_dac_data_mask)
+        .data_mask(quadrature_dac_data_mask),
+        .tail     (quadrature_dac_tail),
+        .gap      (quadrature_dac_gap),
+        .strobe   (quadrature_dac_strobe)
     ) quadrature_dac (
         .clk        (clk),
         .rst        (rst),

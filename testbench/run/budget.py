@@ -123,7 +123,7 @@ def budget(config, temp_degc=None, frequency_hz=None):
             at.clocks("extra pipeline registers", firmware.pipeline_registers),
             at.clocks("product and code registers", PRODUCT_AND_CODE_CLOCKS),
             at.clocks("SPI load register", 1),
-            at.clocks("SPI frame to latch", spi_dac.latch_cycles(chip)),
+            at.clocks("SPI frame to latch", spi_dac.latch_cycles(chip, tick_clocks)),
             at.clocks(f"extra {tick_us} frames", frames * tick_clocks, "one frame in the sense path" if frames else ""),
             at.clocks(f"hold of the {grid} update, half a period", tick_clocks / 2),
             at.delay("DAC response after its latch", delay_s, "from memory of a datasheet" if delay_s else ""),

@@ -1,7 +1,7 @@
 """What a design record may not ask for: refused before anything is built, with the reason, the value and the limit.
 
-    serial frames   a DAC is loaded at every tick (V_q: at every second one), and a clock is a bit: its frame must fit
-    serial clocks   the master clock is SCLK of the DACs
+    serial frames   a DAC is loaded at every tick (V_q: at every second one), and its frame must fit in between
+    serial clocks   SCLK of a DAC is the master clock over its divider
     sine            the phase must hold quadrant, address and fraction; a row must rise by more than nothing
 
 Gains that no format holds are refused by the designers of the loops, sample rates by that of the converter.
@@ -23,6 +23,52 @@ def default_only(config, what, keys=None):
             raise ConfigError(f"design.{key} = {found}: {what} is of the default design, {default}, alone")
 
 
+def _frame(d, role):
+    """Refuse a frame that a role's part does not have, or that does not hold its code."""
+    dac, standard = f"{role}_dac", type(d)()
+    if getattr(d, dac) != chips.GENERIC:
+        for key in (f"{dac}_{name}" for name in chips.GENERIC_KEYS):
+            if getattr(d, key) != getattr(standard, key):
+                raise ConfigError(f'design.{key} = {getattr(d, key)} needs design.{dac} = "generic"')
+        return
+    bits = getattr(d, f"{dac}_bits", chips.QUADRATURE_BITS)
+    tail, given, command = (getattr(d, f"{dac}_{key}") for key in ("tail_bits", "frame_bits", "command"))
+    frame, most = given or bits + tail, spi_dac.WORD.width
+    if not bits + tail <= frame <= most:
+        raise ConfigError(
+            f"design.{dac}_frame_bits = {given} bits: code and tail take {bits + tail} bits, and {most} is the limit"
+        )
+    if command >> (frame - bits - tail):
+        raise ConfigError(
+            f"design.{dac}_command = {command} does not fit the {frame - bits - tail} bits before the code of a frame "
+            f"of {frame} bits"
+        )
+
+
+def _serial(d, role, fast):
+    """Refuse a frame or an SCLK that a role's part does not allow, and one that does not end before the next load."""
+    _frame(d, role)
+    chip, divider = getattr(chips.of(d), role), getattr(d, f"{role}_dac_divider")
+    text = f"the {'V_q' if role == 'quadrature' else role} DAC {chip.name}"
+    if d.master_hz > divider * chip.most_hz:
+        bits, over = chip.master.bits, f" / {role}_dac_divider = {divider}" if divider > 1 else ""
+        raise ConfigError(
+            f"design.master_hz = {d.master_hz} Hz{over} is above {chip.most_hz} Hz, the SCLK limit of {text}: its "
+            f"{bits} bits take {1e9 * bits / chip.most_hz:.0f} ns or more"
+        )
+    if 2 * d.master_hz * chip.high_s > 1:
+        raise ConfigError(
+            f"design.master_hz = {d.master_hz} Hz: SCLK is high for half a clock, {5e8 / d.master_hz:.3g} ns, below "
+            f"the {1e9 * chip.high_s:g} ns of {text}"
+        )
+    room, need = d.tick_clocks * (2 if role == "quadrature" and not fast else 1), spi_dac.period_cycles(chip.master)
+    if need > room:
+        raise ConfigError(
+            f"design.tick_clocks = {d.tick_clocks} clocks: the serial frame of {text} takes {need} clocks, and there "
+            f"are {room} between two loads"
+        )
+
+
 def check(config):
     """Raise ConfigError for a design that cannot work; one line with key, value, limit and unit."""
     d, standard = config.design, type(config.design)()
@@ -37,22 +83,8 @@ def check(config):
         raise ConfigError(
             f'plant.adc_step_code = {step_code} needs design.adc = "ADS1298", not "generic": adc_bits says'
         )
-    fast = config.firmware.quadrature_update_khz == 1000
-    for role, chip in zip(("drive", "sense", "V_q"), chips.of(d)):
-        if d.master_hz > chip.most_hz:
-            bits = chip.master.bits
-            raise ConfigError(
-                f"design.master_hz = {d.master_hz} Hz is above {chip.most_hz} Hz, the SCLK limit of the {role} DAC "
-                f"{chip.name}: its {bits} bits take {1e9 * bits / chip.most_hz:.0f} ns or more"
-            )
-        room = d.tick_clocks * (2 if role == "V_q" and not fast else 1)
-        # at 1000 kHz V_q's SYNC is not high for a clock: configuration.md says so, and the part is loaded all the same
-        need = spi_dac.latch_cycles(chip.master) if role == "V_q" else spi_dac.period_cycles(chip.master)
-        if need > room:
-            raise ConfigError(
-                f"design.tick_clocks = {d.tick_clocks} clocks: the serial frame of the {role} DAC {chip.name} takes "
-                f"{need} clocks, and there are {room} between two loads"
-            )
+    for role in chips.Chips._fields:
+        _serial(d, role, config.firmware.quadrature_update_khz == 1000)
     needed = 2 + d.sine_address_bits + d.sine_fraction_bits
     if d.dds_bits < needed:
         raise ConfigError(

@@ -13,7 +13,9 @@ from tests.fpga_model import spi_timing
 from tests.rows import assert_in_formats, assert_same_rows
 
 PARTS = {"DAC8811": spi_dac.DAC8811, "AD5791": spi_dac.AD5791, "DAC82002": spi_dac.DAC82002}
+ALL = PARTS | {"divided": spi_dac.DIVIDED, "strobed": spi_dac.STROBED}
 by_part = pytest.mark.parametrize("p", PARTS.values(), ids=PARTS)
+by_all = pytest.mark.parametrize("p", ALL.values(), ids=ALL)
 SHIFT, LEFT, LEAD, SYNC_N, SCLK_EN, LDAC_N, LDAC_WAIT = range(7)
 
 
@@ -51,52 +53,53 @@ def loads(draw, p, longest):
     return inputs
 
 
-@given(st.data(), st.sampled_from(list(PARTS)))
+@given(st.data(), st.sampled_from(list(ALL)))
 def test_step_is_the_documented_equation(data, name):
-    p = PARTS[name]
-    inputs = data.draw(loads(p, 2 * p.bits))
+    p = ALL[name]
+    inputs = data.draw(loads(p, 4 * p.bits))
     rows, pins = run(p, inputs)
-    assert_same_rows(spi_dac.State(), rows, naive.spi_dac(p.bits, p.lead, p.ldac, inputs))
+    assert_same_rows(spi_dac.State(), rows, naive.spi_dac(p.bits, p.lead, p.ldac, inputs, p.gap, p.strobe))
     assert_in_formats(spi_dac.STATE_FMT, rows)
     assert pins.tolist() == [row[SHIFT] >> (p.bits - 1) for row in rows]
 
 
-@given(st.integers(1, 24), st.integers(0, 3), st.integers(0, 1), st.integers(0, 2**24 - 1))
-def test_any_frame_shape(bits, lead, ldac, word):
-    p = spi_dac.DAC8811._replace(bits=bits, lead=lead, ldac=ldac)
-    inputs = [(1, word % 2**bits), *[(0, 0)] * 32]
+@given(*(st.integers(0, n) for n in (3, 1, 3, 1)), st.integers(1, 24), st.integers(0, 2**24 - 1))
+def test_any_frame_shape(lead, ldac, gap, strobe, bits, word):
+    p = spi_dac.DAC8811._replace(bits=bits, lead=lead, ldac=ldac, gap=gap, strobe=strobe)
+    inputs = [(1, word % 2**bits), *[(0, 0)] * (bits * (gap + 1) + 8)]
     rows, _ = run(p, inputs)
-    assert_same_rows(spi_dac.State(), rows, naive.spi_dac(bits, lead, ldac, inputs))
+    assert_same_rows(spi_dac.State(), rows, naive.spi_dac(bits, lead, ldac, inputs, gap, strobe))
 
 
-@by_part
+@by_all
 def test_one_frame_on_the_pins(p):
     word = 0xA5C30F & ((1 << p.bits) - 1)
     rows, data = run(p, [(0, 0)] * 3 + [(1, word)] + [(0, 0)] * 40)
     low = np.flatnonzero(rows[:, SYNC_N] == 0)
     clocked = np.flatnonzero(rows[:, SCLK_EN])
-    assert low.tolist() == list(range(4, 4 + p.lead + p.bits)), "SYNC falls with the load edge"
-    assert clocked.tolist() == list(range(4 + p.lead, 4 + p.lead + p.bits)), "one bit per clock"
+    divider, end = p.gap + 1, 4 + p.lead + p.bits * (p.gap + 1)
+    assert low.tolist() == list(range(4, end)), "SYNC falls with the load edge, and rises behind whole bits"
+    assert clocked.tolist() == list(range(4 + p.lead, end, divider)), "one bit per period of SCLK"
     assert int("".join(map(str, data[clocked])), 2) == word, "MSB first"
     pulse = np.flatnonzero(rows[:, LDAC_N] == 0)
-    assert pulse.tolist() == ([low[-1] + 2] if p.ldac else [])
+    assert pulse.tolist() == ([low[-1] + 2] if p.ldac else [4] if p.strobe else [])
     latch_row = pulse[0] if p.ldac else low[-1] + 1
-    assert latch_row - 4 == spi_dac.latch_cycles(p)
+    assert spi_dac.latch_cycles(p, 50) == (50 if p.strobe else latch_row - 4)
 
 
 def test_latch_cycles_of_the_board():
-    assert [spi_dac.latch_cycles(p) for p in PARTS.values()] == [17, 25, 24]
+    assert [spi_dac.latch_cycles(p, 26) for p in PARTS.values()] == [17, 25, 24]
     assert (spi_dac.PRODUCT_TICK, spi_dac.CODE_TICK, spi_dac.LOAD_TICK) == (0, 1, 2)
 
 
-@by_part
+@by_all
 def test_least_period_is_the_shortest_that_keeps_every_latch_edge(p):
     """SYNC rises, and LDAC where there is one falls, once per frame; one clock less and that edge is lost."""
 
     def latch_edges(period):
         rows, _ = run(p, ([(1, 1)] + [(0, 0)] * (period - 1)) * 4 + [(0, 0)] * 30)
         pin = rows[:, LDAC_N] if p.ldac else 1 - rows[:, SYNC_N]
-        return int((np.diff(pin) == -1).sum())
+        return int((np.diff(pin) == -1).sum())  # with strobe LDAC falls with each load: what counts is SYNC
 
     assert latch_edges(spi_dac.period_cycles(p)) == 4
     assert latch_edges(spi_dac.period_cycles(p) - 1) == 1
@@ -119,6 +122,12 @@ def test_sense_control_word():
     """Write, address 010; LIN COMP 1100, SDODIS 0, BIN/2sC 0, DACTRI 0, OPGND 0, RBUF 1, reserved 0."""
     word = spi_dac.frame(spi_dac.AD5791, 12345, 1)
     assert f"{word:024b}" == "0010" + "0000000000" + "1100" + "0" + "0" + "0" + "0" + "1" + "0"
+
+
+@pytest.mark.parametrize("code", [-16, -1, 0, 1, 15])
+def test_code_between_command_and_tail(code):
+    """Command 10, the code in offset binary, a tail of one bit that is 0."""
+    assert f"{spi_dac.frame(spi_dac.STROBED, code, 0):08b}" == f"10{code + 16:05b}0"
 
 
 @pytest.mark.parametrize("code", [0, 1, 32767, 32768, 65535])

@@ -131,12 +131,10 @@ def replayed(folder, manifest):
         stimulus[name] = np.ascontiguousarray(bundle.unpack(words, ports)).reshape(-1, len(widths))
     params = inputs.checked(manifest.get("params"), list[Param], path)
     design = design_entry.of_manifest(path, manifest) or DEFAULT
-    names = [flat(name) for name in recording.param_names()]
-    if [p.name for p in params] != names:
-        raise FileError(f"{path}: params: are not the {len(names)} parameters of this version's design")
+    raw = recording.params_from(f"{path}: params", [p.name for p in params], [p.raw for p in params], design)
     windows = inputs.checked(manifest["windows"], list[Place], path)
     found = recording.Recording(
-        manifest["case"], recording.params_from([p.raw for p in params], design), manifest["frames"], 1,
+        manifest["case"], raw, manifest["frames"], 1,
         replay.Stimulus(**stimulus), tuple(recording.Window(w.clock, w.rows, w.shows) for w in windows), "",
     )  # fmt: skip
     recording.check(path, found)

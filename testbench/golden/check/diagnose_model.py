@@ -7,6 +7,8 @@ Source  fpga_model/block.py
 
 import numpy as np
 
+from fpga_model.block import declared, flat, later, leaves
+from fpga_model.fixed import formats
 from testbench import flatten
 from testbench.golden.stimulus import blocks
 
@@ -41,7 +43,9 @@ class Model:
         like = next(iter(self.block.cases.values()))
         if like is None:
             return 0
-        return flatten.rebuild(like, [{**self.params, **changed}[name] for name in self.parameters()])
+        shape = formats(declared()[self.block.stem].Params, self.block.record)
+        values = {flat(name): value for name, value in later(shape).items()} | self.params | changed
+        return flatten.rebuild(like, [values[flat(name)] for name, _ in leaves(shape)])
 
     def run(self, inputs, registers, rows=None, **changed):
         """(registers, pins), each {name: column}: one edge after each row, and the pins of those rows.

@@ -168,9 +168,9 @@ def bounds(block, case):
         return {f"taps_{k}": (0, 0, "depth 0 holds the taps at reset") for k in range(8)}, {}
     if stem == "spi_dac":
         return {
-            "lead": (0, p.lead, f"lead = {p.lead}"),
+            "lead": (0, max(p.lead, p.gap), f"lead = {p.lead}, gap = {p.gap}"),
             "ldac_wait": (0, p.ldac, f"ldac = {p.ldac}"),
-            "ldac_n": (1 - p.ldac, 1, f"ldac = {p.ldac}"),
+            "ldac_n": (1 - max(p.ldac, p.strobe), 1, f"ldac = {p.ldac}, strobe = {p.strobe}"),
         }, {}
     if stem == "lock_monitor":
         return _locks(p), {}
@@ -267,11 +267,16 @@ def _modulator_places(block, case, places):
 
 def _spi_dac_places(block, case, places):
     p = block.cases[case]
+    why, longest = f"lead = {p.lead}, gap = {p.gap}", max(p.lead, p.gap)
     for goal, place in places:
-        if place.like("s.lead != 0") and goal[2] == "yes" and p.lead == 0:
-            yield goal, "lead = 0"
-        if place.like("s.lead == 1") and (p.lead == 0 or (p.lead == 1 and goal[2] == "no")):
-            yield goal, f"lead = {p.lead}"
+        if place.like("s.lead != 0") and goal[2] == "yes" and longest == 0:
+            yield goal, why
+        if place.like("s.lead == 1") and (longest == 0 or (longest == 1 and goal[2] == "no")):
+            yield goal, why
+        if place.like("s.left == 0") and (longest == 0 or (p.gap == 0 and goal[2] == "yes")):
+            yield goal, why
+        if place.like("s.left == 1") and p.gap != 0:
+            yield goal, why
 
 
 def _sequencer_places(block, case, places):

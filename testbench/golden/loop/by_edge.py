@@ -2,7 +2,8 @@
 
     plant = Plant(config)           power-on
     plant.inputs()                  inputs of the design at the next edge: {name: value}, unsigned
-    plant.edge(pins)                after the edge: output pins {name: value}, names of `fpga_model.top.Pins`
+    plant.edge(pins)                after the edge: output pins {name: value}, names of `fpga_model.top.Pins`, and
+                                    r_drive_dac_ldac_n, r_quadrature_dac_ldac_n where the design's DAC has that pin
     model = Model(plant)            the firmware's model, given the same inputs
     model.expected()                {port: unsigned value} of every register and pin before the next edge
     model.edge(inputs)              one edge
@@ -31,8 +32,8 @@ SENT = 5  # channels of the ADC that are connected
 
 
 @kernel
-def _chips(parts, chips, pins, loaded, status, codes):
-    return engine.chips_after(parts, chips, pins, loaded, status, codes)
+def _chips(parts, chips, pins, ldacs, loaded, status, codes):
+    return engine.chips_after(parts, chips, pins, ldacs, loaded, status, codes)
 
 
 @kernel
@@ -112,12 +113,16 @@ class Plant:
     def edge(self, pins):
         """The converters, and at the end of a tick the gyroscope, after an edge that left these output pins."""
         clocks = self.design.tick_clocks
-        c, pins = self.clock % clocks, fpga.Pins(**{name: int(pins[name]) for name in fpga.Pins._fields})
+        c, found = self.clock % clocks, fpga.Pins(**{name: int(pins[name]) for name in fpga.Pins._fields})
+        ldacs = tuple(
+            int(pins[f"r_{role}_dac_ldac_n"]) if getattr(self.params.chips, role).has_ldac else 1
+            for role in ("drive", "quadrature")
+        )
         loaded = int(c == self._drdy_cycle)
-        self.chips = _chips(self.params.chips, self.chips, pins, loaded, STATUS, self._codes)
+        self.chips = _chips(self.params.chips, self.chips, found, ldacs, loaded, STATUS, self._codes)
         self._drive_cycle = c if self.chips.drive.updated else self._drive_cycle
         self._sense_cycle = c if self.chips.sense.updated else self._sense_cycle
-        changed, self._refs = pins.refs ^ self._refs, pins.refs
+        changed, self._refs = found.refs ^ self._refs, found.refs
         for d in range(4):
             if changed >> d & 1 and self._edge_count < engine.MAX_EDGES:
                 self._edges[self._edge_count] = c, d

@@ -1,6 +1,6 @@
 """A Verilog design of the whole firmware as a shared library: Verilator's C++ model behind three C functions.
 
-    gyro_edge(h, in)      one edge of the clock with inputs as in `INPUTS`; returns the output pins after it, packed
+    gyro_edge(h, in)      one edge of the clock with inputs as in `INPUTS`; returns pins and LDACS after it, packed
     gyro_differs(h, row)  place of the first register or pin that is not `row`, or -1; registers first, then pins
     gyro_read(h, row)     registers and pins, signed
 
@@ -31,8 +31,10 @@ PINS = top.Pins._fields
 REGISTERS = tuple(name for name, _ in format_leaves(top.STATE_FMT))
 NAMES = (*REGISTERS, *PINS)
 PORTS = (*(f"r_{flat(name)}" for name in REGISTERS), *(f"o_{name}" for name in PINS))
-# Bit at which each pin begins in the word that `gyro_edge` returns: refs, of four bits, comes last
+# Bit at which each pin begins in the word that `gyro_edge` returns: refs, of four bits, comes behind the others
 REFS_AT = len(PINS)
+LDACS = ("r_drive_dac_ldac_n", "r_quadrature_dac_ldac_n")
+LDACS_AT = REFS_AT + 4
 PIN_AT = tuple(REFS_AT if name == "refs" else k for k, name in enumerate(PINS))
 TOOLS = ("verilator", "g++", "make")
 
@@ -50,7 +52,9 @@ def driver(design):
     """Text of the C++ around Verilator's class."""
     found_formats = formats_of(design)
     given = "\n".join(f"    top.{name} = in[{k}];" for k, name in enumerate(INPUTS))
-    packed = " |\n           ".join(f"(int64_t)top.o_{name} << {at}" for name, at in zip(PINS, PIN_AT, strict=True))
+    bits = [(f"o_{name}", at) for name, at in zip(PINS, PIN_AT, strict=True)]
+    bits += [(name, LDACS_AT + k) for k, name in enumerate(LDACS)]
+    packed = " |\n           ".join(f"(int64_t)top.{name} << {at}" for name, at in bits)
     tests = "\n".join(
         f"    d |= ((uint64_t)row[{k}] & {_mask(fmt):#x}u) ^ top.{port};"
         for k, (port, fmt) in enumerate(zip(PORTS, found_formats, strict=True))

@@ -23,7 +23,7 @@ from fpga_model import top as fpga
 from fpga_model.jit import DISABLED, hot, inlined
 from testbench.engines import engine
 from testbench.flatten import store
-from testbench.golden.loop.library import INPUTS, NAMES, REFS_AT, REGISTERS
+from testbench.golden.loop.library import INPUTS, LDACS_AT, NAMES, REFS_AT, REGISTERS
 
 KEPT = 8  # rows that stay, for a report: a power of two
 COUNT, PLACES = len(REGISTERS), len(NAMES)
@@ -74,7 +74,7 @@ else:
 
 @inlined
 def _unpacked(word):
-    """`fpga.Pins` of the word that `gyro_edge` returns: a bit for each pin at its place, the four of refs last."""
+    """`fpga.Pins` of the word that `gyro_edge` returns: a bit for each pin at its place, the four of refs behind."""
     return fpga.Pins(
         word & 1,
         (word >> 1) & 1,
@@ -130,7 +130,8 @@ def ticks(p, f, chips, a, chunk, end, drdy_cycle, rtl):
             rtl.given[0] = 0
             pins = call(rtl.edge, rtl.handle, rtl.given)
             loaded = 1 if c == drdy_cycle and faults.silent == 0 else 0
-            chips = engine.chips_after(p.chips, chips, _unpacked(pins), loaded, faults.status, codes)
+            ldacs = (pins >> LDACS_AT) & 1, (pins >> (LDACS_AT + 1)) & 1
+            chips = engine.chips_after(p.chips, chips, _unpacked(pins), ldacs, loaded, faults.status, codes)
             if chips.drive.updated:
                 drive_cycle = c
             if chips.sense.updated:

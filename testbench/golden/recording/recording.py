@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fpga_model import top
-from fpga_model.block import filled
+from fpga_model.block import filled, flat, later, told
 from fpga_model.design_record import DEFAULT
 from fpga_model.digital_sid import SAMPLE
 from fpga_model.fixed import formats
@@ -66,10 +66,19 @@ class Recording(NamedTuple):
     closed: str
 
 
-def params_from(raw, design=DEFAULT):
-    """Params of the whole design from raw integers in the order of their formats."""
-    values = iter(raw)
-    return filled(top.PARAMS_FMT, lambda _: int(next(values)))._replace(design=design)
+def params_from(path, names, raw, design=DEFAULT):
+    """Params of the whole design from their names, dotted or flat, and raw integers; FileError for other names.
+
+    What came later than the file has its default.
+    """
+    own, given = param_names(), dict(zip(map(flat, names), raw))
+    defaults = {flat(name): value for name, value in later(top.PARAMS_FMT).items()}
+    wanted = [name for name in map(flat, own) if name in given or name not in defaults]
+    if list(map(flat, names)) != wanted or len(raw) != len(wanted):
+        strange = sorted(given.keys() ^ set(wanted)) or wanted[:1]
+        raise FileError(f"{path}: parameters are not those of this firmware ({strange[0]}): record again")
+    values = iter([int((defaults | given)[flat(name)]) for name in own])
+    return filled(top.PARAMS_FMT, lambda _: next(values))._replace(design=design)
 
 
 def param_names():
@@ -104,12 +113,12 @@ def unpacked_samples(errors):
 def save(recording, folder=FOLDER):
     """Write a recording beside its place and rename it."""
     r = recording
-    text = io.BytesIO()
+    text, named = io.BytesIO(), told(r.params, top.PARAMS_FMT)
     np.savez_compressed(
         text,
         schema=np.array(SCHEMA),
-        param_names=np.array(param_names()),
-        params=np.array([int(value) for _, value in leaves(r.params)], np.int64),
+        param_names=np.array([name for name, _, _ in named]),
+        params=np.array([value for _, value, _ in named], np.int64),
         frames=np.array(r.frames),
         row_every=np.array(r.row_every),
         adc=np.ascontiguousarray(np.diff(r.stimulus.adc, axis=0, prepend=0).T),
@@ -135,11 +144,7 @@ def load(name, folder=FOLDER):
             raise FileError(f"{path}: {key} is {have.dtype} {have.shape}, expected shape {shape} of kind {kind}")
     if str(data["schema"]) != SCHEMA:
         raise FileError(f"{path}: schema is {str(data['schema'])!r}, not {SCHEMA!r}")
-    names = param_names()
-    found = data["param_names"].tolist()
-    if found != names or len(data["params"]) != len(names):
-        strange = sorted(set(found) ^ set(names)) or names[:1]
-        raise FileError(f"{path}: parameters are not those of this firmware ({strange[0]}): record again")
+    params = params_from(path, data["param_names"].tolist(), data["params"].tolist())
     adc = np.cumsum(data["adc"].T.astype(np.int64), axis=0).reshape(-1, ADC_COLUMNS)
     stimulus = Stimulus(
         np.ascontiguousarray(adc),
@@ -148,7 +153,7 @@ def load(name, folder=FOLDER):
     )
     windows = tuple(Window(int(a), int(n), str(what)) for (a, n), what in zip(data["windows"], data["shows"]))
     recording = Recording(
-        name, params_from(data["params"].tolist()), int(data["frames"]), int(data["row_every"]), stimulus, windows,
+        name, params, int(data["frames"]), int(data["row_every"]), stimulus, windows,
         str(data["closed"]),
     )  # fmt: skip
     check(path, recording)
@@ -189,8 +194,11 @@ def sha256(recording):
     """Hash of everything that a replay reads, whatever the file around it."""
     found = hashlib.sha256()
     r = recording
+    shape = formats(top.Params, r.params.design)
+    named, added = told(r.params, shape), later(shape)
+    found.update("".join(name for name, _, _ in named if name in added).encode())
     for values in (
-        np.array([int(value) for _, value in leaves(r.params)], np.int64),
+        np.array([value for _, value, _ in named], np.int64),
         np.array([r.frames], np.int64),
         *r.stimulus,
         *([] if r.params.design == DEFAULT else [np.array(r.params.design, np.int64)]),

@@ -178,13 +178,13 @@ def given(block, params, values):
 
 
 def params_of(block, case):
-    """[Port-like (name, raw, format)] of the case's parameters, flattened; empty where they are inputs."""
+    """[Port-like (name, raw, format)] of the case's parameters as `registry.told`; empty where they are inputs."""
     params = block.cases[case]
     if params is None:
         return []
     module = top if block.stem == "top" else declared()[block.stem]
-    pairs = zip(leaves(params), leaves(formats(module.Params, block.record)), strict=True)
-    return [(flat(path), int(raw), found) for (path, raw), (_, found) in pairs]
+    told = registry.told(params, formats(module.Params, block.record))
+    return [(flat(path), raw, found) for path, raw, found in told]
 
 
 def run(block, case, stimulus):

@@ -109,7 +109,7 @@ def word_acts_s(config):
         + PRODUCT_AND_CODE_CLOCKS
         + config.firmware.frame_latency_sense * record.tick_clocks
         + LOAD_CLOCKS
-        + spi_dac.latch_cycles(chip.master)
+        + spi_dac.latch_cycles(chip.master, record.tick_clocks)
     )
     return (clocks - record.frame_clocks) / record.master_hz + device.sense_dac_delay_s
 

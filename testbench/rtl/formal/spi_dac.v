@@ -4,7 +4,9 @@
 module prove_spi_dac #(
     parameter [4:0] bits = 5'd0,
     parameter [1:0] lead = 2'd0,
-    parameter ldac = 1'd0
+    parameter ldac = 1'd0,
+    parameter [1:0] gap = 2'd0,
+    parameter strobe = 1'd0
 ) (
     input wire clk,
     input wire rst,
@@ -52,17 +54,17 @@ module prove_spi_dac #(
             clock_only_in_frame: assert (!r_sclk_en || !r_sync_n);
             loads_in_frame: assert (was_rst || !was_load || !r_sync_n);
             bits_add_up: assert (r_sync_n || count + r_left == bits);
-            never_too_many: assert (r_sync_n || (r_left != 5'd0 && r_left <= bits));
+            never_too_many: assert (r_sync_n || ((r_left != 5'd0 || r_lead != 2'd0) && r_left <= bits));
             leads_then_clocks: assert (r_sync_n || r_sclk_en == (r_lead == 2'd0));
-            no_bit_in_the_lead: assert (r_lead == 2'd0 || (r_lead <= lead && count == 5'd0) || r_sync_n);
+            no_bit_in_the_lead: assert (r_lead == 2'd0 || r_lead <= (count == 5'd0 ? lead : gap) || r_sync_n);
             rest_to_come: assert (r_sync_n || (r_shift & MASK) == ((given << count) & MASK));
             gone_is_the_head: assert (r_sync_n || sent == ((given & MASK) >> r_left));
             frame_is_the_word: assert (!ended || (count == bits && sent == (given & MASK)));
-            ldac_outside_frames: assert (r_ldac_n || r_sync_n);
-            ldac_one_clock: assert (r_ldac_n || was_ldac_n);
+            ldac_outside_frames: assert (r_ldac_n || r_sync_n || (strobe == 1'b1 && was_load));
+            ldac_one_clock: assert (r_ldac_n || was_ldac_n || was_load);
             ldac_after_frame: assert (!(ended && ldac == 1'b1) || r_ldac_wait);
             waits_one_clock: assert (!r_ldac_wait || (ended && ldac == 1'b1));
-            ldac_follows: assert (was_rst || was_load || r_ldac_n == !was_wait);
+            ldac_follows: assert (was_rst || (was_load ? r_ldac_n == !strobe : r_ldac_n == !was_wait));
         end
     end
 

@@ -109,7 +109,8 @@ def test_codes_through_the_master_arrive_at_latch_cycles(name):
     rng = np.random.default_rng(8811)
     lo, hi = RANGE[name]
     codes = [lo, hi, 0, lo + 1, hi - 1, -1 if lo else 1, 1, *rng.integers(lo, hi + 1, 200).tolist()]
-    period, latch = spi_dac.period_cycles(p), spi_dac.latch_cycles(p)
+    period = spi_dac.period_cycles(p)
+    latch = spi_dac.latch_cycles(p, period)
     load = np.zeros(len(codes) * period, np.int64)
     load[::period] = 1
     code = np.repeat(codes, period)
@@ -145,7 +146,7 @@ def test_control_word_before_the_first_data_word_puts_negative_full_scale_out():
     load[::26] = 1
     init = np.repeat([1, 0, 0], 26)
     rows = linked(p, spi_dac.State(), q, dac_serial.reset(q), load, np.zeros(26 * 3, np.int64), init)
-    first_data = 26 + spi_dac.latch_cycles(p)
+    first_data = 26 + spi_dac.latch_cycles(p, 26)
     assert (rows[p.bits : first_data, CODE] == -(1 << 19)).all()
     assert not rows[first_data:, CODE].any()
 

@@ -245,7 +245,7 @@ def test_conversions_on_the_page_of_phases():
 
 
 def test_lags_of_the_budget_rows_follow_from_the_blocks():
-    drive, sense = spi_dac.latch_cycles(spi_dac.DAC8811), spi_dac.latch_cycles(spi_dac.AD5791)
+    drive, sense = spi_dac.latch_cycles(spi_dac.DAC8811, 26), spi_dac.latch_cycles(spi_dac.AD5791, 26)
     waits = range(rates.TICK_CYCLES)
     mean = sum(waits) / len(waits)
     says(
@@ -366,7 +366,8 @@ def test_latencies_from_the_phase_register_to_the_pins():
     to_pin = dds.LATENCY + references.LATENCY + Config().firmware.reference_registers
     before = dds.LATENCY + sine.LATENCY + budget.PRODUCT_AND_CODE_CLOCKS + 1
     assert (spi_dac.CODE_TICK, spi_dac.LOAD_TICK) == (1, 2)
-    drive, sense, quadrature = (spi_dac.latch_cycles(p) for p in (spi_dac.DAC8811, spi_dac.AD5791, spi_dac.DAC82002))
+    parts = (spi_dac.DAC8811, spi_dac.AD5791, spi_dac.DAC82002)
+    drive, sense, quadrature = (spi_dac.latch_cycles(p, 26) for p in parts)
     says(
         "docs/blocks/top.md",
         f"From the phase register to the drive DAC's output are {before + drive} clocks: DDS output {dds.LATENCY}, "
