@@ -32,7 +32,7 @@ from testbench.storage import inputs, vcd
 from testbench.version import VERSION
 
 STEM = "top"
-CASES = ("reset", "story", "story_digital", "power_on")
+CASES = ("reset", "story", "story_digital", "power_on", "registers")
 MAX_WINDOW = 100_000  # rows of `window`: 440 MB of registers in hexadecimal would be no help
 
 

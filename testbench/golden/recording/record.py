@@ -2,6 +2,7 @@
 
     reset          all states of the sequencer in a few frames, host writes at every place, resets in the middle of
                    everything; codes of `story`, so no closed loop of its own
+    registers      every bit of every word of the host where its block shows it (`registers_case`); codes of `story`
     story          analog SID: power-on, search, lock, rate steps, a rate beyond full scale, four faults, safe state
     story_digital  SID in the FPGA: power-on to lock, rate steps, saturation
     power_on       the default firmware and gyroscope from power-on to lock
@@ -40,7 +41,7 @@ from testbench import config
 from testbench.engines import engine
 from testbench.errors import FileError
 from testbench.flatten import leaves, names
-from testbench.golden.recording import recording, replay
+from testbench.golden.recording import recording, registers_case, replay
 from testbench.golden.recording.recording import Recording, Window
 from testbench.golden.stimulus.writer import Random
 from testbench.run import build
@@ -269,9 +270,7 @@ def reset_case(story, firmware=None):
         q = q._replace(gain=own.gain, search_limit=own.search_limit)
         p = firmware
     frame_clocks = p.design.frame_clocks
-    one = dict.fromkeys(("power_up", "init", "kick", "decay", "search", "retune", "recover"), 1)
-    lock = q.lock._replace(**{name: tuple(1 for _ in getattr(q.lock, name)) for name in ("frames_in", "frames_out")})
-    quick = q._replace(**one, search_limit=q.search_limit // 16, lock=lock)
+    quick = registers_case.in_single_frames(q)._replace(search_limit=q.search_limit // 16)
     params = p._replace(
         quadrature_fast=1,
         pipe=delay.design(3),
@@ -370,13 +369,16 @@ def is_current(r):
     return hashlib.sha256(rows.registers.astype("<i8").tobytes()).hexdigest() == r.closed
 
 
+OF_STORY = {"reset": reset_case, "registers": registers_case.case}
+
+
 def make(name, progress=None):
-    """`Recording` of a case, with its windows; raises FileError if `reset` would be made of an old story."""
-    if name == "reset":
+    """`Recording` of a case, with its windows; raises FileError if it would be made of an old story."""
+    if name in OF_STORY:
         story = recording.load("story")
         if not is_current(story):
-            raise FileError("reset: the story that it is made of is of another firmware: record story first")
-        r = reset_case(story)
+            raise FileError(f"{name}: the story that it is made of is of another firmware: record story first")
+        r = OF_STORY[name](story)
     else:
         r = closed_loop(name, CASES[name], progress)
     return r._replace(windows=windows_of(r))
@@ -390,8 +392,8 @@ def main(chosen):
             print(f"{name}: frame {done} of {total}", flush=True)
 
     again = "--windows" in chosen
-    names_chosen = [name for name in chosen if name != "--windows"] or [*CASES, "reset"]
-    for name in sorted(names_chosen, key=lambda name: name == "reset"):  # reset is made of the story
+    names_chosen = [name for name in chosen if name != "--windows"] or [*CASES, *OF_STORY]
+    for name in sorted(names_chosen, key=lambda name: name in OF_STORY):  # the story first
         if again:
             r = recording.load(name)
             r = r._replace(windows=windows_of(r))

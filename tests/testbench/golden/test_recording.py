@@ -68,23 +68,25 @@ def test_firmware_still_does_what_it_did_in_the_closed_loop(seen, case):
     r, _, rows = seen(case)
     found = hashlib.sha256(rows.registers.astype("<i8").tobytes()).hexdigest()
     assert found == r.closed, (
-        f"{case}: the firmware has changed: python -m testbench.golden.recording.record {case} reset"
+        f"{case}: the firmware has changed: python -m testbench.golden.recording.record {case} reset registers"
     )
     assert record.is_current(r)
 
 
-def test_reset_is_made_of_the_story_that_is_stored():
-    kept, again = recording.load("reset"), record.reset_case(recording.load("story"))
-    text = "reset is of another story: python -m testbench.golden.recording.record reset"
+@pytest.mark.parametrize("case", record.OF_STORY)
+def test_a_case_is_made_of_the_story_that_is_stored(case):
+    kept, again = recording.load(case), record.OF_STORY[case](recording.load("story"))
+    text = f"{case} is of another story: python -m testbench.golden.recording.record {case}"
     assert recording.sha256(again) == recording.sha256(kept), text
     assert record.windows_of(again) == kept.windows, text
 
 
-def test_reset_is_not_made_of_an_old_story(monkeypatch):
+@pytest.mark.parametrize("case", record.OF_STORY)
+def test_a_case_is_not_made_of_an_old_story(monkeypatch, case):
     old = recording.load("story")._replace(closed="0" * 64)
     monkeypatch.setattr(record.recording, "load", lambda name: old)
     with pytest.raises(FileError, match="record story first"):
-        record.make("reset")
+        record.make(case)
 
 
 def test_the_story_is_recorded_before_reset_whatever_the_order(monkeypatch):
@@ -177,7 +179,7 @@ def test_reset_case_locks_with_fixed_words_that_change_and_holds_every_loop(seen
     assert (held & (state >= sequencer.BALANCE)).sum() >= 2
 
 
-@pytest.mark.parametrize("case", [*CLOSED, "reset"])
+@pytest.mark.parametrize("case", [*CLOSED, *record.OF_STORY])
 def test_windows_show_every_change_of_state(seen, case):
     r, column, _ = seen(case)
     shown = " ".join(w.shows for w in r.windows)
