@@ -19,9 +19,9 @@ from typing import NamedTuple
 
 from fpga_model import cordic, pi
 from fpga_model.block import BIT, Block
+from fpga_model.design_record import DEFAULT
 from fpga_model.fixed import Fmt, bits, formats, quantize, sub_fmt
 from fpga_model.jit import inlined
-from fpga_model.rates import FRAME_HZ
 
 AMPLITUDE = Fmt(1, 0, 23)
 SETPOINT = bits(24)
@@ -49,14 +49,16 @@ PARAMS_FMT = formats(Params)
 STATE_FMT = formats(State)
 
 
-def setpoint(amplitude_um=5.0, v_per_um=0.576, adc_full_scale_v=4.0):
+def setpoint(amplitude_um=5.0, v_per_um=0.576, adc_full_scale_v=4.0, d=DEFAULT):
     """Amplitude setpoint in magnitude LSB; 5 um gives 2.88 V at the SID output, 0.72 of the ADC's full scale.
 
     amplitude_um      wanted drive amplitude (um)
     v_per_um          SID output per amplitude (V/um)
     adc_full_scale_v  ADC full scale at the PGA gain of this channel (V)
+    d                 the design record
     """
-    return quantize(amplitude_um * v_per_um / adc_full_scale_v * 2**23 * float(cordic.GAIN), SETPOINT, "setpoint (LSB)")
+    gain = float(cordic.gain(d.cordic_iterations))
+    return quantize(amplitude_um * v_per_um / adc_full_scale_v * 2**23 * gain, SETPOINT, "setpoint (LSB)")
 
 
 def design(
@@ -66,7 +68,7 @@ def design(
     ceiling_v=10.0,
     kick_v=10.0,
     full_scale_v=10.0,
-    frame_hz=FRAME_HZ,
+    d=DEFAULT,
 ):
     """Gains from the plant d(code)/dt = plant * amplitude, seen through the CORDIC gain.
 
@@ -76,9 +78,9 @@ def design(
     ceiling_v       largest amplitude the loop may ask for (V)
     kick_v          amplitude of the start-up kick (V)
     full_scale_v    amplitude that full scale of the word stands for (V)
-    frame_hz        rate of the enables (Hz)
+    d               the design record: rate of the enables, gain of the CORDIC
     """
-    kp = 2 * PI * crossover_hz / (plant_fs_per_s * float(cordic.GAIN))
+    kp = 2 * PI * crossover_hz / (plant_fs_per_s * float(cordic.gain(d.cordic_iterations)))
 
     def word(volts, name):
         raw = volts / full_scale_v * 2**23
@@ -87,7 +89,7 @@ def design(
         return min(round(raw), AMPLITUDE.hi)
 
     return Params(
-        loop=pi.design(kp, kp * 2 * PI * zero_hz, frame_hz, 0, word(ceiling_v, "ceiling_v")),
+        loop=pi.design(kp, kp * 2 * PI * zero_hz, d.frame_hz, 0, word(ceiling_v, "ceiling_v")),
         kick=word(kick_v, "kick_v"),
     )
 

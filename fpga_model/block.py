@@ -276,12 +276,15 @@ def at_reset(module, design=DEFAULT):
     return module.reset(design) if hasattr(module, "reset") else module.State()
 
 
+@functools.cache
 def keys(module):
-    """The keys of the design that formats and reset values of a block depend on: parameters of its RTL, in capitals."""
+    """The keys of the design that formats, reset values and tables of a block depend on: parameters of its RTL."""
     noted = _Noted()
     for of in (parameters, inputs, pins, at_reset):
         of(module, noted)
     formats(module.State, noted)
+    for rom in module.BLOCK.roms:
+        rom.at(noted)
     return tuple(key for key in Design._fields if key in noted.read)
 
 

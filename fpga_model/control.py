@@ -140,7 +140,7 @@ def loops(d, p, s, slot, i, bank):
     rate_preset = bank.rate_fixed if o.fix_ftr else 0
     quadrature_preset = bank.quadrature_fixed if o.fix_qsc else 0
     return State(
-        cordic=cordic.step(s.cordic, at_cordic, cordic.negated(i.drive_cos), i.drive_sin),
+        cordic=cordic.step(d, s.cordic, at_cordic, cordic.negated(i.drive_cos), i.drive_sin),
         agc=agc.step(
             p.agc,
             s.agc,

@@ -1,12 +1,13 @@
 """Vectoring CORDIC: amplitude and angle of (x_in, y_in), one micro-rotation per clock, no multiplier.
 
     load      x[0] = abs(x_in),  y[0] = y_in or -y_in,  angle[0] = 0 or half a turn      (half a turn when x_in < 0)
-    rotate    d = 1 if y[i] >= 0 else -1,   i = 0 .. 23
+    rotate    d = 1 if y[i] >= 0 else -1,   i = 0 .. n - 1              n = 24: `cordic_iterations` of the design
               x[i+1]     = x[i] + d*round(y[i] * 2**-i)
               y[i+1]     = y[i] - d*round(x[i] * 2**-i)
               angle[i+1] = angle[i] + d*ATAN[i]  mod 1 turn
-    finish    magnitude = round(x[24]) = K*sqrt(x_in**2 + y_in**2),  K = 1.646760258
-              phase     = round(angle[24]) = atan2(y_in, x_in) in turns;  0 when x_in = y_in = 0
+    hold      x, y, angle,   i = n .. 23
+    finish    magnitude = round(x[n]) = K*sqrt(x_in**2 + y_in**2),  K = 1.646760258 where n = 24
+              phase     = round(angle[n]) = atan2(y_in, x_in) in turns;  0 when x_in = y_in = 0
 
     x_in --(abs)--[x]<-->(shift, +-)                (round)--[magnitude]-->     [..] register
     y_in --(+-)---[y]<-->(shift, +-) sign of y = d
@@ -14,8 +15,8 @@
 
 Formats   x_in, y_in [1,23,0]   x [0,25,8]   y [1,24,8]   angle [1,-1,32] turn   magnitude [0,25,0]
           phase [1,-1,24] turn   i [0,5,0]   busy, done [0,1,0]
-Latency   26 clocks from start to done (load, 24 rotations, finish); done lasts one clock, the results stay
-Rounding  ties toward +inf at every shift and at both results; 8 guard bits; the bounds follow in the page below
+Latency   26 clocks from start to done (load, 24 rotations or holds, finish); done lasts one clock, the results stay
+Rounding  ties toward +inf at every shift and at both results; 8 guard bits (`cordic_guard_bits`)
 Overflow  x, y and magnitude cannot overflow; angle and phase wrap at one turn (plus half a turn reads as minus half)
 Source    docs/blocks/cordic.md (error bounds)
 
@@ -23,17 +24,19 @@ A start while busy abandons the running vector and loads the new one.
 """
 
 from fractions import Fraction
+from functools import cache
 from math import isqrt, prod
 from typing import NamedTuple
 
 from fpga_model.block import BIT, Block, Rom
+from fpga_model.design_record import DEFAULT, width
 from fpga_model.fixed import Fmt, bits, clamp, formats, half_up, signed, wrap
 from fpga_model.jit import inlined
 
 INPUT = signed(24)
 INPUT_LO, INPUT_HI = INPUT.lo, INPUT.hi
-GUARD = 8  # fraction bits of x and y, and bits of angle below the LSB of phase
-ITERATIONS = 24
+GUARD = width("cordic_guard_bits")  # fraction bits of x and y, and bits of angle below the LSB of phase
+ITERATIONS = DEFAULT.cordic_iterations  # and clocks from load to finish, whatever the design
 LATENCY = ITERATIONS + 2
 PHASE = Fmt(1, -1, 24)
 ANGLE = Fmt(1, -1, 24 + GUARD)
@@ -41,8 +44,8 @@ X = Fmt(0, 25, GUARD)
 Y = Fmt(1, 24, GUARD)
 MAGNITUDE = Fmt(0, 25, 0)
 # numba knows no properties of a format: widths used in kernels are module constants
-ANGLE_BITS, PHASE_BITS = ANGLE.width, PHASE.width
-HALF_TURN = ANGLE.lo
+PHASE_BITS = PHASE.width
+HALF_TURN = PHASE.lo  # in LSB of phase
 assert max(X.width, Y.width, ANGLE.width) + 2 <= 63, "a sum and its rounding constant must fit int64"
 
 
@@ -65,9 +68,19 @@ def _atan_table():
 
 
 ATAN = _atan_table()
-# K**2 is a rational number; its root is cut at 80 bits.
-_SQUARE = prod((Fraction(4**i + 1, 4**i) for i in range(ITERATIONS)), start=Fraction(1))
-GAIN = Fraction(isqrt((_SQUARE.numerator << 160) // _SQUARE.denominator), 1 << 80)
+
+
+def table(d=DEFAULT):
+    """The angles of a design in LSB of its `angle`, 0 where it holds."""
+    used = ATAN[: d.cordic_iterations]
+    return tuple(half_up(turn, GUARD - d.cordic_guard_bits) for turn in used) + (0,) * (ITERATIONS - len(used))
+
+
+@cache
+def gain(iterations=ITERATIONS):
+    """K of so many rotations: K**2 is a rational number; its root is cut at 80 bits."""
+    square = prod((Fraction(4**i + 1, 4**i) for i in range(iterations)), start=Fraction(1))
+    return Fraction(isqrt((square.numerator << 160) // square.denominator), 1 << 80)
 
 
 class State(NamedTuple):
@@ -93,13 +106,13 @@ def negated(x):
 
 
 @inlined
-def step(s, start, x_in, y_in):
-    """One clock edge: every right-hand side reads the old registers."""
+def step(d, s, start, x_in, y_in):
+    """One clock edge of a design `d`: every right-hand side reads the old registers."""
     if start:
         return State(
-            x=(-x_in if x_in < 0 else x_in) << GUARD,
-            y=(-y_in if x_in < 0 else y_in) << GUARD,
-            angle=HALF_TURN if x_in < 0 else 0,
+            x=(-x_in if x_in < 0 else x_in) << d.cordic_guard_bits,
+            y=(-y_in if x_in < 0 else y_in) << d.cordic_guard_bits,
+            angle=HALF_TURN << d.cordic_guard_bits if x_in < 0 else 0,
             i=0,
             busy=1,
             done=0,
@@ -109,12 +122,15 @@ def step(s, start, x_in, y_in):
     if s.busy == 0:
         return State(s.x, s.y, s.angle, s.i, 0, 0, s.magnitude, s.phase)
     if s.i < ITERATIONS:
+        if s.i >= d.cordic_iterations:
+            return State(s.x, s.y, s.angle, s.i + 1, 1, 0, s.magnitude, s.phase)
         across = half_up(s.y, s.i)
         down = half_up(s.x, s.i)
+        turn = half_up(ATAN[s.i], GUARD - d.cordic_guard_bits)
         return State(
             x=s.x + across if s.y >= 0 else s.x - across,
             y=s.y - down if s.y >= 0 else s.y + down,
-            angle=wrap(s.angle + ATAN[s.i] if s.y >= 0 else s.angle - ATAN[s.i], ANGLE_BITS),
+            angle=wrap(s.angle + turn if s.y >= 0 else s.angle - turn, PHASE_BITS + d.cordic_guard_bits),
             i=s.i + 1,
             busy=1,
             done=0,
@@ -128,9 +144,9 @@ def step(s, start, x_in, y_in):
         i=s.i,
         busy=0,
         done=1,
-        magnitude=half_up(s.x, GUARD),
+        magnitude=half_up(s.x, d.cordic_guard_bits),
         # only the zero vector leaves x at 0, and then the angle register holds the sum of the table
-        phase=0 if s.x == 0 else wrap(half_up(s.angle, GUARD), PHASE_BITS),
+        phase=0 if s.x == 0 else wrap(half_up(s.angle, d.cordic_guard_bits), PHASE_BITS),
     )
 
 
@@ -148,6 +164,6 @@ BLOCK = Block(
     },
     strobes=("start",),
     wait=LATENCY,
-    roms=(Rom("cordic_atan", ANGLE.width, ATAN),),
+    roms=(Rom("cordic_atan", ANGLE.width, table),),
     split=("busy", "i"),
 )

@@ -22,6 +22,8 @@ class Design(NamedTuple):
     sine_address_bits: bits(4) = 10
     sine_fraction_bits: bits(4) = 10
     sine_bits: bits(5) = 18
+    cordic_iterations: bits(5) = 24
+    cordic_guard_bits: bits(4) = 8
 
     @property
     def tick_hz(self):

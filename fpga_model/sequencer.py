@@ -208,7 +208,7 @@ def design(**values):
     return Params(
         *frames,
         reached=quantize(d.reached * 2**16, FRACTION, "reached"),
-        min_magnitude=agc.setpoint(d.search_min_v, 1.0, d.adc_full_scale_v),
+        min_magnitude=agc.setpoint(d.search_min_v, 1.0, d.adc_full_scale_v, d.record),
         gain=quantize(gain, GAIN, "gain (word LSB per phase LSB)"),
         search_limit=quantize(limit, CORRECTION.at(d.record), "search_limit_hz (turn per clock)"),
         lock=lock_monitor.design() if d.lock is None else d.lock,

@@ -70,14 +70,15 @@ def arctan_turns_bounds(i):
     return angle[0] / (2 * pi[1]), angle[1] / (2 * pi[0])
 
 
-def cordic(table_turns, inputs):
+def cordic(table_turns, inputs, guard_bits=8):
     """Register rows of the vectoring CORDIC before each edge, and after the last one.
 
-    table_turns  the 24 angles in turns
+    table_turns  the angles in turns, at most 24
     inputs       (start, x_in, y_in) at each edge
+    guard_bits   fraction bits of x and y, and those of the angle beyond 24
     x and y are kept in input LSB, angles in turns, all as Fractions; a vector is a point that gets turned.
     """
-    grid = Fraction(1, 256)
+    grid = Fraction(1, 2**guard_bits)
 
     def snap(value):
         return rounded("half_up", value / grid) * grid
@@ -89,7 +90,7 @@ def cordic(table_turns, inputs):
     i = busy = done = magnitude = 0
     rows = []
     for start, x_in, y_in in [*inputs, (0, 0, 0)]:
-        rows.append((x / grid, y / grid, angle * 2**32, i, busy, done, magnitude, phase * 2**24))
+        rows.append((x / grid, y / grid, angle * 2 ** (24 + guard_bits), i, busy, done, magnitude, phase * 2**24))
         done = 0
         if start:
             side = -1 if x_in < 0 else 1
@@ -99,8 +100,9 @@ def cordic(table_turns, inputs):
             magnitude, busy, done = rounded("half_up", x), 0, 1
         elif busy:
             turn = -1 if y < 0 else 1
-            x, y = x + turn * snap(y / 2**i), y - turn * snap(x / 2**i)
-            angle = one_turn(angle + turn * table_turns[i])
+            if i < len(table_turns):
+                x, y = x + turn * snap(y / 2**i), y - turn * snap(x / 2**i)
+                angle = one_turn(angle + turn * table_turns[i])
             i += 1
     return [tuple(int(v) for v in row) for row in rows]
 

@@ -47,6 +47,10 @@ class _DesignBase(Section):
     sine_address_bits: int = number(DEFAULT.sine_address_bits, "bits", 4, 12, "address of the quarter-wave table")
     sine_fraction_bits: int = number(DEFAULT.sine_fraction_bits, "bits", 1, 12, "interpolation between its rows")
     sine_bits: int = number(DEFAULT.sine_bits, "bits", 10, 20, "sine, its sign included")
+    cordic_iterations: int = number(DEFAULT.cordic_iterations, "rotations", 8, 24, "of the CORDIC, in its 24 clocks")
+    cordic_guard_bits: int = number(
+        DEFAULT.cordic_guard_bits, "bits", 0, 8, "of the CORDIC below an LSB of its input, and below one of its phase"
+    )
     drive_dac: Literal["DAC8811", "generic"] = other("DAC8811", "chip of the drive DAC")
     sense_dac: Literal["AD5791", "DAC8811", "generic"] = other("AD5791", "chip of the sense DAC")
     quadrature_dac: Literal["DAC82002", "generic"] = other("DAC82002", "chip of V_q's DAC, 16 bits")

@@ -49,15 +49,16 @@ class _Drive:
     def __init__(self, config):
         d, self.design = config.device(), config.design_record()
         self.frame_s = 1 / self.design.frame_hz
+        gain = float(cordic.gain(self.design.cordic_iterations))
         own = changed(config, {f"nominal.{k}": v for k, v in config.plant.model_dump().items()})
         phases = budget(config)
         lag = math.radians(phases.node_deg()["xe1"] + phases.loop_deg()["xe2"])
-        self.gain = build.nominal(own)["plant_fs_per_s"] * float(cordic.GAIN) * cmath.exp(-1j * lag)
+        self.gain = build.nominal(own)["plant_fs_per_s"] * gain * cmath.exp(-1j * lag)
         self.fx_hz, self.decay = d.fx_hz, math.pi * d.fx_hz / d.qx
         self.stage = -math.expm1(-2 * math.pi * sid.corner_hz(d.sid_r_ohm * d.sid_c_f) * self.frame_s)
         self.a, self.o, self.past = 0j, [0j] * 3, [0j] * 2
         sine_v, cosine_v = parts(config).sid_offset_v  # both pairs of channels have the same switches
-        self.offset = complex(-cosine_v, sine_v) * d.adc_pga_drive / d.adc_vref_v * 2**23 * float(cordic.GAIN)
+        self.offset = complex(-cosine_v, sine_v) * d.adc_pga_drive / d.adc_vref_v * 2**23 * gain
 
     def step(self, word_hz, amplitude):
         """One frame; the signal that the firmware has in the next one."""

@@ -1,6 +1,6 @@
 """Closed-form window: the registers of blocks that need many clocks, after the slots of a window.
 
-    rotate        24 micro-rotations without a branch: the sign of y is not predictable
+    rotate        the micro-rotations without a branch: the sign of y is not predictable
     root          floor of the root in double precision, exact below 2^52, instead of 16 trial subtractions
     close_loops   the four loops: errors, PI, output, frequency word; a PI at rest gives the same y at every edge
     scale_rate    the rate output until its stages are empty: 6 clocks, all others hold
@@ -33,21 +33,22 @@ SIGN_BIT = 63
 
 
 @inner
-def rotate(s, x_in, y_in):
+def rotate(d, s, x_in, y_in):
     """A CORDIC at rest, some clocks after a start with this vector and at least two after its result."""
     flip = x_in >> SIGN_BIT
-    x = ((x_in ^ flip) - flip) << cordic.GUARD
-    y = ((y_in ^ flip) - flip) << cordic.GUARD
-    angle = cordic.HALF_TURN & flip
-    for i in range(cordic.ITERATIONS):
+    guard = d.cordic_guard_bits
+    x = ((x_in ^ flip) - flip) << guard
+    y = ((y_in ^ flip) - flip) << guard
+    angle = (cordic.HALF_TURN & flip) << guard
+    for i in range(d.cordic_iterations):
         # all ones where y is negative: the sign of a sum without a branch
         back = y >> SIGN_BIT
-        across, down = half_up(y, i), half_up(x, i)
+        across, down, turn = half_up(y, i), half_up(x, i), half_up(ATAN[i], cordic.GUARD - guard)
         x = x + ((across ^ back) - back)
         y = y - ((down ^ back) - back)
-        angle = angle + ((ATAN[i] ^ back) - back)
-    angle = wrap(angle, cordic.ANGLE_BITS)
-    phase = wrap(half_up(angle, cordic.GUARD), cordic.PHASE_BITS)
+        angle = angle + ((turn ^ back) - back)
+    angle = wrap(angle, cordic.PHASE_BITS + guard)
+    phase = wrap(half_up(angle, guard), cordic.PHASE_BITS)
     return cordic.State(
         x=x,
         y=y,
@@ -55,7 +56,7 @@ def rotate(s, x_in, y_in):
         i=cordic.ITERATIONS,
         busy=0,
         done=0,
-        magnitude=half_up(x, cordic.GUARD),
+        magnitude=half_up(x, guard),
         phase=0 if x == 0 else phase,
     )
 

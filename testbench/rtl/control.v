@@ -7,6 +7,8 @@
 module gyro_control #(
     parameter        [31:0] MASTER_HZ                   = 32'd26000000,
     parameter               DDS_BITS                    = 48,
+    parameter               CORDIC_ITERATIONS           = 24,
+    parameter               CORDIC_GUARD_BITS           = 8,
     parameter signed [33:0] agc_loop_kp                 = 34'sd0,  // [1,9,24]
     parameter signed [33:0] agc_loop_ki                 = 34'sd0,  // [1,9,24]
     parameter signed [35:0] agc_loop_lo                 = 36'sd0,  // [1,35,0]
@@ -85,9 +87,9 @@ module gyro_control #(
     input  wire signed [23:0] bank_rate_scale_t1,                // [1,-17,40]
     input  wire signed [23:0] bank_rate_scale_t2,                // [1,-17,40]
     input  wire         [2:0] bank_decimation,                   // [0,3,0]
-    output wire        [32:0] r_cordic_x,                        // [0,25,8]
-    output wire signed [32:0] r_cordic_y,                        // [1,24,8]
-    output wire signed [31:0] r_cordic_angle,                    // [1,-1,32]
+    output wire        [CORDIC_GUARD_BITS+24:0] r_cordic_x,      // [0,25,8]
+    output wire signed [CORDIC_GUARD_BITS+24:0] r_cordic_y,      // [1,24,8]
+    output wire signed [CORDIC_GUARD_BITS+23:0] r_cordic_angle,  // [1,-1,32]
     output wire         [4:0] r_cordic_i,                        // [0,5,0]
     output wire               r_cordic_busy,
     output wire               r_cordic_done,
@@ -183,7 +185,9 @@ module gyro_control #(
     wire signed [23:0] minus_drive_cos = (drive_cos == CODE_LO) ? CODE_HI : -drive_cos;
 
     gyro_cordic #(
-        .ROM_FILE(CORDIC_ROM_FILE)
+        .CORDIC_ITERATIONS(CORDIC_ITERATIONS),
+        .CORDIC_GUARD_BITS(CORDIC_GUARD_BITS),
+        .ROM_FILE         (CORDIC_ROM_FILE)
     ) cordic (
         .clk        (clk),
         .rst        (rst),

@@ -12,6 +12,8 @@ module gyro_top #(
     parameter               SINE_ADDRESS_BITS                   = 10,
     parameter               SINE_FRACTION_BITS                  = 10,
     parameter               SINE_BITS                           = 18,
+    parameter               CORDIC_ITERATIONS                   = 24,
+    parameter               CORDIC_GUARD_BITS                   = 8,
     parameter         [0:0] digital                             = 1'd0,
     parameter         [0:0] quadrature_fast                     = 1'd0,
     parameter         [3:0] pipe_depth                          = 4'd0,    // [0,4,0]
@@ -269,9 +271,9 @@ module gyro_top #(
     output wire signed [23:0] r_registers_rate_scale_t1,                 // [1,-17,40]
     output wire signed [23:0] r_registers_rate_scale_t2,                 // [1,-17,40]
     output wire         [2:0] r_registers_decimation,                    // [0,3,0]
-    output wire        [32:0] r_control_cordic_x,                        // [0,25,8]
-    output wire signed [32:0] r_control_cordic_y,                        // [1,24,8]
-    output wire signed [31:0] r_control_cordic_angle,                    // [1,-1,32]
+    output wire        [CORDIC_GUARD_BITS+24:0] r_control_cordic_x,      // [0,25,8]
+    output wire signed [CORDIC_GUARD_BITS+24:0] r_control_cordic_y,      // [1,24,8]
+    output wire signed [CORDIC_GUARD_BITS+23:0] r_control_cordic_angle,  // [1,-1,32]
     output wire         [4:0] r_control_cordic_i,                        // [0,5,0]
     output wire               r_control_cordic_busy,
     output wire               r_control_cordic_done,
@@ -775,6 +777,8 @@ module gyro_top #(
     gyro_control #(
         .MASTER_HZ                  (MASTER_HZ),
         .DDS_BITS                   (DDS_BITS),
+        .CORDIC_ITERATIONS          (CORDIC_ITERATIONS),
+        .CORDIC_GUARD_BITS          (CORDIC_GUARD_BITS),
         .agc_loop_kp                (control_agc_loop_kp),
         .agc_loop_ki                (control_agc_loop_ki),
         .agc_loop_lo                (control_agc_loop_lo),

@@ -141,7 +141,7 @@ def firmware(config):
                 ceiling_v=f.drive_ceiling_v,
                 kick_v=f.kick_v,
                 full_scale_v=d.drive_dac_span_v,
-                frame_hz=record.frame_hz,
+                d=record,
             ),
             frequency_tracker=frequency_tracker.design(f.pll_crossover_hz, f.pll_zero_hz, f.pll_limit_hz, record),
             rate_loop=rate_loop.design(
@@ -229,14 +229,14 @@ def no_rate_output(config):
 
 def register_writes(config):
     """Host writes of the first microseconds: (name, raw) of what the configuration sets in the register map."""
-    f, n = config.firmware, nominal(config)
+    f, n, record = config.firmware, nominal(config), config.design_record()
     # its reset value is that of the paper's board
     scale = () if config.of_paper else (("rate_scale", rate_scale(config)),)
     names = ("phase_drive_sine", "phase_sense_sine", "phase_drive_ref", "phase_sense_ref")
     return (
-        ("frequency_fixed", dds.word_of_hz(f.nominal_frequency_hz, config.design_record())),
-        ("amplitude_setpoint", agc.setpoint(f.amplitude_um, n["v_per_um"], n["adc_drive_v"])),
-        *((name, word) for name, word in zip(names, f.phase_words(config.design_record().dds_bits)) if word),
+        ("frequency_fixed", dds.word_of_hz(f.nominal_frequency_hz, record)),
+        ("amplitude_setpoint", agc.setpoint(f.amplitude_um, n["v_per_um"], n["adc_drive_v"], record)),
+        *((name, word) for name, word in zip(names, f.phase_words(record.dds_bits)) if word),
         *scale,
     )
 

@@ -128,7 +128,7 @@ def drive_word(config, p):
     volts = d.mass_kg * p.w_rad_s**2 * p.amplitude_m / d.qx / d.k_vf_drive_n_per_v
     code = math.hypot(drive_noise_codes(config), d.adc_step_code / 12**0.5)
     kp = build.firmware(config).control.agc.loop.kp / RAW_GAIN
-    return volts / d.drive_dac_span_v * 2**23, kp * float(cordic.GAIN) * code
+    return volts / d.drive_dac_span_v * 2**23, kp * float(cordic.gain(config.design.cordic_iterations)) * code
 
 
 def largest_spur(config, p):

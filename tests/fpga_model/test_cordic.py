@@ -1,15 +1,16 @@
 """The vectoring CORDIC: every register at every clock, and magnitude and phase against their derived bounds.
 
-The bounds of docs/blocks/cordic.md, for a vector of length r (input LSB), n = 24 rotations and 8 guard bits:
+The bounds of docs/blocks/cordic.md, for a vector of length r (input LSB), n rotations and g guard bits:
 
     E          = sqrt(1/2) * sum over k = 1 .. n-1 of prod over j > k of sqrt(1 + 4**-j)    drift of (x, y), guard LSB
-    turned(r)  = sum over k = 1 .. n-1 of asin(sqrt(1/2) / (256*r*G[k+1] - E))              angle those steps lose, rad
-    phase      = 1/2 + half an angle LSB per rotation + (atan(2**-(n-1)) + turned(r) + asin(E / (256*r*K))) in phase LSB
-    magnitude  = 1/2 + (E + 256*r*K*(1 - cos(atan(2**-(n-1)) + turned(r)))) / 256
+    turned(r)  = sum over k = 1 .. n-1 of asin(sqrt(1/2) / (2**g*r*G[k+1] - E))             angle those steps lose, rad
+    phase      = 1/2 + the table + (atan(2**-(n-1)) + turned(r) + asin(E / (2**g*r*K))) in phase LSB
+    magnitude  = 1/2 + (E + 2**g*r*K*(1 - cos(atan(2**-(n-1)) + turned(r)))) / 2**g
 
-with G[k] the gain of the first k rotations and K = G[n]. The phase bound has the form A + B/r. What to expect follows
-from errors spread evenly (the result's LSB, the last angle, 23 roundings across the vector) and from the rotation by
-the sign of y, which settles y at 0 or -1 guard LSB:
+with G[k] the gain of the first k rotations and K = G[n]. The table is off by half an angle LSB per rotation, and by
+half one of 2**-32 turn more where g < 8. The phase bound has the form A + B/r. What to expect of n = 24 and g = 8
+follows from errors spread evenly (the result's LSB, the last angle, 23 roundings across the vector) and from the
+rotation by the sign of y, which settles y at 0 or -1 guard LSB:
 
     std(r)**2  = 1/12 + (atan(2**-(n-1)) in LSB)**2 / 3 + 23/12 / (256*r*K)**2 in LSB**2
     mean(r)    = 1/2 / (256*r*K) in LSB
@@ -25,6 +26,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fpga_model import cordic
+from fpga_model.design_record import DEFAULT
+from fpga_model.fixed import formats
 from fpga_model.jit import kernel
 from tests import naive
 
@@ -32,22 +35,34 @@ FULL = 1 << 23
 # numba does not know the defaults of a NamedTuple, so the reset state is made outside the kernels
 RESET = cordic.State()
 GAIN = [math.prod(math.sqrt(1 + 4.0**-j) for j in range(k)) for k in range(25)]
-DRIFT = math.sqrt(0.5) * sum(GAIN[24] / GAIN[k + 1] for k in range(1, 24))
-LAST = math.atan(2.0**-23)
 LSB_PER_RAD = 2**24 / (2 * math.pi)
-A_LSB = 0.5 + 23 * 0.5 / 256 + LAST * LSB_PER_RAD
+DESIGNS = [DEFAULT._replace(cordic_iterations=n, cordic_guard_bits=g)
+           for n, g in ((8, 8), (24, 0), (8, 0), (17, 3), (12, 1))]  # fmt: skip
 
 
-def turned_rad(r):
-    return sum(np.arcsin(math.sqrt(0.5) / (256 * r * GAIN[k + 1] - DRIFT)) for k in range(1, 24))
+def drift(n=24):
+    return math.sqrt(0.5) * sum(GAIN[n] / GAIN[k + 1] for k in range(1, n))
 
 
-def phase_bound_lsb(r):
-    return A_LSB + (turned_rad(r) + np.arcsin(DRIFT / (256 * r * GAIN[24]))) * LSB_PER_RAD
+def a_lsb(n=24, g=8):
+    table = (n - 1) * (0.5 + (2.0 ** (g - 9) if g < 8 else 0.0)) / 2**g
+    return 0.5 + table + math.atan(2.0 ** (1 - n)) * LSB_PER_RAD
 
 
-def magnitude_bound_lsb(r):
-    return 0.5 + DRIFT / 256 + r * GAIN[24] * (1 - np.cos(LAST + turned_rad(r)))
+DRIFT, LAST, A_LSB = drift(), math.atan(2.0**-23), a_lsb()
+
+
+def turned_rad(r, n=24, g=8):
+    return sum(np.arcsin(math.sqrt(0.5) / (2**g * r * GAIN[k + 1] - drift(n))) for k in range(1, n))
+
+
+def phase_bound_lsb(r, n=24, g=8):
+    return a_lsb(n, g) + (turned_rad(r, n, g) + np.arcsin(drift(n) / (2**g * r * GAIN[n]))) * LSB_PER_RAD
+
+
+def magnitude_bound_lsb(r, n=24, g=8):
+    last = math.atan(2.0 ** (1 - n))
+    return 0.5 + drift(n) / 2**g + r * GAIN[n] * (1 - np.cos(last + turned_rad(r, n, g)))
 
 
 def phase_mean_lsb(r):
@@ -59,30 +74,30 @@ def phase_std_lsb(r):
 
 
 @kernel
-def trace(s, start, x_in, y_in):
+def trace(d, s, start, x_in, y_in):
     """Registers before each edge, and after the last one."""
     rows = np.empty((len(start) + 1, 8), np.int64)
     for n in range(len(start) + 1):
         for k, value in enumerate(s):
             rows[n, k] = value
         if n < len(start):
-            s = cordic.step(s, int(start[n]), int(x_in[n]), int(y_in[n]))
+            s = cordic.step(d, s, int(start[n]), int(x_in[n]), int(y_in[n]))
     return rows
 
 
 @kernel
-def solve(s, x_in, y_in):
+def solve(d, s, x_in, y_in):
     """Magnitude, phase and clocks of each vector, and the smallest and largest value of every register."""
     out = np.empty((len(x_in), 3), np.int64)
     seen = np.zeros((2, 8), np.int64)
     for n in range(len(x_in)):
-        s = cordic.step(s, 1, int(x_in[n]), int(y_in[n]))
+        s = cordic.step(d, s, 1, int(x_in[n]), int(y_in[n]))
         clocks = 1
         while not s.done and clocks < 100:
             for k, value in enumerate(s):
                 seen[0, k] = min(seen[0, k], value)
                 seen[1, k] = max(seen[1, k], value)
-            s = cordic.step(s, 0, 0, 0)
+            s = cordic.step(d, s, 0, 0, 0)
             clocks += 1
         seen[0, 6] = min(seen[0, 6], s.magnitude)
         seen[1, 6] = max(seen[1, 6], s.magnitude)
@@ -113,7 +128,7 @@ def vectors():
 @pytest.fixture(scope="module")
 def solved():
     xy = vectors()
-    out, seen = solve(RESET, xy[:, 0].copy(), xy[:, 1].copy())
+    out, seen = solve(DEFAULT, RESET, xy[:, 0].copy(), xy[:, 1].copy())
     r = np.hypot(xy[:, 0], xy[:, 1])
     turns = np.arctan2(xy[:, 1], xy[:, 0]) / (2 * math.pi)
     error = out[:, 1] - turns * 2**24
@@ -133,8 +148,13 @@ def test_table_is_the_rounded_arctangent():
 
 def test_gain_is_the_product_of_the_rotations():
     square = math.prod((1 + Fraction(1, 4**i) for i in range(24)), start=Fraction(1))
-    assert cordic.GAIN**2 <= square < (cordic.GAIN + Fraction(1, 2**80)) ** 2
-    assert f"K = {float(cordic.GAIN):.9f}" in cordic.__doc__
+    assert cordic.gain() ** 2 <= square < (cordic.gain() + Fraction(1, 2**80)) ** 2
+    assert f"K = {float(cordic.gain()):.9f}" in cordic.__doc__
+
+
+@pytest.mark.parametrize("n", [8, 15, 24])
+def test_gain_of_fewer_rotations(n):
+    assert float(cordic.gain(n)) == pytest.approx(GAIN[n], rel=1e-14)
 
 
 def test_header_states_formats_and_latency():
@@ -159,19 +179,21 @@ component = st.one_of(
 run = st.tuples(component, component, st.sampled_from([1, 2, 13, 25, 26, 27, 30]))
 
 
-@given(st.lists(run, min_size=1, max_size=5), component)
-def test_step_is_the_documented_equation(runs, idle):
+@given(st.lists(run, min_size=1, max_size=5), component, st.sampled_from([DEFAULT, *DESIGNS]))
+def test_step_is_the_documented_equation(runs, idle, d):
     """Each run is one start and some clocks, possibly too few; the inputs carry something else in between."""
     inputs = [(1, x, y) if k == 0 else (0, idle, -idle - 1) for x, y, clocks in runs for k in range(clocks)]
-    rows = trace(RESET, *np.array(inputs, dtype=np.int64).T.copy())
-    table = [Fraction(naive.rounded("half_up", naive.arctan_turns_bounds(i)[0] * 2**32), 2**32) for i in range(24)]
-    assert [tuple(row) for row in rows.tolist()] == naive.cordic(table, inputs)
+    rows = trace(d, RESET, *np.array(inputs, dtype=np.int64).T.copy())
+    full = [naive.rounded("half_up", naive.arctan_turns_bounds(i)[0] * 2**32) for i in range(d.cordic_iterations)]
+    bits = 24 + d.cordic_guard_bits
+    table = [Fraction(naive.rounded("half_up", Fraction(raw, 2 ** (32 - bits))), 2**bits) for raw in full]
+    assert [tuple(row) for row in rows.tolist()] == naive.cordic(table, inputs, d.cordic_guard_bits)
 
 
 def test_done_rises_latency_clocks_after_start_for_one_clock():
     start = np.zeros(60, dtype=np.int64)
     start[7] = 1
-    rows = trace(RESET, start, start * 5, start * 9)
+    rows = trace(DEFAULT, RESET, start, start * 5, start * 9)
     assert np.flatnonzero(rows[:, 5]).tolist() == [7 + cordic.LATENCY]
     assert np.flatnonzero(rows[:, 4]).tolist() == list(range(8, 7 + cordic.LATENCY))
     assert cordic.LATENCY <= 30
@@ -191,7 +213,7 @@ def test_registers_stay_in_their_formats(solved):
 
 def test_magnitude_within_its_bound(solved):
     _, out, _, r, _ = solved
-    assert np.all(np.abs(out[:, 0] - r * float(cordic.GAIN)) <= magnitude_bound_lsb(r))
+    assert np.all(np.abs(out[:, 0] - r * float(cordic.gain())) <= magnitude_bound_lsb(r))
     assert magnitude_bound_lsb(1.0) < 0.57, "docs/blocks/cordic.md"
 
 
@@ -200,6 +222,25 @@ def test_phase_within_its_bound(solved):
     assert np.all(np.abs(error) <= phase_bound_lsb(r))
     assert np.all(out[:, 2] == cordic.LATENCY)
     assert A_LSB < 0.87, "docs/blocks/cordic.md: A"
+
+
+@pytest.mark.parametrize("d", DESIGNS, ids=lambda d: f"n={d.cordic_iterations}, g={d.cordic_guard_bits}")
+def test_fewer_rotations_and_guard_bits_are_within_their_bounds(d):
+    """Formats, latency, magnitude and phase; vectors so short that their bound is no angle are left out."""
+    n, g = d.cordic_iterations, d.cordic_guard_bits
+    xy = vectors()
+    xy = xy[np.hypot(*xy.T) > 4 * drift(n) / 2**g]
+    out, seen = solve(d, RESET, xy[:, 0].copy(), xy[:, 1].copy())
+    for fmt, lowest, highest in zip(formats(cordic.State, d), *seen.tolist(), strict=True):
+        assert fmt.lo <= lowest <= highest <= fmt.hi
+    r, turns = np.hypot(*xy.T), np.arctan2(xy[:, 1], xy[:, 0]) / (2 * math.pi)
+    error = out[:, 1] - turns * 2**24
+    error -= np.rint(error / 2**24) * 2**24
+    assert np.all(out[:, 2] == cordic.LATENCY)
+    assert np.all(np.abs(out[:, 0] - r * GAIN[n]) <= magnitude_bound_lsb(r, n, g))
+    assert np.all(np.abs(error) <= phase_bound_lsb(r, n, g))
+    if n == 8:
+        assert np.abs(error).max() > 0.9 * math.atan(2.0**-7) * LSB_PER_RAD, "the last angle is all but reached"
 
 
 def test_phase_bound_is_a_plus_b_over_r():
@@ -224,14 +265,14 @@ def test_phase_error_grows_as_the_vector_shrinks(solved):
 
 def test_magnitude_errors_spread_as_rounding_does(solved):
     _, out, _, r, _ = solved
-    error = (out[:, 0] - r * float(cordic.GAIN))[r > 1000]
+    error = (out[:, 0] - r * float(cordic.gain()))[r > 1000]
     assert error.std() == pytest.approx(math.sqrt(1 / 12), rel=0.02)
     assert abs(error.mean()) < 0.01
 
 
 @pytest.mark.parametrize("before", [(0, 0), (-7, 3), (5, -FULL)])
 def test_zero_vector_has_magnitude_and_phase_zero(before):
-    out, _ = solve(RESET, np.array([before[0], 0, 0]), np.array([before[1], 0, 0]))
+    out, _ = solve(DEFAULT, RESET, np.array([before[0], 0, 0]), np.array([before[1], 0, 0]))
     assert out[1:].tolist() == [[0, 0, cordic.LATENCY]] * 2
 
 
@@ -242,7 +283,7 @@ def test_zero_vector_has_magnitude_and_phase_zero(before):
 )  # fmt: skip
 def test_axes_diagonals_and_full_scale(x, y, turns):
     """On the negative x axis the phase is half a turn, which reads as either end of its range."""
-    out, _ = solve(RESET, np.array([x]), np.array([y]))
+    out, _ = solve(DEFAULT, RESET, np.array([x]), np.array([y]))
     off = (out[0, 1] - turns * 2**24 + FULL) % 2**24 - FULL
     assert abs(off) <= 2
-    assert abs(out[0, 0] - float(cordic.GAIN) * math.hypot(x, y)) < 0.57
+    assert abs(out[0, 0] - float(cordic.gain()) * math.hypot(x, y)) < 0.57

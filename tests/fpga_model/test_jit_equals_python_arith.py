@@ -32,7 +32,7 @@ def traces():
     preset = rng.integers(pi.OUT.lo, pi.OUT.hi, n)
     big = [int(v) for v in rng.integers(-(1 << 62), 1 << 62, 20)] + [1 << 62, -(1 << 62), 0, -1]
     return {
-        "cordic": test_cordic.trace(test_cordic.RESET, start, x, y).tolist(),
+        "cordic": test_cordic.trace(test_cordic.DEFAULT, test_cordic.RESET, start, x, y).tolist(),
         "isqrt": test_isqrt.trace(test_isqrt.RESET, start, u).tolist(),
         "pi": test_pi.trace(p, pi.State(), en, mode, e, preset).tolist(),
         "rounding": {

@@ -249,7 +249,7 @@ def _cordic(c, p, fmt):
     atan = np.array([*cordic.ATAN, *[0] * (32 - cordic.ITERATIONS)], np.int64)[c["i"]]
     minus = left.astype(np.int64)
     turned = {"shift": shift, "rounding": "half_up", "enable": rotate}
-    half_turn = {"half a turn": np.where(left, cordic.HALF_TURN, 0)}
+    half_turn = {"half a turn": np.where(left, cordic.ANGLE.lo, 0)}
     angle = {"angle": np.where(c["x"] == 0, 0, c["angle"])}
     return {
         "x": [

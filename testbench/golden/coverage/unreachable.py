@@ -93,6 +93,13 @@ CLAIMS = (
     Claim(("watchdog",), ("clamp(s.age + 1, _, _)",), ("lo-1", "lo"), COUNTS),
     Claim(("rate_output",), ("clamp(p.decimation, _, _)",), ("lo-1",), UNSIGNED),
     Claim(("cordic",), ("s.i < ITERATIONS",), ("+1",), "i stops at ITERATIONS"),
+    Claim(
+        ("cordic",),
+        ("s.i >= d.cordic_iterations",),
+        ("yes", "0", "+1"),
+        "the default design turns in all ITERATIONS clocks",
+    ),
+    Claim(("cordic",), ("half_up(ATAN[_], _)",), probes.ROUNDED, "the default design drops no bit of the table"),
     Claim(("cordic",), ("half_up(s.x, _)",), ("tie-even", "tie-odd"), "x is never negative"),
     Claim(("cordic",), ("wrap(half_up(s.angle, _), _)",), ("under",), "the angle is wrapped already, and rounds up"),
     Claim(("sine",), ("half_up(_, _)",), ("tie-even", "tie-odd"), "the magnitude is never negative"),
@@ -374,7 +381,7 @@ def _cordic_places(block, case, places):
     sums = sum(1 for x in cordic.ATAN if x % 2)
     turn = not _near_zero()
     for goal, place in places:
-        if place.like("wrap(s.angle + ATAN[_] if _ else _, _)") and turn and sum(cordic.ATAN) < -cordic.HALF_TURN - 1:
+        if place.like("wrap(s.angle + turn if _ else _, _)") and turn and sum(cordic.ATAN) < cordic.ANGLE.hi:
             yield goal, "no sum of the first entries of the table, with any signs, is -1, 0 or 1: all were tried"
         # the last angle is the start, a multiple of the cut, plus or minus every entry of the table
         if place.like("half_up(s.angle, _)"):

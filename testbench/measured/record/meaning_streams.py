@@ -52,7 +52,7 @@ def drive(record):
         means = [record.streams[name].data[rows].mean() for name in ("adc_xI", "adc_xQ")]
         raw, source = bank(record, s["edge_b"]).get("amplitude_setpoint", (0, ""))
         loops = s["loops"].split()
-        size, where = math.hypot(*means) * float(cordic.GAIN), f"rows {rows.start} to {rows.stop - 1}"
+        size, where = math.hypot(*means) * float(cordic.gain()), f"rows {rows.start} to {rows.stop - 1}"
         if raw and "drv" in loops and abs(size - raw) > DRIVE_SHARE * raw and source not in seen:
             seen.add(source)
             text = (

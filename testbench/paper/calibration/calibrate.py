@@ -168,7 +168,8 @@ def interval(bench, channel, turns_deg=COUNTER_TURNS_DEG):
 
 def offset_deg(bench):
     """Angle (deg) by which the offset of the sine demodulator makes x lag: its code with the drive off over A's."""
-    return math.degrees(bench.offset_codes["adc_drive_sin"] * float(cordic.GAIN) / bench.read("magnitude"))
+    gain = float(cordic.gain(bench.design.cordic_iterations))
+    return math.degrees(bench.offset_codes["adc_drive_sin"] * gain / bench.read("magnitude"))
 
 
 def detune(bench, angles_deg=DETUNE_DEG):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from fpga_model import cordic, isqrt, rate_output, rates
+from fpga_model.design_record import DEFAULT
 from fpga_model.jit import kernel
 from testbench.engines import closed_form
 
@@ -11,11 +12,11 @@ COUNT = 20_000
 
 
 @kernel
-def _rotate(s, x, y, closed, stepped):
+def _rotate(d, s, x, y, closed, stepped):
     for n in range(x.shape[0]):
-        a = closed_form.rotate(s, x[n], y[n])
+        a = closed_form.rotate(d, s, x[n], y[n])
         for k in range(rates.SLOT_CORDIC, rates.SLOT_SEQUENCER):
-            s = cordic.step(s, 1 if k == rates.SLOT_CORDIC else 0, x[n], y[n])
+            s = cordic.step(d, s, 1 if k == rates.SLOT_CORDIC else 0, x[n], y[n])
         _put(closed[n], a)
         _put(stepped[n], s)
 
@@ -56,14 +57,15 @@ def _both(columns):
     return np.zeros((COUNT, columns), np.int64), np.full((COUNT, columns), -1, np.int64)
 
 
+@pytest.mark.parametrize("d", [DEFAULT, DEFAULT._replace(cordic_iterations=9, cordic_guard_bits=2)])
 @pytest.mark.parametrize("size", [3, 400, 1 << 23])
-def test_a_vector_is_turned_as_by_the_steps(size):
+def test_a_vector_is_turned_as_by_the_steps(size, d):
     rng = np.random.default_rng(size)
     x, y = (rng.integers(-size, size, COUNT, endpoint=True).clip(cordic.INPUT_LO, cordic.INPUT_HI) for _ in range(2))
     corners = [(a, b) for a in (0, 1, -1, cordic.INPUT_LO, cordic.INPUT_HI) for b in (0, 1, -1, cordic.INPUT_LO)]
     x[: len(corners)], y[: len(corners)] = np.array(corners).T
     closed, stepped = _both(8)
-    _rotate(cordic.State(), x, y, closed, stepped)
+    _rotate(d, cordic.State(), x, y, closed, stepped)
     np.testing.assert_array_equal(closed, stepped)
 
 

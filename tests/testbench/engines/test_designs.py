@@ -1,4 +1,4 @@
-"""Random designs over all keys of [design] at once: the frame engine has every register and code of the clocked one.
+"""Random designs over all keys of [design] at once: both engines have the same bits, registers are in proven ranges.
 
 python -m tests.testbench.engines.test_designs [COUNT] [SEED]    more of them, a line each
 """
@@ -13,12 +13,15 @@ import pytest
 
 from analog_frontend.parts import resonator
 from fpga_model import top as fpga
+from fpga_model import wiring
 from fpga_model.design_record import DEFAULT
 from fpga_model.fixed import formats
 from testbench import config
 from testbench.engines import chips
 from testbench.errors import ConfigError
-from testbench.flatten import format_leaves, leaves
+from testbench.flatten import format_leaves
+from testbench.golden.ranges import ranges
+from testbench.golden.stimulus import blocks
 from testbench.measured.record import produce
 from testbench.run import budget, build, design_check
 from testbench.run.simulation import Simulation
@@ -26,6 +29,7 @@ from testbench.run.simulation import Simulation
 BOARDS = Path(__file__).parents[3] / "docs" / "boards"
 SEED, COUNT, WIDE, BUILT = 20261, 4, 200, 30
 TICKS_S = 0.05
+WINDOW_TICKS = 1000  # whose registers are kept at once, at every clock
 LOCK_S = 2.5
 RATE_RAD_S, TEMP_DEGC = 0.5, 25.0
 GAINS = (16099211, 7587), (15032895, 1180681), (0, 263936067)  # kp, ki (2^-24) of AGC, FTR, QSC at 8 kHz frames
@@ -77,6 +81,8 @@ def drawn(seed):
         "design.adc": (adc := rng.choice(("ADS1298", "generic"))),
         "design.adc_bits": rng.randint(16, 24) if adc == "generic" else 24,
         "design.coefficient_fraction_bits": rng.randint(20, 24),
+        "design.cordic_iterations": rng.randint(8, 24),
+        "design.cordic_guard_bits": rng.randint(0, 8),
     }
     for role, room in (("drive", tick_clocks), ("sense", tick_clocks), ("quadrature", 2 * tick_clocks)):
         if values[f"design.{role}_dac"] == "generic":
@@ -118,6 +124,8 @@ def drawn_wide(seed):
         "design.adc": adc,
         "design.adc_bits": rng.randint(16, 24) if adc == "generic" or wrong else 24,
         "design.coefficient_fraction_bits": rng.choice((24, 24, 20, rng.randint(8, 24))),
+        "design.cordic_iterations": rng.randint(8, 24),
+        "design.cordic_guard_bits": rng.randint(0, 8),
         "plant.adc_decimation": 64,
         "plant.adc_modulator_hz": 64 * master_hz / tick_clocks / frame_ticks,
     }
@@ -185,8 +193,11 @@ def with_numbers_of(*roles):
     return config.changed(config.Config(), values)
 
 
-def moved(cfg, engine, state=None, seconds=TICKS_S):
-    """A simulation moved on from power-on, or from the state of another one."""
+def moved(cfg, engine, state=None, seconds=TICKS_S, seen=None):
+    """A simulation moved on from power-on, or from the state of another one.
+
+    seen  list that takes the least and the largest value of every register at any clock
+    """
     sim = Simulation(cfg, TEMP_DEGC, TEMP_DEGC, engine=engine)
     sim.now = (np.array([RATE_RAD_S]), np.array([TEMP_DEGC]))
     if state is None:
@@ -194,7 +205,17 @@ def moved(cfg, engine, state=None, seconds=TICKS_S):
             sim.write(name, raw)
     else:
         sim.set_state(state)
-    sim.advance(round(seconds * sim.design.tick_hz), RATE_RAD_S, TEMP_DEGC)
+    ticks = round(seconds * sim.design.tick_hz)
+    step = ticks if seen is None else WINDOW_TICKS
+    ends = []
+    for done in range(0, ticks, step):
+        sim.window = None if seen is None else (sim.tick, step)
+        sim.advance(min(step, ticks - done), RATE_RAD_S, TEMP_DEGC)
+        if seen is not None:
+            rows, sim.rows = sim.rows[:, -sim.register_count :], None
+            ends += [rows.min(axis=0), rows.max(axis=0)]
+    if seen is not None:
+        seen[:] = [np.min(ends, axis=0), np.max(ends, axis=0)]
     return sim
 
 
@@ -204,31 +225,55 @@ def same(one, two):
     return one.codes_sha256() == two.codes_sha256() and all(np.array_equal(a[key], b[key]) for key in a)
 
 
-def in_formats(sim):
-    """Registers outside their formats."""
-    pairs = zip(format_leaves(formats(fpga.State, sim.design)), leaves(sim.state.fpga), strict=True)
-    return [(name, value) for (name, fmt), (_, value) in pairs if not fmt.holds(value)]
+def proven(cfg):
+    """[(register, least, most)] of every register of the firmware, proven for this design and its parameters."""
+    firmware = build.firmware(cfg)
+    known, found = blocks.of_firmware(firmware), {}
+    for role, (module, _) in wiring.instances().items():
+        block = known[module.__name__.rpartition(".")[2]]
+        params = block.cases.get(role.rpartition(".")[2], next(iter(block.cases.values())))
+        analysis = ranges.analyse(block, params)
+        assert analysis.sound, (role, analysis.problems)
+        found |= {f"{role}.{r.name}".replace(".", "_"): r.proven for r in analysis.registers}
+    names = [name for name, _ in format_leaves(formats(fpga.State, firmware.design))]
+    return [(name, *found.pop(name.replace(".", "_"))) for name in names]
+
+
+def beyond(limits, seen):
+    """Registers that were outside their proven ranges."""
+    return [(name, lo, hi) for (name, lo, hi), a, b in zip(limits, *seen, strict=True) if a < lo or b > hi]
 
 
 def examine(values):
-    """'' if both engines agree from power-on and from lock, else what differs; raises ConfigError for a refusal."""
+    """'' if both engines agree, within proven ranges, from power-on and from lock; raises ConfigError for a refusal."""
     cfg = config.changed(config.Config(), values)
-    frame, clocked = moved(cfg, "frame"), moved(cfg, "clocked")
+    limits, seen = proven(cfg), []
+    frame, clocked = moved(cfg, "frame"), moved(cfg, "clocked", seen=seen)
     if not same(frame, clocked):
         return "power-on"
-    if wrong := in_formats(clocked):
-        return f"formats: {wrong}"
+    if wrong := beyond(limits, seen):
+        return f"ranges: {wrong}"
     locked = moved(cfg, "frame", seconds=LOCK_S)
     if not locked.locked:
         return "not locked"
     state = locked.state_values()
-    frame, clocked = moved(cfg, "frame", state), moved(cfg, "clocked", state)
-    return "" if same(frame, clocked) and not in_formats(clocked) else "lock"
+    frame, clocked = moved(cfg, "frame", state), moved(cfg, "clocked", state, seen=seen)
+    if not same(frame, clocked):
+        return "lock"
+    return f"ranges in lock: {wrong}" if (wrong := beyond(limits, seen)) else ""
 
 
 @pytest.mark.parametrize("number", range(COUNT))
 def test_a_random_design(number):
     assert examine(drawn(SEED + number)) == ""
+
+
+def test_a_register_beyond_its_proven_range_is_seen():
+    """The proof of a sine of 12 bits against the values of one of 18."""
+    limits = proven(config.changed(config.Config(), {"design.sine_bits": 12}))
+    seen = []
+    moved(config.Config(), "clocked", seconds=0.005, seen=seen)
+    assert {name.rpartition(".")[2] for name, _, _ in beyond(limits, seen)} >= {"base", "y"}
 
 
 def test_what_is_refused_cannot_work_and_what_can_is_not_refused():

@@ -514,14 +514,13 @@ fault("isqrt.v", "default", "reset", ("if (rst) begin\n r_radicand <= 32'd0;", "
 stranger("isqrt.v", "default", ("LAST = 4'd15", "LAST = 4'd14"))
 stranger("isqrt.v", "default", ("{r_radicand[29:0], 2'b00}", "{r_radicand[29:0], 2'b01}"))
 stranger("isqrt.v", "default", ("{1'b0, r_root, 2'b01}", "{1'b0, r_root, 2'b00}"))
-for width, guard in (("33'd128", "r_x"), ("32'sd128", "r_angle")):
-    kind = width[:-3]
+for half, guard, kind in (("HALF_X", "r_x", "33'd"), ("HALF_ANGLE", "r_angle", "32'd")):
     for rule, value in (("floor", "0"), ("ceil", "255")):
-        fault("cordic.v", "default", "rounding", (f"{guard} + {width}", f"{guard} + {kind}{value}"), what=rule)
+        fault("cordic.v", "default", "rounding", (f"{guard} + {half}", f"{guard} + {kind}{value}"), what=rule)
 for rule, value in (
     ("floor", "35'sd0"),
-    ("ceil", "(35'sd1 <<< r_i) - 35'sd1"),
-    ("half_down", "((35'sd1 <<< r_i) - 35'sd1) >>> 1"),
+    ("ceil", "(ONE <<< r_i) - ONE"),
+    ("half_down", "((ONE <<< r_i) - ONE) >>> 1"),
 ):
     fault("cordic.v", "default", "rounding", ("down = (x + half)", f"down = (x + ({value}))"), what=rule)
     fault("cordic.v", "default", "rounding", ("across = (y + half)", f"across = (y + ({value}))"), what=rule)
@@ -529,11 +528,11 @@ fault(
     "cordic.v",
     "default",
     "sign",
-    ("r_y[32] ? r_angle - atan : r_angle + atan", "r_y[32] ? r_angle + atan : r_angle - atan"),
+    ("r_y[W-1] ? r_angle - atan : r_angle + atan", "r_y[W-1] ? r_angle + atan : r_angle - atan"),
 )
-fault("cordic.v", "default", "sign", ("r_y[32] ? x - across : x + across", "r_y[32] ? x + across : x - across"))
+fault("cordic.v", "default", "sign", ("r_y[W-1] ? x - across : x + across", "r_y[W-1] ? x + across : x - across"))
 fault("cordic.v", "default", "sign", ("turned_y = x_in[23] ? -wide_y : wide_y", "turned_y = wide_y"))
-fault("cordic.v", "default", "gain", ("magnitude[32:8]", "magnitude[32:9]"))
+fault("cordic.v", "default", "gain", ("magnitude[W-1:G]", "magnitude[W-1:G+1]"))
 fault(
     "cordic.v",
     "default",
@@ -541,10 +540,10 @@ fault(
     ("r_angle - atan : r_angle + atan", "r_angle - (atan >>> 1) : r_angle + (atan >>> 1)"),
 )
 fault("cordic.v", "default", "reset", ("r_phase <= 24'sd0;\n end", "r_phase <= 24'sd1;\n end"))
-stranger("cordic.v", "default", ("ITERATIONS = 5'd24", "ITERATIONS = 5'd23"))
-stranger("cordic.v", "default", ("(r_x == 33'd0) ? 24'sd0 : phase[31:8]", "phase[31:8]"))
+stranger("cordic.v", "default", ("CLOCKS = 5'd24", "CLOCKS = 5'd23"))
+stranger("cordic.v", "default", ("(r_x == {W{1'b0}}) ? 24'sd0 : phase[A-1:G]", "phase[A-1:G]"))
 stranger("cordic.v", "default", ("across = (y + half) >>> r_i", "across = (y + half) >> r_i"))
-stranger("cordic.v", "default", ("x_in[23] ? HALF_TURN : 32'sd0", "x_in[23] ? 32'sd1 : 32'sd0"))
+stranger("cordic.v", "default", ("x_in[23] ? HALF_TURN : {A{1'b0}}", "x_in[23] ? 32'sd1 : {A{1'b0}}"))
 
 # rate_output.v, digital_sid.v ----------------------------------------------------------------------------------------
 

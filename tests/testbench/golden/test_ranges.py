@@ -116,7 +116,7 @@ def test_the_cordic_needs_no_lemma():
     """Intervals per rotation bound x by 1.5 * 2**32 and so fit; the true top is K*sqrt(2)*2**31, in the same bits."""
     lo, hi = proven("cordic")["x"]
     assert (lo, hi >> 32) == (0, 1)
-    assert hi.bit_length() == int(float(cordic.GAIN) * 2**31.5).bit_length() == cordic.X.width
+    assert hi.bit_length() == int(float(cordic.gain()) * 2**31.5).bit_length() == cordic.X.width
 
 
 # ---- planted faults --------------------------------------------------------------------------------------------------
