@@ -19,7 +19,7 @@ from fpga_model.fixed import formats
 from testbench import config
 from testbench.engines import chips
 from testbench.errors import ConfigError
-from testbench.flatten import format_leaves
+from testbench.flatten import format_leaves, leaves
 from testbench.golden.ranges import ranges
 from testbench.golden.stimulus import blocks
 from testbench.measured.record import produce
