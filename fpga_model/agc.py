@@ -95,12 +95,12 @@ def design(
 
 
 @inlined
-def step(p, s, en, en_pi, mode, magnitude, setpoint, preset):
-    """One clock edge: every right-hand side reads the old registers."""
+def step(d, p, s, en, en_pi, mode, magnitude, setpoint, preset):
+    """One clock edge of a design `d`: every right-hand side reads the old registers."""
     kicked = mode == KICK
     return State(
         error=setpoint - magnitude if en else s.error,
-        loop=pi.step(p.loop, s.loop, en_pi, pi.OFF if kicked else mode, s.error, 0 if kicked else preset),
+        loop=pi.step(d, p.loop, s.loop, en_pi, pi.OFF if kicked else mode, s.error, 0 if kicked else preset),
     )
 
 

@@ -142,6 +142,7 @@ def loops(d, p, s, slot, i, bank):
     return State(
         cordic=cordic.step(d, s.cordic, at_cordic, cordic.negated(i.drive_cos), i.drive_sin),
         agc=agc.step(
+            d,
             p.agc,
             s.agc,
             at_loops,
@@ -165,6 +166,7 @@ def loops(d, p, s, slot, i, bank):
             bank.frequency_fixed,
         ),
         rate_loop=rate_loop.step(
+            d,
             p.rate_loop,
             s.rate_loop,
             at_loops,
@@ -174,6 +176,7 @@ def loops(d, p, s, slot, i, bank):
             rate_preset,
         ),
         quadrature_loop=quadrature_loop.step(
+            d,
             p.quadrature_loop,
             s.quadrature_loop,
             at_loops,

@@ -24,6 +24,7 @@ class Design(NamedTuple):
     sine_bits: bits(5) = 18
     cordic_iterations: bits(5) = 24
     cordic_guard_bits: bits(4) = 8
+    accumulator_fraction_bits: bits(5) = 24
 
     @property
     def tick_hz(self):

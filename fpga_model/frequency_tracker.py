@@ -95,7 +95,7 @@ def step(d, p, s, en, en_pi, mode, phase, load, adjust, correction, preset):
         error=phase if en else s.error,
         centre=centre,
         word=wrap_unsigned(s.centre + s.loop.y, d.dds_bits),
-        loop=pi.step(p.loop, s.loop, en_pi, mode, s.error, 0),
+        loop=pi.step(d, p.loop, s.loop, en_pi, mode, s.error, 0),
     )
 
 

@@ -1,42 +1,45 @@
 """PI controller with a clamped integrator, shared by the four loops; raw LSB in, raw LSB out.
 
-    en = 1, by mode   OFF     prop = 0,      acc = clamp(preset)
-                      P_ONLY  prop = kp*e,   acc held
-                      RUN     prop = kp*e,   acc = clamp(acc + ki*e)
+    en = 1, by mode   OFF     prop = 0,             acc = clamp(preset)
+                      P_ONLY  prop = round(kp*e),   acc held
+                      RUN     prop = round(kp*e),   acc = clamp(acc + round(ki*e))
                       HOLD    prop and acc held (so does any other mode, and en = 0)
     every edge        y = clamp(round(prop + acc))
 
-    e --+--(x kp)----------[prop]--(+)--(round, clamp)--[y]-->     [..] register
-        |                           |
-        +--(x ki)--(+)--(clamp)---[acc]
-                    ^---------------'
+    e --+--(x kp)--(round)----------[prop]--(+)--(round, clamp)--[y]-->     [..] register
+        |                                    |
+        +--(x ki)--(round)--(+)--(clamp)---[acc]
+                             ^---------------'
 
 Formats   e [1,25,0]   kp, ki [1,9,24]   prop, acc [1,35,24]   lo, hi, preset, y [1,35,0]
 Latency   2 clocks from an enabled e to y, one result per enable
-Rounding  ties toward +inf at y only; prop and acc are exact
+Rounding  ties toward +inf; products are exact where prop and acc have 24 fraction bits: `accumulator_fraction_bits`
 Overflow  acc and y saturate at lo and hi; prop cannot overflow
 Source    docs/blocks/pi.md
 
 No mode change makes acc jump but OFF, whose preset is the hand-over value. There is no dead zone: an error of one LSB
-moves acc by ki at every enable, and y by one LSB within 2**24 / abs(ki) enables (ki raw).
+moves acc at every enable, by ki where products are exact, and y then within 2**24 / abs(ki) enables (ki raw).
 """
 
 from fractions import Fraction
 from typing import NamedTuple
 
 from fpga_model.block import BIT, Block
+from fpga_model.design_record import width
 from fpga_model.fixed import Fmt, add_fmt, bits, clamp, formats, half_up, mul_fmt, quantize
 from fpga_model.jit import inlined
 
 ERR = Fmt(1, 25, 0)
 COEF = Fmt(1, 9, 24)
-ACC = mul_fmt(ERR, COEF)
+PRODUCT = mul_fmt(ERR, COEF)
+PRODUCT_FRACTION = PRODUCT.f
+ACC = Fmt(1, PRODUCT.i, width("accumulator_fraction_bits"))
 OUT = Fmt(1, ACC.i, 0)
 SHIFT = ACC.f - OUT.f
 LATENCY = 2
 OFF, P_ONLY, RUN, HOLD = 0, 1, 2, 3
 LARGEST_SHARE = Fraction(1, 20)  # of a gain, by which fewer fraction bits may move it
-assert add_fmt(ACC, ACC).width + 1 <= 63, "prop + acc and its rounding constant must fit int64"
+assert add_fmt(PRODUCT, PRODUCT).width + 1 <= 63, "prop + acc and its rounding constant must fit int64"
 
 
 class Params(NamedTuple):
@@ -105,20 +108,33 @@ def narrowed(p, fraction_bits):
     return p._replace(**gains)
 
 
+def check_accumulator(p, fraction_bits):
+    """Raise ValueError if ki times an error of one LSB, of either sign, rounds to nothing in `fraction_bits`."""
+    half = Fraction(1, 2 << fraction_bits)
+    ki = Fraction(p.ki, 1 << COEF.f)
+    if ki and abs(ki) <= half:
+        raise ValueError(
+            f"ki = {float(ki):.4g}, so an error of 1 LSB is lost in {fraction_bits} fraction bits; the limit is above "
+            f"{float(half):.4g}, half an LSB"
+        )
+
+
 @inlined
-def step(p, s, en, mode, e, preset):
-    """One clock edge: every right-hand side reads the old registers."""
+def step(d, p, s, en, mode, e, preset):
+    """One clock edge of a design `d`: every right-hand side reads the old registers."""
     prop, acc = s.prop, s.acc
+    kept = d.accumulator_fraction_bits
+    dropped = PRODUCT_FRACTION - kept
     if en:
         if mode == OFF:
             prop = 0
-            acc = clamp(preset, p.lo, p.hi) << SHIFT
+            acc = clamp(preset, p.lo, p.hi) << kept
         elif mode == P_ONLY:
-            prop = p.kp * e
+            prop = half_up(p.kp * e, dropped)
         elif mode == RUN:
-            prop = p.kp * e
-            acc = clamp(s.acc + p.ki * e, p.lo << SHIFT, p.hi << SHIFT)
-    return State(prop=prop, acc=acc, y=clamp(half_up(s.prop + s.acc, SHIFT), p.lo, p.hi))
+            prop = half_up(p.kp * e, dropped)
+            acc = clamp(s.acc + half_up(p.ki * e, dropped), p.lo << kept, p.hi << kept)
+    return State(prop=prop, acc=acc, y=clamp(half_up(s.prop + s.acc, kept), p.lo, p.hi))
 
 
 MODE = bits(2)
@@ -134,6 +150,6 @@ BLOCK = Block(
         "odd": Params(kp=-((1 << 24) + 12345), ki=(1 << 22) + 77777, lo=-1000, hi=999),
         "extreme": Params(kp=COEF.lo, ki=COEF.hi, lo=OUT.lo, hi=OUT.hi),
     },
-    rules={"acc": (None, "saturate"), "y": ("half_up", "saturate")},
+    rules={"prop": ("half_up", None), "acc": ("half_up", "saturate"), "y": ("half_up", "saturate")},
     strobes=("en",),
 )

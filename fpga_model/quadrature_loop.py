@@ -84,11 +84,11 @@ def design(
 
 
 @inlined
-def step(p, s, en, en_pi, en_root, mode, sense_cos, preset):
-    """One clock edge: every right-hand side reads the old registers."""
+def step(d, p, s, en, en_pi, en_root, mode, sense_cos, preset):
+    """One clock edge of a design `d`: every right-hand side reads the old registers."""
     return State(
         error=-sense_cos if en else s.error,
-        loop=pi.step(p.loop, s.loop, en_pi, mode, s.error, preset),
+        loop=pi.step(d, p.loop, s.loop, en_pi, mode, s.error, preset),
         root=isqrt.step(s.root, en_root, s.loop.y),
     )
 

@@ -76,11 +76,11 @@ def design(
 
 
 @inlined
-def step(p, s, en, en_pi, mode, sense_sin, preset):
-    """One clock edge: every right-hand side reads the old registers."""
+def step(d, p, s, en, en_pi, mode, sense_sin, preset):
+    """One clock edge of a design `d`: every right-hand side reads the old registers."""
     return State(
         error=sense_sin if en else s.error,
-        loop=pi.step(p.loop, s.loop, en_pi, mode, s.error, preset),
+        loop=pi.step(d, p.loop, s.loop, en_pi, mode, s.error, preset),
     )
 
 

@@ -134,12 +134,18 @@ def isqrt(inputs):
 # pi -----------------------------------------------------------------------------------------------------------------
 
 
-def pi(kp, ki, lo, hi, inputs):
+def pi(kp, ki, lo, hi, inputs, fraction_bits=24):
     """Register rows of the PI controller before each edge, and after the last one.
 
     kp, ki   gains in LSB per LSB (Fractions);  lo, hi  limits in LSB
     inputs   (en, mode, e, preset) at each edge; mode 0 off, 1 proportional only, 2 run, else hold
+    fraction_bits  of both parts
     """
+
+    grid = Fraction(1, 2**fraction_bits)
+
+    def snap(value):
+        return rounded("half_up", value / grid) * grid
 
     def limited(value):
         return sorted((Fraction(lo), value, Fraction(hi)))[1]
@@ -147,11 +153,11 @@ def pi(kp, ki, lo, hi, inputs):
     prop = acc = y = Fraction(0)
     rows = []
     for en, mode, e, preset in [*inputs, (0, 0, 0, 0)]:
-        rows.append((int(prop * 2**24), int(acc * 2**24), int(y)))
+        rows.append((int(prop / grid), int(acc / grid), int(y)))
         y = limited(Fraction(rounded("half_up", prop + acc)))
         if en and mode in (0, 1, 2):
-            acc = {0: limited(Fraction(preset)), 1: acc, 2: limited(acc + ki * e)}[mode]
-            prop = 0 if mode == 0 else kp * e
+            acc = {0: limited(Fraction(preset)), 1: acc, 2: limited(acc + snap(ki * e))}[mode]
+            prop = Fraction(0) if mode == 0 else snap(kp * e)
     return rows
 
 

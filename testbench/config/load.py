@@ -59,6 +59,9 @@ class _DesignBase(Section):
     adc: Literal["ADS1298", "generic"] = other("ADS1298", "steps of the ADC: plant.adc_step_code, or those of adc_bits")
     adc_bits: int = number(24, "bits", 16, 24, 'codes of a "generic" ADC, left justified in its words of 24 bits')
     coefficient_fraction_bits: int = number(24, "bits", 8, 24, "kp and ki of the four loops")
+    accumulator_fraction_bits: int = number(
+        DEFAULT.accumulator_fraction_bits, "bits", 8, 24, "products and integrators of the four loops"
+    )
 
 
 def _dac_keys(role, of):

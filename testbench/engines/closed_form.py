@@ -24,12 +24,14 @@ from fpga_model import (
     rate_output,
     sequencer,
 )
+from fpga_model.design_record import DEFAULT
 from fpga_model.fixed import half_up, wrap
-from fpga_model.jit import inner
+from fpga_model.jit import inner, outlined
 
 ATAN = np.array(cordic.ATAN, np.int64)
 SCALED_CLOCKS = rate_output.LATENCY
 SIGN_BIT = 63
+ACCUMULATOR_FRACTION = DEFAULT.accumulator_fraction_bits
 
 
 @inner
@@ -79,7 +81,22 @@ def scale_rate(p, s):
 
 @inner
 def close_loops(d, p, s, i, bank):
-    """Control at rest after SLOT_LOOPS .. SLOT_ROOT, and the frequency word after SLOT_PI."""
+    """Control at rest after SLOT_LOOPS .. SLOT_ROOT, and the frequency word after SLOT_PI.
+
+    The default shifts of the accumulators are constants: as numbers of the record they cost 5 % of the frame engine.
+    """
+    if d.accumulator_fraction_bits == ACCUMULATOR_FRACTION:
+        return _closed(d._replace(accumulator_fraction_bits=ACCUMULATOR_FRACTION), p, s, i, bank)
+    return _closed_apart(d, p, s, i, bank)
+
+
+@outlined
+def _closed_apart(d, p, s, i, bank):
+    return _closed(d, p, s, i, bank)
+
+
+@inner
+def _closed(d, p, s, i, bank):
     o = sequencer.outputs(s.sequencer)
     amplitude = bank.amplitude_fixed if o.fix_drive else 0
     rate = bank.rate_fixed if o.fix_ftr else 0
@@ -89,7 +106,7 @@ def close_loops(d, p, s, i, bank):
     word = f.word
     # the edges of SLOT_LOOPS and SLOT_PI, and the one after them, which takes the PI's sum
     for at_loops, at_pi in ((1, 0), (0, 1), (0, 0)):
-        a = agc.step(p.agc, a, at_loops, at_pi, o.agc_mode, magnitude, setpoint, amplitude)
+        a = agc.step(d, p.agc, a, at_loops, at_pi, o.agc_mode, magnitude, setpoint, amplitude)
         f = frequency_tracker.step(
             d,
             p.frequency_tracker,
@@ -104,10 +121,10 @@ def close_loops(d, p, s, i, bank):
             bank.frequency_fixed,
         )
         word = f.word if at_pi else word
-        r = rate_loop.step(p.rate_loop, r, at_loops, at_pi, o.ftr_mode, i.sense_sin, rate)
-        q = quadrature_loop.step(p.quadrature_loop, q, at_loops, at_pi, 0, o.qsc_mode, i.sense_cos, quadrature)
+        r = rate_loop.step(d, p.rate_loop, r, at_loops, at_pi, o.ftr_mode, i.sense_sin, rate)
+        q = quadrature_loop.step(d, p.quadrature_loop, q, at_loops, at_pi, 0, o.qsc_mode, i.sense_cos, quadrature)
     f = frequency_tracker.step(d, p.frequency_tracker, f, 0, 0, o.pll_mode, 0, o.load, o.adjust, 0, 0)
-    q = quadrature_loop.step(p.quadrature_loop, q, 0, 0, 1, o.qsc_mode, 0, 0)
+    q = quadrature_loop.step(d, p.quadrature_loop, q, 0, 0, 1, o.qsc_mode, 0, 0)
     n = control.filtered(p.notch, s.notch, 1, r.loop.y)
     given = control.rate_word(n, r.loop.y)
     out = rate_output.step(control.output_params(bank), s.rate_output, 1, given, i.temperature)

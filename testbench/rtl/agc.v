@@ -4,26 +4,27 @@
 // Overflow: error cannot; r_loop_y saturates at loop_lo and loop_hi, which must lie in 0 .. 2**23 - 1.
 /* verilator lint_off DECLFILENAME */ // waived: a file has the stem of its block, the module a prefix against clashes
 module gyro_agc #(
+    parameter ACCUMULATOR_FRACTION_BITS = 24,  // of the PI
     parameter signed [33:0] loop_kp = 34'sd0,  // [1,9,24]
     parameter signed [33:0] loop_ki = 34'sd0,  // [1,9,24]
     parameter signed [35:0] loop_lo = 36'sd0,  // [1,35,0]
     parameter signed [35:0] loop_hi = 36'sd0,  // [1,35,0]
     parameter signed [23:0] kick    = 24'sd0   // [1,0,23] of 10 V
 ) (
-    input  wire               clk,
-    input  wire               rst,             // synchronous, active high
-    input  wire               en,
-    input  wire               en_pi,
-    input  wire         [2:0] mode,
-    input  wire        [24:0] magnitude,       // [0,25,0]
-    input  wire        [23:0] setpoint,        // [0,24,0]
-    input  wire signed [23:0] preset,          // [1,0,23] of 10 V
-    output reg  signed [25:0] r_error,         // [1,25,0]
-    output wire signed [59:0] r_loop_prop,     // [1,35,24]
-    output wire signed [59:0] r_loop_acc,      // [1,35,24]
-    output wire signed [35:0] r_loop_y,        // [1,35,0]
-    output wire signed [23:0] o_amplitude,     // [1,0,23] of 10 V
-    output wire               o_saturated
+    input  wire                                         clk,
+    input  wire                                         rst,          // synchronous, active high
+    input  wire                                         en,
+    input  wire                                         en_pi,
+    input  wire                                   [2:0] mode,
+    input  wire                                  [24:0] magnitude,    // [0,25,0]
+    input  wire                                  [23:0] setpoint,     // [0,24,0]
+    input  wire signed                           [23:0] preset,       // [1,0,23] of 10 V
+    output reg  signed                           [25:0] r_error,      // [1,25,0]
+    output wire signed [ACCUMULATOR_FRACTION_BITS+35:0] r_loop_prop,  // [1,35,24]
+    output wire signed [ACCUMULATOR_FRACTION_BITS+35:0] r_loop_acc,   // [1,35,24]
+    output wire signed                           [35:0] r_loop_y,     // [1,35,0]
+    output wire signed                           [23:0] o_amplitude,  // [1,0,23] of 10 V
+    output wire                                         o_saturated
 );
 
     localparam [2:0] KICK = 3'd4;
@@ -34,6 +35,7 @@ module gyro_agc #(
     wire signed [35:0] loop_preset = kicked ? 36'sd0 : {{12{preset[23]}}, preset};
 
     gyro_pi #(
+        .ACCUMULATOR_FRACTION_BITS(ACCUMULATOR_FRACTION_BITS),
         .kp(loop_kp), .ki(loop_ki), .lo(loop_lo), .hi(loop_hi)
     ) loop (
         .clk(clk), .rst(rst), .en(en_pi), .mode(loop_mode), .e(r_error), .preset(loop_preset),

@@ -9,6 +9,7 @@ module gyro_control #(
     parameter               DDS_BITS                    = 48,
     parameter               CORDIC_ITERATIONS           = 24,
     parameter               CORDIC_GUARD_BITS           = 8,
+    parameter               ACCUMULATOR_FRACTION_BITS   = 24,
     parameter signed [33:0] agc_loop_kp                 = 34'sd0,  // [1,9,24]
     parameter signed [33:0] agc_loop_ki                 = 34'sd0,  // [1,9,24]
     parameter signed [35:0] agc_loop_lo                 = 36'sd0,  // [1,35,0]
@@ -96,22 +97,22 @@ module gyro_control #(
     output wire        [24:0] r_cordic_magnitude,                // [0,25,0]
     output wire signed [23:0] r_cordic_phase,                    // [1,-1,24]
     output wire signed [25:0] r_agc_error,                       // [1,25,0]
-    output wire signed [59:0] r_agc_loop_prop,                   // [1,35,24]
-    output wire signed [59:0] r_agc_loop_acc,                    // [1,35,24]
+    output wire signed [ACCUMULATOR_FRACTION_BITS+35:0] r_agc_loop_prop, // [1,35,24]
+    output wire signed [ACCUMULATOR_FRACTION_BITS+35:0] r_agc_loop_acc, // [1,35,24]
     output wire signed [35:0] r_agc_loop_y,                      // [1,35,0]
     output wire signed [23:0] r_frequency_tracker_error,         // [1,-1,24]
     output wire        [DDS_BITS-1:0] r_frequency_tracker_centre, // [0,0,48]
     output wire        [DDS_BITS-1:0] r_frequency_tracker_word,  // [0,0,48]
-    output wire signed [59:0] r_frequency_tracker_loop_prop,     // [1,35,24]
-    output wire signed [59:0] r_frequency_tracker_loop_acc,      // [1,35,24]
+    output wire signed [ACCUMULATOR_FRACTION_BITS+35:0] r_frequency_tracker_loop_prop, // [1,35,24]
+    output wire signed [ACCUMULATOR_FRACTION_BITS+35:0] r_frequency_tracker_loop_acc, // [1,35,24]
     output wire signed [35:0] r_frequency_tracker_loop_y,        // [1,35,0]
     output wire signed [23:0] r_rate_loop_error,                 // [1,23,0]
-    output wire signed [59:0] r_rate_loop_loop_prop,             // [1,35,24]
-    output wire signed [59:0] r_rate_loop_loop_acc,              // [1,35,24]
+    output wire signed [ACCUMULATOR_FRACTION_BITS+35:0] r_rate_loop_loop_prop, // [1,35,24]
+    output wire signed [ACCUMULATOR_FRACTION_BITS+35:0] r_rate_loop_loop_acc, // [1,35,24]
     output wire signed [35:0] r_rate_loop_loop_y,                // [1,35,0]
     output wire signed [24:0] r_quadrature_loop_error,           // [1,24,0]
-    output wire signed [59:0] r_quadrature_loop_loop_prop,       // [1,35,24]
-    output wire signed [59:0] r_quadrature_loop_loop_acc,        // [1,35,24]
+    output wire signed [ACCUMULATOR_FRACTION_BITS+35:0] r_quadrature_loop_loop_prop, // [1,35,24]
+    output wire signed [ACCUMULATOR_FRACTION_BITS+35:0] r_quadrature_loop_loop_acc, // [1,35,24]
     output wire signed [35:0] r_quadrature_loop_loop_y,          // [1,35,0]
     output wire        [31:0] r_quadrature_loop_root_radicand,   // [0,32,0]
     output wire        [15:0] r_quadrature_loop_root_root,       // [0,16,0]
@@ -302,11 +303,12 @@ module gyro_control #(
     );
 
     gyro_agc #(
-        .loop_kp(agc_loop_kp),
-        .loop_ki(agc_loop_ki),
-        .loop_lo(agc_loop_lo),
-        .loop_hi(agc_loop_hi),
-        .kick   (agc_kick)
+        .ACCUMULATOR_FRACTION_BITS(ACCUMULATOR_FRACTION_BITS),
+        .loop_kp                  (agc_loop_kp),
+        .loop_ki                  (agc_loop_ki),
+        .loop_lo                  (agc_loop_lo),
+        .loop_hi                  (agc_loop_hi),
+        .kick                     (agc_kick)
     ) agc (
         .clk        (clk),
         .rst        (rst),
@@ -325,12 +327,13 @@ module gyro_control #(
     );
 
     gyro_frequency_tracker #(
-        .MASTER_HZ(MASTER_HZ),
-        .DDS_BITS (DDS_BITS),
-        .loop_kp  (frequency_tracker_loop_kp),
-        .loop_ki  (frequency_tracker_loop_ki),
-        .loop_lo  (frequency_tracker_loop_lo),
-        .loop_hi  (frequency_tracker_loop_hi)
+        .MASTER_HZ                (MASTER_HZ),
+        .DDS_BITS                 (DDS_BITS),
+        .ACCUMULATOR_FRACTION_BITS(ACCUMULATOR_FRACTION_BITS),
+        .loop_kp                  (frequency_tracker_loop_kp),
+        .loop_ki                  (frequency_tracker_loop_ki),
+        .loop_lo                  (frequency_tracker_loop_lo),
+        .loop_hi                  (frequency_tracker_loop_hi)
     ) frequency_tracker (
         .clk        (clk),
         .rst        (rst),
@@ -351,10 +354,11 @@ module gyro_control #(
     );
 
     gyro_rate_loop #(
-        .loop_kp(rate_loop_loop_kp),
-        .loop_ki(rate_loop_loop_ki),
-        .loop_lo(rate_loop_loop_lo),
-        .loop_hi(rate_loop_loop_hi)
+        .ACCUMULATOR_FRACTION_BITS(ACCUMULATOR_FRACTION_BITS),
+        .loop_kp                  (rate_loop_loop_kp),
+        .loop_ki                  (rate_loop_loop_ki),
+        .loop_lo                  (rate_loop_loop_lo),
+        .loop_hi                  (rate_loop_loop_hi)
     ) rate_loop (
         .clk        (clk),
         .rst        (rst),
@@ -371,10 +375,11 @@ module gyro_control #(
     );
 
     gyro_quadrature_loop #(
-        .loop_kp(quadrature_loop_loop_kp),
-        .loop_ki(quadrature_loop_loop_ki),
-        .loop_lo(quadrature_loop_loop_lo),
-        .loop_hi(quadrature_loop_loop_hi)
+        .ACCUMULATOR_FRACTION_BITS(ACCUMULATOR_FRACTION_BITS),
+        .loop_kp                  (quadrature_loop_loop_kp),
+        .loop_ki                  (quadrature_loop_loop_ki),
+        .loop_lo                  (quadrature_loop_loop_lo),
+        .loop_hi                  (quadrature_loop_loop_hi)
     ) quadrature_loop (
         .clk             (clk),
         .rst             (rst),

@@ -14,6 +14,7 @@ module gyro_top #(
     parameter               SINE_BITS                           = 18,
     parameter               CORDIC_ITERATIONS                   = 24,
     parameter               CORDIC_GUARD_BITS                   = 8,
+    parameter               ACCUMULATOR_FRACTION_BITS           = 24,
     parameter         [0:0] digital                             = 1'd0,
     parameter         [0:0] quadrature_fast                     = 1'd0,
     parameter         [3:0] pipe_depth                          = 4'd0,    // [0,4,0]
@@ -280,22 +281,22 @@ module gyro_top #(
     output wire        [24:0] r_control_cordic_magnitude,                // [0,25,0]
     output wire signed [23:0] r_control_cordic_phase,                    // [1,-1,24]
     output wire signed [25:0] r_control_agc_error,                       // [1,25,0]
-    output wire signed [59:0] r_control_agc_loop_prop,                   // [1,35,24]
-    output wire signed [59:0] r_control_agc_loop_acc,                    // [1,35,24]
+    output wire signed [ACCUMULATOR_FRACTION_BITS+35:0] r_control_agc_loop_prop, // [1,35,24]
+    output wire signed [ACCUMULATOR_FRACTION_BITS+35:0] r_control_agc_loop_acc, // [1,35,24]
     output wire signed [35:0] r_control_agc_loop_y,                      // [1,35,0]
     output wire signed [23:0] r_control_frequency_tracker_error,         // [1,-1,24]
     output wire        [DDS_BITS-1:0] r_control_frequency_tracker_centre, // [0,0,48]
     output wire        [DDS_BITS-1:0] r_control_frequency_tracker_word,  // [0,0,48]
-    output wire signed [59:0] r_control_frequency_tracker_loop_prop,     // [1,35,24]
-    output wire signed [59:0] r_control_frequency_tracker_loop_acc,      // [1,35,24]
+    output wire signed [ACCUMULATOR_FRACTION_BITS+35:0] r_control_frequency_tracker_loop_prop, // [1,35,24]
+    output wire signed [ACCUMULATOR_FRACTION_BITS+35:0] r_control_frequency_tracker_loop_acc, // [1,35,24]
     output wire signed [35:0] r_control_frequency_tracker_loop_y,        // [1,35,0]
     output wire signed [23:0] r_control_rate_loop_error,                 // [1,23,0]
-    output wire signed [59:0] r_control_rate_loop_loop_prop,             // [1,35,24]
-    output wire signed [59:0] r_control_rate_loop_loop_acc,              // [1,35,24]
+    output wire signed [ACCUMULATOR_FRACTION_BITS+35:0] r_control_rate_loop_loop_prop, // [1,35,24]
+    output wire signed [ACCUMULATOR_FRACTION_BITS+35:0] r_control_rate_loop_loop_acc, // [1,35,24]
     output wire signed [35:0] r_control_rate_loop_loop_y,                // [1,35,0]
     output wire signed [24:0] r_control_quadrature_loop_error,           // [1,24,0]
-    output wire signed [59:0] r_control_quadrature_loop_loop_prop,       // [1,35,24]
-    output wire signed [59:0] r_control_quadrature_loop_loop_acc,        // [1,35,24]
+    output wire signed [ACCUMULATOR_FRACTION_BITS+35:0] r_control_quadrature_loop_loop_prop, // [1,35,24]
+    output wire signed [ACCUMULATOR_FRACTION_BITS+35:0] r_control_quadrature_loop_loop_acc, // [1,35,24]
     output wire signed [35:0] r_control_quadrature_loop_loop_y,          // [1,35,0]
     output wire        [31:0] r_control_quadrature_loop_root_radicand,   // [0,32,0]
     output wire        [15:0] r_control_quadrature_loop_root_root,       // [0,16,0]
@@ -779,6 +780,7 @@ module gyro_top #(
         .DDS_BITS                   (DDS_BITS),
         .CORDIC_ITERATIONS          (CORDIC_ITERATIONS),
         .CORDIC_GUARD_BITS          (CORDIC_GUARD_BITS),
+        .ACCUMULATOR_FRACTION_BITS  (ACCUMULATOR_FRACTION_BITS),
         .agc_loop_kp                (control_agc_loop_kp),
         .agc_loop_ki                (control_agc_loop_ki),
         .agc_loop_lo                (control_agc_loop_lo),

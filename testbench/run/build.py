@@ -168,17 +168,19 @@ def firmware(config):
         ),
         design=record,
     )
-    return made._replace(control=_narrowed(made.control, config.design.coefficient_fraction_bits))
+    return made._replace(control=_narrowed(made.control, config.design))
 
 
-def _narrowed(loops, fraction_bits):
-    """The parameters of the four loops, their gains in so many fraction bits."""
+def _narrowed(loops, design):
+    """The parameters of the four loops, their gains in the fraction bits of a [design], held by its accumulators."""
     for name in ("agc", "frequency_tracker", "rate_loop", "quadrature_loop"):
-        one = getattr(loops, name)
+        one, key = getattr(loops, name), "coefficient_fraction_bits"
         try:
-            loops = loops._replace(**{name: one._replace(loop=pi.narrowed(one.loop, fraction_bits))})
+            loops = loops._replace(**{name: one._replace(loop=pi.narrowed(one.loop, design.coefficient_fraction_bits))})
+            key = "accumulator_fraction_bits"
+            pi.check_accumulator(getattr(loops, name).loop, design.accumulator_fraction_bits)
         except ValueError as problem:
-            raise ValueError(f"design.coefficient_fraction_bits: {name}: {problem}") from None
+            raise ValueError(f"design.{key}: {name}: {problem}") from None
     return loops
 
 

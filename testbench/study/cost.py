@@ -1,8 +1,8 @@
 """What the firmware of a design costs: bits of registers, of multipliers and of tables, from the declared formats.
 
     registers    widths of all registers at the design, less the bits that the design keeps at zero:
-                 24 - n of prop and acc for n coefficient bits, of codes and shift registers of a DAC of n bits what is
-                 above n, 24 - n of the codes of an ADC of n bits, wherever they are kept
+                 what prop and acc have beyond the fraction bits of the coefficients, of codes and shift registers of a
+                 DAC of n bits what is above n, 24 - n of the codes of an ADC of n bits, wherever they are kept
     multipliers  product of the two widths of each: two sines, two modulators, eight gains of the loops
     tables       rows by width of the sine's table, which both sines share
 
@@ -41,7 +41,7 @@ def _unused(name, config):
         if role == f"{side}_dac" and part == "shift":
             return WORD_BITS - chip.master.bits
     if part.endswith(("loop.prop", "loop.acc")):
-        return pi.COEF.f - d.coefficient_fraction_bits
+        return max(d.accumulator_fraction_bits - d.coefficient_fraction_bits, 0)
     if (role == "adc" and part.startswith("channels")) or part in ("rate_loop.error", "quadrature_loop.error"):
         return WORD_BITS - d.adc_bits
     return 0

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fpga_model import agc, cordic, pi
+from fpga_model.design_record import DEFAULT
 from tests import naive
 from tests.fpga_model.records import assert_rows, raws, rows
 
@@ -25,7 +26,7 @@ def gains(p):
 
 @given(st.sampled_from([P, agc.design(ceiling_v=1.0, kick_v=3.0)]), st.lists(edge, max_size=40))
 def test_step_is_the_documented_equation(p, inputs):
-    found = rows(lambda s, *i: agc.step(p, s, *i), agc.State(), inputs)
+    found = rows(lambda s, *i: agc.step(DEFAULT, p, s, *i), agc.State(), inputs)
     errors = [setpoint - magnitude for _, _, _, magnitude, setpoint, _ in inputs]
     given_to_pi = [(en, en_pi, mode % 4, 0 if mode == 4 else preset) for en, en_pi, mode, _, _, preset in inputs]
     # modes of pi.py as they are, KICK as OFF; 5 is no mode, and holds
@@ -39,7 +40,7 @@ def test_step_is_the_documented_equation(p, inputs):
 def test_latency():
     steady = (0, 0, pi.RUN, 0, 0, 0)
     inputs = [(1, 0, pi.RUN, 0, 100_000, 0), (0, 1, *steady[2:]), steady, steady]
-    found = rows(lambda s, *i: agc.step(P, s, *i), agc.State(), inputs)
+    found = rows(lambda s, *i: agc.step(DEFAULT, P, s, *i), agc.State(), inputs)
     assert next(n for n, s in enumerate(found) if s.loop.y) == agc.LATENCY
 
 

@@ -34,7 +34,7 @@ def traces():
     return {
         "cordic": test_cordic.trace(test_cordic.DEFAULT, test_cordic.RESET, start, x, y).tolist(),
         "isqrt": test_isqrt.trace(test_isqrt.RESET, start, u).tolist(),
-        "pi": test_pi.trace(p, pi.State(), en, mode, e, preset).tolist(),
+        "pi": test_pi.trace(test_pi.DEFAULT, p, pi.State(), en, mode, e, preset).tolist(),
         "rounding": {
             rule: [[int(func(v, k)) for v in big] for k in range(63)] for rule, func in fixed.ROUNDINGS.items()
         },

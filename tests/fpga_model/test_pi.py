@@ -9,6 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fpga_model import pi
+from fpga_model.design_record import DEFAULT
+from fpga_model.fixed import formats
 from fpga_model.jit import kernel
 from tests import naive
 
@@ -16,14 +18,14 @@ ONE = 1 << pi.COEF.f
 
 
 @kernel
-def trace(p, s, en, mode, e, preset):
+def trace(d, p, s, en, mode, e, preset):
     """Registers before each edge, and after the last one."""
     rows = np.empty((len(en) + 1, 3), np.int64)
     for n in range(len(en) + 1):
         for k, value in enumerate(s):
             rows[n, k] = value
         if n < len(en):
-            s = pi.step(p, s, int(en[n]), int(mode[n]), int(e[n]), int(preset[n]))
+            s = pi.step(d, p, s, int(en[n]), int(mode[n]), int(e[n]), int(preset[n]))
     return rows
 
 
@@ -32,18 +34,18 @@ def enables_until_y_moves(p, s, e, most):
     """Enables with a constant error until y differs; `most` + 1 if it does not move in time."""
     y = s.y
     for n in range(1, most + 1):
-        s = pi.step(p, s, 1, pi.RUN, e, 0)
+        s = pi.step(DEFAULT, p, s, 1, pi.RUN, e, 0)
         # one edge more lets y show what the enable did
-        s = pi.step(p, s, 0, pi.RUN, e, 0)
+        s = pi.step(DEFAULT, p, s, 0, pi.RUN, e, 0)
         if s.y != y:
             return n
     return most + 1
 
 
-def drive(p, inputs, s=None):
+def drive(p, inputs, s=None, d=DEFAULT):
     """Rows of a run over (en, mode, e, preset)."""
     columns = np.array(inputs, dtype=np.int64).reshape(-1, 4).T.copy()
-    return trace(p, s or pi.State(), *columns)
+    return trace(d, p, s or pi.State(), *columns)
 
 
 def raws(fmt):
@@ -207,6 +209,43 @@ def test_gains_of_fewer_fraction_bits(fraction_bits, kp, ki):
     assert [Fraction(k, ONE) for k in (found.kp, found.ki)] == nearest
     assert (found.lo, found.hi) == (-5, 5)
     assert fraction_bits < 24 or found == p
+
+
+@given(params(), st.lists(st.one_of(edge, running), max_size=40), st.integers(8, 24))
+def test_step_of_a_narrow_accumulator_is_the_documented_equation(p, inputs, fraction_bits):
+    d = DEFAULT._replace(accumulator_fraction_bits=fraction_bits)
+    expected = naive.pi(Fraction(p.kp, ONE), Fraction(p.ki, ONE), p.lo, p.hi, inputs, fraction_bits)
+    rows = drive(p, inputs, d=d)
+    assert [tuple(row) for row in rows.tolist()] == expected
+    for fmt, column in zip(formats(pi.State, d), rows.T, strict=True):
+        assert fmt.holds(int(column.min()))
+        assert fmt.holds(int(column.max()))
+
+
+@given(st.integers(-(1 << 33), (1 << 33) - 1), st.integers(8, 24))
+def test_an_accumulator_that_would_lose_an_error_of_one_lsb_is_refused(ki, fraction_bits):
+    """Told by what its steps do: an error of 1 LSB and one of -1 move acc in opposite directions, or it is refused."""
+    d, p = DEFAULT._replace(accumulator_fraction_bits=fraction_bits), pi.Params(0, ki, -(1 << 34), 1 << 34)
+    up, down = (drive(p, [(1, pi.RUN, e, 0)], d=d)[-1, 1] for e in (1, -1))
+    if ki == 0 or up * down < 0:
+        pi.check_accumulator(p, fraction_bits)
+    else:
+        with pytest.raises(ValueError, match=f"is lost in {fraction_bits} fraction bits; the limit is above"):
+            pi.check_accumulator(p, fraction_bits)
+
+
+@pytest.mark.parametrize("ki", [4609, 7587, 9000, 40_000, 1 << 20])
+def test_a_narrow_accumulator_changes_the_gain_of_small_errors_alone(ki):
+    """docs/blocks/pi.md: ki of one error is 2/3 to 2 of itself, of many LSB its own; a mean of 0 moves nothing."""
+    d, p = DEFAULT._replace(accumulator_fraction_bits=11), pi.Params(0, ki, -(1 << 34), 1 << 34)
+    for e in (1, -1, 2, -2, 1000, -1000):
+        moved = int(drive(p, [(1, pi.RUN, e, 0)], d=d)[-1, 1]) * 2**13
+        assert 2 / 3 < moved / (ki * e) <= 2
+        assert abs(moved - ki * e) <= 2**12
+    noise = np.random.default_rng(1).permutation(np.repeat(np.arange(-20, 21), 50))
+    rows = drive(p, [(1, pi.RUN, int(e), 0) for e in noise], d=d)
+    ties = sum(abs(ki * int(e)) % 2**13 == 2**12 for e in noise)
+    assert 0 <= rows[-1, 1] <= ties
 
 
 def test_prop_and_acc_of_fewer_fraction_bits_end_in_zeros():

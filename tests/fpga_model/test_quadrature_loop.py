@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fpga_model import isqrt, pi, quadrature_loop
+from fpga_model.design_record import DEFAULT
 from tests import naive
 from tests.fpga_model.records import assert_rows, raws, rows
 
@@ -25,7 +26,7 @@ edge = st.tuples(
 
 
 def run(p, inputs):
-    return rows(lambda s, *i: quadrature_loop.step(p, s, *i), quadrature_loop.State(), inputs)
+    return rows(lambda s, *i: quadrature_loop.step(DEFAULT, p, s, *i), quadrature_loop.State(), inputs)
 
 
 @given(st.sampled_from([P, quadrature_loop.design(rail_v=5.0)]), st.lists(edge, max_size=50))

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fpga_model import pi, rate_loop
+from fpga_model.design_record import DEFAULT
 from tests import naive
 from tests.fpga_model.records import assert_rows, raws, rows
 
@@ -19,7 +20,7 @@ edge = st.tuples(bit, bit, st.integers(0, 4), raws(rate_loop.CODE), raws(rate_lo
 
 @given(st.sampled_from([P, rate_loop.design(limit=0.1)]), st.lists(edge, max_size=40))
 def test_step_is_the_documented_equation(p, inputs):
-    found = rows(lambda s, *i: rate_loop.step(p, s, *i), rate_loop.State(), inputs)
+    found = rows(lambda s, *i: rate_loop.step(DEFAULT, p, s, *i), rate_loop.State(), inputs)
     gains = Fraction(p.loop.kp, ONE), Fraction(p.loop.ki, ONE), p.loop.lo, p.loop.hi
     expected = naive.loop(gains, [i[3] for i in inputs], [(*i[:3], i[4]) for i in inputs])
     assert_rows(found, expected, rate_loop.STATE_FMT)
@@ -30,7 +31,7 @@ def test_step_is_the_documented_equation(p, inputs):
 def test_latency():
     quiet = (0, 0, pi.RUN, 0, 0)
     found = rows(
-        lambda s, *i: rate_loop.step(P, s, *i),
+        lambda s, *i: rate_loop.step(DEFAULT, P, s, *i),
         rate_loop.State(),
         [(1, 0, pi.RUN, 100, 0), (0, 1, pi.RUN, 0, 0), quiet, quiet],
     )

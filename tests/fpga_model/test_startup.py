@@ -102,7 +102,7 @@ def run(p, z, bank, mechanics, plant, rate, quadrature, ok, noise, log):
         a, t, r, q = z.agc, z.tracker, z.rate, z.quadrature
         for slot in range(24):
             at_loop, at_pi = 1 if slot == 0 else 0, 1 if slot == 1 else 0
-            a = agc.step(p.agc, a, at_loop, at_pi, o.agc_mode, magnitude, bank.amplitude_setpoint, 0)
+            a = agc.step(DEFAULT, p.agc, a, at_loop, at_pi, o.agc_mode, magnitude, bank.amplitude_setpoint, 0)
             t = frequency_tracker.step(
                 DEFAULT,
                 p.tracker,
@@ -116,8 +116,8 @@ def run(p, z, bank, mechanics, plant, rate, quadrature, ok, noise, log):
                 seq.correction,
                 bank.frequency_fixed,
             )
-            r = rate_loop.step(p.rate, r, at_loop, at_pi, o.ftr_mode, ys, 0)
-            q = quadrature_loop.step(p.quadrature, q, at_loop, at_pi, 1 if slot == 4 else 0, o.qsc_mode, yc, 0)
+            r = rate_loop.step(DEFAULT, p.rate, r, at_loop, at_pi, o.ftr_mode, ys, 0)
+            q = quadrature_loop.step(DEFAULT, p.quadrature, q, at_loop, at_pi, 1 if slot == 4 else 0, o.qsc_mode, yc, 0)
         z = Firmware(a, t, r, q, seq)
         amp = agc.amplitude(p.agc, z.agc, o.agc_mode)
         log[n, 0], log[n, 1], log[n, 2] = seq.state, abs(plant[0]) / 0.72, t.word * 26e6 / 2**48 - fx

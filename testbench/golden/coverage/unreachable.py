@@ -102,6 +102,12 @@ CLAIMS = (
     Claim(("cordic",), ("half_up(ATAN[_], _)",), probes.ROUNDED, "the default design drops no bit of the table"),
     Claim(("cordic",), ("half_up(s.x, _)",), ("tie-even", "tie-odd"), "x is never negative"),
     Claim(("cordic",), ("wrap(half_up(s.angle, _), _)",), ("under",), "the angle is wrapped already, and rounds up"),
+    Claim(
+        ("pi", *ERRORS),
+        ("half_up(p.kp * e, _)", "half_up(p.ki * e, _)"),
+        probes.ROUNDED,
+        "the default design drops no bit of a product",
+    ),
     Claim(("sine",), ("half_up(_, _)",), ("tie-even", "tie-odd"), "the magnitude is never negative"),
     Claim(LOCKS, ("count >= _",), ("+1",), "a count starts again at its limit", "_judge"),
     Claim(LOCKS, ("pending",), ("no",), "without pending the count is 0", "_judge", 2),

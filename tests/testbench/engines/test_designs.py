@@ -69,7 +69,7 @@ def drawn(seed):
         "design.master_hz": master_hz,
         "design.tick_clocks": tick_clocks,
         "design.frame_ticks": frame_ticks,
-        "design.dds_bits": rng.randint(34, 48),
+        "design.dds_bits": (dds_bits := rng.randint(34, 48)),
         "design.sine_address_bits": rng.randint(5, 11),
         "design.sine_fraction_bits": rng.randint(1, 12),
         "design.sine_bits": rng.randint(13, 20),
@@ -83,6 +83,7 @@ def drawn(seed):
         "design.coefficient_fraction_bits": rng.randint(20, 24),
         "design.cordic_iterations": rng.randint(8, 24),
         "design.cordic_guard_bits": rng.randint(0, 8),
+        "design.accumulator_fraction_bits": rng.randint(max(12, 56 - dds_bits), 24),
     }
     for role, room in (("drive", tick_clocks), ("sense", tick_clocks), ("quadrature", 2 * tick_clocks)):
         if values[f"design.{role}_dac"] == "generic":
@@ -123,9 +124,10 @@ def drawn_wide(seed):
         "design.quadrature_dac": quadrature_dac,
         "design.adc": adc,
         "design.adc_bits": rng.randint(16, 24) if adc == "generic" or wrong else 24,
-        "design.coefficient_fraction_bits": rng.choice((24, 24, 20, rng.randint(8, 24))),
+        "design.coefficient_fraction_bits": rng.choice((24, 24, 24, 20, 20, rng.randint(8, 24))),
         "design.cordic_iterations": rng.randint(8, 24),
         "design.cordic_guard_bits": rng.randint(0, 8),
+        "design.accumulator_fraction_bits": rng.choice((24, 24, 20, rng.randint(8, 24))),
         "plant.adc_decimation": 64,
         "plant.adc_modulator_hz": 64 * master_hz / tick_clocks / frame_ticks,
     }
@@ -155,8 +157,9 @@ def refusals(values):
     pll_kp = 2 * np.pi * 3.0 * 2.0 ** (d["dds_bits"] - 24) * clock_s
     pll_ki = pll_kp * 2 * np.pi * 0.6 * tick_s * d["frame_ticks"]
     slower = tick_s * d["frame_ticks"] / 125e-6
-    gains = [kp for kp, _ in GAINS] + [ki * slower for _, ki in GAINS] + [pll_kp * 2**24, pll_ki * 2**24]
-    unit = 2 ** (24 - d["coefficient_fraction_bits"])
+    kis = [round(ki) for ki in (*(ki * slower for _, ki in GAINS), pll_ki * 2**24)]
+    gains = [*(kp for kp, _ in GAINS), round(pll_kp * 2**24), *kis]
+    unit, least = (2 ** (24 - d[f"{kind}_fraction_bits"]) for kind in ("coefficient", "accumulator"))
     rules = {
         "bits of a named part": (kinds[0] != "generic" and d["drive_dac_bits"] != 16)
         or (kinds[1] != "generic" and d["sense_dac_bits"] != 20)
@@ -169,7 +172,8 @@ def refusals(values):
         "phase word": d["dds_bits"] - 2 < d["sine_address_bits"] + d["sine_fraction_bits"],
         "rows of the table": d["sine_bits"] <= d["sine_address_bits"],
         "integral gain of the frequency loop": pll_ki < 2.0**-25,
-        "gains in few bits": any(abs(round(k / unit) * unit - k) > k / 20 for k in map(round, gains)),
+        "gains in few bits": any(abs(round(k / unit) * unit - k) > k / 20 for k in gains),
+        "an error of one LSB in the integrator": any(0 < 2 * round(k / unit) * unit <= least for k in kis),
         "DRDY in the tick of the last sample": d["adc_conversion_delay_s"] < tick_s,
         "two samples of the modulator in a tick": d["frame_ticks"] <= 64,
     }
@@ -339,6 +343,18 @@ def test_what_is_refused_cannot_work_and_what_can_is_not_refused():
             "agc: ki = 0.0004522 is 5.52 % off in 14 fraction bits; the limit is 5",
         ),
         ({"design.coefficient_fraction_bits": 10}, "agc: ki = 0.0004522 is 100 % off in 10 fraction bits"),
+        (
+            {"design.accumulator_fraction_bits": 10},
+            "agc: ki = 0.0004522, so an error of 1 LSB is lost in 10",
+        ),
+        (
+            {"design.accumulator_fraction_bits": 18, "design.dds_bits": 36},
+            "frequency_tracker: ki = 1.371e-06, .* lost in 18 fraction bits; the limit is above 1.907e-06, half an LSB",
+        ),
+        ({"design.cordic_iterations": 7}, "cordic_iterations = 7 is below the limit 8 rotations"),
+        ({"design.cordic_iterations": 25}, "cordic_iterations = 25 is above the limit 24 rotations"),
+        ({"design.cordic_guard_bits": 9}, "cordic_guard_bits = 9 is above the limit 8 bits"),
+        ({"design.accumulator_fraction_bits": 25}, "accumulator_fraction_bits = 25 is above the limit 24 bits"),
         ({"design.dds_bits": 25, "design.sine_address_bits": 8}, "frequency loop with dds_bits = 25 bits: ki_per_s: "),
         ({"design.frame_ticks": 64, "plant.adc_decimation": 64, "plant.adc_modulator_hz": 1e6}, "may hold one sample"),
         ({"design.master_hz": 16_000_000, "plant.adc_modulator_hz": 512e3 * 16 / 26}, "outside 1.625e-06 s"),

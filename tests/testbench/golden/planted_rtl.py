@@ -287,8 +287,8 @@ stranger(MOD, "dac16", (ROUND, "(wide_product + (HALF >>> 1)) >>> shift;"))
 
 # pi.v ----------------------------------------------------------------------------------------------------------------
 
-RAW = "{{2{r_prop[59]}}, r_prop} + {{2{r_acc[59]}}, r_acc}"
-SUM_62 = f"    wire signed [61:0] sum = {RAW} + 62'sd8388608;"
+RAW = "{{2{r_prop[A-1]}}, r_prop} + {{2{r_acc[A-1]}}, r_acc}"
+SUM_62 = f"    wire signed [A+1:0] sum = {RAW} + HALF_Y;"
 PI_RULES = {
     "floor": "62'sd0",
     "ceil": "62'sd16777215",
@@ -303,31 +303,31 @@ for rule, text in PI_RULES.items():
         new = f"    wire signed [61:0] raw = {RAW};\n    wire signed [61:0] sum = raw + {text};"
         fault("pi.v", case, "rounding", (SUM_62, new), what=rule)
 Y_CLIP = "(rounded < Y_LO) ? lo : (rounded > Y_HI) ? hi : rounded[35:0]"
-ACC_CLIP = "(next_acc < SUM_LO) ? ACC_LO : (next_acc > SUM_HI) ? ACC_HI : next_acc[59:0]"
+ACC_CLIP = "(next_acc < SUM_LO) ? ACC_LO : (next_acc > SUM_HI) ? ACC_HI : next_acc[A-1:0]"
 for case in ("rate", "extreme"):
     fault("pi.v", case, "wrap", (Y_CLIP, "rounded[35:0]"))
 fault("pi.v", "rate", "wrap", (Y_CLIP, "{{12{rounded[23]}}, rounded[23:0]}"))
-fault("pi.v", "odd", "wrap", (ACC_CLIP, "next_acc[59:0]"))
+fault("pi.v", "odd", "wrap", (ACC_CLIP, "next_acc[A-1:0]"))
 for case in ("odd", "rate"):
     fault("pi.v", case, "limit", ("(rounded > Y_HI) ? hi", "(rounded > Y_HI) ? hi - 36'sd1"))
     fault("pi.v", case, "limit", ("(rounded > Y_HI) ? hi", "(rounded >= Y_HI) ? hi - 36'sd1"))
     fault("pi.v", case, "limit", ("(rounded > Y_HI) ? hi", "(rounded > Y_HI) ? hi + 36'sd1"))
     fault("pi.v", case, "limit", ("(rounded < Y_LO) ? lo", "(rounded < Y_LO) ? lo + 36'sd1"))
     fault("pi.v", case, "limit", ("(rounded < Y_LO) ? lo", "(rounded < Y_LO) ? lo - 36'sd1"))
-    fault("pi.v", case, "limit", ("ACC_HI = {hi, 24'd0}", "ACC_HI = {hi, 24'd0} - 60'sd1"))
-    fault("pi.v", case, "limit", ("ACC_LO = {lo, 24'd0}", "ACC_LO = {lo, 24'd0} + 60'sd16777216"))
+    fault("pi.v", case, "limit", ("ACC_HI = {hi, {F{1'b0}}}", "ACC_HI = {hi, {F{1'b0}}} - 60'sd1"))
+    fault("pi.v", case, "limit", ("ACC_LO = {lo, {F{1'b0}}}", "ACC_LO = {lo, {F{1'b0}}} + 60'sd16777216"))
 fault("pi.v", "odd", "sign", ("r_prop <= kp_e", "r_prop <= -kp_e"))
-fault("pi.v", "odd", "sign", ("+ {ki_e[59], ki_e}", "- {ki_e[59], ki_e}"))
-fault("pi.v", "odd", "sign", (RAW, "{{2{r_acc[59]}}, r_acc} - {{2{r_prop[59]}}, r_prop}"))
-fault("pi.v", "odd", "sign", (RAW, "{{2{r_prop[59]}}, r_prop} - {{2{r_acc[59]}}, r_acc}"))
+fault("pi.v", "odd", "sign", ("+ {ki_e[A-1], ki_e}", "- {ki_e[A-1], ki_e}"))
+fault("pi.v", "odd", "sign", (RAW, "{{2{r_acc[A-1]}}, r_acc} - {{2{r_prop[A-1]}}, r_prop}"))
+fault("pi.v", "odd", "sign", (RAW, "{{2{r_prop[A-1]}}, r_prop} - {{2{r_acc[A-1]}}, r_acc}"))
 fault("pi.v", "rate", "sign", ("r_prop <= kp_e", "r_prop <= -kp_e"))
-fault("pi.v", "rate", "sign", ("+ {ki_e[59], ki_e}", "- {ki_e[59], ki_e}"))
+fault("pi.v", "rate", "sign", ("+ {ki_e[A-1], ki_e}", "- {ki_e[A-1], ki_e}"))
 for case in ("odd", "rate"):
     fault("pi.v", case, "gain", ("r_prop <= kp_e", "r_prop <= kp_e <<< 1"))
     fault("pi.v", case, "gain", ("r_prop <= kp_e", "r_prop <= kp_e >>> 1"))
-    fault("pi.v", case, "gain", ("+ {ki_e[59], ki_e}", "+ {ki_e[59], ki_e} * 2"))
-    fault("pi.v", case, "gain", ("+ {ki_e[59], ki_e}", "+ {ki_e[59], ki_e[59], ki_e[59:1]}"))
-fault("pi.v", "odd", "gain", ("rounded = sum[61:24]", "rounded = {sum[61], sum[61:25]}"))
+    fault("pi.v", case, "gain", ("+ {ki_e[A-1], ki_e}", "+ {ki_e[A-1], ki_e} * 2"))
+    fault("pi.v", case, "gain", ("+ {ki_e[A-1], ki_e}", "+ {ki_e[A-1], ki_e[A-1], ki_e[A-1:1]}"))
+fault("pi.v", "odd", "gain", ("rounded = sum[A+1:F]", "rounded = {sum[A+1], sum[A+1:F+1]}"))
 for name, value in (("prop", "60'sd0"), ("acc ", "60'sd0"), ("y   ", "36'sd0")):
     for to in (1, 7):
         old = f"if (rst) begin\n r_{name} <= {value};" if name == "prop" else f"r_{name} <= {value};"
@@ -339,7 +339,7 @@ stranger(
     "pi.v", "odd", ("if (mode == OFF)\n                    r_prop", "if (mode != RUN)\n                    r_prop")
 )
 stranger("pi.v", "odd", ("mode == P_ONLY || mode == RUN", "mode == RUN"))
-stranger("pi.v", "rate", ("{r_acc[59], r_acc} + {ki_e[59], ki_e}", "{r_prop[59], r_prop} + {ki_e[59], ki_e}"))
+stranger("pi.v", "rate", ("{r_acc[A-1], r_acc} + {ki_e[A-1], ki_e}", "{r_prop[A-1], r_prop} + {ki_e[A-1], ki_e}"))
 stranger("pi.v", "rate", ("r_prop <= kp_e", "r_prop <= kp_e | 60'sd16"))
 stranger("pi.v", "rate", ("wide_e = {{34{e[25]}}, e}", "wide_e = {34'd0, e}"))
 stranger("pi.v", "odd", ("r_prop <= kp_e", "r_prop <= kp_e - (kp_e >>> 2)"))
@@ -426,32 +426,35 @@ fault("references.vhd", "align0_retimed", "reset", ("r_retimed   <= (others => '
 fault("references.vhd", "align0_retimed", "sign", ("r_retimed <= picked;", "r_retimed <= not picked;"))
 stranger("references.vhd", "align0_retimed", ("if ce_1m = '1' then", "if ce_1m = '0' then"))
 for rule, text in (("floor", "0"), ("ceil", "2**24 - 1"), ("half_down", "2**23 - 1")):
-    fault("pi.vhd", "rate", "rounding", ("to_signed(2**23, 62)", f"to_signed({text}, 62)"), what=rule)
+    fault("pi.vhd", "rate", "rounding", ("to_signed(2**(F - 1), A + 2)", f"to_signed({text}, A + 2)"), what=rule)
 fault(
     "pi.vhd",
     "rate",
     "sign",
-    ("signed(kp) * signed(e)", "-(signed(kp) * signed(e))"),
+    ("near(signed(kp) * signed(e))", "-near(signed(kp) * signed(e))"),
 )
-fault("pi.vhd", "rate", "sign", ("resize(signed(ki) * signed(e), 61)", "resize(-(signed(ki) * signed(e)), 61)"))
+fault("pi.vhd", "rate", "sign", ("near(signed(ki) * signed(e))", "near(-(signed(ki) * signed(e)))"))
+fault("pi.vhd", "odd", "gain", ("near(signed(ki) * signed(e))", "shift_left(near(signed(ki) * signed(e)), 1)"))
 fault(
-    "pi.vhd", "odd", "gain", ("resize(signed(ki) * signed(e), 61)", "shift_left(resize(signed(ki) * signed(e), 61), 1)")
+    "pi.vhd",
+    "odd",
+    "gain",
+    ("kp_e := near(signed(kp) * signed(e))", "kp_e := shift_left(near(signed(kp) * signed(e)), 1)"),
 )
-fault("pi.vhd", "odd", "gain", ("kp_e := signed(kp) * signed(e)", "kp_e := shift_left(signed(kp) * signed(e), 1)"))
 fault(
     "pi.vhd",
     "odd",
     "limit",
     (
-        "ACC_HI : signed(59 downto 0) := Y_HI & (23 downto 0 => '0')",
-        "ACC_HI : signed(59 downto 0) := (Y_HI & (23 downto 0 => '0')) - 1",
+        "ACC_HI : signed(A - 1 downto 0) := Y_HI & (F - 1 downto 0 => '0')",
+        "ACC_HI : signed(A - 1 downto 0) := (Y_HI & (F - 1 downto 0 => '0')) - 1",
     ),
 )
 fault(
     "pi.vhd",
     "odd",
     "wrap",
-    ("std_logic_vector(clamp(rounded(61 downto 24)))", "std_logic_vector(rounded(59 downto 24))"),
+    ("std_logic_vector(clamp(rounded(A + 1 downto F)))", "std_logic_vector(rounded(A - 1 downto F))"),
 )
 fault("pi.vhd", "odd", "reset", ("r_y    <= (others => '0')", "r_y    <= (0 => '1', others => '0')"))
 stranger("pi.vhd", "odd", ("elsif mode = P_ONLY then", 'elsif mode = "11" then'))
@@ -490,8 +493,8 @@ fault(TRACKER, "default", "sign", ("r_error <= phase", "r_error <= -phase"))
 stranger(TRACKER, "default", ("{{12{r_loop_y[35]}}, r_loop_y}", "{12'd0, r_loop_y}"))
 stranger(TRACKER, "default", ("if (load)", "if (load & ~adjust)"))
 for loop in ("agc", "rate_loop", "quadrature_loop", "frequency_tracker"):
-    fault("pi.v", "default", "rounding", ("+ 62'sd8388608", "+ 62'sd0"), what="floor", inside=loop)
-    fault("pi.v", "default", "sign", ("+ {ki_e[59], ki_e}", "- {ki_e[59], ki_e}"), inside=loop)
+    fault("pi.v", "default", "rounding", ("+ HALF_Y", "+ 62'sd0"), what="floor", inside=loop)
+    fault("pi.v", "default", "sign", ("+ {ki_e[A-1], ki_e}", "- {ki_e[A-1], ki_e}"), inside=loop)
     fault("pi.v", "default", "reset", ("r_y <= 36'sd0;", "r_y <= 36'sd1;"), inside=loop)
     if loop != "quadrature_loop":
         stranger("pi.v", "default", ("mode == P_ONLY || mode == RUN", "mode == RUN"), inside=loop)

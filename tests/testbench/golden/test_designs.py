@@ -189,9 +189,9 @@ def test_the_whole_design_of_every_board_passes(name, tmp_path):
 DESIGNS = {
     "low_cost": config.load(LOW_COST).design_record(),
     "fast_dacs": config.load(BOARDS / "fast_dacs.toml").design_record(),
-    "least": Design(1_000_000, 16, 50, 24, 4, 1, 10, 8, 0),
+    "least": Design(1_000_000, 16, 50, 24, 4, 1, 10, 8, 0, 8),
     "most": Design(200_000_000, 32, 426, 48, 12, 12, 20),
-    "cut to nothing": Design(26_000_000, 26, 125, 26, 12, 12, 13, 13, 3),
+    "cut to nothing": Design(26_000_000, 26, 125, 26, 12, 12, 13, 13, 3, 13),
 }
 
 

@@ -422,7 +422,7 @@ PLANTED = [
     ("modulator.v", 0, ">> 1;", ">> 2;"),
     ("modulator.v", 0, "(rounded > HI) ? hi", "(rounded > HI) ? rounded[19:0]"),
     ("modulator.v", 1, "r_held2 <= r_held1", "r_held2 <= r_code"),
-    ("pi.v", 1, "62'sd8388608", "62'sd8388607"),
+    ("pi.v", 1, "+ HALF_Y", "+ HALF_Y - 62'sd1"),
     ("pi.v", 0, "(next_acc > SUM_HI) ? ACC_HI :", ""),
     ("pi.v", 3, "(preset > hi) ? ACC_HI :", ""),
     ("spi_dac.v", 1, "r_ldac_n    <= ~r_ldac_wait;", "r_ldac_n    <= r_ldac_wait;"),
@@ -434,7 +434,7 @@ PLANTED = [
     ("delay.v", 8, "r_taps_7 <= r_taps_6", "r_taps_7 <= r_taps_5"),
     ("dds.vhd", 0, "turns(r_phase, word)", "turns(r_drive_sine, word)"),
     ("references.vhd", 5, "r_retimed when retimed = '1' else picked", "picked"),
-    ("pi.vhd", 1, "2**23, 62", "2**23 - 1, 62"),
+    ("pi.vhd", 1, "2**(F - 1), A + 2", "2**(F - 1) - 1, A + 2"),
     ("spi_dac.vhd", 0, "unsigned(r_left) = 1", "unsigned(r_left) = 2"),
 ]
 
