@@ -67,7 +67,7 @@ PLANTED = {
     },
     ("spi_dac", "dac8811"): {
         "leads_then_clocks": (("r_sclk_en   <= (lead == 2'd0)", "r_sclk_en   <= 1'b1"),),
-        "no_bit_in_the_lead": (("r_sclk_en   <= (lead == 2'd0)", "r_sclk_en   <= 1'b1"),),
+        "no_bit_in_the_lead": (("r_lead  <= gap;", "r_lead  <= gap + 2'd1;"),),
     },
     ("spi_dac", "ad5791"): {
         "clock_only_in_frame": (("r_sclk_en   <= 1'b0;\n                r_ldac", "r_sclk_en   <= 1'b1;\nr_ldac"),),
