@@ -131,7 +131,11 @@ def replayed(folder, manifest):
         stimulus[name] = np.ascontiguousarray(bundle.unpack(words, ports)).reshape(-1, len(widths))
     params = inputs.checked(manifest.get("params"), list[Param], path)
     design = design_entry.of_manifest(path, manifest) or DEFAULT
-    raw = recording.params_from(f"{path}: params", [p.name for p in params], [p.raw for p in params], design)
+    try:
+        raw = recording.params_from(path, [p.name for p in params], [p.raw for p in params], design)
+    except FileError:
+        count = len(recording.param_names())
+        raise FileError(f"{path}: params: are not the {count} parameters of this version's design") from None
     windows = inputs.checked(manifest["windows"], list[Place], path)
     found = recording.Recording(
         manifest["case"], raw, manifest["frames"], 1,

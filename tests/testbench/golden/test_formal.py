@@ -67,10 +67,10 @@ PLANTED = {
     },
     ("spi_dac", "dac8811"): {
         "leads_then_clocks": (("r_sclk_en   <= (lead == 2'd0)", "r_sclk_en   <= 1'b1"),),
-        "no_bit_in_the_lead": (("r_sclk_en   <= (lead == 2'd0)", "r_sclk_en   <= 1'b1"),),
+        "no_bit_in_the_lead": (("r_lead  <= gap;", "r_lead  <= gap + 2'd1;"),),
     },
     ("spi_dac", "ad5791"): {
-        "clock_only_in_frame": (("r_sclk_en   <= 1'b0;\n                    r_ldac", "r_sclk_en   <= 1'b1;\nr_ldac"),),
+        "clock_only_in_frame": (("r_sclk_en   <= 1'b0;\n                r_ldac", "r_sclk_en   <= 1'b1;\nr_ldac"),),
         "loads_in_frame": (("r_sync_n    <= 1'b0", "r_sync_n    <= 1'b1"),),
         "bits_add_up": (("r_left - 5'd1", "r_left - 5'd2"),),
         "never_too_many": (("(r_left == 5'd1)", "(r_left == 5'd0)"),),
@@ -78,7 +78,7 @@ PLANTED = {
         "gone_is_the_head": (("|(r_shift & MSB)", "|(r_shift & (MSB >> 1))"),),
         "frame_is_the_word": (("(r_left == 5'd1)", "(r_left == 5'd2)"),),
         "ldac_outside_frames": (
-            ("1'b1;\n            r_ldac_wait <= 1'b0;\n        end else begin",
+            ("~strobe;\n            r_ldac_wait <= 1'b0;\n        end else begin",
              "1'b0;\n            r_ldac_wait <= 1'b0;\n        end else begin"),
         ),
         "ldac_one_clock": (("~r_ldac_wait", "~r_ldac_wait & r_ldac_n"),),
