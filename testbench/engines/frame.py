@@ -61,12 +61,7 @@ def _quiet(p, f, chips, tick):
     calm = f.rates.slot == 0 and f.adc.busy == 0 and f.adc.valid == 0 and f.adc.meta == 1 and f.adc.sync == 1
     calm = calm and f.adc.seen == 1 and chips.adc.drdy_n == 1 and chips.adc.pulse == 0
     # V_q's last load of a frame may have gone out before the root was done, if a window has just ended
-    calm = (
-        calm
-        and f.sid.stage == 0
-        and f.sid.valid == 0
-        and tick % d.frame_ticks != (last_load_tick(p) + 1) % d.frame_ticks
-    )
+    calm = calm and f.sid.stage == 0 and f.sid.valid == 0 and tick % d.frame_ticks <= last_load_tick(p)
     return calm and tick >= SETTLED_TICKS and 0 < word < word_limit(d.dds_bits)
 
 

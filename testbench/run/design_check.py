@@ -1,6 +1,6 @@
 """What a design record may not ask for: refused before anything is built, with the reason, the value and the limit.
 
-    serial frames   a DAC is loaded at every tick (V_q: at every second one), and a clock is a bit: its frame must fit
+    serial frames   a DAC is loaded at every tick (V_q: when `quadrature_due`), and a clock is a bit: its frame must fit
     serial clocks   the master clock is SCLK of the DACs
     sine            the phase must hold quadrant, address and fraction; a row must rise by more than nothing
 
@@ -9,7 +9,7 @@ Source    docs/blocks/design_record.md
 """
 
 from analog_frontend.parts.device import Device
-from fpga_model import spi_dac
+from fpga_model import rates, spi_dac
 from testbench.engines import chips
 from testbench.errors import ConfigError
 
@@ -37,7 +37,7 @@ def check(config):
         raise ConfigError(
             f'plant.adc_step_code = {step_code} needs design.adc = "ADS1298", not "generic": adc_bits says'
         )
-    fast = config.firmware.quadrature_update_khz == 1000
+    quadrature_ticks = 1 + rates.quadrature_mask(config.design_record(), config.firmware.quadrature_update_khz == 1000)
     for role, chip in zip(("drive", "sense", "V_q"), chips.of(d)):
         if d.master_hz > chip.most_hz:
             bits = chip.master.bits
@@ -45,8 +45,8 @@ def check(config):
                 f"design.master_hz = {d.master_hz} Hz is above {chip.most_hz} Hz, the SCLK limit of the {role} DAC "
                 f"{chip.name}: its {bits} bits take {1e9 * bits / chip.most_hz:.0f} ns or more"
             )
-        room = d.tick_clocks * (2 if role == "V_q" and not fast else 1)
-        # at 1000 kHz V_q's SYNC is not high for a clock: configuration.md says so, and the part is loaded all the same
+        room = d.tick_clocks * (quadrature_ticks if role == "V_q" else 1)
+        # loaded at every tick, V_q's SYNC is not high for its time: configuration.md says so
         need = spi_dac.latch_cycles(chip.master) if role == "V_q" else spi_dac.period_cycles(chip.master)
         if need > room:
             raise ConfigError(

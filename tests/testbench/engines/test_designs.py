@@ -16,6 +16,7 @@ from fpga_model import top as fpga
 from fpga_model.design_record import DEFAULT
 from fpga_model.fixed import formats
 from testbench import config
+from testbench.engines import engine
 from testbench.errors import ConfigError
 from testbench.flatten import format_leaves, leaves
 from testbench.measured.record import produce
@@ -56,6 +57,7 @@ def drawn(seed):
         "design.adc": (adc := rng.choice(("ADS1298", "generic"))),
         "design.adc_bits": rng.randint(16, 24) if adc == "generic" else 24,
         "design.coefficient_fraction_bits": rng.randint(20, 24),
+        "firmware.quadrature_update_khz": rng.choice((500, 1000)) if fast else 500,
     }
     return values | {"plant.adc_decimation": 64, "plant.adc_modulator_hz": 64 * tick_hz / frame_ticks}
 
@@ -224,6 +226,23 @@ def test_a_board_of_another_design(name):
     nominal = build.word_per_deg_s(cfg)
     assert abs(per_dps / nominal - 1) < 0.03, "phase errors cost up to two per cent"
     assert same(moved(cfg, "frame", state), moved(cfg, "clocked", state))
+
+
+@pytest.mark.parametrize(("name", "khz"), [("paper", 500), ("fast_dacs", 500), ("fast_dacs", 1000)])
+def test_frames_of_v_q_are_as_many_as_the_key_says(name, khz):
+    """Falls of SYNC in a millisecond behind the power-on of the DACs, clock by clock."""
+    cfg = config.changed(config.load(BOARDS / f"{name}.toml"), {"firmware.quadrature_update_khz": khz})
+    ticks = round(1e-3 * cfg.design_record().tick_hz)
+    sim = Simulation(cfg, TEMP_DEGC, TEMP_DEGC, window=(0, ticks), engine="clocked")
+    sim.now = (np.zeros(1), np.full(1, TEMP_DEGC))
+    sim.advance(ticks, 0.0, TEMP_DEGC)
+    sync = sim.rows[:, engine.PIN_COLUMNS.index("quadrature_sync_n")]
+    falls = np.flatnonzero(np.diff(sync) < 0)
+    apart = round(cfg.design_record().master_hz / (1e3 * khz))
+    # a frame is no whole number of loads: the last of one and the first of the next are further apart
+    assert np.bincount(np.diff(falls)).argmax() == apart
+    assert np.diff(falls).min() == apart
+    assert len(falls) == pytest.approx(khz, rel=0.02)
 
 
 @pytest.mark.parametrize("key", ["master_hz", "tick_clocks", "dds_bits", "sine_bits"])
