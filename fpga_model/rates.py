@@ -35,6 +35,7 @@ SLOT_SEQUENCER = 31
 SLOT_LOOPS = 32
 SLOT_ROOT = 36
 SLOTS = 60
+QUADRATURE_HZ = 500_000  # most frames of V_q in a second, or twice as many
 
 
 class State(NamedTuple):
@@ -84,13 +85,31 @@ def ce_8k(s):
     return 1 if s.tick == 0 and s.frame == 0 else 0
 
 
-SLOT = State.__annotations__["slot"]
+@inlined
+def quadrature_mask(d, fast):
+    """Ticks from one frame of V_q to the next, less 1: the least power of two for at most 500 kHz (`fast`: 1 MHz)."""
+    clocks = d.tick_clocks * (2 * QUADRATURE_HZ if fast else QUADRATURE_HZ)
+    mask = 1 if clocks < d.master_hz else 0
+    mask = 3 if 2 * clocks < d.master_hz else mask
+    mask = 7 if 4 * clocks < d.master_hz else mask
+    mask = 15 if 8 * clocks < d.master_hz else mask
+    return 31 if 16 * clocks < d.master_hz else mask  # for ticks up to 16 MHz
+
+
+@inlined
+def quadrature_due(d, frame, fast):
+    """1 in the ticks of a frame in which V_q is sent: the last of every 1, 2, 4 ..."""
+    mask = quadrature_mask(d, fast)
+    return 1 if frame & mask == mask else 0
+
+
+SLOT, FRAME = State.__annotations__["slot"], State.__annotations__["frame"]
 
 BLOCK = Block(
     place=220,
     inputs={"go": BIT},
     outputs={"ce_1m": BIT, "ce_8k": BIT},
-    functions={"at": ({}, BIT)},
+    functions={"at": ({}, BIT), "quadrature_due": ({"frame": FRAME, "fast": BIT}, BIT)},
     latency={"slot": LATENCY},
     rules={"tick": (None, "wrap"), "frame": (None, "wrap")},
     strobes=("go",),

@@ -163,8 +163,13 @@ def latch_cycles(p, period):
 @inlined
 def late_ticks(d, p, every=1):
     """Ticks of a design `d` from a load to the one in which the output is told to change; a load `every` ticks."""
-    clock = LOAD_TICK + latch_cycles(p, every * d.tick_clocks)
-    return (1 if clock >= d.tick_clocks else 0) + (1 if clock >= 2 * d.tick_clocks else 0)
+    if p.strobe == 1:
+        return every
+    clock, late = LOAD_TICK + frame_cycles(p), 0
+    while clock >= d.tick_clocks:
+        clock -= d.tick_clocks
+        late += 1
+    return late
 
 
 def period_cycles(p):

@@ -40,7 +40,7 @@ TEMPERATURE_CHANNEL = 4
 
 
 class Params(NamedTuple):
-    """Parameters of the blocks, by the role of each; `quadrature_fast` = 1 sends V_q at every tick.
+    """Parameters of the blocks, by the role of each; `quadrature_fast` sends V_q at up to 1 MHz, else 500 kHz.
 
     design  rates and word lengths of all blocks
     """
@@ -171,13 +171,13 @@ def step(p, rom, s, i):
 
     at_code = rates.at(r, spi_dac.CODE_TICK)
     at_load = rates.at(r, spi_dac.LOAD_TICK)
-    quadrature_load = at_load & (p.quadrature_fast | r.frame & 1)
     c = s.control
-    init, amplitude, drive_word, sense_word, quadrature_word = 0, 0, 0, 0, 0
+    init, amplitude, drive_word, sense_word, quadrature_word, quadrature_load = 0, 0, 0, 0, 0, 0
     if ce_1m:
         amplitude = control.amplitude(p.control, c)
     if at_load:
         init = control.dac_init(c)
+        quadrature_load = rates.quadrature_due(d, r.frame, p.quadrature_fast)
         drive_word = spi_dac.frame(p.drive_dac, modulator.out(p.drive_modulator, s.drive_modulator), init)
         sense_word = spi_dac.frame(p.sense_dac, modulator.out(p.sense_modulator, s.sense_modulator), init)
         quadrature_word = spi_dac.frame(p.quadrature_dac, c.quadrature_loop.root.y, init)

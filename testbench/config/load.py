@@ -99,7 +99,7 @@ class Firmware(Section):
     frame_latency_drive: int = number(0, "frames", 0, 2, "ticks, each a frame of the DAC, that a drive code waits")
     frame_latency_sense: int = number(1, "frames", 0, 2, "likewise for the sense code (1 is an assumption)")
     quadrature_update_khz: Literal[500, 1000] = other(
-        500, "frames of the quadrature DAC; 1000 violates its SYNC high time", "kHz"
+        500, "most frames of the V_q DAC, every 1, 2, 4 .. ticks; 1000 at 1 MHz violates its SYNC high time", "kHz"
     )
     agc_crossover_hz: float = number(3.0, "Hz", 0.01, 100.0, "drive amplitude loop: crossover")
     agc_zero_hz: float = number(0.6, "Hz", 0.001, 100.0, "drive amplitude loop: zero of the PI")

@@ -19,7 +19,7 @@ import numpy as np
 
 from analog_frontend import linear
 from analog_frontend.parts import adc
-from fpga_model import control, digital_sid, references, sequencer, spi_adc, watchdog
+from fpga_model import control, digital_sid, rates, references, sequencer, spi_adc, watchdog
 from fpga_model.jit import inner, outlined
 from fpga_model.rates import SLOTS
 from testbench.engines import engine, pins, window
@@ -153,11 +153,9 @@ def codes_at(p, g, tick):
 def _loaded(p, s, tick, known, n):
     """Code of V_q's DAC at the frame's end, after ticks `known` .. `n` - 1 of a block outside of a window."""
     first = tick % p.design.frame_ticks  # a block ends with the frame
-    for k in range(known, n):
-        frame_tick = first + k
-        if frame_tick <= last_load_tick(p) and (p.quadrature_fast == 1 or frame_tick & 1 == 1):
-            return s.control.quadrature_loop.root.y
-    return s.quadrature
+    # the low bits of a tick in which V_q is sent are all ones
+    due = (first + known) | rates.quadrature_mask(p.design, p.quadrature_fast)
+    return s.control.quadrature_loop.root.y if due < first + n and due <= last_load_tick(p) else s.quadrature
 
 
 @outlined

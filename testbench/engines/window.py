@@ -18,6 +18,7 @@ from fpga_model import (
     control,
     cordic,
     isqrt,
+    rates,
     registers,
     sequencer,
     spi_adc,
@@ -41,9 +42,9 @@ HISTORY = 3  # places before a block's first tick in the buffers of codes and lo
 
 @inlined
 def last_load_tick(p):
-    """The tick of a frame whose load of V_q is the last that is out when the frame ends; fpga.Params."""
-    last = p.design.frame_ticks - 1 - spi_dac.late_ticks(p.design, p.quadrature_dac, 2 - p.quadrature_fast)
-    return last if p.quadrature_fast == 1 or last & 1 == 1 else last - 1
+    """The last tick of a frame whose load of V_q is out when the frame ends; fpga.Params."""
+    mask = rates.quadrature_mask(p.design, p.quadrature_fast)
+    return ((p.design.frame_ticks - spi_dac.late_ticks(p.design, p.quadrature_dac, mask + 1)) & ~mask) - 1
 
 
 @inner
@@ -153,7 +154,7 @@ def play(p, s, sid, old, new, ready, ok, new_ok, valid, tick, n, b):
         agc.amplitude(p.control.agc, after.agc, now.agc_mode),
     )
     quadrature = s.quadrature
-    first = tick % frame_ticks
+    first, last = tick % frame_ticks, last_load_tick(p)
     dog = watchdog.step(p.watchdog, dog, 1, 1 if valid == begin else 0)
     if valid > begin:
         dog = watchdog.step(p.watchdog, dog, 0, 1)
@@ -165,7 +166,7 @@ def play(p, s, sid, old, new, ready, ok, new_ok, valid, tick, n, b):
         slot += spi_dac.LOAD_TICK
         b.control_load[HISTORY + k] = was.dac_init if slot < SLOT_SEQUENCER else now.dac_init
         frame_tick = first + k
-        if frame_tick <= last_load_tick(p) and (p.quadrature_fast == 1 or frame_tick & 1 == 1):
+        if frame_tick <= last and rates.quadrature_due(p.design, frame_tick, p.quadrature_fast) == 1:
             done = slot >= SLOT_ROOT + isqrt.LATENCY - 1
             quadrature = after.quadrature_loop.root.y if done else c.quadrature_loop.root.y
         if k > 0:
@@ -187,7 +188,8 @@ def _played(p, s, sid, old, new, ready, ok, new_ok, valid, tick, n, b):
             clock = clocks * (tick + k) + e
             if e == spi_dac.LOAD_TICK:
                 b.control_load[HISTORY + k] = sequencer.outputs(s.control.sequencer).dac_init
-                if frame_tick <= last_load_tick(p) and (p.quadrature_fast == 1 or frame_tick & 1 == 1):
+                due = rates.quadrature_due(p.design, frame_tick, p.quadrature_fast)
+                if due == 1 and frame_tick <= last_load_tick(p):
                     s = s._replace(quadrature=s.control.quadrature_loop.root.y)
             i = _inputs(p, sid, old, new, ready, ok, new_ok, valid, clock, s.dog.stale)
             s = edge(p, s, i, clock, 1 if clock == valid else 0, NO_HOST)

@@ -1,7 +1,8 @@
 // The whole firmware: wiring only. Every block reads the registers that its neighbours held before the edge.
 //   dds, two sines, delays, modulators and DAC masters; references; ADC master or digital SID to control to words;
 //   rates, watchdog and register bank. digital = 1: codes from the demodulator in here, else from the ADC
-// quadrature_fast = 1 sends V_q at every tick, else at every other one. Registers are ports of the contract r_<name>.
+// V_q is sent every 1, 2, 4 .. ticks, at most at 500 kHz; with quadrature_fast = 1 at 1 MHz.
+// Registers are ports of the contract r_<name>.
 // Parameters and ports have the flattened names of the model's; SINE_ROM_FILE, CORDIC_ROM_FILE are the two tables.
 /* verilator lint_off DECLFILENAME */ // waived: a file has the stem of its block, the module a prefix against clashes
 module gyro_top #(
@@ -364,10 +365,21 @@ module gyro_top #(
     localparam [4:0] CODE_TICK = 5'd1, LOAD_TICK = 5'd2;
     localparam [5:0] SLOT_SEQUENCER = 6'd31;
 
+    // ticks from one frame of V_q to the next, less 1: ones that the number of its tick ends with
+    localparam [31:0] QUADRATURE_HZ = quadrature_fast ? 32'd1000000 : 32'd500000;
+    localparam [31:0] QUADRATURE_CLOCKS = TICK_CLOCKS * QUADRATURE_HZ;
+    localparam [31:0] QUADRATURE_MASK =
+        (QUADRATURE_CLOCKS      >= MASTER_HZ) ? 32'd0 :
+        (QUADRATURE_CLOCKS *  2 >= MASTER_HZ) ? 32'd1 :
+        (QUADRATURE_CLOCKS *  4 >= MASTER_HZ) ? 32'd3 :
+        (QUADRATURE_CLOCKS *  8 >= MASTER_HZ) ? 32'd7 :
+        (QUADRATURE_CLOCKS * 16 >= MASTER_HZ) ? 32'd15 : 32'd31;
+    localparam [$clog2(FRAME_TICKS)-1:0] QUADRATURE_ONES = QUADRATURE_MASK[$clog2(FRAME_TICKS)-1:0];
+
     wire ce_1m, ce_8k;
     wire at_code = (r_rates_tick == CODE_TICK);
     wire at_load = (r_rates_tick == LOAD_TICK);
-    wire quadrature_load = at_load && (quadrature_fast || r_rates_frame[0]);
+    wire quadrature_load = at_load && (r_rates_frame & QUADRATURE_ONES) == QUADRATURE_ONES;
 
     wire frame = digital ? r_sid_valid : r_adc_valid;
     wire go = frame || (r_watchdog_stale && ce_8k);

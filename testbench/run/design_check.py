@@ -1,6 +1,6 @@
 """What a design record may not ask for: refused before anything is built, with the reason, the value and the limit.
 
-    serial frames   a DAC is loaded at every tick (V_q: at every second one), and its frame must fit in between
+    serial frames   a DAC is loaded at every tick (V_q: when `quadrature_due`), and its frame must fit in between
     serial clocks   SCLK of a DAC is the master clock over its divider
     sine            the phase must hold quadrant, address and fraction; a row must rise by more than nothing
 
@@ -9,7 +9,7 @@ Source    docs/blocks/design_record.md
 """
 
 from analog_frontend.parts.device import Device
-from fpga_model import spi_dac
+from fpga_model import rates, spi_dac
 from testbench.engines import chips
 from testbench.errors import ConfigError
 
@@ -45,8 +45,8 @@ def _frame(d, role):
         )
 
 
-def _serial(d, role, fast):
-    """Refuse a frame or an SCLK that a role's part does not allow, and one that does not end before the next load."""
+def _serial(d, role, ticks):
+    """Refuse a frame or an SCLK that a role's part does not allow, and one that does not end within `ticks`."""
     _frame(d, role)
     chip, divider = getattr(chips.of(d), role), getattr(d, f"{role}_dac_divider")
     text = f"the {'V_q' if role == 'quadrature' else role} DAC {chip.name}"
@@ -61,7 +61,7 @@ def _serial(d, role, fast):
             f"design.master_hz = {d.master_hz} Hz: SCLK is high for half a clock, {5e8 / d.master_hz:.3g} ns, below "
             f"the {1e9 * chip.high_s:g} ns of {text}"
         )
-    room, need = d.tick_clocks * (2 if role == "quadrature" and not fast else 1), spi_dac.period_cycles(chip.master)
+    room, need = d.tick_clocks * ticks, spi_dac.period_cycles(chip.master)
     if need > room:
         raise ConfigError(
             f"design.tick_clocks = {d.tick_clocks} clocks: the serial frame of {text} takes {need} clocks, and there "
@@ -83,8 +83,10 @@ def check(config):
         raise ConfigError(
             f'plant.adc_step_code = {step_code} needs design.adc = "ADS1298", not "generic": adc_bits says'
         )
-    for role in chips.Chips._fields:
-        _serial(d, role, config.firmware.quadrature_update_khz == 1000)
+    fast = config.firmware.quadrature_update_khz == 1000
+    quadrature_ticks = 1 + rates.quadrature_mask(config.design_record(), fast)
+    for role, ticks in zip(chips.Chips._fields, (1, 1, quadrature_ticks)):
+        _serial(d, role, ticks)
     needed = 2 + d.sine_address_bits + d.sine_fraction_bits
     if d.dds_bits < needed:
         raise ConfigError(

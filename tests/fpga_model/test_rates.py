@@ -30,6 +30,25 @@ def run(goes):
     return trace(rates.State(), np.array(goes, np.int64))
 
 
+@pytest.mark.parametrize(
+    ("khz", "tick_clocks", "master_hz", "ticks"),
+    [
+        (500, 26, 26_000_000, 2),
+        (1000, 26, 26_000_000, 1),
+        (500, 26, 52_000_000, 4),
+        (1000, 26, 52_000_000, 2),
+        (500, 20, 52_000_000, 8),  # 650 kHz would be too fast
+        (500, 16, 200_000_000, 32),
+        (500, 27, 26_000_000, 2),
+    ],
+)
+def test_v_q_is_sent_in_the_last_of_the_fewest_ticks_that_are_not_too_fast(khz, tick_clocks, master_hz, ticks):
+    d = DEFAULT._replace(tick_clocks=tick_clocks, master_hz=master_hz)
+    found = [rates.quadrature_due(d, tick, int(khz == 1000)) for tick in range(250)]
+    assert found == [int((tick + 1) % ticks == 0) for tick in range(250)]
+    assert master_hz / tick_clocks / ticks <= 1e3 * khz < 2 * master_hz / tick_clocks / ticks or ticks == 1
+
+
 def test_constants_are_the_board():
     assert (rates.MASTER_HZ, rates.TICK_HZ, rates.FRAME_HZ) == (26_000_000, 1_000_000, 8_000)
     assert (rates.TICK_CYCLES, rates.FRAME_TICKS, rates.FRAME_CYCLES) == (26, 125, 3250)

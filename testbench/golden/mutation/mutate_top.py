@@ -31,7 +31,7 @@ from testbench.golden.stimulus.blocks import RESET_INPUT
 from testbench.tool import run_tool
 
 COUNT = 150
-CASES = ("reset", "story_digital", "story")
+CASES = ("reset", "registers", "story_digital", "story")
 TOP = "mutable"
 ROM = r'\b(SINE_ROM_FILE|CORDIC_ROM_FILE)(\s*)= ""'
 FLAT = f"hierarchy -top {TOP}; flatten; opt_clean; memory -nomap -nordff; opt_clean; "

@@ -17,7 +17,7 @@ from fpga_model import wiring
 from fpga_model.design_record import DEFAULT
 from fpga_model.fixed import formats
 from testbench import config
-from testbench.engines import chips
+from testbench.engines import chips, engine
 from testbench.errors import ConfigError
 from testbench.flatten import format_leaves, leaves
 from testbench.golden.ranges import ranges
@@ -55,6 +55,11 @@ def frame_drawn(rng, role, bits, room):
     return {f"design.{role}_dac_{key}": value for key, value in keys.items()}
 
 
+def loads_apart(tick_hz, khz):
+    """Ticks from one frame of V_q to the next: the least power of two that keeps them below the rate."""
+    return next(2**k for k in range(6) if tick_hz <= 1e3 * khz * 2**k)
+
+
 def drawn(seed):
     """Values of [design], and the ADC's modulator that keeps a conversion as long as a frame."""
     rng = random.Random(seed)
@@ -84,8 +89,10 @@ def drawn(seed):
         "design.cordic_iterations": rng.randint(8, 24),
         "design.cordic_guard_bits": rng.randint(0, 8),
         "design.accumulator_fraction_bits": rng.randint(max(12, 56 - dds_bits), 24),
+        "firmware.quadrature_update_khz": rng.choice((500, 1000)) if fast else 500,
     }
-    for role, room in (("drive", tick_clocks), ("sense", tick_clocks), ("quadrature", 2 * tick_clocks)):
+    v_q_ticks = loads_apart(tick_hz, values["firmware.quadrature_update_khz"])
+    for role, room in (("drive", tick_clocks), ("sense", tick_clocks), ("quadrature", v_q_ticks * tick_clocks)):
         if values[f"design.{role}_dac"] == "generic":
             values |= frame_drawn(rng, role, values.get(f"design.{role}_dac_bits", 16), room)
     return values | {"plant.adc_decimation": 64, "plant.adc_modulator_hz": 64 * tick_hz / frame_ticks}
@@ -143,7 +150,7 @@ def refusals(values):
     sheets = {"AD5791": (24, 0, 1), "DAC8811": (16, 1, 0), "DAC82002": (24, 0, 0)}  # bits, lead, clock to LDAC
     own = {"frame_bits": 0, "command": 0, "tail_bits": 0, "lead_clocks": 0, "latch": "SYNC"}
     foreign, torn, slow, thin, long = False, False, False, False, False
-    for role, kind, room in zip(("drive", "sense", "quadrature"), kinds, (1, 1, 2)):
+    for role, kind, room in zip(("drive", "sense", "quadrature"), kinds, (1, 1, loads_apart(1 / tick_s, 500))):
         k = {key: d.get(f"{role}_dac_{key}", value) for key, value in own.items()}
         n, code = d.get(f"{role}_dac_divider", 1), d.get(f"{role}_dac_bits", 16)
         used = code + k["tail_bits"]
@@ -419,6 +426,23 @@ def test_a_board_of_another_design(name):
     nominal = build.word_per_deg_s(cfg)
     assert abs(per_dps / nominal - 1) < 0.03, "phase errors cost up to two per cent"
     assert same(moved(cfg, "frame", state), moved(cfg, "clocked", state))
+
+
+@pytest.mark.parametrize(("name", "khz"), [("paper", 500), ("fast_dacs", 500), ("fast_dacs", 1000)])
+def test_frames_of_v_q_are_as_many_as_the_key_says(name, khz):
+    """Falls of SYNC in a millisecond behind the power-on of the DACs, clock by clock."""
+    cfg = config.changed(config.load(BOARDS / f"{name}.toml"), {"firmware.quadrature_update_khz": khz})
+    ticks = round(1e-3 * cfg.design_record().tick_hz)
+    sim = Simulation(cfg, TEMP_DEGC, TEMP_DEGC, window=(0, ticks), engine="clocked")
+    sim.now = (np.zeros(1), np.full(1, TEMP_DEGC))
+    sim.advance(ticks, 0.0, TEMP_DEGC)
+    sync = sim.rows[:, engine.PIN_COLUMNS.index("quadrature_sync_n")]
+    falls = np.flatnonzero(np.diff(sync) < 0)
+    apart = round(cfg.design_record().master_hz / (1e3 * khz))
+    # a frame is no whole number of loads: the last of one and the first of the next are further apart
+    assert np.bincount(np.diff(falls)).argmax() == apart
+    assert np.diff(falls).min() == apart
+    assert len(falls) == pytest.approx(khz, rel=0.02)
 
 
 @pytest.mark.parametrize("key", ["master_hz", "tick_clocks", "dds_bits", "sine_bits"])

@@ -379,7 +379,7 @@ def test_the_stimulus_moves_every_register():
 PLANTED = [
     ("top.v", 2200, "off_sense_ref (r_registers_phase_sense_ref", "off_sense_ref (r_registers_phase_drive_ref"),
     ("top.v", 4500, "CODE_TICK = 5'd1", "CODE_TICK = 5'd0"),
-    ("top.v", 200, "|| r_rates_frame[0])", "|| !r_rates_frame[0])"),
+    ("top.v", 200, "== QUADRATURE_ONES;", "!= QUADRATURE_ONES;"),
     ("top.v", 1600, "init && control_word", "control_word"),
     ("top.v", 15000, "(r_watchdog_stale && ce_8k)", "r_watchdog_stale"),
     ("top.v", 15000, "? 24'sd0 : r_adc_channels_4", "? 24'sd0 : r_adc_channels_5"),
