@@ -1,7 +1,7 @@
 """What a design record may not ask for: refused before anything is built, with the reason, the value and the limit.
 
     serial frames   a DAC is loaded at every tick (V_q: when `quadrature_due`), and its frame must fit in between
-    serial clocks   SCLK of a DAC is the master clock over its divider
+    serial clocks   SCLK of a DAC is the master clock over its divider, that of the ADC half the master clock
     sine            the phase must hold quadrant, address and fraction; a row must rise by more than nothing
 
 Gains that no format holds are refused by the designers of the loops, sample rates by that of the converter.
@@ -12,6 +12,9 @@ from analog_frontend.parts.device import Device
 from fpga_model import rates, spi_dac
 from testbench.engines import chips
 from testbench.errors import ConfigError
+
+
+ADC_SCLK_HZ = 20_000_000  # ADS1298, from 2.7 V on: a period of 50 ns
 
 
 def default_only(config, what, keys=None):
@@ -87,6 +90,11 @@ def check(config):
     quadrature_ticks = 1 + rates.quadrature_mask(config.design_record(), fast)
     for role, ticks in zip(chips.Chips._fields, (1, 1, quadrature_ticks)):
         _serial(d, role, ticks)
+    if d.adc != chips.GENERIC and d.master_hz > 2 * ADC_SCLK_HZ:
+        raise ConfigError(
+            f"design.master_hz = {d.master_hz} Hz is above {2 * ADC_SCLK_HZ} Hz: the ADC {d.adc} is read at half of it, "
+            f"and its SCLK may be {ADC_SCLK_HZ} Hz"
+        )
     needed = 2 + d.sine_address_bits + d.sine_fraction_bits
     if d.dds_bits < needed:
         raise ConfigError(
