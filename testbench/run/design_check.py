@@ -13,7 +13,6 @@ from fpga_model import rates, spi_dac
 from testbench.engines import chips
 from testbench.errors import ConfigError
 
-
 ADC_SCLK_HZ = 20_000_000  # ADS1298, from 2.7 V on: a period of 50 ns
 
 
@@ -92,8 +91,8 @@ def check(config):
         _serial(d, role, ticks)
     if d.adc != chips.GENERIC and d.master_hz > 2 * ADC_SCLK_HZ:
         raise ConfigError(
-            f"design.master_hz = {d.master_hz} Hz is above {2 * ADC_SCLK_HZ} Hz: the ADC {d.adc} is read at half of it, "
-            f"and its SCLK may be {ADC_SCLK_HZ} Hz"
+            f"design.master_hz = {d.master_hz} Hz is above {2 * ADC_SCLK_HZ} Hz: the ADC {d.adc} is read at half of "
+            f"it, and its SCLK may be {ADC_SCLK_HZ} Hz"
         )
     needed = 2 + d.sine_address_bits + d.sine_fraction_bits
     if d.dds_bits < needed:
