@@ -12,7 +12,7 @@ import hashlib
 import json
 from typing import NamedTuple
 
-from fpga_model import registers
+from fpga_model import block, registers, top
 from fpga_model.rates import FRAME_CYCLES, TICK_CYCLES
 from testbench.measured.record.replay import WINDOW_WORDS, WORDS
 
@@ -175,10 +175,12 @@ def regmap_sha256():
 
 
 def bitstream_sha256(firmware, left_out=()):
-    """Hash of the firmware's parameters, but for those `left_out`: it stands for the bitstream of a simulated board."""
-    from testbench.flatten import leaves
+    """Hash of the firmware's parameters, but for those `left_out` and those that came later and have their default.
 
-    return sha256_of([[name, int(value)] for name, value in leaves(firmware) if name not in left_out])
+    It stands for the bitstream of a simulated board.
+    """
+    told = block.told(firmware, top.PARAMS_FMT)
+    return sha256_of([[name, value] for name, value, _ in told if name not in left_out])
 
 
 def roles_sha256(segments):

@@ -108,7 +108,7 @@ def test_rows_of_the_scenario_alone_reach_a_sink():
     assert len(keeper.variables()["rate_word"].data) == 16
 
 
-# one case for each key of [design]; the modulator keeps a conversion as long as a frame
+# every key of [design]; the modulator keeps a conversion as long as a frame
 DESIGNS = r"""
 design.master_hz = 24_000_000\nplant.adc_modulator_hz = 472615.38461538462
 design.tick_clocks = 32\nplant.adc_modulator_hz = 416000.0
@@ -119,10 +119,26 @@ design.sine_fraction_bits = 8
 design.sine_bits = 16
 design.drive_dac = "generic"\ndesign.drive_dac_bits = 14
 design.sense_dac = "generic"\ndesign.sense_dac_bits = 18
-design.quadrature_dac = "generic"
+design.drive_dac = "generic"\ndesign.drive_dac_bits = 12\ndesign.drive_dac_divider = 2
+design.sense_dac = "generic"\ndesign.sense_dac_bits = 12\ndesign.sense_dac_divider = 2
 design.adc = "generic"\ndesign.adc_bits = 18
 design.coefficient_fraction_bits = 18
+design.accumulator_fraction_bits = 14
+design.cordic_iterations = 10
+design.cordic_guard_bits = 2
 """
+
+for role, latch in (("drive", "LDAC"), ("sense", "load"), ("quadrature", "SYNC")):
+    keys = {
+        "": "'generic'",
+        "_frame_bits": 23,
+        "_command": 1,
+        "_tail_bits": 2,
+        "_lead_clocks": 1,
+        "_latch": f"'{latch}'",
+    }
+    keys |= {"quadrature": {"_divider": 2}, "sense": {"_bits": 18}, "drive": {}}[role]
+    DESIGNS += "\\n".join(f"design.{role}_dac{key} = {value}" for key, value in keys.items()) + "\n"
 
 
 def designs_plan(folder, keep):

@@ -328,10 +328,14 @@ for case in ("odd", "rate"):
     fault("pi.v", case, "gain", ("+ {ki_e[A-1], ki_e}", "+ {ki_e[A-1], ki_e} * 2"))
     fault("pi.v", case, "gain", ("+ {ki_e[A-1], ki_e}", "+ {ki_e[A-1], ki_e[A-1], ki_e[A-1:1]}"))
 fault("pi.v", "odd", "gain", ("rounded = sum[A+1:F]", "rounded = {sum[A+1], sum[A+1:F+1]}"))
-for name, value in (("prop", "60'sd0"), ("acc ", "60'sd0"), ("y   ", "36'sd0")):
+for name, value, kind in (
+    ("prop", "{A{1'b0}}", "60'sd"),
+    ("acc ", "{A{1'b0}}", "60'sd"),
+    ("y   ", "36'sd0", "36'sd"),
+):
     for to in (1, 7):
         old = f"if (rst) begin\n r_{name} <= {value};" if name == "prop" else f"r_{name} <= {value};"
-        fault("pi.v", "odd", "reset", (old, f"{old[: -len(value) - 1]}{value[:-1]}{to};"))
+        fault("pi.v", "odd", "reset", (old, f"{old[: -len(value) - 1]}{kind}{to};"))
 for k in (1, 2):
     late("pi.v", "odd", "r_y    <= 36'sd0;", f"r_y <= {Y_CLIP};", k, "signed [35:0]")
 early("pi.v", "odd", "output reg signed [35:0] r_y ", "r_y    <= 36'sd0;", f"r_y <= {Y_CLIP};")

@@ -102,7 +102,7 @@ def test_bundle_is_complete_and_reads_back(out, design):
 def test_every_register_of_the_design_is_a_port_with_its_rules(design):
     assert [p.name for p in design.registers] == [blocks.flat(name) for name, _ in leaves(firmware.State())]
     rules = {p.name: (p.rounding, p.overflow) for p in design.registers}
-    assert rules["control_agc_loop_acc"] == (None, "saturate")
+    assert rules["control_agc_loop_acc"] == ("half_up", "saturate")
     assert rules["drive_modulator_code"] == ("half_up", "saturate")
     assert rules["dds_phase"] == (None, "wrap")
     assert rules["control_sequencer_faults_bad_frames"] == (None, "saturate")

@@ -286,8 +286,8 @@ CASES = {
     "limit": ("pi", "rate", "(rounded > Y_HI) ? hi", "(rounded >= Y_HI) ? hi - 36'sd1", "limit"),
     "saturated value": ("pi", "rate", "(rounded > Y_HI) ? hi", "(rounded > Y_HI) ? hi - 36'sd1", "limit"),
     "wraps": ("pi", "rate", "(rounded < Y_LO) ? lo : (rounded > Y_HI) ? hi : rounded", "rounded", "wrap"),
-    "no rounding": ("pi", "odd", "62'sd8388608", "62'sd0", "rounding"),
-    "half down": ("pi", "rate", "62'sd8388608", "62'sd8388607", "rounding"),
+    "no rounding": ("pi", "odd", " + HALF_Y;", ";", "rounding"),
+    "half down": ("pi", "rate", " + HALF_Y;", " + HALF_Y - 62'sd1;", "rounding"),
 }
 FAST = ("offset subtracted", "limit", "no rounding")
 

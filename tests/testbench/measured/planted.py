@@ -33,8 +33,8 @@ def late_force(function):
     """The rate loop works on the code of the frame before."""
     kept = [0]
 
-    def step(p, s, en, en_pi, mode, sense_sin, preset):
-        after = function(p, s, en, en_pi, mode, sense_sin, preset)
+    def step(d, p, s, en, en_pi, mode, sense_sin, preset):
+        after = function(d, p, s, en, en_pi, mode, sense_sin, preset)
         if en:
             after = after._replace(error=kept[0])
             kept[0] = sense_sin
