@@ -343,7 +343,7 @@ class Simulation:
 
     def _with_added(self, values):
         """A state with all registers of this version."""
-        held = values["fpga"].tolist() if np.ndim(values["fpga"]) == 1 else []
+        held = values["fpga"].tolist() if np.ndim(values.get("fpga", 0)) == 1 else []
         if len(held) + len(ADDED) != self.register_count:
             return values
         saved, reset = iter(held), flatten.leaves(fpga.reset(self.design))

@@ -120,7 +120,7 @@ def _ports(manifest, kinds):
             try:
                 fmt = Fmt(*[int(k) for k in port["fmt"]])
                 name, reset = port["name"], port.get("reset")
-            except (KeyError, TypeError, ValueError):
+            except (KeyError, OverflowError, TypeError, ValueError):
                 raise FileError(f"manifest: {kind}: {port!r} is not a port with name and fmt [s, i, f]") from None
             if fmt.width != port.get("width", fmt.width):
                 raise FileError(f"manifest: port {name}: width {port['width']} is not that of format {fmt}")

@@ -19,6 +19,9 @@ MAX_AXES = 6
 MAGIC = b"PK\x03\x04"
 
 
+LSB_DEG_S, RATE_HZ = (1e-12, 1e6), (1e-3, 1e9)  # far beyond any gyroscope
+
+
 class Rest(NamedTuple):
     """`counts` int (samples, axes)."""
 
@@ -34,14 +37,14 @@ def looks_like(path):
     return inputs.head(path, len(MAGIC)) == MAGIC
 
 
-def _scalar(path, held, ending):
+def _scalar(path, held, ending, low, high):
     numbers = [name for name, v in held.items() if v.size == 1 and v.dtype.kind in "iuf"]
     found = [name for name in numbers if name.lower().endswith(ending)]
     if len(found) != 1:
         raise FileError(f"{path}: expected one number named ...{ending}, found {len(found)}")
     value = float(held[found[0]].item())
-    if not (np.isfinite(value) and value > 0):
-        raise FileError(f"{path}: {found[0]} = {value} is not positive")
+    if not low <= value <= high:
+        raise FileError(f"{path}: {found[0]} = {value:g} is outside {low:g} .. {high:g}")
     return value
 
 
@@ -59,4 +62,4 @@ def read(path):
     if np.any(np.ptp(counts, axis=0) == 0):
         raise FileError(f"{path}: axis {int(np.argmin(np.ptp(counts, axis=0)))} is the same in all samples")
     digest = hashlib.sha256(data).hexdigest()
-    return Rest(path, digest, counts, _scalar(path, held, "_deg_s"), _scalar(path, held, "_hz"))
+    return Rest(path, digest, counts, _scalar(path, held, "_deg_s", *LSB_DEG_S), _scalar(path, held, "_hz", *RATE_HZ))

@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from testbench import config
+from testbench.errors import FileError
 from testbench.measured.formats.paper_numbers import ROOM, TEMPERATURES, Rival, Row
 from testbench.run import budget
 
@@ -121,8 +122,12 @@ def _scale(numbers, planned, t):
 
 
 def _moved(numbers, t):
-    """Quadrature (deg/s) by which V_q has moved from case 3 to case 4, by its square."""
-    return COUPLING_DPS * (1 - (1 - numbers.get("Vq", "case 3 vs case 4", t)) ** 2)
+    """Quadrature (deg/s) by which V_q has moved from case 3 to case 4, by its square; FileError if it has not."""
+    change = numbers.get("Vq", "case 3 vs case 4", t)
+    moved = COUPLING_DPS * (1 - (1 - change) ** 2)
+    if moved == 0:
+        raise FileError(f"{numbers.path}: Vq: a change of {change:g} from case 3 to case 4 leaves its square as it was")
+    return moved
 
 
 def _quadrature(numbers, t):

@@ -82,13 +82,18 @@ def _streams(folder, record):
     out = {}
     for (num, den, rows), names in rates.items():
         sink = io.BytesIO()
-        table = arrow.table({name: np.ascontiguousarray(record.streams[name].data) for name in names})
+        table = arrow.table({name: _native(record.streams[name].data) for name in names})
         parquet.write_table(table, sink, compression="zstd")
         file = f"streams_{num}_{den}.parquet"
         file = file if file not in out else f"streams_{num}_{den}_{rows}.parquet"
         write_bytes(folder / file, sink.getvalue())
         out[file] = {"sha256": _sha256(sink.getvalue()), "columns": names}
     return out
+
+
+def _native(data):
+    """The same in one piece and in this machine's byte order: Arrow takes no other."""
+    return np.ascontiguousarray(data, data.dtype.newbyteorder("="))
 
 
 def _tables(folder, record):
