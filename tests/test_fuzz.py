@@ -88,3 +88,11 @@ def test_a_finding_is_an_exception_of_another_kind(monkeypatch, tmp_path, read, 
     problem, taken = worker.one(tmp_path, "planted", 1)
     assert (bool(problem), taken) == (bool(said), accepted)
     assert said in problem
+
+
+@pytest.mark.parametrize(
+    ("kind", "number"), [("parquet", 733), ("paper", 721), ("golden", 746), ("npz", 757), ("state", 818)]
+)
+def test_what_was_once_a_traceback_is_one_line(folder, kind, number):
+    """Bytes swapped, V_q that has not moved, an infinite format, a rate near 0, a state without registers."""
+    assert not worker.one(folder, kind, number)[0]
