@@ -91,8 +91,18 @@ def test_a_finding_is_an_exception_of_another_kind(monkeypatch, tmp_path, read, 
 
 
 @pytest.mark.parametrize(
-    ("kind", "number"), [("parquet", 733), ("paper", 721), ("golden", 746), ("npz", 757), ("state", 818)]
+    ("kind", "number"),
+    [
+        ("parquet", 733),
+        ("paper", 721),
+        ("golden", 746),
+        ("npz", 757),
+        ("state", 818),
+        ("config", 817),
+        ("campaign", 833),
+        ("store", 993),
+    ],
 )
 def test_what_was_once_a_traceback_is_one_line(folder, kind, number):
-    """Bytes swapped, V_q that has not moved, an infinite format, a rate near 0, a state without registers."""
+    """What the fuzzers found, by its number; an input that could not be made is among them."""
     assert not worker.one(folder, kind, number)[0]

@@ -99,7 +99,7 @@ def _not_a_number(path, value, info, key):
     """Line for a value that is no number: a text with a unit gets the number to write."""
     integer = info.annotation is int
     found = WRITTEN.fullmatch(value) if isinstance(value, str) else None
-    if not found:
+    if not found or math.isinf(float(found[1])):
         return f"{path} = {toml_of(value)} is not {'an integer' if integer else 'a number'}{_span(info)}"
     magnitude, unit = float(found[1]), found[2] or ""
     have = unit.lower().replace("/", "_per_").replace("^", "").replace("°", "deg").replace("µ", "u")

@@ -482,7 +482,9 @@ def store(rng, corpus, folder):
     elif file.suffix == ".jsonl" and rng.random() < 0.7:
         lines = file.read_text().splitlines()
         at = rng.randrange(len(lines))
-        lines[at] = json.dumps(hostile.regrown(rng, {"x": json.loads(lines[at])})["x"] if rng.random() < 0.8 else [1])
+        lines[at] = json.dumps(
+            hostile.regrown(rng, {"x": json.loads(lines[at])}).get("x") if rng.random() < 0.8 else [1]
+        )
         file.write_text("\n".join(lines) + "\n")
     elif file.suffix == ".h5" and rng.random() < 0.7:
         _hostile_hdf5(rng, file)

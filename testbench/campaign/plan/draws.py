@@ -29,6 +29,7 @@ FORMS = {
     "integers": "[low, high], integers",
 }
 DRAWN = ("normal", "uniform", "lognormal", "integers")
+MOST_VALUES = 1_000_000  # of an axis
 
 
 def rounded(value):
@@ -110,14 +111,16 @@ class Spec:
         a, b = self.numbers[:2]
         if self.form.endswith("space"):
             count = self.numbers[2]
-            if not isinstance(count, int) or count < 1:
-                self._fail(f"= {toml_of(value)}: the count {toml_of(count)} is not an integer above 0")
+            if not isinstance(count, int) or not 1 <= count <= MOST_VALUES:
+                self._fail(f"= {toml_of(value)}: the count {toml_of(count)} is not an integer in 1 .. {MOST_VALUES}")
             if self.form == "logspace" and not (a > 0 and b > 0):
                 self._fail(f"= {toml_of(value)}: a logarithmic axis needs both ends above 0")
         elif self.form == "range":
             step = self.numbers[2] if len(self.numbers) == 3 else 1
             if not range(a, b + (1 if step > 0 else -1), step or 1) or step == 0:
                 self._fail(f"= {toml_of(value)} has no values")
+            if abs((b - a) // step) >= MOST_VALUES:
+                self._fail(f"= {toml_of(value)} has more than {MOST_VALUES} values")
         elif self.form in ("uniform", "integers") and b < a:
             self._fail(f"= {toml_of(value)}: low is above high")
         elif self.form in ("normal", "lognormal") and b < 0:

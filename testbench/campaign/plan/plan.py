@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 from testbench import config as configuration
 from testbench.campaign.plan import engines
-from testbench.campaign.plan.draws import Spec
+from testbench.campaign.plan.draws import MOST_VALUES, Spec
 from testbench.campaign.plan.measure import STATISTICS, Keep
 from testbench.campaign.plan.points import Point, address_of, identity_of
 from testbench.config.toml_text import toml_of
@@ -189,6 +189,8 @@ def _axis(name, table, where):
     lengths = {dotted: spec.length for dotted, spec in specs.items() if spec.length is not None}
     if "count" in table:
         length = _integer(table, "count", 1, 1, where)
+        if length > MOST_VALUES:
+            raise ConfigError(f"{where} count = {length} is above the limit {MOST_VALUES} values")
         lengths = {"count": length} | lengths
     elif not lengths:
         raise ConfigError(f"{where} draws its values; count = ... says how many")
