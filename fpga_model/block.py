@@ -147,6 +147,18 @@ def told(params, shape):
     return [(name, int(v), formats_of[name]) for name, v in leaves(params) if defaults.get(name) != v]
 
 
+def asked(shape, given):
+    """[(flat name, format)] of what a file must name: what it has `given`, and all but what came later."""
+    added = later(shape)
+    return [(flat(name), fmt) for name, fmt in leaves(shape) if flat(name) in given or name not in added]
+
+
+def raws(shape, given):
+    """Raw values in the order of a shape from {flat name: raw}; what came later and is not given has its default."""
+    known = {flat(name): value for name, value in later(shape).items()} | given
+    return [known[flat(name)] for name, _ in leaves(shape)]
+
+
 def filled(shape, take):
     """The shape with `take(leaf)` at each leaf, depth first; a list becomes a tuple, None and a design stay."""
     if shape is None or isinstance(shape, Design):

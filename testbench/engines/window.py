@@ -177,7 +177,7 @@ def play(p, s, sid, old, new, ready, ok, new_ok, valid, tick, n, b):
 @outlined
 def _played(p, s, sid, old, new, ready, ok, new_ok, valid, tick, n, b):
     """As `play`, for any window, edge by edge."""
-    clocks, frame_ticks = p.design.tick_clocks, p.design.frame_ticks
+    clocks, frame_ticks, last = p.design.tick_clocks, p.design.frame_ticks, last_load_tick(p)
     for k in range(n):
         if k > 0 and s.slot == 0 and valid // clocks != tick + k:
             return s, k
@@ -189,7 +189,7 @@ def _played(p, s, sid, old, new, ready, ok, new_ok, valid, tick, n, b):
             if e == spi_dac.LOAD_TICK:
                 b.control_load[HISTORY + k] = sequencer.outputs(s.control.sequencer).dac_init
                 due = rates.quadrature_due(p.design, frame_tick, p.quadrature_fast)
-                if due == 1 and frame_tick <= last_load_tick(p):
+                if due == 1 and frame_tick <= last:
                     s = s._replace(quadrature=s.control.quadrature_loop.root.y)
             i = _inputs(p, sid, old, new, ready, ok, new_ok, valid, clock, s.dog.stale)
             s = edge(p, s, i, clock, 1 if clock == valid else 0, NO_HOST)

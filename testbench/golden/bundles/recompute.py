@@ -79,17 +79,15 @@ def _block(path, manifest):
         return block
     # parameters of a board: what the manifest says, in this version's formats
     shape = formats(registry.declared()[stem].Params, design)
-    later = {registry.flat(name): value for name, value in registry.later(shape).items()}
     given = inputs.checked(manifest.get("params"), list[Param], path)
     raw = {p.name: p.raw for p in given}
-    own = [(registry.flat(name), fmt) for name, fmt in registry.leaves(shape)]
-    wanted = [{"name": name, "fmt": list(fmt)} for name, fmt in own if name in raw or name not in later]
+    wanted = [{"name": name, "fmt": list(fmt)} for name, fmt in registry.asked(shape, raw)]
     _same_entry(path, "params", [{"name": p.name, "fmt": p.fmt} for p in given], wanted)
     for p in given:
         if not Fmt(*p.fmt).holds(p.raw):
             raise FileError(f"{path}: params: {p.name} = {p.raw} is outside its format {Fmt(*p.fmt)}")
     like = next(iter(block.cases.values()))
-    return block._replace(cases={case: flatten.rebuild(like, [(later | raw)[name] for name, _ in own])})
+    return block._replace(cases={case: flatten.rebuild(like, registry.raws(shape, raw))})
 
 
 def _block_again(found, path, folder):

@@ -7,7 +7,7 @@ Source  fpga_model/block.py
 
 import numpy as np
 
-from fpga_model.block import declared, flat, later, leaves
+from fpga_model.block import declared, raws
 from fpga_model.fixed import formats
 from testbench import flatten
 from testbench.golden.stimulus import blocks
@@ -44,8 +44,7 @@ class Model:
         if like is None:
             return 0
         shape = formats(declared()[self.block.stem].Params, self.block.record)
-        values = {flat(name): value for name, value in later(shape).items()} | self.params | changed
-        return flatten.rebuild(like, [values[flat(name)] for name, _ in leaves(shape)])
+        return flatten.rebuild(like, raws(shape, self.params | changed))
 
     def run(self, inputs, registers, rows=None, **changed):
         """(registers, pins), each {name: column}: one edge after each row, and the pins of those rows.

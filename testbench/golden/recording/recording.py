@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fpga_model import top
-from fpga_model.block import filled, flat, later, told
+from fpga_model.block import asked, filled, flat, later, raws, told
 from fpga_model.design_record import DEFAULT
 from fpga_model.digital_sid import SAMPLE
 from fpga_model.fixed import formats
@@ -71,14 +71,13 @@ def params_from(path, names, raw, design=DEFAULT):
 
     What came later than the file has its default.
     """
-    own, given = param_names(), dict(zip(map(flat, names), raw))
-    defaults = {flat(name): value for name, value in later(top.PARAMS_FMT).items()}
-    wanted = [name for name in map(flat, own) if name in given or name not in defaults]
+    given = dict(zip(map(flat, names), raw))
+    wanted = [name for name, _ in asked(top.PARAMS_FMT, given)]
     if list(map(flat, names)) != wanted or len(raw) != len(wanted):
         strange = sorted(given.keys() ^ set(wanted)) or wanted[:1]
         raise FileError(f"{path}: parameters are not those of this firmware ({strange[0]}): record again")
-    values = iter([int((defaults | given)[flat(name)]) for name in own])
-    return filled(top.PARAMS_FMT, lambda _: next(values))._replace(design=design)
+    values = iter(raws(top.PARAMS_FMT, given))
+    return filled(top.PARAMS_FMT, lambda _: int(next(values)))._replace(design=design)
 
 
 def param_names():

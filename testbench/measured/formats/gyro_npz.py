@@ -17,8 +17,6 @@ from testbench.storage.npz_input import read_npz
 MIN_SAMPLES = 20_000
 MAX_AXES = 6
 MAGIC = b"PK\x03\x04"
-
-
 LSB_DEG_S, RATE_HZ = (1e-12, 1e6), (1e-3, 1e9)  # far beyond any gyroscope
 
 
