@@ -11,8 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fpga_model.design_record import DEFAULT
 from fpga_model.fixed import Fmt
 from testbench.errors import FileError
+from testbench.golden.bundles import design_entry
 from testbench.golden.check import diagnose as why
 
 SCHEMA = "gyro-golden/1.0"
@@ -235,8 +237,6 @@ def against(golden, got, before=BEFORE):
 def _diagnosis(manifest, inputs, golden, logged, counts, n, divergence):
     if divergence.is_input:
         return None
-    if manifest.get("design_params"):  # what the diagnosis knows of such a block is of the default design
-        return why.Diagnosis(why.UNKNOWN, divergence.port, "")
     ports = {name: why.Port(*port) for name, port in _ports(manifest, ("registers", "outputs")).items()}
     return why.diagnose(
         block=manifest["block"],
@@ -246,4 +246,5 @@ def _diagnosis(manifest, inputs, golden, logged, counts, n, divergence):
         expected={name: golden[name][:n] for name in ports},
         got={name: logged[name].values[:n] for name in logged if name in ports},
         care={name: counts[name] & logged[name].known[:n] for name in logged if name in ports},
+        design=design_entry.of_manifest("manifest", manifest) or DEFAULT,
     ) or why.Diagnosis(why.UNKNOWN, divergence.port, "")

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fpga_model import fixed
+from fpga_model.design_record import DEFAULT, Design
 from fpga_model.rounding_aliases import ALIASES
 from testbench.golden.check import diagnose_nodes as nodes
 from testbench.golden.check.diagnose_model import Model
@@ -77,6 +78,7 @@ class Case(NamedTuple):
     expected: dict
     got: dict
     care: dict
+    design: Design
 
 
 def _plain(name, names):
@@ -97,7 +99,7 @@ class _Search:
     def __init__(self, case):
         self.case = case
         self.n = len(next(iter(case.expected.values())))
-        self.model = Model.of(case.block, case.params, case.inputs, case.expected)
+        self.model = Model.of(case.block, case.params, case.inputs, case.expected, case.design)
         self.state = {
             name: np.where(case.care[name], case.got[name], want) if name in case.got else want
             for name, want in case.expected.items()
@@ -238,9 +240,13 @@ class _Search:
         case, plain = self.case, _plain(name, self.case.expected)
         fmt = {key: port.fmt for key, port in case.ports.items()}
         try:
-            found = nodes.NODES[case.block](self.columns, case.params, fmt) if case.block in nodes.NODES else {}
+            found = (
+                nodes.NODES[case.block](self.columns, case.params, fmt, case.design)
+                if case.block in nodes.NODES
+                else {}
+            )
             special = nodes.SPECIAL.get(case.block)
-            special = list(special(self.columns, case.params, fmt)) if special else []
+            special = list(special(self.columns, case.params, fmt, case.design)) if special else []
             compared = nodes.COMPARED.get(case.block)
             compared = list(compared(self.columns, case.params)) if compared else []
         except KeyError:
@@ -360,7 +366,7 @@ def _named(port, fits):
     return Diagnosis(cause, port, " or ".join(details[:3]), tuple(fits))
 
 
-def diagnose(block, params, inputs, ports, expected, got, care=None):
+def diagnose(block, params, inputs, ports, expected, got, care=None, design=DEFAULT):
     """The cause of the difference between `got` and `expected`, as a `Diagnosis`; None if there is no difference.
 
     block          stem of the block; any name is allowed, the arithmetic of known ones is varied too
@@ -369,9 +375,10 @@ def diagnose(block, params, inputs, ports, expected, got, care=None):
     ports          {name: Port} of every register and pin
     expected, got  {name: int64 column}; `got` may lack any
     care           {name: bool column} of the rows that count (default: all)
+    design         record of the design that the rows are of
     """
     care = {name: np.ones(len(column), bool) for name, column in got.items()} | (care or {})
-    search = _Search(Case(block, params, inputs, ports, expected, got, care))
+    search = _Search(Case(block, params, inputs, ports, expected, got, care, design))
     if all(_same(column, expected[name], care[name]) for name, column in got.items()):
         return None
     faulty = search.faulty(search.local)

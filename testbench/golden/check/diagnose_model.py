@@ -8,6 +8,7 @@ Source  fpga_model/block.py
 import numpy as np
 
 from fpga_model.block import declared, raws
+from fpga_model.design_record import DEFAULT
 from fpga_model.fixed import formats
 from testbench import flatten
 from testbench.golden.stimulus import blocks
@@ -25,9 +26,9 @@ class Model:
         self.reset = [port.reset for port in block.registers]
 
     @classmethod
-    def of(cls, stem, params, inputs, registers):
+    def of(cls, stem, params, inputs, registers, design=DEFAULT):
         """The model of block `stem` with `params` {flattened name: raw}, if the inputs and registers are its own."""
-        block = blocks.BLOCKS.get(stem)
+        block = blocks.of_record(design).get(stem)
         if block is None:
             return None
         model = cls(block, params)

@@ -2,10 +2,10 @@
 
     value = limit(offset + flip(round(sum of terms, shift)))   where enabled; elsewhere it is not varied
 
-`NODES[block](c, p, fmt)` gives {register: Node}, or a list of nodes for a register that is loaded in several ways: c
+`NODES[block](c, p, fmt, d)` gives {register: Node}, or a list of nodes for a register that is loaded in several ways: c
 holds the columns of inputs and registers (an input that shares its name with a register is `in_NAME`), p the
-parameters, fmt the formats. `SPECIAL`, `COMPARED` and `TUNED` hold what is no sum: bit orders, comparisons in pins, and
-parameters.
+parameters, fmt the formats, d the design. `SPECIAL`, `COMPARED` and `TUNED` hold what is no sum: bit orders,
+comparisons in pins, and parameters.
 Source  docs/blocks/ (the equations)
 """
 
@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fpga_model import agc, cordic, digital_sid, fault_monitor, fixed, isqrt, pi, rate_output, sequencer, sine, spi_adc
+from fpga_model import agc, cordic, digital_sid, fault_monitor, fixed, isqrt, pi, rate_output, sequencer, spi_adc
 
 # Arithmetic on whole columns ------------------------------------------------------------------------------------------
 
@@ -156,7 +156,7 @@ def variants(node):
 # The arithmetic registers of the blocks -------------------------------------------------------------------------------
 
 
-def _modulator(c, p, fmt):
+def _modulator(c, p, fmt, d):
     return {
         "product": Node(fmt["product"], {"amplitude * sine": c["amplitude"] * c["sine"]}, enable=c["en_product"] == 1),
         "code": Node(
@@ -169,24 +169,26 @@ def _pi_of(c, p, fmt, en, mode, e, preset, at=""):
     """The PI under a prefix, with its inputs as columns."""
     enabled, run, off = en != 0, mode == pi.RUN, mode == pi.OFF
     low, high = p[f"{at}lo"], p[f"{at}hi"]
-    bounds = {"lo": low << pi.SHIFT, "hi": high << pi.SHIFT, "steps": (1, 1 << pi.SHIFT)}
     acc = fmt[f"{at}acc"]
+    shift, cut = acc.f, pi.PRODUCT_FRACTION - acc.f
+    bounds = {"lo": low << shift, "hi": high << shift, "steps": (1, 1 << shift)}
     prop = {"kp * e": np.where(off, 0, p[f"{at}kp"] * e)}
+    added = {"acc": c[f"{at}acc"] << cut, "ki * e": p[f"{at}ki"] * e}
     return {
-        f"{at}prop": Node(fmt[f"{at}prop"], prop, enable=enabled & (mode <= pi.RUN)),
+        f"{at}prop": Node(fmt[f"{at}prop"], prop, cut, "half_up", enable=enabled & (mode <= pi.RUN)),
         f"{at}acc": [
-            Node(acc, {"acc": c[f"{at}acc"], "ki * e": p[f"{at}ki"] * e}, **bounds, enable=enabled & run),
-            Node(acc, {"preset": preset << pi.SHIFT}, **bounds, enable=enabled & off),
+            Node(acc, added, cut, "half_up", **bounds, enable=enabled & run),
+            Node(acc, {"preset": preset << shift}, **bounds, enable=enabled & off),
         ],
-        f"{at}y": Node(fmt[f"{at}y"], {"prop": c[f"{at}prop"], "acc": c[f"{at}acc"]}, pi.SHIFT, "half_up", low, high),
+        f"{at}y": Node(fmt[f"{at}y"], {"prop": c[f"{at}prop"], "acc": c[f"{at}acc"]}, shift, "half_up", low, high),
     }
 
 
-def _pi(c, p, fmt):
+def _pi(c, p, fmt, d):
     return _pi_of(c, p, fmt, c["en"], c["mode"], c["e"], c["preset"])
 
 
-def _agc(c, p, fmt):
+def _agc(c, p, fmt, d):
     kicked = c["mode"] == agc.KICK
     mode, preset = np.where(kicked, pi.OFF, c["mode"]), np.where(kicked, 0, c["preset"])
     error = {"setpoint": c["setpoint"], "magnitude": -c["magnitude"]}
@@ -196,7 +198,7 @@ def _agc(c, p, fmt):
     }
 
 
-def _frequency_tracker(c, p, fmt):
+def _frequency_tracker(c, p, fmt, d):
     load = c["load"] == 1
     adjust, en = (c["adjust"] == 1) & ~load, c["en"] == 1
     adjusted = {"centre": c["centre"], "correction": c["correction"]}
@@ -211,14 +213,14 @@ def _frequency_tracker(c, p, fmt):
     }
 
 
-def _rate_loop(c, p, fmt):
+def _rate_loop(c, p, fmt, d):
     return {
         "error": Node(fmt["error"], {"sense_sin": c["sense_sin"]}, enable=c["en"] == 1),
         **_pi_of(c, p, fmt, c["en_pi"], c["mode"], c["error"], c["preset"], "loop_"),
     }
 
 
-def _quadrature_loop(c, p, fmt):
+def _quadrature_loop(c, p, fmt, d):
     return {
         "error": Node(fmt["error"], {"sense_cos": -c["sense_cos"]}, enable=c["en"] == 1),
         **_pi_of(c, p, fmt, c["en_pi"], c["mode"], c["error"], c["preset"], "loop_"),
@@ -226,46 +228,48 @@ def _quadrature_loop(c, p, fmt):
     }
 
 
-def _sine(c, p, fmt):
-    base, product = c["base2"] << sine.ALIGN, c["product"]
+def _sine(c, p, fmt, d):
+    fraction = fmt["product"].f
+    base, product = c["base2"] << (fraction - fmt["base2"].f), c["product"]
     return {
         "product": Node(fmt["product"], {"slope * fraction": c["slope"] * (2 * c["fraction"] + 1)}),
-        "y": Node(fmt["y"], {"base": base, "product": product}, sine.PRODUCT.f, "half_up", flip=c["sign2"]),
+        "y": Node(fmt["y"], {"base": base, "product": product}, fraction, "half_up", flip=c["sign2"]),
     }
 
 
-def _dds(c, p, fmt):
+def _dds(c, p, fmt, d):
     nodes = {"phase": Node(fmt["phase"], {"phase": c["phase"], "word": c["word"]}, wraps=True)}
     for name in ("drive_sine", "sense_sine", "drive_ref", "sense_ref"):
         nodes[name] = Node(fmt[name], {"phase": c["phase"], "offset": c[f"off_{name}"]}, wraps=True)
     return nodes
 
 
-def _cordic(c, p, fmt):
+def _cordic(c, p, fmt, d):
     start, busy = c["start"] == 1, (c["start"] == 0) & (c["busy"] == 1)
-    rotate = busy & (c["i"] < cordic.ITERATIONS)
-    finish = busy & ~rotate
+    rotate = busy & (c["i"] < d.cordic_iterations)
+    finish = busy & (c["i"] == cordic.ITERATIONS)
+    guard = fmt["x"].f
     shift, below, left = np.where(rotate, c["i"], 0), (c["y"] < 0).astype(np.int64), c["x_in"] < 0
-    atan = np.array([*cordic.ATAN, *[0] * (32 - cordic.ITERATIONS)], np.int64)[c["i"]]
+    atan = np.array([*cordic.table(d), *[0] * (32 - cordic.ITERATIONS)], np.int64)[c["i"]]
     minus = left.astype(np.int64)
     turned = {"shift": shift, "rounding": "half_up", "enable": rotate}
-    half_turn = {"half a turn": np.where(left, cordic.ANGLE.lo, 0)}
+    half_turn = {"half a turn": np.where(left, fmt["angle"].lo, 0)}
     angle = {"angle": np.where(c["x"] == 0, 0, c["angle"])}
     return {
         "x": [
             Node(fmt["x"], {"y shifted": c["y"]}, offset=c["x"], flip=below, **turned),
-            Node(fmt["x"], {"x_in": c["x_in"] << cordic.GUARD}, flip=minus, enable=start),
+            Node(fmt["x"], {"x_in": c["x_in"] << guard}, flip=minus, enable=start),
         ],
         "y": [
             Node(fmt["y"], {"x shifted": c["x"]}, offset=c["y"], flip=1 - below, **turned),
-            Node(fmt["y"], {"y_in": c["y_in"] << cordic.GUARD}, flip=minus, enable=start),
+            Node(fmt["y"], {"y_in": c["y_in"] << guard}, flip=minus, enable=start),
         ],
         "angle": [
             Node(fmt["angle"], {"atan": atan}, offset=c["angle"], flip=below, enable=rotate, wraps=True),
             Node(fmt["angle"], half_turn, enable=start),
         ],
-        "magnitude": Node(fmt["magnitude"], {"x": c["x"]}, cordic.GUARD, "half_up", enable=finish),
-        "phase": Node(fmt["phase"], angle, cordic.GUARD, "half_up", enable=finish, wraps=True),
+        "magnitude": Node(fmt["magnitude"], {"x": c["x"]}, guard, "half_up", enable=finish),
+        "phase": Node(fmt["phase"], angle, guard, "half_up", enable=finish, wraps=True),
     }
 
 
@@ -275,11 +279,11 @@ def _radicand(c, fmt, u, at="", start="start"):
     return [Node(of, {"u": u}, enable=load), Node(of, {"radicand": rest << 2}, enable=busy, wraps=True)]
 
 
-def _isqrt(c, p, fmt):
+def _isqrt(c, p, fmt, d):
     return {"radicand": _radicand(c, fmt, c["u"])}
 
 
-def _digital_sid(c, p, fmt):
+def _digital_sid(c, p, fmt, d):
     ce, dump = c["ce_1m"] == 1, c["dump"] == 1
     delay = p["ref_delay"]
     now = c["refs"] if delay == 0 else c[f"refs_{delay - 1}"]
@@ -309,7 +313,7 @@ def _digital_sid(c, p, fmt):
     return nodes
 
 
-def _rate_output(c, p, fmt):
+def _rate_output(c, p, fmt, d):
     m, stage = rate_output, c["stage"]
     on = [stage >> k & 1 == 1 for k in range(5)]
     t, t2, first = c["t"], c["t2"], c["count"] == 0
@@ -342,7 +346,7 @@ def _rate_output(c, p, fmt):
     }
 
 
-def _sequencer(c, p, fmt):
+def _sequencer(c, p, fmt, d):
     searching = (c["en"] == 1) & (c["state"] == sequencer.SEARCH)
     stuck = c["faults_flags"] & fault_monitor.STUCK != 0
     usable = (c["i_adc_ok"] == 1) & (c["i_stale"] == 0) & ~stuck
@@ -367,7 +371,7 @@ def _sequencer(c, p, fmt):
     }
 
 
-def _watchdog(c, p, fmt):
+def _watchdog(c, p, fmt, d):
     counts = (c["frame"] == 1) | (c["ce_1m"] == 1)
     age = {"age": np.where(c["frame"] == 1, 0, c["age"]), "one": 1 - c["frame"]}
     return {"age": Node(fmt["age"], age, lo=0, hi=fmt["age"].hi, enable=counts)}
@@ -399,7 +403,7 @@ NODES = {
 # What is no sum: (register, cause, what, column after the edge) -------------------------------------------------------
 
 
-def _spi_dac_order(c, p, fmt):
+def _spi_dac_order(c, p, fmt, d):
     """The shift register of a master that sends the LSB first, in its two usual forms."""
     load, run, mask = c["load"] == 1, c["sclk_en"] == 1, (1 << p["bits"]) - 1
     right = np.where(run, c["shift"] >> 1, c["shift"])
@@ -409,7 +413,7 @@ def _spi_dac_order(c, p, fmt):
     yield "shift", "bit_order", "LSB first, word reversed at load", np.where(load, turned, left)
 
 
-def _spi_adc_order(c, p, fmt):
+def _spi_adc_order(c, p, fmt, d):
     """The words of a master that takes the LSB first."""
     take = (c["busy"] == 1) & (c["word"] != spi_adc.WORDS) & (c["sclk"] == 1)
     word = (c["shift"] >> 1) | (c["dout"] << (spi_adc.WORD_BITS - 1))
@@ -422,7 +426,7 @@ def _spi_adc_order(c, p, fmt):
         yield name, "bit_order", "LSB first", np.where(taken, wrapped(word, fmt[name]), c[name])
 
 
-def _isqrt_root(c, p, fmt, at="", start="start"):
+def _isqrt_root(c, p, fmt, d, at="", start="start"):
     """The last step of a root that is rounded otherwise, and a comparison that is off by one."""
     busy = (c[start] == 0) & (c[f"{at}busy"] == 1)
     last = busy & (c[f"{at}i"] == isqrt.ITERATIONS - 1)
@@ -443,8 +447,8 @@ def _isqrt_root(c, p, fmt, at="", start="start"):
     yield f"{at}y", "limit", "fits only above the trial", np.where(last, root, c[f"{at}y"])
 
 
-def _quadrature_root(c, p, fmt):
-    yield from _isqrt_root(c, p, fmt, "root_", "en_root")
+def _quadrature_root(c, p, fmt, d):
+    yield from _isqrt_root(c, p, fmt, d, "root_", "en_root")
 
 
 SPECIAL = {

@@ -11,15 +11,18 @@ import numpy as np
 
 from fpga_model import dds, delay, modulator, pi, references, sine, spi_adc, spi_dac
 from fpga_model.block import structure
+from fpga_model.design_record import DEFAULT
+from fpga_model.fixed import formats
 from testbench import flatten
 from testbench.golden.check.diagnose import Port
 
-MASK48 = (1 << 48) - 1
 NONE = ("", "", "")
 
 
 def rounded(x, n, rule):
     """Integers only, one line for each rule of the truth table."""
+    if n == 0:
+        return x
     q, r, half = x >> n, x & ((1 << n) - 1), 1 << (n - 1)
     up = {
         "floor": False,
@@ -40,8 +43,9 @@ def wrapped(x, width):
 
 
 class Fault:
-    def __init__(self, fault):
+    def __init__(self, fault, d=DEFAULT):
         self.kind, self.where, self.how = fault
+        self.d = d
 
     def on(self, kind, where):
         return self.kind == kind and self.where == where
@@ -77,27 +81,30 @@ def step_modulator(f, p, s, en_product, en_code, amplitude, sine):
 
 
 def step_pi(f, p, s, en, mode, e, preset):
-    prop, acc = s.prop, s.acc
+    prop, acc, n = s.prop, s.acc, f.d.accumulator_fraction_bits
+    limits = p.lo << n, p.hi << n, 1 << n
     if en and mode == 0:
-        prop, acc = 0, f.limit("acc", preset << 24, p.lo << 24, p.hi << 24, 1 << 24)
+        prop, acc = 0, f.limit("acc", preset << n, *limits)
     elif en and mode in (1, 2):
-        prop = f.term("prop", p.kp * e)
+        prop = rounded(f.term("prop", p.kp * e), 24 - n, "half_up")
         if mode == 2:
-            acc = f.limit("acc", s.acc + f.term("acc", p.ki * e), p.lo << 24, p.hi << 24, 1 << 24)
-    y = f.limit("y", f.term("y", rounded(s.prop + s.acc, 24, f.rule("half_up"))), p.lo, p.hi)
+            acc = f.limit("acc", s.acc + rounded(f.term("acc", p.ki * e), 24 - n, "half_up"), *limits)
+    y = f.limit("y", f.term("y", rounded(s.prop + s.acc, n, f.rule("half_up"))), p.lo, p.hi)
     return type(s)(prop, acc, y)
 
 
 def step_sine(f, p, s, phase):
-    turn, place = phase >> 46, (phase >> 26) & ((1 << 20) - 1)
-    place ^= ((1 << 20) - 1) * (turn & 1)
-    magnitude = rounded((s.base2 << 10) + f.term("slope", s.product), 16, f.rule("half_up"))
+    below, whole = f.d.sine_fraction_bits, f.d.sine_address_bits + f.d.sine_fraction_bits
+    bases, slopes = sine.tables(f.d)
+    turn, place = phase >> (f.d.dds_bits - 2), (phase >> (f.d.dds_bits - 2 - whole)) & ((1 << whole) - 1)
+    place ^= ((1 << whole) - 1) * (turn & 1)
+    magnitude = rounded((s.base2 << below) + f.term("slope", s.product), 6 + below, f.rule("half_up"))
     minus = s.sign2 if not f.on("sign", "y") else 1 - s.sign2
     return type(s)(
         sign=turn >> 1 if not f.on("sign", "sign") else 1 - (turn >> 1),
-        base=sine.tables()[0][place >> 10],
-        slope=sine.tables()[1][place >> 10],
-        fraction=place & 1023,
+        base=bases[place >> below],
+        slope=slopes[place >> below],
+        fraction=place & ((1 << below) - 1),
         sign2=s.sign,
         base2=s.base,
         product=f.term("product", s.slope * (2 * s.fraction + 1)),
@@ -108,7 +115,8 @@ def step_sine(f, p, s, phase):
 def step_dds(f, p, s, word, *offsets):
     def add(where, b):
         x = s.phase + f.term(where, b)
-        return min(max(x, 0), MASK48) if f.on("saturate", where) else x & MASK48
+        top = (1 << f.d.dds_bits) - 1
+        return min(max(x, 0), top) if f.on("saturate", where) else x & top
 
     return type(s)(*[add(name, b) for name, b in zip(s._fields, (word, *offsets))])
 
@@ -184,16 +192,18 @@ MODULES = {
 
 
 @functools.cache
-def sine_ties():
+def sine_ties(d):
     """Phases whose magnitude lies midway between two codes."""
-    found = []
-    for a, (base, slope) in enumerate(zip(*sine.tables())):
-        for fraction in np.flatnonzero(((base << 10) + slope * (2 * np.arange(1024) + 1)) % (1 << 16) == 1 << 15):
-            found += [(q << 20 | (a << 10 | int(fraction)) ^ (((1 << 20) - 1) * (q & 1))) << 26 for q in range(4)]
+    found, n, whole = [], d.sine_fraction_bits, d.sine_address_bits + d.sine_fraction_bits
+    cut = d.dds_bits - 2 - whole
+    for a, (base, slope) in enumerate(zip(*sine.tables(d))):
+        for fraction in np.flatnonzero(((base << n) + slope * (2 * np.arange(1 << n) + 1)) % (64 << n) == 32 << n):
+            place = a << n | int(fraction)
+            found += [(q << whole | place ^ (((1 << whole) - 1) * (q & 1))) << cut for q in range(4)]
     return found
 
 
-def stimulus(block, seed):
+def stimulus(block, seed, d=DEFAULT):
     """(params, inputs): enables in bursts and holds, corners and random words, ties at every rounding."""
     r = random.Random(f"{block} {seed}")
 
@@ -231,9 +241,9 @@ def stimulus(block, seed):
             rows.append((int(r.random() < 0.8), mode, e, r.choice([-1, 1]) * r.randint(0, 1 << r.choice([3, 12, 20]))))
         return p, rows
     if block == "sine":
-        return None, [(r.choice(sine_ties()) if r.random() < 0.2 else word(48),) for _ in range(1500)]
+        return None, [(r.choice(sine_ties(d)) if r.random() < 0.2 else word(d.dds_bits),) for _ in range(1500)]
     if block == "dds":
-        return None, [tuple(word(48) for _ in range(5)) for _ in range(300)]
+        return None, [tuple(word(d.dds_bits) for _ in range(5)) for _ in range(300)]
     if block == "references":
         p = references.design(r.randint(0, 3), True)
         return p, [(word(48), word(48), int(r.random() < 0.4)) for _ in range(300)]
@@ -251,15 +261,15 @@ def stimulus(block, seed):
     return None, rows
 
 
-def simulate(block, p, rows, fault):
+def simulate(block, p, rows, fault, d=DEFAULT):
     """Rows of the registers of a design with the fault."""
-    f, module = Fault(fault), MODULES[block]
+    f, module = Fault(fault, d), MODULES[block]
     step, like = STEPS[block], module.State()
     names = [name.replace(".", "_") for name in flatten.names(like)]
     values = [value for _, value in flatten.leaves(like)]
     if f.kind == "reset":
         values[names.index(f.where)] = f.how
-    formats = [fmt for _, fmt in flatten.format_leaves(module.STATE_FMT)]
+    fmts = [fmt for _, fmt in flatten.format_leaves(formats(module.State, d))]
     place = names.index(f.where) if f.kind == "late" else None
     state, out = flatten.rebuild(like, values), []
     # an extra register: everybody else sees the register late, it itself does not
@@ -275,15 +285,15 @@ def simulate(block, p, rows, fault):
             queue.append(inner)
             inner = [v for _, v in flatten.leaves(step(f, p, flatten.rebuild(like, own), *given))][place]
             new[place] = queue[-f.how]
-        new = [wrapped(v, fmt.width) if fmt.s else v & fmt.hi for v, fmt in zip(new, formats)]
+        new = [wrapped(v, fmt.width) if fmt.s else v & fmt.hi for v, fmt in zip(new, fmts)]
         state = flatten.rebuild(like, new)
     return names, np.array(out, np.int64)
 
 
-def case(block, seed, fault, golden=None):
+def case(block, seed, fault, golden=None, d=DEFAULT):
     """Arguments of `diagnose` for a planted fault."""
-    p, rows = stimulus(block, seed)
-    names, want = golden or simulate(block, p, rows, NONE)
+    p, rows = stimulus(block, seed, d)
+    names, want = golden or simulate(block, p, rows, NONE, d)
     kind, where, how = fault
     if kind == "early":
         got = want.copy()
@@ -293,7 +303,7 @@ def case(block, seed, fault, golden=None):
     elif kind == "late" and where == "all":
         got = np.vstack([want[:1].repeat(how, axis=0), want[:-how]])
     else:
-        got = simulate(block, p, rows, fault)[1]
+        got = simulate(block, p, rows, fault, d)[1]
     module = MODULES[block]
     step = getattr(module.step, "py_func", module.step)
     inputs = [name for name in inspect.signature(step).parameters if name not in ("d", "rom", "p", "s")]
@@ -301,7 +311,7 @@ def case(block, seed, fault, golden=None):
     ports = {
         name: Port(fmt, value)
         for name, (_, fmt), (_, value) in zip(
-            names, flatten.format_leaves(module.STATE_FMT), flatten.leaves(module.State())
+            names, flatten.format_leaves(formats(module.State, d)), flatten.leaves(module.State())
         )
     }
     return {
@@ -311,6 +321,7 @@ def case(block, seed, fault, golden=None):
         "ports": ports,
         "expected": dict(zip(names, want.T.copy())),
         "got": dict(zip(names, got.T.copy())),
+        "design": d,
     }
 
 
@@ -401,13 +412,13 @@ def strangers(block, seed, golden):
     yield "late from the middle on", mixed
 
 
-def model_rows(block, seed):
+def model_rows(block, seed, d=DEFAULT):
     """Rows of the golden step itself."""
     module = MODULES[block]
     step = getattr(module.step, "py_func", module.step)
-    p, rows = stimulus(block, seed)
+    p, rows = stimulus(block, seed, d)
     state, out = module.State(), []
     for given in rows:
         out.append([value for _, value in flatten.leaves(state)])
-        state = step(*structure(module).values(), *(() if p is None else (p,)), state, *given)
+        state = step(*structure(module, d).values(), *(() if p is None else (p,)), state, *given)
     return np.array(out, np.int64)

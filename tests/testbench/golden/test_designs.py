@@ -13,7 +13,7 @@ from testbench import config
 from testbench.errors import ConfigError, FileError
 from testbench.golden import cli
 from testbench.golden.bundles import bundle, design_entry, export, recompute, top
-from testbench.golden.check import rtl_run
+from testbench.golden.check import compare, rtl_run
 from testbench.golden.recording import record, recording
 from testbench.golden.stimulus import blocks
 from tests.testbench.engines.test_designs import BOARDS, SEED, drawn
@@ -80,6 +80,18 @@ def test_a_manifest_names_the_design(low_cost):
     assert {p["width"] for p in manifest["registers"]} == {record.dds_bits}
     assert "localparam P_DDS_BITS = 32;" in (low_cost("dds") / "default" / "params.vh").read_text()
     assert "design" not in bundle.verify(export_default(low_cost("dds").parent / "plain"))
+
+
+def test_the_diagnosis_knows_the_design(low_cost):
+    """The frequency tracker's word without its correction: that takes the 32 bits in which the sum wraps."""
+    golden = bundle.read(low_cost("frequency_tracker") / "default")
+    names = [port["name"] for port in golden.manifest["registers"]]
+    column = dict(zip(names, golden.exp.T[: len(names)]))
+    got = {name: values.copy() for name, values in column.items()}
+    free = golden.stim[:-1, 0] == 0
+    got["word"][1:][free] = ((column["centre"] - column["loop_y"]) % 2**32)[:-1][free]
+    found = compare.against(golden, got).diagnosis
+    assert (found.cause, found.port, found.what) == ("sign", "word", "of loop_y")
 
 
 def export_default(folder):

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from fpga_model import fixed
+from fpga_model.block import keys
+from fpga_model.design_record import DEFAULT, Design
 from testbench.golden.check import diagnose_nodes
 from testbench.golden.check.diagnose import CAUSES, UNKNOWN, diagnose
 from testbench.golden.check.diagnose_model import Model
 from testbench.golden.check.diagnose_nodes import rounded
-from testbench.golden.stimulus import blocks
+from testbench.golden.stimulus import blocks, stimulus
 from tests.testbench.golden import planted
 from tests.testbench.golden.benching import but_counting, made
 
@@ -59,26 +61,46 @@ QUICK = ("dds", "delay")
 EVERY = [block if block in QUICK else pytest.param(block, marks=pytest.mark.slow) for block in PLANTED]
 
 
+def named(block, seed, golden, d=DEFAULT):
+    """Counter of the planted faults that show, by whether they are named; none may have a wrong name."""
+    count = collections.Counter()
+    for fault in planted.faults(block, seed):
+        found = diagnose(**planted.case(block, seed, fault, golden, d))
+        if found is None:
+            continue
+        count[found.cause == fault[0]] += 1
+        if found.cause == UNKNOWN:
+            continue
+        assert found.cause == fault[0], (seed, fault, found)
+        if fault[0] == "rounding":
+            assert fault[2] in found.what, (seed, fault, found)
+        if fault[0] in ("late", "early"):
+            assert found.what.startswith(f"{fault[2]} clock"), (seed, fault, found)
+    return count
+
+
 @pytest.mark.parametrize("block", EVERY)
 def test_planted_faults_are_named(golden, block):
     """At least 95 % right, and never a wrong name."""
-    count = collections.Counter()
-    for seed in SEEDS:
-        for fault in planted.faults(block, seed):
-            found = diagnose(**planted.case(block, seed, fault, golden[block, seed]))
-            if found is None:
-                continue
-            count[found.cause == fault[0]] += 1
-            if found.cause == UNKNOWN:
-                continue
-            assert found.cause == fault[0], (seed, fault, found)
-            if fault[0] == "rounding":
-                assert fault[2] in found.what, (seed, fault, found)
-            if fault[0] in ("late", "early"):
-                assert found.what.startswith(f"{fault[2]} clock"), (seed, fault, found)
-    total = count[True] + count[False]
-    assert total == PLANTED[block]
-    assert count[True] >= 0.95 * total, count
+    count = sum((named(block, seed, golden[block, seed]) for seed in SEEDS), collections.Counter())
+    assert count.total() == PLANTED[block]
+    assert count[True] >= 0.95 * PLANTED[block], count
+
+
+OTHER = Design(dds_bits=36, sine_address_bits=8, sine_fraction_bits=7, sine_bits=15, accumulator_fraction_bits=13)
+# Faults of the first seed that change a row, in blocks whose formats follow the design
+PLANTED_OTHER = {"pi": 39, "sine": 29, "dds": 38}
+
+
+@pytest.mark.parametrize(
+    "block", [pytest.param(b, marks=() if b in QUICK else pytest.mark.slow) for b in PLANTED_OTHER]
+)
+def test_planted_faults_are_named_in_another_design(block):
+    golden = planted.simulate(block, *planted.stimulus(block, 1, OTHER), planted.NONE, OTHER)
+    np.testing.assert_array_equal(golden[1], planted.model_rows(block, 1, OTHER))
+    count = named(block, 1, golden, OTHER)
+    assert count.total() == PLANTED_OTHER[block]
+    assert count[True] >= 0.95 * PLANTED_OTHER[block], count
 
 
 @pytest.mark.parametrize("stem", but_counting(blocks.BLOCKS))
@@ -99,19 +121,26 @@ def test_the_golden_step_on_exported_rows_is_golden(stem):
         np.testing.assert_array_equal(found_pins[p.name], column, p.name)
 
 
-@pytest.mark.parametrize("stem", diagnose_nodes.NODES)
-def test_every_node_is_the_register_of_the_model(stem):
+KEYED = [stem for stem in diagnose_nodes.NODES if keys(blocks.declared()[stem])]
+NARROW = OTHER._replace(cordic_iterations=17, cordic_guard_bits=3)
+
+
+@pytest.mark.parametrize(
+    ("stem", "d"), [(stem, None) for stem in diagnose_nodes.NODES] + [(stem, NARROW) for stem in KEYED]
+)
+def test_every_node_is_the_register_of_the_model(stem, d):
     """Sum, rounding and overflow as declared give every golden row, so that a variant of them is a fault."""
-    block = blocks.BLOCKS[stem]
+    block = blocks.of_record(d)[stem] if d else blocks.BLOCKS[stem]
     for case in block.cases:
-        stim, _ = made(stem, case)
+        stim, _ = stimulus.make(block, case) if d else made(stem, case)
         rows, _ = blocks.run(block, case, stim)
         inputs = {p.name: column for p, column in zip(block.columns, stim.T)}
         registers = {p.name: column for p, column in zip(block.registers, rows.T)}
         c = {**{f"in_{name}": column for name, column in inputs.items()}, **inputs, **registers}
         params = {name: raw for name, raw, _ in blocks.params_of(block, case)}
         free = inputs["rst"][:-1] == 0
-        for name, found in diagnose_nodes.NODES[stem](c, params, {p.name: p.fmt for p in block.registers}).items():
+        fmts = {p.name: p.fmt for p in block.registers}
+        for name, found in diagnose_nodes.NODES[stem](c, params, fmts, block.record).items():
             held = registers[name]
             for node in diagnose_nodes.parts(found):
                 column = node.of(rounded(node.rounding, sum(node.terms.values()), node.shift))
