@@ -410,8 +410,8 @@ def _spi_dac_order(c, p, fmt):
 
 
 def _spi_adc_order(c, p, fmt):
-    """The words of a master that takes the LSB first."""
-    take = (c["busy"] == 1) & (c["word"] != spi_adc.WORDS) & (c["sclk"] == 1)
+    """The words of a master that takes the LSB first, of the default design's readout."""
+    take = (c["busy"] == 1) & (c["word"] <= spi_adc.CHANNELS) & (c["sclk"] == 1)
     word = (c["shift"] >> 1) | (c["dout"] << (spi_adc.WORD_BITS - 1))
     last = take & (c["count"] == spi_adc.WORD_BITS - 1)
     yield "shift", "bit_order", "LSB first", np.where(take, word, c["shift"])

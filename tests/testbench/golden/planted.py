@@ -11,6 +11,7 @@ import numpy as np
 
 from fpga_model import dds, delay, modulator, pi, references, sine, spi_adc, spi_dac
 from fpga_model.block import structure
+from fpga_model.design_record import DEFAULT
 from testbench import flatten
 from testbench.golden.check.diagnose import Port
 
@@ -148,7 +149,7 @@ def step_spi_dac(f, p, s, load, word):
 
 
 def step_spi_adc(f, p, s, drdy_n, dout):
-    out = getattr(spi_adc.step, "py_func", spi_adc.step)(s, drdy_n, dout)
+    out = getattr(spi_adc.step, "py_func", spi_adc.step)(DEFAULT, s, drdy_n, dout)
     if f.kind == "bit_order" and s.busy and s.word < 9 and s.sclk:
         shift = s.shift >> 1 | dout << 23
         out = out._replace(shift=shift)
