@@ -58,7 +58,7 @@ class Block(NamedTuple):
     idle            {input: value} of the quiet state, 0 if not named
     runtime_params  whether the parameters are inputs of the RTL
 
-    Cases, relations and stops that follow the design are functions of its record.
+    Latency, wait, cases, relations and stops that follow the design are functions of its record.
 
     Hints of the range proofs (docs/ranges.md); they decide how tight a proof is, never whether it holds:
     split           registers whose value has a box of its own; `name?` only tells 0 from the rest
@@ -69,14 +69,14 @@ class Block(NamedTuple):
 
     place: int
     inputs: dict
-    latency: dict
+    latency: object
     outputs: dict = NOTHING
     functions: dict = NOTHING
     holds: dict = NOTHING
     cases: object = None
     rules: dict = NOTHING
     strobes: tuple = ()
-    wait: int = 0
+    wait: object = 0
     dense: bool = True
     idle: dict = NOTHING
     roms: tuple = ()
@@ -290,11 +290,12 @@ def at_reset(module, design=DEFAULT):
 
 @functools.cache
 def keys(module):
-    """The keys of the design that formats, reset values and tables of a block depend on: parameters of its RTL."""
+    """The keys of the design that formats, reset values, tables and latency depend on: parameters of a block's RTL."""
     noted = _Noted()
     for of in (parameters, inputs, pins, at_reset):
         of(module, noted)
     formats(module.State, noted)
+    of_design(module.BLOCK.latency, noted)
     for rom in module.BLOCK.roms:
         rom.at(noted)
     return tuple(key for key in Design._fields if key in noted.read)

@@ -25,6 +25,10 @@ class Design(NamedTuple):
     cordic_iterations: bits(5) = 24
     cordic_guard_bits: bits(4) = 8
     accumulator_fraction_bits: bits(5) = 24
+    adc_divider: bits(4) = 2
+    adc_word_bits: bits(5) = 24
+    adc_channels: bits(4) = 8
+    adc_tail_clocks: bits(9) = 54
 
     @property
     def tick_hz(self):

@@ -1,41 +1,49 @@
-"""SPI master for the ADS1298: one 216-bit frame per conversion, status and eight channels.
+"""SPI master for the ADC: one frame per conversion, a status word and the channels behind it, MSB first.
 
     meta = DRDY_N, sync = meta, seen = sync; a fall (seen = 1, sync = 0) starts a frame: CS_N low
-    SCLK 13 MHz: rises at the first, third ... clock after that; DOUT is taken at every fall, MSB first
-    after each 24 bits: status, then channels[0] .. channels[7] (two's complement)
-    after the last: valid = 1 for one clock, ok = (status[23:20] == 1100); CS_N rises TAIL_CYCLES later
+    SCLK: low for h clocks, then high for h clocks; DOUT is taken at every fall          h = adc_divider / 2: 1, 2 or 4
+    count: h times the bit of the word, and the clocks of the half period below it; in the tail its clocks
+    after each word: status, then channels[0] .. (two's complement), left justified in 24 bits
+    after the last: valid = 1 for one clock, ok = (status[23:20] == 1100); CS_N rises adc_tail_clocks later
 
     DRDY_N --[meta]--[sync]--[seen]      DOUT --[shift]--+--[status]
                  '--(fall)--> frame                      '--[channels 0..7]
 
 Formats   shift, status [0,24,0]   channels [1,23,0]   count [0,6,0]   word [0,4,0]   flags [0,1,0]
-Latency   READ_CYCLES = 435 clocks from the first edge that sees DRDY_N low to the one that sees valid = 1
+Latency   `read_clocks`: 435 clocks from the first edge that sees DRDY_N low to the one that sees valid = 1
 Rounding  none
 Overflow  none; a DRDY_N fall during a frame is not seen, so the frame must be shorter than the conversion
 Source    docs/blocks/spi_adc.md, docs/parts/adc_serial.md
 
-Channels change one by one while a frame is read: all are of one conversion from valid until 96 clocks into the next.
+Divider, bits of a word, channels and tail are keys of the design, by default of the ADS1298: 216 bits at 13 MHz.
+Channels that are not read stay 0. Channels change one by one during a frame: all are of one conversion from valid until
+the second word of the next frame.
 """
 
 from typing import NamedTuple
 
-from fpga_model.block import BIT, Block
-from fpga_model.fixed import Fmt, bits, formats, wrap
+from fpga_model.block import BIT, Block, python_of
+from fpga_model.design_record import DEFAULT
+from fpga_model.fixed import Fmt, Term, Width, bits, formats, wrap
 from fpga_model.jit import inlined
 
-CHANNELS = 8
-WORD_BITS = 24
-WORDS = 1 + CHANNELS
+CHANNELS = 8  # registers; the design may read fewer
+WORD_BITS = 24  # of a register, and at most of a word on the line
 WORD = bits(WORD_BITS)
 WORD_MASK = WORD.hi
 CODE = Fmt(1, WORD_BITS - 1, 0)
-FRAME_BITS = WORDS * WORD_BITS
-# The part wants CS low for four periods of its own clock (514 ns at most) after the last SCLK fall
-TAIL_CYCLES = 54
-FRAME_CYCLES = 2 * FRAME_BITS
-READ_CYCLES = 3 + FRAME_CYCLES
+SEEN_CLOCKS = 3  # from the edge that sees DRDY_N low to the one after which CS_N is
 HEAD = 0b1100
 HEAD_SHIFT = WORD_BITS - 4
+TAIL_NS = 4 * 514  # ADS1298: CS low behind the last SCLK fall, four periods of its own clock
+
+
+def _count_bits(d):
+    """Bits that hold the clocks of the tail, and bits of a word times half periods."""
+    return ((d.adc_divider // 2 * d.adc_word_bits | d.adc_tail_clocks) - 1).bit_length()
+
+
+COUNT = Width(0, {Term("$clog2(ADC_DIVIDER/2*ADC_WORD_BITS|ADC_TAIL_CLOCKS)", _count_bits(DEFAULT), _count_bits): 1})
 
 
 class State(NamedTuple):
@@ -45,7 +53,7 @@ class State(NamedTuple):
     sync: bits(1) = 0
     seen: bits(1) = 0
     busy: bits(1) = 0
-    count: bits(6) = 0
+    count: bits(COUNT) = 0
     cs_n: bits(1) = 1
     sclk: bits(1) = 0
     shift: WORD = 0
@@ -57,7 +65,23 @@ class State(NamedTuple):
 
 
 STATE_FMT = formats(State)
-assert STATE_FMT.count.holds(max(TAIL_CYCLES, WORD_BITS)), "count serves the bits and the tail"
+
+
+def tail_clocks(master_hz):
+    """Clocks of the ADS1298's tail."""
+    return -(-master_hz * TAIL_NS // 10**9)
+
+
+@inlined
+def word_clocks(d):
+    """Clocks of a word."""
+    return d.adc_divider * d.adc_word_bits
+
+
+@inlined
+def read_clocks(d):
+    """Clocks from the first edge that sees DRDY_N low to the one that sees valid = 1."""
+    return SEEN_CLOCKS + (1 + d.adc_channels) * d.adc_divider * d.adc_word_bits
 
 
 @inlined
@@ -76,35 +100,40 @@ def stored(c, k, x):
 
 
 @inlined
-def step(s, drdy_n, dout):
+def step(d, s, drdy_n, dout):
     """One clock edge: every right-hand side reads the old registers."""
     busy, count, cs_n, sclk, shift, word = s.busy, s.count, s.cs_n, s.sclk, s.shift, s.word
     status, channels, ok = s.status, s.channels, s.ok
     valid = 0
     if s.busy == 1:
-        if s.word == WORDS:
+        half_bits = d.adc_divider >> 2  # of count, for the clocks of a half period
+        if s.word > d.adc_channels:
             count = s.count + 1
-            if s.count == TAIL_CYCLES - 1:
+            if count == d.adc_tail_clocks:
                 busy = 0
                 count = 0
                 cs_n = 1
                 word = 0
         elif s.sclk == 0:
-            sclk = 1
+            below = (s.count + 1) & ((1 << half_bits) - 1)
+            count = ((s.count >> half_bits) << half_bits) + below
+            sclk = 1 if below == 0 else 0
         else:
-            sclk = 0
-            shift = ((s.shift << 1) & WORD_MASK) | dout
             count = s.count + 1
-            if count == WORD_BITS:
+            if count == d.adc_word_bits << half_bits:
                 count = 0
-                word = s.word + 1
-                if s.word == 0:
-                    status = shift
-                else:
-                    channels = stored(s.channels, s.word - 1, wrap(shift, WORD_BITS))
-                if s.word == CHANNELS:
-                    valid = 1
-                    ok = 1 if s.status >> HEAD_SHIFT == HEAD else 0
+            if count & ((1 << half_bits) - 1) == 0:
+                sclk = 0
+                shift = ((s.shift << 1) & WORD_MASK) | (dout << (WORD_BITS - d.adc_word_bits))
+                if count == 0:
+                    word = s.word + 1
+                    if s.word == 0:
+                        status = shift
+                    else:
+                        channels = stored(s.channels, s.word - 1, wrap(shift, WORD_BITS))
+                    if s.word == d.adc_channels:
+                        valid = 1
+                        ok = 1 if s.status >> HEAD_SHIFT == HEAD else 0
     elif s.seen == 1 and s.sync == 0:
         busy = 1
         cs_n = 0
@@ -125,13 +154,22 @@ def step(s, drdy_n, dout):
     )
 
 
+def _latency(d):
+    return {"valid": python_of(read_clocks)(d)}
+
+
+def _stops(d):
+    """Values where a widened bound of count may stop: the ends of word and tail."""
+    return (d.adc_word_bits * d.adc_divider // 2, d.adc_tail_clocks)
+
+
 BLOCK = Block(
     place=80,
     inputs={"drdy_n": BIT, "dout": BIT},
-    latency={"valid": READ_CYCLES},
+    latency=_latency,
     rules={"shift": (None, "wrap")},
     idle={"drdy_n": 1},
-    wait=READ_CYCLES + TAIL_CYCLES,
+    wait=lambda d: python_of(read_clocks)(d) + d.adc_tail_clocks,
     split=("word",),
-    stops=(WORD_BITS, TAIL_CYCLES),
+    stops=_stops,
 )

@@ -226,7 +226,7 @@ def step(p, rom, s, i):
         spi_dac.step(p.drive_dac, s.drive_dac, at_load, drive_word),
         spi_dac.step(p.sense_dac, s.sense_dac, at_load, sense_word),
         spi_dac.step(p.quadrature_dac, s.quadrature_dac, quadrature_load, quadrature_word),
-        spi_adc.step(s.adc, i.drdy_n, i.dout),
+        spi_adc.step(d, s.adc, i.drdy_n, i.dout),
         sid,
         watchdog.step(p.watchdog, s.watchdog, ce_1m, frame),
         registers.step(d, bank, i.write, i.address, i.data, taken),

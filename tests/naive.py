@@ -366,57 +366,61 @@ def dac_chip(part, pins):
 # spi_adc, adc_serial ------------------------------------------------------------------------------------------------
 
 
-def spi_adc(drdy, dout):
+def spi_adc(drdy, dout, divider=2, word_bits=24, sent=8, tail=54):
     """Register rows of the ADC master before each edge, and after the last, from the levels on its two inputs.
 
+    divider  clocks of a bit, the first half of them with SCLK low; word_bits, sent, tail  of a word, channels, clocks
     Row: (meta, sync, seen, busy, count, cs_n, sclk, shift, word, status, eight channels, valid, ok)
     """
 
     def before(n):
         return drdy[n] if n >= 0 else 0
 
-    def signed(text):
-        return int(text, 2) - (2**24 if text[0] == "1" else 0)
+    def justified():
+        return int(("0" * 24 + taken)[-word_bits:].ljust(24, "0"), 2)
 
     rows = []
     start = None
+    half, all_bits = divider // 2, (1 + sent) * word_bits
+    read = divider * all_bits
     taken = ""
     status, channels, ok = 0, [0] * 8, 0
     for n in range(len(drdy) + 1):
         age = None if start is None else n - start
-        if age is not None and age == 432 + 54:
+        if age is not None and age == read + tail:
             start = age = None
         synchronised = (before(n - 1), before(n - 2), before(n - 3))
-        history = "0" * 24 + taken
+        shift = justified()
         if age is None:
-            state = (0, 0, 1, 0, int(history[-24:], 2), 0)
+            state = (0, 0, 1, 0, 0)
             valid = 0
         else:
-            bits = min(age // 2, 216)
-            words, rest = bits // 24, bits % 24
-            if bits < 216:
-                state = (1, rest, 0, age % 2, int(history[-24:], 2), words)
+            bits = min(age // divider, all_bits)
+            words, rest = bits // word_bits, bits % word_bits
+            if bits < all_bits:
+                high, clock = divmod(age % divider, half)
+                state = (1, rest * half + clock, 0, high, words)
             else:
-                state = (1, age - 432, 0, 0, int(history[-24:], 2), 9)
-            if age % 2 == 0 and age <= 432 and bits and not rest:
+                state = (1, age - read, 0, 0, 1 + sent)
+            if age % divider == 0 and age <= read and bits and not rest:
                 if words == 1:
-                    status = int(history[-24:], 2)
+                    status = shift
                 else:
-                    channels[words - 2] = signed(history[-24:])
-            valid = int(age == 432)
+                    channels[words - 2] = shift - (2**24 if shift >= 2**23 else 0)
+            valid = int(age == read)
             if valid:
                 ok = int(f"{status:024b}".startswith("1100"))
-        busy, count, cs_n, sclk, shift, word = state
+        busy, count, cs_n, sclk, word = state
         rows.append((*synchronised, busy, count, cs_n, sclk, shift, word, status, *channels, valid, ok))
         if n < len(drdy):
             if age is None and synchronised[1:] == (0, 1):
                 start = n + 1
-            elif age is not None and age < 432 and age % 2 == 1:
+            elif age is not None and age < read and age % divider == divider - 1:
                 taken += str(dout[n])
     return rows
 
 
-def adc_chip(inputs):
+def adc_chip(inputs, word_bits=24):
     """Rows of what the ADC's digital side shows after each clock: frames as text, a place in them as a count of edges.
 
     inputs  (cs_n, sclk, loaded, status, eight codes) of each clock
@@ -424,7 +428,7 @@ def adc_chip(inputs):
     """
 
     def text(words):
-        return "".join(f"{word:024b}" for word in words)
+        return "".join(f"{word:024b}"[:word_bits] for word in words)
 
     result = frame = (0,) * 9
     cs_before, sclk_before, drdy_n = 1, 0, 1
@@ -451,10 +455,11 @@ def adc_chip(inputs):
             level = int((text(frame) + "0" * rises)[rises - 1])
         elif not cs_n and sclk < sclk_before and not loaded and not pulsing:
             drdy_n = 1
-        done = min(rises, 216)
-        word = -(-done // 24)
-        left = word * 24 - done
-        shift = int(text(frame)[done : done + left].ljust(24, "0"), 2)
+        done = min(rises, 9 * word_bits)
+        word = -(-done // word_bits)
+        left = word * word_bits - done
+        # what is not sent of a word stands behind its last bit
+        shift = int(f"{frame[word - 1]:024b}"[word_bits - left :].ljust(24, "0"), 2) if 0 < rises == done else 0
         waiting = 0 if falls_at is None else falls_at - n
         rows.append((cs_n, sclk, drdy_n, waiting, level, shift, left, word, *result, *frame))
         cs_before, sclk_before = cs_n, sclk

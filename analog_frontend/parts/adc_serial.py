@@ -1,9 +1,10 @@
-"""Digital side of the ADS1298: DRDY, and the conversion result bit by bit on DOUT (read data continuous mode).
+"""Digital side of the ADC: DRDY, and the conversion result bit by bit on DOUT (read data continuous mode).
 
     frame  = status (24 bits: 1100, 8 lead-off P, 8 lead-off N, 4 GPIO), then channel 1 .. 8 (24 bits, two's complement)
+    a part with words of n bits sends the first n of each
     a new conversion (`loaded`) fills the result registers and DRDY_N falls; the first SCLK fall after it raises DRDY_N
     CS falls: the result is copied to the frame registers, so a conversion that ends during a read does not disturb it
-    SCLK rises: DOUT = next bit, MSB first; after 216 bits zeros
+    SCLK rises: DOUT = next bit, MSB first; after nine words zeros
 
 One call of `step` per 26 MHz clock, with the pin values after the edge. Integers only; nothing here is a gate of ours.
 If nobody has read the last result when the next arrives, DRDY_N is high for PULSE clocks first. (The part pulses before
@@ -64,10 +65,11 @@ def packed(status, codes):
 
 
 @inlined
-def step(s, cs_n, sclk, loaded, status, codes):
+def step(word_bits, s, cs_n, sclk, loaded, status, codes):
     """One 26 MHz clock: the pins as they are after its edge.
 
-    loaded  1 in the clock in which a conversion ends; then `status` (24 bits) and `codes` (8 signed) are its result
+    word_bits  bits of a word on the line, 24 of an ADS1298
+    loaded     1 in the clock in which a conversion ends; then `status` (24 bits) and `codes` (8 signed) are its result
     """
     drdy_n, pulse, out, shift, left, word = s.drdy_n, s.pulse, s.out, s.shift, s.left, s.word
     result, frame = s.result, s.frame
@@ -95,8 +97,10 @@ def step(s, cs_n, sclk, loaded, status, codes):
                 left = s.left - 1
             elif s.word != WORDS:
                 shift = s.frame[s.word]
-                left = WORD_BITS - 1
+                left = word_bits - 1
                 word = s.word + 1
+            else:
+                shift = 0
             out = (shift >> MSB) & 1
             shift = (shift << 1) & WORD_MASK
         elif loaded == 0 and s.pulse == 0:

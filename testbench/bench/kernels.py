@@ -97,7 +97,8 @@ def firmware_alone(p, rom, f, chip, ticks, codes):
         for c in range(TICK_CYCLES):
             f = fpga.step(p, rom, f, fpga.Inputs(chip.drdy_n, adc_serial.dout(chip), 0, 0, 0, 0, 0))
             loaded = ready if c == DRDY_CYCLE else 0
-            chip = adc_serial.step(chip, f.adc.cs_n, f.adc.sclk, loaded, adc_serial.packed(0xC00000, sent)[0], sent)
+            status = adc_serial.packed(0xC00000, sent)[0]
+            chip = adc_serial.step(adc_serial.WORD_BITS, chip, f.adc.cs_n, f.adc.sclk, loaded, status, sent)
     return f, chip
 
 

@@ -66,7 +66,18 @@ def repeat(p, a, sid, control, bank, dog, turn, b, stage, frames, rate_rad_s, qu
             s = window.Window(control, bank, dog, turn, 0, quad_code)
             zeros = (0, 0, 0, 0, 0, 0, 0, 0)
             s, ticks = window.play(
-                p.fpga, s, sid, zeros, zeros, -window.VALID_CLOCKS, 1, 1, WINDOW_CLOCK, 15, WINDOW_TICKS, b
+                p.fpga,
+                s,
+                sid,
+                zeros,
+                zeros,
+                -window.valid_clocks(p.fpga.design),
+                1,
+                1,
+                WINDOW_CLOCK,
+                15,
+                WINDOW_TICKS,
+                b,
             )
             total += ticks + s.control.agc.loop.y
     return total

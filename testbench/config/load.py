@@ -22,7 +22,7 @@ from pydantic import ValidationError, create_model, model_validator
 from analog_frontend import dac_levels
 from analog_frontend.effects import catalogue
 from analog_frontend.parts import adc
-from fpga_model import design_record
+from fpga_model import design_record, spi_adc
 from fpga_model.design_record import DEFAULT
 from testbench.config import law_file, scenario
 from testbench.config.board import Nominal, Plant, followed, released
@@ -57,7 +57,15 @@ class _DesignBase(Section):
     drive_dac_bits: int = number(16, "bits", 8, 16, 'code of a "generic" drive DAC')
     sense_dac_bits: int = number(20, "bits", 8, 20, 'code of a "generic" sense DAC')
     adc: Literal["ADS1298", "generic"] = other("ADS1298", "steps of the ADC: plant.adc_step_code, or those of adc_bits")
-    adc_bits: int = number(24, "bits", 16, 24, 'codes of a "generic" ADC, left justified in its words of 24 bits')
+    adc_bits: int = number(24, "bits", 16, 24, 'codes of a "generic" ADC, left justified in its words')
+    adc_divider: Literal[2, 4, 8] = other(DEFAULT.adc_divider, "master clocks to a bit of the ADC: its SCLK", "clocks")
+    adc_word_bits: int = number(
+        DEFAULT.adc_word_bits, "bits", 16, 24, 'status and each channel of a "generic" ADC on its serial line'
+    )
+    adc_channels: int = number(DEFAULT.adc_channels, "", 5, 8, 'channels that a "generic" ADC sends behind its status')
+    adc_tail_clocks: int = number(
+        0, "clocks", 0, 511, 'CS low behind the last bit of a "generic" ADC; 0 for the 2.056 us of ADS1298'
+    )
     coefficient_fraction_bits: int = number(24, "bits", 8, 24, "kp and ki of the four loops")
     accumulator_fraction_bits: int = number(
         DEFAULT.accumulator_fraction_bits, "bits", 8, 24, "products and integrators of the four loops"
@@ -297,7 +305,8 @@ class Config(Section):
 
     def design_record(self):
         """Rates and word lengths of the firmware as the record that all of it is built from."""
-        return design_record.Design(*(getattr(self.design, key) for key in design_record.Design._fields))
+        record = design_record.Design(*(getattr(self.design, key) for key in design_record.Design._fields))
+        return record._replace(adc_tail_clocks=record.adc_tail_clocks or spi_adc.tail_clocks(record.master_hz))
 
     def device(self):
         """The plant's parameters as the record that the plant is built from; the steps of a "generic" ADC included."""

@@ -57,7 +57,9 @@ FAULTS = {
     "adc_offset": FaultKind(ADC_CHANNELS, CODE_LO, CODE_HI, "code", "the value is added to the channel's code"),
     "adc_gain": FaultKind(ADC_CHANNELS, -0xFFFF, 0xFFFF, "/ 65536", "the channel's code times this"),
     "adc_swapped": FaultKind(ADC_CHANNELS, 0, len(ADC_CHANNELS) - 1, "", "the code of the channel of this number"),
-    "adc_lost_bit": FaultKind(("adc",), 25, 143, "bit", "the bits of a frame behind this one come one bit early"),
+    "adc_lost_bit": FaultKind(
+        ("adc",), 25, 143, "bit", "bits behind this one come one early; n bits a word: n + 1 .. 6 n - 1"
+    ),
     "adc_silent": FaultKind(("adc",), 0, 0, "", "DRDY_N never falls"),
     "adc_bad_status": FaultKind(("adc",), 0, (1 << 24) - 1, "word", "every frame starts with this status word"),
     "dac_stuck": FaultKind(tuple(DAC_CODES), -(1 << 19), (1 << 19) - 1, "code", "the output repeats this code"),

@@ -19,7 +19,7 @@ from fpga_model.control import SLOT_PI
 from testbench.engines.frame import dac_clocks
 from testbench.engines.pins import REFERENCE_CLOCKS, SINE_CLOCKS
 from testbench.engines.turn import WIDEST
-from testbench.engines.window import SLOT_WORD, VALID_CLOCKS, last_load_tick
+from testbench.engines.window import SLOT_WORD, last_load_tick, valid_clocks
 from testbench.errors import ConfigError
 
 SAMPLED_LATER = 4 / 65  # of a frame behind the middle of the converter's samples: two half periods stand around it
@@ -132,7 +132,7 @@ def _valid(p):
     """Clock of a frame at which the converter's codes are valid; ConfigError if the window does not fit behind it."""
     converter, clocks = p.plant.adc, p.fpga.design.frame_clocks
     last = (converter.decimation - 1) * converter.period + converter.delay
-    valid = -(-last // adc.UNITS_PER_CYCLE) - clocks + VALID_CLOCKS
+    valid = -(-last // adc.UNITS_PER_CYCLE) - clocks + valid_clocks(p.fpga.design)
     # the last load of V_q of the frame takes what the window has left
     loaded = p.fpga.design.tick_clocks * last_load_tick(p.fpga)
     if not 0 < valid < min(clocks - 2 * rates.SLOTS, loaded - rates.SLOTS):

@@ -59,7 +59,7 @@ from fpga_model.jit import inner, outlined
 from testbench.engines import pins
 from testbench.engines.block_state import BlockState
 from testbench.engines.turn import phase_at, widened
-from testbench.engines.window import HISTORY, VALID_CLOCKS, Window
+from testbench.engines.window import HISTORY, Window, valid_clocks
 
 ZERO, ONE = np.int64(0), np.int64(1)
 RECENT = 8  # ticks whose codes the blocks are given back
@@ -236,7 +236,7 @@ def give_state(p, u, b, g, a, c, bank, turn, quadrature, old, new, tick, w):
         ONE,
         old,
         new,
-        at + u.valid - VALID_CLOCKS,
+        at + u.valid - valid_clocks(design),
         at + u.valid,
         ONE,
         -ONE,

@@ -20,15 +20,14 @@ import numpy as np
 from analog_frontend import linear
 from analog_frontend.parts import adc
 from fpga_model import control, digital_sid, rates, references, sequencer, spi_adc, watchdog
-from fpga_model.jit import inner, outlined
+from fpga_model.jit import inlined, inner, outlined
 from fpga_model.rates import SLOTS
 from testbench.engines import engine, pins, window
 from testbench.engines.flush import CHANNEL_MASK, FLUSH
 from testbench.engines.turn import steady, still
-from testbench.engines.window import HISTORY, VALID_CLOCKS, Window, last_load_tick
+from testbench.engines.window import HISTORY, Window, last_load_tick, valid_clocks
 
 DUMP_CLOCKS = digital_sid.LATENCY
-NEAR_TICKS = 128  # `last_quiet` is never earlier than this before an end: twice `busy_ticks` at most
 # typed: Numba compiles a function anew for every constant that it is called with
 FAR, ZERO, ONE = np.int64(1 << 62), np.int64(0), np.int64(1)
 
@@ -103,8 +102,15 @@ def ready_clock(d, converter, clock, silent, drdy_cycle, tick):
 
 @inner
 def busy_ticks(d):
-    """Ticks to a quiet one, flushed: from DRDY, by read and window; from a window at a frame boundary."""
-    return (VALID_CLOCKS + SLOTS) // d.tick_clocks + FLUSH + 3, SLOTS // d.tick_clocks + FLUSH + 2
+    """Ticks to a quiet one, flushed: from DRDY, by read, tail and window; from a window at a frame boundary."""
+    busy = valid_clocks(d) + max(SLOTS, d.adc_tail_clocks)
+    return busy // d.tick_clocks + FLUSH + 3, SLOTS // d.tick_clocks + FLUSH + 2
+
+
+@inlined
+def near_clocks(d):
+    """`last_quiet` is never earlier than this before an end: twice the longer of `busy_ticks`, and the tick begun."""
+    return 2 * (valid_clocks(d) + max(SLOTS, d.adc_tail_clocks) + d.tick_clocks * (FLUSH + 4))
 
 
 @inner
@@ -129,15 +135,15 @@ def ticks_to_event(d, converter, clock, silent, g, tick, end):
     clocks, frame_ticks = d.tick_clocks, d.frame_ticks
     until = tick + min(frame_ticks - tick % frame_ticks, linear.BLOCK)
     # divisions only where an event may come first: one by a number that is not known when this is compiled is slow
-    if until > end - NEAR_TICKS:
+    if clocks * (end - until) < near_clocks(d):
         stop = last_quiet(d, end, ready)
         if tick >= stop:
             return tick
         until = min(until, stop)
     if clocks * (tick + 1) <= g.valid < clocks * until:
         until = g.valid // clocks
-    if not silent and ready + VALID_CLOCKS < clocks * until:
-        until = (ready + VALID_CLOCKS) // clocks
+    if not silent and ready + valid_clocks(d) < clocks * until:
+        until = (ready + valid_clocks(d)) // clocks
     following = adc.clocks_to_ready(converter, clock, ONE)
     return tick + following // clocks if following < clocks * (until - tick) else until
 
@@ -146,7 +152,7 @@ def ticks_to_event(d, converter, clock, silent, g, tick, end):
 def codes_at(p, g, tick):
     """The five codes that the firmware holds at the first clock of a tick."""
     clock = p.design.tick_clocks * tick
-    return engine.frame_codes(p, g.sid.codes, window.receive(g.channels, g.coming, g.falls, clock))
+    return engine.frame_codes(p, g.sid.codes, window.receive(p.design, g.channels, g.coming, g.falls, clock))
 
 
 @inner
@@ -266,8 +272,8 @@ def after_ticks(d, g, faults, clock, tick, until, fell, sid):
         fell_at = at + fell
     if fallen and not faults.silent:
         new_ok = 1 if (faults.status & CHANNEL_MASK) >> spi_adc.HEAD_SHIFT == spi_adc.HEAD else 0
-        coming = engine.sent_codes(faults, clock, g.coming[:5])
-        g = g._replace(falls=fell_at, valid=fell_at + VALID_CLOCKS, coming=coming, new_ok=new_ok)
+        coming = engine.sent_codes(d.adc_word_bits, faults, clock, g.coming[:5])
+        g = g._replace(falls=fell_at, valid=fell_at + valid_clocks(d), coming=coming, new_ok=new_ok)
     turn = g.s.turn
     if at + span - turn.clock > 64:
         turn = steady(turn, at + span)

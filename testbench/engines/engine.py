@@ -191,8 +191,11 @@ def reset(params, temp_degc):
 
 
 @inner
-def chips_after(parts, chips, pins, ldacs, loaded, status, codes):
-    """The converters' digital sides after an edge that left these `fpga.Pins` and `fpga.other_ldacs`."""
+def chips_after(parts, word_bits, chips, pins, ldacs, loaded, status, codes):
+    """The converters' digital sides after an edge that left these `fpga.Pins` and `fpga.other_ldacs`.
+
+    parts, word_bits  of the DACs, and of a word of the ADC
+    """
     q = pins.quadrature_sync_n, pins.quadrature_sclk_en, pins.quadrature_sdin
     d = pins.drive_sync_n, pins.drive_sclk_en, pins.drive_sdin
     s = pins.sense_sync_n, pins.sense_sclk_en, pins.sense_sdin
@@ -200,7 +203,7 @@ def chips_after(parts, chips, pins, ldacs, loaded, status, codes):
         dac_serial.step(parts.drive, chips.drive, d[0], d[1], d[2], ldacs[0]),
         dac_serial.step(parts.sense, chips.sense, s[0], s[1], s[2], pins.sense_ldac_n),
         dac_serial.step(parts.quadrature, chips.quadrature, q[0], q[1], q[2], ldacs[1]),
-        adc_serial.step(chips.adc, pins.adc_cs_n, pins.adc_sclk, loaded, status, codes),
+        adc_serial.step(word_bits, chips.adc, pins.adc_cs_n, pins.adc_sclk, loaded, status, codes),
     )
 
 
@@ -220,30 +223,33 @@ def _sent(faults, k, clock, before):
 
 
 @inner
-def _early(lost_bit, k, code, following):
+def _early(word_bits, lost_bit, k, code, following):
     """Code of channel `k` if the frame has lost a bit: those behind it come one early, then one of `following`."""
-    left = min(WORD_BITS * (k + 2) - lost_bit, WORD_BITS)
+    left, spare = min(word_bits * (k + 2) - lost_bit, word_bits), WORD_BITS - word_bits
     if lost_bit == 0 or left <= 0:
         return code
-    early = ((code << 1) | ((following >> (WORD_BITS - 1)) & 1)) & ((1 << left) - 1)
-    return wrap(((code >> left) << left) | early, WORD_BITS)
+    word = code >> spare
+    early = ((word << 1) | ((following >> (WORD_BITS - 1)) & 1)) & ((1 << left) - 1)
+    return wrap((((word >> left) << left) | early) << spare, WORD_BITS)
 
 
 @outlined
-def sent_codes(faults, clock, before):
+def sent_codes(word_bits, faults, clock, before):
     """What the ADC sends on its eight channels: its last conversion, or what a fault puts in its place.
 
-    before  the codes that it sent in the frame before
+    word_bits  of a word on the line: so many bits of a code are sent
+    before     the codes that it sent in the frame before
     """
-    c0, c1 = _sent(faults, 0, clock, before), _sent(faults, 1, clock, before)
-    c2, c3 = _sent(faults, 2, clock, before), _sent(faults, 3, clock, before)
-    c4, lost = _sent(faults, 4, clock, before), faults.lost_bit
+    top = -1 << (WORD_BITS - word_bits)
+    c0, c1 = _sent(faults, 0, clock, before) & top, _sent(faults, 1, clock, before) & top
+    c2, c3 = _sent(faults, 2, clock, before) & top, _sent(faults, 3, clock, before) & top
+    c4, lost = _sent(faults, 4, clock, before) & top, faults.lost_bit
     return (
-        _early(lost, 0, c0, c1),
-        _early(lost, 1, c1, c2),
-        _early(lost, 2, c2, c3),
-        _early(lost, 3, c3, c4),
-        _early(lost, 4, c4, ZERO),
+        _early(word_bits, lost, 0, c0, c1),
+        _early(word_bits, lost, 1, c1, c2),
+        _early(word_bits, lost, 2, c2, c3),
+        _early(word_bits, lost, 3, c3, c4),
+        _early(word_bits, lost, 4, c4, ZERO),
         ZERO,
         ZERO,
         ZERO,
@@ -408,6 +414,7 @@ def run_ticks(p, f, chips, a, chunk, first, end, drdy_cycle, closed):
     """
     begin, faults, o, edges = chunk.begin, chunk.faults, chunk.o, chunk.edges
     clocks, frame_ticks = p.fpga.design.tick_clocks, p.fpga.design.frame_ticks
+    word_bits = p.fpga.design.adc_word_bits
     refs = references.pins(p.fpga.references, f.references)
     for tick in range(first, end):
         k = tick - begin
@@ -421,7 +428,7 @@ def run_ticks(p, f, chips, a, chunk, first, end, drdy_cycle, closed):
         probed = closed and k < o.probe_ints.shape[0]
         if probed:
             _probe(o, k, f, a)
-        codes = sent_codes(faults, a.adc.clock, codes_before(chips))
+        codes = sent_codes(word_bits, faults, a.adc.clock, codes_before(chips))
         drive_cycle, sense_cycle, edge_count = -1, -1, 0
         for c in range(clocks):
             at = k * clocks + c
@@ -440,7 +447,7 @@ def run_ticks(p, f, chips, a, chunk, first, end, drdy_cycle, closed):
             )
             loaded = 1 if c == drdy_cycle and faults.silent == 0 else 0
             pins, ldacs = fpga.pins(p.fpga, f), fpga.other_ldacs(f)
-            chips = chips_after(p.chips, chips, pins, ldacs, loaded, faults.status, codes)
+            chips = chips_after(p.chips, word_bits, chips, pins, ldacs, loaded, faults.status, codes)
             if chips.drive.updated:
                 drive_cycle = c
             if chips.sense.updated:

@@ -30,8 +30,8 @@ def rebuilt(d, f, chips, s, sid, enabled, staged, tick, read, codes, status):
     ok = 1 if status >> spi_adc.HEAD_SHIFT == spi_adc.HEAD else 0
     master, chip = f.adc, chips.adc
     if read:
-        word = codes[spi_adc.CHANNELS - 1] & CHANNEL_MASK
-        master = spi_adc.State(1, 1, 1, 0, 0, 1, 0, word, 0, status, codes, 0, ok)
+        word, top = codes[d.adc_channels - 1] & CHANNEL_MASK, -1 << (spi_adc.WORD_BITS - d.adc_word_bits)
+        master = spi_adc.State(1, 1, 1, 0, 0, 1, 0, word, 0, status & top, codes, 0, ok)
         sent = adc_serial.packed(status, codes)
         chip = adc_serial.State(1, 0, 1, 0, 0, 0, 0, 0, sent, sent)
     sense = chips.sense._replace(staged=staged, latch=staged, enabled=enabled)

@@ -32,9 +32,6 @@ from testbench.engines import closed_form, engine
 from testbench.engines.turn import Turn, turn_of
 
 SLOT_WORD = SLOT_PI + 2  # after it the frequency word holds what the loop has found
-VALID_CLOCKS = 1 + spi_adc.READ_CYCLES  # from the clock in which DRDY falls to the one that sees the frame
-WORD_CLOCKS = 2 * spi_adc.WORD_BITS
-FIRST_CHANNEL_CLOCKS = VALID_CLOCKS - spi_adc.CHANNELS * WORD_CLOCKS + WORD_CLOCKS
 ZERO, ONE = np.int64(0), np.int64(1)
 NO_HOST = (ZERO, ZERO, ZERO)  # write, address, data
 HISTORY = 3  # places before a block's first tick in the buffers of codes and loads
@@ -47,23 +44,35 @@ def last_load_tick(p):
     return ((p.design.frame_ticks - spi_dac.late_ticks(p.design, p.quadrature_dac, mask + 1)) & ~mask) - 1
 
 
+@inlined
+def valid_clocks(d):
+    """Clocks from the one in which DRDY falls to the one that sees the frame."""
+    return 1 + spi_adc.read_clocks(d)
+
+
+@inlined
+def first_channel_clocks(d):
+    """Clocks from the one in which DRDY falls to the one that sees the first channel."""
+    return 1 + spi_adc.SEEN_CLOCKS + 2 * spi_adc.word_clocks(d)
+
+
 @inner
-def receive(old, new, ready, clock):
+def receive(d, old, new, ready, clock):
     """The eight channel registers before `clock`, while a frame whose DRDY fell at `ready` is read word by word."""
-    if clock > ready + VALID_CLOCKS:
+    if clock > ready + valid_clocks(d):
         return new
-    first = ready + FIRST_CHANNEL_CLOCKS
+    first, word = ready + first_channel_clocks(d), spi_adc.word_clocks(d)
     if clock < first:
         return old
     return (
         new[0],
-        new[1] if clock >= first + WORD_CLOCKS else old[1],
-        new[2] if clock >= first + 2 * WORD_CLOCKS else old[2],
-        new[3] if clock >= first + 3 * WORD_CLOCKS else old[3],
-        new[4] if clock >= first + 4 * WORD_CLOCKS else old[4],
-        new[5] if clock >= first + 5 * WORD_CLOCKS else old[5],
-        new[6] if clock >= first + 6 * WORD_CLOCKS else old[6],
-        new[7] if clock >= first + 7 * WORD_CLOCKS else old[7],
+        new[1] if clock >= first + word else old[1],
+        new[2] if clock >= first + 2 * word else old[2],
+        new[3] if clock >= first + 3 * word else old[3],
+        new[4] if clock >= first + 4 * word else old[4],
+        new[5] if clock >= first + 5 * word else old[5],
+        new[6] if clock >= first + 6 * word else old[6],
+        new[7] if clock >= first + 7 * word else old[7],
     )
 
 
@@ -81,7 +90,7 @@ class Window(NamedTuple):
 @inner
 def _inputs(p, sid, old, new, ready, ok, new_ok, valid, clock, stale):
     """What the window sees at the edge `clock`."""
-    codes = engine.frame_codes(p, sid.codes, receive(old, new, ready, clock))
+    codes = engine.frame_codes(p, sid.codes, receive(p.design, old, new, ready, clock))
     if p.digital:
         return control.Inputs(codes[0], codes[1], codes[2], codes[3], 0, sid.ok, stale)
     return control.Inputs(codes[0], codes[1], codes[2], codes[3], codes[4], new_ok if clock >= valid else ok, stale)

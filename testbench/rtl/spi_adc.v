@@ -1,9 +1,15 @@
-// SPI master for the ADS1298: one frame of 216 bits per conversion, a status word and eight channels of 24 bits.
-// A fall of DRDY_N, seen after two synchronising registers, starts it; SCLK is clk / 2; DOUT is taken at its falls.
-// Latency: 435 clocks from the first edge that sees DRDY_N low to the one that sees valid = 1.
-// r_ok tells whether the status word began with 1100. CS_N rises 54 clocks after the last SCLK fall.
+// SPI master for the ADC: a frame per conversion, a status word and ADC_CHANNELS words, of ADC_WORD_BITS bits each.
+// A fall of DRDY_N, seen after two synchronising registers, starts it; SCLK is clk / ADC_DIVIDER; DOUT is taken at its
+// falls. Latency: 3 + ADC_DIVIDER (1 + ADC_CHANNELS) ADC_WORD_BITS = 435 clocks from the first edge that sees DRDY_N
+// low to the one that sees valid = 1. r_ok: whether the status word began with 1100. CS_N rises ADC_TAIL_CLOCKS after
+// the last SCLK fall. Words are left justified in 24 bits; channels that are not read stay 0.
 /* verilator lint_off DECLFILENAME */ // waived: a file has the stem of its block, the module a prefix against clashes
-module gyro_spi_adc (
+module gyro_spi_adc #(
+    parameter ADC_DIVIDER = 2,       // 2, 4 or 8 clocks to a bit
+    parameter ADC_WORD_BITS = 24,    // 16 .. 24
+    parameter ADC_CHANNELS = 8,      // 5 .. 8
+    parameter ADC_TAIL_CLOCKS = 54
+) (
     input  wire               clk,
     input  wire               rst,     // synchronous, active high
     input  wire               drdy_n,
@@ -12,7 +18,7 @@ module gyro_spi_adc (
     output reg                r_sync,
     output reg                r_seen,
     output reg                r_busy,
-    output reg         [5:0]  r_count, // [0,6,0] bits of a word, then clocks of the tail
+    output reg         [$clog2(ADC_DIVIDER/2*ADC_WORD_BITS|ADC_TAIL_CLOCKS)-1:0] r_count, // [0,6,0]
     output reg                r_cs_n,
     output reg                r_sclk,
     output reg         [23:0] r_shift, // [0,24,0]
@@ -30,10 +36,18 @@ module gyro_spi_adc (
     output reg                r_ok
 );
 
-    localparam [3:0] LAST_WORD = 4'd8, TAIL = 4'd9, HEAD = 4'b1100;
-    localparam [5:0] LAST_BIT = 6'd23, LAST_OF_TAIL = 6'd53;
+    localparam COUNT = $clog2(ADC_DIVIDER/2*ADC_WORD_BITS|ADC_TAIL_CLOCKS);
+    localparam HALF = ADC_DIVIDER / 2;
+    localparam [31:0] CLOCKS = HALF * ADC_WORD_BITS, BELOW = HALF - 1, TAIL_CLOCKS = ADC_TAIL_CLOCKS;
+    localparam [3:0] HEAD = 4'b1100, LAST_WORD = ADC_CHANNELS[3:0], TAIL = LAST_WORD + 4'd1;
+    localparam [COUNT-1:0] ONE = {{COUNT-1{1'b0}}, 1'b1}, LOW = BELOW[COUNT-1:0];
+    localparam [COUNT-1:0] LAST_CLOCK = CLOCKS[COUNT-1:0] - ONE, LAST_OF_TAIL = TAIL_CLOCKS[COUNT-1:0] - ONE;
 
-    wire [23:0] shifted = {r_shift[22:0], dout};
+    // r_count: HALF times the bit of a word, and the clocks of the half period below it; in the tail its clocks
+    wire [COUNT-1:0] next = r_count + ONE;
+    wire half_ends = (next & LOW) == {COUNT{1'b0}};
+    wire [23:0] bit_at = {23'd0, dout} << (24 - ADC_WORD_BITS);
+    wire [23:0] shifted = {r_shift[22:0], 1'b0} | bit_at;
 
     always @(posedge clk) begin
         if (rst) begin
@@ -41,7 +55,7 @@ module gyro_spi_adc (
             r_sync       <= 1'b0;
             r_seen       <= 1'b0;
             r_busy       <= 1'b0;
-            r_count      <= 6'd0;
+            r_count      <= {COUNT{1'b0}};
             r_cs_n       <= 1'b1;
             r_sclk       <= 1'b0;
             r_shift      <= 24'd0;
@@ -64,21 +78,24 @@ module gyro_spi_adc (
             r_valid <= 1'b0;
             if (r_busy) begin
                 if (r_word == TAIL) begin
-                    r_count <= r_count + 6'd1;
+                    r_count <= next;
                     if (r_count == LAST_OF_TAIL) begin
                         r_busy  <= 1'b0;
-                        r_count <= 6'd0;
+                        r_count <= {COUNT{1'b0}};
                         r_cs_n  <= 1'b1;
                         r_word  <= 4'd0;
                     end
                 end else if (!r_sclk) begin
-                    r_sclk <= 1'b1;
+                    r_count <= (r_count & ~LOW) | (next & LOW);
+                    r_sclk  <= half_ends;
                 end else begin
-                    r_sclk  <= 1'b0;
-                    r_shift <= shifted;
-                    r_count <= r_count + 6'd1;
-                    if (r_count == LAST_BIT) begin
-                        r_count <= 6'd0;
+                    r_count <= next;
+                    if (half_ends) begin
+                        r_sclk  <= 1'b0;
+                        r_shift <= shifted;
+                    end
+                    if (r_count == LAST_CLOCK) begin
+                        r_count <= {COUNT{1'b0}};
                         r_word  <= r_word + 4'd1;
                         case (r_word)
                             4'd0: r_status     <= shifted;

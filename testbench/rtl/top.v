@@ -16,6 +16,10 @@ module gyro_top #(
     parameter               CORDIC_ITERATIONS                   = 24,
     parameter               CORDIC_GUARD_BITS                   = 8,
     parameter               ACCUMULATOR_FRACTION_BITS           = 24,
+    parameter               ADC_DIVIDER                         = 2,
+    parameter               ADC_WORD_BITS                       = 24,
+    parameter               ADC_CHANNELS                        = 8,
+    parameter               ADC_TAIL_CLOCKS                     = 54,
     parameter         [0:0] digital                             = 1'd0,
     parameter         [0:0] quadrature_fast                     = 1'd0,
     parameter         [3:0] pipe_depth                          = 4'd0,    // [0,4,0]
@@ -207,7 +211,7 @@ module gyro_top #(
     output wire               r_adc_sync,
     output wire               r_adc_seen,
     output wire               r_adc_busy,
-    output wire         [5:0] r_adc_count,                               // [0,6,0]
+    output wire        [$clog2(ADC_DIVIDER/2*ADC_WORD_BITS|ADC_TAIL_CLOCKS)-1:0] r_adc_count, // [0,6,0]
     output wire               r_adc_cs_n,
     output wire               r_adc_sclk,
     output wire        [23:0] r_adc_shift,                               // [0,24,0]
@@ -672,7 +676,12 @@ module gyro_top #(
         .o_sdin     (o_quadrature_sdin)
     );
 
-    gyro_spi_adc adc (
+    gyro_spi_adc #(
+        .ADC_DIVIDER    (ADC_DIVIDER),
+        .ADC_WORD_BITS  (ADC_WORD_BITS),
+        .ADC_CHANNELS   (ADC_CHANNELS),
+        .ADC_TAIL_CLOCKS(ADC_TAIL_CLOCKS)
+    ) adc (
         .clk         (clk),
         .rst         (rst),
         .drdy_n      (drdy_n),

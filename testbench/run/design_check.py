@@ -1,19 +1,23 @@
 """What a design record may not ask for: refused before anything is built, with the reason, the value and the limit.
 
     serial frames   a DAC is loaded at every tick (V_q: when `quadrature_due`), and its frame must fit in between
-    serial clocks   SCLK of a DAC is the master clock over its divider, that of the ADC half the master clock
+    serial clocks   SCLK of a DAC or of the ADC is the master clock over its divider
+    read            of the ADC: with its tail, and with the 8 kHz work behind it, before the next conversion is ready
     sine            the phase must hold quadrant, address and fraction; a row must rise by more than nothing
 
 Gains that no format holds are refused by the designers of the loops, sample rates by that of the converter.
 Source    docs/blocks/design_record.md
 """
 
+from analog_frontend.parts import adc
 from analog_frontend.parts.device import Device
-from fpga_model import rates, spi_dac
+from fpga_model import rates, spi_adc, spi_dac
 from testbench.engines import chips
 from testbench.errors import ConfigError
 
 ADC_SCLK_HZ = 20_000_000  # ADS1298, from 2.7 V on: a period of 50 ns
+# Keys that only a generic ADC has, and their units
+ADC_KEYS = {"adc_bits": " bits", "adc_word_bits": " bits", "adc_channels": "", "adc_tail_clocks": " clocks"}
 
 
 def default_only(config, what, keys=None):
@@ -71,6 +75,48 @@ def _serial(d, role, ticks):
         )
 
 
+def _adc(config):
+    """Refuse steps or a readout that the ADC does not have, and one that does not end within a frame."""
+    d, standard = config.design, type(config.design)()
+    if d.adc != chips.GENERIC:
+        for key, unit in ADC_KEYS.items():
+            if getattr(d, key) != getattr(standard, key):
+                raise ConfigError(f'design.{key} = {getattr(d, key)}{unit} needs design.adc = "generic"')
+        least = -(-d.master_hz // ADC_SCLK_HZ)
+        if d.adc_divider < least:
+            more = f"; adc_divider = {2 ** (least - 1).bit_length()} would do" if least <= 8 else ""
+            raise ConfigError(
+                f"design.master_hz = {d.master_hz} Hz / adc_divider = {d.adc_divider} is above {ADC_SCLK_HZ} Hz, the "
+                f"SCLK limit of the ADC {d.adc}{more}"
+            )
+    step_code, part = config.plant.adc_step_code, Device._field_defaults["adc_step_code"]
+    if d.adc == chips.GENERIC and step_code != part:
+        raise ConfigError(
+            f'plant.adc_step_code = {step_code} needs design.adc = "ADS1298", not "generic": adc_bits says'
+        )
+    if d.adc_bits > d.adc_word_bits:
+        raise ConfigError(
+            f"design.adc_word_bits = {d.adc_word_bits} bits is below adc_bits = {d.adc_bits}: a word must hold a code"
+        )
+    record, part = config.design_record(), config.plant
+    read, tail = 1 + spi_adc.read_clocks(record), record.adc_tail_clocks
+    period = adc.modulator_period(part.adc_clock_ppm, part.adc_modulator_hz, d.master_hz)
+    need, room = read + max(tail, rates.SLOTS), period * part.adc_decimation // adc.UNITS_PER_CYCLE
+    if need > room:
+        raise ConfigError(
+            f"design.adc_divider = {d.adc_divider} clocks: {1 + d.adc_channels} words of {d.adc_word_bits} bits take "
+            f"{read} clocks, with the longer of tail, {tail}, and 8 kHz work, {rates.SLOTS}: {need}, and there are "
+            f"{room} between two conversions"
+        )
+    last = (1 + adc.CHANNELS) * d.adc_word_bits - 1
+    for _, kind, _, bit, _ in config.scenario.faults:
+        if kind == "adc_lost_bit" and not d.adc_word_bits < bit <= last:
+            raise ConfigError(
+                f"scenario.faults: adc_lost_bit = {bit} is outside {d.adc_word_bits + 1} .. {last} bits, the five "
+                f"channels of words of {d.adc_word_bits} bits"
+            )
+
+
 def check(config):
     """Raise ConfigError for a design that cannot work; one line with key, value, limit and unit."""
     d, standard = config.design, type(config.design)()
@@ -78,22 +124,11 @@ def check(config):
         key = f"{role}_dac_bits"
         if getattr(d, f"{role}_dac") != chips.GENERIC and getattr(d, key) != getattr(standard, key):
             raise ConfigError(f'design.{key} = {getattr(d, key)} bits needs design.{role}_dac = "generic"')
-    if d.adc != chips.GENERIC and d.adc_bits != standard.adc_bits:
-        raise ConfigError(f'design.adc_bits = {d.adc_bits} bits needs design.adc = "generic"')
-    step_code, part = config.plant.adc_step_code, Device._field_defaults["adc_step_code"]
-    if d.adc == chips.GENERIC and step_code != part:
-        raise ConfigError(
-            f'plant.adc_step_code = {step_code} needs design.adc = "ADS1298", not "generic": adc_bits says'
-        )
     fast = config.firmware.quadrature_update_khz == 1000
     quadrature_ticks = 1 + rates.quadrature_mask(config.design_record(), fast)
     for role, ticks in zip(chips.Chips._fields, (1, 1, quadrature_ticks)):
         _serial(d, role, ticks)
-    if d.adc != chips.GENERIC and d.master_hz > 2 * ADC_SCLK_HZ:
-        raise ConfigError(
-            f"design.master_hz = {d.master_hz} Hz is above {2 * ADC_SCLK_HZ} Hz: the ADC {d.adc} is read at half of "
-            f"it, and its SCLK may be {ADC_SCLK_HZ} Hz"
-        )
+    _adc(config)
     needed = 2 + d.sine_address_bits + d.sine_fraction_bits
     if d.dds_bits < needed:
         raise ConfigError(

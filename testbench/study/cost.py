@@ -32,7 +32,7 @@ class Cost(NamedTuple):
 
 
 def _unused(name, config):
-    """Bits at the low end of a register that a design keeps at zero."""
+    """Bits of a register that a design keeps at zero."""
     d, board = config.design, chips.of(config.design)
     role, _, part = name.partition(".")
     for side, chip in (("drive", board.drive), ("sense", board.sense)):
@@ -42,6 +42,10 @@ def _unused(name, config):
             return WORD_BITS - chip.master.bits
     if part.endswith(("loop.prop", "loop.acc")):
         return max(d.accumulator_fraction_bits - d.coefficient_fraction_bits, 0)
+    if role == "adc" and part in ("shift", "status"):
+        return WORD_BITS - d.adc_word_bits
+    if role == "adc" and part.startswith("channels") and int(part.rpartition(".")[2]) >= d.adc_channels:
+        return WORD_BITS
     if (role == "adc" and part.startswith("channels")) or part in ("rate_loop.error", "quadrature_loop.error"):
         return WORD_BITS - d.adc_bits
     return 0

@@ -89,7 +89,7 @@ def step(p, s, word, offset, amplitude, codes):
     a = spi_dac.step(spi_dac.DAC8811, s.drive_dac, load, drive_word)
     b = spi_dac.step(spi_dac.AD5791, s.sense_dac, load, sense_word)
     c = spi_dac.step(spi_dac.DAC82002, s.quadrature_dac, load & r.frame & 1, quadrature_word)
-    adc = spi_adc.step(s.adc, s.adc_chip.drdy_n, adc_serial.dout(s.adc_chip))
+    adc = spi_adc.step(DEFAULT, s.adc, s.adc_chip.drdy_n, adc_serial.dout(s.adc_chip))
     loaded = 1 if (r.tick == 5 and r.frame == 1) or (r.tick == 9 and r.frame == 30) else 0
     return Chain(
         rates.step(DEFAULT, r, s.adc.valid),
@@ -112,7 +112,7 @@ def step(p, s, word, offset, amplitude, codes):
             dac_serial.DAC82002, s.quadrature_chip, c.sync_n, c.sclk_en, spi_dac.sdin(spi_dac.DAC82002, c), c.ldac_n
         ),
         adc,
-        adc_serial.step(s.adc_chip, adc.cs_n, adc.sclk, loaded, STATUS, codes),
+        adc_serial.step(DEFAULT.adc_word_bits, s.adc_chip, adc.cs_n, adc.sclk, loaded, STATUS, codes),
     )
 
 

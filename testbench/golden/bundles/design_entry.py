@@ -52,6 +52,8 @@ def of_manifest(path, manifest):
         raise FileError(f"{path}: design: dds_bits = {given['dds_bits']} do not hold quadrant, address and fraction")
     if given["sine_bits"] <= given["sine_address_bits"]:
         raise FileError(f"{path}: design: sine_bits = {given['sine_bits']} is not above sine_address_bits")
+    if given["adc_tail_clocks"] == 0:
+        raise FileError(f"{path}: design: adc_tail_clocks = 0 is below 1")
     return design_record.Design(*(getattr(values, key) for key in keys))
 
 

@@ -87,7 +87,7 @@ def block(params, design=None):
         pins=tuple(Port(name, fmt) for name, fmt in zip(top.Pins._fields, top.PINS_FMT)),
         cases=params,
         run=None,
-        latency={"adc_valid": spi_adc.READ_CYCLES},
+        latency={"adc_valid": spi_adc.read_clocks(record)},
         idle={"drdy_n": 1},
         roms=(*known["sine"].roms, *known["cordic"].roms),
     )

@@ -415,9 +415,11 @@ def _spi_dac_order(c, p, fmt, d):
 
 def _spi_adc_order(c, p, fmt, d):
     """The words of a master that takes the LSB first."""
-    take = (c["busy"] == 1) & (c["word"] != spi_adc.WORDS) & (c["sclk"] == 1)
+    half = d.adc_divider // 2
+    falls = (c["count"] + 1) % half == 0
+    take = (c["busy"] == 1) & (c["word"] <= d.adc_channels) & (c["sclk"] == 1) & falls
     word = (c["shift"] >> 1) | (c["dout"] << (spi_adc.WORD_BITS - 1))
-    last = take & (c["count"] == spi_adc.WORD_BITS - 1)
+    last = take & (c["count"] == half * d.adc_word_bits - 1)
     yield "shift", "bit_order", "LSB first", np.where(take, word, c["shift"])
     yield "status", "bit_order", "LSB first", np.where(last & (c["word"] == 0), word, c["status"])
     for k in range(spi_adc.CHANNELS):

@@ -89,6 +89,12 @@ CLAIMS = (
     Claim(("registers",), ("wrap_unsigned(data, _)",), ("under",), UNSIGNED),
     Claim(("registers",), ("wrap(data, _)",), ("under", "lo"), UNSIGNED),
     Claim(("spi_adc",), ("wrap(shift, _)",), ("under", "lo"), UNSIGNED),
+    Claim(
+        ("spi_adc",),
+        ("below == 0", "count & (1 << half_bits) - 1 == 0"),
+        ("no", "-1", "+1"),
+        "a half period of the default design is one clock",
+    ),
     Claim(("digital_sid",), ("clamp(s.still + 1, _, _)",), ("lo-1", "lo"), COUNTS),
     Claim(("watchdog",), ("clamp(s.age + 1, _, _)",), ("lo-1", "lo"), COUNTS),
     Claim(("rate_output",), ("clamp(p.decimation, _, _)",), ("lo-1",), UNSIGNED),

@@ -32,8 +32,8 @@ SENT = 5  # channels of the ADC that are connected
 
 
 @kernel
-def _chips(parts, chips, pins, ldacs, loaded, status, codes):
-    return engine.chips_after(parts, chips, pins, ldacs, loaded, status, codes)
+def _chips(parts, word_bits, chips, pins, ldacs, loaded, status, codes):
+    return engine.chips_after(parts, word_bits, chips, pins, ldacs, loaded, status, codes)
 
 
 @kernel
@@ -119,7 +119,8 @@ class Plant:
             for role in ("drive", "quadrature")
         )
         loaded = int(c == self._drdy_cycle)
-        self.chips = _chips(self.params.chips, self.chips, found, ldacs, loaded, STATUS, self._codes)
+        word_bits = self.design.adc_word_bits
+        self.chips = _chips(self.params.chips, word_bits, self.chips, found, ldacs, loaded, STATUS, self._codes)
         self._drive_cycle = c if self.chips.drive.updated else self._drive_cycle
         self._sense_cycle = c if self.chips.sense.updated else self._sense_cycle
         changed, self._refs = found.refs ^ self._refs, found.refs

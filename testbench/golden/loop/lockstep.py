@@ -100,6 +100,7 @@ def ticks(p, f, chips, a, chunk, end, drdy_cycle, rtl):
     """
     begin, faults = chunk.begin, chunk.faults
     clocks, frame_ticks = p.fpga.design.tick_clocks, p.fpga.design.frame_ticks
+    word_bits = p.fpga.design.adc_word_bits
     pins = rtl.found[2]
     refs = (pins >> REFS_AT) & REFS_MASK
     for tick in range(begin, end):
@@ -110,7 +111,7 @@ def ticks(p, f, chips, a, chunk, end, drdy_cycle, rtl):
         if p.fpga.digital:
             a.sar[0] = engine.taken_sample(faults, 0, plant.sar_code(p.plant, a, tick, 0), sample_x)
             a.sar[1] = engine.taken_sample(faults, 1, plant.sar_code(p.plant, a, tick, 1), sample_y)
-        codes = engine.sent_codes(faults, a.adc.clock, engine.codes_before(chips))
+        codes = engine.sent_codes(word_bits, faults, a.adc.clock, engine.codes_before(chips))
         drive_cycle, sense_cycle, edge_count = -1, -1, 0
         for c in range(clocks):
             at = tick * clocks + c
@@ -131,7 +132,7 @@ def ticks(p, f, chips, a, chunk, end, drdy_cycle, rtl):
             pins = call(rtl.edge, rtl.handle, rtl.given)
             loaded = 1 if c == drdy_cycle and faults.silent == 0 else 0
             ldacs = (pins >> LDACS_AT) & 1, (pins >> (LDACS_AT + 1)) & 1
-            chips = engine.chips_after(p.chips, chips, _unpacked(pins), ldacs, loaded, faults.status, codes)
+            chips = engine.chips_after(p.chips, word_bits, chips, _unpacked(pins), ldacs, loaded, faults.status, codes)
             if chips.drive.updated:
                 drive_cycle = c
             if chips.sense.updated:

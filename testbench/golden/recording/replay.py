@@ -80,7 +80,7 @@ def _run(p, rom, s, chip, place, end, stimulus, o, buffer):
     """
     adc, host, sar = stimulus.adc, stimulus.host, stimulus.sar
     n, conversion, event, row, address, data, base = place
-    tick_clocks = p.design.tick_clocks
+    tick_clocks, word_bits = p.design.tick_clocks, p.design.adc_word_bits
     frame_clocks = tick_clocks * p.design.frame_ticks
     frame, left, cycle = n // frame_clocks, frame_clocks - n % frame_clocks, n % tick_clocks
     k, signed = n // tick_clocks, buffer.shape[0] > 0
@@ -124,7 +124,7 @@ def _run(p, rom, s, chip, place, end, stimulus, o, buffer):
         cs_n, sclk = s.adc.cs_n, s.adc.sclk
         if rst == 1:
             cs_n, sclk = RESET_CS_N, RESET_SCLK
-        chip = adc_serial.step(chip, cs_n, sclk, loaded, status, codes)
+        chip = adc_serial.step(word_bits, chip, cs_n, sclk, loaded, status, codes)
         n += 1
         cycle += 1
         if cycle == tick_clocks:

@@ -142,7 +142,7 @@ def _block(stem, module, design=None):
         roms=tuple(rom.at(record) for rom in own.roms),
         run=lambda *given: registry.runner(stem)(structure.get("d", 0), structure.get("rom", 0), *given),
         source=(registry.runner_text(module), vars(module)),
-        **{name: getattr(own, name) for name in ("latency", "strobes", "wait", "dense", "idle")},
+        **{name: of_design(getattr(own, name), record) for name in ("latency", "strobes", "wait", "dense", "idle")},
         runtime_params=own.runtime_params,
         **_hints(module, record),
     )

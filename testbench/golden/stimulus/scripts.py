@@ -150,13 +150,16 @@ def script_fault_monitor(w):
 
 
 def script_spi_adc(w):
+    d = w.block.record
+    word, end, tail = spi_adc.word_clocks(d), 1 + spi_adc.read_clocks(d), d.adc_tail_clocks
     for status in (0xC00000, 0xCFFFFF, 0x800000, 0x400000, 0xD00000, 0xFFFFFF, 0):
         frame(w, w.random, status)
-    for word in (0, 1, 0x800000, 0x7FFFFF, 0xFFFFFF, 0x555555, 0xAAAAAA):
-        frame(w, w.random, rows=[word] * spi_adc.CHANNELS)
+    for code in (0, 1, 0x800000, 0x7FFFFF, 0xFFFFFF, 0x555555, 0xAAAAAA):
+        frame(w, w.random, rows=[code] * d.adc_channels)
     # a reset at every bit of the first word, within every other, at the end and in the tail
-    words = [spi_adc.WORD_BITS * 2 * k + 17 for k in range(1, spi_adc.WORDS)]
-    for rows in (*range(1, 2 * spi_adc.WORD_BITS + 8, 2), *words, 434, 435, 436, 437, 438, 470, 487, 488, 489, 490):
+    words = [word * k + 17 for k in range(1, 1 + d.adc_channels)]
+    ends = *range(end - 2, end + 3), end + tail - 20, *range(end + tail - 3, end + tail + 1)
+    for rows in (*range(1, word + 8, 2), *words, *ends):
         begun = len(w.rows)
         frame(w, w.random)
         w.rows[begun + rows :] = []
@@ -164,7 +167,7 @@ def script_spi_adc(w):
         w.row({"drdy_n": 1}, times=5)
     for cut in (1, 100):
         frame(w, w.random, cut=cut)
-        w.row(times=500)
+        w.row(times=end + 64)
 
 
 def script_watchdog(w):

@@ -103,14 +103,15 @@ class Writer:
         return {port.name: int(self.random.below(of) < low) for port in self.flags}
 
 
-def frame(w, random, status=None, cut=spi_adc.FRAME_BITS, rows=None):
-    """A conversion for `spi_adc`: DRDY_N falls, bits follow the serial clock; `cut` bits, then DOUT rests."""
+def frame(w, random, status=None, cut=None, rows=None):
+    """A conversion for `spi_adc`: DRDY_N falls, bits follow the serial clock; all or `cut` bits, then DOUT rests."""
+    d = w.block.record
     head = (spi_adc.HEAD << 20) | random.below(1 << 20) if status is None else status
-    words = [head] + [random.next() & 0xFFFFFF for _ in range(spi_adc.CHANNELS)]
+    words = [head] + [random.next() & 0xFFFFFF for _ in range(d.adc_channels)]
     if rows is not None:
         words[1:] = rows
-    line = [(word >> (23 - k)) & 1 for word in words for k in range(24)][:cut]
+    line = [(word >> (23 - k)) & 1 for word in words for k in range(d.adc_word_bits)][:cut]
     w.row({"drdy_n": 0, "dout": line[0]}, times=4)
     for bit in line:
-        w.row({"drdy_n": 1, "dout": bit}, times=2)
-    w.row({"drdy_n": 1}, times=spi_adc.TAIL_CYCLES + 4)
+        w.row({"drdy_n": 1, "dout": bit}, times=d.adc_divider)
+    w.row({"drdy_n": 1}, times=d.adc_tail_clocks + 4)

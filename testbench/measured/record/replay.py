@@ -24,7 +24,7 @@ from fpga_model.rates import FRAME_CYCLES, FRAME_TICKS, SLOTS, TICK_CYCLES
 from testbench.engines import window
 from testbench.engines.pins import SINE_CLOCKS
 from testbench.engines.turn import Turn, phase_at
-from testbench.engines.window import FIRST_CHANNEL_CLOCKS, VALID_CLOCKS, last_load_tick
+from testbench.engines.window import first_channel_clocks, last_load_tick, valid_clocks
 from testbench.errors import ConfigError
 
 WINDOW_WORDS = (
@@ -122,7 +122,7 @@ def _channels(x, k):
 @inner
 def _inputs(p, s, clock):
     """What a window sees at an edge; channels change word by word while a frame is read."""
-    c = window.receive(s.old, s.new, s.valid - VALID_CLOCKS, clock)
+    c = window.receive(DEFAULT, s.old, s.new, s.valid - valid_clocks(DEFAULT), clock)
     return control.Inputs(c[0], c[1], c[2], c[3], c[4], s.ok, s.w.dog.stale)
 
 
@@ -191,14 +191,14 @@ def _moved(p, s, clock):
 @inner
 def _read(x, s):
     """The read of the next frame has begun: its words come in one by one."""
-    old, k = window.receive(s.old, s.new, s.valid - VALID_CLOCKS, s.clock), s.conversion
+    old, k = window.receive(DEFAULT, s.old, s.new, s.valid - valid_clocks(DEFAULT), s.clock), s.conversion
     return Side(s.clock, s.w, old, _channels(x, k), x.valid[k], s.ok, k, s.write)
 
 
 @inner
 def _first_word(coming):
     """Edge at which the first channel of a frame that is valid at `coming` changes."""
-    return coming - VALID_CLOCKS + FIRST_CHANNEL_CLOCKS
+    return coming - valid_clocks(DEFAULT) + first_channel_clocks(DEFAULT)
 
 
 @inner

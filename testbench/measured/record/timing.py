@@ -9,7 +9,7 @@ import numpy as np
 
 from analog_frontend.parts import adc
 from fpga_model.rates import FRAME_CYCLES
-from testbench.engines.window import VALID_CLOCKS
+from testbench.engines.window import valid_clocks
 from testbench.errors import ConfigError
 from testbench.run import build
 
@@ -19,7 +19,8 @@ def valid_edges(config, count):
     part = build.adc_part(config, config.device(), 0.0)
     clock = adc.reset(part).clock
     ready = getattr(adc.clocks_to_ready, "py_func", adc.clocks_to_ready)
-    return np.array([int(ready(part, clock, m)) + VALID_CLOCKS for m in range(count)], np.int64)
+    read = valid_clocks(config.design_record())
+    return np.array([int(ready(part, clock, m)) + read for m in range(count)], np.int64)
 
 
 def valid_clock(config):

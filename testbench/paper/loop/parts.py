@@ -102,7 +102,7 @@ def word_acts_s(config):
     device, record, chip = config.device(), config.design_record(), chips.of(config.design).sense
     last_sample_clock = (device.adc_decimation - 1) * record.master_hz / device.adc_modulator_hz
     ready = math.ceil(last_sample_clock + (build.CONVERSION_DELAY_S + device.adc_delay_s) * record.master_hz)
-    stands = ready + spi_adc.READ_CYCLES + WORD_STANDS_SLOT
+    stands = ready + spi_adc.read_clocks(record) + WORD_STANDS_SLOT
     product = math.ceil(stands / record.tick_clocks) * record.tick_clocks
     clocks = (
         product

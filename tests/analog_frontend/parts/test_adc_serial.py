@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from analog_frontend.parts import adc_serial
 from fpga_model import spi_adc
+from fpga_model.design_record import DEFAULT
 from fpga_model.jit import kernel
 from testbench.flatten import names, store
 from tests import naive
@@ -26,32 +27,34 @@ def eight(x):
 
 
 @kernel
-def trace(s, pins, codes):
+def trace(word_bits, s, pins, codes):
     """What the chip holds after each clock; pins: cs_n, sclk, loaded, status."""
     rows = np.empty((len(pins), 26), np.int64)
     for n in range(len(pins)):
         x = pins[n]
-        s = adc_serial.step(s, int(x[0]), int(x[1]), int(x[2]), int(x[3]), eight(codes[n]))
+        s = adc_serial.step(word_bits, s, int(x[0]), int(x[1]), int(x[2]), int(x[3]), eight(codes[n]))
         store(rows[n], s)
     return rows
 
 
 @kernel
-def linked(chip, master, loaded, status, codes):
+def linked(d, chip, master, loaded, status, codes):
     """Chip and SPI master: the master's registers before each edge, and the chip's pins DRDY_N and DOUT."""
     rows = np.empty((len(loaded), 20), np.int64)
     pins = np.empty((len(loaded), 2), np.int64)
     for n in range(len(loaded)):
         store(rows[n], master)
         pins[n, 0], pins[n, 1] = chip.drdy_n, adc_serial.dout(chip)
-        master = spi_adc.step(master, chip.drdy_n, adc_serial.dout(chip))
-        chip = adc_serial.step(chip, master.cs_n, master.sclk, int(loaded[n]), int(status[n]), eight(codes[n]))
+        master = spi_adc.step(d, master, chip.drdy_n, adc_serial.dout(chip))
+        chip = adc_serial.step(
+            d.adc_word_bits, chip, master.cs_n, master.sclk, int(loaded[n]), int(status[n]), eight(codes[n])
+        )
     return rows, pins
 
 
-def run(inputs):
+def run(inputs, word_bits=24):
     pins = np.array([x[:4] for x in inputs], np.int64).reshape(-1, 4)
-    return trace(adc_serial.State(), pins, np.array([x[4] for x in inputs], np.int64).reshape(-1, 8))
+    return trace(word_bits, adc_serial.State(), pins, np.array([x[4] for x in inputs], np.int64).reshape(-1, 8))
 
 
 def column(rows, name, of=NAMES):
@@ -77,13 +80,16 @@ def test_any_levels_on_the_pins(inputs):
     assert_same_rows(adc_serial.State(), run(inputs), naive.adc_chip(inputs))
 
 
-@given(st.lists(st.tuples(st.sampled_from([0, 1, 24, 25, 48, 215, 216, 217]), st.integers(0, 40), CODES), max_size=3))
-def test_reads_of_any_length_with_conversions_inside(reads):
+@given(
+    st.lists(st.tuples(st.sampled_from([0, 1, 24, 25, 48, 215, 216, 217]), st.integers(0, 40), CODES), max_size=3),
+    st.integers(16, 24),
+)
+def test_reads_of_any_length_with_conversions_inside(reads, word_bits):
     inputs = []
     for bits, clock, codes in reads:
         part = read(bits)
         inputs += read(bits, [min(clock, len(part) - 1)], [codes])
-    assert_same_rows(adc_serial.State(), run(inputs), naive.adc_chip(inputs))
+    assert_same_rows(adc_serial.State(), run(inputs, word_bits), naive.adc_chip(inputs, word_bits))
 
 
 def shifted_out(rows):
@@ -133,9 +139,20 @@ def test_drdy_of_unread_results_is_high_for_a_moment_so_that_it_falls_again():
     assert column(rows, "result.1")[22] == 22, "a result during the pulse is kept"
 
 
-@pytest.mark.parametrize("period", [813, 3250])
-def test_round_trip_to_the_master(period):
-    """Random words, negative codes and both ends; valid READ_CYCLES after DRDY falls, once per conversion."""
+OTHERS = [  # divider, bits of a word, channels; clocks of the read
+    (2, 24, 8, 435),
+    (4, 24, 8, 867),
+    (8, 24, 8, 1731),
+    (2, 16, 5, 195),
+    (4, 19, 6, 535),
+]
+
+
+@pytest.mark.parametrize(("period", "readout"), [(813, OTHERS[0]), *((3250, readout) for readout in OTHERS)], ids=str)
+def test_round_trip_to_the_master(period, readout):
+    """Random words, negative codes and both ends; valid when the last bit has come, once per conversion."""
+    divider, word_bits, channels, read = readout
+    d = DEFAULT._replace(adc_divider=divider, adc_word_bits=word_bits, adc_channels=channels)
     rng = np.random.default_rng(period)
     frames = 12
     words = rng.integers(-(1 << 23), 1 << 23, (frames, 8))
@@ -145,14 +162,15 @@ def test_round_trip_to_the_master(period):
     # codes are on the bus only in the clock of `loaded`
     codes = np.where(loaded[:, None] == 1, words[n // period], 0x555555)
     status = np.where(loaded == 1, adc_serial.status_word(0x5A, 0xA5, 0x9), 0)
-    rows, pins = linked(adc_serial.State(), spi_adc.State(), loaded, status, codes)
+    rows, pins = linked(d, adc_serial.State(), spi_adc.State(), loaded, status, codes)
     valid = np.flatnonzero(column(rows, "valid", MASTER))
     # drdy_n is low in the row after the clock of `loaded`
-    assert valid.tolist() == [7 + 1 + k * period + spi_adc.READ_CYCLES for k in range(frames)]
+    assert valid.tolist() == [7 + 1 + k * period + read for k in range(frames)]
     got = np.stack([column(rows, f"channels.{k}", MASTER)[valid] for k in range(8)], axis=1)
-    assert (got == words).all()
+    step = 2 ** (24 - word_bits)
+    assert (got == np.where(np.arange(8) < channels, words // step * step, 0)).all()
     assert (column(rows, "ok", MASTER)[valid] == 1).all()
-    assert (column(rows, "status", MASTER)[valid] == 0xC5AA59).all()
+    assert (column(rows, "status", MASTER)[valid] == 0xC5AA59 // step * step).all()
     assert (np.diff(pins[:, 0]) == -1).sum() == frames
 
 
@@ -161,7 +179,7 @@ def test_a_wrong_bit_in_the_status_head_is_seen_and_a_lead_off_bit_is_no_fault(b
     loaded = np.zeros(900, np.int64)
     loaded[3] = 1
     status = np.full(900, GOOD ^ 1 << bit)
-    rows, _ = linked(adc_serial.State(), spi_adc.State(), loaded, status, np.full((900, 8), -5))
+    rows, _ = linked(DEFAULT, adc_serial.State(), spi_adc.State(), loaded, status, np.full((900, 8), -5))
     (valid,) = np.flatnonzero(column(rows, "valid", MASTER))
     assert column(rows, "ok", MASTER)[valid] == (bit < 20)
 
@@ -172,7 +190,7 @@ def test_a_conversion_that_ends_while_the_frame_is_read_does_not_mix():
     n = np.arange(period * 20)
     loaded = (n % period == 0).astype(np.int64)
     codes = np.repeat((n // period)[:, None], 8, axis=1)
-    rows, _ = linked(adc_serial.State(), spi_adc.State(), loaded, np.full(len(n), GOOD), codes)
+    rows, _ = linked(DEFAULT, adc_serial.State(), spi_adc.State(), loaded, np.full(len(n), GOOD), codes)
     valid = np.flatnonzero(column(rows, "valid", MASTER))
     assert len(valid) > 8
     for at in valid:

@@ -404,7 +404,7 @@ def test_instants_of_a_frame_on_the_page_of_the_architecture():
     says(
         "docs/architecture.md",
         "the last modulator sample of a conversion falls in tick 123; DRDY falls in tick 124, 1.5 us after it; "
-        f"reading 216 bits takes {spi_adc.READ_CYCLES / 26:.1f} us; "
+        f"reading 216 bits takes {spi_adc.read_clocks(DEFAULT) / 26:.1f} us; "
         f"the slots begin in tick 16 of the next frame and end {rates.SLOTS} clocks later",
     )
 

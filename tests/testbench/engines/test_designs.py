@@ -4,6 +4,7 @@ python -m tests.testbench.engines.test_designs [COUNT] [SEED]    more of them, a
 """
 
 import collections
+import math
 import random
 import sys
 from pathlib import Path
@@ -60,6 +61,21 @@ def loads_apart(tick_hz, khz):
     return next(2**k for k in range(6) if tick_hz <= 1e3 * khz * 2**k)
 
 
+def adc_clocks(master_hz, divider, word_bits, channels, tail):
+    """Clocks from the fall of DRDY to the end of the tail, or of the 8 kHz work, behind the last bit."""
+    return 4 + divider * (1 + channels) * word_bits + max(tail or math.ceil(master_hz * 2.056e-6), 60)
+
+
+def readout_drawn(rng, adc, adc_bits, master_hz, room):
+    """Divider of the ADC, and words, channels and tail of a generic one, whose frame ends within `room` clocks."""
+    keys = {"adc_word_bits": 24, "adc_channels": 8, "adc_tail_clocks": 0}
+    if adc == "generic":
+        tail = rng.choice((0, rng.randint(1, 300)))
+        keys = {"adc_word_bits": rng.randint(adc_bits, 24), "adc_channels": rng.randint(5, 8), "adc_tail_clocks": tail}
+    fit = [n for n in (2, 4, 8) if adc_clocks(master_hz, n, *keys.values()) <= room]
+    return {f"design.{key}": value for key, value in ({"adc_divider": rng.choice(fit)} | keys).items()}
+
+
 def drawn(seed):
     """Values of [design], and the ADC's modulator that keeps a conversion as long as a frame."""
     rng = random.Random(seed)
@@ -95,6 +111,7 @@ def drawn(seed):
     for role, room in (("drive", tick_clocks), ("sense", tick_clocks), ("quadrature", v_q_ticks * tick_clocks)):
         if values[f"design.{role}_dac"] == "generic":
             values |= frame_drawn(rng, role, values.get(f"design.{role}_dac_bits", 16), room)
+    values |= readout_drawn(rng, adc, values["design.adc_bits"], master_hz, tick_clocks * frame_ticks)
     return values | {"plant.adc_decimation": 64, "plant.adc_modulator_hz": 64 * tick_hz / frame_ticks}
 
 
@@ -135,6 +152,10 @@ def drawn_wide(seed):
         "design.cordic_iterations": rng.randint(8, 24),
         "design.cordic_guard_bits": rng.randint(0, 8),
         "design.accumulator_fraction_bits": rng.choice((24, 24, 20, rng.randint(8, 24))),
+        "design.adc_divider": rng.choice((2, 2, 4, 8)),
+        "design.adc_word_bits": rng.choice((24, 24, rng.randint(16, 24))) if adc == "generic" or wrong else 24,
+        "design.adc_channels": rng.randint(5, 8) if adc == "generic" or wrong else 8,
+        "design.adc_tail_clocks": rng.choice((0, rng.randint(1, 511))) if adc == "generic" or wrong else 0,
         "plant.adc_decimation": 64,
         "plant.adc_modulator_hz": 64 * master_hz / tick_clocks / frame_ticks,
     }
@@ -166,6 +187,7 @@ def refusals(values):
     slower = tick_s * d["frame_ticks"] / 125e-6
     kis = [round(ki) for ki in (*(ki * slower for _, ki in GAINS), pll_ki * 2**24)]
     gains = [*(kp for kp, _ in GAINS), round(pll_kp * 2**24), *kis]
+    readout = tuple(d[f"adc_{key}"] for key in ("word_bits", "channels", "tail_clocks"))
     unit, least = (2 ** (24 - d[f"{kind}_fraction_bits"]) for kind in ("coefficient", "accumulator"))
     rules = {
         "bits of a named part": (kinds[0] != "generic" and d["drive_dac_bits"] != 16)
@@ -176,7 +198,11 @@ def refusals(values):
         "serial clock": slow,
         "pulse of the serial clock": thin,
         "serial frame": long,
-        "read of the ADC": d["adc"] != "generic" and 2 * clock_s < 50e-9,
+        "serial clock of the ADC": d["adc"] != "generic" and d["adc_divider"] * clock_s < 50e-9,
+        "readout of a named part": d["adc"] != "generic" and readout != (24, 8, 0),
+        "code in a word": d["adc_bits"] > d["adc_word_bits"],
+        "readout before the next conversion": adc_clocks(d["master_hz"], d["adc_divider"], *readout)
+        > d["tick_clocks"] * d["frame_ticks"],
         "phase word": d["dds_bits"] - 2 < d["sine_address_bits"] + d["sine_fraction_bits"],
         "rows of the table": d["sine_bits"] <= d["sine_address_bits"],
         "integral gain of the frequency loop": pll_ki < 2.0**-25,
@@ -313,7 +339,7 @@ def test_what_is_refused_cannot_work_and_what_can_is_not_refused():
         ({"design.master_hz": 52_000_000, "design.sense_dac": "generic"}, "SCLK limit of the drive DAC DAC8811"),
         (
             {"design.master_hz": 52_000_000} | {f"design.{role}_dac": "generic" for role in chips.Chips._fields},
-            "52000000 Hz is above 40000000 Hz: the ADC ADS1298 is read at half of it",
+            "52000000 Hz / adc_divider = 2 is above 20000000 Hz, the SCLK limit of the ADC ADS1298; adc_divider = 4",
         ),
         ({"design.tick_clocks": 16, "design.sense_dac": "DAC8811"}, "DAC8811 takes 18 clocks, and there are 16"),
         (
@@ -348,6 +374,27 @@ def test_what_is_refused_cannot_work_and_what_can_is_not_refused():
             "SCLK is high for half a clock, 7.81 ns, below the 9 ns of the V_q DAC DAC82002",
         ),
         ({"design.sense_dac_bits": 18}, 'sense_dac_bits = 18 bits needs design.sense_dac = "generic"'),
+        ({"design.adc_word_bits": 16}, 'adc_word_bits = 16 bits needs design.adc = "generic"'),
+        ({"design.adc_channels": 5}, 'adc_channels = 5 needs design.adc = "generic"'),
+        ({"design.adc_tail_clocks": 60}, 'adc_tail_clocks = 60 clocks needs design.adc = "generic"'),
+        (
+            {"design.adc": "generic", "design.adc_word_bits": 18, "design.adc_bits": 20},
+            "adc_word_bits = 18 bits is below adc_bits = 20: a word must hold a code",
+        ),
+        (
+            {"design.adc_divider": 8, "design.frame_ticks": 66, "plant.adc_modulator_hz": 64e6 / 66},
+            "adc_divider = 8 clocks: 9 words of 24 bits take 1732 clocks, with the longer of tail, 54, and 8 kHz work, "
+            "60: 1792, and there are 1716 between two conversions",
+        ),
+        (
+            {
+                "design.adc": "generic",
+                "design.adc_word_bits": 16,
+                "design.adc_bits": 16,
+                "scenario.faults": [[0.0, "adc_lost_bit", "adc", 96, 1.0]],
+            },
+            "adc_lost_bit = 96 is outside 17 .. 95 bits, the five channels of words of 16 bits",
+        ),
         ({"design.adc_bits": 18}, 'adc_bits = 18 bits needs design.adc = "generic"'),
         ({"design.adc": "generic", "plant.adc_step_code": 1}, 'adc_step_code = 1 needs design.adc = "ADS1298"'),
         (
@@ -375,6 +422,37 @@ def test_what_is_refused_cannot_work_and_what_can_is_not_refused():
 def test_designs_that_cannot_work(values, said):
     with pytest.raises((ConfigError, ValueError), match=said):
         Simulation(config.changed(config.Config(), values), TEMP_DEGC, TEMP_DEGC)
+
+
+@pytest.mark.parametrize("divider", [2, 8])
+def test_faults_of_the_adc_in_words_of_other_length(divider):
+    """Codes and status that 16 bits do not hold, a lost bit: both engines cut them alike, and the codes are these."""
+    readout = {"adc_divider": divider, "adc_word_bits": 16, "adc_bits": 16, "adc_channels": 5, "adc_tail_clocks": 200}
+    cfg = config.changed(config.Config(), {"design.adc": "generic"} | {f"design.{k}": v for k, v in readout.items()})
+    sims = [Simulation(cfg, TEMP_DEGC, TEMP_DEGC, engine=name) for name in ("frame", "clocked")]
+    stuck = (0x123456, -0x123456, 0x7FFFFF, -1, 0x0F0F0F)
+    for sim in sims:
+        sim.now = (np.array([RATE_RAD_S]), np.array([TEMP_DEGC]))
+        faults = engine.Faults(status=0xCFFFFF, channel=(engine.STUCK,) * 5, value=stuck)
+        for lost_bit in (0, 40):
+            sim.faults = faults._replace(lost_bit=lost_bit)
+            sim.advance(5000, RATE_RAD_S, TEMP_DEGC)
+            line = "".join(f"{code % 2**24:024b}"[:16] for code in stuck)
+            if lost_bit:
+                line = line[: lost_bit - 16] + line[lost_bit - 15 :] + "0"
+            codes = [int(line[at : at + 16], 2) << 8 for at in range(0, 80, 16)]
+            adc = sim.state.fpga.adc
+            assert [code % 2**24 for code in adc.channels] == [*codes, 0, 0, 0]
+            assert (adc.status, adc.ok) == (0xCFFF00, 1)
+    assert same(*sims)
+
+
+def test_a_generic_adc_with_the_numbers_of_the_part_is_read_like_it():
+    """At 40 MHz the part's tail is 83 clocks, where 54 would be 1.35 us instead of 2.056 us."""
+    for hz, clocks in ((26_000_000, 54), (40_000_000, 83)):
+        values = {"design.master_hz": hz, "design.drive_dac": "generic", "design.sense_dac": "generic"}
+        records = [config.changed(config.Config(), values | {"design.adc": adc}) for adc in ("ADS1298", "generic")]
+        assert [cfg.design_record().adc_tail_clocks for cfg in records] == [clocks, clocks]
 
 
 def test_a_generic_dac_with_the_numbers_of_a_part_is_that_part():

@@ -156,13 +156,15 @@ def step_spi_dac(f, p, s, load, word):
 
 
 def step_spi_adc(f, p, s, drdy_n, dout):
-    out = getattr(spi_adc.step, "py_func", spi_adc.step)(s, drdy_n, dout)
-    if f.kind == "bit_order" and s.busy and s.word < 9 and s.sclk:
+    out = getattr(spi_adc.step, "py_func", spi_adc.step)(f.d, s, drdy_n, dout)
+    clocks = f.d.adc_divider // 2
+    if f.kind == "bit_order" and s.busy and s.word <= f.d.adc_channels and s.sclk and (s.count + 1) % clocks == 0:
         shift = s.shift >> 1 | dout << 23
         out = out._replace(shift=shift)
-        if s.count == 23 and s.word == 0:
+        last = s.count + 1 == clocks * f.d.adc_word_bits
+        if last and s.word == 0:
             out = out._replace(status=shift)
-        elif s.count == 23:
+        elif last:
             channels = list(out.channels)
             channels[s.word - 1] = wrapped(shift, 24)
             out = out._replace(channels=tuple(channels))

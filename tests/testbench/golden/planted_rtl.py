@@ -374,7 +374,7 @@ stranger(DAC, "ad5791", ("end else if (load) begin", "end else if (load && !r_sc
 # spi_adc.v -----------------------------------------------------------------------------------------------------------
 
 ADC = "spi_adc.v"
-fault(ADC, "default", "bit_order", ("{r_shift[22:0], dout}", "{dout, r_shift[23:1]}"))
+fault(ADC, "default", "bit_order", ("{r_shift[22:0], 1'b0} | bit_at", "{dout, r_shift[23:1]}"))
 for name, value, new in (
     ("meta      ", "1'b0", "1'b1"),
     ("sync      ", "1'b0", "1'b1"),
@@ -394,8 +394,8 @@ fault(
 late(ADC, "default", "r_meta       <= 1'b0;", "r_meta  <= drdy_n;", 1, "")
 late(ADC, "default", "r_sync       <= 1'b0;", "r_sync  <= r_meta;", 1, "")
 late(ADC, "default", "r_sync       <= 1'b0;", "r_sync  <= r_meta;", 2, "")
-stranger(ADC, "default", ("LAST_BIT = 6'd23", "LAST_BIT = 6'd22"))
-stranger(ADC, "default", ("LAST_OF_TAIL = 6'd53", "LAST_OF_TAIL = 6'd54"))
+stranger(ADC, "default", (" CLOCKS[COUNT-1:0] - ONE", " CLOCKS[COUNT-1:0] - ONE - ONE"))
+stranger(ADC, "default", ("TAIL_CLOCKS[COUNT-1:0] - ONE", "TAIL_CLOCKS[COUNT-1:0]"))
 stranger(ADC, "default", ("HEAD = 4'b1100", "HEAD = 4'b1000"))
 stranger(ADC, "default", ("4'd3: r_channels_2", "4'd3: r_channels_1"))
 stranger(ADC, "default", ("LAST_WORD = 4'd8", "LAST_WORD = 4'd7"))

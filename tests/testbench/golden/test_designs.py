@@ -180,6 +180,46 @@ def test_the_case_reset_of_a_board_goes_through_all_states(tmp_path):
     assert all(text in shown for text in REACHED), shown
 
 
+READOUTS = {  # of the ADC, and the master clock
+    "52 MHz, divider 4": {"design.master_hz": 52_000_000, "design.adc_divider": 4, "design.frame_ticks": 250}
+    | {f"design.{role}_dac": "generic" for role in ("drive", "sense", "quadrature")},
+    "words of 16 bits, 5 channels": {
+        "design.adc": "generic",
+        "design.adc_bits": 16,
+        "design.adc_word_bits": 16,
+        "design.adc_channels": 5,
+        "design.adc_tail_clocks": 1,
+    },
+}
+
+
+def board_of_readout(folder, name):
+    """Configuration file of a board with another readout."""
+    path = folder / "readout.toml"
+    path.write_text(config.to_toml(config.changed(config.Config(), READOUTS[name])))
+    return path
+
+
+@icarus
+@pytest.mark.parametrize("name", READOUTS)
+def test_another_readout_passes(name, tmp_path):
+    (folder, _), *_ = export.export("spi_adc", tmp_path / "out", config=board_of_readout(tmp_path, name))
+    assert passes(folder, "icarus")
+
+
+@verilator
+@icarus
+@pytest.mark.slow
+@pytest.mark.parametrize("name", READOUTS)
+def test_the_whole_design_with_another_readout_passes(name, tmp_path):
+    done = export.export("top", tmp_path / "out", config=board_of_readout(tmp_path, name), frames=60)
+    for folder, _ in done:
+        found = check(folder, "verilator", RTL)
+        assert found.returncode == 0, found.stdout
+        found = make(folder, "SIM=icarus", f"RTL={RTL}", "FRAMES=40")
+        assert found.returncode == 0, found.stdout
+
+
 @verilator
 @icarus
 @pytest.mark.slow
@@ -201,8 +241,8 @@ def test_the_whole_design_of_every_board_passes(name, tmp_path):
 DESIGNS = {
     "low_cost": config.load(LOW_COST).design_record(),
     "fast_dacs": config.load(BOARDS / "fast_dacs.toml").design_record(),
-    "least": Design(1_000_000, 16, 50, 24, 4, 1, 10, 8, 0, 8),
-    "most": Design(200_000_000, 32, 426, 48, 12, 12, 20),
+    "least": Design(1_000_000, 16, 50, 24, 4, 1, 10, 8, 0, 8, 2, 16, 5, 1),
+    "most": Design(200_000_000, 32, 426, 48, 12, 12, 20, 24, 8, 24, 8, 24, 8, 511),
     "cut to nothing": Design(26_000_000, 26, 125, 26, 12, 12, 13, 13, 3, 13),
 }
 

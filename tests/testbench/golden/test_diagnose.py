@@ -87,9 +87,19 @@ def test_planted_faults_are_named(golden, block):
     assert count[True] >= 0.95 * PLANTED[block], count
 
 
-OTHER = Design(dds_bits=36, sine_address_bits=8, sine_fraction_bits=7, sine_bits=15, accumulator_fraction_bits=13)
+OTHER = Design(
+    dds_bits=36,
+    sine_address_bits=8,
+    sine_fraction_bits=7,
+    sine_bits=15,
+    accumulator_fraction_bits=13,
+    adc_divider=4,
+    adc_word_bits=18,
+    adc_channels=5,
+    adc_tail_clocks=30,
+)
 # Faults of the first seed that change a row, in blocks whose formats follow the design
-PLANTED_OTHER = {"pi": 39, "sine": 29, "dds": 38}
+PLANTED_OTHER = {"pi": 39, "sine": 29, "dds": 38, "spi_adc": 15}
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ pytestmark = yosys
 CHECKERS = RTL / formal.FOLDER
 KICK_TO = "if (frames >= {1'b0, kick}) following = DECAY;"
 STALE = "wire bad = r_faults_flags[STALE] || r_faults_flags[STUCK]"
-SOON = ("LAST_WORD = 4'd8", "LAST_WORD = 4'd0")  # a frame of the ADC that ends after its status word
+SOON = ("LAST_WORD = ADC_CHANNELS[3:0]", "LAST_WORD = 4'd0")  # a frame of the ADC that ends after its status word
 
 
 def kick_to(state):
@@ -91,16 +91,16 @@ PLANTED = {
         "clock_only_selected": ((IDLE, IDLE.replace("if", "r_sclk <= dout; if")),),
         "idle_is_clear": (("r_word       <= 4'd0", "r_word       <= 4'd1"),),
         "words_are_nine": (("r_word + 4'd1", "r_word + 4'd11"),),
-        "word_of_24": (("LAST_BIT = 6'd23", "LAST_BIT = 6'd24"),),
-        "falls_add_up": (("r_count + 6'd1;\n                    if (r_count == LAST_BIT)",
-                          "r_count + 6'd2;\n                    if (r_count == LAST_BIT)"),),
-        "rises_add_up": (("r_sclk <= 1'b1", "r_sclk <= dout"),),
+        "word_of_24": ((" CLOCKS[COUNT-1:0] - ONE", " CLOCKS[COUNT-1:0]"),),
+        "falls_add_up": (("next;\n                    if (half_ends)",
+                          "next + ONE;\n                    if (half_ends)"),),
+        "rises_add_up": (("r_sclk  <= half_ends", "r_sclk  <= dout"),),
         "begins_with_ready": (("r_seen && !r_sync", "r_seen || !r_sync"),),
-        "ends_complete": (("r_sclk <= 1'b1;", "r_sclk <= 1'b1; r_cs_n <= dout;"),),
+        "ends_complete": (("r_sclk  <= half_ends;", "r_sclk  <= half_ends; r_cs_n <= dout;"),),
         "valid_is_complete": (SOON,),
         "valid_one_clock": (SOON, (IDLE, IDLE.replace("1'b0", "r_valid"))),
         "valid_comes": (("r_word + 4'd1", "TAIL"),),
-        "bits_of_the_falls": (("{r_shift[22:0], dout}", "{r_shift[22:0], drdy_n}"),),
+        "bits_of_the_falls": (("{23'd0, dout}", "{23'd0, drdy_n}"),),
         "last_channel": (SOON,),
         "judged_by_head": (SOON,),
     },

@@ -41,7 +41,7 @@ SLIPS = (
     ("dds.v", "r_phase + word", "r_phase + word + 48'd1"),
     ("references.v", "r_signs     <= signs", "r_signs     <= ~signs"),
     ("spi_dac.v", "assign o_sdin = |(", "assign o_sdin = ~|("),
-    ("spi_adc.v", "(r_count == LAST_BIT)", "(r_count == LAST_BIT - 6'd1)"),
+    ("spi_adc.v", "(r_count == LAST_CLOCK)", "(r_count == LAST_CLOCK - ONE)"),
 )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from fpga_model import fault_monitor, modulator, notch, rates, sequencer, sine, spi_adc, spi_dac
+from fpga_model.design_record import DEFAULT
 from fpga_model.fixed import Fmt, bits
 from testbench.golden.coverage import unreachable
 from testbench.golden.stimulus import blocks, stimulus
@@ -164,8 +165,8 @@ def test_reset_comes_at_every_count_of_a_word_and_in_the_tail():
     reset = record("spi_adc", "default")[0]["rst"] == 1
     first = set(regs["count"][reset & (regs["word"] == 0)].tolist())
     assert first == set(range(spi_adc.WORD_BITS))
-    tail = set(regs["count"][reset & (regs["word"] == spi_adc.WORDS)].tolist())
-    assert {0, spi_adc.TAIL_CYCLES - 1} <= tail
+    tail = set(regs["count"][reset & (regs["word"] == 1 + spi_adc.CHANNELS)].tolist())
+    assert {0, DEFAULT.adc_tail_clocks - 1} <= tail
 
 
 def test_sequencer_is_reset_in_every_state():
@@ -339,7 +340,7 @@ def test_spi_adc_completes_good_and_bad_frames():
     _, regs, _ = record("spi_adc", "default")
     assert regs["valid"].sum() > 10
     assert {0, 1} == set(regs["ok"][1:][regs["valid"][1:] == 1].tolist())
-    assert set(regs["count"].tolist()) == set(range(spi_adc.TAIL_CYCLES))
+    assert set(regs["count"].tolist()) == set(range(DEFAULT.adc_tail_clocks))
 
 
 def test_counters_wrap_or_saturate():

@@ -428,7 +428,7 @@ PLANTED = [
     ("spi_dac.v", 1, "r_ldac_n    <= ~r_ldac_wait;", "r_ldac_n    <= r_ldac_wait;"),
     ("spi_dac.v", 0, "{r_shift[22:0], 1'b0}", "{1'b0, r_shift[23:1]}"),
     ("spi_dac.v", 2, "r_sync_n    <= 1'b1;\n            r_sclk_en   <= 1'b0;", "r_sync_n <= 1'b0; r_sclk_en <= 1'b0;"),
-    ("spi_adc.v", 0, "LAST_OF_TAIL = 6'd53", "LAST_OF_TAIL = 6'd54"),
+    ("spi_adc.v", 0, "TAIL_CLOCKS[COUNT-1:0] - ONE", "TAIL_CLOCKS[COUNT-1:0]"),
     ("spi_adc.v", 0, "HEAD = 4'b1100", "HEAD = 4'b1000"),
     ("spi_adc.v", 0, "4'd3: r_channels_2", "4'd3: r_channels_1"),
     ("delay.v", 8, "r_taps_7 <= r_taps_6", "r_taps_7 <= r_taps_5"),
@@ -458,7 +458,7 @@ def test_a_planted_fault_is_seen(name, k, right, wrong, tmp_path):
 def evaluated(high, design):
     """Number of an expression in keys of the design, in capitals."""
     keys = {key.upper(): value for key, value in design._asdict().items()}
-    return eval((high or "0").replace("$", ""), {"clog2": lambda n: (n - 1).bit_length()}, keys)
+    return eval((high or "0").replace("$", "").replace("/", "//"), {"clog2": lambda n: (n - 1).bit_length()}, keys)
 
 
 def declared(text, kind, language, design=DEFAULT):

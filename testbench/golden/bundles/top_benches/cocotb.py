@@ -7,13 +7,18 @@ from analog_frontend.parts import adc_serial
 from testbench.golden.bundles import benches
 from testbench.golden.bundles.benches import PARTS
 from testbench.golden.bundles.benches.template import filled
-from testbench.golden.bundles.top_benches.layout import DEFAULT_FRAMES, PART_BITS, SHOWN_ROWS
+from testbench.golden.bundles.top_benches.layout import DEFAULT_FRAMES, PART_BITS, SHOWN_ROWS, sent_slices
 from testbench.golden.recording import signature
 
 
 def cocotb_test(block, case):
     """cocotb test (1.9 and 2) that is its own runner: RTL=folder python3 test_top.py."""
     stem = block.stem
+    slices, _ = sent_slices(block.record)
+    size, places = adc_serial.WORD_BITS * adc_serial.WORDS, []
+    for high, low in slices:
+        size -= high - low + 1
+        places.append(f"(word >> {low} & {2 ** (high - low + 1) - 1:#x}) << {size}")
     width = sum(p.width for _, p in benches.results(block))
     return filled(
         "top_test.py.in",
@@ -22,6 +27,7 @@ def cocotb_test(block, case):
         sources=repr((*PARTS[stem], stem)),
         default_frames=DEFAULT_FRAMES["cocotb"],
         half_ps=benches.half_ps(block),
+        sent=" | ".join(places) if places[1:] else "word & ((1 << WORD_BITS) - 1)",
         word_bits=adc_serial.WORD_BITS * adc_serial.WORDS,
         pulse=adc_serial.PULSE,
         row_bits=signature.padded(width),

@@ -39,6 +39,15 @@ def constants(design, counts):
     ]
 
 
+def sent_slices(design):
+    """(high, low) bits of a word of adc.hex that the converter sends, in order, and how many zeros follow them."""
+    bits, size = design.adc_word_bits, adc_serial.WORDS * adc_serial.WORD_BITS
+    if bits == adc_serial.WORD_BITS:
+        return [(size - 1, 0)], 0
+    tops = range(size - 1, 0, -adc_serial.WORD_BITS)
+    return [(top, top - bits + 1) for top in tops], size - bits * adc_serial.WORDS
+
+
 def _with(text, before, lines):
     """Text with lines inserted before the last line that begins with `before`."""
     head, mark, tail = text.rpartition(before)

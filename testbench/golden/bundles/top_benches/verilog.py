@@ -8,7 +8,7 @@ Source  docs/golden.md (the whole design), testbench/golden/recording/signature.
 from testbench.golden.bundles import benches
 from testbench.golden.bundles.benches import SHOWN
 from testbench.golden.bundles.benches.template import filled
-from testbench.golden.bundles.top_benches.layout import CLOCK_BITS, GROUP, PART_BITS, SHOWN_ROWS
+from testbench.golden.bundles.top_benches.layout import CLOCK_BITS, GROUP, PART_BITS, SHOWN_ROWS, sent_slices
 from testbench.golden.bundles.top_benches.layout import chunks as chunks_of
 from testbench.golden.recording import signature
 
@@ -85,6 +85,13 @@ def _verilog_reduce():
 `endif"""
 
 
+def _sent(design):
+    """What the converter sends of the present conversion."""
+    slices, zeros = sent_slices(design)
+    parts = [f"adc[conversion][{high}:{low}]" for high, low in slices]
+    return "{" + ", ".join([*parts, f"{zeros}'d0"]) + "}" if zeros else parts[0]
+
+
 def verilog_bench(block, case, counts):
     """Self-checking Verilog bench; needs a simulator with delays, nothing else."""
     found = benches.results(block)
@@ -106,6 +113,7 @@ def verilog_bench(block, case, counts):
         nets="\n".join(nets),
         inputs=", ".join(n for n, _ in inputs),
         instance=benches.instance(block, case, lambda name: name),
+        sent=_sent(block.record),
         gathered=_nested([n for n, _ in found]),
         append=_verilog_append(found, row_bits),
         reduce=_verilog_reduce(),

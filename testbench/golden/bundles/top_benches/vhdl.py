@@ -6,7 +6,7 @@ Source  docs/golden.md (the whole design), testbench/golden/recording/signature.
 from testbench.golden.bundles import benches
 from testbench.golden.bundles.benches import SHOWN
 from testbench.golden.bundles.benches.template import filled
-from testbench.golden.bundles.top_benches.layout import CLOCK_BITS, SHOWN_ROWS, chunks
+from testbench.golden.bundles.top_benches.layout import CLOCK_BITS, SHOWN_ROWS, chunks, sent_slices
 from testbench.golden.recording import signature
 
 
@@ -26,8 +26,11 @@ def vhdl_bench(block, case, counts):
         f"shift_left(resize(leaving, {size}), {64 * back})" if back else f"resize(leaving, {size})"
         for back in signature.BACK
     )
+    slices, zeros = sent_slices(block.record)
+    sent = [f"adc_word({high} downto {low})" for high, low in slices]
     return filled(
         "top.vhd.in",
+        sent=" & ".join([*sent, *([f'"{0:0{zeros}}"'] if zeros else [])]),
         **benches.component(block, case, "feed"),
         shows="\n".join(shows),
         backs=backs,
