@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from tests.processes import difference, ended, killed_after, run_to_end, start, tree_of, wrong_end
+from tests.testbench.command import gyro
 
 OUT = "same"
 NO_PICTURES = ("--set", "output.pictures=false", "--set", "output.html=false")
@@ -65,8 +66,8 @@ def undisturbed():
     """`Undisturbed`, once."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        done = run_to_end(TO_LOCK, folder)
-        assert done.code == 0, done.err
+        done = gyro(*TO_LOCK, folder=folder)
+        assert done.returncode == 0, done.stderr
         state = (folder / "locked/state.h5").read_bytes()
         (folder / "state.h5").write_bytes(state)
         done = run_to_end(RUN, folder)

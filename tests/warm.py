@@ -1,4 +1,4 @@
-"""What a fresh clone compiles before its suite, side by side: the engines; and the tests themselves with the blocks.
+"""What a fresh clone compiles before its suite, side by side: engines, replays, tests with the blocks.
 
 python -m tests.warm, which `make test` calls. Bytecode and runners of blocks would cost each worker of the suite the
 same seconds; where they are there already, only the engines are looked at.
@@ -17,6 +17,13 @@ from fpga_model.block import runner
 from testbench.golden.stimulus import blocks
 
 ENGINES = ("-m", "testbench.run.warmup", "lanes", "baseband")
+# tests that call, before all others, a large kernel that no engine has
+CALLERS = (
+    "tests/testbench/measured/test_residuals.py::test_another_seed_does_not",
+    "tests/testbench/golden/test_recompute.py::test_the_whole_design_is_proved_from_its_recording",
+    "tests/testbench/rtl/test_rtl_top.py::test_the_stimulus_moves_every_register",
+    "tests/analog_frontend/test_top.py::test_copy_shares_nothing",
+)
 
 
 def tests_and_blocks():
@@ -32,6 +39,8 @@ def main():
     engines = subprocess.Popen([sys.executable, *ENGINES], cwd=jit.ROOT)
     if jit.CACHE and not all(jit.is_cached(runner(stem)) for stem in blocks.BLOCKS):
         tests_and_blocks()
+        # whatever they find is told by the suite
+        subprocess.run([sys.executable, "-m", "pytest", "-q", *CALLERS], cwd=jit.ROOT, capture_output=True)
     sys.exit(engines.wait())
 
 

@@ -107,7 +107,9 @@ def read(probe):
     theta = probe.column("theta") / turn
     step = probe.column("word") / turn
     offsets = np.arange(clocks) + 0.5
-    fine = (theta[:, None] + offsets[None, :] * step[:, None]).ravel()
+    fine = offsets * step[:, None]
+    fine += theta[:, None]
+    fine = fine.ravel()
     phase, sigma, amplitude, counter, resolution, lag = {}, {}, {}, {}, {}, {}
     pins = {k: edge_errors_turns(probe.edges, k, probe.design.dds_bits) for k in range(4)}
     chains = (("xe1", "d", "drive", 0, 0), ("ye1", "s", "sense", 1, 2))

@@ -47,13 +47,17 @@ def fits(theta_turns, nodes, free_turns=None):
     free_turns   phase of a second line (turns), such as the ringing sense mode, or None
     Returns a `Reading` for each node. Raises ValueError on fewer than 16 samples or values that are not finite.
     """
-    angle = 2 * np.pi * np.asarray(theta_turns)
-    rows = [np.cos(angle), np.sin(angle), np.ones_like(angle)]
-    if free_turns is not None:
-        free = 2 * np.pi * np.asarray(free_turns)
-        cosine, sine, ramp = np.cos(free), np.sin(free), np.linspace(-1.0, 1.0, free.size)
-        rows += [cosine, sine, ramp * cosine, ramp * sine]
-    basis = np.array(rows)
+    lines = [(0, theta_turns)] + ([] if free_turns is None else [(3, free_turns)])
+    basis = np.empty((7 if len(lines) > 1 else 3, np.size(theta_turns)))
+    basis[2] = 1.0
+    # in place: millions of samples take longer to copy than to compute
+    for row, turns in lines:
+        cosine, angle = basis[row : row + 2]
+        np.multiply(2 * np.pi, turns, out=angle)
+        np.cos(angle, out=cosine)
+        np.sin(angle, out=angle)
+    if len(lines) > 1:
+        np.multiply(np.linspace(-1.0, 1.0, basis.shape[1]), basis[3:5], out=basis[5:])
     gram = basis @ basis.T
     return [_reading(basis, gram, np.asarray(samples, float)) for samples in nodes]
 
@@ -61,10 +65,11 @@ def fits(theta_turns, nodes, free_turns=None):
 def _reading(basis, gram, samples):
     if samples.size < 16 or not np.all(np.isfinite(samples)):
         raise ValueError(f"phase fit: needs at least 16 finite samples, got {samples.size}")
-    scale = np.max(np.abs(samples)) or 1.0
+    scale = max(samples.max(), -samples.min()) or 1.0
     scaled = samples / scale
     coefficients = np.linalg.solve(gram, basis @ scaled)
-    residual = scaled - coefficients @ basis
+    residual = coefficients @ basis
+    np.subtract(scaled, residual, out=residual)
     variance = residual @ residual / max(samples.size - len(basis), 1)
     amplitude = np.hypot(coefficients[0], coefficients[1])
     covariance = np.linalg.inv(gram)

@@ -35,7 +35,8 @@ RATE_DPS, READ_S = 20.0, 0.5
 SEED, FEW = 24, 2
 DRAWS = int(os.environ.get("BOARD_DRAWS", "0"))  # of each board: `make boards`
 PULLED = (("published_3k9", 16), ("published_3k9", 19), ("fast_dacs", 12))  # their edges dwell
-QUICK = (*((name, None) for name in EVERY if name != "disk_14khz"), *((n, k) for n in OTHER_DESIGNS for k in (0, 1)))
+# disk_14khz locks in the fast set by the command line, see the runs of every board
+QUICK = (*((name, None) for name in EVERY if name != "disk_14khz"), *((name, 0) for name in OTHER_DESIGNS))
 PHASE_DEG = 0.003
 closed_loop = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="closed loop: too slow interpreted")
 
@@ -235,6 +236,11 @@ def test_spectra_of_codes_are_drawn_over_the_rate_of_the_board():
     assert simulate.run(configuration.changed(board("fast_dacs"), short)).plots["spectra"]["rate_hz"] == 2e6
 
 
+def but(names, *quick):
+    """Boards as parameters, slow but for some."""
+    return [pytest.param(name, marks=[pytest.mark.slow] * (name not in quick)) for name in names]
+
+
 def drawn(name, number):
     """A board, or one of its draws."""
     return board(name) if number is None else tolerances.draw(board(name), SEED, number)
@@ -356,9 +362,9 @@ def test_the_frequency_loop_makes_the_edges_of_a_plant_dwell(name, number):
 
 
 @closed_loop
-@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * (n == "fast_dacs")) for n in EVERY])
+@pytest.mark.parametrize("name", but(EVERY, "published_3k9", "disk_14khz_fy_above"))
 def test_frame_and_clocked_engine_agree_on_a_board(name):
-    """Registers and codes of 0.7 s from power-on: kick, search, ring-up."""
+    """Registers and codes of 0.7 s from power-on: kick, search, ring-up; other designs too: engines/test_designs.py."""
     states = []
     for engine in ("frame", "clocked"):
         config = configuration.changed(board(name), {"scenario.engine": engine})
@@ -415,7 +421,7 @@ def default_keys(tmp_path_factory):
 
 
 @closed_loop
-@pytest.mark.parametrize("name", [*NAMES, *OTHER_DESIGNS])
+@pytest.mark.parametrize("name", but(EVERY, "disk_14khz", "low_cost"))
 def test_a_run_of_every_board_prints_the_same_keys_and_leaves_a_record(name, tmp_path, default_keys):
     config, found = configuration.load(FOLDER / f"{name}.toml"), said(tmp_path, "--config", FOLDER / f"{name}.toml")
     assert keys_of(found) == default_keys

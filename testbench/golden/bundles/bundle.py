@@ -37,6 +37,7 @@ REPLAY_SCHEMA = "gyro-golden-replay/1.0"
 MANIFEST = "manifest.json"
 BUILD = "build"
 WORDS = ("stim", "exp", "mask")
+HEX = np.frombuffer(b"0123456789abcdef", np.uint8)
 # Files of a replay: bits of a word, and the key of the manifest that counts them
 REPLAYED = {"at": (32, "n"), "sig": (64, "frames"), "adc": (248, "conversions"), "host": (92, "host_events"),
             "sar": (36, "samples")}  # fmt: skip
@@ -121,8 +122,10 @@ def port_files(named, rows):
     """{path: text} of one hex file per port; `named` is (name, Port) for each column of `rows`."""
     files = {}
     for k, (name, found) in enumerate(named):
-        count, mask = digits(found.width), (1 << found.width) - 1
-        files[f"ports/{name}.hex"] = "".join([f"{value & mask:0{count}x}\n" for value in rows[:, k].tolist()])
+        words = (rows[:, k] & ((1 << found.width) - 1)).astype(">u8").view(np.uint8).reshape(-1, 8)
+        lines = np.full((len(words), 17), ord("\n"), np.uint8)
+        lines[:, 0:16:2], lines[:, 1:16:2] = HEX[words >> 4], HEX[words & 15]
+        files[f"ports/{name}.hex"] = lines[:, 16 - digits(found.width) :].tobytes().decode("ascii")
     return files
 
 

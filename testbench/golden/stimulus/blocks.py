@@ -168,12 +168,18 @@ def of_firmware(params):
     return {stem: block._replace(cases=cases[stem]) for stem, block in found.items()}
 
 
+@functools.cache
+def _made_of(stem, record):
+    """(structure, shapes) of the arguments of `step`, found once: every row of a block asks for them."""
+    module = declared()[stem]
+    return tuple(registry.structure(module, record).values()), tuple(registry.shapes(module).values())
+
+
 def given(block, params, values):
     """Arguments of `step` but for s, from the flat values of its inputs; structure and parameters first, if any."""
+    structure, shapes = _made_of(block.stem, block.record)
     value = iter(values)
-    module = declared()[block.stem]
-    shapes, structure = registry.shapes(module), registry.structure(module, block.record).values()
-    found = [filled(shape, lambda _: next(value)) for shape in shapes.values()]
+    found = [filled(shape, lambda _: next(value)) for shape in shapes]
     return [*structure, *found] if block.runtime_params or params is None else [*structure, params, *found]
 
 

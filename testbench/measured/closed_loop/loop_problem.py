@@ -410,6 +410,8 @@ class Fine:
         rows = self._draws[self.segments[k].group]
         return rows[rng.integers(len(rows))] * np.sqrt(len(rows) / (len(rows) - 1))
 
+    noise_draws = Problem.noise_draws
+
     def floor(self, k):
         rows, s = self._draws[self.segments[k].group], self.segments[k]
         return {

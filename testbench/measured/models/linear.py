@@ -1,6 +1,6 @@
 """A problem whose prediction is a sum of known columns: y_k = sum_j theta_j A_kj + sum_l c_l B_kl, and its noise.
 
-    Noise objects   whiten(v): unit variance and white; draw(rng): one draw; sd: (n,) rms of each feature
+    Noise objects   whiten(v): unit variance and white; draws(count, rng): (n, count); sd: (n,) rms of each feature
     diagonal        independent features of known sd
     dense           any covariance, up to a few thousand features
     common          channels x points, own sd of each channel and one error that all channels see
@@ -27,8 +27,8 @@ class Diagonal:
     def whiten(self, v):
         return v / (self.sd if v.ndim == 1 else self.sd[:, None])
 
-    def draw(self, rng):
-        return self.sd * rng.normal(size=len(self.sd))
+    def draws(self, count, rng):
+        return (self.sd * rng.normal(size=(count, len(self.sd)))).T
 
 
 class Dense:
@@ -41,8 +41,8 @@ class Dense:
     def whiten(self, v):
         return solve_triangular(self.root, v, lower=True)
 
-    def draw(self, rng):
-        return self.root @ rng.normal(size=len(self.sd))
+    def draws(self, count, rng):
+        return self.root @ rng.normal(size=(count, len(self.sd))).T
 
 
 class Common:
@@ -64,9 +64,10 @@ class Common:
         w = v.reshape(*self.shape, -1)
         return np.einsum("pcd,dpk->cpk", self._root, w).reshape(v.shape)
 
-    def draw(self, rng):
-        own = self.own * rng.normal(size=self.shape)
-        return (own + self.common * rng.normal(size=self.shape[1])).ravel()
+    def draws(self, count, rng):
+        channels, points = self.shape
+        unit = rng.normal(size=(count, channels + 1, points))
+        return (self.own * unit[:, :-1] + self.common * unit[:, -1:]).reshape(count, -1).T
 
 
 def floor_of(noise, segment):
@@ -119,7 +120,10 @@ class LinearProblem(PartProblem, adds="noise columns"):
         return self.noise[k].whiten(v)
 
     def noise_draw(self, k, rng):
-        return self.noise[k].draw(rng)
+        return self.noise_draws(k, 1, rng)[:, 0]
+
+    def noise_draws(self, k, count, rng):
+        return self.noise[k].draws(count, rng)
 
     def floor(self, k):
         return floor_of(self.noise[k], self.segments[k])

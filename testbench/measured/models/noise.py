@@ -51,13 +51,16 @@ class Noise(NamedTuple):
 
     def draw(self, n, rng):
         """One draw of n rows."""
+        return self.draws(n, 1, rng)[:, 0]
+
+    def draws(self, n, count, rng):
+        """(n, count) draws."""
         if not len(self.a):
-            return self.sd * rng.normal(size=n)
-        out, taps = [], np.concatenate([[1.0], -self.a])
-        for piece in self._pieces(n):
-            m, warm = piece.stop - piece.start, 40 * len(self.a) + 400
-            out.append(lfilter([self.b], taps, rng.normal(size=m + warm))[warm:])
-        return self.sd * np.concatenate(out)
+            return (self.sd * rng.normal(size=(count, n))).T
+        taps, warm = np.concatenate([[1.0], -self.a]), 40 * len(self.a) + 400
+        ends = np.cumsum([piece.stop - piece.start + warm for piece in self._pieces(n)])
+        kicks = np.split(rng.normal(size=(count, ends[-1])), ends[:-1], axis=1)
+        return (self.sd * np.concatenate([lfilter([self.b], taps, u)[:, warm:] for u in kicks], axis=1)).T
 
 
 def neighbours(ratio):

@@ -71,8 +71,9 @@ class LogChi2(Diagonal):
         super().__init__(DB * np.sqrt(polygamma(1, dof / 2)))
         self.dof = dof
 
-    def draw(self, rng):
-        return DB * (np.log(rng.chisquare(self.dof) / self.dof) - digamma(self.dof / 2) + np.log(self.dof / 2))
+    def draws(self, count, rng):
+        power = rng.chisquare(self.dof, size=(count, len(self.dof))) / self.dof
+        return (DB * (np.log(power) - digamma(self.dof / 2) + np.log(self.dof / 2))).T
 
 
 def line(hz, f0, q):
@@ -284,7 +285,10 @@ class RestProblem(PartProblem, adds="rest found bins time_s axes names"):
         return self._noise[k].whiten(v)
 
     def noise_draw(self, k, rng):
-        return self._noise[k].draw(rng)
+        return self.noise_draws(k, 1, rng)[:, 0]
+
+    def noise_draws(self, k, count, rng):
+        return self._noise[k].draws(count, rng)
 
     def floor(self, k):
         return floor_of(self._noise[k], self.segments[k])

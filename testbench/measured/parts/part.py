@@ -104,7 +104,10 @@ class Part(PartProblem, adds=f"{MEMBERS} model locate whole simulated"):
         return self.pieces[k].noise.whiten(v)
 
     def noise_draw(self, k, rng):
-        return self.pieces[k].noise.draw(len(self.pieces[k].scored), rng)
+        return self.noise_draws(k, 1, rng)[:, 0]
+
+    def noise_draws(self, k, count, rng):
+        return self.pieces[k].noise.draws(len(self.pieces[k].scored), count, rng)
 
     def floor(self, k):
         return {self.observable: self.pieces[k].floor}

@@ -22,7 +22,6 @@ from scipy.stats import chi2 as chi2_law
 from testbench.tracing.fit.rivals import confirmation, sigma_along
 from testbench.tracing.problem.model import Model
 from testbench.tracing.problem.predictor import Failed
-from testbench.tracing.problem.problem import draws_of
 
 BLOCKS, BOOTSTRAPS, LEVEL = 12, 2000, 0.95
 SIMULATED, NUMBERS = 1000, 20_000_000  # simulated held-out sets, and numbers drawn for them at most
@@ -111,10 +110,10 @@ def simulated(problem, space, predictions, directions, by, rng):
     count = int(np.clip(NUMBERS // max(total * len(predictions), 1), 100, SIMULATED))
     xi = rng.normal(size=(directions[0].shape[1], count))
     for g, group in enumerate(space.groups):
-        own_error = own * draws_of(problem, group.members[0], count, rng) if own else 0.0
+        own_error = own * problem.noise_draws(group.members[0], count, rng) if own else 0.0
         common = directions[g] @ xi + own_error
         for k in group.members:
-            noise = draws_of(problem, k, count, rng) + common
+            noise = problem.noise_draws(k, count, rng) + common
             for o in problem.segments[k].observables:
                 key = _key(by, problem.segments[k], o)
                 e = [noise[o.rows] + (predictions[-1][g] - p[g])[o.rows, None] for p in predictions]
@@ -140,8 +139,8 @@ def chi2_sets(space, root, rng):
     problem, parts = space.problem, []
     own = np.sqrt(problem.prediction_noise)
     for g, w in zip(space.groups, space.weights):
-        mean = np.mean([draws_of(problem, k, CHI2_SETS, rng) for k in g.members], axis=0)
-        mean = mean + (own * draws_of(problem, g.members[0], CHI2_SETS, rng) if own else 0.0)
+        mean = np.mean([problem.noise_draws(k, CHI2_SETS, rng) for k in g.members], axis=0)
+        mean = mean + (own * problem.noise_draws(g.members[0], CHI2_SETS, rng) if own else 0.0)
         parts.append(w * space.whitened(g.members[0], mean) / space.gain)
     z = np.concatenate(parts) + root @ rng.normal(size=(root.shape[1], CHI2_SETS))
     return (z**2).mean(axis=0)

@@ -18,7 +18,7 @@ import numpy as np
 from testbench.tracing.fit.rank import Projection, prior_z, rank
 from testbench.tracing.noise.statistics import Statistics, ranks
 from testbench.tracing.problem.checkpoint import digest
-from testbench.tracing.problem.problem import all_laws, draws_of
+from testbench.tracing.problem.problem import all_laws
 
 BATCH = 4_000_000  # numbers in memory per batch of draws
 
@@ -66,7 +66,7 @@ def declared_draws(space, count, rng):
     """(rows, count) draws of the problem's noise, whitened: the law of a mean's residual if that noise is true."""
     ks = [g.members[0] for g in space.groups]
     return space.refine(
-        np.concatenate([space.whitened(k, draws_of(space.problem, k, count, rng)) / space.gain for k in ks])
+        np.concatenate([space.whitened(k, space.problem.noise_draws(k, count, rng)) / space.gain for k in ks])
     )
 
 

@@ -125,6 +125,10 @@ class Problem:
         """One draw of the noise of segment k, (n,)."""
         raise NotImplementedError
 
+    def noise_draws(self, k, count, rng):
+        """(n, count) draws of the noise of segment k."""
+        return np.stack([self.noise_draw(k, rng) for _ in range(count)], axis=1)
+
     def floor(self, k):
         """{observable: rms of segment k's repeatability}."""
         raise NotImplementedError
@@ -149,11 +153,6 @@ class Problem:
 def all_laws(problem):
     """{name: Law} of catalogue and library; a name is in one of them."""
     return {law.name: law for law in (*problem.laws, *problem.library)}
-
-
-def draws_of(problem, k, count, rng):
-    """(n, count) draws of the noise of segment k."""
-    return np.stack([problem.noise_draw(k, rng) for _ in range(count)], axis=1)
 
 
 def _unique(what, names):

@@ -311,7 +311,7 @@ def one_line(text):
     )
 
 
-@settings(max_examples=400)
+@settings(max_examples=3 * settings.default.max_examples)
 @example([("output.columns", [[False, 1e14, "a long text of no meaning", 1e14, 1e14]])])
 @given(st.lists(st.tuples(st.sampled_from(KEYS), nonsense), min_size=1, max_size=4))
 def test_nonsense_in_known_keys_is_refused_in_one_line(pairs):

@@ -128,11 +128,15 @@ RATES = {
         },
     ),
 }
+FAST_RETIMED = ("52 MHz, DACs at 2 MHz",)  # the other rates are tested without re-timing, the rest is slow
 
 
 @needs_compiler
-@pytest.mark.parametrize("retimed", [True, False], ids=["retimed", "any clock"])
-@pytest.mark.parametrize("rate", RATES)
+@pytest.mark.parametrize(
+    ("rate", "retimed"),
+    [pytest.param(rate, retimed, marks=[pytest.mark.slow] * (retimed != (rate in FAST_RETIMED)))
+     for rate in RATES for retimed in (True, False)],
+)  # fmt: skip
 def test_other_rates_are_within_every_limit(rate, retimed):
     case, (file, values) = Case((0.0, 30.0)), RATES[rate]
     board = config.changed(config.load(BOARDS / file), values)

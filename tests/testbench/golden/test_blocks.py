@@ -9,6 +9,7 @@ import pytest
 
 import fpga_model
 from fpga_model import sine
+from fpga_model.block import python_of
 from fpga_model.design_record import DEFAULT
 from testbench import flatten
 from testbench.golden.stimulus import blocks, stimulus
@@ -22,12 +23,11 @@ def module_of(stem):
 
 
 def arguments(stem):
-    step = module_of(stem).step
-    return list(inspect.signature(getattr(step, "py_func", step)).parameters)
+    return list(inspect.signature(python_of(module_of(stem).step)).parameters)
 
 
 def slow_step(stem, params, state, values):
-    """One edge by the step function itself, called from Python, its inputs put together by hand."""
+    """One edge by the step function itself, interpreted, its inputs put together by hand."""
     module, values = module_of(stem), list(values)
     if blocks.BLOCKS[stem].runtime_params:
         count = len(module.Params._fields)
@@ -41,7 +41,7 @@ def slow_step(stem, params, state, values):
     before = [(structure | own)[name] for name in arguments(stem) if name in structure or name == "s"]
     if params is not None:
         before.insert(-1, params)
-    return module.step(*before, *values)
+    return python_of(module.step)(*before, *values)
 
 
 def test_every_block_of_the_firmware_is_there():

@@ -126,11 +126,12 @@ def test_all_bundles_of_all_boards_pass_on_the_reference_rtl(board, tmp_path):
 
 
 @ghdl
+@pytest.mark.parametrize("every", [False, pytest.param(True, marks=pytest.mark.slow)], ids=["one case", "every case"])
 @pytest.mark.parametrize("stem", [stem for stem in VHDL if stem in KEYED])
-def test_vhdl_takes_the_design_too(stem, low_cost):
-    for folder in (p for p in low_cost(stem).iterdir() if p.is_dir()):
-        assert passes(folder, "ghdl")
+def test_vhdl_takes_the_design_too(stem, every, low_cost):
     case = next(iter(blocks.BLOCKS[stem].cases))
+    for folder in (p for p in low_cost(stem).iterdir() if p.is_dir() and (every or p.name == case)):
+        assert passes(folder, "ghdl")
     done = check(low_cost(stem) / case, "ghdl", RTL)
     assert done.returncode == 0, done.stdout
 
@@ -276,7 +277,7 @@ def settings(block, case):
 
 @verilator
 @pytest.mark.parametrize("stem", KEYED)
-@pytest.mark.parametrize("name", DESIGNS)
+@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * (n in BOARD_NAMES)) for n in DESIGNS])
 def test_verilator_has_no_warning_at_another_design(stem, name, tmp_path):
     block = blocks.of_record(DESIGNS[name])[stem]
     options = settings(block, next(iter(block.cases)))

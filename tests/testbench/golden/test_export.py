@@ -17,7 +17,6 @@ from testbench.errors import ConfigError
 from testbench.golden import cli
 from testbench.golden.bundles import benches, bundle, export
 from testbench.golden.stimulus import blocks
-from tests.testbench.golden.benching import but_counting
 
 PINNED = Path(__file__).with_name("golden_sha256.json")
 PAGE = Path(__file__).resolve().parents[3] / "docs" / "golden.md"
@@ -92,7 +91,10 @@ def digests(folder):
     return {f"{folder.name}/{p.parent.name}": json.loads(p.read_text())["manifest_sha256"] for p in found}
 
 
-@pytest.mark.parametrize("stem", but_counting(blocks.BLOCKS))
+# the ranges of the sequencer take seconds to prove
+@pytest.mark.parametrize(
+    "stem", [pytest.param(stem, marks=[pytest.mark.slow] * (stem == "sequencer")) for stem in blocks.BLOCKS]
+)
 def test_bundles_are_those_that_were_shipped(bundles, stem):
     """To ship others: `gyro golden export all --out DIR --json`, and put the hashes into golden_sha256.json."""
     pinned = json.loads(PINNED.read_text())

@@ -280,7 +280,7 @@ def _program(s, x, y):
     return a, b, c, d, e
 
 
-@settings(max_examples=300)
+@settings(max_examples=3 * settings.default.max_examples)
 @given(st.tuples(*[st.integers(-40, 40)] * 4), st.integers(0, 10**9))
 def test_one_evaluation_covers_every_number(ends, seed):
     """Every result of the program on numbers lies in what the interpreter says for the box around them."""

@@ -46,6 +46,7 @@ PARTS = sorted({path.name for path in RTL.glob("*.v")} - {"top.v"})
 PINS = tuple(
     name for name in engine.PIN_COLUMNS if name not in ("drdy_n", "dout", "drive_code", "sense_code", "quadrature_code")
 )
+FEW = 5000  # rows of the fast set
 ADC_PERIOD = 560  # clocks between conversions: a read takes 489
 GAP = (16, 20)  # conversions that do not come: the watchdog takes over
 
@@ -216,10 +217,10 @@ def recorded(digital):
 
 
 @functools.cache
-def expected(digital):
-    """What the registers and pins hold before each edge, as hex."""
+def expected(digital, rows=None):
+    """What the registers and pins hold before each edge, or the first ones, as hex."""
     _, _, regs, pins = recorded(digital)
-    return hexed(np.column_stack([regs, pins]), [fmt for _, fmt in OUTPUTS])
+    return hexed(np.column_stack([regs, pins])[:rows], [fmt for _, fmt in OUTPUTS])
 
 
 def hexed(rows, formats):
@@ -319,7 +320,7 @@ def under_icarus(b, stim, folder, changed=None):
 
 def difference(found, digital):
     """None, or the first row and what differs in it. Row 0 is before the first reset: anything may stand there."""
-    for n, (got, want) in enumerate(zip(found, expected(digital), strict=False)):
+    for n, (got, want) in enumerate(zip(found, expected(digital, FEW if len(found) <= FEW else None), strict=False)):
         if n == 0 or got == want:
             continue
         if not re.fullmatch("[0-9a-f]+", got):
@@ -344,7 +345,7 @@ BOARDS = pytest.mark.parametrize(
 @icarus
 @pytest.mark.parametrize(
     ("digital", "rows"),
-    [(False, 5000), *(pytest.param(digital, None, marks=pytest.mark.slow) for digital in (False, True))],
+    [(False, FEW), *(pytest.param(digital, None, marks=pytest.mark.slow) for digital in (False, True))],
 )
 def test_verilog_holds_what_the_model_holds(digital, rows, tmp_path):
     """All rows, or the first ones: start-up, host writes, resets."""

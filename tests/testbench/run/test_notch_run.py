@@ -86,9 +86,13 @@ def test_a_state_continues_only_with_the_same_notch(tmp_path):
     on, off = (Simulation(config, 25.0, 25.0) for config in (ON, OFF))
     assert on.register_count == off.register_count + 4
     assert on.layout() != off.layout()
-    on.advance(FRAME_TICKS, 0.0, 25.0)
+    # no run: an engine would be compiled for it
+    control = on.state.fpga.control
+    control = control._replace(notch=type(control.notch)(*range(3, 7)))
+    on.state = on.state._replace(fpga=on.state.fpga._replace(control=control))
     state_file.save_state(tmp_path / "on.h5", *on.dump())
     again = Simulation(ON, 25.0, 25.0)
+    assert again.state.fpga != on.state.fpga
     again.restore(tmp_path / "on.h5")
     assert again.state.fpga == on.state.fpga
     with pytest.raises((ConfigError, FileError), match=r"on\.h5"):

@@ -292,7 +292,7 @@ def test_a_living_run_has_its_folder_alone(interrupted, tmp_path, argv):
     living.release()
 
 
-FLIPS = 60  # bits; the slow set tries 500
+FLIPS = 40  # bits; the slow set tries 500
 
 
 def flipped(path, rng, end=None):
@@ -401,7 +401,7 @@ PEAKS = """
 import resource, sys
 from testbench import config, simulate
 
-sets = ["scenario.seconds=10", "scenario.diagnose=false", "output.checkpoint_s=0.5", f'scenario.resume="{sys.argv[1]}"']
+sets = ["scenario.seconds=6", "scenario.diagnose=false", "output.checkpoint_s=0.5", f'scenario.resume="{sys.argv[1]}"']
 job = simulate.Run(config.load(overrides=sets), sys.argv[2])
 job.start(None)
 begin, seen = job.sim.tick, {}
@@ -410,16 +410,16 @@ def say(text, done, total):
     seen.setdefault(done // 1_000_000, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
 
 job.play(say)
-print(seen[2], seen[10], job.recording.spool.rows)
+print(seen[2], seen[6], job.recording.spool.rows)
 """
 
 
 def test_memory_does_not_grow_with_simulated_time(locked, tmp_path):
-    """All columns, checkpoints twice a second; without streams to the disk, 8 s would be 12 MB."""
+    """All columns, checkpoints twice a second; without streams to the disk, 4 s would be 6 MB."""
     got = done(tmp_path, [], "-c", PEAKS, str(locked[0]), str(tmp_path / "out"))
     assert got.returncode == 0, got.stderr
     early_kb, late_kb, rows = map(int, got.stdout.split())
-    assert rows > 10 * 8000 - 8192
+    assert rows > 6 * 8000 - 8192
     assert late_kb - early_kb < 3000
 
 
