@@ -8,6 +8,9 @@
               poles of the SID and by the converter's sinc3
     carrier   the DAC's image k f_tick +- f reaches the drive frequency by the carrier, off by |f_carrier - k f_tick|
     DDS       half a step of the word turns the drive by atan((step / 2) / (f / 2Q)) until the loop takes the next word
+    memory    the frequency loop remembers the edges of 1/w_c, n = 2f/w_c, at the places frac(k f_tick / 2f) of a tick.
+              Theta may move by the largest gap between two of the places before an edge moves. The mean of the word
+              over T with Hann's weights, whose variation is 4/T, is known to 2/T times that gap in turns
 
 Mean of a sawtooth of 1 peak to peak and beat b over T: within min(1/2, 1/(8 b T)). Answered by the loop, with d = f/2Q:
 
@@ -33,6 +36,7 @@ MOST_PLACES = 24  # of a tick: at 11 kHz what is finer wanders by less than a si
 HARMONICS = (1, 2)
 LINES = np.arange(1, 65)  # of the beat: the SID leaves nothing of higher ones where the bound is below 1/2
 ROUNDS = 20  # from the slowest beat that the loop can make, each nearer to its own
+MEAN_S = 1.0  # of which the plan states the frequency's mean
 LEAST_STEPS = 4  # of the DDS within the half bandwidth f / 2Q
 SEEN_DB = -100.0  # of the sense signal: a weaker alias is below a millionth of it
 
@@ -94,6 +98,18 @@ def slide_deg(f_hz, seconds, design=DEFAULT, loop=None):
     return max(s.wander_deg * dwell(s.beat_hz, seconds, loop) for s in slides(f_hz, design))
 
 
+def gap_turns(f_hz, loop, design=DEFAULT):
+    """Turns (peak to peak) of theta that move no edge: the largest gap between places of those in the loop's memory."""
+    edges = np.arange(int(f_hz / (math.pi * loop.crossover_hz)))
+    places = np.sort(edges * (design.tick_hz / (2 * f_hz)) % 1.0)
+    return float(np.diff(places, append=places[0] + 1.0).max()) * f_hz / design.tick_hz
+
+
+def word_hz(f_hz, seconds, loop, design=DEFAULT):
+    """Largest error (Hz) that this wander leaves of the word's Hann-weighted mean over `seconds`."""
+    return 2 * gap_turns(f_hz, loop, design) / seconds
+
+
 def alias_hz(f_hz, rate_hz):
     """Where a tone is seen after sampling (Hz, 0 .. half the rate)."""
     return abs(f_hz - round(f_hz / rate_hz) * rate_hz)
@@ -115,6 +131,8 @@ def plan(device, bandwidth_hz, f_tolerance=0.0, design=DEFAULT, loop=None):
     ratio = f"edges on the tick, {slow.places} places, exact at {slow.exact_hz:.1f} Hz"
     off_deg = slow.wander_deg * dwell(slow.beat_hz, math.inf, loop)
     effect = f"references wander by {slow.wander_deg:.3f} deg, about a mean that is {off_deg:.3f} deg off"
+    if loop is not None:
+        effect += f"; the mean frequency of {MEAN_S:g} s is known to {1e6 * word_hz(f, MEAN_S, loop, design):.0f} uHz"
     found = [Meeting(ratio, slow.beat_hz, bandwidth_hz, effect)]
     for h in HARMONICS:
         level = ripple_db(h * f, device)

@@ -35,8 +35,13 @@ RATE_DPS, READ_S = 20.0, 0.5
 SEED, FEW = 24, 2
 DRAWS = int(os.environ.get("BOARD_DRAWS", "0"))  # of each board: `make boards`
 PULLED = (("published_3k9", 16), ("published_3k9", 19), ("fast_dacs", 12))  # their edges dwell
+WANDERERS = (("paper", 8), ("paper", 14), ("published_3k9", 3), ("fast_dacs", 2))  # of the page
 # disk_14khz locks in the fast set by the command line, see the runs of every board
-QUICK = (*((name, None) for name in EVERY if name != "disk_14khz"), *((name, 0) for name in OTHER_DESIGNS))
+QUICK = (
+    *((name, None) for name in ("paper", *EVERY) if name != "disk_14khz"),
+    WANDERERS[0],
+    *((name, 0) for name in OTHER_DESIGNS),
+)
 PHASE_DEG = 0.003
 closed_loop = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="closed loop: too slow interpreted")
 
@@ -110,10 +115,14 @@ def slide_rad(p):
     return 0.0
 
 
-def word_hz(config):
-    """Bound of what the step of the frequency word leaves of its mean: the loop turns x by what one step answers."""
+def word_hz(config, seconds=READ_S):
+    """Bound of what unseen turns of theta leave of the word's mean, Hann's weights.
+
+    A step of the word: the loop turns x by what one step answers. Re-timed edges: the plan's.
+    """
+    loop, f_hz = drive_loops.frequency_loop(config), parts.parts(config).w_rad_s / (2 * math.pi)
     turns = build.lsb_hz(config) / (2 * math.pi * config.firmware.pll_crossover_hz)
-    return turns / (READ_S / 2)
+    return turns / (seconds / 2) + frequency_plan.word_hz(f_hz, seconds, loop, config.design_record())
 
 
 def check_rest_and_scale(config):
@@ -254,7 +263,7 @@ def draws(quick, few=FEW, more=(), names=("paper", *EVERY)):
 
 
 @closed_loop
-@pytest.mark.parametrize(("name", "number"), draws(QUICK, names=EVERY))
+@pytest.mark.parametrize(("name", "number"), draws(QUICK, more=WANDERERS[:1]))
 def test_a_plant_locks_and_rests_where_its_configuration_says(name, number):
     check_rest_and_scale(drawn(name, number))
 
@@ -308,6 +317,28 @@ def test_phases_of_a_plant_are_those_of_its_budget(name, number):
         limit = PHASE_DEG + 2 * off.std(ddof=1) / math.sqrt(len(off))
         limit += slide if node in ("xe1", "ye1") else 0.0
         assert abs(off.mean()) <= limit, (node, off.mean(), limit)
+
+
+@closed_loop
+@pytest.mark.parametrize(
+    ("name", "number"), [pytest.param(*w, marks=[pytest.mark.slow] * (w != WANDERERS[0])) for w in WANDERERS]
+)
+def test_the_mean_word_of_a_plant_wanders_within_the_gap_of_its_edges(name, number):
+    """Largest error of means over half a second, of three seconds: not beyond the bound, and a fifth of it."""
+    config = drawn(name, number)
+    lab, f_hz = settled(config), parts.parts(config).w_rad_s / (2 * math.pi)
+    watch = Rows(("frequency_word",), build.lsb_hz(config))
+    lab.sim.sinks.append(watch)
+    lab.wait(3.0)
+    off = np.concatenate(watch.pieces)[:, 0] * build.lsb_hz(config) - f_hz
+    rows = round(READ_S * lab.sim.design.frame_hz)
+    weights = np.sin(np.pi * (np.arange(rows) + 0.5) / rows) ** 2
+    means = np.lib.stride_tricks.sliding_window_view(off, rows)[:: rows // 4] @ weights / weights.sum()
+    bound = frequency_plan.word_hz(f_hz, READ_S, drive_loops.frequency_loop(config), lab.sim.design)
+    assert bound / 5 < np.abs(means).max() <= bound
+    page = (FOLDER.parent / "design_of_loops.md").read_text()
+    cells = page.partition(f"| {name}, {number} | mean word | ")[2].partition("\n")[0].strip(" |").split(" | ")
+    assert [float(cell) for cell in cells] == pytest.approx([1e6 * bound, 1e6 * np.abs(means).max()], abs=0.6)
 
 
 PULL_S, SHARES = 4.0, (1.0, 0.25, 0.0)

@@ -1,5 +1,6 @@
 """The frequency plan against edges, tones and samples counted one by one."""
 
+import itertools
 import math
 import re
 from collections import deque
@@ -187,7 +188,32 @@ def test_the_plan_says_where_the_loop_leaves_the_edges():
     assert still.endswith("about a mean that is 0.000 deg off")
     off_deg = float(re.search(r"mean that is (\S+) deg", moved)[1])
     late = dwelling(near.fx_hz, 1e6, 3.0, loop.corner_hz, loop.half_width_hz, 12.0)[6 * 12500 :]
+    known = float(re.search(r"1 s is known to (\S+) uHz", moved)[1])
+    assert known == pytest.approx(1e6 * frequency_plan.word_hz(near.fx_hz, 1.0, loop), abs=0.5)
     assert off_deg == pytest.approx(float(np.average(late, weights=hann(len(late)))), rel=0.02)
+
+
+@pytest.mark.parametrize("f_hz", [3925.29, 11002.3, 10981.5])
+def test_within_the_gap_no_edge_of_the_loops_memory_moves(f_hz):
+    """Theta turned in small steps: the longest way on which every edge keeps its tick."""
+    loop = drive_loops.frequency_loop(Config())._replace(crossover_hz=30.0)
+    k = np.arange(int(2 * f_hz / (2 * math.pi * 30.0)))
+    steps = 40_000
+    ticks = [np.ceil(k * DEFAULT.tick_hz / (2 * f_hz) + turned / steps) for turned in range(2 * steps)]
+    moved = np.flatnonzero([not np.array_equal(one, other) for one, other in itertools.pairwise(ticks)])
+    longest = np.diff(moved).max() / steps * f_hz / DEFAULT.tick_hz
+    assert frequency_plan.gap_turns(f_hz, loop) == pytest.approx(longest, abs=f_hz / DEFAULT.tick_hz / steps * 1.01)
+
+
+def test_no_wander_within_the_gap_leaves_more_of_a_mean_word():
+    """The worst of all is a step in the middle, and the bound is its mean."""
+    loop, f_hz, n = drive_loops.frequency_loop(Config()), 11002.3, 4000
+    gap, weights = frequency_plan.gap_turns(f_hz, loop), hann(n) / hann(n).sum()
+    rng = np.random.default_rng(1)
+    worst = np.where(np.arange(n + 1) <= n // 2, -gap / 2, gap / 2)
+    walks = [worst, *(gap * (rng.random(n + 1) - 0.5) for _ in range(50)), gap / 2 * np.sin(np.arange(n + 1) / 300)]
+    means = [abs(weights @ np.diff(theta)) * n / 0.5 for theta in walks]
+    assert max(means) == means[0] == pytest.approx(frequency_plan.word_hz(f_hz, 0.5, loop), rel=1e-3)
 
 
 def test_rates_are_those_of_the_design():
