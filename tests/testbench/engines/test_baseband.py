@@ -127,6 +127,7 @@ RATES = {
             "plant.adc_modulator_hz": 64e6 / 201,
         },
     ),
+    "26 MHz, ADC read at 6.5 MHz": ("paper.toml", {"design.adc_divider": 4}),
 }
 FAST_RETIMED = ("52 MHz, DACs at 2 MHz",)  # the other rates are tested without re-timing, the rest is slow
 
@@ -358,6 +359,14 @@ def test_what_it_cannot_do_is_refused_with_one_line(key):
     assert "baseband" in text
     assert '"frame" can' in text
     assert "\n" not in text
+
+
+def test_a_long_read_lowers_the_highest_drive_mode():
+    """At a divider of 8 the word changes at clock 1757: 26 MHz / (2 * 1757), less the 150 Hz of its fastest word."""
+    slow = configured(design__adc_divider=8)
+    Simulation(slow, TEMP_DEGC, TEMP_DEGC, engine="frame")
+    with pytest.raises(ConfigError, match=r"plant.fx_hz: 11002.3 Hz is outside 3000 \.\. 7248\.98 Hz"):
+        Simulation(slow, TEMP_DEGC, TEMP_DEGC, engine="baseband")
 
 
 DESIGNS = (
