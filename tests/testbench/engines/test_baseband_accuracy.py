@@ -54,13 +54,19 @@ def test_every_stream_is_within_the_limits(case, retimed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("board", ["disk_14khz", "disk_14khz_fy_above", "published_3k9", "fast_dacs"])
-def test_every_board_is_within_the_limits(board):
-    """References at any clock; low_cost: test_baseband.py."""
-    case = Case((0.0, 30.0))
-    found = compare(case, configuration(case, config.load(BOARDS / f"{board}.toml"), firmware__reference_retimed=False))
-    assert failures(found) == []
+@pytest.mark.parametrize("retimed", [True, False], ids=["retimed", "any clock"])
+@pytest.mark.parametrize("board", ["disk_14khz", "disk_14khz_fy_above", "published_3k9", "fast_dacs", "low_cost"])
+def test_every_board_is_within_the_limits_over_all_rate_steps(board, retimed):
+    """And within what two frame engines add to them, a fiftieth of the limit of the phases apart at the start."""
+    case = CASES["rate steps"]
+    checked = configuration(case, config.load(BOARDS / f"{board}.toml"), firmware__reference_retimed=retimed)
+    found = compare(case, checked)
+    print(table({board: found}))
     assert found.states == 0
+    if over := beyond(found):
+        pairs = twins(case, checked, TWINS_RAD[-1])
+        print(among(found, {TWINS_RAD[-1]: pairs}))
+        assert beyond(found, pairs) == set(), over
 
 
 @pytest.mark.slow
