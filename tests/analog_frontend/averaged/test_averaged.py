@@ -235,7 +235,7 @@ def test_edges_are_those_of_the_firmware_clock_by_clock(setup, retimed, drive_hz
         q[4 * averaged_sid.SIGN :][:4] = 1.0
         for n, (old, new) in enumerate(itertools.pairwise(words)):
             turned = (phase + TURN_CLOCK * old) % TURN
-            room = np.zeros(8), np.zeros(24), (0.0,) * 6, np.zeros(200), np.zeros(200)
+            room = np.zeros(8), np.zeros(24), (0.0,) * 8, np.zeros(200), np.zeros(200)
             _demodulate(sid, q, phase, old, TURN_CLOCK, turned, new, offsets, *room)
             phase = (turned + (FRAME_CYCLES - TURN_CLOCK) * new) % TURN
             for d in range(4 if n > 2 else 0):  # what waits for the first frame is not known
