@@ -1,22 +1,24 @@
 """Averaged demodulators: from reference edge to reference edge in closed form, and what the converter sums of a frame.
 
-    v(t) = Re(V(t) e^(i theta)), V a cubic over the frame;   p = 1/(1 + i w RC),   V~ = V - RC p V'
-    W_j(t) = Re(p^j V~ e^(i theta)),  j = 1 .. 3     a particular solution of the three closed stages
+    v(t) = Re(V(t) e^(i theta)), V a cubic over the frame;   p = 1/(1 + i w RC),   V~ + RC p V~' = V
+    W_j(t) = Re(p^j (V~ - (j - 1) RC p V') e^(i theta)),  j = 1 .. 3     what the three closed stages follow
     r      = w - W at the instant a group closes; until it opens, u = t/RC later,
              w_1 = e^-u r_1 + W_1      w_2 = e^-u (r_2 + u r_1) + W_2      w_3 = e^-u (r_3 + u r_2 + u^2/2 r_1) + W_3
     noise  q_1 = (its integral over the closed time)/RC, spread over the stages as a constant voltage is
 
 With two or three edges in a frame, the first two are done side by side; with any other number, one after the other.
-A frame without one continues the line of the frame before it.
+A frame without one continues the curve of the frame before it.
 
 At an edge the same W closes one group and opens the other. Edges stand at the firmware's own clocks, re-timed or not.
-    s      output of a frame at its middle, from its mean over two half periods
-    s'     its slope, +-((w_2 - w_3) - (h_2 - h_3) - d (w_3 - h_3)) / 2RC; at rest w_2 - w_3 = d w_3 at an edge
-    mean   int w_3 dt/RC = [W_4] + r_1 + r_2 + r_3 - e^-u (r_1 + r_2 + r_3 + u (r_1 + r_2) + u^2/2 r_1),   closed for u
+    mean   int w_3 dt/RC = [W_4] + sum of (r_j - what is left of it),   closed for u;  over two half periods, length l
            W_4 = Re(p^3 V~ e^(i theta)/(i w RC)), which changes its sign from edge to edge
-    sinc3  sums of three frames at once, as adc.py has them: sum_j += K_j s + M_j s', K and M the moments of its weights
+    s'     slope at the last edge, +-((w_2 - h_2) - (1 + d) (w_3 - h_3)) / 2RC; at rest w_2 - w_3 = d w_3 at an edge
+    s"     its change since the edge of the frame before, over the time between both
+    s      at the frame's middle, x from that of the half periods: mean + x s' + s" (x (x - l)/2 - l^2/24)
+    sinc3  sums of three frames at once, as adc.py has them: sum_j += K_j s + M_j s', by the moments of its weights;
+           what s" adds to all three together is in s
 
-Left out  d^2V/dt^2 in W (1.6e-4 of what rings 139 Hz beside theta)
+Left out  terms of third order; V" in W_2 and W_3, (ring/f)^2/(w RC); the charge's ripple at f
 State     `q`, float64, mutated in place: rows of four demodulators
 Source    docs/parts/averaged.md
 """
@@ -50,8 +52,8 @@ TURN_MASK = 2 * HALF - 1
 PLACES = 0xFFFF  # more than the noise of a batch
 # Rows of `q`, the first thirteen as the demodulators keep them from frame to frame
 R1, R2, R3, H1, H2, H3, CLOSED_AT, NOISE, SIGN, AREA, BEGAN, WAITING, PAST = range(13)
-S, SLOPE, LENGTH, TOTAL = range(13, 17)
-Q_ROWS = 17
+S, SLOPE, CURVE, EDGE_SLOPE, UNTIL = range(13, 18)
+Q_ROWS = 18
 
 
 class Params(NamedTuple):
@@ -59,9 +61,10 @@ class Params(NamedTuple):
 
     rc: float
     inverse_rc: float
-    droop: float  # d, of a signal in phase
+    steeper: float  # 1 + d, of a signal in phase
     switch: float  # reference pin to analog switch
     middle: float  # where in a frame the mean of the converter's samples stands
+    spread: float  # mean square of the distance of the converter's samples from there, halved
     sampled: float  # a frame's output is that of the two half periods that end with the first edge from here on
     charge_slope: float  # what the charge of the switches adds to the mean slope (V per clock)
     charge: tuple  # what an opened switch leaves on C1 C3 C5 (V): mean of both groups, and half of their difference
@@ -111,30 +114,34 @@ def _swept(p, sign, closed_at, drawn, t, past, tilde, poles, total):
     q = angle * angle
     c = 1.0 - q * 0.5 * (1.0 - q * (1.0 / 12) * (1.0 - q * (1.0 / 30)))
     d = angle * (1.0 - q * (1.0 / 6) * (1.0 - q * (1.0 / 20) * (1.0 - q * (1.0 / 42))))
-    base_r, base_i, v0r, v0i, v1r, v1i, v2r, v2i, v3r, v3i = tilde
+    base_r, base_i, v0r, v0i, v1r, v1i, v2r, v2i, v3r, v3i, lag2, lag3 = tilde
     tau = t * p.inverse_frame
     vr = v0r + tau * (v1r + tau * (v2r + tau * v3r))
     vi = v0i + tau * (v1i + tau * (v2i + tau * v3i))
     er, ei = c * base_r - d * base_i, c * base_i + d * base_r
-    gr, gi = 0.0 - sign * (vr * er - vi * ei), 0.0 - sign * (vr * ei + vi * er)
+    # -V~ e^(i theta), the signal as the closing group sees it: its edges are those to 0
+    gr, gi = vi * ei - vr * er, vr * ei + vi * er
     p1r, p1i, p2r, p2i, p3r, p3i, p4r, p4i = poles
-    w1, w2, w3 = gr * p1r - gi * p1i, gr * p2r - gi * p2i, gr * p3r - gi * p3i
+    w1 = sign * (gr * p1r + gi * p1i)
+    w2 = sign * ((gr * p2r + gi * p2i) + lag2)
+    w3 = sign * ((gr * p3r + gi * p3i) + lag3)
     u = (t - closed_at) * p.inverse_rc
-    return w1, w2, w3, gr * p4r - gi * p4i, u, decay(u), (total - drawn) * p.noise_gain
+    return w1, w2, w3, sign * (gr * p4r + gi * p4i), u, decay(u), (total - drawn) * p.noise_gain
 
 
 @inlined
 def _grown(swept, r1, r2, r3):
-    """Capacitors of the closed group at the edge that opens it."""
-    w1, w2, w3, _, u, e, n = swept
-    a1 = e * r1 + w1 + n * (1.0 - 0.5 * u)
-    a2 = e * (r2 + u * r1) + w2 + n * u * 0.5
-    return a1, a2, e * (r3 + u * (r2 + u * r1 * 0.5)) + w3 + n * u * u * (1.0 / 6)
+    """Capacitors of the closed group at the edge that opens it; area under the third / RC."""
+    w1, w2, w3, w4, u, e, n = swept
+    e1, e2, e3 = e * r1, e * (r2 + u * r1), e * (r3 + u * (r2 + u * r1 * 0.5))
+    area = w4 + ((r1 - e1) + (r2 - e2) + (r3 - e3))
+    return e1 + w1 + n * (1.0 - 0.5 * u), e2 + w2 + n * u * 0.5, e3 + w3 + n * u * u * (1.0 / 6), area
 
 
 @inlined
-def _charged(p, sign, a1, a2, a3):
+def _charged(p, sign, grown):
     """The same with what an opened switch leaves on them."""
+    a1, a2, a3, _ = grown
     return (
         a1 + (p.charge[0] + sign * p.charge[3]),
         a2 + (p.charge[1] + sign * p.charge[4]),
@@ -143,13 +150,10 @@ def _charged(p, sign, a1, a2, a3):
 
 
 @inlined
-def _under(p, sign, swept, r1, r2, r3, a2, a3, h2, h3, t, closed_at):
-    """Area under the output since the last edge, and its slope; the charge makes it a staircase from edge to edge."""
-    _, _, _, w4, u, e, _ = swept
-    r12 = r1 + r2
-    closed = 2.0 * w4 + ((r12 + r3) - e * ((r12 + r3) + u * (r12 + 0.5 * u * r1)))
-    slope = sign * ((a2 - a3) - (h2 - h3) - p.droop * (a3 - h3)) * (0.5 * p.inverse_rc) + p.charge_slope
-    return sign * (closed * p.rc - h3 * (t - closed_at)), slope
+def _under(p, sign, u, grown, h2, h3):
+    """Area under the output since the last edge / RC, and its slope times 2 RC."""
+    _, a2, a3, area = grown
+    return sign * (area - h3 * u), sign * ((a2 - h2) - (a3 - h3) * p.steeper)
 
 
 @inlined
@@ -183,9 +187,9 @@ def _two_edges(p, s, waiting, early, old, new, left, later, tilde, poles, noise,
     swept = _swept(p, signs, since, joined(drawn, low(total)), t, past, tilde, poles, total)
     w1, w2, w3 = swept[:3]
     r1, r2, r3 = joined(r1, h1 - low(w1)), joined(r2, h2 - low(w2)), joined(r3, h3 - low(w3))
-    a1, a2, a3 = _grown(swept, r1, r2, r3)
-    b1, b2, b3 = _charged(p, signs, a1, a2, a3)
-    under, slope = _under(p, signs, swept, r1, r2, r3, a2, a3, joined(h2, low(b2)), joined(h3, low(b3)), t, since)
+    grown = _grown(swept, r1, r2, r3)
+    b1, b2, b3 = _charged(p, signs, grown)
+    under, slope = _under(p, signs, swept[4], grown, joined(h2, low(b2)), joined(h3, low(b3)))
     pick = chosen(splat(p.sampled), t, chosen(since, splat(p.sampled - 1e-6), one, zero), zero)
     picked = chosen(splat4(1.0), low(pick), (area + low(under), began, low(t), low(slope)), picked)
     picked = chosen(splat4(1.0), high(pick), (low(under) + high(under), closed_at, high(t), high(slope)), picked)
@@ -211,11 +215,11 @@ def _last_edge(p, s, waiting, early, new, later, tilde, poles, noise, begin):
     total = _integral(noise, begin, t * p.inverse_noise)
     swept = _swept(p, sign, closed_at, drawn, t, past, tilde, poles, total)
     w1, w2, w3 = swept[:3]
-    a1, a2, a3 = _grown(swept, r1, r2, r3)
-    under, slope = _under(p, sign, swept, r1, r2, r3, a2, a3, h2, h3, t, closed_at)
+    grown = _grown(swept, r1, r2, r3)
+    under, slope = _under(p, sign, swept[4], grown, h2, h3)
     pick = chosen(splat4(p.sampled), t, chosen(closed_at, splat4(p.sampled - 1e-6), acts, zero), zero)
     picked = chosen(one, pick, (area + under, began, t, slope), picked)
-    a1, a2, a3 = _charged(p, sign, a1, a2, a3)
+    a1, a2, a3 = _charged(p, sign, grown)
     after = (h1 - w1, h2 - w2, h3 - w3, a1, a2, a3, t, total, zero - sign, under, closed_at)
     return chosen(one, acts, after, s[:11]) + chosen(one, late, (t - end, past), (zero - one, zero)) + (picked,)
 
@@ -245,12 +249,12 @@ def _edge(p, s, n, waiting, early, old, new, left, later, tilde, poles, noise, b
     total = _integral(noise, begin, t_read * p.inverse_noise)
     swept = _swept(p, sign, closed_at, drawn, t_read, past, tilde, poles, total)
     w1, w2, w3 = swept[:3]
-    a1, a2, a3 = _grown(swept, r1, r2, r3)
-    under, slope = _under(p, sign, swept, r1, r2, r3, a2, a3, h2, h3, t_read, closed_at)
+    grown = _grown(swept, r1, r2, r3)
+    under, slope = _under(p, sign, swept[4], grown, h2, h3)
     # the first from `sampled` on, or the last of those before it
     pick = chosen(closed_at, splat4(p.sampled - 1e-6), acts, zero)
     picked = chosen(one, pick, (area + under, began, t_read, slope), picked)
-    a1, a2, a3 = _charged(p, sign, a1, a2, a3)
+    a1, a2, a3 = _charged(p, sign, grown)
     after = (h1 - w1, h2 - w2, h3 - w3, a1, a2, a3, t_read, total, zero - sign, under, closed_at)
     # what had waited has acted
     kept = chosen(one, late, (t - end, past), chosen(one, came, (zero - one, zero), (waits, past_waits)))
@@ -260,10 +264,12 @@ def _edge(p, s, n, waiting, early, old, new, left, later, tilde, poles, noise, b
 @inlined
 def _all_edges(p, q, s, waiting, early, old, new, left, later, tilde, poles, noise, begin):
     """Any number of edges, one after the other; returns the state `s`."""
-    slope = load4(q, 4 * SLOPE)
     # a frame without an edge goes on as the frame before it: one clock long, so that its area is its value
-    line = (load4(q, 4 * S) + slope * p.frame_clocks, splat4(p.middle - 0.5), splat4(p.middle + 0.5), slope)
-    s = s[:13] + (line,)
+    curve = load4(q, 4 * CURVE)
+    value = load4(q, 4 * S) + (load4(q, 4 * SLOPE) + curve * (0.5 * p.frame_clocks)) * p.frame_clocks
+    slope = load4(q, 4 * SLOPE) + (curve * (p.frame_clocks + 0.5) - p.charge_slope)
+    value = (value - curve * p.spread) * p.inverse_rc
+    s = s[:13] + ((value, splat4(p.middle - 0.5), splat4(p.middle + 0.5), slope * (2.0 * p.rc)),)
     for n in range(p.edges):
         s = _edge(p, s, n, waiting, early, old, new, left, later, tilde, poles, noise, begin)
     return s
@@ -320,8 +326,8 @@ def demodulate(p, q, before, turn, offsets, base, v, poles, noise, begin):
     before, turn  DDS phase and word at the frame's first clock; clock, phase and word where the word changes
     offsets       reference words of drive and sense
     base          (8,) e^(i theta) at the ideal edge to 1: four re, four im
-    v             (16,) cubics of V~ (averaged_modes.frame)
-    poles         p, p^2, p^3 and p^3/(i w RC) as pairs
+    v             (24,) cubics of V~ (averaged_modes.frame); by what stages 2 and 3 are less: p^2 RC p V', 2 p^3 RC p V'
+    poles         p, p^2, p^3 and 2 p^3/(i w RC) as pairs
     noise         of both channels, its integrals, and how long a channel's row is
     begin         sample of the noise with which the frame begins
     """
@@ -332,7 +338,10 @@ def demodulate(p, q, before, turn, offsets, base, v, poles, noise, begin):
     old, new = (float(word_old), 1.0 / word_old, 0.0), (float(word_new), 1.0 / word_new, float(turn_clock))
     early = chosen(ceiling(left * old[1]), splat4(float(turn_clock)), one, zero)
     waiting = chosen(zero, load4(q, 4 * WAITING), one, zero)
-    tilde = rows4(base, 0, 2) + (
+    base_r, base_i = rows4(base, 0, 2)
+    tilde = (
+        base_r,
+        base_i,
         pair(v[0], v[2]),
         pair(v[1], v[3]),
         pair(v[4], v[6]),
@@ -341,6 +350,8 @@ def demodulate(p, q, before, turn, offsets, base, v, poles, noise, begin):
         pair(v[9], v[11]),
         pair(v[12], v[14]),
         pair(v[13], v[15]),
+        pair(v[16], v[18]) * base_r - pair(v[17], v[19]) * base_i,
+        pair(v[20], v[22]) * base_r - pair(v[21], v[23]) * base_i,
     )
     s = _kept(q)
     if p.edges:
@@ -350,14 +361,20 @@ def demodulate(p, q, before, turn, offsets, base, v, poles, noise, begin):
         s = _last_edge(p, s, waiting, early, new, later, tilde, poles, noise, begin)
     _keep(p, q, s)
     total, since, until, slope = s[-1]
-    # one division for all four
-    length = until - since
-    store4(q, 4 * SLOPE, slope)
-    store4(q, 4 * S, (p.middle - (until + since) * 0.5) * slope)
-    store4(q, 4 * LENGTH, length)
-    store4(q, 4 * TOTAL, total)
-    for d in range(DEMODULATORS):
-        q[4 * S + d] = q[4 * S + d] + q[4 * TOTAL + d] / q[4 * LENGTH + d]
+    slope = slope * (0.5 * p.inverse_rc) + p.charge_slope
+    length, span = until - since, until - load4(q, 4 * UNTIL)
+    # one division for all eight
+    inverse = 1.0 / (length * span)
+    curve = (slope - load4(q, 4 * EDGE_SLOPE)) * (length * inverse)
+    # y, z: the frame's middle from the end and from the begin of both half periods
+    y, z = p.middle - until, p.middle - since
+    bend = (y * (y + z) * 2.0 - z * z) * (1.0 / 6) + p.spread
+    store4(q, 4 * S, total * (span * inverse) * p.rc + (y + z) * (slope * 0.5) + curve * bend)
+    store4(q, 4 * SLOPE, slope + curve * y)
+    store4(q, 4 * EDGE_SLOPE, slope)
+    store4(q, 4 * UNTIL, until - p.frame_clocks)
+    if p.edges:
+        store4(q, 4 * CURVE, curve)
 
 
 @inlined

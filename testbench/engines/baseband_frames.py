@@ -24,7 +24,7 @@ from analog_frontend.parts.noise import HOLD
 from fpga_model import control, modulator, registers, sine
 from fpga_model.control import SLOT_PI
 from fpga_model.fixed import wrap_unsigned
-from fpga_model.jit import hot, inner
+from fpga_model.jit import hot, inlined, inner
 from testbench.engines import engine
 from testbench.engines.baseband_state import poles_at, rate_volts, turned_force
 from testbench.engines.turn import TURN_MASK, narrowed, still, widened
@@ -34,13 +34,26 @@ ZERO, ONE = np.int64(0), np.int64(1)
 RECENT = 8  # ticks whose codes the blocks are given back
 
 
+@inlined
+def _by(v, re, im):
+    """Two complex numbers times another."""
+    return v * re + turned4(v) * im
+
+
 @inner
-def _tilde(u, cubic, pr, pi):
-    """V~ = V - RC p V' of both outputs, in place of V. Mutates `cubic`."""
-    gr, gi = u.rc_frames * pr, u.rc_frames * pi
-    for k in range(3):
-        d = load4(cubic, 4 * k + 4) * (k + 1.0)
-        store4(cubic, 4 * k, load4(cubic, 4 * k) - (d * gr + turned4(d) * gi))
+def _tilde(u, cubic, poles):
+    """The cubic of V~, V~ + RC p V~' = V, in place of V's; behind it what stages 2 and 3 have less. Mutates `cubic`."""
+    gr, gi = u.rc_frames * poles[0], u.rc_frames * poles[1]
+    v1, v2, v3 = load4(cubic, 4), load4(cubic, 8), load4(cubic, 12)
+    # RC p V' in the mean of the frame
+    late = _by((v1 + v2) + v3, gr, gi)
+    store4(cubic, 16, _by(late, poles[2], poles[3]))
+    store4(cubic, 20, _by(late, 2.0 * poles[4], 2.0 * poles[5]))
+    v2 = v2 - _by(v3 * 3.0, gr, gi)
+    v1 = v1 - _by(v2 * 2.0, gr, gi)
+    store4(cubic, 0, load4(cubic, 0) - _by(v1, gr, gi))
+    store4(cubic, 4, v1)
+    store4(cubic, 8, v2)
 
 
 @inner
@@ -133,7 +146,7 @@ def frames(p, u, b, c, bank, phase, word, quadrature, old, new, chunk, tick, cou
         cos, sin = unit(after)
         _moved(p, u, b, c, bank, tick, batch, rate, temp, (word_old, word), turn_phase, cos, sin)
         poles = poles_at(u, word)
-        _tilde(u, b.cubic, poles[0], poles[1])
+        _tilde(u, b.cubic, poles)
         before, after_turn = (phase, word_old), (turn_clock, turn_phase, word)
         offsets = widened(d, bank.phase_drive_ref), widened(d, bank.phase_sense_ref)
         noise = (drawn.volts, drawn.sums, ROW)

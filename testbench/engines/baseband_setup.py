@@ -167,13 +167,17 @@ def _lags(p, valid):
 
 
 def _moments(converter):
-    """Sum of the three weights of sinc3 and first moment about the mean instant (clocks): (3, 2), and that instant."""
+    """Sum of the three weights of sinc3 and first moment about the mean instant (clocks): (3, 2), and that instant.
+
+    Third, half the mean square of the distance from there: what a curve adds to the sums of all three together.
+    """
     n = converter.decimation
     m = np.arange(n)
     weights = (m * (m - 1) / 2, (n + m - 1) * (n + m) / 2 - 3 * m * (m - 1) / 2, (n - m) * (n - m + 1) / 2)
     at = m * (converter.period / adc.UNITS_PER_CYCLE)
     middle = float(at.sum()) / n
-    return np.array([[w.sum(), (w * (at - middle)).sum()] for w in weights]), middle
+    spread = float((sum(weights) * (at - middle) ** 2).sum()) / (2 * n**3)
+    return np.array([[w.sum(), (w * (at - middle)).sum()] for w in weights]), middle, spread
 
 
 def most_edges(d, drive_hz):
@@ -197,9 +201,9 @@ def setup(p):
     tables = averaged.design(t, word0, lags, noise.HOLD, resonator.W_RAD_PER_S)
     changes, turn = tables.change_ticks, valid + SLOT_WORD + 1
     later = 4 * math.pi * turns_per_tick * (changes[1] - changes[0])
-    moments, middle = _moments(p.plant.adc)
+    moments, middle, spread = _moments(p.plant.adc)
     rc_ticks = float(t.sid_rc_s[0]) / tick_s
-    sid = _demodulators(p, word0, turns_per_tick / tick_s, middle)
+    sid = _demodulators(p, word0, turns_per_tick / tick_s, middle, spread)
     # re-timed edges wait half a tick in the mean
     late = sid.delay + sid.switch + (d.tick_clocks - 1) / 2 * sid.retimed
     # chords of the sine's table make its amplitude smaller by step^2 / 12
@@ -244,8 +248,8 @@ def setup(p):
     )
 
 
-def _demodulators(p, word0, drive_hz, middle):
-    """averaged_sid.Params; `middle`: mean instant of the converter's samples (clocks)."""
+def _demodulators(p, word0, drive_hz, middle, spread):
+    """averaged_sid.Params; `middle`, `spread` of the converter's samples (clocks)."""
     t, d, references = p.plant.tables, p.fpga.design, p.fpga.references
     tick_s, inject = float(t.tick_s[0]), p.plant.sid.inject
     rc_ticks = float(t.sid_rc_s[0]) / tick_s
@@ -253,9 +257,10 @@ def _demodulators(p, word0, drive_hz, middle):
     return averaged_sid.Params(
         rc=rc_ticks * d.tick_clocks,
         inverse_rc=1.0 / (rc_ticks * d.tick_clocks),
-        droop=averaged_sid.droop(1.0 / (2.0 * drive_hz * float(t.sid_rc_s[0]))),
+        steeper=1.0 + averaged_sid.droop(1.0 / (2.0 * drive_hz * float(t.sid_rc_s[0]))),
         switch=(float(p.plant.switch_tau_s[1, 0]) / tick_s + int(p.plant.switch_carry[1, 0])) * d.tick_clocks,
         middle=middle,
+        spread=spread,
         sampled=middle + SAMPLED_LATER * d.frame_clocks,
         charge_slope=float(inject[2] - inject[5]) * word0 / 2**WIDEST,
         charge=tuple(float(v) for v in charge),

@@ -38,6 +38,8 @@ from analog_frontend.averaged.averaged_sid import (
     AREA,
     BEGAN,
     CLOSED_AT,
+    CURVE,
+    EDGE_SLOPE,
     H1,
     HALF,
     HALF_MASK,
@@ -48,6 +50,7 @@ from analog_frontend.averaged.averaged_sid import (
     R3,
     SIGN,
     SLOPE,
+    UNTIL,
     WAITING,
     S,
 )
@@ -71,7 +74,7 @@ class Slow(NamedTuple):
     now: doubles(averaged_modes.NOW_SIZE)
     m: doubles(averaged_modes.M_SIZE)
     q: doubles(4 * averaged_sid.Q_ROWS)
-    cubic: doubles(16)
+    cubic: doubles(24)
     z: doubles(plant.STATES)
     base: doubles(8)
     drawn: averaged_noise.Drawn
@@ -87,13 +90,16 @@ def slow():
 
 @inner
 def poles_at(u, word):
-    """p, p^2, p^3 and p^3/(i w RC) at a frequency word."""
+    """p, p^2, p^3 and 2 p^3/(i w RC) at a frequency word."""
     s = word * u.rad_per_word * u.rc_ticks
-    r = 1.0 / (1.0 + s * s)
+    # one division for both
+    square = 1.0 + s * s
+    inverse = 1.0 / (s * square)
+    r, inverse = s * inverse, 2.0 * square * inverse
     i = -s * r
     r2, i2 = times(r, i, r, i)
     r3, i3 = times(r2, i2, r, i)
-    return r, i, r2, i2, r3, i3, i3 / s, -r3 / s
+    return r, i, r2, i2, r3, i3, i3 * inverse, -r3 * inverse
 
 
 @inner
@@ -154,8 +160,12 @@ def take_state(p, u, b, g, a, tick):
         # as if the output had been what it is for a half period
         q[4 * BEGAN + d] = -float(HALF // word)
         q[4 * S + d] = (1.0 if ref else -1.0) * (a.caps[d, on + 2] - a.caps[d, off + 2])
-        q[4 * AREA + d] = q[4 * S + d] * -q[4 * BEGAN + d]
-        q[4 * SLOPE + d] = 0.0
+        q[4 * AREA + d] = q[4 * S + d] * -q[4 * BEGAN + d] * u.sid.inverse_rc
+        slope = (a.caps[d, on + 1] - a.caps[d, on + 2]) - (a.caps[d, off + 1] - a.caps[d, off + 2])
+        q[4 * SLOPE + d] = (1.0 if ref else -1.0) * slope * 0.5 * u.sid.inverse_rc
+        q[4 * EDGE_SLOPE + d] = q[4 * SLOPE + d]
+        q[4 * CURVE + d] = 0.0
+        q[4 * UNTIL + d] = u.sid.middle - u.sid.frame_clocks
         q[4 * NOISE + d] = 0.0
         q[4 * SIGN + d] = 1.0 if ref else -1.0
         # an edge that the phase has made but the switch has not followed yet

@@ -18,9 +18,10 @@ from fpga_model.design_record import DEFAULT
 from fpga_model.jit import hot
 from fpga_model.rates import FRAME_CYCLES, TICK_CYCLES
 from testbench import config
-from testbench.engines import baseband_setup
+from testbench.engines import baseband_frames, baseband_setup, baseband_state
 from testbench.paper.calibration import boards
 from testbench.run import build
+from tests.testbench.bench_setup import board as configuration
 from tests.testbench.bench_setup import configured
 
 LO_DEGC, HI_DEGC = 25.0, 26.0
@@ -234,7 +235,7 @@ def test_edges_are_those_of_the_firmware_clock_by_clock(setup, retimed, drive_hz
         q[4 * averaged_sid.SIGN :][:4] = 1.0
         for n, (old, new) in enumerate(itertools.pairwise(words)):
             turned = (phase + TURN_CLOCK * old) % TURN
-            room = np.zeros(8), np.zeros(16), (0.0,) * 6, np.zeros(200), np.zeros(200)
+            room = np.zeros(8), np.zeros(24), (0.0,) * 8, np.zeros(200), np.zeros(200)
             _demodulate(sid, q, phase, old, TURN_CLOCK, turned, new, offsets, *room)
             phase = (turned + (FRAME_CYCLES - TURN_CLOCK) * new) % TURN
             for d in range(4 if n > 2 else 0):  # what waits for the first frame is not known
@@ -243,6 +244,79 @@ def test_edges_are_those_of_the_firmware_clock_by_clock(setup, retimed, drive_hz
                 acted = edges[edges < 0][-2:]
                 found = [q[4 * row + d] for row in (averaged_sid.BEGAN, averaged_sid.CLOSED_AT)]
                 assert found == pytest.approx(acted, abs=1e-6), (words, offsets, n, d)
+
+
+# ---- a ringing envelope ----------------------------------------------------------------------------------------------
+
+FRAMES, SETTLED = 1200, 800  # 0.1 s: the three stages of 50 Hz have forgotten their start to 1e-10
+
+
+@hot
+def _frame(u, sid, q, phase, word, turned, base, cubic, volts, sums):
+    poles = baseband_state.poles_at(u, word)
+    baseband_frames._tilde(u, cubic, poles)
+    averaged_sid.bases(0, 0, base)
+    turn, noise = (u.turn_clock, turned, word), (volts, sums, 100)
+    averaged_sid.demodulate(sid, q, (phase, word), turn, (0, 0), base, cubic, poles, noise, 0.0)
+
+
+def _averaged(u, sid, word, envelope):
+    """Sums of sinc3 of the sense demodulators (frames, 2), the signal in each e^(envelope t + i theta), t in clocks."""
+    q, phase, k, sums = np.zeros(4 * averaged_sid.Q_ROWS), 0, u.moments, []
+    q[4 * averaged_sid.WAITING :][:4] = -1.0
+    q[4 * averaged_sid.SIGN :][:4] = 1.0
+    for n in range(FRAMES):
+        v0, v1 = (np.exp(envelope * clock) for clock in (n * u.frame_clocks, (n + 1) * u.frame_clocks))
+        d0, d1 = envelope * u.frame_clocks * v0, envelope * u.frame_clocks * v1
+        cubic = np.array([v0, d0, 3 * (v1 - v0) - 2 * d0 - d1, d0 + d1 - 2 * (v1 - v0), 0, 0])
+        cubic = np.stack([cubic.real, cubic.imag] * 2, axis=1).ravel()
+        turned = (phase + u.turn_clock * word) % TURN
+        _frame(u, sid, q, phase, word, turned, np.zeros(8), cubic, np.zeros(200), np.zeros(200))
+        phase = (turned + (u.frame_clocks - u.turn_clock) * word) % TURN
+        s, slope = (q[4 * row + 2 : 4 * row + 4] for row in (averaged_sid.S, averaged_sid.SLOPE))
+        sums.append(k[:, :1] * s + k[:, 1:] * slope)
+    sums = np.array(sums)
+    return sums[2:, 2] + sums[1:-1, 1] + sums[:-2, 0]
+
+
+def _stepped(u, sid, word, tone, quarter, period, n):
+    """The same of one demodulator: three stages from edge to edge and sample to sample, exact for a tone."""
+    poles = (1 / (1 + tone * sid.rc)) ** np.arange(1, 4)
+
+    def after(caps, t0, t):
+        d, x = caps - (poles * np.exp(tone * t0)).real, (t - t0) / sid.rc
+        held = np.array([d[0], d[1] + x * d[0], d[2] + x * d[1] + x * x / 2 * d[0]])
+        return math.exp(-x) * held + (poles * np.exp(tone * t)).real
+
+    caps, on, last, halves, out = np.zeros((2, 3)), 1, 0.0, 0, []
+    for clock in (f * u.frame_clocks + m * period for f in range(FRAMES) for m in range(n)):
+        while (edge := -(-((halves + 1) * TURN // 2 - quarter) // word) + sid.delay - 1.0 + sid.switch) <= clock:
+            if edge > last:
+                caps[on] = after(caps[on], last, edge)
+                last = edge
+            on, halves = 1 - on, halves + 1
+        now = after(caps[on], last, clock)[2] - caps[1 - on][2]
+        out.append(now if on else -now)
+    frames, m = np.reshape(out, (FRAMES, n)), np.arange(n)
+    third = m * (m - 1) / 2, (n + m - 1) * (n + m) / 2 - 3 * m * (m - 1) / 2, (n - m) * (n - m + 1) / 2
+    return frames[2:] @ third[2] + frames[1:-1] @ third[1] + frames[:-2] @ third[0]
+
+
+@pytest.mark.parametrize(("board", "ring_hz"), [("published_3k9", 53.16), ("published_3k9", -53.16), ("paper", -139.0)])
+def test_a_ringing_envelope_is_demodulated_to_a_quarter_of_its_second_derivative(board, ring_hz):
+    """Codes of an envelope that turns beside theta: a term of second order that is left out is (ring / f)^2."""
+    checked = config.changed(configuration(board), {"firmware.reference_retimed": False})
+    p = build.params(checked, LO_DEGC, LO_DEGC)
+    u, word = baseband_setup.setup(p), dds.word_of_hz(checked.plant.fx_hz)
+    sid = u.sid._replace(charge=(0.0,) * 6, charge_slope=0.0)
+    envelope = 2j * math.pi * ring_hz * u.clock_s
+    found = _averaged(u, sid, word, envelope)[SETTLED:]
+    period, n = p.plant.adc.period / adc.UNITS_PER_CYCLE, p.plant.adc.decimation
+    for d, quarter in enumerate((0, TURN // 4)):
+        tone = envelope + 2j * math.pi * word / TURN
+        wanted = _stepped(u, sid, word, tone, quarter, period, n)[SETTLED:]
+        error = np.std(found[:, d] - wanted) / np.std(wanted)
+        assert error < (ring_hz / checked.plant.fx_hz) ** 2 / 4, (d, error)
 
 
 # ---- basis -----------------------------------------------------------------------------------------------------------

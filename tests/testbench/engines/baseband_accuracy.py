@@ -242,9 +242,19 @@ def figures(found):
     return out
 
 
-def beyond(found):
-    """Names of the figures that are beyond their limits."""
-    return {name for name, (value, limit, _) in figures(found).items() if not abs(value) < limit}
+def beyond(found, pairs=None):
+    """Names of the figures that are beyond their limits.
+
+    pairs  of `twins`: what two frame engines differ by at most is no error of the engine that is compared; being
+           independent of that error, it adds to the limit as the root of the sum of squares
+    """
+    over = set()
+    for name, (value, limit, _) in figures(found).items():
+        frames = (max(k for _, k in pairs) + 1) // 2 if pairs else 0
+        apart = sizes(pairs, name)[:frames, :frames].max() if pairs else 0.0
+        if not abs(value) < math.hypot(limit, apart):
+            over.add(name)
+    return over
 
 
 def failures(found):

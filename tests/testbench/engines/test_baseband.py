@@ -197,6 +197,19 @@ def test_a_difference_is_found():
         assert len(failures(bad)) == 1
 
 
+def test_what_two_frame_engines_differ_by_adds_to_a_limit_in_squares():
+    """0.5 and 1.2 sigma make 1.3; a stream in which frame engines agree keeps its limit."""
+
+    def found(rms, other):
+        return baseband_accuracy.Found({"phase": (1.0, 0.0, rms), "rate_word": (1.0, 0.0, other)}, 0.0, 0.0, 0)
+
+    # two engines each: frame 0 and 1, baseband 2 and 3
+    pairs = {(0, 1): found(1.2, 0.0), (0, 2): found(9.0, 9.0), (2, 3): found(9.0, 9.0)}
+    assert beyond(found(1.29, 0.49), pairs) == set()
+    assert beyond(found(1.31, 0.51), pairs) == {"phase: rms", "rate_word: rms"}
+    assert beyond(found(1.29, 0.49)) == {"phase: rms"}
+
+
 # ---- in and out ------------------------------------------------------------------------------------------------------
 
 

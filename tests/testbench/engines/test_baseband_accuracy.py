@@ -43,24 +43,33 @@ BEYOND = {
 FROM_LOCK = [name for name, case in CASES.items() if not case.start_up_s]
 
 
+def judge(case, checked):
+    """Each figure within its limit, or what frame engines add to it, a fiftieth of the phases' limit apart."""
+    found = compare(case, checked)
+    print(table({"": found}))
+    assert found.states == 0
+    if over := beyond(found):
+        assert not case.start_up_s, over
+        pairs = twins(case, checked, TWINS_RAD[-1])
+        print(among(found, {TWINS_RAD[-1]: pairs}))
+        assert beyond(found, pairs) == set()
+    return over
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("retimed", [True, False], ids=["retimed", "any clock"])
 def test_every_stream_is_within_the_limits(case, retimed):
-    found = compare(CASES[case], configuration(CASES[case], firmware__reference_retimed=retimed))
-    print(table({case: found}))
-    assert found.states == 0
-    assert beyond(found) <= (BEYOND.get(case, set()) if retimed else set())
+    over = judge(CASES[case], configuration(CASES[case], firmware__reference_retimed=retimed))
+    assert retimed or not over
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("board", ["disk_14khz", "disk_14khz_fy_above", "published_3k9", "fast_dacs"])
-def test_every_board_is_within_the_limits(board):
-    """References at any clock; low_cost: test_baseband.py."""
-    case = Case((0.0, 30.0))
-    found = compare(case, configuration(case, config.load(BOARDS / f"{board}.toml"), firmware__reference_retimed=False))
-    assert failures(found) == []
-    assert found.states == 0
+@pytest.mark.parametrize("retimed", [True, False], ids=["retimed", "any clock"])
+@pytest.mark.parametrize("board", ["disk_14khz", "disk_14khz_fy_above", "published_3k9", "fast_dacs", "low_cost"])
+def test_every_board_is_within_the_limits_over_all_rate_steps(board, retimed):
+    case = CASES["rate steps"]
+    judge(case, configuration(case, config.load(BOARDS / f"{board}.toml"), firmware__reference_retimed=retimed))
 
 
 @pytest.mark.slow
