@@ -33,10 +33,11 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # files of five seconds and more begin first, in this order: no worker ends with one while the other has nothing to do
 LONG = (
-    *("test_benches.py", "test_top.py", "test_designs.py", "test_loop.py", "test_residuals.py", "test_boards.py"),
-    *("test_recompute.py", "test_checkpoint.py", "test_damaged.py", "test_kills.py", "test_frame.py", "test_paper.py"),
-    *("test_baseband.py", "test_streams.py", "test_fuzz.py", "test_linkage.py", "test_rtl_top.py", "test_record.py"),
-    *("test_evidence.py", "test_blocks.py", "test_stimulus.py", "test_ranges.py", "test_engine.py", "test_kill.py"),
+    *("test_benches.py", "test_designs.py", "test_boards.py", "test_top.py", "test_loop.py", "test_paper.py"),
+    *("test_checkpoint.py", "test_damaged.py", "test_registers_case.py", "test_frame.py", "test_fuzz.py"),
+    *("test_baseband.py", "test_linkage.py", "test_residuals.py", "test_study.py", "test_streams.py", "test_played.py"),
+    *("test_record.py", "test_kills.py", "test_architecture.py", "test_mutate.py", "test_diagnose.py"),
+    *("test_simulate.py", "test_recompute.py", "test_ranges.py", "test_recording.py"),
 )
 PLACE = {name: place for place, name in enumerate(LONG)}
 

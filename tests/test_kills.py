@@ -9,8 +9,9 @@ pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="closed l
 
 
 def test_a_run_survives_a_second_start(monkeypatch, tmp_path):
-    """Without pictures, which take half of the time of so short a run; a kill is in storage/test_checkpoint.py."""
-    monkeypatch.setattr(kills_run, "RUN", (*kills_run.RUN, *kills_run.NO_PICTURES))
+    """Without pictures and diagnosis, most of the time of so short a run; a kill is in storage/test_checkpoint.py."""
+    short = (*kills_run.NO_PICTURES, "--set", "scenario.diagnose=false")
+    monkeypatch.setattr(kills_run, "RUN", (*kills_run.RUN, *short))
     kills_run.undisturbed.cache_clear()
     assert kills_run.pair(11, tmp_path) is None
     kills_run.undisturbed.cache_clear()

@@ -437,7 +437,8 @@ def test_the_engine_for_hours_runs_a_board(name):
 
 def said(folder, *argv):
     """The object that `gyro run --json` prints of 50 ms behind lock."""
-    done = gyro("run", *argv, "--seconds", "0.05", "--set", "output.pictures=false", "--json", "--out", folder)
+    plain = ("--set", "output.pictures=false", "--set", "output.html=false")
+    done = gyro("run", *argv, "--seconds", "0.05", *plain, "--json", "--out", folder)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
 

@@ -19,7 +19,10 @@ def test_the_plan_on_the_page_is_the_file():
     assert shown == re.sub(r"^#.*\n", "", text)
 
 
-@pytest.mark.parametrize("path", EXAMPLES, ids=lambda p: p.stem)
+# the plan of the word lengths has 160 points; it is read in tests/testbench/study, too
+@pytest.mark.parametrize(
+    "path", [pytest.param(p, marks=[pytest.mark.slow] * (p.stem == "word_lengths"), id=p.stem) for p in EXAMPLES]
+)
 def test_examples_are_plans_that_run(path, tmp_path):
     code, out, err = campaign("check", path)
     assert code == 0, err

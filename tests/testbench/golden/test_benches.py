@@ -20,7 +20,6 @@ SLOW = pytest.mark.slow
 # One simulator proves the bench of a block in the fast set, on one of its cases; every other pair is slow
 FAST = {
     **{(stem, next(iter(block.cases))): "icarus" for stem, block in blocks.BLOCKS.items() if stem not in COUNTING},
-    ("watchdog", "default"): "cocotb",
     ("spi_dac", "dac8811"): "ghdl",
     ("references", "align0_retimed"): "ghdl",
 }
@@ -74,9 +73,9 @@ def test_vunit(bundles, stem, case):
 
 
 def test_every_block_is_in_the_fast_set():
-    """And every simulator: dds runs in each of them, see the plain check below."""
+    """And every simulator: dds passes in each of them, see the plain check below; wrong designs fail in three."""
     assert {stem for stem, _ in FAST} | COUNTING == set(VERILOG) == set(blocks.BLOCKS)
-    assert set(FAST.values()) == {"icarus", "cocotb", "ghdl"}
+    assert set(FAST.values()) == {"icarus", "ghdl"}
 
 
 # No design -----------------------------------------------------------------------------------------------------------

@@ -104,7 +104,7 @@ def test_faults_of_drawn_wires_show(register, shows):
     draw = random.Random(f"{SEED} {register.name}")
     bit, other = draw.sample(range(register.fmt.width), 2)
     assert not shows(register, lambda word: word)  # written in every frame, the same words change nothing
-    for fault in (*stuck(bit), *crossed(bit, other)):
+    for fault in (*stuck(bit), draw.choice(crossed(bit, other))):
         assert shows(register, fault), (register.name, bit, other)
 
 

@@ -305,7 +305,7 @@ def test_command_line(out, tmp_path):
 # ---- benches ---------------------------------------------------------------------------------------------------------
 
 SIMS = list(NEEDS)
-QUICK = ("icarus", "ghdl", "cocotb", "cocotb-verilator")
+QUICK = ("icarus", "ghdl", "cocotb")
 
 
 @pytest.mark.parametrize("sim", [s if s in QUICK else pytest.param(s, marks=pytest.mark.slow) for s in SIMS])
