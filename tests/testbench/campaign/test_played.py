@@ -121,9 +121,9 @@ design.drive_dac = "generic"\ndesign.drive_dac_bits = 14
 design.sense_dac = "generic"\ndesign.sense_dac_bits = 18
 design.drive_dac = "generic"\ndesign.drive_dac_bits = 12\ndesign.drive_dac_divider = 2
 design.sense_dac = "generic"\ndesign.sense_dac_bits = 12\ndesign.sense_dac_divider = 2
-design.adc = "generic"\ndesign.adc_bits = 18
+design.adc = "generic"\ndesign.adc_bits = 18\ndesign.adc_tail_clocks = 20
 design.adc_divider = 4
-design.adc = "generic"\ndesign.adc_bits = 16\ndesign.adc_word_bits = 16\ndesign.adc_channels = 5\ndesign.adc_tail_clocks = 20
+design.adc = "generic"\ndesign.adc_bits = 16\ndesign.adc_word_bits = 16\ndesign.adc_channels = 5
 design.coefficient_fraction_bits = 18
 design.accumulator_fraction_bits = 14
 design.cordic_iterations = 10

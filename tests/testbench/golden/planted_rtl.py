@@ -398,7 +398,7 @@ stranger(ADC, "default", (" CLOCKS[COUNT-1:0] - ONE", " CLOCKS[COUNT-1:0] - ONE 
 stranger(ADC, "default", ("TAIL_CLOCKS[COUNT-1:0] - ONE", "TAIL_CLOCKS[COUNT-1:0]"))
 stranger(ADC, "default", ("HEAD = 4'b1100", "HEAD = 4'b1000"))
 stranger(ADC, "default", ("4'd3: r_channels_2", "4'd3: r_channels_1"))
-stranger(ADC, "default", ("LAST_WORD = 4'd8", "LAST_WORD = 4'd7"))
+stranger(ADC, "default", ("LAST_WORD = ADC_CHANNELS[3:0]", "LAST_WORD = ADC_CHANNELS[3:0] - 4'd1"))
 stranger(ADC, "default", ("else if (!r_sclk) begin", "else if (!r_sclk && !(r_count[4] && dout)) begin"))
 stranger(ADC, "default", ("4'd5: r_channels_4 <= shifted", "4'd5: r_channels_4 <= shifted | 24'd1"))
 stranger(ADC, "default", ("r_seen && !r_sync", "!r_sync"))

@@ -199,9 +199,8 @@ def record(p, reset, adc, host, ready, codes, noise, stim, regs, pins):
         s = reset if h[0] == 1 else fpga.step(p, ROM, s, i)
         status = 0xC00000 if count % 7 != 5 else 0x400000
         c = codes[count]
-        adc = adc_serial.step(
-            adc, s.adc.cs_n, s.adc.sclk, ready[n], status, (c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7])
-        )
+        eight = (c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7])
+        adc = adc_serial.step(adc_serial.WORD_BITS, adc, s.adc.cs_n, s.adc.sclk, ready[n], status, eight)
         count += ready[n]
 
 
