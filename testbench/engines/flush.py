@@ -35,6 +35,8 @@ def rebuilt(d, f, chips, s, sid, enabled, staged, tick, read, codes, status):
         sent = adc_serial.packed(status, codes)
         chip = adc_serial.State(1, 0, 1, 0, 0, 0, 0, 0, sent, sent)
     sense = chips.sense._replace(staged=staged, latch=staged, enabled=enabled)
+    # put out by the next load, V_q may be older than the flush
+    quadrature = chips.quadrature._replace(staged=s.quadrature, latch=s.quadrature, code=s.quadrature)
     f = f._replace(
         rates=rates.State(0, tick % d.frame_ticks, 0),
         dds=f.dds._replace(phase=phase_at(s.turn, d.tick_clocks * tick)),
@@ -44,7 +46,7 @@ def rebuilt(d, f, chips, s, sid, enabled, staged, tick, read, codes, status):
         registers=s.bank,
         control=s.control,
     )
-    return f, chips._replace(sense=sense, adc=chip)
+    return f, chips._replace(sense=sense, quadrature=quadrature, adc=chip)
 
 
 @outlined

@@ -321,6 +321,22 @@ def test_a_random_design_with_the_ranges_of_its_sequencer(number):
     assert examine(drawn(SEED + number)) == ""
 
 
+def test_a_code_that_the_next_load_puts_out_is_in_the_state_at_any_end():
+    """V_q every fourth tick, by a load that puts out the frame before it: two loads are longer than a flush."""
+    values = {"master_hz": 29843496, "quadrature_dac": "generic", "quadrature_dac_divider": 3,
+              "quadrature_dac_frame_bits": 24, "quadrature_dac_command": 1, "quadrature_dac_tail_bits": 7,
+              "quadrature_dac_lead_clocks": 2, "quadrature_dac_latch": "load"}  # fmt: skip
+    values = {f"design.{key}": value for key, value in values.items()} | {
+        "firmware.quadrature_update_khz": 500,
+        "plant.adc_modulator_hz": 64 * 29843496 / 3250,
+    }
+    cfg = config.changed(config.Config(), values)
+    state = moved(cfg, "frame", seconds=LOCK_S).state_values()
+    for k in range(12):
+        one, other = (moved(cfg, engine, state, seconds=0.02 + k * 9.3e-6) for engine in ("frame", "clocked"))
+        assert same(one, other), one.tick % 125
+
+
 def test_a_register_beyond_its_proven_range_is_seen():
     """The proof of a sine of 12 bits against the values of one of 18."""
     limits, seen = proven(config.changed(config.Config(), {"design.sine_bits": 12}), ["drive_sine"]), []
