@@ -75,8 +75,8 @@ def _drive(config):
     return {
         "deg": deg,
         "frequency_hz": rows.mean("frequency_word") * bench.lsb_hz,
-        "drive_v": rows.mean("amplitude_word") / 2**23 * config.plant.drive_dac_span_v,
-        "quadrature_v": (rows.mean("quadrature_code") + 0.5) / 2**16 * config.plant.quad_dac_span_v,
+        "drive_v": bench.drive_v(rows.mean("amplitude_word")),
+        "quadrature_v": bench.quadrature_v(rows.mean("quadrature_code")),
         "rate_word": rows.hann("rate_word"),
     }
 

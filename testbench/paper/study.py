@@ -23,12 +23,13 @@ from testbench.campaign import collect, execute
 from testbench.campaign.plan import plan
 from testbench.campaign.pool import Here, Pool
 from testbench.campaign.store import Store
-from testbench.errors import FileError
+from testbench.config.toml_text import toml_of
+from testbench.errors import ConfigError, FileError
 from testbench.paper import cases, law
 from testbench.paper.calibration import calibrations
 from testbench.paper.loop import sensitivity
 from testbench.paper.measure import record_phases
-from testbench.paper.measure.characterise import unflat
+from testbench.paper.measure.characterise import engine_of, unflat
 from testbench.storage import inputs, lock
 from testbench.storage.files import explain, write_text
 from testbench.storage.sources import code_sha256
@@ -45,7 +46,6 @@ class Size(NamedTuple):
     record_s: float = record_phases.RECORD_S
     warm_up_s: float = record_phases.WARM_UP_S
     readings: int = 12
-    engine: str | None = "baseband"  # of the calibration; None: that of the configuration
 
 
 FULL = Size()
@@ -75,10 +75,24 @@ def _kept(path):
         return None
 
 
+def check(config):
+    """ConfigError for a key that the study sets itself: of [scenario] and [output]; all others reach its runs."""
+    for section in ("scenario", "output"):
+        given = getattr(config, section)
+        for key, value in type(given)():
+            if getattr(given, key) != value:
+                said = toml_of(getattr(given, key))
+                raise ConfigError(
+                    f"{section}.{key} = {said}: the study of the paper sets [{section}] itself; leave it out or at "
+                    f"{toml_of(value)}; --rest-s, --record-s and --out are its options"
+                )
+
+
 class Study:
-    """Folder of a study, and its stages."""
+    """Folder of a study, and its stages. Raises ConfigError as `check` does."""
 
     def __init__(self, config, directory, size=FULL, seed=4, workers=None, progress=None):
+        check(config)
         self.config, self.directory, self.size, self.seed = config, Path(directory), size, seed
         self.workers, self.progress = workers, progress
         try:
@@ -122,8 +136,8 @@ class Study:
         """The base board, calibrated from words at zero, with the minimum of A_d beside the detuning."""
         return self._stage(
             "calibration",
-            self.size.engine,
-            lambda: calibrations.many(self.config, 1, None, 25.0, True, self.progress, self.size.engine)[0],
+            None,
+            lambda: calibrations.many(self.config, 1, None, 25.0, True, self.progress, engine_of(self.config))[0],
         )
 
     def boards(self):
@@ -133,25 +147,24 @@ class Study:
             return []
         return self._stage(
             "boards",
-            [n, self.seed, self.size.engine],
-            lambda: calibrations.many(self.config, n, self.seed, progress=self.progress, engine=self.size.engine),
+            [n, self.seed],
+            lambda: calibrations.many(self.config, n, self.seed, progress=self.progress, engine=engine_of(self.config)),
         )
 
     def cases_deg(self):
         """{case: {register: deg}} of the base board."""
         return self.calibration()["cases_deg"]
 
+    def plan(self):
+        """`Plan` of the campaign: cases at temperatures, every other key as in the configuration."""
+        wanted = {str(k): self.cases_deg()[str(k)] for k in self.size.case_numbers}
+        sizes = self.size.rest_s, self.size.temperatures_degc
+        return plan.read(cases.write_plan(self.directory / "paper.toml", self.config, wanted, *sizes))
+
     def points(self, show=None):
         """{(case, temperature): numbers and curves} of the campaign, run where it is missing."""
-        wanted = {str(k): self.cases_deg()[str(k)] for k in self.size.case_numbers}
-        settings = [(f"plant.{k}", v) for k, v in self.config.plant.model_dump().items()
-                    if v != type(self.config.plant)().model_dump()[k]]  # fmt: skip
-        settings += [("noise.seed", self.config.noise.seed)]
-        path = cases.write_plan(
-            self.directory / "paper.toml", wanted, self.size.rest_s, self.size.temperatures_degc, settings
-        )
         began = time.monotonic()
-        told = plan.read(path)
+        told = self.plan()
         executor = Here() if self.workers == 0 else Pool(self.workers or 2)
         from testbench.campaign.progress import Progress
 
@@ -162,7 +175,7 @@ class Study:
         store = Store.at(self.directory / "store")
         found, _ = plan.points(told)
         out = {}
-        order = [(case, temp) for case in wanted for temp in self.size.temperatures_degc]
+        order = [(str(case), temp) for case in self.size.case_numbers for temp in self.size.temperatures_degc]
         for (case, temp), point in zip(order, found):
             _, variables = collect.read_point(store, point.address)
             values = {}

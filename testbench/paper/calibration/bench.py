@@ -128,6 +128,14 @@ class Bench:
         """Nominal frequency of one LSB of the DDS."""
         return self.design.master_hz / 2**self.design.dds_bits
 
+    def drive_v(self, word):
+        """Drive voltage amplitude (V) of an amplitude word, by the span that the board is drawn with."""
+        return word / 2**23 * self.drawing.drive_dac_span_v
+
+    def quadrature_v(self, code):
+        """V_q (V) of a mean code of its DAC of 16 bits, by the span that the board is drawn with."""
+        return (code + 0.5) / 2**16 * self.drawing.quad_dac_span_v
+
     @property
     def locked(self):
         """All four loops are locked, or deliberately held."""

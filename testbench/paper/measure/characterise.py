@@ -14,9 +14,12 @@ import math
 import numpy as np
 
 from testbench.campaign.plan.engines import Engine
+from testbench.engines import baseband
+from testbench.errors import ConfigError
 from testbench.paper.calibration.bench import Bench
 from testbench.paper.calibration.calibrate import SETTLE_S
 from testbench.paper.measure import measure_allan, measure_bandwidth, measure_scale
+from testbench.run import build
 
 WARM_S = 4.0
 PIECE_S = 20.0
@@ -54,7 +57,6 @@ def characterise(config, say=None, engine=None, rest_s=None, temp_degc=None):
 
     told("start-up")
     bench = Bench(config, 0.0, temp_degc, engine)
-    drawing = bench.drawing
     bench.settle(WARM_S)
     told("22 rates")
     words, codes, flags = measure_scale.sweep(bench)
@@ -75,18 +77,18 @@ def characterise(config, say=None, engine=None, rest_s=None, temp_degc=None):
         "scale_sigma_lsb_per_dps": scale.sigma_lsb_per_dps,
         "nonlinearity_ppm": scale.nonlinearity_ppm,
         "asymmetry_ppm": scale.asymmetry_ppm,
-        "quadrature_v": (means["quadrature_code"] + 0.5) / 2**16 * drawing.quad_dac_span_v,
+        "quadrature_v": bench.quadrature_v(means["quadrature_code"]),
         "bias_dps": float(rate.mean()),
         "bias_sigma_dps": None,
         "frequency_hz": means["frequency_word"] * bench.lsb_hz,
-        "drive_v": means["amplitude_word"] / 2**23 * drawing.drive_dac_span_v,
+        "drive_v": bench.drive_v(means["amplitude_word"]),
         "bandwidth_hz": lines.bandwidth_hz,
         "bandwidth_swept_hz": swept.bandwidth_hz,
         "peak_db": max(lines.gain_db),
         "quadrature_railed": int(bool(flags & 1 << 6)),
         "scale_residual_ppm": list(scale.residual_ppm),
         "scale_words": words.tolist(),
-        "quadrature_v_of_rate": ((codes + 0.5) / 2**16 * drawing.quad_dac_span_v).tolist(),
+        "quadrature_v_of_rate": bench.quadrature_v(codes).tolist(),
         "response_hz": list(lines.frequency_hz),
         "response_db": list(lines.gain_db),
         "response_deg": list(lines.phase_deg),
@@ -131,9 +133,15 @@ def play(configs, sinks):
 
 def engine_of(config):
     """The engine for hours, unless the configuration asks for the clocked one or for what only the others can do."""
-    plain = config.firmware.board == "analog_sid" and config.firmware.adc_clock == "synchronous"
-    off = type(config.effects)() == config.effects
-    return "baseband" if plain and off and config.scenario.engine != "clocked" else config.scenario.engine
+    plain = config.firmware.adc_clock == "synchronous" and type(config.effects)() == config.effects
+    if config.scenario.engine == "clocked" or not plain:
+        return config.scenario.engine
+    temp_degc = config.plant.temp_ref_degc
+    try:
+        baseband.prepare(build.params(config, temp_degc, temp_degc))
+    except (ConfigError, ValueError):  # a ValueError is told by whoever runs it
+        return config.scenario.engine
+    return "baseband"
 
 
 def _compile():

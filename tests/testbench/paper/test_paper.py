@@ -185,7 +185,7 @@ def played(told, folder):
 def campaign(tmp_path_factory):
     """The paper's plan with two cases, at rest for 10 s, uninterrupted: (plan, folder, report, values)."""
     folder = tmp_path_factory.mktemp("campaign")
-    told = plan.read(cases.write_plan(folder / "p.toml", SETS, 10.0, (25.0,)))
+    told = plan.read(cases.write_plan(folder / "p.toml", configured(), SETS, 10.0, (25.0,)))
     return told, folder, *played(told, folder / "store")
 
 
@@ -235,7 +235,7 @@ def test_a_killed_campaign_continues_to_the_same_numbers(campaign, tmp_path):
 
 def test_the_plan_of_five_cases_is_a_valid_campaign(tmp_path):
     sets = {str(k): {name: value * k for name, value in WORDS.items()} for k in cases.CASES}
-    told = plan.read(cases.write_plan(tmp_path / "p.toml", sets, 30.0, settings=[("noise.seed", 7)]))
+    told = plan.read(cases.write_plan(tmp_path / "p.toml", configured(), sets, 30.0))
     points, _ = plan.points(told)
     assert len({p.address for p in points}) == 15
 

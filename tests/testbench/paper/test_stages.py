@@ -2,12 +2,14 @@
 
 import json
 import os
+import typing
 
 import pytest
 
 from testbench import config
-from testbench.errors import FileError
-from testbench.paper import study
+from testbench.campaign.plan import plan
+from testbench.errors import ConfigError, FileError
+from testbench.paper import cases, study
 from testbench.paper.calibration import calibrations
 
 RESULT = {"cases_deg": {"1": {"xe1": 1.5}}, "detuning": [0.1, None, float("inf")]}
@@ -77,3 +79,84 @@ def test_a_file_in_the_place_of_the_folder_is_one_line(tmp_path):
     (tmp_path / "file").write_text("x")
     with pytest.raises(FileError, match="file: cannot be written"):
         study.Study(config.Config(), tmp_path / "file")
+
+
+# ---- every key of the configuration ----------------------------------------------------------------------------------
+
+LISTS = {
+    "effects.drive_dac_levels": ["bit 11 = 0.09"],
+    "effects.sense_dac_levels": ["bit 11 = 0.09"],
+    "effects.adc_curve": [1e-6],
+    "effects.laws": ["force_x = -2.5e9 x^3"],
+}
+FREE = {"firmware.adc_clock": "free_running"}
+NEEDED = {"plant.adc_clock_ppm": FREE, "nominal.adc_clock_ppm": FREE}  # what a key's other values go with
+OWN = ("scenario", "output")
+SECTIONS = {name: field.annotation for name, field in config.Config.model_fields.items()}
+KEYS = [(section, key) for section, kind in SECTIONS.items() for key in kind.model_fields if section not in OWN]
+
+
+def other_values(section, key):
+    """Values of a key that are not its default; not all may be allowed."""
+    field = SECTIONS[section].model_fields[key]
+    default = field.default
+    if f"{section}.{key}" in LISTS:
+        return [LISTS[f"{section}.{key}"]]
+    if isinstance(default, bool):
+        return [not default]
+    if typing.get_origin(field.annotation) is typing.Literal:
+        return [value for value in typing.get_args(field.annotation) if value != default]
+    limits = [getattr(limit, end) for limit in field.metadata for end in ("ge", "le") if hasattr(limit, end)]
+    near = [default * 1.01, default * 0.99, sum(limits) / 2]
+    return [v for v in [type(default)(v) for v in (*near, *limits)] + [default + 1, default - 1] if v != default]
+
+
+def board_with(section, key):
+    """A configuration whose key has another value than the default."""
+    path = f"{section}.{key}"
+    for value in other_values(section, key):
+        try:
+            return config.changed(config.Config(), {path: value} | NEEDED.get(path, {}))
+        except ConfigError:
+            continue
+    raise AssertionError(f"no other value found for {path}")
+
+
+def test_every_key_reaches_the_points(tmp_path):
+    """Each key of each section but [scenario] and [output], one at a time: the points' configuration has its value."""
+    words = dict.fromkeys(cases.PHASE_REGISTERS, 1.25)
+    for section, key in KEYS:
+        wanted = board_with(section, key)
+        study.check(wanted)
+        # case 1 is the words that the board had before its calibration, as `calibrate` returns them
+        begin = {name: getattr(wanted.firmware, f"{name}_deg") for name in cases.PHASE_REGISTERS}
+        made = plan.read(cases.write_plan(tmp_path / "p.toml", wanted, {"1": begin, "2": words}, 10.0, (25.0, 50.0)))
+        first, last = (config.from_dict(plan.tree_of(made, index)[0]) for index in ((0, 0), (1, 1)))
+        for kept in SECTIONS.keys() - set(OWN):
+            assert getattr(first, kept) == getattr(wanted, kept), f"{section}.{key}"
+        assert last == config.changed(
+            first, {"scenario.temperature_degc": 50.0, **{f"firmware.{n}_deg": v for n, v in words.items()}}
+        )
+
+
+def test_the_campaign_is_of_the_studys_board(calls, monkeypatch, tmp_path):
+    """`Study.plan` and the calibration get the configuration whole: a key of each section."""
+    wanted = config.changed(
+        config.Config(),
+        {"plant.qx": 1e5, "firmware.ftr_zero_hz": 90.0, "noise.cv": False, "effects.feedthrough_y": 1e-6,
+         "nominal.q_tolerance": 3.0},
+    )  # fmt: skip
+    job = study.Study(wanted, tmp_path, study.SMALL)
+    sets = {str(k): dict.fromkeys(cases.PHASE_REGISTERS, float(k)) for k in study.SMALL.case_numbers}
+    monkeypatch.setitem(RESULT, "cases_deg", sets)
+    points, _ = plan.points(job.plan())
+    assert len(points) == 2
+    assert calls[0][0] == wanted
+    for section in SECTIONS.keys() - {*OWN, "firmware"}:
+        assert all(json.loads(point.identity)["config"][section] == wanted.model_dump()[section] for point in points)
+
+
+@pytest.mark.parametrize("text", ["scenario.seconds=5.0", 'scenario.engine="clocked"', "output.pictures=false"])
+def test_scenario_and_output_are_refused(text, tmp_path):
+    with pytest.raises(ConfigError, match=f"{text.split('=')[0]} = .*the study of the paper sets"):
+        study.Study(config.load(None, [text]), tmp_path)
