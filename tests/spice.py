@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 NGSPICE = shutil.which("ngspice")
-SECONDS_LIMIT = 60
+SECONDS_LIMIT = 300
 
 
 def ring_diode(

@@ -225,18 +225,8 @@ def cv_chain(device, channel, temp_degc):
     # imported here so that a build with a chain of its own needs no diode
     from analog_frontend.parts import ring_diode
 
-    drive = channel == "drive"
-    ring = ring_diode.ring(
-        device.carrier_v,
-        device.carrier_hz * (1.0 + device.carrier_ppm * 1e-6),
-        device.c0_f,
-        device.cp_f,
-        device.cref_drive_f if drive else device.cref_sense_f,
-        ring_diode.Diode(*(getattr(device, f"diode_{name}") for name in ring_diode.Diode._fields)),
-        temp_degc if device.diode_tc_on else device.temp_ref_degc,
-        device.temp_ref_degc,
-    )
-    return ring.gain_v_per_f * (device.dcdx_f_per_m if drive else device.dcdy_f_per_m), ring.tau_s
+    ring = ring_diode.ring(*ring_diode.arguments(device, channel, temp_degc))
+    return ring.gain_v_per_f * (device.dcdx_f_per_m if channel == "drive" else device.dcdy_f_per_m), ring.tau_s
 
 
 def _generator(device, gains, rings, amplifiers, rc):

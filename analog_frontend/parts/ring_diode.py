@@ -71,6 +71,11 @@ def saturation_current_a(diode, temp_degc):
     return mpmath.mpf(diode.is_a) * (t / tn) ** (mpmath.mpf(diode.xti) / n) * mpmath.exp(exponent)
 
 
+def n_vt_v(diode, temp_degc):
+    """n k T/q of a diode (V)."""
+    return mpmath.mpf(diode.n) * BOLTZMANN_V_PER_K * _kelvin(temp_degc)
+
+
 def built_in_v(diode, temp_degc):
     """Built-in voltage of the Schottky junction (V): barrier minus the Fermi level's distance, which goes as T."""
     t, tn = _kelvin(temp_degc), _kelvin(SPICE_NOMINAL_DEGC)
@@ -87,7 +92,7 @@ def _junction(diode, vj, v):
 def _solve(diode, temp_degc, c0, cref, period, stray=None, cp=None):
     """Vf and the capacitances at one temperature, from the stray capacitance or from Cp = stray + junctions."""
     is_a, vj = saturation_current_a(diode, temp_degc), built_in_v(diode, temp_degc)
-    nvt = mpmath.mpf(diode.n) * BOLTZMANN_V_PER_K * _kelvin(temp_degc)
+    nvt = n_vt_v(diode, temp_degc)
     vf = mpmath.mpf("0.1")
     # the tail depends on Vf through two junctions only: each pass gains more than a decimal digit
     for _ in range(60):
@@ -104,6 +109,20 @@ def _solve(diode, temp_degc, c0, cref, period, stray=None, cp=None):
         if not vf < vj:
             raise ValueError(f"ring_diode: a drop of {float(vf):g} V exceeds the junction's {float(vj):g} V")
     return vf, nvt, own, x, x + loading, reverse, u
+
+
+def arguments(device, channel, temp_degc):
+    """Arguments of `ring` for "drive" or "sense" of a Device as it is at temp_ref."""
+    return (
+        device.carrier_v,
+        device.carrier_hz * (1.0 + device.carrier_ppm * 1e-6),
+        device.c0_f,
+        device.cp_f,
+        device.cref_drive_f if channel == "drive" else device.cref_sense_f,
+        Diode(*(getattr(device, f"diode_{name}") for name in Diode._fields)),
+        temp_degc if device.diode_tc_on else device.temp_ref_degc,
+        device.temp_ref_degc,
+    )
 
 
 @functools.lru_cache(maxsize=1024)  # some 250 knots a ring: one serves many gyroscopes

@@ -29,7 +29,7 @@ CASES = [
 ]
 
 
-def circuit(carrier_v, cref_f, diode, temp_degc, dc_f, folder):
+def circuit(carrier_v, cref_f, diode, temp_degc, dc_f, folder, stop_s=6e-6):
     """Waveform V(C) - V(D) of the ring whose Cp is 3 pF at 25 degC."""
     stray = ring_diode.ring(carrier_v, CARRIER_HZ, 2e-12, 3e-12, cref_f, diode, temp_degc).stray_f
     nominal, warm = (float(ring_diode.built_in_v(diode, t)) for t in (27.0, temp_degc))
@@ -42,6 +42,7 @@ def circuit(carrier_v, cref_f, diode, temp_degc, dc_f, folder):
         cj0_f=diode.cj0_f,
         vj_per_k=slope,
         temp_degc=temp_degc,
+        stop_s=stop_s,
     )
     times, (c, d) = spice.run(netlist, folder)
     return times, c - d
