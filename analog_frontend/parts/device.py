@@ -68,6 +68,7 @@ class Device(NamedTuple):
     kq_n_per_m_per_v2: Limits("N/m/V^2", 0.0, 1.0) = 0.0561 / (4.52 * 4.52)  # D  V_q = 4.52 V nulls k_xy at 25 degC
     # ring-diode C/V and its amplifiers
     carrier_v: Limits("V", 0.5, 50.0) = 5.0  # A  peak to peak at the movable plate
+    carrier_tc_per_k: Limits("1/K", -0.005, 0.005) = 0.0  # A  off; below 0 it makes up for the diodes, whose drop falls
     c0_f: Limits("F", 1e-14, 1e-9) = 2e-12  # A  pick-off capacitance at rest
     cp_f: Limits("F", 0.0, 1e-9) = 3e-12  # A  stray plus two diode junctions
     dcdx_f_per_m: Limits("F/m", -1e-4, 1e-4) = 1e-7  # A  closes the noise budget
@@ -94,6 +95,8 @@ class Device(NamedTuple):
     sid_fall_s: Limits("s", -100e-9, 100e-9) = 0.0  # A  a switch follows a falling edge so much later than a rising one
     sid_charge_c: Limits("C", -1e-9, 1e-9) = 1e-12  # A  injected at each edge
     sid_charge_mismatch: Limits("1", -1.0, 1.0) = 0.1  # A  between the two halves
+    sid_charge_tc_per_k: Limits("1/K", -0.05, 0.05) = 0.0  # A  off; the charge goes with the switch's logic swing
+    sid_leakage_a: Limits("A", -1e-6, 1e-6) = 0.0  # A  of open switches, difference of two halves; doubles in 10 K; off
     # converters
     adc_vref_v: Limits("V", 0.1, 10.0) = 4.0  # S  ADS1298 internal reference
     adc_pga_drive: Limits("1", 1, 12) = 1  # D  2.88 V of 4 V
@@ -108,8 +111,15 @@ class Device(NamedTuple):
     # noise densities, one-sided
     cv_noise_v_per_rthz: Limits("V/rtHz", 0.0, 1e-3) = 18.2e-9  # D  at the ring diode, before signal_gain and folding
     carrier_noise_v_per_rthz: Limits("V/rtHz", 0.0, 1e-3) = 0.0  # A  of the carrier, a drive frequency off it; off
+    ring_noise_on: Limits("1", 0, 1) = 0  # A  1 adds what the four diodes themselves make; off
+    cv_resistor_ohm: Limits("ohm", 0.0, 1e9) = 0.0  # A  its Johnson noise is at the ring's output; off
+    ina_voltage_noise_v_per_rthz: Limits("V/rtHz", 0.0, 1e-3) = 0.0  # A  of each of two inputs; off (M: 1.07e-9)
+    ina_current_noise_a_per_rthz: Limits("A/rtHz", 0.0, 1e-6) = 0.0  # A  of each of two inputs; off (M: 1.9e-12)
+    ina_bias_exponent: Limits("1", -5.0, 5.0) = 1.0  # A  collector current as a power of T: 1 is PTAT
+    ina_beta_exponent: Limits("1", -5.0, 5.0) = 1.5  # A  current gain as a power of T: XTB of SPICE, 1.5 to 2
     c0_imbalance_f: Limits("F", -1e-12, 1e-12) = 0.0  # A  half the difference of a pick-off's capacitances at rest; off
     sid_flicker_v_per_rthz: Limits("V/rtHz", 0.0, 1e-3) = 37e-9  # D  after the SID, before the PGA, at 1 Hz
+    sid_flicker_exponent: Limits("1", -20.0, 20.0) = 0.0  # A  that density as a power of T; off
     drive_dac_noise_v_per_rthz: Limits("V/rtHz", 0.0, 1e-3) = 15e-9  # M
     sense_dac_noise_v_per_rthz: Limits("V/rtHz", 0.0, 1e-3) = 7.5e-9  # S
     # temperature
@@ -120,6 +130,7 @@ class Device(NamedTuple):
     kxy_tc_above_per_k: Limits("1/K", -0.05, 0.05) = 0.0035  # D  from V_q at 50 degC
     opamp_gbw_tc_per_k: Limits("1/K", -0.005, 0.005) = -0.002  # A  bipolar gm goes as 1/T
     dac_rc_tc_per_k: Limits("1/K", -0.005, 0.005) = 0.0  # A  all six output poles; off (resistors: 1e-4 .. 3e-4)
+    dac_amplifier_tc_on: Limits("1", 0, 1) = 0  # A  1: output poles 2 and 3 are amplifiers and go with 1/GBW; off
     sid_rc_tc_per_k: Limits("1/K", -0.005, 0.005) = 0.0  # A  off
     self_heating_k: Limits("K", 0.0, 50.0) = 0.0  # A  final rise of the package over ambient; off
     warm_up_tau_s: Limits("s", 1.0, 1e5) = 600.0  # A  300-900 s

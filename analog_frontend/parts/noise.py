@@ -306,16 +306,6 @@ def sigma_demodulated(density_per_rthz, carrier_hz, tick_s):
     return density_per_rthz / math.sqrt(2.0 * hold_s * (1.0 - 4.0 * carrier_hz * hold_s / 3.0))
 
 
-def cv_density(device):
-    """V/rtHz at the ring diode's output: its own, and that of the carrier through a pick-off's imbalance at rest.
-
-    e dC / (C0 + Cp): noise of the carrier a drive frequency off it comes out at the drive frequency. Only that does:
-    the imbalance itself is a constant, and the demodulators take the difference of two half turns
-    """
-    leaks = device.carrier_noise_v_per_rthz * device.c0_imbalance_f / (device.c0_f + device.cp_f)
-    return math.hypot(device.cv_noise_v_per_rthz, leaks)
-
-
 def thermomechanical_density(damping_n_s_per_m, temp_degc):
     """One-sided density (N/rtHz) of the force noise of a damper: sqrt(4 k T d)."""
     return math.sqrt(4.0 * BOLTZMANN_J_PER_K * (temp_degc + ZERO_DEGC_K) * damping_n_s_per_m)

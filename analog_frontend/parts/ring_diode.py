@@ -24,6 +24,8 @@ from typing import NamedTuple
 
 import mpmath
 
+from analog_frontend.parts import thermal
+
 BOLTZMANN_V_PER_K = mpmath.mpf("1.380649e-23") / mpmath.mpf("1.602176634e-19")
 ZERO_DEGC_K = mpmath.mpf("273.15")
 SPICE_NOMINAL_DEGC = 27  # where a SPICE diode's parameters hold
@@ -114,7 +116,7 @@ def _solve(diode, temp_degc, c0, cref, period, stray=None, cp=None):
 def arguments(device, channel, temp_degc):
     """Arguments of `ring` for "drive" or "sense" of a Device as it is at temp_ref."""
     return (
-        device.carrier_v,
+        thermal.at_temperature(device, temp_degc).carrier_v,
         device.carrier_hz * (1.0 + device.carrier_ppm * 1e-6),
         device.c0_f,
         device.cp_f,

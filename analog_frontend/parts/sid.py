@@ -92,10 +92,19 @@ def _coefficient(r, j, k, i):
     return (-1) ** i * r ** (j + i) * beta / (mpmath.factorial(j - 1) * mpmath.factorial(i))
 
 
-def injection_volts(charge_c, mismatch, c_f):
-    """Six voltages of `inject_v` for a charge (C) per switch on `c_f` (F); the ref = 0 half gets 1 - mismatch of it."""
+def injection_volts(charge_c, mismatch, c_f, leaked_c=0.0):
+    """Six voltages of `inject_v` for a charge (C) per switch on `c_f` (F); the ref = 0 half gets 1 - mismatch of it.
+
+    leaked_c  charge that leaks onto the other half while it is held for half a turn; the difference of both halves
+    """
     first = charge_c / c_f
-    return (first,) * STAGES + (first * (1.0 - mismatch),) * STAGES
+    return (first + leaked_c / c_f,) * STAGES + (first * (1.0 - mismatch),) * STAGES
+
+
+def of_device(warm):
+    """`injection_volts` of a device at its temperature: charge of a switch, leakage over half a turn of f_x."""
+    leaked_c = warm.sid_leakage_a / (2.0 * warm.fx_hz)
+    return injection_volts(warm.sid_charge_c, warm.sid_charge_mismatch, warm.sid_c_f, leaked_c)
 
 
 def corner_hz(rc_s):

@@ -4,7 +4,13 @@
     Q(T)    = Q exp(dlnq dT)
     k_xy(T) = k_xy (1 + tc dT)                  tc is one number below temp_ref and another above it
     GBW(T)  = GBW (1 + tc dT)
-    RC(T)   = RC (1 + tc dT)                    output poles and SID resistors, both off by default
+    RC(T)   = RC (1 + tc dT)                    output poles and SID resistors, both off by default;
+                                                with dac_amplifier_tc_on output poles 2 and 3 go with 1/GBW instead
+    E(T)    = E (1 + tc dT)                     carrier, off by default; so the charge that a switch injects
+    I(T)    = I 2^(dT/10 K)                     leakage of open switches, off by default
+    e_n(T)  = e_n t^(1 - p/2)                   t = T/T_ref in kelvin; bipolar, I_c as t^p: sqrt(2 q I_c) kT/(q I_c)
+    i_n(T)  = i_n t^((p - b)/2)                 sqrt(2 q I_b), I_b = I_c/beta, beta as t^b
+    1/f(T)  = 1/f t^p                           no derived law: p is an assumption, 0 by default
     rise(t) = self_heating (1 - exp(-t / tau))  package over ambient, off by default
 
 The ring diode is not here: `propagator.cv_chain` takes the device at temp_ref and the temperature.
@@ -23,8 +29,11 @@ TEMP_HI_DEGC = 125.0
 GBW_FIELDS = ("opamp_gbw_hz",)
 FREQUENCY_FIELDS = ("fx_hz", "fy_hz")
 Q_FIELDS = ("qx", "qy")
-DAC_RC_FIELDS = tuple(f"{channel}_pole_{n}_s" for channel in ("drive", "sense") for n in (1, 2, 3))
+DAC_RC_FIELDS = ("drive_pole_1_s", "sense_pole_1_s")
+DAC_AMPLIFIER_FIELDS = ("drive_pole_2_s", "drive_pole_3_s", "sense_pole_2_s", "sense_pole_3_s")
 SID_RC_FIELDS = ("sid_r_ohm",)
+LEAKAGE_DOUBLES_K = 10
+ZERO_DEGC_K = MP.mpf("273.15")
 
 
 def check(temp_degc):
@@ -39,14 +48,24 @@ def at_temperature(device, temp_degc):
     dt = MP.mpf(check(temp_degc)) - MP.mpf(device.temp_ref_degc)
     if dt == 0:
         return device
+    ratio = 1 + dt / (MP.mpf(device.temp_ref_degc) + ZERO_DEGC_K)
+    bias, beta = MP.mpf(device.ina_bias_exponent), MP.mpf(device.ina_beta_exponent)
+    rc, gbw = 1 + MP.mpf(device.dac_rc_tc_per_k) * dt, 1 + MP.mpf(device.opamp_gbw_tc_per_k) * dt
     kxy_tc = device.kxy_tc_below_per_k if dt < 0 else device.kxy_tc_above_per_k
     laws = (
         (FREQUENCY_FIELDS, 1 + MP.mpf(device.tcf_per_k) * dt),
         (Q_FIELDS, MP.exp(MP.mpf(device.dlnq_per_k) * dt)),
         (("kxy_n_per_m",), 1 + MP.mpf(kxy_tc) * dt),
-        (GBW_FIELDS, 1 + MP.mpf(device.opamp_gbw_tc_per_k) * dt),
-        (DAC_RC_FIELDS, 1 + MP.mpf(device.dac_rc_tc_per_k) * dt),
+        (GBW_FIELDS, gbw),
+        (DAC_RC_FIELDS, rc),
+        (DAC_AMPLIFIER_FIELDS, 1 / gbw if device.dac_amplifier_tc_on else rc),
         (SID_RC_FIELDS, 1 + MP.mpf(device.sid_rc_tc_per_k) * dt),
+        (("carrier_v",), 1 + MP.mpf(device.carrier_tc_per_k) * dt),
+        (("sid_charge_c",), 1 + MP.mpf(device.sid_charge_tc_per_k) * dt),
+        (("sid_leakage_a",), MP.mpf(2) ** (dt / LEAKAGE_DOUBLES_K)),
+        (("ina_voltage_noise_v_per_rthz",), ratio ** (1 - bias / 2)),
+        (("ina_current_noise_a_per_rthz",), ratio ** ((bias - beta) / 2)),
+        (("sid_flicker_v_per_rthz",), ratio ** MP.mpf(device.sid_flicker_exponent)),
     )
     moved = {name: float(MP.mpf(getattr(device, name)) * factor) for names, factor in laws for name in names}
     return validate(Device(**(device._asdict() | moved)))

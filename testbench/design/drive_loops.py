@@ -23,7 +23,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from analog_frontend.parts import sid
-from analog_frontend.parts.noise import cv_density
+from analog_frontend.parts.cv_noise import cv_density
 from testbench.paper.loop.parts import parts
 from testbench.run import build
 
@@ -107,7 +107,9 @@ def words(config):
     decay_s = _settling(SETTLED * left) * tau
     fallen = math.exp(-decay * (decay_s + MOST_SEARCH_S))
     weakest = least * share * volts_per_s * kick_s * left
-    noise = math.hypot(n.adc_noise_drive_v, 2 * cv_density(n.device()) * n.signal_gain * math.sqrt(corner))
+    noise = math.hypot(
+        n.adc_noise_drive_v, 2 * cv_density(n.device(), n.temp_ref_degc, "drive") * n.signal_gain * math.sqrt(corner)
+    )
     offset = math.hypot(*parts(config).sid_offset_v)
     disturbed = math.sqrt(2) * noise + 2 * offset
     search = disturbed / max(weakest * fallen, LEAST_SIGNAL_V) / (2 * math.pi) / (CAPTURE * crossover)

@@ -16,7 +16,7 @@ from analog_frontend import dac_levels, effects
 from analog_frontend import top as plant
 from analog_frontend.effects import catalogue, drive_cubic, duffing, feedthrough_y, law
 from analog_frontend.effects.ports import CV_PORTS
-from analog_frontend.parts import adc, dac, noise, propagator, resonator, sid, thermal
+from analog_frontend.parts import adc, cv_noise, dac, noise, propagator, resonator, sid, thermal
 from analog_frontend.parts.device import Device
 from fpga_model import (
     agc,
@@ -253,6 +253,14 @@ def lsb(config):
     }
 
 
+# Laws over temperature whose part has one number a run
+ONE_TEMPERATURE = (
+    "sid_rc_tc_per_k",
+    "sid_charge_tc_per_k",
+    "sid_leakage_a",
+    "sid_flicker_exponent",
+    *cv_noise.WITH_LAW,
+)
 _knots = functools.lru_cache(maxsize=256)(propagator.knots)
 
 
@@ -276,8 +284,10 @@ def analog(config, temp_lo_degc, temp_hi_degc):
     for name, reason in NOT_READ.items():
         if getattr(d, name) != Device._field_defaults[name]:
             raise ValueError(f"plant.{name} = {getattr(d, name):g} would change nothing: {reason}")
-    if d.sid_rc_tc_per_k and temp_lo_degc != temp_hi_degc:
-        raise ValueError(f"plant.sid_rc_tc_per_k = {d.sid_rc_tc_per_k:g} needs a constant temperature, not a profile")
+    if temp_lo_degc != temp_hi_degc:
+        for name in ONE_TEMPERATURE:
+            if getattr(d, name):
+                raise ValueError(f"plant.{name} = {getattr(d, name):g} needs a constant temperature, not a profile")
     for name in ("drive_dac_delay_s", "sense_dac_delay_s"):
         if getattr(d, name) >= 1 / record.tick_hz:
             limit = f"the limit {1 / record.tick_hz:g} s, one plant tick"
@@ -295,7 +305,7 @@ def analog(config, temp_lo_degc, temp_hi_degc):
     at_carrier, force_density = noise.sigma_at_carrier, noise.thermomechanical_density
     damping_x = warm.mass_kg * w * warm.fx_hz / warm.qx
     damping_y = warm.mass_kg * w * warm.fy_hz / warm.qy
-    cv_density = noise.cv_density(d) * abs(d.signal_gain)
+    cv_x, cv_y = (cv_noise.cv_density(d, temp_lo_degc, c) * abs(d.signal_gain) for c in ("drive", "sense"))
     rise = _switch_instants("plant.sid_switch_s", d.sid_switch_s, tick_s, clocks)
     fall = _switch_instants("plant.sid_switch_s + plant.sid_fall_s", d.sid_switch_s + d.sid_fall_s, tick_s, clocks)
     board = chips.of(config.design)
@@ -315,15 +325,13 @@ def analog(config, temp_lo_degc, temp_hi_degc):
         temp_count=knots.count,
         switch_tau_s=np.array([fall[0], rise[0]]),
         switch_carry=np.array([fall[1], rise[1]]),
-        sid=sid.design(
-            float(tables.sid_rc_s[0]), tick_s, sid.injection_volts(d.sid_charge_c, d.sid_charge_mismatch, d.sid_c_f)
-        ),
-        adc=adc_part(config, d, tick_s),
+        sid=sid.design(float(tables.sid_rc_s[0]), tick_s, sid.of_device(warm)),
+        adc=adc_part(config, warm, tick_s),
         noise=plant.Noise(
             force_x=held("force_x", at_carrier, force_density(damping_x, temp_lo_degc), on.thermomechanical),
             force_y=held("force_y", at_carrier, force_density(damping_y, temp_lo_degc), on.thermomechanical),
-            cv_x=held("cv_x", noise.sigma_demodulated, cv_density, on.cv),
-            cv_y=held("cv_y", noise.sigma_demodulated, cv_density, on.cv),
+            cv_x=held("cv_x", noise.sigma_demodulated, cv_x, on.cv),
+            cv_y=held("cv_y", noise.sigma_demodulated, cv_y, on.cv),
             drive_dac=held("dac_drive", at_carrier, d.drive_dac_noise_v_per_rthz, on.dac),
             sense_dac=held("dac_sense", at_carrier, d.sense_dac_noise_v_per_rthz, on.dac),
             edge_jitter=noise.source(seed, "edge_jitter", d.clock_jitter_s, on.jitter),

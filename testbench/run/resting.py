@@ -12,6 +12,7 @@ import itertools
 import math
 
 from analog_frontend.parts import noise
+from analog_frontend.parts.cv_noise import cv_density
 from fpga_model import digital_sid, fault_monitor
 
 LIMIT = 1e-12  # of a false alarm, per frame: one in four years
@@ -41,7 +42,7 @@ def adc_repeats(config):
 def sar_repeats(config):
     """`repeats` of both samples of the board without the analog SID, from one sample of the noise to the next."""
     d = config.device()
-    density = noise.cv_density(d) * abs(d.signal_gain) if config.noise.cv else 0.0
+    density = cv_density(d, d.temp_ref_degc) * abs(d.signal_gain) if config.noise.cv else 0.0
     sigma_v = noise.sigma_demodulated(density, d.fx_hz, 1 / config.design_record().tick_hz)
     return (repeats(sigma_v * SAR_CODES / d.sar_span_v),) * 2
 

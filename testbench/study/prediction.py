@@ -19,7 +19,6 @@ from typing import NamedTuple
 import numpy as np
 
 from analog_frontend.parts import adc
-from analog_frontend.parts.noise import cv_density
 from fpga_model import cordic
 from fpga_model.design_record import DEFAULT
 from testbench.engines import chips
@@ -170,8 +169,7 @@ def predict(config):
     rounded = 4 / 12 / p.tick_hz + rounding.error_density(bias_word / dac_lsb, spread, FRAME_S)
     density = word.density + rounded * dac_lsb**2 * (word.per_dps / lsb) ** 2
     passed_hz = math.pi / 2 * p.sid_hz * 3 / 8
-    cv_v = cv_density(config.device()) * abs(config.device().signal_gain) if config.noise.cv else 0.0
-    at_sense = math.hypot(p.adc_noise_v, 2 * cv_v * math.sqrt(passed_hz)) * p.code_per_v
+    at_sense = math.hypot(p.adc_noise_v, 2 * p.cv_noise_v_per_rthz * math.sqrt(passed_hz)) * p.code_per_v
     adc_input = min(at_sense, drive_noise_codes(config)) / p.step_code
     dds_input = dds_input_lsb(config)
     harmonic, spur = largest_spur(config, p)

@@ -12,7 +12,8 @@ import math
 from typing import NamedTuple
 
 from analog_frontend.parts import propagator, sid, thermal
-from analog_frontend.parts.noise import cv_density, thermomechanical_density
+from analog_frontend.parts.cv_noise import cv_density
+from analog_frontend.parts.noise import thermomechanical_density
 from fpga_model import isqrt, modulator, pi, rates, sine, spi_adc, spi_dac
 from testbench.engines import chips
 from testbench.errors import ConfigError
@@ -157,7 +158,7 @@ def parts(config, temp_degc=None):
     drive_full_v = device.adc_vref_v / device.adc_pga_drive
     wanted_fs = config.firmware.amplitude_um * nominal["v_per_um"] / nominal["adc_drive_v"]
     words = config.firmware
-    inject = sid.injection_volts(device.sid_charge_c, device.sid_charge_mismatch, device.sid_c_f)
+    inject = sid.of_device(warm)
     rc_s = warm.sid_r_ohm * warm.sid_c_f
     # on-time means are raised by 2 Q R f a stage, and the last capacitor is held a quarter of its jump above its mean
     unequal = [a - b for a, b in zip(inject[:3], inject[3:])]
@@ -198,8 +199,8 @@ def parts(config, temp_degc=None):
         v_q_lsb_v=device.quad_dac_span_v / 2**isqrt.ROOT.width,
         kxy_n_per_m=warm.kxy_n_per_m,
         dxy_n_s_per_m=warm.dxy_ratio * warm.mass_kg * 2 * math.pi * warm.fx_hz / warm.qx,
-        cv_noise_v_per_rthz=cv_density(device) * abs(device.signal_gain) if on.cv else 0.0,
-        flicker_v_per_rthz=device.sid_flicker_v_per_rthz if on.flicker else 0.0,
+        cv_noise_v_per_rthz=cv_density(device, temp_degc) * abs(device.signal_gain) if on.cv else 0.0,
+        flicker_v_per_rthz=warm.sid_flicker_v_per_rthz if on.flicker else 0.0,
         adc_noise_v=device.adc_noise_sense_v if on.adc else 0.0,
         dac_noise_v_per_rthz=device.sense_dac_noise_v_per_rthz if on.dac else 0.0,
         force_noise_n_per_rthz=force_noise if on.thermomechanical else 0.0,

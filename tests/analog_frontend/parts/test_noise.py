@@ -15,8 +15,7 @@ from scipy import stats
 
 from analog_frontend import linear
 from analog_frontend.numeric.vector import LANES
-from analog_frontend.parts import noise, propagator
-from analog_frontend.parts.device import Device
+from analog_frontend.parts import noise
 from fpga_model.jit import kernel
 from fpga_model.rates import FRAME_TICKS
 from testbench.console.markdown import ROOT
@@ -448,20 +447,6 @@ def test_channels_of_flicker_are_independent():
 
 
 # physics ------------------------------------------------------------------------------------------------------------
-
-
-def test_noise_of_the_carrier_comes_out_as_a_smaller_carrier_does():
-    """Half a volt more and less of carrier across an imbalance, by the ring diode's own law."""
-    d = Device(carrier_noise_v_per_rthz=1e-6, c0_imbalance_f=50e-15)
-    gains = [
-        propagator.cv_chain(d._replace(carrier_v=d.carrier_v + dv), "sense", 25.0)[0] / d.dcdy_f_per_m
-        for dv in (-0.5, 0.5)
-    ]
-    through = (gains[1] - gains[0]) * d.c0_imbalance_f * d.carrier_noise_v_per_rthz
-    own = Device().cv_noise_v_per_rthz
-    assert noise.cv_density(d) == pytest.approx(math.hypot(own, through), rel=0.02)
-    assert noise.cv_density(Device()) == own
-    assert noise.cv_density(d._replace(cv_noise_v_per_rthz=0.0)) == pytest.approx(1e-8)
 
 
 def test_thermomechanical_force_gives_the_known_angle_random_walk():

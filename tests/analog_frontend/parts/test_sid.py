@@ -284,6 +284,23 @@ def test_charge_injection_lifts_each_stage_by_two_qrf():
     assert (out[120000:, 2] - out[120000:, 5]).mean() == pytest.approx(3 * mismatch * unit, rel=0.02)
 
 
+def test_leakage_is_a_charge_at_each_edge():
+    """A leak that raises the held capacitors steadily, by matrix exponentials of both halves, against the impulse."""
+    leak_a, c_f = 1e-9, 159e-9
+    half_s, chain = 0.5 / F, (np.diag([-1.0] * 3) + np.diag([1.0] * 2, -1)) / RC
+    on, off = np.zeros((7, 7)), np.zeros((7, 7))  # three volts, their integrals, one
+    on[:3, :3], off[:3, 6] = chain, leak_a / c_f
+    on[3:6, :3] = off[3:6, :3] = np.eye(3)
+    on, off = expm(on * half_s), expm(off * half_s)
+    turn = off @ on
+    start = np.append(np.linalg.solve(np.eye(3) - turn[:3, :3], turn[:3, 6]), [0.0, 0.0, 0.0, 1.0])
+    mean_v = (turn @ start)[5] / (2 * half_s)
+    jump_v = sid.injection_volts(0.0, 0.0, c_f, leak_a * half_s)
+    assert jump_v[3:] == (0.0, 0.0, 0.0)
+    # three stages of 2 R C f jumps, and a quarter of one above: what `loop.parts` takes for both
+    assert mean_v == pytest.approx(jump_v[0] * (6 * RC * F + 0.25), rel=0.005)
+
+
 def test_four_demodulators_are_independent():
     caps = sid.reset()
     caps[:] = 0.5

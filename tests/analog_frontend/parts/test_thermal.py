@@ -40,6 +40,46 @@ def test_laws(temp):
     assert warm._asdict() == expected
 
 
+def power(value, exponent, temp):
+    with localcontext() as context:
+        context.prec = 60
+        ratio = (Decimal(temp) + Decimal("273.15")) / Decimal("298.15")
+        return float(Decimal(value) * ratio ** Decimal(exponent))
+
+
+@given(temps)
+def test_laws_of_noise_carrier_and_switches(temp):
+    dev = device.make(
+        carrier_tc_per_k=-4e-4,
+        sid_charge_tc_per_k=0.003,
+        sid_leakage_a=1e-10,
+        ina_voltage_noise_v_per_rthz=1.07e-9,
+        ina_current_noise_a_per_rthz=1.9e-12,
+        ina_bias_exponent=0.5,
+        ina_beta_exponent=1.75,
+        sid_flicker_exponent=0.5,
+    )
+    warm = thermal.at_temperature(dev, temp)
+    assert warm.carrier_v == linear(5.0, -4e-4, temp)
+    assert warm.sid_charge_c == linear(1e-12, 0.003, temp)
+    assert warm.sid_leakage_a == pytest.approx(1e-10 * 2 ** ((temp - 25) / 10), rel=1e-14)
+    assert warm.ina_voltage_noise_v_per_rthz == power(1.07e-9, 0.75, temp)
+    assert warm.ina_current_noise_a_per_rthz == power(1.9e-12, -0.625, temp)
+    assert warm.sid_flicker_v_per_rthz == power(37e-9, 0.5, temp)
+
+
+@given(temps, st.floats(-1e-3, 1e-3))
+def test_output_amplifiers_go_with_their_gbw(temp, tc):
+    dev = device.make(dac_amplifier_tc_on=1, dac_rc_tc_per_k=tc)
+    warm = thermal.at_temperature(dev, temp)
+    for channel in ("drive", "sense"):
+        first, *rest = (f"{channel}_pole_{n}_s" for n in (1, 2, 3))
+        assert getattr(warm, first) == linear(getattr(dev, first), tc, temp)
+        for name in rest:
+            delay = getattr(warm, name) * warm.opamp_gbw_hz
+            assert delay == pytest.approx(getattr(dev, name) * dev.opamp_gbw_hz, rel=1e-14)
+
+
 def test_the_reference_temperature_changes_nothing():
     dev = device.make(temp_ref_degc=20.0, fx_hz=11000.1)
     assert thermal.at_temperature(dev, 20.0) is dev
