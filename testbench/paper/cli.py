@@ -73,9 +73,9 @@ def characterise(
         print_json(found)
         return
     from testbench.console.table import Table
-    from testbench.paper import page
+    from testbench.paper import judge_table, page
 
-    rows = [(head, page.text_of(found.get(name), digits)) for name, head, digits in page.POINT_COLUMNS]
+    rows = [(head, judge_table.text_of(found.get(name), digits)) for name, head, digits in page.POINT_COLUMNS]
     print_tables([Table(f"At {temperature_degc:g} degC", ("quantity", "value"), rows)])
 
 

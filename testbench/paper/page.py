@@ -4,88 +4,22 @@ Source    docs/paper.md
 """
 
 import math
-import re
-from collections import Counter
 from pathlib import Path
 
 import numpy as np
 
 from testbench.console.report import write_html
 from testbench.console.table import Table
-from testbench.paper import comparison, figures, law, temperature
+from testbench.judge import judge
+from testbench.paper import figures, law, simulated, temperature
 from testbench.paper.calibration import calibrations
 from testbench.paper.calibration.calibrate import NODES
+from testbench.paper.judge_table import counts, paper_means, sentence, text_of
+from testbench.paper.judge_table import tables as judged
 from testbench.paper.loop import equations, loop_page, loop_pictures
 from testbench.paper.loop import loop as loops
 from testbench.paper.loop import parts as loop_parts
 from testbench.paper.measure import record_phases
-
-PAPER_MEANS = {
-    "scale_lsb_per_dps": "SF",
-    "quadrature_v": "Vq",
-    "bias_dps": "bias",
-    "arw_deg_per_rt_h": "ARW",
-    "nonlinearity_ppm": "SF nonlinearity",
-}
-
-
-def text_of(value, digits=5):
-    return "-" if value is None or (isinstance(value, float) and math.isnan(value)) else f"{value:.{digits}g}"
-
-
-def paper_means():
-    """{quantity: {temperature: value}} of the paper's cases 1 to 3."""
-    rows = [r for r in comparison.numbers() if r["case"] == "mean of cases 1,2,3"]
-    out = {}
-    for name, symbol in PAPER_MEANS.items():
-        mine = [r for r in rows if r["symbol"] == symbol]
-        out[name] = {
-            25.0 if r["temperature_C"].startswith("room") else float(r["temperature_C"]): float(r["value"])
-            for r in mine
-        }
-    return out
-
-
-def _short(text):
-    """A text without what stands in brackets."""
-    return re.sub(r"\s*\(.*?\)", "", text)
-
-
-def _comparison_table(rows):
-    heads = (
-        "quantity",
-        "case",
-        "degC",
-        "paper",
-        "its spread",
-        "unit",
-        "model",
-        "1 sigma",
-        "ratio",
-        "verdict",
-        "reason",
-    )
-    reasons = list(dict.fromkeys(r.why for r in rows))
-    cells = []
-    for r in rows:
-        name, temp = _short(r.quantity.replace(", mean over cases 1-3", "")), _short(r.temperature).split(" temp")[0]
-        spread = r.spread.replace("max fluctuation", "max").replace("not stated", "")
-        unit = _short(r.unit).replace("dimensionless", "1").replace("not stated", "")
-        numbers = text_of(r.model), text_of(r.sigma, 2), text_of(r.ratio, 4)
-        cells.append(
-            (name, _short(r.case), temp, r.paper, spread, unit, *numbers, r.verdict, f"({reasons.index(r.why) + 1})")
-        )
-    said = [(f"({k})", text) for k, text in enumerate(reasons, 1)]
-    table = Table(
-        f"Each number that the paper prints ({len(rows)})",
-        heads,
-        cells,
-        note="reproduced: within three standard deviations of the paper where it prints one, or within "
-        f"{100 * comparison.CLOSE:g} % of its number; a bound that the model keeps; within "
-        f"{100 * comparison.TOLERANCE:g} % where the paper prints no deviation. 1 sigma: of the model's number.",
-        numeric=(3, 6, 7, 8),
-    )
-    return [table, Table("Reasons", ("reason", "text"), said, numeric=())]
 
 
 def calibration_table(one):
@@ -212,13 +146,14 @@ STEPS = (("1", "2", "xe1"), ("2", "3", "xe2"), ("3", "4", "ye1"), ("4", "5", "ye
 
 def sensitivity_rows(points):
     """The paper's Table 5: |after - before| / |before| of each quantity at each compensation."""
-    names = ("scale_lsb_per_dps", "bias_dps", "quadrature_v", "arw_deg_per_rt_h", "bandwidth_hz")
+    symbols, model = ("SF", "bias", "Vq", "ARW", "BW"), judge.Model("simulation", points=simulated.points(points))
     rows = []
     for before, after, node in STEPS:
         for temp in sorted({t for _, t in points}):
             if (before, temp) in points and (after, temp) in points:
-                changes = [comparison.relative_change(points, name, before, after, temp) for name in names]
-                rows.append((f"{node}: case {before} to {after}", f"{temp:g}", *(text_of(c, 3) for c in changes)))
+                changes = [judge.change(model, symbol, (before, after), temp) for symbol in symbols]
+                cells = (text_of(c and c.value, 3) for c in changes)
+                rows.append((f"{node}: case {before} to {after}", f"{temp:g}", *cells))
     return rows
 
 
@@ -279,11 +214,9 @@ def write(study, path=None):
     one, boards, points, laws = study.calibration(), study.boards(), study.points(), study.laws()
     records = study.record()
     config = study.config
-    spread = {case: record_phases.spread(rows) for case, rows in records.items()}
-    compared = comparison.compare(points, one, spread)
-    verdicts = Counter(row.verdict for row in compared)
+    compared = judge.rows(simulated.model(config, one, points, records))
     last = calibrations.case_config(config, one["cases_deg"]["5"])
-    tables = [*_comparison_table(compared), calibration_table(one), cases_table(one)]
+    tables = [*judged(compared), calibration_table(one), cases_table(one)]
     if boards:
         tables.append(boards_table(boards))
     tables += [_points_table(points), _law_table(laws["scale"])]
@@ -337,12 +270,12 @@ def write(study, path=None):
         "The paper: Phase error analysis for MEMS gyroscopes operational modes based on force-to-rebalance rate "
         "measurement mode, doi:10.1038/s41378-025-01144-6. Its tables, pictures and raw data are not available: "
         "figures are redrawn from what its text says of them.",
-        f"Of {len(compared)} numbers: {verdicts[comparison.REPRODUCED]} reproduced, {verdicts[comparison.NOT]} not "
-        f"reproduced, {verdicts[comparison.NONE]} not comparable.",
+        sentence(compared),
         "Assumed about the paper's firmware: references leave on the 1 MHz grid, one extra frame in the sense path. "
-        f"The {comparison.BEST_FIT}: they were chosen with the paper's phases in view.",
+        "Default latencies are the best fit of a search over assumed pipelines: they were chosen with the paper's "
+        "phases in view.",
         "Wall-clock (s): " + (", ".join(f"{k} {v:.0f}" for k, v in study.seconds.items()) or "not measured") + ".",
     ]
     path = Path(path or study.directory / "paper.html")
     write_html(path, "The paper's experiments on the virtual gyroscope", tables, pictures, notes)
-    return path, dict(verdicts)
+    return path, counts(compared)

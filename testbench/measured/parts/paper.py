@@ -1,17 +1,21 @@
-"""Numbers printed in the paper beside what the model says: explained, not explained, and by what it could be.
+"""Numbers printed in the paper beside what the model says without a simulation, judged, with what else could make them.
 
-    a row      quantity, paper's value, model's value from testbench.run.budget or a stated equation, their difference
+    a row      number, role, model's value by phase budget and linear loop, verdict and its basis: testbench.judge
     a rival    an explanation with what it predicts for the same number, and what would tell it from the others
-Only one number stands behind most questions, so no rival is a winner: a row is "explained" if the model's value agrees
-within the paper's own spread, else "not explained" with its rivals, never "caused by".
+Only one number stands behind most questions, so no rival is a winner: a number is never "caused by" one.
 Source    docs/measured_parts.md, docs/phases.md
 """
 
 import html
 
+from testbench.judge import judge
+from testbench.judge.numbers import HEAD
+from testbench.judge.verdict import CONTRADICTED
 from testbench.measured.exam import part_page
-from testbench.measured.formats.paper_numbers import AGREE, HEAD, Numbers
-from testbench.measured.parts.paper_questions import rows
+from testbench.measured.formats.paper_numbers import Numbers
+from testbench.measured.parts.paper_questions import rivals
+from testbench.paper import closed_form
+from testbench.paper.judge_table import sentence, tables
 from testbench.storage import inputs
 
 
@@ -30,32 +34,53 @@ def report(paths, options):
     """(JSON, "") of a list of the paper's numbers; None if the first file is none."""
     if not paths or not looks_like(paths[0]):
         return None
-    found = rows(Numbers(paths[0]))
-    left = [r.name for r in found if not r.explained]
+    rows = judge.rows(closed_form.default(), paths[0])
+    others = rivals(Numbers(paths[0]))
     data = {
-        "verdict": "unexplained" if left else "none",
-        "sentence": f"{len(found) - len(left)} of {len(found)} agree within {AGREE:g} of the paper's own spread; "
-        "the others have rivals that one printed number each does not tell apart: none is declared the cause",
+        "verdict": "unexplained" if any(r.verdict == CONTRADICTED for r in rows) else "none",
+        "sentence": f"{sentence(rows)} Contradicted numbers have rivals that one printed number each does not tell "
+        "apart: none is declared the cause",
         "effects": [],
         "heldout": {},
-        "questions": [
-            r._asdict() | {"explained": r.explained, "rivals": [x._asdict() for x in r.rivals]} for r in found
-        ],
+        "questions": [_question(r, _rivals_of(r.number, others)) for r in rows],
     }
-    data["html"] = _html(found, data)
+    data["html"] = _html(rows, data)
     return data, ""
 
 
-def _html(found, data):
+def _rivals_of(number, others):
+    for (symbol, case, temperature), found in others.items():
+        if number.symbol == symbol and number.case.startswith(case) and number.temperature == temperature:
+            return found
+    return ()
+
+
+def _question(row, found):
+    n, part = row.number, row.part
+    return {
+        "name": n.quantity,
+        "case": n.case,
+        "temperature": n.temperature,
+        "paper": n.text,
+        "sigma": n.sigma,
+        "model": part.model.value if part and part.model else None,
+        "role": row.rule.role,
+        "rests_on": list(row.rule.rests_on),
+        "verdict": row.verdict,
+        "basis": row.basis,
+        "rivals": [x._asdict() for x in found],
+    }
+
+
+def _html(rows, data):
+    parts = [f"<h3>The paper's numbers</h3><p>{html.escape(data['sentence'])}</p>"]
+    for table in tables(rows):
+        parts.append(f"<h4>{html.escape(table.title)}</h4>" + part_page.table(table.heads, table.rows))
+        parts.append(f"<p>{html.escape(table.note)}</p>" if table.note else "")
     cells = []
-    for r in found:
-        verdict = "agrees" if r.explained else "not explained"
-        first = True
-        for rival in r.rivals:
-            model = part_page.number(r.model) if r.model is not None else "-"
-            spread = part_page.number(r.spread, 2) if r.spread is not None else "not printed"
-            head = (r.name, f"{part_page.number(r.paper, 5)} {r.unit}", spread, model, verdict) if first else ("",) * 5
-            cells.append((*head, rival.name, rival.predicts, rival.experiment))
-            first = False
-    head = ("number", "paper", "its spread", "model", "", "explanation", "predicts", "experiment that would decide")
-    return f"<h3>The paper's numbers</h3><p>{html.escape(data['sentence'])}</p>" + part_page.table(head, cells)
+    for q in data["questions"]:
+        for k, rival in enumerate(q["rivals"]):
+            head = (q["name"], q["case"], q["temperature"], q["verdict"]) if not k else ("",) * 4
+            cells.append((*head, rival["name"], rival["predicts"], rival["experiment"]))
+    head = ("number", "case", "degC", "verdict", "explanation", "predicts", "experiment that would decide")
+    return "".join(parts) + "<h4>Rivals</h4>" + part_page.table(head, cells)

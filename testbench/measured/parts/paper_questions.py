@@ -1,8 +1,10 @@
-"""The questions that the paper's numbers raise: what the model says, and the rivals with what each predicts.
+"""Rivals: what else could make a number of the paper, what each predicts, and what would tell it from the others.
 
-    phases       testbench.run.budget of the default board
-    scale        1/cos(phi_ye1) - 1, eq (12);   V_q, bias at rest: no change, eq (6) and two integrating loops
+    phases       rows of testbench.run.budget of the default board
+    scale        1/cos of the phases;   V_q, bias: what a step between two cases would take
     noise        square root of the absolute temperature
+
+What the model says of the numbers and the verdict are the judge's.
 Source    docs/measured_parts.md, docs/phases.md
 """
 
@@ -12,13 +14,14 @@ import numpy as np
 
 from testbench import config
 from testbench.errors import FileError
-from testbench.measured.formats.paper_numbers import ROOM, TEMPERATURES, Rival, Row
+from testbench.measured.formats.paper_numbers import ROOM, TEMPERATURES, Rival
 from testbench.run import budget
 
 RATES = (0.1, 0.5, 1, 5, 10, 50, 100, 200, 300, 400, 500)
 COUPLING_DPS = 100.0  # quadrature of the paper's k_xy, at V_q = 4.5247 V
 RAIL_V = 5.5  # of the quadrature DAC, docs/parts/dac.md
 HOT_K, COLD_K = 323.15, 253.15
+MEAN, STEP = "mean of cases", "case 3 vs case 4"
 
 
 def quadrature_mean(phase_deg, rest_v):
@@ -31,16 +34,17 @@ def quadrature_mean(phase_deg, rest_v):
     return float(np.mean(np.clip(rest_v * np.sqrt(np.maximum(u, 0)), 0, RAIL_V)) / rest_v)
 
 
-def rows(numbers):
-    """All questions, as `Row`s."""
+def rivals(numbers):
+    """{(symbol, beginning of the case, temperature): rivals} of a list of numbers."""
     planned = budget.budget(config.Config())
-    out = [*_feedback(numbers, planned), *_forward(numbers, planned)]
+    out = _feedback(numbers, planned) | _forward()
     for t in TEMPERATURES:
-        out.append(_scale(numbers, planned, t))
-    out += [_quadrature(numbers, t) for t in TEMPERATURES]
-    out += [_bias(numbers, t) for t in TEMPERATURES]
-    out += [_noise(numbers, symbol, unit) for symbol, unit in (("ARW", "deg/sqrt(h)"), ("BI", "deg/h"))]
-    return [*out, _nonlinearity(numbers)]
+        out["SF", STEP, t] = _scale(numbers, planned)
+        out["Vq", STEP, t] = _quadrature(numbers, t)
+        out["bias", STEP, t] = _bias(numbers, t)
+        out["ARW", MEAN, t], out["BI", MEAN, t] = _noise(numbers, "ARW"), _noise(numbers, "BI")
+        out["SF nonlinearity", MEAN, t] = NONLINEARITY
+    return out
 
 
 def _part(planned, node, words):
@@ -75,14 +79,10 @@ def _feedback(numbers, planned):
         f"{short:.3f} deg + arctan(2 pi f tau), tau = {tau_ns:.0f} ns",
         f"gain: the pole attenuates by {loss:.2f} %, a delay by nothing; a force step on a scope",
     )
-    return [
-        Row("phi_xe1", "deg", xe1, 0.0077, node["xe1"], "budget", (retimed, faster)),
-        Row("phi_ye1", "deg", ye1, 0.0089, node["ye1"], "budget", (frame, pole)),
-    ]
+    return {("phi_xe1", "case 1", ROOM): (retimed, faster), ("phi_ye1", "case 3", ROOM): (frame, pole)}
 
 
-def _forward(numbers, planned):
-    node = planned.node_deg()
+def _forward():
     capacitors = Rival(
         "capacitors at the ring diode (chosen in the model to fit: no test)",
         "tau = Cref / (4 fc (C0 + Cp)): 1 % of it is 0.008 deg",
@@ -91,34 +91,22 @@ def _forward(numbers, planned):
     amplifiers = Rival(
         "bandwidth of the op amps", "2 % of the gain-bandwidth is 0.009 deg", "phase against gain of the amplifier"
     )
-    return [
-        Row(
-            "phi_xe2", "deg", numbers.get("phi_xe2", "case 3"), 0.0073, node["xe2"], "budget", (capacitors, amplifiers)
-        ),
-        Row(
-            "phi_ye2",
-            "deg",
-            numbers.get("phi_ye2", "case 4 (phi_ye2"),
-            0.0093,
-            node["ye2"],
-            "budget",
-            (capacitors, amplifiers),
-        ),
-    ]
+    both = capacitors, amplifiers
+    return {("phi_xe2", "case 3", ROOM): both, ("phi_ye2", "case 4 (phi_ye2", ROOM): both}
 
 
-def _scale(numbers, planned, t):
+def _scale(numbers, planned):
     ye1 = numbers.get("phi_ye1", "case 3")
-    spread = numbers.spread("SF", "mean of cases", t) / numbers.get("SF", "mean of cases", t)
     both = 1 / math.cos(math.radians(ye1 + planned.loop_deg()["xe2"])) - 1
     law = 1 / math.cos(math.radians(ye1)) - 1
-    rivals = (
-        Rival("eq (12)", f"{law:.4f}", "scale factor with phi_ye1 at 0, 4.4, 8.9 deg by its register: 1/cos or a line"),
-        Rival("repeatability of the scale factor", f"+- {spread:.4f} (cases 1 to 3)", "the same case ten times"),
+    return (
+        Rival(
+            "eq (12) with the paper's own phi_ye1",
+            f"{law:.4f}",
+            "scale factor with phi_ye1 at 0, 4.4, 8.9 deg by its register: 1/cos or a line",
+        ),
         Rival("phi_xe2' is not compensated", f"{both:.4f}", "case 1 against case 3"),
     )
-    paper = numbers.get("SF", "case 3 vs case 4", t)
-    return Row(f"scale factor, case 3 to 4, {name(t)}", "1", paper, spread, law, "1/cos(phi_ye1) - 1", rivals)
 
 
 def _moved(numbers, t):
@@ -134,7 +122,7 @@ def _quadrature(numbers, t):
     ye1, rest = numbers.get("phi_ye1", "case 3"), numbers.get("Vq", "mean of cases")
     share = 1 - quadrature_mean(ye1, rest)
     force = _moved(numbers, t) / math.tan(math.radians(ye1))
-    rivals = (
+    return (
         Rival(
             "V_q is the mean over the 22 rates",
             f"{share:.4f}, by V_q^2 = rest^2 (1 + rate tan(phi_ye1) / 100 deg/s) and the 5.5 V rail",
@@ -147,8 +135,6 @@ def _quadrature(numbers, t):
         ),
         Rival("charging or drift between the cases", "any, without a register write", "case 3, 4, 3, 4 in turn"),
     )
-    paper = numbers.get("Vq", "case 3 vs case 4", t)
-    return Row(f"V_q, case 3 to 4, {name(t)}", "1", paper, None, 0.0, "eq (6) at rest", rivals)
 
 
 def _bias(numbers, t):
@@ -156,20 +142,20 @@ def _bias(numbers, t):
     step = numbers.get("bias", "case 3 vs case 4", t) * bias
     leak = math.degrees(math.atan(step / _moved(numbers, t)))
     turned = bias * (1 / math.cos(math.radians(ye1)) - 1)
-    rivals = (
+    return (
         Rival("shares its cause with V_q", f"a leak of {leak:.2f} deg of what V_q has moved by", "bias against V_q"),
         Rival("damping coupling, divided by cos(phi_ye1)", f"{turned:.4f} deg/s", "bias against phi_ye1"),
     )
-    return Row(f"bias, case 3 to 4, {name(t)}", "deg/s", step, None, 0.0, "both loops integrate", rivals)
 
 
-def _noise(numbers, symbol, unit):
-    cold, hot = (numbers.get(symbol, "mean of cases", t) for t in ("-20", "50"))
+def _noise(numbers, symbol):
     other = "BI" if symbol == "ARW" else "ARW"
     ratio = numbers.get(other, "mean of cases", "50") / numbers.get(other, "mean of cases", "-20")
     law = math.sqrt(HOT_K / COLD_K)
-    rivals = (
-        Rival("thermal noise of resistors or resonator", f"{law:.4f}", f"{symbol} at five temperatures"),
+    return (
+        Rival(
+            "thermal noise of resistors or resonator", f"50 over -20 degC: {law:.4f}", f"{symbol} at five temperatures"
+        ),
         Rival(
             "gain of the C/V falls, the noise behind it stays",
             f"the same ratio in both: {other} has {ratio:.4f}",
@@ -177,23 +163,13 @@ def _noise(numbers, symbol, unit):
         ),
         Rival("the motion becomes smaller", "as 1 / amplitude, and A_d with it", "A_d and C/V amplitude"),
     )
-    title = f"{symbol} ({unit}), 50 over -20 degC"
-    return Row(title, "1", hot / cold, None, law, "square root of the temperature", rivals)
 
 
-def _nonlinearity(numbers):
-    rivals = (
-        Rival(
-            "rail of the quadrature loop at high rate",
-            "vanishes with phi_ye1 compensated (case 4), or with rates below 260 deg/s",
-            "residuals of the straight line against rate, cases 3 and 4",
-        ),
-        Rival("curve of the force DAC or of its electrodes", "stays with phi_ye1 compensated", "the same experiment"),
-    )
-    paper = numbers.get("SF nonlinearity", "mean")
-    return Row("scale factor nonlinearity, room", "not stated", paper, 7.64, None, "no definition is printed", rivals)
-
-
-def name(temperature):
-    """Short name of one of the paper's temperatures."""
-    return "room" if temperature == ROOM else f"{temperature} degC"
+NONLINEARITY = (
+    Rival(
+        "rail of the quadrature loop at high rate",
+        "vanishes with phi_ye1 compensated (case 4), or with rates below 260 deg/s",
+        "residuals of the straight line against rate, cases 3 and 4",
+    ),
+    Rival("curve of the force DAC or of its electrodes", "stays with phi_ye1 compensated", "the same experiment"),
+)

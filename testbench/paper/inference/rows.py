@@ -14,7 +14,7 @@ import math
 from pathlib import Path
 from typing import NamedTuple
 
-from testbench.paper.comparison import numbers
+from testbench.judge.numbers import table as numbers
 
 TEMPERATURES_DEGC = (-20.0, 25.0, 50.0)
 PHASES = ("xe1", "xe2", "ye1", "ye2")

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from testbench.paper import comparison, temperature
+from testbench.paper import temperature
 from testbench.paper.calibration import boards
 from testbench.paper.calibration.bench import log_cosine_ratio
 from testbench.paper.calibration.calibrate import Readings, ring, ring_of_step
@@ -146,25 +146,3 @@ def test_phases_over_temperature_follow_the_parts():
     assert found["xe1"][1] / found["xe1"][0] == pytest.approx(1 - 27e-6 * 50, abs=2e-5)
     limits = temperature.holds(configured())
     assert limits["ye2"][1] < limits["xe1"][1]
-
-
-def test_every_number_of_the_paper_has_a_verdict():
-    """Without any measurement nothing is reproduced but calibration; every row says why."""
-    one = {
-        "found_deg": dict.fromkeys(("xe1", "xe2", "ye1", "ye2"), 1.0),
-        "found_uncertainty_deg": dict.fromkeys(("xe1", "xe2", "ye1", "ye2"), 0.001),
-        "residual_deg": dict.fromkeys(("xe1", "xe2", "ye1", "ye2"), 0.5),
-        "uncertainty_deg": dict.fromkeys(("xe1", "xe2", "ye1", "ye2"), 0.001),
-    }
-    rows = comparison.compare({}, one)
-    assert len(rows) == len(comparison.numbers())
-    assert all(row.verdict in (comparison.REPRODUCED, comparison.NOT, comparison.NONE) and row.why for row in rows)
-    of_modes = ("drive-mode", "sense-mode")
-    residuals = [r for r in rows if r.quantity.startswith(of_modes) and float(r.paper) < 0.1]
-    assert residuals
-    assert all(row.verdict == comparison.NOT for row in residuals)
-    points = {(c, 25.0): {"scale_lsb_per_dps": 8651.0 + k, "bandwidth_hz": 25.0} for k, c in enumerate("123")}
-    rows = comparison.compare(points, one)
-    (scale,) = [r for r in rows if r.quantity.startswith("scale factor, mean") and r.temperature.startswith("room")]
-    assert scale.verdict == comparison.REPRODUCED
-    assert scale.ratio == pytest.approx(8652.0 / 8651.0)

@@ -1,0 +1,88 @@
+"""The judge's rows as tables, for the page, the terminal and the documents; the paper's means for the pictures.
+
+Source    docs/paper.md
+"""
+
+import re
+from collections import Counter
+
+from testbench.console.table import Table
+from testbench.judge import numbers
+from testbench.judge.judge import NAME_OF
+from testbench.judge.verdict import VERDICTS, K
+
+MEANS = ("SF", "Vq", "bias", "ARW", "SF nonlinearity")
+HEADS = ("quantity", "case", "degC", "unit", "paper", "sigma", "model", "sigma", "pull", "role", "verdict", "notes")
+NOTE = (
+    f"One rule for all rows. Met is a difference of at most {K:g} combined standard uncertainties; of a bound only the "
+    "excess counts. An input or a fitted row that is met says so, and a free one is predicted. One that is not met is "
+    "contradicted. A row that says several things is met only if each is; the part with the largest pull is shown. "
+    "Sigma: of the paper by what it prints, of the model by what seeds and readings scatter."
+)
+
+
+def text_of(value, digits=5):
+    """A number with so many digits, or a dash."""
+    return "-" if value is None else f"{value:.{digits}g}"
+
+
+def paper_means():
+    """{quantity: {temperature: value}} of the paper's cases 1 to 3."""
+    rows = numbers.numbers()
+    found = {NAME_OF[s]: [n for n in rows if n.symbol == s and n.case == numbers.MEAN] for s in MEANS}
+    return {name: {n.temp_degc: n.values[0] for n in mine} for name, mine in found.items()}
+
+
+def _short(text):
+    """A text without what stands in brackets."""
+    return re.sub(r"\s*\(.*?\)", "", text)
+
+
+def _cells(row, notes):
+    n, part = row.number, row.part
+    unit = _short(n.unit).replace("dimensionless", "1").replace("not stated", "")
+    name = _short(n.quantity.replace(", mean over cases 1-3", ""))
+    paper = n.text if len(n.text) < 12 else _short(n.text)
+    model = part.model if part else None
+    pull = part.pull if part and part.pull is not None else None
+    return (
+        name,
+        _short(n.case),
+        _short(n.temperature).split(" temp")[0],
+        unit,
+        paper,
+        text_of(n.sigma, 2),
+        text_of(model and model.value),
+        text_of(model and (model.sigma or None), 2),
+        "-" if pull is None else f"{pull:+.1f}" if abs(pull) < 100 else "> 100",
+        row.rule.role,
+        row.verdict,
+        notes,
+    )
+
+
+def _notes(row):
+    """What the verdict is based on, what the number was read as, and the fitted values it rests on."""
+    rests = f"rests on {', '.join(row.rule.rests_on)}" if row.rule.role in ("fitted", "free") else ""
+    reading = row.rule.reading if row.rule.role != "none" else ""
+    return tuple(text for text in (row.basis, reading, rests) if text)
+
+
+def tables(rows):
+    """[Table of all rows, Table of what the notes say] of `judge.rows`."""
+    said = list(dict.fromkeys(text for row in rows for text in _notes(row)))
+    number = {text: f"({k})" for k, text in enumerate(said, 1)}
+    cells = [_cells(row, " ".join(number[text] for text in _notes(row))) for row in rows]
+    table = Table(f"Each number that the paper prints ({len(rows)})", HEADS, cells, NOTE, (4, 5, 6, 7, 8))
+    return [table, Table("Notes", ("note", "text"), [(number[t], t) for t in said], numeric=())]
+
+
+def counts(rows):
+    """{verdict: number of rows}, every verdict in its order."""
+    found = Counter(row.verdict for row in rows)
+    return {v: found[v] for v in VERDICTS}
+
+
+def sentence(rows):
+    """How many rows have which verdict, in one sentence."""
+    return f"Of {len(rows)} numbers: " + ", ".join(f"{n} {v}" for v, n in counts(rows).items()) + "."

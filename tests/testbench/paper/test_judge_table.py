@@ -1,0 +1,96 @@
+"""Tables of the judge's rows, and that page, trace and document take the same verdicts."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from testbench.config import Config
+from testbench.judge import judge, numbers
+from testbench.judge.verdict import NOT_COMPARABLE, VERDICTS, Value
+from testbench.measured.parts import paper
+from testbench.paper import closed_form, judge_table, simulated
+from testbench.paper.calibration.calibrate import FACTOR, NODES
+from testbench.run.budget import budget
+
+ROOT = Path(__file__).resolve().parents[3]
+
+
+@pytest.fixture(scope="module")
+def rows():
+    return judge.rows(closed_form.default())
+
+
+def verdicts(rows):
+    return {(r.number.key, r.number.symbol): (r.rule.role, r.verdict) for r in rows}
+
+
+def study_of(model):
+    """A study that found what a model says: (calibration, points)."""
+    known = budget(Config())
+    loop = known.node_deg() | known.loop_deg()
+    found = {(c, t): {name: v.value for name, v in values.items()} for (c, t), values in model.points.items()}
+    calibration = {
+        "found_deg": {n: loop[n] for n in NODES},
+        "found_uncertainty_deg": dict.fromkeys(NODES, 1e-9 * FACTOR),
+        "residual_deg": dict.fromkeys(NODES, 0.0003),
+        "uncertainty_deg": dict.fromkeys(NODES, 1e-9),
+    }
+    return calibration, found
+
+
+def test_a_study_and_the_closed_form_are_judged_alike(rows):
+    """Where both have a value, role and verdict are the same; a study reads xe2 and ye2 through the loop."""
+    calibration, found = study_of(closed_form.default())
+    model = simulated.model(Config(), calibration, found, {})
+    node = budget(Config()).node_deg()
+    for n in NODES:
+        assert model.node_deg[n].value == pytest.approx(node[n], abs=1e-9), "node phase, whatever was read"
+    # scatter between cases would be one of seeds
+    still = {key: {name: Value(v.value) for name, v in p.items()} for key, p in model.points.items()}
+    judged = verdicts(judge.rows(model._replace(points=still)))
+    want = verdicts(rows)
+    assert judged.keys() == want.keys()
+    assert judged == want
+
+
+def test_the_trace_says_what_the_judge_says(rows):
+    data, _ = paper.report([numbers.PATHS[0]], {})
+    listed = [(q["name"], q["case"], q["temperature"], q["role"], q["verdict"]) for q in data["questions"]]
+    assert listed == [(*r.number.key, r.rule.role, r.verdict) for r in rows]
+    assert data["effects"] == []
+    assert judge_table.sentence(rows) in data["sentence"]
+    with_rivals = [q for q in data["questions"] if q["rivals"]]
+    assert len(with_rivals) >= 16
+    assert all(r["predicts"] and r["experiment"] for q in with_rivals for r in q["rivals"])
+    assert all(len(q["rivals"]) >= 2 for q in with_rivals)
+
+
+def test_a_table_has_a_row_for_every_number_and_says_what_it_rests_on(rows):
+    table, notes = judge_table.tables(rows)
+    assert len(table.rows) == len(rows) == len(numbers.numbers())
+    assert {cells[-2] for cells in table.rows} == set(VERDICTS)
+    text = dict(notes.rows)
+    for r, cells in zip(rows, table.rows):
+        said = " ".join(text[mark] for mark in re.findall(r"\(\d+\)", cells[-1]))
+        assert r.basis in said
+        if r.rule.role in ("fitted", "free"):
+            assert all(key in said for key in r.rule.rests_on)
+    assert sum(judge_table.counts(rows).values()) == len(rows)
+
+
+def test_the_means_for_the_pictures():
+    means = judge_table.paper_means()
+    assert means["quadrature_v"] == {-20.0: 4.0469, 25.0: 4.5247, 50.0: 4.7182}
+    assert means["bias_dps"][50.0] == 0.4502
+
+
+def test_a_study_of_two_cases_has_no_mean():
+    calibration, found = study_of(closed_form.default())
+    small = {key: value for key, value in found.items() if key in (("1", 25.0), ("5", 25.0))}
+    rows = judge.rows(simulated.model(Config(), calibration, small, {}))
+    (mean,) = [
+        r for r in rows if r.number.symbol == "SF" and r.number.case == numbers.MEAN and "room" in r.number.temperature
+    ]
+    assert mean.verdict == NOT_COMPARABLE
+    assert mean.basis.startswith("not computed here")
