@@ -2,11 +2,7 @@
 docs/boards/paper.toml.
 """
 
-import inspect
-import re
-
-from analog_frontend.parts.device import Device
-from testbench.config import Nominal, Plant, scenario, sections
+from testbench.config import Nominal, Plant, provenance, scenario, sections
 from testbench.config.config_errors import choices_of, limits_of, plain, unit_of
 from testbench.config.toml_text import toml_value
 from testbench.design.target import Target
@@ -18,9 +14,10 @@ def markdown_table():
     for section, model in sections().items():
         lines += [f"### [{section}]", "", " ".join(model.__doc__.split()), ""]
         described = any(info.description for info in model.model_fields.values())
+        known = provenance.SECTIONS.get(section, {})
         lines += [
-            "| key | default | limits | unit |" + " meaning |" * described,
-            "|---|---|---|---|" + "---|" * described,
+            "| key | default | limits | unit |" + " kind |" * bool(known) + " meaning |" * described,
+            "|---|---|---|---|" + "---|" * bool(known) + "---|" * described,
         ]
         for key, info in model.model_fields.items():
             if model is Nominal and key in Plant.model_fields:
@@ -29,7 +26,9 @@ def markdown_table():
             limits = f"{plain(lo)} .. {plain(hi)}" if hi is not None else ""
             limits = " or ".join(toml_value(choice) for choice in choices_of(info)) or limits
             row = f"| `{key}` | `{toml_value(info.default)}` | {limits} |{unit_of(info)} |"
-            lines.append(row + f" {info.description} |" * described)
+            row += f" {known[key].kind} |" if known else ""
+            why = f"; {known[key].text}" if section == "firmware" else ""
+            lines.append(row + f" {info.description}{why} |" * described)
         lines.append("")
     return "\n".join(lines)
 
@@ -58,8 +57,8 @@ def faults_table():
 
 
 PAPER_HEAD = """\
-# The paper's board: the defaults of [nominal], written by docs/pages.py from analog_frontend/parts/device.py.
-# S: in a source   D: derived   A: assumed   M: memory of a datasheet
+# The paper's board: the defaults of [nominal], written by docs/pages.py from analog_frontend/parts/provenance.py.
+# fact: read in a source   derived: from others   fitted: to a number of the paper   assumed: none of these
 
 [nominal]
 """
@@ -67,10 +66,8 @@ PAPER_HEAD = """\
 
 def paper_board(_):
     """docs/boards/paper.toml: every default of the nominal board with its source."""
-    text = inspect.getsource(Device)
-    comments = dict(re.findall(r"^    (\w+): Limits.*?  # (.*)$", text, re.MULTILINE))
     lines = []
     for key, info in Nominal.model_fields.items():
-        comment = comments[key] if key in Device._fields else f"A  {info.description}"
-        lines.append(f"{key} = {toml_value(info.default)}  # {comment}")
+        kind = provenance.PLANT[key].kind if key in provenance.PLANT else provenance.ASSUMED
+        lines.append(f"{key} = {toml_value(info.default)}  # {kind}: {info.description}")
     return PAPER_HEAD + "\n".join(lines) + "\n"

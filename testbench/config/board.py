@@ -9,6 +9,7 @@ Source  docs/configuration.md, docs/boards/README.md
 from pydantic import create_model, model_validator
 
 from analog_frontend.parts import device
+from analog_frontend.parts.provenance import PLANT
 from testbench.config import scenario
 from testbench.config.section import Section, number
 
@@ -33,15 +34,14 @@ class _Board(Section):
 def _key(field):
     default = device.Device._field_defaults[field.name]
     unit = "" if field.unit == "1" else field.unit
-    return type(default), number(default, unit, field.lo, field.hi, "")
+    return type(default), number(default, unit, field.lo, field.hi, PLANT[field.name].text)
 
 
 _KEYS = {field.name: _key(field) for field in device.FIELDS}
 
 
 class _Plant(_Board):
-    """The board that the firmware meets, SI units; what each key is, with its source: docs/parts/device.md. A key that
-    a file does not give has the value of [nominal]."""
+    """The board that the firmware meets, SI units. A key that a file does not give has the value of [nominal]."""
 
 
 class _Nominal(_Board):

@@ -103,9 +103,9 @@ class Firmware(Section):
     )
     pipeline_registers: int = number(0, "registers", 0, 8, "extra registers between sine and modulator, one clock each")
     reference_registers: int = number(1, "registers", 0, 3, "registers before the reference pins, one clock each")
-    reference_retimed: bool = other(True, "references leave on the grid of the ticks (an assumption about the paper)")
+    reference_retimed: bool = other(True, "references leave on the grid of the ticks")
     frame_latency_drive: int = number(0, "frames", 0, 2, "ticks, each a frame of the DAC, that a drive code waits")
-    frame_latency_sense: int = number(1, "frames", 0, 2, "likewise for the sense code (1 is an assumption)")
+    frame_latency_sense: int = number(1, "frames", 0, 2, "likewise for the sense code")
     quadrature_update_khz: Literal[500, 1000] = other(
         500, "most frames of the V_q DAC, every 1, 2, 4 .. ticks; 1000 at 1 MHz violates its SYNC high time", "kHz"
     )

@@ -1,8 +1,6 @@
 """The record of plant parameters and its limits."""
 
 import math
-import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -88,15 +86,6 @@ def test_only_gains_the_converter_has():
 
 def test_unknown_names_are_refused():
     assert "phase_error_deg" in message(phase_error_deg=1.0)
-
-
-def test_every_default_states_its_source():
-    text = Path(device.__file__).read_text()
-    body = text[text.index("class Device") : text.index("class Field")]
-    lines = [line for line in body.splitlines() if re.match(r"    \w+: Limits\(.*\) = ", line)]
-    assert len(lines) == len(device.FIELDS)
-    for line in lines:
-        assert re.search(r"  # [SDAM](  \S|$)", line), line
 
 
 def test_the_default_set():

@@ -17,7 +17,7 @@ from fpga_model import top as fpga
 from fpga_model.design_record import DEFAULT
 from fpga_model.jit import kernel
 from testbench import config, flatten
-from testbench.config import Config
+from testbench.config import Config, provenance
 from testbench.engines import engine
 from testbench.run import budget, build, simulate, summary, tables
 
@@ -204,16 +204,13 @@ def test_what_stands_beside_the_paper_says_how_the_latencies_were_found():
         assert "latency was tuned" not in path.read_text(), path
 
 
-def test_the_counts_of_sources_are_those_of_the_device():
-    body = Path(device.__file__).read_text().split("class Device", 1)[1]
-    marks = re.findall(r"^    \w+: Limits\(.*\) = .*#\s+([SDAM])\s", body, re.M)
-    count = {mark: marks.count(mark) for mark in "SDMA"}
-    assert sum(count.values()) == len(device.Device._fields)
+def test_the_counts_of_sources_are_those_of_the_defaults():
+    plant, firmware = provenance.counts("plant"), provenance.counts("firmware")
     says(
         "docs/limits.md",
-        f"Of the {len(marks)} numbers of the device {count['S']} were read in a source, "
-        f"{count['D']} are derived from others, "
-        f"{count['M']} are remembered from a data sheet and {count['A']} are assumed",
+        f"Of the {sum(plant.values())} numbers of the plant {plant['fact']} were read in a source, "
+        f"{plant['derived']} are derived, {plant['fitted']} are fitted and {plant['assumed']} are assumed",
+        f"Of the {sum(firmware.values())} of the firmware {firmware['fitted']} are fitted",
     )
 
 

@@ -1,0 +1,69 @@
+"""Where each default of [plant] and [firmware] comes from: fact, derived, fitted or assumed, with its reason.
+
+    origin(section, key)    `Origin` of a default
+    fitted()                keys that were chosen or kept because they bring a number of the paper nearer
+
+Source    analog_frontend/parts/provenance.py ([plant]), docs/phases.md
+"""
+
+from analog_frontend.parts.provenance import ASSUMED, DERIVED, FACT, FITTED, PLANT, Origin
+
+SEARCH = "best fit to xe1 and ye1 of a search over discrete assumptions"
+OWN = "this project's design"
+FIRMWARE = {
+    "board": Origin(FACT, "the paper demodulates by analog switches"),
+    "pipeline_registers": Origin(FITTED, SEARCH),
+    "reference_registers": Origin(FITTED, SEARCH),
+    "reference_retimed": Origin(FITTED, SEARCH),
+    "frame_latency_drive": Origin(FITTED, SEARCH),
+    "frame_latency_sense": Origin(FITTED, SEARCH),
+    "quadrature_update_khz": Origin(DERIVED, "SYNC high time of the DAC82002 at 26 MHz"),
+    "agc_crossover_hz": Origin(ASSUMED, OWN),
+    "agc_zero_hz": Origin(ASSUMED, OWN),
+    "pll_crossover_hz": Origin(ASSUMED, OWN),
+    "pll_zero_hz": Origin(ASSUMED, OWN),
+    "ftr_crossover_hz": Origin(FITTED, "the paper's bandwidth"),
+    "ftr_zero_hz": Origin(FITTED, "the paper's bandwidth"),
+    "notch_hz": Origin(ASSUMED, "off"),
+    "notch_width_hz": Origin(ASSUMED, OWN),
+    "qsc_crossover_hz": Origin(ASSUMED, f"{OWN}: well below the rate loop"),
+    "amplitude_um": Origin(ASSUMED, "typical of such gyroscopes, 2 to 10 um"),
+    "nominal_frequency_hz": Origin(DERIVED, "that of the nominal board"),
+    "kick_v": Origin(DERIVED, "that of the nominal board"),
+    "kick_s": Origin(ASSUMED, OWN),
+    "decay_s": Origin(ASSUMED, OWN),
+    "search_s": Origin(ASSUMED, OWN),
+    "search_limit_hz": Origin(ASSUMED, OWN),
+    "search_min_v": Origin(ASSUMED, OWN),
+    "retune_s": Origin(ASSUMED, OWN),
+    "acquire_share": Origin(ASSUMED, OWN),
+    "acquire_timeout_s": Origin(ASSUMED, OWN),
+    "drive_ceiling_v": Origin(DERIVED, "that of the nominal board"),
+    "pll_limit_hz": Origin(ASSUMED, OWN),
+    "quadrature_ceiling_v": Origin(DERIVED, "that of the nominal board"),
+    "sense_lock_dps": Origin(ASSUMED, OWN),
+    "sense_lost_dps": Origin(ASSUMED, OWN),
+    "phase_drive_sine_deg": Origin(ASSUMED, "reset value, before a calibration"),
+    "phase_sense_sine_deg": Origin(ASSUMED, "reset value, before a calibration"),
+    "phase_drive_ref_deg": Origin(ASSUMED, "reset value, before a calibration"),
+    "phase_sense_ref_deg": Origin(ASSUMED, "reset value, before a calibration"),
+    "adc_clock": Origin(ASSUMED, "one oscillator"),
+}
+SECTIONS = {"plant": PLANT, "firmware": FIRMWARE}
+
+
+def origin(section, key):
+    """`Origin` of a default of [plant] or [firmware]; KeyError for another key."""
+    return SECTIONS[section][key]
+
+
+def fitted():
+    """("plant.cref_drive_f", ...): all fitted defaults."""
+    return tuple(f"{section}.{key}" for section, table in SECTIONS.items()
+                 for key, o in table.items() if o.kind == FITTED)  # fmt: skip
+
+
+def counts(section):
+    """{kind: number of defaults} of a section."""
+    kinds = [o.kind for o in SECTIONS[section].values()]
+    return {kind: kinds.count(kind) for kind in (FACT, DERIVED, FITTED, ASSUMED)}
