@@ -8,7 +8,7 @@
     change           sqrt(2) times the repeatability of one case, over the mean
 
 Each is taken together with the rounding. A bound has no uncertainty.
-Source    JCGM 100:2008 (GUM), 4.3; testbench/judge/measured_numbers.csv (the paper's text), statements.csv
+Source    JCGM 100:2008 (GUM), 4.3; docs/paper.md; testbench/judge/measured_numbers.csv, statements.csv
 """
 
 import csv

@@ -9,7 +9,7 @@ A number may say several things: it is met if each part is, and contradicted if 
     met              |model - paper| <= K sqrt(sigma_paper^2 + sigma_model^2); of a bound only the excess counts
     K = 2            the coverage factor of an expanded uncertainty, about 95 %
 
-Source    JCGM 100:2008 (GUM), 6.2 and 6.3
+Source    JCGM 100:2008 (GUM), 6.2 and 6.3; docs/paper.md
 """
 
 import math
