@@ -8,6 +8,8 @@
     docs/blocks/                ports of each block                docs/blocks_page.py
     docs/boards/paper.toml      the default board, sourced         docs/config_page.py
     docs/README.md              index of the pages                 their titles
+    docs/parts/cv_noise.md, thermal.md, phases.md
+                                what laws over temperature give    docs/laws_page.py
     docs/effects/README.md      index of the effects               analog_frontend.effects.catalogue
 
     python docs/pages.py            write what is stale
@@ -27,6 +29,7 @@ sys.path.insert(0, str(ROOT))
 
 import blocks_page  # noqa: E402
 import config_page  # noqa: E402
+import laws_page  # noqa: E402
 import ranges_page  # noqa: E402
 
 from analog_frontend.effects import catalogue  # noqa: E402
@@ -187,7 +190,9 @@ PAGES = {
     "docs/configuration.md": with_parts(faults=config_page.faults_table, keys=config_page.markdown_table),
     "docs/boards/paper.toml": config_page.paper_board,
     "docs/design_of_loops.md": with_parts(target=config_page.target_table),
-    "docs/phases.md": with_parts(budget=budget_part, lock=lock_part, rivals=rivals_part),
+    "docs/phases.md": with_parts(budget=budget_part, lock=lock_part, rivals=rivals_part, rise=laws_page.rise_part),
+    "docs/parts/cv_noise.md": with_parts(shares=laws_page.shares_part, noise=laws_page.noise_part),
+    "docs/parts/thermal.md": with_parts(scale=laws_page.scale_part, bias=laws_page.bias_part),
     "docs/ranges.md": with_parts(
         cases=ranges_page.summary_part, instances=ranges_page.wiring_part, registers=ranges_page.registers_part
     ),

@@ -9,7 +9,7 @@ import numpy as np
 
 from testbench.config import changed
 from testbench.console.table import Table, fixed
-from testbench.paper.loop import advisor, confirm, equations, limit_cycles, notch, sensitivity
+from testbench.paper.loop import advisor, confirm, equations, limit_cycles, notch, sensitivity, temperature_tables
 from testbench.paper.loop import loop as lp
 from testbench.paper.loop.parts import parts
 from testbench.run import simulate
@@ -105,6 +105,8 @@ def tables(study):
             ("noise at the converter by its step", f"{r.dither:.2f}", "rms steps"),
         ]
         shown.append(Table("Rounding", ("what", "value", "unit"), rows))
+    if a.stable:
+        shown += [temperature_tables.shares(study.config), temperature_tables.numbers(study.config)]
     if study.notch:
         n = study.notch
         rows = [
@@ -139,6 +141,7 @@ def as_json(study):
     out["poles"] = [{"hz": q.hz, "tau_s": q.tau_s} for q in lp.poles(lp.close(study.parts))[:8]]
     out["rounding"] = study.rest._asdict() if study.rest else None
     out["notch"] = study.notch._asdict() | {"in_firmware": study.in_firmware} if study.notch else None
+    out["over_temperature"] = temperature_tables.as_json(study.config) if a.stable else None
     out["simulated"] = None
     if study.simulated is not None:
         db, deg = study.difference()

@@ -7,7 +7,7 @@ import pytest
 
 from testbench.config import Config, changed
 from testbench.errors import ConfigError
-from testbench.paper.loop import advisor, derived
+from testbench.paper.loop import advisor, derived, temperature_tables
 from testbench.paper.loop import loop as lp
 from testbench.paper.loop.parts import parts
 from testbench.paper.measure import characterise
@@ -68,6 +68,22 @@ def test_flicker_has_its_floor_and_its_law():
     assert cold.instability_deg_per_h / steady.instability_deg_per_h == pytest.approx((253.15 / 298.15) ** 2, rel=1e-12)
 
 
+def test_tables_have_every_source_that_is_on_and_all_of_them():
+    config = changed(Config(), LAWS)
+    shown = temperature_tables.shares(config)
+    *sources, total = ([float(cell) for cell in row[1:4]] for row in shown.rows)
+    assert [row[0] for row in shown.rows[:-1]] == [
+        text for name, text in temperature_tables.SOURCES.items() if name != "carrier"
+    ]
+    for n in range(3):
+        assert total[n] == pytest.approx(math.hypot(*(row[n] for row in sources)), abs=2e-3)
+    told = temperature_tables.as_json(config)
+    for n, (temp_degc, at) in enumerate(zip(TEMPS_DEGC, told)):
+        assert at["arw_deg_per_rt_h"] == derived.derive(config, temp_degc).arw_deg_per_rt_h
+        assert 1e9 * math.hypot(*at["cv_noise_v_per_rthz"].values()) == pytest.approx(total[n], abs=5e-4)
+    assert len(temperature_tables.numbers(config).rows) == len(temperature_tables.NUMBERS)
+
+
 @pytest.mark.parametrize("key", build.ONE_TEMPERATURE)
 def test_a_law_with_one_number_a_run_refuses_a_profile(key):
     value = {"sid_leakage_a": 1e-12, "ring_noise_on": 1, "cv_resistor_ohm": 1e3, "sid_flicker_exponent": 1.0}.get(
@@ -87,18 +103,6 @@ def test_a_simulated_board_gives_what_is_derived(temp_degc, laws):
     config = changed(Config(), laws | {"noise.seed": 11})
     found = characterise.characterise(config, engine="baseband", rest_s=1200.0, temp_degc=temp_degc)
     want = derived.derive(config, temp_degc)
-    print(
-        temp_degc,
-        found["scale_lsb_per_dps"] / want.lsb_per_dps - 1,
-        found["bias_dps"],
-        want.bias_dps,
-        found["quadrature_v"],
-        want.quadrature_v,
-        found["arw_deg_per_rt_h"],
-        want.arw_deg_per_rt_h,
-        found["instability_deg_per_h"],
-        want.instability_deg_per_h,
-    )
     assert found["scale_lsb_per_dps"] == pytest.approx(want.lsb_per_dps, rel=5e-4)
     assert found["bias_dps"] == pytest.approx(want.bias_dps, abs=2e-3)
     assert found["quadrature_v"] == pytest.approx(want.quadrature_v, abs=5e-4)
