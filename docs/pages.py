@@ -38,6 +38,7 @@ from testbench import config  # noqa: E402
 from testbench.config import Config  # noqa: E402
 from testbench.console.markdown import markdown, replaced  # noqa: E402
 from testbench.console.table import Table, fixed  # noqa: E402
+from testbench.judge import phases  # noqa: E402
 from testbench.run import budget, tables  # noqa: E402
 from testbench.run.budget import NODES, PAPER_DEG  # noqa: E402
 from testbench.storage.files import write_text  # noqa: E402
@@ -63,15 +64,16 @@ def register_map(page):
 def budget_summary(planned, plain):
     """One row per phase: node phase, loop phase, without the assumptions, and the paper."""
     node, loop, without = planned.node_deg(), planned.loop_deg(), plain.node_deg()
-    rows = []
+    beside, rows = phases.verdicts(node), []
     for name in NODES:
         ns = sum(row.ns for row in planned.rows[name])
         gap_deg = node[name] - PAPER_DEG[name]
         gap_ns = gap_deg / 360 / planned.frequency_hz * 1e9
         values = (node[name], ns, loop.get(name), without[name], PAPER_DEG[name])
         cells = (fixed(value, digits) for value, digits in zip(values, (4, 1, 4, 4, 4)))
-        rows.append((name, *cells, f"{gap_deg:+.4f} ({gap_ns:+.0f} ns)"))
-    heads = ("phase", "node deg", "ns", "loop deg", "without the assumptions deg", "paper deg", "node less paper")
+        rows.append((name, *cells, f"{gap_deg:+.4f} ({gap_ns:+.0f} ns)", beside[name]["verdict"]))
+    heads = ("phase", "node deg", "ns", "loop deg", "without the assumptions deg", "paper deg", "node less paper",
+             "verdict")  # fmt: skip
     return Table("", heads, rows, numeric=(1, 2, 3, 4, 5, 6))
 
 

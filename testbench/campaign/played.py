@@ -7,7 +7,7 @@ Source  docs/campaigns.md, docs/decisions/0013-runs-side-by-side.md
 from testbench.campaign.plan.engines import Engine
 
 # of the clock on the wall, or the same for every point
-LEFT_OUT = ("real_time_factor", "wall_s", "paper_deg", "window_missing", "seed")
+LEFT_OUT = ("real_time_factor", "wall_s", "paper_deg", "paper_verdict", "window_missing", "seed")
 
 
 def flat(summary):

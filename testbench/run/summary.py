@@ -14,6 +14,7 @@ from fpga_model import top as fpga
 from testbench import flatten
 from testbench.config import Firmware, Plant
 from testbench.engines import chips, engine
+from testbench.judge import phases
 from testbench.run import budget, build, nodes
 from testbench.run.outputs import Result
 from testbench.run.tables import FITTED
@@ -54,6 +55,7 @@ def result(job, end, reading, wall_s):
         "loop_phase_deg": None if found is None else _loop_phases(found.phase_deg, planned),
         "budget_loop_deg": planned.loop_deg(),
         "paper_deg": dict(planned.paper_deg),
+        "paper_verdict": phases.verdicts(found.phase_deg, found.sigma_deg) if found and config.of_paper else None,
         "rate_lsb_per_dps": None if reading is None else reading.lsb_per_dps,
         "rate_word_mean_lsb": tally.mean("rate_word"),
         "quadrature_v": tally.mean("quadrature_code") * device.quad_dac_span_v / 2**16,
@@ -95,24 +97,22 @@ def notes(config, summary, planned):
         said.append(f"Fault flags raised: {', '.join(summary['flags'])}; see docs/blocks/fault_monitor.md")
     said += [f"Warning: {text}" for text in summary.get("warnings", ())]
     design = config.design_record()
+    origin = "Fitted to the paper, no fact" if config.of_paper else "As configured"
     if config.firmware.reference_retimed:
         said.append(
-            f"Assumed, not known: the references leave on the {1e-6 * design.tick_hz:g} MHz grid "
+            f"{origin}: the references leave on the {1e-6 * design.tick_hz:g} MHz grid "
             f"(firmware.reference_retimed), which takes {(design.tick_clocks + 1) / 2:g} clocks off xe1 and ye1."
         )
     if count := config.firmware.frame_latency_sense:
         frames = f"one extra {1e6 / design.tick_hz:g} us frame" if count == 1 else f"{count} extra frames"
-        said.append(f"Assumed, not known: {frames} in the sense path (firmware.frame_latency_sense).")
+        said.append(f"{origin}: {frames} in the sense path (firmware.frame_latency_sense).")
     measured = summary["phase_deg"]
-    if measured and config.of_paper:
+    if beside := summary.get("paper_verdict"):
         gap = {k: (measured[k] - v) / 360.0 / planned.frequency_hz * 1e9 for k, v in budget.PAPER_DEG.items()}
-        said.append(
-            "Unexplained beside the paper: "
-            + ", ".join(f"{k} {measured[k] - budget.PAPER_DEG[k]:+.4f} deg ({ns:+.0f} ns)" for k, ns in gap.items())
-            + "."
-        )
+        said += phases.sentences(beside)
+        said.append("Less the paper's: " + ", ".join(f"{k} {ns:+.0f} ns" for k, ns in gap.items()) + ".")
         said.append(f"{FITTED} See docs/phases.md.")
-    if measured and config.of_paper and config.firmware == Firmware() and config.plant == Plant():
+    if beside and config.firmware == Firmware() and config.plant == Plant():
         said.append(
             "Most of the difference is in ye1. Two alternatives: part of the DAC's 130 ns is inside its output poles, "
             "or a pole near 170 kHz is there instead of the frame. Their drift with temperature differs."

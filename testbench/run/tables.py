@@ -5,6 +5,7 @@ Source  docs/phases.md
 """
 
 from testbench.console.table import Table, fixed
+from testbench.judge import phases as judged
 from testbench.run.budget import NODES
 from testbench.run.phase_meter import wrap_deg
 
@@ -88,13 +89,17 @@ def budget_node(budget, node, plain_deg=None):
     if plain_deg is not None:
         rows.append(("without re-timed references and extra frames", "", "", fixed(plain_deg, 4), ""))
     paper = budget.paper_deg[node]
-    if paper is not None:
-        rows.append(("the paper measured", "", "", fixed(paper, 4), ""))
+    beside = None if paper is None else judged.verdicts(budget.node_deg())[node]
+    if beside:
+        rows.append(("the paper measured (node phase)", "", "", fixed(paper, 4), beside["verdict"]))
     sums = tuple(k for k, (row, _) in enumerate(listed) if row is None)
     title = f"{node}  {NODE_TEXT[node]}, at {budget.frequency_hz:.1f} Hz"
     note = "Entries with a text on the right are assumptions, not facts about the board."
-    if paper is not None:
-        note = f"Entries with a text on the right are assumptions, not facts about the paper's board. {FITTED}"
+    if beside:
+        note = (
+            f"Entries with a text on the right are assumptions, not facts about the paper's board. {beside['basis']}. "
+            f"Rests on the fitted values {', '.join(beside['rests_on'])}. {FITTED}"
+        )
     return Table(title, ("contribution", "clocks", "ns", "deg", "assumed"), rows, note, (1, 2, 3), sums)
 
 
@@ -121,6 +126,7 @@ def budget_json(budget, plain=None):
         "phase_deg": budget.node_deg(),
         "loop_phase_deg": budget.loop_deg(),
         "paper_deg": dict(budget.paper_deg),
+        "paper_verdict": judged.verdicts(budget.node_deg()) if any(budget.paper_deg.values()) else None,
         **({"without_assumptions_deg": plain.node_deg()} if plain else {}),
         "rows": {node: [row(item) for item in rows] for node, rows in budget.rows.items()},
         "loop_rows": {node: [row(item) for item in rows] for node, rows in budget.loop_rows.items()},

@@ -19,6 +19,7 @@ from fpga_model.jit import kernel
 from testbench import config, flatten
 from testbench.config import Config, provenance
 from testbench.engines import engine
+from testbench.judge import phases
 from testbench.run import budget, build, simulate, summary, tables
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -192,10 +193,10 @@ def test_the_example_of_the_api_prints_what_it_says(capsys):
 
 def test_what_stands_beside_the_paper_says_how_the_latencies_were_found():
     planned = budget.budget(Config())
-    assert any(
-        tables.FITTED in note
-        for note in summary.notes(Config(), {"locked": True, "phase_deg": planned.node_deg()}, planned)
-    )
+    said = {"locked": True, "phase_deg": planned.node_deg(), "paper_verdict": phases.verdicts(planned.node_deg())}
+    notes = summary.notes(Config(), said, planned)
+    assert any(tables.FITTED in note for note in notes)
+    assert set(phases.sentences(said["paper_verdict"])) <= set(notes)
     assert all(tables.FITTED in table.note for table in tables.budget_tables(*budget.budgets(Config())))
     says("docs/phases.md", tables.FITTED)
     for name in ("README.md", "docs/limits.md", "docs/phases.md"):
@@ -221,7 +222,18 @@ def test_the_gaps_to_the_paper_are_those_of_the_budget():
         for node, deg in planned.node_deg().items()
     }
     assert max(abs(gap_ns[node]) for node in ("xe1", "xe2", "ye2")) < 6.05
-    says("docs/limits.md", "Three are met within 6 ns", f"ye1 is {gap_ns['ye1']:.0f} ns longer")
+    says("docs/limits.md", "Three are within 6 ns", f"ye1 is {gap_ns['ye1']:.0f} ns longer")
+
+
+def test_the_contradicted_phases_are_those_of_the_judge():
+    found = phases.verdicts(budget.budget(Config()).node_deg())
+    wrong = [node for node, said in found.items() if said["verdict"] == "contradicted"]
+    assert wrong == ["xe2", "ye1"]
+    says("docs/limits.md", f"Two of the four are contradicted although fitted, {' and '.join(wrong)}")
+    assert all(
+        f"Rests on the fitted values {', '.join(found[node]['rests_on'])}" in table.note
+        for node, table in zip(found, tables.budget_tables(*budget.budgets(Config())))
+    )
 
 
 # ---- phases ----------------------------------------------------------------------------------------------------------
