@@ -22,6 +22,7 @@ from testbench.config import Config, changed
 from testbench.console.markdown import markdown
 from testbench.console.table import Table
 from testbench.judge import numbers
+from testbench.paper.calibration import boards
 from testbench.paper.loop import derived, temperature_tables
 from testbench.paper.loop import loop as lp
 from testbench.paper.loop.parts import parts
@@ -241,7 +242,17 @@ def bias_part():
             texts, found, left = bias_fit(names, sign)
             rows.append((f"{which}: {texts}", *cells(found, 4), f"{left:.1f}"))
     heads = ("bias in deg/s", *(f"{t:g} degC" for t in TEMPS), "chi2, one degree of freedom")
-    return markdown(Table("", heads, rows, numeric=(1, 2, 3, 4)))
+    known, room = bias_columns(), TEMPS.index(25.0)
+    per = ", ".join(f"{text} {unit:g}{suffix}: {found[room]:.3f}" for found, text, unit, suffix in known.values())
+    charge, mismatch = (boards.SPREAD[f"sid_charge_{name}"] for name in ("c", "mismatch"))
+    square = math.prod((a * a + a * b + b * b) / 3 for a, b in (charge, mismatch))
+    found, _, unit_pc, _ = known["charge"]
+    return (
+        f"{markdown(Table('', heads, rows, numeric=(1, 2, 3, 4)))}\n\n"
+        f"At 25 degC in deg/s, {per}. "
+        "Charge and mismatch as `gyro calibrate --boards` draws them give a bias of mean 0 and "
+        f"standard deviation {math.sqrt(square) * 1e12 / unit_pc * found[room]:.2f} deg/s."
+    )
 
 
 # ---- phases ----------------------------------------------------------------------------------------------------------

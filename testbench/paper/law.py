@@ -14,7 +14,7 @@ import numpy as np
 
 from testbench import config as configuration
 from testbench.paper.calibration.bench import Bench, Judge
-from testbench.paper.loop import advisor, parts, sensitivity
+from testbench.paper.loop import derived, parts, sensitivity
 from testbench.paper.loop import loop as loops
 from testbench.paper.measure import measure_allan
 from testbench.paper.measure.characterise import engine_of
@@ -95,10 +95,7 @@ def drive_law(base, cases_deg, angles_deg=DRIVE_XE1_DEG):
 
 
 def derived_noise(config):
-    """{source: {"arw_deg_per_rt_h", "instability_deg_per_h"}} of a configuration by the linear loop, nothing simulated.
-
-    Flicker: 0.664 B = sqrt(2 ln 2) times the density at 1 Hz behind the SID, in rate.
-    """
+    """{source: {"arw_deg_per_rt_h", "instability_deg_per_h"}} by the linear loop, nothing simulated."""
     p = parts.parts(config)
     loop = loops.close(p)
     density = sensitivity.density_dps(p, loop)
@@ -110,9 +107,7 @@ def derived_noise(config):
         for source, names in own.items()
     }
     out["all"] = {"arw_deg_per_rt_h": sensitivity.arw_deg_per_rth(p, loop)}
-    by_offset = [abs(loops.response(loop, sensitivity.ARW_HZ, c)[0]) for c in (loops.OFFSET_SIN, loops.OFFSET_COS)]
-    per_volt = math.hypot(*by_offset) / (advisor.rest_gain(loop) * loops.DEG)
-    floor = {"instability_deg_per_h": math.sqrt(2 * math.log(2)) * p.flicker_v_per_rthz * abs(per_volt) * 3600}
+    floor = {"instability_deg_per_h": derived.instability_deg_per_h(p, loop)}
     return {name: out.get(name, {}) | (floor if name in ("all", "flicker") else {}) for name in ("all", *own, *SOURCES)}
 
 

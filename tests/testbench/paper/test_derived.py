@@ -5,6 +5,8 @@ import math
 import numba
 import pytest
 
+from analog_frontend.parts import cv_noise, noise
+from analog_frontend.parts.device import FIELDS
 from testbench.config import Config, changed
 from testbench.errors import ConfigError
 from testbench.paper.loop import advisor, derived, temperature_tables
@@ -84,12 +86,28 @@ def test_tables_have_every_source_that_is_on_and_all_of_them():
     assert len(temperature_tables.numbers(config).rows) == len(temperature_tables.NUMBERS)
 
 
+@pytest.mark.parametrize("temp_degc", TEMPS_DEGC)
+def test_the_plant_is_built_with_the_numbers_of_its_temperature(temp_degc):
+    """Densities, charges and flicker of a run are those that the closed form has."""
+    config = changed(Config(), LAWS)
+    plant, d = build.analog(config, temp_degc, temp_degc), config.device()
+    fx_hz = d.fx_hz * (1 - 27e-6 * (temp_degc - 25.0))
+    for source, channel in ((plant.noise.cv_x, "drive"), (plant.noise.cv_y, "sense")):
+        density = d.signal_gain * math.hypot(*cv_noise.cv_noise_shares(d, temp_degc, channel).values())
+        assert source.sigma == pytest.approx(noise.sigma_demodulated(density, fx_hz, 1e-6), rel=1e-9)
+    leaked = d.sid_leakage_a * 2 ** ((temp_degc - 25.0) / 10) / (2 * fx_hz)
+    charge = d.sid_charge_c * (1 + 0.004 * (temp_degc - 25.0)) * d.sid_charge_mismatch
+    first, second = plant.sid.inject[:3], plant.sid.inject[3:]
+    assert first - second == pytest.approx([(charge + leaked) / d.sid_c_f] * 3, rel=1e-9)
+    level = d.sid_flicker_v_per_rthz * ((temp_degc + 273.15) / 298.15) ** 3
+    assert plant.adc.flicker[2].level == pytest.approx(level, rel=1e-9)
+    assert parts(config, temp_degc).flicker_v_per_rthz == pytest.approx(level, rel=1e-9)
+
+
 @pytest.mark.parametrize("key", build.ONE_TEMPERATURE)
 def test_a_law_with_one_number_a_run_refuses_a_profile(key):
-    value = {"sid_leakage_a": 1e-12, "ring_noise_on": 1, "cv_resistor_ohm": 1e3, "sid_flicker_exponent": 1.0}.get(
-        key, 1e-9
-    )
-    config = changed(Config(), {f"plant.{key}": value})
+    largest = next(field.hi for field in FIELDS if field.name == key)
+    config = changed(Config(), {f"plant.{key}": largest})
     with pytest.raises((ValueError, ConfigError), match=rf"plant.{key} = .* needs a constant temperature"):
         build.analog(config, 20.0, 30.0)
 
