@@ -58,9 +58,10 @@ PRIORS = (
     Prior("cv_noise_v_per_rthz", "V/rtHz", LOG, 10e-9, 30e-9, "kT/C of the ring 7 to 14 nV, AD8597 current 17 nV"),
     Prior("adc_noise_sense_v", "V", LOG, 1.3e-6, 2.5e-6, "ADS1298 at PGA 12: 1.8 uV typical"),
     Prior("sid_flicker_v_per_rthz", "V/rtHz", LOG, 10e-9, 200e-9, "bipolar amplifiers at 10 k: corner 10 to 50 Hz"),
-    Prior("dxy_ratio", "1", NORMAL, -0.05, 0.05, "damping axes of comb structures"),
-    Prior("sid_charge_c", "C", LOG, 0.3e-12, 3e-12, "analog switches of the class: 1 pC typical"),
-    Prior("sid_charge_mismatch", "1", NORMAL, -0.1, 0.1, "two switches of a package"),
+    Prior("damping_dps", "deg/s", NORMAL, -0.5, 0.5, "damping axes a few per cent of the 5 to 10 deg/s of damping off"),
+    Prior(
+        "offset_dps", "deg/s", NORMAL, -2.0, 2.0, "charge of analog switches: 1 pC, 10 % different, at such a pickoff"
+    ),
     Prior("q", "1", LOG, 2e5, 4e5, "the text says above 200000"),
     Prior("dlnq_per_k", "1/K", NORMAL, -0.009, -0.001, "thermoelastic or gas damping, up to 1 %/K"),
     Prior("opamp_gbw_tc_per_k", "1/K", NORMAL, -0.003, -0.001, "bipolar transconductance as 1/T"),

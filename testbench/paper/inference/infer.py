@@ -1,0 +1,179 @@
+"""Posterior over boards: every mode enumerated; in each, draws by randomised optima with exact weights.
+
+    cost      |H(z)|^2/2,  H = [z, (f(z) - y)/sigma]                z: standard normal by the priors
+    screen    evidence of each mode with f linear about the middle of the priors; kept: within SCREEN_NATS of the best
+    optimum   damped Gauss-Newton, all kept modes at once; those CUT_NATS below the best are left after FEW_STEPS
+    evidence  -cost - ln det(J' J)/2, J of H: Laplace's; it says how many draws a mode gets
+    draws     Q'(H(z) - e) = 0 for standard normal e, Q an orthonormal basis of J at the optimum. Their density is
+              |det Q'J(z)| exp(-|Q'H(z)|^2/2), so that weights prior times likelihood over it make them exact
+
+The effective sample size says whether they do; where it is too small the posterior is refused.
+Source    docs/inference.md, docs/decisions/0017-inference-by-enumeration.md
+"""
+
+import functools
+from typing import NamedTuple
+
+import numpy as np
+
+from testbench.errors import ConfigError
+from testbench.paper.inference import forward, priors
+
+SCREEN_NATS, CUT_NATS, LEAST_WEIGHT = 18.0, 14.0, 1e-3
+STEPS, FEW_STEPS, STEP_Z = 60, 12, 1e-4
+STILL = 1e-7  # relative change of the cost
+EASE, STIFFEN = 0.3, 5.0
+NEWTON_STEPS, NEWTON_REACH, SOLVED = 10, 1.5, 1e-5
+LEAST_SHARE = 0.1  # of draws, that the effective sample size must be
+SIZE = len(priors.PRIORS)
+
+
+class Optimum(NamedTuple):
+    """Kept modes: arrays over them, best first."""
+
+    mode: dict  # {choice: array}
+    z: np.ndarray  # (modes, priors)
+    hessian: np.ndarray
+    chi2: np.ndarray  # of the rows
+    weight: np.ndarray  # posterior probability by Laplace
+
+
+class Posterior(NamedTuple):
+    """Weighted draws, the optima they came from, and how many draws they are worth."""
+
+    optimum: Optimum
+    z: np.ndarray  # (draws, priors)
+    mode: dict
+    weight: np.ndarray
+    size: float
+
+
+def jacobian(z, mode, names):
+    """(f, J) of boards: (n, rows) and (n, rows, priors), by forward differences."""
+    count = len(z)
+    moved = np.concatenate([z[None], z[None] + STEP_Z * np.eye(SIZE)[:, None]]).reshape(-1, SIZE)
+    again = {name: np.tile(a, SIZE + 1) for name, a in mode.items()}
+    found = forward.stacked(moved, again, names).reshape(SIZE + 1, count, len(names))
+    return found[0], np.moveaxis((found[1:] - found[0]) / STEP_Z, 0, -1)
+
+
+@functools.cache
+def _middle():
+    """All modes, with rows and derivatives at the middle of the priors."""
+    mode, count = priors.modes()
+    return mode, *jacobian(np.zeros((count, SIZE)), mode, forward.FITTED)
+
+
+def screened(data):
+    """Modes whose evidence by the linear model is within SCREEN_NATS of the best."""
+    mode, f, j = _middle()
+    at = [forward.FITTED.index(name) for name in data.names]
+    r, j = (data.value - f[:, at]) / data.sigma, j[:, at] / data.sigma[:, None]
+    cov = np.eye(len(at)) + j @ np.swapaxes(j, 1, 2)
+    evidence = -0.5 * np.einsum("mi,mi->m", r, np.linalg.solve(cov, r[..., None])[..., 0])
+    evidence -= 0.5 * np.linalg.slogdet(cov)[1]
+    kept = evidence > evidence.max() - SCREEN_NATS
+    return {name: a[kept] for name, a in mode.items()}
+
+
+def _linear(z, mode, data):
+    """(H, J) of boards: (n, priors + rows), (n, priors + rows, priors)."""
+    f, j = jacobian(z, mode, data.names)
+    own = np.broadcast_to(np.eye(SIZE), (len(z), SIZE, SIZE))
+    h = np.concatenate([z, (f - data.value) / data.sigma], axis=1)
+    return h, np.concatenate([own, j / data.sigma[:, None]], axis=1)
+
+
+def _cost(z, mode, data):
+    r = (data.value - forward.stacked(z, mode, data.names)) / data.sigma
+    return 0.5 * np.sum(r * r, axis=1) + 0.5 * np.sum(z * z, axis=1)
+
+
+def _of(mode, at):
+    return {name: a[at] for name, a in mode.items()}
+
+
+def _descend(z, mode, data, steps):
+    """Damped Gauss-Newton of all boards at once: (z, cost)."""
+    damping, cost = np.full(len(z), 1e-2), _cost(z, mode, data)
+    for _ in range(steps):
+        h, j = _linear(z, mode, data)
+        square = np.swapaxes(j, 1, 2) @ j + damping[:, None, None] * np.eye(SIZE)
+        ahead = z - np.linalg.solve(square, np.einsum("mrk,mr->mk", j, h)[..., None])[..., 0]
+        then = _cost(ahead, mode, data)
+        better = then < cost
+        gain = np.where(better, cost - then, 0.0)
+        z, cost = np.where(better[:, None], ahead, z), np.where(better, then, cost)
+        damping = np.where(better, damping * EASE, np.minimum(damping * STIFFEN, 1e6))
+        if np.all((gain < STILL * (1 + cost)) & (better | (damping > 1e3))):
+            break
+    return z, cost
+
+
+def optimum(data, mode=None):
+    """`Optimum` over the screened modes, or over those given."""
+    mode = screened(data) if mode is None else mode
+    z = np.zeros((len(next(iter(mode.values()))), SIZE))
+    z, cost = _descend(z, mode, data, FEW_STEPS)
+    near = cost < cost.min() + CUT_NATS
+    mode, (z, cost) = _of(mode, near), _descend(z[near], _of(mode, near), data, STEPS)
+    h, j = _linear(z, mode, data)
+    hessian = np.swapaxes(j, 1, 2) @ j
+    evidence = -cost - 0.5 * np.linalg.slogdet(hessian)[1]
+    weight = np.exp(evidence - evidence.max())
+    order = np.argsort(-weight, kind="stable")
+    chi2 = np.sum(h[:, SIZE:] ** 2, axis=1)
+    return Optimum(_of(mode, order), z[order], hessian[order], chi2[order], weight[order] / weight.sum())
+
+
+def _solve(z, mode, data, basis, noise):
+    """z with Q'H(z) = noise, ln|det Q'J| there, |H|^2, and whether it was found."""
+    count = len(z)
+    left, found = np.arange(count), np.zeros(count, bool)
+    log_det, square = np.zeros(count), np.zeros(count)
+    for _ in range(NEWTON_STEPS):
+        h, j = _linear(z[left], _of(mode, left), data)
+        q = np.swapaxes(basis[left], 1, 2)
+        a, miss = q @ j, (q @ h[..., None])[..., 0] - noise[left]
+        done = np.max(np.abs(miss), axis=1) < SOLVED
+        at = left[done]
+        found[at], log_det[at], square[at] = True, np.linalg.slogdet(a[done])[1], np.sum(h[done] ** 2, axis=1)
+        a, miss, left = a[~done], miss[~done], left[~done]
+        if not len(left):
+            break
+        step = np.linalg.solve(a, miss[..., None])[..., 0]
+        size = np.max(np.abs(step), axis=1)
+        z[left] -= step * np.minimum(1.0, NEWTON_REACH / np.maximum(size, 1e-9))[:, None]
+    return z, log_det, square, found
+
+
+def posterior(data, rng, draws=1000, found=None):
+    """`Posterior` of the rows; ConfigError where the draws are worth less than LEAST_SHARE of them."""
+    found = found or optimum(data)
+    kept = found.weight > LEAST_WEIGHT
+    mode, share = _of(found.mode, kept), found.weight[kept] / found.weight[kept].sum()
+    which = np.sort(rng.choice(len(share), draws, p=share))
+    _, j = _linear(found.z[kept], mode, data)
+    basis, triangle = np.linalg.qr(j)
+    noise = np.einsum("nij,ni->nj", basis[which], rng.standard_normal((draws, j.shape[1])))
+    z = found.z[which] + np.linalg.solve(triangle[which], noise[..., None])[..., 0]
+    z, log_det, square, good = _solve(z, _of(mode, which), data, basis[which], noise)
+    log = np.where(good, 0.5 * np.sum(noise**2, axis=1) - 0.5 * square - log_det - np.log(share[which]), -np.inf)
+    weight = np.exp(log - log.max())
+    weight /= weight.sum()
+    size = float(1 / np.sum(weight**2))
+    if size < LEAST_SHARE * draws:
+        raise ConfigError(f"inference: {draws} draws are worth {size:.0f}, fewer than {LEAST_SHARE * draws:g}")
+    return Posterior(found, z, _of(mode, which), weight, size)
+
+
+def quantile(values, weight, share):
+    """Value below which `share` of the weight lies."""
+    order = np.argsort(values)
+    total = np.cumsum(weight[order])
+    return float(values[order][min(np.searchsorted(total, share * total[-1]), len(values) - 1)])
+
+
+def rank(values, weight, truth):
+    """Share of the weight below a truth."""
+    return float(weight[values < truth].sum())

@@ -1,0 +1,88 @@
+"""The inference judged on papers that it could have been given: boards from the prior, rows with noise and rounding.
+
+    board      priors and modes drawn; rows by `likelihood.drawn`; the inference sees nothing else
+    parameter  rank of the truth among the draws of the whole fit
+    held out   rank of a row that the fit did not see among noisy rows of the draws: steps after the whole fit, and the
+               rows of one fold by class and one by temperature, in turn
+    coverage   share of ranks within 5 % and 95 %
+
+Source    docs/inference.md
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from testbench.paper.inference import forward, infer, likelihood, priors, rows
+
+DRAWS = 300
+
+
+class Judged(NamedTuple):
+    """Ranks by parameter and by row; probability that the posterior gave the true mode, and that it claimed at most."""
+
+    parameters: dict
+    held_out: dict
+    true_mode: list
+    best_mode: list
+    sizes: list
+
+
+def board(seed, number):
+    """(z, mode) of one board, arrays of one; the same however many are drawn."""
+    rng = np.random.default_rng([seed, number])
+    z = rng.standard_normal((1, infer.SIZE))
+    return z, {c.name: rng.choice(c.choices, 1) for c in priors.CHOICES}, rng
+
+
+def predicted(post, rng):
+    """{row: array} of what a paper would print, one for each draw."""
+    return likelihood.noisy(forward.predict(post.z, post.mode), rng)
+
+
+def rank(values, weight, truth, rng):
+    """Share of the weight below a truth; of what equals it, a random part."""
+    return float(weight[values < truth].sum() + rng.uniform() * weight[values == truth].sum())
+
+
+def judge(count, seed, draws=DRAWS, progress=None):
+    """`Judged` of `count` boards."""
+    folds = rows.folds()
+    by_class = [f for f in folds if "class" in f.rule]
+    by_temp = [f for f in folds if "temperature" in f.rule]
+    out = Judged({p.name: [] for p in priors.PRIORS}, {}, [], [], [])
+    for number in range(count):
+        z, mode, rng = board(seed, number)
+        (paper,) = likelihood.drawn(z, mode, rng)
+        post = infer.posterior(likelihood.compared(paper), rng, draws)
+        out.sizes.append(post.size)
+        for k, prior in enumerate(priors.PRIORS):
+            out.parameters[prior.name].append(rank(post.z[:, k], post.weight, z[0, k], rng))
+        same = np.all([post.mode[name] == mode[name] for name in mode], axis=0)
+        out.true_mode.append(float(post.weight[same].sum()))
+        out.best_mode.append(_largest(post))
+        steps = tuple(row.name for row in likelihood.STEPPED)
+        todo = [(post, steps)]
+        for fold in (by_class[number % len(by_class)], by_temp[number % len(by_temp)]):
+            todo.append((infer.posterior(likelihood.compared(paper, fold.rows), rng, draws), fold.rows))
+        for fitted, names in todo:
+            said = predicted(fitted, rng)
+            for name in names:
+                got = rank(said[name], fitted.weight, paper.values[name], rng)
+                out.held_out.setdefault(name, []).append(got)
+        if progress:
+            progress("simulated papers", number + 1, count)
+    return out
+
+
+def _largest(post):
+    """Probability of the most probable mode by the draws."""
+    keys = np.stack([post.mode[c.name] for c in priors.CHOICES], axis=1)
+    _, which = np.unique(keys, axis=0, return_inverse=True)
+    return float(np.bincount(which.ravel(), post.weight).max())
+
+
+def coverage(ranks):
+    """Share of ranks within the central 90 %."""
+    ranks = np.asarray(ranks)
+    return float(np.mean((ranks > 0.05) & (ranks < 0.95)))
