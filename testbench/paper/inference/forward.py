@@ -28,6 +28,8 @@ ROOM_DEGC = 25.0
 SPLIT_HZ = 139.0  # the text's
 DEG = math.pi / 180
 LEAST_V = 0.1
+DROP_V_PER_K = -2.35e-3  # of two diodes and what goes with them: it keeps the gain of a ring at 4 V
+INA_V_PER_RTHZ = 1.07e-9  # AD8597, each of two inputs
 CASES = (1, 2, 3, 4, 5)
 COMPENSATED = {"xe1": 2, "xe2": 3, "ye1": 4, "ye2": 5}  # from this case on
 FITTED = tuple(row.name for row in rows.fitted())
@@ -101,39 +103,58 @@ def _clocked(mode):
     return np.moveaxis(_clocked_s()[at], -1, 0)
 
 
-def _warm(v, mode, both_rings, temp_degc):
-    """What temperature makes of the numbers: frequencies, Q, amplifiers, output poles, rings."""
-    dt = temp_degc - ROOM_DEGC
-    drifts = mode["diode_tc_on"] == 1
-    rings = [tuple(np.where(drifts, a, b) for a, b in zip(one[temp_degc], one[ROOM_DEGC])) for one in both_rings]
+def carrier_tc_per_k(v, mode):
+    """Drift of the carrier: none, or that of two diodes' drop, with an error."""
+    own = DROP_V_PER_K / v["carrier_v"] + v["carrier_tc_error_per_k"]
+    return np.where(mode["carrier_compensated"] == 1, own, 0.0)
+
+
+def _warm(v, mode, temp_degc):
+    """What temperature makes of the numbers, by the laws of `thermal`; rings of the drive and of the sense channel."""
+    dt, share = temp_degc - ROOM_DEGC, (temp_degc + ZERO_DEGC_K) / (ROOM_DEGC + ZERO_DEGC_K)
+    carrier_v = v["carrier_v"] * (1 + carrier_tc_per_k(v, mode) * dt)
     kxy_tc = v["kxy_tc_below_per_k"] if dt < 0 else v["kxy_tc_above_per_k"]
+    current = share ** ((v["ina_bias_exponent"] - v["ina_beta_exponent"]) / 2)
+    gbw = 1 + v["opamp_gbw_tc_per_k"] * dt
     return {
         "f": v["fx_hz"] * (1 + v["tcf_per_k"] * dt),
         "fy": (v["fx_hz"] - SPLIT_HZ) * (1 + v["tcf_per_k"] * dt),
         "q": v["q"] * np.exp(v["dlnq_per_k"] * dt),
-        "gbw": v["opamp_gbw_hz"] * (1 + v["opamp_gbw_tc_per_k"] * dt),
-        "rc": 1 + v["dac_rc_tc_per_k"] * dt,
-        "kxy": v["quadrature_dps"] * (1 + kxy_tc * dt),
-        "rings": rings,
-        "room_gain": both_rings[0][ROOM_DEGC][0],
+        "gbw": v["opamp_gbw_hz"] * gbw,
+        "poles": (1 + v["dac_rc_tc_per_k"] * dt, 1 / gbw, 1 / gbw),
+        "quadrature": v["quadrature_dps"] * (1 + kxy_tc * dt),
+        "charge": 1 + v["sid_charge_tc_per_k"] * dt,
+        "leakage": 2 ** (dt / 10),
+        "current": v["ina_current_noise_a_per_rthz"] * current,
+        "voltage": INA_V_PER_RTHZ * share ** (1 - v["ina_bias_exponent"] / 2),
+        "flicker": v["sid_flicker_v_per_rthz"] * share ** v["sid_flicker_exponent"],
+        "rings": [ring_table.rings(carrier_v, cref_f, temp_degc) for cref_f in crefs_f(v)],
     }
 
 
-def _phases(v, warm, clocked_s):
+def _phases(v, mode, warm, clocked_s):
     """{node: deg} of xe1 and ye1 as node, xe2 and ye2 as loop phases; what both C/V chains and the force leave."""
     w, c = 2 * math.pi * warm["f"], fixed()
-    poles = [[np.arctan(w * v[f"{path}_pole_{n}_s"] * warm["rc"]) for n in (1, 2, 3)] for path in ("drive", "sense")]
+    poles = [
+        [np.arctan(w * v[f"{path}_pole_{n}_s"] * drift) for n, drift in enumerate(warm["poles"], 1)]
+        for path in ("drive", "sense")
+    ]
     amplifiers = [np.arctan(w * gain / (2 * math.pi * warm["gbw"])) for gain in (c.ina_noise_gain, c.driver_noise_gain)]
-    chains = [[np.arctan(w * tau), *amplifiers] for _, tau in warm["rings"]]
+    chains = [[np.arctan(w * ring.tau_s), *amplifiers] for ring in warm["rings"]]
     switch = w * v["sid_switch_s"]
     rad = {
         "xe1": w * clocked_s[0] + sum(poles[0]),
-        "ye1": w * (clocked_s[1] + v["sense_dac_delay_s"]) + sum(poles[1]),
+        "ye1": w * (clocked_s[1] + sense_response_s(v, mode)) + sum(poles[1]),
         "xe2": sum(chains[0]) - switch,
         "ye2": sum(chains[1]) - switch,
     }
     passed = [np.prod([np.cos(angle) for angle in chain], axis=0) for chain in (*chains, poles[1])]
     return {node: angle / DEG for node, angle in rad.items()}, passed
+
+
+def sense_response_s(v, mode):
+    """From latch to the start of the sense DAC's output."""
+    return np.where(mode["response_in_pole"] == 1, 0.0, v["sense_dac_delay_s"])
 
 
 class Board(NamedTuple):
@@ -169,7 +190,7 @@ def force_n_per_v(v):
 
 
 def pickoff_f_per_m(v, gain_v_per_f):
-    """dC/dx = dC/dy that gives the pickoff's voltage at the ring."""
+    """dC/dx that gives the pickoff's voltage at the ring."""
     return v["pickoff_v"] / (v["amplitude_um"] * 1e-6 * gain_v_per_f)
 
 
@@ -189,29 +210,29 @@ def _offset_v(charge_c, hz):
     return charge_c / c.sid_c_f * (6 * c.sid_r_ohm * c.sid_c_f * hz + 0.25)
 
 
-def _charge_c(v, b):
-    """Difference of charge whose offset, at 25 degC and without phase errors, is a rate of `offset_dps`."""
-    needed_v = v["offset_dps"] * b.sense_v_per_m * b.coriolis_n / np.abs(b.dynamic_n_per_m)
-    return needed_v / _offset_v(1.0, v["fx_hz"])
+def _charge_per_dps(v, b):
+    """Difference of charge (C) whose offset, at 25 degC and without phase errors, is a rate of 1 deg/s."""
+    volts = b.sense_v_per_m * b.coriolis_n / np.abs(b.dynamic_n_per_m)
+    return volts / _offset_v(1.0, v["fx_hz"])
 
 
-def _board(v, mode, warm, passed):
+def _board(v, mode, warm, passed, room_gain):
     """`Board` without the demodulator's offset."""
     c = fixed()
     w, wy = 2 * math.pi * warm["f"], 2 * math.pi * warm["fy"]
     edges = np.where(mode["reference_retimed"] == 1, _grid(warm["f"]), 1.0)
-    drive_gain, sense_gain = (gain for gain, _ in warm["rings"])
-    amplitude = v["amplitude_um"] * 1e-6 * warm["room_gain"] / (drive_gain * passed[0] * edges)
-    slope = pickoff_f_per_m(v, warm["room_gain"])
+    drive_gain, sense_gain = (ring.gain_v_per_f for ring in warm["rings"])
+    amplitude = v["amplitude_um"] * 1e-6 * room_gain / (drive_gain * passed[0] * edges)
+    slope = pickoff_f_per_m(v, room_gain)
     damper = c.mass_kg * w / warm["q"]
-    kxy = quadrature_n_per_m(v["fx_hz"], warm["kxy"])
+    kxy = quadrature_n_per_m(v["fx_hz"], warm["quadrature"])
     return Board(
         w,
         amplitude,
         coriolis_n_per_dps(warm["f"], amplitude),
         dxy_ratio(v) * damper * w * amplitude,
         force_n_per_v(v) * c.volts_per_word * _grid(warm["f"]) * passed[2],
-        sense_gain * slope * c.signal_gain * passed[1] * 4 / math.pi * edges,
+        sense_gain * slope * v["sense_pickoff_ratio"] * c.signal_gain * passed[1] * 4 / math.pi * edges,
         c.mass_kg * (wy**2 - w**2 + 1j * w * wy / warm["q"]),
         kxy,
         quadrature_n_per_m(v["fx_hz"], v["quadrature_dps"]) / v["v_q_null_v"] ** 2,
@@ -220,19 +241,24 @@ def _board(v, mode, warm, passed):
     )
 
 
-def _noise(v, b, temp_degc):
+def _noise(v, b, warm, temp_degc):
     """ARW and bias instability: a volt behind the demodulator is |D| / (pickoff, Coriolis force) deg/s in any case."""
-    c = fixed()
+    c, ring, kt = fixed(), warm["rings"][1], BOLTZMANN_J_PER_K * (temp_degc + ZERO_DEGC_K)
     per_v = np.abs(b.dynamic_n_per_m) / (b.sense_v_per_m * b.coriolis_n)
     per_frame = math.sqrt(2 * c.frame_s)
-    thermal = np.sqrt(4 * BOLTZMANN_J_PER_K * (temp_degc + ZERO_DEGC_K) * b.damper_n_s_per_m)
+    cv_square = (
+        ring.noise_v_per_rthz**2
+        + (warm["current"] * ring.noise_ohm) ** 2
+        + 2 * warm["voltage"] ** 2
+        + 4 * kt * v["cv_resistor_ohm"]
+    )
     square = (
-        (per_v * 2 * v["cv_noise_v_per_rthz"] * c.signal_gain) ** 2
+        (per_v * 2 * c.signal_gain) ** 2 * cv_square
         + (per_v * v["adc_noise_sense_v"] * per_frame) ** 2
         + (per_v * c.step_code / c.code_per_v / math.sqrt(12) * per_frame) ** 2
-        + 2 * (thermal / b.coriolis_n) ** 2
+        + 2 * 4 * kt * b.damper_n_s_per_m / b.coriolis_n**2
     )
-    floor = 3600 * math.sqrt(2 * math.log(2)) * v["sid_flicker_v_per_rthz"] * per_v
+    floor = 3600 * math.sqrt(2 * math.log(2)) * warm["flicker"] * per_v
     return {"arw": 60 / math.sqrt(2) * np.sqrt(square), "bias_instability": floor}
 
 
@@ -263,32 +289,37 @@ def _case(b, left):
     }
 
 
-def charge_difference_c(v, mode):
-    """Charge (C) by which the two switches of a stage differ; arrays."""
-    room = _warm(v, mode, [ring_table.rings(v["carrier_v"], cref_f) for cref_f in crefs_f(v)], ROOM_DEGC)
-    _, passed = _phases(v, room, _clocked(mode))
-    return _charge_c(v, _board(v, mode, room, passed))
+def _room(v, mode):
+    """Phases, what the pickoffs' gain is measured by, and charge per deg/s, at 25 degC."""
+    warm = _warm(v, mode, ROOM_DEGC)
+    known, passed = _phases(v, mode, warm, _clocked(mode))
+    gain = warm["rings"][0].gain_v_per_f
+    return known, gain, _charge_per_dps(v, _board(v, mode, warm, passed, gain))
+
+
+def charges_c(v, mode):
+    """(difference of the charge that two switches inject, of what leaks in half a turn) at 25 degC; arrays (C)."""
+    _, _, per_dps = _room(v, mode)
+    return v["offset_dps"] * per_dps, v["leakage_dps"] * per_dps
 
 
 def predict(z, mode, steps=True):
     """{name: array} of fitted rows, and of steps between cases: z (boards, priors), mode of arrays."""
     v = priors.values(z)
-    clocked = _clocked(mode)
-    both = [ring_table.rings(v["carrier_v"], cref_f) for cref_f in crefs_f(v)]
-    room = _warm(v, mode, both, ROOM_DEGC)
-    known, passed = _phases(v, room, clocked)
-    charge_c = _charge_c(v, _board(v, mode, room, passed))
+    known, room_gain, per_dps = _room(v, mode)
     out = {node: known[node] for node in ("xe1", "xe2", "ye1")}
-    out["ye2"] = known["ye2"] + np.where(mode["ye2_at_pin"] == 1, 360 * room["f"] * v["sid_switch_s"], 0.0)
+    out["ye2"] = known["ye2"] + np.where(mode["ye2_at_pin"] == 1, 360 * v["fx_hz"] * v["sid_switch_s"], 0.0)
     for temp in rows.TEMPERATURES_DEGC:
-        warm = _warm(v, mode, both, temp)
-        phases, passed = _phases(v, warm, clocked)
-        b = _board(v, mode, warm, passed)._replace(offset_v=_offset_v(charge_c, warm["f"]))
+        warm = _warm(v, mode, temp)
+        phases, passed = _phases(v, mode, warm, _clocked(mode))
+        # what leaks in half a turn goes against the frequency, which moves too little to count
+        charge_c = per_dps * (v["offset_dps"] * warm["charge"] + v["leakage_dps"] * warm["leakage"])
+        b = _board(v, mode, warm, passed, room_gain)._replace(offset_v=_offset_v(charge_c, warm["f"]))
         cases = {}
         for case in CASES if steps else CASES[:3]:
             left = {n: (phases[n] - (known[n] if case >= COMPENSATED[n] else 0.0)) * DEG for n in rows.PHASES}
             cases[case] = _case(b, left)
-        out |= {f"{group}_{temp:g}": value for group, value in _noise(v, b, temp).items()}
+        out |= {f"{group}_{temp:g}": value for group, value in _noise(v, b, warm, temp).items()}
         for group in rows.STEPPED:
             out[f"{group}_{temp:g}"] = sum(cases[k][group] for k in (1, 2, 3)) / 3
         for group in rows.STEPPED if steps else ():

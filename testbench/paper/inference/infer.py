@@ -158,11 +158,12 @@ def posterior(data, rng, draws=1000, found=None):
     noise = np.einsum("nij,ni->nj", basis[which], rng.standard_normal((draws, j.shape[1])))
     z = found.z[which] + np.linalg.solve(triangle[which], noise[..., None])[..., 0]
     z, log_det, square, good = _solve(z, _of(mode, which), data, basis[which], noise)
+    good &= forward.works(forward.predict(z, _of(mode, which), steps=False))
     log = np.where(good, 0.5 * np.sum(noise**2, axis=1) - 0.5 * square - log_det - np.log(share[which]), -np.inf)
-    weight = np.exp(log - log.max())
+    weight = np.exp(log - log.max()) if good.any() else np.full(draws, np.nan)
     weight /= weight.sum()
     size = float(1 / np.sum(weight**2))
-    if size < LEAST_SHARE * draws:
+    if not size >= LEAST_SHARE * draws:
         raise ConfigError(f"inference: {draws} draws are worth {size:.0f}, fewer than {LEAST_SHARE * draws:g}")
     return Posterior(found, z, _of(mode, which), weight, size)
 

@@ -14,8 +14,7 @@ import numpy as np
 
 from testbench.paper.inference import forward, rows
 
-FITTED, STEPPED = rows.fitted(), rows.steps()
-DIGIT = {"scale_factor": 1.0}  # of other rows 1e-4
+FITTED, STEPPED, REPEATS_DPS = rows.fitted(), rows.steps(), rows.repeats_dps()
 
 
 class Paper(NamedTuple):
@@ -50,23 +49,18 @@ def compared(paper, without=()):
 
 
 def noisy(found, rng):
-    """{name: array} as printed: the rows of boards with noise of their own."""
+    """{name: array} as printed: the rows of boards with noise of their own, rounded."""
     out = {}
-    for row in FITTED:
-        noise = sigma_compared(row) * rng.standard_normal(found[row.name].shape)
-        exact = found[row.name] * np.exp(noise) if row.logarithmic else found[row.name] + noise
-        digit = DIGIT.get(row.group, 1e-4)
-        out[row.name] = np.maximum(np.round(exact / digit), 1.0) * digit if row.logarithmic else _rounded(exact)
-    for row in STEPPED:
-        sigma = row.sigma
-        if row.group.startswith("bias"):
-            sigma = math.sqrt(2) * rows.SPREAD_DPS / np.abs(found[f"bias_{row.temp_degc:g}"])
-        out[row.name] = _rounded(np.abs(found[row.name] + sigma * rng.standard_normal(found[row.name].shape)))
+    for row in (*FITTED, *STEPPED):
+        exact, sigma = found[row.name], sigma_compared(row)
+        if row.group in ("bias_3to4", "bias_4to5"):
+            sigma = math.sqrt(2) * REPEATS_DPS[row.temp_degc] / np.abs(found[f"bias_{row.temp_degc:g}"])
+        noise = sigma * rng.standard_normal(exact.shape)
+        value = exact * np.exp(noise) if row.logarithmic else exact + noise
+        value = np.abs(value) if row in STEPPED else value
+        steps = np.round(value / row.digit)
+        out[row.name] = (np.maximum(steps, 1.0) if row.logarithmic else steps) * row.digit
     return out
-
-
-def _rounded(value):
-    return np.round(value * 1e4) * 1e-4
 
 
 def drawn(z, mode, rng):

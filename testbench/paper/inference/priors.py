@@ -49,19 +49,27 @@ PRIORS = (
     Prior("fx_hz", "Hz", NORMAL, 10750.0, 11250.0, "the text says 11 kHz"),
     Prior("amplitude_um", "um", LOG, 2.0, 10.0, "comb drives of this size"),
     Prior("pickoff_v", "V", LOG, 0.06, 0.24, "x at the ring: above its noise, below where two diodes conduct"),
+    Prior("sense_pickoff_ratio", "1", LOG, 0.5, 3.0, "dC/dy over dC/dx: other combs, and y need not be linear"),
     Prior("full_scale_dps", "deg/s", LOG, 550.0, 2000.0, "tested to 500 deg/s; a designer leaves 10 % to 4 times"),
     Prior("quadrature_dps", "deg/s", LOG, 20.0, 400.0, "published two-mass devices"),
     Prior("v_q_null_v", "V", LOG, 2.0, 5.3, "quadrature must be within the DAC's 5.5 V"),
     Prior("kxy_tc_below_per_k", "1/K", NORMAL, -0.008, 0.008, "stress: 10 ppm of the stiffness over the range"),
     Prior("kxy_tc_above_per_k", "1/K", NORMAL, -0.008, 0.008, "likewise"),
     Prior("carrier_v", "V", LOG, 3.0, 5.5, "HCMOS oscillator at 3.3 or 5 V"),
-    Prior("cv_noise_v_per_rthz", "V/rtHz", LOG, 10e-9, 30e-9, "kT/C of the ring 7 to 14 nV, AD8597 current 17 nV"),
+    Prior("carrier_tc_error_per_k", "1/K", NORMAL, -1e-4, 1e-4, "of a compensated carrier: a sixth of the diodes' drift"),
+    Prior("cv_resistor_ohm", "ohm", LOG, 1.5e3, 40e3, "bias and gain resistors of the C/V channel: 5 to 26 nV"),
+    Prior("ina_current_noise_a_per_rthz", "A/rtHz", LOG, 1.3e-12, 2.8e-12, "AD8597: 1.9 pA typical"),
+    Prior("ina_bias_exponent", "1", NORMAL, 0.0, 1.5, "collector current: constant, or as T"),
+    Prior("ina_beta_exponent", "1", NORMAL, 1.2, 2.0, "current gain of bipolars, XTB of SPICE"),
     Prior("adc_noise_sense_v", "V", LOG, 1.3e-6, 2.5e-6, "ADS1298 at PGA 12: 1.8 uV typical"),
     Prior("sid_flicker_v_per_rthz", "V/rtHz", LOG, 10e-9, 200e-9, "bipolar amplifiers at 10 k: corner 10 to 50 Hz"),
+    Prior("sid_flicker_exponent", "1", NORMAL, -2.0, 2.0, "no derived law"),
     Prior("damping_dps", "deg/s", NORMAL, -0.5, 0.5, "damping axes a few per cent of the 5 to 10 deg/s of damping off"),
     Prior(
         "offset_dps", "deg/s", NORMAL, -2.0, 2.0, "charge of analog switches: 1 pC, 10 % different, at such a pickoff"
     ),
+    Prior("sid_charge_tc_per_k", "1/K", NORMAL, -2e-3, 2e-3, "logic swing of a CMOS switch"),
+    Prior("leakage_dps", "deg/s", NORMAL, -0.3, 0.3, "open analog switches: 0.1 nA at 25 degC, which do not match"),
     Prior("q", "1", LOG, 2e5, 4e5, "the text says above 200000"),
     Prior("dlnq_per_k", "1/K", NORMAL, -0.009, -0.001, "thermoelastic or gas damping, up to 1 %/K"),
     Prior("opamp_gbw_tc_per_k", "1/K", NORMAL, -0.003, -0.001, "bipolar transconductance as 1/T"),
@@ -90,7 +98,8 @@ CHOICES = (
     Choice("frame_latency_drive", (0, 1), "a frame that a drive code waits"),
     Choice("frame_latency_sense", (0, 1), "a frame that a sense code waits"),
     Choice("ye2_at_pin", (0, 1), "ye2 as the text prints it holds at the demodulator, or ends at the switch's pin"),
-    Choice("diode_tc_on", (0, 1), "0: the diodes' drift is compensated by the carrier"),
+    Choice("carrier_compensated", (0, 1), "the carrier falls with the diodes' drop, or it is constant"),
+    Choice("response_in_pole", (0, 1), "the DAC's response is part of the settling that its pole stands for, or comes first"),
 )
 
 

@@ -29,10 +29,13 @@ class Judged(NamedTuple):
 
 
 def board(seed, number):
-    """(z, mode) of one board, arrays of one; the same however many are drawn."""
+    """(z, mode, generator) of one board that works, arrays of one; the same however many are drawn."""
     rng = np.random.default_rng([seed, number])
-    z = rng.standard_normal((1, infer.SIZE))
-    return z, {c.name: rng.choice(c.choices, 1) for c in priors.CHOICES}, rng
+    while True:
+        z = rng.standard_normal((1, infer.SIZE))
+        mode = {c.name: rng.choice(c.choices, 1) for c in priors.CHOICES}
+        if forward.works(forward.predict(z, mode, steps=False))[0]:
+            return z, mode, rng
 
 
 def predicted(post, rng):
