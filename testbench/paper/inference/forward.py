@@ -303,30 +303,50 @@ def charges_c(v, mode):
     return v["offset_dps"] * per_dps, v["leakage_dps"] * per_dps
 
 
-def predict(z, mode, steps=True):
-    """{name: array} of fitted rows, and of steps between cases: z (boards, priors), mode of arrays."""
+class Seen(NamedTuple):
+    """Rows of boards: {node: deg}, {(group, temperature): value} of noise, {(case, group, temperature): value}."""
+
+    phases: dict
+    noise: dict
+    cases: dict
+
+
+def see(z, mode, cases=CASES):
+    """`Seen` of boards: z (boards, priors), mode of arrays; `cases` of the five register sets."""
     v = priors.values(z)
     known, room_gain, per_dps = _room(v, mode)
-    out = {node: known[node] for node in ("xe1", "xe2", "ye1")}
-    out["ye2"] = known["ye2"] + np.where(mode["ye2_at_pin"] == 1, 360 * v["fx_hz"] * v["sid_switch_s"], 0.0)
+    phases = {node: known[node] for node in ("xe1", "xe2", "ye1")}
+    phases["ye2"] = known["ye2"] + np.where(mode["ye2_at_pin"] == 1, 360 * v["fx_hz"] * v["sid_switch_s"], 0.0)
+    out = Seen(phases, {}, {})
     for temp in rows.TEMPERATURES_DEGC:
         warm = _warm(v, mode, temp)
-        phases, passed = _phases(v, mode, warm, _clocked(mode))
+        now, passed = _phases(v, mode, warm, _clocked(mode))
         # what leaks in half a turn goes against the frequency, which moves too little to count
         charge_c = per_dps * (v["offset_dps"] * warm["charge"] + v["leakage_dps"] * warm["leakage"])
         b = _board(v, mode, warm, passed, room_gain)._replace(offset_v=_offset_v(charge_c, warm["f"]))
-        cases = {}
-        for case in CASES if steps else CASES[:3]:
-            left = {n: (phases[n] - (known[n] if case >= COMPENSATED[n] else 0.0)) * DEG for n in rows.PHASES}
-            cases[case] = _case(b, left)
-        out |= {f"{group}_{temp:g}": value for group, value in _noise(v, b, warm, temp).items()}
+        out.noise.update({(group, temp): value for group, value in _noise(v, b, warm, temp).items()})
+        for case in cases:
+            left = {n: (now[n] - (known[n] if case >= COMPENSATED[n] else 0.0)) * DEG for n in rows.PHASES}
+            out.cases.update({(case, group, temp): value for group, value in _case(b, left).items()})
+    return out
+
+
+def change(before, after):
+    """Relative change; a number of exactly 0 has none."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return (after - before) / np.abs(before)
+
+
+def predict(z, mode, steps=True):
+    """{name: array} of fitted rows, and of steps between cases: z (boards, priors), mode of arrays."""
+    seen = see(z, mode, CASES if steps else CASES[:3])
+    out = dict(seen.phases) | {f"{group}_{temp:g}": value for (group, temp), value in seen.noise.items()}
+    for temp in rows.TEMPERATURES_DEGC:
         for group in rows.STEPPED:
-            out[f"{group}_{temp:g}"] = sum(cases[k][group] for k in (1, 2, 3)) / 3
-        for group in rows.STEPPED if steps else ():
-            for step in rows.STEPS:
-                before, after = (cases[int(k)][group] for k in step.split("to"))
-                with np.errstate(divide="ignore", invalid="ignore"):  # a bias of exactly 0 has no relative change
-                    out[f"{group}_{step}_{temp:g}"] = (after - before) / np.abs(before)
+            out[f"{group}_{temp:g}"] = sum(seen.cases[case, group, temp] for case in (1, 2, 3)) / 3
+            for step in rows.STEPS if steps else ():
+                before, after = (seen.cases[int(case), group, temp] for case in step.split("to"))
+                out[f"{group}_{step}_{temp:g}"] = change(before, after)
     return out
 
 

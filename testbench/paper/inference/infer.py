@@ -173,8 +173,3 @@ def quantile(values, weight, share):
     order = np.argsort(values)
     total = np.cumsum(weight[order])
     return float(values[order][min(np.searchsorted(total, share * total[-1]), len(values) - 1)])
-
-
-def rank(values, weight, truth):
-    """Share of the weight below a truth."""
-    return float(weight[values < truth].sum())

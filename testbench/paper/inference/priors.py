@@ -56,7 +56,9 @@ PRIORS = (
     Prior("kxy_tc_below_per_k", "1/K", NORMAL, -0.008, 0.008, "stress: 10 ppm of the stiffness over the range"),
     Prior("kxy_tc_above_per_k", "1/K", NORMAL, -0.008, 0.008, "likewise"),
     Prior("carrier_v", "V", LOG, 3.0, 5.5, "HCMOS oscillator at 3.3 or 5 V"),
-    Prior("carrier_tc_error_per_k", "1/K", NORMAL, -1e-4, 1e-4, "of a compensated carrier: a sixth of the diodes' drift"),
+    Prior(
+        "carrier_tc_error_per_k", "1/K", NORMAL, -1e-4, 1e-4, "of a compensated carrier: a sixth of the diodes' drift"
+    ),
     Prior("cv_resistor_ohm", "ohm", LOG, 1.5e3, 40e3, "bias and gain resistors of the C/V channel: 5 to 26 nV"),
     Prior("ina_current_noise_a_per_rthz", "A/rtHz", LOG, 1.3e-12, 2.8e-12, "AD8597: 1.9 pA typical"),
     Prior("ina_bias_exponent", "1", NORMAL, 0.0, 1.5, "collector current: constant, or as T"),
@@ -99,7 +101,11 @@ CHOICES = (
     Choice("frame_latency_sense", (0, 1), "a frame that a sense code waits"),
     Choice("ye2_at_pin", (0, 1), "ye2 as the text prints it holds at the demodulator, or ends at the switch's pin"),
     Choice("carrier_compensated", (0, 1), "the carrier falls with the diodes' drop, or it is constant"),
-    Choice("response_in_pole", (0, 1), "the DAC's response is part of the settling that its pole stands for, or comes first"),
+    Choice(
+        "response_in_pole",
+        (0, 1),
+        "the DAC's response is part of the settling that its pole stands for, or comes first",
+    ),
 )
 
 

@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import chi2, chisquare
 
 from testbench.config import changed
 from testbench.judge import numbers
-from testbench.paper.inference import board, forward, priors, ring_table, rows
+from testbench.paper.inference import board, forward, infer, likelihood, priors, ring_table, rows, simulated
 from testbench.paper.loop import derived, parts
 from testbench.run.budget import budget
 
@@ -49,7 +50,9 @@ def test_the_scale_factor_is_judged_without_the_spread_that_the_cosine_makes():
     assert 30 < step < 32
     for temp, (value, spread) in printed("SF", "mean of cases 1,2,3").items():
         rest = math.sqrt(spread**2 - (step * value / 8651.0) ** 2 / 3)
-        assert names[f"scale_factor_{temp:g}"].sigma == pytest.approx(math.hypot(rest / math.sqrt(3), 12**-0.5), rel=1e-3)
+        assert names[f"scale_factor_{temp:g}"].sigma == pytest.approx(
+            math.hypot(rest / math.sqrt(3), 12**-0.5), rel=1e-3
+        )
 
 
 def test_every_fitted_row_is_held_out_once_by_class_and_once_by_temperature():
@@ -69,7 +72,7 @@ def test_priors_have_their_quantiles_and_name_no_fitted_number():
     assert not [row.value for row in rows.fitted() if f"{row.value:g}" in said]
 
 
-# ---- the closed forms against budget and linear loop, which share none of them -----------------------------------------
+# ---- the closed forms against budget and linear loop, which share none of them ---------------------------------------
 
 
 def drawn(rng, count):
@@ -118,7 +121,11 @@ def test_closed_forms_are_those_of_budget_and_linear_loop(temp):
             for step in rows.STEPS:
                 before, after = (getattr(seen[int(c)], NAMES[group]) for c in step.split("to"))
                 share = (after - before) / abs(before)
-                assert found[f"{group}_{step}_{temp:g}"][k] == pytest.approx(share, rel=5e-3, abs=5e-5), (group, step, k)
+                assert found[f"{group}_{step}_{temp:g}"][k] == pytest.approx(share, rel=5e-3, abs=5e-5), (
+                    group,
+                    step,
+                    k,
+                )
 
 
 def test_the_ring_table_is_the_ring():
@@ -133,7 +140,45 @@ def test_the_ring_table_is_the_ring():
 def test_a_compensated_carrier_keeps_the_gain_of_its_ring():
     carrier_v, cref = 4.0, 38e-12
     cold, warm = (
-        ring_table.exact(carrier_v + forward.DROP_V_PER_K * (temp - 25), cref, temp).gain_v_per_f for temp in (-20.0, 50.0)
+        ring_table.exact(carrier_v + forward.DROP_V_PER_K * (temp - 25), cref, temp).gain_v_per_f
+        for temp in (-20.0, 50.0)
     )
     plain = [ring_table.exact(carrier_v, cref, temp).gain_v_per_f for temp in (-20.0, 50.0)]
     assert abs(warm / cold - 1) < 0.1 * (plain[1] / plain[0] - 1)
+
+
+# ---- simulated papers ------------------------------------------------------------------------------------------------
+
+
+def test_a_paper_of_a_known_board_gives_its_modes_and_its_rows():
+    """Rows at the optimum of the true mode are within the noise they were drawn with."""
+    z, mode, rng = simulated.board(2, 0)
+    (paper,) = likelihood.drawn(z, mode, rng)
+    data = likelihood.compared(paper)
+    found = infer.optimum(data)
+    post = infer.posterior(data, rng, 200, found)
+    assert post.size > 40
+    same = np.all([found.mode[name] == mode[name] for name in mode], axis=0)
+    assert found.weight[same].sum() > 0.02
+    assert found.chi2[same][0] < chi2.ppf(0.999, len(data.names))
+    assert np.std(post.z[:, priors.NAMES.index("full_scale_dps")]) < 0.05  # the data carry the scale
+    assert 0.7 < np.std(post.z[:, priors.NAMES.index("amplitude_um")]) < 1.3  # and say nothing of the amplitude
+
+
+@pytest.mark.slow
+def test_simulated_papers_are_covered_and_ranks_are_uniform():
+    judged = simulated.judge(100, 11)
+    parameters = np.array(list(judged.parameters.values()))
+    held_out = np.concatenate(list(judged.held_out.values()))
+    assert parameters.shape == (len(priors.PRIORS), 100)
+    assert len(held_out) > 2000
+    assert 0.86 < simulated.coverage(np.concatenate([parameters.ravel(), held_out])) < 0.94
+    assert 0.86 < simulated.coverage(parameters) < 0.94
+    assert 0.86 < simulated.coverage(held_out) < 0.94
+    # 10 bins of 10 boards each; one of all tests in a hundred fails by chance
+    p = [chisquare(np.histogram(ranks, 10, (0, 1))[0]).pvalue for ranks in parameters]
+    assert min(p) > 0.01 / len(p)
+    assert np.mean(p) > 0.5 - 3 / math.sqrt(12 * len(p))
+    # what the most probable mode claims is what the true ones have got, within the draw of 100 boards
+    hits = np.array(judged.true_mode) > 0
+    assert hits.mean() > 0.95
