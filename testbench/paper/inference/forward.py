@@ -263,9 +263,9 @@ def _noise(v, b, warm, temp_degc):
 
 
 def _above_zero(v_squared):
-    """V_q^2 (V^2), continued below LEAST_V as an exponential, so that a search finds its way back."""
+    """V_q^2 (V^2), continued below LEAST_V smoothly and above 0, so that a search finds its way back."""
     least = LEAST_V**2
-    return np.where(v_squared > least, v_squared, least * np.exp(np.minimum(v_squared / least, 1) - 1))
+    return np.where(v_squared > least, v_squared, least / (2 - np.minimum(v_squared / least, 1)))
 
 
 def works(found, span_v=5.5):
