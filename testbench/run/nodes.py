@@ -3,9 +3,10 @@
     force voltage   26 means a tick from the recorded chain state, its held input and the step within the tick; the
                     chain between ticks is solved here by scipy, not by the plant's tables
     x, y, C/V       one sample a tick: smooth, so that no image folds back
-    reference pin   theta at each edge
+    reference pins  theta at each edge of the channel's two pins: where edges lie that are even on their grid
 
 xe1 = lag(force x) - lag(sgn sin drive);  xe2 = lag(C/V x) - lag(x);  sense likewise; y with its free line at f_y.
+Their sigma: xe1 that of the force and of the pins, xe2 that of a difference of fits that see the same noise.
 Source    docs/phases.md
 """
 
@@ -35,6 +36,7 @@ class Probe(NamedTuple):
     sense_sign: int = 1  # of the rate word: a negative word turns the force over, which is no phase
     design: object = DEFAULT  # the design record of the firmware
     fx_hz: float = 0.0  # free line of the drive mode, 0 when the loop holds it on theta
+    grid_clocks: int = DEFAULT.tick_clocks  # between two instants at which a reference pin can change
 
     def column(self, name):
         if name in PROBE_INTS:
@@ -42,8 +44,16 @@ class Probe(NamedTuple):
         return self.floats[:, PROBE_FLOATS.index(name)]
 
 
+class PinLag(NamedTuple):
+    """Lag of a channel's pins (turns) if edges are even on their grid, its sigma; what sgn(sin) lags beyond it."""
+
+    even: float
+    sigma: float
+    beyond: float
+
+
 class Readings(NamedTuple):
-    """Node phases by both methods (deg), one-sigma of each fit, and the lag of each reference pin's edges."""
+    """Node phases by both methods (deg), one-sigma of each, and the errors of each reference pin's edges (turns)."""
 
     phase_deg: dict
     sigma_deg: dict
@@ -52,6 +62,8 @@ class Readings(NamedTuple):
     amplitude: dict
     lag_deg: dict  # of the C/V outputs against theta
     edges: dict
+    uneven_deg: dict  # of xe1 and ye1: mean lag of this record's sgn(sin) edges beyond that of even ones
+    frequency_hz: float  # mean of theta over the record
 
 
 def chain_waveform(z, held, step, poles_s, instant_s, tick_s, clocks=DEFAULT.tick_clocks):
@@ -101,6 +113,41 @@ def pin_lag_turns(errors):
     return float(weights @ errors / weights.sum())
 
 
+def pin_lag(sine, cosine, grid_turns):
+    """`PinLag` of a channel from the errors (turns) of the edges of its two pins, which go through the same registers.
+
+    An edge leaves at the first instant of the grid at which it is due, after a delay that all edges share. So
+
+        delay <= error < delay + grid      of every edge: max - grid < delay <= min
+
+    and within these bounds nothing says where. Even edges lag by delay + grid/2 = (min + max)/2, with the sigma of a
+    uniform distribution, (grid - (max - min))/sqrt(12). Edges that dwell on one side of the grid do not move it.
+    """
+    errors = np.concatenate([sine, cosine])
+    if not len(errors):
+        return PinLag(np.nan, np.inf, np.nan)
+    errors = errors[0] + wrap_deg(360.0 * (errors - errors[0])) / 360.0
+    even = (errors.min() + errors.max()) / 2
+    beyond = wrap_deg(360.0 * (pin_lag_turns(sine) - even)) / 360.0
+    return PinLag(float(even), float(max(grid_turns - np.ptp(errors), 0.0) / np.sqrt(12.0)), float(beyond))
+
+
+def pickoff(theta, before, after, free, turns_per_tick):
+    """`phase_meter.Reading` of a mode and of its C/V output, and the sigma (deg) of the difference of their lags.
+
+    Both see the same noise, so what counts is the difference of their shares. A mode is fitted at theta's frequency f.
+    Where its own over the record is f + df, which the lag of its samples one tick before shows, the difference of lags
+    is off by df/f of itself. It is not corrected, which would take the lag to be a delay.
+    """
+    free = None if free is None else free[1:]
+    first, second, earlier = phase_meter.fits(theta[1:], [before[1:], after[1:], before[:-1]], free)
+    lag_deg, tick_deg = wrap_deg(second.lag_deg - first.lag_deg), (earlier.lag_deg - first.lag_deg) % 360.0
+    shares_deg = second.shares_deg - first.shares_deg
+    shares_deg = shares_deg - lag_deg / tick_deg * (earlier.shares_deg - first.shares_deg)
+    off_deg = lag_deg * (tick_deg / (360.0 * turns_per_tick) - 1.0)
+    return first, second, float(np.hypot(phase_meter.sum_sigma(shares_deg), off_deg))
+
+
 def read(probe):
     """`Readings` of a probe; nodes without a tone come out with a large sigma."""
     clocks, turn = probe.design.tick_clocks, 1 << probe.design.dds_bits
@@ -110,7 +157,8 @@ def read(probe):
     fine = offsets * step[:, None]
     fine += theta[:, None]
     fine = fine.ravel()
-    phase, sigma, amplitude, counter, resolution, lag = {}, {}, {}, {}, {}, {}
+    turns_per_tick = float(step.mean()) * clocks
+    phase, sigma, amplitude, counter, resolution, lag, uneven = {}, {}, {}, {}, {}, {}, {}
     pins = {k: edge_errors_turns(probe.edges, k, probe.design.dds_bits) for k in range(4)}
     chains = (("xe1", "d", "drive", 0, 0), ("ye1", "s", "sense", 1, 2))
     waves = []
@@ -121,10 +169,11 @@ def read(probe):
             chain_waveform(z, held, rise, probe.chains_s[which], probe.instants_s[which], probe.tick_s, clocks).ravel()
         )
     for (node, _, _, which, reference), wave, force in zip(chains, waves, phase_meter.fits(fine, waves)):
-        pin_lag_deg = 360.0 * pin_lag_turns(pins[reference])
+        pin = pin_lag(pins[reference], pins[reference + 1], float(step.mean()) * probe.grid_clocks)
         turned_deg = 180.0 if which == 1 and probe.sense_sign < 0 else 0.0
-        phase[node] = wrap_deg(force.lag_deg - pin_lag_deg - turned_deg)
-        sigma[node] = force.sigma_deg
+        phase[node] = wrap_deg(force.lag_deg - 360.0 * pin.even - turned_deg)
+        sigma[node] = float(np.hypot(force.sigma_deg, 360.0 * pin.sigma))
+        uneven[node] = 360.0 * pin.beyond
         amplitude[node] = force.amplitude
         crossings = phase_meter.count(phase_meter.rising_crossings(fine, wave))
         rising = probe.edges[(probe.edges[:, 1] == reference) & (probe.edges[:, 2] == 1), 0] / turn
@@ -135,10 +184,9 @@ def read(probe):
     free_x = (probe.fx_hz * probe.tick_s * ticks) % 1.0 if probe.fx_hz else None
     free_y = (probe.fy_hz * probe.tick_s * ticks) % 1.0
     for node, before, after, line in (("xe2", "x", "cv_x", free_x), ("ye2", "y", "cv_y", free_y)):
-        first, second = phase_meter.fits(theta, [probe.column(before), probe.column(after)], line)
+        first, second, sigma[node] = pickoff(theta, probe.column(before), probe.column(after), line, turns_per_tick)
         phase[node] = wrap_deg(second.lag_deg - first.lag_deg)
         lag[after] = second.lag_deg
-        sigma[node] = float(np.hypot(first.sigma_deg, second.sigma_deg))
         amplitude[node] = first.amplitude
         amplitude[after] = second.amplitude
         if line is None:
@@ -146,4 +194,5 @@ def read(probe):
             second = phase_meter.count(phase_meter.rising_crossings(theta, probe.column(after)))
             counter[node] = wrap_deg(second.lag_deg - first.lag_deg)
             resolution[node] = float(np.hypot(first.resolution_deg, second.resolution_deg))
-    return Readings(phase, sigma, counter, resolution, amplitude, lag, pins)
+    hz = turns_per_tick / probe.tick_s
+    return Readings(phase, sigma, counter, resolution, amplitude, lag, pins, uneven, hz)

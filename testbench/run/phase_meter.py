@@ -6,23 +6,29 @@ Every phase is a lag against the DDS phase theta, in degrees, positive when late
     lag     = mean of theta at the rising zero crossings, modulo one turn            (counter)
 
 The counter sees instants only, as the instrument does; its `resolution_deg` is two standard errors of the mean that the
-spread of its instants allows. The fit uses every sample; its `sigma_deg` follows from the residual.
+spread of its instants allows. The fit uses every sample. Its `sigma_deg` is that of a sum of correlated shares: what
+each of SHARES parts of the record adds to the lag by its residual. Images of a staircase cancel within a part.
 Plain correlation over a broken number of periods would err by up to 2.5 mdeg.
 Source  docs/phases.md
 """
 
+import itertools
 from typing import NamedTuple
 
 import numpy as np
 
+SHARES = 256  # parts of a record; fewer where it has fewer samples
+MEMORY = 0.25  # of a record: correlations of shares are counted up to here
+
 
 class Reading(NamedTuple):
-    """One phase reading (degrees of lag)."""
+    """One phase reading (degrees of lag); `shares_deg` is what the residual of each part of the record adds to it."""
 
     lag_deg: float
     sigma_deg: float
     amplitude: float
     count: int
+    shares_deg: np.ndarray
 
 
 class Crossings(NamedTuple):
@@ -37,6 +43,20 @@ class Crossings(NamedTuple):
 def wrap_deg(angle_deg):
     """Angle in [-180, 180)."""
     return (angle_deg + 180.0) % 360.0 - 180.0
+
+
+def sum_sigma(shares):
+    """Standard deviation of the sum of n correlated shares that a fit has left without a mean.
+
+    sigma^2 = sum over i, j of s_i s_j k((i - j)/(MEMORY n)) / c     k Parzen's window, so that it is never negative
+    c       the same of white shares over its value with their mean left in
+    Source  Parzen 1957; Newey and West 1987
+    """
+    lags = np.arange(len(shares)) / (MEMORY * len(shares))
+    window = np.where(lags < 0.5, 1 - 6 * lags**2 * (1 - lags), 2 * np.clip(1 - lags, 0, None) ** 3)
+    kernel = window[np.abs(np.subtract.outer(np.arange(len(shares)), np.arange(len(shares))))]
+    white = 1.0 - kernel.mean()
+    return float(np.sqrt(max(shares @ kernel @ shares, 0.0) / white))
 
 
 def fits(theta_turns, nodes, free_turns=None):
@@ -70,12 +90,15 @@ def _reading(basis, gram, samples):
     coefficients = np.linalg.solve(gram, basis @ scaled)
     residual = coefficients @ basis
     np.subtract(scaled, residual, out=residual)
-    variance = residual @ residual / max(samples.size - len(basis), 1)
-    amplitude = np.hypot(coefficients[0], coefficients[1])
-    covariance = np.linalg.inv(gram)
-    sigma = np.sqrt(variance * max(covariance[0, 0], covariance[1, 1])) / amplitude if amplitude > 0 else np.inf
-    lag = np.degrees(np.arctan2(-coefficients[0], coefficients[1]))
-    return Reading(float(lag), float(np.degrees(sigma)), float(amplitude * scale), samples.size)
+    lag, power = np.degrees(np.arctan2(-coefficients[0], coefficients[1])), coefficients[0] ** 2 + coefficients[1] ** 2
+    ends = np.linspace(0, samples.size, min(SHARES, samples.size // 4) + 1).astype(int)
+    if not power > 0:
+        return Reading(float(lag), np.inf, 0.0, samples.size, np.zeros(len(ends) - 1))
+    turned = np.zeros(len(basis))
+    turned[:2] = -coefficients[1] / power, coefficients[0] / power
+    parts = [basis[:, begin:end] @ residual[begin:end] for begin, end in itertools.pairwise(ends)]
+    shares = np.degrees(np.array(parts) @ np.linalg.solve(gram, turned))
+    return Reading(float(lag), sum_sigma(shares), float(np.sqrt(power) * scale), samples.size, shares)
 
 
 def fit(theta_turns, samples, free_turns=None):

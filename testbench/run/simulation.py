@@ -276,6 +276,7 @@ class Simulation:
             warm.fy_hz,
             -1 if self.state.fpga.control.rate_loop.loop.y < 0 else 1,
             self.design,
+            grid_clocks=self.design.tick_clocks if self.config.firmware.reference_retimed else 1,
         )
 
     # ---- state files -------------------------------------------------------------------------------------------------

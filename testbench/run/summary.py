@@ -35,7 +35,8 @@ class End(NamedTuple):
 def result(job, end, reading, wall_s):
     """`Result` of a `simulate.Run` that is done; `reading` is its diagnosis or None."""
     config, sim, tally = job.config, job.sim, job.tally
-    planned, clock_hz, device = budget.budget(config), build.clock_hz(config), config.device()
+    clock_hz, device = build.clock_hz(config), config.device()
+    planned = budget.budget(config, frequency_hz=None if reading is None else reading.nodes.frequency_hz)
     lock_s = None if config.scenario.resume else job.start_up.lock_s
     warm = thermal.at_temperature(device, tally.temp_degc)
     found = None if reading is None else reading.nodes
@@ -51,6 +52,7 @@ def result(job, end, reading, wall_s):
         "phase_sigma_deg": None if found is None else found.sigma_deg,
         "counter_deg": None if found is None else found.counter_deg,
         "counter_resolution_deg": None if found is None else found.counter_resolution_deg,
+        "uneven_deg": None if found is None else found.uneven_deg,
         "budget_deg": planned.node_deg(),
         "loop_phase_deg": None if found is None else _loop_phases(found.phase_deg, planned),
         "budget_loop_deg": planned.loop_deg(),

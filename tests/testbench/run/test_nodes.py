@@ -100,3 +100,65 @@ def test_the_waveform_is_the_solution_of_the_chain():
     means = np.array(levels[:-1]).reshape(26, 400).mean(axis=1)
     got = nodes.chain_waveform(np.zeros((1, 3)), np.zeros(1), np.ones(1), poles, instant, tick)[0]
     np.testing.assert_allclose(got, means, atol=2e-3)
+
+
+def pin_errors(f_hz, start, turned, seconds=0.1, delay_s=153.8e-9):
+    """Errors (turns) of a channel's two pins on a 1 us grid; `turned(t)`: turns of theta beside f t."""
+    ticks = np.arange(round(seconds * 1e6))
+    theta = f_hz * 1e-6 * ticks + start + turned(1e-6 * ticks)
+    errors = []
+    for quarter in (0.0, 0.25):
+        half_turns = np.floor(2 * (theta - quarter))
+        leaves = np.flatnonzero(np.diff(half_turns)) + 1
+        errors.append(theta[leaves] - quarter - half_turns[leaves] / 2 + f_hz * delay_s)
+    return errors
+
+
+def test_sigma_of_the_pins_is_where_edges_on_a_grid_leave_them():
+    """The truth is half a step after the delay, always within the bounds; over frequencies z has a variance of 1."""
+    rng, z = np.random.default_rng(5), []
+    for f_hz in rng.uniform(10900, 11100, 400):
+        sine, cosine = pin_errors(f_hz, rng.random(), lambda t: 0.0 * t)
+        pin = nodes.pin_lag(sine, cosine, 1e-6 * f_hz)
+        error = pin.even - f_hz * (153.8e-9 + 0.5e-6)
+        assert abs(error) <= np.sqrt(3) * pin.sigma * 1.001 + 1e-12
+        z.append(error / pin.sigma)
+    # z^2 of a uniform distribution has the variance 0.8: four standard errors of 400
+    assert np.mean(np.square(z)) == pytest.approx(1.0, abs=4 * np.sqrt(0.8 / 400))
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_edges_that_dwell_on_one_side_of_the_grid_do_not_move_the_pins(sign):
+    """Theta turns with its beat of 40 Hz beside 10989 Hz, as a loop makes it: the mean of edges moves, `even` not."""
+    f_hz, places = 1e6 * 2 / 182 - sign * 40 / 182, 2
+    step_deg = 360 * f_hz * 1e-6
+
+    def turned(t):
+        return f_hz * 1e-6 / places * 0.1 * np.cos(2 * np.pi * 40 * t) + 2e-7 * np.sin(2 * np.pi * 3.3 * t)
+
+    sine, cosine = pin_errors(f_hz, 0.003, turned, 1.0)
+    pin = nodes.pin_lag(sine, cosine, 1e-6 * f_hz)
+    assert 360 * abs(pin.even - f_hz * (153.8e-9 + 0.5e-6)) < 360 * np.sqrt(3) * pin.sigma + 1e-9 < 0.01
+    mean = np.average(sine, weights=np.hanning(len(sine)))
+    assert 360 * pin.beyond == pytest.approx(360 * (mean - pin.even), abs=1e-3)
+    assert abs(360 * pin.beyond) > 0.005 * step_deg
+
+
+def test_sigma_of_a_pickoff_is_the_spread_of_its_readings():
+    """A delay of 320 ns behind a phase that wanders by 60 mdeg: readings err by what it leaves at the ends."""
+    rng, f_hz, delay_s, n = np.random.default_rng(2), 11002.3, 320e-9, 20000
+    t = 1e-6 * np.arange(n)
+    theta, lags, sigmas = f_hz * t % 1.0, [], []
+    for _ in range(150):
+        hz, size, begin = rng.uniform(2, 120, 6), 1e-4 * rng.standard_normal(6), rng.random(6)
+
+        late, at = (
+            np.cos(2 * np.pi * (f_hz * u + np.cos(2 * np.pi * (hz * u[:, None] + begin)) @ size))
+            for u in (t - delay_s, t)
+        )
+        first, second, sigma = nodes.pickoff(theta, at, late, None, 1e-6 * f_hz)
+        lags.append(second.lag_deg - first.lag_deg)
+        sigmas.append(sigma)
+    error = np.array(lags) - 360 * f_hz * delay_s
+    # 150 of a normal distribution give each rms to 6 %, and both see the same wanders
+    assert np.sqrt(np.mean(np.square(sigmas))) == pytest.approx(np.sqrt(np.mean(error**2)), rel=0.25)

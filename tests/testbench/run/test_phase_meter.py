@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.signal import lfilter
 
 from testbench.run import phase_meter
 
@@ -30,14 +31,29 @@ def test_a_free_line_biases_the_plain_fit_and_not_the_joint_one():
     assert phase_meter.fit(theta, values, line).lag_deg == pytest.approx(1.5, abs=1e-5)
 
 
-def test_sigma_is_the_spread_of_repeated_readings():
-    lags = []
-    for seed in range(200):
-        theta, values, _ = signal(3.0, ticks=2000)
-        reading = phase_meter.fit(theta, values + 0.01 * np.random.default_rng(seed).standard_normal(2000))
-        lags.append(reading.lag_deg)
-    # 200 readings give the spread to 5 %, four sigma of that
-    assert reading.sigma_deg == pytest.approx(np.std(lags), rel=0.2)
+def white(rng, n):
+    return 0.01 * rng.standard_normal(n)
+
+
+def slow(rng, n):
+    """Phase noise whose memory is a fiftieth of the record."""
+    pole = np.exp(-50.0 / n)
+    wander = lfilter([1.0], [1.0, -pole], rng.standard_normal(n + n // 10))[n // 10 :]
+    return 1e-3 * wander * np.cos(2 * np.pi * np.arange(n) * HZ / RATE - np.radians(3.0))
+
+
+def image(rng, n):
+    """What a staircase has besides, at the rate less f: the same in each record, and 100 times the noise."""
+    return white(rng, n) * 0.01 + 0.01 * np.sin(2 * np.pi * np.arange(n) * (0.39 * RATE - HZ) / RATE)
+
+
+@pytest.mark.parametrize("noise", [white, slow, image])
+def test_sigma_is_the_spread_of_repeated_readings(noise):
+    theta, values, _ = signal(3.0, ticks=4000)
+    readings = [phase_meter.fit(theta, values + noise(np.random.default_rng(seed), 4000)) for seed in range(300)]
+    spread = np.std([reading.lag_deg for reading in readings])
+    # 300 readings give the spread to 4 %, and their mean variance to 3 %: four sigma of both
+    assert np.sqrt(np.mean([reading.sigma_deg**2 for reading in readings])) == pytest.approx(spread, rel=0.2)
 
 
 @given(st.floats(-179.0, 179.0))
