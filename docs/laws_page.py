@@ -147,9 +147,11 @@ def most_current():
     """A/rtHz of an amplifier beside ring, resistors and voltage noise at which the shape is beyond 95 %."""
     value, sigma = paper("ARW")
     quiet = arw(NO_REST) ** 2
+    own = arw(CURRENT) ** 2 - quiet
+    others = arw(DATA_SHEET) ** 2 - quiet - own
 
     def excess(current):
-        made = arw(DATA_SHEET | {"plant.ina_current_noise_a_per_rthz": current}) ** 2 - quiet
+        made = others + own * (current / DATA_SHEET["plant.ina_current_noise_a_per_rthz"]) ** 2
         weight = 1 / (2 * value * sigma)
         power = nnls((made * weight)[:, None], (value**2 - quiet) * weight)[0][0]
         return chi2(np.sqrt(quiet + power * made), "ARW") - LIMIT_95
