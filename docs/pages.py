@@ -4,6 +4,7 @@
     docs/configuration.md       keys, limits, faults               docs/config_page.py
     docs/design_of_loops.md     keys of a target                   docs/config_page.py
     docs/phases.md              phase budget of the defaults       testbench.run.budget, testbench.run.tables
+    docs/paper.md               the paper's numbers, judged        testbench.judge, testbench.paper.closed_form
     docs/ranges.md              proven ranges                      docs/ranges_page.py
     docs/blocks/                ports of each block                docs/blocks_page.py
     docs/boards/paper.toml      the default board, sourced         docs/config_page.py
@@ -38,7 +39,8 @@ from testbench import config  # noqa: E402
 from testbench.config import Config  # noqa: E402
 from testbench.console.markdown import markdown, replaced  # noqa: E402
 from testbench.console.table import Table, fixed  # noqa: E402
-from testbench.judge import phases  # noqa: E402
+from testbench.judge import judge, phases  # noqa: E402
+from testbench.paper import closed_form, judge_table  # noqa: E402
 from testbench.run import budget, tables  # noqa: E402
 from testbench.run.budget import NODES, PAPER_DEG  # noqa: E402
 from testbench.storage.files import write_text  # noqa: E402
@@ -130,6 +132,16 @@ def rivals_part():
     return f"{markdown(Table('', heads, rows, numeric=(1, 2, 3, 4)))}\n\n{tables.FITTED}"
 
 
+# ---- the paper's numbers ---------------------------------------------------------------------------------------------
+
+
+def judged_part():
+    """Every number of the paper, judged by what takes no simulation, and the fitted values behind it."""
+    rows = judge.rows(closed_form.default())
+    table, keys = judge_table.document(rows)
+    return "\n\n".join((judge_table.sentence(rows), markdown(table), markdown(keys)))
+
+
 # ---- index -----------------------------------------------------------------------------------------------------------
 
 
@@ -192,6 +204,7 @@ PAGES = {
     "docs/configuration.md": with_parts(faults=config_page.faults_table, keys=config_page.markdown_table),
     "docs/boards/paper.toml": config_page.paper_board,
     "docs/design_of_loops.md": with_parts(target=config_page.target_table),
+    "docs/paper.md": with_parts(judged=judged_part),
     "docs/phases.md": with_parts(budget=budget_part, lock=lock_part, rivals=rivals_part, rise=laws_page.rise_part),
     "docs/parts/cv_noise.md": with_parts(shares=laws_page.shares_part, noise=laws_page.noise_part),
     "docs/parts/thermal.md": with_parts(scale=laws_page.scale_part, bias=laws_page.bias_part),

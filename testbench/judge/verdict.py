@@ -16,6 +16,7 @@ import math
 from typing import NamedTuple
 
 K, MOST_SIGMA = 2.0, 100.0
+DUST = 1e-9  # below it a difference is rounding of the computation
 INPUT, FITTED, PREDICTED, CONTRADICTED, NOT_COMPARABLE = VERDICTS = (
     "input",
     "fitted",
@@ -59,13 +60,16 @@ def worst(parts):
 
 
 def _number(value, sigma):
-    return f"{value:.5g}" + (f" +- {sigma:.2g}" if sigma else "")
+    text = f"{value:.5g}" if abs(value) > DUST else "0"
+    return text + (f" +- {sigma:.2g}" if sigma else "")
 
 
 def _text(part):
     """What was compared, and by how many sigma they differ."""
     paper = {"<": "below ", ">": "above "}.get(part.bound, "") + _number(part.paper, part.sigma)
     far = f"{part.pull:+.1f} sigma" if abs(part.pull) < MOST_SIGMA else f"beyond {MOST_SIGMA:g} sigma"
+    if not part.sigma and not part.model.sigma:
+        far = "not kept" if part.pull else "equal"
     kept = "kept" if part.bound and not part.pull else far
     return f"{part.what}: {_number(*part.model)}, the paper {paper}: {kept}"
 
@@ -85,4 +89,6 @@ def verdict(role, parts, absent="not computed here"):
     missing = [p.what for p in parts if p.model is None]
     if missing or not parts:
         return NOT_COMPARABLE, f"{absent}: {', '.join(missing[:4])}" if missing else absent
+    if all(p.bound and not p.pull for p in parts):
+        return ROLES[role], f"{len(parts)} of {len(parts)} within the bound"
     return ROLES[role], _text(most)

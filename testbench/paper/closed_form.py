@@ -1,8 +1,7 @@
 """What the model says of the paper's numbers without a simulation: phase budget and linear loop of a configuration.
 
-    phases          budget                      scale factor, bias, V_q, bandwidth   the rate loop at rest
-    ARW, flicker    densities of the parts      A_d                                  m w_x^2 A_x / (Q_x k_vf cos(psi))
-    cases 1 to 5    words that are the budget's own phases; psi = xe1 + xe2' as they leave it
+    phases          budget                      scale factor, bias, V_q, ARW, floor, bandwidth   the linear loop
+    cases 1 to 5    words that are the budget's own phases; A_d = m w_x^2 A_x / (Q_x k_vf cos(xe1 + xe2'))
 
 Not here: nonlinearity, asymmetry and records, which take a simulation. The values have no scatter.
 Source    docs/paper.md, docs/loop.md
@@ -16,9 +15,9 @@ from testbench import config as configuration
 from testbench.engines import chips
 from testbench.judge.judge import TEMPERATURES, Model
 from testbench.judge.verdict import Value
-from testbench.paper import figures, law
+from testbench.paper import figures
 from testbench.paper.calibration.calibrations import NODES, REGISTER, case_config
-from testbench.paper.loop import advisor, parts
+from testbench.paper.loop import advisor, derived, parts
 from testbench.paper.loop import loop as loops
 from testbench.paper.measure import measure_scale, record_phases
 from testbench.run.budget import budget
@@ -42,25 +41,20 @@ def cases_deg(config):
 
 def point(config, temp_degc):
     """{name: Value} of one register set at a temperature, names as `measure.characterise` has them."""
-    config = configuration.changed(config, {"scenario.temperature_degc": temp_degc})
-    p = parts.parts(config)
-    loop, device = loops.close(p), thermal.at_temperature(config.device(), temp_degc)
-    lsb = advisor.rest_gain(loop) * loops.DEG
-    still = loops.rest(loop, (p.dxy_n_s_per_m / (2 * p.coriolis_mass_kg), p.kxy_n_per_m, *p.sid_offset_v))
-    noise = law.derived_noise(config)
-    known = budget(config)
-    psi_rad = math.radians(known.node_deg()["xe1"] + known.loop_deg()["xe2"])
+    found, p = derived.derive(config, temp_degc), parts.parts(config, temp_degc)
+    device = thermal.at_temperature(config.device(), temp_degc)
+    psi_rad = math.radians(found.xe1_deg + found.xe2_deg)
     force_n = device.mass_kg * (2 * math.pi * device.fx_hz) ** 2 * p.amplitude_m / device.qx
-    found = {
-        "scale_lsb_per_dps": lsb,
-        "bias_dps": float(still[loops.WORD_BEFORE]) / lsb,
-        "quadrature_v": advisor.volts(p, still[loops.U]),
-        "bandwidth_hz": advisor.bandwidth(loop)[0],
-        "arw_deg_per_rt_h": noise["all"]["arw_deg_per_rt_h"],
-        "instability_deg_per_h": noise["all"]["instability_deg_per_h"],
+    values = {
+        "scale_lsb_per_dps": found.lsb_per_dps,
+        "bias_dps": found.bias_dps,
+        "quadrature_v": found.quadrature_v,
+        "bandwidth_hz": advisor.bandwidth(loops.close(p))[0],
+        "arw_deg_per_rt_h": found.arw_deg_per_rt_h,
+        "instability_deg_per_h": found.instability_deg_per_h,
         "drive_v": force_n / (abs(device.k_vf_drive_n_per_v) * math.cos(psi_rad)),
     }
-    return {name: Value(value) for name, value in found.items() if value is not None and math.isfinite(value)}
+    return {name: Value(value) for name, value in values.items() if value is not None and math.isfinite(value)}
 
 
 def settings(config):

@@ -34,8 +34,8 @@ def paper_means():
 
 
 def _short(text):
-    """A text without what stands in brackets."""
-    return re.sub(r"\s*\(.*?\)", "", text)
+    """A text without the brackets at its end."""
+    return re.sub(r"\s*\([^)]*\)$", "", text)
 
 
 def _cells(row, notes):
@@ -75,6 +75,24 @@ def tables(rows):
     cells = [_cells(row, " ".join(number[text] for text in _notes(row))) for row in rows]
     table = Table(f"Each number that the paper prints ({len(rows)})", HEADS, cells, NOTE, (4, 5, 6, 7, 8))
     return [table, Table("Notes", ("note", "text"), [(number[t], t) for t in said], numeric=())]
+
+
+def document(rows):
+    """[Table of all rows with the basis of each verdict, Table of the fitted values behind them] for a page."""
+    behind = {}
+    for row in rows:
+        if row.rule.role in ("fitted", "free"):
+            behind.setdefault(row.rule.rests_on, []).append(row)
+    letter = {keys: chr(ord("A") + k) for k, keys in enumerate(behind)}
+    cells = []
+    for row in rows:
+        name, case, temp, _, paper = _cells(row, "")[:5]
+        sigma = f" +- {row.number.sigma:.2g}" if row.number.sigma else ""
+        cells.append((name, case, temp, f"{paper}{sigma}", row.rule.role, letter.get(row.rule.rests_on, ""),
+                      row.verdict, row.basis))  # fmt: skip
+    heads = ("quantity", "case", "degC", "paper", "role", "rests on", "verdict", "basis")
+    keys = [(letter[k], ", ".join(f"`{key}`" for key in k)) for k in behind]
+    return [Table("", heads, cells, numeric=()), Table("", ("", "fitted values"), keys, numeric=())]
 
 
 def counts(rows):

@@ -7,7 +7,7 @@ import pytest
 
 from testbench.config import Config
 from testbench.judge import judge, numbers
-from testbench.judge.verdict import NOT_COMPARABLE, VERDICTS, Value
+from testbench.judge.verdict import NOT_COMPARABLE, ROLES, VERDICTS, Value
 from testbench.measured.parts import paper
 from testbench.paper import closed_form, judge_table, simulated
 from testbench.paper.calibration.calibrate import FACTOR, NODES
@@ -94,3 +94,14 @@ def test_a_study_of_two_cases_has_no_mean():
     ]
     assert mean.verdict == NOT_COMPARABLE
     assert mean.basis.startswith("not computed here")
+
+
+def test_document_trace_and_judge_have_the_same_rows(rows):
+    """Role and verdict of each line of the page are those of the trace, in order."""
+    page = (ROOT / "docs" / "paper.md").read_text().split("<!-- judged", 1)[1].split("<!-- end", 1)[0]
+    lines = [line.split("|") for line in page.splitlines() if line.count("|") > 8][2:]
+    written = [tuple(cell.strip() for cell in line if cell.strip() in (*ROLES, *VERDICTS)) for line in lines]
+    data, _ = paper.report([numbers.PATHS[0]], {})
+    assert len(written) == len(data["questions"])
+    assert written == [(q["role"], q["verdict"]) for q in data["questions"]]
+    assert judge_table.sentence(rows) in page
