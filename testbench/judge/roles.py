@@ -42,7 +42,10 @@ LOOP = (*_keys("plant", "sid_r_ohm sid_c_f"), *_keys("firmware", "ftr_crossover_
 DRIVE = (*_keys("plant", "k_vf_drive_n_per_v"), *XE1, *XE2, *SWITCH)
 
 NODE = "node phase: pin to force, or motion to C/V output; the text does not say at which node it was read"
-NODE_XE2 = f"{NODE}; the least A_d finds it through the demodulator, whose switch would take 0.32 deg off the model's"
+NODE_XE2 = (
+    f"{NODE}; the least A_d finds it through the demodulator, whose switch would take 0.32 deg off the model's, and "
+    "1e-5 of A_d is 0.26 deg: the printed fluctuation is stability, no accuracy"
+)
 UNDEFINED = "the text does not print its definition; here that of IEEE Std 1431"
 INSTRUMENT = "what a calibration leaves depends on the bench's instruments, which the text does not describe"
 

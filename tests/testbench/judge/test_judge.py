@@ -116,6 +116,13 @@ def test_roles_know_no_number_of_the_paper():
     assert not [value for value in printed if value in text]
 
 
+def test_what_the_reading_of_xe2_says():
+    """A_d is 1/cos near its minimum; the switch's delay as a phase."""
+    assert f"1e-5 of A_d is {math.degrees(math.acos(1 - 1e-5)):.2f} deg" in roles.NODE_XE2
+    plant = Config().plant
+    assert f"would take {360 * plant.fx_hz * plant.sid_switch_s:.2f} deg off" in roles.NODE_XE2
+
+
 # ---- the verdict -----------------------------------------------------------------------------------------------------
 
 
