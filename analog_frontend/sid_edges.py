@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analog_frontend import effects, linear
+from analog_frontend import effects, linear, ring_saturation
 from analog_frontend.effects import law
 from analog_frontend.linear import (
     CV_ADDED_X,
@@ -35,12 +35,14 @@ JITTERED = 1 + DEMODULATORS  # hashes of edge jitter per tick: one for both DACs
 
 
 @inner
-def demodulate(p, s, tick, n, edge_count, edges, driver_s):
+def demodulate(p, s, tick, n, edge_count, edges, driver_s, temp_degc):
     """The four demodulators through a block. Mutates. driver_s: pole of the C/V's last op-amp, at this temperature."""
     w, out = s.work.w, s.work.demodulated
     added = CV_NOISE_X
-    if p.effects.any_cv or p.laws.cv:
-        laws = p.laws
+    if p.effects.any_cv or p.laws.cv or p.ring.on:
+        laws, ring = p.laws, p.ring
+        index, weight = ring_saturation.locate(ring, temp_degc)
+        cx, cy = CX3 * STRIDE, CY3 * STRIDE
         x, y, drive = CV_NOISE_X * STRIDE, CV_NOISE_Y * STRIDE, D3 * STRIDE
         added = CV_ADDED_X
         for t in range(n):
@@ -49,6 +51,9 @@ def demodulate(p, s, tick, n, edge_count, edges, driver_s):
                 gain = s.work.gains
                 law_x, law_y = law.volts(laws.force, laws.cv, laws.table, gain, w, linear.PLACES, t, t + 1)
                 x_volts, y_volts = x_volts + law_x, y_volts + law_y
+            if ring.on:
+                x_volts = x_volts + ring_saturation.volts(ring, index, weight, 0, w[cx + t], w[cx + t + 1])
+                y_volts = y_volts + ring_saturation.volts(ring, index, weight, 1, w[cy + t], w[cy + t + 1])
             w[CV_ADDED_X * STRIDE + t] = x_volts
             w[CV_ADDED_Y * STRIDE + t] = y_volts
     for c in range(2):

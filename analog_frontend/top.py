@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analog_frontend import dac_levels, effects, linear, sid_edges
+from analog_frontend import dac_levels, effects, linear, ring_saturation, sid_edges
 from analog_frontend.effects import law
 from analog_frontend.linear import (
     CV_NOISE_X,
@@ -108,6 +108,7 @@ class Params(NamedTuple):
     laws: law.Params
     sar_lsb_v: float
     slope_gain: float  # last op-amp of the C/V chains
+    ring: ring_saturation.Params = ring_saturation.OFF
 
 
 class Work(NamedTuple):
@@ -365,7 +366,7 @@ def block(p, s, tick, n, drive_cycle, sense_cycle, edge_count, edges):
     linear.pickoffs(s.g, s.pickoff, w, n, p.effects.any_force or laws.force)
     for k in range(STATES):
         s.z[k] = w[STATE_ROWS[k] * STRIDE + n]
-    sid_edges.demodulate(p, s, tick, n, edge_count, edges, s.now[NOW_DRIVER])
+    sid_edges.demodulate(p, s, tick, n, edge_count, edges, s.now[NOW_DRIVER], s.now[NOW_TEMP])
     sensor_v = adc.temperature_volts(s.now[NOW_TEMP])
     return adc.block(p.adc, s.adc.clock, s.adc.sums, s.work.demodulated, n, sensor_v)
 

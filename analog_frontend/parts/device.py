@@ -84,6 +84,7 @@ class Device(NamedTuple):
     diode_eg_ev: Limits("eV", 0.1, 2.0) = 0.69
     diode_xti: Limits("1", 0.0, 10.0) = 2.0
     diode_tc_on: Limits("1", 0, 1) = 1
+    ring_saturation_on: Limits("1", 0, 1) = 0
     opamp_gbw_hz: Limits("Hz", 1e5, 1e9) = 10.3e6
     ina_noise_gain: Limits("1", 1.0, 1000.0) = 5.0
     driver_noise_gain: Limits("1", 1.0, 1000.0) = 2.0

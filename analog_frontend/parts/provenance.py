@@ -80,6 +80,7 @@ PLANT = {
     "diode_eg_ev": Origin(FACT, "barrier height, HSMS-282x SPICE"),
     "diode_xti": Origin(FACT, "exponent of the saturation current, HSMS-282x SPICE"),
     "diode_tc_on": Origin(ASSUMED, "1: the diodes follow the temperature; 0 keeps them at temp_ref_degc"),
+    "ring_saturation_on": Origin(ASSUMED, "1: the ring of diodes clips as its circuit does; 0 keeps it linear"),
     "opamp_gbw_hz": Origin(FACT, "gain-bandwidth, AD8597 vendor macro-model"),
     "ina_noise_gain": Origin(FITTED, "of the instrumentation amplifier, pole at GBW over it; with Cref for xe2, ye2"),
     "driver_noise_gain": Origin(FITTED, "of the inverting unity driver; with Cref for xe2 and ye2"),

@@ -27,10 +27,12 @@ from analog_frontend.parts import ring_diode
 from fpga_model.jit import inlined, kernel
 
 START = 2.0**-16  # of a half period: what is shorter has no part in the charge
-STEPS = 48
+STEPS = 48.0  # least; STIFF for each n VT by which dC would move the smaller plate, or the steps are unstable
+STIFF = 2.2
 KNEE = 0.5  # of the built-in voltage: beyond, the junction's capacitance is a straight line, as SPICE has it
 QUARTER = 16  # points of a quarter wave
-MOST_ROUNDS = 100
+RANGE = 0.5  # of a curve, in C0
+MOST_ROUNDS, PATIENCE, SETTLE = 100, 20, 200  # of Newton; until the circuit is left to settle, so many half periods
 SETTLED_V = 1e-10
 STEP_V = 1e-5  # for derivatives by the nodes
 STEP_F = 1e-15  # and by dC
@@ -55,9 +57,8 @@ class Circuit(NamedTuple):
     knee_f_per_v: float
     half_s: float
     start_v: float  # drop of a conducting diode START of a half period behind the edge
-    ratio: float  # of the instants of half a step
-    log_step: float
-    steps: int
+    log_span: float  # from there to the next edge
+    steps: float  # least
 
 
 class Steady(NamedTuple):
@@ -69,6 +70,15 @@ class Steady(NamedTuple):
     late_v_s_per_f: float  # L: what a slope of dC takes off the mean output, per F/s
 
 
+class Curve(NamedTuple):
+    """A ring from dC = 0 to RANGE C0 in equal steps."""
+
+    step_f: float
+    volts: np.ndarray
+    volts_per_f: np.ndarray
+    late_v_s_per_f: np.ndarray
+
+
 class Large(NamedTuple):
     """What a sine of dC gives at the output."""
 
@@ -76,7 +86,7 @@ class Large(NamedTuple):
     loss: float  # of the gain, against a small signal
     delay_s: float  # of the fundamental
     third: float  # third harmonic over fundamental, in the sense of sin(3 w t)
-    seen: float  # mean magnitude, which a square-wave demodulator takes, over that of the small signal
+    seen_v_per_f: float  # gain that a square-wave demodulator sees: mean magnitude over that of the sine
 
 
 def circuit(carrier_v, carrier_hz, c0_f, cp_f, cref_f, diode, temp_degc, temp_ref_degc=25.0):
@@ -86,14 +96,13 @@ def circuit(carrier_v, carrier_hz, c0_f, cp_f, cref_f, diode, temp_degc, temp_re
         vj, m, cj0 = ring_diode.built_in_v(diode, temp_degc), mpmath.mpf(diode.m), mpmath.mpf(diode.cj0_f)
         is_a, nvt = ring_diode.saturation_current_a(diode, temp_degc), ring_diode.n_vt_v(diode, temp_degc)
         half, knee = 1 / (2 * mpmath.mpf(carrier_hz)), 1 - mpmath.mpf(KNEE)
-        log_step = -mpmath.log(START) / STEPS
         start_v = nvt * mpmath.log(nvt * (mpmath.mpf(c0_f) + mpmath.mpf(stray_f)) / (is_a * START * half))
         numbers = (
             carrier_v, c0_f, stray_f, cref_f, is_a, nvt, cj0, vj, m, KNEE * vj,
             cj0 * vj / (1 - m) * (1 - knee ** (1 - m)), cj0 * knee**-m, cj0 * knee**-m * m / (vj * knee),
-            half, start_v, mpmath.exp(log_step / 2), log_step,
+            half, start_v, -mpmath.log(START), STEPS,
         )  # fmt: skip
-        return Circuit(*map(float, numbers), STEPS)
+        return Circuit(*map(float, numbers))
 
 
 @inlined
@@ -161,7 +170,7 @@ def slopes(p, a, b, c, d, plus_f, minus_f, dc_f_per_s):
 
 @inlined
 def behind_edge(p, a, b, c, d, dc_f):
-    """C and D behind a rising edge from the four nodes before it: A with C and B with D keep their charge."""
+    """C and D behind a rising edge from the nodes before it: A with C, and B with D, keep their charge."""
     plus_f, minus_f = p.c0_f + dc_f + p.stray_f, p.c0_f - dc_f + p.stray_f
     _, q2 = junction(p, c - b)
     _, q4 = junction(p, d - a)
@@ -177,6 +186,14 @@ def behind_edge(p, a, b, c, d, dc_f):
         own_c, own_d = plus_f + p.cref_f + bridge, minus_f + p.cref_f + bridge
         det = own_c * own_d - bridge * bridge
         c, d = c - (left_c * own_d + left_d * bridge) / det, d - (left_d * own_c + left_c * bridge) / det
+    # an edge that opens C -> B or D -> A joins all four nodes
+    joined_f, step_v = plus_f + minus_f + 2.0 * p.cref_f, 2.0 * p.start_v
+    if c - d > step_v:
+        c = (with_c + with_d + (p.cref_f - dc_f) * step_v) / joined_f
+        return c, c - step_v
+    if d - c > step_v:
+        d = (with_c + with_d + (p.cref_f + dc_f) * step_v) / joined_f
+        return d - step_v, d
     return c, d
 
 
@@ -187,15 +204,19 @@ def half_period(p, nodes_v, dc_f, dc_f_per_s, out):
     a, b, t = c + p.start_v, d + p.start_v, START * p.half_s
     plus_f, minus_f = p.c0_f + p.stray_f + dc_f, p.c0_f + p.stray_f - dc_f
     area = (c - d) * t
-    for _ in range(p.steps):
+    moved_v = abs(dc_f) * p.carrier_v / (p.c0_f + p.stray_f - abs(dc_f))
+    steps = int(max(p.steps, STIFF * moved_v / p.nvt_v))
+    log_step = p.log_span / steps
+    ratio = exponential(0.5 * log_step)
+    for _ in range(steps):
         # Runge and Kutta's step of fourth order in ln t
-        middle = t * p.ratio
-        end = middle * p.ratio
-        h, moved = p.log_step * t, dc_f_per_s * t
+        middle = t * ratio
+        end = middle * ratio
+        h, moved = log_step * t, dc_f_per_s * t
         a1, b1, c1, d1 = slopes(p, a, b, c, d, plus_f + moved, minus_f - moved, dc_f_per_s)
         a1, b1, c1, d1 = h * a1, h * b1, h * c1, h * d1
         s1 = h * (c - d)
-        h, moved = p.log_step * middle, dc_f_per_s * middle
+        h, moved = log_step * middle, dc_f_per_s * middle
         an, bn, cn, dn = a + 0.5 * a1, b + 0.5 * b1, c + 0.5 * c1, d + 0.5 * d1
         a2, b2, c2, d2 = slopes(p, an, bn, cn, dn, plus_f + moved, minus_f - moved, dc_f_per_s)
         a2, b2, c2, d2 = h * a2, h * b2, h * c2, h * d2
@@ -204,7 +225,7 @@ def half_period(p, nodes_v, dc_f, dc_f_per_s, out):
         a3, b3, c3, d3 = slopes(p, an, bn, cn, dn, plus_f + moved, minus_f - moved, dc_f_per_s)
         a3, b3, c3, d3 = h * a3, h * b3, h * c3, h * d3
         s3 = h * (cn - dn)
-        h, moved = p.log_step * end, dc_f_per_s * end
+        h, moved = log_step * end, dc_f_per_s * end
         an, bn, cn, dn = a + a3, b + b3, c + c3, d + d3
         a4, b4, c4, d4 = slopes(p, an, bn, cn, dn, plus_f + moved, minus_f - moved, dc_f_per_s)
         s4 = h * (cn - dn)
@@ -229,10 +250,19 @@ def _per(before, after, step):
     return [[(y - x) / (2 * step)] for x, y in zip(before, after)]
 
 
+def _settled(p, nodes_v, dc_f):
+    """Nodes after SETTLE half periods; the mean of two of them, because what is common to all nodes only turns over."""
+    for _ in range(SETTLE):
+        nodes_v = [(v + w) / 2 for v, w in zip(nodes_v, _after(p, nodes_v, dc_f))]
+    return nodes_v
+
+
 def steady(p, dc_f, nodes_v=(-0.15, -0.15, -0.05, -0.05)):
     """`Steady` at dC, from the nodes of a neighbour. ValueError if there is none to be found."""
     nodes_v = list(nodes_v)
-    for _ in range(MOST_ROUNDS):
+    for n in range(MOST_ROUNDS):
+        if n % PATIENCE == PATIENCE - 1:
+            nodes_v = _settled(p, nodes_v, dc_f)
         after = _after(p, nodes_v, dc_f)
         columns = []
         for k in range(4):
@@ -269,6 +299,15 @@ def _moving(p, dc_f, nodes_v, by_node, rest):
     return Steady(tuple(nodes_v), _after(p, nodes_v, dc_f)[4], volts_per_f, late)
 
 
+@functools.lru_cache(maxsize=1024)
+def curve(p, intervals):
+    """`Curve` of a `Circuit`, arrays of `intervals` + 1."""
+    step_f, rows = RANGE * p.c0_f / intervals, [steady(p, 0.0)]
+    for k in range(1, intervals + 1):
+        rows.append(steady(p, k * step_f, rows[-1].nodes_v))
+    return Curve(step_f, *(np.array(column) for column in list(zip(*rows))[1:]))
+
+
 @functools.cache
 def _waves():
     """sin((2 k + 1) theta) of as many odd harmonics as there are points in a quarter wave; a row for each point."""
@@ -293,5 +332,5 @@ def large(p, dc_f):
         loss=1.0 - gain / small.volts_per_f,
         delay_s=2 / QUARTER * sum((1.0 - row[0] ** 2) * at.late_v_s_per_f for row, at in zip(waves, rows)) / gain,
         third=harmonics[1] / harmonics[0],
-        seen=sum(v / (2 * k + 1) for k, v in enumerate(harmonics)) / (small.volts_per_f * dc_f),
+        seen_v_per_f=sum(v / (2 * k + 1) for k, v in enumerate(harmonics)) / dc_f,
     )

@@ -13,16 +13,18 @@
   Cj       reverse capacitance of a junction: it bridges A to C and D, so it loads v but not the bounce
   g        the diodes that block, C to B and D to A, conduct a little: g - 1 is 3e-5 at 27 degC, 2 % at 70 degC
   Is(T)    Is (T/Tn)^(XTI/n) exp((T/Tn - 1) EG/(n VT)): the gain's temperature coefficient comes out
-Range     **small signal**: two diodes in series join C and D, so the circuit clips near 2 Vf. At 27 degC the gain has
-          lost 0.2 % at 0.18 V, 2 % at 0.27 V and 21 % at 0.36 V out (the plant stays linear; docs)
+Range     **small signal**: two diodes in series join C and D, so the circuit clips near 2 Vf: `limit_f` says where.
+          Beyond, ring_cycle.py; the plant stays linear where plant.ring_saturation_on is 0, the default
 Check     a transient ngspice run of the circuit: gain, step time constant and delay within 1 %
 Source    docs/parts/ring_diode.md
 """
 
 import functools
+import math
 from typing import NamedTuple
 
 import mpmath
+import numpy as np
 
 from analog_frontend.parts import thermal
 
@@ -30,6 +32,8 @@ BOLTZMANN_V_PER_K = mpmath.mpf("1.380649e-23") / mpmath.mpf("1.602176634e-19")
 ZERO_DEGC_K = mpmath.mpf("273.15")
 SPICE_NOMINAL_DEGC = 27  # where a SPICE diode's parameters hold
 PRECISION = 100
+LIMIT_LOSS = 0.01
+SATURATED, POINTS, QUARTER = 30.0, 4001, 64  # of `limit_f`: largest u e^v, points of V, of a quarter wave
 
 
 class Diode(NamedTuple):
@@ -168,3 +172,29 @@ def ring(carrier_v, carrier_hz, c0_f, cp_f, cref_f, diode, temp_degc, temp_ref_d
             textbook_gain_v_per_f=float((e - 2 * vf) / ct),
             textbook_tau_s=float(textbook_tau),
         )
+
+
+@functools.lru_cache(maxsize=4096)
+def limit_f(*of_ring):
+    """Amplitude (F) of a sine of dC at which its fundamental has lost LIMIT_LOSS of the gain; arguments of `ring`.
+
+        dC = n VT/(g gain) ln(sinh(u e^v)/sinh(u e^-v)),  v = V/(2 n VT)     the charge that C->B and D->A let through
+    Junctions and V within a half period count as for small signals: 8 % of the amplitude at most (docs).
+    """
+    made = ring(*of_ring)
+    n_vt = float(n_vt_v(*of_ring[5:7]))
+    u = math.atanh(math.exp(-made.vf_v / n_vt))
+    volts = np.linspace(0.0, 2 * n_vt * math.log(SATURATED / u), POINTS)
+    v = volts / (2 * n_vt)
+    dc_f = n_vt / (made.g * made.gain_v_per_f) * np.log(np.sinh(u * np.exp(v)) / np.sinh(u * np.exp(-v)))
+    sines = np.sin((np.arange(QUARTER) + 0.5) * math.pi / (2 * QUARTER))
+
+    def loss(amplitude_f):
+        fundamental = 2 * np.mean(np.interp(amplitude_f * sines, dc_f, volts) * sines)
+        return 1 - fundamental / amplitude_f / made.gain_v_per_f
+
+    low_f, high_f = dc_f[1], dc_f[-1]
+    for _ in range(50):
+        middle_f = (low_f + high_f) / 2
+        low_f, high_f = (middle_f, high_f) if loss(middle_f) < LIMIT_LOSS else (low_f, middle_f)
+    return float(low_f)

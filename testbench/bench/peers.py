@@ -59,7 +59,7 @@ def _check(sim):
     wrong = {
         "board = digital_sid": p.digital,
         "quadrature_update_khz = 1000": p.quadrature_fast,
-        "effects": a.effects.any_force or a.effects.any_cv or a.laws.force or a.laws.cv,
+        "effects": a.effects.any_force or a.effects.any_cv or a.laws.force or a.laws.cv or a.ring.on,
         "DAC bow or glitch": any(d.bow or d.glitch_v_s for d in (a.drive_dac, a.sense_dac)),
         "INL": any(a.adc.inl),
         "a range of temperatures": a.temp_count != 1,

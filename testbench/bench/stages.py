@@ -51,9 +51,9 @@ def repeat(p, a, sid, control, bank, dog, turn, b, stage, frames, rate_rad_s, qu
         elif stage == PICKOFFS:
             linear.pickoffs(a.g, a.pickoff, w, n, 0)
         elif stage == NO_EDGE:
-            sid_edges.demodulate(p.plant, a, tick, n, 0, edges, a.now[plant.NOW_DRIVER])
+            sid_edges.demodulate(p.plant, a, tick, n, 0, edges, a.now[plant.NOW_DRIVER], temp_degc)
         elif stage == EDGES:
-            sid_edges.demodulate(p.plant, a, tick, n, edge_count, edges, a.now[plant.NOW_DRIVER])
+            sid_edges.demodulate(p.plant, a, tick, n, edge_count, edges, a.now[plant.NOW_DRIVER], temp_degc)
         elif stage == CONVERTER:
             total += adc.block(p.plant.adc, a.adc.clock, a.adc.sums, a.work.demodulated, n, 0.1)
         elif stage == MATRIX:

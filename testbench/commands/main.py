@@ -6,6 +6,7 @@ them, so that `gyro --help` answers at once.
 Source  docs/configuration.md
 """
 
+import re
 import sys
 from pathlib import Path
 from typing import Annotated, NamedTuple
@@ -180,7 +181,9 @@ def budget(config: ConfigFile = None, sets: Sets = None, temperature_degc: Tempe
     """Say where the phase errors come from, in clocks, ns and degrees, from the configuration alone."""
     import fpga_model
 
-    fpga_model.COMPILED = False  # no kernel runs here, and to load the compiler takes longer than the rest
+    # only a ring that saturates needs a kernel; to load the compiler takes longer than the rest
+    text = config.read_text(errors="replace") if config and config.is_file() else ""
+    fpga_model.COMPILED = re.search(r"ring_saturation_on\s*=\s*1", f"{text} {sets}") is not None
     given = overrides(sets, ("scenario.temperature_degc", temperature_degc, "--temperature-degc"))
     checked = load(config, given)
     from testbench.run import tables

@@ -14,7 +14,14 @@ import math
 import numpy as np
 
 from analog_frontend import top as plant
-from analog_frontend.averaged import averaged_codes, averaged_laws, averaged_modes, averaged_noise, averaged_sid
+from analog_frontend.averaged import (
+    averaged_codes,
+    averaged_laws,
+    averaged_modes,
+    averaged_noise,
+    averaged_ring,
+    averaged_sid,
+)
 from analog_frontend.averaged.averaged_modes import A, motion, unit
 from analog_frontend.averaged.averaged_noise import BATCH, ROW
 from analog_frontend.averaged.averaged_sid import NOISE, SLOPE, S
@@ -91,10 +98,13 @@ def _moved(p, u, b, c, bank, tick, batch, rate, temp, words, turn_phase, cos, si
     d = p.fpga.design
     drive = turned_force(volts, widened(d, bank.phase_drive_sine))
     sense = turned_force(rate_volts(u, c), widened(d, bank.phase_sense_sine))
-    lawful = u.laws.force + u.laws.cv > 0
+    ring = p.plant.ring
+    lawful = u.laws.force + u.laws.cv + ring.on > 0
     if lawful:
         refs = widened(d, bank.phase_drive_ref), widened(d, bank.phase_sense_ref)
         averaged_laws.act(u.laws, b.now, b.m, b.laws, rate, temp, tick * p.plant.sid.h_s, refs[0], refs[1])
+        if ring.on:
+            averaged_ring.act(ring, b.laws, temp, word * u.rad_per_word, u.laws.reference_turns, refs[0], refs[1])
     changed_cos, changed_sin = unit((turn_phase + u.drive_change * word) << 1 & TURN_MASK)
     later_cos, later_sin = averaged_modes.times(changed_cos, changed_sin, u.sense_later[0], u.sense_later[1])
     changed = changed_cos, changed_sin, later_cos, later_sin

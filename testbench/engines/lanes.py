@@ -90,9 +90,10 @@ def _padded(tables):
 
 
 def _alone(params):
-    """True for what the registers of eight do not carry: another board, levels of a DAC, errors of the converter."""
+    """True for what the registers of eight do not carry: another board, levels, errors of the converter, the ring's."""
     p = params.plant
-    return bool(params.fpga.digital or p.drive_levels.on or p.sense_levels.on or any(p.adc.errors_on))
+    levels = p.drive_levels.on or p.sense_levels.on
+    return bool(params.fpga.digital or levels or any(p.adc.errors_on) or p.ring.on)
 
 
 def kind(params):
@@ -119,6 +120,8 @@ class Engine:
             raise ConfigError('lanes: firmware.board = "digital_sid" is run by the frame engine only')
         if any(p.fpga.control.notch is not None for p in params):
             raise ConfigError("lanes: firmware.notch_hz is run by the other engines only")
+        if any(p.plant.ring.on for p in params):
+            raise ConfigError("lanes: plant.ring_saturation_on = 1 is run by the other engines only")
         if any(_alone(p) for p in params):
             raise ConfigError("lanes: levels of a DAC and errors of the converter are run by the frame engine only")
         self.design, self.clocks = params[0].fpga.design, dac_clocks(params[0].fpga)

@@ -13,12 +13,13 @@ Source  docs/phases.md
 import math
 from typing import NamedTuple
 
-from analog_frontend.parts import propagator, thermal
+from analog_frontend.parts import thermal
 from fpga_model import dds, references, sine, spi_dac
 from fpga_model.design_record import DEFAULT
 from testbench.config import changed
 from testbench.engines import chips
 from testbench.errors import ConfigError
+from testbench.run import ring
 
 PAPER_DEG = {"xe1": 3.7647, "xe2": 1.2459, "ye1": 8.8814, "ye2": 1.5560}
 NODES = tuple(PAPER_DEG)
@@ -71,6 +72,7 @@ class Budget(NamedTuple):
     rows: dict
     loop_rows: dict
     paper_deg: dict  # what the paper measured; None for each node of another board
+    ring: str  # where the ring diode leaves 1 %
 
     def node_deg(self):
         return {node: _wrapped(sum(row.degrees for row in self.rows[node])) for node in self.rows}
@@ -141,7 +143,7 @@ def budget(config, temp_degc=None, frequency_hz=None):
         return rows
 
     def forward(channel):
-        _, tau_s = propagator.cv_chain(base, channel, temp_degc)
+        tau_s = ring.delay_s(config, channel, temp_degc)
         return [
             at.pole("ring diode with its capacitors", tau_s, "capacitors chosen to fit"),
             at.pole(
@@ -167,6 +169,7 @@ def budget(config, temp_degc=None, frequency_hz=None):
         },
         {"xe2": switch, "ye2": switch},
         dict(PAPER_DEG) if config.of_paper else dict.fromkeys(NODES),
+        ring.sentence(config, temp_degc),
     )
 
 

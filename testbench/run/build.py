@@ -12,11 +12,11 @@ from fractions import Fraction
 
 import numpy as np
 
-from analog_frontend import dac_levels, effects
+from analog_frontend import dac_levels, effects, ring_tables
 from analog_frontend import top as plant
 from analog_frontend.effects import catalogue, drive_cubic, duffing, feedthrough_y, law
 from analog_frontend.effects.ports import CV_PORTS
-from analog_frontend.parts import adc, cv_noise, dac, noise, propagator, resonator, sid, thermal
+from analog_frontend.parts import adc, cv_noise, dac, noise, propagator, resonator, ring_cycle, sid, thermal
 from analog_frontend.parts.device import Device
 from fpga_model import (
     agc,
@@ -67,7 +67,7 @@ def nominal(config):
     d = config.nominal_device()
     w = 2 * math.pi * d.fx_hz
     amplitude_m = config.firmware.amplitude_um * 1e-6
-    gain, _ = propagator.cv_chain(d, "drive", d.temp_ref_degc)
+    gain = _drive_gain(d, amplitude_m)
     sense_gain, _ = propagator.cv_chain(d, "sense", d.temp_ref_degc)
     sid_gain = 4 / math.pi
     coriolis_n = 2 * d.coriolis_mass_kg * w * amplitude_m * RAD_PER_DEG
@@ -90,6 +90,15 @@ def nominal(config):
         "adc_drive_v": d.adc_vref_v / d.adc_pga_drive,
         "adc_sense_v": d.adc_vref_v / d.adc_pga_sense,
     }
+
+
+def _drive_gain(device, amplitude_m):
+    """Gain (V/m) of the drive's ring as a demodulator sees it at an amplitude."""
+    if not device.ring_saturation_on:
+        return propagator.cv_chain(device, "drive", device.temp_ref_degc)[0]
+    circuit = ring_tables.circuit(device, "drive", device.temp_ref_degc)
+    slope = device.dcdx_f_per_m
+    return ring_cycle.large(circuit, abs(slope) * amplitude_m).seen_v_per_f * slope
 
 
 def _check_nominal(d, drive_gain, sense_gain):
@@ -340,7 +349,15 @@ def analog(config, temp_lo_degc, temp_hi_degc):
         laws=_laws(config, warm, tick_s),
         sar_lsb_v=d.sar_span_v / 2**17,
         slope_gain=float(d.signal_gain),
+        ring=_ring(config, d, (temp_lo_degc, temp_hi_degc), tick_s),
     )
+
+
+def _ring(config, device, temps_degc, tick_s):
+    """What a saturating ring adds to the C/V outputs; off, bit for bit nothing."""
+    if config.firmware.board == "digital_sid" and device.ring_saturation_on:
+        raise ValueError('plant.ring_saturation_on = 1 needs firmware.board = "analog_sid"')
+    return ring_tables.design(device, *temps_degc, tick_s)
 
 
 def _effects(config, device, tick_s):

@@ -18,6 +18,7 @@ from collections import deque
 
 import numpy as np
 
+from analog_frontend import ring_saturation
 from analog_frontend.parts import thermal
 from fpga_model import fixed, registers, sequencer
 from fpga_model import top as fpga
@@ -258,7 +259,8 @@ class Simulation:
     def read_out(self, streams, temp_degc):
         """`nodes.Probe` of a recorded segment."""
         device, tables = self.config.device(), self.params.plant.tables
-        warm = thermal.at_temperature(device, float(np.atleast_1d(temp_degc)[0]))
+        warm_degc = float(np.atleast_1d(temp_degc)[0])
+        warm = thermal.at_temperature(device, warm_degc)
         tick_s = float(tables.tick_s[0])
         cycles = self.state.plant.cycles
         instants = [
@@ -266,9 +268,15 @@ class Simulation:
             for c, delay_s in zip(cycles, (device.drive_dac_delay_s, device.sense_dac_delay_s))
         ]
         chains = [[getattr(warm, f"{name}_pole_{n}_s") for n in (1, 2, 3)] for name in ("drive", "sense")]
+        floats = streams.probe_floats
+        if self.params.plant.ring.on:
+            floats = floats.copy()
+            for channel, name in enumerate(("cv_x", "cv_y")):
+                column = floats[:, clocked.PROBE_FLOATS.index(name)]
+                column[:] = ring_saturation.sampled(self.params.plant.ring, warm_degc, channel, column)
         return nodes.Probe(
             streams.probe_ints,
-            streams.probe_floats,
+            floats,
             streams.edges[: int(streams.edge_count[0])],
             tuple(chains),
             tuple(instants),

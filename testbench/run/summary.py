@@ -98,6 +98,7 @@ def notes(config, summary, planned):
     if summary.get("flags"):
         said.append(f"Fault flags raised: {', '.join(summary['flags'])}; see docs/blocks/fault_monitor.md")
     said += [f"Warning: {text}" for text in summary.get("warnings", ())]
+    said.append(planned.ring)
     design = config.design_record()
     origin = "Fitted to the paper, no fact" if config.of_paper else "As configured"
     if config.firmware.reference_retimed:

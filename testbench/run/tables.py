@@ -100,6 +100,8 @@ def budget_node(budget, node, plain_deg=None):
             f"Entries with a text on the right are assumptions, not facts about the paper's board. {beside['basis']}. "
             f"Rests on the fitted values {', '.join(beside['rests_on'])}. {FITTED}"
         )
+    if node == "xe2":
+        note = f"{note} {budget.ring}"
     return Table(title, ("contribution", "clocks", "ns", "deg", "assumed"), rows, note, (1, 2, 3), sums)
 
 
@@ -128,6 +130,7 @@ def budget_json(budget, plain=None):
         "paper_deg": dict(budget.paper_deg),
         "paper_verdict": judged.verdicts(budget.node_deg()) if any(budget.paper_deg.values()) else None,
         **({"without_assumptions_deg": plain.node_deg()} if plain else {}),
+        "ring": budget.ring,
         "rows": {node: [row(item) for item in rows] for node, rows in budget.rows.items()},
         "loop_rows": {node: [row(item) for item in rows] for node, rows in budget.loop_rows.items()},
     }

@@ -19,6 +19,7 @@ DIMENSIONLESS = (
 INTS = (
     "diode_tc_on",
     "ring_noise_on",
+    "ring_saturation_on",
     "dac_amplifier_tc_on",
     "adc_pga_drive",
     "adc_pga_sense",

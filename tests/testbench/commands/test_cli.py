@@ -57,7 +57,7 @@ def fake_budget(config, temp_degc=None):
     )
     rows = [Row("pipeline", 1e-7, 0.4), extra]
     loop = [Row("switch", -80e-9, -0.32)]
-    return Budget(11002.3, dict.fromkeys(PAPER_DEG, rows), {"xe2": loop, "ye2": loop}, dict(PAPER_DEG))
+    return Budget(11002.3, dict.fromkeys(PAPER_DEG, rows), {"xe2": loop, "ye2": loop}, dict(PAPER_DEG), "")
 
 
 @pytest.fixture

@@ -140,6 +140,17 @@ def test_random_configurations(locked, seed):
     pair.advance(2000, rng.uniform(-5, 5, 17))
 
 
+def test_a_ring_that_saturates(locked):
+    """Both engines, with a temperature between two tables; other codes than those of the linear ring."""
+    states = []
+    for on in (0, 1):
+        pair = Pair(build.params(configured(plant__ring_saturation_on=on), 20.0, 30.0), locked[1])
+        for ticks in (1, 124, 999, 3000):
+            pair.advance(ticks, 0.3, 26.0)
+        states.append(pair.clocked)
+    assert different(*states)
+
+
 @pytest.mark.parametrize("board", rarely(["analog_sid", "digital_sid"], 1))
 def test_power_on_and_start_up(board):
     """From reset through power-up, DAC initialisation, kick, search, retune and acquisition; chunks of all lengths."""

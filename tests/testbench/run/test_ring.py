@@ -1,0 +1,79 @@
+"""The ring diode of a configuration: where it leaves 1 %, what its loop holds, and both against a run."""
+
+import pytest
+
+from analog_frontend import ring_tables
+from analog_frontend.parts import propagator, ring_cycle, ring_diode
+from testbench.config import Config
+from testbench.engines import lanes
+from testbench.errors import ConfigError
+from testbench.run import budget, build, ring, simulate, tables
+from tests.testbench.bench_setup import configured, quiet
+
+ON = {"plant__ring_saturation_on": 1}
+
+
+@pytest.mark.parametrize("temp_degc", [-40.0, 0.0, 25.0, 50.0, 70.0, 85.0])
+@pytest.mark.parametrize("values", [{}, {"plant__carrier_v": 3.3, "plant__cref_drive_f": 50e-12}])
+def test_the_amplitude_of_one_percent_is_that_of_the_integrated_ring(values, temp_degc):
+    device = configured(**values).device()
+    circuit = ring_tables.circuit(device, "drive", temp_degc)
+    low, high = (ring_cycle.large(circuit, k * 1e-7 * ring.limit_m(device, temp_degc)).loss for k in (0.92, 1.08))
+    assert low < ring_diode.LIMIT_LOSS < high
+
+
+def test_the_loop_holds_what_the_demodulator_sees():
+    linear, on = configured(), configured(**ON)
+    gain, tau_s = propagator.cv_chain(linear.device(), "drive", 25.0)
+    held_f = ring.held_f(on, 25.0)
+    seen = ring_cycle.large(ring_tables.circuit(on.device(), "drive", 25.0), held_f)
+    assert seen.seen_v_per_f * held_f == pytest.approx(gain * 5e-6, rel=1e-6)
+    assert ring.delay_s(on, "drive", 25.0) == seen.delay_s < 0.9 * tau_s
+    assert ring.delay_s(linear, "drive", 25.0) == tau_s
+    assert ring.delay_s(on, "sense", 25.0) == pytest.approx(ring.delay_s(linear, "sense", 25.0), rel=4e-3)
+    # a firmware that is designed for it asks for less
+    both = configured(**ON, nominal__ring_saturation_on=1)
+    assert ring.held_f(both, 25.0) == pytest.approx(5e-6 * 1e-7, rel=1e-6)
+
+
+def test_budget_and_run_say_it():
+    planned = budget.budget(Config())
+    assert "1 % at 3.09 um" in planned.ring
+    assert "keeps it linear" in planned.ring
+    assert planned.ring in tables.budget_tables(planned)[1].note
+    assert tables.budget_json(planned)["ring"] == planned.ring
+    warm = budget.budget(configured(**ON), temp_degc=50.0)
+    assert "50 degC" in warm.ring
+    assert "saturates in this plant" in warm.ring
+
+
+def test_what_cannot_saturate_is_refused():
+    with pytest.raises(ValueError, match=r"set-point is .* V behind the ring"):
+        ring.held_f(configured(**ON, firmware__amplitude_um=12.0), 25.0)
+    with pytest.raises(ValueError, match=r"plant\.ring_saturation_on = 1 needs firmware\.board"):
+        build.params(configured(**ON, firmware__board="digital_sid"), 25.0, 25.0)
+    with pytest.raises(ConfigError, match=r"plant\.ring_saturation_on = 1"):
+        lanes.Engine([build.params(configured(**ON), 25.0, 25.0)])
+
+
+@pytest.fixture(scope="module")
+def locked():
+    """A quiet gyroscope whose ring saturates, a second after lock, by the averaged engine."""
+    checked = quiet(**ON, scenario__engine="baseband")
+    sim = simulate.Simulation(checked, 25.0, 25.0)
+    assert simulate.start(checked, sim, 0.0, 25.0) is not None
+    sim.advance(1_500_000, 0.0, 25.0)
+    return checked, sim
+
+
+def test_a_run_holds_the_amplitude_and_has_the_delay(locked):
+    checked, sim = locked
+    sim.engine = "frame"
+    found = sim.probe(100_000, 0.0, 25.0)
+    held_um = 1e13 * ring.held_f(checked, 25.0)
+    # the default's linear loop holds 3.4e-4 more than its set-point; where the ring saturates that is 3 times as much
+    assert 1e6 * found.amplitude["xe2"] == pytest.approx(held_um, rel=1.5e-3)
+    # 2 ns of delay
+    want = budget.budget(checked).node_deg()["xe2"]
+    assert found.phase_deg["xe2"] == pytest.approx(want, abs=2e-9 * 360 * 11002.3)
+    assert want < budget.budget(Config()).node_deg()["xe2"] - 0.09
