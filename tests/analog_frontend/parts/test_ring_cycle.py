@@ -36,7 +36,7 @@ def harmonic(times, volts, start, period, k):
 @pytest.mark.slow
 @pytest.mark.parametrize("temp_degc", TEMPERATURES)
 def test_sines_come_out_as_from_the_circuit(temp_degc, tmp_path):
-    losses = []
+    losses, linear = [], ring_diode.ring(*DEFAULT, temp_degc)
     for part in AMPLITUDES:
         dc_f, w = part * FULL_F, 2 * math.pi * SINE_HZ
         sine = f"{dc_f!r}*sin({w!r}*time)"
@@ -49,6 +49,10 @@ def test_sines_come_out_as_from_the_circuit(temp_degc, tmp_path):
         # the sense of the third harmonic: its phase is near 0 or near half a turn
         assert np.sign(got.third) == np.sign(third.real)
         losses.append(got.loss)
+        gain, delay_s, size = abs(first) / dc_f, -np.angle(first) / w, abs(third) / abs(first)
+        row = (temp_degc, dc_f * 1e12, 100 * got.loss, delay_s * 1e9, 100 * size)
+        row += tuple(100 * (v / gain - 1) for v in (linear.gain_v_per_f, got.gain_v_per_f))
+        print(*row, (got.delay_s - delay_s) * 1e9, 100 * (abs(got.third) / size - 1))
     assert losses == sorted(losses)
     if temp_degc >= 25.0:
         assert sum(loss > 0.1 for loss in losses) >= 3

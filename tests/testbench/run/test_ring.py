@@ -1,5 +1,7 @@
 """The ring diode of a configuration: where it leaves 1 %, what its loop holds, and both against a run."""
 
+from pathlib import Path
+
 import pytest
 
 from analog_frontend import ring_tables
@@ -8,8 +10,10 @@ from testbench.config import Config
 from testbench.engines import lanes
 from testbench.errors import ConfigError
 from testbench.run import budget, build, ring, simulate, tables
+from testbench.run.tally import amplitude_m
 from tests.testbench.bench_setup import configured, quiet
 
+STATIC_PF = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5)
 ON = {"plant__ring_saturation_on": 1}
 
 
@@ -56,6 +60,22 @@ def test_what_cannot_saturate_is_refused():
         lanes.Engine([build.params(configured(**ON), 25.0, 25.0)])
 
 
+def test_the_page_says_what_the_ring_does():
+    page = " ".join((Path(__file__).parents[3] / "docs" / "parts" / "ring_diode.md").read_text().split())
+    device = Config().device()
+    at = {temp: f"{1e6 * ring.limit_m(device, temp):.2f} um" for temp in (25.0, -20.0, 50.0)}
+    assert f"{at[25.0]} by default at 25 degC" in page
+    assert f"{at[-20.0]} at -20 degC, {at[50.0]} at 50 degC" in page
+    for temp in (-20.0, 25.0, 50.0, 70.0):
+        circuit = ring_tables.circuit(device, "drive", temp)
+        small = ring_cycle.steady(circuit, 0.0).volts_per_f
+        rows = [1 - ring_cycle.steady(circuit, pf * 1e-12).volts / (small * pf * 1e-12) for pf in STATIC_PF]
+        assert f"| {temp:g} degC | {' | '.join(f'{100 * loss:.1f}' for loss in rows)} % |" in page
+    held_um = 1e13 * ring.held_f(configured(**ON), 25.0)
+    xe2 = [budget.budget(configured(**values)).node_deg()["xe2"] for values in ({}, ON)]
+    assert f"moves {held_um:.2f} um instead of 5, and xe2 falls by {xe2[0] - xe2[1]:.3f} deg" in page
+
+
 @pytest.fixture(scope="module")
 def locked():
     """A quiet gyroscope whose ring saturates, a second after lock, by the averaged engine."""
@@ -64,6 +84,19 @@ def locked():
     assert simulate.start(checked, sim, 0.0, 25.0) is not None
     sim.advance(1_500_000, 0.0, 25.0)
     return checked, sim
+
+
+def test_both_engines_demodulate_the_same(locked):
+    checked, sim = locked
+    seen = []
+    for engine in ("baseband", "frame"):
+        sim.engine = engine
+        first = len(sim.columns()["magnitude"])
+        sim.advance(400_000, 0.0, 25.0)
+        c = {name: column[first + 1600 :] for name, column in sim.columns().items()}
+        amplitude = amplitude_m(c["truth_x"], c["truth_vx"], c["frequency_word"], build.lsb_hz(checked))
+        seen.append(c["magnitude"].mean() / amplitude.mean())
+    assert seen[0] == pytest.approx(seen[1], rel=1e-4)
 
 
 def test_a_run_holds_the_amplitude_and_has_the_delay(locked):
