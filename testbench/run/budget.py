@@ -13,17 +13,19 @@ Source  docs/phases.md
 import math
 from typing import NamedTuple
 
-from analog_frontend.parts import thermal
+from analog_frontend import ring_levels
+from analog_frontend.parts import propagator, thermal
 from fpga_model import dds, references, sine, spi_dac
 from fpga_model.design_record import DEFAULT
 from testbench.config import changed
 from testbench.engines import chips
 from testbench.errors import ConfigError
-from testbench.run import ring
+from testbench.run import build
 
 PAPER_DEG = {"xe1": 3.7647, "xe2": 1.2459, "ye1": 8.8814, "ye2": 1.5560}
 NODES = tuple(PAPER_DEG)
 PRODUCT_AND_CODE_CLOCKS = 2
+SID_GAIN = 4 / math.pi
 
 
 class Row(NamedTuple):
@@ -101,6 +103,24 @@ def _switch(firmware, device, tick_clocks, at):
     return at.clocks("reference: mean wait for the sample, less half a sample", -0.5)
 
 
+def held_m(config, temp_degc):
+    """Drive amplitude (m) at which a ring that saturates shows the demodulator the set-point. ValueError: none does."""
+    device = config.device()
+    seen_v = build.nominal(config)["v_per_um"] * config.firmware.amplitude_um / (SID_GAIN * device.signal_gain)
+    return ring_levels.amplitude_m(device, temp_degc, abs(seen_v))
+
+
+def _ring(config, temp_degc):
+    """Where the ring diode leaves 1 %, and what the plant makes of it."""
+    device = config.device()
+    said = f"Ring diode: its gain has lost 1 % at {1e6 * ring_levels.limit_m(device, temp_degc):.3g} um "
+    said += f"({temp_degc:g} degC, within 8 %); set-point {config.firmware.amplitude_um:g} um"
+    if device.ring_saturation_on:
+        held_um = 1e6 * held_m(config, temp_degc)
+        return f"{said}, held at {held_um:.4g} um. It saturates in this plant (plant.ring_saturation_on = 1)."
+    return f"{said}. The plant keeps it linear (plant.ring_saturation_on = 0)."
+
+
 def budget(config, temp_degc=None, frequency_hz=None):
     """Budget of a configuration at `temp_degc` (default: the scenario's first) and at a frequency (default: f_x)."""
     start = config.scenario.temperature_degc
@@ -143,7 +163,10 @@ def budget(config, temp_degc=None, frequency_hz=None):
         return rows
 
     def forward(channel):
-        tau_s = ring.delay_s(config, channel, temp_degc)
+        tau_s = propagator.cv_chain(base, channel, temp_degc)[1]
+        if base.ring_saturation_on:
+            moves_m = held_m(config, temp_degc) if channel == "drive" else 0.0
+            tau_s = ring_levels.delay_s(base, channel, temp_degc, moves_m)
         return [
             at.pole("ring diode with its capacitors", tau_s, "capacitors chosen to fit"),
             at.pole(
@@ -169,7 +192,7 @@ def budget(config, temp_degc=None, frequency_hz=None):
         },
         {"xe2": switch, "ye2": switch},
         dict(PAPER_DEG) if config.of_paper else dict.fromkeys(NODES),
-        ring.sentence(config, temp_degc),
+        _ring(config, temp_degc),
     )
 
 

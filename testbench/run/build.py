@@ -12,11 +12,11 @@ from fractions import Fraction
 
 import numpy as np
 
-from analog_frontend import dac_levels, effects, ring_tables
+from analog_frontend import dac_levels, effects, ring_levels, ring_tables
 from analog_frontend import top as plant
 from analog_frontend.effects import catalogue, drive_cubic, duffing, feedthrough_y, law
 from analog_frontend.effects.ports import CV_PORTS
-from analog_frontend.parts import adc, cv_noise, dac, noise, propagator, resonator, ring_cycle, sid, thermal
+from analog_frontend.parts import adc, cv_noise, dac, noise, propagator, resonator, sid, thermal
 from analog_frontend.parts.device import Device
 from fpga_model import (
     agc,
@@ -67,7 +67,9 @@ def nominal(config):
     d = config.nominal_device()
     w = 2 * math.pi * d.fx_hz
     amplitude_m = config.firmware.amplitude_um * 1e-6
-    gain = _drive_gain(d, amplitude_m)
+    gain, _ = propagator.cv_chain(d, "drive", d.temp_ref_degc)
+    if d.ring_saturation_on:
+        gain = ring_levels.seen_v_per_m(d, d.temp_ref_degc, amplitude_m)
     sense_gain, _ = propagator.cv_chain(d, "sense", d.temp_ref_degc)
     sid_gain = 4 / math.pi
     coriolis_n = 2 * d.coriolis_mass_kg * w * amplitude_m * RAD_PER_DEG
@@ -90,15 +92,6 @@ def nominal(config):
         "adc_drive_v": d.adc_vref_v / d.adc_pga_drive,
         "adc_sense_v": d.adc_vref_v / d.adc_pga_sense,
     }
-
-
-def _drive_gain(device, amplitude_m):
-    """Gain (V/m) of the drive's ring as a demodulator sees it at an amplitude."""
-    if not device.ring_saturation_on:
-        return propagator.cv_chain(device, "drive", device.temp_ref_degc)[0]
-    circuit = ring_tables.circuit(device, "drive", device.temp_ref_degc)
-    slope = device.dcdx_f_per_m
-    return ring_cycle.large(circuit, abs(slope) * amplitude_m).seen_v_per_f * slope
 
 
 def _check_nominal(d, drive_gain, sense_gain):
