@@ -21,6 +21,7 @@ Source  docs/README.md
 """
 
 import ast
+import json
 import math
 import sys
 from pathlib import Path
@@ -40,7 +41,8 @@ from testbench.config import Config  # noqa: E402
 from testbench.console.markdown import markdown, replaced  # noqa: E402
 from testbench.console.table import Table, fixed  # noqa: E402
 from testbench.judge import judge, phases  # noqa: E402
-from testbench.paper import closed_form, judge_table  # noqa: E402
+from testbench.judge.verdict import NOT_COMPUTED  # noqa: E402
+from testbench.paper import closed_form, judge_table, simulated  # noqa: E402
 from testbench.run import budget, tables  # noqa: E402
 from testbench.run.budget import NODES, PAPER_DEG  # noqa: E402
 from testbench.storage.files import write_text  # noqa: E402
@@ -142,6 +144,19 @@ def judged_part():
     return "\n\n".join((judge_table.sentence(rows), markdown(table), markdown(keys)))
 
 
+def simulated_part():
+    """The numbers that take a simulation, judged by the values that a study has left in docs/paper_judged.json."""
+    kept = simulated.from_json(json.loads((ROOT / "docs" / "paper_judged.json").read_text()), Config())
+    found, plain = judge.rows(kept), judge.rows(closed_form.default())
+    only = [b for a, b in zip(plain, found) if NOT_COMPUTED in a.basis and NOT_COMPUTED not in b.basis]
+    table, _ = judge_table.document(only)
+    heads = [k for k, head in enumerate(table.heads) if head != "rests on"]
+    rows = [tuple(row[k] for k in heads) for row in table.rows]
+    return "\n\n".join(
+        (judge_table.sentence(found), markdown(table._replace(heads=tuple(table.heads[k] for k in heads), rows=rows)))
+    )
+
+
 # ---- index -----------------------------------------------------------------------------------------------------------
 
 
@@ -204,7 +219,7 @@ PAGES = {
     "docs/configuration.md": with_parts(faults=config_page.faults_table, keys=config_page.markdown_table),
     "docs/boards/paper.toml": config_page.paper_board,
     "docs/design_of_loops.md": with_parts(target=config_page.target_table),
-    "docs/paper.md": with_parts(judged=judged_part),
+    "docs/paper.md": with_parts(judged=judged_part, simulated=simulated_part),
     "docs/phases.md": with_parts(budget=budget_part, lock=lock_part, rivals=rivals_part, rise=laws_page.rise_part),
     "docs/parts/cv_noise.md": with_parts(shares=laws_page.shares_part, noise=laws_page.noise_part),
     "docs/parts/thermal.md": with_parts(scale=laws_page.scale_part, bias=laws_page.bias_part),

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 from testbench.judge import numbers as printed
 from testbench.judge.numbers import ROOM_DEGC, Number
 from testbench.judge.roles import Rule, rule_of
-from testbench.judge.verdict import Part, Value, verdict, worst
+from testbench.judge.verdict import NOT_COMPUTED, Part, Value, verdict, worst
 
 NAME_OF = {
     "SF": "scale_lsb_per_dps",
@@ -214,7 +214,7 @@ def judge(number, model, rows):
     """`Row` of one number; `rows` are all of them."""
     rule = rule_of(number)
     parts = tuple(CLAIMS[rule.claim](number, model, rows)) if number.values else ()
-    absent = rule.reading if rule.role == "none" else "not computed here"
+    absent = rule.reading if rule.role == "none" else NOT_COMPUTED
     return Row(number, rule, parts, *verdict(rule.role, parts, absent))
 
 

@@ -16,6 +16,7 @@ import math
 from typing import NamedTuple
 
 K, MOST_SIGMA = 2.0, 100.0
+NOT_COMPUTED = "not computed here"
 DUST = 1e-9  # below it a difference is rounding of the computation
 INPUT, FITTED, PREDICTED, CONTRADICTED, NOT_COMPARABLE = VERDICTS = (
     "input",
@@ -74,7 +75,7 @@ def _text(part):
     return f"{part.what}: {_number(*part.model)}, the paper {paper}: {kept}"
 
 
-def verdict(role, parts, absent="not computed here"):
+def verdict(role, parts, absent=NOT_COMPUTED):
     """(verdict, basis) of a number.
 
     role    of `ROLES`, declared before

@@ -2,25 +2,20 @@
 
     phases      the calibration's readings; xe2 and ye2 are read through the loop: the switch's delay is added
     points      22 rates, record at rest and bandwidth of each case and temperature
-    sigma       of a phase by calibration; of K and bias by their own; of ARW, flicker and bandwidth by what the
-                cases of a temperature scatter; of residuals by the noise of a reading
+    sigma       of a phase by the calibration, of a point's numbers by their measures, of the bias instability by
+                the 68 % limits of the least deviation
 
 Source    docs/paper.md
 """
-
-import math
-import statistics
 
 from testbench.judge.judge import NAME_OF, Model
 from testbench.judge.verdict import Value
 from testbench.paper import closed_form
 from testbench.paper.calibration.calibrate import FACTOR, NODES
-from testbench.paper.measure import measure_scale, record_phases
+from testbench.paper.measure import record_phases
 from testbench.run.budget import budget
 
 SOURCE = "simulation"
-OWN_SIGMA = {"scale_lsb_per_dps": "scale_sigma_lsb_per_dps", "bias_dps": "bias_sigma_dps"}
-SCATTERED = ("arw_deg_per_rt_h", "instability_deg_per_h", "bandwidth_hz")
 
 
 def node_deg(config, calibration):
@@ -30,35 +25,20 @@ def node_deg(config, calibration):
     return {n: Value(found[n] + switch.get(n, 0.0), sigma[n] / FACTOR) for n in NODES}
 
 
-def _reading_sigma(point):
-    """{name: sigma} of what the noise of 22 readings makes: N / sqrt(T) of a Hann-weighted mean of length T.
-
-    Largest residual over 500 deg/s: one reading's. Difference of two slopes: sqrt(2) sigma / sqrt(sum (r - mean)^2).
-    """
-    arw = point.get("arw_deg_per_rt_h")
-    if arw is None:
-        return {}
-    reading_dps = arw / 60 * math.sqrt(1.5 / measure_scale.READ_S)
-    rates = measure_scale.POSITIVE_DPS
-    spread = math.sqrt(statistics.pvariance(rates) * len(rates))
-    return {
-        "nonlinearity_ppm": reading_dps / max(rates) * 1e6,
-        "asymmetry_ppm": math.sqrt(2) * reading_dps / spread * 1e6,
-    }
+def _sigma(point, name):
+    """Standard uncertainty of a number of a point as its own measure states it; 0 where none is stated."""
+    if name == "instability_deg_per_h":
+        return (point.get("floor_high_deg_per_h", 0.0) - point.get("floor_low_deg_per_h", 0.0)) / 2
+    what, _, unit = name.partition("_")
+    return point.get(f"{what}_sigma_{unit}") or 0.0
 
 
 def points(found):
     """{(case, degC): {name: Value}} of the numbers of a study's points."""
-    out = {}
-    for (case, temp), point in found.items():
-        beside = [p for (_, t), p in found.items() if t == temp]
-        sigma = _reading_sigma(point) | {name: point.get(key) or 0.0 for name, key in OWN_SIGMA.items()}
-        for name in SCATTERED:
-            values = [p[name] for p in beside if p.get(name) is not None]
-            sigma[name] = statistics.stdev(values) if len(values) > 1 else 0.0
-        named = {name: point.get(name) for name in NAME_OF.values()}
-        out[case, temp] = {n: Value(v, sigma.get(n, 0.0)) for n, v in named.items() if v is not None}
-    return out
+    return {
+        key: {n: Value(point[n], _sigma(point, n)) for n in NAME_OF.values() if point.get(n) is not None}
+        for key, point in found.items()
+    }
 
 
 def excursion_deg(records):
@@ -67,16 +47,37 @@ def excursion_deg(records):
     return {n: Value(max(s[n][2] for s in spreads)) for n in NODES} if spreads else {}
 
 
-def model(config, calibration, found, records):
-    """`Model` of a study: its calibration, its points, its records; the rest is in closed form."""
-    left = {n: Value(abs(calibration["residual_deg"][n]), calibration["uncertainty_deg"][n] / FACTOR) for n in NODES}
-    return Model(
-        SOURCE,
-        node_deg=node_deg(config, calibration),
-        residual_deg=left,
-        excursion_deg=excursion_deg(records),
+def with_closed_forms(config, simulated):
+    """The `Model` with what takes no simulation filled in: rise of the phases, changes of the loop, settings."""
+    return simulated._replace(
         rise_deg=closed_form.rise_deg(config),
-        points=points(found),
         loop_change=closed_form.loop_change(config),
         settings=closed_form.settings(config),
     )
+
+
+def model(config, calibration, found, records):
+    """`Model` of a study: its calibration, its points, its records; the rest is in closed form."""
+    left = {n: Value(abs(calibration["residual_deg"][n]), calibration["uncertainty_deg"][n] / FACTOR) for n in NODES}
+    simulated = Model(SOURCE, node_deg(config, calibration), left, excursion_deg(records), points=points(found))
+    return with_closed_forms(config, simulated)
+
+
+def as_json(found):
+    """What was simulated of a `Model`, as plain data: {"points": {"CASE, DEGC": {name: [value, sigma]}}, ...}."""
+    return {
+        "points": {f"{case}, {temp:g}": values for (case, temp), values in found.points.items()},
+        **{name: dict(getattr(found, name)) for name in ("node_deg", "residual_deg", "excursion_deg")},
+    }
+
+
+def from_json(data, config):
+    """`Model` from what `as_json` wrote, of a configuration."""
+    phases = {
+        name: {n: Value(*v) for n, v in data[name].items()} for name in ("node_deg", "residual_deg", "excursion_deg")
+    }
+    points = {}
+    for key, values in data["points"].items():
+        case, temp = key.split(", ")
+        points[case, float(temp)] = {name: Value(*v) for name, v in values.items()}
+    return with_closed_forms(config, Model(SOURCE, points=points, **phases))

@@ -1,5 +1,6 @@
 """Tables of the judge's rows, and that page, trace and document take the same verdicts."""
 
+import json
 import re
 from pathlib import Path
 
@@ -7,7 +8,7 @@ import pytest
 
 from testbench.config import Config
 from testbench.judge import judge, numbers
-from testbench.judge.verdict import NOT_COMPARABLE, ROLES, VERDICTS, Value
+from testbench.judge.verdict import NOT_COMPARABLE, NOT_COMPUTED, ROLES, VERDICTS, Value
 from testbench.measured.parts import paper
 from testbench.paper import closed_form, judge_table, simulated
 from testbench.paper.calibration.calibrate import FACTOR, NODES
@@ -52,6 +53,19 @@ def test_a_study_and_the_closed_form_are_judged_alike(rows):
     want = verdicts(rows)
     assert judged.keys() == want.keys()
     assert judged == want
+
+
+def test_the_simulated_study_and_the_closed_form_agree_row_by_row(rows):
+    """Values that a study of the default board has left: role and verdict are the same wherever both have a value."""
+    kept = json.loads((ROOT / "docs" / "paper_judged.json").read_text())
+    found = judge.rows(simulated.from_json(kept, Config()))
+    both = [(a, b) for a, b in zip(rows, found, strict=True) if NOT_COMPUTED not in a.basis + b.basis]
+    assert [(a.number.key, a.rule.role, a.verdict) for a, _ in both] == [
+        (b.number.key, b.rule.role, b.verdict) for _, b in both
+    ]
+    assert len(both) > 60
+    again = simulated.as_json(simulated.from_json(kept, Config()))
+    assert json.loads(json.dumps(again)) == kept
 
 
 def test_the_trace_says_what_the_judge_says(rows):
