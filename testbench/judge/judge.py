@@ -13,6 +13,7 @@ import math
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
+from testbench.errors import FileError
 from testbench.judge import numbers as printed
 from testbench.judge.numbers import ROOM_DEGC, Number
 from testbench.judge.roles import Rule, rule_of
@@ -99,7 +100,7 @@ def _mean_parts(number, model, rows):
     found, sd = _mean(model, symbol, temp)
     parts = [Part("mean over cases", number.values[0], number.sigma, found)]
     room = printed.mean_of(rows, symbol, ROOM_DEGC)
-    if temp != ROOM_DEGC and room:
+    if temp != ROOM_DEGC and room and room.sigma is not None:
         paper, sigma = number.values[0] - room.values[0], math.hypot(number.sigma, room.sigma)
         parts.append(Part("less that at 25 degC", paper, sigma, _less(found, _mean(model, symbol, ROOM_DEGC)[0])))
     between = printed.std(number)
@@ -127,7 +128,10 @@ def _bandwidth_parts(number, model, rows):
 
 
 def _pair(number):
-    return tuple(c for c in number.case if c.isdigit())[:2]
+    found = tuple(c for c in number.case if c.isdigit())
+    if len(found) != 2:
+        raise FileError(f"{number.quantity}: case {number.case[:40]!r} does not name two cases")
+    return found
 
 
 def _change_parts(number, model, rows):
@@ -210,9 +214,14 @@ CLAIMS = {
 }
 
 
+PLAIN = ("phase", "residual", "mean", "change")  # claims of a number with an uncertainty, not of a bound
+
+
 def judge(number, model, rows):
     """`Row` of one number; `rows` are all of them."""
     rule = rule_of(number)
+    if rule.claim in PLAIN and number.sigma is None:
+        raise FileError(f"{number.quantity}: {number.text[:40]!r} is not a number")
     parts = tuple(CLAIMS[rule.claim](number, model, rows)) if number.values else ()
     absent = rule.reading if rule.role == "none" else NOT_COMPUTED
     return Row(number, rule, parts, *verdict(rule.role, parts, absent))

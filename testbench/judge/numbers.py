@@ -152,6 +152,8 @@ def read(path):
     for n in rows:
         if not all(math.isfinite(v) and abs(v) < MOST for v in n.values):
             raise FileError(f"{path}: {n.symbol}: {n.text[:40]!r} is not a number below {MOST:g}")
+        if n.kind.startswith("measured") and not n.bound and not re.fullmatch(DIGITS, n.text):
+            raise FileError(f"{path}: {n.symbol}: {n.text[:40]!r} is not a number")
     return [n._replace(sigma=_sigma(n, rows)) for n in rows]
 
 

@@ -92,6 +92,16 @@ def test_a_list_that_is_none_is_one_line(tmp_path):
     path.write_text(numbers.HEAD + "\nx,SF,c,room,1e12\n")
     with pytest.raises(FileError, match="SF: '1e12' is not a number below 1e"):
         numbers.read(path)
+    path.write_text(f"{numbers.HEAD},std_or_max_fluctuation,unit,kind\nx,SF,c,room,abc,,,measured mean\n")
+    with pytest.raises(FileError, match="SF: 'abc' is not a number"):
+        numbers.read(path)
+
+
+def test_a_change_of_one_case_is_one_line(tmp_path):
+    path = tmp_path / "n.csv"
+    path.write_text(numbers.PATHS[0].read_text().replace("case 4 vs case 5", "case 4", 1))
+    with pytest.raises(FileError, match="relative deviation rate of scale factor: case 'case 4' does not name two"):
+        judge.rows(Model(""), path)
 
 
 # ---- roles -----------------------------------------------------------------------------------------------------------
