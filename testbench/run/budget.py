@@ -29,7 +29,7 @@ SID_GAIN = 4 / math.pi
 
 
 class Row(NamedTuple):
-    """One contribution: lag in seconds and degrees at the drive frequency; `assumed` names why it is a guess, or ''."""
+    """One contribution: lag in seconds and degrees at the drive frequency; `assumed` names why it is no fact, or ''."""
 
     what: str
     seconds: float
@@ -93,11 +93,11 @@ def lock_frequency_hz(fx_hz, qx, xe1_deg, xe2_loop_deg):
     return fx_hz - fx_hz / (2 * qx) * math.tan(math.radians(xe1_deg + xe2_loop_deg))
 
 
-def _switch(firmware, device, tick_clocks, at):
+def _switch(firmware, device, tick_clocks, at, fitted):
     """The row that makes a loop phase of a node: where the demodulator switches."""
     if firmware.board == "analog_sid":
         mean_s = device.sid_switch_s + device.sid_fall_s / 2
-        return at.delay("reference: analog switch", -mean_s, "from memory of a datasheet")
+        return at.delay("reference: analog switch", -mean_s, f"{fitted}typical value")
     if firmware.reference_retimed:
         return at.clocks("reference: sampled one tick after the grid, less half a sample", -tick_clocks / 2)
     return at.clocks("reference: mean wait for the sample, less half a sample", -0.5)
@@ -134,6 +134,7 @@ def budget(config, temp_degc=None, frequency_hz=None):
     f = frequency_hz or device.fx_hz
 
     at = Rows(f, clock_hz, design.master_hz)
+    fitted = "fitted: " if config.of_paper else ""  # what the default board has for the paper's phases
 
     def signal(channel, chip, frames, delay_s, words_deg):
         sine_deg, ref_deg = words_deg
@@ -146,36 +147,38 @@ def budget(config, temp_degc=None, frequency_hz=None):
             at.clocks("product and code registers", PRODUCT_AND_CODE_CLOCKS),
             at.clocks("SPI load register", 1),
             at.clocks("SPI frame to latch", spi_dac.latch_cycles(chip, tick_clocks)),
-            at.clocks(f"extra {tick_us} frames", frames * tick_clocks, "one frame in the sense path" if frames else ""),
+            at.clocks(
+                f"extra {tick_us} frames",
+                frames * tick_clocks,
+                f"{fitted}one frame in the sense path" if frames else "",
+            ),
             at.clocks(f"hold of the {grid} update, half a period", tick_clocks / 2),
-            at.delay("DAC response after its latch", delay_s, "from memory of a datasheet" if delay_s else ""),
-            *(at.pole(f"output pole {n}", tau, "typical value") for n, tau in enumerate(poles, 1)),
+            at.delay("DAC response after its latch", delay_s, "memory of a data sheet" if delay_s else ""),
+            *(at.pole(f"output pole {n}", tau, f"{fitted}typical value") for n, tau in enumerate(poles, 1)),
             at.clocks("reference: DDS output register", -dds.LATENCY),
             at.clocks("reference: sign register", -references.LATENCY),
-            at.clocks("reference: alignment registers", -align, "pipeline depth of 3 net" if align else ""),
+            at.clocks("reference: alignment registers", -align, f"{fitted}pipeline depth of 3 net" if align else ""),
             at.clocks("reference: edge quantisation, mean", -0.5),
         ]
         if firmware.reference_retimed:
             wait = f"reference: wait for the {grid} grid, mean"
-            rows.append(at.clocks(wait, -(tick_clocks + 1) / 2, "re-timed references"))
+            rows.append(at.clocks(wait, -(tick_clocks + 1) / 2, f"{fitted}re-timed references"))
         if sine_deg or ref_deg:
             rows.append(at.word("compensation words (sine, reference)", ref_deg - sine_deg))
         return rows
 
     def forward(channel):
-        tau_s = propagator.cv_chain(base, channel, temp_degc)[1]
+        tau_s, per_gbw_s = propagator.cv_chain(base, channel, temp_degc)[1], 1 / (2 * math.pi * device.opamp_gbw_hz)
         if base.ring_saturation_on:
             moves_m = held_m(config, temp_degc) if channel == "drive" else 0.0
             tau_s = ring_levels.delay_s(base, channel, temp_degc, moves_m)
         return [
-            at.pole("ring diode with its capacitors", tau_s, "capacitors chosen to fit"),
-            at.pole(
-                "instrumentation amplifier", device.ina_noise_gain / (2 * math.pi * device.opamp_gbw_hz), "gain split"
-            ),
-            at.pole("unity driver", device.driver_noise_gain / (2 * math.pi * device.opamp_gbw_hz), "gain split"),
+            at.pole("ring diode with its capacitors", tau_s, f"{fitted}capacitors"),
+            at.pole("instrumentation amplifier", device.ina_noise_gain * per_gbw_s, f"{fitted}gain split"),
+            at.pole("unity driver", device.driver_noise_gain * per_gbw_s, f"{fitted}gain split"),
         ]
 
-    switch = [_switch(firmware, device, tick_clocks, at)]
+    switch = [_switch(firmware, device, tick_clocks, at, fitted)]
     drive_words = (firmware.phase_drive_sine_deg, firmware.phase_drive_ref_deg)
     sense_words = (firmware.phase_sense_sine_deg, firmware.phase_sense_ref_deg)
     return Budget(

@@ -97,12 +97,12 @@ def budget_node(budget, node, plain_deg=None):
     note = "Entries with a text on the right are assumptions, not facts about the board."
     if beside:
         note = (
-            f"Entries with a text on the right are assumptions, not facts about the paper's board. {beside['basis']}. "
-            f"Rests on the fitted values {', '.join(beside['rests_on'])}. {FITTED}"
+            "Entries with a text on the right are fitted or assumed, not facts about the paper's board. "
+            f"{beside['basis']}. Rests on the fitted values {', '.join(beside['rests_on'])}. {FITTED}"
         )
     if node == "xe2":
         note = f"{note} {budget.ring}"
-    return Table(title, ("contribution", "clocks", "ns", "deg", "assumed"), rows, note, (1, 2, 3), sums)
+    return Table(title, ("contribution", "clocks", "ns", "deg", "fitted or assumed"), rows, note, (1, 2, 3), sums)
 
 
 def budget_tables(budget, plain=None):
