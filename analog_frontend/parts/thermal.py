@@ -20,9 +20,11 @@ Source   docs/parts/thermal.md
 
 from typing import NamedTuple
 
+import numpy as np
+
 from analog_frontend.numeric.exact import MP
 from analog_frontend.parts.device import Device, validate
-from fpga_model.jit import inlined
+from fpga_model.jit import inlined, kernel
 
 TEMP_LO_DEGC = -55.0
 TEMP_HI_DEGC = 125.0
@@ -89,6 +91,15 @@ def design(device, step_s):
 def step(p, rise_k):
     """Rise over ambient (K) one step later; starts at 0."""
     return rise_k + (p.final_k - rise_k) * p.alpha
+
+
+@kernel
+def rises(p, rise_k, steps):
+    """Rises over ambient (K), float64: now, and after each of `steps`."""
+    out = np.full(steps + 1, rise_k)
+    for n in range(steps):
+        out[n + 1] = step(p, out[n])
+    return out
 
 
 def rise_k(device, time_s):

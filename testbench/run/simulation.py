@@ -226,13 +226,12 @@ class Simulation:
         """Ambient temperatures plus the rise by self-heating, one step for each frame begun in the chunk."""
         if not self.heating.final_k:
             return temp_degc
-        warmed = np.array(temp_degc, float)
-        for n in range(len(warmed)):
-            frame_tick = (self.frame_of(self.tick) + n) * self.design.frame_ticks
-            if self.tick <= frame_tick < self.tick + ticks:
-                self.rise_k = thermal.step(self.heating, self.rise_k)
-            warmed[n] += self.rise_k
-        return warmed
+        begun = frames_begun(self.tick, ticks, self.design.frame_ticks)
+        rises = thermal.rises(self.heating, self.rise_k, begun)
+        self.rise_k = float(rises[-1])
+        # a chunk's first row is of a frame that begins with it or has begun before
+        rows = np.arange(len(temp_degc)) + (self.tick % self.design.frame_ticks == 0)
+        return temp_degc + rises[np.minimum(rows, begun)]
 
     def codes_sha256(self):
         """Hash of every DAC code of every tick and every ADC code and word of every frame; chunks do not matter.

@@ -3,6 +3,7 @@
 from decimal import Decimal, localcontext
 from fractions import Fraction
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -140,6 +141,13 @@ def test_warm_up_steps_follow_the_closed_form():
         assert abs(Decimal(rise) - exact) < Decimal(6 * 2.0**-53 * 3 * 226)
         assert abs(Decimal(thermal.rise_k(dev, 2.0 * k)) - exact) < Decimal(6 * 2.0**-53)
     assert rise == pytest.approx(6.0, rel=0.02)
+
+
+def test_many_steps_at_once_are_those_steps():
+    p, wanted = thermal.design(device.make(self_heating_k=6.0), 2.0), [0.5]
+    for _ in range(50):
+        wanted.append(thermal.step(p, wanted[-1]))
+    np.testing.assert_array_equal(thermal.rises(p, 0.5, 50), wanted)
 
 
 @pytest.mark.parametrize("step_s", [0.0, -1.0, float("nan"), 1e5])

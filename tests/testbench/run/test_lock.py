@@ -135,6 +135,20 @@ def test_self_heating_moves_the_frequency():
     assert moved_hz == pytest.approx(-27e-6 * 11002.3 * rise_k, abs=0.03)
 
 
+def test_chunks_do_not_matter_to_self_heating():
+    """Chunks that begin and end anywhere in a frame: the parts' temperature of each frame is that of one chunk."""
+    checked = configured(plant__self_heating_k=5.0, plant__warm_up_tau_s=1.0)
+    temps = []
+    for steps in ((5000,), (1, 124, 1, 374, 250, 3999, 251)):
+        sim = simulate.Simulation(checked, 25.0, 25.0)
+        for ticks in steps:
+            sim.advance(ticks, 0.0, np.linspace(25.0, 26.0, 42)[sim.tick // 125 :])
+        temps.append(sim.columns()["truth_temperature"])
+    np.testing.assert_array_equal(*temps)
+    assert len(temps[0]) == 40
+    assert np.all(np.diff(temps[0]) > 1.0 / 41 + 1e-5)
+
+
 def test_a_temperature_ramp_is_followed():
     """-0.3 Hz/K: 2 K in a second are 0.6 Hz, and the word follows."""
     checked = configured()
