@@ -24,10 +24,8 @@ TRIES = 3
 LOST_AT_ONCE = 8  # workers lost in a row, nothing finished between: something is wrong with all of them
 
 
-def serve(connection):
-    """The life of a worker."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is main's to act on
-    os.dup2(sys.stderr.fileno(), 1)  # standard output holds results
+def follow_main():
+    """End this worker when main does, however that ends."""
     main = multiprocessing.parent_process().sentinel
 
     def leave():
@@ -35,6 +33,13 @@ def serve(connection):
         os._exit(1)
 
     threading.Thread(target=leave, daemon=True).start()
+
+
+def serve(connection):
+    """The life of a worker."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is main's to act on
+    os.dup2(sys.stderr.fileno(), 1)  # standard output holds results
+    follow_main()
     with contextlib.suppress(EOFError, OSError):
         while True:
             connection.send(work.run_batch(*connection.recv()))

@@ -294,11 +294,24 @@ def _image(data, alt):
     return f'<img alt="{alt}" src="data:image/png;base64,{base64.b64encode(data).decode()}">'
 
 
-def picture_html(picture, caption):
-    """<figure> of a Figure or of a PNG file."""
+def picture_html(picture, caption, links=()):
+    """<figure> of a Figure or of a PNG file; `links` to files, (text, address), stand below the caption."""
     text = html.escape(caption)
     image = png(picture, text) if isinstance(picture, Figure) else _image(Path(picture).read_bytes(), text)
-    return f"<figure>{image}<figcaption>{text}</figcaption></figure>"
+    files = " ".join(f'<a href="{html.escape(address)}">{html.escape(name)}</a>' for name, address in links)
+    below = f'<p class="note">{files}</p>' if files else ""
+    return f"<figure>{image}<figcaption>{text}</figcaption>{below}</figure>"
+
+
+def tables_html(tables):
+    """Parts of a page: each table with its title."""
+    return [part for table in tables for part in (f"<h2>{html.escape(table.title)}</h2>", _table_html(table))]
+
+
+def head_html(title, notes=()):
+    """Parts of a page: title, version, notes as a list."""
+    said = "".join(f"<li>{html.escape(note)}</li>" for note in notes)
+    return [f"<h1>{html.escape(title)}</h1>", f'<p class="note">ftr-gyro {VERSION}</p>', said and f"<ul>{said}</ul>"]
 
 
 def page_html(title, parts):
@@ -324,11 +337,7 @@ def write_html(path, title, tables=(), pictures=(), notes=(), details=()):
     notes     sentences, printed above everything
     details   (head, text) shown folded, such as the configuration
     """
-    parts = [f"<h1>{html.escape(title)}</h1>", f'<p class="note">ftr-gyro {VERSION}</p>']
-    if notes:
-        parts.append("<ul>" + "".join(f"<li>{html.escape(note)}</li>" for note in notes) + "</ul>")
-    for table in tables:
-        parts += [f"<h2>{html.escape(table.title)}</h2>", _table_html(table)]
+    parts = [*head_html(title, notes), *tables_html(tables)]
     if pictures:
         parts.append("<h2>Pictures</h2>")
     parts += [picture_html(picture, caption) for caption, picture in pictures]

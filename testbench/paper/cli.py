@@ -46,10 +46,10 @@ def calibrate(
     if as_json:
         print_json({"boards": results, "summary": summary, "seed": seed, "files": [str(p) for p in paths]})
         return
-    from testbench.paper import page
+    from testbench.paper import page_tables
 
-    tables = [page.calibration_table(results[0]), page.cases_table(results[0])] if boards == 1 else []
-    print_tables([*tables, page.boards_table(results)])
+    tables = [page_tables.calibration_table(results[0]), page_tables.cases_table(results[0])] if boards == 1 else []
+    print_tables([*tables, page_tables.boards_table(results)])
     print_list("Written:", [str(p) for p in paths])
 
 
@@ -73,9 +73,9 @@ def characterise(
         print_json(found)
         return
     from testbench.console.table import Table
-    from testbench.paper import judge_table, page
+    from testbench.paper import judge_table, page_tables
 
-    rows = [(head, judge_table.text_of(found.get(name), digits)) for name, head, digits in page.POINT_COLUMNS]
+    rows = [(head, judge_table.text_of(found.get(name), digits)) for name, head, digits in page_tables.POINT_COLUMNS]
     print_tables([Table(f"At {temperature_degc:g} degC", ("quantity", "value"), rows)])
 
 
@@ -113,9 +113,10 @@ def paper(o):
         size = size._replace(**{k: v for k, v in given.items() if v is not None})
         job = study.Study(checked, o.out, size, workers=o.workers, progress=progress)
         with job.alone():
+            job.run()
             path, verdicts = page.write(job)
     if o.as_json:
-        print_json({"page": str(path), "verdicts": verdicts, "seconds": job.seconds})
+        print_json({"page": str(path), "verdicts": verdicts, "seconds": job.stages.seconds})
         return
     print_list("", [f"{k}: {v} numbers" for k, v in verdicts.items()])
     print_list("Written:", [str(path)])

@@ -15,9 +15,8 @@ from testbench import config as configuration
 from testbench.engines import chips
 from testbench.judge.judge import TEMPERATURES, Model
 from testbench.judge.verdict import Value
-from testbench.paper import figures
 from testbench.paper.calibration.calibrations import NODES, REGISTER, case_config
-from testbench.paper.loop import advisor, derived, parts
+from testbench.paper.loop import advisor, derived, parts, sense_grid
 from testbench.paper.loop import loop as loops
 from testbench.paper.measure import measure_scale, record_phases
 from testbench.run.budget import budget
@@ -82,7 +81,7 @@ def settings(config):
 
 def loop_change(config):
     """{"bandwidth" (Hz), "phase" (deg at 10 Hz): Value}: largest change of the linear loop over both sense phases."""
-    rows = figures.sense_grid(config)
+    rows = sense_grid.sense_grid(config)
     return {name: Value(max(values) - min(values))
             for name, values in (("bandwidth", [r[2] for r in rows]), ("phase", [r[3] for r in rows]))}  # fmt: skip
 

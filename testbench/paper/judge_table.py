@@ -11,7 +11,7 @@ from testbench.judge import numbers
 from testbench.judge.judge import NAME_OF
 from testbench.judge.verdict import VERDICTS, K
 
-MEANS = ("SF", "Vq", "bias", "ARW", "SF nonlinearity")
+MEANS = ("SF", "Vq", "bias", "ARW", "BI", "SF nonlinearity")
 HEADS = ("quantity", "case", "degC", "unit", "paper", "sigma", "model", "sigma", "pull", "role", "verdict", "notes")
 NOTE = (
     f"One rule for all rows. Met is a difference of at most {K:g} combined standard uncertainties; of a bound only the "
@@ -27,28 +27,28 @@ def text_of(value, digits=5):
 
 
 def paper_means():
-    """{quantity: {temperature: value}} of the paper's cases 1 to 3."""
+    """{quantity: {temperature: (value, sigma)}} of the paper's cases 1 to 3."""
     rows = numbers.numbers()
     found = {NAME_OF[s]: [n for n in rows if n.symbol == s and n.case == numbers.MEAN] for s in MEANS}
-    return {name: {n.temp_degc: n.values[0] for n in mine} for name, mine in found.items()}
+    return {name: {n.temp_degc: (n.values[0], n.sigma) for n in mine} for name, mine in found.items()}
 
 
-def _short(text):
+def short(text):
     """A text without the brackets at its end."""
     return re.sub(r"\s*\([^)]*\)$", "", text)
 
 
 def _cells(row, notes):
     n, part = row.number, row.part
-    unit = _short(n.unit).replace("dimensionless", "1").replace("not stated", "")
-    name = _short(n.quantity.replace(", mean over cases 1-3", ""))
-    paper = n.text if len(n.text) < 12 else _short(n.text)
+    unit = short(n.unit).replace("dimensionless", "1").replace("not stated", "")
+    name = short(n.quantity.replace(", mean over cases 1-3", ""))
+    paper = n.text if len(n.text) < 12 else short(n.text)
     model = part.model if part else None
     pull = part.pull if part and part.pull is not None else None
     return (
         name,
-        _short(n.case),
-        _short(n.temperature).split(" temp")[0],
+        short(n.case),
+        short(n.temperature).split(" temp")[0],
         unit,
         paper,
         text_of(n.sigma, 2),

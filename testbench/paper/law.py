@@ -1,8 +1,10 @@
-"""What phase errors do to the running gyroscope: scale factor over ye1, drive loop over xe1, shares of the noise.
+"""What phase errors do to the running gyroscope: scale factor over ye1 and ye2, drive loop over xe1, V_q's rail, noise.
 
     scale_law   K from rates +-100 deg/s, words chosen so that ye1 is left at each angle; K(0) cos(..) = K
-    drive_law   frequency, A_d, V_q and rate word at -30 deg/s with xe1 left at each angle (the paper's Fig. 2)
-    noise_law   angle random walk with one source on at a time, with all, and with each one off
+    sense_law   K over ye1 at three ye2 (the paper's Fig. 6a)
+    drive_law   frequency, A_d, V_q and rate word over xe1 at the rate and sense phases of the paper's Fig. 2b, c
+    rail_law    nonlinearity of cases 1 to 3 where V_q has more span
+    noise_of    angle random walk of one set: one source on at a time, all, each one off
 
 Truth phases come from `bench.Judge`.
 Source    docs/paper.md
@@ -14,29 +16,57 @@ import numpy as np
 
 from testbench import config as configuration
 from testbench.paper.calibration.bench import Bench, Judge
-from testbench.paper.loop import derived, parts, sensitivity
+from testbench.paper.calibration.calibrate import REGISTER
+from testbench.paper.loop import advisor, derived, parts, sensitivity
 from testbench.paper.loop import loop as loops
-from testbench.paper.measure import measure_allan
+from testbench.paper.measure import measure_allan, nonlinearity
 from testbench.paper.measure.characterise import engine_of
 
 SOURCES = ("thermomechanical", "cv", "dac", "adc", "flicker", "jitter")
 SCALE_YE1_DEG = (0.0, 1.5, 3.0, 4.5, 6.0, 7.5, 9.0)
+SENSE_DEG = (-9.0, -6.0, -3.0, 0.0, 3.0, 6.0, 9.0), (-6.0, 0.0, 6.0)  # ye1, ye2
 DRIVE_XE1_DEG = (-9.0, -6.0, -3.0, 0.0, 3.0, 6.0, 9.0)
+DRIVE_DPS, DRIVE_YE1_DEG, DRIVE_YE2_DEG = -30.0, -9.0, -6.0  # the paper's Fig. 2b, c
+SPAN_PART = 1.4  # of V_q, where it shall not rail at 500 deg/s
+BLOCKS = 8  # of a record, for the standard error of its mean
 NOT_RETIMED = "none, edges not re-timed"
 RATE_DPS, SETTLE_S, READ_S = 100.0, 3.0, 6.0
+
+
+def _block_means(rows, name):
+    """Hann-weighted means of `BLOCKS` parts of a record: lines that ring beside the mean do not enter."""
+    x = rows[name]
+    x = x[: len(x) // BLOCKS * BLOCKS].reshape(BLOCKS, -1)
+    weights = np.sin(np.pi * (np.arange(x.shape[1]) + 0.5) / x.shape[1]) ** 2
+    return x @ weights / weights.sum()
+
+
+def _sigma(rows, name):
+    """Standard error of the mean of a column, from the scatter of its parts."""
+    return float(np.std(_block_means(rows, name), ddof=1) / math.sqrt(BLOCKS))
 
 
 def _scale(config):
     bench = Bench(config, RATE_DPS, 25.0, engine_of(config))
     bench.wait(SETTLE_S)
-    plus = bench.record(READ_S).hann("rate_word")
+    plus = bench.record(READ_S)
     bench.rate_dps = -RATE_DPS
     bench.wait(SETTLE_S)
-    minus = bench.record(READ_S).hann("rate_word")
+    minus = bench.record(READ_S)
     deg = Judge(bench).residuals().deg
     angle = math.radians(deg["ye1"] + deg["xe2"])
-    return {"lsb_per_dps": (plus - minus) / (2 * RATE_DPS), "deg": deg, "inverse_cosine": 1 / math.cos(angle),
+    k = (plus.hann("rate_word") - minus.hann("rate_word")) / (2 * RATE_DPS)
+    sigma = math.hypot(_sigma(plus, "rate_word"), _sigma(minus, "rate_word")) / (2 * RATE_DPS)
+    return {"lsb_per_dps": k, "sigma_lsb_per_dps": sigma, "deg": deg, "inverse_cosine": 1 / math.cos(angle),
             "inverse_cosine_ye1": 1 / math.cos(math.radians(deg["ye1"]))}  # fmt: skip
+
+
+def left(base, words, **deg):
+    """Configuration with the words of a case, turned so that these residual phases (deg) are left where it leaves 0."""
+    turned = dict(words)
+    for node, angle in deg.items():
+        turned[REGISTER[node]] += -angle if node.endswith("1") else angle
+    return configuration.changed(base, {f"firmware.{n}_deg": v for n, v in turned.items()})
 
 
 def scale_law(base, cases_deg, angles_deg=SCALE_YE1_DEG):
@@ -45,13 +75,12 @@ def scale_law(base, cases_deg, angles_deg=SCALE_YE1_DEG):
     `law` = 1/cos(ye1 + xe2') and `eq12` = 1/cos(ye1) are relative to the same case; difference in ppm.
     """
     last = cases_deg["5"]
-    sets = [(f"case {k}", values) for k, values in cases_deg.items()]
-    sets += [(f"ye1 {a:g}", last | {"phase_sense_sine": last["phase_sense_sine"] - a}) for a in angles_deg]
-    configs = [configuration.changed(base, {f"firmware.{n}_deg": v for n, v in s.items()}) for _, s in sets]
-    found = [_scale(config) for config in configs]
-    unit = found[[name for name, _ in sets].index("case 5")]
+    sets = {f"case {k}": left(base, words) for k, words in cases_deg.items()}
+    sets |= {f"ye1 {a:g}": left(base, last, ye1=a) for a in angles_deg}
+    found = {name: _scale(config) for name, config in sets.items()}
+    unit = found["case 5"]
     rows = []
-    for (name, _), item in zip(sets, found):
+    for name, item in found.items():
         ratio = item["lsb_per_dps"] / unit["lsb_per_dps"]
         law = item["inverse_cosine"] / unit["inverse_cosine"]
         eq12 = item["inverse_cosine_ye1"] / unit["inverse_cosine_ye1"]
@@ -67,31 +96,45 @@ def scale_law(base, cases_deg, angles_deg=SCALE_YE1_DEG):
     return rows
 
 
+def sense_law(base, cases_deg, angles_deg=SENSE_DEG):
+    """Rows of K with ye1 and ye2 of case 5 left at each pair of angles: the paper's Fig. 6a."""
+    last = cases_deg["5"]
+    return [_scale(left(base, last, ye1=a, ye2=b)) | {"ye1": a, "ye2": b} for b in angles_deg[1] for a in angles_deg[0]]
+
+
 def _drive(config):
-    bench = Bench(config, -30.0, 25.0, engine_of(config))
+    bench = Bench(config, DRIVE_DPS, 25.0, engine_of(config))
     bench.wait(4.0)
     rows = bench.record(4.0)
-    deg = Judge(bench).residuals().deg
+    code, lsb_v = rows.mean("quadrature_code"), bench.quadrature_v(0.5) - bench.quadrature_v(-0.5)
     return {
-        "deg": deg,
+        "deg": Judge(bench).residuals().deg,
         "frequency_hz": rows.mean("frequency_word") * bench.lsb_hz,
         "drive_v": bench.drive_v(rows.mean("amplitude_word")),
-        "quadrature_v": bench.quadrature_v(rows.mean("quadrature_code")),
+        "quadrature_v": bench.quadrature_v(code),
         "rate_word": rows.hann("rate_word"),
+        "sigma": {
+            "frequency_hz": _sigma(rows, "frequency_word") * bench.lsb_hz,
+            "drive_v": bench.drive_v(_sigma(rows, "amplitude_word")),
+            "quadrature_v": _sigma(rows, "quadrature_code") * lsb_v,
+            "rate_word": _sigma(rows, "rate_word"),
+        },
     }
 
 
 def drive_law(base, cases_deg, angles_deg=DRIVE_XE1_DEG):
-    """Rows over xe1, with the sense phases of the paper's simulation left as they are without compensation."""
-    free = cases_deg["3"]
-    configs = [
-        configuration.changed(
-            base,
-            {f"firmware.{n}_deg": v for n, v in (free | {"phase_drive_sine": free["phase_drive_sine"] - a}).items()},
-        )
-        for a in angles_deg
-    ]
-    return [_drive(config) for config in configs]
+    """Rows over xe1, xe2 compensated, with the rate and the sense phases of the paper's simulation."""
+    sense = {"ye1": DRIVE_YE1_DEG, "ye2": DRIVE_YE2_DEG}
+    return [_drive(left(base, cases_deg["5"], xe1=a, **sense)) for a in angles_deg]
+
+
+def rail_law(base, cases_deg):
+    """{case: `nonlinearity.read` of its 22 rates} of cases 1 to 3 at 25 degC with `SPAN_PART` of V_q's span."""
+    more = {"nominal.quad_dac_span_v": SPAN_PART * base.nominal.quad_dac_span_v,
+            "plant.quad_dac_span_v": SPAN_PART * base.plant.quad_dac_span_v,
+            "firmware.quadrature_ceiling_v": SPAN_PART * base.firmware.quadrature_ceiling_v}  # fmt: skip
+    wide = configuration.changed(base, more)
+    return {case: nonlinearity.read(left(wide, cases_deg[case])) for case in ("1", "2", "3")}
 
 
 def derived_noise(config):
@@ -132,10 +175,11 @@ NOISE_SETS = {
 }
 
 
-def noise_law(base, cases_deg, seconds, lsb_per_dps):
-    """{"all": .., "none": .., "only cv": .., "without cv": ..} of case 5; `seconds` of record by name of a set."""
-    config = configuration.changed(base, {f"firmware.{n}_deg": v for n, v in cases_deg["5"].items()})
-    return {
-        name: _quiet_allan(configuration.changed(config, NOISE_SETS[name]), length, lsb_per_dps)
-        for name, length in seconds.items()
-    }
+def noise_of(base, cases_deg, name, seconds):
+    """{"arw_deg_per_rt_h", "instability_deg_per_h"} of case 5 with a set of `NOISE_SETS`, `seconds` of record.
+
+    The scale factor is that of the linear loop.
+    """
+    config = left(base, cases_deg["5"])
+    unit = advisor.rest_gain(loops.close(parts.parts(config))) * loops.DEG
+    return _quiet_allan(configuration.changed(config, NOISE_SETS[name]), seconds, unit)

@@ -1,281 +1,175 @@
-"""`gyro report paper`: one HTML page, every figure of the paper redrawn, every printed number beside the model's.
+"""`gyro report paper`: one HTML page: figures first, then tables; each figure as files beside it.
+
+    opening   waterfall of the phase budget, the cases beside the paper, what is predicted
+    figures   the paper's, redrawn from what its text says of them, and what the project adds
+    tables    the judge's rows, calibration, points, laws, noise, temperature
 
 Source    docs/paper.md
 """
 
-import math
 from pathlib import Path
 
-import numpy as np
-
-from testbench.console.report import write_html
-from testbench.console.table import Table
-from testbench.judge import judge
-from testbench.paper import figures, law, simulated, temperature
+from testbench.console import figure_files, report
+from testbench.console.figure_files import Picture
+from testbench.judge import judge, numbers
+from testbench.paper import closed_form, judge_table, law, page_tables, simulated, temperature
 from testbench.paper.calibration import calibrations
 from testbench.paper.calibration.calibrate import NODES
-from testbench.paper.judge_table import counts, paper_means, sentence, text_of
-from testbench.paper.judge_table import tables as judged
-from testbench.paper.loop import equations, loop_page, loop_pictures
-from testbench.paper.loop import loop as loops
-from testbench.paper.loop import parts as loop_parts
-from testbench.paper.measure import record_phases
+from testbench.paper.loop import loop_page, loop_pictures
+from testbench.paper.measure import measure_scale, nonlinearity
+from testbench.paper.pictures import boards, drive, opening, performance, sense
+from testbench.run.budget import budget
+from testbench.storage.files import write_text
 
-
-def calibration_table(one):
-    rows = []
-    for node in NODES:
-        rows.append(
-            (
-                node,
-                f"{one['found_deg'][node]:.5f}",
-                f"{one['found_uncertainty_deg'][node]:.5f}",
-                f"{one['second_pass_deg'][node]:+.5f}",
-                f"{one['residual_deg'][node]:+.5f}",
-                f"{one['uncertainty_deg'][node]:.5f}",
-            )
-        )
-    minimum = one["seen"].get("xe2_minimum")
-    note = "Truth is never shown to the procedure. Residual: loop phase that is left, counted from the undisplaced pin."
-    if minimum:
-        note += (
-            f" xe1 + xe2' by the minimum of A_d over turned references: {minimum['deg']:.4f} +- "
-            f"{minimum['uncertainty_deg']:.4f} deg; by symmetric detuning {one['found_deg']['xe2']:.4f} +- "
-            f"{one['found_uncertainty_deg']['xe2']:.4f} deg."
-        )
-    return Table(
-        "Calibration of the base board (deg)",
-        ("phase", "found", "+- (99 %)", "second pass", "residual, truth", "+- stated"),
-        rows,
-        note,
-        (1, 2, 3, 4, 5),
-    )
-
-
-def cases_table(one):
-    names = ("phase_drive_sine", "phase_drive_ref", "phase_sense_sine", "phase_sense_ref")
-    rows = [(f"case {k}", *(f"{v[n]:.5f}" for n in names)) for k, v in sorted(one["cases_deg"].items())]
-    return Table("Register sets (deg)", ("case", *names), rows, numeric=(1, 2, 3, 4))
-
-
-def boards_table(boards):
-    s = calibrations.summary(boards)
-    rows = [
-        (node, f"{1e3 * v['largest_deg']:.2f}", f"{v['covered']}/{s['boards']}", f"{v['unchanged']}/{s['boards']}")
-        for node, v in s["phases"].items()
-    ]
-    return Table(
-        f"{s['boards']} random boards",
-        ("phase", "largest residual (mdeg)", "truth within the stated uncertainty", "second pass within it"),
-        rows,
-        f"All four phases within theirs at once: {s['covered_all_four']} of {s['boards']} boards.",
-        (1, 2, 3),
-    )
-
-
-def _noise_table(noise, derived):
-    def of(label, name, digits):
-        return text_of(noise.get(label, {}).get(name), digits)
-
-    arw, floor = "arw_deg_per_rt_h", "instability_deg_per_h"
-    rows = []
-    for source, want in derived.items():
-        alone, off = (source, "") if source in noise else (f"only {source}", f"without {source}")
-        rows.append((source, *(of(x, arw, 4) for x in (alone, off)), text_of(want.get(arw), 4),
-                     *(of(x, floor, 3) for x in (alone, off)), text_of(want.get(floor), 3)))  # fmt: skip
-    return Table(
-        "Noise of case 5: each source alone, and without it",
-        ("source", "ARW, alone (deg/sqrt(h))", "without it", "derived", "bias instability, alone (deg/h)", "without it",
-         "derived"),
-        rows,
-        "Alone and without: fits to the Allan deviation of simulated records. Derived: by the linear loop from the "
-        "parts' densities, with the rounding of the converters. 0: the fit found none. Without any source is left "
-        "the beat of re-timed reference edges with their 1 MHz grid, of which the linear loop knows nothing.",
-        (1, 2, 3, 4, 5, 6),
-    )  # fmt: skip
-
-
-def _law_table(rows):
-    return Table(
-        "Scale factor against the two laws",
-        ("set", "ye1 left (deg)", "xe2' left (deg)", "K (LSB per deg/s)", "K / case 5", "less 1/cos(ye1 + xe2') (ppm)",
-         "less eq (12), 1/cos(ye1) (ppm)"),
-        [
-            (r["name"], f"{r['deg']['ye1']:.4f}", f"{r['deg']['xe2']:.4f}", f"{r['lsb_per_dps']:.3f}",
-             f"{r['ratio']:.6f}", f"{r['law_ppm']:+.1f}", f"{r['eq12_ppm']:+.1f}")
-            for r in rows
-        ],
-        numeric=(1, 2, 3, 4, 5, 6),
-    )  # fmt: skip
-
-
-POINT_COLUMNS = (
-    ("scale_lsb_per_dps", "K (LSB per deg/s)", 6),
-    ("nonlinearity_ppm", "nonlin. (ppm)", 4),
-    ("asymmetry_ppm", "asym. (ppm)", 4),
-    ("quadrature_v", "V_q (V)", 5),
-    ("bias_dps", "bias (deg/s)", 4),
-    ("bandwidth_hz", "BW (Hz)", 4),
-    ("bandwidth_swept_hz", "BW swept (Hz)", 4),
-    ("arw_deg_per_rt_h", "ARW (deg/sqrt(h))", 4),
-    ("instability_deg_per_h", "BI fit (deg/h)", 3),
-    ("floor_deg_per_h", "floor (deg/h)", 3),
-    ("floor_low_deg_per_h", "low", 3),
-    ("floor_high_deg_per_h", "high", 3),
-    ("frequency_hz", "f_d (Hz)", 9),
-    ("drive_v", "A_d (V)", 5),
+FOLDER = "figures"  # beside the page
+DRIVE = (
+    "What to see: compensating the drive phases (1 to 2, 2 to 3) moves the scale factor by a quarter percent at "
+    "most. The "
+    "model's scale factor falls with temperature by the diodes' threshold, which the paper's board compensates."
+)
+SENSE = (
+    "What to see: compensating ye1 (3 to 4) lowers the scale factor by 1/cos, raises the bandwidth by half a "
+    "hertz and takes "
+    "the nonlinearity away; ye2 (4 to 5) moves the zero-rate output a little and nothing else."
+)
+BESIDE = (
+    "What to see: marks are the model's, with one sigma; crosses are what the paper prints for the mean of cases "
+    "1 to 3. "
+    "Which of these values were put in or fitted, and which are predicted, is in the first table."
+)
+INFLUENCE = (
+    "What to see: which latency, pole, word or gain moves which observable, by the linear loops; the strongest "
+    "are in the "
+    "table below."
 )
 
 
-def _points_table(points):
-    rows = [
-        (f"case {case}, {temp:g} degC", *(text_of(p.get(name), digits) for name, _, digits in POINT_COLUMNS))
-        for (case, temp), p in points.items()
-    ]
-    return Table(
-        "Five cases at three temperatures",
-        ("point", *(head for _, head, _ in POINT_COLUMNS)),
-        rows,
-        "floor: least overlapping Allan deviation with its 68 % limits; BI fit: 0.664 B of the fitted flicker.",
-        tuple(range(1, len(POINT_COLUMNS) + 1)),
-    )
+def printed_phases():
+    """{node: (deg, sigma)} of the four uncompensated phases that the paper prints."""
+    found = [n for n in numbers.numbers() if n.symbol[4:] in NODES and len(n.values) == 1 and n.values[0] > 0.1]
+    return {n.symbol[4:]: (n.values[0], n.sigma) for n in found}
 
 
-STEPS = (("1", "2", "xe1"), ("2", "3", "xe2"), ("3", "4", "ye1"), ("4", "5", "ye2"))
-
-
-def sensitivity_rows(points):
-    """The paper's Table 5: |after - before| / |before| of each quantity at each compensation."""
-    symbols, model = ("SF", "bias", "Vq", "ARW", "BW"), judge.Model("simulation", points=simulated.points(points))
-    rows = []
-    for before, after, node in STEPS:
-        for temp in sorted({t for _, t in points}):
-            if (before, temp) in points and (after, temp) in points:
-                changes = [judge.change(model, symbol, (before, after), temp) for symbol in symbols]
-                cells = (text_of(c and c.value, 3) for c in changes)
-                rows.append((f"{node}: case {before} to {after}", f"{temp:g}", *cells))
-    return rows
-
-
-def response_difference(points, configs):
-    """{case: (dB, deg)}: largest difference of the measured response from the linear loop up to 60 Hz, at 25 degC."""
+def explained(config, points, calibration):
+    """{(case, temperature): (`nonlinearity.Explained`, sigma)} of cases 1 to 3."""
+    ceiling_v = config.firmware.quadrature_ceiling_v
     out = {}
-    for case, config in configs.items():
-        point = points.get((case, 25.0))
-        if not point:
-            continue
-        f = np.array(point["response_hz"])
-        closed = loops.close(loop_parts.parts(config))
-        h = loops.response(closed, f) / loops.response(closed, np.array([1e-3]))[0].real
-        use = f <= 60.0
-        gain = np.abs(np.array(point["response_db"]) - 20 * np.log10(np.abs(h)))[use]
-        turn = np.array(point["response_deg"]) - np.degrees(np.unwrap(np.angle(h)))
-        out[case] = float(gain.max()), float(np.abs((turn[use] + 180.0) % 360.0 - 180.0).max())
-    return out
+    for (case, temp), p in points.items():
+        if case in ("1", "2", "3"):
+            words = calibration["cases_deg"][case]
+            left = simulated.left_deg(config, calibration, words, temp)
+            rates = measure_scale.RATES_DPS
+            found = nonlinearity.explained(rates, p["scale_words"], p["quadrature_v_of_rate"], ceiling_v, left)
+            out[case, temp] = found, p.get("nonlinearity_sigma_ppm") or 0.0
+    return dict(sorted(out.items()))
 
 
-def _response_table(found):
-    return Table(
-        "Response of the simulated gyroscope less the linear loop, 0.5 to 60 Hz",
-        ("case", "largest (dB)", "largest (deg)"),
-        [(case, f"{db:.4f}", f"{deg:.3f}") for case, (db, deg) in found.items()],
-        numeric=(1, 2),
-    )
+def predicted(rows):
+    """What is predicted, in one sentence."""
+    names = dict.fromkeys(judge_table.short(row.number.quantity) for row in rows if row.verdict == "predicted")
+    said = "; ".join(names) if names else "nothing"
+    return f"Predicted, that is neither put in nor fitted, and met: {said}."
 
 
-def _temperature_table(config):
-    held = temperature.holds(config)
-    grid = temperature.phases(config, (-20.0, 25.0, 50.0))
-    rows = [
-        (node, *(f"{v:.4f}" for v in grid[node]), *("beyond 80" if math.isinf(k) else f"{k:g}" for k in held[node]))
-        for node in NODES
-    ]
-    band = min(k for limits in held.values() for k in limits)
-    after = temperature.rise_after_s(record_phases.SELF_HEATING_K, config.plant.warm_up_tau_s, band)
-    return Table(
-        "Phases over temperature, and how far a calibration holds",
-        ("phase", "-20 degC (deg)", "25 degC (deg)", "50 degC (deg)", "12 mdeg below 25 degC after (K)", "above (K)"),
-        rows,
-        f"The first phase leaves the paper's level after {band:g} K. With {record_phases.SELF_HEATING_K:g} K of "
-        f"self-heating (assumed) a calibration made warm holds from {after:.0f} s after power-on.",
-        (1, 2, 3, 4, 5),
-    )
+def _of_cases(points, names, *rest):
+    return opening.cases(points, [c for c in names if any(k[0] == c for k in points)], *rest)
 
 
-def _misprint_table(config):
-    device = config.device()
-    y = equations.Mode(device.mass_kg, 2 * math.pi * device.fy_hz, device.qy)
-    drive, ye1_rad = 2 * math.pi * device.fx_hz, math.radians(8.8814)
-    return loop_page.misprint_table(y, drive, device.coriolis_mass_kg, ye1_rad)
+def pictures(study, parts):
+    """Yield each `Picture` in the order of the page."""
+    config, last, points, laws, records = study.config, parts["last"], parts["points"], parts["laws"], parts["records"]
+    means, three = judge_table.paper_means() if config.of_paper else {}, ("1", "2", "3")
+    phases = printed_phases() if config.of_paper else {}
+    yield opening.waterfall(budget(closed_form.bare(config), 25.0), phases)
+    title = "Five cases beside the paper"
+    yield _of_cases(points, ("1", "2", "3", "4", "5"), means, title, BESIDE, "cases_beside_the_paper")
+    yield drive.drive_errors(laws["drive"], config)
+    if records:
+        yield drive.phase_record(records, ("xe1", "xe2"), 3)
+    yield _of_cases(points, three, means, "Fig. 4  Cases 1 to 3 over temperature", DRIVE, "fig_4_cases_1_to_3")
+    yield sense.transfer_functions(last)
+    yield sense.scale_over_phases(laws["sense"])
+    yield sense.sense_errors(last)
+    if records:
+        yield drive.phase_record(records, ("ye1", "ye2"), 7)
+    yield _of_cases(points, ("3", "4", "5"), {}, "Fig. 8  Cases 3 to 5 over temperature", SENSE, "fig_8_cases_3_to_5")
+    yield sense.response(points, last)
+    yield performance.scale_residuals(points, measure_scale.RATES_DPS)
+    if parts["explained"]:
+        yield performance.nonlinearity(parts["explained"], parts["wide"], means.get("nonlinearity_ppm", {}))
+    if any(p.get("tau_s") for p in points.values()):
+        yield performance.allan(points, means)
+    if "noise" in laws:
+        yield boards.noise_shares(laws["noise"], study.noise_lengths_s())
+    if parts["boards"]:
+        yield boards.residuals(parts["boards"])
+    grid = temperature.GRID_DEGC
+    yield boards.over_temperature(grid, temperature.phases(config, grid), temperature.phases(config, (25.0,)))
+    yield Picture("influence", INFLUENCE, loop_pictures.influence(parts["influence"]))
+
+
+def tables(study, parts, compared):
+    """[`Table`, ...] in the order of the page."""
+    config, one, points, laws = study.config, parts["calibration"], parts["points"], parts["laws"]
+    out = [*judge_table.tables(compared), page_tables.calibration_table(one), page_tables.cases_table(one)]
+    if parts["boards"]:
+        out.append(page_tables.boards_table(parts["boards"]))
+    out += [page_tables.points_table(points), page_tables.law_table(laws["scale"])]
+    if parts["explained"]:
+        out.append(page_tables.rail_table(parts["explained"], parts["wide"]))
+    if "noise" in laws:
+        out.append(page_tables.noise_table(laws["noise"], law.derived_noise(parts["last"])))
+    out += [t for t in (page_tables.changes_table(points),) if t]
+    configs = {
+        case: calibrations.case_config(config, one["cases_deg"][case]) for case in sorted({c for c, _ in points})
+    }
+    out.append(page_tables.response_table(page_tables.response_difference(points, configs)))
+    out.append(page_tables.temperature_table(config))
+    return [*out, *loop_page.sensitivity_tables(parts["influence"]), page_tables.misprint_table(config)]
+
+
+def parts_of(study):
+    """{name: what a stage of a `study.Study` has found, or what follows from it}."""
+    one, points, laws = study.calibration(), study.points(), study.laws()
+    last = calibrations.case_config(study.config, one["cases_deg"]["5"])
+    return {
+        "calibration": one,
+        "points": points,
+        "laws": laws,
+        "last": last,
+        "boards": study.boards(),
+        "records": study.record(),
+        "influence": study.influence(last),
+        "explained": explained(study.config, points, one),
+        "wide": {case: rows["nonlinearity_ppm"] for case, rows in laws["rail"].items()},
+    }
 
 
 def write(study, path=None):
-    """Write the page of a `study.Study`; returns (path, verdicts)."""
-    one, boards, points, laws = study.calibration(), study.boards(), study.points(), study.laws()
-    records = study.record()
-    config = study.config
-    compared = judge.rows(simulated.model(config, one, points, records))
-    last = calibrations.case_config(config, one["cases_deg"]["5"])
-    tables = [*judged(compared), calibration_table(one), cases_table(one)]
-    if boards:
-        tables.append(boards_table(boards))
-    tables += [_points_table(points), _law_table(laws["scale"])]
-    if "noise" in laws:
-        tables.append(_noise_table(laws["noise"], law.derived_noise(last)))
-    changes = sensitivity_rows(points)
-    if changes:
-        tables.append(
-            Table(
-                "The paper's Table 5 from the model: relative change at each compensation",
-                ("compensation", "degC", "scale factor", "bias", "V_q", "ARW", "bandwidth"),
-                changes,
-                "|after - before| / |before|. ARW and bandwidth differ within their own uncertainty.",
-                (1, 2, 3, 4, 5, 6),
-            )
-        )
-    configs = {case: calibrations.case_config(config, one["cases_deg"][case]) for case in {c for c, _ in points}}
-    tables += [_response_table(response_difference(points, dict(sorted(configs.items()))))]
-    influence = study.influence(last)
-    tables += [_temperature_table(config), *loop_page.sensitivity_tables(influence), _misprint_table(config)]
-    pictures = [figures.drive_errors(laws["drive"], config)]
-    if records:
-        pictures.append(figures.phase_record(records, ("xe1", "xe2"), 3))
-    pictures.append(
-        figures.cases_over_temperature(
-            points, [c for c in ("1", "2", "3") if any(k[0] == c for k in points)], 4, paper_means()
-        )
-    )
-    pictures += [figures.transfer_functions(last), figures.sense_errors(last, laws["scale"])]
-    if records:
-        pictures.append(figures.phase_record(records, ("ye1", "ye2"), 7))
-    pictures.append(
-        figures.cases_over_temperature(points, [c for c in ("3", "4", "5") if any(k[0] == c for k in points)], 8, {})
-    )
-    pictures += [figures.response(points, last), figures.scale_residuals(points)]
-    if any(p.get("tau_s") for p in points.values()):
-        pictures.append(figures.allan(points, 25.0))
-    if "noise" in laws:
-        pictures.append(figures.noise_shares(laws["noise"]))
-    if boards:
-        pictures.append(figures.residuals_of_boards(boards))
-    pictures.append(figures.over_temperature(config))
-    pictures.append(
-        (
-            "What to see: which latency, pole, word or gain moves which observable, by the linear loops; the "
-            "strongest are in the table above.",
-            loop_pictures.influence(influence),
-        )
-    )
+    """Write the page of a `study.Study` and its figures; returns (path, verdicts)."""
+    parts = parts_of(study)
+    compared = judge.rows(simulated.model(study.config, parts["calibration"], parts["points"], parts["records"]))
     notes = [
+        predicted(compared),
+        judge_table.sentence(compared),
         "The paper: Phase error analysis for MEMS gyroscopes operational modes based on force-to-rebalance rate "
         "measurement mode, doi:10.1038/s41378-025-01144-6. Its tables, pictures and raw data are not available: "
         "figures are redrawn from what its text says of them.",
-        sentence(compared),
         "Assumed about the paper's firmware: references leave on the 1 MHz grid, one extra frame in the sense path. "
         "Default latencies are the best fit of a search over assumed pipelines: they were chosen with the paper's "
         "phases in view.",
-        "Wall-clock (s): " + (", ".join(f"{k} {v:.0f}" for k, v in study.seconds.items()) or "not measured") + ".",
     ]
     path = Path(path or study.directory / "paper.html")
-    write_html(path, "The paper's experiments on the virtual gyroscope", tables, pictures, notes)
-    return path, counts(compared)
+    shown = []
+    for picture in pictures(study, parts):
+        files = figure_files.write(picture, path.parent / FOLDER)
+        links = [(kind.upper(), f"{FOLDER}/{file.name}") for kind, file in files.items()]
+        shown.append(report.picture_html(files["png"], picture.caption, links))
+    head = report.head_html("The paper's experiments on the virtual gyroscope", notes)
+    write_text(
+        path,
+        report.page_html(
+            "The paper's experiments", [*head, *shown, *report.tables_html(tables(study, parts, compared))]
+        ),
+    )
+    return path, judge_table.counts(compared)

@@ -8,10 +8,13 @@
 Source    docs/paper.md
 """
 
+import math
+
+from analog_frontend.parts import thermal
 from testbench.judge.judge import NAME_OF, Model
 from testbench.judge.verdict import Value
-from testbench.paper import closed_form
-from testbench.paper.calibration.calibrate import FACTOR, NODES
+from testbench.paper import closed_form, temperature
+from testbench.paper.calibration.calibrate import FACTOR, NODES, REGISTER
 from testbench.paper.measure import record_phases
 from testbench.run.budget import budget
 
@@ -23,6 +26,25 @@ def node_deg(config, calibration):
     switch = {n: -sum(row.degrees for row in rows) for n, rows in budget(closed_form.bare(config)).loop_rows.items()}
     found, sigma = calibration["found_deg"], calibration["found_uncertainty_deg"]
     return {n: Value(found[n] + switch.get(n, 0.0), sigma[n] / FACTOR) for n in NODES}
+
+
+def mode_lead_deg(device):
+    """Phase (deg) by which y leads what an ideal spring would show: 2 w_d / (tau (w_d^2 - w_y^2)), tau = 2 Q / w_y."""
+    drive, sense = 2 * math.pi * device.fx_hz, 2 * math.pi * device.fy_hz
+    return math.degrees(drive * sense / (device.qy * (drive**2 - sense**2)))
+
+
+def left_deg(config, calibration, words, temp_degc):
+    """{"xe2", "ye1", "ye2": deg}: loop phases that a case's words leave at a temperature, ye2 less the mode's lead.
+
+    They are those that were found at 25 degC with the words of case 1, and drift by the parts' laws.
+    """
+    found, begin = calibration["found_deg"], calibration["cases_deg"]["1"]
+    drift = {n: there - here for n, (here, there) in temperature.phases(config, (25.0, temp_degc)).items()}
+    moved = {n: words[REGISTER[n]] - begin[REGISTER[n]] for n in NODES}
+    left = {n: found[n] + drift[n] + (moved[n] if n.endswith("2") else -moved[n]) for n in ("xe2", "ye1", "ye2")}
+    lead_deg = mode_lead_deg(thermal.at_temperature(config.device(), temp_degc))
+    return left | {"ye2": left["ye2"] - lead_deg}
 
 
 def _sigma(point, name):

@@ -23,22 +23,22 @@ from testbench.run import build
 
 WARM_S = 4.0
 PIECE_S = 20.0
-CURVES = ("scale_residual_ppm", "scale_words", "quadrature_v_of_rate", "tau_s", "adev_dps", "response_hz",
-          "response_db", "response_deg", "swept_hz", "swept_db", "swept_deg")  # fmt: skip
+PARTS = 5  # of a record at rest, for the scatter of its ARW
+CURVES = ("scale_residual_ppm", "scale_words", "quadrature_v_of_rate", "tau_s", "adev_dps", "adev_sigma",
+          "response_hz", "response_db", "response_deg", "swept_hz", "swept_db", "swept_deg")  # fmt: skip
 
 
 def at_rest(bench, seconds):
-    """Means of a record at rest, and its rate words averaged over 10 ms."""
-    words, sums, pieces = [], dict.fromkeys(("quadrature_code", "frequency_word", "amplitude_word"), 0.0), 0
+    """Rate words of a record at rest, averaged over 10 ms, and {column: means of its pieces}."""
+    words, means = [], {name: [] for name in ("quadrature_code", "frequency_word", "amplitude_word")}
     left = seconds
     while left > 1e-9:
         rows = bench.record(min(PIECE_S, left))
         words.append(measure_allan.averaged(rows["rate_word"].astype(float)))
-        for name in sums:
-            sums[name] += rows.mean(name)
-        pieces += 1
+        for name, values in means.items():
+            values.append(rows.mean(name))
         left -= PIECE_S
-    return np.concatenate(words), {name: value / pieces for name, value in sums.items()}
+    return np.concatenate(words), means
 
 
 def characterise(config, say=None, engine=None, rest_s=None, temp_degc=None):
@@ -67,7 +67,8 @@ def characterise(config, say=None, engine=None, rest_s=None, temp_degc=None):
     swept = measure_bandwidth.swept(bench, scale.lsb_per_dps)
     bench.settle(SETTLE_S)
     told(f"{rest_s:g} s at rest")
-    rest, means = at_rest(bench, rest_s)
+    rest, pieces = at_rest(bench, rest_s)
+    means = {name: float(np.mean(values)) for name, values in pieces.items()}
     rate = rest / scale.lsb_per_dps
     base_s = measure_allan.BASE_FRAMES * bench.frame_s
     out = {
@@ -107,8 +108,42 @@ def characterise(config, say=None, engine=None, rest_s=None, temp_degc=None):
             "floor_tau_s": allan.floor_tau_s,
             "tau_s": list(allan.tau_s),
             "adev_dps": list(allan.adev_dps),
+            "adev_sigma": list(allan.relative_sigma),
             "bias_sigma_dps": allan.adev_dps[-1],
         }
+        out |= sigmas(bench, scale, lines, rate, base_s, allan.arw_deg_per_rt_h)
+    if len(pieces["quadrature_code"]) > 1:
+        codes = pieces["quadrature_code"]
+        spread = np.std(codes, ddof=1) / math.sqrt(len(codes))
+        out["quadrature_sigma_v"] = float(bench.quadrature_v(spread) - bench.quadrature_v(0.0))
+    return out
+
+
+def sigmas(bench, scale, lines, rate_dps, base_s, arw_deg_per_rt_h):
+    """{name: one sigma} that the measured white rate noise N leaves.
+
+    reading    N sqrt(1.5/T), a Hann-weighted mean over T    slope     reading / sqrt(sum (rate - mean)^2)
+    line       N sqrt(2/T) over its amplitude, in dB         bandwidth line over the slope of the gain
+    ARW        scatter of five parts of the record
+    """
+    n_dps = arw_deg_per_rt_h / 60.0
+    rates = np.array(measure_scale.rates_dps(bench))
+    reading = n_dps * math.sqrt(1.5 / measure_scale.READ_S)
+    slope, half = (reading / math.sqrt(np.sum((x - x.mean()) ** 2)) for x in (rates, rates[rates > 0]))
+    line_db = 20 / math.log(10) * n_dps * math.sqrt(2 / (bench.slower * measure_bandwidth.LINES_S))
+    line_db /= bench.part * measure_bandwidth.LINE_DPS
+    fall_db = -float(np.interp(lines.bandwidth_hz, lines.frequency_hz, np.gradient(lines.gain_db, lines.frequency_hz)))
+    out = {
+        "scale_noise_lsb_per_dps": slope * abs(scale.lsb_per_dps),
+        "nonlinearity_sigma_ppm": reading / rates.max() * 1e6,
+        "asymmetry_sigma_ppm": half * math.sqrt(2) * 1e6,
+        "bandwidth_sigma_hz": line_db / fall_db if fall_db > 0 else math.nan,
+        "response_sigma_db": line_db,
+    }
+    parts = np.array_split(rate_dps, PARTS)
+    if len(parts[-1]) * base_s >= measure_allan.LEAST_S:
+        arw = [measure_allan.analyse(part, base_s).arw_deg_per_rt_h for part in parts]
+        out["arw_sigma_deg_per_rt_h"] = float(np.std(arw, ddof=1) / math.sqrt(PARTS))
     return out
 
 

@@ -20,6 +20,7 @@ BASE_FRAMES = 80  # 10 ms
 FIT_S = (0.3, 100.0)
 FLICKER = math.sqrt(2 * math.log(2) / math.pi)  # 0.664
 LIMIT = 0.6827
+LEAST_S = 4.0  # shortest record
 LEAST = 1e-30  # (deg/s)^2: the weights of a record that does not move at all
 
 
@@ -34,6 +35,7 @@ class Allan(NamedTuple):
     floor_low_deg_per_h: float
     floor_high_deg_per_h: float
     floor_tau_s: float
+    relative_sigma: tuple  # of each deviation
 
 
 def overlapping(rate, m):
@@ -53,8 +55,8 @@ def degrees_of_freedom(n, m):
 def analyse(rate_dps, base_s):
     """`Allan` of a record of rates (deg/s), one value per `base_s`; needs at least 4 s."""
     n = len(rate_dps)
-    if n * base_s < 4.0:
-        raise ValueError(f"Allan deviation: {n * base_s:g} s of record is below the limit 4 s")
+    if n * base_s < LEAST_S:
+        raise ValueError(f"Allan deviation: {n * base_s:g} s of record is below the limit {LEAST_S:g} s")
     longest = int(math.log2(n // 5))
     counts = sorted({round(2 ** (k / 2)) for k in range(2 * longest + 1)})
     tau = np.array(counts) * base_s
@@ -80,6 +82,7 @@ def analyse(rate_dps, base_s):
         float(dev[least]) * math.sqrt(edf[least] / low) * hour,
         float(dev[least]) * math.sqrt(edf[least] / high) * hour,
         float(tau[least]),
+        tuple(np.sqrt(0.5 / edf).tolist()),
     )
 
 

@@ -9,6 +9,8 @@ but the counter's gates, which the frame engine runs.
 Source    docs/paper.md
 """
 
+import math
+
 from testbench import config as configuration
 from testbench.paper.calibration.bench import Bench, Judge
 from testbench.paper.calibration.calibrate import NODES, chop, detune, force_interval, interval
@@ -18,8 +20,11 @@ WARM_UP_S, RECORD_S = 1800.0, 7200.0
 SELF_HEATING_K = 5.0  # A: the paper's board is warm after 1800 s
 
 
-def record(base, phases_deg, seconds=RECORD_S, warm_up_s=WARM_UP_S, readings=12, progress=None):
-    """Rows of {"time_s", node readings (deg), "truth"} of a board with these words; time counts from power-on."""
+def record(base, phases_deg, seconds=RECORD_S, warm_up_s=WARM_UP_S, readings=12):
+    """Rows of a board with these words: {"time_s", node: reading (deg), "uncertainty": of each (99 %), "truth"}.
+
+    Time counts from power-on.
+    """
     values = {f"firmware.{name}_deg": value for name, value in phases_deg.items()}
     values |= {"plant.self_heating_k": SELF_HEATING_K}
     config = configuration.changed(base, values)
@@ -27,15 +32,18 @@ def record(base, phases_deg, seconds=RECORD_S, warm_up_s=WARM_UP_S, readings=12,
     rows = []
     for k in range(readings + 1):
         until = warm_up_s + seconds * k / readings
-        if progress:
-            progress("phase record", round(bench.time_s), round(warm_up_s + seconds))
         if bench.time_s < until:
             bench.wait(until - bench.time_s)
         row = {"time_s": bench.time_s}
-        row["xe1"] = interval(bench, "drive", (0.0,)).estimate().deg
-        row["xe2"] = detune(bench, (45.0, 40.0)).estimate().deg - row["xe1"]
-        row["ye1"] = force_interval(bench, (0.0,)).estimate().deg
-        row["ye2"] = chop(bench, (0.0, 20.0))[0].estimate().deg + row["xe2"]
+        xe1 = interval(bench, "drive", (0.0,)).estimate()
+        both = detune(bench, (45.0, 40.0)).estimate()
+        ye1 = force_interval(bench, (0.0,)).estimate()
+        turned = chop(bench, (0.0, 20.0))[0].estimate()
+        row |= {"xe1": xe1.deg, "xe2": both.deg - xe1.deg, "ye1": ye1.deg, "ye2": turned.deg + both.deg - xe1.deg}
+        first, second, third = xe1.uncertainty_deg, both.uncertainty_deg, turned.uncertainty_deg
+        row["uncertainty"] = dict(
+            zip(NODES, (first, math.hypot(first, second), ye1.uncertainty_deg, math.hypot(first, second, third)))
+        )
         row["truth"] = Judge(bench).residuals().deg
         rows.append(row)
     return rows

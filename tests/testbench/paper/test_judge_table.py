@@ -95,8 +95,10 @@ def test_a_table_has_a_row_for_every_number_and_says_what_it_rests_on(rows):
 
 def test_the_means_for_the_pictures():
     means = judge_table.paper_means()
-    assert means["quadrature_v"] == {-20.0: 4.0469, 25.0: 4.5247, 50.0: 4.7182}
-    assert means["bias_dps"][50.0] == 0.4502
+    assert {t: value for t, (value, _) in means["quadrature_v"].items()} == {-20.0: 4.0469, 25.0: 4.5247, 50.0: 4.7182}
+    assert means["bias_dps"][50.0][0] == 0.4502
+    # three cases of a standard deviation of 0.0078 V
+    assert means["quadrature_v"][25.0][1] == pytest.approx(0.0078 / 3**0.5, rel=1e-4)
 
 
 def test_a_study_of_two_cases_has_no_mean():

@@ -1,6 +1,7 @@
 """The procedures on simulated boards, and the page in a browser."""
 
-import json
+import itertools
+import re
 import subprocess
 import sys
 import time
@@ -9,6 +10,8 @@ import mpmath
 import numba
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.text import Text
 
 from testbench.campaign import collect, execute
 from testbench.campaign.plan import plan
@@ -16,6 +19,7 @@ from testbench.campaign.pool import Here
 from testbench.campaign.progress import Progress
 from testbench.campaign.store import Store
 from testbench.config import changed
+from testbench.console import figure_files
 from testbench.judge import numbers
 from testbench.judge.verdict import VERDICTS
 from testbench.paper import cases, law, page, study
@@ -266,9 +270,8 @@ def test_noise_of_the_running_gyroscope():
     assert derived["flicker"]["instability_deg_per_h"] == pytest.approx(
         np.sqrt(2 * np.log(2)) * 37e-9 / 57.9e-6 * 3600, rel=0.02
     )
-    found = law.noise_law(
-        configured(), {"5": WORDS}, {"all": 100.0, "only flicker": 600.0, "none": 50.0, law.NOT_RETIMED: 50.0}, 8651.0
-    )
+    lengths_s = {"all": 100.0, "only flicker": 600.0, "none": 50.0, law.NOT_RETIMED: 50.0}
+    found = {name: law.noise_of(configured(), {"5": WORDS}, name, length_s) for name, length_s in lengths_s.items()}
     assert found["all"]["arw_deg_per_rt_h"] == pytest.approx(0.1337, rel=0.15)
     assert found["only flicker"]["instability_deg_per_h"] == pytest.approx(
         derived["flicker"]["instability_deg_per_h"], rel=0.30
@@ -326,9 +329,12 @@ def made_study(tmp_path):
                     "frequency_hz": 11002.3,
                     "drive_v": 0.1,
                     "scale_residual_ppm": (rates * 0.1).tolist(),
-                    "quadrature_v_of_rate": (4.5 + rates * 1e-3).tolist(),
+                    "scale_words": (8651.0 * rates).tolist(),
+                    "quadrature_v_of_rate": np.minimum(4.5 + rates * 3e-3, 5.5).tolist(),
+                    "nonlinearity_sigma_ppm": 5.0,
                     "tau_s": tau.tolist(),
                     "adev_dps": (0.0022 / np.sqrt(tau)).tolist(),
+                    "adev_sigma": np.geomspace(0.01, 0.3, 20).tolist(),
                     "response_hz": lines.tolist(),
                     "response_db": (-lines / 10).tolist(),
                     "response_deg": (-5 * lines).tolist(),
@@ -360,18 +366,26 @@ def made_study(tmp_path):
                     "drive_v": 0.1,
                     "quadrature_v": 4.5,
                     "rate_word": 2.6e5,
+                    "sigma": dict.fromkeys(("frequency_hz", "drive_v", "quadrature_v", "rate_word"), 1e-6),
                 }
                 for a in (-9.0, 0.0, 9.0)
             ]
             noise = {n: {"arw_deg_per_rt_h": 0.1, "instability_deg_per_h": 2.0} for n in law.NOISE_SETS}
-            return {"scale": scale, "drive": drive, "noise": noise}
+            sense = [
+                {"ye1": a, "ye2": b, "deg": deg | {"ye1": a}, "lsb_per_dps": 8651.0, "sigma_lsb_per_dps": 0.1,
+                 "inverse_cosine": 1.0}
+                for a in (-9.0, 0.0, 9.0) for b in (-6.0, 0.0, 6.0)
+            ]  # fmt: skip
+            rail = {case: {"nonlinearity_ppm": 10.0} for case in ("1", "2", "3")}
+            return {"scale": scale, "drive": drive, "noise": noise, "sense": sense, "rail": rail}
 
         def influence(self, config):
             return sensitivity.rows(config, sensitivity.PARAMETERS[:2])
 
         def record(self):
             row = {"xe1": 0.0, "xe2": 0.0, "ye1": 0.0, "ye2": 0.0}
-            return {c: [{"time_s": 60.0 * k, **row, "truth": row} for k in range(5)] for c in ("1", "5")}
+            more = {"truth": row, "uncertainty": dict.fromkeys(row, 1e-3)}
+            return {c: [{"time_s": 60.0 * k, **row, **more} for k in range(5)] for c in ("1", "5")}
 
     return Made(configured(), tmp_path)
 
@@ -395,6 +409,49 @@ def test_the_page_holds_every_number_and_every_figure(written):
     assert float(shares["cv"][3]) == pytest.approx(0.134, abs=0.002)
 
 
+def test_figures_come_first_and_lie_beside_the_page(written):
+    """Waterfall, cases, all figures, then tables; four files of each, with links that lead to them."""
+    path, _ = written
+    source = path.read_text()
+    assert source.index("<figure>") < source.rindex("<figure>") < source.index("<table")
+    shown = re.findall(r'href="(figures/([\w.]+)\.png)"', source)
+    assert [name for _, name in shown[:2]] == ["waterfall", "cases_beside_the_paper"]
+    files = sorted(p.relative_to(path.parent).as_posix() for p in (path.parent / "figures").iterdir())
+    assert files == sorted(f"figures/{name}.{kind}" for _, name in shown for kind in figure_files.KINDS)
+    assert len(shown) == 17
+    assert "Wall-clock" not in source
+
+
+def tick_boxes(axis, along):
+    """Boxes of the tick labels of an axis that are within its limits; `along` 0: x, 1: y."""
+    ruler, frame = (axis.xaxis, axis.yaxis)[along], axis.get_window_extent()
+    low, high = (frame.x0, frame.x1) if along == 0 else (frame.y0, frame.y1)
+    boxes = [t.get_window_extent() for t in ruler.get_ticklabels() if t.get_text() and t.get_rotation() == 0]
+    middles = [(b.x0 + b.x1, b.y0 + b.y1)[along] / 2 for b in boxes]
+    return [b for b, m in zip(boxes, middles) if low - 1 <= m <= high + 1]
+
+
+def test_no_text_is_cut_and_no_legend_covers_data(tmp_path):
+    """Of each figure: texts lie inside, the legend beside the axes, names of an axis beside each other."""
+    made = made_study(tmp_path)
+    for picture in page.pictures(made, page.parts_of(made)):
+        figure, canvas = picture.figure, FigureCanvasAgg(picture.figure)
+        canvas.draw()
+        ticks = {t for a in figure.axes for r in (a.xaxis, a.yaxis) for t in r.get_ticklabels(which="both")}
+        named = [t for t in figure.findobj(Text) if t.get_visible() and t.get_text().strip() and t not in ticks]
+        boxes = [t.get_window_extent() for t in named]
+        boxes += [box for axis in figure.axes for along in (0, 1) for box in tick_boxes(axis, along)]
+        width, height = canvas.get_width_height()
+        outside = [b for b in boxes if min(b.x0, b.y0, width - b.x1, height - b.y1) < -1]
+        assert outside == [], picture.name
+        for legend in figure.legends:
+            covered = [a for a in figure.axes if legend.get_window_extent().overlaps(a.get_window_extent())]
+            assert covered == [], picture.name
+        for axis in figure.axes:
+            beside = itertools.combinations(tick_boxes(axis, 0), 2)
+            assert not any(a.x0 < b.x1 and b.x0 < a.x1 for a, b in beside), picture.name
+
+
 @browser.needed
 def test_a_browser_shows_the_page(written, tmp_path):
     """Headless Chromium loads the page, gives its text back, and takes a picture of it."""
@@ -403,22 +460,6 @@ def test_a_browser_shows_the_page(written, tmp_path):
     (row,) = [r for r in text.rows if r and r[0] == "FTR rate-measurement bandwidth" and "1,2,3" in r[1]]
     assert "25.6" in row, "the model's bandwidth is read off the page"
     assert picture.stat().st_size > 100_000
-
-
-def test_a_stage_is_not_done_twice(tmp_path):
-    done = []
-
-    def work():
-        done.append(1)
-        return {"a": 1}
-
-    for _ in range(2):
-        job = study.Study(configured(), tmp_path)
-        assert job._stage("x", 1, work) == {"a": 1}
-    assert len(done) == 1
-    assert study.Study(configured(noise__seed=9), tmp_path)._stage("x", 1, work) == {"a": 1}
-    assert len(done) == 2, "another configuration is another stage"
-    json.loads((tmp_path / "x.json").read_text())
 
 
 def test_nothing_of_the_truth_is_on_the_bench():

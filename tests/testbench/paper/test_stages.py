@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import typing
 
 import pytest
@@ -9,7 +10,7 @@ import pytest
 from testbench import config
 from testbench.campaign.plan import plan
 from testbench.errors import ConfigError, FileError
-from testbench.paper import cases, study
+from testbench.paper import cases, stages, study
 from testbench.paper.calibration import calibrations
 
 RESULT = {"cases_deg": {"1": {"xe1": 1.5}}, "detuning": [0.1, None, float("inf")]}
@@ -21,8 +22,7 @@ DAMAGES = {
     "huge_integer": lambda text: "7" * 5000,
     "deep": lambda text: "[" * 100_000,
     "edited": lambda text: text.replace("1.5", "2.5"),
-    "no_seconds": lambda text: text.replace('"seconds"', '"second"'),
-    "seconds": lambda text: json.dumps(json.loads(text) | {"seconds": "long"}),
+    "no_result": lambda text: text.replace('"result"', '"results"'),
     "no_hash": lambda text: text.replace('"sha256"', '"sha255"'),
 }
 
@@ -58,6 +58,62 @@ def test_a_damaged_stage_is_done_again(calls, tmp_path, damage):
     assert calibrated(tmp_path) == RESULT
     assert len(calls) == 2
     assert json.loads(path.read_text())["sha256"] == json.loads(whole)["sha256"]
+
+
+def squared(number, folder):
+    """A job that leaves a trace of each call."""
+    (folder / f"called_{number}_{os.getpid()}").touch()
+    return {"square": number**2, "third": number / 3}
+
+
+def died():
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def jobs_of(folder, count=5):
+    return [stages.Job(f"job_{k}", [k], squared, (k, folder)) for k in range(count)]
+
+
+def test_processes_and_this_one_leave_the_same_bytes(tmp_path):
+    for name, workers in (("here", 0), ("pool", 2)):
+        (tmp_path / name).mkdir()
+        made = stages.Stages(tmp_path / name, config.Config(), workers)
+        assert made.results(jobs_of(tmp_path))["job_3"] == {"square": 9, "third": 1.0}
+        assert set(made.seconds) == {f"job_{k}" for k in range(5)}
+    for k in range(5):
+        here, pool = (tmp_path / name / f"job_{k}.json" for name in ("here", "pool"))
+        assert here.read_bytes() == pool.read_bytes()
+        assert "seconds" not in here.read_text()
+    assert len({path.name.split("_")[-1] for path in tmp_path.glob("called_*")} - {str(os.getpid())}) == 2, (
+        "two workers"
+    )
+
+
+def test_a_stage_is_done_again_only_if_it_must(tmp_path):
+    stages.Stages(tmp_path, config.Config(), 0).results(jobs_of(tmp_path))
+    count = len(list(tmp_path.glob("called_*")))
+    for path in tmp_path.glob("called_*"):
+        path.unlink()
+    (tmp_path / "job_2.json").write_text("{}")
+    stages.Stages(tmp_path, config.Config(), 0).results(jobs_of(tmp_path))
+    assert [path.name.split("_")[1] for path in tmp_path.glob("called_*")] == ["2"]
+    other = config.changed(config.Config(), {"noise.seed": 9})
+    stages.Stages(tmp_path, other, 0).results(jobs_of(tmp_path))
+    assert len(list(tmp_path.glob("called_*"))) == count == 5, "another configuration is another stage"
+
+
+def test_a_worker_that_dies_is_one_line(tmp_path):
+    made = stages.Stages(tmp_path, config.Config(), 2)
+    with pytest.raises(FileError, match="a worker process died; start the command again"):
+        made.results([stages.Job("dead", 0, died, ()), *jobs_of(tmp_path, 2)])
+
+
+def test_damaged_timings_do_not_matter(tmp_path):
+    made = stages.Stages(tmp_path, config.Config(), 0)
+    (tmp_path / stages.TIMINGS).write_text('{"seconds": "long"}')
+    assert made.seconds == {}
+    made.timed("x", 1.5)
+    assert json.loads((tmp_path / stages.TIMINGS).read_text()) == {"seconds": {"x": 1.5}}
 
 
 def test_a_fifo_is_not_waited_for(calls, tmp_path):

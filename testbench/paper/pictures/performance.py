@@ -1,0 +1,128 @@
+"""Pictures of what was measured of each case at each temperature: Allan deviation, residuals of 22 rates, nonlinearity.
+
+Source    docs/paper.md
+"""
+
+import numpy as np
+
+from testbench.console.figure_files import Picture
+from testbench.console.report import FONT, GREY, VERMILION, axes_of, name_axes
+from testbench.paper.pictures import draw
+
+
+def _by_temperature(points):
+    """{temperature: {case: point}}, both in order."""
+    return {
+        t: {c: points[c, t] for c in sorted(c for c, u in points if u == t)} for t in sorted({t for _, t in points})
+    }
+
+
+def allan(points, printed):
+    """Allan deviation of all cases, one panel a temperature.
+
+    printed  {"arw_deg_per_rt_h" or "instability_deg_per_h": {temperature: (value, sigma)}} of the paper, or {}
+    """
+    found = _by_temperature(points)
+    figure, axes = axes_of("Allan deviation at rest, 1 sigma", 6.4, 1, len(found), sharey=True)
+    for axis, (temp, cases) in zip(axes[0], found.items()):
+        axis.set_xscale("log")
+        axis.set_yscale("log")
+        for k, (case, p) in enumerate(cases.items()):
+            if p.get("tau_s"):
+                hours = np.array(p["adev_dps"]) * 3600
+                style = draw.of_case(case) | {"markersize": 4, "capsize": 2}
+                draw.marked(axis, p["tau_s"], hours, hours * np.array(p["adev_sigma"]), f"case {case}",
+                            draw.beside_pt(k, len(cases)) / 2, **style)  # fmt: skip
+        tau = np.array([0.1, 100.0])
+        if temp in printed.get("arw_deg_per_rt_h", {}):
+            arw, _ = printed["arw_deg_per_rt_h"][temp]
+            axis.plot(tau, arw * 60 / np.sqrt(tau), "--", color=GREY, label="paper, ARW")
+        if temp in printed.get("instability_deg_per_h", {}):
+            axis.axhline(
+                printed["instability_deg_per_h"][temp][0], color=GREY, linestyle=":", label="paper, bias instability"
+            )
+        axis.set_title(f"{temp:g} degC", fontsize=FONT["label"], loc="left")
+        name_axes(axis, "averaging time (s)", "overlapping Allan deviation (deg/h)" if axis is axes[0, 0] else "")
+    draw.legend(figure)
+    return Picture(
+        "allan_deviation",
+        "What to see: white rate noise down to some ten seconds, then the floor of the 1/f noise behind the SID, "
+        "alike at "
+        "all temperatures of the study. Neighbouring points share most of their data.",
+        figure,
+    )
+
+
+def scale_residuals(points, rates_dps):
+    """Residuals of the rates (deg/s), and V_q over rate, one column a temperature."""
+    found = _by_temperature(points)
+    figure, axes = axes_of("22 rates: residual of the line, and V_q", 8.4, 2, len(found), sharey="row")
+    for column, (temp, cases) in enumerate(found.items()):
+        for k, (case, p) in enumerate(cases.items()):
+            style = draw.of_case(case) | {"markersize": 4}
+            bars = [p.get("nonlinearity_sigma_ppm")] * len(rates_dps)
+            beside = draw.beside_pt(k, len(cases)) / 2
+            draw.marked(
+                axes[0, column], rates_dps, p["scale_residual_ppm"], bars, f"case {case}, 1 sigma", beside, **style
+            )
+            bars = [p.get("quadrature_sigma_v")] * len(rates_dps)
+            draw.marked(
+                axes[1, column], rates_dps, p["quadrature_v_of_rate"], bars, f"case {case}, 1 sigma", beside, **style
+            )
+        axes[0, column].set_title(f"{temp:g} degC", fontsize=FONT["label"], loc="left")
+        first = column == 0
+        name_axes(axes[0, column], "", "residual (ppm of 500 deg/s)" if first else "")
+        name_axes(axes[1, column], "rate (deg/s)", "V_q (V)" if first else "")
+    draw.legend(figure)
+    return Picture(
+        "scale_residuals",
+        "What to see: with ye1 uncompensated V_q must follow the rate and reaches its ceiling on one sign of it; "
+        "the line "
+        "bends there, in case 3 more than in cases 1 and 2, and not in cases 4 and 5.",
+        figure,
+    )
+
+
+def nonlinearity(explained, wide, printed):
+    """Nonlinearity of cases 1 to 3 over temperature: measured, within V_q's range, by the rails alone, with more span.
+
+    explained  {(case, temperature): (`nonlinearity.Explained`, sigma)}
+    wide       {case: ppm} with more span at 25 degC
+    printed    {temperature: (value, sigma)} of the paper's mean, or {}
+    """
+    temps = sorted({t for _, t in explained})
+    figure, axes = axes_of("Why the scale factor is not linear: V_q at its ceiling", 5.8, 1, len(temps), sharey=True)
+    rows = (
+        "measured, 1 sigma",
+        "rates between the rails, 1 sigma",
+        "by the rails alone (closed form)",
+        "V_q with more span",
+    )
+    for axis, temp in zip(axes[0], temps):
+        mine = {c: found for (c, t), found in sorted(explained.items()) if t == temp}
+        names = list(mine)
+        values = [
+            [e.measured_ppm for e, _ in mine.values()],
+            [e.within_ppm for e, _ in mine.values()],
+            [e.rail_ppm for e, _ in mine.values()],
+            [wide[c] if temp == 25.0 and c in wide else np.nan for c in names],
+        ]
+        for k, (row, numbers) in enumerate(zip(rows, values)):
+            bars = [s if k < 2 else None for _, s in mine.values()]
+            draw.marked(axis, range(len(names)), numbers, bars, row, 2.5 * draw.beside_pt(k, len(rows)), markersize=8,
+                        color=draw.COLOURS[k], marker=draw.MARKS[k])  # fmt: skip
+        if temp in printed:
+            axis.axhline(printed[temp][0], color=VERMILION, linestyle=":", label="paper, mean of cases 1 to 3")
+        axis.set_xticks(range(len(names)), [f"case {c}" for c in names])
+        axis.set_xlim(-0.6, len(names) - 0.4)
+        axis.set_title(f"{temp:g} degC", fontsize=FONT["label"], loc="left")
+        name_axes(axis, "", "nonlinearity (ppm of 500 deg/s)" if axis is axes[0, 0] else "")
+    draw.legend(figure)
+    return Picture(
+        "nonlinearity",
+        "What to see: V_q at its ceiling, and at -20 degC at 0, makes the measured nonlinearity; rates between the "
+        "rails, or more span, leave the noise of a reading. It grows from case 2 to 3, where ye2' - xe2' does, and "
+        "with temperature, as V_q does. The paper's three cases agree, and its nonlinearity falls with temperature: "
+        "the cause is another.",
+        figure,
+    )
