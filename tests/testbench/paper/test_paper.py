@@ -418,7 +418,7 @@ def test_figures_come_first_and_lie_beside_the_page(written):
     assert [name for _, name in shown[:2]] == ["waterfall", "cases_beside_the_paper"]
     files = sorted(p.relative_to(path.parent).as_posix() for p in (path.parent / "figures").iterdir())
     assert files == sorted(f"figures/{name}.{kind}" for _, name in shown for kind in figure_files.KINDS)
-    assert len(shown) == 17
+    assert len(shown) == 18
     assert "Wall-clock" not in source
 
 
