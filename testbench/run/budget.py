@@ -93,6 +93,14 @@ def lock_frequency_hz(fx_hz, qx, xe1_deg, xe2_loop_deg):
     return fx_hz - fx_hz / (2 * qx) * math.tan(math.radians(xe1_deg + xe2_loop_deg))
 
 
+def pickoff_poles_s(base, channel, temp_degc):
+    """Poles (s) between a mode and its C/V output: ring diode at small signals, instrumentation amplifier, driver."""
+    device = thermal.at_temperature(base, temp_degc)
+    gains = (device.ina_noise_gain, device.driver_noise_gain)
+    _, tau_s = propagator.cv_chain(base, channel, temp_degc)
+    return tau_s, *(gain / (2 * math.pi * device.opamp_gbw_hz) for gain in gains)
+
+
 def _switch(firmware, device, tick_clocks, at, fitted):
     """The row that makes a loop phase of a node: where the demodulator switches."""
     if firmware.board == "analog_sid":
@@ -168,14 +176,14 @@ def budget(config, temp_degc=None, frequency_hz=None):
         return rows
 
     def forward(channel):
-        tau_s, per_gbw_s = propagator.cv_chain(base, channel, temp_degc)[1], 1 / (2 * math.pi * device.opamp_gbw_hz)
+        ring_s, ina_s, driver_s = pickoff_poles_s(base, channel, temp_degc)
         if base.ring_saturation_on:
             moves_m = held_m(config, temp_degc) if channel == "drive" else 0.0
-            tau_s = ring_levels.delay_s(base, channel, temp_degc, moves_m)
+            ring_s = ring_levels.delay_s(base, channel, temp_degc, moves_m)
         return [
-            at.pole("ring diode with its capacitors", tau_s, f"{fitted}capacitors"),
-            at.pole("instrumentation amplifier", device.ina_noise_gain * per_gbw_s, f"{fitted}gain split"),
-            at.pole("unity driver", device.driver_noise_gain * per_gbw_s, f"{fitted}gain split"),
+            at.pole("ring diode with its capacitors", ring_s, f"{fitted}capacitors"),
+            at.pole("instrumentation amplifier", ina_s, f"{fitted}gain split"),
+            at.pole("unity driver", driver_s, f"{fitted}gain split"),
         ]
 
     switch = [_switch(firmware, device, tick_clocks, at, fitted)]

@@ -52,6 +52,14 @@ class PinLag(NamedTuple):
     beyond: float
 
 
+class Forced(NamedTuple):
+    """Force voltage over displacement (V/m, phasors at theta), poles of its output (s), instant of its DAC (s)."""
+
+    volts_per_m: complex
+    poles_s: tuple
+    instant_s: float
+
+
 class Readings(NamedTuple):
     """Node phases by both methods (deg), one-sigma of each, and the errors of each reference pin's edges (turns)."""
 
@@ -64,6 +72,8 @@ class Readings(NamedTuple):
     edges: dict
     uneven_deg: dict  # of xe1 and ye1: mean lag of this record's sgn(sin) edges beyond that of even ones
     frequency_hz: float  # mean of theta over the record
+    forced: dict  # of xe2 and ye2: `Forced`
+    off_deg: dict  # of xe2 and ye2: what the mode's own frequency over the record adds
 
 
 def chain_waveform(z, held, step, poles_s, instant_s, tick_s, clocks=DEFAULT.tick_clocks):
@@ -133,11 +143,11 @@ def pin_lag(sine, cosine, grid_turns):
 
 
 def pickoff(theta, before, after, free, turns_per_tick):
-    """`phase_meter.Reading` of a mode and of its C/V output, and the sigma (deg) of the difference of their lags.
+    """`phase_meter.Reading` of a mode and of its C/V output; sigma and `off` (deg) of the difference of their lags.
 
     Both see the same noise, so what counts is the difference of their shares. A mode is fitted at theta's frequency f.
     Where its own over the record is f + df, which the lag of its samples one tick before shows, the difference of lags
-    is off by df/f of itself. It is not corrected, which would take the lag to be a delay.
+    is `off` by df/f of itself. It is not corrected, which would take the lag to be a delay, and so counts in sigma.
     """
     free = None if free is None else free[1:]
     first, second, earlier = phase_meter.fits(theta[1:], [before[1:], after[1:], before[:-1]], free)
@@ -145,7 +155,11 @@ def pickoff(theta, before, after, free, turns_per_tick):
     shares_deg = second.shares_deg - first.shares_deg
     shares_deg = shares_deg - lag_deg / tick_deg * (earlier.shares_deg - first.shares_deg)
     off_deg = lag_deg * (tick_deg / (360.0 * turns_per_tick) - 1.0)
-    return first, second, float(np.hypot(phase_meter.sum_sigma(shares_deg), off_deg))
+    return first, second, float(np.hypot(phase_meter.sum_sigma(shares_deg), off_deg)), off_deg
+
+
+def _phasor(reading):
+    return reading.amplitude * np.exp(-1j * np.radians(reading.lag_deg))
 
 
 def read(probe):
@@ -159,6 +173,7 @@ def read(probe):
     fine = fine.ravel()
     turns_per_tick = float(step.mean()) * clocks
     phase, sigma, amplitude, counter, resolution, lag, uneven = {}, {}, {}, {}, {}, {}, {}
+    volts, forced, off = [], {}, {}
     pins = {k: edge_errors_turns(probe.edges, k, probe.design.dds_bits) for k in range(4)}
     chains = (("xe1", "d", "drive", 0, 0), ("ye1", "s", "sense", 1, 2))
     waves = []
@@ -174,6 +189,7 @@ def read(probe):
         phase[node] = wrap_deg(force.lag_deg - 360.0 * pin.even - turned_deg)
         sigma[node] = float(np.hypot(force.sigma_deg, 360.0 * pin.sigma))
         uneven[node] = 360.0 * pin.beyond
+        volts.append(_phasor(force))
         amplitude[node] = force.amplitude
         crossings = phase_meter.count(phase_meter.rising_crossings(fine, wave))
         rising = probe.edges[(probe.edges[:, 1] == reference) & (probe.edges[:, 2] == 1), 0] / turn
@@ -184,15 +200,19 @@ def read(probe):
     free_x = (probe.fx_hz * probe.tick_s * ticks) % 1.0 if probe.fx_hz else None
     free_y = (probe.fy_hz * probe.tick_s * ticks) % 1.0
     for node, before, after, line in (("xe2", "x", "cv_x", free_x), ("ye2", "y", "cv_y", free_y)):
-        first, second, sigma[node] = pickoff(theta, probe.column(before), probe.column(after), line, turns_per_tick)
+        pair = probe.column(before), probe.column(after)
+        first, second, sigma[node], off[node] = pickoff(theta, *pair, line, turns_per_tick)
         phase[node] = wrap_deg(second.lag_deg - first.lag_deg)
         lag[after] = second.lag_deg
         amplitude[node] = first.amplitude
         amplitude[after] = second.amplitude
+        which = len(forced)
+        per_m = volts[which] / _phasor(first) if first.amplitude > 0 else 0.0
+        forced[node] = Forced(per_m, tuple(probe.chains_s[which]), probe.instants_s[which])
         if line is None:
             first = phase_meter.count(phase_meter.rising_crossings(theta, probe.column(before)))
             second = phase_meter.count(phase_meter.rising_crossings(theta, probe.column(after)))
             counter[node] = wrap_deg(second.lag_deg - first.lag_deg)
             resolution[node] = float(np.hypot(first.resolution_deg, second.resolution_deg))
     hz = turns_per_tick / probe.tick_s
-    return Readings(phase, sigma, counter, resolution, amplitude, lag, pins, uneven, hz)
+    return Readings(phase, sigma, counter, resolution, amplitude, lag, pins, uneven, hz, forced, off)

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from analog_frontend.parts import thermal
+from analog_frontend.parts import pickoff, thermal
 from fpga_model import fault_monitor, fixed, sequencer
 from fpga_model import top as fpga
 from testbench import flatten
@@ -53,6 +53,7 @@ def result(job, end, reading, wall_s):
         "counter_deg": None if found is None else found.counter_deg,
         "counter_resolution_deg": None if found is None else found.counter_resolution_deg,
         "uneven_deg": None if found is None else found.uneven_deg,
+        "derived_deg": None if found is None else _derived(config, found, tally.temp_degc, 1 / clock_hz),
         "budget_deg": planned.node_deg(),
         "loop_phase_deg": None if found is None else _loop_phases(found.phase_deg, planned),
         "budget_loop_deg": planned.loop_deg(),
@@ -80,6 +81,19 @@ def result(job, end, reading, wall_s):
         _window(sim),
         end.state,
     )
+
+
+def _derived(config, found, temp_degc, clock_s):
+    """Terms (deg) of the readings of xe2 and ye2 that are no property of the board: the mode's frequency, the tick."""
+    base, added = config.device(), {}
+    warm, tick_s = thermal.at_temperature(base, temp_degc), clock_s * config.design_record().tick_clocks
+    for node, name in (("xe2", "drive"), ("ye2", "sense")):
+        forced, k_vf = found.forced[node], getattr(warm, f"k_vf_{name}_n_per_v")
+        force = pickoff.Force(forced.volts_per_m * k_vf / warm.mass_kg, forced.poles_s, forced.instant_s)
+        poles_s = budget.pickoff_poles_s(base, name, temp_degc)
+        tick_deg = pickoff.lag_deg(poles_s, found.frequency_hz, tick_s, force)
+        added[node] = {"frequency": found.off_deg[node], "tick": tick_deg}
+    return added
 
 
 def _loop_phases(readings, planned):

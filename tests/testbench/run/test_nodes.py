@@ -1,12 +1,14 @@
 """Node phases of the simulated plant against the budget: nobody typed a phase in, yet they agree."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from testbench.run import budget, nodes
-from tests.testbench.bench_setup import quiet, read_open_loop
+from testbench.run import budget, nodes, simulate
+from tests.testbench.bench_setup import configured, quiet, read_open_loop
 
 TOLERANCE_DEG = 0.003
 # Half a period is 45 us and a noble fraction of one: as far from every beat with the 1 MHz grid as a number can be
@@ -156,9 +158,32 @@ def test_sigma_of_a_pickoff_is_the_spread_of_its_readings():
             np.cos(2 * np.pi * (f_hz * u + np.cos(2 * np.pi * (hz * u[:, None] + begin)) @ size))
             for u in (t - delay_s, t)
         )
-        first, second, sigma = nodes.pickoff(theta, at, late, None, 1e-6 * f_hz)
+        first, second, sigma, _ = nodes.pickoff(theta, at, late, None, 1e-6 * f_hz)
         lags.append(second.lag_deg - first.lag_deg)
         sigmas.append(sigma)
     error = np.array(lags) - 360 * f_hz * delay_s
     # 150 of a normal distribution give each rms to 6 %, and both see the same wanders
     assert np.sqrt(np.mean(np.square(sigmas))) == pytest.approx(np.sqrt(np.mean(error**2)), rel=0.25)
+
+
+SEEDS = range(1001, 1041)  # none of them was looked at before the method was fixed
+
+
+@pytest.mark.slow
+def test_repeated_runs_scatter_by_their_sigma_about_the_budget():
+    """40 runs of `gyro run --seconds 1 --rate-dps 100`; the page has their figures."""
+    found = []
+    for seed in SEEDS:
+        values = {"noise__seed": seed, "scenario__seconds": 1.0, "scenario__rate_dps": 100.0, "output__record": False}
+        found.append(simulate.run(configured(**values)).summary)
+    page = (Path(__file__).resolve().parents[3] / "docs" / "phases.md").read_text()
+    for node in budget.NODES:
+        error = np.array([got["phase_deg"][node] - got["budget_deg"][node] for got in found])
+        derived = np.mean([sum(got["derived_deg"].get(node, {}).values()) for got in found])
+        spread, sigma = np.std(error, ddof=1), np.sqrt(np.mean([got["phase_sigma_deg"][node] ** 2 for got in found]))
+        assert 0.7 < spread / sigma < 1.35, node
+        assert abs(error.mean() - derived) < 3 * spread / np.sqrt(len(found)), node
+        cells = page.partition(f"| {node}, 40 runs | ")[2].partition("\n")[0].strip(" |").split(" | ")
+        assert [float(cell) for cell in cells] == pytest.approx(
+            [1e3 * error.mean(), 1e3 * derived, 1e3 * spread, 1e3 * sigma, spread / sigma], rel=0.02
+        )
