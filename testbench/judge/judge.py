@@ -186,6 +186,7 @@ def _fall_parts(number, model, rows):
 
 def _setting_parts(number, model, rows):
     have, bound = model.settings.get(number.quantity), number.bound
+    have = have or model.settings.get(f"{number.quantity}, {number.symbol}")
     own = have if have and len(have) == len(number.values) else (None,) * len(number.values)
     sigma = 0.0 if len(own) > 1 else number.sigma
     return [

@@ -15,6 +15,7 @@ from testbench import config as configuration
 from testbench.engines import chips
 from testbench.judge.judge import TEMPERATURES, Model
 from testbench.judge.verdict import Value
+from testbench.paper import law
 from testbench.paper.calibration.calibrations import NODES, REGISTER, case_config
 from testbench.paper.loop import advisor, derived, parts, sense_grid
 from testbench.paper.loop import loop as loops
@@ -57,7 +58,7 @@ def point(config, temp_degc):
 
 
 def settings(config):
-    """{quantity: numbers} of what the model has as the paper has it, in the paper's units."""
+    """{quantity: numbers} of what the model has as the paper has it; with the symbol where two share one."""
     plant, record, board = config.plant, config.design_record(), chips.of(config.design)
     return {
         "resonator operating frequency": (plant.fx_hz / 1e3,),
@@ -75,6 +76,9 @@ def settings(config):
         "rate test points": measure_scale.POSITIVE_DPS,
         "warm-up before phase tests": (record_phases.WARM_UP_S,),
         "length of phase tests": (record_phases.RECORD_S / 3600,),
+        "simulation of drive-phase influence: rate": (law.DRIVE_DPS,),
+        "simulation of drive-phase influence: sense phase error, phi_ye1": (law.DRIVE_YE1_DEG,),
+        "simulation of drive-phase influence: sense phase error, phi_ye2": (law.DRIVE_YE2_DEG,),
         "phase phi_y from modal parameters": (180.0 if plant.fy_hz < plant.fx_hz else 0.0,),
     }
 

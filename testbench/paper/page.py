@@ -7,6 +7,7 @@
 Source    docs/paper.md
 """
 
+import json
 from pathlib import Path
 
 from testbench.console import figure_files, report
@@ -148,18 +149,19 @@ def parts_of(study):
 def write(study, path=None):
     """Write the page of a `study.Study` and its figures; returns (path, verdicts)."""
     parts = parts_of(study)
-    compared = judge.rows(simulated.model(study.config, parts["calibration"], parts["points"], parts["records"]))
+    model = simulated.model(study.config, parts["calibration"], parts["points"], parts["records"])
+    compared = judge.rows(model)
     notes = [
         predicted(compared),
         judge_table.sentence(compared),
         "The paper: Phase error analysis for MEMS gyroscopes operational modes based on force-to-rebalance rate "
         "measurement mode, doi:10.1038/s41378-025-01144-6. Its tables, pictures and raw data are not available: "
         "figures are redrawn from what its text says of them.",
-        "Assumed about the paper's firmware: references leave on the 1 MHz grid, one extra frame in the sense path. "
-        "Default latencies are the best fit of a search over assumed pipelines: they were chosen with the paper's "
-        "phases in view.",
+        "Fitted to the paper's phases, no facts: references leave on the 1 MHz grid, one extra frame in the sense "
+        "path. Default latencies are the best fit of a search over assumed pipelines.",
     ]
     path = Path(path or study.directory / "paper.html")
+    write_text(path.parent / "judged.json", json.dumps(simulated.as_json(model), indent=1, sort_keys=True) + "\n")
     shown = []
     for picture in pictures(study, parts):
         files = figure_files.write(picture, path.parent / FOLDER)
