@@ -10,7 +10,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # a worker that crashes ends the run and names its test; a new one in its place can wait for ever
 PYTEST := $(BIN)/python -m pytest --max-worker-restart 0
 
-.PHONY: help run paper measured golden rtl budget test test-slow test-all test-nojit test-bounds kills fuzz designs boards bench portability packages lock lint pages docs clean
+.PHONY: help run paper inference measured golden rtl budget test test-slow test-all test-nojit test-bounds kills fuzz designs boards bench portability packages lock lint pages docs clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -43,6 +43,10 @@ measured: $(VENV)/.run ## real recordings of parts against the model: one page, 
 
 paper: $(VENV)/.run ## the paper's experiments: calibration, five cases at three temperatures, one page; continues when started again
 	$(BIN)/gyro report paper --out $(OUT)/paper
+
+inference: $(VENV)/.run ## which board gave the paper's numbers: page, and the most probable board into docs/boards
+	$(BIN)/gyro report infer --out $(OUT)/inference
+	cp $(OUT)/inference/paper_inferred.toml $(OUT)/inference/paper_inferred.json docs/boards/
 
 budget: $(VENV)/.run ## where the four phase errors come from, in clocks, ns and degrees
 	$(BIN)/gyro budget

@@ -11,6 +11,7 @@
     docs/README.md              index of the pages                 their titles
     docs/parts/cv_noise.md, thermal.md, phases.md
                                 what laws over temperature give    docs/laws_page.py
+    docs/inference.md           what the inference found           docs/inference_page.py
     docs/effects/README.md      index of the effects               analog_frontend.effects.catalogue
 
     python docs/pages.py            write what is stale
@@ -31,6 +32,7 @@ sys.path.insert(0, str(ROOT))
 
 import blocks_page  # noqa: E402
 import config_page  # noqa: E402
+import inference_page  # noqa: E402
 import laws_page  # noqa: E402
 import ranges_page  # noqa: E402
 
@@ -220,6 +222,7 @@ PAGES = {
     "docs/boards/paper.toml": config_page.paper_board,
     "docs/design_of_loops.md": with_parts(target=config_page.target_table),
     "docs/paper.md": with_parts(judged=judged_part, simulated=simulated_part),
+    "docs/inference.md": with_parts(**inference_page.PARTS),
     "docs/phases.md": with_parts(budget=budget_part, lock=lock_part, rivals=rivals_part, rise=laws_page.rise_part),
     "docs/parts/cv_noise.md": with_parts(shares=laws_page.shares_part, noise=laws_page.noise_part),
     "docs/parts/thermal.md": with_parts(scale=laws_page.scale_part, bias=laws_page.bias_part),

@@ -24,6 +24,7 @@ from testbench.golden import cli as golden_cli
 from testbench.interrupts import EXIT_INTERRUPTED
 from testbench.measured import cli as measured_cli
 from testbench.paper import cli as paper_cli
+from testbench.paper.inference import cli as inference_cli
 from testbench.paper.loop import loop_cli
 from testbench.study import cli as study_cli
 from testbench.version import VERSION
@@ -42,6 +43,7 @@ app.add_typer(golden_cli.app)
 app.add_typer(campaign_cli.app)
 app.add_typer(measured_cli.app)
 paper_cli.add(app)
+inference_cli.add(paper_cli.reports)
 app.command()(loop_cli.loop)
 app.command()(design_cli.design)
 app.command()(study_cli.study)

@@ -47,7 +47,7 @@ def settings(v, mode):
         "ina_voltage_noise_v_per_rthz": forward.INA_V_PER_RTHZ,
     }
     keys = {f"nominal.{name}": float(value) for name, value in nominal.items()}
-    keys |= {"nominal.ring_noise_on": 1, "nominal.dac_amplifier_tc_on": 1}
+    keys |= {"nominal.ring_noise_on": 1, "nominal.dac_amplifier_tc_on": 1, "nominal.ring_saturation_on": 1}
     return keys | {"firmware.amplitude_um": float(v["amplitude_um"])} | forward.firmware_keys(mode)
 
 

@@ -1,7 +1,8 @@
 """From a board to the rows of the paper in closed form: arrays of boards at once, nothing simulated.
 
     phases   360 f (registers, frames, holds, waits of `budget`; DAC response) + poles by arctan
-    x        -A e^(j xe2), A by the amplitude loop: constant at the converter, so it goes against the pickoff's gain
+    x        -A e^(j xe2), A by the amplitude loop: constant at the converter, so it goes against the pickoff's gain,
+             of which the diodes take 1 % (V/V1)^2, V1 by `ring_diode.limit_f`
     y        where both codes of the sense channel are zero: the demodulator's offset over pickoff's gain and phase ye2
     force    K W e^(-j (ye1 + xe2)) = w A (2 m_c Omega + d_xy) - j kappa A + j F0 e^(-j xe2),  F0 = D y
              real part: the word W; imaginary part: kappa = k_xy - k_q V_q^2;  D = m (w_y^2 - w^2 + j w w_y/Q)
@@ -97,7 +98,8 @@ def _clocked_s():
     return found
 
 
-def _clocked(mode):
+def clocked_s(mode):
+    """(drive, sense): what clocks make of xe1 and ye1 (s); arrays."""
     least = priors.CHOICES[0].choices[0]
     at = tuple(mode[name] - (least if name == "net_registers" else 0) for name in CLOCKED)
     return np.moveaxis(_clocked_s()[at], -1, 0)
@@ -132,7 +134,7 @@ def _warm(v, mode, temp_degc):
     }
 
 
-def _phases(v, mode, warm, clocked_s):
+def _phases(v, mode, warm, clocks_s):
     """{node: deg} of xe1 and ye1 as node, xe2 and ye2 as loop phases; what both C/V chains and the force leave."""
     w, c = 2 * math.pi * warm["f"], fixed()
     poles = [
@@ -143,8 +145,8 @@ def _phases(v, mode, warm, clocked_s):
     chains = [[np.arctan(w * ring.tau_s), *amplifiers] for ring in warm["rings"]]
     switch = w * v["sid_switch_s"]
     rad = {
-        "xe1": w * clocked_s[0] + sum(poles[0]),
-        "ye1": w * (clocked_s[1] + sense_response_s(v, mode)) + sum(poles[1]),
+        "xe1": w * clocks_s[0] + sum(poles[0]),
+        "ye1": w * (clocks_s[1] + sense_response_s(v, mode)) + sum(poles[1]),
         "xe2": sum(chains[0]) - switch,
         "ye2": sum(chains[1]) - switch,
     }
@@ -216,14 +218,20 @@ def _charge_per_dps(v, b):
     return volts / _offset_v(1.0, v["fx_hz"])
 
 
-def _board(v, mode, warm, passed, room_gain):
+def _loss(v, ring):
+    """Share of the drive's signal that the conducting diodes take at the set-point."""
+    return 0.01 * (v["pickoff_v"] / ring.limit_v) ** 2
+
+
+def _board(v, mode, warm, passed, room):
     """`Board` without the demodulator's offset."""
     c = fixed()
     w, wy = 2 * math.pi * warm["f"], 2 * math.pi * warm["fy"]
     edges = np.where(mode["reference_retimed"] == 1, _grid(warm["f"]), 1.0)
-    drive_gain, sense_gain = (ring.gain_v_per_f for ring in warm["rings"])
-    amplitude = v["amplitude_um"] * 1e-6 * room_gain / (drive_gain * passed[0] * edges)
-    slope = pickoff_f_per_m(v, room_gain)
+    drive, sense = warm["rings"]
+    kept = drive.gain_v_per_f * (1 - _loss(v, drive)) / (room.gain_v_per_f * (1 - _loss(v, room)))
+    amplitude = v["amplitude_um"] * 1e-6 / (kept * passed[0] * edges)
+    slope = pickoff_f_per_m(v, room.gain_v_per_f)
     damper = c.mass_kg * w / warm["q"]
     kxy = quadrature_n_per_m(v["fx_hz"], warm["quadrature"])
     return Board(
@@ -232,7 +240,7 @@ def _board(v, mode, warm, passed, room_gain):
         coriolis_n_per_dps(warm["f"], amplitude),
         dxy_ratio(v) * damper * w * amplitude,
         force_n_per_v(v) * c.volts_per_word * _grid(warm["f"]) * passed[2],
-        sense_gain * slope * v["sense_pickoff_ratio"] * c.signal_gain * passed[1] * 4 / math.pi * edges,
+        sense.gain_v_per_f * slope * v["sense_pickoff_ratio"] * c.signal_gain * passed[1] * 4 / math.pi * edges,
         c.mass_kg * (wy**2 - w**2 + 1j * w * wy / warm["q"]),
         kxy,
         quadrature_n_per_m(v["fx_hz"], v["quadrature_dps"]) / v["v_q_null_v"] ** 2,
@@ -290,17 +298,23 @@ def _case(b, left):
 
 
 def _room(v, mode):
-    """Phases, what the pickoffs' gain is measured by, and charge per deg/s, at 25 degC."""
+    """Phases, the drive's ring, and charge per deg/s, at 25 degC."""
     warm = _warm(v, mode, ROOM_DEGC)
-    known, passed = _phases(v, mode, warm, _clocked(mode))
-    gain = warm["rings"][0].gain_v_per_f
-    return known, gain, _charge_per_dps(v, _board(v, mode, warm, passed, gain))
+    known, passed = _phases(v, mode, warm, clocked_s(mode))
+    room = warm["rings"][0]
+    return known, room, _charge_per_dps(v, _board(v, mode, warm, passed, room))
 
 
 def charges_c(v, mode):
     """(difference of the charge that two switches inject, of what leaks in half a turn) at 25 degC; arrays (C)."""
     _, _, per_dps = _room(v, mode)
     return v["offset_dps"] * per_dps, v["leakage_dps"] * per_dps
+
+
+def drift_deg(v, mode, low_degc=-20.0, high_degc=50.0):
+    """{node: deg} by which phases rise from one temperature to another."""
+    low, high = (_phases(v, mode, _warm(v, mode, t), clocked_s(mode))[0] for t in (low_degc, high_degc))
+    return {node: high[node] - low[node] for node in rows.PHASES}
 
 
 class Seen(NamedTuple):
@@ -314,16 +328,16 @@ class Seen(NamedTuple):
 def see(z, mode, cases=CASES):
     """`Seen` of boards: z (boards, priors), mode of arrays; `cases` of the five register sets."""
     v = priors.values(z)
-    known, room_gain, per_dps = _room(v, mode)
+    known, room, per_dps = _room(v, mode)
     phases = {node: known[node] for node in ("xe1", "xe2", "ye1")}
     phases["ye2"] = known["ye2"] + np.where(mode["ye2_at_pin"] == 1, 360 * v["fx_hz"] * v["sid_switch_s"], 0.0)
     out = Seen(phases, {}, {})
     for temp in rows.TEMPERATURES_DEGC:
         warm = _warm(v, mode, temp)
-        now, passed = _phases(v, mode, warm, _clocked(mode))
+        now, passed = _phases(v, mode, warm, clocked_s(mode))
         # what leaks in half a turn goes against the frequency, which moves too little to count
         charge_c = per_dps * (v["offset_dps"] * warm["charge"] + v["leakage_dps"] * warm["leakage"])
-        b = _board(v, mode, warm, passed, room_gain)._replace(offset_v=_offset_v(charge_c, warm["f"]))
+        b = _board(v, mode, warm, passed, room)._replace(offset_v=_offset_v(charge_c, warm["f"]))
         out.noise.update({(group, temp): value for group, value in _noise(v, b, warm, temp).items()})
         for case in cases:
             left = {n: (now[n] - (known[n] if case >= COMPENSATED[n] else 0.0)) * DEG for n in rows.PHASES}

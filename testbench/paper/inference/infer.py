@@ -7,7 +7,7 @@
     draws     Q'(H(z) - e) = 0 for standard normal e, Q an orthonormal basis of J at the optimum. Their density is
               |det Q'J(z)| exp(-|Q'H(z)|^2/2), so that weights prior times likelihood over it make them exact
 
-The effective sample size says whether they do; where it is too small the posterior is refused.
+The effective sample size says whether they do. Where it is too small more are drawn, or the posterior is refused.
 Source    docs/inference.md, docs/decisions/0017-inference-by-enumeration.md
 """
 
@@ -24,7 +24,7 @@ STEPS, FEW_STEPS, STEP_Z = 60, 12, 1e-4
 STILL = 1e-7  # relative change of the cost
 EASE, STIFFEN = 0.3, 5.0
 NEWTON_STEPS, NEWTON_REACH, SOLVED = 10, 1.5, 1e-5
-LEAST_SHARE = 0.1  # of draws, that the effective sample size must be
+LEAST_SIZE, MOST_TIMES = 60.0, (1, 4, 16)  # effective draws that are enough to judge coverage
 SIZE = len(priors.PRIORS)
 
 
@@ -93,12 +93,13 @@ def _of(mode, at):
     return {name: a[at] for name, a in mode.items()}
 
 
-def _descend(z, mode, data, steps):
-    """Damped Gauss-Newton of all boards at once: (z, cost)."""
+def _descend(z, mode, data, steps, free=1.0):
+    """Damped Gauss-Newton of all boards at once: (z, cost); `free`: 0 for numbers that stay."""
     damping, cost = np.full(len(z), 1e-2), _cost(z, mode, data)
     for _ in range(steps):
         h, j = _linear(z, mode, data)
-        square = np.swapaxes(j, 1, 2) @ j + damping[:, None, None] * np.eye(SIZE)
+        j = j * free
+        square = np.swapaxes(j, 1, 2) @ j + (damping[:, None, None] + 1 - free) * np.eye(SIZE)
         ahead = z - np.linalg.solve(square, np.einsum("mrk,mr->mk", j, h)[..., None])[..., 0]
         then = _cost(ahead, mode, data)
         better = then < cost
@@ -126,6 +127,20 @@ def optimum(data, mode=None):
     return Optimum(_of(mode, order), z[order], hessian[order], chi2[order], weight[order] / weight.sum())
 
 
+def settled(z, mode, data, held):
+    """(z, Hessian) of one board with some numbers held: {name: z}; z (priors,), mode of numbers."""
+    z, free = z.copy(), np.ones(SIZE)
+    for name, value in held.items():
+        k = priors.NAMES.index(name)
+        z[k], free[k] = value, 0.0
+    one = {name: np.array([choice]) for name, choice in mode.items()}
+    for _ in range(3):
+        found, _ = _descend(z[None], one, data, STEPS, free)
+        z = found[0]
+    _, j = _linear(z[None], one, data)
+    return z, j[0].T @ j[0]
+
+
 def _solve(z, mode, data, basis, noise):
     """z with Q'H(z) = noise, ln|det Q'J| there, |H|^2, and whether it was found."""
     count = len(z)
@@ -147,9 +162,18 @@ def _solve(z, mode, data, basis, noise):
     return z, log_det, square, found
 
 
-def posterior(data, rng, draws=1000, found=None):
-    """`Posterior` of the rows; ConfigError where the draws are worth less than LEAST_SHARE of them."""
-    found = found or optimum(data)
+def posterior(data, rng, draws=1000, least=LEAST_SIZE):
+    """`Posterior` of the rows: up to MOST_TIMES as many draws, until they are worth `least`; else ConfigError."""
+    found = optimum(data)
+    for times in MOST_TIMES:
+        post = _drawn(data, rng, times * draws, found)
+        if post.size >= least:
+            return post
+    raise ConfigError(f"inference: {times * draws} draws are worth {post.size:.0f}, fewer than {least:g}")
+
+
+def _drawn(data, rng, draws, found):
+    """`Posterior` of so many draws."""
     kept = found.weight > LEAST_WEIGHT
     mode, share = _of(found.mode, kept), found.weight[kept] / found.weight[kept].sum()
     which = np.sort(rng.choice(len(share), draws, p=share))
@@ -160,11 +184,9 @@ def posterior(data, rng, draws=1000, found=None):
     z, log_det, square, good = _solve(z, _of(mode, which), data, basis[which], noise)
     good &= forward.works(forward.predict(z, _of(mode, which), steps=False))
     log = np.where(good, 0.5 * np.sum(noise**2, axis=1) - 0.5 * square - log_det - np.log(share[which]), -np.inf)
-    weight = np.exp(log - log.max()) if good.any() else np.full(draws, np.nan)
-    weight /= weight.sum()
-    size = float(1 / np.sum(weight**2))
-    if not size >= LEAST_SHARE * draws:
-        raise ConfigError(f"inference: {draws} draws are worth {size:.0f}, fewer than {LEAST_SHARE * draws:g}")
+    weight = np.exp(log - log.max()) if good.any() else np.zeros(draws)
+    weight /= max(weight.sum(), 1e-300)
+    size = float(1 / np.sum(weight**2)) if good.any() else 0.0
     return Posterior(found, z, _of(mode, which), weight, size)
 
 

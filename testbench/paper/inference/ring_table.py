@@ -1,6 +1,6 @@
 """The ring diode at three temperatures as polynomials in ln(Cref) and the carrier: a thousand boards cost nothing.
 
-    of a ring      ln of gain (V/F), delay (s), its own noise (V/rtHz), noise per input current (V/A)
+    of a ring      ln of gain (V/F), delay (s), noise of its own (V/rtHz) and by current (V/A), output at 1 % loss (V)
     polynomial     Chebyshev of degree DEGREE over ln(Cref) in CREF_F and the carrier in CARRIER_V
     nodes          `ring_diode.ring` and `cv_noise` themselves, with capacitances and diodes of the default board
 
@@ -32,6 +32,7 @@ class Ring(NamedTuple):
     tau_s: np.ndarray
     noise_v_per_rthz: np.ndarray
     noise_ohm: np.ndarray
+    limit_v: np.ndarray
 
 
 def _unit(x, lo, hi):
@@ -39,17 +40,19 @@ def _unit(x, lo, hi):
 
 
 def exact(carrier_v, cref_f, temp_degc):
-    """The four numbers of one ring, as the parts have them."""
+    """The numbers of one ring, as the parts have them."""
     changed = {"carrier_v": carrier_v, "cref_sense_f": cref_f, "ring_noise_on": 1, "ina_bias_exponent": 0.0}
     device = Device()._replace(**changed, ina_beta_exponent=0.0, ina_current_noise_a_per_rthz=PROBE_A)
-    one = ring_diode.ring(*ring_diode.arguments(device, "sense", temp_degc))
+    arguments = ring_diode.arguments(device, "sense", temp_degc)
+    one = ring_diode.ring(*arguments)
     shares = cv_noise.cv_noise_shares(device, temp_degc)
-    return Ring(one.gain_v_per_f, one.tau_s, shares["ring"], shares["current"] / PROBE_A)
+    limit_v = one.gain_v_per_f * ring_diode.limit_f(*arguments)
+    return Ring(one.gain_v_per_f, one.tau_s, shares["ring"], shares["current"] / PROBE_A, limit_v)
 
 
 @functools.cache
 def _tables():
-    """Chebyshev coefficients of the logarithms, one (n, 4, n) for each temperature."""
+    """Chebyshev coefficients of the logarithms, one (n, numbers, n) for each temperature."""
     nodes = chebyshev.chebpts1(DEGREE + 1)
     low, high = map(math.log, CREF_F)
     crefs = np.exp((low + high) / 2 + nodes * (high - low) / 2)
@@ -66,5 +69,5 @@ def rings(carrier_v, cref_f, temp_degc):
     """`Ring` of arrays of one shape (n,)."""
     u = chebyshev.chebvander(_unit(np.log(cref_f), *map(math.log, CREF_F)), DEGREE)
     v = chebyshev.chebvander(_unit(carrier_v, *CARRIER_V), DEGREE)
-    at = (u @ _tables()[temp_degc].reshape(DEGREE + 1, -1)).reshape(len(u), 4, DEGREE + 1)
+    at = (u @ _tables()[temp_degc].reshape(DEGREE + 1, -1)).reshape(len(u), -1, DEGREE + 1)
     return Ring(*np.exp(np.einsum("noj,nj->on", at, v)))

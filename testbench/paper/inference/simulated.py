@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from testbench.paper.inference import forward, infer, likelihood, priors, rows
+from testbench.paper.inference import forward, heldout, infer, likelihood, priors, rows
 
 DRAWS = 300
 
@@ -36,11 +36,6 @@ def board(seed, number):
         mode = {c.name: rng.choice(c.choices, 1) for c in priors.CHOICES}
         if forward.works(forward.predict(z, mode, steps=False))[0]:
             return z, mode, rng
-
-
-def predicted(post, rng):
-    """{row: array} of what a paper would print, one for each draw."""
-    return likelihood.noisy(forward.predict(post.z, post.mode), rng)
 
 
 def rank(values, weight, truth, rng):
@@ -69,7 +64,7 @@ def judge(count, seed, draws=DRAWS, progress=None):
         for fold in (by_class[number % len(by_class)], by_temp[number % len(by_temp)]):
             todo.append((infer.posterior(likelihood.compared(paper, fold.rows), rng, draws), fold.rows))
         for fitted, names in todo:
-            said = predicted(fitted, rng)
+            said = heldout.predictions(fitted, rng)
             for name in names:
                 got = rank(said[name], fitted.weight, paper.values[name], rng)
                 out.held_out.setdefault(name, []).append(got)

@@ -11,6 +11,7 @@ Source       docs/loop.md
 import math
 from typing import NamedTuple
 
+from analog_frontend import ring_levels
 from analog_frontend.parts import propagator, sid, thermal
 from analog_frontend.parts.cv_noise import cv_density
 from analog_frontend.parts.noise import thermomechanical_density
@@ -157,6 +158,10 @@ def parts(config, temp_degc=None):
     seen_v_per_um = drive_gain * device.signal_gain * passed * 4 / math.pi * edges * 1e-6
     drive_full_v = device.adc_vref_v / device.adc_pga_drive
     wanted_fs = config.firmware.amplitude_um * nominal["v_per_um"] / nominal["adc_drive_v"]
+    amplitude_um = wanted_fs * drive_full_v / seen_v_per_um
+    if device.ring_saturation_on:
+        linear_v = abs(drive_gain) * amplitude_um * 1e-6
+        amplitude_um = 1e6 * ring_levels.amplitude_m(device, temp_degc, linear_v)
     words = config.firmware
     inject = sid.of_device(warm)
     rc_s = warm.sid_r_ohm * warm.sid_c_f
@@ -173,7 +178,7 @@ def parts(config, temp_degc=None):
         qy=warm.qy,
         mass_kg=warm.mass_kg,
         coriolis_mass_kg=warm.coriolis_mass_kg,
-        amplitude_m=wanted_fs * drive_full_v / seen_v_per_um * 1e-6,
+        amplitude_m=amplitude_um * 1e-6,
         xe2_rad=math.radians(loop["xe2"]),
         ye1_rad=math.radians(node["ye1"]),
         sense_turn_rad=math.radians(words.phase_sense_ref_deg - words.phase_drive_ref_deg),

@@ -85,6 +85,11 @@ def one(z, mode, k):
     return board.config_of(v, {name: int(a[k]) for name, a in mode.items()})
 
 
+def linear(z, mode, k):
+    """The board with a ring that does not saturate."""
+    return changed(one(z, mode, k), {"nominal.ring_saturation_on": 0})
+
+
 def compensated(config, case):
     """The configuration with the words of a case, from its own budget at 25 degC."""
     p = parts.parts(config, 25.0)
@@ -97,15 +102,16 @@ def compensated(config, case):
 
 NAMES = {"scale_factor": "lsb_per_dps", "arw": "arw_deg_per_rt_h", "bias_instability": "instability_deg_per_h",
          "v_q": "quadrature_v", "bias": "bias_dps"}  # fmt: skip
-LARGEST = {"scale_factor": 2e-5, "v_q": 3e-5, "arw": 5e-3, "bias_instability": 5e-3, "bias": 2e-3}
+LARGEST = {"scale_factor": 5e-5, "v_q": 3e-5, "arw": 5e-3, "bias_instability": 5e-3, "bias": 2e-3}
 
 
 @pytest.mark.parametrize("temp", rows.TEMPERATURES_DEGC)
 def test_closed_forms_are_those_of_budget_and_linear_loop(temp):
     z, mode = drawn(np.random.default_rng(int(temp) + 100), 4)
+    z[:, priors.NAMES.index("pickoff_v")] = -4.5  # 6.4 mV: the ring keeps its gain within 3e-5
     found = forward.predict(z, mode)
     for k in range(4):
-        config = one(z, mode, k)
+        config = linear(z, mode, k)
         phases = budget(config, 25.0)
         for name, deg in {"xe1": phases.node_deg()["xe1"], "xe2": phases.loop_deg()["xe2"]}.items():
             assert found[name][k] == pytest.approx(deg, abs=1e-4)
@@ -126,6 +132,24 @@ def test_closed_forms_are_those_of_budget_and_linear_loop(temp):
                     step,
                     k,
                 )
+
+
+@pytest.mark.slow
+def test_what_a_saturating_ring_does_to_the_scale_factor_is_that_of_its_integration():
+    """Within 2e-3: the closed form knows the amplitude of 1 % loss within 8 %, and the gain within 0.3 %."""
+    z, mode = drawn(np.random.default_rng(9), 2)
+    z[:, priors.NAMES.index("pickoff_v")] = 1.6
+    mode["carrier_compensated"][:] = 1
+    found = forward.predict(z, mode)
+    lost = []
+    for k in range(2):
+        for temp in (-20.0, 50.0):
+            ratio = [derived.derive(f(z, mode, k), temp).lsb_per_dps / derived.derive(f(z, mode, k), 25.0).lsb_per_dps
+                     for f in (one, linear)]  # fmt: skip
+            own = found[f"scale_factor_{temp:g}"][k] / found["scale_factor_25"][k]
+            assert own == pytest.approx(ratio[0], rel=2e-3)
+            lost.append(ratio[0] / ratio[1] - 1)
+    assert max(lost) > 3e-3  # warm: x is larger at the same signal
 
 
 def test_the_ring_table_is_the_ring():
@@ -156,7 +180,7 @@ def test_a_paper_of_a_known_board_gives_its_modes_and_its_rows():
     (paper,) = likelihood.drawn(z, mode, rng)
     data = likelihood.compared(paper)
     found = infer.optimum(data)
-    post = infer.posterior(data, rng, 200, found)
+    post = infer.posterior(data, rng, 200)
     assert post.size > 40
     same = np.all([found.mode[name] == mode[name] for name in mode], axis=0)
     assert found.weight[same].sum() > 0.02

@@ -1,0 +1,50 @@
+"""`gyro report infer`: arguments and what is printed; no computing.
+
+Source  docs/inference.md
+"""
+
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+import typer
+
+from testbench.console.options import Json, takes
+from testbench.console.progress import Progress
+from testbench.console.show import print_json, print_list, print_tables
+
+
+class InferOptions(NamedTuple):
+    """Options of `gyro report infer`."""
+
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the page, the board and the JSON.")] = (
+        Path("out/inference")
+    )
+    as_json: Json = False
+
+
+@takes(InferOptions)
+def infer(o):
+    """Which boards could have given the paper's numbers: posterior, held-out rows, the most probable one."""
+    from testbench.run import outputs
+
+    outputs.check_folder(o.out)
+    with Progress(quiet=o.as_json) as progress:
+        from testbench.paper.inference import files, page, study
+
+        found = study.study(progress=progress)
+        o.out.mkdir(parents=True, exist_ok=True)
+        written = [
+            str(p)
+            for p in (*files.write(found, o.out / "paper_inferred.toml"), page.write(found, o.out / "inference.html"))
+        ]
+    if o.as_json:
+        print_json(files.rounded(found) | {"files": written})
+        return
+    print_tables([page.classes_table(found), page.measurements_table(found)])
+    print_list("", page.summary(found))
+    print_list("Written:", written)
+
+
+def add(reports):
+    """Put the command beside the other reports."""
+    reports.command()(infer)

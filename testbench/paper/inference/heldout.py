@@ -1,0 +1,87 @@
+"""Rows that a fit did not see, against what its draws predict: interval by interval, and class by class.
+
+    predicted   a printed number for each draw, noise and rounding included: quantiles by weight
+    distance    D^2 = (y - m)' C^-1 (y - m), m and C of the predicted numbers of a fold's class
+    p           share of the predicted numbers that are as far from m; below LEVEL the class is contradicted
+
+Nothing is added to C: a class that is not met is called contradicted, and by how much.
+Source    docs/inference.md
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from testbench.paper.inference import forward, infer, likelihood, rows
+
+LEVEL = 0.01
+SHARES = (0.05, 0.5, 0.95)
+GROUPS = {row.name: row.group for row in (*likelihood.FITTED, *likelihood.STEPPED)}
+
+
+class Predicted(NamedTuple):
+    """One row that was held out."""
+
+    fold: str
+    name: str
+    paper: float
+    low: float
+    middle: float
+    high: float
+
+    @property
+    def inside(self):
+        return self.low <= self.paper <= self.high
+
+
+class Class(NamedTuple):
+    """Rows of one class in one fold: squared distance, how many rows, and the share of predictions as far away."""
+
+    fold: str
+    group: str
+    distance: float
+    count: int
+    p: float
+
+    @property
+    def contradicted(self):
+        return self.p < LEVEL
+
+
+def predictions(post, rng):
+    """{row: array} of what a paper would print, one for each draw."""
+    return likelihood.noisy(forward.predict(post.z, post.mode), rng)
+
+
+def compared(fold, group, names, said, weight, paper):
+    """`Class` of the rows `names` of a group."""
+    values = np.stack([said[name] for name in names], axis=1)
+    mean = weight @ values
+    cov = (weight[:, None] * (values - mean)).T @ (values - mean)
+    far = np.linalg.inv(cov)
+
+    def distance(y):
+        return np.einsum("...i,ij,...j->...", y - mean, far, y - mean)
+
+    own = float(distance(np.array([paper.values[name] for name in names])))
+    return Class(fold, group, own, len(names), float(weight[distance(values) >= own].sum()))
+
+
+def judged(paper, rng, draws, least, progress=None):
+    """([Predicted], [Class], [(fold, effective size)]) of every fold of the committed list."""
+    out, classes, sizes = [], [], []
+    folds = rows.folds()
+    for number, fold in enumerate(folds):
+        without = () if fold.rule == "never fitted" else fold.rows
+        post = infer.posterior(likelihood.compared(paper, without), rng, draws, least)
+        sizes.append((fold.name, post.size))
+        said = predictions(post, rng)
+        for name in fold.rows:
+            quantiles = [infer.quantile(said[name], post.weight, share) for share in SHARES]
+            out.append(Predicted(fold.name, name, paper.values[name], *quantiles))
+        for group in dict.fromkeys(GROUPS[name] for name in fold.rows):
+            names = [name for name in fold.rows if GROUPS[name] == group]
+            classes.append(compared(fold.name, group, names, said, post.weight, paper))
+        if progress:
+            progress("held-out rows", number + 1, len(folds))
+    return out, classes, sizes

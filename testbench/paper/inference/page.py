@@ -1,0 +1,175 @@
+"""`gyro report infer` as a page: what the data carry, what they contradict, what would decide. Tables of plain data.
+
+Source    docs/inference.md
+"""
+
+from testbench.console.report import BLUE, GREY, VERMILION, axes_of, name_axes, write_html
+from testbench.console.table import Table
+from testbench.paper.inference import study
+
+YES = {True: "yes", False: "no"}
+
+
+def _text(value, digits=4):
+    return "-" if value is None else f"{value:.{digits}g}"
+
+
+def summary(found):
+    """Sentences: chi2 before and after, coverage, decided assumptions, contradicted classes, the measurement."""
+    before, after = found["chi2"]["all"]
+    inside = sum(r["inside"] for r in found["held_out"])
+    sure = [
+        f"{c['name']} = {value}" for c in found["choices"] for value, p in c["probability"].items()
+        if p > 1 - study.EXCLUDED
+    ]  # fmt: skip
+    wrong = [f"{c['group']} ({c['fold']})" for c in found["classes"] if c["contradicted"]]
+    best = found["measurements"][0]
+    return [
+        f"chi2 of 19 fitted rows: {before:.4g} of the default board, {after:.3g} of the most probable board.",
+        f"{inside} of {len(found['held_out'])} held-out predictions are within their 90 % interval.",
+        f"Decided, above {1 - study.EXCLUDED:g}: {', '.join(sure)}.",
+        f"Contradicted, p below 0.01: {', '.join(wrong)}.",
+        f"{found['open_bits']:.2f} bits about the discrete assumptions are open. The best measurement is worth "
+        f"{best['mode_bits']:.2f}: {best['name']}.",
+    ]
+
+
+def modes_table(found):
+    names = list(found["modes"][0]["choices"])
+    rows = [(f"{m['weight']:.3f}", f"{m['chi2']:.1f}", *(str(m["choices"][n]) for n in names)) for m in found["modes"]]
+    note = "Probability by Laplace's approximation; chi2 of 19 rows."
+    return Table("Modes", ("probability", "chi2", *names), rows, note, tuple(range(len(names) + 2)))
+
+
+def choices_table(found):
+    rows = [
+        (c["name"], value, f"{p:.4f}", "excluded" if p < study.EXCLUDED else "", c["why"])
+        for c in found["choices"]
+        for value, p in c["probability"].items()
+    ]
+    return Table("Discrete assumptions", ("assumption", "choice", "posterior", "", "meaning"), rows, numeric=(1, 2))
+
+
+def numbers_table(found):
+    rows = [
+        (n["name"], n["unit"], *(_text(x) for x in (*n["prior"], *n["posterior"])), f"{n['shift']:+.2f}",
+         f"{n['width']:.2f}", n["verdict"], n["why"])
+        for n in found["numbers"]
+    ]  # fmt: skip
+    note = (
+        f"Shift and width in standard deviations of the prior. carried: width below {study.CARRIED:g}; strained: shift "
+        f"beyond {study.STRAINED:g}; open: the rows say little."
+    )
+    heads = (
+        "number",
+        "unit",
+        "prior 5 %",
+        "95 %",
+        "posterior 5 %",
+        "50 %",
+        "95 %",
+        "shift",
+        "width",
+        "verdict",
+        "prior by",
+    )
+    return Table("Assumed numbers: posterior against prior", heads, rows, note, tuple(range(2, 9)))
+
+
+def rows_table(found):
+    rows = []
+    for r in found["rows"]:
+        seen = r["before"], r["after"]
+        pulls = [f"{(value - r['paper']) / r['sigma']:+.1f}" for value in seen]
+        cells = (_text(r["before"], 5), pulls[0], _text(r["after"], 5), pulls[1], YES[r["fitted"]])
+        rows.append((r["name"], r["unit"], f"{r['paper']:g}", _text(r["sigma"], 2), *cells))
+    note = "Pull: model less paper over the paper's standard uncertainty. Both boards by budget and linear loops."
+    heads = ("row", "unit", "paper", "sigma", "default", "pull", "most probable", "pull", "fitted")
+    return Table("Rows before and after", heads, rows, note, tuple(range(2, 8)))
+
+
+def held_out_table(found):
+    rows = [
+        (
+            r["fold"],
+            r["name"],
+            f"{r['paper']:g}",
+            *(_text(r[k], 5) for k in ("low", "middle", "high")),
+            YES[r["inside"]],
+        )
+        for r in found["held_out"]
+    ]
+    inside = sum(r["inside"] for r in found["held_out"])
+    heads = ("left out", "row", "paper", "5 %", "50 %", "95 %", "inside")
+    return Table("Held-out rows", heads, rows, f"{inside} of {len(rows)} inside.", (2, 3, 4, 5))
+
+
+def classes_table(found):
+    rows = [
+        (c["fold"], c["group"], f"{c['distance']:.3g}", str(c["count"]), f"{c['p']:.3f}",
+         "contradicted" if c["contradicted"] else "predicted") for c in found["classes"]
+    ]  # fmt: skip
+    note = "Squared distance from the predicted numbers in their covariance; p: share of predictions as far away."
+    return Table("Held-out classes", ("left out", "class", "D^2", "rows", "p", "verdict"), rows, note, (2, 3, 4))
+
+
+def changes_table(found):
+    wrong = {c["group"] for c in found["classes"] if c["contradicted"] and c["fold"] == "steps"}
+    rows = [
+        (c["group"], f"{c['name']} ({c['unit']})", _text(c["before"]), _text(c["after"]), f"{c['moved']:+.2f}",
+         f"{c['still']:.3g}", f"{c['unmet']:.3g}") for c in found["changes"] if c["group"] in wrong
+    ]  # fmt: skip
+    note = "What a written register would have to do to a part. moved: in standard deviations of its prior."
+    heads = ("class", "number", "before", "after", "moved", "chi2 without", "chi2 with")
+    return Table("Contradicted changes: the smallest change that would meet them", heads, rows, note, (2, 3, 4, 5, 6))
+
+
+def measurements_table(found):
+    rows = [
+        (m["name"], m["unit"], _text(m["sigma"], 2), _text(m["predicted"]), _text(m["spread"], 2),
+         f"{m['mode_bits']:.2f}", f"{m['number_bits']:.1f}") for m in found["measurements"]
+    ]  # fmt: skip
+    note = f"{found['open_bits']:.2f} bits are open about the discrete assumptions."
+    heads = ("measurement", "unit", "error", "predicted", "+-", "bits about assumptions", "bits about itself")
+    return Table("Which measurement would decide", heads, rows, note, (2, 3, 4, 5, 6))
+
+
+TABLES = (classes_table, changes_table, measurements_table, choices_table, modes_table, rows_table, held_out_table,
+          numbers_table)  # fmt: skip
+
+
+def widths_picture(found):
+    """Posterior of each number in standard deviations of its prior: mean and 90 %, on the prior's own."""
+    figure, axes = axes_of("Posterior against prior, in standard deviations of the prior", 9.5)
+    axis, numbers = axes[0, 0], found["numbers"][::-1]
+    axis.axvspan(-1.645, 1.645, color="#e8eef2", label="prior, 90 %")
+    for k, n in enumerate(numbers):
+        color = {"carried": BLUE, "strained": VERMILION, "open": GREY}[n["verdict"]]
+        axis.errorbar(n["shift"], k, xerr=1.645 * n["width"], fmt="o", color=color, capsize=3)
+    axis.set_yticks(range(len(numbers)), [n["name"] for n in numbers])
+    axis.set_ylim(-1, len(numbers))
+    name_axes(axis, "blue: the rows carry it; red: strained; grey: open", "", "lower right")
+    return figure
+
+
+def pulls_picture(found):
+    """Pulls of the fitted rows, default and most probable board."""
+    figure, axes = axes_of("Fitted rows: model less paper", 6.5)
+    axis = axes[0, 0]
+    fitted = [r for r in found["rows"] if r["fitted"]][::-1]
+    for name, color, mark in (("before", GREY, "s"), ("after", BLUE, "o")):
+        values = [(r[name] - r["paper"]) / r["sigma"] for r in fitted]
+        label = {"before": "default board", "after": "most probable board"}[name]
+        axis.plot(values, range(len(fitted)), mark, color=color, label=label)
+    axis.axvspan(-2, 2, color="#e8eef2")
+    axis.set_xscale("symlog", linthresh=3)
+    axis.set_yticks(range(len(fitted)), [r["name"] for r in fitted])
+    name_axes(axis, "standard uncertainties of the paper's number; band: 2", "", "upper left")
+    return figure
+
+
+def write(found, path):
+    """Write the page; returns its path."""
+    pictures = [("Rows before and after", pulls_picture(found)), ("What the rows carry", widths_picture(found))]
+    title = "Which board gave the paper's numbers"
+    return write_html(path, title, [table(found) for table in TABLES], pictures, summary(found))

@@ -1,0 +1,144 @@
+"""What the paper's numbers say of its board, as plain data: posterior, rows before and after, held-out rows, a board.
+
+    before     the default board                     after     the most probable board; both by the linear loops
+    carried    the posterior of a number is narrower than CARRIED times its prior
+    strained   its mean is more than STRAINED standard deviations of the prior away
+    excluded   a choice of a discrete assumption has a probability below EXCLUDED
+
+Source    docs/inference.md
+"""
+
+import math
+
+import numpy as np
+
+from testbench.config import Config, changed
+from testbench.paper.inference import board, change, forward, heldout, infer, likelihood, measurements, priors, rows
+from testbench.paper.loop import derived
+from testbench.run.budget import budget
+
+SEED, DRAWS, FOLD_DRAWS, LEAST_DRAWS = 1, 2000, 1500, 400.0
+CARRIED, STRAINED, EXCLUDED = 0.5, 2.0, 0.01
+MODES_SHOWN = 12
+QUANTITIES = {"scale_factor": "lsb_per_dps", "arw": "arw_deg_per_rt_h", "bias_instability": "instability_deg_per_h",
+              "v_q": "quadrature_v", "bias": "bias_dps"}  # fmt: skip
+
+
+def with_words(config, case):
+    """The configuration with the compensation words of a case, from its own budget at 25 degC."""
+    phases = budget(config, forward.ROOM_DEGC)
+    node, loop = phases.node_deg(), phases.loop_deg()
+    words = {"drive_sine": ("xe1", node["xe1"]), "drive_ref": ("xe2", -loop["xe2"]), "sense_sine": ("ye1", node["ye1"]),
+             "sense_ref": ("ye2", -loop["ye2"])}  # fmt: skip
+    given = {f"firmware.phase_{w}_deg": deg for w, (n, deg) in words.items() if case >= forward.COMPENSATED[n]}
+    return changed(config, given)
+
+
+def rows_of(config, ye2_at_pin=True):
+    """{row: value} of a configuration by budget and linear loops, which share no closed form with `forward`."""
+    phases = budget(config, forward.ROOM_DEGC)
+    node, loop = phases.node_deg(), phases.loop_deg()
+    out = {"xe1": node["xe1"], "xe2": loop["xe2"], "ye1": node["ye1"], "ye2": (node if ye2_at_pin else loop)["ye2"]}
+    configs = {case: with_words(config, case) for case in forward.CASES}
+    for temp in rows.TEMPERATURES_DEGC:
+        seen = {case: derived.derive(c, temp) for case, c in configs.items()}
+        for group, name in QUANTITIES.items():
+            out[f"{group}_{temp:g}"] = float(np.mean([getattr(seen[case], name) for case in (1, 2, 3)]))
+        for group in rows.STEPPED:
+            for step in rows.STEPS:
+                before, after = (getattr(seen[int(case)], QUANTITIES[group]) for case in step.split("to"))
+                out[f"{group}_{step}_{temp:g}"] = abs(after - before) / abs(before)
+    return out
+
+
+def pull(row, value):
+    """Difference from the paper in its standard uncertainties."""
+    return (value - row.value) / row.sigma
+
+
+def chi2(values, group=None):
+    """Sum of squared pulls over the fitted rows, or over those of a class."""
+    return sum(pull(row, values[row.name]) ** 2 for row in likelihood.FITTED if group in (None, row.group))
+
+
+def _numbers(post):
+    out = []
+    for k, prior in enumerate(priors.PRIORS):
+        z = post.z[:, k]
+        mean = float(post.weight @ z)
+        width = math.sqrt(float(post.weight @ (z - mean) ** 2))
+        said = [float(prior.value(infer.quantile(z, post.weight, share))) for share in heldout.SHARES]
+        verdict = "strained" if abs(mean) > STRAINED else "carried" if width < CARRIED else "open"
+        out.append({"name": prior.name, "unit": prior.unit, "prior": [prior.lo, prior.hi], "posterior": said,
+                    "shift": mean, "width": width, "verdict": verdict, "why": prior.why})  # fmt: skip
+    return out
+
+
+def _choices(post):
+    out = []
+    for c in priors.CHOICES:
+        share = {str(choice): float(post.weight[post.mode[c.name] == choice].sum()) for choice in c.choices}
+        out.append({"name": c.name, "why": c.why, "probability": share})
+    return out
+
+
+def _modes(found):
+    shown = range(min(MODES_SHOWN, len(found.weight)))
+    return [
+        {"choices": {n: int(a[k]) for n, a in found.mode.items()}, "weight": float(found.weight[k]),
+         "chi2": float(found.chi2[k]), "prior_chi2": float(np.sum(found.z[k] ** 2))} for k in shown
+    ]  # fmt: skip
+
+
+def best_board(data, found):
+    """(z, mode, covariance) of the most probable mode, at the default's drive frequency, which is on no grid."""
+    mode = {name: int(a[0]) for name, a in found.mode.items()}
+    prior = priors.PRIORS[priors.NAMES.index("fx_hz")]
+    wanted = (Config().plant.fx_hz - prior.value(0.0)) / (prior.value(1.0) - prior.value(0.0))
+    z, hessian = infer.settled(found.z[0], mode, data, {"fx_hz": wanted})
+    return z, mode, np.linalg.inv(hessian)
+
+
+def study(paper=None, progress=None, draws=DRAWS, fold_draws=FOLD_DRAWS):
+    """All of it as a dict of plain data; about a minute."""
+
+    def told(text, step):
+        if progress:
+            progress(text, step, 4)
+
+    told("posterior", 0)
+    paper = paper or likelihood.the_paper()
+    rng = np.random.default_rng(SEED)
+    data = likelihood.compared(paper)
+    post = infer.posterior(data, rng, draws, LEAST_DRAWS)
+    z, mode, covariance = best_board(data, post.optimum)
+    v = {name: float(a) for name, a in priors.values(z).items()}
+    told("rows by the linear loops", 1)
+    before, after = rows_of(Config()), rows_of(board.config_of(v, mode), mode["ye2_at_pin"] == 1)
+    told("held-out rows", 2)
+    predicted, classes, sizes = heldout.judged(paper, rng, fold_draws, LEAST_DRAWS)
+    told("changes and measurements", 3)
+    worth, open_bits = measurements.worth(post, rng)
+    groups = dict.fromkeys(row.group for row in likelihood.FITTED)
+    return {
+        "draws": draws,
+        "effective_draws": post.size,
+        "fold_draws": fold_draws,
+        "effective_fold_draws": dict(sizes),
+        "modes": _modes(post.optimum),
+        "choices": _choices(post),
+        "numbers": _numbers(post),
+        "rows": [
+            {"name": r.name, "class": r.group, "unit": r.unit, "paper": r.value, "sigma": r.sigma,
+             "fitted": r in likelihood.FITTED, "before": before[r.name], "after": after[r.name]}
+            for r in (*likelihood.FITTED, *likelihood.STEPPED)
+        ],
+        "chi2": {g or "all": [chi2(before, g), chi2(after, g)] for g in (*groups, None)},
+        "held_out": [p._asdict() | {"inside": p.inside} for p in predicted],
+        "classes": [c._asdict() | {"contradicted": c.contradicted} for c in classes],
+        "changes": [i._asdict() for items in change.smallest(z, mode).values() for i in items],
+        "measurements": [w._asdict() for w in worth],
+        "open_bits": open_bits,
+        "board": {"mode": mode, "settings": board.settings(v, mode), "names": list(priors.NAMES), "z": z.tolist(),
+                  "covariance": covariance.tolist()},
+    }  # fmt: skip

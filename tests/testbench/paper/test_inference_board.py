@@ -1,0 +1,104 @@
+"""The board that the inference wrote: what the rows give, met by the linear loops, and it runs. Drawn ones run too."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from testbench import config as configuration
+from testbench.console.markdown import ROOT
+from testbench.paper.calibration.bench import Bench, Judge
+from testbench.paper.inference import board, files, forward, infer, likelihood, page, priors, study
+from testbench.paper.measure import measure_allan
+from testbench.run import simulate
+
+BOARD = ROOT / "docs" / "boards" / "paper_inferred.toml"
+
+
+@pytest.fixture(scope="module")
+def found():
+    return json.loads(BOARD.with_suffix(".json").read_text())
+
+
+def test_the_board_is_the_optimum_of_the_paper(found):
+    data = likelihood.compared(likelihood.the_paper())
+    best = infer.optimum(data)
+    z, mode, covariance = study.best_board(data, best)
+    assert mode == found["board"]["mode"]
+    np.testing.assert_allclose(z, found["board"]["z"], atol=2e-3)
+    np.testing.assert_allclose(covariance, found["board"]["covariance"], atol=5e-3)
+    assert best.weight[0] == pytest.approx(found["modes"][0]["weight"], abs=2e-3)
+
+
+def test_the_file_is_that_board(found):
+    v = {name: float(a) for name, a in priors.values(np.array(found["board"]["z"])).items()}
+    wanted = board.settings(v, found["board"]["mode"])
+    loaded = configuration.load(BOARD)
+    for key, value in wanted.items():
+        section, name = key.split(".")
+        assert getattr(getattr(loaded, section), name) == pytest.approx(value, rel=2e-4, abs=1e-20), key
+    assert BOARD.read_text() == files.toml_text(found, BOARD.with_suffix(".json").name)
+
+
+def test_the_board_meets_the_fitted_rows_by_the_linear_loops(found):
+    values = study.rows_of(configuration.load(BOARD), found["board"]["mode"]["ye2_at_pin"] == 1)
+    pulls = {row.name: study.pull(row, values[row.name]) for row in likelihood.FITTED}
+    assert max(map(abs, pulls.values())) < 2.0, pulls
+    for row in found["rows"]:
+        assert values[row["name"]] == pytest.approx(row["after"], rel=1e-3, abs=1e-5)
+
+
+def test_the_board_locks():
+    checked = configuration.changed(configuration.load(BOARD), {"scenario.seconds": 0.3, "scenario.engine": "frame"})
+    result = simulate.run(checked)
+    assert result.summary["locked"]
+    phases = result.summary["phase_deg"]
+    assert abs(phases["xe1"] - 3.7647) < 0.01
+    assert abs(phases["ye1"] - 8.8814) < 0.01
+
+
+def test_a_contradicted_class_is_called_so(found):
+    wrong = {(c["fold"], c["group"]) for c in found["classes"] if c["contradicted"]}
+    assert ("steps", "v_q_3to4") in wrong
+    assert ("steps", "bias_3to4") in wrong
+    assert ("scale_factor", "scale_factor") not in wrong
+    assert min(found["effective_draws"], *found["effective_fold_draws"].values()) > 400
+    text = " ".join(page.summary(found))
+    assert "v_q_3to4 (steps)" in text
+    assert page.changes_table(found).rows
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", range(6))
+def test_a_drawn_board_runs_as_the_closed_form_says(number):
+    """Baseband engine without compensation: scale factor over +-20 deg/s, bias, V_q, ARW over 100 s, four phases."""
+    rng = np.random.default_rng([77, number])
+    z = np.clip(rng.standard_normal((1, infer.SIZE)), -1.2, 1.2)
+    mode = {c.name: rng.choice(c.choices, 1) for c in priors.CHOICES}
+    temp = (-20.0, 25.0, 50.0)[number % 3]
+    v = {name: float(a[0]) for name, a in priors.values(z).items()}
+    checked = board.config_of(v, {name: int(a[0]) for name, a in mode.items()})
+    bench = Bench(checked, 20.0, temp, "baseband")
+    words = {}
+    for rate in (20.0, -20.0, 0.0):
+        bench.rate_dps = rate
+        bench.settle(4.0)
+        rows_read = bench.record(8.0)
+        words[rate] = rows_read.hann("rate_word")
+    volts = (rows_read.mean("quadrature_code") + 0.5) / 2**16 * checked.plant.quad_dac_span_v
+    quiet = [measure_allan.averaged(bench.record(20.0)["rate_word"].astype(float)) for _ in range(5)]
+    seen = forward.see(z, mode, (1,))
+    lsb = (words[20.0] - words[-20.0]) / 40
+    allan = measure_allan.analyse(np.concatenate(quiet) / lsb, measure_allan.BASE_FRAMES * bench.frame_s)
+    assert bench.locked
+    assert lsb == pytest.approx(seen.cases[1, "scale_factor", temp][0], rel=1e-3)
+    assert words[0.0] / lsb == pytest.approx(seen.cases[1, "bias", temp][0], abs=0.03)
+    assert volts == pytest.approx(seen.cases[1, "v_q", temp][0], rel=4e-3)
+    assert allan.arw_deg_per_rt_h == pytest.approx(seen.noise["arw", temp][0], rel=0.2)
+    if temp == 25.0:  # rows of phases are of 25 degC
+        deg = Judge(bench).residuals().deg
+        pin = math.degrees(2 * math.pi * v["fx_hz"] * v["sid_switch_s"]) * mode["ye2_at_pin"][0]
+        for node, value in deg.items():
+            told = seen.phases[node][0] - (pin if node == "ye2" else 0.0)
+            assert value == pytest.approx(told, abs=0.03), node
