@@ -109,6 +109,7 @@ LARGEST = {"scale_factor": 5e-5, "v_q": 3e-5, "arw": 5e-3, "bias_instability": 5
 def test_closed_forms_are_those_of_budget_and_linear_loop(temp):
     z, mode = drawn(np.random.default_rng(int(temp) + 100), 4)
     z[:, priors.NAMES.index("pickoff_v")] = -4.5  # 6.4 mV: the ring keeps its gain within 3e-5
+    z[:, priors.NAMES.index("sense_pickoff_ratio")] = 2.5  # and y is seen, as the firmware needs
     found = forward.predict(z, mode)
     for k in range(4):
         config = linear(z, mode, k)
