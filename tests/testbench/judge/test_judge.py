@@ -1,4 +1,4 @@
-"""The paper's numbers: their uncertainty, their roles, the one verdict, and that all commands take it."""
+"""The numbers of the paper (docs/paper.md): their uncertainty, their roles, and the one verdict."""
 
 import csv
 import math

@@ -1,4 +1,4 @@
-"""Tables of the judge's rows, and that page, trace and document take the same verdicts."""
+"""Tables of the judge's rows; page, trace and document (docs/paper.md) take the same verdicts."""
 
 import json
 import re
