@@ -10,9 +10,7 @@ differs from those of an undisturbed run. `CASES` names them.
 import atexit
 import contextlib
 import functools
-import json
 import random
-import re
 import shutil
 import signal
 import subprocess
@@ -24,8 +22,8 @@ from tests.processes import before_sources, difference, ended, killed_after, sta
 from tests.testbench.campaign.helpers import plan_file
 
 AT_ONCE_S = 0.3
-WALL_CLOCK = re.compile(rb"Wall-clock \(s\): [^<]*")
-NOT_RESULTS = ("journal/*", "claims/*", "lock", "store.json*", "*/journal/*", "*/claims/*", "*/lock", "*/store.json*")
+NOT_RESULTS = ("journal/*", "claims/*", "lock", "store.json*", "*/journal/*", "*/claims/*", "*/lock", "*/store.json*",
+               "timings.json")  # fmt: skip
 ENDS = {signal.SIGTERM: (-signal.SIGTERM,), signal.SIGKILL: (-signal.SIGKILL,), signal.SIGINT: (130, -signal.SIGINT)}
 
 
@@ -53,17 +51,9 @@ class Case(NamedTuple):
         return ended(self.start(folder), self.timeout_s)
 
 
-def timeless(path):
-    """Contents of a file, without the durations in it."""
-    data = path.read_bytes()
-    if path.parent.name == "out" and path.suffix == ".json":
-        return json.dumps(json.loads(data) | {"seconds": None}, sort_keys=True).encode()
-    return WALL_CLOCK.sub(b"", data) if path.suffix == ".html" else data
-
-
 def tree(folder):
     """Files of the results."""
-    return tree_of(Path(folder) / "out", NOT_RESULTS, timeless)
+    return tree_of(Path(folder) / "out", NOT_RESULTS)
 
 
 @functools.cache

@@ -9,26 +9,10 @@ import pytest
 
 KILLS, MOST_S = 20, 3600.0
 NOT_NUMBERS = {"lock", "timings.json"}
-CHILD = """
-import sys
-from testbench.config import Config
-from testbench.paper import page, study
-from testbench.paper.loop import sensitivity
-
-class Few(study.Study):
-    def influence(self, config):
-        return sensitivity.rows(config, sensitivity.PARAMETERS[:2])
-
-size = study.SMALL._replace(boards=2, rest_s=10.0)
-job = Few(Config(), sys.argv[1], size)
-with job.alone():
-    job.run()
-    page.write(job)
-"""
 
 
 def begun(folder):
-    return subprocess.Popen([sys.executable, "-c", CHILD, str(folder)])
+    return subprocess.Popen([sys.executable, "-m", "tests.testbench.paper.killed_study", str(folder)])
 
 
 def numbers_of(folder):

@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 import time
+import types
 
 import mpmath
 import numba
@@ -460,6 +461,14 @@ def test_a_browser_shows_the_page(written, tmp_path):
     (row,) = [r for r in text.rows if r and r[0] == "FTR rate-measurement bandwidth" and "1,2,3" in r[1]]
     assert "25.6" in row, "the model's bandwidth is read off the page"
     assert picture.stat().st_size > 100_000
+
+
+def test_volts_are_those_of_the_drawn_spans():
+    """Half of full scale of words and codes, of a board with other spans than the default's."""
+    drawing = configured(nominal__drive_dac_span_v=8.0, nominal__quad_dac_span_v=6.0).nominal_device()
+    bench = types.SimpleNamespace(drawing=drawing)
+    assert Bench.drive_v(bench, 1 << 22) == 4.0
+    assert Bench.quadrature_v(bench, (1 << 15) - 0.5) == 3.0
 
 
 def test_nothing_of_the_truth_is_on_the_bench():
