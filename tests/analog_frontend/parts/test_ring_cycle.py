@@ -50,7 +50,8 @@ def test_sines_come_out_as_from_the_circuit(temp_degc, tmp_path):
         assert np.sign(got.third) == np.sign(third.real)
         losses.append(got.loss)
         gain, delay_s, size = abs(first) / dc_f, -np.angle(first) / w, abs(third) / abs(first)
-        row = (temp_degc, dc_f * 1e12, 100 * got.loss, delay_s * 1e9, 100 * size)
+        lost = 1 - gain * (1 - got.loss) / got.gain_v_per_f
+        row = (temp_degc, dc_f * 1e12, 100 * lost, delay_s * 1e9, 100 * size)
         row += tuple(100 * (v / gain - 1) for v in (linear.gain_v_per_f, got.gain_v_per_f))
         print(*row, (got.delay_s - delay_s) * 1e9, 100 * (abs(got.third) / size - 1))
     assert losses == sorted(losses)
