@@ -2,9 +2,12 @@
 
     v(theta_n) as ring_saturation.py adds it over a tick about theta_n, from the linear output along the slow motion
     C - i S as a square-wave demodulator sees it:  C = c1 - c3/3 + c5/5 - ...,  S = s1 + s3/3 + s5/5 + ..., up to 15
+    theta_n counts from the references, so that C and S are sums with constant weights; v is odd, half a turn is enough
 
 Source     docs/parts/averaged.md
 """
+
+import numpy as np
 
 from analog_frontend import ring_saturation
 from analog_frontend.averaged.averaged_laws import COS, POINTS, SIN, TURN_MASK
@@ -12,8 +15,12 @@ from analog_frontend.averaged.averaged_modes import small_turn, times, unit
 from analog_frontend.top import CV_X, CV_Y
 from fpga_model.jit import outlined
 
-HARMONICS = 8  # odd ones
-PARTS = tuple(1.0 / (2 * k + 1) for k in range(HARMONICS))
+HALF = POINTS // 2
+HARMONICS = np.arange(1, HALF, 2)
+_ANGLES = 2 * np.pi * (np.arange(HALF) + 0.5) / POINTS
+_SIGNS = (-1.0) ** np.arange(len(HARMONICS))
+WEIGHTS_C = 4.0 / POINTS * (np.cos(np.outer(_ANGLES, HARMONICS)) * _SIGNS / HARMONICS).sum(axis=1)
+WEIGHTS_S = 4.0 / POINTS * (np.sin(np.outer(_ANGLES, HARMONICS)) / HARMONICS).sum(axis=1)
 
 
 @outlined
@@ -23,23 +30,18 @@ def act(p, r, temp_degc, rad_per_tick, reference_turns, drive_ref, sense_ref):
     half_c, half_s = small_turn(0.5 * rad_per_tick)
     for channel in range(2):
         state, ref = (CV_Y, sense_ref) if channel else (CV_X, drive_ref)
-        offset = ref - reference_turns
-        turn_c, turn_s = unit(offset & TURN_MASK)
+        turn_c, turn_s = unit((ref - reference_turns) & TURN_MASK)
+        # the motion at both ends of a tick about an angle, as cosine and sine of that angle
+        begin_c, begin_s = times(turn_c, turn_s, half_c, half_s)
+        end_c, end_s = times(turn_c, turn_s, half_c, -half_s)
+        start_c, start_s = times(r.cosines[state], r.sines[state], begin_c, begin_s)
+        stop_c, stop_s = times(r.cosines[state], r.sines[state], end_c, end_s)
         seen_c, seen_s = 0.0, 0.0
-        for n in range(POINTS):
-            begin_c, begin_s = times(COS[n], SIN[n], half_c, -half_s)
-            end_c, end_s = times(COS[n], SIN[n], half_c, half_s)
-            start_v = begin_c * r.cosines[state] + begin_s * r.sines[state]
-            end_v = end_c * r.cosines[state] + end_s * r.sines[state]
-            v = ring_saturation.volts(p, index, weight, channel, start_v, end_v) * (2.0 / POINTS)
-            c, s = times(COS[n], SIN[n], turn_c, turn_s)
-            c2, s2 = times(c, s, c, s)
-            sign = 1.0
-            for k in range(HARMONICS):
-                seen_c += sign * v * c * PARTS[k]
-                seen_s += v * s * PARTS[k]
-                sign = -sign
-                c, s = times(c, s, c2, s2)
+        for n in range(HALF):
+            start_v, stop_v = COS[n] * start_c + SIN[n] * start_s, COS[n] * stop_c + SIN[n] * stop_s
+            v = ring_saturation.volts(p, index, weight, channel, start_v, stop_v)
+            seen_c += WEIGHTS_C[n] * v
+            seen_s += WEIGHTS_S[n] * v
         re, im = times(seen_c, -seen_s, turn_c, turn_s)
         r.volts[2 * channel] += re
         r.volts[2 * channel + 1] += im
