@@ -3,6 +3,7 @@
     predicted   a printed number for each draw, noise and rounding included: quantiles by weight
     distance    D^2 = (y - m)' C^-1 (y - m), m and C of the predicted numbers of a fold's class
     p           share of the predicted numbers that are as far from m; below LEVEL the class is contradicted
+    width       largest standard deviation predicted, in the row's own; from WIDE on the class is covered, not predicted
 
 Nothing is added to C: a class that is not met is called contradicted, and by how much.
 Source    docs/inference.md
@@ -14,9 +15,10 @@ import numpy as np
 
 from testbench.paper.inference import forward, infer, likelihood, rows
 
-LEVEL = 0.01
+LEVEL, WIDE = 0.01, 10.0
 SHARES = (0.05, 0.5, 0.95)
 GROUPS = {row.name: row.group for row in (*likelihood.FITTED, *likelihood.STEPPED)}
+SIGMAS = {row.name: row.sigma for row in (*likelihood.FITTED, *likelihood.STEPPED)}
 
 
 class Predicted(NamedTuple):
@@ -35,17 +37,20 @@ class Predicted(NamedTuple):
 
 
 class Class(NamedTuple):
-    """Rows of one class in one fold: squared distance, how many rows, and the share of predictions as far away."""
+    """Rows of one class in one fold: squared distance, how many rows, share of predictions as far away, width."""
 
     fold: str
     group: str
     distance: float
     count: int
     p: float
+    width: float
 
     @property
-    def contradicted(self):
-        return self.p < LEVEL
+    def verdict(self):
+        if self.p < LEVEL:
+            return "contradicted"
+        return "covered" if self.width > WIDE else "predicted"
 
 
 def predictions(post, rng):
@@ -64,7 +69,8 @@ def compared(fold, group, names, said, weight, paper):
         return np.einsum("...i,ij,...j->...", y - mean, far, y - mean)
 
     own = float(distance(np.array([paper.values[name] for name in names])))
-    return Class(fold, group, own, len(names), float(weight[distance(values) >= own].sum()))
+    width = max(np.sqrt(np.diag(cov)) / [SIGMAS[name] for name in names])
+    return Class(fold, group, own, len(names), float(weight[distance(values) >= own].sum()), float(width))
 
 
 def judged(paper, rng, draws, least, progress=None):

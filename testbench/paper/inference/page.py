@@ -7,11 +7,14 @@ from testbench.console.report import BLUE, GREY, VERMILION, axes_of, name_axes, 
 from testbench.console.table import Table
 from testbench.paper.inference import study
 
+NOTHING = 1e-12  # what rounding leaves of a difference
 YES = {True: "yes", False: "no"}
 
 
 def _text(value, digits=4):
-    return "-" if value is None else f"{value:.{digits}g}"
+    if value is None:
+        return "-"
+    return "0" if abs(value) < NOTHING else f"{value:.{digits}g}"
 
 
 def summary(found):
@@ -22,7 +25,7 @@ def summary(found):
         f"{c['name']} = {value}" for c in found["choices"] for value, p in c["probability"].items()
         if p > 1 - study.EXCLUDED
     ]  # fmt: skip
-    wrong = [f"{c['group']} ({c['fold']})" for c in found["classes"] if c["contradicted"]]
+    wrong = [f"{c['group']} ({c['fold']})" for c in found["classes"] if c["verdict"] == "contradicted"]
     best = found["measurements"][0]
     return [
         f"chi2 of 19 fitted rows: {before:.4g} of the default board, {after:.3g} of the most probable board.",
@@ -107,14 +110,18 @@ def held_out_table(found):
 def classes_table(found):
     rows = [
         (c["fold"], c["group"], f"{c['distance']:.3g}", str(c["count"]), f"{c['p']:.3f}",
-         "contradicted" if c["contradicted"] else "predicted") for c in found["classes"]
+         _text(c["width"], 2), c["verdict"]) for c in found["classes"]
     ]  # fmt: skip
-    note = "Squared distance from the predicted numbers in their covariance; p: share of predictions as far away."
-    return Table("Held-out classes", ("left out", "class", "D^2", "rows", "p", "verdict"), rows, note, (2, 3, 4))
+    note = (
+        "Squared distance from the predicted numbers in their covariance; p: share of predictions as far away; width: "
+        "largest standard deviation predicted, in the paper's own. covered: inside, but too wide to say much."
+    )
+    heads = ("left out", "class", "D^2", "rows", "p", "width", "verdict")
+    return Table("Held-out classes", heads, rows, note, (2, 3, 4, 5))
 
 
 def changes_table(found):
-    wrong = {c["group"] for c in found["classes"] if c["contradicted"] and c["fold"] == "steps"}
+    wrong = {c["group"] for c in found["classes"] if c["verdict"] == "contradicted" and c["fold"] == "steps"}
     rows = [
         (c["group"], f"{c['name']} ({c['unit']})", _text(c["before"]), _text(c["after"]), f"{c['moved']:+.2f}",
          f"{c['still']:.3g}", f"{c['unmet']:.3g}") for c in found["changes"] if c["group"] in wrong

@@ -135,7 +135,7 @@ def study(paper=None, progress=None, draws=DRAWS, fold_draws=FOLD_DRAWS):
         ],
         "chi2": {g or "all": [chi2(before, g), chi2(after, g)] for g in (*groups, None)},
         "held_out": [p._asdict() | {"inside": p.inside} for p in predicted],
-        "classes": [c._asdict() | {"contradicted": c.contradicted} for c in classes],
+        "classes": [c._asdict() | {"verdict": c.verdict} for c in classes],
         "changes": [i._asdict() for items in change.smallest(z, mode).values() for i in items],
         "measurements": [w._asdict() for w in worth],
         "open_bits": open_bits,
