@@ -9,8 +9,6 @@ but the counter's gates, which the frame engine runs.
 Source    docs/paper.md
 """
 
-import math
-
 from testbench import config as configuration
 from testbench.paper.calibration.bench import Bench, Judge
 from testbench.paper.calibration.calibrate import NODES, chop, detune, force_interval, interval
@@ -21,10 +19,7 @@ SELF_HEATING_K = 5.0  # A: the paper's board is warm after 1800 s
 
 
 def record(base, phases_deg, seconds=RECORD_S, warm_up_s=WARM_UP_S, readings=12):
-    """Rows of a board with these words: {"time_s", node: reading (deg), "uncertainty": of each (99 %), "truth"}.
-
-    Time counts from power-on.
-    """
+    """Rows of {"time_s", node readings (deg), "truth"} of a board with these words; time counts from power-on."""
     values = {f"firmware.{name}_deg": value for name, value in phases_deg.items()}
     values |= {"plant.self_heating_k": SELF_HEATING_K}
     config = configuration.changed(base, values)
@@ -35,15 +30,10 @@ def record(base, phases_deg, seconds=RECORD_S, warm_up_s=WARM_UP_S, readings=12)
         if bench.time_s < until:
             bench.wait(until - bench.time_s)
         row = {"time_s": bench.time_s}
-        xe1 = interval(bench, "drive", (0.0,)).estimate()
-        both = detune(bench, (45.0, 40.0)).estimate()
-        ye1 = force_interval(bench, (0.0,)).estimate()
-        turned = chop(bench, (0.0, 20.0))[0].estimate()
-        row |= {"xe1": xe1.deg, "xe2": both.deg - xe1.deg, "ye1": ye1.deg, "ye2": turned.deg + both.deg - xe1.deg}
-        first, second, third = xe1.uncertainty_deg, both.uncertainty_deg, turned.uncertainty_deg
-        row["uncertainty"] = dict(
-            zip(NODES, (first, math.hypot(first, second), ye1.uncertainty_deg, math.hypot(first, second, third)))
-        )
+        row["xe1"] = interval(bench, "drive", (0.0,)).estimate().deg
+        row["xe2"] = detune(bench, (45.0, 40.0)).estimate().deg - row["xe1"]
+        row["ye1"] = force_interval(bench, (0.0,)).estimate().deg
+        row["ye2"] = chop(bench, (0.0, 20.0))[0].estimate().deg + row["xe2"]
         row["truth"] = Judge(bench).residuals().deg
         rows.append(row)
     return rows

@@ -66,10 +66,16 @@ def phase_record(records, nodes, number):
         for k, (case, rows) in enumerate(sorted(records.items())):
             t = np.array([r["time_s"] for r in rows]) / 60
             y = np.array([r[node] for r in rows])
-            u = np.array([r["uncertainty"][node] for r in rows])
+            scatter = [1e3 * y.std(ddof=1)] * len(y)
             style = draw.of_case(case) | {"linestyle": "none"}
             draw.marked(
-                axis, t, 1e3 * (y - y.mean()), 1e3 * u, f"case {case}, 99 %", draw.beside_pt(k, len(records)), **style
+                axis,
+                t,
+                1e3 * (y - y.mean()),
+                scatter,
+                f"case {case}, 1 sigma",
+                draw.beside_pt(k, len(records)),
+                **style,
             )
         truth = np.array([r["truth"][node] for r in records[max(records)]])
         times = np.array([r["time_s"] for r in records[max(records)]]) / 60
@@ -83,6 +89,6 @@ def phase_record(records, nodes, number):
         f"fig_{number}_phases_over_time",
         f"What to see: the largest reading stands {1e3 * worst:.1f} mdeg from its mean; the truth moves by less. "
         "The paper's "
-        "fluctuation is 7 to 9 mdeg. Bars: 99 % as the procedure states them.",
+        "fluctuation is 7 to 9 mdeg. Bars: standard deviation of a case's readings.",
         figure,
     )

@@ -385,8 +385,7 @@ def made_study(tmp_path):
 
         def record(self):
             row = {"xe1": 0.0, "xe2": 0.0, "ye1": 0.0, "ye2": 0.0}
-            more = {"truth": row, "uncertainty": dict.fromkeys(row, 1e-3)}
-            return {c: [{"time_s": 60.0 * k, **row, **more} for k in range(5)] for c in ("1", "5")}
+            return {c: [{"time_s": 60.0 * k, **row, "truth": row} for k in range(5)] for c in ("1", "5")}
 
     return Made(configured(), tmp_path)
 
