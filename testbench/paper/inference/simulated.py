@@ -19,12 +19,11 @@ DRAWS = 300
 
 
 class Judged(NamedTuple):
-    """Ranks by parameter and by row; probability that the posterior gave the true mode, and that it claimed at most."""
+    """Ranks by parameter and by row; the probability that the true mode got; effective draws."""
 
     parameters: dict
     held_out: dict
     true_mode: list
-    best_mode: list
     sizes: list
 
 
@@ -48,7 +47,7 @@ def judge(count, seed, draws=DRAWS, progress=None):
     folds = rows.folds()
     by_class = [f for f in folds if "class" in f.rule]
     by_temp = [f for f in folds if "temperature" in f.rule]
-    out = Judged({p.name: [] for p in priors.PRIORS}, {}, [], [], [])
+    out = Judged({p.name: [] for p in priors.PRIORS}, {}, [], [])
     for number in range(count):
         z, mode, rng = board(seed, number)
         (paper,) = likelihood.drawn(z, mode, rng)
@@ -58,7 +57,6 @@ def judge(count, seed, draws=DRAWS, progress=None):
             out.parameters[prior.name].append(rank(post.z[:, k], post.weight, z[0, k], rng))
         same = np.all([post.mode[name] == mode[name] for name in mode], axis=0)
         out.true_mode.append(float(post.weight[same].sum()))
-        out.best_mode.append(_largest(post))
         steps = tuple(row.name for row in likelihood.STEPPED)
         todo = [(post, steps)]
         for fold in (by_class[number % len(by_class)], by_temp[number % len(by_temp)]):
@@ -71,13 +69,6 @@ def judge(count, seed, draws=DRAWS, progress=None):
         if progress:
             progress("simulated papers", number + 1, count)
     return out
-
-
-def _largest(post):
-    """Probability of the most probable mode by the draws."""
-    keys = np.stack([post.mode[c.name] for c in priors.CHOICES], axis=1)
-    _, which = np.unique(keys, axis=0, return_inverse=True)
-    return float(np.bincount(which.ravel(), post.weight).max())
 
 
 def coverage(ranks):

