@@ -58,7 +58,7 @@ def result(job, end, reading, wall_s):
         "loop_phase_deg": None if found is None else _loop_phases(found.phase_deg, planned),
         "budget_loop_deg": planned.loop_deg(),
         "paper_deg": dict(planned.paper_deg),
-        "paper_verdict": phases.verdicts(found.phase_deg, found.sigma_deg) if found and config.of_paper else None,
+        "paper_verdict": None if found is None else _verdicts(config, found),
         "rate_lsb_per_dps": None if reading is None else reading.lsb_per_dps,
         "rate_word_mean_lsb": tally.mean("rate_word"),
         "quadrature_v": tally.mean("quadrature_code") * device.quad_dac_span_v / 2**16,
@@ -96,6 +96,11 @@ def _derived(config, found, temp_degc, clock_s):
     return added
 
 
+def _verdicts(config, found):
+    """{node: verdict of the judge}; None for each node of another board."""
+    return phases.verdicts(found.phase_deg, found.sigma_deg) if config.of_paper else dict.fromkeys(phases.NODES)
+
+
 def _loop_phases(readings, planned):
     """Loop phases from node phases: less what the demodulator's switching delays the reference."""
     return {node: readings[node] + sum(row.degrees for row in planned.loop_rows[node]) for node in ("xe2", "ye2")}
@@ -124,7 +129,8 @@ def notes(config, summary, planned):
         frames = f"one extra {1e6 / design.tick_hz:g} us frame" if count == 1 else f"{count} extra frames"
         said.append(f"{origin}: {frames} in the sense path (firmware.frame_latency_sense).")
     measured = summary["phase_deg"]
-    if beside := summary.get("paper_verdict"):
+    beside = summary.get("paper_verdict") if config.of_paper else None
+    if beside:
         gap = {k: (measured[k] - v) / 360.0 / planned.frequency_hz * 1e9 for k, v in budget.PAPER_DEG.items()}
         said += phases.sentences(beside)
         said.append("Less the paper's: " + ", ".join(f"{k} {ns:+.0f} ns" for k, ns in gap.items()) + ".")

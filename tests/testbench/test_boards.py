@@ -30,6 +30,7 @@ FOLDER = Path(__file__).resolve().parents[2] / "docs" / "boards"
 OTHER_DESIGNS = ("low_cost", "fast_dacs")  # of the paper's board; tests/testbench/engines/test_designs.py, too
 NAMES = ("published_3k9", "disk_14khz", "disk_14khz_fy_above")
 EVERY = (*NAMES, *OTHER_DESIGNS)
+INFERRED = "paper_inferred"  # tests/testbench/paper/test_inference_board.py
 SILENT = {f"noise.{name}": False for name in ("thermomechanical", "cv", "dac", "adc", "flicker", "jitter")}
 RATE_DPS, READ_S = 20.0, 0.5
 SEED, FEW = 24, 2
@@ -158,7 +159,7 @@ def check_rest_and_scale(config):
 def test_every_board_of_the_folder_is_listed_and_tested():
     page = (FOLDER / "README.md").read_text()
     files = {path.stem for path in FOLDER.glob("*.toml")}
-    assert files == {"paper", *EVERY}
+    assert files == {"paper", INFERRED, *EVERY}
     assert all(f"]({name}.toml)" in page for name in files)
 
 
@@ -453,7 +454,7 @@ def default_keys(tmp_path_factory):
 
 
 @closed_loop
-@pytest.mark.parametrize("name", but(EVERY, "disk_14khz", "low_cost"))
+@pytest.mark.parametrize("name", but((*EVERY, INFERRED), "disk_14khz", "low_cost"))
 def test_a_run_of_every_board_prints_the_same_keys_and_leaves_a_record(name, tmp_path, default_keys):
     config, found = configuration.load(FOLDER / f"{name}.toml"), said(tmp_path, "--config", FOLDER / f"{name}.toml")
     assert keys_of(found) == default_keys

@@ -22,7 +22,7 @@ PACKAGES = ("fpga_model", "analog_frontend", "testbench")
 CUTS = (
     ("analog_frontend/top.py", "if laws.force or laws.cv:", "if False:"),
     ("analog_frontend/top.py", "p.effects.any_force or laws.force)", "False)"),
-    ("analog_frontend/sid_edges.py", "if p.effects.any_cv or p.laws.cv:", "if False:"),
+    ("analog_frontend/sid_edges.py", "if p.effects.any_cv or p.laws.cv or p.ring.on:", "if False:"),
     ("analog_frontend/top.py", "if levels.on:", "if False:"),
     ("analog_frontend/linear.py", "if e.any_force or laws.force:", "if False:"),
     ("analog_frontend/parts/adc.py", "if p.errors_on[c]:", "if False:"),
