@@ -16,7 +16,8 @@ HEADS = ("quantity", "case", "degC", "unit", "paper", "sigma", "model", "sigma",
 NOTE = (
     f"One rule for all rows. Met is a difference of at most {K:g} combined standard uncertainties; of a bound only the "
     "excess counts. An input or a fitted row that is met says so, and a free one is predicted. One that is not met is "
-    "contradicted. A row that says several things is met only if each is; the part with the largest pull is shown. "
+    "contradicted. A row that says several things is met only if each is; the pull is that of the part that decides, "
+    "which its note names. "
     "Sigma: of the paper by what it prints, of the model by what seeds and readings scatter."
 )
 
@@ -43,7 +44,9 @@ def _cells(row, notes):
     unit = short(n.unit).replace("dimensionless", "1").replace("not stated", "")
     name = short(n.quantity.replace(", mean over cases 1-3", ""))
     paper = n.text if len(n.text) < 12 else short(n.text)
-    model = part.model if part else None
+    # of several bounds the one that decides; else the number itself, not a difference of it
+    shown = row.parts[0] if row.parts and not row.parts[0].bound else part
+    model = shown.model if shown else None
     pull = part.pull if part and part.pull is not None else None
     return (
         name,
