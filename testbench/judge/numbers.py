@@ -6,6 +6,9 @@
     std, n cases     s / sqrt(n), the spread that the law of the scale factor explains taken out of s before
     < a, n cases     relative deviations below a, uniform: range a / sqrt(3), over the mean range of n draws
     change           sqrt(2) times the repeatability of one case, over the mean
+    xe2              besides, its method: the text finds it by the least A_d, which goes as 1/cos about its minimum.
+                     A_d resolved to r (assumed) leaves acos(1 - r) of angle
+    Allan floor      no spread is printed: 1/sqrt(2 (T/tau - 1)) of a case, T/tau averages in a record of T (assumed)
 
 Each is taken together with the rounding. A bound has no uncertainty.
 Source    JCGM 100:2008 (GUM), 4.3; docs/paper.md; testbench/judge/measured_numbers.csv, statements.csv
@@ -28,6 +31,8 @@ ROOM_DEGC, MOST, CASES = 25.0, 1e9, 3
 MEAN = "mean of cases 1,2,3"
 RANGE_OF_THREE = 3 / math.sqrt(math.pi)  # mean range of three normal draws, in standard deviations
 COMPENSATED = " compensated)"
+LEAST_DRIVE, RESOLVED = "phi_xe2", 1e-5  # found by the least A_d; relative change of A_d that is seen, assumed
+FLOOR, RECORD_S, FLOOR_S = "BI", 3600.0, 100.0  # assumed: record and averaging time of an Allan floor
 DIGITS = r"[-+]?\d*\.?\d+(?:e[-+]?\d+)?"
 
 
@@ -104,11 +109,18 @@ def explained_sd(rows, symbol):
     return abs(math.cos(ye1) / math.cos(ye1 + xe2) - 1) / math.sqrt(3)
 
 
+def method_deg(symbol):
+    """Standard uncertainty (deg) of how the text finds a phase: where A_d, as 1/cos, is RESOLVED above its least."""
+    return math.degrees(math.acos(1 - RESOLVED)) if symbol == LEAST_DRIVE else 0.0
+
+
 def repeatability(rows, symbol, temp_degc):
-    """Relative standard deviation of one case by what is not explained, or None where nothing is printed."""
+    """Relative standard deviation of one case: what is not explained, of a floor its method's; None if neither."""
     mean = mean_of(rows, symbol, temp_degc)
     if mean is None or not mean.values[0]:
         return None
+    if symbol == FLOOR and std(mean) is None:
+        return 1 / math.sqrt(2 * (RECORD_S / FLOOR_S - 1))
     if std(mean) is not None:
         rest = (std(mean) / abs(mean.values[0])) ** 2 - explained_sd(rows, symbol) ** 2
         return math.sqrt(max(rest, 0.0))
@@ -130,7 +142,8 @@ def _sigma(number, rows):
     fluctuation = re.search(rf"fluctuation < ({DIGITS})", number.spread)
     own = std(number) or (float(fluctuation.group(1)) / math.sqrt(3) if fluctuation else 0.0)
     left = [n.values[0] for n in rows if n.symbol == number.symbol and n.values and COMPENSATED in n.case]
-    return math.hypot(rounding, own, left[0] if left and number.symbol.startswith("phi_") else 0.0)
+    left_deg = left[0] if left and number.symbol.startswith("phi_") else 0.0
+    return math.hypot(rounding, own, left_deg, method_deg(number.symbol))
 
 
 def table(path=PATHS[0]):

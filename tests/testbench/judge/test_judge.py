@@ -53,7 +53,12 @@ def test_uncertainties_by_hand():
     """Phases: rounding, fluctuation or standard deviation, what was left; means over three cases; changes."""
     rounding = 1e-4 / math.sqrt(12)
     assert number("phi_xe1", "case 1").sigma == pytest.approx(math.sqrt(rounding**2 + 0.0077**2 / 3 + 0.0078**2))
-    assert number("phi_xe2", "case 3").sigma == pytest.approx(math.sqrt(rounding**2 + 0.0073**2 / 3))
+    # A_d goes as 1/cos: 1 + angle^2 / 2, and 1e-5 of it is seen
+    assert number("phi_xe2", "case 3").sigma == pytest.approx(
+        math.hypot(rounding, 0.0073 / math.sqrt(3), math.degrees(math.sqrt(2e-5))), rel=1e-5
+    )
+    # 36 averages of 100 s in an hour, of each of three cases
+    assert number("BI", "mean", "room").sigma == pytest.approx(3.8333 / math.sqrt(2 * 35 * 3), rel=1e-6)
     assert number("phi_ye1", "case 3").sigma == pytest.approx(math.sqrt(rounding**2 + 0.0015**2 + 0.0079**2))
     assert number("Vq", "mean", "room").sigma == pytest.approx(math.hypot(0.0078 / math.sqrt(3), rounding))
     # 8651 less 1/cos: two cases with xe2, one without
