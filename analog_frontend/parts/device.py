@@ -86,6 +86,8 @@ class Device(NamedTuple):
     diode_tc_on: Limits("1", 0, 1) = 1
     ring_saturation_on: Limits("1", 0, 1) = 0
     opamp_gbw_hz: Limits("Hz", 1e5, 1e9) = 10.3e6
+    amplifier_slew_v_per_s: Limits("V/s", 1e3, 1e12) = 14.8e6
+    amplifier_swing_v: Limits("V", 0.1, 100.0) = 12.0
     ina_noise_gain: Limits("1", 1.0, 1000.0) = 5.0
     driver_noise_gain: Limits("1", 1.0, 1000.0) = 2.0
     signal_gain: Limits("1", -1000.0, 1000.0) = 5.0

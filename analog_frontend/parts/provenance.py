@@ -82,6 +82,8 @@ PLANT = {
     "diode_tc_on": Origin(ASSUMED, "1: the diodes follow the temperature; 0 keeps them at temp_ref_degc"),
     "ring_saturation_on": Origin(ASSUMED, "1: the ring of diodes clips as its circuit does; 0 keeps it linear"),
     "opamp_gbw_hz": Origin(FACT, "gain-bandwidth, AD8597 vendor macro-model"),
+    "amplifier_slew_v_per_s": Origin(FACT, "slew rate, AD8597 vendor macro-model; read for the budget only"),
+    "amplifier_swing_v": Origin(ASSUMED, "of each output, -swing .. +swing: usual supplies of 15 V, less 3 V"),
     "ina_noise_gain": Origin(FITTED, "of the instrumentation amplifier, pole at GBW over it; with Cref for xe2, ye2"),
     "driver_noise_gain": Origin(FITTED, "of the inverting unity driver; with Cref for xe2 and ye2"),
     "signal_gain": Origin(DERIVED, "ring diode to SID input: that of the amplifiers; 10 would clip the ADC"),

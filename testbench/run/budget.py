@@ -13,7 +13,7 @@ Source  docs/phases.md
 import math
 from typing import NamedTuple
 
-from analog_frontend import ring_levels
+from analog_frontend import amplifier_use, ring_levels
 from analog_frontend.parts import propagator, thermal
 from fpga_model import dds, references, sine, spi_dac
 from fpga_model.design_record import DEFAULT
@@ -75,6 +75,7 @@ class Budget(NamedTuple):
     loop_rows: dict
     paper_deg: dict  # what the paper measured; None for each node of another board
     ring: str  # where the ring diode leaves 1 %
+    amplifiers: tuple = ()  # amplifier_use.Use of each
 
     def node_deg(self):
         return {node: _wrapped(sum(row.degrees for row in self.rows[node])) for node in self.rows}
@@ -127,6 +128,25 @@ def _ring(config, temp_degc):
         held_um = 1e6 * held_m(config, temp_degc)
         return f"{said}, held at {held_um:.4g} um. It saturates in this plant (plant.ring_saturation_on = 1)."
     return f"{said}. The plant keeps it linear (plant.ring_saturation_on = 0)."
+
+
+def _amplifiers(config, temp_degc, f_hz):
+    """What the amplifiers are asked for: C/V, drive outputs at the kick and at lock, sense outputs."""
+    base, firmware = config.device(), config.firmware
+    warm, tick_s = thermal.at_temperature(base, temp_degc), 1 / config.design_record().tick_hz
+    moves_m, w = 1e-6 * firmware.amplitude_um, 2 * math.pi * f_hz
+    if base.ring_saturation_on:
+        moves_m = held_m(config, temp_degc)
+    full_v = max(firmware.kick_v, firmware.drive_ceiling_v) / config.nominal.drive_dac_span_v * warm.drive_dac_span_v
+    lock_n, n_per_v = warm.mass_kg * w**2 * moves_m / warm.qx, abs(warm.k_vf_drive_n_per_v)
+    lock_v = lock_n / n_per_v if lock_n < n_per_v * full_v else full_v
+    drive, sense = warm.drive_pole_1_s, warm.sense_pole_1_s
+    return (
+        amplifier_use.pickoff(base, temp_degc, moves_m, f_hz),
+        amplifier_use.output(warm, "drive outputs, kick", full_v, drive, f_hz, tick_s),
+        amplifier_use.output(warm, "drive outputs, lock", lock_v, drive, f_hz, tick_s),
+        amplifier_use.output(warm, "sense outputs, full scale", warm.sense_dac_span_v, sense, f_hz, tick_s),
+    )
 
 
 def budget(config, temp_degc=None, frequency_hz=None):
@@ -204,6 +224,7 @@ def budget(config, temp_degc=None, frequency_hz=None):
         {"xe2": switch, "ye2": switch},
         dict(PAPER_DEG) if config.of_paper else dict.fromkeys(NODES),
         _ring(config, temp_degc),
+        _amplifiers(config, temp_degc, f),
     )
 
 

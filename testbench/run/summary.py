@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from analog_frontend import amplifier_use
 from analog_frontend.parts import pickoff, thermal
 from fpga_model import fault_monitor, fixed, sequencer
 from fpga_model import top as fpga
@@ -59,11 +60,16 @@ def result(job, end, reading, wall_s):
         "budget_loop_deg": planned.loop_deg(),
         "paper_deg": dict(planned.paper_deg),
         "paper_verdict": None if found is None else _verdicts(config, found),
+        "amplifier_use": [u._asdict() for u in planned.amplifiers],
         "rate_lsb_per_dps": None if reading is None else reading.lsb_per_dps,
         "rate_word_mean_lsb": tally.mean("rate_word"),
         "quadrature_v": tally.mean("quadrature_code") * device.quad_dac_span_v / 2**16,
         "flags": [name for k, name in enumerate(fault_monitor.NAMES) if tally.flags >> k & 1],
-        "warnings": [*job.doubts.warnings(config), *build.no_rate_output(config)],
+        "warnings": [
+            *job.doubts.warnings(config),
+            *build.no_rate_output(config),
+            *amplifier_use.warnings(planned.amplifiers),
+        ],
         "window_missing": 0
         if not sim.window
         else sim.design.tick_clocks * sim.window[1] - (0 if sim.rows is None else len(sim.rows)),
@@ -117,7 +123,7 @@ def notes(config, summary, planned):
     if summary.get("flags"):
         said.append(f"Fault flags raised: {', '.join(summary['flags'])}; see docs/blocks/fault_monitor.md")
     said += [f"Warning: {text}" for text in summary.get("warnings", ())]
-    said.append(planned.ring)
+    said += [planned.ring, amplifier_use.sentence(planned.amplifiers)]
     design = config.design_record()
     origin = "Fitted to the paper, no fact" if config.of_paper else "As configured"
     if config.firmware.reference_retimed:

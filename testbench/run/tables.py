@@ -4,6 +4,7 @@ A summary is the object that `gyro run --json` prints, a budget the `Budget` of 
 Source  docs/phases.md
 """
 
+from analog_frontend import amplifier_use
 from testbench.console.table import Table, fixed
 from testbench.judge import phases as judged
 from testbench.run.budget import NODES
@@ -101,7 +102,8 @@ def budget_node(budget, node, plain_deg=None):
             f"{beside['basis']}. Rests on the fitted values {', '.join(beside['rests_on'])}. {FITTED}"
         )
     if node == "xe2":
-        note = f"{note} {budget.ring}"
+        said = (amplifier_use.sentence(budget.amplifiers), *amplifier_use.warnings(budget.amplifiers))
+        note = " ".join((note, budget.ring, *said))
     return Table(title, ("contribution", "clocks", "ns", "deg", "fitted or assumed"), rows, note, (1, 2, 3), sums)
 
 
@@ -131,6 +133,7 @@ def budget_json(budget, plain=None):
         "paper_verdict": judged.verdicts(budget.node_deg()) if any(budget.paper_deg.values()) else None,
         **({"without_assumptions_deg": plain.node_deg()} if plain else {}),
         "ring": budget.ring,
+        "amplifier_use": [u._asdict() for u in budget.amplifiers],
         "rows": {node: [row(item) for item in rows] for node, rows in budget.rows.items()},
         "loop_rows": {node: [row(item) for item in rows] for node, rows in budget.loop_rows.items()},
     }

@@ -245,11 +245,10 @@ def test_acceleration_moves_a_pair_by_its_mismatch():
 def test_amplifiers_neither_slew_nor_clip_at_start_up():
     """Why no effect is needed: the converter ends first, and what reaches it rises fifty times too slowly."""
     d = Device()
-    slew_v_per_s = 14.8e6  # AD8597
     largest = d.adc_vref_v * math.pi / 4 / min(d.adc_pga_drive, d.adc_pga_sense)
-    assert slew_v_per_s / (2 * math.pi * d.fx_hz * largest) > 50
+    assert d.amplifier_slew_v_per_s / (2 * math.pi * d.fx_hz * largest) > 50
     # a full drive, through the worst feedthrough that a configuration may have, is 0.1 V there
-    assert largest + 0.01 * d.drive_dac_span_v < 12.0
+    assert largest + 0.01 * d.drive_dac_span_v < d.amplifier_swing_v
 
 
 # catalogue ----------------------------------------------------------------------------------------------------------

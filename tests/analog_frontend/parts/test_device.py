@@ -10,7 +10,8 @@ from analog_frontend.parts import device
 UNIT_SUFFIX = {
     "ppm": "_ppm", "Hz": "_hz", "V": "_v", "V s": "_v_s", "s": "_s", "kg": "_kg", "N/V": "_n_per_v", "N/m": "_n_per_m",
     "N/m/V^2": "_n_per_m_per_v2", "F": "_f", "F/m": "_f_per_m", "A": "_a", "ohm": "_ohm", "eV": "_ev", "C": "_c",
-    "code": "_code", "V/rtHz": "_v_per_rthz", "A/rtHz": "_a_per_rthz", "degC": "_degc", "1/K": "_per_k", "K": "_k",
+    "code": "_code", "V/rtHz": "_v_per_rthz", "V/s": "_v_per_s",
+    "A/rtHz": "_a_per_rthz", "degC": "_degc", "1/K": "_per_k", "K": "_k",
 }  # fmt: skip
 DIMENSIONLESS = (
     "exponent _on bow qx qy dxy_ratio diode_n diode_m diode_xti ina_noise_gain driver_noise_gain signal_gain "
