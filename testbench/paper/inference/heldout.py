@@ -16,6 +16,7 @@ import numpy as np
 from testbench.paper.inference import forward, infer, likelihood, rows
 
 LEVEL, WIDE = 0.01, 10.0
+TEMPERATURE = "the temperature is left out"  # a rule of the list
 SHARES = (0.05, 0.5, 0.95)
 GROUPS = {row.name: row.group for row in (*likelihood.FITTED, *likelihood.STEPPED)}
 SIGMAS = {row.name: row.sigma for row in (*likelihood.FITTED, *likelihood.STEPPED)}
@@ -58,6 +59,11 @@ def predictions(post, rng):
     return likelihood.noisy(forward.predict(post.z, post.mode), rng)
 
 
+def named(fold, group):
+    """Names of a fold's rows of one class."""
+    return [name for name in fold.rows if GROUPS[name] == group]
+
+
 def compared(fold, group, names, said, weight, paper):
     """`Class` of the rows `names` of a group."""
     values = np.stack([said[name] for name in names], axis=1)
@@ -74,20 +80,19 @@ def compared(fold, group, names, said, weight, paper):
 
 
 def judged(paper, rng, draws, least, progress=None):
-    """([Predicted], [Class], [(fold, effective size)]) of every fold of the committed list."""
-    out, classes, sizes = [], [], []
+    """([Predicted], [Class], {fold name: (fold, posterior, predictions)}) of every fold of the committed list."""
+    out, classes, kept = [], [], {}
     folds = rows.folds()
     for number, fold in enumerate(folds):
         without = () if fold.rule == "never fitted" else fold.rows
         post = infer.posterior(likelihood.compared(paper, without), rng, draws, least)
-        sizes.append((fold.name, post.size))
         said = predictions(post, rng)
+        kept[fold.name] = fold, post, said
         for name in fold.rows:
             quantiles = [infer.quantile(said[name], post.weight, share) for share in SHARES]
             out.append(Predicted(fold.name, name, paper.values[name], *quantiles))
         for group in dict.fromkeys(GROUPS[name] for name in fold.rows):
-            names = [name for name in fold.rows if GROUPS[name] == group]
-            classes.append(compared(fold.name, group, names, said, post.weight, paper))
+            classes.append(compared(fold.name, group, named(fold, group), said, post.weight, paper))
         if progress:
             progress("held-out rows", number + 1, len(folds))
-    return out, classes, sizes
+    return out, classes, kept

@@ -26,12 +26,14 @@ def summary(found):
         if p > 1 - study.EXCLUDED
     ]  # fmt: skip
     wrong = [f"{c['group']} ({c['fold']})" for c in found["classes"] if c["verdict"] == "contradicted"]
-    best = found["measurements"][0]
+    best, turned = found["measurements"][0], found["other_sign"]
+    signs = ", ".join(f"{c['p']:.2f} ({c['fold']}, {c['verdict']})" for c in turned)
     return [
         f"chi2 of 19 fitted rows: {before:.4g} of the default board, {after:.3g} of the most probable board.",
         f"{inside} of {len(found['held_out'])} held-out predictions are within their 90 % interval.",
         f"Decided, above {1 - study.EXCLUDED:g}: {', '.join(sure)}.",
         f"Contradicted, p below 0.01: {', '.join(wrong)}.",
+        *([f"With a minus sign before the bias at 50 degC p of the bias would be {signs}."] if turned else []),
         f"{found['open_bits']:.2f} bits about the discrete assumptions are open. The best measurement is worth "
         f"{best['mode_bits']:.2f}: {best['name']}.",
     ]
@@ -131,6 +133,29 @@ def changes_table(found):
     return Table("Contradicted changes: the smallest change that would meet them", heads, rows, note, (2, 3, 4, 5, 6))
 
 
+def held_changes_table(found):
+    rows = [
+        (m["fold"], m["group"], f"{m['name']} ({m['unit']})", _text(m["before"]), _text(m["after"]),
+         f"{m['moved']:+.2f}", f"{m['p_without']:.3f}", f"{m['p_with']:.3f}") for m in found["changes_at_temperature"]
+    ]  # fmt: skip
+    note = (
+        "What a part would have to be at the temperature that is left out, and at no other: the least with which no "
+        "class is contradicted there. moved: in standard deviations of its prior."
+    )
+    heads = ("left out", "class", "number", "before", "after", "moved", "p without", "p with")
+    return Table("Contradicted where a temperature is left out: the smallest change", heads, rows, note, range(3, 8))
+
+
+def sign_table(found):
+    rows = [
+        (c["fold"], c["group"], f"{c['p_as_printed']:.3f}", f"{c['p']:.3f}", f"{c['distance']:.3g}",
+         _text(c["width"], 2), c["verdict"]) for c in found["other_sign"]
+    ]  # fmt: skip
+    note = "The same with a minus sign before the bias at 50 degC, which the text prints without one."
+    heads = ("left out", "class", "p as printed", "p with the sign", "D^2", "width", "verdict")
+    return Table("With the other sign at 50 degC", heads, rows, note, range(2, 6))
+
+
 def measurements_table(found):
     rows = [
         (m["name"], m["unit"], _text(m["sigma"], 2), _text(m["predicted"]), _text(m["spread"], 2),
@@ -141,8 +166,8 @@ def measurements_table(found):
     return Table("Which measurement would decide", heads, rows, note, (2, 3, 4, 5, 6))
 
 
-TABLES = (classes_table, changes_table, measurements_table, choices_table, modes_table, rows_table, held_out_table,
-          numbers_table)  # fmt: skip
+TABLES = (classes_table, changes_table, held_changes_table, sign_table, measurements_table, choices_table, modes_table,
+          rows_table, held_out_table, numbers_table)  # fmt: skip
 
 
 def widths_picture(found):

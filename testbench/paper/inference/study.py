@@ -99,6 +99,17 @@ def best_board(data, found):
     return z, mode, np.linalg.inv(hessian)
 
 
+def _held_changes(paper, classes, kept, draws):
+    """What would meet each class that is contradicted where its temperature is left out: a part moved, or a sign."""
+    moved, signs, rng = [], [], np.random.default_rng(SEED)
+    for c in classes:
+        if c.verdict == "contradicted" and kept[c.fold][0].rule == heldout.TEMPERATURE:
+            moved += [m._asdict() for m in change.at_temperature(paper, kept[c.fold], c.group)]
+            turned = change.with_other_sign(paper, kept[c.fold][0], c.group, rng, draws, LEAST_DRAWS)
+            signs.append(turned._asdict() | {"verdict": turned.verdict, "p_as_printed": c.p})
+    return {"changes_at_temperature": moved, "other_sign": signs}
+
+
 def study(paper=None, progress=None, draws=DRAWS, fold_draws=FOLD_DRAWS):
     """All of it as a dict of plain data; about a minute."""
 
@@ -116,7 +127,7 @@ def study(paper=None, progress=None, draws=DRAWS, fold_draws=FOLD_DRAWS):
     told("rows by the linear loops", 1)
     before, after = rows_of(Config()), rows_of(board.config_of(v, mode), mode["ye2_at_pin"] == 1)
     told("held-out rows", 2)
-    predicted, classes, sizes = heldout.judged(paper, rng, fold_draws, LEAST_DRAWS)
+    predicted, classes, kept = heldout.judged(paper, rng, fold_draws, LEAST_DRAWS)
     told("changes and measurements", 3)
     worth, open_bits = measurements.worth(post, rng)
     groups = dict.fromkeys(row.group for row in likelihood.FITTED)
@@ -124,7 +135,7 @@ def study(paper=None, progress=None, draws=DRAWS, fold_draws=FOLD_DRAWS):
         "draws": draws,
         "effective_draws": post.size,
         "fold_draws": fold_draws,
-        "effective_fold_draws": dict(sizes),
+        "effective_fold_draws": {name: post.size for name, (_, post, _) in kept.items()},
         "modes": _modes(post.optimum),
         "choices": _choices(post),
         "numbers": _numbers(post),
@@ -137,6 +148,7 @@ def study(paper=None, progress=None, draws=DRAWS, fold_draws=FOLD_DRAWS):
         "held_out": [p._asdict() | {"inside": p.inside} for p in predicted],
         "classes": [c._asdict() | {"verdict": c.verdict} for c in classes],
         "changes": [i._asdict() for items in change.smallest(z, mode).values() for i in items],
+        **_held_changes(paper, classes, kept, fold_draws),
         "measurements": [w._asdict() for w in worth],
         "open_bits": open_bits,
         "board": {"mode": mode, "settings": board.settings(v, mode), "names": list(priors.NAMES), "z": z.tolist(),

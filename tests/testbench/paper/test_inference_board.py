@@ -9,7 +9,20 @@ import pytest
 from testbench import config as configuration
 from testbench.console.markdown import ROOT
 from testbench.paper.calibration.bench import Bench, Judge
-from testbench.paper.inference import board, files, forward, infer, likelihood, page, priors, study
+from testbench.paper.inference import (
+    board,
+    change,
+    files,
+    forward,
+    heldout,
+    infer,
+    likelihood,
+    page,
+    priors,
+    rows,
+    study,
+)
+from testbench.paper.loop import derived
 from testbench.paper.measure import measure_allan
 from testbench.run import simulate
 
@@ -68,6 +81,45 @@ def test_a_contradicted_class_is_called_so(found):
     text = " ".join(page.summary(found))
     assert "v_q_3to4 (steps)" in text
     assert page.changes_table(found).rows
+
+
+def test_each_class_that_its_temperature_contradicts_has_its_smallest_change(found):
+    """And the missing minus sign is tried: neither widens the class, which stays contradicted. So the page says."""
+    by_temp = {fold.name for fold in rows.folds() if fold.rule == heldout.TEMPERATURE}
+    wrong = {(c["fold"], c["group"]) for c in found["classes"] if c["verdict"] == "contradicted"}
+    wrong = {key for key in wrong if key[0] in by_temp}
+    moved = found["changes_at_temperature"]
+    assert {(m["fold"], m["group"]) for m in moved} == {(c["fold"], c["group"]) for c in found["other_sign"]} == wrong
+    assert all(m["p_without"] < heldout.LEVEL <= m["p_with"] and m["moved"] for m in moved)
+    assert len(page.held_changes_table(found).rows) == len(moved)
+    assert {m["fold"] for m in moved} == by_temp
+    assert max(abs(m["moved"]) for m in moved) < 0.5
+    assert not [c for c in found["other_sign"] if c["verdict"] == "contradicted"]
+
+
+def test_the_smallest_change_at_a_temperature_is_what_the_linear_loop_needs():
+    """Boards that differ in little but offset; a bias printed 0.18 deg/s off: moved until 1 % are as far away."""
+    rng, count = np.random.default_rng(3), 2000
+    k = priors.NAMES.index("offset_dps")
+    z, one = np.zeros((count, len(priors.NAMES))), {c.name: 1 for c in priors.CHOICES} | {"frame_latency_drive": 0}
+    z[:, k] = 0.02 * rng.standard_normal(count)
+    post = infer.Posterior(None, z, {n: np.full(count, a) for n, a in one.items()}, np.full(count, 1 / count), count)
+    (fold,) = [f for f in rows.folds() if f.name == "warm"]
+    said = heldout.predictions(post, rng)
+    values = {name: float(np.median(said[name])) for name in fold.rows}
+    paper = likelihood.Paper(values | {"bias_50": values["bias_50"] + 0.18})
+    (moved,) = change.at_temperature(paper, (fold, post, said), "bias", best=1)
+    assert moved.name == "offset_dps"
+
+    def bias_dps(offset_dps):
+        v = {name: float(a) for name, a in priors.values(np.zeros(len(priors.NAMES))).items()}
+        config = board.config_of(v | {"offset_dps": offset_dps}, one)
+        return np.mean([derived.derive(study.with_words(config, case), 50.0).bias_dps for case in (1, 2, 3)])
+
+    edge = 2.5758 * np.std(said["bias_50"])
+    assert 0.05 < edge < 0.08
+    # 1 % of 2000 boards: 20 +- 4.5, 0.1 standard deviations of the quantile; two of these and the last halving
+    assert bias_dps(moved.after) - bias_dps(moved.before) == pytest.approx(0.18 - edge, abs=0.2 * edge / 2.58 + 0.003)
 
 
 @pytest.mark.slow
