@@ -57,6 +57,12 @@ def point(config, temp_degc):
     return {name: Value(value) for name, value in values.items() if value is not None and math.isfinite(value)}
 
 
+def floor(config, temp_degc):
+    """{name: Value} of the bias instability, of words at zero; empty where there is no 1/f noise."""
+    value = derived.derive(bare(config), temp_degc).instability_deg_per_h
+    return {"instability_deg_per_h": Value(value)} if value is not None and math.isfinite(value) else {}
+
+
 def settings(config):
     """{quantity: numbers} of what the model has as the paper has it; with the symbol where two share one."""
     plant, record, board = config.plant, config.design_record(), chips.of(config.design)

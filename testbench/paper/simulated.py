@@ -2,8 +2,8 @@
 
     phases      the calibration's readings; xe2 and ye2 are read through the loop: the switch's delay is added
     points      22 rates, record at rest and bandwidth of each case and temperature
-    sigma       of a phase by the calibration, of a point's numbers by their measures, of the bias instability by
-                the 68 % limits of the least deviation
+    sigma       of a phase by the calibration, of a point's numbers by their measures
+    not read    the bias instability: records of minutes know it to a sixth only, so it is that of the closed form
 
 Source    docs/paper.md
 """
@@ -19,6 +19,7 @@ from testbench.paper.measure import record_phases
 from testbench.run.budget import budget
 
 SOURCE = "simulation"
+BY_FORMULA = "instability_deg_per_h"
 
 
 def node_deg(config, calibration):
@@ -49,8 +50,6 @@ def left_deg(config, calibration, words, temp_degc):
 
 def _sigma(point, name):
     """Standard uncertainty of a number of a point as its own measure states it; 0 where none is stated."""
-    if name == "instability_deg_per_h":
-        return (point.get("floor_high_deg_per_h", 0.0) - point.get("floor_low_deg_per_h", 0.0)) / 2
     what, _, unit = name.partition("_")
     return point.get(f"{what}_sigma_{unit}") or 0.0
 
@@ -58,7 +57,11 @@ def _sigma(point, name):
 def points(found):
     """{(case, degC): {name: Value}} of the numbers of a study's points."""
     return {
-        key: {n: Value(point[n], _sigma(point, n)) for n in NAME_OF.values() if point.get(n) is not None}
+        key: {
+            n: Value(point[n], _sigma(point, n))
+            for n in NAME_OF.values()
+            if n != BY_FORMULA and point.get(n) is not None
+        }
         for key, point in found.items()
     }
 
@@ -70,8 +73,10 @@ def excursion_deg(records):
 
 
 def with_closed_forms(config, simulated):
-    """The `Model` with what takes no simulation filled in: rise of the phases, changes of the loop, settings."""
+    """The `Model` with what takes no simulation: bias instability, rise of phases, changes of the loop, settings."""
+    floor = {t: closed_form.floor(config, t) for _, t in simulated.points}
     return simulated._replace(
+        points={(case, t): values | floor[t] for (case, t), values in simulated.points.items()},
         rise_deg=closed_form.rise_deg(config),
         loop_change=closed_form.loop_change(config),
         settings=closed_form.settings(config),
@@ -88,7 +93,10 @@ def model(config, calibration, found, records):
 def as_json(found):
     """What was simulated of a `Model`, as plain data: {"points": {"CASE, DEGC": {name: [value, sigma]}}, ...}."""
     return {
-        "points": {f"{case}, {temp:g}": values for (case, temp), values in found.points.items()},
+        "points": {
+            f"{case}, {temp:g}": {n: v for n, v in values.items() if n != BY_FORMULA}
+            for (case, temp), values in found.points.items()
+        },
         **{name: dict(getattr(found, name)) for name in ("node_deg", "residual_deg", "excursion_deg")},
     }
 

@@ -56,22 +56,13 @@ def test_a_study_and_the_closed_form_are_judged_alike(rows):
 
 
 def test_the_simulated_study_and_the_closed_form_agree_row_by_row(rows):
-    """Values that a study of the default board has left: role and verdict are the same wherever both have a value.
-
-    One number is met by a reading only because that is itself uncertain: both models agree, and the page says so.
-    """
+    """Values that a study of the default board has left: role and verdict are the same wherever both have a value."""
     kept = json.loads((ROOT / "docs" / "paper_judged.json").read_text())
     found = judge.rows(simulated.from_json(kept, Config()))
     both = [(a, b) for a, b in zip(rows, found, strict=True) if NOT_COMPUTED not in a.basis + b.basis]
-    assert [(a.number.key, a.rule.role) for a, _ in both] == [(b.number.key, b.rule.role) for _, b in both]
-    ((analysis, reading),) = [(a, b) for a, b in both if a.verdict != b.verdict]
-    assert (analysis.number.symbol, analysis.number.temperature) == ("BI", "-20")
-    read, known = reading.part.model, analysis.part.model
-    assert abs(read.value - known.value) < read.sigma
-    assert read.sigma > reading.number.sigma
-    page = (ROOT / "docs" / "paper.md").read_text()
-    assert f"is {-analysis.part.pull:.1f} sigma from the paper" in page
-    assert f"uncertain by {read.sigma:.2f} deg/h: {-reading.part.pull:.1f} sigma" in page
+    assert [(a.number.key, a.rule.role, a.verdict) for a, _ in both] == [
+        (b.number.key, b.rule.role, b.verdict) for _, b in both
+    ]
     assert len(both) > 60
     again = simulated.as_json(simulated.from_json(kept, Config()))
     assert json.loads(json.dumps(again)) == kept
