@@ -6,8 +6,8 @@ Source  docs/campaigns.md, docs/decisions/0013-runs-side-by-side.md
 
 from testbench.campaign.plan.engines import Engine
 
-# of the clock on the wall, or the same for every point
-LEFT_OUT = ("real_time_factor", "wall_s", "paper_deg", "paper_verdict", "window_missing", "seed")
+# of the clock on the wall, or of the configuration alone
+LEFT_OUT = ("real_time_factor", "wall_s", "paper_deg", "paper_verdict", "amplifier_use", "window_missing", "seed")
 
 
 def flat(summary):
