@@ -28,7 +28,7 @@ CHAPTERS = {
     "How-to guides": ("how_to/*",),
     "First": ("limits", "conventions", "architecture", "phases"),
     "Reference": ("references", "glossary", "configuration", "boards/README", "faults", "record", "inputs", "api"),
-    "Experiments": ("paper", "loop", "design_of_loops", "word_lengths", "campaigns"),
+    "Experiments": ("paper", "inference", "loop", "design_of_loops", "word_lengths", "campaigns"),
     "Verification": ("verification", "golden", "rtl", "ranges", "portability", "speed", "notebook"),
     "Measured data": ("measured", "measured_parts", "measured_resonators", "tracing"),
     "Firmware": ("blocks/*",),
