@@ -111,3 +111,17 @@ def test_the_page_has_the_numbers_of_both_boards():
     assert f"would slew for {1e6 * 10.0 / d.amplifier_slew_v_per_s:.2f} us" in page
     assert f"its rail is {d.adc_vref_v * math.pi / 4 / d.adc_pga_drive:.2f} V there" in page
     assert d.drive_dac_power_on_v == -10.0
+
+
+def test_the_page_says_what_a_single_step_loses():
+    d, tau_s, step_v = Device(), Device().drive_pole_1_s, 10.0
+    # fine steps of an amplifier that follows its pole, but no faster than it slews
+    dt_s, behind_v, lost, exact = 1e-11, 0.0, 0.0, 0.0
+    for n in range(200_000):
+        behind_v += dt_s * min(d.amplifier_slew_v_per_s, (step_v - behind_v) / tau_s)
+        lost += dt_s * (step_v - behind_v)
+        exact += dt_s * step_v * math.exp(-n * dt_s / tau_s)
+    kick = 10.0 * 2 / math.pi * Config().firmware.kick_s
+    page = " ".join(PAGE.read_text().split())
+    assert f"lose {1e6 * (lost - exact):.3g} V us" in page
+    assert f"The kick has {1e6 * kick:.0f} V us: at most {100 * (lost - exact) / kick:.2g} % of it" in page
