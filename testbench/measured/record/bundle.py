@@ -28,6 +28,7 @@ from testbench.measured.record.schema import SCHEMA
 from testbench.storage import inputs
 from testbench.storage import record as records
 from testbench.storage.files import discard, explain, part_of, write_bytes
+from testbench.storage.parquet_input import libraries, read_parquet
 from testbench.storage.record import Column, Record, RecordError, TableColumn
 from testbench.storage.record_read import DAMAGED, Value
 
@@ -35,17 +36,6 @@ HEAD = "record.json"
 NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
 DTYPES = ("i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "f4", "f8")
 MOST_BYTES = 1 << 24  # of record.json
-WIDTHS = {"BOOLEAN": 1, "INT32": 4, "INT64": 8, "FLOAT": 4, "DOUBLE": 8}  # bytes of Parquet's plain types
-BATCH_ROWS = 1 << 16
-
-
-def _parquet():
-    try:
-        import pyarrow
-        import pyarrow.parquet as parquet
-    except ImportError:
-        raise FileError("bundles need the package pyarrow: pip install 'ftr-gyro[campaign]'") from None
-    return pyarrow, parquet
 
 
 def _sha256(data):
@@ -75,7 +65,7 @@ def write(path, record):
 
 def _streams(folder, record):
     """Write the Parquet files; {file: {sha256, columns}}."""
-    arrow, parquet = _parquet()
+    arrow, parquet = libraries()
     rates = {}
     for name, column in record.streams.items():
         rates.setdefault((column.num, column.den, len(column.data)), []).append(name)
@@ -249,35 +239,12 @@ def _bytes(path, file, digest, limit, findings):
     return data
 
 
-def _columns(data, wanted, place):
-    """{name: array} of a Parquet file's plain columns of numbers, read in pieces; nothing larger than is allowed."""
-    _, parquet = _parquet()
-    with inputs.parsing(place, "Parquet file"), parquet.ParquetFile(io.BytesIO(data)) as file:
-        rows, schema = file.metadata.num_rows, file.schema
-        plain = {
-            schema.column(k).path: WIDTHS[schema.column(k).physical_type]
-            for k in range(len(schema))
-            if schema.column(k).physical_type in WIDTHS and not schema.column(k).max_repetition_level
-        }
-        names = [name for name in wanted if name in plain]
-        inputs.expansion(place, rows * sum(plain[name] for name in names), len(data))
-        found = {name: [] for name in names}
-        left = rows
-        for batch in file.iter_batches(BATCH_ROWS, columns=names) if names else ():
-            left -= len(batch)
-            if left < 0:
-                raise FileError(f"{place}: more rows than the {rows} that its head states")
-            for name in names:
-                found[name].append(batch.column(name).to_numpy(zero_copy_only=False))
-        return {name: np.concatenate(parts) for name, parts in found.items() if parts}
-
-
 def _read_streams(path, head, record, findings):
     for file, item in head.files.items():
         data = _bytes(path, file, item.sha256, None, findings)
         if data is None:
             continue
-        found = _columns(data, item.columns, path / file)
+        found = read_parquet(data, path / file, item.columns)
         for name in item.columns:
             if name not in found or name not in head.streams:
                 findings.append(f"R02 /streams/{name} expected a column of numbers, found nothing")

@@ -1,0 +1,51 @@
+"""Parquet files of others: plain columns of numbers, their sizes known before anything is unpacked.
+
+    read_parquet(data, place, wanted)   {name: array} of the bytes of a file; `wanted`: names of columns, None: all
+
+Other columns (texts, lists, structures) are left alone.
+Errors  FileError: damaged, larger unpacked than `inputs.expansion` allows, more rows than its head states, no pyarrow
+Source  docs/inputs.md
+"""
+
+import io
+
+import numpy as np
+
+from testbench.errors import FileError
+from testbench.storage import inputs
+
+WIDTHS = {"BOOLEAN": 1, "INT32": 4, "INT64": 8, "FLOAT": 4, "DOUBLE": 8}  # bytes of Parquet's plain types
+BATCH_ROWS = 1 << 16
+
+
+def libraries():
+    """(pyarrow, pyarrow.parquet); FileError where they are not installed."""
+    try:
+        import pyarrow
+        import pyarrow.parquet as parquet
+    except ImportError:
+        raise FileError("Parquet needs the package pyarrow: pip install 'ftr-gyro[campaign]'") from None
+    return pyarrow, parquet
+
+
+def read_parquet(data, place, wanted=None):
+    """{name: array} of a Parquet file's plain columns of numbers, read in pieces; nothing larger than is allowed."""
+    _, parquet = libraries()
+    with inputs.parsing(place, "Parquet file"), parquet.ParquetFile(io.BytesIO(data)) as file:
+        rows, schema = file.metadata.num_rows, file.schema
+        plain = {
+            schema.column(k).path: WIDTHS[schema.column(k).physical_type]
+            for k in range(len(schema))
+            if schema.column(k).physical_type in WIDTHS and not schema.column(k).max_repetition_level
+        }
+        names = [name for name in (plain if wanted is None else wanted) if name in plain]
+        inputs.expansion(place, rows * sum(plain[name] for name in names), len(data))
+        found = {name: [] for name in names}
+        left = rows
+        for batch in file.iter_batches(BATCH_ROWS, columns=names) if names else ():
+            left -= len(batch)
+            if left < 0:
+                raise FileError(f"{place}: more rows than the {rows} that its head states")
+            for name in names:
+                found[name].append(batch.column(name).to_numpy(zero_copy_only=False))
+        return {name: np.concatenate(parts) for name, parts in found.items() if parts}
