@@ -17,9 +17,9 @@ import numpy as np
 
 from testbench.errors import FileError
 from testbench.measured.formats import mat_file
+from testbench.measured.formats.parquet_input import read_parquet
 from testbench.storage import inputs
 from testbench.storage.npz_input import read_npz
-from testbench.storage.parquet_input import read_parquet
 
 MOST_COLUMNS = 256
 WIDEST = 64  # columns of one array

@@ -24,11 +24,11 @@ import numpy as np
 from pydantic import BaseModel
 
 from testbench.errors import FileError
+from testbench.measured.formats.parquet_input import libraries, read_parquet
 from testbench.measured.record.schema import SCHEMA
 from testbench.storage import inputs
 from testbench.storage import record as records
 from testbench.storage.files import discard, explain, part_of, write_bytes
-from testbench.storage.parquet_input import libraries, read_parquet
 from testbench.storage.record import Column, Record, RecordError, TableColumn
 from testbench.storage.record_read import DAMAGED, Value
 
