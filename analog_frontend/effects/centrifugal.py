@@ -12,6 +12,7 @@ INFO = Info(
 )
 IDS, LIMIT, EXAMPLE, SIGN = "E10", 10000.0, 1.0, 0
 DOC = "centrifugal softening of both modes, 1 is that of a point mass: F = c m rate^2 x"
+PHYSICS = (0.0, 1.0, "masses that move have all the inertia there is, in the plane of rotation or out of it")
 
 
 def terms(value, device):

@@ -23,6 +23,7 @@ INFO = Info(
 )
 IDS, LIMIT, EXAMPLE, SIGN = "E28", 1.0, 0.01, 0
 DOC = "in-phase mode at 14 kHz: share of rebalance force and sense motion that is common to both masses"
+PHYSICS = (0.0, 1.0, "a mode above the drive frequency has a positive compliance; a share is below 1")
 
 
 def terms(value, device):

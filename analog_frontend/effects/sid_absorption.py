@@ -20,6 +20,7 @@ INFO = Info(
 )
 IDS, LIMIT, EXAMPLE, SIGN = "E16", 0.1, 0.01, 1
 DOC = "slow share of the demodulators' capacitors: a tail of ten seconds behind power-on"
+PHYSICS = (0.0, 1.0, "a share of the capacitance")
 
 
 def tail(share, rc_s):

@@ -4,7 +4,8 @@
                 its page shows
     parameter   effects that are parameters of a part; 0 or the default is off
     grammar     products of states at a port, order <= 5; their scale is a thousandth of the drive force, a tenth of a
-                degree per second on the sense axis, 1e-4 of the C/V amplitude
+                degree per second on the sense axis, 1e-4 of the C/V amplitude; no more than physics allows
+    limits      of sign and size: loop_limits.py; a law with a limit of 0 has a sign
 
 Source    docs/effects/README.md
 """
@@ -12,15 +13,13 @@ Source    docs/effects/README.md
 from typing import NamedTuple
 
 from analog_frontend.effects import catalogue, law
+from testbench.measured.closed_loop import loop_limits
 from testbench.tracing.problem.problem import Law
 
 # need hours (the warm-up's bias is that of `damping_coupling` in a dwell of seconds), a line's phase, another attitude
 NOT_SEEN = ("coupling_warm_up", "pickoff_warm_up", "thermoelastic_bias", "softening_sense", "carrier_ripple")
 NOT_SEEN += ("acceleration",)
 DUFFING_UM2, CUBIC_V2, LEAK = 1e-7, 1e-2, 1e-5
-# typical states of the default gyroscope at lock
-TYPICAL = {"x": 5e-6, "vx": 0.3456, "y": 1e-10, "vy": 7e-6, "u": 0.1, "w": 0.5, "cx": 2.88, "cy": 1e-4}
-TYPICAL |= {"rate": 1.0, "temp": 25.0}
 DRIVE_N, SENSE_N, CV_X_V, CV_Y_V = 2.8e-11, 2.8e-10, 2.9e-4, 5.8e-6
 PORT_SIZE = dict(zip(law.PORTS, (DRIVE_N, SENSE_N, CV_X_V, CV_Y_V)))
 
@@ -38,24 +37,32 @@ class Candidate(NamedTuple):
         return (f"{self.port} = {value!r} {self.factors}",) if self.factors else ()
 
 
-def _key(name, port, text, unit, scale, sign=0, page=""):
-    return Candidate(
-        Law(name, port, text, unit, scale, sign, page=page or f"docs/effects/{name}.md"), f"effects.{name}"
-    )
+def _key(name, port, text, unit, scale, limits, page=""):
+    """Candidate of a key; a law whose limits have a side has that sign."""
+    low, high, reason = limits
+    made = Law(name, port, text, unit, scale, (low == 0.0) - (high == 0.0), page=f"docs/effects/{page or name}.md")
+    return Candidate(made._replace(low=low, high=high, reason=reason), f"effects.{name}")
+
+
+def _of_text(text):
+    return loop_limits.of(law.parse(text))
 
 
 def from_catalogue():
     """`Candidate`s of every effect that a closed-loop record of seconds can show."""
+    k_um, k_v = loop_limits.STIFF_N_PER_M * 1e12, loop_limits.BOARD.k_vf_drive_n_per_v
+    stretched, bent = _of_text(f"force_x = {-k_um!r} x^3"), _of_text(f"force_x = {k_v!r} u^3")
     out = [
-        _key("duffing_k3_per_um2", "force_x", "-k3 x^3", "1/um^2", DUFFING_UM2, page="docs/effects/duffing.md"),
-        _key("drive_cubic_per_v2", "force_x", "k_vf c u^3", "1/V^2", CUBIC_V2, page="docs/effects/drive_cubic.md"),
-        _key("feedthrough_y", "cv_y", "c u", "V/V", LEAK),
+        _key("duffing_k3_per_um2", "force_x", "-k3 x^3", "1/um^2", DUFFING_UM2, stretched, "duffing"),
+        _key("drive_cubic_per_v2", "force_x", "k_vf c u^3", "1/V^2", CUBIC_V2, bent, "drive_cubic"),
+        _key("feedthrough_y", "cv_y", "c u", "V/V", LEAK, _of_text("cv_y = 1.0 u")),
     ]
     for effect in catalogue.LAWS:
         i = effect.INFO
         # noise has no shape to fit: another power-on has another; contrasts of repeats tell it (N01 to N04)
         if i.name not in NOT_SEEN and i.mechanism != "noise":
-            out.append(_key(i.name, i.port, effect.DOC, i.unit, abs(effect.EXAMPLE), effect.SIGN))
+            limits = getattr(effect, "PHYSICS", None) or _of_text(effect.terms(1.0, loop_limits.BOARD)[0])
+            out.append(_key(i.name, i.port, effect.DOC, i.unit, abs(effect.EXAMPLE), limits))
     return tuple(out)
 
 
@@ -79,13 +86,13 @@ def from_grammar():
     for port, rows in GRAMMAR.items():
         for factors in rows:
             one = law.parse(f"{port} = 1.0 {factors}")
-            size = 1.0
-            for f in one.factors:
-                size *= 1.0 if f.dress == law.SGN else TYPICAL[f.name] ** f.power
+            low, high, reason = loop_limits.of(one)
             name = f"{port}: {factors}"
             terms = tuple((str(f._replace(power=1)), float(f.power)) for f in one.factors)
+            scale = min(PORT_SIZE[port] / loop_limits.size(one.factors), max(-low, high))
             made = Law(
-                name, port, f"c {factors}", one.unit, PORT_SIZE[port] / size, term=terms, page="docs/parts/ports.md"
-            )
+                name, port, f"c {factors}", one.unit, scale, (low == 0.0) - (high == 0.0), term=terms,
+                page="docs/parts/ports.md", low=low, high=high, reason=reason,
+            )  # fmt: skip
             out.append(Candidate(made, "", port, factors))
     return tuple(out)

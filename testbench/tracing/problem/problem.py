@@ -14,6 +14,8 @@ import numpy as np
 
 from testbench.errors import ConfigError
 
+BEYOND = 2.0  # sd that a coefficient may lie outside of what physics allows
+
 
 class PredictionFailed(Exception):
     """A point that cannot be predicted: diverged, out of range. It is never ranked."""
@@ -42,6 +44,17 @@ class Law(NamedTuple):
     kind: str = "plant"  # plant, instrument, preparation
     page: str = ""
     term: tuple = ()  # (("x", 3.0), ...): the monomial of a law of the grammar, as it is saved in a file
+    low: float = -math.inf  # what physics allows; a coefficient beyond is told as such and never named
+    high: float = math.inf
+    reason: str = ""  # of these limits
+
+    def beyond(self, value, sd=0.0):
+        """What a coefficient breaks, in words, if it is further than BEYOND sd outside of its limits; "" if not."""
+        for limit, over, than in ((self.low, self.low - value, "below"), (self.high, value - self.high, "above")):
+            if over > BEYOND * sd:
+                said = f"{self.name}: {value:.3g} is {than} {limit:.3g} {self.unit}"
+                return f"{said}, the limit of physics ({self.reason})"
+        return ""
 
 
 class Observable(NamedTuple):
@@ -173,6 +186,8 @@ def check(problem):
     for law in laws:
         if not (math.isfinite(law.scale) and law.scale > 0) or law.sign not in (-1, 0, 1):
             raise ConfigError(f"law {law.name}: scale {law.scale} {law.unit}, sign {law.sign}: scale > 0, sign -1..1")
+        if not law.low <= 0.0 <= law.high:
+            raise ConfigError(f"law {law.name}: limits {law.low} .. {law.high} {law.unit}: 0 is outside")
     if not any(s.role == "fit" for s in problem.segments):
         raise ConfigError(f"{problem.name}: no segment with the role fit")
     seen = {}
