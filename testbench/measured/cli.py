@@ -100,7 +100,7 @@ def record(
     """Write a measurement record of the simulated board."""
     import json
 
-    from testbench.measured.record import load, produce
+    from testbench.measured.record import load, produce, schema
     from testbench.measured.record import plan as plans
     from testbench.storage.files import write_text
 
@@ -110,7 +110,7 @@ def record(
     digest = load.write(out, made)
     if envelope is not None:
         write_text(envelope, json.dumps(produce.envelope(wanted), sort_keys=True, indent=1) + "\n")
-    frames = len(made.streams["nco_fword"].data)
+    frames = schema.frames_of(made)
     segments = len(made.tables["segments"]["id"].data)
     if as_json:
         print_json({"file": str(out), "frames": frames, "segments": segments, "content_sha256": digest})
@@ -140,13 +140,14 @@ def residuals(
     """Say what the model leaves unexplained, per condition and observable, in units of the repeats' noise."""
     from testbench import config
     from testbench.console.table import Table
+    from testbench.measured.importing import words
     from testbench.measured.record import check_tables, load
     from testbench.measured.residual import residuals as residual
 
     if kind not in ("R1", "R2"):
         raise ConfigError(f"--kind {kind}: is neither R1 nor R2")
     with _progress(as_json) as progress:
-        record = load.load(file, replay=False).record
+        record = words.completed(load.load(file, replay=False).record)[0]
         model = check_tables.stated_config(record)
         overrides = [config.parse_set(text) for text in sets or ()]
         if overrides:
@@ -180,6 +181,7 @@ def calibrate(
     """Fit what the record's priors name, by the plant's open-loop residual, and certify that it has converged."""
     from testbench.console.show import print_tables
     from testbench.console.table import Table
+    from testbench.measured.importing import words
     from testbench.measured.record import load
     from testbench.measured.residual import calibrate as calibration
 
@@ -188,7 +190,7 @@ def calibrate(
         if loaded.blocked:
             raise ConfigError(f"{file}: {loaded.residual.verdict}; physics waits for an override (R16)")
         try:
-            found = calibration.calibrate(loaded.record, starts, progress=progress)
+            found = calibration.calibrate(words.completed(loaded.record)[0], starts, progress=progress)
         except ValueError as problem:
             raise ConfigError(problem) from None
     held_out = [(a, b) for a, b in zip(found.before.rows, found.after.rows) if a.role == "validate"]

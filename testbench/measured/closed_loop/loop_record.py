@@ -1,8 +1,10 @@
 """A gyrorec record as a problem of tracing: its fitted and held-out dwells, its priors, its own model.
 
     condition   segments of one repeat group: set-points from /segments, the rate before from /stimulus/rate
-    settling    from lock to the dwell: at least LEAST_SETTLE_S, because the model begins from a locked state of its own
-    firmware    R0 is replayed first: a record whose firmware is not the model's is not traced (verdict "firmware")
+    settling    at least LEAST_SETTLE_S of lock without a change before a dwell, because the model begins from a locked
+                state of its own; a power-on may have several dwells
+    firmware    R0 is replayed first: a record whose firmware is not the model's is not traced (verdict "firmware");
+                words that were not recorded are those of the replay
 
 Source    docs/measured.md
 """
@@ -11,10 +13,13 @@ import os
 
 import numpy as np
 
+from fpga_model import sequencer
 from fpga_model.rates import FRAME_CYCLES
 from testbench.errors import ConfigError
 from testbench.measured.closed_loop import loop_laws, loop_problem, loop_runs
+from testbench.measured.importing import words
 from testbench.measured.record import check_tables, load, schema
+from testbench.measured.record.meaning_segments import SETPOINTS, Stated, rate_limit
 from testbench.measured.record.plan import Condition
 from testbench.measured.record.sessions import segments
 from testbench.measured.residual import features, parameters
@@ -42,18 +47,37 @@ def _before(record, edge):
     return float(rates[max(0, int(np.searchsorted(edges, edge, side="left")) - 1)])
 
 
+def calm_from(record, first):
+    """Frame from which on, up to frame `first`, the loops are locked and neither rate nor set-points change."""
+    end, rate = first * FRAME_CYCLES, Stated(record, "rate")
+    rows = rate.row(end)
+    changes = [
+        rate.edges[k]
+        for k in range(1, rows + 1)
+        if abs(rate.values[k] - rate.values[k - 1]) > max(rate_limit(rate, k), rate_limit(rate, k - 1))
+    ]
+    written = schema.rows(record.tables["registers"], "edge", "name")
+    changes += [edge for edge, name in written if name in SETPOINTS and edge < end]
+    changes += [edge for edge in record.tables["power_on"]["edge"].data if edge < end]
+    calm = -(-max(changes, default=0) // FRAME_CYCLES)
+    if "state" in record.streams:
+        lost = np.flatnonzero(record.streams["state"].data[:first] != sequencer.LOCKED)
+        return max(calm, int(lost[-1]) + 1 if len(lost) else 0)
+    settles = [s.first for s in segments(record) if s.kind == "settle" and s.first + s.frames == first]
+    return max(calm, settles[0] if settles else first)
+
+
 def measured_features(record, name, hashes):
     """`loop_problem.Measured` of the segments with a role."""
     per_frame = {key: s.data for key, s in record.streams.items() if (s.num, s.den) == schema.PER_FRAME}
     features.demand(per_frame, loop_runs.NAMES)
-    lsb = {key: s.attrs["lsb_V"] for key, s in record.streams.items() if "lsb_V" in s.attrs}
-    all_ = segments(record)
-    ends = {s.first + s.frames: s for s in all_ if s.kind == "settle"}
+    lsb = schema.lsb_volts(check_tables.stated_config(record).device())
+    lsb |= {key: s.attrs["lsb_V"] for key, s in record.streams.items() if "lsb_V" in s.attrs}
     groups, values = {}, {}
-    for s in all_:
+    for s in segments(record):
         if s.role not in ("fit", "validate"):
             continue
-        settle = ends[s.first].frames / FRAME_HZ if s.first in ends else 0.0
+        settle = (s.first - calm_from(record, s.first)) / FRAME_HZ
         if settle < LEAST_SETTLE_S:
             raise ConfigError(
                 f"/segments {s.id}: settles for {settle:g} s, tracing needs {LEAST_SETTLE_S:g} s: a plan's settle_s"
@@ -79,7 +103,10 @@ def open_record(paths, options):
     if len(paths) != 1 or not is_record(paths[0]):
         return None
     loaded = load.load(paths[0])
-    record = loaded.record
+    if not schema.known_map(loaded.record):
+        text = "regmap_sha256 is another firmware's, and tracing runs this one in its loop"
+        raise ConfigError(f"{paths[0]}: {text}; gyro measured residuals --kind R1 and calibrate do not")
+    record, lacking = words.completed(loaded.record)
     model = check_tables.stated_config(record)
     wanted = parameters.declared(record)
     hashes = {"record": record.attrs.get("content_sha256", ""), "roles": record.attrs.get("roles_sha256", "")}
@@ -87,7 +114,7 @@ def open_record(paths, options):
     library = () if options.get("grammar") == "no" else loop_laws.from_grammar()
     bench = loop_runs.Bench(int(options.get("threads", loop_runs.THREADS)))
     problem = loop_problem.LoopProblem(data, model, wanted, loop_laws.from_catalogue(), library, bench)
-    problem.warnings = loaded.warnings
+    problem.warnings = loaded.warnings + ((f"words are not replayed: {lacking}",) if lacking else ())
     if loaded.blocked:
         problem.firmware = next(str(f) for f in loaded.findings if f.rule == "R16")
     r0 = loaded.residual

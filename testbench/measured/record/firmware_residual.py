@@ -99,12 +99,12 @@ class Residual:
         return f"R0 differs: {self.first}"
 
 
-def _undecided(record, config):
-    """Why a replay could not decide anything, or ""."""
+def unreplayable(record, config):
+    """Why the firmware cannot be replayed, or ""."""
+    if not schema.known_map(record):
+        return f"skipped, regmap_sha256 {record.attrs['regmap_sha256'][:16]} is not this version's: another firmware"
     if config.firmware.board != "analog_sid":
         return "firmware.board = digital_sid, whose samples a record does not hold"
-    if "adc_ok" not in record.streams:
-        return "adc_ok is not recorded"
     for session in sessions(record):
         if not session.powered and _initial(record) is None:
             return f"frame {session.first} is no power-on, and /initial does not name every register"
@@ -162,18 +162,22 @@ def residual(record, progress=None, firmware=None):
     """
     began = time.perf_counter()
     config = check_tables.stated_config(record)
-    undecided = _undecided(record, config)
     streams = [name for name in REGISTERS if name in record.streams]
+    why = unreplayable(record, config)
+    if not why and "adc_ok" not in record.streams:
+        why = "adc_ok is not recorded"
+    if not why and not streams:
+        why = "no word is recorded"
     left_out = {}
     if "adc_temperature" not in record.streams and "rate_output" in streams:
         left_out["rate_output"] = "adc_temperature is not recorded"
         streams.remove("rate_output")
-    frames = len(record.streams["nco_fword"].data)
-    out = Residual(tuple(streams), left_out, undecided, frames, {}, None, 0.0)
-    if undecided:
+    frames = schema.frames_of(record)
+    out = Residual(tuple(streams), left_out, why, frames, {}, None, 0.0)
+    if why:
         return out
     p = firmware or build.firmware(config)
-    ticked = [name for name in schema.TICKED if record.streams[name].den == TICK_CYCLES]
+    ticked = [name for name in streams if record.streams[name].den == TICK_CYCLES]
     for session in sessions(record):
         _session(record, session, p, streams, ticked, out, progress)
     out.seconds = time.perf_counter() - began
@@ -213,6 +217,14 @@ def _mistakes(codes):
 
 def _session(record, session, p, streams, ticked, out, progress):
     """Replay one session block by block and compare; adds to `out`."""
+    for done, n, o in blocks(record, session, p, bool(ticked)):
+        _compare(record, session, done, n, o, streams, ticked, out)
+        if progress:
+            progress("firmware replay", session.first + done + n, out.frames)
+
+
+def blocks(record, session, p, ticked=False):
+    """Yield (frames before, frames, `replay.Rows`) of a session, block by block; with DAC codes of ticks if asked."""
     x, order = stimulus(record, session), replay.order(p)
     s = replay.power_on() if session.powered else _initial(record)
     tail = np.zeros((LATE_TICKS, 2), np.int64)
@@ -229,10 +241,8 @@ def _session(record, session, p, streams, ticked, out, progress):
         last = o.words[-1].copy()
         if ticked:
             tail = o.codes[-LATE_TICKS:].copy()
-        _compare(record, session, done, n, o, streams, ticked, out)
+        yield done, n, o
         done += n
-        if progress:
-            progress("firmware replay", session.first + done, out.frames)
 
 
 def _compare(record, session, done, n, o, streams, ticked, out):

@@ -77,7 +77,12 @@ def segments(record):
 
 
 def bank(record, edge):
-    """{register: (raw, where it is stated)} that the firmware holds at an edge; {} if its beginning is not stated."""
+    """{register: (raw, where it is stated)} that the firmware holds at an edge.
+
+    {} if its beginning is not stated, or its map is not this version's.
+    """
+    if not schema.known_map(record):
+        return {}
     session = [s for s in sessions(record) if FRAME_CYCLES * s.first < edge or s.first == 0][-1]
     begin = FRAME_CYCLES * session.first
     if session.powered:

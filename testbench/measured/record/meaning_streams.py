@@ -84,6 +84,8 @@ def _force(record, rows):
 
 def force(record):
     """R26."""
+    if "rate_word" not in record.streams and not {"dac_ftr", "nco_pword"} <= set(record.streams):
+        return
     rate, config = Stated(record, "rate"), check_tables.stated_config(record)
     d, seen = config.device(), set()
     gain, _ = propagator.cv_chain(d, "drive", d.temp_ref_degc)
@@ -160,7 +162,7 @@ def copies(record):
 
 def _locked(record):
     """Rows in which noise moves every channel: those of segments behind the start-up that nobody has lost."""
-    rows = np.zeros(len(record.streams["nco_fword"].data), bool)
+    rows = np.zeros(schema.frames_of(record), bool)
     for _, s in segments(record):
         if s["kind"] in CONDITIONS:
             rows[s["edge_a"] // FRAME_CYCLES : s["edge_b"] // FRAME_CYCLES] = True
@@ -206,7 +208,7 @@ def bad_frames(record):
 def first_rows(record):
     """R28: rows without a conversion hold nothing new; behind a power-on the sensor's filter settles."""
     channels = _channels(record)
-    frames = len(record.streams["nco_fword"].data)
+    frames = schema.frames_of(record)
     edge0 = record.streams["adc_xI"].edge0
     for j, (a, b, reason) in enumerate(schema.rows(record.tables["gaps"], "edge_a", "edge_b", "reason")):
         if reason != UNSEEN:

@@ -26,7 +26,6 @@ from testbench.version import VERSION
 
 DEG = math.pi / 180
 TURN = 1 << 48
-GAIN_UNC = 1e-3  # relative, of the volts per code that a lab states
 RATE_UNC_PPM, TEMP_UNC_K = 50.0, 0.1
 
 
@@ -193,15 +192,9 @@ def envelope(plan):
     return {"truth": plan.hidden, "seed": plan.seed}
 
 
-def _narrow(stream):
-    if stream.bits < 32 or (stream.signed and stream.bits == 32):
-        return np.int32
-    return np.int64
-
-
 def _streams(plan, sittings):
     """Every stream, the sittings one behind the other."""
-    lsb = _lsb_v(plan.model)
+    lsb = schema.lsb_volts(plan.model.device())
     columns = [r.board.columns() for r in sittings]
     before = timing.valid_clock(plan.model)
     values = {}
@@ -222,25 +215,10 @@ def _streams(plan, sittings):
         stream = schema.STREAMS[name]
         num, den = schema.PER_TICK if ticked and name in schema.TICKED else schema.PER_FRAME
         edge0 = before if name.startswith("adc_") else (TICK_CYCLES if den == TICK_CYCLES else 0)
-        attrs = {"bits": stream.bits, "twos_comp": int(stream.signed), "tap": stream.tap}
-        if name in lsb:
-            attrs |= {"lsb_V": lsb[name], "lsb_V_unc": GAIN_UNC * lsb[name], "offset_code": 0}
-        data = np.concatenate(pieces).astype(_narrow(stream))
+        attrs = schema.attributes(name, stream.tap, lsb.get(name))
+        data = np.concatenate(pieces).astype(schema.dtype_of(name))
         out[name] = Column(data, stream.unit, num, den, edge0, attrs)
     return out
-
-
-def _lsb_v(config):
-    d = config.device()
-    adc = {"x": d.adc_vref_v / d.adc_pga_drive / 2**23, "y": d.adc_vref_v / d.adc_pga_sense / 2**23}
-    return {
-        **{name: adc[name[4]] for name in schema.ADC},
-        "adc_temperature": adc["x"],
-        "dac_drv": d.drive_dac_span_v / 2**15,
-        "dac_ftr": d.sense_dac_span_v / 2**19,
-        "dac_qsc": d.quad_dac_span_v / 2**16,
-        "quadrature_code": d.quad_dac_span_v / 2**16,
-    }
 
 
 def _table(name, rows):

@@ -12,6 +12,8 @@ import hashlib
 import json
 from typing import NamedTuple
 
+import numpy as np
+
 from fpga_model import block, registers, top
 from fpga_model.rates import FRAME_CYCLES, TICK_CYCLES
 from testbench.measured.record.replay import WINDOW_WORDS, WORDS
@@ -43,11 +45,11 @@ STREAMS = {
     **{name: Stream(True, 24, True, "code", "adc", doc) for name, doc in ADC.items()},
     "adc_ok": Stream(False, 1, False, "1", "internal", "1 where the frame's status word was good"),
     "adc_temperature": Stream(False, 24, True, "code", "adc", "channel of the temperature sensor"),
-    "dac_drv": Stream(True, 16, True, "code", "dac", "code at the drive DAC's output"),
-    "dac_ftr": Stream(True, 20, True, "code", "dac", "code at the sense DAC's output"),
-    "dac_qsc": Stream(True, 16, False, "code", "dac", "code at the quadrature DAC's output"),
-    "nco_fword": Stream(True, 48, False, "word", "internal", "frequency word, turns per clock / 2^48"),
-    "nco_pword": Stream(True, 48, False, "word", "internal", "phase accumulator, turns / 2^48"),
+    "dac_drv": Stream(False, 16, True, "code", "dac", "code at the drive DAC's output"),
+    "dac_ftr": Stream(False, 20, True, "code", "dac", "code at the sense DAC's output"),
+    "dac_qsc": Stream(False, 16, False, "code", "dac", "code at the quadrature DAC's output"),
+    "nco_fword": Stream(False, 48, False, "word", "internal", "frequency word, turns per clock / 2^48"),
+    "nco_pword": Stream(False, 48, False, "word", "internal", "phase accumulator, turns / 2^48"),
     "amplitude_word": Stream(False, 24, True, "word", "internal", "amplitude of the drive, 10 V / 2^23"),
     "rate_word": Stream(False, 24, True, "word", "internal", "force-to-rebalance word, 10 V / 2^23"),
     "quadrature_code": Stream(False, 16, False, "code", "internal", "V_q of the loop, 5.5 V / 2^16"),
@@ -135,6 +137,7 @@ KINDS = ("warmup", "settle", "dwell", "rate_step", "sweep", "ringdown", "startup
 ROLES = ("fit", "validate", "none")
 DISTRIBUTIONS = ("normal", "lognormal", "uniform")
 GAP_STREAMS = ("adc", "all")
+GAIN_UNC = 1e-3  # relative, of the volts per code that a laboratory states
 MOST_SATURATED = 1e-3  # part of the rows of a fit segment
 UNCERTAIN = {"stimulus/rate": "unc", "stimulus/temperature": "unc"}  # columns that state an uncertainty
 
@@ -145,6 +148,11 @@ def columns_of(name):
         unit = COUNTER_PAIRS.get(name.partition("/")[2])
         return {"edge": "edge", "value": unit, "gate": "s", "unc": unit}
     return TABLES.get(name) or OPTIONAL_TABLES.get(name, {})
+
+
+def frames_of(record):
+    """Frames of a record: rows of its converter."""
+    return len(record.streams["adc_xI"].data)
 
 
 def rows(table, *keys):
@@ -172,6 +180,40 @@ def sha256_of(data):
 def regmap_sha256():
     """Hash of this version's register map: names, addresses, formats, reset values, access."""
     return sha256_of([[r.address, r.name, list(r.fmt), r.reset, r.access] for r in registers.MAP])
+
+
+def lsb_volts(device):
+    """{stream: V} of a code, of the converters of a `Device`."""
+    d = device
+    adc = {"x": d.adc_vref_v / d.adc_pga_drive / 2**23, "y": d.adc_vref_v / d.adc_pga_sense / 2**23}
+    return {
+        **{name: adc[name[4]] for name in ADC},
+        "adc_temperature": adc["x"],
+        "dac_drv": d.drive_dac_span_v / 2**15,
+        "dac_ftr": d.sense_dac_span_v / 2**19,
+        "dac_qsc": d.quad_dac_span_v / 2**16,
+        "quadrature_code": d.quad_dac_span_v / 2**16,
+    }
+
+
+def dtype_of(name):
+    """NumPy type of a stream's codes."""
+    stream = STREAMS[name]
+    return np.int32 if stream.bits < 32 or (stream.signed and stream.bits == 32) else np.int64
+
+
+def attributes(name, tap, lsb_v=None, unc_v=None):
+    """Attributes of a stream; without an uncertainty of its volts per code that of a usual laboratory."""
+    stream = STREAMS[name]
+    out = {"bits": stream.bits, "twos_comp": int(stream.signed), "tap": tap}
+    if lsb_v is None:
+        return out
+    return out | {"lsb_V": lsb_v, "lsb_V_unc": unc_v or GAIN_UNC * lsb_v, "offset_code": 0}
+
+
+def known_map(record):
+    """True if the register map of a record is this version's: only then are its registers known by their names."""
+    return record.attrs["regmap_sha256"] == regmap_sha256()
 
 
 def bitstream_sha256(firmware, left_out=()):

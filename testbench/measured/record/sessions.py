@@ -51,7 +51,7 @@ class Segment(NamedTuple):
 
 def sessions(record):
     """Every `Session` of a checked record, in order."""
-    frames = len(record.streams["nco_fword"].data)
+    frames = schema.frames_of(record)
     starts = (record.tables["power_on"]["edge"].data // FRAME_CYCLES).tolist()
     bounds = sorted({0, *starts, frames})
     return [Session(a, b - a, a in starts) for a, b in itertools.pairwise(bounds)]
@@ -80,7 +80,7 @@ def seen_rows(record, session):
 
 
 def stimulus(record, session):
-    """`Stimulus` of a session, edges from its own power-on; raises KeyError where a stream is missing."""
+    """`Stimulus` of a session, edges from its own power-on; without `adc_ok` every conversion that was seen is good."""
     saw, _ = seen_rows(record, session)
     names = ("adc_xI", "adc_xQ", "adc_yI", "adc_yQ", "adc_temperature")
     codes = np.zeros((int(saw.sum()), CODES), np.int64)
@@ -89,16 +89,18 @@ def stimulus(record, session):
             codes[:, k] = record.streams[name].data[session.rows][saw]
     edge0 = record.streams["adc_xI"].edge0
     valid = (edge0 + FRAME_CYCLES * np.arange(session.frames, dtype=np.int64))[saw]
-    ok = record.streams["adc_ok"].data[session.rows][saw].astype(np.int64)
+    ok = np.ones(len(codes), np.int64)
+    if "adc_ok" in record.streams:
+        ok = record.streams["adc_ok"].data[session.rows][saw].astype(np.int64)
     return Stimulus(codes, ok, valid, writes(record, session))
 
 
 def writes(record, session):
-    """(n, 3) edge, address, data on the bus, of the register log within a session."""
+    """(n, 3) edge, address, data on the bus, of the register log within a session; registers of ours only."""
     begin, end = FRAME_CYCLES * session.first, FRAME_CYCLES * (session.first + session.frames)
     out = [
         (edge - begin, registers.BY_NAME[name].address, registers.to_bus(raw, registers.BY_NAME[name].fmt))
         for edge, name, raw in schema.rows(record.tables["registers"], "edge", "name", "raw")
-        if begin <= edge < end
+        if begin <= edge < end and name in registers.BY_NAME
     ]
     return np.array(out, np.int64).reshape(-1, 3)

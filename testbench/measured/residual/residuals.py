@@ -13,7 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from testbench.measured.record import check_tables, firmware_residual
+from testbench.errors import ConfigError
+from testbench.measured.record import check_tables, firmware_residual, schema
 from testbench.measured.record.sessions import segments, sessions
 from testbench.measured.residual import simulator
 from testbench.measured.residual.features import OBSERVABLES, bins, demand, features
@@ -94,6 +95,8 @@ def study(record, kind, config=None, engine=None, draws=None, progress=None):
         raise ValueError(f"kind = {kind!r} is neither R1 nor R2")
     names = [name for name, o in OBSERVABLES.items() if o.driven or kind == "R2"]
     demand(record.streams, names)
+    if kind == "R2" and not schema.known_map(record):
+        raise ConfigError("R2: regmap_sha256 is another firmware's, and R2 runs this one; R1 (--kind R1) does not")
     config = config or check_tables.stated_config(record)
     engine = engine or simulator.FrameSimulator()
     draws = (DRAWS if kind == "R2" else 0) if draws is None else draws

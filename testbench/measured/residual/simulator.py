@@ -26,6 +26,7 @@ from testbench.run.simulation import Simulation
 
 DEG = math.pi / 180
 SETTLED_EDGES = 26_000_000 // 4  # phase words may be set before the drive is switched on
+DRIVING = ("nco_fword", "nco_pword", "amplitude_word", "rate_word", "quadrature_code")
 PHASE_WORDS = ("phase_drive_sine", "phase_sense_sine", "phase_drive_ref", "phase_sense_ref")
 
 
@@ -87,6 +88,8 @@ def drive(record, session, firmware, replayed=True):
               clock within the window is taken for that of a sound firmware
     """
     told = task(record, session)
+    if not session.powered:
+        raise ConfigError(f"plant replay: frame {session.first} is no power-on, where the plant's state would be known")
     for edge, address, _ in told.writes:
         name = registers.BY_ADDRESS[address].name
         if name in PHASE_WORDS and edge > SETTLED_EDGES:
@@ -116,13 +119,15 @@ def _bank(log):
 
 def _from_words(record, session, firmware):
     """What the windows left, from the recorded words alone: a row shows what the window before it has done."""
-    for name in ("amplitude_word", "rate_word", "quadrature_code", "state"):
+    # another firmware's states are not known: its words are taken as those that act
+    own = schema.known_map(record)
+    for name in (*DRIVING, "state")[: len(DRIVING) + own]:
         if name not in record.streams:
             raise ConfigError(f"plant replay: {name} is not recorded, and the firmware cannot be replayed")
     column = {name: record.streams[name].data[session.rows].astype(np.int64) for name in record.streams}
     later = {name: np.append(values[1:], values[-1]) for name, values in column.items() if len(values)}
-    kick = later["state"] == sequencer.KICK
-    kicked = firmware.control.agc.kick
+    state = later["state"] if own else np.full(session.frames, sequencer.LOCKED)
+    kick, kicked = state == sequencer.KICK, firmware.control.agc.kick
     amplitude = np.where(kick, kicked, later["amplitude_word"])
     halfway = np.where(kick, kicked, column["amplitude_word"])
     edge0 = record.streams["adc_xI"].edge0
@@ -130,7 +135,7 @@ def _from_words(record, session, firmware):
     valid[0] = -1
     word = later["nco_fword"]
     # while the centre is loaded or corrected the word follows at once, else two clocks later, behind the PI
-    early = np.where(later["state"] < sequencer.ACQUIRE, word, column["nco_fword"])
+    early = np.where(state < sequencer.ACQUIRE, word, column["nco_fword"])
     rows = (valid, early, word, halfway, amplitude, later["rate_word"], later["quadrature_code"])
     return np.ascontiguousarray(np.stack(rows, axis=1))
 

@@ -154,7 +154,7 @@ SPOILT = {
         lambda r: stream(r, "dac_ftr", attrs={**r.streams["dac_ftr"].attrs, "bits": 16}),
         "R04 /streams/dac_ftr expected bits = 20",
     ),
-    "R05": (lambda r: stream(r, "adc_xI", data=r.streams["adc_xI"].data[:-1]), "R05 /streams/adc_xI expected"),
+    "R05": (lambda r: stream(r, "adc_xQ", data=r.streams["adc_xQ"].data[:-1]), "R05 /streams/adc_xQ expected"),
     "R06 by one": (edge_before, "R06 /stimulus/rate/edge expected rising edges"),
     "R06": (swapped_edges, "R06 /stimulus/rate/edge expected rising edges"),
     "R07": (lambda r: dropped(r, 5000), "R07 /streams/nco_pword expected the phase to follow the word"),
@@ -170,7 +170,6 @@ SPOILT = {
         lambda r: codes(r, "adc_yQ", slice(fit_rows(r).start, fit_rows(r).start + 9), (1 << 23) - 1),
         "R10 /streams/adc_yQ expected at most 0.1 % at the rails",
     ),
-    "R11 map": (lambda r: r.attrs.update(regmap_sha256="0" * 64), "R11 / expected regmap_sha256"),
     "R11 bitstream": (lambda r: r.attrs.update(bitstream_sha256="0" * 64), "R11 / expected bitstream_sha256"),
     "R11 register": (lambda r: column(r, "registers", "addr", 0, 0x3F), "R11 /registers expected a writable"),
     "R11 configuration": (lambda r: setattr(r, "config_toml", "[firmware]\nagc = 1\n"), "R11 / expected a config"),
@@ -203,6 +202,20 @@ def test_every_rule_refuses_what_it_is_for(own, tmp_path, case):
         load.load(tmp_path / "a", replay=False)
     assert any(text.startswith(line) for text in caught.value.findings), caught.value.findings
     assert all("\n" not in text for text in caught.value.findings)
+
+
+def test_another_register_map_is_a_downgrade_and_r0_is_skipped_by_name(own, tmp_path):
+    own.attrs["regmap_sha256"] = "0" * 64
+    own.tables["registers"]["name"] = TableColumn(
+        np.array([f"their_{k}" for k in range(len(own.tables["registers"]["name"].data))]), ""
+    )
+    load.write(tmp_path / "a.h5", own)
+    loaded = load.load(tmp_path / "a.h5")
+    (finding,) = loaded.findings
+    assert (finding.rule, finding.level) == ("R11", schema.DOWNGRADED)
+    assert "R0 and R2 are skipped" in finding.text
+    assert loaded.residual.verdict.startswith("R0 not decidable: skipped, regmap_sha256 0000000000000000 is not")
+    assert not loaded.blocked
 
 
 def test_a_missing_repeat_is_a_downgrade(own):
