@@ -100,11 +100,11 @@ def test_its_own_error_falls_with_the_square_of_its_step():
 
 
 def test_an_effect_that_it_does_not_know_is_refused_by_name():
-    with pytest.raises(ValueError, match="mechanism.1 = "):
+    with pytest.raises(ValueError, match=r"mechanism\.1 = "):
         second_plant.Driver(text_of(quiet()), 'mechanism.1 = "wobble 1 1"\n')
-    with pytest.raises(ValueError, match=r"law.1 = "):
+    with pytest.raises(ValueError, match=r"law\.1 = "):
         second_plant.Driver(text_of(quiet()), 'law.1 = "force_x = 1.0 q^2"\n')
-    with pytest.raises(ValueError, match=r"plant.qx"):
+    with pytest.raises(ValueError, match=r"plant\.qx"):
         second_plant.Driver(text_of(quiet()).replace("plant.qx =", "plant.q ="))
 
 
