@@ -325,6 +325,10 @@ def _print_trace(result):
         tables.append(Table("Error on data that no fit has seen", heads, rows, numeric=(2, 3, 4, 5)))
     if tables:
         print_tables(tables)
-    for a in result.get("alike", ()):
-        value = f"{a['value']:.3g} {a['unit']}"
-        typer.echo(f"would do as well as {a['instead_of']}: {a['law']}, {value} (chi2 {a['chi2']:+.1f})")
+    for cause in result.get("causes", ())[1:]:
+        sizes = ", ".join(f"{e['law']} {e['value']:.3g} {e['unit']}" for e in cause["effects"])
+        typer.echo(f"as well: {sizes} (chi2 {cause['chi2']:+.1f})")
+    for row in result.get("unphysical", ()):
+        typer.echo(f"against physics: {row['why']} (chi2 {row['chi2']:.4g})")
+    for row in result.get("next_experiment", ())[: result["verdict"] != "named"]:
+        typer.echo(f"next experiment: {row['words']}")

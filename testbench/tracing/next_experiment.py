@@ -14,7 +14,8 @@ from testbench.tracing.problem.model import Model
 from testbench.tracing.problem.predictor import Failed, Predictor
 from testbench.tracing.problem.space import Space
 
-MOST_RIVALS = 4
+MOST_RIVALS = 5
+ENOUGH = 3.0  # sigmas that tell two causes apart
 
 
 class _Pair:
@@ -43,8 +44,15 @@ class _Pair:
         return float(np.sqrt(self.rest + np.sum((rhs - r @ x) ** 2)))
 
 
+def _words(row):
+    where = ", ".join(f"{k} {v:.4g}" if isinstance(v, float) else f"{k} {v}" for k, v in row["condition"].items())
+    apart = f"then {' and '.join(row['pair'])} are {row['separation']:.2g} sigma apart"
+    now = f"x{row['gain']:.2g}" + ("" if row["separation"] >= ENOUGH else f", {ENOUGH:.0f} are needed")
+    return f"{row['repeats']} of {row['group']} ({where}): {apart} ({now})"
+
+
 def table(rivals, problem, options=None, count=MOST_RIVALS, store=None):
-    """Rows {condition, group, separation, gain, hours, gain_per_hour, pair}, best first.
+    """Rows {condition, group, separation, gain, hours, gain_per_hour, pair, words}, best first.
 
     rivals   fits, the most probable first; the first `count` (at most MOST_RIVALS) are told apart
     options  a Problem whose segments are the conditions on offer; None: those of `problem`, measured once more
@@ -73,6 +81,7 @@ def table(rivals, problem, options=None, count=MOST_RIVALS, store=None):
         rows.append(
             {"group": group.name, "condition": dict(group.condition), "separation": worst[0], "gain": worst[1]}
             | {"hours": hours, "gain_per_hour": (worst[1] - 1) / hours, "repeats": len(group.members)}
-            | {"pair": [" + ".join(worst[2].a.names), " + ".join(worst[2].b.names)]}
+            | {"pair": [" + ".join(fit.names) or "nothing" for fit in (worst[2].a, worst[2].b)]}
         )
+        rows[-1]["words"] = _words(rows[-1])
     return sorted(rows, key=lambda row: (-row["gain_per_hour"], row["group"]))

@@ -5,33 +5,35 @@ from dataclasses import asdict
 import numpy as np
 
 from testbench.tracing import verdict
+from testbench.tracing.fit.causes import AS_GOOD, MOST
 from testbench.tracing.fit.discover import lift
 from testbench.tracing.fit.evidence import log_prior
 from testbench.tracing.fit.rank import one_sided
 from testbench.tracing.fit.rivals import CLEAR
-from testbench.tracing.fit.search import CREDIBLE, credible, inclusion
+from testbench.tracing.fit.search import credible, inclusion
 from testbench.tracing.noise.noise import bridge
 from testbench.tracing.noise.power import limits
 from testbench.tracing.noise.statistics import SHORT
 from testbench.tracing.problem.result import Result
 
+STATUS = {"named": "named", "confounded": "confounded", "candidate": "candidate", "unexplained": "partial"}
+MISFIT = 25.0  # of chi2, from which a single law is told although it is against physics
 
-def effects(fit, probability):
-    """Laws of a fit as they go into the JSON; d is the size in sigmas after the nuisances have taken their part."""
+
+def effects(fit, probability, same):
+    """Laws of a fit as they go into the JSON; d is the size in sigmas after the nuisances have taken their part.
+
+    same  {law that was not tried: the law that it is, in other parameters}
+    """
     n, out = len(fit.point.theta), []
     for i, law in enumerate(fit.model.laws):
         sd, c = float(fit.sd[n + i]), float(fit.point.c[i])
         out.append(
             {"law": law.name, "port": law.port, "value": c, "sd": sd, "unit": law.unit, "d": abs(c) / sd}
-            | {"kind": law.kind, "text": law.text, "page": law.page, "p": probability.get(law.name), "status": "named"}
+            | {"kind": law.kind, "text": law.text, "page": law.page, "p": probability.get(law.name)}
+            | {"same_as": sorted(name for name, first in same.items() if first == law.name)}
         )
     return out
-
-
-def nearly_all(rows):
-    """True if 99 % of the excess held-out power is gone of every observable with some, and significantly."""
-    excess = [row for row in rows.values() if row["floor"] and row["before"] > 1.06 * row["floor"]]
-    return bool(excess) and all((row["excess_removed"] or 0) >= 0.99 and row["gain_ci"][0] > 0 for row in excess)
 
 
 def ranking_rows(tracer):
@@ -51,10 +53,11 @@ def ranking_rows(tracer):
 
 
 def model_rows(tracer):
-    """Sets of laws by posterior, and the refits that failed."""
+    """Sets of laws by posterior, which is none where no set is adequate, and the refits that failed."""
     if tracer.found is None:
         return []
     names, p = tracer.posterior
+    p = p if tracer.found.adequate else [None] * len(p)
     rows = []
     for n, x in list(zip(names, p))[:20]:
         c = tracer.found.candidates[n]
@@ -65,23 +68,44 @@ def model_rows(tracer):
     return rows + [{"laws": list(n), "failed": reason} for n, reason in sorted(tracer.found.failed.items())]
 
 
-def confounded(tracer):
-    """Models of the 95 % set with the angle between their laws and those of the best, and the d that 3 sigma need."""
-    if tracer.found is None or not tracer.found.best:
-        return []
-    best, rows = tracer.found.best, []
-    kept = [(n, x) for n, x in credible(*tracer.posterior) if not set(best) < set(n)]
-    for law, n, v in tracer.rivals:
-        rows.append({"laws": list(n), "instead_of": law, "vuong": v, "p": None})
-    for n, x in kept if len(kept) > 1 else ():
-        row = {"laws": list(n), "p": x}
-        other, own = [a for a in n if a not in best], [a for a in best if a not in n]
+def causes(tracer):
+    """The class: each member with its laws, their sizes, chi2 above the first, and P; the angle to the first."""
+    rows, p = [], dict(zip(*tracer.posterior))
+    for cause in tracer.causes:
+        row = {"laws": list(cause.names), "chi2": cause.chi2, "p": p.get(cause.names)}
+        kept = ("law", "port", "value", "sd", "unit", "same_as")
+        row["effects"] = [{k: e[k] for k in kept} for e in effects(cause.fit, {}, tracer.dropped)]
+        mine, first = set(cause.names), set(tracer.found.best)
+        other, own = sorted(mine - first), sorted(first - mine)
         if len(other) == 1 and len(own) == 1:
             c = abs(_cosine(tracer, own[0], other[0]))
             sine = float(np.sqrt(max(1 - c * c, 0.0)))
-            row |= {"instead_of": own[0], "cosine": c, "sine": sine, "d_to_separate": 3 / sine if sine > 1e-6 else None}
+            row |= {"instead_of": own[0], "cosine": c, "d_to_separate": 3 / sine if sine > 1e-6 else None}
         rows.append(row)
     return rows
+
+
+def unphysical(tracer):
+    """Single laws that would explain as much as the best set, or more, with a coefficient that physics forbids."""
+    if tracer.found is None:
+        return []
+    best = tracer.found.candidates[tracer.found.best].fit if tracer.found.best else None
+    needed = tracer.base.fit.cost - best.cost - AS_GOOD if best else MISFIT
+    rows = []
+    for ranking in tracer.ranked.values():
+        for i, name in enumerate(ranking.names):
+            law, length = tracer.laws[name], float(ranking.length[i])
+            if length and ranking.t[i] ** 2 > max(needed, MISFIT):
+                value, sd = float(ranking.t[i] / length), 1 / length
+                side = (
+                    f"{law.name}: {value:.3g} {law.unit} has the sign that it cannot have"
+                    if law.sign * value < 0
+                    else ""
+                )
+                why = law.beyond(value, sd) or side
+                row = {"law": name, "value": value, "sd": sd, "unit": law.unit, "chi2": float(ranking.t[i] ** 2)}
+                rows += [row | {"why": why}] if why else []
+    return sorted(rows, key=lambda row: (-row["chi2"], row["law"]))
 
 
 def _cosine(tracer, a, b):
@@ -89,8 +113,8 @@ def _cosine(tracer, a, b):
 
 
 def rivals_kept(tracer):
-    """Number of the most probable models to distinguish: the 95 % set, at least two, at most four."""
-    return int(np.clip(len(credible(*tracer.posterior)), 2, 4))
+    """Number of models to distinguish: the class, or the 95 % set, at least two, at most MOST."""
+    return int(np.clip(len(tracer.causes) or len(credible(*tracer.posterior)), 2, MOST))
 
 
 def discovery(tracer, out):
@@ -160,32 +184,31 @@ def result(tracer, decision):
     """`Result` of a `trace.Tracer` that has run."""
     found, problem, probability, free = tracer.found, tracer.problem, {}, {}
     if decision is None:
-        probability = inclusion(*tracer.posterior)
         best = found.best
         free = verdict.free_d(found.fit(best), tracer.identified) if best else {}
-        confirmed = tracer.heldout.score > CLEAR
-        certified = f"P = {', '.join(f'{probability[law]:.3f}' for law in best)}"
+        probability = inclusion(*tracer.posterior) if found.adequate else {}
         rejected = tracer.noise.p < tracer.options.alpha
         doubtful = "no repeats" if tracer.alarms.model_based else "declared noise rejected" if rejected else ""
+        confirmed = tracer.heldout.score > CLEAR
+        behind = verdict.Evidence(bool(tracer.held.size), problem.heldout_independent, confirmed, doubtful)
         stopped = verdict.blocks(problem, tracer.base.converged)
-        decision = verdict.with_search(found, probability, free, confirmed, doubtful, stopped, certified)
+        decision = verdict.with_search(found, tracer.causes, free, behind, stopped)
     out = Result(problem.name, decision.verdict, decision.sentence)
-    if found is not None and found.best and decision.verdict in ("named", "confounded", "unexplained"):
-        out.effects = effects(found.fit(found.best), probability)
+    if found is not None and found.best and decision.verdict in STATUS:
+        out.effects = effects(found.fit(found.best), probability, tracer.dropped)
         for row in out.effects:
             row["d_without_priors"] = free[row["law"]]
-            shared = decision.verdict == "unexplained" and any(row["law"] == law for law, _, _ in tracer.rivals)
-            if (row["p"] or 0) <= CREDIBLE or free[row["law"]] < verdict.LEAST_FREE_D or shared:
-                row["status"] = "confounded"
-            elif decision.verdict == "unexplained" and not nearly_all(tracer.heldout.rows):
-                row["status"] = "partial"
-    out.confounded, out.alike = confounded(tracer), tracer.alike
+            row["status"] = STATUS[decision.verdict]
+    if decision.verdict in ("named", "confounded", "candidate"):
+        out.causes = causes(tracer)
+    out.rivals = [{"laws": list(n), "instead_of": law, "vuong": v} for law, n, v in tracer.rivals]
+    out.unphysical = unphysical(tracer)
     out.heldout = tracer.heldout.rows
     out.heldout_chi2 = tracer.heldout.chi2 | {k: getattr(tracer.heldout, k) for k in ("limit", "score", "log_odds")}
     out.p_global = tracer.p
     k = sum(len(r.names) for r in tracer.ranked.values())
     out.looks = {"laws": k, "statistics": len(tracer.alarms.declared.p), "declared_by_caller": tracer.options.looks}
-    out.looks["library_laws_that_are_catalogue_laws"] = tracer.dropped
+    out.looks["same_laws"] = tracer.dropped
     out.certificates, out.hashes = certificates(tracer), dict(problem.hashes)
     out.ranking, out.models = ranking_rows(tracer), model_rows(tracer)
     tests = {name: getattr(tracer.alarms, name) for name in ("rotation", "refined", "declared")}

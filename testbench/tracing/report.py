@@ -84,22 +84,33 @@ def _models(result):
     return _table("Explanations", ranked[:10], columns, note)
 
 
-def _confounded(result):
+def _causes(result):
     columns = (
-        ("laws", _laws), ("P", "p"), ("instead of", lambda c: c.get("instead_of", "")), ("cosine", "cosine"),
-        ("d for 3 sigma apart", "d_to_separate", 3), ("V", "vuong", 3),
+        ("cause", _laws), ("chi2 more", "chi2", 2), ("P", "p"),
+        ("sizes", lambda c: ", ".join(f"{number(e['value'])} {e['unit']}" for e in c["effects"])),
+        ("cosine", "cosine"), ("d for 3 sigma apart", "d_to_separate", 3),
     )  # fmt: skip
-    note = "V: how clearly worse (2.3: 1 %), where nothing is adequate."
-    return _table("Confounded set (95 %)", result.confounded, columns, note)
+    note = "These conditions do not tell them apart: below 6 of chi2, or odds of 20, each after its own refit."
+    return _table("The class of causes", result.causes if len(result.causes) > 1 else (), columns, note)
 
 
-def _alike(result):
+def _rivals(result):
+    columns = (("laws", _laws), ("instead of", "instead_of"), ("V", "vuong", 3))
+    note = "Nothing is adequate. V: how clearly worse than the listed set (2.3: 1 %)."
+    return _table("Not worse for certain", result.rivals, columns, note)
+
+
+def _unphysical(result):
     columns = (
-        ("law of the grammar", "law"), ("instead of", "instead_of"), ("chi2 more", "chi2", 2), ("value", "value"),
+        ("law", "law"),
+        ("value", "value"),
+        ("sd", "sd", 2),
         ("unit", "unit"),
-    )  # fmt: skip
-    note = "By the linear model; odds below 20. The catalogue's law is named, as its physics is known."
-    return _table("Laws that would do as well", result.alike, columns, note)
+        ("chi2", "chi2", 4),
+        ("why", "why"),
+    )
+    note = "Their coefficients would explain as much; they are never named."
+    return _table("Against physics", result.unphysical, columns, note)
 
 
 def _next(result):
@@ -175,7 +186,7 @@ def html(result, figures):
     parts.append(_numerical(result.certificates.get("numerical") or {}))
     if result.notes:
         parts.append("<ul>" + "".join(f"<li>{escape.escape(n)}</li>" for n in result.notes) + "</ul>")
-    parts += [section(result) for section in (_heldout, _effects, _confounded, _alike)]
+    parts += [section(result) for section in (_heldout, _effects, _causes, _rivals, _unphysical)]
     parts += [picture_html(figure, caption) for caption, figure in figures.values()]
     parts += [section(result) for section in (_next, _models, _alarms, _nuisances, _power)]
     for head, data in (

@@ -10,24 +10,24 @@ import numpy as np
 from testbench.tracing import next_experiment, outcome, verdict
 from testbench.tracing.fit import calibrate as calibration
 from testbench.tracing.fit import discover, heldout, identify
-from testbench.tracing.fit.equivalents import exchanges
+from testbench.tracing.fit.causes import class_of
 from testbench.tracing.fit.evidence import log_prior
 from testbench.tracing.fit.rank import Signatures, rank
-from testbench.tracing.fit.rivals import open_rivals
+from testbench.tracing.fit.rivals import CLEAR, open_rivals
 from testbench.tracing.fit.search import Search
 from testbench.tracing.noise import noise
 from testbench.tracing.noise.alarms import alarms
 from testbench.tracing.noise.power import Power
 from testbench.tracing.problem.checkpoint import Store
 from testbench.tracing.problem.model import Model
-from testbench.tracing.problem.predictor import Predictor
-from testbench.tracing.problem.problem import all_laws, check
+from testbench.tracing.problem.predictor import Failed, Predictor
+from testbench.tracing.problem.problem import all_laws, check, same_laws
 from testbench.tracing.problem.result import Result
 from testbench.tracing.problem.space import Space
 
-SAME = 0.9995  # cosine from which a law of the library is one of the catalogue
 ROWS_OF_DRAWS = 60_000_000  # numbers drawn for one alarm at most
 FEWEST_DRAWS = 199
+PARTIAL = CLEAR**2  # of held-out chi2, by which each law of a partial explanation must lower it
 
 
 @dataclass(frozen=True)
@@ -40,8 +40,7 @@ class Options:
     seed: int = 0
     max_laws: int = 3
     starts: int = 2
-    grammar: bool = True  # laws of the library count among the looks, and may explain what the catalogue cannot
-    alike: bool = True  # say which laws of the library would do as well as those that are named
+    grammar: bool = True  # laws of the library compete with those of the catalogue
     power: bool = True
     experiments: bool = True
 
@@ -58,10 +57,11 @@ class Tracer:
         self.space, self.held = Space(problem, "fit"), Space(problem, "validate")
         self.catalogue = tuple(law.name for law in problem.laws)
         self.library = tuple(law.name for law in problem.library) if options.grammar else ()
-        # laws of the library that cost a run each wait until the catalogue has failed
+        # the same law in other parameters is tried once; laws that cost runs wait for an alarm
+        self.dropped = same_laws(problem, (*self.catalogue, *self.library))
         self.waiting = self.library if problem.library_late else ()
         self.draws = max(FEWEST_DRAWS, min(options.n_null, ROWS_OF_DRAWS // max(self.space.size, 1)))
-        self.notes, self.selections, self.rivals, self.alike = list(problem.warnings), [], [], []
+        self.notes, self.selections, self.rivals, self.causes = list(problem.warnings), [], [], []
 
     def say(self, text, done=0, total=1):
         self.predictor.text = text
@@ -96,7 +96,7 @@ class Tracer:
         """{"catalogue": .., "library": ..} of the laws that are not in a fit."""
         out = {}
         for label, names in (("catalogue", self.catalogue), ("library", self.library)):
-            known = (*fit.model.names, *self.dropped, *self.waiting)
+            known = {*fit.model.names, *self.dropped, *self.waiting}
             names = tuple(n for n in names if n not in known)
             if names:
                 out[label] = self.rank(fit, names)
@@ -112,64 +112,74 @@ class Tracer:
             return self.noise._replace(octaves=tuple(o._replace(f=1.0) for o in self.noise.octaves))
         return self.noise
 
-    def drop_twins(self):
-        """Laws of the library that are laws of the catalogue on these data."""
-        self.dropped = {}
-        if not (self.library and self.catalogue) or self.waiting:
-            return
-        whole = self.rank(self.base.fit, (*self.catalogue, *self.library))
-        c = np.abs(whole.cosines)
-        for name in self.library:
-            for twin in self.catalogue:
-                if name in whole.names and twin in whole.names and c[whole.index(name), whole.index(twin)] > SAME:
-                    self.dropped.setdefault(name, twin)
-
     def adequate(self, fit):
-        """Alarms again with the effects added; held-out chi2 within its band, held-out rms at the floor."""
+        """Alarms again with the effects added, and the held-out test."""
         self.say(f"checking {' + '.join(fit.model.names)}")
         found = self.alarm(fit, self.rankings(fit))
         p = verdict.correct_p(found.p_deterministic, self.options.looks)
-        why = {"p": p}
-        ok = p >= self.options.alpha
-        if self.held.size:
-            judged = self.judged({"after": fit})
-            above = heldout.above_floor(judged.rows)
-            why |= {"heldout_chi2": judged.chi2.get("after"), "heldout_limit": judged.limit}
-            why["heldout_above_floor"] = above
-            ok = ok and not judged.failed and judged.chi2["after"] <= judged.limit and not above
-        return bool(ok), why
+        ok, why = self.passes(fit)
+        return bool(ok and p >= self.options.alpha), {"p": p} | why
+
+    def passes(self, fit):
+        """(held-out chi2 within its band and no held-out rms above the floor?, why); True without held-out groups."""
+        if not self.held.size:
+            return True, {}
+        judged = self.judged({"after": fit})
+        above = heldout.above_floor(judged.rows)
+        why = {"heldout_chi2": judged.chi2.get("after"), "heldout_limit": judged.limit, "heldout_above_floor": above}
+        return not judged.failed and judged.chi2["after"] <= judged.limit and not above, why
 
     def judged(self, fits):
         """`heldout.HeldOut` of {label: Fit}."""
         by, seed, declared = self.problem.heldout_by, self.options.seed, not self.noise.p < self.options.alpha
         return heldout.judge(self.problem, self.held, self.predictor, fits, by, seed, declared)
 
-    def open(self):
-        """Laws that may explain something now."""
-        return tuple(n for n in (*self.catalogue, *self.library) if n not in self.dropped and n not in self.waiting)
-
     def search(self):
-        """Explain by the catalogue; where that is not adequate, by catalogue and grammar."""
-        library = ()
-        ranking = self.rank(self.base.fit, self.open())
-        work = Search(self.base.fit, self.table, self.identified.scale, self.adequate, self.progress)
-        if not work.run(ranking, self.catalogue, library, 1).adequate and self.library:
-            if self.waiting:
-                self.say("laws beyond the catalogue")
-                self.waiting = ()
-                self.drop_twins()
-                self.ranked = self.rankings(self.base.fit)
-            library = tuple(name for name in self.open() if name in self.library)
-            ranking = self.rank(self.base.fit, (*self.catalogue, *library))
-        if library:
+        """`SearchResult` among all laws; where it is not adequate, with what discovery proposes besides."""
+        if self.waiting:
+            self.say("laws beyond the catalogue")
+            self.waiting = ()
+            self.ranked = self.rankings(self.base.fit)
+        tried = tuple(n for n in (*self.catalogue, *self.library) if n not in self.dropped)
+        self.pool = self.rank(self.base.fit, tried)
+        work = self.work = Search(self.base.fit, self.table, self.identified.scale, self.adequate, self.progress)
+        found = work.run(self.pool, self.options.max_laws)
+        if not found.adequate and self.library:
             self.say("discovering")
-            self.selections = discover.discover(self.problem, self.base.fit, ranking, self.options.seed)
-            pool = (*self.catalogue, *library)
-            work.propose(discover.proposals(self.selections), pool, self.options.max_laws)
-        found = work.run(ranking, self.catalogue, library, self.options.max_laws)
+            self.selections = discover.discover(self.problem, self.base.fit, self.pool, self.options.seed)
+            found = work.run(self.pool, self.options.max_laws, discover.proposals(self.selections))
+        found = self.prune(found)
         self.posterior, self.priors = work.posterior(), work.priors
         self.rivals = [] if found.adequate else open_rivals(found)
         return found
+
+    def prune(self, found):
+        """Drop laws of the best set that held-out data do not bear out, the worst first.
+
+        Without a law chi2 of the held-out groups must be higher; by PARTIAL where the set is only a part.
+        """
+        names, pruned = found.best, []
+        while names and self.held.size:
+            less = [tuple(n for n in names if n != law) for law in names]
+            chi2 = {n: self.heldout_chi2(n) for n in less}
+            worst = min(less, key=chi2.get)
+            if chi2[worst] - self.heldout_chi2(names) >= (0.0 if self.work.is_adequate(names) else PARTIAL):
+                break
+            pruned += [law for law in names if law not in worst]
+            names = worst
+        if pruned:
+            self.notes.append(f"not borne out by held-out data: {', '.join(pruned)}")
+        adequate = bool(names) and self.work.is_adequate(names)
+        best = {"best": names, "adequate": adequate, "dropped": () if names else found.best}
+        return self.work.result(found.pool)._replace(**best)
+
+    def heldout_chi2(self, names):
+        """chi2 of the held-out groups with a set of laws; infinite where it cannot be refitted or predicted."""
+        if not self.work.refit(names):
+            return np.inf
+        fit = self.work.candidates[tuple(sorted(names))].fit
+        (found,) = self.predictor([(fit.point.theta, fit.model.effects(fit.point))], self.held.which)
+        return np.inf if isinstance(found, Failed) else float(np.sum(self.held.residual(found) ** 2))
 
     def weigh(self):
         """Drop the best set if all data, fitted and held out, give it odds below 1 / alpha against no law at all.
@@ -181,23 +191,22 @@ class Tracer:
             return
         best, none = (self.found.candidates[names] for names in (self.found.best, ()))
         fitted = best.log_z + log_prior(best.names, self.priors) - none.log_z
-        held = self.heldout.log_odds
-        if fitted + held < -np.log(self.options.alpha) or (held < 0.0 and not self.found.adequate):
-            said = " + ".join(best.names)
+        held, said = self.heldout.log_odds, " + ".join(best.names)
+        harmed = heldout.worse(self.heldout)
+        if harmed:
+            self.notes.append(f"{said}: held-out error is larger with it: {', '.join(harmed)}")
+        if harmed or fitted + held < -np.log(self.options.alpha) or (held < 0.0 and not self.found.adequate):
             self.notes.append(f"{said}: ln odds {fitted:.1f} where fitted, {held:.1f} where held out")
             self.found = self.found._replace(best=(), adequate=False, dropped=best.names)
             self.rivals = []
             self.judge()
 
-    def compare(self):
-        """Laws of the library that would do as well as those of an adequate set."""
-        if self.options.alike and self.library and self.found is not None and self.found.adequate:
-            self.say("laws that would do as well")
-            best = self.found.best
-            like = self.problem.like(best)
-            others = tuple(n for n in self.library if n in like and n not in best)
-            ranking = self.rank(self.base.fit, (*best, *others))
-            self.alike = exchanges(ranking, best, others, self.laws)
+    def classify(self):
+        """Causes that the data do not tell from an adequate set, that one first."""
+        if self.found is not None and self.found.best and self.found.adequate:
+            self.say("causes that do as well")
+            self.causes = class_of(self.work, self.pool, self.found.best, lambda fit: self.passes(fit)[0])
+            self.posterior = self.work.posterior()
 
     def run(self):
         """`Result`."""
@@ -214,7 +223,6 @@ class Tracer:
             known["certificates"] = {"calibration": self.base.certificate}
             return Result(problem.name, "unexplained", said, **known)
         self.say("ranking laws")
-        self.drop_twins()
         self.first = self.ranked = self.rankings(self.base.fit)
         self.say("alarms")
         self.alarms = self.alarm(self.base.fit, self.first)
@@ -225,11 +233,11 @@ class Tracer:
             self.found = self.search()
         self.judge()
         self.weigh()
+        self.classify()
         return None
 
     def conclude(self):
         """`Result` of what has been decided, with what the reader needs besides."""
-        self.compare()
         self.plan()
         return outcome.result(self, self.decision)
 
@@ -245,14 +253,14 @@ class Tracer:
             self.power = {"d90": smallest, "null": power.null_rate(), "check": power.checked(smallest)}
         if options.experiments and self.found is not None:
             self.say("next experiment")
-            names, _ = self.posterior
-            known = [self.found.candidates[n] for n in names if n]
-            rivals = [
-                c.fit for c in known if c.refitted and not (self.found.best and set(self.found.best) < set(c.names))
-            ]
-            if len(rivals) > 1:
-                offered, count = self.problem.experiments, outcome.rivals_kept(self)
-                self.experiments = next_experiment.table(rivals, self.problem, offered, count, self.store)
+            rivals = [c.fit for c in self.causes]
+            if len(rivals) < 2:
+                names = (n for n in self.posterior[0] if n and not set(self.found.best or ("",)) < set(n))
+                rivals = [c.fit for n in names if (c := self.found.candidates.get(n)) and c.refitted]
+            if len(rivals) < 2:
+                rivals.append(self.base.fit)
+            offered, count = self.problem.experiments, outcome.rivals_kept(self)
+            self.experiments = next_experiment.table(rivals, self.problem, offered, count, self.store)
 
     def arrived(self):
         """(theta, {law: coefficient}) that the trace has come to."""

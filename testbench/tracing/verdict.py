@@ -3,18 +3,19 @@
 firmware     the problem says that the firmware is not the model's: physics waits
 none         no alarm
 noise-model  only the declared noise is contradicted: no physical effect is named
-named        every law of the best set has P > 0.95, the model is adequate, the coefficients are not the prior's
-confounded   adequate, but other sets explain it too: they are listed with what would separate them
-unexplained  no set is adequate; what is known about the rest is reported, partial laws beside it
+named        one cause: the model is adequate, nothing else does as well, the coefficients are not the prior's
+confounded   one class of two to five causes, each as good as the others: the next experiment splits it
+candidate    a class of at most five, and no data from another file or session that could confirm it
+unexplained  no set is adequate, or too many are; what is known about the rest is reported, partial laws beside it
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
+from testbench.tracing.fit.causes import MOST
 from testbench.tracing.fit.identify import unseen
 from testbench.tracing.fit.rank import Projection
-from testbench.tracing.fit.search import CREDIBLE
 
 LEAST_FREE_D = 3.0
 MOST_NUMERICAL = 0.5  # sigmas, of the analysis engine against the exact one
@@ -25,6 +26,15 @@ class Decision(NamedTuple):
 
     verdict: str
     sentence: str
+
+
+class Evidence(NamedTuple):
+    """What stands behind a set beside its fit."""
+
+    heldout: bool  # there are held-out groups
+    independent: bool  # they are of another file or session
+    confirmed: bool  # they show the change; needed without repeats, or if the declared noise is rejected
+    doubtful: str  # why the noise is not to be trusted; "" if it is
 
 
 def free_d(fit, identifiability):
@@ -86,17 +96,16 @@ def without_tracing(found, alarms, noise, alpha, p):
     return Decision("none", f"no misfit beyond the noise (p = {p:.2g})")
 
 
-def with_search(search_found, inclusion, free, confirmed, doubtful, blocked, certified):
+def with_search(found, causes, free, evidence, blocked):
     """`Decision` after the search.
 
-    confirmed  held-out data show the change; needed without repeats, or if the declared noise is rejected
-    doubtful   why the noise is not to be trusted; "" if it is
-    blocked    why nothing may be named whatever is found; "" if nothing is in the way
+    causes    `causes.Cause`s that do as well as each other;   free  `free_d` of the best set
+    evidence  `Evidence`;   blocked  why nothing may be named whatever is found; "" if nothing is in the way
     """
-    best, said = search_found.best, " + ".join(search_found.best or search_found.dropped)
-    if said and doubtful and not confirmed:
+    best, said, doubtful = found.best, " + ".join(found.best or found.dropped), evidence.doubtful
+    if said and doubtful and evidence.heldout and not evidence.confirmed:
         return Decision("noise-model", f"{doubtful}, and {said} is not confirmed by held-out data")
-    if search_found.dropped:
+    if found.dropped:
         return Decision(
             "unexplained", f"something is missing; {said} fits best, but all data together do not bear it out"
         )
@@ -107,14 +116,18 @@ def with_search(search_found, inclusion, free, confirmed, doubtful, blocked, cer
         return Decision("unexplained", f"{what}, and no law that was tried explains it")
     if blocked:
         return Decision("unexplained", f"{blocked}: {said} explains a part, and is not named")
-    if not search_found.adequate:
-        return Decision(
-            "unexplained", f"{said} explains a part ({certified}); the rest is not explained by the laws tried"
-        )
-    unsure = [law for law in best if inclusion[law] <= CREDIBLE]
+    if not found.adequate:
+        return Decision("unexplained", f"{said} explains a part; the rest is not explained by the laws tried")
+    if len(causes) > MOST:
+        return Decision("unexplained", f"{said} explains it, and so do {MOST} other causes or more: no class is named")
+    names = " or ".join(" + ".join(c.names) for c in causes)
     gauge = [law for law in best if free[law] < LEAST_FREE_D]
-    if unsure:
-        return Decision("confounded", f"explained by {said}, but not by it alone: other sets of laws do it too")
-    if gauge:
-        return Decision("confounded", f"{', '.join(gauge)}: confounded with nuisances that only their priors hold")
-    return Decision("named", f"explained by {said} among the {len(search_found.pool)} laws tried")
+    more = f"; {', '.join(gauge)}: confounded with nuisances that only their priors hold" if gauge else ""
+    if not (evidence.heldout and evidence.independent):
+        caution = f" ({doubtful}: the declared noise is believed)" if doubtful else ""
+        why = "held-out data are of the file that was fitted" if evidence.heldout else "no data were held out"
+        return Decision("candidate", f"{names}; {why}, so nothing confirms it{caution}{more}")
+    if gauge or len(causes) > 1:
+        alike = ": these data do not tell them apart" if len(causes) > 1 else ""
+        return Decision("confounded", f"explained by {names}{alike}{more}")
+    return Decision("named", f"explained by {said}, and by none of the other {len(found.pool) - len(best)} laws tried")

@@ -311,11 +311,6 @@ class LoopProblem(Anchored, adds=MEMBERS):
         """Axis of a law, by its port."""
         return self.candidates[name].law.port[-1] if name in self.candidates else ""
 
-    def like(self, names):
-        """Laws of the library that might stand for some laws: at ports of their axes, for others move other things."""
-        axes = {self.axis(name) for name in names}
-        return tuple(law.name for law in self.library if self.axis(law.name) in axes)
-
     def _fitted(self, of):
         """{condition: (n, ...)} of the fitted conditions as stacked rows of unit variance, repeats counted."""
         groups = [c.id for c in self.recorded.conditions if c.role == "fit"]

@@ -6,8 +6,7 @@
     p: any size up to about T is as likely by its logarithm, so what a law pays depends on its d, hardly on its scale;
     T is known to a factor: beyond it p falls by a power, 1 / c^3
     side: share of the posterior on the allowed side, doubled, for laws with a sign
-    prior of a model: product over its laws of KNOWN / K in a catalogue of K, (1 - KNOWN) / K' in a library of K':
-    scanning more laws costs more by itself
+    prior of a model: product over its laws of 1 / K, of catalogue and library alike: scanning more laws costs more
 Laplace's approximation; in the coefficients to 0.3 for small d, and to 6 / d^2.
 Source    MacKay, Information Theory (2003), ch. 28; docs/tracing.md
 """
@@ -18,50 +17,62 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import norm
 
-from testbench.tracing.problem.problem import all_laws
+from testbench.tracing.problem.problem import BEYOND, all_laws
 
-KNOWN = 0.9  # of what is found on a bench, by the expectation of who wrote the catalogue
+DEGENERATE = 1e-9  # determinant of the cosines of a set, below which its coefficients are not known
 
 
 def log_coefficients(c_hat, cov, scale, sign):
     """ln of the integral of exp(-(c - c_hat)' cov^-1 (c - c_hat) / 2) p(c) dc, sign constraints in.
 
-    Sign and smallest size are taken law by law, from the marginal posterior.
+    Arrays (.., m) and (.., m, m): one set of m laws, or many. Sign and smallest size are taken law by law, from the
+    marginal posterior.
     """
-    m = len(c_hat)
-    if m == 0:
-        return 0.0
-    variance = np.diag(cov)
+    m = np.shape(c_hat)[-1]
+    variance = np.diagonal(cov, axis1=-2, axis2=-1)
     out = 0.5 * (m * np.log(2 * np.pi) + np.linalg.slogdet(cov)[1])
-    out -= np.sum(np.log(2 * np.log1p(2 * scale / np.sqrt(variance))))
-    out -= np.sum(0.5 * np.log(c_hat**2 + variance) + np.log1p(c_hat**2 / (scale**2 + variance)))
-    for i in np.flatnonzero(sign):
-        out += norm.logcdf(sign[i] * c_hat[i] / np.sqrt(variance[i])) + np.log(2.0)
-    return float(out)
+    out = out - np.sum(np.log(2 * np.log1p(2 * scale / np.sqrt(variance))), axis=-1)
+    out = out - np.sum(0.5 * np.log(c_hat**2 + variance) + np.log1p(c_hat**2 / (scale**2 + variance)), axis=-1)
+    side = norm.logcdf(sign * c_hat / np.sqrt(variance)) + np.log(2.0)
+    return out + np.sum(np.where(np.asarray(sign) != 0, side, 0.0), axis=-1)
 
 
-def linear_fit(ranking, names):
-    """(fall of chi2, c_hat, its covariance) of a set from the Gram matrix; None if it is degenerate."""
-    k = [ranking.index(name) for name in names]
-    gram, b = ranking.gram[np.ix_(k, k)], ranking.b[k]
-    if np.any(ranking.length[k] == 0):
-        return None
-    d = np.sqrt(np.diag(gram))
-    if np.linalg.cond(gram / np.outer(d, d)) > 1e10:
-        return None
-    cov = np.linalg.inv(gram)
-    c = cov @ b
-    return float(b @ c), c, cov
+class LinearSets(NamedTuple):
+    """Sets of laws by the Gram matrix alone; a degenerate set has fall 0 and gain -inf."""
+
+    names: tuple
+    members: np.ndarray  # (sets, laws) places in `names`
+    fall: np.ndarray  # of chi2
+    c: np.ndarray  # (sets, laws)
+    gain: np.ndarray  # ln Z less that of none; -inf too where a law is `blind` or against physics
+
+    def laws(self, i):
+        return tuple(self.names[j] for j in self.members[i])
+
+
+def linear_sets(ranking, names, laws, size):
+    """`LinearSets` of all sets of `size` of the laws `names`."""
+    at = np.array([ranking.index(name) for name in names], int)
+    members = np.array(list(itertools.combinations(range(len(names)), size)), int).reshape(-1, size)
+    k = at[members]
+    d = np.where(ranking.length > 0, ranking.length, 1.0)[k]
+    cosines = ranking.gram[k[:, :, None], k[:, None, :]] / (d[:, :, None] * d[:, None, :])
+    good = (np.linalg.det(cosines) > DEGENERATE) & np.all(ranking.length[k] > 0, axis=1)
+    cov = np.linalg.inv(np.where(good[:, None, None], cosines, np.eye(size))) / (d[:, :, None] * d[:, None, :])
+    c = np.einsum("nij,nj->ni", cov, ranking.b[k])
+    own = np.array([(law.scale, law.sign, law.low, law.high) for law in (laws[n] for n in names)]).reshape(-1, 4)
+    scale, sign, low, high = np.moveaxis(own[members], 2, 0)
+    sd = np.sqrt(np.diagonal(cov, axis1=1, axis2=2))
+    seen = good & np.all((sd <= scale) & (c >= low - BEYOND * sd) & (c <= high + BEYOND * sd), axis=1)
+    fall = np.where(good, np.einsum("ni,ni->n", c, ranking.b[k]), 0.0)
+    gain = np.where(seen, 0.5 * fall + log_coefficients(c, cov, scale, sign), -np.inf)
+    return LinearSets(tuple(names), members, fall, c, gain)
 
 
 def linear_gain(ranking, names, laws):
-    """ln Z of a set less ln Z of none, from the Gram matrix; None if it is degenerate, or one of its laws `blind`."""
-    found = linear_fit(ranking, names)
-    if found is None or blind(found[2], [laws[name] for name in names]):
-        return None
-    fall, c, cov = found
-    scale, sign = np.array([(laws[name].scale, laws[name].sign) for name in names]).T
-    return 0.5 * fall + log_coefficients(c, cov, scale, sign)
+    """ln Z of a set less ln Z of none, from the Gram matrix; None if degenerate, `blind` or against physics."""
+    (gain,) = linear_sets(ranking, tuple(names), laws, len(names)).gain
+    return float(gain) if np.isfinite(gain) else None
 
 
 def blind(cov, laws):
@@ -96,7 +107,7 @@ def log_evidence(fit, reference_scale):
     if model.laws:
         scale = np.array([law.scale for law in model.laws])
         sign = np.array([law.sign for law in model.laws])
-        out += log_coefficients(fit.point.c, fit.covariance[n:, n:], scale, sign)
+        out += float(log_coefficients(fit.point.c, fit.covariance[n:, n:], scale, sign))
     return out
 
 
@@ -105,11 +116,9 @@ def bic(fit):
     return float(fit.cost + len(fit.model.laws) * np.log(max(fit.model.space.size, 2)))
 
 
-def log_priors(catalogue, library=()):
-    """{law: ln of its prior}: one cause in ten is expected to be none of the catalogue's."""
-    known = KNOWN if catalogue and library else 1.0
-    out = dict.fromkeys(catalogue, np.log(known / max(len(catalogue), 1)))
-    return out | dict.fromkeys(library, np.log((1 - KNOWN if catalogue else 1.0) / max(len(library), 1)))
+def log_priors(names):
+    """{law: ln of its prior}, the same for all that are tried."""
+    return dict.fromkeys(names, -np.log(max(len(names), 1)))
 
 
 def log_prior(names, priors):
@@ -126,10 +135,7 @@ def posterior(candidates, priors):
 
 def best_sets(ranking, names, problem, size, count, priors):
     """The `count` best sets of `size` laws by linear evidence and prior: [(gain without prior, names)], best first."""
-    laws = all_laws(problem)
-    found = []
-    for chosen in itertools.combinations(names, size):
-        gain = linear_gain(ranking, chosen, laws)
-        if gain is not None:
-            found.append((gain, chosen))
-    return sorted(found, key=lambda item: (-item[0] - log_prior(item[1], priors), item[1]))[:count]
+    found = linear_sets(ranking, names, all_laws(problem), size)
+    prior = np.array([priors[name] for name in found.names])[found.members].sum(axis=1)
+    order = np.argsort(-(found.gain + prior), kind="stable")[:count]
+    return [(float(found.gain[i]), found.laws(i)) for i in order if np.isfinite(found.gain[i])]

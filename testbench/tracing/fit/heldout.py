@@ -29,6 +29,7 @@ CHI2_SETS = 400
 ABOVE = 0.01  # chance that a right model is found above FLOOR_FACTOR by any of its observables
 BAND = 0.99  # of the held-out chi2
 FLOOR_FACTOR = 1.06
+HARM = 0.02  # share of its error by which an observable may become worse
 
 
 class HeldOut(NamedTuple):
@@ -150,6 +151,13 @@ def above_floor(rows):
     """Names of the rows whose error cannot be FLOOR_FACTOR times the expected one, all tested together."""
     known = {k: r["p_floor"] for k, r in rows.items() if r["p_floor"] is not None}
     return [k for k, p in known.items() if 1 - (1 - p) ** len(known) < ABOVE]
+
+
+def worse(judged):
+    """What has become worse with the last model: chi2 of all, or an observable significantly and by HARM."""
+    last = list(judged.chi2.values())
+    out = ["chi2"] if len(last) > 1 and last[-1] > last[0] else []
+    return out + [k for k, r in judged.rows.items() if r["gain_ci"][1] < 0 and r["gain"] < -HARM * r["before"]]
 
 
 def _quantiles(draws):

@@ -57,7 +57,7 @@ class Search:
             log_z = self.candidates[over].log_z + gain
             self.candidates[names] = evidence.Candidate(names, log_z, float("nan"), False)
 
-    def _refit(self, names, start=()):
+    def refit(self, names, start=()):
         """True if the set has been refitted, now or before."""
         names = tuple(sorted(names))
         if names in self.failed:
@@ -68,7 +68,7 @@ class Search:
         if self.progress:
             self.progress(f"refitting {' + '.join(names)}", 0, 1)
         found = refit(self.candidates[start].fit, names, self.table)
-        why = found.failed or _unseen(found)
+        why = found.failed or _unseen(found) or _unphysical(found)
         if why:
             self.failed[names] = why
             self.candidates.pop(names, None)
@@ -76,34 +76,38 @@ class Search:
         self._keep(names, found)
         return True
 
-    def _score(self, names):
+    def score(self, names):
+        """ln of evidence and prior of a set that is known."""
         return self.candidates[names].log_z + evidence.log_prior(names, self.priors)
 
     def _best(self, level=None):
         """Best refitted set, of `level` laws if that is given; None if there is none."""
         refitted = [n for n, c in self.candidates.items() if c.refitted and level in (len(n), None)]
-        return max(refitted, key=lambda n: (self._score(n), n), default=None)
+        return max(refitted, key=lambda n: (self.score(n), n), default=None)
 
-    def _is_adequate(self, names):
+    def is_adequate(self, names):
         if names not in self._verdicts:
             ok, why = self.adequate(self.candidates[names].fit)
             self._verdicts[names] = ok
             self.checks.append({"laws": list(names), "adequate": ok, **why})
         return self._verdicts[names]
 
-    def run(self, ranking, catalogue, library, max_laws):
-        """`Found` with laws that are ranked at the base fit; may be called again with a library."""
-        seen = set(ranking.names) - set(ranking.hidden)
-        catalogue, library = (tuple(n for n in names if n in seen) for names in (catalogue, library))
-        pool, self.priors = (*catalogue, *library), evidence.log_priors(catalogue, library)
-        # what was refitted before counts on, seen or not
-        self.priors |= {law: min(self.priors.values()) for names in self.candidates for law in names if law not in pool}
+    def run(self, ranking, max_laws, proposals=()):
+        """`SearchResult` with laws that are ranked at the base fit.
+
+        proposals  sets that are refitted besides those that linear evidence finds
+        """
+        pool = tuple(n for n in ranking.names if n not in ranking.hidden)
+        self.priors = evidence.log_priors(pool)
+        for names in proposals:
+            if len(names) <= max_laws and set(names) <= set(pool):
+                self.refit(names)
         singles = evidence.best_sets(ranking, pool, self.base.model.problem, 1, len(pool), self.priors)
         for gain, names in singles:
             self._linear(names, gain, ())
         done = 0
         for _, names in singles[:MOST_TRIES]:
-            done += self._refit(names)
+            done += self.refit(names)
             if done == REFITS:
                 break
         self._settle()
@@ -113,11 +117,15 @@ class Search:
                 break
             self._settle()
             bigger = self._best(level + 1)
-            if bigger is None or self._score(bigger) <= self._score(best):
+            if bigger is None or self.score(bigger) <= self.score(best):
                 break
+        return self.result(pool)
+
+    def result(self, pool):
+        """`SearchResult` of what has been tried."""
         best = self._best()
-        adequate = bool(best) and self._is_adequate(best)
-        return SearchResult(dict(self.candidates), dict(self.failed), best, adequate, list(self.checks), pool)
+        adequate = bool(best) and self.is_adequate(best)
+        return SearchResult(self.candidates, self.failed, best, adequate, self.checks, pool)
 
     def _grow(self, best, ranking, pool):
         """Refit sets with one law more than `best`, and their subsets; False if it is adequate and no more law pays."""
@@ -129,25 +137,19 @@ class Search:
         seen = [n for n in after.names if n not in after.hidden]
         forward = evidence.best_sets(after, seen, fit.model.problem, 1, REFITS, self.priors)
         worth = bool(forward) and forward[0][0] + evidence.log_prior(forward[0][1], self.priors) > WORTH
-        if self._is_adequate(best) and not worth:
+        if self.is_adequate(best) and not worth:
             return False
         for gain, (name,) in forward:
             self._linear(tuple(sorted((*best, name))), gain, best)
-            self._refit((*best, name), best)
+            self.refit((*best, name), best)
         for gain, names in evidence.best_sets(ranking, pool, fit.model.problem, len(best) + 1, REFITS, self.priors):
             self._linear(tuple(sorted(names)), gain, ())
-            self._refit(names)
+            self.refit(names)
         for names in [n for n, c in self.candidates.items() if c.refitted and len(n) == len(best) + 1]:
-            if self._score(names) >= self._score(best):
+            if self.score(names) >= self.score(best):
                 for dropped in names if len(names) > 1 else ():
-                    self._refit(tuple(n for n in names if n != dropped))
+                    self.refit(tuple(n for n in names if n != dropped))
         return True
-
-    def propose(self, sets, pool, max_laws):
-        """Refit sets that discovery has found, besides those that linear evidence finds."""
-        for names in sets:
-            if len(names) <= max_laws and set(names) <= set(pool):
-                self._refit(names)
 
     def _settle(self, most=12):
         """Refit what the credible set holds by linear evidence only."""
@@ -157,7 +159,7 @@ class Search:
             if not loose:
                 break
             start = max((n for n, c in self.candidates.items() if c.refitted and set(n) <= set(loose[0])), key=len)
-            self._refit(loose[0], start)
+            self.refit(loose[0], start)
 
     def posterior(self):
         """(sets, probabilities), most probable first."""
@@ -172,6 +174,12 @@ def _unseen(fit):
     n = len(fit.point.theta)
     names = evidence.blind(fit.covariance[n:, n:], fit.model.laws)
     return f"data do not see the plausible size of {', '.join(names)}" if names else ""
+
+
+def _unphysical(fit):
+    """Which coefficients physics forbids: ""."""
+    found = zip(fit.model.laws, fit.point.c, fit.sd[len(fit.point.theta) :])
+    return "; ".join(why for law, c, sd in found if (why := law.beyond(float(c), float(sd))))
 
 
 def inclusion(names, p):

@@ -47,6 +47,7 @@ class Law(NamedTuple):
     low: float = -math.inf  # what physics allows; a coefficient beyond is told as such and never named
     high: float = math.inf
     reason: str = ""  # of these limits
+    same: str = ""  # laws with the same text here are one law in other parameters: no experiment tells them apart
 
     def beyond(self, value, sd=0.0):
         """What a coefficient breaks, in words, if it is further than BEYOND sd outside of its limits; "" if not."""
@@ -100,7 +101,7 @@ class Problem:
     linear_in, library, library_late = frozenset(), (), False
     noise_gain = noise_estimated_from = None
     noise_from_repeats, prediction_noise = False, 0.0
-    heldout_by, heldout_view = "observable", None
+    heldout_by, heldout_view, heldout_independent = "observable", None, True
     firmware = firmware_certificate = numerical_certificate = None
     experiments, warnings = None, ()
     _members = frozenset(("name", "nuisances", "laws", "segments", "hashes"))
@@ -158,14 +159,17 @@ class Problem:
         """Text of the file of a law that was found; None: the core's own."""
         return None
 
-    def like(self, names):
-        """Names of the laws of the library that might do as well as some laws."""
-        return tuple(law.name for law in self.library)
-
 
 def all_laws(problem):
     """{name: Law} of catalogue and library; a name is in one of them."""
     return {law.name: law for law in (*problem.laws, *problem.library)}
+
+
+def same_laws(problem, names):
+    """{law: the first of `names` that is the same law in other parameters}."""
+    laws, first = all_laws(problem), {}
+    known = [(name, laws[name].same) for name in names if laws[name].same]
+    return {name: first[same] for name, same in known if first.setdefault(same, name) != name}
 
 
 def _unique(what, names):

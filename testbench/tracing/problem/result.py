@@ -32,8 +32,9 @@ class Result:
     verdict: str
     sentence: str
     effects: list = field(default_factory=list)
-    confounded: list = field(default_factory=list)
-    alike: list = field(default_factory=list)
+    causes: list = field(default_factory=list)
+    rivals: list = field(default_factory=list)
+    unphysical: list = field(default_factory=list)
     heldout: dict = field(default_factory=dict)
     heldout_chi2: dict = field(default_factory=dict)
     p_global: float | None = None

@@ -73,7 +73,7 @@ def told(kind, seed, truth, result, seconds):
     """A trial in plain numbers: what was hidden, what the verdict says of it."""
     names = {name for name, _, _ in truth}
     found, verdict = {row["law"] for row in result.effects}, result.verdict
-    listed = [found, *(set(row["laws"]) for row in result.confounded)]
+    listed = [set(row["laws"]) for row in result.causes]
     right = (verdict == "named" and found == names) or (verdict == "confounded" and any(names <= s for s in listed))
     if kind in ("none", "flicker"):
         right = not found and verdict in ("none", "noise-model")[: 1 + (kind == "flicker")]
@@ -250,7 +250,7 @@ def trial(bank, problem, kind, seed, options=None, d_range=(CLEAR_D, 60.0)):
             if again == REDRAWS - 1:
                 raise
     asked = bank.problem(f"trial {seed}", values, {"trial": str(seed)})
-    _, result = loop_trace.run(asked, options or Options(seed=seed, power=False, experiments=False, alike=False))
+    _, result = loop_trace.run(asked, options or Options(seed=seed, power=False, experiments=False))
     return told(kind, seed, truth, result, time.perf_counter() - begun), result
 
 

@@ -115,13 +115,35 @@ def test_odds_of_models_that_are_all_unlikely_are_those_of_their_difference():
     assert evidence.posterior(found, {"a": 0.0}) == pytest.approx([1 / (1 + np.exp(2.0)), 1 / (1 + np.exp(-2.0))])
 
 
-def test_priors_of_a_catalogue_and_of_a_library_are_ninety_and_ten_percent():
-    catalogue, library = tuple("abc"), tuple("defghij")
-    priors = evidence.log_priors(catalogue, library)
-    assert sum(np.exp(priors[name]) for name in catalogue) == pytest.approx(0.9)
-    assert sum(np.exp(priors[name]) for name in library) == pytest.approx(0.1)
-    assert evidence.log_prior(("a", "d"), priors) == pytest.approx(np.log(0.3 * 0.1 / 7))
-    assert np.exp(evidence.log_priors((), library)["d"]) == pytest.approx(1 / 7)
+def test_every_law_that_is_tried_has_the_same_prior():
+    priors = evidence.log_priors(tuple("abcd"))
+    assert sum(np.exp(v) for v in priors.values()) == pytest.approx(1.0)
+    assert evidence.log_prior(("a", "d"), priors) == pytest.approx(2 * np.log(0.25))
+
+
+@pytest.mark.parametrize("size", [1, 2, 3])
+def test_linear_evidence_of_many_sets_is_that_of_each_by_least_squares(size):
+    """Fall of chi2 and coefficients by lstsq on the signatures themselves; the degenerate set is none."""
+    rng = np.random.default_rng(2)
+    s, z = rng.normal(size=(30, 6)), rng.normal(size=30)
+    s[:, 5] = 2.0 * s[:, 0]
+    names = tuple("abcdef")
+    length = np.linalg.norm(s, axis=0)
+    ranking = Ranking(names, s, s, s.T @ s, s.T @ z, length, s.T @ z / length, (), ())
+    laws = {n: Law(n, "x", "x", "1", 5.0, low=-0.01 if n == "b" else -np.inf) for n in names}
+    found = evidence.linear_sets(ranking, names, laws, size)
+    assert len(found.fall) == len({frozenset(found.laws(i)) for i in range(len(found.fall))})
+    for i, (fall, c, gain) in enumerate(zip(found.fall, found.c, found.gain)):
+        at = [names.index(n) for n in found.laws(i)]
+        if {0, 5} <= set(at):
+            assert (fall, gain) == (0.0, -np.inf)
+            continue
+        x = np.linalg.lstsq(s[:, at], z, rcond=None)[0]
+        assert c == pytest.approx(x)
+        assert fall == pytest.approx(z @ z - np.sum((z - s[:, at] @ x) ** 2))
+        cov = np.linalg.inv(s[:, at].T @ s[:, at])
+        beyond = 1 in at and -0.01 - x[at.index(1)] > 2 * np.sqrt(cov[at.index(1), at.index(1)])
+        assert np.isfinite(gain) != beyond
 
 
 class _Space:

@@ -116,7 +116,7 @@ def test_confounded_laws_are_listed_with_what_would_separate_them():
     effects = {"duffing": 0.0047 * 9}
     result = trace(Toy(5, effects), Options(n_null=299, power=False))
     assert result.verdict == "confounded"
-    sets = [c["laws"] for c in result.confounded]
+    sets = [c["laws"] for c in result.causes]
     assert ["duffing"] in sets
     assert len(sets) > 1
     best = result.next_experiment[0]

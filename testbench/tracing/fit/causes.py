@@ -1,0 +1,59 @@
+"""The class of causes that the data do not tell apart: the best set of laws, and every rival of it.
+
+A rival has other laws (not those of a smaller rival or of the best set beside more), no more coefficients, none against
+physics; it passes the held-out test; after its own refit its chi2 is less than AS_GOOD above that of the best set, or
+the odds between the two are below 20. The Gram matrix orders all sets; those that come near are refitted.
+Source    docs/tracing.md
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from testbench.tracing.fit.evidence import linear_sets
+from testbench.tracing.fit.search import WORTH
+
+AS_GOOD = 2 * WORTH  # chi2 that odds of 20 are worth
+MOST = 5  # members; a larger class explains nothing
+TRIED = 24  # refits
+
+
+class Cause(NamedTuple):
+    """A member of the class."""
+
+    names: tuple
+    fit: object
+    chi2: float  # above that of the best set, priors counted
+
+
+def near(ranking, best, fit, laws):
+    """Sets that the linear model puts near the best one, small ones first; `fit` is that of the best set."""
+    pool, rows = tuple(n for n in ranking.names if n not in ranking.hidden), []
+    found = [linear_sets(ranking, pool, laws, size) for size in range(1, len(best) + 1)]
+    mine = linear_sets(ranking, best, laws, len(best)).fall[0]
+    # what the linear model may be off by, where it is not one
+    margin = 2 * AS_GOOD + fit.bend * (fit.bend + 2 * np.sqrt(max(mine, 0.0)))
+    for sets in found:
+        for i in np.flatnonzero(np.isfinite(sets.gain) & (sets.fall > mine - margin)):
+            rows.append((sets.members.shape[1], mine - sets.fall[i], sets.laws(i)))
+    return [names for _, _, names in sorted(rows) if set(names) != set(best)][:TRIED]
+
+
+def class_of(work, ranking, best, passes):
+    """[`Cause`] of the best set of a `search.Search` first, then its rivals; more than MOST: it ends there.
+
+    ranking  of all laws at the base fit;   passes  function(fit): the held-out test
+    """
+    top = work.candidates[best]
+    out = [Cause(best, top.fit, 0.0)]
+    for names in near(ranking, best, top.fit, work.laws):
+        names = tuple(sorted(names))
+        if any(set(c.names) <= set(names) for c in out) or not work.refit(names):
+            continue
+        fit = work.candidates[names].fit
+        chi2 = fit.cost - top.fit.cost
+        if (chi2 < AS_GOOD or work.score(best) - work.score(names) < WORTH) and passes(fit):
+            out.append(Cause(names, fit, float(chi2)))
+        if len(out) > MOST:
+            break
+    return [out[0], *sorted(out[1:], key=lambda c: (c.chi2, c.names))]
