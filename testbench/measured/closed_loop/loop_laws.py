@@ -13,7 +13,7 @@ Source    docs/effects/README.md
 from typing import NamedTuple
 
 from analog_frontend.effects import catalogue, law
-from testbench.measured.closed_loop import loop_limits
+from testbench.measured.closed_loop import loop_limits, loop_same
 from testbench.tracing.problem.problem import Law
 
 # need hours (the warm-up's bias is that of `damping_coupling` in a dwell of seconds), a line's phase, another attitude
@@ -37,11 +37,11 @@ class Candidate(NamedTuple):
         return (f"{self.port} = {value!r} {self.factors}",) if self.factors else ()
 
 
-def _key(name, port, text, unit, scale, limits, page=""):
+def _key(name, port, text, unit, scale, limits, page="", terms=()):
     """Candidate of a key; a law whose limits have a side has that sign."""
-    low, high, reason = limits
+    (low, high, reason), same = limits, loop_same.harmonic(law.parse(terms[0])) if len(terms) == 1 else ""
     made = Law(name, port, text, unit, scale, (low == 0.0) - (high == 0.0), page=f"docs/effects/{page or name}.md")
-    return Candidate(made._replace(low=low, high=high, reason=reason), f"effects.{name}")
+    return Candidate(made._replace(low=low, high=high, reason=reason, same=same), f"effects.{name}")
 
 
 def _of_text(text):
@@ -51,9 +51,10 @@ def _of_text(text):
 def from_catalogue():
     """`Candidate`s of every effect that a closed-loop record of seconds can show."""
     k_um, k_v = loop_limits.STIFF_N_PER_M * 1e12, loop_limits.BOARD.k_vf_drive_n_per_v
-    stretched, bent = _of_text(f"force_x = {-k_um!r} x^3"), _of_text(f"force_x = {k_v!r} u^3")
+    cubic = f"force_x = {-k_um!r} x^3"
+    stretched, bent = _of_text(cubic), _of_text(f"force_x = {k_v!r} u^3")
     out = [
-        _key("duffing_k3_per_um2", "force_x", "-k3 x^3", "1/um^2", DUFFING_UM2, stretched, "duffing"),
+        _key("duffing_k3_per_um2", "force_x", "-k3 x^3", "1/um^2", DUFFING_UM2, stretched, "duffing", (cubic,)),
         _key("drive_cubic_per_v2", "force_x", "k_vf c u^3", "1/V^2", CUBIC_V2, bent, "drive_cubic"),
         _key("feedthrough_y", "cv_y", "c u", "V/V", LEAK, _of_text("cv_y = 1.0 u")),
     ]
@@ -61,8 +62,9 @@ def from_catalogue():
         i = effect.INFO
         # noise has no shape to fit: another power-on has another; contrasts of repeats tell it (N01 to N04)
         if i.name not in NOT_SEEN and i.mechanism != "noise":
-            limits = getattr(effect, "PHYSICS", None) or _of_text(effect.terms(1.0, loop_limits.BOARD)[0])
-            out.append(_key(i.name, i.port, effect.DOC, i.unit, abs(effect.EXAMPLE), limits))
+            terms = effect.terms(1.0, loop_limits.BOARD)
+            limits = getattr(effect, "PHYSICS", None) or _of_text(terms[0])
+            out.append(_key(i.name, i.port, effect.DOC, i.unit, abs(effect.EXAMPLE), limits, terms=terms))
     return tuple(out)
 
 
@@ -92,7 +94,7 @@ def from_grammar():
             scale = min(PORT_SIZE[port] / loop_limits.size(one.factors), max(-low, high))
             made = Law(
                 name, port, f"c {factors}", one.unit, scale, (low == 0.0) - (high == 0.0), term=terms,
-                page="docs/parts/ports.md", low=low, high=high, reason=reason,
+                page="docs/parts/ports.md", low=low, high=high, reason=reason, same=loop_same.harmonic(one),
             )  # fmt: skip
             out.append(Candidate(made, "", port, factors))
     return tuple(out)
