@@ -20,6 +20,7 @@ from scipy.stats import norm
 from testbench.tracing.problem.problem import BEYOND, all_laws
 
 DEGENERATE = 1e-9  # determinant of the cosines of a set, below which its coefficients are not known
+INFLATED = 5.0  # variance of a coefficient over its variance without the others; of two laws, a cosine of 0.894
 
 
 def log_coefficients(c_hat, cov, scale, sign):
@@ -44,21 +45,26 @@ class LinearSets(NamedTuple):
     members: np.ndarray  # (sets, laws) places in `names`
     fall: np.ndarray  # of chi2
     c: np.ndarray  # (sets, laws)
-    gain: np.ndarray  # ln Z less that of none; -inf too where a law is `blind` or against physics
+    gain: np.ndarray  # ln Z less that of none; -inf too where a law is `blind`, inflated, or against physics
 
     def laws(self, i):
         return tuple(self.names[j] for j in self.members[i])
 
 
 def linear_sets(ranking, names, laws, size):
-    """`LinearSets` of all sets of `size` of the laws `names`."""
+    """`LinearSets` of all sets of `size` of the laws `names`.
+
+    Laws that are alike correct each other's shape, and so imitate what is none of them: such sets are not ranked.
+    """
     at = np.array([ranking.index(name) for name in names], int)
     members = np.array(list(itertools.combinations(range(len(names)), size)), int).reshape(-1, size)
     k = at[members]
     d = np.where(ranking.length > 0, ranking.length, 1.0)[k]
     cosines = ranking.gram[k[:, :, None], k[:, None, :]] / (d[:, :, None] * d[:, None, :])
     good = (np.linalg.det(cosines) > DEGENERATE) & np.all(ranking.length[k] > 0, axis=1)
-    cov = np.linalg.inv(np.where(good[:, None, None], cosines, np.eye(size))) / (d[:, :, None] * d[:, None, :])
+    inverse = np.linalg.inv(np.where(good[:, None, None], cosines, np.eye(size)))
+    good &= np.all(np.diagonal(inverse, axis1=1, axis2=2) < INFLATED, axis=1)
+    cov = inverse / (d[:, :, None] * d[:, None, :])
     c = np.einsum("nij,nj->ni", cov, ranking.b[k])
     own = np.array([(law.scale, law.sign, law.low, law.high) for law in (laws[n] for n in names)]).reshape(-1, 4)
     scale, sign, low, high = np.moveaxis(own[members], 2, 0)
@@ -67,6 +73,11 @@ def linear_sets(ranking, names, laws, size):
     fall = np.where(good, np.einsum("ni,ni->n", c, ranking.b[k]), 0.0)
     gain = np.where(seen, 0.5 * fall + log_coefficients(c, cov, scale, sign), -np.inf)
     return LinearSets(tuple(names), members, fall, c, gain)
+
+
+def inflated(ranking, names, laws):
+    """True if the laws of a set are too alike for one set."""
+    return not linear_sets(ranking, names, laws, len(names)).fall[0]
 
 
 def linear_gain(ranking, names, laws):

@@ -3,7 +3,8 @@
     rms      root mean square of measured - predicted over rows, repeats and groups, single repeats
     expected rms that the last model would show if it were right: repeatability and what the fit does not know
     p_floor  chance of an rms as large as the one seen, if the last model's were FLOOR_FACTOR times the expected one;
-             its law is a scaled chi2 with the mean and variance of simulated rms^2: correlated rows are few
+             its law is a scaled chi2 with the mean and variance of simulated rms^2: correlated rows are few.
+             The same for rms / deviations of the repeats, which asks nothing of the noise's level: the larger p counts
     CI       with BLOCKS groups and more a paired block bootstrap: the same blocks for all models, a block is a group.
              With fewer it is simulated from the declared noise, as `expected` is; if the repeats reject that noise, a
              bootstrap over runs of rows is all there is
@@ -105,22 +106,45 @@ def unknown(space, ask, f):
 
 
 def simulated(problem, space, predictions, directions, by, rng):
-    """{key: (sets, models) mean squares of held-out sets of which the last prediction is the truth's best fit}."""
-    out, rows, own = {}, {}, np.sqrt(problem.prediction_noise)
+    """({key: (sets, models) mean squares of held-out sets}, {key: (sets,) those of deviations between their repeats}).
+
+    Of each set the last prediction is the truth's best fit.
+    """
+    out, apart, rows, own = {}, {}, {}, np.sqrt(problem.prediction_noise)
     total = sum(len(p) * len(g.members) for p, g in zip(predictions[-1], space.groups))
     count = int(np.clip(NUMBERS // max(total * len(predictions), 1), 100, SIMULATED))
     xi = rng.normal(size=(directions[0].shape[1], count))
     for g, group in enumerate(space.groups):
         own_error = own * problem.noise_draws(group.members[0], count, rng) if own else 0.0
         common = directions[g] @ xi + own_error
-        for k in group.members:
-            noise = problem.noise_draws(k, count, rng) + common
+        draws = np.stack([problem.noise_draws(k, count, rng) for k in group.members])
+        for k, noise, deviation in zip(group.members, draws + common, draws - draws.mean(axis=0)):
             for o in problem.segments[k].observables:
                 key = _key(by, problem.segments[k], o)
                 e = [noise[o.rows] + (predictions[-1][g] - p[g])[o.rows, None] for p in predictions]
                 out[key] = out.get(key, 0.0) + np.stack([(x**2).sum(axis=0) for x in e], axis=1)
+                apart[key] = apart.get(key, 0.0) + (deviation[o.rows] ** 2).sum(axis=0)
                 rows[key] = rows.get(key, 0) + len(noise[o.rows])
+    return {key: v / rows[key] for key, v in out.items()}, {key: v / rows[key] for key, v in apart.items()}
+
+
+def deviations(problem, space, by):
+    """{key: mean square of the repeats about their mean}, of the data as `simulated` has it of its sets."""
+    out, rows = {}, {}
+    for group in space.groups:
+        y = np.stack([np.asarray(problem.measured(k), float) for k in group.members])
+        for k, d in zip(group.members, y - y.mean(axis=0)):
+            for o in problem.segments[k].observables:
+                key = _key(by, problem.segments[k], o)
+                out[key] = out.get(key, 0.0) + float(np.sum(d[o.rows] ** 2))
+                rows[key] = rows.get(key, 0) + len(d[o.rows])
     return {key: v / rows[key] for key, v in out.items()}
+
+
+def p_floor(square, sets, apart, apart_sets):
+    """The larger of the chances of a mean square, and of its ratio to the repeats' deviations if there are any."""
+    p = p_above(square, sets)
+    return max(p, p_above(square / apart, sets / apart_sets)) if apart > 0 else p
 
 
 def scaled(sets):
@@ -194,7 +218,8 @@ def judge(problem, space, predictor, fits, by="observable", seed=0, declared=Tru
     pieces, floors, units = squares(view, space, seen, by)
     rng, rows = np.random.default_rng([seed, 2]), {}
     directions = unknown(space, ask, last) if declared and space.size else None
-    sets = simulated(view, space, seen, directions, by, rng) if directions else {}
+    sets, apart_sets = simulated(view, space, seen, directions, by, rng) if directions else ({}, {})
+    apart = deviations(view, space, by)
     for key in pieces:
         rms, draws = bootstrap(pieces[key], rng)
         floor, made = floors.get(key), sets.get(key)
@@ -206,7 +231,7 @@ def judge(problem, space, predictor, fits, by="observable", seed=0, declared=Tru
             row[label], row[label + "_ci"] = float(value), interval
         row["gain"] = float(rms[0] - rms[-1])
         row["expected"] = None if made is None else float(np.sqrt(made[:, -1].mean()))
-        row["p_floor"] = None if made is None else p_above(rms[-1] ** 2, made[:, -1])
+        row["p_floor"] = None if made is None else p_floor(rms[-1] ** 2, made[:, -1], apart[key], apart_sets[key])
         excess = rms[0] ** 2 - (floor or 0.0) ** 2
         row["excess_removed"] = float((rms[0] ** 2 - rms[-1] ** 2) / excess) if floor and excess > 0 else None
         rows[key] = row
@@ -247,14 +272,16 @@ def foretold(space, first, last, root_first, root_last):
 def _limit(space, root, declared, rng):
     """99 % of chi2 / rows if the last model is right, with what the fit does not know.
 
-    From simulated sets; if the declared noise has been rejected, from that of a Gaussian of unit variance: mean
-    tr(1 + JCJ'), variance 2 tr((1 + JCJ')^2).
+    From simulated sets, times the repeats' own chi2 if that is significantly (5 %) above 1. If the declared noise has
+    been rejected, from that of a Gaussian of unit variance: mean tr(1 + JCJ'), variance 2 tr((1 + JCJ')^2).
     """
     if root is None:
         return float("inf")
     if declared:
         factor, dof = scaled(chi2_sets(space, root, rng))
-        return float(chi2_law.ppf(BAND, dof) * factor)
+        own = np.concatenate([c.ravel() for c in space.contrasts])
+        louder = own @ own > chi2_law.ppf(LEVEL, len(own)) if len(own) else False
+        return float(chi2_law.ppf(BAND, dof) * factor * (np.mean(own**2) if louder else 1.0))
     gram, rows = root.T @ root, space.size
     mean, variance = rows + np.trace(gram), 2 * (rows + 2 * np.trace(gram) + np.trace(gram @ gram))
     dof = 2 * mean**2 / variance

@@ -43,7 +43,7 @@ class Search:
 
     def __init__(self, base, table, reference_scale, adequate, progress=None):
         self.base, self.table, self.scale, self.adequate = base, table, reference_scale, adequate
-        self.progress = progress
+        self.progress, self.ranking = progress, None
         self.laws = all_laws(base.model.problem)
         self.candidates, self.failed, self.checks, self._verdicts, self.priors = {}, {}, [], {}, {}
         self._keep((), base)
@@ -60,7 +60,14 @@ class Search:
     def refit(self, names, start=()):
         """True if the set has been refitted, now or before."""
         names = tuple(sorted(names))
+        if (
+            self.ranking
+            and len(names) > 1
+            and not evidence.linear_sets(self.ranking, names, self.laws, len(names)).fall[0]
+        ):
+            self.failed[names] = "its laws are too alike to be parts of one set"
         if names in self.failed:
+            self.candidates.pop(names, None)
             return False
         known = self.candidates.get(names)
         if known is not None and known.refitted:
@@ -97,7 +104,7 @@ class Search:
 
         proposals  sets that are refitted besides those that linear evidence finds
         """
-        pool = tuple(n for n in ranking.names if n not in ranking.hidden)
+        pool, self.ranking = tuple(n for n in ranking.names if n not in ranking.hidden), ranking
         self.priors = evidence.log_priors(pool)
         for names in proposals:
             if len(names) <= max_laws and set(names) <= set(pool):

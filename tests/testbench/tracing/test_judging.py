@@ -226,3 +226,19 @@ def test_the_page_is_whole_and_needs_nothing_else():
 def test_plain_numbers_only():
     data = plain({"a": np.float64("nan"), "b": [np.int64(3), np.bool_(True)], "c": np.array([1.0, np.inf]), 4: (1,)})
     assert data == {"a": None, "b": [3, True], "c": [1.0, None], "4": [1]}
+
+
+@pytest.mark.parametrize(("louder", "misfit", "seen"), [(1.0, 0.0, False), (1.25, 0.0, False), (1.25, 1.0, True)])
+def test_noise_that_is_louder_than_declared_is_no_error_of_the_model(louder, misfit, seen):
+    """Held-out rms of four repeats, against sets of the declared noise: a misfit repeats, noise does not."""
+    rng, rows = np.random.default_rng(5), 200
+
+    def squares(count, sd, shape):
+        y = shape + sd * rng.normal(size=(count, 4, rows))
+        return np.mean(y**2, axis=(1, 2)), np.mean((y - y.mean(axis=1, keepdims=True)) ** 2, axis=(1, 2))
+
+    sets, tried = squares(1000, 1.0, 0.0), squares(300, louder, misfit * np.sin(np.arange(rows)))
+    p = [heldout.p_floor(square, sets[0], apart, sets[1]) < 0.01 for square, apart in zip(*tried)]
+    alone = [p_above(square, sets[0]) < 0.01 for square in tried[0]]
+    assert np.mean(alone) > 0.9 or louder == 1.0
+    assert np.mean(p) > 0.9 if seen else np.mean(p) < 0.03
