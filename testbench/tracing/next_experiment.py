@@ -15,7 +15,7 @@ from testbench.tracing.problem.predictor import Failed, Predictor
 from testbench.tracing.problem.space import Space
 
 MOST_RIVALS = 5
-ENOUGH = 3.0  # sigmas that tell two causes apart
+ENOUGH, MANY = 3.0, 100  # sigmas that separate two causes; repeats that nobody records
 
 
 class _Pair:
@@ -45,10 +45,21 @@ class _Pair:
 
 
 def _words(row):
-    where = ", ".join(f"{k} {v:.4g}" if isinstance(v, float) else f"{k} {v}" for k, v in row["condition"].items())
-    apart = f"then {' and '.join(row['pair'])} are {row['separation']:.2g} sigma apart"
-    now = f"x{row['gain']:.2g}" + ("" if row["separation"] >= ENOUGH else f", {ENOUGH:.0f} are needed")
-    return f"{row['repeats']} of {row['group']} ({where}): {apart} ({now})"
+    """One line: what to record, how often, and how far apart the hardest pair is then."""
+    now, then = row["separation"] / max(row["gain"], 1e-9), row["separation"]
+    pair, where = " and ".join(row["pair"]), ", ".join(f"{k} {_text(v)}" for k, v in row["condition"].items())
+    count, gained = row["repeats"], then**2 - now**2
+    if then < ENOUGH:
+        # the squares of what each repeat adds, as long as the nuisances are known
+        count = int(np.ceil(count * (ENOUGH**2 - now**2) / max(gained, 1e-9)))
+        if count > MANY:
+            return f"no condition on offer separates {pair}; best is {row['group']} ({where})"
+        then = ENOUGH
+    return f"{count} repeats of {row['group']} ({where}): {pair} are then {then:.2g} sigma apart, {now:.2g} now"
+
+
+def _text(value):
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def table(rivals, problem, options=None, count=MOST_RIVALS, store=None):

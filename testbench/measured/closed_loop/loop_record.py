@@ -21,7 +21,7 @@ from testbench.measured.importing import words
 from testbench.measured.record import check_tables, load, schema
 from testbench.measured.record.meaning_segments import SETPOINTS, Stated, rate_limit
 from testbench.measured.record.plan import Condition
-from testbench.measured.record.sessions import segments
+from testbench.measured.record.sessions import segments, sessions
 from testbench.measured.residual import features, parameters
 from testbench.storage.hdf5_input import looks_like_hdf5, open_hdf5
 from testbench.storage.record import SCHEMA
@@ -98,6 +98,14 @@ def measured_features(record, name, hashes):
     return loop_problem.Measured(name, tuple(groups.values()), out, hashes)
 
 
+def held_out_apart(record):
+    """True if no power-on has both fitted and held-out segments: what is held out is of another session."""
+    starts = [s.first for s in sessions(record)]
+    of = {role: {np.searchsorted(starts, s.first, "right") for s in segments(record) if s.role == role}
+          for role in ("fit", "validate")}  # fmt: skip
+    return not of["fit"] & of["validate"]
+
+
 def open_record(paths, options):
     """`LoopProblem` of one record, or None if the content is no record. Options: grammar = no, threads = N."""
     if len(paths) != 1 or not is_record(paths[0]):
@@ -115,6 +123,7 @@ def open_record(paths, options):
     bench = loop_runs.Bench(int(options.get("threads", loop_runs.THREADS)))
     problem = loop_problem.LoopProblem(data, model, wanted, loop_laws.from_catalogue(), library, bench)
     problem.warnings = loaded.warnings + ((f"words are not replayed: {lacking}",) if lacking else ())
+    problem.heldout_independent = held_out_apart(record)
     if loaded.blocked:
         problem.firmware = next(str(f) for f in loaded.findings if f.rule == "R16")
     r0 = loaded.residual

@@ -45,21 +45,25 @@ def pulls_of(trials):
     return np.array(out)
 
 
+def _named(t):
+    return t["right"] and t["verdict"] == "named"
+
+
 def false_effect(t):
-    """True if a law is named that was not hidden; where nothing was, if one is listed at all."""
+    """True if a class does not hold what was hidden; where nothing was, if a law is listed at all."""
     return bool(t["found"]) if t["kind"] in ("none", "flicker") else t["false_name"]
 
 
 def table(trials):
     """Markdown: what was hidden and what the verdicts said, with 95 % Clopper-Pearson intervals."""
-    lines = ["| hidden | right verdict | detected | right cause first, of detected | false effect | verdicts |"]
+    lines = ["| hidden | right verdict | detected | named right, of detected | false cause | verdicts |"]
     lines.append("|---|---|---|---|---|---|")
     for kind in KINDS:
         some = [t for t in trials if t["kind"] == kind]
         if some:
             seen = [t for t in some if t["detected"]]
             n, verdicts = len(some), [t["verdict"] for t in some]
-            first = rate(sum(t["first"] for t in seen), len(seen)) if seen and kind in ("one", "two", "in") else ""
+            first = rate(sum(_named(t) for t in seen), len(seen)) if seen and kind in ("one", "two", "in") else ""
             said = ", ".join(f"{v} {verdicts.count(v)}" for v in sorted(set(verdicts)))
             lines.append(
                 f"| {kind} | {rate(sum(t['right'] for t in some), n)} | {rate(len(seen), n)} | {first} "

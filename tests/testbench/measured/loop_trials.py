@@ -31,6 +31,7 @@ REPEATS = {"fit": 2, "validate": 4}  # power-ons differ by their frequency: an r
 KINDS = ("none", "flicker", "one", "two", "in", "out")
 SHARES = (0.2, 0.1, 0.35, 0.15, 0.1, 0.1)
 FLICKER = 3.0
+SMALL = 3  # members of a class that is right
 PLAUSIBLE = 5.0  # scales of a law, which is the sd of its prior
 CLEAR_D = 8.0
 TRUE_SEED = 5 * 10**12
@@ -71,17 +72,16 @@ def nuisances(priors=PRIORS):
 
 def told(kind, seed, truth, result, seconds):
     """A trial in plain numbers: what was hidden, what the verdict says of it."""
-    names = {name for name, _, _ in truth}
-    found, verdict = {row["law"] for row in result.effects}, result.verdict
-    listed = [set(row["laws"]) for row in result.causes]
-    right = (verdict == "named" and found == names) or (verdict == "confounded" and any(names <= s for s in listed))
+    names, verdict = {name for name, _, _ in truth}, result.verdict
+    holds = [_is(cause["effects"], names) for cause in result.causes]
+    right = any(holds) and len(holds) <= SMALL
     if kind in ("none", "flicker"):
-        right = not found and verdict in ("none", "noise-model")[: 1 + (kind == "flicker")]
+        right = not result.effects and verdict in ("none", "noise-model")[: 1 + (kind == "flicker")]
     elif kind == "out":
-        right = verdict in ("unexplained", "confounded")
+        right = verdict == "unexplained"
     out = {"kind": kind, "seed": seed, "truth": [list(row) for row in truth], "verdict": verdict, "right": right}
+    out |= {"class": [row["laws"] for row in result.causes], "false_name": bool(holds) and not any(holds)}
     out["found"] = [[row["law"], row["value"], row["sd"], row["d"]] for row in result.effects]
-    out |= {"first": found == names, "false_name": verdict == "named" and not found <= names}
     out |= {"detected": verdict in ("named", "confounded", "unexplained"), "p_global": result.p_global}
     out["heldout"] = {
         key: [row["floor"], row["before"], row["after"], *row["after_ci"], row["expected"]]
@@ -91,6 +91,12 @@ def told(kind, seed, truth, result, seconds):
     out["numerical"] = result.certificates.get("numerical", {}).get("sigma")
     out["seconds"] = round(seconds, 1)
     return plain(out)
+
+
+def _is(effects, names):
+    """True if the laws of a cause, each with its other names, are those of `names`."""
+    said = [{e["law"], *e["same_as"]} for e in effects]
+    return len(said) == len(names) and all(any(name in s for s in said) for name in names)
 
 
 class Bank:

@@ -1,9 +1,12 @@
 """Classes of causes, candidates, pruning, limits of physics: on toys with laws that are nearly alike."""
 
+import re
+
 import numpy as np
 import pytest
 from scipy.stats import binom
 
+from testbench.tracing import next_experiment
 from testbench.tracing.fit import heldout
 from testbench.tracing.noise.power import clopper_pearson
 from testbench.tracing.problem.problem import same_laws
@@ -43,14 +46,27 @@ def test_a_law_and_its_likes_are_one_class_whichever_list_they_are_in(law):
 
 
 def test_the_next_experiment_of_a_class_is_said_in_one_line():
-    problem = Toy(41, {"duffing": 0.1}, library=LIBRARY + NEAR)
+    problem = Toy(8, {"duffing": 0.0047 * 7})
     result = trace(problem, Options(n_null=299, power=False))
     assert result.verdict == "confounded"
     best = result.next_experiment[0]
-    assert best["words"].startswith(f"2 of {best['group']} (A ")
+    place = rf"\d+ repeats of {best['group']} \(A .*\)"
+    assert re.fullmatch(place + r": .* and .* are then \S+ sigma apart, \S+ now", best["words"])
     assert {name for pair in (row["pair"] for row in result.next_experiment) for name in pair} <= {
         " + ".join(c["laws"]) for c in result.causes
     }
+
+
+def test_as_many_repeats_as_are_said_separate_a_class():
+    """The separation of a design with that many repeats, by the same table."""
+    problem = Toy(8, {"duffing": 0.0047 * 7})
+    tracer = Tracer(problem, Options(n_null=299, power=False), None, None)
+    row = tracer.run().next_experiment[0]
+    count = int(row["words"].split()[0])
+    offered = Toy(0, {}, repeats=count)
+    again = next_experiment.table([c.fit for c in tracer.causes], problem, offered)
+    then = next(r["separation"] for r in again if r["group"] == row["group"])
+    assert then == pytest.approx(max(3.0, row["separation"]), rel=0.2)
 
 
 def test_laws_that_are_alike_do_not_correct_each_other_into_a_cause():
