@@ -1,6 +1,6 @@
 """What physics allows of a law at a port: sign and size of its coefficient, and why.
 
-    own axis, odd in time       a force of the mode's own motion takes energy over a cycle; what modulates it: |F| <= d v
+    own axis, odd in time       a force of the mode's own motion takes energy; what modulates it: |F| <= d v
     own axis, even in time      the stiffness stays positive: |F| <= k x
     other axis                  the matrices of stiffness and damping stay positive: |F| <= k x,  |F| <= 2 d v
     rate v on the other axis    Coriolis force of a mass that is no larger than the mode's: |c| <= 2 m
