@@ -3,7 +3,8 @@
     catalogue   every effect of analog_frontend/effects that moves 8 kHz streams and is no noise; scale: the size that
                 its page shows
     parameter   effects that are parameters of a part; 0 or the default is off
-    grammar     products of states at a port, order <= 5; their scale is a thousandth of the drive force, a tenth of a
+    grammar     gain and phase of every path, each quadrature of a port times slow variables and their products,
+                offsets, products of states; order <= 5; their scale is a thousandth of the drive force, a tenth of a
                 degree per second on the sense axis, 1e-4 of the C/V amplitude; no more than physics allows
     limits      of sign and size: loop_limits.py; a law with a limit of 0 has a sign
 
@@ -68,25 +69,44 @@ def from_catalogue():
     return tuple(out)
 
 
+# slow variables by which every port's own two quadratures are multiplied; amplitude: even powers, or the absolute value
+SLOW = ("rate", "rate^2", "temp", "temp^2", "rate temp", "lag(3)")
+QUADRATURES = {"force_x": ("x", "vx"), "force_y": ("x", "vx"), "cv_x": ("cx", "u"), "cv_y": ("cx", "u")}
+# gain of each path, offset of each demodulator, amplitude, other states, and products of these
 GRAMMAR = {
     "force_x": (
-        "x^2", "x^5", "abs(x) x", "x vx", "x^4 vx", "x vx^2", "vx^3", "sgn(x)", "u^2", "u x", "u x^2", "u vx^2",
-        "rate vx", "rate x", "temp x", "w", "w x", "y", "vy",
+        "u", "x^2", "x^5", "abs(x) x", "x vx", "x^4 vx", "x vx^2", "vx^3", "sgn(x)", "u^2", "u x", "u x^2", "u vx^2",
+        "abs(u) u", "rate u", "temp u", "rate x^3", "temp x^3", "rate x^2 vx", "temp x^2 vx", "w", "w x", "y", "vy",
     ),
     "force_y": (
-        "x^2", "x", "abs(x) x", "abs(vx) vx", "x^5", "x vx^2", "vx^3", "sgn(vx)", "sgn(x)", "u", "u^3", "u x^2",
-        "rate x", "rate^2 x", "rate vx", "rate^2 vx", "temp x", "temp vx", "y", "vy", "y^3", "w^2 x", "abs(w) w", "w",
+        "x^2", "x", "abs(x) x", "abs(vx) vx", "x^5", "x^4 vx", "x vx^2", "vx^3", "sgn(vx)", "sgn(x)", "u", "u^3",
+        "u x^2", "rate u", "temp u", "rate x^3", "temp x^3", "rate x^2 vx", "temp x^2 vx", "y", "vy", "y^3", "w^2 x",
+        "abs(w) w", "w", "x^2 w", "temp w",
     ),
-    "cv_x": ("cx^5", "abs(cx) cx", "u^3", "w", "cy", "cx", "rate cx", "temp cx"),
-    "cv_y": ("cx", "cx^3", "w^3", "u^3", "cy", "rate u", "temp u", "rate cx", "temp cx"),
+    "cv_x": ("cx", "cx^5", "abs(cx) cx", "sgn(cx)", "sgn(u)", "u^3", "abs(u) u", "w", "cy"),
+    "cv_y": ("cx", "cx^3", "abs(cx) cx", "sgn(cx)", "sgn(u)", "w^3", "abs(w) w", "temp w", "u^3", "abs(u) u", "cy"),
 }  # fmt: skip
+# phases of the paths, and the gain of V_q, are fields of parts: port, unit, scale
+PARTS = {
+    "drive_dac_delay_s": ("force_x", "s", 1e-9),
+    "sense_dac_delay_s": ("force_y", "s", 1e-9),
+    "kq_n_per_m_per_v2": ("force_y", "N/m/V^2", 1e-7),
+    "opamp_gbw_hz": ("cv_x", "Hz", 1e4),
+    "sid_switch_s": ("cv_y", "s", 1e-9),
+}
+
+
+def _factors(port):
+    """Factors of the laws of a port."""
+    slow = [f"{s} {q}" for q in QUADRATURES[port] for s in SLOW]
+    return (*GRAMMAR[port], *(f for f in slow if f not in GRAMMAR[port]))
 
 
 def from_grammar():
     """`Candidate`s beyond the catalogue."""
     out = []
-    for port, rows in GRAMMAR.items():
-        for factors in rows:
+    for port in GRAMMAR:
+        for factors in _factors(port):
             one = law.parse(f"{port} = 1.0 {factors}")
             low, high, reason = loop_limits.of(one)
             name = f"{port}: {factors}"
@@ -97,4 +117,9 @@ def from_grammar():
                 page="docs/parts/ports.md", low=low, high=high, reason=reason, same=loop_same.harmonic(one),
             )  # fmt: skip
             out.append(Candidate(made, "", port, factors))
+    for field, (port, unit, scale) in PARTS.items():
+        low, high, reason = loop_limits.of_part(field)
+        sign, page = (low == 0.0) - (high == 0.0), "docs/effects/README.md"
+        made = Law(f"plant.{field}", port, f"plant.{field} + c", unit, scale, sign, page=page)
+        out.append(Candidate(made._replace(low=low, high=high, reason=reason), f"plant.{field}"))
     return tuple(out)

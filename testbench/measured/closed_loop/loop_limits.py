@@ -14,7 +14,7 @@ Source    Landau & Lifshitz, Mechanics, 25 (positive dissipation); docs/tracing.
 import math
 
 from analog_frontend.effects import law
-from analog_frontend.parts.device import Device
+from analog_frontend.parts.device import FIELDS, Device
 
 # typical states of the default gyroscope at lock
 TYPICAL = {"x": 5e-6, "vx": 0.3456, "y": 1e-10, "vy": 7e-6, "u": 0.1, "w": 0.5, "cx": 2.88, "cy": 1e-4}
@@ -34,7 +34,7 @@ def size(factors):
 
 def _bound(one):
     """(largest force or voltage at typical states, largest to the driving side or None, reason)."""
-    names = {f.name for f in one.factors}
+    names = {f.name for f in one.factors} - set(law.TIMES)
     axis, around = one.port[-1], names & {"rate", "temp"}
     if one.port in law.CV_PORTS:
         if names - around == {"c" + axis}:
@@ -61,6 +61,12 @@ def of(one):
         limits, reason = (-high, 0.0), "no passive part gives energy to its mode"
     low, high = sorted(limit * math.copysign(1.0, one.coefficient) + 0.0 for limit in limits)
     return low, high, reason
+
+
+def of_part(field):
+    """(low, high, reason) of the change of a field of the default `Device`."""
+    value, limits = getattr(BOARD, field), next(f for f in FIELDS if f.name == field)
+    return limits.lo - value, limits.hi - value, f"the range of plant.{field}"
 
 
 def _takes_energy(one):

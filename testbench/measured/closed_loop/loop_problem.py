@@ -53,7 +53,7 @@ class Kept:
     """Anchors, tangents and noise by what they depend on: trials under the same conditions share them."""
 
     def __init__(self):
-        self.noise, self.columns, self.steps, self.exact = {}, {}, {}, {}
+        self.noise, self.columns, self.steps, self.exact, self.responses = {}, {}, {}, {}, {}
 
 
 class Anchored(Problem, adds="anchor distance check at draws"):
@@ -80,7 +80,7 @@ class Anchored(Problem, adds="anchor distance check at draws"):
 
 MEMBERS = (
     "recorded model parameters progress bench kept candidates conditions per_hz slope place anchors tangent tangents "
-    "first base model_at moved_hz smooth key exact hertz linear size column axis settle pseudo"
+    "first base model_at moved_hz run_of smooth key exact hertz linear size column axis settle pseudo"
 )
 
 
@@ -97,6 +97,9 @@ class LoopProblem(Anchored, adds=MEMBERS):
         self.name, self.recorded, self.model = measured.name, measured, model
         self.parameters, self.progress = tuple(nuisances), progress
         self.bench, self.kept = bench or loop_runs.Bench(), kept or Kept()
+        # what is fitted as a nuisance is no law beside it
+        known = {p.key for p in self.parameters}
+        candidates, library = ([c for c in laws if c.key not in known] for laws in (candidates, library))
         self.candidates = {c.law.name: c for c in (*candidates, *library)}
         self.nuisances = tuple(Nuisance(p.key, p.unit, p.mean, _sd(p)) for p in self.parameters)
         self.laws, self.library = tuple(c.law for c in candidates), tuple(c.law for c in library)
@@ -174,7 +177,8 @@ class LoopProblem(Anchored, adds=MEMBERS):
         for name, value in effects.items():
             c = self.candidates[name]
             if c.key:
-                values[c.key] = float(value)
+                section, _, field = c.key.partition(".")
+                values[c.key] = float(value) + (getattr(self.model.plant, field) if section == "plant" else 0.0)
             else:
                 laws += c.texts(float(value))
         try:
@@ -194,31 +198,32 @@ class LoopProblem(Anchored, adds=MEMBERS):
         """A model whose drive mode is moved by some Hz, by a stiffness."""
         return Model(model.config, (*model.laws, f"force_x = {-self.per_hz * hz!r} x"))
 
-    def _run(self, wanted, kind, power_on=False, smooth=False):
-        """Features of (model, condition, draw, Hz by which the model is above the model where the problem began).
+    def _run(self, wanted, kind, power_on=False, smooth=False, take=None):
+        """Features, or what `take` makes of the rows, of (model, condition, draw, Hz above where the problem began).
 
         All are held at the place of their condition. They begin from a locked state of the model where the problem
         began, so that edges slip at the same instants in all of them, or from power-on.
         """
-        index = {name: k for k, name in enumerate(self.conditions)}
-        runs = []
-        for m, c, draw, above_hz in wanted:
-            place, start = self.place[c.id], None
-            if not power_on:
-                start = loop_runs.model_key(self.moved_hz(Model(self.model), place))
-            told = self.moved_hz(m, place - above_hz + jitter_hz(draw))
-            runs.append(Run(told, c, FIRST_DRAW + 10_000 * index[c.id] + draw, start, int(LATER[draw]), smooth))
+        runs = [self.run_of(*one, power_on, smooth) for one in wanted]
         try:
-            return self.bench.run(runs, kind, self.progress, fine=True, lenient=smooth)
+            return self.bench.run(runs, kind, self.progress, True, smooth, take)
         except ConfigError as problem:
             raise PredictionFailed(str(problem)) from None
 
-    def smooth(self, wanted):
+    def run_of(self, model, condition, draw, above_hz=0.0, power_on=False, smooth=False):
+        """`Run` of a model under a condition with a draw's noise, jitter and phase, see `_run`."""
+        number, place, start = list(self.conditions).index(condition.id), self.place[condition.id], None
+        if not power_on:
+            start = loop_runs.model_key(self.moved_hz(Model(self.model), place))
+        told = self.moved_hz(model, place - above_hz + jitter_hz(draw))
+        return Run(told, condition, FIRST_DRAW + 10_000 * number + draw, start, int(LATER[draw]), smooth)
+
+    def smooth(self, wanted, take=None):
         """`_run` of the averaged plant without rounded codes, from the lock of the model where the problem began.
 
         None for what leaves its range.
         """
-        return self._run(wanted, FAST, smooth=True)
+        return self._run(wanted, FAST, smooth=True, take=take)
 
     def key(self, *more):
         text = repr((self.model.model_dump_json(), *more))
@@ -278,12 +283,15 @@ class LoopProblem(Anchored, adds=MEMBERS):
 
     def anchor(self, theta, effects):
         at = np.array(theta, float), {name: float(v) for name, v in effects.items() if v}
+        if self.tangent is not None:
+            self.tangents.direct |= set(at[1])
         found, self.at = self.exact(*at), at
         self.base, self._rest = {g: v for g, (v, _) in found.items()}, {g: rows for g, (_, rows) in found.items()}
         left = [self.whiten(self._rows[g], rows.T).var(axis=1, ddof=1).mean() for g, rows in self._rest.items()]
         self.prediction_noise = float(np.mean(left)) / self.draws + 1 / NOISE_DRAWS
         self.anchors += 1
-        self.hashes["anchor"] = self.key(self.at[0].tolist(), sorted(self.at[1].items()), self.draws)
+        own = sorted(self.tangents.direct) if self.tangent is not None else []
+        self.hashes["anchor"] = self.key(self.at[0].tolist(), sorted(self.at[1].items()), self.draws, own)
 
     def linear(self, theta, effects, group):
         """Features of a group at a point, fine ones behind the others."""

@@ -39,6 +39,7 @@ SETTLE_S = 1.5  # what power-on, or a change at START_TICKS, leaves is below a s
 LATE = 100  # frames by which a dwell may begin later: nobody knows the drive's phase at a step of the rate
 FIRST_BIN = 64  # frames
 FINE = 64  # frames of each bin in which held-out errors are told
+BLOCK = 8  # frames of a mean in which responses are kept; a part of FIRST_BIN and FINE
 TURN = 1 << 48
 NAMES = tuple(features.OBSERVABLES)
 THREADS = max(1, min(2, os.cpu_count() or 1))
@@ -123,31 +124,34 @@ def _from(run):
     return EARLY_TICKS if run.start is None else START_TICKS
 
 
-def _settling(run):
+def settling(run):
     """Frames of a run before its dwell."""
     return (START_TICKS - _from(run)) // FRAME_TICKS + frames_of(run.condition.settle_s) + run.late
 
 
 def _profiles(run):
     """Rate (rad/s) and temperature of every frame of a run, and one more."""
-    c, settle = run.condition, _settling(run)
+    c, settle = run.condition, settling(run)
     dwell = frames_of(c.seconds)
-    rate = np.concatenate([np.full(settle, _before(c) * DEG), np.full(dwell + 3 + LATE - run.late, c.rate_dps * DEG)])
+    rate = np.concatenate(
+        [np.full(settle, before_dps(c) * DEG), np.full(dwell + 3 + LATE - run.late, c.rate_dps * DEG)]
+    )
     return rate, np.full(len(rate), float(c.temperature_degc))
 
 
 def ticks_of(run):
     """Length of a run, one tick into the frame behind its last: its row holds the last codes."""
-    return (_settling(run) + frames_of(run.condition.seconds) + LATE - run.late) * FRAME_TICKS + 1
+    return (settling(run) + frames_of(run.condition.seconds) + LATE - run.late) * FRAME_TICKS + 1
 
 
-def _before(condition):
+def before_dps(condition):
+    """Rate (deg/s) until the dwell begins."""
     return condition.rate_dps if condition.from_dps is None else condition.from_dps
 
 
 def switched_on(cfg, condition):
     """`Simulation` of a board under a condition, whose registers have just been written."""
-    temp, before = condition.temperature_degc, _before(condition)
+    temp, before = condition.temperature_degc, before_dps(condition)
     with DESIGN:
         sim = Simulation(cfg, temp, temp, engine="frame")
         nominal = build.nominal(cfg)
@@ -205,7 +209,7 @@ class Bench:
         key = (
             cfg.model_dump_json(),
             condition.a_um,
-            _before(condition),
+            before_dps(condition),
             condition.temperature_degc,
             condition.detune_deg,
         )
@@ -218,6 +222,14 @@ class Bench:
         s.plant.now[:] = np.inf
         return engine.State(s.fpga, s.chips, plant.copy(s.plant), s.tick, s.drdy_cycle)
 
+    def probed(self, run, frames, rate_rad_s):
+        """engine.Streams of the frame engine, every tick probed, from the locked state that a run begins from."""
+        p, state = _params(run), self.locked(run.start, run.condition)
+        out = engine.streams(0, frames + 1, 0, frames * FRAME_TICKS, 0)
+        rate, temp = np.full(frames + 2, rate_rad_s), np.full(frames + 2, float(run.condition.temperature_degc))
+        frame.run(p, switched(p, state), frames * FRAME_TICKS, rate, temp, engine.NO_WRITE, engine.Faults(), out)
+        return out
+
     def setup(self, run, p):
         """baseband Setup of a run; that of its model's configuration is kept, its laws are put in."""
         key = (run.model.config.model_dump_json(include={"firmware", "plant"}), run.condition.temperature_degc)
@@ -225,13 +237,15 @@ class Bench:
         laws = averaged_laws.design(p.plant.effects, p.plant.laws, made.laws.reference_turns)
         return made._replace(laws=laws, drive_lsb_v=0.0 if run.smooth else made.drive_lsb_v)
 
-    def run(self, runs, kind, progress=None, fine=False, lenient=False):
+    def run(self, runs, kind, progress=None, fine=False, lenient=False, take=None):
         """Features of `Run`s.
 
         kind    EXACT or FAST.  Raises ConfigError where a run leaves the engine's range
         fine    with those of the fine bins behind the others
         lenient None for a run of the averaged plant that leaves its range, instead of the error
+        take    function(run, engine.Streams) whose values are wanted instead of the features
         """
+        take = take or (lambda run, rows: _features(run, rows.frames, fine))
         states = self._begun(runs)
         params = [_params(r) for r in runs] if kind == EXACT else []
         out, done, whole = [None] * len(runs), 0.0, sum(ticks_of(r) for r in runs) / TICK_HZ
@@ -245,7 +259,7 @@ class Bench:
             else:
                 rows = [_alone(runs[k], params[k], states[k], frame.run) for k in members]
             for k, row in zip(members, rows):
-                out[k] = None if row is None else _features(runs[k], row, fine)
+                out[k] = None if row is None else take(runs[k], row)
             done += sum(ticks_of(runs[k]) for k in members) / TICK_HZ
             if progress:
                 progress(f"{kind} engine", done, whole)
@@ -323,7 +337,7 @@ def _side_by_side(members):
     after = group.run(states, ticks, *zip(*profiles), [engine.Faults()] * len(members), outs)
     for s, (r, _, _) in zip(after, members):
         _sure(s, r.condition)
-    return [o.frames for o in outs]
+    return outs
 
 
 def _alone(run, p, state, play):
@@ -331,12 +345,35 @@ def _alone(run, p, state, play):
     out = _streams(run)
     after = play(p, switched(p, state), ticks_of(run), *_profiles(run), engine.NO_WRITE, engine.Faults(), out)
     _sure(after, run.condition)
-    return out.frames
+    return out
+
+
+def _table(run, frames):
+    """{stream: its codes} from a run's first frame to the end of its dwell."""
+    columns = {name: frames[:, k] for k, (name, _, _) in enumerate(engine.FRAME_COLUMNS)}
+    return streams(columns, settling(run) + frames_of(run.condition.seconds))
 
 
 def _features(run, frames, fine):
-    columns = {name: frames[:, k] for k, (name, _, _) in enumerate(engine.FRAME_COLUMNS)}
-    settle, dwell = _settling(run), frames_of(run.condition.seconds)
-    table = streams(columns, settle + dwell)
-    own = {name: values[settle:] for name, values in table.items()}
+    own = {name: values[settling(run) :] for name, values in _table(run, frames).items()}
     return feature_vector(run.condition, own, lsb_volts(run.model.config), fine)
+
+
+def blocks(run, rows):
+    """(observables, blocks) means over BLOCK frames each, of settling and dwell; the dwell begins with a block."""
+    first = settling(run) % BLOCK
+    table, lsb = _table(run, rows.frames), lsb_volts(run.model.config)
+    out = []
+    for name in NAMES:
+        stream = features.OBSERVABLES[name].stream
+        values = features.physical(name, table[stream][first:], lsb.get(stream, 1.0))
+        values = values[: len(values) // BLOCK * BLOCK]
+        out.append((values - values[0]).reshape(-1, BLOCK).mean(axis=1) + values[0])
+    return np.array(out)
+
+
+def features_of_blocks(condition, values):
+    """Features, fine ones behind the others, of (observables, blocks) means of a dwell."""
+    edges = [e // BLOCK for e in (bins(condition), fine_bins(condition))]
+    edges[0][-1] = min(edges[0][-1], values.shape[1])
+    return np.concatenate([[features.means(row[: e[-1]], e) for row in values] for e in edges], axis=None)

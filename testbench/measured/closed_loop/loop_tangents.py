@@ -6,28 +6,21 @@
              leave of a law. So references leave at any clock here, later by what an edge waits for the 1 MHz grid
     smooth   the drive's codes are not rounded: what a law does to the amplitude word would depend on the step
     held     the drive frequency is that of the base run; what its change does is put back by `slope`, 1 Hz per Hz
+    library  laws of the grammar come from the responses of a few runs (loop_responses.py), until one has become a part
+             of an anchor: then it has a tangent of its own
 Source    docs/measured.md
 """
 
 import numpy as np
 
-from fpga_model.rates import MASTER_HZ, TICK_CYCLES
-from testbench import config as configuration
+from analog_frontend.effects import law
+from testbench.measured.closed_loop.loop_even import AIM, HELD_HZ, even
+from testbench.measured.closed_loop.loop_responses import Responses, covers
 from testbench.tracing.problem.problem import PredictionFailed
 
-EVEN_S = (TICK_CYCLES + 1) / 2 / MASTER_HZ  # 1 .. 26 clocks of waiting (fpga_model/references.py)
-HELD_HZ = 1e-3  # of the drive frequency
-AIM, NEAR = 300.0, 2.5  # sigmas by which a step moves all features together, and how far off it may be
+NEAR = 2.5  # how far off AIM a step may be
 SEEN = 10.0  # sigmas of all features together, that a law's largest step must move
 LARGEST_SCALES = 1e4  # of a law of the grammar
-
-
-def even(config):
-    """A configuration whose references leave evenly, at the same mean phase."""
-    if not config.firmware.reference_retimed:
-        return config
-    late = {"firmware.reference_retimed": False, "plant.sid_switch_s": config.plant.sid_switch_s + EVEN_S}
-    return configuration.changed(config, late)
 
 
 class Tangents:
@@ -43,6 +36,8 @@ class Tangents:
         self._where = of.key(list(of.conditions.values()))
         # {name: step}: 0 of a law that these data do not see
         self.steps = of.kept.steps.setdefault(self._where, {})
+        self._late = {one.name for one in of.library if covers(of.candidates[one.name])}
+        self.direct = set()  # laws of the library with tangents of their own
         for role in {c.role for c in of.conditions.values()}:
             self.kept[self._where, role, "plant.fx_hz"] = {c.id: of.slope[c.id] for c in self._of(role)}
 
@@ -50,17 +45,31 @@ class Tangents:
         """{condition: column} of the conditions with a role; nan where the plant fails."""
         if not self._of(role):
             return {}
+        if name in self._late and name not in self.direct:
+            return self._responded(name, role)
         if (self._where, role, name) not in self.kept:
             if name not in self.steps:
                 self.make(self._beside(name))
             self.make(self.nuisances if name in self.nuisances else [name], role)
         return self.kept[self._where, role, name]
 
+    def _responded(self, name, role):
+        """Column of a law of the library by the responses; zero where its largest step would hardly move the data."""
+        made = self.of.kept.responses
+        if (self._where, role) not in made:
+            made[self._where, role] = Responses(self.of, role)
+        key = self._where, role, name, "responses"
+        if key not in self.kept:
+            found = made[self._where, role].column(law.parse(self.of.candidates[name].texts(1.0)[0]))
+            seen = role != "fit" or self._size(found) * self.largest(name) >= SEEN
+            self.kept[key] = found if seen else {g: np.zeros_like(v) for g, v in found.items()}
+        return self.kept[key]
+
     def _beside(self, name):
-        """What is made with a law on the fitted conditions: laws of the library at ports of its axis."""
-        late = [law.name for law in self.of.library]
-        axis = self.of.axis(name)
-        return [other for other in late if self.of.axis(other) == axis] if name in late else [name]
+        """What is made with a law on the fitted conditions: laws of the library that the responses do not cover."""
+        if name not in (late := [one.name for one in self.of.library]) or name in self.direct:
+            return [name]
+        return [other for other in late if other not in self._late]
 
     def _of(self, role):
         return [c for c in self.of.conditions.values() if c.role == role]
@@ -108,8 +117,8 @@ class Tangents:
     def _first_step(self, name):
         if name in self.nuisances:
             return 0.1 * self.of.nuisances[self.nuisances.index(name)].prior_sd
-        law = self.of.candidates[name].law
-        return law.scale * (law.sign or 1)
+        one = self.of.candidates[name].law
+        return one.scale * (one.sign or 1)
 
     def _size(self, moved):
         """Sigmas of a change of some conditions, if all others moved as they do."""
@@ -136,13 +145,15 @@ class Tangents:
         return name not in self.of.candidates or not self.of.candidates[name].law.sign
 
     def largest(self, name):
-        """How far a step may go: half the limit of a key."""
+        """How far a step may go: half the limit of a key, and no further than physics allows."""
         if name in self.of.candidates:
-            key = self.of.candidates[name].key
-            if key:
-                info = type(self.of.model.effects).model_fields[key.partition(".")[2]]
-                return 0.5 * next(m.le for m in info.metadata if hasattr(m, "le"))
-            return LARGEST_SCALES * self.of.candidates[name].law.scale
+            c = self.of.candidates[name]
+            section, _, field = c.key.partition(".")
+            most = LARGEST_SCALES * c.law.scale
+            if section == "effects":
+                info = type(self.of.model.effects).model_fields[field]
+                most = 0.5 * next(m.le for m in info.metadata if hasattr(m, "le"))
+            return min(most, max(-c.law.low, c.law.high))
         n = self.of.nuisances[self.nuisances.index(name)]
         return 0.2 * max(abs(n.value), n.prior_sd)
 

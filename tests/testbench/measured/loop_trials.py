@@ -182,8 +182,8 @@ def jumped(bank, problem, text, scale):
 
 
 def largest(problem, law):
-    """Largest coefficient that a trial hides: within the key's limit, plausible by the law's scale, possible."""
-    return min(problem.tangents.largest(law.name), PLAUSIBLE * law.scale, max(-law.low, law.high))
+    """Largest coefficient that a trial hides: within the limits of key and physics, plausible by the law's scale."""
+    return min(problem.tangents.largest(law.name), PLAUSIBLE * law.scale)
 
 
 def drawn(bank, problem, kind, seed, d_range=(8.0, 60.0)):

@@ -141,6 +141,26 @@ def test_the_way_from_an_anchor_bounds_what_the_engine_differs_by(request, fixtu
     assert problem.distance(*problem.at)["sigma"] == 0.0
 
 
+RESPONDED = ("force_x: vx^3", "force_x: rate x", "force_y: abs(x) x", "force_y: x^2 w", "force_y: lag(3) vx")
+RESPONDED += ("cv_x: cx^5", "cv_x: w", "cv_y: sgn(cx)", "cv_y: rate u", "cv_y: u^3")
+
+
+def test_a_few_responses_give_the_columns_of_all_laws(bank):
+    """Each law run by itself, to both sides, gives the column that the responses of the ports give."""
+    other = loop_trials.Bank(bank.conditions, priors=FEW_PRIORS, only=RESPONDED)
+    other.bench, other.kept = bank.bench, bank.kept
+    problem, rows = other.blank(), {}
+    for name in RESPONDED:
+        rows[name] = problem.column(name)
+    problem.tangents.direct |= set(RESPONDED)
+    for name in RESPONDED:
+        (own,), (given,) = problem.column(name).values(), rows[name].values()
+        k = problem._rows["large"]
+        own, given = problem.whiten(k, own), problem.whiten(k, given)
+        assert np.linalg.norm(own) > 0, name
+        assert np.linalg.norm(given - own) < 0.05 * np.linalg.norm(own), name
+
+
 def test_columns_of_held_out_conditions_are_made_by_themselves(bank):
     problem = bank.blank()
     name = problem.laws[0].name

@@ -1,0 +1,153 @@
+"""Tangents of all laws of the grammar from a few runs: the loop's responses to its own states at its ports.
+
+    law         puts a(t) B1 + b(t) B2 into its port along the trajectory (loop_phasors.py)
+    responses   of the averaged loop to a constant share from the first tick on, and to one from the dwell's begin on
+    column      sum over both shares: share before the dwell x constant response + its step at the dwell's begin x step
+                response + the rest, block by block, x the derivative of the constant response from its first block on
+    force_x x   moves the drive frequency, -1 / (8 pi^2 m f) Hz per N/m; its step moves what the loop has to follow
+
+A run per port, quadrature and slow function takes the place of one per law: first order in a law is exact, as its own
+change of the trajectory is of second order. The rest takes the loop for linear and unchanging within a condition.
+Source    docs/measured.md
+"""
+
+import numpy as np
+from scipy.signal import fftconvolve
+
+from analog_frontend.effects import law
+from fpga_model.rates import FRAME_TICKS, TICK_HZ
+from testbench.measured.closed_loop import loop_phasors, loop_runs
+from testbench.measured.closed_loop.loop_even import AIM, HELD_HZ, even
+from testbench.measured.closed_loop.loop_phasors import BASIS
+
+SMALL = 1e-9  # share of the rest, of the whole, below which there is none
+F_WORD = loop_runs.NAMES.index("f_word")
+FREQUENCY = ("force_x", "x")
+
+
+OWN_MOTION = {"y", "vy", "cy"}  # is noise and transients: a law of these is run by itself
+
+
+def covers(candidate):
+    """True if the responses give the column of a `loop_laws.Candidate`."""
+    return bool(candidate.factors) and not OWN_MOTION & {f.name for f in law.parse(candidate.texts(1.0)[0]).factors}
+
+
+class Responses:
+    """Responses of the conditions with a role, made once, and columns of laws made of them."""
+
+    def __init__(self, of, role):
+        self.of, self.conditions = of, [c for c in of.conditions.values() if c.role == role]
+        self.base_model = of.model_at(of.first, {})
+        self.base_model = self.base_model._replace(config=even(self.base_model.config))
+        self.at, self.kept = {}, {}
+        wanted = [(self.base_model, c, 0, 0.0) for c in self.conditions]
+        for c, (rows, states) in zip(self.conditions, of.smooth(wanted, self._base)):
+            self.at[c.id] = rows, states
+        self._make()
+
+    def _base(self, run, rows):
+        known = loop_phasors.probe(self.of.bench, run)
+        return loop_runs.blocks(run, rows), loop_phasors.trajectory(run, known, rows)
+
+    def _dwell(self, c):
+        """First block of the dwell, and its time in s from power-on, half a frame early."""
+        settle = loop_runs.settling(self.of.run_of(self.base_model, c, 0))
+        return settle // loop_runs.BLOCK, (loop_runs.START_TICKS + (settle - 0.5) * FRAME_TICKS) / TICK_HZ
+
+    def _steps(self, c, base):
+        """{number: text} of the slow functions at a base: 0 constant, 1 a step where the rate has one."""
+        out = {} if base == FREQUENCY else {0: ""}
+        return out | ({1: f"step({self._dwell(c)[1]:.7f})"} if loop_runs.before_dps(c) != c.rate_dps else {})
+
+    def _blocks(self, wanted):
+        """{key: change of the blocks} of {key: (condition, port, state, step, coefficient)}; frequency held."""
+        per_hz, todo, out = self.of.per_hz, list(wanted), {}
+        hertz = {
+            key: -v / per_hz if (port, state) == FREQUENCY else 0.0 for key, (_, port, state, _, v) in wanted.items()
+        }
+        for _ in range(2):
+            asked = []
+            for key in todo:
+                c, port, state, step, value = wanted[key]
+                # what steps the frequency itself is held at its end: it has another before the dwell
+                held = f"force_x = {per_hz * hertz[key]!r} {'' if (port, state) == FREQUENCY else step} x"
+                laws = (*self.base_model.laws, f"{port} = {value!r} {step} {state}", held)
+                asked.append((self.base_model._replace(laws=laws), c, 0, 0.0))
+            again = []
+            for key, rows in zip(todo, self.of.smooth(asked, loop_runs.blocks)):
+                c, step = wanted[key][0], wanted[key][3]
+                change = rows - self.at[c.id][0]
+                more = float(change[F_WORD, -1])
+                change[F_WORD, self._dwell(c)[0] if step else 0 :] += hertz[key]
+                out[key] = change
+                if abs(more) > HELD_HZ:
+                    hertz[key] += more
+                    again.append(key)
+            todo = again
+        return out
+
+    def features(self, c, change):
+        """Features of a change of blocks."""
+        return loop_runs.features_of_blocks(c, change[:, self._dwell(c)[0] :])
+
+    def _make(self):
+        """{(condition, port, state, step): change of the blocks per unit of a share}."""
+        bases = [(port, state) for port, pair in BASIS.items() for state in pair]
+        c = max(self.conditions, key=lambda one: (len(self._steps(one, FREQUENCY)), one.a_um, abs(one.rate_dps)))
+        values = {base: self._first(c, *base) for base in bases}
+        tried = {b: (c, *b, next(iter(self._steps(c, b).values())), values[b]) for b in bases if self._steps(c, b)}
+        for base, change in self._blocks(tried).items():
+            size = self.of.size({c.id: self.features(c, change)}) * np.sqrt(len(self.of.conditions))
+            values[base] *= float(np.clip(AIM / max(size, 1e-3), 1e-3, 100.0))
+        wanted = {
+            (c.id, *base, step, side): (c, *base, text, side * values[base])
+            for c in self.conditions
+            for base in bases
+            for step, text in self._steps(c, base).items()
+            for side in (1.0, -1.0)
+        }
+        found = self._blocks(wanted)
+        for name, *base, step, side in wanted:
+            if side > 0:
+                both = found[name, *base, step, 1.0] - found[name, *base, step, -1.0]
+                self.kept[name, *base, step] = both / (2 * values[tuple(base)])
+
+    def _first(self, c, port, state):
+        """A coefficient that puts 1e-4 of the drive's force, or of the C/V output, into a port."""
+        states = self.at[c.id][1]
+        whole = states["cx" if port in law.CV_PORTS else "vx"]
+        board = self.of.model.plant
+        gain = 1.0 if port in law.CV_PORTS else 2 * np.pi * board.fx_hz * board.mass_kg / board.qx
+        return float(1e-4 * gain * np.abs(whole[0]) / np.abs(states[state][0]))
+
+    def column(self, one):
+        """{condition: features per unit} of a `law.Law` with a coefficient of 1."""
+        out = {}
+        for c in self.conditions:
+            states, change = self.at[c.id][1], 0.0
+            temp_ref = self.of.model.plant.temp_ref_degc
+            for state, share in zip(BASIS[one.port], loop_phasors.shares(one, states, temp_ref)):
+                change = change + self._answer(c, (one.port, state), share)
+            out[c.id] = self.features(c, change)
+        return out
+
+    def _answer(self, c, base, share):
+        """Change of the blocks by a share of a basis, (blocks,)."""
+        dwell = self._dwell(c)[0]
+        settled = share[dwell // 2 : dwell].mean()
+        step = np.zeros(len(share))
+        if (c.id, *base, 1) in self.kept:
+            step[dwell:] = share[(dwell + len(share)) // 2 :].mean() - settled
+        if base == FREQUENCY:
+            change = np.zeros((len(loop_runs.NAMES), len(share)))
+            change[F_WORD] = -(share - step) / self.of.per_hz
+        else:
+            change = settled * self.kept[c.id, *base, 0]
+        if step[-1]:
+            change = change + step[-1] * self.kept[c.id, *base, 1]
+        rest = share - settled - step
+        if base != FREQUENCY and np.abs(rest).max() > SMALL * np.abs(share).max():
+            kernel = np.diff(self.kept[c.id, *base, 0], axis=1, prepend=0.0)
+            change = change + fftconvolve(kernel, rest[None], axes=1)[:, : len(share)]
+        return change
