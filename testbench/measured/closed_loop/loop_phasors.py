@@ -23,6 +23,7 @@ WINDOW_TICKS = 1000  # 11 turns
 TURN = 1 << 48
 FRAME_HZ = TICK_HZ / FRAME_TICKS
 NODES = {"x": "x", "y": "y", "u": "d3", "w": "s3", "cx": "cv_x", "cy": "cv_y"}
+MOTION = {"vx": "x", "vy": "y"}
 FORCE, AMPLITUDE, FREQUENCY = (
     [name for name, _, _ in engine.FRAME_COLUMNS].index(name)
     for name in ("rate_word", "amplitude_word", "frequency_word")
@@ -41,8 +42,14 @@ def phasors(theta, values):
     return np.array(out)
 
 
+def _words(words, step):
+    """(2, blocks) means of words and of their changes a frame: an electrode follows its word by some frames."""
+    words = words.astype(float)
+    return np.stack([words, np.gradient(words)]).reshape(2, -1, step).mean(axis=2)
+
+
 def probe(bench, run):
-    """{state: phasor} of x cx, `u` and `w` per LSB of their words, `cy` per y, of a board after a kick of its rate."""
+    """{state: phasor} of x cx, `u` and `w` per LSB of words and their changes, `cy` per y, of a board after a kick of its rate."""
     rate = np.deg2rad(loop_runs.before_dps(run.condition)) + KICK_RAD_S
     out = bench.probed(run, PROBED_FRAMES, rate)
     theta = out.probe_ints[:, 0] / TURN
@@ -50,8 +57,8 @@ def probe(bench, run):
     step = WINDOW_TICKS // FRAME_TICKS
     at = {name: seen[name].mean() for name in ("x", "cx")}
     for name, column in (("u", AMPLITUDE), ("w", FORCE)):
-        word = out.frames[: step * len(seen[name]), column].reshape(-1, step).mean(axis=1)
-        at[name] = word @ seen[name] / (word @ word)
+        words = _words(out.frames[: step * len(seen[name]), column], step)
+        at[name] = np.linalg.lstsq(words.T, seen[name], rcond=None)[0]
     at["cy"] = np.vdot(seen["y"], seen["cy"]) / np.vdot(seen["y"], seen["y"])
     return at
 
@@ -69,7 +76,7 @@ def trajectory(run, at, rows):
     quarter = np.sqrt(np.mean(x[first:] ** 2) / np.mean(vx[first:] ** 2))
     out = {"y": at["x"] * mean((y - 1j * quarter * vy) / (x - 1j * quarter * vx))}
     words = {"u": AMPLITUDE, "w": FORCE}
-    out |= {name: at[name] * mean(rows.frames[:, column].astype(float)) for name, column in words.items()}
+    out |= {name: at[name] @ _words(rows.frames[first:end, column], loop_runs.BLOCK) for name, column in words.items()}
     out |= {name: np.full(len(out["y"]), at[name]) for name in ("x", "cx")}
     w_rad_s = 2 * np.pi * features.HZ * rows.frames[end - 1, FREQUENCY]
     out |= {"vx": 1j * w_rad_s * out["x"], "vy": 1j * w_rad_s * out["y"], "cy": at["cy"] * out["y"]}
@@ -83,21 +90,25 @@ def _dressed(values, dress):
 
 def envelope(one, states, temp_ref_degc):
     """(blocks,) phasors of what a `law.Law` puts into its port."""
-    turn = np.exp(2j * np.pi * (np.arange(POINTS) + 0.5) / POINTS)
-    # zeros of x stand midway between points; the reference of the demodulators stands where the loop holds cx
-    about = np.exp(1j * np.angle(states["cx" if one.port in law.CV_PORTS else "x"][0]))
-    value = np.full((len(states["x"]), POINTS), one.coefficient)
+    # zeros of a state whose sign is taken stand midway between points
+    dressed = [f.name for f in one.factors if f.dress and f.name in NODES | MOTION]
+    crest = np.exp(-1j * np.angle(states[(dressed or ["x"])[0]]))[:, None]
+    turn = crest * np.exp(2j * np.pi * (np.arange(POINTS) + 0.5) / POINTS)
+    value = np.full(turn.shape, one.coefficient)
     for f in one.factors:
         if f.name == "lag":
             v = 1 - np.exp(-states["s"][:, None] / f.argument)
         elif f.name in ("rate", "temp"):
             v = (states[f.name] - (temp_ref_degc if f.name == "temp" else 0.0))[:, None]
         else:
-            v = np.real(states[f.name][:, None] / about * turn)
+            v = np.real(states[f.name][:, None] * turn)
         value = value * _dressed(v, f.dress) ** f.power
-    first, third, fifth = (2 / POINTS * (value @ np.conj(turn) ** n) for n in (1, 3, 5))
+    # the reference of the demodulators stands where the loop holds cx
+    about = np.exp(1j * np.angle(states["cx"][0])) if one.port in law.CV_PORTS else 1.0
+    turn = turn * about
+    first, third, fifth = (2 / POINTS * np.sum(value * np.conj(turn) ** n, axis=1) for n in (1, 3, 5))
     if one.port in law.FORCE_PORTS:
-        return first * about
+        return first
     seen = np.real(first) - np.real(third) / 3 + np.real(fifth) / 5
     return (seen + 1j * (np.imag(first) + np.imag(third) / 3 + np.imag(fifth) / 5)) * about
 

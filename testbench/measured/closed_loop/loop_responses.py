@@ -7,7 +7,8 @@
     force_x x   moves the drive frequency, -1 / (8 pi^2 m f) Hz per N/m; its step moves what the loop has to follow
 
 A run per port, quadrature and slow function takes the place of one per law: first order in a law is exact, as its own
-change of the trajectory is of second order. The rest takes the loop for linear and unchanging within a condition.
+change of the trajectory is of second order. The rest takes the loop for linear and unchanging within a condition:
+with V_q at its rail what a law of w does to V_q is some percent off.
 Source    docs/measured.md
 """
 
@@ -99,7 +100,7 @@ class Responses:
         tried = {b: (c, *b, next(iter(self._steps(c, b).values())), values[b]) for b in bases if self._steps(c, b)}
         for base, change in self._blocks(tried).items():
             size = self.of.size({c.id: self.features(c, change)}) * np.sqrt(len(self.of.conditions))
-            values[base] *= float(np.clip(AIM / max(size, 1e-3), 1e-3, 100.0))
+            values[base] *= float(np.clip(AIM / max(size, 1e-3), 1e-3, 1e4))
         wanted = {
             (c.id, *base, step, side): (c, *base, text, side * values[base])
             for c in self.conditions
