@@ -49,7 +49,7 @@ def _words(words, step):
 
 
 def probe(bench, run):
-    """{state: phasor} of x cx, `u` and `w` per LSB of words and their changes, `cy` per y, of a board after a kick of its rate."""
+    """{state: phasor} of x cx, of `u` `w` per LSB of words and their changes, of `cy` per y, after a kick."""
     rate = np.deg2rad(loop_runs.before_dps(run.condition)) + KICK_RAD_S
     out = bench.probed(run, PROBED_FRAMES, rate)
     theta = out.probe_ints[:, 0] / TURN

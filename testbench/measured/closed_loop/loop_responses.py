@@ -7,8 +7,7 @@
     force_x x   moves the drive frequency, -1 / (8 pi^2 m f) Hz per N/m; its step moves what the loop has to follow
 
 A run per port, quadrature and slow function takes the place of one per law: first order in a law is exact, as its own
-change of the trajectory is of second order. The rest takes the loop for linear and unchanging within a condition:
-with V_q at its rail what a law of w does to V_q is some percent off.
+change of the trajectory is of second order. The rest takes the loop for linear and unchanging within a condition.
 Source    docs/measured.md
 """
 
@@ -23,7 +22,8 @@ from testbench.measured.closed_loop.loop_phasors import BASIS
 
 SMALL = 1e-9  # share of the rest, of the whole, below which there is none
 F_WORD = loop_runs.NAMES.index("f_word")
-FREQUENCY = ("force_x", "x")
+V_Q2 = loop_runs.NAMES.index("v_q2")
+FREQUENCY, SPRING = ("force_x", "x"), ("force_y", "x")
 
 
 OWN_MOTION = {"y", "vy", "cy"}  # is noise and transients: a law of these is run by itself
@@ -151,4 +151,6 @@ class Responses:
         if base != FREQUENCY and np.abs(rest).max() > SMALL * np.abs(share).max():
             kernel = np.diff(self.kept[c.id, *base, 0], axis=1, prepend=0.0)
             change = change + fftconvolve(kernel, rest[None], axes=1)[:, : len(share)]
+        # V_q at its rail does not answer
+        change[V_Q2, self.kept[c.id, *SPRING, 0][V_Q2] == 0.0] = 0.0
         return change

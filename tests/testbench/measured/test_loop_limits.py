@@ -31,7 +31,7 @@ def motion(amplitude_m, w_rad_s=2 * math.pi * 11002.3):
 def own_motion():
     for name, c in ALL.items():
         factors = KEYS.get(name, c.factors if c.port == "force_x" else "")
-        if factors and set(re.findall(r"\b(x|vx|y|vy|u|w|rate|temp)\b", factors)) <= {"x", "vx"}:
+        if factors and set(re.findall(r"\b(x|vx|y|vy|u|w|rate|temp|lag)\b", factors)) <= {"x", "vx"}:
             yield name, factors, -1.0 if name in KEYS else 1.0
 
 
