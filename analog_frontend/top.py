@@ -56,6 +56,7 @@ from analog_frontend.parts.propagator import (
     U_DRIVE,
     U_SENSE,
 )
+from analog_frontend.port import foreign
 from analog_frontend.sid_edges import JITTERED
 from fpga_model.jit import inner, outlined
 
@@ -109,6 +110,7 @@ class Params(NamedTuple):
     sar_lsb_v: float
     slope_gain: float  # last op-amp of the C/V chains
     ring: ring_saturation.Params = ring_saturation.OFF
+    port: foreign.Params = foreign.NONE
 
 
 class Work(NamedTuple):
@@ -237,6 +239,9 @@ def blended(p, values, temp_degc):
 @inner
 def retune(p, s, rate_rad_s, quad_code, temp_degc):
     """Make G for a rate (rad/s), a V_q code and a temperature (degC); does nothing if nothing changed."""
+    if p.port.step != 0:  # a library has no G: it is told the three numbers, the code in place of a stiffness
+        s.now[NOW_RATE], s.now[NOW_STIFFNESS], s.now[NOW_TEMP] = rate_rad_s, quad_code, temp_degc
+        return
     volts = quad_code * p.quad_lsb_v
     kq = blended(p, p.tables.kq_n_per_m_per_v2, temp_degc)
     tune(p, s, rate_rad_s, blended(p, p.tables.kxy_n_per_m, temp_degc) - kq * (volts * volts), temp_degc)
@@ -314,6 +319,33 @@ def _dac(s, w, which, part, levels, carry, codes, n, rows):
     s.codes[which] = codes[n - 1]
 
 
+@outlined
+def _foreign(p, s, tick, n, drive_cycle, sense_cycle, edge_count, edges):
+    """`block` of the plant behind the port; of its motion every row shows what it is at the end. Mutates `s`."""
+    port, w, now = p.port, s.work.w, s.now
+    port.pins[foreign.QUADRATURE_CODE] = int(now[NOW_STIFFNESS])
+    fell = foreign.block(
+        port,
+        p.adc,
+        s.adc.clock,
+        tick,
+        n,
+        drive_cycle,
+        sense_cycle,
+        s.work,
+        edge_count,
+        edges,
+        now[NOW_RATE],
+        now[NOW_TEMP],
+    )
+    for k in range(foreign.MOTIONS):
+        s.z[X + k] = port.motion[k]
+    for t in range(n):
+        w[linear.X * STRIDE + t] = port.motion[0]
+    s.codes[DRIVE], s.codes[SENSE] = s.work.drive_codes[n - 1], s.work.sense_codes[n - 1]
+    return fell
+
+
 @inner
 def step(p, s, tick, pins, edges):
     """One tick: a block of one. `edges` (n, 2): clock and reference number of each edge, in time order. Mutates `s`.
@@ -335,6 +367,8 @@ def block(p, s, tick, n, drive_cycle, sense_cycle, edge_count, edges):
                               pins, in time order
     Returns the clock from the block's first at which DRDY_N falls, 26 .. 26 n + 25, or -1; the codes are in s.adc.
     """
+    if p.port.step != 0:
+        return _foreign(p, s, tick, n, drive_cycle, sense_cycle, edge_count, edges)
     t, w = p.tables, s.work.w
     if drive_cycle >= 0:
         s.cycles[DRIVE] = drive_cycle

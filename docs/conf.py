@@ -27,7 +27,7 @@ CHAPTERS = {
     "Tutorials": tuple(f"tutorials/{stem}" for stem in ("first_run", "your_rtl", "your_board", "your_recording")),
     "How-to guides": ("how_to/*",),
     "First": ("limits", "conventions", "architecture", "phases"),
-    "Reference": ("references", "glossary", "configuration", "boards/README", "faults", "record", "inputs", "api"),
+    "Reference": ("references", "glossary", "configuration", "boards/README", "faults", "record", "inputs", "plant_port", "api"),
     "Experiments": ("paper", "inference", "loop", "design_of_loops", "word_lengths", "campaigns"),
     "Verification": ("verification", "golden", "rtl", "ranges", "portability", "speed", "notebook"),
     "Measured data": ("measured", "measured_parts", "measured_resonators", "tracing"),

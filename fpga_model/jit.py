@@ -2,6 +2,7 @@
 
 Numba's disk cache stamps a function by its own file only, so an edited callee is not seen. The cache folder of a kernel
 is therefore named by a hash over its module and every module that this one imports, directly or not: see `sources_of`.
+What a process has replaced in memory is in the key of the kernel itself: see `bound`.
 A process that finds a kernel being compiled by another one waits, and takes what that one has stored.
 `GYRO_CACHE=0` switches the cache off; `GYRO_CACHE=DIR` moves it. A user without a home that can be written gets a
 private folder among the temporary files. Where `fpga_model.COMPILED` is set to False before anything is imported, as by
@@ -35,7 +36,7 @@ if fpga_model.COMPILED:
     from numba import njit
     from numba.core.compiler_lock import global_compiler_lock
 
-    from fpga_model import linkage, replacing  # noqa: F401  (for what it tells Numba)
+    from fpga_model import bound, linkage, replacing  # noqa: F401  (for what it tells Numba)
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("fpga_model", "analog_frontend", "testbench")
@@ -202,6 +203,8 @@ def _unit(func, buried=False, **options):
     dispatcher = njit(cache=folder is not None, **options)(func)
     if folder is not None:  # Numba's own folder in it: two copies of the same sources have one each
         folder = Path(dispatcher._cache.cache_path)
+        key_of = dispatcher._cache._index_key
+        dispatcher._cache._index_key = lambda *wanted: (*key_of(*wanted), bound.digest(func))
     if buried:
         _bury(dispatcher, _refused)
     linkage.forget_constants(dispatcher)
@@ -223,6 +226,7 @@ def _unit(func, buried=False, **options):
                 if folder is not None and loaded == sum(dispatcher.stats.cache_hits.values()):
                     linkage.store_units(folder, dispatcher, arguments)
                 linkage.make_unit(dispatcher, dispatcher.overloads[arguments])
+                bound.compiled(func)
                 return entry
 
     dispatcher.compile = compile_alone

@@ -18,6 +18,8 @@ from numba.core import sigutils, types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 
+from fpga_model import bound
+
 
 class _NoEnvironment:
     """A code generator that sets no environment: a part has no symbol in the running engine."""
@@ -137,7 +139,7 @@ def units(library):
 
 
 def _list_of_units(folder, function, arguments):
-    digest = hashlib.sha256(repr(arguments).encode()).hexdigest()[:16]
+    digest = hashlib.sha256(f"{arguments!r} {bound.digest(function)}".encode()).hexdigest()[:16]
     return folder / f"{function.__qualname__}-{digest}.units.json"
 
 
@@ -172,10 +174,10 @@ def load_units(folder, dispatcher, arguments):
 
 
 def _forget(dispatcher, arguments):
-    """Take a function with these arguments out of the cache; with others it stays."""
+    """Take a function with these arguments out of the cache; with others, or made from other parts, it stays."""
     file = dispatcher._cache._cache_file
-    found = file._load_index()
-    kept = {key: name for key, name in found.items() if arguments_of(key[0]) != arguments}
+    found, mine = file._load_index(), (arguments, bound.digest(dispatcher.py_func))
+    kept = {key: name for key, name in found.items() if (arguments_of(key[0]), key[-1]) != mine}
     if len(kept) < len(found):
         file._save_index(kept)
 

@@ -48,10 +48,11 @@ typedef struct {
 
 /* The converter after the last of these ticks.
 
-   code  result register: 24 bit, signed. A conversion is in it at least one whole tick before the tick in which its
-         DRDY falls, and at least 32 ticks longer
+   code  result register: 24 bit, signed. A conversion is in it before the tick begins in which its DRDY falls, and for
+         32 ticks from there on
    drdy  clocks from the end of the call to the next two falls of DRDY, at least 800 clocks apart. They are promises:
-         each later call counts the same instants down, until a fall lies in the ticks of the call */
+         each later call counts the same instants down, until a fall lies in the ticks of the call. The first after
+         power-on is at 26 or later. A record needs DRDY at the same clock of every frame but the first */
 typedef struct {
     int64_t code[GYRO_CHANNELS];
     int64_t drdy[2];

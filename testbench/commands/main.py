@@ -75,6 +75,10 @@ class RunOptions(NamedTuple):
     seed: Annotated[int | None, typer.Option(help="Seed of all noise.")] = None
     no_noise: Annotated[bool, typer.Option("--no-noise", help="Switch every noise source off.")] = False
     engine: Annotated[str | None, typer.Option(help="Engine: frame or clocked (the same bits), or baseband.")] = None
+    plant: Annotated[
+        Path | None, typer.Option(metavar="LIB", help="Shared library that is the plant instead of the own one.")
+    ] = None
+    plant_file: Annotated[Path | None, typer.Option(metavar="FILE", help="Text for this library alone.")] = None
     out: Annotated[str | None, typer.Option(metavar="DIR", help="Folder for record, pictures and report.")] = None
     resume: Annotated[str | None, typer.Option(metavar="STATE", help="State file to start from.")] = None
     vcd: Annotated[
@@ -115,6 +119,8 @@ def run(o):
         ("scenario.rate_dps", o.rate_dps, "--rate-dps"),
         ("scenario.temperature_degc", o.temperature_degc, "--temperature-degc"),
         ("scenario.engine", o.engine, "--engine"),
+        ("scenario.plant", o.plant and str(o.plant.absolute()), "--plant"),
+        ("scenario.plant_file", o.plant_file and str(o.plant_file.absolute()), "--plant-file"),
         ("scenario.resume", o.resume, "--resume"),
         ("noise.seed", o.seed, "--seed"),
         ("output.directory", o.out, "--out"),

@@ -258,6 +258,8 @@ class Scenario(Section):
         [], "[[t_s, kind, channel, value, duration_s], ...]; kinds below"
     )
     diagnose: bool = other(True, "end with a rate step and an open sense loop, which show scale factor and all phases")
+    plant: str = other("", "shared library that is the plant instead of the own one: docs/plant_port.md")
+    plant_file: str = other("", "text file that is handed over to this library alone")
     resume: str = other("", "state file to start from instead of power-on")
     across_versions: bool = other(False, "continue what another version of the code saved; a record of both says so")
 
@@ -301,6 +303,8 @@ class Config(Section):
                 "plant.adc_clock_ppm",
                 f'= {self.plant.adc_clock_ppm:g} needs firmware.adc_clock = "free_running"; it is "synchronous"',
             )
+        if self.scenario.plant_file and not self.scenario.plant:
+            raise scenario.Problem("scenario.plant_file", "needs scenario.plant, the library that reads it")
         return self
 
     def design_record(self):
@@ -419,7 +423,8 @@ def changed(config, values):
 
 def placeless(config):
     """The same configuration without where its output lies: what a record and a state keep, the same in any folder."""
-    return changed(config, {"output.directory": Output().directory})
+    names = {f"scenario.{key}": Path(getattr(config.scenario, key)).name for key in ("plant", "plant_file")}
+    return changed(config, {"output.directory": Output().directory} | names)
 
 
 @functools.cache

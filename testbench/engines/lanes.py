@@ -90,10 +90,10 @@ def _padded(tables):
 
 
 def _alone(params):
-    """True for what the registers of eight do not carry: another board, levels, errors of the converter, the ring's."""
+    """True for what the registers of eight do not carry: another board, levels, errors of converter or ring, a port."""
     p = params.plant
     levels = p.drive_levels.on or p.sense_levels.on
-    return bool(params.fpga.digital or levels or any(p.adc.errors_on) or p.ring.on)
+    return bool(params.fpga.digital or levels or any(p.adc.errors_on) or p.ring.on or p.port.step)
 
 
 def kind(params):

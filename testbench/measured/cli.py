@@ -95,9 +95,13 @@ def record(
     envelope: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Where what the record hides is written, as JSON.")
     ] = None,
+    plant: Annotated[
+        Path | None, typer.Option(metavar="LIB", help="Shared library that is the plant instead of the own one.")
+    ] = None,
+    plant_file: Annotated[Path | None, typer.Option(metavar="FILE", help="Text for this library alone.")] = None,
     as_json: Json = False,
 ):
-    """Write a measurement record of the simulated board."""
+    """Write a measurement record of the simulated board, or of a plant behind the port."""
     import json
 
     from testbench.measured.record import load, produce, schema
@@ -105,6 +109,10 @@ def record(
     from testbench.storage.files import write_text
 
     wanted = plans.read(plan)
+    if plant is not None:
+        wanted = plans.with_plant(wanted, plant, plant_file or "")
+    elif plant_file is not None:
+        raise ConfigError("--plant-file: needs --plant, the library that reads it")
     with _progress(as_json) as progress:
         made = produce.record(wanted, progress)
     digest = load.write(out, made)
@@ -116,6 +124,8 @@ def record(
         print_json({"file": str(out), "frames": frames, "segments": segments, "content_sha256": digest})
         return
     typer.echo(f"{out}  {frames} frames  {segments} segments  {digest[:16]}")
+    if made.attrs.get("plant_unseen"):
+        typer.echo(f"not seen by the plant: {made.attrs['plant_unseen']}")
 
 
 @app.command()

@@ -322,7 +322,7 @@ class Run:
             raise FileError(f"{self.partial.checkpoint}: belongs to another configuration than {self.partial.config}")
         self.others = inputs.parse_json(meta.get("others", "[]"), self.partial.checkpoint, list)
         saved = inputs.parse_json(meta.get("identity", "{}"), self.partial.checkpoint)
-        self._continues(identity.check(self.partial.checkpoint, saved, across))
+        self._continues(identity.check(self.partial.checkpoint, saved, self.sim.identity, across))
         return parts, meta
 
     def _continues(self, other):
@@ -355,12 +355,12 @@ class Run:
     def checkpoint_if_due(self):
         """Write a checkpoint where one is due; not inside the register window, whose rows are kept when complete."""
         sim = self.sim
-        if not (self.partial and self._every_ticks) or sim.tick < self._next_tick or sim.in_window:
+        if not (self.partial and self._every_ticks and sim.saves) or sim.tick < self._next_tick or sim.in_window:
             return
         self._next_tick = sim.tick + self._every_ticks
         meta = {
             "config_toml": to_toml(self.config),
-            "identity": json.dumps(identity.identity()),
+            "identity": json.dumps(sim.identity),
             "others": json.dumps(self.others),
             "window_sha256": "" if sim.rows is None else self.partial.keep_window(sim.rows),
         }
@@ -407,7 +407,7 @@ class Run:
             locked=bool(sim.locked),
             codes_sha256=sim.codes_sha256(),
             tail=sim.tail,
-            state=sim.dump() if self.config.output.state else None,
+            state=sim.dump() if self.config.output.state and sim.saves else None,
             real_time_factor=simulated_s / max(sim.seconds_spent - self.spent_before_s, 1e-9),
         )
 
@@ -429,7 +429,7 @@ def run(config, progress=None, directory=None, resume=False, sinks=()):
     job.play(progress)
     job.sim.sinks = [sink for sink in job.sim.sinks if sink not in sinks]
     end, reading = job.end(), None
-    if end.locked and config.scenario.diagnose:
+    if end.locked and config.scenario.diagnose and not job.sim.foreign:
         job.begin("diagnosis")
         last = job.timeline.frames - 1
         rate_rad_s, temp_degc = (float(p.at(last)[0]) for p in (job.timeline.rate_rad_s, job.timeline.temp_degc))
@@ -438,6 +438,8 @@ def run(config, progress=None, directory=None, resume=False, sinks=()):
         names = [name for name in SEGMENTS if job.segments[name] >= 0]
         edges = np.array([job.segments[name] for name in names], np.int64)
         job.recording.tables["segments"] = {"name": ("", np.array(names)), "edge": ("edge", edges)}
+        if job.sim.foreign:
+            job.recording.attrs |= {f"{key}_sha256": digest for key, digest in job.sim.foreign.identity.items()}
         if job.others:
             job.recording.attrs["continues"] = json.dumps(job.others)
     return summary.result(job, end, reading, time.perf_counter() - began)

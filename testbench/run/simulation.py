@@ -20,12 +20,13 @@ import numpy as np
 
 from analog_frontend import ring_saturation
 from analog_frontend.parts import thermal
-from fpga_model import fixed, registers, sequencer
+from fpga_model import bound, fixed, registers, sequencer
 from fpga_model import top as fpga
 from testbench import flatten, interrupts
 from testbench.config import from_dict, placeless, to_toml
 from testbench.engines import engine as clocked
 from testbench.errors import ConfigError, FileError
+from testbench.port.plant import Plant
 from testbench.run import build, design_check, nodes, warmup
 from testbench.storage import identity, state_file
 from testbench.storage.code_hash import WORDS, CodeHash, frames_begun
@@ -79,6 +80,8 @@ class Simulation:
         self.rise_k = 0.0
         temp_hi_degc += config.plant.self_heating_k
         design_check.check(config)
+        if stale := bound.replaced():
+            raise RuntimeError(f"{stale[0]} was compiled before something that it calls was replaced: start anew")
         try:
             self.params = build.params(config, temp_lo_degc, temp_hi_degc)
             self.first_writes = build.register_writes(config)
@@ -88,7 +91,12 @@ class Simulation:
             from testbench.engines import baseband
 
             baseband.prepare(self.params)
+        self.foreign = Plant(config, self.engine) if config.scenario.plant else None
+        if self.foreign:
+            self.params = self.params._replace(plant=self.params.plant._replace(port=self.foreign.params))
         self.state = clocked.reset(self.params, temp_lo_degc)
+        if self.foreign:
+            self.foreign.power_on(self.params.plant, self.state.plant, config.noise.seed, temp_lo_degc)
         self.window = window
         self.rows = None
         self.sinks = []
@@ -167,11 +175,15 @@ class Simulation:
         return bool(self.window) and self.window[0] <= self.tick < self.window[0] + self.window[1]
 
     def _advance(self, ticks, rate, temp, host=(0, 0, 0), probe_ticks=0):
+        if probe_ticks and self.foreign:
+            raise ConfigError("scenario.plant: no phases can be read: the port has no voltages of the plant's nodes")
         rate, temp, streams = self.chunk(ticks, rate, temp, probe_ticks)
         started = time.perf_counter()
         with interrupts.held():
             state = self._run(self.params, self.state, ticks, rate, temp, host, self.faults, streams)
         self.seconds_spent += time.perf_counter() - started
+        if self.foreign:
+            self.foreign.check()
         self.moved(state, streams, self.in_window and not probe_ticks)
         return streams
 
@@ -290,8 +302,18 @@ class Simulation:
 
     def dump(self):
         """(values, format, meta) for `state_file.save_state`."""
-        meta = {"config_toml": to_toml(placeless(self.config)), "identity": json.dumps(identity.identity())}
+        meta = {"config_toml": to_toml(placeless(self.config)), "identity": json.dumps(self.identity)}
         return self.state_values(), self.layout(), meta
+
+    @property
+    def identity(self):
+        """Identity of the code that runs here, and of a foreign plant."""
+        return identity.identity() | (self.foreign.identity if self.foreign else {})
+
+    @property
+    def saves(self):
+        """True if its state can be kept: a foreign plant's may not."""
+        return self.foreign is None or self.foreign.saves
 
     def state_values(self):
         """The state as numbers by name; copies, because the arrays of a state move on in place."""
@@ -305,7 +327,7 @@ class Simulation:
                 values |= {f"plant.{name}.{k}": np.copy(v) for k, v in item._asdict().items()}
             else:
                 values[f"plant.{name}"] = np.copy(item)
-        return values
+        return values | (self.foreign.state() if self.foreign else {})
 
     def layout(self, left_out=()):
         """Text that names the registers and arrays of a state, but for those `left_out`."""
@@ -336,10 +358,11 @@ class Simulation:
         Returns the identity of the code that saved it if it is another one's (`identity.check`), else None.
         """
         values, meta = state_file.load_state(path, *self.layouts())
+        saved = parse_json(meta.get("identity", "{}"), path)
+        other = identity.check(path, saved, self.identity, self.config.scenario.across_versions)
         values = self._with_added(values)
         state_file.check_like(path, values, self.state_values())
         self._check_same_gyroscope(path, meta)
-        other = identity.check(path, parse_json(meta.get("identity", "{}"), path), self.config.scenario.across_versions)
         formats = flatten.leaves(fixed.formats(fpga.State, self.design, self.state.fpga))
         for (name, fmt), value in zip(formats, values["fpga"].tolist(), strict=True):
             if not fmt.holds(value):
@@ -366,6 +389,8 @@ class Simulation:
                 plant[name] = type(item)(**{k: np.array(values[f"plant.{name}.{k}"]) for k in item._fields})
             else:
                 plant[name] = np.array(values[f"plant.{name}"])
+        if self.foreign:
+            self.foreign.set_state(values)
         self.rise_k = float(values["rise_k"])
         self.state = clocked.State(
             flatten.rebuild(self.state.fpga, values["fpga"].tolist()),

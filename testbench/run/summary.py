@@ -77,11 +77,12 @@ def result(job, end, reading, wall_s):
         "simulated_s": sim.tick / sim.design.tick_hz,
         "wall_s": wall_s,
         "codes_sha256": end.codes_sha256,
+        "plant_sha256": sim.foreign.identity if sim.foreign else None,
         "seed": config.noise.seed,
     }
     return Result(
         summary,
-        notes(config, summary, planned),
+        (*notes(config, summary, planned), *(sim.foreign.notes() if sim.foreign else ())),
         job.recording,
         _plots(job, end.tail, summary, reading, clock_hz),
         _window(sim),

@@ -14,6 +14,7 @@ from testbench.storage.record import versions
 from testbench.storage.sources import code_sha256
 
 RUN = "testbench.run.simulate"
+PLANT = ("plant", "plant_file")  # SHA-256 of a foreign plant and of what it was handed, where there is one
 SHOWN = 12  # hex digits of a hash in a message
 
 
@@ -24,14 +25,19 @@ def identity():
     return {"code": code_sha256(RUN), **found}
 
 
-def check(path, saved, allowed):
-    """FileError that names both, if `saved` is not of this identity ({}: a version that kept none) and not `allowed`.
+def check(path, saved, mine, allowed):
+    """FileError that names both, if `saved` is not `mine` ({}: a version that kept none) and not `allowed`.
 
-    Returns the identity that was saved if it is another, else None.
+    Another plant is never allowed. Returns the identity that was saved if it is another, else None.
     """
-    mine = identity()
     if saved == mine:
         return None
+    for key in PLANT:
+        if saved.get(key) != mine.get(key):
+            was, now = (str(one.get(key, "none"))[:SHOWN] for one in (saved, mine))
+            raise FileError(
+                f"{path}: was saved with {key} {was}, this is {key} {now}: another plant cannot continue it"
+            )
     if not allowed:
         raise FileError(
             f"{path}: was saved by {_text(saved, mine)}, this is {_text(mine, saved)}; "

@@ -48,7 +48,7 @@ def tree(tmp_path):
     """A package with a unit and a caller of it, and a cache of its own."""
     package = tmp_path / "tree" / "fpga_model"
     package.mkdir(parents=True)
-    for name in ("__init__", "jit", "linkage", "replacing"):
+    for name in ("__init__", "bound", "jit", "linkage", "replacing"):
         (package / f"{name}.py").write_text((ROOT / "fpga_model" / f"{name}.py").read_text())
     for name, text in MODULES.items():
         (package / f"{name}.py").write_text(textwrap.dedent(text))
@@ -129,6 +129,23 @@ def test_an_edit_of_the_caller_leaves_the_unit_compiled(tree):
     path = tree / "fpga_model" / "low.py"
     path.write_text(path.read_text().replace("3 * x", "4 * x"))
     assert said(tree) == ["42", "0"]
+
+
+REPLACED = """
+import numba
+from fpga_model import bound, high, low
+low.tripled = numba.njit(lambda x: 5 * x)
+print(high.answer(2), sum(high.answer.stats.cache_hits.values()))
+low.tripled = numba.njit(lambda x: 6 * x)
+print(*bound.replaced())
+"""
+
+
+def test_what_a_process_replaces_in_memory_runs_there_with_a_warm_cache_and_nowhere_else(tree):
+    assert said(tree) == ["22", "0"]
+    for _ in range(2):
+        assert said(tree, REPLACED)[::2] == ["56", "fpga_model.high.more"]
+        assert said(tree) == ["22", "1"]
 
 
 def test_two_processes_on_one_empty_cache_compile_once(tree):

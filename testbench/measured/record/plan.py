@@ -195,3 +195,9 @@ def from_dict(tree, where="plan"):
 def read(path):
     """`Plan` of a TOML file."""
     return from_dict(read_toml(path), str(Path(path)))
+
+
+def with_plant(plan, library, own=""):
+    """The same plan for a plant behind the port: path of the library, and of the file for it alone."""
+    there = {"scenario.plant": str(library), "scenario.plant_file": str(own)}
+    return plan._replace(truth=configuration.changed(plan.truth, there))

@@ -36,7 +36,8 @@ class Board(Simulation):
         design_check.default_only(config, "a measurement record")
         super().__init__(config, lo_degc, hi_degc)
         self.log, self.codes, self.ticked = [], [], ticked
-        self._before, self._anchors = timing.valid_clock(config), []
+        self.valid_clock = timing.valid_clock(config, self.foreign.first_drdy if self.foreign else None)
+        self._anchors = []
 
     def write(self, name, raw):
         self.log.append((TICK_CYCLES * self.tick, name, int(raw)))
@@ -47,24 +48,26 @@ class Board(Simulation):
             self.codes.append((streams.drive_code, streams.sense_code))
         super().moved(state, streams, inside)
         frame, tick = divmod(state.tick, FRAME_TICKS)
-        if TICK_CYCLES * tick < self._before:
+        if TICK_CYCLES * tick < self.valid_clock:
             self._anchors.append((frame, TICK_CYCLES * tick, state.fpga.dds.phase))
 
     def phase_rows(self):
         """Phase accumulator before each frame's first edge, from the words and the clocks at which they change.
 
-        RuntimeError if that is not the firmware's own at the ends of chunks.
+        RuntimeError if that is not the firmware's own at the ends of chunks; ConfigError for a plant behind the port.
         """
         columns = self.columns()
         word, state = columns["frequency_word"], columns["state"]
         # while the centre is loaded or corrected the word follows at once, else two clocks later, behind the PI
         early = state[1:] < sequencer.ACQUIRE
-        at = self._before + 1 + np.where(early, SLOT_PI, SLOT_WORD)
+        at = self.valid_clock + 1 + np.where(early, SLOT_PI, SLOT_WORD)
         at[0] = FRAME_CYCLES  # no codes in the first frame
         steps = at * word[:-1] + (FRAME_CYCLES - at) * word[1:]
         rows = np.concatenate([[0], np.cumsum(steps)]) % TURN
         for frame, clocks, phase in self._anchors:
             if frame < len(rows) and (int(rows[frame]) + clocks * int(word[frame]) - phase) % TURN:
+                if self.foreign:
+                    raise ConfigError(f"scenario.plant: DRDY of frame {frame} or before is not at its clock of a frame")
                 raise RuntimeError(f"phase accumulator: the rows up to frame {frame} do not lead to the firmware's")
         return rows
 
@@ -160,9 +163,15 @@ def record(plan, progress=None):
     """`testbench.storage.record.Record` of a plan; ConfigError if a repeat does not lock."""
     if plan.truth.firmware.board != "analog_sid":
         raise ConfigError(f'firmware.board = "{plan.truth.firmware.board}": records need "analog_sid"')
+    foreign = bool(plan.truth.scenario.plant)
+    for c in plan.conditions:
+        if foreign and c.counter_s:
+            raise ConfigError(f"condition {c.id}: counter_s = {c.counter_s:g} s; no counter can be at a --plant")
     sittings, wanted = [], [(c, r) for r in range(plan.repeats) for c in plan.conditions]
     for number, (condition, repeat) in enumerate(wanted):
         sittings.append(Sitting(plan, condition, repeat, number))
+        if foreign:
+            _check_foreign(plan, sittings)
         if progress:
             progress("recording", number + 1, len(wanted))
     starts = np.cumsum([0] + [r.frames for r in sittings]).tolist()
@@ -182,9 +191,26 @@ def record(plan, progress=None):
         "roles_sha256": schema.roles_sha256(out.tables["segments"]),
         "nuisances": ",".join(p.param for p in plan.priors),
     }
+    if foreign:
+        plant = sittings[0].board.foreign
+        out.attrs |= {f"{key}_sha256": digest for key, digest in plant.identity.items()}
+        out.attrs["plant_unseen"] = " ".join(plant.unseen)
     if plan.hidden:
         out.attrs["truth_sha256"] = schema.sha256_of(envelope(plan))
     return out
+
+
+def _check_foreign(plan, sittings):
+    """ConfigError if a plant behind the port does not read what [truth] hides, or differs between power-ons."""
+    first, last = sittings[0].board, sittings[-1].board
+    for key in plan.hidden:
+        if not last.foreign.reads(key):
+            raise ConfigError(f"[truth] {key}: the plant does not read it, so no record can hide it")
+    if first.valid_clock != last.valid_clock or first.foreign.identity != last.foreign.identity:
+        raise ConfigError(
+            f"scenario.plant: DRDY at clock {last.valid_clock} of a frame after clock {first.valid_clock} of the "
+            "power-on before: a record has one board"
+        )
 
 
 def envelope(plan):
@@ -196,7 +222,7 @@ def _streams(plan, sittings):
     """Every stream, the sittings one behind the other."""
     lsb = schema.lsb_volts(plan.model.device())
     columns = [r.board.columns() for r in sittings]
-    before = timing.valid_clock(plan.model)
+    before = sittings[0].board.valid_clock
     values = {}
     for name, source in schema.CODE_OF.items():
         # a row holds the codes that arrived in the frame before it

@@ -23,13 +23,21 @@ def valid_edges(config, count):
     return np.array([int(ready(part, clock, m)) + read for m in range(count)], np.int64)
 
 
-def valid_clock(config):
+def valid_clock(config, first_drdy=None):
     """Clock within every frame at which the codes of a synchronous converter are valid; none in the first frame.
 
-    Raises ConfigError for a free-running converter, whose rate is no ratio of the clock.
+    first_drdy  clock at which DRDY falls first, of a plant behind the port; None: the own converter's
+    Raises ConfigError for a free-running converter, whose rate is no ratio of the clock, and for a first frame of codes
+    that is not valid in the second frame.
     """
     if config.firmware.adc_clock != "synchronous":
         raise ConfigError(
             f'firmware.adc_clock = "{config.firmware.adc_clock}": a record needs "synchronous", its rates are exact'
         )
-    return int(valid_edges(config, 1)[0]) - FRAME_CYCLES
+    if first_drdy is None:
+        return int(valid_edges(config, 1)[0]) - FRAME_CYCLES
+    read = valid_clocks(config.design_record())
+    if not 0 < first_drdy + read - FRAME_CYCLES < FRAME_CYCLES:
+        limits = f"{FRAME_CYCLES - read + 1} .. {2 * FRAME_CYCLES - read - 1} clocks"
+        raise ConfigError(f"scenario.plant: DRDY falls first at {first_drdy} clocks; a record needs {limits}")
+    return first_drdy + read - FRAME_CYCLES

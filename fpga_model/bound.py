@@ -1,0 +1,103 @@
+"""What a function is compiled from as it stands in this process: code and constants behind every name that it reaches.
+
+The folder of a cached kernel is named by sources on disk. A process may have bound a name to something else: another
+part in the place of ours, another constant. Its machine code is that of neither source, and must not be kept as such.
+Source  docs/decisions/0015-compile-units.md
+"""
+
+import hashlib
+import sys
+from types import CodeType, FunctionType, ModuleType
+
+import numpy as np
+
+LIBRARIES = sys.stdlib_module_names | {"numpy", "numba", "llvmlite"}  # not looked into: their versions are in the key
+_codes, _read, _compiled = {}, {}, {}
+
+
+def _of_code(code):
+    """(digest of the instructions, names that they use), those of functions inside included."""
+    if code not in _codes:
+        names, digest = set(code.co_names), hashlib.sha256(code.co_code)
+        for item in code.co_consts:
+            if isinstance(item, CodeType):
+                inside, more = _of_code(item)
+                names |= more
+                digest.update(inside.encode())
+            else:
+                digest.update(repr(item).encode())
+        digest.update(" ".join(code.co_names).encode())
+        _codes[code] = digest.hexdigest(), names
+    return _codes[code]
+
+
+def _values(place, value, names):
+    """(place, value) behind a name; behind that of a module of ours, what of it has one of the other names."""
+    if not isinstance(value, ModuleType):
+        yield place, value
+    elif value.__name__.partition(".")[0] not in LIBRARIES:
+        for name in sorted(names & vars(value).keys()):
+            yield from _values(f"{place}.{name}", vars(value)[name], names - {name})
+
+
+def _bound(function):
+    """[(place, value)] of all that the code of a function names."""
+    names, known = _of_code(function.__code__)[1], function.__globals__
+    found = [("", cell.cell_contents) for cell in function.__closure__ or ()]
+    for name in sorted(names & known.keys()):
+        found += _values(name, known[name], names)
+    return found
+
+
+def _describe(value, functions):
+    """Text that tells a value from others; functions are put into their list, to be read."""
+    value = getattr(value, "py_func", value)
+    if isinstance(value, FunctionType):
+        functions.append(value)
+        return f"{value.__module__}.{value.__qualname__}"
+    if isinstance(value, np.ndarray):
+        return f"{value.dtype} {value.shape} {hashlib.sha256(value.tobytes()).hexdigest()}"
+    if isinstance(value, (tuple, list)):
+        return f"({', '.join(_describe(item, functions) for item in value)})"
+    if value is None or isinstance(value, (bool, int, float, str, bytes, np.generic)):
+        return repr(value)
+    return f"{type(value).__qualname__} {getattr(value, '__qualname__', '')}"
+
+
+def _own(function):
+    """(text, functions) of a function without what those do; read again only if a name is bound to another object."""
+    found = _bound(function)
+    ids = [id(value) for _, value in found]
+    if function not in _read or _read[function][0] != ids:
+        functions = []
+        lines = [f"{place} = {_describe(value, functions)}" for place, value in found]
+        lines += [_describe(function.__defaults__, functions), _of_code(function.__code__)[0]]
+        text = hashlib.sha256("\n".join(lines).encode()).hexdigest()
+        _read[function] = ids, found, f"{function.__module__}.{function.__qualname__} {text}", functions
+    return _read[function][2:]
+
+
+def _reached(function):
+    """{function: (text, functions)} of a function and all that it reaches."""
+    found, ahead = {}, [function]
+    while ahead:
+        now = ahead.pop()
+        if now not in found:
+            found[now] = _own(now)
+            ahead += found[now][1]
+    return found
+
+
+def digest(function):
+    """SHA-256 of everything that a Python function would be compiled from now."""
+    return hashlib.sha256("\n".join(sorted(text for text, _ in _reached(function).values())).encode()).hexdigest()
+
+
+def compiled(function):
+    """Note that a function has been compiled, or loaded, as it stands now."""
+    _compiled.update(_reached(function))
+
+
+def replaced():
+    """Names of compiled functions in which a name stands for something else now: their machine code is outdated."""
+    return sorted(f"{f.__module__}.{f.__qualname__}" for f, was in _compiled.items() if _own(f) != was)

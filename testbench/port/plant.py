@@ -1,0 +1,148 @@
+"""The plant of a run from outside: a library and what it is told of the configuration.
+
+    keys     what of [plant], [noise] and [effects] is not at its default and not read: an effect is refused, since the
+             run would claim it; all others are listed in `unseen`
+    engines  frame and clocked. The parameters of the product's own plant stay in place for what a run says beside it,
+             but no kernel reads more of them than the clocks of the converter
+
+Source  docs/plant_port.md
+"""
+
+import hashlib
+
+import numpy as np
+
+from analog_frontend.parts import adc
+from analog_frontend.port import foreign
+from testbench.config import Config
+from testbench.config.toml_text import toml_of, toml_value
+from testbench.errors import ConfigError
+from testbench.port import library
+from testbench.storage.inputs import read_text
+
+SECTIONS = ("plant", "noise", "effects")
+SEED = "noise.seed"  # handed over by itself
+CHANNELS = ("drive_sin", "drive_cos", "sense_sin", "sense_cos", "temperature")
+MOTIONS = ("x", "vx", "y", "vy")
+
+
+def text_of(config):
+    """The configuration as lines "section.key = value" for gyro_plant_create."""
+    lines = [
+        f"{section}.{key} = {toml_value(value)}"
+        for section in SECTIONS
+        for key, value in getattr(config, section).model_dump().items()
+    ]
+    d = config.design_record()
+    clock = ("master_hz", d.master_hz), ("tick_clocks", d.tick_clocks), ("frame_ticks", d.frame_ticks)
+    return "\n".join([*lines, *(f"clock.{key} = {toml_value(value)}" for key, value in clock), ""])
+
+
+def reads(keys, name):
+    """True if "section.key" is among the keys of a library, or all of its section."""
+    return name in keys or f"{name.partition('.')[0]}.*" in keys
+
+
+def unread(config, keys):
+    """{key: value} of what is not at its default and not among the keys that a library reads."""
+    default, found = Config(), {}
+    for section in SECTIONS:
+        own = getattr(default, section).model_dump()
+        for key, value in getattr(config, section).model_dump().items():
+            name = f"{section}.{key}"
+            if value != own[key] and name != SEED and not reads(keys, name):
+                found[name] = value
+    return found
+
+
+def _refuse(config, engine):
+    """ConfigError for what a plant behind the port cannot do."""
+    s = config.scenario
+    if engine == "baseband":
+        raise ConfigError('scenario.plant: scenario.engine = "baseband" averages the own plant; use frame or clocked')
+    if config.firmware.board != "analog_sid":
+        raise ConfigError('scenario.plant: needs firmware.board = "analog_sid": the port hands over words of the ADC')
+    if any(fault[1] == "plant_nan" for fault in s.faults):
+        raise ConfigError("scenario.plant: scenario.faults plant_nan needs the own plant; the port has no such pin")
+
+
+class Plant:
+    """A library behind the port for one gyroscope; `params` belong into top.Params."""
+
+    def __init__(self, config, engine):
+        _refuse(config, engine)
+        s = config.scenario
+        found = library.opened(s.plant)
+        own = read_text(s.plant_file) if s.plant_file else ""
+        self._keys = found.keys
+        self.unseen = unread(config, found.keys)
+        for key in self.unseen:
+            if key.startswith("effects."):
+                raise ConfigError(f"{s.plant}: does not read {key} = {toml_of(self.unseen[key])}: no run can claim it")
+        self.identity = {"plant": found.sha256}
+        if s.plant_file:
+            self.identity["plant_file"] = hashlib.sha256(own.encode()).hexdigest()
+        self._instance = library.Instance(found, text_of(config), own)
+        self.params = foreign.mailboxes(self._instance.step, self._instance.address)
+
+    def reads(self, key):
+        """True if the library reads "section.key"."""
+        return reads(self._keys, key)
+
+    def power_on(self, params, state, seed, temp_degc):
+        """Reset the plant with the codes of a fresh state; FileError if the converter's promise is impossible.
+
+        params, state  of the product's plant; mutates the converter's clock in `state`
+        """
+        drive, sense = (int(code) for code in state.codes)
+        box = self.params
+        self._instance.call("reset", int(seed), drive, sense, float(temp_degc), box.adc.ctypes.data)
+        first, second = (int(v) for v in box.adc[foreign.DRDY :])
+        if not (params.adc.tick_clocks <= first and first + foreign.LEAST_APART <= second):
+            self._instance.fail(
+                f"gyro_plant_reset: drdy = {first}, {second} clocks; the first falls {params.adc.tick_clocks} clocks "
+                f"after power-on or later, the second {foreign.LEAST_APART} or more after it"
+            )
+        foreign.promise(params.adc, state.adc.clock, first, second)
+        self.first_drdy = first
+
+    def check(self):
+        """FileError with one line if the library has failed since power-on."""
+        kind, tick, which, value = (int(v) for v in self.params.failed)
+        if kind == foreign.NOTHING:
+            return
+        said = {
+            foreign.RETURNED: lambda: f"gyro_plant_step: {self._instance.line(value)}",
+            foreign.CODE: lambda: f"code of adc_{CHANNELS[which]} is {value}, outside {adc.CODE_LO} .. {adc.CODE_HI}",
+            foreign.PROMISE: lambda: (
+                f"drdy is {value} clocks, expected {which} as promised before"
+                if which >= 0
+                else f"drdy is {value} clocks, expected 0 or more"
+            ),
+            foreign.APART: lambda: f"drdy {which} and {value} clocks are less than {foreign.LEAST_APART} apart",
+            foreign.NOT_FINITE: lambda: f"motion {MOTIONS[which]} is not finite",
+        }
+        self._instance.fail(f"tick {tick}: {said[kind]()}")
+
+    def notes(self):
+        """Sentences on what runs here, and on what it does not see."""
+        found = self._instance.library
+        yield f"The plant is {found.path} (sha256 {found.sha256[:16]}), not the product's own."
+        if self.unseen:
+            shown = ", ".join(f"{key} = {toml_of(value)}" for key, value in self.unseen.items())
+            yield f"Not seen by this plant, which does not read them: {shown}."
+        if not self.saves:
+            yield "No checkpoint and no state are written: the library exports no gyro_plant_save."
+
+    @property
+    def saves(self):
+        """True if its state can be kept."""
+        return self._instance.saves
+
+    def state(self):
+        """{"port": bytes} of a plant that saves its state, else {}."""
+        return {"port": self._instance.state()} if self.saves else {}
+
+    def set_state(self, values):
+        """Continue from what `state` gave."""
+        self._instance.set_state(np.asarray(values["port"]))
