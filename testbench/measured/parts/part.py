@@ -25,7 +25,7 @@ class Piece(NamedTuple):
     rows: np.ndarray
     scored: np.ndarray  # indices
     setup: np.ndarray  # indices
-    noise: object  # noise.Noise of the scored rows
+    noise: object  # noise.Noise of all rows
     floor: float
     data: object  # whatever the model needs
     condition: dict
@@ -60,6 +60,7 @@ class Part(PartProblem, adds=f"{MEMBERS} model locate whole simulated"):
 
     def _show(self, shown):
         self.pieces = tuple(p for p in self.all_pieces if p.role in ("fit", shown))
+        self._noises = tuple(p.noise.of_rows(p.scored) for p in self.pieces)
         self.segments = tuple(
             Segment(
                 p.name,
@@ -101,13 +102,13 @@ class Part(PartProblem, adds=f"{MEMBERS} model locate whole simulated"):
         return self.pieces[k].rows[self.pieces[k].scored]
 
     def whiten(self, k, v):
-        return self.pieces[k].noise.whiten(v)
+        return self._noises[k].whiten(v)
 
     def noise_draw(self, k, rng):
         return self.noise_draws(k, 1, rng)[:, 0]
 
     def noise_draws(self, k, count, rng):
-        return self.pieces[k].noise.draws(len(self.pieces[k].scored), count, rng)
+        return self._noises[k].draws(len(self.pieces[k].scored), count, rng)
 
     def floor(self, k):
         return {self.observable: self.pieces[k].floor}
@@ -138,7 +139,7 @@ class Part(PartProblem, adds=f"{MEMBERS} model locate whole simulated"):
         pieces = []
         for piece in self.all_pieces:
             clean = self.whole(piece, values, effects)
-            rows = clean + piece.noise._replace(starts=(0,)).draw(len(clean), rng)
+            rows = clean + piece.noise.draw(len(clean), rng)
             pieces.append(piece._replace(rows=rows))
         other.all_pieces = tuple(pieces)
         other.hashes = self.hashes | {"simulated": str(rng.bit_generator.state["state"]["state"])}

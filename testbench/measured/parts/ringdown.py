@@ -17,18 +17,18 @@ import numpy as np
 from fpga_model.jit import kernel
 from testbench.errors import FileError
 from testbench.measured.formats import recognised, ringdown_text
-from testbench.measured.models.noise import Noise, neighbours, starts_of, turns
+from testbench.measured.models.noise import turns
 from testbench.measured.models.working import Working
 from testbench.measured.parts.part import Part, Piece
+from testbench.measured.parts.ringdown_stretch import DB, LEAST_NOISE_DB, background, jumps, noise, steady, stretch
 from testbench.tracing.problem.problem import Law, Nuisance
 
 UW_DBM = -30.0
 LEAST_LN = 60.0  # of ln P: what leaves it has gone wrong and stays there
-LAG_S = 2.0  # of the differences that measure the noise
 BLOCKS = 12  # of a judged run: even ones set up, odd ones are scored
-UP_COST, STEP_DB, JUMP_DB = 10.0, 0.5, 6.0
+FEWEST, LEAST_DB = 100, 6.0  # samples and fall of a decay
 CLEAR_DB = 10.0  # above the background: what is used
-DB = 10.0 / np.log(10.0)
+CLEAR_SD_DB = 2 * DB * np.sqrt(10 ** (-CLEAR_DB / 10) / 2)  # of power so far above a background: sd 2 DB sqrt(N / 2 P)
 EXPONENTS = {"damping_cubic": 2.0, "damping_quadratic": 1.5, "coulomb_friction": 0.5, "damping_quintic": 3.0}
 NAMES = tuple(EXPONENTS)
 
@@ -88,17 +88,17 @@ def power_dbm(t_s, level_dbm, rate_per_s, effects):
 
 
 def _laws(power_uw, rate):
-    def force(name, n, words, sign=0):
+    def force(name, n, words):
         half = 2 * (n - 1)
         unit = "1/(s uW)" if n == 2 else f"1/(s uW^{n - 1:g})" if n > 1 else "uW^0.5/s"
         text = f"{words}: dP/dt = -c P^{n:g}; force with power {half + 1:g} of the amplitude"
         page = "docs/measured_resonators.md" if name == "damping_quintic" else f"docs/effects/{name}.md"
-        return Law(name, "force_x", text, unit, float(rate * power_uw ** (1 - n)), sign, page=page)
+        return Law(name, "force_x", text, unit, float(rate * power_uw ** (1 - n)), 1, page=page)
 
     return (
         force("damping_cubic", 2.0, "damping that grows with the square of the amplitude, F = -d x^2 vx"),
         force("damping_quadratic", 1.5, "damping that grows with the amplitude, F = -d |vx| vx"),
-        force("coulomb_friction", 0.5, "dry friction, F = -d sgn vx", 1),
+        force("coulomb_friction", 0.5, "dry friction, F = -d sgn vx"),
         force("damping_quintic", 3.0, "damping that grows with the fourth power of the amplitude, F = -d x^4 vx"),
         Law("added_power", "detector", "power that the receiver adds", "nW", 1.0, sign=1, kind="instrument"),
         Law("compression", "detector", "receiver that saturates", "1/uW", float(0.3 / power_uw), 1, kind="instrument"),
@@ -131,7 +131,7 @@ class Ringdown(Part):
         """Level and rate: nuisances of a fitted run, else least squares on the setup rows."""
         if piece.role == "fit":
             return values[f"level_{piece.data.number}"], float(np.exp(values[f"ln_rate_{piece.data.number}"]))
-        t, y, used = piece.data.t_s, piece.rows, piece.setup
+        t, y, used, its = piece.data.t_s, piece.rows, piece.setup, piece.noise.of_rows(piece.setup)
         slope = np.polyfit(t[used], y[used], 1)[0]
         local = np.array([y[0], np.log(max(-slope / DB, 1e-9))])
         for _ in range(25):
@@ -141,7 +141,7 @@ class Ringdown(Part):
             )
             if not np.all(np.isfinite(j)):
                 break
-            step = np.linalg.lstsq(j, (y - base)[used], rcond=None)[0]
+            step = np.linalg.lstsq(its.whiten(j), its.whiten((y - base)[used]), rcond=None)[0]
             step = np.clip(step, [-5.0, -1.0], [5.0, 1.0])
             local = local + step
             if np.max(np.abs(step)) < 1e-9:
@@ -153,99 +153,51 @@ def _moved(local, e):
     return local[0] + e[0], float(np.exp(local[1] + e[1]))
 
 
-def steady(p):
-    """Running median of nine samples: dips of a background that fades go, steps stay."""
-    return np.array([np.median(p[max(i - 4, 0) : i + 5]) for i in range(len(p))])
-
-
-def stretch(p):
-    """(first, end) of the decay: the stretch that loses most; what rises or jumps costs UP_COST times its size."""
-    smooth = steady(p)
-    change = np.diff(smooth)
-    usual = np.median(np.abs(change))
-    fall = np.where((change < 0) & (np.diff(p) > -max(STEP_DB, 12 * usual)), -change, -UP_COST * np.abs(change))
-    best, total, start, found = 0.0, 0.0, 0, (0, 0)
-    for i, v in enumerate(fall):
-        if total <= 0:
-            total, start = 0.0, i
-        total += v
-        if total > best:
-            best, found = total, (start, i + 2)
-    return found
-
-
-def background(trace):
-    """Power (dBm) that stands in a record beside its decay: behind it up to a jump, or before it; None if neither does.
-
-    What is short (30 samples behind, 60 before, where an earlier decay may still ring) or still falls by 6 dB is none.
-    """
-    p = trace.power_dbm
+def _used(trace, background_dbm):
+    """(first, end, `Noise`) of the part of a run that is a decay clear of its background; FileError if it is short."""
+    p, t = trace.power_dbm, trace.x
     a, b = stretch(p)
-    ends = np.flatnonzero(np.abs(np.diff(steady(p))) > JUMP_DB)
-    last = next((int(e) + 1 for e in ends if e >= b + 5), len(p))
-    first = next((int(e) + 1 for e in ends if e < a), 0)
-    found = []
-    for piece, least in ((p[b + 5 : last], 30), (p[:first], 60)):
-        if len(piece) < least:
-            continue
-        half = len(piece) // 2
-        if abs(np.median(piece[:half]) - np.median(piece[half:])) < JUMP_DB:
-            found.append(10 * np.log10(np.mean(10 ** (piece / 10))))
-    return float(min(found)) if found else None
+    if background_dbm is not None:  # nearer to it P is no longer signal with a small error
+        b = _until(a, b, steady(p)[a:b] < background_dbm + CLEAR_DB)
+    while True:
+        fall = p[a] - p[b - 1] if b > a else 0.0
+        if b - a < FEWEST or fall < LEAST_DB:
+            said = f"{b - a} samples decay by {fall:.1f} dB, {FEWEST} samples and {LEAST_DB:g} dB wanted"
+            raise FileError(f"{trace.path}: {said}")
+        its = noise(t[a:b], p[a:b])
+        if its is None:
+            raise FileError(f"{trace.path}: the decay has no noise above {LEAST_NOISE_DB:g} dB; measured power wanted")
+        end = _until(a, b, its.sd > CLEAR_SD_DB)
+        if end == b:
+            return a, b, its
+        b = end
 
 
-def fluctuation(t, p, background_dbm):
-    """(noise sd (dB), correlation from sample to sample), one level for the whole run.
-
-    A background n beside the mode's signal A: P = |A + n|^2, sd 8.7 dB sqrt(N / 2 P). Without one in the record: what
-    second differences over LAG_S leave in the last third, where power is small. Both on top of the differences from
-    sample to sample of the first third. Correlation: ratio of the differences from sample to sample and over LAG_S.
-    """
-    lag = max(min(round(LAG_S * len(t) / (t[-1] - t[0])), len(t) // 20), 2)
-    inverse = 10 ** (-p / 10)
-    third = 2 * len(p) // 3
-
-    def typical(v):
-        return np.median(v**2) / 0.4549
-
-    far = typical(((p[2 * lag :] - 2 * p[lag:-lag] + p[: -2 * lag]) / np.sqrt(6 * inverse[lag:-lag]))[third:])
-    near = (p[2:] - 2 * p[1:-1] + p[:-2]) / np.sqrt(6)
-    ratio = typical((near / np.sqrt(inverse[1:-1]))[third:]) / max(far, 1e-30)
-    rho = neighbours(ratio)
-    b = far if background_dbm is None else (2 * DB) ** 2 / 2 * 10 ** (background_dbm / 10)
-    return float(np.sqrt(typical(near[: len(p) // 3]) + b * np.mean(inverse))), rho
+def _until(a, b, too_low):
+    return a + int(np.argmax(too_low)) if np.any(too_low) else b
 
 
 def of_trace(trace, fitted, background_dbm=None):
     """`Piece` of a run, and notes on what was left out."""
     t, p = trace.x, trace.power_dbm
-    a, b = stretch(p)
-    if background_dbm is not None:  # nearer to it P is no longer signal with a small error
-        low = np.flatnonzero(steady(p)[a:b] < background_dbm + CLEAR_DB)
-        b = a + int(low[0]) if len(low) else b
-    if b - a < 100 or p[a] - p[b - 1] < JUMP_DB:
-        raise FileError(f"{trace.path}: no decay of 100 samples and 6 dB in it")
+    a, b, its = _used(trace, background_dbm)
     number = trace.header.get("measurement id", "") or "run"
     notes = []
     if a:
         notes.append(f"{number}: first {t[a] - t[0]:.2f} s do not decay freely (drive on): left out")
     if b < len(t):
-        jumps = np.flatnonzero(np.abs(np.diff(steady(p)[b:])) > JUMP_DB)
-        what = f", with a step of the receiver at {t[b + jumps[0]]:.2f} s" if len(jumps) else ""
+        steps = [i for i in jumps(p) if i > b]
+        what = f", with a step of the receiver at {t[steps[0]]:.2f} s" if steps else ""
         notes.append(f"{number}: from {t[b - 1]:.2f} s on too near to its background{what}: left out")
     t, p = t[a:b] - t[a], p[a:b]
-    sd, rho = fluctuation(t, p, background_dbm)
-    if not (0 < sd < np.inf and np.polyfit(t, p, 1)[0] < 0):
-        raise FileError(f"{trace.path}: no noise in it, or no decay")
     if fitted:
         scored, setup = np.arange(len(t)), np.arange(0)
     else:
         setup, scored = turns(len(t), BLOCKS)
-    noise = Noise.from_autocorrelation([1.0, rho], sd, starts_of(scored))
     name = f"run_{number}"
     condition = {"level_dbm": float(p[0])}
     role = "fit" if fitted else "validate"
-    return Piece(name, role, p, scored, setup, noise, sd, Run(t, trace.sample, number), condition), notes
+    return Piece(name, role, p, scored, setup, its, its.rms, Run(t, trace.sample, number), condition), notes
 
 
 def problem(traces):
@@ -257,16 +209,15 @@ def problem(traces):
 
     traces = sorted(traces, key=lambda trace: (trace.header.get("date and time", ""), sha256_of(trace.path)))
     pieces, notes = [], []
-    levels = [v for v in (background(trace) for trace in traces) if v is not None]
+    levels = [v for v in (background(trace.power_dbm) for trace in traces) if v is not None]
     level = min(levels, default=None)
     if level is not None:
         notes.append(f"background beside the decay: {level:.1f} dBm")
     if len(traces) == 1:
         piece, said = of_trace(traces[0], False, level)
         notes += said
-        own = piece.noise._replace(starts=starts_of(piece.setup))
         pieces = [
-            piece._replace(name=piece.name + "_even", role="fit", scored=piece.setup, noise=own),
+            piece._replace(name=piece.name + "_even", role="fit", scored=piece.setup),
             piece._replace(name=piece.name + "_odd"),
         ]
     else:

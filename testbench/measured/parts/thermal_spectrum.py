@@ -12,7 +12,7 @@ from scipy.special import wofz
 
 from testbench.errors import FileError
 from testbench.measured.formats import recognised, ringdown_text
-from testbench.measured.models.noise import Noise, neighbours, starts_of, turns
+from testbench.measured.models.noise import Noise, neighbours, turns
 from testbench.measured.models.working import Working
 from testbench.measured.parts.part import Part, Piece
 from testbench.tracing.problem.problem import Law, Nuisance
@@ -78,7 +78,7 @@ def problem(trace):
         raise FileError(f"{trace.path}: the spectrum has no noise")
     pieces = []
     for name, role, scored in zip(("even", "odd"), ("fit", "validate"), turns(len(f), BLOCKS)):
-        noise = Noise.from_autocorrelation([1.0, rho], sd, starts_of(scored))
+        noise = Noise.from_autocorrelation([1.0, rho], sd)
         pieces.append(Piece(f"{name}_blocks", role, p, scored, np.arange(0), noise, sd, f, {}))
     smooth = np.convolve(p, np.ones(15) / 15, "same")[7:-7]
     at = int(np.argmax(smooth)) + 7

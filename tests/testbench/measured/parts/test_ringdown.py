@@ -84,7 +84,7 @@ def test_drive_floor_and_steps_of_the_receiver_are_left_out():
     t = np.arange(900) * 0.1
     p = np.where(t < 5, -20.0, np.maximum(-20.0 - 1.2 * (t - 5), -58.0)) + 0.05 * rng.normal(size=900)
     p[(t > 60) & (t < 65)] = -21.0
-    a, b = ringdown.stretch(p)
+    a, b = ringdown_stretch.stretch(p)
     assert abs(t[a] - 5.0) < 1.0
     assert abs(t[b - 1] - (5 + 38 / 1.2)) < 1.5
 
