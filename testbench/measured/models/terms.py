@@ -1,4 +1,8 @@
-"""Forces that a driven resonator may have beside spring, damping and drive: names and products."""
+"""Forces that a driven resonator may have beside spring, damping and drive: names and products.
+
+A force of the mode's own motion that goes against its velocity takes energy: with the other sign a part at rest or at a
+large amplitude would start by itself.
+"""
 
 # name, product (see effects/law.py), sign, words
 FORCES = (
@@ -6,11 +10,11 @@ FORCES = (
     ("spring_square", "x^2", 0, "square spring"),
     ("spring_abs", "abs(x) x", 0, "spring that stiffens with |x|"),
     ("spring_quintic", "x^5", 0, "fifth-order spring"),
-    ("damping_quadratic", "abs(vx) vx", 0, "damping that grows with speed"),
-    ("damping_cubic", "x^2 vx", 0, "damping that grows with the square of displacement"),
-    ("damping_abs_x", "abs(x) vx", 0, "damping that grows with displacement"),
-    ("damping_speed_cubed", "vx^3", 0, "damping that grows with the square of speed"),
-    ("coulomb_friction", "sgn(vx)", 1, "dry friction"),  # negative: a part at rest would start by itself
+    ("damping_quadratic", "abs(vx) vx", 1, "damping that grows with speed"),
+    ("damping_cubic", "x^2 vx", 1, "damping that grows with the square of displacement"),
+    ("damping_abs_x", "abs(x) vx", 1, "damping that grows with displacement"),
+    ("damping_speed_cubed", "vx^3", 1, "damping that grows with the square of speed"),
+    ("coulomb_friction", "sgn(vx)", 1, "dry friction"),
     ("inertia", "x vx^2", 0, "inertia that changes with displacement"),
     ("drive_cubic", "u^3", 0, "cubic force of the drive voltage"),
     ("drive_square", "u^2", 0, "square force of the drive voltage"),

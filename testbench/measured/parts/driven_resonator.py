@@ -69,6 +69,9 @@ def _laws(rms_v, fs_hz):
     return out
 
 
+DISSIPATES = ("x^4 vx", "u^2 vx")
+
+
 def _library(rms_v):
     return tuple(
         Law(
@@ -77,6 +80,7 @@ def _library(rms_v):
             f"F = -k c {text}",
             "relative",
             SCALE * rms_v ** (1 - _power(text)),
+            int(text in DISSIPATES),
             term=tuple(_factors(text)),
         )
         for name, text in GRAMMAR

@@ -132,25 +132,28 @@ class Ringdown(Part):
         if piece.role == "fit":
             return values[f"level_{piece.data.number}"], float(np.exp(values[f"ln_rate_{piece.data.number}"]))
         t, y, used, its = piece.data.t_s, piece.rows, piece.setup, piece.noise.of_rows(piece.setup)
-        slope = np.polyfit(t[used], y[used], 1)[0]
-        local = np.array([y[0], np.log(max(-slope / DB, 1e-9))])
-        for _ in range(25):
-            base = power_dbm(t, local[0], np.exp(local[1]), effects)
-            j = np.column_stack(
-                [(power_dbm(t, *_moved(local, e), effects) - base)[used] / 1e-5 for e in np.eye(2) * 1e-5]
-            )
+
+        def left(local):
+            return its.whiten((y - power_dbm(t, local[0], float(np.exp(local[1])), effects))[used])
+
+        # the rate of the fitted runs of the sample: one from this run's slope could end the decay too early
+        local = np.array([y[0], np.mean([v for name, v in values.items() if name.startswith("ln_rate_")])])
+        now, damping = left(local), 0.0
+        for _ in range(40):
+            j = np.column_stack([(left(local + e) - now) / 1e-5 for e in np.eye(2) * 1e-5])
             if not np.all(np.isfinite(j)):
                 break
-            step = np.linalg.lstsq(its.whiten(j), its.whiten((y - base)[used]), rcond=None)[0]
-            step = np.clip(step, [-5.0, -1.0], [5.0, 1.0])
-            local = local + step
-            if np.max(np.abs(step)) < 1e-9:
-                break
+            size = np.linalg.norm(j, axis=0)
+            rows = np.concatenate([j, np.diag(np.sqrt(damping) * size)])
+            step = -np.linalg.lstsq(rows, np.concatenate([now, np.zeros(2)]), rcond=None)[0]
+            tried = left(local + np.clip(step, [-5.0, -1.0], [5.0, 1.0]))
+            if tried @ tried <= now @ now:
+                local, now, damping = local + np.clip(step, [-5.0, -1.0], [5.0, 1.0]), tried, damping / 10
+                if np.max(np.abs(step)) < 1e-9:
+                    break
+            else:
+                damping = max(10 * damping, 1e-3)
         return local[0], float(np.exp(local[1]))
-
-
-def _moved(local, e):
-    return local[0] + e[0], float(np.exp(local[1] + e[1]))
 
 
 def _used(trace, background_dbm):

@@ -1,7 +1,7 @@
 """What of a recorded power is a free decay, what stands beside it, and what its noise is.
 
     stretch     the largest fall of the smoothed power: it ends where the power rises by more than its own scatter
-                above its lowest value so far, or jumps; a level that stands before the fall is left out
+                above its lowest value so far, or jumps; a level that stands before or behind it is left out
     background  mean power that stands behind the fall, or before the first jump of the record
     noise       `models.noise`: white, and coloured of variance c + d / P (dB^2), as of a background beside the signal;
                 from what a spline over the fall leaves
@@ -16,7 +16,9 @@ from testbench.measured.models.noise import likeliest
 
 STEP_DB, MOST_STEP_DB, JUMP_DB = 0.5, 1.5, 6.0
 SHARE, NARROW = 100, 9  # width of the running median: a share of the record, at least so many samples
-HEAD, CORNERS, BETTER = 8, 200, 0.7  # fall in which the corner is looked for, in rises; places; share of the squares
+FLAT = 3.0  # an end that takes so many times as long as the same fall before it is none
+HEAD, CORNERS = 8, 200  # fall in which the corner is looked for, in rises, and places
+SURE = 25.0  # of chi2, by which a later corner may be worse: five sigmas of its place
 STILL = 0.3  # of the first half's fall: an end of a record that falls less is at its background
 TAIL, BEHIND, BEFORE = 5, 30, 60  # share of a record that is its end; samples that a background needs
 KNOTS = 8  # of the smooth curve
@@ -74,18 +76,20 @@ def stretch(p):
     if fall == 0.0:
         return 0, 0
     head = first + int(np.argmax(smooth[first : least + 1] < smooth[first] - HEAD * rise[first]))
-    return first + _corner(p[first : max(head, first + NARROW)]), least + 1
+    last = [first + int(np.argmax(smooth[first : least + 1] <= smooth[least] + k * rise[least])) for k in (1, 2)]
+    flat = least - last[0] > FLAT * (last[0] - last[1])
+    return first + _corner(p[first : max(head, first + NARROW)]), (last[0] if flat else least) + 1
 
 
 def _corner(p):
-    """Samples that stand at one level before a straight fall begins; 0 if a fall from the first sample fits as well."""
+    """Samples that may stand at one level before a straight fall begins: the latest corner that is not worse."""
     k, costs = np.arange(len(p), dtype=float), []
-    places = np.unique(np.linspace(0, len(p) - 3, CORNERS).astype(int))
+    places = np.unique(np.linspace(0, len(p) - NARROW // 2, CORNERS).astype(int))
     for at in places:
         a = np.column_stack([np.ones(len(p)), np.maximum(k - at, 0.0)])
         left = p - a @ np.linalg.lstsq(a, p, rcond=None)[0]
         costs.append(float(left @ left))
-    return 1 + int(places[int(np.argmin(costs))]) if min(costs) < BETTER * costs[0] else 0
+    return int(places[np.flatnonzero(np.array(costs) <= min(costs) * (1 + SURE / len(p)))[-1]])
 
 
 def background(p):

@@ -116,8 +116,8 @@ def envelope(f_hz, f0_hz, g_per_s, effects):
 
 
 def _laws(steps_seen, g, width_hz, level):
-    def plant(name, text, unit, scale):
-        return Law(name, "force_x", text, unit, scale, page=f"docs/effects/{name}.md")
+    def plant(name, text, unit, scale, sign=0):
+        return Law(name, "force_x", text, unit, scale, sign, page=f"docs/effects/{name}.md")
 
     def analyser(name, text, unit, scale, sign=0):
         return Law(name, "instrument", text, unit, scale, sign, kind="instrument")
@@ -125,7 +125,7 @@ def _laws(steps_seen, g, width_hz, level):
     laws = [
         analyser("sweep_rate", "sweep faster than the mode rings down", "points/s", 1000.0, 1),
         plant("duffing", "f0 moves with the square of the amplitude", "Hz at full response", width_hz),
-        plant("damping_cubic", "damping that grows with the square of the amplitude", "1/s at full response", g),
+        plant("damping_cubic", "damping that grows with the square of the amplitude", "1/s at full response", g, 1),
         analyser("receiver_wait", "share of a step that the receiver waits", "1", 0.1, 1),
         analyser("kick_re", "source interrupted at each step", "us", 1.0),
         analyser("kick_im", "phase of the source jumps at each step", "us", 1.0),

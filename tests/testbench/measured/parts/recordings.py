@@ -22,6 +22,27 @@ def decay(t, start_uw, rate, law, rng, sd_db=0.03, background_uw=1e-8):
     return 10 * np.log10(p) - 30.0 + sd_db * rng.normal(size=len(t))
 
 
+def clean_ring_down(rng):
+    """(t_s, power_dbm): a linear mode behind a drive that ends, and a background in the receiver's filter; no effect.
+
+    Length, rate, time before the end of the drive, background, colour, noise of the receiver and printed digits are
+    drawn; the power falls by 20 dB or more before it is 10 dB above the background.
+    """
+    n, step_s = int(np.exp(rng.uniform(np.log(300), np.log(3000)))), 10 ** rng.uniform(-2, -0.3)
+    lead, above_db = int(n * rng.uniform(0, 0.25)), rng.uniform(30, 75)
+    fall_db, samples = min(above_db - 10, rng.uniform(20, 60)), int(rng.uniform(max(150 / n, 0.3), 0.7) * n)
+    k = np.arange(n)
+    amplitude = 10 ** (-fall_db / samples * np.maximum(k - lead, 0) / 20)
+    turn = np.exp(1j * (rng.uniform(-0.3, 0.3) * k + rng.uniform(0, 2 * np.pi)))
+    colour, kicks = rng.uniform(0, 0.9), rng.normal(size=(n + 200, 2)) @ [1, 1j] / np.sqrt(2)
+    back = np.zeros(n + 200, complex)
+    for i in range(1, n + 200):
+        back[i] = colour * back[i - 1] + np.sqrt(1 - colour**2) * kicks[i]
+    z = amplitude * turn + 10 ** (-above_db / 20) * back[200:]
+    dbm = rng.uniform(-40, 0) + 20 * np.log10(np.abs(z)) + rng.uniform(0, 0.05) * rng.normal(size=n)
+    return step_s * k, np.round(dbm, int(rng.integers(2, 6)))
+
+
 def touchstone(path, f_hz, s21, s11=None, date="2025-01-01 10:00"):
     """Two ports, dB and degrees, seven digits as an analyser prints them."""
     s11 = np.full(len(f_hz), 0.01 + 0j) if s11 is None else s11

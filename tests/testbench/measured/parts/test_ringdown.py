@@ -6,7 +6,7 @@ import pytest
 from testbench.errors import FileError
 from testbench.measured.exam import exam
 from testbench.measured.models import mode
-from testbench.measured.parts import ringdown
+from testbench.measured.parts import ringdown, ringdown_stretch
 from tests.testbench.measured.parts import recordings
 
 T = np.arange(600) * 0.12
@@ -79,6 +79,47 @@ def test_nothing_is_found_where_nothing_is(tmp_path):
         assert exam.stage(ringdown.opener(paths, {})).json["effects"] == []
 
 
+def clean(folder, seed):
+    t, p = recordings.clean_ring_down(np.random.default_rng([26, seed]))
+    return recordings.ring(folder / f"clean {seed}", "s", 1, t, p)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_an_ordinary_clean_ring_down_is_accepted(tmp_path, seed):
+    problem = ringdown.opener([clean(tmp_path, seed)], {})
+    assert all(len(p.scored) >= ringdown.FEWEST // 3 for p in problem.pieces)
+
+
+@pytest.mark.slow
+def test_of_fifty_clean_ring_downs_nearly_all_are_accepted_and_hardly_one_alarms(tmp_path):
+    accepted, alarmed, named = 0, [], []
+    for seed in range(50):
+        try:
+            problem = ringdown.opener([clean(tmp_path, seed)], {})
+        except FileError:
+            continue
+        found = exam.stage(problem).json
+        accepted += 1
+        alarmed += [seed] if found["verdict"] != "none" else []
+        named += found["effects"]
+    print(f"{accepted} of 50 accepted, alarms: {alarmed}")
+    assert accepted >= 0.95 * 50
+    assert len(alarmed) <= 0.02 * 50
+    assert named == []
+
+
+def test_noise_of_a_decay_has_level_and_colour_of_what_was_drawn():
+    rng, n, rate = np.random.default_rng(3), 2000, 0.01
+    t, level = np.arange(n) * 0.1, 0.02 * 10 ** (rate * np.arange(n) / 10)
+    colour = np.zeros(n)
+    for i in range(1, n):
+        colour[i] = 0.7 * colour[i - 1] + np.sqrt(1 - 0.49) * rng.normal()
+    found = ringdown_stretch.noise(t, -20 - rate * np.arange(n) + np.sqrt(level) * colour)
+    assert found.sd[-1] == pytest.approx(np.sqrt(level[-1]), rel=0.1)
+    assert found.sd[0] == pytest.approx(np.sqrt(level[0]), rel=0.3)
+    assert found.a[0] == pytest.approx(0.7, abs=0.08)
+
+
 def test_drive_floor_and_steps_of_the_receiver_are_left_out():
     rng = np.random.default_rng(1)
     t = np.arange(900) * 0.1
@@ -91,7 +132,7 @@ def test_drive_floor_and_steps_of_the_receiver_are_left_out():
 
 def test_what_is_no_decay_is_refused(tmp_path):
     flat = recordings.ring(tmp_path / "f", "s", 1, T, -20 + 0.01 * np.random.default_rng(0).normal(size=len(T)))
-    with pytest.raises(FileError, match="no decay"):
+    with pytest.raises(FileError, match="samples decay by"):
         ringdown.opener([flat], {})
     two = [recordings.ring(tmp_path / n, n, 1, T, -20 - T) for n in ("g", "h")]
     with pytest.raises(FileError, match="2 samples"):
