@@ -233,11 +233,11 @@ class Tracer:
             self.found = self.search()
         self.judge()
         self.weigh()
-        self.classify()
         return None
 
     def conclude(self):
         """`Result` of what has been decided, with what the reader needs besides."""
+        self.classify()
         self.plan()
         return outcome.result(self, self.decision)
 
@@ -251,14 +251,12 @@ class Tracer:
             power = Power(fit, self.alarms, self.known_noise(), self.first, self.laws, level, options.seed)
             smallest = power.smallest()
             self.power = {"d90": smallest, "null": power.null_rate(), "check": power.checked(smallest)}
-        if options.experiments and self.found is not None:
+        if options.experiments and self.causes:
             self.say("next experiment")
             rivals = [c.fit for c in self.causes]
             if len(rivals) < 2:
-                names = (n for n in self.posterior[0] if n and not set(self.found.best or ("",)) < set(n))
-                rivals = [c.fit for n in names if (c := self.found.candidates.get(n)) and c.refitted]
-            if len(rivals) < 2:
-                rivals.append(self.base.fit)
+                names = (n for n in self.posterior[0] if n and not set(self.found.best) <= set(n))
+                rivals += [c.fit for n in names if (c := self.found.candidates[n]).refitted] or [self.base.fit]
             offered, count = self.problem.experiments, outcome.rivals_kept(self)
             self.experiments = next_experiment.table(rivals, self.problem, offered, count, self.store)
 
