@@ -12,7 +12,7 @@ import hashlib
 
 import numpy as np
 
-from analog_frontend.parts import adc
+from analog_frontend.parts import adc, resonator
 from analog_frontend.port import foreign
 from testbench.config import Config
 from testbench.config.toml_text import toml_of, toml_value
@@ -24,6 +24,7 @@ SECTIONS = ("plant", "noise", "effects")
 SEED = "noise.seed"  # handed over by itself
 CHANNELS = ("drive_sin", "drive_cos", "sense_sin", "sense_cos", "temperature")
 MOTIONS = ("x", "vx", "y", "vy")
+VELOCITIES = [1, 3]
 
 
 def text_of(config):
@@ -74,7 +75,6 @@ class Plant:
         s = config.scenario
         found = library.opened(s.plant)
         own = read_text(s.plant_file) if s.plant_file else ""
-        self._keys = found.keys
         self.unseen = unread(config, found.keys)
         for key in self.unseen:
             if key.startswith("effects."):
@@ -84,10 +84,6 @@ class Plant:
             self.identity["plant_file"] = hashlib.sha256(own.encode()).hexdigest()
         self._instance = library.Instance(found, text_of(config), own)
         self.params = foreign.mailboxes(self._instance.step, self._instance.address)
-
-    def reads(self, key):
-        """True if the library reads "section.key"."""
-        return reads(self._keys, key)
 
     def power_on(self, params, state, seed, temp_degc):
         """Reset the plant with the codes of a fresh state; FileError if the converter's promise is impossible.
@@ -106,8 +102,12 @@ class Plant:
         foreign.promise(params.adc, state.adc.clock, first, second)
         self.first_drdy = first
 
-    def check(self):
-        """FileError with one line if the library has failed since power-on."""
+    def finish(self, streams):
+        """Put velocities of the truth rows (m/s) into the unit of their columns, m at the reference frequency.
+
+        FileError with one line if the library has failed since power-on.
+        """
+        streams.truth[:, VELOCITIES] /= resonator.W_RAD_PER_S
         kind, tick, which, value = (int(v) for v in self.params.failed)
         if kind == foreign.NOTHING:
             return

@@ -183,7 +183,7 @@ class Simulation:
             state = self._run(self.params, self.state, ticks, rate, temp, host, self.faults, streams)
         self.seconds_spent += time.perf_counter() - started
         if self.foreign:
-            self.foreign.check()
+            self.foreign.finish(streams)
         self.moved(state, streams, self.in_window and not probe_ticks)
         return streams
 

@@ -19,6 +19,8 @@ from testbench.engines.window import SLOT_WORD
 from testbench.errors import ConfigError
 from testbench.measured.record import schema, timing
 from testbench.measured.record.sessions import UNSEEN
+from testbench.port import library
+from testbench.port.plant import reads
 from testbench.run import build, design_check, simulate
 from testbench.run.simulation import Simulation
 from testbench.storage.record import Column, Record, TableColumn
@@ -163,15 +165,16 @@ def record(plan, progress=None):
     """`testbench.storage.record.Record` of a plan; ConfigError if a repeat does not lock."""
     if plan.truth.firmware.board != "analog_sid":
         raise ConfigError(f'firmware.board = "{plan.truth.firmware.board}": records need "analog_sid"')
-    foreign = bool(plan.truth.scenario.plant)
-    for c in plan.conditions:
-        if foreign and c.counter_s:
-            raise ConfigError(f"condition {c.id}: counter_s = {c.counter_s:g} s; no counter can be at a --plant")
+    foreign = plan.truth.scenario.plant
+    if foreign:
+        _check_foreign(plan, library.opened(foreign).keys)
     sittings, wanted = [], [(c, r) for r in range(plan.repeats) for c in plan.conditions]
     for number, (condition, repeat) in enumerate(wanted):
         sittings.append(Sitting(plan, condition, repeat, number))
-        if foreign:
-            _check_foreign(plan, sittings)
+        first, last = sittings[0].board, sittings[-1].board
+        if first.valid_clock != last.valid_clock:
+            where = f"DRDY at clock {last.valid_clock} of a frame after clock {first.valid_clock}"
+            raise ConfigError(f"scenario.plant: {where} of another power-on: a record has one board")
         if progress:
             progress("recording", number + 1, len(wanted))
     starts = np.cumsum([0] + [r.frames for r in sittings]).tolist()
@@ -200,17 +203,14 @@ def record(plan, progress=None):
     return out
 
 
-def _check_foreign(plan, sittings):
-    """ConfigError if a plant behind the port does not read what [truth] hides, or differs between power-ons."""
-    first, last = sittings[0].board, sittings[-1].board
+def _check_foreign(plan, keys):
+    """ConfigError for what a record of a plant behind the port, which reads `keys`, cannot hold."""
+    for c in plan.conditions:
+        if c.counter_s:
+            raise ConfigError(f"condition {c.id}: counter_s = {c.counter_s:g} s; no counter can be at a foreign plant")
     for key in plan.hidden:
-        if not last.foreign.reads(key):
+        if not reads(keys, key):
             raise ConfigError(f"[truth] {key}: the plant does not read it, so no record can hide it")
-    if first.valid_clock != last.valid_clock or first.foreign.identity != last.foreign.identity:
-        raise ConfigError(
-            f"scenario.plant: DRDY at clock {last.valid_clock} of a frame after clock {first.valid_clock} of the "
-            "power-on before: a record has one board"
-        )
 
 
 def envelope(plan):

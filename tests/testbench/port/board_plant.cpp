@@ -3,6 +3,8 @@
 
 #include "board.h"
 
+static const double W_RAD_PER_S = 2 * M_PI * 11000;
+
 struct Plant {
     Board board;
     std::vector<char> path;
@@ -63,6 +65,7 @@ int32_t gyro_plant_step(void *plant, const gyro_pins *pins, double rate_rad_s, d
     b.sense_codes.clear();
     b.frames.clear();
     show(b, adc);
-    for (int m = 0; m < 4; m++) motion[m] = b.z[6 + m];
+    // velocities of this plant are in m, at its reference frequency
+    for (int m = 0; m < 4; m++) motion[m] = (m % 2 ? W_RAD_PER_S : 1.0) * b.z[6 + m];
     return 0;
 }

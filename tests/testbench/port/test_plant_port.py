@@ -11,7 +11,10 @@ import pytest
 from analog_frontend import top as plant
 from testbench import flatten
 from testbench.bench import kernels, peers
+from testbench.engines import window
 from testbench.errors import ConfigError, FileError
+from testbench.measured.record import load, produce
+from testbench.measured.record import plan as plans
 from testbench.port import library
 from testbench.port.plant import Plant
 from testbench.run.simulation import Simulation
@@ -115,10 +118,56 @@ def test_the_plant_of_the_comparators_behind_the_port_has_the_frame_engines_bits
         assert (streams.drive_code == out[0].drive_code[:n]).all()
         assert (streams.sense_code == out[0].sense_code[:n]).all()
         assert (streams.frames == out[0].frames[: n // 125]).all()
-        assert (streams.truth == out[0].truth[: n // 125]).all()
+        # m/s and back; the first row is of the state that was handed over
+        assert streams.truth[1:] == pytest.approx(out[0].truth[1 : n // 125], rel=4e-16, abs=0.0)
+        assert (streams.truth[:, ::2] == out[0].truth[: n // 125, ::2]).all()
     assert list(flatten.leaves(own.state.fpga)) == list(flatten.leaves(sims[1].state.fpga))
-    motion = slice(plant.X, plant.VY + 1)
-    assert (own.state.plant.z[motion] == sims[1].state.plant.z[motion]).all()
+
+
+LIVING = "adc->code[2 + k] = now / FRAME * 7919 % 13 - 6 + k;"  # of a sense mode that has only noise
+MOVING = "int64_t m = now / FRAME + (now < FRAME || into > LATE + 1) + k;"
+LINE = "adc->code[k] = p->code[k];"
+PLAN = {"repeats": 2, "condition": [{"id": "rest", "settle_s": 0.01, "seconds": 0.05}]}
+
+
+def planned(path, **values):
+    return plans.with_plant(plans.from_dict(PLAN | values), path)
+
+
+def test_a_record_of_a_foreign_plant_is_accepted_and_its_firmware_replays(tmp_path):
+    path = compiled(tmp_path, "living", changes=[(LINE, f"{LINE} {LIVING}")])
+    made = produce.record(planned(path))
+    assert made.attrs["plant_sha256"] == library.opened(path).sha256
+    assert made.attrs["plant_unseen"] == ""
+    # DRDY 10 clocks behind the frame's end, and the read
+    assert made.streams["adc_xI"].edge0 == 10 + window.valid_clocks(configured().design_record())
+    load.write(tmp_path / "record.h5", made)
+    loaded = load.load(tmp_path / "record.h5")
+    assert loaded.residual.first is None
+    assert {finding.rule for finding in loaded.findings} == {"R27"}, "its sensor of the temperature is at 0"
+
+
+def test_a_record_refuses_what_it_could_not_hold(resonator, tmp_path):
+    for values, line in (
+        ({"truth": {"plant.qy": 1.9e5}}, r"\[truth\] plant\.qy: the plant does not read it"),
+        ({"condition": [{"id": "a", "counter_s": 0.1}]}, r"condition a: counter_s = 0\.1 s"),
+    ):
+        with pytest.raises(ConfigError, match=line):
+            produce.record(planned(resonator, **values))
+    moving = [
+        (LINE, f"{LINE} {LIVING}"),
+        ("{FRAME * CLOCKS + LATE,", "{FRAME * CLOCKS + LATE + 1,"),
+        (
+            "adc->drdy[k] = (now < FRAME || into > LATE ? FRAME * CLOCKS : 0)",
+            f"{MOVING} adc->drdy[k] = m * FRAME * CLOCKS",
+        ),
+        ("+ LATE - into + k * FRAME * CLOCKS;", "+ LATE + m % 2 - now * CLOCKS;"),
+    ]
+    with pytest.raises(ConfigError, match="is not at its clock of a frame"):
+        produce.record(planned(compiled(tmp_path, "moving", changes=moving)))
+    early = [("{FRAME * CLOCKS + LATE, 2", "{2000, 2")]
+    with pytest.raises(ConfigError, match="DRDY falls first at 2000 clocks; a record needs"):
+        produce.record(planned(compiled(tmp_path, "early", changes=early)))
 
 
 def test_two_libraries_run_one_after_the_other_on_the_same_kernels(resonator, tmp_path):
