@@ -259,6 +259,9 @@ class TraceOptions(NamedTuple):
     seed: Annotated[int, typer.Option(min=0, help="Of null draws and bootstraps.")] = 0
     most: Annotated[int | None, typer.Option("--max-laws", min=1, max=6, help="Laws in one explanation.")] = None
     option: Annotated[list[str] | None, typer.Option("--option", metavar="KEY=VALUE", help="For the opener.")] = None
+    priors: Annotated[
+        str | None, typer.Option(metavar="sheet|FILE", help="Tolerances of what the record's priors leave out.")
+    ] = None
 
 
 def _pairs(option):
@@ -285,7 +288,7 @@ def trace(o):
     from testbench.tracing.figures import all_figures
     from testbench.tracing.trace import Options
 
-    given = _pairs(o.option)
+    given = _pairs(o.option) | ({"priors": o.priors} if o.priors else {})
     with _progress(False) as progress, determined(o.files):
         found, name = trace_recording.trace_table(o.files, given), "numbers"
         if not found:

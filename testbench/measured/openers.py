@@ -13,10 +13,11 @@ from testbench.errors import FileError
 
 
 def closed_loop(paths, options):
-    """Records of the closed loop (gyrorec)."""
+    """Records of the closed loop (gyrorec). Options: those of `loop_record`, and priors = sheet or a file."""
     from testbench.measured.closed_loop import loop_record
+    from testbench.measured.wide.of_record import Calibrated
 
-    return loop_record.open_record(paths, options)
+    return loop_record.open_record(paths, options, Calibrated(options.get("priors")))
 
 
 def single_part(paths, options):

@@ -80,7 +80,7 @@ class Anchored(Problem, adds="anchor distance check at draws"):
 
 MEMBERS = (
     "recorded model parameters progress bench kept candidates conditions per_hz slope place anchors tangent tangents "
-    "first base model_at moved_hz run_of smooth key exact hertz linear size column axis settle pseudo"
+    "first starts base model_at moved_hz run_of smooth key exact hertz linear size column axis settle pseudo"
 )
 
 
@@ -101,7 +101,7 @@ class LoopProblem(Anchored, adds=MEMBERS):
         known = {p.key for p in self.parameters}
         candidates, library = ([c for c in laws if c.key not in known] for laws in (candidates, library))
         self.candidates = {c.law.name: c for c in (*candidates, *library)}
-        self.nuisances = tuple(Nuisance(p.key, p.unit, p.mean, _sd(p)) for p in self.parameters)
+        self.nuisances = tuple(Nuisance(p.key, p.unit, *p.normal()) for p in self.parameters)
         self.laws, self.library = tuple(c.law for c in candidates), tuple(c.law for c in library)
         self.linear_in = frozenset([n.name for n in self.nuisances] + list(self.candidates))
         self.conditions = {c.id: c for c in measured.conditions}
@@ -121,10 +121,12 @@ class LoopProblem(Anchored, adds=MEMBERS):
         self.heldout_view = Fine(self, {g: v[:, self._sizes[g] :] for g, v in draws.items()})
         self._rows = {s.group: k for k, s in enumerate(self.segments)}
         self.anchors, self.draws, self.tangent = 0, LOOK, None
-        self.first = np.array([n.value for n in self.nuisances])
+        self.first = np.array([p.first for p in self.parameters])
+        self.starts = tuple(p.start for p in self.parameters if p.start is not None)
         self.anchor(self.first, {})
         self.tangents = Tangents(self)
-        self.tangents.make([*(n.name for n in self.nuisances), *(law.name for law in self.laws)])
+        for names in (self.nuisances, self.laws):
+            self.tangents.make([item.name for item in names])
         columns = [(self.column(n.name), self.column(n.name, "validate")) for n in self.nuisances]
         self.tangent = {g: np.stack([(a | b)[g] for a, b in columns], axis=1) for g in self.base}
         if any(np.any(v) for v in measured.values.values()):
@@ -430,10 +432,6 @@ def _of_frequency(condition):
         for edges in (loop_runs.bins(condition), loop_runs.fine_bins(condition))
     ]
     return np.concatenate(out).astype(float)
-
-
-def _sd(p):
-    return p.scale * p.mean if p.logarithmic else p.scale
 
 
 def _segments(measured):

@@ -106,8 +106,12 @@ def held_out_apart(record):
     return not of["fit"] & of["validate"]
 
 
-def open_record(paths, options):
-    """`LoopProblem` of one record, or None if the content is no record. Options: grammar = no, threads = N."""
+def open_record(paths, options, calibrated=None):
+    """`LoopProblem` of one record, or None if the content is no record. Options: grammar = no, threads = N.
+
+    calibrated  function(data, model, record, bench) -> (model, parameters, lines) from priors that are too wide for a
+                linear model, or None: the record's priors are narrow
+    """
     if len(paths) != 1 or not is_record(paths[0]):
         return None
     loaded = load.load(paths[0])
@@ -116,13 +120,14 @@ def open_record(paths, options):
         raise ConfigError(f"{paths[0]}: {text}; gyro measured residuals --kind R1 and calibrate do not")
     record, lacking = words.completed(loaded.record)
     model = check_tables.stated_config(record)
-    wanted = parameters.declared(record)
     hashes = {"record": record.attrs.get("content_sha256", ""), "roles": record.attrs.get("roles_sha256", "")}
     data = measured_features(record, paths[0].name, hashes)
     library = () if options.get("grammar") == "no" else loop_laws.from_grammar()
     bench = loop_runs.Bench(int(options.get("threads", loop_runs.THREADS)))
+    found = calibrated(data, model, record, bench) if calibrated else None
+    model, wanted, lines = found or (model, parameters.declared(record), ())
     problem = loop_problem.LoopProblem(data, model, wanted, loop_laws.from_catalogue(), library, bench)
-    problem.warnings = loaded.warnings + ((f"words are not replayed: {lacking}",) if lacking else ())
+    problem.warnings = (*loaded.warnings, *((f"words are not replayed: {lacking}",) if lacking else ()), *lines)
     problem.heldout_independent = held_out_apart(record)
     if loaded.blocked:
         problem.firmware = next(str(f) for f in loaded.findings if f.rule == "R16")

@@ -16,9 +16,11 @@ import numpy as np
 from analog_frontend.effects import law
 from testbench.measured.closed_loop.loop_even import AIM, HELD_HZ, even
 from testbench.measured.closed_loop.loop_responses import Responses, covers
+from testbench.measured.closed_loop.loop_symmetries import tied
 from testbench.tracing.problem.problem import PredictionFailed
 
 NEAR = 2.5  # how far off AIM a step may be
+SETTLE_S = 3.0  # longer settling of steps in wide priors: two loops have zeros at 0.6 Hz
 SEEN = 10.0  # sigmas of all features together, that a law's largest step must move
 LARGEST_SCALES = 1e4  # of a law of the grammar
 
@@ -33,11 +35,14 @@ class Tangents:
         self.of, self.slope, self.kept = of, of.slope, of.kept.columns
         self.nuisances = [n.name for n in of.nuisances]
         # the same a few mHz further on
-        self._where = of.key(list(of.conditions.values()))
+        self._where = of.key(list(of.conditions.values()), *of.starts)
         # {name: step}: 0 of a law that these data do not see
         self.steps = of.kept.steps.setdefault(self._where, {})
         self._late = {one.name for one in of.library if covers(of.candidates[one.name])}
         self.direct = set()  # laws of the library with tangents of their own
+        # of wide priors alone: a direction that no data see must not be fixed by the errors of steps
+        self._wide, self._more_s = bool(of.starts), 0.0
+        self._tied = tied(self.nuisances) if self._wide else {}
         for role in {c.role for c in of.conditions.values()}:
             self.kept[self._where, role, "plant.fx_hz"] = {c.id: of.slope[c.id] for c in self._of(role)}
 
@@ -47,6 +52,13 @@ class Tangents:
             return {}
         if name in self._late and name not in self.direct:
             return self._responded(name, role)
+        if name in self._tied:
+            columns = {key: self.column(key, role) for key in self._tied[name].partners}
+            values = dict(zip(self.nuisances, self.of.first))
+            return {
+                c.id: self._tied[name].column(values, {key: v[c.id] for key, v in columns.items()})
+                for c in self._of(role)
+            }
         if (self._where, role, name) not in self.kept:
             if name not in self.steps:
                 self.make(self._beside(name))
@@ -77,9 +89,10 @@ class Tangents:
     def make(self, names, role="fit"):
         """Columns of nuisances and laws on the conditions with a role, that are not there yet."""
         of, columns = self.of, {}
-        missing = [name for name in names if (self._where, role, name) not in self.kept]
+        missing = [n for n in names if n not in self._tied and (self._where, role, n) not in self.kept]
         if not missing:
             return
+        self._more_s = SETTLE_S if self._wide and set(missing) <= set(self.nuisances) else 0.0
         base = self._many([(of.first, {})], self._of(role))[0]
         steps = {name: self.steps.get(name, self._first_step(name)) for name in missing}
         zero, nan = ({g: np.full(len(v), fill) for g, v in base.items()} for fill in (0.0, np.nan))
@@ -192,6 +205,7 @@ class Tangents:
     def _many(self, points, conditions, hertz=None):
         """Features {group: values} of points in the averaged plant, None where it fails; hertz: see `of.smooth`."""
         of, models = self.of, []
+        conditions = [c._replace(settle_s=c.settle_s + self._more_s) for c in conditions]
         hertz = hertz or [dict.fromkeys(of.conditions, 0.0)] * len(points)
         for theta, effects in points:
             try:

@@ -27,6 +27,18 @@ class Parameter(NamedTuple):
     logarithmic: bool
     lo: float
     hi: float
+    start: float | None = None  # where a linear model begins; None: at the mean
+
+    @property
+    def first(self):
+        """Where a linear model begins."""
+        return self.mean if self.start is None else self.start
+
+    def normal(self):
+        """(mean, sd) in the parameter's unit of the normal prior that is this one near `first`."""
+        if not self.logarithmic:
+            return self.mean, self.scale
+        return self.first * (1 - math.log(self.first / self.mean)), self.scale * self.first
 
     def value(self, u):
         """The parameter at a coordinate."""

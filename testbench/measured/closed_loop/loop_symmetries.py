@@ -1,0 +1,54 @@
+"""Changes of the plant that no record of the loop shows: what they move is a product or a difference to the data.
+
+    scale   a parameter times s, partners times s^power: the same codes (rounding aside)
+    delay   a delay and partners later by one time: the same codes at later instants of a turn
+    tied    the column of `held` follows from those of its partners, so that no rounding fixes the direction:
+            scale  held dy/dheld = - sum power partner dy/dpartner;   delay  dy/dheld = - sum dy/dpartner
+Source    docs/wide_priors.md
+"""
+
+from typing import NamedTuple
+
+
+class Symmetry(NamedTuple):
+    """A direction in which the data see nothing; partners {key: power} of a scale, {key: 1.0} of a delay."""
+
+    name: str
+    held: str
+    partners: dict
+    delay: bool
+    products: tuple  # what the data do fix, in words
+    experiment: str
+
+    def column(self, values, columns):
+        """Change per unit of `held` from those of its partners; both {key: ...}."""
+        if self.delay:
+            return -sum(columns[key] for key in self.partners)
+        return -sum(power * values[key] * columns[key] for key, power in self.partners.items()) / values[self.held]
+
+
+MOTION = Symmetry(
+    "absolute motion",
+    "plant.dcdx_f_per_m",
+    {"plant.dcdy_f_per_m": 1.0, "plant.k_vf_drive_n_per_v": -1.0, "plant.k_vf_sense_n_per_v": -1.0},
+    False,
+    ("dcdx k_vf_drive / mass", "dcdx k_vf_sense / mass (scale factor)", "dcdy / dcdx"),
+    "the amplitude of x in metres: stroboscopic or laser vibrometer, or the voltage at a known gap",
+)
+DELAY = Symmetry(
+    "instant of the demodulator",
+    "plant.sid_switch_s",
+    {"plant.drive_pole_1_s": 1.0, "plant.sense_pole_1_s": 1.0},
+    True,
+    ("drive_pole_1 - sid_switch", "sense_pole_1 - sid_switch"),
+    "a phase counter between a reference pin and a force electrode (/counter/Vxm_vs_sgnsin)",
+)
+SYMMETRIES = (MOTION, DELAY)
+# never fitted: it scales with every force, and with nothing else
+MASS = "mass_kg: only force and stiffness per mass are seen (k_vf / mass, k_xy / mass, k_q / mass)"
+MASS_EXPERIMENT = "a known force or added mass"
+
+
+def tied(keys):
+    """{held key: Symmetry} of those whose parameters are all among `keys`."""
+    return {s.held: s for s in SYMMETRIES if {s.held, *s.partners} <= set(keys)}

@@ -1,0 +1,135 @@
+"""Features of the averaged plant at any point of wide priors, near the recorded drive frequencies.
+
+    u        coordinates of the parameters, prior mean 0 and sd 1 (residual/parameters.py)
+    mean     of some draws, each from power-on; every condition is moved to its recorded drive frequency by a
+             stiffness, because slips of re-timed edges are others a few mHz away; the shift is taken out again
+    columns  dy/du by steps with the same noise: even references; settled longer, for a step changes what the slow zeros
+             of two loops have still to forget; those of held keys follow from their partners
+Source    docs/wide_priors.md
+"""
+
+import numpy as np
+
+from testbench import config as configuration
+from testbench.errors import ConfigError
+from testbench.measured.closed_loop import loop_runs
+from testbench.measured.closed_loop.loop_even import even
+from testbench.measured.closed_loop.loop_noise import JITTER_HZ, LATER, jitter_hz
+from testbench.measured.closed_loop.loop_runs import FAST, NAMES, Model, Run
+from testbench.measured.closed_loop.loop_symmetries import tied
+
+SEED = 2 * 10**12  # that no recording and no draw of the linear model has
+AIM = 300.0  # sigmas by which a step moves all features
+FIRST_STEP, STEPS = 1e-2, (1e-6, 0.1)  # in u
+LOGARITHMIC = ("amplitude", "v_q2")  # go with factors of Q, force and coupling
+
+
+class AveragedLoop:
+    """The fitted conditions of a recording (`loop_problem.Measured`) beside the averaged plant of a configuration."""
+
+    def __init__(self, measured, model, parameters, bench):
+        self.model, self.parameters, self.bench = model, tuple(parameters), bench
+        self.conditions = [c for c in measured.conditions if c.role == "fit"]
+        sizes = [loop_runs.size(c) for c in self.conditions]
+        self.features = np.concatenate(
+            [measured.values[c.id][:, :n].mean(axis=0) for c, n in zip(self.conditions, sizes)]
+        )
+        self.repeats = np.repeat([len(measured.values[c.id]) for c in self.conditions], sizes)
+        self.observable = np.concatenate([np.repeat(NAMES, n // len(NAMES)) for n in sizes])
+        self.condition = np.repeat(np.arange(len(sizes)), sizes)
+        self._word = self.observable == "f_word"
+        ends = [np.flatnonzero(self._word & (self.condition == k))[-1] for k in range(len(sizes))]
+        self._ends = np.array(ends)
+        self._tied = tied([p.key for p in self.parameters])
+        self._steps = np.full(len(self.parameters), FIRST_STEP)
+
+    def values(self, u):
+        """{key: value} at coordinates."""
+        return {p.key: p.value(float(x)) for p, x in zip(self.parameters, u)}
+
+    def config(self, u):
+        """Configuration at coordinates; ConfigError outside the limits of a key."""
+        return configuration.changed(self.model, self.values(u))
+
+    def _rows(self, runs):
+        """(points, features) of runs, condition after condition; None for a point where one leaves its range."""
+        found, n = self.bench.run(runs, FAST, lenient=True), len(self.conditions)
+        parts = [found[i : i + n] for i in range(0, len(found), n)]
+        return [None if any(v is None for v in rows) else np.concatenate(rows) for rows in parts]
+
+    def _draws(self, cfg, moved_hz, count):
+        per_hz = 8 * np.pi**2 * cfg.plant.mass_kg * cfg.plant.fx_hz
+
+        def run(k, draw):
+            hz = float(moved_hz[k] + jitter_hz(draw))
+            told = Model(cfg, (f"force_x = {-per_hz * hz!r} x",))
+            return Run(told, self.conditions[k], SEED + 10_000 * k + draw, None, int(LATER[draw]))
+
+        rows = self._rows([run(k, d) for d in range(count) for k in range(len(self.conditions))])
+        if any(v is None for v in rows):
+            raise ConfigError("wide priors: the averaged plant leaves its range")
+        jitter = np.mean([jitter_hz(d) for d in range(count)])
+        return np.array(rows) - self._word * (np.asarray(moved_hz)[self.condition] + jitter)
+
+    def mean(self, u, count):
+        """(mean, sd) of draws at a point; None where the board does not lock or a key is out of its limits."""
+        try:
+            cfg = self.config(u)
+            one = self._draws(cfg, np.zeros(len(self.conditions)), 1)[0]
+            rows = self._draws(cfg, (self.features - one)[self._ends], count)
+        except (ConfigError, ValueError):
+            return None
+        return rows.mean(axis=0), rows.std(axis=0, ddof=1)
+
+    def residual(self, predicted):
+        """Recorded less predicted features; of LOGARITHMIC ones (y > 0) by the logarithm, linear far away too."""
+        ratio = self.features / np.where(predicted == 0, np.inf, predicted)
+        logarithmic = np.isin(self.observable, LOGARITHMIC) & (ratio > 0)
+        return np.where(logarithmic, predicted * np.log(np.where(logarithmic, ratio, 1.0)), self.features - predicted)
+
+    def sigma(self, sd):
+        """Deviation of the recorded means by few draws: a single one is at least the median of its kind."""
+        out = sd.copy()
+        for name in NAMES:
+            for k in range(len(self.conditions)):
+                rows = (self.observable == name) & (self.condition == k)
+                out[rows] = np.maximum(out[rows], np.median(out[rows]))
+        out = np.where(self._word, np.hypot(out, JITTER_HZ), out)
+        return out / np.sqrt(self.repeats)
+
+    def columns(self, u, which, sigma, more_s=0.0):
+        """(features, columns dy/du of the indices `which`, 0 elsewhere) with one noise, without slips of edges.
+
+        more_s  longer settling.  None where the board does not lock
+        """
+        keys = [p.key for p in self.parameters]
+        wanted = [k for k in which if keys[k] not in self._tied]
+        try:
+            start = self.config(u)
+            points = [start, *(self.config(u + self._steps[k] * (np.arange(len(u)) == k)) for k in wanted)]
+            rows = self._rows(
+                [
+                    Run(Model(even(cfg)), c._replace(settle_s=c.settle_s + more_s), SEED + 10_000 * i, start, 0, True)
+                    for cfg in points
+                    for i, c in enumerate(self.conditions)
+                ]
+            )
+        except (ConfigError, ValueError):
+            return None
+        base, *moved = rows
+        if base is None or any(row is None for row in moved):
+            return None
+        out = np.zeros((len(base), len(u)))
+        for k, row in zip(wanted, moved):
+            out[:, k] = (row - base) / self._steps[k]
+            self._steps[k] = np.clip(AIM / max(np.linalg.norm(out[:, k] / sigma), 1e-9), *STEPS)
+        return base, self.tie(out, u)
+
+    def tie(self, columns, u):
+        """Columns whose held ones follow from their partners. Mutates `columns`."""
+        keys, values = [p.key for p in self.parameters], self.values(u)
+        per_u = {p.key: p.sd(x, 1.0) for p, x in zip(self.parameters, u)}
+        per_unit = {key: columns[:, k] / per_u[key] for k, key in enumerate(keys)}
+        for key, symmetry in self._tied.items():
+            columns[:, keys.index(key)] = symmetry.column(values, per_unit) * per_u[key]
+        return columns

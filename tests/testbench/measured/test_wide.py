@@ -1,0 +1,159 @@
+"""Wide priors: sheet, tangent of a prior, exact symmetries of the plant, and the stages on a board in closed form."""
+
+import math
+
+import numpy as np
+import pytest
+
+from testbench import config as configuration
+from testbench.errors import ConfigError
+from testbench.measured.closed_loop import loop_runs
+from testbench.measured.closed_loop.loop_even import even
+from testbench.measured.closed_loop.loop_runs import FAST, Model, Run
+from testbench.measured.closed_loop.loop_symmetries import SYMMETRIES, tied
+from testbench.measured.record.plan import Condition
+from testbench.measured.residual.parameters import Parameter
+from testbench.measured.wide import estimate, products, sheet
+
+
+def test_the_sheet_has_the_tolerances_of_a_data_sheet_about_the_configured_board():
+    model = configuration.Config()
+    found = {p.key: p for p in sheet.parameters(model, sheet.read(sheet.OWN))}
+    assert found["plant.fx_hz"].scale == pytest.approx(1e-3 * model.plant.fx_hz)
+    assert found["plant.qx"].scale == pytest.approx(math.log(2))
+    assert found["plant.tcf_per_k"].scale == pytest.approx(0.1 * abs(model.plant.tcf_per_k))
+    assert sheet.wide(found.values())
+    mine = Parameter("plant.qx", "1", 2e5, 2e-5, True, 100.0, 1e8)
+    assert not sheet.wide([mine])
+    assert sheet.parameters(model, {"plant.qx": ("factor", 2.0)}, [mine]) == (mine,)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('[factor]\n"plant.qx" = 0.5', "plant.qx: 0.5: above 1 and at most 10"),
+        ('[relative]\n"plant.qz" = 0.5', "plant.qz: is no key of"),
+        ('[relative]\n"plant.qx" = true', "plant.qx: True"),
+        ('[relative]\n"plant.qx" = 0.1\n[factor]\n"plant.qx" = 2.0', "duplicate"),
+        ("[sd]\na = 1", "expected the tables relative and factor"),
+        ("relative = 1", "expected the tables"),
+    ],
+)
+def test_a_wrong_sheet_is_one_line(tmp_path, text, said):
+    path = tmp_path / "sheet.toml"
+    path.write_text(text)
+    with pytest.raises(ConfigError, match=said) as error:
+        sheet.read(path)
+    assert "\n" not in str(error.value)
+
+
+def test_a_tolerance_of_nothing_is_refused():
+    with pytest.raises(ConfigError, match="sid_leakage_a = 0"):
+        sheet.parameters(configuration.Config(), {"plant.sid_leakage_a": ("relative", 0.1)})
+
+
+def test_the_tangent_prior_pulls_as_the_logarithmic_one_does():
+    p = Parameter("plant.qx", "1", 2e5, 0.7, True, 0.0, 1e9, 3.1e5)
+    mean, sd = p.normal()
+    step = 1e-4 * p.start
+    pull = [p.coordinate(p.start + s) ** 2 for s in (-step, step)]
+    assert (pull[1] - pull[0]) / (2 * step) == pytest.approx(2 * (p.start - mean) / sd**2, rel=1e-6)
+    narrow = Parameter("plant.qx", "1", 2e5, 2e-5, True, 0.0, 1e9)
+    assert narrow.normal() == (2e5, 4.0)
+
+
+CONDITION = Condition("one", 5.0, 100.0, -50.0, 40.0, 15.0, settle_s=1.5, seconds=0.3, role="fit")
+
+
+def _features(model, values):
+    changed = even(configuration.changed(model, values))
+    run = Run(Model(changed), CONDITION, 3, None, 0, True)
+    return loop_runs.Bench(1).run([run], FAST)[0]
+
+
+@pytest.mark.parametrize("symmetry", SYMMETRIES, ids=lambda s: s.name)
+def test_a_symmetry_leaves_all_features_and_a_part_of_it_does_not(symmetry):
+    """A change of 2 % (scale) or 2 ns (delay), against the same change of the held parameter alone."""
+    model = configuration.Config()
+    value = {key: getattr(model.plant, key.partition(".")[2]) for key in (symmetry.held, *symmetry.partners)}
+    if symmetry.delay:
+        moved = {key: v + 2e-9 for key, v in value.items()}
+    else:
+        moved = {symmetry.held: 1.02 * value[symmetry.held]}
+        moved |= {key: value[key] * 1.02**power for key, power in symmetry.partners.items()}
+    base, whole = _features(model, {}), _features(model, moved)
+    alone = _features(model, {symmetry.held: moved[symmetry.held]})
+    changes = np.abs(np.array([whole - base, alone - base])).reshape(2, len(loop_runs.NAMES), -1).max(axis=2)
+    for name in ("v_q2", "adc_yQ"):
+        both, one = changes[:, loop_runs.NAMES.index(name)]
+        assert both < 0.02 * one
+
+
+class _Loop:
+    """A board in closed form: amplitude ~ 1 / (q k), frequency, force ~ 1 / k; 4 features of each of 3 observables."""
+
+    def __init__(self, truth, parameters):
+        self.parameters, self.truth = parameters, truth
+        self.observable = np.repeat(["f_word", "amplitude", "force"], 4)
+        self.features = self._at(truth)
+        self.sigma = lambda sd: sd
+
+    def _at(self, v):
+        angle = np.tan(np.radians([-20.0, -5.0, 10.0, 25.0]))
+        word = v["plant.fx_hz"] + v["plant.fx_hz"] / (2 * v["plant.qx"]) * angle
+        amplitude = 1e9 / (v["plant.qx"] * v["plant.k_vf_drive_n_per_v"]) * np.hypot(1, angle)
+        return np.concatenate([word, amplitude, np.full(4, 1e-7 / v["plant.k_vf_drive_n_per_v"])])
+
+    def values(self, u):
+        return {p.key: p.value(x) for p, x in zip(self.parameters, u)}
+
+    def residual(self, predicted):
+        return self.features - predicted
+
+    def mean(self, u, count):
+        return self._at(self.values(u)), np.array([1e-6] * 4 + [1e-3] * 4 + [1e-6] * 4)
+
+    def columns(self, u, which, sigma, more_s=0.0):
+        base, out = self._at(self.values(u)), np.zeros((12, len(u)))
+        for k in which:
+            step = 1e-6 * (np.arange(len(u)) == k)
+            out[:, k] = (self._at(self.values(u + step)) - base) / 1e-6
+        return base, out
+
+    def config(self, u):
+        return self.values(u)
+
+
+def test_the_stages_find_a_board_a_factor_away_and_say_that_they_have(monkeypatch):
+    parameters = (
+        Parameter("plant.fx_hz", "Hz", 11000.0, 11.0, False, 1e3, 5e4),
+        Parameter("plant.qx", "1", 2e5, math.log(2), True, 100.0, 1e8),
+        Parameter("plant.k_vf_drive_n_per_v", "N/V", 2.7e-7, 0.1, True, 1e-9, 1e-4),
+    )
+    truth = {"plant.fx_hz": 11009.0, "plant.qx": 3.7e5, "plant.k_vf_drive_n_per_v": 2.5e-7}
+    monkeypatch.setattr(estimate, "AveragedLoop", lambda *_: _Loop(truth, parameters))
+    names = ("f_word", "amplitude", "force")
+    monkeypatch.setattr(estimate, "NAMES", names)
+    stages = (*estimate.STAGES[:2], *(stage._replace(observables=names) for stage in estimate.STAGES[-2:]))
+    monkeypatch.setattr(estimate, "STAGES", stages)
+    found = estimate.estimate(None, None, parameters, None)
+    assert found.converged
+    assert found.rms < 1e-3
+    assert not found.at_wall
+    for p in found.parameters:
+        assert p.start == pytest.approx(truth[p.key], rel=1e-6)
+    assert "3 parameters from the record itself" in products.lines(found)[0]
+
+
+def test_what_no_record_tells_is_printed_beside_the_products():
+    parameters = sheet.parameters(configuration.Config(), sheet.read(sheet.OWN))
+    text = "\n".join(products.lines(estimate.Estimate(parameters, None, (), ("plant.qy",), 1.0, False)))
+    for said in (
+        "NOT converged",
+        "plant.qy is at the edge",
+        "not identifiable: absolute motion",
+        "scale factor",
+        "mass",
+    ):
+        assert said in text
+    assert not tied(["plant.dcdx_f_per_m", "plant.k_vf_sense_n_per_v"])
