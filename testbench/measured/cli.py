@@ -128,6 +128,34 @@ def record(
         typer.echo(f"not seen by the plant: {made.attrs['plant_unseen']}")
 
 
+@app.command("import")
+def import_(
+    files: Annotated[
+        list[Path], typer.Argument(metavar="DATA...", help="CSV, Parquet, .npz or .mat, a power-on each.")
+    ],
+    columns: Annotated[Path, typer.Option("--map", metavar="F.toml", help="What the columns are.")],
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="HDF5 file, or folder without ending.")],
+    as_json: Json = False,
+):
+    """Make a measurement record of files of a laboratory; prints what was found and assumed."""
+    from testbench.measured.importing import assemble
+    from testbench.measured.record import checks, load
+    from testbench.storage.record import RecordError
+
+    found = assemble.imported(files, columns)
+    findings = checks.check(found.record)
+    refused = [str(f) for f in findings if f.level == "refused"]
+    if refused:
+        raise RecordError(columns, refused)
+    digest = load.write(out, found.record)
+    if as_json:
+        listed = [{"finding": str(f), "level": f.level} for f in findings]
+        return print_json({"file": str(out), "content_sha256": digest, "lines": found.lines, "findings": listed})
+    for text in (*found.lines, *(f"{f} ({f.level})" for f in findings)):
+        typer.echo(text)
+    typer.echo(f"{out}  {digest[:16]}")
+
+
 @app.command()
 def convert(file: RecordPath, out: Annotated[Path, typer.Argument(metavar="OUT", help="The other form.")]):
     """Write a record in its other form: HDF5 (a name with an ending) or bundle (one without)."""

@@ -9,24 +9,28 @@
 Source    docs/measured.md
 """
 
+import math
 import os
 
 import numpy as np
 
-from fpga_model import sequencer
+from fpga_model import agc, cordic, registers, sequencer
 from fpga_model.rates import FRAME_CYCLES
+from testbench.config import phase_word
 from testbench.errors import ConfigError
 from testbench.measured.closed_loop import loop_laws, loop_problem, loop_runs
 from testbench.measured.importing import words
 from testbench.measured.record import check_tables, load, schema
-from testbench.measured.record.meaning_segments import SETPOINTS, Stated, rate_limit
+from testbench.measured.record.meaning_segments import SETPOINTS, Stated, bank, rate_limit
 from testbench.measured.record.plan import Condition
 from testbench.measured.record.sessions import segments, sessions
 from testbench.measured.residual import features, parameters
+from testbench.run import build
 from testbench.storage.hdf5_input import looks_like_hdf5, open_hdf5
 from testbench.storage.record import SCHEMA
 
 FRAME_HZ = 8000
+MODELLED = ("control", "phase_sense_sine", "phase_drive_ref", "phase_sense_ref")  # as the configuration has them
 LEAST_SETTLE_S = 2.0
 
 
@@ -67,11 +71,34 @@ def calm_from(record, first):
     return max(calm, settles[0] if settles else first)
 
 
+def setpoints(record, model, s):
+    """(amplitude in um, detuning in deg) of a segment: as stated, where the registers are those to the last bit.
+
+    Else what the registers hold: a stated set-point of three digits would be taken for an effect. ConfigError for
+    other registers that the model does not set.
+    """
+    held = bank(record, (s.first + s.frames) * FRAME_CYCLES)
+    known = registers.State()._asdict() | dict(build.register_writes(model))
+    for name in MODELLED:
+        if name in held and held[name][0] != known[name]:
+            raw, source = held[name]
+            raise ConfigError(f"{source}: {name} = {raw}, the configuration of the model sets {known[name]}")
+    a_um, detune, nominal = float(s.a_set), float(s.detune), build.nominal(model)
+    raw = held.get("amplitude_setpoint", (None,))[0]
+    if raw not in (None, agc.setpoint(a_um, nominal["v_per_um"], nominal["adc_drive_v"])):
+        a_um = raw / (nominal["v_per_um"] / nominal["adc_drive_v"] * 2**23 * float(cordic.gain()))
+    raw, own = held.get("phase_drive_sine", (None,))[0], model.firmware.phase_words()[0]
+    if raw not in (None, (phase_word(detune) + own) % loop_runs.TURN):
+        detune = math.remainder((raw - own) / loop_runs.TURN, 1.0) * 360
+    return a_um, detune
+
+
 def measured_features(record, name, hashes):
     """`loop_problem.Measured` of the segments with a role."""
     per_frame = {key: s.data for key, s in record.streams.items() if (s.num, s.den) == schema.PER_FRAME}
     features.demand(per_frame, loop_runs.NAMES)
-    lsb = schema.lsb_volts(check_tables.stated_config(record).device())
+    model = check_tables.stated_config(record)
+    lsb = schema.lsb_volts(model.device())
     lsb |= {key: s.attrs["lsb_V"] for key, s in record.streams.items() if "lsb_V" in s.attrs}
     groups, values = {}, {}
     for s in segments(record):
@@ -83,8 +110,9 @@ def measured_features(record, name, hashes):
                 f"/segments {s.id}: settles for {settle:g} s, tracing needs {LEAST_SETTLE_S:g} s: a plan's settle_s"
             )
         before = _before(record, s.first * FRAME_CYCLES)
+        a_um, detune_deg = setpoints(record, model, s)
         c = Condition(
-            s.repeat_group, float(s.a_set), float(s.rate_set), before, float(s.temp_set), float(s.detune),
+            s.repeat_group, a_um, float(s.rate_set), before, float(s.temp_set), detune_deg,
             loop_runs.SETTLE_S, s.frames / FRAME_HZ, s.role,
         )  # fmt: skip
         groups[c.id] = c._replace(seconds=min(c.seconds, groups.get(c.id, c).seconds))

@@ -1,0 +1,136 @@
+"""Segments of a power-on: where a condition holds, found from its profiles, its writes and the lock.
+
+    breaks   frames at which rate, temperature, a set-point or the lock changes
+    dwell    between two breaks: from a step of the rate on, if the loops had been locked and undisturbed for settle_s
+             before it; else behind a settling of settle_s. All have one length, by which most frames are used
+    startup  up to lock          settle  what is between dwells
+
+Source    docs/import.md
+"""
+
+import itertools
+from typing import NamedTuple
+
+import numpy as np
+
+from fpga_model.rates import FRAME_CYCLES, MASTER_HZ
+from testbench.errors import ConfigError
+
+FRAME_HZ = MASTER_HZ // FRAME_CYCLES
+LEAST_FRAMES = 800  # of a dwell: 0.1 s
+MEAN_FRAMES = 100  # of codes, in which noise and ripple are small beside the drive
+SAME_AMPLITUDE, MOST_ANGLE = 0.02, 0.05  # of a locked drive's amplitude; rad from minus cosine
+ALONE_FRAMES = 6000  # of a dwell without another: 64 draws of the noise determine no more than its 48 features
+
+
+class Track(NamedTuple):
+    """A quantity over the frames of a power-on: values[k] holds from frames[k] on."""
+
+    frames: tuple
+    values: tuple
+
+    def at(self, frame):
+        """The value that holds in a frame."""
+        return self.values[max(0, int(np.searchsorted(self.frames, frame, side="right")) - 1)]
+
+    def changes(self):
+        """Frames at which another value begins."""
+        return [f for k, f in enumerate(self.frames) if k and self.values[k] != self.values[k - 1]]
+
+
+class Tracks(NamedTuple):
+    """What was set when."""
+
+    rate_dps: Track
+    temp_degc: Track
+    a_um: Track
+    detune_deg: Track
+
+
+class Part(NamedTuple):
+    """A row of /segments, in frames of its power-on."""
+
+    id: str
+    first: int
+    end: int
+    kind: str
+    role: str
+    group: str  # "": that of its condition
+
+
+def track(points):
+    """`Track` of a number, or of [(seconds, value), ..]."""
+    rows = [(0.0, points)] if isinstance(points, (int, float)) else points
+    return Track(tuple(round(t * FRAME_HZ) for t, _ in rows), tuple(float(v) for _, v in rows))
+
+
+def drive_locked(codes):
+    """(frames,) of bool: the drive rests at minus cosine and at its last amplitude, judged by its codes alone.
+
+    codes  {stream: (frames,)};  means of MEAN_FRAMES; from the last frame on in which it is not so
+    """
+    mean = np.ones(MEAN_FRAMES) / MEAN_FRAMES
+    x, y = (np.convolve(codes[name], mean, "same") for name in ("adc_xI", "adc_xQ"))
+    last = np.median(np.hypot(x, y)[-len(x) // 4 :])
+    off = (np.abs(np.hypot(x, y) - last) > SAME_AMPLITUDE * last) | (np.abs(x) > MOST_ANGLE * np.abs(y)) | (y >= 0)
+    half = MEAN_FRAMES // 2
+    wrong = np.flatnonzero(off[half : len(off) - half])
+    return np.arange(len(x)) >= (int(wrong[-1]) + half + 1 if len(wrong) else 0)
+
+
+def found(tracks, locked, options, role="fit"):
+    """[Part] of a power-on, whose dwells have a role.
+
+    locked   (frames,) of bool: the board is locked
+    options  column_map.Dwells
+    """
+    lock, frames = int(np.argmax(locked)) if locked.any() else len(locked), len(locked)
+    spans = list(_spans(tracks, locked, lock, round(options.settle_s * FRAME_HZ)))
+    length = _common([b - begin for _, begin, b in spans], round(options.longest_s * FRAME_HZ))
+    rows = [(0, lock, "startup", "startup", "none")]
+    dwells = [(begin, begin + length) for _, begin, b in spans if b - begin >= length > 0]
+    for number, (begin, end) in enumerate(dwells, 1):
+        own = "validate" if number in options.held_out else role
+        rows += [(rows[-1][1], begin, f"settle{number}", "settle", "none"), (begin, end, f"d{number}", "dwell", own)]
+    # between dwells the rate may step: no condition holds there
+    rows.append((rows[-1][1], frames, "rest", "warmup", "none"))
+    breaks = [f for t in tracks for f in t.changes()]
+    return [
+        Part(name, a, b, kind if kind != "settle" or not any(a < f < b for f in breaks) else "warmup", part, "")
+        for a, b, name, kind, part in rows
+        if b > a
+    ]
+
+
+def _spans(tracks, locked, lock, settle):
+    """(first frame of a condition, first of a dwell in it, its end), where the board is locked."""
+    steps = set(tracks.rate_dps.changes())
+    edges = (np.flatnonzero(np.diff(locked.astype(np.int8))) + 1).tolist()
+    others = {f for t in tracks[1:] for f in t.changes()} | set(edges)
+    calm = lock
+    for a, b in itertools.pairwise([lock, *sorted(f for f in steps | others if lock < f < len(locked)), len(locked)]):
+        begin = a if a in steps and a not in others and a - calm >= settle else a + settle
+        calm = a
+        if a < len(locked) and locked[a] and b - begin >= LEAST_FRAMES:
+            yield a, begin, b
+
+
+def _common(lengths, longest):
+    """One length for all dwells, by which most frames are used: noise is shared among dwells of one length."""
+    if len(lengths) < 2:
+        longest = min(longest, ALONE_FRAMES)
+    tried = [min(n, longest) for n in lengths]
+    return max(tried, key=lambda n: n * sum(m >= n for m in tried), default=0)
+
+
+def stated(rows, frames, where):
+    """[Part] of the stretches that a map states; ConfigError beyond the file's end."""
+    out = []
+    for one in sorted(rows, key=lambda s: s.from_s):
+        first, end = round(one.from_s * FRAME_HZ), round(one.to_s * FRAME_HZ)
+        if end > frames:
+            raise ConfigError(
+                f"{where}: segment {one.id}: to_s = {one.to_s:g} s is beyond the end, {frames / FRAME_HZ:g} s"
+            )
+        out.append(Part(one.id, first, end, one.kind, one.role, one.group or one.id))
+    return out
