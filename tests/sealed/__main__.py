@@ -1,0 +1,76 @@
+"""Sealed records of a second plant: python -m tests.sealed run|score [--kind development] [--first N] [--minutes M]
+
+    run     goes on where the run of this source was; every run is a line of tests/sealed/ledger.jsonl
+    score   opens the envelopes of what is done and prints the rates; --page writes those of a whole sealed run
+
+Source    docs/sealed.md
+"""
+
+import argparse
+import json
+import sys
+import time
+from pathlib import Path
+
+from testbench.console.markdown import ROOT, replaced
+from testbench.storage.files import write_text
+from tests.sealed import ledger, score, strata
+from tests.sealed.bank import Bank, Space
+from tests.sealed.records import Run, Tracing
+
+
+def rows_of(run):
+    """`score.Scored` of all records of a run that have a result."""
+    out = []
+    for n in run.done():
+        envelope = run.path("envelopes", n).read_text()
+        out.append(score.scored(n, envelope, json.loads(run.path("results", n).read_text())))
+    return out
+
+
+def play(run, first, minutes, path):
+    """Records without a result, in their order, until the time is over; the ledger has each as it comes."""
+    until, of, errors = time.monotonic() + 60 * minutes, len(run.kinds), 0
+    ledger.noted(path, run.own, len(run.done()), of)
+    for n in range(min(first, of)):
+        if run.path("results", n).exists() or time.monotonic() > until:
+            continue
+        out = run.one(n)
+        errors += "error" in out
+        ledger.noted(path, run.own, len(run.done()), of, errors)
+        said = out.get("error") or out["result"]["sentence"]
+        print(f"{n:03d} {out['cpu_s']} {said}", flush=True)
+
+
+def main(argv=None):
+    """Exit code 0, or 1 where a limit of a whole run does not hold."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("what", choices=("run", "score"))
+    parser.add_argument("--kind", choices=ledger.KINDS, default=ledger.SEALED)
+    parser.add_argument("--out", type=Path, default=ROOT / "out" / "sealed")
+    parser.add_argument("--first", type=int, default=10**6, help="only the first records of the order")
+    parser.add_argument("--minutes", type=float, default=1e6, help="begin no record later")
+    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--page", action="store_true", help="write the rates into docs/sealed.md")
+    given = parser.parse_args(argv)
+    tables = strata.read()
+    own = ledger.identity(given.kind, tables)
+    if given.what == "run":
+        space = Space(Bank(tables, given.out / "bank"), (*tables.inside, *tables.outside), print)
+        run = Run(tables, space, own, given.out, Tracing(given.threads))
+        play(run, given.first, given.minutes, ledger.FILE)
+    run = Run(tables, None, own, given.out)
+    rows = rows_of(run)
+    print(score.table(rows))
+    print("\n".join(score.wrong(rows)))
+    whole = given.kind == ledger.SEALED and len(rows) == len(run.kinds)
+    if given.page:
+        if not whole:
+            sys.exit(f"{own['run']}: {len(rows)} of {len(run.kinds)} records are done, or it is not sealed: no page")
+        page = ROOT / "docs" / "sealed.md"
+        write_text(page, replaced(page.read_text(), "sealed", score.table(rows)))
+    return int(whole and any(holds is False for *_, holds in score.criteria(rows)))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,170 @@
+"""What effects do to the features of a sealed record, in sigmas, by the second plant alone.
+
+    s_k   change of the features per unit of an effect: two runs with the same noise, at a size of hundreds of sigmas
+    J     the same per unit of what a calibration has left unknown, with the priors as rows
+    N     covariance of power-ons without effect: sigma of a condition, correlations of all conditions together
+    r_k = (1 - Q Q') W s_k        d of a coefficient c: |r_k| c        rivals: cosines of r_k
+
+Features are means of the eight observables over the first 8 ms of a dwell, the next 120 ms and the rest, of the fitted
+conditions. It uses no tangent, no noise and no anchor of the tracer. Each column is kept in a file of its own.
+Source    docs/sealed.md
+"""
+
+import hashlib
+import json
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from testbench.errors import ConfigError
+from testbench.measured.closed_loop import loop_record, loop_runs
+from testbench.measured.record import produce
+from testbench.storage import sources
+from tests.sealed import second_plant
+from tests.sealed.strata import own_text, plan
+
+EDGES = (0, 1, 16)  # first fine bins of the three features of an observable
+DRAWS = 24  # power-ons of each condition for N
+SEED = 4 * 10**12  # of all runs here: no record has it
+WANTED, LEAST, MOST = 400.0, 120.0, 1500.0  # sigmas of a change that is measured
+PASSES = 5
+SEEN = 0.02  # of a change, which the nuisances must leave: less is not measured well enough
+
+
+class Unit(NamedTuple):
+    """Measured change of an effect per unit of its coefficient."""
+
+    change: np.ndarray
+    size: float  # coefficient at which it was measured
+
+
+class Bank:
+    """Columns and noise of the conditions of `strata`; files in `folder`."""
+
+    def __init__(self, strata, folder, draws=DRAWS):
+        self.strata, self.folder, self.draws = strata, folder, draws
+        folder.mkdir(parents=True, exist_ok=True)
+        told = strata.plan, strata.every, strata.priors, second_plant.sha256(), sources.code_sha256("fpga_model.top")
+        self.key = hashlib.sha256(repr(told).encode()).hexdigest()
+        self.count = len(loop_runs.NAMES) * len(EDGES)
+        self.conditions = [c["id"] for c in strata.plan["condition"] if c.get("role", "fit") == "fit"]
+        self.slope = np.repeat(np.array(loop_runs.NAMES) == "f_word", len(EDGES)).astype(float)
+        self.base = self._kept("base", lambda: self._run({}, "", 1)[:, 0])
+        self.chol = self._kept(f"noise {draws}", self._noise)
+
+    def _kept(self, name, make):
+        """Array of a name, made where it is not yet in its file."""
+        address = hashlib.sha256(f"{self.key} {name}".encode()).hexdigest()[:24]
+        path = self.folder / f"{address}.npy"
+        if path.exists():
+            return np.load(path, allow_pickle=False)
+        found = np.asarray(make(), float)
+        part = path.with_suffix(".part.npy")
+        np.save(part, found)
+        part.replace(path)
+        return found
+
+    def _run(self, values, lines, repeats, scatter_hz=0.0):
+        """(conditions, repeats, features) of the fitted conditions; ConfigError where a board does not lock."""
+        own = self.folder / "own.txt"
+        own.write_text(own_text(self.strata, {"steps": 1, "effects": lines}))
+        made = plan(self.strata, "bank", SEED, values, own, repeats, ("fit",), scatter_hz)
+        rows = loop_record.measured_features(produce.record(made), "bank", {}).values
+        out = []
+        for name, c in zip(self.conditions, made.conditions):
+            fine = rows[name][:, loop_runs.size(c) :].reshape(repeats, len(loop_runs.NAMES), -1)
+            parts = np.split(fine, EDGES[1:], axis=2)
+            out.append(np.stack([p.mean(axis=2) for p in parts], axis=2).reshape(repeats, -1))
+        return np.array(out)
+
+    def _noise(self):
+        """(conditions, n, n) Cholesky factors of the noise of one power-on, Hartlap's factor in it."""
+        scatter_hz = self.strata.plan["fx_scatter_hz"]
+        rows = self._run({}, "", self.draws, scatter_hz)
+        count = len(self.conditions)
+        for r in range(self.draws):
+            for k in range(count):
+                # as `produce.Sitting` draws it
+                moved = scatter_hz * np.random.default_rng([9, SEED + r * count + k]).normal()
+                rows[k, r] -= moved * self.slope
+        rest = rows - rows.mean(axis=1, keepdims=True)
+        sigma = rest.std(axis=1, ddof=1)
+        z = (rest / sigma[:, None]).reshape(-1, self.count)
+        freedom = len(z) - count
+        pooled = z.T @ z / (freedom - self.count - 2)
+        out = []
+        for own in sigma:
+            c = pooled * np.outer(own, own) + scatter_hz**2 * np.outer(self.slope, self.slope)
+            out.append(np.linalg.cholesky(c))
+        return np.array(out)
+
+    def whitened(self, change):
+        """Stacked features of unit variance, repeats counted, of (conditions, features)."""
+        rows = [solve_triangular(chol, v, lower=True) for chol, v in zip(self.chol, change)]
+        return np.sqrt(self.strata.plan["repeats"]) * np.concatenate(rows)
+
+    def _measured(self, name, run, first):
+        """`Unit` of something: `run(size)` gives features; the size is sought."""
+
+        def seek():
+            size = first
+            for _ in range(PASSES):
+                try:
+                    change = run(size)[:, 0] - self.base
+                except ConfigError:
+                    size /= 8
+                    continue
+                sigmas = np.linalg.norm(self.whitened(change))
+                if LEAST < sigmas < MOST:
+                    break
+                size *= min(1e4, WANTED / max(sigmas, 1e-3))
+            else:
+                return np.full((len(self.conditions) + 1, self.count), np.nan)
+            return np.concatenate([change / size, np.full((1, self.count), size)])
+
+        found = self._kept(name, seek)
+        return Unit(found[:-1], float(found[-1, 0]))
+
+    def effect(self, effect):
+        """`Unit` of an effect; not finite where no size could be measured."""
+        side = effect.sign or 1
+        told = json.dumps([effect.texts, side])
+        return self._measured(told, lambda size: self._run({}, effect.lines(size), 1), side * effect.first)
+
+    def nuisance(self, key):
+        """`Unit` of a parameter of the priors."""
+        mean, sd, _ = self.strata.priors[key]
+        return self._measured(f"nuisance {key}", lambda size: self._run({key: mean + size}, "", 1), 30 * sd)
+
+
+class Space:
+    """What the nuisances leave of effects: `rest` {name: vector per unit}, `size` {name: d per unit}."""
+
+    def __init__(self, bank, effects, say=None):
+        sd = np.array([row[1] for row in bank.strata.priors.values()])
+        columns = []
+        for key in bank.strata.priors:
+            columns.append(bank.whitened(bank.nuisance(key).change))
+        j = np.concatenate([np.stack(columns, axis=1), np.diag(1 / sd)])
+        self.q, _ = np.linalg.qr(j / np.linalg.norm(j, axis=0))
+        self.rest, self.size, self.same = {}, {}, {e.name: e.same for e in effects}
+        for k, effect in enumerate(effects):
+            change = bank.effect(effect).change
+            if say:
+                say(f"column {k + 1} of {len(effects)}: {effect.name}")
+            if np.all(np.isfinite(change)):
+                white = np.concatenate([bank.whitened(change), np.zeros(len(sd))])
+                rest = white - self.q @ (self.q.T @ white)
+                if np.linalg.norm(rest) > SEEN * np.linalg.norm(white):
+                    self.rest[effect.name], self.size[effect.name] = rest, float(np.linalg.norm(rest))
+
+    def rival(self, name, among):
+        """(most similar other law of `among`, sine of the angle to it); one with its text in `same` is no other."""
+        own, best = self.rest[name] / self.size[name], ("", 0.0)
+        for other in among:
+            twin = other == name or (self.same[name] and self.same.get(other) == self.same[name])
+            if other in self.rest and not twin:
+                cosine = abs(own @ self.rest[other]) / self.size[other]
+                best = max(best, (other, cosine), key=lambda row: row[1])
+        return best[0], float(np.sqrt(max(0.0, 1 - best[1] ** 2)))

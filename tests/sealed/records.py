@@ -1,0 +1,88 @@
+"""Sealed records one by one: truth and envelope, record by the second plant, trace, result. Resumable.
+
+    FOLDER/RUN/envelopes/NNN.json   truth, for the scorer alone; its hash is in the result
+    FOLDER/RUN/results/NNN.json     result of the trace, times, hash of the record
+The trace gets the record's file and nothing else. Anchors, noise and tangents that do not depend on a record's data are
+shared by all of a process (`loop_problem.Kept`).
+Source    docs/sealed.md
+"""
+
+import hashlib
+import json
+import time
+
+from testbench.errors import ConfigError
+from testbench.measured.closed_loop import loop_problem, loop_record, loop_runs, loop_trace
+from testbench.measured.record import produce
+from testbench.storage.files import write_text
+from testbench.storage.record import write_record
+from testbench.tracing.trace import Options
+from tests.sealed import draw
+from tests.sealed.strata import plan
+
+REDRAWS = 5  # boards drawn in place of one that loses its lock with its effect
+
+
+class Tracing:
+    """The tracer as a user has it, but for what records share."""
+
+    def __init__(self, threads=1):
+        self.bench, self.kept = loop_runs.Bench(threads), loop_problem.Kept()
+
+    def __call__(self, path):
+        """`Result` of a record's file, as plain numbers."""
+        problem = loop_record.open_record([path], {}, self.bench, self.kept)
+        _, result = loop_trace.run(problem, Options(power=False, experiments=False))
+        return result.to_json()
+
+
+class Run:
+    """The records of a run; `own` is its line in the ledger."""
+
+    def __init__(self, strata, space, own, folder, trace=None):
+        self.strata, self.space, self.own, self.trace = strata, space, own, trace or Tracing()
+        self.folder = folder / own["run"]
+        for part in ("envelopes", "results"):
+            (self.folder / part).mkdir(parents=True, exist_ok=True)
+        self.kinds = draw.order(strata, own["run"])
+
+    def path(self, part, number):
+        return self.folder / part / f"{number:03d}.json"
+
+    def done(self):
+        """Numbers that have a result."""
+        return [n for n in range(len(self.kinds)) if self.path("results", n).exists()]
+
+    def _made(self, number):
+        """(truth, record, file of the plant's own text), of the first board that locks."""
+        own = self.folder / "own.txt"
+        for again in range(REDRAWS):
+            seed = draw.seed_of(self.own["run"], number, again)
+            truth = draw.truth(self.strata, self.space, self.kinds[number], seed)
+            write_text(own, truth["own"])
+            try:
+                made = plan(self.strata, f"{self.own['run']}-{number:03d}", seed, truth["values"], own)
+                return truth, produce.record(made)
+            except ConfigError:
+                if again == REDRAWS - 1:
+                    raise
+
+    def one(self, number):
+        """Make, seal and trace a record; its result is kept whole or not at all."""
+        begun = time.process_time()
+        truth, record = self._made(number)
+        envelope = json.dumps(truth, sort_keys=True, indent=1) + "\n"
+        write_text(self.path("envelopes", number), envelope)
+        file = self.folder / "record.h5"
+        record.attrs["truth_sha256"] = hashlib.sha256(envelope.encode()).hexdigest()
+        write_record(file, record)
+        made = time.process_time()
+        try:
+            out = {"result": self.trace(file)}
+        except Exception as problem:  # a traceback of the tracer is a result to be counted
+            out = {"error": f"{type(problem).__name__}: {problem}"}
+        out["envelope_sha256"] = record.attrs["truth_sha256"]
+        out["cpu_s"] = {"record": round(made - begun, 2), "trace": round(time.process_time() - made, 2)}
+        write_text(self.path("results", number), json.dumps(out) + "\n")
+        file.unlink()
+        return out

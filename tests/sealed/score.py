@@ -1,0 +1,161 @@
+"""Scorer of a sealed run: opens the envelopes, and counts, with 95 % Clopper-Pearson intervals.
+
+    class       causes of a verdict named, confounded or candidate; `same_as` are other names of a cause
+    right       the class holds the truth;   false   a class without it, and any class where nothing was hidden
+    detected    a class, or unexplained
+
+Source    docs/sealed.md
+"""
+
+import hashlib
+import json
+from typing import NamedTuple
+
+from testbench.errors import FileError
+from testbench.tracing.noise.power import clopper_pearson
+from tests.sealed.strata import INSIDE, NULLS
+
+CLASSES = ("named", "confounded", "candidate")
+QUIET = ("none", "noise-model")
+MISSED = (*QUIET, "error")
+HOLDS = {None: "", True: "yes", False: "**no**"}
+SMALL = 3  # members of a class that still counts
+Z = 1.959964
+
+
+class Scored(NamedTuple):
+    """A record whose envelope is open."""
+
+    number: int
+    kind: str
+    truth: dict | None
+    verdict: str
+    causes: tuple  # of frozensets of names
+    right: bool
+    listed: bool  # any effect at all, partial ones too
+    pull: float | None  # (found - hidden) / sd where the truth is in the class
+    cpu_s: float
+
+
+def _names(cause):
+    """Each law of a cause with its other names."""
+    return [{e["law"], *e.get("same_as", ())} for e in cause["effects"]]
+
+
+def _pull(cause, truth):
+    for effect in cause["effects"]:
+        if effect["law"] == truth["name"] and effect["sd"]:
+            return (effect["value"] - truth["value"]) / effect["sd"]
+    return None
+
+
+def scored(number, envelope, result):
+    """`Scored` of a record. FileError if the envelope is not the one that was sealed."""
+    found = hashlib.sha256(envelope.encode()).hexdigest()
+    if found != result["envelope_sha256"]:
+        raise FileError(f"envelope {number:03d}: sha256 {found[:12]}, sealed was {result['envelope_sha256'][:12]}")
+    sealed = json.loads(envelope)
+    truth, cpu = sealed["effect"], sum(result["cpu_s"].values())
+    if "error" in result:
+        return Scored(number, sealed["kind"], truth, "error", (), False, False, None, cpu)
+    said = result["result"]
+    causes = said["causes"] if said["verdict"] in CLASSES else []
+    right, pull = False, None
+    for cause in causes:
+        names = _names(cause)
+        if truth and len(names) == 1 and truth["name"] in names[0]:
+            right, pull = True, _pull(cause, truth)
+    listed = bool(said["effects"] or causes)
+    sets = tuple(frozenset(cause["laws"]) for cause in causes)
+    return Scored(number, sealed["kind"], truth, said["verdict"], sets, right, listed, pull, cpu)
+
+
+def rate(k, n):
+    """Text of k in n with its interval."""
+    if not n:
+        return "0 of 0"
+    low, high = clopper_pearson(k, n)
+    return f"{k} of {n} [{100 * low:.1f} .. {100 * high:.1f} %]"
+
+
+def criteria(rows):
+    """[(what, k, n, limit, holds)] of a list of `Scored`; limits are those of a whole run, as shares."""
+
+    def of(*kinds):
+        return [r for r in rows if r.kind in kinds]
+
+    null, clear, inside, outside = of(*NULLS), of("clear"), of(*INSIDE), of("outside")
+    classes = [r for r in rows if r.causes]
+    named = [r for r in classes if r.verdict == "named"]
+    pulls = [r.pull for r in rows if r.pull is not None]
+    found = []
+
+    def count(what, some, true, limit="", holds=None):
+        k, n = sum(map(true, some)), len(some)
+        found.append((what, k, n, limit, holds and holds(k, n)))
+
+    count("false causes, of all records", rows, false, "at most 2 of 300", lambda k, n: k <= 2 * n / 300)
+    count("false causes, of all classes", classes, false, "at most 2 %", lambda k, n: k <= 0.02 * n)
+    count("false causes, of single names", named, false)
+    count("clear: named right", clear, lambda r: r.right and r.verdict == "named", "at least 85 %", _least(0.85))
+    small = "inside: right, in a class of at most 3"
+    count(small, inside, lambda r: r.right and len(r.causes) <= SMALL, "at least 70 %", _least(0.7))
+    count("inside: detected", inside, lambda r: r.verdict not in MISSED, "at least 118 of 120", _least(118 / 120))
+    count("inside: unexplained", inside, lambda r: r.verdict == "unexplained")
+    count("outside: unexplained", outside, lambda r: r.verdict == "unexplained")
+    count("nulls: alarm or listed effect", null, rang, "at most 1 of 100", lambda k, n: n > 0 and k <= n / 100)
+    covered = "90 .. 99 %, 100 or more"
+    count("sizes in their 95 % intervals", pulls, lambda p: abs(p) < Z, covered, _covered)
+    count("tracebacks", rows, lambda r: r.verdict == "error", "none", lambda k, n: k == 0)
+    return found
+
+
+def false(r):
+    """True for a class without the truth."""
+    return bool(r.causes) and not r.right
+
+
+def rang(r):
+    """True for a null with an alarm or anything listed."""
+    return r.verdict not in QUIET or r.listed
+
+
+def _least(share):
+    return lambda k, n: n > 0 and k >= share * n
+
+
+def _covered(k, n):
+    return n >= 100 and 0.90 <= k / n <= 0.99
+
+
+def table(rows):
+    """Markdown of the criteria, then of the verdicts in each stratum, then the mean of the CPU time."""
+    lines = ["| what | records | limit | holds |", "|---|---|---|---|"]
+    for what, k, n, limit, holds in criteria(rows):
+        lines.append(f"| {what} | {rate(k, n)} | {limit} | {HOLDS[holds]} |")
+    lines += ["", "| stratum | records | right | false | verdicts |", "|---|---|---|---|---|"]
+    for kind in (*NULLS, *INSIDE, "outside"):
+        some = [r for r in rows if r.kind == kind]
+        if some:
+            verdicts = [r.verdict for r in some]
+            said = ", ".join(f"{v} {verdicts.count(v)}" for v in sorted(set(verdicts)))
+            right, wrongly = sum(r.right for r in some), sum(map(false, some))
+            lines.append(f"| {kind} | {len(some)} | {right} | {wrongly} | {said} |")
+    mean = sum(r.cpu_s for r in rows) / max(1, len(rows))
+    return "\n".join([*lines, "", f"CPU time of a record, mean: {mean:.1f} s."])
+
+
+def wrong(rows):
+    """One line for each record that counts against the tracer."""
+    for r in rows:
+        bad = false(r) or r.verdict == "error" or (r.kind in INSIDE and not r.right)
+        if bad or (r.kind in NULLS and rang(r)):
+            causes = " | ".join(" + ".join(sorted(c)) for c in r.causes)
+            yield f"{r.number:03d} {r.kind}: {_hidden(r.truth)}: {r.verdict}: {causes}"
+
+
+def _hidden(truth):
+    if not truth:
+        return "nothing hidden"
+    said = f"{truth['name']} {truth['value']:.3g}, d {truth['d']:.1f}"
+    return f"{said}, {truth['apart']:.1f} beside {truth['rival']}"

@@ -1,0 +1,189 @@
+"""The machine of sealed runs without an engine: strata, texts of effects, draws, scorer, ledger."""
+
+import hashlib
+import json
+
+import numpy as np
+import pytest
+
+from analog_frontend.effects import catalogue, law
+from testbench.config import Config
+from testbench.errors import ConfigError, FileError
+from tests.sealed import bank, draw, effects, ledger, score, strata
+
+DEVICE = Config().device()
+PAGES = {effect.INFO.name: effect for effect in catalogue.LAWS}
+TRUTH = {"name": "a", "value": 1.0, "d": 10.0, "apart": 9.0, "rival": "b"}
+
+
+def test_the_strata_are_those_that_are_asked_for():
+    counts = strata.read().counts
+    assert sum(counts.values()) == 300
+    assert sum(counts[kind] for kind in strata.NULLS) == 100
+    assert max(counts[kind] for kind in strata.NULLS) - min(counts[kind] for kind in strata.NULLS) <= 1
+    assert counts["clear"] + counts["near"] == 120
+    assert counts["clear"] >= 60
+    assert counts["outside"] == 80
+
+
+def _place(one):
+    return one.port, str(one.factors)
+
+
+@pytest.mark.parametrize("name", sorted(set(effects.CATALOGUE) & set(PAGES)))
+def test_the_texts_of_the_catalogue_are_the_laws_of_its_pages(name):
+    """Written from the pages; the product's own laws are the same, term by term, within what it takes of a device."""
+    own = [law.parse(f"{port} = {factor!r} {factors}") for port, factor, factors in effects.CATALOGUE[name]]
+    product = [law.parse(text) for text in PAGES[name].terms(1.0, DEVICE)]
+    for mine, theirs in zip(sorted(own, key=_place), sorted(product, key=_place), strict=True):
+        assert mine._replace(coefficient=0.0) == theirs._replace(coefficient=0.0)
+        assert mine.coefficient == pytest.approx(theirs.coefficient, rel=1e-3)
+
+
+def test_an_effect_of_the_grammar_is_no_effect_from_outside():
+    with pytest.raises(ConfigError, match=r"outside\.leak = cv_y = \{\} cx is a law"):
+        effects.outside({"leak": ["law cv_y = {} cx", 1.0]})
+
+
+class Given:
+    """Columns of a bank that are known: three laws, one of them near another, in two directions."""
+
+    def __init__(self, columns):
+        self.rest, self.size = columns, {name: float(np.linalg.norm(v)) for name, v in columns.items()}
+        self.same = dict.fromkeys(columns, "")
+
+    rival = bank.Space.rival
+
+
+@pytest.fixture
+def known():
+    """(strata, columns) with laws a and b at an angle of 0.1, c across, and an outside effect near c."""
+    table = strata.read()
+    a, b = np.array([1.0, 0, 0, 0]), np.array([np.cos(0.1), np.sin(0.1), 0, 0])
+    columns = {"a": a, "b": 2 * b, "c": np.array([0, 0, 1.0, 0]), "outside.o": np.array([0, 0, 0.6, 0.8])}
+    made = [effects.Effect(name, (("law", "force_x = {} x", 1.0),), 100.0) for name in columns]
+    return table._replace(inside=tuple(made[:3]), outside=(made[3],)), Given(columns)
+
+
+def test_a_draw_keeps_to_its_stratum(known):
+    """clear: 8 sigmas beside any other law; near: less; sizes are d over the length of the column; sides are drawn."""
+    table, space = known
+    seen = {kind: [draw.truth(table, space, kind, seed) for seed in range(60)] for kind in strata.KINDS}
+    for kind in strata.NULLS:
+        assert all(t["effect"] is None for t in seen[kind])
+    for kind in ("clear", "near", "outside"):
+        for t in seen[kind]:
+            e = t["effect"]
+            assert 8.0 <= e["d"] <= 60.0
+            assert abs(e["value"]) * space.size[e["name"]] == pytest.approx(e["d"])
+            assert (e["apart"] < 8.0) == (kind == "near")
+            assert f"{e['value']!r}" in t["own"]
+    assert {t["effect"]["name"] for t in seen["near"]} == {"a", "b"}
+    assert {t["effect"]["name"] for t in seen["clear"]} == {"c"}
+    assert {np.sign(t["effect"]["value"]) for t in seen["clear"]} == {-1.0, 1.0}
+    colours = [float(t["own"].partition("adc_colour = ")[2].split("\n")[0]) for t in seen["null_coloured"]]
+    assert min(np.abs(colours)) >= 0.4
+    assert min(colours) < 0 < max(colours)
+
+
+def test_order_and_seeds_follow_from_the_source(known):
+    table, _ = known
+    one, other = draw.order(table, "sealed-1"), draw.order(table, "sealed-2")
+    assert one != other
+    assert sorted(one) == sorted(other)
+    assert one == draw.order(table, "sealed-1")
+    own = ledger.identity("sealed", table)
+    assert own["run"] != ledger.identity("development", table)["run"]
+    assert own["run"] != ledger.identity("sealed", table._replace(sha256="0" * 64))["run"]
+
+
+def test_the_ledger_keeps_every_run(tmp_path):
+    """A run is appended when it begins; its counts move; another source is another line, and the first one stays."""
+    path = tmp_path / "ledger.jsonl"
+    ledger.noted(path, {"run": "a", "kind": "sealed"}, 0, 300)
+    ledger.noted(path, {"run": "a", "kind": "sealed"}, 7, 300, 1)
+    ledger.noted(path, {"run": "b", "kind": "development"}, 2, 300)
+    first, second = ledger.rows(path)
+    assert (first["run"], first["done"], first["errors"]) == ("a", 7, 1)
+    assert (second["run"], second["done"]) == ("b", 2)
+    assert first["begun_utc"] <= second["begun_utc"]
+
+
+def test_the_ledger_under_version_control_can_be_read():
+    for row in ledger.rows():
+        assert row["kind"] in ledger.KINDS
+        assert 0 <= row["done"] <= row["of"]
+
+
+def scored(kind, effect, verdict, causes, listed=(), value=1.0):
+    """A record of known truth and result."""
+    envelope = json.dumps({"kind": kind, "effect": effect and TRUTH | {"name": effect}})
+    rows = [{"laws": c, "effects": [{"law": n, "value": value, "sd": 0.1, "same_as": []} for n in c]} for c in causes]
+    result = {"verdict": verdict, "causes": rows, "effects": [{"law": n} for n in listed]}
+    sha = hashlib.sha256(envelope.encode()).hexdigest()
+    return score.scored(0, envelope, {"result": result, "envelope_sha256": sha, "cpu_s": {"record": 1.0, "trace": 2.0}})
+
+
+def counted(rows):
+    """{what: (k, n)}."""
+    return {what: (k, n) for what, k, n, _, _ in score.criteria(rows)}
+
+
+def test_the_scorer_counts_what_it_says():
+    rows = [
+        scored("null_white", None, "none", []),
+        scored("null_flicker", None, "noise-model", []),
+        scored("null_coloured", None, "unexplained", [], ["a"]),
+        scored("null_white", None, "named", [["a"]]),
+        scored("clear", "a", "named", [["a"]], value=1.1),
+        scored("clear", "a", "named", [["b"]]),
+        scored("clear", "a", "confounded", [["b"], ["a"]], value=1.5),
+        scored("near", "a", "confounded", [["b"], ["c"], ["d"], ["a"]]),
+        scored("near", "a", "confounded", [["a", "b"]]),
+        scored("near", "a", "unexplained", [], ["b"]),
+        scored("near", "a", "none", []),
+        scored("outside", "outside.o", "unexplained", []),
+        scored("outside", "outside.o", "candidate", [["a"]]),
+    ]
+    found = counted(rows)
+    assert found["false causes, of all records"] == (4, 13)
+    assert found["false causes, of all classes"] == (4, 7)
+    assert found["false causes, of single names"] == (2, 3)
+    assert found["clear: named right"] == (1, 3)
+    assert found["inside: right, in a class of at most 3"] == (2, 7)
+    assert found["inside: detected"] == (6, 7)
+    assert found["inside: unexplained"] == (1, 7)
+    assert found["outside: unexplained"] == (1, 2)
+    assert found["nulls: alarm or listed effect"] == (2, 4)
+    assert found["sizes in their 95 % intervals"] == (2, 3)
+    assert len(list(score.wrong(rows))) == 7
+    assert "| clear | 3 | 2 | 1 |" in score.table(rows)
+    assert "mean: 3.0 s" in score.table(rows)
+
+
+def test_a_whole_run_that_keeps_every_limit_says_so():
+    rows = [scored("null_white", None, "none", []) for _ in range(100)]
+    sizes = [1.0] * 57 + [1.3] * 3
+    rows += [scored(kind, "a", "named", [["a"]], value=v) for kind in ("clear", "near") for v in sizes]
+    rows += [scored("outside", "outside.o", "unexplained", []) for _ in range(80)]
+    assert {holds for *_, holds in score.criteria(rows)} == {True, None}
+    worse = [*rows[:-3], *(scored("outside", "outside.o", "named", [["a"]]) for _ in range(3))]
+    assert [what for what, *_, holds in score.criteria(worse) if holds is False] == [
+        "false causes, of all records",
+        "false causes, of all classes",
+    ]
+
+
+def test_an_envelope_that_was_changed_is_refused():
+    with pytest.raises(FileError, match="sealed was 0000"):
+        score.scored(3, "{}", {"envelope_sha256": "0" * 64, "cpu_s": {}})
+
+
+def test_a_traceback_is_counted():
+    envelope = json.dumps(
+        {"kind": "clear", "effect": {"name": "a", "value": 1.0, "d": 9.0, "apart": 9.0, "rival": "b"}}
+    )
+    sha = hashlib.sha256(envelope.encode()).hexdigest()
+    row = score.scored(0, envelope, {"error": "KeyError: 'x'", "envelope_sha256": sha, "cpu_s": {"record": 1.0}})
+    assert counted([row])["tracebacks"] == (1, 1)
+    assert counted([row])["inside: detected"] == (0, 1)
