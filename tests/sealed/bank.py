@@ -17,10 +17,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import solve_triangular
 
+from testbench.config import Config
 from testbench.errors import ConfigError
 from testbench.measured.closed_loop import loop_record, loop_runs
-from testbench.measured.record import produce
-from testbench.storage import sources
+from testbench.measured.record import produce, schema
+from testbench.run import build
 from tests.sealed import second_plant
 from tests.sealed.strata import own_text, plan
 
@@ -45,7 +46,7 @@ class Bank:
     def __init__(self, strata, folder, draws=DRAWS):
         self.strata, self.folder, self.draws = strata, folder, draws
         folder.mkdir(parents=True, exist_ok=True)
-        told = strata.plan, strata.every, strata.priors, second_plant.sha256(), sources.code_sha256("fpga_model.top")
+        told = strata.plan, strata.every, strata.priors, second_plant.sha256(), schema.bitstream_sha256(build.firmware(Config()))
         self.key = hashlib.sha256(repr(told).encode()).hexdigest()
         self.count = len(loop_runs.NAMES) * len(EDGES)
         self.conditions = [c["id"] for c in strata.plan["condition"] if c.get("role", "fit") == "fit"]

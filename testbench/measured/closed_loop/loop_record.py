@@ -134,11 +134,12 @@ def held_out_apart(record):
     return not of["fit"] & of["validate"]
 
 
-def open_record(paths, options, calibrated=None):
+def open_record(paths, options, calibrated=None, bench=None, kept=None):
     """`LoopProblem` of one record, or None if the content is no record. Options: grammar = no, threads = N.
 
     calibrated  function(data, model, record, bench) -> (model, parameters, lines) from priors that are too wide for a
                 linear model, or None: the record's priors are narrow
+    bench, kept  of `loop_problem`, shared by many records under the same conditions
     """
     if len(paths) != 1 or not is_record(paths[0]):
         return None
@@ -151,10 +152,10 @@ def open_record(paths, options, calibrated=None):
     hashes = {"record": record.attrs.get("content_sha256", ""), "roles": record.attrs.get("roles_sha256", "")}
     data = measured_features(record, paths[0].name, hashes)
     library = () if options.get("grammar") == "no" else loop_laws.from_grammar()
-    bench = loop_runs.Bench(int(options.get("threads", loop_runs.THREADS)))
+    bench = bench or loop_runs.Bench(int(options.get("threads", loop_runs.THREADS)))
     found = calibrated(data, model, record, bench) if calibrated else None
     model, wanted, lines = found or (model, parameters.declared(record), ())
-    problem = loop_problem.LoopProblem(data, model, wanted, loop_laws.from_catalogue(), library, bench)
+    problem = loop_problem.LoopProblem(data, model, wanted, loop_laws.from_catalogue(), library, bench, kept)
     problem.warnings = (*loaded.warnings, *((f"words are not replayed: {lacking}",) if lacking else ()), *lines)
     problem.heldout_independent = held_out_apart(record)
     if loaded.blocked:
