@@ -10,7 +10,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # a worker that crashes ends the run and names its test; a new one in its place can wait for ever
 PYTEST := $(BIN)/python -m pytest --max-worker-restart 0
 
-.PHONY: help run paper inference measured golden rtl budget test test-slow test-all test-nojit test-bounds kills fuzz designs boards bench portability packages lock lint pages docs clean
+.PHONY: help run paper inference measured sealed golden rtl budget test test-slow test-all test-nojit test-bounds kills fuzz designs boards bench portability packages lock lint pages docs clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -40,6 +40,9 @@ rtl: $(VENV)/.test ## the RTL: bundles, plant around it for 3 s, proofs, synthes
 
 measured: $(VENV)/.run ## real recordings of parts against the model: one page, build/measured.html and .json; SETS="..." for some
 	$(BIN)/python -m testbench.measured.sets_report --out build $(if $(SETS),--only $(SETS))
+
+sealed: $(VENV)/.test ## sealed records of a second plant, 300 traces, hours; goes on where it was; MINUTES=20 for a part
+	$(BIN)/python -m tests.sealed run --out $(OUT)/sealed --threads 2 $(if $(MINUTES),--minutes $(MINUTES))
 
 paper: $(VENV)/.run ## the paper's experiments: calibration, five cases at three temperatures, one page; continues when started again
 	$(BIN)/gyro report paper --out $(OUT)/paper

@@ -46,7 +46,8 @@ class Bank:
     def __init__(self, strata, folder, draws=DRAWS):
         self.strata, self.folder, self.draws = strata, folder, draws
         folder.mkdir(parents=True, exist_ok=True)
-        told = strata.plan, strata.every, strata.priors, second_plant.sha256(), schema.bitstream_sha256(build.firmware(Config()))
+        firmware = schema.bitstream_sha256(build.firmware(Config()))
+        told = strata.plan, strata.every, strata.priors, second_plant.sha256(), firmware
         self.key = hashlib.sha256(repr(told).encode()).hexdigest()
         self.count = len(loop_runs.NAMES) * len(EDGES)
         self.conditions = [c["id"] for c in strata.plan["condition"] if c.get("role", "fit") == "fit"]
@@ -54,10 +55,12 @@ class Bank:
         self.base = self._kept("base", lambda: self._run({}, "", 1)[:, 0])
         self.chol = self._kept(f"noise {draws}", self._noise)
 
+    def _path(self, name):
+        return self.folder / f"{hashlib.sha256(f'{self.key} {name}'.encode()).hexdigest()[:24]}.npy"
+
     def _kept(self, name, make):
         """Array of a name, made where it is not yet in its file."""
-        address = hashlib.sha256(f"{self.key} {name}".encode()).hexdigest()[:24]
-        path = self.folder / f"{address}.npy"
+        path = self._path(name)
         if path.exists():
             return np.load(path, allow_pickle=False)
         found = np.asarray(make(), float)
@@ -127,16 +130,26 @@ class Bank:
         found = self._kept(name, seek)
         return Unit(found[:-1], float(found[-1, 0]))
 
+    def has(self, effect):
+        """True if the column of an effect is in its file."""
+        return self._path(_told(effect)).exists()
+
     def effect(self, effect):
         """`Unit` of an effect; not finite where no size could be measured."""
-        side = effect.sign or 1
-        told = json.dumps([effect.texts, side])
-        return self._measured(told, lambda size: self._run({}, effect.lines(size), 1), side * effect.first)
+
+        def run(size):
+            return self._run(effect.values(size, {}), effect.lines(size), 1)
+
+        return self._measured(_told(effect), run, (effect.sign or 1) * effect.first)
 
     def nuisance(self, key):
         """`Unit` of a parameter of the priors."""
         mean, sd, _ = self.strata.priors[key]
         return self._measured(f"nuisance {key}", lambda size: self._run({key: mean + size}, "", 1), 30 * sd)
+
+
+def _told(effect):
+    return json.dumps([effect.texts, effect.sign or 1] + ([effect.key] if effect.key else []))
 
 
 class Space:

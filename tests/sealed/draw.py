@@ -82,6 +82,7 @@ def truth(strata, space, kind, seed):
         d = float(np.exp(rng.uniform(np.log(low), np.log(high))))
         value = _sign(effect, d / space.size[effect.name], rng)
         lines["effects"] = effect.lines(value)
+        values |= effect.values(value, values)
         apart = d * space.rival(effect.name, [e.name for e in strata.inside])[1]
         out["effect"] = {"name": effect.name, "value": value, "d": d, "rival": rival, "apart": float(apart)}
     return out | {"own": tables.own_text(strata, lines)}

@@ -8,6 +8,7 @@ Source    docs/effects/README.md, docs/sealed.md
 import math
 from typing import NamedTuple
 
+from testbench.config import Config
 from testbench.errors import ConfigError
 from testbench.measured.closed_loop import loop_laws
 
@@ -43,7 +44,10 @@ CATALOGUE = {
 
 
 class Effect(NamedTuple):
-    """Something to hide: `texts` are (kind, text with {} for a number, factor of the coefficient in it)."""
+    """Something to hide: `texts` are (kind, text with {} for a number, factor of the coefficient in it).
+
+    key  a field of the plant instead, to whose value the coefficient is added
+    """
 
     name: str
     texts: tuple
@@ -52,27 +56,32 @@ class Effect(NamedTuple):
     low: float = -math.inf
     high: float = math.inf
     same: str = ""
+    key: str = ""
 
-    def lines(self, value, begin=1):
+    def lines(self, value):
         """Lines of the plant's own text for a coefficient."""
         rows = [(kind, text.format(repr(float(factor * value)))) for kind, text, factor in self.texts]
-        return "".join(f'{kind}.{n} = "{text}"\n' for n, (kind, text) in enumerate(rows, begin))
+        return "".join(f'{kind}.{n} = "{text}"\n' for n, (kind, text) in enumerate(rows, 1))
 
-
-def _law(name, port, factor, factors):
-    return "law", f"{port} = {{}} {factors}", factor
+    def values(self, value, board):
+        """{key: value} of a board's configuration for a coefficient; `board` has what differs from the default."""
+        if not self.key:
+            return {}
+        default = getattr(Config().plant, self.key.removeprefix("plant."))
+        return {self.key: board.get(self.key, default) + value}
 
 
 def inside():
-    """`Effect`s of catalogue and grammar, as many of them as the second plant can execute."""
+    """`Effect`s of catalogue and grammar; ConfigError for one that `CATALOGUE` lacks."""
     out = []
     for c in (*loop_laws.from_catalogue(), *loop_laws.from_grammar()):
         rows = CATALOGUE.get(c.law.name) or (((c.port, 1.0, c.factors),) if c.factors else ())
-        if not rows:
+        key = c.key if c.key.startswith("plant.") else ""
+        if not (rows or key):
             raise ConfigError(f"tests/sealed/effects.py: CATALOGUE lacks {c.law.name}, which the tracer may name")
-        texts = tuple(_law(c.law.name, *row) for row in rows)
-        same = getattr(c.law, "same", "")
-        out.append(Effect(c.law.name, texts, c.law.scale, c.law.sign, c.law.low, c.law.high, same))
+        texts = tuple(("law", f"{port} = {{}} {factors}", factor) for port, factor, factors in rows)
+        law = c.law
+        out.append(Effect(law.name, texts, law.scale, law.sign, law.low, law.high, law.same, key))
     return tuple(out)
 
 

@@ -17,6 +17,7 @@ from tests.sealed import effects, second_plant
 FILE = Path(__file__).with_name("strata.toml")
 NULLS = ("null_white", "null_coloured", "null_flicker")
 INSIDE = ("clear", "near")
+FOREIGN = ("scenario.plant", "scenario.plant_file")
 KINDS = (*NULLS, *INSIDE, "outside")
 
 
@@ -69,5 +70,5 @@ def plan(strata, name, seed, values, own, repeats=None, roles=("fit", "validate"
         "prior": priors,
     }
     made = plans.from_dict(tree, name)
-    foreign = {"scenario.plant": str(second_plant.compiled()), "scenario.plant_file": str(own)}
-    return made._replace(truth=configuration.changed(made.truth, foreign))
+    foreign = zip(FOREIGN, (str(second_plant.compiled()), str(own)))
+    return made._replace(truth=configuration.changed(made.truth, dict(foreign)))
