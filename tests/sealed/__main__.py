@@ -51,12 +51,17 @@ def main(argv=None):
     parser.add_argument("--first", type=int, default=10**6, help="only the first records of the order")
     parser.add_argument("--minutes", type=float, default=1e6, help="begin no record later")
     parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--kept", action="store_true", help="development: only effects whose column is in its file")
     parser.add_argument("--page", action="store_true", help="write the rates into docs/sealed.md")
     given = parser.parse_args(argv)
+    if given.kept and given.kind == ledger.SEALED:
+        parser.error("--kept is for development: a sealed run draws from all effects")
     tables = strata.read()
     own = ledger.identity(given.kind, tables)
     if given.what == "run":
-        space = Space(Bank(tables, given.out / "bank"), (*tables.inside, *tables.outside), print)
+        bank = Bank(tables, given.out / "bank")
+        effects = [e for e in (*tables.inside, *tables.outside) if not given.kept or bank.has(e)]
+        space = Space(bank, effects, print)
         run = Run(tables, space, own, given.out, Tracing(given.threads))
         play(run, given.first, given.minutes, ledger.FILE)
     run = Run(tables, None, own, given.out)

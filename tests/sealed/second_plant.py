@@ -24,9 +24,9 @@ WORD, POINTER, NUMBER = ctypes.c_int64, ctypes.c_void_p, ctypes.c_double
 
 
 def sha256():
-    """Hash of the plant's sources, of the port's header and of the flags."""
+    """Hash of the plant's sources and of the flags; the port's version is in its first call."""
     digest = hashlib.sha256(repr(FLAGS).encode())
-    for path in (*sorted(SOURCES.iterdir()), HEADER):
+    for path in sorted(SOURCES.iterdir()):
         digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest()
 

@@ -9,7 +9,6 @@ import tomllib
 from pathlib import Path
 from typing import NamedTuple
 
-from testbench import config as configuration
 from testbench.errors import ConfigError
 from testbench.measured.record import plan as plans
 from tests.sealed import effects, second_plant
@@ -17,7 +16,6 @@ from tests.sealed import effects, second_plant
 FILE = Path(__file__).with_name("strata.toml")
 NULLS = ("null_white", "null_coloured", "null_flicker")
 INSIDE = ("clear", "near")
-FOREIGN = ("scenario.plant", "scenario.plant_file")
 KINDS = (*NULLS, *INSIDE, "outside")
 
 
@@ -69,6 +67,4 @@ def plan(strata, name, seed, values, own, repeats=None, roles=("fit", "validate"
         "condition": conditions,
         "prior": priors,
     }
-    made = plans.from_dict(tree, name)
-    foreign = zip(FOREIGN, (str(second_plant.compiled()), str(own)))
-    return made._replace(truth=configuration.changed(made.truth, dict(foreign)))
+    return plans.with_plant(plans.from_dict(tree, name), second_plant.compiled(), own)

@@ -4,8 +4,8 @@ import shutil
 
 import pytest
 
-from testbench import config as configuration
 from testbench.measured.closed_loop import loop_record, loop_runs
+from testbench.measured.record import plan as plans
 from testbench.measured.record import produce
 from tests.sealed import strata
 from tests.testbench.bench_setup import QUIET
@@ -26,14 +26,13 @@ def last_bins(plan):
 
 
 @pytest.mark.slow
-def test_the_loop_settles_where_it_does_around_the_products_plant(tmp_path, record_property):
+def test_the_loop_settles_where_it_does_around_the_products_plant(tmp_path):
     """Without noise, four conditions: drive frequency, amplitude, rebalance force and V_q squared."""
     table = strata.read()
     own = tmp_path / "own.txt"
     own.write_text(strata.own_text(table, {}))
     foreign = strata.plan(table, "second", 7, QUIET, own, 1, ("fit",), 0.0)
-    native = foreign._replace(truth=configuration.changed(foreign.truth, dict.fromkeys(strata.FOREIGN, "")))
-    found, wanted = last_bins(foreign), last_bins(native)
+    found, wanted = last_bins(foreign), last_bins(plans.with_plant(foreign, ""))
     for name, row in wanted.items():
         for observable, (limit, relative) in LIMITS.items():
             off = found[name][observable] - row[observable]

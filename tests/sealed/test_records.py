@@ -1,0 +1,88 @@
+"""Sealed records from power-on: made by the second plant, accepted by the record's checks, resumable, scored."""
+
+import shutil
+
+import numpy as np
+import pytest
+
+from testbench.measured.record import load
+from tests.sealed import effects, ledger, score, strata
+from tests.sealed.__main__ import play, rows_of
+from tests.sealed.records import Run, Tracing
+from tests.sealed.test_sealed import Given
+
+pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
+SIZE = {"damping_coupling": 3e-10, "outside.jump": 1e-3}  # coefficients; the columns below make d of them
+
+
+def short(**counts):
+    """Strata of two short dwells, each from power-on, with one law inside and one effect outside."""
+    table = strata.read()
+    plan = table.plan | {"condition": [table.plan["condition"][k] for k in (0, 4)], "repeats": 1}
+    every = {"settle_s": 0.2, "seconds": 0.1}
+    inside = tuple(e for e in table.inside if e.name == "damping_coupling")
+    outside = effects.outside({"jump": ["mechanism jump {} 1.45", 1e-4]})
+    table = table._replace(counts=counts, plan=plan, every=every, outside=outside)
+    return table._replace(inside=tuple(e._replace(first=1.0) for e in inside))
+
+
+def space():
+    """Columns that give d = 30 at the coefficients of `SIZE`, in two directions."""
+    return Given({name: 30 / value * np.eye(2)[k] for k, (name, value) in enumerate(SIZE.items())})
+
+
+class Reader:
+    """In place of the tracer: takes the file as `gyro measured check` does, and says what it was told to."""
+
+    def __init__(self):
+        self.seen = []
+
+    def __call__(self, path):
+        loaded = load.load(path)
+        assert not loaded.blocked
+        assert loaded.residual.decidable
+        assert loaded.residual.first is None, "the firmware's words are those of its replay"
+        self.seen.append(loaded.record.attrs["truth_sha256"])
+        return {"verdict": "none", "sentence": "nothing", "causes": [], "effects": []}
+
+
+def test_a_run_makes_records_that_are_accepted_and_goes_on_where_it_was(tmp_path):
+    """Three strata; DRDY, switches and delays drawn; R0 is zero; a second start does what is missing and no more."""
+    table, own = short(null_white=1, clear=1, outside=1), ledger.identity("development", short(null_white=1))
+    run = Run(table, space(), own, tmp_path, Reader())
+    path = tmp_path / "ledger.jsonl"
+    play(run, 2, 60.0, path)
+    assert [row["done"] for row in ledger.rows(path)] == [2]
+    again = Run(table, space(), own, tmp_path, Reader())
+    play(again, 3, 60.0, path)
+    assert len(again.trace.seen) == 1
+    assert [(row["done"], row["errors"]) for row in ledger.rows(path)] == [(3, 0)]
+    rows = rows_of(again)
+    assert sorted(row.kind for row in rows) == ["clear", "null_white", "outside"]
+    assert {row.truth["name"] for row in rows if row.truth} == set(SIZE)
+    assert not list(run.folder.glob("*.h5"))
+    assert "inside: detected | 0 of 1" in score.table(rows)
+
+
+def test_a_traceback_of_the_tracer_is_a_result(tmp_path):
+    def broken(path):
+        raise KeyError("amplitude_word")
+
+    run = Run(short(null_white=1), space(), ledger.identity("development", short(null_white=1)), tmp_path, broken)
+    assert run.one(0)["error"] == "KeyError: 'amplitude_word'"
+    assert [row.verdict for row in rows_of(run)] == ["error"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["null_flicker", "clear"])
+def test_a_whole_record_and_its_trace(tmp_path, kind):
+    """The six conditions: nothing is named where the noise flickers; a damping coupling of d = 30 is in its class."""
+    table = strata.read()._replace(counts={kind: 1}, inside=short().inside)
+    run = Run(table, space(), ledger.identity("development", table), tmp_path, Tracing())
+    run.one(0)
+    row = rows_of(run)[0]
+    if kind == "null_flicker":
+        assert row.verdict in score.QUIET
+        assert not row.listed
+    else:
+        assert row.right
