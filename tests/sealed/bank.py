@@ -29,7 +29,7 @@ EDGES = (0, 1, 16)  # first fine bins of the three features of an observable
 DRAWS = 24  # power-ons of each condition for N
 SEED = 4 * 10**12  # of all runs here: no record has it
 WANTED, LEAST, MOST = 400.0, 120.0, 1500.0  # sigmas of a change that is measured
-PASSES = 5
+PASSES, GROWTH = 5, 100.0  # at most, and of the size from one to the next
 SEEN = 0.02  # of a change, which the nuisances must leave: less is not measured well enough
 
 
@@ -109,23 +109,26 @@ class Bank:
         return np.sqrt(self.strata.plan["repeats"]) * np.concatenate(rows)
 
     def _measured(self, name, run, first):
-        """`Unit` of something: `run(size)` gives features; the size is sought."""
+        """`Unit` of something: `run(size)` gives features; the size is sought. NaN where no size locks."""
 
         def seek():
-            size = first
+            size, best = first, np.full((len(self.conditions) + 1, self.count), np.nan)
+            nearest = np.inf
             for _ in range(PASSES):
                 try:
                     change = run(size)[:, 0] - self.base
                 except ConfigError:
+                    # out of lock, or of a key's limits
                     size /= 8
                     continue
-                sigmas = np.linalg.norm(self.whitened(change))
+                sigmas = max(np.linalg.norm(self.whitened(change)), 1e-3)
+                if abs(np.log(WANTED / sigmas)) < nearest:
+                    nearest = abs(np.log(WANTED / sigmas))
+                    best = np.concatenate([change / size, np.full((1, self.count), size)])
                 if LEAST < sigmas < MOST:
                     break
-                size *= min(1e4, WANTED / max(sigmas, 1e-3))
-            else:
-                return np.full((len(self.conditions) + 1, self.count), np.nan)
-            return np.concatenate([change / size, np.full((1, self.count), size)])
+                size *= min(GROWTH, WANTED / sigmas)
+            return best
 
         found = self._kept(name, seek)
         return Unit(found[:-1], float(found[-1, 0]))
