@@ -11,6 +11,7 @@ from testbench.tracing.fit.evidence import log_prior
 from testbench.tracing.fit.rank import one_sided
 from testbench.tracing.fit.rivals import CLEAR
 from testbench.tracing.fit.search import credible, inclusion
+from testbench.tracing.noise.findings import of_repeats
 from testbench.tracing.noise.noise import bridge
 from testbench.tracing.noise.power import limits
 from testbench.tracing.noise.statistics import SHORT
@@ -213,7 +214,9 @@ def result(tracer, decision):
     out.ranking, out.models = ranking_rows(tracer), model_rows(tracer)
     tests = {name: getattr(tracer.alarms, name) for name in ("rotation", "refined", "declared")}
     out.alarms = {name: test and test._asdict() for name, test in tests.items()}
+    found = [*problem.noise_findings, *of_repeats(tracer.noise, tracer.options.alpha)]
     out.noise = {"octaves": [o._asdict() for o in tracer.noise.octaves], "p": tracer.noise.p}
+    out.noise["findings"] = [f._asdict() | {"text": f.text} for f in found]
     out.identifiability = {
         "directions": [
             {"eigenvalue": d.eigenvalue, "fixed_by": d.fixed_by, "words": d.words} for d in tracer.identified.directions
@@ -235,5 +238,5 @@ def result(tracer, decision):
     if decision.verdict == "unexplained":
         out.unexplained = unexplained(tracer, out)
     out.tables = {"chi2_before": condition_table(base), "chi2_after": condition_table(last)}
-    out.options, out.notes = asdict(tracer.options), tracer.notes
+    out.options, out.notes = asdict(tracer.options), [*tracer.notes, *(f.text for f in found)]
     return out

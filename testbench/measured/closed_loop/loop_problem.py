@@ -19,6 +19,7 @@ Source    docs/measured.md, docs/tracing.md
 
 import hashlib
 import re
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -27,11 +28,12 @@ from scipy.linalg import solve_triangular
 from testbench import config as configuration
 from testbench.config import law_file
 from testbench.errors import ConfigError
-from testbench.measured.closed_loop import loop_runs
+from testbench.measured.closed_loop import loop_runs, loop_spectra
 from testbench.measured.closed_loop.loop_noise import LATER, NOISE_DRAWS, gain_of, jitter_hz, noise_of
 from testbench.measured.closed_loop.loop_runs import EXACT, FAST, Model, Run
 from testbench.measured.closed_loop.loop_tangents import Tangents
 from testbench.measured.residual import features
+from testbench.tracing.noise import findings
 from testbench.tracing.problem.problem import Nuisance, Observable, PredictionFailed, Problem, Segment
 
 PLACE_HZ = 2e-3  # from the model's drive frequency to the recorded one: what is less is scatter of the power-ons
@@ -47,6 +49,7 @@ class Measured(NamedTuple):
     conditions: tuple
     values: dict
     hashes: dict
+    densities: MappingProxyType = MappingProxyType({})  # {condition id: loop_spectra.densities of its dwells}
 
 
 class Kept:
@@ -54,6 +57,7 @@ class Kept:
 
     def __init__(self):
         self.noise, self.columns, self.steps, self.exact, self.responses = {}, {}, {}, {}, {}
+        self.densities = {}
 
 
 class Anchored(Problem, adds="anchor distance check at draws"):
@@ -112,7 +116,7 @@ class LoopProblem(Anchored, adds=MEMBERS):
         self._sizes = {c.id: loop_runs.size(c) for c in measured.conditions}
         self._count = {c.id: len(loop_runs.bins(c)) - 1 for c in measured.conditions}
         self.slope = {c.id: _of_frequency(c) for c in measured.conditions}
-        self.place = dict.fromkeys(self.conditions, 0.0)
+        self.place, self._densities = dict.fromkeys(self.conditions, 0.0), {}
         self._put()
         draws = self._draws(NOISE_DRAWS, power_on=True)
         fitted = {g: (v[:, : self._sizes[g]], self.slope[g][: self._sizes[g]]) for g, v in draws.items()}
@@ -159,6 +163,15 @@ class LoopProblem(Anchored, adds=MEMBERS):
     def floor(self, k):
         n, s = self._noise[self.segments[k].group], self.segments[k]
         return {o.name: float(np.sqrt(np.mean(n.sigma[o.rows] ** 2))) for o in s.observables}
+
+    @property
+    def noise_findings(self):
+        """Noise of the channels within the dwells against that of the draws at the anchor."""
+        seen, model = (
+            {g: d for g, d in of.items() if len(d) and all(v is not None for v in d)}
+            for of in (self.recorded.densities, self._densities)
+        )
+        return tuple(findings.of_frames(seen, model, loop_spectra.CHANNELS, loop_spectra.EDGES_HZ))
 
     def law_file(self, law, value, sd, hashes):
         """A law of the grammar as a file that `effects.files` and `gyro golden effect --law` take."""
@@ -256,12 +269,16 @@ class LoopProblem(Anchored, adds=MEMBERS):
         twins = self._draws(max(self.draws, DRAWS))
         kept = {c.id: self.kept.exact.get(keys[c.id], np.zeros((0, len(self.slope[c.id])))) for c in chosen}
         todo = [(model, c, k, moved[c.id]) for c in chosen for k in range(len(kept[c.id]), self.draws)]
-        found = iter(self._run(todo, EXACT))
+        found = iter(self._run(todo, EXACT, take=loop_runs.with_densities))
         out = {}
         for c in chosen:
-            more = [next(found) - twins[c.id][k] for k in range(len(kept[c.id]), self.draws)]
+            more = []
+            for k in range(len(kept[c.id]), self.draws):
+                values, densities = next(found)
+                more.append(values - twins[c.id][k])
+                self.kept.densities.setdefault(keys[c.id], []).append(densities)
             rows = self.kept.exact[keys[c.id]] = np.concatenate([kept[c.id], np.array(more)]) if more else kept[c.id]
-            rows = rows[: self.draws]
+            rows, self._densities[c.id] = rows[: self.draws], self.kept.densities[keys[c.id]][: self.draws]
             v = rows.mean(axis=0) + self._middle[c.id] + self.slope[c.id] * (moved[c.id] - self.place[c.id])
             out[c.id] = v, rows[:, : self._sizes[c.id]]
         return out

@@ -18,7 +18,7 @@ from fpga_model import agc, cordic, registers, sequencer
 from fpga_model.rates import FRAME_CYCLES
 from testbench.config import phase_word
 from testbench.errors import ConfigError
-from testbench.measured.closed_loop import loop_laws, loop_problem, loop_runs
+from testbench.measured.closed_loop import loop_laws, loop_problem, loop_runs, loop_spectra
 from testbench.measured.importing import words
 from testbench.measured.record import check_tables, load, schema
 from testbench.measured.record.meaning_segments import SETPOINTS, Stated, bank, rate_limit
@@ -118,12 +118,18 @@ def measured_features(record, name, hashes):
         groups[c.id] = c._replace(seconds=min(c.seconds, groups.get(c.id, c).seconds))
         values.setdefault(c.id, []).append(s)
 
+    def columns(s):
+        return {name: data[s.first : s.first + s.frames] for name, data in per_frame.items()}
+
     def of_segment(c, s):
-        columns = {name: data[s.first : s.first + s.frames] for name, data in per_frame.items()}
-        return loop_runs.feature_vector(c, columns, lsb, fine=True)
+        return loop_runs.feature_vector(c, columns(s), lsb, fine=True)
 
     out = {key: np.array([of_segment(groups[key], s) for s in members]) for key, members in values.items()}
-    return loop_problem.Measured(name, tuple(groups.values()), out, hashes)
+    seen = {
+        key: [loop_spectra.densities(columns(s), loop_runs.frames_of(groups[key].seconds)) for s in members]
+        for key, members in values.items()
+    }
+    return loop_problem.Measured(name, tuple(groups.values()), out, hashes, seen)
 
 
 def held_out_apart(record):

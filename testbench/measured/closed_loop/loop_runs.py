@@ -26,6 +26,7 @@ from testbench import config
 from testbench.config import phase_word
 from testbench.engines import baseband, baseband_setup, engine, frame, lanes
 from testbench.errors import ConfigError
+from testbench.measured.closed_loop import loop_spectra
 from testbench.measured.residual import features
 from testbench.measured.residual.simulator import streams
 from testbench.run import build
@@ -354,9 +355,20 @@ def _table(run, frames):
     return streams(columns, settling(run) + frames_of(run.condition.seconds))
 
 
+def of_dwell(run, frames):
+    """{stream: its codes} of a run's dwell."""
+    return {name: values[settling(run) :] for name, values in _table(run, frames).items()}
+
+
 def _features(run, frames, fine):
-    own = {name: values[settling(run) :] for name, values in _table(run, frames).items()}
-    return feature_vector(run.condition, own, lsb_volts(run.model.config), fine)
+    return feature_vector(run.condition, of_dwell(run, frames), lsb_volts(run.model.config), fine)
+
+
+def with_densities(run, rows):
+    """(features with fine ones, densities of the channels) of a run."""
+    columns, volts = of_dwell(run, rows.frames), lsb_volts(run.model.config)
+    seen = loop_spectra.densities(columns, frames_of(run.condition.seconds))
+    return feature_vector(run.condition, columns, volts, fine=True), seen
 
 
 def blocks(run, rows):

@@ -103,7 +103,7 @@ class Problem:
     noise_from_repeats, prediction_noise = False, 0.0
     heldout_by, heldout_view, heldout_independent = "observable", None, True
     firmware = firmware_certificate = numerical_certificate = None
-    experiments, warnings = None, ()
+    experiments, warnings, noise_findings = None, (), ()
     _members = frozenset(("name", "nuisances", "laws", "segments", "hashes"))
 
     def __init_subclass__(cls, adds="", **more):

@@ -114,9 +114,9 @@ class Bank:
             for laws in (loop_laws.from_catalogue(), loop_laws.from_grammar())
         )
 
-    def problem(self, name, values, hashes=None):
+    def problem(self, name, values, hashes=None, densities=None):
         """`LoopProblem` of measured features."""
-        data = loop_problem.Measured(name, self.conditions, values, hashes or {})
+        data = loop_problem.Measured(name, self.conditions, values, hashes or {}, densities or {})
         wanted = nuisances(self.priors)
         return loop_problem.LoopProblem(data, self.model, wanted, self.catalogue, self.library, self.bench, self.kept)
 
@@ -224,7 +224,7 @@ def drawn(bank, problem, kind, seed, d_range=(8.0, 60.0)):
 
 
 def recorded(bank, problem, kind, seed, theta, effects, texts):
-    """{condition: features of its repeats} in the exact engine; ConfigError where a board loses its lock."""
+    """{condition: features of its repeats}, and densities, in the exact engine; ConfigError without a lock."""
     board = problem.model_at(theta, effects)
     if kind == "flicker":
         level = "plant.sid_flicker_v_per_rthz"
@@ -239,8 +239,11 @@ def recorded(bank, problem, kind, seed, theta, effects, texts):
         return Run(own, c, TRUE_SEED + 10_000 * seed + number, late=int(rng.integers(loop_runs.LATE)))
 
     runs = [powered(c, 100 * i + r) for i, c in enumerate(bank.conditions) for r in range(bank.repeats[c.role])]
-    rows = iter(bank.bench.run(runs, EXACT, fine=True))
-    return {c.id: np.array([next(rows) for _ in range(bank.repeats[c.role])]) for c in bank.conditions}
+    rows = iter(bank.bench.run(runs, EXACT, take=loop_runs.with_densities))
+    both = {c.id: [next(rows) for _ in range(bank.repeats[c.role])] for c in bank.conditions}
+    return {g: np.array([v for v, _ in some]) for g, some in both.items()}, {
+        g: [d for _, d in s] for g, s in both.items()
+    }
 
 
 def trial(bank, problem, kind, seed, options=None, d_range=(CLEAR_D, 60.0)):
@@ -249,13 +252,13 @@ def trial(bank, problem, kind, seed, options=None, d_range=(CLEAR_D, 60.0)):
     for again in range(REDRAWS):
         theta, effects, texts, truth = drawn(bank, problem, kind, seed + again * REDRAWN, d_range)
         try:
-            values = recorded(bank, problem, kind, seed, theta, effects, texts)
+            values, seen = recorded(bank, problem, kind, seed, theta, effects, texts)
             break
         except ConfigError:
             # a board that loses its lock gives no record
             if again == REDRAWS - 1:
                 raise
-    asked = bank.problem(f"trial {seed}", values, {"trial": str(seed)})
+    asked = bank.problem(f"trial {seed}", values, {"trial": str(seed)}, seen)
     _, result = loop_trace.run(asked, options or Options(seed=seed, power=False, experiments=False))
     return told(kind, seed, truth, result, time.perf_counter() - begun), result
 
