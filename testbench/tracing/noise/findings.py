@@ -3,8 +3,8 @@
     frames     power in bands of frequency within a dwell, against draws of the model: ln ratio, its deviation from the
                scatter of single dwells about their condition's mean, both sets together
     repeats    variance ratios of the contrasts per observable and octave (noise.py), chi2 distributed
-A band is told where the chance of its ratio, times the number of bands, is below alpha, and the amplitude is off by more
-than LEAST. Neighbours that are off to one side are one finding. It names no cause, and no verdict follows from it.
+A band is told where the chance of its ratio, times the number of bands, is below alpha, and its amplitude is off by
+more than LEAST. Neighbours that are off to one side are one finding. It names no cause, and no verdict follows from it.
 Source    docs/tracing.md
 """
 

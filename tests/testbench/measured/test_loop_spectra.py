@@ -7,7 +7,7 @@ from testbench.measured.closed_loop import loop_spectra
 from testbench.tracing.noise import findings
 from testbench.tracing.noise.noise import Noise, Octave
 
-FRAMES, DWELLS, CONDITIONS = 4800, 2, 4
+FRAMES, DWELLS, CONDITIONS = 4096, 2, 3
 
 
 def white(rng):
@@ -59,9 +59,9 @@ def test_colour_is_told_where_the_level_is_the_same():
 
 
 def test_right_noise_is_seldom_told():
-    """One set in a hundred may tell something; of sixty sets four have a chance of 0.3 %."""
+    """One set in a hundred may tell something; of twenty sets three have a chance of 0.1 %."""
     rng = np.random.default_rng(3)
-    assert sum(bool(found(rng, white)) for _ in range(60)) < 4
+    assert sum(bool(found(rng, white)) for _ in range(20)) < 3
 
 
 def test_a_short_dwell_has_no_densities():
