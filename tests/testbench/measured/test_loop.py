@@ -273,7 +273,7 @@ OF_EFFECT, OF_OBSERVABLE = "law port value sd unit d", "unit floor before after 
 class _Bank:
     """Gives the seed of a board back as its problem."""
 
-    def problem(self, name, values, hashes):
+    def problem(self, name, values, hashes, densities):
         return values
 
 
@@ -285,7 +285,7 @@ def test_a_board_that_loses_its_lock_is_drawn_again(monkeypatch, lost, board):
     def recorded(bank, problem, kind, seed, theta, effects, texts):
         if len(seeds) <= lost:
             raise ConfigError("no lock")
-        return theta
+        return theta, {}
 
     monkeypatch.setattr(loop_trials, "drawn", lambda _, __, kind, seed, d: seeds.append(seed) or (seed, {}, (), ()))
     monkeypatch.setattr(loop_trials, "recorded", recorded)
