@@ -103,15 +103,15 @@ class RunOptions(NamedTuple):
 def run(o):
     """Close the loop from power-on, lock, run the scenario, and say what was measured."""
     if o.resume_run is not None:
-        if any(o._replace(resume_run=None, as_json=False, across_versions=False)):
+        if any(o._replace(resume_run=None, as_json=False, across_versions=False, plant=None)):
             raise ConfigError(
-                "--resume-run: the interrupted run keeps its configuration; no other option but --json and "
+                "--resume-run: the interrupted run keeps its configuration; no other option but --json, --plant and "
                 "--across-versions"
             )
         from testbench.storage.checkpoint import unfinished
 
         partial = unfinished(o.resume_run)
-        _run(load(partial.config, overrides(None, *_across(o))), partial, True, o.as_json)
+        _run(load(partial.config, overrides(None, _plant(o), *_across(o))), partial, True, o.as_json)
         return
     given = overrides(
         o.sets,
@@ -119,7 +119,7 @@ def run(o):
         ("scenario.rate_dps", o.rate_dps, "--rate-dps"),
         ("scenario.temperature_degc", o.temperature_degc, "--temperature-degc"),
         ("scenario.engine", o.engine, "--engine"),
-        ("scenario.plant", o.plant and str(o.plant.absolute()), "--plant"),
+        _plant(o),
         ("scenario.plant_file", o.plant_file and str(o.plant_file.absolute()), "--plant-file"),
         ("scenario.resume", o.resume, "--resume"),
         ("noise.seed", o.seed, "--seed"),
@@ -141,6 +141,11 @@ def run(o):
             digest = from_run.write(checked, o.gyrorec, progress)
         if not o.as_json:
             typer.echo(f"{o.gyrorec}  {digest[:16]}")
+
+
+def _plant(o):
+    """Override of `--plant`: no file can name a library, not even that of an interrupted run."""
+    return ("scenario.plant", o.plant and str(o.plant.absolute()), "--plant")
 
 
 def _across(o):

@@ -32,6 +32,8 @@ from testbench.config.toml_text import toml_of, toml_value
 from testbench.errors import ConfigError
 from testbench.storage.inputs import read_toml
 
+LIBRARY = "scenario.plant"  # the one key that no file may set: what it names runs here
+
 
 def _profile(lo, hi, unit):
     return checked(lambda value: scenario.profile_points(value, lo, hi, unit))
@@ -258,7 +260,7 @@ class Scenario(Section):
         [], "[[t_s, kind, channel, value, duration_s], ...]; kinds below"
     )
     diagnose: bool = other(True, "end with a rate step and an open sense loop, which show scale factor and all phases")
-    plant: str = other("", "shared library that is the plant instead of the own one: docs/plant_port.md")
+    plant: str = other("", "library that is the plant instead of the own one; only --plant sets it: docs/plant_port.md")
     plant_file: str = other("", "text file that is handed over to this library alone")
     resume: str = other("", "state file to start from instead of power-on")
     across_versions: bool = other(False, "continue what another version of the code saved; a record of both says so")
@@ -392,7 +394,13 @@ def load(path=None, overrides=()):
 
 
 def from_dict(tree, source="config", origin=None):
-    """Checked `Config` from nested dicts; `origin` names the option that gave a dotted path, if not `source`."""
+    """Checked `Config` from nested dicts; `origin` names the option that gave a dotted path, if not `source`.
+
+    A library runs here, so no file can name one: `scenario.plant` without an origin is an error.
+    """
+    scenario_section = tree.get("scenario")
+    if LIBRARY not in (origin or {}) and isinstance(scenario_section, dict) and scenario_section.get("plant"):
+        raise ConfigError(f"{source}: {LIBRARY} names a library that would run here; only the option --plant can")
     tree, filled = followed(tree)
     try:
         return Config.model_validate(tree)
@@ -418,7 +426,7 @@ def changed(config, values):
     for path, value in values.items():
         section, key = path.split(".")
         tree.setdefault(section, {})[key] = value
-    return from_dict(tree, "changed")
+    return from_dict(tree, "changed", {LIBRARY: "changed"})
 
 
 def placeless(config):

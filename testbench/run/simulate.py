@@ -316,7 +316,7 @@ class Run:
         self.partial.hold()
         parts, meta = self.partial.load(*self.sim.layouts())
         # compared as configurations: another version's text may have other keys, in another order
-        saved = from_dict(tomllib.loads(meta["config_toml"]))
+        saved = from_dict(tomllib.loads(meta["config_toml"]), origin={"scenario.plant": "compared only"})
         across = self.config.scenario.across_versions
         if changed(saved, {"scenario.across_versions": across}) != self.config:
             raise FileError(f"{self.partial.checkpoint}: belongs to another configuration than {self.partial.config}")

@@ -86,6 +86,8 @@ def _flat(tree, where):
             raise ConfigError(f"{where} {path}: a campaign writes its store alone; what is kept stands in [keep]")
         if path == "scenario.engine":
             raise ConfigError(f"{where} {path}: the plan's own key engine says which one runs")
+        if path.startswith("scenario.plant"):
+            raise ConfigError(f"{where} {path}: a campaign has the own plant; its store keeps no library")
     return out
 
 

@@ -4,6 +4,7 @@ Rate and temperature must be constant: a record of several conditions and repeat
 Source    docs/measured.md
 """
 
+from testbench.config import changed
 from testbench.errors import ConfigError
 from testbench.measured.record import load, produce
 from testbench.measured.record.plan import Condition, Plan
@@ -27,7 +28,8 @@ def plan_of(config):
         seconds=s.seconds, role="none",
     )  # fmt: skip
     head = dict.fromkeys(HEAD, "unknown")
-    return Plan("run", head, 1, config.noise.seed, "frame", 0.0, config, config, {}, (c,), ())
+    model = changed(config, {"scenario.plant": "", "scenario.plant_file": ""})
+    return Plan("run", head, 1, config.noise.seed, "frame", 0.0, model, config, {}, (c,), ())
 
 
 def write(config, path, progress=None):

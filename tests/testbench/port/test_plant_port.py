@@ -1,5 +1,6 @@
 """The plant port: examples of its page, the C++ plant of the comparators, identity, one line for each bad library."""
 
+import json
 import re
 import shutil
 import subprocess
@@ -9,15 +10,20 @@ import numpy as np
 import pytest
 
 from analog_frontend import top as plant
+from fpga_model import bound
 from testbench import flatten
 from testbench.bench import kernels, peers
+from testbench.campaign.plan import plan as campaign_plan
+from testbench.config import to_toml
 from testbench.engines import window
 from testbench.errors import ConfigError, FileError
-from testbench.measured.record import load, produce
+from testbench.measured.record import check_tables, from_run, load, produce
 from testbench.measured.record import plan as plans
 from testbench.port import library
 from testbench.port.plant import Plant
+from testbench.run import simulate
 from testbench.run.simulation import Simulation
+from testbench.storage.record import Record
 from tests.testbench.bench_setup import configured, quiet
 from tests.testbench.command import gyro
 
@@ -259,6 +265,50 @@ def test_what_a_library_does_not_read_is_refused_or_told(resonator):
         configured(scenario__plant_file="x")
     with pytest.raises(ConfigError, match="no phases can be read"):
         simulation(resonator).probe(1000, 0.0, 25.0)
+
+
+def test_no_file_can_name_a_library(resonator, tmp_path):
+    line = "scenario.plant names a library that would run here; only the option --plant can"
+    checked = quiet(scenario__plant=str(resonator))
+    (tmp_path / "config.toml").write_text(to_toml(checked))
+    done = gyro("run", "--config", "config.toml", folder=tmp_path)
+    assert (done.returncode, done.stderr) == (2, f"gyro: config.toml: {line}\n")
+    (tmp_path / "campaign.toml").write_text('[set]\nscenario.plant = "a.so"\n[axes.seed]\nnoise.seed = [1, 2]\n')
+    with pytest.raises(ConfigError, match=r"scenario\.plant: a campaign has the own plant"):
+        campaign_plan.read(tmp_path / "campaign.toml")
+    plan = from_run.plan_of(checked)
+    assert (plan.model.scenario.plant, plan.truth.scenario.plant) == ("", str(resonator))
+    with pytest.raises(ConfigError, match=line):
+        check_tables.stated_config(Record({}, {}, to_toml(checked), "simulated", 0.0))
+
+
+def stop_at(seconds):
+    """A progress that ends the run, as Ctrl-C does."""
+
+    def progress(part, done, total):
+        if part == "scenario" and done > seconds * 1e6:
+            raise KeyboardInterrupt
+
+    return progress
+
+
+def test_an_interrupted_run_goes_on_to_the_same_codes_with_its_plant_named_again(resonator_py, tmp_path):
+    values = {"scenario__origin": "power_on", "scenario__seconds": 0.5, "output__checkpoint_s": 0.1}
+    checked = quiet(scenario__plant=str(resonator_py), output__html=False, output__pictures=False, **values)
+    uncut = simulate.run(checked).summary["codes_sha256"]
+    with pytest.raises(KeyboardInterrupt):
+        simulate.run(checked, stop_at(0.25), tmp_path / "cut")
+    done = gyro("run", "--resume-run", "cut", folder=tmp_path)
+    assert (done.returncode, "only the option --plant can" in done.stderr) == (2, True)
+    done = gyro("run", "--resume-run", "cut", "--plant", resonator_py, "--json", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["codes_sha256"] == uncut
+
+
+def test_a_plant_that_was_replaced_behind_its_compilation_is_refused(monkeypatch):
+    monkeypatch.setattr(bound, "replaced", lambda: ["analog_frontend.top.block"])
+    with pytest.raises(RuntimeError, match=r"analog_frontend\.top\.block was compiled before something that it calls"):
+        Simulation(quiet(), 25.0, 25.0)
 
 
 def test_a_state_continues_only_with_its_plant_and_the_command_says_which(resonator_py, tmp_path):
