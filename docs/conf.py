@@ -40,7 +40,7 @@ CHAPTERS = {
     ),
     "Experiments": ("paper", "inference", "loop", "design_of_loops", "word_lengths", "campaigns"),
     "Verification": ("verification", "golden", "rtl", "ranges", "portability", "speed", "notebook"),
-    "Measured data": ("measured", "wide_priors", "measured_parts", "measured_resonators", "tracing", "sealed"),
+    "Measured data": ("measured", "quality", "wide_priors", "measured_parts", "measured_resonators", "tracing", "sealed"),
     "Firmware": ("blocks/*",),
     "Plant": ("parts/*",),
     "Effects": ("effects/*",),

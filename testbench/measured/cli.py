@@ -61,10 +61,16 @@ def check(
     replay: Annotated[bool, typer.Option(help="Replay the firmware on the recorded codes, too (R16).")] = True,
     as_json: Json = False,
 ):
-    """Check a record by rules R01 to R33: one line per finding, exit code 2 if it is refused."""
+    """Check a record by rules R01 to R33, a recording of a part by its data quality: one line per finding.
+
+    Exit code 2 if it is refused."""
+    from testbench.measured.openers import part_findings
     from testbench.measured.record import load
     from testbench.storage.record import RecordError
 
+    found = part_findings([file])
+    if found is not None:
+        return _check_part(file, found, as_json)
     findings, residual, refused = [], None, False
     try:
         with _progress(as_json) as progress:
@@ -86,6 +92,19 @@ def check(
         typer.echo(one_line(f"{file}: {'refused' if refused else 'accepted'}"))
     if refused or blocked:
         raise typer.Exit(EXIT_REFUSED if refused else EXIT_BLOCKED)
+
+
+def _check_part(file, found, as_json):
+    """Print the findings about a recording of a part."""
+    refused = any(f.action == "refuse" for f in found)
+    if as_json:
+        print_json({"file": str(file), "accepted": not refused, "quality": [f.as_json() for f in found]})
+    else:
+        for finding in found:
+            typer.echo(one_line(finding))
+        typer.echo(one_line(f"{file}: {'refused' if refused else 'accepted'}"))
+    if refused:
+        raise typer.Exit(EXIT_REFUSED)
 
 
 @app.command()
@@ -345,10 +364,13 @@ def _write(path, text):
 
 
 def _print_trace(result):
-    """Verdict, effects and held-out errors of a result, by the keys of its JSON."""
+    """Quality, verdict, effects and held-out errors of a result, by the keys of its JSON."""
     from testbench.console.show import print_tables
     from testbench.console.table import Table
+    from testbench.measured.quality.finding import from_json
 
+    for finding in result.get("quality", ()):
+        typer.echo(one_line(from_json(finding)))
     typer.echo(f"{result['verdict']}: {result['sentence']}")
     rows = [
         (e["law"], e["port"], f"{e['value']:.6g}", f"{e['sd']:.2g}", e["unit"], f"{e['d']:.1f}", e["status"])

@@ -10,6 +10,7 @@ import os
 from numpy.linalg import LinAlgError
 
 from testbench.errors import FileError
+from testbench.measured.formats import readers
 
 
 def closed_loop(paths, options):
@@ -21,10 +22,29 @@ def closed_loop(paths, options):
 
 
 def single_part(paths, options):
-    """Recordings of single parts: the first kind whose `opener` knows the content."""
+    """Recordings of single parts: the first kind whose `opener` knows the content; QualityError before it fits."""
     from testbench.measured import kinds
+    from testbench.measured.formats import sheets
+    from testbench.measured.quality import examine
 
-    return kinds.first(kind.opener(paths, options) for kind in kinds.KINDS)
+    found = examine.refused(sheets.examine(paths, options.get("channel")), options.get("quality", ""))
+    problem = kinds.first(kind.opener(paths, options) for kind in kinds.KINDS)
+    if problem is not None:
+        problem.quality = found
+    return problem
+
+
+def part_findings(paths):
+    """Findings about recordings of a part; None if the files are none."""
+    from testbench.measured.formats import sheets
+    from testbench.measured.quality.finding import QualityError
+
+    try:
+        if not all(os.path.isfile(path) and readers.content(path) is not None for path in paths):
+            return None
+        return sheets.examine(paths)
+    except QualityError as problem:
+        return problem.findings
 
 
 @contextlib.contextmanager
@@ -49,4 +69,4 @@ def open_problem(paths, options):
             problem = opener(paths, options)
             if problem is not None:
                 return problem
-    raise FileError(f"{paths[0]}: content of no known kind; docs/measured_parts.md lists those that can be read")
+    raise FileError(f"{paths[0]}: content of no known kind. Nearest is {readers.lacking(paths[0])}")

@@ -20,12 +20,14 @@ def trace_table(paths, options):
 
 def of_problem(problem, settings=None, progress=None):
     """(JSON, picture) of a part's problem with `trace.Options`; None if it is no part (a record of the closed loop)."""
-    if isinstance(problem, Part):
-        return exam.report(problem, settings, progress)
     if not isinstance(problem, PartProblem):
         return None
-    data, rows = part_page.run(problem, settings, progress)
-    return data, part_page.picture(problem, rows) if rows else ""
+    if isinstance(problem, Part):
+        data, image = exam.report(problem, settings, progress)
+    else:
+        data, rows = part_page.run(problem, settings, progress)
+        image = part_page.picture(problem, rows) if rows else ""
+    return data | {"quality": [f.as_json() for f in problem.quality]}, image
 
 
 def text(data):

@@ -14,6 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from testbench.errors import FileError
+from testbench.measured.quality import backwards
+from testbench.measured.quality.sheet import AXIS, Column, Sheet
 from testbench.storage import inputs
 
 HEAD = "date;source;"
@@ -36,6 +38,7 @@ class Meters(NamedTuple):
     readings_v: np.ndarray
     spread_v: np.ndarray | None
     environment: dict  # {column: (points,)}
+    quality: tuple = ()  # what was mended
 
 
 def looks_like(path):
@@ -73,8 +76,10 @@ def read(path):
     if not meters:
         raise FileError(f"{path}: line 1: no column of readings behind the source")
     seconds = np.array([(t - when[0]).total_seconds() for t in when])
-    if np.any(np.diff(seconds) < 0):
-        raise FileError(f"{path}: line {2 + int(np.argmax(np.diff(seconds) < 0)) + 1}: the time falls")
+    axis = Column("time", "s", seconds, AXIS)
+    order, said = backwards.rising(Sheet(str(path), "meters", (axis, Column("source", "V", table[:, 0]))), False, True)
+    if order is not None:
+        seconds, table = (seconds - seconds[-1])[order], table[order]
     for name, fixed in (("time", seconds), ("source", table[:, 0]), *((columns[i], table[:, i]) for i in meters)):
         if np.all(fixed == fixed[0]):
             raise FileError(f"{path}: {name} is the same in all {len(rows)} points")
@@ -87,4 +92,5 @@ def read(path):
         table[:, meters],
         table[:, spreads] if len(spreads) == len(meters) else None,
         {c: table[:, i] for i, c in enumerate(columns) if ENVIRONMENT.match(c)},
+        said,
     )

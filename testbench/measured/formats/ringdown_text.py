@@ -1,8 +1,8 @@
 """Power over time (ring-down) or over frequency (spectrum) in dBm: text, header lines `% name: value`, two columns.
 
     % Sample ID: SP64-32            % time [s], power [dBm]          0.12, -84.3
-Instants that fall or power that is not finite are refused. A frequency column that is a rounded regular grid is put
-back on its grid, as in touchstone.py.
+Rows in reverse order are put right; instants that fall otherwise, or power that is not finite, are refused.
+A frequency column that is a rounded regular grid is put back on its grid, as in touchstone.py.
 """
 
 import re
@@ -11,20 +11,24 @@ from typing import NamedTuple
 import numpy as np
 
 from testbench.errors import FileError
+from testbench.measured.quality import backwards
+from testbench.measured.quality.sheet import AXIS, Column, Sheet
 from testbench.storage.inputs import read_lines
 
 SHORTEST = 64
-MOST, MOST_DBM = 1e12, 1e3  # of s or Hz, and of dBm
+MOST = 1e12  # of any number
 
 
 class Trace(NamedTuple):
-    """Header as text; abscissa in s (kind "ringdown") or Hz ("spectrum"); power in dBm."""
+    """Header as text; abscissa in s ("ringdown") or Hz ("spectrum"), also as printed; power in dBm; what was mended."""
 
     path: str
     header: dict
     kind: str
     x: np.ndarray
     power_dbm: np.ndarray
+    printed_x: np.ndarray
+    quality: tuple = ()
 
     @property
     def sample(self):
@@ -32,8 +36,12 @@ class Trace(NamedTuple):
 
     @property
     def frequency_hz(self):
+        return self.number("frequency [hz]")
+
+    def number(self, name):
+        """A number of the header by its name in small letters; NaN if there is none."""
         try:
-            return float(self.header.get("frequency [hz]", "nan"))
+            return float(self.header.get(name, "nan"))
         except ValueError:
             return float("nan")
 
@@ -63,19 +71,23 @@ def load(path):
             x, power = (float(field) for field in line.split(","))
         except ValueError:
             raise FileError(f"{path}: line {number}: {line[:80]!r} is not 'number, number'") from None
-        if not (abs(x) < MOST and abs(power) < MOST_DBM):
-            raise FileError(f"{path}: line {number}: not finite, or above {MOST:g} s or Hz, {MOST_DBM:g} dBm")
+        if not (abs(x) < MOST and abs(power) < MOST):
+            raise FileError(f"{path}: line {number}: not finite, or above {MOST:g}")
         rows.append((x, power))
     if not kind:
         raise FileError(f"{path}: no line '% time [s], power [dBm]' or '% frequency [Hz], power [dBm]'")
     if len(rows) < SHORTEST:
         raise FileError(f"{path}: {len(rows)} rows, {SHORTEST} or more wanted")
     x, power = np.array(rows).T
-    steps = np.diff(x)
-    if np.any(steps < 0) or (kind == "ringdown" and np.any(steps == 0)):
-        raise FileError(f"{path}: the first column falls or stands still")
+    order, said = backwards.rising(_as_sheet(path, kind, x, power), kind == "ringdown", True)
+    if order is not None:
+        x, power = x[order], power[order]
     if x[-1] == x[0] or np.all(power == power[0]):
         raise FileError(f"{path}: a column is the same in every row")
-    if kind == "spectrum":
-        x = np.linspace(x[0], x[-1], len(x))
-    return Trace(str(path), header, kind, x, power)
+    grid = x if kind == "ringdown" else np.linspace(x[0], x[-1], len(x))
+    return Trace(str(path), header, kind, grid, power, x, said)
+
+
+def _as_sheet(path, kind, x, power):
+    name, unit = ("time", "s") if kind == "ringdown" else ("frequency", "Hz")
+    return Sheet(str(path), kind, (Column(name, unit, x, AXIS), Column("power", "dBm", power)))

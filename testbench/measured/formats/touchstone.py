@@ -12,10 +12,14 @@ from typing import NamedTuple
 import numpy as np
 
 from testbench.errors import FileError
+from testbench.measured.quality import backwards, gaps
+from testbench.measured.quality.finding import REFUSE, QualityError
+from testbench.measured.quality.series import floor
+from testbench.measured.quality.sheet import AXIS, Column, Sheet
 from testbench.storage.inputs import read_lines
 
 UNITS = {"hz": 1.0, "khz": 1e3, "mhz": 1e6, "ghz": 1e9}
-MOST, MOST_S, MOST_DB = 1e15, 1e6, 200.0  # of any number, and of a parameter
+MOST, MOST_DB = 1e15, 200.0  # of any number, and of a parameter in dB
 ORDERS = {1: ("s11",), 2: ("s11", "s21", "s12", "s22")}
 
 
@@ -29,6 +33,14 @@ class Sweep(NamedTuple):
     ohm: float
     regular: bool
     rounding_hz: float
+    size_db: dict  # as printed, where the file has decibels
+
+    @property
+    def print_noise(self):
+        """Noise (rms of the real or the imaginary part) that steps of the printed decibels make of S21."""
+        if "s21" not in self.size_db:
+            return 0.0
+        return float(np.median(np.abs(self.s["s21"]))) * np.log(10) / 20 * floor(self.size_db["s21"])
 
 
 def is_one(head):
@@ -74,12 +86,13 @@ def load(path):
     if ports is None:
         raise FileError(f"{path}: {data.shape[1]} columns; 3 (one port) or 9 (two ports) wanted")
     frequency, rounding = data[:, 0] * unit, last * unit
-    frequency, regular = _grid(path, frequency, rounding)
+    frequency, regular = _grid(path, frequency, rounding, data)
     s = {name: _pairs(kind, data[:, 1 + 2 * k], data[:, 2 + 2 * k]) for k, name in enumerate(ORDERS[ports])}
     for name, value in s.items():
-        if not np.all(np.abs(value) < MOST_S):
-            raise FileError(f"{path}: {name} is above {MOST_S:g}")
-    return Sweep(str(path), tuple(comments), frequency, s, ohm, regular, rounding)
+        if not np.all(np.abs(value) < MOST):
+            raise FileError(f"{path}: {name} is above {MOST:g}")
+    printed = {name: data[:, 1 + 2 * k] for k, name in enumerate(ORDERS[ports]) if kind == "db"}
+    return Sweep(str(path), tuple(comments), frequency, s, ohm, regular, rounding, printed)
 
 
 def _row(path, number, fields):
@@ -107,11 +120,19 @@ def _options(path, number, line):
     return UNITS[unit], kind, ohm
 
 
-def _grid(path, frequency, rounding):
-    if np.any(np.diff(frequency) < 0) or frequency[-1] == frequency[0]:
-        raise FileError(f"{path}: frequencies fall or stand still; a sweep upwards wanted")
+def _grid(path, frequency, rounding, data):
+    """(frequencies, True if they were put back on a regular grid); FileError where they are no sweep upwards."""
+    others = [Column(f"column {k + 2}", "", v) for k, v in enumerate(data[:, 1:].T)]
+    sheet = Sheet(str(path), "sweep", (Column("frequency", "Hz", frequency, AXIS, resolution=rounding), *others))
+    backwards.rising(sheet, False, False)
+    if frequency[-1] == frequency[0]:
+        raise FileError(f"{path}: frequencies stand still; a sweep upwards wanted")
     grid = np.linspace(frequency[0], frequency[-1], len(frequency))
-    regular = bool(np.max(np.abs(grid - frequency)) <= 1.01 * rounding)
-    if not regular and np.any(np.diff(frequency) == 0):
-        raise FileError(f"{path}: a frequency stands twice and the grid is not regular")
-    return (grid, True) if regular else (frequency, False)
+    if np.max(np.abs(grid - frequency)) <= 1.01 * rounding:
+        return grid, True
+    if np.any(np.diff(frequency) == 0):
+        missing = list(gaps.check(sheet))
+        if missing:  # a grid with a hole cannot be put back, and its print is too coarse to do without
+            raise QualityError([f._replace(action=REFUSE) for f in missing])
+        backwards.rising(sheet, True, False)
+    return frequency, False

@@ -3,14 +3,15 @@
 from testbench.tracing.problem.problem import Problem
 
 
-class PartProblem(Problem, adds="most_laws same_rows axis absorbed more_of details with_data"):
+class PartProblem(Problem, adds="most_laws same_rows quality axis absorbed more_of details with_data"):
     """A recording of one part. Each member has a default.
 
     most_laws   laws that are added one after the other, at most
     same_rows   rows of fitted and judged segments belong together
+    quality     findings about the recording, before anything was fitted
     """
 
-    most_laws, same_rows = 3, False
+    most_laws, same_rows, quality = 3, False, ()
 
     def axis(self, segment, observable):
         """(abscissa of the rows, its label) of an observable of a segment; None: the number of the row."""

@@ -16,6 +16,7 @@ from analog_frontend.parts import adc
 from testbench.errors import FileError
 from testbench.measured.formats import meters_csv
 from testbench.measured.models.linear import Common, LinearProblem, Stretch
+from testbench.measured.quality import series
 from testbench.tracing.problem.problem import Law, Nuisance, Observable, Segment
 
 FULL_V = 10.0
@@ -126,7 +127,8 @@ def noise_sd(data):
     # a reference's noise grows with the voltage: variance a + b u^2, both >= 0
     profile = np.column_stack([np.ones(points), u * u])
     whole = np.stack([profile @ nnls(profile, left[:, m] ** 2)[0] for m in range(meters)])
-    least = (0.3 * robust(left)[:, None]) ** 2
+    print_uv = 1e6 * np.array([series.floor(v) for v in data.readings_v.T])
+    least = (np.maximum(0.3 * robust(left), print_uv)[:, None]) ** 2
     if data.spread_v is not None:
         # the sd of the mean of the readings behind a point
         least = np.maximum(least, (np.mean(data.spread_v**2, axis=0) / (READINGS - 1) * 1e12)[:, None])

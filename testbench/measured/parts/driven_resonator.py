@@ -20,6 +20,7 @@ from testbench.measured.models.noise import Noise
 from testbench.measured.models.terms import FORCES, GRAMMAR, TERMS
 from testbench.measured.models.working import Working
 from testbench.measured.parts.part import Part, Piece
+from testbench.measured.quality import series
 from testbench.tracing.problem.problem import Law, Nuisance
 
 TICKS = 8  # of the model per sample
@@ -251,6 +252,7 @@ def of_records(first, digest, others=()):
     else:
         floor = quiet_band_sd(first)
         notes.append(f"nothing repeats: noise taken as white, {floor:.3f} mV from the band without input")
+    floor = max(floor, 1e3 * series.floor(first.output_v))
     noise = Noise.white(floor)
     if first.overloaded:
         notes.append("the digitiser says that it was overloaded")

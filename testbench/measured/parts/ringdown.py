@@ -21,6 +21,7 @@ from testbench.measured.models.noise import turns
 from testbench.measured.models.working import Working
 from testbench.measured.parts.part import Part, Piece
 from testbench.measured.parts.ringdown_stretch import DB, LEAST_NOISE_DB, background, jumps, noise, steady, stretch
+from testbench.measured.quality import series
 from testbench.tracing.problem.problem import Law, Nuisance
 
 UW_DBM = -30.0
@@ -170,6 +171,7 @@ def _used(trace, background_dbm):
         its = noise(t[a:b], p[a:b])
         if its is None:
             raise FileError(f"{trace.path}: the decay has no noise above {LEAST_NOISE_DB:g} dB; measured power wanted")
+        its = its._replace(sd=np.maximum(its.sd, series.floor(p)))
         end = _until(a, b, its.sd > CLEAR_SD_DB)
         if end == b:
             return a, b, its

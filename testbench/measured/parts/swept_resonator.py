@@ -402,7 +402,7 @@ def _piece(sweep, number, role):
     both = np.concatenate([odd, odd])
     scored = np.arange(2 * n) if role == "fit" else np.flatnonzero(both)
     setup = np.arange(0) if role == "fit" else np.flatnonzero(~both)
-    sd = 1e3 * noise_sd(s)
+    sd = 1e3 * max(noise_sd(s), sweep.print_noise)
     data = Sweep(np.ascontiguousarray(f), np.linspace(-1, 1, n), behind, str(number))
     condition = {"peak_hz": float(f[int(np.argmax(np.abs(s)))])}
     return Piece(f"sweep_{number}", role, rows, scored, setup, Noise.white(sd), sd, data, condition), notes

@@ -15,6 +15,7 @@ from testbench.measured.formats import recognised, ringdown_text
 from testbench.measured.models.noise import Noise, neighbours, turns
 from testbench.measured.models.working import Working
 from testbench.measured.parts.part import Part, Piece
+from testbench.measured.quality import series
 from testbench.tracing.problem.problem import Law, Nuisance
 
 BLOCKS = 24
@@ -74,6 +75,7 @@ def problem(trace):
     if len(p) < SHORTEST:
         raise FileError(f"{trace.path}: {len(p)} points, {SHORTEST} or more wanted")
     sd, rho = noise_of(p)
+    sd = max(sd, series.floor(p))
     if not 0 < sd < np.inf:
         raise FileError(f"{trace.path}: the spectrum has no noise")
     pieces = []

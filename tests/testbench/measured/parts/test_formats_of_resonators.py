@@ -68,7 +68,7 @@ def test_ring_down_text(tmp_path):
         ("1, 2\n" * 80, "no line"),
         ("% time [s], power [dBm]\n1, 2\n", "1 rows"),
         ("% time [s], power [dBm]\n1 2\n", "line 2"),
-        ("% time [s], power [dBm]\n" + "1, 2\n" * 80, "stands still"),
+        ("% time [s], power [dBm]\n" + "1, 2\n" * 80, "duplicated"),
         ("% time [s], power [dBm]\n" + "".join(f"{k}, nan\n" for k in range(80)), "not finite"),
     ],
 )

@@ -1,0 +1,78 @@
+"""All readers of recordings of parts: what a file is by its content, and what the nearest reader lacks in another.
+
+content(path)     what the first reader that knows the file gives; None: none does
+lacking(path)     one line: the nearest reader, what it wants and what it found
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from testbench.errors import FileError
+from testbench.measured.formats import (
+    gyro_npz,
+    input_output,
+    levels_mat,
+    mat_file,
+    meters_csv,
+    ringdown_text,
+    touchstone,
+)
+from testbench.measured.formats.table import read_table
+from testbench.storage import inputs
+
+HEAD_BYTES = 4096
+
+
+class Reader(NamedTuple):
+    """knows(path, head): first look; read(path): content, None if it is of something else."""
+
+    knows: Callable
+    read: Callable
+
+
+READERS = (
+    Reader(lambda path, head: ringdown_text.is_one(head), ringdown_text.load),
+    Reader(lambda path, head: touchstone.is_one(head), touchstone.load),
+    Reader(lambda path, head: meters_csv.looks_like(path), meters_csv.read),
+    Reader(lambda path, head: gyro_npz.looks_like(path), gyro_npz.read),
+    Reader(lambda path, head: input_output.is_one(head), input_output.load),
+    Reader(lambda path, head: levels_mat.looks_like(path), levels_mat.read),
+)
+
+
+def content(path):
+    """Content of a recording; None if no reader knows it. FileError: a reader knows it, and it is damaged."""
+    head = inputs.head(path, HEAD_BYTES)
+    for reader in READERS:
+        found = reader.read(path) if reader.knows(path, head) else None
+        if found is not None:
+            return found
+    return None
+
+
+def lacking(path):
+    """What the nearest reader lacks in a file that none reads."""
+    head = inputs.head(path, HEAD_BYTES)
+    text = head.decode("utf-8", "replace")
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    first = lines[0][:80] if lines else "nothing"
+    if mat_file.is_mat(head):
+        held = mat_file.read_mat(path)[0]
+        sizes = ", ".join(f"{name} {v.shape}" for name, v in list(held.items())[:8]) or "no arrays of numbers"
+        return f"MATLAB file with {sizes}; wanted V1 and V2 (V), or vectors of 2^8 .. 2^18 rising levels (V)"
+    comment = next((line for line in lines if line.startswith("%")), None)
+    if comment:
+        named = next((line for line in lines if line.startswith("%") and "," in line), comment)
+        return (
+            f"ring-down or spectrum: found {named[:80]!r}, wanted '% time [s], power [dBm]' or '% frequency [Hz], ...'"
+        )
+    option = next((line for line in lines if line.startswith("#")), None)
+    if option:
+        return f"Touchstone: found {option[:80]!r}, wanted '# Hz S dB R 50' or its kin"
+    if first.lower().startswith("date") or ";source" in first.lower():
+        return f"readings of voltmeters: found {first!r}, wanted '{meters_csv.HEAD}...' in line 1"
+    try:
+        columns = list(read_table(path))
+    except FileError as problem:
+        return str(problem).partition(": ")[2]
+    return f"a table of columns {', '.join(columns[:12])[:200]}: a column map says what they are"

@@ -1,0 +1,93 @@
+"""Rows in the reverse order, where the axis or physics can tell.
+
+axis       time or frequency falls (`rising` is what loaders ask)
+ring-down  power grows as a free decay falls               meters   readings fall as their source rises
+levels     volts fall as the code rises                    driven   the output comes before its input
+"""
+
+import numpy as np
+
+from testbench.measured.quality.duplicated import repeated_rows
+from testbench.measured.quality.finding import CORRECT, QualityError, finding
+from testbench.measured.quality.sheet import SETTING, SIGNAL
+from testbench.measured.quality.swapped import gain
+
+GROWTH = 3.0  # rise over fall, and before over after
+REACH = 128  # rows: an input of few lines gives an answer that comes again
+
+
+def rising(sheet, strictly, correct):
+    """(order (n,) in which the first column rises, findings); (None, ()) where it does; QualityError if it never does.
+
+    strictly   True: no two rows may stand at one place        correct   False: rows in reverse order are refused
+    """
+    axis, other = sheet.columns[0], sheet.columns[-1]
+    step = np.diff(axis.values)
+    if np.all(step > 0) or (not strictly and np.all(step >= 0)):
+        return None, ()
+    if np.all(step < 0) or (not strictly and np.all(step <= 0)):
+        words = f"{axis.name} falls in every row"
+        found = finding(sheet, "reversed", axis.name, None, words, CORRECT if correct else None)
+        if not correct:
+            raise QualityError([found])
+        return np.arange(sheet.rows)[::-1], (found,)
+    back = np.flatnonzero(step < 0) + 1
+    if len(back) and np.all(np.diff(other.values) >= 0) and np.ptp(other.values) > 0:
+        words = f"{axis.name} falls and {other.name} rises in every row"
+        raise QualityError([finding(sheet, "swapped", f"{axis.name}, {other.name}", None, words)])
+    again = repeated_rows(sheet.columns)
+    if len(again):
+        raise QualityError([finding(sheet, "duplicated", axis.name, again, "rows that are there twice")])
+    if len(back):
+        words = f"{axis.name} falls, first in row {back[0] + 1}: rows are out of order"
+        raise QualityError([finding(sheet, "reversed", axis.name, back, words)])
+    still = np.flatnonzero(step == 0) + 1
+    raise QualityError([finding(sheet, "stuck", axis.name, still, f"{axis.name} stands still while other rows move")])
+
+
+def _ringdown(sheet):
+    p = sheet.column("power").values
+    span = max(len(p) // 40, 2)
+    smooth = np.array([np.median(p[k : k + span]) for k in range(0, len(p) - span + 1, span)])
+    change = np.diff(smooth)
+    jump = np.abs(change) > 0.25 * np.ptp(smooth)
+    fall, rise = -np.sum(change[(change < 0) & ~jump]), np.sum(change[(change > 0) & ~jump])
+    if rise > GROWTH * fall and rise > 3.0:
+        yield finding(sheet, "reversed", "power", None, f"grows by {rise:.3g} dB and falls by {fall:.3g}: no decay")
+
+
+def _meters(sheet):
+    (source,) = sheet.of(SETTING)
+    for c in sheet.of(SIGNAL):
+        slope = np.polyfit(source.values, c.values, 1)[0]
+        back = np.polyfit(source.values[::-1], c.values, 1)[0]
+        if slope < -0.8 or (abs(slope) < 0.5 and abs(back - 1) < 0.1):
+            yield finding(sheet, "reversed", c.name, None, "readings run against their source")
+
+
+def _levels(sheet):
+    for c in sheet.of(SIGNAL):
+        if np.polyfit(np.arange(sheet.rows), c.values, 1)[0] < 0:
+            yield finding(sheet, "reversed", c.name, None, "volts fall as the code rises")
+
+
+def _driven(sheet):
+    u, y = (sheet.column(n).values for n in ("input", "output"))
+    _, used = gain(u, y)
+    if np.count_nonzero(used) < 16:
+        return
+    n = 1 << int(np.log2(min(len(u), 1 << 15)))
+    a, b = (np.fft.rfft((v[:n] - v[:n].mean()) * np.hanning(n)) for v in (u, y))
+    power = np.abs(a) ** 2
+    h = np.fft.irfft(b * np.conj(a) / (power + 1e-3 * np.mean(power)))
+    after, before = np.sum(h[1:REACH] ** 2), np.sum(h[-REACH:] ** 2)
+    if before > GROWTH * after:
+        yield finding(sheet, "reversed", "input, output", None, "the output comes before its input")
+
+
+RULES = {"ringdown": _ringdown, "meters": _meters, "levels": _levels, "driven": _driven}
+
+
+def check(sheet):
+    """Findings about a sheet."""
+    return list(RULES[sheet.kind](sheet)) if sheet.kind in RULES else []

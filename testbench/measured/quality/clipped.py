@@ -1,0 +1,42 @@
+"""Values that pile up at their own extreme: a range that ends inside the signal.
+
+many     more rows at the extreme than within as wide a bin beside it: a tail becomes thinner, and ever faster
+two      rows at the extreme are equal to the last digit, as no others are
+"""
+
+import numpy as np
+
+from testbench.measured.quality.finding import finding
+from testbench.measured.quality.series import grid_step, noise_sd
+from testbench.measured.quality.sheet import SIGNAL
+
+MANY, SIGMAS = 4, 5.0
+PILE, PILE_FAST = 1.5, 3.0  # a sine in coarse steps has 2.4 times as many at its top as beside it
+
+
+def _not_thinner(n1, n2, n3):
+    """True if the counts of three bins, from the extreme inwards, are not log-concave as those of a tail are."""
+    if min(n1, n2, n3) < 1:
+        return False
+    return bool(np.log(n1 * n3 / n2**2) > SIGMAS * np.sqrt(1 / n1 + 4 / n2 + 1 / n3))
+
+
+def check(sheet):
+    """Findings about the signals of a sheet."""
+    for c in sheet.of(SIGNAL):
+        grid, noise = grid_step(c.values), noise_sd(sheet.ordered(c.course), c.fast)
+        bin_width = grid if grid > 0.02 * noise else 0.2 * noise
+        ties = len(c.values) - len(np.unique(c.values))
+        for side, v in (("highest", c.values), ("lowest", -c.values)):
+            top = v.max()
+            at, others = v == top, v[v < top]
+            count = np.count_nonzero(at)
+            below = np.count_nonzero(others >= top - 1.01 * bin_width)
+            pile = count > (PILE_FAST if c.fast else PILE) * below
+            many = count >= MANY and count > below + SIGMAS * np.sqrt(below + 1) and pile
+            if not c.fast and count >= MANY:
+                many = many or _not_thinner(count, below, np.count_nonzero(others >= top - 2.01 * bin_width) - below)
+            ends = count - 1 + max(np.count_nonzero(v == v.min()) - 1, 0)
+            if many or (count > 1 and ties == ends):
+                words = f"{count} rows at its {side} value {c.values[at][0]:.6g} {c.unit}"
+                yield finding(sheet, "clipped", c.name, at, words)

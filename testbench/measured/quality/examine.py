@@ -1,0 +1,47 @@
+"""All checks on the sheets of one recording: what would spoil the others' judgement comes first.
+
+    examine(sheets)             findings, the worst first
+    refused(findings, option)   QualityError of those that refuse; --option quality=report: none does
+Source  docs/quality.md
+"""
+
+from testbench.errors import ConfigError
+from testbench.measured.quality import (
+    backwards,
+    clipped,
+    drift,
+    duplicated,
+    gaps,
+    interpolated,
+    quantised,
+    spikes,
+    stuck,
+    swapped,
+    units,
+)
+from testbench.measured.quality.finding import REFUSE, QualityError
+
+MEANING = (swapped, units, backwards)
+ROWS = (duplicated, stuck, clipped, gaps)
+NOISE = (interpolated, quantised, spikes)  # these say nothing of columns that are not what they seem
+
+
+def examine(sheets):
+    """Findings about `Sheet`s of one part."""
+    found = []
+    for sheet in sheets:
+        meaning = [f for check in MEANING for f in check.check(sheet)]
+        found += meaning + [f for check in (*ROWS, *(() if meaning else NOISE)) for f in check.check(sheet)]
+    if not any(f.kind in ("swapped", "unit", "reversed") for f in found):
+        found += drift.check(sheets)
+    return tuple(sorted(found, key=lambda f: f.action != REFUSE))
+
+
+def refused(findings, option=""):
+    """Findings that go on; QualityError where one refuses and the user did not say quality=report."""
+    if option not in ("", "report"):
+        raise ConfigError(f"--option quality={option}: report is the only word it knows")
+    worst = [f for f in findings if f.action == REFUSE]
+    if worst and option != "report":
+        raise QualityError(worst)
+    return findings

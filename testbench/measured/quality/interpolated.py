@@ -1,0 +1,99 @@
+"""Points that were not measured but drawn between others: they carry no noise of their own.
+
+on a line   rows exactly between their neighbours (to the print), far more than noise makes, rows or axis counted
+by a curve  rows at a regular spacing k from which the rows between follow far better than from any other such rows
+"""
+
+import numpy as np
+
+from testbench.measured.quality.finding import finding
+from testbench.measured.quality.series import grid_step, local_step, running
+from testbench.measured.quality.sheet import AXIS, SETTING, SIGNAL
+
+FINE = 30.0  # steps of the print in a large second difference, from which on exact lines can be told
+LARGE = 0.95  # quantile of the second differences around
+LEAST_ROWS, LEAST_SHARE = 8, 0.03
+SPACINGS = range(2, 13)
+KNOTS = (-3, -2, -1, 0, 1, 2, 3, 4)
+FAR_BETTER, BETTER = 0.1, 0.35  # of the rest at the other phases of the same spacing; where a coarse print adds to it
+SMALLEST, LARGEST, WINDOWS = 260, 1200, 8  # rows that are looked at for curves, and how often
+AGREEING = 2  # windows at least
+
+
+def on_a_line(v, x, resolution):
+    """Mask of rows between their neighbours to the resolution; all False where it cannot be told."""
+    tol = np.full(len(v) - 2, 2.5 * max(resolution, 4 * np.finfo(float).eps * np.max(np.abs(v))))
+    if np.any(np.diff(v) == 0):  # ties are those of a grid, of one that floats where there is none for all
+        tol = np.maximum(tol, 2.5 * local_step(v)[1:-1])
+    out = np.zeros(len(v), bool)
+    moved = (np.diff(v)[1:] != 0) & (np.diff(v)[:-1] != 0)
+    for weight in _weights(x, len(v)):
+        bend = np.abs(v[1:-1] - (1 - weight) * v[:-2] - weight * v[2:])
+        # where bends are not far above the print, an exact line says nothing
+        usable = running(bend, lambda x: np.quantile(x, LARGE)) > FINE * tol / 2.5
+        exact, other = (bend <= tol) & moved & usable, (bend > tol) & usable
+        if np.count_nonzero(other) < LEAST_ROWS:
+            continue
+        chance = np.mean(bend[other] < 3 * tol[other]) / 2  # of falling into a band as wide beside it
+        share = np.count_nonzero(exact) / np.count_nonzero(usable)
+        if share > LEAST_SHARE + 3 * chance and np.count_nonzero(exact) >= LEAST_ROWS:
+            out[1:-1] |= exact
+    return out
+
+
+def _weights(x, n):
+    yield np.full(n - 2, 0.5)
+    if x is not None and np.all(np.diff(x) > 0):
+        yield (x[1:-1] - x[:-2]) / (x[2:] - x[:-2])
+
+
+def spacing(v, step=0.0):
+    """Spacing k of rows from which all others follow, in AGREEING windows; 0: none. `step`: of the print."""
+    size = min(LARGEST, max(SMALLEST, len(v) // 4))
+    starts = np.linspace(0, max(len(v) - size, 0), WINDOWS).astype(int)
+    found = [_spacing(v[a : a + size] - np.mean(v[a : a + size]), step) for a in starts]
+    k = max((j for j in found if j), key=found.count, default=0)
+    return k if found.count(k) >= AGREEING else 0
+
+
+def _spacing(v, step):
+    for k in SPACINGS:
+        if len(v) < 26 * k + 40:
+            break
+        rest = np.array([_rest(v, k, phase) for phase in range(k)])
+        others = np.median(np.delete(rest, np.argmin(rest)))
+        limit = max(FAR_BETTER * others, min(BETTER * others, 0.6 * step))
+        if others > 1e-9 * np.std(v) and rest.min() < limit:
+            return k
+    return 0
+
+
+def _rest(v, k, phase):
+    """Typical rest of the rows between the knots phase, phase + k, ..: less their best prediction from eight knots."""
+    at = np.arange(phase + 3 * k, len(v) - 5 * k, k)
+    knots = np.column_stack([v[at + j * k] for j in KNOTS])
+    between = np.column_stack([v[at + j] for j in range(1, k)])
+    left = between - knots @ np.linalg.lstsq(knots, between, rcond=1e-10)[0]
+    return float(np.median(np.abs(left)))  # a peak bends few rows, and those of one phase more than others
+
+
+def check(sheet):
+    """Findings about the signals of a sheet."""
+    axis = next(iter(sheet.of(AXIS, SETTING)), None)
+    for c in sheet.of(SIGNAL):
+        grid = grid_step(c.values)
+        courses = [(c.course, None if axis is None else axis.values, None)]
+        if sheet.order is not None:
+            courses.append((sheet.ordered(c.course), sheet.ordered(axis.values), sheet.order))
+        for v, x, order in courses:
+            mask = on_a_line(v, x, max(grid, c.resolution))
+            if mask.any():
+                rows = np.flatnonzero(mask) if order is None else order[mask]
+                words = "rows exactly between their neighbours: drawn, not measured"
+                yield finding(sheet, "interpolated", c.name, rows, words)
+                break
+            k = spacing(v, grid)
+            if k:
+                words = f"all rows follow from every {k}th: drawn, not measured"
+                yield finding(sheet, "interpolated", c.name, np.arange(len(v)) % k != 0, words)
+                break

@@ -1,0 +1,60 @@
+"""Single rows far off their neighbours.
+
+found    |row less its neighbours| > (4 + sqrt(2 ln n)) robust sd of the rows around, the neighbours agree, and all
+         but one of the eight rows beside them stay within a third of it: a narrow peak that rings does not
+fast     signals less their prediction from rows on either side; what is left has the shape that one row makes
+dips     of a power in decibels are nature, unless its noise is below QUIET_DB
+"""
+
+import numpy as np
+
+from testbench.measured.quality.finding import REPORT, finding
+from testbench.measured.quality.series import TAPS, beside, largest_expected, prediction, running_scale
+from testbench.measured.quality.sheet import SIGNAL
+
+AGREE = 0.5  # of the row's own distance: how far apart its neighbours may be
+ALONE = 1 / 3
+QUIET_DB = 0.1
+ALIKE = 0.9  # cosine of the rest and of what one row makes of it
+FEW = 0.01  # of the levels of a converter, which are averaged in blocks
+
+
+def spike_rows(v, fast=False, dips=False):
+    """Mask of the rows that stand out."""
+    if fast:
+        return _of_fast(v)
+    rest = beside(v)
+    scale = running_scale(rest)
+    out = np.abs(rest) > largest_expected(len(v)) * scale
+    own = np.zeros(len(v))
+    own[1:-1] = v[1:-1] - (v[:-2] + v[2:]) / 2
+    out[1:-1] &= np.abs(v[2:] - v[:-2]) < AGREE * np.abs(own[1:-1])
+    out[[0, -1]] = False
+    step = np.abs(np.diff(v))
+    flank = np.minimum(step[:-3], step[3:])  # a node between two slopes is none
+    out[[1, -2]] = False
+    out[2:-2] &= flank < AGREE * np.abs(own[2:-2])
+    around = np.sort([np.abs(np.roll(own, k)) for k in (-5, -4, -3, -2, 2, 3, 4, 5)], axis=0)
+    out &= around[-2] < ALONE * np.abs(own)
+    return out & ~(dips & (own < 0) & (scale > QUIET_DB))
+
+
+def _of_fast(v):
+    rest, shape = prediction(v)
+    out = np.abs(rest) > largest_expected(len(v)) * running_scale(rest)
+    norm = np.linalg.norm(shape)
+    for row in np.flatnonzero(out):
+        piece = rest[max(row - TAPS, 0) : row + TAPS + 1]
+        whole = len(piece) == len(shape)
+        out[row] = whole and abs(piece @ shape) > ALIKE * norm * np.linalg.norm(piece)
+    return out
+
+
+def check(sheet):
+    """Findings about the signals of a sheet."""
+    for c in sheet.of(SIGNAL):
+        mask = spike_rows(sheet.ordered(c.course), c.fast, c.unit.startswith("dB"))
+        if mask.any():
+            rows = sheet.at(np.flatnonzero(mask))
+            action = REPORT if sheet.kind == "levels" and len(rows) < FEW * sheet.rows else None
+            yield finding(sheet, "spikes", c.name, rows, f"{len(rows)} row(s) far off their neighbours", action)
