@@ -6,11 +6,12 @@ Errors  FileError: no archive, an array of objects, no such array or numbers, fe
 
 import hashlib
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
 from testbench.errors import FileError
+from testbench.measured.formats import column_map
+from testbench.measured.formats.contents import Rest
 from testbench.storage import inputs
 from testbench.storage.npz_input import read_npz
 
@@ -20,19 +21,10 @@ MAGIC = b"PK\x03\x04"
 LSB_DEG_S, RATE_HZ = (1e-12, 1e6), (1e-3, 1e9)  # far beyond any gyroscope
 
 
-class Rest(NamedTuple):
-    """`counts` int (samples, axes)."""
-
-    path: Path
-    sha256: str
-    counts: np.ndarray
-    lsb_deg_per_s: float
-    rate_hz: float
-
-
 def looks_like(path):
     """True if the file is an archive; what is in it only `read` can say."""
-    return inputs.head(path, len(MAGIC)) == MAGIC
+    head = inputs.head(path, column_map.HEAD_BYTES)
+    return head.startswith(MAGIC) or column_map.is_map(head, "rest")
 
 
 def _scalar(path, held, ending, low, high):
@@ -49,6 +41,8 @@ def _scalar(path, held, ending, low, high):
 def read(path):
     """`Rest` of a file; see the module."""
     path = Path(path)
+    if column_map.maps(path):
+        return column_map.read(path)
     data = inputs.read_bytes(path)
     held = read_npz(data, path)
     arrays = [v for v in held.values() if v.ndim == 2 and v.dtype.kind in "iu" and 1 <= min(v.shape) <= MAX_AXES]

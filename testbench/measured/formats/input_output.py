@@ -3,35 +3,26 @@
 The file holds no sampling rate; the reader of the file has to know it (1e7/2^14 Hz for the published ones).
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from testbench.errors import FileError
-from testbench.measured.formats import mat_file
+from testbench.measured.formats import column_map, mat_file
+from testbench.measured.formats.contents import InputOutput
 
 FS_HZ = 1e7 / 2**14
 SHORTEST = 4096
 MOST_V = 1e6
 
 
-class InputOutput(NamedTuple):
-    """Voltages (n,), sampling rate, and whether the digitiser says that it was overloaded."""
-
-    path: str
-    input_v: np.ndarray
-    output_v: np.ndarray
-    fs_hz: float
-    overloaded: bool
-
-
 def is_one(head):
     """True if the first bytes are those of a MATLAB 5 file; what is in it only `load` can say."""
-    return mat_file.is_mat(head)
+    return mat_file.is_mat(head) or column_map.is_map(head, "driven")
 
 
 def load(path, fs_hz=FS_HZ):
     """`InputOutput` of a file; None if it is a MATLAB file of something else; FileError if it is damaged."""
+    if column_map.maps(path):
+        return column_map.read(path)
     found, _ = mat_file.read_mat(path, ("V1", "V2", "Ovld1", "Ovld2"))
     if not {"V1", "V2"} <= set(found):
         return None

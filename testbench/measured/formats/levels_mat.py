@@ -6,12 +6,12 @@ Errors  FileError: not such a file, no vector of 2^N finite numbers
 """
 
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
 from testbench.errors import FileError
-from testbench.measured.formats import mat_file
+from testbench.measured.formats import column_map, mat_file
+from testbench.measured.formats.contents import Levels
 from testbench.storage import inputs
 
 BITS = range(8, 19)
@@ -19,17 +19,10 @@ MOST_V = 1e6
 MIN_RISE = 0.8  # rank correlation of a level with its code would be 1; a signal in time is far from it
 
 
-class Levels(NamedTuple):
-    """One session: channels are {name: (2^bits,) V}."""
-
-    path: Path
-    sha256: str
-    bits: int
-    channels: dict
-
-
 def looks_like(path):
     """True if the file is of this format and holds at least one table of levels."""
+    if column_map.maps(path, "levels"):
+        return True
     if not mat_file.is_mat(inputs.head(path, len(mat_file.MAGIC))):
         return False
     try:
@@ -47,6 +40,8 @@ def _rises(v):
 def read(path):
     """`Levels` of a file; see the module."""
     path = Path(path)
+    if column_map.maps(path):
+        return column_map.read(path)
     held, digest = mat_file.read_mat(path)
     channels = {}
     for name, value in held.items():

@@ -9,11 +9,12 @@ Errors  FileError: another header, a row of another length, what is no number, f
 import re
 from datetime import datetime
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
 from testbench.errors import FileError
+from testbench.measured.formats import column_map
+from testbench.measured.formats.contents import Meters
 from testbench.measured.quality import backwards
 from testbench.measured.quality.sheet import AXIS, Column, Sheet
 from testbench.storage import inputs
@@ -27,28 +28,18 @@ MAX_POINTS = 1_000_000
 MOST = 1e9  # of any number
 
 
-class Meters(NamedTuple):
-    """Points in the order of time; `readings` (points, meters), `spread` the same or None, in V."""
-
-    path: Path
-    sha256: str
-    seconds: np.ndarray
-    source_v: np.ndarray
-    names: tuple
-    readings_v: np.ndarray
-    spread_v: np.ndarray | None
-    environment: dict  # {column: (points,)}
-    quality: tuple = ()  # what was mended
-
-
 def looks_like(path):
-    """True if the first line is that of this format."""
+    """True if the first line is that of this format, or the file a column map of it."""
+    if column_map.maps(path, "meters"):
+        return True
     return inputs.head(path, len(HEAD)).decode("ascii", "replace").lower() == HEAD
 
 
 def read(path):
     """`Meters` of a file; see the module."""
     path = Path(path)
+    if column_map.maps(path):
+        return column_map.read(path)
     lines = [line for _, line in inputs.read_lines(path, "ascii", "replace")]
     if not lines or not lines[0].lower().startswith(HEAD):
         raise FileError(f"{path}: line 1: expected {HEAD}..., found {lines[0][:40] if lines else 'nothing'}")

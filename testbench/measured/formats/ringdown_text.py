@@ -6,55 +6,34 @@ A frequency column that is a rounded regular grid is put back on its grid, as in
 """
 
 import re
-from typing import NamedTuple
 
 import numpy as np
 
 from testbench.errors import FileError
+from testbench.measured.formats import column_map
+from testbench.measured.formats.contents import Trace
 from testbench.measured.quality import backwards
 from testbench.measured.quality.sheet import AXIS, Column, Sheet
-from testbench.storage.inputs import read_lines
+from testbench.storage import inputs
 
 SHORTEST = 64
 MOST = 1e12  # of any number
 
 
-class Trace(NamedTuple):
-    """Header as text; abscissa in s ("ringdown") or Hz ("spectrum"), also as printed; power in dBm; what was mended."""
-
-    path: str
-    header: dict
-    kind: str
-    x: np.ndarray
-    power_dbm: np.ndarray
-    printed_x: np.ndarray
-    quality: tuple = ()
-
-    @property
-    def sample(self):
-        return self.header.get("sample id", "")
-
-    @property
-    def frequency_hz(self):
-        return self.number("frequency [hz]")
-
-    def number(self, name):
-        """A number of the header by its name in small letters; NaN if there is none."""
-        try:
-            return float(self.header.get(name, "nan"))
-        except ValueError:
-            return float("nan")
-
-
 def is_one(head):
-    """True if the first bytes hold the line that names the columns."""
-    return re.search(rb"^%\s*(time \[s\]|frequency \[Hz\]),\s*power \[dBm\]", head, re.M) is not None
+    """True if the first bytes hold the line that names the columns, or are those of a column map."""
+    return (
+        column_map.is_map(head, "ring-down", "spectrum")
+        or re.search(rb"^%\s*(time \[s\]|frequency \[Hz\]),\s*power \[dBm\]", head, re.M) is not None
+    )
 
 
 def load(path):
     """`Trace` of a file; FileError says line and reason."""
+    if column_map.maps(path):
+        return column_map.read(path)
     header, kind, rows = {}, "", []
-    for number, line in read_lines(path, errors="replace"):
+    for number, line in inputs.read_lines(path, errors="replace"):
         line = line.strip()
         if not line:
             continue

@@ -7,45 +7,28 @@ the file's, not the analyser's.   Source    Touchstone File Format Specification
 
 import math
 import re
-from typing import NamedTuple
 
 import numpy as np
 
 from testbench.errors import FileError
+from testbench.measured.formats import column_map
+from testbench.measured.formats.contents import Sweep
 from testbench.measured.quality import backwards, gaps
 from testbench.measured.quality.finding import REFUSE, QualityError
-from testbench.measured.quality.series import floor
 from testbench.measured.quality.sheet import AXIS, Column, Sheet
-from testbench.storage.inputs import read_lines
+from testbench.storage import inputs
 
 UNITS = {"hz": 1.0, "khz": 1e3, "mhz": 1e6, "ghz": 1e9}
 MOST, MOST_DB = 1e15, 200.0  # of any number, and of a parameter in dB
 ORDERS = {1: ("s11",), 2: ("s11", "s21", "s12", "s22")}
 
 
-class Sweep(NamedTuple):
-    """Complex parameters over frequency; `regular`: the grid was restored; `rounding_hz`: what the print took away."""
-
-    path: str
-    comments: tuple
-    frequency_hz: np.ndarray
-    s: dict
-    ohm: float
-    regular: bool
-    rounding_hz: float
-    size_db: dict  # as printed, where the file has decibels
-
-    @property
-    def print_noise(self):
-        """Noise (rms of the real or the imaginary part) that steps of the printed decibels make of S21."""
-        if "s21" not in self.size_db:
-            return 0.0
-        return float(np.median(np.abs(self.s["s21"]))) * np.log(10) / 20 * floor(self.size_db["s21"])
-
-
 def is_one(head):
-    """True if an option line of Touchstone stands in the first bytes."""
-    return re.search(rb"^\s*#\s*[kMG]?Hz\s+S\s+(dB|MA|RI)\s+R", head, re.I | re.M) is not None
+    """True if an option line of Touchstone stands in the first bytes, or those of a column map."""
+    return (
+        column_map.is_map(head, "sweep")
+        or re.search(rb"^\s*#\s*[kMG]?Hz\s+S\s+(dB|MA|RI)\s+R", head, re.I | re.M) is not None
+    )
 
 
 def _pairs(kind, a, b):
@@ -63,8 +46,10 @@ def _digits(token):
 
 def load(path):
     """`Sweep` of a file; FileError says line and reason."""
+    if column_map.maps(path):
+        return column_map.read(path)
     comments, options, rows, last = [], None, [], 0.0
-    for number, line in read_lines(path, "latin-1"):
+    for number, line in inputs.read_lines(path, "latin-1"):
         line, _, comment = line.partition("!")
         if comment.strip():
             comments.append(comment.strip())

@@ -38,7 +38,8 @@ def factor_of(ratio):
     return next((words for f, words in FACTORS.items() if abs(np.log(ratio / f)) < NEAR), "")
 
 
-def _limits(sheet):
+def beyond(sheet):
+    """Findings about columns that leave their limits."""
     for c in sheet.columns:
         low, high = c.limits
         out = (c.values < low) | (c.values > high)
@@ -127,7 +128,7 @@ RULES = {"meters": _meters, "ringdown": _ringdown, "spectrum": _spectrum, "sweep
 
 def check(sheet):
     """Findings about a sheet."""
-    found = list(_limits(sheet))
+    found = list(beyond(sheet))
     if not found and sheet.kind in RULES:
         found += RULES[sheet.kind](sheet)
     return found

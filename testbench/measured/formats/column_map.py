@@ -1,0 +1,281 @@
+"""A recording of a part in any table, with a TOML file that says what its columns are: its column map.
+
+    kind = "ring-down"       ring-down, spectrum, sweep, meters, levels, driven or rest
+    file = "run1.csv"        CSV, Parquet, .npz or MATLAB 5 in the folder of the map or below it
+    [columns]                role = {column = "t", unit = "ms", range = [0, 1e5]}; range in that unit, where it is known
+    [[readings]]             the roles of which there may be several: readings, spreads, environment, levels, axes
+    [head]                   numbers and texts of the recording: see HEADS
+
+Values are put into the product's unit; what is outside its range refuses the file as a slip of the unit.
+Errors  FileError: no such role, column or unit, what the kind wants and the map lacks, a file outside the folder
+Source  docs/quality.md
+"""
+
+import hashlib
+import re
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from testbench.errors import FileError
+from testbench.measured.formats.contents import InputOutput, Levels, Meters, Rest, Sweep, Trace
+from testbench.measured.formats.table import numbers, read_table
+from testbench.measured.quality import backwards, units
+from testbench.measured.quality.finding import QualityError
+from testbench.measured.quality.series import grid_step, noise_sd
+from testbench.measured.quality.sheet import AXIS, Column, Sheet
+from testbench.storage import inputs
+
+KIND = re.compile(rb"""^\s*kind\s*=\s*["']([\w-]+)["']""", re.M)
+SI = {"": 1.0, "k": 1e3, "M": 1e6, "G": 1e9, "m": 1e-3, "u": 1e-6, "n": 1e-9}
+UNITS = {
+    "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0},
+    "V": {f"{p}V": f for p, f in SI.items()},
+    "Hz": {f"{p}Hz": f for p, f in SI.items()},
+    "dBm": {"dBm": 1.0, "dBW": None, "W": None, "mW": None},
+    "dB": {"dB": 1.0},
+    "deg": {"deg": 1.0, "rad": 180 / np.pi},
+    "1": {"1": 1.0},
+    "deg/s": {"deg/s": 1.0, "rad/s": 180 / np.pi, "mdeg/s": 1e-3, "deg/h": 1 / 3600, "count": 1.0},
+    "": {},
+}
+WANTED = {  # kind: {role: unit of the product}; those of OPTIONAL may be left out
+    "ring-down": {"time": "s", "power": "dBm"},
+    "spectrum": {"frequency": "Hz", "power": "dBm"},
+    "sweep": {"frequency": "Hz"}
+    | {f"{s}_{p}": u for s in ("s11", "s21") for p, u in (("re", "1"), ("im", "1"))}
+    | {f"{s}_{p}": u for s in ("s11", "s21") for p, u in (("db", "dB"), ("deg", "deg"))},
+    "meters": {"time": "s", "source": "V"},
+    "levels": {"code": "1"},
+    "driven": {"time": "s", "input": "V", "output": "V"},
+    "rest": {"time": "s"},
+}
+OPTIONAL = {"sweep": {"s11_re", "s11_im", "s11_db", "s11_deg", "s21_re", "s21_im", "s21_db", "s21_deg"}}
+OPTIONAL |= {"levels": {"code"}, "driven": {"time"}, "rest": {"time"}}
+SEVERAL = {"meters": {"readings": "V", "spreads": "V", "environment": ""}, "levels": {"levels": "V"}}
+SEVERAL |= {"rest": {"axes": "deg/s"}}
+HEADS = {"sample", "frequency_hz", "quality", "rate_hz", "lsb_deg_per_s", "date"}
+FEWEST = {"ring-down": 64, "spectrum": 64, "sweep": 64, "meters": 20, "levels": 256, "driven": 4096, "rest": 20_000}
+HEAD_BYTES = 4096
+EVEN = 1e-3  # of a sampling interval: how far instants may be off a regular grid
+
+
+class Role(BaseModel):
+    """One column: its name in the table, its unit, what it can be, and what it is called."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+    column: str
+    unit: str = ""
+    range: Annotated[list[int | float], Field(min_length=2, max_length=2)] | None = None
+    name: str = ""
+
+
+class Map(BaseModel):
+    """A column map as it stands in its file."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+    kind: Literal["ring-down", "spectrum", "sweep", "meters", "levels", "driven", "rest"]
+    file: str
+    columns: dict[str, Role] = {}
+    readings: list[Role] = []
+    spreads: list[Role] = []
+    environment: list[Role] = []
+    levels: list[Role] = []
+    axes: list[Role] = []
+    head: dict[str, int | float | str] = {}
+
+
+def is_map(head, *kinds):
+    """True if the first bytes are those of a column map of one of the kinds; none named: of any."""
+    found = KIND.search(head)
+    return found is not None and found[1].decode() in (kinds or WANTED)
+
+
+def maps(path, *kinds):
+    """True if a file is a column map of one of the kinds; none named: of any."""
+    return is_map(inputs.head(path, HEAD_BYTES), *kinds)
+
+
+def read(path):
+    """Content of the recording that a map describes: what the reader of its kind gives."""
+    path = Path(path)
+    stated = inputs.checked(inputs.read_toml(path, error=FileError), Map, path)
+    file = (path.parent / stated.file).resolve()
+    if not file.is_relative_to(path.parent.resolve()):
+        raise FileError(f"{path}: file: {stated.file[:80]!r} leads out of the folder")
+    found = _Found(path, stated, file)
+    return MAKERS[stated.kind](found)
+
+
+class _Found:
+    """The columns of a map in the product's units: `one` by role, `many` by role as a list."""
+
+    def __init__(self, path, stated, file):
+        self.path, self.stated, self.file, self.table = path, stated, file, read_table(file)
+        self.head = stated.head
+        for name in self.head:
+            if name not in HEADS:
+                raise FileError(f"{path}: head.{name}: none of {', '.join(sorted(HEADS))}")
+        wanted, several = WANTED[stated.kind], SEVERAL.get(stated.kind, {})
+        for role in stated.columns:
+            if role not in wanted:
+                raise FileError(f"{path}: columns.{role}: none of {', '.join(wanted)} of kind {stated.kind}")
+        for role in ("readings", "spreads", "environment", "levels", "axes"):
+            if getattr(stated, role) and role not in several:
+                raise FileError(f"{path}: {role}: kind {stated.kind} has none")
+        lacking = [r for r in wanted if r not in stated.columns and r not in OPTIONAL.get(stated.kind, ())]
+        lacking += [r for r in list(several)[:1] if not getattr(stated, r)]
+        if lacking:
+            raise FileError(f"{path}: kind {stated.kind} wants {', '.join(lacking)}, which the map lacks")
+        self.one = {role: self._values(role, r, wanted[role]) for role, r in stated.columns.items()}
+        self.many = {role: [self._values(role, r, u) for r in getattr(stated, role)] for role, u in several.items()}
+        lengths = {len(v) for v in (*self.one.values(), *(v for many in self.many.values() for v in many))}
+        if len(lengths) != 1 or min(lengths) < FEWEST[stated.kind]:
+            raise FileError(f"{path}: columns of {sorted(lengths)} rows; one length, {FEWEST[stated.kind]} or more")
+
+    def _values(self, role, r, unit):
+        v = numbers(self.file, self.table, [r.column])[r.column]
+        if r.range is not None:
+            low, high = r.range
+            sheet = Sheet(str(self.file), self.stated.kind, (Column(r.column, r.unit, v, limits=(low, high)),))
+            beyond = list(units.beyond(sheet))
+            if beyond:
+                raise QualityError(beyond)
+        if unit and r.unit not in UNITS[unit]:
+            raise FileError(f"{self.path}: {role}: unit {r.unit[:20]!r} is none of {', '.join(UNITS[unit])}")
+        if unit != "dBm" or r.unit == "dBm":
+            return v * UNITS[unit].get(r.unit, 1.0)
+        if r.unit == "dBW":
+            return v + 30.0
+        if np.min(v) <= 0:
+            raise FileError(f"{self.path}: {role}: a power of {np.min(v):.3g} {r.unit} has no logarithm")
+        return 10 * np.log10(v) + (30.0 if r.unit == "W" else 0.0)
+
+    def names(self, role):
+        return tuple(r.name or r.column for r in getattr(self.stated, role))
+
+    @property
+    def sha256(self):
+        """Of the map and the table together."""
+        return hashlib.sha256(inputs.read_bytes(self.path) + inputs.read_bytes(self.file)).hexdigest()
+
+    def ordered(self, axis, strictly):
+        """(columns with a rising axis, findings)."""
+        sheet = Sheet(str(self.file), self.stated.kind, _axis_first(self.one, axis))
+        order, said = backwards.rising(sheet, strictly, self.stated.kind != "sweep")
+        if order is not None:
+            self.one = {role: v[order] for role, v in self.one.items()}
+            self.many = {role: [v[order] for v in many] for role, many in self.many.items()}
+        return said
+
+    def rate_hz(self):
+        """Sampling rate: of the head, or of regular instants."""
+        if "rate_hz" in self.head:
+            return self.number("rate_hz", 1e-3, 1e9)
+        if "time" not in self.one:
+            raise FileError(f"{self.path}: kind {self.stated.kind} wants head.rate_hz or the column time")
+        t = self.one["time"]
+        step = (t[-1] - t[0]) / (len(t) - 1)
+        worst = float(np.max(np.abs(t - t[0] - step * np.arange(len(t))))) if step > 0 else np.inf
+        if not worst < max(EVEN * step, grid_step(t)):
+            raise FileError(f"{self.path}: time: off a regular grid by {worst:.3g} s, {EVEN * step:.3g} s is the limit")
+        return float(1 / step)
+
+    def number(self, name, low, high):
+        value = self.head.get(name)
+        if not isinstance(value, (int, float)) or not low <= value <= high:
+            raise FileError(f"{self.path}: head.{name}: {value!r} is no number within {low:g} .. {high:g}")
+        return float(value)
+
+
+def _axis_first(one, axis):
+    return tuple(Column(role, "", v, AXIS if role == axis else "signal") for role, v in one.items())
+
+
+def _trace(found):
+    axis = "time" if found.stated.kind == "ring-down" else "frequency"
+    found.one = {axis: found.one[axis], "power": found.one["power"]}
+    said = found.ordered(axis, axis == "time")
+    x = found.one[axis]
+    header = {"sample id": str(found.head.get("sample", "")), "date and time": str(found.head.get("date", ""))}
+    header["frequency [hz]"] = str(found.head.get("frequency_hz", "nan"))
+    header["quality factor"] = str(found.head.get("quality", "nan"))
+    kind = "ringdown" if axis == "time" else "spectrum"
+    grid = x if kind == "ringdown" else np.linspace(x[0], x[-1], len(x))
+    return Trace(str(found.file), header, kind, grid, found.one["power"], x, said)
+
+
+def _sweep(found):
+    one = found.one
+    s, size = {"s11": np.zeros(len(one["frequency"]), complex)}, {}
+    for name in ("s11", "s21"):
+        if {f"{name}_re", f"{name}_im"} <= set(one):
+            s[name] = one[f"{name}_re"] + 1j * one[f"{name}_im"]
+        elif {f"{name}_db", f"{name}_deg"} <= set(one):
+            size[name] = one[f"{name}_db"]
+            s[name] = 10 ** (np.minimum(size[name], 200.0) / 20) * np.exp(1j * np.deg2rad(one[f"{name}_deg"]))
+    if "s21" not in s:
+        raise FileError(f"{found.path}: kind sweep wants s21_re and s21_im, or s21_db and s21_deg")
+    found.one = {"frequency": one["frequency"], "s21": np.abs(s["s21"])}
+    found.ordered("frequency", True)
+    f, date = one["frequency"], str(found.head.get("date", ""))
+    return Sweep(str(found.file), (date,), f, s, 50.0, False, grid_step(f), size)
+
+
+def _meters(found):
+    readings, spreads = (found.many[role] for role in ("readings", "spreads"))
+    if spreads and len(spreads) != len(readings):
+        raise FileError(
+            f"{found.path}: {len(spreads)} spreads of {len(readings)} readings; one of each wanted, or none"
+        )
+    said = found.ordered("time", False)
+    many = found.many
+    return Meters(
+        found.path,
+        found.sha256,
+        found.one["time"] - found.one["time"][0],
+        found.one["source"],
+        found.names("readings"),
+        np.column_stack(many["readings"]),
+        np.column_stack(many["spreads"]) if spreads else None,
+        dict(zip(found.names("environment"), many["environment"])),
+        said,
+    )
+
+
+def _levels(found):
+    n = len(found.many["levels"][0])
+    bits = n.bit_length() - 1
+    code = found.one.get("code", np.arange(n))
+    if n != 1 << bits or not 8 <= bits <= 18 or not np.array_equal(np.sort(code - code.min()), np.arange(n)):
+        raise FileError(f"{found.path}: {n} levels; 2^8 .. 2^18 wanted, each code once")
+    order = np.argsort(code)
+    channels = {name: v[order] for name, v in zip(found.names("levels"), found.many["levels"])}
+    return Levels(found.path, found.sha256, bits, channels)
+
+
+def _driven(found):
+    return InputOutput(str(found.path), found.one["input"], found.one["output"], found.rate_hz(), False)
+
+
+def _rest(found):
+    rate, table = found.rate_hz(), np.column_stack(found.many["axes"])
+    counted = [r.unit == "count" for r in found.stated.axes]
+    if any(counted):
+        if not all(counted):
+            raise FileError(f"{found.path}: axes: all in counts, or none")
+        lsb, counts = found.number("lsb_deg_per_s", 1e-12, 1e6), table
+    else:
+        # rates on no grid are put on one far finer than their noise
+        own = min(grid_step(v) or 1e-3 * noise_sd(v) for v in table.T)
+        lsb = found.number("lsb_deg_per_s", 1e-12, 1e6) if "lsb_deg_per_s" in found.head else own
+        if not lsb > 0:
+            raise FileError(f"{found.path}: axes: an axis without noise")
+        counts = table / lsb
+    return Rest(found.path, found.sha256, np.round(counts).astype(np.int64), lsb, rate)
+
+
+MAKERS = {"ring-down": _trace, "spectrum": _trace, "sweep": _sweep, "meters": _meters, "levels": _levels}
+MAKERS |= {"driven": _driven, "rest": _rest}

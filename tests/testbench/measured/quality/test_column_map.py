@@ -1,0 +1,158 @@
+"""Recordings of parts in any table with a column map: as from the published formats; every error is one line."""
+
+import numpy as np
+import pyarrow
+import pyarrow.parquet
+import pytest
+from scipy.io import savemat
+
+from testbench.errors import FileError
+from testbench.measured.formats import readers, sheets
+from testbench.measured.quality.finding import QualityError
+from tests.testbench.measured.quality import siblings
+
+COLUMNS = {
+    "ringdown": ("ring-down", {"time": ("time", "ms", 1e3), "power": ("power", "mW", None)}),
+    "spectrum": ("spectrum", {"frequency": ("frequency", "kHz", 1e-3), "power": ("power", "dBW", None)}),
+    "sweep": (
+        "sweep",
+        {"frequency": ("frequency", "MHz", 1e-6)}
+        | {f"{s}_{p}": (f"{s} {c}", u, f) for s in ("s11", "s21") for p, c, u, f in
+           (("db", "dB", "dB", 1.0), ("deg", "deg", "rad", np.pi / 180))},
+    ),
+    "meters": ("meters", {"time": ("time", "min", 1 / 60), "source": ("source", "mV", 1e3)}),
+    "levels": ("levels", {"code": ("code", "1", 1.0)}),
+    "driven": ("driven", {"input": ("input", "mV", 1e3), "output": ("output", "uV", 1e6)}),
+    "rest": ("rest", {}),
+}  # fmt: skip
+SEVERAL = {"meters": ("readings", "mV", 1e3), "levels": ("levels", "kV", 1e-3), "rest": ("axes", "rad/s", np.pi / 180)}
+
+
+def table(path, form, columns):
+    """Write columns in one of the four forms."""
+    if form == "csv":
+        rows = zip(*(v.tolist() for v in columns.values()))
+        path.write_text("\n".join([";".join(columns), *(";".join(map(repr, row)) for row in rows)]) + "\n")
+    elif form == "parquet":
+        pyarrow.parquet.write_table(pyarrow.table(columns), path)
+    elif form == "npz":
+        with open(path, "wb") as file:
+            np.savez(file, **columns)
+    else:
+        savemat(path, columns)
+
+
+def mapped(whole, form, folder):
+    """Map and table of a sibling in other units."""
+    kind, roles = COLUMNS[whole.kind]
+    lines, columns = [f'kind = "{kind}"', 'file = "data"', "[columns]"], {}
+
+    def converted(name, factor, unit):
+        v = whole.columns[name]
+        if factor is None:
+            return 10 ** (v / 10) if unit == "mW" else v - 30.0
+        return v * factor
+
+    for k, (role, (name, unit, factor)) in enumerate(roles.items()):
+        columns[f"c{k}"] = converted(name, factor, unit)
+        lines.append(f'{role} = {{column = "c{k}", unit = "{unit}"}}')
+    role, unit, factor = SEVERAL.get(whole.kind, ("", "", 1.0))
+    scale = whole.head.get("lsb_deg_s", 1.0)
+    for k, name in enumerate(whole.signals if role else ()):
+        columns[f"d{k}"] = whole.columns[name] * scale * factor
+        lines += [f"[[{role}]]", f'column = "d{k}"', f'unit = "{unit}"', f'name = "{name}"']
+    if whole.kind == "meters":
+        columns["room"] = whole.columns["temp"]
+        lines += ["[[environment]]", 'column = "room"', 'name = "temp"']
+    lines.append("[head]")
+    lines += [f"rate_hz = {1e7 / 2**14!r}"] if whole.kind == "driven" else []
+    lines += ["rate_hz = 100.0"] if whole.kind == "rest" else []
+    if "Frequency [Hz]" in whole.head:
+        lines.append(f"frequency_hz = {whole.head['Frequency [Hz]']}")
+    table(folder / "data", form, columns)
+    (folder / "map.toml").write_text("\n".join(lines) + "\n")
+    return folder / "map.toml"
+
+
+NOT_NUMBERS = ("path", "sha256", "header", "comments", "names", "quality", "size_db", "regular", "rounding_hz", "kind")
+
+
+@pytest.mark.parametrize(
+    ("kind", "form"), list(zip(siblings.KINDS, ("csv", "mat", "npz", "parquet", "csv", "mat", "npz")))
+)
+def test_a_map_gives_what_the_published_format_gives(tmp_path, kind, form):
+    whole = siblings.draw(kind, np.random.default_rng(8))
+    first = readers.content(siblings.write(whole, tmp_path / "published"))
+    path = mapped(whole, form, tmp_path)
+    second = readers.content(path)
+    assert type(second) is type(first)
+    for name in first._fields:
+        a, b = getattr(first, name), getattr(second, name)
+        if name in NOT_NUMBERS:
+            continue
+        if isinstance(a, dict):
+            a, b = (list(d.values())[: min(len(a), len(b))] for d in (a, b))
+        if kind == "sweep" and name == "s":
+            a, b = first.s["s21"], second.s["s21"]
+        if kind == "rest" and name in ("counts", "lsb_deg_per_s"):
+            a, b = first.counts * first.lsb_deg_per_s, second.counts * second.lsb_deg_per_s
+        if a is None or isinstance(a, bool):
+            assert a == b
+            continue
+        tolerance = {"rtol": 1e-6, "atol": 1e-6 * np.max(np.abs(np.asarray(a)), initial=0)}
+        np.testing.assert_allclose(np.asarray(b, complex), np.asarray(a, complex), **tolerance, err_msg=name)
+    assert sheets.examine([path]) == ()
+
+
+def ring(tmp_path, **changes):
+    """A map of a ring-down with one line changed."""
+    whole = siblings.draw("ringdown", np.random.default_rng(8))
+    lines = mapped(whole, "csv", tmp_path).read_text()
+    for old, new in changes.values():
+        assert old in lines
+        lines = lines.replace(old, new)
+    (tmp_path / "map.toml").write_text(lines)
+    return tmp_path / "map.toml"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "reason"),
+    [
+        ('file = "data"', 'file = "../data"', "leads out of the folder"),
+        ('file = "data"', 'file = "nothing"', "cannot be read"),
+        ('"c1"', '"c9"', "no column 'c9'; there are c0, c1"),
+        ('unit = "ms"', 'unit = "mV"', "unit 'mV' is none of s, ms"),
+        ("power =", "volts =", "columns.volts: none of time, power of kind ring-down"),
+        ('power = {column = "c1", unit = "mW"}', "", "wants power, which the map lacks"),
+        ("[head]", "[head]\ncolour = 1", "head.colour: none of"),
+        ('kind = "ring-down"', 'kind = "ring-down"\nextra = 1', "extra"),
+        ('unit = "ms"', 'unit = "ms", range = [0, 1]', "unit: c0.*outside 0 .. 1 ms"),
+    ],
+)
+def test_a_wrong_map_is_one_line(tmp_path, old, new, reason):
+    with pytest.raises(FileError, match=reason):
+        readers.content(ring(tmp_path, only=(old, new)))
+
+
+def test_a_range_tells_a_slip_of_the_unit(tmp_path):
+    path = ring(tmp_path, only=('unit = "ms"', 'unit = "ms", range = [0, 1000]'))
+    with pytest.raises(QualityError) as refused:
+        readers.content(path)
+    assert [f.kind for f in refused.value.findings] == ["unit"]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("% t [s], p [dBm]\n1, 2\n", "wanted '% time \\[s\\]"),
+        ("# Hz Z RI R 50\n1 2 3\n", "Touchstone: found '# Hz Z RI R 50'"),
+        ("Date;Volt;a\n", "wanted 'date;source;...'"),
+        ("t,v\n1,2\n", "a table of columns t, v: a column map"),
+    ],
+)
+def test_the_nearest_reader_says_what_it_lacks(tmp_path, text, said):
+    from testbench.measured.openers import open_problem
+
+    (tmp_path / "x").write_text(text)
+    with pytest.raises(FileError, match=said):
+        open_problem([tmp_path / "x"], {})
