@@ -21,7 +21,7 @@ from testbench.errors import ConfigError
 from testbench.measured.closed_loop import loop_laws, loop_problem, loop_runs, loop_spectra
 from testbench.measured.importing import words
 from testbench.measured.record import check_tables, load, schema
-from testbench.measured.record.meaning_segments import SETPOINTS, Stated, bank, rate_limit
+from testbench.measured.record.meaning_segments import SETPOINTS, Stated, bank, rate_limit, temp_limit
 from testbench.measured.record.plan import Condition
 from testbench.measured.record.sessions import segments, sessions
 from testbench.measured.residual import features, parameters
@@ -93,6 +93,27 @@ def setpoints(record, model, s):
     return a_um, detune
 
 
+def _course(record, s, quantity):
+    """(value at a segment's begin, its change per second) by /stimulus; ConfigError if it is no straight line."""
+    stated, begin = Stated(record, quantity), s.first * FRAME_CYCLES
+    end = begin + s.frames * FRAME_CYCLES
+    rows = stated.within(begin, end)
+    limit = (rate_limit if quantity == "rate" else temp_limit)(stated, rows[-1])
+    if len(rows) < 2 or stated.spread(rows) <= limit:
+        return float(s.rate_set if quantity == "rate" else s.temp_set), 0.0
+    edges = np.clip([*stated.edges[rows.start : rows.stop], end], begin, end)
+    middle_s = ((edges[1:] + edges[:-1]) / 2 - begin) / (FRAME_CYCLES * FRAME_HZ)
+    values = stated.values[rows.start : rows.stop]
+    slope, value = np.polyfit(middle_s, values, 1, w=np.sqrt(np.diff(edges)))
+    off = float(np.abs(value + slope * middle_s - values).max())
+    if off > limit:
+        raise ConfigError(
+            f"{stated.path}: {off:.3g} from a straight line within segment {s.id}, {limit:.3g} allowed: tracing needs "
+            "dwells of constant or ramped conditions"
+        )
+    return float(value), float(slope)
+
+
 def measured_features(record, name, hashes):
     """`loop_problem.Measured` of the segments with a role."""
     per_frame = {key: s.data for key, s in record.streams.items() if (s.num, s.den) == schema.PER_FRAME}
@@ -111,9 +132,10 @@ def measured_features(record, name, hashes):
             )
         before = _before(record, s.first * FRAME_CYCLES)
         a_um, detune_deg = setpoints(record, model, s)
+        (rate, ramp_dps_s), (temp, ramp_k_s) = (_course(record, s, name) for name in ("rate", "temperature"))
         c = Condition(
-            s.repeat_group, a_um, float(s.rate_set), before, float(s.temp_set), detune_deg,
-            loop_runs.SETTLE_S, s.frames / FRAME_HZ, s.role,
+            s.repeat_group, a_um, rate, before, temp, detune_deg, loop_runs.SETTLE_S, s.frames / FRAME_HZ, s.role,
+            rate_ramp_dps_s=ramp_dps_s, temperature_ramp_k_s=ramp_k_s,
         )  # fmt: skip
         groups[c.id] = c._replace(seconds=min(c.seconds, groups.get(c.id, c).seconds))
         values.setdefault(c.id, []).append(s)

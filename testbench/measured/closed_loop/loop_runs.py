@@ -133,11 +133,9 @@ def settling(run):
 def _profiles(run):
     """Rate (rad/s) and temperature of every frame of a run, and one more."""
     c, settle = run.condition, settling(run)
-    dwell = frames_of(c.seconds)
-    rate = np.concatenate(
-        [np.full(settle, before_dps(c) * DEG), np.full(dwell + 3 + LATE - run.late, c.rate_dps * DEG)]
-    )
-    return rate, np.full(len(rate), float(c.temperature_degc))
+    rate, temp = c.profile(frames_of(c.seconds) + 3 + LATE - run.late)
+    before = np.full(settle, before_dps(c)), np.full(settle, float(c.temperature_degc))
+    return np.concatenate([before[0], rate]) * DEG, np.concatenate([before[1], temp])
 
 
 def ticks_of(run):
@@ -233,7 +231,9 @@ class Bench:
 
     def setup(self, run, p):
         """baseband Setup of a run; that of its model's configuration is kept, its laws are put in."""
-        key = (run.model.config.model_dump_json(include={"firmware", "plant"}), run.condition.temperature_degc)
+        c = run.condition
+        warmth = c.temperature_degc, c.temperature_ramp_k_s, c.seconds if c.temperature_ramp_k_s else 0.0
+        key = run.model.config.model_dump_json(include={"firmware", "plant"}), *warmth
         made = _once(self._setups, key, MOST_SETUPS, lambda: baseband_setup.setup(p))
         laws = averaged_laws.design(p.plant.effects, p.plant.laws, made.laws.reference_turns)
         return made._replace(laws=laws, drive_lsb_v=0.0 if run.smooth else made.drive_lsb_v)
@@ -300,8 +300,8 @@ class Bench:
 
 
 def _params(run):
-    temp = run.condition.temperature_degc
-    return build.params(configuration_of(run.model, run.seed), temp, temp)
+    _, temps = _profiles(run)
+    return build.params(configuration_of(run.model, run.seed), float(temps.min()), float(temps.max()))
 
 
 def _grouped(runs, params):

@@ -7,7 +7,8 @@
     [set]                           configuration of the model over the defaults, as --set
     [truth]                         over [set], for the simulated board alone: what an analysis has to find
     [[condition]]                   id, a_um, rate_dps, from_dps, temperature_degc, detune_deg, settle_s, seconds,
-                                    role, kind, counter_s (length of the phase reading at the end; 0: none)
+                                    role, kind, counter_s (length of the phase reading at the end; 0: none),
+                                    rate_ramp_dps_s, temperature_ramp_k_s (of the dwell, which is a sweep then)
     [[prior]]                       param, dist, mean, sd, unit, source, correlation_group
 
 Source    docs/measured.md
@@ -18,6 +19,9 @@ import math
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
+from fpga_model.rates import FRAME_TICKS, TICK_HZ
 from testbench import config as configuration
 from testbench.config.toml_text import toml_of
 from testbench.errors import ConfigError
@@ -25,6 +29,7 @@ from testbench.measured.record import schema
 from testbench.storage.inputs import read_toml
 
 MOST_REPEATS, MOST_CONDITIONS = 64, 256
+RAMP_FRAMES = 64  # of a step of a ramp
 
 
 class Condition(NamedTuple):
@@ -41,6 +46,17 @@ class Condition(NamedTuple):
     role: str = "fit"
     kind: str = "dwell"
     counter_s: float = 0.0
+    rate_ramp_dps_s: float = 0.0  # in the dwell, from its begin on
+    temperature_ramp_k_s: float = 0.0
+
+    @property
+    def ramped(self):
+        return bool(self.rate_ramp_dps_s or self.temperature_ramp_k_s)
+
+    def profile(self, frames):
+        """(rate in deg/s, temperature in degC) of each frame of the dwell; ramps go in steps of RAMP_FRAMES frames."""
+        t_s = (np.arange(frames) // RAMP_FRAMES + 0.5) * (RAMP_FRAMES * FRAME_TICKS / TICK_HZ)
+        return self.rate_dps + self.rate_ramp_dps_s * t_s, self.temperature_degc + self.temperature_ramp_k_s * t_s
 
 
 LIMITS = {
@@ -52,6 +68,8 @@ LIMITS = {
     "settle_s": (0.0, 3600.0, "s"),
     "seconds": (0.01, 36000.0, "s"),
     "counter_s": (0.0, 10.0, "s"),
+    "rate_ramp_dps_s": (-1000.0, 1000.0, "deg/s^2"),
+    "temperature_ramp_k_s": (-10.0, 10.0, "K/s"),
 }
 
 

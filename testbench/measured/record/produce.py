@@ -18,6 +18,7 @@ from testbench.config import phase_word, to_toml
 from testbench.engines.window import SLOT_WORD
 from testbench.errors import ConfigError
 from testbench.measured.record import schema, timing
+from testbench.measured.record.plan import RAMP_FRAMES
 from testbench.measured.record.sessions import UNSEEN
 from testbench.port import library
 from testbench.port.plant import reads
@@ -90,8 +91,9 @@ class Sitting:
         noise = plan.truth.noise.model_copy(update={"seed": seed})
         plant = plan.truth.plant.model_copy(update=moved)
         self.config = plan.truth.model_copy(update={"noise": noise, "plant": plant})
-        temp = condition.temperature_degc
-        self.board = Board(self.config, temp, temp, plan.dac == "tick")
+        _, temps = condition.profile(_ticks(condition.seconds) // FRAME_TICKS)
+        lo, hi = (f(condition.temperature_degc, *temps[[0, -1]]) for f in (min, max))
+        self.board = Board(self.config, lo, hi, plan.dac == "tick")
         self.board.first_writes = self._first_writes()
         self.segments, self.rates, self.temps, self.counters = [], [], [], []
         self._run()
@@ -109,9 +111,9 @@ class Sitting:
     def _run(self):
         c, board, temp = self.condition, self.board, self.condition.temperature_degc
         first = c if c.from_dps is None else c._replace(rate_dps=c.from_dps)  # until the dwell begins
-        rate, before = c.rate_dps * DEG, first.rate_dps * DEG
+        before = first.rate_dps * DEG
         where = f"condition {c.id}, repeat {self.repeat}"
-        self._stimulus(before)
+        self._stimulus(before, temp)
         if simulate.start(self.config, board, before, temp) is None:
             raise ConfigError(f"{where}: no lock within {simulate.lock_limit_s(self.config):g} s")
         left = -board.tick % FRAME_TICKS
@@ -123,25 +125,35 @@ class Sitting:
             board.advance(_ticks(c.settle_s), before, temp)
             self._segment("settle", begin, first, "settle", "none")
         begin = board.tick
-        if rate != before:
-            self._stimulus(rate)
         probe = min(_ticks(c.counter_s), _ticks(c.seconds)) if c.counter_s else 0
-        if _ticks(c.seconds) > probe:
-            board.advance(_ticks(c.seconds) - probe, rate, temp)
+        rate, temp = self._dwell(_ticks(c.seconds) - probe, before)
         if probe:
             self._count(probe, rate, temp)
         if not board.locked:
             raise ConfigError(f"{where}: lock is lost")
-        self._segment("", begin, c, c.kind, c.role)
+        self._segment("", begin, c, "sweep" if c.ramped else c.kind, c.role)
         self.frames = board.tick // FRAME_TICKS
         # one tick of the next frame: its row holds the last codes
         board.advance(1, rate, temp)
         self.phases = board.phase_rows()[: self.frames]
 
-    def _stimulus(self, rate_rad_s):
+    def _dwell(self, ticks, before):
+        """Rate and temperature at the end of a dwell of some ticks, constant or in the steps of its ramps."""
+        rates, temps = self.condition.profile(max(ticks // FRAME_TICKS, 1))
+        step = RAMP_FRAMES if self.condition.ramped else len(rates)
+        for first in range(0, len(rates), step):
+            rate, temp = float(rates[first]) * DEG, float(temps[first])
+            if rate != before or self.condition.ramped:
+                self._stimulus(rate, temp)
+            before = rate
+            if ticks:
+                self.board.advance(min(step, len(rates) - first) * FRAME_TICKS, rate, temp)
+        return rate, temp
+
+    def _stimulus(self, rate_rad_s, temp_degc):
         edge = TICK_CYCLES * self.board.tick
         self.rates.append((edge, rate_rad_s / DEG))
-        self.temps.append((edge, self.condition.temperature_degc))
+        self.temps.append((edge, temp_degc))
 
     def _segment(self, part, begin, c, kind, role):
         edges = (TICK_CYCLES * begin, TICK_CYCLES * self.board.tick)
