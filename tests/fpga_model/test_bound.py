@@ -39,6 +39,31 @@ def test_a_part_that_is_patched_in_memory_is_what_runs(tmp_path):
     assert hits[2] == 1
 
 
+ENGINE = """
+import numba
+from analog_frontend.parts import adc
+PATCH
+from testbench.config import Config
+from testbench.engines import frame
+from testbench.run.simulation import Simulation
+sim = Simulation(Config(), 25.0, 25.0, engine="frame")
+sim.advance(2_000, 0.0, 25.0)
+print(sim.columns()["adc_temperature"][-1], sum(frame.blocks.stats.cache_hits.values()))
+"""
+
+
+@pytest.mark.slow
+def test_an_engine_runs_the_patched_plant_with_a_warm_cache_and_its_own_afterwards():
+    """The sensor's 145.3 mV at 25 degC are 304716 codes of 4 V / 2^23; the patch has 1 V, a quarter of full scale."""
+    found = []
+    for patch in ("", "adc.temperature_volts = numba.njit(lambda t: 1.0)", ""):
+        done = subprocess.run([sys.executable, "-c", ENGINE.replace("PATCH", patch)], capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        found.append([int(word) for word in done.stdout.split()])
+    assert [code for code, _ in found] == pytest.approx([304716, 2**21, 304716], abs=500)
+    assert found[2] == [found[0][0], 1]
+
+
 def one(x):
     return x + STEP
 

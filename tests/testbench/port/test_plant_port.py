@@ -142,13 +142,15 @@ def planned(path, **values):
 
 def test_a_record_of_a_foreign_plant_is_accepted_and_its_firmware_replays(tmp_path):
     path = compiled(tmp_path, "living", changes=[(LINE, f"{LINE} {LIVING}")])
-    made = produce.record(planned(path))
+    (tmp_path / "plan.toml").write_text('repeats = 2\n[[condition]]\nid = "rest"\nsettle_s = 0.01\nseconds = 0.05\n')
+    done = gyro("measured", "record", "plan.toml", "--plant", path, "-o", "record.h5", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    loaded = load.load(tmp_path / "record.h5")
+    made = loaded.record
     assert made.attrs["plant_sha256"] == library.opened(path).sha256
     assert made.attrs["plant_unseen"] == ""
     # DRDY 10 clocks behind the frame's end, and the read
     assert made.streams["adc_xI"].edge0 == 10 + window.valid_clocks(configured().design_record())
-    load.write(tmp_path / "record.h5", made)
-    loaded = load.load(tmp_path / "record.h5")
     assert loaded.residual.first is None
     assert {finding.rule for finding in loaded.findings} == {"R27"}, "its sensor of the temperature is at 0"
 
