@@ -42,6 +42,7 @@ CHAPTERS = {
     "Verification": ("verification", "golden", "rtl", "ranges", "portability", "speed", "notebook"),
     "Measured data": (
         "measured",
+        "import",
         "quality",
         "wide_priors",
         "measured_parts",

@@ -140,6 +140,12 @@ def measured_features(record, name, hashes):
         groups[c.id] = c._replace(seconds=min(c.seconds, groups.get(c.id, c).seconds))
         values.setdefault(c.id, []).append(s)
 
+    if "fit" not in {c.role for c in groups.values()}:
+        raise ConfigError("/segments: none has the role fit, tracing needs one or more")
+    for c in groups.values():
+        if loop_runs.frames_of(c.seconds) < loop_runs.FINE:
+            raise ConfigError(f"/segments {c.id}: {c.seconds:g} s, tracing needs {loop_runs.FINE} frames or more")
+
     def columns(s):
         return {name: data[s.first : s.first + s.frames] for name, data in per_frame.items()}
 

@@ -19,7 +19,6 @@ from testbench.errors import ConfigError
 from testbench.measured.importing import board, column_map, dwells, words
 from testbench.measured.record import schema, timing
 from testbench.measured.record.sessions import UNSEEN
-from testbench.measured.residual import features
 from testbench.storage import inputs
 from testbench.storage.record import Column, Record, TableColumn
 
@@ -147,8 +146,8 @@ def _outlook(record, lacking):
     """What can be done with a record, in words."""
     if not lacking:
         return ()
-    names = [name for name, o in features.OBSERVABLES.items() if o.stream not in record.streams]
-    said = f"tracing needs {', '.join(features.OBSERVABLES[n].stream for n in names)}" if names else "tracing works"
+    missing = [name for name in words.TRACED if name not in record.streams]
+    said = f"tracing needs {', '.join(missing)}" if missing else "tracing works"
     return (f"words are not replayed: {lacking}", f"R0 is not decidable; {said}")
 
 

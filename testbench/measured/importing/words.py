@@ -14,6 +14,7 @@ from testbench.measured.record.sessions import sessions
 from testbench.run import build
 from testbench.storage.record import Column
 
+TRACED = ("nco_fword", "amplitude_word", "rate_word", "quadrature_code")  # that tracing needs beside the channels
 REPLAYED = "replayed"  # tap of a stream that nobody recorded
 
 

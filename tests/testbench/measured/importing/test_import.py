@@ -12,6 +12,7 @@ import scipy.io
 
 from fpga_model.rates import FRAME_CYCLES
 from testbench.errors import ConfigError, FileError
+from testbench.measured.closed_loop import loop_record
 from testbench.measured.importing import assemble, dwells
 from testbench.measured.importing.column_map import Dwells
 from testbench.measured.record import checks, load, schema
@@ -330,3 +331,20 @@ def test_r1_of_an_imported_record_has_the_words_to_the_clock(board, tmp_path):
     (tmp_path / "map.toml").write_text(MAP + columns() + DWELL)
     paths = [csv(tmp_path / f"{k}.csv", made(board)) for k in range(2)]
     assert residuals.study(assemble.imported(paths, tmp_path / "map.toml").record, "R1").exact_words
+
+
+def test_a_late_start_with_its_words_can_be_traced(board, tmp_path, monkeypatch):
+    """R0 is not decidable, the features of a dwell are those of the whole power-on."""
+    names = ("nco_fword", "amplitude_word", "rate_word", "quadrature_code")
+    table = made(board, **{name: board[name].astype(float) for name in names})
+    parts = '[[segment]]\nid = "s"\nfrom_s = {:.6f}\nto_s = {:.6f}\nkind = "settle"\nrole = "none"\n' + DWELL
+    text = MAP + columns() + "".join(f'{n} = {{ column = "{n}", unit = "1" }}\n' for n in names)
+    monkeypatch.setattr(loop_record, "LEAST_SETTLE_S", 0.02)
+    whole = imported(tmp_path, table, text + parts.format(1.15, 1.175))
+    late = text + parts.format(0.15, 0.175).replace("1.175", "0.175").replace("1.225", "0.225")
+    cut = imported(tmp_path, {key: v[8000:] for key, v in table.items()}, late)
+    assert whole.lacking == ""
+    assert "no word can be replayed" in cut.lacking
+    assert cut.lines[-1] == "R0 is not decidable; tracing works"
+    a, b = (loop_record.measured_features(found.record, "a", {}).values["a"] for found in (whole, cut))
+    assert np.array_equal(a, b)

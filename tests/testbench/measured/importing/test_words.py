@@ -9,7 +9,7 @@ import pytest
 from testbench.errors import ConfigError
 from testbench.measured.importing import words
 from testbench.measured.record import checks, load, schema
-from testbench.measured.residual import residuals
+from testbench.measured.residual import features, residuals
 
 
 def codes_only(record):
@@ -36,6 +36,10 @@ def test_words_from_the_codes_alone_are_those_that_the_board_had(small, tmp_path
     # the compensated rate needs the temperature
     assert small.streams.keys() - found.streams.keys() == {"adc_ok", "adc_temperature", "rate_output"}
     assert words.lacking(found) == ()
+
+
+def test_what_tracing_needs_is_named():
+    assert {o.stream for o in features.OBSERVABLES.values()} == {*schema.ADC, *words.TRACED}
 
 
 def test_a_complete_record_is_left_alone(small):
