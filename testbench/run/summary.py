@@ -77,7 +77,8 @@ def result(job, end, reading, wall_s):
         "simulated_s": sim.tick / sim.design.tick_hz,
         "wall_s": wall_s,
         "codes_sha256": end.codes_sha256,
-        "plant_sha256": sim.foreign.identity if sim.foreign else None,
+        "plant_sha256": sim.identity.get("plant"),
+        "plant_file_sha256": sim.identity.get("plant_file"),
         "seed": config.noise.seed,
     }
     return Result(

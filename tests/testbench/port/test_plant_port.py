@@ -23,6 +23,7 @@ from testbench.port import library
 from testbench.port.plant import Plant
 from testbench.run import simulate
 from testbench.run.simulation import Simulation
+from testbench.storage import record_read
 from testbench.storage.record import Record
 from tests.testbench.bench_setup import configured, quiet
 from tests.testbench.command import gyro
@@ -304,7 +305,12 @@ def test_an_interrupted_run_goes_on_to_the_same_codes_with_its_plant_named_again
     assert (done.returncode, "only the option --plant can" in done.stderr) == (2, True)
     done = gyro("run", "--resume-run", "cut", "--plant", resonator_py, "--json", folder=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout)["codes_sha256"] == uncut
+    found = json.loads(done.stdout)
+    assert found["codes_sha256"] == uncut
+    record = record_read.read_record(tmp_path / "cut" / "run.h5")
+    assert record.attrs["plant_sha256"] == found["plant_sha256"] == library.opened(resonator_py).sha256
+    assert "plant_file_sha256" not in record.attrs
+    assert found["plant_file_sha256"] is None
 
 
 def test_a_plant_that_was_replaced_behind_its_compilation_is_refused(monkeypatch):
