@@ -22,7 +22,7 @@ from analog_frontend.parts.adc import CURVE
 from testbench import config
 from testbench.measured.exam import part_page
 from testbench.measured.models.gyro_laws import AMPLITUDE_M
-from testbench.measured.parts import adc_linearity
+from testbench.measured.parts import adc_linearity, dac_levels
 from testbench.run import simulate
 
 RATE_DPS, REST_S, STEP_S, MEAN_S = 100.0, 1.0, 0.8, 0.3
@@ -32,6 +32,7 @@ CONTROLS = (1e-9, -1e-9, 1e-8, -1e-8)  # of the spring
 BEYOND = 2.0  # times the largest change of a control, from which a change is called one
 MEASURED = ("scale factor", "bias", "noise")
 WARM_DEGC = 35.0
+MEASURED_BITS = 16  # of the DAC whose levels were measured, and of the drive DAC
 LOCKED, WEAKEST = 0.5, 4  # share of the scale factor that a locked loop has; tens by which a law is made weaker
 SHOWN = 8  # frames averaged for a point of the picture: 1 ms
 
@@ -56,16 +57,13 @@ class Reading(NamedTuple):
     rate_dps: np.ndarray
 
 
-def levels(effects, scale=1.0, bits=0):
-    """Texts for `drive_dac_levels` of a DAC's named laws; `scale` in LSB of a finer DAC, `bits` more than 16."""
-    out = []
+def levels(effects, scale=1.0, finer=0):
+    """Texts for `drive_dac_levels` of a DAC's structure; `scale` in LSB of a DAC of `finer` more bits."""
     for e in effects:
-        kind, _, rest = e["law"].partition(" ")
-        if kind == "bit":
-            out.append(f"bit {int(rest) + bits} = {e['value'] * scale:.5g}")
-        elif kind in ("element", "step"):
-            out.append(f"{e['law']} = {e['value'] * scale:.5g}")
-    return out
+        if e["port"] == "dac" and "coefficients" in e:
+            coefficients = {name: c["value"] for name, c in e["coefficients"].items()}
+            return dac_levels.levels_texts(coefficients, MEASURED_BITS, scale, finer)
+    return []
 
 
 def _key(law):

@@ -81,7 +81,7 @@ def stage(problem, most=None, say=None, settings=QUICK):
     """`Staged` of a problem: law after law, each the best of those refitted, kept if held-out data support it."""
     most = problem.most_laws if most is None else most
     first = Tracer(problem, settings, None, None).run()
-    rounds, names, refused, last, at = [], [], set(), first, {}
+    rounds, names, refused, at = [], [], set(), {}
     alarmed = first.verdict not in NOTHING or (first.p_global is not None and first.p_global < settings.alpha)
     while alarmed and len(names) < most:
         tracer = Tracer(settle(problem, names, at), settings, None, None)
@@ -95,9 +95,17 @@ def stage(problem, most=None, say=None, settings=QUICK):
         if not tried or not tried[-1].kept:
             break
         names.append(tried[-1].law)
+    return _told(problem, first, rounds, names, at, settings)
+
+
+def _told(problem, first, rounds, names, at, settings):
+    """`StagedResult` of laws that are kept, from where the last round has settled."""
+    last, fit = first, None
     if names:
-        last = Tracer(settle(problem, names, at), settings, None, None).run()
-    return StagedResult(first, rounds, last, summary(problem, first, rounds, last))
+        tracer = Tracer(settle(problem, names, at), settings, None, None)
+        last, fit = tracer.run(), tracer.base.fit
+    rounds = [r._replace(kept=r.law in names) for r in rounds]
+    return StagedResult(first, rounds, last, summary(problem, first, rounds, last, fit))
 
 
 def settle(problem, names, at):
@@ -163,11 +171,16 @@ def report(problem, settings=None, progress=None):
     staged = stage(problem, most, say, chosen)
     names = [r.law for r in staged.rounds if r.kept]
     found = fits(problem, names)
+    shown = judge(problem, names, found)
+    while names and any(h["after"] > h["before"] for h in shown.values()):  # the last law goes: never worse than none
+        names, found = names[:-1], found[:-1]
+        staged = _told(problem, staged.first, staged.rounds, names, _place(found[-1]), chosen)
+        shown = judge(problem, names, found)
     values = problem.named(found[-1].point.theta[: len(problem.nuisances)])
     coefficients = dict(zip(names, found[-1].point.theta[len(problem.nuisances) :]))
     rows = residuals(problem, names, found)
     data = dict(staged.json)
-    data["heldout"] = plain(judge(problem, names, found))
+    data["heldout"] = plain(shown)
     for name, floor in problem.repeatability(values, coefficients).items():
         mine = data["heldout"][name]
         mine |= {"noise": mine["floor"], "floor": max(floor, mine["floor"])}

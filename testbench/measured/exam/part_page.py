@@ -52,10 +52,11 @@ def above(row):
 def in_part(data):
     """A report whose laws leave a held-out error above ABOVE floors is "named in part", and says where."""
     rest = [f"{name} {row['after'] / row['floor']:.2g}" for name, row in data["heldout"].items() if above(row)]
-    if data["verdict"] != "named" or not rest:
+    if data["verdict"] not in ("named", "candidate") or not rest:
         return data
     words = f"{data['sentence'].rstrip('. ')}. Not explained, in floors: {', '.join(rest)}."
-    return data | {"verdict": "named in part", "sentence": words}
+    verdict = "named in part" if data["verdict"] == "named" else data["verdict"]
+    return data | {"verdict": verdict, "sentence": words}
 
 
 def residuals(problem, found):

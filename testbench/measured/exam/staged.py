@@ -5,9 +5,12 @@
     supported    chi2 of the held-out groups falls by at least 9, coefficient from the fitted groups; a law that blames
                  instrument or preparation must make no observable certainly worse (95 % interval) by 2 %
     rivals       laws of cosine above 0.95 whose evidence is within a factor 20: with one, the law is "confounded"
-The first and the last step is a whole trace: whether anything is missing, and what is left. A law that is not supported
-is listed and not tried again; one that the later laws have made superfluous goes in the end. Held-out data are never
-fitted; they decide how many laws there are, and for this the error after the last law is a little too small.
+    never worse  a law goes that makes the held-out error of an observable larger than it was without any law
+A law of many coefficients (`Family`) is one law in all of this. Where fitted and held-out data are of one file, the
+verdict is "candidate" at most. The first and the last step is a whole trace: whether anything is missing, and what is
+left. A law that is not supported is listed and not tried again; one that the later laws have made superfluous goes in
+the end. Held-out data are never fitted; they decide how many laws there are, and for this the error after the last law
+is a little too small.
 """
 
 import copy
@@ -17,10 +20,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import norm
 
-from testbench.tracing.fit import evidence, heldout
+from testbench.measured.exam import intervals, structure
+from testbench.tracing.fit import evidence
 from testbench.tracing.fit.rank import one_sided
 from testbench.tracing.fit.refit import refit
-from testbench.tracing.problem.problem import Nuisance, all_laws
+from testbench.tracing.problem.problem import Nuisance
 from testbench.tracing.problem.result import plain
 from testbench.tracing.trace import Options, Tracer
 
@@ -58,14 +62,25 @@ class StagedResult(NamedTuple):
 
 def known_laws(problem, names):
     """A copy of a problem in which some laws are nuisances: already part of the model."""
-    laws, plain = all_laws(problem), len(problem.nuisances)
-    made = copy.copy(problem)
-    made.nuisances = (*problem.nuisances, *(Nuisance(n, laws[n].unit, 0.0, laws[n].scale) for n in names))
+    laws, made = problem.known(), copy.copy(problem)
+    added = [
+        Nuisance(member, laws[name].unit, 0.0, laws[name].scale)
+        for name in names
+        for member in (problem.families[name].members if name in problem.families else (name,))
+    ]
+    gone = {n for name in names if name in problem.families for n in problem.families[name].replaces}
+    own = [k for k, n in enumerate(problem.nuisances) if n.name not in gone]
+    made.nuisances = (*(problem.nuisances[k] for k in own), *added)
     made.laws = tuple(law for law in problem.laws if law.name not in names)
     made.library = tuple(law for law in problem.library if law.name not in names)
+    made.families = {} if set(names) & set(problem.families) else problem.families
 
     def predict(points, which):
-        moved = [(theta[:plain], dict(zip(names, map(float, theta[plain:]))) | dict(c)) for theta, c in points]
+        moved, shown = [], [n.name for n in added]
+        for theta, c in points:
+            whole = np.zeros(len(problem.nuisances))
+            whole[own] = theta[: len(own)]
+            moved.append((whole, dict(zip(shown, map(float, theta[len(own) :]))) | dict(c)))
         return problem.predict(moved, which)
 
     made.predict = predict
@@ -84,13 +99,14 @@ def _decisive(tracer, refused):
             if gain is None or name in refused or gain - np.log(len(tracer.laws)) < DECISIVE or scores[k] <= 0:
                 continue
             found.append((gain, name, float(scores[k]), ranking))
+    found += [row for row in structure.gains(tracer) if row[1] not in refused and row[0] > DECISIVE]
     return sorted(found, key=lambda row: (-row[0], row[1]))
 
 
 def _rivals(row, rows):
     gain, name, _, ranking = row
     out = []
-    for its, other, _, r in rows:
+    for its, other, _, r in rows if ranking else ():
         if other != name and r is ranking and abs(its - gain) < DECISIVE:
             if abs(ranking.cosines[ranking.index(name), ranking.index(other)]) > ALIKE:
                 out.append(other)
@@ -99,44 +115,67 @@ def _rivals(row, rows):
 
 def _try(tracer, row, rows):
     """`Round` of one law: refitted, judged on the held-out groups."""
-    _, name, d, _ = row
-    fit = refit(tracer.base.fit, (name,), tracer.table)
-    if fit.failed:
+    _, name, d, ranking = row
+    base, law = tracer.base.fit, tracer.problem.known()[name]
+    if ranking is None:
+        other = Tracer(absorb(tracer.problem, [name]), tracer.options, None, None)
+        fit, value = (other.base.fit if other.calibrate() else None), float("nan")
+    else:
+        other, fit = tracer, refit(base, (name,), tracer.table)
+        fit, value = (None, 0.0) if fit.failed else (fit, float(fit.point.c[0]))
+    if fit is None:
         return Round(name, False, d, float("nan"), float("nan"), (), {})
-    fits = {"before": tracer.base.fit, "after": fit}
-    judged = heldout.judge(tracer.problem, tracer.held, tracer.predictor, fits)
-    gain = (judged.chi2["before"] - judged.chi2["after"]) * tracer.held.size if tracer.held.size else 0.0
-    shown = {key: (r["before"], r["after"]) for key, r in judged.rows.items()}
-    worse = [key for key, r in judged.rows.items() if r["gain_ci"][1] < 0 and r["after"] > HARMLESS * r["before"]]
-    shared = tracer.laws[name].kind != "plant"
-    return Round(
-        name,
-        gain >= SUPPORTED and not (shared and worse),
-        d,
-        float(fit.point.c[0]),
-        float(gain),
-        _rivals(row, rows),
-        shown,
-    )
+    before, after = tracer.judged({"now": base}), other.judged({"now": fit})
+    gain = (before.chi2["now"] - after.chi2["now"]) * tracer.held.size if tracer.held.size else 0.0
+    shown = {key: (r["now"], after.rows[key]["now"]) for key, r in before.rows.items()}
+    worse = []
+    if law.kind != "plant":
+        judged = tracer.judged({"before": base, "after": fit})
+        worse = [key for key, r in judged.rows.items() if r["gain_ci"][1] < 0 and r["after"] > HARMLESS * r["before"]]
+    return Round(name, gain >= SUPPORTED and not worse, d, value, float(gain), _rivals(row, rows), shown)
+
+
+def _never_worse(problem, names, rounds, options):
+    """Laws of which none makes the held-out error of an observable larger than without any law."""
+    names, tracer = list(names), Tracer(problem, options, None, None)
+    if not names or not tracer.calibrate():
+        return names
+    before = tracer.judged({"now": tracer.base.fit}).rows
+    while names:
+        tracer = Tracer(absorb(problem, names), options, None, None)
+        if not tracer.calibrate():
+            break
+        after = tracer.judged({"now": tracer.base.fit}).rows
+        worse = [key for key in before if after[key]["now"] > before[key]["now"]]
+        if not worse:
+            break
+        tried = {r.law: sum(r.heldout[key][1] / r.heldout[key][0] for key in worse) for r in rounds if r.law in names}
+        gone = max(reversed(names), key=lambda name: tried[name])
+        names = [name for name in names if name != gone and name not in problem.more_of(gone)]
+    return names
 
 
 def _pruned(problem, names, options):
     """Laws that are still clear, and what they were, beside all the others; the least certain goes first."""
-    names, least = list(names), norm.isf(CHANCE / 2 / max(len(all_laws(problem)), 1))
+    names, least = list(names), norm.isf(CHANCE / 2 / max(len(problem.known()), 1))
     while names:
         now = absorb(problem, names)
         tracer = Tracer(now, options, None, None)
         if not tracer.calibrate():
             break
-        fit, at = tracer.base.fit, [[n.name for n in now.nuisances].index(name) for name in names]
-        d = np.abs(fit.point.theta[at]) / np.maximum(fit.sd[at], 1e-300)
-        own = {name: now.more_of(name) for name in names}
+        fit, own = tracer.base.fit, {name: now.more_of(name) for name in names}
+        d = np.array([structure.strength(fit, _coefficients(problem, name)) for name in names])
         d[[_strayed(own[name], now.nuisances, fit.point.theta) for name in names]] = 0.0
         if d.min() >= least:
             break
         gone = names[int(np.argmin(d))]
         names = [name for name in names if name != gone and name not in own[gone]]
     return names
+
+
+def _coefficients(problem, name):
+    """Names of the nuisances that are a law's coefficients once it is part of the model."""
+    return problem.families[name].members if name in problem.families else (name,)
 
 
 def _strayed(own, nuisances, theta):
@@ -183,11 +222,16 @@ def add_in_stages(problem, options=None, most=12, progress=None):
     if first.verdict not in NOTHING or _misfit_without_repeats(first, options):
         rounds = _forward(problem, names, refused, most, quick, progress)
     added, names = names, _pruned(problem, names, quick)
+    fine = _never_worse(problem, names, rounds, quick)
+    rounds = [r._replace(kept=r.kept and (r.law in fine or r.law not in names)) for r in rounds]
+    added, names = [name for name in added if name in fine or name not in names], fine
     superseded = [name for name in added if name not in names]
     rounds = [r._replace(kept=r.law in names) for r in rounds]
+    fit = None
     if names:
-        last = Tracer(absorb(problem, names), quick, progress, None).run()
-    return StagedResult(first, rounds, last, summary(problem, first, rounds, last, superseded))
+        tracer = Tracer(absorb(problem, names), quick, progress, None)
+        last, fit = tracer.run(), tracer.base.fit
+    return StagedResult(first, rounds, last, summary(problem, first, rounds, last, fit, superseded))
 
 
 def _before(rounds, row):
@@ -195,24 +239,33 @@ def _before(rounds, row):
     return [r.law for r in rounds[: rounds.index(row)] if r.kept]
 
 
-def summary(problem, first, rounds, last, superseded=()):
-    """JSON of all together: the keys of a trace, with one entry per law that was kept."""
-    kept = [r for r in rounds if r.kept]
-    laws = {name: law for r in rounds for name, law in all_laws(absorb(problem, _before(rounds, r))).items()}
-    fitted, effects, data = {row["name"]: row for row in last.nuisances}, [], {}
-    for r in kept:
-        law, row = laws[r.law], fitted[r.law]
-        value, sd = row["before"], row["sd_before"]
-        effects.append(
-            {"law": law.name, "port": law.port, "value": value, "sd": sd, "unit": law.unit, "d": abs(value) / sd}
-            | {"d_when_added": r.d, "heldout_chi2_gain": r.chi2_gain, "kind": law.kind, "text": law.text}
-            | {
-                "page": law.page,
-                "status": "confounded" if r.rivals or " or " in law.port else "named",
-                "rivals": list(r.rivals),
-            }
-            | problem.details(r.law, {name: row["before"] for name, row in fitted.items()})
-        )
+def _effect(problem, law, r, fit, sd):
+    """Entry of a law that was kept: its coefficient, or the rms of a family's, each with the stated deviation."""
+    names = [n.name for n in fit.model.problem.nuisances]
+    members = _coefficients(problem, r.law)
+    values = {m: (float(fit.point.theta[names.index(m)]), float(sd[names.index(m)])) for m in members}
+    (value, own), more = values[members[0]], {}
+    if r.law in problem.families:
+        c, s = np.array(list(values.values())).T
+        value, own = float(np.sqrt(np.mean(c**2))), float(np.sqrt(np.mean(s**2)))
+        more = {"coefficients": {m: {"value": v, "sd": s} for m, (v, s) in values.items()}}
+    unsure = r.rivals or " or " in law.port
+    status = "confounded" if unsure else "named" if problem.heldout_independent else "candidate"
+    return (
+        {"law": law.name, "port": law.port, "value": value, "sd": own, "unit": law.unit, "d": abs(value) / own}
+        | {"d_when_added": r.d, "heldout_chi2_gain": r.chi2_gain, "kind": law.kind, "text": law.text}
+        | {"page": law.page, "status": status, "rivals": list(r.rivals)}
+        | problem.details(r.law, dict(zip(names, map(float, fit.point.theta))))
+        | more
+    )
+
+
+def summary(problem, first, rounds, last, fit, superseded=()):
+    """JSON of all together: the keys of a trace, with one entry per law that was kept. fit: with them, or None."""
+    kept, data = [r for r in rounds if r.kept], {}
+    laws = {name: law for r in rounds for name, law in absorb(problem, _before(rounds, r)).known().items()}
+    sd = intervals.stated_sd(fit) if kept else None
+    effects = [_effect(problem, laws[r.law], r, fit, sd) for r in kept]
     for key, row in first.heldout.items():
         end = last.heldout.get(key, row) if kept else row
         one = kept[0].heldout.get(key, (row["before"],) * 2)[1] if kept else row["before"]
@@ -224,10 +277,10 @@ def summary(problem, first, rounds, last, superseded=()):
         told = first.verdict in (*NOTHING, "firmware") or not first.certificates["repeats"]["R14"]
         verdict = first.verdict if told else "noise-model"
         # a first trace may name what held-out data do not bear out
-        verdict = "unexplained" if verdict in ("named", "confounded") else verdict
+        verdict = "unexplained" if verdict in ("named", "confounded", "candidate") else verdict
     else:
         unsure = any(r.rivals for r in kept[:1]) or any(" or " in e["port"] for e in effects)
-        verdict = "confounded" if unsure else "named"
+        verdict = "candidate" if not problem.heldout_independent else "confounded" if unsure else "named"
     words = f"{len(kept)} law(s): {', '.join(r.law for r in kept)}; " if kept else ""
     return plain(
         {

@@ -1,17 +1,32 @@
 """What the staged search and the reports ask of a recording of one part, besides `problem.Problem`."""
 
-from testbench.tracing.problem.problem import Problem
+from typing import NamedTuple
+
+from testbench.tracing.problem.problem import Law, Problem, all_laws
 
 
-class PartProblem(Problem, adds="most_laws same_rows quality axis absorbed more_of details with_data"):
+class Family(NamedTuple):
+    """A law of many coefficients that follow from one structure: named, and kept or refused, as one."""
+
+    law: Law  # unit and scale are those of each coefficient
+    members: tuple  # names of the coefficients
+    replaces: tuple = ()  # nuisances that the structure says better: they are 0 beside it
+
+
+class PartProblem(Problem, adds="most_laws same_rows quality families axis absorbed more_of details with_data known"):
     """A recording of one part. Each member has a default.
 
     most_laws   laws that are added one after the other, at most
     same_rows   rows of fitted and judged segments belong together
     quality     findings about the recording, before anything was fitted
+    families    {name: `Family`}: structures that exclude each other; `predict` knows each member as a coefficient
     """
 
-    most_laws, same_rows, quality = 3, False, ()
+    most_laws, same_rows, quality, families = 3, False, (), {}
+
+    def known(self):
+        """{name: Law} of catalogue, library and families."""
+        return all_laws(self) | {name: family.law for name, family in self.families.items()}
 
     def axis(self, segment, observable):
         """(abscissa of the rows, its label) of an observable of a segment; None: the number of the row."""

@@ -2,7 +2,8 @@
 
     y_s(code) = (level - line of session s) / LSB        LSB: slope of that line; offset and gain belong to the session
     features    means of 2^bits / 1024 neighbouring codes; what bits below that do averages out
-    prediction  b bow(code) + sum_l c_l e_l(code),       e_l: analog_frontend.dac_levels, the kernel of the plant
+    prediction  b bow(code) + sum_m c_m e_m(code),       e_m: analog_frontend.dac_levels, the kernel of the plant
+    law         one, of all coefficients that a segmented converter has (`members`); the number of segments is found
 
 Noise    of a session: white from its own scatter, slow from the differences between sessions (local size, exponential
          correlation over the code). One session alone: its own white scatter, and no more is said
@@ -22,12 +23,14 @@ from analog_frontend.parts import dac
 from testbench.errors import ConfigError
 from testbench.measured.formats import levels_mat
 from testbench.measured.models.linear import Dense, Diagonal, LinearProblem, Stretch
+from testbench.measured.models.part_problem import Family
 from testbench.tracing.problem.problem import Law, Nuisance, Observable, Segment
 
 BLOCKS = 1024
-STRINGS = (2, 4, 8, 16, 32)
+SEGMENTS = (4, 8, 16, 32)
+SCALE_LSB = 1.0  # plausible size of any coefficient
 PAGE = "docs/parts/dac_levels.md"
-MOST_LAWS = 30
+MOST_LAWS = 4
 LEAST_LSB = 1e-9  # of the noise of levels that were measured
 LOCAL = 32  # blocks over which the slow noise is of one size
 ALTERNATE = 8  # blocks that change roles together where there is one session
@@ -58,45 +61,61 @@ def features(error):
     return error.reshape(-1, max(1, len(error) // BLOCKS)).mean(axis=1)
 
 
-def texts(bits):
-    """{law name: text for analog_frontend.dac_levels} with a unit coefficient."""
+def members(segments, bits):
+    """{coefficient: texts for analog_frontend.dac_levels} of a converter of so many segments above a ladder.
+
+    tap k/N     the border of segment k is off by 1 LSB: the segments at both its sides are a ramp each
+    step k/N    a jump of 1 LSB at this border, half of it at either side, gone at the next borders
+    carry b     a jump of 1 LSB where bit b of the ladder is set and those below are cleared, in every segment
+    Ends of the line are those of the session's own, and the gain of the ladder is that of its segment.
+    """
+    n, out = segments, {}
+    for k in range(1, n):
+        out[f"tap {k}/{n}"] = [f"element {k}/{n} = 1", f"element {k + 1}/{n} = -1"]
+        out[f"step {k}/{n}"] = [f"element {j}/{n} = -0.5" for j in (k, k + 1)] + [f"step {k + 1}/{n} = 1"]
     lowest = block_codes(bits).bit_length() - 1
-    out = {f"bit {b}": f"bit {b} = 1" for b in range(lowest, bits)}
-    for of in STRINGS:
-        out |= {f"element {k}/{of}": f"element {k}/{of} = 1" for k in range(1 if of > 2 else 2, of + 1)}
-        out |= {f"step {k}/{of}": f"step {k}/{of} = 1" for k in range(2, of + 1, 2) if of > 2}
+    for b in range(lowest + 1, bits - (n.bit_length() - 1)):
+        out[f"carry {b}"] = [f"bit {j} = {(j == b) - 2.0 ** (j - b - 1)!r}" for j in range(b + 1)]
     return out
 
 
+def levels_texts(coefficients, bits, scale=1.0, finer=0):
+    """Texts of all coefficients {name: LSB} together, in LSB / `scale` of a converter of `finer` more bits."""
+    total = {}
+    segments = max(int(name.partition("/")[2] or 0) for name in coefficients)
+    texts = members(segments, bits)
+    for name, lsb in coefficients.items():
+        for text in texts[name]:
+            kind, place, _, share = text.split()
+            place = place if kind != "bit" else str(int(place) + finer)
+            total[kind, place] = total.get((kind, place), 0.0) + float(share) * lsb * scale
+    return [f"{kind} {place} = {value:.5g}" for (kind, place), value in total.items()]
+
+
 def catalogue(bits):
-    """(laws, {name: (2^bits,) LSB}) of plant and instrument.
+    """(laws, families, {name: (2^bits,) LSB}) of plant and instrument.
 
     Drift within a session is noise: it is another one in each, and codes and time go together.
     """
-    laws, shapes = [], {}
-    for name, text in texts(bits).items():
-        kind = name.split()[0]
-        words = {
-            "bit": "weight of a bit of the ladder",
-            "element": "too large element of the string: a ramp over its codes",
-            "step": "too large thermometer element: a step where it begins",
-        }[kind]
-        laws.append(Law(name, "dac", words, "LSB", 0.3 if kind == "bit" else 1.0, page=PAGE))
-        shapes[name] = dac_levels.errors([text], bits)
-    u = (np.arange(1 << bits) + 0.5) / (1 << (bits - 1)) - 1.0
-    more = (
-        ("cubic of the voltage", u**3 - u, "instrument", "reference loading, or the voltmeter's own curve"),
-        (
-            "turnover of the voltmeter",
-            np.abs(u) - 0.5,
-            "instrument",
-            "gain of the meter differs between the polarities",
-        ),
-    )
-    for name, shape, kind, words in more:
-        laws.append(Law(name, "dac" if kind == "plant" else "meter", words, "LSB", 1.0, kind=kind, page=PAGE))
+    families, shapes, laws = {}, {}, []
+    for n in SEGMENTS:
+        name, texts = f"{n} segments above a ladder", members(n, bits)
+        words = "borders and steps of the segments, carries of the ladder that all segments share"
+        families[name] = Family(Law(name, "dac", words, "LSB", SCALE_LSB, page=PAGE), tuple(texts), ("bow",))
+        shapes |= {member: dac_levels.errors(text, bits) for member, text in texts.items()}
+    code, lowest = np.arange(1 << bits), block_codes(bits).bit_length() - 1
+    for b in range(lowest + 2, bits):
+        name, u = f"bend of the ladder over {1 << b} codes", code % (1 << b) / (1 << b)
+        laws.append(Law(name, "dac", "parabola of a loaded part of the ladder, repeated", "LSB", SCALE_LSB, page=PAGE))
+        shapes[name] = 4 * u * (1 - u)
+    u = (code + 0.5) / (1 << (bits - 1)) - 1.0
+    for name, shape, words in (
+        ("cubic of the voltage", u**3 - u, "reference loading, or the voltmeter's own curve"),
+        ("turnover of the voltmeter", np.abs(u) - 0.5, "gain of the meter differs between the polarities"),
+    ):
+        laws.append(Law(name, "meter", words, "LSB", SCALE_LSB, kind="instrument", page=PAGE))
         shapes[name] = shape
-    return laws, shapes
+    return laws, families, shapes
 
 
 def bow(bits):
@@ -156,7 +175,7 @@ def problem(sessions, bits, name="levels of a DAC", hashes=None, fit=None):
     for s in sessions:
         if not white_sd(s.error_lsb) > LEAST_LSB:
             raise ConfigError(f"{name}: {s.name} has no noise above {LEAST_LSB:g} LSB; measured levels wanted")
-    laws, shapes = catalogue(bits)
+    laws, families, shapes = catalogue(bits)
     size, blocks = block_codes(bits), min(BLOCKS, 1 << bits)
     nuisances = (Nuisance("bow", "LSB", 0.0, np.inf, 1.0),)
     shapes = shapes | {"bow": bow(bits)}
@@ -182,7 +201,7 @@ def problem(sessions, bits, name="levels of a DAC", hashes=None, fit=None):
         codes = np.arange(0, 1 << bits, size) + (size - 1) / 2
         made = LinearProblem(name, nuisances, laws, stretches, columns, hashes or {}, lambda segment: (codes, "code"))
         made.same_rows = True
-    made.most_laws = MOST_LAWS
+    made.most_laws, made.families, made.heldout_independent = MOST_LAWS, families, len(sessions) > 1
     return made
 
 
