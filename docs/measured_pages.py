@@ -20,7 +20,7 @@ from testbench.measured.sets_report import rest_words  # noqa: E402
 from testbench.storage.files import write_text  # noqa: E402
 
 KEPT = ROOT / "docs" / "measured_parts.json"
-EFFECT = ("law", "port", "value", "sd", "unit", "kind", "status", "hz", "quality")
+EFFECT = ("law", "port", "value", "sd", "unit", "kind", "status", "hz", "quality", "full_v", "coefficients")
 HELD = ("unit", "floor", "noise", "before", "after_one_law", "after")
 RESONATORS = ("silverbox", "quartz_vna", "mems_ringdown")
 
@@ -49,6 +49,8 @@ def _tested(job):
 
 
 def _short(value):
+    if isinstance(value, dict):
+        return {k: _short(v) for k, v in value.items()}
     return float(f"{value:.6g}") if isinstance(value, float) else value
 
 

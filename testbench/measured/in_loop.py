@@ -22,7 +22,7 @@ from analog_frontend.parts.adc import CURVE
 from testbench import config
 from testbench.measured.exam import part_page
 from testbench.measured.models.gyro_laws import AMPLITUDE_M
-from testbench.measured.parts import adc_linearity, dac_levels
+from testbench.measured.parts import dac_levels
 from testbench.run import simulate
 
 RATE_DPS, REST_S, STEP_S, MEAN_S = 100.0, 1.0, 0.8, 0.3
@@ -80,10 +80,10 @@ def converter(effects):
     meters = {}
     for e in effects:
         meter, _, law = e["law"].partition(": ")
-        key, per_volt = _key(law), e["value"] * 1e-6 / adc_linearity.FULL_V
+        key, per_volt = _key(law), e["value"] * 1e-6 / e.get("full_v", 1.0)
         mine = meters.setdefault(meter, {})
         if key == "adc_curve":
-            mine.setdefault(key, [0.0] * CURVE)[int(law[7:]) - 2] = e["value"] * 1e-6 / adc_linearity.RANGE_V
+            mine.setdefault(key, [0.0] * CURVE)[int(law[7:]) - 2] = per_volt
         elif key == "adc_gain_tc_per_k":
             span = re.search(r"1 is ([-+.\deE]+)", e["text"])
             if span:

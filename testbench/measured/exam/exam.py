@@ -12,7 +12,7 @@ import numpy as np
 
 from analog_frontend.parts.device import Device
 from testbench.measured.exam import part_page
-from testbench.measured.exam.staged import DECISIVE, NOTHING, SUPPORTED, Round, StagedResult, absorb, summary
+from testbench.measured.exam.staged import DECISIVE, NOTHING, SAME, SUPPORTED, Round, StagedResult, absorb, summary
 from testbench.measured.models.gyro_laws import laws_of_loop
 from testbench.tracing.fit import heldout
 from testbench.tracing.fit.evidence import linear_gain, log_evidence
@@ -172,7 +172,9 @@ def report(problem, settings=None, progress=None):
     names = [r.law for r in staged.rounds if r.kept]
     found = fits(problem, names)
     shown = judge(problem, names, found)
-    while names and any(h["after"] > h["before"] for h in shown.values()):  # the last law goes: never worse than none
+    while names and any(
+        h["after"] > SAME * h["before"] for h in shown.values()
+    ):  # the last law goes: never worse than none
         names, found = names[:-1], found[:-1]
         staged = _told(problem, staged.first, staged.rounds, names, _place(found[-1]), chosen)
         shown = judge(problem, names, found)

@@ -33,7 +33,8 @@ DECISIVE = np.log(20.0)
 SUPPORTED = 9.0  # of chi2, three sigmas of one coefficient
 ALIKE = 0.95
 HARMLESS = 1.02  # by which an observable may become worse
-MOST_TRIES = 8  # laws that are refitted before a round gives up
+SAME = 1.001  # by which it changes where a law does nothing to it: nuisances and noise that observables share
+MOST_TRIES = 16  # laws that are refitted before a round gives up
 CHANCE = 0.01  # that noise makes the largest of as many laws as were tried as large as the least of those that stay
 STRAYED = 3.0  # sd of its prior by which a law's own shape may be moved: further on it is not the law that was tried
 NOTHING = ("none", "noise-model")
@@ -146,11 +147,12 @@ def _never_worse(problem, names, rounds, options):
         if not tracer.calibrate():
             break
         after = tracer.judged({"now": tracer.base.fit}).rows
-        worse = [key for key in before if after[key]["now"] > before[key]["now"]]
+        worse = [key for key in before if after[key]["now"] > SAME * before[key]["now"]]
         if not worse:
             break
-        tried = {r.law: sum(r.heldout[key][1] / r.heldout[key][0] for key in worse) for r in rounds if r.law in names}
-        gone = max(reversed(names), key=lambda name: tried[name])
+        share = {r.law: {key: r.heldout[key][1] / r.heldout[key][0] for key in worse} for r in rounds if r.kept}
+        there = [name for name in names if any(abs(x - 1) > SAME - 1 for x in share[name].values())]
+        gone = max(reversed(there or names), key=lambda name: max(share[name].values()))
         names = [name for name in names if name != gone and name not in problem.more_of(gone)]
     return names
 
@@ -223,7 +225,6 @@ def add_in_stages(problem, options=None, most=12, progress=None):
         rounds = _forward(problem, names, refused, most, quick, progress)
     added, names = names, _pruned(problem, names, quick)
     fine = _never_worse(problem, names, rounds, quick)
-    rounds = [r._replace(kept=r.kept and (r.law in fine or r.law not in names)) for r in rounds]
     added, names = [name for name in added if name in fine or name not in names], fine
     superseded = [name for name in added if name not in names]
     rounds = [r._replace(kept=r.law in names) for r in rounds]

@@ -1,8 +1,8 @@
 """Voltmeters in parallel on one source, against the converter of the board: offset, gain, cubic, and what it lacks.
 
     y_m(i) = reading - source (uV) = o_m + g_m u + k_m (u^3 - u) + sum_l c_l B_l(i) + e_m(i) + e_source(i)
-    u      source / 10 V.  Laws of a meter: |u|, Chebyshev polynomials, gain with temperature, humidity, time, memory
-           of the point before, offset with temperature, start of the run.  Of the source: the same in all meters
+    u      source / its largest.  Laws of a meter: |u|, Chebyshev polynomials, gain with temperature, humidity, time,
+           memory of the point before, offset with temperature, start of the run.  Of the source: the same in all meters
 Noise    of a point about everything smooth in source, environment and time: a + b u^2, at least the spread of the
          readings behind a point; part of it is the source's, in all meters at once: what the quietest of them share
 Roles    stretches of eight points take turns: one chooses, the next judges
@@ -19,8 +19,6 @@ from testbench.measured.models.linear import Common, LinearProblem, Stretch
 from testbench.measured.quality import series
 from testbench.tracing.problem.problem import Law, Nuisance, Observable, Segment
 
-FULL_V = 10.0
-RANGE_V = 12.0  # full scale of a 10 V range
 STRETCH = 8
 PAGE = "docs/parts/adc.md"
 WARM_S = (120.0, 600.0, 1800.0)
@@ -47,9 +45,14 @@ def scaled(x):
     return x / top if top > 0 else None
 
 
+def full_v(data):
+    """Largest source voltage (V) of a file: what its errors are told relative to."""
+    return float(np.max(np.abs(data.source_v)))
+
+
 def shapes(data):
     """{law: (words, (points,))} of one instrument, for a coefficient of 1 uV at the largest."""
-    u = data.source_v / FULL_V
+    u = data.source_v / full_v(data)
     before = np.concatenate([[u[0]], u[:-1]])
     out = {
         "turnover": ("gain differs between the polarities", _turnover(u)),
@@ -81,12 +84,10 @@ def _turnover(u):
 
 
 def _chebyshev(n, u):
-    """The converter's own law, from its kernel, at a full scale of 12 V."""
+    """The converter's own law, from its kernel, at a full scale of 1."""
     curve = tuple(1e-2 if k == n else 0.0 for k in range(2, 2 + adc.CURVE))
-    part = adc.design(vref_v=RANGE_V, curve=curve)
-    volts = u * FULL_V
-    errors = np.array([adc.erroneous(part, 0, v, 0.0, adc.SENSOR_V_AT_25_DEGC) - v for v in volts])
-    return errors / (1e-2 * RANGE_V)
+    part = adc.design(vref_v=1.0, curve=curve)
+    return np.array([adc.erroneous(part, 0, v, 0.0, adc.SENSOR_V_AT_25_DEGC) - v for v in u]) / 1e-2
 
 
 def cubic(u):
@@ -96,7 +97,7 @@ def cubic(u):
 
 def saturated(data):
     """Residuals (uV) of a regression on everything smooth: source, environment, time; what is left is noise."""
-    u = data.source_v / 11.0
+    u = data.source_v / full_v(data)
     knots = np.linspace(-1, 1, 24)
     tents = np.clip(1 - np.abs(u[:, None] - knots) / (knots[1] - knots[0]), 0, None)
     rows = [x for x in (scaled(v) for v in data.environment.values()) if x is not None]
@@ -116,7 +117,7 @@ def saturated(data):
 
 def noise_sd(data):
     """(own (meters, points), source): uV rms of a point. The source's from what the quietest meters share."""
-    left, u = saturated(data), data.source_v / FULL_V
+    left, u = saturated(data), data.source_v / full_v(data)
     points, meters = left.shape
     source = 0.0
     if meters > 1:
@@ -140,10 +141,17 @@ def robust(left):
     return np.median(np.abs(left), axis=0) / 0.6745
 
 
+class Meters(LinearProblem, adds="full_v"):
+    """The problem; each law tells the voltage at which its coefficient is reached."""
+
+    def details(self, law, values):
+        return {"full_v": self.full_v}
+
+
 def problem(data, name="voltmeters on one source", roles=None):
     """`LinearProblem` of one file. roles: (points,) True where a point chooses; default: stretches take turns."""
     points, meters = data.readings_v.shape
-    u = data.source_v / FULL_V
+    u = data.source_v / full_v(data)
     choose = (np.arange(points) // STRETCH) % 2 == 0 if roles is None else np.asarray(roles, bool)
     own_sd, source_sd = noise_sd(data)
     floor = np.sqrt(np.mean(own_sd**2 + source_sd**2, axis=1))
@@ -183,8 +191,8 @@ def problem(data, name="voltmeters on one source", roles=None):
     def axis(segment):
         return data.source_v[choose if segment == "chooses" else ~choose], "source (V)"
 
-    made = LinearProblem(name, nuisances, laws, stretches, columns, {"file": data.sha256}, axis)
-    made.most_laws = LAWS_PER_METER * meters
+    made = Meters(name, nuisances, laws, stretches, columns, {"file": data.sha256}, axis)
+    made.most_laws, made.full_v, made.heldout_independent = LAWS_PER_METER * meters, full_v(data), False
     return made
 
 

@@ -279,7 +279,7 @@ def of_records(first, digest, others=()):
     made = DrivenResonator(
         first.fs_hz, (f, q, gain), "driven resonator", nuisances, _laws(rms, first.fs_hz), pieces, hashes, notes
     )
-    made.library = _library(rms)
+    made.library, made.heldout_independent = _library(rms), bool(others)
     made.working = Working("driven", float(np.max(np.abs(first.output_v))), f, q)
     return made
 

@@ -133,7 +133,7 @@ def _settling(name):
 class RestProblem(PartProblem, adds="rest found bins time_s axes names"):
     """Problem of the tracing core about one record."""
 
-    most_laws = 6
+    most_laws, heldout_independent = 6, False
 
     def __init__(self, rest, found=()):
         """found: names of laws that are part of the model."""

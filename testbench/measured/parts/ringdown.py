@@ -240,6 +240,7 @@ def problem(traces):
     power = 10 ** ((np.median([p.rows[0] for p in pieces]) - UW_DBM) / 10)
     hashes = {f"record_{i + 1}": sha256_of(trace.path) for i, trace in enumerate(traces)}
     made = Ringdown(f"ring-down {traces[0].sample}", nuisances, _laws(power, rate), pieces, hashes, notes)
+    made.heldout_independent = len(traces) > 1
     f = traces[0].frequency_hz if np.isfinite(traces[0].frequency_hz) else 1.0
     largest = max(10 ** ((piece.rows[0] - UW_DBM) / 10) for piece in pieces)
     made.working = Working("ringdown", float(np.sqrt(largest)), f, float(2 * np.pi * f / rate))

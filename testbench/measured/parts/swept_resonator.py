@@ -444,6 +444,7 @@ def problem(sweeps):
     laws = _laws(seen, float(np.exp(ln_g)), float(np.exp(ln_g)) / TWO_PI, level)
     hashes = {f"record_{k + 1}": sha256_of(sweep.path) for k, sweep in enumerate(sweeps)}
     made = SweptResonator("swept resonator", nuisances, laws, pieces, hashes, notes)
+    made.heldout_independent = len(sweeps) > 1
     made.working = Working("swept", level, float(f0), TWO_PI * float(f0 / np.exp(ln_g)))
     return made
 

@@ -95,6 +95,7 @@ def problem(trace):
     made = ThermalSpectrum(
         f"thermal spectrum {trace.sample}", nuisances, LAWS, pieces, {"record": sha256_of(trace.path)}, ()
     )
+    made.heldout_independent = False
     made.f_ref_hz = float(f[at])
     made.working = Working("spectrum", 0.0, float(f[at]), float(f[at] / (2 * width)))
     return made

@@ -4,12 +4,14 @@ import numpy as np
 from scipy.io import savemat
 
 
-def levels(path, rng, elements=(), bits_lsb=(), bits=9, noise_lsb=0.02, drift_lsb=0.03, variable="A"):
-    """A session of a DAC: elements (k, of, LSB) are ramps, bits_lsb (bit, LSB) weights; white noise and a slow walk."""
+def levels(path, rng, elements=(), bits_lsb=(), bits=9, noise_lsb=0.02, drift_lsb=0.03, variable="A", steps=()):
+    """A session of a DAC: elements and steps (k, of, LSB), bits_lsb (bit, LSB) weights; white noise and a slow walk."""
     code = np.arange(1 << bits)
     error = np.zeros(1 << bits)
     for k, of, lsb in elements:
         error += lsb * np.clip(code / len(code) * of - (k - 1), 0, 1)
+    for k, of, lsb in steps:
+        error += lsb * (code / len(code) * of >= k - 1)
     for b, lsb in bits_lsb:
         error += lsb * (code // 2**b % 2)
     slow = np.cumsum(rng.normal(size=64))
@@ -19,9 +21,9 @@ def levels(path, rng, elements=(), bits_lsb=(), bits=9, noise_lsb=0.02, drift_ls
     return path
 
 
-def meters(path, rng, laws, points=200, noise_uv=0.3, source_uv=0.2, order="random", sign_uv=0.0):
+def meters(path, rng, laws, points=200, noise_uv=0.3, source_uv=0.2, order="random", sign_uv=0.0, full_v=10.5):
     """A file of readings: `laws` {meter: function(source V, warmth) -> uV}; sign_uv: the source's, in all meters."""
-    source = np.linspace(-10.5, 10.5, points)
+    source = np.linspace(-full_v, full_v, points)
     if order == "random":
         source = rng.permutation(source)
     source = np.round(source, 5)

@@ -20,9 +20,23 @@ def test_one_meters_turnover_is_that_meters(tmp_path):
     laws = {"p": plain, "q": lambda v, w: 4.0 * abs(v) / 10, "r": plain}
     path = made.meters(tmp_path / "no name.txt", np.random.default_rng(1), laws)
     found = add_in_stages(open_problem([path], {}), most=6).json
-    assert (found["verdict"], found["effects"][0]["law"]) == ("named", "q: turnover")
+    assert (found["verdict"], found["effects"][0]["law"]) == ("candidate", "q: turnover"), (
+        "one file: nothing confirms it"
+    )
     assert abs(found["effects"][0]["value"] - 4.0) < 4 * found["effects"][0]["sd"]
     assert all(row["after"] < 1.5 * row["floor"] for row in found["heldout"].values())
+
+
+def test_the_range_is_that_of_the_file(tmp_path):
+    """The same relative error of meters on 1 V and on 100 V: the largest voltage of the file is the unit."""
+    found = []
+    for full in (1.0, 100.0):
+        laws = {"p": plain, "q": lambda v, w, full=full: 4.0 * abs(v) / full}
+        path = made.meters(tmp_path / f"{full}", np.random.default_rng(6), laws, full_v=full)
+        found.append(add_in_stages(open_problem([path], {}), most=2).json["effects"][0])
+    assert [e["law"] for e in found] == ["q: turnover"] * 2
+    assert [e["full_v"] for e in found] == [1.0, 100.0]
+    assert all(abs(e["value"] - 4.0) < 4 * e["sd"] for e in found)
 
 
 def test_an_error_in_all_meters_is_the_sources(tmp_path):
@@ -47,7 +61,8 @@ def test_meters_without_an_effect_gain_none(tmp_path):
 def test_one_meter_alone_cannot_say_whose_it_is(tmp_path):
     path = made.meters(tmp_path / "a", np.random.default_rng(5), {"p": lambda v, w: 4.0 * abs(v) / 10})
     found = add_in_stages(open_problem([path], {}), most=2).json
-    assert (found["verdict"], found["effects"][0]["port"]) == ("confounded", "adc or source")
+    assert (found["verdict"], found["effects"][0]["port"]) == ("candidate", "adc or source")
+    assert found["effects"][0]["status"] == "confounded"
 
 
 def test_the_converters_errors_are_the_stated_ones():

@@ -23,7 +23,9 @@ def _fitted(monkeypatch, values):
     class Tracer:
         def __init__(self, problem, *_):
             theta = np.array([values[n.name] for n in problem.nuisances])
-            self.base = SimpleNamespace(fit=SimpleNamespace(point=SimpleNamespace(theta=theta), sd=np.ones(len(theta))))
+            model = SimpleNamespace(problem=problem)
+            point = SimpleNamespace(theta=theta)
+            self.base = SimpleNamespace(fit=SimpleNamespace(model=model, point=point, covariance=np.eye(len(theta))))
 
         def calibrate(self):
             return True
