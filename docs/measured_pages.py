@@ -20,7 +20,7 @@ from testbench.measured.sets_report import rest_words  # noqa: E402
 from testbench.storage.files import write_text  # noqa: E402
 
 KEPT = ROOT / "docs" / "measured_parts.json"
-EFFECT = ("law", "port", "value", "sd", "unit", "kind", "status", "hz", "quality", "full_v", "coefficients")
+EFFECT = ("law", "port", "value", "sd", "unit", "kind", "status", "hz", "quality", "full_v", "bits", "coefficients")
 HELD = ("unit", "floor", "noise", "before", "after_one_law", "after")
 RESONATORS = ("silverbox", "quartz_vna", "mems_ringdown")
 

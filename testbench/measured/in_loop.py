@@ -32,7 +32,7 @@ CONTROLS = (1e-9, -1e-9, 1e-8, -1e-8)  # of the spring
 BEYOND = 2.0  # times the largest change of a control, from which a change is called one
 MEASURED = ("scale factor", "bias", "noise")
 WARM_DEGC = 35.0
-MEASURED_BITS = 16  # of the DAC whose levels were measured, and of the drive DAC
+DRIVE_BITS, SENSE_BITS = 16, 20  # of the board's DACs
 LOCKED, WEAKEST = 0.5, 4  # share of the scale factor that a locked loop has; tens by which a law is made weaker
 SHOWN = 8  # frames averaged for a point of the picture: 1 ms
 
@@ -57,12 +57,12 @@ class Reading(NamedTuple):
     rate_dps: np.ndarray
 
 
-def levels(effects, scale=1.0, finer=0):
-    """Texts for `drive_dac_levels` of a DAC's structure; `scale` in LSB of a DAC of `finer` more bits."""
+def levels(effects, bits):
+    """Texts of [effects] for a DAC of so many bits with the errors in volts of one that was measured."""
     for e in effects:
         if e["port"] == "dac" and "coefficients" in e:
             coefficients = {name: c["value"] for name, c in e["coefficients"].items()}
-            return dac_levels.levels_texts(coefficients, MEASURED_BITS, scale, finer)
+            return dac_levels.levels_texts(coefficients, e["bits"], bits)
     return []
 
 
@@ -108,11 +108,11 @@ def controls(device):
 
 def _of_set(name, jobs):
     out, effects = [], jobs[0]["effects"]
-    texts = levels(effects)
+    texts = levels(effects, DRIVE_BITS)
     if texts:
         words = f"{len(texts)} laws in LSB of 16 bit"
         out.append(Case(f"{name}: levels as drive DAC", words, {"drive_dac_levels": texts}))
-        words, fine = "the same errors in volts, at 20 bit", levels(effects, 16.0, 4)
+        words, fine = "the same errors in volts, at 20 bit", levels(effects, SENSE_BITS)
         out.append(Case(f"{name}: levels as force DAC", words, {"sense_dac_levels": fine}))
     out += _of_meters(name, [e for job in jobs for e in job["effects"]])
     for job in jobs:
@@ -160,7 +160,7 @@ def not_run(sets):
             for e in job["effects"]:
                 meter, _, law = e["law"].partition(": ")
                 converts = _key(law) and meter != "source"
-                if not (e["law"] in carried or levels([e]) or converts or "vibration" in law):
+                if not (e["law"] in carried or levels([e], DRIVE_BITS) or converts or "vibration" in law):
                     out.append((name, job["label"], e["law"], e["port"], e.get("kind", "")))
     return out
 

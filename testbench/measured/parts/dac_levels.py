@@ -79,16 +79,18 @@ def members(segments, bits):
     return out
 
 
-def levels_texts(coefficients, bits, scale=1.0, finer=0):
-    """Texts of all coefficients {name: LSB} together, in LSB / `scale` of a converter of `finer` more bits."""
-    total = {}
+def levels_texts(coefficients, bits, other_bits):
+    """Texts of all coefficients {name: LSB} of a converter, in LSB of one of the same range with other bits."""
+    total, finer = {}, other_bits - bits
     segments = max(int(name.partition("/")[2] or 0) for name in coefficients)
     texts = members(segments, bits)
     for name, lsb in coefficients.items():
         for text in texts[name]:
             kind, place, _, share = text.split()
             place = place if kind != "bit" else str(int(place) + finer)
-            total[kind, place] = total.get((kind, place), 0.0) + float(share) * lsb * scale
+            if place.startswith("-"):  # below the LSB of the other
+                continue
+            total[kind, place] = total.get((kind, place), 0.0) + float(share) * lsb * 2.0**finer
     return [f"{kind} {place} = {value:.5g}" for (kind, place), value in total.items()]
 
 
@@ -165,6 +167,13 @@ def noises(sessions, bits):
     return [Dense(slow + np.eye(len(slow)) * white_sd(s.error_lsb) ** 2 / size) for s in sessions]
 
 
+class Levels(LinearProblem, adds="bits"):
+    """The problem; the structure is that of a converter of `bits`."""
+
+    def details(self, law, values):
+        return {"bits": self.bits}
+
+
 def problem(sessions, bits, name="levels of a DAC", hashes=None, fit=None):
     """`LinearProblem` of sessions; `fit`: indices of those that choose (default: the first half)."""
     if bits < 9:
@@ -190,7 +199,7 @@ def problem(sessions, bits, name="levels of a DAC", hashes=None, fit=None):
             segment = Segment(f"{sessions[0].name} {role}", {}, role, 0, role, seen)
             stretches.append(Stretch(segment, data[0][turn == k], noise))
         columns = {n: [v[turn == 0], v[turn == 1]] for n, v in table.items()}
-        made = LinearProblem(name, nuisances, laws, stretches, columns, hashes or {})
+        made = Levels(name, nuisances, laws, stretches, columns, hashes or {})
     else:
         chosen = set(range((len(sessions) + 1) // 2)) if fit is None else set(fit)
         seen, stretches = (Observable("level", "LSB", slice(0, blocks)),), []
@@ -199,8 +208,9 @@ def problem(sessions, bits, name="levels of a DAC", hashes=None, fit=None):
             stretches.append(Stretch(Segment(s.name, {}, group, k, role, seen), y, noise))
         columns = {n: [v] * len(sessions) for n, v in table.items()}
         codes = np.arange(0, 1 << bits, size) + (size - 1) / 2
-        made = LinearProblem(name, nuisances, laws, stretches, columns, hashes or {}, lambda segment: (codes, "code"))
+        made = Levels(name, nuisances, laws, stretches, columns, hashes or {}, lambda segment: (codes, "code"))
         made.same_rows = True
+    made.bits = bits
     made.most_laws, made.families, made.heldout_independent = MOST_LAWS, families, len(sessions) > 1
     return made
 

@@ -171,7 +171,7 @@ def _used(trace, background_dbm):
         its = noise(t[a:b], p[a:b])
         if its is None:
             raise FileError(f"{trace.path}: the decay has no noise above {LEAST_NOISE_DB:g} dB; measured power wanted")
-        its = its._replace(sd=np.maximum(its.sd, series.floor(p)))
+        its = its._replace(white_sd=max(its.white_sd, series.floor(p)))
         end = _until(a, b, its.sd > CLEAR_SD_DB)
         if end == b:
             return a, b, its

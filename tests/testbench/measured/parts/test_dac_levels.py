@@ -52,7 +52,7 @@ def off(coefficients, elements, bits_lsb, steps):
         truth += lsb * (place >= k - 1)
     for b, lsb in bits_lsb:
         truth += lsb * (code >> b & 1)
-    found = kernel.errors(dac_levels.levels_texts({n: c["value"] for n, c in coefficients.items()}, 9), 9)
+    found = kernel.errors(dac_levels.levels_texts({n: c["value"] for n, c in coefficients.items()}, 9, 9), 9)
     # the ladder is cleared at a border: what its bits are too heavy by together is lost there
     cleared = sum(lsb for _, lsb in bits_lsb)
     sigmas = [
@@ -88,7 +88,7 @@ def test_two_sessions_agree_on_every_coefficient(tmp_path):
 def test_the_texts_of_a_structure_are_the_sum_of_its_coefficients():
     rng = np.random.default_rng(0)
     values = {name: float(rng.normal()) for name in dac_levels.members(8, 12)}
-    whole = kernel.errors(dac_levels.levels_texts(values, 12), 12)
+    whole = kernel.errors(dac_levels.levels_texts(values, 12, 12), 12)
     code = np.arange(1 << 12)
     place, hand = code / 512, np.zeros(1 << 12)
     for name, lsb in values.items():

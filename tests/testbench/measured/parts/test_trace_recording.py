@@ -57,13 +57,13 @@ def test_the_levels_of_a_dac(tmp_path):
     rng = np.random.default_rng(1)
     paths = [made.levels(tmp_path / f"{k}.mat", rng, [(5, 8, -2.0)]) for k in range(2)]
     data = same(paths, {"fit": "2"}, tmp_path, "levels")
-    assert data["effects"][0]["law"] == "element 5/8"
+    assert data["effects"][0]["law"] == "8 segments above a ladder"
     names = [case.name for case in in_loop.cases({"set": {"jobs": [data | {"label": "A"}]}})]
     assert names == ["set: levels as drive DAC", "set: levels as force DAC"]
 
 
 def effect(law, value, port="", kind="instrument", text=""):
-    return {"law": law, "port": port, "value": value, "kind": kind, "text": text}
+    return {"law": law, "port": port, "value": value, "kind": kind, "text": text, "full_v": 10.0}
 
 
 def test_of_each_kind_of_law_the_worst_meter_runs_and_the_rest_is_listed():
