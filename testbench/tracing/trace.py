@@ -27,7 +27,7 @@ from testbench.tracing.problem.space import Space
 
 ROWS_OF_DRAWS = 60_000_000  # numbers drawn for one alarm at most
 FEWEST_DRAWS = 199
-PARTIAL = CLEAR**2  # of held-out chi2, by which each law of a partial explanation must lower it
+PARTIAL = CLEAR**2  # of held-out chi2, by which each law of several, or of a partial explanation, must lower it
 
 
 @dataclass(frozen=True)
@@ -148,22 +148,31 @@ class Tracer:
             self.say("discovering")
             self.selections = discover.discover(self.problem, self.base.fit, self.pool, self.options.seed)
             found = work.run(self.pool, self.options.max_laws, discover.proposals(self.selections))
-        found = self.prune(found)
+        found = self.prune(self.supported(found))
         self.posterior, self.priors = work.posterior(), work.priors
         self.rivals = [] if found.adequate else open_rivals(found)
         return found
 
+    def supported(self, found):
+        """Where the best set is not adequate: the set that fitted and held-out data together support most."""
+        known = [n for n, c in self.work.candidates.items() if n and c.refitted]
+        if found.adequate or not self.held.size or not known:
+            return found
+        best = max(known, key=lambda n: (self.work.score(n) - self.heldout_chi2(n) / 2, n))
+        return found._replace(best=best, adequate=self.work.is_adequate(best))
+
     def prune(self, found):
         """Drop laws of the best set that held-out data do not bear out, the worst first.
 
-        Without a law chi2 of the held-out groups must be higher; by PARTIAL where the set is only a part.
+        Without a law chi2 of the held-out groups must be higher; by PARTIAL where others are beside it, or missing.
         """
         names, pruned = found.best, []
         while names and self.held.size:
             less = [tuple(n for n in names if n != law) for law in names]
             chi2 = {n: self.heldout_chi2(n) for n in less}
             worst = min(less, key=chi2.get)
-            if chi2[worst] - self.heldout_chi2(names) >= (0.0 if self.work.is_adequate(names) else PARTIAL):
+            alone = len(names) == 1 and self.work.is_adequate(names)
+            if chi2[worst] - self.heldout_chi2(names) >= (0.0 if alone else PARTIAL):
                 break
             pruned += [law for law in names if law not in worst]
             names = worst

@@ -18,6 +18,7 @@ from testbench.tracing.fit.identify import unseen
 from testbench.tracing.fit.rank import Projection
 
 LEAST_FREE_D = 3.0
+MINOR = 0.1  # of the largest d of a set, below which a law beside it is no cause
 MOST_NUMERICAL = 0.5  # sigmas, of the analysis engine against the exact one
 
 
@@ -50,6 +51,13 @@ def free_d(fit, identifiability):
         s = fit.jacobian[:, n + i : n + i + 1]
         out[law.name] = float(np.linalg.norm(Projection(others, below).full(s)) * abs(fit.point.c[i]))
     return out
+
+
+def corrections(fit):
+    """Laws of a fit that are smaller than a MINOR part of the largest, in sigmas: they may mend its shape."""
+    n = len(fit.point.theta)
+    d = np.abs(fit.point.c) / fit.sd[n:]
+    return [law.name for law, size in zip(fit.model.laws, d) if size < MINOR * d.max()]
 
 
 def detection(alarms, alpha, looks):
@@ -118,6 +126,10 @@ def with_search(found, causes, free, evidence, blocked):
         return Decision("unexplained", f"{blocked}: {said} explains a part, and is not named")
     if not found.adequate:
         return Decision("unexplained", f"{said} explains a part; the rest is not explained by the laws tried")
+    minor = corrections(found.fit(best))
+    if minor:
+        what = f"{', '.join(minor)} may only correct the shape of a law outside"
+        return Decision("unexplained", f"{said} explains a part: {what}")
     if len(causes) > MOST:
         return Decision("unexplained", f"{said} explains it, and so do {MOST} other causes or more: no class is named")
     names = " or ".join(" + ".join(c.names) for c in causes)
