@@ -111,5 +111,10 @@ def _registers(wanted, profile, writes, config):
             angle = one.detune_deg
             detune.append((one.at_s, (((raw - own) / TURN + 0.5) % 1 - 0.5) * 360 if angle is None else angle))
         log.append((edge, name, raw))
-    tracks = [dwells.track(p) for p in (profile.rate_dps, profile.temperature_degc, a_um, detune)]
-    return sorted(log, key=lambda row: row[0]), dwells.Tracks(*tracks)
+    tracks = dwells.Tracks(
+        dwells.track(profile.rate_dps, profile.rate_shape == "linear"),
+        dwells.track(profile.temperature_degc, profile.temperature_shape == "linear"),
+        dwells.track(a_um),
+        dwells.track(detune),
+    )
+    return sorted(log, key=lambda row: row[0]), tracks

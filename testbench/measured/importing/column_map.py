@@ -58,6 +58,8 @@ class Profiles(Part):
 
     rate_dps: Profile = 0.0
     temperature_degc: Profile = 25.0
+    rate_shape: Literal["steps", "linear"] = "steps"
+    temperature_shape: Literal["steps", "linear"] = "steps"
     rate_unc_ppm: Annotated[float, Field(gt=0)] = 50.0
     temperature_unc_k: Annotated[float, Field(gt=0)] = 0.1
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from fpga_model.rates import FRAME_CYCLES, MASTER_HZ
 from testbench.errors import ConfigError
+from testbench.measured.record.plan import RAMP_FRAMES
 
 FRAME_HZ = MASTER_HZ // FRAME_CYCLES
 LEAST_FRAMES = 800  # of a dwell: 0.1 s
@@ -58,10 +59,26 @@ class Part(NamedTuple):
     group: str  # "": that of its condition
 
 
-def track(points):
-    """`Track` of a number, or of [(seconds, value), ..]."""
+def track(points, linear=False):
+    """`Track` of a number, or of [(seconds, value), ..]: held until the next, or joined by lines in steps of 8 ms."""
     rows = [(0.0, points)] if isinstance(points, (int, float)) else points
-    return Track(tuple(round(t * FRAME_HZ) for t, _ in rows), tuple(float(v) for _, v in rows))
+    frames, values = [round(t * FRAME_HZ) for t, _ in rows], [float(v) for _, v in rows]
+    if linear:
+        found = [_line(*pair) for pair in itertools.pairwise(zip(frames, values))]
+        frames, values = (
+            [n for part in found for n in part[k]] + [last] for k, last in ((0, frames[-1]), (1, values[-1]))
+        )
+    return Track(tuple(frames), tuple(values))
+
+
+def _line(begin, end):
+    """(frames, values) of the steps of a line; the value of a step is that of its middle."""
+    (a, v), (b, w) = begin, end
+    if v == w or b <= a:
+        return ([a], [v]) if b > a else ([], [])
+    frames = np.arange(a, b, RAMP_FRAMES)
+    middle = (frames + np.minimum(frames + RAMP_FRAMES, b)) / 2
+    return frames.tolist(), (v + (w - v) * (middle - a) / (b - a)).tolist()
 
 
 def drive_locked(codes):

@@ -259,6 +259,13 @@ def test_dwells_begin_at_steps_of_a_settled_board_and_behind_a_settling_elsewher
     assert found == [(4.0, 7.0, "fit"), (8.0, 11.0, "validate"), (14.0, 17.0, "fit")]
 
 
+def test_lines_between_points_are_steps_of_eight_milliseconds_with_the_mean_of_each():
+    t = dwells.track([(0, 10.0), (1, 10.0), (1.08, 20.0), (1.08, -5.0)], linear=True)
+    assert t.frames == (0, *range(8000, 8640, 64), 8640)
+    assert t.values[1:-1] == pytest.approx([10.5 + k for k in range(10)])
+    assert (t.at(7999), t.at(8639), t.at(8640), t.at(10**6)) == (10.0, pytest.approx(19.5), -5.0, -5.0)
+
+
 def test_a_dwell_ends_where_the_lock_is_lost():
     fixed = dwells.track(0.0)
     locked = np.arange(8000 * 20) >= 8000
