@@ -1,6 +1,7 @@
 """Sealed records of a second plant: python -m tests.sealed run|score [--kind development] [--first N] [--minutes M]
 
-    run     goes on where the run of this source was; every run is a line of tests/sealed/ledger.jsonl
+    run     goes on where the run of this source was; every run is a line of tests/sealed/ledger.jsonl; --wide does the
+            first records again with the priors of a data sheet
     score   opens the envelopes of what is done and prints the rates; --page writes those of a whole sealed run
 
 Source    docs/sealed.md
@@ -16,28 +17,27 @@ from testbench.console.markdown import ROOT, replaced
 from testbench.storage.files import write_text
 from tests.sealed import ledger, score, strata
 from tests.sealed.bank import Bank, Space
-from tests.sealed.records import Run, Tracing
+from tests.sealed.records import PARTS, Run, Tracing
 
 
-def rows_of(run):
+def rows_of(run, wide=False):
     """`score.Scored` of all records of a run that have a result."""
     out = []
-    for n in run.done():
+    for n in run.done(wide):
         envelope = run.path("envelopes", n).read_text()
-        out.append(score.scored(n, envelope, json.loads(run.path("results", n).read_text())))
+        out.append(score.scored(n, envelope, json.loads(run.path(PARTS[wide], n).read_text())))
     return out
 
 
-def play(run, first, minutes, path):
+def play(run, first, minutes, path, wide=False):
     """Records without a result, in their order, until the time is over; the ledger has each as it comes."""
-    until, of, errors = time.monotonic() + 60 * minutes, len(run.kinds), 0
-    ledger.noted(path, run.own, len(run.done()), of)
-    for n in range(min(first, of)):
-        if run.path("results", n).exists() or time.monotonic() > until:
+    until, of = time.monotonic() + 60 * minutes, min(first, len(run.kinds))
+    ledger.noted(path, run)
+    for n in range(of):
+        if n in run.done(wide) or time.monotonic() > until:
             continue
-        out = run.one(n)
-        errors += "error" in out
-        ledger.noted(path, run.own, len(run.done()), of, errors)
+        out = run.one(n, wide)
+        ledger.noted(path, run)
         said = out.get("error") or out["result"]["sentence"]
         print(f"{n:03d} {out['cpu_s']} {said}", flush=True)
 
@@ -52,6 +52,7 @@ def main(argv=None):
     parser.add_argument("--minutes", type=float, default=1e6, help="begin no record later")
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--kept", action="store_true", help="development: only effects whose column is in its file")
+    parser.add_argument("--wide", action="store_true", help="trace again with the priors of a data sheet")
     parser.add_argument("--page", action="store_true", help="write the rates into docs/sealed.md")
     given = parser.parse_args(argv)
     if given.kept and given.kind == ledger.SEALED:
@@ -63,17 +64,19 @@ def main(argv=None):
         effects = [e for e in (*tables.inside, *tables.outside) if not given.kept or bank.has(e)]
         space = Space(bank, effects, print)
         run = Run(tables, space, own, given.out, Tracing(given.threads))
-        play(run, given.first, given.minutes, ledger.FILE)
+        first = min(given.first, tables.wide["records"]) if given.wide else given.first
+        play(run, first, given.minutes, ledger.FILE, given.wide)
     run = Run(tables, None, own, given.out)
-    rows = rows_of(run)
-    print(score.table(rows))
+    rows, wide = rows_of(run), rows_of(run, wide=True)
+    text = score.table(rows, wide, tables.wide["disguises"])
+    print(text)
     print("\n".join(score.wrong(rows)))
     whole = given.kind == ledger.SEALED and len(rows) == len(run.kinds)
     if given.page:
         if not whole:
             sys.exit(f"{own['run']}: {len(rows)} of {len(run.kinds)} records are done, or it is not sealed: no page")
         page = ROOT / "docs" / "sealed.md"
-        write_text(page, replaced(page.read_text(), "sealed", score.table(rows)))
+        write_text(page, replaced(page.read_text(), "sealed", text))
     return int(whole and any(holds is False for *_, holds in score.criteria(rows)))
 
 

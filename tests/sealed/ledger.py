@@ -2,7 +2,7 @@
 
     kind        sealed, or development: seeds of its own, never counted in a rate that is published
     run         what the seeds follow from: kind and hashes of the tracing source, strata and second plant
-    done, of    records that have a result, and all of the strata
+    done, of    records that have a result, and all of the strata; wide: those traced with a data sheet's priors too
 
 Source    docs/sealed.md
 """
@@ -37,14 +37,14 @@ def rows(path=FILE):
     return [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
 
 
-def noted(path, own, done, of, errors=0):
-    """Write a run's counts into its line; the first time it is appended, with the time."""
+def noted(path, run):
+    """Write the counts of a `records.Run` into its line; the first time it is appended, with the time."""
     known = rows(path)
     for row in known:
-        if row["run"] == own["run"]:
+        if row["run"] == run.own["run"]:
             break
     else:
         begun = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
-        known.append(row := own | {"begun_utc": begun})
-    row |= {"done": done, "errors": errors, "of": of}
+        known.append(row := run.own | {"begun_utc": begun})
+    row |= {"done": len(run.done()), "wide": len(run.done(wide=True)), "of": len(run.kinds)}
     write_text(path, "".join(json.dumps(row) + "\n" for row in known))

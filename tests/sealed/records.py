@@ -1,7 +1,8 @@
 """Sealed records one by one: truth and envelope, record by the second plant, trace, result. Resumable.
 
     FOLDER/RUN/envelopes/NNN.json   truth, for the scorer alone; its hash is in the result
-    FOLDER/RUN/results/NNN.json     result of the trace, times, hash of the record
+    FOLDER/RUN/results/NNN.json     result of the trace, times, hash of the envelope
+    FOLDER/RUN/wide/NNN.json        the same of the same record without priors, traced with those of a data sheet
 The trace gets the record's file and nothing else. Anchors, noise and tangents that do not depend on a record's data are
 shared by all of a process (`loop_problem.Kept`).
 Source    docs/sealed.md
@@ -11,15 +12,17 @@ import hashlib
 import json
 import time
 
-from testbench.errors import ConfigError
+from testbench.errors import ConfigError, FileError
 from testbench.measured.closed_loop import loop_problem, loop_record, loop_runs, loop_trace
 from testbench.measured.record import produce
+from testbench.measured.wide import of_record
 from testbench.storage.files import write_text
 from testbench.storage.record import write_record
 from testbench.tracing.trace import Options
 from tests.sealed import draw
 from tests.sealed.strata import plan
 
+PARTS = {False: "results", True: "wide"}
 REDRAWS = 5  # boards drawn in place of one that loses its lock with its effect
 
 
@@ -29,9 +32,10 @@ class Tracing:
     def __init__(self, threads=1):
         self.bench, self.kept = loop_runs.Bench(threads), loop_problem.Kept()
 
-    def __call__(self, path):
-        """`Result` of a record's file, as plain numbers."""
-        problem = loop_record.open_record([path], {}, self.bench, self.kept)
+    def __call__(self, path, wide=False):
+        """`Result` of a record's file, as plain numbers; wide: with the priors of a data sheet."""
+        calibrated = of_record.Calibrated("sheet") if wide else None
+        problem = loop_record.open_record([path], {}, calibrated, self.bench, None if wide else self.kept)
         _, result = loop_trace.run(problem, Options(power=False, experiments=False))
         return result.to_json()
 
@@ -42,47 +46,51 @@ class Run:
     def __init__(self, strata, space, own, folder, trace=None):
         self.strata, self.space, self.own, self.trace = strata, space, own, trace or Tracing()
         self.folder = folder / own["run"]
-        for part in ("envelopes", "results"):
+        for part in ("envelopes", *PARTS.values()):
             (self.folder / part).mkdir(parents=True, exist_ok=True)
         self.kinds = draw.order(strata, own["run"])
 
     def path(self, part, number):
         return self.folder / part / f"{number:03d}.json"
 
-    def done(self):
+    def done(self, wide=False):
         """Numbers that have a result."""
-        return [n for n in range(len(self.kinds)) if self.path("results", n).exists()]
+        return [n for n in range(len(self.kinds)) if self.path(PARTS[wide], n).exists()]
 
-    def _made(self, number):
-        """(truth, record, file of the plant's own text), of the first board that locks."""
+    def _made(self, number, wide):
+        """(truth, record) of the first board that locks."""
         own = self.folder / "own.txt"
         for again in range(REDRAWS):
             seed = draw.seed_of(self.own["run"], number, again)
             truth = draw.truth(self.strata, self.space, self.kinds[number], seed)
             write_text(own, truth["own"])
             try:
-                made = plan(self.strata, f"{self.own['run']}-{number:03d}", seed, truth["values"], own)
+                strata = self.strata._replace(priors={}) if wide else self.strata
+                made = plan(strata, f"{self.own['run']}-{number:03d}", seed, truth["values"], own)
                 return truth, produce.record(made)
             except ConfigError:
                 if again == REDRAWS - 1:
                     raise
 
-    def one(self, number):
+    def one(self, number, wide=False):
         """Make, seal and trace a record; its result is kept whole or not at all."""
         begun = time.process_time()
-        truth, record = self._made(number)
+        truth, record = self._made(number, wide)
         envelope = json.dumps(truth, sort_keys=True, indent=1) + "\n"
-        write_text(self.path("envelopes", number), envelope)
+        sealed = self.path("envelopes", number)
+        if sealed.exists() and sealed.read_text() != envelope:
+            raise FileError(f"{sealed}: is the envelope of another truth than this source draws")
+        write_text(sealed, envelope)
         file = self.folder / "record.h5"
         record.attrs["truth_sha256"] = hashlib.sha256(envelope.encode()).hexdigest()
         write_record(file, record)
         made = time.process_time()
         try:
-            out = {"result": self.trace(file)}
+            out = {"result": self.trace(file, wide)}
         except Exception as problem:  # a traceback of the tracer is a result to be counted
             out = {"error": f"{type(problem).__name__}: {problem}"}
         out["envelope_sha256"] = record.attrs["truth_sha256"]
         out["cpu_s"] = {"record": round(made - begun, 2), "trace": round(time.process_time() - made, 2)}
-        write_text(self.path("results", number), json.dumps(out) + "\n")
+        write_text(self.path(PARTS[wide], number), json.dumps(out) + "\n")
         file.unlink()
         return out

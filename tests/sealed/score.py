@@ -110,6 +110,22 @@ def criteria(rows):
     return found
 
 
+def wide_criteria(rows, wide, disguises):
+    """The same for records that were traced again with the priors of a data sheet; both lists by number."""
+    narrow = {r.number: r for r in rows}
+    both = [(narrow[r.number], r) for r in wide if r.number in narrow]
+    new = [w for n, w in both if not false(n)]
+    named = [(n, w) for n, w in both if n.verdict == "named" and n.right and n.truth["name"] not in disguises]
+    k, again = sum(map(false, new)), sum(w.right and len(w.causes) <= SMALL for _, w in named)
+    return [
+        ("data sheet: new false causes", k, len(new), "none", k == 0),
+        ("data sheet: of those named, the same in a class of at most 3", again, len(named), "at least 80 %",
+         _least(0.8)(again, len(named))),
+        ("data sheet: tracebacks", sum(w.verdict == "error" for w in wide), len(wide), "none",
+         not any(w.verdict == "error" for w in wide)),
+    ]  # fmt: skip
+
+
 def false(r):
     """True for a class without the truth."""
     return bool(r.causes) and not r.right
@@ -128,10 +144,13 @@ def _covered(k, n):
     return n >= 100 and 0.90 <= k / n <= 0.99
 
 
-def table(rows):
-    """Markdown of the criteria, then of the verdicts in each stratum, then the mean of the CPU time."""
+def table(rows, wide=(), disguises=()):
+    """Markdown of the criteria, then of the verdicts in each stratum, then the mean of the CPU time.
+
+    wide  `Scored` of records that were traced again with the priors of a data sheet
+    """
     lines = ["| what | records | limit | holds |", "|---|---|---|---|"]
-    for what, k, n, limit, holds in criteria(rows):
+    for what, k, n, limit, holds in criteria(rows) + (wide_criteria(rows, wide, disguises) if wide else []):
         lines.append(f"| {what} | {rate(k, n)} | {limit} | {HOLDS[holds]} |")
     lines += ["", "| stratum | records | right | false | verdicts |", "|---|---|---|---|---|"]
     for kind in (*NULLS, *INSIDE, "outside"):
@@ -142,7 +161,10 @@ def table(rows):
             right, wrongly = sum(r.right for r in some), sum(map(false, some))
             lines.append(f"| {kind} | {len(some)} | {right} | {wrongly} | {said} |")
     mean = sum(r.cpu_s for r in rows) / max(1, len(rows))
-    return "\n".join([*lines, "", f"CPU time of a record, mean: {mean:.1f} s."])
+    lines += ["", f"CPU time of a record, mean: {mean:.1f} s."]
+    if wide:
+        lines.append(f"With the priors of a data sheet: {sum(r.cpu_s for r in wide) / len(wide):.1f} s.")
+    return "\n".join(lines)
 
 
 def wrong(rows):

@@ -24,6 +24,7 @@ class Strata(NamedTuple):
 
     counts: dict
     effect: dict
+    wide: dict
     noise: dict
     plant: dict
     plan: dict

@@ -1,5 +1,6 @@
 """Sealed records from power-on: made by the second plant, accepted by the record's checks, resumable, scored."""
 
+import json
 import shutil
 
 import numpy as np
@@ -37,7 +38,7 @@ class Reader:
     def __init__(self):
         self.seen = []
 
-    def __call__(self, path):
+    def __call__(self, path, wide):
         loaded = load.load(path)
         assert not loaded.blocked
         assert loaded.residual.decidable
@@ -56,8 +57,12 @@ def test_a_run_makes_records_that_are_accepted_and_goes_on_where_it_was(tmp_path
     again = Run(table, space(), own, tmp_path, Reader())
     play(again, 3, 60.0, path)
     assert len(again.trace.seen) == 1
-    assert [(row["done"], row["errors"]) for row in ledger.rows(path)] == [(3, 0)]
+    assert [(row["done"], row["wide"]) for row in ledger.rows(path)] == [(3, 0)]
+    play(again, 1, 60.0, path, wide=True)
+    assert [(row["done"], row["wide"]) for row in ledger.rows(path)] == [(3, 1)]
+    assert again.trace.seen[0] != again.trace.seen[1] == json.loads(run.path("wide", 0).read_text())["envelope_sha256"]
     rows = rows_of(again)
+    assert [row.number for row in rows_of(again, wide=True)] == [0]
     assert sorted(row.kind for row in rows) == ["clear", "null_white", "outside"]
     assert {row.truth["name"] for row in rows if row.truth} == set(SIZE)
     assert not list(run.folder.glob("*.h5"))
@@ -65,7 +70,7 @@ def test_a_run_makes_records_that_are_accepted_and_goes_on_where_it_was(tmp_path
 
 
 def test_a_traceback_of_the_tracer_is_a_result(tmp_path):
-    def broken(path):
+    def broken(path, wide):
         raise KeyError("amplitude_word")
 
     run = Run(short(null_white=1), space(), ledger.identity("development", short(null_white=1)), tmp_path, broken)

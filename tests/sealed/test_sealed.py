@@ -97,14 +97,24 @@ def test_order_and_seeds_follow_from_the_source(known):
     assert own["run"] != ledger.identity("sealed", table._replace(sha256="0" * 64))["run"]
 
 
+class Counted:
+    """What the ledger asks of a run."""
+
+    def __init__(self, name, done, wide=0):
+        self.own, self.kinds, self._done = {"run": name, "kind": "sealed"}, range(300), (done, wide)
+
+    def done(self, wide=False):
+        return range(self._done[wide])
+
+
 def test_the_ledger_keeps_every_run(tmp_path):
     """A run is appended when it begins; its counts move; another source is another line, and the first one stays."""
     path = tmp_path / "ledger.jsonl"
-    ledger.noted(path, {"run": "a", "kind": "sealed"}, 0, 300)
-    ledger.noted(path, {"run": "a", "kind": "sealed"}, 7, 300, 1)
-    ledger.noted(path, {"run": "b", "kind": "development"}, 2, 300)
+    ledger.noted(path, Counted("a", 0))
+    ledger.noted(path, Counted("a", 7, 3))
+    ledger.noted(path, Counted("b", 2))
     first, second = ledger.rows(path)
-    assert (first["run"], first["done"], first["errors"]) == ("a", 7, 1)
+    assert (first["run"], first["done"], first["wide"], first["of"]) == ("a", 7, 3, 300)
     assert (second["run"], second["done"]) == ("b", 2)
     assert first["begun_utc"] <= second["begun_utc"]
 
@@ -172,6 +182,28 @@ def test_a_whole_run_that_keeps_every_limit_says_so():
         "false causes, of all records",
         "false causes, of all classes",
     ]
+
+
+def test_wide_priors_are_scored_beside_the_narrow_ones():
+    """A false cause counts if it is new; a name counts if it is kept in a small class and is no parameter."""
+    narrow = [
+        scored("clear", "a", "named", [["a"]])._replace(number=0),
+        scored("clear", "a", "named", [["a"]])._replace(number=1),
+        scored("clear", "gain", "named", [["gain"]])._replace(number=2),
+        scored("near", "a", "named", [["b"]])._replace(number=3),
+        scored("null_white", None, "none", [])._replace(number=4),
+    ]
+    wide = [
+        scored("clear", "a", "confounded", [["b"], ["a"]])._replace(number=0),
+        scored("clear", "a", "unexplained", [])._replace(number=1),
+        scored("clear", "gain", "none", [])._replace(number=2),
+        scored("near", "a", "named", [["b"]])._replace(number=3),
+        scored("null_white", None, "named", [["b"]])._replace(number=4),
+    ]
+    found = {what: (k, n) for what, k, n, *_ in score.wide_criteria(narrow, wide, ["gain"])}
+    assert found["data sheet: new false causes"] == (1, 4)
+    assert found["data sheet: of those named, the same in a class of at most 3"] == (1, 2)
+    assert "data sheet: tracebacks | 0 of 5" in score.table(narrow, wide, ["gain"])
 
 
 def test_an_envelope_that_was_changed_is_refused():
