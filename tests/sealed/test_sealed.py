@@ -168,7 +168,7 @@ def test_the_scorer_counts_what_it_says():
     assert found["sizes in their 95 % intervals"] == (2, 3)
     assert len(list(score.wrong(rows))) == 7
     assert "| clear | 3 | 2 | 1 |" in score.table(rows)
-    assert "mean: 3.0 s" in score.table(rows)
+    assert "mean: 3.0 s, limit 45 s" in score.table(rows)
 
 
 def test_a_whole_run_that_keeps_every_limit_says_so():
