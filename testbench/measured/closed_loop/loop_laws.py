@@ -11,6 +11,7 @@
 Source    docs/effects/README.md
 """
 
+import math
 from typing import NamedTuple
 
 from analog_frontend.effects import catalogue, law
@@ -32,40 +33,51 @@ class Candidate(NamedTuple):
     key: str = ""
     port: str = ""
     factors: str = ""
+    terms: object = None  # of a key: function(value, device) -> texts of the laws that it stands for
 
     def texts(self, value):
         """Laws to add to a model's own."""
         return (f"{self.port} = {value!r} {self.factors}",) if self.factors else ()
 
+    def at_ports(self, device):
+        """`law.Law`s of a coefficient of 1 in a device; () of a parameter of a part."""
+        return tuple(map(law.parse, self.terms(1.0, device) if self.terms else self.texts(1.0)))
 
-def _key(name, port, text, unit, scale, limits, page="", terms=()):
+
+def _key(name, port, text, unit, scale, terms, limits=None, page=""):
     """Candidate of a key; a law whose limits have a side has that sign."""
-    (low, high, reason), same = limits, loop_same.harmonic(law.parse(terms[0])) if len(terms) == 1 else ""
+    ones = tuple(map(law.parse, terms(1.0, loop_limits.BOARD)))
+    low, high, reason = limits or loop_limits.of(ones[0])
+    same = loop_same.harmonic(ones[0]) if len(ones) == 1 else ""
     made = Law(name, port, text, unit, scale, (low == 0.0) - (high == 0.0), page=f"docs/effects/{page or name}.md")
-    return Candidate(made._replace(low=low, high=high, reason=reason, same=same), f"effects.{name}")
+    return Candidate(made._replace(low=low, high=high, reason=reason, same=same), f"effects.{name}", terms=terms)
 
 
-def _of_text(text):
-    return loop_limits.of(law.parse(text))
+def _cubic_spring(value, device):
+    return (f"force_x = {-value * 1e12 * device.mass_kg * (2 * math.pi * device.fx_hz) ** 2!r} x^3",)
+
+
+def _cubic_drive(value, device):
+    return (f"force_x = {value * device.k_vf_drive_n_per_v!r} u^3",)
+
+
+def _leak(value, device):
+    return (f"cv_y = {value!r} u",)
 
 
 def from_catalogue():
     """`Candidate`s of every effect that a closed-loop record of seconds can show."""
-    k_um, k_v = loop_limits.STIFF_N_PER_M * 1e12, loop_limits.BOARD.k_vf_drive_n_per_v
-    cubic = f"force_x = {-k_um!r} x^3"
-    stretched, bent = _of_text(cubic), _of_text(f"force_x = {k_v!r} u^3")
     out = [
-        _key("duffing_k3_per_um2", "force_x", "-k3 x^3", "1/um^2", DUFFING_UM2, stretched, "duffing", (cubic,)),
-        _key("drive_cubic_per_v2", "force_x", "k_vf c u^3", "1/V^2", CUBIC_V2, bent, "drive_cubic"),
-        _key("feedthrough_y", "cv_y", "c u", "V/V", LEAK, _of_text("cv_y = 1.0 u")),
+        _key("duffing_k3_per_um2", "force_x", "-k3 x^3", "1/um^2", DUFFING_UM2, _cubic_spring, page="duffing"),
+        _key("drive_cubic_per_v2", "force_x", "k_vf c u^3", "1/V^2", CUBIC_V2, _cubic_drive, page="drive_cubic"),
+        _key("feedthrough_y", "cv_y", "c u", "V/V", LEAK, _leak),
     ]
     for effect in catalogue.LAWS:
         i = effect.INFO
         # noise has no shape to fit: another power-on has another; contrasts of repeats tell it (N01 to N04)
         if i.name not in NOT_SEEN and i.mechanism != "noise":
-            terms = effect.terms(1.0, loop_limits.BOARD)
-            limits = getattr(effect, "PHYSICS", None) or _of_text(terms[0])
-            out.append(_key(i.name, i.port, effect.DOC, i.unit, abs(effect.EXAMPLE), limits, terms=terms))
+            limits = getattr(effect, "PHYSICS", None)
+            out.append(_key(i.name, i.port, effect.DOC, i.unit, abs(effect.EXAMPLE), effect.terms, limits))
     return tuple(out)
 
 

@@ -130,7 +130,7 @@ class LoopProblem(Anchored, adds=MEMBERS):
         self.anchor(self.first, {})
         self.tangents = Tangents(self)
         for names in (self.nuisances, self.laws):
-            self.tangents.make([item.name for item in names])
+            self.tangents.make(self.tangents.own([item.name for item in names]))
         columns = [(self.column(n.name), self.column(n.name, "validate")) for n in self.nuisances]
         self.tangent = {g: np.stack([(a | b)[g] for a, b in columns], axis=1) for g in self.base}
         if any(np.any(v) for v in measured.values.values()):
@@ -302,15 +302,12 @@ class LoopProblem(Anchored, adds=MEMBERS):
 
     def anchor(self, theta, effects):
         at = np.array(theta, float), {name: float(v) for name, v in effects.items() if v}
-        if self.tangent is not None:
-            self.tangents.direct |= set(at[1])
         found, self.at = self.exact(*at), at
         self.base, self._rest = {g: v for g, (v, _) in found.items()}, {g: rows for g, (_, rows) in found.items()}
         left = [self.whiten(self._rows[g], rows.T).var(axis=1, ddof=1).mean() for g, rows in self._rest.items()]
         self.prediction_noise = float(np.mean(left)) / self.draws + 1 / NOISE_DRAWS
         self.anchors += 1
-        own = sorted(self.tangents.direct) if self.tangent is not None else []
-        self.hashes["anchor"] = self.key(self.at[0].tolist(), sorted(self.at[1].items()), self.draws, own)
+        self.hashes["anchor"] = self.key(self.at[0].tolist(), sorted(self.at[1].items()), self.draws)
 
     def linear(self, theta, effects, group):
         """Features of a group at a point, fine ones behind the others."""

@@ -1,4 +1,4 @@
-"""Tangents of all laws of the grammar from a few runs: the loop's responses to its own states at its ports.
+"""Tangents of laws that are products of states at ports, from a few runs: responses to a port's own states.
 
     law         puts a(t) B1 + b(t) B2 into its port along the trajectory (loop_phasors.py)
     responses   of the averaged loop to a constant share from the first tick on, and to one from the dwell's begin on
@@ -29,9 +29,12 @@ FREQUENCY, SPRING = ("force_x", "x"), ("force_y", "x")
 OWN_MOTION = {"y", "vy", "cy"}  # is noise and transients: a law of these is run by itself
 
 
-def covers(candidate):
-    """True if the responses give the column of a `loop_laws.Candidate`."""
-    return bool(candidate.factors) and not OWN_MOTION & {f.name for f in law.parse(candidate.texts(1.0)[0]).factors}
+NOT_COVERED = OWN_MOTION | set(law.TIMES) - {"lag"}
+
+
+def covers(laws):
+    """True if the responses give the column of a sum of `law.Law`s."""
+    return bool(laws) and not any(f.name in NOT_COVERED for one in laws for f in one.factors)
 
 
 class Responses:
@@ -122,14 +125,15 @@ class Responses:
         gain = 1.0 if port in law.CV_PORTS else 2 * np.pi * board.fx_hz * board.mass_kg / board.qx
         return float(1e-4 * gain * np.abs(whole[0]) / np.abs(states[state][0]))
 
-    def column(self, one):
-        """{condition: features per unit} of a `law.Law` with a coefficient of 1."""
+    def column(self, laws):
+        """{condition: features per unit} of a sum of `law.Law`s."""
         out = {}
         for c in self.conditions:
             states, change = self.at[c.id][1], 0.0
             temp_ref = self.of.model.plant.temp_ref_degc
-            for state, share in zip(BASIS[one.port], loop_phasors.shares(one, states, temp_ref)):
-                change = change + self._answer(c, (one.port, state), share)
+            for one in laws:
+                for state, share in zip(BASIS[one.port], loop_phasors.shares(one, states, temp_ref)):
+                    change = change + self._answer(c, (one.port, state), share)
             out[c.id] = self.features(c, change)
         return out
 

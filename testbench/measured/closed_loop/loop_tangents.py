@@ -6,14 +6,12 @@
              leave of a law. So references leave at any clock here, later by what an edge waits for the 1 MHz grid
     smooth   the drive's codes are not rounded: what a law does to the amplitude word would depend on the step
     held     the drive frequency is that of the base run; what its change does is put back by `slope`, 1 Hz per Hz
-    library  laws of the grammar come from the responses of a few runs (loop_responses.py), until one has become a part
-             of an anchor: then it has a tangent of its own
+    laws     that are products of states at ports come from the responses of a few runs (loop_responses.py)
 Source    docs/measured.md
 """
 
 import numpy as np
 
-from analog_frontend.effects import law
 from testbench.measured.closed_loop.loop_even import AIM, HELD_HZ, even
 from testbench.measured.closed_loop.loop_responses import Responses, covers
 from testbench.measured.closed_loop.loop_symmetries import tied
@@ -38,8 +36,8 @@ class Tangents:
         self._where = of.key(list(of.conditions.values()), *of.starts)
         # {name: step}: 0 of a law that these data do not see
         self.steps = of.kept.steps.setdefault(self._where, {})
-        self._late = {one.name for one in of.library if covers(of.candidates[one.name])}
-        self.direct = set()  # laws of the library with tangents of their own
+        at_ports = {name: c.at_ports(of.model.device()) for name, c in of.candidates.items()}
+        self._at_ports = {name: laws for name, laws in at_ports.items() if covers(laws)}
         # of wide priors alone: a direction that no data see must not be fixed by the errors of steps
         self._wide, self._more_s = bool(of.starts), 0.0
         self._tied = tied(self.nuisances) if self._wide else {}
@@ -50,7 +48,7 @@ class Tangents:
         """{condition: column} of the conditions with a role; nan where the plant fails."""
         if not self._of(role):
             return {}
-        if name in self._late and name not in self.direct:
+        if name in self._at_ports:
             return self._responded(name, role)
         if name in self._tied:
             columns = {key: self.column(key, role) for key in self._tied[name].partners}
@@ -59,6 +57,10 @@ class Tangents:
                 c.id: self._tied[name].column(values, {key: v[c.id] for key, v in columns.items()})
                 for c in self._of(role)
             }
+        return self.alone(name, role)
+
+    def alone(self, name, role="fit"):
+        """`column` by runs with this nuisance or law alone."""
         if (self._where, role, name) not in self.kept:
             if name not in self.steps:
                 self.make(self._beside(name))
@@ -66,22 +68,25 @@ class Tangents:
         return self.kept[self._where, role, name]
 
     def _responded(self, name, role):
-        """Column of a law of the library by the responses; zero where its largest step would hardly move the data."""
+        """Column of a law by the responses; zero where its largest step would hardly move the data."""
         made = self.of.kept.responses
         if (self._where, role) not in made:
             made[self._where, role] = Responses(self.of, role)
         key = self._where, role, name, "responses"
         if key not in self.kept:
-            found = made[self._where, role].column(law.parse(self.of.candidates[name].texts(1.0)[0]))
+            found = made[self._where, role].column(self._at_ports[name])
             seen = role != "fit" or self._size(found) * self.largest(name) >= SEEN
             self.kept[key] = found if seen else {g: np.zeros_like(v) for g, v in found.items()}
         return self.kept[key]
 
     def _beside(self, name):
         """What is made with a law on the fitted conditions: laws of the library that the responses do not cover."""
-        if name not in (late := [one.name for one in self.of.library]) or name in self.direct:
-            return [name]
-        return [other for other in late if other not in self._late]
+        late = [one.name for one in self.of.library if one.name not in self._at_ports]
+        return late if name in late else [name]
+
+    def own(self, names):
+        """Those of some nuisances and laws that have tangents of their own."""
+        return [name for name in names if name not in self._at_ports]
 
     def _of(self, role):
         return [c for c in self.of.conditions.values() if c.role == role]
