@@ -18,7 +18,7 @@ from testbench.config import to_toml
 from testbench.errors import ConfigError
 from testbench.measured.importing import board, column_map, dwells, words
 from testbench.measured.record import schema, timing
-from testbench.measured.record.sessions import UNSEEN
+from testbench.measured.record.sessions import UNSEEN, Session
 from testbench.storage import inputs
 from testbench.storage.record import Column, Record, TableColumn
 
@@ -58,6 +58,8 @@ def imported(paths, map_path):
         record.streams["adc_ok"] = _good(boards, record)
         lines.append("assumed: every recorded conversion was good (adc_ok)" if "adc_ok" not in wanted.columns else "")
         whole, lacking = words.completed(record)
+    if not lacking:
+        _first_words(boards, starts, whole)
     for b, start in zip(boards, starts):
         lacking = _segments(wanted, b, start, whole if not lacking else record, lacking, lines)
     record = record if lacking else whole
@@ -109,6 +111,15 @@ def _good(boards, record):
     data = np.concatenate([(np.arange(b.frames) > 0) for b in boards]).astype(np.int32)
     like = record.streams["adc_xI"]
     return Column(data, "1", *schema.PER_FRAME, like.edge0, schema.attributes("adc_ok", "assumed"))
+
+
+def _first_words(boards, starts, record):
+    """Recorded words of frame 0, where a file begins with the first conversion: those at power-on."""
+    names = [name for name in schema.REPLAYED if name in boards[0].streams]
+    for b, start in zip(boards, starts):
+        if names and b.line.frames[0] > 0:
+            for name, values in words.replayed(record, Session(start, 1, True), names).items():
+                record.streams[name].data[start] = values[0]
 
 
 def _segments(wanted, b, start, record, lacking, lines):

@@ -209,10 +209,13 @@ def test_a_decimated_file_is_told_and_goes_on(board, tmp_path):
     assert not load.load(tmp_path / "slow.h5").blocked
 
 
-def test_recorded_words_are_kept_and_compared(board, tmp_path):
-    table = made(board) | {"f": board["nco_fword"] * (26e6 / 2**48), "a": board["amplitude_word"] * (10 / 2**23)}
+@pytest.mark.parametrize("first", [0, 1])
+def test_recorded_words_are_kept_and_compared(board, tmp_path, first):
+    words = {"f": board["nco_fword"] * (26e6 / 2**48), "a": board["amplitude_word"] * (10 / 2**23)}
+    table = made(board, first, **words)
     more = 'nco_fword = { column = "f", unit = "Hz" }\namplitude_word = { column = "a", unit = "V" }\n'
-    found = imported(tmp_path, table, MAP + columns() + more)
+    text = MAP.replace('column = "t"', 'column = "t"\npower_on = 0.0') + columns() + more
+    found = imported(tmp_path, table, text)
     same_words(found, board)
     assert found.record.streams["nco_fword"].attrs["tap"] == "internal"
     load.write(tmp_path / "a.h5", found.record)

@@ -49,11 +49,12 @@ def run(folder, *argv):
 
 
 @pytest.mark.slow
-def test_the_example_goes_from_file_to_verdict(tmp_path):
+def test_the_example_goes_from_file_to_verdict(tmp_path, monkeypatch):
     """With its effect a class of at most five that holds it, and the next experiment; without it nothing.
 
     What is traced without the effect is the record as another program writes it, with the four channels alone.
     """
+    monkeypatch.setattr(tutorials, "TIMEOUT_S", 1800)
     tutorials.follow(PAGE, tmp_path)
     found = json.loads((tmp_path / "bench.json").read_text())
     assert found["verdict"] == "candidate"
