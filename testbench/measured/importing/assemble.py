@@ -125,7 +125,7 @@ def _first_words(boards, starts, record):
 def _segments(wanted, b, start, record, lacking, lines):
     """Fill the segments of a power-on; returns why words are missing, which may be that the board never locks."""
     if wanted.segment:
-        b.parts = dwells.stated(wanted.segment, b.frames, b.path)
+        b.parts = dwells.stated(wanted.segment, b.line.begin, b.frames, b.path)
         return lacking
     locked = np.ones(b.frames, bool)
     if "state" in record.streams:

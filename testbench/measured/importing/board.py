@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fpga_model import agc, cordic, registers
-from fpga_model.rates import MASTER_HZ, TICK_CYCLES
+from fpga_model.rates import FRAME_CYCLES, MASTER_HZ, TICK_CYCLES
 from testbench.config import phase_word
 from testbench.errors import ConfigError, FileError
 from testbench.measured.formats import table
@@ -64,6 +64,8 @@ def board(path, wanted, k, config):
         raise FileError(f"{path}: {len(line.rows)} rows behind the power-on, expected two or more")
     profile, writes, held_out = wanted.of_file(k)
     log, tracks = _registers(wanted, profile, writes, config)
+    tracks = dwells.Tracks(*(t.moved(line.begin) for t in tracks))
+    log = [(max(0, edge - FRAME_CYCLES * line.begin), name, raw) for edge, name, raw in log]
     raw = all(found[name].raw for name in schema.ADC)
     frames = int(line.frames[-1]) + line.decimated
     streams = _dense(line, frames, values)

@@ -34,6 +34,11 @@ class Track(NamedTuple):
         """The value that holds in a frame."""
         return self.values[max(0, int(np.searchsorted(self.frames, frame, side="right")) - 1)]
 
+    def moved(self, begin):
+        """The same over frames that count from frame `begin`."""
+        kept = max(0, int(np.searchsorted(self.frames, begin, side="right")) - 1)
+        return Track(tuple(max(0, f - begin) for f in self.frames[kept:]), self.values[kept:])
+
     def changes(self):
         """Frames at which another value begins."""
         return [f for k, f in enumerate(self.frames) if k and self.values[k] != self.values[k - 1]]
@@ -140,14 +145,16 @@ def _common(lengths, longest):
     return max(tried, key=lambda n: n * sum(m >= n for m in tried), default=0)
 
 
-def stated(rows, frames, where):
-    """[Part] of the stretches that a map states; ConfigError beyond the file's end."""
+def stated(rows, begin, frames, where):
+    """[Part] of the stretches that a map states, of a file that begins `begin` frames behind power-on.
+
+    ConfigError for one that the file does not hold.
+    """
     out = []
     for one in sorted(rows, key=lambda s: s.from_s):
-        first, end = round(one.from_s * FRAME_HZ), round(one.to_s * FRAME_HZ)
-        if end > frames:
-            raise ConfigError(
-                f"{where}: segment {one.id}: to_s = {one.to_s:g} s is beyond the end, {frames / FRAME_HZ:g} s"
-            )
+        first, end = (round(t * FRAME_HZ) - begin for t in (one.from_s, one.to_s))
+        if first < 0 or end > frames:
+            held = f"{begin / FRAME_HZ:g} .. {(begin + frames) / FRAME_HZ:g} s"
+            raise ConfigError(f"{where}: segment {one.id}: {one.from_s:g} .. {one.to_s:g} s, the file holds {held}")
         out.append(Part(one.id, first, end, one.kind, one.role, one.group or one.id))
     return out

@@ -29,6 +29,7 @@ class Line(NamedTuple):
     frames: np.ndarray  # their frames; from power-on if `powered`, else from the first row
     decimated: int  # frames to a row
     powered: bool  # frame 0 is that of the power-on
+    begin: int  # frames from power-on to frame 0, as far as they are known
     lost: tuple  # (first frame, frames) of rows that are missing
     words: tuple  # what was found, one line each
 
@@ -90,15 +91,15 @@ def line(path, stamps, time, codes):
         frames = frames[rows]
     jumps = np.flatnonzero(np.diff(frames) > decimated)
     lost = tuple((int(frames[k]) + decimated, int(frames[k + 1] - frames[k]) - decimated) for k in jumps)
-    first, how = _power_on(zero[rows], frames, stamps, time, decimated)
+    powered, first, how = _power_on(zero[rows], frames, stamps, time, decimated)
     if lost:
         words += (
             f"lost: {sum(n for _, n in lost)} frames in {len(lost)} gaps, the first behind frame {lost[0][0] - 1}",
         )
-    if first is None:
-        return Line(rows, frames - frames[0], decimated, False, _moved(lost, frames[0]), (*words, how))
+    if not powered:
+        return Line(rows, frames - frames[0], decimated, False, max(first, 0), _moved(lost, frames[0]), (*words, how))
     kept = frames >= first
-    return Line(rows[kept], frames[kept] - first, decimated, True, _moved(lost, first), (*words, how))
+    return Line(rows[kept], frames[kept] - first, decimated, True, 0, _moved(lost, first), (*words, how))
 
 
 def _moved(lost, first):
@@ -106,20 +107,19 @@ def _moved(lost, first):
 
 
 def _power_on(zero, frames, stamps, time, decimated):
-    """(frame of the power-on or None, how it was found)."""
+    """(whether frame 0 is found, its frame among `frames`; else that of the first row from power-on, how)."""
+    stamped = time is not None and time.power_on is not None
+    first = round((stamps[0] - time.power_on) * TIME_S[time.unit] / FRAME_S) if stamped else 0
     if decimated > 1:
-        return None, f"a row is {decimated} frames: no word can be replayed"
+        return False, first, f"a row is {decimated} frames: no word can be replayed"
     count = int(np.argmin(zero)) if not zero.all() else 0
     if count:
-        return int(
-            frames[count - 1]
-        ), f"power-on: frame 0 is row {count}, the last in which no channel has a conversion"
-    if time is not None and time.power_on is not None:
-        first = round((stamps[0] - time.power_on) * TIME_S[time.unit] / FRAME_S)
+        how = f"power-on: frame 0 is row {count}, the last in which no channel has a conversion"
+        return True, int(frames[count - 1]), how
+    if not stamped:
+        return False, 0, "no row without a conversion, and no stamp of the power-on: no word can be replayed"
+    if first <= 1:
         # the first conversion arrives in frame 1
-        begin = frames[0] - max(first, 1)
-        if first <= 1:
-            return int(begin), "power-on: by its stamp; the first row is frame 1"
-        text = f"the first row is frame {first} by its stamp: {first - 1} conversions are missing"
-        return None, f"{text}, no word can be replayed"
-    return None, "no row without a conversion, and no stamp of the power-on: no word can be replayed"
+        return True, int(frames[0]) - 1, "power-on: by its stamp; the first row is frame 1"
+    text = f"the first row is frame {first} by its stamp: {first - 1} conversions are missing"
+    return False, first, f"{text}, no word can be replayed"

@@ -269,6 +269,12 @@ def test_lines_between_points_are_steps_of_eight_milliseconds_with_the_mean_of_e
     assert (t.at(7999), t.at(8639), t.at(8640), t.at(10**6)) == (10.0, pytest.approx(19.5), -5.0, -5.0)
 
 
+def test_times_of_a_late_file_count_from_power_on_where_that_is_known():
+    t = dwells.track([(0, 0.0), (1, 5.0), (3, 7.0)]).moved(2 * 8000)
+    assert t == dwells.Track((0, 8000), (5.0, 7.0))
+    assert dwells.track(3.0).moved(100) == dwells.Track((0,), (3.0,))
+
+
 def test_a_dwell_ends_where_the_lock_is_lost():
     fixed = dwells.track(0.0)
     locked = np.arange(8000 * 20) >= 8000
@@ -292,7 +298,7 @@ WRONG = {
     ),
     "beyond": (
         MAP + columns() + '[[segment]]\nid = "a"\nfrom_s = 2.0\nto_s = 100.0\n',
-        "segment a: to_s = 100 s is beyond",
+        "segment a: 2 .. 100 s, the file holds 0 .. 1.22513 s",
     ),
 }
 
