@@ -174,7 +174,16 @@ class LoopProblem(Anchored, adds=MEMBERS):
         return tuple(findings.of_frames(seen, model, loop_spectra.CHANNELS, loop_spectra.EDGES_HZ))
 
     def law_file(self, law, value, sd, hashes):
-        """A law of the grammar as a file that `effects.files` and `gyro golden effect --law` take."""
+        """A law of the grammar as a file that `effects.files` and `gyro golden effect --law` take.
+
+        Of a parameter of a part: its key in a configuration.
+        """
+        if not self.candidates[law.name].factors:
+            key, now = law.name, self.model_at(self.first, {law.name: float(value)}).config
+            section, _, field = key.partition(".")
+            return (
+                f"[{section}]\n{field} = {getattr(getattr(now, section), field)!r}  # sd {float(sd):.3g} {law.unit}\n"
+            )
         name = re.sub(r"\W+", "_", law.name).strip("_")
         texts = self.candidates[law.name].texts(float(value))
         return law_file.text(law_file.LawFile(name, texts, (float(sd),), tuple(hashes.items())))

@@ -5,6 +5,7 @@ Two conditions, two nuisances and a few laws prove what twelve trials on the who
 
 import json
 import os
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -165,6 +166,21 @@ def test_a_few_responses_give_the_columns_of_all_laws(bank):
         own, given = problem.whiten(k, own), problem.whiten(k, given)
         assert np.linalg.norm(own) > 0, name
         assert np.linalg.norm(given - own) < 0.05 * np.linalg.norm(own), name
+
+
+def test_a_parameter_of_a_part_is_a_law_and_becomes_a_key(bank):
+    """The phase of a path: a change of the model's value, unless it is a nuisance; found, it is a configuration."""
+    key = "plant.sense_dac_delay_s"
+    other = loop_trials.Bank(bank.conditions, priors=FEW_PRIORS, only=(key,))
+    other.bench, other.kept = bank.bench, bank.kept
+    problem, own_s = other.blank(), bank.model.plant.sense_dac_delay_s
+    (column,) = problem.column(key).values()
+    assert np.isfinite(column).all()
+    assert np.any(column)
+    text = problem.law_file(problem.library[0], 5e-9, 1e-10, {})
+    assert tomllib.loads(text)["plant"]["sense_dac_delay_s"] == pytest.approx(own_s + 5e-9, rel=1e-12)
+    other.priors = (*FEW_PRIORS, (key, "s", own_s, 1e-9))
+    assert other.blank().library == ()
 
 
 def test_columns_of_held_out_conditions_are_made_by_themselves(bank):
