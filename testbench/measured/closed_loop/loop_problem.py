@@ -28,7 +28,7 @@ from scipy.linalg import solve_triangular
 from testbench import config as configuration
 from testbench.config import law_file
 from testbench.errors import ConfigError
-from testbench.measured.closed_loop import loop_runs, loop_spectra
+from testbench.measured.closed_loop import loop_runs, loop_spectra, loop_symmetries
 from testbench.measured.closed_loop.loop_noise import LATER, NOISE_DRAWS, gain_of, jitter_hz, noise_of
 from testbench.measured.closed_loop.loop_runs import EXACT, FAST, Model, Run
 from testbench.measured.closed_loop.loop_tangents import Tangents
@@ -60,7 +60,7 @@ class Kept:
         self.densities = {}
 
 
-class Anchored(Problem, adds="anchor distance check at draws"):
+class Anchored(Problem, adds="anchor distance check at draws unidentifiable"):
     """A problem that is linear about an anchor, which the exact engine has computed with some `draws`."""
 
     def anchor(self, theta, effects):
@@ -80,6 +80,10 @@ class Anchored(Problem, adds="anchor distance check at draws"):
         Its own noise, known from the draws, is taken out: the fit knows of it as `prediction_noise`.
         """
         raise NotImplementedError
+
+    def unidentifiable(self, fit):
+        """Lines on what no record shows of the nuisances, with what it shows instead."""
+        return ()
 
 
 MEMBERS = (
@@ -374,6 +378,10 @@ class LoopProblem(Anchored, adds=MEMBERS):
         size = np.linalg.norm(s, axis=0)
         s = s[: -len(sd), size > 0] / size[size > 0]
         return s.T @ self._fitted(change)
+
+    def unidentifiable(self, fit):
+        keys, n = [p.key for p in self.parameters], len(self.parameters)
+        return loop_symmetries.lines(keys, fit.point.theta, fit.covariance[:n, :n]) if self.starts else ()
 
     def distance(self, theta, effects):
         change = {

@@ -9,6 +9,8 @@ Source    docs/wide_priors.md
 
 from typing import NamedTuple
 
+import numpy as np
+
 
 class Symmetry(NamedTuple):
     """A direction in which the data see nothing; partners {key: power} of a scale, {key: 1.0} of a delay."""
@@ -17,7 +19,6 @@ class Symmetry(NamedTuple):
     held: str
     partners: dict
     delay: bool
-    products: tuple  # what the data do fix, in words
     experiment: str
 
     def column(self, values, columns):
@@ -26,13 +27,24 @@ class Symmetry(NamedTuple):
             return -sum(columns[key] for key in self.partners)
         return -sum(power * values[key] * columns[key] for key, power in self.partners.items()) / values[self.held]
 
+    def invariants(self, values):
+        """[(words, value, {key: slope})] of what the symmetry leaves, one of each partner."""
+        held, out = values[self.held], []
+        for key, power in self.partners.items():
+            if self.delay:
+                out.append((f"{_name(key)} - {_name(self.held)}", values[key] - held, {key: 1.0, self.held: -1.0}))
+                continue
+            value = values[key] * held**-power
+            words = f"{_name(key)} {'/' if power > 0 else '*'} {_name(self.held)}"
+            out.append((words, value, {key: value / values[key], self.held: -power * value / held}))
+        return out
+
 
 MOTION = Symmetry(
     "absolute motion",
     "plant.dcdx_f_per_m",
     {"plant.dcdy_f_per_m": 1.0, "plant.k_vf_drive_n_per_v": -1.0, "plant.k_vf_sense_n_per_v": -1.0},
     False,
-    ("dcdx k_vf_drive / mass", "dcdx k_vf_sense / mass (scale factor)", "dcdy / dcdx"),
     "the amplitude of x in metres: stroboscopic or laser vibrometer, or the voltage at a known gap",
 )
 DELAY = Symmetry(
@@ -40,13 +52,29 @@ DELAY = Symmetry(
     "plant.sid_switch_s",
     {"plant.drive_pole_1_s": 1.0, "plant.sense_pole_1_s": 1.0},
     True,
-    ("drive_pole_1 - sid_switch", "sense_pole_1 - sid_switch"),
     "a phase counter between a reference pin and a force electrode (/counter/Vxm_vs_sgnsin)",
 )
 SYMMETRIES = (MOTION, DELAY)
 # never fitted: it scales with every force, and with nothing else
 MASS = "mass_kg: only force and stiffness per mass are seen (k_vf / mass, k_xy / mass, k_q / mass)"
 MASS_EXPERIMENT = "a known force or added mass"
+
+
+def _name(key):
+    return key.partition(".")[2]
+
+
+def lines(keys, theta, covariance):
+    """What no record shows of parameters, and the products that it does show with their sd; () if nothing is tied."""
+    values, out = dict(zip(keys, theta)), []
+    for s in tied(keys).values():
+        told = []
+        for words, value, slopes in s.invariants(values):
+            g = np.array([slopes.get(key, 0.0) for key in keys])
+            told.append(f"{words} = {value:.6g} +- {np.sqrt(g @ covariance @ g):.2g}")
+        group = ", ".join(map(_name, (s.held, *s.partners)))
+        out.append(f"not identifiable: {s.name} ({group}); identifiable: {'; '.join(told)}; to fix it: {s.experiment}")
+    return (*out, f"not identifiable: {MASS}; to fix it: {MASS_EXPERIMENT}") if out else ()
 
 
 def tied(keys):

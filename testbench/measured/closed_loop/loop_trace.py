@@ -64,4 +64,5 @@ def run(problem, options=None, progress=None, checkpoint=None):
         tracer, blocked = decided()
     result = blocked or tracer.conclude()
     result.certificates["numerical"] = certificate
+    result.notes += [] if blocked else problem.unidentifiable(tracer.fits["after"])
     return tracer, result

@@ -74,6 +74,12 @@ class Estimate(NamedTuple):
     rms: float  # of all features at the end, in sigmas
     converged: bool
 
+    def lines(self):
+        """Lines for the report: how the stages have ended."""
+        end = f"rms of the features {self.rms:.3g} sigmas" + ("" if self.converged else ", NOT converged")
+        told = f"wide priors: {len(self.parameters)} parameters from the record itself, {end}"
+        return (told, *(f"wide priors: {key} is at the edge of its prior" for key in self.at_wall))
+
 
 class Work:
     """Point, prediction and columns there, and what is needed to move it."""

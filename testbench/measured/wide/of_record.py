@@ -8,7 +8,7 @@ Source    docs/wide_priors.md
 from pathlib import Path
 
 from testbench.measured.residual import parameters
-from testbench.measured.wide import products, sheet
+from testbench.measured.wide import sheet
 from testbench.measured.wide.estimate import estimate
 
 
@@ -26,4 +26,4 @@ class Calibrated:
         if not sheet.wide(declared):
             return (model, declared, ()) if self.priors else None
         found = estimate(data, model, declared, bench, self.progress)
-        return found.config, found.parameters, products.lines(found)
+        return found.config, found.parameters, found.lines()

@@ -38,7 +38,7 @@ def _trace(monkeypatch, problem, arrived):
 
     class Tracer:
         def __init__(self, *_):
-            self.where = next(places)
+            self.where, self.fits = next(places), {"after": None}
 
         def decide(self):
             return None

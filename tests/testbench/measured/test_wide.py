@@ -10,10 +10,10 @@ from testbench.errors import ConfigError
 from testbench.measured.closed_loop import loop_runs
 from testbench.measured.closed_loop.loop_even import even
 from testbench.measured.closed_loop.loop_runs import FAST, Model, Run
-from testbench.measured.closed_loop.loop_symmetries import SYMMETRIES, tied
+from testbench.measured.closed_loop.loop_symmetries import SYMMETRIES, lines, tied
 from testbench.measured.record.plan import Condition
 from testbench.measured.residual.parameters import Parameter
-from testbench.measured.wide import estimate, products, sheet
+from testbench.measured.wide import estimate, sheet
 
 
 def test_the_sheet_has_the_tolerances_of_a_data_sheet_about_the_configured_board():
@@ -142,18 +142,22 @@ def test_the_stages_find_a_board_a_factor_away_and_say_that_they_have(monkeypatc
     assert not found.at_wall
     for p in found.parameters:
         assert p.start == pytest.approx(truth[p.key], rel=1e-6)
-    assert "3 parameters from the record itself" in products.lines(found)[0]
+    assert "3 parameters from the record itself" in found.lines()[0]
 
 
-def test_what_no_record_tells_is_printed_beside_the_products():
+def test_what_no_record_tells_is_printed_beside_the_products_and_their_intervals():
     parameters = sheet.parameters(configuration.Config(), sheet.read(sheet.OWN))
-    text = "\n".join(products.lines(estimate.Estimate(parameters, None, (), ("plant.qy",), 1.0, False)))
-    for said in (
-        "NOT converged",
-        "plant.qy is at the edge",
-        "not identifiable: absolute motion",
-        "scale factor",
-        "mass",
-    ):
+    text = "\n".join(estimate.Estimate(parameters, None, (), ("plant.qy",), 1.0, False).lines())
+    for said in ("NOT converged", "plant.qy is at the edge"):
         assert said in text
-    assert not tied(["plant.dcdx_f_per_m", "plant.k_vf_sense_n_per_v"])
+    keys = ["plant.dcdx_f_per_m", "plant.dcdy_f_per_m", "plant.k_vf_drive_n_per_v", "plant.k_vf_sense_n_per_v"]
+    theta = np.array([1e-7, 2e-7, 3e-7, 4e-7])
+    # 10 % in common, and 1e-4 of each of their own
+    common = np.outer(*2 * [theta * np.array([0.1, 0.1, -0.1, -0.1])])
+    told = lines(keys, theta, common + np.diag((1e-4 * theta) ** 2))
+    assert len(told) == 2
+    assert "dcdy_f_per_m / dcdx_f_per_m = 2 +- 0.00028" in told[0]
+    assert "k_vf_sense_n_per_v * dcdx_f_per_m = 4e-14 +- 5.7e-18" in told[0]
+    assert "mass" in told[1]
+    assert not tied(keys[:3])
+    assert lines(keys[:3], theta[:3], np.eye(3)) == ()

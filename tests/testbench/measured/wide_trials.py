@@ -1,0 +1,106 @@
+"""Random trials of wide priors: a board drawn within its data sheet, with or without an effect; what is found?
+
+    python -m tests.testbench.measured.wide_trials COUNT --first SEED
+
+Truth is the exact engine with every parameter of the sheet drawn evenly within one tolerance, each repeat from
+power-on. The analysis begins from the middle of the sheet. V_q must stay below its DAC's span: the coupling is drawn up
+to MOST_COUPLING times its middle.
+Source    docs/wide_priors.md
+"""
+
+import argparse
+import json
+import math
+import time
+
+import numpy as np
+
+from testbench import config as configuration
+from testbench.errors import ConfigError
+from testbench.measured.closed_loop import loop_laws, loop_noise, loop_problem, loop_runs, loop_trace
+from testbench.measured.closed_loop.loop_runs import EXACT, Model, Run
+from testbench.measured.wide import estimate, sheet
+from testbench.tracing.trace import Options
+from tests.testbench.measured.loop_trials import QUICK, REPEATS, TRUE_SEED
+
+MOST_COUPLING = 1.35
+NORMAL_95 = 1.96
+# sizes of some 10 to 60 sigmas in these conditions
+EFFECTS = {
+    "duffing_k3_per_um2": 2e-7,
+    "pickoff_cubic_x": 2e-5,
+    "sense_cubic": 3e-10,
+    "quadrature_cubic": 3e6,
+    "feedthrough_x": 3e-4,
+    "damping_cubic": 30.0,
+}
+
+
+def board(seed):
+    """{key: value} of a board within the sheet."""
+    rng, out, plant = np.random.default_rng([78, seed]), {}, configuration.Config().plant
+    for key, (kind, tolerance) in sheet.read(sheet.OWN).items():
+        width = math.log(tolerance) if kind == "factor" else math.log1p(tolerance)
+        most = math.log(MOST_COUPLING) if key == "plant.kxy_n_per_m" else width
+        out[key] = getattr(plant, key.partition(".")[2]) * math.exp(rng.uniform(-width, most))
+    return out
+
+
+def recorded(bench, cfg, seed, conditions=QUICK):
+    """{condition: features of its repeats}: power-ons of a board, each with a frequency and a phase of its own."""
+    per_hz = 8 * np.pi**2 * cfg.plant.mass_kg * cfg.plant.fx_hz
+    rng, runs = np.random.default_rng([8, seed]), []
+    for i, c in enumerate(conditions):
+        for r in range(REPEATS[c.role]):
+            told = Model(cfg, (f"force_x = {-per_hz * loop_noise.JITTER_HZ * float(rng.normal())!r} x",))
+            late = int(rng.integers(loop_runs.LATE))
+            runs.append(Run(told, c, TRUE_SEED + 10_000 * seed + 100 * i + r, late=late))
+    rows = iter(bench.run(runs, EXACT, fine=True))
+    return {c.id: np.array([next(rows) for _ in range(REPEATS[c.role])]) for c in conditions}
+
+
+def trial(seed, law=None, options=None):
+    """{what: value} of a trial: verdict, effects, and of every parameter how many sds the truth is off."""
+    base, bench, begun = configuration.Config(), loop_runs.Bench(1), time.process_time()
+    truth = board(seed)
+    hidden = {f"effects.{law}": EFFECTS[law]} if law else {}
+    data = loop_problem.Measured(
+        f"wide {seed}", QUICK, recorded(bench, configuration.changed(base, truth | hidden), seed), {"trial": str(seed)}
+    )
+    found = estimate.estimate(data, base, sheet.parameters(base, sheet.read(sheet.OWN)), bench)
+    problem = loop_problem.LoopProblem(
+        data, found.config, found.parameters, loop_laws.from_catalogue(), loop_laws.from_grammar(), bench
+    )
+    tracer, result = loop_trace.run(problem, options or Options(seed=seed, power=False, experiments=False))
+    fit = tracer.fits["after"]
+    return {
+        "seed": seed,
+        "hidden": law,
+        "verdict": result.verdict,
+        "found": [e["law"] for e in result.effects],
+        "rms": found.rms,
+        "off": {p.key: (x - truth[p.key]) / s for p, x, s in zip(problem.parameters, fit.point.theta, fit.sd)},
+        "notes": list(result.notes),
+        "seconds": time.process_time() - begun,
+    }
+
+
+def inside(row):
+    """How many of a trial's 95 % intervals hold the truth."""
+    return sum(abs(off) < NORMAL_95 for off in row["off"].values())
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("count", type=int)
+    parser.add_argument("--first", type=int, default=0)
+    asked, names = parser.parse_args(), [None, *EFFECTS]
+    for seed in range(asked.first, asked.first + asked.count):
+        try:
+            print(json.dumps(trial(seed, names[seed % len(names)])), flush=True)
+        except ConfigError as reason:
+            print(json.dumps({"seed": seed, "failed": str(reason)}), flush=True)
+
+
+if __name__ == "__main__":
+    main()
