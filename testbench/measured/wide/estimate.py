@@ -28,7 +28,8 @@ NEAR, FAR, SHORT = (
     3.0,
     100.0,
     0.02,
-)  # sigmas of a step: not worth another, spoils the columns; or a share of the residual
+)  # a step of fewer sigmas, or of this share of the residual, is not worth another
+SHRUNK = 0.3
 
 
 class Stage(NamedTuple):
@@ -52,7 +53,7 @@ STAGES = (
     Stage("quadrature", ("v_q2",), tuple(QUADRATURE.split()), 1),
     Stage("rate", ("force", "adc_yI", "adc_yQ", "v_q2"), tuple(RATE.split()), 2),
     Stage("all", tuple(name for name in NAMES if name != "adc_xI"), (), 2),
-    Stage("slips", NAMES, (), 4),
+    Stage("slips", NAMES, (), 5),
 )
 
 
@@ -122,6 +123,10 @@ class Work:
         keys, last = [p.key.partition(".")[2] for p in self.loop.parameters], stage is STAGES[-1]
         which = [k for k, key in enumerate(keys) if not stage.keys or key in stage.keys]
         before, moved, size, known = self.u, np.inf, 0.0, None
+        if last:
+            # gains and Q of the board, and with them its noise, are known by now
+            noisy = self.loop.mean(self.u, NOISE)
+            self.sigma = self.loop.sigma(noisy[1]) if noisy else self.sigma
         for k in range(stage.steps if which else 0):
             if self.progress:
                 self.progress(f"wide priors: {stage.name}", k, stage.steps)
@@ -133,9 +138,11 @@ class Work:
             a, b = self.target(*found, which, stage.observables)
             bounds = np.minimum(-WALL - self.u[which], -1e-9), np.maximum(WALL - self.u[which], 1e-9)
             change = lsq_linear(a, b, bounds=bounds).x
-            moved, size = float(np.linalg.norm((a @ change)[: len(self.sigma)])), float(np.linalg.norm(b))
+            last_moved, size = moved, float(np.linalg.norm(b))
+            moved = float(np.linalg.norm((a @ change)[: len(self.sigma)]))
             self.steps.append(Step(stage.name, self.rms(found[0], stage.observables), moved))
-            before, known = self.u.copy(), found[1] if moved < FAR else None
+            # columns serve again where a step with them was much shorter than the one before
+            before, known = self.u.copy(), found[1] if moved < SHRUNK * last_moved else None
             self.u[which] = before[which] + change
             if moved < max(NEAR, SHORT * size):
                 break
