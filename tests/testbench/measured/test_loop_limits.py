@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from testbench.measured.closed_loop import loop_laws
+from testbench.measured.closed_loop import loop_laws, loop_limits
 from testbench.tracing.problem.problem import Law
 
 TURNS = (np.arange(4096) + 0.5) / 4096 * 2 * math.pi
@@ -80,3 +80,17 @@ def test_what_breaks_a_limit_is_told_with_value_limit_unit_and_reason():
     assert law.beyond(-13.0, 0.5) == "centrifugal: -13 is below 0 1, the limit of physics (inertia)"
     assert law.beyond(3.0) == "centrifugal: 3 is above 1 1, the limit of physics (inertia)"
     assert law.beyond(3.0, 1.5) == law.beyond(1.0) == law.beyond(-0.9, 0.5) == ""
+
+
+def test_each_path_has_its_gain_phase_offset_and_slow_variables():
+    """By catalogue or grammar; x and vx at force_x alone are the drive mode's frequency and quality factor."""
+    there = {(one.port, *sorted(map(str, one.factors))) for c in ALL.values() for one in c.at_ports(loop_limits.BOARD)}
+    quadratures = {"force_x": ("x", "vx"), "force_y": ("x", "vx"), "cv_x": ("cx", "u"), "cv_y": ("cx", "u")}
+    slow = (("rate",), ("rate^2",), ("temp",), ("temp^2",), ("rate", "temp"), ("lag(3)",))
+    wanted = [(port, *sorted((*s, q))) for port, pair in quadratures.items() for q in pair for s in slow]
+    wanted += [(port, q) for port, pair in quadratures.items() for q in pair if port != "force_x"]
+    wanted += [(port, state) for port in quadratures for state in ("u", "w")]
+    wanted += [(port, f"sgn({state})") for port in ("cv_x", "cv_y") for state in ("cx", "u")]
+    assert [row for row in wanted if row not in there] == []
+    phases = ("drive_dac_delay_s", "sense_dac_delay_s", "opamp_gbw_hz", "sid_switch_s")
+    assert {f"plant.{field}" for field in phases} <= set(ALL)
