@@ -39,6 +39,7 @@ def test_the_corpus_is_read(folder):
     """What is changed must be valid before: else every input would be refused for the same reason."""
     from testbench import config
     from testbench.campaign.plan import plan as campaign
+    from testbench.measured.importing import assemble
     from testbench.measured.record import load, plan
 
     readers = [
@@ -47,6 +48,7 @@ def test_the_corpus_is_read(folder):
         lambda: config.load(folder / "config.toml"),
         lambda: load.load(folder / "gyrorec.h5", replay=False),
         lambda: load.load(folder / "gyrorec", replay=False),
+        lambda: assemble.imported([folder / "lab.csv"], folder / "lab.toml"),
         *(kinds.part(folder / name) for name in corpus.PARTS),
         *(
             kinds.against(folder, log=path, signals=folder / "map.toml")

@@ -24,6 +24,22 @@ MAP = {
     "reset": {"signal": "toy.rst", "active": 1},
     "ports": {"x": "toy.x", "y": "toy.y[6:0]", "z": "toy.z"},
 }
+LAB = {
+    "name": "lab",
+    "time": {"column": "t", "unit": "s", "power_on": 0.0},
+    "columns": {
+        "adc_xI": {"column": "a", "unit": "code"},
+        "adc_xQ": {"column": "b", "unit": "V", "lsb_V": 1.0 / 4},
+        "adc_yI": {"column": "c"},
+        "adc_yQ": {"column": "d", "unit": "1"},
+    },
+    "set": {"plant.fx_hz": 11002.5},
+    "profile": {"rate_dps": [[0.0, 10.0], [0.02, 20.0]], "temperature_degc": 25.0, "rate_shape": "linear"},
+    "write": [{"at_s": 0.01, "a_um": 4.0}, {"at_s": 0.02, "name": "phase_sense_ref", "raw": 5}],
+    "dwells": {"settle_s": 0.1, "longest_s": 0.1, "held_out": [1]},
+    "power_on": [{"held_out": False}],
+    "prior": [{"param": "plant.fx_hz", "mean": 11002.3, "sd": 0.5, "unit": "Hz"}],
+}
 VERILOG = """`timescale 1ns/1ps
 module toy;
     reg clk_26m = 0, rst = 1; reg [4:0] x = 0; reg [6:0] y = 0; reg [1:0] z = 0; reg m [0:1]; real r = 0.5;
@@ -202,11 +218,14 @@ def make(folder):
     dumps(folder)
     parts(folder)
     texts = {"config.toml": CONFIG, "law.toml": LAW, "whole.toml": config.to_toml(config.Config())}
-    trees = {"campaign.toml": CAMPAIGN, "measured.toml": MEASURED, "map.toml": MAP}
+    trees = {"campaign.toml": CAMPAIGN, "measured.toml": MEASURED, "map.toml": MAP, "lab.toml": LAB}
     for name, text in (texts | {name: toml(tree) for name, tree in trees.items()}).items():
         (folder / name).write_text(text)
     recording = Path(config.__file__).parents[1] / "golden" / "recording" / "recordings" / "reset.npz"
     shutil.copy(recording, folder / "reset.npz")
     np.savez(folder / "point.npz", a0=np.arange(5.0), a1=np.ones((2, 3)))
+    rows = np.random.default_rng(5).integers(-3000, 3000, (400, 4)) * np.minimum(np.arange(400), 1)[:, None]
+    table = np.column_stack([125e-6 * np.arange(400), rows])
+    np.savetxt(folder / "lab.csv", table, ["%.6f", *["%d"] * 4], ",", header="t,a,b,c,d", comments="")
     (folder / "done").write_text("")
     return folder

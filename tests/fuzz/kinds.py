@@ -472,6 +472,23 @@ def measured_plan(rng, corpus, folder):
     return lambda: plan.read(path)
 
 
+def imported(rng, corpus, folder):
+    """File of a laboratory, or the map of its columns."""
+    from testbench.measured.importing import assemble
+    from testbench.measured.record import checks
+
+    path, source = folder / "a.csv", corpus / "lab.csv"
+    if rng.random() < 0.5:
+        toml = _toml(rng, folder, (corpus / "lab.toml").read_text())
+        shutil.copy(source, path)
+    else:
+        toml = shutil.copy(corpus / "lab.toml", folder / "a.toml")
+        change = hostile.retyped if rng.random() < 0.5 else _flattened
+        text = change(rng, source.read_text(), ",")
+        path.write_bytes(hostile.damaged(rng, source.read_bytes()) if rng.random() < BYTES else text.encode())
+    return lambda: checks.check(assemble.imported([path], toml).record)
+
+
 def store(rng, corpus, folder):
     """Store of a campaign: plan, journal, head or a point."""
     path = folder / "store"
@@ -635,7 +652,8 @@ def mat(rng, corpus, folder):
 KINDS = {
     "record": record, "state": state, "parquet": parquet, "golden": golden, "hex": hexadecimal, "vcd": vcd, "fst": fst,
     "ghw": ghw, "csv": csv_log, "map": signal_map, "recording": recording, "config": configuration, "law": law,
-    "campaign": campaign_plan, "plan": measured_plan, "store": store, "npz": rest, "checkpoint": checkpoint, "mat": mat,
+    "campaign": campaign_plan, "plan": measured_plan, "import": imported,
+    "store": store, "npz": rest, "checkpoint": checkpoint, "mat": mat,
     "touchstone": _text_part("sweep.s2p", "\t"), "ring-down": _text_part("ring.txt", ","),
     "spectrum": _text_part("spectrum.txt", ","), "meters": _text_part("meters.csv", ";"),
     "paper": _text_part("paper.csv", ","),

@@ -19,6 +19,7 @@ from testbench.errors import ConfigError
 from testbench.measured.importing import board, column_map, dwells, words
 from testbench.measured.record import schema, timing
 from testbench.measured.record.sessions import UNSEEN, Session
+from testbench.run import design_check
 from testbench.storage import inputs
 from testbench.storage.record import Column, Record, TableColumn
 
@@ -36,7 +37,9 @@ class Imported(NamedTuple):
 def model(wanted, place):
     """Configuration of the model that a map names."""
     try:
-        return configuration.changed(configuration.Config(), wanted.settings())
+        config = configuration.changed(configuration.Config(), wanted.settings())
+        design_check.default_only(config, "a measurement record")
+        return config
     except (ConfigError, ValueError) as problem:
         raise ConfigError(f"{place}: [set] {str(problem).removeprefix('changed: ')}") from None
 

@@ -107,6 +107,9 @@ def _registers(wanted, profile, writes, config):
             name, raw = "phase_drive_sine", (phase_word(one.detune_deg) + own) % TURN
         if not wanted.regmap_sha256 and (name not in registers.BY_NAME or registers.BY_NAME[name].access == "ro"):
             raise ConfigError(f"write at {one.at_s:g} s: {name} is no register that can be written")
+        if not wanted.regmap_sha256 and not registers.BY_NAME[name].fmt.holds(raw):
+            fmt = registers.BY_NAME[name].fmt
+            raise ConfigError(f"write at {one.at_s:g} s: {name} = {raw} is outside {fmt.lo} .. {fmt.hi}")
         if name == "amplitude_setpoint":
             a_um.append((one.at_s, one.a_um or raw / per_um))
         elif name == "phase_drive_sine":

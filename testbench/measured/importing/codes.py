@@ -52,7 +52,8 @@ def _size(name, stream, lsb_v):
 def codes(path, name, stream, values, model_lsb_v):
     """`Codes` of a column of float64; FileError where they exceed their bits."""
     lsb_v = stream.lsb_V or model_lsb_v
-    scaled = values / _size(name, stream, lsb_v)
+    with np.errstate(over="ignore"):
+        scaled = values / _size(name, stream, lsb_v)
     found = np.rint(scaled)
     fmt = schema.STREAMS[name]
     lo, hi = (-(2.0 ** (fmt.bits - 1)), 2.0 ** (fmt.bits - 1) - 1) if fmt.signed else (0.0, 2.0**fmt.bits - 1)

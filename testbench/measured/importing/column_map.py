@@ -26,7 +26,7 @@ PREFIX_V = {"V": 1.0, "mV": 1e-3, "uV": 1e-6}
 INTEGERS = ("code", "word", "1")
 HEAD = ("lab", "device_serial", "board_rev", "licence", "bitstream_sha256", "firmware_version", "regmap_sha256")
 Finite = Annotated[float, Field(allow_inf_nan=False)]
-Seconds = Annotated[float, Field(ge=0, le=1e6)]
+Seconds = Annotated[float, Field(ge=0, le=36_000)]
 Profile = Finite | Annotated[list[tuple[Seconds, Finite]], Field(min_length=1, max_length=100_000)]
 
 
@@ -69,7 +69,7 @@ class Write(Part):
 
     at_s: Seconds
     name: str = ""
-    raw: int | None = None
+    raw: Annotated[int, Field(ge=-(1 << 47), lt=1 << 48)] | None = None
     a_um: Annotated[float, Field(gt=0, le=10)] | None = None
     detune_deg: Annotated[float, Field(ge=-60, le=60)] | None = None
 

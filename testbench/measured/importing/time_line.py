@@ -19,6 +19,8 @@ from testbench.measured.record import schema
 
 FRAME_S = FRAME_CYCLES / MASTER_HZ
 WHOLE = 0.4  # of a step: how far a stamp may be from the grid of frames
+MOST_S = 1e10  # of a stamp, three hundred years
+MOST_LOST = 10  # times the rows of a file: what its stamps may span
 RATE = 0.01  # of the frame rate, by which a stamp's clock may differ
 
 
@@ -36,6 +38,8 @@ class Line(NamedTuple):
 
 def _steps(path, stamps_s):
     """(frames of each step, frames to a row, lines) of time stamps; FileError where they are no grid."""
+    if np.abs(stamps_s).max() > MOST_S:
+        raise FileError(f"{path}: a stamp of {np.abs(stamps_s).max():.4g} s, at most {MOST_S:g} s are expected")
     steps = np.diff(stamps_s) / FRAME_S
     if len(steps) and steps.min() < -WHOLE:
         row = int(np.argmin(steps)) + 2
@@ -54,6 +58,8 @@ def _steps(path, stamps_s):
     if len(off) and off.max() > WHOLE:
         row = int(np.argmax(off))
         raise FileError(f"{path}: row {row + 2}: a step of {steps[row]:.3f} rows, expected a whole number")
+    if whole.sum() > MOST_LOST * len(stamps_s):
+        raise FileError(f"{path}: stamps span {whole.sum():.0f} rows, the file has {len(stamps_s)}")
     return whole.astype(np.int64), decimated, _rate(stamps_s, np.concatenate([[0], np.cumsum(whole)]) * decimated)
 
 
@@ -109,7 +115,8 @@ def _moved(lost, first):
 def _power_on(zero, frames, stamps, time, decimated):
     """(whether frame 0 is found, its frame among `frames`; else that of the first row from power-on, how)."""
     stamped = time is not None and time.power_on is not None
-    first = round((stamps[0] - time.power_on) * TIME_S[time.unit] / FRAME_S) if stamped else 0
+    since_s = np.clip((stamps[0] - time.power_on) * TIME_S[time.unit], -MOST_S, MOST_S) if stamped else 0.0
+    first = round(since_s / FRAME_S)
     if decimated > 1:
         return False, first, f"a row is {decimated} frames: no word can be replayed"
     count = int(np.argmin(zero)) if not zero.all() else 0
