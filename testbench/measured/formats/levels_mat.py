@@ -16,7 +16,8 @@ from testbench.storage import inputs
 
 BITS = range(8, 19)
 MOST_V = 1e6
-MIN_RISE = 0.8  # rank correlation of a level with its code would be 1; a signal in time is far from it
+MIN_ALONG = 0.9  # of the steps in one direction, also where blocks of levels are in the wrong place
+MIN_RISE = 0.95  # rank correlation of a level with its code would be 1; a signal in time is far from it
 
 
 def looks_like(path):
@@ -32,9 +33,10 @@ def looks_like(path):
 
 
 def _rises(v):
-    """True for a table of levels: a straight line over the code explains nearly all of its variance."""
+    """True for a table of levels: a line over the code explains nearly all of it, or nearly all steps go one way."""
     code = np.arange(len(v), dtype=float)
-    return np.std(v) > 0 and abs(np.corrcoef(code, v)[0, 1]) > MIN_RISE
+    along = max(np.mean(np.diff(v) > 0), np.mean(np.diff(v) < 0))
+    return np.std(v) > 0 and (abs(np.corrcoef(code, v)[0, 1]) > MIN_RISE or along > MIN_ALONG)
 
 
 def read(path):

@@ -12,6 +12,7 @@ from testbench.measured.quality.finding import CORRECT, QualityError, finding
 from testbench.measured.quality.sheet import SETTING, SIGNAL
 from testbench.measured.quality.swapped import gain
 
+LEAST_DB = 6.0
 GROWTH = 3.0  # rise over fall, and before over after
 REACH = 128  # rows: an input of few lines gives an answer that comes again
 
@@ -52,7 +53,8 @@ def _ringdown(sheet):
     change = np.diff(smooth)
     jump = np.abs(change) > 0.25 * np.ptp(smooth)
     fall, rise = -np.sum(change[(change < 0) & ~jump]), np.sum(change[(change > 0) & ~jump])
-    if rise > GROWTH * fall and rise > 3.0:
+    ends = np.argmax(smooth) >= len(smooth) - 2 and smooth[-1] - smooth[0] > LEAST_DB
+    if ends or (rise > GROWTH * fall and rise > LEAST_DB):
         yield finding(sheet, "reversed", "power", None, f"grows by {rise:.3g} dB and falls by {fall:.3g}: no decay")
 
 

@@ -31,7 +31,8 @@ def examine(sheets):
     found = []
     for sheet in sheets:
         meaning = [f for check in MEANING for f in check.check(sheet)]
-        found += meaning + [f for check in (*ROWS, *(() if meaning else NOISE)) for f in check.check(sheet)]
+        sound = not any(f.kind in ("swapped", "reversed") for f in meaning)
+        found += meaning + [f for check in (*ROWS, *(NOISE if sound else ())) for f in check.check(sheet)]
     if not any(f.kind in ("swapped", "unit", "reversed") for f in found):
         found += drift.check(sheets)
     return tuple(sorted(found, key=lambda f: f.action != REFUSE))

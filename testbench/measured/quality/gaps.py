@@ -1,4 +1,4 @@
-"""Rows that are missing: an axis that is regular but for a few long steps; a signal that is cut in all its columns.
+"""Rows that are missing: an axis that is regular but for a few long steps; signals that are cut.
 
 found    step > LONG times the usual one where most steps are alike; or, without an axis, one row from which on
          no fast signal follows from the rows before
@@ -7,15 +7,16 @@ found    step > LONG times the usual one where most steps are alike; or, without
 import numpy as np
 
 from testbench.measured.quality.finding import finding
-from testbench.measured.quality.series import largest_expected, predicted, running_scale
-from testbench.measured.quality.sheet import AXIS, SIGNAL
+from testbench.measured.quality.series import largest_expected, running_scale
+from testbench.measured.quality.sheet import AXIS
 
 LONG = 1.6
+PAST, TORN, FEW = 4, 1.2, 10  # rows of the past; of what chance makes; places at most
 ALIKE, MOST = 0.2, 0.9  # steps within 20 % of the median: 90 % of them at least
 
 
 def check(sheet):
-    """Findings about the axis of a sheet, or about its fast signals."""
+    """Findings about the axis of a sheet, or about input and output."""
     for c in sheet.of(AXIS):
         step = np.diff(c.values)
         usual = np.median(step)
@@ -27,14 +28,19 @@ def check(sheet):
             lost = int(np.round(np.sum(step[long] / usual - 1)))
             words = f"{np.count_nonzero(long)} step(s) of up to {step.max() / usual:.3g} times the usual one"
             yield finding(sheet, "gap", c.name, np.flatnonzero(long) + 1, f"{words}: about {lost} row(s) are missing")
-    fast = [c for c in sheet.of(SIGNAL) if c.fast]
-    if len(fast) > 1 and not sheet.of(AXIS):
-        torn = np.ones(sheet.rows, bool)
-        for c in fast:
-            rest = predicted(c.values)
-            size = np.abs(rest) / running_scale(rest)
-            wide = np.maximum.reduce([np.roll(size, k) for k in range(-2, 3)])
-            torn &= wide > largest_expected(sheet.rows)
-        if torn.any():
-            words = "both signals jump at the same row: rows are missing there"
-            yield finding(sheet, "gap", ", ".join(c.name for c in fast), torn, words)
+    if sheet.kind == "driven":
+        yield from _torn(sheet)
+
+
+def _torn(sheet):
+    """A gap of input and output at once: the output does not follow there from both their pasts, but next to it."""
+    u, y = (sheet.column(n).values for n in ("input", "output"))
+    lags = [np.roll(y, k) for k in range(1, PAST + 1)] + [np.roll(u, k) for k in range(PAST)]
+    a = np.column_stack(lags)[PAST:]
+    rest = np.zeros(sheet.rows)
+    rest[PAST:] = y[PAST:] - a @ np.linalg.lstsq(a, y[PAST:], rcond=1e-12)[0]
+    torn = np.abs(rest) > TORN * largest_expected(sheet.rows) * running_scale(rest)
+    places = np.flatnonzero(torn)
+    if len(places) and 1 + np.count_nonzero(np.diff(places) > PAST) <= FEW:
+        words = "the output does not follow from the past of both signals: rows are missing there"
+        yield finding(sheet, "gap", "input, output", places, words)

@@ -24,7 +24,7 @@ def grid_step(v):
         return 0.0
     error = np.finfo(float).eps * np.max(np.abs(distinct))
     printed = _decimal(distinct, error)
-    return _grid(distinct, max(error, 0.6 * printed)) or printed
+    return max(_grid(distinct, error), _grid(distinct, max(error, 0.6 * printed)), printed)
 
 
 def _fits(distinct, step, error):

@@ -11,7 +11,7 @@ rest         full scale of a 16-bit word beyond any gyroscope
 import numpy as np
 
 from testbench.measured.quality.finding import REPORT, finding
-from testbench.measured.quality.series import noise_sd
+from testbench.measured.quality.series import beside
 from testbench.measured.quality.sheet import SETTING, SIGNAL, SLOW
 
 FACTORS = {
@@ -60,7 +60,8 @@ def _meters(sheet):
             continue
         spread = sheet.column(f"spread of {c.name}")
         if spread is not None and np.median(spread.values) > 0:
-            ratio = np.median(spread.values) / max(noise_sd(sheet.ordered(c.course)), 1e-300)
+            noise = np.quantile(np.abs(beside(sheet.ordered(c.course))), 0.9) / 1.645
+            ratio = np.median(spread.values) / max(noise, 1e-300)
             if not 1 / 300 < ratio < 300:
                 text = f"spread is {ratio:.3g} times the noise of the readings: not in V"
                 yield finding(sheet, "unit", spread.name, None, text)
