@@ -65,16 +65,18 @@ def check(
 
     Exit code 2 if it is refused."""
     from testbench.measured.openers import part_findings
+    from testbench.measured.quality.records import adc_codes
     from testbench.measured.record import load
     from testbench.storage.record import RecordError
 
     found = part_findings([file])
     if found is not None:
         return _check_part(file, found, as_json)
-    findings, residual, refused = [], None, False
+    findings, residual, refused, quality = [], None, False, ()
     try:
         with _progress(as_json) as progress:
             loaded = load.load(file, replay, progress)
+        quality = adc_codes.findings(loaded.record)
         findings = [(str(f), f.level) for f in loaded.findings]
         residual = loaded.residual
     except RecordError as problem:
@@ -83,10 +85,13 @@ def check(
     if as_json:
         listed = [{"finding": text, "level": level} for text, level in findings]
         data = {"file": str(file), "accepted": not refused, "findings": listed}
+        data |= {"quality": [f.as_json() for f in quality]}
         print_json(data | {"r0": None if residual is None else _residual_json(residual)})
     else:
         for text, level in findings:
             typer.echo(f"{text} ({level})")
+        for finding in quality:
+            typer.echo(one_line(finding))
         if residual is not None:
             typer.echo(residual.verdict)
         typer.echo(one_line(f"{file}: {'refused' if refused else 'accepted'}"))

@@ -20,6 +20,7 @@ from testbench.config import phase_word
 from testbench.errors import ConfigError
 from testbench.measured.closed_loop import loop_laws, loop_problem, loop_runs, loop_spectra
 from testbench.measured.importing import words
+from testbench.measured.quality.records import adc_codes
 from testbench.measured.record import check_tables, load, schema
 from testbench.measured.record.meaning_segments import SETPOINTS, Stated, bank, rate_limit, temp_limit
 from testbench.measured.record.plan import Condition
@@ -190,7 +191,13 @@ def open_record(paths, options, calibrated=None, bench=None, kept=None):
     found = calibrated(data, model, record, bench) if calibrated else None
     model, wanted, lines = found or (model, parameters.declared(record), ())
     problem = loop_problem.LoopProblem(data, model, wanted, loop_laws.from_catalogue(), library, bench, kept)
-    problem.warnings = (*loaded.warnings, *((f"words are not replayed: {lacking}",) if lacking else ()), *lines)
+    quality = tuple(str(f) for f in adc_codes.findings(record))
+    problem.warnings = (
+        *loaded.warnings,
+        *quality,
+        *((f"words are not replayed: {lacking}",) if lacking else ()),
+        *lines,
+    )
     problem.heldout_independent = held_out_apart(record)
     if loaded.blocked:
         problem.firmware = next(str(f) for f in loaded.findings if f.rule == "R16")

@@ -11,7 +11,7 @@ floor(v)         noise that the grid alone makes: step / sqrt(12)
 import numpy as np
 
 TAPS = 8
-MOST_FITTED = 20_000
+MOST_FITTED = 5_000
 MOST_STEPS = 300  # between values that a grid is found from; all values must lie on it
 HALF = 40  # rows on either side that give a scale
 SURE = 4.0  # robust sd beyond the largest of as many normal values
@@ -117,11 +117,11 @@ def noise_sd(v, fast=False):
 def running(v, measure, half=HALF):
     """(n,) `measure` of the values around each row."""
     n = len(v)
-    half = max(half, n // 400)
+    half = max(half, n // 200)
     size = 2 * half + 1
     if n <= size:
         return np.full(n, measure(v))
-    centres = np.unique(np.clip(np.arange(half, n + half // 2, half // 2), half, n - half - 1))
+    centres = np.unique(np.clip(np.arange(half, n + half, half), half, n - half - 1))
     return np.interp(np.arange(n), centres, [measure(v[c - half : c + half + 1]) for c in centres])
 
 
