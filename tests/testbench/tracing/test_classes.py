@@ -15,7 +15,7 @@ from tests.testbench.tracing.test_verdicts import CLEAR, QUICK, SIGMA
 from tests.testbench.tracing.toys import LAWS, LIBRARY, NEAR, Toy
 
 # one sigma of the laws that the sizes of test_verdicts lack
-SIGMAS = SIGMA | {"quintic": 0.0031, "leak": 0.0085, "springy": 0.0042, "seep": 0.0092}
+SIGMAS = SIGMA | {"quintic": 0.0017, "leak": 0.0102, "springy": 0.0041, "seep": 0.0064}
 SIGMAS |= {"friction": 0.0061, "hot": 0.0134, "centripetal": 0.0054}
 ALIKE = {"feed": {"leak"}, "leak": {"feed"}, "duffing": {"springy", "quintic"}, "springy": {"duffing", "quintic"}}
 INSIDE = {"catalogue": ("feed", "duffing"), "library": ("leak", "springy")}
@@ -72,7 +72,7 @@ def test_as_many_repeats_as_are_said_separate_a_class():
 def test_laws_that_are_alike_do_not_correct_each_other_into_a_cause():
     """Nature has 1 / (0.2 + A); 1 / (0.3 + A) less some 1 / (0.4 + A) is as good, and is no cause."""
     for seed in (101, 102):
-        _, result = near(seed, "seep", 45, 60)
+        _, result = near(seed, "seep", 75, 85)
         assert result.verdict == "unexplained", result.sentence
         assert all(e["p"] is None and e["status"] == "partial" for e in result.effects)
         assert any("too alike" in m.get("failed", "") for m in result.models)
@@ -197,7 +197,10 @@ def test_rates_of_classes(kind):
     found = rates(kind, range(7000, 7000 + count))
     held = found["named"] + found["class"]
     print(kind, found, "named or of a class", held, clopper_pearson(held, count))
-    if kind != "outside":
+    if kind == "outside":
+        # 3.4 sigmas at most beside feed: no data can part them, and it has to be taken for feed
+        assert found["false"] + found["unexplained"] == count
+    else:
         assert binom.cdf(held, count, 0.97) > 0.01
         assert found["false"] <= 2
 
