@@ -120,7 +120,7 @@ def drawn(tmp_path_factory):
         text.append(f"for (long k = 0; k < n; k++) out[k] = {call}; }}")
     (folder / "draw.c").write_text("\n".join(text))
     command = ["cc", *second_plant.FLAGS, f"-I{second_plant.SOURCES}", "draw.c", "-o", "draw.so", "-lm"]
-    subprocess.run([*command, "-Wno-unused-function"], cwd=folder, check=True)
+    subprocess.run(command, cwd=folder, check=True)
     library = ctypes.CDLL(str(folder / "draw.so"))
 
     def draw(name, seed, count):
