@@ -1,5 +1,6 @@
-"""Sealed records of a second plant: python -m tests.sealed run|score [--kind development] [--first N] [--minutes M]
+"""Sealed records of a second plant: python -m tests.sealed bank|run|score [--kind development] [--minutes M]
 
+    bank    measures what effects do, in minutes, once for a second plant; prints what can be drawn in which stratum
     run     goes on where the run of this source was; every run is a line of tests/sealed/ledger.jsonl; --wide does the
             first records again with the priors of a data sheet
     score   opens the envelopes of what is done and prints the rates; --page writes those of a whole sealed run
@@ -15,7 +16,7 @@ from pathlib import Path
 
 from testbench.console.markdown import ROOT, replaced
 from testbench.storage.files import write_text
-from tests.sealed import ledger, score, strata
+from tests.sealed import draw, ledger, score, strata
 from tests.sealed.bank import Bank, Space
 from tests.sealed.records import PARTS, Run, Tracing
 
@@ -42,10 +43,20 @@ def play(run, first, minutes, path, wide=False):
         print(f"{n:03d} {out['cpu_s']} {said}", flush=True)
 
 
+def choices(tables, space):
+    """Markdown: what can be drawn in each stratum, between which d, beside which law."""
+    lines = ["| stratum | effect | d | most similar law | sine |", "|---|---|---|---|---|"]
+    for kind in (*strata.INSIDE, "outside"):
+        for effect, low, high, rival in draw.choices(tables, space, kind):
+            _, sine = space.rival(effect.name, [e.name for e in tables.inside])
+            lines.append(f"| {kind} | {effect.name} | {low:.0f} .. {high:.0f} | {rival} | {sine:.3f} |")
+    return "\n".join(lines)
+
+
 def main(argv=None):
     """Exit code 0, or 1 where a limit of a whole run does not hold."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("what", choices=("run", "score"))
+    parser.add_argument("what", choices=("bank", "run", "score"))
     parser.add_argument("--kind", choices=ledger.KINDS, default=ledger.SEALED)
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "sealed")
     parser.add_argument("--first", type=int, default=10**6, help="only the first records of the order")
@@ -59,10 +70,14 @@ def main(argv=None):
         parser.error("--kept is for development: a sealed run draws from all effects")
     tables = strata.read()
     own = ledger.identity(given.kind, tables)
-    if given.what == "run":
+    if given.what != "score":
         bank = Bank(tables, given.out / "bank")
         effects = [e for e in (*tables.inside, *tables.outside) if not given.kept or bank.has(e)]
         space = Space(bank, effects, print)
+    if given.what == "bank":
+        print(choices(tables, space))
+        return 0
+    if given.what == "run":
         run = Run(tables, space, own, given.out, Tracing(given.threads))
         first = min(given.first, tables.wide["records"]) if given.wide else given.first
         play(run, first, given.minutes, ledger.FILE, given.wide)

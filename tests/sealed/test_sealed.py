@@ -10,6 +10,7 @@ from analog_frontend.effects import catalogue, law
 from testbench.config import Config
 from testbench.errors import ConfigError, FileError
 from tests.sealed import bank, draw, effects, ledger, score, strata
+from tests.sealed.__main__ import choices
 
 DEVICE = Config().device()
 PAGES = {effect.INFO.name: effect for effect in catalogue.LAWS}
@@ -84,6 +85,18 @@ def test_a_draw_keeps_to_its_stratum(known):
     colours = [float(t["own"].partition("adc_colour = ")[2].split("\n")[0]) for t in seen["null_coloured"]]
     assert min(np.abs(colours)) >= 0.4
     assert min(colours) < 0 < max(colours)
+
+
+def test_what_can_be_drawn_is_printed(known):
+    """a and b are near each other at an angle of 0.1; c and the outside effect are 0.6 alike."""
+    lines = choices(*known).splitlines()[2:]
+    assert [line.split(" | ")[:3] for line in lines] == [
+        ["| clear", "c", "8 .. 60"],
+        ["| near", "a", "8 .. 60"],
+        ["| near", "b", "8 .. 60"],
+        ["| outside", "outside.o", "10 .. 60"],
+    ]
+    assert lines[-1].endswith("| c | 0.800 |")
 
 
 def test_order_and_seeds_follow_from_the_source(known):
