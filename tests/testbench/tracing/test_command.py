@@ -56,3 +56,16 @@ def test_what_no_opener_knows_is_one_error(tmp_path, toy_opener):
 def test_an_option_without_a_value_is_refused(tmp_path, toy_opener):
     (tmp_path / "toy").write_text("toy")
     assert "is not KEY=VALUE" in str(invoke(tmp_path / "toy", "--option", "meter").exception)
+
+
+def test_a_class_is_printed_with_its_members_and_the_next_experiment(tmp_path, monkeypatch):
+    monkeypatch.setattr(openers, "OPENERS", [lambda paths, options: Toy(8, {"duffing": 0.0047 * 7})])
+    (tmp_path / "toy").write_text("toy")
+    done = invoke(tmp_path / "toy", "--json", tmp_path / "out.json")
+    assert done.exit_code == 0, done.output
+    lines = done.stdout.splitlines()
+    result = json.loads((tmp_path / "out.json").read_text())
+    first, second = (cause["laws"][0] for cause in result["causes"])
+    assert lines[0] == f"confounded: explained by {first} or {second}: these data do not tell them apart"
+    assert lines[-2].startswith(f"as well: {second} ")
+    assert lines[-1] == f"next experiment: {result['next_experiment'][0]['words']}"
