@@ -21,7 +21,7 @@ FRAME_HZ = MASTER_HZ // FRAME_CYCLES
 LEAST_FRAMES = 800  # of a dwell: 0.1 s
 MEAN_FRAMES = 100  # of codes, in which noise and ripple are small beside the drive
 SAME_AMPLITUDE, MOST_ANGLE = 0.02, 0.05  # of a locked drive's amplitude; rad from minus cosine
-ALONE_FRAMES = 6000  # of a dwell without another: 64 draws of the noise determine no more than its 48 features
+ALONE_FRAMES = 3000  # of a dwell without another: 64 draws of the noise determine no more than its 40 features
 
 
 class Track(NamedTuple):

@@ -12,12 +12,12 @@ import scipy.io
 
 from fpga_model.rates import FRAME_CYCLES
 from testbench.errors import ConfigError, FileError
-from testbench.measured.closed_loop import loop_record
+from testbench.measured.closed_loop import loop_noise, loop_record, loop_runs
 from testbench.measured.importing import assemble, dwells
 from testbench.measured.importing.column_map import Dwells
 from testbench.measured.record import checks, load, schema
 from testbench.measured.record.sessions import sessions
-from testbench.measured.residual import residuals
+from testbench.measured.residual import features, residuals
 from tests.testbench.command import gyro
 
 ADC = tuple(schema.ADC)
@@ -273,6 +273,23 @@ def test_times_of_a_late_file_count_from_power_on_where_that_is_known():
     t = dwells.track([(0, 0.0), (1, 5.0), (3, 7.0)]).moved(2 * 8000)
     assert t == dwells.Track((0, 8000), (5.0, 7.0))
     assert dwells.track(3.0).moved(100) == dwells.Track((0,), (3.0,))
+
+
+def determined(frames):
+    """True if the draws of the noise determine a dwell of so many frames by itself; ConfigError if not."""
+    size = 8 * (len(features.bins(frames, loop_runs.FIRST_BIN)) - 1)
+    rows = np.random.default_rng(1).normal(size=(loop_noise.NOISE_DRAWS, size))
+    return loop_noise.gain_of({"a": (rows, np.zeros(size))}) > 0
+
+
+def test_a_dwell_alone_is_as_long_as_the_draws_of_the_noise_determine():
+    fixed = dwells.track(0.0)
+    parts = dwells.found(dwells.Tracks(fixed, fixed, fixed, fixed), np.ones(80_000, bool), Dwells())
+    (dwell,) = (p for p in parts if p.kind == "dwell")
+    assert dwell.end - dwell.first == dwells.ALONE_FRAMES
+    assert determined(dwells.ALONE_FRAMES)
+    with pytest.raises(ConfigError, match="more draws or fewer bins"):
+        determined(2 * dwells.ALONE_FRAMES)
 
 
 def test_a_dwell_ends_where_the_lock_is_lost():
