@@ -2,8 +2,8 @@
 
     C       covariance of the fit;   g_b = J_b' z_b: score of cluster b, n clusters
     sd^2    diagonal of C, or of C (sum g_b g_b') C n / (n - 1) where that is larger
-Clusters are 8, 32 and 128 blocks of rows in each group, and the groups themselves where there are several: a rest that is no
-noise pulls all rows of a block in one direction, and what differs from recording to recording all rows of a group.
+Clusters are 8, 32 and 128 blocks of rows in each group, and the groups themselves where there are several: a rest that
+is no noise pulls all rows of a block in one direction, what differs between recordings all rows of a group.
 Source    White (1982); Liang & Zeger (1986)
 """
 
