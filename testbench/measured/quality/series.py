@@ -135,8 +135,8 @@ def running_scale(v, half=HALF):
 
 def local_step(v):
     """(n,) smallest change between neighbours around each row: what the digits of a floating grid leave."""
-    change = np.abs(np.diff(v, append=v[-1]))
-    return running(change, lambda x: np.min(x[x > 0], initial=np.ptp(v)))
+    change, rounding = np.abs(np.diff(v, append=v[-1])), 8 * np.finfo(float).eps * np.max(np.abs(v))
+    return running(change, lambda x: np.min(x[x > rounding], initial=np.ptp(v)))
 
 
 def ties_expected(v):
