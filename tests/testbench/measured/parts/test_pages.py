@@ -10,6 +10,7 @@ import pytest
 
 from testbench.measured import in_loop
 from testbench.measured.exam.part_page import above
+from testbench.measured.exam.staged import SAME
 
 sys.path.append(str(Path(__file__).resolve().parents[4] / "docs"))
 
@@ -43,9 +44,9 @@ def test_a_verdict_named_leaves_nothing_above_the_limit():
     for name in KEPT:
         for job in jobs(name).values():
             rest = [part for part, h in job["heldout"].items() if above(h)]
-            assert (job["verdict"] == "named in part") == bool(rest and job["effects"]) or job[
-                "verdict"
-            ] == "confounded"
+            found = job["verdict"] == "named in part"
+            assert found == bool(rest and job["effects"]) or job["verdict"] in ("confounded", "candidate")
+            assert all(h["after"] <= SAME * h["before"] for h in job["heldout"].values()), "never worse than no law"
             assert set(rest) <= set(job["rest"]), "what is left has its test"
 
 
@@ -80,25 +81,33 @@ def test_numbers_in_the_text_on_the_membranes():
     text, found = TEXT["resonators"], {k: effects(job) for k, job in jobs("mems_ringdown").items()}
     c = [found[sample]["damping_cubic"]["value"] for sample in ("SP64-32", "SP64-33")]
     assert f"c = {c[0]:.3f} /(s uW) for SP64-32 and {c[1]:.3f} for SP64-33" in text
+    left = ratios(jobs("mems_ringdown")["SP64-32"]).values()
+    assert f"{min(left):.1f} to {max(left):.1f} floors are left there" in text
+    assert [next(iter(found[f"PSE2-84-{k}"])) for k in ("11", "21")] == ["compression"] * 2
 
 
 def test_numbers_in_the_text_on_the_parts():
     text, (two, one, second) = TEXT["parts"], jobs("dac16_levels").values()
-    assert f"the fifth eighth is {-effects(two)['element 5/8']['value']:.1f} LSB too small" in text
-    one_laws, two_laws = effects(one), effects(two)
-    common = [law for law in two_laws if law in one_laws]
-    assert {len(common): "fifteen"}[15] + " laws" in text
-    pairs = [(one_laws[law], two_laws[law]) for law in common]
-    assert all(abs(a["value"] - b["value"]) < 2 * np.hypot(a["sd"], b["sd"]) for a, b in pairs)
-    assert (len(two_laws) - len(common), set(one_laws) - set(common)) == (3, {"element 23/32"})
-    assert "element 12/16" in set(two_laws) - set(common)
+    law, bend = "16 segments above a ladder", "bend of the ladder over 512 codes"
+    first, other = (effects(job)[law]["coefficients"] for job in (two, one))
+    lowest = min(first, key=lambda name: first[name]["value"])
+    assert f"Border {lowest.split()[1].split('/')[0]} of 16 is {-first[lowest]['value']:.1f} LSB too low" in text
+    near = [abs(first[n]["value"] - other[n]["value"]) < 1.96 * np.hypot(first[n]["sd"], other[n]["sd"]) for n in first]
+    assert f"{sum(near)} of the {len(near)} coefficients agree" in text
+    assert np.mean(near) >= 0.9
+    values = [f"{-effects(job)[bend]['value']:.3f}" for job in (two, one)]
+    assert f"{values[0]} and {values[1]} LSB" in text
+    errors = [job["heldout"]["level"]["after"] for job in (two, one)]
+    before = (0.0428, 0.0626)  # of the dictionary that the structure replaced
+    assert all(now <= 1.2 * then for now, then in zip(errors, before))
+    assert f"Held-out errors are {errors[0]:.3f} and {errors[1]:.3f} LSB" in text
+    assert f"had {before[0]:.3f} and {before[1]:.3f} LSB" in text
+    steps = [abs(c["value"]) for name, c in first.items() if name.startswith("step")]
+    assert f"the steps are {min(steps):.2f} to {max(steps):.2f} LSB" in text
     assert f"{ratios(one)['level']:.1f} floors remain" in text
-    share, start, stop, shared = re.search(
-        r"(\d+) % of its power .* (\S+) \.\. (\S+);.* (\S+)$", one["rest"]["level"]
-    ).groups()
-    assert f"{share} % of this residual lies in codes 41 000 to 47 500" in text
-    assert (round(float(start), -3), round(float(stop) / 500) * 500) == (41000, 47500)
-    assert f"correlates with {shared}:" in text
+    share, start = re.search(r"(\d+) % of its power in a tenth of the rows, (\S+) \.\.", one["rest"]["level"]).groups()
+    assert 45 <= float(share) <= 55
+    assert f"above code {round(float(start), -2) / 1000:.1f}00".replace(".", " ") in text
     assert not second["effects"]
     (gyro,) = jobs("gyro_static").values()
     first, first_settles, other, other_settles = gyro["effects"]
@@ -115,16 +124,18 @@ def test_numbers_in_the_text_on_the_meters():
     whole, half = found["9 meter(s), random order"], found["9 meter(s), random order, first half chooses"]
     laws = [e["law"].split(": ") for e in whole["effects"]]
     warm = {meter for meter, law in laws if law.startswith(("gain with temp", "gain with room"))}
-    counts = {1: "one", 3: "three", 4: "four", 5: "five"}
+    counts = {1: "one", 3: "three", 4: "four", 5: "five", 6: "six"}
     assert f"in each of {counts[len(warm)]} meters" in text
     assert f"between the polarities in {counts[sum(law == 'turnover' for _, law in laws)]} of them" in text
     assert f"point before in {counts[sum(law == 'memory' for _, law in laws)]}." in text
     worst = max(ratios(whole), key=ratios(whole).get)
     assert [m for m, r in ratios(whole).items() if r > 1.5] == [worst], "the broken one"
-    assert "(neighbours correlate with 0.85)" in text
-    assert "neighbours 0.85 " in whole["rest"][worst]
+    assert "(neighbours correlate with 0.84)" in text
+    assert "neighbours 0.84 " in whole["rest"][worst]
     lost = sorted(r for m, r in ratios(half).items() if r > 1.5 and m != worst)
-    words = f"for {counts[len(lost)]} meters beside the broken one ({lost[0]:.1f} to {lost[-1]:.1f} floors)"
+    words = (
+        f"{counts[len(lost)]} meters beside the broken one keep more than 1.5 floors ({lost[0]:.1f} to {lost[-1]:.1f})"
+    )
     assert words in text
 
 
