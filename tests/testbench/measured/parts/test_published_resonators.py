@@ -39,12 +39,17 @@ def test_driven_resonator_official_split():
     assert held["arrow_no_extrapolation"]["after"] < held["arrow_no_extrapolation"]["after_one_law"]
 
 
-def test_ring_downs_reach_their_floor():
-    found = traced("mems_ringdown")
-    for label, data in found.items():
-        several = label in ("SP64-32", "SP64-33")
-        assert [e["law"] for e in data["effects"]] == (["damping_cubic"] if several else [])
-        assert all(h["after"] <= 1.5 * h["floor"] for h in data["heldout"].values())
+def test_ring_downs_of_several_runs_name_a_damping_and_single_ones_are_candidates():
+    for label, data in traced("mems_ringdown").items():
+        first = data["effects"][0]["law"] if data["effects"] else ""
+        if label in ("SP64-32", "SP64-33"):
+            assert first == "damping_cubic"
+            assert all(h["after"] < 0.1 * h["before"] for h in data["heldout"].values())
+        else:
+            assert data["verdict"] in ("none", "noise-model", "candidate")
+            assert first in ("", "compression")
+        assert all(h["after"] <= h["before"] for h in data["heldout"].values())
+        assert all(e["value"] > 0 for e in data["effects"] if e["law"].startswith("damping"))
 
 
 def test_the_sweeps_are_too_fast_for_the_crystal():

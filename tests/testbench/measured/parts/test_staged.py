@@ -5,9 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from testbench.measured.exam import staged
+from testbench.measured.exam import intervals, staged
+from testbench.measured.models.linear import Diagonal, LinearProblem, Stretch
 from testbench.measured.models.part_problem import PartProblem
-from testbench.tracing.problem.problem import Law
+from testbench.tracing.problem.problem import Law, Nuisance, Observable, Segment
+from testbench.tracing.trace import Tracer
 
 PLAIN, LATE = "m: gain with temp", "m: gain with temp 1200 s late"
 
@@ -45,3 +47,43 @@ def _fitted(monkeypatch, values):
 def test_a_law_goes_for_its_own_size_and_takes_no_namesake_along(monkeypatch, values, left):
     _fitted(monkeypatch, values)
     assert staged._pruned(_Problem(), [PLAIN, LATE], None) == left
+
+
+def test_a_law_that_makes_held_out_data_worse_goes_and_another_stays():
+    """Two laws fitted well: one is the same where judged, the other has the opposite sign there."""
+    n, rng = 200, np.random.default_rng(1)
+    x = np.linspace(-1, 1, n)
+    shapes = {"good": (x, x), "bad": (x**2 - 1 / 3, 1 / 3 - x**2)}
+    stretches = []
+    for k, role in enumerate(("fit", "validate")):
+        y = 3 * x + 2 * (x**2 - 1 / 3) + 0.1 * rng.normal(size=n)
+        seen = (Observable("level", "V", slice(0, n)),)
+        stretches.append(Stretch(Segment(role, {}, role, k, role, seen), y, Diagonal(np.full(n, 0.1))))
+    laws = tuple(Law(name, "m", name, "V", 1.0) for name in shapes)
+    nuisance = Nuisance("offset", "V", 0.0, np.inf, 1.0)
+    columns = {name: list(pair) for name, pair in shapes.items()} | {"offset": [np.ones(n)] * 2}
+    problem = LinearProblem("two laws", (nuisance,), laws, stretches, columns, {})
+    rounds = [
+        staged.Round(name, True, 9.0, 1.0, 9.0, (), {"level": (1.0, share)})
+        for name, share in (("good", 0.9), ("bad", 1.1))
+    ]
+    quick = staged.Options(max_laws=1, n_null=199, power=False, experiments=False)
+    assert staged._never_worse(problem, ["bad"], rounds, quick) == []
+    assert staged._never_worse(problem, ["good"], rounds, quick) == ["good"]
+
+
+def test_stated_deviations_know_a_rest_that_is_no_noise():
+    """A slope fitted to white noise and to noise that wanders: the second is stated to be less certain."""
+    n, rng, out = 400, np.random.default_rng(2), []
+    x = np.linspace(-1, 1, n)
+    for walk in (0.0, 0.1):
+        y = rng.normal(size=n) + walk * np.cumsum(rng.normal(size=n))
+        seen = (Observable("level", "V", slice(0, n)),)
+        stretch = Stretch(Segment("fit", {}, "fit", 0, "fit", seen), y, Diagonal(np.ones(n)))
+        nuisances = (Nuisance("offset", "V", 0.0, np.inf, 1.0), Nuisance("slope", "V", 0.0, np.inf, 1.0))
+        problem = LinearProblem("slope", nuisances, (), [stretch], {"offset": [np.ones(n)], "slope": [x]}, {})
+        tracer = Tracer(problem, staged.Options(max_laws=1, n_null=199, power=False, experiments=False), None, None)
+        assert tracer.calibrate()
+        out.append(intervals.stated_sd(tracer.base.fit)[1] / tracer.base.fit.sd[1])
+    assert out[0] < 1.5
+    assert out[1] > 2.0
