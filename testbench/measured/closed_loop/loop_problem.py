@@ -200,7 +200,7 @@ class LoopProblem(Anchored, adds=MEMBERS):
 
     def model_at(self, theta, effects):
         """`loop_runs.Model` of a point; PredictionFailed outside the limits of a key."""
-        values = {p.key: float(t) for p, t in zip(self.parameters, theta)}
+        values = {p.key: p.at(float(t)) for p, t in zip(self.parameters, theta)}
         laws = []
         for name, value in effects.items():
             c = self.candidates[name]
@@ -381,7 +381,8 @@ class LoopProblem(Anchored, adds=MEMBERS):
 
     def unidentifiable(self, fit):
         keys, n = [p.key for p in self.parameters], len(self.parameters)
-        return loop_symmetries.lines(keys, fit.point.theta, fit.covariance[:n, :n]) if self.starts else ()
+        values = [p.at(t) for p, t in zip(self.parameters, fit.point.theta)]
+        return loop_symmetries.lines(keys, values, fit.covariance[:n, :n]) if self.starts else ()
 
     def distance(self, theta, effects):
         change = {

@@ -40,6 +40,12 @@ class Parameter(NamedTuple):
             return self.mean, self.scale
         return self.first * (1 - math.log(self.first / self.mean)), self.scale * self.first
 
+    def at(self, theta):
+        """The parameter at a coordinate of the linear model: itself, or first (1 + log(x / first)), never below 0."""
+        if self.start is None or not self.logarithmic:
+            return theta
+        return self.first * math.exp((theta - self.first) / self.first)
+
     def value(self, u):
         """The parameter at a coordinate."""
         return self.mean * math.exp(self.scale * u) if self.logarithmic else self.mean + self.scale * u

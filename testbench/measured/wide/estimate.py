@@ -29,6 +29,7 @@ NEAR, FAR, SHORT = (
     100.0,
     0.02,
 )  # a step of fewer sigmas, or of this share of the residual, is not worth another
+HUBER, MEDIAN = 3.0, 0.674  # sigmas; of a normal deviate's size
 SHRUNK = 0.3
 
 
@@ -100,6 +101,9 @@ class Work:
         for name in observables:
             rows = self.loop.observable == name
             w[rows] = 1 / max(1.0, np.sqrt(np.mean(z[rows] ** 2)) / CAP)
+        # Huber's weights: slips of edges are rarer and larger than a few draws can tell
+        size = np.abs(z * w)
+        w *= np.sqrt(np.minimum(1.0, HUBER * max(1.0, np.median(size[w > 0]) / MEDIAN) / np.maximum(size, 1e-9)))
         j = columns[:, which] / self.sigma[:, None] * w[:, None]
         return np.concatenate([j, np.eye(len(which))]), np.concatenate([z * w, -self.u[which]])
 

@@ -14,7 +14,6 @@ from testbench.measured.closed_loop.loop_symmetries import SYMMETRIES, lines, ti
 from testbench.measured.record.plan import Condition
 from testbench.measured.residual.parameters import Parameter
 from testbench.measured.wide import estimate, sheet
-from tests.testbench.measured import wide_trials
 
 
 def test_the_sheet_has_the_tolerances_of_a_data_sheet_about_the_configured_board():
@@ -61,6 +60,15 @@ def test_the_tangent_prior_pulls_as_the_logarithmic_one_does():
     assert (pull[1] - pull[0]) / (2 * step) == pytest.approx(2 * (p.start - mean) / sd**2, rel=1e-6)
     narrow = Parameter("plant.qx", "1", 2e5, 2e-5, True, 0.0, 1e9)
     assert narrow.normal() == (2e5, 4.0)
+
+
+def test_the_coordinate_of_the_linear_model_has_the_logarithmic_prior_and_no_negative_value():
+    p = Parameter("plant.qx", "1", 2e5, 0.7, True, 0.0, 1e9, 3.1e5)
+    mean, sd = p.normal()
+    for theta in (-4e5, 1e5, 3.1e5, 5e5):
+        assert p.at(theta) > 0
+        assert p.coordinate(p.at(theta)) == pytest.approx((theta - mean) / sd)
+    assert p._replace(start=None).at(-1.0) == -1.0
 
 
 CONDITION = Condition("one", 5.0, 100.0, -50.0, 40.0, 15.0, settle_s=1.5, seconds=0.3, role="fit")
@@ -162,14 +170,3 @@ def test_what_no_record_tells_is_printed_beside_the_products_and_their_intervals
     assert "mass" in told[1]
     assert not tied(keys[:3])
     assert lines(keys[:3], theta[:3], np.eye(3)) == ()
-
-
-@pytest.mark.slow
-def test_boards_anywhere_in_their_sheet_end_with_their_parameters_and_the_effect_alone():
-    rows = [wide_trials.trial(seed, law) for seed, law in ((21, None), (22, "duffing_k3_per_um2"))]
-    assert rows[0]["verdict"] == "none"
-    assert rows[1]["found"] == ["duffing_k3_per_um2"]
-    count = len(rows[0]["off"])
-    # 95 % of 18 are 17.1 with an sd of 0.9; parameters that share a direction leave together
-    assert all(wide_trials.inside(row) >= count - 4 for row in rows)
-    assert any("identifiable: " in note for note in rows[0]["notes"])

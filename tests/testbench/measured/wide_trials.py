@@ -79,10 +79,15 @@ def trial(seed, law=None, options=None):
         "verdict": result.verdict,
         "found": [e["law"] for e in result.effects],
         "rms": found.rms,
-        "off": {p.key: (x - truth[p.key]) / s for p, x, s in zip(problem.parameters, fit.point.theta, fit.sd)},
+        "off": {p.key: _off(p, x, truth[p.key]) / s for p, x, s in zip(problem.parameters, fit.point.theta, fit.sd)},
         "notes": list(result.notes),
         "seconds": time.process_time() - begun,
     }
+
+
+def _off(p, theta, truth):
+    """Distance to the truth in the coordinate of the linear model."""
+    return p.first * math.log(p.at(theta) / truth) if p.logarithmic else theta - truth
 
 
 def inside(row):
