@@ -20,7 +20,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from testbench.errors import FileError
-from testbench.measured.formats.contents import InputOutput, Levels, Meters, Rest, Sweep, Trace
+from testbench.measured.formats.contents import InputOutput, Levels, Meters, Rest, Sweep, Trace, on_grid
 from testbench.measured.formats.table import numbers, read_table
 from testbench.measured.quality import backwards, units
 from testbench.measured.quality.finding import QualityError
@@ -203,7 +203,7 @@ def _trace(found):
     header["frequency [hz]"] = str(found.head.get("frequency_hz", "nan"))
     header["quality factor"] = str(found.head.get("quality", "nan"))
     kind = "ringdown" if axis == "time" else "spectrum"
-    grid = x if kind == "ringdown" else np.linspace(x[0], x[-1], len(x))
+    grid = x if kind == "ringdown" else on_grid(x)
     return Trace(str(found.file), header, kind, grid, found.one["power"], x, said)
 
 

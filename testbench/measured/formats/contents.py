@@ -5,7 +5,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from testbench.measured.quality.series import floor
+from testbench.measured.quality.series import floor, grid_step
+
+
+def on_grid(x):
+    """An axis that is a regular grid but for its print, without the print's rounding; any other as it is."""
+    grid = np.linspace(x[0], x[-1], len(x))
+    return grid if np.max(np.abs(grid - x)) <= 1.01 * grid_step(x) else x
 
 
 class Trace(NamedTuple):

@@ -10,7 +10,7 @@ import re
 import numpy as np
 
 from testbench.errors import FileError
-from testbench.measured.formats import column_map
+from testbench.measured.formats import column_map, contents
 from testbench.measured.formats.contents import Trace
 from testbench.measured.quality import backwards
 from testbench.measured.quality.sheet import AXIS, Column, Sheet
@@ -63,7 +63,7 @@ def load(path):
         x, power = x[order], power[order]
     if x[-1] == x[0] or np.all(power == power[0]):
         raise FileError(f"{path}: a column is the same in every row")
-    grid = x if kind == "ringdown" else np.linspace(x[0], x[-1], len(x))
+    grid = x if kind == "ringdown" else contents.on_grid(x)
     return Trace(str(path), header, kind, grid, power, x, said)
 
 

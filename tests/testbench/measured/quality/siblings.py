@@ -238,7 +238,8 @@ def write(sibling, path):
 
 def _write_power(s, path):
     axis = "time [s]" if s.kind == "ringdown" else "frequency [Hz]"
-    head = [f"% {k}: {v}" for k, v in ({"Sample ID": "A"} | s.head).items()] + ["%", f"% {axis}, power [dBm]"]
+    stated = {"Measurement ID": path.name, "Sample ID": "A"} | s.head
+    head = [f"% {k}: {v}" for k, v in stated.items()] + ["%", f"% {axis}, power [dBm]"]
     path.write_text(
         "\n".join(head + [f"{a!r}, {b!r}" for a, b in zip(*(v.tolist() for v in s.columns.values()))]) + "\n"
     )

@@ -73,3 +73,13 @@ def test_no_floor_is_below_the_steps_of_the_values(tmp_path):
     assert [f.kind for f in sheets.examine([path])] == ["quantised"]
     floors = [piece.floor for piece in open_problem([path], {"quality": "report"}).all_pieces]
     assert min(floors) >= 1 / np.sqrt(12)
+
+
+def test_a_spectrum_with_a_gap_keeps_its_frequencies(tmp_path):
+    whole = siblings.draw("spectrum", np.random.default_rng(3))
+    keep = np.r_[0:100, 160 : len(whole.columns["power"])]
+    cut = whole._replace(columns={name: v[keep] for name, v in whole.columns.items()})
+    path = siblings.write(cut, tmp_path / "cut.txt")
+    assert np.array_equal(readers.content(path).x, cut.columns["frequency"])
+    (found,) = sheets.examine([path])
+    assert (found.kind, found.rows) == ("gap", (101, 101))
