@@ -3,7 +3,7 @@
 any          values outside the limits of their column
 meters       readings 1000^k times their source; spread 300 times the noise or a 300th of it; kelvin for degC
 ring-down    decay 30 times faster or slower than frequency and quality of the head say, or a quality above MOST_Q
-spectrum     frequency of the head 1000^k times those of the rows; power that is positive and small: no logarithm
+spectrum     frequency of the head 1000^k times those of the rows; power that is positive and small, or spans 1000 times
 sweep        angles that never leave -pi .. pi; decibels that are all magnitudes
 rest         full scale of a 16-bit word beyond any gyroscope
 """
@@ -28,6 +28,7 @@ FAR_OFF = 30.0
 MOST_Q = 1e11
 DB = 10.0 / np.log(10.0)
 FALL_DB = 25.0
+LEAST = 1e-3  # of the largest power: positive decibels do not come so near to 0
 FULL_SCALE_DEG_S = (1.0, 1e5)  # of 2^15 counts
 
 
@@ -81,8 +82,8 @@ def decay_rate(t, p):
 
 def _not_logarithm(sheet):
     p = sheet.column("power").values
-    if np.all(p > 0) and p.max() < 1.0:
-        yield finding(sheet, "unit", "power", None, f"positive and below {p.max():.2g}: a power, not dBm")
+    if np.all(p > 0) and (p.max() < 1.0 or p.min() < LEAST * p.max()):
+        yield finding(sheet, "unit", "power", None, f"positive, {p.min():.2g} .. {p.max():.2g}: a power, not dBm")
 
 
 def _ringdown(sheet):

@@ -68,6 +68,11 @@ def test_rows_in_reverse_order_are_put_right(tmp_path):
     assert [(f.kind, f.action) for f in sheets.examine([path])] == [("reversed", "correct")]
 
 
+def test_a_power_is_no_logarithm(tmp_path):
+    path = ring(tmp_path, lambda columns: columns | {"power": 10 ** ((columns["power"] + 20) / 10)})
+    assert ("unit", "power", "refuse") in [(f.kind, f.column, f.action) for f in sheets.examine([path])]
+
+
 def test_no_floor_is_below_the_steps_of_the_values(tmp_path):
     path = ring(tmp_path, lambda columns: columns | {"power": np.round(columns["power"])})
     assert [f.kind for f in sheets.examine([path])] == ["quantised"]
