@@ -78,12 +78,18 @@ def test_a_traceback_of_the_tracer_is_a_result(tmp_path):
     assert [row.verdict for row in rows_of(run)] == ["error"]
 
 
+@pytest.fixture(scope="module")
+def tracing():
+    """The tracer, with what records share."""
+    return Tracing()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["null_flicker", "clear"])
-def test_a_whole_record_and_its_trace(tmp_path, kind):
+def test_a_whole_record_and_its_trace(tmp_path, kind, tracing):
     """The six conditions: nothing is named where the noise flickers; a damping coupling of d = 30 is in its class."""
     table = strata.read()._replace(counts={kind: 1}, inside=short().inside)
-    run = Run(table, space(), ledger.identity("development", table), tmp_path, Tracing())
+    run = Run(table, space(), ledger.identity("development", table), tmp_path, tracing)
     run.one(0)
     row = rows_of(run)[0]
     if kind == "null_flicker":
