@@ -55,7 +55,7 @@ def judged(first, count, folder):
 
 def test_a_sample_of_damages(tmp_path, monkeypatch):
     monkeypatch.delenv(registry.FOLDER, raising=False)
-    missed, flagged, _ = judged(0, 14, tmp_path)
+    missed, flagged, _ = judged(0, 7, tmp_path)
     assert len(missed) <= 1, missed
     assert flagged == []
 
