@@ -1,8 +1,9 @@
 """Features of the averaged plant at any point of wide priors, near the recorded drive frequencies.
 
     u        coordinates of the parameters, prior mean 0 and sd 1 (residual/parameters.py)
-    mean     of some draws, each from power-on; every condition is moved to its recorded drive frequency by a
-             stiffness, because slips of re-timed edges are others a few mHz away; the shift is taken out again
+    mean     of some draws of the averaged plant or the exact engine, each from power-on; every condition is moved to
+             its recorded drive frequency by a stiffness, because slips of re-timed edges are others a few mHz away;
+             the shift is taken out again
     columns  dy/du by steps with the same noise: even references; settled longer, for a step changes what the slow zeros
              of two loops have still to forget; those of held keys follow from their partners
 Source    docs/wide_priors.md
@@ -51,13 +52,13 @@ class AveragedLoop:
         """Configuration at coordinates; ConfigError outside the limits of a key."""
         return configuration.changed(self.model, self.values(u))
 
-    def _rows(self, runs):
+    def _rows(self, runs, kind=FAST):
         """(points, features) of runs, condition after condition; None for a point where one leaves its range."""
-        found, n = self.bench.run(runs, FAST, lenient=True), len(self.conditions)
+        found, n = self.bench.run(runs, kind, lenient=kind == FAST), len(self.conditions)
         parts = [found[i : i + n] for i in range(0, len(found), n)]
         return [None if any(v is None for v in rows) else np.concatenate(rows) for rows in parts]
 
-    def _draws(self, cfg, moved_hz, count):
+    def _draws(self, cfg, moved_hz, count, kind=FAST):
         per_hz = 8 * np.pi**2 * cfg.plant.mass_kg * cfg.plant.fx_hz
 
         def run(k, draw):
@@ -65,18 +66,18 @@ class AveragedLoop:
             told = Model(cfg, (f"force_x = {-per_hz * hz!r} x",))
             return Run(told, self.conditions[k], SEED + 10_000 * k + draw, None, int(LATER[draw]))
 
-        rows = self._rows([run(k, d) for d in range(count) for k in range(len(self.conditions))])
+        rows = self._rows([run(k, d) for d in range(count) for k in range(len(self.conditions))], kind)
         if any(v is None for v in rows):
             raise ConfigError("wide priors: the averaged plant leaves its range")
         jitter = np.mean([jitter_hz(d) for d in range(count)])
         return np.array(rows) - self._word * (np.asarray(moved_hz)[self.condition] + jitter)
 
-    def mean(self, u, count):
-        """(mean, sd) of draws at a point; None where the board does not lock or a key is out of its limits."""
+    def mean(self, u, count, kind=FAST):
+        """(mean, sd) of draws of an engine at a point; None without lock or out of limits."""
         try:
             cfg = self.config(u)
             one = self._draws(cfg, np.zeros(len(self.conditions)), 1)[0]
-            rows = self._draws(cfg, (self.features - one)[self._ends], count)
+            rows = self._draws(cfg, (self.features - one)[self._ends], count, kind)
         except (ConfigError, ValueError):
             return None
         return rows.mean(axis=0), rows.std(axis=0, ddof=1)

@@ -5,7 +5,7 @@
     quadrature  V_q^2 over temperatures                       coupling stiffness
     rate        force, sense codes and V_q^2 behind a step    scale factor, f_y, Q_y, damping coupling, sense phase
     all         every observable but the one of slips         every parameter
-    slips       every observable, draws with slips of edges   every parameter
+    slips       every observable, draws of the exact engine   every parameter
 Each stage minimises |w z|^2 + |u|^2 by bounded Gauss-Newton with the averaged plant; z in sigmas, w caps the rms of an
 observable at CAP sigmas, so that one that is far off does not silence the others.
 Source    docs/wide_priors.md
@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from testbench.errors import ConfigError
-from testbench.measured.closed_loop.loop_runs import NAMES
+from testbench.measured.closed_loop.loop_runs import EXACT, NAMES
 from testbench.measured.closed_loop.loop_tangents import SETTLE_S
 from testbench.measured.wide.averaged_loop import AveragedLoop
 
@@ -29,7 +29,6 @@ NEAR, FAR, SHORT = (
     100.0,
     0.02,
 )  # a step of fewer sigmas, or of this share of the residual, is not worth another
-HUBER, MEDIAN = 3.0, 0.674  # sigmas; of a normal deviate's size
 SHRUNK = 0.3
 
 
@@ -54,7 +53,7 @@ STAGES = (
     Stage("quadrature", ("v_q2",), tuple(QUADRATURE.split()), 1),
     Stage("rate", ("force", "adc_yI", "adc_yQ", "v_q2"), tuple(RATE.split()), 2),
     Stage("all", tuple(name for name in NAMES if name != "adc_xI"), (), 2),
-    Stage("slips", NAMES, (), 5),
+    Stage("slips", NAMES, (), 4),
 )
 
 
@@ -101,9 +100,6 @@ class Work:
         for name in observables:
             rows = self.loop.observable == name
             w[rows] = 1 / max(1.0, np.sqrt(np.mean(z[rows] ** 2)) / CAP)
-        # Huber's weights: slips of edges are rarer and larger than a few draws can tell
-        size = np.abs(z * w)
-        w *= np.sqrt(np.minimum(1.0, HUBER * max(1.0, np.median(size[w > 0]) / MEDIAN) / np.maximum(size, 1e-9)))
         j = columns[:, which] / self.sigma[:, None] * w[:, None]
         return np.concatenate([j, np.eye(len(which))]), np.concatenate([z * w, -self.u[which]])
 
@@ -113,13 +109,13 @@ class Work:
         return float(np.sqrt(np.mean(z[np.isin(self.loop.observable, observables)] ** 2)))
 
     def predicted(self, which, last, known):
-        """(features, columns) at the point; in the last stage features of draws with slips, and `known` columns."""
+        """(features, columns) at the point; in the last stage features of the exact engine, and `known` columns."""
         if last and known is None:
             found = self.loop.columns(self.u, which, self.sigma, SETTLE_S)
             known = found and found[1]
         if not last:
             return self.loop.columns(self.u, which, self.sigma)
-        mean = self.loop.mean(self.u, DRAWS)
+        mean = self.loop.mean(self.u, DRAWS, EXACT)
         return None if mean is None or known is None else (mean[0], known)
 
     def stage(self, stage):
@@ -160,7 +156,7 @@ def estimate(measured, model, parameters, bench, progress=None):
     ends = [work.stage(stage) for stage in STAGES]
     found = tuple(p._replace(start=p.value(float(x))) for p, x in zip(parameters, work.u))
     walls = tuple(p.key for p, x in zip(parameters, work.u) if abs(x) > WALL - 1e-6)
-    end = loop.mean(work.u, DRAWS)
+    end = loop.mean(work.u, DRAWS, EXACT)
     if end is None:
         raise ConfigError(
             "wide priors: the stages end at a board that does not lock under the conditions of the record"

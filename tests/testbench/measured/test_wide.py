@@ -119,7 +119,7 @@ class _Loop:
     def residual(self, predicted):
         return self.features - predicted
 
-    def mean(self, u, count):
+    def mean(self, u, count, kind=None):
         return self._at(self.values(u)), np.array([1e-6] * 4 + [1e-3] * 4 + [1e-6] * 4)
 
     def columns(self, u, which, sigma, more_s=0.0):
