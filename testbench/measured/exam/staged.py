@@ -5,7 +5,8 @@
     supported    chi2 of the held-out groups falls by at least 9, coefficient from the fitted groups; a law that blames
                  instrument or preparation must make no observable certainly worse (95 % interval) by 2 %
     rivals       laws of cosine above 0.95 whose evidence is within a factor 20: with one, the law is "confounded"
-    never worse  a law goes that makes the held-out error of an observable larger than it was without any law
+    never worse  a law goes that makes the held-out error of an observable larger than it was without any law; where
+                 no law changes what is predicted of an observable, its error is the one before
 A law of many coefficients (`Family`) is one law in all of this. Where fitted and held-out data are of one file, the
 verdict is "candidate" at most. The first and the last step is a whole trace: whether anything is missing, and what is
 left. A law that is not supported is listed and not tried again; one that the later laws have made superfluous goes in
@@ -261,15 +262,29 @@ def _effect(problem, law, r, fit, sd):
     )
 
 
+def _acted(problem, kept, fit):
+    """Observables whose prediction changes when the coefficients of some laws are halved."""
+    now, theta = fit.model.problem, np.array(fit.point.theta, float)
+    own = [m for r in kept for m in _coefficients(problem, r.law)]
+    half = np.where([n.name in own for n in now.nuisances], 0.5, 1.0)
+    which = list(range(len(now.segments)))
+    whole, other = now.predict([(theta, {}), (theta * half, {})], which)
+    seen = [(o, whole[k], other[k]) for k in which for o in now.segments[k].observables]
+    return {o.name for o, a, b in seen if np.any(a[o.rows] != b[o.rows])}
+
+
 def summary(problem, first, rounds, last, fit, superseded=()):
     """JSON of all together: the keys of a trace, with one entry per law that was kept. fit: with them, or None."""
     kept, data = [r for r in rounds if r.kept], {}
     laws = {name: law for r in rounds for name, law in absorb(problem, _before(rounds, r)).known().items()}
     sd = intervals.stated_sd(fit) if kept else None
+    by_group = problem.heldout_by != "observable"
+    acted = set(first.heldout) if by_group or not kept else _acted(problem, kept, fit)
     effects = [_effect(problem, laws[r.law], r, fit, sd) for r in kept]
     for key, row in first.heldout.items():
         end = last.heldout.get(key, row) if kept else row
         one = kept[0].heldout.get(key, (row["before"],) * 2)[1] if kept else row["before"]
+        end, one = (end, one) if key in acted or not kept else (row, row["before"])
         data[key] = {k: row[k] for k in ("unit", "floor", "before", "before_ci")}
         data[key] |= {"after_one_law": one, "after": end["before"], "after_ci": end["before_ci"]}
     left = last.verdict not in NOTHING

@@ -6,7 +6,8 @@
     law         one, of all coefficients that a segmented converter has (`members`); the number of segments is found
 
 Noise    of a session: white from its own scatter, slow from the differences between sessions (local size, exponential
-         correlation over the code). One session alone: its own white scatter, and no more is said
+         correlation over the code). One session alone: its own white scatter, and no more is said.
+         Never below step / sqrt(12) of the print
 Roles    the first sessions choose, the others judge
 Source   docs/measured_parts.md
 """
@@ -24,6 +25,7 @@ from testbench.errors import ConfigError
 from testbench.measured.formats import levels_mat
 from testbench.measured.models.linear import Dense, Diagonal, LinearProblem, Stretch
 from testbench.measured.models.part_problem import Family
+from testbench.measured.quality import series
 from testbench.tracing.problem.problem import Law, Nuisance, Observable, Segment
 
 BLOCKS = 1024
@@ -37,11 +39,12 @@ ALTERNATE = 8  # blocks that change roles together where there is one session
 
 
 class Session(NamedTuple):
-    """Errors (LSB) of all levels about the session's own straight line."""
+    """Errors (LSB) of all levels about the session's own straight line, and the noise (rms) of their print."""
 
     name: str
     error_lsb: np.ndarray
     lsb_v: float
+    print_lsb: float = 0.0
 
 
 def straight(v):
@@ -136,6 +139,11 @@ def white_sd(error):
     return float(np.sqrt(np.mean(table**2) * size / (size - 1)))
 
 
+def feature_sd(session, size):
+    """White noise of means of `size` levels, never below the print's: neighbouring levels may share its error."""
+    return max(white_sd(session.error_lsb) / np.sqrt(size), session.print_lsb)
+
+
 def slow_covariance(differences):
     """Covariance of the slow part of one session from differences of two (block means, LSB): local sd, one length.
 
@@ -164,7 +172,7 @@ def noises(sessions, bits):
     size = block_codes(bits)
     means = [features(s.error_lsb) for s in sessions]
     slow = slow_covariance([a - b for a, b in pairwise(means)])
-    return [Dense(slow + np.eye(len(slow)) * white_sd(s.error_lsb) ** 2 / size) for s in sessions]
+    return [Dense(slow + np.eye(len(slow)) * feature_sd(s, size) ** 2) for s in sessions]
 
 
 class Levels(LinearProblem, adds="bits"):
@@ -193,7 +201,7 @@ def problem(sessions, bits, name="levels of a DAC", hashes=None, fit=None):
     if len(sessions) == 1:
         # drift cannot be told from the levels: stretches of blocks take turns at choosing and judging
         turn = (np.arange(blocks) // ALTERNATE) % 2
-        noise, stretches = Diagonal(np.full(blocks // 2, white_sd(sessions[0].error_lsb) / np.sqrt(size))), []
+        noise, stretches = Diagonal(np.full(blocks // 2, feature_sd(sessions[0], size))), []
         for role, k in (("fit", 0), ("validate", 1)):
             seen = (Observable("level", "LSB", slice(0, blocks // 2)),)
             segment = Segment(f"{sessions[0].name} {role}", {}, role, 0, role, seen)
@@ -227,7 +235,7 @@ def sessions_of(files):
         found = []
         for number, f in enumerate(files, 1):
             rest, _, slope = straight(f.channels[c])
-            found.append(Session(f"session {number}", rest / slope, slope))
+            found.append(Session(f"session {number}", rest / slope, slope, series.floor(f.channels[c]) / abs(slope)))
         out[c] = found
     # the channel of the largest swing first: a small one shows the voltmeter, not the DAC
     return dict(sorted(out.items(), key=lambda item: -abs(item[1][0].lsb_v)))

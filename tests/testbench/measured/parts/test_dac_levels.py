@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.io import loadmat, savemat
 
 from analog_frontend import dac_levels as kernel
 from testbench.measured.exam.staged import add_in_stages
@@ -120,3 +121,18 @@ def test_the_session_that_chooses_can_be_said(tmp_path):
     problem = open_problem(sessions(tmp_path, 5), {"fit": "2"})
     assert [s.role for s in problem.segments] == ["validate", "fit"]
     assert dac_levels.jobs(sessions(tmp_path, 5))[0][2]["fit"] == "2"
+
+
+@pytest.mark.parametrize("count", [1, 2])
+@pytest.mark.parametrize("printed_lsb", [0.25, 0.7])
+def test_the_floor_of_levels_is_never_below_their_print(tmp_path, count, printed_lsb):
+    """20 V of 13 bits: means of eight levels would average a print that they share."""
+    paths, step_v = [], printed_lsb * 20 / (1 << 13)
+    for k in range(count):
+        path = made.levels(tmp_path / f"{k}.mat", np.random.default_rng(k), bits=13, noise_lsb=0.3, drift_lsb=0.01)
+        savemat(path, {"A": np.round(loadmat(path)["A"] / step_v) * step_v})
+        paths.append(path)
+    problem = open_problem(paths, {})
+    floors = [problem.floor(k)["level"] for k in range(len(problem.segments))]
+    assert min(floors) >= printed_lsb / np.sqrt(12) * (1 - 1e-3)  # the slope of the line is not exactly 1 LSB
+    assert max(floors) < 3 * printed_lsb

@@ -21,6 +21,8 @@ def test_a_vibration_is_found_on_its_axis(tmp_path):
     row = found["heldout"]["spectrum y"]
     assert row["after"] < 1.2 * row["floor"]
     assert row["before"] > 1.5 * row["floor"]
+    other = found["heldout"]["spectrum x"]
+    assert other["after"] == other["after_one_law"] == other["before"], "no law acts on x"
 
 
 def test_a_broad_hump_is_not_the_vibration_that_was_tried(tmp_path):
