@@ -24,6 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solve_triangular
+from scipy.optimize import lsq_linear
 
 from testbench import config as configuration
 from testbench.config import law_file
@@ -33,6 +34,7 @@ from testbench.measured.closed_loop.loop_noise import LATER, NOISE_DRAWS, gain_o
 from testbench.measured.closed_loop.loop_runs import EXACT, FAST, Model, Run
 from testbench.measured.closed_loop.loop_tangents import Tangents
 from testbench.measured.residual import features
+from testbench.measured.residual.parameters import WALL
 from testbench.tracing.noise import findings
 from testbench.tracing.problem.problem import Nuisance, Observable, PredictionFailed, Problem, Segment
 
@@ -60,7 +62,7 @@ class Kept:
         self.densities = {}
 
 
-class Anchored(Problem, adds="anchor distance check at draws unidentifiable"):
+class Anchored(Problem, adds="anchor distance check beyond at draws unidentifiable"):
     """A problem that is linear about an anchor, which the exact engine has computed with some `draws`."""
 
     def anchor(self, theta, effects):
@@ -80,6 +82,10 @@ class Anchored(Problem, adds="anchor distance check at draws unidentifiable"):
         Its own noise, known from the draws, is taken out: the fit knows of it as `prediction_noise`.
         """
         raise NotImplementedError
+
+    def beyond(self, theta):
+        """Nuisances of a fitted point outside their wide priors, where the model stays at the edge; "" if none."""
+        return ""
 
     def unidentifiable(self, fit):
         """Lines on what no record shows of the nuisances, with what it shows instead."""
@@ -314,7 +320,8 @@ class LoopProblem(Anchored, adds=MEMBERS):
     # ---- the linear model ----
 
     def anchor(self, theta, effects):
-        at = np.array(theta, float), {name: float(v) for name, v in effects.items() if v}
+        theta = [p.within(float(t)) for p, t in zip(self.parameters, theta)]
+        at = np.array(theta), {name: float(v) for name, v in effects.items() if v}
         found, self.at = self.exact(*at), at
         self.base, self._rest = {g: v for g, (v, _) in found.items()}, {g: rows for g, (_, rows) in found.items()}
         left = [self.whiten(self._rows[g], rows.T).var(axis=1, ddof=1).mean() for g, rows in self._rest.items()]
@@ -362,7 +369,11 @@ class LoopProblem(Anchored, adds=MEMBERS):
             j = self._fitted(self.tangent) * sd
             r = self._fitted({g: values.mean(axis=0) - self.base[g] for g, values in self.recorded.values.items()})
             behind = (np.array([n.value for n in self.nuisances]) - self.at[0]) / sd
-            u = np.linalg.lstsq(np.concatenate([j, np.eye(len(sd))]), np.concatenate([r, behind]), rcond=None)[0]
+            # wide priors: no board is beyond WALL sds, whatever the tangents say
+            walls = WALL if self.starts else np.inf
+            bounds = np.minimum(behind - walls, -1e-9), np.maximum(behind + walls, 1e-9)
+            a, b = np.concatenate([j, np.eye(len(sd))]), np.concatenate([r, behind])
+            u = lsq_linear(a, b, bounds=bounds).x
             if np.linalg.norm(j @ u) < SETTLED:
                 return
             self.anchor(self.at[0] + sd * u, {})
@@ -383,6 +394,10 @@ class LoopProblem(Anchored, adds=MEMBERS):
         keys, n = [p.key for p in self.parameters], len(self.parameters)
         values = [p.at(t) for p, t in zip(self.parameters, fit.point.theta)]
         return loop_symmetries.lines(keys, values, fit.covariance[:n, :n]) if self.starts else ()
+
+    def beyond(self, theta):
+        keys = ", ".join(p.key for p, t in zip(self.parameters, theta) if p.within(t) != t)
+        return f"{keys}: the linear fit ends beyond {WALL:g} sd of the prior" if keys else ""
 
     def distance(self, theta, effects):
         change = {

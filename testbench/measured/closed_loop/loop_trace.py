@@ -48,8 +48,12 @@ def run(problem, options=None, progress=None, checkpoint=None):
             continue
         try:
             certificate = _certified(problem, theta, effects)
-            certificate["holds"] = certificate["sigma"] < LIMIT
-            if certificate["holds"] or round_ == ROUNDS - 1:
+            near = certificate["sigma"] < LIMIT
+            if near and problem.beyond(theta):
+                # effects agree there, but the nuisances are those of no board
+                certificate["failed"] = problem.beyond(theta)
+            certificate["holds"] = near and "failed" not in certificate
+            if near or round_ == ROUNDS - 1:
                 break
             if round_ > 1:
                 # near the point already: what is left is mostly the noise of the draws

@@ -14,6 +14,7 @@ from testbench.errors import ConfigError
 from testbench.measured.record.schema import rows
 
 LOGARITHMIC = ("qx", "qy", "k_vf_drive_n_per_v", "k_vf_sense_n_per_v", "dcdx_f_per_m", "dcdy_f_per_m", "mass_kg")
+WALL = 2.5  # sds of a wide prior: no board is farther from its sheet
 LIMITS = {f"plant.{field.name}": field for field in device.FIELDS}
 
 
@@ -40,11 +41,20 @@ class Parameter(NamedTuple):
             return self.mean, self.scale
         return self.first * (1 - math.log(self.first / self.mean)), self.scale * self.first
 
-    def at(self, theta):
-        """The parameter at a coordinate of the linear model: itself, or first (1 + log(x / first)), never below 0."""
-        if self.start is None or not self.logarithmic:
+    def within(self, theta):
+        """The coordinate of the linear model within WALL sds of a wide prior."""
+        if self.start is None:
             return theta
-        return self.first * math.exp((theta - self.first) / self.first)
+        mean, sd = self.normal()
+        return min(max(theta, mean - WALL * sd), mean + WALL * sd)
+
+    def at(self, theta):
+        """The parameter at a coordinate of the linear model: itself, or first (1 + log(x / first)), `within`."""
+        if self.start is None:
+            return theta
+        theta = self.within(theta)
+        value = self.first * math.exp((theta - self.first) / self.first) if self.logarithmic else theta
+        return min(max(value, self.lo), self.hi)
 
     def value(self, u):
         """The parameter at a coordinate."""

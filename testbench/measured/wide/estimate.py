@@ -19,10 +19,10 @@ from scipy.optimize import lsq_linear
 from testbench.errors import ConfigError
 from testbench.measured.closed_loop.loop_runs import EXACT, NAMES
 from testbench.measured.closed_loop.loop_tangents import SETTLE_S
+from testbench.measured.residual.parameters import WALL
 from testbench.measured.wide.averaged_loop import AveragedLoop
 
 CAP = 300.0
-WALL = 2.5  # prior sds: no board is farther from its sheet
 NOISE, DRAWS = 8, 4  # of the averaged plant: for its noise, for a prediction of the last stage
 NEAR, FAR, SHORT = (
     3.0,

@@ -9,12 +9,12 @@ from testbench.tracing.problem.problem import PredictionFailed
 from testbench.tracing.problem.result import Result
 
 
-class _Loop(Anchored, adds="wall error anchored checked"):
+class _Loop(Anchored, adds="wall error anchored checked edge"):
     """A closed loop on one axis: the engine fails above `wall`, its check at a place says `error`."""
 
     def __init__(self, wall=9.0, error=0.0):
         self.wall, self.error, self.at, self.draws = wall, error, (0.0, {}), 5
-        self.anchored, self.checked, self.numerical_certificate = [], 0, None
+        self.anchored, self.checked, self.numerical_certificate, self.edge = [], 0, None, 1e9
 
     def anchor(self, theta, effects):
         if theta > self.wall:
@@ -24,6 +24,9 @@ class _Loop(Anchored, adds="wall error anchored checked"):
 
     def distance(self, theta, effects):
         return {"sigma": abs(theta - self.at[0])}
+
+    def beyond(self, theta):
+        return "plant.qy: beyond" if theta > self.edge else ""
 
     def check(self, theta, effects):
         if theta > self.wall:
@@ -88,3 +91,13 @@ def test_what_the_engine_does_not_bear_out_is_not_named(monkeypatch):
     result = _trace(monkeypatch, problem, [3.0, 12.0, 12.0])
     assert result.verdict == "unexplained"
     assert result.certificates["numerical"] == {"failed": "beyond the wall", "holds": False}
+
+
+def test_a_fit_that_ends_outside_a_wide_prior_names_nothing_although_its_effects_agree(monkeypatch):
+    problem = _Loop()
+    problem.edge = 3.1
+    result = _trace(monkeypatch, problem, [3.0, 3.2, 3.2])
+    assert (result.verdict, result.certificates["numerical"]["holds"]) == ("unexplained", False)
+    assert result.certificates["numerical"]["failed"] == "plant.qy: beyond"
+    problem.edge = 3.3
+    assert _trace(monkeypatch, problem, [3.0, 3.2]).certificates["numerical"]["holds"]

@@ -65,10 +65,23 @@ def test_the_tangent_prior_pulls_as_the_logarithmic_one_does():
 def test_the_coordinate_of_the_linear_model_has_the_logarithmic_prior_and_no_negative_value():
     p = Parameter("plant.qx", "1", 2e5, 0.7, True, 0.0, 1e9, 3.1e5)
     mean, sd = p.normal()
-    for theta in (-4e5, 1e5, 3.1e5, 5e5):
+    for theta in (-3e5, 1e5, 3.1e5, 5e5):
         assert p.at(theta) > 0
         assert p.coordinate(p.at(theta)) == pytest.approx((theta - mean) / sd)
     assert p._replace(start=None).at(-1.0) == -1.0
+
+
+@pytest.mark.parametrize("logarithmic", [True, False])
+def test_the_linear_model_ends_at_two_and_a_half_sds_of_a_wide_prior_and_at_the_limits_of_the_key(logarithmic):
+    p = Parameter("plant.qx", "1", 2e5, 0.7 if logarithmic else 4e4, logarithmic, 100.0, 1e8, 2.1e5)
+    mean, sd = p.normal()
+    for side in (-1, 1):
+        edge = mean + side * 2.5 * sd
+        assert p.within(mean + side * 2.4 * sd) == mean + side * 2.4 * sd
+        assert p.within(mean + side * 1e6 * sd) == pytest.approx(edge)
+        assert p.coordinate(p.at(mean + side * 1e6 * sd)) == pytest.approx(side * 2.5)
+    assert p._replace(lo=1.9e5, hi=2.5e5).at(-1e9) == 1.9e5
+    assert p._replace(lo=1.9e5, hi=2.5e5).at(1e9) == 2.5e5
 
 
 CONDITION = Condition("one", 5.0, 100.0, -50.0, 40.0, 15.0, settle_s=1.5, seconds=0.3, role="fit")
