@@ -11,7 +11,8 @@ from types import CodeType, FunctionType, ModuleType
 
 import numpy as np
 
-LIBRARIES = sys.stdlib_module_names | {"numpy", "numba", "llvmlite"}  # not looked into: their versions are in the key
+# not looked into: versions of the first are in the key; an assert that pytest rewrites names the last
+LIBRARIES = sys.stdlib_module_names | {"numpy", "numba", "llvmlite", "_pytest"}
 _codes, _read, _compiled = {}, {}, {}
 
 

@@ -22,7 +22,7 @@ def test_every_stream_rule_and_command_is_on_the_page():
     for number in range(1, 21):
         assert f"| R{number:02d} |" in PAGE
     for command in cli.app.registered_commands:
-        assert f"gyro measured {command.callback.__name__} " in PAGE
+        assert f"gyro measured {command.name or command.callback.__name__} " in PAGE
     for name in (*schema.TABLES, *schema.OPTIONAL_TABLES):
         assert f"`{name}`" in PAGE, name
 
