@@ -136,7 +136,9 @@ def test_required_streams_alone_are_checked_and_what_tracing_lacks_is_named(smal
     for name in meanings.OPTIONAL:
         record.streams.pop(name, None)
     assert checks.check(record) == []
-    line = "/streams/[a-z_]*word: expected a stream with one row a frame, found none; the observable [a-z_]* is made of it"
+    line = (
+        "/streams/[a-z_]*word: expected a stream with one row a frame, found none; the observable [a-z_]* is made of it"
+    )
     with pytest.raises(ConfigError, match=line):
         loop_record.measured_features(record, "a", {})
     with pytest.raises(ConfigError, match=line):
