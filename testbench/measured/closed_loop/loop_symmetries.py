@@ -55,6 +55,8 @@ DELAY = Symmetry(
     "a phase counter between a reference pin and a force electrode (/counter/Vxm_vs_sgnsin)",
 )
 SYMMETRIES = (MOTION, DELAY)
+# their product moves the data 1000 times as much as a change that keeps it: that one needs a step of its own
+FACTORS = ("plant.qx", "plant.k_vf_drive_n_per_v")
 # never fitted: it scales with every force, and with nothing else
 MASS = "mass_kg: only force and stiffness per mass are seen (k_vf / mass, k_xy / mass, k_q / mass)"
 MASS_EXPERIMENT = "a known force or added mass"

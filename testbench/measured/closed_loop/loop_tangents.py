@@ -6,6 +6,7 @@
              leave of a law. So references leave at any clock here, later by what an edge waits for the 1 MHz grid
     smooth   the drive's codes are not rounded: what a law does to the amplitude word would depend on the step
     held     the drive frequency is that of the base run; what its change does is put back by `slope`, 1 Hz per Hz
+    factors  of wide priors (loop_symmetries.py): the first is stepped with their product held
     laws     that are products of states at ports come from the responses of a few runs (loop_responses.py)
 Source    docs/measured.md
 """
@@ -14,11 +15,12 @@ import numpy as np
 
 from testbench.measured.closed_loop.loop_even import AIM, HELD_HZ, even
 from testbench.measured.closed_loop.loop_responses import Responses, covers
-from testbench.measured.closed_loop.loop_symmetries import tied
+from testbench.measured.closed_loop.loop_symmetries import FACTORS, tied
 from testbench.tracing.problem.problem import PredictionFailed
 
 NEAR = 2.5  # how far off AIM a step may be
 SETTLE_S = 3.0  # longer settling of steps in wide priors: two loops have zeros at 0.6 Hz
+WIDER = 5.0  # times AIM, of steps in wide priors: products of them hide smaller changes
 SEEN = 10.0  # sigmas of all features together, that a law's largest step must move
 LARGEST_SCALES = 1e4  # of a law of the grammar
 
@@ -39,8 +41,9 @@ class Tangents:
         at_ports = {name: c.at_ports(of.model.device()) for name, c in of.candidates.items()}
         self._at_ports = {name: laws for name, laws in at_ports.items() if covers(laws)}
         # of wide priors alone: a direction that no data see must not be fixed by the errors of steps
-        self._wide, self._more_s = bool(of.starts), 0.0
+        self._wide, self._more_s, self._aim = bool(of.starts), 0.0, AIM
         self._tied = tied(self.nuisances) if self._wide else {}
+        self._factors = FACTORS if self._wide and set(FACTORS) <= set(self.nuisances) else ()
         for role in {c.role for c in of.conditions.values()}:
             self.kept[self._where, role, "plant.fx_hz"] = {c.id: of.slope[c.id] for c in self._of(role)}
 
@@ -97,7 +100,8 @@ class Tangents:
         missing = [n for n in names if n not in self._tied and (self._where, role, n) not in self.kept]
         if not missing:
             return
-        self._more_s = SETTLE_S if self._wide and set(missing) <= set(self.nuisances) else 0.0
+        wide = self._wide and set(missing) <= set(self.nuisances)
+        self._more_s, self._aim = (SETTLE_S, WIDER * AIM) if wide else (0.0, AIM)
         base = self._many([(of.first, {})], self._of(role))[0]
         steps = {name: self.steps.get(name, self._first_step(name)) for name in missing}
         zero, nan = ({g: np.full(len(v), fill) for g, v in base.items()} for fill in (0.0, np.nan))
@@ -120,7 +124,7 @@ class Tangents:
                 if size < SEEN and name in of.candidates:
                     # what the largest step hardly moves is noise, and no law that these data see
                     columns[name] = zero
-                if not AIM / NEAR <= size <= AIM * NEAR and self._aimed(name, steps, size):
+                if not self._aim / NEAR <= size <= self._aim * NEAR and self._aimed(name, steps, size):
                     again.append(name)
             todo = again
         # to both sides where both are allowed: what is of second order in a law falls out
@@ -128,6 +132,9 @@ class Tangents:
         for name, moved in zip(both, self._held([self._stepped(n, -steps[n]) for n in both], base)):
             if moved is not None:
                 columns[name] = {g: (v - moved[g] / steps[name]) / 2 for g, v in columns[name].items()}
+        if self._factors and self._factors[0] in columns:
+            first, second = self._factors
+            columns[first] = {g: v + self._share() * columns.get(second, nan)[g] for g, v in columns[first].items()}
         for name in missing:
             self.steps.setdefault(name, 0.0 if columns.get(name) is zero else steps[name])
             self.kept[self._where, role, name] = columns.get(name, nan)
@@ -152,7 +159,7 @@ class Tangents:
 
     def _aimed(self, name, steps, size):
         """True if a step that moves `size` sigmas could be changed so that it moves AIM. Mutates `steps`."""
-        factor = np.clip(AIM / max(size, 1e-3), 1e-3, 100.0)
+        factor = np.clip(self._aim / max(size, 1e-3), 1e-3, 100.0)
         if factor * abs(steps[name]) > self.largest(name):
             return False
         steps[name] *= factor
@@ -181,7 +188,14 @@ class Tangents:
             effects[name] = step
         else:
             theta[self.nuisances.index(name)] += step
+        if name in self._factors[:1]:
+            theta[self.nuisances.index(self._factors[1])] -= self._share() * step
         return theta, effects
+
+    def _share(self):
+        """Change of the second of two factors, per unit of the first, that keeps their product."""
+        first, second = (self.of.first[self.nuisances.index(name)] for name in self._factors)
+        return second / first
 
     def _held(self, points, base):
         """Changes {group: values} from `base` to points, None where the averaged plant fails.

@@ -17,7 +17,7 @@ from testbench.measured.closed_loop import loop_runs
 from testbench.measured.closed_loop.loop_even import even
 from testbench.measured.closed_loop.loop_noise import JITTER_HZ, LATER, jitter_hz
 from testbench.measured.closed_loop.loop_runs import FAST, NAMES, Model, Run
-from testbench.measured.closed_loop.loop_symmetries import tied
+from testbench.measured.closed_loop.loop_symmetries import FACTORS, tied
 
 SEED = 2 * 10**12  # that no recording and no draw of the linear model has
 AIM = 300.0  # sigmas by which a step moves all features
@@ -43,6 +43,9 @@ class AveragedLoop:
         self._ends = np.array(ends)
         self._tied = tied([p.key for p in self.parameters])
         self._steps = np.full(len(self.parameters), FIRST_STEP)
+        keys = [p.key for p in self.parameters]
+        self._factors = tuple(keys.index(key) for key in FACTORS) if set(FACTORS) <= set(keys) else ()
+        self._steps[list(self._factors[:1])] = STEPS[1]
 
     def values(self, u):
         """{key: value} at coordinates."""
@@ -105,9 +108,19 @@ class AveragedLoop:
         """
         keys = [p.key for p in self.parameters]
         wanted = [k for k in which if keys[k] not in self._tied]
+        # two factors that are both asked for: the first is stepped with their product held
+        held = self._factors if set(self._factors) <= set(wanted) else ()
+        share = self.parameters[held[0]].scale / self.parameters[held[1]].scale if held else 0.0
+
+        def stepped(k):
+            direction = (np.arange(len(u)) == k).astype(float)
+            if k in held[:1]:
+                direction[held[1]] = -share
+            return u + self._steps[k] * direction
+
         try:
             start = self.config(u)
-            points = [start, *(self.config(u + self._steps[k] * (np.arange(len(u)) == k)) for k in wanted)]
+            points = [start, *(self.config(stepped(k)) for k in wanted)]
             rows = self._rows(
                 [
                     Run(Model(even(cfg)), c._replace(settle_s=c.settle_s + more_s), SEED + 10_000 * i, start, 0, True)
@@ -124,6 +137,8 @@ class AveragedLoop:
         for k, row in zip(wanted, moved):
             out[:, k] = (row - base) / self._steps[k]
             self._steps[k] = np.clip(AIM / max(np.linalg.norm(out[:, k] / sigma), 1e-9), *STEPS)
+        if held:
+            out[:, held[0]] += share * out[:, held[1]]
         return base, self.tie(out, u)
 
     def tie(self, columns, u):

@@ -53,7 +53,7 @@ STAGES = (
     Stage("quadrature", ("v_q2",), tuple(QUADRATURE.split()), 1),
     Stage("rate", ("force", "adc_yI", "adc_yQ", "v_q2"), tuple(RATE.split()), 2),
     Stage("all", tuple(name for name in NAMES if name != "adc_xI"), (), 2),
-    Stage("slips", NAMES, (), 4),
+    Stage("slips", NAMES, (), 8),
 )
 
 
