@@ -5,7 +5,8 @@
              its recorded drive frequency by a stiffness, because slips of re-timed edges are others a few mHz away;
              the shift is taken out again
     columns  dy/du by steps with the same noise: even references; settled longer, for a step changes what the slow zeros
-             of two loops have still to forget; those of held keys follow from their partners
+             of two loops have still to forget; those of held keys follow from their partners; the first of two factors
+             is stepped with their product held (closed_loop/loop_symmetries.py)
 Source    docs/wide_priors.md
 """
 

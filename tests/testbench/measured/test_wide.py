@@ -7,13 +7,14 @@ import pytest
 
 from testbench import config as configuration
 from testbench.errors import ConfigError
-from testbench.measured.closed_loop import loop_runs
+from testbench.measured.closed_loop import loop_problem, loop_runs
 from testbench.measured.closed_loop.loop_even import even
 from testbench.measured.closed_loop.loop_runs import FAST, Model, Run
 from testbench.measured.closed_loop.loop_symmetries import SYMMETRIES, lines, tied
 from testbench.measured.record.plan import Condition
 from testbench.measured.residual.parameters import Parameter
 from testbench.measured.wide import estimate, sheet
+from testbench.measured.wide.averaged_loop import AveragedLoop
 
 
 def test_the_sheet_has_the_tolerances_of_a_data_sheet_about_the_configured_board():
@@ -109,6 +110,29 @@ def test_a_symmetry_leaves_all_features_and_a_part_of_it_does_not(symmetry):
     for name in ("v_q2", "adc_yQ"):
         both, one = changes[:, loop_runs.NAMES.index(name)]
         assert both < 0.02 * one
+
+
+def test_the_columns_of_q_and_drive_force_hold_where_their_product_is_kept():
+    """Against a finite difference of 3 % along that change, 50 times smaller than either factor's own."""
+    model, condition = configuration.Config(), CONDITION._replace(rate_dps=-240.0, from_dps=0.0)
+    keys = ("plant.qx", "plant.k_vf_drive_n_per_v")
+    wanted = tuple(p for p in sheet.parameters(model, sheet.read(sheet.OWN)) if p.key in keys)
+    order, slow = [keys.index(p.key) for p in wanted], condition._replace(settle_s=4.5)
+
+    def features(share):
+        changed = {"plant.qx": model.plant.qx * share}
+        changed["plant.k_vf_drive_n_per_v"] = model.plant.k_vf_drive_n_per_v / share
+        run = Run(Model(even(configuration.changed(model, changed))), slow, 3, model, 0, True)
+        return loop_runs.Bench(1).run([run], FAST)[0]
+
+    rows = np.array([features(math.exp(-0.03)), features(1.0), features(math.exp(0.03))])
+    measured = loop_problem.Measured("x", (condition,), {condition.id: rows[1:2]}, {})
+    loop = AveragedLoop(measured, model, wanted, loop_runs.Bench(1))
+    sigma = loop.sigma(loop.mean(np.zeros(2), 8)[1])
+    _, columns = loop.columns(np.zeros(2), [0, 1], sigma, 3.0)
+    change = np.array([(0.03, -0.03)[k] for k in order]) / [p.scale for p in wanted]
+    told, seen = columns @ change / sigma, (rows[2] - rows[0]) / 2 / sigma
+    assert np.linalg.norm(told - seen) < 0.1 * np.linalg.norm(seen)
 
 
 class _Loop:
