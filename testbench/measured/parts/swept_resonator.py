@@ -4,6 +4,7 @@
     swept: the source stays 1/r s on each frequency, a' = -(g/2 + 2 pi j (f - f0)) a + 1 from step to step exactly, the
     receiver takes the mean over the step: what rang at the last frequencies is still there, and beats
     nuisances   f0, ln g, K, b0 .. b2 of each fitted sweep       local unknowns of a judged sweep: the same
+    second mode its f2, ln g2, K2 are nuisances and local unknowns as well, if `second_mode` finds one in the window
     laws        r (instrument); f0 and g that change with |K a|^2 (force_x: x^3, x^2 vx); receiver that waits first,
                 source that kicks at each step (instrument); step of the path where S11 steps (instrument)
 Envelope of one mode of `analog_frontend.parts.resonator`: a is its amplitude in the frame of the source.
@@ -22,6 +23,7 @@ from testbench.errors import FileError
 from testbench.measured.formats import recognised, touchstone
 from testbench.measured.models.noise import Noise
 from testbench.measured.models.working import Working
+from testbench.measured.parts import second_mode
 from testbench.measured.parts.part import Part, Piece
 from testbench.tracing.problem.problem import Law, Nuisance
 
@@ -30,6 +32,7 @@ LEAST_PEAK = 1e-6  # of the largest response
 FEWEST = 32  # points around the peak
 SUBSTEPS = 4  # of a step, if the mode is not linear
 SLOWEST = 1e-9  # points per s: below, the mode is always settled
+LN_G2_SD = 0.3
 TWO_PI = 2 * np.pi
 PATH = ("b0", "b1", "b2")
 NEAR_HZ = 1000.0  # of a peak, in the test of where the rest is
@@ -138,20 +141,26 @@ def _laws(steps_seen, g, width_hz, level):
     return laws
 
 
-class SweptResonator(Part, adds="offset response any_waveform"):
+class SweptResonator(Part, adds="offset response any_waveform columns second"):
     """The problem; `Piece.data` is a `Sweep`, rows are real parts, then imaginary parts, in 1e-3."""
 
     unit, observable = "1e-3", "s21"
     most_laws = 5
+    second = None  # second_mode.Second, if the window has one
 
-    def _columns(self, piece, f0, g, effects):
-        a = envelope(piece.data.f_hz, f0, g, effects) * g / 2
-        x = piece.data.x
+    def columns(self, piece, q, effects):
+        """(n, 4 or 5) of the linear unknowns at q = (f0, ln g, those of a second mode), and the step of the path."""
+        g, x, f = float(np.exp(q[1])), piece.data.x, piece.data.f_hz
+        a = envelope(f, q[0], g, effects) * g / 2
+        other = []
+        if len(q) > 2:  # it has no laws of its own
+            g2, laws = float(np.exp(q[3])), {k: v for k, v in effects.items() if k not in ("duffing", "damping_cubic")}
+            other = [envelope(f, q[2], g2, laws) * g2 / 2]
         step = complex(effects.get("path_step_re", 0.0), effects.get("path_step_im", 0.0)) * piece.data.behind
-        return np.column_stack([a, np.ones(len(x)), x, x * x]), step
+        return np.column_stack([a, np.ones(len(x)), x, x * x, *other]), step
 
-    def _of(self, piece, f0, ln_g, linear, effects):
-        columns, step = self._columns(piece, f0, float(np.exp(ln_g)), effects)
+    def _of(self, piece, q, linear, effects):
+        columns, step = self.columns(piece, q, effects)
         s = columns @ linear + step
         return 1e3 * np.concatenate([s.real, s.imag])
 
@@ -190,12 +199,12 @@ class SweptResonator(Part, adds="offset response any_waveform"):
 
     def offset(self, piece, values, laws):
         """Hz of the peak above the first row of a piece."""
-        return float(self.locate(piece, values, laws)[0] - piece.data.f_hz[0])
+        return float(self.locate(piece, values, laws)[0][0] - piece.data.f_hz[0])
 
     def response(self, piece, values, laws):
         """The mode's own part of S21, all rows."""
-        f0, ln_g, linear = self.locate(piece, values, laws)
-        return self._columns(piece, f0, float(np.exp(ln_g)), laws)[0][:, 0] * linear[0]
+        q, linear = self.locate(piece, values, laws)
+        return self.columns(piece, q, laws)[0][:, 0] * linear[0]
 
     def repeatability(self, values, laws):
         """{judged sweep: rms of what it and the fitted one do not share}; none unless they have the same frequencies.
@@ -204,7 +213,8 @@ class SweptResonator(Part, adds="offset response any_waveform"):
         that is the model's. What is left is shared out between the two.
         """
         first, out = next(p for p in self.pieces if p.role == "fit"), {}
-        f0, ln_g, _ = self.locate(first, values, laws)
+        q, _ = self.locate(first, values, laws)
+        f0, ln_g, other = q[0], q[1], self.columns(first, q, laws)[0][:, 4:]
         y = [_complex(p.rows) for p in self.pieces]
         for piece, mine in zip(self.pieces, y):
             same = piece is not first and np.array_equal(piece.data.f_hz, first.data.f_hz)
@@ -213,7 +223,7 @@ class SweptResonator(Part, adds="offset response any_waveform"):
             at = [envelope(first.data.f_hz, f0 + a, float(np.exp(ln_g + b)), laws) for a, b, _ in NUDGES]
             x = first.data.x
             bent = [at[1] - at[0], at[2] - at[0]]
-            columns = np.column_stack([y[0], np.ones(len(x)), x, x * x, first.data.behind, *bent])
+            columns = np.column_stack([y[0], np.ones(len(x)), x, x * x, first.data.behind, other, *bent])
             columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
             c = np.linalg.lstsq(columns, mine, rcond=None)[0]
             factor = abs(c[0]) / np.linalg.norm(y[0])
@@ -226,7 +236,8 @@ class SweptResonator(Part, adds="offset response any_waveform"):
 
         BINS^2 columns (source in one bin, receiver in another), path, and changes of f0, g and the rate; per freedom.
         """
-        f0, ln_g, linear = self.locate(piece, values, laws)
+        q, linear = self.locate(piece, values, laws)
+        f0, ln_g, other = q[0], q[1], self.columns(piece, q, laws)[0][:, 4:]
         f, x, rate = piece.data.f_hz, piece.data.x, laws["sweep_rate"]
         size = np.abs(self.response(piece, values, laws) / linear[0]) ** 2
         moved = laws.get("duffing", 0.0) * size
@@ -234,7 +245,7 @@ class SweptResonator(Part, adds="offset response any_waveform"):
         _waveforms(f, moved, f0, float(np.exp(ln_g)), 1.0 / rate, BINS, columns)
         at = [envelope(f, f0 + a, float(np.exp(ln_g + b)), laws | {"sweep_rate": rate + c}) for a, b, c in NUDGES]
         bent = [other - at[0] for other in at[1:]]
-        columns = np.column_stack([columns, np.ones(len(x)), x, x * x, piece.data.behind, *bent])
+        columns = np.column_stack([columns, np.ones(len(x)), x, x * x, piece.data.behind, other, *bent])
         columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
         y = _complex(piece.rows)
         c, _, rank, _ = np.linalg.lstsq(columns, y, rcond=1e-12)
@@ -249,12 +260,17 @@ class SweptResonator(Part, adds="offset response any_waveform"):
         """Nuisances of a fitted sweep; else least squares on the setup rows, linear unknowns eliminated."""
         n = piece.data.number
         if piece.role == "fit":
-            linear = [complex(values[f"{c}_re_{n}"], values[f"{c}_im_{n}"]) for c in ("k", *PATH)]
-            return piece.data.f_hz[0] + values[f"f0_{n}"], values[f"ln_g_{n}"], np.array(linear)
+            names = ("k", *PATH, "k2") if self.second else ("k", *PATH)
+            linear = [complex(values[f"{c}_re_{n}"], values[f"{c}_im_{n}"]) for c in names]
+            base = piece.data.f_hz[0]
+            q = [base + values[f"f0_{n}"], values[f"ln_g_{n}"]]
+            q += [base + values[f"f2_{n}"], values[f"ln_g2_{n}"]] if self.second else []
+            return q, np.array(linear)
         half = len(piece.rows) // 2
         used = piece.setup[piece.setup < half]
         s = 1e-3 * (piece.rows[:half] + 1j * piece.rows[half:])
-        return located(self._columns, piece, s, used, effects)
+        apart = () if self.second is None else (self.second.f_hz - self.second.q[0], self.second.ln_g)
+        return located(self.columns, piece, s, used, effects, apart)
 
 
 def _complex(rows):
@@ -300,12 +316,16 @@ def images(f_hz, power, rate_hz):
     return float(found), float((above + 1) / (len(others) + 1))
 
 
-def located(columns_of, piece, s, used, effects):
-    """(f0, ln g, linear unknowns) that fit s at `used`, from the quasi-static peak or from where `begin` says."""
+def located(columns_of, piece, s, used, effects, apart=()):
+    """((f0, ln g, ..), linear unknowns) that fit s at `used`, from the quasi-static peak.
+
+    apart   Hz of a second mode from the first, and ln of its g: where its own two unknowns start, and are drawn to
+            weakly (one width, LN_G2_SD), so that a weak one stays
+    """
     f = piece.data.f_hz
 
     def solve(q):
-        columns, step = columns_of(piece, q[0], float(np.exp(q[1])), effects)
+        columns, step = columns_of(piece, q, effects)
         c = np.linalg.lstsq(columns[used], (s - step)[used], rcond=None)[0]
         left = (columns[used] @ c) - (s - step)[used]
         return c, left
@@ -313,8 +333,12 @@ def located(columns_of, piece, s, used, effects):
     def residual(q):
         _, left = solve(q)
         if not np.all(np.isfinite(left)):
-            return np.full(2 * len(used), 1e3)
-        return 1e3 * np.concatenate([left.real, left.imag])
+            return np.full(2 * len(used) + len(apart), 1e3)
+        rows = 1e3 * np.concatenate([left.real, left.imag])
+        if not apart:
+            return rows
+        drawn = (q[2] - q[0] - apart[0]) / (np.exp(apart[1]) / TWO_PI), (q[3] - apart[1]) / LN_G2_SD
+        return np.concatenate([rows, piece.floor * np.array(drawn)])
 
     edge = np.linspace(s[0], s[-1], len(s))
     peak = f[int(np.argmax(np.abs(s - edge)))]
@@ -324,21 +348,22 @@ def located(columns_of, piece, s, used, effects):
     for shift in (0.0, -0.6 * spread, -1.2 * spread):
         for width in (2 * step_hz, 10 * step_hz, 40 * step_hz):
             q = [peak + shift, np.log(TWO_PI * width)]
+            q += [q[0] + apart[0], apart[1]] if apart else []
             value = np.sum(residual(q) ** 2)
             if best is None or value < best[0]:
                 best = (value, q)
     found = least_squares(
         residual,
         best[1],
-        x_scale=[step_hz, 0.1],
-        diff_step=[1e-10, 1e-7],
+        x_scale=[step_hz, 0.1] * (len(best[1]) // 2),
+        diff_step=[1e-10, 1e-7] * (len(best[1]) // 2),
         xtol=1e-12,
         ftol=1e-12,
         gtol=1e-12,
         max_nfev=60,
     )
     c, _ = solve(found.x)
-    return float(found.x[0]), float(found.x[1]), c
+    return found.x, c
 
 
 def window(s, f):
@@ -430,21 +455,30 @@ def problem(sweeps):
     n = len(first.data.f_hz)
     s = 1e-3 * (first.rows[:n] + 1j * first.rows[n:])
     made = SweptResonator("swept resonator", (), (), pieces, {}, notes)
-    f0, ln_g, linear = located(made._columns, first, s, np.arange(n), {})
+    (f0, ln_g), linear = located(made.columns, first, s, np.arange(n), {})
+    fitted = pieces[0].scored[pieces[0].scored < n]
+    second = second_mode.choose(made.columns, first, s, fitted, (f0, ln_g), 1e-3 * first.floor)
+    if second:
+        (f0, ln_g), linear = second.q[:2], second.linear
+        notes.append(second.words())
     spacing = first.data.f_hz[1] - first.data.f_hz[0]
     level = float(np.max(np.abs(s)))
     nuisances = [
         Nuisance("f0_1", "Hz", float(f0 - first.data.f_hz[0]), 400 * spacing, 1e-3 * spacing),
         Nuisance("ln_g_1", "1", float(ln_g), 3.0, 1e-5),
     ]
-    for name, value in zip(("k", *PATH), linear):
+    if second:
+        beside = float(second.f_hz - first.data.f_hz[0])
+        nuisances.append(Nuisance("f2_1", "Hz", beside, 400 * spacing, 1e-3 * spacing))
+        nuisances.append(Nuisance("ln_g2_1", "1", second.ln_g, 3.0, 1e-5))
+    for name, value in zip(("k", *PATH, "k2"), linear):
         for part, v in (("re", value.real), ("im", value.imag)):
             nuisances.append(Nuisance(f"{name}_{part}_1", "1", float(v), 10 * level, 1e-6 * level))
     seen = any(np.any(np.diff(p.data.behind)) for p in pieces)
     laws = _laws(seen, float(np.exp(ln_g)), float(np.exp(ln_g)) / TWO_PI, level)
     hashes = {f"record_{k + 1}": sha256_of(sweep.path) for k, sweep in enumerate(sweeps)}
     made = SweptResonator("swept resonator", nuisances, laws, pieces, hashes, notes)
-    made.heldout_independent = len(sweeps) > 1
+    made.heldout_independent, made.second = len(sweeps) > 1, second
     made.working = Working("swept", level, float(f0), TWO_PI * float(f0 / np.exp(ln_g)))
     return made
 

@@ -57,6 +57,7 @@ def test_the_sweeps_are_too_fast_for_the_crystal():
     rates, images = [], {}
     for label, data in found.items():
         assert data["effects"][0]["law"] == "sweep_rate"
+        assert not any("second mode" in note for note in data["notes"])
         rates.append(data["effects"][0]["value"])
         assert all(h["after"] < 0.06 * h["before"] for h in data["heldout"].values())
         (where,) = (row["where"] for row in data["left"])  # the rest is above 1.5 floors: it is at the peak
