@@ -33,7 +33,12 @@ class Child:
 @pytest.fixture
 def children(monkeypatch, tmp_path):
     """Commands of the children that would be started; the cache is empty."""
-    warmup._frame_child.cache_clear()  # an earlier test may have had one
+    # an earlier test may have had a child and the turn
+    if warmup._frame_child.cache_info().currsize:
+        warmup._frame_child().wait()
+    if warmup._turn.cache_info().currsize and warmup._turn():
+        warmup._turn().close()
+    warmup._frame_child.cache_clear()
     warmup._turn.cache_clear()
     monkeypatch.setattr(warmup, "cache_root", lambda: tmp_path)
     monkeypatch.setattr(Child, "started", [])
