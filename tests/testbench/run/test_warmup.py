@@ -22,7 +22,7 @@ class Child:
     def poll(self):
         return None if self.running else 1
 
-    def wait(self, timeout):
+    def wait(self, timeout=None):
         self.running = False
         return 1
 
