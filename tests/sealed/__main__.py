@@ -31,13 +31,19 @@ def rows_of(run, wide=False):
 
 
 def play(run, first, minutes, path, wide=False):
-    """Records without a result, in their order, until the time is over; the ledger has each as it comes."""
+    """Records without a result, in their order, until the time is over; the ledger has each as it comes.
+
+    What another process is at is left to it: several may run at once.
+    """
     until, of = time.monotonic() + 60 * minutes, min(first, len(run.kinds))
     ledger.noted(path, run)
     for n in range(of):
-        if n in run.done(wide) or time.monotonic() > until:
-            continue
-        out = run.one(n, wide)
+        if time.monotonic() > until:
+            return
+        with run.claimed(n) as mine:
+            if not mine or n in run.done(wide):
+                continue
+            out = run.one(n, wide)
         ledger.noted(path, run)
         said = out.get("error") or out["result"]["sentence"]
         print(f"{n:03d} {out['cpu_s']} {said}", flush=True)

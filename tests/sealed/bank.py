@@ -12,6 +12,7 @@ Source    docs/sealed.md
 
 import hashlib
 import json
+import os
 from typing import NamedTuple
 
 import numpy as np
@@ -64,17 +65,20 @@ class Bank:
         if path.exists():
             return np.load(path, allow_pickle=False)
         found = np.asarray(make(), float)
-        part = path.with_suffix(".part.npy")
+        part = path.with_suffix(f".{os.getpid()}.npy")
         np.save(part, found)
         part.replace(path)
         return found
 
     def _run(self, values, lines, repeats, scatter_hz=0.0):
         """(conditions, repeats, features) of the fitted conditions; ConfigError where a board does not lock."""
-        own = self.folder / "own.txt"
+        own = self.folder / f"own.{os.getpid()}.txt"
         own.write_text(own_text(self.strata, {"steps": 1, "effects": lines}))
-        made = plan(self.strata, "bank", SEED, values, own, repeats, ("fit",), scatter_hz)
-        rows = loop_record.measured_features(produce.record(made), "bank", {}).values
+        try:
+            made = plan(self.strata, "bank", SEED, values, own, repeats, ("fit",), scatter_hz)
+            rows = loop_record.measured_features(produce.record(made), "bank", {}).values
+        finally:
+            own.unlink()
         out = []
         for name, c in zip(self.conditions, made.conditions):
             fine = rows[name][:, loop_runs.size(c) :].reshape(repeats, len(loop_runs.NAMES), -1)

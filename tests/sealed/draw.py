@@ -10,11 +10,14 @@ import hashlib
 
 import numpy as np
 
+from testbench.config import Config
 from testbench.errors import ConfigError
+from testbench.measured.wide import sheet
 from tests.sealed import strata as tables
 
 DELAY_SHARE = 1.26  # sd of a path's delay in sd of one that the plant draws: its DAC's, and the switches'
 POLES = ("plant.sense_pole_1_s", "plant.drive_pole_1_s")
+COUPLING = "plant.kxy_n_per_m"
 SIDES = (-1, 1)
 
 
@@ -29,10 +32,17 @@ def order(strata, run):
     return [kinds[k] for k in np.random.default_rng(seed_of(run, "order")).permutation(len(kinds))]
 
 
+def _sides(effect):
+    """{side: largest coefficient there} that physics allows."""
+    limits = {-1: -effect.low, 1: effect.high}
+    return {side: limits[side] for side in SIDES if limits[side] > 0 and effect.sign in (0, side)}
+
+
 def _range(strata, effect, per_unit, sine):
-    """(least, most) d of an effect whose rival is at an angle: those of [effect], its scales and its limits."""
+    """(least, most, d from which it is clear of a rival at an angle): those of [effect], its scales and its limits."""
     low, high = strata.effect["d"]
-    return low, min(high, strata.effect["scales"] * effect.first * per_unit), strata.effect["apart"] / max(sine, 1e-9)
+    most = min(strata.effect["scales"] * effect.first, max(_sides(effect).values()))
+    return low, min(high, most * per_unit), strata.effect["apart"] / max(sine, 1e-9)
 
 
 def choices(strata, space, kind):
@@ -56,8 +66,18 @@ def choices(strata, space, kind):
 
 def _sign(effect, value, rng):
     """Coefficient with a side that physics allows."""
-    sides = [s for s in SIDES if effect.low <= s * value <= effect.high and effect.sign in (0, s)]
-    return value * float(rng.choice(sides or [effect.sign or 1]))
+    return value * float(rng.choice([side for side, most in _sides(effect).items() if value <= most]))
+
+
+def sheet_values(strata, seed):
+    """{key: middle} of a data sheet that is off the board, evenly within one tolerance of each of its keys."""
+    rng, plant, out = np.random.default_rng([seed, 2]), Config().plant, {}
+    for key, (kind, tolerance) in sheet.read(sheet.OWN).items():
+        width = np.log(tolerance) if kind == "factor" else np.log1p(tolerance)
+        # the quadrature of the sheet's own board must be within reach of V_q
+        most = min(width, np.log(strata.wide["most_coupling"])) if key == COUPLING else width
+        out[key] = float(getattr(plant, key.removeprefix("plant.")) * np.exp(rng.uniform(-width, most)))
+    return out
 
 
 def truth(strata, space, kind, seed):

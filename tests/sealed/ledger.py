@@ -1,14 +1,18 @@
 """Ledger of sealed runs: one line of JSON for every run ever begun, stopped ones too. It is under version control.
 
     kind        sealed, or development: seeds of its own, never counted in a rate that is published
-    run         what the seeds follow from: kind and hashes of the tracing source, strata and second plant
+    run         what the seeds follow from: kind and hashes of the tracing source, strata, second plant and draws
     done, of    records that have a result, and all of the strata; wide: those traced with a data sheet's priors too
 
 Source    docs/sealed.md
 """
 
+import contextlib
 import datetime
+import fcntl
+import hashlib
 import json
+import os
 from pathlib import Path
 
 from testbench.storage import sources
@@ -18,6 +22,7 @@ from tests.sealed import second_plant
 from tests.sealed.draw import seed_of
 
 FILE = Path(__file__).with_name("ledger.jsonl")
+DRAWN_BY = ("bank", "draw", "effects", "records", "strata")  # sources beside this one
 SEALED, DEVELOPMENT = KINDS = ("sealed", "development")
 
 
@@ -28,8 +33,25 @@ def identity(kind, strata):
         "tracing_sha256": sources.code_sha256(*COMPUTES),
         "strata_sha256": strata.sha256,
         "plant_sha256": second_plant.sha256(),
+        "draw_sha256": _drawn_by_sha256(),
     }
     return own | {"run": f"{kind}-{seed_of(*own.values()):014x}"}
+
+
+def _drawn_by_sha256():
+    sources_of = (FILE.with_name(f"{name}.py").read_bytes() for name in DRAWN_BY)
+    return hashlib.sha256(b"\0".join(sources_of)).hexdigest()
+
+
+@contextlib.contextmanager
+def _locked(folder):
+    """One process at a time; a killed one has no lock."""
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(handle)
 
 
 def rows(path=FILE):
@@ -39,12 +61,13 @@ def rows(path=FILE):
 
 def noted(path, run):
     """Write the counts of a `records.Run` into its line; the first time it is appended, with the time."""
-    known = rows(path)
-    for row in known:
-        if row["run"] == run.own["run"]:
-            break
-    else:
-        begun = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
-        known.append(row := run.own | {"begun_utc": begun})
-    row |= {"done": len(run.done()), "wide": len(run.done(wide=True)), "of": len(run.kinds)}
-    write_text(path, "".join(json.dumps(row) + "\n" for row in known))
+    with _locked(path.parent):
+        known = rows(path)
+        for row in known:
+            if row["run"] == run.own["run"]:
+                break
+        else:
+            begun = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
+            known.append(row := run.own | {"begun_utc": begun})
+        row |= {"done": len(run.done()), "wide": len(run.done(wide=True)), "of": len(run.kinds)}
+        write_text(path, "".join(json.dumps(row) + "\n" for row in known))

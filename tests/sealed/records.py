@@ -3,27 +3,32 @@
     FOLDER/RUN/envelopes/NNN.json   truth, for the scorer alone; its hash is in the result
     FOLDER/RUN/results/NNN.json     result of the trace, times, hash of the envelope
     FOLDER/RUN/wide/NNN.json        the same of the same record without priors, traced with those of a data sheet
+    FOLDER/RUN/claims/NNN           held by the process that is at this record; a killed one holds nothing
 The trace gets the record's file and nothing else. Anchors, noise and tangents that do not depend on a record's data are
 shared by all of a process (`loop_problem.Kept`).
 Source    docs/sealed.md
 """
 
+import contextlib
+import fcntl
 import hashlib
 import json
 import time
 
+from testbench.config import Config, changed, to_toml
 from testbench.errors import ConfigError, FileError
 from testbench.measured.closed_loop import loop_problem, loop_record, loop_runs, loop_trace
 from testbench.measured.record import produce
 from testbench.measured.wide import of_record
 from testbench.storage.files import write_text
+from testbench.storage.lock import regular
 from testbench.storage.record import write_record
 from testbench.tracing.trace import Options
 from tests.sealed import draw
 from tests.sealed.strata import plan
 
 PARTS = {False: "results", True: "wide"}
-REDRAWS = 5  # boards drawn in place of one that loses its lock with its effect
+REDRAWS = 20  # boards drawn in place of one that loses its lock with its effect
 
 
 class Tracing:
@@ -46,7 +51,7 @@ class Run:
     def __init__(self, strata, space, own, folder, trace=None):
         self.strata, self.space, self.own, self.trace = strata, space, own, trace or Tracing()
         self.folder = folder / own["run"]
-        for part in ("envelopes", *PARTS.values()):
+        for part in ("envelopes", "claims", *PARTS.values()):
             (self.folder / part).mkdir(parents=True, exist_ok=True)
         self.kinds = draw.order(strata, own["run"])
 
@@ -57,20 +62,37 @@ class Run:
         """Numbers that have a result."""
         return [n for n in range(len(self.kinds)) if self.path(PARTS[wide], n).exists()]
 
+    @contextlib.contextmanager
+    def claimed(self, number):
+        """True while this process has the record, False where another one has it."""
+        with open(regular(self.path("claims", number)), "r+") as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                yield False
+            else:
+                yield True
+
     def _made(self, number, wide):
-        """(truth, record) of the first board that locks."""
-        own = self.folder / "own.txt"
+        """(truth, record) of the first board that locks; wide: without priors, and the configuration of a sheet."""
+        own = self.folder / f"own_{number:03d}.txt"
+        strata = self.strata._replace(priors={}) if wide else self.strata
         for again in range(REDRAWS):
             seed = draw.seed_of(self.own["run"], number, again)
-            truth = draw.truth(self.strata, self.space, self.kinds[number], seed)
+            truth = draw.truth(self.strata, self.space, self.kinds[number], seed) | {"redrawn": again}
             write_text(own, truth["own"])
             try:
-                strata = self.strata._replace(priors={}) if wide else self.strata
                 made = plan(strata, f"{self.own['run']}-{number:03d}", seed, truth["values"], own)
-                return truth, produce.record(made)
+                record = produce.record(made)
+                break
             except ConfigError:
                 if again == REDRAWS - 1:
                     raise
+            finally:
+                own.unlink()
+        if wide:
+            record.config_toml = to_toml(changed(Config(), draw.sheet_values(self.strata, seed)))
+        return truth, record
 
     def one(self, number, wide=False):
         """Make, seal and trace a record; its result is kept whole or not at all."""
@@ -81,7 +103,7 @@ class Run:
         if sealed.exists() and sealed.read_text() != envelope:
             raise FileError(f"{sealed}: is the envelope of another truth than this source draws")
         write_text(sealed, envelope)
-        file = self.folder / "record.h5"
+        file = self.folder / f"record_{number:03d}.h5"
         record.attrs["truth_sha256"] = hashlib.sha256(envelope.encode()).hexdigest()
         write_record(file, record)
         made = time.process_time()

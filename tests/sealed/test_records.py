@@ -2,11 +2,17 @@
 
 import json
 import shutil
+import signal
+import subprocess
+import sys
+import tomllib
 
 import numpy as np
 import pytest
 
+from testbench import config
 from testbench.measured.record import load
+from testbench.measured.wide import sheet
 from tests.sealed import effects, ledger, score, strata
 from tests.sealed.__main__ import play, rows_of
 from tests.sealed.records import Run, Tracing
@@ -36,7 +42,7 @@ class Reader:
     """In place of the tracer: takes the file as `gyro measured check` does, and says what it was told to."""
 
     def __init__(self):
-        self.seen = []
+        self.seen, self.sheets = [], []
 
     def __call__(self, path, wide):
         loaded = load.load(path)
@@ -44,6 +50,7 @@ class Reader:
         assert loaded.residual.decidable
         assert loaded.residual.first is None, "the firmware's words are those of its replay"
         self.seen.append(loaded.record.attrs["truth_sha256"])
+        self.sheets.append(config.from_dict(tomllib.loads(loaded.record.config_toml)).plant)
         return {"verdict": "none", "sentence": "nothing", "causes": [], "effects": []}
 
 
@@ -61,12 +68,70 @@ def test_a_run_makes_records_that_are_accepted_and_goes_on_where_it_was(tmp_path
     play(again, 1, 60.0, path, wide=True)
     assert [(row["done"], row["wide"]) for row in ledger.rows(path)] == [(3, 1)]
     assert again.trace.seen[0] != again.trace.seen[1] == json.loads(run.path("wide", 0).read_text())["envelope_sha256"]
+    sheets = [plant.model_dump() for plant in again.trace.sheets]
+    tolerances, default = sheet.read(sheet.OWN), config.Config().plant.model_dump()
+    assert sheets[0] == default
+    assert {f"plant.{key}" for key in default if sheets[1][key] != default[key]} == set(tolerances)
     rows = rows_of(again)
     assert [row.number for row in rows_of(again, wide=True)] == [0]
     assert sorted(row.kind for row in rows) == ["clear", "null_white", "outside"]
     assert {row.truth["name"] for row in rows if row.truth} == set(SIZE)
     assert not list(run.folder.glob("*.h5"))
     assert "inside: detected | 0 of 1" in score.table(rows)
+
+
+HOLDS = """
+import fcntl, sys, time
+file = open(sys.argv[1], "w")
+fcntl.flock(file, fcntl.LOCK_EX)
+print("held", flush=True)
+time.sleep(60)
+"""
+
+
+class Instant(Run):
+    """A run whose records cost nothing."""
+
+    def one(self, number, wide=False):
+        self.path("results", number).write_text("{}")
+        return {"cpu_s": {}, "error": "none was made"}
+
+
+def test_two_processes_share_a_run_and_a_killed_one_holds_nothing(tmp_path):
+    """What another process is at is left to it; after its kill it is done."""
+    run = Instant(short(null_white=3), None, ledger.identity("development", short(null_white=3)), tmp_path, Reader())
+    path = tmp_path / "ledger.jsonl"
+    other = subprocess.Popen([sys.executable, "-c", HOLDS, run.path("claims", 1)], stdout=subprocess.PIPE, text=True)
+    try:
+        assert other.stdout.readline() == "held\n"
+        play(run, 3, 60.0, path)
+        assert run.done() == [0, 2]
+    finally:
+        other.send_signal(signal.SIGKILL)
+        other.communicate()
+    play(run, 3, 60.0, path)
+    assert run.done() == [0, 1, 2]
+    assert [row["done"] for row in ledger.rows(path)] == [3]
+
+
+def test_a_run_that_is_stopped_within_a_record_does_it_again(tmp_path):
+    """No result is left of it; the same envelope and the same record come out."""
+    table, seen = short(null_white=1), []
+
+    def stopped(path, wide):
+        seen.append(load.load(path).record.attrs["truth_sha256"])
+        if len(seen) == 1:
+            raise KeyboardInterrupt
+        return Reader()(path, wide)
+
+    run = Run(table, space(), ledger.identity("development", table), tmp_path, stopped)
+    with pytest.raises(KeyboardInterrupt):
+        play(run, 1, 60.0, tmp_path / "ledger.jsonl")
+    assert run.done() == []
+    play(run, 1, 60.0, tmp_path / "ledger.jsonl")
+    assert run.done() == [0]
+    assert seen[0] == seen[1]
+    assert not [*run.folder.glob("*.h5"), *run.folder.glob("own*")]
 
 
 def test_a_traceback_of_the_tracer_is_a_result(tmp_path):

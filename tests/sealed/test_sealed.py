@@ -9,6 +9,7 @@ import pytest
 from analog_frontend.effects import catalogue, law
 from testbench.config import Config
 from testbench.errors import ConfigError, FileError
+from testbench.measured.wide import sheet
 from tests.sealed import bank, draw, effects, ledger, score, strata
 from tests.sealed.__main__ import choices
 
@@ -85,6 +86,27 @@ def test_a_draw_keeps_to_its_stratum(known):
     colours = [float(t["own"].partition("adc_colour = ")[2].split("\n")[0]) for t in seen["null_coloured"]]
     assert min(np.abs(colours)) >= 0.4
     assert min(colours) < 0 < max(colours)
+
+
+def test_no_size_is_beyond_physics(known):
+    """A law with a sign and a limit of 12 sigmas: drawn on its side, below its limit."""
+    table, space = known
+    bounded = table.inside[2]._replace(sign=1, low=0.0, high=12 / space.size["c"])
+    table = table._replace(inside=(*table.inside[:2], bounded))
+    values = [draw.truth(table, space, "clear", seed)["effect"]["value"] for seed in range(40)]
+    assert 0 < min(values)
+    assert 11 / space.size["c"] < max(values) <= bounded.high
+
+
+def test_the_middles_of_a_sheet_are_within_its_tolerances():
+    table, plant = strata.read(), Config().plant
+    drawn = [draw.sheet_values(table, seed) for seed in range(50)]
+    for key, (kind, tolerance) in sheet.read(sheet.OWN).items():
+        factors = np.array([row[key] for row in drawn]) / getattr(plant, key.removeprefix("plant."))
+        most = tolerance if kind == "factor" else 1 + tolerance
+        assert np.all((1 / most < factors) & (factors < most))
+        assert min(factors) < 1 < max(factors)
+        assert np.ptp(np.log(factors)) > np.log(most)
 
 
 def test_what_can_be_drawn_is_printed(known):
@@ -178,6 +200,7 @@ def test_the_scorer_counts_what_it_says():
     assert found["inside: unexplained"] == (1, 7)
     assert found["outside: unexplained"] == (1, 2)
     assert found["nulls: alarm or listed effect"] == (2, 4)
+    assert found["white nulls: noise-model"] == (0, 2)
     assert found["sizes in their 95 % intervals"] == (2, 3)
     assert len(list(score.wrong(rows))) == 7
     assert "| clear | 3 | 2 | 1 |" in score.table(rows)
@@ -194,6 +217,7 @@ def test_a_whole_run_that_keeps_every_limit_says_so():
     assert [what for what, *_, holds in score.criteria(worse) if holds is False] == [
         "false causes, of all records",
         "false causes, of all classes",
+        "false causes, of single names",
     ]
 
 
