@@ -16,7 +16,7 @@ from fpga_model.rates import FRAME_CYCLES
 from testbench import config as configuration
 from testbench.config import to_toml
 from testbench.errors import ConfigError
-from testbench.measured.importing import board, column_map, dwells, words
+from testbench.measured.importing import board, dwells, record_map, words
 from testbench.measured.record import schema, timing
 from testbench.measured.record.sessions import UNSEEN, Session
 from testbench.run import design_check
@@ -46,7 +46,7 @@ def model(wanted, place):
 
 def imported(paths, map_path):
     """`Imported` of files, each from one power-on, and their map."""
-    wanted = column_map.read(map_path)
+    wanted = record_map.read(map_path)
     if len(wanted.power_on) > len(paths):
         raise ConfigError(f"{map_path}: {len(wanted.power_on)} [[power_on]] for {len(paths)} files")
     config = model(wanted, map_path)
@@ -84,7 +84,7 @@ def _unreplayable(b):
 
 
 def _head(wanted, paths):
-    head = {key: getattr(wanted, key) for key in column_map.HEAD}
+    head = {key: getattr(wanted, key) for key in record_map.HEAD}
     sources = [[path.name, inputs.sha256_of(path)] for path in paths]
     return head | {
         "regmap_sha256": wanted.regmap_sha256 or schema.regmap_sha256(),

@@ -45,7 +45,7 @@ class Board:
 
 
 def board(path, wanted, k, config):
-    """`Board` of file k with a `column_map.Map` and the configuration of the model."""
+    """`Board` of file k with a `record_map.Map` and the configuration of the model."""
     held = table.read_table(path)
     names = {name: stream.column for name, stream in wanted.columns.items()}
     time = wanted.time

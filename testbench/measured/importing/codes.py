@@ -13,7 +13,7 @@ import numpy as np
 
 from fpga_model.rates import MASTER_HZ
 from testbench.errors import FileError
-from testbench.measured.importing.column_map import INTEGERS, PREFIX_V
+from testbench.measured.importing.record_map import INTEGERS, PREFIX_V
 from testbench.measured.record import schema
 
 RAW_LSB = 0.25

@@ -104,7 +104,7 @@ def found(tracks, locked, options, role="fit"):
     """[Part] of a power-on, whose dwells have a role.
 
     locked   (frames,) of bool: the board is locked
-    options  column_map.Dwells
+    options  record_map.Dwells
     """
     lock, frames = int(np.argmax(locked)) if locked.any() else len(locked), len(locked)
     spans = list(_spans(tracks, locked, lock, round(options.settle_s * FRAME_HZ)))

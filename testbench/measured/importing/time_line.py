@@ -14,7 +14,7 @@ import numpy as np
 
 from fpga_model.rates import FRAME_CYCLES, MASTER_HZ
 from testbench.errors import FileError
-from testbench.measured.importing.column_map import TIME_S
+from testbench.measured.importing.record_map import TIME_S
 from testbench.measured.record import schema
 
 FRAME_S = FRAME_CYCLES / MASTER_HZ
@@ -76,7 +76,7 @@ def _rate(stamps_s, frames):
 def line(path, stamps, time, codes):
     """`Line` of a file.
 
-    stamps  (n,) time stamps in the unit of `time` (column_map.Time), or None: rows are frames without a gap
+    stamps  (n,) time stamps in the unit of `time` (record_map.Time), or None: rows are frames without a gap
     codes   {stream: (n,)} with the four channels of the converter
     """
     count = len(codes["adc_xI"])

@@ -14,7 +14,7 @@ from fpga_model.rates import FRAME_CYCLES
 from testbench.errors import ConfigError, FileError
 from testbench.measured.closed_loop import loop_noise, loop_record, loop_runs
 from testbench.measured.importing import assemble, dwells
-from testbench.measured.importing.column_map import Dwells
+from testbench.measured.importing.record_map import Dwells
 from testbench.measured.record import checks, load, schema
 from testbench.measured.record.sessions import sessions
 from testbench.measured.residual import features, residuals

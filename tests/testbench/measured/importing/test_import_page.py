@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from testbench.measured.importing import assemble, column_map
+from testbench.measured.importing import assemble, record_map
 from testbench.measured.record import load, schema
 from testbench.measured.record.sessions import sessions
 from tests import tutorials
@@ -21,8 +21,8 @@ FILES = dict(step for step in tutorials.steps(PAGE) if not isinstance(step, tuto
 
 def test_the_page_lists_every_key_of_a_map():
     text = PAGE.read_text()
-    parts = (column_map.Map, column_map.Time, column_map.Stream, column_map.Profiles, column_map.Write)
-    for part in (*parts, column_map.PowerOn, column_map.Segment, column_map.Dwells):
+    parts = (record_map.Map, record_map.Time, record_map.Stream, record_map.Profiles, record_map.Write)
+    for part in (*parts, record_map.PowerOn, record_map.Segment, record_map.Dwells):
         for key in part.model_fields:
             assert f"`{key}`" in text or f"[{key}]" in text or f"[{key}." in text, (part, key)
 

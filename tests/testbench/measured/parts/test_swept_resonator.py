@@ -5,7 +5,7 @@ import pytest
 
 from testbench.errors import FileError
 from testbench.measured.exam import exam
-from testbench.measured.parts import swept_resonator
+from testbench.measured.parts import swept_mode, swept_resonator
 from tests.testbench.measured.parts import recordings
 
 F = 1e6 + 20.0 * np.arange(120)
@@ -17,15 +17,15 @@ def test_the_envelope_is_the_integrated_one(more):
     """Four substeps of second order: better than a thousandth of the response."""
     expected = recordings.swept(F, F0, G, 1.0, 0.0, 1000.0, **more)
     effects = {"sweep_rate": 1000.0, "duffing": more.get("stiff", 0.0), "damping_cubic": more.get("damp", 0.0)}
-    found = swept_resonator.envelope(F, F0, G, effects) * G / 2
+    found = swept_mode.envelope(F, F0, G, effects) * G / 2
     assert np.max(np.abs(found - expected)) < 1e-3 * np.max(np.abs(expected))
 
 
 def test_a_slow_sweep_is_the_settled_response():
-    slow = swept_resonator.envelope(F, F0, G, {"sweep_rate": 0.5})
-    still = swept_resonator.envelope(F, F0, G, {})
+    slow = swept_mode.envelope(F, F0, G, {"sweep_rate": 0.5})
+    still = swept_mode.envelope(F, F0, G, {})
     assert np.max(np.abs(slow - still)) < 5e-3 * np.max(np.abs(still))
-    bent = swept_resonator.envelope(F, F0, G, {"duffing": 20.0}) * G / 2
+    bent = swept_mode.envelope(F, F0, G, {"duffing": 20.0}) * G / 2
     np.testing.assert_allclose(bent, recordings.swept(F, F0, G, 1.0, 0.0, stiff=20.0), atol=1e-6)
 
 
@@ -84,10 +84,10 @@ def test_images_of_a_peak_are_told_from_a_rest_without():
     slope = 1.0 / (1.0 + (f / 1000.0) ** 2)  # the rest falls with the distance from the peak
     noise = rng.exponential(size=len(f))
     comb = 1.0 + 3.0 * (np.abs((f / 1059.0 + 0.5) % 1.0 - 0.5) < 0.08)
-    ratio, p = swept_resonator.images(f, slope * noise * comb, 1059.0)
+    ratio, p = swept_mode.images(f, slope * noise * comb, 1059.0)
     assert ratio > 2.0
     assert p < 0.05
-    ratio, p = swept_resonator.images(f, slope * noise, 1059.0)
+    ratio, p = swept_mode.images(f, slope * noise, 1059.0)
     assert ratio < 1.3
     assert p > 0.05
 
@@ -97,13 +97,13 @@ def test_a_rest_across_the_response_is_its_phase():
     response = 700.0 * np.exp(-np.linspace(0, 6, 400) + 1j * np.linspace(0, 90, 400))
     noise = 0.5 * (rng.normal(size=400) + 1j * rng.normal(size=400))
     walk = 1e-3 * np.cumsum(rng.normal(size=400))
-    share, p, phase = swept_resonator.across(1j * walk * response + noise, response)
+    share, p, phase = swept_mode.across(1j * walk * response + noise, response)
     assert share > 0.8
     assert p < 0.01
     strong = np.abs(response) > 0.1 * np.abs(response).max()
     weight = np.abs(response[strong]) ** 2
     assert phase == pytest.approx(np.sqrt(np.sum(walk[strong] ** 2 * weight) / weight.sum()), rel=0.1)
-    assert swept_resonator.across(noise, response)[1] > 0.05
+    assert swept_mode.across(noise, response)[1] > 0.05
 
 
 @pytest.mark.parametrize("phase", [0.0, 3e-3])
