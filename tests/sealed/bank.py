@@ -19,7 +19,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from testbench.config import Config
-from testbench.errors import ConfigError
+from testbench.errors import ConfigError, FileError
 from testbench.measured.closed_loop import loop_record, loop_runs
 from testbench.measured.record import produce, schema
 from testbench.run import build
@@ -121,8 +121,8 @@ class Bank:
             for _ in range(PASSES):
                 try:
                     change = run(size)[:, 0] - self.base
-                except ConfigError:
-                    # out of lock, or of a key's limits
+                except (ConfigError, FileError):
+                    # out of lock, or of a key's limits; motion without limit
                     size /= 8
                     continue
                 sigmas = max(np.linalg.norm(self.whitened(change)), 1e-3)

@@ -85,7 +85,7 @@ class Run:
                 made = plan(strata, f"{self.own['run']}-{number:03d}", seed, truth["values"], own)
                 record = produce.record(made)
                 break
-            except ConfigError:
+            except (ConfigError, FileError):
                 if again == REDRAWS - 1:
                     raise
             finally:
