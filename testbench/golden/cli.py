@@ -9,6 +9,8 @@ from typing import Annotated
 
 import typer
 
+from testbench.golden.loop.cli import loop
+
 app = typer.Typer(
     name="golden",
     no_args_is_help=True,
@@ -164,37 +166,7 @@ def mutate(
     raise typer.Exit(0 if outcome.score == 1 else 1)
 
 
-@app.command()
-def loop(
-    rtl: Annotated[Path, typer.Option("--rtl", metavar="DIR", help="Folder of a Verilog design of the firmware.")],
-    config: Annotated[
-        Path | None,
-        typer.Option("--config", "-c", metavar="FILE", help="Scenario from power-on; else the story."),
-    ] = None,
-    seconds: Annotated[float | None, typer.Option(help="Simulated seconds from power-on.")] = None,
-    sets: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="With --config: key of the configuration.")
-    ] = None,
-    build: Annotated[Path | None, typer.Option("--build", metavar="DIR", help="Folder that keeps the library.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")] = False,
-):
-    """Close the loop of plant and RTL, and compare every register with the model at every edge of 26 MHz."""
-    from testbench.config import Override, load
-    from testbench.console.progress import Progress
-    from testbench.errors import ConfigError
-    from testbench.golden.loop import run
-
-    if sets and config is None:
-        raise ConfigError("--set: needs --config")
-    given = [*(sets or ()), *([] if seconds is None else [Override("scenario.seconds", seconds, "--seconds")])]
-    if config is None:
-        chosen = run.story(run.SECONDS if seconds is None else load(None, given).scenario.seconds)
-    else:
-        chosen = load(config, given)
-    with Progress(quiet=as_json) as progress:
-        outcome = run.run(chosen, rtl, build, progress)
-    typer.echo(json.dumps(outcome.to_dict()) if as_json else outcome.text())
-    raise typer.Exit(1 if outcome.difference else 0)
+app.command()(loop)
 
 
 @app.command()

@@ -4,15 +4,21 @@
     gyro_differs(h, row)  place of the first register or pin that is not `row`, or -1; registers first, then pins
     gyro_read(h, row)     registers and pins, signed
 
-All take a handle and an array of int64. The design is `gyro_top` of docs/golden.md, its parameters set to those asked
-for; registers are its ports `r_NAME`, pins `o_NAME`.
+All take a handle and an array of int64. What a design must have is a `Face`:
+
+    gyro_top              that of docs/golden.md, its parameters set to those asked for; registers are its ports
+                          `r_NAME`, pins `o_NAME`
+    any other top         the pins of the board alone (`board.ports`); parameters are its own affair
+
 Source  docs/rtl.md; Verilator 5.006, "Connecting to C++"
 """
 
+import contextlib
 import ctypes
 import re
 import shutil
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,6 +36,7 @@ PINS = top.Pins._fields
 # Dotted as in the model; the port of a register is r_ and the name with its dots as underscores, that of a pin o_
 REGISTERS = tuple(name for name, _ in format_leaves(top.STATE_FMT))
 NAMES = (*REGISTERS, *PINS)
+ALL = range(len(NAMES))
 PORTS = (*(f"r_{flat(name)}" for name in REGISTERS), *(f"o_{name}" for name in PINS))
 # Bit at which each pin begins in the word that `gyro_edge` returns: refs, of four bits, comes behind the others
 REFS_AT = len(PINS)
@@ -37,6 +44,31 @@ LDACS = ("r_drive_dac_ldac_n", "r_quadrature_dac_ldac_n")
 LDACS_AT = REFS_AT + 4
 PIN_AT = tuple(REFS_AT if name == "refs" else k for k, name in enumerate(PINS))
 TOOLS = ("verilator", "g++", "make")
+TOP, CLASS = "gyro_top", "Vgyro_top"
+CLOCK = "clk"
+SUFFIXES = (".v", ".sv")
+UNUSED = {"analog": ("sample_x", "sample_y"), "digital": ("drdy_n", "dout")}  # inputs that a board's top may lack
+DECLARED = re.compile(r"VL_(IN|OUT)(?:8|16|64|W)?\(&(\w+),(\d+),(\d+)")
+
+
+class Face(NamedTuple):
+    """What a bench needs of a top, by the bench's own names; a port is named as the top has it.
+
+    inputs    {name: (port, width)}, clock and reset among them
+    seen      [(place in NAMES, port, format)] of what is compared with the model
+    pins      ports of PINS
+    ldacs     ports of LDAC of the drive DAC and of that of V_q; None where the board has none
+    optional  inputs that the top may lack
+    inverted  ports whose level is the other one
+    """
+
+    top: str
+    inputs: dict
+    seen: tuple
+    pins: tuple
+    ldacs: tuple
+    optional: tuple = ()
+    inverted: tuple = ()
 
 
 def _mask(fmt):
@@ -48,35 +80,58 @@ def formats_of(design):
     return (*(fmt for _, fmt in format_leaves(formats(top.State, design))), *top.PINS_FMT)
 
 
-def driver(design):
-    """Text of the C++ around Verilator's class."""
-    found_formats = formats_of(design)
-    given = "\n".join(f"    top.{name} = in[{k}];" for k, name in enumerate(INPUTS))
-    bits = [(f"o_{name}", at) for name, at in zip(PINS, PIN_AT, strict=True)]
-    bits += [(name, LDACS_AT + k) for k, name in enumerate(LDACS)]
-    packed = " |\n           ".join(f"(int64_t)top.{name} << {at}" for name, at in bits)
-    tests = "\n".join(
-        f"    d |= ((uint64_t)row[{k}] & {_mask(fmt):#x}u) ^ top.{port};"
-        for k, (port, fmt) in enumerate(zip(PORTS, found_formats, strict=True))
-    )
+def _inputs():
+    widths = {CLOCK: 1, RESET_INPUT: 1} | {n: f.width for n, f in zip(top.Inputs._fields, top.INPUTS_FMT, strict=True)}
+    return {name: (name, width) for name, width in widths.items()}
+
+
+def of_registers(design):
+    """`Face` of gyro_top: every register is a port."""
+    ports = zip(PORTS, formats_of(design), strict=True)
+    return Face(TOP, _inputs(), tuple((k, *port) for k, port in enumerate(ports)), PORTS[len(REGISTERS) :], LDACS)
+
+
+def of_pins(name, params, chips):
+    """`Face` of a top called `name` that has the pins of the board alone; `params` and `chips` of the board."""
+    ports = PORTS[len(REGISTERS) :]
+    seen = tuple((len(REGISTERS) + k, *port) for k, port in enumerate(zip(ports, top.PINS_FMT, strict=True)))
+    ldacs = tuple(f"o_{role}_ldac_n" if getattr(chips, role).has_ldac else None for role in ("drive", "quadrature"))
+    return Face(name, _inputs(), seen, ports, ldacs, UNUSED["digital" if params.digital else "analog"])
+
+
+def driver(face, known):
+    """Text of the C++ around Verilator's class; `known` are the ports that the top has."""
+
+    def level(port, width=1):
+        return f"(top.{port} ^ {(1 << width) - 1:#x}u)" if port in face.inverted else f"top.{port}"
+
+    given = "\n".join(
+        f"    top.{port} = {'!' if port in face.inverted else ''}in[{k}];"
+        for k, port in enumerate(face.inputs[name][0] for name in INPUTS) if port in known
+    )  # fmt: skip
+    bits = [(level(port, 4 if at == REFS_AT else 1), at) for port, at in zip(face.pins, PIN_AT, strict=True)]
+    bits += [("1" if name is None else level(name), LDACS_AT + k) for k, name in enumerate(face.ldacs)]
+    packed = " |\n           ".join(f"(int64_t){text} << {at}" for text, at in bits)
+    seen = [(k, level(port, fmt.width), fmt) for k, port, fmt in face.seen]
+    tests = "\n".join(f"    d |= ((uint64_t)row[{k}] & {_mask(fmt):#x}u) ^ {text};" for k, text, fmt in seen)
     found = "\n".join(
-        f"    if (((uint64_t)row[{k}] & {_mask(fmt):#x}u) != top.{port}) return {k};"
-        for k, (port, fmt) in enumerate(zip(PORTS, found_formats, strict=True))
+        f"    if (((uint64_t)row[{k}] & {_mask(fmt):#x}u) != {text}) return {k};" for k, text, fmt in seen
     )
     reads = "\n".join(
-        f"    row[{k}] = " + (f"(int64_t)((uint64_t)top.{port} << {64 - fmt.width}) >> {64 - fmt.width};" if fmt.s
-                              else f"(int64_t)top.{port};")
-        for k, (port, fmt) in enumerate(zip(PORTS, found_formats, strict=True))
+        f"    row[{k}] = " + (f"(int64_t)((uint64_t){text} << {64 - fmt.width}) >> {64 - fmt.width};" if fmt.s
+                              else f"(int64_t){text};")
+        for k, text, fmt in seen
     )  # fmt: skip
-    return f"""// Generated: one edge, comparison and read-out of gyro_top
+    clock = face.inputs[CLOCK][0]
+    return f"""// Generated: one edge, comparison and read-out of {face.top}
 #include <cstdint>
 #include <memory>
-#include "Vgyro_top.h"
+#include "{CLASS}.h"
 #include "verilated.h"
 
 struct Design {{
     std::unique_ptr<VerilatedContext> context{{new VerilatedContext}};
-    Vgyro_top top{{context.get()}};
+    {CLASS} top{{context.get()}};
 }};
 
 double sc_time_stamp() {{ return 0; }}
@@ -91,17 +146,17 @@ void gyro_delete(int64_t handle) {{
 }}
 
 int64_t gyro_edge(int64_t handle, const int64_t* in) {{
-    Vgyro_top& top = ((Design*)handle)->top;
+    {CLASS}& top = ((Design*)handle)->top;
 {given}
-    top.clk = 0;
+    top.{clock} = 0;
     top.eval();
-    top.clk = 1;
+    top.{clock} = 1;
     top.eval();
     return {packed};
 }}
 
 int64_t gyro_differs(int64_t handle, const int64_t* row) {{
-    Vgyro_top& top = ((Design*)handle)->top;
+    {CLASS}& top = ((Design*)handle)->top;
     uint64_t d = 0;
 {tests}
     if (!d) return -1;
@@ -110,12 +165,39 @@ int64_t gyro_differs(int64_t handle, const int64_t* row) {{
 }}
 
 int64_t gyro_read(int64_t handle, int64_t* row) {{
-    Vgyro_top& top = ((Design*)handle)->top;
+    {CLASS}& top = ((Design*)handle)->top;
 {reads}
     return 0;
 }}
 }}
 """
+
+
+def check_ports(face, declared, what):
+    """Raise FileError for a port that is missing, has another width or direction, or is an input without a source.
+
+    declared  {port: (IN or OUT, width)} of the top
+    """
+    wanted = {port: ("IN", width) for port, width in face.inputs.values()}
+    wanted |= {port: ("OUT", fmt.width) for _, port, fmt in face.seen}
+    wanted |= {port: ("OUT", 1) for port in face.ldacs if port}
+    optional = {face.inputs[name][0] for name in face.optional}
+    absent = sorted(set(wanted) - set(declared) - optional)
+    if absent:
+        raise FileError(f"{what}: port {', '.join(absent)} is missing")
+    for port, (way, width) in wanted.items():
+        if port in declared and declared[port] != (way, width):
+            found = f"{declared[port][0].lower()}put of {declared[port][1]} bits"
+            raise FileError(f"{what}: port {port}: is an {found}, not an {way.lower()}put of {width}")
+    undriven = sorted(port for port, (way, _) in declared.items() if way == "IN" and port not in wanted)
+    if undriven:
+        raise FileError(f"{what}: input {', '.join(undriven)} is no pin of the board")
+
+
+def _declared(header):
+    """{port: (IN or OUT, width)} of the class that Verilator wrote."""
+    found = DECLARED.findall(Path(header).read_text())
+    return {name: (way, int(high) - int(low) + 1) for way, name, high, low in found}
 
 
 def sources(rtl):
@@ -126,39 +208,65 @@ def sources(rtl):
     return [path for path in (rtl / f"{stem}.v" for stem in (*benches.PARTS["top"], "top")) if path.is_file()]
 
 
-def build(rtl, params, folder, level=2):
+def user_sources(rtl, name, files=None):
+    """Arguments of Verilator for a user's top `name` in folder `rtl`: a list of files, or all that lie there."""
+    rtl = Path(rtl).resolve()
+    if files is not None:
+        if not Path(files).is_file():
+            raise FileError(f"{files}: no such file")
+        return ["-F", str(Path(files).resolve())]
+    found = sorted(path for path in rtl.glob("*") if path.suffix in SUFFIXES)
+    if not found:
+        raise FileError(
+            f"{rtl}: no design: {name} is looked for in its files {' and '.join(f'*{s}' for s in SUFFIXES)}"
+        )
+    return [f"-I{rtl}", *map(str, found)]
+
+
+def build(rtl, params, folder, level=2, face=None, files=None):
     """Compile the design in folder `rtl` with `params` (fpga_model.top.Params); returns the path of the library.
 
     level  of the C++ compiler's optimisation; 0 for a short run: the build is most of it
-    Raises ConfigError for a missing tool, FileError for a missing design, a missing port or whatever a tool says.
+    face   of a top with the pins of the board alone, which takes no parameters; gyro_top if None
+    files  list of its files (Verilator's -F); all of the folder if None
+    Raises ConfigError for a missing tool, FileError for a missing design, a wrong port or whatever a tool says.
     """
     for name in TOOLS:
         if shutil.which(name) is None:
             raise ConfigError(f"{name}: not installed; the loop around RTL needs {', '.join(TOOLS)}")
-    files, folder = sources(rtl), Path(folder).resolve()
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "driver.cpp").write_text(driver(params.design))
-    given = [f"-G{name}={width}'h{raw:x}" for name, width, raw in board.settings(params)]
-    given += [f'-G{name}="{path}"' for name, path in board.write_roms(folder, params.design).items()]
-    command = "verilator --cc --exe --build -O3 --x-initial 0 -Wno-fatal -Wno-lint -Wno-style".split()
-    command += ["-MAKEFLAGS", f"OPT_FAST=-O{level} OPT_SLOW=-O0 OPT_GLOBAL=-O{level}"]
-    command += "-CFLAGS -fPIC -LDFLAGS -shared --top-module gyro_top --Mdir built -o gyro_top.so".split()
-    command += [*given, *files, "driver.cpp"]
-    try:
-        run_tool(command, folder, str(files[-1]))
-    except FileError as problem:
-        absent = sorted(set(re.findall(r"has no member named .(\w+)", str(problem))))
-        raise FileError(f"{files[-1]}: port {', '.join(absent)} is missing" if absent else problem) from None
+    folder, given = Path(folder).resolve(), []
+    if face is None:
+        face, listed = of_registers(params.design), sources(rtl)
+        what = listed[-1]
+        folder.mkdir(parents=True, exist_ok=True)
+        given = [f"-G{name}={width}'h{raw:x}" for name, width, raw in board.settings(params)]
+        given += [f'-G{name}="{path}"' for name, path in board.write_roms(folder, params.design).items()]
+    else:
+        listed, what = user_sources(rtl, face.top, files), f"{rtl}: {face.top}"
+        folder.mkdir(parents=True, exist_ok=True)
+    shutil.rmtree(folder / "built", ignore_errors=True)
+    command = "verilator --cc --exe -O3 --x-initial 0 -Wno-fatal -Wno-lint -Wno-style".split()
+    command += f"-CFLAGS -fPIC -LDFLAGS -shared --top-module {face.top} --prefix {CLASS}".split()
+    command += "--Mdir built -o gyro_top.so".split()
+    run_tool([*command, *given, *listed, "driver.cpp"], folder, str(what))
+    declared = _declared(folder / "built" / f"{CLASS}.h")
+    check_ports(face, declared, what)
+    (folder / "driver.cpp").write_text(driver(face, declared))
+    optimised = [f"OPT_FAST=-O{level}", "OPT_SLOW=-O0", f"OPT_GLOBAL=-O{level}"]
+    run_tool(["make", "-s", "-C", "built", "-f", f"{CLASS}.mk", *optimised], folder, str(what))
     return folder / "built" / "gyro_top.so"
 
 
 class Design:
     """One instance of a compiled design, reset; a context manager.
 
+    folder                 where the design reads its tables from
+    places                 of NAMES, that it shows
     handle, edge, differs  what the kernels call: numbers
     """
 
-    def __init__(self, path):
+    def __init__(self, path, places=ALL, folder="."):
+        self.places, self._folder = tuple(places), folder
         self._library = ctypes.CDLL(str(path))
         for name in ("gyro_edge", "gyro_differs", "gyro_read"):
             function = getattr(self._library, name)
@@ -177,11 +285,12 @@ class Design:
         """As every bench does: `rst` over two edges."""
         given = np.zeros(len(INPUTS), np.int64)
         given[INPUTS.index(RESET_INPUT)] = given[INPUTS.index("drdy_n")] = 1
-        for _ in range(benches.RESET_CYCLES):
-            self.pins = self._library.gyro_edge(self.handle, given.ctypes.data)
+        with contextlib.chdir(self._folder):  # its first evaluation reads the tables
+            for _ in range(benches.RESET_CYCLES):
+                self.pins = self._library.gyro_edge(self.handle, given.ctypes.data)
 
     def read(self):
-        """Registers and pins, in the order of NAMES."""
+        """Registers and pins, in the order of NAMES; 0 in places that the design does not show."""
         row = np.zeros(len(NAMES), np.int64)
         self._library.gyro_read(self.handle, row.ctypes.data)
         return row

@@ -5,7 +5,12 @@
     after edge n    the converters see the RTL's pins; DAC codes and reference edges act on the plant at their clocks
 
 Ticks and streams are those of the clocked engine. The first difference ends the run, before the
-edge whose row it stands in.
+edge whose row it stands in. That is mode BESIDE; in the others nothing is compared:
+
+    ALONE   the RTL drives the plant, and no model is stepped
+    MODEL   the model drives the plant
+
+Then the rows of frames have the codes that the ADC sent, and the streams every reference edge: clock, pin, level.
 Source  docs/rtl.md
 """
 
@@ -26,6 +31,8 @@ from testbench.flatten import store
 from testbench.golden.loop.library import INPUTS, LDACS_AT, NAMES, REFS_AT, REGISTERS
 
 KEPT = 8  # rows that stay, for a report: a power of two
+SHOWN = 1 << 14  # pins that stay, for a waveform: a power of two, two frames and more
+BESIDE, ALONE, MODEL = range(3)
 COUNT, PLACES = len(REGISTERS), len(NAMES)
 GIVEN = len(INPUTS)
 REFS_MASK = 15
@@ -39,13 +46,19 @@ class Rtl(NamedTuple):
     differs: int
     given: np.ndarray  # int64 (GIVEN,): inputs of an edge
     rows: np.ndarray  # int64 (KEPT, PLACES): the model's last rows, row n at n % KEPT
-    found: np.ndarray  # int64 (4,): row and place of the first difference, the RTL's pins, rows compared
+    found: np.ndarray  # int64 (4,): row and place of the first difference, pins now, rows compared
+    shown: np.ndarray  # int64 (SHOWN,): pins after the last edges, edge n at n % SHOWN
+    latched: np.ndarray  # int64 (2,): clock of a tick at which drive and sense DAC changed last
+    mode: int
 
 
-def rtl_of(design):
-    """`Rtl` of a design that has just been reset."""
+def rtl_of(design, mode=BESIDE):
+    """`Rtl` of a design that has just been reset; None for mode MODEL."""
     given, rows = np.zeros(GIVEN, np.int64), np.zeros((KEPT, PLACES), np.int64)
-    return Rtl(design.handle, design.edge, design.differs, given, rows, np.array([-1, -1, design.pins, 0], np.int64))
+    place = (0, 0, 0) if design is None else (design.handle, design.edge, design.differs)
+    pins = 0 if design is None else design.pins
+    found, shown = np.array([-1, -1, pins, 0], np.int64), np.zeros(SHOWN, np.int64)
+    return Rtl(*place, given, rows, found, shown, np.full(2, -1, np.int64), mode)
 
 
 def _call_python(address, handle, array):
@@ -92,6 +105,28 @@ def _unpacked(word):
     )
 
 
+@inlined
+def _packed(shown, ldacs):
+    """The word that `gyro_edge` would return for `fpga.Pins` and both LDACS."""
+    return (
+        shown.adc_cs_n
+        | (shown.adc_sclk << 1)
+        | (shown.refs << REFS_AT)
+        | (shown.drive_sync_n << 3)
+        | (shown.drive_sclk_en << 4)
+        | (shown.drive_sdin << 5)
+        | (shown.sense_sync_n << 6)
+        | (shown.sense_sclk_en << 7)
+        | (shown.sense_sdin << 8)
+        | (shown.sense_ldac_n << 9)
+        | (shown.quadrature_sync_n << 10)
+        | (shown.quadrature_sclk_en << 11)
+        | (shown.quadrature_sdin << 12)
+        | (ldacs[0] << LDACS_AT)
+        | (ldacs[1] << (LDACS_AT + 1))
+    )
+
+
 @hot
 def ticks(p, f, chips, a, chunk, end, drdy_cycle, rtl):
     """Ticks chunk.begin .. end - 1; returns the model's registers, the chips, the clock of DRDY.
@@ -106,6 +141,9 @@ def ticks(p, f, chips, a, chunk, end, drdy_cycle, rtl):
     for tick in range(begin, end):
         if tick % frame_ticks == 0:
             engine.begin_frame(p, f, chips, a, chunk, tick)
+            n = tick // frame_ticks - (begin + frame_ticks - 1) // frame_ticks
+            if rtl.mode != BESIDE and n < chunk.o.frames.shape[0]:
+                store(chunk.o.frames[n], engine.codes_before(chips))
         # the aperture is the tick's first instant; the codes arrive a tick later
         sample_x, sample_y = a.sar[0], a.sar[1]
         if p.fpga.digital:
@@ -115,31 +153,40 @@ def ticks(p, f, chips, a, chunk, end, drdy_cycle, rtl):
         drive_cycle, sense_cycle, edge_count = -1, -1, 0
         for c in range(clocks):
             at = tick * clocks + c
-            row = rtl.rows[at & (KEPT - 1)]
-            store(row, f)
-            store(row[COUNT:], fpga.pins(p.fpga, f))
-            place = call(rtl.differs, rtl.handle, row)
-            if place >= 0:
-                rtl.found[0], rtl.found[1] = at, place
-                return f, chips, drdy_cycle
+            if rtl.mode == BESIDE:
+                row = rtl.rows[at & (KEPT - 1)]
+                store(row, f)
+                store(row[COUNT:], fpga.pins(p.fpga, f))
+                place = call(rtl.differs, rtl.handle, row)
+                if place >= 0:
+                    rtl.found[0], rtl.found[1] = at, place
+                    return f, chips, drdy_cycle
             write = chunk.write if at == begin * clocks else 0
             i = fpga.Inputs(
                 chips.adc.drdy_n, adc_serial.dout(chips.adc), sample_x, sample_y, write, chunk.address, chunk.data
             )
-            f = fpga.step(p.fpga, p.rom, f, i)
-            store(rtl.given[1:], i)
-            rtl.given[0] = 0
-            pins = call(rtl.edge, rtl.handle, rtl.given)
+            if rtl.mode != ALONE:
+                f = fpga.step(p.fpga, p.rom, f, i)
+            if rtl.mode == MODEL:
+                pins = _packed(fpga.pins(p.fpga, f), fpga.other_ldacs(f))
+            else:
+                store(rtl.given[1:], i)
+                rtl.given[0] = 0
+                pins = call(rtl.edge, rtl.handle, rtl.given)
+            rtl.shown[at & (SHOWN - 1)] = pins
             loaded = 1 if c == drdy_cycle and faults.silent == 0 else 0
             ldacs = (pins >> LDACS_AT) & 1, (pins >> (LDACS_AT + 1)) & 1
             chips = engine.chips_after(p.chips, word_bits, chips, _unpacked(pins), ldacs, loaded, faults.status, codes)
             if chips.drive.updated:
                 drive_cycle = c
+                rtl.latched[0] = c
             if chips.sense.updated:
                 sense_cycle = c
+                rtl.latched[1] = c
             now = (pins >> REFS_AT) & REFS_MASK
             if now != refs:
-                edge_count = engine.changed_references(chunk.edges, edge_count, chunk.o, False, c, 0, refs, now)
+                probed = rtl.mode != BESIDE
+                edge_count = engine.changed_references(chunk.edges, edge_count, chunk.o, probed, c, at, refs, now)
                 refs = now
         drdy_cycle = engine.end_tick(p, chips, a, chunk, tick, drive_cycle, sense_cycle, edge_count)[0]
     rtl.found[2] = pins

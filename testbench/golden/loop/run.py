@@ -1,6 +1,7 @@
 """A scenario with RTL in place of the firmware, in lockstep with the model: what is the same, or what differs first.
 
     Loop         a `Simulation` whose firmware is a compiled design, compared at every edge
+    Alone        the same, nothing compared: what the pins show is kept for `pin_meter`
     Difference   where the RTL first is not the model: tick, clock, every register or pin that differs, both values
     STORY        power-on, lock, rate steps of +-300 deg/s, a silent ADC: the scenario if no other is given
 
@@ -17,16 +18,26 @@ from fpga_model import fault_monitor, sequencer
 from fpga_model import top as fpga
 from fpga_model.design_record import DEFAULT
 from testbench.config import Config, changed, scenario
-from testbench.engines import engine
+from testbench.engines import chips, engine
 from testbench.errors import ConfigError
 from testbench.flatten import leaves
-from testbench.golden.loop import library, lockstep
+from testbench.golden.loop import judgement, library, lockstep, pin_meter
 from testbench.run import build, simulate
 from testbench.run.simulation import FRAME, Simulation
 
 SECONDS = 3.0
 STEP_DPS, STEPS_S, FAULT_S, FAULT_LENGTH_S = 300.0, (1.5, 1.8, 2.1), 2.4, 0.003
+STORY_KEYS = ("origin", "seconds", "rate_dps", "rate_shape", "faults")
+EDGE_TICKS, EDGES = 8, 64  # a chunk has fewer reference edges than one in so many ticks, and some
 SHOWN = 8  # registers of a difference that a text lists
+
+
+class Pins(NamedTuple):
+    """A design with the pins of the board alone: its top, a list of its files, and whether only an exact one passes."""
+
+    top: str
+    files: object = None
+    exact: bool = False
 
 
 def story(seconds=SECONDS):
@@ -34,8 +45,8 @@ def story(seconds=SECONDS):
     begin, turn, end = STEPS_S
     rates = [[0.0, 0.0], [begin, STEP_DPS], [turn, -STEP_DPS], [end, 0.0]]
     faults = [[FAULT_S, "adc_silent", "adc", 0, FAULT_LENGTH_S]] if seconds > FAULT_S else []
-    values = {"origin": "power_on", "seconds": seconds, "rate_dps": rates, "rate_shape": "steps", "faults": faults}
-    return changed(Config(), {f"scenario.{key}": value for key, value in values.items()})
+    values = ("power_on", seconds, rates, "steps", faults)
+    return changed(Config(), {f"scenario.{key}": value for key, value in zip(STORY_KEYS, values, strict=True)})
 
 
 class Difference(Exception):
@@ -65,7 +76,10 @@ class Difference(Exception):
         return "\n".join(lines)
 
     def to_dict(self):
-        wrong = [{"register": name, "expected": expected, "got": got} for name, expected, got in self.wrong]
+        wrong = [
+            {"pin" if name in library.PINS else "register": name, "expected": expected, "got": got}
+            for name, expected, got in self.wrong
+        ]
         return {"row": self.row, "tick": self.tick, "clock": self.clock, "differs": wrong}
 
 
@@ -97,7 +111,7 @@ class Loop(Simulation):
 
     @property
     def compared(self):
-        """Rows that were compared, 226 values each."""
+        """Rows that were compared, of `library.Design.places`."""
         return int(self.rtl.found[3])
 
     def _lockstep(self, p, s, ticks, rate_rad_s, temp_degc, host, faults, o):
@@ -111,7 +125,9 @@ class Loop(Simulation):
 
     def _stop(self, row):
         expected, got = self.rtl.rows[row % lockstep.KEPT], self.library.read()
-        wrong = [(name, int(expected[k]), int(got[k])) for k, name in enumerate(library.NAMES) if expected[k] != got[k]]
+        wrong = [
+            (library.NAMES[k], int(expected[k]), int(got[k])) for k in self.library.places if expected[k] != got[k]
+        ]
         first = max(0, row - lockstep.KEPT + 1)
         before = np.stack([self.rtl.rows[n % lockstep.KEPT] for n in range(first, row + 1)])
         raise Difference(row, wrong, before.copy(), self.design)
@@ -122,13 +138,39 @@ class Loop(Simulation):
         values = [int(value) for _, value in leaves(s.fpga)] + [int(v) for v in fpga.pins(self.params.fpga, s.fpga)]
         row = s.tick * self.design.tick_clocks
         self.rtl.rows[row % lockstep.KEPT] = values
-        if not np.array_equal(self.library.read(), values):
+        places = list(self.library.places)
+        if not np.array_equal(self.library.read()[places], np.array(values)[places]):
             self._stop(row)
         self.rtl.found[3] += 1
 
 
+class Alone(Loop):
+    """A loop that a design drives, or the model (`design` None): nothing is compared, what the pins show is kept."""
+
+    def __init__(self, config, temp_lo_degc, temp_hi_degc, design, firmware):
+        super().__init__(config, temp_lo_degc, temp_hi_degc, design, firmware)
+        self.rtl = lockstep.rtl_of(design, lockstep.MODEL if design is None else lockstep.ALONE)
+        self.keep_rows = True
+        self._kept = []
+
+    def _lockstep(self, p, s, ticks, rate_rad_s, temp_degc, host, faults, o):
+        o = o._replace(edges=np.zeros((ticks // EDGE_TICKS + EDGES, 3), np.int64))
+        state = super()._lockstep(p, s, ticks, rate_rad_s, temp_degc, host, faults, o)
+        self._kept.append((o.drive_code, o.sense_code, o.edges[: int(o.edge_count[0])]))
+        return state
+
+    def shown(self):
+        """`pin_meter.Shown` so far."""
+        drive, sense, edges = (np.concatenate(pieces) for pieces in zip(*self._kept, strict=True))
+        columns = self.columns()
+        codes = [columns[f"adc_{name}"] for name in ("drive_sin", "drive_cos", "sense_sin", "sense_cos")]
+        truth = [columns[f"truth_{name}"] for name in ("x", "vx", "y", "vy")]
+        latched = tuple(map(int, self.rtl.latched))
+        return pin_meter.Shown(drive, sense, latched, edges, np.stack(codes, axis=1), np.stack(truth, axis=1))
+
+
 class Outcome(NamedTuple):
-    """What a loop came to; `difference` is None if there was none."""
+    """What a loop came to; `difference` is None if there was none, `verdict` unless the design was judged."""
 
     rows: int
     seconds: float
@@ -137,20 +179,44 @@ class Outcome(NamedTuple):
     flags: tuple
     codes_sha256: str
     run_s: float
+    registers: int
     difference: Difference | None
+    verdict: judgement.Verdict | None = None
+
+    @property
+    def passed(self):
+        """No difference, or none that a board would show."""
+        return self.difference is None or (self.verdict is not None and self.verdict.passed)
 
     def to_dict(self):
-        found = {**self._asdict(), "registers": len(library.REGISTERS), "pins": len(library.PINS)}
-        return {**found, "difference": self.difference.to_dict() if self.difference else None}
+        found = {"passed": self.passed, **self._asdict(), "pins": len(library.PINS)}
+        given = {"difference": self.difference, "verdict": self.verdict}
+        return found | {name: item.to_dict() if item else None for name, item in given.items()}
 
     def text(self):
+        if self.verdict:
+            return f"NOT EXACT {self.difference.text()}\n{self.verdict.text()}"
         if self.difference:
             return f"FAIL {self.difference.text()}"
+        values = f"{len(library.PINS)} pins"
+        if self.registers:
+            values = f"{self.registers} registers and {values}"
         return (
-            f"PASS {self.rows} rows of {len(library.REGISTERS)} registers and {len(library.PINS)} pins, no difference: "
+            f"PASS {self.rows} rows of {values}, no difference: "
             f"{self.seconds:g} s from power-on in {self.run_s:.1f} s; states {', '.join(self.states)}; "
             f"{'locked' if self.locked else 'not locked'} at the end; faults seen: {', '.join(self.flags) or 'none'}"
+            + ("" if self.registers else f"\n{judgement.NOT_SHOWN}")
         )
+
+
+def _begun(kind, config, design, firmware):
+    """(simulation of a kind at power-on, timeline of the scenario)."""
+    if config.scenario.origin != "power_on" or config.scenario.resume:
+        raise ConfigError('scenario.origin: the loop around RTL begins at power-on; set origin = "power_on"')
+    timeline = scenario.expand(config.scenario, config.design_record())
+    sim = kind(config, *timeline.temp_degc.limits(), design, firmware)
+    sim.now = (np.array([timeline.rate_before_rad_s]), np.array([timeline.temp_before_degc]))
+    return sim, timeline
 
 
 def closed(config, design, firmware, progress=None):
@@ -158,11 +224,7 @@ def closed(config, design, firmware, progress=None):
 
     Raises ConfigError for a scenario that does not begin at power-on.
     """
-    if config.scenario.origin != "power_on" or config.scenario.resume:
-        raise ConfigError('scenario.origin: the loop around RTL begins at power-on; set origin = "power_on"')
-    timeline = scenario.expand(config.scenario, config.design_record())
-    sim = Loop(config, *timeline.temp_degc.limits(), design, firmware)
-    sim.now = (np.array([timeline.rate_before_rad_s]), np.array([timeline.temp_before_degc]))
+    sim, timeline = _begun(Loop, config, design, firmware)
     difference, began = None, time.perf_counter()
     try:
         for name, raw in sim.first_writes:
@@ -179,25 +241,65 @@ def closed(config, design, firmware, progress=None):
         flags=tuple(name for k, name in enumerate(fault_monitor.NAMES) if sim.seen.flags >> k & 1),
         codes_sha256=sim.codes_sha256(),
         run_s=time.perf_counter() - began,
+        registers=sum(place < len(library.REGISTERS) for place in design.places),
         difference=difference,
     )
 
 
-def run(config, rtl, folder=None, progress=None, firmware=None, level=2):
+def judged(config, design, firmware, progress=None):
+    """`judgement.Verdict` of a `library.Design` just reset: it drives the scenario of `config`, then the model does.
+
+    What comes before the first write or fault of the scenario counts. Raises ConfigError for a board or a scenario that
+    is not judged.
+    """
+    if firmware.digital:
+        raise ConfigError('firmware.board: a design is judged by the codes of the ADC; set board = "analog_sid"')
+    sims = []
+    for name, driven_by in (("design alone", design), ("model alone", None)):
+        sim, timeline = _begun(Alone, config, driven_by, firmware)
+        for register, raw in sim.first_writes:
+            sim.write(register, raw)
+        simulate.play(sim, timeline, progress and (lambda _, done, of, name=name: progress(name, done, of)))
+        sims.append(sim)
+    record, limits = firmware.design, judgement.limits_of(config, firmware)
+    end = min((event.tick for event in timeline.events), default=timeline.ticks)
+    rates_dps = np.degrees(timeline.rate_rad_s.at(0, min(end // record.frame_ticks, timeline.frames)))
+    stretches, *locks = pin_meter.stretches_of(rates_dps, record, [sim.shown() for sim in sims], limits)
+    if len({s.rate_dps for s in stretches}) < 2 and min(locks) >= 0:
+        raise ConfigError(
+            f"scenario.rate_dps: a design is judged at two rates, each kept for {pin_meter.LEAST_S:g} s behind lock"
+        )
+    grid = record.tick_clocks if firmware.references.retimed else 1
+    yours, model = (
+        pin_meter.measure(sim.shown(), record, stretches, lock, grid) for sim, lock in zip(sims, locks, strict=True)
+    )
+    return judgement.judge(config, firmware, model, yours, stretches)
+
+
+def run(config, rtl, folder=None, progress=None, firmware=None, level=2, pins=None):
     """Build the design in folder `rtl`, close the loop around it, play the scenario of `config`; `Outcome`.
 
     folder    where the library is built; a temporary one if None
     firmware  parameters of the FPGA, if not those of `config`
     level     of the C++ compiler's optimisation (`library.build`)
+    pins      `Pins` of a design that has the pins of the board alone; one that is not exact is judged
     Raises ConfigError for a missing tool or a scenario that does not begin at power-on, FileError for a design that
     does not build.
     """
     firmware = firmware or build.firmware(config)
-    if firmware.control.notch is not None:
+    if firmware.control.notch is not None and pins is None:
         raise ConfigError("firmware.notch_hz: the Verilog of the whole design has no notch; set it to 0")
+    face, places, at = None, library.ALL, "."
+    if pins is not None:
+        face = library.of_pins(pins.top, firmware, chips.parts(chips.of(config.design)))
+        places, at = [place for place, _, _ in face.seen], rtl
     with tempfile.TemporaryDirectory(prefix="gyro-loop-") as temporary:
         if progress:
             progress("building the design", 0, 1)
-        path = library.build(rtl, firmware, folder or temporary, level)
-        with library.Design(path) as design:
-            return closed(config, design, firmware, progress)
+        path = library.build(rtl, firmware, folder or temporary, level, face, pins and pins.files)
+        with library.Design(path, places, at) as design:
+            outcome = closed(config, design, firmware, progress)
+        if outcome.difference is None or pins is None or pins.exact:
+            return outcome
+        with library.Design(path, places, at) as design:
+            return outcome._replace(verdict=judged(config, design, firmware, progress))

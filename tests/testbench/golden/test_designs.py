@@ -398,7 +398,7 @@ def test_options_that_do_not_fit_are_one_clear_line(tmp_path):
 
     given = ("export", "top", "--out", str(tmp_path), "--config", str(LOW_COST))
     assert said(*given, "--frames", "0") == "--frames = 0 is outside 1 .. 80000"
-    assert said("loop", "--rtl", str(RTL), "--set", "scenario.seconds=1") == "--set: needs --config"
+    assert said("loop", "--rtl", str(RTL), "--set", "scenario.seconds=1") == "--set scenario: needs --config"
     assert list(tmp_path.iterdir()) == []
 
 

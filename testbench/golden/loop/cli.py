@@ -1,0 +1,61 @@
+"""`gyro golden loop`: arguments, and what is printed; no computing.
+
+Source  docs/rtl.md
+"""
+
+import json
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+import typer
+
+from testbench.console import options
+
+
+class LoopOptions(NamedTuple):
+    """Options of `gyro golden loop`."""
+
+    rtl: Annotated[Path, typer.Option("--rtl", metavar="DIR", help="Folder of a Verilog design of the firmware.")]
+    config: Annotated[
+        Path | None,
+        typer.Option("--config", "-c", metavar="FILE", help="Scenario from power-on; else the story."),
+    ] = None
+    seconds: Annotated[float | None, typer.Option(help="Simulated seconds from power-on.")] = None
+    sets: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Key of the configuration.")] = (
+        None
+    )
+    build: Annotated[Path | None, typer.Option("--build", metavar="DIR", help="Folder that keeps the library.")] = None
+    top: Annotated[
+        str | None, typer.Option("--top", metavar="NAME", help="Your top, with the pins of the board alone.")
+    ] = None
+    files: Annotated[
+        Path | None, typer.Option("--files", metavar="F", help="With --top: list of its files, as Verilator's -F.")
+    ] = None
+    exact: Annotated[bool, typer.Option("--exact", help="With --top: a design that differs at a pin fails.")] = False
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")] = False
+
+
+@options.takes(LoopOptions)
+def loop(o):
+    """Close the loop of plant and RTL, and compare every register with the model at every edge of 26 MHz.
+
+    With --top the pins alone are compared, and a design that differs is judged as a board is.
+    """
+    from testbench.config import changed
+    from testbench.console.progress import Progress
+    from testbench.errors import ConfigError
+    from testbench.golden.loop import run
+
+    if o.top is None and (o.files or o.exact):
+        raise ConfigError("--files, --exact: need --top")
+    if o.config is None and any(text.strip().startswith("scenario.") for text in o.sets or ()):
+        raise ConfigError("--set scenario: needs --config")
+    given = options.overrides(o.sets, ("scenario.seconds", o.seconds, "--seconds"))
+    chosen = options.load(o.config, given)
+    if o.config is None:
+        story = run.story(run.SECONDS if o.seconds is None else chosen.scenario.seconds)
+        chosen = changed(chosen, {f"scenario.{key}": getattr(story.scenario, key) for key in run.STORY_KEYS})
+    with Progress(quiet=o.as_json) as progress:
+        outcome = run.run(chosen, o.rtl, o.build, progress, pins=o.top and run.Pins(o.top, o.files, o.exact))
+    typer.echo(json.dumps(outcome.to_dict()) if o.as_json else outcome.text())
+    raise typer.Exit(0 if outcome.passed else 1)

@@ -1,0 +1,192 @@
+"""A design in a loop judged as a board is: what `pin_meter` found of it beside a run of the model, each with a limit.
+
+    difference    of the design from the model with the same configuration, noise samples included
+    sigma         of the difference: of lags from parts of the record, of the others from blocks, pair by pair
+    passed        |difference| <= limit, where 3 sigma <= limit: an equal design fails in less than 0.3 % of runs.
+                  With a larger sigma only |difference| > limit + 3 sigma is judged, and fails
+    found_95      deviation that fails in 95 of 100 runs: limit + 1.645 sigma
+
+Source  docs/rtl.md (a design with the pins alone)
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from fpga_model import cordic
+from testbench.golden.loop import pin_meter
+from testbench.run import build
+from testbench.run.budget import budget
+from testbench.run.phase_meter import SHARES, sum_sigma, wrap_deg
+
+SURE, POWER = 3.0, 1.645
+LIMIT_CLOCKS = 0.25  # of a lag: one undeclared register fails
+LIMIT_LOCK = 0.1  # of the time to lock
+LIMIT_AMPLITUDE = LIMIT_SCALE = 1e-3  # of the model's
+LIMIT_BIAS_DPS = 0.1
+LIMIT_NOISE = 0.1  # of the model's
+LEAST_SIGMA_DPS = 1e-9  # of equal runs
+ANALOG = ("DAC response", "output pole")  # rows of the budget behind the pins
+PASSED, FAILED, OPEN = "pass", "FAIL", "not resolved"
+NOT_SHOWN = (
+    "A PASS does not show: inputs that this scenario does not have; words that no DAC showed; results that round or "
+    "saturate in another way where no code of this run tells. The vectors of the blocks do (gyro golden check)."
+)
+
+
+class Line(NamedTuple):
+    """One quantity: both values, their difference with its sigma, its limit; `budget` is None but for lags."""
+
+    what: str
+    unit: str
+    model: float
+    yours: float
+    difference: float
+    sigma: float
+    limit: float
+    budget: float | None = None
+
+    @property
+    def verdict(self):
+        doubt = SURE * self.sigma
+        if abs(self.difference) > self.limit + doubt:
+            return FAILED
+        if doubt > self.limit:
+            return OPEN
+        return PASSED if abs(self.difference) <= self.limit else FAILED
+
+    @property
+    def found_95(self):
+        return self.limit + POWER * self.sigma
+
+    def to_dict(self):
+        return {**self._asdict(), "verdict": self.verdict, "found_95": self.found_95}
+
+
+class Verdict(NamedTuple):
+    """All lines, the frequency (Hz), clocks of 26 MHz that each lag is late, and whether the design found lock."""
+
+    lines: tuple
+    frequency_hz: float
+    clocks: dict
+    locked: bool
+
+    @property
+    def passed(self):
+        return self.locked and all(line.verdict == PASSED for line in self.lines)
+
+    def to_dict(self):
+        return {
+            "passed": self.passed,
+            "locked": self.locked,
+            "frequency_hz": self.frequency_hz,
+            "clocks_late": self.clocks,
+            "lines": [line.to_dict() for line in self.lines],
+            "not_shown": NOT_SHOWN,
+        }
+
+    def text(self):
+        if not self.locked:
+            return "JUDGED FAIL: the loops of this design do not lock, those of the model do"
+        rows = [("", "model", "yours", "difference", "sigma", "limit", "fails 95 %", "budget", "")]
+        rows += [
+            (
+                f"{line.what} ({line.unit})", f"{line.model:.6g}", f"{line.yours:.6g}", f"{line.difference:+.3g}",
+                f"{line.sigma:.1g}", f"{line.limit:.2g}", f"{line.found_95:.2g}",
+                "" if line.budget is None else f"{line.budget:.4f}", line.verdict,
+            )
+            for line in self.lines
+        ]  # fmt: skip
+        listed = ["  {:<32}{:>10}{:>10}{:>12}{:>9}{:>9}{:>12}{:>9}  {}".format(*row).rstrip() for row in rows]
+        late = ", ".join(f"{name} {count:+.2f}" for name, count in self.clocks.items())
+        return "\n".join(
+            [
+                f"JUDGED {'PASS' if self.passed else 'FAIL'}, as a board is:",
+                *listed,
+                f"Clocks of 26 MHz later than the model: {late}.",
+                NOT_SHOWN,
+            ]
+        )
+
+
+def limits_of(config, firmware):
+    """`pin_meter.Limits` of a configuration."""
+    lock = firmware.control.sequencer.lock
+    words = dict(build.register_writes(config))
+    gain = float(cordic.gain(firmware.design.cordic_iterations))
+    return pin_meter.Limits(lock.limit_in, lock.limit_out, lock.frames_in, words["amplitude_setpoint"] / gain)
+
+
+def _sigma(values):
+    """Standard deviation of the mean of correlated values."""
+    shares = [part.sum() for part in np.array_split((values - values.mean()) / len(values), SHARES)]
+    return sum_sigma(np.array(shares))
+
+
+def _line(rates, means, sigmas):
+    """Slope and offset through points with sigmas, weighted, and the sigma of each."""
+    weights = 1 / np.maximum(sigmas, LEAST_SIGMA_DPS)
+    basis = np.stack([np.array(rates), np.ones(len(rates))], axis=1) * weights[:, None]
+    cov = np.linalg.inv(basis.T @ basis)
+    return cov @ basis.T @ (np.array(means) * weights), np.sqrt(np.diag(cov))
+
+
+def _rates(model, yours, stretches):
+    """Lines of scale factor, bias and noise."""
+    rates = [plateau.rate_dps for plateau in stretches]
+    basis = np.stack([np.array(rates), np.ones(len(rates))], axis=1)
+    slope, offset = np.linalg.lstsq(basis, np.array([ratio.mean() for ratio in model.ratio]), rcond=None)[0]
+    own, other = (
+        [(ratio * np.conj(slope)).real / abs(slope) ** 2 for ratio in run.ratio] for run in (model, yours)
+    )  # fmt: skip
+    paired = [b - a for a, b in zip(own, other, strict=True)]
+    sigmas = [_sigma(d) for d in paired]
+    (gain, shift), (gain_sigma, shift_sigma) = _line(rates, [d.mean() for d in paired], sigmas)
+    bias = float((offset * np.conj(slope)).real / abs(slope) ** 2)
+    quiet = int(np.argmin(np.abs(rates)))
+    a, b = own[quiet], other[quiet]
+    # paired samples: the ratio of their spreads is known the better the more they are alike (Pitman 1939)
+    alike = float(np.corrcoef(a, b)[0, 1])
+    mean_sigma = _sigma(a)
+    count = float(np.clip((a.std() / mean_sigma) ** 2 if mean_sigma else len(a), 4, len(a)))
+    noise, noise_sigma = float(b.std() / a.std() - 1), math.sqrt(max(1 - alike**2, 0.0) / (count - 2))
+    return [
+        Line("scale factor, of the model's", "1", 1.0, 1.0 + float(gain), float(gain), float(gain_sigma), LIMIT_SCALE),
+        Line("bias", "deg/s", bias, bias + float(shift), float(shift), float(shift_sigma), LIMIT_BIAS_DPS),
+        Line("noise, of the model's", "1", 1.0, 1.0 + noise, noise, noise_sigma, LIMIT_NOISE),
+    ]
+
+
+def judge(config, firmware, model, yours, stretches):
+    """`Verdict` on a design from two `pin_meter.Measured`.
+
+    stretches  `pin_meter.Plateau`s of the scenario
+    """
+    if yours.lock_frame < 0:
+        return Verdict((), 0.0, {}, False)
+    design, f = firmware.design, model.frequency_hz
+    per_clock = 360.0 * f / design.master_hz
+    planned = budget(config, frequency_hz=f)
+    lines = [
+        Line(
+            "time to lock", "s", model.lock_frame / design.frame_hz, yours.lock_frame / design.frame_hz,
+            (yours.lock_frame - model.lock_frame) / design.frame_hz, 1 / design.frame_hz,
+            LIMIT_LOCK * model.lock_frame / design.frame_hz,
+        )
+    ]  # fmt: skip
+    clocks = {}
+    for name in pin_meter.NODES:
+        analog = sum(row.degrees for row in planned.rows[name] if row.what.startswith(ANALOG))
+        late = float(wrap_deg(yours.lag_deg[name] - model.lag_deg[name]))
+        sigma = math.hypot(model.lag_sigma_deg[name], yours.lag_sigma_deg[name])
+        first = float(wrap_deg(model.lag_deg[name] + analog))
+        clocks[name] = late / per_clock
+        lines.append(
+            Line(name, "deg", first, first + late, late, sigma, LIMIT_CLOCKS * per_clock, planned.node_deg()[name])
+        )
+    um, larger = 1e6 * float(model.amplitude_m.mean()), 1e6 * (yours.amplitude_m - model.amplitude_m)
+    more, sigma = float(larger.mean()), _sigma(larger)
+    lines.append(Line("amplitude", "um", um, um + more, more, sigma, LIMIT_AMPLITUDE * um))
+    lines += _rates(model, yours, stretches)
+    return Verdict(tuple(lines), f, clocks, True)

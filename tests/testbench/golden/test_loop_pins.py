@@ -1,0 +1,209 @@
+"""Designs with the pins of the board alone in the loop: the ruler against closed forms, verdicts, three whole tops."""
+
+import shutil
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from fpga_model.design_record import DEFAULT
+from fpga_model.rates import FRAME_HZ, FRAME_TICKS, TICK_CYCLES
+from testbench.commands.main import app
+from testbench.config import Config, changed
+from testbench.engines import chips
+from testbench.errors import ConfigError, FileError
+from testbench.golden.loop import judgement, library, pin_meter, run
+from testbench.golden.recording import record
+from testbench.run import build
+from tests.testbench.golden import pin_tops
+
+VERILATOR = pytest.mark.skipif(
+    any(shutil.which(name) is None for name in library.TOOLS), reason="no verilator or compiler: no loop around RTL"
+)
+PARAMS = build.firmware(Config())
+FACE = library.of_pins("mine", PARAMS, chips.parts(chips.of(Config().design)))
+DECLARED = {port: ("IN", width) for port, width in FACE.inputs.values()} | {
+    port: ("OUT", fmt.width) for _, port, fmt in FACE.seen
+}
+
+
+def shown(lag_clocks, rates, hz=11002.3, ticks=150_000, sense_per_dps=400.0, bias_dps=7.0):
+    """`Shown` of ideal sines whose codes lag the phase of the pins; the pins leave on the grid of ticks.
+
+    lag_clocks  of drive and sense, from the phase to the instant at which a code changes
+    """
+    turns = hz / DEFAULT.master_hz
+    clock = np.arange(ticks) * TICK_CYCLES + np.array([[3], [9]])
+    angle = 2 * np.pi * turns * (clock - np.array(lag_clocks)[:, None])
+    rate = np.repeat(rates, ticks // len(rates))
+    drive = np.round(20_000 * np.sin(angle[0])).astype(np.int32)
+    sense = np.round(sense_per_dps * (rate + bias_dps) * np.sin(angle[1])).astype(np.int32)
+    rows = []
+    for which in range(4):
+        # sgn(sin) turns at 0 and 1/2, sgn(cos) at 1/4 and 3/4 of a turn
+        quarters = np.arange(int(ticks * TICK_CYCLES * turns * 2)) / 2 + (which & 1) / 4
+        due = np.ceil(quarters / turns / TICK_CYCLES).astype(np.int64) * TICK_CYCLES
+        level = (np.arange(len(due)) + 1 + (which & 1)) % 2
+        rows += [(int(a), which, int(b)) for a, b in zip(due, level, strict=True)]
+    edges = np.array(sorted(rows), np.int64)
+    frames = ticks // FRAME_TICKS
+    codes = np.zeros((frames, 4))
+    codes[:, 1] = -1e6
+    at = np.arange(frames) * FRAME_TICKS * TICK_CYCLES * turns * 2 * np.pi
+    w = 2 * np.pi * hz
+    truth = np.stack([-5e-6 * np.cos(at), 5e-6 * w * np.sin(at), 0 * at, 0 * at], axis=1)
+    return pin_meter.Shown(drive, sense, (3, 9), edges, codes, truth)
+
+
+LIMITS = pin_meter.Limits((1311, 93207, 1e4, 1e4), (13107, 1398101, 1e5, 1e5), (60, 60, 60, 60), 1e6)
+RATES = (0.0, 300.0, -300.0)
+
+
+def measured(*, limits=LIMITS, **given):
+    one = shown(**{"lag_clocks": (50.0, 90.0), "rates": RATES} | given)
+    per_frame = np.repeat(RATES, len(one.codes) // len(RATES))
+    stretches, lock = pin_meter.stretches_of(per_frame, DEFAULT, [one], limits)
+    return pin_meter.measure(one, DEFAULT, stretches, lock, TICK_CYCLES), stretches
+
+
+def test_lags_are_those_of_ideal_sines():
+    """Half a hold of the code is added; the pins wait half a tick in the mean: both are 13 clocks."""
+    found, stretches = measured()
+    assert [plateau.rate_dps for plateau in stretches] == list(RATES)
+    assert found.frequency_hz == pytest.approx(11002.3, abs=0.5)
+    per_clock = 360.0 * 11002.3 / DEFAULT.master_hz
+    for node, clocks in (("xe1", 50.0), ("ye1", 90.0)):
+        assert found.lag_sigma_deg[node] < 0.25 * per_clock
+        assert abs(found.lag_deg[node] - clocks * per_clock) < 3 * found.lag_sigma_deg[node] + 1e-3
+    assert found.amplitude_m.mean() == pytest.approx(5e-6, rel=1e-5)
+
+
+def test_lock_is_the_end_of_the_first_rest_behind_the_last_loss():
+    codes = np.zeros((200, 4))
+    codes[:, 1] = -1e6
+    codes[:30, 1] = -5e5  # amplitude too small: lost
+    codes[60, 0] = 1e6  # one frame of a wrong phase, which is a loss too
+    assert pin_meter.lock_frame(codes, LIMITS, 200) == 61 + 60
+    assert pin_meter.lock_frame(codes, LIMITS, 70) == -1
+    codes[:, 3] = 2e5
+    assert pin_meter.lock_frame(codes, LIMITS, 200) == -1
+
+
+def verdict(**given):
+    (model, stretches), (yours, _) = measured(), measured(**given)
+    return judgement.judge(Config(), PARAMS, model, yours, stretches)
+
+
+def test_equal_runs_pass_and_each_deviation_fails_by_name():
+    same = verdict()
+    assert same.passed, same.text()
+    assert {line.what.split(",")[0] for line in same.lines} == {
+        "time to lock", "xe1", "ye1", "amplitude", "scale factor", "bias", "noise",
+    }  # fmt: skip
+    for given, wrong, late in (
+        ({"lag_clocks": (50.0, 91.0)}, "ye1", (0.0, 1.0)),
+        ({"lag_clocks": (48.0, 90.0)}, "xe1", (-2.0, 0.0)),
+        ({"sense_per_dps": 401.0, "bias_dps": 7.0 * 400 / 401}, "scale factor", (0.0, 0.0)),
+        ({"bias_dps": 7.3}, "bias", (0.0, 0.0)),
+    ):
+        found = verdict(**given)
+        failed = [line.what.split(",")[0] for line in found.lines if line.verdict == judgement.FAILED]
+        assert failed == [wrong], found.text()
+        assert not found.passed
+        assert list(found.clocks.values()) == pytest.approx(late, abs=0.1)
+        assert "JUDGED FAIL" in found.text()
+        assert found.to_dict()["passed"] is False
+
+
+def test_a_design_that_does_not_lock_fails_at_once():
+    small = verdict(limits=LIMITS._replace(magnitude=2e6))
+    assert not small.passed
+    assert "do not lock" in small.text()
+
+
+def test_three_sigma_above_the_limit_is_not_resolved():
+    line = judgement.Line("bias", "deg/s", 0.0, 0.05, 0.05, 0.04, 0.1)
+    assert line.verdict == judgement.OPEN
+    assert line._replace(difference=0.3).verdict == judgement.FAILED
+    assert line._replace(sigma=0.03).verdict == judgement.PASSED
+    # a deviation of found_95 fails in 95 of 100 runs
+    drawn = np.random.default_rng(1).normal(line.found_95, line.sigma, 20_000)
+    assert np.mean(np.abs(drawn) > line.limit) == pytest.approx(0.95, abs=0.01)
+
+
+def test_ports_that_do_not_fit_are_named():
+    library.check_ports(FACE, DECLARED, "mine")
+    library.check_ports(FACE, {k: v for k, v in DECLARED.items() if not k.startswith("sample")}, "mine")
+    with pytest.raises(FileError, match="mine: port o_refs is missing"):
+        library.check_ports(FACE, {k: v for k, v in DECLARED.items() if k != "o_refs"}, "mine")
+    with pytest.raises(FileError, match="port o_refs: is an output of 5 bits, not an output of 4"):
+        library.check_ports(FACE, DECLARED | {"o_refs": ("OUT", 5)}, "mine")
+    with pytest.raises(FileError, match="input enable is no pin of the board"):
+        library.check_ports(FACE, DECLARED | {"enable": ("IN", 1)}, "mine")
+
+
+def test_a_pin_of_the_other_level_is_inverted_once():
+    text = library.driver(FACE._replace(inverted=("rst", "o_refs")), DECLARED)
+    assert "top.rst = !in[0];" in text
+    assert "(top.o_refs ^ 0xfu)" in text
+    assert "r_" not in "".join(line for line in text.splitlines() if "top." in line).replace("o_adc_", "")
+
+
+def test_bad_input_is_one_clear_error(tmp_path):
+    with pytest.raises(FileError, match=r"no design: mine is looked for"):
+        library.user_sources(tmp_path, "mine")
+    with pytest.raises(FileError, match=r"absent\.f: no such file"):
+        library.user_sources(tmp_path, "mine", tmp_path / "absent.f")
+    done = CliRunner().invoke(app, ["golden", "loop", "--rtl", str(tmp_path), "--exact"])
+    assert isinstance(done.exception, ConfigError)
+    digital = changed(Config(), {"firmware.board": "digital_sid"})
+    with pytest.raises(ConfigError, match="judged by the codes of the ADC"):
+        run.judged(digital, None, build.firmware(digital))
+
+
+def story(frames=(800, 1080, 1360)):
+    """(Config, firmware): the quick gyroscope of the recordings at 0, 300 and -300 deg/s until these frames."""
+    first, second, last = (frame / FRAME_HZ for frame in frames)
+    rates = [[0.0, 0.0], [first, 300.0], [second, -300.0]]
+    given = {"seconds": last, "origin": "power_on", "rate_dps": rates, "rate_shape": "steps"}
+    config = changed(Config(), record.QUICK | {f"scenario.{key}": value for key, value in given.items()})
+    return config, record.quick_firmware(config)
+
+
+def in_loop(kind, folder, frames=(800, 1080, 1360)):
+    config, firmware = story(frames)
+    rtl = kind(folder / "rtl", firmware)
+    return run.run(config, rtl, folder / "built", firmware=firmware, level=1, pins=run.Pins(pin_tops.TOP))
+
+
+@pytest.mark.slow
+@VERILATOR
+def test_an_exact_design_passes_pin_by_pin(tmp_path):
+    outcome = in_loop(pin_tops.board, tmp_path)
+    assert outcome.passed, outcome.text()
+    assert outcome.difference is None
+    assert (outcome.registers, outcome.rows) == (0, round(outcome.seconds * DEFAULT.master_hz) + 1)
+    assert outcome.text().splitlines()[1] == judgement.NOT_SHOWN
+
+
+@pytest.mark.slow
+@VERILATOR
+def test_masters_written_anew_pass_as_a_board(tmp_path):
+    """SDIN at rest has the other level, which no DAC takes: not exact, and no quantity moves at all."""
+    outcome = in_loop(pin_tops.counting_masters, tmp_path)
+    assert {name for name, *_ in outcome.difference.wrong} == {"drive_sdin", "sense_sdin", "quadrature_sdin"}
+    assert outcome.passed, outcome.text()
+    assert all(line.difference == 0 for line in outcome.verdict.lines if line.unit != "1"), outcome.text()
+
+
+@pytest.mark.slow
+@VERILATOR
+@pytest.mark.parametrize("kind", [pin_tops.two_clocks_more, pin_tops.late_sense_frame])
+def test_two_clocks_in_the_sense_path_are_measured(kind, tmp_path):
+    outcome = in_loop(kind, tmp_path)
+    assert not outcome.passed
+    assert [line.what for line in outcome.verdict.lines if line.verdict == judgement.FAILED] == ["ye1"]
+    sigma = {line.what: line.sigma for line in outcome.verdict.lines}["ye1"]
+    per_clock = 360.0 * outcome.verdict.frequency_hz / DEFAULT.master_hz
+    assert abs(outcome.verdict.clocks["ye1"] - 2.0) < 3 * sigma / per_clock
+    assert abs(outcome.verdict.clocks["xe1"]) < 0.1
