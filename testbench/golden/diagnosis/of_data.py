@@ -1,0 +1,50 @@
+"""Hypotheses whose numbers are read off the rows: reset values, limits and single words of tables.
+
+Source  docs/diagnosis.md
+"""
+
+import numpy as np
+
+from testbench.golden.diagnosis.perturb import Hypothesis, with_argument
+from testbench.golden.diagnosis.perturb_control import is_reset_choice
+
+MOST_WORDS = 2  # of a table that may be wrong
+COST = 4
+FLAGS = 8  # bits up to which a word may be of flags
+
+
+def hypotheses(net, rows, target, inside, wrong):
+    """Hypotheses on a target from its `wrong` rows; `inside` are the nodes of its root."""
+    pattern = np.unique((target.got ^ target.sound)[wrong] & ((1 << target.fmt.width) - 1))
+    return [h for node in inside for h in _of_node(net, rows, target, node, wrong, pattern)]
+
+
+def _plain(pattern, width):
+    """Whether inverted bits are those of one mistake: one bit, all, or any in a word of flags."""
+    return int(pattern).bit_count() in (1, width) or width <= FLAGS
+
+
+def _of_node(net, rows, target, node, wrong, pattern):
+    if is_reset_choice(node):
+        seen = np.unique(target.got[wrong[rows.full(node.args[0])[wrong] != 0]])
+        if len(seen) == 1:
+            value = net.const(seen[0])
+            yield Hypothesis("reset", f"{value!r} for {node.args[1]!r}", node, with_argument(net, node, 1, value), 0)
+    for k, child in enumerate(node.args):
+        if net.loads.get((node.id, k)) == target.name and len(pattern) == 1 and _plain(pattern[0], target.fmt.width):
+            by = with_argument(net, node, k, net.node("xor", (child, net.const(pattern[0]))))
+            yield Hypothesis("sign", f"bits {int(pattern[0]):#x} inverted", node, by, 5)
+    if node.op == "clamp":
+        for value in {int(target.got[wrong].min()), int(target.got[wrong].max())}:
+            for k, name in ((1, "lo"), (2, "hi")):
+                by = with_argument(net, node, k, net.const(value))
+                yield Hypothesis("limit", f"{name} is {value}", node, by, COST)
+    if node.op == "table":
+        places = np.unique(np.clip(rows.full(node.args[0])[wrong], 0, len(node.value) - 1))
+        for place in places if len(places) <= MOST_WORDS else ():
+            for bit in range(int(max(node.value)).bit_length()):
+                for step in (1 << bit, -(1 << bit)):
+                    words = list(node.value)
+                    words[place] += step
+                    by = net.node("table", node.args, tuple(words))
+                    yield Hypothesis("constant", f"word {place} {step:+d}", node, by, COST)

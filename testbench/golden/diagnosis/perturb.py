@@ -1,0 +1,60 @@
+"""What could be built wrongly at a node of the model: hypotheses, each a node in the place of another.
+
+    of_node(net, node, seen) --> Hypothesis(cause, what, site, by, cost)     site is the node itself
+
+`seen` gives the range of a node on the rows. An operand is varied in the node that uses it, so that other uses keep it;
+a node with several uses is varied for all of them where it is the site. `cost` orders what explains the same rows.
+Source  docs/diagnosis.md
+"""
+
+from typing import NamedTuple
+
+from testbench.golden.diagnosis import perturb_arithmetic, perturb_bits, perturb_control
+from testbench.golden.diagnosis.causes import RANK
+from testbench.golden.diagnosis.net import Node
+
+
+class Hypothesis(NamedTuple):
+    """One fault: its cause, in words what, the node at fault, the node that stands there instead."""
+
+    cause: str
+    what: str
+    site: Node
+    by: Node
+    cost: int
+
+
+def with_argument(net, node, k, new):
+    """The node with another argument k."""
+    return net.node(node.op, (*node.args[:k], new, *node.args[k + 1 :]), node.value, "")
+
+
+SOURCES = (perturb_arithmetic.of_operand, perturb_control.of_operand, perturb_bits.of_operand)
+
+
+def _varied(net, node, seen):
+    """(cause, what, node, extra cost) in the place of `node`."""
+    yield from perturb_arithmetic.of_operation(net, node, seen)
+    yield from perturb_control.of_operation(net, node)
+    yield from perturb_bits.of_operation(net, node)
+    for k, child in enumerate(node.args if node.op != "next" else ()):
+        for source in SOURCES:
+            for cause, what, new, cost in source(net, node, k, child, seen):
+                yield cause, what, with_argument(net, node, k, new), cost
+    users = net.users.get(node.id, ())
+    if len(users) > 1:
+        for source in SOURCES:
+            for cause, what, new, cost in source(net, *users[0], node, seen):
+                yield cause, what, new, cost + 1
+
+
+def of_node(net, node, seen):
+    """Hypotheses at one node, without doubles, cheapest first."""
+    found = {}
+    for cause, what, by, cost in _varied(net, node, seen):
+        if by is node:
+            continue
+        hypothesis = Hypothesis(cause, what, node, by, 4 * cost + RANK[cause] // 8)
+        if by.id not in found or hypothesis.cost < found[by.id].cost:
+            found[by.id] = hypothesis
+    return list(found.values())

@@ -1,0 +1,190 @@
+"""Wrong arithmetic: rounding, overflow, sign, gain, constants, widths, signedness.
+
+Each function yields (cause, what, node, cost): the node stands in the place of the operation, or of its operand.
+Source  docs/diagnosis.md
+"""
+
+from testbench.golden.diagnosis.elaborate import static
+from testbench.golden.diagnosis.net import COMPARED, ROUNDINGS, bits_of
+
+NARROWED = ("add", "sub", "mul", "shl", "neg", "abs", "mux", "clamp", *ROUNDINGS)
+CONDITIONS = (*COMPARED, "not", "land", "lor")
+
+
+def is_flag(node):
+    """Whether a node is 0 or 1."""
+    return node.lo >= 0 and node.hi <= 1 and node.op not in ("const", "param")
+
+
+def number(node):
+    """Whether a node carries a number, not a flag, a constant or a parameter."""
+    return not is_flag(node) and node.op not in ("const", "param")
+
+
+def of_operation(net, node, seen):
+    """Another operation on the same operands."""
+    op, a = node.op, node.args
+    if op == "add":
+        yield "sign", f"{a[0]!r} - {a[1]!r}", net.node("sub", a), 0
+        yield "sign", f"{a[1]!r} - {a[0]!r}", net.node("sub", a[::-1]), 0
+    if op == "sub":
+        yield "sign", f"{a[1]!r} - {a[0]!r}", net.node("sub", a[::-1]), 0
+        yield "sign", f"{a[0]!r} + {a[1]!r}", net.node("add", a), 0
+        yield "complement", f"{a[0]!r} + ~{a[1]!r}", net.node("add", (a[0], net.node("inv", a[1:]))), 0
+    if op == "neg":
+        yield "sign", f"{a[0]!r}", a[0], 0
+        yield "complement", f"~{a[0]!r}", net.node("inv", a), 0
+        if a[0].op in ROUNDINGS:
+            x, n = a[0].args
+            for rule in ROUNDINGS:
+                yield "rounding", f"{rule} of the signed value", net.node(rule, (net.node("neg", (x,)), n)), 0
+    if op == "inv":
+        yield "sign", f"{a[0]!r}", a[0], 1
+        yield "complement", f"-{a[0]!r}", net.node("neg", a), 0
+    if op == "abs":
+        yield "sign", f"{a[0]!r}", a[0], 0
+        yield "complement", f"~{a[0]!r}", net.node("mux", (_below(net, a[0]), net.node("inv", a), a[0])), 0
+    if op in ROUNDINGS or op == "shr":
+        yield from _rounding(net, node)
+    if op in ("shl", "shr", *ROUNDINGS):
+        one = net.const(1)
+        yield "gain", f"one bit more than {a[1]!r}", net.node(op, (a[0], net.node("add", (a[1], one)))), 0
+        yield "gain", f"one bit less than {a[1]!r}", net.node(op, (a[0], net.node("sub", (a[1], one)))), 0
+    if op == "clamp":
+        yield from _limits(net, node, seen)
+    if op in ("wrap", "wrapu"):
+        signed, width = op == "wrap", static(a[1])
+        if width is not None:
+            lo, hi = (-(1 << (width - 1)), (1 << (width - 1)) - 1) if signed else (0, (1 << width) - 1)
+            yield "saturate", f"at {lo} and {hi}", net.node("clamp", (a[0], net.const(lo), net.const(hi))), 0
+            yield "width", f"{width - 1} bits", net.node(op, (a[0], net.const(width - 1))), 1
+    if op == "table":
+        for step in (1, -1):
+            yield (
+                "constant",
+                f"address {step:+d}",
+                net.node(op, (net.node("add", (a[0], net.const(step))),), node.value),
+                0,
+            )
+
+
+def _below(net, x):
+    return net.node("lt", (x, net.const(0)))
+
+
+def _rounding(net, node):
+    x, n = node.args
+    bits = static(n)
+    if bits is not None and bits < 1:
+        return
+    if x.lo < 0:
+        added = net.node("shr", (net.node("shl", (net.const(1), n)), net.const(1)))
+        whole = net.node("add", (x, added)) if node.op == "half_up" else x
+        for width in (net.width_of(x), net.width_of(x) + 1):
+            if width <= 62 and node.op in ("half_up", "shr", "floor"):
+                logical = net.node("shr", (net.node("wrapu", (whole, net.const(width))), n))
+                yield "signedness", f"logical shift of {width} bits", logical, 1
+    own = "floor" if node.op == "shr" else node.op
+    if node.op == "shr" and (is_flag(node) or x.op in ("const", "param", "table")):
+        return
+    for rule in ROUNDINGS:
+        if rule != own:
+            yield "rounding", rule, net.node(rule, (x, n)), 2 if node.op == "shr" else 0
+
+
+def _limits(net, node, seen):
+    x, lo, hi = node.args
+    one = net.const(1)
+    for k, (limit, name) in enumerate(((lo, "lo"), (hi, "hi"))):
+        steps = [(1, "LSB")]
+        if limit.op == "shl" and static(limit.args[1]) is not None:
+            steps.append((1 << static(limit.args[1]), "LSB of the result"))
+        for size, unit in steps:
+            for sign, op in (("+", "add"), ("-", "sub")):
+                moved = net.node(op, (limit, net.const(size)))
+                bounds = (moved, hi) if k == 0 else (lo, moved)
+                yield "limit", f"{name} {sign}1 {unit}", net.node("clamp", (x, *bounds)), 0
+                beyond = net.node("gt" if k else "lt", (x, limit))
+                yield "limit", f"{name} {sign}1 {unit}, only as a value", net.node("mux", (beyond, moved, node)), 1
+        beyond = net.node("gt" if k else "lt", (x, limit))
+        yield "limit", f"beyond {name} to the other one", net.node("mux", (beyond, hi if k == 0 else lo, node)), 1
+        yield "limit", f"no {name}", net.node("mux", (beyond, x, node)), 1
+    lowest, highest = seen(node)
+    widths = {bits_of(lowest, highest), bits_of(lo.lo, hi.hi), bits_of(lo.lo, hi.hi) + 1}
+    yield "wrap", "without a limit", x, 0
+    for width in sorted(widths):
+        for op in ("wrap",) if lo.lo < 0 else ("wrapu", "wrap"):
+            yield "wrap", f"at {width} bits", net.node(op, (x, net.const(min(width, 62)))), 0
+    yield "limit", "between -hi and hi", net.node("clamp", (x, net.node("neg", (hi,)), hi)), 2
+    del one
+
+
+def _counter(net, node):
+    """Whether a node is a register that counts, or made of one."""
+    return any(n.op == "reg" and net.counts(n) for n in net.inside(node))
+
+
+def _stepped(node):
+    """Cause of a constant that is off by one as an operand of a node."""
+    return {"clamp": "limit"}.get(node.op, "comparison" if node.op in COMPARED else "constant")
+
+
+def of_operand(net, node, k, child, seen):
+    """Another value as operand k."""
+    in_condition = node.op in ("land", "lor", "not") or (node.op == "mux" and k == 0)
+    chosen_flag = node.op == "mux" and node.value is None and is_flag(node)
+    if child.op in ("const", "param") and not (node.op == "mux" and k == 0) and not chosen_flag:
+        cause = "reset" if node.op == "mux" and node.value is not None and k == 1 else _stepped(node)
+        if node.op not in ("shl", "shr", "wrap", "wrapu", *ROUNDINGS) and cause != "limit":
+            for step in (1, -1):
+                code = cause == "comparison" and node.op in ("eq", "ne") and not _counter(net, node.args[0])
+                yield cause, f"{child!r} {step:+d}", net.node("add", (child, net.const(step))), 1 if code else 0
+            if child.op == "const" and 0 < child.value < 1 << 24 and node.op != "and":
+                for bit in range(child.value.bit_length()):
+                    yield cause, f"{child!r} with bit {bit} inverted", net.const(child.value ^ 1 << bit), 2
+    if node.op in COMPARED and k == 0:
+        return
+    if child.op == "param" and child.value[1] not in (0, 1, -1):
+        yield "gain", f"{child!r} x 2", net.node("shl", (child, net.const(1))), 1
+        yield "gain", f"{child!r} / 2", net.node("shr", (child, net.const(1))), 1
+        if net.fmts[f"parameter {child.value[0]}"].s:
+            yield "sign", f"-{child!r}", net.node("neg", (child,)), 0
+    yield from _extended(net, child)
+    if is_flag(child) and not in_condition and node.op not in COMPARED:
+        yield "sign", f"{child!r} inverted", net.node("not", (child,)), 0
+    if not number(child) or in_condition:
+        return
+    if node.op not in ("and", "or", "xor", "shr", "table") or child.lo < 0:
+        yield "sign", f"-({child!r})", net.node("neg", (child,)), 1
+    if child.op not in COMPARED:
+        cost = 0 if node.op in ("add", "sub", "mul") else 1
+        yield "gain", f"{child!r} x 2", net.node("shl", (child, net.const(1))), cost
+        yield "gain", f"{child!r} / 2", net.node("shr", (child, net.const(1))), cost
+    if (node.id, k) in net.loads:
+        for step in (1, -1):
+            yield "constant", f"{child!r} {step:+d}", net.node("add", (child, net.const(step))), 1
+        yield "complement", f"~({child!r})", net.node("inv", (child,)), 2
+    if child.op in NARROWED:
+        yield from _narrowed(net, child, seen)
+
+
+def _extended(net, child):
+    """A signed value read as unsigned, or the reverse, in its own width."""
+    if child.op in ("const", *COMPARED) or is_flag(child):
+        return
+    width = net.width_of(child)
+    signed = child.lo < 0 or (child.op == "param" and net.fmts[f"parameter {child.value[0]}"].s)
+    if width <= 62:
+        op = "wrapu" if signed else "wrap"
+        yield "signedness", f"{child!r}", net.node(op, (child, net.const(width))), 0 if not child.args else 2
+
+
+def _narrowed(net, child, seen):
+    lowest, highest = seen(child)
+    need, signed = bits_of(lowest, highest), lowest < 0
+    for width in range(need - 1, max(need - 4, 1), -1):
+        op = "wrap" if signed else "wrapu"
+        yield "width", f"{child!r} in {width} bits", net.node(op, (child, net.const(width))), 0
+    for low in (1, 2):
+        at = net.const(low)
+        yield "width", f"{child!r} without {low} low bits", net.node("shl", (net.node("shr", (child, at)), at)), 2

@@ -1,0 +1,81 @@
+"""Wrong bits: reversed, exchanged, stuck.
+
+Each function yields (cause, what, node, cost) as those of `perturb_arithmetic`.
+Source  docs/diagnosis.md
+"""
+
+MOST_PAIRS = 26  # width up to which all pairs of bits are tried
+
+
+def _one(node):
+    return node.op == "const" and node.value == 1
+
+
+def of_operation(net, node):
+    """A shift register that runs the other way."""
+    op, a = node.op, node.args
+    if op == "shl" and a[0].op == "reg" and _one(a[1]):
+        yield "bit_order", "shifts right", net.node("shr", a), 0
+    if op == "and" and a[0].op == "shl" and a[0].args[0].op == "reg" and _one(a[0].args[1]):
+        yield "bit_order", "shifts right", net.node("shr", a[0].args), 0
+    if op in ("or", "add"):
+        for turn, serial in (a, a[::-1]):
+            shifted = turn.args[0] if turn.op == "and" else turn
+            if shifted.op == "shl" and shifted.args[0].op == "reg" and _one(shifted.args[1]):
+                register = shifted.args[0]
+                top = net.const(1 << (net.width_of(register) - 1))
+                last = net.node("mux", (serial, top, net.const(0)))
+                yield (
+                    "bit_order",
+                    "takes the LSB first",
+                    net.node("or", (net.node("shr", (register, net.const(1))), last)),
+                    0,
+                )
+    if op == "and" and _one(a[1]) and a[0].op == "shr" and a[0].args[0].op == "reg":
+        yield "bit_order", "sends the LSB", net.node("and", (a[0].args[0], a[1])), 0
+
+
+def _moved(net, child, places):
+    """The child with its bits moved, signed as it is."""
+    found = net.node("moved", (child,), tuple(places))
+    return net.node("wrap", (found, net.const(len(places)))) if child.lo < 0 else found
+
+
+def of_operand(net, node, k, child, seen):
+    """Operand k with its bits in another order, or one of them stuck."""
+    name = net.loads.get((node.id, k))
+    leaf, root = child.op in ("reg", "in"), name is not None
+    width = net.fmts[name].width if root else net.width_of(child)
+    if not (leaf or root) or width < 2 or width > 62:
+        return
+    sizes = {width, *(n.value[1] for n in net.nodes[: net.own] if n.op == "param" and 2 <= n.value[1] < width)}
+    for size in sorted(sizes) if leaf and not (node.op == "mux" and k == 0) else ():
+        yield (
+            "bit_order",
+            f"{child!r} reversed",
+            _moved(net, child, range(size - 1, -1, -1)),
+            (size < width) + 2 * (width < 8),
+        )
+    for places, what in _exchanges(width):
+        yield "bit_swap", f"{what} of {child!r}", _moved(net, child, places), 1 if root or width > 4 else 3
+    if root:
+        for bit in range(width):
+            yield "stuck", f"bit {bit} at 0", net.node("and", (child, net.const(~(1 << bit)))), 1
+            yield "stuck", f"bit {bit} at 1", net.node("or", (child, net.const(1 << bit))), 1
+
+
+def _exchanges(width):
+    """(places, what): two bits exchanged, halves, bytes, neighbours."""
+    straight = list(range(width))
+    for a in straight:
+        for b in range(a + 1, width) if width <= MOST_PAIRS else (a + 1,):
+            if b < width:
+                places = straight.copy()
+                places[a], places[b] = b, a
+                yield places, f"bits {a} and {b}"
+    if width % 2 == 0 and width > 2:
+        half = width // 2
+        yield straight[half:] + straight[:half], "halves"
+        yield [k ^ 1 for k in straight], "neighbours"
+    if width % 8 == 0 and width > 16:
+        yield [8 * (width // 8 - 1 - k // 8) + k % 8 for k in straight], "bytes"

@@ -1,0 +1,172 @@
+"""Wrong control: conditions, priorities, comparisons, operands, and what is read a clock late or early.
+
+Each function yields (cause, what, node, cost) as those of `perturb_arithmetic`.
+Source  docs/diagnosis.md
+"""
+
+from testbench.golden.diagnosis.net import COMPARED, ROOTS, ROUNDINGS
+from testbench.golden.diagnosis.perturb_arithmetic import is_flag
+
+OPPOSITE = {"lt": "ge", "ge": "lt", "le": "gt", "gt": "le", "eq": "ne", "ne": "eq"}
+NEAR = {
+    "lt": ("le", "ne"),
+    "le": ("lt", "eq"),
+    "gt": ("ge", "ne"),
+    "ge": ("gt", "eq"),
+    "eq": ("ge", "le"),
+    "ne": ("lt", "gt"),
+}
+MOST_FLAGS = 60
+MOST_LATE = 4
+
+
+def _is_reset(node):
+    return node.op == "in" and node.value == "rst"
+
+
+def is_reset_choice(node):
+    """Whether a node chooses between the reset value of a register and what follows."""
+    return node.op == "mux" and node.value is not None
+
+
+def flags_of(net):
+    """Conditions that could stand in the place of another one: flags among the leaves, and comparisons."""
+    found = [n for n in net.nodes[: net.own] if n.op in ("reg", "in") and is_flag(n) and not _is_reset(n)]
+    found += [n for n in net.nodes[: net.own] if n.op in COMPARED and len(found) < MOST_FLAGS]
+    return found
+
+
+def of_operation(net, node):
+    """Another condition, or another order of two."""
+    op, a = node.op, node.args
+    if is_reset_choice(node):
+        yield from _of_reset(net, node)
+    elif op == "mux":
+        yield from _of_choice(net, node)
+    if op in COMPARED:
+        for other in NEAR[op]:
+            cost = 0 if other in ("le", "lt", "ge", "gt") and op not in ("eq", "ne") else 1
+            yield "comparison", f"{other} for {op}", net.node(other, a), cost
+    if op in ("land", "lor"):
+        yield "condition", f"{a[1]!r} missing", a[0], 0
+        yield "condition", f"{a[0]!r} missing", a[1], 0
+        yield (
+            "condition",
+            "and for or" if op == "lor" else "or for and",
+            net.node("lor" if op == "land" else "land", a),
+            0,
+        )
+        yield from _other_conditions(net, node, 1)
+    if op in ("and", "or", "xor"):
+        for other in {"and", "or", "xor"} - {op}:
+            yield "operator", f"{other} for {op}", net.node(other, a), 0
+        for k in (0, 1):
+            yield "operand", f"without {a[1 - k]!r}", a[k], 2
+
+
+def _of_reset(net, node):
+    """A register without reset or with a reset that another branch overrides."""
+    rst, value, after = node.args
+    held = net.node("reg", (), node.value)
+    yield "no_reset", "goes on", after, 0
+    yield "no_reset", "holds", net.node("mux", (rst, held, after)), 0
+    yield "early", "1 clock", net.node("mux", (rst, value, net.node("ahead", (after,)))), 0
+    rst_ahead = net.node("ahead", (rst,))
+    yield "async_reset", "at once", net.node("mux", (rst_ahead, value, node)), 0
+    late, enabled = after, after
+    loads = _loads(net, after, held)
+    for k in range(1, MOST_LATE + 1):
+        late = net.held(net.const(1), late, value.value)
+        yield "late", f"{k} clock" + "s" * (k > 1), net.node("mux", (rst, value, late)), 0
+        if loads.op != "const":
+            enabled = net.held(loads, enabled, value.value)
+            yield (
+                "late",
+                f"{k} enable" + "s" * (k > 1),
+                net.node("mux", (rst, value, net.node("mux", (loads, enabled, held)))),
+                0,
+            )
+    if after.op == "mux":
+        c, a, b = after.args
+        yield "priority", f"{c!r} before the reset", net.node("mux", (c, a, net.node("mux", (rst, value, b)))), 0
+        yield "priority", f"reset only without {c!r}", net.node("mux", (c, a, net.node("mux", (rst, value, b)))), 0
+        yield "priority", f"reset only with {c!r}", net.node("mux", (net.node("land", (rst, c)), value, after)), 1
+        if b.op == "mux":
+            c2, a2, b2 = b.args
+            inner = net.node("mux", (c, a, net.node("mux", (rst, value, b2))))
+            yield "priority", f"{c2!r} before the reset", net.node("mux", (c2, a2, inner)), 1
+
+
+def _loads(net, node, held):
+    """Where a register is not kept as it is."""
+    if node is held:
+        return net.const(0)
+    if node.op != "mux":
+        return net.const(1)
+    ways = [_loads(net, a, held) for a in node.args[1:]]
+    return ways[0] if ways[0] is ways[1] else net.node("mux", (node.args[0], *ways))
+
+
+def _opposite(a, b):
+    """Whether two nodes differ by a sign."""
+    return (
+        a.args[:1] == (b,)
+        or b.args[:1] == (a,)
+        or (a.op != b.op and a.args == b.args and {a.op, b.op} == {"add", "sub"})
+    )
+
+
+def _of_choice(net, node):
+    c, a, b = node.args
+    cause = "sign" if _opposite(a, b) else "condition"
+    yield cause, f"{c!r} inverted", net.node("mux", (c, b, a)), 0
+    if cause == "sign":
+        yield cause, f"always {a!r}", a, 0
+        yield cause, f"always {b!r}", b, 0
+    yield "condition", f"always as where {c!r}", a, 0
+    yield "condition", f"never as where {c!r}", b, 0
+    if b.op == "mux" and not _is_reset(b.args[0]):
+        c2, a2, b2 = b.args
+        yield "priority", f"{c2!r} before {c!r}", net.node("mux", (c2, a2, net.node("mux", (c, a, b2)))), 0
+    for cause, what, other, cost in _other_conditions(net, c, 1):
+        yield cause, what, net.node("mux", (other, a, b)), cost
+
+
+def _other_conditions(net, c, cost):
+    for e in flags_of(net):
+        if e is c:
+            continue
+        turned = net.node("not", (e,))
+        yield "condition", f"{e!r} in the place of {c!r}", e, cost
+        yield "condition", f"not {e!r} in the place of {c!r}", turned, cost + 1
+        yield "condition", f"{c!r} and {e!r}", net.node("land", (c, e)), cost + 1
+        yield "condition", f"{c!r} or {e!r}", net.node("lor", (c, e)), cost + 1
+        yield "condition", f"{c!r} and not {e!r}", net.node("land", (c, turned)), cost + 1
+
+
+def of_operand(net, node, k, child, seen):
+    """Operand k a clock late or early, or another one."""
+    condition = node.op in ("land", "lor", "not") or (node.op == "mux" and k == 0)
+    if child.op == "const" or _is_reset(child) or (is_reset_choice(node) and k == 2):
+        return
+    if node.op in ("shl", "shr", "wrap", "wrapu", *ROUNDINGS) and k == 1 and child.op == "param":
+        return
+    if condition and child.op not in ("land", "lor"):
+        yield "condition", f"{child!r} inverted", net.node("not", (child,)), 0
+    if child.op != "param" and node.op not in ROOTS and not (child.op in ("reg",) and _holds(net, node, child)):
+        yield "late", f"{child!r} by 1 clock", net.late(child), 0 if not child.args else 1
+    if child.op == "reg":
+        # in a counter, or compared with a number, it is the same as another number
+        doubtful = net.roots[child.value].cone >> node.id & 1 or node.op in COMPARED
+        yield "early", f"new {child!r}", net.roots[child.value], 1 if doubtful else 0
+    if child.op in ("reg", "in", "param"):
+        for other in net.nodes[: net.own]:
+            same = (other.op == "param") == (child.op == "param") and is_flag(other) == is_flag(child)
+            if other.op in ("reg", "in", "param") and same and other is not child and not _is_reset(other):
+                cause = "limit" if node.op == "clamp" and k else "condition" if condition else "operand"
+                yield cause, f"{other!r} in the place of {child!r}", other, 1
+
+
+def _holds(net, node, child):
+    """Whether a choice keeps a register as it is: its own value a clock late is no fault of a design."""
+    return node.op == "mux" and net.roots[child.value].cone >> node.id & 1 and node.args[0] is not child

@@ -1,0 +1,96 @@
+"""Values of a net's nodes on rows: all of them once, and a root again where some nodes are replaced by others.
+
+    full(node)                 column of the node over all rows
+    changed(root, faults, at)  values of the root at the rows `at`, with `by` for `site` for each (site, by) of `faults`
+
+`by` may be values already, of several hypotheses: an array (hypotheses, rows) gives one of that shape.
+What stands for a site may read the site itself: there it is sound. A "held" node is a register beside those of the
+block: it takes its argument at the end of each row where its condition holds. An "ahead" node is its argument a row on.
+Source  docs/diagnosis.md
+"""
+
+import numpy as np
+
+from testbench.golden.diagnosis.net import OPERATIONS, moved
+
+TIMED = ("held", "ahead")
+
+
+def applied(node, args):
+    """Column of a node from the columns of its arguments; not for leaves and held nodes."""
+    if node.op == "table":
+        words = np.array(node.value, np.int64)
+        return words[np.clip(args[0], 0, len(words) - 1)]
+    if node.op == "moved":
+        return moved(args[0], node.value)
+    return OPERATIONS[node.op][0](*args)
+
+
+def _held(load, x, rst, reset):
+    """Column of a register: what `x` was in the last row before with a load, or `reset` where that was a reset."""
+    event = (load != 0) | (rst != 0)
+    last = np.maximum.accumulate(np.where(event, np.arange(len(x)), -1))
+    last = np.concatenate(([-1], last[:-1]))
+    value = np.where(rst != 0, reset, x)
+    return np.where(last < 0, reset, value[last])
+
+
+class Rows:
+    """Nodes of `net` on the rows of `leaves`: {("reg" or "in", name): int64 column}."""
+
+    def __init__(self, net, leaves, count):
+        self.net, self.leaves, self.count = net, leaves, count
+        self.columns = {}
+
+    def full(self, node):
+        """Column of a node over all rows."""
+        found = self.columns.get(node.id)
+        if found is None:
+            found = self.columns[node.id] = self._made(node)
+        return found
+
+    def _made(self, node):
+        if node.op in ("reg", "in"):
+            return self.leaves[node.op, node.value]
+        if node.op in ("const", "param"):
+            return np.full(self.count, self._number(node), np.int64)
+        args = [self.full(a) for a in node.args]
+        if node.op == "ahead":
+            return np.append(args[0][1:], args[0][-1:])
+        return _held(*args, node.value) if node.op == "held" else applied(node, args)
+
+    @staticmethod
+    def _number(node):
+        return node.value if node.op == "const" else node.value[1]
+
+    def plain(self, node, at):
+        """Values of a node at some rows; the column of what is not of the model is not kept."""
+        found = self.columns.get(node.id)
+        if found is not None:
+            return found[at]
+        if node.op in ("const", "param"):
+            return np.int64(self._number(node))
+        if node.id < self.net.own or node.op in TIMED:
+            return self.full(node)[at]
+        return applied(node, [self.plain(a, at) for a in node.args])
+
+    def changed(self, root, faults, at):
+        """Values of `root` at the rows `at` with `by` in the place of `site` for each (site, by)."""
+        done = {}
+
+        def value(node, live):
+            for k in live:
+                if faults[k][0] is node:
+                    by = faults[k][1]
+                    return by if isinstance(by, np.ndarray) else value(by, tuple(n for n in live if n != k))
+            live = tuple(k for k in live if node.cone >> faults[k][0].id & 1)
+            if not live or node.op in TIMED:
+                return self.plain(node, at)
+            key = node.id, live
+            if key not in done:
+                done[key] = applied(node, [value(a, live) for a in node.args])
+            return done[key]
+
+        return value(root, tuple(range(len(faults)))) + np.zeros(
+            self.count if isinstance(at, slice) else len(at), np.int64
+        )

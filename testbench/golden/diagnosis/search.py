@@ -1,0 +1,162 @@
+"""Which hypotheses explain a register or a pin: one step from the design's own rows, register by register.
+
+    sound(n)      what the model gives after row n of the design            wrong rows: the design has something else
+    share         wrong rows where a hypothesis gives the design's value, of all wrong rows
+    precision     of the rows where it gives another value than the model, those where this is the design's value
+
+Source  docs/diagnosis.md
+"""
+
+from math import lgamma, log
+from typing import NamedTuple
+
+import numpy as np
+
+from testbench.golden.diagnosis import of_data, perturb
+from testbench.golden.diagnosis.net import wrapped
+from testbench.golden.diagnosis.perturb import Hypothesis
+from testbench.golden.diagnosis.rows import Rows
+
+SAMPLE = 40  # wrong rows on which all hypotheses are tried
+MOST_FITS = 150  # hypotheses of a target that are then tried on all rows
+LEAST_SHARE, LEAST_PRECISION = 0.2, 0.95
+
+
+class Target(NamedTuple):
+    """A register or pin: its root, rows of the design that belong to each row of the net, and where they count."""
+
+    name: str
+    root: object
+    fmt: object
+    got: np.ndarray
+    judged: np.ndarray
+    sound: np.ndarray
+    wrong: np.ndarray
+
+    def as_held(self, column):
+        """A column as a port of this width holds it."""
+        return wrapped(column, self.fmt.width, bool(self.fmt.s))
+
+
+class Fit(NamedTuple):
+    """How far a hypothesis explains a target; `column` is what it gives at all rows."""
+
+    hypothesis: Hypothesis
+    share: float
+    precision: float
+    column: np.ndarray
+
+    @property
+    def key(self):
+        h = self.hypothesis
+        return h.site.id, h.by.id
+
+
+class Search:
+    """The rows of a design against a net.
+
+    net       of the block
+    leaves    {("in" or "reg", name): column}: the design's own registers, golden ones where the log lacks them
+    got       {name: column} of the log;  care  {name: rows that count};  expected  {name: golden column}
+    """
+
+    def __init__(self, net, leaves, got, care, expected):
+        self.net, self.count = net, len(next(iter(leaves.values())))
+        self.rows = Rows(net, leaves, self.count)
+        self.hypotheses, self.ranges = {}, {}
+        self.targets = {name: self._target(name, got[name], care) for name in net.roots if name in got}
+        self.faulty = [
+            t.name
+            for t in self.targets.values()
+            if t.wrong.any() and np.any(care[t.name] & (got[t.name] != expected[t.name]))
+        ]
+        self.faulty.sort(key=lambda name: int(np.argmax(self.targets[name].wrong)))
+
+    def _target(self, name, got, care):
+        root, fmt = self.net.roots[name], self.net.fmts[name]
+        judged = care[name].copy()
+        if root.op == "next":
+            # row n of the net gives row n + 1 of the register
+            got, judged = np.append(got[1:], got[-1:]), np.append(judged[1:], False)
+        for node in self.net.inside(root):
+            if node.op == "reg" and node.value in care:
+                judged &= care[node.value]
+        sound = wrapped(self.rows.full(root), fmt.width, bool(fmt.s))
+        return Target(name, root, fmt, got, judged, sound, judged & (got != sound))
+
+    def seen(self, node):
+        """Range of a node on the rows."""
+        if node.id not in self.ranges:
+            column = self.rows.full(node)
+            self.ranges[node.id] = int(column.min()), int(column.max())
+        return self.ranges[node.id]
+
+    def of_site(self, node):
+        """Hypotheses at a node, made once."""
+        if node.id not in self.hypotheses:
+            self.hypotheses[node.id] = perturb.of_node(self.net, node, self.seen)
+        return self.hypotheses[node.id]
+
+    def changed(self, target, faults, at):
+        """What a target is with faults, as its port holds it."""
+        return target.as_held(self.rows.changed(target.root, faults, at))
+
+    def fit(self, target, hypothesis, others=()):
+        """`Fit` of one hypothesis beside `others` that are taken for granted, over all rows."""
+        every = slice(None)
+        column = self.changed(target, ((hypothesis.site, hypothesis.by), *others), every)
+        before = self.changed(target, others, every) if others else target.sound
+        wrong = target.judged & (target.got != before)
+        active = target.judged & (column != before)
+        explained = wrong & (column == target.got)
+        hits = np.count_nonzero(explained)
+        return Fit(hypothesis, hits / max(np.count_nonzero(wrong), 1), hits / max(np.count_nonzero(active), 1), column)
+
+    def fits(self, name, others=()):
+        """Fits of a target that explain enough and disturb little, the best first."""
+        target = self.targets[name]
+        before = self.changed(target, others, slice(None)) if others else target.sound
+        wrong = np.flatnonzero(target.judged & (target.got != before))
+        if not len(wrong):
+            return []
+        picked = wrong if len(wrong) <= SAMPLE else np.unique(
+            np.concatenate((wrong[: SAMPLE // 2], wrong[np.linspace(0, len(wrong) - 1, SAMPLE // 2).astype(int)]))
+        )  # fmt: skip
+        inside = [node for node in self.net.inside(target.root) if node.id < self.net.own]
+        tried = [h for node in inside for h in self.of_site(node)]
+        if not others:
+            tried += of_data.hypotheses(self.net, self.rows, target, inside, wrong)
+        hits = self._hits(target, tried, others, picked)
+        order = sorted(range(len(tried)), key=lambda k: (-hits[k], tried[k].cost))
+        whole = [k for k in order if hits[k] == len(picked)]
+        part = [k for k in order if LEAST_SHARE * len(picked) <= hits[k] < len(picked)]
+        found = self._kept(target, [tried[k] for k in whole[:MOST_FITS]], others)
+        if not any(f.share == 1.0 for f in found):
+            found += self._kept(target, [tried[k] for k in part[:MOST_FITS]], others)
+        return sorted(found, key=lambda f: (-round(f.share * f.precision, 3), f.hypothesis.cost))
+
+    def _hits(self, target, tried, others, picked):
+        """How many of the picked rows each hypothesis gives; those of one site are computed together."""
+        hits, sites = np.zeros(len(tried), np.int64), {}
+        for k, h in enumerate(tried):
+            sites.setdefault(h.site.id, []).append(k)
+        for numbers in sites.values():
+            site = tried[numbers[0]].site
+            was = self.rows.plain(site, picked)
+            values = [self.rows.plain(tried[k].by, picked) + np.zeros(len(picked), np.int64) for k in numbers]
+            active = [n for n, value in enumerate(values) if others or np.any(value != was)]
+            if active:
+                found = self.changed(target, ((site, np.stack([values[n] for n in active])), *others), picked)
+                counts = np.count_nonzero(found == target.got[picked], axis=1)
+                hits[[numbers[n] for n in active]] = counts
+        return hits
+
+    def _kept(self, target, tried, others):
+        fits = [self.fit(target, h, others) for h in tried]
+        return [f for f in fits if f.share >= LEAST_SHARE and f.precision >= LEAST_PRECISION]
+
+    def evidence(self, name):
+        """Bits that the wrong rows of a target are worth: log2 of the ways to choose so many, or one; values too."""
+        target = self.targets[name]
+        n, k = np.count_nonzero(target.judged), np.count_nonzero(target.wrong)
+        return k * min(target.fmt.width - 1, 4) + max(k, (lgamma(n + 1) - lgamma(k + 1) - lgamma(n - k + 1)) / log(2))

@@ -1,0 +1,125 @@
+"""From fits of single registers and pins to causes: one for each fault, in order of rank; none where nothing explains.
+
+    a cause covers the registers whose wrong rows it explains; it may not disturb a register that is right
+    share  wrong rows of the register that the cause explains, divided by the causes that explain as many
+
+Source  docs/diagnosis.md
+"""
+
+from math import log2
+from typing import NamedTuple
+
+SURE = 0.95  # share from which a cause is certain
+WHOLE = 0.95  # share from which a register needs no further cause
+MOST_LISTED = 8
+MOST_RANKED = 150
+SPARE_BITS = 4.0  # evidence beyond that of as many hypotheses as were tried
+
+
+class Cause(NamedTuple):
+    """One cause: its class, the register or pin that it drives, the share of wrong rows, and in words what."""
+
+    cause: str
+    register: str
+    share: float
+    what: str
+
+    @property
+    def sure(self):
+        return self.share >= SURE
+
+    def text(self):
+        return f"{self.cause} at {self.register}: {self.what} ({100 * self.share:.0f} % of its wrong rows)"
+
+
+class _Whole(NamedTuple):
+    """A hypothesis with its fits at the targets that it covers."""
+
+    fits: dict
+
+    @property
+    def hypothesis(self):
+        return next(iter(self.fits.values())).hypothesis
+
+    @property
+    def rank(self):
+        """What explains all wrong rows of its registers goes first, then what explains more, then what costs less."""
+        whole = all(fit.share == 1.0 for fit in self.fits.values())
+        return (not whole, -round(self.total, 2), self.hypothesis.cost, self.hypothesis.site.id)
+
+    @property
+    def total(self):
+        return sum(round(fit.share * fit.precision, 3) for fit in self.fits.values())
+
+
+def _disturbs(search, hypothesis):
+    """Whether a hypothesis changes a register or pin that is right."""
+    for target in search.targets.values():
+        if target.name in search.faulty or not target.root.cone >> hypothesis.site.id & 1:
+            continue
+        fit = search.fit(target, hypothesis)
+        if (target.judged & (fit.column != target.sound)).any():
+            return True
+    return False
+
+
+def _grouped(fits, names):
+    """Hypotheses by what they cover of `names`, the best first."""
+    found = {}
+    for name in names:
+        for fit in fits[name]:
+            found.setdefault(fit.key, {})[name] = fit
+    wholes = [_Whole(part) for part in found.values()]
+    return sorted(wholes, key=lambda w: w.rank)
+
+
+def _rivals(search, best, wholes):
+    """The best and what explains as much with another cause and no higher cost, one for each cause."""
+    found, careful = {}, not _disturbs(search, best.hypothesis)
+    for whole in wholes:
+        if whole.rank[:3] > best.rank[:3]:
+            break
+        cause = whole.hypothesis.cause
+        if cause not in found and not (careful and _disturbs(search, whole.hypothesis)):
+            found[cause] = whole
+    return list(found.values())
+
+
+def _enough(search, names, tried):
+    """Whether the wrong rows of the registers are evidence enough for one of so many hypotheses."""
+    return sum(search.evidence(name) for name in names) >= log2(max(tried, 1)) + SPARE_BITS
+
+
+def causes(search):
+    """[Cause] of a `Search`, in order of rank."""
+    fits = {name: search.fits(name) for name in search.faulty}
+    tried = sum(len(found) for found in search.hypotheses.values())
+    open_names, first, others = list(search.faulty), [], []
+    while open_names:
+        wholes = _grouped(fits, open_names)
+        if not wholes:
+            break
+        best = next((w for w in wholes[:MOST_RANKED] if not _disturbs(search, w.hypothesis)), wholes[0])
+        if best.rank[0] > wholes[0].rank[0]:
+            best = wholes[0]
+        rivals = _rivals(search, best, wholes)
+        listed = []
+        for whole in rivals:
+            name, fit = next(iter(whole.fits.items()))
+            if _enough(search, whole.fits, tried):
+                listed.append(Cause(whole.hypothesis.cause, name, fit.share / len(rivals), whole.hypothesis.what))
+        more = [_second(search, n, best.hypothesis) for n, fit in best.fits.items() if fit.share < WHOLE]
+        # a part of the wrong rows counts only if a second fault explains the others
+        if all(more):
+            first += listed[:1]
+            others += [*more, *listed[1:]]
+        open_names = [name for name in open_names if name not in best.fits]
+    return (first + others)[:MOST_LISTED]
+
+
+def _second(search, name, hypothesis):
+    """The second fault of a register that explains, beside a first one, all of its wrong rows; or None."""
+    for fit in search.fits(name, ((hypothesis.site, hypothesis.by),))[:1]:
+        if fit.share >= WHOLE:
+            return Cause(fit.hypothesis.cause, name, fit.share, fit.hypothesis.what)
+    return None

@@ -1,0 +1,64 @@
+"""The graph of a block is its step: the same registers and pins on golden rows, and operations that are the model's."""
+
+import inspect
+
+import numpy as np
+import pytest
+
+from fpga_model import fixed
+from fpga_model.block import python_of
+from testbench.golden.diagnosis import elaborate, net, rows
+from testbench.golden.stimulus import blocks
+from tests.testbench.golden.benching import but_counting, made
+
+
+@pytest.mark.parametrize("stem", but_counting(blocks.BLOCKS))
+def test_the_graph_of_a_block_gives_every_golden_row(stem):
+    block = blocks.BLOCKS[stem]
+    case = list(block.cases)[-1]
+    stim, _ = made(stem, case)
+    registers, pins = blocks.run(block, case, stim)
+    graph = elaborate.of_block(stem, {name: raw for name, raw, _ in blocks.params_of(block, case)}, block.record)
+    leaves = {("in", p.name): column for p, column in zip(block.columns, stim.T)}
+    leaves |= {("reg", p.name): column for p, column in zip(block.registers, registers.T)}
+    found = rows.Rows(graph, leaves, len(stim))
+    assert leaves["in", "rst"].any()
+    assert set(graph.roots) == {p.name for p in (*block.registers, *block.pins)}
+    for p, column in zip(block.registers, registers.T):
+        np.testing.assert_array_equal(found.full(graph.roots[p.name])[:-1], column[1:], p.name)
+    for p, column in zip(block.pins, pins.T):
+        np.testing.assert_array_equal(found.full(graph.roots[p.name]), column, p.name)
+    for node in graph.nodes:
+        column = found.full(node)
+        assert node.lo <= column.min(), node
+        assert column.max() <= node.hi, node
+
+
+@pytest.mark.parametrize("name", [*fixed.ROUNDINGS, "clamp", "wrap", "wrap_unsigned"])
+def test_an_operation_on_columns_is_the_function_of_the_model(name):
+    function = python_of(getattr(fixed, name))
+    of, _ = net.OPERATIONS["wrapu" if name == "wrap_unsigned" else name]
+    x = np.arange(-300, 300)
+    for given in [(-7, 11), (0, 5)] if name == "clamp" else [(n,) for n in (1, 2, 5, 8)]:
+        assert len(inspect.signature(function).parameters) == 1 + len(given)
+        np.testing.assert_array_equal(of(x, *given), [function(int(v), *given) for v in x])
+
+
+def test_a_held_node_is_a_register_with_enable_and_reset():
+    graph = net.Net()
+    load, x = graph.leaf("in", "load", fixed.bits(1)), graph.leaf("in", "x", fixed.signed(8))
+    graph.leaf("in", "rst", fixed.bits(1))
+    columns = {"load": [1, 0, 1, 1, 0, 1], "x": [3, 4, 5, 6, 7, 8], "rst": [0, 0, 0, 1, 0, 0]}
+    leaves = {("in", name): np.array(column) for name, column in columns.items()}
+    assert rows.Rows(graph, leaves, 6).full(graph.held(load, x, -1)).tolist() == [-1, 3, 3, 5, -1, -1]
+
+
+def test_what_a_kernel_never_uses_is_refused_by_name():
+    with pytest.raises(elaborate.Unsupported, match="while"):
+        elaborate.Elaborator(net.Net()).call(_loops, [1], {})
+
+
+def _loops(x):
+    while x:
+        x -= 1
+    return x
