@@ -306,7 +306,9 @@ class TraceOptions(NamedTuple):
     checkpoint: Annotated[
         Path | None, typer.Option(metavar="FOLDER", help="Where finished work is kept; a killed trace goes on from it.")
     ] = None
-    alpha: Annotated[float, typer.Option(min=1e-4, max=0.2, help="Chance of a false alarm.")] = 0.01
+    alpha: Annotated[
+        float | None, typer.Option(min=1e-4, max=0.2, help="Chance of a false alarm; 0.0035, of a part 0.02.")
+    ] = None
     looks: Annotated[int, typer.Option(min=1, help="How many traces like this one are made; widens every p.")] = 1
     seed: Annotated[int, typer.Option(min=0, help="Of null draws and bootstraps.")] = 0
     most: Annotated[int | None, typer.Option("--max-laws", min=1, max=6, help="Laws in one explanation.")] = None
@@ -333,7 +335,7 @@ def trace(o):
     """Trace what the model cannot explain to an effect, and say how the error on held-out data changes."""
     from testbench.measured import trace_recording
     from testbench.measured.closed_loop import loop_trace
-    from testbench.measured.exam import part_page
+    from testbench.measured.exam import exam, part_page
     from testbench.measured.models.part_problem import PartProblem
     from testbench.measured.openers import determined, open_problem
     from testbench.tracing import report as page
@@ -345,8 +347,10 @@ def trace(o):
         found, name = trace_recording.trace_table(o.files, given), "numbers"
         if not found:
             problem = open_problem(o.files, given)
-            most = o.most or (problem.most_laws if isinstance(problem, PartProblem) else Options.max_laws)
-            options = Options(o.alpha, o.looks, seed=o.seed, max_laws=most)
+            part = isinstance(problem, PartProblem)
+            most = o.most or (problem.most_laws if part else Options.max_laws)
+            alpha = o.alpha or (exam.QUICK.alpha if part else Options.alpha)
+            options = Options(alpha, o.looks, seed=o.seed, max_laws=most)
             found, name = trace_recording.of_problem(problem, options, progress), problem.name
         if found:
             _write(o.json_file, trace_recording.text(found[0]))

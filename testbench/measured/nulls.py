@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from testbench.measured.exam import exam
-from testbench.measured.exam.staged import absorb, add_in_stages
+from testbench.measured.exam.staged import ALPHA, absorb, add_in_stages
 from testbench.measured.openers import open_problem
 from testbench.measured.parts.part import Part
 from testbench.tracing.trace import Options, Tracer
@@ -36,7 +36,7 @@ def nulls(problem, count, seed=0, known=(), say=None):
     for k in range(count):
         rng = np.random.default_rng([seed, k])
         data = [mean + now.noise_draw(i, rng) for i, mean in enumerate(clean)]
-        found = add_in_stages(now.with_data(data), Options(seed=k), 1)
+        found = add_in_stages(now.with_data(data), Options(ALPHA, seed=k), 1)
         out.append([e["law"] for e in found.json["effects"]])
         if say:
             say(f"{k + 1}: {out[-1]}, {found.json['verdict']}")

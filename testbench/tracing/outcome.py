@@ -188,10 +188,11 @@ def result(tracer, decision):
         best = found.best
         free = verdict.free_d(found.fit(best), tracer.identified) if best else {}
         probability = inclusion(*tracer.posterior) if found.adequate else {}
-        rejected = tracer.noise.p < tracer.options.alpha
-        doubtful = "no repeats" if tracer.alarms.model_based else "declared noise rejected" if rejected else ""
+        rejected = "declared noise rejected" if tracer.noise_rejected else ""
+        doubtful = "no repeats" if tracer.alarms.model_based else rejected
         confirmed = tracer.heldout.score > CLEAR
-        behind = verdict.Evidence(bool(tracer.held.size), problem.heldout_independent, confirmed, doubtful)
+        apart = problem.heldout_independent and not tracer.chosen
+        behind = verdict.Evidence(bool(tracer.held.size), apart, confirmed, doubtful, tracer.chosen, tracer.untried)
         stopped = verdict.blocks(problem, tracer.base.converged)
         decision = verdict.with_search(found, tracer.causes, free, behind, stopped)
     out = Result(problem.name, decision.verdict, decision.sentence)
@@ -214,7 +215,7 @@ def result(tracer, decision):
     out.ranking, out.models = ranking_rows(tracer), model_rows(tracer)
     tests = {name: getattr(tracer.alarms, name) for name in ("rotation", "refined", "declared")}
     out.alarms = {name: test and test._asdict() for name, test in tests.items()}
-    found = [*problem.noise_findings, *of_repeats(tracer.noise, tracer.options.alpha)]
+    found = [*problem.noise_findings, *of_repeats(tracer.noise, verdict.LEVEL)]
     out.noise = {"octaves": [o._asdict() for o in tracer.noise.octaves], "p": tracer.noise.p}
     out.noise["findings"] = [f._asdict() | {"text": f.text} for f in found]
     out.identifiability = {

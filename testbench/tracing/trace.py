@@ -27,14 +27,20 @@ from testbench.tracing.problem.space import Space
 
 ROWS_OF_DRAWS = 60_000_000  # numbers drawn for one alarm at most
 FEWEST_DRAWS = 199
+RANKS = 3  # null draws at least that may lie beyond an alarm at its level
 PARTIAL = CLEAR**2  # of held-out chi2, by which each law of several, or of a partial explanation, must lower it
 
 
 @dataclass(frozen=True)
 class Options:
-    """Thresholds and effort. looks: how many traces like this one the caller makes; it widens every p."""
+    """Thresholds and effort.
 
-    alpha: float = 0.01
+    alpha   chance of a false alarm on a clean record, by fitted and held-out data together (docs/tracing.md)
+    looks   how many traces like this one the caller makes; it widens every p
+    n_null  null draws of an alarm; more where alpha asks for them
+    """
+
+    alpha: float = 0.0035
     looks: int = 1
     n_null: int = 999
     seed: int = 0
@@ -60,7 +66,9 @@ class Tracer:
         # the same law in other parameters is tried once; laws that cost runs wait for an alarm
         self.dropped = same_laws(problem, (*self.catalogue, *self.library))
         self.waiting = self.library if problem.library_late else ()
-        self.draws = max(FEWEST_DRAWS, min(options.n_null, ROWS_OF_DRAWS // max(self.space.size, 1)))
+        # fitted and held-out data share the chance of a false alarm
+        self.alpha = options.alpha / 2 if self.held.size else options.alpha
+        self.chosen, self.untried = False, 0
         self.notes, self.selections, self.rivals, self.causes = list(problem.warnings), [], [], []
 
     def say(self, text, done=0, total=1):
@@ -77,8 +85,8 @@ class Tracer:
         if self.base.fit.failed:
             return False
         rng = np.random.default_rng([self.options.seed, 4])
-        self.noise = noise.study(self.space, rng, self.options.alpha, judge=not self.problem.noise_from_repeats)
-        if self.noise.p < self.options.alpha:
+        self.noise = noise.study(self.space, rng, verdict.LEVEL, judge=not self.problem.noise_from_repeats)
+        if self.noise_rejected:
             self.notes.append("declared noise contradicted by the repeats: variances refined by observable and octave")
             self.space = Space(self.problem, "fit", self.noise)
             self.held = Space(self.problem, "validate", self.noise)
@@ -102,13 +110,20 @@ class Tracer:
                 out[label] = self.rank(fit, names)
         return out
 
-    def alarm(self, fit, rankings):
+    @property
+    def noise_rejected(self):
+        """True if the repeats contradict the declared noise."""
+        return self.noise.p < verdict.LEVEL
+
+    def alarm(self, fit, rankings, alpha=verdict.LEVEL):
         """Alarms at a fit. In a refined space the declared noise is the refined one, the octaves' uncertainty stays."""
-        return alarms(self.store, fit, rankings, self.known_noise(), self.draws, self.options.seed)
+        wanted = max(self.options.n_null, int(np.ceil(RANKS / alpha)) - 1)
+        draws = max(FEWEST_DRAWS, min(wanted, ROWS_OF_DRAWS // max(self.space.size, 1)))
+        return alarms(self.store, fit, rankings, self.known_noise(), draws, self.options.seed)
 
     def known_noise(self):
         """Octaves in units of the space in use."""
-        if self.noise.p < self.options.alpha:
+        if self.noise_rejected:
             return self.noise._replace(octaves=tuple(o._replace(f=1.0) for o in self.noise.octaves))
         return self.noise
 
@@ -118,7 +133,7 @@ class Tracer:
         found = self.alarm(fit, self.rankings(fit))
         p = verdict.correct_p(found.p_deterministic, self.options.looks)
         ok, why = self.passes(fit)
-        return bool(ok and p >= self.options.alpha), {"p": p} | why
+        return bool(ok and p >= verdict.LEVEL), {"p": p} | why
 
     def passes(self, fit):
         """(held-out chi2 within its band and no held-out rms above the floor?, why); True without held-out groups."""
@@ -131,7 +146,7 @@ class Tracer:
 
     def judged(self, fits):
         """`heldout.HeldOut` of {label: Fit}."""
-        by, seed, declared = self.problem.heldout_by, self.options.seed, not self.noise.p < self.options.alpha
+        by, seed, declared = self.problem.heldout_by, self.options.seed, not self.noise_rejected
         return heldout.judge(self.problem, self.held, self.predictor, fits, by, seed, declared)
 
     def search(self):
@@ -154,11 +169,15 @@ class Tracer:
         return found
 
     def supported(self, found):
-        """Where the best set is not adequate: the set that fitted and held-out data together support most."""
+        """Where the best set is not adequate: the set that fitted and held-out data together support most.
+
+        Held-out data have chosen that set, and cannot judge it as data that took no part: see `verdict.with_search`.
+        """
         known = [n for n, c in self.work.candidates.items() if n and c.refitted]
         if found.adequate or not self.held.size or not known:
             return found
         best = max(known, key=lambda n: (self.work.score(n) - self.heldout_chi2(n) / 2, n))
+        self.chosen = best != found.best
         return found._replace(best=best, adequate=self.work.is_adequate(best))
 
     def prune(self, found):
@@ -214,7 +233,8 @@ class Tracer:
         """Causes that the data do not tell from an adequate set, that one first."""
         if self.found is not None and self.found.best and self.found.adequate:
             self.say("causes that do as well")
-            self.causes = class_of(self.work, self.pool, self.found.best, lambda fit: self.passes(fit)[0])
+            found = class_of(self.work, self.pool, self.found.best, lambda fit: self.passes(fit)[0])
+            self.causes, self.untried = found
             self.posterior = self.work.posterior()
 
     def run(self):
@@ -234,13 +254,14 @@ class Tracer:
         self.say("ranking laws")
         self.first = self.ranked = self.rankings(self.base.fit)
         self.say("alarms")
-        self.alarms = self.alarm(self.base.fit, self.first)
-        alarm, self.p = verdict.detection(self.alarms, options.alpha, options.looks)
+        self.alarms = self.alarm(self.base.fit, self.first, self.alpha)
+        alarm, self.p = verdict.detection(self.alarms, self.alpha, options.looks)
         self.found, self.posterior = None, ([()], [1.0])
-        self.decision = verdict.without_tracing(alarm, self.alarms, self.noise, options.alpha, self.p)
+        self.decision = verdict.without_tracing(alarm, self.alarms, self.noise, self.p)
         if self.decision is None:
             self.found = self.search()
         self.judge()
+        self.decision = verdict.with_heldout(self.decision, self.heldout, self.alpha, options.looks)
         self.weigh()
         return None
 
@@ -256,7 +277,7 @@ class Tracer:
         self.power, self.experiments = {}, []
         if options.power:
             self.say("power")
-            level = 1 - (1 - options.alpha) ** (1 / options.looks)
+            level = 1 - (1 - self.alpha) ** (1 / options.looks)
             power = Power(fit, self.alarms, self.known_noise(), self.first, self.laws, level, options.seed)
             smallest = power.smallest()
             self.power = {"d90": smallest, "null": power.null_rate(), "check": power.checked(smallest)}

@@ -1,12 +1,13 @@
 """The verdict: what may be said, by alarms, search and held-out groups; nothing is named by one of them alone.
 
 firmware     the problem says that the firmware is not the model's: physics waits
-none         no alarm
+none         no alarm, and held-out data agree
 noise-model  only the declared noise is contradicted: no physical effect is named
 named        one cause: the model is adequate, nothing else does as well, the coefficients are not the prior's
 confounded   one class of two to five causes, each as good as the others: the next experiment splits it
 candidate    a class of at most five, and no data from another file or session that could confirm it
-unexplained  no set is adequate, or too many are; what is known about the rest is reported, partial laws beside it
+unexplained  no set is adequate, or too many are, or held-out data alone disagree; what is known about the rest is
+             reported, partial laws beside it
 """
 
 from typing import NamedTuple
@@ -17,6 +18,7 @@ from testbench.tracing.fit.causes import MOST
 from testbench.tracing.fit.identify import unseen
 from testbench.tracing.fit.rank import Projection
 
+LEVEL = 0.01  # of the tests of noise and of an explanation; that of alarms is `Options.alpha`
 LEAST_FREE_D = 3.0
 MINOR = 0.1  # of the largest d of a set, below which a law beside it is no cause
 MOST_NUMERICAL = 0.5  # sigmas, of the analysis engine against the exact one
@@ -33,9 +35,11 @@ class Evidence(NamedTuple):
     """What stands behind a set beside its fit."""
 
     heldout: bool  # there are held-out groups
-    independent: bool  # they are of another file or session
+    independent: bool  # they are of another file or session, and have not chosen the set
     confirmed: bool  # they show the change; needed without repeats, or if the declared noise is rejected
     doubtful: str  # why the noise is not to be trusted; "" if it is
+    chosen: bool = False  # by held-out data, which then cannot judge the set
+    untried: int = 0  # sets as near as those of the class that were not refitted
 
 
 def free_d(fit, identifiability):
@@ -84,13 +88,13 @@ def correct_p(p, looks):
     return float(-np.expm1(looks * np.log1p(-min(p, 1 - 1e-15)))) if looks > 1 else float(p)
 
 
-def without_tracing(found, alarms, noise, alpha, p):
+def without_tracing(found, alarms, noise, p):
     """`Decision` when nothing deterministic was found; None if tracing must go on."""
     if found:
         return None
     declared = alarms.declared.p_global
-    if noise.octaves and (noise.p < alpha or declared < alpha):
-        if noise.p < alpha:
+    if noise.octaves and (noise.p < LEVEL or declared < LEVEL):
+        if noise.p < LEVEL:
             return Decision(
                 "noise-model",
                 f"nothing that repeats is missing (p = {p:.2g}); the declared noise is not that of the repeats "
@@ -102,6 +106,16 @@ def without_tracing(found, alarms, noise, alpha, p):
             f"repeats (p = {p:.2g}): more repeats would tell",
         )
     return Decision("none", f"no misfit beyond the noise (p = {p:.2g})")
+
+
+def with_heldout(decision, judged, alpha, looks):
+    """`Decision` "none" stays only if data that no fit has seen agree with the calibrated model; others as they are."""
+    p = correct_p(judged.p, looks)
+    if decision is None or decision.verdict != "none" or p >= alpha:
+        return decision
+    last = judged.chi2.get("after")
+    seen = judged.failed if last is None else f"chi2 / rows {last:.3g}, 99 % limit {judged.limit:.3g}, p = {p:.2g}"
+    return Decision("unexplained", f"no alarm where fitted, but held-out data disagree ({seen}): something is missing")
 
 
 def with_search(found, causes, free, evidence, blocked):
@@ -130,6 +144,9 @@ def with_search(found, causes, free, evidence, blocked):
     if minor:
         what = f"{', '.join(minor)} may only correct the shape of a law outside"
         return Decision("unexplained", f"{said} explains a part: {what}")
+    if evidence.untried:
+        left = f"{evidence.untried} sets of laws that come as near were not tried"
+        return Decision("unexplained", f"{said} explains it, but {left}: its class may be incomplete, none is named")
     if len(causes) > MOST:
         return Decision("unexplained", f"{said} explains it, and so do {MOST} other causes or more: no class is named")
     names = " or ".join(" + ".join(c.names) for c in causes)
@@ -138,6 +155,7 @@ def with_search(found, causes, free, evidence, blocked):
     if not (evidence.heldout and evidence.independent):
         caution = f" ({doubtful}: the declared noise is believed)" if doubtful else ""
         why = "held-out data are of the file that was fitted" if evidence.heldout else "no data were held out"
+        why = "held-out data took part in the choice" if evidence.chosen else why
         return Decision("candidate", f"{names}; {why}, so nothing confirms it{caution}{more}")
     if gauge or len(causes) > 1:
         alike = ": these data do not tell them apart" if len(causes) > 1 else ""

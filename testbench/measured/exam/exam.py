@@ -12,7 +12,17 @@ import numpy as np
 
 from analog_frontend.parts.device import Device
 from testbench.measured.exam import part_page
-from testbench.measured.exam.staged import DECISIVE, NOTHING, SAME, SUPPORTED, Round, StagedResult, absorb, summary
+from testbench.measured.exam.staged import (
+    ALPHA,
+    DECISIVE,
+    NOTHING,
+    SAME,
+    SUPPORTED,
+    Round,
+    StagedResult,
+    absorb,
+    summary,
+)
 from testbench.measured.models.gyro_laws import laws_of_loop
 from testbench.tracing.fit import heldout
 from testbench.tracing.fit.evidence import linear_gain, log_evidence
@@ -23,7 +33,7 @@ from testbench.tracing.problem.result import plain
 from testbench.tracing.problem.space import Space
 from testbench.tracing.trace import Options, Tracer
 
-QUICK = Options(n_null=199, max_laws=1, power=False, experiments=False, grammar=False)
+QUICK = Options(ALPHA, n_null=199, max_laws=1, power=False, experiments=False, grammar=False)
 LABELS = ("before", "after_one_law", "after")
 REFITTED = 6  # laws per round, those with most evidence of the linear problem
 
@@ -82,7 +92,7 @@ def stage(problem, most=None, say=None, settings=QUICK):
     most = problem.most_laws if most is None else most
     first = Tracer(problem, settings, None, None).run()
     rounds, names, refused, at = [], [], set(), {}
-    alarmed = first.verdict not in NOTHING or (first.p_global is not None and first.p_global < settings.alpha)
+    alarmed = first.verdict not in NOTHING or (first.p_global is not None and first.p_global < settings.alpha / 2)
     while alarmed and len(names) < most:
         tracer = Tracer(settle(problem, names, at), settings, None, None)
         tracer.dropped = {}

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from testbench.console import report
-from testbench.measured.exam.staged import absorb, add_in_stages
+from testbench.measured.exam.staged import ALPHA, absorb, add_in_stages
 from testbench.tracing.report import number
 from testbench.tracing.trace import Options, Tracer
 
@@ -37,7 +37,7 @@ class Residual(NamedTuple):
 
 def run(problem, options=None, progress=None):
     """(JSON, {observable: (measured, before, after) of held-out rows}, caption data) of a part's problem."""
-    options = options or Options()
+    options = options or Options(ALPHA)
     found = add_in_stages(problem, options, problem.most_laws, progress)
     rows = residuals(problem, found)
     judging = {key: row for key, row in rows.items() if row.role == "validate"}

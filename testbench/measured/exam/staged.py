@@ -30,6 +30,7 @@ from testbench.tracing.problem.result import plain
 from testbench.tracing.trace import Options, Tracer
 
 QUICK = 199  # null draws of the traces before and after
+ALPHA = 0.02  # chance of a false alarm on a clean recording of a part; half of it is that of held-out data
 DECISIVE = np.log(20.0)
 SUPPORTED = 9.0  # of chi2, three sigmas of one coefficient
 ALIKE = 0.95
@@ -193,7 +194,7 @@ def absorb(problem, names):
 
 def _misfit_without_repeats(first, options):
     """True where the trace says "misfit or noise": the held-out groups are to tell."""
-    return bool(first.certificates["repeats"]["R14"]) and first.p_global < options.alpha
+    return bool(first.certificates["repeats"]["R14"]) and first.p_global < options.alpha / 2
 
 
 def _forward(problem, names, refused, most, options, progress):
@@ -218,7 +219,7 @@ def _forward(problem, names, refused, most, options, progress):
 
 def add_in_stages(problem, options=None, most=12, progress=None):
     """`Staged` of a problem; `most` laws are added at most."""
-    options = options or Options()
+    options = options or Options(ALPHA)
     quick = replace(options, max_laws=1, n_null=min(options.n_null, QUICK), power=False, experiments=False)
     first = Tracer(problem, quick, progress, None).run()
     rounds, names, refused, last = [], [], set(), first

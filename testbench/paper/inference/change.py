@@ -26,8 +26,11 @@ FIRST, FAR, HALVED = 1 / 16, 8.0, 6  # first and last |d|; halvings of the last 
 SIGN_ROW = "bias_50"  # printed without the minus sign that the other two have
 
 
-class Smallest(NamedTuple):
-    """The number whose move costs least: from, to, in its unit; cost, and what of it remains unmet."""
+class Move(NamedTuple):
+    """One number moved: from, to, in its unit, and how its class is met without and with that.
+
+    without, together   chi2 of the class between register sets; at a temperature its p
+    """
 
     group: str
     name: str
@@ -35,12 +38,13 @@ class Smallest(NamedTuple):
     before: float
     after: float
     moved: float  # standard deviations of the prior
-    unmet: float  # chi2 of the class with the move
-    still: float  # chi2 of the class without
+    without: float
+    together: float
+    fold: str = ""  # the temperature that was left out
 
 
 def smallest(z, mode, best=2):
-    """{class: [`Smallest`, ...]} for each change between cases; z (priors,), mode of numbers: a board."""
+    """{class: [`Move`, ...]} for each change between cases; z (priors,), mode of numbers: a board."""
     d = np.arange(-REACH, REACH + STEP, STEP)
     one = {name: np.full(len(d), choice) for name, choice in mode.items()}
     base = forward.see(np.tile(z, (len(d), 1)), one)
@@ -57,10 +61,10 @@ def smallest(z, mode, best=2):
                     at = int(np.argmin(cost))
                     v = prior.value(np.array([z[k], moved[at, k]]))
                     still = float(unmet[len(d) // 2])
-                    item = Smallest(f"{group}_{step}", prior.name, prior.unit, *map(float, v), float(d[at]),
-                                    float(unmet[at]), still)  # fmt: skip
+                    item = Move(f"{group}_{step}", prior.name, prior.unit, *map(float, v), float(d[at]), still,
+                                float(unmet[at]))  # fmt: skip
                     found.setdefault(item.group, []).append(item)
-    return {group: sorted(items, key=lambda i: i.unmet + i.moved**2)[:best] for group, items in found.items()}
+    return {group: sorted(items, key=lambda i: i.together + i.moved**2)[:best] for group, items in found.items()}
 
 
 def _unmet(base, seen, group, step):
@@ -76,20 +80,6 @@ def _unmet(base, seen, group, step):
     return total
 
 
-class Moved(NamedTuple):
-    """A number that, moved at one temperature, would bring a contradicted class there inside; medians in its unit."""
-
-    fold: str
-    group: str
-    name: str
-    unit: str
-    before: float
-    after: float
-    moved: float  # standard deviations of the prior
-    p_without: float
-    p_with: float
-
-
 def _shifted(post, said, exact, fold, k, d):
     """{row: array} of the fold's printed numbers with number k of every draw moved by d: noise stays."""
     z = post.z.copy()
@@ -103,7 +93,10 @@ def _shifted(post, said, exact, fold, k, d):
 
 
 def at_temperature(paper, kept, group, best=2):
-    """[`Moved`, ...] for a contradicted class of a temperature that was left out; kept: what `heldout.judged` keeps."""
+    """[`Move`, ...] that bring a contradicted class of a temperature that was left out inside, medians in its unit.
+
+    kept  what `heldout.judged` keeps
+    """
     fold, post, said = kept
     some = post.weight > 0
     mode = {name: choices[some] for name, choices in post.mode.items()}
@@ -129,7 +122,7 @@ def at_temperature(paper, kept, group, best=2):
 
 
 def _least(post, fold, group, without, judged, k, far):
-    """`Moved` of number k, of which `far` meets: between it and 0."""
+    """`Move` of number k, of which `far` meets: between it and 0."""
     near, p = 0.0, judged(k, far)
     for _ in range(HALVED):
         middle = (near + far) / 2
@@ -137,7 +130,7 @@ def _least(post, fold, group, without, judged, k, far):
         near, far, p = (middle, far, p) if now is None else (near, middle, now)
     prior, middle = priors.PRIORS[k], infer.quantile(post.z[:, k], post.weight, 0.5)
     before, after = (float(prior.value(np.float64(z))) for z in (middle, middle + far))
-    return Moved(fold.name, group, prior.name, prior.unit, before, after, far, without, p)
+    return Move(group, prior.name, prior.unit, before, after, far, without, p, fold.name)
 
 
 def with_other_sign(paper, fold, group, rng, draws, least):

@@ -126,7 +126,7 @@ def changes_table(found):
     wrong = {c["group"] for c in found["classes"] if c["verdict"] == "contradicted" and c["fold"] == "steps"}
     rows = [
         (c["group"], f"{c['name']} ({c['unit']})", _text(c["before"]), _text(c["after"]), f"{c['moved']:+.2f}",
-         f"{c['still']:.3g}", f"{c['unmet']:.3g}") for c in found["changes"] if c["group"] in wrong
+         f"{c['without']:.3g}", f"{c['together']:.3g}") for c in found["changes"] if c["group"] in wrong
     ]  # fmt: skip
     note = "What a written register would have to do to a part. moved: in standard deviations of its prior."
     heads = ("class", "number", "before", "after", "moved", "chi2 without", "chi2 with")
@@ -136,7 +136,7 @@ def changes_table(found):
 def held_changes_table(found):
     rows = [
         (m["fold"], m["group"], f"{m['name']} ({m['unit']})", _text(m["before"]), _text(m["after"]),
-         f"{m['moved']:+.2f}", f"{m['p_without']:.3f}", f"{m['p_with']:.3f}") for m in found["changes_at_temperature"]
+         f"{m['moved']:+.2f}", f"{m['without']:.3f}", f"{m['together']:.3f}") for m in found["changes_at_temperature"]
     ]  # fmt: skip
     note = (
         "What a part would have to be at the temperature that is left out, and at no other: the least with which no "

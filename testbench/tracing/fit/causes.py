@@ -2,7 +2,8 @@
 
 A rival has other laws (not those of a smaller rival or of the best set beside more), no more coefficients, none against
 physics; it passes the held-out test; after its own refit its chi2 is less than AS_GOOD above that of the best set, or
-the odds between the two are below 20. The Gram matrix orders all sets; those that come near are refitted.
+the odds between the two are below 20. The Gram matrix orders all sets; those that come near are refitted, until none
+is left or the class has more than MOST members. After TRIED refits it stops, and the class may be incomplete.
 Source    docs/tracing.md
 """
 
@@ -15,7 +16,7 @@ from testbench.tracing.fit.search import WORTH
 
 AS_GOOD = 2 * WORTH  # chi2 that odds of 20 are worth
 MOST = 5  # members; a larger class explains nothing
-TRIED = 24  # refits
+TRIED = 200  # refits
 
 
 class Cause(NamedTuple):
@@ -36,24 +37,25 @@ def near(ranking, best, fit, laws):
     for sets in found:
         for i in np.flatnonzero(np.isfinite(sets.gain) & (sets.fall > mine - margin)):
             rows.append((sets.members.shape[1], mine - sets.fall[i], sets.laws(i)))
-    return [names for _, _, names in sorted(rows) if set(names) != set(best)][:TRIED]
+    return [names for _, _, names in sorted(rows) if set(names) != set(best)]
 
 
 def class_of(work, ranking, best, passes):
-    """[`Cause`] of the best set of a `search.Search` first, then its rivals; more than MOST: it ends there.
+    """([`Cause`] of the best set of a `search.Search` first, then its rivals; near sets that were not tried).
 
     ranking  of all laws at the base fit;   passes  function(fit): the held-out test
     """
     top = work.candidates[best]
-    out = [Cause(best, top.fit, 0.0)]
-    for names in near(ranking, best, top.fit, work.laws):
-        names = tuple(sorted(names))
-        if any(set(c.names) <= set(names) for c in out) or not work.refit(names):
+    out, todo, tried = [Cause(best, top.fit, 0.0)], near(ranking, best, top.fit, work.laws), 0
+    while todo and tried < TRIED and len(out) <= MOST:
+        names = tuple(sorted(todo.pop(0)))
+        if any(set(c.names) <= set(names) for c in out):
+            continue
+        tried += 1
+        if not work.refit(names):
             continue
         fit = work.candidates[names].fit
         chi2 = fit.cost - top.fit.cost
         if (chi2 < AS_GOOD or work.score(best) - work.score(names) < WORTH) and passes(fit):
             out.append(Cause(names, fit, float(chi2)))
-        if len(out) > MOST:
-            break
-    return [out[0], *sorted(out[1:], key=lambda c: (c.chi2, c.names))]
+    return [out[0], *sorted(out[1:], key=lambda c: (c.chi2, c.names))], len(todo)

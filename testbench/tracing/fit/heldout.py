@@ -11,7 +11,7 @@
     score    sigmas of the predicted change that the held-out means show (rivals.confirmation)
     log_odds ln of the density that the last model foretells for the held-out means along that change, less that of
              the first; both Gaussian, with noise and what their fit does not know
-    chi2     of the groups' means, whitened; expected 1 + what the fit's uncertainty adds
+    chi2     of the groups' means, whitened; expected 1 + what the fit's uncertainty adds; p: its chance
 Source    Künsch (1989), moving blocks; docs/tracing.md
 """
 
@@ -42,6 +42,7 @@ class HeldOut(NamedTuple):
     score: float = 0.0
     log_odds: float = 0.0
     failed: str = ""
+    p: float = 1.0  # chance of a chi2 as large as the last model's if that is right; 0 if it cannot be predicted
 
 
 def squares(problem, space, predictions, by):
@@ -211,7 +212,7 @@ def judge(problem, space, predictor, fits, by="observable", seed=0, declared=Tru
     predictions = predictor(points, space.which)
     for found in predictions:
         if isinstance(found, Failed):
-            return HeldOut({}, {}, float("nan"), failed=f"held-out groups: {found.reason}")
+            return HeldOut({}, {}, float("nan"), failed=f"held-out groups: {found.reason}", p=0.0)
     view = problem.heldout_view
     ask = predictor if view is None else view.predict
     view, seen = (problem, predictions) if view is None else (view, ask(points, space.which))
@@ -241,7 +242,8 @@ def judge(problem, space, predictor, fits, by="observable", seed=0, declared=Tru
     odds = 0.0
     if np.any(z[0] != z[-1]):
         odds = foretold(space, z[0], z[-1], _root(space, predictor, first, predictions[0]), root)
-    return HeldOut(rows, chi2, _limit(space, root, declared, rng), confirmation(space, z[0], z[-1]), odds)
+    limit, p = _limit(space, root, declared, rng, chi2[labels[-1]])
+    return HeldOut(rows, chi2, limit, confirmation(space, z[0], z[-1]), odds, p=p)
 
 
 def _root(space, predictor, f, prediction):
@@ -269,20 +271,22 @@ def foretold(space, first, last, root_first, root_last):
     return float(cost[0] - cost[1]) / 2
 
 
-def _limit(space, root, declared, rng):
-    """99 % of chi2 / rows if the last model is right, with what the fit does not know.
+def _limit(space, root, declared, rng, seen):
+    """(99 % of chi2 / rows if the last model is right, with what the fit does not know; chance of the one seen).
 
     From simulated sets, times the repeats' own chi2 if that is significantly (5 %) above 1. If the declared noise has
     been rejected, from that of a Gaussian of unit variance: mean tr(1 + JCJ'), variance 2 tr((1 + JCJ')^2).
     """
     if root is None:
-        return float("inf")
+        return float("inf"), 1.0
     if declared:
         factor, dof = scaled(chi2_sets(space, root, rng))
         own = np.concatenate([c.ravel() for c in space.contrasts])
         louder = own @ own > chi2_law.ppf(LEVEL, len(own)) if len(own) else False
-        return float(chi2_law.ppf(BAND, dof) * factor * (np.mean(own**2) if louder else 1.0))
-    gram, rows = root.T @ root, space.size
-    mean, variance = rows + np.trace(gram), 2 * (rows + 2 * np.trace(gram) + np.trace(gram @ gram))
-    dof = 2 * mean**2 / variance
-    return float(chi2_law.ppf(BAND, dof) * mean / dof / rows)
+        factor *= np.mean(own**2) if louder else 1.0
+    else:
+        gram, rows = root.T @ root, space.size
+        mean, variance = rows + np.trace(gram), 2 * (rows + 2 * np.trace(gram) + np.trace(gram @ gram))
+        dof = 2 * mean**2 / variance
+        factor = mean / dof / rows
+    return float(chi2_law.ppf(BAND, dof) * factor), float(chi2_law.sf(seen / factor, dof))

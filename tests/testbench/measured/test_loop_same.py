@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from analog_frontend.effects import law
+from analog_frontend.parts.device import Device
 from testbench.measured.closed_loop.loop_same import harmonic
 
 TEXTS = ("x", "vx", "x^2", "x vx", "vx^2", "x^3", "x^2 vx", "x vx^2", "vx^3", "x^5", "x^3 vx^2", "x^4 vx", "x^2 vx^3")
@@ -35,3 +36,14 @@ def test_ports_slow_factors_and_other_states_part_laws():
     found = [harmonic(law.parse(text)) for text in (*texts, "force_x = 1 abs(x) x", "force_x = 1 u vx^2")]
     assert len(set(found[:4])) == 4
     assert found[4:] == ["", "", ""]
+
+
+def test_a_product_with_v_q_squared_is_a_pair_of_laws_with_and_without_temperature():
+    """V_q^2 of the quadrature loop is k_xy / k_q; the default k_xy has another slope below its reference than above."""
+    d, degc = Device(), np.linspace(-20, 65, 200)
+    above = degc - d.temp_ref_degc
+    k_xy = 1 + np.where(above < 0, d.kxy_tc_below_per_k, d.kxy_tc_above_per_k) * above
+    left = k_xy - np.polyval(np.polyfit(above, k_xy, 1), above)
+    assert np.ptp(k_xy) > 0.3
+    assert np.abs(left).max() < 0.015
+    assert np.sqrt(np.mean(left**2)) < 0.01 * k_xy.mean()

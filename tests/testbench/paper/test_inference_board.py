@@ -90,7 +90,7 @@ def test_each_class_that_its_temperature_contradicts_has_its_smallest_change(fou
     wrong = {key for key in wrong if key[0] in by_temp}
     moved = found["changes_at_temperature"]
     assert {(m["fold"], m["group"]) for m in moved} == {(c["fold"], c["group"]) for c in found["other_sign"]} == wrong
-    assert all(m["p_without"] < heldout.LEVEL <= m["p_with"] and m["moved"] for m in moved)
+    assert all(m["without"] < heldout.LEVEL <= m["together"] and m["moved"] for m in moved)
     assert len(page.held_changes_table(found).rows) == len(moved)
     assert {m["fold"] for m in moved} == by_temp
     assert max(abs(m["moved"]) for m in moved) < 0.5

@@ -7,7 +7,8 @@ import pytest
 from scipy.stats import binom
 
 from testbench.tracing import next_experiment
-from testbench.tracing.fit import heldout
+from testbench.tracing.fit import causes, heldout
+from testbench.tracing.fit.search import Search
 from testbench.tracing.noise.power import clopper_pearson
 from testbench.tracing.problem.problem import same_laws
 from testbench.tracing.trace import Options, Tracer, trace
@@ -109,6 +110,39 @@ def test_six_causes_are_no_class():
     result = trace(problem, QUICK)
     assert (result.verdict, result.effects[0]["same_as"]) == ("named", [law.name for law in copies])
     assert same_laws(problem, [law.name for law in problem.library]) == {f"feed{i}": "feed0" for i in range(1, 5)}
+
+
+def test_a_class_that_may_be_incomplete_is_not_named(monkeypatch):
+    """Where the model bends, fifty pairs may come near: all are tried, or none is named."""
+    problem = Toy(102, {"selfheat": 0.73, "pickoff": 0.12}, laws=CLEAR)
+    tracer = Tracer(problem, QUICK, None, None)
+    assert tracer.run().verdict == "named"
+    best = tracer.found.best
+    sets = causes.near(tracer.pool, best, tracer.found.fit(best), tracer.work.laws)
+    assert len(sets) > 24
+    for names in (tuple(sorted(n)) for n in sets):
+        assert names in tracer.work.failed or tracer.work.candidates[names].refitted
+    monkeypatch.setattr(causes, "TRIED", 24)
+    result = trace(problem, QUICK)
+    assert result.verdict == "unexplained"
+    assert f"{len(sets) - 24} sets of laws that come as near were not tried" in result.sentence
+    assert not result.causes
+
+
+def test_a_set_that_held_out_data_have_chosen_is_a_candidate_at_most(monkeypatch):
+    """The search is made to end at a wrong law; fitted and held-out data together choose the right one."""
+    plain = Search.run
+
+    def wrong(self, *args):
+        found = plain(self, *args)
+        return found._replace(best=next(n for n in found.candidates if n == ("pickoff",)), adequate=False)
+
+    problem = Toy(5, {"feed": 0.2}, laws=CLEAR)
+    assert trace(problem, QUICK).verdict == "named"
+    monkeypatch.setattr(Search, "run", wrong)
+    result = trace(problem, QUICK)
+    assert (result.verdict, [e["law"] for e in result.effects]) == ("candidate", ["feed"])
+    assert "held-out data took part in the choice" in result.sentence
 
 
 @pytest.mark.parametrize("how", ["nothing held out", "same file"])

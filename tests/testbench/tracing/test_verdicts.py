@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from scipy.stats import binom
+from scipy.stats import binom, norm
 
 from testbench.tracing.trace import Options, trace
-from tests.testbench.tracing.toys import LAWS, Toy
+from tests.testbench.tracing.toys import FIT, LAWS, Toy
 
 QUICK = Options(n_null=299, power=False, experiments=False)
 CLEAR = tuple(law for law in LAWS if law.name != "quintic")  # x^2 and x^4 look alike here: cosine 0.96
@@ -61,6 +61,30 @@ def test_nothing_is_named_where_nothing_is_missing(count):
     named, verdicts = nulls(range(count))
     assert named == 0
     assert verdicts.count("none") >= count - count // 6
+
+
+def test_none_needs_held_out_data_that_agree():
+    """At rest the fitted conditions do not see Omega^2 x; the held-out ones turn."""
+    at_rest = [(a, t, 0.0) for a, t, _ in FIT]
+    result = run(3, {"centrifugal": 0.4}, conditions=at_rest)
+    assert result.verdict == "unexplained"
+    assert "no alarm where fitted, but held-out data disagree (chi2 / rows" in result.sentence
+    assert result.heldout_chi2["after"] > result.heldout_chi2["limit"]
+    assert result.effects == result.causes == []
+    assert run(3, {}, conditions=at_rest).verdict == "none"
+
+
+def test_alpha_follows_from_the_rates_that_are_promised():
+    """At most 1 of 100 nulls, and at least 118 of 120 effects of 8 sigmas, each with a chance of 95 % or more."""
+    alpha = Options().alpha
+    assert binom.cdf(1, 100, alpha) >= 0.95 > binom.cdf(1, 100, 1.1 * alpha)
+    missed = 0.0068
+    assert binom.cdf(2, 120, missed) >= 0.95 > binom.cdf(2, 120, 1.1 * missed)
+    # nine statistics, and 170 laws that are looked at one by one, by Bonferroni; half of alpha is that of held-out data
+    threshold = norm.isf(alpha / 2 / 9 / 170 / 2)
+    assert norm.sf(8 - threshold) < missed / 5
+    found = trace(Toy(7), Options(experiments=False)).power_d90.values()
+    assert max(row["d"] for row in found) - norm.isf(0.1) + norm.isf(missed) < 8
 
 
 @few_or(8)
@@ -152,6 +176,19 @@ def test_rates_of_singles_and_their_errors():
     print("intervals", covered, total)
     assert total >= 114
     assert 0.9 <= covered / total <= 0.99
+
+
+@pytest.mark.slow
+def test_rates_at_the_level_of_the_promised_rates():
+    """Nulls that ring, which the binomial law allows at 1 %, and effects of 8 to 9 sigmas that are missed."""
+    count = 400
+    verdicts = [run(seed, {}).verdict for seed in range(10000, 10000 + count)]
+    rang = sum(verdict not in ("none", "noise-model") for verdict in verdicts)
+    assert binom.sf(rang - 1, count, Options().alpha) > 0.01
+    detected, right, wrong, named, _ = singles(range(10000, 10200), 8, 9)
+    print("nulls that ring", rang, "detected", detected, "right", right, "named", named, "wrongly", wrong)
+    assert detected >= 197
+    assert wrong == 0
 
 
 @pytest.mark.slow
