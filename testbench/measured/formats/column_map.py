@@ -24,7 +24,7 @@ from testbench.measured.formats.contents import InputOutput, Levels, Meters, Res
 from testbench.measured.formats.table import numbers, read_table
 from testbench.measured.quality import backwards, units
 from testbench.measured.quality.finding import QualityError
-from testbench.measured.quality.series import grid_step, noise_sd
+from testbench.measured.quality.rows.series import grid_step, noise_sd
 from testbench.measured.quality.sheet import AXIS, Column, Sheet
 from testbench.storage import inputs
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from testbench.measured.quality.series import floor, grid_step
+from testbench.measured.quality.rows.series import floor, grid_step
 
 
 def on_grid(x):

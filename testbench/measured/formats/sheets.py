@@ -14,7 +14,7 @@ from testbench.measured.formats.meters_csv import Meters
 from testbench.measured.formats.ringdown_text import Trace
 from testbench.measured.formats.touchstone import Sweep
 from testbench.measured.quality import examine as checks
-from testbench.measured.quality.series import grid_step
+from testbench.measured.quality.rows.series import grid_step
 from testbench.measured.quality.sheet import AXIS, OTHER, SETTING, SLOW, Column, Sheet
 
 DBM = (-300.0, 100.0)

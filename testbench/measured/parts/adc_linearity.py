@@ -16,7 +16,7 @@ from analog_frontend.parts import adc
 from testbench.errors import FileError
 from testbench.measured.formats import meters_csv
 from testbench.measured.models.linear import Common, LinearProblem, Stretch
-from testbench.measured.quality import series
+from testbench.measured.quality.rows import series
 from testbench.tracing.problem.problem import Law, Nuisance, Observable, Segment
 
 STRETCH = 8

@@ -25,7 +25,7 @@ from testbench.errors import ConfigError
 from testbench.measured.formats import levels_mat
 from testbench.measured.models.linear import Dense, Diagonal, LinearProblem, Stretch
 from testbench.measured.models.part_problem import Family
-from testbench.measured.quality import series
+from testbench.measured.quality.rows import series
 from testbench.tracing.problem.problem import Law, Nuisance, Observable, Segment
 
 BLOCKS = 1024

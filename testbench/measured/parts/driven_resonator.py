@@ -20,7 +20,7 @@ from testbench.measured.models.noise import Noise
 from testbench.measured.models.terms import FORCES, GRAMMAR, TERMS
 from testbench.measured.models.working import Working
 from testbench.measured.parts.part import Part, Piece
-from testbench.measured.quality import series
+from testbench.measured.quality.rows import series
 from testbench.tracing.problem.problem import Law, Nuisance
 
 TICKS = 8  # of the model per sample

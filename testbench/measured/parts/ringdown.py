@@ -21,7 +21,7 @@ from testbench.measured.models.noise import turns
 from testbench.measured.models.working import Working
 from testbench.measured.parts.part import Part, Piece
 from testbench.measured.parts.ringdown_stretch import DB, LEAST_NOISE_DB, background, jumps, noise, steady, stretch
-from testbench.measured.quality import series
+from testbench.measured.quality.rows import series
 from testbench.tracing.problem.problem import Law, Nuisance
 
 UW_DBM = -30.0

@@ -15,7 +15,7 @@ from testbench.measured.formats import recognised, ringdown_text
 from testbench.measured.models.noise import Noise, neighbours, turns
 from testbench.measured.models.working import Working
 from testbench.measured.parts.part import Part, Piece
-from testbench.measured.quality import series
+from testbench.measured.quality.rows import series
 from testbench.tracing.problem.problem import Law, Nuisance
 
 BLOCKS = 24

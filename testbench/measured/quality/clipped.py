@@ -7,7 +7,7 @@ two      rows at the extreme are equal to the last digit, as no others are
 import numpy as np
 
 from testbench.measured.quality.finding import finding
-from testbench.measured.quality.series import grid_step, noise_sd
+from testbench.measured.quality.rows.series import grid_step, noise_sd
 from testbench.measured.quality.sheet import SIGNAL
 
 MANY, SIGMAS = 4, 5.0

@@ -8,7 +8,7 @@ block      W rows, all signals, found again to the last bit; W so that chance ma
 import numpy as np
 
 from testbench.measured.quality.finding import finding
-from testbench.measured.quality.series import ties_expected
+from testbench.measured.quality.rows.series import ties_expected
 from testbench.measured.quality.sheet import AXIS, OTHER, SIGNAL
 from testbench.measured.quality.stuck import stuck_rows
 

@@ -7,7 +7,7 @@ found    step > LONG times the usual one where most steps are alike; or, without
 import numpy as np
 
 from testbench.measured.quality.finding import finding
-from testbench.measured.quality.series import largest_expected, running_scale
+from testbench.measured.quality.rows.series import largest_expected, running_scale
 from testbench.measured.quality.sheet import AXIS
 
 LONG = 1.6

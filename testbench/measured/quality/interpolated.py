@@ -2,13 +2,14 @@
 
 on a line   rows exactly between their neighbours (to the print), far more than noise makes, rows or axis counted
 by a curve  rows at a regular spacing k from which the rows between follow far better than from any other such rows
+            the parts of a complex response together: a peak or a zero may bend one of them so, but not both alike
 """
 
 import numpy as np
 
 from testbench.measured.quality.finding import finding
-from testbench.measured.quality.series import grid_step, local_step, running
-from testbench.measured.quality.sheet import AXIS, SETTING, SIGNAL
+from testbench.measured.quality.rows.series import grid_step, local_step, running
+from testbench.measured.quality.sheet import AXIS, DB_PER_NEPER, SETTING, SIGNAL
 
 FINE = 30.0  # steps of the print in a large second difference, from which on exact lines can be told
 LARGE = 0.95  # quantile of the second differences around
@@ -16,8 +17,10 @@ LEAST_ROWS, LEAST_SHARE = 8, 0.03
 SPACINGS = range(2, 13)
 KNOTS = (-3, -2, -1, 0, 1, 2, 3, 4)
 FAR_BETTER, BETTER = 0.1, 0.35  # of the rest at the other phases of the same spacing; where a coarse print adds to it
+TOGETHER = 0.2  # where two parts bear each other out
 SMALLEST, LARGEST, WINDOWS = 260, 1200, 8  # rows that are looked at for curves, and how often
 AGREEING = 2  # windows at least
+QUANTILES = (0.5, 0.9)  # of the rest: peaks make either of them differ between phases, a curve that was drawn both
 
 
 def on_a_line(v, x, resolution):
@@ -47,34 +50,41 @@ def _weights(x, n):
         yield (x[1:-1] - x[:-2]) / (x[2:] - x[:-2])
 
 
-def spacing(v, step=0.0):
-    """Spacing k of rows from which all others follow, in AGREEING windows; 0: none. `step`: of the print."""
-    size = min(LARGEST, max(SMALLEST, len(v) // 4))
-    starts = np.linspace(0, max(len(v) - size, 0), WINDOWS).astype(int)
-    found = [_spacing(v[a : a + size] - np.mean(v[a : a + size]), step) for a in starts]
+def spacing(parts, step=0.0, far_better=FAR_BETTER):
+    """Spacing k of rows from which all others follow, in AGREEING windows; 0: none.
+
+    parts (c, n): columns that would have been drawn alike        step: of the print
+    """
+    parts = np.atleast_2d(parts)
+    n = parts.shape[1]
+    size = min(LARGEST, max(SMALLEST, n // 4))
+    starts = np.linspace(0, max(n - size, 0), WINDOWS).astype(int)
+    windows = (parts[:, a : a + size] for a in starts)
+    found = [_spacing(v - v.mean(axis=1, keepdims=True), step, far_better) for v in windows]
     k = max((j for j in found if j), key=found.count, default=0)
     return k if found.count(k) >= AGREEING else 0
 
 
-def _spacing(v, step):
+def _spacing(v, step, far_better):
     for k in SPACINGS:
-        if len(v) < 26 * k + 40:
+        if v.shape[1] < 26 * k + 40:
             break
         rest = np.array([_rest(v, k, phase) for phase in range(k)])
-        others = np.median(np.delete(rest, np.argmin(rest)))
-        limit = max(FAR_BETTER * others, min(BETTER * others, 0.6 * step))
-        if others > 1e-9 * np.std(v) and rest.min() < limit:
+        best = np.argmin(rest[:, 0])
+        others = np.median(np.delete(rest, best, axis=0), axis=0)
+        limit = np.maximum(far_better * others, np.minimum(BETTER * others, 0.6 * step))
+        if others[0] > 1e-9 * np.std(v) and np.all(rest[best] < limit):
             return k
     return 0
 
 
 def _rest(v, k, phase):
-    """Typical rest of the rows between the knots phase, phase + k, ..: less their best prediction from eight knots."""
-    at = np.arange(phase + 3 * k, len(v) - 5 * k, k)
-    knots = np.column_stack([v[at + j * k] for j in KNOTS])
-    between = np.column_stack([v[at + j] for j in range(1, k)])
+    """QUANTILES of what rows between the knots phase, phase + k, .. have beside their best prediction from eight."""
+    at = np.arange(phase + 3 * k, v.shape[1] - 5 * k, k)
+    knots = np.column_stack([v[:, at + j * k].ravel() for j in KNOTS])
+    between = np.column_stack([v[:, at + j].ravel() for j in range(1, k)])
     left = between - knots @ np.linalg.lstsq(knots, between, rcond=1e-10)[0]
-    return float(np.median(np.abs(left)))  # a peak bends few rows, and those of one phase more than others
+    return np.quantile(np.abs(left), QUANTILES)
 
 
 def check(sheet):
@@ -92,8 +102,21 @@ def check(sheet):
                 words = "rows exactly between their neighbours: drawn, not measured"
                 yield finding(sheet, "interpolated", c.name, rows, words)
                 break
-            k = spacing(v, grid)
+            k = spacing(v, grid) if sheet.kind != "sweep" else 0
             if k:
-                words = f"all rows follow from every {k}th: drawn, not measured"
-                yield finding(sheet, "interpolated", c.name, np.arange(len(v)) % k != 0, words)
+                yield _by_curve(sheet, c.name, k)
                 break
+    if sheet.kind == "sweep" and sheet.column("s21"):
+        yield from _of_response(sheet)
+
+
+def _by_curve(sheet, name, k):
+    words = f"all rows follow from every {k}th: drawn, not measured"
+    return finding(sheet, "interpolated", name, np.arange(sheet.rows) % k != 0, words)
+
+
+def _of_response(sheet):
+    size, angle, re, im = (sheet.column(n).values for n in ("s21", "s21 angle", "s21 re", "s21 im"))
+    k = spacing([re, im], far_better=TOGETHER) or spacing([size / DB_PER_NEPER, np.unwrap(np.radians(angle))])
+    if k:
+        yield _by_curve(sheet, "s21", k)

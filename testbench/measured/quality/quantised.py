@@ -4,7 +4,7 @@ found    step of the grid > NOISES times the sd of what a row has beside its nei
 """
 
 from testbench.measured.quality.finding import finding
-from testbench.measured.quality.series import grid_step, noise_sd
+from testbench.measured.quality.rows.series import grid_step, noise_sd
 from testbench.measured.quality.sheet import SIGNAL
 
 NOISES = 1.0

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 AXIS, SIGNAL, SETTING, SLOW, OTHER = "axis", "signal", "setting", "slow", "other"
+DB_PER_NEPER = 20 / np.log(10)
 
 
 class Column(NamedTuple):

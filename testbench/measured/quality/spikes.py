@@ -4,13 +4,15 @@ found    |row less its neighbours| > (4 + sqrt(2 ln n)) robust sd of the rows ar
          but one of the eight rows beside them stay within a third of it: a narrow peak that rings does not
 fast     signals less their prediction from rows on either side; what is left has the shape that one row makes
 dips     of a power in decibels are nature, unless its noise is below QUIET_DB
+sweep    rows of the complex response that no pole explains, resting or moving with its amplitude: see `off_curve`
 """
 
 import numpy as np
 
 from testbench.measured.quality.finding import REPORT, finding
-from testbench.measured.quality.series import TAPS, beside, largest_expected, prediction, running_scale
-from testbench.measured.quality.sheet import SIGNAL
+from testbench.measured.quality.rows.off_curve import off_curve
+from testbench.measured.quality.rows.series import TAPS, beside, floor, largest_expected, prediction, running_scale
+from testbench.measured.quality.sheet import DB_PER_NEPER, SIGNAL
 
 AGREE = 0.5  # of the row's own distance: how far apart its neighbours may be
 ALONE = 1 / 3
@@ -24,7 +26,7 @@ def spike_rows(v, fast=False, dips=False):
     if fast:
         return _of_fast(v)
     rest = beside(v)
-    scale = running_scale(rest)
+    scale = np.maximum(running_scale(rest), floor(v))
     out = np.abs(rest) > largest_expected(len(v)) * scale
     own = np.zeros(len(v))
     own[1:-1] = v[1:-1] - (v[:-2] + v[2:]) / 2
@@ -50,8 +52,23 @@ def _of_fast(v):
     return out
 
 
+def _of_response(sheet):
+    """Mask of the rows of S21 that are off the curve of their neighbours."""
+    frequency, size, angle, re, im = (sheet.column(n) for n in ("frequency", "s21", "s21 angle", "s21 re", "s21 im"))
+    s = re.values + 1j * im.values
+    polar = np.abs(s) * np.hypot(floor(size.values) / DB_PER_NEPER, np.radians(floor(angle.values)))
+    printed = np.hypot(polar, np.hypot(floor(re.values), floor(im.values)))
+    return off_curve(frequency.values, s, np.maximum(printed, re.resolution)) > largest_expected(len(s))
+
+
 def check(sheet):
     """Findings about the signals of a sheet."""
+    if sheet.kind == "sweep":
+        mask = _of_response(sheet) if sheet.column("s21") else np.zeros(sheet.rows, bool)
+        if mask.any():
+            words = f"{np.count_nonzero(mask)} row(s) off any resonance through their neighbours"
+            yield finding(sheet, "spikes", "s21", mask, words)
+        return
     for c in sheet.of(SIGNAL):
         mask = spike_rows(sheet.ordered(c.course), c.fast, c.unit.startswith("dB"))
         if mask.any():

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.signal import csd, welch
 
 from testbench.measured.quality.finding import finding
-from testbench.measured.quality.series import grid_step
+from testbench.measured.quality.rows.series import grid_step
 from testbench.measured.quality.sheet import SETTING, SIGNAL, SLOW
 
 MEASURED = 2e-8  # of the range: steps of what was measured; a source is programmed in coarser ones

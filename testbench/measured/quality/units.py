@@ -11,7 +11,7 @@ rest         full scale of a 16-bit word beyond any gyroscope
 import numpy as np
 
 from testbench.measured.quality.finding import REPORT, finding
-from testbench.measured.quality.series import beside
+from testbench.measured.quality.rows.series import beside
 from testbench.measured.quality.sheet import SETTING, SIGNAL, SLOW
 
 FACTORS = {

@@ -11,7 +11,7 @@ from testbench.measured import cli
 from testbench.measured.formats import readers, sheets
 from testbench.measured.openers import open_problem
 from testbench.measured.quality.finding import QualityError
-from testbench.measured.quality.series import grid_step
+from testbench.measured.quality.rows.series import grid_step
 from tests.testbench.measured.quality import siblings
 
 
