@@ -271,22 +271,31 @@ def foretold(space, first, last, root_first, root_last):
     return float(cost[0] - cost[1]) / 2
 
 
+def _loudness(space):
+    """Chi2 / rows of the contrasts between repeats in the units of the residual, if significantly (5 %) above 1."""
+    most, own = max(map(len, space.contrasts), default=0), []
+    for i in range(most):
+        there = np.concatenate([np.full(c.shape[1], i < len(c)) for c in space.contrasts])
+        rows = np.concatenate([c[i] if i < len(c) else np.zeros(c.shape[1]) for c in space.contrasts])
+        own.append(space.refine(rows)[there])
+    own = np.concatenate([*own, np.zeros(0)])
+    return float(np.mean(own**2)) if len(own) and own @ own > chi2_law.ppf(LEVEL, len(own)) else 1.0
+
+
 def _limit(space, root, declared, rng, seen):
     """(99 % of chi2 / rows if the last model is right, with what the fit does not know; chance of the one seen).
 
-    From simulated sets, times the repeats' own chi2 if that is significantly (5 %) above 1. If the declared noise has
-    been rejected, from that of a Gaussian of unit variance: mean tr(1 + JCJ'), variance 2 tr((1 + JCJ')^2).
+    From simulated sets; if the declared noise has been rejected, from those of a Gaussian of unit variance: mean
+    tr(1 + JCJ'), variance 2 tr((1 + JCJ')^2). Times the repeats' own chi2 in the same units, see `_loudness`.
     """
     if root is None:
         return float("inf"), 1.0
     if declared:
         factor, dof = scaled(chi2_sets(space, root, rng))
-        own = np.concatenate([c.ravel() for c in space.contrasts])
-        louder = own @ own > chi2_law.ppf(LEVEL, len(own)) if len(own) else False
-        factor *= np.mean(own**2) if louder else 1.0
     else:
         gram, rows = root.T @ root, space.size
         mean, variance = rows + np.trace(gram), 2 * (rows + 2 * np.trace(gram) + np.trace(gram @ gram))
         dof = 2 * mean**2 / variance
         factor = mean / dof / rows
+    factor *= _loudness(space)
     return float(chi2_law.ppf(BAND, dof) * factor), float(chi2_law.sf(seen / factor, dof))
