@@ -39,7 +39,17 @@ CHAPTERS = {
         "api",
     ),
     "Experiments": ("paper", "inference", "loop", "design_of_loops", "word_lengths", "campaigns"),
-    "Verification": ("verification", "golden", "diagnosis", "rtl", "ranges", "portability", "speed", "notebook"),
+    "Verification": (
+        "verification",
+        "golden",
+        "foreign_designs",
+        "diagnosis",
+        "rtl",
+        "ranges",
+        "portability",
+        "speed",
+        "notebook",
+    ),
     "Measured data": (
         "measured",
         "import",

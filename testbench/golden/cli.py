@@ -5,10 +5,11 @@ Source  docs/golden.md
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import typer
 
+from testbench.console import options
 from testbench.golden.loop.cli import loop
 
 app = typer.Typer(
@@ -101,33 +102,71 @@ def window(
     typer.echo(f"{written}  {manifest['n']} rows  {manifest['manifest_sha256'][:16]}")
 
 
-@app.command()
-def check(
-    folder: Annotated[Path, typer.Argument(help="Folder of a bundle: DIR/BLOCK/CASE.")],
-    rtl: Annotated[Path | None, typer.Option("--rtl", metavar="DIR", help="Folder of your design; it is run.")] = None,
-    sim: Annotated[str | None, typer.Option("--sim", help="With --rtl: icarus, verilator or ghdl.")] = None,
+class CheckOptions(NamedTuple):
+    """Options of `gyro golden check`; those of `OF_RTL` belong to --rtl."""
+
+    folder: Annotated[Path, typer.Argument(help="Folder of a bundle: DIR/BLOCK/CASE.")]
+    rtl: Annotated[Path | None, typer.Option("--rtl", metavar="DIR", help="Folder of your design; it is run.")] = None
+    sim: Annotated[str | None, typer.Option("--sim", help="With --rtl: icarus, verilator or ghdl.")] = None
+    level: Annotated[str | None, typer.Option("--level", help="With --rtl: pins, outputs or registers.")] = None
+    files: Annotated[Path | None, typer.Option("--files", metavar="F.f", help="With --rtl: list of its files.")] = None
+    top: Annotated[str | None, typer.Option("--top", help="With --rtl: your module or entity.")] = None
+    latency: Annotated[
+        Path | None, typer.Option("--latency", metavar="TOML", help="With --rtl: ports that come some clocks later.")
+    ] = None
     timeout_s: Annotated[
         float, typer.Option("--timeout", metavar="SECONDS", help="With --rtl: when to stop a design that hangs.")
-    ] = 120.0,
-    log: Annotated[Path | None, typer.Option("--log", help="VCD, FST or GHW dump, or CSV, of your design.")] = None,
-    map_path: Annotated[
-        Path | None, typer.Option("--map", metavar="TOML", help="With --log: which signal is which port.")
-    ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")] = False,
-):
+    ] = 120.0
+    log: Annotated[Path | None, typer.Option("--log", help="VCD, FST or GHW dump, or CSV, of your design.")] = None
+    map: Annotated[
+        Path | None, typer.Option("--map", metavar="TOML", help="Names of your design, or of the signals of its log.")
+    ] = None
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")] = False
+
+
+OF_RTL = ("sim", "level", "files", "top", "latency")
+
+
+@app.command()
+@options.takes(CheckOptions)
+def check(o):
     """Run your design, or read its log, and compare it with a bundle: the first divergence, and what it looks like."""
     from testbench.errors import ConfigError
-    from testbench.golden.check import rtl_run, waves
+    from testbench.golden.check import design_run, rtl_run, waves
 
-    if (rtl is None) == (log is None):
+    if (o.rtl is None) == (o.log is None):
         raise ConfigError("check: one of --rtl DIR and --log FILE is needed")
-    if log is not None and map_path is None:
+    if o.log is not None and o.map is None:
         raise ConfigError("check: --log needs --map TOML")
-    if (map_path is not None and log is None) or (sim is not None and rtl is None):
-        raise ConfigError("check: --map belongs to --log, --sim to --rtl")
-    report = rtl_run.check(folder, rtl, sim, timeout_s) if rtl else waves.check(folder, log, map_path)
-    typer.echo(report.to_json() if as_json else report.text())
+    given = {name: getattr(o, name) for name in OF_RTL}
+    stray = [name for name, value in given.items() if value is not None and o.rtl is None]
+    if stray:
+        raise ConfigError(f"check: --{stray[0]} belongs to --rtl")
+    if o.rtl:
+        choice = design_run.Choice(map=o.map, **given)
+        report = rtl_run.check(o.folder, o.rtl, timeout_s=o.timeout_s, choice=choice)
+    else:
+        report = waves.check(o.folder, o.log, o.map)
+    typer.echo(report.to_json() if o.as_json else report.text())
     raise typer.Exit(0 if report.passed else 1)
+
+
+@app.command()
+def wrap(
+    folder: Annotated[Path, typer.Argument(help="Folder of a bundle: DIR/BLOCK/CASE.")],
+    map_path: Annotated[Path, typer.Option("--map", metavar="TOML", help="Names, widths and reset of your design.")],
+    level: Annotated[str, typer.Option("--level", help="pins, outputs or registers.")] = "outputs",
+    latency: Annotated[
+        Path | None, typer.Option("--latency", metavar="TOML", help="Ports that come some clocks later.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="New folder; FOLDER_LEVEL if none.")] = None,
+):
+    """Write a folder in which `make check RTL=... FILES=...` runs a design with names of its own, without Python."""
+    from testbench.golden.bundles import wrap as wrapped
+
+    out = out or folder.with_name(f"{folder.name}_{level}")
+    found = wrapped.wrap(folder, map_path, level, out, latency)
+    typer.echo(f"{out}  {len(found.golden.exp)} rows, {int(found.care.any(axis=1).sum())} judged at level {level}")
 
 
 @app.command()

@@ -6,12 +6,12 @@
 Source  docs/golden.md (another design)
 """
 
-from dataclasses import dataclass
 from pathlib import Path
 
 from fpga_model import design_record
 from testbench.errors import ConfigError, FileError
 from testbench.golden.stimulus import blocks
+from testbench.golden.stimulus.levels import told  # noqa: F401
 from testbench.storage.inputs import checked
 
 
@@ -21,20 +21,6 @@ def entry(block):
         return {}
     given = [{"name": name, "value": value} for name, value in block.keys.items()]
     return {"design": block.design._asdict(), "design_params": given}
-
-
-@dataclass
-class Key:
-    """Entry of `design_params`."""
-
-    name: str
-    value: int
-
-
-def told(manifest):
-    """[(NAME, value)] of the keys that the RTL of a bundle takes; FileError where the entry is none."""
-    listed = checked(manifest.get("design_params", []), list[Key], "manifest: design_params")
-    return [(key.name, key.value) for key in listed]
 
 
 def of_manifest(path, manifest):

@@ -13,7 +13,7 @@ from testbench.errors import ConfigError
 from testbench.golden.bundles import benches, bundle, design_entry, provenance, scores, top
 from testbench.golden.coverage import evidence
 from testbench.golden.ranges import range_report
-from testbench.golden.stimulus import blocks, stimulus
+from testbench.golden.stimulus import blocks, levels, stimulus
 from testbench.storage import vcd
 from testbench.version import VERSION
 
@@ -36,6 +36,8 @@ def _manifest(block, case, stim, exp, families, seed):
         "n": len(stim),
         **ports,
         "params": params,
+        "unused_params": levels.unused_params(block),
+        "levels": levels.entry(block),
         **design_entry.entry(block),
         "rules": block.rules,
         "latency": block.latency,

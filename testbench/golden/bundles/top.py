@@ -26,7 +26,7 @@ from testbench.flatten import format_leaves, leaves
 from testbench.golden.bundles import benches, bundle, design_entry, provenance, scores, top_benches
 from testbench.golden.bundles.top_benches.layout import CLOCK_BITS
 from testbench.golden.recording import recording, replay, signature
-from testbench.golden.stimulus import blocks
+from testbench.golden.stimulus import blocks, levels
 from testbench.golden.stimulus.blocks import Port, flat
 from testbench.storage import inputs, vcd
 from testbench.version import VERSION
@@ -195,6 +195,7 @@ def _manifest(design, r, at, counts):
         "windows": [{"clock": w.first, "rows": w.count, "shows": w.shows} for w in r.windows],
         **ports,
         "params": params,
+        "levels": levels.entry(design),
         **entry,
         "latency": design.latency,
         "recording_sha256": recorded,

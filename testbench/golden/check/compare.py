@@ -7,6 +7,8 @@ Source    docs/golden.md (schema of the manifest)
 """
 
 import json
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +18,7 @@ from fpga_model.fixed import Fmt
 from testbench.errors import FileError
 from testbench.golden.bundles import design_entry
 from testbench.golden.check import diagnose as why
+from testbench.golden.stimulus import levels
 
 SCHEMA = "gyro-golden/1.0"
 BEFORE = 8
@@ -30,7 +33,9 @@ class Column(NamedTuple):
 
 
 class Divergence(NamedTuple):
-    """The first row that differs. `got` is None where the design's value was unknown; `error_lsb` is got - expected.
+    """The first row that differs; `kind` is input, register, output or pin.
+
+    `got` is None where the design's value was unknown; `error_lsb` is got - expected.
 
     Of a register that wraps it is taken modulo its width, nearest to zero.
     """
@@ -38,7 +43,7 @@ class Divergence(NamedTuple):
     cycle: int
     time_ns: float
     port: str
-    is_input: bool
+    kind: str
     expected: int
     got: int | None
     expected_value: float
@@ -47,9 +52,16 @@ class Divergence(NamedTuple):
     also: tuple
     before: tuple
 
+    @property
+    def is_input(self):
+        return self.kind == "input"
+
 
 class Report(NamedTuple):
-    """Outcome of a comparison; `before` of the divergence holds (cycle, {port: expected}, {port: got})."""
+    """Outcome of a comparison; `before` of the divergence holds (cycle, {port: expected}, {port: got}).
+
+    judged_rows  rows with a port that is judged;  clocks  {RTL port: clocks that it was declared to come later}
+    """
 
     block: str
     case: str
@@ -57,6 +69,9 @@ class Report(NamedTuple):
     golden_rows: int
     ports: tuple
     missing: tuple
+    level: str
+    judged_rows: int
+    clocks: dict
     differing: dict
     divergence: Divergence | None
     diagnosis: why.Diagnosis | None
@@ -65,19 +80,45 @@ class Report(NamedTuple):
     def passed(self):
         return self.divergence is None
 
+    def causes(self):
+        """[{cause, register, share of rows explained}] in order of rank; empty: unknown."""
+        d = self.diagnosis
+        known = d is not None and d.cause != why.UNKNOWN
+        return [{"cause": d.cause, "register": d.port, "share": 1.0, "what": d.what}] if known else []
+
+    def to_dict(self):
+        """The one format of a result: passed, first, diagnosis, and what was compared."""
+        d = self.divergence
+        first = d and {
+            "clock": d.cycle, "kind": d.kind, "name": d.port, "expected": d.expected, "got": d.got,
+            "time_ns": d.time_ns, "error_lsb": d.error_lsb, "also": list(d.also),
+            "before": [{"clock": c, "expected": e, "got": g} for c, e, g in d.before],
+        }  # fmt: skip
+        kept = (
+            "block",
+            "case",
+            "level",
+            "rows",
+            "golden_rows",
+            "judged_rows",
+            "ports",
+            "missing",
+            "clocks",
+            "differing",
+        )
+        return {"passed": self.passed, "first": first, "diagnosis": self.causes()} | {k: getattr(self, k) for k in kept}
+
     def to_json(self):
-        """The report as JSON text with sorted keys; the keys are the field names."""
-        tree = self._asdict() | {"passed": self.passed}
-        if self.divergence:
-            before = [{"cycle": c, "expected": e, "got": g} for c, e, g in self.divergence.before]
-            tree["divergence"] = self.divergence._asdict() | {"before": before}
-        if self.diagnosis:
-            tree["diagnosis"] = self.diagnosis._asdict() | {"text": self.diagnosis.text()}
-        return json.dumps(tree, indent=2, sort_keys=True) + "\n"
+        """The result as JSON text with sorted keys."""
+        return json.dumps(self.to_dict(), indent=2, sort_keys=True) + "\n"
 
     def text(self):
         """The report for a terminal."""
         head = f"{self.block}/{self.case}: {self.rows} of {self.golden_rows} rows, {len(self.ports)} ports"
+        if self.level != "registers":
+            head += f" at level {self.level}"
+        if self.judged_rows < self.golden_rows:
+            head += f", {self.judged_rows} rows judged"
         if self.missing:
             head += f" (not in the log: {', '.join(self.missing)})"
         if self.passed:
@@ -86,7 +127,7 @@ class Report(NamedTuple):
         got = "unknown (x)" if d.got is None else f"{d.got} = {d.got_value:g}, {d.error_lsb:+d} LSB"
         lines = [
             f"{head}: FAIL",
-            f"first divergence  cycle {d.cycle}, {d.time_ns:.1f} ns, {'input' if d.is_input else 'register'} {d.port}",
+            f"first divergence  cycle {d.cycle}, {d.time_ns:.1f} ns, {d.kind} {d.port}",
             f"  expected        {d.expected} = {d.expected_value:g}",
             f"  got             {got}",
         ]
@@ -154,7 +195,18 @@ def _error_lsb(manifest, name, width, want, have):
     return (have - want + half) % (2 * half) - half if wraps else have - want
 
 
-def compare(manifest, inputs, expected, got, care=None, before=BEFORE):
+class Terms(NamedTuple):
+    """What is judged: a level, from which row of the bundle on, and {RTL port: clocks that it comes later}."""
+
+    level: str = "registers"
+    first: int = 0
+    clocks: Mapping = MappingProxyType({})
+
+
+EVERYTHING = Terms()
+
+
+def compare(manifest, inputs, expected, got, care=None, before=BEFORE, terms=EVERYTHING):
     """Compare a log with golden rows.
 
     manifest          as in a bundle; its order of ports decides which is named first in one row
@@ -162,6 +214,7 @@ def compare(manifest, inputs, expected, got, care=None, before=BEFORE):
     got               {name: column or Column} of the log; rows beyond the golden ones are ignored
     care              {name: bool column} of the rows that count (default: all)
     before            rows shown before the first divergence
+    terms             `Terms`; columns of a late port have been moved to the golden rows
     """
     fmts = formats(manifest)
     unknown = sorted(set(got) - set(fmts))
@@ -177,14 +230,20 @@ def compare(manifest, inputs, expected, got, care=None, before=BEFORE):
     counts = {name: (care or {}).get(name, np.ones(manifest["n"], bool))[:n] for name in logged}
     wrong = {name: counts[name] & (~c.known[:n] | (c.values[:n] != golden[name][:n])) for name, c in logged.items()}
     differing = {name: int(rows.sum()) for name, rows in wrong.items() if rows.any()}
-    missing = tuple(name for name in expected if name not in logged)
-    head = (manifest["block"], manifest.get("case", ""), n, manifest["n"], tuple(logged), missing, differing)
+    seen = {p["name"]: name for name, p in levels.judged(manifest, terms.level)}
+    missing = tuple(name for name in expected if name in seen and name not in logged)
+    some = np.logical_or.reduce([rows for name, rows in counts.items() if name in expected])
+    head = (manifest["block"], manifest.get("case", ""), n, manifest["n"], tuple(logged), missing, terms.level,
+            int(some.sum()), dict(terms.clocks), differing)  # fmt: skip
     if not differing:
         return Report(*head, None, None)
 
-    cycle = min(int(np.argmax(wrong[name])) for name in differing)
-    there = [name for name in differing if wrong[name][cycle]]
-    port = there[0]
+    # a late port shows a row later than the others
+    late = {name: terms.clocks.get(seen.get(name), 0) for name in differing}
+    firsts = {name: int(np.argmax(wrong[name])) + late[name] for name in differing}
+    clock = min(firsts.values())
+    there = [name for name in differing if firsts[name] == clock]
+    port, cycle = there[0], clock - late[there[0]]
 
     def at(name, row):
         column = logged[name]
@@ -193,14 +252,14 @@ def compare(manifest, inputs, expected, got, care=None, before=BEFORE):
     want, have = int(golden[port][cycle]), at(port, cycle)
     scale = 2.0 ** -fmts[port].f
     shown = tuple(
-        (row, {name: int(golden[name][row]) for name in logged}, {name: at(name, row) for name in logged})
+        (terms.first + row, {name: int(golden[name][row]) for name in logged}, {name: at(name, row) for name in logged})
         for row in range(max(0, cycle - before), cycle + 1)
     )
     divergence = Divergence(
-        cycle=cycle,
-        time_ns=cycle * 1e9 / manifest["clock"]["hz"],
+        cycle=terms.first + clock,
+        time_ns=(terms.first + clock) * 1e9 / manifest["clock"]["hz"],
         port=port,
-        is_input=port in inputs and port not in expected,
+        kind=levels.kind_of(manifest, seen[port]) if port in seen else "input",
         expected=want,
         got=have,
         expected_value=want * scale,
@@ -212,11 +271,12 @@ def compare(manifest, inputs, expected, got, care=None, before=BEFORE):
     return Report(*head, divergence, _diagnosis(manifest, inputs, golden, logged, counts, n, divergence))
 
 
-def against(golden, got, before=BEFORE):
+def against(golden, got, before=BEFORE, found=None):
     """Compare columns of a design with a bundle that was read; returns a `Report`.
 
     golden  `bundle.Bundle`
     got     {name: column or Column} of the design
+    found   `foreign.judged.Judged` of the bundle; None: every row of every port
     Raises FileError for the bundle of the whole firmware: its rows are apart, and only its own bench can use them.
     """
     manifest = golden.manifest
@@ -224,13 +284,15 @@ def against(golden, got, before=BEFORE):
         raise FileError("top: its rows are apart; compare the whole design with its own bench: make -C FOLDER check")
     names = [port["name"] for port in manifest["inputs"]]
     results = [port["name"] for port in manifest["registers"] + manifest["outputs"]]
+    care = golden.mask != 0 if found is None else found.care
     return compare(
         manifest,
         dict(zip(names, golden.stim.T.copy())),
         dict(zip(results, golden.exp.T.copy())),
         got,
-        {name: column != 0 for name, column in zip(results, golden.mask.T)},
+        dict(zip(results, care.T)),
         before,
+        EVERYTHING if found is None else Terms(found.level, found.first, found.clocks),
     )
 
 

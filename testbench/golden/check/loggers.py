@@ -12,15 +12,16 @@ import re
 
 from testbench.errors import FileError
 from testbench.golden.bundles.design_entry import told
+from testbench.golden.stimulus import levels
 
 TOP = "gyro_log"
 ROWS = "rows.txt"
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 
-def results(manifest):
-    """(RTL port, entry of the manifest) of everything that is logged."""
-    return [(f"r_{p['name']}", p) for p in manifest["registers"]] + [(f"o_{p['name']}", p) for p in manifest["outputs"]]
+def results(manifest, level="registers"):
+    """(RTL port, entry of the manifest) of everything that is logged at a level."""
+    return levels.judged(manifest, level)
 
 
 def _checked(manifest):
@@ -45,20 +46,24 @@ def _half_ps(manifest):
     return round(1e12 / manifest["clock"]["hz"]) // 2
 
 
-def parameters(manifest):
-    """(name, width, signed, raw bits) of the parameters."""
-    for p in manifest.get("params", []):
+def parameters(manifest, every=True):
+    """(name, width, signed, raw bits) of the parameters; `every`: also those that a Verilog design need not have."""
+    for p in manifest.get("params", []) if every else levels.used_params(manifest):
         width = sum(p["fmt"])
         yield p["name"], width, bool(p["fmt"][0]), int(p["raw"]) & ((1 << width) - 1)
 
 
-def verilog(manifest, rom=None):
-    """The bench in Verilog-2005; `rom` is the path of the block's table, if it has one."""
+def verilog(manifest, rom=None, level="registers", module=None):
+    """The bench in Verilog-2005, of what a level judges.
+
+    rom     path of the block's table, if it has one
+    module  what is instantiated; gyro_BLOCK if not given
+    """
     _checked(manifest)
-    inputs, found = manifest["inputs"], results(manifest)
+    inputs, found = manifest["inputs"], results(manifest, level)
     width, half = sum(p["width"] for p in inputs), _half_ps(manifest)
     given = [f".{name}({value})" for name, value in told(manifest)]
-    given += [f".{name}({bits}'{'s' * signed}h{raw:x})" for name, bits, signed, raw in parameters(manifest)]
+    given += [f".{name}({bits}'{'s' * signed}h{raw:x})" for name, bits, signed, raw in parameters(manifest, False)]
     given += [f'.ROM_FILE("{rom}")'] if rom else []
     ports = [".clk(clk)", *(f".{p['name']}(now[{hi}:{lo}])" for p, hi, lo in _slices(inputs))]
     ports += [f".{name}({name})" for name, _ in found]
@@ -72,7 +77,7 @@ module {TOP};
     reg clk;
     integer n, file;
 {wires}
-    gyro_{manifest["block"]}{generics} dut (
+    {module or "gyro_" + manifest["block"]}{generics} dut (
 {("," + chr(10)).join(ports)}
     );
     initial begin
@@ -98,10 +103,10 @@ endmodule
 """
 
 
-def vhdl(manifest, rom=None):
+def vhdl(manifest, rom=None, level="registers", module=None):
     """The bench in VHDL-2008."""
     _checked(manifest)
-    inputs, found = manifest["inputs"], results(manifest)
+    inputs, found = manifest["inputs"], results(manifest, level)
     wide, half = sum(p["width"] for p in inputs), _half_ps(manifest)
     outs = list(_slices([p | {"name": name} for name, p in found]))
 
@@ -127,7 +132,7 @@ architecture bench of {TOP} is
     signal now : std_logic_vector({wide - 1} downto 0) := (others => '0');
     signal got : std_logic_vector({outs[0][1]} downto 0);
 begin
-    dut : entity work.gyro_{manifest["block"]}
+    dut : entity work.{module or "gyro_" + manifest["block"]}
 {generics}port map (
 {("," + chr(10)).join(ports)}
 );
@@ -166,5 +171,5 @@ def port_of_line(text, number):
     """Port or parameter of the design that a line of a bench connects, or None."""
     lines = text.splitlines()
     line = lines[number - 1] if 0 < number <= len(lines) else ""
-    found = re.fullmatch(r"\.(\w+)\(.*\),?|(\w+) => .*", line.strip())
+    found = re.fullmatch(r"\.(\w+)\(.*\),?|(?:std_logic_vector\()?(\w+)\)? => .*", line.strip())
     return (found[1] or found[2]) if found else None

@@ -8,6 +8,7 @@ said again in one line.
 Source  docs/golden.md (checking a design)
 """
 
+import itertools
 import os
 import re
 import shutil
@@ -16,34 +17,21 @@ import subprocess
 import tempfile
 import time
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
 from fpga_model.fixed import Fmt
 from testbench.errors import ConfigError, FileError
 from testbench.golden.bundles import bundle, design_entry
-from testbench.golden.bundles.benches import PARTS
-from testbench.golden.check import loggers
+from testbench.golden.check import design_run, loggers
 from testbench.golden.check.compare import BEFORE, Column, against
+from testbench.golden.foreign import judged
 
 TIMEOUT_S = 120.0
 LINES = 5  # of a tool's complaint that are shown
 SAID_BYTES = 1 << 22  # a design that prints more than this is stopped
 
 
-class Simulator(NamedTuple):
-    """A simulator: its program, the suffix of its designs, and how it is built and run."""
-
-    program: str
-    suffix: str
-
-
-SIMULATORS = {
-    "icarus": Simulator("iverilog", "v"),
-    "verilator": Simulator("verilator", "v"),
-    "ghdl": Simulator("ghdl", "vhd"),
-}
 # What the tools say of ports and parameters: (pattern, our words)
 SAYINGS = (
     (r"Port \d+ \((?P<port>\w+)\) of \S+ expects (?P<has>\d+) bits, got (?P<want>\d+)", "width"),
@@ -108,29 +96,31 @@ class _Runner:
                 raise FileError(f"{Path(command[0]).name}: stopped: the design prints more than {SAID_BYTES >> 20} MiB")
 
 
-def _complaints(said, bench, manifest):
-    """Our words for what a tool says about ports; sorted out once each, in order."""
+def _complaints(said, texts, manifest, design):
+    """Our words for what a tool says about ports; sorted out once each, in order. `texts` are {file: text} of ours."""
     widths = {p["name"]: p["width"] for p in manifest["inputs"]}
     widths |= {name: p["width"] for name, p in loggers.results(manifest)}
     widths |= {name: width for name, width, _, _ in loggers.parameters(manifest)}
     widths |= {name: 32 for name, _ in design_entry.told(manifest)}
+    widths |= design.widths()
     out = {}
     # only what is said of the bench: a part inside the design may have ports of the same names
-    for line in (line for line in said.splitlines() if re.search(r"(^|\s)log\.v(hd)?:\d", line)):
-        for pattern, kind in SAYINGS:
+    for line in said.splitlines():
+        place = re.search(r"(?:^|[\s/])((?:log|wrap)\.v(?:hd)?):\d", line)
+        for pattern, kind in SAYINGS if place else ():
             found = re.search(pattern, line)
             if not found:
                 continue
             words = found.groupdict()
-            port = words.get("port") or loggers.port_of_line(bench, int(words["line"]))
+            port = words.get("port") or loggers.port_of_line(texts.get(place[1], ""), int(words["line"]))
             if port not in widths and kind != "extra":
                 continue
             out[port] = {
-                "width": f"port {port} has {words.get('has')} bits, the bundle has {widths.get(port)}",
-                "vhdl width": f"port {port} is not of the {widths.get(port)} bits of the bundle",
+                "width": f"port {port} has {words.get('has')} bits, {design.whose} has {widths.get(port)}",
+                "vhdl width": f"port {port} is not of the {widths.get(port)} bits of {design.whose}",
                 "absent": f"port {port} is missing",
                 "no parameter": f"parameter {port} is missing",
-                "extra": f"input {port} is not in the bundle and stays open",
+                "extra": f"input {port} is not in {design.whose} and stays open",
             }[kind]
     return list(out.values())
 
@@ -142,56 +132,35 @@ def _first_lines(said):
     return "\n".join(f"  {line}" for line in (errors or lines)[:LINES]) or "  (it said nothing)"
 
 
-def _sources(rtl, block, suffix):
-    rtl = Path(rtl)
-    wanted = rtl / f"{block}.{suffix}"
-    if not rtl.is_dir():
-        raise FileError(f"{rtl}: not a folder")
-    if not wanted.is_file():
-        raise FileError(f"{wanted}: no design: gyro_{block} is looked for there")
-    parts = [rtl / f"{part}.{suffix}" for part in PARTS.get(block, ())]
-    return [path.resolve() for path in (*parts, wanted) if path.is_file()]
-
-
-def choose(sim, rtl, block):
-    """Name of the simulator: the one asked for, or one that is installed for the design that is there."""
-    if sim is not None and sim not in SIMULATORS:
-        raise ConfigError(f"sim: {sim!r} is not one of {', '.join(SIMULATORS)}")
-    names = [sim] if sim else [k for k, s in SIMULATORS.items() if (Path(rtl) / f"{block}.{s.suffix}").is_file()]
-    if not names:
-        raise FileError(f"{Path(rtl)}: no design: neither {block}.v nor {block}.vhd with module or entity gyro_{block}")
-    for name in names:
-        if shutil.which(SIMULATORS[name].program):
-            return name
-    raise FileError(f"{SIMULATORS[names[0]].program}: not installed; {names[0]} is needed to run the design")
-
-
-def _build(sim, run, bench, sources):
-    """Build `bench` and the design; returns the command that simulates, and what the tools said."""
+def _build(sim, run, ours, design):
+    """Build the design with our files, the bench last of them; (command that simulates, exit code, what was said)."""
+    sources = design.sources
     if sim == "icarus":
-        where = [word for folder in dict.fromkeys(path.parent for path in sources) for word in ("-I", folder)]
-        done = run("iverilog", "-g2012", "-Wportbind", "-s", loggers.TOP, "-I", ".", *where, "-o", "log.vvp", bench,
-                   *sources)  # fmt: skip
+        where = [word for folder in sources.includes for word in ("-I", folder)]
+        macros = [f"-D{macro}" for macro in sources.defines]
+        done = run("iverilog", "-g2012", "-Wportbind", "-s", loggers.TOP, "-I", ".", *where, *macros, "-o", "log.vvp",
+                   *ours, *sources.files)  # fmt: skip
         return ("vvp", "-n", "log.vvp"), *done
     if sim == "verilator":
-        where = [f"-I{folder}" for folder in dict.fromkeys(path.parent for path in sources)]
+        where = [f"-I{folder}" for folder in sources.includes] + [f"-D{macro}" for macro in sources.defines]
         flags = ("-Wno-fatal", "-Wno-lint", "-Wno-style", "-Wwarn-WIDTH", "-Wwarn-PINMISSING")
         done = run("verilator", "--binary", "--timing", *flags, "-I.", *where, "--top-module", loggers.TOP, "--Mdir",
-                   "built", "-o", "log", bench, *sources)  # fmt: skip
+                   "built", "-o", "log", *ours, *sources.files)  # fmt: skip
         return (run.folder / "built" / "log",), *done
-    known = [name for name in ("params_pkg.vhd",) if (run.folder / name).is_file()]
-    code, said = run("ghdl", "-a", "--std=08", *known, *sources)
-    if code == 0:
-        code, said = run("ghdl", "-a", "--std=08", bench)
-    if code == 0:
+    steps = [("work", name) for name in ("params_pkg.vhd",) if (run.folder / name).is_file()]
+    steps += [(library or design.library, file) for file, library in zip(sources.files, sources.libraries)]
+    for library, group in itertools.groupby([*steps, *(("work", name) for name in ours)], lambda step: step[0]):
+        code, said = run("ghdl", "-a", "--std=08", f"--work={library}", *(file for _, file in group))
+        if code:
+            break
+    else:
         code, more = run("ghdl", "-e", "--std=08", loggers.TOP)
         said += more
     return ("ghdl", "-r", "--std=08", loggers.TOP), code, said
 
 
-def _columns(path, manifest):
+def _columns(path, ports):
     """{name: Column} of rows.txt: a word with anything but hexadecimal digits in it is unknown."""
-    ports = manifest["registers"] + manifest["outputs"]
     lines = path.read_text("ascii", "replace").splitlines() if path.is_file() else []
     values = np.zeros((len(ports), len(lines)), np.int64)
     known = np.zeros((len(ports), len(lines)), bool)
@@ -213,52 +182,95 @@ def _columns(path, manifest):
 
 
 def log(folder, manifest, rtl, sim=None, timeout_s=TIMEOUT_S):
-    """{port: Column} of every register and pin of the design in folder `rtl`.
+    """{port: Column} of every register and pin of the design in folder `rtl`, whose ports have the bundle's names."""
+    return columns_of(
+        folder, bundle.read(folder).stim, design_run.chosen(manifest, rtl, design_run.Choice(sim)), timeout_s
+    )
 
-    folder    of a verified bundle with this manifest
-    rtl       folder with BLOCK.v or BLOCK.vhd
-    sim       icarus, verilator or ghdl; None takes one that is installed and fits
+
+def _place(folder, stim, design, place):
+    """Put what the simulation opens into a folder; {name: text} of what is compiled besides the design."""
+    manifest = design.manifest
+    roms = sorted(name for name in manifest["sha256"] if name.startswith("rom/") and name.endswith(".hex"))
+    for name in ("params.vh", "params.svh", "params_pkg.vhd", *roms):
+        if name in manifest["sha256"]:
+            (place / name).parent.mkdir(exist_ok=True)
+            shutil.copyfile(Path(folder) / name, place / name)
+    widths = [p["width"] for p in manifest["inputs"]]
+    (place / "stim.hex").write_text(bundle.hex_text(bundle.pack(stim, widths), sum(widths)))
+    suffix = "vhd" if design.language == "vhdl" else "v"
+    language = getattr(loggers, design.language)
+    bench = language(manifest, roms[0] if roms else None, design.level, design.module)
+    texts = {f"wrap.{suffix}": design.wrapper} if design.wrapper else {}
+    texts[f"log.{suffix}"] = bench
+    for name, text in texts.items():
+        (place / name).write_text(text)
+    return texts
+
+
+def columns_of(folder, stim, design, timeout_s=TIMEOUT_S):
+    """{port: Column} of what the level of a `design_run.Design` judges, for rows of stimulus.
+
+    folder  of the verified bundle
     Raises FileError with one clear message if the design does not build, run or end, ConfigError for a wrong argument.
     """
-    block = manifest["block"]
     if not 0 < timeout_s <= 86400:
         raise ConfigError(f"timeout: {timeout_s} s is outside 0 .. 86400 s")
-    sim = choose(sim, rtl, block)
-    simulator = SIMULATORS[sim]
-    sources = _sources(rtl, block, simulator.suffix)
-    if shutil.which(simulator.program) is None:
-        raise FileError(f"{simulator.program}: not installed; {sim} is needed to run the design")
-    roms = sorted(name for name in manifest["sha256"] if name.startswith("rom/") and name.endswith(".hex"))
-    bench = getattr(loggers, "vhdl" if simulator.suffix == "vhd" else "verilog")(manifest, roms[0] if roms else None)
+    last = design.sources.files[-1]
     with tempfile.TemporaryDirectory(prefix="gyro-check-") as place:
         place = Path(place).resolve()
-        for name in ("stim.hex", "params.vh", "params.svh", "params_pkg.vhd", *roms):
-            if name in manifest["sha256"]:
-                (place / name).parent.mkdir(exist_ok=True)
-                shutil.copyfile(Path(folder) / name, place / name)
-        name = f"log.{simulator.suffix}"
-        (place / name).write_text(bench)
+        texts = _place(folder, stim, design, place)
         run = _Runner(place, timeout_s)
-        command, code, said = _build(sim, run, name, sources)
-        complaints = _complaints(said, bench, manifest)
+        command, code, said = _build(design.sim, run, list(texts), design)
+        complaints = _complaints(said, texts, design.manifest, design)
         if code or complaints:
             why = "; ".join(complaints)
             raise FileError(
-                f"{sources[-1]}: {why}" if why else f"{sources[-1]}: does not build under {sim}:\n{_first_lines(said)}"
+                f"{last}: {why}" if why else f"{last}: does not build under {design.sim}:\n{_first_lines(said)}"
             )
         code, said = run(*command)
-        columns = _columns(place / loggers.ROWS, manifest)
+        columns = _columns(place / loggers.ROWS, [p for _, p in loggers.results(design.manifest, design.level)])
         rows = len(next(iter(columns.values())).values)
-        if rows < manifest["n"]:
+        if rows < design.manifest["n"]:
             raise FileError(
-                f"{sources[-1]}: the simulation ended after {rows} of {manifest['n']} rows:\n{_first_lines(said)}"
+                f"{last}: the simulation ended after {rows} of {design.manifest['n']} rows:\n{_first_lines(said)}"
             )
     return columns
 
 
-def check(folder, rtl, sim=None, timeout_s=TIMEOUT_S, before=BEFORE):
-    """Compare the design in folder `rtl` with the bundle in `folder`; returns a `compare.Report`."""
+def _at_rest(columns, found, design):
+    """Refuse a design whose ports rest where the model's move: it is not clocked, or stays in reset."""
+    golden = found.golden
+    names = [p["name"] for p in golden.manifest["registers"] + golden.manifest["outputs"]]
+    moves = [n for n in columns if len(np.unique(golden.exp[found.care[:, names.index(n)], names.index(n)])) > 1]
+    if not moves:
+        return
+    last = design.sources.files[-1]
+    if all(not columns[name].known.any() for name in moves):
+        if design.named is None:
+            return
+        raise FileError(f"{last}: every port is unknown (x) in every row: the design is not clocked, or never reset")
+    if all(columns[name].known.all() and len(np.unique(columns[name].values)) == 1 for name in moves):
+        raise FileError(
+            f"{last}: no port changes in {len(golden.exp)} rows: the design never leaves reset, or has no clock"
+        )
+
+
+def check(folder, rtl, sim=None, timeout_s=TIMEOUT_S, before=BEFORE, choice=None):
+    """Compare the design in folder `rtl` with the bundle in `folder`; returns a `compare.Report`.
+
+    choice  `design_run.Choice`: level, map, latency, list of files; else a design with the bundle's names
+    """
     golden = bundle.read(folder)
     if golden.manifest["block"] == "top":
         raise FileError(f"{folder}: top is compared by its own bench for now: make -C {folder} check RTL={rtl}")
-    return against(golden, log(folder, golden.manifest, rtl, sim, timeout_s), before)
+    design = design_run.chosen(golden.manifest, rtl, choice or design_run.Choice(sim))
+    found = judged.judged(golden, design.level, design.style, design.clocks)
+    design = design._replace(manifest=found.golden.manifest)
+    columns = columns_of(folder, found.golden.stim, design, timeout_s)
+    _at_rest(columns, found, design)
+    shown = {
+        p["name"]: judged.aligned(found, columns[p["name"]], name)
+        for name, p in loggers.results(design.manifest, design.level)
+    }
+    return against(found.golden, shown, before, found)

@@ -109,7 +109,7 @@ def test_slower_benches_without_a_design(bundles, verilated, stem, sim):
 def test_a_design_that_is_not_there_is_an_error(bundles, tmp_path):
     done = check(bundles("agc") / "default", "icarus", tmp_path)
     assert done.returncode != 0
-    assert f"FAIL agc/default: no design {tmp_path}/agc.v or agc.vhd" in done.stdout
+    assert f"FAIL agc/default: no design {tmp_path}/agc.v, .sv or .vhd, and no FILES" in done.stdout
     done = check(bundles("agc") / "default", "icarus", "nowhere")
     assert done.returncode != 0
     assert f"FAIL agc/default: no folder nowhere, seen from {bundles('agc')}/default\n" in done.stdout

@@ -82,8 +82,8 @@ def test_a_report_carries_the_diagnosis_in_text_and_json():
     report = compare(*golden(fault=("rounding", "code", "half_even")))
     assert "rounding: another rounding rule (code: half_even" in report.text()
     tree = json.loads(report.to_json())
-    assert tree["diagnosis"]["cause"] == "rounding"
-    assert tree["divergence"]["before"][-1]["cycle"] == tree["divergence"]["cycle"]
+    assert [found["cause"] for found in tree["diagnosis"]] == ["rounding"]
+    assert tree["first"]["before"][-1]["clock"] == tree["first"]["clock"]
 
 
 def test_a_wrong_stimulus_is_said_before_any_register_is_blamed():

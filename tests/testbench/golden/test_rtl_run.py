@@ -87,8 +87,10 @@ def test_the_command_prints_the_report_of_logs_and_its_exit_code_tells(out, tmp_
     bad = run.invoke(cli.app, ["check", str(out / "dds" / "default"), "--rtl", str(tmp_path), "--json"])
     assert bad.exit_code == 1
     tree = json.loads(bad.stdout)
-    assert (tree["passed"], tree["diagnosis"]["cause"], tree["diagnosis"]["port"]) == (False, "sign", "sense_ref")
-    assert tree["divergence"]["before"][-1]["cycle"] == tree["divergence"]["cycle"]
+    (cause,) = tree["diagnosis"]
+    assert (tree["passed"], cause["cause"], cause["register"], cause["share"]) == (False, "sign", "sense_ref", 1.0)
+    assert (tree["first"]["kind"], tree["first"]["name"]) == ("output", "sense_ref")
+    assert tree["first"]["before"][-1]["clock"] == tree["first"]["clock"]
 
 
 @pytest.mark.parametrize(
@@ -97,8 +99,8 @@ def test_the_command_prints_the_report_of_logs_and_its_exit_code_tells(out, tmp_
         ([], "one of --rtl DIR and --log FILE"),
         (["--rtl", "x", "--log", "y"], "one of --rtl DIR and --log FILE"),
         (["--log", "y"], "--log needs --map"),
-        (["--log", "y", "--map", "z", "--sim", "icarus"], "--sim to --rtl"),
-        (["--rtl", "x", "--map", "z"], "--map belongs to --log"),
+        (["--log", "y", "--map", "z", "--sim", "icarus"], "--sim belongs to --rtl"),
+        (["--log", "y", "--map", "z", "--level", "pins"], "--level belongs to --rtl"),
     ],
 )
 def test_a_wrong_choice_of_options_is_one_line(out, words, said):
@@ -167,9 +169,9 @@ def test_a_design_that_hangs_is_killed(out, tmp_path):
 
 def test_what_is_not_there_is_said(out, tmp_path, monkeypatch):
     folder = out / "pi" / "rate"
-    with pytest.raises(FileError, match=r"no design: neither pi\.v nor pi\.vhd"):
+    with pytest.raises(FileError, match=r"no design for any simulator: there is no pi\.v, \.sv or \.vhd"):
         rtl_run.check(folder, tmp_path)
-    with pytest.raises(FileError, match=r"pi\.vhd: no design"):
+    with pytest.raises(FileError, match=r"no design for ghdl: there is no pi\.vhd"):
         rtl_run.check(folder, tmp_path, "ghdl")
     with pytest.raises(FileError, match="not a folder"):
         rtl_run.check(folder, tmp_path / "no", "icarus")

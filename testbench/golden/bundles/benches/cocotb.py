@@ -3,7 +3,7 @@
 Source  docs/golden.md (using a bench in your own flow)
 """
 
-from testbench.golden.bundles.benches.layout import PARTS, SHOWN, half_ps, inputs_of, results
+from testbench.golden.bundles.benches.layout import PARTS, SHOWN, counted, half_ps, inputs_of, levels_of, results
 from testbench.golden.bundles.benches.template import filled
 from testbench.golden.bundles.benches.verilog import instance, span
 
@@ -33,5 +33,6 @@ def cocotb_test(block, case):
         sources=repr((*PARTS.get(block.stem, ()), block.stem)),
         half_ps=half_ps(block),
         shown=SHOWN,
-        ports=len(results(block)),
+        ports=repr({level: counted(block, level) for level in levels_of(block)}),
+        default="registers",
     )

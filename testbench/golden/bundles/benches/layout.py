@@ -5,7 +5,8 @@ Source  docs/golden.md (what a design must look like)
 
 from fpga_model import wiring
 from fpga_model.block import declared, parts_of
-from testbench.golden.stimulus.blocks import BLOCKS, RESET_INPUT
+from testbench.golden.stimulus import levels
+from testbench.golden.stimulus.blocks import BLOCKS, RESET_INPUT, params_of
 
 RESET_CYCLES = 2
 SHOWN = 10  # rows that a bench reports in full
@@ -44,6 +45,37 @@ def rom_parameters(block):
 def results(block):
     """(RTL port, Port) of everything compared: registers, then outputs."""
     return [(f"r_{p.name}", p) for p in block.registers] + [(f"o_{p.name}", p) for p in block.pins]
+
+
+def set_params(block, case):
+    """`params_of` but for those that no design needs."""
+    unused = levels.unused_params(block)
+    return [found for found in params_of(block, case) if found[0] not in unused]
+
+
+def levels_of(block):
+    """Levels at which a block has ports; registers is always one."""
+    stated = levels.entry(block)
+    return [level for level in levels.LEVELS if stated.get(level, True)]
+
+
+def judged_at(block, level):
+    """Names of the ports that a level judges."""
+    return [name for name, _ in results(block)] if level == "registers" else levels.entry(block)[level]
+
+
+def counted(block, level):
+    """What a bench says of the ports that it judges."""
+    count = f"{len(judged_at(block, level))} ports"
+    return count if level == "registers" else f"{count} at level {level}"
+
+
+def mask_of(block, level):
+    """Packed word with a 1 in every bit that a level judges."""
+    seen, word = judged_at(block, level), 0
+    for name, port in results(block):
+        word = word << port.width | ((1 << port.width) - 1) * (name in seen)
+    return word
 
 
 def slices(named):

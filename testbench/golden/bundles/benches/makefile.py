@@ -4,7 +4,7 @@ The work is in check.sh, plain POSIX shell, so that a flow without make can call
 Source  docs/golden.md (exit codes)
 """
 
-from testbench.golden.bundles.benches.layout import PARTS
+from testbench.golden.bundles.benches.layout import PARTS, levels_of
 from testbench.golden.bundles.benches.template import filled
 
 SIMS = ("icarus", "verilator", "ghdl", "cocotb", "vunit")
@@ -14,10 +14,13 @@ def makefile(block, case):
     """`make check [SIM=...] RTL=folder`."""
     return f"""# {block.stem}/{case}: make check RTL=folder runs every simulator that is here and has a design
 # SIM=icarus|verilator|ghdl|cocotb|cocotb-verilator|vunit runs that one. check.sh tells what a folder must hold.
+# FILES="a.sv b.sv" or FILES=my.f: the design's files, seen from the folder. LEVEL=pins|outputs|registers
 SIM ?=
 RTL ?=
+FILES ?=
+LEVEL ?=
 PYTHON ?= python3
-export RTL PYTHON
+export RTL FILES LEVEL PYTHON
 
 check:
 	@sh ./check.sh $(SIM)
@@ -59,6 +62,9 @@ def check_script(block, case, frames=None):
         plus=" +FRAMES=$(frames $1)" if frames else "",
         generic=" -gFRAMES=$(frames $1)" if frames else "",
         exported='FRAMES=$(frames "$1") ' if frames else "",
+        module=block.module,
+        levels=" ".join(["registers"] if frames else levels_of(block)),
+        default="registers",
         level=2 if frames else 0,
         why=why,
         sims=" ".join(SIMS),

@@ -3,9 +3,19 @@
 Source  docs/golden.md (rows)
 """
 
-from testbench.golden.bundles.benches.layout import SHOWN, inputs_of, results, rom_parameters, slices
+from testbench.golden.bundles.benches.layout import (
+    SHOWN,
+    counted,
+    inputs_of,
+    judged_at,
+    mask_of,
+    results,
+    rom_parameters,
+    set_params,
+    slices,
+    width_of,
+)
 from testbench.golden.bundles.benches.template import filled
-from testbench.golden.stimulus.blocks import params_of
 
 
 def span(width):
@@ -14,12 +24,16 @@ def span(width):
 
 def instance(block, case, inputs):
     """Instance `dut`; `inputs` gives the net of an input port."""
-    generics = [f".{name}(P_{name})" for name in (*block.keys, *(name for name, _, _ in params_of(block, case)))]
+    generics = [f".{name}(P_{name})" for name in (*block.keys, *(name for name, _, _ in set_params(block, case)))]
     generics += [f'.{name}("{path}")' for name, path in rom_parameters(block).items()]
     ports = [".clk(clk)", *(f".{name}({inputs(name)})" for name, _ in inputs_of(block))]
-    ports += [f".{name}({name})" for name, _ in results(block)]
+    pins, outputs = (judged_at(block, level) for level in ("pins", "outputs"))
+    ports += [f".{name}({name})" for name in pins]
+    more = [f"        , .{name}({name})" for name in outputs if name not in pins]
+    rest = [f"        , .{name}({name})" for name, _ in results(block) if name not in outputs]
+    joined = "\n".join([",\n        ".join(ports), "`ifndef LEVEL_PINS", *more, "`ifndef LEVEL_OUTPUTS", *rest,
+                        "`endif", "`endif"])  # fmt: skip
     head = f"{block.module} #(\n        {(',' + chr(10) + '        ').join(generics)}\n    ) dut" if generics else ""
-    joined = ",\n        ".join(ports)
     return f"    {head or block.module + ' dut'} (\n        {joined}\n    );"
 
 
@@ -42,5 +56,6 @@ def verilog_bench(block, case):
         instance=instance(block, case, lambda name: f"s_{name}"),
         shows="\n".join(shows),
         shown=SHOWN,
-        count=len(found),
+        **{f"mask_{level}": f"{width_of(found)}'h{mask_of(block, level):x}" for level in ("pins", "outputs")},
+        **{f"counted_{level}": counted(block, level) for level in ("pins", "outputs", "registers")},
     )

@@ -3,7 +3,17 @@
 Source  docs/golden.md (rows)
 """
 
-from testbench.golden.bundles.benches.layout import SHOWN, inputs_of, results, rom_parameters, slices
+from testbench.golden.bundles.benches.layout import (
+    SHOWN,
+    counted,
+    inputs_of,
+    judged_at,
+    mask_of,
+    results,
+    rom_parameters,
+    slices,
+    width_of,
+)
 from testbench.golden.bundles.benches.params import vhdl_type
 from testbench.golden.bundles.benches.template import filled
 from testbench.golden.stimulus.blocks import params_of
@@ -11,6 +21,17 @@ from testbench.golden.stimulus.blocks import params_of
 
 def vhdl_slice(width, hi, lo):
     return f"({hi})" if width == 1 else f"({hi} downto {lo})"
+
+
+def _judged(block):
+    """Constants of a level: those of the others are comments, or go."""
+    word = "constant JUDGED : std_logic_vector(OUT_WIDTH - 1 downto 0) := {};"
+    text = 'constant COUNTED : string := "{}";'
+    width = width_of(results(block))
+    for level in ("registers", "outputs", "pins"):
+        bits = "(others => '1')" if level == "registers" else f'"{mask_of(block, level):0{width}b}"'
+        for line in (word.format(bits), text.format(counted(block, level))):
+            yield f"    {line}  -- level registers" if level == "registers" else f"    --{level}-- {line}"
 
 
 def component(block, case, fed):
@@ -23,19 +44,26 @@ def component(block, case, fed):
         generics.append(f"            {key} : string")
         maps.append(f'            {key} => DIR & "{path}"')
     declared, mapped = ";\n".join(generics), ",\n    ".join(maps)
-    ports = ["            clk : in std_logic", *(f"            {n} : in {vhdl_type(p.width)}" for n, p in inputs)]
-    ports += [f"            {n} : out {vhdl_type(p.width)}" for n, p in found]
-    port_maps = ["                clk => clk"]
-    for signal, named in ((fed, inputs), ("got", found)):
-        port_maps += [f"                {n} => {signal}{vhdl_slice(p.width, hi, lo)}" for n, p, hi, lo in slices(named)]
+    # a line of a level goes, with its separator, where check.sh leaves that level out; so the inputs come last
+    mark = dict.fromkeys(judged_at(block, "pins"), "")
+    mark = dict.fromkeys(judged_at(block, "outputs"), "  -- level outputs") | mark
+    marks = {n: mark.get(n, "  -- level registers") for n, _ in found}
+    ports = [f"            {n} : out {vhdl_type(p.width)};{marks[n]}" for n, p in found]
+    ports += [f"            {n} : in {vhdl_type(p.width)};" for n, p in inputs] + ["            clk : in std_logic"]
+    port_maps = [
+        f"                {n} => got{vhdl_slice(p.width, hi, lo)},{marks[n]}" for n, p, hi, lo in slices(found)
+    ]
+    port_maps += [f"                {n} => {fed}{vhdl_slice(p.width, hi, lo)}," for n, p, hi, lo in slices(inputs)]
+    port_maps += ["                clk => clk"]
     return {
         "title": f"{block.stem}/{case}",
         "name": f"tb_{block.stem}",
         "module": block.module,
         "declared": f"        generic (\n{declared}\n        );\n" if generics else "",
         "mapped": f"            generic map (\n    {mapped}\n            )\n" if maps else "",
-        "ports": ";\n".join(ports),
-        "port_maps": ",\n".join(port_maps),
+        "ports": "\n".join(ports),
+        "port_maps": "\n".join(port_maps),
+        "judged": "\n".join(_judged(block)),
         "count": len(found),
     }
 

@@ -59,14 +59,26 @@ SOURCES = {(*PARTS.get(block.stem, ()), block.stem)!r}
 vu = VUnit.from_argv()
 vu.add_vhdl_builtins()
 lib = vu.add_library("golden")
+# check.sh leaves in WORK the files of the design, and the bench of the level
+WORK = HERE / (os.environ.get("WORK") or "none")
+wrapper = HERE / "golden_{block.stem}.vhd"
 for name in ("params_pkg.vhd", "tb_{block.stem}.vhd", "tb_{block.stem}_vunit.vhd"):
-    lib.add_source_files(HERE / name)
+    lib.add_source_files(WORK / name if (WORK / name).is_file() else HERE / name)
 rtl = os.environ.get("RTL", "")
-if rtl:
+if rtl and (WORK / "sources").is_file():
+    for line in (WORK / "sources").read_text().splitlines():
+        kind, _, rest = line.partition(" ")
+        name, _, path = rest.partition(" ")
+        if kind == "file" and path.endswith((".vhd", ".vhdl")):
+            name = ("design" if wrapper.is_file() else "golden") if name == "-" else name
+            vu.add_library(name, allow_duplicate=True).add_source_files(HERE / path)
+elif rtl:
     for stem in SOURCES:
         path = Path(rtl).resolve() / f"{{stem}}.vhd"
         if path.is_file() or stem == SOURCES[-1]:
             lib.add_source_files(path)
+if rtl and wrapper.is_file():
+    lib.add_source_files(wrapper)
 bench = lib.test_bench("tb_{block.stem}_vunit")
 bench.set_generic("no_design", not rtl)
 {stop}vu.main()

@@ -1,0 +1,93 @@
+"""Folder of a bundle for a design with names, reset and latency of its own: `make check` in it needs no Python.
+
+    stim.hex, exp.hex, mask.hex   the rows that are judged; ports that come later are shifted; the mask has the level's
+    golden_BLOCK.v, .vhd          wrapper of the design (`wrapper`)
+    map.toml, latency.toml        what the folder was written from
+    the rest                      benches and scripts of the bundle, with the wrapper's name and the level
+
+Source  docs/foreign_designs.md
+"""
+
+import re
+import shutil
+import tempfile
+from pathlib import Path
+
+from testbench.errors import FileError
+from testbench.golden.bundles import bundle
+from testbench.golden.foreign import design_map, judged, wrapper
+
+KEPT = ("params.vh", "params.svh", "params_pkg.vhd", "Makefile", "run_vunit.py")
+
+
+def _texts(folder, manifest, level):
+    """{path: text} of the bundle's benches and scripts for a wrapped design."""
+    block, rows = manifest["block"], manifest["n"]
+    names = [*KEPT, "check.sh", f"tb_{block}.v", f"tb_{block}.vhd", f"tb_{block}_vunit.vhd", f"cocotb_{block}.v",
+             f"test_{block}.py", *(n for n in manifest["sha256"] if n.startswith("rom/"))]  # fmt: skip
+    found = {}
+    for name in names:
+        text = (folder / name).read_text()
+        if name not in KEPT:
+            text = re.sub(rf"\bgyro_{block}\b", wrapper.name_of(manifest), text)
+        found[name] = text
+    script, test = "check.sh", f"test_{block}.py"
+    found[script] = re.sub(r"(?m)(?<=^LEVEL=\$\{LEVEL:-)\w+", level, found[script])
+    found[script] = re.sub(r"(?m)^LEVELS=.*$", f'LEVELS="{level}"', found[script])
+    found[test] = re.sub(r'(?<=or ")registers(?=")', level, found[test], count=1)
+    for name in KEPT[:3]:
+        for key, value in (("N_ROWS", rows), ("RESET_CYCLES", manifest["reset"]["cycles"])):
+            found[name] = re.sub(rf"(\b{key}(?: : natural :)? ?= )\d+", rf"\g<1>{value}", found[name])
+    return found
+
+
+def wrap(folder, map_path, level, out, latency_path=None):
+    """Write the folder of a bundle, a map, a level and a latency file; returns its `Judged` part of the bundle.
+
+    out  new folder; FileError if it is there and holds anything
+    """
+    folder, out = Path(folder), Path(out)
+    golden = bundle.read(folder)
+    if golden.manifest["block"] == "top":
+        raise FileError(f"{folder}: a whole design is compared at its pins: gyro golden loop")
+    named = design_map.read(map_path, golden.manifest, level)
+    clocks = {} if latency_path is None else judged.read_latency(latency_path, golden.manifest, level)
+    found = judged.judged(golden, level, named.style, clocks)
+    manifest = found.golden.manifest
+    exp, mask = judged.late_rows(found)
+    widths = {name: [p["width"] for p in ports] for name, ports in (
+        ("stim", manifest["inputs"]), ("exp", manifest["registers"] + manifest["outputs"]))}  # fmt: skip
+    texts = _texts(folder, manifest, level)
+    for name, rows, like in (("stim", found.golden.stim, "stim"), ("exp", exp, "exp"), ("mask", mask, "exp")):
+        texts[f"{name}.hex"] = bundle.hex_text(bundle.pack(rows, widths[like]), sum(widths[like]))
+    head = f"golden_{manifest['block']}"
+    texts |= {f"{head}.v": wrapper.verilog(manifest, named), f"{head}.vhd": wrapper.vhdl(manifest, named)}
+    texts["map.toml"] = Path(map_path).read_text()
+    if latency_path is not None:
+        texts["latency.toml"] = Path(latency_path).read_text()
+    keys = ("schema", "block", "case", "clock", "reset", "n", "inputs", "registers", "outputs", "params", "levels")
+    told = {key: manifest[key] for key in keys if key in manifest}
+    told |= {"level": level, "first_row": found.first, "clocks": found.clocks,
+             "of_bundle": golden.manifest["manifest_sha256"]}  # fmt: skip
+    texts["manifest.json"] = bundle.canonical(told) + "\n"
+    _write(out, texts)
+    return found
+
+
+def _write(out, texts):
+    """Write the files beside the folder, and rename it."""
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise FileError(f"{out}: exists and is not an empty folder")
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        part = Path(tempfile.mkdtemp(prefix=out.name + ".", dir=out.parent))
+        for name, text in texts.items():
+            (part / name).parent.mkdir(exist_ok=True)
+            (part / name).write_text(text)
+        part.chmod(0o755)
+        if out.is_dir():
+            out.rmdir()
+        part.rename(out)
+    except OSError as problem:
+        shutil.rmtree(part, ignore_errors=True)
+        raise FileError(f"{out}: cannot be written: {problem.strerror or problem}") from None

@@ -1,0 +1,252 @@
+"""Map of a design that was not written for a bundle: its names, widths, reset and clock for those of the bundle.
+
+    schema = "gyro-design-map/1.0"
+    top = "pi_core"               module or entity; gyro_BLOCK if not given
+    library = "work_of_top"       VHDL library of the entity; `design`, where files without a library go, if not given
+    [clock]                       port = "clk"
+    [reset]                       port = "rst", active = 1 or 0, style = "sync", "async" or "none"
+    [inputs], [outputs]           port of the bundle = port of the design; same name if it is not listed
+    [parameters]                  parameter of the bundle = that of the design; all, by their names, without this table
+    [constants], [ties]           parameters, and inputs, of the design that the bundle does not know = a whole number
+
+A port of the design is a name, a slice `name[7:0]` or bit `name[3]` of it, "" for none, or a table: port, width (bits
+of it), invert, type (VHDL: std_logic, std_logic_vector, signed or unsigned). A wider input gets copies of the sign, or
+zeros; a wider output must have them.
+Source  docs/foreign_designs.md
+"""
+
+import difflib
+import re
+from pathlib import Path
+from typing import NamedTuple
+
+from testbench.errors import FileError
+from testbench.golden.stimulus import levels
+from testbench.golden.stimulus.levels import told
+from testbench.storage.inputs import read_toml
+
+SCHEMA = "gyro-design-map/1.0"
+NAME = re.compile(r"[A-Za-z]\w*")
+PORT = re.compile(r"([A-Za-z]\w*)(?:\[(\d{1,4})(?::(\d{1,4}))?\])?")
+STYLES = ("sync", "async", "none")
+TYPES = ("std_logic", "std_logic_vector", "signed", "unsigned")
+MOST_WIDTH = 1024
+LIBRARY = "design"
+TABLES = {"clock": ("port",), "reset": ("port", "active", "style"), "inputs": None, "outputs": None,
+          "parameters": None, "constants": None, "ties": None}  # fmt: skip
+
+
+class Port(NamedTuple):
+    """A port of the design: its name ('' for none), the bits of it, how many they are, and what is done to them.
+
+    hi, lo  bits of a slice; None for the whole port
+    """
+
+    name: str
+    width: int
+    hi: int | None = None
+    lo: int | None = None
+    invert: bool = False
+    type: str = ""
+
+
+class DesignMap(NamedTuple):
+    """What a design calls the ports of a bundle; `inputs`, `outputs` and `parameters` are in the bundle's order.
+
+    reset       (port, active level); port '' where the design has none
+    style       sync, async or none
+    inputs      ((entry of the manifest, Port), ...) without the reset
+    outputs     ((RTL port of the bundle, entry of the manifest, Port), ...) of the level
+    parameters  ((name in the bundle, name in the design, type), ...)
+    constants, ties  ((name in the design, value), ...)
+    """
+
+    top: str
+    library: str
+    clock: str
+    reset: tuple
+    style: str
+    inputs: tuple
+    outputs: tuple
+    parameters: tuple
+    constants: tuple
+    ties: tuple
+
+
+class _Reader:
+    """A map's tables against a manifest; every refusal is one line that names map and key."""
+
+    def __init__(self, path, manifest):
+        self.path, self.manifest = path or "map", manifest
+        self.tree = {"schema": SCHEMA} if path is None else read_toml(Path(path), error=FileError)
+
+    def refuse(self, text):
+        raise FileError(f"{self.path}: {text}")
+
+    def need(self, ok, key, value, limit):
+        if not ok:
+            self.refuse(f"{key}: {value!r} is not {limit}")
+
+    def table(self, name):
+        found = self.tree.get(name, {})
+        self.need(isinstance(found, dict), name, found, "a table")
+        return found
+
+    def known(self, where, name, names):
+        if name not in names:
+            near = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
+            hint = f"did you mean {near[0]}?" if near else f"there is {', '.join(list(names)[:12]) or 'none'}"
+            self.refuse(f"[{where}]: {self.manifest['block']} has no {name}; {hint}")
+
+    def head(self):
+        """Schema, names of tables and of their keys; (top, library, clock, reset, style)."""
+        tree = self.tree
+        self.need(tree.get("schema") == SCHEMA, "schema", tree.get("schema"), SCHEMA)
+        allowed = ("schema", "top", "library", *TABLES)
+        for key in tree:
+            self.need(key in allowed, "key", key, f"one of {', '.join(allowed)}")
+            for name in self.table(key) if TABLES.get(key) else ():
+                self.need(name in TABLES[key], f"{key} key", name, f"one of {', '.join(TABLES[key])}")
+        top, clock, reset = tree.get("top", f"gyro_{self.manifest['block']}"), self.table("clock"), self.table("reset")
+        style = reset.get("style", "sync")
+        self.need(style in STYLES, "reset.style", style, f"one of {', '.join(STYLES)}")
+        library = tree.get("library", LIBRARY)
+        named = {"top": top, "library": library, "clock.port": clock.get("port", "clk")}
+        if style != "none":
+            named["reset.port"] = reset.get("port", "rst")
+        for key, name in named.items():
+            self.need(isinstance(name, str) and NAME.fullmatch(name), key, name, "a name")
+        active = reset.get("active", 1)
+        self.need(type(active) is int and active in (0, 1), "reset.active", active, "0 or 1")
+        return top, library, named["clock.port"], (named.get("reset.port", ""), active), style
+
+    def port(self, key, given, width):
+        """`Port` of an entry of [inputs] or [outputs], of a bundle's port of `width` bits."""
+        entry = {"port": given} if isinstance(given, str) else given
+        self.need(isinstance(entry, dict) and "port" in entry, key, given, "a port, or a table with port")
+        for name in entry:
+            self.need(
+                name in ("port", "width", "invert", "type"), f"{key}: key", name, "one of port, width, invert, type"
+            )
+        if entry["port"] == "":
+            return Port("", width)
+        found = PORT.fullmatch(entry["port"]) if isinstance(entry["port"], str) else None
+        self.need(found, key, entry["port"], "a name, name[bit] or name[high:low]")
+        hi, lo = (None if k is None else int(k) for k in found.groups()[1:])
+        lo = hi if lo is None else lo
+        if hi is not None and hi < lo:
+            self.refuse(f"{key}: slice {entry['port']}: {hi} is below {lo}")
+        own = entry.get("width", width if hi is None else hi - lo + 1)
+        self.need(type(own) is int and 0 < own <= MOST_WIDTH, f"{key}: width", own, f"1 .. {MOST_WIDTH} bits")
+        if hi is not None and hi - lo + 1 != own:
+            self.refuse(f"{key}: {entry['port']} has {hi - lo + 1} bits, its width is {own}")
+        invert, kind = entry.get("invert", False), entry.get("type", "")
+        self.need(type(invert) is bool, f"{key}: invert", invert, "true or false")
+        self.need(kind in ("", *TYPES), f"{key}: type", kind, f"one of {', '.join(TYPES)}")
+        return Port(found[1], own, hi, lo, invert, kind)
+
+    def inputs(self):
+        ports = self.manifest["inputs"][1:]
+        listed = self.table("inputs")
+        for name in listed:
+            self.known("inputs", name, [p["name"] for p in ports])
+        return tuple(
+            (p, self.port(f"[inputs] {p['name']}", listed.get(p["name"], p["name"]), p["width"])) for p in ports
+        )
+
+    def outputs(self, level):
+        every = levels.judged(self.manifest, "registers")
+        bare = [p["name"] for _, p in every]
+        named = {name: name for name, _ in every} | {p["name"]: n for n, p in every if bare.count(p["name"]) == 1}
+        listed = {}
+        for name, given in self.table("outputs").items():
+            self.known("outputs", name, named)
+            if named[name] in listed:
+                self.refuse(f"[outputs]: {name} and {named[name]} are the same port")
+            listed[named[name]] = given
+        found = []
+        for name, p in levels.judged(self.manifest, level):
+            port = self.port(f"[outputs] {name}", listed.get(name, name), p["width"])
+            if not port.name:
+                self.refuse(f'[outputs] {name}: "" maps to nothing; level {level} judges this port')
+            found.append((name, p, port))
+        return tuple(found)
+
+    def parameters(self):
+        names = [name for name, _ in told(self.manifest)] + [p["name"] for p in self.manifest.get("params", [])]
+        names += ["ROM_FILE"] if any(name.startswith("rom/") for name in self.manifest["sha256"]) else []
+        used = [name for name in names if name not in self.manifest.get("unused_params", ())]
+        listed = self.table("parameters") if "parameters" in self.tree else dict(zip(used, used))
+        found = []
+        for name, given in listed.items():
+            self.known("parameters", name, names)
+            entry = {"name": given} if isinstance(given, str) else given
+            ok = isinstance(entry, dict) and set(entry) <= {"name", "type"} and isinstance(entry.get("name"), str)
+            self.need(ok, f"[parameters] {name}", given, "a name, or a table of name and type")
+            self.need(NAME.fullmatch(entry["name"]), f"[parameters] {name}", entry["name"], "a name")
+            kinds = ("", *TYPES, "integer")
+            kind = entry.get("type", "")
+            self.need(kind in kinds, f"[parameters] {name}: type", kind, f"one of {', '.join(kinds[1:])}")
+            found.append((name, entry["name"], kind))
+        return tuple(found)
+
+    def numbers(self, key):
+        for name, value in self.table(key).items():
+            self.need(NAME.fullmatch(name), f"[{key}]", name, "a name")
+            self.need(
+                type(value) is int and abs(value) < 1 << 31, f"[{key}] {name}", value, "a whole number of 32 bits"
+            )
+        return tuple(self.table(key).items())
+
+
+def _single_drivers(read, found):
+    """Refuse an input of the design, or a bit of it, that is driven twice."""
+    driven = {found.clock: {None: "[clock]"}}
+
+    def drive(name, bits, who):
+        taken = driven.setdefault(name, {})
+        clash = next((k for k in taken if k is None or bits is None or k in bits), "free")
+        if clash != "free":
+            read.refuse(f"port {name} of the design has two drivers: {taken[clash]} and {who}")
+        taken.update(dict.fromkeys([None] if bits is None else bits, who))
+
+    if found.reset[0]:
+        drive(found.reset[0], None, "[reset]")
+    for p, port in found.inputs:
+        if port.name:
+            drive(port.name, None if port.hi is None else range(port.lo, port.hi + 1), f"[inputs] {p['name']}")
+    for name, _ in found.ties:
+        drive(name, None, "[ties]")
+    seen = {}
+    for name, own, _ in (*found.parameters, *((n, n, "") for n, _ in found.constants)):
+        if own in seen:
+            read.refuse(f"parameter {own} of the design has two values: of {seen[own]} and of {name}")
+        seen[own] = name
+    for name, _, port in found.outputs:
+        if port.name in driven:
+            who = next(iter(driven[port.name].values()))
+            read.refuse(f"port {port.name} of the design is an input of {who} and an output, {name}")
+
+
+def read(path, manifest, level, top=None):
+    """`DesignMap` of a file for a bundle's manifest at a level; FileError with one line for each thing that is wrong.
+
+    path  None: every port has the bundle's name
+    top   name of the design's module or entity, before that of the map
+    """
+    reader = _Reader(path, manifest)
+    own, library, clock, reset, style = reader.head()
+    found = DesignMap(
+        top=top or own,
+        library=library,
+        clock=clock,
+        reset=reset,
+        style=style,
+        inputs=reader.inputs(),
+        outputs=reader.outputs(level),
+        parameters=reader.parameters(),
+        constants=reader.numbers("constants"),
+        ties=reader.numbers("ties"),
+    )
+    _single_drivers(reader, found)
+    return found

@@ -1,0 +1,117 @@
+"""Source files of a design: those of a block in a folder, or those of a list (`.f`), with folders, macros, libraries.
+
+    a/b.sv, b.vhd           a file                    +incdir+DIR, -IDIR         a folder of included files
+    +define+N[=V], -DN[=V]  a macro                   -work LIB, --work=LIB      library of the VHDL files behind it
+    -f FILE, -F FILE        another list              // # --                    a comment to the end of the line
+
+Every path of a list is seen from the folder of the list. Its order is that of the compilation.
+Source  docs/foreign_designs.md
+"""
+
+import os
+import re
+from pathlib import Path
+from typing import NamedTuple
+
+from testbench.errors import FileError
+from testbench.golden.bundles.benches import PARTS
+from testbench.storage.inputs import read_lines
+
+VERILOG, VHDL = (".v", ".sv"), (".vhd", ".vhdl")
+HEADERS = (".vh", ".svh", ".h")
+MOST_LISTS = 16  # one within the other
+NAME = re.compile(r"[A-Za-z]\w*")
+
+
+class Sources(NamedTuple):
+    """Files in the order of compilation, with the library of each ('' if none is named), include folders, macros."""
+
+    files: tuple
+    libraries: tuple
+    includes: tuple = ()
+    defines: tuple = ()
+
+    @property
+    def language(self):
+        """verilog or vhdl: that of the last file."""
+        return "vhdl" if self.files[-1].suffix in VHDL else "verilog"
+
+
+def of_folder(rtl, stem):
+    """Sources of a block in a folder, the blocks within it first; FileError where there is none."""
+    rtl = Path(rtl)
+    if not rtl.is_dir():
+        raise FileError(f"{rtl}: not a folder")
+    found = [suffix for suffix in (*VERILOG, *VHDL) if (rtl / f"{stem}{suffix}").is_file()]
+    return [_of_suffix(rtl, stem, suffix) for suffix in found]
+
+
+def _of_suffix(rtl, stem, suffix):
+    same = VHDL if suffix in VHDL else VERILOG
+    parts = [rtl / f"{part}{own}" for part in PARTS.get(stem, ()) for own in same]
+    files = tuple(path.resolve() for path in (*parts, rtl / f"{stem}{suffix}") if path.is_file())
+    return Sources(files, ("",) * len(files), tuple(dict.fromkeys(path.parent for path in files)))
+
+
+class _Lists:
+    """What the lists have given so far."""
+
+    def __init__(self):
+        self.files, self.includes, self.defines, self.library = [], [], [], ""
+
+    def read(self, path, within=()):
+        path = Path(path)
+        if path.resolve() in within:
+            raise FileError(f"{path}: the list names itself")
+        if len(within) == MOST_LISTS:
+            raise FileError(f"{path}: more than {MOST_LISTS} lists, one within the other")
+        for number, line in read_lines(path):
+            words = re.sub(r"(^|\s)(//|#|--\s|--$).*", "", line).split()
+            while words:
+                self.word(words, path, f"{path}: line {number}", (*within, path.resolve()))
+
+    def word(self, words, path, where, within):
+        word = words.pop(0)
+        if word in ("-f", "-F", "-work", "-I", "-D") and not words:
+            raise FileError(f"{where}: {word} needs a value")
+        if word in ("-f", "-F"):
+            self.read(self.seen(words.pop(0), path, where), within)
+        elif word == "-work" or word.startswith("--work="):
+            self.library = words.pop(0) if word == "-work" else word.partition("=")[2]
+            if not NAME.fullmatch(self.library):
+                raise FileError(f"{where}: {self.library!r} is no name of a library")
+        elif word.startswith(("+incdir+", "-I")):
+            given = word.split("+")[2:] if word[0] == "+" else [word[2:] or words.pop(0)]
+            self.includes += [self.seen(name, path, where, folder=True) for name in given]
+        elif word.startswith(("+define+", "-D")):
+            self.defines += word.split("+")[2:] if word[0] == "+" else [word[2:] or words.pop(0)]
+        elif word[0] in "+-":
+            raise FileError(f"{where}: {word} is none of +incdir+, +define+, -I, -D, -work, -f")
+        else:
+            found = self.seen(word, path, where)
+            if found.suffix in HEADERS:
+                self.includes.append(found.parent)
+            elif found.suffix in (*VERILOG, *VHDL):
+                self.files.append((found, self.library))
+            else:
+                raise FileError(f"{where}: {word} does not end in {', '.join((*VERILOG, *VHDL, *HEADERS))}")
+
+    def seen(self, name, path, where, folder=False):
+        found = path.parent / os.path.expandvars(name)
+        if not (found.is_dir() if folder else found.is_file()):
+            raise FileError(f"{where}: no {'folder' if folder else 'file'} {found}")
+        return found.resolve()
+
+
+def of_list(path):
+    """Sources of a list; FileError names the list, the line and what is wrong with it."""
+    lists = _Lists()
+    lists.read(path)
+    if not lists.files:
+        raise FileError(f"{path}: names no source file")
+    files, libraries = zip(*dict.fromkeys(lists.files))
+    kinds = {path.suffix in VHDL for path in files}
+    if len(kinds) > 1:
+        raise FileError(f"{path}: Verilog and VHDL in one list: no simulator here reads both")
+    includes = dict.fromkeys([*lists.includes, *(file.parent for file in files)])
+    return Sources(files, libraries, tuple(includes), tuple(dict.fromkeys(lists.defines)))

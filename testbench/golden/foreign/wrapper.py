@@ -1,0 +1,267 @@
+"""Wrapper of a design: a module with the ports of the bundle, and in it the design under its own names.
+
+    bundle's input --> extended or cut, inverted --> bits of the design's port
+    bits of the design's port --> inverted --> extended; if it is wider, inverted where the bits above are no extension
+
+It has the ports that the level judges. Each association of the design has a line of its own: tools name
+lines, and `rtl_run` turns those into ports.
+Source  docs/foreign_designs.md
+"""
+
+from testbench.errors import FileError
+from testbench.golden.stimulus import levels
+from testbench.golden.stimulus.levels import told
+
+VERILOG, VHDL = "verilog", "vhdl"
+
+
+def name_of(manifest):
+    """Module or entity of the wrapper; never that of a design of ours."""
+    return f"golden_{manifest['block']}"
+
+
+def _design_ports(found):
+    """{port of the design: [(bundle's name, entry, Port)]} of inputs and of outputs."""
+    inputs, outputs = {}, {}
+    for p, port in found.inputs:
+        if port.name:
+            inputs.setdefault(port.name, []).append((p["name"], p, port))
+    for name, p, port in found.outputs:
+        outputs.setdefault(port.name, []).append((name, p, port))
+    return inputs, outputs
+
+
+def _width(name, listed):
+    """Bits of a port of the design; FileError if two entries disagree."""
+    if all(port.hi is None for *_, port in listed):
+        widths = {port.width for *_, port in listed}
+        if len(widths) > 1:
+            raise FileError(f"map: port {name} of the design has {' and '.join(map(str, sorted(widths)))} bits")
+        return widths.pop()
+    return 1 + max(port.hi or 0 for *_, port in listed)
+
+
+def widths(found):
+    """{port of the design: bits} of a `design_map.DesignMap`."""
+    return {name: _width(name, listed) for ports in _design_ports(found) for name, listed in ports.items()}
+
+
+def _undriven(name, listed):
+    """FileError where bits of an input have no driver."""
+    if any(port.hi is None for *_, port in listed):
+        return
+    driven = {bit for *_, port in listed for bit in range(port.lo, port.hi + 1)}
+    free = sorted(set(range(max(driven) + 1)) - driven)
+    if free:
+        raise FileError(f"map: bit {free[0]} of input {name} of the design has no driver")
+
+
+def _span(width):
+    return f"[{width - 1}:0]"
+
+
+class _Verilog:
+    """Expressions of Verilog; nets are vectors, also of one bit."""
+
+    @staticmethod
+    def into(name, p, port):
+        """A bundle's input as bits for the design."""
+        wide, own = p["width"], port.width
+        sign = f"{name}[{wide - 1}]" if p["signed"] else "1'b0"
+        text = f"{{{{{own - wide}{{{sign}}}}}, {name}}}" if own > wide else f"{name}[{own - 1}:0]"
+        return f"~{text}" if port.invert else text
+
+    @staticmethod
+    def out_of(net, p, port):
+        """(declarations, expression) of a bundle's output from bits of the design."""
+        wide, own = p["width"], port.width
+        hi, lo = (own - 1, 0) if port.hi is None else (port.hi, port.lo)
+        bits = f"{'~' if port.invert else ''}{net}[{hi}:{lo}]"
+        if own <= wide:
+            sign = f"v_{net}_{lo}[{own - 1}]" if p["signed"] else "1'b0"
+            extended = f"{{{{{wide - own}{{{sign}}}}}, v_{net}_{lo}}}" if own < wide else f"v_{net}_{lo}"
+        else:
+            sign = f"v_{net}_{lo}[{wide - 1}]" if p["signed"] else "1'b0"
+            low = f"v_{net}_{lo}[{wide - 1}:0]"
+            extended = f"(v_{net}_{lo}[{own - 1}:{wide}] === {{{own - wide}{{{sign}}}}}) ? {low} : ~{low}"
+        return f"    wire {_span(own)} v_{net}_{lo} = {bits};", extended
+
+
+def _rom(manifest):
+    return any(name.startswith("rom/") for name in manifest["sha256"])
+
+
+def verilog(manifest, found):
+    """Text of the wrapper in Verilog-2005, of a `design_map.DesignMap`."""
+    inputs, outputs = _design_ports(found)
+    given = [f"    parameter {name} = {value}" for name, value in told(manifest)]
+    for p in levels.used_params(manifest):
+        given.append(f"    parameter {'signed ' * p['fmt'][0]}{_span(sum(p['fmt']))} {p['name']} = {sum(p['fmt'])}'d0")
+    given += ['    parameter ROM_FILE = ""'] if _rom(manifest) else []
+    head = f" #(\n{(',' + chr(10)).join(given)}\n)" if given else ""
+    ports = ["    input wire clk", *(f"    input wire {_span(p['width'])} {p['name']}" for p in manifest["inputs"])]
+    ports += [f"    output wire {_span(p['width'])} {name}" for name, p, _ in found.outputs]
+    lines, links = [], [f".{found.clock}(clk)"]
+    if found.reset[0]:
+        links.append(f".{found.reset[0]}({'' if found.reset[1] else '~'}rst)")
+    for name, entries in inputs.items():
+        _undriven(name, entries)
+        lines.append(f"    wire {_span(_width(name, entries))} d_{name};")
+        for own, p, port in entries:
+            bits = "" if port.hi is None else f"[{port.hi}:{port.lo}]"
+            lines.append(f"    assign d_{name}{bits} = {_Verilog.into(own, p, port)};")
+        links.append(f".{name}(d_{name})")
+    links += [f".{name}({value})" for name, value in found.ties]
+    for name, entries in outputs.items():
+        lines.append(f"    wire {_span(_width(name, entries))} d_{name};")
+        for own, p, port in entries:
+            declared, text = _Verilog.out_of(f"d_{name}", p, port)
+            lines += [declared, f"    assign {own} = {text};"]
+        links.append(f".{name}(d_{name})")
+    generics = [f".{own}({name})" for name, own, _ in found.parameters]
+    generics += [f".{name}({value})" for name, value in found.constants]
+    told_design = f" #(\n{(',' + chr(10)).join(generics)}\n)" if generics else ""
+    return f"""// {found.top} with the names of {manifest["block"]}/{manifest["case"]}
+module {name_of(manifest)}{head} (
+{(("," + chr(10)).join(ports))}
+);
+{chr(10).join(dict.fromkeys(lines))}
+    {found.top}{told_design} yours (
+{("," + chr(10)).join(links)}
+    );
+endmodule
+"""
+
+
+def _type(width):
+    return "std_logic" if width == 1 else f"std_logic_vector({width - 1} downto 0)"
+
+
+class _Vhdl:
+    """Expressions of VHDL; every net within the wrapper is a std_logic_vector."""
+
+    @staticmethod
+    def vector(name, width):
+        """A port of the wrapper as a vector."""
+        return f"vec({name})" if width == 1 else name
+
+    @staticmethod
+    def into(name, p, port):
+        text = f"resized({_Vhdl.vector(name, p['width'])}, {port.width}, {str(p['signed']).lower()})"
+        return f"not {text}" if port.invert else text
+
+    @staticmethod
+    def out_of(net, p, port):
+        hi, lo = (port.width - 1, 0) if port.hi is None else (port.hi, port.lo)
+        bits = f"{net}({hi} downto {lo})"
+        text = f"held({'not ' + bits if port.invert else bits}, {p['width']}, {str(p['signed']).lower()})"
+        return f"{text}(0)" if p["width"] == 1 else text
+
+    @staticmethod
+    def link(name, net, width, kind, is_out):
+        """Association of a port of the design with a net of the wrapper."""
+        kind = kind or ("std_logic" if width == 1 else "std_logic_vector")
+        if kind == "std_logic":
+            return f"{name} => {net}(0)"
+        if kind == "std_logic_vector":
+            return f"{name} => {net}"
+        return f"std_logic_vector({name}) => {net}" if is_out else f"{name} => {kind}({net})"
+
+    @staticmethod
+    def generic(name, own, kind, width):
+        vector = _Vhdl.vector(name, width)
+        made = {"signed": f"signed({vector})", "unsigned": f"unsigned({vector})", "std_logic_vector": vector,
+                "integer": f"to_integer(signed({vector}))"}  # fmt: skip
+        return f"{own} => {made.get(kind, name)}"
+
+
+HELPERS = """    function vec(bit_in : std_logic) return std_logic_vector is
+        constant wide : std_logic_vector(0 downto 0) := (0 => bit_in);
+    begin
+        return wide;
+    end function;
+    function resized(a : std_logic_vector; width : positive; is_signed : boolean) return std_logic_vector is
+        alias b : std_logic_vector(a'length - 1 downto 0) is a;
+    begin
+        if width <= b'length then
+            return b(width - 1 downto 0);
+        elsif is_signed then
+            return std_logic_vector(resize(signed(b), width));
+        end if;
+        return std_logic_vector(resize(unsigned(b), width));
+    end function;
+    function held(a : std_logic_vector; width : positive; is_signed : boolean) return std_logic_vector is
+        constant low : std_logic_vector(width - 1 downto 0) := resized(a, width, is_signed);
+    begin
+        if width < a'length and resized(low, a'length, is_signed) /= a then
+            return not low;  -- the bits above are no extension: differs for certain
+        end if;
+        return low;
+    end function;"""
+
+
+def vhdl(manifest, found):
+    """The same in VHDL-2008."""
+    inputs, outputs = _design_ports(found)
+    widths = {p["name"]: sum(p["fmt"]) for p in manifest.get("params", [])}
+    given = [f"        {name} : natural" for name, _ in told(manifest)]
+    given += [f"        {name} : {_type(width)}" for name, width in widths.items()]
+    given += ["        ROM_FILE : string"] if _rom(manifest) else []
+    head = f"    generic (\n{(';' + chr(10)).join(given)}\n    );\n" if given else ""
+    ports = [
+        "        clk : in std_logic",
+        *(f"        {p['name']} : in {_type(p['width'])}" for p in manifest["inputs"]),
+    ]
+    ports += [f"        {name} : out {_type(p['width'])}" for name, p, _ in found.outputs]
+    signals, lines, links = [], [], [f"{found.clock} => clk"]
+    if found.reset[0]:
+        lines.append(f"    d_reset <= {'' if found.reset[1] else 'not '}rst;")
+        links.append(f"{found.reset[0]} => d_reset")
+    for name, entries in inputs.items():
+        _undriven(name, entries)
+        width = _width(name, entries)
+        signals.append(f"    signal d_{name} : std_logic_vector({width - 1} downto 0);")
+        for own, p, port in entries:
+            bits = "" if port.hi is None else f"({port.hi} downto {port.lo})"
+            lines.append(f"    d_{name}{bits} <= {_Vhdl.into(own, p, port)};")
+        kind = next((port.type for *_, port in entries if port.type), "")
+        sliced = any(port.hi is not None for *_, port in entries)
+        links.append(_Vhdl.link(name, f"d_{name}", width, kind or "std_logic_vector" * sliced, False))
+    for name, value in found.ties:
+        if value not in (0, 1):
+            raise FileError(f"map: [ties] {name}: {value} is not 0 or 1, which a VHDL input of one bit can be")
+        links.append(f"{name} => '{value}'")
+    for name, entries in outputs.items():
+        width = _width(name, entries)
+        signals.append(f"    signal d_{name} : std_logic_vector({width - 1} downto 0);")
+        lines += [f"    {own} <= {_Vhdl.out_of(f'd_{name}', p, port)};" for own, p, port in entries]
+        kind = next((port.type for *_, port in entries if port.type), "")
+        sliced = any(port.hi is not None for *_, port in entries)
+        links.append(_Vhdl.link(name, f"d_{name}", width, kind or "std_logic_vector" * sliced, True))
+    generics = [_Vhdl.generic(name, own, kind, widths.get(name, 0)) for name, own, kind in found.parameters]
+    generics += [f"{name} => {value}" for name, value in found.constants]
+    told_design = f"        generic map (\n{(',' + chr(10)).join(generics)}\n        )\n" if generics else ""
+    return f"""-- {found.top} with the names of {manifest["block"]}/{manifest["case"]}
+library ieee;
+use ieee.std_logic_1164.all;
+use ieee.numeric_std.all;
+library {found.library};
+
+entity {name_of(manifest)} is
+{head}    port (
+{(";" + chr(10)).join(ports)}
+    );
+end entity;
+
+architecture wrap of {name_of(manifest)} is
+    signal d_reset : std_logic;
+{chr(10).join(signals)}
+{HELPERS}
+begin
+{chr(10).join(lines)}
+    yours : entity {found.library}.{found.top}
+{told_design}        port map (
+{("," + chr(10)).join(links)}
+        );
+end architecture;
+"""

@@ -1,0 +1,129 @@
+"""What of a block is judged, at three levels: what leaves the chip, what other blocks see, everything.
+
+    pins       what the wiring leads to a pin of the board
+    outputs    besides: what the wiring leads to another block, what a block around it reads, its combinational pins,
+               and what the host reads (`HOST`)
+    registers  everything
+
+The manifest lists the ports of the first two. The wiring is that of `fpga_model.wiring`.
+Source  docs/foreign_designs.md
+"""
+
+import ast
+import functools
+import inspect
+from dataclasses import dataclass
+
+from fpga_model import control, top, wiring
+from fpga_model.block import declared, flat, parts_of, python_of
+from testbench.errors import ConfigError
+from testbench.storage.inputs import checked
+
+LEVELS = ("pins", "outputs", "registers")
+KINDS = {"pins": "pin", "outputs": "output", "registers": "register"}
+# No wire leads to the host: it reads these
+HOST = {"rate_output": ("y", "valid")}
+
+
+@functools.cache
+def _wired():
+    """{stem: {register or pin: level}} of what the wiring of control and top reads."""
+    stems = {path: module.__name__.rpartition(".")[2] for path, module in wiring.within(top.State)}
+    found = {}
+    for module, before in ((control, "control."), (top, "")):
+        for wire in wiring.trace(module, whole=True).wires:
+            level = "pins" if wire.instance == "pins" else "outputs"
+            for name in (before + leaf.name for leaf in wire.signal.leaves if leaf.kind in ("register", "pin")):
+                for path, stem in stems.items():
+                    if name.startswith(f"{path}.") and not f"{before}{wire.instance}.".startswith(f"{path}."):
+                        register = flat(name[len(path) + 1 :])
+                        found[stem, register] = level if level == "pins" else found.get((stem, register), level)
+    return found
+
+
+@functools.cache
+def _read_within():
+    """(stem, register) of what a block reads of the blocks within it, as `s.part.register`."""
+    found = set()
+    for module in declared().values():
+        parts = {field: part.__name__.rpartition(".")[2] for field, part in parts_of(module.State).items()}
+        for node in ast.walk(ast.parse(inspect.getsource(module))):
+            inner = getattr(node, "value", None)
+            if isinstance(node, ast.Attribute) and isinstance(inner, ast.Attribute) and inner.attr in parts:
+                found.add((parts[inner.attr], node.attr))
+    return found
+
+
+def level_of(stem, name, is_pin):
+    """First level that judges a register, or a combinational pin, of a block."""
+    if stem == top.__name__.rpartition(".")[2]:
+        return "pins" if is_pin else "registers"
+    wired = _wired().get((stem, name))
+    if wired is None and (is_pin or (stem, name) in _read_within() or name in HOST.get(stem, ())):
+        return "outputs"
+    return wired or "registers"
+
+
+def entry(block):
+    """Entry `levels` of the manifest of a `blocks.Block`: RTL ports that a level below `registers` judges."""
+    ports = [(f"r_{p.name}", level_of(block.stem, p.name, False)) for p in block.registers]
+    ports += [(f"o_{p.name}", level_of(block.stem, p.name, True)) for p in block.pins]
+    return {"pins": [n for n, level in ports if level == "pins"],
+            "outputs": [n for n, level in ports if level != "registers"]}  # fmt: skip
+
+
+def judged(manifest, level):
+    """[(RTL port, entry of the manifest)] of what a level judges; ConfigError for another level, or an empty one."""
+    ports = [(f"r_{p['name']}", p) for p in manifest["registers"]] + [
+        (f"o_{p['name']}", p) for p in manifest["outputs"]
+    ]
+    if level not in LEVELS:
+        raise ConfigError(f"level: {level!r} is not one of {', '.join(LEVELS)}")
+    if level == "registers":
+        return ports
+    stated = checked(manifest.get("levels"), dict[str, list[str]], "manifest: levels")
+    found = [(name, p) for name, p in ports if name in stated.get(level, ())]
+    if not found:
+        raise ConfigError(f"level: {manifest['block']} has no port at level {level}")
+    return found
+
+
+def kind_of(manifest, name):
+    """pin, output or register: the first level that judges an RTL port."""
+    stated = manifest.get("levels", {})
+    return next((KINDS[level] for level in LEVELS[:2] if name in stated.get(level, ())), "register")
+
+
+def unused_params(block):
+    """Parameters of a block that neither its edge nor its pins read: a design need not have them."""
+    module = declared().get(block.stem)
+    if module is None or not hasattr(module, "Params"):
+        return []
+    read = set()
+    for name in ("step", *module.BLOCK.outputs):
+        for node in ast.walk(ast.parse(inspect.getsource(python_of(getattr(module, name))))):
+            if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "p":
+                read.add(node.attr)
+            if isinstance(node, ast.Call) and any(isinstance(a, ast.Name) and a.id == "p" for a in node.args):
+                return []  # p goes on as a whole
+    return [flat(field) for field in module.Params._fields if field not in read]
+
+
+def used_params(manifest):
+    """Entries of the parameters that a bench sets."""
+    unused = manifest.get("unused_params", ())
+    return [p for p in manifest.get("params", []) if p["name"] not in unused]
+
+
+@dataclass
+class Key:
+    """Entry of `design_params`."""
+
+    name: str
+    value: int
+
+
+def told(manifest):
+    """[(NAME, value)] of the keys that the RTL of a bundle takes; FileError where the entry is none."""
+    listed = checked(manifest.get("design_params", []), list[Key], "manifest: design_params")
+    return [(key.name, key.value) for key in listed]

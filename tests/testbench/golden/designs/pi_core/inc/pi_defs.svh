@@ -1,0 +1,1 @@
+`define PI_FRAC 24

@@ -1,0 +1,285 @@
+"""Designs that were not written from ours pass at their level, fail with the right words, and bad input is one line."""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from testbench.errors import ConfigError, FileError
+from testbench.golden import cli
+from testbench.golden.bundles import bundle, wrap
+from testbench.golden.check import design_run, rtl_run
+from testbench.golden.foreign import design_map, judged, sources
+from testbench.golden.stimulus import levels
+from testbench.golden.stimulus.blocks import BLOCKS
+from tests.testbench.golden.benching import check as make_check
+from tests.testbench.golden.benching import need
+
+DESIGNS = Path(__file__).with_name("designs")
+ROOT = Path(__file__).resolve().parents[3]
+PAGE = ROOT / "docs" / "foreign_designs.md"
+TOOLS = {"icarus": "iverilog", "verilator": "verilator", "ghdl": "ghdl"}
+# Design, bundle, level, list, latency, a fault (file, text, other text), and the port that differs first
+PLANTED = [
+    ("pi_core", "pi/rate", "outputs", "pi.f", ("pi_core.sv", "62'sd8388608", "62'sd0"), ("output", "y")),
+    ("dac_master", "spi_dac/ad5791", "pins", None, ("dac_master.v", "? held[index]", "? held[0]"), ("pin", "sdin")),
+]
+
+
+def installed(sim):
+    if shutil.which(TOOLS[sim]) is None:
+        pytest.skip(f"{TOOLS[sim]} is not installed: {sim} was NOT tried")
+
+
+def choice(name, level, listed=None, folder=DESIGNS, sim=None):
+    folder = folder / name
+    late = folder / "latency.toml"
+    return design_run.Choice(
+        sim, level, listed and folder / listed, None, folder / "map.toml", late if late.is_file() else None
+    )
+
+
+@pytest.mark.parametrize(("name", "case", "level", "listed", "fault", "first"), PLANTED)
+def test_a_design_passes_and_fails_where_its_fault_is(bundles, tmp_path, name, case, level, listed, fault, first):
+    stem, _, case = case.partition("/")
+    installed("ghdl" if fault[0].endswith("vhd") else "icarus")
+    folder = bundles(stem) / case
+    report = rtl_run.check(folder, DESIGNS / name, choice=choice(name, level, listed))
+    assert report.passed, report.text()
+    stated = bundle.read(folder).manifest["levels"][level]
+    assert {re.sub("^[ro]_", "", port) for port in stated} == set(report.ports)
+    wrong = tmp_path / name
+    shutil.copytree(DESIGNS / name, wrong)
+    file, old, new = fault
+    text = (wrong / file).read_text()
+    assert old in text
+    (wrong / file).write_text(text.replace(old, new))
+    found = rtl_run.check(folder, wrong, choice=choice(name, level, listed, tmp_path)).to_dict()
+    assert (found["passed"], found["first"]["kind"], found["first"]["name"]) == (False, *first)
+    assert found["first"]["expected"] != found["first"]["got"]
+
+
+# Levels ---------------------------------------------------------------------------------------------------------------
+
+
+def test_the_levels_of_a_block_are_those_of_the_wiring():
+    """Against the pins that the page of the architecture lists, and against what the text of the model reads."""
+    page = (ROOT / "docs" / "architecture.md").read_text()
+    assert "SYNC or CS, gated SCLK, SDIN, LDAC of three DACs" in page
+    assert levels.entry(BLOCKS["spi_dac"])["pins"] == ["r_sync_n", "r_sclk_en", "r_ldac_n", "o_sdin"]
+    assert levels.entry(BLOCKS["spi_adc"])["pins"] == ["r_cs_n", "r_sclk"]
+    assert levels.entry(BLOCKS["references"])["pins"] == ["o_pins"]
+    for stem, block in BLOCKS.items():
+        stated = levels.entry(block)
+        assert set(stated["pins"]) <= set(stated["outputs"]), stem
+        assert stated["outputs"], stem
+        assert {f"o_{p.name}" for p in block.pins} <= set(stated["outputs"]), stem
+    assert "s.loop.y" in (ROOT / "fpga_model" / "rate_loop.py").read_text()
+    assert levels.entry(BLOCKS["pi"])["outputs"] == ["r_y"]
+
+
+def test_a_parameter_that_nothing_reads_is_not_needed(bundles):
+    assert levels.unused_params(BLOCKS["spi_dac"]) == ["flip", "header", "control", "data_mask", "tail"]
+    assert [stem for stem, block in BLOCKS.items() if levels.unused_params(block)] == ["spi_dac"]
+    assert "flip" not in (bundles("spi_dac") / "ad5791" / "tb_spi_dac.v").read_text()
+
+
+def test_the_bench_of_a_level_needs_only_its_ports(bundles, tmp_path):
+    need("iverilog")
+    text = (ROOT / "testbench" / "rtl" / "pi.v").read_text()
+    for name in ("r_prop", "r_acc"):
+        text, count = re.subn(rf"\n    output reg [^\n]* {name},[^\n]*", "", text)
+        assert count == 1
+        text = text.replace("\n);\n", f"\n);\n    reg signed [ACCUMULATOR_FRACTION_BITS+35:0] {name};\n", 1)
+    (tmp_path / "pi.v").write_text(text)
+    folder = bundles("pi") / "rate"
+    assert make_check(folder, "icarus", tmp_path).returncode != 0
+
+    def run(**more):
+        done = subprocess.run(["sh", str(folder / "check.sh"), "icarus"], env={**os.environ, **more},
+                              capture_output=True, text=True, timeout=300)  # fmt: skip
+        return done.returncode, done.stdout
+
+    passed = "PASS pi/rate: 4297 rows, 1 ports at level outputs [icarus]\n"
+    assert run(RTL=str(tmp_path), LEVEL="outputs") == (0, passed)
+    assert run(LEVEL="pins") == (2, "FAIL pi/rate: level pins: pi is judged at: outputs registers\n")
+    assert list((folder / "build").glob("check.*")) == []
+
+
+def test_a_late_port_is_judged_where_no_reset_has_cleared_it(bundles, tmp_path):
+    golden = bundle.read(bundles("dds") / "default")
+    names = [name for name, _ in levels.judged(golden.manifest, "registers")]
+    k, column = 2, names.index("r_drive_sine")
+    found = judged.judged(golden, "outputs", "sync", {"r_drive_sine": k})
+    exp, mask = judged.late_rows(found)
+    reset, rows = golden.stim[:, 0], len(golden.exp)
+    for row in range(rows):
+        # the slow way: a row shows what the model has k rows before, unless a reset lies between
+        free = row >= k and not reset[row - k : row].any()
+        assert (mask[row, column] != 0) == free, row
+        assert not free or exp[row, column] == golden.exp[row - k, column]
+    assert not mask[:, names.index("r_phase")].any()
+    path = tmp_path / "late.toml"
+    for text, level, said in (
+        ("drive_sine = 1", "registers", "level registers every register has its own"),
+        ("phase = 1", "outputs", "level outputs judges no port phase; it judges r_drive_sine"),
+        ("drive_sine = -1", "outputs", r"drive_sine: -1 is not 0 \.\. 4096 clocks"),
+    ):
+        path.write_text(f'schema = "gyro-latency/1.0"\n[ports]\n{text}\n')
+        with pytest.raises(FileError, match=said):
+            judged.read_latency(path, golden.manifest, level)
+
+
+def test_a_design_without_reset_is_judged_between_two_resets(bundles):
+    golden = bundle.read(bundles("dds") / "default")
+    found = judged.judged(golden, "outputs", "none")
+    rows = len(found.golden.exp)
+    reset = golden.stim[:, 0]
+    assert not reset[found.first : found.first + rows - 1].any()
+    assert found.first == 0 or reset[found.first - 1]
+    resets = [p["reset"] for p in golden.manifest["registers"]]
+    assert found.golden.exp[0, : len(resets)].tolist() == resets
+    assert found.golden.manifest["reset"]["cycles"] == 0
+
+
+# Folders that need no Python ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("sim", ["icarus", *(pytest.param(s, marks=pytest.mark.slow) for s in ("verilator", "cocotb"))])
+def test_a_wrapped_folder_checks_by_make_alone(bundles, tmp_path, sim):
+    out = tmp_path / "w"
+    found = wrap.wrap(bundles("pi") / "rate", DESIGNS / "pi_core" / "map.toml", "outputs", out)
+    need("iverilog")
+    done = subprocess.run(
+        ["make", "-s", "-C", str(out), "check", f"SIM={sim}", f"RTL={DESIGNS / 'pi_core'}", "FILES=pi.f",
+         f"PYTHON={sys.executable}"], capture_output=True, text=True, timeout=300)  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout == f"PASS pi/rate: {len(found.golden.exp)} rows, 1 ports at level outputs [{sim}]\n"
+    with pytest.raises(FileError, match="not an empty folder"):
+        wrap.wrap(bundles("pi") / "rate", DESIGNS / "pi_core" / "map.toml", "outputs", out)
+
+
+# Bad input ------------------------------------------------------------------------------------------------------------
+
+MAP = (DESIGNS / "pi_core" / "map.toml").read_text()
+BAD_MAPS = {
+    "unknown port": ("y = ", "yy = ", r"\[outputs\]: pi has no yy; did you mean y\?"),
+    "unknown input": ("en = ", "enn = ", r"\[inputs\]: pi has no enn; did you mean en\?"),
+    "map to nothing": ('y = "word_o"', 'y = ""', r'"" maps to nothing; level outputs judges this port'),
+    "two drivers": (
+        'en = "strobe"', 'en = "mode_i"',
+        r"port mode_i of the design has two drivers: \[inputs\] en and \[inputs\] mode",
+    ),
+    "two drivers of the reset": (
+        'en = "strobe"', 'en = "reset_n"', r"port reset_n of the design has two drivers: \[reset\] and \[inputs\] en",
+    ),
+    "an input as an output": ('y = "word_o"', 'y = "strobe"', "port strobe of the design is an input of"),
+    "bit without driver": ('en = "strobe"', 'en = "strobe[2]"', r"bit 0 of input strobe of the design has no driver"),
+    "polarity": ("active = 0", "active = 2", r"reset.active: 2 is not 0 or 1"),
+    "style": ('"async"', '"later"', r"reset.style: 'later' is not one of sync, async, none"),
+    "schema": ("map/1.0", "map/2.0", r"schema: 'gyro-design-map/2.0' is not gyro-design-map/1.0"),
+    "name": ('"word_o"', '"a;b"', r"\[outputs\] r_y: 'a;b' is not a name"),
+    "two values": ('ki = "KI"', 'ki = "KP"', r"parameter KP of the design has two values"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BAD_MAPS)
+def test_a_bad_map_is_one_line(bundles, tmp_path, name):
+    old, new, said = BAD_MAPS[name]
+    assert old in MAP
+    (tmp_path / "m.toml").write_text(MAP.replace(old, new))
+    with pytest.raises(FileError, match=said) as problem:
+        wrap.wrap(bundles("pi") / "rate", tmp_path / "m.toml", "outputs", tmp_path / "w")
+    assert len(str(problem.value).splitlines()) == 1
+    assert not (tmp_path / "w").exists()
+
+
+BAD_RUNS = {
+    "port that the design lacks": ('"word_o"', '"word_oo"', "port word_oo is missing"),
+    "wrong width": (
+        'e = "error_i"', 'e = { port = "error_i", width = 25 }', "port error_i has 26 bits, the map has 25",
+    ),
+    "stays in reset": ("active = 0", "active = 1", "the design never leaves reset"),
+    "no such module": ('"pi_core"', '"pi_coar"', "pi_coar"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BAD_RUNS)
+def test_a_map_that_the_design_contradicts_is_an_error(bundles, tmp_path, name):
+    installed("icarus")
+    old, new, said = BAD_RUNS[name]
+    assert old in MAP
+    shutil.copytree(DESIGNS / "pi_core", tmp_path / "d")
+    (tmp_path / "d" / "map.toml").write_text(MAP.replace(old, new))
+    with pytest.raises(FileError, match=said):
+        rtl_run.check(bundles("pi") / "rate", tmp_path / "d", choice=choice("d", "outputs", "pi.f", tmp_path))
+
+
+def test_a_list_names_files_folders_macros_and_libraries(tmp_path):
+    for name in ("a.sv", "b.v", "inc/c.svh", "deep/d.v"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("")
+    (tmp_path / "deep" / "d.f").write_text("d.v +define+Q")
+    (tmp_path / "x.f").write_text("// list\n+incdir+inc a.sv # one\n-DP=3 -f deep/d.f\nb.v\ninc/c.svh\n")
+    found = sources.of_list(tmp_path / "x.f")
+    assert [path.name for path in found.files] == ["a.sv", "d.v", "b.v"]
+    assert (found.defines, found.includes[0].name, found.language) == (("P=3", "Q"), "inc", "verilog")
+    (tmp_path / "e.vhd").write_text("")
+    (tmp_path / "x.f").write_text("-work one e.vhd\n")
+    assert sources.of_list(tmp_path / "x.f").libraries == ("one",)
+    for text, said in (("no.v", "line 1: no file"), ("-y lib", "line 1: -y is none of"), ("+incdir+no", "no folder"),
+                       ("-f x.f", "the list names itself"), ("", "names no source file"), ("-work", "needs a value"),
+                       ("a.sv e.vhd", "Verilog and VHDL in one list")):  # fmt: skip
+        (tmp_path / "x.f").write_text(text)
+        with pytest.raises(FileError, match=said):
+            sources.of_list(tmp_path / "x.f")
+
+
+@pytest.mark.parametrize(
+    ("files", "said"), [("no.v", "FILES: no file"), ("no.f", "no list"), ("bad.f", "-y is none of")]
+)
+def test_make_says_what_is_wrong_with_a_list(bundles, tmp_path, files, said):
+    (tmp_path / "bad.f").write_text("-y lib\n")
+    need("iverilog")
+    goals = ["make", "-s", "-C", str(bundles("pi") / "rate"), "check", f"RTL={tmp_path}", f"FILES={files}"]
+    done = subprocess.run(goals, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2
+    assert done.stdout.startswith("FAIL pi/rate: ")
+    assert said in done.stdout
+    assert len(done.stdout.splitlines()) == 1
+
+
+# docs/foreign_designs.md ----------------------------------------------------------------------------------------------
+
+
+def test_the_command_prints_the_one_format(bundles):
+    installed("icarus")
+    own = DESIGNS / "pi_core"
+    words = ["check", str(bundles("pi") / "rate"), "--rtl", str(own), "--files", str(own / "pi.f"), "--map",
+             str(own / "map.toml"), "--level", "outputs"]  # fmt: skip
+    done = CliRunner().invoke(cli.app, [*words, "--json"])
+    tree = json.loads(done.stdout)
+    assert (done.exit_code, tree["passed"], tree["first"], tree["diagnosis"]) == (0, True, None, [])
+    part = PAGE.read_text().partition("## Result")[2].partition("## Refused")[0]
+    assert set(re.findall(r"^\| `(\w+)`", part, re.M)) <= tree.keys()
+    found = CliRunner().invoke(cli.app, [*words[:-1], "pin"])
+    assert isinstance(found.exception, ConfigError)
+    assert "level: 'pin' is not one of pins, outputs, registers" in str(found.exception)
+
+
+def test_the_files_of_the_page_are_read(bundles, tmp_path):
+    text = re.findall(r"```toml\n(.*?)```", PAGE.read_text(), re.S)
+    manifest = bundle.read(bundles("pi") / "rate").manifest
+    (tmp_path / "m.toml").write_text(text[0])
+    found = design_map.read(tmp_path / "m.toml", manifest, "outputs")
+    assert (found.top, found.style, found.reset) == ("pi_core", "async", ("reset_n", 0))
+    assert found.parameters == (("kp", "KP", ""),)
+    (tmp_path / "l.toml").write_text(text[1])
+    manifest = bundle.read(bundles("dds") / "default").manifest
+    assert judged.read_latency(tmp_path / "l.toml", manifest, "outputs") == {"r_drive_sine": 1, "r_sense_sine": 1}
