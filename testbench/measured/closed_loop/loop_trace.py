@@ -6,7 +6,7 @@ the core goes on. Of a point whose whole way from the anchor is less, nothing el
 Source    docs/measured.md, docs/tracing.md
 """
 
-from testbench.measured.closed_loop.loop_problem import DRAWS, Anchored
+from testbench.measured.closed_loop.loop_anchor import DRAWS, Anchored
 from testbench.tracing.problem.problem import PredictionFailed
 from testbench.tracing.trace import Options, Tracer
 

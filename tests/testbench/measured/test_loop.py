@@ -22,7 +22,7 @@ from testbench.config import law_file
 from testbench.engines import baseband, engine
 from testbench.errors import ConfigError
 from testbench.golden.bundles import bundle, effect
-from testbench.measured.closed_loop import loop_laws, loop_noise, loop_problem, loop_runs, loop_tangents, loop_trace
+from testbench.measured.closed_loop import loop_anchor, loop_laws, loop_noise, loop_runs, loop_tangents, loop_trace
 from testbench.measured.closed_loop.loop_runs import EXACT, FAST, Model, Run
 from testbench.run import build, simulate
 from testbench.run.simulation import Simulation
@@ -130,7 +130,7 @@ def test_the_way_from_an_anchor_bounds_what_the_engine_differs_by(request, fixtu
     """The certificate takes a whole way for an error: the exact engine at its end finds a fifth of it and less."""
     problem = request.getfixturevalue(fixture).blank()
     looked = problem.hashes["anchor"]
-    problem.draws = loop_problem.DRAWS
+    problem.draws = loop_anchor.DRAWS
     problem.anchor(problem.first, {})
     # what a checkpoint keeps of a first look must not serve this anchor
     assert problem.hashes["anchor"] != looked

@@ -3,7 +3,7 @@
 import pytest
 
 from testbench.measured.closed_loop import loop_trace
-from testbench.measured.closed_loop.loop_problem import Anchored
+from testbench.measured.closed_loop.loop_anchor import Anchored
 from testbench.tracing import verdict
 from testbench.tracing.problem.problem import PredictionFailed
 from testbench.tracing.problem.result import Result

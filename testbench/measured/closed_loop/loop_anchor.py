@@ -1,0 +1,290 @@
+"""The linear model of a closed loop about an anchor that the exact engine has computed: runs, anchor, certificates.
+
+    mu_k(theta, c) = A_k + T_k (theta - theta_a) + L_k (c - c_a)
+    A    mean over draws of the exact engine (lanes: to the bit) at the anchor, less that of the averaged plant with the
+         same noise where the model began, so that most of it cancels, plus the mean of the averaged plant's draws
+         there, each from power-on. What is left is `prediction_noise`, in units of a repeat's variance
+    T L  differences of the averaged plant with the same noise on both sides (loop_tangents.py)
+    place    mean and noise of the slips are others a few mHz further on. So every run of a condition is held at the
+             drive frequency that was recorded there, and what a point does to the frequency is added: 1 Hz per Hz
+
+Source    docs/measured.md, docs/tracing.md
+"""
+
+import hashlib
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from testbench import config as configuration
+from testbench.errors import ConfigError
+from testbench.measured.closed_loop import loop_runs, loop_symmetries
+from testbench.measured.closed_loop.loop_noise import LATER, NOISE_DRAWS, jitter_hz
+from testbench.measured.closed_loop.loop_runs import EXACT, FAST, Model, Run
+from testbench.measured.residual.parameters import WALL
+from testbench.tracing.problem.problem import PredictionFailed, Problem
+
+PLACE_HZ = 2e-3  # from the model's drive frequency to the recorded one: what is less is scatter of the power-ons
+LOOK, DRAWS = 5, 16  # of the exact engine at an anchor: for a first look, and later
+FIRST_DRAW = 10**12  # seeds that no recording has
+SETTLED = 200.0  # sigmas of all features together: so little needs no other anchor
+
+
+class Anchored(Problem, adds="anchor distance check beyond at draws unidentifiable"):
+    """A problem that is linear about an anchor, which the exact engine has computed with some `draws`."""
+
+    def anchor(self, theta, effects):
+        """Put the linear model's anchor at a point; PredictionFailed, and nothing moved, where the engine fails."""
+        raise NotImplementedError
+
+    def distance(self, theta, effects):
+        """Certificate at a point near the anchor: what the linear model changes from there, as if none of it were so.
+
+        At the anchor the model is the exact engine; `check` runs that again.
+        """
+        raise NotImplementedError
+
+    def check(self, theta, effects):
+        """Certificate at a point: exact engine less the linear model that was fitted, as a pseudo-effect.
+
+        Its own noise, known from the draws, is taken out: the fit knows of it as `prediction_noise`.
+        """
+        raise NotImplementedError
+
+    def beyond(self, theta):
+        """Nuisances of a fitted point outside their wide priors, where the model stays at the edge; "" if none."""
+        return ""
+
+    def unidentifiable(self, fit):
+        """Lines on what no record shows of the nuisances, with what it shows instead."""
+        return ()
+
+
+MEMBERS = (
+    "recorded model parameters progress bench kept candidates conditions per_hz slope place anchors tangent tangents "
+    "first starts base model_at moved_hz run_of smooth key exact hertz linear size column axis settle pseudo"
+)
+
+
+class AnchoredLoop(Anchored, adds=MEMBERS):
+    """Runs of a closed loop, and the linear model about its anchor, see the module. What it is of: `LoopProblem`."""
+
+    def model_at(self, theta, effects):
+        """`loop_runs.Model` of a point; PredictionFailed outside the limits of a key."""
+        values = {p.key: p.at(float(t)) for p, t in zip(self.parameters, theta)}
+        laws = []
+        for name, value in effects.items():
+            c = self.candidates[name]
+            if c.key:
+                section, _, field = c.key.partition(".")
+                values[c.key] = float(value) + (getattr(self.model.plant, field) if section == "plant" else 0.0)
+            else:
+                laws += c.texts(float(value))
+        try:
+            return Model(configuration.changed(self.model, values), tuple(laws))
+        except ConfigError as problem:
+            raise PredictionFailed(str(problem)) from None
+
+    def _put(self):
+        """Places of the conditions, from the last bins of the recorded frequency words."""
+        one = self._draws(1)
+        for g, values in self.recorded.values.items():
+            if np.any(values):
+                hz = self.hertz(values.mean(axis=0) - one[g][0], g) + jitter_hz(0)
+                self.place[g] = hz if abs(hz) > PLACE_HZ else 0.0
+
+    def moved_hz(self, model, hz):
+        """A model whose drive mode is moved by some Hz, by a stiffness."""
+        return Model(model.config, (*model.laws, f"force_x = {-self.per_hz * hz!r} x"))
+
+    def _run(self, wanted, kind, power_on=False, smooth=False, take=None):
+        """Features, or what `take` makes of the rows, of (model, condition, draw, Hz above where the problem began).
+
+        All are held at the place of their condition. They begin from a locked state of the model where the problem
+        began, so that edges slip at the same instants in all of them, or from power-on.
+        """
+        runs = [self.run_of(*one, power_on, smooth) for one in wanted]
+        try:
+            return self.bench.run(runs, kind, self.progress, True, smooth, take)
+        except ConfigError as problem:
+            raise PredictionFailed(str(problem)) from None
+
+    def run_of(self, model, condition, draw, above_hz=0.0, power_on=False, smooth=False):
+        """`Run` of a model under a condition with a draw's noise, jitter and phase, see `_run`."""
+        number, place, start = list(self.conditions).index(condition.id), self.place[condition.id], None
+        if not power_on:
+            start = loop_runs.model_key(self.moved_hz(Model(self.model), place))
+        told = self.moved_hz(model, place - above_hz + jitter_hz(draw))
+        return Run(told, condition, FIRST_DRAW + 10_000 * number + draw, start, int(LATER[draw]), smooth)
+
+    def smooth(self, wanted, take=None):
+        """`_run` of the averaged plant without rounded codes, from the lock of the model where the problem began.
+
+        None for what leaves its range.
+        """
+        return self._run(wanted, FAST, smooth=True, take=take)
+
+    def key(self, *more):
+        text = repr((self.model.model_dump_json(), *more))
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    def _draws(self, count, power_on=False):
+        """{condition: (count, n)} of the averaged plant where the model began, jitter and all."""
+        told, model = (count, power_on), Model(self.model)
+        keys = {c.id: self.key("draws", told, c._replace(role=""), self.place[c.id]) for c in self.recorded.conditions}
+        todo = [c for c in self.recorded.conditions if keys[c.id] not in self.kept.noise]
+        found = self._run([(model, c, k, 0.0) for c in todo for k in range(count)], FAST, power_on)
+        for i, c in enumerate(todo):
+            self.kept.noise[keys[c.id]] = np.array(found[count * i : count * (i + 1)])
+        return {name: self.kept.noise[key] for name, key in keys.items()}
+
+    def exact(self, theta, effects, role=None):
+        """{condition: (features of the exact engine at a point, each draw less its twin in the averaged plant)}.
+
+        Of the conditions with a role, or of all. The drive frequency is held, so that edges slip at the same instants
+        and the noise cancels.
+        """
+        model = self.model_at(theta, effects)
+        told = "exact", model.config.model_dump_json(), model.laws
+        chosen = [c for c in self.recorded.conditions if role in (None, c.role)]
+        keys = {c.id: self.key(*told, c._replace(role=""), self.place[c.id]) for c in chosen}
+        moved = self._moved_hz(theta, effects)
+        # the averaged plant with the same noise, where the model began
+        twins = self._draws(max(self.draws, DRAWS))
+        kept = {c.id: self.kept.exact.get(keys[c.id], np.zeros((0, len(self.slope[c.id])))) for c in chosen}
+        todo = [(model, c, k, moved[c.id]) for c in chosen for k in range(len(kept[c.id]), self.draws)]
+        found = iter(self._run(todo, EXACT, take=loop_runs.with_densities))
+        out = {}
+        for c in chosen:
+            more = []
+            for k in range(len(kept[c.id]), self.draws):
+                values, densities = next(found)
+                more.append(values - twins[c.id][k])
+                self.kept.densities.setdefault(keys[c.id], []).append(densities)
+            rows = self.kept.exact[keys[c.id]] = np.concatenate([kept[c.id], np.array(more)]) if more else kept[c.id]
+            rows, self._densities[c.id] = rows[: self.draws], self.kept.densities[keys[c.id]][: self.draws]
+            v = rows.mean(axis=0) + self._middle[c.id] + self.slope[c.id] * (moved[c.id] - self.place[c.id])
+            out[c.id] = v, rows[:, : self._sizes[c.id]]
+        return out
+
+    def _moved_hz(self, theta, effects):
+        """{condition: change of the drive frequency from where the model began}, by the linear model.
+
+        That by an engine is no better: the frequency word of a dwell has slips of its own, some 1e-5 Hz.
+        """
+        if self.tangent is None:
+            return {c.id: 0.0 for c in self.recorded.conditions}
+        return {
+            c.id: self.hertz(self._change(theta, effects, self.first, {}, c.id), c.id) for c in self.recorded.conditions
+        }
+
+    def hertz(self, change, group):
+        """Change of the drive frequency in a change of features, by the last bin of the frequency word."""
+        return float(change[(loop_runs.NAMES.index("f_word") + 1) * self._count[group] - 1])
+
+    def anchor(self, theta, effects):
+        theta = [p.within(float(t)) for p, t in zip(self.parameters, theta)]
+        at = np.array(theta), {name: float(v) for name, v in effects.items() if v}
+        found, self.at = self.exact(*at), at
+        self.base, self._rest = {g: v for g, (v, _) in found.items()}, {g: rows for g, (_, rows) in found.items()}
+        left = [self.whiten(self._rows[g], rows.T).var(axis=1, ddof=1).mean() for g, rows in self._rest.items()]
+        self.prediction_noise = float(np.mean(left)) / self.draws + 1 / NOISE_DRAWS
+        self.anchors += 1
+        self.hashes["anchor"] = self.key(self.at[0].tolist(), sorted(self.at[1].items()), self.draws)
+
+    def linear(self, theta, effects, group):
+        """Features of a group at a point, fine ones behind the others."""
+        return self.base[group] + self._change(theta, effects, *self.at, group)
+
+    def _change(self, theta, effects, theta0, effects0, group):
+        """Change of a group's features from one point to another."""
+        out = self.tangent[group] @ (np.asarray(theta, float) - theta0)
+        # in one order: sums in another differ by their rounding, which is no signature of a law
+        for name in sorted({*effects, *effects0}):
+            change = effects.get(name, 0.0) - effects0.get(name, 0.0)
+            if change:
+                out = out + self.column(name, self.conditions[group].role)[group] * change
+        return out
+
+    def size(self, change):
+        """Sigmas of a change of all conditions."""
+        return np.sqrt(sum(float(np.sum(self.whiten(self._rows[g], v) ** 2)) for g, v in change.items()))
+
+    def column(self, name, role="fit"):
+        """{condition of a role: change of the features per unit of a nuisance or law}."""
+        return self.tangents.column(name, role)
+
+    def axis(self, name):
+        """Axis of a law, by its port."""
+        return self.candidates[name].law.port[-1] if name in self.candidates else ""
+
+    def _fitted(self, of):
+        """{condition: (n, ...)} of the fitted conditions as stacked rows of unit variance, repeats counted."""
+        groups = [c.id for c in self.recorded.conditions if c.role == "fit"]
+        return np.concatenate(
+            [np.sqrt(len(self.recorded.values[g])) * self.whiten(self._rows[g], of[g]) for g in groups]
+        )
+
+    def settle(self):
+        """Anchor where the nuisances alone fit the data best: far from it no linear model holds."""
+        sd = np.array([n.prior_sd for n in self.nuisances])
+        for _ in range(2):
+            j = self._fitted(self.tangent) * sd
+            r = self._fitted({g: values.mean(axis=0) - self.base[g] for g, values in self.recorded.values.items()})
+            behind = (np.array([n.value for n in self.nuisances]) - self.at[0]) / sd
+            # wide priors: no board is beyond WALL sds, whatever the tangents say
+            walls = WALL if self.starts else np.inf
+            bounds = np.minimum(behind - walls, -1e-9), np.maximum(behind + walls, 1e-9)
+            a, b = np.concatenate([j, np.eye(len(sd))]), np.concatenate([r, behind])
+            u = lsq_linear(a, b, bounds=bounds).x
+            if np.linalg.norm(j @ u) < SETTLED:
+                return
+            self.anchor(self.at[0] + sd * u, {})
+
+    def pseudo(self, change):
+        """(laws, m) sigmas of the effects that m differences of features, {condition: (n, m)}, would be taken for."""
+        sd = np.array([n.prior_sd for n in self.nuisances])
+        j = self._fitted(self.tangent) * sd
+        q, _ = np.linalg.qr(np.concatenate([j, np.eye(len(sd))]) / np.linalg.norm(j, axis=0))
+        s = np.stack([self._fitted(self.column(law.name)) for law in self.laws], axis=1)
+        s = np.concatenate([s, np.zeros((len(sd), s.shape[1]))])
+        s -= q @ (q.T @ s)
+        size = np.linalg.norm(s, axis=0)
+        s = s[: -len(sd), size > 0] / size[size > 0]
+        return s.T @ self._fitted(change)
+
+    def unidentifiable(self, fit):
+        keys, n = [p.key for p in self.parameters], len(self.parameters)
+        values = [p.at(t) for p, t in zip(self.parameters, fit.point.theta)]
+        return loop_symmetries.lines(keys, values, fit.covariance[:n, :n]) if self.starts else ()
+
+    def beyond(self, theta):
+        keys = ", ".join(p.key for p, t in zip(self.parameters, theta) if p.within(t) != t)
+        return f"{keys}: the linear fit ends beyond {WALL:g} sd of the prior" if keys else ""
+
+    def distance(self, theta, effects):
+        change = {
+            c.id: self._change(theta, effects, *self.at, c.id) for c in self.recorded.conditions if c.role == "fit"
+        }
+        return {
+            "engines": "exact engine (lanes) at the anchor, and all that the fitted model changes from there, as error",
+            "sigma": float(np.max(np.abs(self.pseudo({g: v[:, None] for g, v in change.items()})))),
+            "anchors": self.anchors,
+            "draws": self.draws,
+        }
+
+    def check(self, theta, effects):
+        exact, theta = self.exact(theta, effects, "fit"), np.asarray(theta, float)
+        off = {g: (v - self.linear(theta, effects, g))[: self._sizes[g]] for g, (v, _) in exact.items()}
+        scaled = np.concatenate([v / self._noise[g].sigma for g, v in off.items()])
+        seen = self.pseudo({g: v[:, None] for g, v in off.items()})[:, 0]
+        each = self.pseudo({g: (rows - self._rest[g]).T for g, (_, rows) in exact.items()})
+        own = each.var(axis=1, ddof=1) / self.draws
+        return {
+            "engines": "exact engine (lanes) against the fitted model, same noise",
+            "sigma": float(np.sqrt(max(np.max(seen**2 - own), 0.0))),
+            "sigma_with_noise": float(np.max(np.abs(seen))),
+            "feature_rms_sigma": float(np.sqrt(np.mean(scaled**2))),
+            "anchors": self.anchors,
+            "draws": self.draws,
+        }
