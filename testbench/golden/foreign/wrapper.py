@@ -168,10 +168,11 @@ class _Vhdl:
         return f"std_logic_vector({name}) => {net}" if is_out else f"{name} => {kind}({net})"
 
     @staticmethod
-    def generic(name, own, kind, width):
-        vector = _Vhdl.vector(name, width)
+    def generic(name, own, kind, fmt):
+        vector = _Vhdl.vector(name, sum(fmt))
+        number = "signed" if fmt and fmt[0] else "unsigned"
         made = {"signed": f"signed({vector})", "unsigned": f"unsigned({vector})", "std_logic_vector": vector,
-                "integer": f"to_integer(signed({vector}))"}  # fmt: skip
+                "integer": f"to_integer({number}({vector}))"}  # fmt: skip
         return f"{own} => {made.get(kind, name)}"
 
 
@@ -203,9 +204,9 @@ HELPERS = """    function vec(bit_in : std_logic) return std_logic_vector is
 def vhdl(manifest, found):
     """The same in VHDL-2008."""
     inputs, outputs = _design_ports(found)
-    widths = {p["name"]: sum(p["fmt"]) for p in manifest.get("params", [])}
+    formats = {p["name"]: p["fmt"] for p in manifest.get("params", [])}
     given = [f"        {name} : natural" for name, _ in told(manifest)]
-    given += [f"        {name} : {_type(width)}" for name, width in widths.items()]
+    given += [f"        {name} : {_type(sum(fmt))}" for name, fmt in formats.items()]
     given += ["        ROM_FILE : string"] if _rom(manifest) else []
     head = f"    generic (\n{(';' + chr(10)).join(given)}\n    );\n" if given else ""
     ports = [
@@ -238,7 +239,7 @@ def vhdl(manifest, found):
         kind = next((port.type for *_, port in entries if port.type), "")
         sliced = any(port.hi is not None for *_, port in entries)
         links.append(_Vhdl.link(name, f"d_{name}", width, kind or "std_logic_vector" * sliced, True))
-    generics = [_Vhdl.generic(name, own, kind, widths.get(name, 0)) for name, own, kind in found.parameters]
+    generics = [_Vhdl.generic(name, own, kind, formats.get(name, ())) for name, own, kind in found.parameters]
     generics += [f"{name} => {value}" for name, value in found.constants]
     told_design = f"        generic map (\n{(',' + chr(10)).join(generics)}\n        )\n" if generics else ""
     return f"""-- {found.top} with the names of {manifest["block"]}/{manifest["case"]}

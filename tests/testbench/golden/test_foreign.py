@@ -18,18 +18,32 @@ from testbench.golden.check import design_run, rtl_run
 from testbench.golden.foreign import design_map, judged, sources
 from testbench.golden.stimulus import levels
 from testbench.golden.stimulus.blocks import BLOCKS
+from tests.testbench.golden.benching import NEEDS, need
 from tests.testbench.golden.benching import check as make_check
-from tests.testbench.golden.benching import need
 
 DESIGNS = Path(__file__).with_name("designs")
 ROOT = Path(__file__).resolve().parents[3]
 PAGE = ROOT / "docs" / "foreign_designs.md"
 TOOLS = {"icarus": "iverilog", "verilator": "verilator", "ghdl": "ghdl"}
-# Design, bundle, level, list, latency, a fault (file, text, other text), and the port that differs first
-PLANTED = [
-    ("pi_core", "pi/rate", "outputs", "pi.f", ("pi_core.sv", "62'sd8388608", "62'sd0"), ("output", "y")),
-    ("dac_master", "spi_dac/ad5791", "pins", None, ("dac_master.v", "? held[index]", "? held[0]"), ("pin", "sdin")),
-]
+# Design: bundle, level, list, a fault (file, text, other text), and the port that differs first
+DESIGNED = {
+    "pi_core": ("pi/rate", "outputs", "pi.f", ("pi_core.sv", "62'sd8388608", "62'sd0"), ("output", "y")),
+    "dac_master": (
+        "spi_dac/ad5791", "pins", None, ("dac_master.v", "? held[index]", "? held[0]"), ("pin", "sdin"),
+    ),
+    "dds_piped": (
+        "dds/default", "outputs", None, ("dds_piped.v", "phase + offsets[143:96]", "phase - offsets[143:96]"),
+        ("output", "sense_sine"),
+    ),
+    "cordic_unrolled": (
+        "cordic/default", "outputs", None, ("cordic_unrolled.sv", "x[STEPS] + 35'sd128", "x[STEPS] + 35'sd0"),
+        ("output", "magnitude"),
+    ),
+    "modulator_vhdl": (
+        "modulator/dac20_frames2", "outputs", "modulator.f",
+        ("dsp/rounding.vhd", "half(shift - 1) := '1'", "half(shift - 1) := '0'"), ("output", "out"),
+    ),
+}  # fmt: skip
 
 
 def installed(sim):
@@ -45,8 +59,9 @@ def choice(name, level, listed=None, folder=DESIGNS, sim=None):
     )
 
 
-@pytest.mark.parametrize(("name", "case", "level", "listed", "fault", "first"), PLANTED)
-def test_a_design_passes_and_fails_where_its_fault_is(bundles, tmp_path, name, case, level, listed, fault, first):
+@pytest.mark.parametrize("name", DESIGNED)
+def test_a_design_passes_and_fails_where_its_fault_is(bundles, tmp_path, name):
+    case, level, listed, fault, first = DESIGNED[name]
     stem, _, case = case.partition("/")
     installed("ghdl" if fault[0].endswith("vhd") else "icarus")
     folder = bundles(stem) / case
@@ -151,18 +166,34 @@ def test_a_design_without_reset_is_judged_between_two_resets(bundles):
 # Folders that need no Python ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("sim", ["icarus", *(pytest.param(s, marks=pytest.mark.slow) for s in ("verilator", "cocotb"))])
-def test_a_wrapped_folder_checks_by_make_alone(bundles, tmp_path, sim):
-    out = tmp_path / "w"
-    found = wrap.wrap(bundles("pi") / "rate", DESIGNS / "pi_core" / "map.toml", "outputs", out)
-    need("iverilog")
-    done = subprocess.run(
-        ["make", "-s", "-C", str(out), "check", f"SIM={sim}", f"RTL={DESIGNS / 'pi_core'}", "FILES=pi.f",
-         f"PYTHON={sys.executable}"], capture_output=True, text=True, timeout=300)  # fmt: skip
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert done.stdout == f"PASS pi/rate: {len(found.golden.exp)} rows, 1 ports at level outputs [{sim}]\n"
+FAST = {("pi_core", "icarus"), ("modulator_vhdl", "ghdl")}
+RUNS = [(name, sim) for name in DESIGNED
+        for sim in (("ghdl", "vunit") if name == "modulator_vhdl" else ("icarus", "verilator", "cocotb"))]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "sim"), [pytest.param(*run, marks=() if run in FAST else pytest.mark.slow) for run in RUNS]
+)
+def test_a_wrapped_folder_checks_by_make_alone(bundles, tmp_path, name, sim):
+    case, level, listed, (file, old, new), _ = DESIGNED[name]
+    stem, _, case = case.partition("/")
+    need(*NEEDS[sim])
+    own, out = tmp_path / name, tmp_path / "w"
+    shutil.copytree(DESIGNS / name, own)
+    late = own / "latency.toml"
+    found = wrap.wrap(bundles(stem) / case, own / "map.toml", level, out, late if late.is_file() else None)
+    goals = ["make", "-s", "-C", str(out), "check", f"SIM={sim}", f"RTL={own}", f"FILES={listed or file}",
+             f"PYTHON={sys.executable}"]  # fmt: skip
+    done = subprocess.run(goals, capture_output=True, text=True, timeout=300)
+    count = len(levels.entry(BLOCKS[stem])[level])
+    said = f"PASS {stem}/{case}: {len(found.golden.exp)} rows, {count} ports at level {level} [{sim}]\n"
+    assert (done.returncode, done.stdout) == (0, said), done.stdout + done.stderr
+    (own / file).write_text((own / file).read_text().replace(old, new))
+    done = subprocess.run(goals, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 2
+    assert "rows differ, the first is row " in done.stdout
     with pytest.raises(FileError, match="not an empty folder"):
-        wrap.wrap(bundles("pi") / "rate", DESIGNS / "pi_core" / "map.toml", "outputs", out)
+        wrap.wrap(bundles(stem) / case, own / "map.toml", level, out)
 
 
 # Bad input ------------------------------------------------------------------------------------------------------------
