@@ -50,6 +50,7 @@ def test_the_corpus_is_read(folder):
         lambda: load.load(folder / "gyrorec", replay=False),
         lambda: assemble.imported([folder / "lab.csv"], folder / "lab.toml"),
         *(kinds.part(folder / name) for name in corpus.PARTS),
+        *(kinds.part(folder / "maps" / kind / "map.toml") for kind in corpus.MAPPED),
         *(
             kinds.against(folder, log=path, signals=folder / "map.toml")
             for path in folder.glob("toy.*")
@@ -103,6 +104,11 @@ def test_a_finding_is_an_exception_of_another_kind(monkeypatch, tmp_path, read, 
         ("config", 817),
         ("campaign", 833),
         ("store", 993),
+        ("column map", 16),
+        ("column map", 297),
+        ("column map", 347),
+        ("column map", 348),
+        ("column map", 721),
     ],
 )
 def test_what_was_once_a_traceback_is_one_line(folder, kind, number):

@@ -11,6 +11,8 @@ from testbench.golden.bundles import bundle
 from testbench.storage import vcd
 from tests.fuzz.hostile import toml
 from tests.testbench.measured.parts import made, recordings
+from tests.testbench.measured.quality import siblings
+from tests.testbench.measured.quality.mapped import mapped
 
 WRITTEN = Path(__file__).resolve().parents[1] / "data" / "written_by_0.1.0"
 
@@ -107,6 +109,10 @@ ROOM = "room temperature (value not stated)"
 PARTS = (
     "levels.mat", "driven.mat", "meters.csv", "rest.npz", "ring.txt", "spectrum.txt", "sweep.s2p", "paper.csv",
 )  # fmt: skip
+MAPPED = {
+    "meters": "csv", "levels": "mat", "driven": "npz", "ringdown": "csv", "spectrum": "parquet", "sweep": "csv",
+    "rest": "parquet",
+}  # fmt: skip
 PAPER = "quantity,symbol,case,temperature_C,value,std_or_max_fluctuation\n"
 
 
@@ -201,6 +207,13 @@ def parts(folder):
     (folder / "paper.csv").write_text(PAPER + "\n".join(rows) + "\n")
 
 
+def maps(folder):
+    """Recordings of all kinds of parts as tables of anybody, with their column maps."""
+    for kind, form in MAPPED.items():
+        (folder / "maps" / kind).mkdir(parents=True)
+        mapped(siblings.draw(kind, np.random.default_rng(8)), form, folder / "maps" / kind)
+
+
 def make(folder):
     """All files in a folder; what is there already stays."""
     folder = Path(folder)
@@ -217,6 +230,7 @@ def make(folder):
     golden(folder / "toy")
     dumps(folder)
     parts(folder)
+    maps(folder)
     texts = {"config.toml": CONFIG, "law.toml": LAW, "whole.toml": config.to_toml(config.Config())}
     trees = {"campaign.toml": CAMPAIGN, "measured.toml": MEASURED, "map.toml": MAP, "lab.toml": LAB}
     for name, text in (texts | {name: toml(tree) for name, tree in trees.items()}).items():

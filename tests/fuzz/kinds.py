@@ -649,11 +649,31 @@ def mat(rng, corpus, folder):
     return part(path)
 
 
+def column_map(rng, corpus, folder):
+    """Column map of a table, or the table."""
+    source = corpus / "maps" / rng.choice([path.name for path in sorted((corpus / "maps").iterdir())])
+    shutil.copy(source / "data", folder / "data")
+    if rng.random() < 0.5:
+        return part(_toml(rng, folder, (source / "map.toml").read_text()))
+    data, path = source / "data", folder / "data"
+    head = data.read_bytes()[:4]
+    if rng.random() < BYTES or head == b"MATL":
+        path.write_bytes(hostile.damaged(rng, data.read_bytes()))
+    elif head == b"PAR1":
+        _hostile_parquet(rng, path)
+    elif head == b"PK\x03\x04":
+        _npz(rng, data, path)
+    else:
+        change = rng.choice((hostile.retyped, _flattened))
+        path.write_text(change(rng, data.read_text(), ";"), errors="replace")
+    return part(shutil.copy(source / "map.toml", folder / "a.toml"))
+
+
 KINDS = {
     "record": record, "state": state, "parquet": parquet, "golden": golden, "hex": hexadecimal, "vcd": vcd, "fst": fst,
     "ghw": ghw, "csv": csv_log, "map": signal_map, "recording": recording, "config": configuration, "law": law,
     "campaign": campaign_plan, "plan": measured_plan, "import": imported,
-    "store": store, "npz": rest, "checkpoint": checkpoint, "mat": mat,
+    "store": store, "npz": rest, "checkpoint": checkpoint, "mat": mat, "column map": column_map,
     "touchstone": _text_part("sweep.s2p", "\t"), "ring-down": _text_part("ring.txt", ","),
     "spectrum": _text_part("spectrum.txt", ","), "meters": _text_part("meters.csv", ";"),
     "paper": _text_part("paper.csv", ","),

@@ -59,6 +59,7 @@ SEVERAL |= {"rest": {"axes": "deg/s"}}
 HEADS = {"sample", "frequency_hz", "quality", "rate_hz", "lsb_deg_per_s", "date"}
 FEWEST = {"ring-down": 64, "spectrum": 64, "sweep": 64, "meters": 20, "levels": 256, "driven": 4096, "rest": 20_000}
 HEAD_BYTES = 4096
+MOST, MOST_DB = 1e12, 200.0  # of any number in the product's unit, and of a parameter in dB
 EVEN = 1e-3  # of a sampling interval: how far instants may be off a regular grid
 
 
@@ -145,10 +146,16 @@ class _Found:
                 raise QualityError(beyond)
         if unit and r.unit not in UNITS[unit]:
             raise FileError(f"{self.path}: {role}: unit {r.unit[:20]!r} is none of {', '.join(UNITS[unit])}")
-        if unit != "dBm" or r.unit == "dBm":
-            return v * UNITS[unit].get(r.unit, 1.0)
-        if r.unit == "dBW":
-            return v + 30.0
+        v = self._dbm(role, r, v) if unit == "dBm" else v
+        factor, most = float(UNITS[unit].get(r.unit) or 1.0), MOST_DB if unit == "dB" else MOST
+        worst = float(np.max(v) if unit == "dB" else np.max(np.abs(v))) * factor
+        if worst > most:
+            raise FileError(f"{self.path}: {role}: {worst:.3g} {unit} is above {most:g}")
+        return v * factor
+
+    def _dbm(self, role, r, v):
+        if r.unit in ("dBm", "dBW"):
+            return v + (30.0 if r.unit == "dBW" else 0.0)
         if np.min(v) <= 0:
             raise FileError(f"{self.path}: {role}: a power of {np.min(v):.3g} {r.unit} has no logarithm")
         return 10 * np.log10(v) + (30.0 if r.unit == "W" else 0.0)
@@ -199,6 +206,8 @@ def _trace(found):
     found.one = {axis: found.one[axis], "power": found.one["power"]}
     said = found.ordered(axis, axis == "time")
     x = found.one[axis]
+    if x[-1] == x[0]:
+        raise FileError(f"{found.path}: {axis} stands still")
     header = {"sample id": str(found.head.get("sample", "")), "date and time": str(found.head.get("date", ""))}
     header["frequency [hz]"] = str(found.head.get("frequency_hz", "nan"))
     header["quality factor"] = str(found.head.get("quality", "nan"))
@@ -215,7 +224,7 @@ def _sweep(found):
             s[name] = one[f"{name}_re"] + 1j * one[f"{name}_im"]
         elif {f"{name}_db", f"{name}_deg"} <= set(one):
             size[name] = one[f"{name}_db"]
-            s[name] = 10 ** (np.minimum(size[name], 200.0) / 20) * np.exp(1j * np.deg2rad(one[f"{name}_deg"]))
+            s[name] = 10 ** (size[name] / 20) * np.exp(1j * np.deg2rad(one[f"{name}_deg"]))
     if "s21" not in s:
         raise FileError(f"{found.path}: kind sweep wants s21_re and s21_im, or s21_db and s21_deg")
     found.one = {"frequency": one["frequency"], "s21": np.abs(s["s21"])}
@@ -257,6 +266,9 @@ def _levels(found):
 
 
 def _driven(found):
+    still = [role for role in ("input", "output") if np.ptp(found.one[role]) == 0]
+    if still:
+        raise FileError(f"{found.path}: {still[0]} is the same in all rows")
     return InputOutput(str(found.path), found.one["input"], found.one["output"], found.rate_hz(), False)
 
 

@@ -34,7 +34,7 @@ def is_one(head):
 def _pairs(kind, a, b):
     if kind == "ri":
         return a + 1j * b
-    size = 10.0 ** (np.minimum(a, MOST_DB) / 20.0) if kind == "db" else a
+    size = 10.0 ** (a / 20.0) if kind == "db" else a
     return size * np.exp(1j * np.deg2rad(b))
 
 
@@ -72,6 +72,8 @@ def load(path):
         raise FileError(f"{path}: {data.shape[1]} columns; 3 (one port) or 9 (two ports) wanted")
     frequency, rounding = data[:, 0] * unit, last * unit
     frequency, regular = _grid(path, frequency, rounding, data)
+    if kind == "db" and np.max(data[:, 1::2]) > MOST_DB:
+        raise FileError(f"{path}: a parameter of {np.max(data[:, 1::2]):.3g} dB is above {MOST_DB:g} dB")
     s = {name: _pairs(kind, data[:, 1 + 2 * k], data[:, 2 + 2 * k]) for k, name in enumerate(ORDERS[ports])}
     for name, value in s.items():
         if not np.all(np.abs(value) < MOST):

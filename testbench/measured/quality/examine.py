@@ -20,6 +20,7 @@ from testbench.measured.quality import (
     units,
 )
 from testbench.measured.quality.finding import REFUSE, QualityError
+from testbench.measured.quality.sheet import SIGNAL
 
 MEANING = (swapped, units, backwards)
 ROWS = (duplicated, stuck, clipped, gaps)
@@ -27,8 +28,8 @@ NOISE = (interpolated, quantised, spikes)  # these say nothing of columns that a
 
 
 def examine(sheets):
-    """Findings about `Sheet`s of one part."""
-    found = []
+    """Findings about `Sheet`s of one part; one without a signal, such as a sweep of one port, has none."""
+    found, sheets = [], [sheet for sheet in sheets if sheet.of(SIGNAL)]
     for sheet in sheets:
         meaning = [f for check in MEANING for f in check.check(sheet)]
         sound = not any(f.kind in ("swapped", "reversed") for f in meaning)

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+from testbench.errors import FileError
 from testbench.measured.formats import sheets
+from testbench.measured.openers import open_problem
 from tests.testbench.measured.quality import sweeps
 
 STREAM = 2626
@@ -32,6 +34,16 @@ def test_a_sample_of_sweeps(tmp_path):
     flagged, missed, spiked = judged(0, 10, tmp_path)
     assert (flagged, missed) == ([], [])
     assert spiked >= 8
+
+
+def test_a_sweep_of_one_port_has_no_finding_and_is_refused_by_its_reader(tmp_path):
+    drawn = sweeps.draw(np.random.default_rng(1))
+    rows = "\n".join(f"{f:.4f} {v.real:.9e} {v.imag:.9e}" for f, v in zip(drawn.f, drawn.s))
+    path = tmp_path / "one.s1p"
+    path.write_text(f"# Hz S RI R 50\n{rows}\n")
+    assert sheets.examine([path]) == ()
+    with pytest.raises(FileError, match="one port; S21 wanted"):
+        open_problem([path], {})
 
 
 @pytest.mark.slow
