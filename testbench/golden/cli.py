@@ -147,8 +147,22 @@ def check(o):
         report = rtl_run.check(o.folder, o.rtl, timeout_s=o.timeout_s, choice=choice)
     else:
         report = waves.check(o.folder, o.log, o.map)
-    typer.echo(report.to_json() if o.as_json else report.text())
+    late = _costs(report.block, report.case, report.clocks)
+    if o.as_json:
+        tree = report.to_dict() | {"latency": [cost._asdict() for cost in late]}
+        typer.echo(json.dumps(tree, indent=2, sort_keys=True))
+    else:
+        typer.echo(report.text() + "".join(f"latency           {cost.text()}\n" for cost in late), nl=False)
     raise typer.Exit(0 if report.passed else 1)
+
+
+def _costs(block, case, clocks):
+    """What declared latencies cost; nothing is imported without one."""
+    if not clocks:
+        return []
+    from testbench.golden import phase_cost
+
+    return phase_cost.costs(block, case, clocks)
 
 
 @app.command()
@@ -167,6 +181,8 @@ def wrap(
     out = out or folder.with_name(f"{folder.name}_{level}")
     found = wrapped.wrap(folder, map_path, level, out, latency)
     typer.echo(f"{out}  {len(found.golden.exp)} rows, {int(found.care.any(axis=1).sum())} judged at level {level}")
+    for cost in _costs(found.golden.manifest["block"], found.golden.manifest["case"], found.clocks):
+        typer.echo(f"latency  {cost.text()}")
 
 
 @app.command()

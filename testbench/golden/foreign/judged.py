@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from testbench.errors import FileError
+from testbench.golden.foreign import lateness
 from testbench.golden.stimulus import levels
 from testbench.storage.inputs import read_toml
 
@@ -59,6 +60,7 @@ def read_latency(path, manifest, level):
         if type(clocks) is not int or not 0 <= clocks <= MOST_CLOCKS:
             raise FileError(f"{path}: [ports] {name}: {clocks!r} is not 0 .. {MOST_CLOCKS} clocks")
         found[fits[0]] = clocks
+    lateness.check(path, manifest["block"], found)
     return found
 
 

@@ -11,13 +11,15 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from testbench import config
 from testbench.errors import ConfigError, FileError
-from testbench.golden import cli
+from testbench.golden import cli, phase_cost
 from testbench.golden.bundles import bundle, wrap
 from testbench.golden.check import design_run, rtl_run
 from testbench.golden.foreign import design_map, judged, sources
 from testbench.golden.stimulus import levels
 from testbench.golden.stimulus.blocks import BLOCKS
+from testbench.paper.loop import derived
 from tests.testbench.golden.benching import NEEDS, need
 from tests.testbench.golden.benching import check as make_check
 
@@ -149,6 +151,49 @@ def test_a_late_port_is_judged_where_no_reset_has_cleared_it(bundles, tmp_path):
         path.write_text(f'schema = "gyro-latency/1.0"\n[ports]\n{text}\n')
         with pytest.raises(FileError, match=said):
             judged.read_latency(path, golden.manifest, level)
+
+
+@pytest.mark.parametrize(
+    ("block", "text", "said"),
+    [
+        (
+            "spi_adc",
+            "sclk = 1",
+            r"sclk: inputs drdy_n and dout answer it, so recorded rows would come 1 ",
+        ),
+        ("spi_dac", "sdin = 1", "one chip reads these pins together, with equal clocks: sclk_en 0, sdin 1, sync_n 0"),
+    ],
+)
+def test_a_latency_that_no_recorded_row_can_judge_is_refused(tmp_path, block, text, said):
+    own = BLOCKS[block]
+    manifest = {"block": block, "registers": [bundle.port(p) for p in own.registers],
+                "outputs": [bundle.port(p) for p in own.pins], "levels": levels.entry(own)}  # fmt: skip
+    (tmp_path / "l.toml").write_text(f'schema = "gyro-latency/1.0"\n[ports]\n{text}\n')
+    with pytest.raises(FileError, match=said):
+        judged.read_latency(tmp_path / "l.toml", manifest, "pins")
+    (tmp_path / "l.toml").write_text('schema = "gyro-latency/1.0"\n[ports]\n')
+    assert judged.read_latency(tmp_path / "l.toml", manifest, "pins") == {}
+
+
+def test_what_a_clock_costs_is_what_a_register_of_the_configuration_costs():
+    """The same lag as a pipeline register of the firmware, which the closed form knows by another way."""
+    plain = config.Config()
+    more = config.changed(plain, {"firmware.pipeline_registers": plain.firmware.pipeline_registers + 1})
+    before, after = (derived.derive(c, 25.0) for c in (plain, more))
+    found = {cost.node: cost for cost in phase_cost.costs("sine", "default", {"r_y": 1}, plain)}
+    for node in ("xe1", "ye1"):
+        expected = getattr(after, f"{node}_deg") - getattr(before, f"{node}_deg")
+        # the drive frequency moves with xe1, and each lag with it
+        assert found[node].degrees == pytest.approx(expected, rel=1e-4)
+    ppm = 1e6 * (after.lsb_per_dps / before.lsb_per_dps - 1)
+    assert sum(cost.scale_ppm for cost in found.values()) == pytest.approx(ppm, rel=1e-3)
+    bias = after.bias_dps - before.bias_dps
+    assert sum(cost.bias_dps for cost in found.values()) == pytest.approx(bias, rel=1e-2)
+    late = dict.fromkeys(("r_drive_sine", "r_sense_sine", "r_drive_ref", "r_sense_ref"), 3)
+    assert [(cost.node, cost.clocks) for cost in phase_cost.costs("dds", "default", late)] == [("xe1", 0), ("ye1", 0)]
+    assert phase_cost.costs("pi", "rate", {"r_y": 1}) == []
+    (cost,) = phase_cost.costs("dds", "default", {"r_sense_sine": 1})
+    assert f"latency           {cost.text()}\n" in PAGE.read_text()
 
 
 def test_a_design_without_reset_is_judged_between_two_resets(bundles):

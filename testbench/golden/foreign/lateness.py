@@ -1,0 +1,122 @@
+"""What a port that comes some clocks later does to the rest of the firmware, found on the wires of the model.
+
+    carrier   from the DDS to the pins: a clock later is a clock more of lag at its node, or less for a reference
+    answer    an input that something outside gives in answer to a pin: recorded rows would come too early
+
+Words of the 8 kHz loops are no carrier: they rest between the slots, so their lateness turns no phase.
+Source  docs/foreign_designs.md
+"""
+
+import functools
+from typing import NamedTuple
+
+from fpga_model import control, top, wiring
+from fpga_model.block import flat
+from testbench.errors import FileError
+
+# The pins of the board in this direction are answered by a chip (docs/architecture.md, what crosses the pins)
+ANSWERS = {"adc": ("drdy_n", "dout")}
+RESTS = ("control.", "sid.", "adc.")  # a carrier that gets there has become codes and words
+NODES = {"drive": ("xe1",), "sense": ("ye1",), "refs": ("xe1", "ye1")}
+
+
+class Lag(NamedTuple):
+    """An instance of the block in the firmware, a node (xe1 or ye1), and the clocks of lag that it gets."""
+
+    instance: str
+    node: str
+    clocks: int
+
+
+@functools.cache
+def _wires():
+    """{output of an instance: ports that it goes to} of top and control."""
+    found = {}
+    for module, before in ((control, "control."), (top, "")):
+        for wire in wiring.trace(module, whole=True).wires:
+            for leaf in wire.signal.leaves:
+                target = wire.target if wire.instance == "pins" else before + wire.target
+                found.setdefault(before + leaf.name, set()).add(target)
+    return found
+
+
+@functools.cache
+def _instances():
+    """{instance: stem} of top and control, the longest name first."""
+    found = {name: module.__name__.rpartition(".")[2] for name, (module, _) in wiring.instances().items()}
+    return dict(sorted(found.items(), key=lambda item: -len(item[0])))
+
+
+def _owner(port):
+    """The instance that has a port."""
+    return next((name for name in _instances() if port.startswith(f"{name}.")), "")
+
+
+def _pins(instance, port):
+    """Pins that a register or pin of an instance reaches as a carrier."""
+    found, seen, todo = set(), set(), [f"{instance}.{port}"]
+    while todo:
+        source = todo.pop()
+        for target in _wires().get(source, ()):
+            if target.startswith("pins."):
+                found.add(target[len("pins.") :])
+            elif not target.startswith(RESTS) and _owner(target) and _owner(target) not in seen:
+                seen.add(_owner(target))
+                todo += [name for name in _wires() if _owner(name) == _owner(target)]
+    return found
+
+
+@functools.cache
+def _carriers():
+    """Instances that a phase of the DDS reaches."""
+    found, todo = {"dds"}, ["dds"]
+    while todo:
+        instance = todo.pop()
+        for source in (name for name in _wires() if _owner(name) == instance):
+            for owner in {_owner(t) for t in _wires()[source] if not t.startswith(("pins.", *RESTS))} - {""}:
+                if owner not in found:
+                    found.add(owner)
+                    todo.append(owner)
+    return found
+
+
+def lags(stem, case, clocks):
+    """[`Lag`] of a block whose ports come later: {RTL port: clocks}. A case with the name of its role is that one."""
+    own = [name for name, own in _instances().items() if own == stem and name in _carriers()]
+    own = [name for name in own if name.rpartition(".")[2] == case] or own
+    found = {}
+    for instance in sorted(own):
+        for port, late in clocks.items():
+            bare = port[2:]
+            names = [n for n in _wires() if _owner(n) == instance and flat(n[len(instance) + 1 :]) == bare]
+            pins = set().union(*(_pins(instance, n[len(instance) + 1 :]) for n in names))
+            for path, nodes in NODES.items():
+                # a drive or sense port of a block with both turns its own node alone
+                mine = [n for n in nodes if not bare.startswith(("drive_", "sense_")) or n[0] == "xy"[bare[0] == "s"]]
+                if any(pin.startswith(path) for pin in pins):
+                    for node in mine:
+                        # pins of one chip leave together: the latest counts; a late reference is less lag
+                        sign = -1 if path == "refs" else 1
+                        found[instance, node, sign] = max(late, found.get((instance, node, sign), 0))
+    places = dict.fromkeys((instance, node) for instance, node, _ in found)
+    return [Lag(*place, found.get((*place, 1), 0) - found.get((*place, -1), 0)) for place in places]
+
+
+def check(path, stem, clocks):
+    """FileError for latencies that no recorded row can judge.
+
+    An input of the block answers a late port, or a chip would read its pins at different clocks.
+    """
+    for name in (name for name, own in _instances().items() if own == stem):
+        pins = {source[len(name) + 1 :] for source, targets in _wires().items()
+                if _owner(source) == name and any(t.startswith("pins.") for t in targets)}  # fmt: skip
+        given = {pin: clocks.get(f"r_{pin}", clocks.get(f"o_{pin}", 0)) for pin in sorted(pins)}
+        if name in ANSWERS and any(given.values()):
+            late = max(given, key=given.get)
+            raise FileError(
+                f"{path}: [ports] {late}: inputs {' and '.join(ANSWERS[name])} answer it, so recorded rows would come "
+                f"{given[late]} clocks too early; close the loop instead: gyro golden loop"
+            )
+        if len(set(given.values())) > 1:
+            told = ", ".join(f"{pin} {late}" for pin, late in given.items())
+            raise FileError(f"{path}: [ports]: one chip reads these pins together, with equal clocks: {told}")
