@@ -62,7 +62,7 @@ class Anchored(Problem, adds="anchor distance check beyond at draws unidentifiab
 
 MEMBERS = (
     "recorded model parameters progress bench kept candidates conditions per_hz slope place anchors tangent tangents "
-    "first starts base model_at moved_hz run_of smooth key exact hertz linear size column axis settle pseudo"
+    "first starts base fitted model_at moved_hz run_of smooth key exact hertz linear size column axis settle pseudo"
 )
 
 
@@ -218,7 +218,7 @@ class AnchoredLoop(Anchored, adds=MEMBERS):
         """Axis of a law, by its port."""
         return self.candidates[name].law.port[-1] if name in self.candidates else ""
 
-    def _fitted(self, of):
+    def fitted(self, of):
         """{condition: (n, ...)} of the fitted conditions as stacked rows of unit variance, repeats counted."""
         groups = [c.id for c in self.recorded.conditions if c.role == "fit"]
         return np.concatenate(
@@ -229,8 +229,8 @@ class AnchoredLoop(Anchored, adds=MEMBERS):
         """Anchor where the nuisances alone fit the data best: far from it no linear model holds."""
         sd = np.array([n.prior_sd for n in self.nuisances])
         for _ in range(2):
-            j = self._fitted(self.tangent) * sd
-            r = self._fitted({g: values.mean(axis=0) - self.base[g] for g, values in self.recorded.values.items()})
+            j = self.fitted(self.tangent) * sd
+            r = self.fitted({g: values.mean(axis=0) - self.base[g] for g, values in self.recorded.values.items()})
             behind = (np.array([n.value for n in self.nuisances]) - self.at[0]) / sd
             # wide priors: no board is beyond WALL sds, whatever the tangents say
             walls = WALL if self.starts else np.inf
@@ -244,14 +244,14 @@ class AnchoredLoop(Anchored, adds=MEMBERS):
     def pseudo(self, change):
         """(laws, m) sigmas of the effects that m differences of features, {condition: (n, m)}, would be taken for."""
         sd = np.array([n.prior_sd for n in self.nuisances])
-        j = self._fitted(self.tangent) * sd
+        j = self.fitted(self.tangent) * sd
         q, _ = np.linalg.qr(np.concatenate([j, np.eye(len(sd))]) / np.linalg.norm(j, axis=0))
-        s = np.stack([self._fitted(self.column(law.name)) for law in self.laws], axis=1)
+        s = np.stack([self.fitted(self.column(law.name)) for law in self.laws], axis=1)
         s = np.concatenate([s, np.zeros((len(sd), s.shape[1]))])
         s -= q @ (q.T @ s)
         size = np.linalg.norm(s, axis=0)
         s = s[: -len(sd), size > 0] / size[size > 0]
-        return s.T @ self._fitted(change)
+        return s.T @ self.fitted(change)
 
     def unidentifiable(self, fit):
         keys, n = [p.key for p in self.parameters], len(self.parameters)

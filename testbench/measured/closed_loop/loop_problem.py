@@ -90,8 +90,7 @@ class LoopProblem(AnchoredLoop):
         self.tangents = Tangents(self)
         for names in (self.nuisances, self.laws):
             self.tangents.make(self.tangents.own([item.name for item in names]))
-        columns = [(self.column(n.name), self.column(n.name, "validate")) for n in self.nuisances]
-        self.tangent = {g: np.stack([(a | b)[g] for a, b in columns], axis=1) for g in self.base}
+        self.tangent = self.tangents.matrix("fit") | self.tangents.matrix("validate")
         if any(np.any(v) for v in measured.values.values()):
             self.settle()
 

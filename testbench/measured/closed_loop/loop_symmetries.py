@@ -4,6 +4,10 @@
     delay   a delay and partners later by one time: the same codes at later instants of a turn
     tied    the column of `held` follows from those of its partners, so that no rounding fixes the direction:
             scale  held dy/dheld = - sum power partner dy/dpartner;   delay  dy/dheld = - sum dy/dpartner
+    weak    directions d, |d| = 1, in units of the priors, along which large columns of J cancel: max |d_k J_k| >
+            HIDDEN |J d|. What is left there is mostly error of the columns' steps, so the change along d is measured
+            m    = (f(u + h d) - f(u - h d)) / 2 h
+            J <- J + sum (m - J d) d'
 Source    docs/wide_priors.md
 """
 
@@ -55,8 +59,12 @@ DELAY = Symmetry(
     "a phase counter between a reference pin and a force electrode (/counter/Vxm_vs_sgnsin)",
 )
 SYMMETRIES = (MOTION, DELAY)
-# their product moves the data 1000 times as much as a change that keeps it: that one needs a step of its own
-FACTORS = ("plant.qx", "plant.k_vf_drive_n_per_v")
+HIDDEN = 10.0  # times a change of the data: columns of steps hold to some percent
+SEEN, REACH = (
+    30.0,
+    0.5,
+)  # sigmas by which a weak direction's step moves all features, far above their rounding; most in sd
+NOTHING = 1e-9  # of the largest singular value: no data see it
 # never fitted: it scales with every force, and with nothing else
 MASS = "mass_kg: only force and stiffness per mass are seen (k_vf / mass, k_xy / mass, k_q / mass)"
 MASS_EXPERIMENT = "a known force or added mass"
@@ -82,3 +90,19 @@ def lines(keys, theta, covariance):
 def tied(keys):
     """{held key: Symmetry} of those whose parameters are all among `keys`."""
     return {s.held: s for s in SYMMETRIES if {s.held, *s.partners} <= set(keys)}
+
+
+def weak(columns):
+    """[(direction, step)] of whitened columns (features, parameters) per unit of the priors: see the module."""
+    _, sizes, directions = np.linalg.svd(columns, full_matrices=False)
+    parts = np.abs(directions * np.linalg.norm(columns, axis=0)).max(axis=1)
+    some = (sizes > NOTHING * sizes[0]) & (parts > HIDDEN * sizes)
+    return [(d, min(SEEN / size, REACH)) for d, size in zip(directions[some], sizes[some])]
+
+
+def corrected(columns, directions, measured):
+    """Columns (n, parameters) whose changes along orthonormal directions are the measured ones (directions, n)."""
+    if not len(directions):
+        return columns
+    along = np.array(directions)
+    return columns + (np.array(measured) - along @ columns.T).T @ along

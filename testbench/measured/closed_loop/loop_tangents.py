@@ -6,7 +6,7 @@
              leave of a law. So references leave at any clock here, later by what an edge waits for the 1 MHz grid
     smooth   the drive's codes are not rounded: what a law does to the amplitude word would depend on the step
     held     the drive frequency is that of the base run; what its change does is put back by `slope`, 1 Hz per Hz
-    factors  of wide priors (loop_symmetries.py): the first is stepped with their product held
+    weak     directions of wide priors are measured by steps of their own (loop_symmetries.py)
     laws     that are products of states at ports come from the responses of a few runs (loop_responses.py)
 Source    docs/measured.md
 """
@@ -15,12 +15,11 @@ import numpy as np
 
 from testbench.measured.closed_loop.loop_even import AIM, HELD_HZ, even
 from testbench.measured.closed_loop.loop_responses import Responses, covers
-from testbench.measured.closed_loop.loop_symmetries import FACTORS, tied
+from testbench.measured.closed_loop.loop_symmetries import corrected, tied, weak
 from testbench.tracing.problem.problem import PredictionFailed
 
 NEAR = 2.5  # how far off AIM a step may be
 SETTLE_S = 3.0  # longer settling of steps in wide priors: two loops have zeros at 0.6 Hz
-WIDER = 5.0  # times AIM, of steps in wide priors: products of them hide smaller changes
 SEEN = 10.0  # sigmas of all features together, that a law's largest step must move
 LARGEST_SCALES = 1e4  # of a law of the grammar
 
@@ -41,9 +40,8 @@ class Tangents:
         at_ports = {name: c.at_ports(of.model.device()) for name, c in of.candidates.items()}
         self._at_ports = {name: laws for name, laws in at_ports.items() if covers(laws)}
         # of wide priors alone: a direction that no data see must not be fixed by the errors of steps
-        self._wide, self._more_s, self._aim = bool(of.starts), 0.0, AIM
+        self._wide, self._more_s, self._weak = bool(of.starts), 0.0, None
         self._tied = tied(self.nuisances) if self._wide else {}
-        self._factors = FACTORS if self._wide and set(FACTORS) <= set(self.nuisances) else ()
         for role in {c.role for c in of.conditions.values()}:
             self.kept[self._where, role, "plant.fx_hz"] = {c.id: of.slope[c.id] for c in self._of(role)}
 
@@ -69,6 +67,28 @@ class Tangents:
                 self.make(self._beside(name))
             self.make(self.nuisances if name in self.nuisances else [name], role)
         return self.kept[self._where, role, name]
+
+    def matrix(self, role):
+        """{condition of a role: columns of all nuisances}, of wide priors with weak directions measured."""
+        chosen, sd = self._of(role), np.array([n.prior_sd for n in self.of.nuisances])
+        if not chosen:
+            return {}
+        columns = [self.column(name, role) for name in self.nuisances]
+        out = {c.id: np.stack([v[c.id] for v in columns], axis=1) for c in chosen}
+        if not self._wide:
+            return out
+        if self._weak is None:
+            self._weak = weak(self.of.fitted(out if role == "fit" else self.matrix("fit")) * sd)
+        directions, changes = [], []
+        self._more_s = SETTLE_S
+        base = self._many([(self.of.first, {})], chosen)[0]
+        points = [(self.of.first + side * step * d * sd, {}) for d, step in self._weak for side in (1, -1)]
+        moved = self._held(points, base)
+        for (d, step), up, down in zip(self._weak, moved[::2], moved[1::2]):
+            if up is not None and down is not None:
+                directions.append(d)
+                changes.append({g: (up[g] - down[g]) / (2 * step) for g in up})
+        return {g: corrected(v * sd, directions, [m[g] for m in changes]) / sd for g, v in out.items()}
 
     def _responded(self, name, role):
         """Column of a law by the responses; zero where its largest step would hardly move the data."""
@@ -100,8 +120,7 @@ class Tangents:
         missing = [n for n in names if n not in self._tied and (self._where, role, n) not in self.kept]
         if not missing:
             return
-        wide = self._wide and set(missing) <= set(self.nuisances)
-        self._more_s, self._aim = (SETTLE_S, WIDER * AIM) if wide else (0.0, AIM)
+        self._more_s = SETTLE_S if self._wide and set(missing) <= set(self.nuisances) else 0.0
         base = self._many([(of.first, {})], self._of(role))[0]
         steps = {name: self.steps.get(name, self._first_step(name)) for name in missing}
         zero, nan = ({g: np.full(len(v), fill) for g, v in base.items()} for fill in (0.0, np.nan))
@@ -124,7 +143,7 @@ class Tangents:
                 if size < SEEN and name in of.candidates:
                     # what the largest step hardly moves is noise, and no law that these data see
                     columns[name] = zero
-                if not self._aim / NEAR <= size <= self._aim * NEAR and self._aimed(name, steps, size):
+                if not AIM / NEAR <= size <= AIM * NEAR and self._aimed(name, steps, size):
                     again.append(name)
             todo = again
         # to both sides where both are allowed: what is of second order in a law falls out
@@ -132,9 +151,6 @@ class Tangents:
         for name, moved in zip(both, self._held([self._stepped(n, -steps[n]) for n in both], base)):
             if moved is not None:
                 columns[name] = {g: (v - moved[g] / steps[name]) / 2 for g, v in columns[name].items()}
-        if self._factors and self._factors[0] in columns:
-            first, second = self._factors
-            columns[first] = {g: v + self._share() * columns.get(second, nan)[g] for g, v in columns[first].items()}
         for name in missing:
             self.steps.setdefault(name, 0.0 if columns.get(name) is zero else steps[name])
             self.kept[self._where, role, name] = columns.get(name, nan)
@@ -159,7 +175,7 @@ class Tangents:
 
     def _aimed(self, name, steps, size):
         """True if a step that moves `size` sigmas could be changed so that it moves AIM. Mutates `steps`."""
-        factor = np.clip(self._aim / max(size, 1e-3), 1e-3, 100.0)
+        factor = np.clip(AIM / max(size, 1e-3), 1e-3, 100.0)
         if factor * abs(steps[name]) > self.largest(name):
             return False
         steps[name] *= factor
@@ -188,14 +204,7 @@ class Tangents:
             effects[name] = step
         else:
             theta[self.nuisances.index(name)] += step
-        if name in self._factors[:1]:
-            theta[self.nuisances.index(self._factors[1])] -= self._share() * step
         return theta, effects
-
-    def _share(self):
-        """Change of the second of two factors, per unit of the first, that keeps their product."""
-        first, second = (self.of.first[self.nuisances.index(name)] for name in self._factors)
-        return second / first
 
     def _held(self, points, base):
         """Changes {group: values} from `base` to points, None where the averaged plant fails.

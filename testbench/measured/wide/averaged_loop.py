@@ -5,8 +5,8 @@
              its recorded drive frequency by a stiffness, because slips of re-timed edges are others a few mHz away;
              the shift is taken out again
     columns  dy/du by steps with the same noise: even references; settled longer, for a step changes what the slow zeros
-             of two loops have still to forget; those of held keys follow from their partners; the first of two factors
-             is stepped with their product held (closed_loop/loop_symmetries.py)
+             of two loops have still to forget; those of held keys follow from their partners, and weak directions are
+             measured (closed_loop/loop_symmetries.py)
 Source    docs/wide_priors.md
 """
 
@@ -18,7 +18,7 @@ from testbench.measured.closed_loop import loop_runs
 from testbench.measured.closed_loop.loop_even import even
 from testbench.measured.closed_loop.loop_noise import JITTER_HZ, LATER, jitter_hz
 from testbench.measured.closed_loop.loop_runs import FAST, NAMES, Model, Run
-from testbench.measured.closed_loop.loop_symmetries import FACTORS, tied
+from testbench.measured.closed_loop.loop_symmetries import corrected, tied, weak
 
 SEED = 2 * 10**12  # that no recording and no draw of the linear model has
 AIM = 300.0  # sigmas by which a step moves all features
@@ -42,11 +42,9 @@ class AveragedLoop:
         self._word = self.observable == "f_word"
         ends = [np.flatnonzero(self._word & (self.condition == k))[-1] for k in range(len(sizes))]
         self._ends = np.array(ends)
-        self._tied = tied([p.key for p in self.parameters])
-        self._steps = np.full(len(self.parameters), FIRST_STEP)
-        keys = [p.key for p in self.parameters]
-        self._factors = tuple(keys.index(key) for key in FACTORS) if set(FACTORS) <= set(keys) else ()
-        self._steps[list(self._factors[:1])] = STEPS[1]
+        self._keys = [p.key for p in self.parameters]
+        self._unit = np.eye(len(self._keys))
+        self._steps = np.full(len(self._keys), FIRST_STEP)
 
     def values(self, u):
         """{key: value} at coordinates."""
@@ -105,48 +103,49 @@ class AveragedLoop:
     def columns(self, u, which, sigma, more_s=0.0):
         """(features, columns dy/du of the indices `which`, 0 elsewhere) with one noise, without slips of edges.
 
-        more_s  longer settling.  None where the board does not lock
+        more_s  longer settling; then the weak directions are measured too.  None where the board does not lock
         """
-        keys = [p.key for p in self.parameters]
-        wanted = [k for k in which if keys[k] not in self._tied]
-        # two factors that are both asked for: the first is stepped with their product held
-        held = self._factors if set(self._factors) <= set(wanted) else ()
-        share = self.parameters[held[0]].scale / self.parameters[held[1]].scale if held else 0.0
-
-        def stepped(k):
-            direction = (np.arange(len(u)) == k).astype(float)
-            if k in held[:1]:
-                direction[held[1]] = -share
-            return u + self._steps[k] * direction
-
-        try:
-            start = self.config(u)
-            points = [start, *(self.config(stepped(k)) for k in wanted)]
-            rows = self._rows(
-                [
-                    Run(Model(even(cfg)), c._replace(settle_s=c.settle_s + more_s), SEED + 10_000 * i, start, 0, True)
-                    for cfg in points
-                    for i, c in enumerate(self.conditions)
-                ]
-            )
-        except (ConfigError, ValueError):
+        held = tied([self._keys[k] for k in which])
+        wanted = [k for k in which if self._keys[k] not in held]
+        found = self._even(u, [u, *(u + self._steps[k] * self._unit[k] for k in wanted)], more_s)
+        if found is None:
             return None
-        base, *moved = rows
-        if base is None or any(row is None for row in moved):
-            return None
+        base, *moved = found
         out = np.zeros((len(base), len(u)))
         for k, row in zip(wanted, moved):
             out[:, k] = (row - base) / self._steps[k]
             self._steps[k] = np.clip(AIM / max(np.linalg.norm(out[:, k] / sigma), 1e-9), *STEPS)
-        if held:
-            out[:, held[0]] += share * out[:, held[1]]
-        return base, self.tie(out, u)
+        out = self._tie(out, u, held)
+        return base, self._corrected(u, out, sigma, more_s) if more_s else out
 
-    def tie(self, columns, u):
+    def _even(self, start, points, more_s):
+        """Features of points with even references and one noise, from the lock of `start`; None if one fails."""
+        try:
+            first = self.config(start)
+            models = [Model(even(self.config(point))) for point in points]
+            conditions = [c._replace(settle_s=c.settle_s + more_s) for c in self.conditions]
+            rows = self._rows(
+                [Run(m, c, SEED + 10_000 * i, first, 0, True) for m in models for i, c in enumerate(conditions)]
+            )
+        except (ConfigError, ValueError):
+            return None
+        return None if any(row is None for row in rows) else rows
+
+    def _corrected(self, u, columns, sigma, more_s):
+        """Columns with their weak directions measured; those whose steps fail stay as they are."""
+        directions, changes = [], []
+        for d, step in weak(columns / sigma[:, None]):
+            found = self._even(u, [u + step * d, u - step * d], more_s)
+            if found is not None:
+                directions.append(d)
+                changes.append((found[0] - found[1]) / (2 * step))
+        return corrected(columns, directions, changes)
+
+    def _tie(self, columns, u, held):
         """Columns whose held ones follow from their partners. Mutates `columns`."""
-        keys, values = [p.key for p in self.parameters], self.values(u)
+        values = self.values(u)
         per_u = {p.key: p.sd(x, 1.0) for p, x in zip(self.parameters, u)}
-        per_unit = {key: columns[:, k] / per_u[key] for k, key in enumerate(keys)}
-        for key, symmetry in self._tied.items():
-            columns[:, keys.index(key)] = symmetry.column(values, per_unit) * per_u[key]
+        per_unit = {key: columns[:, k] / per_u[key] for k, key in enumerate(self._keys)}
+        for key, symmetry in held.items():
+            columns[:, self._keys.index(key)] = symmetry.column(values, per_unit) * per_u[key]
         return columns

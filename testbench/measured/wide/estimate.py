@@ -24,12 +24,9 @@ from testbench.measured.wide.averaged_loop import AveragedLoop
 
 CAP = 300.0
 NOISE, DRAWS = 8, 4  # of the averaged plant: for its noise, for a prediction of the last stage
-NEAR, FAR, SHORT = (
-    3.0,
-    100.0,
-    0.02,
-)  # a step of fewer sigmas, or of this share of the residual, is not worth another
-SHRUNK = 0.3
+NEAR, SHORT = 3.0, 0.02  # a step of fewer sigmas, or of this share of the residual, is not worth another
+MOST = 0.5  # sds of a prior in a step of all parameters: no column holds for more
+MISSED = 0.3  # share of a step by which its end may miss what the columns promised
 
 
 class Stage(NamedTuple):
@@ -109,20 +106,32 @@ class Work:
         return float(np.sqrt(np.mean(z[np.isin(self.loop.observable, observables)] ** 2)))
 
     def predicted(self, which, last, known):
-        """(features, columns) at the point; in the last stage features of the exact engine, and `known` columns."""
-        if last and known is None:
-            found = self.loop.columns(self.u, which, self.sigma, SETTLE_S)
-            known = found and found[1]
+        """(features, columns) at the point; in the last stage features of the exact engine. None without lock.
+
+        known  (columns, features that they promised here, sigmas moved): they serve again where they have kept it
+        """
         if not last:
             return self.loop.columns(self.u, which, self.sigma)
         mean = self.loop.mean(self.u, DRAWS, EXACT)
-        return None if mean is None or known is None else (mean[0], known)
+        if mean is None:
+            return None
+        if known:
+            columns, promised, moved = known
+            if np.linalg.norm((mean[0] - promised) / self.sigma) < max(NEAR, MISSED * moved):
+                return mean[0], columns
+        found = self.loop.columns(self.u, which, self.sigma, SETTLE_S)
+        return found and (mean[0], found[1])
+
+    def bounds(self, which, most):
+        """(lowest, highest) change of parameters: within WALL sds of the prior, and `most` of them in a step."""
+        u = self.u[which]
+        return np.clip(-WALL - u, -most, -1e-9), np.clip(WALL - u, 1e-9, most)
 
     def stage(self, stage):
         """Bounded Gauss-Newton steps of a stage; True if the last one was short."""
         keys, last = [p.key.partition(".")[2] for p in self.loop.parameters], stage is STAGES[-1]
         which = [k for k, key in enumerate(keys) if not stage.keys or key in stage.keys]
-        before, moved, size, known = self.u, np.inf, 0.0, None
+        before, short, known = self.u, not which, None
         if last:
             # gains and Q of the board, and with them its noise, are known by now
             noisy = self.loop.mean(self.u, NOISE)
@@ -133,20 +142,19 @@ class Work:
             found = self.predicted(which, last, known)
             if found is None:
                 # no lock there: halfway back
-                self.u = (self.u + before) / 2
+                self.u, known = (self.u + before) / 2, None
                 continue
             a, b = self.target(*found, which, stage.observables)
-            bounds = np.minimum(-WALL - self.u[which], -1e-9), np.maximum(WALL - self.u[which], 1e-9)
+            bounds = self.bounds(which, np.inf if stage.keys else MOST)
             change = lsq_linear(a, b, bounds=bounds).x
-            last_moved, size = moved, float(np.linalg.norm(b))
             moved = float(np.linalg.norm((a @ change)[: len(self.sigma)]))
             self.steps.append(Step(stage.name, self.rms(found[0], stage.observables), moved))
-            # columns serve again where a step with them was much shorter than the one before
-            before, known = self.u.copy(), found[1] if moved < SHRUNK * last_moved else None
+            before, known = self.u.copy(), (found[1], found[0] + found[1][:, which] @ change, moved)
             self.u[which] = before[which] + change
-            if moved < max(NEAR, SHORT * size):
+            short = moved < max(NEAR, SHORT * float(np.linalg.norm(b)))
+            if short:
                 break
-        return not which or moved < max(NEAR, SHORT * size)
+        return short
 
 
 def estimate(measured, model, parameters, bench, progress=None):

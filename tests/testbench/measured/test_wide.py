@@ -10,7 +10,7 @@ from testbench.errors import ConfigError
 from testbench.measured.closed_loop import loop_problem, loop_runs
 from testbench.measured.closed_loop.loop_even import even
 from testbench.measured.closed_loop.loop_runs import FAST, Model, Run
-from testbench.measured.closed_loop.loop_symmetries import SYMMETRIES, lines, tied
+from testbench.measured.closed_loop.loop_symmetries import SYMMETRIES, corrected, lines, tied, weak
 from testbench.measured.record.plan import Condition
 from testbench.measured.residual.parameters import Parameter
 from testbench.measured.wide import estimate, sheet
@@ -133,6 +133,26 @@ def test_the_columns_of_q_and_drive_force_hold_where_their_product_is_kept():
     change = np.array([(0.03, -0.03)[k] for k in order]) / [p.scale for p in wanted]
     told, seen = columns @ change / sigma, (rows[2] - rows[0]) / 2 / sigma
     assert np.linalg.norm(told - seen) < 0.1 * np.linalg.norm(seen)
+
+
+def test_a_direction_in_which_large_columns_cancel_has_the_change_that_is_measured_there():
+    """Two columns of 1000 that differ by 2 %, known to 5 %: the change along their difference, beside the true one."""
+    rng = np.random.default_rng(0)
+    one, other, third = np.linalg.qr(rng.normal(size=(50, 3)))[0].T
+    true = np.stack([1000 * one, 1000 * one + 20 * other, 5 * third], axis=1)
+    made = true + rng.normal(size=true.shape) * 0.05 * np.linalg.norm(true, axis=0) / math.sqrt(50)
+    ((direction, step),) = weak(made)
+    assert abs(direction @ [1, -1, 0]) == pytest.approx(math.sqrt(2), rel=0.01)
+    assert step == pytest.approx(min(30 / np.linalg.norm(made @ direction), 0.5))
+    better, apart = corrected(made, [direction], [true @ direction]), np.array([1.0, -1.0, 0.0])
+
+    wrong, left = (
+        np.linalg.norm((columns - true) @ apart) / np.linalg.norm(true @ apart) for columns in (made, better)
+    )
+    assert wrong > 1.0
+    assert left < 0.2
+    assert corrected(made, [], []) is made
+    assert not weak(np.eye(3))
 
 
 class _Loop:
