@@ -25,7 +25,6 @@ from testbench.measured.wide.averaged_loop import AveragedLoop
 CAP = 300.0
 NOISE, DRAWS = 8, 4  # of the averaged plant: for its noise, for a prediction of the last stage
 NEAR, SHORT = 3.0, 0.02  # a step of fewer sigmas, or of this share of the residual, is not worth another
-MOST = 0.5  # sds of a prior in a step of all parameters: no column holds for more
 MISSED = 0.3  # share of a step by which its end may miss what the columns promised
 
 
@@ -122,11 +121,6 @@ class Work:
         found = self.loop.columns(self.u, which, self.sigma, SETTLE_S)
         return found and (mean[0], found[1])
 
-    def bounds(self, which, most):
-        """(lowest, highest) change of parameters: within WALL sds of the prior, and `most` of them in a step."""
-        u = self.u[which]
-        return np.clip(-WALL - u, -most, -1e-9), np.clip(WALL - u, 1e-9, most)
-
     def stage(self, stage):
         """Bounded Gauss-Newton steps of a stage; True if the last one was short."""
         keys, last = [p.key.partition(".")[2] for p in self.loop.parameters], stage is STAGES[-1]
@@ -145,7 +139,7 @@ class Work:
                 self.u, known = (self.u + before) / 2, None
                 continue
             a, b = self.target(*found, which, stage.observables)
-            bounds = self.bounds(which, np.inf if stage.keys else MOST)
+            bounds = np.minimum(-WALL - self.u[which], -1e-9), np.maximum(WALL - self.u[which], 1e-9)
             change = lsq_linear(a, b, bounds=bounds).x
             moved = float(np.linalg.norm((a @ change)[: len(self.sigma)]))
             self.steps.append(Step(stage.name, self.rms(found[0], stage.observables), moved))
