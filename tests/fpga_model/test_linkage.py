@@ -145,7 +145,7 @@ def test_what_a_process_replaces_in_memory_runs_there_with_a_warm_cache_and_nowh
     assert said(tree) == ["22", "0"]
     for _ in range(2):
         assert said(tree, REPLACED)[::2] == ["56", "fpga_model.high.more"]
-        assert said(tree) == ["22", "1"]
+    assert said(tree) == ["22", "1"]
 
 
 def test_two_processes_on_one_empty_cache_compile_once(tree):

@@ -302,7 +302,10 @@ def _stepped(u, sid, word, tone, quarter, period, n):
     return frames[2:] @ third[2] + frames[1:-1] @ third[1] + frames[:-2] @ third[0]
 
 
-@pytest.mark.parametrize(("board", "ring_hz"), [("published_3k9", 53.16), ("published_3k9", -53.16), ("paper", -139.0)])
+@pytest.mark.parametrize(
+    ("board", "ring_hz"),
+    [pytest.param("published_3k9", 53.16, marks=pytest.mark.slow), ("published_3k9", -53.16), ("paper", -139.0)],
+)
 def test_a_ringing_envelope_is_demodulated_to_a_quarter_of_its_second_derivative(board, ring_hz):
     """Codes of an envelope that turns beside theta: a term of second order that is left out is (ring / f)^2."""
     checked = config.changed(configuration(board), {"firmware.reference_retimed": False})

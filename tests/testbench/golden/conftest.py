@@ -1,4 +1,7 @@
-"""Bundles for every test of this folder, exported once per run of the suite, and Verilator's library, compiled once."""
+"""Bundles for every test of this folder, exported once per run of the suite, and Verilator's library.
+
+The library is compiled once for each version of Verilator, and kept beside what pytest keeps.
+"""
 
 import fcntl
 import os
@@ -38,20 +41,24 @@ def bundles(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
-def verilated(tmp_path_factory):
+def verilated(request, tmp_path_factory):
     """Folder as check.sh keeps it: Verilator's compiled library and its version; None without Verilator."""
     if shutil.which("verilator") is None or shutil.which("g++") is None:
         return None
-    folder = of_all_workers(tmp_path_factory, "verilated")
+    cache = getattr(request.config, "cache", None)  # none with -p no:cacheprovider
+    folder = cache.mkdir("verilated") if cache else of_all_workers(tmp_path_factory, "verilated")
+    version = subprocess.run(["verilator", "--version"], check=True, capture_output=True, text=True).stdout
     kept = folder / "kept"
     with open(folder / "lock", "w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        if not (kept / "version").exists():
+        if not (kept / "version").exists() or (kept / "version").read_text() != version:
             _verilate(folder, kept)
+            (kept / "version").write_text(version)  # last: what is there is whole
     return kept
 
 
 def _verilate(folder, kept):
+    shutil.rmtree(kept, ignore_errors=True)
     (folder / "t.v").write_text("module t; initial #1 $finish; endmodule\n")
     fast = ["-j", "0", "-MAKEFLAGS", "OPT_FAST=-O0 OPT_GLOBAL=-O0"]
     command = ["verilator", "--binary", "--timing", *fast, "-Wno-fatal", "--Mdir", "build", "t.v"]
@@ -59,5 +66,3 @@ def _verilate(folder, kept):
     kept.mkdir(exist_ok=True)
     for path in (folder / "build").glob("verilated*.o"):
         shutil.copy2(path, kept)
-    version = subprocess.run(["verilator", "--version"], check=True, capture_output=True, text=True).stdout
-    (kept / "version").write_text(version)

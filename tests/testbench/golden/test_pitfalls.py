@@ -198,6 +198,7 @@ def test_a_table_that_is_not_found_is_no_pass(bundles, tmp_path):
 # Power-up ------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_registers_may_power_up_at_random(bundles, verilated, tmp_path):
     """The bench resets before it compares, and a table that $readmemh loads is not overwritten by random values."""
     need("verilator", "g++")

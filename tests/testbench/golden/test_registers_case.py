@@ -157,7 +157,8 @@ def test_the_reference_design_passes_in_icarus(icarus):
     assert "PASS top/registers" in icarus()
 
 
-@pytest.mark.parametrize(("name", "bit"), [RESTING[0], pytest.param(*RESTING[1], marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "bit"), RESTING)
 def test_a_wire_that_rests_elsewhere_is_found_in_icarus(icarus, name, bit):
     word = registers.BY_NAME[name].reset
     host = recording.load("reset").stimulus.host

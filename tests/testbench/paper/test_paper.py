@@ -20,7 +20,7 @@ from testbench.campaign.pool import Here
 from testbench.campaign.progress import Progress
 from testbench.campaign.store import Store
 from testbench.config import changed
-from testbench.console import figure_files
+from testbench.console import figure_files, report
 from testbench.judge import numbers
 from testbench.judge.verdict import VERDICTS
 from testbench.paper import cases, law, page, study
@@ -391,9 +391,24 @@ def made_study(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def written(tmp_path_factory):
+def drawn():
+    """Pictures of the page that `written` has written, laid out."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory, drawn):
     """A page, and its verdicts."""
-    return page.write(made_study(tmp_path_factory.mktemp("page")))
+
+    def pictures(*given):
+        for picture in own(*given):
+            drawn.append(picture)
+            yield picture
+
+    with pytest.MonkeyPatch.context() as patch:
+        own = page.pictures
+        patch.setattr(page, "pictures", pictures)
+        return page.write(made_study(tmp_path_factory.mktemp("page")))
 
 
 def test_the_page_holds_every_number_and_every_figure(written):
@@ -431,12 +446,13 @@ def tick_boxes(axis, along):
     return [b for b, m in zip(boxes, middles) if low - 1 <= m <= high + 1]
 
 
-def test_no_text_is_cut_and_no_legend_covers_data(tmp_path):
+def test_no_text_is_cut_and_no_legend_covers_data(written, drawn):
     """Of each figure: texts lie inside, the legend beside the axes, names of an axis beside each other."""
-    made = made_study(tmp_path)
-    for picture in page.pictures(made, page.parts_of(made)):
+    assert len(drawn) == 18
+    for picture in drawn:
         figure, canvas = picture.figure, FigureCanvasAgg(picture.figure)
-        canvas.draw()
+        figure.set_dpi(report.DPI)
+        figure.draw_without_rendering()  # the PDF came last, at another size
         ticks = {t for a in figure.axes for r in (a.xaxis, a.yaxis) for t in r.get_ticklabels(which="both")}
         named = [t for t in figure.findobj(Text) if t.get_visible() and t.get_text().strip() and t not in ticks]
         boxes = [t.get_window_extent() for t in named]
