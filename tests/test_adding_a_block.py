@@ -253,6 +253,7 @@ def test_its_wires_are_known_and_checked_and_off_it_is_absent(copy):
     ran(copy, "-c", USED)
 
 
+@pytest.mark.slow
 def test_its_page_is_written(copy):
     script = "import sys; sys.path.insert(0, 'docs'); import pages; print(pages.renew(['docs/blocks/beat.md']))"
     assert "docs/blocks/beat.md" in ran(copy, "-c", script)

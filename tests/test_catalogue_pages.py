@@ -174,6 +174,7 @@ sys.exit(pytest.main(["-v", "-p", "no:cacheprovider", "-k", checks, "tests/test_
 """
 
 
+@pytest.mark.slow
 def test_a_new_effect_is_one_file(tmp_path):
     """In a copy of the tree: one file is written, pages are generated, and no file is edited."""
     for name in ("fpga_model", "analog_frontend", "testbench", "docs"):

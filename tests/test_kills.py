@@ -8,6 +8,7 @@ from tests import kills, kills_run
 pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="closed loop: too slow interpreted")
 
 
+@pytest.mark.slow
 def test_a_run_survives_a_second_start(monkeypatch, tmp_path):
     """Without pictures and diagnosis, most of the time of so short a run; a kill is in storage/test_checkpoint.py."""
     short = (*kills_run.NO_PICTURES, "--set", "scenario.diagnose=false")

@@ -24,6 +24,7 @@ print(*s.clock[adc.CODES :], sum(adc.convert.stats.cache_hits.values()))
 PATCHES = {"": (262140, 262140, 3145730, 3145730, 262140), "adc.code = numba.njit(lambda p, c, v: 77)": (77,) * 5}
 
 
+@pytest.mark.slow
 def test_a_part_that_is_patched_in_memory_is_what_runs(tmp_path):
     """Volts of 1/8 at 4 V full scale give 2^23/32 in steps of 10, twelve times that at a gain of 12."""
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "GYRO_CACHE": str(tmp_path)}

@@ -454,7 +454,7 @@ def default_keys(tmp_path_factory):
 
 
 @closed_loop
-@pytest.mark.parametrize("name", but((*EVERY, INFERRED), "disk_14khz", "low_cost"))
+@pytest.mark.parametrize("name", but((*EVERY, INFERRED), "disk_14khz"))
 def test_a_run_of_every_board_prints_the_same_keys_and_leaves_a_record(name, tmp_path, default_keys):
     config, found = configuration.load(FOLDER / f"{name}.toml"), said(tmp_path, "--config", FOLDER / f"{name}.toml")
     assert keys_of(found) == default_keys

@@ -80,7 +80,7 @@ def test_the_command_writes_what_locks(tmp_path):
     assert seen.peak_db <= 1.3
 
 
-@pytest.mark.parametrize("name", OTHER_DESIGNS)
+@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * (n == "low_cost")) for n in OTHER_DESIGNS])
 def test_the_default_loops_on_another_design_do_what_is_predicted(name):
     config = changed(load(BOARDS / f"{name}.toml"), OTHER_DESIGNS[name] | quiet.QUIET)
     p = parts(config)

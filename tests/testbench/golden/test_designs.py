@@ -127,7 +127,7 @@ def test_all_bundles_of_all_boards_pass_on_the_reference_rtl(board, tmp_path):
 
 @ghdl
 @pytest.mark.parametrize("every", [False, pytest.param(True, marks=pytest.mark.slow)], ids=["one case", "every case"])
-@pytest.mark.parametrize("stem", [stem for stem in VHDL if stem in KEYED])
+@pytest.mark.parametrize("stem", [pytest.param(s, marks=[pytest.mark.slow] * (s == "pi")) for s in VHDL if s in KEYED])
 def test_vhdl_takes_the_design_too(stem, every, low_cost):
     case = next(iter(blocks.BLOCKS[stem].cases))
     for folder in (p for p in low_cost(stem).iterdir() if p.is_dir() and (every or p.name == case)):

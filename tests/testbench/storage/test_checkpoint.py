@@ -414,6 +414,7 @@ print(seen[2], seen[6], job.recording.spool.rows)
 """
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_simulated_time(locked, tmp_path):
     """All columns, checkpoints twice a second; without streams to the disk, 4 s would be 6 MB."""
     got = done(tmp_path, [], "-c", PEAKS, str(locked[0]), str(tmp_path / "out"))
