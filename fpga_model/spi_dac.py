@@ -161,11 +161,14 @@ def latch_cycles(p, period):
 
 
 @inlined
-def late_ticks(d, p, every=1):
-    """Ticks of a design `d` from a load to the one in which the output is told to change; a load `every` ticks."""
+def late_ticks(d, p, load, every=1):
+    """Ticks of a design `d` from a load to the one in which the output is told to change; a load `every` ticks.
+
+    load  tick count of the load
+    """
     if p.strobe == 1:
         return every
-    clock, late = LOAD_TICK + frame_cycles(p), 0
+    clock, late = load + frame_cycles(p), 0
     while clock >= d.tick_clocks:
         clock -= d.tick_clocks
         late += 1

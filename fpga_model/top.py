@@ -23,6 +23,7 @@ from fpga_model import (
     digital_sid,
     isqrt,
     modulator,
+    path_clocks,
     rates,
     references,
     registers,
@@ -43,6 +44,7 @@ class Params(NamedTuple):
     """Parameters of the blocks, by the role of each; `quadrature_fast` sends V_q at up to 1 MHz, else 500 kHz.
 
     design  rates and word lengths of all blocks
+    paths   clocks that one path has beyond the other; None for the design as it is drawn
     """
 
     design: design_record.Design
@@ -58,6 +60,7 @@ class Params(NamedTuple):
     sid: digital_sid.Params
     watchdog: watchdog.Params
     control: control.Params
+    paths: path_clocks.Params | None = None
 
 
 class State(NamedTuple):
@@ -169,15 +172,17 @@ def step(p, rom, s, i):
     frame = s.sid.valid if p.digital else s.adc.valid
     go = frame | (s.watchdog.stale & ce_8k)
 
-    at_code = rates.at(r, spi_dac.CODE_TICK)
-    at_load = rates.at(r, spi_dac.LOAD_TICK)
+    drive_pipe, sense_pipe = path_clocks.pipes(p.pipe, p.paths)
+    drive_code, sense_code = path_clocks.codes(p.paths)
+    drive_tick, sense_tick = path_clocks.loads(p.paths)
+    at_load, drive_load, sense_load = rates.at(r, spi_dac.LOAD_TICK), rates.at(r, drive_tick), rates.at(r, sense_tick)
     c = s.control
     init, amplitude, drive_word, sense_word, quadrature_word, quadrature_load = 0, 0, 0, 0, 0, 0
     if ce_1m:
         amplitude = control.amplitude(p.control, c)
-    if at_load:
+    if at_load | drive_load | sense_load:
         init = control.dac_init(c)
-        quadrature_load = rates.quadrature_due(d, r.frame, p.quadrature_fast)
+        quadrature_load = at_load & rates.quadrature_due(d, r.frame, p.quadrature_fast)
         drive_word = spi_dac.frame(p.drive_dac, modulator.out(p.drive_modulator, s.drive_modulator), init)
         sense_word = spi_dac.frame(p.sense_dac, modulator.out(p.sense_modulator, s.sense_modulator), init)
         quadrature_word = spi_dac.frame(p.quadrature_dac, c.quadrature_loop.root.y, init)
@@ -204,27 +209,27 @@ def step(p, rom, s, i):
         ),
         sine.step(d, rom, s.drive_sine, angles.drive_sine),
         sine.step(d, rom, s.sense_sine, angles.sense_sine),
-        delay.step(p.pipe, s.drive_pipe, s.drive_sine.y),
-        delay.step(p.pipe, s.sense_pipe, s.sense_sine.y),
+        delay.step(drive_pipe, s.drive_pipe, s.drive_sine.y),
+        delay.step(sense_pipe, s.sense_pipe, s.sense_sine.y),
         references.step(d, p.references, s.references, angles.drive_ref, angles.sense_ref, ce_1m),
         modulator.step(
             p.drive_modulator,
             s.drive_modulator,
             ce_1m,
-            at_code,
+            rates.at(r, drive_code),
             amplitude,
-            delay.out(p.pipe, s.drive_pipe, s.drive_sine.y),
+            delay.out(drive_pipe, s.drive_pipe, s.drive_sine.y),
         ),
         modulator.step(
             p.sense_modulator,
             s.sense_modulator,
             ce_1m,
-            at_code,
+            rates.at(r, sense_code),
             c.rate_loop.loop.y,
-            delay.out(p.pipe, s.sense_pipe, s.sense_sine.y),
+            delay.out(sense_pipe, s.sense_pipe, s.sense_sine.y),
         ),
-        spi_dac.step(p.drive_dac, s.drive_dac, at_load, drive_word),
-        spi_dac.step(p.sense_dac, s.sense_dac, at_load, sense_word),
+        spi_dac.step(p.drive_dac, s.drive_dac, drive_load, drive_word),
+        spi_dac.step(p.sense_dac, s.sense_dac, sense_load, sense_word),
         spi_dac.step(p.quadrature_dac, s.quadrature_dac, quadrature_load, quadrature_word),
         spi_adc.step(d, s.adc, i.drdy_n, i.dout),
         sid,

@@ -104,6 +104,14 @@ class Firmware(Section):
         "analog_sid", "demodulation: by the board's analog SID, or in the FPGA behind converters of one sample a tick"
     )
     pipeline_registers: int = number(0, "registers", 0, 8, "extra registers between sine and modulator, one clock each")
+    drive_sine_registers: int = number(
+        0, "registers", 0, 8, "further registers between sine and modulator, of the drive alone; the phase is later"
+    )
+    sense_sine_registers: int = number(0, "registers", 0, 8, "likewise of the sense path alone")
+    drive_code_registers: int = number(
+        0, "registers", 0, 8, "registers behind the modulator's product, of the drive alone; the code is later, too"
+    )
+    sense_code_registers: int = number(0, "registers", 0, 8, "likewise of the sense path alone")
     reference_registers: int = number(1, "registers", 0, 3, "registers before the reference pins, one clock each")
     reference_retimed: bool = other(True, "references leave on the grid of the ticks")
     frame_latency_drive: int = number(0, "frames", 0, 2, "ticks, each a frame of the DAC, that a drive code waits")

@@ -13,6 +13,10 @@ OWN = "this project's design"
 FIRMWARE = {
     "board": Origin(FACT, "the paper demodulates by analog switches"),
     "pipeline_registers": Origin(FITTED, SEARCH),
+    "drive_sine_registers": Origin(ASSUMED, "none"),
+    "sense_sine_registers": Origin(ASSUMED, "none"),
+    "drive_code_registers": Origin(ASSUMED, "none"),
+    "sense_code_registers": Origin(ASSUMED, "none"),
     "reference_registers": Origin(FITTED, SEARCH),
     "reference_retimed": Origin(FITTED, SEARCH),
     "frame_latency_drive": Origin(FITTED, SEARCH),

@@ -88,6 +88,8 @@ def check(p):
     a, t, d = p.plant, p.plant.tables, p.fpga.design
     if p.fpga.digital:
         _refuse('firmware.board = "digital_sid"', "its demodulator is firmware at 1 MHz")
+    if p.fpga.paths is not None:
+        _refuse("firmware.*_sine_registers, *_code_registers", "they are not 0, their only value here")
     if a.adc.period * a.adc.decimation != d.frame_ticks * a.adc.tick_units:
         _refuse("firmware.adc_clock, plant.adc_decimation", f"a conversion is not one frame of {1e6 / d.frame_hz:g} us")
     for name, part, levels in (("drive", a.drive_dac, a.drive_levels), ("sense", a.sense_dac, a.sense_levels)):
@@ -142,7 +144,7 @@ def _valid(p):
 
 def _late(f):
     """Ticks by which the outputs of both DACs follow their loads; fpga.Params."""
-    return tuple(spi_dac.late_ticks(f.design, part) for part in (f.drive_dac, f.sense_dac))
+    return tuple(spi_dac.late_ticks(f.design, part, spi_dac.LOAD_TICK) for part in (f.drive_dac, f.sense_dac))
 
 
 def _lags(p, valid):

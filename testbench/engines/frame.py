@@ -21,7 +21,7 @@ import numpy as np
 
 from analog_frontend import linear
 from analog_frontend import top as plant
-from fpga_model import spi_dac
+from fpga_model import path_clocks, spi_dac
 from fpga_model.jit import hot, inlined, inner, outlined, unit
 from testbench.engines import engine
 from testbench.engines.block_state import (
@@ -51,7 +51,8 @@ def dac_clocks(f):
     """Clocks of a tick at which the outputs of the drive and the sense DAC are told to change; `f`: fpga.Params."""
     clocks = f.design.tick_clocks
     drive, sense = spi_dac.latch_cycles(f.drive_dac, clocks), spi_dac.latch_cycles(f.sense_dac, clocks)
-    return (spi_dac.LOAD_TICK + drive) % clocks, (spi_dac.LOAD_TICK + sense) % clocks
+    drive_load, sense_load = path_clocks.loads(f.paths)
+    return (drive_load + drive) % clocks, (sense_load + sense) % clocks
 
 
 @inner

@@ -120,6 +120,8 @@ class Engine:
             raise ConfigError('lanes: firmware.board = "digital_sid" is run by the frame engine only')
         if any(p.fpga.control.notch is not None for p in params):
             raise ConfigError("lanes: firmware.notch_hz is run by the other engines only")
+        if any(p.fpga.paths is not None for p in params):
+            raise ConfigError("lanes: firmware.*_sine_registers, *_code_registers are run by the other engines only")
         if any(p.plant.ring.on for p in params):
             raise ConfigError("lanes: plant.ring_saturation_on = 1 is run by the other engines only")
         if any(_alone(p) for p in params):

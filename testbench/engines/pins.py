@@ -11,7 +11,7 @@ from typing import NamedTuple
 from analog_frontend import linear
 from analog_frontend import top as plant
 from analog_frontend.numeric.shapes import int64s, zeros
-from fpga_model import modulator, sine, spi_dac
+from fpga_model import modulator, path_clocks, sine, spi_dac
 from fpga_model.design_record import DEFAULT
 from fpga_model.fixed import wrap_unsigned
 from fpga_model.jit import inner
@@ -92,11 +92,13 @@ def dac_codes(p, rom, bank, turn, first, n, b):
 
 @inner
 def _codes(d, p, rom, bank, turn, first, n, b):
-    lag, clocks = SINE_CLOCKS + p.pipe.depth, p.design.tick_clocks
+    (drive_pipe, sense_pipe), clocks = path_clocks.pipes(p.pipe, p.paths), p.design.tick_clocks
+    drive_lag, sense_lag = SINE_CLOCKS + drive_pipe.depth, SINE_CLOCKS + sense_pipe.depth
     for k in range(n):
-        phase = phase_at(turn, clocks * (first + k) - lag)
+        phase = phase_at(turn, clocks * (first + k) - drive_lag)
         y = sine.at(d, rom, wrap_unsigned(phase + bank.phase_drive_sine, d.dds_bits))
         b.drive[HISTORY + k] = modulator.at(p.drive_modulator, b.amplitude[k], y)
+        phase = phase_at(turn, clocks * (first + k) - sense_lag)
         y = sine.at(d, rom, wrap_unsigned(phase + bank.phase_sense_sine, d.dds_bits))
         b.sense[HISTORY + k] = modulator.at(p.sense_modulator, b.rate[k], y)
 
@@ -108,8 +110,9 @@ def words_of_ticks(p, drive_codes, sense_codes, n, enabled, staged, mixed, b):
     A code is loaded in its own tick, or `frames` later; a DAC follows in the tick of its load, or in the next. A
     control word in place of a code only opens it. mixed: there are control words among the loads. Mutates its arrays.
     """
-    late = spi_dac.late_ticks(p.design, p.sense_dac)
-    first = HISTORY - p.drive_modulator.frames - spi_dac.late_ticks(p.design, p.drive_dac)
+    drive_load, sense_load = path_clocks.loads(p.paths)
+    late = spi_dac.late_ticks(p.design, p.sense_dac, sense_load)
+    first = HISTORY - p.drive_modulator.frames - spi_dac.late_ticks(p.design, p.drive_dac, drive_load)
     drive, sense = b.drive[first:], b.sense[HISTORY - late - p.sense_modulator.frames :]
     for k in range(n):
         drive_codes[k] = drive[k]

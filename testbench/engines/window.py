@@ -18,6 +18,7 @@ from fpga_model import (
     control,
     cordic,
     isqrt,
+    path_clocks,
     rates,
     registers,
     sequencer,
@@ -41,7 +42,9 @@ HISTORY = 3  # places before a block's first tick in the buffers of codes and lo
 def last_load_tick(p):
     """The last tick of a frame whose load of V_q is out when the frame ends; fpga.Params."""
     mask = rates.quadrature_mask(p.design, p.quadrature_fast)
-    return ((p.design.frame_ticks - spi_dac.late_ticks(p.design, p.quadrature_dac, mask + 1)) & ~mask) - 1
+    return (
+        (p.design.frame_ticks - spi_dac.late_ticks(p.design, p.quadrature_dac, spi_dac.LOAD_TICK, mask + 1)) & ~mask
+    ) - 1
 
 
 @inlined
@@ -164,6 +167,7 @@ def play(p, s, sid, old, new, ready, ok, new_ok, valid, tick, n, b):
     )
     quadrature = s.quadrature
     first, last = tick % frame_ticks, last_load_tick(p)
+    _, sense_load = path_clocks.loads(p.paths)
     dog = watchdog.step(p.watchdog, dog, 1, 1 if valid == begin else 0)
     if valid > begin:
         dog = watchdog.step(p.watchdog, dog, 0, 1)
@@ -172,8 +176,8 @@ def play(p, s, sid, old, new, ready, ok, new_ok, valid, tick, n, b):
         slot = begin + clocks * k - 1 - valid
         b.amplitude[k] = amplitudes[0 if slot < SLOT_SEQUENCER else (1 if slot <= SLOT_PI else 2)]
         b.rate[k] = c.rate_loop.loop.y if slot <= SLOT_PI else after.rate_loop.loop.y
+        b.control_load[HISTORY + k] = was.dac_init if slot + sense_load < SLOT_SEQUENCER else now.dac_init
         slot += spi_dac.LOAD_TICK
-        b.control_load[HISTORY + k] = was.dac_init if slot < SLOT_SEQUENCER else now.dac_init
         frame_tick = first + k
         if frame_tick <= last and rates.quadrature_due(p.design, frame_tick, p.quadrature_fast) == 1:
             done = slot >= SLOT_ROOT + isqrt.LATENCY - 1
@@ -187,6 +191,7 @@ def play(p, s, sid, old, new, ready, ok, new_ok, valid, tick, n, b):
 def _played(p, s, sid, old, new, ready, ok, new_ok, valid, tick, n, b):
     """As `play`, for any window, edge by edge."""
     clocks, frame_ticks, last = p.design.tick_clocks, p.design.frame_ticks, last_load_tick(p)
+    _, sense_load = path_clocks.loads(p.paths)
     for k in range(n):
         if k > 0 and s.slot == 0 and valid // clocks != tick + k:
             return s, k
@@ -195,8 +200,9 @@ def _played(p, s, sid, old, new, ready, ok, new_ok, valid, tick, n, b):
         b.rate[k] = s.control.rate_loop.loop.y
         for e in range(clocks):
             clock = clocks * (tick + k) + e
-            if e == spi_dac.LOAD_TICK:
+            if e == sense_load:
                 b.control_load[HISTORY + k] = sequencer.outputs(s.control.sequencer).dac_init
+            if e == spi_dac.LOAD_TICK:
                 due = rates.quadrature_due(p.design, frame_tick, p.quadrature_fast)
                 if due == 1 and frame_tick <= last:
                     s = s._replace(quadrature=s.control.quadrature_loop.root.y)

@@ -10,7 +10,7 @@ from typing import Annotated, NamedTuple
 import typer
 
 from testbench.console import options
-from testbench.golden.loop.cli import loop
+from testbench.golden.loop_cli import loop
 
 app = typer.Typer(
     name="golden",

@@ -102,6 +102,13 @@ def pickoff_poles_s(base, channel, temp_degc):
     return tau_s, *(gain / (2 * math.pi * device.opamp_gbw_hz) for gain in gains)
 
 
+def _of_path(firmware, channel, at):
+    """Rows of the registers that one path has beyond the other."""
+    counts = {"before": getattr(firmware, f"{channel}_sine_registers")}
+    counts["behind"] = getattr(firmware, f"{channel}_code_registers")
+    return [at.clocks(f"registers {where} the product, of this path", n) for where, n in counts.items() if n]
+
+
 def _switch(firmware, device, tick_clocks, at, fitted):
     """The row that makes a loop phase of a node: where the demodulator switches."""
     if firmware.board == "analog_sid":
@@ -172,6 +179,7 @@ def budget(config, temp_degc=None, frequency_hz=None):
             at.clocks("DDS output register", dds.LATENCY),
             at.clocks("sine pipeline", sine.LATENCY),
             at.clocks("extra pipeline registers", firmware.pipeline_registers),
+            *_of_path(firmware, channel, at),
             at.clocks("product and code registers", PRODUCT_AND_CODE_CLOCKS),
             at.clocks("SPI load register", 1),
             at.clocks("SPI frame to latch", spi_dac.latch_cycles(chip, tick_clocks)),

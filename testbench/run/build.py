@@ -29,6 +29,7 @@ from fpga_model import (
     lock_monitor,
     modulator,
     notch,
+    path_clocks,
     pi,
     quadrature_loop,
     rate_loop,
@@ -169,6 +170,12 @@ def firmware(config):
             notch=notch.design(f.notch_hz, f.notch_width_hz, record.frame_hz) if f.notch_hz else None,
         ),
         design=record,
+        paths=path_clocks.design(
+            f.pipeline_registers,
+            (f.drive_sine_registers, f.sense_sine_registers),
+            (f.drive_code_registers, f.sense_code_registers),
+            record,
+        ),
     )
     return made._replace(control=_narrowed(made.control, config.design))
 

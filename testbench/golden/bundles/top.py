@@ -25,7 +25,7 @@ from testbench.errors import ConfigError, FileError
 from testbench.flatten import format_leaves, leaves
 from testbench.golden.bundles import benches, bundle, design_entry, provenance, scores, top_benches
 from testbench.golden.bundles.top_benches.layout import CLOCK_BITS
-from testbench.golden.recording import recording, replay, signature
+from testbench.golden.recording import board, recording, replay, signature
 from testbench.golden.stimulus import blocks, levels
 from testbench.golden.stimulus.blocks import Port, flat
 from testbench.storage import inputs, vcd
@@ -258,8 +258,7 @@ def check_frames(frames):
 def check_board(firmware, frames):
     """Raise ConfigError for what `export_board` cannot write."""
     check_frames(frames)
-    if firmware.control.notch is not None:
-        raise ConfigError("firmware.notch_hz: the Verilog of the whole design has no notch; set it to 0")
+    board.check(firmware)
 
 
 def export_board(firmware, config, case, out, frames=BOARD_FRAMES, progress=None):

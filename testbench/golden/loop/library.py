@@ -173,6 +173,12 @@ int64_t gyro_read(int64_t handle, int64_t* row) {{
 """
 
 
+def pins_of(words):
+    """(rows, PINS) of words that `gyro_edge` has returned."""
+    masks = [15 if name == "refs" else 1 for name in PINS]
+    return np.stack([(words >> at) & mask for at, mask in zip(PIN_AT, masks, strict=True)], axis=1)
+
+
 def check_ports(face, declared, what):
     """Raise FileError for a port that is missing, has another width or direction, or is an input without a source.
 

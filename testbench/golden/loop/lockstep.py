@@ -36,6 +36,7 @@ BESIDE, ALONE, MODEL = range(3)
 COUNT, PLACES = len(REGISTERS), len(NAMES)
 GIVEN = len(INPUTS)
 REFS_MASK = 15
+CONVERSION = 2 + adc_serial.CHANNELS
 
 
 class Rtl(NamedTuple):
@@ -50,6 +51,9 @@ class Rtl(NamedTuple):
     shown: np.ndarray  # int64 (SHOWN,): pins after the last edges, edge n at n % SHOWN
     latched: np.ndarray  # int64 (2,): clock of a tick at which drive and sense DAC changed last
     mode: int
+    conversions: np.ndarray  # int64 (n, CONVERSION): of a chunk; clock of the end, status, eight codes
+    samples: np.ndarray  # int64 (ticks, 2): of a chunk; none without a demodulator in the FPGA
+    count: np.ndarray  # int64 (1,): conversions
 
 
 def rtl_of(design, mode=BESIDE):
@@ -58,7 +62,8 @@ def rtl_of(design, mode=BESIDE):
     place = (0, 0, 0) if design is None else (design.handle, design.edge, design.differs)
     pins = 0 if design is None else design.pins
     found, shown = np.array([-1, -1, pins, 0], np.int64), np.zeros(SHOWN, np.int64)
-    return Rtl(*place, given, rows, found, shown, np.full(2, -1, np.int64), mode)
+    none = np.zeros((0, CONVERSION), np.int64), np.zeros((0, 2), np.int64), np.zeros(1, np.int64)
+    return Rtl(*place, given, rows, found, shown, np.full(2, -1, np.int64), mode, *none)
 
 
 def _call_python(address, handle, array):
@@ -146,6 +151,8 @@ def ticks(p, f, chips, a, chunk, end, drdy_cycle, rtl):
                 store(chunk.o.frames[n], engine.codes_before(chips))
         # the aperture is the tick's first instant; the codes arrive a tick later
         sample_x, sample_y = a.sar[0], a.sar[1]
+        if tick - begin < rtl.samples.shape[0]:
+            store(rtl.samples[tick - begin], (sample_x, sample_y))
         if p.fpga.digital:
             a.sar[0] = engine.taken_sample(faults, 0, plant.sar_code(p.plant, a, tick, 0), sample_x)
             a.sar[1] = engine.taken_sample(faults, 1, plant.sar_code(p.plant, a, tick, 1), sample_y)
@@ -175,6 +182,9 @@ def ticks(p, f, chips, a, chunk, end, drdy_cycle, rtl):
                 pins = call(rtl.edge, rtl.handle, rtl.given)
             rtl.shown[at & (SHOWN - 1)] = pins
             loaded = 1 if c == drdy_cycle and faults.silent == 0 else 0
+            if loaded and rtl.count[0] < rtl.conversions.shape[0]:
+                store(rtl.conversions[rtl.count[0]], (at, faults.status, codes))
+                rtl.count[0] += 1
             ldacs = (pins >> LDACS_AT) & 1, (pins >> (LDACS_AT + 1)) & 1
             chips = engine.chips_after(p.chips, word_bits, chips, _unpacked(pins), ldacs, loaded, faults.status, codes)
             if chips.drive.updated:

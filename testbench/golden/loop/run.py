@@ -22,6 +22,7 @@ from testbench.engines import chips, engine
 from testbench.errors import ConfigError
 from testbench.flatten import leaves
 from testbench.golden.loop import judgement, library, lockstep, pin_meter
+from testbench.golden.recording import board, replay
 from testbench.run import build, simulate
 from testbench.run.simulation import FRAME, Simulation
 
@@ -29,6 +30,7 @@ SECONDS = 3.0
 STEP_DPS, STEPS_S, FAULT_S, FAULT_LENGTH_S = 300.0, (1.5, 1.8, 2.1), 2.4, 0.003
 STORY_KEYS = ("origin", "seconds", "rate_dps", "rate_shape", "faults")
 EDGE_TICKS, EDGES = 8, 64  # a chunk has fewer reference edges than one in so many ticks, and some
+FRAMES_SHOWN = 2  # whose pins a difference keeps
 SHOWN = 8  # registers of a difference that a text lists
 
 
@@ -49,16 +51,26 @@ def story(seconds=SECONDS):
     return changed(Config(), {f"scenario.{key}": value for key, value in zip(STORY_KEYS, values, strict=True)})
 
 
+class Recorded(NamedTuple):
+    """What a design was given and has shown: parameters of the model, `replay.Stimulus`, the last rows of pins."""
+
+    params: fpga.Params
+    stimulus: replay.Stimulus
+    pins: np.ndarray
+
+
 class Difference(Exception):
     """The RTL is not the model.
 
-    row     clocks since power-on; the values stand before this edge
-    design  record of the design
-    wrong   [(name, expected, got)] of every register and pin that differs there, in the model's order
-    before  int64 (rows, values): the model's rows up to this one, the last one last
+    row       clocks since power-on; the values stand before this edge
+    design    record of the design
+    recorded  `Recorded`: what led there
+    wrong     [(name, expected, got)] of every register and pin that differs there, in the model's order
+    before    int64 (rows, values): the model's rows up to this one, the last one last
     """
 
-    def __init__(self, row, wrong, before, design=DEFAULT):
+    def __init__(self, row, wrong, before, design=DEFAULT, recorded=None):
+        self.design, self.recorded = design, recorded
         self.row, self.wrong, self.before, self.us = row, wrong, before, row / design.master_hz * 1e6
         self.tick, self.clock = divmod(row, design.tick_clocks)
         super().__init__(self.text())
@@ -108,6 +120,7 @@ class Loop(Simulation):
         self.keep_rows = False
         self.seen = Seen()
         self.sinks.append(self.seen)
+        self._adc, self._host, self._sar = [], [], []
 
     @property
     def compared(self):
@@ -118,7 +131,16 @@ class Loop(Simulation):
         edges = np.zeros((engine.MAX_EDGES, 2), np.int64)
         chunk = engine.Chunk(s.tick, rate_rad_s, temp_degc, *host, faults, o, edges)
         end = s.tick + ticks
-        f, chips, drdy_cycle = lockstep.ticks(p, s.fpga, s.chips, s.plant, chunk, end, s.drdy_cycle, self.rtl)
+        rtl = self.rtl._replace(
+            conversions=np.zeros((ticks // self.design.frame_ticks + 2, lockstep.CONVERSION), np.int64),
+            samples=np.zeros((ticks if self.params.fpga.digital else 0, 2), np.int64),
+            count=np.zeros(1, np.int64),
+        )
+        self._sar.append(rtl.samples)
+        if host[0]:
+            self._host.append((s.tick * self.design.tick_clocks, 0, *host[1:]))
+        f, chips, drdy_cycle = lockstep.ticks(p, s.fpga, s.chips, s.plant, chunk, end, s.drdy_cycle, rtl)
+        self._adc.append(rtl.conversions[: int(rtl.count[0])])
         if self.rtl.found[0] >= 0:
             self._stop(int(self.rtl.found[0]))
         return engine.State(f, chips, s.plant, end, drdy_cycle)
@@ -130,7 +152,16 @@ class Loop(Simulation):
         ]
         first = max(0, row - lockstep.KEPT + 1)
         before = np.stack([self.rtl.rows[n % lockstep.KEPT] for n in range(first, row + 1)])
-        raise Difference(row, wrong, before.copy(), self.design)
+        raise Difference(row, wrong, before.copy(), self.design, self._recorded(row))
+
+    def _recorded(self, row):
+        """`Recorded` up to a row."""
+        count = min(FRAMES_SHOWN * self.design.frame_clocks, lockstep.SHOWN - 1, row)
+        # what a row shows was left by the edge before it
+        words = self.rtl.shown[np.arange(row - count, row) % lockstep.SHOWN]
+        host = np.array(self._host, np.int64).reshape(-1, 4)
+        stimulus = replay.Stimulus(np.concatenate(self._adc), host, np.concatenate(self._sar))
+        return Recorded(self.params.fpga, stimulus, library.pins_of(words))
 
     def finish(self):
         """Compare what the last edge left; raises Difference."""
@@ -246,34 +277,47 @@ def closed(config, design, firmware, progress=None):
     )
 
 
-def judged(config, design, firmware, progress=None):
-    """`judgement.Verdict` of a `library.Design` just reset: it drives the scenario of `config`, then the model does.
+def shown_alone(config, design, firmware, progress=None):
+    """`pin_meter.Shown` of the scenario of `config`, driven by a `library.Design` or the model (None)."""
+    sim, timeline = _begun(Alone, config, design, firmware)
+    for register, raw in sim.first_writes:
+        sim.write(register, raw)
+    simulate.play(sim, timeline, progress)
+    return sim.shown()
+
+
+def verdict_of(config, firmware, yours, model):
+    """`judgement.Verdict` on one `pin_meter.Shown` beside another, both of the scenario of `config`.
 
     What comes before the first write or fault of the scenario counts. Raises ConfigError for a board or a scenario that
     is not judged.
     """
-    if firmware.digital:
-        raise ConfigError('firmware.board: a design is judged by the codes of the ADC; set board = "analog_sid"')
-    sims = []
-    for name, driven_by in (("design alone", design), ("model alone", None)):
-        sim, timeline = _begun(Alone, config, driven_by, firmware)
-        for register, raw in sim.first_writes:
-            sim.write(register, raw)
-        simulate.play(sim, timeline, progress and (lambda _, done, of, name=name: progress(name, done, of)))
-        sims.append(sim)
     record, limits = firmware.design, judgement.limits_of(config, firmware)
+    timeline = scenario.expand(config.scenario, record)
     end = min((event.tick for event in timeline.events), default=timeline.ticks)
     rates_dps = np.degrees(timeline.rate_rad_s.at(0, min(end // record.frame_ticks, timeline.frames)))
-    stretches, *locks = pin_meter.stretches_of(rates_dps, record, [sim.shown() for sim in sims], limits)
+    stretches, *locks = pin_meter.stretches_of(rates_dps, record, (yours, model), limits)
     if len({s.rate_dps for s in stretches}) < 2 and min(locks) >= 0:
         raise ConfigError(
             f"scenario.rate_dps: a design is judged at two rates, each kept for {pin_meter.LEAST_S:g} s behind lock"
         )
     grid = record.tick_clocks if firmware.references.retimed else 1
-    yours, model = (
-        pin_meter.measure(sim.shown(), record, stretches, lock, grid) for sim, lock in zip(sims, locks, strict=True)
-    )
-    return judgement.judge(config, firmware, model, yours, stretches)
+    found = [
+        pin_meter.measure(shown, record, stretches, lock, grid)
+        for shown, lock in zip((yours, model), locks, strict=True)
+    ]
+    return judgement.judge(config, firmware, found[1], found[0], stretches)
+
+
+def judged(config, design, firmware, progress=None):
+    """`judgement.Verdict` of a `library.Design` just reset: it drives the scenario of `config`, then the model does."""
+    if firmware.digital:
+        raise ConfigError('firmware.board: a design is judged by the codes of the ADC; set board = "analog_sid"')
+    shown = [
+        shown_alone(config, driven_by, firmware, progress and (lambda _, done, of, name=name: progress(name, done, of)))
+        for name, driven_by in (("design alone", design), ("model alone", None))
+    ]
+    return verdict_of(config, firmware, *shown)
 
 
 def run(config, rtl, folder=None, progress=None, firmware=None, level=2, pins=None):
@@ -287,8 +331,8 @@ def run(config, rtl, folder=None, progress=None, firmware=None, level=2, pins=No
     does not build.
     """
     firmware = firmware or build.firmware(config)
-    if firmware.control.notch is not None and pins is None:
-        raise ConfigError("firmware.notch_hz: the Verilog of the whole design has no notch; set it to 0")
+    if pins is None:
+        board.check(firmware)
     face, places, at = None, library.ALL, "."
     if pins is not None:
         face = library.of_pins(pins.top, firmware, chips.parts(chips.of(config.design)))

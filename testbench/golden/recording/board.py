@@ -11,6 +11,7 @@ from pathlib import Path
 from fpga_model import top
 from fpga_model.design_record import DEFAULT
 from fpga_model.fixed import formats
+from testbench.errors import ConfigError
 from testbench.flatten import format_leaves, leaves
 from testbench.golden.bundles.benches import rom_files
 from testbench.golden.stimulus.blocks import BLOCKS, RESET_INPUT, flat, of_record
@@ -18,6 +19,16 @@ from testbench.storage.files import write_text
 
 MODULE = "gyro_board"
 ROMS = (("sine", "SINE_ROM_FILE"), ("cordic", "CORDIC_ROM_FILE"))
+
+
+def check(params):
+    """Raise ConfigError for a firmware that the Verilog of the whole design has not."""
+    if params.control.notch is not None:
+        raise ConfigError("firmware.notch_hz: the Verilog of the whole design has no notch; set it to 0")
+    if params.paths is not None:
+        raise ConfigError(
+            "firmware.*_sine_registers, *_code_registers: the Verilog of the whole design has none; set them to 0"
+        )
 
 
 def settings(params):

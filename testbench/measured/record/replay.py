@@ -329,10 +329,12 @@ def run(p, s, x, o, order, plain):
 def order(p):
     """(3, 2): when the codes at a frame's end were decided, in clocks before it, and which (`run`).
 
-    Raises ConfigError for a firmware with a notch, which a replay does not have.
+    Raises ConfigError for a firmware with a notch or clocks of one path, which a replay does not have.
     """
     if p.control.notch is not None:
         raise ConfigError("firmware.notch_hz: the replay of a record has no notch; set it to 0")
+    if p.paths is not None:
+        raise ConfigError("firmware.*_sine_registers, *_code_registers: the replay of a record has none; set them to 0")
     ticks = ((1 + p.drive_modulator.frames, AMPLITUDE), (2 + p.sense_modulator.frames, RATE))
     found = [(TICK_CYCLES * n, kind) for n, kind in ticks]
     found.append((TICK_CYCLES * (FRAME_TICKS - last_load_tick(p)) - spi_dac.LOAD_TICK, QUADRATURE))

@@ -111,6 +111,7 @@ def word_acts_s(config):
         + PRODUCT_AND_CODE_CLOCKS
         + config.firmware.frame_latency_sense * record.tick_clocks
         + LOAD_CLOCKS
+        + config.firmware.sense_code_registers
         + spi_dac.latch_cycles(chip.master, record.tick_clocks)
     )
     return (clocks - record.frame_clocks) / record.master_hz + device.sense_dac_delay_s

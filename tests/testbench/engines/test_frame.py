@@ -140,6 +140,31 @@ def test_random_configurations(locked, seed):
     pair.advance(2000, rng.uniform(-5, 5, 17))
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(6))
+def test_clocks_of_one_path(locked, seed):
+    """Random configurations with clocks of their own before and behind the product of each path, and from power-on."""
+    rng = np.random.default_rng(9000 + seed)
+    values = drawn(rng)
+    shared = int(rng.integers(0, 5))
+    values["firmware__pipeline_registers"] = shared
+    for role in ("drive", "sense"):
+        values[f"firmware__{role}_sine_registers"] = int(rng.integers(0, 9 - shared))
+        values[f"firmware__{role}_code_registers"] = int(rng.integers(0 if role == "drive" else 1, 9))
+    params = build.params(configured(**values), 25.0, 25.0)
+    assert params.fpga.paths is not None
+    pair = Pair(params, locked[1])
+    pair.advance(600, rng.uniform(-5, 5))
+    for _ in range(25):
+        pair.advance(int(rng.integers(1, 300)), rng.uniform(-5, 5, 4), probe_ticks=int(rng.choice([0, 40])))
+    for name, raw in (("amplitude_setpoint", 2**21), ("control", sequencer.RUN)):
+        pair.advance(int(rng.integers(1, 400)), 0.3, host=write(name, raw))
+    pair.advance(2000, rng.uniform(-5, 5, 17))
+    pair = Pair(params, engine.reset(params, 25.0))
+    for ticks in (1, 3, 17, 100, 999, 3000, 40_000):
+        pair.advance(ticks)
+
+
 def test_a_ring_that_saturates(locked):
     """Both engines, with a temperature between two tables; other codes than those of the linear ring."""
     states = []

@@ -1,5 +1,6 @@
 """Designs with the pins of the board alone in the loop: the ruler against closed forms, verdicts, three whole tops."""
 
+import json
 import shutil
 
 import numpy as np
@@ -12,6 +13,8 @@ from testbench.commands.main import app
 from testbench.config import Config, changed
 from testbench.engines import chips
 from testbench.errors import ConfigError, FileError
+from testbench.golden import divergence
+from testbench.golden.bundles import recompute
 from testbench.golden.loop import judgement, library, pin_meter, run
 from testbench.golden.recording import record
 from testbench.run import build
@@ -170,9 +173,13 @@ def story(frames=(800, 1080, 1360)):
     return config, record.quick_firmware(config)
 
 
-def in_loop(kind, folder, frames=(800, 1080, 1360)):
-    config, firmware = story(frames)
+def in_loop(kind, folder, clocks=None):
+    """Outcome of a design in the loop; `clocks` are declared in the configuration that the model has."""
+    config, firmware = story()
     rtl = kind(folder / "rtl", firmware)
+    if clocks:
+        config = changed(config, {f"firmware.{key}": value for key, value in clocks.items()})
+        firmware = record.quick_firmware(config)
     return run.run(config, rtl, folder / "built", firmware=firmware, level=1, pins=run.Pins(pin_tops.TOP))
 
 
@@ -196,14 +203,65 @@ def test_masters_written_anew_pass_as_a_board(tmp_path):
     assert all(line.difference == 0 for line in outcome.verdict.lines if line.unit != "1"), outcome.text()
 
 
+def last_values(path):
+    """{scope.name: value at the last change} of a VCD file, and the number of rising edges of its clock."""
+    names, scopes, values, rises = {}, [], {}, 0
+    for line in path.read_text().splitlines():
+        word = line.split()
+        if line.startswith("$scope"):
+            scopes.append(word[2])
+        elif line.startswith("$upscope"):
+            scopes.pop()
+        elif line.startswith("$var"):
+            names[word[3]] = ".".join([*scopes, word[4]])
+        elif line[:1] in ("0", "1"):
+            values[names[line[1:]]] = int(line[0])
+            rises += line[0] == "1" and names[line[1:]].endswith("clk_26m")
+        elif line[:1] == "b":
+            values[names[word[1]]] = int(word[0][1:], 2)
+    return values, rises
+
+
+def check_package(folder, difference):
+    """The waveform ends with the row that differs, and differs nowhere else; the bundle is what the model computes."""
+    values, rises = last_values(folder / "window.vcd")
+    pins = [name.rpartition(".")[2] for name in values if ".model.pin." in name]
+    assert len(pins) == len(library.PINS)
+    wrong = {p: (values[f"gyro_top.model.pin.{p}"], values[f"gyro_top.yours.pin.{p}"]) for p in pins}
+    assert {p: v for p, v in wrong.items() if v[0] != v[1]} == {name: (a, b) for name, a, b in difference.wrong}
+    rows = min(2 * DEFAULT.frame_clocks, difference.row)
+    assert rises == rows + 1  # the last edge has no row behind it
+    bundle = folder / "bundle" / "top" / "loop"
+    manifest = json.loads((bundle / "manifest.json").read_text())
+    assert manifest["windows"][0]["clock"] + manifest["windows"][0]["rows"] == difference.row + 1
+    recompute.recompute(bundle)
+
+
+TWO = {pin_tops.two_clocks_more: "sense_sine_registers", pin_tops.late_sense_frame: "sense_code_registers"}
+
+
 @pytest.mark.slow
 @VERILATOR
-@pytest.mark.parametrize("kind", [pin_tops.two_clocks_more, pin_tops.late_sense_frame])
-def test_two_clocks_in_the_sense_path_are_measured(kind, tmp_path):
+@pytest.mark.parametrize("kind", TWO)
+def test_two_clocks_in_the_sense_path(kind, tmp_path):
+    """Declared, the design is exact; not declared, it is judged as the model with these clocks would be."""
+    (declared := tmp_path / "declared").mkdir()
+    exact = in_loop(kind, declared, {TWO[kind]: 2})
+    assert exact.difference is None, exact.text()
     outcome = in_loop(kind, tmp_path)
     assert not outcome.passed
     assert [line.what for line in outcome.verdict.lines if line.verdict == judgement.FAILED] == ["ye1"]
-    sigma = {line.what: line.sigma for line in outcome.verdict.lines}["ye1"]
+    check_package(divergence.write(tmp_path / "package", outcome.difference), outcome.difference)
+    lines = {line.what.split(",")[0]: line for line in outcome.verdict.lines}
     per_clock = 360.0 * outcome.verdict.frequency_hz / DEFAULT.master_hz
-    assert abs(outcome.verdict.clocks["ye1"] - 2.0) < 3 * sigma / per_clock
+    assert abs(outcome.verdict.clocks["ye1"] - 2.0) < 3 * lines["ye1"].sigma / per_clock
     assert abs(outcome.verdict.clocks["xe1"]) < 0.1
+    # the model itself, with these clocks and without them
+    config, firmware = story()
+    late = changed(config, {f"firmware.{TWO[kind]}": 2})
+    model, other = (run.shown_alone(c, None, f) for c, f in ((config, firmware), (late, record.quick_firmware(late))))
+    verdict = run.verdict_of(config, firmware, other, model)
+    for name, line in lines.items():
+        same = next(k for k in verdict.lines if k.what.split(",")[0] == name)
+        assert line.difference == same.difference, (line, same)
+        assert line.sigma == same.sigma

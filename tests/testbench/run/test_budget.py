@@ -48,6 +48,17 @@ def test_registers_and_frames_count(pipe, align, frames):
     assert got["xe2"] == base["xe2"]
 
 
+@given(*[st.integers(0, 8)] * 4)
+def test_clocks_of_one_path_count_there(drive_sine, sense_sine, drive_code, sense_code):
+    base = node()
+    got = node(
+        firmware__drive_sine_registers=drive_sine, firmware__sense_sine_registers=sense_sine,
+        firmware__drive_code_registers=drive_code, firmware__sense_code_registers=sense_code,
+    )  # fmt: skip
+    assert got["xe1"] - base["xe1"] == pytest.approx((drive_sine + drive_code) * CLOCK_DEG, abs=1e-9)
+    assert got["ye1"] - base["ye1"] == pytest.approx((sense_sine + sense_code) * CLOCK_DEG, abs=1e-9)
+
+
 @given(st.floats(-90, 90), st.floats(-90, 90))
 def test_compensation_words_move_the_phase_they_are_for(sine_deg, ref_deg):
     base, got = node(), node(firmware__phase_sense_sine_deg=sine_deg, firmware__phase_sense_ref_deg=ref_deg)

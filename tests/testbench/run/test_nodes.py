@@ -71,6 +71,14 @@ def test_a_register_is_a_clock_and_a_frame_a_microsecond(default, node):
     assert one_frame == pytest.approx(360 * FREQUENCY_HZ * 1e-6, abs=0.003)
 
 
+@pytest.mark.slow
+def test_clocks_of_one_path_are_measured_as_planned():
+    clocks = {"drive_sine": 1, "sense_sine": 3, "drive_code": 8, "sense_code": 2}
+    readings, planned = read({f"firmware__{key}_registers": count for key, count in clocks.items()})
+    for node, want_deg in planned.node_deg().items():
+        assert readings.phase_deg[node] == pytest.approx(want_deg, abs=TOLERANCE_DEG), node
+
+
 def test_a_register_moves_nothing_else(default):
     after = read({"firmware__pipeline_registers": 3})[0]
     for node in ("xe2", "ye2"):

@@ -32,6 +32,9 @@ class LoopOptions(NamedTuple):
         Path | None, typer.Option("--files", metavar="F", help="With --top: list of its files, as Verilator's -F.")
     ] = None
     exact: Annotated[bool, typer.Option("--exact", help="With --top: a design that differs at a pin fails.")] = False
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Folder of waveform and bundle of a difference.")
+    ] = None
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")] = False
 
 
@@ -44,6 +47,7 @@ def loop(o):
     from testbench.config import changed
     from testbench.console.progress import Progress
     from testbench.errors import ConfigError
+    from testbench.golden import divergence
     from testbench.golden.loop import run
 
     if o.top is None and (o.files or o.exact):
@@ -57,5 +61,9 @@ def loop(o):
         chosen = changed(chosen, {f"scenario.{key}": getattr(story.scenario, key) for key in run.STORY_KEYS})
     with Progress(quiet=o.as_json) as progress:
         outcome = run.run(chosen, o.rtl, o.build, progress, pins=o.top and run.Pins(o.top, o.files, o.exact))
-    typer.echo(json.dumps(outcome.to_dict()) if o.as_json else outcome.text())
+    written = divergence.write(o.out, outcome.difference) if o.out and outcome.difference else None
+    if o.as_json:
+        typer.echo(json.dumps(outcome.to_dict() | {"written": written and str(written)}))
+    else:
+        typer.echo(outcome.text() + (f"\nwaveform and bundle of the last two frames: {written}" if written else ""))
     raise typer.Exit(0 if outcome.passed else 1)
