@@ -28,10 +28,11 @@ class LoopOptions(NamedTuple):
     top: Annotated[
         str | None, typer.Option("--top", metavar="NAME", help="Your top, with the pins of the board alone.")
     ] = None
-    files: Annotated[
-        Path | None, typer.Option("--files", metavar="F", help="With --top: list of its files, as Verilator's -F.")
+    files: Annotated[Path | None, typer.Option("--files", metavar="F", help="List of its files.")] = None
+    map_path: Annotated[
+        Path | None, typer.Option("--map", metavar="TOML", help="Names of its ports, and of its top.")
     ] = None
-    exact: Annotated[bool, typer.Option("--exact", help="With --top: a design that differs at a pin fails.")] = False
+    exact: Annotated[bool, typer.Option("--exact", help="A design that differs at a pin fails.")] = False
     out: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="Folder of waveform and bundle of a difference.")
     ] = None
@@ -42,7 +43,7 @@ class LoopOptions(NamedTuple):
 def loop(o):
     """Close the loop of plant and RTL, and compare every register with the model at every edge of 26 MHz.
 
-    With --top the pins alone are compared, and a design that differs is judged as a board is.
+    With --top or --map the pins alone are compared, and a design that differs is judged as a board is.
     """
     from testbench.config import changed
     from testbench.console.progress import Progress
@@ -50,8 +51,9 @@ def loop(o):
     from testbench.golden import divergence
     from testbench.golden.loop import run
 
-    if o.top is None and (o.files or o.exact):
-        raise ConfigError("--files, --exact: need --top")
+    pins = run.Pins(o.top, o.files, o.map_path, o.exact) if o.top or o.map_path else None
+    if pins is None and (o.files or o.exact):
+        raise ConfigError("--files, --exact: need --top or --map")
     if o.config is None and any(text.strip().startswith("scenario.") for text in o.sets or ()):
         raise ConfigError("--set scenario: needs --config")
     given = options.overrides(o.sets, ("scenario.seconds", o.seconds, "--seconds"))
@@ -60,7 +62,7 @@ def loop(o):
         story = run.story(run.SECONDS if o.seconds is None else chosen.scenario.seconds)
         chosen = changed(chosen, {f"scenario.{key}": getattr(story.scenario, key) for key in run.STORY_KEYS})
     with Progress(quiet=o.as_json) as progress:
-        outcome = run.run(chosen, o.rtl, o.build, progress, pins=o.top and run.Pins(o.top, o.files, o.exact))
+        outcome = run.run(chosen, o.rtl, o.build, progress, pins=pins)
     written = divergence.write(o.out, outcome.difference) if o.out and outcome.difference else None
     if o.as_json:
         typer.echo(json.dumps(outcome.to_dict() | {"written": written and str(written)}))

@@ -27,8 +27,11 @@ from fpga_model.fixed import formats
 from testbench.errors import ConfigError, FileError
 from testbench.flatten import format_leaves
 from testbench.golden.bundles import benches
+from testbench.golden.foreign import design_map, wrapper
+from testbench.golden.foreign.sources import of_list
 from testbench.golden.recording import board
 from testbench.golden.stimulus.blocks import RESET_INPUT, flat
+from testbench.storage.files import write_text
 from testbench.tool import run_tool
 
 INPUTS = (RESET_INPUT, *top.Inputs._fields)
@@ -59,7 +62,6 @@ class Face(NamedTuple):
     pins      ports of PINS
     ldacs     ports of LDAC of the drive DAC and of that of V_q; None where the board has none
     optional  inputs that the top may lack
-    inverted  ports whose level is the other one
     """
 
     top: str
@@ -68,7 +70,6 @@ class Face(NamedTuple):
     pins: tuple
     ldacs: tuple
     optional: tuple = ()
-    inverted: tuple = ()
 
 
 def _mask(fmt):
@@ -102,17 +103,14 @@ def of_pins(name, params, chips):
 def driver(face, known):
     """Text of the C++ around Verilator's class; `known` are the ports that the top has."""
 
-    def level(port, width=1):
-        return f"(top.{port} ^ {(1 << width) - 1:#x}u)" if port in face.inverted else f"top.{port}"
-
     given = "\n".join(
-        f"    top.{port} = {'!' if port in face.inverted else ''}in[{k}];"
+        f"    top.{port} = in[{k}];"
         for k, port in enumerate(face.inputs[name][0] for name in INPUTS) if port in known
     )  # fmt: skip
-    bits = [(level(port, 4 if at == REFS_AT else 1), at) for port, at in zip(face.pins, PIN_AT, strict=True)]
-    bits += [("1" if name is None else level(name), LDACS_AT + k) for k, name in enumerate(face.ldacs)]
+    bits = [(f"top.{port}", at) for port, at in zip(face.pins, PIN_AT, strict=True)]
+    bits += [("1" if name is None else f"top.{name}", LDACS_AT + k) for k, name in enumerate(face.ldacs)]
     packed = " |\n           ".join(f"(int64_t){text} << {at}" for text, at in bits)
-    seen = [(k, level(port, fmt.width), fmt) for k, port, fmt in face.seen]
+    seen = [(k, f"top.{port}", fmt) for k, port, fmt in face.seen]
     tests = "\n".join(f"    d |= ((uint64_t)row[{k}] & {_mask(fmt):#x}u) ^ {text};" for k, text, fmt in seen)
     found = "\n".join(
         f"    if (((uint64_t)row[{k}] & {_mask(fmt):#x}u) != {text}) return {k};" for k, text, fmt in seen
@@ -214,13 +212,35 @@ def sources(rtl):
     return [path for path in (rtl / f"{stem}.v" for stem in (*benches.PARTS["top"], "top")) if path.is_file()]
 
 
+def manifest(face):
+    """What a `design_map` maps: the ports of a face, as those of a bundle."""
+    inputs = [
+        {"name": n, "width": w, "signed": n.startswith("sample")} for n, (_, w) in face.inputs.items() if n != CLOCK
+    ]
+    shown = {port: fmt.width for _, port, fmt in face.seen} | {port: 1 for port in face.ldacs if port}
+    outputs = [{"name": port.removeprefix("o_"), "width": width, "signed": 0} for port, width in shown.items()]
+    levels = {"pins": list(shown), "outputs": list(shown)}
+    return {"block": "board", "case": "loop", "inputs": inputs, "registers": [], "outputs": outputs, "levels": levels,
+            "sha256": {}}  # fmt: skip
+
+
+def mapped(face, path, top, folder):
+    """(face, Verilog file in `folder`) of a wrapper around a design whose ports a map names; `top` before its own."""
+    listed = manifest(face)
+    given = design_map.read(path, listed, "pins", top)
+    made = Path(folder).resolve() / "wrapper.v"
+    write_text(made, wrapper.verilog(listed, given))
+    return face._replace(top=wrapper.name_of(listed)), made
+
+
 def user_sources(rtl, name, files=None):
     """Arguments of Verilator for a user's top `name` in folder `rtl`: a list of files, or all that lie there."""
     rtl = Path(rtl).resolve()
     if files is not None:
-        if not Path(files).is_file():
-            raise FileError(f"{files}: no such file")
-        return ["-F", str(Path(files).resolve())]
+        found = of_list(files)
+        if found.language == "vhdl":
+            raise FileError(f"{files}: names VHDL; the loop runs Verilog alone")
+        return [*(f"-I{path}" for path in found.includes), *(f"-D{text}" for text in found.defines), *found.files]
     found = sorted(path for path in rtl.glob("*") if path.suffix in SUFFIXES)
     if not found:
         raise FileError(
@@ -229,12 +249,12 @@ def user_sources(rtl, name, files=None):
     return [f"-I{rtl}", *map(str, found)]
 
 
-def build(rtl, params, folder, level=2, face=None, files=None):
+def build(rtl, params, folder, level=2, face=None, listed=None):
     """Compile the design in folder `rtl` with `params` (fpga_model.top.Params); returns the path of the library.
 
-    level  of the C++ compiler's optimisation; 0 for a short run: the build is most of it
-    face   of a top with the pins of the board alone, which takes no parameters; gyro_top if None
-    files  list of its files (Verilator's -F); all of the folder if None
+    level   of the C++ compiler's optimisation; 0 for a short run: the build is most of it
+    face    of a top with the pins of the board alone, which takes no parameters; gyro_top if None
+    listed  arguments of Verilator that are its sources (`user_sources`)
     Raises ConfigError for a missing tool, FileError for a missing design, a wrong port or whatever a tool says.
     """
     for name in TOOLS:
@@ -248,7 +268,7 @@ def build(rtl, params, folder, level=2, face=None, files=None):
         given = [f"-G{name}={width}'h{raw:x}" for name, width, raw in board.settings(params)]
         given += [f'-G{name}="{path}"' for name, path in board.write_roms(folder, params.design).items()]
     else:
-        listed, what = user_sources(rtl, face.top, files), f"{rtl}: {face.top}"
+        what = f"{rtl}: {face.top}"
         folder.mkdir(parents=True, exist_ok=True)
     shutil.rmtree(folder / "built", ignore_errors=True)
     command = "verilator --cc --exe -O3 --x-initial 0 -Wno-fatal -Wno-lint -Wno-style".split()

@@ -35,10 +35,17 @@ SHOWN = 8  # registers of a difference that a text lists
 
 
 class Pins(NamedTuple):
-    """A design with the pins of the board alone: its top, a list of its files, and whether only an exact one passes."""
+    """A design with the pins of the board alone.
 
-    top: str
+    top    its module; of the map if None
+    files  list of its files; all of the folder if None
+    map    names of its ports (`design_map`); those of `board.ports` if None
+    exact  only a design without a difference passes
+    """
+
+    top: str | None
     files: object = None
+    map: object = None
     exact: bool = False
 
 
@@ -333,14 +340,19 @@ def run(config, rtl, folder=None, progress=None, firmware=None, level=2, pins=No
     firmware = firmware or build.firmware(config)
     if pins is None:
         board.check(firmware)
-    face, places, at = None, library.ALL, "."
-    if pins is not None:
-        face = library.of_pins(pins.top, firmware, chips.parts(chips.of(config.design)))
-        places, at = [place for place, _, _ in face.seen], rtl
+    face, places, at, listed = None, library.ALL, ".", None
     with tempfile.TemporaryDirectory(prefix="gyro-loop-") as temporary:
         if progress:
             progress("building the design", 0, 1)
-        path = library.build(rtl, firmware, folder or temporary, level, face, pins and pins.files)
+        folder = folder or temporary
+        if pins is not None:
+            face = library.of_pins(pins.top, firmware, chips.parts(chips.of(config.design)))
+            listed = library.user_sources(rtl, pins.top or "its top", pins.files)
+            places, at = [place for place, _, _ in face.seen], rtl
+            if pins.map:
+                face, made = library.mapped(face, pins.map, pins.top, folder)
+                listed = [*listed, made]
+        path = library.build(rtl, firmware, folder, level, face, listed)
         with library.Design(path, places, at) as design:
             outcome = closed(config, design, firmware, progress)
         if outcome.difference is None or pins is None or pins.exact:

@@ -1,6 +1,7 @@
 """The budget's arithmetic: defaults, what each setting moves, and the two assumptions."""
 
 import math
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -57,6 +58,13 @@ def test_clocks_of_one_path_count_there(drive_sine, sense_sine, drive_code, sens
     )  # fmt: skip
     assert got["xe1"] - base["xe1"] == pytest.approx((drive_sine + drive_code) * CLOCK_DEG, abs=1e-9)
     assert got["ye1"] - base["ye1"] == pytest.approx((sense_sine + sense_code) * CLOCK_DEG, abs=1e-9)
+
+
+def test_two_clocks_of_the_sense_path_on_the_page():
+    page = (Path(__file__).parents[3] / "docs" / "phases.md").read_text()
+    for key in ("sine", "code"):
+        more = node(**{f"firmware__sense_{key}_registers": 2})["ye1"] - node()["ye1"]
+        assert f"Two more clocks in the sense path add {more:.3f} deg to ye1" in " ".join(page.split())
 
 
 @given(st.floats(-90, 90), st.floats(-90, 90))
