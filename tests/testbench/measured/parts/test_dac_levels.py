@@ -75,6 +75,61 @@ def test_a_segmented_converter_is_one_law_whatever_the_files_are_called(tmp_path
     assert row["after"] < 1.5 * row["floor"] < row["before"]
 
 
+def alone(what, place, lsb, segments, names):
+    """{coefficient: LSB} of one wrong weight, worked out by hand: errors at both sides of each border, less the line.
+
+    bit        weighs too much: the carry into it is too large, those out of it into higher ones too small by as much
+    segment    all later borders are off, less the line; nothing jumps
+    border     jumps; those later are off, less the line
+    """
+    out = {}
+    for name in names:
+        kind, where = name.split()
+        k = int(where.split("/")[0])
+        if kind == "carry":
+            out[name] = (lsb * ((k == place) - (k > place))) if what == "bits_lsb" else 0.0
+            continue
+        before, after = {
+            "bits_lsb": (lsb, 0.0),
+            "elements": (lsb * (k >= place * segments / 8),) * 2,
+            "steps": tuple(lsb * (k + side > (place - 1) * segments / 8) for side in (-0.5, 0.5)),
+        }[what]
+        out[name] = (before + after) / 2 - lsb * k / segments if kind == "tap" else after - before
+    return out
+
+
+def one_wrong_weight_is_told(folder, what, place, lsb):
+    entry = (place, lsb) if what == "bits_lsb" else (place, 8, lsb)
+    found = add_in_stages(open_problem(sessions(folder, 1, **{what: [entry]}), {}), most=1).json
+    law = found["effects"][0]
+    assert (found["verdict"], law["law"].split(" ", 1)[1]) == ("named", "segments above a ladder")
+    c, segments = law["coefficients"], int(law["law"].split()[0])
+    wanted = alone(what, place, lsb, segments, c)
+    assert sum(abs(v) > 0 for v in wanted.values()) < len(c), "some coefficients say that there is nothing else"
+    z = {name: (c[name]["value"] - v) / c[name]["sd"] for name, v in wanted.items()}
+    assert max(map(abs, z.values())) < 4, z
+    # and no other weight says the same: each of them is refuted by these coefficients
+    for other in range(1, 9):
+        if other != place and (what != "bits_lsb" or other < 7):
+            rival = alone(what, other, lsb, segments, c)
+            if rival != wanted:
+                assert max(abs(c[n]["value"] - v) / c[n]["sd"] for n, v in rival.items()) > 10, other
+
+
+@pytest.mark.parametrize(("what", "place", "lsb"), [("bits_lsb", 4, 0.4), ("elements", 5, 0.6), ("steps", 5, -0.6)])
+def test_one_wrong_weight_is_told_at_its_coefficient_and_only_there(tmp_path, what, place, lsb):
+    one_wrong_weight_is_told(tmp_path, what, place, lsb)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("what", "place", "lsb"),
+    [("bits_lsb", b, -0.4) for b in (2, 3, 5)] + [("elements", k, -0.6) for k in (1, 3, 8)] + [("steps", 4, 0.6)],
+)
+def test_one_wrong_weight_at_other_places(tmp_path, what, place, lsb):
+    one_wrong_weight_is_told(tmp_path, what, place, lsb)
+
+
 def test_two_sessions_agree_on_every_coefficient(tmp_path):
     """Each session chooses once: 90 % of the coefficients within the stated intervals of both."""
     files = sessions(tmp_path, 6, **SEGMENTED)
