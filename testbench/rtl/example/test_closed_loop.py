@@ -15,7 +15,7 @@ try:
     import cocotb
     from cocotb.triggers import Timer
 except ImportError:
-    sys.exit("cocotb is not installed: pip install 'cocotb<2'")
+    sys.exit("cocotb is not installed: pip install cocotb")
 
 HALF_PS = 19231  # half a period of 26 MHz
 TICKS = int(os.environ.get("TICKS") or 40)
@@ -72,7 +72,10 @@ def binary(value, handle):
 
 
 def main():
-    from cocotb.runner import get_runner
+    try:
+        from cocotb_tools.runner import get_runner
+    except ImportError:  # cocotb 1
+        from cocotb.runner import get_runner
 
     from testbench.config import Config
     from testbench.golden.loop.library import sources
@@ -89,7 +92,7 @@ def main():
         os.environ["PYTHONPATH"] = os.pathsep.join([str(Path(__file__).parent), *sys.path])
         done = runner.test(
             hdl_toplevel=board.MODULE, test_module=Path(__file__).stem, build_dir=folder, test_dir=folder,
-            results_xml=str(folder / "results.xml"),
+            results_xml=str(folder / "results.xml"), extra_env={"COCOTB_REWRITE_ASSERTION_FILES": ""},
         )  # fmt: skip
         text = Path(done).read_text()
     sys.exit(1 if "<failure" in text or "<error" in text or "<testcase" not in text else 0)

@@ -4,7 +4,7 @@ The work is in check.sh, plain POSIX shell, so that a flow without make can call
 Source  docs/golden.md (exit codes)
 """
 
-from testbench.golden.bundles.benches.layout import PARTS, levels_of
+from testbench.golden.bundles.benches.layout import PARTS, levels_of, rom_parameters
 from testbench.golden.bundles.benches.template import filled
 
 SIMS = ("icarus", "verilator", "ghdl", "cocotb", "vunit")
@@ -19,16 +19,56 @@ SIM ?=
 RTL ?=
 FILES ?=
 LEVEL ?=
+TIMEOUT ?=
 PYTHON ?= python3
-export RTL FILES LEVEL PYTHON
+export RTL FILES LEVEL TIMEOUT PYTHON
 
 check:
 	@sh ./check.sh $(SIM)
 
+# plain commands for simulators that nobody has run with this bundle: make -s questa RTL=folder | sh
+questa riviera xcelium vcs:
+	@sh ./check.sh commands $@
+
 clean:
 	rm -rf build
 
-.PHONY: check clean
+.PHONY: check questa riviera xcelium vcs clean
+"""
+
+
+def core(block, case, words=("stim", "exp", "mask")):
+    """FuseSoC core of a bundle: `fusesoc run --target sim`, with the design as the core gyro:design:BLOCK.
+
+    words  hex files that the bench opens
+    """
+    stem = block.stem
+    opened = [*(f"{word}.hex" for word in words), *rom_parameters(block).values()]
+    copied = "".join(f"      - {path}: {{file_type: user, copyto: {path}}}\n" for path in opened)
+    defines = [f"LEVEL_{level.upper()}" for level in levels_of(block)[:-1] if "mask" in words]
+    given = "".join(f"  {name}: {{datatype: bool, paramtype: vlogdefine}}\n" for name in defines)
+    return f"""CAPI=2:
+name: gyro:golden:{stem}_{case}:1.0.0
+description: golden vectors of {stem}/{case}; the design is the core gyro:design:{stem}
+filesets:
+  bench:
+    files:
+      - params.vh: {{file_type: verilogSource, is_include_file: true}}
+      - tb_{stem}.v: {{file_type: verilogSource-2005}}
+{copied}    depend: [gyro:design:{stem}]
+{"parameters:" + chr(10) + given if given else ""}targets:
+  default: &default
+    filesets: [bench]
+  sim:
+    <<: *default
+    toplevel: tb_{stem}
+    default_tool: icarus
+{f"    parameters: [{', '.join(defines)}]" + chr(10) if defines else ""}    tools:
+      icarus:
+        iverilog_options: [-g2012]
+      verilator:
+        mode: binary
+        verilator_options: [--timing, -Wno-fatal, -Wno-lint, -Wno-style]
 """
 
 
