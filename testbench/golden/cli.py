@@ -166,6 +166,25 @@ def _costs(block, case, clocks):
 
 
 @app.command()
+def signals(
+    dump: Annotated[Path, typer.Argument(help="VCD, FST or GHW dump, or CSV, of your design.")],
+    folder: Annotated[
+        Path | None, typer.Option("--bundle", metavar="DIR", help="Bundle whose ports get suggestions.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="TOML", help="Write a map to be corrected.")] = None,
+):
+    """List the signals of a dump; write a map of them, with suggestions for the ports of a bundle."""
+    from testbench.golden.bundles import bundle
+    from testbench.golden.check import signals as listed
+    from testbench.storage.files import write_text
+
+    found = listed.signals(dump)
+    typer.echo(listed.text(dump, found))
+    if out is not None:
+        write_text(out, listed.skeleton(found, None if folder is None else bundle.verify(folder, strict=False)))
+
+
+@app.command()
 def wrap(
     folder: Annotated[Path, typer.Argument(help="Folder of a bundle: DIR/BLOCK/CASE.")],
     map_path: Annotated[Path, typer.Option("--map", metavar="TOML", help="Names, widths and reset of your design.")],

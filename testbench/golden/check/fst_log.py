@@ -33,10 +33,17 @@ def changes_of(path, paths):
     return out
 
 
+def names_of(path):
+    """[(path, bits or None)] of every signal."""
+    import pywellen
+
+    return [(var.full_name, var.bitwidth) for var in pywellen.Waveform(str(path)).all_vars()]
+
+
 def main(path):
-    """Print the changes of the signals that the command line names."""
+    """Print the changes of the signals that the command line names, or all names with their bits if it has none."""
     with inputs.parsing(path, "FST file"):
-        found = changes_of(path, sys.argv[2:])
+        found = changes_of(path, sys.argv[2:]) if sys.argv[2:] else names_of(path)
     json.dump(found, sys.stdout)
 
 

@@ -3,6 +3,7 @@
 Source    docs/golden.md
 """
 
+import difflib
 import re
 
 from testbench.errors import FileError
@@ -50,5 +51,6 @@ def wanted_signal(path, known, where):
         return name, hi, lo
     tail = spelled.rsplit(".", 1)[-1].split("[")[0]
     near = sorted(name for name in known if name.rsplit(".", 1)[-1] == tail)[:4]
+    near = near or difflib.get_close_matches(spelled, known, n=2)
     hint = f"; there is {', '.join(near)}" if near else ""
     raise FileError(f"{where}: no signal {path}{hint}")

@@ -262,6 +262,17 @@ def _from_csv(path, signals, fmts):
     return out
 
 
+def kind_of(path):
+    """Ending of a dump, .vcd, .fst, .ghw or .csv; FileError for another, or for the content of another."""
+    kind, first = Path(path).suffix.lower(), inputs.head(path, len(ghw.MAGIC))
+    content = ".fst" if first.startswith(FST) else ".ghw" if first == ghw.MAGIC else kind
+    if kind not in READERS:
+        raise FileError(f"{path}: the file type {kind or '(none)'} is not .vcd, .fst, .ghw or .csv")
+    if content != kind:
+        raise FileError(f"{path}: the content is of a {content} file: give it that ending")
+    return kind
+
+
 def read_log(path, signals, fmts):
     """Columns of the mapped ports of a .vcd, .fst, .ghw or .csv file.
 
@@ -271,15 +282,10 @@ def read_log(path, signals, fmts):
     strange = sorted(set(signals.ports) - set(fmts))
     if strange:
         raise FileError(f"map: port {strange[0]} is not in the manifest; there is {', '.join(list(fmts)[:12])}")
-    kind, first = Path(path).suffix.lower(), inputs.head(path, len(ghw.MAGIC))
-    content = ".fst" if first.startswith(FST) else ".ghw" if first == ghw.MAGIC else kind
-    if kind in READERS and content != kind:
-        raise FileError(f"{path}: the content is of a {content} file: give it that ending")
+    kind = kind_of(path)
     if kind == ".csv":
         return _from_csv(path, signals, fmts)
-    if kind in READERS:
-        return _from_dump(path, READERS[kind], signals, fmts)
-    raise FileError(f"{path}: the file type {kind or '(none)'} is not .vcd, .fst, .ghw or .csv")
+    return _from_dump(path, READERS[kind], signals, fmts)
 
 
 def check(folder, log, map_path, before=BEFORE):

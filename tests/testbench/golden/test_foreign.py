@@ -189,6 +189,12 @@ def test_what_a_clock_costs_is_what_a_register_of_the_configuration_costs():
     assert sum(cost.scale_ppm for cost in found.values()) == pytest.approx(ppm, rel=1e-3)
     bias = after.bias_dps - before.bias_dps
     assert sum(cost.bias_dps for cost in found.values()) == pytest.approx(bias, rel=1e-2)
+    # and as a register of one path
+    for node, key in (("xe1", "drive_sine_registers"), ("ye1", "sense_code_registers")):
+        alone = derived.derive(config.changed(plain, {f"firmware.{key}": getattr(plain.firmware, key) + 1}), 25.0)
+        assert found[node].bias_dps == pytest.approx(alone.bias_dps - before.bias_dps, abs=1e-9)
+        ppm = 1e6 * (alone.lsb_per_dps / before.lsb_per_dps - 1)
+        assert found[node].scale_ppm == pytest.approx(ppm, rel=1e-3, abs=1e-6)
     late = dict.fromkeys(("r_drive_sine", "r_sense_sine", "r_drive_ref", "r_sense_ref"), 3)
     assert [(cost.node, cost.clocks) for cost in phase_cost.costs("dds", "default", late)] == [("xe1", 0), ("ye1", 0)]
     assert phase_cost.costs("pi", "rate", {"r_y": 1}) == []

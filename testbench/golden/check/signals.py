@@ -1,0 +1,102 @@
+"""Signals of a dump, and a map of them to a bundle's ports: suggestions for somebody to correct.
+
+A port gets the signal of its width whose last name is most like its own; clock and reset are found by their names.
+Source  docs/golden.md (comparing a log)
+"""
+
+import difflib
+import re
+from typing import NamedTuple
+
+from testbench.errors import FileError
+from testbench.golden.check import ghw, vcd_log
+from testbench.golden.check.waves import SCHEMA, kind_of
+from testbench.golden.stimulus import levels
+from testbench.storage import inputs, trial
+from testbench.storage.inputs import parse_json
+
+ALIKE = 0.5  # of difflib's ratio, below which a name suggests nothing
+CLOCK, RESET = re.compile(r"^(clk|clock|ck|sys_?clk)\w*$", re.I), re.compile(r"(rst|reset)", re.I)
+
+
+class _Seen(Exception):
+    """Ends a reader when the header is known."""
+
+
+class Signal(NamedTuple):
+    """Path of a signal in a dump, and its bits; None if it has none."""
+
+    path: str
+    width: int | None
+
+
+def signals(path):
+    """[`Signal`] of a VCD, FST or GHW dump, or the columns of a CSV; FileError as the readers."""
+    kind, found = kind_of(path), []
+
+    def choose(known):
+        pairs = known.items() if isinstance(known, dict) else known
+        found.extend(Signal(name, one[1] if isinstance(one, tuple) else one) for name, one in pairs)
+        raise _Seen
+
+    if kind == ".fst":
+        said = trial.tried("testbench.golden.check.fst_log", path, "FST file")
+        return [Signal(*one) for one in parse_json(said, path, list[tuple[str, int | None]])]
+    if kind == ".csv":
+        first = next(inputs.read_lines(path), (1, ""))[1]
+        return [Signal(name.strip(), None) for name in first.split(",") if name.strip()]
+    try:
+        (vcd_log if kind == ".vcd" else ghw).read(path, choose)
+    except _Seen:
+        pass
+    return found
+
+
+def _last(path):
+    """Last name of a path, without what marks a register or a port."""
+    return re.sub(r"^[ro]_|_(reg|q|o|i|out|in)$", "", path.rpartition(".")[2].partition("[")[0].lower())
+
+
+def suggested(ports, found):
+    """{port: path} of [(name, width)] and [`Signal`]: each signal once, the most alike first."""
+    pairs = []
+    for name, width in ports:
+        for signal in found:
+            if signal.width in (width, None):
+                ratio = difflib.SequenceMatcher(None, name.lower(), _last(signal.path)).ratio()
+                pairs.append((-ratio, len(signal.path), name, signal.path))
+    taken = {}
+    for ratio, _, name, path in sorted(pairs):
+        if -ratio >= ALIKE and name not in taken and path not in taken.values():
+            taken[name] = path
+    return taken
+
+
+def skeleton(found, manifest=None):
+    """Text of a map: what is suggested, and a comment for each port without a suggestion."""
+    bits = [s.path for s in found if s.width in (1, None)]
+    clock = next((p for p in bits if CLOCK.match(_last(p))), None)
+    reset = next((p for p in bits if RESET.search(_last(p))), None)
+    lines = [f'schema = "{SCHEMA}"', "[clock]"]
+    lines.append(f'signal = "{clock}"' if clock else '# signal = "top.clk"')
+    if reset:
+        active = 0 if _last(reset).endswith("n") else 1
+        lines += ["[reset]", f'signal = "{reset}"', f"active = {active}"]
+    lines.append("[ports]")
+    if manifest is None:
+        lines += [f'# port = "{s.path}"' for s in found if s.path not in (clock, reset)]
+        return "\n".join(lines) + "\n"
+    ports = [(p["name"], p["width"]) for _, p in levels.judged(manifest, "registers")]
+    rest = [s for s in found if s.path not in (clock, reset)]
+    given = suggested(ports, rest)
+    for name, width in ports:
+        lines.append(f'{name} = "{given[name]}"' if name in given else f'# {name} = ""  # {width} bits')
+    return "\n".join(lines) + "\n"
+
+
+def text(path, found):
+    """Lines for a terminal."""
+    if not found:
+        raise FileError(f"{path}: has no signal")
+    wide = max(len(s.path) for s in found)
+    return "\n".join(f"{s.path.ljust(wide)}  {'' if s.width is None else f'{s.width} bits'}".rstrip() for s in found)
