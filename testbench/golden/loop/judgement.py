@@ -9,7 +9,9 @@
 Source  docs/rtl.md (a design with the pins alone)
 """
 
+import json
 import math
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -28,11 +30,25 @@ LIMIT_BIAS_DPS = 0.1
 LIMIT_NOISE = 0.1  # of the model's
 LEAST_SIGMA_DPS = 1e-9  # of equal runs
 ANALOG = ("DAC response", "output pole")  # rows of the budget behind the pins
+DETECTION = Path(__file__).with_name("detection.json")
 PASSED, FAILED, OPEN = "pass", "FAIL", "not resolved"
 NOT_SHOWN = (
     "A PASS does not show: inputs that this scenario does not have; words that no DAC showed; results that round or "
     "saturate in another way where no code of this run tells. The vectors of the blocks do (gyro golden check)."
 )
+
+
+def detection():
+    """Faults of each kind that were planted in the reference RTL, and those that the pins of a loop showed."""
+    return json.loads(DETECTION.read_text())
+
+
+def not_shown():
+    """What a PASS does not show, with the kinds of planted faults that a loop missed."""
+    found = detection()
+    missed = sorted((seen / planted, kind, planted, seen) for kind, (planted, seen) in found["kinds"].items())
+    listed = ", ".join(f"{kind} {seen} of {planted}" for _, kind, planted, seen in missed if seen < planted)
+    return f"{NOT_SHOWN} Of {found['faults']} planted faults a loop of pins saw {found['seen']}: {listed}."
 
 
 class Line(NamedTuple):
@@ -83,7 +99,7 @@ class Verdict(NamedTuple):
             "frequency_hz": self.frequency_hz,
             "clocks_late": self.clocks,
             "lines": [line.to_dict() for line in self.lines],
-            "not_shown": NOT_SHOWN,
+            "not_shown": not_shown(),
         }
 
     def text(self):
@@ -105,7 +121,7 @@ class Verdict(NamedTuple):
                 f"JUDGED {'PASS' if self.passed else 'FAIL'}, as a board is:",
                 *listed,
                 f"Clocks of 26 MHz later than the model: {late}.",
-                NOT_SHOWN,
+                not_shown(),
             ]
         )
 

@@ -243,7 +243,7 @@ class Outcome(NamedTuple):
             f"PASS {self.rows} rows of {values}, no difference: "
             f"{self.seconds:g} s from power-on in {self.run_s:.1f} s; states {', '.join(self.states)}; "
             f"{'locked' if self.locked else 'not locked'} at the end; faults seen: {', '.join(self.flags) or 'none'}"
-            + ("" if self.registers else f"\n{judgement.NOT_SHOWN}")
+            + ("" if self.registers else f"\n{judgement.not_shown()}")
         )
 
 

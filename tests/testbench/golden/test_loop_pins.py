@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+from collections import Counter
 
 import numpy as np
 import pytest
@@ -19,7 +20,8 @@ from testbench.golden.bundles import recompute
 from testbench.golden.loop import judgement, library, pin_meter, run
 from testbench.golden.recording import record
 from testbench.run import build
-from tests.testbench.golden import pin_tops
+from tests.testbench.golden import loop_faults, loop_score, pin_tops
+from tests.testbench.rtl.test_rtl import RTL
 
 VERILATOR = pytest.mark.skipif(
     any(shutil.which(name) is None for name in library.TOOLS), reason="no verilator or compiler: no loop around RTL"
@@ -135,6 +137,32 @@ def test_three_sigma_above_the_limit_is_not_resolved():
     assert np.mean(np.abs(drawn) > line.limit) == pytest.approx(0.95, abs=0.01)
 
 
+def test_the_detection_score_on_the_page_and_in_a_verdict():
+    """The table is that of the file, whose faults are those that are drawn today."""
+    found = judgement.detection()
+    faults = loop_faults.drawn(found["faults"], found["seed"])
+    planted = Counter(fault.kind for fault in faults)
+    assert {kind: count for kind, (count, _) in found["kinds"].items()} == planted, loop_score.__doc__
+    unseen = [loop_faults.Fault(**fault) for fault in found["unseen"]]
+    assert set(unseen) <= set(faults), loop_score.__doc__
+    missed = Counter(fault.kind for fault in unseen)
+    assert all(seen == count - missed[kind] for kind, (count, seen) in found["kinds"].items())
+    assert found["seen"] == len(faults) - len(unseen)
+    page = (RTL.parents[1] / "docs" / "rtl.md").read_text()
+    for kind, (count, seen) in found["kinds"].items():
+        assert f"| {kind} | {count} | {seen} |" in page
+    assert f"saw {found['seen']} of {found['faults']} planted faults" in " ".join(page.split())
+    assert f"{min(planted, key=lambda k: found['kinds'][k][1] / planted[k])} " in judgement.not_shown()
+
+
+def test_every_planted_fault_is_another_text(tmp_path):
+    faults = loop_faults.drawn(100, 27)
+    assert len({(fault.file, fault.line) for fault in faults}) == 100
+    folder = loop_faults.write(tmp_path / "rtl", PARAMS, faults)
+    text = "".join(path.read_text() for path in folder.glob("*.v"))
+    assert all(text.count(f"{loop_faults.SELECTED} == {number})") == 1 for number in range(1, 101))
+
+
 def test_ports_that_do_not_fit_are_named():
     library.check_ports(FACE, DECLARED, "mine")
     library.check_ports(FACE, {k: v for k, v in DECLARED.items() if not k.startswith("sample")}, "mine")
@@ -244,7 +272,7 @@ def test_an_exact_design_passes_pin_by_pin(tmp_path):
     assert outcome.passed, outcome.text()
     assert outcome.difference is None
     assert (outcome.registers, outcome.rows) == (0, round(outcome.seconds * DEFAULT.master_hz) + 1)
-    assert outcome.text().splitlines()[1] == judgement.NOT_SHOWN
+    assert outcome.text().splitlines()[1] == judgement.not_shown()
 
 
 @pytest.mark.slow
