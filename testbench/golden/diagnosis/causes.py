@@ -7,6 +7,8 @@ WORDS = {
     "reset": "another reset value",
     "no_reset": "a register without reset",
     "async_reset": "an asynchronous reset",
+    "condition": "the condition of a branch is missing, inverted or another one",
+    "priority": "the order of two branches is exchanged",
     "late": "a register too many",
     "early": "a register too few: its new value is read in the place of the old one",
     "rounding": "another rounding rule",
@@ -23,8 +25,6 @@ WORDS = {
     "constant": "a constant, a parameter or a word of a table is off by one LSB",
     "operand": "another register or input in the place of an operand",
     "operator": "another operation on bits",
-    "priority": "the order of two branches is exchanged",
-    "condition": "the condition of a branch is missing, inverted or another one",
     "bit_swap": "two bits are exchanged",
     "stuck": "a bit is stuck",
 }

@@ -50,9 +50,10 @@ def wrapped(x, width, signed):
 
 def moved(x, places):
     """Bit k of the result is bit places[k] of `x`; the result is unsigned."""
-    found = np.zeros_like(x)
+    found = x & ((1 << len(places)) - 1)
     for k, place in enumerate(places):
-        found |= ((x >> place) & 1) << k
+        if place != k:
+            found = found ^ (((x >> place ^ x >> k) & 1) << k)
     return found
 
 
@@ -144,6 +145,14 @@ class Net:
     def const(self, value):
         """The node of a number."""
         return self.node("const", (), int(value), str(int(value)))
+
+    def substituted(self, node, old, new):
+        """The node with `new` in the place of every `old` in it."""
+        done = {old.id: new}
+        for n in self.inside(node):
+            if n is not old and n.cone >> old.id & 1:
+                done[n.id] = self.node(n.op, [done.get(a.id, a) for a in n.args], n.value, "")
+        return done.get(node.id, node)
 
     def held(self, load, node, reset=0):
         """A register that takes a node where `load` is not 0, and `reset` where the block is reset."""

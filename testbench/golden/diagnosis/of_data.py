@@ -19,6 +19,12 @@ def hypotheses(net, rows, target, inside, wrong):
     return [h for node in inside for h in _of_node(net, rows, target, node, wrong, pattern)]
 
 
+def _renumbered(net, node, old, new):
+    """A choice with another number in the place of one, in all of its branches."""
+    ways = [new if a is old else _renumbered(net, a, old, new) if a.op == "mux" else a for a in node.args[1:]]
+    return net.node("mux", (node.args[0], *ways), node.value)
+
+
 def _plain(pattern, width):
     """Whether inverted bits are those of one mistake: one bit, all, or any in a word of flags."""
     return int(pattern).bit_count() in (1, width) or width <= FLAGS
@@ -30,6 +36,8 @@ def _of_node(net, rows, target, node, wrong, pattern):
         if len(seen) == 1:
             value = net.const(seen[0])
             yield Hypothesis("reset", f"{value!r} for {node.args[1]!r}", node, with_argument(net, node, 1, value), 0)
+            everywhere = _renumbered(net, node, node.args[1], value)
+            yield Hypothesis("reset", f"{value!r} for {node.args[1]!r} wherever it is cleared", node, everywhere, 0)
     for k, child in enumerate(node.args):
         if net.loads.get((node.id, k)) == target.name and len(pattern) == 1 and _plain(pattern[0], target.fmt.width):
             by = with_argument(net, node, k, net.node("xor", (child, net.const(pattern[0]))))

@@ -29,23 +29,45 @@ def with_argument(net, node, k, new):
     return net.node(node.op, (*node.args[:k], new, *node.args[k + 1 :]), node.value, "")
 
 
+MOST_INSIDE = 40  # nodes of what is loaded, beyond which a leaf is only varied use by use
 SOURCES = (perturb_arithmetic.of_operand, perturb_control.of_operand, perturb_bits.of_operand)
+
+
+def _operations(net, node, seen):
+    yield from perturb_arithmetic.of_operation(net, node, seen)
+    yield from perturb_control.of_operation(net, node)
+    yield from perturb_bits.of_operation(net, node)
 
 
 def _varied(net, node, seen):
     """(cause, what, node, extra cost) in the place of `node`."""
-    yield from perturb_arithmetic.of_operation(net, node, seen)
-    yield from perturb_control.of_operation(net, node)
-    yield from perturb_bits.of_operation(net, node)
+    yield from _operations(net, node, seen)
     for k, child in enumerate(node.args if node.op != "next" else ()):
+        if len(net.users[child.id]) > 1 and child.args:
+            for cause, what, new, cost in _operations(net, child, seen):
+                yield cause, what, with_argument(net, node, k, new), cost
         for source in SOURCES:
             for cause, what, new, cost in source(net, node, k, child, seen):
                 yield cause, what, with_argument(net, node, k, new), cost
+        if (node.id, k) in net.loads:
+            for cause, what, new, cost in _everywhere(net, child, seen):
+                yield cause, what, with_argument(net, node, k, new), cost + 1
     users = net.users.get(node.id, ())
     if len(users) > 1:
         for source in SOURCES:
             for cause, what, new, cost in source(net, *users[0], node, seen):
                 yield cause, what, new, cost + 1
+
+
+def _everywhere(net, loaded, seen):
+    """A register or input varied wherever what is loaded uses it, if that is more than once."""
+    inside = net.inside(loaded)
+    for leaf in inside if len(inside) <= MOST_INSIDE else ():
+        uses = [(n, n.args.index(leaf)) for n in inside if leaf in n.args]
+        if leaf.op in ("reg", "in") and len(uses) > 1:
+            for source in SOURCES:
+                for cause, what, new, cost in source(net, *uses[0], leaf, seen):
+                    yield cause, f"{what} wherever it is used", net.substituted(loaded, leaf, new), cost
 
 
 def of_node(net, node, seen):

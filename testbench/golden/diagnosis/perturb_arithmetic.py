@@ -144,9 +144,9 @@ def of_operand(net, node, k, child, seen):
                     yield cause, f"{child!r} with bit {bit} inverted", net.const(child.value ^ 1 << bit), 2
     if node.op in COMPARED and k == 0:
         return
-    if child.op == "param" and child.value[1] not in (0, 1, -1):
-        yield "gain", f"{child!r} x 2", net.node("shl", (child, net.const(1))), 1
-        yield "gain", f"{child!r} / 2", net.node("shr", (child, net.const(1))), 1
+    if child.op == "param" and child.value[1]:
+        yield "gain", f"{child!r} x 2", net.node("shl", (child, net.const(1))), 0
+        yield "gain", f"{child!r} / 2", net.node("shr", (child, net.const(1))), 0
         if net.fmts[f"parameter {child.value[0]}"].s:
             yield "sign", f"-{child!r}", net.node("neg", (child,)), 0
     yield from _extended(net, child)

@@ -43,13 +43,19 @@ def of_operation(net, node):
         yield from _of_reset(net, node)
     elif op == "mux":
         yield from _of_choice(net, node)
+    users = net.users.get(node.id, ())
+    if is_flag(node) and sum(_decides(*user) for user in users) > 1:
+        yield "condition", f"always {node!r}", net.const(1), 1 if op in COMPARED else 0
+        yield "condition", f"never {node!r}", net.const(0), 1 if op in COMPARED else 0
+        yield "condition", f"{node!r} inverted", net.node("not", (node,)), 0
+        yield from _other_conditions(net, node, 1)
     if op in COMPARED:
         for other in NEAR[op]:
             cost = 0 if other in ("le", "lt", "ge", "gt") and op not in ("eq", "ne") else 1
             yield "comparison", f"{other} for {op}", net.node(other, a), cost
     if op in ("land", "lor"):
-        yield "condition", f"{a[1]!r} missing", a[0], 0
-        yield "condition", f"{a[0]!r} missing", a[1], 0
+        for k in (0, 1):
+            yield "condition", f"{a[k]!r} missing", a[1 - k], 1 if a[k].op in COMPARED else 0
         yield (
             "condition",
             "and for or" if op == "lor" else "or for and",
@@ -64,6 +70,11 @@ def of_operation(net, node):
             yield "operand", f"without {a[1 - k]!r}", a[k], 2
 
 
+def _decides(node, k):
+    """Whether argument k of a node is a condition."""
+    return node.op in ("land", "lor", "not") or (node.op == "mux" and k == 0)
+
+
 def _of_reset(net, node):
     """A register without reset or with a reset that another branch overrides."""
     rst, value, after = node.args
@@ -73,8 +84,18 @@ def _of_reset(net, node):
     yield "early", "1 clock", net.node("mux", (rst, value, net.node("ahead", (after,)))), 0
     rst_ahead = net.node("ahead", (rst,))
     yield "async_reset", "at once", net.node("mux", (rst_ahead, value, node)), 0
+    if after.op == "mux" and after.args[1].op == "const" and after.args[1].value == value.value:
+        # a branch that does the same as the reset
+        cleared, (c, _, b) = net.node("lor", (rst, after.args[0])), after.args
+        yield "no_reset", f"holds, also where {c!r}", net.node("mux", (cleared, held, b)), 0
+        yield "no_reset", f"goes on, also where {c!r}", b, 0
     late, enabled = after, after
     loads = _loads(net, after, held)
+    if after.op == "mux" and held in after.args[1:]:
+        c, a, b = after.args
+        enable, loaded = (c, a) if b is held else (net.node("not", (c,)), b)
+        once = net.node("mux", (enable, net.held(enable, loaded, value.value), held))
+        yield "late", f"1 enable {enable!r}", net.node("mux", (rst, value, once)), 0
     for k in range(1, MOST_LATE + 1):
         late = net.held(net.const(1), late, value.value)
         yield "late", f"{k} clock" + "s" * (k > 1), net.node("mux", (rst, value, late)), 0
@@ -123,8 +144,10 @@ def _of_choice(net, node):
     if cause == "sign":
         yield cause, f"always {a!r}", a, 0
         yield cause, f"always {b!r}", b, 0
-    yield "condition", f"always as where {c!r}", a, 0
-    yield "condition", f"never as where {c!r}", b, 0
+    # a comparison that is off by one may also be a condition that never holds
+    cost = 1 if c.op in COMPARED else 0
+    yield "condition", f"always as where {c!r}", a, cost
+    yield "condition", f"never as where {c!r}", b, cost
     if b.op == "mux" and not _is_reset(b.args[0]):
         c2, a2, b2 = b.args
         yield "priority", f"{c2!r} before {c!r}", net.node("mux", (c2, a2, net.node("mux", (c, a, b2)))), 0
@@ -146,7 +169,7 @@ def _other_conditions(net, c, cost):
 
 def of_operand(net, node, k, child, seen):
     """Operand k a clock late or early, or another one."""
-    condition = node.op in ("land", "lor", "not") or (node.op == "mux" and k == 0)
+    condition = _decides(node, k)
     if child.op == "const" or _is_reset(child) or (is_reset_choice(node) and k == 2):
         return
     if node.op in ("shl", "shr", "wrap", "wrapu", *ROUNDINGS) and k == 1 and child.op == "param":
@@ -159,6 +182,7 @@ def of_operand(net, node, k, child, seen):
         # in a counter, or compared with a number, it is the same as another number
         doubtful = net.roots[child.value].cone >> node.id & 1 or node.op in COMPARED
         yield "early", f"new {child!r}", net.roots[child.value], 1 if doubtful else 0
+        yield "early", f"new {child!r} but for the reset", net.roots[child.value].args[0].args[2], 1 if doubtful else 0
     if child.op in ("reg", "in", "param"):
         for other in net.nodes[: net.own]:
             same = (other.op == "param") == (child.op == "param") and is_flag(other) == is_flag(child)

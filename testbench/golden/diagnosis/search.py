@@ -146,8 +146,9 @@ class Search:
             values = [self.rows.plain(tried[k].by, picked) + np.zeros(len(picked), np.int64) for k in numbers]
             active = [n for n, value in enumerate(values) if others or np.any(value != was)]
             if active:
-                found = self.changed(target, ((site, np.stack([values[n] for n in active])), *others), picked)
-                counts = np.count_nonzero(found == target.got[picked], axis=1)
+                stack = np.stack([values[n] for n in active])
+                found = self.changed(target, ((site, stack), *others), picked)
+                counts = np.count_nonzero(np.broadcast_to(found, stack.shape) == target.got[picked], axis=1)
                 hits[[numbers[n] for n in active]] = counts
         return hits
 

@@ -9,10 +9,15 @@ Source  docs/diagnosis.md
 from math import log2
 from typing import NamedTuple
 
+from testbench.golden.diagnosis.search import LEAST_PRECISION
+
 SURE = 0.95  # share from which a cause is certain
-WHOLE = 0.95  # share from which a register needs no further cause
+WHOLE = 0.99  # share from which a register needs no further cause
 MOST_LISTED = 8
+TIE = 1  # of cost, within which two causes are as likely
 MOST_RANKED = 150
+HEADS = 3  # registers that are searched together, the first at fault
+MOST_SEARCHED = 9
 SPARE_BITS = 4.0  # evidence beyond that of as many hypotheses as were tried
 
 
@@ -74,11 +79,13 @@ def _grouped(fits, names):
 
 
 def _rivals(search, best, wholes):
-    """The best and what explains as much with another cause and no higher cost, one for each cause."""
+    """The best and what explains as much with another cause and about the same cost, one for each cause."""
     found, careful = {}, not _disturbs(search, best.hypothesis)
     for whole in wholes:
-        if whole.rank[:3] > best.rank[:3]:
+        if whole.rank[:2] > best.rank[:2]:
             break
+        if whole.hypothesis.cost > best.hypothesis.cost + TIE:
+            continue
         cause = whole.hypothesis.cause
         if cause not in found and not (careful and _disturbs(search, whole.hypothesis)):
             found[cause] = whole
@@ -90,30 +97,46 @@ def _enough(search, names, tried):
     return sum(search.evidence(name) for name in names) >= log2(max(tried, 1)) + SPARE_BITS
 
 
+def _extended(search, best, names):
+    """The best with those of `names` that it explains as well."""
+    fits = dict(best.fits)
+    for name in names:
+        if name not in fits:
+            fit = search.fit(search.targets[name], best.hypothesis)
+            if fit.share >= WHOLE and fit.precision >= LEAST_PRECISION:
+                fits[name] = fit
+    return _Whole(fits)
+
+
 def causes(search):
     """[Cause] of a `Search`, in order of rank."""
-    fits = {name: search.fits(name) for name in search.faulty}
-    tried = sum(len(found) for found in search.hypotheses.values())
-    open_names, first, others = list(search.faulty), [], []
-    while open_names:
-        wholes = _grouped(fits, open_names)
+    fits, first, others = {}, [], []
+    open_names = list(search.faulty)
+    while open_names and len(fits) < MOST_SEARCHED:
+        heads = open_names[:HEADS]
+        fits |= {name: search.fits(name) for name in heads if name not in fits}
+        wholes = _grouped(fits, heads)
         if not wholes:
-            break
+            open_names = open_names[HEADS:]
+            continue
         best = next((w for w in wholes[:MOST_RANKED] if not _disturbs(search, w.hypothesis)), wholes[0])
         if best.rank[0] > wholes[0].rank[0]:
             best = wholes[0]
-        rivals = _rivals(search, best, wholes)
-        listed = []
+        rivals, listed = _rivals(search, best, wholes), []
+        tried = sum(len(found) for found in search.hypotheses.values())
         for whole in rivals:
             name, fit = next(iter(whole.fits.items()))
             if _enough(search, whole.fits, tried):
-                listed.append(Cause(whole.hypothesis.cause, name, fit.share / len(rivals), whole.hypothesis.what))
+                listed.append(
+                    Cause(whole.hypothesis.cause, name, float(fit.share / len(rivals)), whole.hypothesis.what)
+                )
         more = [_second(search, n, best.hypothesis) for n, fit in best.fits.items() if fit.share < WHOLE]
         # a part of the wrong rows counts only if a second fault explains the others
         if all(more):
             first += listed[:1]
             others += [*more, *listed[1:]]
-        open_names = [name for name in open_names if name not in best.fits]
+        covered = _extended(search, best, open_names).fits
+        open_names = [name for name in open_names if name not in covered]
     return (first + others)[:MOST_LISTED]
 
 
@@ -123,3 +146,16 @@ def _second(search, name, hypothesis):
         if fit.share >= WHOLE:
             return Cause(fit.hypothesis.cause, name, fit.share, fit.hypothesis.what)
     return None
+
+
+def hidden_causes(search):
+    """[Cause] of a `Hidden`: only what explains every row counts."""
+    found = {}
+    if not search.wrong.any():
+        return []
+    whole = [(h, share) for h, share in search.explained() if share == 1.0]
+    for h, share in whole:
+        if h.cost <= whole[0][0].cost:
+            found.setdefault(h.cause, (h, share))
+    listed = [Cause(cause, search.driven(h), share / len(found), h.what) for cause, (h, share) in found.items()]
+    return listed[:MOST_LISTED]

@@ -1,0 +1,120 @@
+"""Which hypotheses explain a design of which only some ports are seen: the whole block goes on from golden rows.
+
+    first row where the hypothesis is active  -->  the block with it, row by row  -->  it must give what is seen
+
+Before that row the design was golden. A hypothesis that would have been seen before the first difference is left out.
+The share is that of the wrong rows up to the first one that the block with the fault does not give.
+Source  docs/diagnosis.md
+"""
+
+import numpy as np
+
+from testbench.golden.diagnosis import simulate
+from testbench.golden.diagnosis.net import wrapped
+from testbench.golden.diagnosis.perturb import Hypothesis, of_node, with_argument
+from testbench.golden.diagnosis.perturb_control import is_reset_choice
+from testbench.golden.diagnosis.rows import Rows
+
+BEFORE, BEHIND = 800, 2000  # rows before and behind the first difference
+MOST_RUN = 400  # hypotheses that are run, the cheapest first
+
+
+class Hidden:
+    """The visible rows of a design against a net.
+
+    leaves    {("in" or "reg", name): golden column}
+    got       {name: column} of the ports that are seen;  care  {name: rows that count};  expected  {name: golden}
+    """
+
+    def __init__(self, net, leaves, got, care, expected):
+        self.net = net
+        self.visible = [name for name in net.roots if name in got]
+        wrong = np.logical_or.reduce([care[name] & (got[name] != expected[name]) for name in self.visible])
+        first = int(np.argmax(wrong))
+        window = slice(max(first - BEFORE, 0), first + BEHIND)
+        self.begin, self.first = window.start, first - window.start
+        self.wrong = wrong[window]
+        self.count = len(self.wrong)
+        self.leaves = {key: column[window] for key, column in leaves.items()}
+        self.got = {name: got[name][window] for name in self.visible}
+        self.rows = Rows(net, self.leaves, self.count)
+        self.ranges = {}
+
+    def seen(self, node):
+        """Range of a node on the rows."""
+        if node.id not in self.ranges:
+            column = self.rows.full(node)
+            self.ranges[node.id] = int(column.min()), int(column.max())
+        return self.ranges[node.id]
+
+    def _activated(self, node):
+        """(hypotheses at a node, first row of each where it differs): those that differ before what is seen."""
+        at = np.arange(self.first + 1)
+        was = self.rows.plain(node, at) + np.zeros(len(at), np.int64)
+        found, rows = [], []
+        for h in of_node(self.net, node, self.seen):
+            if any(n.op == "ahead" for n in (h.by, *h.by.args, *[b for a in h.by.args for b in a.args])):
+                continue
+            differs = self.rows.plain(h.by, at) != was
+            if differs.any():
+                found.append(h)
+                rows.append(int(at[np.argmax(differs)]))
+        return found, np.array(rows, np.int64)
+
+    def _reset(self, node, found, at):
+        """With other reset values, which show from row 0 on; that of a register that is seen is what is seen."""
+        if node.value in self.got:
+            value = self.net.const(self.got[node.value][0])
+            own = [
+                Hypothesis("reset", f"{value!r} for {node.args[1]!r}", node, with_argument(self.net, node, 1, value), 0)
+            ]
+        else:
+            own = [h for h in of_node(self.net, node, self.seen) if h.cause == "reset"]
+        others = [k for k, h in enumerate(found) if h.cause != "reset"]
+        return [*own, *(found[k] for k in others)], np.array([*[0] * len(own), *at[others]], np.int64)
+
+    def _unseen(self, node, found, at):
+        """Those of the hypotheses at a node that give, where first active, what is seen."""
+        keep = np.ones(len(found), bool)
+        by = np.array([np.sum(self.rows.plain(h.by, at[k : k + 1])) for k, h in enumerate(found)], np.int64)
+        for name in self.visible:
+            root, fmt = self.net.roots[name], self.net.fmts[name]
+            if not root.cone >> node.id & 1:
+                continue
+            value = wrapped(self.rows.changed(root, ((node, by),), at), fmt.width, bool(fmt.s))
+            rows = np.minimum(at + (root.op == "next"), self.count - 1)
+            keep &= (value == self.got[name][rows]) | (is_reset_choice(node) & (at == 0))
+        return [(h, int(row)) for h, row, kept in zip(found, at, keep) if kept]
+
+    def explained(self):
+        """[(hypothesis, share)] of those that explain some wrong rows, the best first."""
+        ahead = []
+        for node in self.net.nodes[: self.net.own]:
+            if node.op in ("const", "next", "pin") and not node.args:
+                continue
+            found, at = self._activated(node)
+            if is_reset_choice(node) and self.begin == 0:
+                found, at = self._reset(node, found, at)
+            if found:
+                ahead += self._unseen(node, found, at)
+        ahead.sort(key=lambda pair: (pair[0].cost, pair[0].site.id))
+        inputs = sorted({n.value for n in self.net.nodes[: self.net.own] if n.op == "in"})
+        given = np.stack([self.leaves["in", name] for name in inputs], axis=1).tolist()
+        want = list(zip(*[self.got[name].tolist() for name in self.visible]))
+        registers = [name for name, root in self.net.roots.items() if root.op == "next"]
+        total, out = np.count_nonzero(self.wrong), []
+        for h, row in ahead[:MOST_RUN]:
+            run, held = simulate.compiled(self.net, h, self.visible)
+            state = [int(self.leaves["reg", name][row]) for name in registers]
+            if row == 0 == self.begin and is_reset_choice(h.site) and h.by.args[1].op == "const":
+                state[registers.index(h.site.value)] = h.by.args[1].value
+            kept = [int(self.rows.full(node)[row]) for node in held]
+            end = run(state, kept, given, row, self.count, want)
+            share = np.count_nonzero(self.wrong[:end]) / total
+            if share > 0:
+                out.append((h, share))
+        return sorted(out, key=lambda pair: (-pair[1], pair[0].cost))
+
+    def driven(self, hypothesis):
+        """The register or pin that a hypothesis drives: the first whose value it is part of."""
+        return next(name for name, root in self.net.roots.items() if root.cone >> hypothesis.site.id & 1)

@@ -1,0 +1,103 @@
+"""A block with one fault as a Python function that goes on from row to row, until a visible port is not the design's.
+
+    run(state, held, inputs, first, last, want) --> first row that differs, or `last`
+
+Everything but the fault is the model. A register that the fault itself replaces is seen as the fault makes it.
+Source  docs/diagnosis.md
+"""
+
+from fpga_model import fixed
+from fpga_model.block import python_of
+from testbench.golden.diagnosis.net import OPERATIONS
+
+CALLS = {name: python_of(rule) for name, rule in fixed.ROUNDINGS.items()}
+CALLS["clamp"] = python_of(fixed.clamp)
+CALLS["wrap"] = lambda x, width: python_of(fixed.wrap)(x, max(width, 1))
+CALLS["wrapu"] = lambda x, width: python_of(fixed.wrap_unsigned)(x, max(width, 1))
+
+
+def _moved(x, places):
+    return sum((x >> place & 1) << k for k, place in enumerate(places))
+
+
+class _Source:
+    """Lines that compute nodes; a node in the cone of the fault has a name of its own for each of its two values."""
+
+    def __init__(self, site, by):
+        self.site, self.by, self.lines, self.done, self.held = site, by, [], {}, []
+        self.tables = {}
+
+    def name(self, node, faulty):
+        """The variable that holds a node; lines are added where there is none yet."""
+        faulty = faulty and bool(node.cone >> self.site.id & 1)
+        if faulty and node is self.site:
+            return self.name(self.by, False)
+        key = node.id, faulty
+        if key not in self.done:
+            self.done[key] = self._made(node, faulty)
+        return self.done[key]
+
+    def _made(self, node, faulty):
+        if node.op == "const":
+            return f"({node.value})"
+        if node.op == "param":
+            return f"({node.value[1]})"
+        if node.op in ("reg", "in"):
+            return f"{node.op}_{node.value}"
+        found = f"v{node.id}{'f' if faulty else ''}"
+        if node.op == "held":
+            self.held.append((node, [self.name(a, False) for a in node.args]))
+            return f"held_{node.id}"
+        args = [self.name(a, faulty) for a in node.args]
+        if node.op == "table":
+            self.tables[f"table_{node.id}"] = node.value
+            text = f"table_{node.id}[min(max({args[0]}, 0), {len(node.value) - 1})]"
+        elif node.op == "moved":
+            text = f"moved({args[0]}, {node.value})"
+        else:
+            text = OPERATIONS[node.op][1].format(*args)
+        self.lines.append(f"{found} = {text}")
+        return found
+
+
+def _port(name, fmt):
+    if fmt.s:
+        half = 1 << (fmt.width - 1)
+        return f"(int({name}) + {half} & {fmt.hi - fmt.lo}) - {half}"
+    return f"int({name}) & {fmt.hi}"
+
+
+def compiled(net, hypothesis, visible):
+    """(run, held nodes in the order of its argument) of a hypothesis; `visible` are registers and pins."""
+    source = _Source(hypothesis.site, hypothesis.by)
+    registers = [name for name, root in net.roots.items() if root.op == "next"]
+    seen = {}
+    for name in visible:
+        root = net.roots[name]
+        node = net.node("reg", (), name) if root.op == "next" else root
+        seen[name] = source.name(node, True)
+    after = {name: source.name(net.roots[name], True) for name in registers}
+    given = sorted({n.value for n in net.nodes[: net.own] if n.op == "in"})
+    order = [node for node, _ in source.held]
+    lines = ["def run(state, held, inputs, first, last, want):"]
+    lines += [f"    {', '.join(f'reg_{name}' for name in registers)}, = state"]
+    lines += [f"    {', '.join(f'held_{n.id}' for n in order)}, = held"] if order else []
+    lines += [
+        "    for n in range(first, last):",
+        f"        {', '.join(f'in_{name}' for name in given)}, = inputs[n]",
+    ]
+    lines += [f"        {line}" for line in source.lines]
+    shown = ", ".join(_port(seen[name], net.fmts[name]) for name in visible)
+    lines.append(f"        if ({shown},) != want[n]: return n")
+    for node, (load, x, rst) in source.held:
+        lines.append(f"        next_{node.id} = {node.value} if {rst} else {x} if {load} else held_{node.id}")
+    lines.append(
+        f"        {', '.join(f'reg_{name}' for name in registers)}, = "
+        + ", ".join(_port(after[name], net.fmts[name]) for name in registers)
+        + ","
+    )
+    lines += [f"        held_{n.id} = next_{n.id}" for n in order]
+    lines.append("    return last")
+    names = {**CALLS, "moved": _moved, **source.tables}
+    exec(compile("\n".join(lines), "<hypothesis>", "exec"), names)
+    return names["run"], order
