@@ -231,7 +231,9 @@ def divergence(before=7, after=24):
     place = [port["name"] for port in golden.manifest["registers"]].index("y")
     rows = np.arange(first - before, first + after)
     expected, got = golden.exp[rows, place], columns["y"].values[rows]
-    title = f"pi/rate, register y: the first divergence is at row {first} ({found.diagnosis.text().partition(' (')[0]})"
+    title = (
+        f"pi/rate, register y: the first divergence is at row {first} ({found.diagnosis[0].text().partition(' (')[0]})"
+    )
     figure, axes = report.axes_of(title, 6.6, 2, sharex=True, height_ratios=(3, 2))
     top, bottom = axes[:, 0]
     top.step(rows, expected, where="mid", color=report.BLUE, linewidth=2.4, label="expected: model")

@@ -74,17 +74,15 @@ class Report(NamedTuple):
     clocks: dict
     differing: dict
     divergence: Divergence | None
-    diagnosis: why.Diagnosis | None
+    diagnosis: tuple
 
     @property
     def passed(self):
         return self.divergence is None
 
     def causes(self):
-        """[{cause, register, share of rows explained}] in order of rank; empty: unknown."""
-        d = self.diagnosis
-        known = d is not None and d.cause != why.UNKNOWN
-        return [{"cause": d.cause, "register": d.port, "share": 1.0, "what": d.what}] if known else []
+        """[{cause, register, share of rows explained, what}] in order of rank; empty: unknown."""
+        return [cause._asdict() for cause in self.diagnosis]
 
     def to_dict(self):
         """The one format of a result: passed, first, diagnosis, and what was compared."""
@@ -135,10 +133,10 @@ class Report(NamedTuple):
             lines.append(f"  also there      {', '.join(d.also)}")
         lines += ["  " + line for line in self._rows_before()]
         lines.append("differing rows    " + ", ".join(f"{name} {count}" for name, count in self.differing.items()))
-        if self.diagnosis:
-            lines.append(f"diagnosis         {self.diagnosis.text()}")
-        elif d.is_input:
-            lines.append("diagnosis         none: the design was not given the golden stimulus")
+        said = [cause.text() for cause in self.diagnosis] or ["unknown: no cause of the list explains the rows"]
+        if d.is_input:
+            said = ["none: the design was not given the golden stimulus"]
+        lines += [f"{'diagnosis' if k == 0 else '':18}{line}" for k, line in enumerate(said)]
         return "\n".join(lines) + "\n"
 
     def _rows_before(self):
@@ -236,7 +234,7 @@ def compare(manifest, inputs, expected, got, care=None, before=BEFORE, terms=EVE
     head = (manifest["block"], manifest.get("case", ""), n, manifest["n"], tuple(logged), missing, terms.level,
             int(some.sum()), dict(terms.clocks), differing)  # fmt: skip
     if not differing:
-        return Report(*head, None, None)
+        return Report(*head, None, ())
 
     # a late port shows a row later than the others
     late = {name: terms.clocks.get(seen.get(name), 0) for name in differing}
@@ -298,15 +296,18 @@ def against(golden, got, before=BEFORE, found=None):
 
 def _diagnosis(manifest, inputs, golden, logged, counts, n, divergence):
     if divergence.is_input:
-        return None
-    ports = {name: why.Port(*port) for name, port in _ports(manifest, ("registers", "outputs")).items()}
-    return why.diagnose(
+        return ()
+    registers = [port["name"] for port in manifest["registers"]]
+    names = registers + [port["name"] for port in manifest["outputs"]]
+    seen = [name for name in names if name in logged]
+    rows = why.Rows(
         block=manifest["block"],
         params={p["name"]: p["raw"] for p in manifest.get("params", [])},
         inputs={name: column[:n] for name, column in inputs.items()},
-        ports=ports,
-        expected={name: golden[name][:n] for name in ports},
-        got={name: logged[name].values[:n] for name in logged if name in ports},
-        care={name: counts[name] & logged[name].known[:n] for name in logged if name in ports},
+        expected={name: golden[name][:n] for name in names},
+        got={name: logged[name].values[:n] for name in seen},
+        care={name: counts[name] & logged[name].known[:n] for name in seen},
+        unknown=tuple(name for name in registers if name in seen and counts[name][0] and not logged[name].known[0]),
         design=design_entry.of_manifest("manifest", manifest) or DEFAULT,
-    ) or why.Diagnosis(why.UNKNOWN, divergence.port, "")
+    )
+    return tuple(why.diagnose(rows))

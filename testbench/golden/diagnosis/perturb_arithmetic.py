@@ -4,11 +4,18 @@ Each function yields (cause, what, node, cost): the node stands in the place of 
 Source  docs/diagnosis.md
 """
 
+from fpga_model.rounding_aliases import ALIASES
 from testbench.golden.diagnosis.elaborate import static
 from testbench.golden.diagnosis.net import COMPARED, ROUNDINGS, bits_of
 
 NARROWED = ("add", "sub", "mul", "shl", "neg", "abs", "mux", "clamp", *ROUNDINGS)
 CONDITIONS = (*COMPARED, "not", "land", "lor")
+
+
+def _known_as(rule):
+    """A rounding rule with its names in other tools."""
+    names = sorted(alias for alias, neutral in ALIASES.items() if neutral == rule)
+    return f"{rule} ({', '.join(names)})" if names else rule
 
 
 def is_flag(node):
@@ -37,7 +44,12 @@ def of_operation(net, node, seen):
         if a[0].op in ROUNDINGS:
             x, n = a[0].args
             for rule in ROUNDINGS:
-                yield "rounding", f"{rule} of the signed value", net.node(rule, (net.node("neg", (x,)), n)), 0
+                yield (
+                    "rounding",
+                    f"{_known_as(rule)} of the signed value",
+                    net.node(rule, (net.node("neg", (x,)), n)),
+                    0,
+                )
     if op == "inv":
         yield "sign", f"{a[0]!r}", a[0], 1
         yield "complement", f"-{a[0]!r}", net.node("neg", a), 0
@@ -89,7 +101,7 @@ def _rounding(net, node):
         return
     for rule in ROUNDINGS:
         if rule != own:
-            yield "rounding", rule, net.node(rule, (x, n)), 2 if node.op == "shr" else 0
+            yield "rounding", _known_as(rule), net.node(rule, (x, n)), 2 if node.op == "shr" else 0
 
 
 def _limits(net, node, seen):

@@ -44,7 +44,7 @@ def of_operation(net, node):
     elif op == "mux":
         yield from _of_choice(net, node)
     users = net.users.get(node.id, ())
-    if is_flag(node) and sum(_decides(*user) for user in users) > 1:
+    if len(users) > 1 and all(_decides(*user) for user in users):
         yield "condition", f"always {node!r}", net.const(1), 1 if op in COMPARED else 0
         yield "condition", f"never {node!r}", net.const(0), 1 if op in COMPARED else 0
         yield "condition", f"{node!r} inverted", net.node("not", (node,)), 0
@@ -96,7 +96,15 @@ def _of_reset(net, node):
         enable, loaded = (c, a) if b is held else (net.node("not", (c,)), b)
         once = net.node("mux", (enable, net.held(enable, loaded, value.value), held))
         yield "late", f"1 enable {enable!r}", net.node("mux", (rst, value, once)), 0
+    behind = after
+    if loads.op != "const":
+        # a register that holds, and behind it others that do not
+        behind = net.held(loads, after, value.value)
+        yield "late", "1 clock", net.node("mux", (rst, value, behind)), 0
     for k in range(1, MOST_LATE + 1):
+        if behind is not after:
+            behind = net.held(net.const(1), behind, value.value)
+            yield "late", f"{k + 1} clocks", net.node("mux", (rst, value, behind)), 0
         late = net.held(net.const(1), late, value.value)
         yield "late", f"{k} clock" + "s" * (k > 1), net.node("mux", (rst, value, late)), 0
         if loads.op != "const":
@@ -174,7 +182,7 @@ def of_operand(net, node, k, child, seen):
         return
     if node.op in ("shl", "shr", "wrap", "wrapu", *ROUNDINGS) and k == 1 and child.op == "param":
         return
-    if condition and child.op not in ("land", "lor"):
+    if condition and node.op != "mux" and child.op not in ("land", "lor"):
         yield "condition", f"{child!r} inverted", net.node("not", (child,)), 0
     if child.op != "param" and node.op not in ROOTS and not (child.op in ("reg",) and _holds(net, node, child)):
         yield "late", f"{child!r} by 1 clock", net.late(child), 0 if not child.args else 1

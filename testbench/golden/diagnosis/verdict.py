@@ -9,6 +9,7 @@ Source  docs/diagnosis.md
 from math import log2
 from typing import NamedTuple
 
+from testbench.golden.diagnosis.causes import WORDS
 from testbench.golden.diagnosis.search import LEAST_PRECISION
 
 SURE = 0.95  # share from which a cause is certain
@@ -34,7 +35,8 @@ class Cause(NamedTuple):
         return self.share >= SURE
 
     def text(self):
-        return f"{self.cause} at {self.register}: {self.what} ({100 * self.share:.0f} % of its wrong rows)"
+        share = f"{100 * self.share:.0f} % of its wrong rows"
+        return f"{self.cause}: {WORDS[self.cause]} ({self.register}: {self.what}; {share})"
 
 
 class _Whole(NamedTuple):

@@ -6,6 +6,7 @@ They share no code with the diagnosis. A fault is (kind, where, how); `NONE` is 
 import functools
 import inspect
 import random
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,9 +15,15 @@ from fpga_model.block import structure
 from fpga_model.design_record import DEFAULT
 from fpga_model.fixed import formats
 from testbench import flatten
-from testbench.golden.check.diagnose import Port
 
 NONE = ("", "", "")
+
+
+class Port(NamedTuple):
+    """Format and reset value of a register."""
+
+    fmt: object
+    reset: int
 
 
 def rounded(x, n, rule):

@@ -299,7 +299,7 @@ def test_a_fault_in_real_rtl_is_named(bundles, tmp_path, name):
     registers = REGISTERS if block == "dds" else ("prop", "acc", "y")
     report = icarus(bundles(block) / case, tmp_path, block, registers, (old, new))
     assert not report.passed
-    assert report.diagnosis.cause == cause, report.text()
+    assert report.diagnosis[0].cause == cause, report.text()
 
 
 @needs("ghdl")
