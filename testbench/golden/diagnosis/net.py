@@ -154,9 +154,9 @@ class Net:
                 done[n.id] = self.node(n.op, [done.get(a.id, a) for a in n.args], n.value, "")
         return done.get(node.id, node)
 
-    def held(self, load, node, reset=0):
-        """A register that takes a node where `load` is not 0, and `reset` where the block is reset."""
-        rst = self.node("in", (), "rst")
+    def held(self, load, node, reset=0, rst=None):
+        """A register that takes a node where `load` is not 0, and `reset` where the block, or `rst`, resets it."""
+        rst = rst or self.node("in", (), "rst")
         return self.node("held", (load, node, rst), reset, f"{node!r} late")
 
     def late(self, node):

@@ -196,7 +196,7 @@ def _narrowed(net, child, seen):
     need, signed = bits_of(lowest, highest), lowest < 0
     for width in range(need - 1, max(need - 4, 1), -1):
         op = "wrap" if signed else "wrapu"
-        yield "width", f"{child!r} in {width} bits", net.node(op, (child, net.const(width))), 0
+        yield "width", f"{child!r} in {width} bits", net.node(op, (child, net.const(width))), int(child.op == "mux")
     for low in (1, 2):
         at = net.const(low)
         yield "width", f"{child!r} without {low} low bits", net.node("shl", (net.node("shr", (child, at)), at)), 2

@@ -89,6 +89,10 @@ def _of_reset(net, node):
         cleared, (c, _, b) = net.node("lor", (rst, after.args[0])), after.args
         yield "no_reset", f"holds, also where {c!r}", net.node("mux", (cleared, held, b)), 0
         yield "no_reset", f"goes on, also where {c!r}", b, 0
+        loading = _loads(net, b, held)
+        if loading.op != "const":
+            once = net.node("mux", (loading, net.held(loading, b, value.value, cleared), held))
+            yield "late", "1 enable", net.node("mux", (cleared, value, once)), 0
     late, enabled = after, after
     loads = _loads(net, after, held)
     if after.op == "mux" and held in after.args[1:]:

@@ -9,6 +9,8 @@ Source  docs/diagnosis.md
 from math import log2
 from typing import NamedTuple
 
+import numpy as np
+
 from testbench.golden.diagnosis.causes import WORDS
 from testbench.golden.diagnosis.search import LEAST_PRECISION
 
@@ -92,6 +94,12 @@ def _rivals(search, best, wholes):
         if cause not in found and not (careful and _disturbs(search, whole.hypothesis)):
             found[cause] = whole
     return list(found.values())
+
+
+def _rests(target):
+    """Whether a register or pin never moves in the design: more causes than those of the list explain that."""
+    column = target.got[target.judged]
+    return len(column) > 0 and bool(np.all(column == column[0]))
 
 
 def _enough(search, names, tried):

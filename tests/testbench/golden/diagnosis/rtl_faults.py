@@ -18,6 +18,8 @@ CASES = {
     "quadrature_loop": "default", "lock_monitor": "quick", "fault_monitor": "quick", "sequencer": "quick",
     "notch": "split", "rate_output": "default", "registers": "default", "watchdog": "limit250", "rates": "default",
 }  # fmt: skip
+# what a port in the place of a register is, by whether it feeds the register: docs/diagnosis.md
+NAMED = {True: "early", False: "operand", None: None}
 
 
 class Fault(NamedTuple):
@@ -39,14 +41,14 @@ class Design:
     def __init__(self, stem):
         self.stem, self.text = stem, source(stem)
         self.always = self.text.find("always @(posedge clk)")
-        self.assigns = [m for m in re.finditer(r"(r_\w+)\s*<= ([^;]+);", self.text)]
+        self.assigns = list(re.finditer(r"(r_\w+)\s*<= ([^;]+);", self.text))
         # the first assignment of each register in the text is that of the reset branch
         first = {}
         for m in self.assigns:
             first.setdefault(m[1], m)
         self.resets = list(first.values())
         self.loads = [m for m in self.assigns if m not in self.resets]
-        self.wires = [m for m in re.finditer(r"(?:wire|assign)\b[^;=]*?(\w+)\s*=(?!=) ([^;]+);", self.text)]
+        self.wires = list(re.finditer(r"(?:wire|assign)\b[^;=]*?(\w+)\s*=(?!=) ([^;]+);", self.text))
         ports = re.findall(r"(input|output)\s+(?:wire|reg)\s+(signed\s+)?(\[[^\]]+\])?\s*(\w+)", self.text)
         self.ports = {name: (way, bool(sign), width or "") for way, sign, width, name in ports}
 
@@ -70,7 +72,7 @@ class Design:
             if re.search(rf"\.\w+\s*\([^()]*\b{now}\b", self.text):
                 found.add("*")  # into an instance
             for m in re.finditer(rf"\bif \(.*\b{now}\b.*\)", self.text):
-                ahead += [n for n in re.findall(r"(\w+)\s*(?:<=|=(?!=))", self.text[m.end() : self.end_of(m.end())])]
+                ahead += list(re.findall(r"(\w+)\s*(?:<=|=(?!=))", self.text[m.end() : self.end_of(m.end())]))
         return found
 
     def of(self, m):
@@ -95,14 +97,26 @@ class Design:
         return end
 
     def feeds(self, name, register, reader):
-        """Whether a register takes a port whenever the reader loads: at every clock, or in the same branch."""
+        """Whether a register takes a port whenever the reader loads: at every clock, or in the same branch.
+
+        The readers of a wire are the registers that it drives; None if they are of both sorts.
+        """
         loads = [m for m in self.loads if m[1] == register]
         if len(loads) != 1 or loads[0][2] != name:
             return False
         lines = self.text[: loads[0].start()].splitlines()
         opened = next((n for n in reversed(lines[:-1]) if n.strip() and len(n) - len(n.lstrip()) < len(lines[-1])), "")
-        between = self.text[min(loads[0].end(), reader.end()) : max(loads[0].start(), reader.start())]
-        return opened.strip() == "end else begin" or not re.search(r"\b(begin|end|if|else|wire|assign)\b", between)
+        if opened.strip() == "end else begin":
+            return True
+        driven = self.of(reader)
+        readers = [reader] if reader in self.loads else [m for m in self.loads if self.plain(m[1]) in driven]
+        found = {self.together(loads[0], m) for m in readers} or {False}
+        return found.pop() if len(found) == 1 else None
+
+    def together(self, a, b):
+        """Whether two assignments stand in the same branch."""
+        between = self.text[min(a.end(), b.end()) : max(a.start(), b.start())]
+        return not re.search(r"\b(begin|end|if|else)\b", between)
 
     def under(self, start):
         """Registers assigned in the statement that begins at a place, without its else part."""
@@ -278,7 +292,7 @@ def one_more(d):
     return [
         f
         for flag in flags
-        for f in condition(d, "one condition more", lambda c: f"({c}) && {flag}")
+        for f in condition(d, "one condition more", lambda c, flag=flag: f"({c}) && {flag}")
         if flag not in f.edit.split("->")[0]
     ]
 
@@ -288,7 +302,7 @@ def one_or(d):
     return [
         f
         for flag in flags
-        for f in condition(d, "or another condition", lambda c: f"({c}) || {flag}")
+        for f in condition(d, "or another condition", lambda c, flag=flag: f"({c}) || {flag}")
         if flag not in f.edit.split("->")[0]
     ]
 
@@ -310,7 +324,9 @@ def operand(d):
                 ):
                     text = d.edited(m.start(2), m.end(2), re.sub(rf"\b{old}\b", name, m[2]))
                     # what a register takes without a condition is its new value: docs/diagnosis.md calls that early
-                    cause = "early" if d.feeds(name, old, m) else "operand"
+                    cause = NAMED[d.feeds(name, old, m)]
+                    if cause is None:
+                        continue
                     out.append(
                         Fault(
                             "wrong operand",
@@ -370,8 +386,8 @@ def late_input(d):
                 continue
             text = d.edited(m.start(2), m.end(2), re.sub(rf"\b{name}\b", "was", m[2]))
             place = text.find("\n);") + 3
-            kept = f"\n    reg {'signed' if sign else ''} {width} was;\n    always @(posedge clk) was <= rst ? 0 : {name};\n"
-            text = text[:place] + kept + text[place:]
+            kept = f"reg {'signed' if sign else ''} {width} was;\n always @(posedge clk) was <= rst ? 0 : {name};"
+            text = f"{text[:place]}\n{kept}\n{text[place:]}"
             out.append(
                 Fault("input late", "late", d.stem, text, tuple(sorted(d.of(m))), f"{m[1]}: {name} a clock late")
             )
@@ -408,8 +424,8 @@ def too_early(d):
             ):
                 continue
             text = d.edited(o.start(2), o.end(2), re.sub(rf"\b{m[1]}\b", m[2], o[2]))
-            cause = "early" if d.feeds(m[2], m[1], o) else "operand"
-            if re.search(rf"\b{m[2]}\b", o[2]):
+            cause = NAMED[d.feeds(m[2], m[1], o)]
+            if cause is None or re.search(rf"\b{m[2]}\b", o[2]):
                 continue
             out.append(
                 Fault("register left out", cause, d.stem, text, tuple(sorted(d.of(o))), f"{o[1]}: {m[1]} -> {m[2]}")
@@ -615,7 +631,7 @@ def next_address(d):
 def mixed(d):
     """Outside of the list: another port is mixed in."""
     out = []
-    for m, width in _names(d, 8):
+    for m, _ in _names(d, 8):
         for name, port in d.ports.items():
             if name not in (m[1], m[2]) and port[2] == d.width(m[1]) and port[0] == "input":
                 text = d.edited(m.start(2), m.end(2), f"{m[2]} ^ ({name} >> 1)")

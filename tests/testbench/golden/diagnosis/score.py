@@ -2,7 +2,7 @@
 
     python -m tests.testbench.golden.diagnosis.score --rules first --per-rule 8 --seed 1
 
-It prints a line for each fault that is not named right, and a table of kinds. Exit code 1 if a name is wrong and certain.
+It prints a line for each fault that is not named right, and a table of kinds. Exit code 1 if a certain name is wrong.
 """
 
 import argparse
