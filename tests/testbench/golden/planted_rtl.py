@@ -1,8 +1,8 @@
 """Faults planted in the reference RTL by editing its text: a table of file, case, true cause, what, and the edits.
 
 An edit is (old text, new text); the old text must stand in the file exactly once. `what` is a part of what the
-diagnosis must say of a named fault where that is fixed: a number of clocks, a rounding rule. `FAULTS` have a cause with
-a name, `STRANGERS` are of no such kind and must be called unknown, `EQUIVALENT` change no register whatever the inputs.
+diagnosis must say of a named fault where that is fixed: a number of clocks, a rounding rule. `FAULTS` have a cause;
+`EQUIVALENT` change no register whatever the inputs.
 """
 
 import re
@@ -40,17 +40,13 @@ def plain(text):
     return re.sub(r"[ \t]+", " ", text)
 
 
-FAULTS, STRANGERS, EQUIVALENT = [], [], []
+FAULTS, EQUIVALENT = [], []
 ALWAYS = "    always @(posedge clk) begin\n"
 PROCESS = "        if rising_edge(clk) then\n"
 
 
 def fault(file, case, cause, *edits, what="", inside=""):
     FAULTS.append(Fault(file, case, cause, what, edits, inside))
-
-
-def stranger(file, case, *edits, inside=""):
-    STRANGERS.append(Fault(file, case, "unknown", "", edits, inside))
 
 
 def late(file, case, reset, assign, k, kind, what="clock"):
@@ -112,14 +108,6 @@ fault("dds.v", "default", "gain", ("r_phase + word", "r_phase + {word[46:0], 1'b
 fault("dds.v", "default", "gain", ("r_phase + word", "r_phase + {1'b0, word[47:1]}"))
 fault("dds.v", "default", "saturate", ("r_phase + word", "(word > ~r_phase) ? {48{1'b1}} : r_phase + word"))
 fault("dds.v", "default", "reset", (f"r_phase <= {ZERO}", "r_phase <= 48'd1"))
-stranger("dds.v", "default", ("r_phase + word", "(r_phase + word) | 48'd2"))
-stranger("dds.v", "default", ("r_phase + off_drive_ref", "(r_phase + off_drive_ref) & ~48'd1024"))
-stranger("dds.v", "default", ("r_phase + off_sense_sine", "r_drive_sine + off_sense_sine"))
-stranger("dds.v", "default", ("r_phase + off_sense_sine", "r_phase + off_sense_ref"))
-stranger("dds.v", "default", ("r_phase + off_drive_sine", "r_phase + off_drive_sine + 48'd1"))
-stranger("dds.v", "default", ("r_phase + word", "r_phase + word + (word >> 2)"))
-stranger("dds.v", "default", ("r_phase + off_sense_ref", "r_phase ^ off_sense_ref"))
-stranger("dds.v", "default", ("r_phase + off_sense_ref", "r_phase[46:0] + off_sense_ref[46:0]"))
 
 # sine.v --------------------------------------------------------------------------------------------------------------
 
@@ -179,14 +167,6 @@ early(
     "r_product <= {PRODUCT{1'b0}};",
     "r_product <= product;",
 )
-stranger("sine.v", "default", ("{r_fraction, 1'b1}", "{r_fraction, 1'b0}"))
-stranger("sine.v", "default", ("phase[DDS_BITS-2] ? ~kept : kept", "phase[DDS_BITS-2] ? -kept : kept"))
-stranger(
-    "sine.v", "default", ("rom[place[PLACE-1:SINE_FRACTION_BITS]]", "rom[place[PLACE-1:SINE_FRACTION_BITS] + 10'd1]")
-)
-stranger("sine.v", "default", ("phase[DDS_BITS-2] ? ~kept : kept", "kept"))
-stranger("sine.v", "default", ("r_y        <= r_sign2", "r_y        <= r_sign"))
-stranger("sine.v", "default", (HALF, "+ 34'd32000;"))
 
 # references.v --------------------------------------------------------------------------------------------------------
 
@@ -204,15 +184,6 @@ for k in (1, 2):
     late(REF, "align1_direct", "r_aligned_1 <= 4'd0;", "r_aligned_1 <= r_aligned_0;", k, "[3:0]")
 early(REF, "align0_retimed", "output reg   [3:0] r_signs", "r_signs     <= 4'd0;", "r_signs     <= signs;")
 early(REF, "align3_direct", "output reg   [3:0] r_aligned_2", "r_aligned_2 <= 4'd0;", "r_aligned_2 <= r_aligned_1;")
-stranger(REF, "align0_retimed", ("if (ce_1m)", "if (!ce_1m)"))
-stranger(
-    REF,
-    "align2_retimed",
-    ("sense_ref[DDS_BITS-1] ^ sense_ref[DDS_BITS-2]", "sense_ref[DDS_BITS-1] & sense_ref[DDS_BITS-2]"),
-)
-stranger(REF, "align0_retimed", ("r_retimed <= picked", "r_retimed <= picked | 4'd1"))
-stranger(REF, "align0_retimed", ("r_signs     <= signs", "r_signs     <= {signs[1:0], signs[3:2]}"))
-stranger(REF, "align0_retimed", ("r_aligned_1 <= r_aligned_0", "r_aligned_1 <= r_retimed"))
 
 # delay.v -------------------------------------------------------------------------------------------------------------
 
@@ -231,10 +202,6 @@ fault("delay.v", "depth3", "late", ("? r_taps_2 :", "? r_taps_3 :"), what="1 clo
 fault("delay.v", "depth8", "early", ("r_taps_6 : r_taps_7", "r_taps_6 : r_taps_6"), what="1 clock")
 fault("delay.v", "depth3", "early", ("? r_taps_2 :", "? r_taps_0 :"), what="2 clocks")
 fault("delay.v", "depth8", "early", ("r_taps_7 <= r_taps_6", "r_taps_7 <= r_taps_5"), what="1 clock")
-stranger("delay.v", "depth8", ("r_taps_4 <= r_taps_3", "r_taps_4 <= r_taps_3 | 18'sd4"))
-stranger("delay.v", "depth8", ("r_taps_4 <= r_taps_3", "if (x != 18'sd1) r_taps_4 <= r_taps_3"))
-stranger("delay.v", "depth8", ("r_taps_2 <= r_taps_1", "r_taps_2 <= r_taps_1 + 18'sd1"))
-stranger("delay.v", "depth1", ("? r_taps_0 :", "? {r_taps_0[16:0], r_taps_0[17]} :"))
 
 # modulator.v ---------------------------------------------------------------------------------------------------------
 
@@ -278,12 +245,6 @@ for name, value in (("product", "{PRODUCT{1'b0}}"), ("code", "20'sd0"), ("held1"
 for k in (1, 2):
     late(MOD, "dac16", "r_held2 <= 20'sd0;", "r_held2 <= r_held1;", k, "signed [19:0]", what="enable")
 late(REF, "align0_retimed", "r_retimed <= 4'd0;", "r_retimed <= picked;", 1, "[3:0]", what="enable")
-stranger(MOD, "dac16", ("r_held2 <= r_held1", "r_held2 <= r_held1 ^ 20'sd8"))
-stranger(MOD, "dac16", ("if (en_product)", "if (en_product | en_code)"))
-stranger(MOD, "dac16", ("r_product <= wide", "r_product <= 42'sd64 | wide"))
-stranger(MOD, "narrow", ("(rounded > HI) ? hi", "(rounded > HI) ? lo"))
-stranger(MOD, "dac16", ("{{24{sine[SINE_BITS-1]}}, sine}", "{{24{1'b0}}, sine}"))
-stranger(MOD, "dac16", (ROUND, "(wide_product + (HALF >>> 1)) >>> shift;"))
 
 # pi.v ----------------------------------------------------------------------------------------------------------------
 
@@ -339,16 +300,6 @@ for name, value, kind in (
 for k in (1, 2):
     late("pi.v", "odd", "r_y    <= 36'sd0;", f"r_y <= {Y_CLIP};", k, "signed [35:0]")
 early("pi.v", "odd", "output reg signed [35:0] r_y ", "r_y    <= 36'sd0;", f"r_y <= {Y_CLIP};")
-stranger(
-    "pi.v", "odd", ("if (mode == OFF)\n                    r_prop", "if (mode != RUN)\n                    r_prop")
-)
-stranger("pi.v", "odd", ("mode == P_ONLY || mode == RUN", "mode == RUN"))
-stranger("pi.v", "rate", ("{r_acc[A-1], r_acc} + {ki_e[A-1], ki_e}", "{r_prop[A-1], r_prop} + {ki_e[A-1], ki_e}"))
-stranger("pi.v", "rate", ("r_prop <= kp_e", "r_prop <= kp_e | 60'sd16"))
-stranger("pi.v", "rate", ("wide_e = {{34{e[25]}}, e}", "wide_e = {34'd0, e}"))
-stranger("pi.v", "odd", ("r_prop <= kp_e", "r_prop <= kp_e - (kp_e >>> 2)"))
-stranger("pi.v", "odd", ("(rounded > Y_HI) ? hi", "(rounded > Y_HI) ? lo"))
-stranger("pi.v", "odd", ("if (en) begin", "if (en | (mode == OFF)) begin"))
 
 # spi_dac.v -----------------------------------------------------------------------------------------------------------
 
@@ -362,14 +313,6 @@ for name, value in (("shift    ", "24'd0"), ("left     ", "5'd0"), ("lead     ",
 fault(DAC, "ad5791", "reset", ("r_shift     <= 24'd0;", "r_shift     <= 24'h800000;"))
 fault(DAC, "dac8811", "sign", ("o_sdin = |(r_shift & MSB)", "o_sdin = ~|(r_shift & MSB)"))
 fault(DAC, "ad5791", "sign", ("o_sdin = |(r_shift & MSB)", "o_sdin = ~|(r_shift & MSB)"))
-stranger(DAC, "ad5791", ("r_left == 5'd1", "r_left == 5'd2"))
-stranger(DAC, "ad5791", ("r_left      <= bits", "r_left      <= bits - 5'd1"))
-stranger(DAC, "dac8811", ("r_left      <= bits", "r_left      <= bits + 5'd1"))
-stranger(DAC, "dac82002", ("r_lead      <= lead", "r_lead      <= lead + 2'd1"))
-stranger(DAC, "ad5791", ("r_ldac_wait <= ldac", "r_ldac_wait <= 1'b0"))
-stranger(DAC, "ad5791", ("r_shift     <= word", "r_shift     <= word | 24'd1"))
-stranger(DAC, "ad5791", ("{r_shift[22:0], 1'b0} & MASK", "{r_shift[22:0], 1'b1} & MASK"))
-stranger(DAC, "ad5791", ("end else if (load) begin", "end else if (load && !r_sclk_en) begin"))
 
 # spi_adc.v -----------------------------------------------------------------------------------------------------------
 
@@ -394,14 +337,6 @@ fault(
 late(ADC, "default", "r_meta       <= 1'b0;", "r_meta  <= drdy_n;", 1, "")
 late(ADC, "default", "r_sync       <= 1'b0;", "r_sync  <= r_meta;", 1, "")
 late(ADC, "default", "r_sync       <= 1'b0;", "r_sync  <= r_meta;", 2, "")
-stranger(ADC, "default", (" CLOCKS[COUNT-1:0] - ONE", " CLOCKS[COUNT-1:0] - ONE - ONE"))
-stranger(ADC, "default", ("TAIL_CLOCKS[COUNT-1:0] - ONE", "TAIL_CLOCKS[COUNT-1:0]"))
-stranger(ADC, "default", ("HEAD = 4'b1100", "HEAD = 4'b1000"))
-stranger(ADC, "default", ("4'd3: r_channels_2", "4'd3: r_channels_1"))
-stranger(ADC, "default", ("LAST_WORD = ADC_CHANNELS[3:0]", "LAST_WORD = ADC_CHANNELS[3:0] - 4'd1"))
-stranger(ADC, "default", ("else if (!r_sclk) begin", "else if (!r_sclk && !(r_count[4] && dout)) begin"))
-stranger(ADC, "default", ("4'd5: r_channels_4 <= shifted", "4'd5: r_channels_4 <= shifted | 24'd1"))
-stranger(ADC, "default", ("r_seen && !r_sync", "!r_sync"))
 
 # VHDL ----------------------------------------------------------------------------------------------------------------
 
@@ -416,8 +351,6 @@ for n in OFFSETS:
     fault("dds.vhd", "default", "reset", (f"r_{n} <= (others => '0')", f"r_{n} <= (5 => '1', others => '0')"))
 fault("dds.vhd", "default", "sign", ("turns(r_phase, word)", "std_logic_vector(unsigned(r_phase) - unsigned(word))"))
 fault("dds.vhd", "default", "gain", ("turns(r_phase, word)", "turns(r_phase, '0' & word(47 downto 1))"))
-stranger("dds.vhd", "default", ("turns(r_phase, word)", "turns(r_drive_sine, word)"))
-stranger("dds.vhd", "default", ("turns(r_phase, off_sense_ref)", 'turns(r_phase, off_sense_ref) or x"000000000100"'))
 for name in ("(not sense_ref(DDS_BITS - 1))", "(not drive_ref(DDS_BITS - 1))"):
     fault("references.vhd", "align2_retimed", "sign", (name, name.replace("not ", "")))
 fault(
@@ -428,7 +361,6 @@ fault(
 )
 fault("references.vhd", "align0_retimed", "reset", ("r_retimed   <= (others => '0')", "r_retimed   <= (others => '1')"))
 fault("references.vhd", "align0_retimed", "sign", ("r_retimed <= picked;", "r_retimed <= not picked;"))
-stranger("references.vhd", "align0_retimed", ("if ce_1m = '1' then", "if ce_1m = '0' then"))
 for rule, text in (("floor", "0"), ("ceil", "2**24 - 1"), ("half_down", "2**23 - 1")):
     fault("pi.vhd", "rate", "rounding", ("to_signed(2**(F - 1), A + 2)", f"to_signed({text}, A + 2)"), what=rule)
 fault(
@@ -461,12 +393,10 @@ fault(
     ("std_logic_vector(clamp(rounded(A + 1 downto F)))", "std_logic_vector(rounded(A - 1 downto F))"),
 )
 fault("pi.vhd", "odd", "reset", ("r_y    <= (others => '0')", "r_y    <= (0 => '1', others => '0')"))
-stranger("pi.vhd", "odd", ("elsif mode = P_ONLY then", 'elsif mode = "11" then'))
 fault("spi_dac.vhd", "dac8811", "bit_order", ("kept(r_shift(22 downto 0) & '0')", "('0' & r_shift(23 downto 1))"))
 fault("spi_dac.vhd", "ad5791", "bit_order", ("kept(r_shift(22 downto 0) & '0')", "('0' & r_shift(23 downto 1))"))
 fault("spi_dac.vhd", "ad5791", "sign", ("o_sdin <= r_shift(LENGTH - 1)", "o_sdin <= not r_shift(LENGTH - 1)"))
 fault("spi_dac.vhd", "ad5791", "reset", ("r_left      <= (others => '0')", 'r_left      <= "00001"'))
-stranger("spi_dac.vhd", "dac8811", ("unsigned(r_left) = 1", "unsigned(r_left) = 2"))
 
 # The loops: a fault in a part shows under the part's name in the loop -------------------------------------------------
 
@@ -476,9 +406,6 @@ fault("agc.v", "default", "sign", (ERROR, "{2'b00, setpoint} + {1'b0, magnitude}
 fault("agc.v", "default", "gain", (ERROR, "{2'b00, setpoint} - {magnitude, 1'b0}"))
 fault("agc.v", "default", "reset", ("r_error <= 26'sd0", "r_error <= 26'sd1"))
 fault("agc.v", "default", "limit", ("r_loop_y >= loop_hi", "r_loop_y > loop_hi"))
-stranger("agc.v", "default", ("r_error <= {", "r_error <= 26'sd4 | {"))
-stranger("agc.v", "default", ("wire kicked = (mode == KICK)", "wire kicked = (mode >= KICK)"))
-stranger("agc.v", "default", ("kicked ? kick : r_loop_y[23:0]", "kicked ? r_loop_y[23:0] : kick"))
 fault("rate_loop.v", "default", "sign", ("r_error <= sense_sin", "r_error <= -sense_sin"))
 fault("rate_loop.v", "default", "gain", ("r_error <= sense_sin", "r_error <= sense_sin >>> 1"))
 fault("rate_loop.v", "default", "limit", ("r_loop_y >= loop_hi", "r_loop_y >= loop_hi - 36'sd1"))
@@ -486,7 +413,6 @@ fault("rate_loop.v", "default", "limit", ("r_loop_y <= loop_lo", "r_loop_y < loo
 fault("quadrature_loop.v", "default", "sign", ("r_error <= -wide_cos", "r_error <= wide_cos"))
 fault("quadrature_loop.v", "default", "reset", ("r_error <= 25'sd0", "r_error <= 25'sd5"))
 fault("quadrature_loop.v", "default", "limit", ("r_loop_y <= loop_lo", "r_loop_y < loop_lo"))
-stranger("quadrature_loop.v", "default", (".u(r_loop_y[31:0])", ".u({r_loop_y[31:1], 1'b0})"))
 TRACKER = "frequency_tracker.v"
 fault(TRACKER, "default", "sign", ("r_centre + correction", "r_centre - correction"))
 fault(TRACKER, "default", "sign", ("r_centre + wide_y", "r_centre - wide_y"))
@@ -494,14 +420,10 @@ fault(TRACKER, "default", "gain", ("r_centre + correction", "r_centre + (correct
 fault(TRACKER, "default", "reset", ("r_word <= NOMINAL_WORD;\n end", "r_word <= 48'd0;\n end"))
 fault(TRACKER, "default", "reset", ("TWICE[DDS_BITS:1];", "TWICE[DDS_BITS:1] + 48'd1;"))
 fault(TRACKER, "default", "sign", ("r_error <= phase", "r_error <= -phase"))
-stranger(TRACKER, "default", ("{{12{r_loop_y[35]}}, r_loop_y}", "{12'd0, r_loop_y}"))
-stranger(TRACKER, "default", ("if (load)", "if (load & ~adjust)"))
 for loop in ("agc", "rate_loop", "quadrature_loop", "frequency_tracker"):
     fault("pi.v", "default", "rounding", ("+ HALF_Y", "+ 62'sd0"), what="floor", inside=loop)
     fault("pi.v", "default", "sign", ("+ {ki_e[A-1], ki_e}", "- {ki_e[A-1], ki_e}"), inside=loop)
     fault("pi.v", "default", "reset", ("r_y <= 36'sd0;", "r_y <= 36'sd1;"), inside=loop)
-    if loop != "quadrature_loop":
-        stranger("pi.v", "default", ("mode == P_ONLY || mode == RUN", "mode == RUN"), inside=loop)
     if loop in ("agc", "rate_loop"):
         fault("pi.v", "default", "limit", ("(rounded > Y_HI) ? hi", "(rounded > Y_HI) ? hi - 36'sd1"), inside=loop)
 
@@ -518,9 +440,6 @@ fault(
 fault("isqrt.v", "default", "gain", ("r_radicand <= u;", "r_radicand <= u << 1;"))
 fault("isqrt.v", "default", "reset", ("r_y <= 16'd0;", "r_y <= 16'd9;"))
 fault("isqrt.v", "default", "reset", ("if (rst) begin\n r_radicand <= 32'd0;", "if (rst) begin\n r_radicand <= 32'd1;"))
-stranger("isqrt.v", "default", ("LAST = 4'd15", "LAST = 4'd14"))
-stranger("isqrt.v", "default", ("{r_radicand[29:0], 2'b00}", "{r_radicand[29:0], 2'b01}"))
-stranger("isqrt.v", "default", ("{1'b0, r_root, 2'b01}", "{1'b0, r_root, 2'b00}"))
 for half, guard, kind in (("HALF_X", "r_x", "33'd"), ("HALF_ANGLE", "r_angle", "32'd")):
     for rule, value in (("floor", "0"), ("ceil", "255")):
         fault("cordic.v", "default", "rounding", (f"{guard} + {half}", f"{guard} + {kind}{value}"), what=rule)
@@ -547,10 +466,6 @@ fault(
     ("r_angle - atan : r_angle + atan", "r_angle - (atan >>> 1) : r_angle + (atan >>> 1)"),
 )
 fault("cordic.v", "default", "reset", ("r_phase <= 24'sd0;\n end", "r_phase <= 24'sd1;\n end"))
-stranger("cordic.v", "default", ("CLOCKS = 5'd24", "CLOCKS = 5'd23"))
-stranger("cordic.v", "default", ("(r_x == {W{1'b0}}) ? 24'sd0 : phase[A-1:G]", "phase[A-1:G]"))
-stranger("cordic.v", "default", ("across = (y + half) >>> r_i", "across = (y + half) >> r_i"))
-stranger("cordic.v", "default", ("x_in[23] ? HALF_TURN : {A{1'b0}}", "x_in[23] ? 32'sd1 : {A{1'b0}}"))
 
 # rate_output.v, digital_sid.v ----------------------------------------------------------------------------------------
 
@@ -599,8 +514,6 @@ fault(
         "(rounded_difference < CORRECTED_LO) ? CORRECTED_LO + 36'sd1",
     ),
 )
-stranger(OUT, "default", ("MAX_K = 3'd6", "MAX_K = 3'd5"))
-stranger(OUT, "default", ("r_stage[2])", "r_stage[1])"))
 SID = "digital_sid.v"
 for rule, value in (("floor", "63'sd0"), ("ceil", "63'sd1048575")):
     fault(SID, "default", "rounding", ("ALPHA * difference + 63'sd524288", f"ALPHA * difference + {value}"), what=rule)
@@ -621,9 +534,6 @@ fault(
     SID, "default", "wrap", ("(sum < ACC_LO) ? ACC_LO[24:0] : (sum > ACC_HI) ? ACC_HI[24:0] : sum[24:0]", "sum[24:0]")
 )
 fault(SID, "default", "reset", ("r_pole2_1 <= 41'sd0", "r_pole2_1 <= 41'sd77"))
-stranger(SID, "default", ("summed(r_acc_2, x_2)", "summed(r_acc_2, x_3)"))
-stranger(SID, "default", ("filtered(r_pole2_0, r_pole1_0)", "filtered(r_pole2_0, r_pole1_1)"))
-stranger(SID, "default", ("r_stage <= 2'd3;", "r_stage <= 2'd3; r_valid <= 1'b1;"))
 
 # Monitors and the sequencer: limits that are parameters ---------------------------------------------------------------
 
@@ -632,22 +542,11 @@ fault("watchdog.v", "default", "limit", ("next_age > limit", "next_age > limit +
 fault("watchdog.v", "default", "wrap", ("(r_age == AGE_TOP) ? AGE_TOP : r_age + 10'd1", "r_age + 10'd1"))
 fault("watchdog.v", "default", "limit", ("AGE_TOP = 10'd1023", "AGE_TOP = 10'd1022"))
 fault("watchdog.v", "default", "reset", ("r_age <= 10'd0;", "r_age <= rst ? 10'd3 : 10'd0;"))
-stranger(
-    "watchdog.v",
-    "default",
-    ("(next_age > limit) || r_stale", "(next_age > limit)"),
-    ("end else if (ce_1m)", "end else"),
-)
 SEQ = "sequencer.v"
 fault(SEQ, "quick", "rounding", ("rotation} + 60'sd32768", "rotation} + 60'sd0"), what="floor")
 fault(SEQ, "quick", "sign", ("r_rotation + {{12{turned[23]}}, turned}", "r_rotation - {{12{turned[23]}}, turned}"))
 fault(SEQ, "quick", "limit", ("frames >= {1'b0, retune}", "frames > {1'b0, retune}"))
 fault(SEQ, "quick", "limit", ("frames >= {1'b0, init}", "frames > {1'b0, init}"))
-stranger(SEQ, "quick", ("following = found ? RETUNE : KICK", "following = RETUNE"))
-stranger(
-    SEQ, "quick", ("(following == IDLE) || (following >= BALANCE)", "(following == IDLE) || (following > BALANCE)")
-)
-stranger(SEQ, "quick", ("DECAY && !usable", "DECAY && usable"))
 
 # Equivalent: 24 bits of 24 are kept; with kp = 0 prop stays 0, and acc alone never leaves the limits of y ------------
 

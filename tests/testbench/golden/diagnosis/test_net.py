@@ -9,10 +9,14 @@ from fpga_model import fixed
 from fpga_model.block import python_of
 from testbench.golden.diagnosis import elaborate, net, rows
 from testbench.golden.stimulus import blocks
-from tests.testbench.golden.benching import but_counting, made
+from tests.testbench.golden.benching import made
+
+QUICK = ("pi", "spi_dac", "cordic", "rate_output")
 
 
-@pytest.mark.parametrize("stem", but_counting(blocks.BLOCKS))
+@pytest.mark.parametrize(
+    "stem", [stem if stem in QUICK else pytest.param(stem, marks=pytest.mark.slow) for stem in blocks.BLOCKS]
+)
 def test_the_graph_of_a_block_gives_every_golden_row(stem):
     block = blocks.BLOCKS[stem]
     case = list(block.cases)[-1]
