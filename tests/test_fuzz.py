@@ -27,7 +27,7 @@ def test_some_files_of_every_kind_are_read_or_refused_by_one_line(folder, kind):
         assert not problem, fuzz.Finding(kind, number, problem).text()
 
 
-@pytest.mark.parametrize("kind", commands.KINDS)
+@pytest.mark.parametrize("kind", [pytest.param(k, marks=[pytest.mark.slow] * (k != "options")) for k in commands.KINDS])
 def test_hostile_options_and_paths_are_refused_by_one_line(folder, kind):
     """In a process of its own, in which what is heavy is put out of action."""
     done, _, findings = fuzz.batch(folder, kind, FIRST, COUNT)

@@ -173,7 +173,7 @@ def claim(store):
     return path
 
 
-@pytest.mark.parametrize("damage", some(DAMAGES, "empty", "half", "no_text", "fifo", "folder", "dangling", "endless"))
+@pytest.mark.parametrize("damage", some(DAMAGES, "half", "no_text", "dangling", "endless"))
 def test_a_point(sound, store, tmp_path, damage):
     address = store.addresses()[1]
     DAMAGES[damage](store.point(address))
@@ -206,7 +206,7 @@ def test_a_plan(sound, store, tmp_path, damage):
     proved(sound, store, tmp_path)
 
 
-@pytest.mark.parametrize("damage", some(DAMAGES, "half", "other_types", "deep", "fifo", "folder"))
+@pytest.mark.parametrize("damage", some(DAMAGES, "half", "other_types", "fifo"))
 def test_a_journal(sound, store, tmp_path, damage):
     DAMAGES[damage](first("journal/*.jsonl")(store))
     proved(sound, store, tmp_path)
@@ -327,7 +327,7 @@ HOSTILE = {
 }
 
 
-SEEN = ("edited", "another_schema", "group", "external_link", "dangling_link", "huge", "packed", "no_dimension")
+SEEN = ("edited", "another_schema", "external_link", "huge", "no_dimension")
 
 
 @pytest.mark.parametrize("what", some(HOSTILE, *SEEN))

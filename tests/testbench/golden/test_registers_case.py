@@ -99,7 +99,10 @@ def test_conversions_are_those_of_the_story_but_for_the_temperature():
 # ---- faults ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("register", registers.WRITABLE, ids=lambda r: r.name)
+@pytest.mark.parametrize(
+    "register",
+    [pytest.param(r, id=r.name, marks=[pytest.mark.slow] * (k % 3 > 0)) for k, r in enumerate(registers.WRITABLE)],
+)
 def test_faults_of_drawn_wires_show(register, shows):
     draw = random.Random(f"{SEED} {register.name}")
     bit, other = draw.sample(range(register.fmt.width), 2)

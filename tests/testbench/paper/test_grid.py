@@ -39,9 +39,9 @@ def words_of(hz, master_hz=26e6, turn=TURN):
     ("hz", "at", "frame_clocks"),
     [
         (11002.4386, EACH_TICK, 3250),
-        (10989.32, EACH_TICK, 3250),
+        pytest.param(10989.32, EACH_TICK, 3250, marks=pytest.mark.slow),
         (11000.0, grid.Grid(1), 3250),
-        (11002.4386, grid.Grid(24, SHORT), 3000),
+        pytest.param(11002.4386, grid.Grid(24, SHORT), 3000, marks=pytest.mark.slow),
         (11002.4386, grid.Grid(26, FAST), 6500),
     ],
 )

@@ -105,7 +105,9 @@ NAMES = {"scale_factor": "lsb_per_dps", "arw": "arw_deg_per_rt_h", "bias_instabi
 LARGEST = {"scale_factor": 5e-5, "v_q": 3e-5, "arw": 5e-3, "bias_instability": 5e-3, "bias": 2e-3}
 
 
-@pytest.mark.parametrize("temp", rows.TEMPERATURES_DEGC)
+@pytest.mark.parametrize(
+    "temp", [pytest.param(t, marks=[pytest.mark.slow] * (k > 0)) for k, t in enumerate(rows.TEMPERATURES_DEGC)]
+)
 def test_closed_forms_are_those_of_budget_and_linear_loop(temp):
     z, mode = drawn(np.random.default_rng(int(temp) + 100), 4)
     z[:, priors.NAMES.index("pickoff_v")] = -4.5  # 6.4 mV: the ring keeps its gain within 3e-5

@@ -97,6 +97,7 @@ def test_each_class_that_its_temperature_contradicts_has_its_smallest_change(fou
     assert not [c for c in found["other_sign"] if c["verdict"] == "contradicted"]
 
 
+@pytest.mark.slow
 def test_the_smallest_change_at_a_temperature_is_what_the_linear_loop_needs():
     """Boards that differ in little but offset; a bias printed 0.18 deg/s off: moved until 1 % are as far away."""
     rng, count = np.random.default_rng(3), 2000

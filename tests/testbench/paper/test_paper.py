@@ -59,7 +59,7 @@ def test_the_counter_reads_the_budget(name):
         assert reading.cos_lag_deg == pytest.approx(known[node], abs=0.006), channel
 
 
-@pytest.mark.parametrize("name", ["paper", pytest.param("low_cost", marks=pytest.mark.slow), "fast_dacs"])
+@pytest.mark.parametrize("name", ["paper", *(pytest.param(n, marks=pytest.mark.slow) for n in OTHER_DESIGNS)])
 def test_words_move_what_the_counter_reads(name):
     """A phase word of 1 deg on the drive sine takes 1 deg off xe1, to the counter's resolution."""
     bench = Bench(changed(board(name), {"noise.seed": 3}))
