@@ -33,11 +33,14 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # files of five seconds and more begin first, in this order: no worker ends with one while the other has nothing to do
 LONG = (
-    *("test_benches.py", "test_designs.py", "test_boards.py", "test_top.py", "test_loop.py", "test_paper.py"),
-    *("test_checkpoint.py", "test_damaged.py", "test_registers_case.py", "test_frame.py", "test_fuzz.py"),
-    *("test_baseband.py", "test_linkage.py", "test_residuals.py", "test_study.py", "test_streams.py", "test_played.py"),
-    *("test_record.py", "test_kills.py", "test_architecture.py", "test_mutate.py", "test_diagnose.py"),
-    *("test_simulate.py", "test_recompute.py", "test_ranges.py", "test_recording.py"),
+    *("test_paper.py", "test_benches.py", "test_boards.py", "test_loop.py", "test_designs.py", "test_frame.py"),
+    *("test_top.py", "test_checkpoint.py", "test_fuzz.py", "test_linkage.py", "test_diagnose.py", "test_export.py"),
+    *("test_damaged.py", "test_baseband.py", "test_architecture.py", "test_classes.py", "test_study.py"),
+    *("test_simulate.py", "test_import.py", "test_streams.py", "test_residuals.py", "test_records.py"),
+    *("test_record.py", "test_inference_board.py", "test_mutate.py", "test_docs.py", "test_recompute.py"),
+    *("test_plant_port.py", "test_nodes.py", "test_driven_resonator.py", "test_ring.py", "test_loop_simulated.py"),
+    *("test_second_mode.py", "test_lanes.py", "test_noise.py", "test_kill.py", "test_edges.py", "test_recording.py"),
+    *("test_dac_levels.py", "test_references.py", "test_rtl.py"),
 )
 PLACE = {name: place for place, name in enumerate(LONG)}
 

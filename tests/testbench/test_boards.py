@@ -41,7 +41,6 @@ WANDERERS = (("paper", 8), ("paper", 14), ("published_3k9", 3), ("fast_dacs", 2)
 QUICK = (
     *((name, None) for name in ("paper", *EVERY) if name != "disk_14khz"),
     WANDERERS[0],
-    (OTHER_DESIGNS[0], 0),
 )
 PHASE_DEG = 0.003
 closed_loop = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="closed loop: too slow interpreted")

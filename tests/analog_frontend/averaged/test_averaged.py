@@ -162,7 +162,7 @@ def _held_growths(ticks, hz):
     return np.exp(2j * np.pi * hz * 1e-6 * (ticks - 1 - np.arange(ticks)))
 
 
-@pytest.mark.parametrize("frame_ticks", [50, 123, 125, 250, 426])
+@pytest.mark.parametrize("frame_ticks", [*(pytest.param(n, marks=pytest.mark.slow) for n in (50, 250, 426)), 123, 125])
 def test_cv_and_force_samples_are_the_held_ones(params, frame_ticks):
     """A sample stands for five ticks from a multiple of five on, however many of them a frame has."""
     on, room, tick = params.plant.noise, zeros(averaged_noise.Drawn), frame_ticks * 1234

@@ -161,6 +161,7 @@ def designs_plan(folder, keep):
     return path, cases
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_every_key_of_a_design_is_swept(tmp_path):
     path, cases = designs_plan(tmp_path, "[keep]\nstatistics.rate_word = ['slope', 'mean']\n")

@@ -129,13 +129,13 @@ RATES = {
     ),
     "26 MHz, ADC read at 6.5 MHz": ("paper.toml", {"design.adc_divider": 4}),
 }
-FAST_RETIMED = ("52 MHz, DACs at 2 MHz",)  # the other rates are tested without re-timing, the rest is slow
+FAST = (("52 MHz, DACs at 2 MHz", True), ("26 MHz, 123 ticks", False))  # the rest is slow
 
 
 @needs_compiler
 @pytest.mark.parametrize(
     ("rate", "retimed"),
-    [pytest.param(rate, retimed, marks=[pytest.mark.slow] * (retimed != (rate in FAST_RETIMED)))
+    [pytest.param(rate, retimed, marks=[pytest.mark.slow] * ((rate, retimed) not in FAST))
      for rate in RATES for retimed in (True, False)],
 )  # fmt: skip
 def test_other_rates_are_within_every_limit(rate, retimed):

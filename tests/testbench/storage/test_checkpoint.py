@@ -195,6 +195,7 @@ def test_the_record_of_a_continued_run_is_whole(uncut):
     assert (first.den, first.attrs["frames"]) == (7 * 3250, 7)
 
 
+@pytest.mark.slow
 def test_a_killed_run_without_checkpoint_has_nothing_to_continue(locked, tmp_path, capsys, monkeypatch):
     killed(tmp_path, "rows", 1, command(locked, "--set", "output.checkpoint_s=0", "--out", "out"))
     monkeypatch.chdir(tmp_path)
@@ -414,7 +415,6 @@ print(seen[2], seen[6], job.recording.spool.rows)
 """
 
 
-@pytest.mark.slow
 def test_memory_does_not_grow_with_simulated_time(locked, tmp_path):
     """All columns, checkpoints twice a second; without streams to the disk, 4 s would be 6 MB."""
     got = done(tmp_path, [], "-c", PEAKS, str(locked[0]), str(tmp_path / "out"))
