@@ -24,7 +24,7 @@ from testbench.measured.wide.averaged_loop import AveragedLoop
 
 CAP = 300.0
 NOISE, DRAWS = 8, 4  # of the averaged plant: for its noise, for a prediction of the last stage
-NEAR, SHORT = 3.0, 0.02  # a step of fewer sigmas, or of this share of the residual, is not worth another
+NEAR, SHORT = 5.0, 0.02  # a step of fewer sigmas, as noise alone moves 18 parameters, or of this share of the residual
 MISSED = 0.3  # share of a step by which its end may miss what the columns promised
 
 
@@ -104,13 +104,13 @@ class Work:
         z = self.loop.residual(predicted) / self.sigma
         return float(np.sqrt(np.mean(z[np.isin(self.loop.observable, observables)] ** 2)))
 
-    def predicted(self, which, last, known):
+    def predicted(self, which, stage, known):
         """(features, columns) at the point; in the last stage features of the exact engine. None without lock.
 
         known  (columns, features that they promised here, sigmas moved): they serve again where they have kept it
         """
-        if not last:
-            return self.loop.columns(self.u, which, self.sigma)
+        if stage is not STAGES[-1]:
+            return self.loop.columns(self.u, which, self.sigma, 0.0 if stage.keys else SETTLE_S)
         mean = self.loop.mean(self.u, DRAWS, EXACT)
         if mean is None:
             return None
@@ -133,7 +133,7 @@ class Work:
         for k in range(stage.steps if which else 0):
             if self.progress:
                 self.progress(f"wide priors: {stage.name}", k, stage.steps)
-            found = self.predicted(which, last, known)
+            found = self.predicted(which, stage, known)
             if found is None:
                 # no lock there: halfway back
                 self.u, known = (self.u + before) / 2, None

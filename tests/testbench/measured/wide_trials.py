@@ -19,16 +19,23 @@ from testbench import config as configuration
 from testbench.errors import ConfigError
 from testbench.measured.closed_loop import loop_laws, loop_noise, loop_problem, loop_runs, loop_trace
 from testbench.measured.closed_loop.loop_runs import EXACT, Model, Run
+from testbench.measured.record.plan import Condition
 from testbench.measured.wide import estimate, sheet
 from testbench.tracing.trace import Options
-from tests.testbench.measured.loop_trials import QUICK, REPEATS, TRUE_SEED
+from tests.testbench.measured.loop_trials import QUICK, REPEATS, TRUE_SEED, lengths
 
 MOST_COUPLING = 1.35
 NORMAL_95 = 1.96
-# sizes of some 10 to 60 sigmas in these conditions
+# a second amplitude at two of the temperatures: without it the slope of Q takes what bends with the amplitude
+CONDITIONS = (
+    *QUICK,
+    Condition("same", 7.0, 60.0, 60.0, 25.0, -15.0, settle_s=loop_runs.SETTLE_S, seconds=0.6, role="fit"),
+    Condition("low", 3.0, 0.0, 0.0, 50.0, 0.0, settle_s=loop_runs.SETTLE_S, seconds=0.6, role="fit"),
+)
+# sizes of some 10 to 60 sigmas with narrow priors; the `d` of a trial is what wide ones leave
 EFFECTS = {
     "duffing_k3_per_um2": 2e-7,
-    "pickoff_cubic_x": 2e-5,
+    "pickoff_cubic_x": 4e-5,
     "sense_cubic": 3e-10,
     "quadrature_cubic": 3e6,
     "feedthrough_x": 3e-4,
@@ -46,7 +53,7 @@ def board(seed):
     return out
 
 
-def recorded(bench, cfg, seed, conditions=QUICK):
+def recorded(bench, cfg, seed, conditions=CONDITIONS):
     """{condition: features of its repeats}: power-ons of a board, each with a frequency and a phase of its own."""
     per_hz = 8 * np.pi**2 * cfg.plant.mass_kg * cfg.plant.fx_hz
     rng, runs = np.random.default_rng([8, seed]), []
@@ -60,12 +67,15 @@ def recorded(bench, cfg, seed, conditions=QUICK):
 
 
 def trial(seed, law=None, options=None):
-    """{what: value} of a trial: verdict, effects, and of every parameter how many sds the truth is off."""
+    """{what: value} of a trial: verdict, effects, d of what is hidden, how many sds each parameter is off."""
     base, bench, begun = configuration.Config(), loop_runs.Bench(1), time.process_time()
     truth = board(seed)
     hidden = {f"effects.{law}": EFFECTS[law]} if law else {}
     data = loop_problem.Measured(
-        f"wide {seed}", QUICK, recorded(bench, configuration.changed(base, truth | hidden), seed), {"trial": str(seed)}
+        f"wide {seed}",
+        CONDITIONS,
+        recorded(bench, configuration.changed(base, truth | hidden), seed),
+        {"trial": str(seed)},
     )
     found = estimate.estimate(data, base, sheet.parameters(base, sheet.read(sheet.OWN)), bench)
     problem = loop_problem.LoopProblem(
@@ -76,10 +86,12 @@ def trial(seed, law=None, options=None):
     return {
         "seed": seed,
         "hidden": law,
+        "d": law and EFFECTS[law] * lengths(problem, [law])[law],
         "verdict": result.verdict,
         "found": [e["law"] for e in result.effects],
         "rms": found.rms,
         "off": {p.key: _off(p, x, truth[p.key]) / s for p, x, s in zip(problem.parameters, fit.point.theta, fit.sd)},
+        "heldout": [result.heldout_chi2.get("after"), result.heldout_chi2.get("limit")],
         "notes": list(result.notes),
         "seconds": time.process_time() - begun,
     }
