@@ -246,19 +246,25 @@ app.command()(loop)
 @app.command()
 def prove(
     block: Annotated[str, typer.Argument(help="Block with properties, such as spi_dac, or all.")],
-    rtl: Annotated[Path, typer.Option("--rtl", metavar="DIR", help="Folder of a Verilog design, with its formal/.")],
+    rtl: Annotated[Path, typer.Option("--rtl", metavar="DIR", help="Folder of a Verilog design.")],
+    level: Annotated[str | None, typer.Option("--level", help="pins, outputs or registers.")] = None,
+    files: Annotated[Path | None, typer.Option("--files", metavar="F.f", help="List of its files.")] = None,
+    top: Annotated[str | None, typer.Option("--top", help="Your module.")] = None,
+    map_path: Annotated[Path | None, typer.Option("--map", metavar="TOML", help="Names of your design.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of lines.")] = False,
 ):
     """Prove the properties of a block by induction: saturation, phase accumulator, SPI framing, sequencing."""
     from testbench.errors import ConfigError
+    from testbench.golden.foreign.choice import Choice
     from testbench.golden.proofs import formal
 
+    choice = Choice(level=level, files=files, top=top, map=map_path)
     if block != "all" and block not in formal.CASES:
         raise ConfigError(f"block: {block!r} has no properties; known: all, {', '.join(formal.CASES)}")
     found = []
     for stem in formal.CASES if block == "all" else (block,):
         for case in formal.CASES[stem]:
-            found.append(formal.prove(stem, case, rtl))
+            found.append(formal.prove(stem, case, rtl, choice=choice))
             if not as_json:
                 typer.echo(found[-1].text())
     if as_json:

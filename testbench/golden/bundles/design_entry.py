@@ -10,7 +10,8 @@ from pathlib import Path
 
 from fpga_model import design_record
 from testbench.errors import ConfigError, FileError
-from testbench.golden.stimulus import blocks
+from testbench.golden.bundles import bundle
+from testbench.golden.stimulus import blocks, levels
 from testbench.golden.stimulus.levels import told  # noqa: F401
 from testbench.storage.inputs import checked
 
@@ -21,6 +22,20 @@ def entry(block):
         return {}
     given = [{"name": name, "value": value} for name, value in block.keys.items()]
     return {"design": block.design._asdict(), "design_params": given}
+
+
+def interface(block, case):
+    """Entries of the manifest that say what a design must look like: ports, parameters, levels."""
+    params = [{"name": name, "raw": raw, "fmt": list(fmt)} for name, raw, fmt in blocks.params_of(block, case)]
+    return {
+        "inputs": [bundle.port(p) for p in block.columns],
+        "registers": [bundle.port(p) for p in block.registers],
+        "outputs": [bundle.port(p) for p in block.pins],
+        "params": params,
+        "unused_params": levels.unused_params(block),
+        "levels": levels.entry(block),
+        **entry(block),
+    }
 
 
 def of_manifest(path, manifest):

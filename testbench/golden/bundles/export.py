@@ -13,32 +13,23 @@ from testbench.errors import ConfigError
 from testbench.golden.bundles import benches, bundle, design_entry, provenance, scores, top
 from testbench.golden.coverage import evidence
 from testbench.golden.ranges import range_report
-from testbench.golden.stimulus import blocks, levels, stimulus
+from testbench.golden.stimulus import blocks, stimulus
 from testbench.storage import vcd
 from testbench.version import VERSION
 
 
 def _manifest(block, case, stim, exp, families, seed):
-    params = [{"name": name, "raw": raw, "fmt": list(fmt)} for name, raw, fmt in blocks.params_of(block, case)]
-    ports = {
-        "inputs": [bundle.port(p) for p in block.columns],
-        "registers": [bundle.port(p) for p in block.registers],
-        "outputs": [bundle.port(p) for p in block.pins],
-    }
-    identity = {"block": block.stem, "case": case, "params": params, **ports, **design_entry.entry(block)}
+    described = design_entry.interface(block, case)
+    named = {"block": block.stem, "case": case}
+    identity = named | {k: v for k, v in described.items() if k not in ("unused_params", "levels")}
     return {
         "schema": bundle.SCHEMA,
-        "block": block.stem,
-        "case": case,
+        **named,
         "clock": {"name": "clk", "hz": block.record.master_hz},
         "reset": {"name": blocks.RESET_INPUT, "active": 1, "cycles": benches.RESET_CYCLES},
         "sample": "before rising edge",
         "n": len(stim),
-        **ports,
-        "params": params,
-        "unused_params": levels.unused_params(block),
-        "levels": levels.entry(block),
-        **design_entry.entry(block),
+        **described,
         "rules": block.rules,
         "latency": block.latency,
         "seed": seed,

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from testbench.errors import ConfigError, FileError
 from testbench.golden.foreign import design_map, judged, sources, wrapper
+from testbench.golden.foreign.choice import AS_OURS, Choice  # noqa: F401
 from testbench.golden.foreign.design_map import LIBRARY
 
 
@@ -24,17 +25,6 @@ SIMULATORS = {
     "verilator": Simulator("verilator", "verilog"),
     "ghdl": Simulator("ghdl", "vhdl"),
 }
-
-
-class Choice(NamedTuple):
-    """What a user says of a design: simulator, level, list of files, top, map and latency file; None if nothing."""
-
-    sim: str | None = None
-    level: str | None = None
-    files: Path | None = None
-    top: str | None = None
-    map: Path | None = None
-    latency: Path | None = None
 
 
 class Design(NamedTuple):
@@ -107,9 +97,6 @@ def _sources(rtl, block, choice, top):
         )
     sim = _simulator(choice.sim, [found.language for found in fits], "the design")
     return sim, next(found for found in fits if found.language == SIMULATORS[sim].language)
-
-
-AS_OURS = Choice()
 
 
 def chosen(manifest, rtl, choice=AS_OURS):

@@ -1,11 +1,13 @@
-"""Properties of the reference RTL proven with the SAT solver of yosys: by induction, so for any number of clocks.
+"""Properties of a design proven with the SAT solver of yosys: by induction, so for any number of clocks.
 
     rtl/formal/BLOCK.v   module prove_BLOCK: the properties, as labelled assertions over ports of the block
-    proof                block and properties side by side, with the parameters of a golden case
+    proof                design and properties side by side, with the parameters of a golden case
+    level                ports that it does not judge are free inputs; what depends on one is not proven
     base case            no property fails within k clocks of reset
     induction step       k clocks without a failure from any state, reachable or not, are followed by another
 
 Values are those of two-valued logic: a register without reset may begin at anything. The k that was needed is reported.
+An asynchronous reset counts from the edge on: a proof has no instants between edges.
 Source  docs/rtl.md; yosys manual, `sat -tempinduct`; Een, Sorensson 2003
 """
 
@@ -17,8 +19,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 from testbench.errors import ConfigError, FileError
-from testbench.golden.bundles import benches
-from testbench.golden.stimulus import blocks
+from testbench.golden.bundles import design_entry
+from testbench.golden.bundles.benches import layout
+from testbench.golden.foreign import design_map, sources, wrapper
+from testbench.golden.foreign.choice import AS_OURS
+from testbench.golden.stimulus import blocks, levels
 from testbench.tool import run_tool
 
 # Block: cases whose parameters are proven, all with lo <= 0 <= hi
@@ -30,13 +35,24 @@ CASES = {
     "spi_adc": ("default",),
     "sequencer": ("quick",),
 }
-FOLDER = "formal"
+PROPERTIES = Path(__file__).resolve().parents[2] / "rtl" / "formal"
 MAX_STEPS, TIMEOUT_S = 12, 300
 TOP = "proof"
+SYNC_RESET = """(* techmap_celltype = "$adff" *)
+module sync_reset #(parameter WIDTH = 1, CLK_POLARITY = 1, ARST_POLARITY = 1, ARST_VALUE = 0) (
+    input CLK, ARST, input [WIDTH-1:0] D, output [WIDTH-1:0] Q
+);
+    wire [WIDTH-1:0] next = ARST == ARST_POLARITY ? ARST_VALUE : D;
+    \\$dff #(.WIDTH(WIDTH), .CLK_POLARITY(CLK_POLARITY)) _TECHMAP_REPLACE_ (.CLK(CLK), .D(next), .Q(Q));
+endmodule
+"""
 
 
 class Proof(NamedTuple):
-    """Outcome for a block and case: `steps` of the induction that were needed, or in which the base case failed."""
+    """Outcome for a block and case: `steps` of the induction that were needed, or in which the base case failed.
+
+    properties  those that were tried;  unseen  those that speak of ports that the level does not judge
+    """
 
     block: str
     case: str
@@ -45,9 +61,14 @@ class Proof(NamedTuple):
     steps: int
     why: str
     seconds: float
+    level: str = "registers"
+    unseen: tuple = ()
 
     def text(self):
-        head = f"{self.block}/{self.case}: {len(self.properties)} properties"
+        count = f"{len(self.properties)} properties"
+        if self.unseen:
+            count = f"{len(self.properties)} of {len(self.properties) + len(self.unseen)} properties"
+        head = f"{self.block}/{self.case}: {count}{f' at level {self.level}' * (self.level != 'registers')}"
         if self.proven:
             return f"PROVEN {head}, any number of clocks (induction over {self.steps}), {self.seconds:.1f} s"
         return f"FAIL {head}: {self.why}, {self.seconds:.1f} s"
@@ -64,12 +85,43 @@ def _ports(text):
     return [(name, int(high or 0) + 1) for high, name in found]
 
 
-def _top(block, case, checker):
-    """Verilog: the block and its properties, both with the parameters of the case, over free inputs."""
-    given = [(name, fmt.width, raw & ((1 << fmt.width) - 1)) for name, raw, fmt in blocks.params_of(block, case)]
+class _Design(NamedTuple):
+    """What is proven: sources, ports that the level judges, and a wrapper (module, text) if the names are its own."""
+
+    sources: sources.Sources
+    ports: tuple
+    module: str
+    wrapper: str
+
+
+def _design(block, case, rtl, choice):
+    """`_Design` in a folder; FileError or ConfigError with one line."""
+    level = choice.level or "registers"
+    manifest = {"block": block.stem, "case": case, **design_entry.interface(block, case), "sha256": {}}
+    ports = tuple(name for name, _ in levels.judged(manifest, level))
+    named = None
+    if choice.map is not None or choice.top is not None:
+        named = design_map.read(choice.map, manifest, level, choice.top)
+        if named.style == "none":
+            raise ConfigError(f"{choice.map}: reset.style: 'none': an induction begins with a reset")
+    if choice.files is not None:
+        found = [sources.of_list(choice.files)]
+    else:
+        found = sources.of_folder(rtl, block.stem) or (sources.of_folder(rtl, named.top) if named else [])
+    found = [own for own in found if own.language == "verilog"]
+    if not found:
+        raise FileError(f"{choice.files or rtl}: no {block.stem}.v or .sv; a proof reads Verilog")
+    if named is None:
+        return _Design(found[0], ports, block.module, "")
+    return _Design(found[0], ports, wrapper.name_of(manifest), wrapper.verilog(manifest, named))
+
+
+def _top(block, case, checker, design):
+    """Verilog: design and properties, both with the parameters of the case, over free inputs."""
+    given = [(name, fmt.width, raw & ((1 << fmt.width) - 1)) for name, raw, fmt in layout.set_params(block, case)]
     known = set(re.findall(r"\bparameter\s+(?:signed\s+)?(?:\[\d+:0\]\s*)?(\w+)", checker))
     inputs = [("clk", 1), *((p.name, p.width) for p in block.columns)]
-    found = [(name, p.width) for name, p in benches.results(block)]
+    found = [(name, p.width) for name, p in layout.results(block)]
     widths = dict(inputs + found)
     for name, width in _ports(checker):
         if widths.get(name) != width:
@@ -80,57 +132,98 @@ def _top(block, case, checker):
         ports = ", ".join(f".{name}({name})" for name in names)
         return f"    {module} #({values}) {label} ({ports});" if values else f"    {module} {label} ({ports});"
 
-    ports = ", ".join(f"input wire [{width - 1}:0] {name}" for name, width in inputs)
-    lines = [f"module {TOP} ({ports});", *(f"    wire [{width - 1}:0] {name};" for name, width in found)]
-    lines.append(instance(block.module, "dut", widths, given))
+    unseen = [(name, width) for name, width in found if name not in design.ports]
+    ports = ", ".join(f"input wire [{width - 1}:0] {name}" for name, width in inputs + unseen)
+    lines = [f"module {TOP} ({ports});"]
+    lines += [f"    wire [{width - 1}:0] {name};" for name, width in found if name in design.ports]
+    lines.append(instance(design.module, "dut", [name for name, _ in inputs] + list(design.ports), given))
     used = [name for name, _ in _ports(checker)]
     lines.append(instance(f"prove_{block.stem}", "properties", used, [g for g in given if g[0] in known]))
-    return "\n".join([*lines, "endmodule"]) + "\n"
+    return "\n".join([*lines, "endmodule"]) + "\n", [name for name, _ in unseen]
 
 
-def prove(stem, case, rtl, only=None, steps=MAX_STEPS, base_only=False, folder=None):
-    """`Proof` of a block of the design in folder `rtl`, whose properties stand in the folder formal there.
+def _script(design, unseen, asked):
+    """Commands for yosys: read, flatten, take out what speaks of an unseen port, prove."""
+    own = design.sources
+    options = "".join(f" -I{folder}" for folder in own.includes) + "".join(f" -D{macro}" for macro in own.defines)
+    lines = [f"read_verilog -defer{' -sv' * (path.suffix == '.sv')}{options} {path}" for path in own.files]
+    lines += ["read_verilog -defer wrapper.v"] if design.wrapper else []
+    lines += [
+        "read_verilog -formal checker.v",
+        "read_verilog top.v",
+        f"hierarchy -check -top {TOP}",
+        "proc; flatten",
+        *(f"chformal -assert -remove i:{name} %co*" for name in unseen),
+        "tee -q -o tried.txt select -list t:$assert",
+        "techmap -map sync_reset.v; memory_map; opt -nodffe -nosdff; check -assert",
+        "chformal -cover -remove",
+    ]
+    return [*lines, asked]
+
+
+def prove(stem, case, rtl, only=None, steps=MAX_STEPS, base_only=False, folder=None, choice=AS_OURS):
+    """`Proof` of a block of the design in folder `rtl`.
 
     only       names of the properties to prove; all if None
     steps      clocks of the longest induction
     base_only  look for a failure within `steps` clocks of reset alone: not proven, whatever the outcome
+    choice     level, files, top and map of a design that was not written from ours
     Raises ConfigError for a missing tool or an unknown name, FileError for a missing file or what yosys says.
     """
     if shutil.which("yosys") is None:
         raise ConfigError("yosys: not installed; it holds the solver")
     if case not in CASES.get(stem, ()):
         raise ConfigError(f"{stem}/{case}: has no proof; known: {', '.join(CASES)}")
-    rtl, block = Path(rtl).resolve(), blocks.BLOCKS[stem]
-    paths = [rtl / f"{name}.v" for name in (*benches.PARTS.get(stem, ()), stem)] + [rtl / FOLDER / f"{stem}.v"]
-    for path in paths:
-        if not path.is_file():
-            raise FileError(f"{path}: no such file; the proof of {stem} needs it")
-    checker = paths[-1].read_text()
+    block, checker = blocks.BLOCKS[stem], (PROPERTIES / f"{stem}.v").read_text()
+    design = _design(block, case, rtl, choice)
     properties = labels(checker)
     wanted = properties if only is None else tuple(only)
     for name in wanted:
         if name not in properties:
             raise ConfigError(f"{stem}: has no property {name}; known: {', '.join(properties)}")
     kept = re.sub(r"\b(\w+): assert\b", lambda m: m[0] if m[1] in wanted else f"{m[1]}: cover", checker)
-    script = [
-        *(f"read_verilog -defer {path}" for path in paths[:-1]),
-        "read_verilog -formal checker.v",
-        "read_verilog top.v",
-        f"hierarchy -check -top {TOP}",
-        "proc; flatten; memory_map; opt -nodffe -nosdff; check -assert",
-        "chformal -cover -remove",
+    text, unseen = _top(block, case, checker, design)
+    asked = (
         f"sat -tempinduct{'-baseonly' if base_only else ''} -prove-asserts -set-assumes -maxsteps {steps} "
-        f"-timeout {TIMEOUT_S} {TOP}",
-    ]
+        f"-timeout {TIMEOUT_S} {TOP}"
+    )
     began = time.perf_counter()
     with tempfile.TemporaryDirectory(prefix="gyro-formal-") as temporary:
         work = Path(folder or temporary)
-        (work / "checker.v").write_text(kept)
-        (work / "top.v").write_text(_top(block, case, checker))
-        (work / "proof.ys").write_text("\n".join(script) + "\n")
-        said = run_tool(["yosys", "proof.ys"], work, f"{stem}/{case}")
+        script = "\n".join(_script(design, unseen, asked)) + "\n"
+        files = {"checker.v": kept, "top.v": text, "wrapper.v": design.wrapper, "sync_reset.v": SYNC_RESET}
+        for name, own in {**files, "proof.ys": script}.items():
+            (work / name).write_text(own)
+        said = _run(work, f"{rtl}: {stem}/{case}")
+        tried = re.findall(r"properties\.(\w+)$", (work / "tried.txt").read_text(), re.M)
+    level = choice.level or "registers"
+    tried = tuple(name for name in wanted if name in tried)
+    if not tried:
+        raise ConfigError(f"level: no property of {stem} speaks of ports at level {level} alone")
     proven, reached, why = _verdict(said)
-    return Proof(stem, case, wanted, proven, reached, why, time.perf_counter() - began)
+    if why.startswith("no failure") and not base_only and len(tried) > 1:
+        # the others may stand without it
+        alone = [prove(stem, case, rtl, [name], steps, choice=choice) for name in tried]
+        proven = all(found.proven for found in alone)
+        open_ones = ", ".join(found.properties[0] for found in alone if not found.proven)
+        why = f"{why} of {open_ones}; the rest is proven" if open_ones else ""
+    left = tuple(name for name in wanted if name not in tried)
+    return Proof(stem, case, tried, proven, reached, why, time.perf_counter() - began, level, left)
+
+
+def _run(work, what):
+    """What yosys says; FileError with its one line of error, or where it has cut a port of the design."""
+    try:
+        said = run_tool(["yosys", "proof.ys"], work, what)
+    except FileError as problem:
+        found = re.search(r".*ERROR: .*", str(problem))
+        if found is None:
+            raise
+        raise FileError(f"{what}: yosys: {found[0].replace(f'{work}/', '')}") from None
+    cut = re.search(r"Resizing cell port \w+\.\w+\.(\w+) from (\d+) bits to (\d+) bits", said)
+    if cut:
+        raise FileError(f"{what}: port {cut[1]} of the design has {cut[3]} bits, not {cut[2]}")
+    return said
 
 
 def _verdict(said):

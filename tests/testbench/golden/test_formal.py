@@ -3,18 +3,21 @@
 import json
 import re
 import shutil
+from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
 from testbench.commands.main import app
 from testbench.errors import ConfigError, FileError
+from testbench.golden.foreign.choice import Choice
 from testbench.golden.proofs import formal
 from testbench.golden.stimulus import blocks
 from tests.testbench.rtl.test_rtl import RTL, yosys
 
 pytestmark = yosys
-CHECKERS = RTL / formal.FOLDER
+CHECKERS = formal.PROPERTIES
+DAC = Path(__file__).with_name("designs") / "dac_master"
 KICK_TO = "if (frames >= {1'b0, kick}) following = DECAY;"
 STALE = "wire bad = r_faults_flags[STALE] || r_faults_flags[STUCK]"
 SOON = ("LAST_WORD = ADC_CHANNELS[3:0]", "LAST_WORD = 4'd0")  # a frame of the ADC that ends after its status word
@@ -139,7 +142,7 @@ def planted(where, name, folder):
     """Folder of a design with the edits of a property."""
     stem, _ = where
     rtl = folder / "rtl"
-    shutil.copytree(RTL, rtl)
+    shutil.copytree(RTL, rtl, ignore=shutil.ignore_patterns("formal"))
     path = rtl / f"{stem}.v"
     text = path.read_text()
     for right, wrong in PLANTED[where][name]:
@@ -209,21 +212,74 @@ def test_bad_input_is_one_clear_error(tmp_path, monkeypatch):
         formal.prove("sine", "default", RTL)
     with pytest.raises(ConfigError, match="dds: has no property flies; known: resets"):
         formal.prove("dds", "default", RTL, ["flies"])
-    with pytest.raises(FileError, match=r"dds\.v: no such file; the proof of dds needs it"):
+    with pytest.raises(FileError, match=r"no dds\.v or \.sv; a proof reads Verilog"):
         formal.prove("dds", "default", tmp_path)
-    rtl = tmp_path / "rtl"
-    shutil.copytree(RTL, rtl)
-    path = rtl / formal.FOLDER / "dds.v"
-    path.write_text(path.read_text().replace("[47:0] r_phase", "[46:0] r_phase"))
-    with pytest.raises(FileError, match="dds: the properties speak of a port r_phase of 47 bits; there is none"):
-        formal.prove("dds", "default", rtl)
+    with pytest.raises(FileError, match="not a folder"):
+        formal.prove("dds", "default", tmp_path / "no")
+    text = (RTL / "dds.v").read_text()
+    for edited, said in (
+        (
+            text.replace("[DDS_BITS-1:0] r_phase", "[DDS_BITS-2:0] r_phase"),
+            "port r_phase of the design has 47 bits, not 48",
+        ),
+        (text.replace("output reg  [DDS_BITS-1:0] r_phase,", ""), "r_phase"),
+        (text.replace("always", "allways", 1), r"dds\.v:\d+: ERROR: syntax error"),
+    ):
+        assert edited != text
+        (tmp_path / "dds.v").write_text(edited)
+        with pytest.raises(FileError, match=said) as problem:
+            formal.prove("dds", "default", tmp_path)
+        assert len(str(problem.value).splitlines()) == 1
+    with pytest.raises(ConfigError, match="no property of sequencer speaks of ports at level outputs alone"):
+        formal.prove("sequencer", "quick", RTL, choice=Choice(level="outputs"))
+    own = (DAC / "map.toml").read_text()
+    (tmp_path / "map.toml").write_text(own.replace('"async"', '"none"'))
+    with pytest.raises(ConfigError, match="an induction begins with a reset"):
+        formal.prove("spi_dac", "ad5791", DAC, choice=Choice(level="pins", map=tmp_path / "map.toml"))
     monkeypatch.setattr(formal.shutil, "which", lambda name: None)
     with pytest.raises(ConfigError, match="yosys: not installed"):
         formal.prove("dds", "default", RTL)
 
 
+IN_FRAMES = ("clock_only_in_frame", "loads_in_frame", "ldac_outside_frames", "ldac_one_clock")
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "name"),
+    [
+        ("running && count <= BITS", "count <= BITS", "clock_only_in_frame"),
+        ("load_n <= ~pending;", "load_n <= ~pending & count != 20;", "ldac_outside_frames"),
+        ("load_n <= ~pending;", "load_n <= ~pending & count < 20;", "ldac_one_clock"),
+        ("count <= total; held", "held", "loads_in_frame"),
+    ],
+)
+def test_a_design_of_other_architecture_is_proven_at_its_level(tmp_path, right, wrong, name):
+    """What speaks of pins alone, with an asynchronous reset and names of its own."""
+    text = (DAC / "dac_master.v").read_text()
+    assert text.count(right) == 1
+    choice = Choice(level="pins", map=DAC / "map.toml")
+    proof = formal.prove("spi_dac", "ad5791", DAC, IN_FRAMES, choice=choice)
+    assert (proof.proven, proof.properties, proof.unseen) == (True, IN_FRAMES, ()), proof.text()
+    (tmp_path / "dac_master.v").write_text(text.replace(right, wrong))
+    alone = formal.prove("spi_dac", "ad5791", tmp_path, [name], 12, True, choice=choice)
+    assert re.fullmatch(r"a property fails \d+ clocks after power-on", alone.why), alone.text()
+
+
+@pytest.mark.slow
+def test_what_no_induction_reaches_is_named(tmp_path):
+    """The word of a frame without its shift register: no proof, and no failure either."""
+    choice = Choice(level="pins", map=DAC / "map.toml")
+    proof = formal.prove("spi_dac", "ad5791", DAC, choice=choice)
+    assert set(proof.properties) == {*IN_FRAMES, "frame_is_the_word"}
+    assert len(proof.unseen) == len(formal.labels((CHECKERS / "spi_dac.v").read_text())) - 5
+    assert proof.why == "no failure within 12 clocks, and no proof of frame_is_the_word; the rest is proven"
+
+
 def test_the_command_says_what_is_proven(tmp_path):
-    done = CliRunner().invoke(app, ["golden", "prove", "dds", "--rtl", str(RTL), "--json"])
+    own = tmp_path / "own"
+    own.mkdir()
+    shutil.copy(RTL / "dds.v", own)  # a user's folder: the design, and nothing of ours beside it
+    done = CliRunner().invoke(app, ["golden", "prove", "dds", "--rtl", str(own), "--json"])
     assert done.exit_code == 0, done.output
     (found,) = json.loads(done.output)["proofs"]
     assert (found["block"], found["proven"]) == ("dds", True)
