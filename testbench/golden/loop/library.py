@@ -123,7 +123,9 @@ def driver(face, known):
     clock = face.inputs[CLOCK][0]
     return f"""// Generated: one edge, comparison and read-out of {face.top}
 #include <cstdint>
+#include <cstdio>
 #include <memory>
+#include <unistd.h>
 #include "{CLASS}.h"
 #include "verilated.h"
 
@@ -133,6 +135,12 @@ struct Design {{
 }};
 
 double sc_time_stamp() {{ return 0; }}
+
+// a design that does not settle, or that stops itself: one line instead of an abort
+void vl_fatal(const char* file, int line, const char*, const char* text) {{
+    std::fprintf(stderr, "gyro: %s: line %d: %s\\n", file, line, text);
+    _exit(2);
+}}
 
 extern "C" {{
 int64_t gyro_new() {{ return (int64_t) new Design; }}
@@ -272,7 +280,9 @@ def build(rtl, params, folder, level=2, face=None, listed=None):
         folder.mkdir(parents=True, exist_ok=True)
     shutil.rmtree(folder / "built", ignore_errors=True)
     command = "verilator --cc --exe -O3 --x-initial 0 -Wno-fatal -Wno-lint -Wno-style".split()
-    command += f"-CFLAGS -fPIC -LDFLAGS -shared --top-module {face.top} --prefix {CLASS}".split()
+    command += (
+        f"-CFLAGS -fPIC -CFLAGS -DVL_USER_FATAL -LDFLAGS -shared --top-module {face.top} --prefix {CLASS}".split()
+    )
     command += "--Mdir built -o gyro_top.so".split()
     run_tool([*command, *given, *listed, "driver.cpp"], folder, str(what))
     declared = _declared(folder / "built" / f"{CLASS}.h")

@@ -3,6 +3,8 @@
 import json
 import re
 import shutil
+import subprocess
+import sys
 from collections import Counter
 
 import numpy as np
@@ -263,6 +265,21 @@ def in_loop(kind, folder, clocks=None):
         config = changed(config, {f"firmware.{key}": value for key, value in clocks.items()})
         firmware = record.quick_firmware(config)
     return run.run(config, rtl, folder / "built", firmware=firmware, level=1, pins=run.Pins(pin_tops.TOP))
+
+
+@pytest.mark.slow
+@VERILATOR
+def test_a_design_that_does_not_settle_ends_with_one_line(tmp_path):
+    outputs = [f"output o_{name}" if name != "refs" else "output [3:0] o_refs" for name in library.PINS]
+    inputs = "input clk, input rst, input drdy_n, input dout, input write, input [7:0] address, input [47:0] data"
+    body = "wire a = rst & ~(a ^ clk); assign o_adc_cs_n = a;"
+    (tmp_path / "mine.v").write_text(f"module mine({inputs}, {', '.join(outputs)}); {body} endmodule\n")
+    path = library.build(tmp_path, PARAMS, tmp_path / "built", 0, FACE, library.user_sources(tmp_path, "mine"))
+    code = f"from testbench.golden.loop import library; library.Design({str(path)!r})"
+    done = subprocess.run([sys.executable, "-c", code], cwd=RTL.parents[1], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2
+    (line,) = [text for text in done.stderr.splitlines() if text.startswith("gyro: ")]
+    assert "converge" in line
 
 
 @pytest.mark.slow
