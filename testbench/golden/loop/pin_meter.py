@@ -16,11 +16,13 @@ from typing import NamedTuple
 import numpy as np
 
 from testbench.run import nodes
+from testbench.run.tally import amplitude_m
 
 BLOCK_S = 1e-3
 PARTS = 8  # of a plateau, whose scatter gives the sigma of a lag
 LEAST_S = 2 * PARTS * BLOCK_S  # of a plateau
 NODES = ("xe1", "ye1")
+DRIVE_LOOPS = 2  # the first of the four
 
 
 class Shown(NamedTuple):
@@ -74,7 +76,10 @@ class Limits(NamedTuple):
 
 
 def lock_frame(codes, limits, end):
-    """First frame before `end` from which all four errors have been small for their times, and large no more; or -1."""
+    """First frame before `end` from which all four errors have been small for their times, and large no more; or -1.
+
+    Errors of the sense loops count from the lock of the drive on: before, there is no signal.
+    """
     x = codes[:end].astype(float)
     magnitude, phase = np.hypot(x[:, 0], x[:, 1]), np.abs(np.arctan2(x[:, 0], -x[:, 1])) / (2 * np.pi) * 2**24
     errors = (
@@ -83,12 +88,14 @@ def lock_frame(codes, limits, end):
         np.abs(x[:, 2]),
         np.abs(x[:, 3]),
     )
-    found = 0
-    for error, small, large, frames in zip(errors, limits.limit_in, limits.limit_out, limits.frames_in, strict=True):
+    found, start = 0, 0
+    every = zip(errors, limits.limit_in, limits.limit_out, limits.frames_in, strict=True)
+    for loop, (error, small, large, frames) in enumerate(every):
+        start = found if loop == DRIVE_LOOPS else start
         lost = np.flatnonzero(error > large)
         bad = np.flatnonzero(error > small)
         # the last run of small errors that is long enough, behind the last loss
-        begins = [0, *(bad + 1).tolist()]
+        begins = [max(b, start) for b in (0, *(bad + 1).tolist())]
         ends = [*bad.tolist(), len(error)]
         after = lost[-1] if len(lost) else -1
         runs = [b for b, e in zip(begins, ends, strict=True) if e - b >= frames and b > after]
@@ -185,7 +192,7 @@ def measure(shown, design, stretches, locked, grid_clocks):
         ratios.append(sense / drive)
         frames = slice(plateau.first // design.frame_ticks, plateau.last // design.frame_ticks)
         x, vx = shown.truth[frames, 0], shown.truth[frames, 1]
-        amplitudes.append(np.hypot(x, vx / (2 * np.pi * turn * design.master_hz)))
+        amplitudes.append(amplitude_m(x, vx, turn * design.master_hz, 1.0))
     lags = {name: _lag(found, grid_clocks * float(np.mean(turns))) for name, found in errors.items()}
     return Measured(
         lock_frame=locked,

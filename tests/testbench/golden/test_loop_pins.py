@@ -43,7 +43,9 @@ def shown(lag_clocks, rates, hz=11002.3, ticks=150_000, sense_per_dps=400.0, bia
     turns = hz / DEFAULT.master_hz
     clock = np.arange(ticks) * TICK_CYCLES + np.array([[3], [9]])
     angle = 2 * np.pi * turns * (clock - np.array(lag_clocks)[:, None])
-    rate = np.repeat(rates, ticks // len(rates))
+    # the same noise in every run, as that of the plant is
+    noise = np.repeat(np.random.default_rng(3).normal(0.0, 0.05, ticks // 1000), 1000)
+    rate = np.repeat(rates, ticks // len(rates)) + noise
     drive = np.round(20_000 * np.sin(angle[0])).astype(np.int32)
     sense = np.round(sense_per_dps * (rate + bias_dps) * np.sin(angle[1])).astype(np.int32)
     rows = []
@@ -58,8 +60,8 @@ def shown(lag_clocks, rates, hz=11002.3, ticks=150_000, sense_per_dps=400.0, bia
     codes = np.zeros((frames, 4))
     codes[:, 1] = -1e6
     at = np.arange(frames) * FRAME_TICKS * TICK_CYCLES * turns * 2 * np.pi
-    w = 2 * np.pi * hz
-    truth = np.stack([-5e-6 * np.cos(at), 5e-6 * w * np.sin(at), 0 * at, 0 * at], axis=1)
+    # the plant's velocities are in metres: over 2 pi 11 kHz
+    truth = np.stack([-5e-6 * np.cos(at), 5e-6 * hz / 11_000 * np.sin(at), 0 * at, 0 * at], axis=1)
     return pin_meter.Shown(drive, sense, (3, 9), edges, codes, truth)
 
 
@@ -91,8 +93,13 @@ def test_lock_is_the_end_of_the_first_rest_behind_the_last_loss():
     codes[:, 1] = -1e6
     codes[:30, 1] = -5e5  # amplitude too small: lost
     codes[60, 0] = 1e6  # one frame of a wrong phase, which is a loss too
-    assert pin_meter.lock_frame(codes, LIMITS, 200) == 61 + 60
+    assert pin_meter.lock_frame(codes, LIMITS, 200) == 61 + 60 + 60
     assert pin_meter.lock_frame(codes, LIMITS, 70) == -1
+    # a sense error that ends later, seen from the lock of the drive on
+    codes[:130, 3] = 2e4
+    assert pin_meter.lock_frame(codes, LIMITS, 200) == 130 + 60
+    codes[:130, 3] = 0
+    assert pin_meter.lock_frame(codes, LIMITS, 200) == 61 + 60 + 60
     codes[:, 3] = 2e5
     assert pin_meter.lock_frame(codes, LIMITS, 200) == -1
 
