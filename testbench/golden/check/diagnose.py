@@ -89,6 +89,8 @@ def _of_first_row(rows, search):
     for name in search.net.reset:
         value = int(rows.got[name][0])
         if name in rows.unknown:
-            yield Cause("no_reset", name, 1.0, "unknown behind the reset")
+            # where most are not reset, it is not a register that lacks its reset
+            if 2 * len(rows.unknown) <= len(search.net.reset) or len(rows.unknown) == 1:
+                yield Cause("no_reset", name, 1.0, "unknown behind the reset")
         elif name not in search.faulty and rows.care[name][0] and value != rows.expected[name][0]:
             yield Cause("reset", name, 1.0, f"{value} for {rows.expected[name][0]}")

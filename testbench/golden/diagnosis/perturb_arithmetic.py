@@ -162,6 +162,8 @@ def of_operand(net, node, k, child, seen):
         if net.fmts[f"parameter {child.value[0]}"].s:
             yield "sign", f"-{child!r}", net.node("neg", (child,)), 0
     yield from _extended(net, child)
+    if is_flag(child) and node.op in ("add", "sub"):
+        yield "constant", f"{child!r} counts twice", net.node("shl", (child, net.const(1))), 0
     if is_flag(child) and not in_condition and node.op not in COMPARED:
         yield "sign", f"{child!r} inverted", net.node("not", (child,)), 0
     if not number(child) or in_condition:
@@ -196,7 +198,12 @@ def _narrowed(net, child, seen):
     need, signed = bits_of(lowest, highest), lowest < 0
     for width in range(need - 1, max(need - 4, 1), -1):
         op = "wrap" if signed else "wrapu"
-        yield "width", f"{child!r} in {width} bits", net.node(op, (child, net.const(width))), int(child.op == "mux")
+        yield (
+            "width",
+            f"{child!r} in {width} bits",
+            net.node(op, (child, net.const(width))),
+            need - 1 - width + (child.op == "mux"),
+        )
     for low in (1, 2):
         at = net.const(low)
         yield "width", f"{child!r} without {low} low bits", net.node("shl", (net.node("shr", (child, at)), at)), 2

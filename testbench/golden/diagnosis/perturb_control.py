@@ -44,7 +44,11 @@ def of_operation(net, node):
     elif op == "mux":
         yield from _of_choice(net, node)
     users = net.users.get(node.id, ())
-    if len(users) > 1 and all(_decides(*user) for user in users):
+    if len(users) > 1 and _is_reset(node):
+        for e in flags_of(net):
+            for said, flag in ((f"{e!r}", e), (f"not {e!r}", net.node("not", (e,)))):
+                yield "priority", f"reset only with {said}", net.node("land", (node, flag)), 0
+    elif len(users) > 1 and all(_decides(*user) for user in users):
         yield "condition", f"always {node!r}", net.const(1), 1 if op in COMPARED else 0
         yield "condition", f"never {node!r}", net.const(0), 1 if op in COMPARED else 0
         yield "condition", f"{node!r} inverted", net.node("not", (node,)), 0
@@ -192,7 +196,7 @@ def of_operand(net, node, k, child, seen):
         yield "late", f"{child!r} by 1 clock", net.late(child), 0 if not child.args else 1
     if child.op == "reg":
         # in a counter, or compared with a number, it is the same as another number
-        doubtful = net.roots[child.value].cone >> node.id & 1 or node.op in COMPARED
+        doubtful = net.roots[child.value].cone >> node.id & 1 or node.op in (*COMPARED, "table")
         yield "early", f"new {child!r}", net.roots[child.value], 1 if doubtful else 0
         yield "early", f"new {child!r} but for the reset", net.roots[child.value].args[0].args[2], 1 if doubtful else 0
     if child.op in ("reg", "in", "param"):

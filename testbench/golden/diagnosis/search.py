@@ -17,6 +17,7 @@ from testbench.golden.diagnosis.net import wrapped
 from testbench.golden.diagnosis.perturb import Hypothesis
 from testbench.golden.diagnosis.rows import Rows
 
+SHORT = 5  # bits of a register that holds a state
 SAMPLE = 40  # wrong rows on which all hypotheses are tried
 MOST_FITS = 150  # hypotheses of a target that are then tried on all rows
 LEAST_SHARE, LEAST_PRECISION = 0.2, 0.95
@@ -64,6 +65,7 @@ class Search:
         self.net, self.count = net, len(next(iter(leaves.values())))
         self.rows = Rows(net, leaves, self.count)
         self.hypotheses, self.ranges = {}, {}
+        self._usual = {name: self._as_usual(name, got, expected) for name in net.reset if name in got}
         self.targets = {name: self._target(name, got[name], care) for name in net.roots if name in got}
         self.faulty = [
             t.name
@@ -71,6 +73,12 @@ class Search:
             if t.wrong.any() and np.any(care[t.name] & (got[t.name] != expected[t.name]))
         ]
         self.faulty.sort(key=lambda name: int(np.argmax(self.targets[name].wrong)))
+
+    def _as_usual(self, name, got, expected):
+        """Rows in which a short register, a state or a counter, is within what the model ever held."""
+        if self.net.fmts[name].width > SHORT:
+            return np.ones(self.count, bool)
+        return (got[name] >= expected[name].min()) & (got[name] <= expected[name].max())
 
     def _target(self, name, got, care):
         root, fmt = self.net.roots[name], self.net.fmts[name]
@@ -80,7 +88,7 @@ class Search:
             got, judged = np.append(got[1:], got[-1:]), np.append(judged[1:], False)
         for node in self.net.inside(root):
             if node.op == "reg" and node.value in care:
-                judged &= care[node.value]
+                judged &= care[node.value] & self._usual[node.value]
         sound = wrapped(self.rows.full(root), fmt.width, bool(fmt.s))
         return Target(name, root, fmt, got, judged, sound, judged & (got != sound))
 

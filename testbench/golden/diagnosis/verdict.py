@@ -147,6 +147,7 @@ def causes(search):
             others += [*more, *listed[1:]]
         covered = _extended(search, best, open_names).fits
         open_names = [name for name in open_names if name not in covered]
+    first.sort(key=lambda cause: search.faulty.index(cause.register))
     return (first + others)[:MOST_LISTED]
 
 

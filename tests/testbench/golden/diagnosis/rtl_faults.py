@@ -562,10 +562,15 @@ def ones_complement(d):
 
 
 def bitwise(d):
+    """Between two comparisons or flags it is a condition: docs/diagnosis.md."""
     other = {"&": "|", "|": "&", "^": "|"}
-    return _inside(
-        d, "operation on bits", "operator", r"(?<=[\w\])]) ([&|^]) (?=[~\w({])", lambda h: f" {other[h[1]]} "
-    )
+
+    def put(hit):
+        return f" {other[hit[1]]} "
+
+    found = _inside(d, "operation on bits", "operator", r"(?<=[\w\])]) ([&|^]) (?=[~\w({])", put)
+    flags = {d.plain(m[1]) for m in d.body() if m[1] in d.ports and d.width(m[1]) == ""}
+    return [f._replace(cause="condition") if set(f.registers) <= flags else f for f in found]
 
 
 def priority(d):
@@ -676,4 +681,36 @@ def drawn(rules, per_rule, seed, stems=tuple(CASES)):
                 if not every[stem]:
                     del every[stem]
         out += picked
+    return out
+
+
+def _change(base, text):
+    """(start, end, new) of the one change between two texts."""
+    start = next((k for k, (a, b) in enumerate(zip(base, text)) if a != b), min(len(base), len(text)))
+    end = next((k for k, (a, b) in enumerate(zip(base[::-1], text[::-1])) if a != b), 0)
+    end = min(end, len(base) - start, len(text) - start)
+    return start, len(base) - end, text[start : len(text) - end]
+
+
+def both(a, b):
+    """The text with two faults of one module, or None where their changes meet."""
+    base = source(a.stem)
+    (start, end, new), (begin, stop, put) = sorted((_change(base, a.text), _change(base, b.text)))
+    return base[:start] + new + base[end:begin] + put + base[stop:] if end < begin else None
+
+
+def pairs(rules, count, seed):
+    """`count` pairs of faults of one block in different registers, as (fault, fault, text)."""
+    r, faults, out = random.Random(seed), {}, []
+    for f in drawn(rules, 40, seed):
+        if f.cause:
+            faults.setdefault(f.stem, []).append(f)
+    while len(out) < count:
+        stem = r.choice(sorted(faults))
+        a, b = r.sample(faults[stem], 2) if len(faults[stem]) > 1 else (None, None)
+        if a is None or set(a.registers) & set(b.registers) or "*" in a.registers + b.registers:
+            continue
+        text = both(a, b)
+        if text is not None and a.registers and b.registers:
+            out.append((a, b, text))
     return out

@@ -80,6 +80,16 @@ def judged(folder, fault, seen=None):
     return Judged(fault, verdict(fault, found), found, spent)
 
 
+def judged_pair(folder, a, b, text):
+    """How many of two faults are named, and whether each shows alone."""
+    alone = [judged(folder, fault).verdict for fault in (a, b)]
+    if any(said.startswith(("not seen", "not built")) for said in alone):
+        return None, []
+    found = diagnose(rows_of(folder, logged(folder, text, a.stem)))
+    named = sum(any(c.cause == f.cause and c.register in f.registers for c in found) for f in (a, b))
+    return named, found
+
+
 def verdict(fault, found):
     """right, unnamed, wrong (certain), doubtful (wrong, not certain)."""
     if not found:
@@ -103,13 +113,37 @@ def table(results):
     return "\n".join([*lines, "| all | " + " | ".join(str(total[head]) for head in heads) + " |"])
 
 
+def score_pairs(given):
+    """Print how often both of two faults are named."""
+    count = collections.Counter()
+    with tempfile.TemporaryDirectory() as place:
+        out = given.bundles or Path(place)
+        for a, b, text in rtl_faults.pairs(getattr(rtl_faults, given.rules.upper()), 3 * given.pairs, given.seed):
+            if not (out / a.stem / "Makefile").exists():
+                export.export(a.stem, out)
+            named, found = judged_pair(out / a.stem / rtl_faults.CASES[a.stem], a, b, text)
+            if named is None:
+                continue
+            count[named] += 1
+            if named < 2:
+                said = "; ".join(cause.text() for cause in found[:3])
+                print(f"{named} named: {a.stem}, {a.kind} {a.edit!r}, {b.kind} {b.edit!r}: {said}", flush=True)
+            if count.total() == given.pairs:
+                break
+    print(f"{count[2]} of {count.total()} pairs: both named; {count[1]}: one; {count[0]}: none")
+    return False
+
+
 def main(words):
     options = argparse.ArgumentParser()
     options.add_argument("--rules", default="first", choices=("first", "second"))
     options.add_argument("--per-rule", type=int, default=8)
     options.add_argument("--seed", type=int, default=1)
     options.add_argument("--bundles", type=Path)
+    options.add_argument("--pairs", type=int, default=0)
     given = options.parse_args(words)
+    if given.pairs:
+        return score_pairs(given)
     with tempfile.TemporaryDirectory() as place:
         out, results = given.bundles or Path(place), []
         for fault in rtl_faults.drawn(getattr(rtl_faults, given.rules.upper()), given.per_rule, given.seed):
