@@ -14,7 +14,7 @@ import numpy as np
 from testbench.golden.diagnosis.causes import WORDS
 from testbench.golden.diagnosis.search import LEAST_PRECISION
 
-SURE = 0.95  # share from which a cause is certain
+SURE = 0.99  # share from which a cause is certain
 WHOLE = 0.99  # share from which a register needs no further cause
 MOST_LISTED = 8
 TIE = 1  # of cost, within which two causes are as likely
