@@ -11,17 +11,18 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from fpga_model import sequencer
 from fpga_model.design_record import DEFAULT
 from fpga_model.rates import FRAME_HZ, FRAME_TICKS, TICK_CYCLES
 from testbench.commands.main import app
-from testbench.config import Config, changed
+from testbench.config import Config, changed, scenario
 from testbench.engines import chips
 from testbench.errors import ConfigError, FileError
 from testbench.golden import divergence
 from testbench.golden.bundles import recompute
 from testbench.golden.loop import judgement, library, pin_meter, run
 from testbench.golden.recording import record
-from testbench.run import build
+from testbench.run import build, simulate
 from tests.testbench.golden import loop_faults, loop_score, pin_tops
 from tests.testbench.rtl.test_rtl import RTL
 
@@ -272,6 +273,25 @@ def in_loop(kind, folder, clocks=None):
         config = changed(config, {f"firmware.{key}": value for key, value in clocks.items()})
         firmware = record.quick_firmware(config)
     return run.run(config, rtl, folder / "built", firmware=firmware, level=1, pins=run.Pins(pin_tops.TOP))
+
+
+@pytest.mark.slow
+def test_lock_and_amplitude_at_the_pins_are_those_of_registers_and_plant():
+    config, firmware = story()
+    timeline = scenario.expand(config.scenario)
+    sim = run.Alone(config, *timeline.temp_degc.limits(), None, firmware)
+    sim.now = (np.zeros(1), np.array([timeline.temp_before_degc]))
+    for name, raw in sim.first_writes:
+        sim.write(name, raw)
+    simulate.play(sim, timeline)
+    locked = int(np.argmax(sim.columns()["state"] == sequencer.LOCKED))
+    limits = judgement.limits_of(config, firmware)
+    # the state follows the four bits in a frame of its own
+    assert locked - pin_meter.lock_frame(sim.shown().codes, limits, 800) in (0, 1)
+    stretches = [pin_meter.Plateau(120_000, 138_000, 300.0)]
+    found = pin_meter.measure(sim.shown(), DEFAULT, stretches, locked, TICK_CYCLES)
+    peak = np.abs(sim.columns()["truth_x"][960:1100]).max()
+    assert found.amplitude_m.mean() == pytest.approx(peak, rel=2e-3)
 
 
 @pytest.mark.slow
