@@ -1,0 +1,42 @@
+"""Conditions for wide priors: two amplitudes at a temperature separate what a slope of Q imitates."""
+
+import numpy as np
+import pytest
+
+from testbench import config as configuration
+from testbench.measured.closed_loop import loop_problem, loop_runs
+from testbench.measured.closed_loop.loop_even import even
+from testbench.measured.closed_loop.loop_runs import FAST, Run
+from testbench.measured.wide import sheet
+from testbench.measured.wide.averaged_loop import AveragedLoop
+from tests.testbench.measured.loop_trials import QUICK
+from tests.testbench.measured.wide_trials import CONDITIONS, recorded
+
+SEED = 900
+
+
+@pytest.mark.slow
+def test_a_second_amplitude_at_a_temperature_leaves_twice_as_much_of_a_cubic_pickoff():
+    """Sigmas that the wide nuisances leave of it, by a projection of our own; beside the conditions without it."""
+    model, bench = configuration.Config(), loop_runs.Bench(1)
+    wanted = sheet.parameters(model, sheet.read(sheet.OWN))
+    data = loop_problem.Measured("plan", CONDITIONS, recorded(bench, model, SEED), {})
+    loop = AveragedLoop(data, model, wanted, bench)
+    sigma = loop.sigma(loop.mean(np.zeros(len(wanted)), 8)[1])
+    _, columns = loop.columns(np.zeros(len(wanted)), range(len(wanted)), sigma, 3.0)
+
+    def features(pickoff):
+        told = loop_runs.Model(even(configuration.changed(model, {"effects.pickoff_cubic_x": pickoff})))
+        slow = [c._replace(settle_s=c.settle_s + 3.0) for c in loop.conditions]
+        return np.concatenate(bench.run([Run(told, c, 7, model, 0, True) for c in slow], FAST))
+
+    law, columns = (features(1e-4) - features(-1e-4)) / 10 / sigma, columns / sigma[:, None]
+
+    def left(names):
+        rows = np.isin(np.array([c.id for c in loop.conditions])[loop.condition], names)
+        a = np.concatenate([columns[rows], np.eye(len(wanted))])
+        b = np.concatenate([law[rows], np.zeros(len(wanted))])
+        return np.linalg.norm(b - a @ np.linalg.lstsq(a, b, rcond=None)[0])
+
+    before = left([c.id for c in QUICK])
+    assert left([c.id for c in CONDITIONS]) > 2 * before
