@@ -1,5 +1,6 @@
 """Faults in designs of other architecture: first port and clock, by the command and by a bench that needs no Python."""
 
+import math
 import re
 import shutil
 import subprocess
@@ -112,3 +113,14 @@ def test_a_fault_is_found_at_its_port_and_clock(bundles, tmp_path, name, k):
     assert done.returncode == 2, done.stdout
     row, first = re.search(r"^row (\d+): [ro]_(\w+): expected", done.stdout, re.M).groups()
     assert (int(row), first) == (found["first"]["clock"], port), done.stdout
+
+
+def test_half_an_lsb_less_is_no_fault_of_the_cordic():
+    """127 for 128 before the shift by 8 shows at a low byte of 128 alone: every angle is odd, a sum of 24 angles
+    whose own sum is odd, plus or minus each."""
+    words = [round(math.atan(2.0**-i) / math.tau * 2**32) for i in range(24)]
+    assert sum(words) % 2 == 1
+    for seed in range(100):
+        rng = np.random.default_rng(seed)
+        angle = int(rng.integers(2)) * 2**31 + sum(int(rng.choice((-1, 1))) * word for word in words)
+        assert (angle + 128) >> 8 == (angle + 127) >> 8
