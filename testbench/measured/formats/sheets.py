@@ -15,7 +15,7 @@ from testbench.measured.formats.ringdown_text import Trace
 from testbench.measured.formats.touchstone import Sweep
 from testbench.measured.quality import examine as checks
 from testbench.measured.quality.rows.series import grid_step
-from testbench.measured.quality.sheet import AXIS, OTHER, SETTING, SLOW, Column, Sheet
+from testbench.measured.quality.sheet import AXIS, DB_PER_NEPER, OTHER, SETTING, SLOW, Column, Sheet
 
 DBM = (-300.0, 100.0)
 ROOM = (-100.0, 450.0)  # degC or K, % or hPa are others
@@ -48,10 +48,19 @@ def _sweep(c):
     if "s21" in c.s:
         s = c.s["s21"]
         columns += [Column("s21", "dB", size.pop("s21")), Column("s21 angle", "deg", np.angle(s, deg=True), OTHER)]
-        print_error = 1e-6 * float(np.median(np.abs(s)))
+        print_error = _print_error(s, c.size_db.get("s21"))
         columns += [Column(f"s21 {n}", "1", v, resolution=print_error) for n, v in (("re", s.real), ("im", s.imag))]
     columns += [Column(n, "dB", v, OTHER) for n, v in size.items()]
     return Sheet(c.path, "sweep", tuple(columns))
+
+
+def _print_error(s, size_db):
+    """What print takes away of either part: a digit in the seventh place, or steps of decibels and degrees."""
+    least = 1e-6 * float(np.median(np.abs(s)))
+    if size_db is None:
+        return least
+    steps = grid_step(size_db) / DB_PER_NEPER, np.radians(grid_step(np.angle(s, deg=True)))
+    return max(least, float(np.max(np.abs(s)) * np.hypot(*steps)))
 
 
 def _db(s):

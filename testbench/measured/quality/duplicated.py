@@ -44,10 +44,11 @@ def repeated_rows(columns):
     return np.flatnonzero(_again(_bits([c.values for c in columns]), 1))
 
 
-def _chance(signals):
-    """Chance that one row equals another by grid and noise alone."""
-    p = [min(1.0, ties_expected(v) / len(v)) for v in signals]
-    return max(float(np.prod(p)), 1e-12)
+def _chance(sheet, signals):
+    """Chance that one row equals another by grid and noise alone; size and angle of a response are flat together."""
+    angle = sheet.column("s21 angle")
+    p = [min(1.0, ties_expected(v) / len(v)) for v in ([signals[0], angle.values] if angle else signals)]
+    return max(min(p) if angle else float(np.prod(p)), 1e-12)
 
 
 def check(sheet):
@@ -55,7 +56,7 @@ def check(sheet):
     signals, axis = [c.values for c in sheet.of(SIGNAL)], [c.values for c in sheet.of(AXIS)]
     name = ", ".join(c.name for c in sheet.of(SIGNAL)[:3])
     still = np.any([stuck_rows(v) for v in signals], axis=0)
-    bits, n, p = _bits(signals), sheet.rows, _chance(signals)
+    bits, n, p = _bits(signals), sheet.rows, _chance(sheet, signals)
     pairs = np.concatenate([[False], np.all(bits[1:] == bits[:-1], axis=1)]) & ~still
     whole = repeated_rows([c for c in sheet.columns if c.role != OTHER]) if axis else ()
     ties = n - len(np.unique(axis[0])) if axis else 0
@@ -68,6 +69,8 @@ def check(sheet):
     length = int(np.ceil(np.log(2 * CHANCE / n**2) / np.log(p))) if p < 1 else LONGEST + 1
     if length <= min(LONGEST, n // 4):
         same = _again(bits, max(length, 3))
+        moved = np.concatenate([[0], np.cumsum(np.any(bits[1:] != bits[:-1], axis=1))])
+        same &= moved[max(length, 3) - 1 :] - moved[: len(same)] >= (max(length, 3) - 1) / 2  # a flat course is none
         same &= ~np.any([still[k : len(still) - max(length, 3) + 1 + k] for k in (0, max(length, 3) - 1)], axis=0)
         if same.any():
             rows = np.unique(np.flatnonzero(same)[:, None] + np.arange(max(length, 3)))

@@ -6,13 +6,14 @@ by a curve  rows at a regular spacing k from which the rows between follow far b
 """
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 
 from testbench.measured.quality.finding import finding
-from testbench.measured.quality.rows.series import grid_step, local_step, running
+from testbench.measured.quality.rows.series import grid_step, local_step
 from testbench.measured.quality.sheet import AXIS, DB_PER_NEPER, SETTING, SIGNAL
 
-FINE = 30.0  # steps of the print in a large second difference, from which on exact lines can be told
-LARGE = 0.95  # quantile of the second differences around
+FINE = 30.0  # steps of the print in a second difference, from which on exact lines can be told
+REACH = 13  # rows to the knots on either side, where a drawn course bends
 LEAST_ROWS, LEAST_SHARE = 8, 0.03
 SPACINGS = range(2, 13)
 KNOTS = (-3, -2, -1, 0, 1, 2, 3, 4)
@@ -32,8 +33,9 @@ def on_a_line(v, x, resolution):
     moved = (np.diff(v)[1:] != 0) & (np.diff(v)[:-1] != 0)
     for weight in _weights(x, len(v)):
         bend = np.abs(v[1:-1] - (1 - weight) * v[:-2] - weight * v[2:])
-        # where bends are not far above the print, an exact line says nothing
-        usable = running(bend, lambda x: np.quantile(x, LARGE)) > FINE * tol / 2.5
+        # between bends that are not far above the print, on both sides, an exact line says nothing
+        before, after = (maximum_filter1d(bend, REACH, origin=o, mode="nearest") for o in (REACH // 2, -(REACH // 2)))
+        usable = np.minimum(before, after) > FINE * tol / 2.5
         exact, other = (bend <= tol) & moved & usable, (bend > tol) & usable
         if np.count_nonzero(other) < LEAST_ROWS:
             continue

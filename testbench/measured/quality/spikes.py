@@ -18,6 +18,7 @@ AGREE = 0.5  # of the row's own distance: how far apart its neighbours may be
 ALONE = 1 / 3
 QUIET_DB = 0.1
 ALIKE = 0.9  # cosine of the rest and of what one row makes of it
+RELATIVE = 1e-6  # of a usual response: the least noise
 FEW = 0.01  # of the levels of a converter, which are averaged in blocks
 
 
@@ -58,7 +59,9 @@ def _of_response(sheet):
     s = re.values + 1j * im.values
     polar = np.abs(s) * np.hypot(floor(size.values) / DB_PER_NEPER, np.radians(floor(angle.values)))
     printed = np.hypot(polar, np.hypot(floor(re.values), floor(im.values)))
-    return off_curve(frequency.values, s, np.maximum(printed, re.resolution)) > largest_expected(len(s))
+    return off_curve(frequency.values, s, np.maximum(printed, RELATIVE * np.median(np.abs(s)))) > largest_expected(
+        len(s)
+    )
 
 
 def check(sheet):

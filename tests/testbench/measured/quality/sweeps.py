@@ -97,3 +97,12 @@ def write(drawn, s, path):
     rows = (f"{f:.4f} 0.01 0 {v.real:.9e} {v.imag:.9e} 0 0 0.01 0" for f, v in zip(drawn.f, s))
     path.write_text("\n".join(["! made", "# Hz S RI R 50", *rows]) + "\n")
     return path
+
+
+def printed(drawn, path, rng):
+    """The same with one to four digits of dB and none to three of degrees."""
+    db, deg = int(rng.integers(1, 5)), int(rng.integers(4))
+    size, angle = 20 * np.log10(np.abs(drawn.s)), np.angle(drawn.s, deg=True)
+    rows = (f"{f:.4f} -40 0 {a:.{db}f} {b:.{deg}f} -100 0 -40 0" for f, a, b in zip(drawn.f, size, angle))
+    path.write_text("\n".join(["! made", "# Hz S dB R 50", *rows]) + "\n")
+    return path

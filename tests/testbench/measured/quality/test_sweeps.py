@@ -6,6 +6,7 @@ import pytest
 from testbench.errors import FileError
 from testbench.measured.formats import sheets
 from testbench.measured.openers import open_problem
+from testbench.measured.quality.finding import REFUSE
 from tests.testbench.measured.quality import sweeps
 
 STREAM = 2626
@@ -34,6 +35,20 @@ def test_a_sample_of_sweeps(tmp_path):
     flagged, missed, spiked = judged(0, 10, tmp_path)
     assert (flagged, missed) == ([], [])
     assert spiked >= 8
+
+
+def refused_in_print(first, count, folder):
+    """Clean sweeps that are refused when printed in coarse steps; that the steps are coarse is reported."""
+    out = []
+    for seed in range(first, first + count):
+        rng = np.random.default_rng([STREAM, seed])
+        said = sheets.examine([sweeps.printed(sweeps.draw(rng), folder / "coarse.s2p", rng)])
+        out += [(seed, [str(f) for f in said])] if any(f.action == REFUSE for f in said) else []
+    return out
+
+
+def test_a_coarse_print_is_no_damage(tmp_path):
+    assert refused_in_print(0, 10, tmp_path) == []
 
 
 def test_a_sweep_of_one_port_has_no_finding_and_is_refused_by_its_reader(tmp_path):
