@@ -192,7 +192,8 @@ def result(tracer, decision):
         doubtful = "no repeats" if tracer.alarms.model_based else rejected
         confirmed = tracer.heldout.score > CLEAR
         apart = problem.heldout_independent and not tracer.chosen
-        behind = verdict.Evidence(bool(tracer.held.size), apart, confirmed, doubtful, tracer.chosen, tracer.untried)
+        sets = tracer.chosen, tracer.untried, tracer.imitated
+        behind = verdict.Evidence(bool(tracer.held.size), apart, confirmed, doubtful, *sets)
         stopped = verdict.blocks(problem, tracer.base.converged)
         decision = verdict.with_search(found, tracer.causes, free, behind, stopped)
     out = Result(problem.name, decision.verdict, decision.sentence)

@@ -9,7 +9,7 @@ import numpy as np
 
 from testbench.tracing import next_experiment, outcome, verdict
 from testbench.tracing.fit import calibrate as calibration
-from testbench.tracing.fit import discover, heldout, identify
+from testbench.tracing.fit import discover, heldout, identify, specificity
 from testbench.tracing.fit.causes import class_of
 from testbench.tracing.fit.evidence import log_prior
 from testbench.tracing.fit.rank import Signatures, rank
@@ -68,7 +68,7 @@ class Tracer:
         self.waiting = self.library if problem.library_late else ()
         # fitted and held-out data share the chance of a false alarm
         self.alpha = options.alpha / 2 if self.held.size else options.alpha
-        self.chosen, self.untried = False, 0
+        self.chosen, self.untried, self.imitated = False, 0, 0.0
         self.notes, self.selections, self.rivals, self.causes = list(problem.warnings), [], [], []
 
     def say(self, text, done=0, total=1):
@@ -230,12 +230,23 @@ class Tracer:
             self.judge()
 
     def classify(self):
-        """Causes that the data do not tell from an adequate set, that one first."""
-        if self.found is not None and self.found.best and self.found.adequate:
+        """Causes that the data do not tell from an adequate set, that one first; none where such sets say nothing."""
+        if self.found is None or not self.found.best or not self.found.adequate:
+            return
+        if len(self.found.best) > 1:
+            self.imitated = self.specific(self.found.best)
+        if self.imitated <= verdict.MOST_IMITATED:
             self.say("causes that do as well")
             found = class_of(self.work, self.pool, self.found.best, lambda fit: self.passes(fit)[0])
             self.causes, self.untried = found
-            self.posterior = self.work.posterior()
+        self.posterior = self.work.posterior()
+
+    def specific(self, best):
+        """Share of the laws of the pool that sets as large as `best` imitate at its size: `specificity.imitated`."""
+        names = [n for n in self.pool.names if n not in self.pool.hidden]
+        d = np.sqrt(max(0.0, self.base.fit.cost - self.found.fit(best).cost))
+        least = specificity.seen(len(names), verdict.LEVEL)
+        return specificity.imitated(self.pool, names, len(best), d, least, verdict.MINOR)
 
     def run(self):
         """`Result`."""

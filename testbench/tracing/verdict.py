@@ -21,6 +21,7 @@ from testbench.tracing.fit.rank import Projection
 LEVEL = 0.01  # of the tests of noise and of an explanation; that of alarms is `Options.alpha`
 LEAST_FREE_D = 3.0
 MINOR = 0.1  # of the largest d of a set, below which a law beside it is no cause
+MOST_IMITATED = 0.02  # of the laws left out that sets as large may imitate: the share of names that may be false
 MOST_NUMERICAL = 0.5  # sigmas, of the analysis engine against the exact one
 
 
@@ -40,6 +41,7 @@ class Evidence(NamedTuple):
     doubtful: str  # why the noise is not to be trusted; "" if it is
     chosen: bool = False  # by held-out data, which then cannot judge the set
     untried: int = 0  # sets as near as those of the class that were not refitted
+    imitated: float = 0.0  # `specificity.imitated` of sets of this many laws
 
 
 def free_d(fit, identifiability):
@@ -144,6 +146,9 @@ def with_search(found, causes, free, evidence, blocked):
     if minor:
         what = f"{', '.join(minor)} may only correct the shape of a law outside"
         return Decision("unexplained", f"{said} explains a part: {what}")
+    if evidence.imitated > MOST_IMITATED:
+        what = f"sets of {len(best)} laws imitate {evidence.imitated:.0%} of the laws that are left out"
+        return Decision("unexplained", f"{said} explains it, but at this size {what}: none is named")
     if evidence.untried:
         left = f"{evidence.untried} sets of laws that come as near were not tried"
         return Decision("unexplained", f"{said} explains it, but {left}: its class may be incomplete, none is named")
