@@ -172,6 +172,7 @@ def certificates(tracer):
         "repeats": {"per_group": repeats, "R14": alone if tracer.alarms.model_based else None},
         "noise": {"p": noise.p, "worst": noise.worst, "jump": noise.jump, "squares": noise.dof},
         "adequacy": tracer.found.checks if tracer.found else [],
+        "laws_left_out": {"imitated": tracer.imitated, "allowed": verdict.MOST_IMITATED},
         "points_predicted": tracer.predictor.asked,
         "rows": int(tracer.space.size),
         "rows_heldout": int(tracer.held.size),
