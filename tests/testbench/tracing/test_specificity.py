@@ -7,9 +7,6 @@ import numpy as np
 import pytest
 
 from testbench.tracing.fit import specificity
-from testbench.tracing.trace import trace
-from tests.testbench.tracing.test_verdicts import QUICK, SIGMA
-from tests.testbench.tracing.toys import LIBRARY, NEAR, Toy
 
 
 def ranking(columns):
