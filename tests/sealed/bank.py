@@ -32,7 +32,6 @@ SEED = 4 * 10**12  # of all runs here: no record has it
 WANTED, LEAST, MOST = 400.0, 120.0, 1500.0  # sigmas of a change that is measured
 PASSES, GROWTH = 5, 100.0  # at most, and of the size from one to the next
 SEEN = 0.02  # of a change, which the nuisances must leave: less is not measured well enough
-LEAST_FREE = 0.2  # of a coefficient's information that the other law of a pair must leave: docs/tracing.md, alike
 
 
 class Unit(NamedTuple):
@@ -180,15 +179,6 @@ class Space:
                 rest = white - self.q @ (self.q.T @ white)
                 if np.linalg.norm(rest) > SEEN * np.linalg.norm(white):
                     self.rest[effect.name], self.size[effect.name] = rest, float(np.linalg.norm(rest))
-
-    def pair(self, name, among):
-        """Sine of the angle to the nearest plane of two laws of `among`; two that are alike are no explanation."""
-        laws = np.array([self.rest[other] / self.size[other] for other in among if other in self.rest])
-        cosine, between = laws @ self.rest[name] / self.size[name], laws @ laws.T
-        free = 1 - between**2
-        inside = cosine[:, None] ** 2 + cosine**2 - 2 * between * np.outer(cosine, cosine)
-        part = np.where(free > LEAST_FREE, inside / np.maximum(free, LEAST_FREE), 0.0)
-        return float(np.sqrt(max(0.0, 1 - part.max())))
 
     def rival(self, name, among):
         """(most similar other law of `among`, sine of the angle to it); one with its text in `same` is no other."""

@@ -56,7 +56,6 @@ def choices(strata, space, kind):
         low, high, clear = _range(strata, effect, space.size[effect.name], sine)
         if kind == "outside":
             high = strata.effect["d"][1]
-            clear = max(clear, strata.effect["apart_pair"] / max(space.pair(effect.name, inside), 1e-9))
         low, high = (low, min(high, clear)) if kind == "near" else (max(low, clear), high)
         if low < high:
             out.append((effect, low, high, rival))

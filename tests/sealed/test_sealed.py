@@ -54,7 +54,7 @@ class Given:
         self.rest, self.size = columns, {name: float(np.linalg.norm(v)) for name, v in columns.items()}
         self.same = dict.fromkeys(columns, "")
 
-    rival, pair = bank.Space.rival, bank.Space.pair
+    rival = bank.Space.rival
 
 
 @pytest.fixture
@@ -86,23 +86,6 @@ def test_a_draw_keeps_to_its_stratum(known):
     colours = [float(t["own"].partition("adc_colour = ")[2].split("\n")[0]) for t in seen["null_coloured"]]
     assert min(np.abs(colours)) >= 0.4
     assert min(colours) < 0 < max(colours)
-
-
-def test_an_effect_from_outside_is_apart_from_pairs_of_laws(known):
-    """0.3 of it is outside the plane of a and c, 0.8 beside each: the pair decides from which d on it is drawn."""
-    table, space = known
-    own = np.array([np.sqrt(0.5), 0.0, np.sqrt(0.5 - 0.09), 0.3])
-    space.rest["outside.o"], space.size["outside.o"] = own, 1.0
-    names = [e.name for e in table.inside]
-    assert space.pair("outside.o", names) == pytest.approx(0.3)
-    least = {}
-    for sigmas in (1.0, 3.5, 9.0):
-        changed = table._replace(effect=table.effect | {"apart_pair": sigmas})
-        ((_, least[sigmas], _, _),) = draw.choices(changed, space, "outside")
-    beside = 8.0 / space.rival("outside.o", names)[1]
-    assert list(least.values()) == pytest.approx([beside, max(beside, 3.5 / 0.3), 9.0 / 0.3])
-    space.rest["outside.o"] = np.array([0.0, 1.0, 0, 0])
-    assert space.pair("outside.o", ["a", "b"]) == 1.0, "in the plane of two laws that are alike"
 
 
 def test_no_size_is_beyond_physics(known):
