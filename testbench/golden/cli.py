@@ -121,6 +121,10 @@ class CheckOptions(NamedTuple):
     map: Annotated[
         Path | None, typer.Option("--map", metavar="TOML", help="Names of your design, or of the signals of its log.")
     ] = None
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="DIR", help="Folder of what a difference leaves; one in build/ if none."),
+    ] = None
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")] = False
 
 
@@ -148,12 +152,28 @@ def check(o):
     else:
         report = waves.check(o.folder, o.log, o.map)
     late = _costs(report.block, report.case, report.clocks)
+    written, why = (None, None) if report.passed else _package(o.out, o.folder, report)
     if o.as_json:
-        tree = report.to_dict() | {"latency": [cost._asdict() for cost in late]}
+        tree = report.to_dict() | {"latency": [cost._asdict() for cost in late], "written": written and str(written)}
         typer.echo(json.dumps(tree, indent=2, sort_keys=True))
     else:
         typer.echo(report.text() + "".join(f"latency           {cost.text()}\n" for cost in late), nl=False)
+        if not report.passed:
+            typer.echo(f"package           {written or f'none: {why}'}")
     raise typer.Exit(0 if report.passed else 1)
+
+
+def _package(out, folder, report):
+    """(folder, None) of what a difference leaves, or (None, why not): a bundle that cannot be written to is checked."""
+    from testbench.errors import FileError
+    from testbench.golden import divergence
+
+    try:
+        return divergence.write_block(out or folder / divergence.PLACE, folder, report), None
+    except FileError as problem:
+        if out is not None:
+            raise
+        return None, problem
 
 
 def _costs(block, case, clocks):

@@ -1,10 +1,12 @@
-"""What a loop leaves of a difference: a waveform of the last two frames, and a bundle to replay.
+"""What a check or a loop leaves of a difference: a waveform of the last two frames, a bundle to replay, the diagnosis.
 
-    window.vcd, window.gtkw   inputs, registers and pins of the model, pins of the design, up to the row that differs
-    bundle/top/loop           vectors of the whole design: inputs from power-on, every clock of these frames as a row
+    window.vcd, window.gtkw      golden signals and those of the design, up to the row that differs, and of a block on
+    bundle/top/loop              vectors of the whole design: inputs from power-on, every clock of these frames as a row
+    bundle/BLOCK/CASE            vectors of a block: those of its bundle up to the end of the waveform
+    diagnosis.txt, .json         of a block: the report of the check
 
-The model is replayed on the inputs that the design was given; until the difference both are one.
-Source  docs/rtl.md (a design with the pins alone)
+A loop's model is replayed on the inputs that the design was given; until the difference both are one.
+Source  docs/golden.md (what a difference leaves), docs/rtl.md (a design with the pins alone)
 """
 
 from pathlib import Path
@@ -13,13 +15,19 @@ import numpy as np
 
 from fpga_model import top
 from fpga_model.fixed import formats
+from testbench.errors import FileError
 from testbench.flatten import format_leaves
+from testbench.golden.bundles import bundle, export, recompute
 from testbench.golden.bundles import top as bundles
 from testbench.golden.recording import recording, replay
 from testbench.golden.stimulus.blocks import RESET_INPUT
 from testbench.storage import vcd
+from testbench.storage.files import write_text
 
 CASE = "loop"
+PLACE = f"{bundle.BUILD}/divergence"  # in the bundle of a block
+FRAMES = 2  # of 8 kHz before the row that differs
+AFTER = 64  # rows of a block behind it
 
 
 def _listed(design):
@@ -33,6 +41,14 @@ def _listed(design):
     return listed
 
 
+def _waves(folder, shown, first, at, top, clock_hz, expanded):
+    """Write the waveform of (signals, rows, known) from row `first` on; its set-up has the marker at row `at`."""
+    path, (listed, rows, known) = folder / "window.vcd", shown
+    vcd.write_vcd(path, rows, listed, first_edge=first, top=top, clock_hz=clock_hz, known=known)
+    marker_ps = int(vcd.picoseconds(at - first, clock_hz))
+    vcd.write_gtkw(folder / "window.gtkw", path, listed, top=top, expanded=expanded, marker_ps=marker_ps)
+
+
 def write(folder, difference):
     """Write the package of a `run.Difference` into a folder; returns it."""
     folder, found, design = Path(folder), difference.recorded, difference.design
@@ -43,11 +59,55 @@ def write(folder, difference):
     rows = replay.run(found.params, found.stimulus, frames, at)
     yours = found.pins if len(found.pins) else rows.pins  # the first row of all is that of the reset
     listed = _listed(design)
-    path = folder / "window.vcd"
     every = np.column_stack([rows.inputs, rows.registers, rows.pins, yours])
-    vcd.write_vcd(path, every, listed, first_edge=first, top="gyro_top", clock_hz=design.master_hz)
-    vcd.write_gtkw(folder / "window.gtkw", path, listed, top="gyro_top", expanded=("model.pin", "yours.pin"))
+    _waves(
+        folder, (listed, every, None), first, difference.row, "gyro_top", design.master_hz, ("model.pin", "yours.pin")
+    )
     shown = recording.Window(first, count, "up to the row that differs")
     made = recording.Recording(CASE, found.params, frames, frames, found.stimulus, (shown,), "")
     bundles.write(made, folder / "bundle" / bundles.STEM / CASE, of_board=True)
+    return folder
+
+
+def _beside(block, golden, report, first, end):
+    """(signals, rows, known) of a block: inputs, what differs, the rest; two signals of a port that is shown."""
+    shown, span = [], slice(first - report.first_row, end - report.first_row)
+    columns = np.column_stack([golden.stim, golden.exp])[first:end].T
+    results = {port.name for port in (*block.registers, *block.pins)}
+    kinds = [*("in" for _ in block.columns), *("reg" for _ in block.registers), *("pin" for _ in block.pins)]
+    for kind, port, column in zip(kinds, (*block.columns, *block.registers, *block.pins), columns, strict=True):
+        # an input may have the name of a register, which is then the one that is compared
+        mine = None if kind == "in" and port.name in results else report.got.get(port.name)
+        name = f"{kind}.{port.name}"
+        order = (port.name not in report.differing, name != f"{kind}.{report.divergence.port}") if kind != "in" else ()
+        if mine is None:
+            shown.append((order, vcd.Signal(name, port.width, port.signed), column, np.ones(end - first, bool)))
+            continue
+        shown.append((order, vcd.Signal(f"{name}.golden", port.width, port.signed), column, np.ones(end - first, bool)))
+        shown.append((order, vcd.Signal(f"{name}.yours", port.width, port.signed), mine.values[span], mine.known[span]))
+    _, listed, values, known = zip(*sorted(shown, key=lambda one: one[0]), strict=True)
+    return listed, np.column_stack(values), np.column_stack(known)
+
+
+def write_block(folder, given, report):
+    """Write the package of a `compare.Report` that differs, on the bundle in folder `given`; returns its folder.
+
+    Raises FileError for a bundle that this version cannot compute again, and for what cannot be written.
+    """
+    folder, given, d = Path(folder), Path(given), report.divergence
+    golden = bundle.read(given)
+    manifest, begin, at = golden.manifest, report.first_row, d.before[-1][0]
+    block = recompute.block_of(given / bundle.MANIFEST, manifest)
+    end = min(d.cycle + 1 + AFTER, begin + report.rows)
+    # from the reset on: a design has states that no port shows
+    stim, out = golden.stim[begin:end], folder / "bundle" / block.stem / report.case
+    export.write(block, report.case, stim, [("window", 0, len(stim))], None, out)
+    if not np.array_equal(bundle.read(out).exp, golden.exp[begin:end]):
+        raise FileError(f"{given}: the model computes other rows: gyro golden verify --recompute says which")
+    first = max(begin, at + 1 - FRAMES * block.record.frame_clocks)
+    shown = _beside(block, golden, report, first, end)
+    open_groups = ("in", *(f"{kind}.{name}" for name in report.differing for kind in ("in", "reg", "pin")))
+    _waves(folder, shown, first, at, f"gyro_{block.stem}", block.record.master_hz, open_groups)
+    write_text(folder / "diagnosis.txt", report.text())
+    write_text(folder / "diagnosis.json", report.to_json())
     return folder

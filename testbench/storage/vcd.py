@@ -96,8 +96,8 @@ def _tree(listed, top):
     return tree
 
 
-def _lines_of(values, width, identifier):
-    """Byte matrix, one line of equal length per value: `0!` for one bit, `b0101 !` for more."""
+def _lines_of(values, width, identifier, known=None):
+    """Byte matrix, one line of equal length per value: `0!` for one bit, `b0101 !` for more; x where not known."""
     tail = np.frombuffer((identifier if width == 1 else " " + identifier).encode() + b"\n", np.uint8)
     head = 0 if width == 1 else 1
     lines = np.empty((len(values), head + width + len(tail)), np.uint8)
@@ -105,6 +105,8 @@ def _lines_of(values, width, identifier):
         lines[:, 0] = ord("b")
     shifts = np.arange(width - 1, -1, -1, dtype=np.int64)
     lines[:, head : head + width] = ((values[:, None] >> shifts) & 1) + ord("0")
+    if known is not None:
+        lines[~known, head : head + width] = ord("x")
     lines[:, head + width :] = tail
     return lines
 
@@ -152,7 +154,7 @@ def _check(rows, listed):
                 )
 
 
-def write_vcd(path, rows, listed, first_edge=0, top="gyro", edges=None, clock_hz=DEFAULT.master_hz):
+def write_vcd(path, rows, listed, first_edge=0, top="gyro", edges=None, clock_hz=DEFAULT.master_hz, known=None):
     """Write a window as VCD.
 
     rows        int64, one row per clock edge, one column per signal
@@ -162,8 +164,10 @@ def write_vcd(path, rows, listed, first_edge=0, top="gyro", edges=None, clock_hz
     edges       edges that sample the rows, counted from `first_edge` and rising; None: one row after the other.
                 Between them nothing is known: the clock rests, and values stay as they were
     clock_hz    nominal frequency of the master clock
+    known       bool, of the shape of `rows`: where a value is none, its bits are x; None: all are known
     """
     rows = np.asarray(rows)
+    known = np.ones(rows.shape, bool) if known is None else known
     edges = np.arange(len(rows)) if edges is None else np.asarray(edges, np.int64)
     listed = list(listed)
     _check(rows, listed)
@@ -175,22 +179,22 @@ def write_vcd(path, rows, listed, first_edge=0, top="gyro", edges=None, clock_hz
     )
     with replacing(path) as part, open(part, "wb") as file:
         file.write(_header(tree, ids, comment).encode())
-        before = None
+        before = None, None
         for begin in range(0, len(rows), BLOCK_ROWS):
-            block = rows[begin : begin + BLOCK_ROWS]
+            block, sure = rows[begin : begin + BLOCK_ROWS], known[begin : begin + BLOCK_ROWS]
             count = len(block)
             index = edges[begin : begin + count]
             every = np.arange(count)
             changed = np.ones(block.shape, bool)
-            changed[1:] = block[1:] != block[:-1]
-            if before is not None:
-                changed[0] = block[0] != before
-            before = block[-1].copy()
+            changed[1:] = (block[1:] != block[:-1]) | (sure[1:] != sure[:-1])
+            if begin:
+                changed[0] = (block[0] != before[0]) | (sure[0] != before[1])
+            before = block[-1].copy(), sure[-1].copy()
             rise, fall = (_lines_of(np.full(count, level), 1, ids[CLOCK_NAME]) for level in (1, 0))
             groups = [*_stamps(picoseconds(index, clock_hz)), (every, rise)]
             for k, signal in enumerate(listed):
                 at = np.flatnonzero(changed[:, k])
-                groups.append((at, _lines_of(block[at, k], signal.width, ids[signal.name])))
+                groups.append((at, _lines_of(block[at, k], signal.width, ids[signal.name], sure[at, k])))
             groups += [*_stamps(_half_after(index, clock_hz)), (every, fall)]
             file.write(_layout(groups, count))
         file.write(f"#{int(picoseconds(edges[-1] + 1, clock_hz))}\n1{ids[CLOCK_NAME]}\n".encode())
@@ -224,15 +228,22 @@ def _gtkw_flags(signal, analog):
     return (GTKW_SIGNED if signal.signed else GTKW_UNSIGNED) | (GTKW_ANALOG if analog else 0)
 
 
-def write_gtkw(path, vcd_path, listed, top="gyro", analog=(), expanded=("pins",)):
+def write_gtkw(path, vcd_path, listed, top="gyro", analog=(), expanded=("pins",), marker_ps=None):
     """Write the save file of GTKWave: one group per block, the groups named in `expanded` open.
 
-    analog  names of signals drawn as curves
+    analog     names of signals drawn as curves
+    marker_ps  time of the marker, which is in the middle of what is shown first; None: from the beginning, no marker
     """
     listed = list(listed)
-    lines = [f"[*] ftr-gyro {VERSION}", f'[dumpfile] "{Path(vcd_path).name}"', "[timestart] 0", "[size] 1600 1000"]
-    # zoom: minus log2 of picoseconds per 200 pixels, then the marker and the named markers, all unset
-    lines += [f"*{-math.log2(GTKW_SHOWN_PS / 5):.3f}" + " -1" * 27, "[signals_width] 280", "[sst_width] 220"]
+    begin, marker = (0, -1) if marker_ps is None else (max(0, marker_ps - GTKW_SHOWN_PS // 2), marker_ps)
+    lines = [f"[*] ftr-gyro {VERSION}", f'[dumpfile] "{Path(vcd_path).name}"', f"[timestart] {begin}"]
+    # zoom: minus log2 of picoseconds per 200 pixels, then the marker, and the named markers, all unset
+    lines += [
+        "[size] 1600 1000",
+        f"*{-math.log2(GTKW_SHOWN_PS / 5):.3f} {marker}" + " -1" * 26,
+        "[signals_width] 280",
+        "[sst_width] 220",
+    ]
     lines += ["@28", f"{top}.{CLOCK_NAME}"]
     for group, members in _grouped(listed).items():
         is_open = group in expanded or group.rpartition(".")[2] in expanded

@@ -68,7 +68,7 @@ def _same_entry(path, key, given, own):
     raise FileError(f"{path}: {key}: {str(given)[:120]} is not {str(own)[:120]}, as this version computes it")
 
 
-def _block(path, manifest):
+def block_of(path, manifest):
     """The block of a manifest, with its case; FileError where this version has none such."""
     stem, case = manifest["block"], manifest["case"]
     design = design_entry.of_manifest(path, manifest)
@@ -93,7 +93,7 @@ def _block(path, manifest):
 def _block_again(found, path, folder):
     """Write the bundle of a block again from the rows of one that was read."""
     manifest = found.manifest
-    case, block = manifest["case"], _block(path, manifest)
+    case, block = manifest["case"], block_of(path, manifest)
     ports = {"inputs": block.columns, "registers": block.registers, "outputs": block.pins}
     for key, own in ports.items():
         _same_entry(path, key, manifest[key], [bundle.port(p) for p in own])

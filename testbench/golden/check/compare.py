@@ -61,6 +61,7 @@ class Report(NamedTuple):
     """Outcome of a comparison; `before` of the divergence holds (cycle, {port: expected}, {port: got}).
 
     judged_rows  rows with a port that is judged;  clocks  {RTL port: clocks that it was declared to come later}
+    first_row    row of the bundle that row 0 of the comparison is;  got  {port: Column}, moved to the golden rows
     """
 
     block: str
@@ -75,6 +76,8 @@ class Report(NamedTuple):
     differing: dict
     divergence: Divergence | None
     diagnosis: tuple
+    first_row: int
+    got: dict
 
     @property
     def passed(self):
@@ -234,7 +237,7 @@ def compare(manifest, inputs, expected, got, care=None, before=BEFORE, terms=EVE
     head = (manifest["block"], manifest.get("case", ""), n, manifest["n"], tuple(logged), missing, terms.level,
             int(some.sum()), dict(terms.clocks), differing)  # fmt: skip
     if not differing:
-        return Report(*head, None, ())
+        return Report(*head, None, (), terms.first, logged)
 
     # a late port shows a row later than the others
     late = {name: terms.clocks.get(seen.get(name), 0) for name in differing}
@@ -266,7 +269,8 @@ def compare(manifest, inputs, expected, got, care=None, before=BEFORE, terms=EVE
         also=tuple(there[1:]),
         before=shown,
     )
-    return Report(*head, divergence, _diagnosis(manifest, inputs, golden, logged, counts, n, divergence))
+    diagnosis = _diagnosis(manifest, inputs, golden, logged, counts, n, divergence)
+    return Report(*head, divergence, diagnosis, terms.first, logged)
 
 
 def against(golden, got, before=BEFORE, found=None):

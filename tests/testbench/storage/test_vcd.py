@@ -87,6 +87,18 @@ def test_every_register_is_there_at_every_edge(tmp_path_factory, window, block_r
     assert [t for t, level in clock if not level] == [naive.edge_picoseconds(2 * k + 1, 52) for k in range(len(rows))]
 
 
+@pytest.mark.parametrize("block_rows", [1, 4096])
+def test_what_is_not_known_is_x(tmp_path, monkeypatch, block_rows):
+    monkeypatch.setattr(vcd, "BLOCK_ROWS", block_rows)
+    rows, known = np.array([[1, 5], [1, 5], [1, 5], [0, 6]]), np.ones((4, 2), bool)
+    known[1, 0] = known[2, :] = False
+    vcd.write_vcd(tmp_path / "run.vcd", rows, [Signal("a", 1), Signal("b", 3)], known=known)
+    text = (tmp_path / "run.vcd").read_text()
+    found = [re.findall(rf"^(\S+?) ?{re.escape(ident)}$", text, re.M) for ident in ('"', "#")]
+    assert found == [["1", "x", "0"], ["b101", "bxxx", "b110"]]
+    assert sum(line.startswith("#") for line in text.splitlines()) == 2 * 4 + 1
+
+
 def test_times_are_the_nearest_picoseconds_far_from_the_start():
     edges = [0, 1, 12, 13, 26_000_000, 10**12 + 7]
     assert vcd.picoseconds(edges).tolist() == [naive.edge_picoseconds(k) for k in edges]
