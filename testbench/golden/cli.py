@@ -136,7 +136,8 @@ OF_RTL = ("sim", "level", "files", "top", "latency")
 def check(o):
     """Run your design, or read its log, and compare it with a bundle: the first divergence, and what it looks like."""
     from testbench.errors import ConfigError
-    from testbench.golden.check import design_run, rtl_run, waves
+    from testbench.golden.bundles import bundle
+    from testbench.golden.check import design_run, rtl_run, top_run, waves
 
     if (o.rtl is None) == (o.log is None):
         raise ConfigError("check: one of --rtl DIR and --log FILE is needed")
@@ -148,7 +149,8 @@ def check(o):
         raise ConfigError(f"check: --{stray[0]} belongs to --rtl")
     if o.rtl:
         choice = design_run.Choice(map=o.map, **given)
-        report = rtl_run.check(o.folder, o.rtl, timeout_s=o.timeout_s, choice=choice)
+        whole = bundle.verify(o.folder, strict=False)["block"] == "top"
+        report = (top_run if whole else rtl_run).check(o.folder, o.rtl, timeout_s=o.timeout_s, choice=choice)
     else:
         report = waves.check(o.folder, o.log, o.map)
     late = _costs(report.block, report.case, report.clocks)
@@ -207,7 +209,9 @@ def signals(
 @app.command()
 def wrap(
     folder: Annotated[Path, typer.Argument(help="Folder of a bundle: DIR/BLOCK/CASE.")],
-    map_path: Annotated[Path, typer.Option("--map", metavar="TOML", help="Names, widths and reset of your design.")],
+    map_path: Annotated[
+        Path | None, typer.Option("--map", metavar="TOML", help="Names, widths and reset of your design.")
+    ] = None,
     level: Annotated[str, typer.Option("--level", help="pins, outputs or registers.")] = "outputs",
     latency: Annotated[
         Path | None, typer.Option("--latency", metavar="TOML", help="Ports that come some clocks later.")
@@ -215,9 +219,18 @@ def wrap(
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="New folder; FOLDER_LEVEL if none.")] = None,
 ):
     """Write a folder in which `make check RTL=... FILES=...` runs a design with names of its own, without Python."""
+    from testbench.errors import ConfigError
+    from testbench.golden.bundles import bundle
     from testbench.golden.bundles import wrap as wrapped
 
     out = out or folder.with_name(f"{folder.name}_{level}")
+    if bundle.verify(folder, strict=False)["block"] == "top":
+        given = [name for name, value in (("map", map_path), ("latency", latency)) if value is not None]
+        manifest = wrapped.pins_of(folder, level, out, given)
+        typer.echo(f"{out}  {manifest['n']} rows, {manifest['frames']} frames at level {level}")
+        return
+    if map_path is None:
+        raise ConfigError("wrap: --map TOML is needed for a block")
     found = wrapped.wrap(folder, map_path, level, out, latency)
     typer.echo(f"{out}  {len(found.golden.exp)} rows, {int(found.care.any(axis=1).sum())} judged at level {level}")
     for cost in _costs(found.golden.manifest["block"], found.golden.manifest["case"], found.clocks):

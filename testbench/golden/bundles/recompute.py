@@ -109,7 +109,7 @@ def _top_again(found, path, folder):
     shipped = recording.load(r.name) if r.name in top.CASES and not of_board else None
     if shipped is not None and shipped.frames == r.frames and recording.sha256(shipped) != recording.sha256(r):
         raise FileError(f"{path}: is of another recording of {r.name} than this version has")
-    top.write(r, folder, found.at, of_board)
+    top.write(r, folder, found.at, of_board, top.level_of(found.manifest))
 
 
 def _same_rows(folder, name, given, own, at, ports):

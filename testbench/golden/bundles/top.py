@@ -7,6 +7,8 @@
     host.hex               per event: clock (32), 1 for a reset or 0 for a write (4), address (8), data (48)
     sar.hex                per tick: sample x, sample y (18 each); empty where both rest at 0
 
+A bundle of level `pins` has no registers: its rows and signatures are of the pins alone.
+
 The manifest is of schema `gyro-golden-replay/1.0`: as of the blocks, and `frames`, how many words each of these files
 has, `windows` with what they show, and the hash of the recording. No step of an export computes in floating point.
 Source  docs/golden.md (the whole design)
@@ -205,19 +207,26 @@ def _manifest(design, r, at, counts):
     }
 
 
-def write(r, folder, at=None, of_board=False):
+def level_of(manifest):
+    """Level of a bundle of the whole design: `pins` if it has no registers."""
+    return "registers" if manifest["registers"] else "pins"
+
+
+def write(r, folder, at=None, of_board=False, level="registers"):
     """Replay a recording and write its bundle, with rows at the clocks `at` (None: its own); returns the manifest.
 
     of_board  the manifest names the design, even if it is the default one
+    level     `pins`: rows and signatures are of the pins alone
     """
-    d = r.params.design
+    d, pins_only = r.params.design, level == "pins"
     design = block({r.name: r.params}, d if of_board or d != DEFAULT else None)
     at = clocks_of(r) if at is None else at
-    rows = replay.run(r.params, r.stimulus, r.frames, at)
+    rows = replay.run(r.params, r.stimulus, r.frames, at, pins_only)
     blocks.check(design.columns, rows.inputs, f"{STEM}: stimulus")
     blocks.check(design.registers, rows.registers, f"{STEM}: register")
     blocks.check(design.pins, rows.pins, f"{STEM}: output")
-    stim, exp = rows.inputs, np.column_stack([rows.registers, rows.pins])
+    stim, exp = rows.inputs, rows.pins if pins_only else np.column_stack([rows.registers, rows.pins])
+    design = design._replace(registers=()) if pins_only else design
     driven, found = [(p.name, p) for p in design.columns], benches.results(design)
     counts = {
         "frames": r.frames,
@@ -314,7 +323,7 @@ def window(folder, clock, count, out=None):
     frames = -(-(clock + count) // manifest["frame_cycles"])
     cut = begun(r, frames, (recording.Window(clock, count, "asked for"),))
     out = folder.with_name(f"{folder.name}_{clock}") if out is None else Path(out)
-    return out, write(cut, out, of_board="design" in manifest)
+    return out, write(cut, out, of_board="design" in manifest, level=level_of(manifest))
 
 
 def _shipped(folder, manifest):

@@ -5,7 +5,8 @@
     map.toml, latency.toml        what the folder was written from
     the rest                      benches and scripts of the bundle, with the wrapper's name and the level
 
-Source  docs/foreign_designs.md
+Of the whole design: a bundle of its pins alone, `pins_of`.
+Source  docs/foreign_designs.md, docs/golden.md (pins alone)
 """
 
 import re
@@ -13,8 +14,8 @@ import shutil
 import tempfile
 from pathlib import Path
 
-from testbench.errors import FileError
-from testbench.golden.bundles import bundle
+from testbench.errors import ConfigError, FileError
+from testbench.golden.bundles import bundle, top
 from testbench.golden.foreign import design_map, judged, wrapper
 
 KEPT = ("params.vh", "params.svh", "params_pkg.vhd", "Makefile", "run_vunit.py")
@@ -41,6 +42,21 @@ def _texts(folder, manifest, level):
     return found
 
 
+def pins_of(folder, level, out, given=()):
+    """Write the bundle of the pins of a bundle of the whole design; returns its manifest.
+
+    given  names of options that only blocks have; ConfigError if there is one
+    """
+    if level not in ("pins", "outputs"):
+        raise ConfigError(f"level: {level!r} is not one of pins, outputs; the bundle itself is at level registers")
+    for name in given:
+        raise ConfigError(f"--{name}: the whole design is compared with the names and clocks of gyro_top")
+    golden = bundle.read(folder)
+    _new(out)
+    of_board = "design" in golden.manifest
+    return top.write(top.replayed(folder, golden.manifest), out, golden.at, of_board, "pins")
+
+
 def wrap(folder, map_path, level, out, latency_path=None):
     """Write the folder of a bundle, a map, a level and a latency file; returns its `Judged` part of the bundle.
 
@@ -48,8 +64,6 @@ def wrap(folder, map_path, level, out, latency_path=None):
     """
     folder, out = Path(folder), Path(out)
     golden = bundle.read(folder)
-    if golden.manifest["block"] == "top":
-        raise FileError(f"{folder}: a whole design is compared at its pins: gyro golden loop")
     named = design_map.read(map_path, golden.manifest, level)
     clocks = {} if latency_path is None else judged.read_latency(latency_path, golden.manifest, level)
     found = judged.judged(golden, level, named.style, clocks)
@@ -74,10 +88,15 @@ def wrap(folder, map_path, level, out, latency_path=None):
     return found
 
 
-def _write(out, texts):
-    """Write the files beside the folder, and rename it."""
+def _new(out):
+    """FileError if a folder is there and holds anything."""
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise FileError(f"{out}: exists and is not an empty folder")
+
+
+def _write(out, texts):
+    """Write the files beside the folder, and rename it."""
+    _new(out)
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         part = Path(tempfile.mkdtemp(prefix=out.name + ".", dir=out.parent))

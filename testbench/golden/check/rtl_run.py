@@ -49,7 +49,7 @@ SAYINGS = (
 )
 
 
-class _Runner:
+class Runner:
     """Commands in one folder, all within one time limit."""
 
     def __init__(self, folder, timeout_s):
@@ -125,7 +125,7 @@ def _complaints(said, texts, manifest, design):
     return list(out.values())
 
 
-def _first_lines(said):
+def first_lines(said):
     """The lines of a tool's output that tell most: those with an error, else the first."""
     lines = [line.rstrip() for line in said.splitlines() if line.strip()]
     errors = [line for line in lines if "error" in line.lower()]
@@ -220,20 +220,20 @@ def columns_of(folder, stim, design, timeout_s=TIMEOUT_S):
     with tempfile.TemporaryDirectory(prefix="gyro-check-") as place:
         place = Path(place).resolve()
         texts = _place(folder, stim, design, place)
-        run = _Runner(place, timeout_s)
+        run = Runner(place, timeout_s)
         command, code, said = _build(design.sim, run, list(texts), design)
         complaints = _complaints(said, texts, design.manifest, design)
         if code or complaints:
             why = "; ".join(complaints)
             raise FileError(
-                f"{last}: {why}" if why else f"{last}: does not build under {design.sim}:\n{_first_lines(said)}"
+                f"{last}: {why}" if why else f"{last}: does not build under {design.sim}:\n{first_lines(said)}"
             )
         code, said = run(*command)
         columns = _columns(place / loggers.ROWS, [p for _, p in loggers.results(design.manifest, design.level)])
         rows = len(next(iter(columns.values())).values)
         if rows < design.manifest["n"]:
             raise FileError(
-                f"{last}: the simulation ended after {rows} of {design.manifest['n']} rows:\n{_first_lines(said)}"
+                f"{last}: the simulation ended after {rows} of {design.manifest['n']} rows:\n{first_lines(said)}"
             )
     return columns
 
@@ -263,7 +263,7 @@ def check(folder, rtl, sim=None, timeout_s=TIMEOUT_S, before=BEFORE, choice=None
     """
     golden = bundle.read(folder)
     if golden.manifest["block"] == "top":
-        raise FileError(f"{folder}: top is compared by its own bench for now: make -C {folder} check RTL={rtl}")
+        raise FileError(f"{folder}: top is run by top_run")
     design = design_run.chosen(golden.manifest, rtl, choice or design_run.Choice(sim))
     found = judged.judged(golden, design.level, design.style, design.clocks)
     design = design._replace(manifest=found.golden.manifest)

@@ -154,25 +154,29 @@ def _rows(at, frames):
     )
 
 
-def run(params, stimulus, frames, at):
-    """Replay `frames` frames from power-on; `Rows` at the clocks `at`."""
+def run(params, stimulus, frames, at, pins_only=False):
+    """Replay `frames` frames from power-on; `Rows` at the clocks `at`.
+
+    pins_only  rows are those of the pins: registers are not signed
+    """
     d = params.design
     at, end = np.ascontiguousarray(at, np.int64), frames * d.frame_clocks
     if len(at) and (at[0] < 0 or at[-1] >= end or (np.diff(at) <= 0).any()):
         raise ValueError(f"clocks of rows do not rise within 0 .. {end - 1}")
     o, rom, fresh = _rows(at, frames), sine.table(d), top.reset(d)
-    if d != DEFAULT:
-        return _run_by_frame(params, rom, fresh, stimulus, o)
+    if d != DEFAULT or pins_only:
+        return _run_by_frame(params, rom, fresh, stimulus, o, pins_only)
     chip, place, buffer = adc_serial.State(), Place(), np.zeros(BUFFER, np.int64)
     while place.clock < end:
         _, chip, place, _ = _run(params, rom, fresh, chip, place, end, stimulus, o, buffer)
     return o
 
 
-def _run_by_frame(params, rom, fresh, stimulus, o):
+def _run_by_frame(params, rom, fresh, stimulus, o, pins_only):
     """The same for any design: all rows of a frame, then their signature; it takes some ten times as long."""
     d = params.design
-    widths = [fmt.width for _, fmt in format_leaves(formats(top.State, d))] + [fmt.width for fmt in top.PINS_FMT]
+    widths = [] if pins_only else [fmt.width for _, fmt in format_leaves(formats(top.State, d))]
+    widths += [fmt.width for fmt in top.PINS_FMT]
     s, chip, place, unsigned = fresh, adc_serial.State(), Place(), np.zeros(0, np.int64)
     for frame in range(len(o.remainders)):
         first, end = frame * d.frame_clocks, (frame + 1) * d.frame_clocks
@@ -181,7 +185,8 @@ def _run_by_frame(params, rom, fresh, stimulus, o):
         while place.clock < end:
             s, chip, place, rst = _run(params, rom, s, chip, place, end, stimulus, part, unsigned)
             s = fresh if rst else s
-        sig = signature.of_rows(np.column_stack([part.registers, part.pins]), widths)
+        signed = part.pins if pins_only else np.column_stack([part.registers, part.pins])
+        sig = signature.of_rows(signed, widths)
         o.remainders[frame, 0] = sig - (1 << signature.DEGREE) if sig >> (signature.DEGREE - 1) else sig
         o.window_at[frame] = part.window_at[frame]
         kept = slice(*np.searchsorted(o.at, (first, end)))

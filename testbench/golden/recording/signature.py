@@ -17,6 +17,8 @@ remainder S moves w words up, and what leaves it, t, comes back 0, 2, 6 and 8 wo
 Source  docs/golden.md (signatures)
 """
 
+import functools
+
 import numpy as np
 from llvmlite import ir
 from numba import types
@@ -86,6 +88,12 @@ def _power(k):
     return found
 
 
+@functools.cache
+def _products(step):
+    """x^(step + k) modulo P, for each bit k of a signature that moves up by `step` bits."""
+    return [np.uint64(_power(step + k)) for k in range(DEGREE)]
+
+
 def of_rows(rows, widths):
     """Signature of int64 rows with columns of these widths: every row alone, then rows in pairs, pairs of pairs."""
     words = [np.zeros(len(rows), np.uint64) for _ in _plan(widths)]
@@ -100,9 +108,9 @@ def of_rows(rows, widths):
     step = DEGREE * len(words)
     while len(sig) > 1:
         sig = np.concatenate([np.zeros(len(sig) % 2, np.uint64), sig])
-        moved, factor = np.zeros(len(sig) // 2, np.uint64), _power(step)
-        for k in range(DEGREE):
-            moved ^= ((sig[::2] >> k) & 1) * np.uint64(_times(factor, 1 << k))
+        moved = np.zeros(len(sig) // 2, np.uint64)
+        for k, product in enumerate(_products(step)):
+            moved ^= ((sig[::2] >> k) & 1) * product
         sig, step = moved ^ sig[1::2], 2 * step
     return int(sig[0])
 

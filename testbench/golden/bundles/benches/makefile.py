@@ -92,6 +92,8 @@ def check_script(block, case, frames=None):
     """
     stem = block.stem
     optimised = "optimised: running takes longer than compiling"
+    pins_only = frames and not block.registers
+    judged = ["outputs", "pins"] if pins_only else ["registers"] if frames else levels_of(block)
     why = optimised if frames else "not optimised: compiling takes longer than running"
     return filled(
         "check.sh.in",
@@ -103,8 +105,8 @@ def check_script(block, case, frames=None):
         generic=" -gFRAMES=$(frames $1)" if frames else "",
         exported='FRAMES=$(frames "$1") ' if frames else "",
         module=block.module,
-        levels=" ".join(["registers"] if frames else levels_of(block)),
-        default="registers",
+        levels=" ".join(judged),
+        default=judged[-1] if pins_only else "registers",
         level=2 if frames else 0,
         why=why,
         sims=" ".join(SIMS),

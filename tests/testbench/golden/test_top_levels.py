@@ -1,0 +1,163 @@
+"""The whole design at its levels: pins alone in rows and signatures, and `golden check` on a bundle of `top`."""
+
+import json
+import re
+import shutil
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from fpga_model.rates import FRAME_CYCLES
+from testbench.errors import ConfigError, FileError
+from testbench.golden import cli
+from testbench.golden.bundles import bundle, recompute, top, wrap
+from testbench.golden.check import design_run, rtl_run, top_run
+from testbench.golden.recording import recording, replay, signature
+from tests.testbench.golden import standin
+from tests.testbench.golden.benching import RTL, make, need
+
+CASE, FRAMES, QUIET = "reset", 3, 5000  # QUIET: a clock without a row
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory):
+    """Bundle of the first frames, with hardly a row: what differs is seen by signatures."""
+    place = tmp_path_factory.mktemp("levels")
+    top.export_case(CASE, place)
+    top.window(place / "top" / CASE, FRAMES * FRAME_CYCLES - 50, 50, place / "few")
+    return place / "few"
+
+
+@pytest.fixture(scope="module")
+def words(out):
+    """Packed pins of every clock."""
+    r = recording.load(CASE)
+    pins = replay.run(r.params, r.stimulus, FRAMES, np.arange(FRAMES * FRAME_CYCLES)).pins
+    return bundle.pack(pins, [p.width for p in top.block({CASE: r.params}).pins])
+
+
+@pytest.fixture(scope="module")
+def pins(out):
+    wrap.pins_of(out, "pins", out.with_name("pins"))
+    return out.with_name("pins")
+
+
+@pytest.fixture(scope="module")
+def bare():
+    """The design with nothing but pins."""
+    return top.block({CASE: recording.load(CASE).params})._replace(registers=())
+
+
+@pytest.fixture(scope="module")
+def pins_rtl(tmp_path_factory):
+    """The reference RTL, whose top has no port for a register."""
+    folder = shutil.copytree(RTL, tmp_path_factory.mktemp("rtl") / "mine")
+    text = (folder / "top.v").read_text()
+    listed = re.findall(r"(?m)^ +output (wire +(?:signed )?(?: *\[.*\])? *r_\w+),.*\n", text)
+    text = re.sub(r"(?m)^ +output wire .*\br_\w+,.*\n", "", text)
+    assert len(listed) == len(top.block({}).registers)
+    assert "output wire" in text
+    (folder / "top.v").write_text(text.replace("\n);\n", "\n);\n" + "".join(f"{net};\n" for net in listed), 1))
+    return folder
+
+
+def checked(*words):
+    done = CliRunner().invoke(cli.app, ["check", *map(str, words), "--json"])
+    assert done.exception is None or isinstance(done.exception, SystemExit), done.exception
+    return done.exit_code, json.loads(done.output)
+
+
+def test_a_bundle_of_the_pins_has_their_rows_and_the_signatures_of_them_alone(out, pins, words):
+    golden, whole = bundle.read(pins), bundle.read(out)
+    assert golden.manifest["registers"] == []
+    assert golden.exp.shape[1] == len(whole.manifest["outputs"])
+    assert np.array_equal(golden.exp, whole.exp[:, len(whole.manifest["registers"]) :])
+    width = bundle.total(golden.manifest["outputs"])
+    frames = [words[k * FRAME_CYCLES : (k + 1) * FRAME_CYCLES] for k in range(FRAMES)]
+    assert list(golden.signatures) == [signature.signature(frame, width) for frame in frames]
+    assert recompute.recompute(pins).rows == len(golden.exp)
+
+
+@pytest.mark.parametrize("level", ["pins", pytest.param("outputs", marks=pytest.mark.slow)])
+def test_a_design_with_pins_alone_passes_without_registers(out, pins_rtl, level):
+    need("iverilog")
+    code, tree = checked(out, "--rtl", pins_rtl, "--level", level, "--sim", "icarus")
+    assert (code, tree["passed"], tree["first"], tree["level"]) == (0, True, None, level)
+    assert tree["rows"] == tree["golden_rows"] == len(bundle.read(out).at)
+    with pytest.raises(FileError, match="nothing was compared under icarus"):
+        top_run.check(out, pins_rtl, choice=design_run.Choice("icarus"))
+
+
+def test_the_reference_passes_at_registers(out):
+    need("iverilog")
+    code, tree = checked(out, "--rtl", RTL, "--sim", "icarus")
+    assert (code, tree["passed"], tree["level"]) == (0, True, "registers")
+
+
+def test_a_fault_is_named_with_its_first_clock_and_pin(out, words, bare, tmp_path):
+    need("iverilog")
+    design = standin.write(tmp_path / "bad", bare, CASE, words, (QUIET, "o_sense_sync_n", 1))
+    assert QUIET not in bundle.read(out).at
+    code, tree = checked(out, "--rtl", design, "--level", "pins", "--sim", "icarus")
+    ports = [(p["name"], p["width"]) for p in bundle.read(out).manifest["outputs"]]
+    below = sum(width for _, width in ports[[name for name, _ in ports].index("sense_sync_n") + 1 :])
+    want = words[QUIET] >> below & 1
+    first = {key: tree["first"][key] for key in ("clock", "kind", "name", "expected", "got")}
+    assert first == {"clock": QUIET, "kind": "pin", "name": "sense_sync_n", "expected": want, "got": 1 - want}
+    assert (code, tree["passed"], tree["diagnosis"]) == (1, False, [])
+
+
+def test_a_fault_in_the_rtl_shows_where_a_model_with_this_fault_does(out, pins_rtl, tmp_path):
+    """One register too few behind the references: the same as a smaller `align`, which the bench does not set."""
+    need("iverilog")
+    bad = shutil.copytree(pins_rtl, tmp_path / "bad")
+    text, fewer = re.subn(r"\.align( *)\(references_align\)", r".align\1(2'd1)", (bad / "top.v").read_text())
+    assert fewer == 1
+    (bad / "top.v").write_text(text)
+    r = recording.load(CASE)
+    assert r.params.references.align == 2
+    other = r.params._replace(references=r.params.references._replace(align=1))
+    at = np.arange(FRAMES * FRAME_CYCLES)
+    right, wrong = (replay.run(p, r.stimulus, FRAMES, at).pins for p in (r.params, other))
+    clock = int(np.flatnonzero((right != wrong).any(axis=1))[0])
+    k = int(np.flatnonzero(right[clock] != wrong[clock])[0])
+    tree = checked(out, "--rtl", bad, "--level", "pins", "--sim", "icarus")[1]
+    first = [tree["first"][key] for key in ("clock", "name", "expected", "got")]
+    assert first == [clock, tree["ports"][k], right[clock, k], wrong[clock, k]]
+
+
+def test_what_cannot_be_compared_is_one_line(out, pins, tmp_path):
+    for choice in ({"map": tmp_path}, {"top": "mine"}, {"latency": tmp_path}):
+        with pytest.raises(ConfigError, match=f"--{next(iter(choice))}: the whole design is compared with the names"):
+            top_run.check(out, RTL, choice=design_run.Choice(**choice))
+    with pytest.raises(ConfigError, match="level: 'registers' is not a level of"):
+        top_run.check(pins, RTL, choice=design_run.Choice(level="registers"))
+    with pytest.raises(ConfigError, match="level: 'bits' is not a level of"):
+        top_run.check(out, RTL, choice=design_run.Choice(level="bits"))
+    with pytest.raises(ConfigError, match="level: 'registers' is not one of pins, outputs"):
+        wrap.pins_of(out, "registers", tmp_path / "new")
+    with pytest.raises(ConfigError, match="--map: the whole design"):
+        wrap.pins_of(out, "pins", tmp_path / "new", ("map",))
+    with pytest.raises(FileError, match="exists and is not an empty folder"):
+        wrap.pins_of(out, "pins", pins)
+    with pytest.raises(FileError, match="no design for any simulator"):
+        top_run.check(out, tmp_path)
+    with pytest.raises(FileError, match="is run by top_run"):
+        rtl_run.check(out, RTL)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sim", ["icarus", "verilator", "ghdl"])
+def test_make_check_of_the_pins_needs_no_python(pins, words, bare, tmp_path, sim):
+    need(*{"icarus": ("iverilog",), "verilator": ("verilator", "g++"), "ghdl": ("ghdl",)}[sim])
+    folder = shutil.copytree(pins, tmp_path / "away")
+    good = standin.write(tmp_path / "good", bare, CASE, words)
+    goals = [f"SIM={sim}", f"RTL={good}", "PYTHON=/nonexistent"]
+    done = make(folder, *goals)
+    assert done.returncode == 0, done.stdout
+    assert f"PASS top/{CASE}: {FRAMES * FRAME_CYCLES} clocks" in done.stdout
+    bad = standin.write(tmp_path / "bad", bare, CASE, words, (QUIET, "o_adc_sclk", 1))
+    done = make(folder, f"SIM={sim}", f"RTL={bad}", "PYTHON=/nonexistent")
+    assert done.returncode != 0
+    assert "frame 1 (clocks 3250 .. 6499): signature: expected" in done.stdout, done.stdout
