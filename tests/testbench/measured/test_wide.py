@@ -15,6 +15,7 @@ from testbench.measured.record.plan import Condition
 from testbench.measured.residual.parameters import Parameter
 from testbench.measured.wide import estimate, sheet
 from testbench.measured.wide.averaged_loop import AveragedLoop
+from tests.testbench.measured import wide_trials
 
 
 def test_the_sheet_has_the_tolerances_of_a_data_sheet_about_the_configured_board():
@@ -227,3 +228,18 @@ def test_what_no_record_tells_is_printed_beside_the_products_and_their_intervals
     assert "mass" in told[1]
     assert not tied(keys[:3])
     assert lines(keys[:3], theta[:3], np.eye(3)) == ()
+
+
+def test_trials_count_the_products_and_not_the_keys_that_a_prior_holds():
+    """Motion off by 10 %, which no record shows, and one force by 3 of its own sds, which it does."""
+    truth = {"plant.dcdx_f_per_m": 1e-7, "plant.dcdy_f_per_m": 2e-7}
+    truth |= {"plant.k_vf_drive_n_per_v": 3e-7, "plant.k_vf_sense_n_per_v": 4e-7, "plant.qx": 2e5}
+    keys, theta = list(truth), np.array(list(truth.values()))
+    found = theta * np.array([1.1, 1.1, 1 / 1.1, (1 + 3e-4) / 1.1, 1.0])
+    common, own = found * np.array([0.1, 0.1, -0.1, -0.1, 0.0]), found * np.array([0.0, 1e-4, 1e-4, 1e-4, 1e-4])
+    told = wide_trials.products(keys, found, np.outer(common, common) + np.diag(own**2), truth)
+    off = wide_trials.identifiable(dict.fromkeys(keys, 1.0), told)
+    assert list(off) == ["plant.qx", *told]
+    assert [abs(x) > 2 for x in off.values()] == [False, False, False, True]
+    assert told["k_vf_sense_n_per_v * dcdx_f_per_m"] == pytest.approx(3.0, rel=1e-3)
+    assert wide_trials.inside({"identifiable": off}) == (3, 4)

@@ -1,4 +1,4 @@
-"""Conditions for wide priors: two amplitudes at a temperature separate what a slope of Q imitates."""
+"""Conditions for wide priors: two amplitudes at a temperature separate what a slope of Q imitates; offsets are seen."""
 
 import numpy as np
 import pytest
@@ -13,11 +13,19 @@ from tests.testbench.measured.loop_trials import QUICK
 from tests.testbench.measured.wide_trials import CONDITIONS, recorded
 
 SEED = 900
+OFFSET = {"plant.sid_charge_mismatch": ("factor", 2.0)}  # the offset of all demodulators goes with it
+
+
+def _left(columns, law):
+    """Sigmas of a law that nuisances leave with their priors, by a projection of our own."""
+    a = np.concatenate([columns, np.eye(columns.shape[1])])
+    b = np.concatenate([law, np.zeros(columns.shape[1])])
+    return np.linalg.norm(b - a @ np.linalg.lstsq(a, b, rcond=None)[0])
 
 
 @pytest.mark.slow
 def test_a_second_amplitude_at_a_temperature_leaves_twice_as_much_of_a_cubic_pickoff():
-    """Sigmas that the wide nuisances leave of it, by a projection of our own; beside the conditions without it."""
+    """Sigmas that the wide nuisances leave of it, beside the conditions without it."""
     model, bench = configuration.Config(), loop_runs.Bench(1)
     wanted = sheet.parameters(model, sheet.read(sheet.OWN))
     data = loop_problem.Measured("plan", CONDITIONS, recorded(bench, model, SEED), {})
@@ -34,9 +42,23 @@ def test_a_second_amplitude_at_a_temperature_leaves_twice_as_much_of_a_cubic_pic
 
     def left(names):
         rows = np.isin(np.array([c.id for c in loop.conditions])[loop.condition], names)
-        a = np.concatenate([columns[rows], np.eye(len(wanted))])
-        b = np.concatenate([law[rows], np.zeros(len(wanted))])
-        return np.linalg.norm(b - a @ np.linalg.lstsq(a, b, rcond=None)[0])
+        return _left(columns[rows], law[rows])
 
     before = left([c.id for c in QUICK])
     assert left([c.id for c in CONDITIONS]) > 2 * before
+
+
+@pytest.mark.slow
+def test_an_offset_of_the_demodulators_is_no_other_parameter_of_the_sheet():
+    """A factor of 2 of it: the sheet's parameters leave more than 10 sigmas, so the record itself gives its size."""
+    model, bench = configuration.Config(), loop_runs.Bench(1)
+    wanted = sheet.parameters(model, sheet.read(sheet.OWN) | OFFSET)
+    rows = bench.run([Run(loop_runs.Model(even(model)), c, SEED, None, 0, True) for c in CONDITIONS], FAST)
+    data = loop_problem.Measured("offset", CONDITIONS, {c.id: row[None] for c, row in zip(CONDITIONS, rows)}, {})
+    loop = AveragedLoop(data, model, wanted, bench)
+    sigma = loop.sigma(loop.mean(np.zeros(len(wanted)), 8)[1])
+    _, columns = loop.columns(np.zeros(len(wanted)), range(len(wanted)), sigma, 3.0)
+    columns = columns / sigma[:, None]
+    left = _left(columns[:, :-1], columns[:, -1])
+    print(f"offset: {np.linalg.norm(columns[:, -1]):.0f} sigmas, {left:.0f} are left")
+    assert left > 10

@@ -4,7 +4,8 @@
 
 Truth is the exact engine with every parameter of the sheet drawn evenly within one tolerance, each repeat from
 power-on. The analysis begins from the middle of the sheet. V_q must stay below its DAC's span: the coupling is drawn up
-to MOST_COUPLING times its middle.
+to MOST_COUPLING times its middle. Intervals are counted of what the record can tell (`identifiable`): those of keys
+that a symmetry ties hold by their priors, all of one symmetry together.
 Source    docs/wide_priors.md
 """
 
@@ -19,6 +20,7 @@ from testbench import config as configuration
 from testbench.errors import ConfigError
 from testbench.measured.closed_loop import loop_laws, loop_noise, loop_problem, loop_runs, loop_trace
 from testbench.measured.closed_loop.loop_runs import EXACT, Model, Run
+from testbench.measured.closed_loop.loop_symmetries import tied
 from testbench.measured.record.plan import Condition
 from testbench.measured.wide import estimate, sheet
 from testbench.tracing.trace import Options
@@ -67,7 +69,7 @@ def recorded(bench, cfg, seed, conditions=CONDITIONS):
 
 
 def trial(seed, law=None, options=None):
-    """{what: value} of a trial: verdict, effects, d of what is hidden, how many sds each parameter is off."""
+    """{what: value} of a trial: verdict, effects, d of what is hidden, sds by which parameters and products are off."""
     base, bench, begun = configuration.Config(), loop_runs.Bench(1), time.process_time()
     truth = board(seed)
     hidden = {f"effects.{law}": EFFECTS[law]} if law else {}
@@ -82,7 +84,9 @@ def trial(seed, law=None, options=None):
         data, found.config, found.parameters, loop_laws.from_catalogue(), loop_laws.from_grammar(), bench
     )
     tracer, result = loop_trace.run(problem, options or Options(seed=seed, power=False, experiments=False))
-    fit = tracer.fits["after"]
+    fit, n = tracer.fits["after"], len(problem.parameters)
+    keys, values = [p.key for p in problem.parameters], [p.at(t) for p, t in zip(problem.parameters, fit.point.theta)]
+    off = {p.key: _off(p, x, truth[p.key]) / s for p, x, s in zip(problem.parameters, fit.point.theta, fit.sd)}
     return {
         "seed": seed,
         "hidden": law,
@@ -90,7 +94,8 @@ def trial(seed, law=None, options=None):
         "verdict": result.verdict,
         "found": [e["law"] for e in result.effects],
         "rms": found.rms,
-        "off": {p.key: _off(p, x, truth[p.key]) / s for p, x, s in zip(problem.parameters, fit.point.theta, fit.sd)},
+        "off": off,
+        "identifiable": identifiable(off, products(keys, values, fit.covariance[:n, :n], truth)),
         "heldout": [result.heldout_chi2.get("after"), result.heldout_chi2.get("limit")],
         "notes": list(result.notes),
         "seconds": time.process_time() - begun,
@@ -102,9 +107,26 @@ def _off(p, theta, truth):
     return p.first * math.log(p.at(theta) / truth) if p.logarithmic else theta - truth
 
 
+def products(keys, values, covariance, truth):
+    """{words: sds from the truth} of what symmetries leave of the keys that they tie."""
+    out, found = {}, dict(zip(keys, values))
+    for symmetry in tied(keys).values():
+        true = symmetry.invariants(truth)
+        for (words, value, slopes), (_, wanted, _) in zip(symmetry.invariants(found), true):
+            slope = np.array([slopes.get(key, 0.0) for key in keys])
+            out[words] = float((value - wanted) / np.sqrt(slope @ covariance @ slope))
+    return out
+
+
+def identifiable(off, told):
+    """`off` without the keys that a symmetry ties, and their products in place of them."""
+    hidden = {key for s in tied(list(off)).values() for key in (s.held, *s.partners)}
+    return {key: x for key, x in off.items() if key not in hidden} | told
+
+
 def inside(row):
-    """How many of a trial's 95 % intervals hold the truth."""
-    return sum(abs(off) < NORMAL_95 for off in row["off"].values())
+    """(intervals of 95 % that hold the truth, all) of what the record of a trial can tell."""
+    return sum(abs(off) < NORMAL_95 for off in row["identifiable"].values()), len(row["identifiable"])
 
 
 def main():
