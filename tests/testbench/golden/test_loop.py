@@ -19,12 +19,14 @@ from testbench.config import Config, changed, load, scenario
 from testbench.engines.engine import PIN_COLUMNS
 from testbench.errors import ConfigError, FileError
 from testbench.flatten import leaves
+from testbench.golden import divergence
 from testbench.golden.loop import library, lockstep, run
 from testbench.golden.loop.by_edge import Model, Plant
 from testbench.golden.recording import record
 from testbench.run import build, simulate
 from testbench.run.simulation import Simulation
 from tests.testbench.engines.test_designs import BOARDS
+from tests.testbench.golden import benching
 from tests.testbench.rtl.test_rtl import RTL, icarus
 from tests.testbench.rtl.test_rtl_top import INPUTS, OUTPUTS, Board, hexed, under_icarus
 
@@ -166,6 +168,28 @@ def test_a_planted_slip_is_caught_at_its_first_effect(slip, tmp_path):
     assert re.fullmatch(
         rf"FAIL tick {first // 26}, clock {first % 26} \(\S+ us\): {register}: expected {expected}, got {got}", line
     )
+
+
+@pytest.mark.slow
+@icarus
+def test_the_bundle_of_a_difference_shows_it_again(tmp_path):
+    """Without plant and model, in Icarus: the same clock, register and values; the right design passes."""
+    name, right, wrong = SLIPS[0]
+    rtl = tmp_path / "rtl"
+    shutil.copytree(RTL, rtl)
+    (rtl / name).write_text((RTL / name).read_text().replace(right, wrong))
+    config, firmware = quick_story()
+    config = changed(config, {"scenario.seconds": SLIP_TICKS * 1e-6, "scenario.faults": [], "scenario.rate_dps": 0.0})
+    found = run.run(config, rtl, tmp_path / "built", firmware=firmware, level=0).difference
+    bundle = divergence.write(tmp_path / "package", found) / "bundle" / "top" / "loop"
+    said = benching.make(bundle, "SIM=icarus", f"RTL={rtl}", "PYTHON=false")
+    ((register, expected, got),) = found.wrong
+    line = f"clock {found.row}: r_{register.replace('.', '_')}: expected {expected:x}, got {got:x} (hex) [icarus]"
+    assert said.returncode != 0
+    assert said.stdout.splitlines()[0] == line
+    said = benching.make(bundle, "SIM=icarus", f"RTL={RTL}", "PYTHON=false")
+    assert said.returncode == 0, said.stdout
+    assert said.stdout.startswith("PASS top/loop: ")
 
 
 def first_under_icarus(config, firmware, slip, folder):
