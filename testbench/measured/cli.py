@@ -404,3 +404,5 @@ def _print_trace(result):
         typer.echo(f"against physics: {row['why']} (chi2 {row['chi2']:.4g})")
     for row in result.get("next_experiment", ())[: result["verdict"] != "named"]:
         typer.echo(f"next experiment: {row['words']}")
+        if row["text"]:
+            typer.echo(row["text"])

@@ -45,7 +45,7 @@ class _Pair:
 
 
 def _words(row):
-    """One line: what to record, how often, and how far apart the hardest pair is then."""
+    """(how often to record it, None if that is of no use; in one line how far apart the hardest pair is then)."""
     now, then = row["separation"] / max(row["gain"], 1e-9), row["separation"]
     pair, where = " and ".join(row["pair"]), ", ".join(f"{k} {_text(v)}" for k, v in row["condition"].items())
     count, gained = row["repeats"], then**2 - now**2
@@ -53,9 +53,9 @@ def _words(row):
         # the squares of what each repeat adds, as long as the nuisances are known
         count = int(np.ceil(count * (ENOUGH**2 - now**2) / max(gained, 1e-9)))
         if count > MANY:
-            return f"no condition on offer separates {pair}; best is {row['group']} ({where})"
+            return None, f"no condition on offer separates {pair}; best is {row['group']} ({where})"
         then = ENOUGH
-    return f"{count} repeats of {row['group']} ({where}): {pair} are then {then:.2g} sigma apart, {now:.2g} now"
+    return count, f"{count} repeats of {row['group']} ({where}): {pair} are then {then:.2g} sigma apart, {now:.2g} now"
 
 
 def _text(value):
@@ -63,7 +63,7 @@ def _text(value):
 
 
 def table(rivals, problem, options=None, count=MOST_RIVALS, store=None):
-    """Rows {condition, group, separation, gain, hours, gain_per_hour, pair, words}, best first.
+    """Rows {condition, group, separation, gain, hours, gain_per_hour, pair, wanted, words, text}, best first.
 
     rivals   fits, the most probable first; the first `count` (at most MOST_RIVALS) are told apart
     options  a Problem whose segments are the conditions on offer; None: those of `problem`, measured once more
@@ -94,5 +94,6 @@ def table(rivals, problem, options=None, count=MOST_RIVALS, store=None):
             | {"hours": hours, "gain_per_hour": (worst[1] - 1) / hours, "repeats": len(group.members)}
             | {"pair": [" + ".join(fit.names) or "nothing" for fit in (worst[2].a, worst[2].b)]}
         )
-        rows[-1]["words"] = _words(rows[-1])
+        rows[-1]["wanted"], rows[-1]["words"] = _words(rows[-1])
+        rows[-1]["text"] = offered.condition_text(group.members[0]) if rows[-1]["wanted"] else ""
     return sorted(rows, key=lambda row: (-row["gain_per_hour"], row["group"]))

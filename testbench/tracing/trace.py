@@ -298,7 +298,9 @@ class Tracer:
             if len(rivals) < 2:
                 names = (n for n in self.posterior[0] if n and not set(self.found.best) <= set(n))
                 rivals += [c.fit for n in names if (c := self.found.candidates[n]).refitted] or [self.base.fit]
-            offered, count = self.problem.experiments, outcome.rivals_kept(self)
+            laws = sorted({name for cause in self.causes for name in cause.names})
+            offered = self.problem.experiments(laws) if len(self.causes) > 1 else None
+            count = outcome.rivals_kept(self)
             self.experiments = next_experiment.table(rivals, self.problem, offered, count, self.store)
 
     def arrived(self):

@@ -11,6 +11,7 @@
 Source    docs/measured.md, docs/tracing.md
 """
 
+import copy
 import hashlib
 
 import numpy as np
@@ -62,7 +63,8 @@ class Anchored(Problem, adds="anchor distance check beyond at draws unidentifiab
 
 MEMBERS = (
     "recorded model parameters progress bench kept candidates conditions per_hz slope place anchors tangent tangents "
-    "first starts base fitted model_at moved_hz run_of smooth key exact hertz linear size column axis settle pseudo"
+    "first starts base fitted model_at moved_hz run_of smooth key exact hertz linear size column axis settle pseudo "
+    "alone_at"
 )
 
 
@@ -123,6 +125,13 @@ class AnchoredLoop(Anchored, adds=MEMBERS):
         None for what leaves its range.
         """
         return self._run(wanted, FAST, smooth=True, take=take)
+
+    def alone_at(self, condition, near):
+        """This problem under one other condition alone, with noise and bins of a recorded one, for its tangents."""
+        out, name = copy.copy(self), condition.id
+        out.conditions, out.place, out.slope = {name: condition}, {name: 0.0}, {name: self.slope[near]}
+        out._rows, out._count, out.starts = {name: self._rows[near]}, {name: self._count[near]}, ()
+        return out
 
     def key(self, *more):
         text = repr((self.model.model_dump_json(), *more))

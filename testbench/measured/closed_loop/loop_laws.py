@@ -7,6 +7,9 @@
                 offsets, products of states; order <= 5; their scale is a thousandth of the drive force, a tenth of a
                 degree per second on the sense axis, 1e-4 of the C/V amplitude; no more than physics allows
     limits      of sign and size: loop_limits.py; a law with a limit of 0 has a sign
+    same        x = A cos wt, vx = -w A sin wt:  x^a vx^b has the first harmonic of x^(a+b) (b even) or x^(a+b-1) vx
+                (b odd), up to powers of w, which is constant. Only that moves the loop; slow factors (rate, temp) stay.
+                So no amplitude, rate or temperature tells x^2 vx from vx^3: one law in other parameters
 
 Source    docs/effects/README.md
 """
@@ -15,7 +18,7 @@ import math
 from typing import NamedTuple
 
 from analog_frontend.effects import catalogue, law
-from testbench.measured.closed_loop import loop_limits, loop_same
+from testbench.measured.closed_loop import loop_limits
 from testbench.tracing.problem.problem import Law
 
 # need hours (the warm-up's bias is that of `damping_coupling` in a dwell of seconds), a line's phase, another attitude
@@ -24,6 +27,24 @@ NOT_SEEN += ("acceleration",)
 DUFFING_UM2, CUBIC_V2, LEAK = 1e-7, 1e-2, 1e-5
 DRIVE_N, SENSE_N, CV_X_V, CV_Y_V = 2.8e-11, 2.8e-10, 2.9e-4, 5.8e-6
 PORT_SIZE = dict(zip(law.PORTS, (DRIVE_N, SENSE_N, CV_X_V, CV_Y_V)))
+
+MODES = {"x": "x", "vx": "x", "y": "y", "vy": "y"}
+STAY = ("rate", "temp")
+
+
+def harmonic(one):
+    """Text that all laws with the first harmonic of a `law.Law` share; "" if it is no plain product of one mode."""
+    fast = [f for f in one.factors if f.name not in STAY]
+    modes = {MODES.get(f.name) for f in fast}
+    if len(modes) != 1 or None in modes or any(f.dress for f in one.factors):
+        return ""
+    power = {f.name: f.power for f in fast}
+    a, b = (sum(p for n, p in power.items() if (n[0] == "v") == speed) for speed in (False, True))
+    if (a + b) % 2 == 0:
+        return ""
+    slow = " ".join(sorted(str(f) for f in one.factors if f.name in STAY))
+    (mode,) = modes
+    return f"{one.port}: {slow} {mode}^{a + b} {'odd' if b % 2 else 'even'} in time"
 
 
 class Candidate(NamedTuple):
@@ -48,7 +69,7 @@ def _key(name, port, text, unit, scale, terms, limits=None, page=""):
     """Candidate of a key; a law whose limits have a side has that sign."""
     ones = tuple(map(law.parse, terms(1.0, loop_limits.BOARD)))
     low, high, reason = limits or loop_limits.of(ones[0])
-    same = loop_same.harmonic(ones[0]) if len(ones) == 1 else ""
+    same = harmonic(ones[0]) if len(ones) == 1 else ""
     made = Law(name, port, text, unit, scale, (low == 0.0) - (high == 0.0), page=f"docs/effects/{page or name}.md")
     return Candidate(made._replace(low=low, high=high, reason=reason, same=same), f"effects.{name}", terms=terms)
 
@@ -126,7 +147,7 @@ def from_grammar():
             scale = min(PORT_SIZE[port] / loop_limits.size(one.factors), max(-low, high))
             made = Law(
                 name, port, f"c {factors}", one.unit, scale, (low == 0.0) - (high == 0.0), term=terms,
-                page="docs/parts/ports.md", low=low, high=high, reason=reason, same=loop_same.harmonic(one),
+                page="docs/parts/ports.md", low=low, high=high, reason=reason, same=harmonic(one),
             )  # fmt: skip
             out.append(Candidate(made, "", port, factors))
     for field, (port, unit, scale) in PARTS.items():

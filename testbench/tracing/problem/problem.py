@@ -103,7 +103,7 @@ class Problem:
     noise_from_repeats, prediction_noise = False, 0.0
     heldout_by, heldout_view, heldout_independent = "observable", None, True
     firmware = firmware_certificate = numerical_certificate = None
-    experiments, warnings, noise_findings = None, (), ()
+    warnings, noise_findings = (), ()
     _members = frozenset(("name", "nuisances", "laws", "segments", "hashes"))
 
     def __init_subclass__(cls, adds="", **more):
@@ -154,6 +154,14 @@ class Problem:
     def force_at(self, theta, effects):
         """`PortForce`s at a point; None: discovery takes the whitened residual."""
         return None
+
+    def experiments(self, laws):
+        """A problem whose segments are conditions that could be recorded, to tell `laws` apart; None: these again."""
+        return None
+
+    def condition_text(self, k):
+        """The condition of segment k as the plan of a recording takes it; "" if there is no such plan."""
+        return ""
 
     def law_file(self, law, value, sd, hashes):
         """Text of the file of a law that was found; None: the core's own."""

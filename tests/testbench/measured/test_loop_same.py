@@ -7,7 +7,7 @@ import pytest
 
 from analog_frontend.effects import law
 from analog_frontend.parts.device import Device
-from testbench.measured.closed_loop.loop_same import harmonic
+from testbench.measured.closed_loop.loop_laws import harmonic
 
 TEXTS = ("x", "vx", "x^2", "x vx", "vx^2", "x^3", "x^2 vx", "x vx^2", "vx^3", "x^5", "x^3 vx^2", "x^4 vx", "x^2 vx^3")
 TURN = 2 * np.pi * np.arange(720) / 720

@@ -1,0 +1,127 @@
+"""Conditions on offer for the next recording of a closed loop, as a problem: what each would see of some laws.
+
+    offered  the fitted conditions once more, and corners beyond them: amplitude, temperature and detuning at their
+             edges, the rate stepping from one side to the other; half of the combinations of four factors
+    y        T (theta - first) + L c      tangents at each condition (loop_tangents.py); laws by runs of their own
+    noise    that of the fitted condition which is most alike
+A corner without a lock, or where a tangent fails, is not offered.
+Source    Box & Hunter, Technometrics 3 (1961); docs/measured.md
+"""
+
+import itertools
+import math
+
+import numpy as np
+
+from testbench.config.toml_text import toml_of
+from testbench.errors import ConfigError
+from testbench.measured.closed_loop import loop_runs
+from testbench.measured.closed_loop.loop_even import AIM
+from testbench.measured.closed_loop.loop_tangents import Tangents
+from testbench.tracing.problem.problem import PredictionFailed, Problem, Segment
+
+TEMPERATURES_DEGC, DETUNINGS_DEG = (-40.0, 85.0), (-25.0, 25.0)
+SMALLER, LARGER = 0.5, 1.0  # of the smallest and largest recorded amplitude
+LEAST_DPS = 50.0  # of a step, where the record has no rate
+SETTLE_S = 3.0  # of a plan
+PRINTED = ("a_um", "from_dps", "rate_dps", "temperature_degc", "detune_deg", "settle_s", "seconds")
+ALIKE = (("temperature_degc", 60.0), ("detune_deg", 30.0), ("rate_dps", 300.0))  # a distance of one
+
+
+def corners(recorded):
+    """`plan.Condition`s beyond recorded ones; no larger force for the rate than those have had."""
+    fastest = max(LEAST_DPS, *(max(abs(c.rate_dps), abs(loop_runs.before_dps(c))) for c in recorded))
+    force = max(LEAST_DPS, *(c.a_um * max(abs(c.rate_dps), abs(loop_runs.before_dps(c))) for c in recorded))
+    amplitudes = SMALLER * min(c.a_um for c in recorded), LARGER * max(c.a_um for c in recorded)
+    out = []
+    for k, (i, j, m) in enumerate(itertools.product((0, 1), repeat=3)):
+        a_um = float(f"{amplitudes[i]:.3g}")
+        dps = float(f"{min(fastest, force / a_um):.3g}") * (-1) ** (i + j + m)
+        c = recorded[0]._replace(
+            id=f"next{k + 1}", a_um=a_um, rate_dps=dps, from_dps=-dps, temperature_degc=TEMPERATURES_DEGC[j],
+            detune_deg=DETUNINGS_DEG[m], role="fit", rate_ramp_dps_s=0.0, temperature_ramp_k_s=0.0,
+        )  # fmt: skip
+        out.append(c._replace(seconds=like(c, recorded).seconds))
+    return out
+
+
+def like(condition, recorded):
+    """The recorded condition that is most alike."""
+
+    def distance(c):
+        apart = ((getattr(c, name) - getattr(condition, name)) / one for name, one in ALIKE)
+        return math.log2(c.a_um / condition.a_um) ** 2 + sum(v * v for v in apart)
+
+    return min(recorded, key=distance)
+
+
+class Offered(Problem, adds="of likes conditions tangent columns"):
+    """Conditions on offer to a `LoopProblem` that is to tell some of its laws apart."""
+
+    def __init__(self, of, laws):
+        self.of, self.name = of, of.name
+        self.nuisances, self.laws, self.library, self.linear_in = of.nuisances, of.laws, of.library, of.linear_in
+        self.noise_gain, self.prediction_noise = of.noise_gain, of.prediction_noise
+        recorded = [c for c in of.conditions.values() if c.role == "fit"]
+        self.conditions, self.likes = {c.id: c for c in recorded}, {c.id: c.id for c in recorded}
+        self.tangent = {c.id: of.tangent[c.id] for c in recorded}
+        self.columns = {name: dict(of.column(name)) for name in laws}
+        # steps that move the recorded features by AIM sigmas
+        steps = {name: AIM / max(of.size(v), 1e-300) for name, v in self.columns.items()}
+        for c in corners(recorded):
+            near = like(c, recorded).id
+            found = self._tangents(c, near, steps)
+            if found is not None:
+                self.conditions[c.id], self.likes[c.id], self.tangent[c.id] = c, near, found[0]
+                for name, column in zip(laws, found[1]):
+                    self.columns[name][c.id] = column
+        rows = {s.group: (k, s) for k, s in enumerate(of.segments)}
+        self.likes = {g: rows[near] for g, near in self.likes.items()}
+        self.segments = tuple(
+            Segment(g, {k: getattr(c, k) for k in PRINTED}, g, 0, "fit", self.likes[g][1].observables)
+            for g, c in ((g, _printed(c)) for g, c in self.conditions.items())
+        )
+        self.hashes = of.hashes | {"offered": of.key([*self.conditions.values()], sorted(laws))}
+
+    def _tangents(self, condition, near, steps):
+        """(nuisances' columns, laws' columns) at a condition; None without a lock or where one fails."""
+        names, laws = [n.name for n in self.nuisances], list(self.columns)
+        try:
+            tangents = Tangents(self.of.alone_at(condition, near))
+            for name in laws:
+                sign = self.of.candidates[name].law.sign or 1
+                tangents.steps[name] = sign * min(steps[name], tangents.largest(name))
+            tangents.steps.update((n, s) for n, s in self.of.tangents.steps.items() if n in names)
+            tangents.make([*names, *laws])
+            found = tangents.matrix("fit")[condition.id], [tangents.alone(n)[condition.id] for n in laws]
+        except (ConfigError, PredictionFailed):
+            return None
+        return found if all(np.isfinite(v).all() for v in (found[0], *found[1])) else None
+
+    def measured(self, k):
+        """Nothing has been measured: zeros."""
+        return np.zeros(len(self.of.measured(self.likes[self.segments[k].group][0])))
+
+    def predict(self, points, which):
+        out = []
+        for theta, effects in points:
+            out.append([])
+            for g in (self.segments[k].group for k in which):
+                y = self.tangent[g] @ (np.asarray(theta) - self.of.first)
+                y = y + sum(self.columns[name][g] * effects[name] for name in sorted(effects))
+                out[-1].append(y[: len(self.measured(which[0]))])
+        return out
+
+    def whiten(self, k, v):
+        return self.of.whiten(self.likes[self.segments[k].group][0], v)
+
+    def condition_text(self, k):
+        """The condition as a plan of a recording takes it."""
+        s = self.segments[k]
+        rows = [("id", s.group), *s.condition.items()]
+        return "\n".join(["[[condition]]", *(f"{key} = {toml_of(value)}" for key, value in rows)])
+
+
+def _printed(c):
+    """A condition as a plan has it."""
+    return c._replace(settle_s=SETTLE_S, from_dps=loop_runs.before_dps(c))
