@@ -76,8 +76,8 @@ class Report(NamedTuple):
     differing: dict
     divergence: Divergence | None
     diagnosis: tuple
-    first_row: int
-    got: dict
+    first_row: int = 0
+    got: Mapping = MappingProxyType({})
 
     @property
     def passed(self):
