@@ -81,7 +81,11 @@ def diagnose(rows):
     own = {name: np.where(care[name], got[name], rows.expected[name]) for name in net.reset}
     leaves |= {("reg", name): column for name, column in own.items()}
     search = Search(net, leaves, got, care, rows.expected)
-    return [*_of_first_row(rows, search), *(c for c in causes(search) if c.register not in rows.unknown)]
+    first = list(_of_first_row(rows, search))
+    names = {c.register for c in first}
+    count = len(names | set(search.faulty))
+    found = (c for c in causes(search, names) if c.register not in rows.unknown)
+    return [*(c._replace(share=c.share / count) for c in first), *found]
 
 
 def _of_first_row(rows, search):
@@ -91,6 +95,7 @@ def _of_first_row(rows, search):
         if name in rows.unknown:
             # where most are not reset, it is not a register that lacks its reset
             if 2 * len(rows.unknown) <= len(search.net.reset) or len(rows.unknown) == 1:
-                yield Cause("no_reset", name, 1.0, "unknown behind the reset")
+                # a branch before the reset gives the same
+                yield Cause("no_reset", name, 0.5, "unknown behind the reset")
         elif name not in search.faulty and rows.care[name][0] and value != rows.expected[name][0]:
             yield Cause("reset", name, 1.0, f"{value} for {rows.expected[name][0]}")

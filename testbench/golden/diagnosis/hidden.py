@@ -37,6 +37,7 @@ class Hidden:
         self.count = len(self.wrong)
         self.leaves = {key: column[window] for key, column in leaves.items()}
         self.got = {name: got[name][window] for name in self.visible}
+        self.care = {name: care[name][window] for name in self.visible}
         self.rows = Rows(net, self.leaves, self.count)
         self.ranges = {}
 
@@ -63,7 +64,7 @@ class Hidden:
 
     def _reset(self, node, found, at):
         """With other reset values, which show from row 0 on; that of a register that is seen is what is seen."""
-        if node.value in self.got:
+        if node.value in self.got and self.care[node.value][0]:
             value = self.net.const(self.got[node.value][0])
             own = [
                 Hypothesis("reset", f"{value!r} for {node.args[1]!r}", node, with_argument(self.net, node, 1, value), 0)
@@ -83,7 +84,7 @@ class Hidden:
                 continue
             value = wrapped(self.rows.changed(root, ((node, by),), at), fmt.width, bool(fmt.s))
             rows = np.minimum(at + (root.op == "next"), self.count - 1)
-            keep &= (value == self.got[name][rows]) | (is_reset_choice(node) & (at == 0))
+            keep &= (value == self.got[name][rows]) | ~self.care[name][rows] | (is_reset_choice(node) & (at == 0))
         return [(h, int(row)) for h, row, kept in zip(found, at, keep) if kept]
 
     def explained(self):
@@ -100,7 +101,7 @@ class Hidden:
         ahead.sort(key=lambda pair: (pair[0].cost, pair[0].site.id))
         inputs = sorted({n.value for n in self.net.nodes[: self.net.own] if n.op == "in"})
         given = np.stack([self.leaves["in", name] for name in inputs], axis=1).tolist()
-        want = list(zip(*[self.got[name].tolist() for name in self.visible]))
+        want = list(zip(*[np.where(self.care[n], self.got[n], None).tolist() for n in self.visible]))
         registers = [name for name, root in self.net.roots.items() if root.op == "next"]
         total, out = np.count_nonzero(self.wrong), []
         for h, row in ahead[:MOST_RUN]:

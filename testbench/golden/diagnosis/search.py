@@ -7,6 +7,7 @@
 Source  docs/diagnosis.md
 """
 
+import collections
 from math import lgamma, log
 from typing import NamedTuple
 
@@ -20,6 +21,7 @@ from testbench.golden.diagnosis.rows import Rows
 SHORT = 5  # bits of a register that holds a state
 SAMPLE = 40  # wrong rows on which all hypotheses are tried
 MOST_FITS = 150  # hypotheses of a target that are then tried on all rows
+LEAST_FITS = 3  # of each cause
 LEAST_SHARE, LEAST_PRECISION = 0.2, 0.95
 
 
@@ -51,6 +53,15 @@ class Fit(NamedTuple):
     def key(self):
         h = self.hypothesis
         return h.site.id, h.by.id
+
+
+def _first_of_each(hypotheses):
+    """The first of a list, and of each cause the first few: a cause is not alone because others are cheaper."""
+    count = collections.Counter()
+    for k, h in enumerate(hypotheses):
+        count[h.cause] += 1
+        if k < MOST_FITS or count[h.cause] <= LEAST_FITS:
+            yield h
 
 
 class Search:
@@ -138,7 +149,7 @@ class Search:
         order = sorted(range(len(tried)), key=lambda k: (-hits[k], tried[k].cost))
         whole = [k for k in order if hits[k] == len(picked)]
         part = [k for k in order if LEAST_SHARE * len(picked) <= hits[k] < len(picked)]
-        found = self._kept(target, [tried[k] for k in whole[:MOST_FITS]], others)
+        found = self._kept(target, _first_of_each([tried[k] for k in whole]), others)
         if not any(f.share == 1.0 for f in found):
             found += self._kept(target, [tried[k] for k in part[:MOST_FITS]], others)
         return sorted(found, key=lambda f: (-round(f.share * f.precision, 3), f.hypothesis.cost))

@@ -1,6 +1,6 @@
 """A block with one fault as a Python function that goes on from row to row, until a visible port is not the design's.
 
-    run(state, held, inputs, first, last, want) --> first row that differs, or `last`
+    run(state, held, inputs, first, last, want) --> first row that differs, or `last`;  a port of None is not compared
 
 Everything but the fault is the model. A register that the fault itself replaces is seen as the fault makes it.
 Source  docs/diagnosis.md
@@ -18,6 +18,10 @@ CALLS["wrapu"] = lambda x, width: python_of(fixed.wrap_unsigned)(x, max(width, 1
 
 def _moved(x, places):
     return sum((x >> place & 1) << k for k, place in enumerate(places))
+
+
+def _differs(found, want):
+    return found != want and any(b is not None and a != b for a, b in zip(found, want))
 
 
 class _Source:
@@ -88,7 +92,7 @@ def compiled(net, hypothesis, visible):
     ]
     lines += [f"        {line}" for line in source.lines]
     shown = ", ".join(_port(seen[name], net.fmts[name]) for name in visible)
-    lines.append(f"        if ({shown},) != want[n]: return n")
+    lines.append(f"        if differs(({shown},), want[n]): return n")
     for node, (load, x, rst) in source.held:
         lines.append(f"        next_{node.id} = {node.value} if {rst} else {x} if {load} else held_{node.id}")
     lines.append(
@@ -98,6 +102,6 @@ def compiled(net, hypothesis, visible):
     )
     lines += [f"        held_{n.id} = next_{n.id}" for n in order]
     lines.append("    return last")
-    names = {**CALLS, "moved": _moved, **source.tables}
+    names = {**CALLS, "moved": _moved, "differs": _differs, **source.tables}
     exec(compile("\n".join(lines), "<hypothesis>", "exec"), names)
     return names["run"], order

@@ -1,7 +1,8 @@
 """From fits of single registers and pins to causes: one for each fault, in order of rank; none where nothing explains.
 
     a cause covers the registers whose wrong rows it explains; it may not disturb a register that is right
-    share  wrong rows of the register that the cause explains, divided by the causes that explain as many
+    share  part of the wrong rows that the cause explains, the mean over all registers and pins at fault,
+           divided by the number of causes that explain as many
 
 Source  docs/diagnosis.md
 """
@@ -9,15 +10,12 @@ Source  docs/diagnosis.md
 from math import log2
 from typing import NamedTuple
 
-import numpy as np
-
 from testbench.golden.diagnosis.causes import WORDS
 from testbench.golden.diagnosis.search import LEAST_PRECISION
 
 SURE = 0.99  # share from which a cause is certain
 WHOLE = 0.99  # share from which a register needs no further cause
 MOST_LISTED = 8
-TIE = 1  # of cost, within which two causes are as likely
 MOST_RANKED = 150
 HEADS = 3  # registers that are searched together, the first at fault
 MOST_SEARCHED = 9
@@ -25,7 +23,7 @@ SPARE_BITS = 4.0  # evidence beyond that of as many hypotheses as were tried
 
 
 class Cause(NamedTuple):
-    """One cause: its class, the register or pin that it drives, the share of wrong rows, and in words what."""
+    """One cause: its class, the register or pin that it drives, the share of the wrong rows, and in words what."""
 
     cause: str
     register: str
@@ -37,8 +35,7 @@ class Cause(NamedTuple):
         return self.share >= SURE
 
     def text(self):
-        share = f"{100 * self.share:.0f} % of its wrong rows"
-        return f"{self.cause}: {WORDS[self.cause]} ({self.register}: {self.what}; {share})"
+        return f"{self.cause}: {WORDS[self.cause]} ({self.register}: {self.what}; share {100 * self.share:.0f} %)"
 
 
 class _Whole(NamedTuple):
@@ -83,23 +80,15 @@ def _grouped(fits, names):
 
 
 def _rivals(search, best, wholes):
-    """The best and what explains as much with another cause and about the same cost, one for each cause."""
-    found, careful = {}, not _disturbs(search, best.hypothesis)
+    """The best and what explains as much with another cause, whatever it costs: one for each cause, the best first."""
+    found, careful = {best.hypothesis.cause: best}, not _disturbs(search, best.hypothesis)
     for whole in wholes:
         if whole.rank[:2] > best.rank[:2]:
             break
-        if whole.hypothesis.cost > best.hypothesis.cost + TIE:
-            continue
         cause = whole.hypothesis.cause
         if cause not in found and not (careful and _disturbs(search, whole.hypothesis)):
             found[cause] = whole
     return list(found.values())
-
-
-def _rests(target):
-    """Whether a register or pin never moves in the design: more causes than those of the list explain that."""
-    column = target.got[target.judged]
-    return len(column) > 0 and bool(np.all(column == column[0]))
 
 
 def _enough(search, names, tried):
@@ -118,9 +107,10 @@ def _extended(search, best, names):
     return _Whole(fits)
 
 
-def causes(search):
-    """[Cause] of a `Search`, in order of rank."""
+def causes(search, others_at_fault=()):
+    """[Cause] of a `Search`, in order of rank; `others_at_fault`: registers wrong in row 0 alone."""
     fits, first, others = {}, [], []
+    count = len({*search.faulty, *others_at_fault})
     open_names = list(search.faulty)
     while open_names and len(fits) < MOST_SEARCHED:
         heads = open_names[:HEADS]
@@ -133,29 +123,31 @@ def causes(search):
         if best.rank[0] > wholes[0].rank[0]:
             best = wholes[0]
         rivals, listed = _rivals(search, best, wholes), []
+        covered = _extended(search, best, open_names).fits
+        part = float(sum(fit.share for fit in covered.values())) / count / len(rivals)
         tried = sum(len(found) for found in search.hypotheses.values())
         for whole in rivals:
-            name, fit = next(iter(whole.fits.items()))
             if _enough(search, whole.fits, tried):
-                listed.append(
-                    Cause(whole.hypothesis.cause, name, float(fit.share / len(rivals)), whole.hypothesis.what)
-                )
-        more = [_second(search, n, best.hypothesis) for n, fit in best.fits.items() if fit.share < WHOLE]
+                listed.append(Cause(whole.hypothesis.cause, next(iter(whole.fits)), part, whole.hypothesis.what))
+        more = [
+            _second(search, n, best.hypothesis, (1 - fit.share) / count)
+            for n, fit in best.fits.items()
+            if fit.share < WHOLE
+        ]
         # a part of the wrong rows counts only if a second fault explains the others
         if all(more):
             first += listed[:1]
             others += [*more, *listed[1:]]
-        covered = _extended(search, best, open_names).fits
         open_names = [name for name in open_names if name not in covered]
     first.sort(key=lambda cause: search.faulty.index(cause.register))
     return (first + others)[:MOST_LISTED]
 
 
-def _second(search, name, hypothesis):
+def _second(search, name, hypothesis, share):
     """The second fault of a register that explains, beside a first one, all of its wrong rows; or None."""
     for fit in search.fits(name, ((hypothesis.site, hypothesis.by),))[:1]:
         if fit.share >= WHOLE:
-            return Cause(fit.hypothesis.cause, name, fit.share, fit.hypothesis.what)
+            return Cause(fit.hypothesis.cause, name, float(share), fit.hypothesis.what)
     return None
 
 
@@ -164,9 +156,8 @@ def hidden_causes(search):
     found = {}
     if not search.wrong.any():
         return []
-    whole = [(h, share) for h, share in search.explained() if share == 1.0]
-    for h, share in whole:
-        if h.cost <= whole[0][0].cost:
-            found.setdefault(h.cause, (h, share))
-    listed = [Cause(cause, search.driven(h), share / len(found), h.what) for cause, (h, share) in found.items()]
+    for h, share in search.explained():
+        if share == 1.0:
+            found.setdefault(h.cause, h)
+    listed = [Cause(cause, search.driven(h), 1.0 / len(found), h.what) for cause, h in found.items()]
     return listed[:MOST_LISTED]

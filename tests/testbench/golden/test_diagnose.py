@@ -8,7 +8,9 @@ import pytest
 from fpga_model.design_record import DEFAULT, Design
 from testbench.golden.check.diagnose import Rows, diagnose
 from testbench.golden.diagnosis.causes import CAUSES
+from testbench.golden.stimulus import blocks
 from tests.testbench.golden import planted
+from tests.testbench.golden.benching import made
 
 SEEDS = (1, 2)
 
@@ -126,8 +128,41 @@ def test_faults_without_a_name_are_unknown(golden, block):
             assert not any(cause.sure for cause in found) or what == "stuck", (seed, what, found)
 
 
+def test_causes_that_give_the_same_rows_share_them():
+    """A counter whose bit 2 is stuck at 0 is one of two bits: both are named, none for certain."""
+    stim, _ = made("watchdog", "default")
+    block = blocks.BLOCKS["watchdog"]
+    inputs = dict(zip([p.name for p in block.columns], stim.T.copy()))
+    params = {name: raw for name, raw, _ in blocks.params_of(block, "default")}
+    registers, _ = blocks.run(block, "default", stim)
+    expected = dict(zip([p.name for p in block.registers], registers.T.copy()))
+    got = {name: np.zeros_like(column) for name, column in expected.items()}
+    for n in range(len(stim) - 1):
+        age = got["age"][n] + inputs["ce_1m"][n]
+        cleared = inputs["rst"][n] or inputs["frame"][n]
+        got["age"][n + 1] = 0 if cleared else age & ~4
+        got["stale"][n + 1] = 0 if cleared else got["stale"][n] or age > params["limit"]
+    care = {name: np.ones(len(stim), bool) for name in got}
+    found = diagnose(Rows("watchdog", params, inputs, expected, got, care))
+    assert {"stuck", "width"} <= {cause.cause for cause in found}
+    assert {cause.register for cause in found} == {"age"}
+    assert not any(cause.sure for cause in found)
+    assert sum(cause.share for cause in found) <= 1.0
+
+
+def test_rows_that_do_not_count_hide_nothing(golden):
+    """As those of a reset that comes at once: with hidden registers they may hold anything."""
+    a = planted.case("pi", 1, next(f for f in planted.faults("pi", 1) if f[0] == "rounding"), golden["pi", 1])
+    rows = rows_of(a, {"y": a["got"]["y"].copy()})
+    wanted = diagnose(rows)
+    away = np.arange(5, len(rows.got["y"]), 50)
+    rows.got["y"][away] += 1
+    rows.care["y"][away] = False
+    assert [cause.cause for cause in wanted] == [cause.cause for cause in diagnose(rows)] == ["rounding"]
+
+
 def test_a_log_of_one_register_gives_no_wrong_name(golden):
-    for fault in planted.faults("dds", 1)[::3]:
+    for fault in planted.faults("dds", 1)[::9]:
         a = planted.case("dds", 1, fault, golden["dds", 1])
         last = list(a["got"])[-1]
         found = diagnose(rows_of(a, {last: a["got"][last]}))

@@ -580,7 +580,7 @@ def priority(d):
         return []
     start = d.always + found.start()
     text = d.edited(start, start + len("if (rst)"), f"if (rst && !({found[3]}))")
-    registers = {d.plain(m[1]) for m in d.resets} & d.under(d.always + found.end(3) + 1)
+    registers = {d.plain(m[1]) for m in d.resets}  # all lack their reset where the branch is taken
     return [Fault("reset behind a branch", "priority", d.stem, text, tuple(sorted(registers)), found[3])]
 
 

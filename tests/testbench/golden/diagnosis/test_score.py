@@ -10,7 +10,7 @@ from tests.testbench.golden.diagnosis import rtl_faults, score
 pytestmark = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus is not installed: no fault was TRIED")
 
 # Rounds of docs/diagnosis.md: rules, faults of each rule, seed
-ROUNDS = {"first": (8, 21), "second": (11, 12)}
+ROUNDS = {"first": (8, 61), "second": (11, 62)}
 
 
 def of_round(bundles, name, stems=tuple(rtl_faults.CASES), most=None):
@@ -20,12 +20,12 @@ def of_round(bundles, name, stems=tuple(rtl_faults.CASES), most=None):
 
 
 def test_every_kind_has_a_cause_of_the_list_or_none():
+    kinds = set()
     for rules in (rtl_faults.FIRST, rtl_faults.SECOND):
-        found = rtl_faults.drawn(rules, 2, 1)
-        assert {f.cause for f in found} <= {*CAUSES, ""}
+        found = rtl_faults.drawn(rules, 5, 1)
         assert len({f.kind for f in found}) >= 15
         assert all(f.text != rtl_faults.source(f.stem) for f in found)
-    kinds = {f.cause for rules in (rtl_faults.FIRST, rtl_faults.SECOND) for f in rtl_faults.drawn(rules, 5, 1)}
+        kinds |= {f.cause for f in found}
     assert kinds == {*CAUSES, ""}
 
 
@@ -34,5 +34,4 @@ def test_some_faults_are_named(bundles):
     seen = [one for one in found if one.verdict != "not seen"]
     assert len(seen) >= 8
     assert sum(one.verdict == "right" for one in seen) >= 0.75 * len(seen), [one.verdict for one in found]
-    # docs/diagnosis.md gives the rate of certain names that are wrong, over all blocks
-    assert sum(one.verdict == "wrong" for one in seen) <= 1, [(one.fault.edit, one.causes) for one in seen]
+    assert not any(one.verdict == "wrong" for one in seen), [(one.fault.edit, one.causes) for one in seen]
