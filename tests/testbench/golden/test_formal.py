@@ -223,7 +223,7 @@ def test_bad_input_is_one_clear_error(tmp_path, monkeypatch):
             "port r_phase of the design has 47 bits, not 48",
         ),
         (text.replace("output reg  [DDS_BITS-1:0] r_phase,", ""), "r_phase"),
-        (text.replace("always", "allways", 1), r"dds\.v:\d+: ERROR: syntax error"),
+        (text.replace("always", "always_if", 1), r"dds\.v:\d+: ERROR: syntax error"),
     ):
         assert edited != text
         (tmp_path / "dds.v").write_text(edited)
