@@ -39,21 +39,13 @@ class Hidden:
         self.got = {name: got[name][window] for name in self.visible}
         self.care = {name: care[name][window] for name in self.visible}
         self.rows = Rows(net, self.leaves, self.count)
-        self.ranges = {}
-
-    def seen(self, node):
-        """Range of a node on the rows."""
-        if node.id not in self.ranges:
-            column = self.rows.full(node)
-            self.ranges[node.id] = int(column.min()), int(column.max())
-        return self.ranges[node.id]
 
     def _activated(self, node):
         """(hypotheses at a node, first row of each where it differs): those that differ before what is seen."""
         at = np.arange(self.first + 1)
         was = self.rows.plain(node, at) + np.zeros(len(at), np.int64)
         found, rows = [], []
-        for h in of_node(self.net, node, self.seen):
+        for h in of_node(self.net, node, self.rows.seen):
             if any(n.op == "ahead" for n in (h.by, *h.by.args, *[b for a in h.by.args for b in a.args])):
                 continue
             differs = self.rows.plain(h.by, at) != was
@@ -70,7 +62,7 @@ class Hidden:
                 Hypothesis("reset", f"{value!r} for {node.args[1]!r}", node, with_argument(self.net, node, 1, value), 0)
             ]
         else:
-            own = [h for h in of_node(self.net, node, self.seen) if h.cause == "reset"]
+            own = [h for h in of_node(self.net, node, self.rows.seen) if h.cause == "reset"]
         others = [k for k, h in enumerate(found) if h.cause != "reset"]
         return [*own, *(found[k] for k in others)], np.array([*[0] * len(own), *at[others]], np.int64)
 

@@ -40,7 +40,14 @@ class Rows:
 
     def __init__(self, net, leaves, count):
         self.net, self.leaves, self.count = net, leaves, count
-        self.columns = {}
+        self.columns, self._ranges = {}, {}
+
+    def seen(self, node):
+        """(least, largest) value of a node."""
+        if node.id not in self._ranges:
+            column = self.full(node)
+            self._ranges[node.id] = int(column.min()), int(column.max())
+        return self._ranges[node.id]
 
     def full(self, node):
         """Column of a node over all rows."""

@@ -75,7 +75,7 @@ class Search:
     def __init__(self, net, leaves, got, care, expected):
         self.net, self.count = net, len(next(iter(leaves.values())))
         self.rows = Rows(net, leaves, self.count)
-        self.hypotheses, self.ranges = {}, {}
+        self.hypotheses = {}
         self._usual = {name: self._as_usual(name, got, expected) for name in net.reset if name in got}
         self.targets = {name: self._target(name, got[name], care) for name in net.roots if name in got}
         self.faulty = [
@@ -103,17 +103,10 @@ class Search:
         sound = wrapped(self.rows.full(root), fmt.width, bool(fmt.s))
         return Target(name, root, fmt, got, judged, sound, judged & (got != sound))
 
-    def seen(self, node):
-        """Range of a node on the rows."""
-        if node.id not in self.ranges:
-            column = self.rows.full(node)
-            self.ranges[node.id] = int(column.min()), int(column.max())
-        return self.ranges[node.id]
-
     def of_site(self, node):
         """Hypotheses at a node, made once."""
         if node.id not in self.hypotheses:
-            self.hypotheses[node.id] = perturb.of_node(self.net, node, self.seen)
+            self.hypotheses[node.id] = perturb.of_node(self.net, node, self.rows.seen)
         return self.hypotheses[node.id]
 
     def changed(self, target, faults, at):

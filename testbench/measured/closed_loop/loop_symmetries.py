@@ -60,10 +60,8 @@ DELAY = Symmetry(
 )
 SYMMETRIES = (MOTION, DELAY)
 HIDDEN = 10.0  # times a change of the data: columns of steps hold to some percent
-SEEN, REACH = (
-    30.0,
-    0.5,
-)  # sigmas by which a weak direction's step moves all features, far above their rounding; most in sd
+SEEN = 30.0  # sigmas by which the step along a weak direction moves all features, far above their rounding
+REACH = 0.5  # sd of the priors: the largest such step
 NOTHING = 1e-9  # of the largest singular value: no data see it
 # never fitted: it scales with every force, and with nothing else
 MASS = "mass_kg: only force and stiffness per mass are seen (k_vf / mass, k_xy / mass, k_q / mass)"
