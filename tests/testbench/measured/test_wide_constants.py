@@ -1,4 +1,4 @@
-"""Wide priors: gains, phases and latencies that are off within their sheet come out as parameters, and as no effect."""
+"""Wide priors: gains, phases, latencies and offsets off within their sheet come out as parameters, and as no effect."""
 
 import numpy as np
 import pytest
@@ -12,12 +12,18 @@ from tests.testbench.measured.loop_trials import QUICK
 from tests.testbench.measured.wide_trials import recorded
 
 SEED = 900
-# share by which each is off, and the product or difference in which the record shows it
-OFF = {"plant.k_vf_sense_n_per_v": 0.08, "plant.sense_pole_1_s": 0.08, "plant.drive_pole_1_s": -0.08}
+# share by which each is off, and the symmetry whose product or difference the record shows in place of it
+OFF = {
+    "plant.k_vf_sense_n_per_v": 0.08,
+    "plant.sense_pole_1_s": 0.08,
+    "plant.drive_pole_1_s": -0.08,
+    "plant.sid_charge_mismatch": 0.6,
+}
 KINDS = {
     "gain": (MOTION, "plant.k_vf_sense_n_per_v"),
     "phase": (DELAY, "plant.sense_pole_1_s"),
     "latency": (DELAY, "plant.drive_pole_1_s"),
+    "offset": (None, "plant.sid_charge_mismatch"),
 }
 
 
@@ -39,17 +45,23 @@ def found():
     return result, truth, [p.key for p in problem.parameters], values, fit.covariance[:n, :n], middle
 
 
+def _shown(kind, values):
+    """(what the record shows of a kind, {key: slope}) at {key: value}."""
+    symmetry, key = KINDS[kind]
+    if symmetry is None:
+        return values[key], {key: 1.0}
+    return symmetry.invariants(values)[list(symmetry.partners).index(key)][1:]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_constant_within_its_sheet_comes_out_as_its_parameter(found, kind):
     """Seen with five deviations or more, within three of the truth."""
     _, truth, keys, values, covariance, middle = found
-    symmetry, key = KINDS[kind]
-    which = list(symmetry.partners).index(key)
-    _, value, slopes = symmetry.invariants(dict(zip(keys, values)))[which]
+    (value, slopes), (true, _), (nominal, _) = (_shown(kind, of) for of in (dict(zip(keys, values)), truth, middle))
     slope = np.array([slopes.get(k, 0.0) for k in keys])
     sd = np.sqrt(slope @ covariance @ slope)
-    true, nominal = (symmetry.invariants(of)[which][1] for of in (truth, middle))
+    print(f"{kind}: {value:.6g} +- {sd:.2g}, true {true:.6g}, middle {nominal:.6g}")
     assert abs(true - nominal) > 5 * sd
     assert abs(value - true) < 3 * sd
 
