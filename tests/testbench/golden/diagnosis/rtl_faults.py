@@ -130,7 +130,7 @@ class Design:
         return self.text[:start] + new + self.text[end:]
 
 
-def _inside(d, kind, cause, pattern, new, where=None):
+def inside(d, kind, cause, pattern, new, where=None):
     """Faults by replacing a pattern inside right sides."""
     out = []
     for m in where or d.body():
@@ -144,7 +144,7 @@ def _inside(d, kind, cause, pattern, new, where=None):
     return out
 
 
-def _whole(d, kind, cause, new, where):
+def whole(d, kind, cause, new, where):
     """Faults by replacing whole right sides."""
     out = []
     for m in where:
@@ -160,19 +160,19 @@ def _whole(d, kind, cause, new, where):
 
 
 def rounding(d):
-    return _inside(d, "rounding constant missing", "rounding", r" \+ (HALF\w*|half)\b(?=[\s\S]*)", lambda h: "")
+    return inside(d, "rounding constant missing", "rounding", r" \+ (HALF\w*|half)\b(?=[\s\S]*)", lambda h: "")
 
 
 def rounding_down(d):
-    return _inside(d, "ties down", "rounding", r"\+ (HALF_Y|HALF)\b", lambda h: f"+ {h[1]} - 1")
+    return inside(d, "ties down", "rounding", r"\+ (HALF_Y|HALF)\b", lambda h: f"+ {h[1]} - 1")
 
 
 def difference(d):
-    return _inside(d, "minus for plus", "sign", r"(?<=[\w\]})]) \+ (?=[a-z{(]|r_)(?!\{\d)(?!half|bit)", " - ")
+    return inside(d, "minus for plus", "sign", r"(?<=[\w\]})]) \+ (?=[a-z{(]|r_)(?!\{\d)(?!half|bit)", " - ")
 
 
 def negated(d):
-    return _whole(
+    return whole(
         d,
         "negated",
         "sign",
@@ -182,7 +182,7 @@ def negated(d):
 
 
 def inverted(d):
-    return _whole(
+    return whole(
         d,
         "inverted flag",
         "sign",
@@ -195,7 +195,7 @@ def doubled(d):
     def put(m):
         return f"({m[2]}) <<< 1" if re.fullmatch(r"\w+", m[2]) and d.width(m[1]) not in ("", None) else None
 
-    return _whole(d, "twice", "gain", put, d.loads)
+    return whole(d, "twice", "gain", put, d.loads)
 
 
 def halved(d):
@@ -203,12 +203,12 @@ def halved(d):
         sign = d.ports.get(m[2], ("", False, ""))[1]
         return f"{m[2]} >>> 1" if sign and re.fullmatch(r"\w+", m[2]) else None
 
-    return _whole(d, "half", "gain", put, d.loads)
+    return whole(d, "half", "gain", put, d.loads)
 
 
 def relation(d):
     other = {"<": "<=", ">": ">=", "<=": "<", ">=": ">"}
-    return _inside(
+    return inside(
         d,
         "relation",
         "comparison",
@@ -241,11 +241,11 @@ def counted(d):
 
 
 def limit(d):
-    return _inside(d, "limit off by one", "limit", r"> (\w*HI) *\) \? (\w+)", lambda h: f"> {h[1]}) ? {h[2]} - 1")
+    return inside(d, "limit off by one", "limit", r"> (\w*HI) *\) \? (\w+)", lambda h: f"> {h[1]}) ? {h[2]} - 1")
 
 
 def limit_other(d):
-    return _inside(
+    return inside(
         d,
         "limit of the other end",
         "limit",
@@ -255,9 +255,7 @@ def limit_other(d):
 
 
 def unclamped(d):
-    return _inside(
-        d, "not clamped", "wrap", r"\(\w+ < \w*LO\) \? \w+ :\s*\(\w+ > \w*HI\) \? \w+ : (.+)", lambda h: h[1]
-    )
+    return inside(d, "not clamped", "wrap", r"\(\w+ < \w*LO\) \? \w+ :\s*\(\w+ > \w*HI\) \? \w+ : (.+)", lambda h: h[1])
 
 
 def condition(d, kind="condition inverted", put=lambda c: f"!({c})"):
@@ -346,7 +344,7 @@ def reset_value(d):
             return None
         return "1'b0" if m[2] == "1'b1" else "1'b1"
 
-    return _whole(d, "reset value", "reset", put, d.resets)
+    return whole(d, "reset value", "reset", put, d.resets)
 
 
 def no_reset(d):
@@ -435,7 +433,7 @@ def too_early(d):
 
 def glitch(d):
     """Outside of the list: one rare value goes wrong by a pattern."""
-    return _whole(
+    return whole(
         d,
         "glitch",
         "",
@@ -453,7 +451,7 @@ def glitch(d):
 
 def three_quarters(d):
     """Outside of the list: a factor of 3/4."""
-    return _whole(
+    return whole(
         d,
         "factor 3/4",
         "",
@@ -481,7 +479,7 @@ def asynchronous(d):
 
 
 def zero_extended(d):
-    return _inside(
+    return inside(
         d,
         "sign not extended",
         "signedness",
@@ -491,7 +489,7 @@ def zero_extended(d):
 
 
 def logical(d):
-    return _inside(
+    return inside(
         d,
         "logical shift",
         "signedness",
@@ -512,11 +510,11 @@ def narrow(d):
             else None
         )
 
-    return _whole(d, "top bit lost", "width", put, d.loads)
+    return whole(d, "top bit lost", "width", put, d.loads)
 
 
 def step_of_two(d):
-    return _inside(d, "number added", "constant", r"([+-]) (\d+)'s?d1\b", lambda h: f"{h[1]} {h[2]}'d2")
+    return inside(d, "number added", "constant", r"([+-]) (\d+)'s?d1\b", lambda h: f"{h[1]} {h[2]}'d2")
 
 
 def wrong_word(d):
@@ -558,7 +556,7 @@ def reversed_(d):
 
 
 def ones_complement(d):
-    return _inside(d, "~x for -x", "complement", r"(?<=[?:] )-(?=[a-z])", "~")
+    return inside(d, "~x for -x", "complement", r"(?<=[?:] )-(?=[a-z])", "~")
 
 
 def bitwise(d):
@@ -568,7 +566,7 @@ def bitwise(d):
     def put(hit):
         return f" {other[hit[1]]} "
 
-    found = _inside(d, "operation on bits", "operator", r"(?<=[\w\])]) ([&|^]) (?=[~\w({])", put)
+    found = inside(d, "operation on bits", "operator", r"(?<=[\w\])]) ([&|^]) (?=[~\w({])", put)
     flags = {d.plain(m[1]) for m in d.body() if m[1] in d.ports and d.width(m[1]) == ""}
     return [f._replace(cause="condition") if set(f.registers) <= flags else f for f in found]
 
@@ -648,7 +646,7 @@ def mixed(d):
 
 def fifth_gain(d):
     """Outside of the list: a factor of 5/4 of a wire."""
-    return _whole(
+    return whole(
         d,
         "factor 5/4",
         "",
