@@ -2,7 +2,9 @@
 
     python -m tests.testbench.golden.diagnosis.score --rules first --per-rule 8 --seed 1
 
-It prints a line for each fault that is not named right, and a table of kinds. Exit code 1 if a certain name is wrong.
+It prints a line for each fault that is not named right, what became of those that no row shows, and a table of kinds.
+The first row and its ports are compared with those of a bench of the tests. Exit code 1 if a certain name or a first
+row is wrong.
 """
 
 import argparse
@@ -14,78 +16,60 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
-
 from testbench.errors import FileError
-from testbench.golden.bundles import bundle, export
+from testbench.golden.bundles import export
 from testbench.golden.bundles.benches import PARTS
 from testbench.golden.check import rtl_run
-from testbench.golden.check.diagnose import Rows, diagnose
-from tests.testbench.golden.diagnosis import rtl_faults
+from testbench.golden.check.design_run import Choice
+from tests.testbench.golden.diagnosis import first_row, rtl_faults, rtl_slips, unseen
+
+RULES = {"first": rtl_faults.FIRST, "second": rtl_faults.SECOND, "slips": rtl_slips.SLIPS}
 
 
 class Judged(NamedTuple):
-    """A fault, what became of it, the causes, and the CPU time of the diagnosis."""
+    """A fault, what became of it, the causes, CPU time of check and diagnosis, and if its first row is right."""
 
     fault: rtl_faults.Fault
     verdict: str
-    causes: list
+    causes: tuple
     cpu_s: float
+    first: bool | None
 
 
-def logged(folder, text, stem):
-    """{name: Column} of the design with another text of its block."""
+def checked(folder, text, stem, level="registers"):
+    """(report, whether row and ports of its first difference are those of our own bench) of another text of a block."""
     with tempfile.TemporaryDirectory() as place:
         for part in PARTS.get(stem, ()):
             shutil.copy(rtl_faults.RTL / f"{part}.v", place)
         Path(place, f"{stem}.v").write_text(text)
-        return rtl_run.log(folder, bundle.read(folder).manifest, place, "icarus", 60.0)
+        report = rtl_run.check(folder, place, timeout_s=60.0, choice=Choice("icarus", level))
+        row, ports = first_row.first(folder, place, level)
+    d = report.divergence
+    said = (d.cycle, {d.port, *d.also}) if d else (None, set())
+    return report, said == (row, {name[2:] for name in ports})
 
 
-def rows_of(folder, columns, seen=None):
-    """`Rows` of a log; `seen` are the ports that count (default: all)."""
-    golden = bundle.read(folder)
-    manifest = golden.manifest
-    results = [p["name"] for p in manifest["registers"] + manifest["outputs"]]
-    return Rows(
-        block=manifest["block"],
-        params={p["name"]: p["raw"] for p in manifest["params"]},
-        inputs=dict(zip([p["name"] for p in manifest["inputs"]], golden.stim.T.copy())),
-        expected=dict(zip(results, golden.exp.T.copy())),
-        got={n: np.where(columns[n].known, columns[n].values, 0) for n in results if seen is None or n in seen},
-        care={n: columns[n].known.copy() for n in results if seen is None or n in seen},
-        unknown=tuple(p["name"] for p in manifest["registers"] if not columns[p["name"]].known[0]),
-    )
-
-
-def first_difference(rows):
-    """(row, names) of the first difference that the log shows, unknown values included."""
-    wrong = {n: (column != rows.expected[n]) | ~rows.care[n] for n, column in rows.got.items()}
-    places = {n: int(np.argmax(column)) for n, column in wrong.items() if column.any()}
-    first = min(places.values(), default=None)
-    return first, {n for n, place in places.items() if place == first}
-
-
-def judged(folder, fault, seen=None):
+def judged(folder, fault, level="registers"):
     """`Judged` of one fault."""
-    try:
-        rows = rows_of(folder, logged(folder, fault.text, fault.stem), seen)
-    except FileError as error:
-        return Judged(fault, "not built: " + str(error).splitlines()[-1][:80], [], 0.0)
-    if first_difference(rows)[0] is None:
-        return Judged(fault, "not seen", [], 0.0)
     start = time.process_time()
-    found = diagnose(rows)
+    try:
+        report, first = checked(folder, fault.text, fault.stem, level)
+    except FileError as error:
+        said = str(error)
+        why = "not built" if "does not build" in said else "refused"
+        return Judged(fault, f"{why}: {said.splitlines()[-1][:100]}", (), 0.0, None)
     spent = time.process_time() - start
-    return Judged(fault, verdict(fault, found), found, spent)
+    if report.passed:
+        return Judged(fault, "not seen", (), spent, first)
+    return Judged(fault, verdict(fault, report.diagnosis), report.diagnosis, spent, first)
 
 
 def judged_pair(folder, a, b, text):
-    """How many of two faults are named, and whether each shows alone."""
+    """How many of two faults are named, and the causes; None if one does not show alone."""
     alone = [judged(folder, fault).verdict for fault in (a, b)]
-    if any(said.startswith(("not seen", "not built")) for said in alone):
+    if any(said.startswith(("not seen", "not built", "refused")) for said in alone):
         return None, []
-    found = diagnose(rows_of(folder, logged(folder, text, a.stem)))
+    found = checked(folder, text, a.stem)[0].diagnosis
     named = sum(any(c.cause == f.cause and c.register in f.registers for c in found) for f in (a, b))
     return named, found
 
@@ -105,7 +89,7 @@ def table(results):
     kinds = collections.defaultdict(collections.Counter)
     for one in results:
         kinds[one.fault.kind][one.verdict.partition(":")[0]] += 1
-    heads = ("right", "unnamed", "doubtful", "wrong", "not seen", "not built")
+    heads = ("right", "unnamed", "doubtful", "wrong", "not seen", "refused", "not built")
     lines = ["| kind | " + " | ".join(heads) + " |", "|---" * (len(heads) + 1) + "|"]
     for kind, count in kinds.items():
         lines.append(f"| {kind} | " + " | ".join(str(count[head] or "") for head in heads) + " |")
@@ -118,7 +102,7 @@ def score_pairs(given):
     count = collections.Counter()
     with tempfile.TemporaryDirectory() as place:
         out = given.bundles or Path(place)
-        for a, b, text in rtl_faults.pairs(getattr(rtl_faults, given.rules.upper()), 3 * given.pairs, given.seed):
+        for a, b, text in rtl_faults.pairs(RULES[given.rules], 3 * given.pairs, given.seed):
             if not (out / a.stem / "Makefile").exists():
                 export.export(a.stem, out)
             named, found = judged_pair(out / a.stem / rtl_faults.CASES[a.stem], a, b, text)
@@ -136,27 +120,36 @@ def score_pairs(given):
 
 def main(words):
     options = argparse.ArgumentParser()
-    options.add_argument("--rules", default="first", choices=("first", "second"))
+    options.add_argument("--rules", default="first", choices=tuple(RULES))
     options.add_argument("--per-rule", type=int, default=8)
     options.add_argument("--seed", type=int, default=1)
     options.add_argument("--bundles", type=Path)
     options.add_argument("--pairs", type=int, default=0)
+    options.add_argument("--level", default="registers", choices=("outputs", "registers"))
+    options.add_argument("--unseen", action="store_true", help="find out what the faults are that no row shows")
+    options.add_argument("--part", default="1/1", help="K/N: every N-th fault from the K-th on")
     given = options.parse_args(words)
     if given.pairs:
         return score_pairs(given)
+    part, parts = map(int, given.part.split("/"))
     with tempfile.TemporaryDirectory() as place:
         out, results = given.bundles or Path(place), []
-        for fault in rtl_faults.drawn(getattr(rtl_faults, given.rules.upper()), given.per_rule, given.seed):
+        for fault in rtl_faults.drawn(RULES[given.rules], given.per_rule, given.seed)[part - 1 :: parts]:
             if not (out / fault.stem / "Makefile").exists():
                 export.export(fault.stem, out)
-            one = judged(out / fault.stem / rtl_faults.CASES[fault.stem], fault)
+            one = judged(out / fault.stem / rtl_faults.CASES[fault.stem], fault, given.level)
             results.append(one)
-            if one.verdict != "right":
+            if one.verdict != "right" or not one.first:
                 said = "; ".join(cause.text() for cause in one.causes[:2])
+                said += unseen.fate(out, fault) if one.verdict == "not seen" and given.unseen else ""
+                said += "" if one.first in (True, None) else " FIRST ROW WRONG"
                 print(f"{one.verdict}: {fault.kind} ({fault.cause}), {fault.stem}, {fault.edit!r}: {said}", flush=True)
     print(table(results))
-    print(f"longest diagnosis {max(one.cpu_s for one in results):.1f} s of CPU")
-    return any(one.verdict == "wrong" for one in results)
+    first = collections.Counter(one.first for one in results)
+    print(f"first row and ports right: {first[True]}, wrong: {first[False]}")
+    print(f"certain names: {sum(bool(r.causes) and r.causes[0].sure and r.verdict == 'right' for r in results)}")
+    print(f"longest check with diagnosis {max(one.cpu_s for one in results):.1f} s of CPU")
+    return any(one.verdict == "wrong" or one.first is False for one in results)
 
 
 if __name__ == "__main__":
