@@ -4,24 +4,21 @@ import shutil
 
 import pytest
 
+from testbench.golden.bundles import bundle
 from testbench.golden.diagnosis.causes import CAUSES
-from tests.testbench.golden.diagnosis import rtl_faults, score
+from tests.testbench.golden.diagnosis import first_row, rtl_faults, score, unseen
 
 pytestmark = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus is not installed: no fault was TRIED")
 
-# Rounds of docs/diagnosis.md: rules, faults of each rule, seed
-ROUNDS = {"first": (8, 61), "second": (11, 62)}
 
-
-def of_round(bundles, name, stems=tuple(rtl_faults.CASES), most=None):
-    per_rule, seed = ROUNDS[name]
-    faults = rtl_faults.drawn(getattr(rtl_faults, name.upper()), most or per_rule, seed, stems)
+def of_round(bundles, name, stems, most):
+    faults = rtl_faults.drawn(score.RULES[name], most, 62, stems)
     return [score.judged(bundles(f.stem) / rtl_faults.CASES[f.stem], f) for f in faults]
 
 
 def test_every_kind_has_a_cause_of_the_list_or_none():
     kinds = set()
-    for rules in (rtl_faults.FIRST, rtl_faults.SECOND):
+    for rules in score.RULES.values():
         found = rtl_faults.drawn(rules, 5, 1)
         assert len({f.kind for f in found}) >= 15
         assert all(f.text != rtl_faults.source(f.stem) for f in found)
@@ -35,3 +32,32 @@ def test_some_faults_are_named(bundles):
     assert len(seen) >= 8
     assert sum(one.verdict == "right" for one in seen) >= 0.75 * len(seen), [one.verdict for one in found]
     assert not any(one.verdict == "wrong" for one in seen), [(one.fault.edit, one.causes) for one in seen]
+
+
+def edited(stem, old, new):
+    text = rtl_faults.source(stem)
+    assert text.count(old) == 1
+    return rtl_faults.Fault("", "", stem, text.replace(old, new), (), "")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "row", "ports"),
+    [
+        ("(r_age == AGE_TOP)", "(AGE_TOP == r_age)", None, set()),
+        ("r_age   <= 10'd0", "r_age   <= 10'd1", 0, {"r_age"}),
+        ("r_stale <= 1'b0", "r_stale <= 1'bx", 0, {"r_stale"}),
+    ],
+)
+def test_the_bench_of_the_first_row_finds_it(bundles, tmp_path, old, new, row, ports):
+    (tmp_path / "watchdog.v").write_text(edited("watchdog", old, new).text)
+    assert first_row.first(bundles("watchdog") / "limit250", tmp_path) == (row, ports)
+
+
+@pytest.mark.skipif(shutil.which("yosys-abc") is None, reason="yosys is not installed: nothing was PROVED")
+@pytest.mark.parametrize(
+    ("old", "new", "verdict"),
+    [("r_slot == SLOTS", "r_slot >= SLOTS", "equivalent"), ("SLOTS = 6'd60", "SLOTS = 6'd59", "alive")],
+)
+def test_a_fault_that_no_row_shows_is_proved_or_found(bundles, old, new, verdict):
+    manifest = bundle.read(bundles("rates") / "default").manifest
+    assert unseen.proved(manifest, edited("rates", old, new), None)[0] == verdict
