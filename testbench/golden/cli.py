@@ -170,10 +170,9 @@ def _package(out, folder, report):
     from testbench.errors import FileError
     from testbench.golden import divergence
 
-    if report.block == "top":
-        return None, "of the whole design, gyro golden window writes the clocks around a row"
+    write = divergence.write_top if report.block == "top" else divergence.write_block
     try:
-        return divergence.write_block(out or folder / divergence.PLACE, folder, report), None
+        return write(out or folder / divergence.PLACE, folder, report), None
     except FileError as problem:
         if out is not None:
             raise

@@ -298,6 +298,11 @@ def against(golden, got, before=BEFORE, found=None):
     )
 
 
+def _given(golden, logged):
+    """Column of an input: what the design was given, where its log says so."""
+    return golden if logged is None else np.where(logged.known[: len(golden)], logged.values[: len(golden)], golden)
+
+
 def _diagnosis(manifest, inputs, golden, logged, counts, n, divergence):
     if divergence.is_input:
         return ()
@@ -307,7 +312,7 @@ def _diagnosis(manifest, inputs, golden, logged, counts, n, divergence):
     rows = why.Rows(
         block=manifest["block"],
         params={p["name"]: p["raw"] for p in manifest.get("params", [])},
-        inputs={name: column[:n] for name, column in inputs.items()},
+        inputs={name: _given(column[:n], logged.get(name)) for name, column in inputs.items()},
         expected={name: golden[name][:n] for name in names},
         got={name: logged[name].values[:n] for name in seen},
         care={name: counts[name] & logged[name].known[:n] for name in seen},

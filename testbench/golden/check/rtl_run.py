@@ -52,8 +52,8 @@ SAYINGS = (
 class Runner:
     """Commands in one folder, all within one time limit."""
 
-    def __init__(self, folder, timeout_s):
-        self.folder, self.timeout_s = folder, timeout_s
+    def __init__(self, folder, timeout_s, said_bytes=SAID_BYTES):
+        self.folder, self.timeout_s, self.said_bytes = folder, timeout_s, said_bytes
         self.end = time.monotonic() + timeout_s
 
     def __call__(self, *command):
@@ -78,7 +78,7 @@ class Runner:
                     pass
                 process.wait()
         with open(said, "rb") as out:
-            return process.returncode, out.read(SAID_BYTES).decode("utf-8", "replace")
+            return process.returncode, out.read(self.said_bytes).decode("utf-8", "replace")
 
     def _wait(self, process, said, command):
         pause_s = 0.002
@@ -92,8 +92,9 @@ class Runner:
                 raise FileError(
                     f"{Path(command[0]).name}: stopped after {self.timeout_s:g} s: the design hangs or is slow"
                 )
-            if said.stat().st_size > SAID_BYTES:
-                raise FileError(f"{Path(command[0]).name}: stopped: the design prints more than {SAID_BYTES >> 20} MiB")
+            if said.stat().st_size > self.said_bytes:
+                said_mib = self.said_bytes >> 20
+                raise FileError(f"{Path(command[0]).name}: stopped: the design prints more than {said_mib} MiB")
 
 
 def _complaints(said, texts, manifest, design):
