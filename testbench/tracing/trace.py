@@ -231,7 +231,7 @@ class Tracer:
 
     def classify(self):
         """Causes that the data do not tell from an adequate set, that one first; none where such sets say nothing."""
-        if self.found is None or not self.found.best or not self.found.adequate:
+        if self.found is None or not self.found.best or not self.found.adequate or self.chosen:
             return
         if len(self.found.best) > 1:
             self.imitated = self.specific(self.found.best)
