@@ -233,7 +233,8 @@ def wrap(
     if map_path is None:
         raise ConfigError("wrap: --map TOML is needed for a block")
     found = wrapped.wrap(folder, map_path, level, out, latency)
-    typer.echo(f"{out}  {len(found.golden.exp)} rows, {int(found.care.any(axis=1).sum())} judged at level {level}")
+    rows = f"{len(found.golden.exp)} rows" + (f" from row {found.first} of the bundle" if found.first else "")
+    typer.echo(f"{out}  {rows}, {int(found.care.any(axis=1).sum())} judged at level {level}")
     for cost in _costs(found.golden.manifest["block"], found.golden.manifest["case"], found.clocks):
         typer.echo(f"latency  {cost.text()}")
 

@@ -145,7 +145,8 @@ class Report(NamedTuple):
     def _rows_before(self):
         d = self.divergence
         shown = [d.port, *[name for name in self.ports if name != d.port]][:8]
-        table = [["cycle", *shown]]
+        late = d.cycle - d.before[-1][0]
+        table = [["row" if late else "cycle", *shown]]
         for cycle, want, got in d.before:
             cells = [
                 str(want[n]) if got[n] == want[n] else f"{want[n]} / {'x' if got[n] is None else got[n]}" for n in shown
@@ -153,7 +154,8 @@ class Report(NamedTuple):
             table.append([str(cycle), *cells])
         widths = [max(len(row[k]) for row in table) for k in range(len(table[0]))]
         lines = ["  ".join(cell.rjust(width) for cell, width in zip(row, widths)) for row in table]
-        return [*lines, "(expected / got where they differ)"]
+        moved = f"; row n of {d.port} is cycle n + {late} of the design" if late else ""
+        return [*lines, f"(expected / got where they differ{moved})"]
 
 
 def _ports(manifest, kinds):

@@ -45,6 +45,9 @@ SAYINGS = (
     (r"log\.vhd:\d+:\d+: no declaration for \"(?P<port>\w+)\"", "absent"),
     (r"log\.vhd:(?P<line>\d+):\d+: actual constraints don't match formal ones", "vhdl width"),
     (r"log\.vhd:(?P<line>\d+):\d+: can't associate .*", "vhdl width"),
+    (r"wrap\.vhd:\d+:\d+: can't associate '\w+' with (?:port|generic) \"(?P<port>\w+)\"", "vhdl type"),
+    (r"(?:log|wrap)\.vhd:\d+:\d+: port \"(?P<port>\w+)\" is not an interface name", "absent"),
+    (r"(?:Unknown module type: |containing module: '|unit \")(?P<port>\w+)", "no module"),
     (r"log\.vhd:\d+:\d+: no actual for (?:port|generic) \"(?P<port>\w+)\"", "extra"),
 )
 
@@ -104,7 +107,7 @@ def _complaints(said, texts, manifest, design):
     widths |= {name: width for name, width, _, _ in loggers.parameters(manifest)}
     widths |= {name: 32 for name, _ in design_entry.told(manifest)}
     widths |= design.widths()
-    out = {}
+    out, spelled = {}, {name.lower(): name for name in widths}
     # only what is said of the bench: a part inside the design may have ports of the same names
     for line in said.splitlines():
         place = re.search(r"(?:^|[\s/])((?:log|wrap)\.v(?:hd)?):\d", line)
@@ -114,16 +117,20 @@ def _complaints(said, texts, manifest, design):
                 continue
             words = found.groupdict()
             port = words.get("port") or loggers.port_of_line(texts.get(place[1], ""), int(words["line"]))
-            if port not in widths and kind != "extra":
+            port = spelled.get(port, port)  # GHDL says names in lower case
+            if port not in widths and kind not in ("extra", "no module"):
                 continue
             out[port] = {
                 "width": f"port {port} has {words.get('has')} bits, {design.whose} has {widths.get(port)}",
                 "vhdl width": f"port {port} is not of the {widths.get(port)} bits of {design.whose}",
+                "vhdl type": f"{port} has another type than {design.whose} says: `type` of its entry",
                 "absent": f"port {port} is missing",
-                "no parameter": f"parameter {port} is missing",
+                "no module": f"no module or entity {port}: --top, or top of a map, names yours",
+                "no parameter": f"parameter {port} is missing: [parameters] of a map lists those that are there",
                 "extra": f"input {port} is not in {design.whose} and stays open",
             }[kind]
-    return list(out.values())
+    hint = design.hint([port for port, words in out.items() if words == f"port {port} is missing"])
+    return [*out.values(), *hint]
 
 
 def first_lines(said):
