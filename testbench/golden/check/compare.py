@@ -145,7 +145,7 @@ class Report(NamedTuple):
     def _rows_before(self):
         d = self.divergence
         shown = [d.port, *[name for name in self.ports if name != d.port]][:8]
-        late = d.cycle - d.before[-1][0]
+        late = d.cycle - d.before[-1][0] if d.before else 0
         table = [["row" if late else "cycle", *shown]]
         for cycle, want, got in d.before:
             cells = [

@@ -76,7 +76,10 @@ def test_a_design_passes_and_fails_where_its_fault_is(bundles, tmp_path, name):
     text = (wrong / file).read_text()
     assert old in text
     (wrong / file).write_text(text.replace(old, new))
-    found = rtl_run.check(folder, wrong, choice=choice(name, level, listed, tmp_path)).to_dict()
+    report = rtl_run.check(folder, wrong, choice=choice(name, level, listed, tmp_path))
+    late = f"row n of {first[1]} is cycle n + 1 of the design" in report.text()
+    assert late == (wrong / "latency.toml").is_file()
+    found = report.to_dict()
     assert (found["passed"], found["first"]["kind"], found["first"]["name"]) == (False, *first)
     assert found["first"]["expected"] != found["first"]["got"]
 
@@ -368,7 +371,7 @@ def test_make_says_what_is_wrong_with_a_list(bundles, tmp_path, files, said):
 # docs/foreign_designs.md ----------------------------------------------------------------------------------------------
 
 
-def test_the_command_prints_the_one_format(bundles):
+def test_the_command_prints_the_one_format(bundles, tmp_path):
     installed("icarus")
     own = DESIGNS / "loop_filter"
     words = ["check", str(bundles("pi") / "rate"), "--rtl", str(own), "--files", str(own / "loop_filter.f"), "--map",
@@ -378,6 +381,11 @@ def test_the_command_prints_the_one_format(bundles):
     assert (done.exit_code, tree["passed"], tree["first"], tree["diagnosis"]) == (0, True, None, [])
     part = PAGE.read_text().partition("## Result")[2].partition("## Refused")[0]
     assert set(re.findall(r"^\| `(\w+)`", part, re.M)) <= tree.keys()
+    wrapped = CliRunner().invoke(cli.app, ["wrap", str(bundles("dds") / "default"), "--map",
+                                           str(DESIGNS / "nco" / "map.toml"), "--out", str(tmp_path / "w")])  # fmt: skip
+    first = json.loads((tmp_path / "w" / "manifest.json").read_text())["first_row"]
+    assert first > 0
+    assert f"rows from row {first} of the bundle, " in wrapped.stdout
     found = CliRunner().invoke(cli.app, [*words[:-1], "pin"])
     assert isinstance(found.exception, ConfigError)
     assert "level: 'pin' is not one of pins, outputs, registers" in str(found.exception)
