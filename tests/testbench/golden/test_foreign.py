@@ -381,8 +381,8 @@ def test_the_command_prints_the_one_format(bundles, tmp_path):
     assert (done.exit_code, tree["passed"], tree["first"], tree["diagnosis"]) == (0, True, None, [])
     part = PAGE.read_text().partition("## Result")[2].partition("## Refused")[0]
     assert set(re.findall(r"^\| `(\w+)`", part, re.M)) <= tree.keys()
-    wrapped = CliRunner().invoke(cli.app, ["wrap", str(bundles("dds") / "default"), "--map",
-                                           str(DESIGNS / "nco" / "map.toml"), "--out", str(tmp_path / "w")])  # fmt: skip
+    nco = ["wrap", str(bundles("dds") / "default"), "--map", str(DESIGNS / "nco" / "map.toml")]
+    wrapped = CliRunner().invoke(cli.app, [*nco, "--out", str(tmp_path / "w")])
     first = json.loads((tmp_path / "w" / "manifest.json").read_text())["first_row"]
     assert first > 0
     assert f"rows from row {first} of the bundle, " in wrapped.stdout
