@@ -28,6 +28,7 @@ from testbench.tracing.problem.space import Space
 ROWS_OF_DRAWS = 60_000_000  # numbers drawn for one alarm at most
 FEWEST_DRAWS = 199
 RANKS = 3  # null draws at least that may lie beyond an alarm at its level
+DOUBT = 0.2  # p of an alarm without the laws that cost runs, below which it is taken again with them
 PARTIAL = CLEAR**2  # of held-out chi2, by which each law of several, or of a partial explanation, must lower it
 
 
@@ -151,10 +152,7 @@ class Tracer:
 
     def search(self):
         """`SearchResult` among all laws; where it is not adequate, with what discovery proposes besides."""
-        if self.waiting:
-            self.say("laws beyond the catalogue")
-            self.waiting = ()
-            self.ranked = self.rankings(self.base.fit)
+        self.rank_all()
         tried = tuple(n for n in (*self.catalogue, *self.library) if n not in self.dropped)
         self.pool = self.rank(self.base.fit, tried)
         work = self.work = Search(self.base.fit, self.table, self.identified.scale, self.adequate, self.progress)
@@ -262,11 +260,7 @@ class Tracer:
             said = f"the model cannot be calibrated: {self.base.fit.failed}"
             known["certificates"] = {"calibration": self.base.certificate}
             return Result(problem.name, "unexplained", said, **known)
-        self.say("ranking laws")
-        self.first = self.ranked = self.rankings(self.base.fit)
-        self.say("alarms")
-        self.alarms = self.alarm(self.base.fit, self.first, self.alpha)
-        alarm, self.p = verdict.detection(self.alarms, self.alpha, options.looks)
+        alarm = self.detect()
         self.found, self.posterior = None, ([()], [1.0])
         self.decision = verdict.without_tracing(alarm, self.alarms, self.noise, self.p)
         if self.decision is None:
@@ -275,6 +269,32 @@ class Tracer:
         self.decision = verdict.with_heldout(self.decision, self.heldout, self.alpha, options.looks)
         self.weigh()
         return None
+
+    def detect(self):
+        """True for a deterministic misfit; `alarms`, `first` (their rankings) and `p` say why.
+
+        Laws that cost runs wait until an alarm without them is in DOUBT; each of the two has half of alpha.
+        """
+        self.say("ranking laws")
+        self.first = self.ranked = self.rankings(self.base.fit)
+        self.say("alarms")
+        level = self.level = self.alpha / (2 if self.waiting else 1)
+        self.alarms = self.alarm(self.base.fit, self.first, level)
+        if self.waiting and level <= self.alarms.p_deterministic < DOUBT:
+            self.rank_all()
+            again = self.alarm(self.base.fit, self.ranked, level)
+            if again.p_deterministic < self.alarms.p_deterministic:
+                self.alarms, self.first = again, self.ranked
+        p, looks = self.alarms.p_deterministic, self.options.looks * round(self.alpha / level)
+        self.p = verdict.correct_p(p, looks) if p < DOUBT else p
+        return self.p < self.alpha
+
+    def rank_all(self):
+        """Rankings with the laws that cost runs."""
+        if self.waiting:
+            self.say("laws beyond the catalogue")
+            self.waiting = ()
+            self.ranked = self.rankings(self.base.fit)
 
     def conclude(self):
         """`Result` of what has been decided, with what the reader needs besides."""
@@ -288,7 +308,7 @@ class Tracer:
         self.power, self.experiments = {}, []
         if options.power:
             self.say("power")
-            level = 1 - (1 - self.alpha) ** (1 / options.looks)
+            level = 1 - (1 - self.level) ** (1 / options.looks)
             power = Power(fit, self.alarms, self.known_noise(), self.first, self.laws, level, options.seed)
             smallest = power.smallest()
             self.power = {"d90": smallest, "null": power.null_rate(), "check": power.checked(smallest)}

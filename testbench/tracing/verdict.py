@@ -66,12 +66,6 @@ def corrections(fit):
     return [law.name for law, size in zip(fit.model.laws, d) if size < MINOR * d.max()]
 
 
-def detection(alarms, alpha, looks):
-    """(deterministic misfit?, p corrected for the looks that the caller declares)."""
-    p = correct_p(alarms.p_deterministic, looks)
-    return p < alpha, p
-
-
 def blocks(problem, converged):
     """Why nothing may be named: "before" is not certified, or the engine's own error is too large; "" if neither."""
     if not converged:
