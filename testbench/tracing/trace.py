@@ -86,11 +86,14 @@ class Tracer:
         if self.base.fit.failed:
             return False
         rng = np.random.default_rng([self.options.seed, 4])
-        self.noise = noise.study(self.space, rng, verdict.LEVEL, judge=not self.problem.noise_from_repeats)
+        judge = not self.problem.noise_from_repeats
+        self.noise = noise.study([self.space], rng, verdict.LEVEL, judge=judge)
+        self.held_noise = noise.study([self.space, self.held], rng, verdict.LEVEL, judge=judge)
         if self.noise_rejected:
             self.notes.append("declared noise contradicted by the repeats: variances refined by observable and octave")
             self.space = Space(self.problem, "fit", self.noise)
-            self.held = Space(self.problem, "validate", self.noise)
+            self.held = Space(self.problem, "validate", self.held_noise)
+            self.held_noise = self.held_noise.refined()
             again = Model(self.space, self.predictor)
             self.base = calibration.calibrate(again, self.options.starts, self.options.seed, self.base.fit.point)
         self.identified = identify.identify(self.base.fit)
@@ -124,9 +127,7 @@ class Tracer:
 
     def known_noise(self):
         """Octaves in units of the space in use."""
-        if self.noise_rejected:
-            return self.noise._replace(octaves=tuple(o._replace(f=1.0) for o in self.noise.octaves))
-        return self.noise
+        return self.noise.refined() if self.noise_rejected else self.noise
 
     def adequate(self, fit):
         """Alarms again with the effects added, and the held-out test."""
@@ -148,7 +149,7 @@ class Tracer:
     def judged(self, fits):
         """`heldout.HeldOut` of {label: Fit}."""
         by, seed, declared = self.problem.heldout_by, self.options.seed, not self.noise_rejected
-        return heldout.judge(self.problem, self.held, self.predictor, fits, by, seed, declared)
+        return heldout.judge(self.problem, self.held, self.predictor, fits, by, seed, declared, self.held_noise)
 
     def search(self):
         """`SearchResult` among all laws; where it is not adequate, with what discovery proposes besides."""
@@ -285,8 +286,9 @@ class Tracer:
             again = self.alarm(self.base.fit, self.ranked, level)
             if again.p_deterministic < self.alarms.p_deterministic:
                 self.alarms, self.first = again, self.ranked
-        p, looks = self.alarms.p_deterministic, self.options.looks * round(self.alpha / level)
-        self.p = verdict.correct_p(p, looks) if p < DOUBT else p
+        p = self.alarms.p_deterministic
+        p = verdict.correct_p(p, 2) if level < self.alpha and p < DOUBT else p
+        self.p = verdict.correct_p(p, self.options.looks)
         return self.p < self.alpha
 
     def rank_all(self):

@@ -108,7 +108,7 @@ class Power:
         """Smallest p of one simulated record without any effect, octaves estimated from its own contrasts."""
         space, fit = copy.copy(self.space), self.base
         space.contrasts = [self.rng.normal(size=c.shape) for c in space.contrasts]
-        known = noises.study(space, self.rng, judge=False)
+        known = noises.study([space], self.rng, judge=False)
         projection, _, looks, _ = refined_view(fit, self.rankings, known)
         prior = self.rng.normal(size=(projection.priors, 1))
         left = projection(known.whitener(space)(self.rng.normal(size=(space.size, 1))), prior)
