@@ -401,3 +401,11 @@ def test_the_files_of_the_page_are_read(bundles, tmp_path):
     (tmp_path / "l.toml").write_text(text[1])
     manifest = bundle.read(bundles("dds") / "default").manifest
     assert judged.read_latency(tmp_path / "l.toml", manifest, "outputs") == {"r_drive_sine": 1, "r_sense_sine": 1}
+
+
+@pytest.mark.parametrize(("case", "strobe"), [("pi/rate", "en"), ("cordic/default", "start")])
+def test_strobes_come_in_successive_clocks(bundles, case, strobe):
+    """What the page of the vectors says of them, and what a design that shares a multiplier cannot follow."""
+    golden = bundle.read(bundles(case.partition("/")[0]) / case.partition("/")[2])
+    rows = golden.stim[:, [p["name"] for p in golden.manifest["inputs"]].index(strobe)]
+    assert (rows[1:] & rows[:-1]).any()
