@@ -234,7 +234,7 @@ def result(tracer, decision):
     out.null = dict(tracer.power)
     out.power_d90 = out.null.pop("d90", {})
     if decision.verdict in ("none", "noise-model"):
-        out.null["limits"] = {k: v for r in tracer.first.values() for k, v in limits(r, tracer.laws).items()}
+        out.null["limits"] = {k: v for r in tracer.ranked.values() for k, v in limits(r, tracer.laws).items()}
     out.next_experiment = tracer.experiments
     out.discovery = discovery(tracer, out) if found is not None else {}
     if decision.verdict == "unexplained":

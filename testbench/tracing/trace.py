@@ -27,7 +27,7 @@ from testbench.tracing.problem.space import Space
 
 ROWS_OF_DRAWS = 60_000_000  # numbers drawn for one alarm at most
 FEWEST_DRAWS = 199
-RANKS = 3  # null draws at least that may lie beyond an alarm at its level
+RANKS = 10  # null draws at least that may lie beyond an alarm at its level
 DOUBT = 0.2  # p of an alarm without the laws that cost runs, below which it is taken again with them
 PARTIAL = CLEAR**2  # of held-out chi2, by which each law of several, or of a partial explanation, must lower it
 
@@ -153,7 +153,6 @@ class Tracer:
 
     def search(self):
         """`SearchResult` among all laws; where it is not adequate, with what discovery proposes besides."""
-        self.rank_all()
         tried = tuple(n for n in (*self.catalogue, *self.library) if n not in self.dropped)
         self.pool = self.rank(self.base.fit, tried)
         work = self.work = Search(self.base.fit, self.table, self.identified.scale, self.adequate, self.progress)
@@ -272,31 +271,21 @@ class Tracer:
         return None
 
     def detect(self):
-        """True for a deterministic misfit; `alarms`, `first` (their rankings) and `p` say why.
+        """True for a deterministic misfit; `alarms`, `ranked` and `p` say why.
 
-        Laws that cost runs wait until an alarm without them is in DOUBT; each of the two has half of alpha.
+        Laws that cost runs wait for an alarm without them that is in DOUBT; one with them takes its place.
         """
         self.say("ranking laws")
-        self.first = self.ranked = self.rankings(self.base.fit)
+        self.ranked = self.rankings(self.base.fit)
         self.say("alarms")
-        level = self.level = self.alpha / (2 if self.waiting else 1)
-        self.alarms = self.alarm(self.base.fit, self.first, level)
-        if self.waiting and level <= self.alarms.p_deterministic < DOUBT:
-            self.rank_all()
-            again = self.alarm(self.base.fit, self.ranked, level)
-            if again.p_deterministic < self.alarms.p_deterministic:
-                self.alarms, self.first = again, self.ranked
-        p = self.alarms.p_deterministic
-        p = verdict.correct_p(p, 2) if level < self.alpha and p < DOUBT else p
-        self.p = verdict.correct_p(p, self.options.looks)
-        return self.p < self.alpha
-
-    def rank_all(self):
-        """Rankings with the laws that cost runs."""
-        if self.waiting:
+        self.alarms = self.alarm(self.base.fit, self.ranked, self.alpha)
+        if self.waiting and self.alarms.p_deterministic < max(DOUBT, self.alpha):
             self.say("laws beyond the catalogue")
             self.waiting = ()
             self.ranked = self.rankings(self.base.fit)
+            self.alarms = self.alarm(self.base.fit, self.ranked, self.alpha)
+        self.p = verdict.correct_p(self.alarms.p_deterministic, self.options.looks)
+        return self.p < self.alpha
 
     def conclude(self):
         """`Result` of what has been decided, with what the reader needs besides."""
@@ -310,8 +299,8 @@ class Tracer:
         self.power, self.experiments = {}, []
         if options.power:
             self.say("power")
-            level = 1 - (1 - self.level) ** (1 / options.looks)
-            power = Power(fit, self.alarms, self.known_noise(), self.first, self.laws, level, options.seed)
+            level = 1 - (1 - self.alpha) ** (1 / options.looks)
+            power = Power(fit, self.alarms, self.known_noise(), self.ranked, self.laws, level, options.seed)
             smallest = power.smallest()
             self.power = {"d90": smallest, "null": power.null_rate(), "check": power.checked(smallest)}
         if options.experiments and self.causes:

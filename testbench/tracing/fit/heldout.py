@@ -186,10 +186,13 @@ def above_floor(rows):
 
 
 def worse(judged):
-    """What has become worse with the last model: chi2 of all, or an observable significantly and by HARM."""
+    """What has become worse with the last model: chi2 of all, or an observable by HARM and for certain.
+
+    That is the case if 95 % intervals, as wide as all observables together ask for, are below zero.
+    """
     last = list(judged.chi2.values())
     out = ["chi2"] if len(last) > 1 and last[-1] > last[0] else []
-    return out + [k for k, r in judged.rows.items() if r["gain_ci"][1] < 0 and r["gain"] < -HARM * r["before"]]
+    return out + [k for k, r in judged.rows.items() if r["gain_most"] < 0 and r["gain"] < -HARM * r["before"]]
 
 
 def _quantiles(draws):
@@ -198,13 +201,13 @@ def _quantiles(draws):
 
 
 def _intervals(rms, draws, sets):
-    """(95 % interval of each model's rms, of the fall from the first to the last)."""
+    """(95 % interval of each model's rms, draws of the fall from the first to the last)."""
     if sets is None:
-        return [_quantiles(d) for d in draws.T], _quantiles(draws[:, 0] - draws[:, -1])
+        return [_quantiles(d) for d in draws.T], draws[:, 0] - draws[:, -1]
     made = np.sqrt(sets)
     middle = np.median(made, axis=0)
     fall = made[:, 0] - made[:, -1]
-    return [_quantiles(x) for x in (rms * middle / made).T], _quantiles(rms[0] - rms[-1] + np.median(fall) - fall)
+    return [_quantiles(x) for x in (rms * middle / made).T], rms[0] - rms[-1] + np.median(fall) - fall
 
 
 def judge(problem, space, predictor, fits, by="observable", seed=0, declared=True, noise=None):
@@ -235,7 +238,9 @@ def judge(problem, space, predictor, fits, by="observable", seed=0, declared=Tru
         floor = float(np.sqrt(sum(a * n for a, n in floor) / sum(n for _, n in floor))) if floor else None
         row = {"unit": units[key], "floor": floor, "blocks": len({b for b, _, _ in pieces[key]})}
         few = made if len(space.groups) < BLOCKS else None
-        intervals, row["gain_ci"] = _intervals(rms, draws, few)
+        intervals, gains = _intervals(rms, draws, few)
+        row["gain_ci"] = _quantiles(gains)
+        row["gain_most"] = float(np.quantile(gains, 1 - (1 - LEVEL) / 2 / len(pieces)))
         for label, value, interval in zip(labels, rms, intervals):
             row[label], row[label + "_ci"] = float(value), interval
         row["gain"] = float(rms[0] - rms[-1])

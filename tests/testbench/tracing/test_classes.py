@@ -201,7 +201,7 @@ def test_what_makes_the_held_out_error_larger_is_dropped(monkeypatch):
     def worse(*args):
         found = judged(*args)
         if "before" in found.chi2:
-            found.rows["f"] |= {"gain": -0.03 * found.rows["f"]["before"], "gain_ci": [-0.002, -0.001]}
+            found.rows["f"] |= {"gain": -0.03 * found.rows["f"]["before"], "gain_most": -0.001}
         return found
 
     monkeypatch.setattr(heldout, "judge", worse)

@@ -80,8 +80,8 @@ def test_alpha_follows_from_the_rates_that_are_promised():
     assert binom.cdf(1, 100, alpha) >= 0.95 > binom.cdf(1, 100, 1.1 * alpha)
     missed = 0.0068
     assert binom.cdf(2, 120, missed) >= 0.95 > binom.cdf(2, 120, 1.1 * missed)
-    # nine statistics, 170 laws one by one, by Bonferroni; half of alpha is held-out data's, of the rest half an alarm's
-    threshold = norm.isf(alpha / 4 / 9 / 170 / 2)
+    # nine statistics, and 170 laws that are looked at one by one, by Bonferroni; half of alpha is that of held-out data
+    threshold = norm.isf(alpha / 2 / 9 / 170 / 2)
     assert norm.sf(8 - threshold) < missed / 5
     found = trace(Toy(7), Options(experiments=False)).power_d90.values()
     assert max(row["d"] for row in found) - norm.isf(0.1) + norm.isf(missed) < 8
