@@ -186,9 +186,9 @@ def above_floor(rows):
 
 
 def worse(judged):
-    """What has become worse with the last model: chi2 of all, or an observable by HARM and for certain.
+    """What has become worse with the last model: chi2 of all, or an observable by HARM and significantly.
 
-    That is the case if 95 % intervals, as wide as all observables together ask for, are below zero.
+    The 95 % intervals are as wide as all observables together ask for.
     """
     last = list(judged.chi2.values())
     out = ["chi2"] if len(last) > 1 and last[-1] > last[0] else []
