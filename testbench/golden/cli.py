@@ -170,10 +170,9 @@ def _package(out, folder, report):
     from testbench.errors import FileError
     from testbench.golden import divergence
 
-    if report.block == "top":
-        return None, "of the whole design, gyro golden window writes the clocks around a row"
+    write = divergence.write_top if report.block == "top" else divergence.write_block
     try:
-        return divergence.write_block(out or folder / divergence.PLACE, folder, report), None
+        return write(out or folder / divergence.PLACE, folder, report), None
     except FileError as problem:
         if out is not None:
             raise
@@ -234,7 +233,8 @@ def wrap(
     if map_path is None:
         raise ConfigError("wrap: --map TOML is needed for a block")
     found = wrapped.wrap(folder, map_path, level, out, latency)
-    typer.echo(f"{out}  {len(found.golden.exp)} rows, {int(found.care.any(axis=1).sum())} judged at level {level}")
+    rows = f"{len(found.golden.exp)} rows" + (f" from row {found.first} of the bundle" if found.first else "")
+    typer.echo(f"{out}  {rows}, {int(found.care.any(axis=1).sum())} judged at level {level}")
     for cost in _costs(found.golden.manifest["block"], found.golden.manifest["case"], found.clocks):
         typer.echo(f"latency  {cost.text()}")
 

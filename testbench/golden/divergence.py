@@ -1,9 +1,9 @@
 """What a check or a loop leaves of a difference: a waveform of the last two frames, a bundle to replay, the diagnosis.
 
     window.vcd, window.gtkw      golden signals and those of the design, up to the row that differs, and of a block on
-    bundle/top/loop              vectors of the whole design: inputs from power-on, every clock of these frames as a row
+    bundle/top/CASE              vectors of the whole design: inputs from power-on, every clock of these frames as a row
     bundle/BLOCK/CASE            vectors of a block: those of its bundle up to the end of the waveform
-    diagnosis.txt, .json         of a block: the report of the check
+    diagnosis.txt, .json         of a check: its report
 
 A loop's model is replayed on the inputs that the design was given; until the difference both are one.
 Source  docs/golden.md (what a difference leaves), docs/rtl.md (a design with the pins alone)
@@ -19,6 +19,7 @@ from testbench.errors import FileError
 from testbench.flatten import format_leaves
 from testbench.golden.bundles import bundle, export, recompute
 from testbench.golden.bundles import top as bundles
+from testbench.golden.diagnosis.of_top import port_of
 from testbench.golden.recording import recording, replay
 from testbench.golden.stimulus.blocks import RESET_INPUT
 from testbench.storage import vcd
@@ -69,10 +70,13 @@ def write(folder, difference):
     return folder
 
 
-def _beside(block, golden, report, first, end):
-    """(signals, rows, known) of a block: inputs, what differs, the rest; two signals of a port that is shown."""
+def _beside(block, rows, report, first, end):
+    """(signals, rows, known) of a block: inputs, what differs, the rest; two signals of a port that is shown.
+
+    rows  golden inputs and results from row `first` to `end`
+    """
     shown, span = [], slice(first - report.first_row, end - report.first_row)
-    columns = np.column_stack([golden.stim, golden.exp])[first:end].T
+    columns = rows.T
     results = {port.name for port in (*block.registers, *block.pins)}
     kinds = [*("in" for _ in block.columns), *("reg" for _ in block.registers), *("pin" for _ in block.pins)]
     for kind, port, column in zip(kinds, (*block.columns, *block.registers, *block.pins), columns, strict=True):
@@ -105,8 +109,32 @@ def write_block(folder, given, report):
     if not np.array_equal(bundle.read(out).exp, golden.exp[begin:end]):
         raise FileError(f"{given}: the model computes other rows: gyro golden verify --recompute says which")
     first = max(begin, at + 1 - FRAMES * block.record.frame_clocks)
-    shown = _beside(block, golden, report, first, end)
+    rows = np.column_stack([golden.stim, golden.exp])[first:end]
+    return _shown(folder, block, rows, report, first, end)
+
+
+def write_top(folder, given, report):
+    """The same of a report on the whole design; returns its folder."""
+    folder, given, at = Path(folder), Path(given), report.divergence.before[-1][0]
+    manifest = bundle.read(given).manifest
+    r, pins_only = bundles.replayed(given, manifest), report.level != "registers"
+    clocks, begin = manifest["frame_cycles"], report.first_row
+    end = min(at + 1 + AFTER, begin + len(next(iter(report.got.values())).values))
+    first = max(begin, at + 1 - FRAMES * clocks)
+    cut = bundles.begun(r, -(-end // clocks), (recording.Window(first, end - first, "around the row that differs"),))
+    out, level = folder / "bundle" / bundles.STEM / report.case, "pins" if pins_only else "registers"
+    bundles.write(cut, out, np.arange(first, end), "design" in manifest, level)
+    golden, block = bundle.read(out), bundles.block({r.name: r.params}, r.params.design)
+    registers = () if pins_only else tuple(p._replace(name=port_of(p.name)) for p in block.registers)
+    rows = np.column_stack([golden.stim, golden.exp])
+    return _shown(folder, block._replace(registers=registers), rows, report, first, end)
+
+
+def _shown(folder, block, rows, report, first, end):
+    """Write waveform, set-up and report of rows from `first` to `end`; returns the folder."""
+    shown = _beside(block, rows, report, first, end)
     open_groups = ("in", *(f"{kind}.{name}" for name in report.differing for kind in ("in", "reg", "pin")))
+    at = report.divergence.before[-1][0]
     _waves(folder, shown, first, at, f"gyro_{block.stem}", block.record.master_hz, open_groups)
     write_text(folder / "diagnosis.txt", report.text())
     write_text(folder / "diagnosis.json", report.to_json())

@@ -65,7 +65,7 @@ def held_out(tracer):
 def ranking(tracer):
     """Sizes d of all laws at the base fit."""
     rows = []
-    for r in tracer.first.values():
+    for r in tracer.ranked.values():
         rows += [(abs(float(t)), n) for t, n in zip(r.t, r.names)]
     rows = sorted(rows)[-SHOWN:]
     if not rows:
@@ -86,10 +86,10 @@ def ranking(tracer):
 
 def cosines(tracer):
     """How alike the signatures are."""
-    if not tracer.first:
+    if not tracer.ranked:
         return None
-    names = [n for r in tracer.first.values() for n in r.names if n not in r.hidden]
-    order = sorted(names, key=lambda n: -max(abs(r.t[r.index(n)]) for r in tracer.first.values() if n in r.names))
+    names = [n for r in tracer.ranked.values() for n in r.names if n not in r.hidden]
+    order = sorted(names, key=lambda n: -max(abs(r.t[r.index(n)]) for r in tracer.ranked.values() if n in r.names))
     names = order[:SHOWN]
     if len(names) < 2:
         return None

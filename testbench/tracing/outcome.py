@@ -192,9 +192,8 @@ def result(tracer, decision):
         rejected = "declared noise rejected" if tracer.noise_rejected else ""
         doubtful = "no repeats" if tracer.alarms.model_based else rejected
         confirmed = tracer.heldout.score > CLEAR
-        apart = problem.heldout_independent and not tracer.chosen
         sets = tracer.chosen, tracer.untried, tracer.imitated
-        behind = verdict.Evidence(bool(tracer.held.size), apart, confirmed, doubtful, *sets)
+        behind = verdict.Evidence(bool(tracer.held.size), problem.heldout_independent, confirmed, doubtful, *sets)
         stopped = verdict.blocks(problem, tracer.base.converged)
         decision = verdict.with_search(found, tracer.causes, free, behind, stopped)
     out = Result(problem.name, decision.verdict, decision.sentence)
@@ -235,7 +234,7 @@ def result(tracer, decision):
     out.null = dict(tracer.power)
     out.power_d90 = out.null.pop("d90", {})
     if decision.verdict in ("none", "noise-model"):
-        out.null["limits"] = {k: v for r in tracer.first.values() for k, v in limits(r, tracer.laws).items()}
+        out.null["limits"] = {k: v for r in tracer.ranked.values() for k, v in limits(r, tracer.laws).items()}
     out.next_experiment = tracer.experiments
     out.discovery = discovery(tracer, out) if found is not None else {}
     if decision.verdict == "unexplained":

@@ -27,7 +27,8 @@ from testbench.tracing.problem.space import Space
 
 ROWS_OF_DRAWS = 60_000_000  # numbers drawn for one alarm at most
 FEWEST_DRAWS = 199
-RANKS = 3  # null draws at least that may lie beyond an alarm at its level
+RANKS = 10  # null draws at least that may lie beyond an alarm at its level
+DOUBT = 0.2  # p of an alarm without the laws that cost runs, below which it is taken again with them
 PARTIAL = CLEAR**2  # of held-out chi2, by which each law of several, or of a partial explanation, must lower it
 
 
@@ -85,11 +86,14 @@ class Tracer:
         if self.base.fit.failed:
             return False
         rng = np.random.default_rng([self.options.seed, 4])
-        self.noise = noise.study(self.space, rng, verdict.LEVEL, judge=not self.problem.noise_from_repeats)
+        judge = not self.problem.noise_from_repeats
+        self.noise = noise.study([self.space], rng, verdict.LEVEL, judge=judge)
+        self.held_noise = noise.study([self.space, self.held], rng, verdict.LEVEL, judge=judge)
         if self.noise_rejected:
             self.notes.append("declared noise contradicted by the repeats: variances refined by observable and octave")
             self.space = Space(self.problem, "fit", self.noise)
-            self.held = Space(self.problem, "validate", self.noise)
+            self.held = Space(self.problem, "validate", self.held_noise)
+            self.held_noise = self.held_noise.refined()
             again = Model(self.space, self.predictor)
             self.base = calibration.calibrate(again, self.options.starts, self.options.seed, self.base.fit.point)
         self.identified = identify.identify(self.base.fit)
@@ -123,9 +127,7 @@ class Tracer:
 
     def known_noise(self):
         """Octaves in units of the space in use."""
-        if self.noise_rejected:
-            return self.noise._replace(octaves=tuple(o._replace(f=1.0) for o in self.noise.octaves))
-        return self.noise
+        return self.noise.refined() if self.noise_rejected else self.noise
 
     def adequate(self, fit):
         """Alarms again with the effects added, and the held-out test."""
@@ -147,14 +149,10 @@ class Tracer:
     def judged(self, fits):
         """`heldout.HeldOut` of {label: Fit}."""
         by, seed, declared = self.problem.heldout_by, self.options.seed, not self.noise_rejected
-        return heldout.judge(self.problem, self.held, self.predictor, fits, by, seed, declared)
+        return heldout.judge(self.problem, self.held, self.predictor, fits, by, seed, declared, self.held_noise)
 
     def search(self):
         """`SearchResult` among all laws; where it is not adequate, with what discovery proposes besides."""
-        if self.waiting:
-            self.say("laws beyond the catalogue")
-            self.waiting = ()
-            self.ranked = self.rankings(self.base.fit)
         tried = tuple(n for n in (*self.catalogue, *self.library) if n not in self.dropped)
         self.pool = self.rank(self.base.fit, tried)
         work = self.work = Search(self.base.fit, self.table, self.identified.scale, self.adequate, self.progress)
@@ -231,7 +229,7 @@ class Tracer:
 
     def classify(self):
         """Causes that the data do not tell from an adequate set, that one first; none where such sets say nothing."""
-        if self.found is None or not self.found.best or not self.found.adequate:
+        if self.found is None or not self.found.best or not self.found.adequate or self.chosen:
             return
         if len(self.found.best) > 1:
             self.imitated = self.specific(self.found.best)
@@ -262,11 +260,7 @@ class Tracer:
             said = f"the model cannot be calibrated: {self.base.fit.failed}"
             known["certificates"] = {"calibration": self.base.certificate}
             return Result(problem.name, "unexplained", said, **known)
-        self.say("ranking laws")
-        self.first = self.ranked = self.rankings(self.base.fit)
-        self.say("alarms")
-        self.alarms = self.alarm(self.base.fit, self.first, self.alpha)
-        alarm, self.p = verdict.detection(self.alarms, self.alpha, options.looks)
+        alarm = self.detect()
         self.found, self.posterior = None, ([()], [1.0])
         self.decision = verdict.without_tracing(alarm, self.alarms, self.noise, self.p)
         if self.decision is None:
@@ -275,6 +269,23 @@ class Tracer:
         self.decision = verdict.with_heldout(self.decision, self.heldout, self.alpha, options.looks)
         self.weigh()
         return None
+
+    def detect(self):
+        """True for a deterministic misfit; `alarms`, `ranked` and `p` say why.
+
+        Laws that cost runs wait for an alarm without them that is in DOUBT; one with them takes its place.
+        """
+        self.say("ranking laws")
+        self.ranked = self.rankings(self.base.fit)
+        self.say("alarms")
+        self.alarms = self.alarm(self.base.fit, self.ranked, self.alpha)
+        if self.waiting and self.alarms.p_deterministic < max(DOUBT, self.alpha):
+            self.say("laws beyond the catalogue")
+            self.waiting = ()
+            self.ranked = self.rankings(self.base.fit)
+            self.alarms = self.alarm(self.base.fit, self.ranked, self.alpha)
+        self.p = verdict.correct_p(self.alarms.p_deterministic, self.options.looks)
+        return self.p < self.alpha
 
     def conclude(self):
         """`Result` of what has been decided, with what the reader needs besides."""
@@ -289,7 +300,7 @@ class Tracer:
         if options.power:
             self.say("power")
             level = 1 - (1 - self.alpha) ** (1 / options.looks)
-            power = Power(fit, self.alarms, self.known_noise(), self.first, self.laws, level, options.seed)
+            power = Power(fit, self.alarms, self.known_noise(), self.ranked, self.laws, level, options.seed)
             smallest = power.smallest()
             self.power = {"d90": smallest, "null": power.null_rate(), "check": power.checked(smallest)}
         if options.experiments and self.causes:

@@ -6,8 +6,8 @@ noise-model  only the declared noise is contradicted: no physical effect is name
 named        one cause: the model is adequate, nothing else does as well, the coefficients are not the prior's
 confounded   one class of two to five causes, each as good as the others: the next experiment splits it
 candidate    a class of at most five, and no data from another file or session that could confirm it
-unexplained  no set is adequate, or too many are, or held-out data alone disagree; what is known about the rest is
-             reported, partial laws beside it
+unexplained  no set is adequate, or too many are, or only one that held-out data chose, or held-out data alone disagree;
+             what is known about the rest is reported, partial laws beside it
 """
 
 from typing import NamedTuple
@@ -36,10 +36,10 @@ class Evidence(NamedTuple):
     """What stands behind a set beside its fit."""
 
     heldout: bool  # there are held-out groups
-    independent: bool  # they are of another file or session, and have not chosen the set
+    independent: bool  # they are of another file or session
     confirmed: bool  # they show the change; needed without repeats, or if the declared noise is rejected
     doubtful: str  # why the noise is not to be trusted; "" if it is
-    chosen: bool = False  # by held-out data, which then cannot judge the set
+    chosen: bool = False  # by held-out data, where the set that fits best is refused: they cannot judge it too
     untried: int = 0  # sets as near as those of the class that were not refitted
     imitated: float = 0.0  # `specificity.imitated` of sets of this many laws
 
@@ -64,12 +64,6 @@ def corrections(fit):
     n = len(fit.point.theta)
     d = np.abs(fit.point.c) / fit.sd[n:]
     return [law.name for law, size in zip(fit.model.laws, d) if size < MINOR * d.max()]
-
-
-def detection(alarms, alpha, looks):
-    """(deterministic misfit?, p corrected for the looks that the caller declares)."""
-    p = correct_p(alarms.p_deterministic, looks)
-    return p < alpha, p
 
 
 def blocks(problem, converged):
@@ -146,6 +140,9 @@ def with_search(found, causes, free, evidence, blocked):
     if minor:
         what = f"{', '.join(minor)} may only correct the shape of a law outside"
         return Decision("unexplained", f"{said} explains a part: {what}")
+    if evidence.chosen:
+        what = "held-out data chose it where the set that fits best is refused"
+        return Decision("unexplained", f"{said} explains it, but {what}: nothing confirms it")
     if evidence.imitated > MOST_IMITATED:
         what = f"sets of {len(best)} laws imitate {evidence.imitated:.0%} of the laws that are left out"
         return Decision("unexplained", f"{said} explains it, but at this size {what}: none is named")
@@ -160,7 +157,6 @@ def with_search(found, causes, free, evidence, blocked):
     if not (evidence.heldout and evidence.independent):
         caution = f" ({doubtful}: the declared noise is believed)" if doubtful else ""
         why = "held-out data are of the file that was fitted" if evidence.heldout else "no data were held out"
-        why = "held-out data took part in the choice" if evidence.chosen else why
         return Decision("candidate", f"{names}; {why}, so nothing confirms it{caution}{more}")
     if gauge or len(causes) > 1:
         alike = ": these data do not tell them apart" if len(causes) > 1 else ""

@@ -26,7 +26,7 @@ from fpga_model.fixed import formats
 from testbench.errors import ConfigError, FileError
 from testbench.flatten import format_leaves, leaves
 from testbench.golden.bundles import benches, bundle, design_entry, provenance, scores, top_benches
-from testbench.golden.bundles.top_benches.layout import CLOCK_BITS
+from testbench.golden.bundles.top_benches.layout import CLOCK_BITS, SHOWN_ROWS
 from testbench.golden.recording import board, recording, replay, signature
 from testbench.golden.stimulus import blocks, levels
 from testbench.golden.stimulus.blocks import Port, flat
@@ -212,11 +212,12 @@ def level_of(manifest):
     return "registers" if manifest["registers"] else "pins"
 
 
-def write(r, folder, at=None, of_board=False, level="registers"):
+def write(r, folder, at=None, of_board=False, level="registers", shown_rows=SHOWN_ROWS):
     """Replay a recording and write its bundle, with rows at the clocks `at` (None: its own); returns the manifest.
 
-    of_board  the manifest names the design, even if it is the default one
-    level     `pins`: rows and signatures are of the pins alone
+    of_board    the manifest names the design, even if it is the default one
+    level       `pins`: rows and signatures are of the pins alone
+    shown_rows  rows that differ of which the benches name every port
     """
     d, pins_only = r.params.design, level == "pins"
     design = block({r.name: r.params}, d if of_board or d != DEFAULT else None)
@@ -234,6 +235,7 @@ def write(r, folder, at=None, of_board=False, level="registers"):
         "host_events": len(r.stimulus.host),
         "samples": len(r.stimulus.sar),
         "out_width": sum(p.width for _, p in found),
+        "shown_rows": shown_rows,
     }
     files = {
         "at.hex": _hex(at[:, None], [CLOCK_BITS]),

@@ -35,6 +35,8 @@ def _texts(folder, manifest, level):
     script, test = "check.sh", f"test_{block}.py"
     found[script] = re.sub(r"(?m)(?<=^LEVEL=\$\{LEVEL:-)\w+", level, found[script])
     found[script] = re.sub(r"(?m)^LEVELS=.*$", f'LEVELS="{level}"', found[script])
+    # a design of other names has no file of the block's name
+    found[script] = found[script].replace('no $BLOCK.$(suffix "$1") in $RTL', "no file of its language in RTL or FILES")
     found[test] = re.sub(r'(?<=or ")registers(?=")', level, found[test], count=1)
     for name in KEPT[:3]:
         for key, value in (("N_ROWS", rows), ("RESET_CYCLES", manifest["reset"]["cycles"])):

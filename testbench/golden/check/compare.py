@@ -145,7 +145,8 @@ class Report(NamedTuple):
     def _rows_before(self):
         d = self.divergence
         shown = [d.port, *[name for name in self.ports if name != d.port]][:8]
-        table = [["cycle", *shown]]
+        late = d.cycle - d.before[-1][0] if d.before else 0
+        table = [["row" if late else "cycle", *shown]]
         for cycle, want, got in d.before:
             cells = [
                 str(want[n]) if got[n] == want[n] else f"{want[n]} / {'x' if got[n] is None else got[n]}" for n in shown
@@ -153,7 +154,8 @@ class Report(NamedTuple):
             table.append([str(cycle), *cells])
         widths = [max(len(row[k]) for row in table) for k in range(len(table[0]))]
         lines = ["  ".join(cell.rjust(width) for cell, width in zip(row, widths)) for row in table]
-        return [*lines, "(expected / got where they differ)"]
+        moved = f"; row n of {d.port} is cycle n + {late} of the design" if late else ""
+        return [*lines, f"(expected / got where they differ{moved})"]
 
 
 def _ports(manifest, kinds):
@@ -298,6 +300,11 @@ def against(golden, got, before=BEFORE, found=None):
     )
 
 
+def _given(golden, logged):
+    """Column of an input: what the design was given, where its log says so."""
+    return golden if logged is None else np.where(logged.known[: len(golden)], logged.values[: len(golden)], golden)
+
+
 def _diagnosis(manifest, inputs, golden, logged, counts, n, divergence):
     if divergence.is_input:
         return ()
@@ -307,7 +314,7 @@ def _diagnosis(manifest, inputs, golden, logged, counts, n, divergence):
     rows = why.Rows(
         block=manifest["block"],
         params={p["name"]: p["raw"] for p in manifest.get("params", [])},
-        inputs={name: column[:n] for name, column in inputs.items()},
+        inputs={name: _given(column[:n], logged.get(name)) for name, column in inputs.items()},
         expected={name: golden[name][:n] for name in names},
         got={name: logged[name].values[:n] for name in seen},
         care={name: counts[name] & logged[name].known[:n] for name in seen},

@@ -62,8 +62,18 @@ class Design(NamedTuple):
         return "the map" if self.wrapper else "the bundle"
 
     def widths(self):
-        """{port of the design: bits} as the map has them."""
-        return wrapper.widths(self.named) if self.named else {}
+        """{port or parameter of the design: bits} as the map has them; of a parameter and the reset 1."""
+        if self.named is None:
+            return {}
+        named = self.named
+        own = [name for _, name, _ in named.parameters] + [name for name, _ in named.constants]
+        return dict.fromkeys([*own, named.clock, named.reset[0]], 1) | wrapper.widths(named)
+
+    def hint(self, missing):
+        """What helps where these ports are missing; empty if nothing is known to."""
+        found = ['a design without a reset has style = "none"'] if self.named and self.named.reset[0] in missing else []
+        registers = self.level == "registers" and any(name.startswith("r_") for name in missing)
+        return [*found, *["level registers needs every register, another --level does not"] * registers]
 
 
 def _simulator(sim, languages, what):

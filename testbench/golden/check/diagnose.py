@@ -2,6 +2,7 @@
 
     every register of the block is seen   each register and pin by one step from the design's own rows
     only some ports are seen              the whole block with one fault, from golden rows on
+    the whole design                      each of its blocks whose registers are wrong, as the first
 
 Source    docs/diagnosis.md
 """
@@ -10,12 +11,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fpga_model.block import declared
+from fpga_model import top, wiring
+from fpga_model.block import declared, flat, leaves
 from fpga_model.design_record import DEFAULT
-from testbench.golden.diagnosis import elaborate
+from testbench.golden.diagnosis import elaborate, of_top
 from testbench.golden.diagnosis.hidden import Hidden
 from testbench.golden.diagnosis.search import Search
-from testbench.golden.diagnosis.verdict import Cause, causes, hidden_causes
+from testbench.golden.diagnosis.verdict import MOST_LISTED, Cause, causes, hidden_causes
+from testbench.golden.recording import recording
 
 MOST_SHIFT = 8  # clocks
 
@@ -61,6 +64,8 @@ def _shifted(rows):
 def diagnose(rows):
     """[Cause] of the difference of `Rows`, in order of rank; empty if unknown, or if there is no difference."""
     found = _shifted(rows)
+    if not found and rows.block == "top":
+        return _of_top(rows)
     if found or rows.block not in declared():
         return found
     try:
@@ -81,11 +86,52 @@ def diagnose(rows):
     own = {name: np.where(care[name], got[name], rows.expected[name]) for name in net.reset}
     leaves |= {("reg", name): column for name, column in own.items()}
     search = Search(net, leaves, got, care, rows.expected)
+    return _of_search(rows, search)[0]
+
+
+def _of_search(rows, search):
+    """([Cause], number of registers and pins at fault) of a `Search` on rows."""
     first = list(_of_first_row(rows, search))
     names = {c.register for c in first}
     count = len(names | set(search.faulty))
     found = (c for c in causes(search, names) if c.register not in rows.unknown)
-    return [*(c._replace(share=c.share / count) for c in first), *found]
+    return [*(c._replace(share=c.share / count) for c in first), *found], count
+
+
+def _differ(rows, names):
+    """Which of the registers and pins are not golden."""
+    return [n for n in names if n in rows.got and np.any(rows.care[n] & (rows.got[n] != rows.expected[n]))]
+
+
+def _of_top(rows):
+    """[Cause] of the whole design: block by block, each with what the design itself gave it.
+
+    Blocks of one module with the same cause are one fault.
+    """
+    params = recording.params_from("manifest", list(rows.params), list(rows.params.values()), rows.design)
+    registers = [of_top.port_of(name) for name, _ in leaves(top.State())]
+    if not set(registers) <= set(rows.got):
+        return []
+    own = {name: np.where(rows.care[name], rows.got[name], rows.expected[name]) for name in registers}
+    known = np.logical_and.reduce([rows.care[name] for name in registers])
+    # what follows from a value that nobody knows is not judged
+    judged = {name: rows.care[name] & np.r_[True, known[:-1]] for name in rows.got}
+    found, counts = {}, {}
+    for instance, (module, _) in wiring.instances().items():
+        net = of_top.of_instance(instance, params)
+        if not _differ(rows, net.roots):
+            continue
+        got = {name: rows.got[name] for name in net.roots if name in rows.got}
+        leaves_of = {("in", name): column for name, column in (*rows.inputs.items(), *own.items())}
+        leaves_of |= {("reg", name): own[name] for name in net.reset}
+        search = Search(net, leaves_of, got, {name: judged[name] for name in got}, rows.expected)
+        causes_of, counts[instance] = _of_search(rows, search)
+        for cause in causes_of:
+            key = module, cause.cause, cause.register.removeprefix(f"{flat(instance)}_")
+            found.setdefault(key, []).append(cause._replace(share=cause.share * counts[instance]))
+    total = sum(counts.values())
+    merged = [same[0]._replace(share=sum(c.share for c in same) / total) for same in found.values()]
+    return sorted(merged, key=lambda cause: -cause.share)[:MOST_LISTED]
 
 
 def _of_first_row(rows, search):

@@ -45,6 +45,9 @@ SAYINGS = (
     (r"log\.vhd:\d+:\d+: no declaration for \"(?P<port>\w+)\"", "absent"),
     (r"log\.vhd:(?P<line>\d+):\d+: actual constraints don't match formal ones", "vhdl width"),
     (r"log\.vhd:(?P<line>\d+):\d+: can't associate .*", "vhdl width"),
+    (r"wrap\.vhd:\d+:\d+: can't associate '\w+' with (?:port|generic) \"(?P<port>\w+)\"", "vhdl type"),
+    (r"(?:log|wrap)\.vhd:\d+:\d+: port \"(?P<port>\w+)\" is not an interface name", "absent"),
+    (r"(?:Unknown module type: |containing module: '|unit \")(?P<port>\w+)", "no module"),
     (r"log\.vhd:\d+:\d+: no actual for (?:port|generic) \"(?P<port>\w+)\"", "extra"),
 )
 
@@ -52,8 +55,8 @@ SAYINGS = (
 class Runner:
     """Commands in one folder, all within one time limit."""
 
-    def __init__(self, folder, timeout_s):
-        self.folder, self.timeout_s = folder, timeout_s
+    def __init__(self, folder, timeout_s, said_bytes=SAID_BYTES):
+        self.folder, self.timeout_s, self.said_bytes = folder, timeout_s, said_bytes
         self.end = time.monotonic() + timeout_s
 
     def __call__(self, *command):
@@ -78,7 +81,7 @@ class Runner:
                     pass
                 process.wait()
         with open(said, "rb") as out:
-            return process.returncode, out.read(SAID_BYTES).decode("utf-8", "replace")
+            return process.returncode, out.read(self.said_bytes).decode("utf-8", "replace")
 
     def _wait(self, process, said, command):
         pause_s = 0.002
@@ -92,8 +95,9 @@ class Runner:
                 raise FileError(
                     f"{Path(command[0]).name}: stopped after {self.timeout_s:g} s: the design hangs or is slow"
                 )
-            if said.stat().st_size > SAID_BYTES:
-                raise FileError(f"{Path(command[0]).name}: stopped: the design prints more than {SAID_BYTES >> 20} MiB")
+            if said.stat().st_size > self.said_bytes:
+                said_mib = self.said_bytes >> 20
+                raise FileError(f"{Path(command[0]).name}: stopped: the design prints more than {said_mib} MiB")
 
 
 def _complaints(said, texts, manifest, design):
@@ -103,7 +107,7 @@ def _complaints(said, texts, manifest, design):
     widths |= {name: width for name, width, _, _ in loggers.parameters(manifest)}
     widths |= {name: 32 for name, _ in design_entry.told(manifest)}
     widths |= design.widths()
-    out = {}
+    out, spelled = {}, {name.lower(): name for name in widths}
     # only what is said of the bench: a part inside the design may have ports of the same names
     for line in said.splitlines():
         place = re.search(r"(?:^|[\s/])((?:log|wrap)\.v(?:hd)?):\d", line)
@@ -113,16 +117,20 @@ def _complaints(said, texts, manifest, design):
                 continue
             words = found.groupdict()
             port = words.get("port") or loggers.port_of_line(texts.get(place[1], ""), int(words["line"]))
-            if port not in widths and kind != "extra":
+            port = spelled.get(port, port)  # GHDL says names in lower case
+            if port not in widths and kind not in ("extra", "no module"):
                 continue
             out[port] = {
                 "width": f"port {port} has {words.get('has')} bits, {design.whose} has {widths.get(port)}",
                 "vhdl width": f"port {port} is not of the {widths.get(port)} bits of {design.whose}",
+                "vhdl type": f"{port} has another type than {design.whose} says: `type` of its entry",
                 "absent": f"port {port} is missing",
-                "no parameter": f"parameter {port} is missing",
+                "no module": f"no module or entity {port}: --top, or top of a map, names yours",
+                "no parameter": f"parameter {port} is missing: [parameters] of a map lists those that are there",
                 "extra": f"input {port} is not in {design.whose} and stays open",
             }[kind]
-    return list(out.values())
+    hint = design.hint([port for port, words in out.items() if words == f"port {port} is missing"])
+    return [*out.values(), *hint]
 
 
 def first_lines(said):

@@ -1,7 +1,7 @@
-"""Run somebody's whole design with the bench of its bundle, and find the first clock that differs.
+"""Run somebody's whole design with the bench of its bundle, and find the first clock that differs, and why.
 
     bundle of the level --> its check.sh --> rows and signatures equal, or the first frame that differs
-    that frame          --> a bundle with a row at each of its clocks --> its check.sh --> clock, port, both values
+    frames around it    --> a bundle with a row at each of their clocks --> its check.sh --> every value that differs
 
 Source  docs/golden.md (the whole design), docs/foreign_designs.md
 """
@@ -11,12 +11,15 @@ import shutil
 import tempfile
 from pathlib import Path
 
+import numpy as np
+
 from testbench.errors import ConfigError, FileError
 from testbench.golden.bundles import bundle, top
 from testbench.golden.bundles.wrap import pins_of
-from testbench.golden.check import design_run
-from testbench.golden.check.compare import Divergence, Report
+from testbench.golden.check import compare, design_run
+from testbench.golden.check.compare import Column, Report
 from testbench.golden.check.rtl_run import TIMEOUT_S, Runner, first_lines
+from testbench.golden.diagnosis.of_top import port_of
 from testbench.golden.recording import recording
 from testbench.golden.stimulus import levels
 
@@ -24,6 +27,8 @@ ROW = re.compile(r"clock (\d+): (\w+): expected (\w+), got (\w+) \(hex\)")
 FRAME = re.compile(r"frame (\d+) \(clocks ")
 PASSED = re.compile(r"PASS \S+: (\d+) clocks, (\d+) rows .* (\d+) of \d+ frames")
 UNREAD = ("ports/", "vec.csv", "golden.")  # files that no bench opens
+BEFORE, BEHIND = 2, 2  # frames around the one that differs: a waveform has two, 8 kHz work needs some behind
+SAID_BYTES = 1 << 28
 
 
 def _bench(folder, level, place):
@@ -50,12 +55,6 @@ def _said(run, bench, sim, rtl, files, level, frames=()):
     raise FileError(f"{rtl}: nothing was compared under {sim}:\n{first_lines(text)}")
 
 
-def _first(text):
-    """(clock, [(port, expected, got)]) of the first row that a bench names, or None."""
-    found = ROW.findall(text)
-    return found and (int(found[0][0]), [words[1:] for words in found if words[0] == found[0][0]])
-
-
 def _value(word, port):
     """Number of a hexadecimal word of a port; None: unknown."""
     try:
@@ -65,33 +64,31 @@ def _value(word, port):
     return raw - (1 << port["width"]) if port["signed"] and raw >> (port["width"] - 1) else raw
 
 
-def _divergence(manifest, clock, rows):
-    """`Divergence` of the ports that a bench names at one clock, inputs first."""
+def named(manifest):
+    """Manifest in which registers and pins have different names (`of_top.port_of`)."""
+    registers = [{**p, "name": port_of(p["name"])} for p in manifest["registers"]]
+    return {**manifest, "registers": registers, "schema": compare.SCHEMA}
+
+
+def _logged(golden, text):
+    """{port: Column} of a design: golden values, and in their place those that its bench names."""
+    manifest, first = golden.manifest, int(golden.at[0])
     ports = {p["name"]: p for p in manifest["inputs"]} | dict(levels.judged(manifest, "registers"))
-    seen = [(ports[name], name, _value(want, ports[name]), _value(got, ports[name])) for name, want, got in rows]
-    port, name, want, got = seen[0]
-    scale = 2.0 ** -port["fmt"][2]
-    inputs = {p["name"] for p in manifest["inputs"]}
-    return Divergence(
-        cycle=clock,
-        time_ns=clock * 1e9 / manifest["clock"]["hz"],
-        port=port["name"],
-        kind="input" if name in inputs else levels.kind_of(manifest, name),
-        expected=want,
-        got=got,
-        expected_value=want * scale,
-        got_value=None if got is None else got * scale,
-        error_lsb=None if got is None else got - want,
-        also=tuple(p["name"] for p, *_ in seen[1:]),
-        before=(),
-    )
+    columns = [Column(c.copy(), np.ones(len(c), bool)) for c in np.column_stack([golden.stim, golden.exp]).T]
+    found = dict(zip(ports, columns, strict=True))
+    for clock, name, _, got in ROW.findall(text):
+        value = _value(got, ports[name])
+        found[name].values[int(clock) - first], found[name].known[int(clock) - first] = value or 0, value is not None
+    own = named(manifest)
+    return dict(zip([p["name"] for k in ("inputs", "registers", "outputs") for p in own[k]], columns, strict=True))
 
 
 def check(folder, rtl, timeout_s=TIMEOUT_S, choice=design_run.AS_OURS):
     """Compare the whole design in folder `rtl` with a bundle of `top`; returns a `compare.Report`.
 
     choice  `design_run.Choice`: sim, level, files; ConfigError for a map, a module or a latency
-    The run ends after the frames by default of its simulator: `rows` counts the rows up to there.
+    The run ends after the frames by default of its simulator: `rows` counts the rows up to there. `differing` counts
+    the rows of the frames around the first difference.
     """
     for name in ("map", "top", "latency"):
         if getattr(choice, name) is not None:
@@ -105,31 +102,39 @@ def check(folder, rtl, timeout_s=TIMEOUT_S, choice=design_run.AS_OURS):
     sim = design_run.chosen(manifest, rtl, choice).sim
     with tempfile.TemporaryDirectory(prefix="gyro-check-") as place:
         place = Path(place).resolve()
-        (bench, own), run = _bench(folder, level, place), Runner(place, timeout_s)
+        (bench, own), run = _bench(folder, level, place), Runner(place, timeout_s, SAID_BYTES)
         text = _said(run, bench, sim, rtl, choice.files, level)
         differs = "FAIL " in text
-        if differs:
-            clock, rows = _found(text, run, bench, sim, rtl, choice.files, level, own)
-    ports = tuple(p["name"] for _, p in levels.judged(own, "registers"))
+        found = _window(text, run, bench, sim, rtl, choice.files, level, own) if differs else None
     count = int(re.search(r"(?:of|all) (\d+) rows", text)[1] if differs else PASSED.search(text)[2])
-    head = ("top", own["case"], count, own["n"], ports, (), level, count, {})
-    if not differs:
-        return Report(*head, {}, None, ())
-    found = _divergence(own, clock, rows)
-    return Report(*head, dict.fromkeys((found.port, *found.also), 1), found, ())
+    ports = tuple(p["name"] for k in ("registers", "outputs") for p in named(own)[k])
+    if found is None:
+        return Report("top", own["case"], count, own["n"], ports, (), level, count, {}, {}, None, ())
+    return found._replace(level=level, rows=count, golden_rows=own["n"], judged_rows=count, ports=ports)
 
 
-def _found(text, run, bench, sim, rtl, files, level, manifest):
-    """(clock, rows) of the first clock that differs: every clock of the first frame that a bench names."""
+def _window(text, run, bench, sim, rtl, files, level, manifest):
+    """`Report` of every clock of the frames around the first that a bench names."""
+    clocks = manifest["frame_cycles"]
     frames = [int(number) for number in FRAME.findall(text)]
-    rows = _first(text)
-    frames += [rows[0] // manifest["frame_cycles"]] if rows else []
-    first = min(frames) * manifest["frame_cycles"]
-    place = recording.Window(first, manifest["frame_cycles"], "differs")
-    r = top.begun(top.replayed(bench, manifest), min(frames) + 1, (place,))
-    window = run.folder / "window"
-    top.write(r, window, None, "design" in manifest, top.level_of(manifest))
-    rows = _first(_said(run, window, sim, rtl, files, level, ("FRAMES=0",)))
-    if not rows:
+    row = ROW.search(text)
+    frames += [int(row[1]) // clocks] if row else []
+    begin, end = max(min(frames) - BEFORE, 0), min(min(frames) + BEHIND + 1, manifest["frames"])
+    place = recording.Window(begin * clocks, (end - begin) * clocks, "differs")
+    r, window = top.begun(top.replayed(bench, manifest), end, (place,)), run.folder / "window"
+    at = np.arange(place.first, place.first + place.count)
+    top.write(r, window, at, "design" in manifest, top.level_of(manifest), place.count)
+    golden = bundle.read(window)
+    got = _logged(golden, _said(run, window, sim, rtl, files, level, ("FRAMES=0",)))
+    own = named(golden.manifest)
+    names = [p["name"] for p in own["registers"] + own["outputs"]]
+    found = compare.compare(
+        own,
+        dict(zip([p["name"] for p in own["inputs"]], golden.stim.T.copy())),
+        dict(zip(names, golden.exp.T.copy())),
+        got,
+        terms=compare.Terms(first=place.first),
+    )
+    if found.passed:
         raise FileError(f"{rtl}: frame {min(frames)} differs in one run of {sim} and not in the next")
-    return rows
+    return found

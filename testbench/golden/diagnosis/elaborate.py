@@ -204,6 +204,8 @@ class Elaborator:
         if len(node.ops) != 1:
             raise Unsupported(ast.unparse(node))
         a, b = self.value(node.left, env, names), self.value(node.comparators[0], env, names)
+        if isinstance(node.ops[0], ast.Is):  # an optional part is there, or not
+            return int(a is b)
         op, of = COMPARE[type(node.ops[0])]
         if isinstance(a, Node) or isinstance(b, Node):
             return self._flag(op, a, b) or self.made(op, (a, b), ast.unparse(node))

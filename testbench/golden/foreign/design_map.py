@@ -6,7 +6,8 @@
     [clock]                       port = "clk"
     [reset]                       port = "rst", active = 1 or 0, style = "sync", "async" or "none"
     [inputs], [outputs]           port of the bundle = port of the design; same name if it is not listed
-    [parameters]                  parameter of the bundle = that of the design; all, by their names, without this table
+    [parameters]                  parameter of the bundle = that of the design, or a table of its name and VHDL type,
+                                  integer included; without [parameters] all, by their names
     [constants], [ties]           parameters, and inputs, of the design that the bundle does not know = a whole number
 
 A port of the design is a name, a slice `name[7:0]` or bit `name[3]` of it, "" for none, or a table: port, width (bits
@@ -176,6 +177,7 @@ class _Reader:
         names = [name for name, _ in told(self.manifest)] + [p["name"] for p in self.manifest.get("params", [])]
         names += ["ROM_FILE"] if any(name.startswith("rom/") for name in self.manifest["sha256"]) else []
         used = [name for name in names if name not in self.manifest.get("unused_params", ())]
+        names += [p["name"] for p in levels.left_out(self.manifest)]
         listed = self.table("parameters") if "parameters" in self.tree else dict(zip(used, used))
         found = []
         for name, given in listed.items():

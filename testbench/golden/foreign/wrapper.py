@@ -87,6 +87,12 @@ class _Verilog:
         return f"    wire {_span(own)} v_{net}_{lo} = {bits};", extended
 
 
+def _resting(manifest, found):
+    """Entries of the parameters that the map lists and the bundle leaves at 0."""
+    listed = {name for name, *_ in found.parameters}
+    return [p for p in levels.left_out(manifest) if p["name"] in listed]
+
+
 def _rom(manifest):
     return any(name.startswith("rom/") for name in manifest["sha256"])
 
@@ -95,7 +101,7 @@ def verilog(manifest, found):
     """Text of the wrapper in Verilog-2005, of a `design_map.DesignMap`."""
     inputs, outputs = _design_ports(found)
     given = [f"    parameter {name} = {value}" for name, value in told(manifest)]
-    for p in levels.used_params(manifest):
+    for p in (*levels.used_params(manifest), *_resting(manifest, found)):
         given.append(f"    parameter {'signed ' * p['fmt'][0]}{_span(sum(p['fmt']))} {p['name']} = {sum(p['fmt'])}'d0")
     given += ['    parameter ROM_FILE = ""'] if _rom(manifest) else []
     head = f" #(\n{(',' + chr(10)).join(given)}\n)" if given else ""
@@ -204,9 +210,11 @@ HELPERS = """    function vec(bit_in : std_logic) return std_logic_vector is
 def vhdl(manifest, found):
     """The same in VHDL-2008."""
     inputs, outputs = _design_ports(found)
-    formats = {p["name"]: p["fmt"] for p in manifest.get("params", [])}
+    resting = {p["name"]: p["fmt"] for p in _resting(manifest, found)}
+    formats = {p["name"]: p["fmt"] for p in manifest.get("params", [])} | resting
     given = [f"        {name} : natural" for name, _ in told(manifest)]
-    given += [f"        {name} : {_type(sum(fmt))}" for name, fmt in formats.items()]
+    zero = {name: " := '0'" if sum(fmt) == 1 else " := (others => '0')" for name, fmt in resting.items()}
+    given += [f"        {name} : {_type(sum(fmt))}{zero.get(name, '')}" for name, fmt in formats.items()]
     given += ["        ROM_FILE : string"] if _rom(manifest) else []
     head = f"    generic (\n{(';' + chr(10)).join(given)}\n    );\n" if given else ""
     ports = [

@@ -15,7 +15,9 @@ import inspect
 from dataclasses import dataclass
 
 from fpga_model import control, top, wiring
-from fpga_model.block import declared, flat, parts_of, python_of
+from fpga_model.block import asked, declared, flat, leaves, parts_of, python_of
+from fpga_model.design_record import DEFAULT
+from fpga_model.fixed import formats
 from testbench.errors import ConfigError
 from testbench.storage.inputs import checked
 
@@ -113,6 +115,16 @@ def used_params(manifest):
     """Entries of the parameters that a bench sets."""
     unused = manifest.get("unused_params", ())
     return [p for p in manifest.get("params", []) if p["name"] not in unused]
+
+
+def left_out(manifest):
+    """Entries of the parameters that a block has and this bundle does not list, as each is 0 in it."""
+    module = declared().get(manifest["block"])
+    if not hasattr(module, "Params"):
+        return []
+    shape, given = formats(module.Params, DEFAULT), {p["name"] for p in manifest.get("params", [])}
+    listed = {name for name, _ in asked(shape, given)}
+    return [{"name": flat(name), "fmt": list(fmt)} for name, fmt in leaves(shape) if flat(name) not in listed]
 
 
 @dataclass

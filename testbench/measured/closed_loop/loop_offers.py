@@ -4,6 +4,8 @@
              edges, the rate stepping from one side to the other; half of the combinations of four factors
     y        T (theta - first) + L c      tangents at each condition (loop_tangents.py); laws by runs of their own
     noise    that of the fitted condition which is most alike
+    second   of wide priors: another amplitude at each temperature that has one. A law is shadowed by a temperature
+             coefficient if that takes more than 1 - SHADOWED of the sigmas which all other nuisances leave of it
 A corner without a lock, or where a tangent fails, is not offered.
 Source    Box & Hunter, Technometrics 3 (1961); docs/measured.md
 """
@@ -25,6 +27,8 @@ SMALLER, LARGER = 0.5, 1.0  # of the smallest and largest recorded amplitude
 LEAST_DPS = 50.0  # of a step, where the record has no rate
 SETTLE_S = 3.0  # of a plan
 PRINTED = ("a_um", "from_dps", "rate_dps", "temperature_degc", "detune_deg", "settle_s", "seconds")
+SHADOWED = 0.5  # of the sigmas of a law
+SLOPES = ("tcf_per_k", "dlnq_per_k", "kxy_tc_below_per_k", "kxy_tc_above_per_k")
 ALIKE = (("temperature_degc", 60.0), ("detune_deg", 30.0), ("rate_dps", 300.0))  # a distance of one
 
 
@@ -55,6 +59,51 @@ def like(condition, recorded):
     return min(recorded, key=distance)
 
 
+def second(recorded):
+    """`plan.Condition`s with another amplitude at each temperature that has only one."""
+    least, most, at = min(c.a_um for c in recorded), max(c.a_um for c in recorded), {}
+    for c in recorded:
+        at.setdefault(c.temperature_degc, []).append(c)
+    out = []
+    for only in (group[0] for group in at.values() if len({c.a_um for c in group}) == 1):
+        a_um = LARGER * most if only.a_um < math.sqrt(least * most) else SMALLER * least
+        # no larger force for the rate than the recorded one
+        share = min(1.0, only.a_um / a_um)
+        rates = {"rate_dps": share * only.rate_dps, "from_dps": share * loop_runs.before_dps(only)}
+        out.append(only._replace(id=f"second{len(out) + 1}", a_um=float(f"{a_um:.3g}"), **rates))
+    return out
+
+
+def shadowed(of):
+    """Lines on laws of the catalogue that a temperature coefficient takes, and the conditions that would show them."""
+    recorded = [c for c in of.conditions.values() if c.role == "fit"]
+    conditions = ", ".join(f"{c.a_um:g} um at {c.temperature_degc:g} degC" for c in second(recorded))
+    slopes = [k for k, n in enumerate(of.nuisances) if n.name.partition(".")[2] in SLOPES]
+    if not of.starts or not slopes or not conditions:
+        return ()
+    j = of.fitted(of.tangent) * [n.prior_sd for n in of.nuisances]
+    taken = {}
+    for law in of.laws:
+        column = of.fitted(of.column(law.name))
+        free = _left(j, column)
+        held = {k: _left(np.delete(j, k, axis=1), column) for k in slopes}
+        most = max(held, key=held.get)
+        if free < SHADOWED * held[most]:
+            taken.setdefault(of.nuisances[most].name, []).append(f"{law.name} ({free / held[most]:.0%} left)")
+    return tuple(
+        f"not identifiable beside {key}: {', '.join(names)}; to fix it: a second amplitude at two temperatures or more "
+        f"({conditions})"
+        for key, names in taken.items()
+    )
+
+
+def _left(nuisances, column):
+    """Sigmas of a whitened column that nuisances in units of their priors leave."""
+    a = np.concatenate([nuisances, np.eye(nuisances.shape[1])])
+    b = np.concatenate([column, np.zeros(nuisances.shape[1])])
+    return float(np.linalg.norm(b - a @ np.linalg.lstsq(a, b, rcond=None)[0]))
+
+
 class Offered(Problem, adds="of likes conditions tangent columns"):
     """Conditions on offer to a `LoopProblem` that is to tell some of its laws apart."""
 
@@ -68,7 +117,7 @@ class Offered(Problem, adds="of likes conditions tangent columns"):
         self.columns = {name: dict(of.column(name)) for name in laws}
         # steps that move the recorded features by AIM sigmas
         steps = {name: AIM / max(of.size(v), 1e-300) for name, v in self.columns.items()}
-        for c in corners(recorded):
+        for c in corners(recorded) + (second(recorded) if of.starts else []):
             near = like(c, recorded).id
             found = self._tangents(c, near, steps)
             if found is not None:

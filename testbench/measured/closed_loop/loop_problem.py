@@ -23,7 +23,7 @@ from testbench.config import law_file
 from testbench.measured.closed_loop import loop_runs, loop_spectra
 from testbench.measured.closed_loop.loop_anchor import LOOK, AnchoredLoop
 from testbench.measured.closed_loop.loop_noise import NOISE_DRAWS, gain_of, noise_of
-from testbench.measured.closed_loop.loop_offers import Offered
+from testbench.measured.closed_loop.loop_offers import Offered, shadowed
 from testbench.measured.closed_loop.loop_tangents import Tangents
 from testbench.measured.residual import features
 from testbench.tracing.noise import findings
@@ -132,6 +132,9 @@ class LoopProblem(AnchoredLoop):
 
     def experiments(self, laws):
         return Offered(self, laws)
+
+    def unidentifiable(self, fit):
+        return (*super().unidentifiable(fit), *shadowed(self))
 
     def law_file(self, law, value, sd, hashes):
         """A law of the grammar as a file that `effects.files` and `gyro golden effect --law` take.

@@ -218,19 +218,19 @@ def _trace(found):
 
 def _sweep(found):
     one = found.one
-    s, size = {"s11": np.zeros(len(one["frequency"]), complex)}, {}
+    s, polar = {"s11": np.zeros(len(one["frequency"]), complex)}, {}
     for name in ("s11", "s21"):
         if {f"{name}_re", f"{name}_im"} <= set(one):
             s[name] = one[f"{name}_re"] + 1j * one[f"{name}_im"]
         elif {f"{name}_db", f"{name}_deg"} <= set(one):
-            size[name] = one[f"{name}_db"]
-            s[name] = 10 ** (size[name] / 20) * np.exp(1j * np.deg2rad(one[f"{name}_deg"]))
+            polar[name] = one[f"{name}_db"], one[f"{name}_deg"]
+            s[name] = 10 ** (polar[name][0] / 20) * np.exp(1j * np.deg2rad(polar[name][1]))
     if "s21" not in s:
         raise FileError(f"{found.path}: kind sweep wants s21_re and s21_im, or s21_db and s21_deg")
     found.one = {"frequency": one["frequency"], "s21": np.abs(s["s21"])}
     found.ordered("frequency", True)
     f, date = one["frequency"], str(found.head.get("date", ""))
-    return Sweep(str(found.file), (date,), f, s, 50.0, False, grid_step(f), size)
+    return Sweep(str(found.file), (date,), f, s, 50.0, False, grid_step(f), polar, bool(polar))
 
 
 def _meters(found):

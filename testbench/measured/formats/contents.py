@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from testbench.measured.quality.rows.series import floor, grid_step
+from testbench.measured.quality.sheet import DB_PER_NEPER
 
 
 def on_grid(x):
@@ -51,14 +52,16 @@ class Sweep(NamedTuple):
     ohm: float
     regular: bool
     rounding_hz: float
-    size_db: dict  # as printed, where the file has decibels
+    polar: dict  # {name: (size, degrees)} as printed, where the file has no real and imaginary parts
+    decibels: bool  # the unit of these sizes
 
     @property
     def print_noise(self):
-        """Noise (rms of the real or the imaginary part) that steps of the printed decibels make of S21."""
-        if "s21" not in self.size_db:
+        """Noise (rms of the real or the imaginary part) that steps of the printed sizes make of S21."""
+        if "s21" not in self.polar:
             return 0.0
-        return float(np.median(np.abs(self.s["s21"]))) * np.log(10) / 20 * floor(self.size_db["s21"])
+        noise = floor(self.polar["s21"][0])
+        return float(np.median(np.abs(self.s["s21"]))) / DB_PER_NEPER * noise if self.decibels else noise
 
 
 class Meters(NamedTuple):

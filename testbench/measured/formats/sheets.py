@@ -15,12 +15,13 @@ from testbench.measured.formats.ringdown_text import Trace
 from testbench.measured.formats.touchstone import Sweep
 from testbench.measured.quality import examine as checks
 from testbench.measured.quality.rows.series import grid_step
-from testbench.measured.quality.sheet import AXIS, DB_PER_NEPER, OTHER, SETTING, SLOW, Column, Sheet
+from testbench.measured.quality.sheet import AXIS, OTHER, SETTING, SIGNAL, SLOW, Column, Sheet
 
 DBM = (-300.0, 100.0)
 ROOM = (-100.0, 450.0)  # degC or K, % or hPa are others
 DAC_V = (-200.0, 200.0)
 HIGHEST_HZ = 1e12
+SEVENTH = 1e-6  # of a usual response: its seventh digit
 
 
 def of(content, channel=None):
@@ -42,25 +43,25 @@ def _trace(c):
 
 
 def _sweep(c):
-    f = Column("frequency", "Hz", c.frequency_hz, AXIS, limits=(0.0, HIGHEST_HZ), resolution=c.rounding_hz)
-    columns = [f]
-    size = {name: c.size_db.get(name, _db(v)) for name, v in c.s.items()}
+    columns = [Column("frequency", "Hz", c.frequency_hz, AXIS, limits=(0.0, HIGHEST_HZ), resolution=c.rounding_hz)]
+    for name, s in c.s.items():
+        size_db = c.polar[name][0] if c.decibels and name in c.polar else _db(s)
+        columns.append(Column(name, "dB", size_db, OTHER))
     if "s21" in c.s:
-        s = c.s["s21"]
-        columns += [Column("s21", "dB", size.pop("s21")), Column("s21 angle", "deg", np.angle(s, deg=True), OTHER)]
-        print_error = _print_error(s, c.size_db.get("s21"))
-        columns += [Column(f"s21 {n}", "1", v, resolution=print_error) for n, v in (("re", s.real), ("im", s.imag))]
-    columns += [Column(n, "dB", v, OTHER) for n, v in size.items()]
+        columns += _response(c.s["s21"], c.polar.get("s21"), c.decibels)
     return Sheet(c.path, "sweep", tuple(columns))
 
 
-def _print_error(s, size_db):
-    """What print takes away of either part: a digit in the seventh place, or steps of decibels and degrees."""
-    least = 1e-6 * float(np.median(np.abs(s)))
-    if size_db is None:
-        return least
-    steps = grid_step(size_db) / DB_PER_NEPER, np.radians(grid_step(np.angle(s, deg=True)))
-    return max(least, float(np.max(np.abs(s)) * np.hypot(*steps)))
+def _response(s, polar, decibels):
+    """Columns of S21: signals are those of the file, as its print makes no grid after conversion."""
+    parts, angles = (OTHER, SIGNAL) if polar else (SIGNAL, OTHER)
+    size, angle = polar or (np.abs(s), np.angle(s, deg=True))
+    least = SEVENTH * float(np.median(np.abs(s)))
+    return [
+        Column("s21 size", "dB" if decibels else "1", size, angles),
+        Column("s21 angle", "deg", angle, angles),
+        *(Column(f"s21 {n}", "1", v, parts, resolution=least) for n, v in (("re", s.real), ("im", s.imag))),
+    ]
 
 
 def _db(s):

@@ -78,8 +78,9 @@ def load(path):
     for name, value in s.items():
         if not np.all(np.abs(value) < MOST):
             raise FileError(f"{path}: {name} is above {MOST:g}")
-    printed = {name: data[:, 1 + 2 * k] for k, name in enumerate(ORDERS[ports]) if kind == "db"}
-    return Sweep(str(path), tuple(comments), frequency, s, ohm, regular, rounding, printed)
+    columns = {name: (data[:, 1 + 2 * k], data[:, 2 + 2 * k]) for k, name in enumerate(ORDERS[ports])}
+    polar = {} if kind == "ri" else columns
+    return Sweep(str(path), tuple(comments), frequency, s, ohm, regular, rounding, polar, kind == "db")
 
 
 def _row(path, number, fields):

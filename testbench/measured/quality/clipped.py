@@ -1,7 +1,8 @@
 """Values that pile up at their own extreme: a range that ends inside the signal.
 
 many     more rows at the extreme than within as wide a bin beside it: a tail becomes thinner, and ever faster
-two      rows at the extreme are equal to the last digit, as no others are
+two      rows at the extreme are equal to the last digit, as no others are and chance does not make
+print    a course that becomes flat at its extreme, in steps coarser than its noise, is not clipped
 """
 
 import numpy as np
@@ -9,8 +10,10 @@ import numpy as np
 from testbench.measured.quality.finding import finding
 from testbench.measured.quality.rows.series import grid_step, noise_sd
 from testbench.measured.quality.sheet import SIGNAL
+from testbench.measured.quality.stuck import flat_rows
 
 MANY, SIGMAS = 4, 5.0
+CHANCE = 1e-3
 PILE, PILE_FAST = 1.5, 3.0  # a sine in coarse steps has 2.4 times as many at its top as beside it
 
 
@@ -24,10 +27,12 @@ def _not_thinner(n1, n2, n3):
 def check(sheet):
     """Findings about the signals of a sheet."""
     for c in sheet.of(SIGNAL):
-        grid, noise = grid_step(c.values), noise_sd(sheet.ordered(c.course), c.fast)
+        values = c.unwrapped
+        grid, noise = grid_step(values), noise_sd(sheet.ordered(c.course), c.fast)
         bin_width = grid if grid > 0.02 * noise else 0.2 * noise
-        ties = len(c.values) - len(np.unique(c.values))
-        for side, v in (("highest", c.values), ("lowest", -c.values)):
+        flat = np.zeros(len(values), bool) if c.fast else flat_rows(values)
+        ties = len(values) - len(np.unique(values))
+        for side, v in (("highest", values), ("lowest", -values)):
             top = v.max()
             at, others = v == top, v[v < top]
             count = np.count_nonzero(at)
@@ -37,6 +42,7 @@ def check(sheet):
             if not c.fast and count >= MANY:
                 many = many or _not_thinner(count, below, np.count_nonzero(others >= top - 2.01 * bin_width) - below)
             ends = count - 1 + max(np.count_nonzero(v == v.min()) - 1, 0)
-            if many or (count > 1 and ties == ends):
-                words = f"{count} rows at its {side} value {c.values[at][0]:.6g} {c.unit}"
+            two = count > 1 and ties == ends and (grid / (top - others.max())) ** (count - 1) < CHANCE
+            if (many or two) and not np.all(flat[at]):
+                words = f"{count} rows at its {side} value {values[at][0]:.6g} {c.unit}"
                 yield finding(sheet, "clipped", c.name, at, words)

@@ -45,18 +45,17 @@ def repeated_rows(columns):
 
 
 def _chance(sheet, signals):
-    """Chance that one row equals another by grid and noise alone; size and angle of a response are flat together."""
-    angle = sheet.column("s21 angle")
-    p = [min(1.0, ties_expected(v) / len(v)) for v in ([signals[0], angle.values] if angle else signals)]
-    return max(min(p) if angle else float(np.prod(p)), 1e-12)
+    """Chance that one row equals another by grid and noise alone; the parts of a response are flat together."""
+    p = [min(1.0, ties_expected(v) / len(v)) for v in signals]
+    return max(min(p) if sheet.kind == "sweep" else float(np.prod(p)), 1e-12)
 
 
 def check(sheet):
     """Findings about a sheet; what stands still is the business of `stuck`."""
-    signals, axis = [c.values for c in sheet.of(SIGNAL)], [c.values for c in sheet.of(AXIS)]
+    signals, axis = [c.unwrapped for c in sheet.of(SIGNAL)], [c.values for c in sheet.of(AXIS)]
     name = ", ".join(c.name for c in sheet.of(SIGNAL)[:3])
     still = np.any([stuck_rows(v) for v in signals], axis=0)
-    bits, n, p = _bits(signals), sheet.rows, _chance(sheet, signals)
+    bits, n, p = _bits([c.values for c in sheet.of(SIGNAL)]), sheet.rows, _chance(sheet, signals)
     pairs = np.concatenate([[False], np.all(bits[1:] == bits[:-1], axis=1)]) & ~still
     whole = repeated_rows([c for c in sheet.columns if c.role != OTHER]) if axis else ()
     ties = n - len(np.unique(axis[0])) if axis else 0

@@ -33,9 +33,14 @@ class Column(NamedTuple):
     resolution: float = 0.0
 
     @property
+    def unwrapped(self):
+        """The values; angles without their jumps of a turn."""
+        return np.unwrap(self.values, period=360.0) if self.unit == "deg" else self.values
+
+    @property
     def course(self):
         """What the checks of noise look at."""
-        return self.values if self.error is None else self.error
+        return self.unwrapped if self.error is None else self.error
 
 
 class Sheet(NamedTuple):

@@ -1,17 +1,18 @@
 """A signal that stands still: a run of equal values longer than its grid and noise make by chance.
 
-found    run of L equal rows, n p^(L-1) < CHANCE, p the share of equal neighbours outside the longest run
-print    a run whose neighbours move by single steps of the grid is a flat course in a coarse print
+found    run of L equal rows, n p^(L-1) < CHANCE, p the share of equal neighbours outside it and outside flat courses
+print    a run that a smooth course makes in steps coarser than its noise is none
 """
 
 import numpy as np
 
 from testbench.measured.quality.finding import finding
-from testbench.measured.quality.rows.series import grid_step
+from testbench.measured.quality.rows.series import grid_step, noise_sd
 from testbench.measured.quality.sheet import SIGNAL
 
 CHANCE = 1e-6
 BESIDE = 5  # changes on either side
+LEVEL = 3  # times shorter at most is the next level of a plateau, one step away
 SHORTEST = 4  # rows: two equal ones are a duplicate
 
 
@@ -23,27 +24,45 @@ def runs(v):
     return first, last - first + 1
 
 
+def flat_rows(v):
+    """Mask of runs, single rows too, that a smooth course makes in steps of a grid coarser than its noise.
+
+    Beside them v gains pace by no more than a step per row and a parabola's that stays within one step on the run,
+    or the next level is as long.
+    """
+    grid = grid_step(v)
+    if grid <= noise_sd(v):
+        return np.zeros(len(v), bool)
+    first = np.concatenate([[0], np.flatnonzero(np.diff(v)) + 1])
+    length = np.diff(first, append=len(v))
+    step, out = np.pad(np.abs(np.diff(v)), BESIDE), length < len(v)
+    for away in range(1, BESIDE + 1):
+        most = grid * (0.5 + away + 8 * (length / 2 + away) / np.maximum(length - 1, 1) ** 2)
+        out &= np.maximum(step[BESIDE + first - away], step[BESIDE + first + length - 2 + away]) <= most
+    joined = np.concatenate([[False], step[BESIDE + first[1:] - 1] <= 1.5 * grid, [False]])  # to the level before
+    beside = np.maximum(joined[:-1] * np.roll(length, 1), joined[1:] * np.roll(length, -1))
+    return np.repeat(out | (LEVEL * beside >= length), length)
+
+
 def stuck_rows(v):
     """Mask of the rows of runs that chance does not make."""
     first, length = runs(v)
     mask = np.zeros(len(v), bool)
     if not len(length):
         return mask
-    short = length[length < max(SHORTEST, np.max(length))]
-    step, grid = np.abs(np.diff(v)), grid_step(v)
+    flat = flat_rows(v)
+    short = length[(length < max(SHORTEST, np.max(length))) & ~flat[first]]
     p = max((np.sum(short - 1) + 1) / len(v), 1e-4)
     least = max(SHORTEST, 1 + int(np.ceil(np.log(CHANCE / len(v)) / np.log(p)))) if p < 0.9 else len(v)
     for a, count in zip(first, length):
-        if count >= least:
-            beside = np.concatenate([step[max(a - BESIDE, 0) : a], step[a + count - 1 : a + count - 1 + BESIDE]])
-            mask[a : a + count] = len(beside) == 0 or np.max(beside) > 1.5 * grid
-    return mask
+        mask[a : a + count] = count >= least
+    return mask & ~flat
 
 
 def check(sheet):
     """Findings about the signals of a sheet; equal values at the extreme are the business of `clipped`."""
     for c in sheet.of(SIGNAL):
-        v = c.values
+        v = c.unwrapped
         mask = stuck_rows(v) & (v != v.max()) & (v != v.min())
         if mask.any():
             yield finding(sheet, "stuck", c.name, mask, "stands still while other rows move")

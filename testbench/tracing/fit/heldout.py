@@ -11,7 +11,8 @@
     score    sigmas of the predicted change that the held-out means show (rivals.confirmation)
     log_odds ln of the density that the last model foretells for the held-out means along that change, less that of
              the first; both Gaussian, with noise and what their fit does not know
-    chi2     of the groups' means, whitened; expected 1 + what the fit's uncertainty adds; p: its chance
+    chi2     of the groups' means, whitened; expected 1 + what the fit's uncertainty adds; p: its chance, for noise as
+             loud in each octave as all repeats bear out
 Source    Künsch (1989), moving blocks; docs/tracing.md
 """
 
@@ -143,7 +144,12 @@ def deviations(problem, space, by):
 
 
 def p_floor(square, sets, apart, apart_sets):
-    """The larger of the chances of a mean square, and of its ratio to the repeats' deviations if there are any."""
+    """The larger of the chances of a mean square, and of its ratio to the repeats' deviations if there are any.
+
+    1 if repeats deviate that by the problem's noise are the same: then no error is too large for that noise.
+    """
+    if apart > 0 and not apart_sets.all():
+        return 1.0
     p = p_above(square, sets)
     return max(p, p_above(square / apart, sets / apart_sets)) if apart > 0 else p
 
@@ -156,20 +162,21 @@ def scaled(sets):
 
 def p_above(square, sets):
     """Chance of a mean square as large, if the expected one were FLOOR_FACTOR^2 times that of the simulated sets."""
+    if sets.min() == sets.max():
+        return float(square <= FLOOR_FACTOR**2 * sets[0])
     factor, dof = scaled(sets)
     return float(chi2_law.sf(square / FLOOR_FACTOR**2 / factor, dof))
 
 
-def chi2_sets(space, root, rng):
-    """chi2 / rows of simulated held-out sets: the problem's noise, Gaussian or not, and J C J' = root root'."""
+def mean_draws(space, rng):
+    """(rows, CHI2_SETS) of whitened means of the problem's noise, Gaussian or not, and of the prediction's own."""
     problem, parts = space.problem, []
     own = np.sqrt(problem.prediction_noise)
     for g, w in zip(space.groups, space.weights):
         mean = np.mean([problem.noise_draws(k, CHI2_SETS, rng) for k in g.members], axis=0)
         mean = mean + (own * problem.noise_draws(g.members[0], CHI2_SETS, rng) if own else 0.0)
         parts.append(w * space.whitened(g.members[0], mean) / space.gain)
-    z = np.concatenate(parts) + root @ rng.normal(size=(root.shape[1], CHI2_SETS))
-    return (z**2).mean(axis=0)
+    return np.concatenate(parts)
 
 
 def above_floor(rows):
@@ -179,10 +186,13 @@ def above_floor(rows):
 
 
 def worse(judged):
-    """What has become worse with the last model: chi2 of all, or an observable significantly and by HARM."""
+    """What has become worse with the last model: chi2 of all, or an observable by HARM and significantly.
+
+    The 95 % intervals are as wide as all observables together ask for.
+    """
     last = list(judged.chi2.values())
     out = ["chi2"] if len(last) > 1 and last[-1] > last[0] else []
-    return out + [k for k, r in judged.rows.items() if r["gain_ci"][1] < 0 and r["gain"] < -HARM * r["before"]]
+    return out + [k for k, r in judged.rows.items() if r["gain_most"] < 0 and r["gain"] < -HARM * r["before"]]
 
 
 def _quantiles(draws):
@@ -191,19 +201,20 @@ def _quantiles(draws):
 
 
 def _intervals(rms, draws, sets):
-    """(95 % interval of each model's rms, of the fall from the first to the last)."""
+    """(95 % interval of each model's rms, draws of the fall from the first to the last)."""
     if sets is None:
-        return [_quantiles(d) for d in draws.T], _quantiles(draws[:, 0] - draws[:, -1])
+        return [_quantiles(d) for d in draws.T], draws[:, 0] - draws[:, -1]
     made = np.sqrt(sets)
     middle = np.median(made, axis=0)
     fall = made[:, 0] - made[:, -1]
-    return [_quantiles(x) for x in (rms * middle / made).T], _quantiles(rms[0] - rms[-1] + np.median(fall) - fall)
+    return [_quantiles(x) for x in (rms * middle / made).T], rms[0] - rms[-1] + np.median(fall) - fall
 
 
-def judge(problem, space, predictor, fits, by="observable", seed=0, declared=True):
+def judge(problem, space, predictor, fits, by="observable", seed=0, declared=True, noise=None):
     """`HeldOut` of {label: Fit}, in the order before .. after; `space` is that of the validate groups.
 
     declared  False if the repeats have rejected the declared noise: nothing is simulated from it then
+    noise     what all repeats, fitted and held out, say of the noise: `Noise` in units of the space, or None
     The problem's `heldout_view`, if it has one, gives the same segments in finer features: errors are told in those.
     """
     labels, models = list(fits), list(fits.values())
@@ -227,7 +238,9 @@ def judge(problem, space, predictor, fits, by="observable", seed=0, declared=Tru
         floor = float(np.sqrt(sum(a * n for a, n in floor) / sum(n for _, n in floor))) if floor else None
         row = {"unit": units[key], "floor": floor, "blocks": len({b for b, _, _ in pieces[key]})}
         few = made if len(space.groups) < BLOCKS else None
-        intervals, row["gain_ci"] = _intervals(rms, draws, few)
+        intervals, gains = _intervals(rms, draws, few)
+        row["gain_ci"] = _quantiles(gains)
+        row["gain_most"] = float(np.quantile(gains, 1 - (1 - LEVEL) / 2 / len(pieces)))
         for label, value, interval in zip(labels, rms, intervals):
             row[label], row[label + "_ci"] = float(value), interval
         row["gain"] = float(rms[0] - rms[-1])
@@ -242,7 +255,7 @@ def judge(problem, space, predictor, fits, by="observable", seed=0, declared=Tru
     odds = 0.0
     if np.any(z[0] != z[-1]):
         odds = foretold(space, z[0], z[-1], _root(space, predictor, first, predictions[0]), root)
-    limit, p = _limit(space, root, declared, rng, chi2[labels[-1]])
+    limit, p = _limit(space, root, declared, noise, rng, chi2[labels[-1]])
     return HeldOut(rows, chi2, limit, confirmation(space, z[0], z[-1]), odds, p=p)
 
 
@@ -271,31 +284,30 @@ def foretold(space, first, last, root_first, root_last):
     return float(cost[0] - cost[1]) / 2
 
 
-def _loudness(space):
-    """Chi2 / rows of the contrasts between repeats in the units of the residual, if significantly (5 %) above 1."""
+def _loudness(space, noise):
+    """Chi2 / rows of the held-out contrasts in units of the noise of all, if significantly (5 %) above 1."""
     most, own = max(map(len, space.contrasts), default=0), []
+    again = noise.whitener(space) if noise else lambda v: v
     for i in range(most):
         there = np.concatenate([np.full(c.shape[1], i < len(c)) for c in space.contrasts])
         rows = np.concatenate([c[i] if i < len(c) else np.zeros(c.shape[1]) for c in space.contrasts])
-        own.append(space.refine(rows)[there])
+        own.append(again(space.refine(rows))[there])
     own = np.concatenate([*own, np.zeros(0)])
     return float(np.mean(own**2)) if len(own) and own @ own > chi2_law.ppf(LEVEL, len(own)) else 1.0
 
 
-def _limit(space, root, declared, rng, seen):
+def _limit(space, root, declared, noise, rng, seen):
     """(99 % of chi2 / rows if the last model is right, with what the fit does not know; chance of the one seen).
 
-    From simulated sets; if the declared noise has been rejected, from those of a Gaussian of unit variance: mean
-    tr(1 + JCJ'), variance 2 tr((1 + JCJ')^2). Times the repeats' own chi2 in the same units, see `_loudness`.
+    From simulated sets, Gaussian if the declared noise has been rejected, each with octaves as loud as they may be for
+    all that the repeats tell. Times the chi2 of the held-out repeats in units of that noise, see `_loudness`.
     """
     if root is None:
         return float("inf"), 1.0
-    if declared:
-        factor, dof = scaled(chi2_sets(space, root, rng))
-    else:
-        gram, rows = root.T @ root, space.size
-        mean, variance = rows + np.trace(gram), 2 * (rows + 2 * np.trace(gram) + np.trace(gram @ gram))
-        dof = 2 * mean**2 / variance
-        factor = mean / dof / rows
-    factor *= _loudness(space)
+    draws = mean_draws(space, rng) if declared else rng.normal(size=(space.size, CHI2_SETS))
+    if noise:
+        draws = noise.spread(space, draws, rng)
+    z = draws + root @ rng.normal(size=(root.shape[1], CHI2_SETS))
+    factor, dof = scaled((z**2).mean(axis=0))
+    factor *= _loudness(space, noise)
     return float(chi2_law.ppf(BAND, dof) * factor), float(chi2_law.sf(seen / factor, dof))

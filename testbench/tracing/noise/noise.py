@@ -9,6 +9,7 @@ and octave:
                                              would make misfits out of nothing
     w = 2 / (scatter of the ratios beyond chance + its standard error)      empirical Bayes, LEAST_TRUST .. MOST_TRUST
 Refined noise is the declared one with f; a residual divided by sqrt(f) is t-distributed with nu + w, per octave.
+Fitted data are refined by their own repeats, held-out data by all: contrasts hold nothing that a fit could learn.
 Assumption: the noise's spectrum departs from the declared one in the same way in all conditions.
 Source    docs/tracing.md
 """
@@ -71,26 +72,35 @@ class Noise(NamedTuple):
 
     def draws(self, space, count, rng):
         """(rows, count) draws of a residual in refined units: t-distributed per octave."""
-        parts = stacks(space)
-        scale = {o: np.sqrt(o.dof / rng.chisquare(o.dof, size=count)) for o in self.octaves}
+        return self.refined().spread(space, rng.normal(size=(space.size, count)), rng)
+
+    def spread(self, space, draws, rng):
+        """Draws (rows, count) of unit variance, each with octaves as loud as they may be for all that repeats tell."""
+        parts, count = stacks(space), draws.shape[1]
+        scale = {o: np.sqrt(o.f * o.dof / rng.chisquare(o.dof, size=count)) for o in self.octaves}
 
         plain = np.ones(count)
-        return multiply(parts, rng.normal(size=(space.size, count)), lambda stack: self._rows(stack, scale, plain))
+        return multiply(parts, draws, lambda stack: self._rows(stack, scale, plain))
+
+    def refined(self):
+        """The same in units of itself: of a space that it has whitened again."""
+        return self._replace(octaves=tuple(o._replace(f=1.0) for o in self.octaves))
 
 
-def _squares(space):
+def _squares(spaces):
     """{(observable, octave): (sum of squares, number)} of all contrasts."""
-    repeated = {g for g, c in enumerate(space.contrasts) if len(c)}
     found = {}
-    for stack in stacks(space, repeated):
-        level = bands(stack.rows.shape[1])
-        for i, (name, g) in enumerate(zip(stack.observables, stack.groups)):
-            start = space.groups[g].rows.start
-            spectrum = dct(space.contrasts[g][:, stack.rows[i] - start], axis=1, norm="ortho") ** 2
-            for octave in range(level.max() + 1):
-                chosen = spectrum[:, level == octave]
-                s, n = found.get((name, octave), (0.0, 0))
-                found[name, octave] = (s + float(chosen.sum()), n + chosen.size)
+    for space in spaces:
+        repeated = {g for g, c in enumerate(space.contrasts) if len(c)}
+        for stack in stacks(space, repeated):
+            level = bands(stack.rows.shape[1])
+            for i, (name, g) in enumerate(zip(stack.observables, stack.groups)):
+                start = space.groups[g].rows.start
+                spectrum = dct(space.contrasts[g][:, stack.rows[i] - start], axis=1, norm="ortho") ** 2
+                for octave in range(level.max() + 1):
+                    chosen = spectrum[:, level == octave]
+                    s, n = found.get((name, octave), (0.0, 0))
+                    found[name, octave] = (s + float(chosen.sum()), n + chosen.size)
     return found
 
 
@@ -135,9 +145,9 @@ def _trust(joined):
     return float(np.clip(2.0 / (max(scatter, 0.0) + error), LEAST_TRUST, MOST_TRUST))
 
 
-def study(space, rng, alpha=0.01, draws=400, judge=True):
-    """`Noise` of a space; `judge` False if the declared noise was itself made from these repeats: no test then."""
-    joined = _joined(_squares(space))
+def study(spaces, rng, alpha=0.01, draws=400, judge=True):
+    """`Noise` of spaces; `judge` False if the declared noise was itself made from these repeats: no test then."""
+    joined = _joined(_squares(spaces))
     dof = int(sum(n for *_, n in joined))
     trust = _trust(joined)
     octaves = _octaves(joined, trust)
@@ -149,7 +159,7 @@ def study(space, rng, alpha=0.01, draws=400, judge=True):
     o = octaves[at]
     span = "the mean" if o.last == 0 else f"octaves {o.first}..{o.last}"
     worst = f"{o.observable}, {span}: variance {o.ratio:.3g} x declared"
-    jump_p, jump = _jump(space, rng, draws)
+    jump_p, jump = _jump(spaces, rng, draws)
     p_global = float(min(1.0, 2 * min(spectral, jump_p)))
     return Noise(_octaves(joined, trust, rejected=p_global < alpha), p_global, worst, jump, dof)
 
@@ -161,19 +171,19 @@ def bridge(v, axis):
     return path.max(axis=axis), path.argmax(axis=axis)
 
 
-def _jump(space, rng, draws):
+def _jump(spaces, rng, draws):
     """p of the largest CUSUM of all contrasts against white noise, and where it is."""
     best, shapes = (0.0, ""), []
-    for g, c in enumerate(space.contrasts):
-        for block in space.blocks:
-            if block.group == g and len(c) and block.rows.stop - block.rows.start >= 8:
-                a = block.rows.start - space.groups[g].rows.start
-                part = c[:, a : a + block.rows.stop - block.rows.start]
-                size, where = bridge(part, 1)
-                k = int(np.argmax(size))
-                shapes.append(part.shape)
-                if size[k] > best[0]:
-                    best = (float(size[k]), f"{block.observable} of {space.groups[g].name}, row {int(where[k])}")
+    for space, block in ((s, block) for s in spaces for block in s.blocks):
+        c, rows = space.contrasts[block.group], block.rows.stop - block.rows.start
+        if len(c) and rows >= 8:
+            a = block.rows.start - space.groups[block.group].rows.start
+            part = c[:, a : a + rows]
+            size, where = bridge(part, 1)
+            k = int(np.argmax(size))
+            shapes.append(part.shape)
+            if size[k] > best[0]:
+                best = (float(size[k]), f"{block.observable} of {space.groups[block.group].name}, row {int(where[k])}")
     if not shapes:
         return 1.0, ""
     rows = sum(a * b for a, b in shapes)

@@ -15,7 +15,7 @@ from scipy.stats import beta
 from testbench.tracing.fit.rank import Projection
 from testbench.tracing.noise import noise as noises
 from testbench.tracing.noise.alarms import declared_draws, null_statistics, refined_view
-from testbench.tracing.noise.statistics import tail_p
+from testbench.tracing.noise.statistics import TAIL, tail_p
 
 Z90 = 1.2816
 TRIALS = 200
@@ -108,7 +108,7 @@ class Power:
         """Smallest p of one simulated record without any effect, octaves estimated from its own contrasts."""
         space, fit = copy.copy(self.space), self.base
         space.contrasts = [self.rng.normal(size=c.shape) for c in space.contrasts]
-        known = noises.study(space, self.rng, judge=False)
+        known = noises.study([space], self.rng, judge=False)
         projection, _, looks, _ = refined_view(fit, self.rankings, known)
         prior = self.rng.normal(size=(projection.priors, 1))
         left = projection(known.whitener(space)(self.rng.normal(size=(space.size, 1))), prior)
@@ -117,10 +117,11 @@ class Power:
 
 def _statistic_at(null, p):
     """Value of a statistic whose `tail_p` is p."""
-    low, high = np.quantile(null, [0.8, 0.95])
-    if p >= 0.05 or high <= low:
+    low, high = np.quantile(null, TAIL)
+    most, least = (1 - t for t in TAIL)
+    if p >= least or high <= low:
         return float(np.quantile(null, 1 - p))
-    return float(high + np.log(0.05 / p) * (high - low) / np.log(4.0))
+    return float(high + np.log(least / p) * (high - low) / np.log(most / least))
 
 
 def limits(ranking, laws):

@@ -16,6 +16,7 @@ from testbench.tracing.noise.stacks import stacks
 
 LAGS = 4
 SHORT, LINES = 8, 16  # rows that a CUSUM and a periodogram need
+TAIL = 0.95, 0.995  # of null draws: far enough for sums of products, whose tail is the longest
 
 
 class Statistics:
@@ -120,18 +121,18 @@ def _line(v):
 
 
 def tail_p(values, null):
-    """p of `values` by rank among `null`; above its 95 % point an exponential through the 80 and 95 % points.
+    """p of `values` by rank among `null`; above the last TAIL point an exponential through both.
 
     The tail only breaks the ties of ranks: without it all statistics beyond the last draw would look the same.
     """
     ordered = np.sort(null)
     p = (len(ordered) - np.searchsorted(ordered, values, side="left")) / len(ordered)
-    low, high = np.quantile(ordered, [0.8, 0.95])
+    low, high = np.quantile(ordered, TAIL)
     if high > low:
-        rate = np.log(0.2 / 0.05) / (high - low)
-        p = np.where(
-            values > high, 0.05 * np.exp(-rate * np.clip(values - high, 0.0, 600.0 / rate)), np.maximum(p, 0.05)
-        )
+        most, least = (1 - t for t in TAIL)
+        rate = np.log(most / least) / (high - low)
+        beyond = least * np.exp(-rate * np.clip(values - high, 0.0, 600.0 / rate))
+        p = np.where(values > high, beyond, np.maximum(p, least))
     return np.maximum(p, 1e-300)
 
 

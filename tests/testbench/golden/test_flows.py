@@ -51,11 +51,11 @@ SOURCES = {
         [("tb_dds.v", "verilogSource-2005", ""), (f"{RTL}/dds.v", "verilogSource-2005", "")],
     ),
     "vhdl": (
-        "modulator/dac20", {"RTL": DESIGNS / "modulator_vhdl", "FILES": "modulator.f"}, (),
+        "modulator/dac20", {"RTL": DESIGNS / "amp_mod", "FILES": "amp_mod.f"}, (),
         [("params_pkg.vhd", "vhdlSource-2008", ""),
-         (f"{DESIGNS}/modulator_vhdl/dsp/rounding.vhd", "vhdlSource-2008", "dsp"),
-         (f"{DESIGNS}/modulator_vhdl/dsp/multiplier.vhd", "vhdlSource-2008", "dsp"),
-         (f"{DESIGNS}/modulator_vhdl/modulator_core.vhd", "vhdlSource-2008", "chip"),
+         (f"{DESIGNS}/amp_mod/dsp/fx.vhd", "vhdlSource-2008", "dsp"),
+         (f"{DESIGNS}/amp_mod/dsp/mult24x18.vhd", "vhdlSource-2008", "dsp"),
+         (f"{DESIGNS}/amp_mod/amp_mod.vhd", "vhdlSource-2008", "my_lib"),
          ("tb_modulator.vhd", "vhdlSource-2008", "")],
     ),
 }  # fmt: skip

@@ -29,21 +29,17 @@ PAGE = ROOT / "docs" / "foreign_designs.md"
 TOOLS = {"icarus": "iverilog", "verilator": "verilator", "ghdl": "ghdl"}
 # Design: bundle, level, list, a fault (file, text, other text), and the port that differs first
 DESIGNED = {
-    "pi_core": ("pi/rate", "outputs", "pi.f", ("pi_core.sv", "62'sd8388608", "62'sd0"), ("output", "y")),
-    "dac_master": (
-        "spi_dac/ad5791", "pins", None, ("dac_master.v", "? held[index]", "? held[0]"), ("pin", "sdin"),
+    "loop_filter": (
+        "pi/rate", "outputs", "loop_filter.f", ("loop_filter.sv", "62'sd8388608", "62'sd0"), ("output", "y"),
     ),
-    "dds_piped": (
-        "dds/default", "outputs", None, ("dds_piped.v", "phase + offsets[143:96]", "phase - offsets[143:96]"),
-        ("output", "sense_sine"),
+    "dac_link": (
+        "spi_dac/ad5791", "pins", None, ("dac_link.v", "NBITS - 5'd1 : index - sck", "5'd0 : index + sck"),
+        ("pin", "sdin"),
     ),
-    "cordic_unrolled": (
-        "cordic/default", "outputs", None, ("cordic_unrolled.sv", "x[STEPS] + 35'sd128", "x[STEPS] + 35'sd0"),
-        ("output", "magnitude"),
-    ),
-    "modulator_vhdl": (
-        "modulator/dac20_frames2", "outputs", "modulator.f",
-        ("dsp/rounding.vhd", "half(shift - 1) := '1'", "half(shift - 1) := '0'"), ("output", "out"),
+    "nco": ("dds/default", "outputs", "nco.f", ("nco.v", "tune_h + carry", "tune_h"), ("output", "drive_sine")),
+    "polar": ("cordic/default", "outputs", "polar.f", ("polar.v", "zs[24] + 32'd128", "zs[24]"), ("output", "phase")),
+    "amp_mod": (
+        "modulator/dac20_frames2", "outputs", "amp_mod.f", ("dsp/fx.vhd", "n - 1) + 1", "n - 1)"), ("output", "out"),
     ),
 }  # fmt: skip
 
@@ -63,7 +59,7 @@ def choice(name, level, listed=None, folder=DESIGNS, sim=None):
 
 # a fault is diagnosed, which takes seconds: one design is enough for the fast set, where make runs two others
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=() if name == "dds_piped" else pytest.mark.slow) for name in DESIGNED]
+    "name", [pytest.param(name, marks=() if name == "nco" else pytest.mark.slow) for name in DESIGNED]
 )
 def test_a_design_passes_and_fails_where_its_fault_is(bundles, tmp_path, name):
     case, level, listed, fault, first = DESIGNED[name]
@@ -80,7 +76,10 @@ def test_a_design_passes_and_fails_where_its_fault_is(bundles, tmp_path, name):
     text = (wrong / file).read_text()
     assert old in text
     (wrong / file).write_text(text.replace(old, new))
-    found = rtl_run.check(folder, wrong, choice=choice(name, level, listed, tmp_path)).to_dict()
+    report = rtl_run.check(folder, wrong, choice=choice(name, level, listed, tmp_path))
+    late = f"row n of {first[1]} is cycle n + 1 of the design" in report.text()
+    assert late == (wrong / "latency.toml").is_file()
+    found = report.to_dict()
     assert (found["passed"], found["first"]["kind"], found["first"]["name"]) == (False, *first)
     assert found["first"]["expected"] != found["first"]["got"]
 
@@ -220,9 +219,9 @@ def test_a_design_without_reset_is_judged_between_two_resets(bundles):
 # Folders that need no Python ------------------------------------------------------------------------------------------
 
 
-FAST = {("pi_core", "icarus"), ("modulator_vhdl", "ghdl")}
+FAST = {("loop_filter", "icarus"), ("amp_mod", "ghdl")}
 RUNS = [(name, sim) for name in DESIGNED
-        for sim in (("ghdl", "vunit") if name == "modulator_vhdl" else ("icarus", "verilator", "cocotb"))]  # fmt: skip
+        for sim in (("ghdl", "vunit") if name == "amp_mod" else ("icarus", "verilator", "cocotb"))]  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -252,24 +251,23 @@ def test_a_wrapped_folder_checks_by_make_alone(bundles, tmp_path, name, sim):
 
 # Bad input ------------------------------------------------------------------------------------------------------------
 
-MAP = (DESIGNS / "pi_core" / "map.toml").read_text()
+MAP = (DESIGNS / "loop_filter" / "map.toml").read_text()
 BAD_MAPS = {
     "unknown port": ("y = ", "yy = ", r"\[outputs\]: pi has no yy; did you mean y\?"),
     "unknown input": ("en = ", "enn = ", r"\[inputs\]: pi has no enn; did you mean en\?"),
-    "map to nothing": ('y = "word_o"', 'y = ""', r'"" maps to nothing; level outputs judges this port'),
+    "map to nothing": ('y = "act_o"', 'y = ""', r'"" maps to nothing; level outputs judges this port'),
     "two drivers": (
-        'en = "strobe"', 'en = "mode_i"',
-        r"port mode_i of the design has two drivers: \[inputs\] en and \[inputs\] mode",
+        "ctl_i[38]", "ctl_i[37]", r"port ctl_i of the design has two drivers: \[inputs\] en and \[inputs\] mode",
     ),
     "two drivers of the reset": (
-        'en = "strobe"', 'en = "reset_n"', r"port reset_n of the design has two drivers: \[reset\] and \[inputs\] en",
+        "ctl_i[38]", "arst_i", r"port arst_i of the design has two drivers: \[reset\] and \[inputs\] en",
     ),
-    "an input as an output": ('y = "word_o"', 'y = "strobe"', "port strobe of the design is an input of"),
-    "bit without driver": ('en = "strobe"', 'en = "strobe[2]"', r"bit 0 of input strobe of the design has no driver"),
-    "polarity": ("active = 0", "active = 2", r"reset.active: 2 is not 0 or 1"),
+    "an input as an output": ("act_o", "ctl_i", "port ctl_i of the design is an input of"),
+    "bit without driver": ("ctl_i[38]", "ctl_i[39]", r"bit 38 of input ctl_i of the design has no driver"),
+    "polarity": ("active = 1", "active = 2", r"reset.active: 2 is not 0 or 1"),
     "style": ('"async"', '"later"', r"reset.style: 'later' is not one of sync, async, none"),
     "schema": ("map/1.0", "map/2.0", r"schema: 'gyro-design-map/2.0' is not gyro-design-map/1.0"),
-    "name": ('"word_o"', '"a;b"', r"\[outputs\] r_y: 'a;b' is not a name"),
+    "name": ('"act_o"', '"a;b"', r"\[outputs\] r_y: 'a;b' is not a name"),
     "two values": ('ki = "KI"', 'ki = "KP"', r"parameter KP of the design has two values"),
 }  # fmt: skip
 
@@ -286,13 +284,18 @@ def test_a_bad_map_is_one_line(bundles, tmp_path, name):
 
 
 BAD_RUNS = {
-    "port that the design lacks": ('"word_o"', '"word_oo"', "port word_oo is missing"),
+    "port that the design lacks": ('"act_o"', '"act_oo"', "port act_oo is missing"),
     "wrong width": (
-        'e = "error_i"', 'e = { port = "error_i", width = 25 }', "port error_i has 26 bits, the map has 25",
+        "width = 32", "width = 31", "port err_i has 32 bits, the map has 31",
     ),
-    "stays in reset": ("active = 0", "active = 1", "the design never leaves reset"),
-    "no such module": ('"pi_core"', '"pi_coar"', "pi_coar"),
+    "stays in reset": ("active = 1", "active = 0", "the design never leaves reset"),
+    "no such module": ('"loop_filter"', '"loop_fitler"', "no module or entity loop_fitler: --top, or top"),
+    "no such parameter": ('"KI"', '"KII"', r"parameter KII is missing: \[parameters\] of a map"),
+    "no such reset": ("arst_i", "arst", 'port arst is missing; .* a design without a reset has style = "none"'),
 }  # fmt: skip
+
+
+TYPED = '{ name = "SHIFT_BITS", type = "integer" }'
 
 
 @pytest.mark.parametrize("name", BAD_RUNS)
@@ -300,10 +303,35 @@ def test_a_map_that_the_design_contradicts_is_an_error(bundles, tmp_path, name):
     installed("icarus")
     old, new, said = BAD_RUNS[name]
     assert old in MAP
-    shutil.copytree(DESIGNS / "pi_core", tmp_path / "d")
+    shutil.copytree(DESIGNS / "loop_filter", tmp_path / "d")
     (tmp_path / "d" / "map.toml").write_text(MAP.replace(old, new))
     with pytest.raises(FileError, match=said):
-        rtl_run.check(bundles("pi") / "rate", tmp_path / "d", choice=choice("d", "outputs", "pi.f", tmp_path))
+        rtl_run.check(bundles("pi") / "rate", tmp_path / "d", choice=choice("d", "outputs", "loop_filter.f", tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("level", "shift", "said"),
+    [("outputs", '"SHIFT_BITS"', "SHIFT_BITS has another type than the map says"),
+     ("registers", TYPED, "port r_product is missing; level registers needs every register")],
+)  # fmt: skip
+def test_what_ghdl_refuses_is_said_in_our_words(bundles, tmp_path, level, shift, said):
+    installed("ghdl")
+    shutil.copytree(DESIGNS / "amp_mod", tmp_path / "d")
+    text = (tmp_path / "d" / "map.toml").read_text()
+    assert text.count(TYPED) == 1
+    (tmp_path / "d" / "map.toml").write_text(text.replace(TYPED, shift))
+    with pytest.raises(FileError, match=said):
+        rtl_run.check(bundles("modulator") / "dac16", tmp_path / "d", choice=choice("d", level, "amp_mod.f", tmp_path))
+
+
+@pytest.mark.parametrize("case", ["divided", pytest.param("strobed", marks=pytest.mark.slow)])
+def test_one_map_is_for_every_bundle_of_a_block(bundles, case):
+    """Also with parameters that some bundles do not list: `DESIGNED` has one without gap and strobe."""
+    installed("icarus")
+    listed = {p["name"] for p in bundle.read(bundles("spi_dac") / "ad5791").manifest["params"]}
+    assert listed.isdisjoint(("gap", "strobe"))
+    report = rtl_run.check(bundles("spi_dac") / case, DESIGNS / "dac_link", choice=choice("dac_link", "pins"))
+    assert report.passed, report.text()
 
 
 def test_a_list_names_files_folders_macros_and_libraries(tmp_path):
@@ -343,16 +371,21 @@ def test_make_says_what_is_wrong_with_a_list(bundles, tmp_path, files, said):
 # docs/foreign_designs.md ----------------------------------------------------------------------------------------------
 
 
-def test_the_command_prints_the_one_format(bundles):
+def test_the_command_prints_the_one_format(bundles, tmp_path):
     installed("icarus")
-    own = DESIGNS / "pi_core"
-    words = ["check", str(bundles("pi") / "rate"), "--rtl", str(own), "--files", str(own / "pi.f"), "--map",
-             str(own / "map.toml"), "--level", "outputs"]  # fmt: skip
+    own = DESIGNS / "loop_filter"
+    words = ["check", str(bundles("pi") / "rate"), "--rtl", str(own), "--files", str(own / "loop_filter.f"), "--map",
+             str(own / "map.toml"), "--latency", str(own / "latency.toml"), "--level", "outputs"]  # fmt: skip
     done = CliRunner().invoke(cli.app, [*words, "--json"])
     tree = json.loads(done.stdout)
     assert (done.exit_code, tree["passed"], tree["first"], tree["diagnosis"]) == (0, True, None, [])
     part = PAGE.read_text().partition("## Result")[2].partition("## Refused")[0]
     assert set(re.findall(r"^\| `(\w+)`", part, re.M)) <= tree.keys()
+    nco = ["wrap", str(bundles("dds") / "default"), "--map", str(DESIGNS / "nco" / "map.toml")]
+    wrapped = CliRunner().invoke(cli.app, [*nco, "--out", str(tmp_path / "w")])
+    first = json.loads((tmp_path / "w" / "manifest.json").read_text())["first_row"]
+    assert first > 0
+    assert f"rows from row {first} of the bundle, " in wrapped.stdout
     found = CliRunner().invoke(cli.app, [*words[:-1], "pin"])
     assert isinstance(found.exception, ConfigError)
     assert "level: 'pin' is not one of pins, outputs, registers" in str(found.exception)
@@ -368,3 +401,11 @@ def test_the_files_of_the_page_are_read(bundles, tmp_path):
     (tmp_path / "l.toml").write_text(text[1])
     manifest = bundle.read(bundles("dds") / "default").manifest
     assert judged.read_latency(tmp_path / "l.toml", manifest, "outputs") == {"r_drive_sine": 1, "r_sense_sine": 1}
+
+
+@pytest.mark.parametrize(("case", "strobe"), [("pi/rate", "en"), ("cordic/default", "start")])
+def test_strobes_come_in_successive_clocks(bundles, case, strobe):
+    """What the page of the vectors says of them, and what a design that shares a multiplier cannot follow."""
+    golden = bundle.read(bundles(case.partition("/")[0]) / case.partition("/")[2])
+    rows = golden.stim[:, [p["name"] for p in golden.manifest["inputs"]].index(strobe)]
+    assert (rows[1:] & rows[:-1]).any()

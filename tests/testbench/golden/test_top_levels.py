@@ -14,8 +14,10 @@ from testbench.golden import cli
 from testbench.golden.bundles import bundle, recompute, top, wrap
 from testbench.golden.check import design_run, rtl_run, top_run
 from testbench.golden.recording import recording, replay, signature
+from tests import naive
 from tests.testbench.golden import standin
 from tests.testbench.golden.benching import RTL, make, need
+from tests.testbench.storage.test_vcd import parse, sampled
 
 CASE, FRAMES, QUIET = "reset", 3, 5000  # QUIET: a clock without a row
 
@@ -122,9 +124,46 @@ def test_a_fault_in_the_rtl_shows_where_a_model_with_this_fault_does(out, pins_r
     right, wrong = (replay.run(p, r.stimulus, FRAMES, at).pins for p in (r.params, other))
     clock = int(np.flatnonzero((right != wrong).any(axis=1))[0])
     k = int(np.flatnonzero(right[clock] != wrong[clock])[0])
-    tree = checked(out, "--rtl", bad, "--level", "pins", "--sim", "icarus")[1]
+    tree = checked(out, "--rtl", bad, "--level", "pins", "--sim", "icarus", "--out", tmp_path / "found")[1]
+    begin, golden, yours = waves(tmp_path / "found", "pin.refs")
+    span = slice(begin, begin + len(golden))
+    assert (golden, yours) == ([*right[span, 2]], [*wrong[span, 2]])
     first = [tree["first"][key] for key in ("clock", "name", "expected", "got")]
     assert first == [clock, tree["ports"][k], right[clock, k], wrong[clock, k]]
+
+
+def waves(package, name):
+    """(first clock, golden values, values of the design) of a signal of a package, a row per clock edge."""
+    _, changes = parse(package / "window.vcd")
+    ticks = sum(level for _, level in changes["gyro_top.clk_26m"][1]) - 1
+    times = [naive.edge_picoseconds(k) for k in range(ticks)]
+    first = int(re.search(r"edge (\d+);", (package / "window.vcd").read_text())[1])
+    return first, *(sampled(changes[f"gyro_top.{name}.{whose}"][1], times) for whose in ("golden", "yours"))
+
+
+def test_a_difference_leaves_waveform_bundle_and_diagnosis(out, tmp_path):
+    """A counter that sends one bit less, in three instances of its block: one cause, named at the first."""
+    need("iverilog")
+    bad = shutil.copytree(RTL, tmp_path / "bad")
+    text = (bad / "spi_dac.v").read_text()
+    assert text.count("(r_left == 5'd1)") == 1
+    (bad / "spi_dac.v").write_text(text.replace("(r_left == 5'd1)", "(r_left == 5'd2)"))
+    code, tree = checked(out, "--rtl", bad, "--sim", "icarus", "--out", tmp_path / "found")
+    named = tree["diagnosis"][0]
+    assert (code, named["cause"], named["register"]) == (1, "comparison", "drive_dac_sync_n")
+    assert tree["first"]["name"] == "drive_dac_sync_n"
+    clock = tree["first"]["clock"]
+    assert tree["first"]["before"][-1]["clock"] == clock
+    package = tmp_path / "found"
+    assert json.loads((package / "diagnosis.json").read_text())["diagnosis"] == tree["diagnosis"]
+    first, golden, yours = waves(package, "reg.drive_dac_sync_n")
+    assert golden.index(1, golden.index(0)) == yours.index(1, yours.index(0)) + 1
+    assert first + [a == b for a, b in zip(golden, yours)].index(False) == clock
+    window = bundle.read(package / "bundle" / "top" / CASE)
+    assert np.array_equal(window.at, np.arange(first, first + len(golden)))
+    said = make(package / "bundle" / "top" / CASE, "SIM=icarus", f"RTL={bad}", "PYTHON=false")
+    assert said.returncode != 0
+    assert said.stdout.startswith(f"clock {clock}: r_drive_dac_sync_n: expected 0, got 1 (hex)")
 
 
 def test_what_cannot_be_compared_is_one_line(out, pins, tmp_path):

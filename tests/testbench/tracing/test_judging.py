@@ -17,7 +17,7 @@ from testbench.tracing.problem.problem import PortForce
 from testbench.tracing.problem.result import plain
 from testbench.tracing.problem.space import Block
 from testbench.tracing.trace import Options, Tracer, trace
-from tests.testbench.tracing.toys import BINS, Toy
+from tests.testbench.tracing.toys import BINS, FIT, Toy
 
 QUICK = Options(n_null=299, power=False, experiments=False)
 
@@ -226,6 +226,43 @@ def test_the_page_is_whole_and_needs_nothing_else():
 def test_plain_numbers_only():
     data = plain({"a": np.float64("nan"), "b": [np.int64(3), np.bool_(True)], "c": np.array([1.0, np.inf]), 4: (1,)})
     assert data == {"a": None, "b": [3, True], "c": [1.0, None], "4": [1]}
+
+
+def heldout_p(problem):
+    """(p of the noise test, p of the held-out chi2, that of the declared noise alone) without any law."""
+    tracer = Tracer(problem, QUICK, None, None)
+    tracer.calibrate()
+    fits = {"after": tracer.base.fit}
+    alone = heldout.judge(problem, tracer.held, tracer.predictor, fits)
+    return tracer.noise.p, tracer.judged(fits).p, alone.p
+
+
+@pytest.mark.parametrize(("seed", "how"), [(1033, {"noise": 1.2}), (1061, {"noise": 1.2}), (1041, {"flicker": 1.5})])
+def test_held_out_data_are_judged_by_the_noise_that_repeats_bear_out(seed, how):
+    """Noise that the repeats do not reject, and that is louder all the same: the declared one would make it physics."""
+    rejected, p, alone = heldout_p(Toy(seed, **how))
+    assert rejected > 0.01
+    assert alone < 0.002
+    assert p > 0.01
+    at_rest = [(a, t, 0.0) for a, t, _ in FIT]
+    assert heldout_p(Toy(seed, {"centrifugal": 0.4}, conditions=at_rest, **how))[1] < 1e-6
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", [{"noise": 1.2}, {"flicker": 1.5}, {"flicker": 3.0}])
+def test_the_chance_of_a_held_out_chi2_is_its_chance(how):
+    p = np.array([heldout_p(Toy(seed, **how))[1] for seed in range(30000, 30200)])
+    below = {level: int(np.sum(p < level)) for level in (0.1, 0.01, 0.002)}
+    print("held-out p", how, below)
+    assert all(binom.sf(count - 1, len(p), level) > 0.01 for level, count in below.items())
+
+
+def test_noise_without_any_scatter_has_a_chance_all_the_same():
+    same, some = np.full(100, 2.0), np.random.default_rng(0).chisquare(20, 100)
+    assert [p_above(square, same) for square in (2.0, 2.2, 2.4)] == [1.0, 1.0, 0.0]  # 1.06^2 times 2 is 2.25
+    assert heldout.p_floor(500.0, some, 0.0, np.zeros(100)) == p_above(500.0, some) < 1e-6
+    # repeats that differ, by a noise of which repeats are the same: that noise judges nothing
+    assert heldout.p_floor(500.0, some, 3.0, np.zeros(100)) == 1.0
 
 
 @pytest.mark.parametrize(("louder", "misfit", "seen"), [(1.0, 0.0, False), (1.25, 0.0, False), (1.25, 1.0, True)])

@@ -8,7 +8,7 @@ Source  docs/golden.md (the whole design), testbench/golden/recording/signature.
 from testbench.golden.bundles import benches
 from testbench.golden.bundles.benches import SHOWN
 from testbench.golden.bundles.benches.template import filled
-from testbench.golden.bundles.top_benches.layout import CLOCK_BITS, GROUP, PART_BITS, SHOWN_ROWS, sent_slices
+from testbench.golden.bundles.top_benches.layout import CLOCK_BITS, GROUP, PART_BITS, sent_slices
 from testbench.golden.bundles.top_benches.layout import chunks as chunks_of
 from testbench.golden.recording import signature
 
@@ -127,7 +127,7 @@ def verilog_bench(block, case, counts):
         size=size,
         rest_top=size - 1,
         shown=SHOWN,
-        shown_rows=SHOWN_ROWS,
+        shown_rows=counts["shown_rows"],
         count=len(found),
     )
 

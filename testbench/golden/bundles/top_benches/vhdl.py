@@ -6,7 +6,7 @@ Source  docs/golden.md (the whole design), testbench/golden/recording/signature.
 from testbench.golden.bundles import benches
 from testbench.golden.bundles.benches import SHOWN
 from testbench.golden.bundles.benches.template import filled
-from testbench.golden.bundles.top_benches.layout import CLOCK_BITS, SHOWN_ROWS, chunks, sent_slices
+from testbench.golden.bundles.top_benches.layout import CLOCK_BITS, chunks, sent_slices
 from testbench.golden.recording import signature
 
 
@@ -50,5 +50,5 @@ def vhdl_bench(block, case, counts):
         **{key: place[key][0] for key in ("rst", "write", "drdy_n", "dout")},
         **{key: "({} downto {})".format(*place[key]) for key in ("address", "data", "sample_x", "sample_y")},
         shown=SHOWN,
-        shown_rows=SHOWN_ROWS,
+        shown_rows=counts["shown_rows"],
     )

@@ -9,11 +9,13 @@ floor(v)         noise that the grid alone makes: step / sqrt(12)
 """
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 TAPS = 8
 MOST_FITTED = 5_000
 MOST_STEPS = 300  # between values that a grid is found from; all values must lie on it
 HALF = 40  # rows on either side that give a scale
+BESIDE = 11  # changes around a row: how fast it moves there
 SURE = 4.0  # robust sd beyond the largest of as many normal values
 
 
@@ -146,7 +148,9 @@ def ties_expected(v):
     if np.any(change == 0):  # ties are those of a grid, of one that floats where there is none for all
         step = np.maximum(step, local_step(v)[:-1])
     step = np.maximum(step, 1e-6 * running_scale(change))
-    return float(np.sum(np.minimum(1.0, step / (3.5 * running_scale(change)))))
+    near = uniform_filter1d(change, BESIDE, mode="nearest") / step  # of steps; of noise, or of a slow course
+    p = np.maximum.reduce([1 - near, 1 / (3.1 * np.maximum(near, 0.1)), step / (3.5 * running_scale(change))])
+    return float(np.sum(np.minimum(1.0, p)))
 
 
 def largest_expected(count):

@@ -3,6 +3,7 @@
 draw(rng)               `Drawn`: linear, stiff up to and beyond its fold, or of two modes; 2 .. 20 rows per bandwidth
 spiked(drawn, rng)      (rows, s) with single rows off, each enough to move a parameter by 3 of its sigmas
 write(drawn, s, path)   a Touchstone file
+printed(drawn, ..)      the same in dB, with few digits
 """
 
 from typing import NamedTuple
@@ -99,10 +100,13 @@ def write(drawn, s, path):
     return path
 
 
-def printed(drawn, path, rng):
-    """The same with one to four digits of dB and none to three of degrees."""
+def printed(drawn, path, rng, damage=None):
+    """The same with one to four digits of dB, none to three of degrees, after `damage(size, step) -> size or None`."""
     db, deg = int(rng.integers(1, 5)), int(rng.integers(4))
     size, angle = 20 * np.log10(np.abs(drawn.s)), np.angle(drawn.s, deg=True)
+    size = damage(size, 10.0**-db) if damage else size
+    if size is None:
+        return None
     rows = (f"{f:.4f} -40 0 {a:.{db}f} {b:.{deg}f} -100 0 -40 0" for f, a, b in zip(drawn.f, size, angle))
     path.write_text("\n".join(["! made", "# Hz S dB R 50", *rows]) + "\n")
     return path

@@ -9,7 +9,8 @@ from testbench.measured.quality.finding import QualityError
 from tests.testbench.measured.quality import siblings
 from tests.testbench.measured.quality.mapped import mapped
 
-NOT_NUMBERS = ("path", "sha256", "header", "comments", "names", "quality", "size_db", "regular", "rounding_hz", "kind")
+NOT_NUMBERS = ("path", "sha256", "header", "comments", "names", "quality", "polar", "decibels", "regular")
+NOT_NUMBERS += ("rounding_hz", "kind")
 
 
 @pytest.mark.parametrize(

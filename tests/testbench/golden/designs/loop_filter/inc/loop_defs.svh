@@ -1,0 +1,1 @@
+`define CTL_BITS 39

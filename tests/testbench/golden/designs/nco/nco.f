@@ -1,0 +1,2 @@
+half_adder48.v
+nco.v

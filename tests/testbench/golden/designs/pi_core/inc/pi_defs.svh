@@ -1,1 +1,0 @@
-`define PI_FRAC 24

@@ -1,0 +1,3 @@
++incdir+include
+rotation.v
+polar.v
