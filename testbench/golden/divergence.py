@@ -1,11 +1,12 @@
 """What a check or a loop leaves of a difference: a waveform of the last two frames, a bundle to replay, the diagnosis.
 
-    window.vcd, window.gtkw      golden signals and those of the design, up to the row that differs, and of a block on
+    window.vcd, window.gtkw      golden signals and those of the design, up to the row that differs; of a check further
     bundle/top/CASE              vectors of the whole design: inputs from power-on, every clock of these frames as a row
     bundle/BLOCK/CASE            vectors of a block: those of its bundle up to the end of the waveform
-    diagnosis.txt, .json         of a check: its report
+    diagnosis.txt, .json         the report
 
-A loop's model is replayed on the inputs that the design was given; until the difference both are one.
+A loop's model is replayed on the inputs that the design was given; until the difference both are one. Its diagnosis
+reads the rows behind the difference, too (`loop.behind`).
 Source  docs/golden.md (what a difference leaves), docs/rtl.md (a design with the pins alone)
 """
 
@@ -13,15 +14,12 @@ from pathlib import Path
 
 import numpy as np
 
-from fpga_model import top
-from fpga_model.fixed import formats
 from testbench.errors import FileError
-from testbench.flatten import format_leaves
 from testbench.golden.bundles import bundle, export, recompute
 from testbench.golden.bundles import top as bundles
+from testbench.golden.check import compare, top_run
 from testbench.golden.diagnosis.of_top import port_of
 from testbench.golden.recording import recording, replay
-from testbench.golden.stimulus.blocks import RESET_INPUT
 from testbench.storage import vcd
 from testbench.storage.files import write_text
 
@@ -29,17 +27,6 @@ CASE = "loop"
 PLACE = f"{bundle.BUILD}/divergence"  # in the bundle of a block
 FRAMES = 2  # of 8 kHz before the row that differs
 AFTER = 64  # rows of a block behind it
-
-
-def _listed(design):
-    """Signals of the waveform: inputs, the model's registers and pins, the design's pins."""
-    inputs = [vcd.Signal(f"in.{RESET_INPUT}", 1)]
-    inputs += [vcd.Signal(f"in.{n}", f.width, bool(f.s)) for n, f in zip(top.Inputs._fields, top.INPUTS_FMT)]
-    registers = format_leaves(formats(top.State, design))
-    listed = inputs + [vcd.Signal(f"model.reg.{name}", f.width, bool(f.s)) for name, f in registers]
-    for whose in ("model.pin", "yours.pin"):
-        listed += [vcd.Signal(f"{whose}.{n}", f.width) for n, f in zip(top.Pins._fields, top.PINS_FMT)]
-    return listed
 
 
 def _waves(folder, shown, first, at, top, clock_hz, expanded):
@@ -51,23 +38,39 @@ def _waves(folder, shown, first, at, top, clock_hz, expanded):
 
 
 def write(folder, difference):
-    """Write the package of a `run.Difference` into a folder; returns it."""
-    folder, found, design = Path(folder), difference.recorded, difference.design
-    folder.mkdir(parents=True, exist_ok=True)
-    count = max(len(found.pins), 1)
-    first, frames = difference.row + 1 - count, difference.row // design.frame_clocks + 1
-    at = np.arange(first, difference.row + 1)
-    rows = replay.run(found.params, found.stimulus, frames, at)
-    yours = found.pins if len(found.pins) else rows.pins  # the first row of all is that of the reset
-    listed = _listed(design)
-    every = np.column_stack([rows.inputs, rows.registers, rows.pins, yours])
-    _waves(
-        folder, (listed, every, None), first, difference.row, "gyro_top", design.master_hz, ("model.pin", "yours.pin")
-    )
-    shown = recording.Window(first, count, "up to the row that differs")
-    made = recording.Recording(CASE, found.params, frames, frames, found.stimulus, (shown,), "")
-    bundles.write(made, folder / "bundle" / bundles.STEM / CASE, of_board=True)
-    return folder
+    """Write the package of a `run.Difference` into a folder; returns its `compare.Report`."""
+    folder, found, row = Path(folder), difference.recorded, difference.row
+    design, end = difference.design, row + len(difference.recorded.behind.values)
+    first, frames = max(row + 1 - FRAMES * design.frame_clocks, 0), row // design.frame_clocks + 1
+    whole = recording.Recording(CASE, found.params, frames, frames, found.stimulus, (), "")
+    shown = recording.Window(first, row + 1 - first, "up to the row that differs")
+    out, at = folder / "bundle" / bundles.STEM / CASE, np.arange(first, row + 1)
+    manifest = bundles.write(bundles.begun(whole, frames, (shown,)), out, at, of_board=True)
+    golden = replay.run(found.params, found.stimulus, -(-end // design.frame_clocks), np.arange(first, end))
+    golden = np.column_stack([golden.inputs, golden.registers, golden.pins])
+    report = _report(found, top_run.named(manifest) | {"n": end - first}, golden, first, row)
+    # behind the difference there was no plant
+    end = row + 1
+    _shown(folder, _named(bundles.block({CASE: found.params}, design)), golden[: end - first], report, first, end)
+    return report
+
+
+def _report(found, manifest, golden, first, row):
+    """`compare.Report` of what a `run.Recorded` shows from row `first` on; up to `row` it is golden."""
+    kinds = ("inputs", "registers", "outputs") if found.places[0] == 0 else ("inputs", "outputs")
+    seen = [p["name"] for kind in kinds for p in manifest[kind]]
+    names = [p["name"] for kind in ("inputs", "registers", "outputs") for p in manifest[kind]]
+    yours, count = golden.copy(), len(manifest["inputs"])
+    yours[row - first :] = np.column_stack(found.behind)
+    columns, mine = dict(zip(names, golden.T.copy(), strict=True)), dict(zip(names, yours.T.copy(), strict=True))
+    given = {name: columns.pop(name) for name in names[:count]}
+    terms = compare.Terms("registers" if "registers" in kinds else "pins", first)
+    return compare.compare(manifest, given, columns, {name: mine[name] for name in seen}, terms=terms)
+
+
+def _named(block):
+    """The block of the whole design with the names of a report."""
+    return block._replace(registers=tuple(p._replace(name=port_of(p.name)) for p in block.registers))
 
 
 def _beside(block, rows, report, first, end):
@@ -125,9 +128,9 @@ def write_top(folder, given, report):
     out, level = folder / "bundle" / bundles.STEM / report.case, "pins" if pins_only else "registers"
     bundles.write(cut, out, np.arange(first, end), "design" in manifest, level)
     golden, block = bundle.read(out), bundles.block({r.name: r.params}, r.params.design)
-    registers = () if pins_only else tuple(p._replace(name=port_of(p.name)) for p in block.registers)
+    block = block._replace(registers=()) if pins_only else _named(block)
     rows = np.column_stack([golden.stim, golden.exp])
-    return _shown(folder, block._replace(registers=registers), rows, report, first, end)
+    return _shown(folder, block, rows, report, first, end)
 
 
 def _shown(folder, block, rows, report, first, end):

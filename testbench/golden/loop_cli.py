@@ -63,9 +63,10 @@ def loop(o):
         chosen = changed(chosen, {f"scenario.{key}": getattr(story.scenario, key) for key in run.STORY_KEYS})
     with Progress(quiet=o.as_json) as progress:
         outcome = run.run(chosen, o.rtl, o.build, progress, pins=pins)
-    written = divergence.write(o.out, outcome.difference) if o.out and outcome.difference else None
+    report = divergence.write(o.out, outcome.difference) if o.out and outcome.difference else None
     if o.as_json:
-        typer.echo(json.dumps(outcome.to_dict() | {"written": written and str(written)}))
+        left = {"written": str(o.out), "diagnosis": report.causes()} if report else {"written": None}
+        typer.echo(json.dumps(outcome.to_dict() | left))
     else:
-        typer.echo(outcome.text() + (f"\nwaveform and bundle of the last two frames: {written}" if written else ""))
+        typer.echo(outcome.text() + (f"\n{report.why()}package           {o.out}" if report else ""))
     raise typer.Exit(0 if outcome.passed else 1)

@@ -136,11 +136,14 @@ class Report(NamedTuple):
             lines.append(f"  also there      {', '.join(d.also)}")
         lines += ["  " + line for line in self._rows_before()]
         lines.append("differing rows    " + ", ".join(f"{name} {count}" for name, count in self.differing.items()))
+        return "\n".join(lines) + "\n" + self.why()
+
+    def why(self):
+        """The lines of the diagnosis."""
         said = [cause.text() for cause in self.diagnosis] or ["unknown: no cause of the list explains the rows"]
-        if d.is_input:
+        if self.divergence.is_input:
             said = ["none: the design was not given the golden stimulus"]
-        lines += [f"{'diagnosis' if k == 0 else '':18}{line}" for k, line in enumerate(said)]
-        return "\n".join(lines) + "\n"
+        return "".join(f"{'diagnosis' if k == 0 else '':18}{line}\n" for k, line in enumerate(said))
 
     def _rows_before(self):
         d = self.divergence

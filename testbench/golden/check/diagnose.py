@@ -11,11 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fpga_model import top, wiring
-from fpga_model.block import declared, flat, leaves
+from fpga_model import top
+from fpga_model.block import declared, leaves
 from fpga_model.design_record import DEFAULT
 from testbench.golden.diagnosis import elaborate, of_top
 from testbench.golden.diagnosis.hidden import Hidden
+from testbench.golden.diagnosis.rows import Rows as Wires
 from testbench.golden.diagnosis.search import Search
 from testbench.golden.diagnosis.verdict import MOST_LISTED, Cause, causes, hidden_causes
 from testbench.golden.recording import recording
@@ -98,40 +99,51 @@ def _of_search(rows, search):
     return [*(c._replace(share=c.share / count) for c in first), *found], count
 
 
-def _differ(rows, names):
-    """Which of the registers and pins are not golden."""
-    return [n for n in names if n in rows.got and np.any(rows.care[n] & (rows.got[n] != rows.expected[n]))]
-
-
 def _of_top(rows):
-    """[Cause] of the whole design: block by block, each with what the design itself gave it.
+    """[Cause] of the whole design: block by block, each with what the registers of the design gave it.
 
-    Blocks of one module with the same cause are one fault.
+    Blocks of one module with the same cause are one fault. Without a reset in the rows the first row alone is no proof.
     """
     params = recording.params_from("manifest", list(rows.params), list(rows.params.values()), rows.design)
     registers = [of_top.port_of(name) for name, _ in leaves(top.State())]
     if not set(registers) <= set(rows.got):
         return []
+    try:
+        net, instances = of_top.wired(params)
+    except elaborate.Unsupported:
+        return []
     own = {name: np.where(rows.care[name], rows.got[name], rows.expected[name]) for name in registers}
+    wires = Wires(net, {("in", name): column for name, column in (rows.inputs | own).items()}, len(own[registers[0]]))
     known = np.logical_and.reduce([rows.care[name] for name in registers])
-    # what follows from a value that nobody knows is not judged
-    judged = {name: rows.care[name] & np.r_[True, known[:-1]] for name in rows.got}
-    found, counts = {}, {}
-    for instance, (module, _) in wiring.instances().items():
-        net = of_top.of_instance(instance, params)
-        if not _differ(rows, net.roots):
+    found, total = {}, 0
+    for one in instances.values():
+        names = {name: port for name, port in one.names.items() if port in rows.got}
+        if not any(np.any((rows.got[p] != rows.expected[p]) & rows.care[p]) for p in names.values()):
             continue
-        got = {name: rows.got[name] for name in net.roots if name in rows.got}
-        leaves_of = {("in", name): column for name, column in (*rows.inputs.items(), *own.items())}
-        leaves_of |= {("reg", name): own[name] for name in net.reset}
-        search = Search(net, leaves_of, got, {name: judged[name] for name in got}, rows.expected)
-        causes_of, counts[instance] = _of_search(rows, search)
-        for cause in causes_of:
-            key = module, cause.cause, cause.register.removeprefix(f"{flat(instance)}_")
-            found.setdefault(key, []).append(cause._replace(share=cause.share * counts[instance]))
-    total = sum(counts.values())
-    merged = [same[0]._replace(share=sum(c.share for c in same) / total) for same in found.values()]
-    return sorted(merged, key=lambda cause: -cause.share)[:MOST_LISTED]
+        given, count = _of_instance(rows, one, names, wires, known)
+        total += count
+        for cause in given:
+            named = cause._replace(register=one.names[cause.register], share=cause.share * count)
+            found.setdefault((cause.cause, *one.homes[cause.register]), []).append(named)
+    listed = [same[0]._replace(share=sum(cause.share for cause in same) / total) for same in found.values()]
+    return sorted(listed, key=lambda cause: -cause.share)[:MOST_LISTED]
+
+
+def _of_instance(rows, one, names, wires, known):
+    """([Cause], registers and pins at fault) of an `of_top.Wired`; `names` are those of its registers and pins."""
+    net = elaborate.of_block(one.module.__name__.rpartition(".")[2], one.params, rows.design)
+    own = rows._replace(
+        expected={name: rows.expected[port] for name, port in names.items()},
+        got={name: rows.got[port] for name, port in names.items()},
+        # what follows from a value that nobody knows is not judged
+        care={name: rows.care[port] & np.r_[True, known[:-1]] for name, port in names.items()},
+        unknown=tuple(name for name, port in names.items() if port in rows.unknown),
+    )
+    leaves_of = {("in", name): wires.full(node) for name, node in one.ports.items()}
+    leaves_of["in", "rst"] = rows.inputs["rst"]
+    for name in net.reset:
+        leaves_of["reg", name] = np.where(own.care[name], own.got[name], own.expected[name])
+    return _of_search(own, Search(net, leaves_of, own.got, own.care, own.expected))
 
 
 def _of_first_row(rows, search):
@@ -144,4 +156,7 @@ def _of_first_row(rows, search):
                 # a branch before the reset gives the same
                 yield Cause("no_reset", name, 0.5, "unknown behind the reset")
         elif name not in search.faulty and rows.care[name][0] and value != rows.expected[name][0]:
-            yield Cause("reset", name, 1.0, f"{value} for {rows.expected[name][0]}")
+            # one that is never repeated may also be missing
+            rst = rows.inputs.get("rst")
+            share = 1.0 if rst is None or rst.any() else 0.5
+            yield Cause("reset", name, share, f"{value} for {rows.expected[name][0]}")

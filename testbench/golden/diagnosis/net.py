@@ -163,19 +163,6 @@ class Net:
         """The node a clock late, in a register that is reset."""
         return self.held(self.const(1), node, self.reset[node.value] if node.op == "reg" else 0)
 
-    def pruned(self):
-        """A net of the nodes that the roots are made of, and no other."""
-        found, done = Net(), {}
-        found.fmts, found.reset = self.fmts, self.reset
-        wanted = 0
-        for root in self.roots.values():
-            wanted |= root.cone
-        for node in self.nodes:
-            if wanted >> node.id & 1:
-                done[node.id] = found.node(node.op, [done[a.id] for a in node.args], node.value, node.text)
-        found.roots = {name: done[root.id] for name, root in self.roots.items()}
-        return found
-
     def close(self):
         """Count the nodes of the model: what comes after are those of hypotheses."""
         self.own = len(self.nodes)

@@ -323,7 +323,11 @@ class Design:
         given[INPUTS.index(RESET_INPUT)] = given[INPUTS.index("drdy_n")] = 1
         with contextlib.chdir(self._folder):  # its first evaluation reads the tables
             for _ in range(benches.RESET_CYCLES):
-                self.pins = self._library.gyro_edge(self.handle, given.ctypes.data)
+                self.pins = self.step(given)
+
+    def step(self, given):
+        """One edge with inputs as in INPUTS, int64; returns what `gyro_edge` does."""
+        return self._library.gyro_edge(self.handle, given.ctypes.data)
 
     def read(self):
         """Registers and pins, in the order of NAMES; 0 in places that the design does not show."""

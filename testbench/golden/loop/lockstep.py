@@ -31,7 +31,6 @@ from testbench.flatten import store
 from testbench.golden.loop.library import INPUTS, LDACS_AT, NAMES, REFS_AT, REGISTERS
 
 KEPT = 8  # rows that stay, for a report: a power of two
-SHOWN = 1 << 14  # pins that stay, for a waveform: a power of two, two frames and more
 BESIDE, ALONE, MODEL = range(3)
 COUNT, PLACES = len(REGISTERS), len(NAMES)
 GIVEN = len(INPUTS)
@@ -48,7 +47,6 @@ class Rtl(NamedTuple):
     given: np.ndarray  # int64 (GIVEN,): inputs of an edge
     rows: np.ndarray  # int64 (KEPT, PLACES): the model's last rows, row n at n % KEPT
     found: np.ndarray  # int64 (4,): row and place of the first difference, pins now, rows compared
-    shown: np.ndarray  # int64 (SHOWN,): pins after the last edges, edge n at n % SHOWN
     latched: np.ndarray  # int64 (2,): clock of a tick at which drive and sense DAC changed last
     mode: int
     conversions: np.ndarray  # int64 (n, CONVERSION): of a chunk; clock of the end, status, eight codes
@@ -61,9 +59,9 @@ def rtl_of(design, mode=BESIDE):
     given, rows = np.zeros(GIVEN, np.int64), np.zeros((KEPT, PLACES), np.int64)
     place = (0, 0, 0) if design is None else (design.handle, design.edge, design.differs)
     pins = 0 if design is None else design.pins
-    found, shown = np.array([-1, -1, pins, 0], np.int64), np.zeros(SHOWN, np.int64)
+    found = np.array([-1, -1, pins, 0], np.int64)
     none = np.zeros((0, CONVERSION), np.int64), np.zeros((0, 2), np.int64), np.zeros(1, np.int64)
-    return Rtl(*place, given, rows, found, shown, np.full(2, -1, np.int64), mode, *none)
+    return Rtl(*place, given, rows, found, np.full(2, -1, np.int64), mode, *none)
 
 
 def _call_python(address, handle, array):
@@ -180,7 +178,6 @@ def ticks(p, f, chips, a, chunk, end, drdy_cycle, rtl):
                 store(rtl.given[1:], i)
                 rtl.given[0] = 0
                 pins = call(rtl.edge, rtl.handle, rtl.given)
-            rtl.shown[at & (SHOWN - 1)] = pins
             loaded = 1 if c == drdy_cycle and faults.silent == 0 else 0
             if loaded and rtl.count[0] < rtl.conversions.shape[0]:
                 store(rtl.conversions[rtl.count[0]], (at, faults.status, codes))

@@ -21,7 +21,7 @@ from testbench.config import Config, changed, scenario
 from testbench.engines import chips, engine
 from testbench.errors import ConfigError
 from testbench.flatten import leaves
-from testbench.golden.loop import judgement, library, lockstep, pin_meter
+from testbench.golden.loop import behind, judgement, library, lockstep, pin_meter
 from testbench.golden.recording import board, replay
 from testbench.run import build, simulate
 from testbench.run.simulation import FRAME, Simulation
@@ -30,7 +30,6 @@ SECONDS = 3.0
 STEP_DPS, STEPS_S, FAULT_S, FAULT_LENGTH_S = 300.0, (1.5, 1.8, 2.1), 2.4, 0.003
 STORY_KEYS = ("origin", "seconds", "rate_dps", "rate_shape", "faults")
 EDGE_TICKS, EDGES = 8, 64  # a chunk has fewer reference edges than one in so many ticks, and some
-FRAMES_SHOWN = 2  # whose pins a difference keeps
 SHOWN = 8  # registers of a difference that a text lists
 
 
@@ -59,11 +58,18 @@ def story(seconds=SECONDS):
 
 
 class Recorded(NamedTuple):
-    """What a design was given and has shown: parameters of the model, `replay.Stimulus`, the last rows of pins."""
+    """What a design was given and has shown.
+
+    params    of the model
+    stimulus  `replay.Stimulus`, which goes on behind the difference (`behind.repeated`)
+    behind    `behind.Behind`: the rows from the difference on
+    places    of library.NAMES, that the design shows
+    """
 
     params: fpga.Params
     stimulus: replay.Stimulus
-    pins: np.ndarray
+    behind: behind.Behind
+    places: tuple
 
 
 class Difference(Exception):
@@ -149,26 +155,25 @@ class Loop(Simulation):
         f, chips, drdy_cycle = lockstep.ticks(p, s.fpga, s.chips, s.plant, chunk, end, s.drdy_cycle, rtl)
         self._adc.append(rtl.conversions[: int(rtl.count[0])])
         if self.rtl.found[0] >= 0:
-            self._stop(int(self.rtl.found[0]))
+            self._stop(int(self.rtl.found[0]), chips.adc)
         return engine.State(f, chips, s.plant, end, drdy_cycle)
 
-    def _stop(self, row):
+    def _stop(self, row, converter):
         expected, got = self.rtl.rows[row % lockstep.KEPT], self.library.read()
         wrong = [
             (library.NAMES[k], int(expected[k]), int(got[k])) for k in self.library.places if expected[k] != got[k]
         ]
         first = max(0, row - lockstep.KEPT + 1)
         before = np.stack([self.rtl.rows[n % lockstep.KEPT] for n in range(first, row + 1)])
-        raise Difference(row, wrong, before.copy(), self.design, self._recorded(row))
+        raise Difference(row, wrong, before.copy(), self.design, self._recorded(row, converter))
 
-    def _recorded(self, row):
-        """`Recorded` up to a row."""
-        count = min(FRAMES_SHOWN * self.design.frame_clocks, lockstep.SHOWN - 1, row)
-        # what a row shows was left by the edge before it
-        words = self.rtl.shown[np.arange(row - count, row) % lockstep.SHOWN]
+    def _recorded(self, row, converter):
+        """`Recorded` of a row that differs; `converter` is the state of the ADC's pins there."""
         host = np.array(self._host, np.int64).reshape(-1, 4)
         stimulus = replay.Stimulus(np.concatenate(self._adc), host, np.concatenate(self._sar))
-        return Recorded(self.params.fpga, stimulus, library.pins_of(words))
+        stimulus = behind.repeated(stimulus, row, self.design)
+        rows = behind.of_design(self.library, converter, stimulus, row, self.design)
+        return Recorded(self.params.fpga, stimulus, rows, self.library.places)
 
     def finish(self):
         """Compare what the last edge left; raises Difference."""
@@ -178,7 +183,7 @@ class Loop(Simulation):
         self.rtl.rows[row % lockstep.KEPT] = values
         places = list(self.library.places)
         if not np.array_equal(self.library.read()[places], np.array(values)[places]):
-            self._stop(row)
+            self._stop(row, s.chips.adc)
         self.rtl.found[3] += 1
 
 

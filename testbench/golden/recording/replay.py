@@ -60,6 +60,18 @@ class Rows(NamedTuple):
     window_at: np.ndarray  # clock at which the 8 kHz window opens in a frame, or -1
 
 
+# A chip that is not selected reads no data: at the pins alone SDIN is judged as 0 while SYNC_N is high
+UNREAD = {f"{role}_sdin": f"{role}_sync_n" for role in ("drive", "sense", "quadrature")}
+
+
+def read_pins(pins):
+    """Rows of pins as the chips read them: 0 where a data pin is not judged."""
+    found, place = pins.copy(), top.Pins._fields.index
+    for data, select_n in UNREAD.items():
+        found[:, place(data)] &= 1 - pins[:, place(select_n)]
+    return found
+
+
 class Place(NamedTuple):
     """Where a replay is: the next clock, how much of each list is done, what the bus holds, where the remainder is."""
 
@@ -157,7 +169,7 @@ def _rows(at, frames):
 def run(params, stimulus, frames, at, pins_only=False):
     """Replay `frames` frames from power-on; `Rows` at the clocks `at`.
 
-    pins_only  rows are those of the pins: registers are not signed
+    pins_only  registers are not signed, and pins are as the chips read them
     """
     d = params.design
     at, end = np.ascontiguousarray(at, np.int64), frames * d.frame_clocks
@@ -185,6 +197,7 @@ def _run_by_frame(params, rom, fresh, stimulus, o, pins_only):
         while place.clock < end:
             s, chip, place, rst = _run(params, rom, s, chip, place, end, stimulus, part, unsigned)
             s = fresh if rst else s
+        part = part._replace(pins=read_pins(part.pins)) if pins_only else part
         signed = part.pins if pins_only else np.column_stack([part.registers, part.pins])
         sig = signature.of_rows(signed, widths)
         o.remainders[frame, 0] = sig - (1 << signature.DEGREE) if sig >> (signature.DEGREE - 1) else sig

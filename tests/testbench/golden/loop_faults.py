@@ -6,16 +6,19 @@ analog board has not, are left out.
 """
 
 import re
+import shutil
 from typing import NamedTuple
 
 import numpy as np
 
+from testbench.golden.loop import library
 from testbench.golden.recording import board as wrapper
 from tests.testbench.golden import pin_tops
 from tests.testbench.rtl.test_rtl import RTL
 
 LEFT_OUT = ("notch", "digital_sid")
 SELECTED = "gyro_fault::selected"
+PACKAGE = "package gyro_fault;\n    int selected = 0;\nendpackage\n"
 STATEMENT = re.compile(r"^(\s*(?:wire [^=]*= |assign \w+ = |\w+ *<= ))(.+)(;\s*(?://.*)?)$")
 CONDITION = re.compile(r"^(\s*(?:end )?(?:else )?if \()(.+)(\)(?: begin)?\s*)$")
 NUMBER = re.compile(r"\b(\d+)'d(\d+)\b")
@@ -125,6 +128,33 @@ def drawn(count, seed):
 
 def write(folder, firmware, faults):
     """A design with all faults and the pins of the board; `folder`/selected says which is in force, 0 for none."""
+    pin_tops.board(folder, firmware, _edits(faults))
+    (folder / "gyro_fault.sv").write_text(PACKAGE)
+    path = folder / f"{wrapper.MODULE}.v"
+    text = path.read_text()
+    path.unlink()
+    # a package comes before what uses it
+    names = ["gyro_fault.sv", *sorted(p.name for p in folder.glob("*.v")), "gyro_board.sv"]
+    (folder / "gyro_board.sv").write_text(text.replace(");\n\n    gyro_top", f");\n{_start(folder)}\n    gyro_top", 1))
+    (folder / "all.f").write_text("\n".join(names) + "\n")
+    select(folder, 0)
+    return folder
+
+
+def write_registers(folder, faults):
+    """The same with the registers of gyro_top as ports."""
+    shutil.copytree(RTL, folder, ignore=shutil.ignore_patterns("formal", "example", "quartus", "*.vhd"))
+    for name, edit in _edits(faults).items():
+        (folder / name).write_text(edit((folder / name).read_text()))
+    first, last = library.sources(folder)[0], folder / "top.v"
+    first.write_text(PACKAGE + first.read_text())
+    last.write_text(last.read_text().replace("\n);\n", f"\n);\n{_start(folder)}", 1))
+    select(folder, 0)
+    return folder
+
+
+def _edits(faults):
+    """{file: function of its text}."""
     edits = {}
     for number, fault in enumerate(faults, 1):
         edits.setdefault(fault.file, []).append((number, fault))
@@ -142,27 +172,19 @@ def write(folder, firmware, faults):
 
         return edited
 
-    pin_tops.board(folder, firmware, {name: edit(listed) for name, listed in edits.items()})
-    (folder / "gyro_fault.sv").write_text("package gyro_fault;\n    int selected = 0;\nendpackage\n")
-    path, start = (
-        folder / f"{wrapper.MODULE}.v",
-        f"""
-    integer file, got;
+    return {name: edit(listed) for name, listed in edits.items()}
+
+
+def _start(folder):
+    """Text that reads which fault is in force."""
+    return f"""
+    integer fault_file, fault_got;
     initial begin
-        file = $fopen("{folder / "selected"}", "r");
-        got = $fscanf(file, "%d", {SELECTED});
-        $fclose(file);
+        fault_file = $fopen("{folder / "selected"}", "r");
+        fault_got = $fscanf(fault_file, "%d", {SELECTED});
+        $fclose(fault_file);
     end
-""",
-    )
-    text = path.read_text()
-    path.unlink()
-    # a package comes before what uses it
-    names = ["gyro_fault.sv", *sorted(p.name for p in folder.glob("*.v")), "gyro_board.sv"]
-    (folder / "gyro_board.sv").write_text(text.replace(");\n\n    gyro_top", f");\n{start}\n    gyro_top", 1))
-    (folder / "all.f").write_text("\n".join(names) + "\n")
-    select(folder, 0)
-    return folder
+"""
 
 
 def select(folder, number):

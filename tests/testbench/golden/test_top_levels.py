@@ -15,7 +15,7 @@ from testbench.golden.bundles import bundle, recompute, top, wrap
 from testbench.golden.check import design_run, rtl_run, top_run
 from testbench.golden.recording import recording, replay, signature
 from tests import naive
-from tests.testbench.golden import standin
+from tests.testbench.golden import pin_tops, standin
 from tests.testbench.golden.benching import RTL, make, need
 from tests.testbench.storage.test_vcd import parse, sampled
 
@@ -64,6 +64,11 @@ def pins_rtl(tmp_path_factory):
     return folder
 
 
+def bits_of(manifest):
+    """Name of the pin of each bit of a packed word, the highest first."""
+    return [p["name"] for p in manifest["outputs"] for _ in range(p["width"])]
+
+
 def checked(*words):
     done = CliRunner().invoke(cli.app, ["check", *map(str, words), "--json"])
     assert done.exception is None or isinstance(done.exception, SystemExit), done.exception
@@ -74,8 +79,15 @@ def test_a_bundle_of_the_pins_has_their_rows_and_the_signatures_of_them_alone(ou
     golden, whole = bundle.read(pins), bundle.read(out)
     assert golden.manifest["registers"] == []
     assert golden.exp.shape[1] == len(whole.manifest["outputs"])
-    assert np.array_equal(golden.exp, whole.exp[:, len(whole.manifest["registers"]) :])
-    width = bundle.total(golden.manifest["outputs"])
+    names = [p["name"] for p in golden.manifest["outputs"]]
+    want = whole.exp[:, len(whole.manifest["registers"]) :].copy()
+    width, bits = bundle.total(golden.manifest["outputs"]), {n: k for k, n in enumerate(bits_of(golden.manifest))}
+    for chip in ("drive", "sense", "quadrature"):
+        data, select_n = names.index(f"{chip}_sdin"), names.index(f"{chip}_sync_n")
+        want[want[:, select_n] == 1, data] = 0
+        low, above = (width - 1 - bits[f"{chip}_{pin}"] for pin in ("sdin", "sync_n"))
+        words = [word & ~(1 << low) if word >> above & 1 else word for word in words]
+    assert np.array_equal(golden.exp, want)
     frames = [words[k * FRAME_CYCLES : (k + 1) * FRAME_CYCLES] for k in range(FRAMES)]
     assert list(golden.signatures) == [signature.signature(frame, width) for frame in frames]
     assert recompute.recompute(pins).rows == len(golden.exp)
@@ -89,6 +101,23 @@ def test_a_design_with_pins_alone_passes_without_registers(out, pins_rtl, level)
     assert tree["rows"] == tree["golden_rows"] == len(bundle.read(out).at)
     with pytest.raises(FileError, match="nothing was compared under icarus"):
         top_run.check(out, pins_rtl, choice=design_run.Choice("icarus"))
+
+
+def test_data_of_a_dac_that_is_not_selected_is_not_judged(out, pins_rtl, words, bare, tmp_path):
+    """Masters written anew, as counters, with SDIN high at rest: exact. One bit of a frame that differs: not."""
+    need("iverilog")
+    other = shutil.copytree(pins_rtl, tmp_path / "other")
+    text = re.sub(r"\n *\.r_(?:shift|left|lead|ldac_wait) *\(r_\w+_dac_\w+\),", "", (other / "top.v").read_text())
+    (other / "top.v").write_text(text)
+    (other / "spi_dac.v").write_text(pin_tops.COUNTING)
+    code, tree = checked(out, "--rtl", other, "--level", "pins", "--sim", "icarus")
+    assert (code, tree["first"]) == (0, None)
+    names = bits_of(bundle.read(out).manifest)
+    selected = [not word >> (len(names) - 1 - names.index("drive_sync_n")) & 1 for word in words]
+    row = QUIET + selected[QUIET:].index(True)
+    bad = standin.write(tmp_path / "bad", bare, CASE, words, (row, "o_drive_sdin", 1))
+    code, tree = checked(out, "--rtl", bad, "--level", "pins", "--sim", "icarus")
+    assert (code, tree["first"]["clock"], tree["first"]["name"]) == (1, row, "drive_sdin")
 
 
 def test_the_reference_passes_at_registers(out):

@@ -6,6 +6,7 @@ Source  docs/golden.md (the whole design)
 from analog_frontend.parts import adc_serial
 from testbench.golden.bundles import benches
 from testbench.golden.recording import signature
+from testbench.golden.recording.replay import UNREAD
 
 CLOCK_BITS = 32
 ADC_BITS = CLOCK_BITS + adc_serial.WORDS * adc_serial.WORD_BITS
@@ -37,6 +38,11 @@ def constants(design, counts):
         ("ADC_PULSE", adc_serial.PULSE),
         ("ROW_BITS", signature.padded(out_width)),
     ]
+
+
+def unread(block):
+    """{data pin: its SYNC_N}, RTL ports, of what is judged as 0 while the chip is not selected: at the pins alone."""
+    return {} if block.registers else {f"o_{data}": f"o_{select_n}" for data, select_n in UNREAD.items()}
 
 
 def sent_slices(design):

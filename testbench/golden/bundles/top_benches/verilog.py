@@ -8,7 +8,7 @@ Source  docs/golden.md (the whole design), testbench/golden/recording/signature.
 from testbench.golden.bundles import benches
 from testbench.golden.bundles.benches import SHOWN
 from testbench.golden.bundles.benches.template import filled
-from testbench.golden.bundles.top_benches.layout import CLOCK_BITS, GROUP, PART_BITS, sent_slices
+from testbench.golden.bundles.top_benches.layout import CLOCK_BITS, GROUP, PART_BITS, sent_slices, unread
 from testbench.golden.bundles.top_benches.layout import chunks as chunks_of
 from testbench.golden.recording import signature
 
@@ -92,6 +92,24 @@ def _sent(design):
     return "{" + ", ".join([*parts, f"{zeros}'d0"]) + "}" if zeros else parts[0]
 
 
+def _nets(block):
+    """Declarations of what the design shows."""
+    masked, lines = unread(block), []
+    for n, p in benches.results(block):
+        lines += [f"    wire {n}_pin;", f"    wire {n} = {n}_pin & ~{masked[n]};"] if n in masked else [
+            f"    wire {benches.span(p.width)}{n};"
+        ]  # fmt: skip
+    return lines
+
+
+def _instance(block, case):
+    """Instance `dut`; a data pin that a chip may not read goes to a net of its own."""
+    text = benches.instance(block, case, lambda name: name)
+    for n in unread(block):
+        text = text.replace(f".{n}({n})", f".{n}({n}_pin)")
+    return text
+
+
 def verilog_bench(block, case, counts):
     """Self-checking Verilog bench; needs a simulator with delays, nothing else."""
     found = benches.results(block)
@@ -99,7 +117,7 @@ def verilog_bench(block, case, counts):
     row_bits, size = signature.padded(counts["out_width"]), 64 * signature.WORDS
     two, eight = _backs()
     nets = [f"    reg {benches.span(p.width)}{n};" for n, p in inputs]
-    nets += [f"    wire {benches.span(p.width)}{n};" for n, p in found]
+    nets += _nets(block)
     shows = [
         f"            if ({n} !== {want}[{hi}:{lo}])\n"
         f'                $display("clock %0d: {n}: expected %0h, got %0h (hex)", n, {want}[{hi}:{lo}], {n});'
@@ -112,7 +130,7 @@ def verilog_bench(block, case, counts):
         stem=block.stem,
         nets="\n".join(nets),
         inputs=", ".join(n for n, _ in inputs),
-        instance=benches.instance(block, case, lambda name: name),
+        instance=_instance(block, case),
         sent=_sent(block.record),
         gathered=_nested([n for n, _ in found]),
         append=_verilog_append(found, row_bits),
@@ -144,7 +162,7 @@ def cocotb_top(block, case):
         "    output wire adc_sclk",
         *(f"    output wire [{PART_BITS - 1}:0] got_{k}" for k in parts),
     ]
-    nets = [f"    wire {benches.span(p.width)}{n};" for n, p in found]
+    nets = _nets(block)
     return f"""// {block.stem}/{case} with its parameters set
 `timescale 1ps/1ps
 module cocotb_{block.stem} (
@@ -158,6 +176,6 @@ module cocotb_{block.stem} (
     assign adc_cs_n = o_adc_cs_n;
     assign adc_sclk = o_adc_sclk;
 
-{benches.instance(block, case, lambda name: name)}
+{_instance(block, case)}
 endmodule
 """

@@ -6,7 +6,7 @@ Source  docs/golden.md (the whole design), testbench/golden/recording/signature.
 from testbench.golden.bundles import benches
 from testbench.golden.bundles.benches import SHOWN
 from testbench.golden.bundles.benches.template import filled
-from testbench.golden.bundles.top_benches.layout import CLOCK_BITS, chunks, sent_slices
+from testbench.golden.bundles.top_benches.layout import CLOCK_BITS, chunks, sent_slices, unread
 from testbench.golden.recording import signature
 
 
@@ -27,11 +27,16 @@ def vhdl_bench(block, case, counts):
         for back in signature.BACK
     )
     slices, zeros = sent_slices(block.record)
+    design, masked = benches.component(block, case, "feed"), unread(block)
+    for n in masked:
+        design["port_maps"] = design["port_maps"].replace(f"{n} => got({pins[n]}),", f"{n} => {n},")
     sent = [f"adc_word({high} downto {low})" for high, low in slices]
     return filled(
         "top.vhd.in",
         sent=" & ".join([*sent, *([f'"{0:0{zeros}}"'] if zeros else [])]),
-        **benches.component(block, case, "feed"),
+        **design,
+        data_pins="".join(f"    signal {n} : std_logic;\n" for n in masked),
+        read_pins="".join(f"    got({pins[n]}) <= {n} and not got({pins[select]});\n" for n, select in masked.items()),
         shows="\n".join(shows),
         backs=backs,
         size=size,
