@@ -33,7 +33,7 @@ class Judged(NamedTuple):
     verdict: str
     causes: tuple
     cpu_s: float
-    first: bool | None
+    first: bool | None = None
 
 
 def checked(folder, text, stem, level="registers"):
