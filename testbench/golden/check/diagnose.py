@@ -22,6 +22,7 @@ from testbench.golden.diagnosis.verdict import MOST_LISTED, Cause, causes, hidde
 from testbench.golden.recording import recording
 
 MOST_SHIFT = 8  # clocks
+LEAST_ROWS = 4  # wrong rows of a register of the whole design, below which its cause is not certain
 
 
 class Rows(NamedTuple):
@@ -143,7 +144,10 @@ def _of_instance(rows, one, names, wires, known):
     leaves_of["in", "rst"] = rows.inputs["rst"]
     for name in net.reset:
         leaves_of["reg", name] = np.where(own.care[name], own.got[name], own.expected[name])
-    return _of_search(own, Search(net, leaves_of, own.got, own.care, own.expected))
+    search = Search(net, leaves_of, own.got, own.care, own.expected)
+    found, count = _of_search(own, search)
+    seen = {name: np.count_nonzero(target.wrong) for name, target in search.targets.items()}
+    return [c._replace(share=c.share / 2) if 0 < seen[c.register] < LEAST_ROWS else c for c in found], count
 
 
 def _of_first_row(rows, search):
