@@ -88,7 +88,7 @@ class Tracer:
         rng = np.random.default_rng([self.options.seed, 4])
         judge = not self.problem.noise_from_repeats
         self.noise = noise.study([self.space], rng, verdict.LEVEL, judge=judge)
-        self.held_noise = noise.study([self.space, self.held], rng, verdict.LEVEL, judge=judge)
+        self.held_noise = noise.study([self.space, self.held], rng, verdict.LEVEL, judge=judge).loud()
         if self.noise_rejected:
             self.notes.append("declared noise contradicted by the repeats: variances refined by observable and octave")
             self.space = Space(self.problem, "fit", self.noise)

@@ -3,7 +3,8 @@
     bank    measures what effects do, in minutes, once for a second plant; prints what can be drawn in which stratum
     run     goes on where the run of this source was; every run is a line of tests/sealed/ledger.jsonl; --wide does the
             first records again with the priors of a data sheet
-    score   opens the envelopes of what is done and prints the rates; --page writes those of a whole sealed run
+    score   opens the envelopes of what is done and prints the rates; --page writes those of a whole sealed run, and
+            what was counted into tests/sealed/scored.jsonl, of which a test makes them again
 
 Source    docs/sealed.md
 """
@@ -19,6 +20,8 @@ from testbench.storage.files import write_text
 from tests.sealed import draw, ledger, score, strata
 from tests.sealed.bank import Bank, Space
 from tests.sealed.records import PARTS, Run, Tracing
+
+SCORED = Path(__file__).with_name("scored.jsonl")
 
 
 def rows_of(run, wide=False):
@@ -96,6 +99,7 @@ def main(argv=None):
     if given.page:
         if not whole:
             sys.exit(f"{own['run']}: {len(rows)} of {len(run.kinds)} records are done, or it is not sealed: no page")
+        write_text(SCORED, score.kept(own, rows, wide))
         page = ROOT / "docs" / "sealed.md"
         write_text(page, replaced(page.read_text(), "sealed", text))
     return int(whole and any(holds is False for *_, holds in score.criteria(rows)))

@@ -1,6 +1,6 @@
 """What effects do to the features of a sealed record, in sigmas, by the second plant alone.
 
-    s_k   change of the features per unit of an effect: two runs with the same noise, at a size of hundreds of sigmas
+    s_k   change of the features per unit of an effect: runs with the same noise, at hundreds of sigmas to both sides
     J     the same per unit of what a calibration has left unknown, with the priors as rows
     N     covariance of power-ons without effect: sigma of a condition, correlations of all conditions together
     r_k = (1 - Q Q') W s_k        d of a coefficient c: |r_k| c        rivals: cosines of r_k
@@ -112,8 +112,11 @@ class Bank:
         rows = [solve_triangular(chol, v, lower=True) for chol, v in zip(self.chol, change)]
         return np.sqrt(self.strata.plan["repeats"]) * np.concatenate(rows)
 
-    def _measured(self, name, run, first):
-        """`Unit` of something: `run(size)` gives features; the size is sought. NaN where no size locks."""
+    def _measured(self, name, run, first, two_sided=True):
+        """`Unit` of something: `run(size)` gives features; the size is sought. NaN where no size locks.
+
+        two_sided  False where only one side of zero is physics
+        """
 
         def seek():
             size, best = first, np.full((len(self.conditions) + 1, self.count), np.nan)
@@ -135,7 +138,18 @@ class Bank:
             return best
 
         found = self._kept(name, seek)
-        return Unit(found[:-1], float(found[-1, 0]))
+        change, size = found[:-1], float(found[-1, 0])
+
+        def back():
+            try:
+                return (run(-size)[:, 0] - self.base) / -size
+            except (ConfigError, FileError):
+                return change
+
+        # half the difference of both sides has no term of the second order
+        if two_sided and np.isfinite(size):
+            change = (change + self._kept(f"back {name}", back)) / 2
+        return Unit(change, size)
 
     def has(self, effect):
         """True if the column of an effect is in its file."""
@@ -147,7 +161,7 @@ class Bank:
         def run(size):
             return self._run(effect.values(size, {}), effect.lines(size), 1)
 
-        return self._measured(_told(effect), run, (effect.sign or 1) * effect.first)
+        return self._measured(_told(effect), run, (effect.sign or 1) * effect.first, not effect.sign)
 
     def nuisance(self, key):
         """`Unit` of a parameter of the priors."""

@@ -71,6 +71,25 @@ def scored(number, envelope, result):
     return Scored(number, sealed["kind"], truth, said["verdict"], sets, right, listed, pull, cpu)
 
 
+def kept(run, rows, wide=()):
+    """Text of what was counted: the line of the ledger, then one of JSON for each `Scored`."""
+    told = [
+        r._asdict() | {"causes": [sorted(c) for c in r.causes], "wide": again}
+        for again, some in ((False, rows), (True, wide))
+        for r in some
+    ]
+    return "".join(json.dumps(line) + "\n" for line in (run, *told))
+
+
+def read(text):
+    """(line of the ledger, `Scored`s, those with a data sheet's priors) of such a text."""
+    run, *told = map(json.loads, text.splitlines())
+    both = {False: [], True: []}
+    for r in told:
+        both[r.pop("wide")].append(Scored(**(r | {"causes": tuple(map(frozenset, r["causes"]))})))
+    return run, both[False], both[True]
+
+
 def rate(k, n):
     """Text of k in n with its interval."""
     if not n:

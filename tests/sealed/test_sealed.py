@@ -8,10 +8,11 @@ import pytest
 
 from analog_frontend.effects import catalogue, law
 from testbench.config import Config
+from testbench.console.markdown import ROOT, replaced
 from testbench.errors import ConfigError, FileError
 from testbench.measured.wide import sheet
 from tests.sealed import bank, draw, effects, ledger, score, strata
-from tests.sealed.__main__ import choices
+from tests.sealed.__main__ import SCORED, choices
 
 DEVICE = Config().device()
 PAGES = {effect.INFO.name: effect for effect in catalogue.LAWS}
@@ -256,3 +257,22 @@ def test_a_traceback_is_counted():
     row = score.scored(0, envelope, {"error": "KeyError: 'x'", "envelope_sha256": sha, "cpu_s": {"record": 1.0}})
     assert counted([row])["tracebacks"] == (1, 1)
     assert counted([row])["inside: detected"] == (0, 1)
+
+
+def test_what_was_counted_can_be_read_again():
+    rows = [scored("clear", "a", "confounded", [["b"], ["a", "c"]]), scored("null_white", None, "none", [])]
+    run = {"run": "sealed-1"}
+    assert score.read(score.kept(run, rows, rows[:1])) == (run, rows, rows[:1])
+
+
+def test_the_rates_of_the_page_are_those_of_a_whole_run_of_the_ledger():
+    page = (ROOT / "docs" / "sealed.md").read_text()
+    if not SCORED.exists():
+        assert replaced(page, "sealed", "No whole run yet: the ledger lists what was begun.") == page
+        return
+    run, rows, wide = score.read(SCORED.read_text())
+    (line,) = (known for known in ledger.rows() if known["run"] == run["run"])
+    assert line["kind"] == ledger.SEALED
+    assert (line["done"], line["wide"]) == (line["of"], len(wide))
+    assert [r.number for r in rows] == list(range(line["of"]))
+    assert replaced(page, "sealed", score.table(rows, wide, strata.read().wide["disguises"])) == page

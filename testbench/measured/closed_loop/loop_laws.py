@@ -18,6 +18,8 @@ import math
 from typing import NamedTuple
 
 from analog_frontend.effects import catalogue, law
+from testbench.config.config_errors import limits_of
+from testbench.config.load import Effects
 from testbench.measured.closed_loop import loop_limits
 from testbench.tracing.problem.problem import Law
 
@@ -69,6 +71,9 @@ def _key(name, port, text, unit, scale, terms, limits=None, page=""):
     """Candidate of a key; a law whose limits have a side has that sign."""
     ones = tuple(map(law.parse, terms(1.0, loop_limits.BOARD)))
     low, high, reason = limits or loop_limits.of(ones[0])
+    least, most = limits_of(Effects.model_fields[name])
+    if least > low or most < high:
+        low, high, reason = max(low, least), min(high, most), f"the range of effects.{name}"
     same = harmonic(ones[0]) if len(ones) == 1 else ""
     made = Law(name, port, text, unit, scale, (low == 0.0) - (high == 0.0), page=f"docs/effects/{page or name}.md")
     return Candidate(made._replace(low=low, high=high, reason=reason, same=same), f"effects.{name}", terms=terms)

@@ -9,7 +9,8 @@ and octave:
                                              would make misfits out of nothing
     w = 2 / (scatter of the ratios beyond chance + its standard error)      empirical Bayes, LEAST_TRUST .. MOST_TRUST
 Refined noise is the declared one with f; a residual divided by sqrt(f) is t-distributed with nu + w, per octave.
-Fitted data are refined by their own repeats, held-out data by all: contrasts hold nothing that a fit could learn.
+Fitted data are refined by their own repeats, held-out data by all, and there no octave is quieter than declared:
+contrasts hold nothing that a fit could learn, and not what repeats have in common.
 Assumption: the noise's spectrum departs from the declared one in the same way in all conditions.
 Source    docs/tracing.md
 """
@@ -85,6 +86,10 @@ class Noise(NamedTuple):
     def refined(self):
         """The same in units of itself: of a space that it has whitened again."""
         return self._replace(octaves=tuple(o._replace(f=1.0) for o in self.octaves))
+
+    def loud(self):
+        """The same with no octave quieter than declared: what repeats have in common is not in their contrasts."""
+        return self._replace(octaves=tuple(o._replace(f=max(1.0, o.f)) for o in self.octaves))
 
 
 def _squares(spaces):
