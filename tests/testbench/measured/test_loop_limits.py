@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pytest
 
+from analog_frontend.effects import law
 from testbench.measured.closed_loop import loop_laws, loop_limits
 from testbench.tracing.problem.problem import Law
 
@@ -54,7 +55,13 @@ def test_stiffness_within_the_limits_stays_positive():
     for name, factors in (("force_x: x^5", "x^5"), ("force_x: abs(x) x", "abs(x) x")):
         force = ALL[name].law.high * value(factors, {"x": 5e-6}) - k_n_per_m * 5e-6
         assert abs(force) < 1e-9 * k_n_per_m * 5e-6
-    assert ALL["duffing_k3_per_um2"].law.low == pytest.approx(-1 / 5**2, rel=1e-9)
+    low, _, reason = loop_limits.of(law.parse(f"force_x = {k_n_per_m * 1e12!r} x^3"))
+    assert (low, reason) == (pytest.approx(-1 / 5**2, rel=1e-9), "the stiffness stays positive")
+
+
+def test_a_law_keeps_to_the_range_of_its_key():
+    own = ALL["duffing_k3_per_um2"].law
+    assert (own.low, own.high, own.reason) == (-0.01, 0.01, "the range of effects.duffing_k3_per_um2")
 
 
 def test_damping_of_both_modes_stays_positive():
