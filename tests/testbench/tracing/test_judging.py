@@ -34,7 +34,18 @@ def test_held_out_errors_are_the_rms_of_single_repeats():
     row = result.heldout["a"]
     assert row["before_ci"][0] < row["before"] < row["before_ci"][1]
     assert row["gain_ci"][0] > 0
+    assert row["gain_most"] > row["gain_ci"][1], "as wide as all observables together ask for"
     assert 0.7 < row["excess_removed"] < 1.3
+
+
+def test_quiet_contrasts_do_not_make_the_held_out_limit_smaller():
+    """What repeats have in common is not in their contrasts: octaves are louder than declared there, or as declared."""
+    tracer = Tracer(Toy(5, noise=0.5), QUICK, None, None)
+    tracer.calibrate()
+    assert min(o.f for o in tracer.noise.octaves) < 0.7
+    assert {o.f for o in tracer.held_noise.octaves} == {1.0}
+    louder = tracer.noise._replace(octaves=tuple(o._replace(f=4 * o.f) for o in tracer.noise.octaves)).loud()
+    assert [o.f for o in louder.octaves] == [max(1.0, 4 * o.f) for o in tracer.noise.octaves]
 
 
 def test_bootstrap_intervals_cover():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom, norm
 
-from testbench.tracing.trace import Options, trace
+from testbench.tracing.trace import Options, Tracer, trace
 from tests.testbench.tracing.toys import FIT, LAWS, Toy
 
 QUICK = Options(n_null=299, power=False, experiments=False)
@@ -82,6 +82,7 @@ def test_alpha_follows_from_the_rates_that_are_promised():
     assert binom.cdf(2, 120, missed) >= 0.95 > binom.cdf(2, 120, 1.1 * missed)
     # nine statistics, and 170 laws that are looked at one by one, by Bonferroni; half of alpha is that of held-out data
     threshold = norm.isf(alpha / 2 / 9 / 170 / 2)
+    assert round(threshold, 1) == 4.9, "docs/tracing.md, Alarms"
     assert norm.sf(8 - threshold) < missed / 5
     found = trace(Toy(7), Options(experiments=False)).power_d90.values()
     assert max(row["d"] for row in found) - norm.isf(0.1) + norm.isf(missed) < 8
@@ -121,6 +122,22 @@ def test_pairs_are_found_whole(count):
         effects = planted(seed, 2, 20, 60)
         exact += {e["law"] for e in run(seed, effects).effects} == set(effects)
     assert exact >= count - count // 4
+
+
+@pytest.mark.parametrize(("effects", "asked"), [({"friction": 0.15}, True), ({}, False)])
+def test_laws_that_cost_runs_are_asked_where_an_alarm_without_them_is_in_doubt(effects, asked):
+    """A law of the library takes part in the alarm as if it did not wait; a clean record never asks for it."""
+    problem = Toy(3, effects)
+    plain = trace(problem, Options(power=False, experiments=False))
+    problem.library_late = True
+    tracer = Tracer(problem, Options(power=False, experiments=False), None, None)
+    result = tracer.run()
+    assert (tracer.waiting == ()) is asked
+    assert ("library" in tracer.ranked) is asked
+    assert ("library" in result.alarms["refined"]["p"]) is asked
+    assert result.verdict == plain.verdict
+    if asked:
+        assert (result.verdict, result.p_global) == ("named", plain.p_global)
 
 
 def test_a_law_outside_the_catalogue_comes_from_the_library_with_a_file():
