@@ -22,24 +22,43 @@ app = typer.Typer(
 
 @app.command()
 def export(
-    block: Annotated[str, typer.Argument(help="Block, such as dds, or top, or all.")],
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the bundles.")],
+    block: Annotated[str, typer.Argument(help="Block, such as dds, or top, or all.")] = "all",
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder of the bundles.")] = None,
+    c: Annotated[
+        Path | None,
+        typer.Option("--c", metavar="DIR", help="Folder of the model in C; without --out with the bundles."),
+    ] = None,
     config: Annotated[
         Path | None, typer.Option("--config", "-c", metavar="FILE", help="Configuration: its design and parameters.")
     ] = None,
     frames: Annotated[int, typer.Option(help="With --config: frames of top from power-on.")] = 400,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of lines.")] = False,
 ):
-    """Write the golden bundles of a block, one folder per case: DIR/BLOCK/CASE."""
+    """Write the golden bundles of a block, one folder per case: DIR/BLOCK/CASE; with --c also the firmware in C."""
+    from testbench.errors import ConfigError
     from testbench.golden.bundles.export import export as write
 
-    done = write(block, out, config=config, frames=frames)
+    if out is None and c is None:
+        raise ConfigError("export: one of --out DIR and --c DIR is needed")
+    files = _export_c(c, config)
+    done = write(block, c / "golden" if out is None else out, config=config, frames=frames)
     if as_json:
         listed = [{"folder": str(folder), "rows": m["n"], "sha256": m["manifest_sha256"]} for folder, m in done]
-        typer.echo(json.dumps({"bundles": listed}))
+        typer.echo(json.dumps({"bundles": listed} | ({"c_files": [str(path) for path in files]} if files else {})))
         return
+    if files:
+        typer.echo(f"{c}  {len(files)} files of C: make -C {c} check")
     for folder, manifest in done:
         typer.echo(f"{folder}  {manifest['n']} rows  {manifest['manifest_sha256'][:16]}")
+
+
+def _export_c(folder, config):
+    """Paths of the model in C, if a folder was given for it."""
+    if folder is None:
+        return []
+    from testbench.golden.c_model.export import export as write
+
+    return write(folder, config)
 
 
 @app.command()

@@ -1,0 +1,64 @@
+"""`gyro golden export --c DIR`: the firmware as C99, and what runs golden bundles through it.
+
+    DIR/Makefile     make check, make sanitize, make lib
+    DIR/model/       a header and a source for each module of the firmware; blocks.h has all blocks by name
+    DIR/check/       the program that reads bundles
+    DIR/golden/      bundles
+
+Nothing in it needs Python or this repository.
+Source  docs/c_model.md
+"""
+
+from pathlib import Path
+
+from analog_frontend.parts import adc_serial
+from testbench.errors import ConfigError
+from testbench.golden.bundles import bundle, design_entry
+from testbench.golden.c_model import rows
+from testbench.golden.c_model.kinds import NUMBER, kind_of
+from testbench.golden.recording import recording
+from testbench.storage.files import write_text
+
+TEMPLATES = Path(__file__).with_name("templates")
+GOLDEN = "golden"
+MODEL = ("integers.h", "integers.c", "blocks.h", "blocks.c")
+
+
+def firmware(config=None):
+    """`top.Params` of a configuration file, or those of the shipped golden vectors."""
+    return recording.load("power_on").params if config is None else design_entry.board(config)[1]
+
+
+def texts(params):
+    """{path: text} of a folder of C for a firmware (`top.Params`)."""
+    program, made = rows.of_firmware(params)
+    # the digital side of the converter, which answers the firmware in the runner
+    chip = kind_of(adc_serial.State())
+    program.declare(chip)
+    codes = kind_of((0,) * adc_serial.CHANNELS)
+    program.function(adc_serial.step, (NUMBER, chip, NUMBER, NUMBER, NUMBER, NUMBER, codes))
+    for name in program.design._fields:
+        program.key(name)
+    files = {"Makefile": (TEMPLATES / "Makefile").read_text()}
+    for path in sorted(TEMPLATES.iterdir()):
+        if path.suffix in (".c", ".h"):
+            files[f"{'model' if path.name in MODEL else 'check'}/{path.name}"] = path.read_text()
+    for stem in program.parts:
+        files[f"model/{stem}.h"] = program.header(stem)
+        files[f"model/{stem}.c"] = program.source(stem)
+    files["model/blocks_of_design.c"] = rows.text(program, made)
+    return files
+
+
+def export(folder, config=None):
+    """Write the C of a configuration's firmware to `folder`; returns the paths. What else is there stays."""
+    folder = Path(folder)
+    files, written = texts(firmware(config)), []
+    for path in sorted((*folder.glob("model/*.[ch]"), *folder.glob("check/*.[ch]"))):
+        if path.relative_to(folder).as_posix() not in files:
+            raise ConfigError(f"{path} is not of this model: make would compile it; move it, or name another folder")
+    with bundle.alone(folder / "Makefile"):
+        for name, text in files.items():
+            write_text(folder / name, text)
+            written.append(folder / name)
+    return written
