@@ -26,6 +26,7 @@ from testbench.measured import cli as measured_cli
 from testbench.paper import cli as paper_cli
 from testbench.paper.inference import cli as inference_cli
 from testbench.paper.loop import loop_cli
+from testbench.register_map import cli as register_map_cli
 from testbench.study import cli as study_cli
 from testbench.version import VERSION
 
@@ -47,6 +48,7 @@ inference_cli.add(paper_cli.reports)
 app.command()(loop_cli.loop)
 app.command()(design_cli.design)
 app.command()(study_cli.study)
+app.command()(register_map_cli.registers)
 
 
 def _version(wanted: bool):

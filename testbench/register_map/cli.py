@@ -1,0 +1,26 @@
+"""`gyro registers`: arguments and what is printed; no computing. `testbench.commands.main` adds it to its commands.
+
+Source  docs/register_map.md
+"""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from testbench.console.options import Json
+from testbench.console.show import print_json, print_list
+
+
+def registers(
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder to write; an older one is replaced.")],
+    as_json: Json = False,
+):
+    """Write the register map as SystemRDL, C header with driver, UVM register model, IP-XACT and HTML pages."""
+    from testbench.register_map.export import export
+
+    paths = [str(path) for path in export(out)]
+    if as_json:
+        print_json({"files": paths})
+    else:
+        print_list("Written:", paths)

@@ -1,0 +1,111 @@
+"""The register map in every format, in one folder that is whole or absent.
+
+    gyro_registers.rdl            SystemRDL, from which the others are made
+    c/gyro_registers.h            masks, places and reset values of fields, struct of the words: PeakRDL-cheader
+    c/gyro_formats.h              address, format, unit and reset value of registers
+    c/gyro_driver.h, .c           packing, CRC, conversion
+    uvm/gyro_registers_pkg.sv     register model: PeakRDL-uvm
+    ipxact/gyro_registers.xml     IEEE 1685-2014: PeakRDL-ipxact
+    html/index.html               pages: PeakRDL-html
+
+Nothing in them depends on time or place.
+Source  docs/register_map.md
+"""
+
+import contextlib
+import importlib
+import re
+import shutil
+from pathlib import Path
+
+from testbench.errors import ConfigError, FileError
+from testbench.register_map import c_header, systemrdl
+from testbench.register_map.systemrdl import NAME
+from testbench.storage.files import explain, part_of
+from testbench.version import VERSION
+
+RDL = f"{NAME}.rdl"
+DRIVER = Path(__file__).with_name("driver")
+SHOWN = ("gyro_format", "gyro_signed", "gyro_unit", "gyro_lsb", "gyro_low_bit")
+
+
+def _package(name):
+    """A package of the extra `registers`."""
+    try:
+        return importlib.import_module(name)
+    except ImportError:
+        raise ConfigError(f"{name}: not installed; pip install 'ftr-gyro[registers]'") from None
+
+
+def compiled(path):
+    """Root of the register map in a SystemRDL file, by systemrdl-compiler."""
+    compiler = _package("systemrdl").RDLCompiler()
+    compiler.compile_file(str(path))
+    return compiler.elaborate().top
+
+
+def _c(top, folder):
+    cheader = _package("peakrdl_cheader.exporter")
+    standard = _package("peakrdl_cheader.c_standards").CStandard.gnu99
+    cheader.CHeaderExporter().export(top, str(folder / f"{NAME}.h"), std=standard)
+    (folder / "gyro_formats.h").write_text(c_header.text(top))
+    for path in sorted(DRIVER.glob("*.[ch]")):
+        shutil.copyfile(path, folder / path.name)
+
+
+def _uvm(top, folder):
+    exporter = _package("peakrdl_uvm").UVMExporter()
+    # classes by the names of registers: those of a type would be anonymous
+    exporter.export(top, str(folder / f"{NAME}_pkg.sv"), reuse_class_definitions=False)
+
+
+def _ipxact(top, folder):
+    exporter = _package("peakrdl_ipxact").IPXACTExporter(vendor="ftr-gyro", library="ftr-gyro", version=VERSION)
+    exporter.export(top, str(folder / f"{NAME}.xml"))
+
+
+def _html(top, folder):
+    exporter = _package("peakrdl_html").HTMLExporter(
+        generate_source_links=False, extra_doc_properties=list(SHOWN), user_context={"build_ts": 0}
+    )
+    exporter.export(top, str(folder))
+    # MathJax from the network; no text of the map has a formula
+    index = folder / "index.html"
+    index.write_text(re.sub(r"\s*<script[^>]*mathjax.*?</script>", "", index.read_text(), flags=re.S | re.I))
+
+
+FORMATS = {"c": _c, "uvm": _uvm, "ipxact": _ipxact, "html": _html}
+
+
+def export(folder):
+    """Write the folder; one that was written before is replaced. Paths of what to open first.
+
+    ConfigError if a package is missing; FileError if the folder holds anything else or cannot be written
+    """
+    folder = Path(folder)
+    part = part_of(folder)
+    try:
+        if folder.exists() and not (folder / RDL).is_file() and any(folder.iterdir()):
+            raise FileError(f"{folder}: is no folder of register maps ({RDL} is missing); it is not replaced")
+        shutil.rmtree(part, ignore_errors=True)
+        part.mkdir(parents=True)
+        (part / RDL).write_text(systemrdl.text())
+        top = compiled(part / RDL)
+        for name, write in FORMATS.items():
+            (part / name).mkdir()
+            write(top, part / name)
+        if folder.exists():
+            shutil.rmtree(folder)
+        part.rename(folder)
+    except OSError as problem:
+        raise explain(folder, problem) from None
+    finally:
+        with contextlib.suppress(OSError):
+            shutil.rmtree(part)
+    return [
+        folder / RDL,
+        *(folder / "c" / name for name in ("gyro_registers.h", "gyro_formats.h", "gyro_driver.h", "gyro_driver.c")),
+        folder / "uvm" / f"{NAME}_pkg.sv",
+        folder / "ipxact" / f"{NAME}.xml",
+        folder / "html" / "index.html",
+    ]

@@ -1,0 +1,86 @@
+"""The register map as a bus of 32-bit words sees it.
+
+    byte address = 8 x address in the map        bits 31 .. 0
+                   8 x address in the map + 4    bits 47 .. 32, of a register of more than 32 bits: NAME_HI
+    low word     = bits of the register in its format, two's complement without sign extension; bits above read 0
+
+A read of NAME_LO latches NAME_HI. A write of NAME_LO is held until NAME_HI is written: both take effect in that clock.
+Source  docs/register_map.md
+"""
+
+from typing import NamedTuple
+
+from fpga_model import fault_monitor, registers, sequencer
+
+WORD_BITS, WORD_BYTES = 32, 4
+BYTES_PER_ADDRESS = 8
+LOOPS = ("AGC", "PLL", "FTR", "QSC")
+# One-bit fields of registers, lowest bit first, and names of the values 0, 1, .. of others
+BITS = {
+    "control": sequencer.CONTROL_BITS,
+    "fault_clear": fault_monitor.NAMES,
+    "lock": LOOPS,
+    "flags": fault_monitor.NAMES,
+}
+VALUES = {"state": sequencer.STATES}
+# The map's table says what t is of the code; a unit is what one unit of t is
+UNITS = {"temperature": "256 code LSB"}
+
+
+class Field(NamedTuple):
+    """Bits low .. low + width - 1 of a word; `reset` None: it is the state of another block. `values`: their names."""
+
+    name: str
+    low: int
+    width: int
+    reset: int | None
+    values: tuple = ()
+
+
+class Word(NamedTuple):
+    """A word of the bus: bits `low_bit` .. of the register; `half` is "", "LO" or "HI"."""
+
+    name: str
+    address: int
+    register: registers.Register
+    low_bit: int
+    half: str
+    fields: tuple
+
+
+def unit(register):
+    """Unit of a register's value, "1" if it has none."""
+    return UNITS.get(register.name, register.unit) or "1"
+
+
+def lsb(register):
+    """One LSB as text, such as 2^-20 deg/s."""
+    of, size = unit(register), f"2^-{register.fmt.f}" if register.fmt.f else "1"
+    if of in ("1", "bits"):
+        return size
+    return f"{size} x {of}" if of[0] in "(0123456789" else f"{size} {of}"
+
+
+def _fields(register, low_bit, width):
+    """Fields of a word that holds `width` bits of a register."""
+    known = register.access != "ro" or not register.path
+    raw = registers.to_bus(register.reset, register.fmt) >> low_bit if known else None
+    names = BITS.get(register.name)
+    if names:
+        return tuple(Field(name, k, 1, None if raw is None else raw >> k & 1) for k, name in enumerate(names))
+    reset = None if raw is None else raw & ((1 << width) - 1)
+    return (Field("VALUE", 0, width, reset, VALUES.get(register.name, ())),)
+
+
+def words(register_map=registers.MAP):
+    """Every `Word` of a map, by address."""
+    found = []
+    for r in register_map:
+        name, address = r.name.upper(), r.address * BYTES_PER_ADDRESS
+        high = r.fmt.width - WORD_BITS
+        if high <= 0:
+            found.append(Word(name, address, r, 0, "", _fields(r, 0, r.fmt.width)))
+            continue
+        found.append(Word(f"{name}_LO", address, r, 0, "LO", _fields(r, 0, WORD_BITS)))
+        found.append(Word(f"{name}_HI", address + WORD_BYTES, r, WORD_BITS, "HI", _fields(r, WORD_BITS, high)))
+    return tuple(sorted(found, key=lambda word: word.address))
