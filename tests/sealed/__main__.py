@@ -3,8 +3,9 @@
     bank    measures what effects do, in minutes, once for a second plant; prints what can be drawn in which stratum
     run     goes on where the run of this source was; every run is a line of tests/sealed/ledger.jsonl; --wide does the
             first records again with the priors of a data sheet
-    score   opens the envelopes of what is done and prints the rates; --page writes those of a whole sealed run, and
-            what was counted into tests/sealed/scored.jsonl, of which a test makes them again
+    score   opens the envelopes of what is done and prints the rates; --keep writes what was counted of a sealed run
+            into tests/sealed/scored.jsonl, so that another machine can go on; --page does, and writes the rates of a
+            whole run, which a test makes again
 
 Source    docs/sealed.md
 """
@@ -24,10 +25,20 @@ from tests.sealed.records import PARTS, Run, Tracing
 SCORED = Path(__file__).with_name("scored.jsonl")
 
 
+def counted(own, path=SCORED):
+    """{wide: {number: `score.Scored`}} of what has been kept of a run."""
+    line, *both = score.read(path.read_text()) if path.exists() else ({"run": ""}, [], [])
+    same = line["run"] == own["run"]
+    return {wide: {r.number: r for r in rows if same} for wide, rows in zip((False, True), both)}
+
+
 def rows_of(run, wide=False):
     """`score.Scored` of all records of a run that have a result."""
     out = []
     for n in run.done(wide):
+        if n in run.counted[wide]:
+            out.append(run.counted[wide][n])
+            continue
         envelope = run.path("envelopes", n).read_text()
         out.append(score.scored(n, envelope, json.loads(run.path(PARTS[wide], n).read_text())))
     return out
@@ -73,7 +84,8 @@ def main(argv=None):
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--kept", action="store_true", help="development: only effects whose column is in its file")
     parser.add_argument("--wide", action="store_true", help="trace again with the priors of a data sheet")
-    parser.add_argument("--page", action="store_true", help="write the rates into docs/sealed.md")
+    parser.add_argument("--keep", action="store_true", help="write what was counted into tests/sealed/scored.jsonl")
+    parser.add_argument("--page", action="store_true", help="write the rates into docs/sealed.md too")
     given = parser.parse_args(argv)
     if given.kept and given.kind == ledger.SEALED:
         parser.error("--kept is for development: a sealed run draws from all effects")
@@ -87,19 +99,20 @@ def main(argv=None):
         print(choices(tables, space))
         return 0
     if given.what == "run":
-        run = Run(tables, space, own, given.out, Tracing(given.threads))
+        run = Run(tables, space, own, given.out, Tracing(given.threads), counted(own))
         first = min(given.first, tables.wide["records"]) if given.wide else given.first
         play(run, first, given.minutes, ledger.FILE, given.wide)
-    run = Run(tables, None, own, given.out)
+    run = Run(tables, None, own, given.out, counted=counted(own))
     rows, wide = rows_of(run), rows_of(run, wide=True)
     text = score.table(rows, wide, tables.wide["disguises"])
     print(text)
     print("\n".join(score.wrong(rows)))
     whole = given.kind == ledger.SEALED and len(rows) == len(run.kinds)
-    if given.page:
-        if not whole:
-            sys.exit(f"{own['run']}: {len(rows)} of {len(run.kinds)} records are done, or it is not sealed: no page")
+    if given.page and not whole:
+        sys.exit(f"{own['run']}: {len(rows)} of {len(run.kinds)} records are done, or it is not sealed: no page")
+    if (given.keep and given.kind == ledger.SEALED) or given.page:
         write_text(SCORED, score.kept(own, rows, wide))
+    if given.page:
         page = ROOT / "docs" / "sealed.md"
         write_text(page, replaced(page.read_text(), "sealed", text))
     return int(whole and any(holds is False for *_, holds in score.criteria(rows)))

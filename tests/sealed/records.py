@@ -46,10 +46,14 @@ class Tracing:
 
 
 class Run:
-    """The records of a run; `own` is its line in the ledger."""
+    """The records of a run; `own` is its line in the ledger.
 
-    def __init__(self, strata, space, own, folder, trace=None):
+    counted  {wide: numbers} that have been counted before, whose results need not be in the folder
+    """
+
+    def __init__(self, strata, space, own, folder, trace=None, counted=None):
         self.strata, self.space, self.own, self.trace = strata, space, own, trace or Tracing()
+        self.counted = counted or {False: (), True: ()}
         self.folder = folder / own["run"]
         for part in ("envelopes", "claims", *PARTS.values()):
             (self.folder / part).mkdir(parents=True, exist_ok=True)
@@ -59,8 +63,9 @@ class Run:
         return self.folder / part / f"{number:03d}.json"
 
     def done(self, wide=False):
-        """Numbers that have a result."""
-        return [n for n in range(len(self.kinds)) if self.path(PARTS[wide], n).exists()]
+        """Numbers that have a result, or had one."""
+        part, before = PARTS[wide], self.counted[wide]
+        return [n for n in range(len(self.kinds)) if n in before or self.path(part, n).exists()]
 
     @contextlib.contextmanager
     def claimed(self, number):

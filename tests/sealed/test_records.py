@@ -14,7 +14,7 @@ from testbench import config
 from testbench.measured.record import load
 from testbench.measured.wide import sheet
 from tests.sealed import effects, ledger, score, strata
-from tests.sealed.__main__ import play, rows_of
+from tests.sealed.__main__ import counted, play, rows_of
 from tests.sealed.records import Run, Tracing
 from tests.sealed.test_sealed import Given
 
@@ -78,6 +78,21 @@ def test_a_run_makes_records_that_are_accepted_and_goes_on_where_it_was(tmp_path
     assert {row.truth["name"] for row in rows if row.truth} == set(SIZE)
     assert not list(run.folder.glob("*.h5"))
     assert "inside: detected | 0 of 1" in score.table(rows)
+
+
+def test_another_machine_goes_on_with_what_was_counted(tmp_path):
+    table = short(null_white=3)
+    own, kept = ledger.identity("development", table), tmp_path / "scored.jsonl"
+    rows = [score.Scored(n, "null_white", None, "none", (), False, False, None, 1.0) for n in (0, 2)]
+    assert counted(own, kept) == {False: {}, True: {}}
+    kept.write_text(score.kept(own, rows, rows[:1]))
+    assert counted(own | {"run": "of another source"}, kept) == {False: {}, True: {}}
+    run = Instant(table, space(), own, tmp_path, object(), counted(own, kept))
+    assert (run.done(), run.done(wide=True)) == ([0, 2], [0])
+    assert rows_of(run) == rows
+    play(run, 3, 60.0, tmp_path / "ledger.jsonl")
+    assert [path.stem for path in (run.folder / "results").iterdir()] == ["001"]
+    assert [(row["done"], row["wide"]) for row in ledger.rows(tmp_path / "ledger.jsonl")] == [(3, 1)]
 
 
 HOLDS = """

@@ -3,6 +3,7 @@
     jitter   draw k is moved by jitter_hz(k), quantiles of a normal scatter JITTER_HZ wide
     noise    covariance of draws less what their jitter does, plus that of the jitter
     R        of its correlations: OWN R_own + (1 - OWN) R_pooled, since edges slip otherwise in each condition
+    level    one factor, so that the draws have unit variance in their own noise: R does not give them that
     gain     data are not among the draws that made the noise, and larger by 1 / gain
 Source    docs/measured.md
 """
@@ -27,7 +28,7 @@ LATER = np.random.default_rng(4).integers(loop_runs.LATE, size=NOISE_DRAWS)
 
 
 class Noise(NamedTuple):
-    """Covariance of a condition's features as sigma and the Cholesky factor of the correlations."""
+    """Covariance of a condition's features: sigma, and the Cholesky factor of correlations times the level's square."""
 
     sigma: np.ndarray
     chol: np.ndarray
@@ -64,23 +65,27 @@ def noise_of(draws, moved_hz=JITTER):
         c = r * np.outer(sigma[name], sigma[name]) + JITTER_HZ**2 * np.outer(slope, slope)
         whole = np.sqrt(np.diag(c))
         out[name] = Noise(whole, np.linalg.cholesky(c / np.outer(whole, whole)))
-    return out
+    level = np.sqrt(_mean_square(out, {k: _deviations(rows) for k, (rows, _) in draws.items()}))
+    return {name: n._replace(chol=level * n.chol) for name, n in out.items()}
 
 
 def gain_of(draws):
     """Factor on whitened data that makes them as large as the draws are which the noise is made of.
 
-    Those are inside their own covariance, data are not: rms of the draws over that of draws left out, FOLDS times.
+    Those are inside their own covariance, data are not: 1 over the rms of draws left out, FOLDS times.
     """
-    count = len(next(iter(draws.values()))[0])
-    inside = _mean_square(noise_of(draws), {k: rows - rows.mean(axis=0) for k, (rows, _) in draws.items()})
-    left = []
+    count, left = len(next(iter(draws.values()))[0]), []
     for fold in range(FOLDS):
         out = np.arange(count) % FOLDS == fold
         kept = {k: (rows[~out], slope) for k, (rows, slope) in draws.items()}
         apart = {k: rows[out] - rows[~out].mean(axis=0) for k, (rows, _) in draws.items()}
         left.append(_mean_square(noise_of(kept, JITTER[~out]), apart) / (1 + 1 / np.sum(~out)))
-    return float(np.sqrt(inside * count / (count - 1) / np.mean(left)))
+    return float(1 / np.sqrt(np.mean(left)))
+
+
+def _deviations(rows):
+    """(draws, n) about their mean, as large as about the true one."""
+    return (rows - rows.mean(axis=0)) * np.sqrt(len(rows) / (len(rows) - 1))
 
 
 def _mean_square(noise, deviations):

@@ -50,7 +50,17 @@ def test_deviations_are_worth_what_they_state(monkeypatch):
     kept = worth()
     monkeypatch.setattr(loop_noise, "OWN", 0.0)
     pooled = worth()
-    assert 0.85 < kept < 1.0 < pooled
+    assert 0.97 < kept < 1.03 < pooled
+
+
+def test_draws_have_unit_variance_in_their_own_noise():
+    rng = np.random.default_rng(5)
+    draws = drawn(rng, {k: covariance(rng) for k in range(6)})
+    noise, square = loop_noise.noise_of(draws), []
+    for k, (rows, _) in draws.items():
+        z = np.linalg.solve(noise[k].chol, (rows - rows.mean(axis=0)).T / noise[k].sigma[:, None])
+        square.append(z.var(axis=1, ddof=1).mean())
+    assert np.mean(square) == pytest.approx(1.0, rel=1e-9)
 
 
 def test_too_few_draws_for_many_features_are_refused():
