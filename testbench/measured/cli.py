@@ -65,7 +65,7 @@ def check(
 
     Exit code 2 if it is refused."""
     from testbench.measured.openers import part_findings
-    from testbench.measured.quality.records import adc_codes
+    from testbench.measured.quality.records import adc_codes, dac_range
     from testbench.measured.record import load
     from testbench.storage.record import RecordError
 
@@ -76,7 +76,7 @@ def check(
     try:
         with _progress(as_json) as progress:
             loaded = load.load(file, replay, progress)
-        quality = adc_codes.findings(loaded.record)
+        quality = adc_codes.findings(loaded.record) + dac_range.findings(loaded.record)
         findings = [(str(f), f.level) for f in loaded.findings]
         residual = loaded.residual
     except RecordError as problem:

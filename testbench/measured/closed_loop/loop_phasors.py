@@ -80,7 +80,9 @@ def trajectory(run, at, rows):
     out |= {name: np.full(len(out["y"]), at[name]) for name in ("x", "cx")}
     w_rad_s = 2 * np.pi * features.HZ * rows.frames[end - 1, FREQUENCY]
     out |= {"vx": 1j * w_rad_s * out["x"], "vy": 1j * w_rad_s * out["y"], "cy": at["cy"] * out["y"]}
-    t_s = (loop_runs.START_TICKS / FRAME_TICKS + first + loop_runs.BLOCK * (np.arange(len(out["y"])) + 0.5)) / FRAME_HZ
+    t_s = (
+        loop_runs.begin_tick(run) / FRAME_TICKS + first + loop_runs.BLOCK * (np.arange(len(out["y"])) + 0.5)
+    ) / FRAME_HZ
     return out | {"rate": mean(rate), "temp": mean(temp), "s": t_s}
 
 

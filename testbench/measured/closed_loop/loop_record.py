@@ -15,12 +15,12 @@ import os
 import numpy as np
 
 from fpga_model import agc, cordic, registers, sequencer
-from fpga_model.rates import FRAME_CYCLES
+from fpga_model.rates import FRAME_CYCLES, TICK_HZ
 from testbench.config import phase_word
 from testbench.errors import ConfigError
 from testbench.measured.closed_loop import loop_laws, loop_problem, loop_runs, loop_spectra
 from testbench.measured.importing import words
-from testbench.measured.quality.records import adc_codes
+from testbench.measured.quality.records import adc_codes, dac_range
 from testbench.measured.record import check_tables, load, schema
 from testbench.measured.record.meaning_segments import SETPOINTS, Stated, bank, rate_limit, temp_limit
 from testbench.measured.record.plan import Condition
@@ -33,6 +33,7 @@ from testbench.storage.record import SCHEMA
 FRAME_HZ = 8000
 MODELLED = ("control", "phase_sense_sine", "phase_drive_ref", "phase_sense_ref")  # as the configuration has them
 LEAST_SETTLE_S = 2.0
+TIME_S = 0.1  # in which times from power-on are told apart: power-ons of a condition lock at slightly other times
 
 
 def is_record(path):
@@ -140,6 +141,8 @@ def measured_features(record, name, hashes):
         )  # fmt: skip
         groups[c.id] = c._replace(seconds=min(c.seconds, groups.get(c.id, c).seconds))
         values.setdefault(c.id, []).append(s)
+    for name, members in values.items():
+        groups[name] = groups[name]._replace(settle_s=_settle_s(record, members))
 
     if "fit" not in {c.role for c in groups.values()}:
         raise ConfigError("/segments: none has the role fit, tracing needs one or more")
@@ -159,6 +162,19 @@ def measured_features(record, name, hashes):
         for key, members in values.items()
     }
     return loop_problem.Measured(name, tuple(groups.values()), out, hashes, seen)
+
+
+def _settle_s(record, members):
+    """Seconds from `loop_runs.START_TICKS` of a power-on to the dwells of a group, in TIME_S; laws may depend on it.
+
+    `loop_runs.SETTLE_S` where a record begins later than its power-on.
+    """
+    powered = [x for x in sessions(record) if x.powered]
+    begun = [max((x.first for x in powered if x.first <= s.first), default=None) for s in members]
+    if None in begun:
+        return loop_runs.SETTLE_S
+    after_s = np.mean([s.first - first for s, first in zip(members, begun)]) / FRAME_HZ
+    return round(TIME_S * round((after_s - loop_runs.START_TICKS / TICK_HZ) / TIME_S), 6)
 
 
 def held_out_apart(record):
@@ -191,7 +207,7 @@ def open_record(paths, options, calibrated=None, bench=None, kept=None):
     found = calibrated(data, model, record, bench) if calibrated else None
     model, wanted, lines = found or (model, parameters.declared(record), ())
     problem = loop_problem.LoopProblem(data, model, wanted, loop_laws.from_catalogue(), library, bench, kept)
-    quality = tuple(str(f) for f in adc_codes.findings(record))
+    quality = tuple(str(f) for of in (adc_codes, dac_range) for f in of.findings(record))
     problem.warnings = (
         *loaded.warnings,
         *quality,

@@ -56,8 +56,9 @@ class Responses:
 
     def _dwell(self, c):
         """First block of the dwell, and its time in s from power-on, half a frame early."""
-        settle = loop_runs.settling(self.of.run_of(self.base_model, c, 0))
-        return settle // loop_runs.BLOCK, (loop_runs.START_TICKS + (settle - 0.5) * FRAME_TICKS) / TICK_HZ
+        run = self.of.run_of(self.base_model, c, 0)
+        settle = loop_runs.settling(run)
+        return settle // loop_runs.BLOCK, (loop_runs.begin_tick(run) + (settle - 0.5) * FRAME_TICKS) / TICK_HZ
 
     def _steps(self, c, base):
         """{number: text} of the slow functions at a base: 0 constant, 1 a step where the rate has one."""

@@ -19,7 +19,6 @@ from testbench.measured.closed_loop.loop_symmetries import corrected, tied, weak
 from testbench.tracing.problem.problem import PredictionFailed
 
 NEAR = 2.5  # how far off AIM a step may be
-SETTLE_S = 3.0  # longer settling of steps in wide priors: two loops have zeros at 0.6 Hz
 SEEN = 10.0  # sigmas of all features together, that a law's largest step must move
 LARGEST_SCALES = 1e4  # of a law of the grammar
 
@@ -40,7 +39,7 @@ class Tangents:
         at_ports = {name: c.at_ports(of.model.device()) for name, c in of.candidates.items()}
         self._at_ports = {name: laws for name, laws in at_ports.items() if covers(laws)}
         # of wide priors alone: a direction that no data see must not be fixed by the errors of steps
-        self._wide, self._more_s, self._weak = bool(of.starts), 0.0, None
+        self._wide, self._weak = bool(of.starts), None
         self._tied = tied(self.nuisances) if self._wide else {}
         for role in {c.role for c in of.conditions.values()}:
             self.kept[self._where, role, "plant.fx_hz"] = {c.id: of.slope[c.id] for c in self._of(role)}
@@ -80,7 +79,6 @@ class Tangents:
         if self._weak is None:
             self._weak = weak(self.of.fitted(out if role == "fit" else self.matrix("fit")) * sd)
         directions, changes = [], []
-        self._more_s = SETTLE_S
         base = self._many([(self.of.first, {})], chosen)[0]
         points = [(self.of.first + side * step * d * sd, {}) for d, step in self._weak for side in (1, -1)]
         moved = self._held(points, base)
@@ -120,7 +118,6 @@ class Tangents:
         missing = [n for n in names if n not in self._tied and (self._where, role, n) not in self.kept]
         if not missing:
             return
-        self._more_s = SETTLE_S if self._wide and set(missing) <= set(self.nuisances) else 0.0
         base = self._many([(of.first, {})], self._of(role))[0]
         steps = {name: self.steps.get(name, self._first_step(name)) for name in missing}
         zero, nan = ({g: np.full(len(v), fill) for g, v in base.items()} for fill in (0.0, np.nan))
@@ -233,7 +230,6 @@ class Tangents:
     def _many(self, points, conditions, hertz=None):
         """Features {group: values} of points in the averaged plant, None where it fails; hertz: see `of.smooth`."""
         of, models = self.of, []
-        conditions = [c._replace(settle_s=c.settle_s + self._more_s) for c in conditions]
         hertz = hertz or [dict.fromkeys(of.conditions, 0.0)] * len(points)
         for theta, effects in points:
             try:

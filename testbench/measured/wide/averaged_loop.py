@@ -4,9 +4,8 @@
     mean     of some draws of the averaged plant or the exact engine, each from power-on; every condition is moved to
              its recorded drive frequency by a stiffness, because slips of re-timed edges are others a few mHz away;
              the shift is taken out again
-    columns  dy/du by steps with the same noise: even references; settled longer, for a step changes what the slow zeros
-             of two loops have still to forget; those of held keys follow from their partners, and weak directions are
-             measured (closed_loop/loop_symmetries.py)
+    columns  dy/du by steps with the same noise and even references; those of held keys follow from their partners, and
+             weak directions are measured (closed_loop/loop_symmetries.py)
 Source    docs/wide_priors.md
 """
 
@@ -91,23 +90,29 @@ class AveragedLoop:
         return np.where(logarithmic, predicted * np.log(np.where(logarithmic, ratio, 1.0)), self.features - predicted)
 
     def sigma(self, sd):
-        """Deviation of the recorded means by few draws: a single one is at least the median of its kind."""
+        """Deviation of the recorded means by few draws: a single one is at least the median of its kind.
+
+        At the end of a range nothing scatters: there it is that of the other conditions. ConfigError if there are none.
+        """
         out = sd.copy()
         for name in NAMES:
+            moving = sd[(self.observable == name) & (sd > 0)]
+            if not moving.size:
+                raise ConfigError(f"wide priors: {name} of the configured board is at its limit under all conditions")
             for k in range(len(self.conditions)):
                 rows = (self.observable == name) & (self.condition == k)
-                out[rows] = np.maximum(out[rows], np.median(out[rows]))
+                out[rows] = np.maximum(out[rows], np.median(out[rows]) or np.median(moving))
         out = np.where(self._word, np.hypot(out, JITTER_HZ), out)
         return out / np.sqrt(self.repeats)
 
-    def columns(self, u, which, sigma, more_s=0.0):
+    def columns(self, u, which, sigma, measured=False):
         """(features, columns dy/du of the indices `which`, 0 elsewhere) with one noise, without slips of edges.
 
-        more_s  longer settling; then the weak directions are measured too.  None where the board does not lock
+        measured  the weak directions by steps of their own.  None where the board does not lock
         """
         held = tied([self._keys[k] for k in which])
         wanted = [k for k in which if self._keys[k] not in held]
-        found = self._even(u, [u, *(u + self._steps[k] * self._unit[k] for k in wanted)], more_s)
+        found = self._even(u, [u, *(u + self._steps[k] * self._unit[k] for k in wanted)])
         if found is None:
             return None
         base, *moved = found
@@ -116,26 +121,25 @@ class AveragedLoop:
             out[:, k] = (row - base) / self._steps[k]
             self._steps[k] = np.clip(AIM / max(np.linalg.norm(out[:, k] / sigma), 1e-9), *STEPS)
         out = self._tie(out, u, held)
-        return base, self._corrected(u, out, sigma, more_s) if more_s else out
+        return base, self._corrected(u, out, sigma) if measured else out
 
-    def _even(self, start, points, more_s):
+    def _even(self, start, points):
         """Features of points with even references and one noise, from the lock of `start`; None if one fails."""
         try:
             first = self.config(start)
             models = [Model(even(self.config(point))) for point in points]
-            conditions = [c._replace(settle_s=c.settle_s + more_s) for c in self.conditions]
             rows = self._rows(
-                [Run(m, c, SEED + 10_000 * i, first, 0, True) for m in models for i, c in enumerate(conditions)]
+                [Run(m, c, SEED + 10_000 * i, first, 0, True) for m in models for i, c in enumerate(self.conditions)]
             )
         except (ConfigError, ValueError):
             return None
         return None if any(row is None for row in rows) else rows
 
-    def _corrected(self, u, columns, sigma, more_s):
+    def _corrected(self, u, columns, sigma):
         """Columns with their weak directions measured; those whose steps fail stay as they are."""
         directions, changes = [], []
         for d, step in weak(columns / sigma[:, None]):
-            found = self._even(u, [u + step * d, u - step * d], more_s)
+            found = self._even(u, [u + step * d, u - step * d])
             if found is not None:
                 directions.append(d)
                 changes.append((found[0] - found[1]) / (2 * step))

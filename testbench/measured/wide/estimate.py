@@ -1,8 +1,8 @@
 """From a data sheet to a calibration, in stages: each fits what its observables show best, the last one everything.
 
     frequency   frequency words                               f_x
-    drive       frequency and amplitude, drive detuned        f_x, Q_x, drive force and phase, their temperature
     quadrature  V_q^2 over temperatures                       coupling stiffness
+    drive       frequency and amplitude, drive detuned        f_x, Q_x, drive force and phase, their temperature
     rate        force, sense codes and V_q^2 behind a step    scale factor, f_y, Q_y, damping coupling, sense phase
     all         every observable but the one of slips         every parameter
     slips       every observable, draws of the exact engine   every parameter
@@ -18,7 +18,6 @@ from scipy.optimize import lsq_linear
 
 from testbench.errors import ConfigError
 from testbench.measured.closed_loop.loop_runs import EXACT, NAMES
-from testbench.measured.closed_loop.loop_tangents import SETTLE_S
 from testbench.measured.residual.parameters import WALL
 from testbench.measured.wide.averaged_loop import AveragedLoop
 
@@ -45,8 +44,8 @@ QUADRATURE = "kxy_n_per_m kq_n_per_m_per_v2 kxy_tc_below_per_k kxy_tc_above_per_
 RATE = "k_vf_sense_n_per_v dxy_ratio fy_hz qy dcdy_f_per_m sense_pole_1_s kxy_n_per_m coriolis_mass_kg cref_sense_f"
 STAGES = (
     Stage("frequency", ("f_word",), ("fx_hz",), 1),
-    Stage("drive", ("f_word", "amplitude"), tuple(DRIVE.split()), 2),
     Stage("quadrature", ("v_q2",), tuple(QUADRATURE.split()), 1),
+    Stage("drive", ("f_word", "amplitude"), tuple(DRIVE.split()), 2),
     Stage("rate", ("force", "adc_yI", "adc_yQ", "v_q2"), tuple(RATE.split()), 2),
     Stage("all", tuple(name for name in NAMES if name != "adc_xI"), (), 2),
     Stage("slips", NAMES, (), 8),
@@ -110,7 +109,7 @@ class Work:
         known  (columns, features that they promised here, sigmas moved): they serve again where they have kept it
         """
         if stage is not STAGES[-1]:
-            return self.loop.columns(self.u, which, self.sigma, 0.0 if stage.keys else SETTLE_S)
+            return self.loop.columns(self.u, which, self.sigma, not stage.keys)
         mean = self.loop.mean(self.u, DRAWS, EXACT)
         if mean is None:
             return None
@@ -118,7 +117,7 @@ class Work:
             columns, promised, moved = known
             if np.linalg.norm((mean[0] - promised) / self.sigma) < max(NEAR, MISSED * moved):
                 return mean[0], columns
-        found = self.loop.columns(self.u, which, self.sigma, SETTLE_S)
+        found = self.loop.columns(self.u, which, self.sigma, measured=True)
         return found and (mean[0], found[1])
 
     def stage(self, stage):

@@ -43,7 +43,7 @@ QUICK = tuple(
     Condition(name, a, rate, before, temp, detune, settle_s=loop_runs.SETTLE_S, seconds=0.6, role=role)
     for name, a, rate, before, temp, detune, role in (
         ("late", 4.0, -150.0, -150.0, 25.0, -15.0, "fit"),
-        ("large", 7.0, -300.0, -60.0, 50.0, 0.0, "fit"),
+        ("large", 7.0, 180.0, -60.0, 50.0, 0.0, "fit"),
         ("cold", 5.5, 0.0, 60.0, -20.0, 15.0, "fit"),
         ("hot", 4.0, -60.0, 150.0, 65.0, -30.0, "fit"),
         ("held", 5.0, 100.0, -100.0, 0.0, 10.0, "validate"),

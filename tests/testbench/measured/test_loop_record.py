@@ -7,7 +7,7 @@ import pytest
 
 from fpga_model import agc, sequencer
 from testbench.errors import ConfigError
-from testbench.measured.closed_loop import loop_record
+from testbench.measured.closed_loop import loop_record, loop_runs
 from testbench.measured.record import check_tables, schema
 from testbench.measured.record.sessions import segments
 from testbench.run import build
@@ -73,3 +73,14 @@ def test_a_record_without_a_fitted_segment_is_one_line(own):
     own.tables["segments"]["role"] = TableColumn(np.array(["none"] * len(roles.data)), "")
     with pytest.raises(ConfigError, match="/segments: none has the role fit"):
         loop_record.measured_features(own, "a", {})
+
+
+def test_laws_see_the_time_from_power_on_at_which_the_dwells_were(monkeypatch):
+    """Frames 14000 and 1.5 s of power-ons at 0 and 100000; a record that begins later says nothing of them."""
+    powers = [Row(first=0, powered=True), Row(first=100_000, powered=True)]
+    monkeypatch.setattr(loop_record, "sessions", lambda record: powers)
+    dwells = [Row(first=14_000 + 12_080), Row(first=100_000 + 14_000 + 12_240)]
+    assert loop_record._settle_s(None, dwells) == 1.5
+    assert loop_record._settle_s(None, [Row(first=114_000 + 8_000 * 600)]) == 600.0
+    powers[0] = Row(first=0, powered=False)
+    assert loop_record._settle_s(None, dwells) == loop_runs.SETTLE_S

@@ -118,22 +118,37 @@ def test_the_columns_of_q_and_drive_force_hold_where_their_product_is_kept():
     model, condition = configuration.Config(), CONDITION._replace(rate_dps=-240.0, from_dps=0.0)
     keys = ("plant.qx", "plant.k_vf_drive_n_per_v")
     wanted = tuple(p for p in sheet.parameters(model, sheet.read(sheet.OWN)) if p.key in keys)
-    order, slow = [keys.index(p.key) for p in wanted], condition._replace(settle_s=4.5)
+    order = [keys.index(p.key) for p in wanted]
 
     def features(share):
         changed = {"plant.qx": model.plant.qx * share}
         changed["plant.k_vf_drive_n_per_v"] = model.plant.k_vf_drive_n_per_v / share
-        run = Run(Model(even(configuration.changed(model, changed))), slow, 3, model, 0, True)
+        run = Run(Model(even(configuration.changed(model, changed))), condition, 3, model, 0, True)
         return loop_runs.Bench(1).run([run], FAST)[0]
 
     rows = np.array([features(math.exp(-0.03)), features(1.0), features(math.exp(0.03))])
     measured = loop_problem.Measured("x", (condition,), {condition.id: rows[1:2]}, {})
     loop = AveragedLoop(measured, model, wanted, loop_runs.Bench(1))
     sigma = loop.sigma(loop.mean(np.zeros(2), 8)[1])
-    _, columns = loop.columns(np.zeros(2), [0, 1], sigma, 3.0)
+    _, columns = loop.columns(np.zeros(2), [0, 1], sigma, measured=True)
     change = np.array([(0.03, -0.03)[k] for k in order]) / [p.scale for p in wanted]
     told, seen = columns @ change / sigma, (rows[2] - rows[0]) / 2 / sigma
     assert np.linalg.norm(told - seen) < 0.1 * np.linalg.norm(seen)
+
+
+def test_an_observable_at_the_end_of_its_range_has_the_deviation_of_the_others():
+    """V_q at the end of its span under one of two conditions, then under both."""
+    model, conditions = configuration.Config(), [CONDITION, CONDITION._replace(id="two")]
+    rows = np.ones((1, loop_runs.size(CONDITION)))
+    measured = loop_problem.Measured("x", tuple(conditions), {c.id: rows for c in conditions}, {})
+    loop = AveragedLoop(measured, model, (), loop_runs.Bench(1))
+    sd, v_q2 = np.ones(2 * rows.size), loop.observable == "v_q2"
+    sd[v_q2] = 3.0
+    sd[v_q2 & (loop.condition == 0)] = 0.0
+    assert np.all(loop.sigma(sd)[v_q2] == 3.0)
+    sd[v_q2] = 0.0
+    with pytest.raises(ConfigError, match="v_q2 of the configured board is at its limit under all conditions"):
+        loop.sigma(sd)
 
 
 def test_a_direction_in_which_large_columns_cancel_has_the_change_that_is_measured_there():
@@ -180,7 +195,7 @@ class _Loop:
     def mean(self, u, count, kind=None):
         return self._at(self.values(u)), np.array([1e-6] * 4 + [1e-3] * 4 + [1e-6] * 4)
 
-    def columns(self, u, which, sigma, more_s=0.0):
+    def columns(self, u, which, sigma, measured=False):
         base, out = self._at(self.values(u)), np.zeros((12, len(u)))
         for k in which:
             step = 1e-6 * (np.arange(len(u)) == k)

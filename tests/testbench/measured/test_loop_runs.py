@@ -1,0 +1,48 @@
+"""Runs of tracing: the clock of a run from a locked state is that of the record, and what a law begins is forgotten."""
+
+import numpy as np
+import pytest
+
+from testbench import config
+from testbench.measured.closed_loop import loop_runs
+from testbench.measured.closed_loop.loop_even import even
+from testbench.measured.closed_loop.loop_runs import FAST, Model, Run
+from testbench.measured.record.plan import Condition
+
+CONDITION = Condition("one", 5.0, 0.0, None, 25.0, 0.0, settle_s=1.5, seconds=0.1, role="fit")
+LAW = "cv_y = 1e-5 {} cx"
+
+
+@pytest.fixture(scope="module")
+def bench():
+    return loop_runs.Bench(1)
+
+
+def change(bench, condition, law):
+    """Change of V_q^2 in a dwell by a law."""
+    own = config.Config()
+    base, moved = (Run(Model(even(own), laws), condition, 3, own, 0, True) for laws in ((), (LAW.format(law),)))
+    rows = bench.run([base, moved], FAST)
+    count = loop_runs.size(condition) // len(loop_runs.NAMES)
+    first = count * loop_runs.NAMES.index("v_q2")
+    return float(np.mean((rows[1] - rows[0])[first : first + count]))
+
+
+@pytest.mark.parametrize("settle_s", [1.5, 4.0])
+def test_a_law_of_the_time_from_power_on_has_that_of_the_dwell(bench, settle_s):
+    condition = CONDITION._replace(settle_s=settle_s)
+    end_s = loop_runs.START_TICKS / 1e6 + settle_s + condition.seconds
+    found = change(bench, condition, "lag(3)") / change(bench, condition, "")
+    # the quadrature loop follows the law by 0.2 s
+    least, most = (1 - np.exp(-t / 3) for t in (end_s - 0.4, end_s - 0.1))
+    assert least < found < most
+
+
+def test_a_law_that_begins_with_the_run_is_forgotten_at_the_dwell(bench, monkeypatch):
+    """Against twice the time: the remainder is below a thousandth, and shorter runs leave more."""
+    known = change(bench, CONDITION, "")
+    monkeypatch.setattr(loop_runs, "HELD_S", 5.5)
+    longer = change(bench, CONDITION._replace(settle_s=4.0), "")
+    assert known == pytest.approx(longer, rel=1e-3)
+    monkeypatch.setattr(loop_runs, "HELD_S", 0.5)
+    assert change(bench, CONDITION, "") != pytest.approx(longer, rel=1e-3)
