@@ -64,7 +64,7 @@ class Anchored(Problem, adds="anchor distance check beyond at draws unidentifiab
 MEMBERS = (
     "recorded model parameters progress bench kept candidates conditions per_hz slope place anchors tangent tangents "
     "first starts base fitted model_at moved_hz run_of smooth key exact hertz linear size column axis settle pseudo "
-    "alone_at"
+    "alone_at after timed at_time"
 )
 
 
@@ -119,6 +119,11 @@ class AnchoredLoop(Anchored, adds=MEMBERS):
         told = self.moved_hz(model, place - above_hz + jitter_hz(draw))
         return Run(told, condition, FIRST_DRAW + 10_000 * number + draw, start, int(LATER[draw]), smooth)
 
+    def at_time(self, condition, effects):
+        """A condition as long after power-on as in the record, if one of the effects asks for that time."""
+        asked = self.timed & {name for name, value in effects.items() if value}
+        return condition._replace(settle_s=self.after.get(condition.id, condition.settle_s)) if asked else condition
+
     def smooth(self, wanted, take=None):
         """`_run` of the averaged plant without rounded codes, from the lock of the model where the problem began.
 
@@ -155,7 +160,7 @@ class AnchoredLoop(Anchored, adds=MEMBERS):
         """
         model = self.model_at(theta, effects)
         told = "exact", model.config.model_dump_json(), model.laws
-        chosen = [c for c in self.recorded.conditions if role in (None, c.role)]
+        chosen = [self.at_time(c, effects) for c in self.recorded.conditions if role in (None, c.role)]
         keys = {c.id: self.key(*told, c._replace(role=""), self.place[c.id]) for c in chosen}
         moved = self._moved_hz(theta, effects)
         # the averaged plant with the same noise, where the model began

@@ -66,6 +66,10 @@ class Candidate(NamedTuple):
         """`law.Law`s of a coefficient of 1 in a device; () of a parameter of a part."""
         return tuple(map(law.parse, self.terms(1.0, device) if self.terms else self.texts(1.0)))
 
+    def timed(self, device):
+        """True of a law that asks for the time from power-on."""
+        return any(f.name in law.TIMES for one in self.at_ports(device) for f in one.factors)
+
 
 def _key(name, port, text, unit, scale, terms, limits=None, page=""):
     """Candidate of a key; a law whose limits have a side has that sign."""

@@ -58,6 +58,10 @@ class LoopProblem(AnchoredLoop):
     library_late = True
 
     def __init__(self, measured, model, nuisances, candidates, library=(), bench=None, kept=None, progress=None):
+        # runs are shared by all records at one time from power-on; laws that ask for it have that of the record
+        self.after = {c.id: c.settle_s for c in measured.conditions}
+        conditions = tuple(c._replace(settle_s=loop_runs.SETTLE_S) for c in measured.conditions)
+        measured = measured._replace(conditions=conditions)
         self.name, self.recorded, self.model = measured.name, measured, model
         self.parameters, self.progress = tuple(nuisances), progress
         self.bench, self.kept = bench or loop_runs.Bench(), kept or Kept()
@@ -65,6 +69,7 @@ class LoopProblem(AnchoredLoop):
         known = {p.key for p in self.parameters}
         candidates, library = ([c for c in laws if c.key not in known] for laws in (candidates, library))
         self.candidates = {c.law.name: c for c in (*candidates, *library)}
+        self.timed = frozenset(name for name, c in self.candidates.items() if c.timed(model.device()))
         self.nuisances = tuple(Nuisance(p.key, p.unit, *p.normal()) for p in self.parameters)
         self.laws, self.library = tuple(c.law for c in candidates), tuple(c.law for c in library)
         self.linear_in = frozenset([n.name for n in self.nuisances] + list(self.candidates))

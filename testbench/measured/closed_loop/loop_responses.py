@@ -126,11 +126,12 @@ class Responses:
         gain = 1.0 if port in law.CV_PORTS else 2 * np.pi * board.fx_hz * board.mass_kg / board.qx
         return float(1e-4 * gain * np.abs(whole[0]) / np.abs(states[state][0]))
 
-    def column(self, laws):
-        """{condition: features per unit} of a sum of `law.Law`s."""
+    def column(self, laws, later_s):
+        """{condition: features per unit} of a sum of `law.Law`s; later_s: {condition: seconds by which it is later}."""
         out = {}
         for c in self.conditions:
             states, change = self.at[c.id][1], 0.0
+            states = states | {"s": states["s"] + later_s[c.id]}
             temp_ref = self.of.model.plant.temp_ref_degc
             for one in laws:
                 for state, share in zip(BASIS[one.port], loop_phasors.shares(one, states, temp_ref)):

@@ -42,7 +42,7 @@ class Tangents:
         self._wide, self._weak = bool(of.starts), None
         self._tied = tied(self.nuisances) if self._wide else {}
         for role in {c.role for c in of.conditions.values()}:
-            self.kept[self._where, role, "plant.fx_hz"] = {c.id: of.slope[c.id] for c in self._of(role)}
+            self.kept[self._key(role, "plant.fx_hz")] = {c.id: of.slope[c.id] for c in self._of(role)}
 
     def column(self, name, role="fit"):
         """{condition: column} of the conditions with a role; nan where the plant fails."""
@@ -61,11 +61,16 @@ class Tangents:
 
     def alone(self, name, role="fit"):
         """`column` by runs with this nuisance or law alone."""
-        if (self._where, role, name) not in self.kept:
+        if self._key(role, name) not in self.kept:
             if name not in self.steps:
                 self.make(self._beside(name))
             self.make(self.nuisances if name in self.nuisances else [name], role)
-        return self.kept[self._where, role, name]
+        return self.kept[self._key(role, name)]
+
+    def _key(self, role, name):
+        """What a column depends on: of a law that asks for the time from power-on, on those of the record too."""
+        after = [self.of.at_time(c, {name: 1.0}).settle_s for c in self._of(role)] if name in self.of.timed else ()
+        return self._where, role, name, *after
 
     def matrix(self, role):
         """{condition of a role: columns of all nuisances}, of wide priors with weak directions measured."""
@@ -93,9 +98,10 @@ class Tangents:
         made = self.of.kept.responses
         if (self._where, role) not in made:
             made[self._where, role] = Responses(self.of, role)
-        key = self._where, role, name, "responses"
+        key = *self._key(role, name), "responses"
         if key not in self.kept:
-            found = made[self._where, role].column(self._at_ports[name])
+            later = {c.id: self.of.at_time(c, {name: 1.0}).settle_s - c.settle_s for c in self._of(role)}
+            found = made[self._where, role].column(self._at_ports[name], later)
             seen = role != "fit" or self._size(found) * self.largest(name) >= SEEN
             self.kept[key] = found if seen else {g: np.zeros_like(v) for g, v in found.items()}
         return self.kept[key]
@@ -115,7 +121,7 @@ class Tangents:
     def make(self, names, role="fit"):
         """Columns of nuisances and laws on the conditions with a role, that are not there yet."""
         of, columns = self.of, {}
-        missing = [n for n in names if n not in self._tied and (self._where, role, n) not in self.kept]
+        missing = [n for n in names if n not in self._tied and self._key(role, n) not in self.kept]
         if not missing:
             return
         base = self._many([(of.first, {})], self._of(role))[0]
@@ -150,7 +156,7 @@ class Tangents:
                 columns[name] = {g: (v - moved[g] / steps[name]) / 2 for g, v in columns[name].items()}
         for name in missing:
             self.steps.setdefault(name, 0.0 if columns.get(name) is zero else steps[name])
-            self.kept[self._where, role, name] = columns.get(name, nan)
+            self.kept[self._key(role, name)] = columns.get(name, nan)
 
     def _first_step(self, name):
         if name in self.nuisances:
@@ -237,7 +243,12 @@ class Tangents:
                 models.append(told._replace(config=even(told.config)))
             except PredictionFailed:
                 models.append(None)
-        wanted = [(m, c, 0, h[c.id]) for m, h in zip(models, hertz) if m is not None for c in conditions]
+        wanted = [
+            (m, of.at_time(c, effects), 0, h[c.id])
+            for m, h, (_, effects) in zip(models, hertz, points)
+            if m is not None
+            for c in conditions
+        ]
         found, out = iter(of.smooth(wanted)), []
         for m in models:
             values = None if m is None else {c.id: next(found) for c in conditions}

@@ -1,4 +1,4 @@
-"""Data quality of a closed-loop record: codes of the converter within each dwell, beyond what rules R01 to R33 judge.
+"""Data quality of a closed-loop record: the converter's codes within dwells with a role, beyond rules R01 to R33.
 
     found     blocks that come again, runs that stand still, single codes far off their neighbours, codes drawn between
               others; all are reported, none refuses: the replay of the firmware (R16) judges the codes of a record
@@ -31,7 +31,9 @@ CHECKS = (duplicated.check, stuck.check, spikes.check, _drawn)
 def findings(record):
     """Findings about the dwells of a `testbench.storage.record.Record`."""
     out, edge0 = [], record.streams["adc_xI"].edge0
-    for name, a, b in schema.rows(record.tables["segments"], "id", "edge_a", "edge_b"):
+    for name, role, a, b in schema.rows(record.tables["segments"], "id", "role", "edge_a", "edge_b"):
+        if role == "none":
+            continue
         first, last = (max(0, -(-(edge - edge0) // FRAME_CYCLES)) for edge in (a, b))
         codes = {stream: record.streams[stream].data[first:last].astype(float) for stream in schema.ADC}
         alive = {stream: v for stream, v in codes.items() if len(v) >= LEAST_FRAMES and np.ptp(v) > 0}

@@ -11,7 +11,7 @@ from testbench.storage.record import Column, Record, TableColumn
 FRAMES = 6000
 
 
-def record(damage=None):
+def record(damage=None, role="validate"):
     """Two dwells of noise, settling and a line, with the codes of adc_yI damaged in the second."""
     rng, t = np.random.default_rng(4), np.arange(FRAMES)
     streams = {}
@@ -30,12 +30,17 @@ def record(damage=None):
             stream.data[5000:5300] = stream.data[4000:4300]
     half = FRAMES // 2 * FRAME_CYCLES
     columns = {"id": np.array(["a", "b"]), "edge_a": np.array([0, half]), "edge_b": np.array([half, 2 * half])}
+    columns["role"] = np.array(["fit", role])
     tables = {"segments": {key: TableColumn(value, "") for key, value in columns.items()}}
     return Record(attrs={}, streams=streams, tables=tables)
 
 
 def test_an_undamaged_record_has_no_finding():
     assert adc_codes.findings(record()) == ()
+
+
+def test_segments_without_a_role_are_not_looked_at():
+    assert adc_codes.findings(record("spikes", role="none")) == ()
 
 
 @pytest.mark.parametrize("damage", ["spikes", "stuck", "interpolated", "duplicated"])
