@@ -317,7 +317,10 @@ def _diagnosis(manifest, inputs, golden, logged, counts, n, divergence):
     rows = why.Rows(
         block=manifest["block"],
         params={p["name"]: p["raw"] for p in manifest.get("params", [])},
-        inputs={name: _given(column[:n], logged.get(name)) for name, column in inputs.items()},
+        # a column has the register's values where an input has its name
+        inputs={
+            name: _given(column[:n], None if name in names else logged.get(name)) for name, column in inputs.items()
+        },
         expected={name: golden[name][:n] for name in names},
         got={name: logged[name].values[:n] for name in seen},
         care={name: counts[name] & logged[name].known[:n] for name in seen},

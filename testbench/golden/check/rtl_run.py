@@ -258,10 +258,21 @@ def _at_rest(columns, found, design):
         if design.named is None:
             return
         raise FileError(f"{last}: every port is unknown (x) in every row: the design is not clocked, or never reset")
-    if all(columns[name].known.all() and len(np.unique(columns[name].values)) == 1 for name in moves):
+    # rows behind a clock without reset: with the other polarity they show the reset alone
+    names = [p["name"] for p in golden.manifest["inputs"]]
+    reset = golden.stim[:, names.index("rst")] != 0 if "rst" in names else np.zeros(len(golden.exp), bool)
+    behind = np.r_[False, ~reset[:-1]]
+    if not all(columns[n].known[behind].all() and len(np.unique(columns[n].values[behind])) == 1 for n in moves):
+        return
+    if any(len(np.unique(columns[n].values[columns[n].known])) > 1 for n in moves):
+        active = design.named.reset[1] if design.named else 1
         raise FileError(
-            f"{last}: no port changes in {len(golden.exp)} rows: the design never leaves reset, or has no clock"
+            f"{last}: ports change only where rst is active: the reset is of the other polarity; "
+            f"active = {1 - active} in [reset] of a map"
         )
+    raise FileError(
+        f"{last}: no port changes in {len(golden.exp)} rows: it never leaves reset, has no clock or never starts"
+    )
 
 
 def check(folder, rtl, sim=None, timeout_s=TIMEOUT_S, before=BEFORE, choice=None):

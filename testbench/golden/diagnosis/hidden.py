@@ -38,6 +38,7 @@ class Hidden:
         self.leaves = {key: column[window] for key, column in leaves.items()}
         self.got = {name: got[name][window] for name in self.visible}
         self.care = {name: care[name][window] for name in self.visible}
+        self.expected = {name: expected[name][window] for name in self.visible}
         self.rows = Rows(net, self.leaves, self.count)
 
     def _activated(self, node):
@@ -79,6 +80,24 @@ class Hidden:
             keep &= (value == self.got[name][rows]) | ~self.care[name][rows] | (is_reset_choice(node) & (at == 0))
         return [(h, int(row)) for h, row, kept in zip(found, at, keep) if kept]
 
+    def at_once(self):
+        """The first port at fault if the whole block is reset in the row of its reset, before the edge; else None."""
+        reset = self.leaves["in", "rst"] != 0
+        leaves = {
+            (kind, name): np.where(reset, self.net.reset[name], column) if kind == "reg" else column
+            for (kind, name), column in self.leaves.items()
+        }
+        rows, first = Rows(self.net, leaves, self.count), []
+        for name in self.visible:
+            root, fmt = self.net.roots[name], self.net.fmts[name]
+            shown = leaves["reg", name] if root.op == "next" else wrapped(rows.full(root), fmt.width, bool(fmt.s))
+            if np.any(self.care[name] & (shown != self.got[name])):
+                return None
+            differs = self.care[name] & (self.got[name] != self.expected[name])
+            if differs.any():
+                first.append((int(np.argmax(differs)), name))
+        return min(first, key=lambda pair: pair[0])[1] if first else None
+
     def explained(self):
         """[(hypothesis, share)] of those that explain some wrong rows, the best first."""
         ahead = []
@@ -95,6 +114,7 @@ class Hidden:
         given = np.stack([self.leaves["in", name] for name in inputs], axis=1).tolist()
         want = list(zip(*[np.where(self.care[n], self.got[n], None).tolist() for n in self.visible]))
         registers = [name for name, root in self.net.roots.items() if root.op == "next"]
+        self.left_out = max(len(ahead) - MOST_RUN, 0)
         total, out = np.count_nonzero(self.wrong), []
         for h, row in ahead[:MOST_RUN]:
             run, held = simulate.compiled(self.net, h, self.visible)

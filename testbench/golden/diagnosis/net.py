@@ -7,9 +7,13 @@ Operations have two forms, which give the same integers: on int64 columns, a row
 Source  docs/diagnosis.md
 """
 
+import itertools
+import re
+
 import numpy as np
 
 MOST_SHIFT = 62
+CHANNEL = re.compile(r"_(\d|[xy])$")
 
 
 def _int(x):
@@ -120,11 +124,12 @@ class Net:
     own     how many of the nodes are those of the model; hypotheses add to them
     users   {id of a node of the model: [(node that uses it, as which argument)]}
     loads   {(id of a choice, argument): register or pin} where that argument is what is loaded
+    siblings {(id of a node, argument): {what stands there in the registers of other channels}}, as acc_1 is of acc_2
     """
 
     def __init__(self):
         self.nodes, self.known, self.roots, self.fmts, self.reset = [], {}, {}, {}, {}
-        self.own, self.users, self.loads = 0, {}, {}
+        self.own, self.users, self.loads, self.siblings = 0, {}, {}, {}
 
     def node(self, op, args=(), value=None, text=""):
         """The node of an operation, made if there is none yet."""
@@ -134,7 +139,8 @@ class Net:
             found = Node()
             found.op, found.args, found.value, found.text = op, tuple(args), value, text
             found.id = len(self.nodes)
-            found.cone = 1 << found.id
+            # of the model alone: a bit for each hypothesis would cost gigabytes
+            found.cone = 0 if self.own else 1 << found.id
             for a in args:
                 found.cone |= a.cone
             found.lo, found.hi = _bounds(self, found)
@@ -146,11 +152,11 @@ class Net:
         """The node of a number."""
         return self.node("const", (), int(value), str(int(value)))
 
-    def substituted(self, node, old, new):
-        """The node with `new` in the place of every `old` in it."""
-        done = {old.id: new}
+    def substituted(self, node, swaps):
+        """The node of the model with other nodes in the place of some in it: {id: node}."""
+        done, sites = dict(swaps), sum(1 << k for k in swaps)
         for n in self.inside(node):
-            if n is not old and n.cone >> old.id & 1:
+            if n.id not in swaps and n.cone & sites:
                 done[n.id] = self.node(n.op, [done.get(a.id, a) for a in n.args], n.value, "")
         return done.get(node.id, node)
 
@@ -179,6 +185,24 @@ class Net:
                 if child.value != name or child.op != "reg":
                     self.loads.setdefault((node.id, k), name)
 
+        self._pair_channels()
+
+    def _pair_channels(self):
+        families, done = {}, set()
+        for name in self.roots:
+            if CHANNEL.search(name):
+                families.setdefault(CHANNEL.sub("", name), []).append(self.roots[name])
+        ahead = [pair for roots in families.values() for pair in itertools.permutations(roots, 2)]
+        while ahead:
+            a, b = pair = ahead.pop()
+            if a is b or pair in done or a.op != b.op or len(a.args) != len(b.args):
+                continue
+            done.add(pair)
+            for k, (x, y) in enumerate(zip(a.args, b.args)):
+                if x is not y:
+                    self.siblings.setdefault((a.id, k), {})[y.id] = y
+                    ahead.append((x, y))
+
     def leaf(self, op, name, fmt):
         """The node of a register or an input."""
         self.fmts.setdefault(name if op == "reg" else f"in {name}", fmt)
@@ -202,7 +226,7 @@ class Net:
         return bits_of(node.lo, node.hi)
 
     def inside(self, node):
-        """Nodes that a node is made of, itself included, arguments first."""
+        """Nodes of the model that a node is made of, itself included, arguments first."""
         found, cone = [], node.cone
         while cone:
             low = cone & -cone

@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 from testbench.golden.diagnosis import perturb_arithmetic, perturb_bits, perturb_control
 from testbench.golden.diagnosis.causes import RANK
-from testbench.golden.diagnosis.net import Node
+from testbench.golden.diagnosis.elaborate import static
+from testbench.golden.diagnosis.net import COMPARED, Node
 
 
 class Hypothesis(NamedTuple):
@@ -33,6 +34,29 @@ MOST_INSIDE = 40  # nodes of what is loaded, beyond which a leaf is only varied 
 SOURCES = (perturb_arithmetic.of_operand, perturb_control.of_operand, perturb_bits.of_operand)
 
 
+IN_A_TEST = 2  # what another bit in a condition does goes by that name: docs/diagnosis.md
+NO_TEST = ("condition", "comparison", "priority", "late", "early", "signedness")
+
+
+OF_PARAMETERS = 2  # a comparison of parameters alone is right or wrong in every row
+
+
+def _of_parameters(node):
+    """Whether a node is a comparison of parameters alone, or a choice by one."""
+    chosen = node.args[0] if node.op == "mux" else node
+    return chosen.op in (*COMPARED, "not", "land", "lor") and static(chosen) is not None
+
+
+def _reads_a_bit(net, node):
+    """Whether a node is one bit of a word, or the shift below it, or compares a register or input with a number."""
+    if node.op == "shr":
+        users = net.users.get(node.id, ())
+        return bool(users) and all(_reads_a_bit(net, user) for user, _ in users)
+    if node.op == "and":
+        return node.args[1].op == "const" and node.args[1].value > 0 and node.args[1].value.bit_count() == 1
+    return node.op in COMPARED and node.args[0].op in ("reg", "in")
+
+
 def _operations(net, node, seen):
     yield from perturb_arithmetic.of_operation(net, node, seen)
     yield from perturb_control.of_operation(net, node)
@@ -49,6 +73,8 @@ def _varied(net, node, seen):
         for source in SOURCES:
             for cause, what, new, cost in source(net, node, k, child, seen):
                 yield cause, what, with_argument(net, node, k, new), cost
+        for cause, what, new, cost in perturb_control.of_another_channel(net, node, k, child):
+            yield cause, what, with_argument(net, node, k, new), cost
         if (node.id, k) in net.loads:
             for cause, what, new, cost in _everywhere(net, child, seen):
                 yield cause, what, with_argument(net, node, k, new), cost + 1
@@ -67,16 +93,19 @@ def _everywhere(net, loaded, seen):
         if leaf.op in ("reg", "in") and len(uses) > 1:
             for source in SOURCES:
                 for cause, what, new, cost in source(net, *uses[0], leaf, seen):
-                    yield cause, f"{what} wherever it is used", net.substituted(loaded, leaf, new), cost
+                    yield cause, f"{what} wherever it is used", net.substituted(loaded, {leaf.id: new}), cost
 
 
 def of_node(net, node, seen):
-    """Hypotheses at one node, without doubles, cheapest first."""
+    """Hypotheses at one node, without doubles: two causes may stand for the same node."""
     found = {}
     for cause, what, by, cost in _varied(net, node, seen):
         if by is node:
             continue
-        hypothesis = Hypothesis(cause, what, node, by, 4 * cost + RANK[cause] // 8)
-        if by.id not in found or hypothesis.cost < found[by.id].cost:
-            found[by.id] = hypothesis
+        rare = IN_A_TEST if cause not in NO_TEST and _reads_a_bit(net, node) else 0
+        rare += OF_PARAMETERS if _of_parameters(node) else 0
+        hypothesis = Hypothesis(cause, what, node, by, 4 * (cost + rare) + RANK[cause] // 8)
+        key = cause, by.id
+        if key not in found or hypothesis.cost < found[key].cost:
+            found[key] = hypothesis
     return list(found.values())

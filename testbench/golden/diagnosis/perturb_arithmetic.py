@@ -9,7 +9,7 @@ from testbench.golden.diagnosis.elaborate import static
 from testbench.golden.diagnosis.net import COMPARED, ROUNDINGS, bits_of
 
 NARROWED = ("add", "sub", "mul", "shl", "neg", "abs", "mux", "clamp", *ROUNDINGS)
-CONDITIONS = (*COMPARED, "not", "land", "lor")
+ORDERED = ("lt", "le", "gt", "ge")
 
 
 def _known_as(rule):
@@ -62,8 +62,15 @@ def of_operation(net, node, seen):
         one = net.const(1)
         yield "gain", f"one bit more than {a[1]!r}", net.node(op, (a[0], net.node("add", (a[1], one)))), 0
         yield "gain", f"one bit less than {a[1]!r}", net.node(op, (a[0], net.node("sub", (a[1], one)))), 0
+    if op in ORDERED and min(a[0].lo, a[1].lo) < 0:
+        yield "signedness", f"{node!r} of unsigned values", net.node(op, _unsigned(net, a)), 0
     if op == "clamp":
         yield from _limits(net, node, seen)
+        if min(x.lo for x in a) < 0:
+            x, lo, hi = _unsigned(net, a)
+            below, above = net.node("lt", (x, lo)), net.node("gt", (x, hi))
+            inner = net.node("mux", (above, a[2], a[0]))
+            yield "signedness", "compared as unsigned", net.node("mux", (below, a[1], inner)), 0
     if op in ("wrap", "wrapu"):
         signed, width = op == "wrap", static(a[1])
         if width is not None:
@@ -78,6 +85,12 @@ def of_operation(net, node, seen):
                 net.node(op, (net.node("add", (a[0], net.const(step))),), node.value),
                 0,
             )
+
+
+def _unsigned(net, nodes):
+    """Nodes as unsigned values of one width, as Verilog compares them if one of them is unsigned."""
+    width = min(max(net.width_of(n) + (n.lo >= 0) for n in nodes), 62)
+    return tuple(net.node("wrapu", (n, net.const(width))) for n in nodes)
 
 
 def _below(net, x):
@@ -151,8 +164,9 @@ def of_operand(net, node, k, child, seen):
             for step in (1, -1):
                 code = cause == "comparison" and node.op in ("eq", "ne") and not _counter(net, node.args[0])
                 yield cause, f"{child!r} {step:+d}", net.node("add", (child, net.const(step))), 1 if code else 0
-            if child.op == "const" and 0 < child.value < 1 << 24 and node.op != "and":
-                for bit in range(child.value.bit_length()):
+            if child.op == "const" and 0 <= child.value < 1 << 24 and node.op != "and":
+                compared = net.width_of(node.args[0]) if node.op in ("eq", "ne") else 0
+                for bit in range(max(child.value.bit_length(), min(compared, 24))):
                     yield cause, f"{child!r} with bit {bit} inverted", net.const(child.value ^ 1 << bit), 2
     if node.op in COMPARED and k == 0:
         return
@@ -180,6 +194,11 @@ def of_operand(net, node, k, child, seen):
         yield "complement", f"~({child!r})", net.node("inv", (child,)), 2
     if child.op in NARROWED:
         yield from _narrowed(net, child, seen)
+    elif (node.id, k) in net.loads and net.fmts[net.loads[node.id, k]].width > 2:
+        yield from _without_top(net, child, net.fmts[net.loads[node.id, k]])
+    if any(user.op == "sub" and place == 1 for user, place in net.users.get(child.id, ())):
+        minus = net.node("add", (child, net.const(1)))
+        yield "complement", f"~{child!r} for its opposite, also where it is compared", minus, 1
 
 
 def _extended(net, child):
@@ -191,6 +210,14 @@ def _extended(net, child):
     if width <= 62:
         op = "wrapu" if signed else "wrap"
         yield "signedness", f"{child!r}", net.node(op, (child, net.const(width))), 0 if not child.args else 2
+
+
+def _without_top(net, child, fmt):
+    for lost in (1, 2, 3):
+        width = fmt.width - lost
+        if width > 1:
+            by = net.node("wrap" if fmt.s else "wrapu", (child, net.const(width)))
+            yield "width", f"{child!r} in {width} bits", by, lost - 1
 
 
 def _narrowed(net, child, seen):

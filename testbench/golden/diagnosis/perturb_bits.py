@@ -4,6 +4,8 @@ Each function yields (cause, what, node, cost) as those of `perturb_arithmetic`.
 Source  docs/diagnosis.md
 """
 
+from testbench.golden.diagnosis.elaborate import static
+
 MOST_PAIRS = 26  # width up to which all pairs of bits are tried
 
 
@@ -31,8 +33,22 @@ def of_operation(net, node):
                     net.node("or", (net.node("shr", (register, net.const(1))), last)),
                     0,
                 )
-    if op == "and" and _one(a[1]) and a[0].op == "shr" and a[0].args[0].op == "reg":
-        yield "bit_order", "sends the LSB", net.node("and", (a[0].args[0], a[1])), 0
+    if op == "and" and _one(a[1]) and a[0].op == "shr":
+        word, place = a[0].args
+        if word.op == "reg":
+            yield "bit_order", "sends the LSB", net.node("and", (word, a[1])), 0
+        yield from _other_bits(net, word, static(place), a[1])
+
+
+def _other_bits(net, word, place, one):
+    """Another bit of the word of which one is read; a place whose sign is wrong ends modulo the size of an index."""
+    width = net.width_of(word)
+    for bit in range(min(width, 62)) if place is not None else ():
+        by = net.node("and", (net.node("shr", (word, net.const(bit))), one))
+        if bit != place:
+            yield "operand", f"bit {bit} of {word!r} for bit {place}", by, 2
+        if place and bit == -place % (1 << (width - 1).bit_length()):
+            yield "sign", f"bit {-place} of {word!r}", by, 0
 
 
 def _moved(net, child, places):
@@ -56,6 +72,8 @@ def of_operand(net, node, k, child, seen):
             _moved(net, child, range(size - 1, -1, -1)),
             (size < width) + 2 * (width < 8),
         )
+    if root and not leaf:
+        yield "bit_order", f"{child!r} reversed", _moved(net, child, range(width - 1, -1, -1)), 2 * (width < 8)
     for places, what in _exchanges(width):
         yield "bit_swap", f"{what} of {child!r}", _moved(net, child, places), 1 if root or width > 4 else 3
     if root:

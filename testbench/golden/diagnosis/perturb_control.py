@@ -18,6 +18,7 @@ NEAR = {
 }
 MOST_FLAGS = 60
 MOST_LATE = 4
+MOST_MODES = 3  # bits of a mode: a branch of one may be taken in another one as well
 
 
 def _is_reset(node):
@@ -48,7 +49,7 @@ def of_operation(net, node):
         for e in flags_of(net):
             for said, flag in ((f"{e!r}", e), (f"not {e!r}", net.node("not", (e,)))):
                 yield "priority", f"reset only with {said}", net.node("land", (node, flag)), 0
-    elif len(users) > 1 and all(_decides(*user) for user in users):
+    elif len(users) > 1 and all(decides(*user) for user in users):
         yield "condition", f"always {node!r}", net.const(1), 1 if op in COMPARED else 0
         yield "condition", f"never {node!r}", net.const(0), 1 if op in COMPARED else 0
         yield "condition", f"{node!r} inverted", net.node("not", (node,)), 0
@@ -57,6 +58,10 @@ def of_operation(net, node):
         for other in NEAR[op]:
             cost = 0 if other in ("le", "lt", "ge", "gt") and op not in ("eq", "ne") else 1
             yield "comparison", f"{other} for {op}", net.node(other, a), cost
+    if op == "eq" and a[1].op == "const" and a[0].op in ("reg", "in") and net.width_of(a[0]) <= MOST_MODES:
+        for value in set(range(1 << net.width_of(a[0]))) - {a[1].value}:
+            also = net.node("lor", (node, net.node("eq", (a[0], net.const(value)))))
+            yield "condition", f"{node!r}, or {value}", also, 0
     if op in ("land", "lor"):
         for k in (0, 1):
             yield "condition", f"{a[k]!r} missing", a[1 - k], 1 if a[k].op in COMPARED else 0
@@ -74,7 +79,7 @@ def of_operation(net, node):
             yield "operand", f"without {a[1 - k]!r}", a[k], 2
 
 
-def _decides(node, k):
+def decides(node, k):
     """Whether argument k of a node is a condition."""
     return node.op in ("land", "lor", "not") or (node.op == "mux" and k == 0)
 
@@ -185,7 +190,7 @@ def _other_conditions(net, c, cost):
 
 def of_operand(net, node, k, child, seen):
     """Operand k a clock late or early, or another one."""
-    condition = _decides(node, k)
+    condition = decides(node, k)
     if child.op == "const" or _is_reset(child) or (is_reset_choice(node) and k == 2):
         return
     if node.op in ("shl", "shr", "wrap", "wrapu", *ROUNDINGS) and k == 1 and child.op == "param":
@@ -205,6 +210,15 @@ def of_operand(net, node, k, child, seen):
             if other.op in ("reg", "in", "param") and same and other is not child and not _is_reset(other):
                 cause = "limit" if node.op == "clamp" and k else "condition" if condition else "operand"
                 yield cause, f"{other!r} in the place of {child!r}", other, 1
+
+
+def of_another_channel(net, node, k, child):
+    """Operand k as it is in the register of another channel."""
+    if node.op in ROOTS or not child.args:
+        return
+    for other in net.siblings.get((node.id, k), {}).values():
+        cause = "condition" if decides(node, k) else "operand"
+        yield cause, f"{other!r} of another channel in the place of {child!r}", other, 1
 
 
 def _holds(net, node, child):

@@ -8,12 +8,13 @@ Source  docs/diagnosis.md
 """
 
 import collections
+import functools
 from math import lgamma, log
 from typing import NamedTuple
 
 import numpy as np
 
-from testbench.golden.diagnosis import of_data, perturb
+from testbench.golden.diagnosis import of_conditions, of_data, perturb
 from testbench.golden.diagnosis.net import wrapped
 from testbench.golden.diagnosis.perturb import Hypothesis
 from testbench.golden.diagnosis.rows import Rows
@@ -52,7 +53,7 @@ class Fit(NamedTuple):
     @property
     def key(self):
         h = self.hypothesis
-        return h.site.id, h.by.id
+        return h.cause, h.site.id, h.by.id
 
 
 def _first_of_each(hypotheses):
@@ -103,6 +104,11 @@ class Search:
         sound = wrapped(self.rows.full(root), fmt.width, bool(fmt.s))
         return Target(name, root, fmt, got, judged, sound, judged & (got != sound))
 
+    @functools.cached_property
+    def bits(self):
+        """`of_conditions.Bits` of the rows."""
+        return of_conditions.Bits(self.net, self.rows)
+
     def of_site(self, node):
         """Hypotheses at a node, made once."""
         if node.id not in self.hypotheses:
@@ -136,14 +142,20 @@ class Search:
         )  # fmt: skip
         inside = [node for node in self.net.inside(target.root) if node.id < self.net.own]
         tried = [h for node in inside for h in self.of_site(node)]
+        rivals = []
         if not others:
             tried += of_data.hypotheses(self.net, self.rows, target, inside, wrong)
+            flags = list(of_conditions.hypotheses(self, target, inside, picked, wrong))
+            tried += [h for h in flags if h.cost < of_conditions.FAR]
+            rivals = [h for h in flags if h.cost >= of_conditions.FAR]
         hits = self._hits(target, tried, others, picked)
         order = sorted(range(len(tried)), key=lambda k: (-hits[k], tried[k].cost))
         whole = [k for k in order if hits[k] == len(picked)]
         part = [k for k in order if LEAST_SHARE * len(picked) <= hits[k] < len(picked)]
         found = self._kept(target, _first_of_each([tried[k] for k in whole]), others)
-        if not any(f.share == 1.0 for f in found):
+        if any(f.share == 1.0 for f in found):
+            found += self._kept(target, rivals, others)
+        else:
             found += self._kept(target, [tried[k] for k in part[:MOST_FITS]], others)
         return sorted(found, key=lambda f: (-round(f.share * f.precision, 3), f.hypothesis.cost))
 

@@ -152,12 +152,16 @@ def _second(search, name, hypothesis, share):
 
 
 def hidden_causes(search):
-    """[Cause] of a `Hidden`: only what explains every row counts."""
-    found = {}
+    """[Cause] of a `Hidden`: only what explains every row counts. Another register is another cause."""
     if not search.wrong.any():
         return []
+    found = {}
     for h, share in search.explained():
         if share == 1.0:
-            found.setdefault(h.cause, h)
-    listed = [Cause(cause, search.driven(h), 1.0 / len(found), h.what) for cause, h in found.items()]
+            found.setdefault((h.cause, search.driven(h)), h)
+    at_once = search.at_once()
+    # what was not run may explain the rows as well
+    part = 1.0 / max(len(found) + bool(search.left_out) + (at_once is not None), 1)
+    listed = [Cause("async_reset", at_once, part, "all registers at once")] if at_once else []
+    listed += [Cause(cause, register, part, h.what) for (cause, register), h in found.items()]
     return listed[:MOST_LISTED]

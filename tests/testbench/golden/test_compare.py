@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from testbench.errors import FileError
+from testbench.golden.check import diagnose as why
 from testbench.golden.check.compare import SCHEMA, Column, compare, formats
 from tests.testbench.golden import planted
 
@@ -41,6 +42,18 @@ def test_equal_rows_pass_and_say_what_was_compared():
     assert report.missing == ("product", "held1", "held2")
     assert report.text().endswith("PASS\n")
     assert json.loads(report.to_json())["passed"] is True
+
+
+def test_an_input_that_has_the_name_of_a_register_keeps_its_own_values(monkeypatch):
+    manifest, inputs, expected, got = golden()
+    manifest["inputs"].append(manifest["registers"][0] | {"name": "code"})
+    inputs["code"] = 7 * np.ones_like(got["code"])
+    got["code"][41] += 3
+    rows = []
+    monkeypatch.setattr(why, "diagnose", lambda given: rows.append(given) or [])
+    compare(manifest, inputs, expected, got)
+    np.testing.assert_array_equal(rows[0].inputs["code"], inputs["code"])
+    np.testing.assert_array_equal(rows[0].got["code"], got["code"])
 
 
 def test_the_first_divergence_is_exact():

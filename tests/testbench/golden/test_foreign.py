@@ -288,7 +288,7 @@ BAD_RUNS = {
     "wrong width": (
         "width = 32", "width = 31", "port err_i has 32 bits, the map has 31",
     ),
-    "stays in reset": ("active = 1", "active = 0", "the design never leaves reset"),
+    "stays in reset": ("active = 1", "active = 0", "never leaves reset"),
     "no such module": ('"loop_filter"', '"loop_fitler"', "no module or entity loop_fitler: --top, or top"),
     "no such parameter": ('"KI"', '"KII"', r"parameter KII is missing: \[parameters\] of a map"),
     "no such reset": ("arst_i", "arst", 'port arst is missing; .* a design without a reset has style = "none"'),

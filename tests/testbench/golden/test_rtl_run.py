@@ -124,6 +124,10 @@ BROKEN = {
     "input left open": ("icarus", "v", ("rst,     // synchronous, active high", "rst, more,"), "input more"),
     "parameter missing": ("icarus", "v", ("34'sd0,  // [1,9,24]\n    parameter signed [33:0] ki",
                                           "34'sd0,\n    parameter signed [33:0] kj"), "parameter ki is missing"),
+    "reset of the other polarity": (
+        "icarus", "v", ("if (rst)", "if (!rst)"), "the reset is of the other polarity; active = 0 in [reset] of a map",
+    ),
+    "never starts": ("icarus", "v", ("if (rst)", "if (1'b1)"), "never leaves reset, has no clock or never starts"),
     "ends early": ("icarus", "v", ("endmodule", "initial #1000000 $finish;\nendmodule"), "ended after 24 of 4297 rows"),
     "prints without end": ("icarus", "v", ("endmodule", 'initial while (1) $display("%0100d", 0);\nendmodule'),
                            "prints more than 4 MiB"),

@@ -57,6 +57,23 @@ def test_a_held_node_is_a_register_with_enable_and_reset():
     assert rows.Rows(graph, leaves, 6).full(graph.held(load, x, -1)).tolist() == [-1, 3, 3, 5, -1, -1]
 
 
+def test_registers_of_channels_are_siblings():
+    graph, sums = net.Net(), []
+    rst = graph.leaf("in", "rst", fixed.bits(1))
+    for k in (0, 1):
+        acc, x = graph.leaf("reg", f"acc_{k}", fixed.signed(9)), graph.leaf("in", f"x_{k}", fixed.signed(8))
+        sums.append(graph.node("add", (acc, x)))
+        chosen = graph.node("mux", (rst, graph.const(0), sums[k]), acc.value)
+        graph.roots[acc.value] = graph.node("next", (chosen,), acc.value)
+    graph.close()
+    first = sums[0]
+    assert [n.value for n in graph.siblings[first.id, 1].values()] == ["x_1"]
+    # what a hypothesis adds knows the nodes of the model alone
+    added = graph.node("neg", (first,))
+    assert added.cone == first.cone
+    assert graph.inside(added) == graph.inside(first)
+
+
 def test_what_a_kernel_never_uses_is_refused_by_name():
     with pytest.raises(elaborate.Unsupported, match="while"):
         elaborate.Elaborator(net.Net()).call(_loops, [1], {})

@@ -53,6 +53,29 @@ def test_the_bench_of_the_first_row_finds_it(bundles, tmp_path, old, new, row, p
     assert first_row.first(bundles("watchdog") / "limit250", tmp_path) == (row, ports)
 
 
+def named(bundles, stem, old, new, level="registers"):
+    """Causes of the difference that an edit makes."""
+    fault = edited(stem, old, new)
+    return score.checked(bundles(stem) / rtl_faults.CASES[stem], fault.text, stem, level)[0].diagnosis
+
+
+def test_a_name_is_not_certain_where_another_class_gives_the_same_rows(bundles):
+    """The subtrahend ends in 01: its complement and one more are the same, where it is compared too."""
+    found = named(bundles, "isqrt", "{1'b0, pair} - {1'b0, trial}", "{1'b0, pair} + ~{1'b0, trial}")
+    assert {"constant", "complement"} <= {cause.cause for cause in found}
+    assert not any(cause.sure for cause in found)
+
+
+def test_another_bit_in_a_condition_is_a_condition(bundles):
+    found = named(bundles, "isqrt", "(r_i == LAST)", "r_i[3]")
+    assert found[0].cause == "condition"
+
+
+def test_an_asynchronous_reset_is_named_without_registers(bundles):
+    found = named(bundles, "isqrt", "always @(posedge clk)", "always @(posedge clk or posedge rst)", "outputs")
+    assert found[0].cause == "async_reset"
+
+
 @pytest.mark.skipif(shutil.which("yosys-abc") is None, reason="yosys is not installed: nothing was PROVED")
 @pytest.mark.parametrize(
     ("old", "new", "verdict"),

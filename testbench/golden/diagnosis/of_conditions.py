@@ -1,0 +1,117 @@
+"""Hypotheses on conditions, read off the rows: another bit of the block in the place of a condition, or beside it.
+
+    what a register is with a condition that is 0 and 1  -->  the rows in which the condition must be 0, and 1
+    each bit of each word of the block, and what the condition is with it, against these rows
+
+Other bits are in more ways possible than all other mistakes: they make a name uncertain, they are none by themselves.
+A bit of a word that the condition reads may be named.
+Source  docs/diagnosis.md
+"""
+
+import functools
+
+import numpy as np
+
+from testbench.golden.diagnosis.elaborate import static
+from testbench.golden.diagnosis.net import ROOTS
+from testbench.golden.diagnosis.perturb import Hypothesis, with_argument
+from testbench.golden.diagnosis.perturb_arithmetic import is_flag
+from testbench.golden.diagnosis.perturb_control import decides
+
+NEAR, FAR, BESIDE = 4, 12, 16  # costs: a bit of a word that is read, of another one, one more
+MOST_BITS = 12000
+MOST_FOUND = 12  # of each form
+FEW = 16  # bytes that are compared first
+
+
+class Bits:
+    """Every bit of every word of a block on rows, eight rows to a byte."""
+
+    def __init__(self, net, rows):
+        words = [n for n in net.nodes[: net.own] if n.op not in ("const", "param", *ROOTS) and n.value != "rst"]
+        words.sort(key=lambda n: (bool(n.args), not is_flag(n)))
+        self.places, columns = [], []
+        for node in words:
+            column, width = rows.full(node), 1 if is_flag(node) else min(net.width_of(node), 62)
+            for bit in range(width) if len(columns) < MOST_BITS else ():
+                self.places.append((node, bit))
+                columns.append(np.packbits((column >> bit) & 1 != 0))
+        self.packed = np.stack(columns)
+
+    def equal(self, need, counts):
+        """([numbers of the bits that are `need` in all rows that count], [of those that are its opposite])."""
+        want, mask = np.packbits(need), np.packbits(counts)
+        at = np.flatnonzero(mask)
+        found = []
+        for value in (want, ~want):
+            left = np.arange(len(self.packed))
+            for part in (at[:: max(len(at) // FEW, 1)], at):
+                left = left[~((self.packed[np.ix_(left, part)] ^ value[part]) & mask[part]).any(axis=1)]
+            found.append(left)
+        return found
+
+
+def bit_of(net, node, bit):
+    """Node of one bit of a node."""
+    if is_flag(node):
+        return node
+    return net.node("and", (net.node("shr", (node, net.const(bit))), net.const(1)))
+
+
+def hypotheses(search, target, inside, picked, wrong):
+    """Those on the conditions inside of a target that explain all of its wrong rows; `picked` are some of them."""
+    net = search.net
+    for child in inside:
+        uses = [use for use in net.users.get(child.id, ()) if decides(*use)]
+        if child.op in ROOTS or child.value == "rst" or static(child) is not None:
+            continue
+        if uses and len(uses) == len(net.users[child.id]):
+            yield from _of_condition(search, target, child, child, lambda flag: flag, picked, wrong)
+        for node, k in uses if len(uses) > 1 or len(net.users[child.id]) > 1 else ():
+            if target.root.cone >> node.id & 1:
+                put = functools.partial(with_argument, net, node, k)
+                yield from _of_condition(search, target, node, child, put, picked, wrong)
+
+
+def _with(search, target, site, put, at):
+    """Values of a target at rows with a condition that is 0, and 1."""
+    ways = [search.rows.plain(put(search.net.const(flag)), at) for flag in (0, 1)]
+    size = search.count if isinstance(at, slice) else len(at)
+    return search.changed(target, ((site, np.stack([way + np.zeros(size, np.int64) for way in ways])),), at)
+
+
+def _of_condition(search, target, site, child, put, picked, wrong):
+    """Hypotheses on one condition: `put` gives what stands for the site with another flag as the condition."""
+    net = search.net
+    off, on = _with(search, target, site, put, picked)
+    if not np.all((off != on) & ((off == target.got[picked]) | (on == target.got[picked]))):
+        return
+    off, on = _with(search, target, site, put, slice(None))
+    decided = target.judged & (off != on)
+    need = decided & (on == target.got)
+    if not decided[wrong].all() or np.any(decided & ~need & (off != target.got)):
+        return
+    now, read = search.rows.full(child) != 0, set(net.inside(child))
+
+    def fault(what, flag, cost):
+        return Hypothesis("condition", what, site, put(flag), cost)
+
+    for value in (0, 1):
+        if not np.any(decided & (need != bool(value))):
+            yield fault(f"{'always' if value else 'never'} {child!r}", net.const(value), NEAR)
+    forms = [(decided, "in the place of", lambda flag: flag)]
+    if not np.any(need & ~now):
+        forms.append((decided & now, "beside", lambda flag: net.node("land", (child, flag))))
+    if not np.any(decided & ~need & now):
+        forms.append((decided & ~now, "or", lambda flag: net.node("lor", (child, flag))))
+    for counts, said, formed in forms:
+        for way, numbers in zip(("", "not "), search.bits.equal(need, counts)):
+            near = [number for number in numbers if search.bits.places[number][0] in read]
+            far = [number for number in numbers if search.bits.places[number][0] not in read]
+            for number in (*near[:MOST_FOUND], *far[:MOST_FOUND]):
+                word, bit = search.bits.places[number]
+                flag = bit_of(net, word, bit)
+                if flag is not child:
+                    cost = BESIDE if said != "in the place of" else NEAR if word in read else FAR
+                    what = f"{way}{word!r}[{bit}] {said} {child!r}"
+                    yield fault(what, formed(net.node("not", (flag,)) if way else flag), cost)
