@@ -245,8 +245,7 @@ def wrap(
 
     out = out or folder.with_name(f"{folder.name}_{level}")
     if bundle.verify(folder, strict=False)["block"] == "top":
-        given = [name for name, value in (("map", map_path), ("latency", latency)) if value is not None]
-        manifest = wrapped.pins_of(folder, level, out, given)
+        manifest = wrapped.pins_of(folder, level, out, map_path, latency=latency)
         typer.echo(f"{out}  {manifest['n']} rows, {manifest['frames']} frames at level {level}")
         return
     if map_path is None:

@@ -212,12 +212,13 @@ def level_of(manifest):
     return "registers" if manifest["registers"] else "pins"
 
 
-def write(r, folder, at=None, of_board=False, level="registers", shown_rows=SHOWN_ROWS):
+def write(r, folder, at=None, of_board=False, level="registers", shown_rows=SHOWN_ROWS, more=None):
     """Replay a recording and write its bundle, with rows at the clocks `at` (None: its own); returns the manifest.
 
     of_board    the manifest names the design, even if it is the default one
     level       `pins`: rows and signatures are of the pins alone
     shown_rows  rows that differ of which the benches name every port
+    more        {path: text} of further files
     """
     d, pins_only = r.params.design, level == "pins"
     design = block({r.name: r.params}, d if of_board or d != DEFAULT else None)
@@ -246,6 +247,7 @@ def write(r, folder, at=None, of_board=False, level="registers", shown_rows=SHOW
         **bundle.port_files([*driven, *found], np.column_stack([stim, exp])),
         "vec.csv": bundle.csv_text("clock", at, [name for name, _ in driven + found], np.column_stack([stim, exp])),
         **top_benches.texts(design, r.name, len(at), counts),
+        **(more or {}),
     }
     waves = _waves(design, r.windows, at, np.column_stack([stim, exp]))
     return bundle.write(Path(folder), _manifest(design, r, at, counts), files, [waves], scores.note_score)

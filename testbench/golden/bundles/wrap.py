@@ -44,19 +44,37 @@ def _texts(folder, manifest, level):
     return found
 
 
-def pins_of(folder, level, out, given=()):
+def around_top(manifest, map_path, top_name=None):
+    """{path: text} of the wrapper of a whole design with pins of its own names: a module gyro_top.
+
+    map_path, top_name  as of `design_map.read`; ConfigError for a design whose name is the wrapper's
+    """
+    named = design_map.read(map_path, manifest, "pins", top_name)
+    if named.top == wrapper.name_of(manifest):
+        raise ConfigError(f"{map_path or '--top'}: top: {named.top} is the name of the wrapper; rename yours")
+    if named.style != "sync":
+        raise ConfigError(f"{map_path}: reset.style: {named.style!r} is not 'sync': the recordings of top hold resets")
+    texts = {"golden_top.v": wrapper.verilog(manifest, named), "golden_top.vhd": wrapper.vhdl(manifest, named)}
+    return texts | ({"map.toml": Path(map_path).read_text()} if map_path else {})
+
+
+def pins_of(folder, level, out, map_path=None, top_name=None, latency=None):
     """Write the bundle of the pins of a bundle of the whole design; returns its manifest.
 
-    given  names of options that only blocks have; ConfigError if there is one
+    map_path, top_name  of a design with names of its own;  latency  refused: ConfigError
     """
     if level not in ("pins", "outputs"):
         raise ConfigError(f"level: {level!r} is not one of pins, outputs; the bundle itself is at level registers")
-    for name in given:
-        raise ConfigError(f"--{name}: the whole design is compared with the names and clocks of gyro_top")
+    if latency is not None:
+        raise ConfigError(
+            "--latency: the pins of the whole design have the clocks of gyro_top; golden loop takes others"
+        )
     golden = bundle.read(folder)
     _new(out)
     of_board = "design" in golden.manifest
-    return top.write(top.replayed(folder, golden.manifest), out, golden.at, of_board, "pins")
+    own = map_path is not None or top_name is not None
+    texts = around_top(golden.manifest, map_path, top_name) if own else {}
+    return top.write(top.replayed(folder, golden.manifest), out, golden.at, of_board, "pins", more=texts)
 
 
 def wrap(folder, map_path, level, out, latency_path=None):

@@ -31,16 +31,29 @@ BEFORE, BEHIND = 2, 2  # frames around the one that differs: a waveform has two,
 SAID_BYTES = 1 << 28
 
 
-def _bench(folder, level, place):
+def _bench(folder, level, place, choice):
     """(folder in `place`, manifest) of the bench of a level: what it opens is copied, or written for the pins."""
     bench, manifest = place / "bench", bundle.read(folder).manifest
-    if level != "registers" and manifest["registers"]:
-        return bench, pins_of(folder, level, bench)
+    if level != "registers" and (manifest["registers"] or _own(choice)):
+        return bench, pins_of(folder, level, bench, choice.map, choice.top)
     for name in manifest["sha256"]:
         if not name.startswith(UNREAD):
             (bench / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(Path(folder) / name, bench / name)
     return bench, manifest
+
+
+def _own(choice):
+    """Whether a design has names of its own."""
+    return choice.map is not None or choice.top is not None
+
+
+def _listed(sources, place):
+    """A list of the files of a design, whose folder need not have a file top."""
+    path = place / "design.f"
+    lines = [f"+incdir+{folder}" for folder in sources.includes] + [str(file) for file in sources.files]
+    path.write_text("\n".join(lines) + "\n")
+    return path
 
 
 def _said(run, bench, sim, rtl, files, level, frames=()):
@@ -86,26 +99,31 @@ def _logged(golden, text):
 def check(folder, rtl, timeout_s=TIMEOUT_S, choice=design_run.AS_OURS):
     """Compare the whole design in folder `rtl` with a bundle of `top`; returns a `compare.Report`.
 
-    choice  `design_run.Choice`: sim, level, files; ConfigError for a map, a module or a latency
+    choice  `design_run.Choice`: sim, level, files; map and top at the pins; ConfigError for a latency
     The run ends after the frames by default of its simulator: `rows` counts the rows up to there. `differing` counts
     the rows of the frames around the first difference.
     """
-    for name in ("map", "top", "latency"):
-        if getattr(choice, name) is not None:
-            raise ConfigError(f"--{name}: the whole design is compared with the names and clocks of gyro_top")
+    if choice.latency is not None:
+        raise ConfigError(
+            "--latency: the pins of the whole design have the clocks of gyro_top; golden loop takes others"
+        )
     if not 0 < timeout_s <= 86400:
         raise ConfigError(f"timeout: {timeout_s} s is outside 0 .. 86400 s")
     manifest = bundle.read(folder).manifest
     level = choice.level or top.level_of(manifest)
     if level not in levels.LEVELS or (level == "registers" and not manifest["registers"]):
         raise ConfigError(f"level: {level!r} is not a level of {folder}")
-    sim = design_run.chosen(manifest, rtl, choice).sim
+    if _own(choice) and level == "registers":
+        raise ConfigError("--map, --top: the whole design has names of its own at --level pins")
+    design = design_run.chosen(manifest, rtl, choice._replace(level=level))
+    sim = design.sim
     with tempfile.TemporaryDirectory(prefix="gyro-check-") as place:
         place = Path(place).resolve()
-        (bench, own), run = _bench(folder, level, place), Runner(place, timeout_s, SAID_BYTES)
-        text = _said(run, bench, sim, rtl, choice.files, level)
+        (bench, own), run = _bench(folder, level, place, choice), Runner(place, timeout_s, SAID_BYTES)
+        files = choice.files or (_listed(design.sources, place) if _own(choice) else None)
+        text = _said(run, bench, sim, rtl, files, level)
         differs = "FAIL " in text
-        found = _window(text, run, bench, sim, rtl, choice.files, level, own) if differs else None
+        found = _window(text, run, bench, sim, rtl, files, level, own) if differs else None
     count = int(re.search(r"(?:of|all) (\d+) rows", text)[1] if differs else PASSED.search(text)[2])
     ports = tuple(p["name"] for k in ("registers", "outputs") for p in named(own)[k])
     if found is None:
@@ -123,7 +141,8 @@ def _window(text, run, bench, sim, rtl, files, level, manifest):
     place = recording.Window(begin * clocks, (end - begin) * clocks, "differs")
     r, window = top.begun(top.replayed(bench, manifest), end, (place,)), run.folder / "window"
     at = np.arange(place.first, place.first + place.count)
-    top.write(r, window, at, "design" in manifest, top.level_of(manifest), place.count)
+    more = {path.name: path.read_text() for path in bench.glob("golden_top.v*")}
+    top.write(r, window, at, "design" in manifest, top.level_of(manifest), place.count, more)
     golden = bundle.read(window)
     got = _logged(golden, _said(run, window, sim, rtl, files, level, ("FRAMES=0",)))
     own = named(golden.manifest)

@@ -157,8 +157,10 @@ class _Reader:
 
     def outputs(self, level):
         every = levels.judged(self.manifest, "registers")
-        bare = [p["name"] for _, p in every]
-        named = {name: name for name, _ in every} | {p["name"]: n for n, p in every if bare.count(p["name"]) == 1}
+        named = {name: name for name, _ in every}
+        for ports in (every, levels.judged(self.manifest, level)):
+            bare = [p["name"] for _, p in ports]
+            named |= {p["name"]: name for name, p in ports if bare.count(p["name"]) == 1}
         listed = {}
         for name, given in self.table("outputs").items():
             self.known("outputs", name, named)
@@ -175,7 +177,7 @@ class _Reader:
 
     def parameters(self):
         names = [name for name, _ in told(self.manifest)] + [p["name"] for p in self.manifest.get("params", [])]
-        names += ["ROM_FILE"] if any(name.startswith("rom/") for name in self.manifest["sha256"]) else []
+        names += levels.roms(self.manifest)
         used = [name for name in names if name not in self.manifest.get("unused_params", ())]
         names += [p["name"] for p in levels.left_out(self.manifest)]
         listed = self.table("parameters") if "parameters" in self.tree else dict(zip(used, used))

@@ -16,8 +16,8 @@ VERILOG, VHDL = "verilog", "vhdl"
 
 
 def name_of(manifest):
-    """Module or entity of the wrapper; never that of a design of ours."""
-    return f"golden_{manifest['block']}"
+    """Module or entity of the wrapper; never that of a block of ours. The benches of the whole design know its name."""
+    return "gyro_top" if manifest["block"] == "top" else f"golden_{manifest['block']}"
 
 
 def _design_ports(found):
@@ -93,17 +93,13 @@ def _resting(manifest, found):
     return [p for p in levels.left_out(manifest) if p["name"] in listed]
 
 
-def _rom(manifest):
-    return any(name.startswith("rom/") for name in manifest["sha256"])
-
-
 def verilog(manifest, found):
     """Text of the wrapper in Verilog-2005, of a `design_map.DesignMap`."""
     inputs, outputs = _design_ports(found)
     given = [f"    parameter {name} = {value}" for name, value in told(manifest)]
     for p in (*levels.used_params(manifest), *_resting(manifest, found)):
         given.append(f"    parameter {'signed ' * p['fmt'][0]}{_span(sum(p['fmt']))} {p['name']} = {sum(p['fmt'])}'d0")
-    given += ['    parameter ROM_FILE = ""'] if _rom(manifest) else []
+    given += [f'    parameter {name} = ""' for name in levels.roms(manifest)]
     head = f" #(\n{(',' + chr(10)).join(given)}\n)" if given else ""
     ports = ["    input wire clk", *(f"    input wire {_span(p['width'])} {p['name']}" for p in manifest["inputs"])]
     ports += [f"    output wire {_span(p['width'])} {name}" for name, p, _ in found.outputs]
@@ -215,7 +211,7 @@ def vhdl(manifest, found):
     given = [f"        {name} : natural" for name, _ in told(manifest)]
     zero = {name: " := '0'" if sum(fmt) == 1 else " := (others => '0')" for name, fmt in resting.items()}
     given += [f"        {name} : {_type(sum(fmt))}{zero.get(name, '')}" for name, fmt in formats.items()]
-    given += ["        ROM_FILE : string"] if _rom(manifest) else []
+    given += [f"        {name} : string" for name in levels.roms(manifest)]
     head = f"    generic (\n{(';' + chr(10)).join(given)}\n    );\n" if given else ""
     ports = [
         "        clk : in std_logic",

@@ -111,6 +111,13 @@ def unused_params(block):
     return [flat(field) for field in module.Params._fields if field not in read]
 
 
+def roms(manifest):
+    """Parameters of a design that name a table."""
+    if not any(name.startswith("rom/") for name in manifest["sha256"]):
+        return []
+    return ["SINE_ROM_FILE", "CORDIC_ROM_FILE"] if manifest["block"] == "top" else ["ROM_FILE"]
+
+
 def used_params(manifest):
     """Entries of the parameters that a bench sets."""
     unused = manifest.get("unused_params", ())

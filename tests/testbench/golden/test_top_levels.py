@@ -103,6 +103,62 @@ def test_a_design_with_pins_alone_passes_without_registers(out, pins_rtl, level)
         top_run.check(out, pins_rtl, choice=design_run.Choice("icarus"))
 
 
+CHIP = """schema = "gyro-design-map/1.0"
+top = "chip"
+[clock]
+port = "ck"
+[reset]
+port = "rst_n"
+active = 0
+[outputs]
+adc_cs_n = "cs_n"
+refs = "switches"
+"""
+
+
+@pytest.fixture(scope="module")
+def chip(pins_rtl, tmp_path_factory):
+    """(folder, map) of the design under names of its own: another module, clock, reset and two other pins."""
+    folder = shutil.copytree(pins_rtl, tmp_path_factory.mktemp("chip") / "mine")
+    text = (folder / "top.v").read_text()
+    (folder / "top.v").unlink()
+    head, body = text.split("\n);\n", 1)
+    head = head.replace("module gyro_top", "module chip").replace("o_adc_cs_n", "cs_n").replace("o_refs", "switches")
+    head = re.sub(r"\bclk\b", "ck", re.sub(r"(input +wire +)rst\b", r"\1rst_n", head))
+    names = "wire clk = ck, rst = ~rst_n;\nwire o_adc_cs_n;\nwire [3:0] o_refs;\n"
+    names += "assign cs_n = o_adc_cs_n;\nassign switches = o_refs;\n"
+    (folder / "chip.v").write_text(f"{head}\n);\n{names}{body}")
+    (folder / "chip.toml").write_text(CHIP)
+    (folder / "chip.f").write_text("".join(f"{path.name}\n" for path in sorted(folder.glob("*.v"))))
+    return folder, folder / "chip.toml"
+
+
+def test_a_map_gives_the_whole_design_names_of_its_own(out, chip, tmp_path):
+    need("iverilog")
+    folder, names = chip
+    words = ["--rtl", folder, "--files", folder / "chip.f", "--level", "pins", "--sim", "icarus", "--map", names]
+    code, tree = checked(out, *words)
+    assert (code, tree["passed"], tree["level"]) == (0, True, "pins")
+    bad = shutil.copytree(folder, tmp_path / "bad")
+    text, fewer = re.subn(r"\.align( *)\(references_align\)", r".align\1(2'd1)", (bad / "chip.v").read_text())
+    assert fewer == 1
+    (bad / "chip.v").write_text(text)
+    words[1], words[3] = bad, bad / "chip.f"
+    code, tree = checked(out, *words)
+    assert (code, tree["first"]["name"], tree["first"]["kind"]) == (1, "refs", "pin")
+
+
+@pytest.mark.slow
+def test_make_check_of_a_wrapped_whole_design_needs_no_python(out, chip, tmp_path):
+    need("iverilog")
+    folder, names = chip
+    wrap.pins_of(out, "pins", tmp_path / "pins", names)
+    goals = ["SIM=icarus", f"RTL={folder}", "FILES=chip.f", "PYTHON=/nonexistent"]
+    done = make(tmp_path / "pins", *goals)
+    assert done.returncode == 0, done.stdout
+    assert f"PASS top/{CASE}: {FRAMES * FRAME_CYCLES} clocks" in done.stdout
+
+
 def test_data_of_a_dac_that_is_not_selected_is_not_judged(out, pins_rtl, words, bare, tmp_path):
     """Masters written anew, as counters, with SDIN high at rest: exact. One bit of a frame that differs: not."""
     need("iverilog")
@@ -196,17 +252,21 @@ def test_a_difference_leaves_waveform_bundle_and_diagnosis(out, tmp_path):
 
 
 def test_what_cannot_be_compared_is_one_line(out, pins, tmp_path):
-    for choice in ({"map": tmp_path}, {"top": "mine"}, {"latency": tmp_path}):
-        with pytest.raises(ConfigError, match=f"--{next(iter(choice))}: the whole design is compared with the names"):
-            top_run.check(out, RTL, choice=design_run.Choice(**choice))
+    with pytest.raises(ConfigError, match="--latency: the pins of the whole design have the clocks of gyro_top"):
+        top_run.check(out, RTL, choice=design_run.Choice(latency=tmp_path))
+    with pytest.raises(ConfigError, match="--map, --top: the whole design has names of its own at --level pins"):
+        top_run.check(out, RTL, choice=design_run.Choice(top="mine"))
+    with pytest.raises(ConfigError, match="--top: top: gyro_top is the name of the wrapper"):
+        top_run.check(out, RTL, choice=design_run.Choice(top="gyro_top", level="pins"))
+    (tmp_path / "later.toml").write_text(CHIP.replace("[reset]", '[reset]\nstyle = "async"'))
+    with pytest.raises(ConfigError, match=r"later\.toml: reset.style: 'async' is not 'sync'"):
+        wrap.pins_of(out, "pins", tmp_path / "new", tmp_path / "later.toml")
     with pytest.raises(ConfigError, match="level: 'registers' is not a level of"):
         top_run.check(pins, RTL, choice=design_run.Choice(level="registers"))
     with pytest.raises(ConfigError, match="level: 'bits' is not a level of"):
         top_run.check(out, RTL, choice=design_run.Choice(level="bits"))
     with pytest.raises(ConfigError, match="level: 'registers' is not one of pins, outputs"):
         wrap.pins_of(out, "registers", tmp_path / "new")
-    with pytest.raises(ConfigError, match="--map: the whole design"):
-        wrap.pins_of(out, "pins", tmp_path / "new", ("map",))
     with pytest.raises(FileError, match="exists and is not an empty folder"):
         wrap.pins_of(out, "pins", pins)
     with pytest.raises(FileError, match="no design for any simulator"):
