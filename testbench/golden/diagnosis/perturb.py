@@ -76,6 +76,8 @@ def _varied(net, node, seen):
         for cause, what, new, cost in perturb_control.of_another_channel(net, node, k, child):
             yield cause, what, with_argument(net, node, k, new), cost
         if (node.id, k) in net.loads:
+            for cause, what, new, cost in perturb_control.of_load(net, child, net.loads[node.id, k]):
+                yield cause, what, with_argument(net, node, k, new), cost
             for cause, what, new, cost in _everywhere(net, child, seen):
                 yield cause, what, with_argument(net, node, k, new), cost + 1
     users = net.users.get(node.id, ())

@@ -212,6 +212,26 @@ def of_operand(net, node, k, child, seen):
                 yield cause, f"{other!r} in the place of {child!r}", other, 1
 
 
+def _leaves(node):
+    """What the branches of a choice give."""
+    return [leaf for way in node.args[1:] for leaf in _leaves(way)] if node.op == "mux" else [node]
+
+
+def of_load(net, loaded, name):
+    """What a branch loads, loaded as well where the register is held: it stands in the branch around."""
+    held = net.node("reg", (), name)
+    found = _leaves(loaded)
+    for value in dict.fromkeys(found) if held in found else ():
+        if value is not held:
+            yield "condition", f"{value!r} also where {name} is held", _filled(net, loaded, held, value), 1
+
+
+def _filled(net, node, held, value):
+    if node.op != "mux":
+        return value if node is held else node
+    return net.node("mux", (node.args[0], *(_filled(net, way, held, value) for way in node.args[1:])), node.value)
+
+
 def of_another_channel(net, node, k, child):
     """Operand k as it is in the register of another channel."""
     if node.op in ROOTS or not child.args:

@@ -71,6 +71,15 @@ def test_another_bit_in_a_condition_is_a_condition(bundles):
     assert found[0].cause == "condition"
 
 
+@pytest.mark.slow
+def test_an_assignment_in_the_outer_branch_is_a_condition(bundles):
+    """Another register in the place of the one that is held gives the same rows: none is certain."""
+    old = "if (ends) begin\n                r_sync_n    <= 1'b1;"
+    found = named(bundles, "spi_dac", old, "r_sync_n    <= 1'b1;\n            if (ends) begin")
+    assert "condition" in {cause.cause for cause in found if cause.register == "sync_n"}
+    assert not any(cause.sure for cause in found)
+
+
 def test_an_asynchronous_reset_is_named_without_registers(bundles):
     found = named(bundles, "isqrt", "always @(posedge clk)", "always @(posedge clk or posedge rst)", "outputs")
     assert found[0].cause == "async_reset"
