@@ -7,16 +7,15 @@ Source  docs/register_map.md
 import re
 
 from analog_frontend.parts import adc
-from analog_frontend.parts.device import Device
 from fpga_model import rate_output
 
 GUARD = "GYRO_FORMATS_H"
 HALF = re.compile(r"_(LO|HI)$")
 
 
-def temperature():
-    """(degC at t = 0, degC per LSB) of the register TEMPERATURE behind the default board's converter."""
-    volts = 2.0**rate_output.CODE_CUT * Device().adc_vref_v / adc.FULL_CODE
+def temperature(vref_v):
+    """(degC at t = 0, degC per LSB) of the register TEMPERATURE behind a converter with this reference voltage."""
+    volts = 2.0**rate_output.CODE_CUT * vref_v / adc.FULL_CODE
     return 25.0 - adc.SENSOR_V_AT_25_DEGC / adc.SENSOR_V_PER_K, volts / adc.SENSOR_V_PER_K
 
 
@@ -73,9 +72,9 @@ def _defines(name, words):
     yield ""
 
 
-def text(top):
-    """The header of a compiled map."""
-    at_zero, per_lsb = temperature()
+def text(top, vref_v):
+    """The header of a compiled map and of a converter with this reference voltage."""
+    at_zero, per_lsb = temperature(vref_v)
     body = [line for name, words in _registers(top).items() for line in _defines(name, words)]
     return "\n".join(
         [

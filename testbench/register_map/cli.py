@@ -8,18 +8,20 @@ from typing import Annotated
 
 import typer
 
-from testbench.console.options import Json
+from testbench.console.options import ConfigFile, Json, Sets, load, overrides
 from testbench.console.show import print_json, print_list
 
 
 def registers(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder to write; an older one is replaced.")],
+    config: ConfigFile = None,
+    sets: Sets = None,
     as_json: Json = False,
 ):
     """Write the register map as SystemRDL, C header with driver, UVM register model, IP-XACT and HTML pages."""
     from testbench.register_map.export import export
 
-    paths = [str(path) for path in export(out)]
+    paths = [str(path) for path in export(out, load(config, overrides(sets)))]
     if as_json:
         print_json({"files": paths})
     else:

@@ -18,6 +18,7 @@ import re
 import shutil
 from pathlib import Path
 
+from testbench.config import Config
 from testbench.errors import ConfigError, FileError
 from testbench.register_map import c_header, systemrdl
 from testbench.register_map.systemrdl import NAME
@@ -44,11 +45,11 @@ def compiled(path):
     return compiler.elaborate().top
 
 
-def _c(top, folder):
+def _c(top, folder, vref_v):
     cheader = _package("peakrdl_cheader.exporter")
     standard = _package("peakrdl_cheader.c_standards").CStandard.gnu99
     cheader.CHeaderExporter().export(top, str(folder / f"{NAME}.h"), std=standard)
-    (folder / "gyro_formats.h").write_text(c_header.text(top))
+    (folder / "gyro_formats.h").write_text(c_header.text(top, vref_v))
     for path in sorted(DRIVER.glob("*.[ch]")):
         shutil.copyfile(path, folder / path.name)
 
@@ -74,14 +75,17 @@ def _html(top, folder):
     index.write_text(re.sub(r"\s*<script[^>]*mathjax.*?</script>", "", index.read_text(), flags=re.S | re.I))
 
 
-FORMATS = {"c": _c, "uvm": _uvm, "ipxact": _ipxact, "html": _html}
+FORMATS = {"uvm": _uvm, "ipxact": _ipxact, "html": _html}
 
 
-def export(folder):
+def export(folder, config=None):
     """Write the folder; one that was written before is replaced. Paths of what to open first.
+
+    config  checked `Config` of the board: its design and reference voltage; the default board if None
 
     ConfigError if a package is missing; FileError if the folder holds anything else or cannot be written
     """
+    config = config or Config()
     folder = Path(folder)
     part = part_of(folder)
     try:
@@ -89,8 +93,10 @@ def export(folder):
             raise FileError(f"{folder}: is no folder of register maps ({RDL} is missing); it is not replaced")
         shutil.rmtree(part, ignore_errors=True)
         part.mkdir(parents=True)
-        (part / RDL).write_text(systemrdl.text())
+        (part / RDL).write_text(systemrdl.text(config.design_record()))
         top = compiled(part / RDL)
+        (part / "c").mkdir()
+        _c(top, part / "c", config.device().adc_vref_v)
         for name, write in FORMATS.items():
             (part / name).mkdir()
             write(top, part / name)
@@ -104,7 +110,7 @@ def export(folder):
             shutil.rmtree(part)
     return [
         folder / RDL,
-        *(folder / "c" / name for name in ("gyro_registers.h", "gyro_formats.h", "gyro_driver.h", "gyro_driver.c")),
+        *sorted((folder / "c").iterdir()),
         folder / "uvm" / f"{NAME}_pkg.sv",
         folder / "ipxact" / f"{NAME}.xml",
         folder / "html" / "index.html",

