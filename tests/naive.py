@@ -591,6 +591,122 @@ def notch(g, c, inputs):
     return rows
 
 
+# spi_slave ----------------------------------------------------------------------------------------------------------
+
+
+def crc_j1850(text):
+    """CRC-8/SAE-J1850 of a text of bits, before it is inverted: the remainder of a division of polynomials."""
+    left = (int("0" + text, 2) << 8) ^ (0xFF << len(text))
+    while left.bit_length() > 8:
+        left ^= 0x11D << (left.bit_length() - 9)
+    return left
+
+
+def spi_slave_frame(loaded, bits, rdata, before):
+    """What a frame has done to the registers after some bits, from the text of all of them.
+
+    loaded  shift when it began;  bits  text of SDI;  rdata  words taken so far
+    before  (words, read, address, data, second) when it began
+    Row: (phase, bit, words, read, address, crc, shift, data, second, spoiled, refused)
+    """
+    count = len(bits)
+    sent = f"{loaded:040b}"
+    words, read, address, data, second = before
+    if count < 16:
+        return 0, count, words, read, address, crc_j1850(bits), int((sent + bits)[-40:], 2), data, second, 0, 0
+    command = int(bits[:16], 2)
+    read, asked, address = command >> 15, command >> 12 & 7, command & 2047
+    refused = int(asked == 0 or (not read and asked > 2) or bool(command >> 11 & 1) or command % 4 > 0)
+    length = max(asked, 1)
+    first = 24 if read else 16
+    last = first + 32 * length
+    gone = min(max(count - first, 0) // 32, length - 1)
+    phase = 1 if count < first else 2 if count < last else 3 if count < last + 8 else 4 if count == last + 8 else 5
+    start = (0, 16, first + 32 * gone, last, last + 8, last + 8)[phase]
+    bit = count - start if phase < 4 else (count - last - 8) % 32
+    words = asked - gone
+    known = "".join(f"{word:032b}" for word in rdata)
+    covered = bits[:16] + (known[: count - first] if read else bits[16:last])
+    crc = crc_j1850(covered[: 16 + 32 * length])
+    spoiled = 0
+    if read:
+        spoiled = int(count >= 24 and int(bits[16:24], 2) != crc_j1850(bits[:16]) ^ 255)
+        address += 4 * len(rdata)
+        if count >= last:
+            sent, start = f"{crc_j1850(covered) ^ 255:08b}" + "0" * 32, last
+        elif count >= first:
+            sent, start = f"{rdata[-1]:032b}" + "0" * 8, first + 32 * gone
+        else:
+            start = 0
+    else:
+        start = 0
+        if count >= last + 8:
+            spoiled = int(int(bits[last : last + 8], 2) != crc_j1850(bits[:last]) ^ 255)
+        if gone:
+            data, second = int(bits[first + 32 * (gone - 1) : first + 32 * gone], 2), 1
+    shift = int((sent + bits[start:])[-40:], 2)
+    return phase, bit, words, read, address % 2048, crc, shift, data, second, spoiled, refused
+
+
+def spi_slave(inputs):
+    """Register rows before each edge, and after the last: (cs_meta, cs_n, active, sck_meta, sck, sck_seen, sdi_meta,
+    sdi, phase, bit, words, read, address, crc, shift, data, second, spoiled, refused, write, done, errors).
+
+    inputs  (cs_n, sck, sdi, status, rdata, clear) at each edge
+    """
+
+    def past(name, n, rest):
+        return inputs[n][name] if n >= 0 else rest
+
+    rows = []
+    kept = (0, 0, 0, 0, 0)  # words, read, address, data, second
+    shift, bits, rdata, write, done, errors, owed = 0, "", [], 0, 0, 0, None
+    for n in range(len(inputs) + 1):
+        cs = [past(0, n - k, 1) for k in (1, 2, 3)]
+        sck = [past(1, n - k, 0) for k in (1, 2, 3)]
+        sdi = [past(2, n - k, 0) for k in (1, 2)]
+        state = spi_slave_frame(shift, bits, rdata, kept)
+        rows.append((cs[0], cs[1], 1 - cs[2], *sck, *sdi, *state, write, done, errors))
+        if n == len(inputs):
+            return rows
+        _, _, _, status, word, clear = inputs[n]
+        was = (write, done)
+        write = done = wrong = 0
+        words, read, address, data, second = state[2], state[3], state[4], state[7], state[8]
+        following = owed if was[0] and second else None
+        if cs[1]:
+            if cs[2]:
+                told = status * 8 + errors
+                shift = (told << 32) | ((told ^ 255) << 24)
+            else:
+                phase, spoiled, refused = state[0], state[9], state[10]
+                shift = state[6]
+                if phase == 4 and not spoiled and not refused:
+                    write, done = 1 - read, read
+                    if second:
+                        owed = state[6] >> 8 & 0xFFFFFFFF
+                    else:
+                        data = state[6] >> 8 & 0xFFFFFFFF
+                else:
+                    second = 0
+                    wrong = 0 if not bits else 2 if phase != 4 else 1 if spoiled else 4
+            bits, rdata = "", []
+            if following is not None:
+                data, address, second, write = following, (address + 4) % 2048, 0, 1
+            kept = (words, read, address, data, second)
+        else:
+            if following is not None:
+                kept = (words, read, (address + 4) % 2048, following, 0)
+                write = 1
+            if sck[1] and not sck[2]:
+                bits += str(sdi[1])
+                if len(bits) >= 24 and bits[0] == "1" and (len(bits) - 24) % 32 == 0:
+                    if (len(bits) - 24) // 32 < max(int(bits[1:4], 2), 1):
+                        rdata.append(word)
+        errors = (errors & ~clear & 7) | wrong
+    return rows
+
+
 # the four loops: what their PI is given -----------------------------------------------------------------------------
 
 

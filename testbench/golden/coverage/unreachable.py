@@ -95,6 +95,12 @@ CLAIMS = (
         ("no", "-1", "+1"),
         "a half period of the default design is one clock",
     ),
+    Claim(
+        ("spi_slave",),
+        ("s.shift >> SHIFT_TOP",),
+        ("ones",),
+        "a word is loaded with zeros below it, which do not all pass the top before the next load",
+    ),
     Claim(("digital_sid",), ("clamp(s.still + 1, _, _)",), ("lo-1", "lo"), COUNTS),
     Claim(("watchdog",), ("clamp(s.age + 1, _, _)",), ("lo-1", "lo"), COUNTS),
     Claim(("rate_output",), ("clamp(p.decimation, _, _)",), ("lo-1",), UNSIGNED),

@@ -33,6 +33,7 @@ CASES = {
     "pi": ("rate", "frequency"),
     "spi_dac": ("dac8811", "ad5791", "dac82002"),
     "spi_adc": ("default",),
+    "spi_slave": ("default",),
     "sequencer": ("quick",),
 }
 PROPERTIES = Path(__file__).resolve().parents[2] / "rtl" / "formal"

@@ -10,6 +10,7 @@ import itertools
 from fpga_model import fault_monitor, lock_monitor, rates, spi_adc
 from fpga_model.fixed import signed
 from testbench.golden.stimulus.script_sequencer import script_sequencer  # noqa: F401
+from testbench.golden.stimulus.script_spi_slave import script_spi_slave  # noqa: F401
 from testbench.golden.stimulus.writer import LONG_ROWS, around, frame, wrapped
 
 LONG = 1000  # debounce in frames above which a script takes each way once

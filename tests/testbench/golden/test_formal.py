@@ -35,6 +35,11 @@ def no_run(state):
     return ((f"{NO_RUN}IDLE", f"{NO_RUN}{state}"),)
 
 
+def begins(phase):
+    """A slave that is in a phase at reset."""
+    return "r_phase    <= COMMAND", f"r_phase    <= {phase}"
+
+
 # Block, case: {property: edits (right, wrong) of the block's file that break it}
 PLANTED = {
     ("dds", "default"): {
@@ -107,6 +112,42 @@ PLANTED = {
         "last_channel": (SOON,),
         "judged_by_head": (SOON,),
     },
+    ("spi_slave", "default"): {
+        "phases_exist": (begins("3'd6"),),
+        "idle_is_clear": (("r_bit      <= 5'd0", "r_bit      <= 5'd1"),),
+        "command_is_short": (("r_bit      <= 5'd0", "r_bit      <= 5'd16"),),
+        "checks_are_bytes": (begins("CHECK"), ("r_bit      <= 5'd0", "r_bit      <= 5'd8")),
+        "only_reads_check_the_command": (begins("CHECK"),),
+        "complete_waits": (begins("COMPLETE"), ("r_bit      <= 5'd0", "r_bit      <= 5'd1")),
+        "bits_add_up": (("r_bit   <= r_bit + 5'd1", "r_bit   <= r_bit + 5'd2"),),
+        "too_long_is_longer": (begins("TOO_LONG"),),
+        "words_remain": (begins("DATA"),),
+        "words_as_asked": (begins("CHECK"),),
+        "last_word_is_one": (begins("TAIL"), ("r_words    <= 3'd0", "r_words    <= 3'd2")),
+        "reads_as_asked": (begins("DATA"),),
+        "refused_as_asked": (begins("DATA"),),
+        "crc_of_command_and_words": (("8'h1D", "8'h1F"),),
+        "bits_are_kept": (("{r_shift[38:0], r_sdi}", "{r_shift[38:0], r_sck_seen}"),),
+        "spoiled_by_the_crc": (begins("COMPLETE"),),
+        "second_follows": (begins("DATA"), ("r_second   <= 1'b0", "r_second   <= 1'b1")),
+        "second_is_written": (("r_second   <= 1'b0", "r_second   <= 1'b1"),),
+        "first_is_kept": (begins("DATA"), ("r_second   <= 1'b0", "r_second   <= 1'b1")),
+        "address_is_kept": (begins("DATA"),),
+        "writes_between_frames": (("follows || (good && !r_read)", "follows || rises"),),
+        "data_is_the_word": (("r_write    <= 1'b0", "r_write    <= 1'b1"),),
+        "data_has_its_address": (("r_write    <= 1'b0", "r_write    <= 1'b1"),),
+        "ends_once": (("r_active   <= !r_cs_n", "r_active   <= 1'b1"),),
+        "right_is_written": (("(good && !r_read)", "(ends && !r_read)"),),
+        "right_is_done": (("good && r_read", "ends"),),
+        "never_both": (("(good && !r_read)", "ends"), ("good && r_read", "ends")),
+        "wrong_is_flagged": (("3'd0 : WRONG_LENGTH", "3'd0 : WRONG_CRC"),),
+        "empty_is_nothing": (("empty ? 3'd0", "empty ? WRONG_LENGTH"),),
+        "flags_stay": (("(r_errors & ~clear) | wrong", "wrong"),),
+        "fetched": (("rises && r_read && (", "rises && (!r_read || "), ("{rdata, 8'd0}", "{rdata, 8'd1}")),
+        "out_moves_with_sck": (("if (!r_active)\n", "if (!r_second)\n"),),
+        "out_is_the_top": (("o_sdo = r_shift[39]", "o_sdo = r_shift[38]"),),
+        "start_once": (("!r_cs_n && !r_active", "!r_active"),),
+    },
     ("sequencer", "quick"): {
         "states_exist": (("POWER_UP = 4'd0", "POWER_UP = 4'd13"),),
         "resets": (("r_timer      <= 16'd0", "r_timer      <= 16'd1"),),
@@ -133,7 +174,7 @@ PLANTED = {
         "good_only_locked": (("o_rate_good = o_locked && !(bad", "o_rate_good = !(bad"),),
     },
 }  # fmt: skip
-STEPS = {"spi_adc": 60, "spi_dac": 40, "sequencer": 24}  # clocks from reset; 8 for the others
+STEPS = {"spi_adc": 60, "spi_dac": 40, "sequencer": 24, "spi_slave": 20}  # clocks from reset; 8 for the others
 ALL = [(*where, name) for where, edits in PLANTED.items() for name in edits]
 QUICK = ("advances_by_word", "falls_add_up")
 
@@ -152,7 +193,9 @@ def planted(where, name, folder):
     return rtl
 
 
-QUICK_PROOFS = [(stem, formal.CASES[stem][0]) for stem in ("modulator", "spi_dac", "spi_adc")]  # the command proves dds
+QUICK_PROOFS = [
+    (stem, formal.CASES[stem][0]) for stem in ("modulator", "spi_dac", "spi_adc", "spi_slave")
+]  # the command proves dds
 
 
 @pytest.mark.parametrize(

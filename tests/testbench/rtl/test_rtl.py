@@ -15,12 +15,14 @@ from typing import NamedTuple
 import pytest
 
 from fpga_model import block as registry
-from fpga_model import dds, delay, modulator, pi, references, sine, spi_adc, spi_dac, wiring
+from fpga_model import dds, delay, modulator, pi, references, sine, spi_adc, spi_dac, spi_slave, wiring
 from fpga_model.block import structure
 from fpga_model.design_record import DEFAULT
 from fpga_model.fixed import bits
 from testbench.flatten import format_leaves, leaves
 from testbench.golden.stimulus import blocks as golden_blocks
+from tests.fpga_model import spi_host
+from tests.fpga_model.test_spi_slave import assert_served, host_of, talked
 
 RTL = Path(__file__).resolve().parents[3] / "testbench" / "rtl"
 BIT = bits(1)
@@ -101,6 +103,25 @@ def adc_row(rng, s):
     return int(rng.random() < 0.7), dout
 
 
+def slave_rows(rng):
+    """Rows of a host that never ends: frames of any kind at a bit in two clocks or three."""
+    while True:
+        host = spi_host.Host(rng)
+        host.any_frame(period=spi_host.PERIOD, most_words=3)
+        low = rng.randrange(1, 3)
+        for bit in host.frames[-1].bits:
+            yield from [(0, 0, int(bit))] * low + [(0, 1, int(bit))]
+        yield from [(0, 0, 0)] * rng.randrange(2) + [(1, 0, 0)] * rng.randrange(1, 6)
+
+
+def slave_row(rng, s):
+    """A host's pins beside a bus that answers at random; its frames go with the random numbers."""
+    if not hasattr(rng, "host"):
+        rng.host = slave_rows(rng)
+    clear = rng.randrange(8) if rng.random() < 0.02 else 0
+    return (*next(rng.host), rng.getrandbits(5), rng.getrandbits(32), clear)
+
+
 class Block(NamedTuple):
     """One module, the parameters to try, its inputs and pins with their formats, and its stimulus."""
 
@@ -179,6 +200,18 @@ BLOCKS = {
         dac_row,
     ),
     "spi_adc": Block(spi_adc, (None,), {"drdy_n": BIT, "dout": BIT}, {}, adc_row, rows=8000),
+    "spi_slave": Block(
+        spi_slave,
+        (None,),
+        spi_slave.BLOCK.inputs,
+        {
+            "sdo": (BIT, lambda p, s, *_: spi_slave.sdo(s)),
+            "fetch": (BIT, lambda p, s, *_: spi_slave.fetch(s)),
+            "start": (BIT, lambda p, s, *_: spi_slave.start(s)),
+        },
+        slave_row,
+        rows=8000,
+    ),
     "delay": Block(
         delay,
         tuple(delay.design(depth) for depth in range(9)),
@@ -188,7 +221,7 @@ BLOCKS = {
     ),
 }
 VERILOG = tuple(BLOCKS)
-VHDL = ("dds", "references", "pi", "spi_dac")
+VHDL = ("dds", "references", "pi", "spi_dac", "spi_slave")
 CASES = [
     pytest.param(stem, k, marks=pytest.mark.slow if k else ())
     for stem, block in BLOCKS.items()
@@ -410,6 +443,23 @@ def test_vhdl_holds_what_the_model_holds(stem, k, tmp_path):
     assert difference(stem, under_ghdl(stem, BLOCKS[stem].params[k], stimulus, tmp_path), expected) is None
 
 
+@icarus
+@pytest.mark.parametrize("seed", [4, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(10, 16))])
+def test_verilog_serves_a_host_in_time(seed, tmp_path):
+    """Any SCK from 0.1 MHz to the limit, first flip-flops that take old or new: what the model reads and writes."""
+    host, rng = host_of(seed, 30)
+    inputs, states, changes = talked(host, rng, churn=0.02)
+    assert_served(host, inputs, states, changes)
+    block = BLOCKS["spi_slave"]
+    fmt_in = [BIT, *block.inputs.values()]
+    fmt_out = [*block.registers.values(), *(fmt for fmt, _ in block.pins.values())]
+    rows = [((1, *inputs[0]), spi_slave.State())] * 2
+    rows += [((0, *row), s) for row, s in zip(inputs, states, strict=True)]
+    stimulus = [packed(row, fmt_in) for row, _ in rows]
+    expected = [packed([*s, *(pin(None, s) for _, pin in block.pins.values())], fmt_out) for _, s in rows]
+    assert difference("spi_slave", under_icarus("spi_slave", None, stimulus, tmp_path), expected) is None
+
+
 # File, case, right, wrong: what a designer gets wrong, one of each kind; the stimulus must see it
 PLANTED = [
     ("dds.v", 0, "r_phase + word", "r_drive_sine + word"),
@@ -431,11 +481,15 @@ PLANTED = [
     ("spi_adc.v", 0, "TAIL_CLOCKS[COUNT-1:0] - ONE", "TAIL_CLOCKS[COUNT-1:0]"),
     ("spi_adc.v", 0, "HEAD = 4'b1100", "HEAD = 4'b1000"),
     ("spi_adc.v", 0, "4'd3: r_channels_2", "4'd3: r_channels_1"),
+    ("spi_slave.v", 0, "r_read ? r_shift[39] : r_sdi", "r_read ? r_sdi : r_sdi"),
+    ("spi_slave.v", 0, "{~divided, 32'd0}", "{~r_crc, 32'd0}"),
+    ("spi_slave.v", 0, "good && !r_read", "ends && complete && !r_read"),
     ("delay.v", 8, "r_taps_7 <= r_taps_6", "r_taps_7 <= r_taps_5"),
     ("dds.vhd", 0, "turns(r_phase, word)", "turns(r_drive_sine, word)"),
     ("references.vhd", 5, "r_retimed when retimed = '1' else picked", "picked"),
     ("pi.vhd", 1, "2**(F - 1), A + 2", "2**(F - 1) - 1, A + 2"),
     ("spi_dac.vhd", 0, "unsigned(r_left) = 1", "unsigned(r_left) = 2"),
+    ("spi_slave.vhd", 0, "elsif r_phase /= COMMAND or unsigned(r_bit) /= 0 then", "else"),
 ]
 
 
