@@ -3,6 +3,7 @@
     DIR/Makefile     make check, make sanitize, make lib
     DIR/model/       a header and a source for each module of the firmware; blocks.h has all blocks by name
     DIR/check/       the program that reads bundles
+    DIR/dpi/         scoreboards in SystemVerilog
     DIR/golden/      bundles
 
 Nothing in it needs Python or this repository.
@@ -14,14 +15,14 @@ from pathlib import Path
 from analog_frontend.parts import adc_serial
 from testbench.errors import ConfigError
 from testbench.golden.bundles import bundle, design_entry
-from testbench.golden.c_model import rows
+from testbench.golden.c_model import dpi, rows
 from testbench.golden.c_model.kinds import NUMBER, kind_of
 from testbench.golden.recording import recording
 from testbench.storage.files import write_text
 
 TEMPLATES = Path(__file__).with_name("templates")
 GOLDEN = "golden"
-MODEL = ("integers.h", "integers.c", "blocks.h", "blocks.c")
+PLACES = {"integers": "model", "blocks": "model", "gyro_dpi": "dpi"}
 
 
 def firmware(config=None):
@@ -41,20 +42,20 @@ def texts(params):
         program.key(name)
     files = {"Makefile": (TEMPLATES / "Makefile").read_text()}
     for path in sorted(TEMPLATES.iterdir()):
-        if path.suffix in (".c", ".h"):
-            files[f"{'model' if path.name in MODEL else 'check'}/{path.name}"] = path.read_text()
+        if path.suffix in (".c", ".h", ".sv"):
+            files[f"{PLACES.get(path.stem, 'check')}/{path.name}"] = path.read_text()
     for stem in program.parts:
         files[f"model/{stem}.h"] = program.header(stem)
         files[f"model/{stem}.c"] = program.source(stem)
     files["model/blocks_of_design.c"] = rows.text(program, made)
-    return files
+    return files | dpi.texts(made)
 
 
 def export(folder, config=None):
     """Write the C of a configuration's firmware to `folder`; returns the paths. What else is there stays."""
     folder = Path(folder)
     files, written = texts(firmware(config)), []
-    for path in sorted((*folder.glob("model/*.[ch]"), *folder.glob("check/*.[ch]"))):
+    for path in sorted(folder.glob("*/*.[ch]")):
         if path.relative_to(folder).as_posix() not in files:
             raise ConfigError(f"{path} is not of this model: make would compile it; move it, or name another folder")
     with bundle.alone(folder / "Makefile"):

@@ -6,6 +6,7 @@ import random
 import re
 import shutil
 import subprocess
+import sys
 from fractions import Fraction
 from pathlib import Path
 
@@ -23,7 +24,7 @@ from testbench.golden.c_model.kinds import NUMBER, kind_of
 from testbench.golden.c_model.program import Program
 from testbench.golden.recording import recording
 from tests import naive
-from tests.testbench.golden.benching import need
+from tests.testbench.golden.benching import RTL, need
 from tests.testbench.golden.resealing import reseal
 
 FRAMES = 3
@@ -33,7 +34,7 @@ STRICT = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Werror"
 def checked(folder, *goals):
     """Finished `make` in a folder of C; both outputs are one text."""
     command = ["make", "-s", "-C", str(folder), *goals]
-    return subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=300)
+    return subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=1200)
 
 
 @pytest.fixture(scope="module")
@@ -261,6 +262,80 @@ def test_the_programs_of_the_page(model, tmp_path, number):
     command = ["gcc", *STRICT, "-I", model / "model", "example.c", *sources, "-o", "example"]
     subprocess.run(command, cwd=tmp_path, check=True)
     assert subprocess.run([tmp_path / "example"], capture_output=True, text=True).stdout == PRINTED[number]
+
+
+def test_the_python_of_the_page(model, tmp_path):
+    """The PI of the page by hand: prop = kp e, acc = ki e, and y rounds their sum in the clock behind."""
+    need("gcc")
+    assert checked(model, "lib", "CFLAGS=-O0").returncode == 0
+    (text,) = re.findall(r"^```python\n(.*?)^```$", PAGE.read_text(), re.M | re.S)
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "c").symlink_to(model)
+    done = subprocess.run([sys.executable, "-I", "-c", text], cwd=tmp_path, capture_output=True, text=True)
+    kp, ki = 14937228, 1173167
+    acc = 1000 * ki
+    first, second, third = [1000 * kp, acc, 0], [0, acc, (1000 * kp + acc + (1 << 23)) >> 24], [0, acc, 70]
+    assert done.stdout == f"{first}\n{second}\n{third}\n", done.stderr
+
+
+# ---- scoreboards -----------------------------------------------------------------------------------------------------
+
+ROUNDING = ("{{2{r_acc[A-1]}}, r_acc} + HALF_Y;", "{{2{r_acc[A-1]}}, r_acc};")
+
+
+@pytest.fixture
+def wrong_rtl(tmp_path):
+    """The reference RTL without the rounding constant of the PI."""
+    folder = Path(shutil.copytree(RTL, tmp_path / "rtl"))
+    text = (folder / "pi.v").read_text()
+    assert text.count(ROUNDING[0]) == 1
+    (folder / "pi.v").write_text(text.replace(*ROUNDING))
+    return folder
+
+
+def test_a_fault_of_rtl_stops_the_simulation_at_its_clock(model, wrong_rtl):
+    """The bench of the bundle names the same row, from its own file of expected values."""
+    need("verilator", "g++")
+    files = f"FILES={wrong_rtl / 'pi.v'}"
+    done = checked(model, "dpi", "BUNDLE=golden/pi/rate", files, "CFLAGS=-O0", "BENCHED=-O0")
+    lines = done.stdout.splitlines()
+    assert done.returncode != 0
+    named = [line for line in lines if line.endswith("[dpi]")]
+    assert named == ["clock 37: r_y: expected 4, got 3 (hex) [dpi]", "FAIL pi: 1 ports differ at clock 37 [dpi]"]
+    assert [line for line in lines if line.startswith("row ")] == ["row 37: r_y: expected 4, got 3 (hex)"]
+
+
+def test_unknown_bits_differ(model, tmp_path):
+    need("gcc", "verilator")
+    root = subprocess.run(["verilator", "--getenv", "VERILATOR_ROOT"], capture_output=True, text=True).stdout.strip()
+    sources = [*(model / "model").glob("*.c"), model / "dpi" / "gyro_dpi.c"]
+    include = ["-I", model / "model", "-isystem", f"{root}/include/vltstd"]
+    command = ["gcc", *STRICT, "-fPIC", "-shared", *include, *sources, "-o", tmp_path / "lib.so"]
+    subprocess.run(command, check=True)
+    library = ctypes.CDLL(str(tmp_path / "lib.so"))
+    library.gyro_dpi_open.restype = ctypes.c_void_p
+    library.gyro_dpi_values.restype = library.gyro_dpi_name.restype = ctypes.c_char_p
+    opened = ctypes.c_void_p(library.gyro_dpi_open(b"watchdog"))
+    words = ctypes.c_uint32 * 1
+    known, zero = words(0x7FF), words(0)  # age of 10 bits, stale
+    for rst, shown, mask, count in ((0, 5, 0, 0), (1, 9, 0, 0), (0, 0, 0x7FF, 0), (0, 0, 0x7FE, 1), (0, 2, 0x7FF, 1)):
+        assert library.gyro_dpi_clock(opened, ctypes.c_ubyte(rst), zero, words(shown), words(mask)) == count
+    assert library.gyro_dpi_name(opened, 0) == b"r_age"
+    assert library.gyro_dpi_values(opened, 0) == b"expected 0, got 1 (hex)"
+    assert library.gyro_dpi_clock(opened, ctypes.c_ubyte(0), zero, zero, words(known[0] - 1)) == 1
+    assert library.gyro_dpi_name(opened, 0) == b"r_stale"
+    assert library.gyro_dpi_values(opened, 0) == b"expected 0 (hex), got unknown bits"
+
+
+@pytest.mark.slow
+def test_every_scoreboard_elaborates(model):
+    need("verilator")
+    for path in sorted((model / "dpi").glob("*_bind.sv")):
+        stem = path.name.removesuffix("_bind.sv")
+        command = ["verilator", "--lint-only", "--timing", "-Wno-fatal", "-Wno-lint", "-Wno-style"]
+        command += ["--top-module", f"gyro_{stem}", "dpi/gyro_dpi.sv", f"dpi/{stem}_scoreboard.sv"]
+        done = subprocess.run([*command, *RTL.glob("*.v"), path], cwd=model, capture_output=True, text=True)
+        assert done.returncode == 0, (stem, done.stderr)
 
 
 def test_the_headers_suit_cpp(model, tmp_path):
