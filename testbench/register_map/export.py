@@ -4,6 +4,7 @@
     c/gyro_registers.h            masks, places and reset values of fields, struct of the words: PeakRDL-cheader
     c/gyro_formats.h              address, format, unit and reset value of registers
     c/gyro_driver.h, .c           packing, CRC, conversion
+    c/gyro_spi.h, .c              frames of the SPI port
     uvm/gyro_registers_pkg.sv     register model: PeakRDL-uvm
     ipxact/gyro_registers.xml     IEEE 1685-2014: PeakRDL-ipxact
     html/index.html               pages: PeakRDL-html

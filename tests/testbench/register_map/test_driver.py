@@ -12,31 +12,10 @@ import pytest
 from analog_frontend.parts import adc
 from fpga_model import rate_output
 from tests.testbench.register_map import printed_map
+from tests.testbench.register_map.conftest import STRICT
 
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed: the driver was NOT compiled")
 GUIDE = Path(__file__).parents[3] / "docs" / "register_map.md"
-STRICT = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-O1", "-g")
-CHECKED = ("-fsanitize=undefined,address", "-fno-sanitize-recover=all")
-
-
-@pytest.fixture(scope="module")
-def driver(exported, tmp_path_factory):
-    """Lines of a program that calls the driver for each line of a list."""
-    program = tmp_path_factory.mktemp("driver") / "host"
-    folder = exported / "c"
-    sources = [Path(__file__).with_name("driver_host.c"), folder / "gyro_driver.c"]
-    command = ["gcc", *STRICT, *CHECKED, f"-I{folder}", *map(str, sources), "-o", str(program)]
-    built = subprocess.run(command, capture_output=True, text=True)
-    assert built.returncode == 0, built.stderr
-
-    def called(lines):
-        done = subprocess.run([program], input="\n".join(lines), capture_output=True, text=True, timeout=60)
-        assert done.returncode == 0, done.stderr
-        found = done.stdout.splitlines()
-        assert len(found) == len(lines)
-        return found
-
-    return called
 
 
 def limits(width, signed):
@@ -159,7 +138,7 @@ __attribute__((constructor)) static void state(void) {
 
 
 def test_the_example_of_the_page_prints_what_it_says(exported, tmp_path):
-    (example,) = re.findall(r"```c\n(.*?)```", GUIDE.read_text(), re.S)
+    example, of_spi = re.findall(r"```c\n(.*?)```", GUIDE.read_text(), re.S)
     (printed,) = re.findall(r"```text\n(.*?)```", GUIDE.read_text(), re.S)
     (tmp_path / "example.c").write_text(example)
     (tmp_path / "bus.c").write_text(BUS)
@@ -168,3 +147,8 @@ def test_the_example_of_the_page_prints_what_it_says(exported, tmp_path):
     built = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
     assert built.returncode == 0, built.stderr
     assert subprocess.run(["./example"], cwd=tmp_path, capture_output=True, text=True).stdout == printed
+    head = '#include "gyro_spi.h"\nvoid spi_transfer(const uint8_t *sent, uint8_t *received, size_t count);\n'
+    (tmp_path / "spi.c").write_text(head + of_spi)
+    command = ["gcc", *STRICT, "-Wno-unused-function", f"-I{folder}", "-c", "spi.c"]
+    built = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert built.returncode == 0, built.stderr

@@ -183,5 +183,5 @@ def test_the_command_prints_what_it_wrote(exported, tmp_path, capsys):
         main(["registers", "--out", str(tmp_path / "map")])
     assert ended.value.code == 0
     listed = [Path(line.strip()) for line in capsys.readouterr().out.splitlines()[1:]]
-    assert len(listed) == 8
+    assert len(listed) == 10
     assert all(path.is_file() for path in listed)
