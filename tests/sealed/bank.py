@@ -112,11 +112,8 @@ class Bank:
         rows = [solve_triangular(chol, v, lower=True) for chol, v in zip(self.chol, change)]
         return np.sqrt(self.strata.plan["repeats"]) * np.concatenate(rows)
 
-    def _measured(self, name, run, first, two_sided=True):
-        """`Unit` of something: `run(size)` gives features; the size is sought. NaN where no size locks.
-
-        two_sided  False where only one side of zero is physics
-        """
+    def _measured(self, name, run, first):
+        """`Unit` of something: `run(size)` gives features; the size is sought. NaN where no size locks."""
 
         def seek():
             size, best = first, np.full((len(self.conditions) + 1, self.count), np.nan)
@@ -144,11 +141,13 @@ class Bank:
             try:
                 return (run(-size)[:, 0] - self.base) / -size
             except (ConfigError, FileError):
-                return change
+                # from two sizes on one side: what a step to the other side would have given to second order
+                half = (run(size / 2)[:, 0] - self.base) / (size / 2)
+                return 4 * half - 3 * change
 
         # half the difference of both sides has no term of the second order
-        if two_sided and np.isfinite(size):
-            change = (change + self._kept(f"back {name}", back)) / 2
+        if np.isfinite(size):
+            change = (change + self._kept(f"other side {name}", back)) / 2
         return Unit(change, size)
 
     def has(self, effect):
@@ -161,7 +160,7 @@ class Bank:
         def run(size):
             return self._run(effect.values(size, {}), effect.lines(size), 1)
 
-        return self._measured(_told(effect), run, (effect.sign or 1) * effect.first, not effect.sign)
+        return self._measured(_told(effect), run, (effect.sign or 1) * effect.first)
 
     def nuisance(self, key):
         """`Unit` of a parameter of the priors."""

@@ -26,7 +26,7 @@ from testbench.measured.residual.parameters import WALL
 from testbench.tracing.problem.problem import PredictionFailed, Problem
 
 PLACE_HZ = 2e-3  # from the model's drive frequency to the recorded one: what is less is scatter of the power-ons
-LOOK, DRAWS = 5, 16  # of the exact engine at an anchor: for a first look, and later
+LOOK, DRAWS = 5, 8  # of the exact engine at an anchor: for a first look, and later
 FIRST_DRAW = 10**12  # seeds that no recording has
 SETTLED = 200.0  # sigmas of all features together: so little needs no other anchor
 

@@ -27,7 +27,7 @@ from testbench.measured.closed_loop.loop_offers import Offered, shadowed
 from testbench.measured.closed_loop.loop_tangents import Tangents
 from testbench.measured.residual import features
 from testbench.tracing.noise import findings
-from testbench.tracing.problem.problem import Nuisance, Observable, Problem, Segment
+from testbench.tracing.problem.problem import Nuisance, Observable, Segment
 
 
 class Measured(NamedTuple):
@@ -116,11 +116,14 @@ class LoopProblem(AnchoredLoop):
         return solve_triangular(n.chol, scaled, lower=True, check_finite=False)
 
     def noise_draw(self, k, rng):
-        """One of the averaged plant's draws, either sign: slips make the noise of some power-ons larger."""
-        rows = self._begun[self.segments[k].group]
-        n = self._sizes[self.segments[k].group]
-        scale = np.sqrt(len(rows) / (len(rows) - 1)) * rng.choice((-1.0, 1.0))
-        return scale * (rows[rng.integers(len(rows)), :n] - self._middle[self.segments[k].group][:n])
+        return self.noise_draws(k, 1, rng)[:, 0]
+
+    def noise_draws(self, k, count, rng):
+        """Draws of the averaged plant, either sign: slips make the noise of some power-ons larger."""
+        group = self.segments[k].group
+        n, rows = self._sizes[group], self._begun[group]
+        rest = (rows[:, :n] - self._middle[group][:n]) * np.sqrt(len(rows) / (len(rows) - 1))
+        return (rng.choice((-1.0, 1.0), size=(count, 1)) * rest[rng.integers(len(rows), size=count)]).T
 
     def floor(self, k):
         n, s = self._noise[self.segments[k].group], self.segments[k]
@@ -191,12 +194,10 @@ class Fine:
             for theta, c in points
         ]
 
-    def noise_draw(self, k, rng):
-        """One of the draws of the averaged plant."""
+    def noise_draws(self, k, count, rng):
+        """Draws of the averaged plant."""
         rows = self._draws[self.segments[k].group]
-        return rows[rng.integers(len(rows))] * np.sqrt(len(rows) / (len(rows) - 1))
-
-    noise_draws = Problem.noise_draws
+        return (rows[rng.integers(len(rows), size=count)] * np.sqrt(len(rows) / (len(rows) - 1))).T
 
     def floor(self, k):
         rows, s = self._draws[self.segments[k].group], self.segments[k]

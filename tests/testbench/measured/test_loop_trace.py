@@ -78,7 +78,11 @@ def test_a_point_far_from_its_anchor_is_run_and_becomes_the_next(monkeypatch):
     assert (problem.checked, len(problem.anchored)) == (1, 1)
     problem = _Loop(error=0.6)
     result = _trace(monkeypatch, problem, [3.0, 4.0, 5.0, 5.1])
-    assert problem.anchored == [(3.0, 16), (4.0, 16), (5.0, 32)]
+    assert problem.anchored == [
+        (3.0, loop_trace.DRAWS),
+        (4.0, loop_trace.DRAWS),
+        (5.0, loop_trace.MORE * loop_trace.DRAWS),
+    ]
     assert result.certificates["numerical"]["holds"]
 
 
