@@ -65,7 +65,7 @@ def noise_of(draws, moved_hz=JITTER):
         c = r * np.outer(sigma[name], sigma[name]) + JITTER_HZ**2 * np.outer(slope, slope)
         whole = np.sqrt(np.diag(c))
         out[name] = Noise(whole, np.linalg.cholesky(c / np.outer(whole, whole)))
-    level = np.sqrt(_mean_square(out, {k: _deviations(rows) for k, (rows, _) in draws.items()}))
+    level = np.sqrt(_mean_square(out, {k: deviations(rows) for k, (rows, _) in draws.items()}))
     return {name: n._replace(chol=level * n.chol) for name, n in out.items()}
 
 
@@ -83,7 +83,7 @@ def gain_of(draws):
     return float(1 / np.sqrt(np.mean(left)))
 
 
-def _deviations(rows):
+def deviations(rows):
     """(draws, n) about their mean, as large as about the true one."""
     return (rows - rows.mean(axis=0)) * np.sqrt(len(rows) / (len(rows) - 1))
 

@@ -22,7 +22,7 @@ from scipy.linalg import solve_triangular
 from testbench.config import law_file
 from testbench.measured.closed_loop import loop_runs, loop_spectra
 from testbench.measured.closed_loop.loop_anchor import LOOK, AnchoredLoop
-from testbench.measured.closed_loop.loop_noise import NOISE_DRAWS, gain_of, noise_of
+from testbench.measured.closed_loop.loop_noise import NOISE_DRAWS, deviations, gain_of, noise_of
 from testbench.measured.closed_loop.loop_offers import Offered, shadowed
 from testbench.measured.closed_loop.loop_tangents import Tangents
 from testbench.measured.residual import features
@@ -121,9 +121,8 @@ class LoopProblem(AnchoredLoop):
     def noise_draws(self, k, count, rng):
         """Draws of the averaged plant, either sign: slips make the noise of some power-ons larger."""
         group = self.segments[k].group
-        n, rows = self._sizes[group], self._begun[group]
-        rest = (rows[:, :n] - self._middle[group][:n]) * np.sqrt(len(rows) / (len(rows) - 1))
-        return (rng.choice((-1.0, 1.0), size=(count, 1)) * rest[rng.integers(len(rows), size=count)]).T
+        rows = deviations(self._begun[group][:, : self._sizes[group]])
+        return (rng.choice((-1.0, 1.0), size=(count, 1)) * rows[rng.integers(len(rows), size=count)]).T
 
     def floor(self, k):
         n, s = self._noise[self.segments[k].group], self.segments[k]
@@ -168,7 +167,7 @@ class Fine:
     """The segments of a `LoopProblem` in bins of loop_runs.FINE frames: for held-out errors, nothing is fitted here."""
 
     def __init__(self, problem, draws):
-        self._of, self._draws = problem, {g: v - v.mean(axis=0) for g, v in draws.items()}
+        self._of, self._draws = problem, {g: deviations(v) for g, v in draws.items()}
         self.segments = tuple(
             s._replace(
                 observables=tuple(
@@ -197,14 +196,11 @@ class Fine:
     def noise_draws(self, k, count, rng):
         """Draws of the averaged plant."""
         rows = self._draws[self.segments[k].group]
-        return (rows[rng.integers(len(rows), size=count)] * np.sqrt(len(rows) / (len(rows) - 1))).T
+        return rows[rng.integers(len(rows), size=count)].T
 
     def floor(self, k):
         rows, s = self._draws[self.segments[k].group], self.segments[k]
-        return {
-            o.name: float(np.sqrt(np.sum(rows[:, o.rows] ** 2) / (len(rows) - 1) / (o.rows.stop - o.rows.start)))
-            for o in s.observables
-        }
+        return {o.name: float(np.sqrt(np.mean(rows[:, o.rows] ** 2))) for o in s.observables}
 
 
 def _of_frequency(condition):
