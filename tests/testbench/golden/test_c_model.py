@@ -349,15 +349,16 @@ def test_the_headers_suit_cpp(model, tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("compiler", ["gcc", "clang"])
 @pytest.mark.parametrize("goal", ["check", "sanitize"])
-def test_every_bundle_passes_under_both_compilers(tmp_path, goal):
+def test_every_bundle_passes_under_both_compilers(tmp_path, goal, compiler):
     """Every row of every register; under the sanitizers the first frames of the whole design."""
-    need("gcc", "clang")
+    need(compiler)
     export.export(tmp_path)
     written = bundles_export.export("all", tmp_path / "golden")
-    done = checked(tmp_path, goal, *(["FRAMES=100"] if goal == "sanitize" else []))
+    done = checked(tmp_path, goal, f"CC={compiler}", *(["FRAMES=100"] if goal == "sanitize" else []))
     assert done.returncode == 0, done.stdout
-    assert done.stdout.count("PASS ") == 2 * len(written)
+    assert done.stdout.count("PASS ") == len(written)
     assert "FAIL" not in done.stdout
 
 
