@@ -36,6 +36,8 @@ CHAPTERS = {
         "record",
         "inputs",
         "plant_port",
+        "register_map",
+        "c_model",
         "api",
     ),
     "Experiments": ("paper", "inference", "loop", "design_of_loops", "word_lengths", "campaigns"),

@@ -2,6 +2,7 @@
 
 import math
 import re
+import runpy
 import shutil
 import sys
 from pathlib import Path
@@ -143,6 +144,15 @@ def test_every_page_is_in_the_index():
     for path in WRITTEN:
         name = path.relative_to(ROOT / "docs").as_posix()
         assert f"({name})" in index or name == "README.md", name
+
+
+def test_every_page_is_in_one_chapter_of_the_site():
+    """A build that keeps its pages does not warn of a new one without a chapter: only a first build does."""
+    conf = runpy.run_path(str(ROOT / "docs" / "conf.py"))
+    listed = [line for line in conf["contents"]().splitlines() if line.endswith(".md")]
+    assert sorted(set(listed)) == sorted(listed)
+    missing = {path.relative_to(ROOT / "docs").as_posix() for path in WRITTEN} - set(listed) - {"README.md"}
+    assert not missing
 
 
 def test_the_page_that_a_module_names_as_its_source_exists():
