@@ -40,7 +40,7 @@ def rows_of(run, wide=False):
             out.append(run.counted[wide][n])
             continue
         envelope = run.path("envelopes", n).read_text()
-        out.append(score.scored(n, envelope, json.loads(run.path(PARTS[wide], n).read_text())))
+        out.append(score.scored(n, envelope, json.loads(run.path(PARTS[wide], n).read_text()), wide))
     return out
 
 

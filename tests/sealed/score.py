@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 from testbench.errors import FileError
 from testbench.tracing.noise.power import clopper_pearson
+from tests.sealed import coverage
 from tests.sealed.strata import INSIDE, NULLS
 
 CLASSES = ("named", "confounded", "candidate")
@@ -36,6 +37,7 @@ class Scored(NamedTuple):
     listed: bool  # any effect at all, partial ones too
     pull: float | None  # (found - hidden) / sd where the truth is in the class
     cpu_s: float
+    intervals: tuple = ()  # deviations in sds of what a trace from a data sheet has found of a board without effect
 
 
 def _names(cause):
@@ -50,8 +52,8 @@ def _pull(cause, truth):
     return None
 
 
-def scored(number, envelope, result):
-    """`Scored` of a record. FileError if the envelope is not the one that was sealed."""
+def scored(number, envelope, result, wide=False):
+    """`Scored` of a record; wide: from a data sheet. FileError if the envelope is not the one that was sealed."""
     found = hashlib.sha256(envelope.encode()).hexdigest()
     if found != result["envelope_sha256"]:
         raise FileError(f"envelope {number:03d}: sha256 {found[:12]}, sealed was {result['envelope_sha256'][:12]}")
@@ -68,7 +70,8 @@ def scored(number, envelope, result):
             right, pull = True, _pull(cause, truth)
     listed = bool(said["effects"] or causes)
     sets = tuple(frozenset(cause["laws"]) for cause in causes)
-    return Scored(number, sealed["kind"], truth, said["verdict"], sets, right, listed, pull, cpu)
+    offs = () if truth or not wide else tuple(round(x, 3) for x in coverage.offs(sealed, said).values())
+    return Scored(number, sealed["kind"], truth, said["verdict"], sets, right, listed, pull, cpu, offs)
 
 
 def kept(run, rows, wide=()):
@@ -86,7 +89,8 @@ def read(text):
     run, *told = map(json.loads, text.splitlines())
     both = {False: [], True: []}
     for r in told:
-        both[r.pop("wide")].append(Scored(**(r | {"causes": tuple(map(frozenset, r["causes"]))})))
+        sets = {"causes": tuple(map(frozenset, r["causes"])), "intervals": tuple(r.get("intervals", ()))}
+        both[r.pop("wide")].append(Scored(**(r | sets)))
     return run, both[False], both[True]
 
 
@@ -138,10 +142,13 @@ def wide_criteria(rows, wide, disguises):
     new = [w for n, w in both if not false(n)]
     named = [(n, w) for n, w in both if n.verdict == "named" and n.right and n.truth["name"] not in disguises]
     k, again = sum(map(false, new)), sum(w.right and len(w.causes) <= SMALL for _, w in named)
+    offs = [x for r in wide for x in r.intervals]
     return [
         ("data sheet: new false causes", k, len(new), "none", k == 0),
         ("data sheet: of those named, the same in a class of at most 3", again, len(named), "at least 80 %",
          _least(0.8)(again, len(named))),
+        ("data sheet: 95 % intervals of boards without effect", sum(abs(x) < Z for x in offs), len(offs), "91 .. 99 %",
+         bool(offs) and 0.91 <= sum(abs(x) < Z for x in offs) / len(offs) <= 0.99),
         ("data sheet: tracebacks", sum(w.verdict == "error" for w in wide), len(wide), "none",
          not any(w.verdict == "error" for w in wide)),
     ]  # fmt: skip
