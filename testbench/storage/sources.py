@@ -48,8 +48,13 @@ def reached(*modules):
 @functools.cache
 def code_sha256(*modules):
     """SHA-256 over names and bytes of the sources that these modules reach."""
+    return bytes_sha256(reached(*modules))
+
+
+def bytes_sha256(modules):
+    """SHA-256 over names and bytes of modules of ours, and of no other."""
     digest = hashlib.sha256()
-    for module in reached(*modules):
+    for module in modules:
         data = _path(module).read_bytes()
         digest.update(f"{module} {len(data)}\n".encode() + data)
     return digest.hexdigest()

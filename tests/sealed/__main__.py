@@ -20,7 +20,7 @@ from testbench.console.markdown import ROOT, replaced
 from testbench.storage.files import write_text
 from tests.sealed import draw, ledger, score, strata
 from tests.sealed.bank import Bank, Space
-from tests.sealed.records import PARTS, Run, Tracing
+from tests.sealed.records import Run, Tracing
 
 SCORED = Path(__file__).with_name("scored.jsonl")
 
@@ -28,8 +28,9 @@ SCORED = Path(__file__).with_name("scored.jsonl")
 def counted(own, path=SCORED):
     """{wide: {number: `score.Scored`}} of what has been kept of a run."""
     line, *both = score.read(path.read_text()) if path.exists() else ({"run": ""}, [], [])
-    same = line["run"] == own["run"]
-    return {wide: {r.number: r for r in rows if same} for wide, rows in zip((False, True), both)}
+    same = {False: line["run"] == own["run"]}
+    same[True] = same[False] and line["wide_sha256"] == own["wide_sha256"]
+    return {wide: {r.number: r for r in rows if same[wide]} for wide, rows in zip((False, True), both)}
 
 
 def rows_of(run, wide=False):
@@ -40,7 +41,7 @@ def rows_of(run, wide=False):
             out.append(run.counted[wide][n])
             continue
         envelope = run.path("envelopes", n).read_text()
-        out.append(score.scored(n, envelope, json.loads(run.path(PARTS[wide], n).read_text()), wide))
+        out.append(score.scored(n, envelope, json.loads(run.path(run.parts[wide], n).read_text()), wide))
     return out
 
 

@@ -2,7 +2,8 @@
 
     kind        sealed, or development: seeds of its own, never counted in a rate that is published
     run         what the seeds follow from: kind and hashes of the tracing source, strata, second plant and draws
-    done, of    records that have a result, and all of the strata; wide: those traced with a data sheet's priors too
+    done, of    records that have a result, and all of the strata
+    wide        records traced again from a data sheet, by the estimator of `wide_sha256`: another one counts anew
 
 Source    docs/sealed.md
 """
@@ -23,19 +24,24 @@ from tests.sealed.draw import seed_of
 
 FILE = Path(__file__).with_name("ledger.jsonl")
 DRAWN_BY = ("bank", "draw", "effects", "records", "strata")  # sources beside this one
+TRACES = (*COMPUTES, "testbench.measured.closed_loop.loop_trace")
+WIDE = "testbench.measured.wide"  # is at work from a data sheet alone
 SEALED, DEVELOPMENT = KINDS = ("sealed", "development")
 
 
 def identity(kind, strata):
-    """{kind, hashes} of a run and its name."""
+    """{kind, hashes} of a run, its name, and the hash of what narrows wide priors, which the name does not have."""
+    reached = sources.reached(*TRACES)
+    wide = [module for module in reached if module.startswith(WIDE)]
     own = {
         "kind": kind,
-        "tracing_sha256": sources.code_sha256(*COMPUTES),
+        "tracing_sha256": sources.bytes_sha256([module for module in reached if module not in wide]),
         "strata_sha256": strata.sha256,
         "plant_sha256": second_plant.sha256(),
         "draw_sha256": _drawn_by_sha256(),
     }
-    return own | {"run": f"{kind}-{seed_of(*own.values()):014x}"}
+    name = f"{kind}-{seed_of(*own.values()):014x}"
+    return own | {"run": name, "wide_sha256": sources.bytes_sha256(wide)}
 
 
 def _drawn_by_sha256():
@@ -69,5 +75,5 @@ def noted(path, run):
         else:
             begun = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
             known.append(row := run.own | {"begun_utc": begun})
-        row |= {"done": len(run.done()), "wide": len(run.done(wide=True)), "of": len(run.kinds)}
+        row |= run.own | {"done": len(run.done()), "wide": len(run.done(wide=True)), "of": len(run.kinds)}
         write_text(path, "".join(json.dumps(row) + "\n" for row in known))

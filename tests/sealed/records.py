@@ -2,7 +2,8 @@
 
     FOLDER/RUN/envelopes/NNN.json   truth, for the scorer alone; its hash is in the result
     FOLDER/RUN/results/NNN.json     result of the trace, times, hash of the envelope
-    FOLDER/RUN/wide/NNN.json        the same of the same record without priors, traced with those of a data sheet
+    FOLDER/RUN/wide-HASH/NNN.json   the same of the same record without priors, traced from a data sheet; the hash is
+                                    that of what narrows wide priors
     FOLDER/RUN/claims/NNN           held by the process that is at this record; a killed one holds nothing
 The trace gets the record's file and nothing else. Anchors, noise and tangents that do not depend on a record's data are
 shared by all of a process (`loop_problem.Kept`).
@@ -27,7 +28,6 @@ from testbench.tracing.trace import Options
 from tests.sealed import draw
 from tests.sealed.strata import plan
 
-PARTS = {False: "results", True: "wide"}
 REDRAWS = 20  # boards drawn in place of one that loses its lock with its effect
 
 
@@ -55,7 +55,8 @@ class Run:
         self.strata, self.space, self.own, self.trace = strata, space, own, trace or Tracing()
         self.counted = counted or {False: (), True: ()}
         self.folder = folder / own["run"]
-        for part in ("envelopes", "claims", *PARTS.values()):
+        self.parts = {False: "results", True: f"wide-{own['wide_sha256'][:12]}"}
+        for part in ("envelopes", "claims", *self.parts.values()):
             (self.folder / part).mkdir(parents=True, exist_ok=True)
         self.kinds = draw.order(strata, own["run"])
 
@@ -64,7 +65,7 @@ class Run:
 
     def done(self, wide=False):
         """Numbers that have a result, or had one."""
-        part, before = PARTS[wide], self.counted[wide]
+        part, before = self.parts[wide], self.counted[wide]
         return [n for n in range(len(self.kinds)) if n in before or self.path(part, n).exists()]
 
     @contextlib.contextmanager
@@ -118,6 +119,6 @@ class Run:
             out = {"error": f"{type(problem).__name__}: {problem}"}
         out["envelope_sha256"] = record.attrs["truth_sha256"]
         out["cpu_s"] = {"record": round(made - begun, 2), "trace": round(time.process_time() - made, 2)}
-        write_text(self.path(PARTS[wide], number), json.dumps(out) + "\n")
+        write_text(self.path(self.parts[wide], number), json.dumps(out) + "\n")
         file.unlink()
         return out

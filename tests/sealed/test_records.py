@@ -67,7 +67,11 @@ def test_a_run_makes_records_that_are_accepted_and_goes_on_where_it_was(tmp_path
     assert [(row["done"], row["wide"]) for row in ledger.rows(path)] == [(3, 0)]
     play(again, 1, 60.0, path, wide=True)
     assert [(row["done"], row["wide"]) for row in ledger.rows(path)] == [(3, 1)]
-    assert again.trace.seen[0] != again.trace.seen[1] == json.loads(run.path("wide", 0).read_text())["envelope_sha256"]
+    assert (
+        again.trace.seen[0]
+        != again.trace.seen[1]
+        == json.loads(run.path(run.parts[True], 0).read_text())["envelope_sha256"]
+    )
     sheets = [plant.model_dump() for plant in again.trace.sheets]
     tolerances, default = sheet.read(sheet.OWN), config.Config().plant.model_dump()
     assert sheets[0] == default

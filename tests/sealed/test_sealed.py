@@ -155,6 +155,28 @@ def test_the_ledger_keeps_every_run(tmp_path):
     assert first["begun_utc"] <= second["begun_utc"]
 
 
+def test_what_narrows_wide_priors_has_a_hash_of_its_own(monkeypatch):
+    """An edit there leaves the records and the results of narrow priors as they are."""
+    tables = strata.read()
+    before = ledger.identity("sealed", tables)
+    modules = ledger.sources.reached(*ledger.TRACES)
+    parts = {part: [m for m in modules if m.startswith(ledger.WIDE) == part] for part in (False, True)}
+    assert "testbench.measured.wide.estimate" in parts[True]
+    assert "testbench.measured.closed_loop.loop_trace" in parts[False]
+    honest = ledger.sources.bytes_sha256
+
+    def edited(module):
+        def hashed(names):
+            return honest(names) + "x" * (module in names)
+
+        monkeypatch.setattr(ledger.sources, "bytes_sha256", hashed)
+        after = ledger.identity("sealed", tables)
+        return [key for key in before if before[key] != after[key]]
+
+    assert edited(parts[True][0]) == ["wide_sha256"]
+    assert edited(parts[False][0]) == ["tracing_sha256", "run"]
+
+
 def test_the_ledger_under_version_control_can_be_read():
     for row in ledger.rows():
         assert row["kind"] in ledger.KINDS
