@@ -1,10 +1,12 @@
 """Comparators of the engines: the reference RTL of the firmware around chips and plant in C++, from a locked state.
 
     verilator   testbench/rtl verilated, around the board of board.h      icarus   the same two, joined by VPI
+    c           the firmware in C, generated from the kernels, around the same board
     peak        peak of multiply-add pairs of this CPU
 
 `export` writes registers and constants of a locked gyroscope; the programs continue from there and write every code.
-They share no code with the engines: equal codes are an independent check of both. A missing tool is `Missing`.
+The first two share no code with the engines: equal codes are an independent check of both. Of `c` this holds for the
+plant; its firmware has the engines' equations and another compiler. A missing tool is `Missing`.
 Source    docs/speed.md
 """
 
@@ -21,6 +23,7 @@ from analog_frontend.parts import adc, noise, sid
 from fpga_model import references, sequencer
 from fpga_model.rates import FRAME_TICKS
 from testbench import flatten
+from testbench.golden.c_model import export as c_model
 from testbench.golden.loop import library
 from testbench.golden.recording import board
 from testbench.run import simulation
@@ -141,6 +144,10 @@ def export(sim, rate_rad_s, folder):
     (folder / DESIGN).write_text(_design(sim.params.fpga))
     (folder / "state.hex").write_text("\n".join(state) + "\n")
     (folder / "state.bin").write_bytes(raw)
+    (folder / "model").mkdir(exist_ok=True)
+    for name, text in c_model.texts(sim.params.fpga).items():
+        if name.startswith("model/"):
+            (folder / name).write_text(text)
 
 
 # ---- build -----------------------------------------------------------------------------------------------------------
@@ -211,6 +218,18 @@ def build_icarus(folder):
     return [vvp, "-M", str(folder), "-m", "board", str(folder / "core.vvp")]
 
 
+def build_c(folder, flags=FLAGS):
+    """The firmware in C; returns its command."""
+    cc, cxx = tool(os.environ.get("CC", "gcc")), _compiler()
+    objects = folder / "objects"
+    objects.mkdir(exist_ok=True)
+    sources = sorted((folder / "model").glob("*.c"))
+    _call([cc, "-std=c99", *flags, f"-I{folder / 'model'}", "-c", *sources], objects)
+    program = [SOURCES / "c_firmware.cpp", *sorted(objects.glob("*.o"))]
+    _call([cxx, "-std=c++17", *flags, f"-I{folder / 'model'}", f"-I{SOURCES}", *program, "-o", "c_firmware"], folder)
+    return [str(folder / "c_firmware")]
+
+
 def build_peak(folder):
     """The kernel that measures the peak of this CPU; returns its command."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -218,7 +237,7 @@ def build_peak(folder):
     return [str(folder / "peak")]
 
 
-BUILDERS = {"verilator": build_verilator, "icarus": build_icarus}
+BUILDERS = {"verilator": build_verilator, "icarus": build_icarus, "c": build_c}
 
 
 # ---- run -------------------------------------------------------------------------------------------------------------

@@ -1,8 +1,9 @@
 """`gyro golden export --c DIR`: the firmware as C99, and what runs golden bundles through it.
 
-    DIR/Makefile     make check, make sanitize, make lib
+    DIR/Makefile     make check, make sanitize, make lib, make size, make instructions
     DIR/model/       a header and a source for each module of the firmware; blocks.h has all blocks by name
     DIR/check/       the program that reads bundles
+    DIR/embedded/    the firmware on a small processor, and a program that counts its instructions
     DIR/dpi/         scoreboards in SystemVerilog
     DIR/golden/      bundles
 
@@ -44,6 +45,7 @@ def texts(params):
     for path in sorted(TEMPLATES.iterdir()):
         if path.suffix in (".c", ".h", ".sv"):
             files[f"{PLACES.get(path.stem, 'check')}/{path.name}"] = path.read_text()
+    files |= {f"embedded/{path.name}": path.read_text() for path in sorted((TEMPLATES / "embedded").iterdir())}
     for stem in program.parts:
         files[f"model/{stem}.h"] = program.header(stem)
         files[f"model/{stem}.c"] = program.source(stem)

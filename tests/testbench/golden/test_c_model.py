@@ -280,6 +280,7 @@ def test_the_python_of_the_page(model, tmp_path):
 
 # ---- scoreboards -----------------------------------------------------------------------------------------------------
 
+FAULT_FRAME = 164  # of `story` in which a loop rounds for the first time
 ROUNDING = ("{{2{r_acc[A-1]}}, r_acc} + HALF_Y;", "{{2{r_acc[A-1]}}, r_acc};")
 
 
@@ -303,6 +304,24 @@ def test_a_fault_of_rtl_stops_the_simulation_at_its_clock(model, wrong_rtl):
     named = [line for line in lines if line.endswith("[dpi]")]
     assert named == ["clock 37: r_y: expected 4, got 3 (hex) [dpi]", "FAIL pi: 1 ports differ at clock 37 [dpi]"]
     assert [line for line in lines if line.startswith("row ")] == ["row 37: r_y: expected 4, got 3 (hex)"]
+
+
+@pytest.mark.slow
+def test_a_fault_of_the_whole_design_stops_at_its_clock(model, wrong_rtl, tmp_path):
+    """A bundle with a row at each clock says where and which."""
+    need("verilator", "g++")
+    r, frames = recording.load("story"), FAULT_FRAME + 1
+    clocks = r.params.design.frame_clocks
+    window = recording.Window(FAULT_FRAME * clocks, clocks, "every clock")
+    top.write(top.begun(r, frames, (window,)), tmp_path / "top" / "story")
+    done = checked(model, "dpi", f"BUNDLE={tmp_path / 'top' / 'story'}", f"RTL={RTL}")
+    assert f"top: {frames * clocks} clocks equal to the model [dpi]" in done.stdout
+    done = checked(model, "dpi", f"BUNDLE={tmp_path / 'top' / 'story'}", f"RTL={wrong_rtl}")
+    named = [line for line in done.stdout.splitlines() if line.endswith("[dpi]")]
+    benched = [line for line in done.stdout.splitlines() if line.startswith("clock ") and not line.endswith("[dpi]")]
+    assert done.returncode != 0
+    assert benched
+    assert named[0].removesuffix(" [dpi]") == benched[0], done.stdout
 
 
 def test_unknown_bits_differ(model, tmp_path):
@@ -343,6 +362,29 @@ def test_the_headers_suit_cpp(model, tmp_path):
     (tmp_path / "all.cpp").write_text('#include "top.h"\n#include "blocks.h"\nint main() { gyro_top_State s, t; }\n')
     command = ["g++", "-std=c++17", "-Wall", "-Wno-unused-variable", "-Werror", "-fsyntax-only", "-I", model / "model"]
     subprocess.run([*command, tmp_path / "all.cpp"], check=True)
+
+
+@pytest.mark.slow
+def test_the_numbers_of_a_small_processor_are_those_of_the_page(model):
+    """Other versions of the tools give others: half as much or twice as much is not what the page says."""
+    need("arm-none-eabi-gcc", "qemu-system-arm")
+    sizes = checked(model, "size").stdout.split()
+    sizes = dict(zip(sizes[:3], map(int, sizes[6:9])))
+    counts = {}
+    for shift in (0, 1):  # the program measures what the timer counts: QEMU's time per instruction does not matter
+        qemu = f"QEMU=timeout 100 qemu-system-arm -machine mps2-an386 -icount shift={shift}"
+        text = (model / "Makefile").read_text().replace(" -icount shift=0", "")
+        (model / f"shift_{shift}.mk").write_text(text)
+        done = checked(model, "-f", f"shift_{shift}.mk", "instructions", qemu)
+        counts[shift] = int(re.fullmatch(r"(\d+) instructions per frame\n\d+ .* per clock\n", done.stdout)[1])
+    assert counts[1] == pytest.approx(counts[0], rel=1e-3)
+    page = PAGE.read_text()
+    rows = re.search(r"<!-- embedded.*?<!-- end -->", page, re.S)[0]
+    text, data, bss, instructions = (int(n) for n in re.findall(r"\| (\d+)(?: bytes)? \|", rows))
+    assert (data, bss) == (sizes["data"], sizes["bss"])
+    assert sizes["text"] == pytest.approx(text, rel=0.5)
+    assert counts[0] == pytest.approx(instructions, rel=0.5)
+    assert bss >= 2 * 8 * 200
 
 
 # ---- all of it -------------------------------------------------------------------------------------------------------
