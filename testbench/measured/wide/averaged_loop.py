@@ -105,6 +105,11 @@ class AveragedLoop:
         out = np.where(self._word, np.hypot(out, JITTER_HZ), out)
         return out / np.sqrt(self.repeats)
 
+    def even(self, u):
+        """Features with one noise, without slips of edges; None where the board does not lock."""
+        found = self._even(u, [u])
+        return found and found[0]
+
     def columns(self, u, which, sigma, measured=False):
         """(features, columns dy/du of the indices `which`, 0 elsewhere) with one noise, without slips of edges.
 

@@ -6,7 +6,7 @@
     rate        force, sense codes and V_q^2 behind a step    scale factor, f_y, Q_y, damping coupling, sense phase
     all         every observable but the one of slips         every parameter
     slips       every observable, draws of the exact engine   every parameter
-Each stage minimises |w z|^2 + |u|^2 by bounded Gauss-Newton with the averaged plant; z in sigmas, w caps the rms of an
+Each stage minimises |w z|^2 + |u|^2 by Gauss-Newton within a trusted region; z in sigmas, w caps the rms of an
 observable at CAP sigmas, so that one that is far off does not silence the others.
 Source    docs/wide_priors.md
 """
@@ -24,7 +24,12 @@ from testbench.measured.wide.averaged_loop import AveragedLoop
 CAP = 300.0
 NOISE, DRAWS = 8, 4  # of the averaged plant: for its noise, for a prediction of the last stage
 NEAR, SHORT = 5.0, 0.02  # a step of fewer sigmas, as noise alone moves 18 parameters, or of this share of the residual
-MISSED = 0.3  # share of a step by which its end may miss what the columns promised
+MISSED = 0.3  # share of a step by which its end may miss what the columns promised, for them to serve again
+REGION, SHRINK = 1.0, 0.3  # sds of the priors: the largest step; factor of a region
+SPLIT, GRID = "plant.fy_hz", np.arange(-2.25, 2.5, 0.25)  # sds of its prior where another well is looked for
+FITTED = 2.0  # sigmas rms: no well is lower by much
+POOR, GOOD = 0.3, 0.7  # share of a promised decrease
+TINY = 1e-12  # of a cost: nothing is promised
 
 
 class Stage(NamedTuple):
@@ -43,11 +48,11 @@ DRIVE = (
 QUADRATURE = "kxy_n_per_m kq_n_per_m_per_v2 kxy_tc_below_per_k kxy_tc_above_per_k"
 RATE = "k_vf_sense_n_per_v dxy_ratio fy_hz qy dcdy_f_per_m sense_pole_1_s kxy_n_per_m coriolis_mass_kg cref_sense_f"
 STAGES = (
-    Stage("frequency", ("f_word",), ("fx_hz",), 1),
-    Stage("quadrature", ("v_q2",), tuple(QUADRATURE.split()), 1),
-    Stage("drive", ("f_word", "amplitude"), tuple(DRIVE.split()), 2),
-    Stage("rate", ("force", "adc_yI", "adc_yQ", "v_q2"), tuple(RATE.split()), 2),
-    Stage("all", tuple(name for name in NAMES if name != "adc_xI"), (), 2),
+    Stage("frequency", ("f_word",), ("fx_hz",), 3),
+    Stage("quadrature", ("v_q2",), tuple(QUADRATURE.split()), 6),
+    Stage("drive", ("f_word", "amplitude"), tuple(DRIVE.split()), 8),
+    Stage("rate", ("force", "adc_yI", "adc_yQ", "v_q2"), tuple(RATE.split()), 8),
+    Stage("all", tuple(name for name in NAMES if name != "adc_xI"), (), 12),
     Stage("slips", NAMES, (), 8),
 )
 
@@ -58,6 +63,8 @@ class Step(NamedTuple):
     stage: str
     rms: float
     moved: float
+    kept: float  # share of the promised decrease
+    radius: float  # of the region, in sds of the priors
 
 
 class Estimate(NamedTuple):
@@ -81,80 +88,129 @@ class Work:
     """Point, prediction and columns there, and what is needed to move it."""
 
     def __init__(self, loop, progress=None):
-        self.loop, self.progress, self.steps = loop, progress, []
+        self.loop, self.progress, self.steps, self.known = loop, progress, [], None
         self.u = np.zeros(len(loop.parameters))
         first = loop.mean(self.u, NOISE)
         if first is None:
             raise ConfigError("wide priors: the configured board does not lock under the conditions of the record")
         self.sigma = loop.sigma(first[1])
 
-    def target(self, predicted, columns, which, observables):
-        """(matrix, right side) of the least squares of a stage at the point, priors as rows."""
+    def weights(self, predicted, observables):
+        """1 / sigma of each feature, 0 of observables that are not fitted; the rms of one counts as CAP at most."""
         z = self.loop.residual(predicted) / self.sigma
         w = np.zeros(len(z))
         for name in observables:
             rows = self.loop.observable == name
             w[rows] = 1 / max(1.0, np.sqrt(np.mean(z[rows] ** 2)) / CAP)
-        j = columns[:, which] / self.sigma[:, None] * w[:, None]
-        return np.concatenate([j, np.eye(len(which))]), np.concatenate([z * w, -self.u[which]])
+        return w / self.sigma
+
+    def cost(self, u, predicted, weights):
+        """What a stage minimises, at a point; infinite without lock."""
+        return np.inf if predicted is None else float(np.sum((self.loop.residual(predicted) * weights) ** 2) + u @ u)
 
     def rms(self, predicted, observables):
         """Rms of the residual of some observables, in sigmas."""
         z = self.loop.residual(predicted) / self.sigma
         return float(np.sqrt(np.mean(z[np.isin(self.loop.observable, observables)] ** 2)))
 
-    def predicted(self, which, stage, known):
-        """(features, columns) at the point; in the last stage features of the exact engine. None without lock.
+    def step(self, residual, columns, which, weights, radius):
+        """(change, matrix, right side) of the least squares of a stage, priors as rows, within a region and WALL."""
+        a = np.concatenate([columns * weights[:, None], np.eye(len(which))])
+        b = np.concatenate([residual * weights, -self.u[which]])
+        low, high = np.maximum(-WALL - self.u[which], -radius), np.minimum(WALL - self.u[which], radius)
+        return lsq_linear(a, b, bounds=(np.minimum(low, -1e-9), np.maximum(high, 1e-9))).x, a, b
 
-        known  (columns, features that they promised here, sigmas moved): they serve again where they have kept it
-        """
-        if stage is not STAGES[-1]:
-            return self.loop.columns(self.u, which, self.sigma, not stage.keys)
-        mean = self.loop.mean(self.u, DRAWS, EXACT)
-        if mean is None:
-            return None
-        if known:
-            columns, promised, moved = known
-            if np.linalg.norm((mean[0] - promised) / self.sigma) < max(NEAR, MISSED * moved):
-                return mean[0], columns
-        found = self.loop.columns(self.u, which, self.sigma, measured=True)
-        return found and (mean[0], found[1])
+    def features(self, u, last):
+        """Features at a point, in the last stage those of the exact engine. None without lock."""
+        if not last:
+            return self.loop.even(u)
+        mean = self.loop.mean(u, DRAWS, EXACT)
+        return mean and mean[0]
 
     def stage(self, stage):
-        """Bounded Gauss-Newton steps of a stage; True if the last one was short."""
+        """Gauss-Newton steps of a stage within a region that is trusted; True if the last one was short.
+
+        A step is taken where it lowers the cost. The region grows and shrinks with what a step has kept of its promise.
+        """
         keys, last = [p.key.partition(".")[2] for p in self.loop.parameters], stage is STAGES[-1]
         which = [k for k, key in enumerate(keys) if not stage.keys or key in stage.keys]
-        before, short, known = self.u, not which, None
+        if not which:
+            return True
         if last:
             # gains and Q of the board, and with them its noise, are known by now
             noisy = self.loop.mean(self.u, NOISE)
             self.sigma = self.loop.sigma(noisy[1]) if noisy else self.sigma
-        for k in range(stage.steps if which else 0):
+        radius, columns, here = REGION, None, self.features(self.u, last)
+        if here is None:
+            return False
+        for k in range(stage.steps):
             if self.progress:
                 self.progress(f"wide priors: {stage.name}", k, stage.steps)
-            found = self.predicted(which, stage, known)
-            if found is None:
-                # no lock there: halfway back
-                self.u, known = (self.u + before) / 2, None
-                continue
-            a, b = self.target(*found, which, stage.observables)
-            bounds = np.minimum(-WALL - self.u[which], -1e-9), np.maximum(WALL - self.u[which], 1e-9)
-            change = lsq_linear(a, b, bounds=bounds).x
-            moved = float(np.linalg.norm((a @ change)[: len(self.sigma)]))
-            self.steps.append(Step(stage.name, self.rms(found[0], stage.observables), moved))
-            before, known = self.u.copy(), (found[1], found[0] + found[1][:, which] @ change, moved)
-            self.u[which] = before[which] + change
-            short = moved < max(NEAR, SHORT * float(np.linalg.norm(b)))
-            if short:
-                break
-        return short
+            fresh = columns is None
+            if fresh:
+                found = self.loop.columns(self.u, which, self.sigma, measured=last or not stage.keys)
+                if found is None:
+                    return False
+                columns = found[1][:, which]
+                self.known = which, columns
+            w, gap = self.weights(here, stage.observables), self.loop.residual(here)
+            wanted, a, b = self.step(gap, columns, which, w, REGION)
+            change = wanted if radius == REGION else self.step(gap, columns, which, w, radius)[0]
+            ahead = self.u.copy()
+            ahead[which] += change
+            there = self.features(ahead, last)
+            before = self.cost(self.u, here, w)
+            promised = float(b @ b - np.sum((b - a @ change) ** 2))
+            kept = (before - self.cost(ahead, there, w)) / max(promised, TINY)
+            moved, free = (float(np.linalg.norm((a @ d)[: len(w)])) for d in (change, wanted))
+            self.steps.append(Step(stage.name, self.rms(here, stage.observables), moved, kept, radius))
+            if kept > GOOD:
+                radius = min(REGION, radius / SHRINK)
+            elif kept < POOR and fresh:
+                radius = SHRINK * min(radius, float(np.max(np.abs(change))))
+            if kept > 0:
+                missed = np.linalg.norm((there - here - columns @ change) * w)
+                self.u, here = ahead, there
+            # a small region makes a step short, but is not the end of the stage
+            if free < max(NEAR, SHORT * float(np.linalg.norm(b))):
+                return True
+            if (kept > 0 and missed > max(NEAR, MISSED * moved)) or (kept <= 0 and not fresh):
+                columns = None
+        return False
+
+    def elsewhere(self, stage):
+        """Go to another well along the split, if one is lower; the others follow by the columns. True if it went.
+
+        The ring at the split has a phase at the end of each bin, so the cost has more than one minimum along f_y.
+        """
+        keys = [p.key for p in self.loop.parameters]
+        here = self.loop.even(self.u)
+        if SPLIT not in keys or here is None or not self.known or self.rms(here, stage.observables) < FITTED:
+            return False
+        split, (which, columns), w = keys.index(SPLIT), self.known, self.weights(here, stage.observables)
+        rest = [k for k, i in enumerate(which) if i != split]
+        others, own, found = [which[k] for k in rest], columns[:, which.index(split)], []
+        for x in GRID:
+            ahead, residual = self.u.copy(), self.loop.residual(here) - own * (x - self.u[split])
+            ahead[split] = x
+            ahead[others] += self.step(residual, columns[:, rest], others, w, 2 * WALL)[0]
+            found.append((self.cost(ahead, self.loop.even(ahead), w), x, ahead))
+        cost, x, ahead = min(found, key=lambda f: f[0])
+        if cost >= self.cost(self.u, here, w) or abs(x - self.u[split]) < GRID[1] - GRID[0]:
+            return False
+        self.u = ahead
+        return True
 
 
 def estimate(measured, model, parameters, bench, progress=None):
     """`Estimate` of a recording (`loop_problem.Measured`) from wide priors about a configuration."""
     loop = AveragedLoop(measured, model, parameters, bench)
     work = Work(loop, progress)
-    ends = [work.stage(stage) for stage in STAGES]
+    ends = []
+    for stage in STAGES:
+        ends.append(work.stage(stage))
+        if stage.name == "all" and work.elsewhere(stage):
+            ends[-1] = work.stage(stage)
     found = tuple(p._replace(start=p.value(float(x))) for p, x in zip(parameters, work.u))
     walls = tuple(p.key for p, x in zip(parameters, work.u) if abs(x) > WALL - 1e-6)
     end = loop.mean(work.u, DRAWS, EXACT)

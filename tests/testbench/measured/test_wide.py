@@ -195,8 +195,11 @@ class _Loop:
     def mean(self, u, count, kind=None):
         return self._at(self.values(u)), np.array([1e-6] * 4 + [1e-3] * 4 + [1e-6] * 4)
 
+    def even(self, u):
+        return self._at(self.values(u))
+
     def columns(self, u, which, sigma, measured=False):
-        base, out = self._at(self.values(u)), np.zeros((12, len(u)))
+        base, out = self.even(u), np.zeros((len(self.features), len(u)))
         for k in which:
             step = 1e-6 * (np.arange(len(u)) == k)
             out[:, k] = (self._at(self.values(u + step)) - base) / 1e-6
@@ -225,6 +228,65 @@ def test_the_stages_find_a_board_a_factor_away_and_say_that_they_have(monkeypatc
     for p in found.parameters:
         assert p.start == pytest.approx(truth[p.key], rel=1e-6)
     assert "3 parameters from the record itself" in found.lines()[0]
+
+
+class _Ring(_Loop):
+    """A loop gain ~ dC/dy / split, and the phases of a ring at the split at four instants."""
+
+    def _at(self, v):
+        split = 11002.0 - v["plant.fy_hz"]
+        gain = v["plant.dcdy_f_per_m"] / split * np.ones(4)
+        return np.concatenate([gain, np.cos(2 * np.pi * split * np.array([0.08, 0.081, 0.12, 0.121]))])
+
+    def __init__(self, truth, parameters):
+        super().__init__(truth, parameters)
+        self.observable = np.repeat(["force", "adc_yI"], 4)
+
+    def mean(self, u, count, kind=None):
+        return self.even(u), np.array([1e-14] * 4 + [1e-3] * 4)
+
+
+def test_another_well_along_the_split_is_found(monkeypatch):
+    """The board is 10 Hz away; a ring of 0.08 s has several minima between. Without the search it is missed."""
+    parameters = (
+        Parameter("plant.fy_hz", "Hz", 10863.0, 10.9, False, 1e3, 5e4),
+        Parameter("plant.dcdy_f_per_m", "F/m", 1e-7, 0.1, True, 1e-9, 1e-4),
+    )
+    truth = {"plant.fy_hz": 10853.0, "plant.dcdy_f_per_m": 1.05e-7}
+    monkeypatch.setattr(estimate, "AveragedLoop", lambda *_: _Ring(truth, parameters))
+    monkeypatch.setattr(estimate, "NAMES", ("force", "adc_yI"))
+    monkeypatch.setattr(
+        estimate, "STAGES", tuple(s._replace(observables=("force", "adc_yI")) for s in estimate.STAGES[-2:])
+    )
+    found = estimate.estimate(None, None, parameters, None)
+    assert {p.key: pytest.approx(p.start, rel=1e-6) for p in found.parameters} == truth
+    monkeypatch.setattr(estimate, "FITTED", np.inf)
+    missed = estimate.estimate(None, None, parameters, None)
+    assert abs(missed.parameters[0].start - truth["plant.fy_hz"]) > 3
+
+
+def test_no_step_makes_the_cost_larger(monkeypatch):
+    """Columns of the wrong sign: every step is refused, the region shrinks, and the stages do not call that an end."""
+
+    class Wrong(_Loop):
+        def columns(self, u, which, sigma, measured=False):
+            base, out = super().columns(u, which, sigma)
+            return base, -out
+
+    parameters = (Parameter("plant.fx_hz", "Hz", 11000.0, 11.0, False, 1e3, 5e4),)
+    truth = {"plant.fx_hz": 11009.0, "plant.qx": 2e5, "plant.k_vf_drive_n_per_v": 2.7e-7}
+
+    class Board(Wrong):
+        def values(self, u):
+            return truth | super().values(u)
+
+    monkeypatch.setattr(estimate, "AveragedLoop", lambda *_: Board(truth, parameters))
+    monkeypatch.setattr(estimate, "NAMES", ("f_word",))
+    monkeypatch.setattr(estimate, "STAGES", tuple(s._replace(observables=("f_word",)) for s in estimate.STAGES[-2:]))
+    found = estimate.estimate(None, None, parameters, None)
+    assert not found.converged
+    assert found.parameters[0].start == 11000.0
+    assert {step.radius for step in found.steps} != {estimate.REGION}
 
 
 def test_what_no_record_tells_is_printed_beside_the_products_and_their_intervals():
