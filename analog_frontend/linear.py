@@ -152,9 +152,9 @@ def _modes(g, w, n, e, laws, gains, pushed):
     x, vx, y, vy = w[X * STRIDE], w[VX * STRIDE], w[Y * STRIDE], w[VY * STRIDE]
     for t in range(n):
         if pushed:
-            add_x = effects.force_impulse(e, x, w[D3 * STRIDE + t])
+            add_x = effects.force_impulse(e, x, law.acting(w, PLACES, law.U, t, t + 1, laws.leads))
             if laws.force:
-                law_x, law_y = law.impulses(laws.force, laws.table, gains, w, PLACES, t)
+                law_x, law_y = law.impulses(laws.force, laws.table, gains, w, PLACES, t, t + 1, laws.leads)
                 add_x, vy = add_x + law_x, vy + law_y
                 w[VY * STRIDE + t] = vy
             vx = vx + add_x

@@ -49,7 +49,9 @@ def demodulate(p, s, tick, n, edge_count, edges, driver_s, temp_degc):
             x_volts, y_volts = effects.cv_volts(p.effects, w[x + t], w[y + t], w[drive + t], w[drive + t + 1])
             if laws.cv:
                 gain = s.work.gains
-                law_x, law_y = law.volts(laws.force, laws.cv, laws.table, gain, w, linear.PLACES, t, t + 1)
+                law_x, law_y = law.volts(
+                    laws.force, laws.cv, laws.table, laws.numbers, gain, w, linear.PLACES, t, t + 1
+                )
                 x_volts, y_volts = x_volts + law_x, y_volts + law_y
             if ring.on:
                 x_volts = x_volts + ring_saturation.volts(ring, index, weight, 0, w[cx + t], w[cx + t + 1])

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from fpga_model import delay, rates, spi_dac
 from fpga_model.design_record import DEFAULT
-from fpga_model.jit import inner
+from fpga_model.jit import inlined, inner
 
 TICK = rates.State.__annotations__["tick"]
 MOST_BEHIND = 8
@@ -75,3 +75,13 @@ def loads(paths):
     if paths is None:
         return spi_dac.LOAD_TICK, spi_dac.LOAD_TICK
     return paths.drive_load, paths.sense_load
+
+
+@inlined
+def dac_clocks(f):
+    """Clocks of a tick at which the outputs of the drive and the sense DAC are told to change; `f`: fpga.Params."""
+    clocks, (drive, sense) = f.design.tick_clocks, loads(f.paths)
+    drive += spi_dac.latch_cycles(f.drive_dac, clocks)
+    sense += spi_dac.latch_cycles(f.sense_dac, clocks)
+    # a latch of at most one tick, behind a load within one
+    return drive - clocks if drive >= clocks else drive, sense - clocks if sense >= clocks else sense

@@ -6,6 +6,7 @@
             where a sign or an absolute value is taken, the points begin at that state's crest
     C/V     as a square-wave demodulator sees it: C - i S, C = c1 - c3/3 + c5/5, S = s1 + s3/3 + s5/5, about the
             phase of its references
+    u, w    turned on by their leads: the means of staircases (`law.acting`)
 
 Left out   the change of the motion within a frame; harmonics beyond 30 of sgn and abs (0.2 % of their fundamental)
 Source     docs/parts/averaged.md, docs/parts/ports.md
@@ -53,6 +54,7 @@ class Params(NamedTuple):
     table: np.ndarray
     numbers: np.ndarray
     reference_turns: int  # of the demodulators' switches on the phase, 48 bit
+    leads: tuple  # of u and w as turns of the phase, 48 bit
 
 
 class Room(NamedTuple):
@@ -70,8 +72,11 @@ class Room(NamedTuple):
     slope: doubles(4)  # to a_x', a_y' at its end
 
 
-def design(effects, laws, reference_turns):
-    """`Params` of a plant's effects.Params and law.Params."""
+def design(effects, laws, reference_turns, tick_turns):
+    """`Params` of a plant's effects.Params and law.Params.
+
+    tick_turns  phase of a tick, 48 bit
+    """
     rows = [(laws.table[k], laws.numbers[k]) for k in range(laws.force + laws.cv)]
     cubes = ((effects.duffing.on, "x", -effects.duffing.kick_per_m2),)
     cubes += ((effects.drive_cubic.on, "u", effects.drive_cubic.kick_m_per_v3),)
@@ -79,20 +84,22 @@ def design(effects, laws, reference_turns):
         if is_on:
             rows.append(_row(law.PORTS.index("force_x"), [law.STATES[state]] * 3, gain))
     if effects.feedthrough_y.on:
-        rows.append(_row(law.PORTS.index("cv_y"), [law.STATES["u"]], effects.feedthrough_y.half_v_per_v))
+        both = effects.feedthrough_y.start_v_per_v + effects.feedthrough_y.end_v_per_v
+        rows.append(_row(law.PORTS.index("cv_y"), [law.STATES["u"]], both))
     rows.sort(key=lambda row: row[0][law.AT_PORT] >= 2)
-    table, numbers = np.zeros((SLOTS, law.COLUMNS), np.int64), np.zeros((SLOTS, 2))
+    table, numbers = np.zeros((SLOTS, law.COLUMNS), np.int64), np.zeros((SLOTS, len(law.NUMBERS)))
     for k, row in enumerate(rows):
         table[k], numbers[k] = row
     force = sum(int(row[0][law.AT_PORT] < 2) for row in rows)
-    return Params(force, len(rows) - force, laws.temp_ref_degc, table, numbers, reference_turns)
+    leads = tuple(math.floor(lead * tick_turns + 0.5) for lead in laws.leads)
+    return Params(force, len(rows) - force, laws.temp_ref_degc, table, numbers, reference_turns, leads)
 
 
 def _row(port, states, gain):
     row = np.zeros(law.COLUMNS, np.int64)
     row[law.AT_PORT], row[law.COUNT] = port, len(states)
     row[law.FIRST : law.FIRST + len(states)] = states
-    return row, np.array([gain, 0.0])
+    return row, np.array([gain, 0.0, law.STRAIGHT])
 
 
 @outlined
@@ -127,6 +134,9 @@ def act(p, now, m, r, rate_rad_s, temp_degc, t_s, drive_ref, sense_ref):
         for d in range(2):
             at = CHAIN + 6 * d + 4
             e, f = times(now[at], now[at + 1], m[F + 2 * d], m[F + 2 * d + 1])
+            if p.leads[d]:
+                on_c, on_s = unit(p.leads[d] & TURN_MASK)
+                e, f = times(e, f, on_c, on_s)
             z[V_SENSE if d else V_DRIVE] = -f if quarter else e
         z[CV_X] = -lane(outputs, 1) if quarter else lane(outputs, 0)
         z[CV_Y] = -lane(outputs, 3) if quarter else lane(outputs, 2)
@@ -164,13 +174,12 @@ def act(p, now, m, r, rate_rad_s, temp_degc, t_s, drive_ref, sense_ref):
                 c2, s2 = times(c, s, c, s)
                 c3, s3 = times(c, s, c2, s2)
                 c5, s5 = times(c3, s3, c2, s2)
-                # each end of a tick counts half
-                r.harmonics[0] += 2.0 * v * c
-                r.harmonics[1] += 2.0 * v * s
-                r.harmonics[2] += 2.0 * v * c3
-                r.harmonics[3] += 2.0 * v * s3
-                r.harmonics[4] += 2.0 * v * c5
-                r.harmonics[5] += 2.0 * v * s5
+                r.harmonics[0] += v * c
+                r.harmonics[1] += v * s
+                r.harmonics[2] += v * c3
+                r.harmonics[3] += v * s3
+                r.harmonics[4] += v * c5
+                r.harmonics[5] += v * s5
         if port < 2:
             r.force[2 * port] += r.harmonics[0]
             r.force[2 * port + 1] -= r.harmonics[1]

@@ -1,6 +1,7 @@
 """Electrical feedthrough of the drive voltage into the sense C/V output, held over the tick.
 
-    n_y += c (v_start + v_end)/2,   v = z[2], the drive electrode's voltage;   off: c = 0, bit for bit nothing
+    n_y += c ((1 - e) v_start + e v_end),   v = z[2], the drive electrode's voltage, e its `dac.end_share`
+    off: c = 0, bit for bit nothing
     fingerprint: (4/pi) c A_d at the sense SID, in phase with the drive voltage; bias goes with the drive word
 
 Port cv_y   Mechanism leak from force_x   Unit V/V
@@ -23,23 +24,24 @@ INFO = Info(
 
 
 class Params(NamedTuple):
-    """Switch, and half the coefficient (V/V): each end of the tick counts half."""
+    """Switch, and the coefficient (V/V) of each end of the tick."""
 
     on: int = 0
-    half_v_per_v: float = 0.0
+    start_v_per_v: float = 0.0
+    end_v_per_v: float = 0.0
 
 
 OFF = Params()
 
 
-def design(coefficient_v_per_v):
-    """Volts at the sense SID input per volt at the drive electrode."""
+def design(coefficient_v_per_v, end=0.5):
+    """Volts at the sense SID input per volt at the drive electrode, and the share of a tick's end in its mean."""
     if not abs(coefficient_v_per_v) <= 1.0:
         raise ValueError(f"feedthrough_y coefficient_v_per_v: {coefficient_v_per_v} is outside -1 .. 1 V/V")
-    return Params(1, 0.5 * coefficient_v_per_v) if coefficient_v_per_v else OFF
+    return Params(1, (1.0 - end) * coefficient_v_per_v, end * coefficient_v_per_v) if coefficient_v_per_v else OFF
 
 
 @inlined
 def volts(p, v_start, v_end):
     """Mean of the leaked voltage over the tick (V)."""
-    return p.half_v_per_v * (v_start + v_end)
+    return p.start_v_per_v * v_start + p.end_v_per_v * v_end

@@ -9,8 +9,9 @@
     cos(F) sin(F): of 2 pi F t, F in Hz   lag(S) = 1 - e^(-t/S)   step(S) = 1 from S on;  t in s from power-on
     walk(S): random walk, variance t/S    flip(S): +1 or -1 at random, anew every S s     of the noise's seed
 
-Applied   force: impulse on the velocity once per tick, from the states at its first instant, before any impulse;
-          C/V: mean of both ends of the tick, held over it.   Off: no law, bit for bit nothing, one branch
+Applied   force: impulse on the velocity once per tick, from the states at its first instant, before any impulse, and
+          the means of the electrodes about it, v + lead (v_end - v);
+          C/V: mean over the tick from both of its ends, held over it.   Off: no law, bit for bit nothing, one branch
 Source    docs/parts/ports.md
 """
 
@@ -37,7 +38,10 @@ PLAIN, ABS, SGN = 0, 16, 32  # added to the place of a state
 # columns of `table`: which port, how many factors of the state, then power and dress of the surroundings
 AT_PORT, COUNT, RATE_POWER, RATE_DRESS, TEMP_POWER, TEMP_DRESS, TIME, KEY0, KEY1, FIRST = range(10)
 COLUMNS = FIRST + MOST_FACTORS
-GAIN, TIME_ARGUMENT = range(2)
+GAIN, TIME_ARGUMENT, END = NUMBERS = range(3)  # END: share of a tick's end in the mean over it
+STRAIGHT = 0.5  # that of what moves little in a tick
+NO_LEADS = np.zeros(2)
+U, W = STATES["u"], STATES["w"]
 OCTAVES = 24  # of a walk: 2^24 steps
 
 
@@ -85,7 +89,8 @@ class Params(NamedTuple):
     timed: int
     temp_ref_degc: float
     table: np.ndarray  # (SLOTS, COLUMNS) int64
-    numbers: np.ndarray  # (SLOTS, 2): coefficient in the engine's units, argument of the function of time
+    numbers: np.ndarray  # (SLOTS, 3): coefficient in the engine's units, argument of the function of time, END
+    leads: np.ndarray  # (2,): ticks from the first instant on to where u and w stand at their means about it
 
 
 _FACTOR = re.compile(r"(?:(sgn|abs|cos|sin|lag|step|walk|flip)\(\s*([^()\s]+)\s*\)|([a-z]+))(?:\^(\d+))?")
@@ -146,16 +151,19 @@ def checked(law, where="law"):
     return law
 
 
-def design(laws, mass_kg, h_s, w_rad_per_s, temp_ref_degc, seed=0):
-    """`Params` of `Law`s for a mode of `mass_kg`, ticks of `h_s`, state scale W; zero coefficients are left out."""
+def design(laws, mass_kg, h_s, w_rad_per_s, temp_ref_degc, seed=0, leads=(0.0, 0.0)):
+    """`Params` of `Law`s for a mode of `mass_kg`, ticks of `h_s`, state scale W; zero coefficients are left out.
+
+    leads   of u and w, whose voltages are staircases: `dac.end_share` less 1/2
+    """
     if not (mass_kg > 0.0 and h_s > 0.0 and w_rad_per_s > 0.0):
         raise ValueError(f"law: mass {mass_kg} kg, tick {h_s} s, scale {w_rad_per_s} rad/s must be positive")
     on = sorted((law for law in laws if law.coefficient), key=lambda law: law.port in CV_PORTS)
     if len(on) > SLOTS:
         raise ValueError(f"law: {len(on)} laws, a plant has room for {SLOTS}")
-    table, numbers = np.zeros((SLOTS, COLUMNS), np.int64), np.zeros((SLOTS, 2))
+    table, numbers = np.zeros((SLOTS, COLUMNS), np.int64), np.zeros((SLOTS, len(NUMBERS)))
     for k, law in enumerate(on):
-        scale = h_s / (mass_kg * w_rad_per_s) if law.port in FORCE_PORTS else 0.5
+        scale = h_s / (mass_kg * w_rad_per_s) if law.port in FORCE_PORTS else 1.0
         codes = []
         for f in law.factors:
             if f.name in STATES:
@@ -171,8 +179,11 @@ def design(laws, mass_kg, h_s, w_rad_per_s, temp_ref_degc, seed=0):
         table[k, AT_PORT], table[k, COUNT] = PORTS.index(law.port), len(codes)
         table[k, FIRST : FIRST + len(codes)] = codes
         numbers[k, GAIN] = law.coefficient * scale
+        steps = [leads["uw".index(f.name)] for f in law.factors if f.name in ("u", "w")]
+        numbers[k, END] = STRAIGHT + (sum(steps) / len(steps) if steps else 0.0)
     force = sum(law.port in FORCE_PORTS for law in on)
-    return Params(force, len(on) - force, int(table[:, TIME].any()), float(temp_ref_degc), table, numbers)
+    timed, leads = int(table[:, TIME].any()), np.array(leads, float)
+    return Params(force, len(on) - force, timed, float(temp_ref_degc), table, numbers, leads)
 
 
 OFF = design((), 1.0, 1.0, 1.0, 0.0)
@@ -265,11 +276,24 @@ def value(table, gain, k, w, places, at):
 
 
 @inlined
-def impulses(force, table, gain, w, places, at):
-    """Impulses on vx/W and vy/W (m) of all force laws in one tick."""
+def acting(w, places, state, at, end, leads):
+    """A state at a tick's first instant; of an electrode its mean about that instant."""
+    v = w[places[state] + at]
+    if state == U:
+        return v + leads[0] * (w[places[U] + end] - v)
+    if state == W:
+        return v + leads[1] * (w[places[W] + end] - v)
+    return v
+
+
+@inlined
+def impulses(force, table, gain, w, places, at, end, leads):
+    """Impulses on vx/W and vy/W (m) of all force laws in one tick; `end` is the place of its last instant."""
     x, y = 0.0, 0.0
     for k in range(force):
-        v = value(table, gain, k, w, places, at)
+        v = gain[k]
+        for j in range(FIRST, FIRST + table[k, COUNT]):
+            v = v * dressed(acting(w, places, table[k, j] & 15, at, end, leads), table[k, j] & 48)
         if table[k, AT_PORT] == 0:
             x = x + v
         else:
@@ -278,11 +302,12 @@ def impulses(force, table, gain, w, places, at):
 
 
 @inlined
-def volts(force, cv, table, gain, w, places, at, end):
+def volts(force, cv, table, numbers, gain, w, places, at, end):
     """What all C/V laws add in one tick at the two outputs (V), from the states at both of its ends."""
     x, y = 0.0, 0.0
     for k in range(force, force + cv):
-        v = value(table, gain, k, w, places, at) + value(table, gain, k, w, places, end)
+        share = numbers[k, END]
+        v = (1.0 - share) * value(table, gain, k, w, places, at) + share * value(table, gain, k, w, places, end)
         if table[k, AT_PORT] == 2:
             x = x + v
         else:

@@ -120,7 +120,8 @@ class SideBySide(NamedTuple):
     effects_f: doubles(LANES, EFFECT_NUMBERS)
     law_counts: int64s(LANES, 2)  # laws at force ports, at C/V ports
     law_tables: int64s(LANES, law.SLOTS, law.COLUMNS)  # tables of law.Params
-    law_numbers: doubles(LANES, law.SLOTS, 2)
+    law_numbers: doubles(LANES, law.SLOTS, len(law.NUMBERS))
+    law_leads: doubles(LANES, 2)
     law_temps: doubles(LANES)  # reference of temp (degC)
     law_gains: doubles(LANES, law.SLOTS)  # in this frame
     active: int64s(LANES)  # 1 for those that take part in a block; of the others nothing is of any use

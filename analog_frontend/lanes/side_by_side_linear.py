@@ -251,9 +251,11 @@ def push(kind, floats, ints, at):
         e, force = taken(kind, v.effects_i[plant], v.effects_f[plant]), v.law_counts[plant, 0]
         if e.any_force or force:
             k = at + plant
-            add_x = effects.force_impulse(e, w[X + k], w[D1 + 2 * ROW + k])
+            leads = v.law_leads[plant]
+            add_x = effects.force_impulse(e, w[X + k], law.acting(w, PLACES, law.U, k, k + LANES, leads))
             if force:
-                law_x, law_y = law.impulses(force, v.law_tables[plant], v.law_gains[plant], w, PLACES, k)
+                table, gains = v.law_tables[plant], v.law_gains[plant]
+                law_x, law_y = law.impulses(force, table, gains, w, PLACES, k, k + LANES, leads)
                 add_x = add_x + law_x
                 w[VY + k] = w[VY + k] + law_y
             w[VX + k] = w[VX + k] + add_x
@@ -273,8 +275,8 @@ def add_rows(kind, floats, ints, n):
                 start, end = w[D1 + 2 * ROW + k], w[D1 + 2 * ROW + k + LANES]
                 x_volts, y_volts = effects.cv_volts(e, w[NX + k], w[NY + k], start, end)
                 if cv:
-                    table, gains = v.law_tables[plant], v.law_gains[plant]
-                    law_x, law_y = law.volts(force, cv, table, gains, w, PLACES, k, k + LANES)
+                    table, numbers, gains = v.law_tables[plant], v.law_numbers[plant], v.law_gains[plant]
+                    law_x, law_y = law.volts(force, cv, table, numbers, gains, w, PLACES, k, k + LANES)
                     x_volts, y_volts = x_volts + law_x, y_volts + law_y
                 w[NX + k], w[NY + k] = x_volts, y_volts
 

@@ -11,6 +11,9 @@ Source  docs/parts/dac.md
 
 from typing import NamedTuple
 
+import numpy as np
+from scipy.linalg import expm
+
 from fpga_model.jit import inlined
 
 
@@ -35,6 +38,20 @@ def design(bits, span_v, offset_v=0.0, bow=0.0, glitch_v_s=0.0, segment_bits=14)
         raise ValueError(f"dac bow: {bow} is outside -0.01 .. 0.01 of full scale")
     full = float(1 << (bits - 1))
     return Params(span_v / full, offset_v, bow, full, glitch_v_s, segment_bits)
+
+
+def end_share(instant_s, poles_s, tick_s):
+    """Share e of a tick's end in the mean of an electrode's voltage: mean = (1 - e) v_start + e v_end.
+
+        e = 1 + r - (t + sum of the poles) / T,   r = sum over j >= 0 of the part of a step left at T - t + j T
+
+    of a staircase with its steps at the instant t of each tick T, behind poles; to first order in its slope.
+    """
+    rates = np.array([1.0 / pole for pole in poles_s])
+    a = np.diag(-rates) + np.diag(rates[1:], -1)
+    whole = np.linalg.solve(np.eye(len(rates)) - expm(a * tick_s), np.ones(len(rates)))
+    left = (expm(a * (tick_s - instant_s)) @ whole)[-1]
+    return float(1.0 + left - (instant_s + sum(poles_s)) / tick_s)
 
 
 @inlined

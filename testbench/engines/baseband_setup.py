@@ -16,7 +16,7 @@ from analog_frontend.averaged import averaged, averaged_laws, averaged_modes, av
 from analog_frontend.parts import adc, noise, resonator
 from fpga_model import rates, sine, spi_dac
 from fpga_model.control import SLOT_PI
-from testbench.engines.frame import dac_clocks
+from fpga_model.path_clocks import dac_clocks
 from testbench.engines.pins import REFERENCE_CLOCKS, SINE_CLOCKS
 from testbench.engines.turn import WIDEST
 from testbench.engines.window import SLOT_WORD, last_load_tick, valid_clocks
@@ -236,7 +236,9 @@ def setup(p):
         tick_s / d.tick_clocks,
         drive_late,
         sense_late,
-        averaged_laws.design(p.plant.effects, p.plant.laws, averaged_laws.reference_turns(late, word0)),
+        averaged_laws.design(
+            p.plant.effects, p.plant.laws, averaged_laws.reference_turns(late, word0), d.tick_clocks * word0
+        ),
         round(d.tick_clocks * changes[0]) - turn,
         (math.cos(later), math.sin(later)),
         round(averaged.LIMIT_TURNS * d.frame_hz * 2**WIDEST / d.master_hz),

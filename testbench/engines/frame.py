@@ -21,8 +21,8 @@ import numpy as np
 
 from analog_frontend import linear
 from analog_frontend import top as plant
-from fpga_model import path_clocks, spi_dac
-from fpga_model.jit import hot, inlined, inner, outlined, unit
+from fpga_model import path_clocks
+from fpga_model.jit import hot, inner, outlined, unit
 from testbench.engines import engine
 from testbench.engines.block_state import (
     after_ticks,
@@ -44,15 +44,6 @@ SETTLED_TICKS = 8  # before this tick after power-on the DACs have not had two f
 SHORTEST = 3 * FLUSH
 # typed: Numba compiles a function anew for every constant that it is called with
 ZERO, ONE = np.int64(0), np.int64(1)
-
-
-@inlined
-def dac_clocks(f):
-    """Clocks of a tick at which the outputs of the drive and the sense DAC are told to change; `f`: fpga.Params."""
-    clocks = f.design.tick_clocks
-    drive, sense = spi_dac.latch_cycles(f.drive_dac, clocks), spi_dac.latch_cycles(f.sense_dac, clocks)
-    drive_load, sense_load = path_clocks.loads(f.paths)
-    return (drive_load + drive) % clocks, (sense_load + sense) % clocks
 
 
 @inner
@@ -152,7 +143,7 @@ def onward(p, a, chunk, g, tick, end, limit, b):
     Mutates `a`, `b` and the streams.
     """
     faults, o, d = chunk.faults, chunk.o, p.fpga.design
-    drive_clock, sense_clock = dac_clocks(p.fpga)
+    drive_clock, sense_clock = path_clocks.dac_clocks(p.fpga)
     while tick < limit:
         until = min(ticks_to_event(d, p.plant.adc, a.adc.clock, faults.silent, g, tick, end), limit)
         if until == tick:

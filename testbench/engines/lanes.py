@@ -26,9 +26,9 @@ from analog_frontend.numeric import arena
 from analog_frontend.numeric.records import Kind, split
 from analog_frontend.numeric.vector import LANES
 from analog_frontend.parts import dac, propagator
+from fpga_model.path_clocks import dac_clocks
 from testbench import interrupts
 from testbench.engines import engine, lane_group, pins
-from testbench.engines.frame import dac_clocks
 from testbench.engines.lane_group import FAR, Part, Together, blocks, enter_lane, leave_lane
 from testbench.errors import ConfigError
 
@@ -165,6 +165,7 @@ class Engine:
         v.flags[side_by_side.LAWS] |= p.laws.force + p.laws.cv > 0
         v.law_counts[k] = p.laws.force, p.laws.cv
         v.law_tables[k], v.law_numbers[k], v.law_temps[k] = p.laws.table, p.laws.numbers, p.laws.temp_ref_degc
+        v.law_leads[k] = p.laws.leads
         v.flags[side_by_side.BOWS] |= p.drive_dac.bow != 0.0 or p.sense_dac.bow != 0.0
         carries = (p.tables.drive_carry[0, self.clocks[0]], p.tables.sense_carry[0, self.clocks[1]])
         for which, (part, carry) in enumerate(zip((p.drive_dac, p.sense_dac), carries)):

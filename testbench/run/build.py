@@ -360,16 +360,29 @@ def _ring(config, device, temps_degc, tick_s):
     return ring_tables.design(device, *temps_degc, tick_s)
 
 
+def electrode_leads(config, device):
+    """(u, w): ticks by which the mean of the drive and of the sense electrode leads a straight line (`law.Params`)."""
+    f, tick_s, out = firmware(config), 1 / config.design_record().tick_hz, []
+    for name, clock in zip(("drive", "sense"), path_clocks.dac_clocks(f)):
+        late_s = clock * tick_s / f.design.tick_clocks + getattr(device, f"{name}_dac_delay_s")
+        poles = [getattr(device, f"{name}_pole_{k}_s") for k in (1, 2, 3)]
+        out.append(dac.end_share(late_s % tick_s, poles, tick_s) - law.STRAIGHT)
+    return tuple(out)
+
+
 def _effects(config, device, tick_s):
     """The effects that the configuration switches on; all others are off, bit for bit."""
     e = config.effects
     k_n_per_m = device.mass_kg * (2 * math.pi * device.fx_hz) ** 2
     k3 = duffing.k3_from_ratio(e.duffing_k3_per_um2, k_n_per_m)
     w = resonator.W_RAD_PER_S
+    leak = feedthrough_y.OFF
+    if e.feedthrough_y:
+        leak = feedthrough_y.design(e.feedthrough_y, law.STRAIGHT + electrode_leads(config, device)[0])
     return effects.collect(
         duffing=duffing.design(k3, device.mass_kg, tick_s, w),
         drive_cubic=drive_cubic.design(e.drive_cubic_per_v2, device.k_vf_drive_n_per_v, device.mass_kg, tick_s, w),
-        feedthrough_y=feedthrough_y.design(e.feedthrough_y),
+        feedthrough_y=leak,
     )
 
 
@@ -380,7 +393,10 @@ def _laws(config, device, tick_s):
     laws += [law.parse(text) for text in e.laws]
     if config.firmware.board == "digital_sid" and any(item.port in CV_PORTS for item in laws):
         raise ValueError('effects: a law at cv_x or cv_y needs firmware.board = "analog_sid"')
-    return law.design(laws, device.mass_kg, tick_s, resonator.W_RAD_PER_S, device.temp_ref_degc, config.noise.seed)
+    stepped = e.drive_cubic_per_v2 or e.feedthrough_y or any(f.name in "uw" for item in laws for f in item.factors)
+    leads = electrode_leads(config, device) if stepped else (0.0, 0.0)
+    scale, seed = resonator.W_RAD_PER_S, config.noise.seed
+    return law.design(laws, device.mass_kg, tick_s, scale, device.temp_ref_degc, seed, leads)
 
 
 def adc_part(config, d, tick_s):

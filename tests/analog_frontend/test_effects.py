@@ -187,7 +187,9 @@ def test_drive_cubic_changes_the_force_by_three_quarters_of_c3_a_squared():
 
 def test_feedthrough_is_the_mean_of_the_tick():
     p = effects.collect(feedthrough_y=feedthrough_y.design(1e-4))
-    assert effects.cv_volts(p, 1.0, 2.0, 0.3, 0.5) == (1.0, 2.0 + 1e-4 * 0.4)
+    assert effects.cv_volts(p, 1.0, 2.0, 0.3, 0.5) == pytest.approx((1.0, 2.0 + 1e-4 * 0.4), rel=1e-15)
+    stepped = effects.collect(feedthrough_y=feedthrough_y.design(1e-4, 0.25))
+    assert effects.cv_volts(stepped, 1.0, 2.0, 0.3, 0.5) == pytest.approx((1.0, 2.0 + 1e-4 * 0.35), rel=1e-15)
 
 
 # laws whose sizes are derived ----------------------------------------------------------------------------------------

@@ -21,12 +21,22 @@ IDENTITY = np.arange(16)
 
 @kernel
 def _impulses(force, table, gain, z, places):
-    return law.impulses(force, table, gain, z, places, 0)
+    return law.impulses(force, table, gain, z, places, 0, 0, law.NO_LEADS)
+
+
+@kernel
+def _stepped(p, gain, w, places):
+    return law.impulses(p.force, p.table, gain, w, places, 0, 1, p.leads)
 
 
 @kernel
 def _gains(p, rate, temp, t_s, out):
     law.gains(p.force, p.cv, p.temp_ref_degc, p.table, p.numbers, rate, temp, t_s, out)
+
+
+@kernel
+def _volts(p, gain, w, places):
+    return law.volts(p.force, p.cv, p.table, p.numbers, gain, w, places, 0, 1)
 
 
 def pushed(texts, z, rate=0.0, temp=25.0, t_s=0.0):
@@ -114,6 +124,34 @@ def test_surroundings(rate, temp, t_s, hz, tau):
     assert factor(f"sin({hz!r})") == pytest.approx(math.sin(phase), abs=1e-8 + 1e-14 * hz * t_s)
     assert factor(f"lag({tau!r})") == pytest.approx(-math.expm1(-t_s / tau), abs=1e-8)
     assert factor(f"step({tau!r})") == (1.0 if t_s >= tau else 0.0)
+
+
+@given(*[st.floats(-10, 10)] * 6)
+def test_a_voltage_is_the_mean_over_the_tick_as_each_state_moves_in_it(u, u1, w, w1, cx, cx1):
+    """Electrodes by their shares, what moves little by the middle of both ends; of u w the mean of the shares."""
+    texts = ("cv_x = 2.0 u", "cv_y = 3.0 w", "cv_y = 0.5 cx", "cv_x = 1.0 abs(u) w")
+    p = law.design([law.parse(t) for t in texts], MASS, H, W, 25.0, leads=(-0.25, 0.25))
+    gain, at = np.zeros(law.SLOTS), np.zeros((max(law.STATES.values()) + 1, 2))
+    _gains(p, 0.0, 25.0, 0.0, gain)
+    for name, pair in (("u", (u, u1)), ("w", (w, w1)), ("cx", (cx, cx1))):
+        at[law.STATES[name]] = pair
+    x, y = _volts(p, gain, at.ravel(), 2 * np.arange(len(at)))
+    assert x == pytest.approx(2 * (0.75 * u + 0.25 * u1) + (abs(u) * w + abs(u1) * w1) / 2, abs=1e-12)
+    assert y == pytest.approx(3 * (0.25 * w + 0.75 * w1) + (cx + cx1) / 4, abs=1e-12)
+
+
+@given(*[st.floats(-10, 10)] * 5)
+def test_a_force_takes_the_mean_of_an_electrode_about_the_first_instant(u, u1, w, w1, x):
+    p = law.design(
+        [law.parse(t) for t in ("force_x = 1.0 u x", "force_y = 2.0 w^2")], MASS, H, W, 25.0, 0, (-0.25, 0.25)
+    )
+    gain, at = np.zeros(law.SLOTS), np.zeros((max(law.STATES.values()) + 1, 2))
+    _gains(p, 0.0, 25.0, 0.0, gain)
+    for name, pair in (("u", (u, u1)), ("w", (w, w1)), ("x", (x, 1e3))):
+        at[law.STATES[name]] = pair
+    found = np.array(_stepped(p, gain, at.ravel(), 2 * np.arange(len(at)))) * MASS * W / H
+    assert found[0] == pytest.approx((1.25 * u - 0.25 * u1) * x, abs=1e-9)
+    assert found[1] == pytest.approx(2 * (0.75 * w + 0.25 * w1) ** 2, abs=1e-9)
 
 
 def test_zero_coefficient_is_off_and_too_many_are_refused():

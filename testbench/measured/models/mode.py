@@ -60,7 +60,7 @@ def _run(a, b0, b1, force, table, gain, places, w, u, ticks, x):
             return False
         for _ in range(ticks):
             w[U] = u[k]
-            kick, _ = law.impulses(force, table, gain, w, places, 0)
+            kick, _ = law.impulses(force, table, gain, w, places, 0, 0, law.NO_LEADS)
             v = w[VX] + kick
             after = u[k + 1] if k + 1 < len(u) else u[k]
             at = a[0, 0] * w[X] + a[0, 1] * v + b0[0] * u[k] + b1[0] * after

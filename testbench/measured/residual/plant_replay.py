@@ -20,9 +20,9 @@ from fpga_model import registers
 from fpga_model.control import SLOT_PI
 from fpga_model.design_record import DEFAULT
 from fpga_model.jit import hot, inner
+from fpga_model.path_clocks import dac_clocks
 from fpga_model.rates import FRAME_TICKS, SLOT_SEQUENCER, TICK_CYCLES
 from testbench.engines import pins
-from testbench.engines.frame import dac_clocks
 from testbench.engines.turn import still, turn_of
 from testbench.engines.window import SLOT_WORD
 from testbench.measured.record.replay import CODES, DRIVEN

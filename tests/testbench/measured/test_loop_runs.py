@@ -46,3 +46,19 @@ def test_a_law_that_begins_with_the_run_is_forgotten_at_the_dwell(bench, monkeyp
     assert known == pytest.approx(longer, rel=1e-3)
     monkeypatch.setattr(loop_runs, "HELD_S", 0.5)
     assert change(bench, CONDITION, "") != pytest.approx(longer, rel=1e-3)
+
+
+# a board of a data sheet over the default one; its V_q comes near its end slowly
+SLOW = {"fx_hz": 1.0008, "fy_hz": 1.0007, "k_vf_drive_n_per_v": 1.0505, "k_vf_sense_n_per_v": 0.9648}
+SLOW |= {"dcdx_f_per_m": 1.0233, "dcdy_f_per_m": 1.0561, "kq_n_per_m_per_v2": 0.9271, "kxy_n_per_m": 1.2954}
+SLOW |= {"kxy_tc_below_per_k": 0.9658, "kxy_tc_above_per_k": 0.9933, "qx": 1.1447, "qy": 1.7929, "dxy_ratio": 0.7049}
+SLOW |= {"tcf_per_k": 1.0337, "dlnq_per_k": 0.9742, "sid_switch_s": 1.0969, "sid_charge_mismatch": 0.5238}
+SLOW |= {"drive_pole_1_s": 1.0325, "sense_pole_1_s": 1.0751}
+
+
+def test_a_board_that_locks_late_is_waited_for(bench):
+    condition = CONDITION._replace(a_um=4.0, from_dps=150.0, rate_dps=-60.0, temperature_degc=65.0, detune_deg=-30.0)
+    own = config.Config()
+    slow = config.changed(own, {f"plant.{key}": getattr(own.plant, key) * share for key, share in SLOW.items()})
+    assert bench.locked(own, condition).tick == loop_runs.START_TICKS
+    assert bench.locked(slow, condition).tick == 2 * loop_runs.START_TICKS
