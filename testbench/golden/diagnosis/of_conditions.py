@@ -4,7 +4,8 @@
     each bit of each word of the block, and what the condition is with it, against these rows
 
 Other bits are in more ways possible than all other mistakes: they make a name uncertain, they are none by themselves.
-A bit of a word that the condition reads may be named.
+A bit of a word that the condition reads may be named. Where a condition chooses between constants alone, a design may
+have an expression there: then another bit is `operand` as well as `condition`.
 Source  docs/diagnosis.md
 """
 
@@ -16,7 +17,7 @@ from testbench.golden.diagnosis.elaborate import static
 from testbench.golden.diagnosis.net import ROOTS
 from testbench.golden.diagnosis.perturb import Hypothesis, with_argument
 from testbench.golden.diagnosis.perturb_arithmetic import is_flag
-from testbench.golden.diagnosis.perturb_control import decides
+from testbench.golden.diagnosis.perturb_control import branches, decides
 
 NEAR, FAR, BESIDE = 4, 12, 16  # costs: a bit of a word that is read, of another one, one more
 MOST_BITS = 12000
@@ -58,6 +59,16 @@ def bit_of(net, node, bit):
     return net.node("and", (net.node("shr", (node, net.const(bit))), net.const(1)))
 
 
+def is_value(net, uses):
+    """Whether a condition with these uses, [(node, argument)], only chooses between constants, or is a flag itself."""
+    return bool(uses) and all(
+        user.op in ROOTS
+        or (user.op in ("land", "lor", "not") and is_value(net, net.users.get(user.id, ())))
+        or (user.op == "mux" and k == 0 and all(leaf.op == "const" for leaf in branches(user)))
+        for user, k in uses
+    )
+
+
 def hypotheses(search, target, inside, picked, wrong):
     """Those on the conditions inside of a target that explain all of its wrong rows; `picked` are some of them."""
     net = search.net
@@ -66,11 +77,12 @@ def hypotheses(search, target, inside, picked, wrong):
         if child.op in ROOTS or child.value == "rst" or static(child) is not None:
             continue
         if uses and len(uses) == len(net.users[child.id]):
-            yield from _of_condition(search, target, child, child, lambda flag: flag, picked, wrong)
+            places = child, child, uses
+            yield from _of_condition(search, target, places, lambda flag: flag, picked, wrong)
         for node, k in uses if len(uses) > 1 or len(net.users[child.id]) > 1 else ():
             if target.root.cone >> node.id & 1:
                 put = functools.partial(with_argument, net, node, k)
-                yield from _of_condition(search, target, node, child, put, picked, wrong)
+                yield from _of_condition(search, target, (node, child, [(node, k)]), put, picked, wrong)
 
 
 def _with(search, target, site, put, at):
@@ -80,9 +92,12 @@ def _with(search, target, site, put, at):
     return search.changed(target, ((site, np.stack([way + np.zeros(size, np.int64) for way in ways])),), at)
 
 
-def _of_condition(search, target, site, child, put, picked, wrong):
-    """Hypotheses on one condition: `put` gives what stands for the site with another flag as the condition."""
-    net = search.net
+def _of_condition(search, target, places, put, picked, wrong):
+    """Hypotheses on one condition: `put` gives what stands for the site with another flag as the condition.
+
+    places  (site, condition, its uses that are varied)
+    """
+    net, (site, child, uses) = search.net, places
     off, on = _with(search, target, site, put, picked)
     if not np.all((off != on) & ((off == target.got[picked]) | (on == target.got[picked]))):
         return
@@ -93,8 +108,8 @@ def _of_condition(search, target, site, child, put, picked, wrong):
         return
     now, read = search.rows.full(child) != 0, set(net.inside(child))
 
-    def fault(what, flag, cost):
-        return Hypothesis("condition", what, site, put(flag), cost)
+    def fault(what, flag, cost, cause="condition"):
+        return Hypothesis(cause, what, site, put(flag), cost)
 
     for value in (0, 1):
         if not np.any(decided & (need != bool(value))):
@@ -114,4 +129,7 @@ def _of_condition(search, target, site, child, put, picked, wrong):
                 if flag is not child:
                     cost = BESIDE if said != "in the place of" else NEAR if word in read else FAR
                     what = f"{way}{word!r}[{bit}] {said} {child!r}"
-                    yield fault(what, formed(net.node("not", (flag,)) if way else flag), cost)
+                    by = formed(net.node("not", (flag,)) if way else flag)
+                    yield fault(what, by, cost)
+                    if said == "in the place of" and is_value(net, uses):
+                        yield fault(what, by, cost + 1, "operand")

@@ -212,15 +212,15 @@ def of_operand(net, node, k, child, seen):
                 yield cause, f"{other!r} in the place of {child!r}", other, 1
 
 
-def _leaves(node):
+def branches(node):
     """What the branches of a choice give."""
-    return [leaf for way in node.args[1:] for leaf in _leaves(way)] if node.op == "mux" else [node]
+    return [leaf for way in node.args[1:] for leaf in branches(way)] if node.op == "mux" else [node]
 
 
 def of_load(net, loaded, name):
     """What a branch loads, loaded as well where the register is held: it stands in the branch around."""
     held = net.node("reg", (), name)
-    found = _leaves(loaded)
+    found = branches(loaded)
     for value in dict.fromkeys(found) if held in found else ():
         if value is not held:
             yield "condition", f"{value!r} also where {name} is held", _filled(net, loaded, held, value), 1

@@ -72,6 +72,22 @@ def test_another_bit_in_a_condition_is_a_condition(bundles):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("assign o_fix_ftr = (r_state == OPEN || balancing) && r_control[FIX_FTR]",
+         "assign o_fix_ftr = (r_state == OPEN || balancing) && i_control[FIX_FTR]"),
+        ("(bad || r_control[HOLD_PLL]) ?", "(bad || i_control[HOLD_PLL]) ?"),
+    ],
+)  # fmt: skip
+def test_a_flag_that_chooses_between_constants_is_operand_and_condition(bundles, old, new):
+    """A design may have an expression where the model has a choice: both classes are listed, none is certain."""
+    found = named(bundles, "sequencer", old, new)
+    assert {"operand", "condition"} <= {cause.cause for cause in found}
+    assert not any(cause.sure for cause in found)
+
+
+@pytest.mark.slow
 def test_an_assignment_in_the_outer_branch_is_a_condition(bundles):
     """Another register in the place of the one that is held gives the same rows: none is certain."""
     old = "if (ends) begin\n                r_sync_n    <= 1'b1;"
