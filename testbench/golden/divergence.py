@@ -19,11 +19,12 @@ from testbench.golden.bundles import bundle, export, recompute
 from testbench.golden.bundles import top as bundles
 from testbench.golden.check import compare, top_run
 from testbench.golden.diagnosis.of_top import port_of
-from testbench.golden.recording import recording, replay
+from testbench.golden.recording import board_pins, recording, replay
 from testbench.storage import vcd
 from testbench.storage.files import write_text
 
 CASE = "loop"
+PINS = len(board_pins.WIDTHS)
 PLACE = f"{bundle.BUILD}/divergence"  # in the bundle of a block
 FRAMES = 2  # of 8 kHz before the row that differs
 AFTER = 64  # rows of a block behind it
@@ -62,6 +63,9 @@ def _report(found, manifest, golden, first, row):
     names = [p["name"] for kind in ("inputs", "registers", "outputs") for p in manifest[kind]]
     yours, count = golden.copy(), len(manifest["inputs"])
     yours[row - first :] = np.column_stack(found.behind)
+    if "registers" not in kinds:
+        for rows in (golden, yours):
+            rows[:, -PINS:] = board_pins.read(rows[:, -PINS:])
     columns, mine = dict(zip(names, golden.T.copy(), strict=True)), dict(zip(names, yours.T.copy(), strict=True))
     given = {name: columns.pop(name) for name in names[:count]}
     terms = compare.Terms("registers" if "registers" in kinds else "pins", first)
@@ -126,7 +130,8 @@ def write_top(folder, given, report):
     first = max(begin, at + 1 - FRAMES * clocks)
     cut = bundles.begun(r, -(-end // clocks), (recording.Window(first, end - first, "around the row that differs"),))
     out, level = folder / "bundle" / bundles.STEM / report.case, "pins" if pins_only else "registers"
-    bundles.write(cut, out, np.arange(first, end), "design" in manifest, level)
+    late = bundles.late_of(given, manifest) | {name.removeprefix("o_"): k for name, k in report.clocks.items()}
+    bundles.write(cut, out, np.arange(first, end), "design" in manifest, level, clocks=late)
     golden, block = bundle.read(out), bundles.block({r.name: r.params}, r.params.design)
     block = block._replace(registers=()) if pins_only else _named(block)
     rows = np.column_stack([golden.stim, golden.exp])

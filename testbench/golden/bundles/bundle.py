@@ -36,6 +36,7 @@ SCHEMA = "gyro-golden/1.0"
 REPLAY_SCHEMA = "gyro-golden-replay/1.0"
 MANIFEST = "manifest.json"
 BUILD = "build"
+PINS = "pins"  # folder in a bundle of the whole design: the bundle of this level
 WORDS = ("stim", "exp", "mask")
 HEX = np.frombuffer(b"0123456789abcdef", np.uint8)
 # Files of a replay: bits of a word, and the key of the manifest that counts them
@@ -146,6 +147,18 @@ def seal(manifest):
     return hashlib.sha256(canonical(kept).encode()).hexdigest()
 
 
+def sealed(manifest, files):
+    """The whole manifest of files: {path: text or bytes}."""
+    raw = {name: files[name] if isinstance(files[name], bytes) else files[name].encode() for name in sorted(files)}
+    full = {**manifest, "sha256": {name: hashlib.sha256(data).hexdigest() for name, data in raw.items()}}
+    return {**full, "manifest_sha256": seal(full)}
+
+
+def manifest_text(manifest):
+    """Text of manifest.json."""
+    return json.dumps(manifest, indent=1, ensure_ascii=True) + "\n"
+
+
 @contextlib.contextmanager
 def alone(folder):
     """Only one process writes beside `folder` at a time; others wait. The lock ends with its process."""
@@ -169,15 +182,11 @@ def _fill(part, manifest, files, trees, noted):
         path.write_bytes(text.encode())
     for more in trees:
         more(part)
-    hashes = {}
-    for path in sorted(part.rglob("*")):
-        if path.is_file():
-            hashes[path.relative_to(part).as_posix()] = hashlib.sha256(path.read_bytes()).hexdigest()
-    full = {**manifest, "sha256": hashes}
-    full["manifest_sha256"] = seal(full)
+    written = {path.relative_to(part).as_posix(): path.read_bytes() for path in part.rglob("*") if path.is_file()}
+    full = sealed(manifest, written)
     if noted is not None:
         full["provenance"] = {**full["provenance"], **noted(full)}
-    (part / MANIFEST).write_bytes((json.dumps(full, indent=1, ensure_ascii=True) + "\n").encode())
+    (part / MANIFEST).write_bytes(manifest_text(full).encode())
     return full
 
 
@@ -233,7 +242,12 @@ def _strangers(folder, manifest):
     known = {MANIFEST, *manifest["sha256"]}
     for path in sorted(folder.rglob("*")):
         name = path.relative_to(folder)
-        if name.parts[0] != BUILD and name.as_posix() not in known and (path.is_symlink() or not path.is_dir()):
+        if (
+            name.parts[0] != BUILD
+            and name.parts[:2] != (PINS, BUILD)
+            and name.as_posix() not in known
+            and (path.is_symlink() or not path.is_dir())
+        ):
             yield path
 
 

@@ -28,7 +28,7 @@ NUMBERS = ("*.hex", "rom/*", "vec.csv", "params*")  # files that carry rows, tab
 CODE = ("version", "git")
 # What a manifest must share with that of this version, whatever wrote it
 IDENTITY = ("schema", "clock", "reset", "n", "inputs", "registers", "outputs", "params", "design", "design_params",
-            "signature")  # fmt: skip
+            "signature", "clocks")  # fmt: skip
 UNSEALED = ("provenance", "sha256", "manifest_sha256")
 
 
@@ -109,7 +109,8 @@ def _top_again(found, path, folder):
     shipped = recording.load(r.name) if r.name in top.CASES and not of_board else None
     if shipped is not None and shipped.frames == r.frames and recording.sha256(shipped) != recording.sha256(r):
         raise FileError(f"{path}: is of another recording of {r.name} than this version has")
-    top.write(r, folder, found.at, of_board, top.level_of(found.manifest))
+    clocks = top.late_of(path.parent, found.manifest)
+    top.write(r, folder, found.at, of_board, top.level_of(found.manifest), clocks=clocks)
 
 
 def _same_rows(folder, name, given, own, at, ports):

@@ -7,7 +7,10 @@
     host.hex               per event: clock (32), 1 for a reset or 0 for a write (4), address (8), data (48)
     sar.hex                per tick: sample x, sample y (18 each); empty where both rest at 0
 
-A bundle of level `pins` has no registers: its rows and signatures are of the pins alone.
+    pins/                  the bundle of the pins alone, for `make check LEVEL=pins`
+
+A bundle of level `pins` has no registers: its rows and signatures are of the pins as a board reads them. A pin may come
+some clocks later there: `clocks` of the manifest.
 
 The manifest is of schema `gyro-golden-replay/1.0`: as of the blocks, and `frames`, how many words each of these files
 has, `windows` with what they show, and the hash of the recording. No step of an export computes in floating point.
@@ -17,6 +20,7 @@ Source  docs/golden.md (the whole design)
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,8 +30,10 @@ from fpga_model.fixed import formats
 from testbench.errors import ConfigError, FileError
 from testbench.flatten import format_leaves, leaves
 from testbench.golden.bundles import benches, bundle, design_entry, provenance, scores, top_benches
+from testbench.golden.bundles.bundle import PINS
 from testbench.golden.bundles.top_benches.layout import CLOCK_BITS, SHOWN_ROWS
-from testbench.golden.recording import board, recording, replay, signature
+from testbench.golden.foreign.judged import MOST_CLOCKS
+from testbench.golden.recording import board, board_pins, recording, replay, signature
 from testbench.golden.stimulus import blocks, levels
 from testbench.golden.stimulus.blocks import Port, flat
 from testbench.storage import inputs, vcd
@@ -35,6 +41,7 @@ from testbench.version import VERSION
 
 STEM = "top"
 CASES = ("reset", "story", "story_digital", "power_on", "registers")
+assert PINS == levels.LEVELS[0], "the folder of a level has its name"
 MAX_WINDOW = 100_000  # rows of `window`: 440 MB of registers in hexadecimal would be no help
 
 
@@ -166,7 +173,7 @@ def _waves(design, windows, at, rows):
     return write
 
 
-def _manifest(design, r, at, counts):
+def _manifest(design, r, at, counts, clocks):
     ports = {
         "inputs": [bundle.port(p) for p in design.columns],
         "registers": [bundle.port(p) for p in design.registers],
@@ -203,6 +210,7 @@ def _manifest(design, r, at, counts):
         "recording_sha256": recorded,
         "seed": None,
         "config_sha256": hashlib.sha256(bundle.canonical(identity).encode()).hexdigest(),
+        **({"clocks": clocks} if clocks else {}),
         "provenance": provenance.provenance(),
     }
 
@@ -212,23 +220,73 @@ def level_of(manifest):
     return "registers" if manifest["registers"] else "pins"
 
 
-def write(r, folder, at=None, of_board=False, level="registers", shown_rows=SHOWN_ROWS, more=None):
+def late_of(folder, manifest):
+    """{pin: clocks that it comes later} of a bundle of the pins."""
+    path = Path(folder) / bundle.MANIFEST
+    clocks, pins = inputs.checked(manifest.get("clocks", {}), dict[str, int], path), [p.name for p in block({}).pins]
+    for name, k in clocks.items():
+        if name not in pins or not 0 < k <= MOST_CLOCKS or manifest["registers"]:
+            raise FileError(f"{path}: clocks: {name} = {k} is no pin that comes 1 .. {MOST_CLOCKS} clocks later")
+    return clocks
+
+
+class Judged(NamedTuple):
+    """What of a replay is judged: the block, expected rows, a signature of each frame, {pin: clocks it comes later}."""
+
+    design: blocks.Block
+    exp: np.ndarray
+    signatures: list
+    clocks: dict
+
+
+def write(r, folder, at=None, of_board=False, level="registers", shown_rows=SHOWN_ROWS, more=None, clocks=None):
     """Replay a recording and write its bundle, with rows at the clocks `at` (None: its own); returns the manifest.
 
     of_board    the manifest names the design, even if it is the default one
     level       `pins`: rows and signatures are of the pins alone
     shown_rows  rows that differ of which the benches name every port
     more        {path: text} of further files
+    clocks      {pin: clocks that it comes later}, of level `pins`
     """
     d, pins_only = r.params.design, level == "pins"
     design = block({r.name: r.params}, d if of_board or d != DEFAULT else None)
     at = clocks_of(r) if at is None else at
-    rows = replay.run(r.params, r.stimulus, r.frames, at, pins_only)
+    rows = replay.run(r.params, r.stimulus, r.frames, at, board_pins.Board(clocks), not pins_only)
     blocks.check(design.columns, rows.inputs, f"{STEM}: stimulus")
     blocks.check(design.registers, rows.registers, f"{STEM}: register")
     blocks.check(design.pins, rows.pins, f"{STEM}: output")
-    stim, exp = rows.inputs, rows.pins if pins_only else np.column_stack([rows.registers, rows.pins])
-    design = design._replace(registers=()) if pins_only else design
+    pins = Judged(design._replace(registers=()), rows.board, rows.board_signatures.tolist(), clocks or {})
+    if pins_only:
+        judged, beside = pins, {}
+    else:
+        signatures = [signature.of_remainder(words) for words in rows.remainders]
+        judged = Judged(design, np.column_stack([rows.registers, rows.pins]), signatures, {})
+        beside = {f"{PINS}/{name}": text for name, text in _sealed(r, pins, at, rows.inputs, shown_rows).items()}
+    files, counts = _files(r, judged, at, rows.inputs, shown_rows)
+    listed = [(p.name, p) for p in design.columns] + benches.results(judged.design)
+    both = np.column_stack([rows.inputs, judged.exp])
+    files |= {
+        **bundle.port_files(listed, both),
+        "vec.csv": bundle.csv_text("clock", at, [name for name, _ in listed], both),
+        **beside,
+        **(more or {}),
+    }
+    manifest = _manifest(judged.design, r, at, counts, judged.clocks)
+    return bundle.write(Path(folder), manifest, files, [_waves(judged.design, r.windows, at, both)], scores.note_score)
+
+
+def _sealed(r, judged, at, stim, shown_rows):
+    """{path: text} of a bundle within another one: what `check.sh` needs, and a manifest without its origin."""
+    files, counts = _files(r, judged, at, stim, shown_rows)
+    files = {name: text for name, text in files.items() if not name.endswith(".core")}
+    manifest = _manifest(judged.design, r, at, counts, judged.clocks)
+    del manifest["provenance"]
+    return files | {bundle.MANIFEST: bundle.manifest_text(bundle.sealed(manifest, files))}
+
+
+def _files(r, judged, at, stim, shown_rows):
+    """({path: text} of what the benches open and of the benches, counts)."""
+    design, exp, _, clocks = judged
     driven, found = [(p.name, p) for p in design.columns], benches.results(design)
     counts = {
         "frames": r.frames,
@@ -242,15 +300,11 @@ def write(r, folder, at=None, of_board=False, level="registers", shown_rows=SHOW
         "at.hex": _hex(at[:, None], [CLOCK_BITS]),
         "stim.hex": _hex(stim, [p.width for _, p in driven]),
         "exp.hex": _hex(exp, [p.width for _, p in found]),
-        "sig.hex": bundle.hex_text([signature.of_remainder(words) for words in rows.remainders], signature.DEGREE),
+        "sig.hex": bundle.hex_text(judged.signatures, signature.DEGREE),
         **_inputs_hex(r.stimulus),
-        **bundle.port_files([*driven, *found], np.column_stack([stim, exp])),
-        "vec.csv": bundle.csv_text("clock", at, [name for name, _ in driven + found], np.column_stack([stim, exp])),
-        **top_benches.texts(design, r.name, len(at), counts),
-        **(more or {}),
+        **top_benches.texts(design, r.name, len(at), counts, clocks),
     }
-    waves = _waves(design, r.windows, at, np.column_stack([stim, exp]))
-    return bundle.write(Path(folder), _manifest(design, r, at, counts), files, [waves], scores.note_score)
+    return files, counts
 
 
 def export_case(case, out):
@@ -327,7 +381,9 @@ def window(folder, clock, count, out=None):
     frames = -(-(clock + count) // manifest["frame_cycles"])
     cut = begun(r, frames, (recording.Window(clock, count, "asked for"),))
     out = folder.with_name(f"{folder.name}_{clock}") if out is None else Path(out)
-    return out, write(cut, out, of_board="design" in manifest, level=level_of(manifest))
+    return out, write(
+        cut, out, of_board="design" in manifest, level=level_of(manifest), clocks=late_of(folder, manifest)
+    )
 
 
 def _shipped(folder, manifest):

@@ -61,20 +61,19 @@ def around_top(manifest, map_path, top_name=None):
 def pins_of(folder, level, out, map_path=None, top_name=None, latency=None):
     """Write the bundle of the pins of a bundle of the whole design; returns its manifest.
 
-    map_path, top_name  of a design with names of its own;  latency  refused: ConfigError
+    map_path, top_name  of a design with names of its own;  latency  file of the pins that come later
     """
     if level not in ("pins", "outputs"):
         raise ConfigError(f"level: {level!r} is not one of pins, outputs; the bundle itself is at level registers")
-    if latency is not None:
-        raise ConfigError(
-            "--latency: the pins of the whole design have the clocks of gyro_top; golden loop takes others"
-        )
     golden = bundle.read(folder)
+    late = top.late_of(folder, golden.manifest)
+    if latency is not None:
+        late = {name.removeprefix("o_"): k for name, k in judged.read_latency(latency, golden.manifest, level).items()}
     _new(out)
     of_board = "design" in golden.manifest
     own = map_path is not None or top_name is not None
     texts = around_top(golden.manifest, map_path, top_name) if own else {}
-    return top.write(top.replayed(folder, golden.manifest), out, golden.at, of_board, "pins", more=texts)
+    return top.write(top.replayed(folder, golden.manifest), out, golden.at, of_board, "pins", more=texts, clocks=late)
 
 
 def wrap(folder, map_path, level, out, latency_path=None):

@@ -3,6 +3,7 @@
     every register of the block is seen   each register and pin by one step from the design's own rows
     only some ports are seen              the whole block with one fault, from golden rows on
     the whole design                      each of its blocks whose registers are wrong, as the first
+    of it the pins alone                  each block that leads to a wrong pin, as the second
 
 Source    docs/diagnosis.md
 """
@@ -19,9 +20,10 @@ from testbench.golden.diagnosis.hidden import Hidden
 from testbench.golden.diagnosis.rows import Rows as Wires
 from testbench.golden.diagnosis.search import Search
 from testbench.golden.diagnosis.verdict import MOST_LISTED, Cause, causes, hidden_causes
-from testbench.golden.recording import recording
+from testbench.golden.recording import board_pins, recording
 
 MOST_SHIFT = 8  # clocks
+BEYOND_PINS = 2  # a cause at the pins of the whole design may as well be in a block that leads to no pin
 LEAST_ROWS = 4  # wrong rows of a register of the whole design, below which its cause is not certain
 
 
@@ -107,12 +109,14 @@ def _of_top(rows):
     """
     params = recording.params_from("manifest", list(rows.params), list(rows.params.values()), rows.design)
     registers = [of_top.port_of(name) for name, _ in leaves(top.State())]
-    if not set(registers) <= set(rows.got):
+    if not set(registers) <= set(rows.expected):
         return []
     try:
         net, instances = of_top.wired(params)
     except elaborate.Unsupported:
         return []
+    if not set(registers) <= set(rows.got):
+        return _of_pins(rows, net, instances, registers)
     own = {name: np.where(rows.care[name], rows.got[name], rows.expected[name]) for name in registers}
     wires = Wires(net, {("in", name): column for name, column in (rows.inputs | own).items()}, len(own[registers[0]]))
     known = np.logical_and.reduce([rows.care[name] for name in registers])
@@ -128,6 +132,40 @@ def _of_top(rows):
             found.setdefault((cause.cause, *one.homes[cause.register]), []).append(named)
     listed = [same[0]._replace(share=sum(cause.share for cause in same) / total) for same in found.values()]
     return sorted(listed, key=lambda cause: -cause.share)[:MOST_LISTED]
+
+
+def _of_pins(rows, net, instances, registers):
+    """[Cause] of the whole design of which the pins alone are seen, none of them certain.
+
+    A block that leads to a wrong pin is given what golden registers give it. The cause must explain every wrong pin:
+    in one block, or in the same way in several instances of it.
+    """
+    care = dict(rows.care)
+    for data, chip in board_pins.READ.items():
+        for of in (rows.got, rows.expected):
+            care[data] = care[data] & (of[chip[0]] == 0) & (of[chip[1]] == 1)
+    wrong = {pin for pin, column in rows.got.items() if np.any((column != rows.expected[pin]) & care[pin])}
+    golden = rows.inputs | {name: rows.expected[name] for name in registers}
+    wires = Wires(net, {("in", name): column for name, column in golden.items()}, len(rows.inputs["rst"]))
+    found, modules = [], set()
+    for path, one in instances.items():
+        pins = {name: pin for name, pin in of_top.shown(path).items() if pin in rows.got}
+        if not wrong & set(pins.values()):
+            continue
+        wrong -= set(pins.values())
+        modules.add(one.module)
+        own = elaborate.of_block(one.module.__name__.rpartition(".")[2], one.params, rows.design)
+        given = {("in", name): wires.full(node) for name, node in one.ports.items()}
+        given |= {("reg", name): rows.expected[one.names[name]] for name in own.reset}
+        given["in", "rst"] = rows.inputs["rst"]
+        seen = [{name: of[pin] for name, pin in pins.items()} for of in (rows.got, care, rows.expected)]
+        causes = hidden_causes(Hidden(own, given, *seen))
+        found.append({(c.cause, *one.homes[c.register]): c._replace(register=one.names[c.register]) for c in causes})
+    if wrong or len(modules) != 1:
+        return []
+    both = set.intersection(*map(set, found))
+    share = min((cause.share for of in found for cause in of.values()), default=0.0) / BEYOND_PINS
+    return [cause._replace(share=share) for key, cause in found[0].items() if key in both]
 
 
 def _of_instance(rows, one, names, wires, known):

@@ -20,7 +20,7 @@ from testbench.golden.check import compare, design_run
 from testbench.golden.check.compare import Column, Report
 from testbench.golden.check.rtl_run import TIMEOUT_S, Runner, first_lines
 from testbench.golden.diagnosis.of_top import port_of
-from testbench.golden.recording import recording
+from testbench.golden.recording import recording, replay
 from testbench.golden.stimulus import levels
 
 ROW = re.compile(r"clock (\d+): (\w+): expected (\w+), got (\w+) \(hex\)")
@@ -34,8 +34,8 @@ SAID_BYTES = 1 << 28
 def _bench(folder, level, place, choice):
     """(folder in `place`, manifest) of the bench of a level: what it opens is copied, or written for the pins."""
     bench, manifest = place / "bench", bundle.read(folder).manifest
-    if level != "registers" and (manifest["registers"] or _own(choice)):
-        return bench, pins_of(folder, level, bench, choice.map, choice.top)
+    if level != "registers" and (manifest["registers"] or _own(choice) or choice.latency):
+        return bench, pins_of(folder, level, bench, choice.map, choice.top, choice.latency)
     for name in manifest["sha256"]:
         if not name.startswith(UNREAD):
             (bench / name).parent.mkdir(parents=True, exist_ok=True)
@@ -99,14 +99,10 @@ def _logged(golden, text):
 def check(folder, rtl, timeout_s=TIMEOUT_S, choice=design_run.AS_OURS):
     """Compare the whole design in folder `rtl` with a bundle of `top`; returns a `compare.Report`.
 
-    choice  `design_run.Choice`: sim, level, files; map and top at the pins; ConfigError for a latency
+    choice  `design_run.Choice`: sim, level, files; map, top and latency at the pins
     The run ends after the frames by default of its simulator: `rows` counts the rows up to there. `differing` counts
     the rows of the frames around the first difference.
     """
-    if choice.latency is not None:
-        raise ConfigError(
-            "--latency: the pins of the whole design have the clocks of gyro_top; golden loop takes others"
-        )
     if not 0 < timeout_s <= 86400:
         raise ConfigError(f"timeout: {timeout_s} s is outside 0 .. 86400 s")
     manifest = bundle.read(folder).manifest
@@ -126,9 +122,10 @@ def check(folder, rtl, timeout_s=TIMEOUT_S, choice=design_run.AS_OURS):
         found = _window(text, run, bench, sim, rtl, files, level, own) if differs else None
     count = int(re.search(r"(?:of|all) (\d+) rows", text)[1] if differs else PASSED.search(text)[2])
     ports = tuple(p["name"] for k in ("registers", "outputs") for p in named(own)[k])
+    late = {f"o_{name}": k for name, k in own.get("clocks", {}).items()}
     if found is None:
-        return Report("top", own["case"], count, own["n"], ports, (), level, count, {}, {}, None, ())
-    return found._replace(level=level, rows=count, golden_rows=own["n"], judged_rows=count, ports=ports)
+        return Report("top", own["case"], count, own["n"], ports, (), level, count, late, {}, None, ())
+    return found._replace(level=level, rows=count, golden_rows=own["n"], judged_rows=count, ports=ports, clocks=late)
 
 
 def _window(text, run, bench, sim, rtl, files, level, manifest):
@@ -142,17 +139,23 @@ def _window(text, run, bench, sim, rtl, files, level, manifest):
     r, window = top.begun(top.replayed(bench, manifest), end, (place,)), run.folder / "window"
     at = np.arange(place.first, place.first + place.count)
     more = {path.name: path.read_text() for path in bench.glob("golden_top.v*")}
-    top.write(r, window, at, "design" in manifest, top.level_of(manifest), place.count, more)
+    clocks = top.late_of(bench, manifest)
+    top.write(r, window, at, "design" in manifest, top.level_of(manifest), place.count, more, clocks)
     golden = bundle.read(window)
     got = _logged(golden, _said(run, window, sim, rtl, files, level, ("FRAMES=0",)))
-    own = named(golden.manifest)
-    names = [p["name"] for p in own["registers"] + own["outputs"]]
+    own, exp = golden.manifest, golden.exp
+    if not own["registers"] and not clocks:
+        # a diagnosis of the pins needs the registers of the model
+        rows = replay.run(r.params, r.stimulus, r.frames, at, registers=False)
+        block, exp = top.block({r.name: r.params}, r.params.design), np.column_stack([rows.registers, exp])
+        own = own | {"registers": [bundle.port(p) for p in block.registers]}
+    own = named(own)
     found = compare.compare(
         own,
         dict(zip([p["name"] for p in own["inputs"]], golden.stim.T.copy())),
-        dict(zip(names, golden.exp.T.copy())),
+        dict(zip([p["name"] for p in own["registers"] + own["outputs"]], exp.T.copy())),
         got,
-        terms=compare.Terms(first=place.first),
+        terms=compare.Terms(level, place.first),
     )
     if found.passed:
         raise FileError(f"{rtl}: frame {min(frames)} differs in one run of {sim} and not in the next")

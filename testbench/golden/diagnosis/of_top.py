@@ -65,10 +65,16 @@ def port_of(name):
 
 
 @functools.cache
-def _pins():
-    """{pin of a block, dotted: pin of top}."""
+def _pins(kinds=("pin",)):
+    """{pin of a block, dotted: pin of top}; `kinds` may name registers that are pins of top, too."""
     wires = [wire for wire in wiring.trace(top).wires if wire.instance == "pins"]
-    return {leaf.name: wire.port for wire in wires for leaf in wire.signal.leaves if leaf.kind == "pin"}
+    return {leaf.name: wire.port for wire in wires for leaf in wire.signal.leaves if leaf.kind in kinds}
+
+
+def shown(path):
+    """{register or pin of an instance: pin of top} of what leads to a pin of the board."""
+    found = _pins(("pin", "register"))
+    return {flat(name[len(path) + 1 :]): pin for name, pin in found.items() if name.startswith(f"{path}.")}
 
 
 @functools.cache

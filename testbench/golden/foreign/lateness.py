@@ -16,6 +16,7 @@ from testbench.errors import FileError
 
 # The pins of the board in this direction are answered by a chip (docs/architecture.md, what crosses the pins)
 ANSWERS = {"adc": ("drdy_n", "dout")}
+WHOLE = "top"
 RESTS = ("control.", "sid.", "adc.")  # a carrier that gets there has become codes and words
 NODES = {"drive": ("xe1",), "sense": ("ye1",), "refs": ("xe1", "ye1")}
 
@@ -81,15 +82,20 @@ def _carriers():
 
 
 def lags(stem, case, clocks):
-    """[`Lag`] of a block whose ports come later: {RTL port: clocks}. A case with the name of its role is that one."""
+    """[`Lag`] of a block whose ports come later: {RTL port: clocks}. A case with the name of its role is that one.
+
+    Of the whole design the ports are its pins.
+    """
     own = [name for name, own in _instances().items() if own == stem and name in _carriers()]
-    own = [name for name in own if name.rpartition(".")[2] == case] or own
+    own = [stem] if stem == WHOLE else [name for name in own if name.rpartition(".")[2] == case] or own
     found = {}
     for instance in sorted(own):
         for port, late in clocks.items():
             bare = port[2:]
             names = [n for n in _wires() if _owner(n) == instance and flat(n[len(instance) + 1 :]) == bare]
-            pins = set().union(*(_pins(instance, n[len(instance) + 1 :]) for n in names))
+            pins = set().union(
+                {bare} if stem == WHOLE else (), *(_pins(instance, n[len(instance) + 1 :]) for n in names)
+            )
             for path, nodes in NODES.items():
                 # a drive or sense port of a block with both turns its own node alone
                 mine = [n for n in nodes if not bare.startswith(("drive_", "sense_")) or n[0] == "xy"[bare[0] == "s"]]
@@ -107,9 +113,11 @@ def check(path, stem, clocks):
 
     An input of the block answers a late port, or a chip would read its pins at different clocks.
     """
-    for name in (name for name, own in _instances().items() if own == stem):
-        pins = {source[len(name) + 1 :] for source, targets in _wires().items()
-                if _owner(source) == name and any(t.startswith("pins.") for t in targets)}  # fmt: skip
+    for name in (name for name, own in _instances().items() if stem in (own, WHOLE)):
+        sources = {source: [t[len("pins.") :] for t in targets if t.startswith("pins.")]
+                   for source, targets in _wires().items() if _owner(source) == name}  # fmt: skip
+        pins = {pin for source, shown in sources.items()
+                for pin in (shown if stem == WHOLE else [source[len(name) + 1 :]] * bool(shown))}  # fmt: skip
         given = {pin: clocks.get(f"r_{pin}", clocks.get(f"o_{pin}", 0)) for pin in sorted(pins)}
         if name in ANSWERS and any(given.values()):
             late = max(given, key=given.get)

@@ -1,14 +1,16 @@
-"""A Verilog design of the whole firmware as a shared library: Verilator's C++ model behind three C functions.
+"""A design of the whole firmware as a shared library: Verilator's C++ model behind three C functions.
 
     gyro_edge(h, in)      one edge of the clock with inputs as in `INPUTS`; returns pins and LDACS after it, packed
-    gyro_differs(h, row)  place of the first register or pin that is not `row`, or -1; registers first, then pins
+    gyro_differs(h, row)  place of the first register or pin that is not `row`, or -1; registers first, then pins.
+                          SDIN of a board's top counts where its chip reads it (`board_pins`)
     gyro_read(h, row)     registers and pins, signed
 
 All take a handle and an array of int64. What a design must have is a `Face`:
 
     gyro_top              that of docs/golden.md, its parameters set to those asked for; registers are its ports
                           `r_NAME`, pins `o_NAME`
-    any other top         the pins of the board alone (`board.ports`); parameters are its own affair
+    any other top         the pins of the board alone (`board.ports`); parameters are its own affair. It may be in VHDL,
+                          of which GHDL's synthesis makes Verilog
 
 Source  docs/rtl.md; Verilator 5.006, "Connecting to C++"
 """
@@ -17,7 +19,9 @@ import contextlib
 import ctypes
 import re
 import shutil
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -29,7 +33,7 @@ from testbench.flatten import format_leaves
 from testbench.golden.bundles import benches
 from testbench.golden.foreign import design_map, wrapper
 from testbench.golden.foreign.sources import of_list
-from testbench.golden.recording import board
+from testbench.golden.recording import board, board_pins
 from testbench.golden.stimulus.blocks import RESET_INPUT, flat
 from testbench.storage.files import write_text
 from testbench.tool import run_tool
@@ -62,6 +66,7 @@ class Face(NamedTuple):
     pins      ports of PINS
     ldacs     ports of LDAC of the drive DAC and of that of V_q; None where the board has none
     optional  inputs that the top may lack
+    read      {place of a data pin: (place of what selects its chip, place of what says that SCLK runs)}
     """
 
     top: str
@@ -70,6 +75,7 @@ class Face(NamedTuple):
     pins: tuple
     ldacs: tuple
     optional: tuple = ()
+    read: Mapping = MappingProxyType({})
 
 
 def _mask(fmt):
@@ -97,7 +103,17 @@ def of_pins(name, params, chips):
     ports = PORTS[len(REGISTERS) :]
     seen = tuple((len(REGISTERS) + k, *port) for k, port in enumerate(zip(ports, top.PINS_FMT, strict=True)))
     ldacs = tuple(f"o_{role}_ldac_n" if getattr(chips, role).has_ldac else None for role in ("drive", "quadrature"))
-    return Face(name, _inputs(), seen, ports, ldacs, UNUSED["digital" if params.digital else "analog"])
+    read = {NAMES.index(data): tuple(map(NAMES.index, chip)) for data, chip in board_pins.READ.items()}
+    return Face(name, _inputs(), seen, ports, ldacs, UNUSED["digital" if params.digital else "analog"], read)
+
+
+def _differs(face, place, fmt, texts):
+    """Text of whether what a place shows is not that of `row`; `texts` are {place: text of its port}."""
+    text = f"((uint64_t)row[{place}] & {_mask(fmt):#x}u) ^ {texts[place]}"
+    if place not in face.read:
+        return text
+    select_n, running = (texts[other] for other in face.read[place])
+    return f"{select_n} || !{running} ? 0 : {text}"
 
 
 def driver(face, known):
@@ -111,10 +127,10 @@ def driver(face, known):
     bits += [("1" if name is None else f"top.{name}", LDACS_AT + k) for k, name in enumerate(face.ldacs)]
     packed = " |\n           ".join(f"(int64_t){text} << {at}" for text, at in bits)
     seen = [(k, f"top.{port}", fmt) for k, port, fmt in face.seen]
-    tests = "\n".join(f"    d |= ((uint64_t)row[{k}] & {_mask(fmt):#x}u) ^ {text};" for k, text, fmt in seen)
-    found = "\n".join(
-        f"    if (((uint64_t)row[{k}] & {_mask(fmt):#x}u) != {text}) return {k};" for k, text, fmt in seen
-    )
+    texts = {k: text for k, text, _ in seen}
+    wrong = [(k, _differs(face, k, fmt, texts)) for k, _, fmt in seen]
+    tests = "\n".join(f"    d |= {text};" for _, text in wrong)
+    found = "\n".join(f"    if ({text}) return {k};" for k, text in wrong)
     reads = "\n".join(
         f"    row[{k}] = " + (f"(int64_t)((uint64_t){text} << {64 - fmt.width}) >> {64 - fmt.width};" if fmt.s
                               else f"(int64_t){text};")
@@ -233,26 +249,51 @@ def manifest(face):
 
 
 def mapped(face, path, top, folder):
-    """(face, Verilog file in `folder`) of a wrapper around a design whose ports a map names; `top` before its own."""
+    """(face, Verilog file in `folder`, module) of a wrapper around a design whose ports a map names.
+
+    top  name of the design, before that of the map
+    """
     listed = manifest(face)
     given = design_map.read(path, listed, "pins", top)
     made = Path(folder).resolve() / "wrapper.v"
     write_text(made, wrapper.verilog(listed, given))
-    return face._replace(top=wrapper.name_of(listed)), made
+    return face._replace(top=wrapper.name_of(listed)), made, given.top
 
 
-def user_sources(rtl, name, files=None):
-    """Arguments of Verilator for a user's top `name` in folder `rtl`: a list of files, or all that lie there."""
+def of_vhdl(found, name, folder, what):
+    """Verilog that GHDL's synthesis makes of `sources.Sources` in VHDL, of the entity `name`: a file in `folder`."""
+    if shutil.which("ghdl") is None:
+        raise ConfigError("ghdl: not installed; the loop takes a design in VHDL by its synthesis")
+    if name != name.lower():
+        raise FileError(f"{what}: {name}: GHDL writes names in lower case: call the top {name.lower()}")
+    place = Path(folder).resolve() / "vhdl"
+    shutil.rmtree(place, ignore_errors=True)
+    place.mkdir(parents=True)
+    libraries = [library or "work" for library in found.libraries]
+    for path, library in zip(found.files, libraries, strict=True):
+        run_tool(["ghdl", "-a", "--std=08", f"--work={library}", path], place, what)
+    # an entity that is missing would be a module whose outputs rest
+    command = f"ghdl --synth --std=08 -Werror=binding --work={libraries[-1]} --out=verilog".split()
+    write_text(place / "design.v", run_tool([*command, name], place, what))
+    return place / "design.v"
+
+
+def user_sources(rtl, name, files=None, folder="."):
+    """Arguments of Verilator for a user's top `name` in folder `rtl`: a list of files, or all that lie there.
+
+    folder  for the Verilog of a list that names VHDL
+    """
     rtl = Path(rtl).resolve()
     if files is not None:
         found = of_list(files)
         if found.language == "vhdl":
-            raise FileError(f"{files}: names VHDL; the loop runs Verilog alone")
+            return [of_vhdl(found, name, folder, files)]
         return [*(f"-I{path}" for path in found.includes), *(f"-D{text}" for text in found.defines), *found.files]
     found = sorted(path for path in rtl.glob("*") if path.suffix in SUFFIXES)
     if not found:
+        hint = "; of VHDL a list (--files) says the order" if [*rtl.glob("*.vhd"), *rtl.glob("*.vhdl")] else ""
         raise FileError(
-            f"{rtl}: no design: {name} is looked for in its files {' and '.join(f'*{s}' for s in SUFFIXES)}"
+            f"{rtl}: no design: {name} is looked for in its files {' and '.join(f'*{s}' for s in SUFFIXES)}{hint}"
         )
     return [f"-I{rtl}", *map(str, found)]
 
@@ -297,12 +338,14 @@ class Design:
     """One instance of a compiled design, reset; a context manager.
 
     folder                 where the design reads its tables from
+    face                   `Face`; gyro_top if None
     places                 of NAMES, that it shows
     handle, edge, differs  what the kernels call: numbers
     """
 
-    def __init__(self, path, places=ALL, folder="."):
-        self.places, self._folder = tuple(places), folder
+    def __init__(self, path, face=None, folder="."):
+        self.places, self._folder = ALL if face is None else tuple(place for place, _, _ in face.seen), folder
+        self._data = {} if face is None else face.read
         self._library = ctypes.CDLL(str(path))
         for name in ("gyro_edge", "gyro_differs", "gyro_read"):
             function = getattr(self._library, name)
@@ -334,6 +377,11 @@ class Design:
         row = np.zeros(len(NAMES), np.int64)
         self._library.gyro_read(self.handle, row.ctypes.data)
         return row
+
+    def differing(self, expected, got):
+        """Places in which two rows differ, as `gyro_differs` judges them."""
+        unread = {k for k, (select_n, running) in self._data.items() if got[select_n] or not got[running]}
+        return [k for k in self.places if expected[k] != got[k] and k not in unread]
 
     def __enter__(self):
         return self

@@ -160,9 +160,8 @@ class Loop(Simulation):
 
     def _stop(self, row, converter):
         expected, got = self.rtl.rows[row % lockstep.KEPT], self.library.read()
-        wrong = [
-            (library.NAMES[k], int(expected[k]), int(got[k])) for k in self.library.places if expected[k] != got[k]
-        ]
+        listed = self.library.differing(expected, got)
+        wrong = [(library.NAMES[k], int(expected[k]), int(got[k])) for k in listed]
         first = max(0, row - lockstep.KEPT + 1)
         before = np.stack([self.rtl.rows[n % lockstep.KEPT] for n in range(first, row + 1)])
         raise Difference(row, wrong, before.copy(), self.design, self._recorded(row, converter))
@@ -181,8 +180,7 @@ class Loop(Simulation):
         values = [int(value) for _, value in leaves(s.fpga)] + [int(v) for v in fpga.pins(self.params.fpga, s.fpga)]
         row = s.tick * self.design.tick_clocks
         self.rtl.rows[row % lockstep.KEPT] = values
-        places = list(self.library.places)
-        if not np.array_equal(self.library.read()[places], np.array(values)[places]):
+        if self.library.differing(values, self.library.read()):
             self._stop(row, s.chips.adc)
         self.rtl.found[3] += 1
 
@@ -345,22 +343,22 @@ def run(config, rtl, folder=None, progress=None, firmware=None, level=2, pins=No
     firmware = firmware or build.firmware(config)
     if pins is None:
         board.check(firmware)
-    face, places, at, listed = None, library.ALL, ".", None
+    face, at, listed = None, ".", None
     with tempfile.TemporaryDirectory(prefix="gyro-loop-") as temporary:
         if progress:
             progress("building the design", 0, 1)
         folder = folder or temporary
         if pins is not None:
             face = library.of_pins(pins.top, firmware, chips.parts(chips.of(config.design)))
-            listed = library.user_sources(rtl, pins.top or "its top", pins.files)
-            places, at = [place for place, _, _ in face.seen], rtl
+            at, name, more = rtl, pins.top, []
             if pins.map:
-                face, made = library.mapped(face, pins.map, pins.top, folder)
-                listed = [*listed, made]
+                face, wrapped, name = library.mapped(face, pins.map, pins.top, folder)
+                more = [wrapped]
+            listed = [*library.user_sources(rtl, name, pins.files, folder), *more]
         path = library.build(rtl, firmware, folder, level, face, listed)
-        with library.Design(path, places, at) as design:
+        with library.Design(path, face, at) as design:
             outcome = closed(config, design, firmware, progress)
         if outcome.difference is None or pins is None or pins.exact:
             return outcome
-        with library.Design(path, places, at) as design:
+        with library.Design(path, face, at) as design:
             return outcome._replace(verdict=judged(config, design, firmware, progress))

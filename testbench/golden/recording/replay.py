@@ -58,18 +58,12 @@ class Rows(NamedTuple):
     pins: np.ndarray
     remainders: np.ndarray  # (frames, signature.WORDS) of all rows of a frame
     window_at: np.ndarray  # clock at which the 8 kHz window opens in a frame, or -1
+    every: np.ndarray  # pins of every clock of the frames that are run at once; none if nobody asks for them
+    board: np.ndarray  # the rows of pins as a board reads them
+    board_signatures: np.ndarray  # uint64, of all these of a frame
 
 
-# A chip that is not selected reads no data: at the pins alone SDIN is judged as 0 while SYNC_N is high
-UNREAD = {f"{role}_sdin": f"{role}_sync_n" for role in ("drive", "sense", "quadrature")}
-
-
-def read_pins(pins):
-    """Rows of pins as the chips read them: 0 where a data pin is not judged."""
-    found, place = pins.copy(), top.Pins._fields.index
-    for data, select_n in UNREAD.items():
-        found[:, place(data)] &= 1 - pins[:, place(select_n)]
-    return found
+FRAMES_AT_ONCE = 64  # whose pins of every clock are kept
 
 
 class Place(NamedTuple):
@@ -85,9 +79,10 @@ class Place(NamedTuple):
 
 
 @hot
-def _run(p, rom, s, chip, place, end, stimulus, o, buffer):
+def _run(p, rom, s, chip, place, first, end, stimulus, o, buffer):
     """Clocks up to `end`, or up to and with one whose reset is active; then the State returned is void.
 
+    first   clock of the first row of `o.every`
     buffer  of the remainder; empty: no signature
     """
     adc, host, sar = stimulus.adc, stimulus.host, stimulus.sar
@@ -115,6 +110,8 @@ def _run(p, rom, s, chip, place, end, stimulus, o, buffer):
                 base = BUFFER - WORDS
             _append(buffer, base, (s, out))
             base -= ROW_WORDS
+        if n - first < o.every.shape[0]:
+            store(o.every[n - first], out)
         if s.rates.slot == 1:
             o.window_at[frame] = n
         drdy_n, dout = chip.drdy_n, adc_serial.dout(chip)
@@ -153,59 +150,63 @@ def _run(p, rom, s, chip, place, end, stimulus, o, buffer):
     return s, chip, Place(n, conversion, event, row, address, data, base), rst
 
 
-def _rows(at, frames):
+def _rows(at, frames, every=0):
     """Empty `Rows`."""
-    count = len(at)
+    count, pins = len(at), len(top.Pins._fields)
     return Rows(
         at,
         np.zeros((count, INPUTS), np.int64),
         np.zeros((count, REGISTERS), np.int64),
-        np.zeros((count, len(top.Pins._fields)), np.int64),
+        np.zeros((count, pins), np.int64),
         np.zeros((frames, signature.WORDS), np.int64),
         np.full(frames, -1, np.int64),
+        np.zeros((every, pins), np.int64),
+        np.zeros((count, pins), np.int64),
+        np.zeros(frames, np.uint64),
     )
 
 
-def run(params, stimulus, frames, at, pins_only=False):
+def run(params, stimulus, frames, at, board=None, registers=True):
     """Replay `frames` frames from power-on; `Rows` at the clocks `at`.
 
-    pins_only  registers are not signed, and pins are as the chips read them
+    board      `board_pins.Board`: its rows and signatures are given besides
+    registers  whether every clock of registers and pins is signed; of a design that is not the default one this takes
+               some ten times as long
     """
     d = params.design
     at, end = np.ascontiguousarray(at, np.int64), frames * d.frame_clocks
     if len(at) and (at[0] < 0 or at[-1] >= end or (np.diff(at) <= 0).any()):
         raise ValueError(f"clocks of rows do not rise within 0 .. {end - 1}")
-    o, rom, fresh = _rows(at, frames), sine.table(d), top.reset(d)
-    if d != DEFAULT or pins_only:
-        return _run_by_frame(params, rom, fresh, stimulus, o, pins_only)
-    chip, place, buffer = adc_serial.State(), Place(), np.zeros(BUFFER, np.int64)
-    while place.clock < end:
-        _, chip, place, _ = _run(params, rom, fresh, chip, place, end, stimulus, o, buffer)
-    return o
-
-
-def _run_by_frame(params, rom, fresh, stimulus, o, pins_only):
-    """The same for any design: all rows of a frame, then their signature; it takes some ten times as long."""
-    d = params.design
-    widths = [] if pins_only else [fmt.width for _, fmt in format_leaves(formats(top.State, d))]
-    widths += [fmt.width for fmt in top.PINS_FMT]
-    s, chip, place, unsigned = fresh, adc_serial.State(), Place(), np.zeros(0, np.int64)
-    for frame in range(len(o.remainders)):
-        first, end = frame * d.frame_clocks, (frame + 1) * d.frame_clocks
-        part = _rows(np.arange(first, end), len(o.remainders))
-        place = place._replace(row=0)
-        while place.clock < end:
-            s, chip, place, rst = _run(params, rom, s, chip, place, end, stimulus, part, unsigned)
+    by_frame = registers and d != DEFAULT
+    at_once = 1 if by_frame else FRAMES_AT_ONCE
+    o, rom, fresh = _rows(at, frames, 0 if board is None else at_once * d.frame_clocks), sine.table(d), top.reset(d)
+    s, chip, place = fresh, adc_serial.State(), Place()
+    buffer = np.zeros(BUFFER if registers and not by_frame else 0, np.int64)
+    for frame in range(0, frames, at_once):
+        first, last = frame * d.frame_clocks, min(frame + at_once, frames) * d.frame_clocks
+        part, kept = o, slice(*np.searchsorted(at, (first, last)))
+        if by_frame:
+            part, place = _rows(np.arange(first, last), frames, len(o.every)), place._replace(row=0)
+        while place.clock < last:
+            s, chip, place, rst = _run(params, rom, s, chip, place, first, last, stimulus, part, buffer)
             s = fresh if rst else s
-        part = part._replace(pins=read_pins(part.pins)) if pins_only else part
-        signed = part.pins if pins_only else np.column_stack([part.registers, part.pins])
-        sig = signature.of_rows(signed, widths)
-        o.remainders[frame, 0] = sig - (1 << signature.DEGREE) if sig >> (signature.DEGREE - 1) else sig
-        o.window_at[frame] = part.window_at[frame]
-        kept = slice(*np.searchsorted(o.at, (first, end)))
-        for name in ("inputs", "registers", "pins"):
-            getattr(o, name)[kept] = getattr(part, name)[o.at[kept] - first]
+        if by_frame:
+            _sign(part, o, d, frame)
+            for name in ("inputs", "registers", "pins"):
+                getattr(o, name)[kept] = getattr(part, name)[at[kept] - first]
+        if board is not None:
+            shown = board.read(part.every[: last - first], first, stimulus.host)
+            o.board[kept] = shown[at[kept] - first]
+            o.board_signatures[frame : last // d.frame_clocks] = board.signatures(shown, d.frame_clocks)
     return o
+
+
+def _sign(part, o, design, frame):
+    """Signature of every row of a frame, of any design."""
+    widths = [fmt.width for _, fmt in format_leaves(formats(top.State, design))] + [f.width for f in top.PINS_FMT]
+    sig = signature.of_rows(np.column_stack([part.registers, part.pins]), widths)
+    o.remainders[frame, 0] = sig - (1 << signature.DEGREE) if sig >> (signature.DEGREE - 1) else sig
+    o.window_at[frame] = part.window_at[frame]
 
 
 assert len(list(leaves(top.State()))) == REGISTERS, "registers and formats must be one list"

@@ -24,7 +24,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from fpga_model.jit import DISABLED
+from fpga_model.jit import DISABLED, hot
 from testbench.flatten import leaves
 
 DEGREE = 64
@@ -113,6 +113,27 @@ def of_rows(rows, widths):
             moved ^= ((sig[::2] >> k) & 1) * product
         sig, step = moved ^ sig[1::2], 2 * step
     return int(sig[0])
+
+
+def of_words(words, clocks):
+    """Signatures, uint64, of every `clocks` rows of one word each, of at most CHUNK bits."""
+    found = np.zeros(len(words) // clocks, np.uint64)
+    with np.errstate(over="ignore"):
+        _fold(words.astype(np.uint64), clocks, found)
+    return found
+
+
+@hot
+def _fold(words, clocks, found):
+    for frame in range(found.shape[0]):
+        sig = np.uint64(0)
+        for n in range(frame * clocks, (frame + 1) * clocks):
+            # a word has DEGREE bits: the zeros in front, and a chunk
+            for taken, chunk in ((DEGREE - CHUNK, np.uint64(0)), (CHUNK, words[n])):
+                high = sig >> np.uint64(DEGREE - taken)
+                high ^= high << np.uint64(1)
+                sig = (sig << np.uint64(taken)) ^ chunk ^ high ^ (high << np.uint64(3))
+        found[frame] = sig
 
 
 # ---- compiled for one layout -----------------------------------------------------------------------------------------

@@ -38,10 +38,10 @@ def score(count, seed, folder, say=print):
     face = library.of_pins(pin_tops.TOP, firmware, chips.parts(chips.of(config.design)))
     listed = library.user_sources(rtl, face.top, rtl / "all.f")
     path = library.build(rtl, firmware, folder / "built", 1, face, listed)
-    places, kinds, unseen, rows = [place for place, _, _ in face.seen], {}, [], 0
+    kinds, unseen, rows = {}, [], 0
     for number, fault in enumerate([None, *faults]):
         loop_faults.select(rtl, number)
-        with library.Design(path, places, rtl) as design:
+        with library.Design(path, face, rtl) as design:
             outcome = run.closed(config, design, firmware)
         if fault is None:
             assert outcome.difference is None, outcome.text()

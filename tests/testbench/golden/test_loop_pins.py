@@ -19,7 +19,7 @@ from testbench.config import Config, changed, scenario
 from testbench.engines import chips
 from testbench.errors import ConfigError, FileError
 from testbench.golden import divergence
-from testbench.golden.bundles import recompute
+from testbench.golden.bundles import bundle, recompute, top
 from testbench.golden.loop import judgement, library, pin_meter, run
 from testbench.golden.recording import record
 from testbench.run import build, simulate
@@ -220,7 +220,8 @@ endmodule
 
 def test_a_map_is_a_wrapper_with_the_pins_of_the_board(tmp_path):
     (tmp_path / "map.toml").write_text(MAP)
-    face, made = library.mapped(FACE, tmp_path / "map.toml", None, tmp_path)
+    face, made, name = library.mapped(FACE, tmp_path / "map.toml", None, tmp_path)
+    assert name == "my_board"
     text = made.read_text()
     assert face.top in text
     assert ".reset_n(~rst)" in text
@@ -242,6 +243,108 @@ def test_a_design_of_other_names_is_exact_by_its_map_and_list(tmp_path):
     pins = run.Pins(None, rtl / "mine.f", tmp_path / "map.toml", True)
     outcome = run.run(config, rtl, tmp_path / "built", firmware=firmware, level=0, pins=pins)
     assert outcome.passed, outcome.text()
+
+
+PLAYER = """library ieee;
+use ieee.std_logic_1164.all;
+use ieee.numeric_std.all;
+package rows is
+    type table is array (natural range <>) of std_logic_vector({top} downto 0);
+    constant ROWS : table := (
+        {words});
+end package;
+"""
+PLAYING = """library ieee;
+use ieee.std_logic_1164.all;
+use ieee.numeric_std.all;
+library played;
+use played.rows.all;
+entity player is
+    port (
+        {ports}
+    );
+end entity;
+architecture playing of player is
+    signal n : unsigned(15 downto 0) := (others => '0');
+    signal now : std_logic_vector({top} downto 0);
+begin
+    process (clk) begin
+        if rising_edge(clk) then
+            if rst = '1' then
+                n <= (others => '0');
+            elsif n /= {last} then
+                n <= n + 1;
+            end if;
+        end if;
+    end process;
+    now <= ROWS(to_integer(n));
+{assigns}
+end architecture;
+"""
+
+
+def vhdl_player(folder, words, columns):
+    """A top in VHDL, of two files and a library, with the pins of the board: it plays packed words back."""
+    width, places, at = sum(p.width for p in columns), {}, 0
+    for p in reversed(columns):
+        places[p.name] = f"({at})" if p.width == 1 else f"({at + p.width - 1} downto {at})"
+        at += p.width
+    kinds = {w: "std_logic" if w == 1 else f"std_logic_vector({w - 1} downto 0)" for w in range(1, 64)}
+    ports = [f"{port} : in {kinds[w]}" for port, w in FACE.inputs.values()]
+    ports += [f"o_{p.name} : out {kinds[p.width]}" for p in columns]
+    folder.mkdir()
+    listed = ",\n        ".join(f'"{word:0{width}b}"' for word in words)
+    (folder / "rows.vhd").write_text(PLAYER.format(top=width - 1, words=listed))
+    assigns = "\n".join(f"    o_{p.name} <= now{places[p.name]};" for p in columns)
+    text = PLAYING.format(ports=";\n        ".join(ports), top=width - 1, last=len(words) - 1, assigns=assigns)
+    (folder / "player.vhd").write_text(text)
+    (folder / "player.f").write_text("-work played\nrows.vhd\n-work work\nplayer.vhd\n")
+    return folder
+
+
+@pytest.mark.slow
+@VERILATOR
+@pytest.mark.skipif(shutil.which("ghdl") is None, reason="ghdl is not installed: VHDL was NOT run in the loop")
+def test_a_top_in_vhdl_is_what_the_loop_runs(tmp_path):
+    """It plays words back through the library that the loop calls."""
+    columns, rng = top.block({}).pins, np.random.default_rng(8)
+    words = [int(word) for word in rng.integers(0, 1 << sum(p.width for p in columns), 300)]
+    rtl = vhdl_player(tmp_path / "rtl", words, columns)
+    listed = library.user_sources(rtl, "player", rtl / "player.f", tmp_path / "built")
+    face = FACE._replace(top="player")
+    path = library.build(rtl, PARAMS, tmp_path / "built", 0, face, listed)
+    given = np.zeros(len(library.INPUTS), np.int64)
+    with library.Design(path, face) as design:
+        found = [design.pins, *(design.step(given) for _ in words[1:])]
+        row = np.zeros(len(library.NAMES), np.int64)
+        row[len(library.REGISTERS) :] = library.pins_of(np.array(found[-1:]))[0]
+        assert np.array_equal(design.read(), row)
+    pins = library.pins_of(np.array(found))
+    assert [int(word) for word in bundle.pack(pins, [p.width for p in columns])] == words
+
+
+@pytest.mark.skipif(shutil.which("ghdl") is None, reason="ghdl is not installed: VHDL was NOT read")
+def test_vhdl_that_the_loop_cannot_take_is_one_line(tmp_path):
+    columns = top.block({}).pins
+    rtl = vhdl_player(tmp_path / "rtl", [1, 2], columns)
+    with pytest.raises(FileError, match=r"Player: GHDL writes names in lower case: call the top player"):
+        library.user_sources(rtl, "Player", rtl / "player.f", tmp_path)
+    with pytest.raises(FileError, match=r"of VHDL a list \(--files\) says the order"):
+        library.user_sources(rtl, "player")
+    (rtl / "player.f").write_text("player.vhd\n")
+    with pytest.raises(FileError, match=r"player\.f: ghdl failed with 1"):
+        library.user_sources(rtl, "player", rtl / "player.f", tmp_path)
+    text = (
+        (rtl / "player.vhd")
+        .read_text()
+        .replace("now <= ROWS", "other : absent port map (clk => clk);\n    now <= ROWS")
+    )
+    unbound = "    component absent is port (clk : in std_logic); end component;\n    signal n"
+    text = text.replace("    signal n", unbound)
+    (rtl / "player.vhd").write_text(text)
+    (rtl / "player.f").write_text("-work played\nrows.vhd\n-work work\nplayer.vhd\n")
+    with pytest.raises(FileError, match=r'ghdl failed with 1: .* "absent" is not bound'):
+        library.user_sources(rtl, "player", rtl / "player.f", tmp_path)
 
 
 def test_bad_input_is_one_clear_error(tmp_path):
@@ -321,12 +424,29 @@ def test_an_exact_design_passes_pin_by_pin(tmp_path):
 
 @pytest.mark.slow
 @VERILATOR
-def test_masters_written_anew_pass_as_a_board(tmp_path):
-    """SDIN at rest has the other level, which no DAC takes: not exact, and no quantity moves at all."""
+def test_masters_written_anew_are_exact(tmp_path):
+    """SDIN at rest has the other level, which no DAC reads."""
     outcome = in_loop(pin_tops.counting_masters, tmp_path)
-    assert {name for name, *_ in outcome.difference.wrong} == {"drive_sdin", "sense_sdin", "quadrature_sdin"}
-    assert outcome.passed, outcome.text()
-    assert all(line.difference == 0 for line in outcome.verdict.lines if line.unit != "1"), outcome.text()
+    assert outcome.difference is None, outcome.text()
+    assert outcome.passed
+
+
+def test_data_counts_where_a_dac_reads_it():
+    """The text of the comparison, and the list of what differs: SDIN alone depends on SYNC_N and SCLK."""
+    text = library.driver(FACE, DECLARED)
+    place = library.NAMES.index("sense_sdin")
+    assert (
+        f"if (top.o_sense_sync_n || !top.o_sense_sclk_en ? 0 : ((uint64_t)row[{place}] & 0x1u) ^ top.o_sense_sdin)"
+        in text
+    )
+    design = object.__new__(library.Design)
+    design.places, design._data = [at for at, _, _ in FACE.seen], FACE.read
+    for selected, running in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        row = np.zeros(len(library.NAMES), np.int64)
+        row[library.NAMES.index("sense_sync_n")], row[library.NAMES.index("sense_sclk_en")] = 1 - selected, running
+        other = row.copy()
+        other[place] = 1
+        assert design.differing(row, other) == ([place] if selected and running else [])
 
 
 def last_values(path):

@@ -13,7 +13,7 @@ from testbench.errors import ConfigError, FileError
 from testbench.golden import cli
 from testbench.golden.bundles import bundle, recompute, top, wrap
 from testbench.golden.check import design_run, rtl_run, top_run
-from testbench.golden.recording import recording, replay, signature
+from testbench.golden.recording import board_pins, recording, replay, signature
 from tests import naive
 from tests.testbench.golden import pin_tops, standin
 from tests.testbench.golden.benching import RTL, make, need
@@ -83,14 +83,18 @@ def test_a_bundle_of_the_pins_has_their_rows_and_the_signatures_of_them_alone(ou
     want = whole.exp[:, len(whole.manifest["registers"]) :].copy()
     width, bits = bundle.total(golden.manifest["outputs"]), {n: k for k, n in enumerate(bits_of(golden.manifest))}
     for chip in ("drive", "sense", "quadrature"):
-        data, select_n = names.index(f"{chip}_sdin"), names.index(f"{chip}_sync_n")
-        want[want[:, select_n] == 1, data] = 0
-        low, above = (width - 1 - bits[f"{chip}_{pin}"] for pin in ("sdin", "sync_n"))
-        words = [word & ~(1 << low) if word >> above & 1 else word for word in words]
+        data, select_n, running = (names.index(f"{chip}_{pin}") for pin in ("sdin", "sync_n", "sclk_en"))
+        want[(want[:, select_n] == 1) | (want[:, running] == 0), data] = 0
+        low, above, beside = (width - 1 - bits[f"{chip}_{pin}"] for pin in ("sdin", "sync_n", "sclk_en"))
+        words = [word if not word >> above & 1 and word >> beside & 1 else word & ~(1 << low) for word in words]
     assert np.array_equal(golden.exp, want)
     frames = [words[k * FRAME_CYCLES : (k + 1) * FRAME_CYCLES] for k in range(FRAMES)]
     assert list(golden.signatures) == [signature.signature(frame, width) for frame in frames]
     assert recompute.recompute(pins).rows == len(golden.exp)
+    within = bundle.read(out / "pins")
+    assert np.array_equal(within.exp, golden.exp)
+    assert within.signatures == golden.signatures
+    assert recompute.recompute(out).files == len(whole.manifest["sha256"])
 
 
 @pytest.mark.parametrize("level", ["pins", pytest.param("outputs", marks=pytest.mark.slow)])
@@ -169,8 +173,8 @@ def test_data_of_a_dac_that_is_not_selected_is_not_judged(out, pins_rtl, words, 
     code, tree = checked(out, "--rtl", other, "--level", "pins", "--sim", "icarus")
     assert (code, tree["first"]) == (0, None)
     names = bits_of(bundle.read(out).manifest)
-    selected = [not word >> (len(names) - 1 - names.index("drive_sync_n")) & 1 for word in words]
-    row = QUIET + selected[QUIET:].index(True)
+    running = [word >> (len(names) - 1 - names.index("drive_sclk_en")) & 1 for word in words]
+    row = QUIET + running[QUIET:].index(True)
     bad = standin.write(tmp_path / "bad", bare, CASE, words, (row, "o_drive_sdin", 1))
     code, tree = checked(out, "--rtl", bad, "--level", "pins", "--sim", "icarus")
     assert (code, tree["first"]["clock"], tree["first"]["name"]) == (1, row, "drive_sdin")
@@ -252,8 +256,17 @@ def test_a_difference_leaves_waveform_bundle_and_diagnosis(out, tmp_path):
 
 
 def test_what_cannot_be_compared_is_one_line(out, pins, tmp_path):
-    with pytest.raises(ConfigError, match="--latency: the pins of the whole design have the clocks of gyro_top"):
-        top_run.check(out, RTL, choice=design_run.Choice(latency=tmp_path))
+    for ports, said in (
+        ("adc_sclk = 1", "inputs drdy_n and dout answer it, so recorded rows would come 1 clocks too early"),
+        ("drive_sdin = 1", "one chip reads these pins together, with equal clocks"),
+        ("r_dds_phase = 1", "level pins judges no port r_dds_phase"),
+        ("refs = -1", r"refs: -1 is not 0 \.\. 4096 clocks"),
+    ):
+        (tmp_path / "late.toml").write_text(f'schema = "gyro-latency/1.0"\n[ports]\n{ports}\n')
+        with pytest.raises(FileError, match=said):
+            wrap.pins_of(out, "pins", tmp_path / "new", latency=tmp_path / "late.toml")
+    with pytest.raises(FileError, match="latency is of level pins or outputs"):
+        top_run.check(out, RTL, choice=design_run.Choice(latency=tmp_path / "late.toml"))
     with pytest.raises(ConfigError, match="--map, --top: the whole design has names of its own at --level pins"):
         top_run.check(out, RTL, choice=design_run.Choice(top="mine"))
     with pytest.raises(ConfigError, match="--top: top: gyro_top is the name of the wrapper"):
@@ -273,6 +286,131 @@ def test_what_cannot_be_compared_is_one_line(out, pins, tmp_path):
         top_run.check(out, tmp_path)
     with pytest.raises(FileError, match="is run by top_run"):
         rtl_run.check(out, RTL)
+
+
+LATE = {"drive_sync_n": 2, "drive_sclk_en": 2, "drive_sdin": 2, "refs": 1}
+
+
+def later(words, manifest, host, clocks, reset_too):
+    """Packed pins of every clock with registers more behind some pins, which the reset clears, or does not."""
+    ports = manifest["outputs"]
+    rows = np.array([[word >> sum(p["width"] for p in ports[k + 1 :]) & ((1 << p["width"]) - 1)
+                      for k, p in enumerate(ports)] for word in words])  # fmt: skip
+    resets = set(host[host[:, 1] == 1, 0].tolist()) if reset_too else set()
+    for k, port in enumerate(ports):
+        for _ in range(clocks.get(port["name"], 0)):
+            column, held = rows[:, k].copy(), int(port["width"] == 1)
+            for n in range(len(rows)):
+                rows[n, k] = held
+                held = 0 if n in resets else column[n]
+    return bundle.pack(rows, [p["width"] for p in ports])
+
+
+@pytest.mark.parametrize("reset_too", [True, False])
+def test_rows_of_pins_that_come_later_are_those_of_a_design_with_more_registers(words, bare, reset_too):
+    """Wherever they are not 0 they are those of either design; in blocks of any length, with resets anywhere."""
+    rng = np.random.default_rng(5)
+    resets = np.sort(rng.choice(len(words), 40, replace=False))
+    resets[-2:] = resets[-3] + 1, resets[-3] + 2
+    host = np.stack([resets, np.ones(40, np.int64), 0 * resets, 0 * resets], axis=1)
+    ports = {"outputs": [bundle.port(p) for p in bare.pins]}
+    exact = bundle.unpack(words, ports["outputs"])
+    board, first, found = board_pins.Board(LATE), 0, []
+    while first < len(exact):
+        count = int(rng.integers(1, 800))
+        found.append(board.read(exact[first : first + count], first, host))
+        first += count
+    found = np.concatenate(found)
+    mine = bundle.unpack(later(words, ports, host, LATE, reset_too), ports["outputs"])
+    clocks = np.arange(len(mine))
+    for k, port in enumerate(ports["outputs"]):
+        late = LATE.get(port["name"], 0)
+        behind = np.isin(clocks[:, None] - 1 - np.arange(late), [-1, *resets]).any(axis=1) | (clocks < late)
+        want = np.where(behind, 0, mine[:, k])
+        if port["name"].endswith("sdin"):
+            chip = port["name"].removesuffix("sdin")
+            select_n, running = (board_pins.PLACE(f"{chip}{pin}") for pin in ("sync_n", "sclk_en"))
+            want = np.where((mine[:, select_n] == 0) & (mine[:, running] == 1), want, 0)
+        assert np.array_equal(found[:, k], want), port["name"]
+    packed = [int(word) for word in bundle.pack(found, [p["width"] for p in ports["outputs"]])]
+    width = sum(p["width"] for p in ports["outputs"])
+    frames = [packed[k * FRAME_CYCLES : (k + 1) * FRAME_CYCLES] for k in range(FRAMES)]
+    assert board.signatures(found, FRAME_CYCLES).tolist() == [signature.signature(frame, width) for frame in frames]
+
+
+@pytest.mark.parametrize("reset_too", [True, False])
+def test_pins_that_come_later_are_judged_where_they_come(out, words, bare, tmp_path, reset_too):
+    need("iverilog")
+    manifest, host = bundle.read(out).manifest, recording.load(CASE).stimulus.host
+    (tmp_path / "late.toml").write_text(
+        'schema = "gyro-latency/1.0"\n[ports]\n' + "".join(f"{name} = {k}\n" for name, k in LATE.items())
+    )
+    mine = later(words, manifest, host, LATE, reset_too)
+    design = standin.write(tmp_path / "good", bare, CASE, mine)
+    given = ("--rtl", design, "--level", "pins", "--sim", "icarus")
+    code, tree = checked(out, *given, "--latency", tmp_path / "late.toml")
+    assert (code, tree["first"]) == (0, None)
+    assert tree["clocks"] == {f"o_{name}": k for name, k in LATE.items()}
+    # of the lag, the references take one clock back
+    lags = {cost["node"]: cost["clocks"] for cost in tree["latency"]}
+    assert lags == {"xe1": 2 - 1, "ye1": -1}
+    if not reset_too:
+        return
+    assert checked(out, *given)[0] == 1
+    names = bits_of(manifest)
+    row = QUIET + [word >> (len(names) - 1 - names.index("drive_sclk_en")) & 1 for word in mine[QUIET:]].index(1)
+    bad = standin.write(tmp_path / "bad", bare, CASE, mine, (row, "o_drive_sdin", 1))
+    code, tree = checked(out, "--rtl", bad, *given[2:], "--latency", tmp_path / "late.toml")
+    assert (code, tree["first"]["clock"], tree["first"]["name"], tree["diagnosis"]) == (1, row, "drive_sdin", [])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sim", ["icarus", "verilator", "ghdl"])
+def test_make_check_of_pins_that_come_later(out, bare, tmp_path, sim):
+    """With resets in the middle."""
+    need(*{"icarus": ("iverilog",), "verilator": ("verilator", "g++"), "ghdl": ("ghdl",)}[sim])
+    manifest, host = bundle.read(out).manifest, recording.load(CASE).stimulus.host
+    (tmp_path / "late.toml").write_text(
+        'schema = "gyro-latency/1.0"\n[ports]\n' + "".join(f"{name} = {k}\n" for name, k in LATE.items())
+    )
+    r, frames = recording.load(CASE), int(host[host[:, 1] == 1, 0].min()) // FRAME_CYCLES + 1
+    top.window(out.parent / "top" / CASE, frames * FRAME_CYCLES - 50, 50, tmp_path / "whole")
+    wrap.pins_of(tmp_path / "whole", "pins", tmp_path / "pins", latency=tmp_path / "late.toml")
+    recompute.recompute(tmp_path / "pins")
+    rows = replay.run(r.params, r.stimulus, frames, np.arange(frames * FRAME_CYCLES), registers=False).pins
+    words = [int(word) for word in bundle.pack(rows, [p.width for p in bare.pins])]
+    for reset_too in (True, False):
+        good = standin.write(tmp_path / f"good{reset_too}", bare, CASE, later(words, manifest, host, LATE, reset_too))
+        done = make(tmp_path / "pins", f"SIM={sim}", f"RTL={good}", "FRAMES=0", "PYTHON=/nonexistent")
+        assert done.returncode == 0, done.stdout
+    plain = standin.write(tmp_path / "plain", bare, CASE, words)
+    assert make(tmp_path / "pins", f"SIM={sim}", f"RTL={plain}", "FRAMES=0", "PYTHON=/nonexistent").returncode != 0
+
+
+def test_a_fault_near_the_pins_is_named_and_none_is_certain(out, pins_rtl, tmp_path):
+    """A counter that sends one bit less in all three masters; references with a register too few."""
+    need("iverilog")
+    bad = shutil.copytree(pins_rtl, tmp_path / "dac")
+    text = (bad / "spi_dac.v").read_text()
+    (bad / "spi_dac.v").write_text(text.replace("(r_left == 5'd1)", "(r_left == 5'd2)"))
+    tree = checked(out, "--rtl", bad, "--level", "pins", "--sim", "icarus")[1]
+    assert tree["diagnosis"][0]["cause"] == "comparison"
+    assert tree["diagnosis"][0]["register"].startswith("drive_dac_")
+    assert max(cause["share"] for cause in tree["diagnosis"]) <= 0.5
+
+
+def test_check_of_the_pins_in_the_bundle_of_all_registers(out, words, bare, tmp_path):
+    need("iverilog")
+    folder = shutil.copytree(out, tmp_path / "away")
+    good = standin.write(tmp_path / "good", bare, CASE, words)
+    done = make(folder, "SIM=icarus", f"RTL={good}", "LEVEL=pins", "PYTHON=/nonexistent")
+    assert done.returncode == 0, done.stdout
+    assert done.stdout.startswith(f"PASS top/{CASE}: {FRAMES * FRAME_CYCLES} clocks")
+    bundle.verify(folder)
+    bad = standin.write(tmp_path / "bad", bare, CASE, words, (QUIET, "o_adc_sclk", 1))
+    done = make(folder, "SIM=icarus", f"RTL={bad}", "LEVEL=outputs", "PYTHON=/nonexistent")
+    assert done.returncode != 0
+    assert "frame 1 (clocks 3250 .. 6499): signature: expected" in done.stdout, done.stdout
 
 
 @pytest.mark.slow

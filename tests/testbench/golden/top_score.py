@@ -4,7 +4,7 @@
 
 The faults are those of `diagnosis.rtl_faults` that change one statement, all in one build; the package of a difference
 is that of `gyro golden loop --out`. Prints a line for each fault that is not named right, and a table of kinds. Exit
-code 1 if a certain name is wrong.
+code 1 if a certain name is wrong. With --level pins the design shows its pins alone.
 """
 
 import argparse
@@ -14,9 +14,10 @@ import time
 from pathlib import Path
 
 from fpga_model import wiring
+from testbench.engines import chips
 from testbench.golden import divergence
 from testbench.golden.loop import library, run
-from tests.testbench.golden import loop_faults
+from tests.testbench.golden import loop_faults, pin_tops
 from tests.testbench.golden.diagnosis import rtl_faults, score
 from tests.testbench.golden.loop_score import scenario
 
@@ -54,9 +55,9 @@ def registers_of(fault):
     )
 
 
-def judged(config, firmware, path, fault, folder):
-    """`score.Judged` of the fault that is selected."""
-    with library.Design(path) as design:
+def judged(config, firmware, path, fault, folder, face=None, rtl="."):
+    """`score.Judged` of the fault that is selected; `face` of a design that shows its pins alone."""
+    with library.Design(path, face, rtl) as design:
         difference = run.closed(config, design, firmware).difference
     if difference is None:
         return score.Judged(fault, "not seen", [], 0.0)
@@ -66,16 +67,27 @@ def judged(config, firmware, path, fault, folder):
     return score.Judged(fault, score.verdict(named, causes), causes, time.process_time() - start)
 
 
-def scored(rules, per_rule, seed, say):
+def built(place, config, firmware, faults, level):
+    """(folder, library, face or None) of a design with all faults."""
+    if level == "registers":
+        rtl = loop_faults.write_registers(place / "rtl", faults)
+        return rtl, library.build(rtl, firmware, place / "built", 1), None
+    rtl = loop_faults.write(place / "rtl", firmware, faults)
+    face = library.of_pins(pin_tops.TOP, firmware, chips.parts(chips.of(config.design)))
+    listed = library.user_sources(rtl, face.top, rtl / "all.f")
+    return rtl, library.build(rtl, firmware, place / "built", 1, face, listed), face
+
+
+def scored(rules, per_rule, seed, say, level="registers"):
     """[`score.Judged`] of the faults drawn; `say` is called with each."""
     config, firmware = scenario()
     faults, results = planted(rules, per_rule, seed), []
     with tempfile.TemporaryDirectory(prefix="gyro-score-") as place:
-        rtl = loop_faults.write_registers(Path(place) / "rtl", [of for of, _ in faults])
-        path = library.build(rtl, firmware, Path(place) / "built", 1)
+        rtl, path, face = built(Path(place), config, firmware, [of for of, _ in faults], level)
         for number, (_, fault) in enumerate(faults, 1):
             loop_faults.select(rtl, number)
-            results.append(judged(config, firmware, path, fault, Path(place) / f"package{number}"))
+            package = Path(place) / f"package{number}"
+            results.append(judged(config, firmware, path, fault, package, face, rtl))
             say(results[-1])
     return results
 
@@ -92,8 +104,9 @@ def main(words):
     options.add_argument("--rules", default="first", choices=("first", "second"))
     options.add_argument("--per-rule", type=int, default=3)
     options.add_argument("--seed", type=int, default=1)
+    options.add_argument("--level", default="registers", choices=("pins", "registers"))
     given = options.parse_args(words)
-    results = scored(getattr(rtl_faults, given.rules.upper()), given.per_rule, given.seed, said)
+    results = scored(getattr(rtl_faults, given.rules.upper()), given.per_rule, given.seed, said, given.level)
     print(score.table(results))
     print(f"longest package {max(one.cpu_s for one in results):.1f} s of CPU")
     return any(one.verdict == "wrong" for one in results)

@@ -6,7 +6,9 @@ Source  docs/golden.md (exit codes)
 
 from testbench.golden.bundles.benches.layout import PARTS, levels_of, rom_parameters
 from testbench.golden.bundles.benches.template import filled
+from testbench.golden.stimulus.levels import LEVELS
 
+PINS = LEVELS[0]  # folder in a bundle of the whole design
 SIMS = ("icarus", "verilator", "ghdl", "cocotb", "vunit")
 
 
@@ -31,7 +33,7 @@ questa riviera xcelium vcs:
 	@sh ./check.sh commands $@
 
 clean:
-	rm -rf build
+	rm -rf build{f" {PINS}/build" if block.stem == "top" and block.registers else ""}
 
 .PHONY: check questa riviera xcelium vcs clean
 """
@@ -93,7 +95,7 @@ def check_script(block, case, frames=None):
     stem = block.stem
     optimised = "optimised: running takes longer than compiling"
     pins_only = frames and not block.registers
-    judged = ["outputs", "pins"] if pins_only else ["registers"] if frames else levels_of(block)
+    judged = levels_of(block)[: 2 if pins_only else None]
     why = optimised if frames else "not optimised: compiling takes longer than running"
     return filled(
         "check.sh.in",
@@ -106,7 +108,8 @@ def check_script(block, case, frames=None):
         exported='FRAMES=$(frames "$1") ' if frames else "",
         module=block.module,
         levels=" ".join(judged),
-        default=judged[-1] if pins_only else "registers",
+        default=judged[0] if pins_only else "registers",
+        elsewhere="" if pins_only or not frames else f'[ $LEVEL = registers ] || exec sh {PINS}/check.sh "$@"\n',
         level=2 if frames else 0,
         why=why,
         sims=" ".join(SIMS),

@@ -16,15 +16,15 @@ from testbench.golden.bundles.top_benches.verilog import cocotb_top, verilog_ben
 from testbench.golden.bundles.top_benches.vhdl import vhdl_bench
 
 
-def texts(block, case, rows, counts):
-    """{path: text} of everything above."""
+def texts(block, case, rows, counts, clocks=None):
+    """{path: text} of everything above; `clocks` {pin: clocks that it comes later}."""
     stem = block.stem
     return {
         **parameters(block, case, rows, counts),
         **benches.rom_files(block),
-        f"tb_{stem}.v": verilog_bench(block, case, counts),
-        f"cocotb_{stem}.v": cocotb_top(block, case),
-        f"tb_{stem}.vhd": vhdl_bench(block, case, counts),
+        f"tb_{stem}.v": verilog_bench(block, case, counts, clocks),
+        f"cocotb_{stem}.v": cocotb_top(block, case, clocks),
+        f"tb_{stem}.vhd": vhdl_bench(block, case, counts, clocks),
         f"tb_{stem}_vunit.vhd": benches.vunit_bench(block, case, frames=True),
         f"test_{stem}.py": cocotb_test(block, case),
         "run_vunit.py": benches.vunit_run(block, case, DEFAULT_FRAMES["vunit"]),

@@ -3,10 +3,12 @@
 Source  docs/golden.md (the whole design)
 """
 
+from typing import NamedTuple
+
 from analog_frontend.parts import adc_serial
 from testbench.golden.bundles import benches
 from testbench.golden.recording import signature
-from testbench.golden.recording.replay import UNREAD
+from testbench.golden.recording.board_pins import READ
 
 CLOCK_BITS = 32
 ADC_BITS = CLOCK_BITS + adc_serial.WORDS * adc_serial.WORD_BITS
@@ -40,9 +42,28 @@ def constants(design, counts):
     ]
 
 
-def unread(block):
-    """{data pin: its SYNC_N}, RTL ports, of what is judged as 0 while the chip is not selected: at the pins alone."""
-    return {} if block.registers else {f"o_{data}": f"o_{select_n}" for data, select_n in UNREAD.items()}
+class Judged(NamedTuple):
+    """When a bench judges a pin; elsewhere it takes 0 for it, as rows and signatures do.
+
+    chip    (RTL port that selects the chip, low; RTL port that says that SCLK runs) of a data pin, or None
+    clocks  that the pin comes later: so many clocks behind a reset it is not judged
+    """
+
+    chip: tuple | None
+    clocks: int
+
+
+def judged_pins(block, clocks=None):
+    """{RTL port: Judged} of the pins that are not judged in every clock: of a bundle of the pins alone.
+
+    clocks  {pin: clocks that it comes later}
+    """
+    found = {}
+    for pin in () if block.registers else block.pins:
+        chip, late = READ.get(pin.name), (clocks or {}).get(pin.name, 0)
+        if chip or late:
+            found[f"o_{pin.name}"] = Judged(chip and tuple(f"o_{name}" for name in chip), late)
+    return found
 
 
 def sent_slices(design):

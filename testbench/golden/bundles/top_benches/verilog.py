@@ -8,7 +8,7 @@ Source  docs/golden.md (the whole design), testbench/golden/recording/signature.
 from testbench.golden.bundles import benches
 from testbench.golden.bundles.benches import SHOWN
 from testbench.golden.bundles.benches.template import filled
-from testbench.golden.bundles.top_benches.layout import CLOCK_BITS, GROUP, PART_BITS, sent_slices, unread
+from testbench.golden.bundles.top_benches.layout import CLOCK_BITS, GROUP, PART_BITS, judged_pins, sent_slices
 from testbench.golden.bundles.top_benches.layout import chunks as chunks_of
 from testbench.golden.recording import signature
 
@@ -92,32 +92,45 @@ def _sent(design):
     return "{" + ", ".join([*parts, f"{zeros}'d0"]) + "}" if zeros else parts[0]
 
 
-def _nets(block):
-    """Declarations of what the design shows."""
-    masked, lines = unread(block), []
+def _nets(block, clocks):
+    """Declarations of what the design shows; a pin that is not judged in every clock has a second net."""
+    masked, lines = judged_pins(block, clocks), []
+    most = max((judged.clocks for judged in masked.values()), default=0)
+    if most:
+        lines += [
+            f"    reg [{most.bit_length() - 1}:0] age = 0;  // clocks since a reset",
+            f"    always @(posedge clk) age <= rst ? 0 : age == {most} ? age : age + 1;",
+        ]
     for n, p in benches.results(block):
-        lines += [f"    wire {n}_pin;", f"    wire {n} = {n}_pin & ~{masked[n]};"] if n in masked else [
-            f"    wire {benches.span(p.width)}{n};"
-        ]  # fmt: skip
+        if n not in masked:
+            lines.append(f"    wire {benches.span(p.width)}{n};")
+            continue
+        select_n, running = (f"{name}_pin" if name in masked else name for name in masked[n].chip or ("", ""))
+        counts = [f"~{select_n} & {running}"] if masked[n].chip else []
+        counts += [f"(age >= {masked[n].clocks})"] if masked[n].clocks else []
+        lines += [
+            f"    wire {benches.span(p.width)}{n}_pin;",
+            f"    wire {benches.span(p.width)}{n} = {n}_pin & {{{p.width}{{{' & '.join(counts)}}}}};",
+        ]
     return lines
 
 
-def _instance(block, case):
-    """Instance `dut`; a data pin that a chip may not read goes to a net of its own."""
+def _instance(block, case, clocks):
+    """Instance `dut` with these nets."""
     text = benches.instance(block, case, lambda name: name)
-    for n in unread(block):
+    for n in judged_pins(block, clocks):
         text = text.replace(f".{n}({n})", f".{n}({n}_pin)")
     return text
 
 
-def verilog_bench(block, case, counts):
+def verilog_bench(block, case, counts, clocks=None):
     """Self-checking Verilog bench; needs a simulator with delays, nothing else."""
     found = benches.results(block)
     inputs = [(p.name, p) for p in block.columns]
     row_bits, size = signature.padded(counts["out_width"]), 64 * signature.WORDS
     two, eight = _backs()
     nets = [f"    reg {benches.span(p.width)}{n};" for n, p in inputs]
-    nets += _nets(block)
+    nets += _nets(block, clocks)
     shows = [
         f"            if ({n} !== {want}[{hi}:{lo}])\n"
         f'                $display("clock %0d: {n}: expected %0h, got %0h (hex)", n, {want}[{hi}:{lo}], {n});'
@@ -130,7 +143,7 @@ def verilog_bench(block, case, counts):
         stem=block.stem,
         nets="\n".join(nets),
         inputs=", ".join(n for n, _ in inputs),
-        instance=_instance(block, case),
+        instance=_instance(block, case, clocks),
         sent=_sent(block.record),
         gathered=_nested([n for n, _ in found]),
         append=_verilog_append(found, row_bits),
@@ -150,7 +163,7 @@ def verilog_bench(block, case, counts):
     )
 
 
-def cocotb_top(block, case):
+def cocotb_top(block, case, clocks=None):
     """The design with the case's parameters as the top level of cocotb; all results side by side, in parts."""
     found = benches.results(block)
     width = sum(p.width for _, p in found)
@@ -162,7 +175,7 @@ def cocotb_top(block, case):
         "    output wire adc_sclk",
         *(f"    output wire [{PART_BITS - 1}:0] got_{k}" for k in parts),
     ]
-    nets = _nets(block)
+    nets = _nets(block, clocks)
     return f"""// {block.stem}/{case} with its parameters set
 `timescale 1ps/1ps
 module cocotb_{block.stem} (
@@ -176,6 +189,6 @@ module cocotb_{block.stem} (
     assign adc_cs_n = o_adc_cs_n;
     assign adc_sclk = o_adc_sclk;
 
-{_instance(block, case)}
+{_instance(block, case, clocks)}
 endmodule
 """

@@ -6,11 +6,42 @@ Source  docs/golden.md (the whole design), testbench/golden/recording/signature.
 from testbench.golden.bundles import benches
 from testbench.golden.bundles.benches import SHOWN
 from testbench.golden.bundles.benches.template import filled
-from testbench.golden.bundles.top_benches.layout import CLOCK_BITS, chunks, sent_slices, unread
+from testbench.golden.bundles.top_benches.layout import CLOCK_BITS, chunks, judged_pins, sent_slices
 from testbench.golden.recording import signature
 
 
-def vhdl_bench(block, case, counts):
+def _place(block, name):
+    return next(hi for n, _, hi, _ in benches.slices(benches.results(block)) if n == name)
+
+
+def _read(block, clocks):
+    """(masked pins, declarations, statements) of the pins that are not judged in every clock."""
+    masked = judged_pins(block, clocks)
+    most, declared, lines = max((judged.clocks for judged in masked.values()), default=0), [], []
+    if most:
+        declared.append(f"    signal age : natural range 0 to {most} := 0;  -- clocks since a reset")
+        reset = next(hi for n, _, hi, _ in benches.slices([(p.name, p) for p in block.columns]) if n == "rst")
+        lines += [
+            "    aged: process(clk)", "    begin", "        if rising_edge(clk) then",
+            f"            if feed({reset}) = '1' then", "                age <= 0;",
+            f"            elsif age < {most} then", "                age <= age + 1;",
+            "            end if;", "        end if;", "    end process;",
+        ]  # fmt: skip
+    for n, p, hi, lo in benches.slices(benches.results(block)):
+        if n not in masked:
+            continue
+        place = benches.vhdl_slice(p.width, hi, lo)
+        zero = "'0'" if p.width == 1 else "(others => '0')"
+        counts = [f"age >= {masked[n].clocks}"] if masked[n].clocks else []
+        if masked[n].chip:
+            select_n, running = (name if name in masked else f"got({_place(block, name)})" for name in masked[n].chip)
+            counts.append(f"{select_n} = '0' and {running} = '1'")
+        declared.append(f"    signal {n} : {benches.vhdl_type(p.width)};")
+        lines.append(f"    got{place} <= {n} when {' and '.join(counts)} else {zero};")
+    return masked, "".join(f"{line}\n" for line in declared), "".join(f"{line}\n" for line in lines)
+
+
+def vhdl_bench(block, case, counts, clocks=None):
     """The same in VHDL-2008; `finished` and `errors` are for a surrounding bench."""
     inputs, found = [(p.name, p) for p in block.columns], benches.results(block)
     place = {n: (hi, lo) for n, _, hi, lo in benches.slices(inputs)}
@@ -27,16 +58,18 @@ def vhdl_bench(block, case, counts):
         for back in signature.BACK
     )
     slices, zeros = sent_slices(block.record)
-    design, masked = benches.component(block, case, "feed"), unread(block)
-    for n in masked:
-        design["port_maps"] = design["port_maps"].replace(f"{n} => got({pins[n]}),", f"{n} => {n},")
+    design, (masked, declared, statements) = benches.component(block, case, "feed"), _read(block, clocks)
+    for n, p, hi, lo in benches.slices(found):
+        if n in masked:
+            own = f"{n} => got{benches.vhdl_slice(p.width, hi, lo)},"
+            design["port_maps"] = design["port_maps"].replace(own, f"{n} => {n},")
     sent = [f"adc_word({high} downto {low})" for high, low in slices]
     return filled(
         "top.vhd.in",
         sent=" & ".join([*sent, *([f'"{0:0{zeros}}"'] if zeros else [])]),
         **design,
-        data_pins="".join(f"    signal {n} : std_logic;\n" for n in masked),
-        read_pins="".join(f"    got({pins[n]}) <= {n} and not got({pins[select]});\n" for n, select in masked.items()),
+        data_pins=declared,
+        read_pins=statements,
         shows="\n".join(shows),
         backs=backs,
         size=size,
