@@ -18,7 +18,7 @@ from pathlib import Path
 
 from testbench.console.markdown import ROOT, replaced
 from testbench.storage.files import write_text
-from tests.sealed import draw, ledger, score, strata
+from tests.sealed import draw, ledger, score, sheet_size, strata
 from tests.sealed.bank import Bank, Space
 from tests.sealed.records import Run, Tracing
 
@@ -33,15 +33,20 @@ def counted(own, path=SCORED):
     return {wide: {r.number: r for r in rows if same[wide]} for wide, rows in zip((False, True), both)}
 
 
-def rows_of(run, wide=False):
-    """`score.Scored` of all records of a run that have a result."""
-    out = []
+def rows_of(run, sizes=None):
+    """`score.Scored` of all records of a run that have a result.
+
+    sizes  function that gives `sheet_size.sizes`: those that were traced from a data sheet
+    """
+    out, wide, left = [], sizes is not None, None
     for n in run.done(wide):
         if n in run.counted[wide]:
             out.append(run.counted[wide][n])
             continue
         envelope = run.path("envelopes", n).read_text()
-        out.append(score.scored(n, envelope, json.loads(run.path(run.parts[wide], n).read_text()), wide))
+        if wide and left is None:
+            left = sizes()
+        out.append(score.scored(n, envelope, json.loads(run.path(run.parts[wide], n).read_text()), left))
     return out
 
 
@@ -104,8 +109,8 @@ def main(argv=None):
         first = min(given.first, tables.wide["records"]) if given.wide else given.first
         play(run, first, given.minutes, ledger.FILE, given.wide)
     run = Run(tables, None, own, given.out, counted=counted(own))
-    rows, wide = rows_of(run), rows_of(run, wide=True)
-    text = score.table(rows, wide, tables.wide["disguises"])
+    rows, wide = rows_of(run), rows_of(run, lambda: sheet_size.sizes(Bank(tables, given.out / "bank"), tables.inside))
+    text = score.table(rows, wide, tables.wide["disguises"], tables.effect["d"][0])
     print(text)
     print("\n".join(score.wrong(rows)))
     whole = given.kind == ledger.SEALED and len(rows) == len(run.kinds)

@@ -38,6 +38,7 @@ class Scored(NamedTuple):
     pull: float | None  # (found - hidden) / sd where the truth is in the class
     cpu_s: float
     intervals: tuple = ()  # deviations in sds of what a trace from a data sheet has found of a board without effect
+    d_sheet: float | None = None  # sigmas of the truth beside the parameters of a data sheet
 
 
 def _names(cause):
@@ -52,15 +53,21 @@ def _pull(cause, truth):
     return None
 
 
-def scored(number, envelope, result, wide=False):
-    """`Scored` of a record; wide: from a data sheet. FileError if the envelope is not the one that was sealed."""
+def scored(number, envelope, result, sheet_sizes=None):
+    """`Scored` of a record; FileError if the envelope is not the one that was sealed.
+
+    sheet_sizes  `sheet_size.sizes` if it was traced from a data sheet
+    """
     found = hashlib.sha256(envelope.encode()).hexdigest()
     if found != result["envelope_sha256"]:
         raise FileError(f"envelope {number:03d}: sha256 {found[:12]}, sealed was {result['envelope_sha256'][:12]}")
     sealed = json.loads(envelope)
     truth, cpu = sealed["effect"], sum(result["cpu_s"].values())
+    d_sheet = None
+    if sheet_sizes and truth and truth["name"] in sheet_sizes:
+        d_sheet = round(sheet_sizes[truth["name"]] * abs(truth["value"]), 2)
     if "error" in result:
-        return Scored(number, sealed["kind"], truth, "error", (), False, False, None, cpu)
+        return Scored(number, sealed["kind"], truth, "error", (), False, False, None, cpu, (), d_sheet)
     said = result["result"]
     causes = said["causes"] if said["verdict"] in CLASSES else []
     right, pull = False, None
@@ -70,8 +77,8 @@ def scored(number, envelope, result, wide=False):
             right, pull = True, _pull(cause, truth)
     listed = bool(said["effects"] or causes)
     sets = tuple(frozenset(cause["laws"]) for cause in causes)
-    offs = () if truth or not wide else tuple(round(x, 3) for x in coverage.offs(sealed, said).values())
-    return Scored(number, sealed["kind"], truth, said["verdict"], sets, right, listed, pull, cpu, offs)
+    offs = () if truth or not sheet_sizes else tuple(round(x, 3) for x in coverage.offs(sealed, said).values())
+    return Scored(number, sealed["kind"], truth, said["verdict"], sets, right, listed, pull, cpu, offs, d_sheet)
 
 
 def kept(run, rows, wide=()):
@@ -135,18 +142,23 @@ def criteria(rows):
     return found
 
 
-def wide_criteria(rows, wide, disguises):
-    """The same for records that were traced again with the priors of a data sheet; both lists by number."""
+def wide_criteria(rows, wide, disguises, least_d):
+    """The same for records that were traced again with the priors of a data sheet; both lists by number.
+
+    least_d  sigmas from which on an effect is to be found, beside the parameters of the sheet too
+    """
     narrow = {r.number: r for r in rows}
     both = [(narrow[r.number], r) for r in wide if r.number in narrow]
     new = [w for n, w in both if not false(n)]
     named = [(n, w) for n, w in both if n.verdict == "named" and n.right and n.truth["name"] not in disguises]
-    k, again = sum(map(false, new)), sum(w.right and len(w.causes) <= SMALL for _, w in named)
+    k, kept_ = sum(map(false, new)), [w.right and len(w.causes) <= SMALL for _, w in named]
+    large = [kept for kept, (_, w) in zip(kept_, named) if (w.d_sheet or 0.0) >= least_d]
     offs = [x for r in wide for x in r.intervals]
     return [
         ("data sheet: new false causes", k, len(new), "none", k == 0),
-        ("data sheet: of those named, the same in a class of at most 3", again, len(named), "at least 80 %",
-         _least(0.8)(again, len(named))),
+        (f"data sheet: of those named and still of {least_d:g} sigmas, the same in a class of at most 3", sum(large),
+         len(large), "at least 80 %", _least(0.8)(sum(large), len(large))),
+        ("data sheet: of all named, the same in a class of at most 3", sum(kept_), len(kept_), "", None),
         ("data sheet: 95 % intervals of boards without effect", sum(abs(x) < Z for x in offs), len(offs), "91 .. 99 %",
          bool(offs) and 0.91 <= sum(abs(x) < Z for x in offs) / len(offs) <= 0.99),
         ("data sheet: tracebacks", sum(w.verdict == "error" for w in wide), len(wide), "none",
@@ -172,13 +184,13 @@ def _covered(k, n):
     return n >= 100 and 0.90 <= k / n <= 0.99
 
 
-def table(rows, wide=(), disguises=()):
+def table(rows, wide=(), disguises=(), least_d=0.0):
     """Markdown of the criteria, then of the verdicts in each stratum, then the mean of the CPU time.
 
     wide  `Scored` of records that were traced again with the priors of a data sheet
     """
     lines = ["| what | records | limit | holds |", "|---|---|---|---|"]
-    for what, k, n, limit, holds in criteria(rows) + (wide_criteria(rows, wide, disguises) if wide else []):
+    for what, k, n, limit, holds in criteria(rows) + (wide_criteria(rows, wide, disguises, least_d) if wide else []):
         lines.append(f"| {what} | {rate(k, n)} | {limit} | {HOLDS[holds]} |")
     lines += ["", "| stratum | records | right | false | verdicts |", "|---|---|---|---|---|"]
     for kind in (*NULLS, *INSIDE, "outside"):

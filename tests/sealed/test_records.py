@@ -77,7 +77,7 @@ def test_a_run_makes_records_that_are_accepted_and_goes_on_where_it_was(tmp_path
     assert sheets[0] == default
     assert {f"plant.{key}" for key in default if sheets[1][key] != default[key]} == set(tolerances)
     rows = rows_of(again)
-    assert [row.number for row in rows_of(again, wide=True)] == [0]
+    assert [row.number for row in rows_of(again, dict)] == [0]
     assert sorted(row.kind for row in rows) == ["clear", "null_white", "outside"]
     assert {row.truth["name"] for row in rows if row.truth} == set(SIZE)
     assert not list(run.folder.glob("*.h5"))

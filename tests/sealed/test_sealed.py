@@ -254,16 +254,17 @@ def test_wide_priors_are_scored_beside_the_narrow_ones():
         scored("null_white", None, "none", [])._replace(number=4),
     ]
     wide = [
-        scored("clear", "a", "confounded", [["b"], ["a"]])._replace(number=0),
-        scored("clear", "a", "unexplained", [])._replace(number=1),
+        scored("clear", "a", "confounded", [["b"], ["a"]])._replace(number=0, d_sheet=9.0),
+        scored("clear", "a", "unexplained", [])._replace(number=1, d_sheet=5.0),
         scored("clear", "gain", "none", [])._replace(number=2),
         scored("near", "a", "named", [["b"]])._replace(number=3),
         scored("null_white", None, "named", [["b"]])._replace(number=4),
     ]
-    found = {what: (k, n) for what, k, n, *_ in score.wide_criteria(narrow, wide, ["gain"])}
+    found = {what: (k, n) for what, k, n, *_ in score.wide_criteria(narrow, wide, ["gain"], 8.0)}
     assert found["data sheet: new false causes"] == (1, 4)
-    assert found["data sheet: of those named, the same in a class of at most 3"] == (1, 2)
-    assert "data sheet: tracebacks | 0 of 5" in score.table(narrow, wide, ["gain"])
+    assert found["data sheet: of all named, the same in a class of at most 3"] == (1, 2)
+    assert found["data sheet: of those named and still of 8 sigmas, the same in a class of at most 3"] == (1, 1)
+    assert "data sheet: tracebacks | 0 of 5" in score.table(narrow, wide, ["gain"], 8.0)
 
 
 def test_an_envelope_that_was_changed_is_refused():
@@ -296,5 +297,6 @@ def test_the_rates_of_the_page_are_those_of_a_whole_run_of_the_ledger():
         assert line["kind"] == ledger.SEALED
         assert (line["done"], line["wide"]) == (len(rows), len(wide))
         if [r.number for r in rows] == list(range(line["of"])):
-            text = score.table(rows, wide, strata.read().wide["disguises"])
+            tables = strata.read()
+            text = score.table(rows, wide, tables.wide["disguises"], tables.effect["d"][0])
     assert replaced(page, "sealed", text) == page

@@ -1,0 +1,51 @@
+"""Sigmas that a data sheet leaves: those of a least squares with the priors as covariance."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from testbench.config import Config
+from testbench.measured.closed_loop.loop_symmetries import SYMMETRIES
+from testbench.measured.wide import sheet
+from tests.sealed import sheet_size
+from tests.sealed.bank import Unit
+
+ROWS = 60
+
+
+class Made:
+    """A bank of random columns, a row of unit variance each; it notes which parameter was asked for how."""
+
+    def __init__(self):
+        self.rng, self.columns = np.random.default_rng(3), {}
+        self.strata = SimpleNamespace(priors={"plant.qx": None, "plant.fx_hz": None})
+
+    def _column(self, key, scale):
+        self.columns[key] = self.rng.normal(size=ROWS) / scale
+        return Unit(self.columns[key], scale)
+
+    def nuisance(self, key):
+        return self._column(key, getattr(Config().plant, key.partition(".")[2]))
+
+    def _measured(self, name, run, first):
+        return self._column(name.removeprefix("nuisance "), first)
+
+    def effect(self, effect):
+        return Unit(np.full(ROWS, np.nan) if effect.name == "lost" else effect.change, 1.0)
+
+    def whitened(self, change):
+        return change
+
+
+def test_the_sheet_takes_what_its_covariance_takes():
+    bank, change = Made(), np.random.default_rng(5).normal(size=ROWS)
+    found = sheet_size.sizes(bank, [SimpleNamespace(name="a", change=change), SimpleNamespace(name="lost")])
+    priors = {p.key: p for p in sheet.parameters(Config(), sheet.read(sheet.OWN))}
+    assert set(priors) - set(bank.columns) == {s.held for s in SYMMETRIES}
+    covariance = np.eye(ROWS)
+    for key, column in bank.columns.items():
+        p = priors[key]
+        sd = p.scale * abs(p.mean) if p.logarithmic else p.scale
+        covariance += sd**2 * np.outer(column, column)
+    assert found == {"a": pytest.approx(np.sqrt(change @ np.linalg.solve(covariance, change)), rel=1e-9)}
