@@ -24,7 +24,9 @@ myst_heading_anchors = 4
 # the generated index has headings of the third level
 suppress_warnings = ["myst.header"]
 CHAPTERS = {
-    "Tutorials": tuple(f"tutorials/{stem}" for stem in ("first_run", "your_rtl", "your_board", "your_recording")),
+    "Tutorials": tuple(
+        f"tutorials/{stem}" for stem in ("first_run", "your_rtl", "your_board", "your_recording", "your_simulator")
+    ),
     "How-to guides": ("how_to/*",),
     "First": ("limits", "conventions", "architecture", "phases"),
     "Reference": (
@@ -38,6 +40,7 @@ CHAPTERS = {
         "plant_port",
         "register_map",
         "c_model",
+        "fmu",
         "api",
     ),
     "Experiments": ("paper", "inference", "loop", "design_of_loops", "word_lengths", "campaigns"),

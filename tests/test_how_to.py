@@ -25,6 +25,7 @@ def test_there_is_a_guide_for_everything_that_plugs_in():
         "add_a_part",
         "add_an_effect",
         "add_an_engine",
+        "use_it_elsewhere",
         "write_a_plan",
     ]
     index = (ROOT / "docs" / "README.md").read_text()

@@ -10,12 +10,12 @@ import pytest
 from tests import tutorials
 
 FOLDER = Path(__file__).resolve().parents[1] / "docs" / "tutorials"
-NEEDED = {"your_rtl": ("iverilog",)}
+NEEDED = {"your_rtl": ("iverilog",), "your_simulator": ("cc", "make", "unzip")}
 PAGES = sorted(path.stem for path in FOLDER.glob("*.md"))
 
 
 @pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="closed loop: too slow interpreted")
-@pytest.mark.slow  # .ci/run does all four
+@pytest.mark.slow  # .ci/run does all of them
 @pytest.mark.parametrize("stem", PAGES)
 def test_a_tutorial_does_what_it_says(stem, tmp_path):
     absent = [tool for tool in NEEDED.get(stem, ()) if shutil.which(tool) is None]
@@ -24,8 +24,8 @@ def test_a_tutorial_does_what_it_says(stem, tmp_path):
     tutorials.follow(FOLDER / f"{stem}.md", tmp_path)
 
 
-def test_all_four_are_there():
-    assert PAGES == ["first_run", "your_board", "your_recording", "your_rtl"]
+def test_all_are_there():
+    assert PAGES == ["first_run", "your_board", "your_recording", "your_rtl", "your_simulator"]
     for stem in PAGES:
         assert any(isinstance(step, tutorials.Command) for step in tutorials.steps(FOLDER / f"{stem}.md"))
 

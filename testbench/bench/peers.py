@@ -145,9 +145,8 @@ def export(sim, rate_rad_s, folder):
     (folder / "state.hex").write_text("\n".join(state) + "\n")
     (folder / "state.bin").write_bytes(raw)
     (folder / "model").mkdir(exist_ok=True)
-    for name, text in c_model.texts(sim.params.fpga).items():
-        if name.startswith("model/"):
-            (folder / name).write_text(text)
+    for name, text in c_model.model(sim.params.fpga).items():
+        (folder / "model" / name).write_text(text)
 
 
 # ---- build -----------------------------------------------------------------------------------------------------------

@@ -20,6 +20,7 @@ from testbench.console.progress import Progress
 from testbench.console.show import print_json, print_list, print_tables
 from testbench.design import cli as design_cli
 from testbench.errors import ConfigError, FileError
+from testbench.fmu import cli as fmu_cli
 from testbench.golden import cli as golden_cli
 from testbench.interrupts import EXIT_INTERRUPTED
 from testbench.measured import cli as measured_cli
@@ -49,6 +50,7 @@ app.command()(loop_cli.loop)
 app.command()(design_cli.design)
 app.command()(study_cli.study)
 app.command()(register_map_cli.registers)
+app.command()(fmu_cli.fmu)
 
 
 def _version(wanted: bool):

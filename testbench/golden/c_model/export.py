@@ -23,7 +23,8 @@ from testbench.storage.files import write_text
 
 TEMPLATES = Path(__file__).with_name("templates")
 GOLDEN = "golden"
-PLACES = {"integers": "model", "blocks": "model", "gyro_dpi": "dpi"}
+PLACES = {"gyro_dpi": "dpi"}
+MODEL = ("integers.h", "integers.c", "blocks.h", "blocks.c")
 
 
 def firmware(config=None):
@@ -31,9 +32,16 @@ def firmware(config=None):
     return recording.load("power_on").params if config is None else design_entry.board(config)[1]
 
 
-def texts(params):
-    """{path: text} of a folder of C for a firmware (`top.Params`)."""
+def model(params, extend=None):
+    """{name: text} of headers and sources of a firmware (`top.Params`).
+
+    extend(program, made)  writes more functions; `made` is the whole design
+    """
     program, made = rows.of_firmware(params)
+    return _model(program, made, extend)
+
+
+def _model(program, made, extend=None):
     # the digital side of the converter, which answers the firmware in the runner
     chip = kind_of(adc_serial.State())
     program.declare(chip)
@@ -41,15 +49,24 @@ def texts(params):
     program.function(adc_serial.step, (NUMBER, chip, NUMBER, NUMBER, NUMBER, NUMBER, codes))
     for name in program.design._fields:
         program.key(name)
+    if extend:
+        extend(program, made[-1])
+    files = {name: (TEMPLATES / name).read_text() for name in MODEL}
+    for stem in program.parts:
+        files[f"{stem}.h"] = program.header(stem)
+        files[f"{stem}.c"] = program.source(stem)
+    return files | {"blocks_of_design.c": rows.text(program, made)}
+
+
+def texts(params):
+    """{path: text} of a folder of C for a firmware (`top.Params`)."""
+    program, made = rows.of_firmware(params)
     files = {"Makefile": (TEMPLATES / "Makefile").read_text()}
     for path in sorted(TEMPLATES.iterdir()):
-        if path.suffix in (".c", ".h", ".sv"):
+        if path.suffix in (".c", ".h", ".sv") and path.name not in MODEL:
             files[f"{PLACES.get(path.stem, 'check')}/{path.name}"] = path.read_text()
     files |= {f"embedded/{path.name}": path.read_text() for path in sorted((TEMPLATES / "embedded").iterdir())}
-    for stem in program.parts:
-        files[f"model/{stem}.h"] = program.header(stem)
-        files[f"model/{stem}.c"] = program.source(stem)
-    files["model/blocks_of_design.c"] = rows.text(program, made)
+    files |= {f"model/{name}": text for name, text in _model(program, made).items()}
     return files | dpi.texts(made)
 
 

@@ -1,0 +1,80 @@
+"""Constants of a plant for its C: resources/plant.bin, in the order of `read_all` in plant.c; what is refused.
+
+Words are little-endian, 64 bits each, integers or doubles.
+Source    docs/fmu.md, docs/parts/top.md
+"""
+
+import numpy as np
+
+from analog_frontend import top as plant
+from analog_frontend.parts import adc, dac_serial, noise, sid
+from testbench import config as configuration
+from testbench.engines import chips
+from testbench.errors import ConfigError
+
+NONE_OF = {
+    "plant": (
+        "drive_dac_bow", "sense_dac_bow", "drive_dac_glitch_v_s", "sense_dac_glitch_v_s", "ring_saturation_on",
+        "self_heating_k",
+    ),
+}  # fmt: skip
+
+
+def check(config):
+    """ConfigError with the name of the first thing that the C of the plant does not cover."""
+    default = configuration.Config()
+    for name, value in config.effects.model_dump().items():
+        if value != getattr(default.effects, name) and value != default.effects.model_dump()[name]:
+            raise ConfigError(f"effects.{name} = {value}: the FMU of the plant has no effects")
+    for name in NONE_OF["plant"]:
+        value = getattr(config.plant, name)
+        if value:
+            raise ConfigError(f"plant.{name} = {value:g}: the FMU of the plant does not cover it")
+    if config.firmware.board != "analog_sid":
+        raise ConfigError(f'firmware.board = "{config.firmware.board}": the FMU of the plant has the analog SID')
+    if config.scenario.faults:
+        raise ConfigError("scenario.faults: the FMUs have no faults; the importer can change what goes between them")
+    if config.scenario.plant:
+        raise ConfigError("scenario.plant: a plant from outside is a library already")
+
+
+def _source(p):
+    """The five words of a source; of 1/f noise `sigma` is the level."""
+    return p.key0, p.key1, p.on, getattr(p, "half", 0), float(p[2])
+
+
+def words(config, p, temp_lo_degc, temp_hi_degc):
+    """Integers and floats of a plant (`plant.Params`) at power-on, for temperatures lo .. hi (degC)."""
+    t, d, n = p.tables, p.sid, p.noise
+    clocks = p.switch_tau_s.shape[1]
+    codes = [dac_serial.reset(part).code for part in chips.parts(chips.of(config.design))]
+    s = plant.reset(p, codes[0], codes[1], temp_lo_degc)
+    found = [p.temp_lo_degc, p.temp_step_k, float(temp_lo_degc), float(temp_hi_degc)]
+    found += [int(c) for c in (*t.drive_carry[0], *t.sense_carry[0], *p.switch_carry.ravel())]
+    found += p.switch_tau_s.ravel().tolist()
+    found += [p.quad_lsb_v, p.drive_dac.lsb_v, p.sense_dac.lsb_v, p.drive_dac.offset_v, p.sense_dac.offset_v]
+    found += [float(p.slope_gain)]
+    found += [p.adc.period, p.adc.delay, p.adc.decimation, p.adc.step_code, p.adc.code_hi]
+    found += [p.adc.normal, float(p.adc.full_steps), *p.adc.offset_v, *p.adc.steps_per_v]
+    found += [adc.SENSOR_V_AT_25_DEGC, adc.SENSOR_V_PER_K]
+    found += [d.h_s, d.r, d.e1, d.e2, d.e3, d.s1, d.s2, d.s3, *d.inject.tolist()]
+    found += np.moveaxis(d.taylor.reshape(4, sid.TERMS, 4), -1, 0)[: sid.STAGES].ravel().tolist()
+    sources = (n.force_x, n.force_y, n.cv_x, n.cv_y, n.drive_dac, n.sense_dac, n.edge_jitter, *p.adc.white)
+    found += [word for item in (*sources, *p.adc.flicker) for word in _source(item)]
+    found += [*noise.DECAY.tolist(), *noise.GAIN.tolist(), noise.IH4_SCALE, noise.IH12_SCALE]
+    found += [*s.z.tolist(), *s.volts.tolist(), *s.adc.sums.ravel().tolist(), int(codes[2])]
+    for k in range(p.temp_count):
+        jet = np.zeros_like(t.g_jet[k])
+        jet[:, :, : plant.FIRST_CV] = t.g_jet[k][:, :, : plant.FIRST_CV]
+        jet[:, plant.FIRST_CV : plant.STATES] = t.g_jet[k][:, plant.FIRST_CV : plant.STATES]
+        found += jet.ravel().tolist()
+        for table in (t.drive_step, t.sense_step, t.drive_jitter, t.sense_jitter):
+            found += table[k].ravel().tolist()
+        found += t.pickoff[k].ravel().tolist()
+        found += [float(t.driver_s[k]), float(t.kxy_n_per_m[k]), float(t.kq_n_per_m_per_v2[k])]
+    return [len(found), clocks, p.frame_ticks, p.temp_count, *found]
+
+
+def binary(found):
+    """Bytes of these words."""
+    return b"".join(np.array(w, "<f8" if isinstance(w, float) else "<i8").tobytes() for w in found)
