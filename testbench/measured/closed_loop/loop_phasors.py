@@ -15,6 +15,7 @@ from fpga_model.rates import FRAME_TICKS, TICK_HZ
 from testbench.engines import engine
 from testbench.measured.closed_loop import loop_runs
 from testbench.measured.residual import features
+from testbench.run import build
 
 BASIS = {"force_x": ("x", "vx"), "force_y": ("x", "vx"), "cv_x": ("cx", "u"), "cv_y": ("cx", "u")}
 POINTS = 64  # of a turn
@@ -56,9 +57,12 @@ def probe(bench, run):
     seen = {name: phasors(theta, out.probe_floats[:, engine.PROBE_FLOATS.index(node)]) for name, node in NODES.items()}
     step = WINDOW_TICKS // FRAME_TICKS
     at = {name: seen[name].mean() for name in ("x", "cx")}
-    for name, column in (("u", AMPLITUDE), ("w", FORCE)):
+    config, tick_turns = run.model.config, np.mean(np.diff(theta) % 1.0)
+    leads = build.electrode_leads(config, config.device())
+    for name, column, lead in (("u", AMPLITUDE, leads[0]), ("w", FORCE, leads[1])):
         words = _words(out.frames[: step * len(seen[name]), column], step)
-        at[name] = np.linalg.lstsq(words.T, seen[name], rcond=None)[0]
+        # a port takes the mean of a staircase, which is that much further on
+        at[name] = np.linalg.lstsq(words.T, seen[name], rcond=None)[0] * np.exp(2j * np.pi * lead * tick_turns)
     at["cy"] = np.vdot(seen["y"], seen["cy"]) / np.vdot(seen["y"], seen["y"])
     return at
 
