@@ -6,6 +6,7 @@ Source    docs/fmu.md; FMI 3.0 and 2.0, Modelica Association
 import math
 from xml.sax.saxutils import quoteattr
 
+from analog_frontend.effects import acceleration
 from testbench.fmu.variables import BOOLEAN, INPUT, INT32, INT64, OUTPUT, REAL, numbered
 from testbench.version import VERSION
 
@@ -19,6 +20,7 @@ UNITS = (
     '<Unit name="m"><BaseUnit m="1"/></Unit>',
     f'<Unit name="deg/s"><BaseUnit s="-1" rad="1" factor="{DEG!r}"/></Unit>',
     f'<Unit name="rad/s"><BaseUnit s="-1" rad="1"/><DisplayUnit name="deg/s" factor="{1 / DEG!r}"/></Unit>',
+    f'<Unit name="g"><BaseUnit s="-2" m="1" factor="{acceleration.G_M_PER_S2!r}"/></Unit>',
     '<Unit name="degC"><BaseUnit K="1" offset="273.15"/></Unit>',
 )
 STATES = {

@@ -140,7 +140,7 @@ def units(config, version="3.0"):
         Unit(
             "plant",
             version,
-            variables.plant(start, lo),
+            variables.plant(start, lo, float(config.effects.acceleration)),
             _templates(*PLANT),
             {"plant.bin": plant_words.binary(found)},
             tick_hz,

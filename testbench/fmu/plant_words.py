@@ -4,13 +4,17 @@ Words are little-endian, 64 bits each, integers or doubles.
 Source    docs/fmu.md, docs/parts/top.md
 """
 
+import math
+
 import numpy as np
 
 from analog_frontend import top as plant
-from analog_frontend.parts import adc, dac_serial, noise, sid
+from analog_frontend.effects import acceleration
+from analog_frontend.parts import adc, dac_serial, noise, resonator, sid, thermal
 from testbench import config as configuration
 from testbench.engines import chips
 from testbench.errors import ConfigError
+from testbench.run import build
 
 NONE_OF = {
     "plant": (
@@ -23,9 +27,10 @@ NONE_OF = {
 def check(config):
     """ConfigError with the name of the first thing that the C of the plant does not cover."""
     default = configuration.Config()
+    usual = default.effects.model_dump()
     for name, value in config.effects.model_dump().items():
-        if value != getattr(default.effects, name) and value != default.effects.model_dump()[name]:
-            raise ConfigError(f"effects.{name} = {value}: the FMU of the plant has no effects")
+        if value != usual[name] and name != acceleration.INFO.name:
+            raise ConfigError(f"effects.{name} = {value}: the FMU of the plant has no effect but acceleration")
     for name in NONE_OF["plant"]:
         value = getattr(config.plant, name)
         if value:
@@ -36,6 +41,16 @@ def check(config):
         raise ConfigError("scenario.faults: the FMUs have no faults; the importer can change what goes between them")
     if config.scenario.plant:
         raise ConfigError("scenario.plant: a plant from outside is a library already")
+
+
+def _tilt(config, temp_degc, tick_s):
+    """What an acceleration changes, as `acceleration.terms` and `law.design` compute it."""
+    d = thermal.at_temperature(config.device(), temp_degc)
+    scale = (2 * math.pi * d.fy_hz) ** 2 * acceleration.GAP_M
+    softer = acceleration.carrier_softening_n_per_m(d.carrier_v, d.c0_f, acceleration.GAP_M)
+    push = tick_s / (d.mass_kg * resonator.W_RAD_PER_S)
+    lead = build.electrode_leads(config, d)[1]
+    return [2 * acceleration.MISMATCH, acceleration.G_M_PER_S2, scale, d.k_vf_sense_n_per_v, softer, push, lead]
 
 
 def _source(p):
@@ -61,6 +76,7 @@ def words(config, p, temp_lo_degc, temp_hi_degc):
     found += np.moveaxis(d.taylor.reshape(4, sid.TERMS, 4), -1, 0)[: sid.STAGES].ravel().tolist()
     sources = (n.force_x, n.force_y, n.cv_x, n.cv_y, n.drive_dac, n.sense_dac, n.edge_jitter, *p.adc.white)
     found += [word for item in (*sources, *p.adc.flicker) for word in _source(item)]
+    found += map(float, _tilt(config, temp_lo_degc, float(t.tick_s[0])))
     found += [*noise.DECAY.tolist(), *noise.GAIN.tolist(), noise.IH4_SCALE, noise.IH12_SCALE]
     found += [*s.z.tolist(), *s.volts.tolist(), *s.adc.sums.ravel().tolist(), int(codes[2])]
     for k in range(p.temp_count):

@@ -68,11 +68,13 @@ def firmware():
     return [TIME, *_of(CONVERTER, INPUT, idle), *host, *_of(PINS, OUTPUT, {}), *shown]
 
 
-def plant(start, temp_degc):
+def plant(start, temp_degc, acceleration_g=0.0):
     """Variables of the plant's FMU; `start` has the codes of the DACs at power-on."""
+    tilt = "steady acceleration along the sense gap, taken at the begin of a frame"
     stimulus = [
         Variable("rate", REAL, INPUT, "rate of rotation, taken at the begin of a frame", 0.0, unit="rad/s"),
         Variable("temperature", REAL, INPUT, "temperature, taken at the begin of a frame", temp_degc, unit="degC"),
+        Variable("acceleration", REAL, INPUT, tilt, acceleration_g, unit="g"),
     ]
     motion = [
         Variable("x", REAL, OUTPUT, "displacement of the drive mode", unit="m"),

@@ -129,6 +129,13 @@ void plant_retune(const plant_constants *p, plant_state *s, double rate_rad_s, d
     matrix(s);
 }
 
+void plant_accelerate(const plant_constants *p, plant_state *s, double acceleration_g) {
+    double e = p->two_mismatch * acceleration_g * p->g_m_per_s2 / p->shift_scale;
+    s->push_per_v = (e * p->k_vf_n_per_v) * p->push_scale;
+    s->push_per_m = (-e * p->softening_n_per_m) * p->push_scale;
+    s->cv_gain = e;
+}
+
 /* ---- output of a DAC: step (V) and impulse area (V s) that act in this tick ---- */
 
 static void dac(const plant_constants *p, plant_state *s, int which, int64_t code, double jitter_s, double *step,
@@ -290,24 +297,29 @@ int64_t plant_step(const plant_constants *p, plant_state *s, int64_t tick, const
     in[22] = held(p, &p->force_x, tick);
     in[23] = held(p, &p->force_y, tick);
 
+    for (int c = 0; c < 2; c++) {
+        int a = 3 * c, u = 16 + 2 * c, jitter = 20 + c;
+        double f[3];
+        for (int k = 0; k < 3; k++)
+            f[k] = (g[u][a + k] * in[u] + g[u + 1][a + k] * in[u + 1]) + g[jitter][a + k] * in[jitter];
+        out[a] = g[a][a] * z[a] + f[0];
+        out[a + 1] = g[a + 1][a + 1] * z[a + 1] + (g[a][a + 1] * z[a] + f[1]);
+        out[a + 2] = g[a + 2][a + 2] * z[a + 2] + ((g[a][a + 2] * z[a] + g[a + 1][a + 2] * z[a + 1]) + f[2]);
+    }
+    /* by the mean voltage about the tick's first instant */
+    z[9] = z[9] + (s->push_per_v * (z[5] + p->lead * (out[5] - z[5])) + s->push_per_m * z[8]);
     for (int o = 0; o < 4; o++) b[o] = g[0][6 + o] * in[0];
     for (size_t k = 0; k < sizeof FORCED / sizeof FORCED[0]; k++)
         for (int o = 0; o < 4; o++) b[o] = b[o] + g[FORCED[k]][6 + o] * in[FORCED[k]];
     for (int o = 6; o < 10; o++)
         out[o] = ((g[6][o] * z[6] + g[7][o] * z[7]) + (g[8][o] * z[8] + g[9][o] * z[9])) + b[o - 6];
     for (int c = 0; c < 2; c++) {
-        int a = 3 * c, u = 16 + 2 * c, jitter = 20 + c, x = 6 + 2 * c;
+        int a = 10 + 3 * c, x = 6 + 2 * c;
         const double(*q)[6] = (const double(*)[6])s->pickoff[c];
-        double f[3], d[6], *e = d + 3;
-        for (int k = 0; k < 3; k++)
-            f[k] = (g[u][a + k] * in[u] + g[u + 1][a + k] * in[u + 1]) + g[jitter][a + k] * in[jitter];
-        out[a] = g[a][a] * z[a] + f[0];
-        out[a + 1] = g[a + 1][a + 1] * z[a + 1] + (g[a][a + 1] * z[a] + f[1]);
-        out[a + 2] = g[a + 2][a + 2] * z[a + 2] + ((g[a][a + 2] * z[a] + g[a + 1][a + 2] * z[a + 1]) + f[2]);
+        double d[6], *e = d + 3;
         /* the cubic through both ends of the mode's tick, into the C/V states and the path */
         for (int o = 0; o < 6; o++)
             d[o] = ((q[0][o] * z[x] + q[1][o] * z[x + 1]) + q[2][o] * out[x]) + q[3][o] * out[x + 1];
-        a = 10 + 3 * c;
         out[a] = g[a][a] * z[a] + d[0];
         out[a + 1] = g[a + 1][a + 1] * z[a + 1] + (g[a][a + 1] * z[a] + d[1]);
         out[a + 2] = g[a + 2][a + 2] * z[a + 2] + ((g[a][a + 2] * z[a] + g[a + 1][a + 2] * z[a + 1]) + d[2]);
@@ -318,6 +330,7 @@ int64_t plant_step(const plant_constants *p, plant_state *s, int64_t tick, const
     }
 
     double noise[2] = {held(p, &p->cv_x, tick), held(p, &p->cv_y, tick)};
+    noise[1] = noise[1] + (0.5 * (s->cv_gain * z[15]) + 0.5 * (s->cv_gain * out[15]));
     for (int d = 0; d < 4; d++) {
         double taus[2 * EDGES], *caps = s->caps[d];
         const double *q = path + (d < 2 ? 0 : 3);
@@ -439,6 +452,9 @@ static int read_all(reader *r, plant_constants *p) {
     for (int k = 0; k < 7; k++) sources(r, all[k], 1);
     sources(r, p->white, CHANNELS);
     sources(r, p->flicker, CHANNELS);
+    double *tilt[] = {&p->two_mismatch, &p->g_m_per_s2, &p->shift_scale, &p->k_vf_n_per_v, &p->softening_n_per_m,
+                      &p->push_scale, &p->lead};
+    for (int k = 0; k < 7; k++) doubles(r, tilt[k], 1);
     DOUBLES(p->decay);
     DOUBLES(p->gain);
     DOUBLES(p->ih4_scale);

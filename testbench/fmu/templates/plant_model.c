@@ -75,6 +75,11 @@ int model_step(const void *constants, void *state, int64_t tick, slot *v, char *
                      p->temp_from_degc, p->temp_to_degc);
             return 0;
         }
+        if (!(v[V_ACCELERATION].d >= -1000.0 && v[V_ACCELERATION].d <= 1000.0)) {
+            snprintf(error, ERROR_TEXT, "acceleration: %g g is outside -1000 .. 1000 g", v[V_ACCELERATION].d);
+            return 0;
+        }
+        plant_accelerate(p, s, v[V_ACCELERATION].d);
         plant_retune(p, s, rate, temp);
     }
     int64_t drdy = plant_step(p, s, tick, &pins);

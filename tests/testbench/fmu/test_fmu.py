@@ -64,6 +64,24 @@ def test_the_first_ticks_have_the_codes_of_the_engine(written):
 
 
 @pytest.mark.slow
+def test_an_acceleration_is_that_of_the_effect(tmp_path):
+    """300 g, so that it shows within the first frames of the kick; without it the codes are others."""
+    need("cc", "unzip")
+    hashes = []
+    for size in (0.0, 300.0):
+        given = config.changed(config.Config(), {"noise.seed": SEED, "effects.acceleration": size})
+        export.export(tmp_path / f"{size:g}", given)
+        sim = Simulation(given, 25.0, 25.0, engine="frame")
+        sim.now = (np.zeros(1), np.full(1, 25.0))
+        for name, raw in sim.first_writes:
+            sim.write(name, raw)
+        sim.advance(60_000 - sim.tick, 0.0, 25.0)
+        hashes.append(sim.codes_sha256())
+        assert coupled(tmp_path / f"{size:g}", 60_000) == f"codes_sha256 {hashes[-1]}\n"
+    assert hashes[0] != hashes[1]
+
+
+@pytest.mark.slow
 def test_from_power_on_through_lock_and_a_second_with_changes(written, tmp_path):
     """Noise on; a rate step, its reverse and a temperature that moves in steps of a frame: every code, by the hash."""
     sim = Simulation(warmed(), 25.0, 26.5, engine="frame")
@@ -295,10 +313,12 @@ def test_sanitizers_find_nothing(written, tmp_path):
     [
         (
             {"effects.duffing_k3_per_um2": 1e-7},
-            r"effects.duffing_k3_per_um2 = 1e-07: the FMU of the plant has no effects",
+            r"effects.duffing_k3_per_um2 = 1e-07: the FMU of the plant has no effect but acceleration",
         ),
-        ({"effects.acceleration": 1.0}, r"effects.acceleration = 1.0: the FMU of the plant has no effects"),
-        ({"effects.laws": ["force_x = -1e6 x^3"]}, r"effects.laws = .*: the FMU of the plant has no effects"),
+        (
+            {"effects.laws": ["force_x = -1e6 x^3"]},
+            r"effects.laws = .*: the FMU of the plant has no effect but acceleration",
+        ),
         ({"plant.drive_dac_bow": 1e-4}, "plant.drive_dac_bow = 0.0001: the FMU of the plant does not cover it"),
         ({"plant.self_heating_k": 2.0}, "plant.self_heating_k = 2: the FMU of the plant does not cover it"),
         ({"firmware.board": "digital_sid"}, 'firmware.board = "digital_sid": the FMU of the plant has the analog SID'),
