@@ -82,8 +82,9 @@ designs: $(VENV)/.test ## random designs over all keys of [design]: both engines
 boards: $(VENV)/.test ## plants of each board, drawn within its tolerances: lock, rest, scale factor, bandwidth, phases; COUNT=20
 	BOARD_DRAWS=$(or $(COUNT),20) $(PYTEST) -n 2 --dist worksteal --benchmark-disable -m "slow or not slow" -k a_plant tests/testbench/test_boards.py
 
-bench: $(VENV)/.test ## speed, as a table in docs/speed.md and build/bench.json
+bench: $(VENV)/.test ## speed, as tables in docs/speed.md and build/bench.json
 	$(BIN)/python -m testbench.bench
+	$(BIN)/python -m testbench.bench.c_firmware
 
 portability: $(VENV)/.test ## one hash of all codes, and the tests of the core: three kinds of processor, lowest versions
 	$(BIN)/python -m tests.testbench.bench.portability --make-old build/oldest --tests --page
