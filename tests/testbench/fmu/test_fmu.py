@@ -133,6 +133,17 @@ def test_fmpy_has_no_objection(written, older):
         assert validation.validate_fmu(str(folder / name)) == []
 
 
+def test_fmpy_simulates_each_alone(written, older):
+    """Its own loop, with the start values of the inputs: the plant at rest shows noise, in both versions the same."""
+    simulate_fmu = pytest.importorskip("fmpy").simulate_fmu
+    shown = [
+        simulate_fmu(str(folder / "plant.fmu"), stop_time=2e-4, output_interval=1e-6) for folder in (written, older)
+    ]
+    assert len(shown[0]) == len(shown[1]) == 201
+    assert len(np.unique(shown[0]["y"])) > 100
+    assert np.array_equal(shown[0]["y"], shown[1]["y"])
+
+
 def test_both_versions_have_the_same_codes_in_fmpy(written, older):
     """A master in Python, 300 ticks: outputs of FMI 2.0 one by one, of FMI 3.0 as arrays."""
     pytest.importorskip("fmpy")
