@@ -707,6 +707,102 @@ def spi_slave(inputs):
     return rows
 
 
+# host_bus -----------------------------------------------------------------------------------------------------------
+
+
+def host_bus(pairs, inputs):
+    """Register rows before each edge, and after the last, each from the whole past: (high, high_of, low, low_of,
+    pending, bank_write, bank_address, bank_data, clear, frames, fresh, rate, temperature, status, number,
+    held_temperature, held_status, held_number, unread, unread_after, reading).
+
+    pairs   registers of two words
+    inputs  (address, fetch, start, done, write, data, value, frame, valid, rate, temperature, k, flags, state, lock)
+    """
+    names = "address fetch start done write data value frame valid rate temperature k flags state lock".split()
+    past = [dict(zip(names, row, strict=True)) for row in inputs]
+
+    def before(n, wanted):
+        return [m for m in range(n) if wanted(past[m])]
+
+    def register(m):
+        return past[m]["address"] // 8
+
+    def high(m):
+        return past[m]["address"] % 8 >= 4
+
+    writes = before(len(past), lambda i: i["write"])
+    bank = {}  # clock: word of 48 bits
+    for place, m in enumerate(writes):
+        opened = writes[place - 1] if place else None
+        if high(m):
+            if opened is not None and register(opened) == register(m) in pairs and not high(opened):
+                bank[m] = past[m]["data"] % 2**16 * 2**32 + past[opened]["data"]
+        elif register(m) not in pairs:
+            bank[m] = past[m]["data"]
+    frames = before(len(past), lambda i: i["frame"])
+    samples = {}  # clock: number of the frame
+    for number, m in enumerate(frames):
+        begin = frames[number - 1] + 1 if number else 0
+        if any(past[j]["valid"] for j in range(begin, m + 1)):
+            samples[m] = number % 4096
+    takes = before(len(past), lambda i: i["fetch"] and i["address"] == 0x280)
+    ends = before(len(past), lambda i: i["start"] or i["done"])
+
+    def last(clocks, n):
+        return max((m for m in clocks if m < n), default=None)
+
+    def reading(n):
+        taken, ended = last(takes, n), last(ends, n)
+        return int(taken is not None and (ended is None or ended <= taken))
+
+    def since(first, n):
+        return min(2, sum(first <= m < n for m in samples))
+
+    def unread(n):
+        reads = [m for m in range(n) if past[m]["done"] and reading(m)]
+        return since(last(takes, reads[-1]) if reads else 0, n)
+
+    def sample(n):
+        """(rate, temperature, status, number) of the sample that is the newest before edge n."""
+        m = last(samples, n)
+        if m is None:
+            return 0, 0, 0, 0
+        i = past[m]
+        status = i["flags"] + i["state"] * 256 + i["lock"] * 4096 + i["k"] * 65536
+        return i["rate"], i["temperature"], status, samples[m]
+
+    rows = []
+    for n in range(len(past) + 1):
+        read, written = last(before(n, lambda i: i["fetch"] and i["address"] % 8 < 4), n), last(bank, n)
+        lows = [m for m in writes if m < n and not high(m) and register(m) in pairs]
+        taken = last(takes, n)
+        held = (0, 0, 0)
+        if taken is not None:
+            _, temperature, status, number = sample(taken)
+            told = unread(taken)
+            held = (temperature, status + (2**19 if told else 0) + (2**20 if told == 2 else 0), number)
+        begun = last(frames, n)
+        rows.append((
+            past[read]["value"] // 2**32 if read is not None else 0,
+            register(read) if read is not None else 0,
+            past[lows[-1]]["data"] if lows else 0,
+            register(lows[-1]) if lows else 0,
+            int(bool(lows) and last(writes, n) == lows[-1]),
+            int(written is not None and written == n - 1),
+            register(written) if written is not None else 0,
+            bank[written] if written is not None else 0,
+            bank[written] % 8 if written is not None and written == n - 1 and register(written) == 0x54 else 0,
+            sum(m < n for m in frames) % 4096,
+            int(any(past[m]["valid"] for m in range(0 if begun is None else begun + 1, n))),
+            *sample(n),
+            *held,
+            unread(n),
+            since(taken or 0, n),
+            reading(n),
+        ))  # fmt: skip
+    return rows
+
+
 # the four loops: what their PI is given -----------------------------------------------------------------------------
 
 

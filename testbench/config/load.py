@@ -264,6 +264,9 @@ class Scenario(Section):
     register_writes: Annotated[Any, checked(scenario.check_register_writes)] = other(
         [], "[[t_s, register, raw value], ...]"
     )
+    host: Literal["bus", "spi"] = other(
+        "bus", "how registers are written: at once on the bank's bus, or by frames at the SPI pins of the host's port"
+    )
     faults: Annotated[Any, checked(scenario.check_faults)] = other(
         [], "[[t_s, kind, channel, value, duration_s], ...]; kinds below"
     )

@@ -10,18 +10,28 @@ Source  docs/register_map.md
 
 from typing import NamedTuple
 
-from fpga_model import dds, fault_monitor, registers, sequencer
+from fpga_model import dds, fault_monitor, host_bus, registers, sequencer, spi_slave
 from fpga_model.fixed import Fmt
 
 WORD_BITS, WORD_BYTES = 32, 4
 BYTES_PER_ADDRESS = 8
 LOOPS = ("AGC", "PLL", "FTR", "QSC")
-# One-bit fields of registers, lowest bit first, and names of the values 0, 1, .. of others
-BITS = {
-    "control": sequencer.CONTROL_BITS,
-    "fault_clear": fault_monitor.NAMES,
-    "lock": LOOPS,
-    "flags": fault_monitor.NAMES,
+MAP = (*registers.MAP, *host_bus.MAP)  # all that a host sees
+
+
+def _single(names):
+    """{field: (lowest bit, bits)} of fields of one bit, lowest bit first."""
+    return {name: (k, 1) for k, name in enumerate(names)}
+
+
+# Fields of registers, and names of the values 0, 1, .. of others
+FIELDS = {
+    "control": _single(sequencer.CONTROL_BITS),
+    "fault_clear": _single(fault_monitor.NAMES),
+    "lock": _single(LOOPS),
+    "flags": _single(fault_monitor.NAMES),
+    "sample_status": host_bus.held_fields(),
+    "spi_errors": _single(spi_slave.ERROR_BITS),
 }
 VALUES = {"state": sequencer.STATES}
 # The map's table says what t is of the code; a unit is what one unit of t is
@@ -52,7 +62,7 @@ class Word(NamedTuple):
 def map_of(design):
     """`MAP` of a design: phases have its `dds_bits`, and reset values are its own."""
     reset = registers.reset(design)
-    for r in registers.MAP:
+    for r in MAP:
         fmt = Fmt(0, 0, design.dds_bits) if r.fmt == dds.PHASE else r.fmt
         yield r._replace(fmt=fmt, reset=getattr(reset, r.name) if r.access == "rw" else r.reset)
 
@@ -74,14 +84,16 @@ def _fields(register, low_bit, width):
     """Fields of a word that holds `width` bits of a register."""
     known = register.access != "ro" or not register.path
     raw = registers.to_bus(register.reset, register.fmt) >> low_bit if known else None
-    names = BITS.get(register.name)
-    if names:
-        return tuple(Field(name, k, 1, None if raw is None else raw >> k & 1) for k, name in enumerate(names))
-    reset = None if raw is None else raw & ((1 << width) - 1)
-    return (Field("VALUE", 0, width, reset, VALUES.get(register.name, ())),)
+    places = FIELDS.get(register.name, {"VALUE": (0, width)})
+
+    def reset(low, size):
+        return None if raw is None else raw >> low & ((1 << size) - 1)
+
+    values = VALUES.get(register.name, ())
+    return tuple(Field(name, low, size, reset(low, size), values) for name, (low, size) in places.items())
 
 
-def words(register_map=registers.MAP):
+def words(register_map=MAP):
     """Every `Word` of registers, by address."""
     found = []
     for r in register_map:

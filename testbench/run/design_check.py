@@ -22,6 +22,8 @@ ADC_KEYS = {"adc_bits": " bits", "adc_word_bits": " bits", "adc_channels": "", "
 
 def default_only(config, what, keys=None):
     """Raise ConfigError for another design than the default one, in what is made for it alone; `keys` that matter."""
+    if keys is None and config.scenario.host != "bus":
+        raise ConfigError(f'scenario.host = "{config.scenario.host}": {what} has writes of the bank\'s bus, "bus"')
     standard = type(config.design)()
     for key in keys or type(config.design).model_fields:
         found, default = getattr(config.design, key), getattr(standard, key)

@@ -165,10 +165,10 @@ def play(sim, timeline, progress=None, position=None, after_chunk=None):
             if event.tick > position.done:
                 break
             if event.action == scenario.WRITE:
-                # a write takes its own tick; those at the very end lengthen the scenario by theirs
-                sim.now = _profiles(timeline, position, sim, 1)
+                # a write takes its own ticks; those at the very end lengthen the scenario by theirs
+                sim.now, before = _profiles(timeline, position, sim, 1), sim.tick
                 sim.write(event.name, event.value)
-                position.done += 1
+                position.done += sim.tick - before
             active = _in_force(active, event)
             sim.faults = faults_of(active)
             position.fired += 1

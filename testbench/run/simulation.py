@@ -23,7 +23,7 @@ from analog_frontend.parts import thermal
 from fpga_model import bound, fixed, registers, sequencer
 from fpga_model import top as fpga
 from testbench import flatten, interrupts
-from testbench.config import from_dict, placeless, to_toml
+from testbench.config import from_dict, host_frames, placeless, to_toml
 from testbench.engines import engine as clocked
 from testbench.errors import ConfigError, FileError
 from testbench.port.plant import Plant
@@ -142,9 +142,14 @@ class Simulation:
         return self.state.fpga.control.sequencer.state == sequencer.LOCKED
 
     def write(self, name, raw):
-        """Host write of a register at the next edge, which takes one tick."""
+        """Host write of a register at the next edge, which takes one tick; over the SPI pins those of its frame too."""
         entry = registers.BY_NAME[name]
-        self._advance(1, *self.now, (1, entry.address, registers.to_bus(int(raw), entry.fmt)))
+        address, data = entry.address, registers.to_bus(int(raw), entry.fmt)
+        if self.config.scenario.host == "spi":
+            found = host_frames.written(self.design, entry, raw)
+            address, data = found.address, found.data
+            self.advance(found.ticks, *self.now)
+        self._advance(1, *self.now, (1, address, data))
 
     def advance(self, ticks, rate_rad_s, temp_degc, probe_ticks=0, progress=None):
         """Run `ticks` ticks at constant rate and temperature, or with arrays of one value per frame begun."""

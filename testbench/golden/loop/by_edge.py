@@ -22,6 +22,7 @@ from fpga_model import registers
 from fpga_model import top as fpga
 from fpga_model.jit import kernel
 from testbench.engines import engine
+from testbench.errors import ConfigError
 from testbench.flatten import leaves
 from testbench.golden.loop import library
 from testbench.run import build
@@ -68,6 +69,8 @@ class Plant:
     """
 
     def __init__(self, config, rate_dps=0.0, temp_degc=25.0, firmware=None):
+        if config.scenario.host != "bus":
+            raise ConfigError(f'scenario.host = "{config.scenario.host}": this bench writes on the bank\'s bus, "bus"')
         self.params = build.params(config, temp_degc, temp_degc)
         self.firmware = firmware or self.params.fpga
         self.design = self.firmware.design

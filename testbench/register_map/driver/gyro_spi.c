@@ -41,3 +41,18 @@ enum gyro_spi_result gyro_spi_reply(const uint8_t *sent, const uint8_t *received
         *word++ = (uint32_t)byte[0] << 24 | (uint32_t)byte[1] << 16 | (uint32_t)byte[2] << 8 | byte[3];
     return GYRO_SPI_OK;
 }
+
+gyro_sample gyro_sample_of(const uint32_t word[GYRO_SPI_SAMPLE_WORDS]) {
+    const uint32_t number[2] = {word[6], 0};
+    gyro_sample s;
+    s.rate = gyro_unpack(GYRO_REGISTER(SAMPLE_RATE), word);
+    s.temperature = gyro_unpack(GYRO_REGISTER(SAMPLE_TEMPERATURE), word + 2);
+    s.status = (uint32_t)gyro_unpack(GYRO_REGISTER(SAMPLE_STATUS), word + 4);
+    s.number = (uint16_t)gyro_unpack(GYRO_REGISTER(SAMPLE_NUMBER), number);
+    return s;
+}
+
+int gyro_samples_lost(gyro_sample before, gyro_sample after) {
+    unsigned frames = (unsigned)(after.number - before.number) & 0xFFF;
+    return (int)(frames >> (after.status >> 16 & 7)) - 1;
+}

@@ -30,8 +30,9 @@ PHASES = {
     "rates": ("slot", "tick"),
     "watchdog": ("stale",),
     "spi_slave": ("phase", "bit", "second", "write", "done", "active"),
+    "host_bus": ("pending", "fresh", "unread", "unread_after", "reading"),
 }
-SCRIPTED = ("spi_adc", "spi_slave", "watchdog", "rates")  # overflow is met by a script; they have no edges
+SCRIPTED = ("spi_adc", "spi_slave", "host_bus", "watchdog", "rates")  # overflow is met by a script; they have no edges
 
 
 @functools.cache

@@ -65,6 +65,16 @@ int main(void) {
             printf("\n");
             free(sent);
             free(received);
+        } else if (!strcmp(call, "samples")) {
+            gyro_sample s[2];
+            for (int n = 0; n < 2; n++) {
+                uint32_t word[GYRO_SPI_SAMPLE_WORDS];
+                for (int k = 0; k < GYRO_SPI_SAMPLE_WORDS; k++)
+                    if (scanf("%" SCNu32, &word[k]) != 1) return 1;
+                s[n] = gyro_sample_of(word);
+            }
+            printf("%" PRId64 " %" PRId64 " %" PRIu32 " %u %d\n", s[1].rate, s[1].temperature, s[1].status, s[1].number,
+                   gyro_samples_lost(s[0], s[1]));
         } else if (!strcmp(call, "register")) {
             gyro_register r = GYRO_REGISTER(RATE_SCALE_T1), f = GYRO_REGISTER(FREQUENCY);
             printf("%u %u %u %d %u %u %u %d\n", r.address, r.width, r.is_signed, gyro_words(r), f.address, f.width,

@@ -1,10 +1,10 @@
-"""The register map as the page of the block prints it: what every format is compared with."""
+"""The register map as the pages of its blocks print it: what every format is compared with."""
 
 import re
 from pathlib import Path
 from typing import NamedTuple
 
-PAGE = Path(__file__).parents[3] / "docs" / "blocks" / "registers.md"
+PAGES = [Path(__file__).parents[3] / "docs" / "blocks" / f"{name}.md" for name in ("registers", "host_bus")]
 ROW = re.compile(
     r"^\| 0x(\w\w) \| (\w+) \| \[(\d),(-?\d+),(\d+)\] \| (-|0x\w+) \| (\w+) \| ([^|]+) \| ([^|]+) \|$", re.M
 )
@@ -28,6 +28,11 @@ class Row(NamedTuple):
         """Names of numbered bits, such as `0 RUN, 1 HOLD_AGC`; of a number none."""
         return re.findall(r"\b\d+ ([A-Z_]+)", self.text) if self.unit == "bits" else []
 
+    def ranges(self):
+        """[(name, low, width)] of numbered bits, and of ranges such as `0 .. 7 FLAGS`."""
+        found = re.findall(r"\b(\d+)(?: \.\. (\d+))? ([A-Z_]+)\b", self.text) if self.unit == "bits" else []
+        return [(name, int(low), int(high or low) - int(low) + 1) for low, high, name in found]
+
     def value_names(self):
         return re.findall(r"\b\d+ ([A-Z_]+)", self.text) if self.name == "STATE" else []
 
@@ -42,9 +47,9 @@ class Part(NamedTuple):
 
 
 def rows():
-    """Every `Row` of the page."""
+    """Every `Row` of the pages."""
     found = []
-    for index, name, s, i, f, reset, access, unit, text in ROW.findall(PAGE.read_text()):
+    for index, name, s, i, f, reset, access, unit, text in ROW.findall("\n".join(p.read_text() for p in PAGES)):
         known = None if reset == "-" else int(reset, 16)
         found.append(Row(int(index, 16), name, int(s), int(s) + int(i) + int(f), int(f), known, access, unit, text))
     assert len(found) > 30
@@ -58,12 +63,14 @@ def parts():
     table = rows()
     faults = next(row for row in table if row.name == "FLAGS").bit_names()
     for row in table:
-        names = faults if row.name == "FAULT_CLEAR" else row.bit_names()
+        named = [(name, n, 1) for n, name in enumerate(faults)] if row.name == "FAULT_CLEAR" else row.ranges()
         sizes = [row.width] if row.width <= 32 else [32, row.width - 32]
         for k, size in enumerate(sizes):
             reset = None if row.reset is None else (row.reset // 2 ** (32 * k)) % 2**size
-            bits = None if reset is None else [reset // 2**n % 2 for n in range(size)]
-            fields = [(name, n, 1, bits and bits[n]) for n, name in enumerate(names)] or [("VALUE", 0, size, reset)]
-            assert len(fields) in (1, size)
+            fields = [
+                (name, low, width, None if reset is None else reset // 2**low % 2**width)
+                for name, low, width in named or [("VALUE", 0, size)]
+            ]
+            assert sum(width for _, _, width, _ in fields) == size
             name = row.name + ("", "_LO", "_HI")[0 if len(sizes) == 1 else k + 1]
             yield Part(name, row.index * 8 + k * 4, row, fields)

@@ -78,6 +78,15 @@ def test_the_echo_of_a_write_is_compared(driver):
     assert [int(line.split()[0]) for line in found] == [OK, CORRUPT, NO_SLAVE, NO_SLAVE]
 
 
+def test_a_sample_is_taken_from_the_words_of_a_read_and_lost_ones_are_counted(driver):
+    def words(number, k):
+        return [0xF9C00000, 0, 0xFFFF, 0, k << 16 | 0xFC00, 0, number]
+
+    cases = [(7, 8, 0, 0), (7, 9, 0, 1), (4095, 0, 0, 0), (4090, 6, 0, 11), (0, 8, 3, 0), (4088, 16, 3, 2)]
+    found = driver([f"samples {numbers(words(a, k) + words(b, k))}" for a, b, k, _ in cases])
+    assert found == [f"{0xF9C00000 - 2**32} -1 {k << 16 | 0xFC00} {b} {lost}" for _, b, k, lost in cases]
+
+
 # ---- the model of the slave ------------------------------------------------------------------------------------------
 
 

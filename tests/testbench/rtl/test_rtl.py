@@ -15,7 +15,7 @@ from typing import NamedTuple
 import pytest
 
 from fpga_model import block as registry
-from fpga_model import dds, delay, modulator, pi, references, sine, spi_adc, spi_dac, spi_slave, wiring
+from fpga_model import dds, delay, host_bus, modulator, pi, references, sine, spi_adc, spi_dac, spi_slave, wiring
 from fpga_model.block import structure
 from fpga_model.design_record import DEFAULT
 from fpga_model.fixed import bits
@@ -122,6 +122,13 @@ def slave_row(rng, s):
     return (*next(rng.host), rng.getrandbits(5), rng.getrandbits(32), clear)
 
 
+def bus_row(rng, s):
+    """A busy bus: addresses of pairs and of the sample, strobes in every second clock."""
+    i = {name: rng.randrange(fmt.lo, fmt.hi + 1) for name, fmt in host_bus.BLOCK.inputs.items()}
+    i["address"] = rng.choice([0x280, 0x284, 0x2A0, *(8 * k + 4 * h for k in range(9) for h in (0, 1)), i["address"]])
+    return tuple(i.values())
+
+
 class Block(NamedTuple):
     """One module, the parameters to try, its inputs and pins with their formats, and its stimulus."""
 
@@ -212,6 +219,18 @@ BLOCKS = {
         slave_row,
         rows=8000,
     ),
+    "host_bus": Block(
+        host_bus,
+        tuple(host_bus.BLOCK.cases.values()),
+        host_bus.BLOCK.inputs,
+        {
+            "rdata": (host_bus.WORD, lambda p, s, *i: host_bus.rdata(s, i[0], i[6])),
+            "bus_status": (spi_slave.STATUS, lambda p, s, *i: host_bus.bus_status(s, i[12], i[13])),
+            "data_ready": (BIT, lambda p, s, *_: host_bus.data_ready(s)),
+        },
+        bus_row,
+        rows=6000,
+    ),
     "delay": Block(
         delay,
         tuple(delay.design(depth) for depth in range(9)),
@@ -221,7 +240,7 @@ BLOCKS = {
     ),
 }
 VERILOG = tuple(BLOCKS)
-VHDL = ("dds", "references", "pi", "spi_dac", "spi_slave")
+VHDL = ("dds", "references", "pi", "spi_dac", "spi_slave", "host_bus")
 CASES = [
     pytest.param(stem, k, marks=pytest.mark.slow if k else ())
     for stem, block in BLOCKS.items()
@@ -484,11 +503,14 @@ PLANTED = [
     ("spi_slave.v", 0, "r_read ? r_shift[39] : r_sdi", "r_read ? r_sdi : r_sdi"),
     ("spi_slave.v", 0, "{~divided, 32'd0}", "{~r_crc, 32'd0}"),
     ("spi_slave.v", 0, "good && !r_read", "ends && complete && !r_read"),
+    ("host_bus.v", 0, "r_pending <= low_written", "r_pending <= low_written || r_pending"),
+    ("host_bus.v", 0, "done && r_reading ?", "done ?"),
     ("delay.v", 8, "r_taps_7 <= r_taps_6", "r_taps_7 <= r_taps_5"),
     ("dds.vhd", 0, "turns(r_phase, word)", "turns(r_drive_sine, word)"),
     ("references.vhd", 5, "r_retimed when retimed = '1' else picked", "picked"),
     ("pi.vhd", 1, "2**(F - 1), A + 2", "2**(F - 1) - 1, A + 2"),
     ("spi_dac.vhd", 0, "unsigned(r_left) = 1", "unsigned(r_left) = 2"),
+    ("host_bus.vhd", 0, 'r_unread_after <= counted("00", sample)', 'r_unread_after <= "00"'),
     ("spi_slave.vhd", 0, "elsif r_phase /= COMMAND or unsigned(r_bit) /= 0 then", "else"),
 ]
 

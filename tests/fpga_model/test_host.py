@@ -1,0 +1,76 @@
+"""The port of the host, wired: the word of every address, the latency of a write, and the page's numbers."""
+
+import random
+from pathlib import Path
+
+from fpga_model import host, host_bus, rates, registers, spi_slave, top
+from fpga_model.block import python_of
+from testbench.flatten import format_leaves, rebuild
+from tests.fpga_model import spi_host
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "blocks" / "host.md"
+EVERY = {r.address: r for r in (*registers.MAP, *host_bus.MAP)}
+
+
+def drawn(record, fmt, draw):
+    return rebuild(record, [draw.randint(f.lo, f.hi) for _, f in format_leaves(fmt)])
+
+
+def at(state, path):
+    for name in path.split("."):
+        state = getattr(state, name)
+    return state
+
+
+def test_every_address_reads_the_register_of_the_map(monkeypatch):
+    for name in ("_of_bank", "_of_firmware", "_of_port", "value"):
+        monkeypatch.setattr(host, name, python_of(getattr(host, name)))
+    draw = random.Random(2)
+    for _ in range(20):
+        firmware, port = drawn(top.State(), top.STATE_FMT, draw), drawn(host.State(), host.STATE_FMT, draw)
+        for register in range(256):
+            r = EVERY.get(register)
+            expected = 0
+            if r is not None:
+                raw = r.reset
+                if r.path:
+                    raw = at(port if register >= host_bus.FIRST else firmware, r.path)
+                expected = registers.to_bus(int(raw), r.fmt)
+            assert host.value(port, firmware, register) == expected, register
+
+
+def test_the_paths_of_the_port_are_registers_in_the_format_of_the_map():
+    for r in host_bus.MAP:
+        assert at(host.STATE_FMT, r.path) == r.fmt, r.name
+
+
+def test_a_write_reaches_the_bank_when_the_page_says(monkeypatch):
+    for name in ("_of_bank", "_of_firmware", "_of_port", "value", "step"):
+        monkeypatch.setattr(host, name, python_of(getattr(host, name)))
+    p, s, firmware, seen = host.design(), host.State(), top.State(), []
+    levels = [(1, 0, 0)] * 6 + [(0, 0, 0)] * 5
+    for bit in spi_host.text(0, 8 * 7, [0x12345678, 0x9ABC]):
+        levels += [(0, 0, int(bit))] * 3 + [(0, 1, int(bit))] * 2
+    end = len(levels)
+    for pins in [*levels, *[(1, 0, 0)] * 8]:
+        s = host.step(p, s, firmware, host.Inputs(*pins))
+        seen.append((s.bus.bank_write, s.bus.bank_address, s.bus.bank_data))
+    whole = (1, 7, 0x9ABC_1234_5678)
+    assert [row for row in seen if row[0]] == [whole]
+    # of two words the slave gives the second a clock behind the first
+    assert seen.index(whole) + 1 - end == spi_slave.LATENCY + 1 + host_bus.LATENCY
+
+
+def test_the_page_has_the_numbers():
+    page = PAGE.read_text()
+    assert f"{sum(fmt.width for _, fmt in format_leaves(host.STATE_FMT))} register bits" in page
+    assert f"{len(EVERY)} registers" in page
+    bank, port = len(registers.WRITABLE), len(host_bus.MAP)
+    assert f"{bank} of the bank, {len(EVERY) - bank - port} that are read only, {port} of the port" in page
+    ready = rates.SLOTS + host_bus.LATENCY
+    assert f"| {ready} | {ready / 26:.1f} |" in page
+    for period, text in ((5, "5.2"), (26 / 2.2, "2.2")):
+        clocks = spi_host.LEAD + 256 * period + spi_host.HIGH
+        row = f"| {clocks:.0f} | {clocks / 26:.1f} |"
+        assert row in page, (text, row)
+    assert (26 * 125 - spi_host.LEAD - spi_host.HIGH) / 256 == 12.65625, "26 MHz / 12.66 is 2.05 MHz"
