@@ -548,6 +548,19 @@ fault(SEQ, "quick", "sign", ("r_rotation + {{12{turned[23]}}, turned}", "r_rotat
 fault(SEQ, "quick", "limit", ("frames >= {1'b0, retune}", "frames > {1'b0, retune}"))
 fault(SEQ, "quick", "limit", ("frames >= {1'b0, init}", "frames > {1'b0, init}"))
 
+# The port of the host ------------------------------------------------------------------------------------------------
+
+SLAVE, BUS = "spi_slave.v", "host_bus.v"
+fault(SLAVE, "default", "reset", ("r_errors <= 3'd0;", "r_errors <= 3'd5;"))
+fault(SLAVE, "default", "reset", ("r_address <= 11'd0;", "r_address <= 11'd4;"))
+fault(SLAVE, "default", "bit_order", ("r_shift[38:0], r_sdi", "r_sdi, r_shift[39:1]"))
+fault(SLAVE, "default", "sign", ("r_words <= r_words - 3'd1", "r_words <= r_words + 3'd1"))
+fault(SLAVE, "default", "gain", ("r_data <= shifted[31:0]", "r_data <= shifted[32:1]"))
+fault(BUS, "default", "reset", ("r_number <= 12'd0;", "r_number <= 12'd9;"))
+fault(BUS, "default", "reset", ("r_status <= 19'd0;", "r_status <= 19'd1;"))
+fault(BUS, "default", "sign", ("r_frames + 12'd1", "r_frames - 12'd1"))
+fault(BUS, "default", "gain", ("r_high <= value[47:32]", "r_high <= value[46:31]"))
+
 # Equivalent: 24 bits of 24 are kept; with kp = 0 prop stays 0, and acc alone never leaves the limits of y ------------
 
 EQUIVALENT.append(Fault(DAC, "ad5791", "wrap", "", (("{r_shift[22:0], 1'b0} & MASK", "{r_shift[22:0], 1'b0}"),)))

@@ -510,7 +510,7 @@ PLANTED = [
     ("references.vhd", 5, "r_retimed when retimed = '1' else picked", "picked"),
     ("pi.vhd", 1, "2**(F - 1), A + 2", "2**(F - 1) - 1, A + 2"),
     ("spi_dac.vhd", 0, "unsigned(r_left) = 1", "unsigned(r_left) = 2"),
-    ("host_bus.vhd", 0, 'r_unread_after <= counted("00", sample)', 'r_unread_after <= "00"'),
+    ("host_bus.vhd", 0, 'counted("00", sample)', '"00"'),
     ("spi_slave.vhd", 0, "elsif r_phase /= COMMAND or unsigned(r_bit) /= 0 then", "else"),
 ]
 
