@@ -39,6 +39,10 @@ def check(config):
         raise ConfigError(f'firmware.board = "{config.firmware.board}": the FMU of the plant has the analog SID')
     if config.scenario.faults:
         raise ConfigError("scenario.faults: the FMUs have no faults; the importer can change what goes between them")
+    if config.scenario.host != "bus":
+        raise ConfigError(
+            f'scenario.host = "{config.scenario.host}": the FMU of the firmware is written on the bank\'s bus'
+        )
     if config.scenario.plant:
         raise ConfigError("scenario.plant: a plant from outside is a library already")
 

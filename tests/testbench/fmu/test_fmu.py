@@ -332,6 +332,7 @@ def test_sanitizers_find_nothing(written, tmp_path):
         ),
         ({"plant.drive_dac_bow": 1e-4}, "plant.drive_dac_bow = 0.0001: the FMU of the plant does not cover it"),
         ({"plant.self_heating_k": 2.0}, "plant.self_heating_k = 2: the FMU of the plant does not cover it"),
+        ({"scenario.host": "spi"}, 'scenario.host = "spi": the FMU of the firmware is written on the bank'),
         ({"firmware.board": "digital_sid"}, 'firmware.board = "digital_sid": the FMU of the plant has the analog SID'),
         ({"scenario.faults": [[0.1, "adc_silent", "adc", 0, 1.0]]}, "scenario.faults: the FMUs have no faults"),
     ],
