@@ -53,7 +53,7 @@ FAULTS = (
         "math.isnan(value)",
         "testbench/commands testbench/console",
     ),
-    ("testbench/golden/bundles/bundle.py", "sha256(path", "sha512(path", "testbench/golden/test_bundle.py"),
+    ("testbench/golden/bundles/bundle.py", "sha256(data)", "sha512(data)", "testbench/golden/test_bundle.py"),
     (
         "testbench/measured/record/checks.py",
         "(steps < 0).any()",

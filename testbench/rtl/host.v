@@ -1,7 +1,8 @@
 // Port of the host beside gyro_top, whose registers it reads: SPI slave, bus, and the word of each register.
 //   r_bus_bank_write, r_bus_bank_address, r_bus_bank_data    to write, address, data of gyro_top
 //   a register of the firmware is a port with the name of its register port of gyro_top, without r_
-// Latency: 2 clocks from the end of a frame on the SPI port's registers to write; a sample 1 clock behind the last slot.
+// Latency: 2 clocks from the end of a frame on the SPI port's registers to write; a sample 1 clock behind the last
+// slot.
 /* verilator lint_off DECLFILENAME */ // waived: a file has the stem of its block, the module a prefix against clashes
 module gyro_host #(
     parameter DDS_BITS = 48

@@ -340,7 +340,7 @@ def test_vhdl_that_the_loop_cannot_take_is_one_line(tmp_path):
         .replace("now <= ROWS", "other : absent port map (clk => clk);\n    now <= ROWS")
     )
     unbound = "    component absent is port (clk : in std_logic); end component;\n    signal n"
-    text = text.replace("    signal n", unbound)
+    text = text.replace("    signal n", unbound, 1)
     (rtl / "player.vhd").write_text(text)
     (rtl / "player.f").write_text("-work played\nrows.vhd\n-work work\nplayer.vhd\n")
     with pytest.raises(FileError, match=r'ghdl failed with 1: .* "absent" is not bound'):

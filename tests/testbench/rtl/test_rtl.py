@@ -564,15 +564,19 @@ def test_keys_of_the_design_are_parameters_with_its_values(path):
     """All that the formats and reset values of a block, or of what it holds, depend on; no others."""
     modules = blocks_within(path.stem)
     wanted = {key for module in modules for key in registry.keys(module)}
+    # the port of the host reads phases and the frequency word
+    wanted |= {"dds_bits"} if path.stem == "host" else set()
     found = keys(path.read_text())
     assert found == {key: value for key, value in DEFAULT._asdict().items() if key in wanted}
     assert list(found) == [key for key in DEFAULT._fields if key in wanted]
 
 
 def blocks_within(stem):
-    """The block, or those in control or top."""
+    """The block, or those in control, in top or in the port of the host."""
     if stem in golden_blocks.BLOCKS:
         return [registry.declared()[stem]]
+    if stem == "host":
+        return [registry.declared()[name] for name in ("spi_slave", "host_bus")]
     where = {"control": "control.", "top": ""}[stem]
     return [module for role, (module, _) in wiring.instances().items() if role.startswith(where)]
 
@@ -600,8 +604,8 @@ def test_ports_are_those_of_the_model(name):
 
 
 def test_every_file_is_tried():
-    """Here, or in golden/test_benches.py, which takes every block that has a bundle, or in test_rtl_top.py."""
-    verilog = {f"{stem}.v" for stem in (*VERILOG, *golden_blocks.BLOCKS, "control", "top")}
+    """Here, in golden/test_benches.py, which takes every block that has a bundle, in test_rtl_top.py or test_host.py."""
+    verilog = {f"{stem}.v" for stem in (*VERILOG, *golden_blocks.BLOCKS, "control", "top", "host")}
     files = {path.name for path in RTL.iterdir() if path.is_file()}
     assert files <= {*verilog, *(f"{stem}.vhd" for stem in VHDL)}
     assert {f"{stem}.v" for stem in VERILOG} <= files
