@@ -604,7 +604,7 @@ def test_ports_are_those_of_the_model(name):
 
 
 def test_every_file_is_tried():
-    """Here, in golden/test_benches.py, which takes every block that has a bundle, in test_rtl_top.py or test_host.py."""
+    """Here, in golden/test_benches.py, for every block with a bundle, in test_rtl_top.py or test_host.py."""
     verilog = {f"{stem}.v" for stem in (*VERILOG, *golden_blocks.BLOCKS, "control", "top", "host")}
     files = {path.name for path in RTL.iterdir() if path.is_file()}
     assert files <= {*verilog, *(f"{stem}.vhd" for stem in VHDL)}
