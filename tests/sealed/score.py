@@ -151,14 +151,14 @@ def wide_criteria(rows, wide, disguises, least_d):
     both = [(narrow[r.number], r) for r in wide if r.number in narrow]
     new = [w for n, w in both if not false(n)]
     named = [(n, w) for n, w in both if n.verdict == "named" and n.right and n.truth["name"] not in disguises]
-    k, kept_ = sum(map(false, new)), [w.right and len(w.causes) <= SMALL for _, w in named]
-    large = [kept for kept, (_, w) in zip(kept_, named) if (w.d_sheet or 0.0) >= least_d]
+    k, again = sum(map(false, new)), [w.right and len(w.causes) <= SMALL for _, w in named]
+    large = [same for same, (_, w) in zip(again, named) if (w.d_sheet or 0.0) >= least_d]
     offs = [x for r in wide for x in r.intervals]
     return [
         ("data sheet: new false causes", k, len(new), "none", k == 0),
         (f"data sheet: of those named and still of {least_d:g} sigmas, the same in a class of at most 3", sum(large),
          len(large), "at least 80 %", _least(0.8)(sum(large), len(large))),
-        ("data sheet: of all named, the same in a class of at most 3", sum(kept_), len(kept_), "", None),
+        ("data sheet: of all named, the same in a class of at most 3", sum(again), len(again), "", None),
         ("data sheet: 95 % intervals of boards without effect", sum(abs(x) < Z for x in offs), len(offs), "91 .. 99 %",
          bool(offs) and 0.91 <= sum(abs(x) < Z for x in offs) / len(offs) <= 0.99),
         ("data sheet: tracebacks", sum(w.verdict == "error" for w in wide), len(wide), "none",

@@ -33,12 +33,16 @@ TINY = 1e-12  # of a cost: nothing is promised
 
 
 class Stage(NamedTuple):
-    """Observables that are fitted, parameters that are moved (of [plant]; empty: all), most steps."""
+    """Observables that are fitted, parameters that are moved (of [plant]; empty: all), most steps.
+
+    wells   whether another minimum is looked for where it has ended
+    """
 
     name: str
     observables: tuple
     keys: tuple
     steps: int
+    wells: bool = False
 
 
 DRIVE = (
@@ -52,7 +56,7 @@ STAGES = (
     Stage("quadrature", ("v_q2",), tuple(QUADRATURE.split()), 6),
     Stage("drive", ("f_word", "amplitude"), tuple(DRIVE.split()), 8),
     Stage("rate", ("force", "adc_yI", "adc_yQ", "v_q2"), tuple(RATE.split()), 8),
-    Stage("all", tuple(name for name in NAMES if name != "adc_xI"), (), 12),
+    Stage("all", tuple(name for name in NAMES if name != "adc_xI"), (), 12, wells=True),
     Stage("slips", NAMES, (), 8),
 )
 
@@ -209,7 +213,7 @@ def estimate(measured, model, parameters, bench, progress=None):
     ends = []
     for stage in STAGES:
         ends.append(work.stage(stage))
-        if stage.name == "all" and work.elsewhere(stage):
+        if stage.wells and work.elsewhere(stage):
             ends[-1] = work.stage(stage)
     found = tuple(p._replace(start=p.value(float(x))) for p, x in zip(parameters, work.u))
     walls = tuple(p.key for p, x in zip(parameters, work.u) if abs(x) > WALL - 1e-6)
