@@ -365,7 +365,7 @@ def window(folder, clock, count, out=None):
     folder  a bundle of the whole design
     clock   first clock
     count   clocks
-    out     folder to write; FOLDER_CLOCK beside `folder` if None
+    out     folder to write; FOLDER_CLOCK beside `folder` if None, beside the bundle where it lies in one
     Raises ConfigError if the place is outside the case, FileError if the bundle is of another recording.
     """
     folder = Path(folder)
@@ -380,10 +380,18 @@ def window(folder, clock, count, out=None):
         raise ConfigError(f"--clock: {clock} .. {clock + count - 1} is outside 0 .. {end - 1}, the clocks of {r.name}")
     frames = -(-(clock + count) // manifest["frame_cycles"])
     cut = begun(r, frames, (recording.Window(clock, count, "asked for"),))
-    out = folder.with_name(f"{folder.name}_{clock}") if out is None else Path(out)
+    out = _beside(folder, clock) if out is None else Path(out)
     return out, write(
         cut, out, of_board="design" in manifest, level=level_of(manifest), clocks=late_of(folder, manifest)
     )
+
+
+def _beside(folder, clock):
+    """FOLDER_CLOCK; a bundle in another one must not grow there: BUNDLE_FOLDER_CLOCK beside that."""
+    outer = folder.parent
+    if (outer / bundle.MANIFEST).exists():
+        return outer.with_name(f"{outer.name}_{folder.name}_{clock}")
+    return folder.with_name(f"{folder.name}_{clock}")
 
 
 def _shipped(folder, manifest):

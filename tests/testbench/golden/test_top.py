@@ -269,6 +269,7 @@ def test_window_holds_every_clock_of_its_place_and_the_same_signatures(out, tmp_
     assert found.signatures == whole.signatures[:4]
     assert manifest["recording_sha256"] != whole.manifest["recording_sha256"]
     assert top.window(out / CASE, 0, 1)[0] == out / f"{CASE}_0"
+    assert top.window(out / CASE / "pins", 0, 1)[0] == out / f"{CASE}_pins_0"
 
 
 def test_places_outside_the_case_are_refused(out, tmp_path):
