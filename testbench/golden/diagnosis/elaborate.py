@@ -71,9 +71,12 @@ def static(node):
         return node.value[1]
     if node.op not in OPERATIONS:
         return None
-    found = [static(a) for a in node.args]
-    if not found or any(value is None for value in found):
-        return None
+    found = []
+    for a in node.args:
+        value = static(a)
+        if value is None:
+            return None
+        found.append(value)
     return int(OPERATIONS[node.op][0](*[np.int64(value) for value in found]))
 
 

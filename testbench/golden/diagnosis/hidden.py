@@ -7,6 +7,8 @@ The share is that of the wrong rows up to the first one that the block with the 
 Source  docs/diagnosis.md
 """
 
+import collections
+
 import numpy as np
 
 from testbench.golden.diagnosis import simulate
@@ -16,7 +18,17 @@ from testbench.golden.diagnosis.perturb_control import is_reset_choice
 from testbench.golden.diagnosis.rows import Rows
 
 BEFORE, BEHIND = 800, 2000  # rows before and behind the first difference
-MOST_RUN = 400  # hypotheses that are run, the cheapest first
+MOST_RUN = 6000  # hypotheses that are run: of each cause the cheapest ones, as many of each
+
+
+def _in_turn(found):
+    """[(hypothesis, row)] in the order in which they are run: the cheapest of each cause, then the next ones."""
+    found, count = sorted(found, key=lambda pair: (pair[0].cost, pair[0].site.id)), collections.Counter()
+    turns = []
+    for h, _ in found:
+        turns.append(count[h.cause])
+        count[h.cause] += 1
+    return [found[k] for k in sorted(range(len(found)), key=lambda k: turns[k])]
 
 
 class Hidden:
@@ -109,20 +121,26 @@ class Hidden:
                 found, at = self._reset(node, found, at)
             if found:
                 ahead += self._unseen(node, found, at)
-        ahead.sort(key=lambda pair: (pair[0].cost, pair[0].site.id))
+        ahead = _in_turn(ahead)
         inputs = sorted({n.value for n in self.net.nodes[: self.net.own] if n.op == "in"})
         given = np.stack([self.leaves["in", name] for name in inputs], axis=1).tolist()
         want = list(zip(*[np.where(self.care[n], self.got[n], None).tolist() for n in self.visible]))
         registers = [name for name, root in self.net.roots.items() if root.op == "next"]
         self.left_out = max(len(ahead) - MOST_RUN, 0)
-        total, out = np.count_nonzero(self.wrong), []
+        total, out, runs = np.count_nonzero(self.wrong), [], {}
         for h, row in ahead[:MOST_RUN]:
-            run, held = simulate.compiled(self.net, h, self.visible)
+            if simulate.adds_a_register(self.net, h.by):
+                by, (run, held) = None, simulate.compiled(self.net, h.site, h.by, self.visible)
+            else:
+                by = simulate.value_of(self.net, h.by)
+                if h.site.id not in runs:
+                    runs[h.site.id] = simulate.compiled(self.net, h.site, None, self.visible)
+                run, held = runs[h.site.id]
             state = [int(self.leaves["reg", name][row]) for name in registers]
             if row == 0 == self.begin and is_reset_choice(h.site) and h.by.args[1].op == "const":
                 state[registers.index(h.site.value)] = h.by.args[1].value
             kept = [int(self.rows.full(node)[row]) for node in held]
-            end = run(state, kept, given, row, self.count, want)
+            end = run(by, tuple(state), kept, given, row, self.count, want)
             share = np.count_nonzero(self.wrong[:end]) / total
             if share > 0:
                 out.append((h, share))

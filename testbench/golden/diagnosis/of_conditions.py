@@ -15,11 +15,11 @@ import numpy as np
 
 from testbench.golden.diagnosis.elaborate import static
 from testbench.golden.diagnosis.net import ROOTS
-from testbench.golden.diagnosis.perturb import Hypothesis, with_argument
+from testbench.golden.diagnosis.perturb import FAR, Hypothesis, with_argument
 from testbench.golden.diagnosis.perturb_arithmetic import is_flag
 from testbench.golden.diagnosis.perturb_control import branches, decides
 
-NEAR, FAR, BESIDE = 4, 12, 16  # costs: a bit of a word that is read, of another one, one more
+NEAR, BESIDE = 4, FAR + 4  # costs: a bit of a word that is read, one more
 MOST_BITS = 12000
 MOST_FOUND = 12  # of each form
 FEW = 16  # bytes that are compared first

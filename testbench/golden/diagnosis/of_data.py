@@ -5,18 +5,43 @@ Source  docs/diagnosis.md
 
 import numpy as np
 
-from testbench.golden.diagnosis.perturb import Hypothesis, with_argument
+from testbench.golden.diagnosis.perturb import FAR, Hypothesis, with_argument
 from testbench.golden.diagnosis.perturb_control import is_reset_choice
 
 MOST_WORDS = 2  # of a table that may be wrong
 COST = 4
 FLAGS = 8  # bits up to which a word may be of flags
+FEW = 40  # rows that are compared first
 
 
 def hypotheses(net, rows, target, inside, wrong):
     """Hypotheses on a target from its `wrong` rows; `inside` are the nodes of its root."""
     pattern = np.unique((target.got ^ target.sound)[wrong] & ((1 << target.fmt.width) - 1))
-    return [h for node in inside for h in _of_node(net, rows, target, node, wrong, pattern)]
+    found = [h for node in inside for h in _of_node(net, rows, target, node, wrong, pattern)]
+    loaded = _values(net, rows, target, wrong)
+    return found + [h for node in inside for h in _of_loads(net, target, node, loaded)]
+
+
+def _values(net, rows, target, wrong):
+    """[(cause, node)] of what has the design's value in all wrong rows: a number, a register, an input, a parameter."""
+    got, own = target.got[wrong], net.nodes[: net.own]
+    found = [("constant", net.const(got[0]))] if np.all(got == got[0]) else []
+    for leaf in own:
+        named = leaf.op == "param" or (leaf.op in ("reg", "in") and leaf.value not in (target.name, "rst"))
+        if named and np.array_equal(target.as_held(rows.plain(leaf, wrong[:FEW])), got[:FEW]):
+            if np.array_equal(target.as_held(rows.plain(leaf, wrong) + np.zeros(len(wrong), np.int64)), got):
+                found.append(("operand", leaf))
+    return found
+
+
+def _of_loads(net, target, node, loaded):
+    """Another number, register or input in the place of what a branch loads: rivals of what moves or keeps a value."""
+    for k, child in enumerate(node.args if not is_reset_choice(node) else ()):
+        if net.loads.get((node.id, k)) == target.name and child.op != "mux":
+            for cause, value in loaded:
+                if value is not child:
+                    by = with_argument(net, node, k, value)
+                    yield Hypothesis(cause, f"{value!r} in the place of {child!r}", node, by, FAR)
 
 
 def _renumbered(net, node, old, new):

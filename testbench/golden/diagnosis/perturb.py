@@ -38,6 +38,7 @@ IN_A_TEST = 2  # what another bit in a condition does goes by that name: docs/di
 NO_TEST = ("condition", "comparison", "priority", "late", "early", "signedness")
 
 
+FAR = 12  # cost from which a hypothesis is no cause by itself: it only makes a name uncertain
 OF_PARAMETERS = 2  # a comparison of parameters alone is right or wrong in every row
 
 
@@ -76,7 +77,7 @@ def _varied(net, node, seen):
         for cause, what, new, cost in perturb_control.of_another_channel(net, node, k, child):
             yield cause, what, with_argument(net, node, k, new), cost
         if (node.id, k) in net.loads:
-            for cause, what, new, cost in perturb_control.of_load(net, child, net.loads[node.id, k]):
+            for cause, what, new, cost in perturb_control.of_load(net, node, child, net.loads[node.id, k]):
                 yield cause, what, with_argument(net, node, k, new), cost
             for cause, what, new, cost in _everywhere(net, child, seen):
                 yield cause, what, with_argument(net, node, k, new), cost + 1
@@ -100,12 +101,12 @@ def _everywhere(net, loaded, seen):
 
 def of_node(net, node, seen):
     """Hypotheses at one node, without doubles: two causes may stand for the same node."""
-    found = {}
+    found, reads_a_bit = {}, _reads_a_bit(net, node)
+    of_parameters = OF_PARAMETERS if _of_parameters(node) else 0
     for cause, what, by, cost in _varied(net, node, seen):
         if by is node:
             continue
-        rare = IN_A_TEST if cause not in NO_TEST and _reads_a_bit(net, node) else 0
-        rare += OF_PARAMETERS if _of_parameters(node) else 0
+        rare = of_parameters + (IN_A_TEST if cause not in NO_TEST and reads_a_bit else 0)
         hypothesis = Hypothesis(cause, what, node, by, 4 * (cost + rare) + RANK[cause] // 8)
         key = cause, by.id
         if key not in found or hypothesis.cost < found[key].cost:

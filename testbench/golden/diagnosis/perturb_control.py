@@ -96,8 +96,8 @@ def _of_reset(net, node):
     if after.op == "mux" and after.args[1].op == "const" and after.args[1].value == value.value:
         # a branch that does the same as the reset
         cleared, (c, _, b) = net.node("lor", (rst, after.args[0])), after.args
-        yield "no_reset", f"holds, also where {c!r}", net.node("mux", (cleared, held, b)), 0
-        yield "no_reset", f"goes on, also where {c!r}", b, 0
+        yield "no_reset", f"holds, also where {c!r}", net.node("mux", (cleared, held, b)), 1
+        yield "no_reset", f"goes on, also where {c!r}", b, 1
         loading = _loads(net, b, held)
         if loading.op != "const":
             once = net.node("mux", (loading, net.held(loading, b, value.value, cleared), held))
@@ -133,10 +133,19 @@ def _of_reset(net, node):
         yield "priority", f"{c!r} before the reset", net.node("mux", (c, a, net.node("mux", (rst, value, b)))), 0
         yield "priority", f"reset only without {c!r}", net.node("mux", (c, a, net.node("mux", (rst, value, b)))), 0
         yield "priority", f"reset only with {c!r}", net.node("mux", (net.node("land", (rst, c)), value, after)), 1
-        if b.op == "mux":
-            c2, a2, b2 = b.args
-            inner = net.node("mux", (c, a, net.node("mux", (rst, value, b2))))
-            yield "priority", f"{c2!r} before the reset", net.node("mux", (c2, a2, inner)), 1
+        yield from _before_the_reset(net, rst, value, after)
+
+
+def _before_the_reset(net, rst, value, after):
+    """The reset behind a branch that is not the first one."""
+    passed, behind = [after.args[:2]], after.args[2]
+    while behind.op == "mux":
+        c, a, behind = behind.args
+        found = net.node("mux", (rst, value, behind))
+        for branch in reversed(passed):
+            found = net.node("mux", (*branch, found))
+        yield "priority", f"{c!r} before the reset", net.node("mux", (c, a, found)), 1
+        passed.append((c, a))
 
 
 def _loads(net, node, held):
@@ -208,7 +217,8 @@ def of_operand(net, node, k, child, seen):
         for other in net.nodes[: net.own]:
             same = (other.op == "param") == (child.op == "param") and is_flag(other) == is_flag(child)
             if other.op in ("reg", "in", "param") and same and other is not child and not _is_reset(other):
-                cause = "limit" if node.op == "clamp" and k else "condition" if condition else "operand"
+                kept = other.op == "reg" and other.value == net.loads.get((node.id, k))
+                cause = "limit" if node.op == "clamp" and k else "condition" if condition or kept else "operand"
                 yield cause, f"{other!r} in the place of {child!r}", other, 1
 
 
@@ -217,13 +227,25 @@ def branches(node):
     return [leaf for way in node.args[1:] for leaf in branches(way)] if node.op == "mux" else [node]
 
 
-def of_load(net, loaded, name):
-    """What a branch loads, loaded as well where the register is held: it stands in the branch around."""
+def of_load(net, node, loaded, name):
+    """What a branch loads: not loaded, what another branch loads, or loaded as well where the register is held."""
     held = net.node("reg", (), name)
+    if not is_reset_choice(node):
+        if name in net.reset and loaded is not held:
+            yield "condition", f"{loaded!r} is not loaded", held, 1
+        for other in leaves_of(net, name) if loaded.op != "mux" else ():
+            if other not in (loaded, held):
+                yield "condition", f"{other!r} where {loaded!r} is loaded", other, 2
     found = branches(loaded)
     for value in dict.fromkeys(found) if held in found else ():
         if value is not held:
             yield "condition", f"{value!r} also where {name} is held", _filled(net, loaded, held, value), 1
+
+
+def leaves_of(net, name):
+    """What the branches of a register or pin load, the reset value left out."""
+    root = net.roots[name].args[0]
+    return tuple(dict.fromkeys(branches(root.args[2] if is_reset_choice(root) else root)))
 
 
 def _filled(net, node, held, value):

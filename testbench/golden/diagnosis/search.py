@@ -144,10 +144,10 @@ class Search:
         tried = [h for node in inside for h in self.of_site(node)]
         rivals = []
         if not others:
-            tried += of_data.hypotheses(self.net, self.rows, target, inside, wrong)
-            flags = list(of_conditions.hypotheses(self, target, inside, picked, wrong))
-            tried += [h for h in flags if h.cost < of_conditions.FAR]
-            rivals = [h for h in flags if h.cost >= of_conditions.FAR]
+            read = of_data.hypotheses(self.net, self.rows, target, inside, wrong)
+            read += of_conditions.hypotheses(self, target, inside, picked, wrong)
+            tried += [h for h in read if h.cost < perturb.FAR]
+            rivals = [h for h in read if h.cost >= perturb.FAR]
         hits = self._hits(target, tried, others, picked)
         order = sorted(range(len(tried)), key=lambda k: (-hits[k], tried[k].cost))
         whole = [k for k in order if hits[k] == len(picked)]

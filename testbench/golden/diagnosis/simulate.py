@@ -1,7 +1,9 @@
 """A block with one fault as a Python function that goes on from row to row, until a visible port is not the design's.
 
-    run(state, held, inputs, first, last, want) --> first row that differs, or `last`;  a port of None is not compared
+    run(by, state, held, inputs, first, last, want) --> first row that differs, or `last`; a port of None is no matter
+    by(state, inputs)                               --> what stands for the site
 
+The hypotheses of a site share `run`; one that adds a register has a `run` of its own, which does not call `by`.
 Everything but the fault is the model. A register that the fault itself replaces is seen as the fault makes it.
 Source  docs/diagnosis.md
 """
@@ -27,15 +29,15 @@ def _differs(found, want):
 class _Source:
     """Lines that compute nodes; a node in the cone of the fault has a name of its own for each of its two values."""
 
-    def __init__(self, site, by):
+    def __init__(self, site=None, by=None, places=None):
         self.site, self.by, self.lines, self.done, self.held = site, by, [], {}, []
-        self.tables = {}
+        self.places, self.tables = places, {}
 
     def name(self, node, faulty):
         """The variable that holds a node; lines are added where there is none yet."""
         faulty = faulty and bool(node.cone >> self.site.id & 1)
         if faulty and node is self.site:
-            return self.name(self.by, False)
+            return self.name(self.by, False) if self.by else "put"
         key = node.id, faulty
         if key not in self.done:
             self.done[key] = self._made(node, faulty)
@@ -47,7 +49,7 @@ class _Source:
         if node.op == "param":
             return f"({node.value[1]})"
         if node.op in ("reg", "in"):
-            return f"{node.op}_{node.value}"
+            return self.places[node.op, node.value] if self.places else f"{node.op}_{node.value}"
         found = f"v{node.id}{'f' if faulty else ''}"
         if node.op == "held":
             self.held.append((node, [self.name(a, False) for a in node.args]))
@@ -71,9 +73,31 @@ def _port(name, fmt):
     return f"int({name}) & {fmt.hi}"
 
 
-def compiled(net, hypothesis, visible):
-    """(run, held nodes in the order of its argument) of a hypothesis; `visible` are registers and pins."""
-    source = _Source(hypothesis.site, hypothesis.by)
+def adds_a_register(net, node):
+    """Whether something that stands for a site holds a value."""
+    return node.id >= net.own and (node.op == "held" or any(adds_a_register(net, a) for a in node.args))
+
+
+def value_of(net, node):
+    """`by` of a node."""
+    registers = [name for name, root in net.roots.items() if root.op == "next"]
+    places = {("reg", name): f"state[{k}]" for k, name in enumerate(registers)}
+    given = sorted({n.value for n in net.nodes[: net.own] if n.op == "in"})
+    source = _Source(places=places | {("in", name): f"inputs[{k}]" for k, name in enumerate(given)})
+    found = source.name(node, False)
+    body = [f"    {line}" for line in source.lines]
+    return _built(["def by(state, inputs):", *body, f"    return {found}"], source)["by"]
+
+
+def _built(lines, source):
+    names = {**CALLS, "moved": _moved, "differs": _differs, **source.tables}
+    exec(compile("\n".join(lines), "<hypothesis>", "exec"), names)
+    return names
+
+
+def compiled(net, site, by, visible):
+    """(run, held nodes in the order of its argument); `visible` are registers and pins, `by` None for any node."""
+    source = _Source(site, by)
     registers = [name for name, root in net.roots.items() if root.op == "next"]
     seen = {}
     for name in visible:
@@ -83,11 +107,12 @@ def compiled(net, hypothesis, visible):
     after = {name: source.name(net.roots[name], True) for name in registers}
     given = sorted({n.value for n in net.nodes[: net.own] if n.op == "in"})
     order = [node for node, _ in source.held]
-    lines = ["def run(state, held, inputs, first, last, want):"]
-    lines += [f"    {', '.join(f'reg_{name}' for name in registers)}, = state"]
+    lines = ["def run(by, state, held, inputs, first, last, want):"]
     lines += [f"    {', '.join(f'held_{n.id}' for n in order)}, = held"] if order else []
     lines += [
         "    for n in range(first, last):",
+        f"        {', '.join(f'reg_{name}' for name in registers)}, = state",
+        *(() if by else ("        put = by(state, inputs[n])",)),
         f"        {', '.join(f'in_{name}' for name in given)}, = inputs[n]",
     ]
     lines += [f"        {line}" for line in source.lines]
@@ -95,13 +120,7 @@ def compiled(net, hypothesis, visible):
     lines.append(f"        if differs(({shown},), want[n]): return n")
     for node, (load, x, rst) in source.held:
         lines.append(f"        next_{node.id} = {node.value} if {rst} else {x} if {load} else held_{node.id}")
-    lines.append(
-        f"        {', '.join(f'reg_{name}' for name in registers)}, = "
-        + ", ".join(_port(after[name], net.fmts[name]) for name in registers)
-        + ","
-    )
+    lines.append("        state = (" + ", ".join(_port(after[name], net.fmts[name]) for name in registers) + ",)")
     lines += [f"        held_{n.id} = next_{n.id}" for n in order]
     lines.append("    return last")
-    names = {**CALLS, "moved": _moved, "differs": _differs, **source.tables}
-    exec(compile("\n".join(lines), "<hypothesis>", "exec"), names)
-    return names["run"], order
+    return _built(lines, source)["run"], order

@@ -2,7 +2,7 @@
 
     a cause covers the registers whose wrong rows it explains; it may not disturb a register that is right
     share  part of the wrong rows that the cause explains, the mean over all registers and pins at fault,
-           divided by the number of causes that explain as many
+           divided by the number of causes that explain as many, and by one more if it changes a row that is right
 
 Source  docs/diagnosis.md
 """
@@ -124,7 +124,9 @@ def causes(search, others_at_fault=()):
             best = wholes[0]
         rivals, listed = _rivals(search, best, wholes), []
         covered = _extended(search, best, open_names).fits
-        part = float(sum(fit.share for fit in covered.values())) / count / len(rivals)
+        # what gives another value in a row where the design is right is not the whole truth
+        refuted = any(fit.precision < 1.0 for fit in covered.values())
+        part = float(sum(fit.share for fit in covered.values())) / count / (len(rivals) + refuted)
         tried = sum(len(found) for found in search.hypotheses.values())
         for whole in rivals:
             if _enough(search, whole.fits, tried):

@@ -5,6 +5,7 @@ import shutil
 import pytest
 
 from testbench.golden.bundles import bundle
+from testbench.golden.diagnosis import perturb_control
 from testbench.golden.diagnosis.causes import CAUSES
 from tests.testbench.golden.diagnosis import first_row, rtl_faults, score, unseen
 
@@ -63,6 +64,22 @@ def test_a_name_is_not_certain_where_another_class_gives_the_same_rows(bundles):
     """The subtrahend ends in 01: its complement and one more are the same, where it is compared too."""
     found = named(bundles, "isqrt", "{1'b0, pair} - {1'b0, trial}", "{1'b0, pair} + ~{1'b0, trial}")
     assert {"constant", "complement"} <= {cause.cause for cause in found}
+    assert not any(cause.sure for cause in found)
+
+
+LOADED = "r_radicand  <= u;\n            r_root      <= 16'd0;"
+
+
+def test_a_constant_that_is_not_loaded_is_a_condition(bundles):
+    found = named(bundles, "isqrt", LOADED, LOADED.split("\n")[0])
+    assert (found[0].cause, found[0].register) == ("condition", "root")
+
+
+def test_a_cause_that_a_row_refutes_is_not_certain(bundles, monkeypatch):
+    """Without the right hypothesis, a register without reset explains the wrong rows; the rows with reset refute it."""
+    monkeypatch.setattr(perturb_control, "of_load", lambda *_: ())
+    found = named(bundles, "isqrt", LOADED, LOADED.split("\n")[0])
+    assert "no_reset" in {cause.cause for cause in found}
     assert not any(cause.sure for cause in found)
 
 
