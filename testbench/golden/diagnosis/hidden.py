@@ -18,7 +18,7 @@ from testbench.golden.diagnosis.perturb_control import is_reset_choice
 from testbench.golden.diagnosis.rows import Rows
 
 BEFORE, BEHIND = 800, 2000  # rows before and behind the first difference
-MOST_RUN = 6000  # hypotheses that are run: of each cause the cheapest ones, as many of each
+MOST_RUN = 3000  # hypotheses that are run: of each cause the cheapest ones, as many of each
 
 
 def _in_turn(found):

@@ -148,7 +148,9 @@ def main(words):
     first = collections.Counter(one.first for one in results)
     print(f"first row and ports right: {first[True]}, wrong: {first[False]}")
     print(f"certain names: {sum(bool(r.causes) and r.causes[0].sure and r.verdict == 'right' for r in results)}")
-    print(f"longest check with diagnosis {max(one.cpu_s for one in results):.1f} s of CPU")
+    classes = sum(bool(r.causes) and r.causes[0].cause == r.fault.cause for r in results)
+    print(f"first cause of the right class, in any register: {classes}")
+    print(f"longest check with diagnosis {max((one.cpu_s for one in results), default=0.0):.1f} s of CPU")
     return any(one.verdict == "wrong" or one.first is False for one in results)
 
 
