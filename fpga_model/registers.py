@@ -94,7 +94,7 @@ def _read_only():
         ("rate_word", rate_loop.WORD, 0, "10 V", "control.rate_loop.loop.y", "force-to-rebalance word"),
         ("quadrature_code", isqrt.ROOT, 0, "5.5 V / 2^16", "control.quadrature_loop.root.y", "V_q"),
         ("rate", out.y, 0, "deg/s", "control.rate_output.y", "compensated and decimated rate"),
-        ("temperature", out.t, 0, "2^-8 code", "control.rate_output.t", "t of the temperature polynomials"),
+        ("temperature", out.t, 0, "256 code LSB", "control.rate_output.t", "t of the temperature polynomials"),
     )
     for address, (name, fmt, reset, unit, path, doc) in enumerate(rows, FIRST_READ_ONLY):
         yield Register(address, name, fmt, reset, "ro", unit, path, doc)

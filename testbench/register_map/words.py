@@ -34,8 +34,6 @@ FIELDS = {
     "spi_errors": _single(spi_slave.ERROR_BITS),
 }
 VALUES = {"state": sequencer.STATES}
-# The map's table says what t is of the code; a unit is what one unit of t is
-UNITS = {"temperature": "256 code LSB"}
 
 
 class Field(NamedTuple):
@@ -69,7 +67,7 @@ def map_of(design):
 
 def unit(register):
     """Unit of a register's value, "1" if it has none."""
-    return UNITS.get(register.name, register.unit) or "1"
+    return register.unit or "1"
 
 
 def lsb(register):

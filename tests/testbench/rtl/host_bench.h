@@ -22,7 +22,7 @@ static const int LINE = sizeof(Line) / sizeof(int64_t);
 enum Kind { SAMPLE, ABORTED, BAD_READ_CRC, BAD_WRITE_CRC, HALF_PAIR, REGISTER, WRITE };
 
 struct Host {
-    std::mt19937_64 random;
+    std::mt19937_64 random, first_flops;  // two: the times of frames do not depend on their bits
     std::vector<Event> events;  // those to come, by time
     size_t next_event = 0;
     int level[3] = {1, 0, 0}, was[3] = {1, 0, 0};
@@ -134,7 +134,7 @@ struct Host {
             moved[e.pin] = level[e.pin] != e.level || moved[e.pin];
             level[e.pin] = e.level;
         }
-        for (int k = 0; k < 3; k++) pins[k] = moved[k] && (random() & 1) ? was[k] : level[k];
+        for (int k = 0; k < 3; k++) pins[k] = moved[k] && (first_flops() & 1) ? was[k] : level[k];
     }
 
     // SDO between this edge and the next: taken at rises of SCK, and asked whether it stands around them

@@ -5,21 +5,24 @@ The loop is that of the plant around the RTL (`lockstep`): every pin is the mode
 
 import ctypes
 import random
+import re
 import shutil
+from operator import attrgetter
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from fpga_model import host, host_bus, registers, spi_slave
+from fpga_model import fault_monitor, host, host_bus, registers, sequencer, spi_slave
+from fpga_model import top as fpga
 from fpga_model.block import flat, python_of
 from fpga_model.design_record import DEFAULT
 from testbench.config import Config
 from testbench.flatten import leaves
 from testbench.golden.loop import library, run
 from testbench.golden.recording import board, host_board
-from testbench.run import build
+from testbench.run import build, simulate
 from testbench.tool import run_tool
 from tests.testbench.rtl import test_rtl
 from tests.testbench.rtl.test_rtl import BIT, RTL, icarus, packed, slave_rows
@@ -65,6 +68,7 @@ def driver_text(firmware):
 void host_plan(int64_t handle, int64_t seed, double fastest, double slowest, double wrong, int64_t free_running) {
     Host& host = ((Design*)handle)->host;
     host.random.seed((uint64_t)seed);
+    host.first_flops.seed((uint64_t)seed);
     host.fastest = fastest; host.slowest = slowest; host.wrong = wrong; host.free_running = free_running;
 }
 void host_ask(int64_t handle, const int64_t* item, int64_t count) {
@@ -138,7 +142,7 @@ class Board(library.Design):
             given = np.array(item, np.int64)
             self.own.host_ask(self.handle, given.ctypes.data, len(given))
 
-    def served(self, most=200_000):
+    def served(self, most=2_000_000):
         """Edges without a converter until the list is done."""
         given = np.zeros(len(library.INPUTS), np.int64)
         given[library.INPUTS.index("drdy_n")] = 1
@@ -268,6 +272,153 @@ def test_reset_values_are_read_and_every_register_is_written_and_read_back(built
         if r.access == "rw":
             assert word_of(lines, at) == registers.to_bus(raws[r.name][1], r.fmt), f"{r.name} at the end"
     assert (lines["status"] & spi_slave.ERRORS.hi == 0).all()
+
+
+def test_every_register_has_its_reset_value(built):
+    """Each is the first that is read behind a reset, before any 8 kHz work: against model, SystemRDL and C header."""
+    from testbench.register_map.export import compiled
+
+    _, folder, p = built
+    with opened(built) as port:
+        port.plan(9, 5, 5)
+        for r in EVERY:
+            port.reset()
+            port.ask((REGISTER, address(r), 2))
+            port.served()
+        lines = port.lines()
+    assert (lines["taken"][0], lines["end"].max() - lines["begin"].min()) < (FRAME_CLOCKS, FRAME_CLOCKS * len(EVERY))
+    found = {r.name.upper(): word_of(lines, at) for at, r in enumerate(EVERY)}
+    state, port_state = fpga.reset(p.design), host.State()
+    for r in EVERY:
+        if r in registers.MAP:
+            expected = registers.read(state, r.address)
+        else:
+            expected = registers.to_bus(attrgetter(r.path)(port_state), r.fmt)
+        assert found[r.name.upper()] == expected, r.name
+    fields = 0
+    for word in compiled(folder / "map" / "gyro_registers.rdl").registers():
+        raw = found[re.sub("_(LO|HI)$", "", word.inst_name)] >> word.get_property("gyro_low_bit")
+        for field in word.fields():
+            reset = field.get_property("reset")
+            if reset is not None:
+                assert raw >> field.low & ((1 << field.width) - 1) == reset, (word.inst_name, field.inst_name)
+                fields += 1
+    assert fields > len(OF_BANK)
+    macros = re.findall(r"GYRO_(\w+)_RESET INT64_C\((-?\d+)\)", (folder / "map" / "c" / "gyro_formats.h").read_text())
+    by_name = {r.name.upper(): r for r in EVERY}
+    for name, value in macros:
+        assert found[name] == registers.to_bus(int(value), by_name[name].fmt), name
+    assert {name for name, _ in macros} == {r.name.upper() for r in EVERY if r.access != "ro" or not r.path}
+
+
+def talk_of_writes(built, first, writes):
+    """(lines, what the pins show at the end) of writes, each followed by a read of its register; then of everything."""
+    with opened(built) as port:
+        port.plan(11, 5, 12)
+        port.ask(*first)
+        for write, register in writes:
+            port.ask(write, (REGISTER, address(register), 2))
+        port.ask(*everything())
+        port.served()
+        lines, shown = port.lines(), port.read()
+    assert (lines["result"] == OK).all(), "every frame is answered"
+    assert (lines["status"] & spi_slave.ERRORS.hi == 0).all(), "no write is an error"
+    return lines, shown
+
+
+def test_a_write_to_a_register_that_is_read_only_changes_nothing(built):
+    """Two boards hear frames at the same times: they write registers that are read only, or a value that is there."""
+    draw, ro, rest = random.Random(4), [], []
+    same = {r.name: written(r, draw.randint(r.fmt.lo, r.fmt.hi)) for r in OF_BANK if r.name != "control"}
+    for r in EVERY:
+        if r.access != "ro":
+            continue
+        for words in ((0xFFFFFFFF,), (draw.getrandbits(32), draw.getrandbits(32))):
+            ro.append(((WRITE, address(r), len(words), *words), r))
+            rest.append((same["decimation" if len(words) == 1 else "phase_drive_sine"], r))
+        ro.append(((WRITE, address(r) + 4, 1, draw.getrandbits(32)), r))
+        rest.append((same["decimation"], r))
+    (found, shown), (expected, quiet) = (talk_of_writes(built, same.values(), writes) for writes in (ro, rest))
+    reads = found["kind"] == REGISTER
+    assert len(np.unique(found["word0"][reads])) > len(EVERY) / 2
+    for name in set(COLUMNS) - {"address"}:
+        assert np.array_equal(found[name][reads], expected[name][reads]), name
+    assert np.array_equal(shown, quiet)
+
+
+def test_a_write_to_a_register_that_is_read_only_drops_a_low_word_that_waits(built):
+    phase, pending = registers.BY_NAME["phase_sense_ref"], 1 << 3
+    with opened(built) as port:
+        port.plan(12, 5, 12)
+        for r in [r for r in EVERY if r.access == "ro"]:
+            port.ask((WRITE, address(phase), 1, 0x12345678), (WRITE, address(r), 1, 1))
+            port.ask((WRITE, address(phase) + 4, 1, 0x1234), (REGISTER, address(phase), 2))
+        port.served()
+        lines = port.lines()
+    status = lines["status"].reshape(-1, 4) & pending
+    assert (status == [0, pending, 0, 0]).all()
+    assert all(word_of(lines, at) == 0 for at in range(3, len(lines["kind"]), 4))
+
+
+class Faulty:
+    """A loop whose converter fails in many ways; the host reads the latch of faults and clears it."""
+
+    def __init__(self, built, port):
+        self.port, self.sim = port, run.Alone(Config(), *DEGC, port, built[2])
+        self.sim.now = (np.array([0.0]), np.array([25.0]))
+
+    def run(self, frames, *faults):
+        self.sim.faults = simulate.faults_of(faults)
+        self.sim.advance(frames * 125, 0.0, 25.0)
+
+    def written(self, name, raw, frames=3):
+        """Also without the 8 kHz work behind it, if `frames` is 0."""
+        self.port.ask(written(registers.BY_NAME[name], raw))
+        self.run(frames)
+
+    def latch_and_flags(self):
+        before = len(self.port.lines()["kind"])
+        self.port.ask(*((REGISTER, address(registers.BY_NAME[name]), 1) for name in ("fault_clear", "flags")))
+        self.run(1)
+        lines = self.port.lines()
+        assert len(lines["kind"]) == before + 2
+        return tuple(int(lines["word0"][before + k]) for k in range(2))
+
+    def provoke(self):
+        """Faults of which none lasts: the drive is off behind them, and the converter works."""
+        self.written("control", sequencer.RUN)
+        self.run(40)
+        self.run(20, ("adc_silent", "adc", 0))
+        self.run(30, ("adc_over_range", "sense_sin", 1))
+        self.run(40, ("adc_stuck", "drive_sin", 5))
+        self.run(60)
+        self.written("control", 0, 8)
+        latch, flags = self.latch_and_flags()
+        assert flags == 0
+        assert latch.bit_count() >= 4, f"{latch:08b}"
+        return latch
+
+
+def test_ones_written_to_the_latch_of_faults_clear_these_and_no_others(built):
+    draw = random.Random(5)
+    with opened(built) as port:
+        port.plan(13, 5, 8)
+        faulty = Faulty(built, port)
+        latch = faulty.provoke()
+        bits = [1 << k for k in range(8)]
+        draw.shuffle(bits)
+        for mask in (0, 0xFF & ~latch, *bits):
+            faulty.written("fault_clear", mask)
+            latch &= ~mask
+            assert faulty.latch_and_flags() == (latch, 0), f"{mask:08b}"
+        # a fault that lasts stays
+        silent = ("adc_silent", "adc", 0)
+        faulty.run(4, silent)
+        port.ask(written(registers.BY_NAME["fault_clear"], 0xFF))
+        faulty.run(4, silent)
+        port.ask(*((REGISTER, address(registers.BY_NAME[name]), 1) for name in ("fault_clear", "flags")))
+        faulty.run(1, silent)
+        assert port.lines()["word0"][-2:].tolist() == [fault_monitor.STALE] * 2
 
 
 def test_what_is_not_a_whole_write_changes_nothing_and_errors_are_flagged_until_cleared(built):
