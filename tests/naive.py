@@ -1183,3 +1183,66 @@ def noise_sum(key0, key1, counters):
     """Sum over counters of the four 16-bit halves of the hash, less its mean."""
     halves = [h for c in counters for w in noise_words(key0, key1, c) for h in divmod(w, 2**16)]
     return Fraction(sum(halves)) - Fraction(65535 * len(halves), 2)
+
+
+# axi_slave ----------------------------------------------------------------------------------------------------------
+
+
+def axi_slave(inputs):
+    """Register rows before each edge, and after the last, from the instants of every transfer: (awready, awaddr,
+    wready, wdata, wstrb, bvalid, bresp, arready, araddr, rvalid, rdata, rresp).
+
+    inputs  (awvalid, awaddr, wvalid, wdata, wstrb, bready, arvalid, araddr, rready, word) at each edge
+    A transfer happens at the first edge at which it may with its level at 1; an access in the first clock it may.
+    """
+    end = len(inputs)
+
+    def first(level, at):
+        return next((n for n in range(at, end) if inputs[n][level]), end)
+
+    aw, w, b, turns = [], [], [], []  # of each write: address, data and response pass, and the clock of its access
+    while not turns or turns[-1] < end:
+        after = turns[-1] + 1 if turns else 0
+        aw.append(first(0, after))
+        w.append(first(2, after))
+        turns.append(max(aw[-1], w[-1], b[-1] if b else -1) + 1)
+        b.append(first(5, turns[-1] + 1))
+    ar, r, fetches = [], [], []
+    while not fetches or fetches[-1] < end:
+        ar.append(first(6, fetches[-1] + 1 if fetches else 0))
+        fetches.append(max(ar[-1], r[-1] if r else -1) + 1)
+        while fetches[-1] in turns:
+            fetches[-1] += 1
+        r.append(first(8, fetches[-1] + 1))
+
+    def between(begins, ends, n):
+        return int(any(a < n <= z for a, z in zip(begins, ends, strict=True)))
+
+    def at_last(clocks, n, what, rest=0):
+        past = [k for k, m in enumerate(clocks) if m < min(n, end)]
+        return what(past[-1]) if past else rest
+
+    def written(k):
+        strobes = inputs[w[k]][4]
+        return 0 if inputs[aw[k]][1] % 4 == 0 and strobes in (0, 15) else 2
+
+    def whole(k):
+        return inputs[ar[k]][7] % 4 == 0
+
+    return [
+        (
+            1 - between(aw, turns, n),
+            at_last(aw, n, lambda k: inputs[aw[k]][1]),
+            1 - between(w, turns, n),
+            at_last(w, n, lambda k: inputs[w[k]][3]),
+            at_last(w, n, lambda k: inputs[w[k]][4]),
+            between(turns, b, n),
+            at_last(turns, n, written),
+            1 - between(ar, fetches, n),
+            at_last(ar, n, lambda k: inputs[ar[k]][7]),
+            between(fetches, r, n),
+            at_last(fetches, n, lambda k: inputs[fetches[k]][9] if whole(k) else 0),
+            at_last(fetches, n, lambda k: 0 if whole(k) else 2),
+        )
+        for n in range(end + 1)
+    ]

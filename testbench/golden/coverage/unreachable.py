@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fpga_model import cordic, fault_monitor, modulator, pi, rate_output, registers, sequencer, sine
+from fpga_model import axi_slave, cordic, fault_monitor, modulator, pi, rate_output, registers, sequencer, sine
 from testbench.golden.coverage import coverage, probes
 from testbench.golden.stimulus import blocks
 from testbench.golden.stimulus.edges_pi import ERRORS, ONE, Loop, even_part, half_up
@@ -197,6 +197,8 @@ def bounds(block, case):
             "ldac_wait": (0, p.ldac, f"ldac = {p.ldac}"),
             "ldac_n": (1 - max(p.ldac, p.strobe), 1, f"ldac = {p.ldac}, strobe = {p.strobe}"),
         }, {}
+    if stem == "axi_slave":
+        return {}, dict.fromkeys(("bresp", "rresp"), (axi_slave.SLVERR, "OKAY or SLVERR"))
     if stem == "lock_monitor":
         return _locks(p), {}
     if stem == "fault_monitor":

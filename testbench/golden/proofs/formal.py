@@ -34,6 +34,7 @@ CASES = {
     "spi_dac": ("dac8811", "ad5791", "dac82002"),
     "spi_adc": ("default",),
     "spi_slave": ("default",),
+    "axi_slave": ("default",),
     "host_bus": ("default", "narrow"),
     "sequencer": ("quick",),
 }

@@ -23,8 +23,11 @@ from testbench.storage.inputs import checked
 
 LEVELS = ("pins", "outputs", "registers")
 KINDS = {"pins": "pin", "outputs": "output", "registers": "register"}
-# No wire leads to the host: it reads these
-HOST = {"rate_output": ("y", "valid")}
+# No wire of the firmware leads to the host, or to its bus: they read these
+HOST = {
+    "rate_output": ("y", "valid"),
+    "axi_slave": ("awready", "wready", "wdata", "bvalid", "bresp", "arready", "rvalid", "rdata", "rresp"),
+}
 
 
 @functools.cache

@@ -9,6 +9,7 @@ import itertools
 
 from fpga_model import fault_monitor, lock_monitor, rates, spi_adc
 from fpga_model.fixed import signed
+from testbench.golden.stimulus.script_axi_slave import script_axi_slave  # noqa: F401
 from testbench.golden.stimulus.script_host_bus import script_host_bus  # noqa: F401
 from testbench.golden.stimulus.script_sequencer import script_sequencer  # noqa: F401
 from testbench.golden.stimulus.script_spi_slave import script_spi_slave  # noqa: F401

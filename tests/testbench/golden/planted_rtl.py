@@ -550,12 +550,15 @@ fault(SEQ, "quick", "limit", ("frames >= {1'b0, init}", "frames > {1'b0, init}")
 
 # The port of the host ------------------------------------------------------------------------------------------------
 
-SLAVE, BUS = "spi_slave.v", "host_bus.v"
+SLAVE, AXI, BUS = "spi_slave.v", "axi_slave.v", "host_bus.v"
 fault(SLAVE, "default", "reset", ("r_errors <= 3'd0;", "r_errors <= 3'd5;"))
 fault(SLAVE, "default", "reset", ("r_address <= 11'd0;", "r_address <= 11'd4;"))
 fault(SLAVE, "default", "bit_order", ("r_shift[38:0], r_sdi", "r_sdi, r_shift[39:1]"))
 fault(SLAVE, "default", "sign", ("r_words <= r_words - 3'd1", "r_words <= r_words + 3'd1"))
 fault(SLAVE, "default", "gain", ("r_data <= shifted[31:0]", "r_data <= shifted[32:1]"))
+fault(AXI, "default", "reset", ("r_arready <= 1'b1;\n            r_araddr", "r_arready <= 1'b0;\n            r_araddr"))
+fault(AXI, "default", "reset", ("r_bresp <= OKAY;", "r_bresp <= SLVERR;"))
+fault(AXI, "default", "gain", ("r_wdata <= wdata", "r_wdata <= wdata << 1"))
 fault(BUS, "default", "reset", ("r_number <= 12'd0;", "r_number <= 12'd9;"))
 fault(BUS, "default", "reset", ("r_status <= 19'd0;", "r_status <= 19'd1;"))
 fault(BUS, "default", "sign", ("r_frames + 12'd1", "r_frames - 12'd1"))

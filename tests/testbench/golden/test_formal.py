@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 
 from testbench.commands.main import app
 from testbench.errors import ConfigError, FileError
+from testbench.golden.bundles.benches import layout
 from testbench.golden.foreign.choice import Choice
 from testbench.golden.proofs import formal
 from testbench.golden.stimulus import blocks
@@ -38,6 +39,23 @@ def no_run(state):
 def begins(phase):
     """A slave that is in a phase at reset."""
     return "r_phase    <= COMMAND", f"r_phase    <= {phase}"
+
+
+FREE = "r_awready <= 1'b1;\n                r_wready  <= 1'b1;\n                r_bvalid"  # a write is served
+
+
+def combinational(name, level):
+    """An output of the AXI slave that is 0 while an input is: a path from the host to the host within a clock."""
+    block = blocks.BLOCKS["axi_slave"]
+    ports = {"clk": ("input", 1)} | {port.name: ("input", port.width) for port in block.columns}
+    ports |= {port: ("output", found.width) for port, found in layout.results(block)}
+    declared = ", ".join(f"{way} wire [{width - 1}:0] {port}" for port, (way, width) in ports.items())
+    joined = ", ".join(f".{port}({'own' if port == f'r_{name}' else port})" for port in ports)
+    outer = f"wire own; assign r_{name} = own && {level}; inner held({joined});"
+    return (
+        ("module gyro_axi_slave (", "module inner ("),
+        ("endmodule", f"endmodule\nmodule gyro_axi_slave({declared}); {outer} endmodule"),
+    )
 
 
 # Block, case: {property: edits (right, wrong) of the block's file that break it}
@@ -147,6 +165,38 @@ PLANTED = {
         "out_moves_with_sck": (("if (!r_active)\n", "if (!r_second)\n"),),
         "out_is_the_top": (("o_sdo = r_shift[39]", "o_sdo = r_shift[38]"),),
         "start_once": (("!r_cs_n && !r_active", "!r_active"),),
+    },
+    ("axi_slave", "default"): {
+        "resets": (("r_bvalid  <= 1'b0;\n            r_bresp", "r_bvalid  <= 1'b1;\n            r_bresp"),),
+        "bvalid_stays": (("if (bready)", "if (rready)"),),
+        "bresp_stays": (("if (bready)", "if (wvalid) r_bresp <= OKAY; if (bready)"),),
+        "rvalid_stays": (("if (rready)", "if (bready)"),),
+        "word_stays": (("if (rready)", "if (arvalid) r_rdata <= word; if (rready)"),),
+        "response_after_both": (("!r_awready && !r_wready && !r_bvalid", "!r_awready && !r_bvalid"),),
+        "word_after_request": (("!r_arready && !r_rvalid", "!r_rvalid"),),
+        "one_response_per_address": (("!r_wready && !r_bvalid", "!r_wready"),),
+        "one_response_per_data": ((FREE, FREE.replace("r_wready  <= 1'b1", "r_wready  <= wvalid")),),
+        "one_word_per_request": (("!r_arready && !r_rvalid", "!r_arready"),),
+        "awready_of_the_past": combinational("awready", "wvalid"),
+        "wready_of_the_past": combinational("wready", "awvalid"),
+        "arready_of_the_past": combinational("arready", "arvalid"),
+        "bvalid_of_the_past": combinational("bvalid", "bready"),
+        "rvalid_of_the_past": combinational("rvalid", "rready"),
+        "responses_known": (("SLVERR = 2'b10", "SLVERR = 2'b11"),),
+        "address_is_kept": (("r_awaddr  <= awaddr", "r_awaddr  <= araddr"),),
+        "data_is_kept": (("r_wdata  <= wdata", "r_wdata  <= word"),),
+        "read_address_is_kept": (("r_araddr  <= araddr", "r_araddr  <= awaddr"),),
+        "write_as_asked": (("writes ? r_awaddr : r_araddr", "every ? r_araddr : r_awaddr"),),
+        "write_once": ((FREE, FREE.replace("1'b1;", "awvalid;", 1)),),
+        "refused_changes_nothing": (("writes && aligned && every", "writes && aligned"),),
+        "response_is_right": (("r_wstrb == 4'h0", "r_wstrb == 4'h3"),),
+        "okay_is_written": (("writes && aligned && every", "writes && aligned && every && !arvalid"),),
+        "fetch_as_asked": (("writes ? r_awaddr : r_araddr", "r_wready ? r_awaddr : r_araddr"),),
+        "word_of_the_access": (("aligned ? word : 32'd0", "aligned ? wdata : 32'd0"),),
+        "unaligned_is_refused": (("r_rresp   <= aligned ? OKAY", "r_rresp   <= reads ? OKAY"),),
+        "one_access": (("!r_rvalid && !writes", "!r_rvalid"),),
+        "read_waits_one_clock": (("if (reads) begin", "if (reads && rready) begin"),),
+        "done_is_taken": (("r_rvalid && rready", "r_rvalid"),),
     },
     ("host_bus", "default"): {
         "counts_to_two": (("r_unread           <= 2'd0", "r_unread           <= 2'd3"),),

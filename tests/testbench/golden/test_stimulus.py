@@ -30,9 +30,17 @@ PHASES = {
     "rates": ("slot", "tick"),
     "watchdog": ("stale",),
     "spi_slave": ("phase", "bit", "second", "write", "done", "active"),
+    "axi_slave": ("awready", "wready", "bvalid", "arready", "rvalid"),
     "host_bus": ("pending", "fresh", "unread", "unread_after", "reading"),
 }
-SCRIPTED = ("spi_adc", "spi_slave", "host_bus", "watchdog", "rates")  # overflow is met by a script; they have no edges
+SCRIPTED = (
+    "spi_adc",
+    "spi_slave",
+    "axi_slave",
+    "host_bus",
+    "watchdog",
+    "rates",
+)  # overflow is met by a script; they have no edges
 
 
 @functools.cache

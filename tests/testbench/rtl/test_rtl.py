@@ -14,8 +14,21 @@ from typing import NamedTuple
 
 import pytest
 
+from fpga_model import (
+    axi_slave,
+    dds,
+    delay,
+    host_bus,
+    modulator,
+    pi,
+    references,
+    sine,
+    spi_adc,
+    spi_dac,
+    spi_slave,
+    wiring,
+)
 from fpga_model import block as registry
-from fpga_model import dds, delay, host_bus, modulator, pi, references, sine, spi_adc, spi_dac, spi_slave, wiring
 from fpga_model.block import structure
 from fpga_model.design_record import DEFAULT
 from fpga_model.fixed import bits
@@ -122,6 +135,14 @@ def slave_row(rng, s):
     return (*next(rng.host), rng.getrandbits(5), rng.getrandbits(32), clear)
 
 
+def axi_row(rng, s):
+    """Every channel valid and ready at random; addresses within words and strobes that are refused now and then."""
+    i = {name: rng.randrange(fmt.lo, fmt.hi + 1) for name, fmt in axi_slave.BLOCK.inputs.items()}
+    if rng.random() < 0.7:
+        i |= {"awaddr": i["awaddr"] & ~3, "araddr": i["araddr"] & ~3, "wstrb": rng.choice([15, 15, 0])}
+    return tuple(i.values())
+
+
 def bus_row(rng, s):
     """A busy bus: addresses of pairs and of the sample, strobes in every second clock."""
     i = {name: rng.randrange(fmt.lo, fmt.hi + 1) for name, fmt in host_bus.BLOCK.inputs.items()}
@@ -219,6 +240,19 @@ BLOCKS = {
         slave_row,
         rows=8000,
     ),
+    "axi_slave": Block(
+        axi_slave,
+        (None,),
+        axi_slave.BLOCK.inputs,
+        {
+            "address": (axi_slave.ADDRESS, lambda p, s, *_: axi_slave.address(s)),
+            "write": (BIT, lambda p, s, *_: axi_slave.write(s)),
+            "fetch": (BIT, lambda p, s, *_: axi_slave.fetch(s)),
+            "done": (BIT, lambda p, s, *i: axi_slave.done(s, i[8])),
+        },
+        axi_row,
+        rows=6000,
+    ),
     "host_bus": Block(
         host_bus,
         tuple(host_bus.BLOCK.cases.values()),
@@ -240,7 +274,7 @@ BLOCKS = {
     ),
 }
 VERILOG = tuple(BLOCKS)
-VHDL = ("dds", "references", "pi", "spi_dac", "spi_slave", "host_bus")
+VHDL = ("dds", "references", "pi", "spi_dac", "spi_slave", "axi_slave", "host_bus")
 CASES = [
     pytest.param(stem, k, marks=pytest.mark.slow if k else ())
     for stem, block in BLOCKS.items()
@@ -503,6 +537,8 @@ PLANTED = [
     ("spi_slave.v", 0, "r_read ? r_shift[39] : r_sdi", "r_read ? r_sdi : r_sdi"),
     ("spi_slave.v", 0, "{~divided, 32'd0}", "{~r_crc, 32'd0}"),
     ("spi_slave.v", 0, "good && !r_read", "ends && complete && !r_read"),
+    ("axi_slave.v", 0, "!r_rvalid && !writes", "!r_rvalid"),
+    ("axi_slave.v", 0, "r_wstrb == 4'h0", "!r_wstrb[0]"),
     ("host_bus.v", 0, "r_pending <= low_written", "r_pending <= low_written || r_pending"),
     ("host_bus.v", 0, "done && r_reading ?", "done ?"),
     ("delay.v", 8, "r_taps_7 <= r_taps_6", "r_taps_7 <= r_taps_5"),
@@ -510,6 +546,7 @@ PLANTED = [
     ("references.vhd", 5, "r_retimed when retimed = '1' else picked", "picked"),
     ("pi.vhd", 1, "2**(F - 1), A + 2", "2**(F - 1) - 1, A + 2"),
     ("spi_dac.vhd", 0, "unsigned(r_left) = 1", "unsigned(r_left) = 2"),
+    ("axi_slave.vhd", 0, "r_rvalid and rready", "rready"),
     ("host_bus.vhd", 0, 'counted("00", sample)', '"00"'),
     ("spi_slave.vhd", 0, "elsif r_phase /= COMMAND or unsigned(r_bit) /= 0 then", "else"),
 ]
