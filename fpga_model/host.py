@@ -12,12 +12,10 @@ from __future__ import annotations  # a field may bear the name of its module
 
 from typing import NamedTuple
 
-from fpga_model import host_bus, rates, registers, spi_slave
+from fpga_model import host_bus, host_words, rates, spi_slave
 from fpga_model.design_record import DEFAULT
 from fpga_model.fixed import bits, formats
 from fpga_model.jit import inlined
-
-IDENTITY = registers.IDENTITY
 
 
 class Params(NamedTuple):
@@ -55,92 +53,12 @@ class Pins(NamedTuple):
 
 INPUTS_FMT, PINS_FMT, STATE_FMT = formats(Inputs), formats(Pins), formats(State)
 REST = Inputs(1, 0, 0)  # nobody talks
-LOW_16, LOW_24, LOW_30 = (1 << 16) - 1, (1 << 24) - 1, (1 << 30) - 1
-
-
-def paths():
-    """{register: dotted path of what it reads}, of the firmware's state, or of `State` for those of the port."""
-    return {r.name: r.path for r in (*registers.MAP, *host_bus.MAP)}
 
 
 @inlined
 def pins(s):
     """What the pins show."""
     return Pins(spi_slave.sdo(s.slave), host_bus.data_ready(s.bus))
-
-
-@inlined
-def _of_bank(b, latch, register):
-    """Word of a register of the bank."""
-    words = (
-        b.control,
-        latch,
-        b.phase_drive_sine,
-        b.phase_sense_sine,
-        b.phase_drive_ref,
-        b.phase_sense_ref,
-        b.amplitude_setpoint,
-        b.frequency_fixed,
-        b.amplitude_fixed & LOW_24,
-        b.rate_fixed & LOW_24,
-        b.quadrature_fixed,
-        b.rate_bias & host_bus.WORD_MASK,
-        b.rate_bias_t1 & host_bus.WORD_MASK,
-        b.rate_bias_t2 & host_bus.WORD_MASK,
-        b.rate_scale & LOW_30,
-        b.rate_scale_t1 & LOW_24,
-        b.rate_scale_t2 & LOW_24,
-        b.decimation,
-    )
-    return words[register] if register < len(words) else 0
-
-
-@inlined
-def _of_firmware(f, register):
-    """Word of a register that can be read only."""
-    c = f.control
-    words = (
-        IDENTITY,
-        c.sequencer.state,
-        c.sequencer.lock.locked,
-        c.sequencer.faults.flags,
-        c.sequencer.attempts,
-        c.frequency_tracker.word,
-        c.agc.loop.y & LOW_24,
-        c.cordic.magnitude,
-        c.cordic.phase & LOW_24,
-        c.rate_loop.loop.y & LOW_24,
-        c.quadrature_loop.root.y,
-        c.rate_output.y & host_bus.WORD_MASK,
-        c.rate_output.t & LOW_16,
-    )
-    at = register - registers.FIRST_READ_ONLY
-    return words[at] if at < len(words) else 0
-
-
-@inlined
-def _of_port(s, register):
-    """Word of a register of the port itself."""
-    b = s.bus
-    words = (
-        b.rate & host_bus.WORD_MASK,
-        b.held_temperature & LOW_16,
-        b.held_status,
-        b.held_number,
-        s.slave.errors,
-    )
-    at = register - host_bus.FIRST
-    return words[at] if at < len(words) else 0
-
-
-@inlined
-def value(s, f, register):
-    """Word of a register: of the port `s`, or of the firmware `f` before the edge; 0 where there is none."""
-    if register < registers.FIRST_READ_ONLY:
-        return _of_bank(f.registers, f.control.sequencer.faults.latch, register)
-    if register < host_bus.FIRST:
-        return _of_firmware(f, register)
-    return _of_port(s, register)
 
 
 @inlined
@@ -154,7 +72,7 @@ def step(p, s, f, i):
     fetch = spi_slave.fetch(slave)
     word = 0
     if fetch == 1:
-        word = value(s, f, slave.address >> host_bus.REGISTER_AT)
+        word = host_words.value(bus, slave.errors, f, slave.address >> host_bus.REGISTER_AT)
     return State(
         spi_slave.step(
             slave,

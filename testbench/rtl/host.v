@@ -1,4 +1,4 @@
-// Port of the host beside gyro_top, whose registers it reads: SPI slave, bus, and the word of each register.
+// Port of the host beside gyro_top, whose registers it reads: SPI slave, bus, and the words of the registers.
 //   r_bus_bank_write, r_bus_bank_address, r_bus_bank_data    to write, address, data of gyro_top
 //   a register of the firmware is a port with the name of its register port of gyro_top, without r_
 // Latency: 2 clocks from the end of a frame on the SPI port's registers to write; a sample 1 clock behind the last
@@ -35,14 +35,10 @@ module gyro_host #(
     input  wire                 [7:0] control_sequencer_faults_flags,
     input  wire                 [7:0] control_sequencer_attempts,
     input  wire        [DDS_BITS-1:0] control_frequency_tracker_word,
-    /* verilator lint_off UNUSED */ // waived: bits beyond the limits of the loop
     input  wire                [35:0] control_agc_loop_y,
-    /* verilator lint_on UNUSED */
     input  wire                [24:0] control_cordic_magnitude,
     input  wire                [23:0] control_cordic_phase,
-    /* verilator lint_off UNUSED */ // waived: bits beyond the limits of the loop
     input  wire                [35:0] control_rate_loop_loop_y,
-    /* verilator lint_on UNUSED */
     input  wire                [15:0] control_quadrature_loop_root_y,
     input  wire                [31:0] control_rate_output_y,
     input  wire                [15:0] control_rate_output_t,
@@ -103,49 +99,48 @@ module gyro_host #(
     wire [4:0] bus_status;
 
     // what the host reads: the word of the register at the slave's address
-    reg [47:0] value;
-    always @* begin
-        value = 48'd0;
-        case (r_slave_address[10:3])
-            8'h00: value[8:0] = registers_control;
-            8'h01: value[7:0] = control_sequencer_faults_latch;
-            8'h02: value[DDS_BITS-1:0] = registers_phase_drive_sine;
-            8'h03: value[DDS_BITS-1:0] = registers_phase_sense_sine;
-            8'h04: value[DDS_BITS-1:0] = registers_phase_drive_ref;
-            8'h05: value[DDS_BITS-1:0] = registers_phase_sense_ref;
-            8'h06: value[23:0] = registers_amplitude_setpoint;
-            8'h07: value[DDS_BITS-1:0] = registers_frequency_fixed;
-            8'h08: value[23:0] = registers_amplitude_fixed;
-            8'h09: value[23:0] = registers_rate_fixed;
-            8'h0A: value[31:0] = registers_quadrature_fixed;
-            8'h0B: value[31:0] = registers_rate_bias;
-            8'h0C: value[31:0] = registers_rate_bias_t1;
-            8'h0D: value[31:0] = registers_rate_bias_t2;
-            8'h0E: value[29:0] = registers_rate_scale;
-            8'h0F: value[23:0] = registers_rate_scale_t1;
-            8'h10: value[23:0] = registers_rate_scale_t2;
-            8'h11: value[2:0] = registers_decimation;
-            8'h40: value = 48'h4759524F0001;
-            8'h41: value[3:0] = control_sequencer_state;
-            8'h42: value[3:0] = control_sequencer_lock_locked;
-            8'h43: value[7:0] = control_sequencer_faults_flags;
-            8'h44: value[7:0] = control_sequencer_attempts;
-            8'h45: value[DDS_BITS-1:0] = control_frequency_tracker_word;
-            8'h46: value[23:0] = control_agc_loop_y[23:0];
-            8'h47: value[24:0] = control_cordic_magnitude;
-            8'h48: value[23:0] = control_cordic_phase;
-            8'h49: value[23:0] = control_rate_loop_loop_y[23:0];
-            8'h4A: value[15:0] = control_quadrature_loop_root_y;
-            8'h4B: value[31:0] = control_rate_output_y;
-            8'h4C: value[15:0] = control_rate_output_t;
-            8'h50: value[31:0] = r_bus_rate;
-            8'h51: value[15:0] = r_bus_held_temperature;
-            8'h52: value[20:0] = r_bus_held_status;
-            8'h53: value[11:0] = r_bus_held_number;
-            8'h54: value[2:0] = r_slave_errors;
-            default: ;
-        endcase
-    end
+    wire [47:0] value;
+    gyro_host_words #(
+        .DDS_BITS(DDS_BITS)
+    ) words (
+        .address                       (r_slave_address[10:3]),
+        .registers_control             (registers_control),
+        .control_sequencer_faults_latch(control_sequencer_faults_latch),
+        .registers_phase_drive_sine    (registers_phase_drive_sine),
+        .registers_phase_sense_sine    (registers_phase_sense_sine),
+        .registers_phase_drive_ref     (registers_phase_drive_ref),
+        .registers_phase_sense_ref     (registers_phase_sense_ref),
+        .registers_amplitude_setpoint  (registers_amplitude_setpoint),
+        .registers_frequency_fixed     (registers_frequency_fixed),
+        .registers_amplitude_fixed     (registers_amplitude_fixed),
+        .registers_rate_fixed          (registers_rate_fixed),
+        .registers_quadrature_fixed    (registers_quadrature_fixed),
+        .registers_rate_bias           (registers_rate_bias),
+        .registers_rate_bias_t1        (registers_rate_bias_t1),
+        .registers_rate_bias_t2        (registers_rate_bias_t2),
+        .registers_rate_scale          (registers_rate_scale),
+        .registers_rate_scale_t1       (registers_rate_scale_t1),
+        .registers_rate_scale_t2       (registers_rate_scale_t2),
+        .registers_decimation          (registers_decimation),
+        .control_sequencer_state       (control_sequencer_state),
+        .control_sequencer_lock_locked (control_sequencer_lock_locked),
+        .control_sequencer_faults_flags(control_sequencer_faults_flags),
+        .control_sequencer_attempts    (control_sequencer_attempts),
+        .control_frequency_tracker_word(control_frequency_tracker_word),
+        .control_agc_loop_y            (control_agc_loop_y),
+        .control_cordic_magnitude      (control_cordic_magnitude),
+        .control_cordic_phase          (control_cordic_phase),
+        .control_rate_loop_loop_y      (control_rate_loop_loop_y),
+        .control_quadrature_loop_root_y(control_quadrature_loop_root_y),
+        .control_rate_output_y         (control_rate_output_y),
+        .control_rate_output_t         (control_rate_output_t),
+        .bus_rate                      (r_bus_rate),
+        .bus_held_temperature          (r_bus_held_temperature),
+        .bus_held_status               (r_bus_held_status),
+        .bus_held_number               (r_bus_held_number),
+        .errors                        (r_slave_errors),
+        .value                         (value)
+    );
 
     gyro_spi_slave slave (
         .clk       (clk),

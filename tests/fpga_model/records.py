@@ -2,6 +2,7 @@
 
 from hypothesis import strategies as st
 
+from fpga_model.block import python_of
 from fpga_model.fixed import Fmt
 
 
@@ -31,3 +32,11 @@ def assert_rows(found, expected, fmt):
     for n, (got, want) in enumerate(zip(found, expected, strict=True)):
         assert got == want, f"row {n}"
         assert fits(fmt, got), f"row {n}: {got} leaves its formats"
+
+
+def uncompiled(monkeypatch, *modules):
+    """Leave the functions of modules in Python: what they call may be anything."""
+    for module in modules:
+        for name, function in list(vars(module).items()):
+            if getattr(python_of(function), "__module__", None) == module.__name__ and not isinstance(function, type):
+                monkeypatch.setattr(module, name, python_of(function))

@@ -3,10 +3,10 @@
 import random
 from pathlib import Path
 
-from fpga_model import host, host_bus, rates, registers, spi_slave, top
-from fpga_model.block import python_of
+from fpga_model import host, host_bus, host_words, rates, registers, spi_slave, top
 from testbench.flatten import format_leaves, rebuild
 from tests.fpga_model import spi_host
+from tests.fpga_model.records import uncompiled
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "blocks" / "host.md"
 EVERY = {r.address: r for r in (*registers.MAP, *host_bus.MAP)}
@@ -23,8 +23,7 @@ def at(state, path):
 
 
 def test_every_address_reads_the_register_of_the_map(monkeypatch):
-    for name in ("_of_bank", "_of_firmware", "_of_port", "value"):
-        monkeypatch.setattr(host, name, python_of(getattr(host, name)))
+    uncompiled(monkeypatch, host_words)
     draw = random.Random(2)
     for _ in range(20):
         firmware, port = drawn(top.State(), top.STATE_FMT, draw), drawn(host.State(), host.STATE_FMT, draw)
@@ -36,7 +35,8 @@ def test_every_address_reads_the_register_of_the_map(monkeypatch):
                 if r.path:
                     raw = at(port if register >= host_bus.FIRST else firmware, r.path)
                 expected = registers.to_bus(int(raw), r.fmt)
-            assert host.value(port, firmware, register) == expected, register
+            found = host_words.value(port.bus, port.slave.errors, firmware, register)
+            assert found == expected, register
 
 
 def test_the_paths_of_the_port_are_registers_in_the_format_of_the_map():
@@ -45,8 +45,7 @@ def test_the_paths_of_the_port_are_registers_in_the_format_of_the_map():
 
 
 def test_a_write_reaches_the_bank_when_the_page_says(monkeypatch):
-    for name in ("_of_bank", "_of_firmware", "_of_port", "value", "step"):
-        monkeypatch.setattr(host, name, python_of(getattr(host, name)))
+    uncompiled(monkeypatch, host, host_words)
     p, s, firmware, seen = host.design(), host.State(), top.State(), []
     levels = [(1, 0, 0)] * 6 + [(0, 0, 0)] * 5
     for bit in spi_host.text(0, 8 * 7, [0x12345678, 0x9ABC]):

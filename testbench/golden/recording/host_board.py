@@ -1,6 +1,7 @@
-"""A board's top level with the port of the host: `gyro_top`, and `gyro_host` as the master of its register bank.
+"""A board's top level with a port of the host: `gyro_top`, and `gyro_host` as the master of its register bank.
 
     write(folder, params)   gyro_board.v and the tables, as `board.write`, with pins of the SPI port in place of the bus
+    port                    `fpga_model.host_axi` for the AXI4-Lite port, `gyro_host_axi`
 
 Source  docs/blocks/host.md
 """
@@ -30,27 +31,28 @@ def _span(width):
     return f"[{width - 1}:0] " if width > 1 else ""
 
 
-def text(params):
+def text(params, port=host):
     """Verilog of the board; tables are looked for in the folder where the tool runs."""
+    name = port.__name__.rpartition(".")[2]
     widths = {flat(path): fmt.width for path, fmt in read_paths(params.design).items()}
     bus = {name: fmt.width for name, fmt in zip(top.Inputs._fields, top.INPUTS_FMT, strict=True) if name in BUS}
     lines = [line for line in board.text(params).split("\n") if line.split()[-1:] not in ([f"{n},"] for n in bus)]
     found = "\n".join(lines)
-    pins = [f"    input wire {name}" for name in host.Inputs._fields]
-    pins += [f"    output wire o_{name}" for name in host.Pins._fields]
+    pins = [f"    input wire {_span(fmt.width)}{pin}" for pin, fmt in port.INPUTS_FMT._asdict().items()]
+    pins += [f"    output wire {_span(fmt.width)}o_{pin}" for pin, fmt in port.PINS_FMT._asdict().items()]
     wires = [f"    wire {_span(width)}{name};" for name, width in {**widths, **bus}.items()]
     joined = [f"        .r_{name}({name})" for name in widths]
-    own = [f".{name}({name})" for name in ("clk", RESET_INPUT, *host.Inputs._fields, *widths)]
-    own += [f".{port}({name})" for name, port in BUS.items()] + [f".o_{name}(o_{name})" for name in host.Pins._fields]
+    own = [f".{pin}({pin})" for pin in ("clk", RESET_INPUT, *port.Inputs._fields, *widths)]
+    own += [f".{pin}({wire})" for wire, pin in BUS.items()] + [f".o_{pin}(o_{pin})" for pin in port.Pins._fields]
     listed = ",\n        ".join(own)
-    port = f"    gyro_host #(.DDS_BITS({params.design.dds_bits})) host (\n        {listed}\n    );\n"
+    instance = f"    gyro_{name} #(.DDS_BITS({params.design.dds_bits})) host (\n        {listed}\n    );\n"
     assert found.count(HEAD) == found.count(TAIL) == 1
     found = found.replace(HEAD, ",\n" + ",\n".join(pins) + HEAD + "\n" + "\n".join(wires) + "\n")
-    return found.replace(TAIL, ",\n" + ",\n".join(joined) + "\n    );\n\n" + port + "\nendmodule\n")
+    return found.replace(TAIL, ",\n" + ",\n".join(joined) + "\n    );\n\n" + instance + "\nendmodule\n")
 
 
-def write(folder, params):
+def write(folder, params, port=host):
     """Write the board's files; returns the path of gyro_board.v."""
     path = board.write(folder, params)
-    write_text(Path(path), text(params))
+    write_text(Path(path), text(params, port))
     return path

@@ -14,9 +14,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fpga_model import fault_monitor, host, host_bus, registers, sequencer, spi_slave
+from fpga_model import fault_monitor, host, host_bus, host_words, registers, sequencer, spi_slave
 from fpga_model import top as fpga
-from fpga_model.block import flat, python_of
+from fpga_model.block import flat
 from fpga_model.design_record import DEFAULT
 from testbench.config import Config
 from testbench.flatten import leaves
@@ -24,6 +24,7 @@ from testbench.golden.loop import library, run
 from testbench.golden.recording import board, host_board
 from testbench.run import build, simulate
 from testbench.tool import run_tool
+from tests.fpga_model.records import uncompiled
 from tests.testbench.rtl import test_rtl
 from tests.testbench.rtl.test_rtl import BIT, RTL, icarus, packed, slave_rows
 from tests.testbench.rtl.test_rtl_top import quick_sequencer
@@ -195,8 +196,7 @@ def test_the_verilog_of_the_port_is_the_model(seed, monkeypatch, tmp_path):
     pins = {name: (fmt, None) for name, fmt in host.PINS_FMT._asdict().items()}
     block = test_rtl.Block(host, (None,), inputs, pins, rows=6000)
     monkeypatch.setitem(test_rtl.BLOCKS, "host", block)
-    for name in ("_of_bank", "_of_firmware", "_of_port", "value", "step"):  # not compiled: they see few registers here
-        monkeypatch.setattr(host, name, python_of(getattr(host, name)))
+    uncompiled(monkeypatch, host, host_words)  # they see few registers here
     fmt_in, fmt_out = [BIT, *inputs.values()], [*block.registers.values(), *host.PINS_FMT]
     s, bus, stimulus, expected, written, taken = host.State(), slave_rows(rng), [], [], 0, 0
     values = {path: fmt.lo for path, fmt in paths.items()}
@@ -210,7 +210,7 @@ def test_the_verilog_of_the_port_is_the_model(seed, monkeypatch, tmp_path):
         written, taken = written + s.bus.bank_write, taken + s.slave.done
         s = host.State() if rst else host.step(p, s, firmware_of(values), i)
     assert min(written, taken) > 3
-    source = "".join((RTL / f"{stem}.v").read_text() for stem in ("spi_slave", "host_bus", "host"))
+    source = "".join((RTL / f"{stem}.v").read_text() for stem in ("spi_slave", "host_bus", "host_words", "host"))
     found = test_rtl.under_icarus("host", None, stimulus, tmp_path, source)
     assert test_rtl.difference("host", found, expected) is None
 

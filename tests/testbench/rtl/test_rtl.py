@@ -602,18 +602,22 @@ def test_keys_of_the_design_are_parameters_with_its_values(path):
     modules = blocks_within(path.stem)
     wanted = {key for module in modules for key in registry.keys(module)}
     # the port of the host reads phases and the frequency word
-    wanted |= {"dds_bits"} if path.stem == "host" else set()
+    wanted |= {"dds_bits"} if path.stem in OF_HOST else set()
     found = keys(path.read_text())
     assert found == {key: value for key, value in DEFAULT._asdict().items() if key in wanted}
     assert list(found) == [key for key in DEFAULT._fields if key in wanted]
+
+
+# Ports of a host, which are not in top, and the blocks in them
+OF_HOST = {"host": ("spi_slave", "host_bus"), "host_axi": ("axi_slave", "host_bus"), "host_words": ()}
 
 
 def blocks_within(stem):
     """The block, or those in control, in top or in the port of the host."""
     if stem in golden_blocks.BLOCKS:
         return [registry.declared()[stem]]
-    if stem == "host":
-        return [registry.declared()[name] for name in ("spi_slave", "host_bus")]
+    if stem in OF_HOST:
+        return [registry.declared()[name] for name in OF_HOST[stem]]
     where = {"control": "control.", "top": ""}[stem]
     return [module for role, (module, _) in wiring.instances().items() if role.startswith(where)]
 
@@ -641,8 +645,8 @@ def test_ports_are_those_of_the_model(name):
 
 
 def test_every_file_is_tried():
-    """Here, in golden/test_benches.py, for every block with a bundle, in test_rtl_top.py or test_host.py."""
-    verilog = {f"{stem}.v" for stem in (*VERILOG, *golden_blocks.BLOCKS, "control", "top", "host")}
+    """Here, in golden/test_benches.py, for every block with a bundle, in test_rtl_top.py or test_host*.py."""
+    verilog = {f"{stem}.v" for stem in (*VERILOG, *golden_blocks.BLOCKS, "control", "top", *OF_HOST)}
     files = {path.name for path in RTL.iterdir() if path.is_file()}
     assert files <= {*verilog, *(f"{stem}.vhd" for stem in VHDL)}
     assert {f"{stem}.v" for stem in VERILOG} <= files
