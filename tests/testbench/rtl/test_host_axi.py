@@ -324,6 +324,15 @@ def test_a_host_reads_whole_samples_while_the_loop_runs(built, fast, mixed):
     assert compared > 0
 
 
+@pytest.mark.slow
+def test_a_torn_sample_would_be_seen(tmp_path):
+    """Temperature and number of the newest sample, in place of those that the access to the rate has held."""
+    ports = [(f"{f'held_{name}':<26}", name) for name in ("temperature", "number")]
+    torn = [(f"{port}(r_bus_held_{name})", f"{port}(r_bus_{name})") for port, name in ports]
+    with pytest.raises(AssertionError, match=r"of its frame|newest"):
+        test_a_host_reads_whole_samples_while_the_loop_runs(board_of(tmp_path, torn), 40, 25)
+
+
 def test_columns_are_those_of_the_bench():
     text = Path(__file__).with_name("axi_bench.h").read_text()
     assert "int64_t kind, begin, taken, end, response, address, word[7], lost, busy_e6;" in text
