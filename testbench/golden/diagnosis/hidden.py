@@ -11,7 +11,7 @@ import collections
 
 import numpy as np
 
-from testbench.golden.diagnosis import simulate
+from testbench.golden.diagnosis import of_conditions, simulate
 from testbench.golden.diagnosis.net import wrapped
 from testbench.golden.diagnosis.perturb import Hypothesis, of_node, with_argument
 from testbench.golden.diagnosis.perturb_control import is_reset_choice
@@ -58,7 +58,7 @@ class Hidden:
         at = np.arange(self.first + 1)
         was = self.rows.plain(node, at) + np.zeros(len(at), np.int64)
         found, rows = [], []
-        for h in of_node(self.net, node, self.rows.seen):
+        for h in (*of_node(self.net, node, self.rows.seen), *of_conditions.of_words(self.net, node)):
             if any(n.op == "ahead" for n in (h.by, *h.by.args, *[b for a in h.by.args for b in a.args])):
                 continue
             differs = self.rows.plain(h.by, at) != was
@@ -126,7 +126,6 @@ class Hidden:
         given = np.stack([self.leaves["in", name] for name in inputs], axis=1).tolist()
         want = list(zip(*[np.where(self.care[n], self.got[n], None).tolist() for n in self.visible]))
         registers = [name for name, root in self.net.roots.items() if root.op == "next"]
-        self.left_out = max(len(ahead) - MOST_RUN, 0)
         total, out, runs = np.count_nonzero(self.wrong), [], {}
         for h, row in ahead[:MOST_RUN]:
             if simulate.adds_a_register(self.net, h.by):
@@ -137,7 +136,7 @@ class Hidden:
                     runs[h.site.id] = simulate.compiled(self.net, h.site, None, self.visible)
                 run, held = runs[h.site.id]
             state = [int(self.leaves["reg", name][row]) for name in registers]
-            if row == 0 == self.begin and is_reset_choice(h.site) and h.by.args[1].op == "const":
+            if row == 0 == self.begin and is_reset_choice(h.site) and h.cause == "reset" and h.by.args[1].op == "const":
                 state[registers.index(h.site.value)] = h.by.args[1].value
             kept = [int(self.rows.full(node)[row]) for node in held]
             end = run(by, tuple(state), kept, given, row, self.count, want)

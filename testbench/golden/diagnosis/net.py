@@ -13,6 +13,7 @@ import re
 import numpy as np
 
 MOST_SHIFT = 62
+AMOUNT = f"min(max({{1}}, 0), {MOST_SHIFT})"  # of a shift, as `_amount`
 CHANNEL = re.compile(r"_(\d|[xy])$")
 
 
@@ -74,8 +75,8 @@ OPERATIONS = {
     "neg": (np.negative, "(-{0})"),
     "inv": (np.invert, "(~{0})"),
     "abs": (np.abs, "abs({0})"),
-    "shl": (lambda x, n: x << _amount(n), "({0} << max({1}, 0))"),
-    "shr": (lambda x, n: x >> _amount(n), "({0} >> max({1}, 0))"),
+    "shl": (lambda x, n: x << _amount(n), f"({{0}} << {AMOUNT})"),
+    "shr": (lambda x, n: x >> _amount(n), f"({{0}} >> {AMOUNT})"),
     "and": (np.bitwise_and, "({0} & {1})"),
     "or": (np.bitwise_or, "({0} | {1})"),
     "xor": (np.bitwise_xor, "({0} ^ {1})"),
@@ -92,7 +93,7 @@ OPERATIONS = {
     "clamp": (lambda x, lo, hi: np.where(x < lo, lo, np.where(x > hi, hi, x)), "clamp({0}, {1}, {2})"),
     "wrap": (lambda x, w: wrapped(x, w, True), "wrap({0}, {1})"),
     "wrapu": (lambda x, w: wrapped(x, w, False), "wrapu({0}, {1})"),
-    **{rule: (_rounded(rule), rule + "({0}, max({1}, 0))") for rule in ROUNDINGS},
+    **{rule: (_rounded(rule), f"{rule}({{0}}, {AMOUNT})") for rule in ROUNDINGS},
     "next": (lambda x: x, "{0}"),
     "pin": (lambda x: x, "{0}"),
 }

@@ -69,6 +69,20 @@ def is_value(net, uses):
     )
 
 
+def of_words(net, child):
+    """Hypotheses on a condition without rows: another bit of a register or input that it reads, in all of its uses."""
+    uses = net.users.get(child.id, ())
+    if not uses or not all(decides(*use) for use in uses) or child.value == "rst" or static(child) is not None:
+        return
+    for word in net.inside(child):
+        if word.op in ("reg", "in") and not is_flag(word) and net.width_of(word) <= 62:
+            for bit in range(net.width_of(word)):
+                flag = bit_of(net, word, bit)
+                for said, by in ((f"{word!r}[{bit}]", flag), (f"not {word!r}[{bit}]", net.node("not", (flag,)))):
+                    if by is not child:
+                        yield Hypothesis("condition", f"{said} in the place of {child!r}", child, by, NEAR)
+
+
 def hypotheses(search, target, inside, picked, wrong):
     """Those on the conditions inside of a target that explain all of its wrong rows; `picked` are some of them."""
     net = search.net

@@ -10,12 +10,12 @@ Source  docs/diagnosis.md
 
 from fpga_model import fixed
 from fpga_model.block import python_of
-from testbench.golden.diagnosis.net import OPERATIONS
+from testbench.golden.diagnosis.net import MOST_SHIFT, OPERATIONS
 
 CALLS = {name: python_of(rule) for name, rule in fixed.ROUNDINGS.items()}
 CALLS["clamp"] = python_of(fixed.clamp)
-CALLS["wrap"] = lambda x, width: python_of(fixed.wrap)(x, max(width, 1))
-CALLS["wrapu"] = lambda x, width: python_of(fixed.wrap_unsigned)(x, max(width, 1))
+CALLS["wrap"] = lambda x, width: python_of(fixed.wrap)(x, min(max(width, 1), MOST_SHIFT))
+CALLS["wrapu"] = lambda x, width: python_of(fixed.wrap_unsigned)(x, min(max(width, 1), MOST_SHIFT))
 
 
 def _moved(x, places):

@@ -162,8 +162,8 @@ def hidden_causes(search):
         if share == 1.0:
             found.setdefault((h.cause, search.driven(h)), h)
     at_once = search.at_once()
-    # what was not run may explain the rows as well
-    part = 1.0 / max(len(found) + bool(search.left_out) + (at_once is not None), 1)
+    # what was not run, and what is read off the rows of registers, may explain the rows as well
+    part = 1.0 / (len(found) + 1 + (at_once is not None))
     listed = [Cause("async_reset", at_once, part, "all registers at once")] if at_once else []
     listed += [Cause(cause, register, part, h.what) for (cause, register), h in found.items()]
     return listed[:MOST_LISTED]

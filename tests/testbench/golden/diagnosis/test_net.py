@@ -7,7 +7,7 @@ import pytest
 
 from fpga_model import fixed
 from fpga_model.block import python_of
-from testbench.golden.diagnosis import elaborate, net, rows
+from testbench.golden.diagnosis import elaborate, net, rows, simulate
 from testbench.golden.stimulus import blocks
 from tests.testbench.golden.benching import made
 
@@ -46,6 +46,20 @@ def test_an_operation_on_columns_is_the_function_of_the_model(name):
     for given in [(-7, 11), (0, 5)] if name == "clamp" else [(n,) for n in (1, 2, 5, 8)]:
         assert len(inspect.signature(function).parameters) == 1 + len(given)
         np.testing.assert_array_equal(of(x, *given), [function(int(v), *given) for v in x])
+
+
+@pytest.mark.parametrize("op", ["shl", "shr", "wrap", "wrapu", *net.ROUNDINGS])
+def test_the_source_of_a_shift_by_any_amount_is_its_column(op):
+    """A hypothesis may shift by any word of the block: without a bound a Python number would fill the memory."""
+    graph = net.Net()
+    amount, x = graph.leaf("in", "amount", fixed.signed(48)), graph.leaf("in", "x", fixed.signed(2))
+    graph.close()
+    node = graph.node(op, (x, amount))
+    columns = {"amount": [-3, 1, 5, 62, 1 << 40], "x": [1, -1, 1, -1, 1]}
+    leaves = {("in", name): np.array(column) for name, column in columns.items()}
+    by = simulate.value_of(graph, node)
+    found = [by((), given) for given in zip(columns["amount"], columns["x"])]
+    assert found == rows.Rows(graph, leaves, 5).full(node).tolist()
 
 
 def test_a_held_node_is_a_register_with_enable_and_reset():

@@ -83,6 +83,13 @@ def test_a_cause_that_a_row_refutes_is_not_certain(bundles, monkeypatch):
     assert not any(cause.sure for cause in found)
 
 
+def test_with_hidden_registers_another_bit_in_a_condition_goes_first_and_none_is_certain(bundles):
+    """What is read off the rows of registers is no hypothesis there, so a name may have a rival that was not tried."""
+    found = named(bundles, "sine", "phase[DDS_BITS-2] ?", "phase[DDS_BITS-3] ?", "outputs")
+    assert found[0].cause == "condition"
+    assert not any(cause.sure for cause in found)
+
+
 def test_another_bit_in_a_condition_is_a_condition(bundles):
     found = named(bundles, "isqrt", "(r_i == LAST)", "r_i[3]")
     assert found[0].cause == "condition"
