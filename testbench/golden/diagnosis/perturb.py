@@ -89,11 +89,12 @@ def _varied(net, node, seen):
 
 
 def _everywhere(net, loaded, seen):
-    """A register or input varied wherever what is loaded uses it, if that is more than once."""
+    """A register or input varied wherever what is loaded uses it: more than once, or in what others use as well."""
     inside = net.inside(loaded)
     for leaf in inside if len(inside) <= MOST_INSIDE else ():
         uses = [(n, n.args.index(leaf)) for n in inside if leaf in n.args]
-        if leaf.op in ("reg", "in") and len(uses) > 1:
+        shared = len(uses) > 1 or any(len(net.users.get(n.id, ())) > 1 for n, _ in uses)
+        if leaf.op in ("reg", "in") and shared:
             for source in SOURCES:
                 for cause, what, new, cost in source(net, *uses[0], leaf, seen):
                     yield cause, f"{what} wherever it is used", net.substituted(loaded, {leaf.id: new}), cost

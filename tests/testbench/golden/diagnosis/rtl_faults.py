@@ -325,6 +325,10 @@ def operand(d):
                     cause = NAMED[d.feeds(name, old, m)]
                     if cause is None:
                         continue
+                    # of a condition it is another condition, on that page too
+                    test, _, ways = m[2].partition("?")
+                    if cause == "operand" and ways and old in test and not re.search(rf"\b{old}\b", ways):
+                        cause = "condition"
                     out.append(
                         Fault(
                             "wrong operand",

@@ -83,6 +83,17 @@ def test_a_cause_that_a_row_refutes_is_not_certain(bundles, monkeypatch):
     assert not any(cause.sure for cause in found)
 
 
+def test_another_port_in_a_condition_is_planted_as_a_condition():
+    found = {f.edit: f.cause for f in rtl_faults.operand(rtl_faults.Design("cordic")) if "r_phase in" in f.edit}
+    assert found["turned_y: x_in -> r_phase in x_in[23] ? -wide_y : wide_y"] == "condition"
+
+
+@pytest.mark.slow
+def test_a_new_value_in_a_comparison_that_other_registers_share_is_early(bundles):
+    found = named(bundles, "cordic", "r_y     <= next_y", "r_y     = next_y")
+    assert (found[0].cause, found[0].register) == ("early", "angle")
+
+
 def test_with_hidden_registers_another_bit_in_a_condition_goes_first_and_none_is_certain(bundles):
     """What is read off the rows of registers is no hypothesis there, so a name may have a rival that was not tried."""
     found = named(bundles, "sine", "phase[DDS_BITS-2] ?", "phase[DDS_BITS-3] ?", "outputs")
