@@ -25,7 +25,17 @@ myst_heading_anchors = 4
 suppress_warnings = ["myst.header"]
 CHAPTERS = {
     "Tutorials": tuple(
-        f"tutorials/{stem}" for stem in ("first_run", "your_rtl", "your_board", "your_recording", "your_simulator")
+        f"tutorials/{stem}"
+        for stem in (
+            "first_run",
+            "your_rtl",
+            "your_board",
+            "your_simulator",
+            "your_bench",
+            "your_registers",
+            "your_host",
+            "your_recording",
+        )
     ),
     "How-to guides": ("how_to/*",),
     "First": ("limits", "conventions", "architecture", "phases"),

@@ -10,7 +10,14 @@ import pytest
 from tests import tutorials
 
 FOLDER = Path(__file__).resolve().parents[1] / "docs" / "tutorials"
-NEEDED = {"your_rtl": ("iverilog",), "your_simulator": ("cc", "make", "unzip")}
+NEEDED = {
+    "your_bench": ("cc", "gcc", "make"),
+    "your_host": ("cc", "g++", "make", "verilator"),
+    "your_registers": ("cc",),
+    "your_rtl": ("iverilog",),
+    "your_simulator": ("cc", "make", "unzip"),
+}
+PACKAGES = {"your_host": "systemrdl", "your_registers": "systemrdl"}
 PAGES = sorted(path.stem for path in FOLDER.glob("*.md"))
 
 
@@ -21,11 +28,22 @@ def test_a_tutorial_does_what_it_says(stem, tmp_path):
     absent = [tool for tool in NEEDED.get(stem, ()) if shutil.which(tool) is None]
     if absent:
         pytest.skip(f"not installed: {', '.join(absent)}")
+    if stem in PACKAGES:
+        pytest.importorskip(PACKAGES[stem], reason="the extra registers is not installed")
     tutorials.follow(FOLDER / f"{stem}.md", tmp_path)
 
 
 def test_all_are_there():
-    assert PAGES == ["first_run", "your_board", "your_recording", "your_rtl", "your_simulator"]
+    assert PAGES == [
+        "first_run",
+        "your_bench",
+        "your_board",
+        "your_host",
+        "your_recording",
+        "your_registers",
+        "your_rtl",
+        "your_simulator",
+    ]
     for stem in PAGES:
         assert any(isinstance(step, tutorials.Command) for step in tutorials.steps(FOLDER / f"{stem}.md"))
 

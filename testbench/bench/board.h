@@ -1,6 +1,6 @@
 // What is soldered around the FPGA, at pin level: digital sides of three DACs and of the ADC, and the plant.
 // The same equations, in the same order, as analog_frontend/: every double must come out bit for bit.
-// Effects, DAC bow and glitches, INL and digital SID are left out; peers.py exports no gyroscope that has them.
+// Effects, DAC bow and glitches, INL and digital SID are left out; locked_state.py exports no gyroscope that has them.
 #pragma once
 #include <cmath>
 #include <cstdint>
@@ -446,7 +446,7 @@ inline i64 Board::convert(const double *start, const double *stop) {
     return at < TICK_CYCLES ? at : -1;
 }
 
-// ---- files: little-endian 64-bit words, in the order of peers.py ---------------------------------------------------
+// ---- files: little-endian 64-bit words, in the order of locked_state.py ---------------------------------------------------
 
 struct Reader {
     std::vector<i64> content;

@@ -22,6 +22,7 @@ from testbench.design import cli as design_cli
 from testbench.errors import ConfigError, FileError
 from testbench.fmu import cli as fmu_cli
 from testbench.golden import cli as golden_cli
+from testbench.host import cli as host_cli
 from testbench.interrupts import EXIT_INTERRUPTED
 from testbench.measured import cli as measured_cli
 from testbench.paper import cli as paper_cli
@@ -51,6 +52,7 @@ app.command()(design_cli.design)
 app.command()(study_cli.study)
 app.command()(register_map_cli.registers)
 app.command()(fmu_cli.fmu)
+app.command()(host_cli.host)
 
 
 def _version(wanted: bool):

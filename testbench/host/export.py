@@ -1,0 +1,87 @@
+"""`gyro host`: the RTL with its SPI port, closed around chips and plant, as a library for a host in C.
+
+    gyro_board.v, rtl/       firmware and port; registers begin as state.hex says
+    state.bin, state.hex     a locked gyroscope: plant and chips, registers of the firmware
+    board.h, loop.h, .cpp    chips and plant in C++, around the verilated board
+    gyro_loop.h, host.c      what a host in C calls, and one
+    map/                     the register map, with the driver
+
+Source  docs/blocks/host.md
+"""
+
+import contextlib
+import shutil
+from pathlib import Path
+
+from fpga_model import host
+from fpga_model.rates import FRAME_TICKS
+from testbench.config import scenario
+from testbench.errors import ConfigError, FileError
+from testbench.flatten import leaves
+from testbench.golden.loop import library, locked_state
+from testbench.golden.recording import board, host_board
+from testbench.register_map import export as register_map
+from testbench.run import simulate
+from testbench.run.simulation import Simulation
+from testbench.storage.files import explain, part_of
+
+TEMPLATES = Path(__file__).with_name("templates")
+RTL = Path(__file__).parents[1] / "rtl"
+BOARD = Path(__file__).parents[1] / "bench" / "board.h"
+PORT = ("spi_slave", "host_bus", "host_words", "host")
+MARK = "gyro_loop.h"  # a folder with it is one of ours
+
+
+def locked(config):
+    """(`Simulation` at the begin of a frame, its rate in rad/s) of a configuration; ConfigError if it does not lock."""
+    timeline = scenario.expand(config.scenario, config.design_record())
+    rate_rad_s, temp_degc = timeline.rate_before_rad_s, timeline.temp_before_degc
+    sim = Simulation(config, temp_degc, temp_degc, engine="frame")
+    sim.keep_rows = sim.keep_codes = False
+    if simulate.start(config, sim, rate_rad_s, temp_degc) is None:
+        raise ConfigError("gyro host: this gyroscope does not lock")
+    sim.advance(-sim.tick % FRAME_TICKS, rate_rad_s, temp_degc)
+    return sim, rate_rad_s
+
+
+def write_loop(folder, sim, rate_rad_s):
+    """Board, tables, state and sources of the loop around a locked `Simulation`."""
+    try:
+        locked_state.write_state(sim, rate_rad_s, folder)
+    except ValueError as problem:
+        raise ConfigError(f"gyro host: {problem}") from None
+    reset = [f"    host.{path.replace('.', '.r_')} = {int(value)};" for path, value in leaves(host.State()) if value]
+    board.write_roms(folder, sim.design)
+    (folder / f"{board.MODULE}.v").write_text(locked_state.from_state(host_board.text(sim.params.fpga), reset))
+    (folder / "rtl").mkdir()
+    for path in (*library.sources(RTL), *(RTL / f"{stem}.v" for stem in PORT)):
+        shutil.copyfile(path, folder / "rtl" / path.name)
+    shutil.copyfile(BOARD, folder / "board.h")
+    for path in TEMPLATES.iterdir():
+        shutil.copyfile(path, folder / path.name)
+
+
+def export(folder, config):
+    """Write the folder of a configuration; one that was written before is replaced. Paths of what to open first.
+
+    ConfigError for a board that the C++ plant leaves out; FileError if the folder holds anything else
+    """
+    folder = Path(folder)
+    part = part_of(folder)
+    try:
+        if folder.exists() and not (folder / MARK).is_file() and any(folder.iterdir()):
+            raise FileError(f"{folder}: is no folder of gyro host ({MARK} is missing); it is not replaced")
+        sim, rate_rad_s = locked(config)
+        shutil.rmtree(part, ignore_errors=True)
+        part.mkdir(parents=True)
+        write_loop(part, sim, rate_rad_s)
+        register_map.export(part / "map", config)
+        if folder.exists():
+            shutil.rmtree(folder)
+        part.rename(folder)
+    except OSError as problem:
+        raise explain(folder, problem) from None
+    finally:
+        with contextlib.suppress(OSError):
+            shutil.rmtree(part)
+    return [folder / name for name in ("Makefile", "host.c", "gyro_loop.h", "gyro_board.v", "map/c/gyro_spi.h")]
