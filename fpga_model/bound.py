@@ -101,4 +101,6 @@ def compiled(function):
 
 def replaced():
     """Names of compiled functions in which a name stands for something else now: their machine code is outdated."""
-    return sorted(f"{f.__module__}.{f.__qualname__}" for f, was in _compiled.items() if _own(f) != was)
+    # another thread may compile meanwhile
+    noted = tuple(_compiled.items())
+    return sorted(f"{f.__module__}.{f.__qualname__}" for f, was in noted if _own(f) != was)

@@ -85,3 +85,17 @@ def test_the_digest_follows_every_name_that_is_reached(monkeypatch):
     assert bound.digest(two) == first
     monkeypatch.setitem(globals(), "one", lambda x: x - STEP)
     assert len({first, second, bound.digest(two)}) == 3
+
+
+def test_functions_may_be_compiled_while_the_compiled_ones_are_compared(monkeypatch):
+    """As lanes in other threads do."""
+    monkeypatch.setattr(bound, "_compiled", {})
+    bound.compiled(two)
+    own = bound._own
+
+    def slow(function):
+        bound._compiled[lambda: 0] = None
+        return own(function)
+
+    monkeypatch.setattr(bound, "_own", slow)
+    assert bound.replaced() == []
