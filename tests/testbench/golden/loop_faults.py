@@ -16,7 +16,7 @@ from testbench.golden.recording import board as wrapper
 from tests.testbench.golden import pin_tops
 from tests.testbench.rtl.test_rtl import RTL
 
-LEFT_OUT = ("notch", "digital_sid", "spi_slave", "axi_slave", "host_bus")
+LEFT_OUT = ("notch", "digital_sid", "spi_slave", "axi_slave", "host_bus", "host_words", "host", "host_axi")
 SELECTED = "gyro_fault::selected"
 PACKAGE = "package gyro_fault;\n    int selected = 0;\nendpackage\n"
 STATEMENT = re.compile(r"^(\s*(?:wire [^=]*= |assign \w+ = |\w+ *<= ))(.+)(;\s*(?://.*)?)$")
