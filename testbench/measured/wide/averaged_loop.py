@@ -32,10 +32,9 @@ class AveragedLoop:
         self.model, self.parameters, self.bench = model, tuple(parameters), bench
         self.conditions = [c for c in measured.conditions if c.role == "fit"]
         sizes = [loop_runs.size(c) for c in self.conditions]
-        self.features = np.concatenate(
-            [measured.values[c.id][:, :n].mean(axis=0) for c, n in zip(self.conditions, sizes)]
-        )
-        self.repeats = np.repeat([len(measured.values[c.id]) for c in self.conditions], sizes)
+        self.recorded = [measured.values[c.id][:, :n] for c, n in zip(self.conditions, sizes)]
+        self.features = np.concatenate([rows.mean(axis=0) for rows in self.recorded])
+        self.repeats = np.repeat([len(rows) for rows in self.recorded], sizes)
         self.observable = np.concatenate([np.repeat(NAMES, n // len(NAMES)) for n in sizes])
         self.condition = np.repeat(np.arange(len(sizes)), sizes)
         self._word = self.observable == "f_word"
@@ -72,6 +71,11 @@ class AveragedLoop:
             raise ConfigError("wide priors: the averaged plant leaves its range")
         jitter = np.mean([jitter_hz(d) for d in range(count)])
         return np.array(rows) - self._word * (np.asarray(moved_hz)[self.condition] + jitter)
+
+    def power_ons(self, cfg, count):
+        """[(count, features) of each condition] of the averaged plant of a configuration."""
+        rows = self._draws(cfg, np.zeros(len(self.conditions)), count)
+        return [rows[:, self.condition == k] for k in range(len(self.conditions))]
 
     def mean(self, u, count, kind=FAST):
         """(mean, sd) of draws of an engine at a point; None without lock or out of limits."""

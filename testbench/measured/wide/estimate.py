@@ -19,6 +19,7 @@ from scipy.optimize import lsq_linear
 from testbench.errors import ConfigError
 from testbench.measured.closed_loop.loop_runs import EXACT, NAMES
 from testbench.measured.residual.parameters import WALL
+from testbench.measured.wide import noise_levels
 from testbench.measured.wide.averaged_loop import AveragedLoop
 
 CAP = 300.0
@@ -80,12 +81,13 @@ class Estimate(NamedTuple):
     at_wall: tuple  # keys at WALL prior sds
     rms: float  # of all features at the end, in sigmas
     converged: bool
+    noise: tuple = ()  # lines on levels above the declared ones
 
     def lines(self):
         """Lines for the report: how the stages have ended."""
         end = f"rms of the features {self.rms:.3g} sigmas" + ("" if self.converged else ", NOT converged")
         told = f"wide priors: {len(self.parameters)} parameters from the record itself, {end}"
-        return (told, *(f"wide priors: {key} is at the edge of its prior" for key in self.at_wall))
+        return (told, *(f"wide priors: {key} is at the edge of its prior" for key in self.at_wall), *self.noise)
 
 
 class Work:
@@ -222,4 +224,5 @@ def estimate(measured, model, parameters, bench, progress=None):
         raise ConfigError(
             "wide priors: the stages end at a board that does not lock under the conditions of the record"
         )
-    return Estimate(found, loop.config(work.u), tuple(work.steps), walls, work.rms(end[0], NAMES), ends[-1])
+    cfg, noise = noise_levels.of_repeats(loop, loop.config(work.u))
+    return Estimate(found, cfg, tuple(work.steps), walls, work.rms(end[0], NAMES), ends[-1], noise)

@@ -205,8 +205,10 @@ class _Loop:
             out[:, k] = (self._at(self.values(u + step)) - base) / 1e-6
         return base, out
 
+    recorded = (np.ones((1, len(loop_runs.NAMES))),)  # no repeats: the noise stays as it is declared
+
     def config(self, u):
-        return self.values(u)
+        return configuration.Config()
 
 
 def test_the_stages_find_a_board_a_factor_away_and_say_that_they_have(monkeypatch):
