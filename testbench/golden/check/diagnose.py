@@ -198,7 +198,5 @@ def _of_first_row(rows, search):
                 # a branch before the reset gives the same
                 yield Cause("no_reset", name, 0.5, "unknown behind the reset")
         elif name not in search.faulty and rows.care[name][0] and value != rows.expected[name][0]:
-            # one that is never repeated may also be missing
-            rst = rows.inputs.get("rst")
-            share = 1.0 if rst is None or rst.any() else 0.5
-            yield Cause("reset", name, share, f"{value} for {rows.expected[name][0]}")
+            # one that is never repeated may also be missing; one that is, is right there
+            yield Cause("reset", name, 0.5, f"{value} for {rows.expected[name][0]}")

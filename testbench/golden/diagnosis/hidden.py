@@ -52,6 +52,9 @@ class Hidden:
         self.care = {name: care[name][window] for name in self.visible}
         self.expected = {name: expected[name][window] for name in self.visible}
         self.rows = Rows(net, self.leaves, self.count)
+        # {port: row in which it differs first}, those that never do left out
+        wrong = {name: self.care[name] & (self.got[name] != self.expected[name]) for name in self.visible}
+        self.differs = {name: int(np.argmax(rows)) for name, rows in wrong.items() if rows.any()}
 
     def _activated(self, node):
         """(hypotheses at a node, first row of each where it differs): those that differ before what is seen."""
@@ -99,16 +102,13 @@ class Hidden:
             (kind, name): np.where(reset, self.net.reset[name], column) if kind == "reg" else column
             for (kind, name), column in self.leaves.items()
         }
-        rows, first = Rows(self.net, leaves, self.count), []
+        rows = Rows(self.net, leaves, self.count)
         for name in self.visible:
             root, fmt = self.net.roots[name], self.net.fmts[name]
             shown = leaves["reg", name] if root.op == "next" else wrapped(rows.full(root), fmt.width, bool(fmt.s))
             if np.any(self.care[name] & (shown != self.got[name])):
                 return None
-            differs = self.care[name] & (self.got[name] != self.expected[name])
-            if differs.any():
-                first.append((int(np.argmax(differs)), name))
-        return min(first, key=lambda pair: pair[0])[1] if first else None
+        return min(self.differs, key=self.differs.get, default=None)
 
     def explained(self):
         """[(hypothesis, share)] of those that explain some wrong rows, the best first."""
@@ -146,5 +146,17 @@ class Hidden:
         return sorted(out, key=lambda pair: (-pair[1], pair[0].cost))
 
     def driven(self, hypothesis):
-        """The register or pin that a hypothesis drives: the first whose value it is part of."""
-        return next(name for name, root in self.net.roots.items() if root.cone >> hypothesis.site.id & 1)
+        """The port that differs and that a hypothesis reaches through the fewest registers; the first of several."""
+        reached, ahead = set(), [name for name, root in self.net.roots.items() if root.cone >> hypothesis.site.id & 1]
+        while ahead:
+            found = [name for name in ahead if name in self.differs]
+            if found:
+                return min(found, key=self.differs.get)
+            reached.update(ahead)
+            registers = [self.net.node("reg", (), name) for name in ahead if self.net.roots[name].op == "next"]
+            ahead = [
+                name
+                for name, root in self.net.roots.items()
+                if name not in reached and any(root.cone >> register.id & 1 for register in registers)
+            ]
+        raise ValueError(f"{hypothesis.what}: reaches no port that differs")

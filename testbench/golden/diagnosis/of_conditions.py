@@ -23,6 +23,7 @@ NEAR, BESIDE = 4, FAR + 4  # costs: a bit of a word that is read, one more
 MOST_BITS = 12000
 MOST_FOUND = 12  # of each form
 FEW = 16  # bytes that are compared first
+SOME = 40  # rows that are tried first
 
 
 class Bits:
@@ -69,10 +70,20 @@ def is_value(net, uses):
     )
 
 
-def of_words(net, child):
-    """Hypotheses on a condition without rows: another bit of a register or input that it reads, in all of its uses."""
-    uses = net.users.get(child.id, ())
-    if not uses or not all(decides(*use) for use in uses) or child.value == "rst" or static(child) is not None:
+def of_words(net, node):
+    """Hypotheses without rows: another bit of a register or input that a condition reads.
+
+    The node is the condition, in all of its uses, or what uses one of several uses.
+    """
+    if all(decides(*use) for use in net.users.get(node.id, ((node, 1),))):
+        yield from _of_words(net, node, node, lambda flag: flag)
+    for k, child in enumerate(node.args):
+        if decides(node, k) and len(net.users[child.id]) > 1:
+            yield from _of_words(net, child, node, functools.partial(with_argument, net, node, k))
+
+
+def _of_words(net, child, site, put):
+    if child.value == "rst" or static(child) is not None:
         return
     for word in net.inside(child):
         if word.op in ("reg", "in") and not is_flag(word) and net.width_of(word) <= 62:
@@ -80,7 +91,7 @@ def of_words(net, child):
                 flag = bit_of(net, word, bit)
                 for said, by in ((f"{word!r}[{bit}]", flag), (f"not {word!r}[{bit}]", net.node("not", (flag,)))):
                     if by is not child:
-                        yield Hypothesis("condition", f"{said} in the place of {child!r}", child, by, NEAR)
+                        yield Hypothesis("condition", f"{said} in the place of {child!r}", site, put(by), NEAR)
 
 
 def hypotheses(search, target, inside, picked, wrong):
@@ -97,6 +108,36 @@ def hypotheses(search, target, inside, picked, wrong):
             if target.root.cone >> node.id & 1:
                 put = functools.partial(with_argument, net, node, k)
                 yield from _of_condition(search, target, (node, child, [(node, k)]), put, picked, wrong)
+
+
+def decisions(search, target, inside, wrong, enough):
+    """For each condition inside of a target, (wrong rows that it gives, whether it then is both 0 and 1).
+
+    It is free in each row. Of those alone whose other wrong rows are `enough`.
+    """
+    net = search.net
+    for child in inside:
+        uses = [use for use in net.users.get(child.id, ()) if decides(*use)]
+        if child.op in ROOTS or child.value == "rst" or not uses:
+            continue
+        ways = [(child, lambda flag: flag)] if len(uses) == len(net.users[child.id]) else []
+        if len(net.users[child.id]) > 1:
+            ways += [(node, functools.partial(with_argument, net, node, k)) for node, k in uses]
+        for site, put in ways:
+            if target.root.cone >> site.id & 1:
+                some = wrong[:: max(len(wrong) // SOME, 1)]
+                if enough(some[~_given(search, target, site, put, some)]):
+                    given = _given(search, target, site, put, wrong)
+                    if given.any() and enough(wrong[~given]):
+                        off, on = _with(search, target, site, put, slice(None))
+                        need = (target.got == on)[target.judged & (off != on)]
+                        yield given, bool(need.any() and not need.all())
+
+
+def _given(search, target, site, put, at):
+    """Which of some rows the design has with the condition that is 0 or 1 there."""
+    off, on = _with(search, target, site, put, at)
+    return (off != on) & ((off == target.got[at]) | (on == target.got[at]))
 
 
 def _with(search, target, site, put, at):
@@ -122,8 +163,8 @@ def _of_condition(search, target, places, put, picked, wrong):
         return
     now, read = search.rows.full(child) != 0, set(net.inside(child))
 
-    def fault(what, flag, cost, cause="condition"):
-        return Hypothesis(cause, what, site, put(flag), cost)
+    def fault(what, flag, cost, cause="condition", fitted=True):
+        return Hypothesis(cause, what, site, put(flag), cost, fitted)
 
     for value in (0, 1):
         if not np.any(decided & (need != bool(value))):
@@ -144,6 +185,6 @@ def _of_condition(search, target, places, put, picked, wrong):
                     cost = BESIDE if said != "in the place of" else NEAR if word in read else FAR
                     what = f"{way}{word!r}[{bit}] {said} {child!r}"
                     by = formed(net.node("not", (flag,)) if way else flag)
-                    yield fault(what, by, cost)
+                    yield fault(what, by, cost, fitted=bool(word.args) or not is_flag(word))
                     if said == "in the place of" and is_value(net, uses):
                         yield fault(what, by, cost + 1, "operand")

@@ -16,13 +16,17 @@ from testbench.golden.diagnosis.net import COMPARED, Node
 
 
 class Hypothesis(NamedTuple):
-    """One fault: its cause, in words what, the node at fault, the node that stands there instead."""
+    """One fault: its cause, in words what, the node at fault, the node that stands there instead.
+
+    `fitted`: read off the rows among so many others that the rows do not tell its class.
+    """
 
     cause: str
     what: str
     site: Node
     by: Node
     cost: int
+    fitted: bool = False
 
 
 def with_argument(net, node, k, new):

@@ -22,8 +22,13 @@ from testbench.golden.diagnosis.rows import Rows
 SHORT = 5  # bits of a register that holds a state
 SAMPLE = 40  # wrong rows on which all hypotheses are tried
 MOST_FITS = 150  # hypotheses of a target that are then tried on all rows
-LEAST_FITS = 3  # of each cause
+MOST_OF_CAUSE = 60  # of a cause of which none has given all wrong rows yet
 LEAST_SHARE, LEAST_PRECISION = 0.2, 0.95
+
+# what the wrong rows of a target show: they are rows of the reset; one branch was taken in all of them; which of two
+# values was taken; few differences; more than these
+RESET, ALWAYS, EITHER, SAME, VALUES = "reset", "always", "either", "same", "values"
+FEW = 2  # differences
 
 
 class Target(NamedTuple):
@@ -56,13 +61,12 @@ class Fit(NamedTuple):
         return h.cause, h.site.id, h.by.id
 
 
-def _first_of_each(hypotheses):
-    """The first of a list, and of each cause the first few: a cause is not alone because others are cheaper."""
-    count = collections.Counter()
-    for k, h in enumerate(hypotheses):
-        count[h.cause] += 1
-        if k < MOST_FITS or count[h.cause] <= LEAST_FITS:
-            yield h
+def sampled(rows):
+    """Some of many rows: the first ones, and others up to the last one."""
+    if len(rows) <= SAMPLE:
+        return rows
+    spread = np.linspace(0, len(rows) - 1, SAMPLE // 2).astype(int)
+    return np.unique(np.concatenate((rows[: SAMPLE // 2], rows[spread])))
 
 
 class Search:
@@ -76,7 +80,7 @@ class Search:
     def __init__(self, net, leaves, got, care, expected):
         self.net, self.count = net, len(next(iter(leaves.values())))
         self.rows = Rows(net, leaves, self.count)
-        self.hypotheses = {}
+        self.hypotheses, self._shown = {}, {}
         self._usual = {name: self._as_usual(name, got, expected) for name in net.reset if name in got}
         self.targets = {name: self._target(name, got[name], care) for name in net.roots if name in got}
         self.faulty = [
@@ -137,9 +141,7 @@ class Search:
         wrong = np.flatnonzero(target.judged & (target.got != before))
         if not len(wrong):
             return []
-        picked = wrong if len(wrong) <= SAMPLE else np.unique(
-            np.concatenate((wrong[: SAMPLE // 2], wrong[np.linspace(0, len(wrong) - 1, SAMPLE // 2).astype(int)]))
-        )  # fmt: skip
+        picked = sampled(wrong)
         inside = [node for node in self.net.inside(target.root) if node.id < self.net.own]
         tried = [h for node in inside for h in self.of_site(node)]
         rivals = []
@@ -152,7 +154,7 @@ class Search:
         order = sorted(range(len(tried)), key=lambda k: (-hits[k], tried[k].cost))
         whole = [k for k in order if hits[k] == len(picked)]
         part = [k for k in order if LEAST_SHARE * len(picked) <= hits[k] < len(picked)]
-        found = self._kept(target, _first_of_each([tried[k] for k in whole]), others)
+        found = self._first_of_each(target, [tried[k] for k in whole], others)
         if any(f.share == 1.0 for f in found):
             found += self._kept(target, rivals, others)
         else:
@@ -179,6 +181,49 @@ class Search:
     def _kept(self, target, tried, others):
         fits = [self.fit(target, h, others) for h in tried]
         return [f for f in fits if f.share >= LEAST_SHARE and f.precision >= LEAST_PRECISION]
+
+    def _first_of_each(self, target, tried, others):
+        """Fits of the first of a list, and of each cause: it is not alone because others are cheaper."""
+        found, whole, count = [], set(), collections.Counter()
+        for k, h in enumerate(tried):
+            if k < MOST_FITS or (h.cause not in whole and count[h.cause] < MOST_OF_CAUSE):
+                count[h.cause] += 1
+                kept = self._kept(target, [h], others)
+                found += kept
+                whole |= {f.hypothesis.cause for f in kept if f.share == f.precision == 1.0}
+        return found
+
+    @functools.cached_property
+    def reset(self):
+        """Rows in which the block is reset."""
+        return self.rows.leaves.get(("in", "rst"), np.zeros(self.count, np.int64)) != 0
+
+    def shown(self, name):
+        """What the wrong rows of a target show: RESET, ALWAYS, EITHER, SAME or VALUES."""
+        if name not in self._shown:
+            self._shown[name] = self._what_is_shown(self.targets[name])
+        return self._shown[name]
+
+    def _what_is_shown(self, target):
+        wrong = np.flatnonzero(target.wrong)
+        if self.reset[wrong].all() and target.root.op == "next":
+            return RESET
+        inside = [node for node in self.net.inside(target.root) if node.id < self.net.own]
+        mask, taken = (1 << target.fmt.width) - 1, []
+
+        def few(at):
+            got, sound = target.got[at], target.sound[at]
+            return any(len(np.unique(difference & mask)) <= FEW for difference in (got ^ sound, got - sound))
+
+        found = SAME if few(wrong) else VALUES
+        for given, both in of_conditions.decisions(
+            self, target, inside, wrong, lambda rest: not len(rest) or few(rest)
+        ):
+            if given.all():
+                taken.append(both)
+            else:
+                found = SAME
+        return (EITHER if any(taken) else ALWAYS) if taken else found
 
     def evidence(self, name):
         """Bits that the wrong rows of a target are worth: log2 of the ways to choose so many, or one; values too."""

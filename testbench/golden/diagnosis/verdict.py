@@ -2,7 +2,8 @@
 
     a cause covers the registers whose wrong rows it explains; it may not disturb a register that is right
     share  part of the wrong rows that the cause explains, the mean over all registers and pins at fault,
-           divided by the number of causes that explain as many, and by one more if it changes a row that is right
+           divided by the number of causes that explain as many, and by one more if it changes a row that is right,
+           or if the wrong rows do not tell its class
 
 Source  docs/diagnosis.md
 """
@@ -11,7 +12,7 @@ from math import log2
 from typing import NamedTuple
 
 from testbench.golden.diagnosis.causes import WORDS
-from testbench.golden.diagnosis.search import LEAST_PRECISION
+from testbench.golden.diagnosis.search import ALWAYS, EITHER, LEAST_PRECISION, RESET, SAME
 
 SURE = 0.99  # share from which a cause is certain
 WHOLE = 0.99  # share from which a register needs no further cause
@@ -21,9 +22,20 @@ HEADS = 3  # registers that are searched together, the first at fault
 MOST_SEARCHED = 9
 SPARE_BITS = 4.0  # evidence beyond that of as many hypotheses as were tried
 
+# classes that wrong rows tell from others where they show less than values
+TOLD = {
+    RESET: ("reset", "no_reset", "priority", "async_reset"),
+    ALWAYS: (),
+    EITHER: ("condition",),
+    SAME: ("rounding", "limit"),
+}
+
 
 class Cause(NamedTuple):
-    """One cause: its class, the register or pin that it drives, the share of the wrong rows, and in words what."""
+    """One cause: its class, the register or pin that it drives, the share of the wrong rows, and in words what.
+
+    Where registers are hidden, `register` is the first port that shows it.
+    """
 
     cause: str
     register: str
@@ -91,6 +103,15 @@ def _rivals(search, best, wholes):
     return list(found.values())
 
 
+def _told(search, best, wholes, names):
+    """Whether the wrong rows of one of the registers tell the class of the best from those without a hypothesis."""
+    cause = best.hypothesis.cause
+    same = [w for w in wholes if w.hypothesis.cause == cause and w.rank[:2] <= best.rank[:2]]
+    if all(w.hypothesis.fitted for w in same):
+        return False
+    return any(cause in TOLD.get(search.shown(name), (cause,)) for name in names)
+
+
 def _enough(search, names, tried):
     """Whether the wrong rows of the registers are evidence enough for one of so many hypotheses."""
     return sum(search.evidence(name) for name in names) >= log2(max(tried, 1)) + SPARE_BITS
@@ -127,6 +148,8 @@ def causes(search, others_at_fault=()):
         # what gives another value in a row where the design is right is not the whole truth
         refuted = any(fit.precision < 1.0 for fit in covered.values())
         part = float(sum(fit.share for fit in covered.values())) / count / (len(rivals) + refuted)
+        if len(rivals) == 1 and not refuted and not _told(search, best, wholes, covered):
+            part /= 2
         tried = sum(len(found) for found in search.hypotheses.values())
         for whole in rivals:
             if _enough(search, whole.fits, tried):
@@ -154,7 +177,7 @@ def _second(search, name, hypothesis, share):
 
 
 def hidden_causes(search):
-    """[Cause] of a `Hidden`: only what explains every row counts. Another register is another cause."""
+    """[Cause] of a `Hidden`: only what explains every row counts; it has the name of a port that is seen."""
     if not search.wrong.any():
         return []
     found = {}

@@ -75,6 +75,14 @@ class Design:
                 ahead += list(re.findall(r"(\w+)\s*(?:<=|=(?!=))", self.text[m.end() : self.end_of(m.end())]))
         return found
 
+    def first_of(self, registers, ports):
+        """Those of some ports that registers or pins reach through the fewest registers; "*" behind an instance."""
+        ahead, reached, ports = set(registers), set(), {*ports, "*"}
+        while ahead and not ahead & ports:
+            reached |= ahead
+            ahead = {other for name in ahead for other in self.driven(f"r_{name}")} - reached
+        return ahead & ports
+
     def of(self, m):
         """Registers and pins that an assignment drives."""
         return {self.plain(m[1])} if m[1][:2] in ("r_", "o_") else self.driven(m[1])

@@ -61,6 +61,10 @@ def judged(folder, fault, level="registers"):
     spent = time.process_time() - start
     if report.passed:
         return Judged(fault, "not seen", (), spent, first)
+    if level != "registers":
+        # the cause has the name of the first port that shows it
+        ports = rtl_faults.Design(fault.stem).first_of(fault.registers, report.differing)
+        fault = fault._replace(registers=tuple(sorted(ports)))
     return Judged(fault, verdict(fault, report.diagnosis), report.diagnosis, spent, first)
 
 

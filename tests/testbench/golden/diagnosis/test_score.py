@@ -5,7 +5,7 @@ import shutil
 import pytest
 
 from testbench.golden.bundles import bundle
-from testbench.golden.diagnosis import perturb_control
+from testbench.golden.diagnosis import perturb, perturb_control
 from testbench.golden.diagnosis.causes import CAUSES
 from tests.testbench.golden.diagnosis import first_row, rtl_faults, score, unseen
 
@@ -81,6 +81,51 @@ def test_a_cause_that_a_row_refutes_is_not_certain(bundles, monkeypatch):
     found = named(bundles, "isqrt", LOADED, LOADED.split("\n")[0])
     assert "no_reset" in {cause.cause for cause in found}
     assert not any(cause.sure for cause in found)
+
+
+def without(monkeypatch, cause):
+    """Leave a class without hypotheses at the nodes of the model."""
+    every = perturb.of_node
+    monkeypatch.setattr(perturb, "of_node", lambda *given: [h for h in every(*given) if h.cause != cause])
+
+
+@pytest.mark.parametrize(
+    ("stem", "old", "new", "missing"),
+    [
+        # one difference: the complement of the subtrahend is one less
+        ("isqrt", "{1'b0, pair} - {1'b0, trial}", "{1'b0, pair} + ~{1'b0, trial}", "complement"),
+        # which of two values was taken
+        ("watchdog", "(r_age == AGE_TOP) ?", "(r_age == AGE_TOP - 1) ?", "comparison"),
+        ("sine", "phase[DDS_BITS-2] ?", "phase[DDS_BITS-3] ?", "condition"),
+    ],
+)
+def test_without_the_right_class_another_one_is_not_certain(bundles, monkeypatch, stem, old, new, missing):
+    without(monkeypatch, missing)
+    assert not any(cause.sure for cause in named(bundles, stem, old, new))
+
+
+def test_values_tell_a_class(bundles):
+    found = named(bundles, "rate_loop", "r_error <= sense_sin", "r_error <= sense_sin >>> 1")
+    assert (found[0].cause, found[0].register, found[0].sure) == ("gain", "error", True)
+
+
+@pytest.mark.parametrize(
+    ("stem", "old", "new", "cause", "port"),
+    [
+        ("notch", "r_x2 <= r_x1", "r_x2 <= {r_x1[11:0], r_x1[23:12]}", "bit_swap", "out"),
+        ("spi_dac", "r_shift     <= word", "r_shift     <= {word[11:0], word[23:12]}", "bit_swap", "sdin"),
+    ],
+)
+def test_with_hidden_registers_a_cause_has_the_name_of_the_first_port(bundles, stem, old, new, cause, port):
+    found = named(bundles, stem, old, new, "outputs")
+    assert (cause, port) in {(c.cause, c.register) for c in found}
+    assert {c.register for c in found} == {port}
+
+
+def test_first_ports_of_a_register_in_the_text():
+    design = rtl_faults.Design("isqrt")
+    assert design.first_of(("remainder",), ("y", "done")) == {"y"}
+    assert design.first_of(("y",), ("y", "done")) == {"y"}
 
 
 def test_another_port_in_a_condition_is_planted_as_a_condition():
