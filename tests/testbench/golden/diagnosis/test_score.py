@@ -1,5 +1,6 @@
 """Faults written into the reference RTL by rules on text, of kinds that the diagnosis was not written from."""
 
+import random
 import shutil
 
 import pytest
@@ -7,7 +8,7 @@ import pytest
 from testbench.golden.bundles import bundle
 from testbench.golden.diagnosis import perturb, perturb_control
 from testbench.golden.diagnosis.causes import CAUSES
-from tests.testbench.golden.diagnosis import first_row, rtl_faults, score, unseen
+from tests.testbench.golden.diagnosis import first_row, left_out, rtl_faults, score, unseen
 
 pytestmark = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus is not installed: no fault was TRIED")
 
@@ -189,3 +190,11 @@ def test_an_asynchronous_reset_is_named_without_registers(bundles):
 def test_a_fault_that_no_row_shows_is_proved_or_found(bundles, old, new, verdict):
     manifest = bundle.read(bundles("rates") / "default").manifest
     assert unseen.proved(manifest, edited("rates", old, new), None)[0] == verdict
+
+
+def test_without_its_class_a_fault_of_the_model_has_no_certain_name(bundles):
+    block = left_out.read(bundles("dds") / rtl_faults.CASES["dds"], "dds")
+    found = left_out.counted(block, 1, random.Random(7))
+    assert found.faults >= 10
+    assert found.certain >= found.faults / 2
+    assert found.without == found.beside == 0

@@ -13,11 +13,14 @@ import subprocess
 import tempfile
 from pathlib import Path
 
+from fpga_model import rate_output
 from testbench.golden.bundles.benches import PARTS
 from testbench.golden.mutation import judge, mutate
 from tests.testbench.golden.diagnosis import first_row, rtl_faults
 
 CPU_S = 15  # of each step of ABC
+# Inputs that stand while a register is not 0: {block: (register, inputs)}
+STEADY = {"rate_output": ("r_stage", rate_output.Params._fields)}
 MAP = (
     "memory_map; opt_clean; wreduce t:$mul; techmap; opt_clean; dffunmap; setundef -undriven -zero; aigmap; opt_clean; "
     "write_aiger -zinit both.aig"
@@ -50,6 +53,12 @@ def top(manifest):
     if manifest["block"] in judge.CONTRACTS:
         strobe, register = judge.CONTRACTS[manifest["block"]]
         broken = f"({strobe} && gold_{register} != 0)"
+    if manifest["block"] in STEADY:
+        register, names = STEADY[manifest["block"]]
+        for n, w in given:
+            if n in names:
+                lines.append(f"reg [{w - 1}:0] last_{n} = 0; always @(posedge clk) last_{n} <= {n};")
+                broken += f" || (gold_{register} != 0 && {n} != last_{n})"
     differ = " || ".join(f"gold_{n} != gate_{n}" for n in found)
     inputs = "".join(f", input [{w - 1}:0] {n}" for n, w in given)
     return f"""module both(input clk{inputs}, output bad);
