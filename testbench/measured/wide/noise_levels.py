@@ -2,8 +2,8 @@
 
     W + s^2 F   covariance of the features that show slow noise: all other noise, and 1/f noise of the declared level.
                 Power-ons of the averaged plant say both; F by one noise with and without it, without slips of edges
-    s           root of the mean of s^2 over its posterior: differences of the repeats, a prior within a factor of 2 of
-                the declared level, and never below that
+    s           likeliest by the differences of the repeats, with a prior within a factor of 2 of the declared level,
+                and never below that
 An effect is alike in all repeats, so it is not taken for noise.
 Source    docs/wide_priors.md
 """
@@ -38,13 +38,13 @@ def of_repeats(loop, cfg):
     without = configuration.changed(cfg, {KEY: 0.0})
     rest, flicker = draws(without), draws(even(cfg)) - draws(even(without))
     rest -= rest.mean(axis=1, keepdims=True)
-    level, gain = posterior(contrasts, covariances(rest), covariances(flicker))
+    level, gain = likeliest(contrasts, covariances(rest), covariances(flicker))
     told = f"noise: 1/f noise of the demodulators: {level:.2g} times the declared level, as the repeats differ"
     return configuration.changed(cfg, {KEY: level * declared}), (told,) if gain > TOLD else ()
 
 
-def posterior(contrasts, rest, flicker):
-    """(level s, gain of its best value over 1 in -2 ln) of rows of each condition; covariances (conditions, n, n)."""
+def likeliest(contrasts, rest, flicker):
+    """(level s, its gain over 1 in -2 ln) of rows of each condition; covariances (conditions, n, n)."""
     cost = (np.log(LEVELS) / PRIOR) ** 2
     for rows, w, f in zip(contrasts, rest, flicker):
         # a code at its limit does not scatter, and tells nothing
@@ -52,8 +52,8 @@ def posterior(contrasts, rest, flicker):
             continue
         c = w + LEVELS[:, None, None] ** 2 * f
         cost += len(rows) * np.linalg.slogdet(c)[1] + np.sum(rows.T * np.linalg.solve(c, rows.T), axis=(1, 2))
-    weight = np.exp((cost.min() - cost) / 2)
-    return float(np.sqrt(weight @ LEVELS**2 / weight.sum())), float(cost[0] - cost.min())
+    best = int(np.argmin(cost))
+    return float(LEVELS[best]), float(cost[0] - cost[best])
 
 
 def covariances(draws):
