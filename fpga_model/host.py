@@ -12,7 +12,7 @@ from __future__ import annotations  # a field may bear the name of its module
 
 from typing import NamedTuple
 
-from fpga_model import host_bus, host_words, rates, spi_slave
+from fpga_model import host_bus, host_words, spi_slave
 from fpga_model.design_record import DEFAULT
 from fpga_model.fixed import bits, formats
 from fpga_model.jit import inlined
@@ -67,39 +67,12 @@ def step(p, s, f, i):
 
     f  registers of the firmware before the edge, `top.State`
     """
-    c, slave, bus = f.control, s.slave, s.bus
-    seq = c.sequencer
-    fetch = spi_slave.fetch(slave)
-    word = 0
-    if fetch == 1:
-        word = host_words.value(bus, slave.errors, f, slave.address >> host_bus.REGISTER_AT)
+    slave, bus, seq = s.slave, s.bus, f.control.sequencer
+    address, fetch = slave.address, spi_slave.fetch(slave)
+    word = host_words.read(bus, slave.errors, f, address, fetch)
+    status, rdata = host_bus.bus_status(bus, seq.faults.flags, seq.state), host_bus.rdata(bus, address, word)
+    start, done, write, data = spi_slave.start(slave), slave.done, slave.write, slave.data
     return State(
-        spi_slave.step(
-            slave,
-            i.cs_n,
-            i.sck,
-            i.sdi,
-            host_bus.bus_status(bus, seq.faults.flags, seq.state),
-            host_bus.rdata(bus, slave.address, word),
-            bus.clear,
-        ),
-        host_bus.step(
-            p.bus,
-            bus,
-            slave.address,
-            fetch,
-            spi_slave.start(slave),
-            slave.done,
-            slave.write,
-            slave.data,
-            word,
-            1 if f.rates.slot == rates.SLOTS else 0,
-            c.rate_output.valid,
-            c.rate_output.y,
-            c.rate_output.t,
-            c.rate_output.k,
-            seq.faults.flags,
-            seq.state,
-            seq.lock.locked,
-        ),
+        spi_slave.step(slave, i.cs_n, i.sck, i.sdi, status, rdata, bus.clear),
+        host_words.bus_step(p.bus, bus, f, address, fetch, start, done, write, data, word),
     )

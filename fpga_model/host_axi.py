@@ -11,24 +11,13 @@ from __future__ import annotations  # a field may bear the name of its module
 
 from typing import NamedTuple
 
-from fpga_model import axi_slave, host_bus, host_words, rates
-from fpga_model.design_record import DEFAULT
+from fpga_model import axi_slave, host, host_bus, host_words
 from fpga_model.fixed import bits, formats
 from fpga_model.jit import inlined
 
 NO_ERRORS = 0  # of frames: this port has none
 NO_START = 0  # a transfer cannot be aborted
-
-
-class Params(NamedTuple):
-    """Parameters of the blocks."""
-
-    bus: host_bus.Params
-
-
-def design(d=DEFAULT):
-    """`Params` of a design."""
-    return Params(host_bus.design(d))
+Params, design = host.Params, host.design  # of the bus
 
 
 class State(NamedTuple):
@@ -83,44 +72,12 @@ def step(p, s, f, i):
 
     f  registers of the firmware before the edge, `top.State`
     """
-    c, slave, bus = f.control, s.slave, s.bus
-    seq = c.sequencer
-    address = axi_slave.address(slave)
-    fetch = axi_slave.fetch(slave)
-    word = 0
-    if fetch == 1:
-        word = host_words.value(bus, NO_ERRORS, f, address >> host_bus.REGISTER_AT)
+    slave, bus = s.slave, s.bus
+    address, fetch = axi_slave.address(slave), axi_slave.fetch(slave)
+    word = host_words.read(bus, NO_ERRORS, f, address, fetch)
+    channels = i.awvalid, i.awaddr, i.wvalid, i.wdata, i.wstrb, i.bready, i.arvalid, i.araddr, i.rready
+    done, write, data = axi_slave.done(slave, i.rready), axi_slave.write(slave), slave.wdata
     return State(
-        axi_slave.step(
-            slave,
-            i.awvalid,
-            i.awaddr,
-            i.wvalid,
-            i.wdata,
-            i.wstrb,
-            i.bready,
-            i.arvalid,
-            i.araddr,
-            i.rready,
-            host_bus.rdata(bus, address, word),
-        ),
-        host_bus.step(
-            p.bus,
-            bus,
-            address,
-            fetch,
-            NO_START,
-            axi_slave.done(slave, i.rready),
-            axi_slave.write(slave),
-            slave.wdata,
-            word,
-            1 if f.rates.slot == rates.SLOTS else 0,
-            c.rate_output.valid,
-            c.rate_output.y,
-            c.rate_output.t,
-            c.rate_output.k,
-            seq.faults.flags,
-            seq.state,
-            seq.lock.locked,
-        ),
+        axi_slave.step(slave, *channels, host_bus.rdata(bus, address, word)),
+        host_words.bus_step(p.bus, bus, f, address, fetch, NO_START, done, write, data, word),
     )

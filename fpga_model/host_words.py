@@ -1,9 +1,9 @@
-"""What a host reads: the word of each register, of the firmware or of the port itself. Selection only.
+"""Port and firmware: the word of each register that a host reads, and what the bus takes of a firmware. Selection only.
 
 Source    docs/blocks/host.md
 """
 
-from fpga_model import host_bus, registers
+from fpga_model import host_bus, rates, registers
 from fpga_model.jit import inlined
 
 IDENTITY = registers.IDENTITY
@@ -86,3 +86,18 @@ def value(bus, errors, f, register):
     if register < host_bus.FIRST:
         return _of_firmware(f, register)
     return _of_port(bus, errors, register)
+
+
+@inlined
+def read(bus, errors, f, address, fetch):
+    """Word at a byte address: 0 without `fetch`, when nobody takes it."""
+    return value(bus, errors, f, address >> host_bus.REGISTER_AT) if fetch == 1 else 0
+
+
+@inlined
+def bus_step(p, bus, f, address, fetch, start, done, write, data, word):
+    """One clock edge of the bus beside the firmware `f` before the edge; the other inputs are those of the slave."""
+    seq, rate = f.control.sequencer, f.control.rate_output
+    frame = 1 if f.rates.slot == rates.SLOTS else 0
+    sample = rate.valid, rate.y, rate.t, rate.k, seq.faults.flags, seq.state, seq.lock.locked
+    return host_bus.step(p, bus, address, fetch, start, done, write, data, word, frame, *sample)

@@ -80,19 +80,19 @@ architecture rtl of gyro_host_bus is
         return x;
     end function;
 
-    signal reg           : std_logic_vector(7 downto 0);
+    signal number        : std_logic_vector(7 downto 0);
     signal second        : std_logic;
     signal pair          : boolean;
     signal ready, overrun : std_logic;
 begin
-    reg     <= address(10 downto 3);
+    number  <= address(10 downto 3);
     second  <= address(2);
-    pair    <= unsigned(reg) < 8 and pairs(to_integer(unsigned(reg(2 downto 0)))) = '1';
+    pair    <= unsigned(number) < 8 and pairs(to_integer(unsigned(number(2 downto 0)))) = '1';
     ready   <= flag(r_unread /= "00");
     overrun <= flag(r_unread = MANY);
 
     o_rdata      <= value(31 downto 0) when second = '0'
-                    else x"0000" & r_high when r_high_of = reg else (others => '0');
+                    else x"0000" & r_high when r_high_of = number else (others => '0');
     o_bus_status <= ready & overrun & flag(unsigned(flags) /= 0) & flag(state = LOCKED) & r_pending;
     o_data_ready <= ready;
 
@@ -125,27 +125,27 @@ begin
             else
                 if fetch = '1' and second = '0' then
                     r_high    <= value(47 downto 32);
-                    r_high_of <= reg;
+                    r_high_of <= number;
                 end if;
                 r_bank_write <= '0';
                 r_clear      <= (others => '0');
                 if write = '1' then
                     r_pending <= '0';
                     if second = '1' then
-                        if r_pending = '1' and "00000" & r_low_of = reg then
+                        if r_pending = '1' and "00000" & r_low_of = number then
                             r_bank_write   <= '1';
-                            r_bank_address <= reg;
+                            r_bank_address <= number;
                             r_bank_data    <= data(15 downto 0) & r_low;
                         end if;
                     elsif pair then
                         r_low     <= data;
-                        r_low_of  <= reg(2 downto 0);
+                        r_low_of  <= number(2 downto 0);
                         r_pending <= '1';
                     else
                         r_bank_write   <= '1';
-                        r_bank_address <= reg;
+                        r_bank_address <= number;
                         r_bank_data    <= x"0000" & data;
-                        if reg = SPI_ERRORS then
+                        if number = SPI_ERRORS then
                             r_clear <= data(2 downto 0);
                         end if;
                     end if;

@@ -38,6 +38,7 @@ end entity;
 
 architecture rtl of gyro_spi_dac is
     constant LENGTH : natural := to_integer(unsigned(bits));
+    constant GAPS   : boolean := to_integer(unsigned(gap)) /= 0;
 
     -- a frame of fewer than 24 bits uses the low end of the register
     function kept(x : std_logic_vector(23 downto 0)) return std_logic_vector is
@@ -50,7 +51,7 @@ architecture rtl of gyro_spi_dac is
 begin
     o_sdin <= r_shift(LENGTH - 1);
 
-    ends <= unsigned(gap) = 0 and unsigned(r_left) = 1 when r_sclk_en = '1'
+    ends <= not GAPS and unsigned(r_left) = 1 when r_sclk_en = '1'
             else unsigned(r_lead) = 1 and unsigned(r_left) = 0;
 
     process (clk)
@@ -80,7 +81,7 @@ begin
                     r_shift <= kept(r_shift(22 downto 0) & '0');
                     r_left  <= std_logic_vector(unsigned(r_left) - 1);
                     r_lead  <= gap;
-                    if unsigned(gap) /= 0 then
+                    if GAPS then
                         r_sclk_en <= '0';
                     end if;
                 elsif unsigned(r_lead) /= 0 then

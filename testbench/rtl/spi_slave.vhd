@@ -144,8 +144,11 @@ begin
                         told    := status & r_errors;
                         r_shift <= told & not told & x"000000";
                     elsif r_phase = COMPLETE and r_spoiled = '0' and r_refused = '0' then
-                        r_write <= not r_read;
-                        r_done  <= r_read;
+                        if r_read = '1' then
+                            r_done <= '1';
+                        else
+                            r_write <= '1';
+                        end if;
                         if r_second = '0' then
                             r_data <= r_shift(39 downto 8);
                         end if;
@@ -205,8 +208,10 @@ begin
                                     r_spoiled <= flag(shifted(7 downto 0) /= not r_crc);
                                 end if;
                             end if;
-                        when others =>
+                        when COMPLETE =>
                             r_phase <= TOO_LONG;
+                        when others =>
+                            null;
                     end case;
                     if fetches then
                         r_shift   <= rdata & x"00";

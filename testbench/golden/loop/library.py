@@ -33,6 +33,7 @@ from testbench.flatten import format_leaves
 from testbench.golden.bundles import benches
 from testbench.golden.foreign import design_map, wrapper
 from testbench.golden.foreign.sources import of_list
+from testbench.golden.loop.from_vhdl import of_vhdl
 from testbench.golden.recording import board, board_pins
 from testbench.golden.stimulus.blocks import RESET_INPUT, flat
 from testbench.storage.files import write_text
@@ -258,24 +259,6 @@ def mapped(face, path, top, folder):
     made = Path(folder).resolve() / "wrapper.v"
     write_text(made, wrapper.verilog(listed, given))
     return face._replace(top=wrapper.name_of(listed)), made, given.top
-
-
-def of_vhdl(found, name, folder, what):
-    """Verilog that GHDL's synthesis makes of `sources.Sources` in VHDL, of the entity `name`: a file in `folder`."""
-    if shutil.which("ghdl") is None:
-        raise ConfigError("ghdl: not installed; the loop takes a design in VHDL by its synthesis")
-    if name != name.lower():
-        raise FileError(f"{what}: {name}: GHDL writes names in lower case: call the top {name.lower()}")
-    place = Path(folder).resolve() / "vhdl"
-    shutil.rmtree(place, ignore_errors=True)
-    place.mkdir(parents=True)
-    libraries = [library or "work" for library in found.libraries]
-    for path, library in zip(found.files, libraries, strict=True):
-        run_tool(["ghdl", "-a", "--std=08", f"--work={library}", path], place, what)
-    # an entity that is missing would be a module whose outputs rest
-    command = f"ghdl --synth --std=08 -Werror=binding --work={libraries[-1]} --out=verilog".split()
-    write_text(place / "design.v", run_tool([*command, name], place, what))
-    return place / "design.v"
 
 
 def user_sources(rtl, name, files=None, folder="."):

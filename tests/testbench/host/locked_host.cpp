@@ -47,7 +47,7 @@ int main(int count, char **argument) {
         for (double block : blocks) squares += (block - mean) * (block - mean);
         std::printf("%d %.9f %.9f\n", frames, mean, std::sqrt(squares / (blocks.size() - 1) / blocks.size()));
     }
-    std::printf("tight %lld\n", (long long)host.tight);
+    std::printf("broken %lld\n", (long long)host.broken);
     FILE *file = std::fopen(argument[3], "wb");
     if (!file || std::fwrite(host.lines.data(), sizeof(Line), host.lines.size(), file) != host.lines.size() || std::fclose(file)) fail("LINES cannot be written");
     return 0;

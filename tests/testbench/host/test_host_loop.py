@@ -55,8 +55,8 @@ def test_two_thousand_samples_are_the_models_and_a_rate_is_measured(tmp_path):
     subprocess.run(make, cwd=tmp_path, check=True, capture_output=True)
     given = ["built/locked_host", "state.bin", "6", "lines.bin", *(str(v) for segment in SEGMENTS for v in segment)]
     done = subprocess.run(given, cwd=tmp_path, check=True, capture_output=True, text=True)
-    *told, tight = done.stdout.splitlines()
-    assert tight == "tight 0", "SDO stands around every rise of SCK"
+    *told, broken = done.stdout.splitlines()
+    assert broken == "broken 0", "SDO stands around every rise of SCK"
 
     found = np.fromfile(tmp_path / "lines.bin", "<i8").reshape(-1, len(test_host.COLUMNS))
     lines = {name: found[:, k] for k, name in enumerate(test_host.COLUMNS)}

@@ -35,6 +35,7 @@ struct Host {
     int64_t clock = 0, broken = 0;
     Pins pins;
     Slave was = {};
+    // the plan: share of clocks in which a channel goes on, log-uniform; share of other reads; whether it reads by itself
     double busiest = 1, slowest = 1, others = 0, read_busy = 1, write_busy = 1;
     bool free_running = false;
     std::vector<std::vector<int64_t>> list;  // kind, address, words or data, strobes
@@ -47,6 +48,14 @@ struct Host {
     std::vector<Line> lines;
     gyro_sample before_it = {};
     int64_t samples = 0;
+
+    void plan(uint64_t seed, double busiest_of, double slowest_of, double others_of, bool free) {
+        random.seed(seed);
+        busiest = busiest_of; slowest = slowest_of; others = others_of; free_running = free;
+    }
+
+    // Requests that are not answered
+    int64_t left() const { return (int64_t)(list.size() - at) + reading + writing; }
 
     double uniform() { return std::uniform_real_distribution<double>(0, 1)(random); }
     int64_t below(int64_t n) { return (int64_t)(uniform() * (double)n); }
@@ -193,4 +202,13 @@ struct Host {
             pins.wstrb = below(16);
         }
     }
+
+    // Both at the ports of a verilated board
+    template <class Top> void drive(Top &top) {
+        const Pins &p = before(Slave{top.o_awready, top.o_wready, top.o_bvalid, top.o_bresp, top.o_arready, top.o_rvalid,
+                                     top.o_rdata, top.o_rresp, top.o_data_ready});
+        top.awvalid = p.awvalid; top.awaddr = p.awaddr; top.wvalid = p.wvalid; top.wdata = p.wdata; top.wstrb = p.wstrb;
+        top.bready = p.bready; top.arvalid = p.arvalid; top.araddr = p.araddr; top.rready = p.rready;
+    }
+    template <class Top> void hear(Top &) { behind(); }
 };

@@ -31,16 +31,26 @@ struct Host {
     std::vector<double> rises;
     std::vector<int> sdo;  // of the last clocks, by clock modulo its size
     double busy_until = 0;
-    int64_t clock = 0, tight = 0;
+    int64_t clock = 0, broken = 0;  // broken: SDO does not stand around a rise of SCK
     size_t heard = 0;
     Line line;
     std::vector<Line> lines;
     bool open = false;
-    // the plan: least and greatest period of SCK (clocks), share of frames that are wrong, what a list asks for
+    // the plan: least and greatest period of SCK (clocks), share of frames that are wrong, whether it reads each sample
+    // by itself; and what a list asks for
     double fastest = 5, slowest = 5, wrong = 0;
     std::vector<std::vector<int64_t>> list;  // kind, address, words, word ..: after each other
     size_t at = 0;
     bool free_running = false;
+
+    void plan(uint64_t seed, double fastest_of, double slowest_of, double wrong_of, bool free) {
+        random.seed(seed);
+        first_flops.seed(seed);
+        fastest = fastest_of; slowest = slowest_of; wrong = wrong_of; free_running = free;
+    }
+
+    // Requests that are not answered
+    int64_t left() const { return (int64_t)(list.size() - at) + open; }
 
     double uniform() { return std::uniform_real_distribution<double>(0, 1)(random); }
     int below(int n) { return (int)(uniform() * n); }
@@ -145,10 +155,18 @@ struct Host {
             // before edge n the pin has the level behind edge n - 1
             int64_t first = (int64_t)std::ceil(rises[heard] - 1) - 1, last = (int64_t)std::ceil(rises[heard] + 2) - 1;
             int bit = sdo[first % 1024];
-            for (int64_t n = first; n <= last; n++) tight += sdo[n % 1024] != bit;
+            for (int64_t n = first; n <= last; n++) broken += sdo[n % 1024] != bit;
             received[heard / 8] |= (uint8_t)(bit << (7 - heard % 8));
             heard++;
         }
         clock++;
     }
+
+    // Both at the ports of a verilated board
+    template <class Top> void drive(Top &top) {
+        int pins[3];
+        before(top.o_data_ready, pins);
+        top.cs_n = pins[0]; top.sck = pins[1]; top.sdi = pins[2];
+    }
+    template <class Top> void hear(Top &top) { behind(top.o_sdo); }
 };

@@ -3,31 +3,21 @@
 The loop is that of the plant around the RTL (`lockstep`): every pin is the model's at every clock while the host talks.
 """
 
-import ctypes
 import random
 import re
-import shutil
 from operator import attrgetter
-from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from fpga_model import fault_monitor, host, host_bus, host_words, registers, sequencer, spi_slave
+from fpga_model import fault_monitor, host, host_bus, registers, sequencer, spi_slave
 from fpga_model import top as fpga
-from fpga_model.block import flat
-from fpga_model.design_record import DEFAULT
 from testbench.config import Config
-from testbench.flatten import leaves
-from testbench.golden.loop import library, run
-from testbench.golden.recording import board, host_board
-from testbench.run import build, simulate
-from testbench.tool import run_tool
-from tests.fpga_model.records import uncompiled
-from tests.testbench.rtl import test_rtl
-from tests.testbench.rtl.test_rtl import BIT, RTL, icarus, packed, slave_rows
-from tests.testbench.rtl.test_rtl_top import quick_sequencer
+from testbench.golden.loop import run
+from testbench.run import simulate
+from tests.testbench.rtl import host_port
+from tests.testbench.rtl.host_port import EVERY, OF_BANK, Board, address, board_of
+from tests.testbench.rtl.test_rtl import ghdl, icarus
 
 SAMPLE, ABORTED, BAD_READ_CRC, BAD_WRITE_CRC, HALF_PAIR, REGISTER, WRITE = range(7)
 WORDS = tuple(f"word{k}" for k in range(7))
@@ -38,188 +28,48 @@ FRAME_CLOCKS = 26 * 125
 RESET_CLOCKS = 2  # of the bench, which the host's clock counts and the loop's does not
 
 
-# ---- the driver of the loop, with a host inside ----------------------------------------------------------------------
-
-
-def face(firmware):
-    """Pins of the board; it lacks those of the bank's bus."""
-    return library.of_pins(board.MODULE, firmware, build.params(Config(), 25.0, 25.0).chips)
-
-
-def driver_text(firmware):
-    shown = face(firmware)
-    known = {port for name, (port, _) in shown.inputs.items() if name not in host_board.BUS}
-    text = library.driver(shown, known)
-    text = text.replace('#include "verilated.h"\n', '#include "verilated.h"\n#include "host_bench.h"\n')
-    member = "    Vgyro_top top{context.get()};\n"
-    text = text.replace(member, member + "    Host host;\n")
-    before, after = "    top.clk = 0;\n", "    top.clk = 1;\n    top.eval();\n"
-    assert text.count(before) == text.count(after) == 1
-    text = text.replace(
-        before,
-        """    Host& host = ((Design*)handle)->host;
-    int pins[3];
-    host.before(top.o_data_ready, pins);
-    top.cs_n = pins[0]; top.sck = pins[1]; top.sdi = pins[2];
-"""
-        + before,
-    )
-    text = text.replace(after, after + "    host.behind(top.o_sdo);\n")
-    return text.replace('extern "C" {\n', """extern "C" {
-void host_plan(int64_t handle, int64_t seed, double fastest, double slowest, double wrong, int64_t free_running) {
-    Host& host = ((Design*)handle)->host;
-    host.random.seed((uint64_t)seed);
-    host.first_flops.seed((uint64_t)seed);
-    host.fastest = fastest; host.slowest = slowest; host.wrong = wrong; host.free_running = free_running;
-}
-void host_ask(int64_t handle, const int64_t* item, int64_t count) {
-    ((Design*)handle)->host.list.emplace_back(item, item + count);
-}
-int64_t host_lines(int64_t handle, int64_t* out, int64_t most) {
-    Host& host = ((Design*)handle)->host;
-    if (out) std::memcpy(out, host.lines.data(), std::min((size_t)most, host.lines.size()) * sizeof(Line));
-    return (int64_t)host.lines.size();
-}
-int64_t host_tight(int64_t handle) { return ((Design*)handle)->host.tight; }
-int64_t host_left(int64_t handle) {
-    Host& host = ((Design*)handle)->host;
-    return (int64_t)(host.list.size() - host.at) + host.open;
-}
-""")  # fmt: skip
-
-
-def firmware():
-    """The default design with a sequencer whose states last frames: it searches, and tries again, all the time."""
-    p = build.firmware(Config())
-    return p._replace(control=p.control._replace(sequencer=quick_sequencer()))
-
-
 @pytest.fixture(scope="module")
 def built(tmp_path_factory):
-    """(path of the library, folder, firmware)."""
-    if shutil.which("verilator") is None:
-        pytest.skip("verilator is not installed: the port of the RTL was NOT tried")
-    pytest.importorskip("systemrdl", reason="systemrdl-compiler is not installed: the C driver was NOT tried")
-    from testbench.register_map.export import export
-
-    folder, p = tmp_path_factory.mktemp("host"), firmware()
-    rtl = folder / "rtl"
-    shutil.copytree(RTL, rtl, ignore=shutil.ignore_patterns("formal", "example", "quartus", "*.vhd"))
-    host_board.write(folder, p)
-    export(folder / "map")
-    c = folder / "map" / "c"
-    shutil.copy(Path(__file__).with_name("host_bench.h"), c)
-    (folder / "driver.cpp").write_text(driver_text(p))
-    command = f"verilator --cc --exe -O3 --x-initial 0 -Wno-fatal -Wno-lint -Wno-style -CFLAGS -fPIC -CFLAGS -I{c}"
-    command += f" -CFLAGS -DVL_USER_FATAL -LDFLAGS -shared --top-module {board.MODULE} --prefix {library.CLASS}"
-    command += f" --Mdir built -o gyro_top.so gyro_board.v driver.cpp {c}/gyro_spi.c {c}/gyro_driver.c"
-    command = [*command.split(), *map(str, sorted(rtl.glob("*.v")))]
-    run_tool(command, folder, "the board")
-    level = ["OPT_FAST=-O1", "OPT_SLOW=-O0", "OPT_GLOBAL=-O1"]
-    run_tool(["make", "-s", "-C", "built", "-f", f"{library.CLASS}.mk", *level], folder, "the board")
-    return folder / "built" / "gyro_top.so", folder, p
-
-
-class Board(library.Design):
-    """The compiled board, with its host."""
-
-    def __init__(self, path, shown, folder):
-        own = ctypes.CDLL(str(path))
-        self.own = own
-        number, real, pointer = ctypes.c_int64, ctypes.c_double, ctypes.c_void_p
-        own.host_plan.argtypes, own.host_plan.restype = (number, number, real, real, real, number), None
-        own.host_ask.argtypes, own.host_ask.restype = (number, pointer, number), None
-        own.host_lines.argtypes, own.host_lines.restype = (number, pointer, number), number
-        for name in ("host_tight", "host_left"):
-            getattr(own, name).argtypes, getattr(own, name).restype = (number,), number
-        super().__init__(path, shown, folder)
-
-    def plan(self, seed, fastest, slowest, wrong=0.0, free_running=0):
-        """Periods of SCK in clocks, log-uniform; share of wrong frames; whether it reads each sample by itself."""
-        self.own.host_plan(self.handle, seed, fastest, slowest, wrong, free_running)
-
-    def ask(self, *items):
-        for item in items:
-            given = np.array(item, np.int64)
-            self.own.host_ask(self.handle, given.ctypes.data, len(given))
-
-    def served(self, most=2_000_000):
-        """Edges without a converter until the list is done."""
-        given = np.zeros(len(library.INPUTS), np.int64)
-        given[library.INPUTS.index("drdy_n")] = 1
-        for _ in range(most):
-            if self.own.host_left(self.handle) == 0:
-                return
-            self.step(given)
-        raise AssertionError("the host was not served")
-
-    def lines(self):
-        """{column: array} of the frames so far."""
-        count = self.own.host_lines(self.handle, None, 0)
-        found = np.zeros((count, len(COLUMNS)), np.int64)
-        self.own.host_lines(self.handle, found.ctypes.data, count)
-        return {name: found[:, k] for k, name in enumerate(COLUMNS)}
-
-    @property
-    def tight(self):
-        return self.own.host_tight(self.handle)
+    return board_of("host", tmp_path_factory.mktemp("host"))
 
 
 def opened(built):
-    path, folder, p = built
-    return Board(path, face(p), folder)
+    return Board(built, COLUMNS)
 
 
 # ---- the port alone, at every clock ----------------------------------------------------------------------------------
 
 
-def firmware_of(values):
-    """A state of the firmware that has these registers and no others: {dotted path: value}."""
-    root = SimpleNamespace()
-    for path, value in values.items():
-        *parts, last = path.split(".")
-        place = root
-        for name in parts:
-            if not hasattr(place, name):
-                setattr(place, name, SimpleNamespace())
-            place = getattr(place, name)
-        setattr(place, last, value)
-    return root
+@pytest.mark.parametrize("language", [pytest.param("v", marks=icarus), pytest.param("vhd", marks=ghdl)])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_the_rtl_of_the_port_is_the_model(seed, language, tmp_path):
+    """Every register and pin at every clock: frames of every kind, registers of the firmware that never rest."""
+    _, _, states = host_port.model("host", seed)
+    assert min(sum(s.bus.bank_write for s in states), sum(s.slave.done for s in states)) > 3
+    assert host_port.difference("host", language, seed, tmp_path) is None
+
+
+PLANTED = [
+    ("host_axi", "v", ".bus_held_number               (r_bus_held_number)", ".bus_held_number(r_bus_number)"),
+    ("host", "v", ".pairs(DDS_BITS > 32 ? 8'hBC : 8'h00)", ".pairs(8'h00)"),
+    ("host", "vhd", "done               => r_slave_done", "done               => '0'"),
+    ("host_axi", "v", ".start             (1'b0)", ".start(o_rvalid)"),
+    ("host_axi", "vhd", "unsigned(rates_slot) = SLOTS", "unsigned(rates_slot) < SLOTS"),
+    ("host_axi", "vhd", 'when x"0F"', 'when x"FF"'),
+]
 
 
 @icarus
-@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
-def test_the_verilog_of_the_port_is_the_model(seed, monkeypatch, tmp_path):
-    """Every register and pin at every clock: frames of every kind, registers of the firmware that never rest."""
-    rng, paths, p = random.Random(seed), host_board.read_paths(DEFAULT), host.design()
-    inputs = {**host.INPUTS_FMT._asdict(), **{flat(path): fmt for path, fmt in paths.items()}}
-    pins = {name: (fmt, None) for name, fmt in host.PINS_FMT._asdict().items()}
-    block = test_rtl.Block(host, (None,), inputs, pins, rows=6000)
-    monkeypatch.setitem(test_rtl.BLOCKS, "host", block)
-    uncompiled(monkeypatch, host, host_words)  # they see few registers here
-    fmt_in, fmt_out = [BIT, *inputs.values()], [*block.registers.values(), *host.PINS_FMT]
-    s, bus, stimulus, expected, written, taken = host.State(), slave_rows(rng), [], [], 0, 0
-    values = {path: fmt.lo for path, fmt in paths.items()}
-    for n in range(block.rows):
-        for path in rng.sample(sorted(paths), 6):
-            values[path] = rng.randint(paths[path].lo, paths[path].hi)
-        values["rates.slot"] = rng.choice([0, 59, 60, 60])
-        rst, i = int(n < 2 or n == 3000), host.Inputs(*next(bus))
-        stimulus.append(packed((rst, *i, *values.values()), fmt_in))
-        expected.append(packed([*(v for _, v in leaves(s)), *host.pins(s)], fmt_out))
-        written, taken = written + s.bus.bank_write, taken + s.slave.done
-        s = host.State() if rst else host.step(p, s, firmware_of(values), i)
-    assert min(written, taken) > 3
-    source = "".join((RTL / f"{stem}.v").read_text() for stem in ("spi_slave", "host_bus", "host_words", "host"))
-    found = test_rtl.under_icarus("host", None, stimulus, tmp_path, source)
-    assert test_rtl.difference("host", found, expected) is None
+@ghdl
+@pytest.mark.parametrize(
+    "fault", [pytest.param(fault, marks=pytest.mark.slow) if n else fault for n, fault in enumerate(PLANTED)]
+)
+def test_a_planted_fault_in_the_port_is_seen(fault, tmp_path):
+    stem, language, *edit = fault
+    assert host_port.difference(stem, language, 1, tmp_path, [edit]) is not None
 
 
 # ---- registers over the pins -----------------------------------------------------------------------------------------
-
-
-def address(register):
-    return register.address << host_bus.REGISTER_AT
 
 
 def word_of(lines, at):
@@ -233,10 +83,6 @@ def written(register, raw):
     word = registers.to_bus(raw, register.fmt)
     words = 2 if register.fmt.width > host_bus.WORD_BITS else 1
     return (WRITE, address(register), words, word & host_bus.WORD_MASK, word >> host_bus.WORD_BITS)
-
-
-EVERY = (*registers.MAP, *host_bus.MAP)
-OF_BANK = [r for r in registers.MAP if r.access == "rw"]
 
 
 def everything():
@@ -255,8 +101,8 @@ def test_reset_values_are_read_and_every_register_is_written_and_read_back(built
                 port.ask(written(r, raws[r.name][k]), (REGISTER, address(r), 2))
         port.ask(*everything())
         port.served()
-        lines, tight = port.lines(), port.tight
-    assert tight == 0, "SDO stands around every rise of SCK"
+        lines, broken = port.lines(), port.broken
+    assert broken == 0, "SDO stands around every rise of SCK"
     assert (lines["result"] == OK).all()
     for at, r in enumerate(EVERY):
         found = word_of(lines, at)
@@ -364,7 +210,7 @@ class Faulty:
     """A loop whose converter fails in many ways; the host reads the latch of faults and clears it."""
 
     def __init__(self, built, port):
-        self.port, self.sim = port, run.Alone(Config(), *DEGC, port, built[2])
+        self.port, self.sim = port, run.Alone(Config(), *DEGC, port, built.firmware)
         self.sim.now = (np.array([0.0]), np.array([25.0]))
 
     def run(self, frames, *faults):
@@ -474,7 +320,7 @@ def talked(built, seed, fast, mixed):
     """
     draw = np.random.default_rng(seed)
     with opened(built) as port:
-        sim = run.Loop(Config(), *DEGC, port, built[2])
+        sim = run.Loop(Config(), *DEGC, port, built.firmware)
         sim.keep_rows = True
         port.plan(seed, 5, 5)
         sim.now = (np.array([1.0]), np.array([25.0]))
@@ -488,7 +334,7 @@ def talked(built, seed, fast, mixed):
             edge, until = len(port.lines()["kind"]), wanted + int((port.lines()["kind"] == SAMPLE).sum())
             while (port.lines()["kind"] == SAMPLE).sum() < until:
                 sim.advance(1250, 1.0, draw.uniform(*DEGC, 12))
-        assert port.tight == 0, "SDO stands around every rise of SCK"
+        assert port.broken == 0, "SDO stands around every rise of SCK"
         return port.lines(), sim.columns(), edge
 
 
@@ -500,6 +346,13 @@ def test_a_host_reads_whole_samples_while_the_loop_runs(built):
     """Every pin is the model's at every clock. Two thousand samples of a locked loop: tests/testbench/host."""
     fast, mixed = 40, 25
     checked(*talked(built, 5, fast, mixed), fast, mixed)
+
+
+@pytest.mark.slow
+@ghdl
+def test_a_host_reads_whole_samples_of_the_port_in_vhdl(tmp_path):
+    fast, mixed = 40, 25
+    checked(*talked(board_of("host", tmp_path, "vhd"), 6, fast, mixed), fast, mixed)
 
 
 def checked(lines, rows, edge, fast, mixed, reset_clocks=RESET_CLOCKS, first_frame=FIRST_FRAME):

@@ -116,13 +116,18 @@ def adc_row(rng, s):
     return int(rng.random() < 0.7), dout
 
 
-def slave_rows(rng):
-    """Rows of a host that never ends: frames of any kind at a bit in two clocks or three."""
+def any_frame(rng):
+    """Bits of a frame of any kind."""
+    host = spi_host.Host(rng)
+    host.any_frame(period=spi_host.PERIOD, most_words=3)
+    return host.frames[-1].bits
+
+
+def slave_rows(rng, frame=any_frame):
+    """Rows of a host that never ends: frames at a bit in two clocks or three."""
     while True:
-        host = spi_host.Host(rng)
-        host.any_frame(period=spi_host.PERIOD, most_words=3)
-        low = rng.randrange(1, 3)
-        for bit in host.frames[-1].bits:
+        bits, low = frame(rng), rng.randrange(1, 3)
+        for bit in bits:
             yield from [(0, 0, int(bit))] * low + [(0, 1, int(bit))]
         yield from [(0, 0, 0)] * rng.randrange(2) + [(1, 0, 0)] * rng.randrange(1, 6)
 
@@ -280,6 +285,12 @@ CASES = [
     for stem, block in BLOCKS.items()
     for k in range(len(block.params))
 ]
+# Ports of a host, which are not in top, and what is in them in the order of compilation
+OF_HOST = {
+    "host_words": (),
+    "host": ("spi_slave", "host_bus", "host_words"),
+    "host_axi": ("axi_slave", "host_bus", "host_words"),
+}
 VHDL_CASES = [case for case in CASES if case.values[0] in VHDL]
 
 
@@ -608,16 +619,12 @@ def test_keys_of_the_design_are_parameters_with_its_values(path):
     assert list(found) == [key for key in DEFAULT._fields if key in wanted]
 
 
-# Ports of a host, which are not in top, and the blocks in them
-OF_HOST = {"host": ("spi_slave", "host_bus"), "host_axi": ("axi_slave", "host_bus"), "host_words": ()}
-
-
 def blocks_within(stem):
     """The block, or those in control, in top or in the port of the host."""
     if stem in golden_blocks.BLOCKS:
         return [registry.declared()[stem]]
     if stem in OF_HOST:
-        return [registry.declared()[name] for name in OF_HOST[stem]]
+        return [registry.declared()[name] for name in OF_HOST[stem] if name not in OF_HOST]
     where = {"control": "control.", "top": ""}[stem]
     return [module for role, (module, _) in wiring.instances().items() if role.startswith(where)]
 
@@ -644,11 +651,23 @@ def test_ports_are_those_of_the_model(name):
         assert declared(text.partition("architecture")[0], kind, language) == wanted, kind
 
 
+@pytest.mark.parametrize("stem", OF_HOST)
+def test_both_languages_of_the_port_have_the_same_ports(stem):
+    """Names, widths and order."""
+    verilog, vhdl = ((RTL / f"{stem}.{language}").read_text() for language in ("v", "vhd"))
+    for kind in ("input", "output"):
+        found = [entry[:2] for entry in declared(verilog, kind, "v")]
+        assert found == declared(vhdl.partition("architecture")[0], kind, "vhd"), kind
+        assert found
+
+
 def test_every_file_is_tried():
     """Here, in golden/test_benches.py, for every block with a bundle, in test_rtl_top.py or test_host*.py."""
+    vhdl = {f"{stem}.vhd" for stem in (*VHDL, *OF_HOST)}
     verilog = {f"{stem}.v" for stem in (*VERILOG, *golden_blocks.BLOCKS, "control", "top", *OF_HOST)}
     files = {path.name for path in RTL.iterdir() if path.is_file()}
-    assert files <= {*verilog, *(f"{stem}.vhd" for stem in VHDL)}
+    assert files <= verilog | vhdl
+    assert vhdl <= files
     assert {f"{stem}.v" for stem in VERILOG} <= files
 
 
@@ -678,9 +697,10 @@ def test_verilator_has_no_warning(stem, k, tmp_path):
 
 
 @ghdl
-@pytest.mark.parametrize("stem", VHDL)
+@pytest.mark.parametrize("stem", [*VHDL, *OF_HOST])
 def test_ghdl_has_no_warning(stem, tmp_path):
-    ran(["ghdl", "-a", "--std=08", "--warn-error", RTL / f"{stem}.vhd"], tmp_path, silent=True)
+    for name in (*OF_HOST.get(stem, ()), stem):
+        ran(["ghdl", "-a", "--std=08", "--warn-error", RTL / f"{name}.vhd"], tmp_path, silent=True)
 
 
 @yosys

@@ -1,0 +1,73 @@
+"""Verilog of a design in VHDL, by the synthesis of GHDL.
+
+    of_vhdl(found, name, folder, what)   the file; `found` are `sources.Sources`
+    repaired(verilog, vhdl)              without two faults of GHDL 2.0, whose Verilog is that of another design
+
+Source  docs/rtl.md
+"""
+
+import re
+import shutil
+from pathlib import Path
+
+from testbench.errors import ConfigError, FileError
+from testbench.storage.files import write_text
+from testbench.tool import run_tool
+
+BITS = re.compile(r'"([01XZ]+)"')
+CASE = re.compile(r"^    case \((\w+)\)\n((?:      .*\n)+)    endcase\n", re.M)
+OTHERS = re.compile(r"^  with (\w+) select (\w+) <=\n(?:    .*,\n)*    (.+) when others;\n", re.M)
+
+
+def _value(text):
+    """A literal or a net of VHDL in Verilog; None for anything else."""
+    literal = re.fullmatch("(?:'(.)'|\"(.+)\")", text)
+    if literal is None:
+        return text if re.fullmatch(r"\w+", text) else None
+    bits = re.sub("[^01Z]", "X", literal[1] or literal[2])
+    return f"{len(bits)}'b{bits}"
+
+
+def repaired(verilog, vhdl):
+    """The Verilog of a netlist with sized constants, and with the `when others` that each `case` has in the VHDL of it.
+
+    GHDL 2.0 writes constants of more than 32 bits as text, and leaves `when others` out (its issues 2002 and 2041).
+    ValueError if both texts are not of one netlist
+    """
+    others = iter(OTHERS.findall(vhdl))
+
+    def whole(found):
+        selector, branches = found[1], found[2]
+        if "      default:" in branches:
+            return found[0]
+        net = branches.split(" <= ")[0].split()[-1]
+        *names, value = next(others, (None, None, ""))
+        if names != [selector, net] or _value(value) is None:
+            raise ValueError(f"no `when others` of {net} is known")
+        return f"    case ({selector})\n{branches}      default: {net} <= {_value(value)};\n    endcase\n"
+
+    return CASE.sub(whole, BITS.sub(lambda found: f"{len(found[1])}'b{found[1]}", verilog))
+
+
+def of_vhdl(found, name, folder, what):
+    """Verilog of `sources.Sources` in VHDL, of the entity `name`: a file in `folder`."""
+    if shutil.which("ghdl") is None:
+        raise ConfigError("ghdl: not installed; the loop takes a design in VHDL by its synthesis")
+    if name != name.lower():
+        raise FileError(f"{what}: {name}: GHDL writes names in lower case: call the top {name.lower()}")
+    place = Path(folder).resolve() / "vhdl"
+    shutil.rmtree(place, ignore_errors=True)
+    place.mkdir(parents=True)
+    libraries = [library or "work" for library in found.libraries]
+    for path, library in zip(found.files, libraries, strict=True):
+        run_tool(["ghdl", "-a", "--std=08", f"--work={library}", path], place, what)
+    # an entity that is missing would be a module whose outputs rest
+    command = f"ghdl --synth --std=08 -Werror=binding --work={libraries[-1]}".split()
+    verilog, vhdl = (run_tool([*command, f"--out={form}", name], place, what) for form in ("verilog", "raw-vhdl"))
+    try:
+        write_text(place / "design.v", repaired(verilog, vhdl))
+    except ValueError as problem:
+        raise FileError(
+            f"{what}: {name}: the Verilog of GHDL's synthesis has a case without default: {problem}"
+        ) from None
+    return place / "design.v"
