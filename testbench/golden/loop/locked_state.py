@@ -21,6 +21,8 @@ def _check(sim):
     wrong = {
         "board = digital_sid": p.digital,
         "quadrature_update_khz = 1000": p.quadrature_fast,
+        "a notch": p.control.notch,
+        "clocks of one path": p.paths,
         "effects": a.effects.any_force or a.effects.any_cv or a.laws.force or a.laws.cv or a.ring.on,
         "DAC bow or glitch": any(d.bow or d.glitch_v_s for d in (a.drive_dac, a.sense_dac)),
         "INL": any(a.adc.inl),
@@ -94,7 +96,8 @@ def write_state(sim, rate_rad_s, folder):
     _check(sim)
     words = list(_words(sim, rate_rad_s))
     raw = b"".join(np.array(w, "<f8" if isinstance(w, float) else "<i8").tobytes() for w in words)
-    registers = zip(flatten.leaves(sim.state.fpga), library.formats_of(sim.design), strict=False)
+    formats = library.formats_of(sim.design)[: len(library.REGISTERS)]  # without the pins
+    registers = zip(flatten.leaves(sim.state.fpga), formats, strict=True)
     state = [f"{int(value) & ((1 << fmt.width) - 1):x}" for (_, value), fmt in registers]
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "state.hex").write_text("\n".join(state) + "\n")

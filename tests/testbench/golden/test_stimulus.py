@@ -33,14 +33,8 @@ PHASES = {
     "axi_slave": ("awready", "wready", "bvalid", "arready", "rvalid"),
     "host_bus": ("pending", "fresh", "unread", "unread_after", "reading"),
 }
-SCRIPTED = (
-    "spi_adc",
-    "spi_slave",
-    "axi_slave",
-    "host_bus",
-    "watchdog",
-    "rates",
-)  # overflow is met by a script; they have no edges
+# blocks with a script; where a register rounds or overflows, the script takes the place of the edges
+SCRIPTED = ("spi_adc", "spi_slave", "axi_slave", "host_bus", "watchdog", "rates")
 
 
 @functools.cache

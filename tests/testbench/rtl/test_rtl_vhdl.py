@@ -74,8 +74,14 @@ def test_the_vhdl_of_a_block_is_its_verilog(stem, k, tmp_path):
     compare(stem, tmp_path, parameters(BLOCKS[stem], BLOCKS[stem].params[k]))
 
 
-@pytest.mark.parametrize("dds_bits", [48, pytest.param(32, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("stem", OF_HOST)
+@pytest.mark.parametrize(
+    ("stem", "dds_bits"),
+    [
+        ("host_words", 48),
+        ("host_axi", 48),
+        *(pytest.param(*case, marks=pytest.mark.slow) for case in (("host", 48), *((stem, 32) for stem in OF_HOST))),
+    ],
+)
 def test_the_vhdl_of_the_port_is_its_verilog(stem, dds_bits, tmp_path):
     compare(stem, tmp_path, [("DDS_BITS", dds_bits, 32)])
 
