@@ -116,6 +116,7 @@ def _new(out):
 def _write(out, texts):
     """Write the files beside the folder, and rename it."""
     _new(out)
+    part = None
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         part = Path(tempfile.mkdtemp(prefix=out.name + ".", dir=out.parent))
@@ -127,5 +128,6 @@ def _write(out, texts):
             out.rmdir()
         part.rename(out)
     except OSError as problem:
-        shutil.rmtree(part, ignore_errors=True)
+        if part is not None:
+            shutil.rmtree(part, ignore_errors=True)
         raise FileError(f"{out}: cannot be written: {problem.strerror or problem}") from None

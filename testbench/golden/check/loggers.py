@@ -4,7 +4,8 @@
     and pins go to rows.txt, one word each, in the order of the manifest
 
 Everything comes from the manifest, so that any bundle will do. Each association of the design's ports and parameters
-has a line of its own: tools name lines, and `port_of_line` turns those into ports.
+has a line of its own: tools name lines, and `port_of_line` turns those into ports. An input gets an expression where
+the tool then refuses an output in its place, and a port that nothing drives is z.
 Source  docs/golden.md (what a design must look like)
 """
 
@@ -65,12 +66,17 @@ def verilog(manifest, rom=None, level="registers", module=None):
     given = [f".{name}({value})" for name, value in told(manifest)]
     given += [f".{name}({bits}'{'s' * signed}h{raw:x})" for name, bits, signed, raw in parameters(manifest, False)]
     given += [f'.ROM_FILE("{rom}")'] if rom else []
-    ports = [".clk(clk)", *(f".{p['name']}(now[{hi}:{lo}])" for p, hi, lo in _slices(inputs))]
+    ports = [".clk(clk)", *(f".{p['name']}(`IN(now[{hi}:{lo}]))" for p, hi, lo in _slices(inputs))]
     ports += [f".{name}({name})" for name, _ in found]
     generics = " #(\n" + ",\n".join(given) + "\n)" if given else ""
     wires = "\n".join(f"    wire [{p['width'] - 1}:0] {name};" for name, p in found)
     words = ", ".join(name for name, _ in found)
     return f"""`timescale 1ps/1ps
+`ifdef __ICARUS__
+`define IN(net) ((net) | 1'b0)
+`else
+`define IN(net) net
+`endif
 module {TOP};
     reg [{width - 1}:0] stim [0:{manifest["n"] - 1}];
     reg [{width - 1}:0] now;
@@ -119,7 +125,8 @@ def vhdl(manifest, rom=None, level="registers", module=None):
     given = [f"{name} => {value}" for name, value in told(manifest)]
     given += [f"{name} => {literal(raw, bits)}" for name, bits, _, raw in parameters(manifest)]
     given += [f'ROM_FILE => "{rom}"'] if rom else []
-    ports = ["clk => clk", *(f"{p['name']} => now{part(hi, lo)}" for p, hi, lo in _slices(inputs))]
+    nets = [(p["name"], f"now{part(hi, lo)}") for p, hi, lo in _slices(inputs)]
+    ports = ["clk => clk", *(f"{name} => {net} and {net}" for name, net in nets)]
     ports += [f"{p['name']} => got{part(hi, lo)}" for p, hi, lo in outs]
     generics = "generic map (\n" + ",\n".join(given) + "\n)\n" if given else ""
     writes = "\n".join(f"            write(row, to_hstring(got({hi} downto {lo})) & ' ');" for _, hi, lo in outs)
@@ -130,7 +137,7 @@ entity {TOP} is end entity;
 architecture bench of {TOP} is
     signal clk : std_logic := '0';
     signal now : std_logic_vector({wide - 1} downto 0) := (others => '0');
-    signal got : std_logic_vector({outs[0][1]} downto 0);
+    signal got : std_logic_vector({outs[0][1]} downto 0) := (others => 'Z');
 begin
     dut : entity work.{module or "gyro_" + manifest["block"]}
 {generics}port map (

@@ -48,8 +48,13 @@ SAYINGS = (
     (r"wrap\.vhd:\d+:\d+: can't associate '\w+' with (?:port|generic) \"(?P<port>\w+)\"", "vhdl type"),
     (r"(?:log|wrap)\.vhd:\d+:\d+: port \"(?P<port>\w+)\" is not an interface name", "absent"),
     (r"(?:Unknown module type: |containing module: '|unit \")(?P<port>\w+)", "no module"),
-    (r"log\.vhd:\d+:\d+: no actual for (?:port|generic) \"(?P<port>\w+)\"", "extra"),
+    (r"log\.vhd:\d+:\d+: no actual for port \"(?P<port>\w+)\"", "extra"),
+    (r"(?:log|wrap)\.vhd:\d+:\d+: no actual for generic \"(?P<port>\w+)\"", "no value"),
+    (r": Port \d+ \((?P<port>\w+)\) of \S+ is connected to", "output"),
+    (r"log\.vhd:(?P<line>\d+):\d+: only 'in' ports may be associated with expression", "output"),
+    (r"%Warning-UNDRIVEN: \S+ Signal is not driven: '(?:d_)?(?P<port>\w+)'", "undriven"),
 )
+UNDRIVEN = "is driven by nothing: the design has an input of this name, or does not assign it"
 
 
 class Runner:
@@ -104,8 +109,9 @@ def _complaints(said, texts, manifest, design):
     """Our words for what a tool says about ports; sorted out once each, in order. `texts` are {file: text} of ours."""
     widths = {p["name"]: p["width"] for p in manifest["inputs"]}
     widths |= {name: p["width"] for name, p in loggers.results(manifest)}
-    widths |= {name: width for name, width, _, _ in loggers.parameters(manifest)}
-    widths |= {name: 32 for name, _ in design_entry.told(manifest)}
+    parameters = {name: width for name, width, _, _ in loggers.parameters(manifest)}
+    parameters |= {name: 32 for name, _ in design_entry.told(manifest)}
+    widths |= parameters
     widths |= design.widths()
     out, spelled = {}, {name.lower(): name for name in widths}
     # only what is said of the bench: a part inside the design may have ports of the same names
@@ -118,8 +124,10 @@ def _complaints(said, texts, manifest, design):
             words = found.groupdict()
             port = words.get("port") or loggers.port_of_line(texts.get(place[1], ""), int(words["line"]))
             port = spelled.get(port, port)  # GHDL says names in lower case
-            if port not in widths and kind not in ("extra", "no module"):
+            if port not in widths and kind not in ("extra", "no value", "no module"):
                 continue
+            if kind == "absent" and port in parameters:
+                kind = "no parameter"
             out[port] = {
                 "width": f"port {port} has {words.get('has')} bits, {design.whose} has {widths.get(port)}",
                 "vhdl width": f"port {port} is not of the {widths.get(port)} bits of {design.whose}",
@@ -128,6 +136,9 @@ def _complaints(said, texts, manifest, design):
                 "no module": f"no module or entity {port}: --top, or top of a map, names yours",
                 "no parameter": f"parameter {port} is missing: [parameters] of a map lists those that are there",
                 "extra": f"input {port} is not in {design.whose} and stays open",
+                "no value": f"parameter {port} is not in {design.whose}: [constants] of a map gives it a value",
+                "output": f"port {port} is an output, {design.whose} has an input",
+                "undriven": f"port {port} {UNDRIVEN}",
             }[kind]
     hint = design.hint([port for port, words in out.items() if words == f"port {port} is missing"])
     return [*out.values(), *hint]
@@ -151,7 +162,7 @@ def _build(sim, run, ours, design):
         return ("vvp", "-n", "log.vvp"), *done
     if sim == "verilator":
         where = [f"-I{folder}" for folder in sources.includes] + [f"-D{macro}" for macro in sources.defines]
-        flags = ("-Wno-fatal", "-Wno-lint", "-Wno-style", "-Wwarn-WIDTH", "-Wwarn-PINMISSING")
+        flags = ("-Wno-fatal", "-Wno-lint", "-Wno-style", "-Wwarn-WIDTH", "-Wwarn-PINMISSING", "-Wwarn-UNDRIVEN")
         done = run("verilator", "--binary", "--timing", *flags, "-I.", *where, "--top-module", loggers.TOP, "--Mdir",
                    "built", "-o", "log", *ours, *sources.files)  # fmt: skip
         return (run.folder / "built" / "log",), *done
@@ -167,17 +178,24 @@ def _build(sim, run, ours, design):
     return ("ghdl", "-r", "--std=08", loggers.TOP), code, said
 
 
-def _columns(path, ports):
-    """{name: Column} of rows.txt: a word with anything but hexadecimal digits in it is unknown."""
+def _columns(path, named, what):
+    """{name: Column} of rows.txt: a word with anything but hexadecimal digits in it is unknown.
+
+    FileError that names the design, `what`, for a port that is z in every bit and row: nothing drives it
+    """
+    ports = [p for _, p in named]
     lines = path.read_text("ascii", "replace").splitlines() if path.is_file() else []
     values = np.zeros((len(ports), len(lines)), np.int64)
     known = np.zeros((len(ports), len(lines)), bool)
     masks = [((1 << p["width"]) - 1, Fmt(*p["fmt"])) for p in ports]
+    floating = set(range(len(ports)))
     for n, line in enumerate(lines):
         words = line.split()
         if len(words) != len(ports):
             raise FileError(f"{path.name}: row {n} has {len(words)} words instead of {len(ports)}")
         for k, word in enumerate(words):
+            if k in floating and word.strip("zZ"):
+                floating.remove(k)
             try:
                 value = int(word, 16)
             except ValueError:
@@ -186,6 +204,8 @@ def _columns(path, ports):
             value &= mask
             values[k, n] = value - mask - 1 if fmt.s and value > fmt.hi else value
             known[k, n] = True
+    if lines and floating:
+        raise FileError(f"{what}: port {named[min(floating)][0]} {UNDRIVEN}")
     return {p["name"]: Column(values[k], known[k]) for k, p in enumerate(ports)}
 
 
@@ -237,7 +257,7 @@ def columns_of(folder, stim, design, timeout_s=TIMEOUT_S):
                 f"{last}: {why}" if why else f"{last}: does not build under {design.sim}:\n{first_lines(said)}"
             )
         code, said = run(*command)
-        columns = _columns(place / loggers.ROWS, [p for _, p in loggers.results(design.manifest, design.level)])
+        columns = _columns(place / loggers.ROWS, loggers.results(design.manifest, design.level), last)
         rows = len(next(iter(columns.values())).values)
         if rows < design.manifest["n"]:
             raise FileError(

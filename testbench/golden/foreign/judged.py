@@ -48,6 +48,8 @@ def read_latency(path, manifest, level):
     for key in tree:
         if key not in ("schema", "ports"):
             raise FileError(f"{path}: key: {key!r} is not one of schema, ports")
+    if not isinstance(tree.get("ports", {}), dict):
+        raise FileError(f"{path}: ports: {tree['ports']!r} is not a table of port = clocks")
     found, ports = {}, levels.judged(manifest, level)
     if level == "registers" and tree.get("ports"):
         raise FileError(f"{path}: latency is of level pins or outputs: at level registers every register has its own")

@@ -155,6 +155,13 @@ def test_a_late_port_is_judged_where_no_reset_has_cleared_it(bundles, tmp_path):
             judged.read_latency(path, golden.manifest, level)
 
 
+def test_a_latency_file_without_a_table_is_one_line(tmp_path):
+    (tmp_path / "l.toml").write_text('schema = "gyro-latency/1.0"\nports = 3\n')
+    manifest = {"block": "dds", "registers": [], "outputs": [], "levels": levels.entry(BLOCKS["dds"])}
+    with pytest.raises(FileError, match=r"l\.toml: ports: 3 is not a table of port = clocks"):
+        judged.read_latency(tmp_path / "l.toml", manifest, "outputs")
+
+
 @pytest.mark.parametrize(
     ("block", "text", "said"),
     [
@@ -247,6 +254,38 @@ def test_a_wrapped_folder_checks_by_make_alone(bundles, tmp_path, name, sim):
     assert "rows differ, the first is row " in done.stdout
     with pytest.raises(FileError, match="not an empty folder"):
         wrap.wrap(bundles(stem) / case, own / "map.toml", level, out)
+
+
+def test_a_folder_that_cannot_be_written_is_one_line(bundles, tmp_path):
+    with pytest.raises(FileError, match="/dev/null/w: cannot be written: "):
+        wrap.wrap(bundles("dds") / "default", DESIGNS / "nco" / "map.toml", "outputs", Path("/dev/null/w"))
+
+
+def test_verilator_keeps_both_verdicts_of_a_bench_that_resets_nothing(bundles, tmp_path):
+    """The loop over the rows is the first thing that waits: 5.006 took the count of errors behind it for 0."""
+    installed("verilator")
+    own, out = DESIGNS / "nco", tmp_path / "w"
+    wrap.wrap(bundles("dds") / "default", own / "map.toml", "outputs", out, own / "latency.toml")
+    assert "RESET_CYCLES = 0;" in (out / "params.vh").read_text()
+    command = ["verilator", "--cc", "--timing", "-Wno-fatal", "-Wno-lint", "-Wno-style", "-I.", "-DLEVEL_OUTPUTS",
+               "--top-module", "tb_dds", "--Mdir", "c", "tb_dds.v", "golden_dds.v", own / "half_adder48.v",
+               own / "nco.v"]  # fmt: skip
+    subprocess.run(command, cwd=out, check=True, capture_output=True, timeout=60)
+    text = "".join(path.read_text() for path in (out / "c").glob("*.cpp"))
+    assert ('"PASS dds/default: ' in text, '"FAIL dds/default: ' in text) == (True, True)
+
+
+def test_a_row_that_differs_is_never_a_pass(bundles, tmp_path):
+    """A simulator whose bench names a row and then says PASS."""
+    need("iverilog")
+    said = "row 3: r_y: expected 1, got 0 (hex)\nPASS pi/rate: 4297 rows, 3 ports"
+    (tmp_path / "vvp").write_text(f"#!/bin/sh\nprintf '{said}\\n'\n")
+    (tmp_path / "vvp").chmod(0o755)
+    environment = {**os.environ, "PATH": f"{tmp_path}:{os.environ['PATH']}", "RTL": str(ROOT / "testbench" / "rtl")}
+    done = subprocess.run(["sh", str(bundles("pi") / "rate" / "check.sh"), "icarus"], env=environment,
+                          capture_output=True, text=True, timeout=60)  # fmt: skip
+    assert done.returncode == 1
+    assert done.stdout.endswith("FAIL pi/rate: the bench did not get to its end [icarus]\n")
 
 
 # Bad input ------------------------------------------------------------------------------------------------------------
@@ -354,18 +393,83 @@ def test_a_list_names_files_folders_macros_and_libraries(tmp_path):
             sources.of_list(tmp_path / "x.f")
 
 
+LISTS = {
+    "bad.f": "-y lib\n",
+    "own.f": "-f own.f\n",
+    "a.f": "pi.v\n-f ./deep/b.f\n",
+    "deep/b.f": "-f ../a.f\n",
+    "work.f": "pi.v\n-work\n",
+    "empty.f": "// nothing\n",
+}
+
+
 @pytest.mark.parametrize(
-    ("files", "said"), [("no.v", "FILES: no file"), ("no.f", "no list"), ("bad.f", "-y is none of")]
+    ("files", "said"),
+    [
+        ("no.v", "FILES: no file {rtl}/no.v"),
+        ("no.f", "no list {rtl}/no.f"),
+        ("bad.f", "{rtl}/bad.f: -y is none of +incdir+, +define+, -I, -D, -work, -f"),
+        ("own.f", "{rtl}/own.f: the list names itself"),
+        ("a.f", "{rtl}/./deep/../a.f: the list names itself"),
+        ("work.f", "{rtl}/work.f: -work needs a value"),
+        ("empty.f", "FILES: empty.f names no source file"),
+        ("deep", "FILES: no file {rtl}/deep"),
+    ],
 )
 def test_make_says_what_is_wrong_with_a_list(bundles, tmp_path, files, said):
-    (tmp_path / "bad.f").write_text("-y lib\n")
     need("iverilog")
-    goals = ["make", "-s", "-C", str(bundles("pi") / "rate"), "check", f"RTL={tmp_path}", f"FILES={files}"]
-    done = subprocess.run(goals, capture_output=True, text=True, timeout=60)
+    rtl = tmp_path / "mit Ümlaut & @"
+    (rtl / "deep").mkdir(parents=True)
+    shutil.copy(ROOT / "testbench" / "rtl" / "pi.v", rtl)
+    for name, text in LISTS.items():
+        (rtl / name).write_text(text)
+    goals = ["make", "-s", "-C", str(bundles("pi") / "rate"), "check", f"RTL={rtl}", f"FILES={files}"]
+    done = subprocess.run(goals, capture_output=True, text=True, timeout=20)
+    assert (done.returncode, done.stdout) == (2, f"FAIL pi/rate: {said.format(rtl=rtl)}\n")
+
+
+def test_a_file_that_is_listed_twice_is_read_once(bundles):
+    need("iverilog")
+    goals = ["make", "-s", "-C", str(bundles("pi") / "rate"), "check", "SIM=icarus", "FILES=pi.v pi.v"]
+    done = subprocess.run([*goals, f"RTL={ROOT / 'testbench' / 'rtl'}"], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout) == (0, "PASS pi/rate: 4297 rows, 3 ports [icarus]\n")
+
+
+DESIGN = "module gyro_pi;\n{}\nendmodule\n"
+STOPPED = {
+    "does not build": ("assign x = ;", {}, "the design does not build"),
+    "an elaboration without end": (
+        "function f(input a); while (1) f = a; endfunction\nlocalparam A = f(1);", {"TIMEOUT": "2"},
+        "stopped after 2 s: the design hangs or is slow (TIMEOUT=seconds)",
+    ),
+    "TIMEOUT": ("", {"TIMEOUT": "soon"}, "TIMEOUT: soon is no number of seconds"),
+    "FRAMES": ("", {"FRAMES": "few"}, "FRAMES: few is no number of frames"),
+    "no Python": ("", {"SIM": "cocotb", "PYTHON": "python9"}, "cocotb: python9 is not installed"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", STOPPED)
+def test_make_ends_in_one_line_and_in_time(bundles, tmp_path, name):
+    need("iverilog")
+    text, given, said = STOPPED[name]
+    (tmp_path / "pi.v").write_text(DESIGN.format(text))
+    command = ["make", "-s", "-C", str(bundles("pi") / "rate"), "check"]
+    environment = {"SIM": "icarus", "RTL": str(tmp_path), **given}
+    done = subprocess.run([*command, *(f"{key}={value}" for key, value in environment.items())], capture_output=True,
+                          text=True, timeout=20)  # fmt: skip
+    own = f" [{environment['SIM']}]" if name in ("does not build", "an elaboration without end") else ""
     assert done.returncode == 2
-    assert done.stdout.startswith("FAIL pi/rate: ")
-    assert said in done.stdout
-    assert len(done.stdout.splitlines()) == 1
+    assert done.stdout.endswith(f"FAIL pi/rate: {said}{own}\n")
+    assert f"{tmp_path}/pi.v:2: " in done.stdout or len(done.stdout.splitlines()) == 1
+
+
+def test_a_bundle_that_cannot_be_written_to_is_one_line_of_make(bundles, tmp_path):
+    need("iverilog")
+    shutil.copytree(bundles("pi") / "rate", tmp_path / "b", ignore=shutil.ignore_patterns("build"))
+    (tmp_path / "b" / "build").write_text("")
+    done = make_check(tmp_path / "b", "icarus", ROOT / "testbench" / "rtl")
+    assert done.stdout.startswith(f"FAIL pi/rate: {tmp_path}/b/build: no folder to write into\n")
+    assert done.returncode == 2
 
 
 # docs/foreign_designs.md ----------------------------------------------------------------------------------------------

@@ -127,6 +127,28 @@ BROKEN = {
     "reset of the other polarity": (
         "icarus", "v", ("if (rst)", "if (!rst)"), "the reset is of the other polarity; active = 0 in [reset] of a map",
     ),
+    "parameter missing in VHDL": ("ghdl", "vhd", ("kp", "kq"), "parameter kp is missing"),
+    "parameter without a value in VHDL": (
+        "ghdl", "vhd", ("        kp : std", "        most : natural;\n        kp : std"),
+        "parameter most is not in the bundle: [constants] of a map gives it a value",
+    ),
+    "an input as an output": (
+        "icarus", "v", ("input  wire signed                           [25:0] e,", "output wire signed [25:0] e,"),
+        "port e is an output, the bundle has an input",
+    ),
+    "an input as an output in VHDL": (
+        "ghdl", "vhd", ("e      : in  std", "e      : out std"), "port e is an output, the bundle has an input",
+    ),
+    "an output as an input": (
+        "icarus", "v", ("output reg  signed                           [35:0] r_y      // [1,35,0]\n);",
+                        "input wire signed [35:0] r_y);\n    reg signed [35:0] mine;"),
+        "port r_y is driven by nothing: the design has an input of this name, or does not assign it",
+    ),
+    "an output as an input in VHDL": (
+        "ghdl", "vhd", ("r_y    : out std_logic_vector(35 downto 0)       -- [1,35,0]",
+                        "r_y    : in std_logic_vector(35 downto 0); mine : out std_logic_vector(35 downto 0)"),
+        "port r_y is driven by nothing: the design has an input of this name, or does not assign it",
+    ),
     "never starts": ("icarus", "v", ("if (rst)", "if (1'b1)"), "never leaves reset, has no clock or never starts"),
     "ends early": ("icarus", "v", ("endmodule", "initial #1000000 $finish;\nendmodule"), "ended after 24 of 4297 rows"),
     "prints without end": ("icarus", "v", ("endmodule", 'initial while (1) $display("%0100d", 0);\nendmodule'),
@@ -138,7 +160,8 @@ BROKEN = {
 def test_a_design_that_cannot_be_run_is_one_clear_error(out, tmp_path, name):
     sim, suffix, change, said = BROKEN[name]
     installed(sim)
-    folder = design(tmp_path, "pi", suffix, change)
+    assigned = [(text, "mine <=") for text in ("r_y <=", "r_y    <=")] if "mine" in change[1] else []
+    folder = design(tmp_path, "pi", suffix, change, *assigned)
     with pytest.raises(FileError) as problem:
         rtl_run.check(out / "pi" / "rate", folder, sim)
     assert said in str(problem.value)
