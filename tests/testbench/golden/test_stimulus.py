@@ -391,6 +391,32 @@ def test_searches_end_where_each_bit_of_the_correction_decides():
             assert any(decided), (bit, set_)
 
 
+@pytest.mark.parametrize("was_locked", [0, 1])
+def test_a_count_that_goes_on_between_both_limits_shows_in_locked(was_locked):
+    """A design whose counts start again at the other limit alone has another word `locked`, each of its four bits."""
+    p = blocks.BLOCKS["lock_monitor"].cases["default"]
+    rows, regs, _ = record("lock_monitor", "default")
+    names, bit, count, differs = ("agc_error", "phase", "sense_sin", "sense_cos"), [0] * 4, [0] * 4, 0
+    for n in range(len(regs["locked"])):
+        now = {name: int(rows[name][n]) for name in (*names, "rst", "en", "enable", "judged", "setpoint", "rail")}
+        differs |= sum(b << k for k, b in enumerate(bit)) ^ int(regs["locked"][n])
+        if now["rst"]:
+            bit, count = [0] * 4, [0] * 4
+        for k in range(4) if now["en"] and not now["rst"] else ():
+            if not now["enable"] >> k & 1:
+                bit[k] = count[k] = 0
+            elif now["judged"] >> k & 1:
+                scale = now["setpoint"] if k == 0 else 1 << 16
+                inner, outer = (scale * table[k] >> 16 for table in (p.limit_in, p.limit_out))
+                error, rail = abs(now[names[k]]), k == 3 and now["rail"]
+                good, lost = rail or error <= inner, error > outer and not rail
+                goes_on = bit[k] == was_locked and count[k] > 0 and not (good if bit[k] else lost)
+                count[k] = count[k] + 1 if (lost if bit[k] else good) or goes_on else 0
+                if count[k] >= (p.frames_out if bit[k] else p.frames_in)[k]:
+                    bit[k], count[k] = 1 - bit[k], 0
+    assert differs == 15
+
+
 def test_the_amplitude_is_judged_at_the_limits_of_many_setpoints():
     p = blocks.BLOCKS["sequencer"].cases["quick"].lock
     rows, regs, _ = record("sequencer", "quick")
