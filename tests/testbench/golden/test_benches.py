@@ -140,6 +140,14 @@ def test_plain_check_names_what_it_skips_and_why(bundles, tmp_path):
     assert done.stdout.count("PASS ") == 2
 
 
+def test_parts_in_a_language_in_which_the_block_is_not_are_no_design(bundles):
+    """The folder has pi.vhd, which agc holds, and agc.v alone."""
+    need("ghdl")
+    done = check(bundles("agc") / "default", "ghdl", RTL)
+    assert done.returncode == 2
+    assert done.stdout.startswith(f"FAIL agc/default: ghdl: no agc.vhd in {RTL}\n")
+
+
 @pytest.mark.slow
 def test_one_simulator_that_fails_fails_the_check_and_the_others_still_run(bundles, tmp_path):
     need("iverilog", "verilator", "g++", "ghdl")
