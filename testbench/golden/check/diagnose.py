@@ -159,13 +159,18 @@ def _of_pins(rows, net, instances, registers):
         given |= {("reg", name): rows.expected[one.names[name]] for name in own.reset}
         given["in", "rst"] = rows.inputs["rst"]
         seen = [{name: of[pin] for name, pin in pins.items()} for of in (rows.got, care, rows.expected)]
-        causes = hidden_causes(Hidden(own, given, *seen))
-        found.append({(c.cause, *one.homes[c.register]): c._replace(register=one.names[c.register]) for c in causes})
+        causes = hidden_causes(Hidden(own, given, *seen), every=True)
+        found.append({(c.cause, c.what): c._replace(register=one.names[c.register]) for c in causes})
     if wrong or len(modules) != 1:
         return []
     both = set.intersection(*map(set, found))
     share = min((cause.share for of in found for cause in of.values()), default=0.0) / BEYOND_PINS
-    return [cause._replace(share=share) for key, cause in found[0].items() if key in both]
+    listed = {}
+    for key in found[0]:
+        if key in both:
+            cause = found[0][key]._replace(share=share)
+            listed.setdefault((cause.cause, cause.register), cause)
+    return list(listed.values())[:MOST_LISTED]
 
 
 def _of_instance(rows, one, names, wires, known):

@@ -176,17 +176,20 @@ def _second(search, name, hypothesis, share):
     return None
 
 
-def hidden_causes(search):
-    """[Cause] of a `Hidden`: only what explains every row counts; it has the name of a port that is seen."""
+def hidden_causes(search, every=False):
+    """[Cause] of a `Hidden`: only what explains every row counts; it has the name of a port that is seen.
+
+    One of each class and port, or `every` hypothesis.
+    """
     if not search.wrong.any():
         return []
-    found = {}
-    for h, share in search.explained():
-        if share == 1.0:
-            found.setdefault((h.cause, search.driven(h)), h)
+    explained = [(h, search.driven(h)) for h, share in search.explained() if share == 1.0]
+    first = {}
+    for h, port in explained:
+        first.setdefault((h.cause, port), h)
     at_once = search.at_once()
     # what was not run, and what is read off the rows of registers, may explain the rows as well
-    part = 1.0 / (len(found) + 1 + (at_once is not None))
+    part = 1.0 / (len(first) + 1 + (at_once is not None))
     listed = [Cause("async_reset", at_once, part, "all registers at once")] if at_once else []
-    listed += [Cause(cause, register, part, h.what) for (cause, register), h in found.items()]
-    return listed[:MOST_LISTED]
+    listed += [Cause(h.cause, port, part, h.what) for h, port in explained if every or first[h.cause, port] is h]
+    return listed if every else listed[:MOST_LISTED]
