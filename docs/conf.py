@@ -32,6 +32,7 @@ CHAPTERS = {
             "your_board",
             "your_simulator",
             "your_bench",
+            "your_scoreboard",
             "your_registers",
             "your_host",
             "your_recording",

@@ -15,6 +15,7 @@ NEEDED = {
     "your_host": ("cc", "g++", "make", "verilator"),
     "your_registers": ("cc",),
     "your_rtl": ("iverilog",),
+    "your_scoreboard": ("g++", "make", "verilator"),
     "your_simulator": ("cc", "make", "unzip"),
 }
 PACKAGES = {"your_host": "systemrdl", "your_registers": "systemrdl"}
@@ -42,6 +43,7 @@ def test_all_are_there():
         "your_recording",
         "your_registers",
         "your_rtl",
+        "your_scoreboard",
         "your_simulator",
     ]
     for stem in PAGES:
