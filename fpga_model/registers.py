@@ -1,7 +1,8 @@
 """Register bank of the host, at most 48 bits each; MAP is the single source for the RTL and the documentation.
 
     write = 1 and address = that of a register    register' = the low bits of data, in its format
-    fault_clear also returns to 0 at `taken` (the sequencer has read it), unless it is written in that clock
+    fault_clear' = waiting | the ones written to it
+    waiting = 0 at `taken` (the sequencer has read it), else fault_clear
 
     address, data, write --(decode)--[registers] --> blocks     [..] register
 
@@ -133,10 +134,10 @@ def step(d, s, write, address, data, taken):
     """One clock edge of a design `d`: every right-hand side reads the old registers."""
     if not write and not taken:
         return s
-    pending, turn = 0 if taken else s.fault_clear, d.dds_bits
+    waiting, turn = 0 if taken else s.fault_clear, d.dds_bits
     return State(
         control=_load(0, WIDTHS[0], s.control, write, address, data),
-        fault_clear=_load(1, WIDTHS[1], pending, write, address, data),
+        fault_clear=waiting | _load(1, WIDTHS[1], 0, write, address, data),
         phase_drive_sine=_load(2, turn, s.phase_drive_sine, write, address, data),
         phase_sense_sine=_load(3, turn, s.phase_sense_sine, write, address, data),
         phase_drive_ref=_load(4, turn, s.phase_drive_ref, write, address, data),

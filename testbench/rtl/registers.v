@@ -1,6 +1,6 @@
 // Register bank of the host: the writable part of the map; addresses, widths and reset values are those of the map.
 //   write: the register of that address takes the low bits of data; no other address does anything
-//   taken: fault_clear returns to 0, unless it is written in that clock
+//   fault_clear: ones written to it are added; taken: it returns to 0, except for ones written in that clock
 // Latency: 1 clock from write to the register.   No rounding.   Bits above a register's width are dropped.
 // Formats are those of the default design.
 /* verilator lint_off DECLFILENAME */ // waived: a file has the stem of its block, the module a prefix against clashes
@@ -66,7 +66,7 @@ module gyro_registers #(
             if (write)
                 case (address)
                     8'h00: r_control            <= data[8:0];
-                    8'h01: r_fault_clear        <= data[7:0];
+                    8'h01: r_fault_clear        <= (taken ? 8'h0 : r_fault_clear) | data[7:0];
                     8'h02: r_phase_drive_sine   <= data[DDS_BITS-1:0];
                     8'h03: r_phase_sense_sine   <= data[DDS_BITS-1:0];
                     8'h04: r_phase_drive_ref    <= data[DDS_BITS-1:0];

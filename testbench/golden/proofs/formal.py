@@ -35,6 +35,7 @@ CASES = {
     "spi_adc": ("default",),
     "spi_slave": ("default",),
     "axi_slave": ("default",),
+    "registers": ("default",),
     "host_bus": ("default", "narrow"),
     "sequencer": ("quick",),
 }

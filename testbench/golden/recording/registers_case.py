@@ -3,7 +3,8 @@
     start   power-on to BALANCE; a set-point out of reach and a few faults, until every flag is in the latch
     codes   OPEN, all loops fixed. The bits of the map are numbered from 1; in frame k each has bit k of its number, and
             then, in as many frames, the opposite: no two wires of the bank carry the same
-    ones    the words that decide what a frame does: 0, then a one at each bit, for two frames each
+    ones    the words that decide what a frame does: 0, then a one at each bit, for two frames each; behind each one of
+            fault_clear, in the same frame, the one before it, which takes nothing back
 
 The conversions are those of `story`. Words act in the frame after the one in which they are written.
 Source  docs/golden.md (the whole design)
@@ -53,13 +54,14 @@ def ones():
 
 
 def script():
-    """{frame: {register: word}}, and the number of frames."""
+    """{frame: [(register, word)]} in the order of the writes, and the number of frames."""
     at = registers.BY_NAME
     frames = {UNREACHED: {at["amplitude_setpoint"]: at["amplitude_setpoint"].fmt.hi}}
     frames |= {CODES_FROM + k: words for k, words in enumerate(codes())}
     frames[CODES_FROM] |= {at["control"]: OPEN, at["decimation"]: 0}
-    after = max(frames) + 1
-    frames |= {after + STEP * k: words for k, words in enumerate(ones())}
+    frames, after, clear = {k: list(words.items()) for k, words in frames.items()}, max(frames) + 1, at["fault_clear"]
+    for k, words in enumerate(ones()):
+        frames[after + STEP * k] = [*words.items(), (clear, words[clear] >> 1)]
     return frames, max(frames) + STEP
 
 
@@ -74,7 +76,7 @@ def case(story):
     host = [
         ((frame - 1) * frame_clocks + frame_clocks * (32 + k) // 64, 0, r.address, registers.to_bus(word, r.fmt))
         for frame, words in frames.items()
-        for k, (r, word) in enumerate(words.items())
+        for k, (r, word) in enumerate(words)
     ]
     clocks, adc = story.stimulus.adc[:, 0] // frame_clocks, []
     for frame in range(count):

@@ -41,6 +41,7 @@ def begins(phase):
     return "r_phase    <= COMMAND", f"r_phase    <= {phase}"
 
 
+ADDED = "(taken ? 8'h0 : r_fault_clear) | data[7:0]"  # ones of FAULT_CLEAR
 FREE = "r_awready <= 1'b1;\n                r_wready  <= 1'b1;\n                r_bvalid"  # a write is served
 
 
@@ -197,6 +198,15 @@ PLANTED = {
         "one_access": (("!r_rvalid && !writes", "!r_rvalid"),),
         "read_waits_one_clock": (("if (reads) begin", "if (reads && rready) begin"),),
         "done_is_taken": (("r_rvalid && rready", "r_rvalid"),),
+    },
+    ("registers", "default"): {
+        "resets": (("r_rate_scale         <= 30'sh793569E", "r_rate_scale         <= 30'sh793569D"),),
+        "word_arrives": (("r_decimation         <= data[2:0]", "r_decimation         <= data[3:1]"),),
+        "others_rest": (("if (write)", "if (write || taken)"),),
+        "ones_are_held": ((ADDED, "data[7:0]"),),
+        "ones_arrive": ((ADDED, "taken ? 8'h0 : r_fault_clear | data[7:0]"),),
+        "taken_empties": (("if (taken)", "if (taken && !write)"),),
+        "no_one_by_itself": ((ADDED, "r_fault_clear | data[7:0]"),),
     },
     ("host_bus", "default"): {
         "counts_to_two": (("r_unread           <= 2'd0", "r_unread           <= 2'd3"),),

@@ -466,9 +466,10 @@ def test_register_bank_is_the_map():
     assert [(name, int(width), int(raw, 16)) for name, width, raw in resets] == [
         (r.name, r.fmt.width, registers.to_bus(r.reset, r.fmt)) for r in registers.WRITABLE if r.fmt != dds.PHASE
     ]
-    cases = re.findall(r"8'h(\w+): r_(\w+) +<= data\[(\S+):0\];", decoded)
-    assert [(int(address, 16), name, evaluated(high, DEFAULT) + 1) for address, name, high in cases] == [
-        (r.address, r.name, r.fmt.width) for r in registers.WRITABLE
+    cases = re.findall(r"8'h(\w+): r_(\w+) +<= (.*)data\[(\S+):0\];", decoded)
+    waiting = {"rw": "", "w1c": "(taken ? 8'h0 : r_fault_clear) | "}
+    assert [(int(at, 16), name, kept, evaluated(high, DEFAULT) + 1) for at, name, kept, high in cases] == [
+        (r.address, r.name, waiting[r.access], r.fmt.width) for r in registers.WRITABLE
     ]
     comments = re.findall(r"r_(\w+),? +// 0x(\w+) (\S+)", head)
     assert [(name, int(address, 16), fmt) for name, address, fmt in comments] == [
