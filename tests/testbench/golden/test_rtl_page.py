@@ -50,7 +50,7 @@ def test_every_block_with_properties_is_listed():
 
 
 def test_files_that_the_page_names_exist():
-    for name in re.findall(r"testbench/[\w/]+\.\w+", PAGE):
+    for name in re.findall(r"(?:tests/)?testbench/[\w/]+\.\w+", PAGE):
         assert (RTL.parents[1] / name).is_file(), name
 
 
