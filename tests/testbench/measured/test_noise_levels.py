@@ -1,11 +1,12 @@
 """Level of the 1/f noise from repeats: on drawn rows of known covariances, and on power-ons of the averaged plant."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from testbench import config as configuration
 from testbench.measured.closed_loop import loop_problem, loop_runs
-from testbench.measured.closed_loop.loop_runs import NAMES
 from testbench.measured.record.plan import Condition
 from testbench.measured.wide import noise_levels
 from testbench.measured.wide.averaged_loop import AveragedLoop
@@ -50,6 +51,15 @@ def test_the_moments_are_those_of_the_draws_and_the_conditions_share_correlation
     assert np.all(noise_levels.covariances(np.zeros((1, 3, 2))) == 0)
 
 
+def test_the_page_has_these_numbers():
+    page = (Path(__file__).resolve().parents[3] / "docs" / "wide_priors.md").read_text()
+    first, last = noise_levels.LEVELS[[0, -1]]
+    assert f"(ln s / ln {np.exp(noise_levels.PRIOR):g})^2,  {first:g} <= s <= {last:g}" in page
+    words = {3: "three longest bins", 4: "four sigmas"}
+    assert words[noise_levels.BINS] in page
+    assert words[np.sqrt(noise_levels.TOLD)] in page
+
+
 def _loop(rows, conditions, model):
     measured = loop_problem.Measured("x", conditions, dict(zip([c.id for c in conditions], rows)), {})
     return AveragedLoop(measured, model, (), loop_runs.Bench(2))
@@ -84,7 +94,7 @@ def test_repeats_of_the_product_s_own_plant_tell_its_level_and_an_effect_in_all_
         moved = [v + offset * v.std(axis=0) for v in rows]
         cfg, told = noise_levels.of_repeats(_loop(moved, conditions, model), model)
         found.append(cfg.plant.sid_flicker_v_per_rthz / model.plant.sid_flicker_v_per_rthz)
-        print(f"level {true:g}: found {found[-1]:.2f}, {len(NAMES)} observables, told: {told}")
+        print(f"level {true:g}: found {found[-1]:.2f}, told: {told}")
         assert bool(told) == (true > 1)
     assert found[0] == pytest.approx(true, rel=0.5)
     assert found[1] == pytest.approx(found[0], rel=1e-6)
