@@ -29,8 +29,8 @@ ADDRESS = bits(8)
 DATA = bits(48)
 LATENCY = 1
 FIRST_READ_ONLY = 0x40
-VERSION = 1
-IDENTITY = (int.from_bytes(b"GYRO", "big") << 16) | VERSION
+VERSION = 2
+REPLAYED = (1, VERSION)  # versions with these addresses, formats and bits
 
 
 class Register(NamedTuple):
@@ -44,6 +44,14 @@ class Register(NamedTuple):
     unit: str
     path: str
     doc: str
+
+
+def identity(version=VERSION):
+    """Word of IDENTITY of a version of the map: 'GYRO' and the version."""
+    return int.from_bytes(b"GYRO", "big") << 16 | version
+
+
+IDENTITY = identity()
 
 
 def _writable():

@@ -69,7 +69,7 @@ module gyro_host_words #(
             8'h0F: value[23:0] = registers_rate_scale_t1;
             8'h10: value[23:0] = registers_rate_scale_t2;
             8'h11: value[2:0] = registers_decimation;
-            8'h40: value = 48'h4759524F0001;
+            8'h40: value = 48'h4759524F0002;
             8'h41: value[3:0] = control_sequencer_state;
             8'h42: value[3:0] = control_sequencer_lock_locked;
             8'h43: value[7:0] = control_sequencer_faults_flags;

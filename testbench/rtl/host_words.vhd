@@ -75,7 +75,7 @@ begin
         word(registers_rate_scale_t1)               when x"0F",
         word(registers_rate_scale_t2)               when x"10",
         word(registers_decimation)                  when x"11",
-        x"4759524F0001"                             when x"40",
+        x"4759524F0002"                             when x"40",
         word(control_sequencer_state)               when x"41",
         word(control_sequencer_lock_locked)         when x"42",
         word(control_sequencer_faults_flags)        when x"43",

@@ -92,7 +92,7 @@ def test_reset_values():
     assert s.control == sequencer.RUN
     assert s.frequency_fixed == frequency_tracker.State().centre
     assert (s.phase_drive_sine, s.phase_sense_sine, s.phase_drive_ref, s.phase_sense_ref) == (0, 0, 0, 0)
-    assert registers.read(None, 0x40).to_bytes(6, "big") == b"GYRO\x00\x01"
+    assert registers.read(None, 0x40).to_bytes(6, "big") == b"GYRO\x00\x02"
 
 
 def test_names_of_bits_are_those_of_the_blocks():

@@ -14,6 +14,8 @@ from testbench.measured.record import bundle, checks, firmware_residual, load, s
 from testbench.storage import record as records
 from testbench.storage.record import Column, RecordError, TableColumn
 
+OF_VERSION_1 = "44d4403050ffa92ad81704f9c1a722fcec11d7ab4db9a35e899e6930f0fc851f"  # regmap_sha256 of older records
+
 
 def same(a, b):
     assert list(a.streams) == list(b.streams) or set(a.streams) == set(b.streams)
@@ -216,6 +218,14 @@ def test_another_register_map_is_a_downgrade_and_r0_is_skipped_by_name(own, tmp_
     assert "R0 and R2 are skipped" in finding.text
     assert loaded.residual.verdict.startswith("R0 not decidable: skipped, regmap_sha256 0000000000000000 is not")
     assert not loaded.blocked
+
+
+def test_a_record_of_the_first_version_of_the_map_is_replayed(own, tmp_path):
+    own.attrs["regmap_sha256"] = OF_VERSION_1
+    load.write(tmp_path / "a.h5", own)
+    loaded = load.load(tmp_path / "a.h5")
+    assert not loaded.findings
+    assert "R0 is 0 LSB" in loaded.residual.verdict
 
 
 def test_a_missing_repeat_is_a_downgrade(own):

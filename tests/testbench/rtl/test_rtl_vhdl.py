@@ -88,7 +88,7 @@ def test_the_vhdl_of_the_port_is_its_verilog(stem, dds_bits, tmp_path):
 
 PLANTED = [
     ("host_words", 'when x"11"', 'when x"12"'),
-    ("host_words", 'x"4759524F0001"', 'x"4759524F0002"'),
+    ("host_words", 'x"4759524F0002"', 'x"4759524F0001"'),
     ("host_words", "word(bus_held_number) ", "word(bus_held_status)"),
     ("host", "SLOTS : natural := 60", "SLOTS : natural := 59"),
     ("host", "r_errors   => r_slave_errors", "r_errors   => open"),

@@ -62,6 +62,7 @@ def test_the_seal_is_that_of_the_page(tmp_path):
 
 def test_the_page_lists_map_tables_and_columns():
     assert f"\n    {schema.regmap_sha256()}\n" in PAGE
+    assert f"`{schema.regmap_sha256(1)}`" in PAGE
     for name, columns in schema.TABLES.items():
         listed = ", ".join(f"`{key}` {unit}".strip() for key, unit in columns.items())
         assert f"| `{name}` | {listed} |" in PAGE
