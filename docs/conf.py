@@ -35,6 +35,7 @@ CHAPTERS = {
             "your_scoreboard",
             "your_registers",
             "your_host",
+            "your_soc",
             "your_recording",
         )
     ),

@@ -17,8 +17,9 @@ NEEDED = {
     "your_rtl": ("iverilog",),
     "your_scoreboard": ("g++", "make", "verilator"),
     "your_simulator": ("cc", "make", "unzip"),
+    "your_soc": ("cc", "g++", "make", "verilator", "yosys"),
 }
-PACKAGES = {"your_host": "systemrdl", "your_registers": "systemrdl"}
+PACKAGES = dict.fromkeys(("your_host", "your_registers", "your_soc"), "systemrdl")
 PAGES = sorted(path.stem for path in FOLDER.glob("*.md"))
 
 
@@ -45,6 +46,7 @@ def test_all_are_there():
         "your_rtl",
         "your_scoreboard",
         "your_simulator",
+        "your_soc",
     ]
     for stem in PAGES:
         assert any(isinstance(step, tutorials.Command) for step in tutorials.steps(FOLDER / f"{stem}.md"))

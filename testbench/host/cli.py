@@ -16,12 +16,13 @@ def host(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder to write; an older one is replaced.")],
     config: ConfigFile = None,
     sets: Sets = None,
+    bus: Annotated[str, typer.Option("--bus", metavar="BUS", help="Port of the host: spi or axi (AXI4-Lite).")] = "spi",
     as_json: Json = False,
 ):
-    """Write the RTL with its SPI port, closed around the plant and locked, with a host in C that reads it."""
+    """Write the RTL with a port of the host, closed around the plant and locked, with a host in C that reads it."""
     from testbench.host.export import export
 
-    paths = [str(path) for path in export(out, load(config, overrides(sets)))]
+    paths = [str(path) for path in export(out, load(config, overrides(sets)), bus)]
     if as_json:
         print_json({"files": paths})
     else:

@@ -1,9 +1,10 @@
-"""`gyro host`: the RTL with its SPI port, closed around chips and plant, as a library for a host in C.
+"""`gyro host`: the RTL with a port of the host, closed around chips and plant, as a library for a host in C.
 
     gyro_board.v, rtl/       firmware and port; registers begin as state.hex says
     state.bin, state.hex     a locked gyroscope: plant and chips, registers of the firmware
     board.h, loop.h, .cpp    chips and plant in C++, around the verilated board
-    gyro_loop.h, host.c      what a host in C calls, and one
+    bus.cpp, gyro_bus.h      master of the port: SPI or AXI4-Lite
+    gyro_loop.h, access.h, host.c    what a host in C calls, how it reads registers, and one
     map/                     the register map, with the driver
 
 Source  docs/blocks/host.md
@@ -13,7 +14,7 @@ import contextlib
 import shutil
 from pathlib import Path
 
-from fpga_model import host
+from fpga_model import host, host_axi
 from fpga_model.rates import FRAME_TICKS
 from testbench.config import scenario
 from testbench.errors import ConfigError, FileError
@@ -28,7 +29,11 @@ from testbench.storage.files import explain, part_of
 TEMPLATES = Path(__file__).with_name("templates")
 RTL = Path(__file__).parents[1] / "rtl"
 BOARD = Path(__file__).parents[1] / "bench" / "board.h"
-PORT = ("spi_slave", "host_bus", "host_words", "host")
+BUSES = {
+    "spi": (host, ("spi_slave", "host_bus", "host_words", "host")),
+    "axi": (host_axi, ("axi_slave", "host_bus", "host_words", "host_axi")),
+}  # model, Verilog
+OPEN_FIRST = ("Makefile", "host.c", "access.h", "gyro_loop.h", "gyro_bus.h", "gyro_board.v", "map/c/gyro_driver.h")
 MARK = "gyro_loop.h"  # a folder with it is one of ours
 
 
@@ -44,28 +49,33 @@ def locked(config):
     return sim, rate_rad_s
 
 
-def write_loop(folder, sim, rate_rad_s):
+def write_loop(folder, sim, rate_rad_s, bus="spi"):
     """Board, tables, state and sources of the loop around a locked `Simulation`."""
+    model, stems = BUSES[bus]
     try:
         locked_state.write_state(sim, rate_rad_s, folder)
     except ValueError as problem:
         raise ConfigError(f"gyro host: {problem}") from None
-    reset = [f"    host.{path.replace('.', '.r_')} = {int(value)};" for path, value in leaves(host.State()) if value]
+    reset = [f"    host.{path.replace('.', '.r_')} = {int(value)};" for path, value in leaves(model.State()) if value]
     board.write_roms(folder, sim.design)
-    (folder / f"{board.MODULE}.v").write_text(locked_state.from_state(host_board.text(sim.params.fpga), reset))
+    (folder / f"{board.MODULE}.v").write_text(locked_state.from_state(host_board.text(sim.params.fpga, model), reset))
     (folder / "rtl").mkdir()
-    for path in (*library.sources(RTL), *(RTL / f"{stem}.v" for stem in PORT)):
+    for path in (*library.sources(RTL), *(RTL / f"{stem}.v" for stem in stems)):
         shutil.copyfile(path, folder / "rtl" / path.name)
     shutil.copyfile(BOARD, folder / "board.h")
-    for path in TEMPLATES.iterdir():
-        shutil.copyfile(path, folder / path.name)
+    for path in (*TEMPLATES.iterdir(), *(TEMPLATES / bus).iterdir()):
+        if path.is_file():
+            shutil.copyfile(path, folder / path.name)
 
 
-def export(folder, config):
+def export(folder, config, bus="spi"):
     """Write the folder of a configuration; one that was written before is replaced. Paths of what to open first.
 
-    ConfigError for a board that the C++ plant leaves out; FileError if the folder holds anything else
+    bus  "spi" or "axi"
+    ConfigError for another bus, and a board that the C++ plant leaves out; FileError if the folder holds anything else
     """
+    if bus not in BUSES:
+        raise ConfigError(f"gyro host: --bus {bus}: one of {', '.join(BUSES)} is needed")
     folder = Path(folder)
     part = part_of(folder)
     try:
@@ -74,7 +84,7 @@ def export(folder, config):
         sim, rate_rad_s = locked(config)
         shutil.rmtree(part, ignore_errors=True)
         part.mkdir(parents=True)
-        write_loop(part, sim, rate_rad_s)
+        write_loop(part, sim, rate_rad_s, bus)
         register_map.export(part / "map", config)
         if folder.exists():
             shutil.rmtree(folder)
@@ -84,4 +94,4 @@ def export(folder, config):
     finally:
         with contextlib.suppress(OSError):
             shutil.rmtree(part)
-    return [folder / name for name in ("Makefile", "host.c", "gyro_loop.h", "gyro_board.v", "map/c/gyro_spi.h")]
+    return [folder / name for name in OPEN_FIRST]

@@ -1,4 +1,4 @@
-/* A gyroscope at the pins of its SPI port: the RTL in Verilator, chips and plant around it, locked at time 0.
+/* A gyroscope at the pins of its port: the RTL in Verilator, chips and plant around it, locked at time 0.
  *
  * Simulated time passes in these calls alone. It begins with the files of the present folder.
  */
@@ -12,8 +12,7 @@
 extern "C" {
 #endif
 
-/* One frame: CS_N low, `count` bytes at SCK of 4.33 MHz, CS_N high. */
-void gyro_loop_transfer(const uint8_t *sent, uint8_t *received, size_t count);
+#include "gyro_bus.h" /* the calls of the port */
 
 /* Pin DATA_READY: there is a sample that was not read. */
 int gyro_loop_data_ready(void);

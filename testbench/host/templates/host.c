@@ -1,44 +1,18 @@
 /* Reads the gyroscope as its user does: samples at DATA_READY, a calibration at two rates, then a rate that it measures. */
 #include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
 
-#include "gyro_loop.h"
-#include "gyro_spi.h"
+#include "access.h"
 
 enum { SETTLE = 100, BLOCKS = 10, OF_BLOCK = 25 };
 static int lost;
 
-static void transfer(const uint8_t *sent, uint8_t *received, size_t count, uint32_t *word) {
-    uint8_t status;
-    gyro_loop_transfer(sent, received, count);
-    if (gyro_spi_reply(sent, received, word, &status) == GYRO_SPI_OK && !(status & 7)) return;
-    fprintf(stderr, "a frame was wrong: status %02X\n", status);
-    exit(1);
-}
-
-static int64_t read_register(gyro_register r) {
-    uint8_t sent[GYRO_SPI_READ_BYTES(2)], received[sizeof sent];
-    uint32_t word[2];
-    transfer(sent, received, gyro_spi_read(r.address, gyro_words(r), sent), word);
-    return gyro_unpack(r, word);
-}
-
-static void write_register(gyro_register r, double raw) {
-    uint8_t sent[GYRO_SPI_WRITE_BYTES(2)], received[sizeof sent];
-    uint32_t word[2];
-    int words = gyro_pack(r, (int64_t)floor(raw + 0.5), word);
-    transfer(sent, received, gyro_spi_write(r.address, word, words, sent), word);
-}
+static int64_t nearest(double value) { return (int64_t)floor(value + 0.5); }
 
 static gyro_sample next_sample(void) {
     static gyro_sample before;
     static int begun;
-    uint8_t sent[GYRO_SPI_READ_BYTES(GYRO_SPI_SAMPLE_WORDS)], received[sizeof sent];
-    uint32_t word[GYRO_SPI_SAMPLE_WORDS];
     while (!gyro_loop_data_ready()) gyro_loop_wait(1e-6);
-    transfer(sent, received, gyro_spi_read(GYRO_SAMPLE_RATE_ADDRESS, GYRO_SPI_SAMPLE_WORDS, sent), word);
-    gyro_sample s = gyro_sample_of(word);
+    gyro_sample s = read_sample();
     if (begun++) lost += gyro_samples_lost(before, s);
     return before = s;
 }
@@ -70,8 +44,8 @@ int main(void) {
            gyro_degc(read_register(GYRO_REGISTER(TEMPERATURE))));
     double zero = measured(0, &of_zero), hundred = measured(100, &of_hundred);
     double old = (double)read_register(scale) * GYRO_RATE_SCALE_LSB, gain = 100 / (hundred - zero);
-    write_register(bias, zero / GYRO_RATE_LSB / old);
-    write_register(scale, gain * old / GYRO_RATE_SCALE_LSB);
+    write_register(bias, nearest(zero / GYRO_RATE_LSB / old));
+    write_register(scale, nearest(gain * old / GYRO_RATE_SCALE_LSB));
     double rate = measured(-50, &of_rate);
     /* -50 deg/s is extrapolated from the two: bias counts 1.5 times, scale -0.5 times */
     double error = sqrt(of_rate * of_rate + pow(1.5 * of_zero, 2) + pow(0.5 * of_hundred, 2));

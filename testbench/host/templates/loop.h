@@ -1,4 +1,4 @@
-// The board with its SPI port, verilated, closed around chips and plant: the RTL begins with the registers of state.hex.
+// The board with its port, verilated, closed around chips and plant: the RTL begins with the registers of state.hex.
 #pragma once
 #include "Vgyro_board.h"
 #include "board.h"
@@ -13,8 +13,7 @@ struct Loop {
 
     explicit Loop(const char *state) {
         board.load(state);
-        top.clk = top.rst = top.sck = top.sdi = 0;
-        top.cs_n = 1;
+        top.clk = top.rst = 0;
         top.drdy_n = board.drdy_n();
         top.dout = board.dout();
         top.eval();
@@ -22,11 +21,9 @@ struct Loop {
 
     ~Loop() { top.final(); }
 
-    void clock(int cs_n, int sck, int sdi) {
+    // One edge, with what stands at the pins of the port
+    void clock() {
         if (at == 0) board.begin();
-        top.cs_n = cs_n;
-        top.sck = sck;
-        top.sdi = sdi;
         top.drdy_n = board.drdy_n();
         top.dout = board.dout();
         top.clk = 1;
@@ -45,3 +42,6 @@ struct Loop {
         board.frames.clear();
     }
 };
+
+// The only one: the port at rest
+Loop &loop();

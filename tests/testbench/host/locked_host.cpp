@@ -26,7 +26,10 @@ int main(int count, char **argument) {
             for (int c = 0; c < FRAME_TICKS * TICK_CYCLES; c++) {
                 int pins[3];
                 host.before(loop.top.o_data_ready, pins);
-                loop.clock(pins[0], pins[1], pins[2]);
+                loop.top.cs_n = pins[0];
+                loop.top.sck = pins[1];
+                loop.top.sdi = pins[2];
+                loop.clock();
                 host.behind(loop.top.o_sdo);
             }
             for (size_t n = before; n < host.lines.size(); n++) samples += is_sample(host.lines[n]);

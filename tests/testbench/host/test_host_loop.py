@@ -11,7 +11,7 @@ import pytest
 
 from fpga_model import sequencer
 from testbench.config import Config
-from testbench.errors import FileError
+from testbench.errors import ConfigError, FileError
 from testbench.host import export
 from tests.testbench.rtl import test_host
 
@@ -29,6 +29,12 @@ def test_a_folder_with_something_else_is_not_replaced(tmp_path):
     with pytest.raises(FileError, match=r"host: is no folder of gyro host \(gyro_loop.h is missing\)"):
         export.export(tmp_path / "host", Config())
     assert (tmp_path / "host" / "mine.txt").read_text() == "mine"
+
+
+def test_another_bus_is_refused(tmp_path):
+    with pytest.raises(ConfigError, match=r"^gyro host: --bus i2c: one of spi, axi is needed$"):
+        export.export(tmp_path / "host", Config(), "i2c")
+    assert not (tmp_path / "host").exists()
 
 
 @pytest.mark.slow
