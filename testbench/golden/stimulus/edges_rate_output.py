@@ -100,6 +100,16 @@ def _resets(w):
         w.row(rst=1)
 
 
+def _samples(w):
+    """Word and temperature are those of `en`: in each clock that follows both are others."""
+    word, temperature = rate_output.CODE.hi // 3, T_ONE * (rate_output.T.hi // 3)
+    for sign in (1, -1):
+        first = {"scale": ONE >> 8, "bias_t1": 1 << 20, "bias_t2": 3, "scale_t1": 1 << 20, "scale_t2": 5}
+        w.row({**first, "en": 1, "word": sign * word, "temperature": sign * temperature})
+        for clock in range(w.block.wait):
+            w.row({**first, "word": ~(sign * word) ^ clock, "temperature": -(sign * temperature >> 1) ^ (clock << 12)})
+
+
 def edges_rate_output(w):
-    for part in (_scale, _corrected, _scaled, _means, _squares, _decimations, _resets):
+    for part in (_scale, _corrected, _scaled, _means, _squares, _decimations, _resets, _samples):
         part(w)

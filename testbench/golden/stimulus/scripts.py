@@ -74,14 +74,13 @@ def script_lock_monitor(w):
         w.row({**common, "judged": 15 ^ (1 << k)}, times=4)
     for word in range(16):
         w.row({**common, "enable": word, "judged": 15 ^ word}, times=2)
-    if w.case != "quick":  # whose vectors are those that were scored
-        # an error between both limits starts each count again
-        between = {**common, **_lock_errors(p, 1 << 22, p.limit_out, 0, 1)}
-        w.row(lost, times=longest_out)
-        for pending, frames, times in ((good, p.frames_in, longest_in), (lost, p.frames_out, longest_out)):
-            w.row(pending, times=min(frames) - 1)
-            w.row(between)
-            w.row(pending, times=times)
+    # an error between both limits starts each count again
+    between = {**common, **_lock_errors(p, 1 << 22, p.limit_out, 0, 1)}
+    w.row(lost, times=longest_out)
+    for pending, frames, times in ((good, p.frames_in, longest_in), (lost, p.frames_out, longest_out)):
+        w.row(pending, times=min(frames) - 1)
+        w.row(between)
+        w.row(pending, times=times)
     # resets while counting and while locked
     for times in (2, longest_in):
         w.row({**common, **_lock_errors(p, 1 << 22, p.limit_in, 0, 1)}, times=times)

@@ -9,7 +9,7 @@ import itertools
 import numpy as np
 import pytest
 
-from fpga_model import fault_monitor, modulator, notch, rates, sequencer, sine, spi_adc, spi_dac
+from fpga_model import fault_monitor, modulator, notch, rate_output, rates, sequencer, sine, spi_adc, spi_dac
 from fpga_model.design_record import DEFAULT
 from fpga_model.fixed import Fmt, bits
 from testbench.golden.coverage import unreachable
@@ -391,11 +391,33 @@ def test_searches_end_where_each_bit_of_the_correction_decides():
             assert any(decided), (bit, set_)
 
 
+def test_word_and_temperature_in_the_place_of_their_registers_show():
+    """A design that reads an input of the rate output in a clock after `en` loads another value."""
+    p, shown = rate_output, dict.fromkeys(("t2", "bias", "scale", "corrected"), 0)
+    rows, regs, _ = ({k: v.tolist() for k, v in part.items()} for part in record("rate_output", "default"))
+    for n, stage in enumerate(regs["stage"][:-1]):
+        now = {name: column[n] for name, column in (*rows.items(), ("r_bias", regs["bias"]), ("t2", regs["t2"]))}
+        t, loads = now["temperature"] >> p.CODE_CUT, {}
+        if stage & 1:
+            loads["t2"] = (t * t + (1 << 14)) >> 15
+        if stage & 2:
+            loads["bias"] = (now["bias"] << 16) + now["bias_t1"] * t + now["bias_t2"] * now["t2"]
+            scale = (now["scale"] << 12) + now["scale_t1"] * t + now["scale_t2"] * now["t2"]
+            loads["scale"] = min(max((scale + (1 << 11)) >> 12, p.SCALE.lo), p.SCALE.hi)
+        if stage & 4:
+            difference = ((now["word"] << 24) - now["r_bias"] + (1 << 15)) >> 16
+            loads["corrected"] = min(max(difference, p.CORRECTED.lo), p.CORRECTED.hi)
+        for name, value in loads.items() if not now["rst"] else ():
+            shown[name] += value != regs[name][n + 1]
+    assert min(shown.values()) >= 2, shown
+
+
+@pytest.mark.parametrize("case", ["default", "quick"])
 @pytest.mark.parametrize("was_locked", [0, 1])
-def test_a_count_that_goes_on_between_both_limits_shows_in_locked(was_locked):
+def test_a_count_that_goes_on_between_both_limits_shows_in_locked(was_locked, case):
     """A design whose counts start again at the other limit alone has another word `locked`, each of its four bits."""
-    p = blocks.BLOCKS["lock_monitor"].cases["default"]
-    rows, regs, _ = record("lock_monitor", "default")
+    p = blocks.BLOCKS["lock_monitor"].cases[case]
+    rows, regs, _ = record("lock_monitor", case)
     names, bit, count, differs = ("agc_error", "phase", "sense_sin", "sense_cos"), [0] * 4, [0] * 4, 0
     for n in range(len(regs["locked"])):
         now = {name: int(rows[name][n]) for name in (*names, "rst", "en", "enable", "judged", "setpoint", "rail")}
