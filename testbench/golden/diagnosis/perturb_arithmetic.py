@@ -115,6 +115,10 @@ def _rounding(net, node):
     for rule in ROUNDINGS:
         if rule != own:
             yield "rounding", _known_as(rule), net.node(rule, (x, n)), 2 if node.op == "shr" else 0
+        elif rule != "floor":
+            one = net.const(1)
+            before = net.node(rule, (x, net.node("sub", (n, one))))
+            yield "rounding", f"{_known_as(rule)}, to one bit more before", net.node(rule, (before, one)), 0
 
 
 def _limits(net, node, seen):
@@ -182,7 +186,8 @@ def of_operand(net, node, k, child, seen):
         yield "sign", f"{child!r} inverted", net.node("not", (child,)), 0
     if not number(child) or in_condition:
         return
-    if node.op not in ("and", "or", "xor", "shr", "table") or child.lo < 0:
+    amount = k == 1 and node.op in ("shl", "shr", *ROUNDINGS)
+    if not amount and (node.op not in ("and", "or", "xor", "shr", "table") or child.lo < 0):
         yield "sign", f"-({child!r})", net.node("neg", (child,)), 1
     if child.op not in COMPARED:
         cost = 0 if node.op in ("add", "sub", "mul") else 1
@@ -192,7 +197,7 @@ def of_operand(net, node, k, child, seen):
         for step in (1, -1):
             yield "constant", f"{child!r} {step:+d}", net.node("add", (child, net.const(step))), 1
         yield "complement", f"~({child!r})", net.node("inv", (child,)), 2
-    if child.op in NARROWED:
+    if child.op in NARROWED or (child.op in ("reg", "in", "param") and node.op in ("add", "sub", "mul")):
         yield from _narrowed(net, child, seen)
     elif (node.id, k) in net.loads and net.fmts[net.loads[node.id, k]].width > 2:
         yield from _without_top(net, child, net.fmts[net.loads[node.id, k]])

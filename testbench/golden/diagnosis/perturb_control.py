@@ -206,6 +206,9 @@ def of_operand(net, node, k, child, seen):
         return
     if condition and node.op != "mux" and child.op not in ("land", "lor"):
         yield "condition", f"{child!r} inverted", net.node("not", (child,)), 0
+    if condition and child.op in ("reg", "in") and is_flag(child):
+        edge = net.node("land", (child, net.node("not", (net.late(child),))))
+        yield "condition", f"{child!r} where it was 0 a clock before", edge, 1
     if child.op != "param" and node.op not in ROOTS and not (child.op in ("reg",) and _holds(net, node, child)):
         yield "late", f"{child!r} by 1 clock", net.late(child), 0 if not child.args else 1
     if child.op == "reg":

@@ -11,6 +11,7 @@ Source  docs/diagnosis.md
 from math import log2
 from typing import NamedTuple
 
+from testbench.golden.diagnosis.beyond import BEYOND
 from testbench.golden.diagnosis.causes import WORDS
 from testbench.golden.diagnosis.search import ALWAYS, EITHER, LEAST_PRECISION, RESET, SAME
 
@@ -137,12 +138,13 @@ def causes(search, others_at_fault=()):
         heads = open_names[:HEADS]
         fits |= {name: search.fits(name) for name in heads if name not in fits}
         wholes = _grouped(fits, heads)
-        if not wholes:
+        listable = [w for w in wholes if w.hypothesis.cause != BEYOND]
+        if not listable:
             open_names = open_names[HEADS:]
             continue
-        best = next((w for w in wholes[:MOST_RANKED] if not _disturbs(search, w.hypothesis)), wholes[0])
-        if best.rank[0] > wholes[0].rank[0]:
-            best = wholes[0]
+        best = next((w for w in listable[:MOST_RANKED] if not _disturbs(search, w.hypothesis)), listable[0])
+        if best.rank[0] > listable[0].rank[0]:
+            best = listable[0]
         rivals, listed = _rivals(search, best, wholes), []
         covered = _extended(search, best, open_names).fits
         # what gives another value in a row where the design is right is not the whole truth
@@ -152,7 +154,7 @@ def causes(search, others_at_fault=()):
             part /= 2
         tried = sum(len(found) for found in search.hypotheses.values())
         for whole in rivals:
-            if _enough(search, whole.fits, tried):
+            if whole.hypothesis.cause != BEYOND and _enough(search, whole.fits, tried):
                 listed.append(Cause(whole.hypothesis.cause, next(iter(whole.fits)), part, whole.hypothesis.what))
         more = [
             _second(search, n, best.hypothesis, (1 - fit.share) / count)

@@ -68,6 +68,24 @@ def test_a_name_is_not_certain_where_another_class_gives_the_same_rows(bundles):
     assert not any(cause.sure for cause in found)
 
 
+@pytest.mark.parametrize(
+    ("stem", "old", "new"),
+    [("sine", " + {{SINE_ADDRESS_BITS{1'b0}}, r_product}", ""), ("cordic", "(x + half) >>> r_i", "x + (half >>> r_i)")],
+)
+def test_what_no_class_has_is_not_certain_as_another(bundles, stem, old, new):
+    """A term that is missing is an operand that is always 0; without its shift the CORDIC loads the old value."""
+    assert not any(cause.sure for cause in named(bundles, stem, old, new))
+
+
+def test_an_edge_for_a_level_is_a_condition(bundles):
+    text = edited("watchdog", "else if (ce_1m)", "else if (ce_1m && !was)").text
+    always = "always @(posedge clk)"
+    assert text.count(always) == 1
+    text = text.replace(always, f"reg was;\n    {always} was <= ce_1m;\n    {always}")
+    report, _ = score.checked(bundles("watchdog") / "limit250", text, "watchdog")
+    assert report.diagnosis[0].cause == "condition"
+
+
 LOADED = "r_radicand  <= u;\n            r_root      <= 16'd0;"
 
 
@@ -197,4 +215,5 @@ def test_without_its_class_a_fault_of_the_model_has_no_certain_name(bundles):
     found = left_out.counted(block, 1, random.Random(7))
     assert found.faults >= 10
     assert found.certain >= found.faults / 2
-    assert found.without == found.beside == 0
+    assert found.beside == 0
+    assert found.without <= found.faults / 10  # docs/diagnosis.md says how many of all blocks
