@@ -223,7 +223,8 @@ def signals(
     found = listed.signals(dump)
     typer.echo(listed.text(dump, found))
     if out is not None:
-        write_text(out, listed.skeleton(found, None if folder is None else bundle.verify(folder, strict=False)))
+        manifest = None if folder is None else bundle.verify(folder, strict=False)
+        write_text(out, listed.skeleton(found, manifest, listed.is_ours(dump)))
 
 
 @app.command()

@@ -16,6 +16,7 @@ from testbench.storage import inputs, trial
 from testbench.storage.inputs import parse_json
 
 ALIKE = 0.5  # of difflib's ratio, below which a name suggests nothing
+OURS = b"$version ftr-gyro"  # begins a waveform that this project has written: row 0 is at its first edge
 CLOCK, RESET = re.compile(r"^(clk|clock|ck|sys_?clk)\w*$", re.I), re.compile(r"(rst|reset)", re.I)
 
 
@@ -72,14 +73,22 @@ def suggested(ports, found):
     return taken
 
 
-def skeleton(found, manifest=None):
-    """Text of a map: what is suggested, and a comment for each port without a suggestion."""
+def is_ours(path):
+    """Whether a dump is a waveform that this project has written, such as the `golden.vcd` of a bundle."""
+    return inputs.head(path, len(OURS)) == OURS
+
+
+def skeleton(found, manifest=None, ours=False):
+    """Text of a map: what is suggested, and a comment for each port without a suggestion.
+
+    ours  row 0 is at the first edge, whatever a reset does behind it (`is_ours`)
+    """
     bits = [s.path for s in found if s.width in (1, None)]
     clock = next((p for p in bits if CLOCK.match(_last(p))), None)
     reset = next((p for p in bits if RESET.search(_last(p))), None)
-    lines = [f'schema = "{SCHEMA}"', "[clock]"]
+    lines = [f'schema = "{SCHEMA}"', *["first_edge = 0"] * ours, "[clock]"]
     lines.append(f'signal = "{clock}"' if clock else '# signal = "top.clk"')
-    if reset:
+    if reset and not ours:
         active = 0 if _last(reset).endswith("n") else 1
         lines += ["[reset]", f'signal = "{reset}"', f"active = {active}"]
     lines.append("[ports]")

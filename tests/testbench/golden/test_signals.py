@@ -36,6 +36,17 @@ def test_the_map_that_is_suggested_reads_the_dump(bundles, dump, tmp_path):
     assert set(report.ports) == {"phase", "drive_sine", "sense_sine", "drive_ref", "sense_ref"}
 
 
+def test_the_map_of_a_bundles_own_waveform_begins_at_its_first_edge(bundles, tmp_path):
+    """Its reset comes in the middle of the rows, and is no sign of row 0."""
+    folder, out = bundles("dds") / "default", tmp_path / "map.toml"
+    dump, words = folder / "golden.vcd", ["--bundle", str(folder)]
+    assert CliRunner().invoke(cli.app, ["signals", str(dump), *words, "--out", str(out)]).exit_code == 0
+    assert "first_edge = 0" in out.read_text()
+    said = CliRunner().invoke(cli.app, ["check", str(folder), "--log", str(dump), "--map", str(out)])
+    assert said.exit_code == 0, said.output
+    assert len(waves.check(folder, dump, out).ports) == 5
+
+
 def test_a_signal_suggests_itself_for_one_port_alone_and_only_at_its_width():
     found = [signals.Signal("t.dut.acc_q", 8), signals.Signal("t.dut.acc", 9), signals.Signal("t.dut.gain", 8)]
     assert signals.suggested([("acc", 8), ("acc2", 8), ("flag", 1)], found) == {"acc": "t.dut.acc_q"}
