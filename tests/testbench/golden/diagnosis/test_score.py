@@ -206,8 +206,25 @@ def test_an_asynchronous_reset_is_named_without_registers(bundles):
     [("r_slot == SLOTS", "r_slot >= SLOTS", "equivalent"), ("SLOTS = 6'd60", "SLOTS = 6'd59", "alive")],
 )
 def test_a_fault_that_no_row_shows_is_proved_or_found(bundles, old, new, verdict):
-    manifest = bundle.read(bundles("rates") / "default").manifest
-    assert unseen.proved(manifest, edited("rates", old, new), None)[0] == verdict
+    folder = bundles("rates") / "default"
+    found = unseen.proved(folder, bundle.read(folder).manifest, edited("rates", old, new).text)
+    assert found.verdict == verdict
+
+
+@pytest.mark.skipif(shutil.which("yosys-abc") is None, reason="yosys is not installed: nothing was PROVED")
+@pytest.mark.parametrize(("late", "verdict"), [("ce_1m & ~ce_1m", "equivalent"), ("ce_1m", "alive")])
+def test_a_register_that_the_sound_design_lacks_is_part_of_the_search(bundles, late, verdict):
+    folder, manifest = bundles("watchdog") / "limit250", bundle.read(bundles("watchdog") / "limit250").manifest
+    text = rtl_faults.source("watchdog").replace(
+        "always @(posedge clk)",
+        f"""reg late;
+    always @(posedge clk) late <= {late};
+    always @(posedge clk)""",
+        1,
+    )
+    old = "if (rst || frame)"
+    assert text.count(old) == 1
+    assert unseen.proved(folder, manifest, text.replace(old, "if (rst || frame || late)")).verdict == verdict
 
 
 def test_without_its_class_a_fault_of_the_model_has_no_certain_name(bundles):

@@ -1,114 +1,128 @@
 """What a fault is that no row of its bundle shows: killed by another bundle, alive, equivalent, or undecided.
 
     1. the other cases of the block     the first one with a row that differs
-    2. both designs from reset          bounded search, then property-directed reachability, then search further
+    2. the judge of mutation scores     both designs on the same registers: `testbench/golden/mutation/judge.py`
 
-Both share what they compute from the same values: the proof is of the rest.
+Registers that only the design with the fault has are its own.
 """
 
 import json
-import re
 import shutil
-import subprocess
 import tempfile
 from pathlib import Path
 
+import numpy as np
+
 from fpga_model import rate_output
 from testbench.golden.bundles.benches import PARTS
-from testbench.golden.mutation import judge, mutate
+from testbench.golden.mutation import aig, judge, mutate
+from testbench.golden.mutation.miter import Net
+from testbench.tool import run_tool
 from tests.testbench.golden.diagnosis import first_row, rtl_faults
 
-CPU_S = 15  # of each step of ABC
 # Inputs that stand while a register is not 0: {block: (register, inputs)}
 STEADY = {"rate_output": ("r_stage", rate_output.Params._fields)}
-MAP = (
-    "memory_map; opt_clean; wreduce t:$mul; techmap; opt_clean; dffunmap; setundef -undriven -zero; aigmap; opt_clean; "
-    "write_aiger -zinit both.aig"
-)
 
 
-def design(place, fault, rom=None):
-    """Write the files of the design with the fault, and those of the sound one with another name of the module."""
-    for part in PARTS.get(fault.stem, ()):
-        shutil.copy(rtl_faults.RTL / f"{part}.v", place)
-    for name, text in (("gate", fault.text), ("gold", rtl_faults.source(fault.stem))):
-        text = text.replace(f"module gyro_{fault.stem} ", f"module {name} ")
-        Path(place, f"{name}.v").write_text(text.replace('ROM_FILE = ""', f'ROM_FILE = "{rom}"') if rom else text)
+def graph_of(folder, manifest, text, work):
+    """`aig.Graph` of a design of a block, flat, with the parameters of the bundle."""
+    work.mkdir()
+    files = [work / f"{part}.v" for part in PARTS.get(manifest["block"], ())]
+    for path in files:
+        shutil.copy(rtl_faults.RTL / path.name, path)
+    files.append(work / f"{manifest['block']}.v")
+    files[-1].write_text(text)
+    mutate.prepare(folder, manifest, files, work)
+    run_tool(["yosys", "-q", "-p", f"read_ilang base.il; {aig.STEPS} design.aag"], work, manifest["block"])
+    return aig.read(work / "design.aag")
 
 
-def top(manifest):
-    """Both designs on the same inputs, reset in the first clock; `bad`: an output has differed within the contract."""
-    given = [(p["name"], p["width"]) for p in manifest["inputs"]]
-    found = [f"r_{p['name']}" for p in manifest["registers"]] + [f"o_{p['name']}" for p in manifest["outputs"]]
-    widths = [p["width"] for p in manifest["registers"] + manifest["outputs"]]
-    lines = []
-    for name in ("gold", "gate"):
-        ports = ", ".join(
-            [f".{n}({n if n != 'rst' else 'reset'})" for n, _ in given] + [f".{n}({name}_{n})" for n in found]
-        )
-        lines += [f"wire [{w - 1}:0] {name}_{n};" for n, w in zip(found, widths)] + [
-            f"{name} u_{name} (.clk(clk), {ports});"
-        ]
-    broken = "1'b0"
-    if manifest["block"] in judge.CONTRACTS:
-        strobe, register = judge.CONTRACTS[manifest["block"]]
-        broken = f"({strobe} && gold_{register} != 0)"
-    if manifest["block"] in STEADY:
-        register, names = STEADY[manifest["block"]]
-        for n, w in given:
-            if n in names:
-                lines.append(f"reg [{w - 1}:0] last_{n} = 0; always @(posedge clk) last_{n} <= {n};")
-                broken += f" || (gold_{register} != 0 && {n} != last_{n})"
-    differ = " || ".join(f"gold_{n} != gate_{n}" for n in found)
-    inputs = "".join(f", input [{w - 1}:0] {n}" for n, w in given)
-    return f"""module both(input clk{inputs}, output bad);
-reg ran = 0, left = 0;
-wire reset = rst | ~ran;
-{chr(10).join(lines)}
-always @(posedge clk) begin ran <= 1; left <= left | (ran & {broken}); end
-assign bad = ran & ~left & ({differ});
-endmodule
-"""
+def registers(graph):
+    """[what each flip-flop is: the bits of registers that show it, each with whether it is inverted]."""
+    shown = [[] for _ in graph.latches]
+    for name, places in graph.outputs.items():
+        for bit, place in enumerate(places):
+            literal = int(graph.out_literals[place])
+            if 0 <= (literal >> 1) - 1 - graph.in_count < len(shown):
+                shown[(literal >> 1) - 1 - graph.in_count].append((name, bit, literal & 1))
+    return list(map(tuple, shown))
 
 
-def abc(commands, place):
-    done = subprocess.run(
-        ["sh", "-c", f'ulimit -t {CPU_S}; exec yosys-abc -c "$0"', "; ".join(commands)],
-        cwd=place,
-        capture_output=True,
-        text=True,
+def joined(gold, gate, steady=None):
+    """(graph with the fault at the input `mutate.SELECT`, reset state) of two designs with the same ports.
+
+    steady  (register, inputs): once an input has changed while the register was not 0, the fault is off
+    """
+    have = registers(gold)
+    places = {shown: k for k, shown in enumerate(have) if shown}
+    own = [k for k, shown in enumerate(registers(gate)) if shown not in places]
+    held = [place for name in steady[1] for place in gold.inputs[name]] if steady else []
+    count = gold.in_count + 1
+    latches = len(have) + len(own) + len(held) + bool(held)
+    net = Net(count + latches)
+    leaf = [2 * (k + 1) for k in range(count + latches)]
+    select, state = leaf[gold.in_count], leaf[count:]
+    last, over = state[len(have) + len(own) :], state[-1]
+
+    given = [0] * gate.in_count
+    for name, found in gate.inputs.items():
+        for bit, place in enumerate(found):
+            given[place] = leaf[gold.inputs[name][bit]]
+    at = [places.get(shown, -1) for shown in registers(gate)]
+    for k, latch in enumerate(own):
+        at[latch] = len(have) + k
+
+    outs, following = net.copy(gold, [*leaf[: gold.in_count], *state[: len(have)]])
+    theirs, next_of_gate = net.copy(gate, given + [state[k] for k in at])
+    on, tail = select, []
+    if held:
+        busy = net.any(outs[place] for place in gold.outputs[steady[0]])
+        moved = net.any(net.differ(leaf[place], before) for place, before in zip(held, last))
+        over = net.either(over, net.both(busy, moved))
+        on, tail = net.both(select, over ^ 1), [*(leaf[place] for place in held), over]
+
+    def chosen(a, b):
+        return net.either(net.both(on, b), net.both(on ^ 1, a))
+
+    outputs = [0] * len(outs)
+    for name, found in gold.outputs.items():
+        for bit, place in enumerate(found):
+            outputs[place] = chosen(outs[place], theirs[gate.outputs[name][bit]])
+    gates_next = dict(zip(at, next_of_gate, strict=True))
+    ahead = [chosen(x, gates_next.get(k, x)) for k, x in enumerate(following)]
+    ahead += [gates_next[len(have) + k] for k in range(len(own))] + tail
+
+    graph = aig.Graph(
+        gold.inputs | {mutate.SELECT: [gold.in_count]},
+        gold.outputs,
+        count,
+        np.array(outputs),
+        np.array(ahead),
+        np.array(net.ands, np.int64).reshape(-1, 2),
     )
-    return done.stdout
+    return graph, after_reset(graph)
 
 
-def yosys(steps, place):
-    subprocess.run(["yosys", "-q", "-p", "; ".join(steps)], cwd=place, check=True, capture_output=True, text=True)
+def after_reset(graph, clocks=2):
+    """State after some clocks of reset, all else 0, from all 0."""
+    state, (reset,) = [0] * len(graph.latches), graph.inputs["rst"]
+    for _ in range(clocks):
+        given = [int(place == reset) for place in range(graph.in_count)]
+        _, state = Net(0).copy(graph, [*given, *state])
+    return np.array(state)
 
 
-def proved(manifest, fault, rom):
-    """(equivalent, alive or undecided; why)."""
+def proved(folder, manifest, text):
+    """`judge.Verdict` on a design of a block, with the parameters of the bundle."""
     with tempfile.TemporaryDirectory() as place:
-        design(place, fault, rom)
-        given = "".join(f" -chparam {name} {width}'h{raw:x}" for name, width, raw in mutate.parameters(manifest))
-        for name in ("gold", "gate"):
-            read = [f"read_verilog -sv {part}.v" for part in PARTS.get(fault.stem, ())]
-            read += [f"read_verilog -sv -defer {name}.v", f"hierarchy -check -top {name}{given}"]
-            flat = "proc; flatten; opt -nodffe -nosdff; memory -nomap -nordff; opt -full -nodffe -nosdff"
-            yosys([*read, flat, f"rename -top {name}", f"write_rtlil {name}.il"], place)
-        Path(place, "both.v").write_text(top(manifest))
-        read = [
-            "read_rtlil gold.il; read_rtlil gate.il; read_verilog -sv both.v; hierarchy -top both; proc; flatten; opt"
-        ]
-        yosys([*read, MAP], place)
-        clear = 0
-        for way in (judge.NEAR, judge.PROOF, judge.FAR):
-            said = abc(["read_aiger both.aig", "strash", way], place)
-            if found := re.search(r"asserted in frame (\d+)", said):
-                return "alive", f"differs {found[1]} clocks after reset"
-            if "Property proved" in said or "all reachable states" in said:
-                return "equivalent", "in every state that can be reached"
-            clear = max([clear, *map(int, re.findall(r"No output asserted in (\d+) frames", said))])
-        return "undecided", f"no difference within {clear} clocks from reset, and no proof"
+        work, stem = Path(place), manifest["block"]
+        gold, gate = (
+            graph_of(folder, manifest, source, work / name)
+            for name, source in (("gold", rtl_faults.source(stem)), ("gate", text))
+        )
+        graph, reset = joined(gold, gate, STEADY.get(stem))
+        judged = judge.Judge(graph, mutate.SELECT, reset, stem, work, lambda: mutate.ranges_of(manifest))
+        return judged.verdict(1)
 
 
 def fate(bundles, fault):
@@ -125,5 +139,5 @@ def fate(bundles, fault):
         if row is not None:
             return f"killed by case {case.name}, row {row}"
     folder = block / rtl_faults.CASES[fault.stem]
-    roms = sorted(folder.resolve().glob("rom/*.hex"))
-    return ": ".join(proved(json.loads((folder / "manifest.json").read_text()), fault, roms[0] if roms else None))
+    verdict = proved(folder, json.loads((folder / "manifest.json").read_text()), fault.text)
+    return f"{verdict.verdict}: {verdict.why}"
