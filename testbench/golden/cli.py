@@ -307,7 +307,7 @@ def prove(
     map_path: Annotated[Path | None, typer.Option("--map", metavar="TOML", help="Names of your design.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of lines.")] = False,
 ):
-    """Prove the properties of a block by induction: saturation, phase accumulator, SPI framing, sequencing."""
+    """Prove the properties of a block, by induction or PDR: saturation, phase accumulator, SPI framing, sequencing."""
     from testbench.errors import ConfigError
     from testbench.golden.foreign.choice import Choice
     from testbench.golden.proofs import formal

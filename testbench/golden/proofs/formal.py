@@ -1,14 +1,15 @@
-"""Properties of a design proven with the SAT solver of yosys: by induction, so for any number of clocks.
+"""Properties of a design proven with the SAT solvers of yosys, for any number of clocks: by induction, else by PDR.
 
     rtl/formal/BLOCK.v   module prove_BLOCK: the properties, as labelled assertions over ports of the block
     proof                design and properties side by side, with the parameters of a golden case
     level                ports that it does not judge are free inputs; what depends on one is not proven
     base case            no property fails within k clocks of reset
     induction step       k clocks without a failure from any state, reachable or not, are followed by another
+    PDR                  of what no induction proves: an invariant, or a failure later than k clocks from reset
 
 Values are those of two-valued logic: a register without reset may begin at anything. The k that was needed is reported.
 An asynchronous reset counts from the edge on: a proof has no instants between edges.
-Source  docs/rtl.md; yosys manual, `sat -tempinduct`; Een, Sorensson 2003
+Source  docs/rtl.md; yosys manual, `sat -tempinduct`; Een, Sorensson 2003; Een, Mishchenko, Brayton, FMCAD 2011 (PDR)
 """
 
 import re
@@ -41,6 +42,8 @@ CASES = {
 }
 PROPERTIES = Path(__file__).resolve().parents[2] / "rtl" / "formal"
 MAX_STEPS, TIMEOUT_S = 12, 300
+AIGER = "techmap; opt_clean; dffunmap; setundef -undriven -zero; aigmap; opt_clean; write_aiger -zinit proof.aig"
+INVARIANT = f"read_aiger proof.aig; fold; scorr; pdr -T {TIMEOUT_S}"
 TOP = "proof"
 SYNC_RESET = """(* techmap_celltype = "$adff" *)
 module sync_reset #(parameter WIDTH = 1, CLK_POLARITY = 1, ARST_POLARITY = 1, ARST_VALUE = 0) (
@@ -56,6 +59,7 @@ class Proof(NamedTuple):
     """Outcome for a block and case: `steps` of the induction that were needed, or in which the base case failed.
 
     properties  those that were tried;  unseen  those that speak of ports that the level does not judge
+    invariant   those that PDR has proven
     """
 
     block: str
@@ -67,6 +71,7 @@ class Proof(NamedTuple):
     seconds: float
     level: str = "registers"
     unseen: tuple = ()
+    invariant: tuple = ()
 
     def text(self):
         count = f"{len(self.properties)} properties"
@@ -74,7 +79,8 @@ class Proof(NamedTuple):
             count = f"{len(self.properties)} of {len(self.properties) + len(self.unseen)} properties"
         head = f"{self.block}/{self.case}: {count}{f' at level {self.level}' * (self.level != 'registers')}"
         if self.proven:
-            return f"PROVEN {head}, any number of clocks (induction over {self.steps}), {self.seconds:.1f} s"
+            rest = f"; PDR: {', '.join(self.invariant)}" if self.invariant else ""
+            return f"PROVEN {head}, any number of clocks (induction over {self.steps}{rest}), {self.seconds:.1f} s"
         return f"FAIL {head}: {self.why}, {self.seconds:.1f} s"
 
 
@@ -191,7 +197,7 @@ def prove(stem, case, rtl, only=None, steps=MAX_STEPS, base_only=False, folder=N
         f"sat -tempinduct{'-baseonly' if base_only else ''} -prove-asserts -set-assumes -maxsteps {steps} "
         f"-timeout {TIMEOUT_S} {TOP}"
     )
-    began = time.perf_counter()
+    began, invariant = time.perf_counter(), ()
     with tempfile.TemporaryDirectory(prefix="gyro-formal-") as temporary:
         work = Path(folder or temporary)
         script = "\n".join(_script(design, unseen, asked)) + "\n"
@@ -200,19 +206,26 @@ def prove(stem, case, rtl, only=None, steps=MAX_STEPS, base_only=False, folder=N
             (work / name).write_text(own)
         said = _run(work, f"{rtl}: {stem}/{case}")
         tried = re.findall(r"properties\.(\w+)$", (work / "tried.txt").read_text(), re.M)
+        tried = tuple(name for name in wanted if name in tried)
+        proven, reached, why = _verdict(said)
+        if why.startswith("no failure") and not base_only and len(tried) == 1 and shutil.which("yosys-abc"):
+            (work / "proof.ys").write_text("\n".join(_script(design, unseen, AIGER)) + "\n")
+            _run(work, f"{rtl}: {stem}/{case}")
+            proven, why = _invariant(work, why)
+            invariant = tried * proven
     level = choice.level or "registers"
-    tried = tuple(name for name in wanted if name in tried)
     if not tried:
         raise ConfigError(f"level: no property of {stem} speaks of ports at level {level} alone")
-    proven, reached, why = _verdict(said)
     if why.startswith("no failure") and not base_only and len(tried) > 1:
         # the others may stand without it
         alone = [prove(stem, case, rtl, [name], steps, choice=choice) for name in tried]
-        proven = all(found.proven for found in alone)
+        proven, invariant = all(found.proven for found in alone), sum((found.invariant for found in alone), ())
+        broken = next((found for found in alone if found.why.startswith("a property fails")), None)
         open_ones = ", ".join(found.properties[0] for found in alone if not found.proven)
         why = f"{why} of {open_ones}; the rest is proven" if open_ones else ""
+        why = f"{broken.why}: {broken.properties[0]}" if broken else why
     left = tuple(name for name in wanted if name not in tried)
-    return Proof(stem, case, tried, proven, reached, why, time.perf_counter() - began, level, left)
+    return Proof(stem, case, tried, proven, reached, why, time.perf_counter() - began, level, left, invariant)
 
 
 def _run(work, what):
@@ -240,3 +253,12 @@ def _verdict(said):
     if "Timeout" in said or "timeout" in said:
         return False, reached, f"no answer within {TIMEOUT_S} s"
     return False, reached, f"no failure within {reached} clocks, and no proof"
+
+
+def _invariant(work, why):
+    """(proven, why not) by property-directed reachability; `why` where it has no answer either."""
+    said = run_tool(["yosys-abc", "-c", INVARIANT], work, "proof")
+    found = re.search(r"asserted in frame (\d+)", said)
+    if found:
+        return False, f"a property fails {found[1]} clocks after power-on"
+    return ("Property proved" in said, "" if "Property proved" in said else why)

@@ -394,13 +394,31 @@ def test_a_design_of_other_architecture_is_proven_at_its_level(tmp_path, right, 
     assert re.fullmatch(r"a property fails \d+ clocks after power-on", alone.why), alone.text()
 
 
+WORD = "frame_is_the_word"
+
+
+def test_what_no_induction_reaches_is_proven_by_an_invariant_or_fails_later(tmp_path):
+    """The word of a frame without its shift register: the last bit of a wrong one comes 25 clocks after the load."""
+    choice = Choice(level="pins", map=DAC / "map.toml")
+    proof = formal.prove("spi_dac", "ad5791", DAC, [WORD], choice=choice)
+    assert (proof.proven, proof.invariant) == (True, (WORD,)), proof.text()
+    assert "any number of clocks (induction over 12; PDR: frame_is_the_word)" in proof.text()
+    text, right = (DAC / "dac_link.v").read_text(), "NBITS - 5'd1 : index - sck"
+    assert text.count(right) == 1
+    (tmp_path / "dac_link.v").write_text(text.replace(right, "5'd0 : index + sck"))
+    proof = formal.prove("spi_dac", "ad5791", tmp_path, [WORD], choice=choice)
+    assert (proof.proven, proof.why) == (False, "a property fails 26 clocks after power-on")
+
+
 @pytest.mark.slow
-def test_what_no_induction_reaches_is_named(tmp_path):
-    """The word of a frame without its shift register: no proof, and no failure either."""
+def test_each_property_is_proven_by_what_reaches_it(tmp_path, monkeypatch):
     choice = Choice(level="pins", map=DAC / "map.toml")
     proof = formal.prove("spi_dac", "ad5791", DAC, choice=choice)
-    assert set(proof.properties) == {*IN_FRAMES, "frame_is_the_word"}
+    assert set(proof.properties) == {*IN_FRAMES, WORD}
     assert len(proof.unseen) == len(formal.labels((CHECKERS / "spi_dac.v").read_text())) - 5
+    assert (proof.proven, proof.invariant) == (True, (WORD,)), proof.text()
+    monkeypatch.setattr(formal, "INVARIANT", "read_aiger proof.aig")
+    proof = formal.prove("spi_dac", "ad5791", DAC, choice=choice)
     assert proof.why == "no failure within 12 clocks, and no proof of frame_is_the_word; the rest is proven"
 
 
