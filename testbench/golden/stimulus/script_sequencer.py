@@ -15,6 +15,7 @@ FAR = 1 << 20
 CHANNELS = ("drive_sin", "drive_cos", "sense_sin", "sense_cos")
 PATIENCE = 120  # frames within which a state has to come
 MOST_FRAMES = 20_000  # of a start-up with the times of a board
+NOT_JUDGED = [getattr(sequencer, name) for name in sequencer.CONTROL_BITS if name.startswith(("HOLD_", "FIX_"))]
 HELD = sequencer.HOLD_AGC | sequencer.HOLD_PLL | sequencer.HOLD_FTR
 CUT = sequencer.GAIN.f
 
@@ -312,6 +313,19 @@ def _at_each_state(walk):
             walk.run(8, phase=1 << 22)
 
 
+def _judged(walk):
+    """Each bit that takes a loop out of judgement, alone, while the counts of all four loops would move."""
+    if walk.p.timeout < 3:
+        return  # no frame of SETTLE is left to judge: nothing locks
+    lost = {"magnitude": SETPOINT >> 1, "phase": 1 << 22, "sense_sin": 1 << 22, "sense_cos": 1 << 22}
+    apart = {name: lost[name] for name in ("sense_sin", "sense_cos")}
+    for state, rest, moves in ((sequencer.BALANCE, apart, {}), (sequencer.LOCKED, {}, lost)):
+        for bit in NOT_JUDGED:
+            if walk.state.state == state or walk.again(state, **rest):
+                walk.run(1, control=sequencer.RUN | bit, **moves)
+                walk.run(1, **rest)
+
+
 def _resets(walk):
     """A reset in every state."""
     for state in range(sequencer.POWER_UP, sequencer.LOCKED + 1):
@@ -347,5 +361,5 @@ def script_sequencer(w):
         _magnitudes,
         _near,
     )
-    for part in (*before, _long, _at_each_state, _resets):
+    for part in (*before, _long, _at_each_state, _judged, _resets):
         part(walk)

@@ -439,6 +439,20 @@ def test_a_count_that_goes_on_between_both_limits_shows_in_locked(was_locked, ca
     assert differs == 15
 
 
+@pytest.mark.parametrize(
+    ("name", "loop"),
+    [("HOLD_AGC", 0), ("HOLD_PLL", 1), ("HOLD_FTR", 2), ("HOLD_QSC", 3), ("FIX_FTR", 2), ("FIX_QSC", 3)],
+)
+def test_each_bit_that_takes_a_loop_out_of_judgement_does_so_alone(name, loop):
+    """In a frame with this bit alone the counts of the three other loops move, and that of its own loop rests."""
+    rows, regs, _ = record("sequencer", "quick")
+    bits_of_loops = sum(getattr(sequencer, other) for other in sequencer.CONTROL_BITS if other[:4] in ("HOLD", "FIX_"))
+    alone = rows["i_control"][:-1] & bits_of_loops == getattr(sequencer, name)
+    moved = [np.diff(regs[f"lock_count_{k}"]) != 0 for k in range(4)]
+    others = np.logical_and.reduce([moved[k] for k in range(4) if k != loop])
+    assert (alone & others & (regs["state"][:-1] == sequencer.LOCKED) & ~moved[loop]).any()
+
+
 def test_the_amplitude_is_judged_at_the_limits_of_many_setpoints():
     p = blocks.BLOCKS["sequencer"].cases["quick"].lock
     rows, regs, _ = record("sequencer", "quick")
