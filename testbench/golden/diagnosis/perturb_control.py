@@ -233,14 +233,15 @@ def branches(node):
 def of_load(net, node, loaded, name):
     """What a branch loads: not loaded, what another branch loads, or loaded as well where the register is held."""
     held = net.node("reg", (), name)
+    cleared = (net.const(net.reset[name]),) if name in net.reset else ()
     if not is_reset_choice(node):
         if name in net.reset and loaded is not held:
             yield "condition", f"{loaded!r} is not loaded", held, 1
-        for other in leaves_of(net, name) if loaded.op != "mux" else ():
+        for other in (*leaves_of(net, name), *cleared) if loaded.op != "mux" else ():
             if other not in (loaded, held):
                 yield "condition", f"{other!r} where {loaded!r} is loaded", other, 2
     found = branches(loaded)
-    for value in dict.fromkeys(found) if held in found else ():
+    for value in dict.fromkeys((*found, *cleared)) if held in found else ():
         if value is not held:
             yield "condition", f"{value!r} also where {name} is held", _filled(net, loaded, held, value), 1
 

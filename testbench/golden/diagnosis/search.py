@@ -25,8 +25,8 @@ MOST_FITS = 150  # hypotheses of a target that are then tried on all rows
 MOST_OF_CAUSE = 60  # of a cause of which none has given all wrong rows yet
 LEAST_SHARE, LEAST_PRECISION = 0.2, 0.95
 
-# what the wrong rows of a target show: they are rows of the reset; one branch was taken in all of them; which of two
-# values was taken; few differences; more than these
+# what the wrong rows of a target show: they are rows of the reset; one branch was taken in all of them, or one value;
+# which of two values was taken; few differences; more than these
 RESET, ALWAYS, EITHER, SAME, VALUES = "reset", "always", "either", "same", "values"
 FEW = 2  # differences
 
@@ -209,6 +209,8 @@ class Search:
         wrong = np.flatnonzero(target.wrong)
         if self.reset[wrong].all() and target.root.op == "next":
             return RESET
+        if len(np.unique(target.got[wrong])) == 1:
+            return ALWAYS
         inside = [node for node in self.net.inside(target.root) if node.id < self.net.own]
         mask, taken = (1 << target.fmt.width) - 1, []
 

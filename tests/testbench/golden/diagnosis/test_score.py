@@ -77,6 +77,14 @@ def test_what_no_class_has_is_not_certain_as_another(bundles, stem, old, new):
     assert not any(cause.sure for cause in named(bundles, stem, old, new))
 
 
+def test_one_value_in_all_wrong_rows_makes_no_name_certain(bundles):
+    """A register that is cleared where it should hold: a loop's register is 0 there as well."""
+    old = "else if (en)\n            r_error <= -wide_cos"
+    found = named(bundles, "quadrature_loop", old, "else\n            r_error <= en ? -wide_cos : 25'sd0")
+    assert (found[0].cause, found[0].register) == ("condition", "error")
+    assert not any(cause.sure for cause in found)
+
+
 def test_an_edge_for_a_level_is_a_condition(bundles):
     text = edited("watchdog", "else if (ce_1m)", "else if (ce_1m && !was)").text
     always = "always @(posedge clk)"
