@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from testbench.golden.diagnosis import beyond, of_conditions, of_data, perturb
+from testbench.golden.diagnosis import of_conditions, of_data, perturb
 from testbench.golden.diagnosis.net import wrapped
 from testbench.golden.diagnosis.perturb import Hypothesis
 from testbench.golden.diagnosis.rows import Rows
@@ -149,7 +149,7 @@ class Search:
             read = of_data.hypotheses(self.net, self.rows, target, inside, wrong)
             read += of_conditions.hypotheses(self, target, inside, picked, wrong)
             tried += [h for h in read if h.cost < perturb.FAR]
-            rivals = [h for h in (*read, *beyond.hypotheses(self.net, inside)) if h.cost >= perturb.FAR]
+            rivals = [h for h in (*read, *of_data.beyond(self.net, inside)) if h.cost >= perturb.FAR]
         hits = self._hits(target, tried, others, picked)
         order = sorted(range(len(tried)), key=lambda k: (-hits[k], tried[k].cost))
         whole = [k for k in order if hits[k] == len(picked)]

@@ -11,8 +11,8 @@ Source  docs/diagnosis.md
 from math import log2
 from typing import NamedTuple
 
-from testbench.golden.diagnosis.beyond import BEYOND
 from testbench.golden.diagnosis.causes import WORDS
+from testbench.golden.diagnosis.of_data import BEYOND
 from testbench.golden.diagnosis.search import ALWAYS, EITHER, LEAST_PRECISION, RESET, SAME
 
 SURE = 0.99  # share from which a cause is certain
