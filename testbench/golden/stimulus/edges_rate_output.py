@@ -110,6 +110,14 @@ def _samples(w):
             w.row({**first, "word": ~(sign * word) ^ clock, "temperature": -(sign * temperature >> 1) ^ (clock << 12)})
 
 
+def _low_bits(w):
+    """Each value of the low seven bits of word, t, corrected, scaled, acc and y, below high bits that change."""
+    for k in range(128):
+        word = (k * 0x9E3779B1 & 0x7FFF80 | k) - (1 << 22)
+        t = (word & 0xFFFF) - (1 << 15)
+        w.operation({"scale": ONE, "word": word, "bias": -(k ^ 0x55), "temperature": t << rate_output.CODE_CUT})
+
+
 def edges_rate_output(w):
-    for part in (_scale, _corrected, _scaled, _means, _squares, _decimations, _resets, _samples):
+    for part in (_scale, _corrected, _scaled, _means, _squares, _decimations, _resets, _samples, _low_bits):
         part(w)

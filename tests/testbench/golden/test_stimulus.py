@@ -412,6 +412,13 @@ def test_word_and_temperature_in_the_place_of_their_registers_show():
     assert min(shown.values()) >= 2, shown
 
 
+@pytest.mark.parametrize("name", ["word", "t", "corrected", "scaled", "acc", "y"])
+def test_the_rate_output_takes_every_value_of_its_low_bits(name):
+    """A glitch at one value of seven bits shows, whichever it is."""
+    _, regs, _ = record("rate_output", "default")
+    assert set((regs[name] & 127).tolist()) == set(range(128))
+
+
 @pytest.mark.parametrize("case", ["default", "quick"])
 @pytest.mark.parametrize("was_locked", [0, 1])
 def test_a_count_that_goes_on_between_both_limits_shows_in_locked(was_locked, case):
