@@ -1,4 +1,4 @@
-"""Sealed records of a second plant: python -m tests.sealed bank|run|score [--kind development] [--minutes M]
+"""Sealed records of a second plant: python -m tests.sealed bank|run|score|beside [--kind development] [--minutes M]
 
     bank    measures what effects do, in minutes, once for a second plant; prints what can be drawn in which stratum
     run     goes on where the run of this source was; every run is a line of tests/sealed/ledger.jsonl; --wide does the
@@ -6,6 +6,7 @@
     score   opens the envelopes of what is done and prints the rates; --keep writes what was counted of a sealed run
             into tests/sealed/scored.jsonl, so that another machine can go on; --page does, and writes the rates of a
             whole run, which a test makes again
+    beside  for each false law of a data sheet in scored.jsonl, how many sigmas could have refused it
 
 Source    docs/sealed.md
 """
@@ -82,7 +83,7 @@ def choices(tables, space):
 def main(argv=None):
     """Exit code 0, or 1 where a limit of a whole run does not hold."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("what", choices=("bank", "run", "score"))
+    parser.add_argument("what", choices=("bank", "run", "score", "beside"))
     parser.add_argument("--kind", choices=ledger.KINDS, default=ledger.SEALED)
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "sealed")
     parser.add_argument("--first", type=int, default=10**6, help="only the first records of the order")
@@ -96,6 +97,10 @@ def main(argv=None):
     if given.kept and given.kind == ledger.SEALED:
         parser.error("--kept is for development: a sealed run draws from all effects")
     tables = strata.read()
+    if given.what == "beside":
+        rest = sheet_size.left(Bank(tables, given.out / "bank"), (*tables.inside, *tables.outside))
+        print("\n".join(score.beside(score.read(SCORED.read_text())[2], rest)))
+        return 0
     own = ledger.identity(given.kind, tables)
     if given.what != "score":
         bank = Bank(tables, given.out / "bank")

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from testbench.errors import FileError
 from testbench.tracing.noise.power import clopper_pearson
-from tests.sealed import coverage
+from tests.sealed import coverage, sheet_size
 from tests.sealed.strata import INSIDE, NULLS
 
 CLASSES = ("named", "confounded", "candidate")
@@ -214,6 +214,16 @@ def wrong(rows):
         if bad or (r.kind in NULLS and rang(r)):
             causes = " | ".join(" + ".join(sorted(c)) for c in r.causes)
             yield f"{r.number:03d} {r.kind}: {_hidden(r.truth)}: {r.verdict}: {causes}"
+
+
+def beside(wide, rest):
+    """One line for each false law of a data sheet: what is left of the truth beside it, with `sheet_size.left`."""
+    for r in wide:
+        for cause in r.causes if r.truth and not r.right else ():
+            for law in cause:
+                if law in rest:
+                    sigmas = sheet_size.beside(rest, r.truth["name"], r.truth["value"], law)
+                    yield f"{r.number:03d} {_hidden(r.truth)}: {law}: {sigmas:.1f} sigmas left beside it and the sheet"
 
 
 def _hidden(truth):

@@ -1,6 +1,7 @@
 """Sigmas that the priors of a data sheet leave of an effect, by the second plant alone.
 
     d_sheet   |r| c     r = (1 - Q Q') W s as in `bank`, with the columns of every parameter of the sheet in J
+    beside    what is left of r c where another effect may have any size, too
 Two parameters rest: each is tied to others by a symmetry, so that no record holds its direction.
 Source    docs/sealed.md
 """
@@ -31,8 +32,8 @@ def nuisances(bank):
     return out
 
 
-def sizes(bank, effects):
-    """{name: d per unit of its coefficient beside the parameters of a sheet}; without effects that have no column."""
+def left(bank, effects):
+    """{name: r per unit of its coefficient}, without effects that have no column."""
     columns, sd = zip(*nuisances(bank))
     j = np.concatenate([np.stack([bank.whitened(c) for c in columns], axis=1), np.diag(1 / np.array(sd))])
     q, _ = np.linalg.qr(j / np.linalg.norm(j, axis=0))
@@ -41,5 +42,16 @@ def sizes(bank, effects):
         change = bank.effect(effect).change
         if np.all(np.isfinite(change)):
             white = np.concatenate([bank.whitened(change), np.zeros(len(sd))])
-            out[effect.name] = float(np.linalg.norm(white - q @ (q.T @ white)))
+            out[effect.name] = white - q @ (q.T @ white)
     return out
+
+
+def sizes(bank, effects):
+    """{name: d per unit of its coefficient beside the parameters of a sheet}; without effects that have no column."""
+    return {name: float(np.linalg.norm(r)) for name, r in left(bank, effects).items()}
+
+
+def beside(rest, name, value, other):
+    """Sigmas that are left of an effect of a size beside the sheet and another effect; `rest` of `left`."""
+    r, s = rest[name] * value, rest[other]
+    return float(np.linalg.norm(r - s * (r @ s) / (s @ s)))

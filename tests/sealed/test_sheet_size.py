@@ -38,9 +38,8 @@ class Made:
         return change
 
 
-def test_the_sheet_takes_what_its_covariance_takes():
-    bank, change = Made(), np.random.default_rng(5).normal(size=ROWS)
-    found = sheet_size.sizes(bank, [SimpleNamespace(name="a", change=change), SimpleNamespace(name="lost")])
+def covariance_of(bank):
+    """What the noise and the priors of the sheet leave unknown of the features."""
     priors = {p.key: p for p in sheet.parameters(Config(), sheet.read(sheet.OWN))}
     assert set(priors) - set(bank.columns) == {s.held for s in SYMMETRIES}
     covariance = np.eye(ROWS)
@@ -48,4 +47,21 @@ def test_the_sheet_takes_what_its_covariance_takes():
         p = priors[key]
         sd = p.scale * abs(p.mean) if p.logarithmic else p.scale
         covariance += sd**2 * np.outer(column, column)
-    assert found == {"a": pytest.approx(np.sqrt(change @ np.linalg.solve(covariance, change)), rel=1e-9)}
+    return covariance
+
+
+def test_the_sheet_takes_what_its_covariance_takes():
+    bank, change = Made(), np.random.default_rng(5).normal(size=ROWS)
+    found = sheet_size.sizes(bank, [SimpleNamespace(name="a", change=change), SimpleNamespace(name="lost")])
+    expected = np.sqrt(change @ np.linalg.solve(covariance_of(bank), change))
+    assert found == {"a": pytest.approx(expected, rel=1e-9)}
+
+
+def test_another_effect_of_any_size_takes_what_its_covariance_takes():
+    bank, change = Made(), np.random.default_rng(5).normal(size=ROWS)
+    other = change[::-1].copy()
+    rest = sheet_size.left(bank, [SimpleNamespace(name="a", change=change), SimpleNamespace(name="b", change=other)])
+    covariance = covariance_of(bank) + 1e12 * np.outer(other, other)
+    expected = np.sqrt(change @ np.linalg.solve(covariance, change))
+    assert sheet_size.beside(rest, "a", -2.0, "b") == pytest.approx(2 * expected, rel=1e-4)
+    assert sheet_size.beside(rest, "a", 3.0, "a") == pytest.approx(0, abs=1e-9)
