@@ -300,3 +300,13 @@ def test_the_rates_of_the_page_are_those_of_a_whole_run_of_the_ledger():
             tables = strata.read()
             text = score.table(rows, wide, tables.wide["disguises"], tables.effect["d"][0])
     assert replaced(page, "sealed", text) == page
+
+
+def test_the_page_tells_what_one_lost_board_does_to_the_intervals():
+    page = (ROOT / "docs" / "sealed.md").read_text()
+    boards = {
+        r.number: [abs(x) < score.Z for x in r.intervals] for r in score.read(SCORED.read_text())[2] if r.intervals
+    }
+    lost, others = boards.pop(44), [held for some in boards.values() for held in some]
+    assert f"{sum(lost)} of {len(lost)} intervals hold. Of the other {len(boards)} boards" in page
+    assert f"{sum(others)} of {len(others)} hold ({100 * np.mean(others):.1f} %)" in page
