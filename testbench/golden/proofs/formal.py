@@ -42,7 +42,7 @@ CASES = {
 }
 PROPERTIES = Path(__file__).resolve().parents[2] / "rtl" / "formal"
 MAX_STEPS, TIMEOUT_S = 12, 300
-AIGER = "techmap; opt_clean; dffunmap; setundef -undriven -zero; aigmap; opt_clean; write_aiger -zinit proof.aig"
+AIGER = "techmap; opt_clean; dffunmap; setundef -undriven -anyseq; aigmap; opt_clean; write_aiger -zinit proof.aig"
 INVARIANT = f"read_aiger proof.aig; fold; scorr; pdr -T {TIMEOUT_S}"
 TOP = "proof"
 SYNC_RESET = """(* techmap_celltype = "$adff" *)
