@@ -302,11 +302,12 @@ def test_the_rates_of_the_page_are_those_of_a_whole_run_of_the_ledger():
     assert replaced(page, "sealed", text) == page
 
 
-def test_the_page_tells_what_one_lost_board_does_to_the_intervals():
-    page = (ROOT / "docs" / "sealed.md").read_text()
-    boards = {
-        r.number: [abs(x) < score.Z for x in r.intervals] for r in score.read(SCORED.read_text())[2] if r.intervals
-    }
-    lost, others = boards.pop(44), [held for some in boards.values() for held in some]
+def test_the_pages_tell_what_one_lost_board_does_to_the_intervals():
+    page, priors = ((ROOT / "docs" / name).read_text() for name in ("sealed.md", "wide_priors.md"))
+    _, _, wide = score.read(SCORED.read_text())
+    boards = {r.number: [abs(x) < score.Z for x in r.intervals] for r in wide if r.intervals}
+    new, every = sum(bool(r.causes) and not r.right for r in wide), sum(boards.values(), [])
+    assert f"{new} new false causes, and {100 * np.mean(every):.1f} % of 95 % intervals hold" in priors
+    lost, others = boards.pop(44), sum(boards.values(), [])
     assert f"{sum(lost)} of {len(lost)} intervals hold. Of the other {len(boards)} boards" in page
     assert f"{sum(others)} of {len(others)} hold ({100 * np.mean(others):.1f} %)" in page

@@ -149,13 +149,14 @@ class Search:
             read = of_data.hypotheses(self.net, self.rows, target, inside, wrong)
             read += of_conditions.hypotheses(self, target, inside, picked, wrong)
             tried += [h for h in read if h.cost < perturb.FAR]
-            rivals = [h for h in (*read, *of_data.beyond(self.net, inside)) if h.cost >= perturb.FAR]
+            rivals = [h for h in read if h.cost >= perturb.FAR]
         hits = self._hits(target, tried, others, picked)
         order = sorted(range(len(tried)), key=lambda k: (-hits[k], tried[k].cost))
         whole = [k for k in order if hits[k] == len(picked)]
         part = [k for k in order if LEAST_SHARE * len(picked) <= hits[k] < len(picked)]
         found = self._first_of_each(target, [tried[k] for k in whole], others)
         if any(f.share == 1.0 for f in found):
+            rivals += [] if others else of_data.beyond(self.net, inside)
             hits = self._hits(target, rivals, others, picked)
             found += self._kept(target, [h for h, n in zip(rivals, hits) if n == len(picked)], others)
         else:
