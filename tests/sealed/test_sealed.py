@@ -306,8 +306,8 @@ def test_the_pages_tell_what_one_lost_board_does_to_the_intervals():
     page, priors = ((ROOT / "docs" / name).read_text() for name in ("sealed.md", "wide_priors.md"))
     _, _, wide = score.read(SCORED.read_text())
     boards = {r.number: [abs(x) < score.Z for x in r.intervals] for r in wide if r.intervals}
-    new, every = sum(bool(r.causes) and not r.right for r in wide), sum(boards.values(), [])
+    new, every = sum(bool(r.causes) and not r.right for r in wide), np.concatenate([*boards.values()])
     assert f"{new} new false causes, and {100 * np.mean(every):.1f} % of 95 % intervals hold" in priors
-    lost, others = boards.pop(44), sum(boards.values(), [])
+    lost, others = boards.pop(44), np.concatenate([*boards.values()])
     assert f"{sum(lost)} of {len(lost)} intervals hold. Of the other {len(boards)} boards" in page
     assert f"{sum(others)} of {len(others)} hold ({100 * np.mean(others):.1f} %)" in page
