@@ -121,6 +121,9 @@ def edges_registers(w):
         w.row({"write": 1, "address": 1, "data": 0xA5})
         w.row({"write": write, "address": 1, "data": 0x5A, "taken": taken})
         w.row(times=1)
+    for register in registers.WRITABLE:
+        w.row({"write": 1, "address": register.address, "data": registers.DATA.hi})
+    w.row(rst=1)
 
 
 def edges_spi_dac(w):

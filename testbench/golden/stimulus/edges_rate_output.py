@@ -90,7 +90,7 @@ def _decimations(w):
 
 
 def _resets(w):
-    """Resets within a mean: of 64 at its last sample, and while a sample is on its way."""
+    """Resets within a mean: of 64 at its last sample, and while a sample is on its way; then where one is ready."""
     for k, samples in ((6, 63), (3, 2)):
         w.row(rst=1)
         for _ in range(samples):
@@ -98,6 +98,9 @@ def _resets(w):
         w.row({"decimation": k, "scale": ONE, "en": 1}, times=1)
         w.row({"decimation": k, "scale": ONE}, times=2)
         w.row(rst=1)
+    w.row({"scale": ONE, "en": 1, "word": 1})
+    w.row({"scale": ONE, "word": 1}, times=w.block.wait - 1)
+    w.row(rst=1)
 
 
 def _samples(w):

@@ -15,6 +15,7 @@ FAR = 1 << 20
 CHANNELS = ("drive_sin", "drive_cos", "sense_sin", "sense_cos")
 PATIENCE = 120  # frames within which a state has to come
 MOST_FRAMES = 20_000  # of a start-up with the times of a board
+LOST = {"magnitude": SETPOINT >> 1, "phase": 1 << 22, "sense_sin": 1 << 22, "sense_cos": 1 << 22}
 NOT_JUDGED = [getattr(sequencer, name) for name in sequencer.CONTROL_BITS if name.startswith(("HOLD_", "FIX_"))]
 HELD = sequencer.HOLD_AGC | sequencer.HOLD_PLL | sequencer.HOLD_FTR
 CUT = sequencer.GAIN.f
@@ -28,8 +29,8 @@ class Walk:
         self.frames = itertools.count(1)
         self.reset()
 
-    def reset(self):
-        self.w.row({"en": 1, "i_control": sequencer.RUN}, rst=1)
+    def reset(self, en=1):
+        self.w.row({"en": en, "i_control": sequencer.RUN}, rst=1)
         self.state = sequencer.State()
 
     def run(self, times=1, control=sequencer.RUN, rests=(), **more):
@@ -317,9 +318,8 @@ def _judged(walk):
     """Each bit that takes a loop out of judgement, alone, while the counts of all four loops would move."""
     if walk.p.timeout < 3:
         return  # no frame of SETTLE is left to judge: nothing locks
-    lost = {"magnitude": SETPOINT >> 1, "phase": 1 << 22, "sense_sin": 1 << 22, "sense_cos": 1 << 22}
-    apart = {name: lost[name] for name in ("sense_sin", "sense_cos")}
-    for state, rest, moves in ((sequencer.BALANCE, apart, {}), (sequencer.LOCKED, {}, lost)):
+    apart = {name: LOST[name] for name in ("sense_sin", "sense_cos")}
+    for state, rest, moves in ((sequencer.BALANCE, apart, {}), (sequencer.LOCKED, {}, LOST)):
         for bit in NOT_JUDGED:
             if walk.state.state == state or walk.again(state, **rest):
                 walk.run(1, control=sequencer.RUN | bit, **moves)
@@ -333,6 +333,24 @@ def _resets(walk):
         stopped = {"control": 0} if state <= sequencer.IDLE else {}
         if walk.until(state, **opened, **stopped):
             walk.reset()
+
+
+def _resets_of_counts(walk):
+    """A reset while all symptoms and errors are counted, and one in a search after a lost lock and a failed attempt."""
+    if walk.p.timeout < 3:
+        return  # no frame of SETTLE is left to judge: nothing locks
+    symptoms = {"drive_saturated": 1, "rate_saturated": 1, "drive_cos": fault_monitor.CODE.hi}
+    for en in (1, 0):  # a rail ends the count of its loop
+        walk.until(sequencer.LOCKED)
+        walk.run(2, rests=("drive_sin",), **LOST, **symptoms, qsc_rail=en)
+        walk.reset(en)
+        walk.until(sequencer.LOCKED)
+        walk.until(sequencer.ACQUIRE, **LOST)
+        walk.until(sequencer.KICK, magnitude=SETPOINT >> 1)
+        walk.until(sequencer.SEARCH)
+        for k in range(1, 4):
+            walk.run(1, phase=k << 18)
+        walk.reset(en)
 
 
 def _start_up(walk):
@@ -361,5 +379,5 @@ def script_sequencer(w):
         _magnitudes,
         _near,
     )
-    for part in (*before, _long, _at_each_state, _judged, _resets):
+    for part in (*before, _long, _at_each_state, _judged, _resets, _resets_of_counts):
         part(walk)

@@ -157,8 +157,8 @@ def wrong(host, w):
     # no bit is no frame
     host.send([], lead=4)
     host.send(frame(0, host.address(), host.words(1)))
-    # clear at each clock around a new flag
-    for late in range(6):
+    # clear at each clock around a new flag; the last clears come before it, so a flag is up at the next reset
+    for late in reversed(range(6)):
         host.rows({})
         host.bits([1])
         host.rows(IDLE, late)
@@ -167,10 +167,12 @@ def wrong(host, w):
 
 
 def interrupted(host, w):
-    """A reset in every bit of a write, of a read, behind a frame that is too long, and in the clocks behind a frame."""
+    """A reset in every bit of a write, in a read, also a wrong one, behind a frame that is too long or whole."""
     write, read = frame(0, 0x2A8, host.words(1)), frame(READ, 0x554, host.words(1))
     ends = [(write, cut) for cut in range(len(write) + 1)]
-    ends += [(read, cut) for cut in (17, 24, 25, 56, 64)] + [(write + [1] * 3, len(write) + k) for k in (2, 3)]
+    refused = frame(READ, 0x554, [0], zeros=1, spoil=1)
+    ends += [(read, cut) for cut in (17, 24, 56, 64)] + [(refused, 25)]
+    ends += [(write + [1] * 3, len(write) + k) for k in (2, 3)]
     for bits, cut in ends:
         host.bits(bits[:cut])
         host.rows({}, 3)

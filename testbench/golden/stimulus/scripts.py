@@ -150,6 +150,11 @@ def script_fault_monitor(w):
     w.row({**every, "fresh": 0})
     w.row(every, rst=1)
     w.row(common, times=2)
+    # and while each symptom is counted in frames that are good
+    for en in (1, 0):
+        for row in range(2):
+            w.row({**every, "codes_2": row, "codes_3": row, "levels": 0})
+        w.row({**every, "en": en}, rst=1)
     # the counters of good and bad frames: through every carry below LONG_ROWS, in the quick case to their top
     w.row({**common, "fresh": 0})
     for fresh in (1, 0):

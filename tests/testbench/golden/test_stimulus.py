@@ -379,6 +379,17 @@ def test_every_bit_of_every_register_rises_and_falls_in_some_case(stem):
             assert bool(seen[port.name] >> k & 1) != proved, f"{port.name} {way} {k}"
 
 
+@pytest.mark.parametrize("stem", but_counting(blocks.BLOCKS))
+def test_every_register_is_reset_from_another_value_in_some_case(stem):
+    """So that an initial value in the place of a reset shows."""
+    moving, seen = set(), set()
+    for case in blocks.BLOCKS[stem].cases:
+        rows, regs, _ = record(stem, case)
+        moving |= {name for name, column in regs.items() if (column != column[0]).any()}
+        seen |= {name for name, column in regs.items() if (column[rows["rst"] == 1] != column[0]).any()}
+    assert moving == seen
+
+
 def test_searches_end_where_each_bit_of_the_correction_decides():
     p = blocks.BLOCKS["sequencer"].cases["quick"]
     _, regs, _ = record("sequencer", "quick")
