@@ -192,7 +192,8 @@ def result(tracer, decision):
         rejected = "declared noise rejected" if tracer.noise_rejected else ""
         doubtful = "no repeats" if tracer.alarms.model_based else rejected
         confirmed = tracer.heldout.score > CLEAR
-        sets = tracer.chosen, tracer.untried, tracer.imitated
+        unsupported = verdict.unsupported(problem, found.fit(best)) if best else ""
+        sets = tracer.chosen, tracer.untried, tracer.imitated, unsupported
         behind = verdict.Evidence(bool(tracer.held.size), problem.heldout_independent, confirmed, doubtful, *sets)
         stopped = verdict.blocks(problem, tracer.base.converged)
         decision = verdict.with_search(found, tracer.causes, free, behind, stopped)

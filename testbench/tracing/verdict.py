@@ -42,6 +42,7 @@ class Evidence(NamedTuple):
     chosen: bool = False  # by held-out data, where the set that fits best is refused: they cannot judge it too
     untried: int = 0  # sets as near as those of the class that were not refitted
     imitated: float = 0.0  # `specificity.imitated` of sets of this many laws
+    unsupported: str = ""  # of `unsupported`
 
 
 def free_d(fit, identifiability):
@@ -76,6 +77,17 @@ def blocks(problem, converged):
     numerical = certificate.get("sigma")
     if numerical is not None and not numerical < MOST_NUMERICAL:
         return f"numerical error of the engine {numerical:.3g} sigma, {MOST_NUMERICAL} allowed"
+    return ""
+
+
+def unsupported(problem, fit):
+    """Why a law of a fit is not named, however well it fits: data cannot support it, or show too little; "" if not."""
+    n = len(fit.point.theta)
+    for law, d in zip(fit.model.laws, np.abs(fit.point.c) / fit.sd[n:]):
+        if why := problem.unsupported(law.name):
+            return why
+        if d < problem.least_d:
+            return f"{d:.2g} sigmas of {law.name} are left beside the priors, {problem.least_d:g} needed"
     return ""
 
 
@@ -149,6 +161,8 @@ def with_search(found, causes, free, evidence, blocked):
     if evidence.untried:
         left = f"{evidence.untried} sets of laws that come as near were not tried"
         return Decision("unexplained", f"{said} explains it, but {left}: its class may be incomplete, none is named")
+    if evidence.unsupported:
+        return Decision("unexplained", f"{said} explains it, but {evidence.unsupported}: it is not named")
     if len(causes) > MOST:
         return Decision("unexplained", f"{said} explains it, and so do {MOST} other causes or more: no class is named")
     names = " or ".join(" + ".join(c.names) for c in causes)

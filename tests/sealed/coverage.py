@@ -43,6 +43,5 @@ def offs(sealed, said):
 def _off(p, row, true):
     if not p.logarithmic:
         return (row["after"] - true) / row["sd"]
-    # theta = x (1 + ln(value / x)) about the board x where the stages have ended; the prior's sd there is s x
-    x = row["prior_sd"] / p.scale
-    return (row["after"] - x - x * math.log(true / x)) / row["sd"]
+    # about the board where the stages have ended; the prior's sd there is its own times that value
+    return (row["after"] - p._replace(start=row["prior_sd"] / p.scale).theta(true)) / row["sd"]

@@ -14,6 +14,7 @@ from testbench.errors import ConfigError
 from testbench.measured.record.schema import rows
 
 LOGARITHMIC = ("qx", "qy", "k_vf_drive_n_per_v", "k_vf_sense_n_per_v", "dcdx_f_per_m", "dcdy_f_per_m", "mass_kg")
+LOSSES = ("plant.qx", "plant.qy")  # features go with 1 / Q: straight there, where an interval is a third of a value
 WALL = 2.5  # sds of a wide prior: no board is farther from its sheet
 LIMITS = {f"plant.{field.name}": field for field in device.FIELDS}
 
@@ -41,19 +42,29 @@ class Parameter(NamedTuple):
             return self.mean, self.scale
         return self.first * (1 - math.log(self.first / self.mean)), self.scale * self.first
 
+    def theta(self, value):
+        """The coordinate of a value in the linear model of a wide prior: itself, or first (1 + log(value / first)).
+
+        first (2 - first / value) of a quality factor. All have a slope of 1 at `first`.
+        """
+        if not self.logarithmic:
+            return value
+        ratio = value / self.first
+        return self.first * (2 - 1 / ratio if self.key in LOSSES else 1 + math.log(ratio))
+
     def within(self, theta):
         """The coordinate of the linear model within WALL sds of a wide prior."""
         if self.start is None:
             return theta
-        mean, sd = self.normal()
-        return min(max(theta, mean - WALL * sd), mean + WALL * sd)
+        return min(max(theta, self.theta(self.value(-WALL))), self.theta(self.value(WALL)))
 
     def at(self, theta):
-        """The parameter at a coordinate of the linear model: itself, or first (1 + log(x / first)), `within`."""
+        """The parameter at a coordinate of the linear model: itself, or that of `theta`, `within`."""
         if self.start is None:
             return theta
         theta = self.within(theta)
-        value = self.first * math.exp((theta - self.first) / self.first) if self.logarithmic else theta
+        ahead = theta / self.first - 1
+        value = self.first * (1 / (1 - ahead) if self.key in LOSSES else math.exp(ahead)) if self.logarithmic else theta
         return min(max(value, self.lo), self.hi)
 
     def value(self, u):

@@ -10,15 +10,17 @@ Source    docs/wide_priors.md
 """
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from testbench import config as configuration
 from testbench.errors import ConfigError
 from testbench.measured.closed_loop import loop_runs
 from testbench.measured.closed_loop.loop_even import even
-from testbench.measured.closed_loop.loop_noise import JITTER_HZ, LATER, jitter_hz
+from testbench.measured.closed_loop.loop_noise import JITTER, JITTER_HZ, LATER, jitter_hz, noise_of
 from testbench.measured.closed_loop.loop_runs import FAST, NAMES, Model, Run
 from testbench.measured.closed_loop.loop_symmetries import corrected, tied, weak
 
+DRAWS = 24  # power-ons for a covariance
 SEED = 2 * 10**12  # that no recording and no draw of the linear model has
 AIM = 300.0  # sigmas by which a step moves all features
 FIRST_STEP, STEPS = 1e-2, (1e-6, 0.1)  # in u
@@ -108,6 +110,16 @@ class AveragedLoop:
                 out[rows] = np.maximum(out[rows], np.median(out[rows]) or np.median(moving))
         out = np.where(self._word, np.hypot(out, JITTER_HZ), out)
         return out / np.sqrt(self.repeats)
+
+    def white(self, u):
+        """(sigma, matrix (n, n) that whitens the features) of the recorded means, by the covariance of power-ons."""
+        rows = dict(enumerate(self.power_ons(self.config(u), DRAWS)))
+        slopes = {k: self._word[self.condition == k].astype(float) for k in rows}
+        noise = noise_of({k: (rows[k], slopes[k]) for k in rows}, JITTER[:DRAWS])
+        parts = [np.linalg.inv(noise[k].sigma[:, None] * noise[k].chol) for k in rows]
+        return np.concatenate([noise[k].sigma for k in rows]) / np.sqrt(self.repeats), block_diag(*parts) * np.sqrt(
+            self.repeats
+        )
 
     def even(self, u):
         """Features with one noise, without slips of edges; None where the board does not lock."""

@@ -23,27 +23,23 @@ from testbench.measured.wide import noise_levels
 from testbench.measured.wide.averaged_loop import AveragedLoop
 
 CAP = 300.0
-NOISE, DRAWS = 8, 4  # of the averaged plant: for its noise, for a prediction of the last stage
+NOISE, DRAWS, LOOKS = 8, 8, 3  # of the averaged plant: for its noise, for a prediction of the last stage
 NEAR, SHORT = 5.0, 0.02  # a step of fewer sigmas, as noise alone moves 18 parameters, or of this share of the residual
 MISSED = 0.3  # share of a step by which its end may miss what the columns promised, for them to serve again
 REGION, SHRINK = 1.0, 0.3  # sds of the priors: the largest step; factor of a region
-SPLIT, GRID = "plant.fy_hz", np.arange(-2.25, 2.5, 0.25)  # sds of its prior where another well is looked for
+SPLIT, RING = "plant.fy_hz", "plant.qy"  # another well is an sd of the one away; the other then begins at the sheet
 FITTED = 2.0  # sigmas rms: no well is lower by much
 POOR, GOOD = 0.3, 0.7  # share of a promised decrease
 TINY = 1e-12  # of a cost: nothing is promised
 
 
 class Stage(NamedTuple):
-    """Observables that are fitted, parameters that are moved (of [plant]; empty: all), most steps.
-
-    wells   whether another minimum is looked for where it has ended
-    """
+    """Observables that are fitted, parameters that are moved (of [plant]; empty: all), most steps."""
 
     name: str
     observables: tuple
     keys: tuple
     steps: int
-    wells: bool = False
 
 
 DRIVE = (
@@ -57,9 +53,10 @@ STAGES = (
     Stage("quadrature", ("v_q2",), tuple(QUADRATURE.split()), 6),
     Stage("drive", ("f_word", "amplitude"), tuple(DRIVE.split()), 8),
     Stage("rate", ("force", "adc_yI", "adc_yQ", "v_q2"), tuple(RATE.split()), 8),
-    Stage("all", tuple(name for name in NAMES if name != "adc_xI"), (), 12, wells=True),
+    Stage("all", tuple(name for name in NAMES if name != "adc_xI"), (), 12),
     Stage("slips", NAMES, (), 8),
 )
+ALL = -2
 
 
 class Step(NamedTuple):
@@ -95,24 +92,30 @@ class Work:
 
     def __init__(self, loop, progress=None):
         self.loop, self.progress, self.steps, self.known = loop, progress, [], None
-        self.u = np.zeros(len(loop.parameters))
+        self.u, self.white = np.zeros(len(loop.parameters)), None
+        self.beyond = 0.0  # what the exact engine has besides the averaged plant
         first = loop.mean(self.u, NOISE)
         if first is None:
             raise ConfigError("wide priors: the configured board does not lock under the conditions of the record")
         self.sigma = loop.sigma(first[1])
 
     def weights(self, predicted, observables):
-        """1 / sigma of each feature, 0 of observables that are not fitted; the rms of one counts as CAP at most."""
+        """Matrix (n, n) that whitens features, 0 for observables that are not fitted.
+
+        In the last stage by their covariance, before it by 1 / sigma; the rms of an observable counts as CAP at most.
+        """
+        if self.white is not None:
+            return self.white
         z = self.loop.residual(predicted) / self.sigma
         w = np.zeros(len(z))
         for name in observables:
             rows = self.loop.observable == name
             w[rows] = 1 / max(1.0, np.sqrt(np.mean(z[rows] ** 2)) / CAP)
-        return w / self.sigma
+        return np.diag(w / self.sigma)
 
     def cost(self, u, predicted, weights):
         """What a stage minimises, at a point; infinite without lock."""
-        return np.inf if predicted is None else float(np.sum((self.loop.residual(predicted) * weights) ** 2) + u @ u)
+        return np.inf if predicted is None else float(np.sum((weights @ self.loop.residual(predicted)) ** 2) + u @ u)
 
     def rms(self, predicted, observables):
         """Rms of the residual of some observables, in sigmas."""
@@ -121,32 +124,43 @@ class Work:
 
     def step(self, residual, columns, which, weights, radius):
         """(change, matrix, right side) of the least squares of a stage, priors as rows, within a region and WALL."""
-        a = np.concatenate([columns * weights[:, None], np.eye(len(which))])
-        b = np.concatenate([residual * weights, -self.u[which]])
+        a = np.concatenate([weights @ columns, np.eye(len(which))])
+        b = np.concatenate([weights @ residual, -self.u[which]])
         low, high = np.maximum(-WALL - self.u[which], -radius), np.minimum(WALL - self.u[which], radius)
         return lsq_linear(a, b, bounds=(np.minimum(low, -1e-9), np.maximum(high, 1e-9))).x, a, b
 
-    def features(self, u, last):
-        """Features at a point, in the last stage those of the exact engine. None without lock."""
-        if not last:
-            return self.loop.even(u)
-        mean = self.loop.mean(u, DRAWS, EXACT)
-        return mean and mean[0]
+    def features(self, u):
+        """Features at a point: of the averaged plant, and what the exact engine has beyond it. None without lock."""
+        even = self.loop.even(u)
+        return None if even is None else even + self.beyond
 
-    def stage(self, stage):
+    def exact(self, stage):
+        """The last stage, on the averaged plant beside the exact engine, until another look at both moves little.
+
+        The difference is of slips and jumps with the point; the averaged plant is smooth. True if it moved little.
+        """
+        # gains and Q of the board, and with them its noise, are known by now
+        self.sigma, self.white = self.loop.white(self.u)
+        for look in range(LOOKS):
+            mean, even = self.loop.mean(self.u, DRAWS, EXACT), self.loop.even(self.u)
+            if mean is None or even is None:
+                return False
+            self.beyond, begun = mean[0] - even, even
+            ended = self.stage(stage, self.known[1] if look else None)
+            if ended and np.linalg.norm(self.white @ (self.loop.even(self.u) - begun)) < NEAR:
+                return True
+        return False
+
+    def stage(self, stage, columns=None):
         """Gauss-Newton steps of a stage within a region that is trusted; True if the last one was short.
 
         A step is taken where it lowers the cost. The region grows and shrinks with what a step has kept of its promise.
         """
-        keys, last = [p.key.partition(".")[2] for p in self.loop.parameters], stage is STAGES[-1]
+        keys = [p.key.partition(".")[2] for p in self.loop.parameters]
         which = [k for k, key in enumerate(keys) if not stage.keys or key in stage.keys]
         if not which:
             return True
-        if last:
-            # gains and Q of the board, and with them its noise, are known by now
-            noisy = self.loop.mean(self.u, NOISE)
-            self.sigma = self.loop.sigma(noisy[1]) if noisy else self.sigma
-        radius, columns, here = REGION, None, self.features(self.u, last)
+        radius, here = REGION, self.features(self.u)
         if here is None:
             return False
         for k in range(stage.steps):
@@ -154,7 +168,7 @@ class Work:
                 self.progress(f"wide priors: {stage.name}", k, stage.steps)
             fresh = columns is None
             if fresh:
-                found = self.loop.columns(self.u, which, self.sigma, measured=last or not stage.keys)
+                found = self.loop.columns(self.u, which, self.sigma, measured=not stage.keys)
                 if found is None:
                     return False
                 columns = found[1][:, which]
@@ -164,7 +178,7 @@ class Work:
             change = wanted if radius == REGION else self.step(gap, columns, which, w, radius)[0]
             ahead = self.u.copy()
             ahead[which] += change
-            there = self.features(ahead, last)
+            there = self.features(ahead)
             before = self.cost(self.u, here, w)
             promised = float(b @ b - np.sum((b - a @ change) ** 2))
             kept = (before - self.cost(ahead, there, w)) / max(promised, TINY)
@@ -175,37 +189,36 @@ class Work:
             elif kept < POOR and fresh:
                 radius = SHRINK * min(radius, float(np.max(np.abs(change))))
             if kept > 0:
-                missed = np.linalg.norm((there - here - columns @ change) * w)
+                missed = np.linalg.norm(w @ (there - here - columns @ change))
                 self.u, here = ahead, there
-            # a small region makes a step short, but is not the end of the stage
-            if free < max(NEAR, SHORT * float(np.linalg.norm(b))):
+            # a small region makes a step short, but is no end; a short step that new columns break their word for is
+            if free < max(NEAR, SHORT * float(np.linalg.norm(b))) or (kept <= 0 and fresh and free < 2 * NEAR):
                 return True
             if (kept > 0 and missed > max(NEAR, MISSED * moved)) or (kept <= 0 and not fresh):
                 columns = None
         return False
 
-    def elsewhere(self, stage):
-        """Go to another well along the split, if one is lower; the others follow by the columns. True if it went.
+    def elsewhere(self, ended):
+        """Two stages again from a split an sd to both sides where they ended above FITTED; stays at the lowest cost.
 
         The ring at the split has a phase at the end of each bin, so the cost has more than one minimum along f_y.
+        True if the stage of the lowest has ended (`ended`: the first one).
         """
-        keys = [p.key for p in self.loop.parameters]
+        keys, last = [p.key for p in self.loop.parameters], STAGES[ALL]
         here = self.loop.even(self.u)
-        if SPLIT not in keys or here is None or not self.known or self.rms(here, stage.observables) < FITTED:
-            return False
-        split, (which, columns), w = keys.index(SPLIT), self.known, self.weights(here, stage.observables)
-        rest = [k for k, i in enumerate(which) if i != split]
-        others, own, found = [which[k] for k in rest], columns[:, which.index(split)], []
-        for x in GRID:
-            ahead, residual = self.u.copy(), self.loop.residual(here) - own * (x - self.u[split])
-            ahead[split] = x
-            ahead[others] += self.step(residual, columns[:, rest], others, w, 2 * WALL)[0]
-            found.append((self.cost(ahead, self.loop.even(ahead), w), x, ahead))
-        cost, x, ahead = min(found, key=lambda f: f[0])
-        if cost >= self.cost(self.u, here, w) or abs(x - self.u[split]) < GRID[1] - GRID[0]:
-            return False
-        self.u = ahead
-        return True
+        if SPLIT not in keys or here is None or self.rms(here, last.observables) < FITTED:
+            return ended
+        begun, weights, found = self.u, self.weights(here, last.observables), []
+        found.append((self.cost(begun, here, weights), 0, begun, ended))
+        for side in (-1, 1):
+            self.u = begun.copy()
+            self.u[keys.index(SPLIT)] = np.clip(begun[keys.index(SPLIT)] + side, -WALL, WALL)
+            if RING in keys:
+                self.u[keys.index(RING)] = 0.0
+            ended = [self.stage(stage) for stage in STAGES[ALL - 1 : ALL + 1]][-1]
+            found.append((self.cost(self.u, self.loop.even(self.u), weights), side, self.u, ended))
+        *_, self.u, ended = min(found)
+        return ended
 
 
 def estimate(measured, model, parameters, bench, progress=None):
@@ -214,9 +227,9 @@ def estimate(measured, model, parameters, bench, progress=None):
     work = Work(loop, progress)
     ends = []
     for stage in STAGES:
-        ends.append(work.stage(stage))
-        if stage.wells and work.elsewhere(stage):
-            ends[-1] = work.stage(stage)
+        ends.append(work.exact(stage) if stage is STAGES[-1] else work.stage(stage))
+        if stage is STAGES[ALL]:
+            ends[-1] = work.elsewhere(ends[-1])
     found = tuple(p._replace(start=p.value(float(x))) for p, x in zip(parameters, work.u))
     walls = tuple(p.key for p, x in zip(parameters, work.u) if abs(x) > WALL - 1e-6)
     end = loop.mean(work.u, DRAWS, EXACT)

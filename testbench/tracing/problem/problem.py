@@ -104,6 +104,7 @@ class Problem:
     heldout_by, heldout_view, heldout_independent = "observable", None, True
     firmware = firmware_certificate = numerical_certificate = None
     warnings, noise_findings = (), ()
+    least_d = 0.0  # sigmas that a law needs to be named
     _members = frozenset(("name", "nuisances", "laws", "segments", "hashes"))
 
     def __init_subclass__(cls, adds="", **more):
@@ -154,6 +155,10 @@ class Problem:
     def force_at(self, theta, effects):
         """`PortForce`s at a point; None: discovery takes the whitened residual."""
         return None
+
+    def unsupported(self, law):
+        """Why no data of these segments can support what a law says, whatever its size; "" if they can."""
+        return ""
 
     def experiments(self, laws):
         """A problem whose segments are conditions that could be recorded, to tell `laws` apart; None: these again."""

@@ -1,20 +1,24 @@
 """Wide priors: sheet, tangent of a prior, exact symmetries of the plant, and the stages on a board in closed form."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from testbench import config as configuration
 from testbench.errors import ConfigError
-from testbench.measured.closed_loop import loop_problem, loop_runs
+from testbench.measured.closed_loop import loop_laws, loop_problem, loop_runs
 from testbench.measured.closed_loop.loop_even import even
+from testbench.measured.closed_loop.loop_noise import JITTER
 from testbench.measured.closed_loop.loop_runs import FAST, Model, Run
 from testbench.measured.closed_loop.loop_symmetries import SYMMETRIES, corrected, lines, tied, weak
 from testbench.measured.record.plan import Condition
 from testbench.measured.residual.parameters import Parameter
 from testbench.measured.wide import estimate, sheet
 from testbench.measured.wide.averaged_loop import AveragedLoop
+from tests.sealed import strata
 from tests.testbench.measured import wide_trials
 
 
@@ -65,17 +69,28 @@ def test_the_tangent_prior_pulls_as_the_logarithmic_one_does():
 
 
 def test_the_coordinate_of_the_linear_model_has_the_logarithmic_prior_and_no_negative_value():
-    p = Parameter("plant.qx", "1", 2e5, 0.7, True, 0.0, 1e9, 3.1e5)
+    p = Parameter("plant.mass_kg", "kg", 2e5, 0.7, True, 0.0, 1e9, 3.1e5)
     mean, sd = p.normal()
     for theta in (-3e5, 1e5, 3.1e5, 5e5):
         assert p.at(theta) > 0
         assert p.coordinate(p.at(theta)) == pytest.approx((theta - mean) / sd)
+        assert p.theta(p.at(theta)) == pytest.approx(theta)
     assert p._replace(start=None).at(-1.0) == -1.0
+
+
+def test_a_quality_factor_is_straight_in_its_inverse():
+    p = Parameter("plant.qy", "1", 2e5, 0.7, True, 0.0, 1e9, 1.6e5)
+    for theta in (1e5, 1.6e5, 2.3e5):
+        assert p.theta(p.at(theta)) == pytest.approx(theta)
+        assert 1 / p.at(theta) == pytest.approx((1 - (theta - 1.6e5) / 1.6e5) / 1.6e5)
+    assert p.coordinate(p.at(1e9)) == pytest.approx(2.5)
+    assert p.coordinate(p.at(-1e9)) == pytest.approx(-2.5)
+    assert (p.at(1.6001e5) - p.at(1.5999e5)) / 20 == pytest.approx(1.0, rel=1e-6)
 
 
 @pytest.mark.parametrize("logarithmic", [True, False])
 def test_the_linear_model_ends_at_two_and_a_half_sds_of_a_wide_prior_and_at_the_limits_of_the_key(logarithmic):
-    p = Parameter("plant.qx", "1", 2e5, 0.7 if logarithmic else 4e4, logarithmic, 100.0, 1e8, 2.1e5)
+    p = Parameter("plant.mass_kg", "kg", 2e5, 0.7 if logarithmic else 4e4, logarithmic, 100.0, 1e8, 2.1e5)
     mean, sd = p.normal()
     for side in (-1, 1):
         edge = mean + side * 2.5 * sd
@@ -151,6 +166,27 @@ def test_an_observable_at_the_end_of_its_range_has_the_deviation_of_the_others()
         loop.sigma(sd)
 
 
+def test_features_are_whitened_by_the_covariance_of_power_ons():
+    """Draws whose features share a noise: alone each has an sd of 1, and no direction has more than its part."""
+    rng, n = np.random.default_rng(5), len(loop_runs.NAMES)
+    loop = AveragedLoop.__new__(AveragedLoop)
+    loop.observable, loop.condition = np.tile(loop_runs.NAMES, 2), np.repeat([0, 1], n)
+    loop._word, loop.repeats = loop.observable == "f_word", np.full(2 * n, 2)
+    shared = np.linalg.cholesky(0.1 * np.eye(n) + 0.9)
+
+    def power_ons(cfg, count):
+        jitter = np.outer(JITTER[:count], loop._word[:n])
+        return [rng.normal(size=(count, n)) @ shared.T + jitter for _ in range(2)]
+
+    loop.power_ons, loop.config = power_ons, lambda u: None
+    sigma, white = loop.white(None)
+    assert sigma == pytest.approx(np.sqrt(0.5), rel=0.6)
+    z = white @ np.kron(np.eye(2), shared) @ rng.normal(size=(2 * n, 20_000)) / np.sqrt(2)
+    assert 0.7 < np.std(z, axis=1).min()
+    assert np.std(z, axis=1).max() < 1.5
+    assert np.abs(np.corrcoef(z) - np.eye(2 * n)).max() < 0.6
+
+
 def test_a_direction_in_which_large_columns_cancel_has_the_change_that_is_measured_there():
     """Two columns of 1000 that differ by 2 %, known to 5 %: the change along their difference, beside the true one."""
     rng = np.random.default_rng(0)
@@ -194,6 +230,10 @@ class _Loop:
 
     def mean(self, u, count, kind=None):
         return self._at(self.values(u)), np.array([1e-6] * 4 + [1e-3] * 4 + [1e-6] * 4)
+
+    def white(self, u):
+        sd = self.mean(u, 0)[1]
+        return sd, np.diag(1 / sd)
 
     def even(self, u):
         return self._at(self.values(u))
@@ -289,6 +329,50 @@ def test_no_step_makes_the_cost_larger(monkeypatch):
     assert not found.converged
     assert found.parameters[0].start == 11000.0
     assert {step.radius for step in found.steps} != {estimate.REGION}
+
+
+def test_a_quality_factor_of_a_weak_mode_is_found_though_each_feature_tells_little(monkeypatch):
+    """Two features share a noise of 1 and differ by 0.01 / Q: their covariance alone shows it."""
+
+    class Weak(_Loop):
+        def __init__(self, truth, parameters):
+            super().__init__(truth, parameters)
+            self.observable, self.features = np.array(["force"] * 2), self._at(truth)
+
+        def _at(self, v):
+            return np.array([1e5 / v["plant.qy"], -1e5 / v["plant.qy"]])
+
+        def mean(self, u, count, kind=None):
+            return self.even(u), np.ones(2)
+
+        def white(self, u):
+            return np.ones(2), np.linalg.inv(np.linalg.cholesky(np.array([[1.0, 0.9999], [0.9999, 1.0]])))
+
+    parameters = (Parameter("plant.qy", "1", 2e5, math.log(2), True, 100.0, 1e8),)
+    monkeypatch.setattr(estimate, "AveragedLoop", lambda *_: Weak({"plant.qy": 0.9e5}, parameters))
+    monkeypatch.setattr(estimate, "NAMES", ("force",))
+    monkeypatch.setattr(estimate, "STAGES", tuple(s._replace(observables=("force",)) for s in estimate.STAGES[-2:]))
+    found = estimate.estimate(None, None, parameters, None)
+    assert found.parameters[0].start == pytest.approx(0.9e5, rel=0.01)
+
+
+def test_a_memory_longer_than_what_the_dwells_show_is_supported_by_none_of_them():
+    """lag(3) from dwells of 0.6 s, and where a later dwell of the power-on ends 3 s after the first began."""
+    board = configuration.Config()
+    of = SimpleNamespace(model=board, after={"a": 2.0, "b": 2.0})
+    of.candidates = {c.law.name: c for c in (*loop_laws.from_catalogue(), *loop_laws.from_grammar())}
+    of.conditions = {name: Condition(name, settle_s=2.0, seconds=0.6) for name in of.after}
+    told = loop_problem.LoopProblem.unsupported
+    assert told(of, "force_x: lag(3) vx") == (
+        "its time constant is 3 s, and the dwells show 0.6 s of the time from power-on"
+    )
+    assert told(of, "force_x: temp vx") == told(of, "duffing_k3_per_um2") == told(of, "plant.sid_switch_s") == ""
+    of.after["b"] = 4.4
+    assert told(of, "force_x: lag(3) vx") == ""
+
+
+def test_an_effect_of_promised_size_is_large_enough_to_be_named_beside_a_sheet():
+    assert norm.sf(loop_problem.WIDE_LEAST_D - strata.read().effect["d"][0]) > 0.975
 
 
 def test_what_no_record_tells_is_printed_beside_the_products_and_their_intervals():

@@ -104,7 +104,7 @@ def trial(seed, law=None, options=None):
 
 def _off(p, theta, truth):
     """Distance to the truth in the coordinate of the linear model."""
-    return p.first * math.log(p.at(theta) / truth) if p.logarithmic else theta - truth
+    return p.within(theta) - p.theta(truth)
 
 
 def products(keys, values, covariance, truth):

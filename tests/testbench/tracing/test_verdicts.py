@@ -88,6 +88,29 @@ def test_alpha_follows_from_the_rates_that_are_promised():
     assert max(row["d"] for row in found) - norm.isf(0.1) + norm.isf(missed) < 8
 
 
+class Unsupported(Toy):
+    """No data can support its pickoff law."""
+
+    def unsupported(self, law):
+        return "its time constant is 3 s, and the dwells last 1 s" if law == "pickoff" else ""
+
+
+def test_what_the_data_cannot_support_is_not_named_however_well_it_fits():
+    effects = {"pickoff": 20 * SIGMA["pickoff"]}
+    problem = Toy(1, effects, laws=CLEAR)
+    assert trace(problem, QUICK).verdict == "named"
+    found = trace(Unsupported(1, effects, laws=CLEAR), QUICK)
+    assert found.verdict == "unexplained"
+    assert not found.causes
+    assert "time constant is 3 s" in found.sentence
+    assert [e["law"] for e in found.effects] == ["pickoff"]
+    assert trace(Unsupported(1, {"feed": 20 * SIGMA["feed"]}, laws=CLEAR), QUICK).verdict == "named"
+    problem.least_d = 40.0
+    found = trace(problem, QUICK)
+    assert found.verdict == "unexplained"
+    assert "sigmas of pickoff are left beside the priors, 40 needed" in found.sentence
+
+
 @few_or(8)
 def test_undeclared_flicker_raises_no_effect_and_is_called_noise(count):
     named, verdicts = nulls(range(count), flicker=3.0)
