@@ -16,11 +16,11 @@ from testbench import config as configuration
 from testbench.errors import ConfigError
 from testbench.measured.closed_loop import loop_runs
 from testbench.measured.closed_loop.loop_even import even
-from testbench.measured.closed_loop.loop_noise import JITTER, JITTER_HZ, LATER, jitter_hz, noise_of
+from testbench.measured.closed_loop.loop_noise import JITTER, JITTER_HZ, LATER, NOISE_DRAWS, jitter_hz, noise_of
 from testbench.measured.closed_loop.loop_runs import FAST, NAMES, Model, Run
 from testbench.measured.closed_loop.loop_symmetries import corrected, tied, weak
 
-DRAWS = 24  # power-ons for a covariance
+DRAWS, SPARE = 24, 10  # least power-ons for a covariance, deviations beyond its size
 SEED = 2 * 10**12  # that no recording and no draw of the linear model has
 AIM = 300.0  # sigmas by which a step moves all features
 FIRST_STEP, STEPS = 1e-2, (1e-6, 0.1)  # in u
@@ -112,14 +112,23 @@ class AveragedLoop:
         return out / np.sqrt(self.repeats)
 
     def white(self, u):
-        """(sigma, matrix (n, n) that whitens the features) of the recorded means, by the covariance of power-ons."""
-        rows = dict(enumerate(self.power_ons(self.config(u), DRAWS)))
+        """(sigma, matrix (n, n) that whitens the features) of the recorded means, by the covariance of power-ons.
+
+        As many as the covariance needs. ConfigError where the board does not lock.
+        """
+        sizes = np.bincount(self.condition)
+        shared = min(np.sum(sizes == n) for n in sizes)
+        count = int(np.clip(np.ceil((sizes.max() + SPARE) / shared) + 1, DRAWS, NOISE_DRAWS))
+        rows = dict(enumerate(self.power_ons(self.config(u), count)))
+        sd = np.concatenate([of.std(axis=0, ddof=1) for of in rows.values()])
+        sigma = self.sigma(sd)
+        # at the end of a range nothing scatters
+        if not np.all(sd):
+            return sigma, np.diag(1 / sigma)
         slopes = {k: self._word[self.condition == k].astype(float) for k in rows}
-        noise = noise_of({k: (rows[k], slopes[k]) for k in rows}, JITTER[:DRAWS])
-        parts = [np.linalg.inv(noise[k].sigma[:, None] * noise[k].chol) for k in rows]
-        return np.concatenate([noise[k].sigma for k in rows]) / np.sqrt(self.repeats), block_diag(*parts) * np.sqrt(
-            self.repeats
-        )
+        noise = noise_of({k: (rows[k], slopes[k]) for k in rows}, JITTER[:count])
+        own = np.concatenate([noise[k].sigma for k in rows]) / np.sqrt(self.repeats)
+        return sigma, block_diag(*(np.linalg.inv(noise[k].chol) for k in rows)) / own
 
     def even(self, u):
         """Features with one noise, without slips of edges; None where the board does not lock."""

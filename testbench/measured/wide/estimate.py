@@ -140,7 +140,10 @@ class Work:
         The difference is of slips and jumps with the point; the averaged plant is smooth. True if it moved little.
         """
         # gains and Q of the board, and with them its noise, are known by now
-        self.sigma, self.white = self.loop.white(self.u)
+        try:
+            self.sigma, self.white = self.loop.white(self.u)
+        except ConfigError:
+            return False
         for look in range(LOOKS):
             mean, even = self.loop.mean(self.u, DRAWS, EXACT), self.loop.even(self.u)
             if mean is None or even is None:
