@@ -125,12 +125,16 @@ class Net:
     own     how many of the nodes are those of the model; hypotheses add to them
     users   {id of a node of the model: [(node that uses it, as which argument)]}
     loads   {(id of a choice, argument): register or pin} where that argument is what is loaded
+    taken   {(id of a choice, argument): conditions under which registers load it}
+    taking  {id of what a register takes without its reset, or of what a pin is: its roots}
     siblings {(id of a node, argument): {what stands there in the registers of other channels}}, as acc_1 is of acc_2
     """
 
     def __init__(self):
         self.nodes, self.known, self.roots, self.fmts, self.reset = [], {}, {}, {}, {}
         self.own, self.users, self.loads, self.siblings = 0, {}, {}, {}
+        self.taken = self.taking = None
+        self.varied = {}
 
     def node(self, op, args=(), value=None, text=""):
         """The node of an operation, made if there is none yet."""
@@ -165,6 +169,14 @@ class Net:
         """A register that takes a node where `load` is not 0, and `reset` where the block, or `rst`, resets it."""
         rst = rst or self.node("in", (), "rst")
         return self.node("held", (load, node, rst), reset, f"{node!r} late")
+
+    def odd(self, load):
+        """A flag that changes with each load, 0 behind a reset."""
+        return self.node("odd", (load, self.node("in", (), "rst")), None, f"every second {load!r}")
+
+    def reset_late(self, node, before):
+        """The reset a clock late; what it was `before` the first row."""
+        return self.held(self.const(1), node, before, self.const(0))
 
     def late(self, node):
         """The node a clock late, in a register that is reset."""
@@ -294,6 +306,8 @@ def _bounds(net, n):
         return min(n.value), max(n.value)
     if op == "moved":
         return 0, (1 << len(n.value)) - 1
+    if op == "odd":
+        return 0, 1
     if op == "held":
         return min(a[1].lo, n.value), max(a[1].hi, n.value)
     return min(x.lo for x in a[-2:]), max(x.hi for x in a[-2:])

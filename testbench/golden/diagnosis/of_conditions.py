@@ -20,6 +20,7 @@ from testbench.golden.diagnosis.perturb_arithmetic import is_flag
 from testbench.golden.diagnosis.perturb_control import branches, decides
 
 NEAR, BESIDE = 4, FAR + 4  # costs: a bit of a word that is read, one more
+ANY = FAR - 1
 MOST_BITS = 12000
 MOST_FOUND = 12  # of each form
 FEW = 16  # bytes that are compared first
@@ -132,6 +133,27 @@ def decisions(search, target, inside, wrong, enough):
                         off, on = _with(search, target, site, put, slice(None))
                         need = (target.got == on)[target.judged & (off != on)]
                         yield given, bool(need.any() and not need.all())
+
+
+def of_any(search, target, inside, wrong):
+    """Another condition that has, in each row, the value that the design shows: it explains all wrong rows."""
+    net = search.net
+    for child in inside:
+        uses = [use for use in net.users.get(child.id, ()) if decides(*use)]
+        if child.op in ROOTS or child.value == "rst" or not uses or static(child) is not None:
+            continue
+        ways = [(child, lambda flag: flag)] if len(uses) == len(net.users[child.id]) else []
+        if len(net.users[child.id]) > 1:
+            ways += [(node, functools.partial(with_argument, net, node, k)) for node, k in uses]
+        for site, put in ways:
+            if not target.root.cone >> site.id & 1 or not _given(search, target, site, put, wrong).all():
+                continue
+            off, on = _with(search, target, site, put, slice(None))
+            decided = target.judged & (off != on)
+            if np.any(decided & (off != target.got) & (on != target.got)):
+                continue
+            flag = search.free(target, child, np.where(decided, on == target.got, search.rows.full(child) != 0))
+            yield Hypothesis("condition", f"another condition for {child!r}", site, put(flag), ANY, True)
 
 
 def _given(search, target, site, put, at):

@@ -3,14 +3,19 @@
     in no class: an operation without one of its operands; a shift that is left out, or binds before the sum; a product
     before it; what is loaded with the old value, by three or five quarters, as sign and magnitude, or at least 0
 
+What nothing else explains is tried last: another word of the block as an operand, an operand of another load before, a
+rounding to either side. None of this makes a name certain.
+
 Source  docs/diagnosis.md
 """
 
 import numpy as np
 
-from testbench.golden.diagnosis.net import ROUNDINGS
+from testbench.golden.diagnosis import perturb_loads
+from testbench.golden.diagnosis.net import COMPARED, ROUNDINGS
 from testbench.golden.diagnosis.perturb import FAR, Hypothesis, with_argument
-from testbench.golden.diagnosis.perturb_control import is_reset_choice
+from testbench.golden.diagnosis.perturb_arithmetic import is_flag, number
+from testbench.golden.diagnosis.perturb_control import decides, is_reset_choice
 
 BEYOND = ""  # class of what is in none
 MOST_WORDS = 2  # of a table that may be wrong
@@ -24,6 +29,7 @@ def hypotheses(net, rows, target, inside, wrong):
     pattern = np.unique((target.got ^ target.sound)[wrong] & ((1 << target.fmt.width) - 1))
     found = [h for node in inside for h in _of_node(net, rows, target, node, wrong, pattern)]
     loaded = _values(net, rows, target, wrong)
+    found += list(_of_repeated(net, target, pattern))
     return found + [h for node in inside for h in _of_loads(net, target, node, loaded)]
 
 
@@ -37,6 +43,16 @@ def _values(net, rows, target, wrong):
             if np.array_equal(target.as_held(rows.plain(leaf, wrong) + np.zeros(len(wrong), np.int64)), got):
                 found.append(("operand", leaf))
     return found
+
+
+def _of_repeated(net, target, pattern):
+    """Inverted bits of what several branches load, in all of them."""
+    after = perturb_loads.after_of(target.root)
+    for loaded, _, _ in perturb_loads.repeated(net, target.root) if len(pattern) == 1 else ():
+        if _plain(pattern[0], target.fmt.width):
+            new = net.node("xor", (loaded, net.const(pattern[0])))
+            by = perturb_loads.in_all_branches(net, after, loaded, new)
+            yield Hypothesis("sign", f"bits {int(pattern[0]):#x} inverted in all branches", after, by, 5)
 
 
 def _of_loads(net, target, node, loaded):
@@ -88,27 +104,63 @@ def _of_node(net, rows, target, node, wrong, pattern):
                     yield Hypothesis("constant", f"word {place} {step:+d}", node, by, COST)
 
 
-def beyond(net, inside):
+def beyond(net, target, inside):
     """Hypotheses of mistakes in no class at the nodes inside of a target: never named, they make a name uncertain."""
     for node in inside:
         for what, by in _without_class(net, node):
             if by is not node:
                 yield Hypothesis(BEYOND, what, node, by, FAR)
+    after = perturb_loads.after_of(target.root)
+    for loaded, _, _ in perturb_loads.repeated(net, target.root):
+        for what, new in _loaded_otherwise(net, loaded, target.name):
+            by = perturb_loads.in_all_branches(net, after, loaded, new)
+            yield Hypothesis(BEYOND, f"{what} in all branches", after, by, FAR)
+
+
+HALVES = (8, 16, 17, 18)  # bits of the factors of partial products
+LEAKS = range(1, 11)
 
 
 def _without_class(net, node):
     op, a = node.op, node.args
+    zero, one = net.const(0), net.const(1)
     if op in ("add", "sub", "mul"):
         yield f"without {a[1]!r}", a[0]
         yield f"without {a[0]!r}", net.node("neg", a[1:]) if op == "sub" else a[1]
+        for k, x in enumerate(a):
+            more = net.node("add", (x, net.node("shr", (x, one))))
+            ways = [("0", zero), ("1", one), ("half more", more), ("amount", net.node("abs", (x,)))]
+            for bits in (2, 3, 4):
+                ways += [(f"{op} by {bits}", net.node(op, (x, net.const(bits)))) for op in ("shl", "shr")]
+            for what, new in ways:
+                yield f"{what} for {x!r}", with_argument(net, node, k, new)
+    if op == "mul":
+        yield "no product", zero
+        for bits in HALVES:
+            low = net.const((1 << bits) - 1)
+            part = net.node("mul", tuple(net.node("and", (x, low)) for x in a))
+            yield f"without the product of the low {bits} bits", net.node("sub", (node, part))
     if op in ("shl", "shr", *ROUNDINGS):
         yield "without the shift", a[0]
+        for more in (2, 3, 4, -2, -3, -4):
+            yield f"{more:+d} bits", net.node(op, (a[0], net.node("add", (a[1], net.const(more)))))
     if op in ("shl", "shr", "mul", *ROUNDINGS):
         for k, sum_of in enumerate(a[:2]):
             if sum_of.op in ("add", "sub"):
                 for j in (0, 1):
                     part = with_argument(net, node, k, sum_of.args[j])
                     yield f"{op} before {sum_of.op}", with_argument(net, sum_of, j, part)
+    if op in ROUNDINGS:
+        half = net.node("shr", (net.node("shl", (one, a[1])), one))
+        yield "the rounding constant shifted as well", net.node("add", (a[0], net.node("shr", (half, a[1]))))
+        yield "the rounding constant behind the shift", net.node("add", (net.node("shr", a), half))
+    if op == "clamp":
+        yield "always lo", a[1]
+        yield "always hi", a[2]
+    if op == "mux" and not is_reset_choice(node):
+        yield "sum of both branches", net.node("add", a[1:])
+        yield "both branches or-ed", net.node("or", a[1:])
+        yield "both branches and-ed", net.node("and", a[1:])
     for k, child in enumerate(a):
         if (node.id, k) in net.loads and child.op not in ("const", "mux"):
             for what, new in _loaded_otherwise(net, child, net.loads[node.id, k]):
@@ -116,20 +168,86 @@ def _without_class(net, node):
 
 
 def _loaded_otherwise(net, x, name):
+    one = net.const(1)
     if name in net.reset:
         old = net.node("reg", (), name)
         total = net.node("add", (x, old))
         yield f"{x!r} and the old value", total
-        yield f"mean of {x!r} and the old value", net.node("shr", (total, net.const(1)))
-        yield f"{x!r} xor the old value", net.node("xor", (x, old))
+        yield f"mean of {x!r} and the old value", net.node("shr", (total, one))
+        for op in ("xor", "or", "and"):
+            yield f"{x!r} {op} the old value", net.node(op, (x, old))
         yield f"{x!r} from the old value", net.node("sub", (old, x))
         yield f"the old value from {x!r}", net.node("sub", (x, old))
-    quarter = net.node("shr", (x, net.const(2)))
-    yield f"5/4 {x!r}", net.node("add", (x, quarter))
-    yield f"3/4 {x!r}", net.node("sub", (x, quarter))
+        above = net.node("gt", (x, old))
+        yield f"the larger of {x!r} and the old value", net.node("mux", (above, x, old))
+        yield f"the smaller of {x!r} and the old value", net.node("mux", (above, old, x))
+        for k in LEAKS:
+            yield f"{x!r} with a leak", net.node("sub", (x, net.node("shr", (old, net.const(k)))))
+    late = net.late(x)
+    yield f"difference of {x!r}", net.node("sub", (x, late))
+    yield f"mean of {x!r} and the value before", net.node("shr", (net.node("add", (x, late)), one))
+    for k in (1, 2, 3, 4, 5, 6, 7, 8):
+        part = net.node("shr", (x, net.const(k)))
+        yield f"{x!r} and 1/{1 << k} of it", net.node("add", (x, part))
+        yield f"{x!r} less 1/{1 << k} of it", net.node("sub", (x, part))
+        yield f"{x!r} xor its bits {k} higher", net.node("xor", (x, part))
+    for k in (2, 3, 4, 8):
+        yield f"{x!r} without a shift by {k}", net.node("shr", (x, net.const(k)))
+        yield f"{x!r} shifted by {k}", net.node("shl", (x, net.const(k)))
+    width = net.fmts[name].width
+    if width <= 62:
+        places = list(range(width))
+        for k in range(1, width if width <= 16 else 9):
+            yield f"{x!r} rotated by {k}", net.node("moved", (x,), tuple(places[k:] + places[:k]))
+            yield f"{x!r} rotated by -{k}", net.node("moved", (x,), tuple(places[-k:] + places[:-k]))
     if net.fmts[name].s:
-        top = net.const(1 << (net.fmts[name].width - 1))
+        top = net.const(1 << (width - 1))
         below = net.node("lt", (x, net.const(0)))
         yield f"{x!r} as sign and magnitude", net.node("mux", (below, net.node("sub", (top, x)), x))
         yield f"{x!r}, at least 0", net.node("mux", (below, net.const(0), x))
         yield f"amount of {x!r}", net.node("abs", (x,))
+        yield f"minus the amount of {x!r}", net.node("neg", (net.node("abs", (x,)),))
+
+
+LAST = FAR - 1  # cost
+NEAR = 3  # bits by which the widths of two words may differ
+MOST_ENABLES = 24
+MOST = 3000
+READ = ("add", "sub", "mul", "neg", "abs", "shl", "shr", "clamp", "wrap", "wrapu", "mux", *ROUNDINGS, *COMPARED)
+
+
+def of_operands(search, target, inside, wrong):
+    """Another word, or a word of another load or of clocks before, in the place of each operand."""
+    net, count = search.net, 0
+    words = [n for n in net.nodes[: net.own] if n.op not in ("const", "param", "next", "pin") and number(n)]
+    taken = {flag.id: flag for ways in net.taken.values() for flag in ways if flag.op != "const"}
+    enables = list(taken.values())[:MOST_ENABLES]
+    for node in inside:
+        for k, child in enumerate(node.args) if node.op in READ else ():
+            if child.op in ("const", "param") or decides(node, k) or is_flag(child) or count > MOST:
+                continue
+            late = net.late(child)
+            put = [("late", f"{child!r} by {n} clocks", late := net.late(late)) for n in (2, 3, 4)]
+            put += [("late", f"{child!r} of the last {flag!r}", net.held(flag, child, 0)) for flag in enables]
+            put += [
+                ("operand", f"{other!r} in the place of {child!r}", other)
+                for other in words
+                if other is not child and abs(net.width_of(other) - net.width_of(child)) <= NEAR
+            ]
+            count += len(put)
+            for cause, what, new in put:
+                yield Hypothesis(cause, what, node, with_argument(net, node, k, new), LAST, True)
+
+
+def of_any_rounding(search, target, inside, wrong):
+    """A rounded value that is one of the two nearest, in each row that of the design."""
+    net = search.net
+    for node in inside:
+        if node.op in ROUNDINGS:
+            ways = [net.node(rule, node.args) for rule in ("floor", "ceil")]
+            floor, ceil = (search.changed(target, ((node, way),), slice(None)) for way in ways)
+            differ = floor != ceil
+            if np.all((floor == target.got) | (ceil == target.got) | ~target.judged) and differ[wrong].all():
+                flag = search.free(target, node, np.where(differ, ceil == target.got, search.rows.full(node) != floor))
+                by = net.node("mux", (flag, ways[1], ways[0]))
+                yield Hypothesis("rounding", f"another rule for {node!r}", node, by, LAST, True)

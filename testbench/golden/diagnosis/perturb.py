@@ -7,12 +7,41 @@ a node with several uses is varied for all of them where it is the site. `cost` 
 Source  docs/diagnosis.md
 """
 
+import itertools
 from typing import NamedTuple
 
-from testbench.golden.diagnosis import perturb_arithmetic, perturb_bits, perturb_control
-from testbench.golden.diagnosis.causes import RANK
+from testbench.golden.diagnosis import perturb_arithmetic, perturb_bits, perturb_control, perturb_loads
 from testbench.golden.diagnosis.elaborate import static
 from testbench.golden.diagnosis.net import COMPARED, Node
+
+# the causes that can be named: docs/diagnosis.md says what belongs to each; in order of preference
+WORDS = {
+    "reset": "another reset value",
+    "no_reset": "a register without reset",
+    "async_reset": "an asynchronous reset",
+    "condition": "the condition of a branch is missing, inverted or another one",
+    "priority": "the order of two branches is exchanged",
+    "late": "a register too many",
+    "early": "a register too few: its new value is read in the place of the old one",
+    "rounding": "another rounding rule",
+    "wrap": "wraps where it should saturate",
+    "saturate": "saturates where it should wrap",
+    "limit": "another limit of a saturation",
+    "comparison": "a comparison is off by one",
+    "bit_order": "the order of the bits is reversed",
+    "sign": "the sign is wrong, or a flag is inverted",
+    "complement": "~x in the place of -x",
+    "signedness": "a signed value is read as unsigned, or an unsigned one as signed",
+    "gain": "a shift is one bit off",
+    "width": "an intermediate value has too few bits",
+    "constant": "a constant, a parameter or a word of a table is off by one LSB",
+    "operand": "another register or input in the place of an operand",
+    "operator": "another operation on bits",
+    "bit_swap": "two bits are exchanged",
+    "stuck": "a bit is stuck",
+}
+CAUSES = tuple(WORDS)
+RANK = {cause: k for k, cause in enumerate(CAUSES)}
 
 
 class Hypothesis(NamedTuple):
@@ -78,18 +107,59 @@ def _varied(net, node, seen):
         for source in SOURCES:
             for cause, what, new, cost in source(net, node, k, child, seen):
                 yield cause, what, with_argument(net, node, k, new), cost
+        if perturb_loads.holds(net, node, k):
+            for cause, what, new, cost in perturb_loads.of_hold(net, child):
+                yield cause, what, with_argument(net, node, k, new), cost
         for cause, what, new, cost in perturb_control.of_another_channel(net, node, k, child):
             yield cause, what, with_argument(net, node, k, new), cost
         if (node.id, k) in net.loads:
             for cause, what, new, cost in perturb_control.of_load(net, node, child, net.loads[node.id, k]):
                 yield cause, what, with_argument(net, node, k, new), cost
+            for cause, what, new, cost in perturb_loads.of_load(net, node, k, child, net.taken.get((node.id, k), ())):
+                yield cause, what, with_argument(net, node, k, new), cost
             for cause, what, new, cost in _everywhere(net, child, seen):
                 yield cause, what, with_argument(net, node, k, new), cost + 1
+    for root in net.taking.get(node.id, ()):
+        yield from perturb_loads.of_root(net, root)
+        yield from _of_repeated(net, root, node, seen)
+        yield from _of_twins(net, root, node, seen)
     users = net.users.get(node.id, ())
     if len(users) > 1:
         for source in SOURCES:
             for cause, what, new, cost in source(net, *users[0], node, seen):
                 yield cause, what, new, cost + 1
+
+
+def _of_repeated(net, root, node, seen):
+    """What several branches of a register load, varied in all of them."""
+    for loaded, choice, k in perturb_loads.repeated(net, root):
+        ways = [source(net, choice, k, loaded, seen) for source in SOURCES]
+        ways.append(_operations(net, loaded, seen) if loaded.args else ())
+        for cause, what, new, cost in itertools.chain(*ways):
+            by = perturb_loads.in_all_branches(net, node, loaded, new)
+            yield cause, f"{what} in all branches", by, cost
+
+
+def _of_twins(net, root, node, seen):
+    """The same mistake in each place of an expression that the model calls several times."""
+    for same in perturb_loads.twins(net, root):
+        found = []
+        for twin in same:
+            if twin.id not in net.varied:
+                net.varied[twin.id] = list(_once(net, twin, seen))
+            found.append(net.varied[twin.id])
+        for ways in zip(*found, strict=False):
+            if len({way[0] for way in ways}) == 1:
+                swaps = {twin.id: way[2] for twin, way in zip(same, ways)}
+                yield ways[0][0], f"{ways[0][1]} in all calls", net.substituted(node, swaps), ways[0][3]
+
+
+def _once(net, node, seen):
+    """What `_of_twins` tries at a node: another operation, or another value of an operand."""
+    yield from _operations(net, node, seen)
+    for k, child in enumerate(node.args):
+        for cause, what, new, cost in perturb_arithmetic.of_operand(net, node, k, child, seen):
+            yield cause, what, with_argument(net, node, k, new), cost
 
 
 def _everywhere(net, loaded, seen):
@@ -106,6 +176,7 @@ def _everywhere(net, loaded, seen):
 
 def of_node(net, node, seen):
     """Hypotheses at one node, without doubles: two causes may stand for the same node."""
+    perturb_loads.prepare(net)
     found, reads_a_bit = {}, _reads_a_bit(net, node)
     of_parameters = OF_PARAMETERS if _of_parameters(node) else 0
     for cause, what, by, cost in _varied(net, node, seen):

@@ -9,6 +9,7 @@ from testbench.golden.diagnosis.elaborate import static
 from testbench.golden.diagnosis.net import COMPARED, ROUNDINGS, bits_of
 
 NARROWED = ("add", "sub", "mul", "shl", "neg", "abs", "mux", "clamp", *ROUNDINGS)
+CUT = ("add", "sub", "mul", "neg", "abs", "shl", *ROUNDINGS, *COMPARED)  # operations whose operands may be too narrow
 ORDERED = ("lt", "le", "gt", "ge")
 
 
@@ -37,7 +38,8 @@ def of_operation(net, node, seen):
     if op == "sub":
         yield "sign", f"{a[1]!r} - {a[0]!r}", net.node("sub", a[::-1]), 0
         yield "sign", f"{a[0]!r} + {a[1]!r}", net.node("add", a), 0
-        yield "complement", f"{a[0]!r} + ~{a[1]!r}", net.node("add", (a[0], net.node("inv", a[1:]))), 0
+        rare = 2 if a[1].op == "const" else 0
+        yield "complement", f"{a[0]!r} + ~{a[1]!r}", net.node("add", (a[0], net.node("inv", a[1:]))), rare
     if op == "neg":
         yield "sign", f"{a[0]!r}", a[0], 0
         yield "complement", f"~{a[0]!r}", net.node("inv", a), 0
@@ -55,6 +57,7 @@ def of_operation(net, node, seen):
         yield "complement", f"-{a[0]!r}", net.node("neg", a), 0
     if op == "abs":
         yield "sign", f"{a[0]!r}", a[0], 0
+        yield "sign", f"-{node!r}", net.node("neg", (node,)), 0
         yield "complement", f"~{a[0]!r}", net.node("mux", (_below(net, a[0]), net.node("inv", a), a[0])), 0
     if op in ROUNDINGS or op == "shr":
         yield from _rounding(net, node)
@@ -71,12 +74,19 @@ def of_operation(net, node, seen):
             below, above = net.node("lt", (x, lo)), net.node("gt", (x, hi))
             inner = net.node("mux", (above, a[2], a[0]))
             yield "signedness", "compared as unsigned", net.node("mux", (below, a[1], inner)), 0
+            signed = net.node("mux", (net.node("gt", (a[0], a[2])), a[2], a[0]))
+            yield "signedness", "lo compared as unsigned", net.node("mux", (below, a[1], signed)), 0
+            signed = net.node("lt", a[:2])
+            yield "signedness", "hi compared as unsigned", net.node("mux", (signed, a[1], inner)), 0
+        yield from _saturating_count(net, node)
     if op in ("wrap", "wrapu"):
         signed, width = op == "wrap", static(a[1])
         if width is not None:
             lo, hi = (-(1 << (width - 1)), (1 << (width - 1)) - 1) if signed else (0, (1 << width) - 1)
             yield "saturate", f"at {lo} and {hi}", net.node("clamp", (a[0], net.const(lo), net.const(hi))), 0
             yield "width", f"{width - 1} bits", net.node(op, (a[0], net.const(width - 1))), 1
+            yield from _as_signed(net, a[0], width, signed)
+            yield from _one_saturated(net, node, net.const(lo), net.const(hi))
     if op == "table":
         for step in (1, -1):
             yield (
@@ -85,6 +95,47 @@ def of_operation(net, node, seen):
                 net.node(op, (net.node("add", (a[0], net.const(step))),), node.value),
                 0,
             )
+
+
+def _as_signed(net, total, width, signed):
+    """A sum modulo 2**width that saturates as one of signed values."""
+    if total.op in ("add", "sub") and width <= 61:
+        places = net.const(width)
+        parts = [net.node("wrap", (part, places)) for part in total.args]
+        half = 1 << (width - 1)
+        limits = net.const(-half), net.const(half - 1)
+        found = net.node("clamp", (net.node(total.op, parts), *limits))
+        by = found if signed else net.node("wrapu", (found, places))
+        yield "saturate", f"at {-half} and {half - 1}, as signed", by, 0
+
+
+def _one_saturated(net, node, lo, hi):
+    """Of a choice that wraps, one value saturates."""
+    chosen = node.args[0]
+    for k in (1, 2) if chosen.op == "mux" else ():
+        ways = list(chosen.args)
+        ways[k] = net.node("clamp", (ways[k], lo, hi))
+        by = net.node(node.op, (net.node("mux", ways), node.args[1]))
+        yield "saturate", f"{chosen.args[k]!r} at {lo!r} and {hi!r}", by, 0
+
+
+def _saturated(net, total, fmt):
+    """A sum that is loaded: it saturates at the limits of its register."""
+    if total.op in ("add", "sub", "neg") and 1 < fmt.width <= 61:
+        limits = net.const(fmt.lo), net.const(fmt.hi)
+        yield "saturate", f"{total!r} at {fmt.lo} and {fmt.hi}", net.node("clamp", (total, *limits)), 0
+        if not fmt.s:
+            yield from _as_signed(net, total, fmt.width, False)
+
+
+def _saturating_count(net, node):
+    """A count that stays at its end and goes the other way, or stays at the other end."""
+    x, lo, hi = node.args
+    if x.op in ("add", "sub") and x.args[0].op == "reg" and x.args[1].op == "const":
+        other = net.node("sub" if x.op == "add" else "add", x.args)
+        for limit in (hi, lo):
+            at_end = net.node("eq", (x.args[0], limit))
+            yield "sign", f"counts the other way, stays at {limit!r}", net.node("mux", (at_end, limit, other)), 0
 
 
 def _unsigned(net, nodes):
@@ -144,6 +195,7 @@ def _limits(net, node, seen):
     for width in sorted(widths):
         for op in ("wrap",) if lo.lo < 0 else ("wrapu", "wrap"):
             yield "wrap", f"at {width} bits", net.node(op, (x, net.const(min(width, 62)))), 0
+    yield "limit", "lo and hi exchanged", net.node("clamp", (x, hi, lo)), 1
     yield "limit", "between -hi and hi", net.node("clamp", (x, net.node("neg", (hi,)), hi)), 2
     del one
 
@@ -166,6 +218,12 @@ def of_operand(net, node, k, child, seen):
         cause = "reset" if node.op == "mux" and node.value is not None and k == 1 else _stepped(node)
         if node.op not in ("shl", "shr", "wrap", "wrapu", *ROUNDINGS) and cause != "limit":
             for step in (1, -1):
+                if (
+                    node.op == "mul"
+                    and child.op == "const"
+                    and child.value + step in (child.value / 2, 2 * child.value)
+                ):
+                    continue
                 code = cause == "comparison" and node.op in ("eq", "ne") and not _counter(net, node.args[0])
                 yield cause, f"{child!r} {step:+d}", net.node("add", (child, net.const(step))), 1 if code else 0
             if child.op == "const" and 0 <= child.value < 1 << 24 and node.op != "and":
@@ -175,8 +233,9 @@ def of_operand(net, node, k, child, seen):
     if node.op in COMPARED and k == 0:
         return
     if child.op == "param" and child.value[1]:
-        yield "gain", f"{child!r} x 2", net.node("shl", (child, net.const(1))), 0
-        yield "gain", f"{child!r} / 2", net.node("shr", (child, net.const(1))), 0
+        rare = 2 if node.op == "clamp" else 0
+        yield "gain", f"{child!r} x 2", net.node("shl", (child, net.const(1))), rare
+        yield "gain", f"{child!r} / 2", net.node("shr", (child, net.const(1))), rare
         if net.fmts[f"parameter {child.value[0]}"].s:
             yield "sign", f"-{child!r}", net.node("neg", (child,)), 0
     yield from _extended(net, child)
@@ -194,10 +253,11 @@ def of_operand(net, node, k, child, seen):
         yield "gain", f"{child!r} x 2", net.node("shl", (child, net.const(1))), cost
         yield "gain", f"{child!r} / 2", net.node("shr", (child, net.const(1))), cost
     if (node.id, k) in net.loads:
+        yield from _saturated(net, child, net.fmts[net.loads[node.id, k]])
         for step in (1, -1):
             yield "constant", f"{child!r} {step:+d}", net.node("add", (child, net.const(step))), 1
         yield "complement", f"~({child!r})", net.node("inv", (child,)), 2
-    if child.op in NARROWED or (child.op in ("reg", "in", "param") and node.op in ("add", "sub", "mul")):
+    if child.op in NARROWED or (child.op in ("reg", "in", "param") and node.op in CUT):
         yield from _narrowed(net, child, seen)
     elif (node.id, k) in net.loads and net.fmts[net.loads[node.id, k]].width > 2:
         yield from _without_top(net, child, net.fmts[net.loads[node.id, k]])
@@ -225,17 +285,35 @@ def _without_top(net, child, fmt):
             yield "width", f"{child!r} in {width} bits", by, lost - 1
 
 
+def _narrowed_before(net, child, seen):
+    """A rounded value whose sum with the rounding constant has too few bits."""
+    x, n = child.args
+    half = net.node("shr", (net.node("shl", (net.const(1), n)), net.const(1)))
+    total, need = net.node("add", (x, half)), bits_of(*seen(x))
+    for width in sorted({*range(max(need - 3, 2), need), *(w for w in WORDS if w < need)}):
+        cut = net.node("wrap" if x.lo < 0 else "wrapu", (total, net.const(width)))
+        yield "width", f"{x!r} and its rounding constant in {width} bits", net.node("shr", (cut, n)), 1
+
+
+WORDS = (8, 12, 16, 24, 32, 48)  # widths of words elsewhere
+MOST_LOW = 4  # bits that an operand may lack below
+
+
 def _narrowed(net, child, seen):
+    """Fewer bits than the values need: some on top, those beyond a usual word, or some below."""
     lowest, highest = seen(child)
     need, signed = bits_of(lowest, highest), lowest < 0
-    for width in range(need - 1, max(need - 4, 1), -1):
-        op = "wrap" if signed else "wrapu"
-        yield (
-            "width",
-            f"{child!r} in {width} bits",
-            net.node(op, (child, net.const(width))),
-            need - 1 - width + (child.op == "mux"),
-        )
-    for low in (1, 2):
+    if child.op == "half_up":
+        yield from _narrowed_before(net, child, seen)
+    rare = child.op == "mux"
+    for width in sorted({*range(max(need - 4, 2), need), *(w for w in WORDS if w < need)}, reverse=True):
+        near = width in WORDS or need - width < 2
+        for op in ("wrap", "wrapu"):
+            other = (op == "wrap") != signed
+            cost = (0 if near else need - 1 - width if need - width < 4 else 3) + rare + other
+            said = f"{'un' if op == 'wrapu' else ''}signed" if other else ""
+            yield "width", f"{child!r} in {width} bits {said}".rstrip(), net.node(op, (child, net.const(width))), cost
+    for low in range(1, MOST_LOW + 1):
         at = net.const(low)
-        yield "width", f"{child!r} without {low} low bits", net.node("shl", (net.node("shr", (child, at)), at)), 2
+        cut = net.node("shl", (net.node("shr", (child, at)), at))
+        yield "width", f"{child!r} without {low} low bits", cut, 2 if low < 3 else 3

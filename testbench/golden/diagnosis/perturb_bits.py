@@ -20,6 +20,10 @@ def of_operation(net, node):
         yield "bit_order", "shifts right", net.node("shr", a), 0
     if op == "and" and a[0].op == "shl" and a[0].args[0].op == "reg" and _one(a[0].args[1]):
         yield "bit_order", "shifts right", net.node("shr", a[0].args), 0
+    if op == "or" and net.width_of(node) <= 16 and any(n.op != "or" for n, _ in net.users.get(node.id, ())):
+        for bit in range(net.width_of(node)):
+            yield "stuck", f"bit {bit} of {node!r} at 0", net.node("and", (node, net.const(~(1 << bit)))), 0
+            yield "stuck", f"bit {bit} of {node!r} at 1", net.node("or", (node, net.const(1 << bit))), 0
     if op in ("or", "add"):
         for turn, serial in (a, a[::-1]):
             shifted = turn.args[0] if turn.op == "and" else turn
@@ -76,6 +80,12 @@ def of_operand(net, node, k, child, seen):
         yield "bit_order", f"{child!r} reversed", _moved(net, child, range(width - 1, -1, -1)), 2 * (width < 8)
     for places, what in _exchanges(width):
         yield "bit_swap", f"{what} of {child!r}", _moved(net, child, places), 1 if root or width > 4 else 3
+    for bit in range(width) if root else ():
+        for other in (bit - 1, bit + 1):
+            if 0 <= other < width:
+                places = list(range(width))
+                places[bit] = other
+                yield "operand", f"bit {other} of {child!r} for its bit {bit}", _moved(net, child, places), 2
     if root:
         for bit in range(width):
             yield "stuck", f"bit {bit} at 0", net.node("and", (child, net.const(~(1 << bit)))), 1

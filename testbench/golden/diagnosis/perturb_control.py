@@ -46,6 +46,8 @@ def of_operation(net, node):
         yield from _of_choice(net, node)
     users = net.users.get(node.id, ())
     if len(users) > 1 and _is_reset(node):
+        for before in (1, 0):
+            yield "late", "the reset by 1 clock", net.reset_late(node, before), 0
         for e in flags_of(net):
             for said, flag in ((f"{e!r}", e), (f"not {e!r}", net.node("not", (e,)))):
                 yield "priority", f"reset only with {said}", net.node("land", (node, flag)), 0
@@ -62,6 +64,10 @@ def of_operation(net, node):
         for value in set(range(1 << net.width_of(a[0]))) - {a[1].value}:
             also = net.node("lor", (node, net.node("eq", (a[0], net.const(value)))))
             yield "condition", f"{node!r}, or {value}", also, 0
+    if op in ("or", "mux") and not is_reset_choice(node):
+        listed = _listed(node)
+        if listed is not None and op == "or":
+            yield "condition", f"always all of {node!r}", net.const(listed), 1
     if op in ("land", "lor"):
         for k in (0, 1):
             yield "condition", f"{a[k]!r} missing", a[1 - k], 1 if a[k].op in COMPARED else 0
@@ -79,6 +85,16 @@ def of_operation(net, node):
             yield "operand", f"without {a[1 - k]!r}", a[k], 2
 
 
+def _listed(node):
+    """All bits of a word that is an or of choices between constants, or None."""
+    if node.op == "const":
+        return node.value
+    if node.op not in ("or", "mux"):
+        return None
+    found = [_listed(a) for a in (node.args if node.op == "or" else node.args[1:])]
+    return None if None in found else found[0] | found[1]
+
+
 def decides(node, k):
     """Whether argument k of a node is a condition."""
     return node.op in ("land", "lor", "not") or (node.op == "mux" and k == 0)
@@ -90,7 +106,10 @@ def _of_reset(net, node):
     held = net.node("reg", (), node.value)
     yield "no_reset", "goes on", after, 0
     yield "no_reset", "holds", net.node("mux", (rst, held, after)), 0
+    for before in (1, 0):
+        yield "late", "the reset by 1 clock", net.node("mux", (net.reset_late(rst, before), value, after)), 0
     yield "early", "1 clock", net.node("mux", (rst, value, net.node("ahead", (after,)))), 0
+    yield "early", "1 clock, its reset as well", net.node("ahead", (node,)), 0
     rst_ahead = net.node("ahead", (rst,))
     yield "async_reset", "at once", net.node("mux", (rst_ahead, value, node)), 0
     if after.op == "mux" and after.args[1].op == "const" and after.args[1].value == value.value:
@@ -206,11 +225,22 @@ def of_operand(net, node, k, child, seen):
         return
     if condition and node.op != "mux" and child.op not in ("land", "lor"):
         yield "condition", f"{child!r} inverted", net.node("not", (child,)), 0
-    if condition and child.op in ("reg", "in") and is_flag(child):
+    if condition:
         edge = net.node("land", (child, net.node("not", (net.late(child),))))
         yield "condition", f"{child!r} where it was 0 a clock before", edge, 1
+        odd = net.odd(child)
+        yield "condition", f"every second {child!r}", net.node("land", (child, odd)), 1
+        yield (
+            "condition",
+            f"every second {child!r}, from the first on",
+            net.node("land", (child, net.node("not", (odd,)))),
+            1,
+        )
     if child.op != "param" and node.op not in ROOTS and not (child.op in ("reg",) and _holds(net, node, child)):
         yield "late", f"{child!r} by 1 clock", net.late(child), 0 if not child.args else 1
+        if not child.args:
+            late = net.late(child)
+            yield "late", f"{child!r} by 2 clocks", net.late(late), 1
     if child.op == "reg":
         # in a counter, or compared with a number, it is the same as another number
         doubtful = net.roots[child.value].cone >> node.id & 1 or node.op in (*COMPARED, "table")

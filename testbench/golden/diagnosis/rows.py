@@ -13,7 +13,7 @@ import numpy as np
 
 from testbench.golden.diagnosis.net import OPERATIONS, moved
 
-TIMED = ("held", "ahead")
+TIMED = ("held", "ahead", "odd")
 
 
 def applied(node, args):
@@ -33,6 +33,13 @@ def _held(load, x, rst, reset):
     last = np.concatenate(([-1], last[:-1]))
     value = np.where(rst != 0, reset, x)
     return np.where(last < 0, reset, value[last])
+
+
+def _odd(load, rst):
+    """Column of a flag that changes at the end of each row with a load, and is 0 behind a reset."""
+    count = np.cumsum((load != 0) & (rst == 0))
+    since = np.maximum.accumulate(np.where(rst != 0, count, 0))
+    return np.concatenate(([0], (count - since)[:-1])) & 1
 
 
 class Rows:
@@ -62,6 +69,8 @@ class Rows:
         if node.op in ("const", "param"):
             return np.full(self.count, self._number(node), np.int64)
         args = [self.full(a) for a in node.args]
+        if node.op == "odd":
+            return _odd(*args)
         if node.op == "ahead":
             return np.append(args[0][1:], args[0][-1:])
         return _held(*args, node.value) if node.op == "held" else applied(node, args)
@@ -77,7 +86,7 @@ class Rows:
             return found[at]
         if node.op in ("const", "param"):
             return np.int64(self._number(node))
-        if node.id < self.net.own or node.op in TIMED:
+        if node.id < self.net.own or node.op in TIMED or not node.args:
             return self.full(node)[at]
         return applied(node, [self.plain(a, at) for a in node.args])
 

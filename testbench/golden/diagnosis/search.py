@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fpga_model.block import BIT
 from testbench.golden.diagnosis import of_conditions, of_data, perturb
 from testbench.golden.diagnosis.net import wrapped
 from testbench.golden.diagnosis.perturb import Hypothesis
@@ -80,7 +81,7 @@ class Search:
     def __init__(self, net, leaves, got, care, expected):
         self.net, self.count = net, len(next(iter(leaves.values())))
         self.rows = Rows(net, leaves, self.count)
-        self.hypotheses, self._shown = {}, {}
+        self.hypotheses, self._shown, self.tried = {}, {}, {}
         self._usual = {name: self._as_usual(name, got, expected) for name in net.reset if name in got}
         self.targets = {name: self._target(name, got[name], care) for name in net.roots if name in got}
         self.faulty = [
@@ -150,18 +151,38 @@ class Search:
             read += of_conditions.hypotheses(self, target, inside, picked, wrong)
             tried += [h for h in read if h.cost < perturb.FAR]
             rivals = [h for h in read if h.cost >= perturb.FAR]
+        self.tried[name] = max(len(tried), self.tried.get(name, 0))
         hits = self._hits(target, tried, others, picked)
         order = sorted(range(len(tried)), key=lambda k: (-hits[k], tried[k].cost))
         whole = [k for k in order if hits[k] == len(picked)]
         part = [k for k in order if LEAST_SHARE * len(picked) <= hits[k] < len(picked)]
         found = self._first_of_each(target, [tried[k] for k in whole], others)
         if any(f.share == 1.0 for f in found):
-            rivals += [] if others else of_data.beyond(self.net, inside)
+            rivals += [] if others else of_data.beyond(self.net, target, inside)
             hits = self._hits(target, rivals, others, picked)
             found += self._kept(target, [h for h, n in zip(rivals, hits) if n == len(picked)], others)
         else:
             found += self._kept(target, [tried[k] for k in part[:MOST_FITS]], others)
+            found += self._last(target, inside, picked, wrong) if not others else []
         return sorted(found, key=lambda f: (-round(f.share * f.precision, 3), f.hypothesis.cost))
+
+    def free(self, target, node, column):
+        """A flag that has a value of its own in each row."""
+        name = f"free {target.name} {node.id} {len(self.rows.leaves)}"
+        self.rows.leaves["in", name] = column.astype(np.int64)
+        return self.net.leaf("in", name, BIT)
+
+    def _last(self, target, inside, picked, wrong):
+        """What is tried where nothing else explains all wrong rows; none of it makes a name certain."""
+        for source in (of_data.of_operands, of_conditions.of_any, of_data.of_any_rounding):
+            tried = list(source(self, target, inside, wrong))
+            self.tried[target.name] += len(tried)
+            hits = self._hits(target, tried, (), picked)
+            whole = [h for h, n in zip(tried, hits) if n == len(picked)]
+            found = [f for f in self._kept(target, whole[:MOST_FITS], ()) if f.share == f.precision == 1.0]
+            if found:
+                return found
+        return []
 
     def _hits(self, target, tried, others, picked):
         """How many of the picked rows each hypothesis gives; those of one site are computed together."""

@@ -12,6 +12,7 @@ from fpga_model import fixed
 from fpga_model.block import python_of
 from testbench.golden.diagnosis.net import MOST_SHIFT, OPERATIONS
 
+KEPT = ("held", "odd")  # nodes that are registers
 CALLS = {name: python_of(rule) for name, rule in fixed.ROUNDINGS.items()}
 CALLS["clamp"] = python_of(fixed.clamp)
 CALLS["wrap"] = lambda x, width: python_of(fixed.wrap)(x, min(max(width, 1), MOST_SHIFT))
@@ -51,8 +52,11 @@ class _Source:
         if node.op in ("reg", "in"):
             return self.places[node.op, node.value] if self.places else f"{node.op}_{node.value}"
         found = f"v{node.id}{'f' if faulty else ''}"
-        if node.op == "held":
-            self.held.append((node, [self.name(a, False) for a in node.args]))
+        if node.op in KEPT:
+            args = [self.name(a, False) for a in node.args]
+            if node.op == "odd":
+                args[1:1] = [f"1 - held_{node.id}"]
+            self.held.append((node, args))
             return f"held_{node.id}"
         args = [self.name(a, faulty) for a in node.args]
         if node.op == "table":
@@ -75,7 +79,7 @@ def _port(name, fmt):
 
 def adds_a_register(net, node):
     """Whether something that stands for a site holds a value."""
-    return node.id >= net.own and (node.op == "held" or any(adds_a_register(net, a) for a in node.args))
+    return node.id >= net.own and (node.op in KEPT or any(adds_a_register(net, a) for a in node.args))
 
 
 def value_of(net, node):
@@ -119,7 +123,7 @@ def compiled(net, site, by, visible):
     shown = ", ".join(_port(seen[name], net.fmts[name]) for name in visible)
     lines.append(f"        if differs(({shown},), want[n]): return n")
     for node, (load, x, rst) in source.held:
-        lines.append(f"        next_{node.id} = {node.value} if {rst} else {x} if {load} else held_{node.id}")
+        lines.append(f"        next_{node.id} = {node.value or 0} if {rst} else {x} if {load} else held_{node.id}")
     lines.append("        state = (" + ", ".join(_port(after[name], net.fmts[name]) for name in registers) + ",)")
     lines += [f"        held_{n.id} = next_{n.id}" for n in order]
     lines.append("    return last")

@@ -11,8 +11,8 @@ Source  docs/diagnosis.md
 from math import log2
 from typing import NamedTuple
 
-from testbench.golden.diagnosis.causes import WORDS
 from testbench.golden.diagnosis.of_data import BEYOND
+from testbench.golden.diagnosis.perturb import WORDS
 from testbench.golden.diagnosis.search import ALWAYS, EITHER, LEAST_PRECISION, RESET, SAME
 
 SURE = 0.99  # share from which a cause is certain
@@ -21,11 +21,13 @@ MOST_LISTED = 8
 MOST_RANKED = 150
 HEADS = 3  # registers that are searched together, the first at fault
 MOST_SEARCHED = 9
-SPARE_BITS = 4.0  # evidence beyond that of as many hypotheses as were tried
+SPARE_BITS = 2.0  # evidence beyond that of as many hypotheses as were tried
+MOST_CERTAIN = 11  # cost beyond which a mistake is too rare or complicated to be certain
+CERTAIN_BITS = 24.0  # the same, below which no name is certain
 
 # classes that wrong rows tell from others where they show less than values
 TOLD = {
-    RESET: ("reset", "no_reset", "priority", "async_reset"),
+    RESET: ("reset", "no_reset", "async_reset"),
     ALWAYS: (),
     EITHER: ("condition",),
     SAME: ("rounding", "limit"),
@@ -113,9 +115,10 @@ def _told(search, best, wholes, names):
     return any(cause in TOLD.get(search.shown(name), (cause,)) for name in names)
 
 
-def _enough(search, names, tried):
-    """Whether the wrong rows of the registers are evidence enough for one of so many hypotheses."""
-    return sum(search.evidence(name) for name in names) >= log2(max(tried, 1)) + SPARE_BITS
+def _enough(search, names, spare):
+    """Whether the wrong rows of the registers are evidence enough for one of as many hypotheses as were tried."""
+    tried = max(search.tried[name] for name in names)
+    return sum(search.evidence(name) for name in names) >= log2(max(tried, 1)) + spare
 
 
 def _extended(search, best, names):
@@ -150,11 +153,12 @@ def causes(search, others_at_fault=()):
         # what gives another value in a row where the design is right is not the whole truth
         refuted = any(fit.precision < 1.0 for fit in covered.values())
         part = float(sum(fit.share for fit in covered.values())) / count / (len(rivals) + refuted)
-        if len(rivals) == 1 and not refuted and not _told(search, best, wholes, covered):
+        cheap = best.hypothesis.cost <= MOST_CERTAIN
+        told = cheap and _told(search, best, wholes, covered) and _enough(search, best.fits, CERTAIN_BITS)
+        if len(rivals) == 1 and not refuted and not told:
             part /= 2
-        tried = sum(len(found) for found in search.hypotheses.values())
         for whole in rivals:
-            if whole.hypothesis.cause != BEYOND and _enough(search, whole.fits, tried):
+            if whole.hypothesis.cause != BEYOND and _enough(search, whole.fits, SPARE_BITS):
                 listed.append(Cause(whole.hypothesis.cause, next(iter(whole.fits)), part, whole.hypothesis.what))
         more = [
             _second(search, n, best.hypothesis, (1 - fit.share) / count)

@@ -7,7 +7,7 @@ import pytest
 
 from fpga_model.design_record import DEFAULT, Design
 from testbench.golden.check.diagnose import Rows, diagnose
-from testbench.golden.diagnosis.causes import CAUSES
+from testbench.golden.diagnosis.perturb import CAUSES
 from testbench.golden.stimulus import blocks
 from tests.testbench.golden import planted
 from tests.testbench.golden.benching import made

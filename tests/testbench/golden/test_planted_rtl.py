@@ -13,7 +13,7 @@ from fpga_model import fixed, pi
 from testbench.golden.bundles import bundle
 from testbench.golden.bundles.benches import PARTS
 from testbench.golden.check import rtl_run
-from testbench.golden.diagnosis.causes import CAUSES
+from testbench.golden.diagnosis.perturb import CAUSES
 from tests.testbench.golden.benching import COUNTING
 from tests.testbench.golden.planted_rtl import EQUIVALENT, FAULTS, RTL, plain
 

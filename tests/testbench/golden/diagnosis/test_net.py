@@ -71,6 +71,17 @@ def test_a_held_node_is_a_register_with_enable_and_reset():
     assert rows.Rows(graph, leaves, 6).full(graph.held(load, x, -1)).tolist() == [-1, 3, 3, 5, -1, -1]
 
 
+def test_an_odd_node_changes_with_each_load_and_a_late_reset_has_no_reset():
+    graph = net.Net()
+    load = graph.leaf("in", "load", fixed.bits(1))
+    rst = graph.leaf("in", "rst", fixed.bits(1))
+    columns = {"load": [1, 0, 1, 1, 0, 1], "rst": [0, 0, 0, 1, 0, 0]}
+    leaves = {("in", name): np.array(column) for name, column in columns.items()}
+    found = rows.Rows(graph, leaves, 6)
+    assert found.full(graph.odd(load)).tolist() == [0, 1, 1, 0, 0, 0]
+    assert found.full(graph.reset_late(rst, 1)).tolist() == [1, 0, 0, 0, 1, 0]
+
+
 def test_registers_of_channels_are_siblings():
     graph, sums = net.Net(), []
     rst = graph.leaf("in", "rst", fixed.bits(1))

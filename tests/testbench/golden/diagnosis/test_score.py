@@ -7,7 +7,7 @@ import pytest
 
 from testbench.golden.bundles import bundle
 from testbench.golden.diagnosis import perturb, perturb_control
-from testbench.golden.diagnosis.causes import CAUSES
+from testbench.golden.diagnosis.perturb import CAUSES
 from tests.testbench.golden.diagnosis import first_row, left_out, rtl_faults, score, unseen
 
 pytestmark = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus is not installed: no fault was TRIED")
