@@ -278,7 +278,6 @@ def write(r, folder, at=None, of_board=False, level="registers", shown_rows=SHOW
 def _sealed(r, judged, at, stim, shown_rows):
     """{path: text} of a bundle within another one: what `check.sh` needs, and a manifest without its origin."""
     files, counts = _files(r, judged, at, stim, shown_rows)
-    files = {name: text for name, text in files.items() if not name.endswith(".core")}
     manifest = _manifest(judged.design, r, at, counts, judged.clocks)
     del manifest["provenance"]
     return files | {bundle.MANIFEST: bundle.manifest_text(bundle.sealed(manifest, files))}

@@ -38,7 +38,7 @@ def edges_dds(w):
 
 
 def edges_sine(w):
-    """The edges of the phase, then places for each edge of the rounding out of all, in all quadrants."""
+    """The edges of the phase, places for each edge of the rounding in all quadrants, then every word of the table."""
     _edges_phase(w)
     d = w.block.record
     base, slope = np.array(sine.tables(d), np.int64)
@@ -52,6 +52,8 @@ def edges_sine(w):
         for quadrant in range(4):
             mirrored = place if quadrant % 2 == 0 else ~place & ((1 << kept_bits) - 1)
             w.row({"phase": ((quadrant << kept_bits) | mirrored) << (d.dds_bits - 2 - kept_bits)})
+    for word in range(1 << d.sine_address_bits):
+        w.row({"phase": word << (d.dds_bits - 2 - d.sine_address_bits)})
     w.row(times=3)
 
 

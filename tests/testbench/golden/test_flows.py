@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from testbench.golden.bundles import top
+from testbench.golden.loop import library
 from tests.testbench.golden.benching import RTL, need
 
 DESIGNS = Path(__file__).with_name("designs")
@@ -116,7 +118,27 @@ def test_fusesoc_runs_a_bundle_with_a_design_that_is_a_core(bundles, tmp_path, t
     done = subprocess.run([*command, "gyro:golden:sine_default", "--LEVEL_OUTPUTS"], cwd=tmp_path, capture_output=True,
                           text=True, timeout=300)  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "PASS sine/default: 3321 rows, 1 ports at level outputs" in done.stdout + done.stderr
+    assert "PASS sine/default: 4345 rows, 1 ports at level outputs" in done.stdout + done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["top_reset", "top_reset_pins"])
+def test_fusesoc_finds_a_bundle_of_the_whole_design_and_its_pins_in_one_tree(tmp_path, name):
+    pytest.importorskip("fusesoc", reason="FuseSoC is not installed: its core was NOT run")
+    need("iverilog")
+    top.export_case("reset", tmp_path)
+    (tmp_path / "mine").mkdir()
+    files = [Path(shutil.copy(path, tmp_path / "mine")).name for path in library.sources(RTL)]
+    (tmp_path / "mine" / "top.core").write_text(
+        f"CAPI=2:\nname: gyro:design:top:1.0.0\nfilesets:\n  rtl:\n    files: [{', '.join(files)}]\n"
+        "    file_type: verilogSource-2005\ntargets:\n  default:\n    filesets: [rtl]\n"
+    )
+    command = [sys.executable, "-m", "fusesoc.main", "--cores-root", ".", "run", "--target", "sim"]
+    done = subprocess.run([*command, f"gyro:golden:{name}", "--FRAMES=1"], cwd=tmp_path, capture_output=True,
+                          text=True, timeout=300)  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    ports = 13 if name.endswith("_pins") else 230
+    assert f" rows of {ports} ports, 1 of 72 frames" in done.stdout + done.stderr
 
 
 @pytest.fixture(scope="module", params=COCOTB)

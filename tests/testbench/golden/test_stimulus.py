@@ -267,6 +267,13 @@ def test_ties_of_the_sine_come_in_all_quadrants():
     assert {0, 1} == set((kept[low == half] & 1).tolist())
 
 
+def test_every_word_of_the_sine_table_is_read():
+    """At the phase 0 of each step of the table the register holds the word itself."""
+    _, regs, _ = record("sine", "default")
+    read = set(zip(regs["base"].tolist(), regs["slope"].tolist(), strict=True))
+    assert set(zip(*map(np.ndarray.tolist, map(np.asarray, sine.tables(DEFAULT))), strict=True)) <= read
+
+
 @pytest.mark.parametrize("case", blocks.BLOCKS["modulator"].cases)
 def test_modulator_meets_both_limits_every_tie_and_one_beyond(case):
     p = blocks.BLOCKS["modulator"].cases[case]

@@ -8,7 +8,7 @@ Source  docs/golden.md, docs/conventions.md (rows)
 
 from testbench.golden.bundles.benches.cocotb import cocotb_test, cocotb_top
 from testbench.golden.bundles.benches.layout import PARTS, RESET_CYCLES, SHOWN, half_ps, results, rom_name, slices  # noqa: F401
-from testbench.golden.bundles.benches.makefile import check_script, core, makefile
+from testbench.golden.bundles.benches.makefile import check_script, core, core_name, makefile
 from testbench.golden.bundles.benches.params import params_pkg, params_svh, params_vh, rom_files, vhdl_type  # noqa: F401
 from testbench.golden.bundles.benches.verilog import instance, span, verilog_bench  # noqa: F401
 from testbench.golden.bundles.benches.vhdl import component, vhdl_bench, vhdl_slice  # noqa: F401
@@ -31,5 +31,5 @@ def texts(block, case, count):
         "run_vunit.py": vunit_run(block, case),
         "Makefile": makefile(block, case),
         "check.sh": check_script(block, case),
-        f"{stem}_{case}.core": core(block, case),
+        f"{core_name(block, case)}.core": core(block, case),
     }

@@ -39,6 +39,11 @@ clean:
 """
 
 
+def core_name(block, case):
+    """Name of a bundle's core, of its own for `pins/`: FuseSoC finds both in one tree."""
+    return f"{block.stem}_{case}" + (f"_{PINS}" if block.stem == "top" and not block.registers else "")
+
+
 def core(block, case, words=("stim", "exp", "mask")):
     """FuseSoC core of a bundle: `fusesoc run --target sim`, with the design as the core gyro:design:BLOCK.
 
@@ -47,10 +52,12 @@ def core(block, case, words=("stim", "exp", "mask")):
     stem = block.stem
     opened = [*(f"{word}.hex" for word in words), *rom_parameters(block).values()]
     copied = "".join(f"      - {path}: {{file_type: user, copyto: {path}}}\n" for path in opened)
-    defines = [f"LEVEL_{level.upper()}" for level in levels_of(block)[:-1] if "mask" in words]
-    given = "".join(f"  {name}: {{datatype: bool, paramtype: vlogdefine}}\n" for name in defines)
+    kinds = {f"LEVEL_{level.upper()}": "bool, paramtype: vlogdefine" for level in levels_of(block)[:-1]}
+    if "mask" not in words:
+        kinds = {"FRAMES": "int, paramtype: plusarg"}
+    given = "".join(f"  {name}: {{datatype: {kind}}}\n" for name, kind in kinds.items())
     return f"""CAPI=2:
-name: gyro:golden:{stem}_{case}:1.0.0
+name: gyro:golden:{core_name(block, case)}:1.0.0
 description: golden vectors of {stem}/{case}; the design is the core gyro:design:{stem}
 filesets:
   bench:
@@ -65,7 +72,7 @@ filesets:
     <<: *default
     toplevel: tb_{stem}
     default_tool: icarus
-{f"    parameters: [{', '.join(defines)}]" + chr(10) if defines else ""}    tools:
+{f"    parameters: [{', '.join(kinds)}]" + chr(10) if kinds else ""}    tools:
       icarus:
         iverilog_options: [-g2012]
       verilator:

@@ -28,7 +28,9 @@ def texts(block, case, rows, counts, clocks=None):
         f"tb_{stem}_vunit.vhd": benches.vunit_bench(block, case, frames=True),
         f"test_{stem}.py": cocotb_test(block, case),
         "run_vunit.py": benches.vunit_run(block, case, DEFAULT_FRAMES["vunit"]),
-        f"{stem}_{case}.core": benches.core(block, case, ("stim", "exp", "at", "sig", "adc", "host", "sar")),
+        f"{benches.core_name(block, case)}.core": benches.core(
+            block, case, ("stim", "exp", "at", "sig", "adc", "host", "sar")
+        ),
         "Makefile": benches.makefile(block, case),
         "check.sh": benches.check_script(block, case, DEFAULT_FRAMES),
     }
