@@ -17,7 +17,7 @@ from testbench.golden.loop import judgement, library, run
 from testbench.golden.recording import record
 from tests.testbench.golden import loop_faults, pin_tops
 
-COUNT, SEED, FRAMES = 100, 27, 900
+COUNT, SEED, FRAMES = 100, 7725, 900
 
 
 def scenario():

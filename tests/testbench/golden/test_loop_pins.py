@@ -166,7 +166,7 @@ def test_the_detection_score_on_the_page_and_in_a_verdict():
 
 
 def test_every_planted_fault_is_another_text(tmp_path):
-    faults = loop_faults.drawn(100, 27)
+    faults = loop_faults.drawn(loop_score.COUNT, loop_score.SEED)
     assert len({(fault.file, fault.line) for fault in faults}) == 100
     folder = loop_faults.write(tmp_path / "rtl", PARAMS, faults)
     text = "".join(path.read_text() for path in folder.glob("*.v"))
