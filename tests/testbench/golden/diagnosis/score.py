@@ -21,7 +21,15 @@ from testbench.golden.bundles import export
 from testbench.golden.bundles.benches import PARTS
 from testbench.golden.check import rtl_run
 from testbench.golden.check.design_run import Choice
-from tests.testbench.golden.diagnosis import first_row, rtl_faults, rtl_misreadings, rtl_mistakes, rtl_slips, unseen
+from tests.testbench.golden.diagnosis import (
+    first_row,
+    rtl_blunders,
+    rtl_faults,
+    rtl_misreadings,
+    rtl_mistakes,
+    rtl_slips,
+    unseen,
+)
 
 RULES = {
     "first": rtl_faults.FIRST,
@@ -29,6 +37,7 @@ RULES = {
     "slips": rtl_slips.SLIPS,
     "mistakes": rtl_mistakes.MISTAKES,
     "misreadings": rtl_misreadings.MISREADINGS,
+    "blunders": rtl_blunders.BLUNDERS,
 }
 
 
