@@ -1,7 +1,8 @@
 """First row and ports in which a design differs from its bundle, by a bench of the tests: nothing of the comparison.
 
-The bench reads one file of values for each port of the bundle, drives while the clock is low, compares every port just
-before the rising edge, and ends in the first row that differs. What is unknown differs.
+The bench reads one file of values for each port of the bundle, drives just behind the falling edge, compares every port
+just before the rising edge, and ends in the first row that differs. What is unknown differs. A register at the falling
+edge reads what stood before it.
 """
 
 import json
@@ -40,8 +41,9 @@ initial begin
 {first} s_rst = 1;
 repeat ({manifest["reset"]["cycles"]}) begin #5 clk = 1; #5 clk = 0; end
 for (k = 0; k < {manifest["n"]} && !bad; k = k + 1) begin
+#1
 {drive}
-#5
+#4
 {compare}
 clk = 1; #5 clk = 0;
 end
