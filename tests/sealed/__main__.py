@@ -4,8 +4,8 @@
     run     goes on where the run of this source was; every run is a line of tests/sealed/ledger.jsonl; --wide does the
             first records again with the priors of a data sheet
     score   opens the envelopes of what is done and prints the rates; --keep writes what was counted of a sealed run
-            into tests/sealed/scored.jsonl, so that another machine can go on; --page does, and writes the rates of a
-            whole run, which a test makes again
+            into tests/sealed/going.jsonl, so that another machine can go on; --page writes it into scored.jsonl, and
+            the rates of a whole run, which a test makes again
     beside  for each false law of a data sheet in scored.jsonl, how many sigmas could have refused it
 
 Source    docs/sealed.md
@@ -23,15 +23,19 @@ from tests.sealed import draw, ledger, score, sheet_size, strata
 from tests.sealed.bank import Bank, Space
 from tests.sealed.records import Run, Tracing
 
-SCORED = Path(__file__).with_name("scored.jsonl")
+SCORED, GOING = (Path(__file__).with_name(f"{name}.jsonl") for name in ("scored", "going"))
 
 
-def counted(own, path=SCORED):
+def counted(own, paths=(SCORED, GOING)):
     """{wide: {number: `score.Scored`}} of what has been kept of a run."""
-    line, *both = score.read(path.read_text()) if path.exists() else ({"run": ""}, [], [])
-    same = {False: line["run"] == own["run"]}
-    same[True] = same[False] and line["wide_sha256"] == own["wide_sha256"]
-    return {wide: {r.number: r for r in rows if same[wide]} for wide, rows in zip((False, True), both)}
+    out = {False: {}, True: {}}
+    for path in paths:
+        line, *both = score.read(path.read_text()) if path.exists() else ({"run": ""}, [], [])
+        same = {False: line["run"] == own["run"]}
+        same[True] = same[False] and line["wide_sha256"] == own["wide_sha256"]
+        for wide, rows in zip((False, True), both):
+            out[wide] |= {r.number: r for r in rows if same[wide]}
+    return out
 
 
 def rows_of(run, sizes=None):
@@ -91,7 +95,7 @@ def main(argv=None):
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--kept", action="store_true", help="development: only effects whose column is in its file")
     parser.add_argument("--wide", action="store_true", help="trace again with the priors of a data sheet")
-    parser.add_argument("--keep", action="store_true", help="write what was counted into tests/sealed/scored.jsonl")
+    parser.add_argument("--keep", action="store_true", help="write what was counted into tests/sealed/going.jsonl")
     parser.add_argument("--page", action="store_true", help="write the rates into docs/sealed.md too")
     given = parser.parse_args(argv)
     if given.kept and given.kind == ledger.SEALED:
@@ -122,8 +126,9 @@ def main(argv=None):
     if given.page and not whole:
         sys.exit(f"{own['run']}: {len(rows)} of {len(run.kinds)} records are done, or it is not sealed: no page")
     if (given.keep and given.kind == ledger.SEALED) or given.page:
-        write_text(SCORED, score.kept(own, rows, wide))
+        write_text(SCORED if given.page else GOING, score.kept(own, rows, wide))
     if given.page:
+        GOING.unlink(missing_ok=True)
         page = ROOT / "docs" / "sealed.md"
         write_text(page, replaced(page.read_text(), "sealed", text))
     return int(whole and any(holds is False for *_, holds in score.criteria(rows)))

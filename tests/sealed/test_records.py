@@ -88,10 +88,10 @@ def test_another_machine_goes_on_with_what_was_counted(tmp_path):
     table = short(null_white=3)
     own, kept = ledger.identity("development", table), tmp_path / "scored.jsonl"
     rows = [score.Scored(n, "null_white", None, "none", (), False, False, None, 1.0) for n in (0, 2)]
-    assert counted(own, kept) == {False: {}, True: {}}
+    assert counted(own, (kept,)) == {False: {}, True: {}}
     kept.write_text(score.kept(own, rows, rows[:1]))
-    assert counted(own | {"run": "of another source"}, kept) == {False: {}, True: {}}
-    run = Instant(table, space(), own, tmp_path, object(), counted(own, kept))
+    assert counted(own | {"run": "of another source"}, (kept,)) == {False: {}, True: {}}
+    run = Instant(table, space(), own, tmp_path, object(), counted(own, (kept,)))
     assert (run.done(), run.done(wide=True)) == ([0, 2], [0])
     assert rows_of(run) == rows
     play(run, 3, 60.0, tmp_path / "ledger.jsonl")

@@ -12,7 +12,7 @@ from testbench.console.markdown import ROOT, replaced
 from testbench.errors import ConfigError, FileError
 from testbench.measured.wide import sheet
 from tests.sealed import bank, draw, effects, ledger, score, strata
-from tests.sealed.__main__ import SCORED, choices
+from tests.sealed.__main__ import GOING, SCORED, choices
 
 DEVICE = Config().device()
 PAGES = {effect.INFO.name: effect for effect in catalogue.LAWS}
@@ -294,12 +294,21 @@ def test_the_rates_of_the_page_are_those_of_a_whole_run_of_the_ledger():
     if SCORED.exists():
         run, rows, wide = score.read(SCORED.read_text())
         (line,) = (known for known in ledger.rows() if known["run"] == run["run"])
-        assert line["kind"] == ledger.SEALED
-        assert (line["done"], line["wide"]) == (len(rows), len(wide))
         if [r.number for r in rows] == list(range(line["of"])):
             tables = strata.read()
             text = score.table(rows, wide, tables.wide["disguises"], tables.effect["d"][0])
     assert replaced(page, "sealed", text) == page
+
+
+def test_a_run_that_is_not_whole_is_kept_beside_the_one_that_is_published():
+    for path in (SCORED, GOING):
+        if path.exists():
+            run, rows, wide = score.read(path.read_text())
+            (line,) = (known for known in ledger.rows() if known["run"] == run["run"])
+            assert line["kind"] == ledger.SEALED
+            assert (line["done"], line["wide"]) == (len(rows), len(wide))
+    if GOING.exists():
+        assert run["run"] != score.read(SCORED.read_text())[0]["run"]
 
 
 def test_the_pages_tell_what_one_lost_board_does_to_the_intervals():
