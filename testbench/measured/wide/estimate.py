@@ -219,7 +219,10 @@ class Work:
             if RING in keys:
                 self.u[keys.index(RING)] = 0.0
             ended = [self.stage(stage) for stage in STAGES[ALL - 1 : ALL + 1]][-1]
-            found.append((self.cost(self.u, self.loop.even(self.u), weights), side, self.u, ended))
+            there = self.loop.even(self.u)
+            found.append((self.cost(self.u, there, weights), side, self.u, ended))
+            if there is not None and self.rms(there, last.observables) < FITTED:
+                break
         *_, self.u, ended = min(found)
         return ended
 
