@@ -17,6 +17,7 @@ from testbench.golden.diagnosis.perturb_control import decides, is_reset_choice,
 MOST_INSIDE = 40  # nodes of what is loaded, beyond which only leaves are varied
 MOST_OPERANDS = 10  # of a load that are exchanged, each with each
 MOST_EXCHANGED = 150  # pairs of a root
+MOST_TWINS = 8  # calls of one expression
 
 
 def after_of(root):
@@ -112,9 +113,6 @@ def in_all_branches(net, node, old, new):
         return new if node is old else node
     ways = [in_all_branches(net, way, old, new) for way in node.args[1:]]
     return net.node("mux", (node.args[0], *ways), node.value)
-
-
-MOST_TWINS = 8
 
 
 def twins(net, root):

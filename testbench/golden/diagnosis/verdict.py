@@ -21,9 +21,9 @@ MOST_LISTED = 8
 MOST_RANKED = 150
 HEADS = 3  # registers that are searched together, the first at fault
 MOST_SEARCHED = 9
-SPARE_BITS = 2.0  # evidence beyond that of as many hypotheses as were tried
+SPARE_BITS = 2.0  # evidence beyond that of as many hypotheses as were tried: the least for a name
+CERTAIN_BITS = 24.0  # the same for a certain name
 MOST_CERTAIN = 11  # cost beyond which a mistake is too rare or complicated to be certain
-CERTAIN_BITS = 24.0  # the same, below which no name is certain
 
 # classes that wrong rows tell from others where they show less than values
 TOLD = {
