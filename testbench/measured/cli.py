@@ -307,7 +307,7 @@ class TraceOptions(NamedTuple):
         Path | None, typer.Option(metavar="FOLDER", help="Where finished work is kept; a killed trace goes on from it.")
     ] = None
     alpha: Annotated[
-        float | None, typer.Option(min=1e-4, max=0.2, help="Chance of a false alarm; 0.0035, of a part 0.02.")
+        float | None, typer.Option(min=1e-4, max=0.2, help="Chance of a false alarm; 0.002, of a part 0.02.")
     ] = None
     looks: Annotated[int, typer.Option(min=1, help="How many traces like this one are made; widens every p.")] = 1
     seed: Annotated[int, typer.Option(min=0, help="Of null draws and bootstraps.")] = 0

@@ -193,7 +193,7 @@ def result(tracer, decision):
         doubtful = "no repeats" if tracer.alarms.model_based else rejected
         confirmed = tracer.heldout.score > CLEAR
         unsupported = verdict.unsupported(problem, found.fit(best)) if best else ""
-        sets = tracer.chosen, tracer.untried, tracer.imitated, unsupported
+        sets = tracer.chosen, tracer.untried, tracer.imitated, unsupported, tracer.heldout.log_odds
         behind = verdict.Evidence(bool(tracer.held.size), problem.heldout_independent, confirmed, doubtful, *sets)
         stopped = verdict.blocks(problem, tracer.base.converged)
         decision = verdict.with_search(found, tracer.causes, free, behind, stopped)

@@ -41,7 +41,7 @@ class Options:
     n_null  null draws of an alarm; more where alpha asks for them
     """
 
-    alpha: float = 0.0035
+    alpha: float = 0.002
     looks: int = 1
     n_null: int = 999
     seed: int = 0
@@ -135,7 +135,7 @@ class Tracer:
         found = self.alarm(fit, self.rankings(fit))
         p = verdict.correct_p(found.p_deterministic, self.options.looks)
         ok, why = self.passes(fit)
-        return bool(ok and p >= verdict.LEVEL), {"p": p} | why
+        return bool(ok and p >= heldout.REFUSED), {"p": p} | why
 
     def passes(self, fit):
         """(held-out chi2 within its band and no held-out rms above the floor?, why); True without held-out groups."""

@@ -18,7 +18,8 @@ from testbench.tracing.fit.causes import MOST
 from testbench.tracing.fit.identify import unseen
 from testbench.tracing.fit.rank import Projection
 
-LEVEL = 0.01  # of the tests of noise and of an explanation; that of alarms is `Options.alpha`
+LEVEL = 0.01  # of the tests of noise; that of alarms is `Options.alpha`, of an explanation `heldout.REFUSED`
+LEAST_HELD = 1.0  # ln odds by held-out data alone, for a name
 LEAST_FREE_D = 3.0
 MINOR = 0.1  # of the largest d of a set, below which a law beside it is no cause
 MOST_IMITATED = 0.02  # of the laws left out that sets as large may imitate: the share of names that may be false
@@ -43,6 +44,7 @@ class Evidence(NamedTuple):
     untried: int = 0  # sets as near as those of the class that were not refitted
     imitated: float = 0.0  # `specificity.imitated` of sets of this many laws
     unsupported: str = ""  # of `unsupported`
+    held_odds: float = np.inf  # ln odds of the set by held-out data alone
 
 
 def free_d(fit, identifiability):
@@ -122,7 +124,7 @@ def with_heldout(decision, judged, alpha, looks):
     if decision is None or decision.verdict != "none" or p >= alpha:
         return decision
     last = judged.chi2.get("after")
-    seen = judged.failed if last is None else f"chi2 / rows {last:.3g}, 99 % limit {judged.limit:.3g}, p = {p:.2g}"
+    seen = judged.failed if last is None else f"chi2 / rows {last:.3g}, 99.7 % limit {judged.limit:.3g}, p = {p:.2g}"
     return Decision("unexplained", f"no alarm where fitted, but held-out data disagree ({seen}): something is missing")
 
 
@@ -163,6 +165,9 @@ def with_search(found, causes, free, evidence, blocked):
         return Decision("unexplained", f"{said} explains it, but {left}: its class may be incomplete, none is named")
     if evidence.unsupported:
         return Decision("unexplained", f"{said} explains it, but {evidence.unsupported}: it is not named")
+    if evidence.heldout and evidence.independent and evidence.held_odds < LEAST_HELD:
+        what = f"ln odds {evidence.held_odds:.2g} by held-out data, {LEAST_HELD:g} needed"
+        return Decision("unexplained", f"{said} explains it, but nothing confirms it ({what}): it is not named")
     if len(causes) > MOST:
         return Decision("unexplained", f"{said} explains it, and so do {MOST} other causes or more: no class is named")
     names = " or ".join(" + ".join(c.names) for c in causes)

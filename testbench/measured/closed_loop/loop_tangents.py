@@ -21,6 +21,7 @@ from testbench.tracing.problem.problem import PredictionFailed
 NEAR = 2.5  # how far off AIM a step may be
 SEEN = 10.0  # sigmas of all features together, that a law's largest step must move
 LARGEST_SCALES = 1e4  # of a law of the grammar
+GUESSES, SHORTER = 6, 0.03  # steps tried under one condition; factor of a step where the plant leaves its range
 
 
 class Tangents:
@@ -136,7 +137,7 @@ class Tangents:
             again = []
             for name, moved in zip(todo, self._held([self._stepped(name, steps[name]) for name in todo], base)):
                 if moved is None:
-                    steps[name] *= 0.03
+                    steps[name] *= SHORTER
                     again.append(name)
                     continue
                 columns[name] = {g: v / steps[name] for g, v in moved.items()}
@@ -169,12 +170,22 @@ class Tangents:
         return self.of.size(moved) * np.sqrt(len(self.of.conditions) / len(moved))
 
     def _guess(self, names, steps, base):
-        """Steps that move all features by about AIM sigmas, from one condition alone. Mutates `steps`."""
+        """Steps that move all features by about AIM sigmas, from one condition alone. Mutates `steps`.
+
+        The scale of y^3 is six orders of magnitude above what the plant bears: y hardly moves in a closed loop.
+        """
         one = max((self.of.conditions[g] for g in base), key=lambda c: (c.a_um, abs(c.rate_dps)))
-        moved = self._many([self._stepped(name, steps[name]) for name in names], (one,))
-        for name, found in zip(names, moved):
-            if found is not None:
-                self._aimed(name, steps, self._size({one.id: found[one.id] - base[one.id]}))
+        for _ in range(GUESSES):
+            moved = self._many([self._stepped(name, steps[name]) for name in names], (one,))
+            left = [name for name, found in zip(names, moved) if found is None]
+            for name, found in zip(names, moved):
+                if found is not None:
+                    self._aimed(name, steps, self._size({one.id: found[one.id] - base[one.id]}))
+            for name in left:
+                steps[name] *= SHORTER
+            if not left:
+                break
+            names = left
 
     def _aimed(self, name, steps, size):
         """True if a step that moves `size` sigmas could be changed so that it moves AIM. Mutates `steps`."""

@@ -2,7 +2,7 @@
 
 A rival has other laws (not those of a smaller rival or of the best set beside more), no more coefficients, none against
 physics; it passes the held-out test; after its own refit its chi2 is less than AS_GOOD above that of the best set, or
-the odds between the two are below 20. The Gram matrix orders all sets; those that come near are refitted, until none
+the odds between the two are below ODDS. The Gram matrix orders all sets; those that come near are refitted, until none
 is left or the class has more than MOST members. After TRIED refits it stops, and the class may be incomplete.
 Source    docs/tracing.md
 """
@@ -15,6 +15,7 @@ from testbench.tracing.fit.evidence import linear_sets
 from testbench.tracing.fit.search import WORTH
 
 AS_GOOD = 2 * WORTH  # chi2 that odds of 20 are worth
+ODDS = 50.0  # so that the truth is left out of 2 % of classes at most
 MOST = 5  # members; a larger class explains nothing
 TRIED = 200  # refits
 
@@ -56,6 +57,6 @@ def class_of(work, ranking, best, passes):
             continue
         fit = work.candidates[names].fit
         chi2 = fit.cost - top.fit.cost
-        if (chi2 < AS_GOOD or work.score(best) - work.score(names) < WORTH) and passes(fit):
+        if (chi2 < AS_GOOD or work.score(best) - work.score(names) < np.log(ODDS)) and passes(fit):
             out.append(Cause(names, fit, float(chi2)))
     return [out[0], *sorted(out[1:], key=lambda c: (c.chi2, c.names))], len(todo)

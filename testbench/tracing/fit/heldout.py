@@ -29,7 +29,7 @@ BLOCKS, BOOTSTRAPS, LEVEL = 12, 2000, 0.95
 SIMULATED, NUMBERS = 1000, 20_000_000  # simulated held-out sets, and numbers drawn for them at most
 CHI2_SETS = 400
 ABOVE = 0.01  # chance that a right model is found above FLOOR_FACTOR by any of its observables
-BAND = 0.99  # of the held-out chi2
+REFUSED = 0.003  # of right explanations: by an alarm that still rings, by held-out chi2
 FLOOR_FACTOR = 1.06
 HARM = 0.02  # share of its error by which an observable may become worse
 
@@ -39,7 +39,7 @@ class HeldOut(NamedTuple):
 
     rows: dict
     chi2: dict  # {model label: chi2 / rows}
-    limit: float  # 99 % of chi2 / rows if the last model is right
+    limit: float  # 99.7 % of chi2 / rows if the last model is right
     score: float = 0.0
     log_odds: float = 0.0
     failed: str = ""
@@ -297,7 +297,7 @@ def _loudness(space, noise):
 
 
 def _limit(space, root, declared, noise, rng, seen):
-    """(99 % of chi2 / rows if the last model is right, with what the fit does not know; chance of the one seen).
+    """(99.7 % of chi2 / rows if the last model is right, with what the fit does not know; chance of the one seen).
 
     From simulated sets, Gaussian if the declared noise has been rejected, each with octaves as loud as they may be for
     all that the repeats tell. Times the chi2 of the held-out repeats in units of that noise, see `_loudness`.
@@ -310,4 +310,4 @@ def _limit(space, root, declared, noise, rng, seen):
     z = draws + root @ rng.normal(size=(root.shape[1], CHI2_SETS))
     factor, dof = scaled((z**2).mean(axis=0))
     factor *= _loudness(space, noise)
-    return float(chi2_law.ppf(BAND, dof) * factor), float(chi2_law.sf(seen / factor, dof))
+    return float(chi2_law.isf(REFUSED, dof) * factor), float(chi2_law.sf(seen / factor, dof))

@@ -128,13 +128,16 @@ def test_held_out_odds_are_those_of_two_predictive_densities(size, truth):
     assert foretold(_Space, first, last, None, along[:, None]) == 0.0
 
 
-@pytest.mark.parametrize(("log_odds", "listed"), [(-1.0, True), (-1000.0, False)])
-def test_a_law_that_all_data_together_do_not_support_is_not_listed(monkeypatch, log_odds, listed):
+@pytest.mark.parametrize(
+    ("log_odds", "listed", "named"), [(1.1, True, True), (0.9, True, False), (-1000.0, False, False)]
+)
+def test_a_law_that_held_out_data_do_not_support_is_not_named(monkeypatch, log_odds, listed, named):
     judged = heldout.judge
     monkeypatch.setattr(heldout, "judge", lambda *args: judged(*args)._replace(log_odds=log_odds))
     result = trace(Toy(5, {"feed": 0.1}), QUICK)
     assert [row["law"] for row in result.effects] == ["feed"] * listed
-    assert result.verdict == ("named" if listed else "unexplained")
+    assert result.verdict == ("named" if named else "unexplained")
+    assert ("ln odds 0.9 by held-out data, 1 needed" in result.sentence) == (log_odds == 0.9)
     assert not listed or not result.notes
     assert listed or ("feed" in result.sentence and "-1000.0 where held out" in result.notes[-1])
     assert listed or result.heldout["a"]["after"] == result.heldout["a"]["before"]
