@@ -7,7 +7,8 @@ import html as escape
 import json
 
 from testbench.console.report import folded_html, page_html, picture_html
-from testbench.tracing.fit.heldout import FLOOR_FACTOR
+from testbench.tracing.fit.causes import AS_GOOD, ODDS
+from testbench.tracing.fit.heldout import FLOOR_FACTOR, REFUSED
 from testbench.tracing.problem.result import plain
 from testbench.tracing.verdict import MOST_NUMERICAL
 
@@ -66,8 +67,8 @@ def _heldout(result):
     chi2 = result.heldout_chi2
     note = (
         f"rms of single repeats; floor: their own repeatability. chi2 / rows {number(chi2.get('before'))} before, "
-        f"{number(chi2.get('after'))} after, 99 % limit {number(chi2.get('limit'))}. Intervals are simulated, with "
-        "twelve groups and more a paired block bootstrap; removed: share of the power above the floor."
+        f"{number(chi2.get('after'))} after, {100 * (1 - REFUSED):g} % limit {number(chi2.get('limit'))}. Intervals: "
+        "simulated, with twelve groups and more a paired block bootstrap; removed: share of the power above the floor."
     )
     rows = [{"name": name} | row for name, row in result.heldout.items()]
     return _table("Error before and after, on data that no fit has seen", rows, columns, note)
@@ -90,7 +91,7 @@ def _causes(result):
         ("sizes", lambda c: ", ".join(f"{number(e['value'])} {e['unit']}" for e in c["effects"])),
         ("cosine", "cosine"), ("d for 3 sigma apart", "d_to_separate", 3),
     )  # fmt: skip
-    note = "These conditions do not tell them apart: below 6 of chi2, or odds of 20, each after its own refit."
+    note = f"These conditions do not tell them apart: below {AS_GOOD:.0f} of chi2 or odds of {ODDS:g}, each refitted."
     return _table("The class of causes", result.causes if len(result.causes) > 1 else (), columns, note)
 
 

@@ -124,7 +124,7 @@ def with_heldout(decision, judged, alpha, looks):
     if decision is None or decision.verdict != "none" or p >= alpha:
         return decision
     last = judged.chi2.get("after")
-    seen = judged.failed if last is None else f"chi2 / rows {last:.3g}, 99.7 % limit {judged.limit:.3g}, p = {p:.2g}"
+    seen = judged.failed if last is None else f"chi2 / rows {last:.3g}, limit {judged.limit:.3g}, p = {p:.2g}"
     return Decision("unexplained", f"no alarm where fitted, but held-out data disagree ({seen}): something is missing")
 
 
